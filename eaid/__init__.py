@@ -1,0 +1,3 @@
+"""eaid: the workbench for electroadhesive clutches."""
+
+__version__ = "0.1.0"

@@ -1,0 +1,5 @@
+"""`eaid demo`."""
+
+
+def command() -> None:
+    """Not built yet."""

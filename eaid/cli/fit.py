@@ -1,0 +1,5 @@
+"""`eaid fit`."""
+
+
+def command() -> None:
+    """Not built yet."""

@@ -1,0 +1,5 @@
+"""`eaid ingest`."""
+
+
+def command() -> None:
+    """Not built yet."""

@@ -1,0 +1,77 @@
+"""`eaid`: the table of commands, and what a failure looks like."""
+
+import importlib
+import os
+import sys
+from typing import Annotated
+
+import typer
+
+from eaid import __version__
+from eaid.cli import console
+from eaid.errors import EaidError
+
+COMMANDS = ("ingest", "fit", "tune_rc", "simulate", "report", "synth", "plan", "reproduce", "demo")
+"""One module of `eaid.cli` each, with a function `command`; the order of `--help`."""
+
+app = typer.Typer(
+    name="eaid",
+    help="The workbench for electroadhesive clutches: from recorded step responses to models, gains and replays.",
+    no_args_is_help=True,
+    add_completion=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+    pretty_exceptions_enable=False,
+)
+
+
+def _version(wanted: bool) -> None:
+    if wanted:
+        print(f"eaid {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _root(
+    _show: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Show the version and exit.")
+    ] = False,
+) -> None:
+    pass
+
+
+for _name in COMMANDS:
+    _module = importlib.import_module(f"eaid.cli.{_name}")
+    app.command(_name.replace("_", "-"))(_module.command)
+
+
+def run(arguments: list[str] | None = None) -> int:
+    """Run one command and return its exit code; every expected failure is one plain sentence."""
+    try:
+        code = app(args=arguments, standalone_mode=False)
+        return code if isinstance(code, int) else 0
+    except EaidError as fault:
+        for sentence in fault.sentences:
+            console.fail(sentence)
+        return fault.exit_code
+    except (KeyboardInterrupt, typer.Abort):
+        console.fail("interrupted; nothing half-written is left")
+        return 130
+    except OSError as fault:
+        where = f"{fault.filename}: " if fault.filename else ""
+        console.fail(f"{where}{fault.strerror or fault}")
+        return 2
+    except Exception as fault:
+        if hasattr(fault, "exit_code") and hasattr(fault, "show"):  # click's own usage errors
+            context = getattr(fault, "ctx", None)
+            where = f"; see {context.command_path} --help" if context else ""
+            console.fail(f"{fault.format_message().rstrip('.')}{where}")
+            return int(fault.exit_code)
+        if os.environ.get("EAID_DEBUG"):
+            raise
+        console.fail(f"unexpected failure, a bug of eaid ({type(fault).__name__}: {fault}); EAID_DEBUG=1 shows where")
+        return 1
+
+
+def main() -> None:
+    """Entry point of the `eaid` script."""
+    sys.exit(run())

@@ -1,0 +1,5 @@
+"""`eaid plan`."""
+
+
+def command() -> None:
+    """Not built yet."""

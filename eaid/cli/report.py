@@ -1,0 +1,5 @@
+"""`eaid report`."""
+
+
+def command() -> None:
+    """Not built yet."""

@@ -1,0 +1,5 @@
+"""`eaid reproduce`."""
+
+
+def command() -> None:
+    """Not built yet."""

@@ -1,0 +1,5 @@
+"""`eaid simulate`."""
+
+
+def command() -> None:
+    """Not built yet."""

@@ -1,0 +1,5 @@
+"""`eaid synth`."""
+
+
+def command() -> None:
+    """Not built yet."""

@@ -1,0 +1,5 @@
+"""`eaid tune-rc`."""
+
+
+def command() -> None:
+    """Not built yet."""

@@ -1,0 +1,1 @@
+"""Fit → gains: bounds of B, robust control, PI; one pure step() each."""

@@ -1,0 +1,1 @@
+"""StepSet → fit: the scaled problem, the one SLSQP call, our own verdict."""

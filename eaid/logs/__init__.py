@@ -1,0 +1,1 @@
+"""Files → Run: one reader a format, columns and units, data.h5."""

@@ -1,0 +1,41 @@
+"""A run: one recorded step, as read from a file and put into the units of SPEC §1."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+from eaid.arrays import Array
+
+Kind = Literal["clutch", "friction-force", "friction-speed"]
+INPUT_UNITS: dict[str, str] = {"clutch": "%", "friction-force": "N", "friction-speed": "RPM"}
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """One log, or one step of it: shapes (n,), float64, read-only, time strictly rising."""
+
+    name: str
+    time_s: Array
+    """Time of the log [s]; it may start anywhere."""
+    input: Array
+    """Duty, force or speed, in `input_unit`; all NaN where the log has no input column."""
+    output: Array
+    """Torque, or whatever was recorded, in `output_unit`, as measured (baseline not subtracted)."""
+    input_unit: str
+    output_unit: str
+    source: str
+    """The path as the user gave it."""
+    sha256: str
+    level: float | None = None
+    """Level said by the file name or a stored attribute; None: to be found in `input`."""
+    repeat: int | None = None
+    step_s: float | None = None
+    """Step instant [s], on `time_s`, where it was given or stored; None: to be found."""
+    until_s: float | None = None
+    """End of the active window [s], on `time_s`, where it was given or stored."""
+    baseline: float | None = None
+    """Idle output, where it was stored; None: the mean before the step."""
+    edge: Literal["rising", "falling"] = "rising"
+    reference_nm: Array | None = None
+    """Torque reference of a closed-loop log [N·m], shape (n,); None: the log has none."""
+    notes: tuple[str, ...] = ()
+    """What reading had to do, in words (rows dropped by `--repair`, …)."""

@@ -1,0 +1,1 @@
+"""Run → StepSet: step, level, baseline, window; averages of repeats; what is doubtful."""

@@ -1,0 +1,77 @@
+"""What the fits take: levels of averaged repeats, on a time axis that starts at the step."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from eaid.apparatus import Apparatus
+from eaid.arrays import Array
+
+
+@dataclass(frozen=True, eq=False)
+class Level:
+    """The repeats of one level on their common grid; baseline subtracted, inverted inputs made positive."""
+
+    level: float
+    """Input of the step, in the set's input unit."""
+    time_s: Array
+    """Time since the step [s], shape (n,), time_s[0] ≥ 0; the first sample at the level is t = 0."""
+    runs_nm: Array
+    """Output of each repeat [N·m or `output_unit`], shape (R, n)."""
+    names: tuple[str, ...]
+    """Name of the run behind each row of `runs_nm`."""
+    uniform: bool
+    """True where `time_s` is k·dt, to rounding."""
+
+    @property
+    def mean_nm(self) -> Array:
+        """Mean of the repeats, shape (n,): what is fitted."""
+        return self.runs_nm.mean(axis=0)
+
+    @property
+    def sd_nm(self) -> Array:
+        """Standard deviation of the repeats (n − 1), shape (n,); zeros for a single run."""
+        if len(self.runs_nm) == 1:
+            return np.zeros_like(self.time_s)
+        return self.runs_nm.std(axis=0, ddof=1)
+
+
+@dataclass(frozen=True)
+class RunRecord:
+    """One row of the run table: where a run came from and what is doubtful in it."""
+
+    name: str
+    source: str
+    sha256: str
+    level: float
+    repeat: int
+    baseline_nm: float
+    step_s: float
+    """Step instant on the log's own clock [s]."""
+    samples: int
+    """Samples in the active window."""
+    rate_hz: float
+    edge: str
+    """"rising", or "falling" for a release."""
+    warnings: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class StepSet:
+    """All steps of one experiment."""
+
+    kind: str
+    """clutch, friction-force or friction-speed."""
+    input_unit: str
+    output_unit: str
+    apparatus: Apparatus
+    levels: tuple[Level, ...]
+    """Rising steps, by level."""
+    releases: tuple[Level, ...] = ()
+    """Falling steps, by the level they fall from; output still relative to the idle baseline."""
+    runs: tuple[RunRecord, ...] = ()
+    warnings: tuple[str, ...] = ()
+    """What is doubtful in the set as a whole."""
+    synthetic: str | None = None
+    """What made the data, where they are not recorded; None: a rig."""
+    extra: dict[str, object] = field(default_factory=dict)

@@ -1,0 +1,60 @@
+"""Results ↔ files: JSON with a schema and no time stamp, so that the same input gives the same bytes."""
+
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+from eaid import __version__
+from eaid.errors import DataError
+from eaid.files import sha256_of, written_whole
+
+
+def jsonable(value: Any) -> Any:
+    """Arrays to lists, NumPy scalars to Python ones, what is not finite to null (JSON has no NaN)."""
+    if isinstance(value, dict):
+        return {str(key): jsonable(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [jsonable(item) for item in value]
+    if hasattr(value, "tolist"):
+        return jsonable(value.tolist())
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value
+
+
+def dumps(result: dict[str, Any]) -> str:
+    """The bytes of a result file, as text."""
+    return json.dumps(jsonable(result), indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+
+
+def stamped(schema: str, result: dict[str, Any]) -> dict[str, Any]:
+    """A result headed by its schema and the version that made it."""
+    return {"schema": schema, "eaid": __version__, **result}
+
+
+def write_json(path: Path, result: dict[str, Any], force: bool = False) -> None:
+    """Write a result whole or not at all."""
+    with written_whole(path, force) as part:
+        part.write_text(dumps(result), encoding="utf-8")
+
+
+def read_json(path: Path, kind: str) -> dict[str, Any]:
+    """Read a result of schema `eaid/{kind}/1`; anything else is refused in one sentence."""
+    wanted = f"eaid/{kind}/1"
+    if not path.is_file():
+        raise DataError(f"{path}: no such file; give the {kind}.json that eaid wrote")
+    try:
+        result = json.loads(path.read_text(encoding="utf-8"))
+    except (UnicodeDecodeError, json.JSONDecodeError) as fault:
+        raise DataError(f"{path}: is not a JSON file ({fault}); give the {kind}.json that eaid wrote") from None
+    found = result.get("schema") if isinstance(result, dict) else None
+    if found != wanted:
+        said = f"its schema is {found!r}" if isinstance(found, str) else "it holds no schema"
+        raise DataError(f"{path}: is no {wanted} file ({said}); make it again with this version of eaid")
+    return dict(result)
+
+
+def input_record(path: Path) -> dict[str, str]:
+    """How a result names one of its inputs: the path as given, and its fingerprint."""
+    return {"path": str(path), "sha256": sha256_of(path)}

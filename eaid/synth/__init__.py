@@ -1,0 +1,1 @@
+"""Synthetic logs of a plant, and where the shipped datasets are."""
