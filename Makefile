@@ -1,0 +1,49 @@
+# Two commands on a fresh machine:  make demo   and   make test.  Each sets up its own .venv.
+PYTHON ?= python3
+ifeq ($(OS),Windows_NT)
+BIN := .venv/Scripts
+else
+BIN := .venv/bin
+endif
+export PIP_DISABLE_PIP_VERSION_CHECK := 1
+
+.PHONY: demo test check bench datasets wheel clean
+
+demo: .venv/.run  ## the main job: three shipped datasets to one report
+	$(BIN)/eaid demo -o demo --force
+
+test: check  ## everything that CI holds
+	$(BIN)/python -m pytest -n 2
+
+check: .venv/.dev
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+	$(BIN)/lint-imports
+
+bench: .venv/.bench  ## speed and quality against other tools, in one run
+	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m benchmarks
+
+datasets: .venv/.run  ## the shipped synthetic logs again, byte for byte
+	$(BIN)/python datasets/make.py
+
+wheel: .venv/.dev
+	$(BIN)/python -m build --wheel
+
+.venv/.run: pyproject.toml constraints.txt
+	$(PYTHON) -m venv .venv
+	$(BIN)/python -m pip install -q -c constraints.txt -e .
+	@touch $@
+
+.venv/.dev: pyproject.toml constraints.txt
+	$(PYTHON) -m venv .venv
+	$(BIN)/python -m pip install -q -c constraints.txt -e ".[dev]"
+	@touch .venv/.run $@
+
+.venv/.bench: pyproject.toml constraints.txt
+	$(PYTHON) -m venv .venv
+	$(BIN)/python -m pip install -q -c constraints.txt -e ".[dev,bench]"
+	@touch .venv/.run $@
+
+clean:
+	rm -rf .venv build dist demo .mypy_cache .pytest_cache .ruff_cache .import_linter_cache

@@ -1,0 +1,48 @@
+"""Result files: what is not finite is null, wrong files are refused by name."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from eaid.errors import DataError
+from eaid.store import dumps, read_json, stamped, write_json
+
+
+def test_arrays_scalars_and_non_finite_values_become_json() -> None:
+    text = dumps({"a": np.array([1.0, np.nan]), "b": np.float64(0.1), "c": (np.int64(3), float("inf")), 4: True})
+    assert json.loads(text) == {"a": [1.0, None], "b": 0.1, "c": [3, None], "4": True}
+
+
+def test_a_result_returns_as_it_was_written(tmp_path: Path) -> None:
+    path = tmp_path / "fit.json"
+    result = stamped("eaid/fit/1", {"linear": {"a0": 1.36}})
+    write_json(path, result)
+    assert read_json(path, "fit") == result
+    first = path.read_bytes()
+    write_json(path, result, force=True)
+    assert path.read_bytes() == first
+
+
+@pytest.mark.parametrize(
+    ("content", "says"),
+    [
+        (b"{", "is not a JSON file"),
+        (b"\xff\xfe", "is not a JSON file"),
+        (b"[]", "it holds no schema"),
+        (b'{"schema": "eaid/gains/1"}', "its schema is 'eaid/gains/1'"),
+        (b'{"schema": 7}', "it holds no schema"),
+    ],
+)
+def test_another_file_is_refused_in_a_sentence(tmp_path: Path, content: bytes, says: str) -> None:
+    path = tmp_path / "fit.json"
+    path.write_bytes(content)
+    with pytest.raises(DataError, match=says) as refused:
+        read_json(path, "fit")
+    assert str(path) in str(refused.value)
+
+
+def test_a_missing_file_is_refused_in_a_sentence(tmp_path: Path) -> None:
+    with pytest.raises(DataError, match="no such file"):
+        read_json(tmp_path / "fit.json", "fit")
