@@ -1,0 +1,81 @@
+"""Whole processes: what a user waits for from the Enter key to the prompt, against bare imports and a plain script."""
+
+import sys
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+
+from benchmarks.table import Row, paired_medians, process
+
+PYTHON = sys.executable
+COMMANDS = ("ingest", "fit", "tune-rc", "simulate", "report", "synth", "plan", "reproduce", "demo")
+
+PLAIN_SCRIPT = """
+import sys, glob, numpy as np, pandas as pd
+from scipy.optimize import curve_fit
+
+def curve(X, a0, a1, a2, b0, b1, b2, c0, c1, c2, c3):
+    t, u = X
+    t1 = a0 + a1 * u + a2 * u**2
+    t2 = b0 + b1 * u + b2 * u**2
+    return (0.85 * (1 - np.exp(-t / t1)) + 0.15 * (1 - np.exp(-t / t2))) * (c0 + c1 * u + c2 * u**2 + c3 * u**3)
+
+runs = {}
+for path in sorted(glob.glob(sys.argv[1] + "/*.csv")):
+    log = pd.read_csv(path)
+    duty = log.duty_pct.to_numpy()
+    start = int(np.argmax(duty > 0))
+    stop = start + int(np.argmin(duty[start:] > 0)) if (duty[start:] == 0).any() else len(duty)
+    torque = log.torque_nm.to_numpy()
+    runs.setdefault(duty[start], []).append(torque[start:stop] - torque[:start].mean())
+t, u, y = [], [], []
+for level, repeats in sorted(runs.items()):
+    n = min(map(len, repeats))
+    mean = np.mean([r[:n] for r in repeats], axis=0)
+    t.append(np.arange(n) / 1000), u.append(np.full(n, level)), y.append(mean)
+X, y = np.array([np.concatenate(t), np.concatenate(u)]), np.concatenate(y)
+start = [0.01, 0.02, -2e-4, 1, 0.4, -2e-3, 0.03, 0.01, 2e-4, 1e-6]
+print(curve_fit(curve, X, y, p0=start, maxfev=20000)[0])
+"""
+
+
+def rows() -> Iterator[Row]:
+    bare = process(PYTHON, "-c", "import typer")
+    ours, other = paired_medians(process(PYTHON, "-m", "eaid", "--help"), bare, 9)
+    yield Row("help", "eaid --help", ours, "import typer", other, "≤ 3 × the time", ours <= 3 * other)
+    for name in COMMANDS:
+        ours, other = paired_medians(process(PYTHON, "-m", "eaid", name, "--help"), bare, 5)
+        what = f"help of {name}"
+        yield Row(what, f"eaid {name} --help", ours, "import typer", other, "≤ 4.5 × the time", ours <= 4.5 * other)
+
+    with tempfile.TemporaryDirectory() as folder:
+        where = Path(folder)
+        synth = ("-m", "eaid", "synth", "-q", "--seed", "1", "--repeats", "3", "--noise-nm", "0.01")
+        process(PYTHON, *synth, "-o", "data.h5", cwd=where)()
+        process(PYTHON, *synth, "-o", "logs", cwd=where)()
+        fit = ("-m", "eaid", "fit", "-q", "--force", "-o", "fit.json")
+        imports = process(PYTHON, "-c", "import typer, numpy, scipy.optimize, h5py")
+        ours, other = paired_medians(process(PYTHON, *fit, "data.h5", cwd=where), imports, 7)
+        yield Row(
+            "fit from data.h5, 10 levels × 3 repeats",
+            "eaid fit data.h5",
+            ours,
+            "import typer, numpy, scipy.optimize, h5py",
+            other,
+            "≤ 1.5 × the time",
+            ours <= 1.5 * other,
+        )
+        script = where / "plain.py"
+        script.write_text(PLAIN_SCRIPT)
+        ours, other = paired_medians(
+            process(PYTHON, *fit, "logs", cwd=where), process(PYTHON, str(script), "logs", cwd=where), 3
+        )
+        yield Row(
+            "fit from 30 CSV files",
+            "eaid fit logs/",
+            ours,
+            "pandas + curve_fit script",
+            other,
+            "≥ 2.5 × faster",
+            other >= 2.5 * ours,
+        )
