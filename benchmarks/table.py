@@ -11,7 +11,7 @@ from pathlib import Path
 
 @dataclass(frozen=True)
 class Row:
-    """One comparison: both times from the same run of the benchmark, the ratio that is claimed, and what was reached."""
+    """One comparison: both times from the same run of the benchmark, the claimed ratio, and what was reached."""
 
     what: str
     ours: str
@@ -68,7 +68,10 @@ def seconds(value: float) -> str:
 
 def markdown(rows: Sequence[Row]) -> str:
     """The rows as a Markdown table, ratios first."""
-    head = "| what | ratio | bar | met | ours | time | against | time | accuracy |\n|---|---|---|---|---|---|---|---|---|\n"
+    head = (
+        "| what | ratio | bar | met | ours | time | against | time | accuracy |\n"
+        "|---|---|---|---|---|---|---|---|---|\n"
+    )
     return head + "".join(
         f"| {r.what} | **{r.ratio}** | {r.bar} | {'yes' if r.met else '**no**'} | {r.ours} | {seconds(r.ours_s)} "
         f"| {r.other} | {seconds(r.other_s)} | {r.accuracy} |\n"
