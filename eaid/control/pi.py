@@ -1,0 +1,52 @@
+"""The PI controller of §V-B, as one pure step on plain floats: u = K_P e + K_I ∫ e dt.
+
+The controller reads the torque at t_k and its duty acts until t_{k+1}; that duty uses the integral of the
+samples before k.
+"""
+
+from typing import NamedTuple
+
+
+class PIGains(NamedTuple):
+    """All that `pi_step` needs; floats only."""
+
+    K_P: float
+    """[%/(N·m)]"""
+    K_I: float
+    """[%/(N·m·s)]"""
+    duty_min: float = 0.0
+    """Lowest duty of the actuator [%]"""
+    duty_max: float = 100.0
+    """Highest duty of the actuator [%]"""
+    back_calculation: float = 0.0
+    """Anti-windup: 0 holds the integral while it would wind up (conditional integration); > 0 is the back-calculation
+    gain k [N·m/%], q̃˙ = e + k (u − u_unlimited)."""
+
+
+class PIState(NamedTuple):
+    """What the controller remembers between samples."""
+
+    integral: float
+    """Integral of the torque error [N·m·s]"""
+
+
+def pi_start() -> PIState:
+    """State at rest: nothing integrated yet."""
+    return PIState(0.0)
+
+
+def pi_step(
+    gains: PIGains, state: PIState, reference: float, _reference_rate: float, torque: float, dt: float
+) -> tuple[PIState, float]:
+    """One sample of the PI controller: the next state, and the duty [%] that acts until the next sample.
+
+    Reference and torque in N·m, its rate in N·m/s (not used: a PI feeds nothing forward), dt in s.
+    """
+    error = reference - torque
+    wanted = gains.K_P * error + gains.K_I * state.integral
+    duty = min(max(wanted, gains.duty_min), gains.duty_max)
+    if gains.back_calculation > 0.0:
+        return PIState(state.integral + dt * (error + gains.back_calculation * (duty - wanted))), duty
+    if (wanted - duty) * error > 0.0:  # beyond a limit, and the error would drive it further
+        return state, duty
+    return PIState(state.integral + dt * error), duty

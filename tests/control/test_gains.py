@@ -1,0 +1,79 @@
+"""Reading gains.json, and Table IV as it follows from its own entries."""
+
+import pytest
+
+from eaid.control.gains import paper_gains, pi_from_json, rc_from_json
+from eaid.errors import DataError
+
+GAINS = {
+    "schema": "eaid/gains/1",
+    "model": {"a0": 1.36, "b0": 0.08, "c0": -2.42},
+    "rc": {
+        "K_P": 4.5,
+        "K_D": 3.0,
+        "B_hat": 12.5,
+        "rho": {"convention": "paper", "constant": 10.8125, "slope": 6.58595},
+        "epsilon": 0.5,
+        "gamma": 50.0,
+        "Q": [[6.6, 5 / 9], [5 / 9, (5 + 10 / 9) / 6]],
+    },
+    "pi": {"K_P": 21, "K_I": 360},
+}
+
+
+def changed(*path, value):
+    def copy(part, keys):
+        if not keys:
+            return value
+        return {**part, keys[0]: copy(part.get(keys[0], {}), keys[1:])}
+
+    return copy(GAINS, list(path))
+
+
+def test_paper_gains_are_table_iv():
+    rc, pi = paper_gains()
+    assert rc.rho_constant == pytest.approx(10.8125, abs=1e-12)
+    assert rc.rho_slope == pytest.approx(6.58595, abs=5e-6)
+    assert (pi.K_P, pi.K_I) == (21.0, 360.0)
+
+
+def test_a_file_of_the_contract_alone_reads():
+    rc, pi = rc_from_json(GAINS), pi_from_json(GAINS)
+    assert rc == pytest.approx(paper_gains()[0], rel=1e-6)
+    assert pi == paper_gains()[1]
+    assert (rc.duty_min, rc.duty_max, rc.back_calculation) == (0.0, 100.0, 0.0)
+
+
+def test_limits_and_back_calculation_are_read():
+    limited = {**GAINS, "duty_limits_pct": [5, 90]}
+    assert rc_from_json(limited).duty_max == 90.0 and pi_from_json(limited).duty_min == 5.0
+    wound = changed("rc", "anti_windup", value={"method": "back-calculation", "gain": 0.003})
+    assert rc_from_json(wound).back_calculation == 0.003
+    held = changed("rc", "anti_windup", value={"method": "conditional", "gain": 0.003})
+    assert rc_from_json(held).back_calculation == 0.0
+
+
+@pytest.mark.parametrize(
+    ("gains", "words"),
+    [
+        ({}, 'g.json: holds no "model"'),
+        (changed("rc", value=3), 'g.json: holds no "rc"'),
+        (changed("rc", "rho", value=None), 'g.json: rc: holds no "rho"'),
+        (changed("rc", "K_P", value="4.5"), "g.json: K_P is '4.5', not a finite number"),
+        (changed("rc", "K_P", value=float("nan")), "g.json: K_P is nan"),
+        (changed("rc", "epsilon", value=0), "g.json: epsilon is 0, it has to be positive"),
+        (changed("model", "b0", value=-0.1), "g.json: b0 is -0.1, it has to be positive"),
+        (changed("rc", "Q", value=[1, 2]), "g.json: Q[1][0] is None"),
+        ({**GAINS, "duty_limits_pct": [90, 5]}, "duty_limits_pct is [90, 5]"),
+        ({**GAINS, "duty_limits_pct": 90}, "duty_limits_pct is 90"),
+    ],
+)
+def test_a_bad_file_gets_its_sentence(gains, words):
+    with pytest.raises(DataError) as refusal:
+        rc_from_json(gains, "g.json")
+    assert words in str(refusal.value)
+
+
+def test_no_pi_is_told():
+    with pytest.raises(DataError, match='holds no "pi"'):
+        pi_from_json({"model": {}})
