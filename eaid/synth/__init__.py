@@ -1,1 +1,1 @@
-"""Synthetic logs of a plant, and where the shipped datasets are."""
+"""Synthetic logs of a plant, and the three datasets that ship with the package."""

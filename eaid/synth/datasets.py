@@ -1,0 +1,46 @@
+"""The three synthetic datasets that ship with eaid, and how each was made.
+
+All are the reference plant (SPEC §6) recorded at the paper's 1 kHz with the default disturbance and seed 0; the same
+call makes the same bytes again, as long as HDF5's own compressor is the same version. Torques are rounded to the
+sensor's 1/1024 N·m, so the numbers themselves do not depend on the last digit of a machine's exponential.
+"""
+
+from dataclasses import replace
+from importlib import resources
+from pathlib import Path
+
+from eaid.errors import UsageError
+from eaid.logs.dataset import write_dataset
+from eaid.logs.run import Run
+from eaid.synth.disturbance import Disturbance
+from eaid.synth.logs import PROTOCOLS, synthesise
+from eaid.synth.plants import REFERENCE, apparatus_of
+
+SEED = 0
+NAMES = tuple(REFERENCE)
+"""clutch, friction-force, friction-speed."""
+
+
+def runs_of(kind: str) -> list[Run]:
+    """The logs of one shipped dataset, computed anew."""
+    plant = REFERENCE[kind]()
+    return synthesise(plant, replace(PROTOCOLS[kind], levels=plant.levels), Disturbance(), SEED)
+
+
+def make(folder: Path, force: bool = False) -> dict[str, Path]:
+    """Write all three into a folder; by kind, where."""
+    paths = {kind: folder / f"{kind}.h5" for kind in NAMES}
+    for kind, path in paths.items():
+        write_dataset(path, runs_of(kind), kind=REFERENCE[kind]().kind, apparatus=apparatus_of(kind), force=force)
+    return paths
+
+
+def shipped() -> dict[str, Path]:
+    """Where the shipped datasets lie, by kind: in the installed package, or in `datasets/` of a checkout."""
+    inside = Path(str(resources.files("eaid"))) / "datasets"
+    checkout = Path(__file__).parents[2] / "datasets"
+    for folder in (inside, checkout):
+        paths = {kind: folder / f"{kind}.h5" for kind in NAMES}
+        if all(path.is_file() for path in paths.values()):
+            return paths
+    raise UsageError(f"{inside}: the shipped datasets are missing; install eaid again, or run datasets/make.py")

@@ -1,0 +1,55 @@
+"""Synthetic logs as a folder of plain eaid CSV, one run a file, each headed by what it is."""
+
+import os
+from collections.abc import Sequence
+from pathlib import Path
+
+from eaid.errors import UsageError
+from eaid.files import written_whole
+from eaid.logs.run import Run
+
+HEADERS = {
+    "clutch": "time_s,duty_pct,torque_nm",
+    "friction-force": "time_s,force_n,torque_nm",
+    "friction-speed": "time_s,speed_rpm,torque_nm",
+}
+"""Plain eaid CSV, by kind."""
+
+PATTERN = "synthetic-*.csv"
+"""Only files of this name are ever replaced or removed."""
+
+
+def refuse_folder(folder: Path, force: bool) -> None:
+    """Leave an existing folder alone unless the user says otherwise; one with logs of a rig in it, always."""
+    if not folder.exists():
+        if not folder.parent.is_dir():
+            raise UsageError(f"{folder}: the folder {folder.parent} does not exist; make it first")
+        return
+    if not folder.is_dir():
+        raise UsageError(f"{folder}: is a file; give a folder, or a name that ends in .h5")
+    if not force:
+        raise UsageError(f"{folder}: exists already; give --force to overwrite it, or another -o")
+    others = sorted(path.name for path in folder.iterdir() if not path.match(PATTERN))
+    if others:
+        raise UsageError(f"{folder}: holds {others[0]}, which eaid synth did not make; give another -o")
+
+
+def write_folder(folder: Path, runs: Sequence[Run], force: bool) -> None:
+    """One CSV a run; with `force`, earlier synthetic runs in the folder are replaced or removed."""
+    refuse_folder(folder, force)
+    folder.mkdir(exist_ok=True)
+    for run in runs:
+        with written_whole(folder / f"{run.name}.csv", force) as part:
+            part.write_text(as_csv(run), encoding="utf-8", newline="\n")
+    wanted = {f"{run.name}.csv" for run in runs}
+    for path in folder.glob(PATTERN):
+        if path.name not in wanted:
+            os.unlink(path)
+
+
+def as_csv(run: Run) -> str:
+    """The text of one file: every number with the digits that give it back exactly."""
+    rows = zip(run.time_s.tolist(), run.input.tolist(), run.output.tolist(), strict=True)
+    lines = [f"# synthetic: {run.synthetic}", HEADERS[run.kind or "clutch"]]
+    lines += [f"{time!r},{value!r},{torque!r}" for time, value, torque in rows]
+    return "\n".join(lines) + "\n"

@@ -1,0 +1,184 @@
+"""Logs of a plant, as a rig would have recorded them.
+
+A run idles, holds its level, and is released; between two changes of the input the states move exactly,
+x_i ← target_i + (x_i − target_i) e^(−t/τ_i), x_1 and x_2 towards C T_s and (1 − C) T_s (SPEC §4.1).
+"""
+
+import hashlib
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, replace
+
+import numpy as np
+
+from eaid.arrays import Array, read_only
+from eaid.errors import UsageError
+from eaid.logs.run import INPUT_UNITS, Run
+from eaid.models.parameters import Friction
+from eaid.synth.disturbance import Disturbance, Scatter, check, measured, sample_times, scatter
+from eaid.synth.plants import Plant
+
+
+def mark(plant: Plant, disturbance: Disturbance, seed: int) -> str:
+    """What every synthetic log says of itself: of what, disturbed how, with which seed."""
+    sizes = ", ".join(f"{name} {value:g}" for name, value in asdict(disturbance).items() if value)
+    return f"eaid synth of {plant.made_of}; {sizes}; seed {seed}; recorded on no rig"
+
+
+@dataclass(frozen=True)
+class Protocol:
+    """How an experiment is recorded."""
+
+    levels: tuple[float, ...]
+    """Inputs [%, N or RPM], each a run of its own."""
+    repeats: int = 3
+    idle_s: float = 10.0
+    """Input 0 before the step [s]."""
+    hold_s: float = 20.0
+    """Input at its level [s]."""
+    release_s: float = 10.0
+    """Input 0 after the step [s]; 0: the log ends with the input held."""
+    rate_hz: float = 1000.0
+
+
+PROTOCOLS: dict[str, Protocol] = {
+    "clutch": Protocol(levels=()),
+    "friction-force": Protocol(levels=(), repeats=2, idle_s=2.0, hold_s=60.0, release_s=0.0),
+    "friction-speed": Protocol(levels=(), repeats=2, idle_s=2.0, hold_s=60.0, release_s=0.0),
+}
+"""Defaults of each kind; the levels are the plant's."""
+
+KINDS = tuple(PROTOCOLS)
+
+Input = Sequence[tuple[float, float]]
+"""A piecewise constant input: (from when [s], value), the first at 0."""
+
+
+def response(plant: Plant, changes: Input, time_s: Array, run: Scatter | None = None) -> Array:
+    """Torque of the plant [N·m] from rest at the instants `time_s` [s], shape (n,), under a stepwise input."""
+    torque = np.empty_like(time_s)
+    x1 = x2 = 0.0
+    ends = [start for start, _ in changes[1:]] + [float("inf")]
+    first = 0
+    for (start, value), end in zip(changes, ends, strict=True):
+        step = plant.at(value)
+        step = run.of(step) if run else step
+        past = int(np.searchsorted(time_s, end, side="left"))
+        since = time_s[first:past] - start
+        torque[first:past] = _held(plant, step, x1, since, 0) + _held(plant, step, x2, since, 1)
+        if end < float("inf"):
+            whole = np.array([end - start])
+            x1, x2 = (float(_held(plant, step, x, whole, which)[0]) for which, x in enumerate((x1, x2)))
+        first = past
+    return torque
+
+
+def _held(plant: Plant, step: Friction, start_nm: float, since_s: Array, which: int) -> Array:
+    """One state [N·m] while the input is held: fast (0) or slow (1)."""
+    target = step.Ts * (1 - step.C if which else step.C)
+    tau = step.tau2 if which else step.tau1
+    if plant.release is not None and target < start_nm:
+        tau = plant.release[which]
+    # from the start, not from the target: exact to the last digit at rest and for small times
+    return np.asarray(start_nm - (target - start_nm) * np.expm1(-since_s / tau))
+
+
+def synthesise(plant: Plant, protocol: Protocol, disturbance: Disturbance, seed: int) -> list[Run]:
+    """Runs of every level and repeat, in that order; the seed, a level's place and the repeat make a run."""
+    check_protocol(plant, protocol, seed)
+    check(disturbance)
+    idle_s, end_s = protocol.idle_s, protocol.idle_s + protocol.hold_s
+    timing = (end_s + protocol.release_s, protocol.rate_hz)
+    runs = []
+    for place, level in enumerate(protocol.levels):
+        changes = [(0.0, 0.0)] * (idle_s > 0) + [(idle_s, float(level)), (end_s, 0.0)]
+        for repeat in range(1, protocol.repeats + 1):
+            draw = np.random.default_rng([seed, KINDS.index(plant.kind), place, repeat])
+            name = f"synthetic-{plant.kind}-{level:05.1f}-r{repeat}"
+            run = record(plant, changes, timing, disturbance, draw)
+            runs.append(
+                replace(
+                    run,
+                    name=name,
+                    level=float(level),
+                    repeat=repeat,
+                    step_s=idle_s,
+                    synthetic=mark(plant, disturbance, seed),
+                )
+            )
+    return runs
+
+
+def synthesise_input(
+    plant: Plant, changes: Input, protocol: Protocol, disturbance: Disturbance, seed: int
+) -> list[Run]:
+    """Repeats of one given input over `protocol.hold_s`; no level is claimed for them."""
+    check_protocol(plant, protocol, seed)
+    check(disturbance)
+    runs = []
+    for repeat in range(1, protocol.repeats + 1):
+        draw = np.random.default_rng([seed, len(KINDS), repeat])
+        run = record(plant, changes, (protocol.hold_s, protocol.rate_hz), disturbance, draw)
+        runs.append(
+            replace(
+                run,
+                name=f"synthetic-{plant.kind}-input-r{repeat}",
+                repeat=repeat,
+                synthetic=mark(plant, disturbance, seed),
+            )
+        )
+    return runs
+
+
+def record(
+    plant: Plant, changes: Input, timing: tuple[float, float], disturbance: Disturbance, draw: np.random.Generator
+) -> Run:
+    """One log, (duration [s], rate [Hz]) long, of a rig at rest before it; its fingerprint is that of its samples."""
+    own = scatter(disturbance, draw)
+    time_s = sample_times(*timing, disturbance.jitter_s, draw)
+    starts = np.array([start for start, _ in changes])
+    value = np.array([level for _, level in changes])[np.searchsorted(starts, time_s, side="right") - 1]
+    speed_rpm = value if plant.rotor_rpm is None else np.full_like(time_s, plant.rotor_rpm)
+    torque_nm = measured(response(plant, changes, time_s, own), time_s, speed_rpm / 60, disturbance, draw)
+    return Run(
+        name="synthetic",
+        time_s=read_only(time_s),
+        input=read_only(value),
+        output=read_only(torque_nm),
+        input_unit=INPUT_UNITS[plant.kind],
+        output_unit="N·m",
+        source="eaid synth",
+        sha256=hashlib.sha256(np.stack([time_s, value, torque_nm]).tobytes()).hexdigest(),
+        kind=plant.kind,
+    )
+
+
+def check_protocol(plant: Plant, protocol: Protocol, seed: int) -> None:
+    """Refuse what cannot be recorded."""
+    around = {"--idle": protocol.idle_s, "--release": protocol.release_s}
+    faults = [f"{name} {value:g}: give 0 s or more" for name, value in around.items() if not 0 <= value < float("inf")]
+    if not 0 < protocol.hold_s < float("inf"):
+        faults.append(f"--hold {protocol.hold_s:g}: give more than 0 s")
+    if not 0 < protocol.rate_hz < float("inf"):
+        faults.append(f"--rate {protocol.rate_hz:g}: give more than 0 Hz")
+    if protocol.repeats < 1:
+        faults.append(f"--repeats {protocol.repeats}: give at least 1")
+    if not protocol.levels:
+        faults.append("--levels: give at least one level")
+    if len(set(protocol.levels)) < len(protocol.levels):
+        faults.append("--levels: a level stands there twice; give each once and raise --repeats")
+    faults += [f"--levels {level:g}: a level is above 0" for level in protocol.levels if not 0 < level < float("inf")]
+    if plant.kind == "clutch":
+        faults += [f"--levels {level:g}: a duty is at most 100 %" for level in protocol.levels if level > 100]
+    elif protocol.release_s > 0:
+        faults.append("--release: nobody has published how friction falls when weights are lifted; leave it at 0")
+    if seed < 0:
+        faults.append(f"--seed {seed}: give 0 or more")
+    if faults:
+        raise UsageError(*faults)
+    samples = (protocol.idle_s + protocol.hold_s + protocol.release_s) * protocol.rate_hz
+    if protocol.hold_s * protocol.rate_hz < 10:
+        raise UsageError(
+            f"--hold {protocol.hold_s:g}: fewer than 10 samples at {protocol.rate_hz:g} Hz; hold longer or raise --rate"
+        )
+    if samples * protocol.repeats * len(protocol.levels) > 2e8:
+        raise UsageError("the set would hold more than 200 million samples; lower --rate, --hold or --repeats")

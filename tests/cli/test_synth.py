@@ -1,0 +1,115 @@
+"""`eaid synth` through its runner: exit codes, files, sentences."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from eaid.cli import main
+from eaid.logs.dataset import read_dataset
+
+QUICK = ["--levels", "40,90", "--repeats", "2", "--hold", "2", "--idle", "1", "--release", "1", "--rate", "100"]
+
+
+def test_a_dataset_its_summary_and_the_same_bytes_twice(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    first, again, other = (tmp_path / name for name in ("a.h5", "b.h5", "c.h5"))
+    assert main.run(["synth", *QUICK, "-o", str(first), "--json"]) == 0
+    told = capsys.readouterr()
+    summary = json.loads(told.out)
+    assert told.err == f"{first}: 4 synthetic runs of the reference plant (SPEC §6), seed 0\n"
+    assert summary["schema"] == "eaid/synth/1" and summary["kind"] == "clutch" and summary["seed"] == 0
+    assert [row["level"] for row in summary["runs"]] == [40, 40, 90, 90] and summary["runs"][0]["samples"] == 400
+    assert main.run(["synth", *QUICK, "-o", str(again), "-q"]) == 0
+    assert main.run(["synth", *QUICK, "-o", str(other), "-q", "--seed", "1"]) == 0
+    assert first.read_bytes() == again.read_bytes() != other.read_bytes()
+    runs, faults = read_dataset(first, "a.h5", "")
+    assert not faults and [run.level for run in runs] == [40, 40, 90, 90]
+    assert all(run.synthetic and "recorded on no rig" in run.synthetic for run in runs)
+
+
+def test_a_folder_of_csv_holds_the_same_numbers_as_the_dataset(tmp_path: Path) -> None:
+    assert main.run(["synth", *QUICK, "-o", str(tmp_path / "d.h5"), "-q"]) == 0
+    assert main.run(["synth", *QUICK, "-o", str(tmp_path / "logs"), "-q"]) == 0
+    runs, _ = read_dataset(tmp_path / "d.h5", "d.h5", "")
+    for run in runs:
+        rows = np.loadtxt(tmp_path / "logs" / f"{run.name}.csv", delimiter=",", skiprows=2)
+        np.testing.assert_array_equal(rows.T, [run.time_s, run.input, run.output])
+
+
+def test_the_default_name_says_synthetic(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main.run(["synth", *QUICK, "-q"]) == 0
+    assert [path.name for path in tmp_path.iterdir()] == ["synthetic.h5"]
+
+
+def test_an_earlier_result_is_left_alone(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "d.h5"
+    path.write_text("mine")
+    assert main.run(["synth", *QUICK, "-o", str(path)]) == 2
+    assert path.read_text() == "mine" and "give --force" in capsys.readouterr().err
+    assert main.run(["synth", *QUICK, "-o", str(path), "--force", "-q"]) == 0
+    assert path.read_bytes()[1:4] == b"HDF"
+
+
+def test_from_a_fit_and_along_a_duty_file(tmp_path: Path) -> None:
+    fit, duty, out = tmp_path / "fit.json", tmp_path / "duty.csv", tmp_path / "d.h5"
+    model = {"C": 0.85, "tau1": [0.1, 0, 0], "tau2": [2.0, 0, 0], "Ts": [0, 0.04, 0, 0], "u_range": [10, 100]}
+    fit.write_text(json.dumps({"schema": "eaid/fit/1", "nonlinear": model}))
+    duty.write_text("time_s,duty_pct\n0,0\n1,50\n41,0\n42,0\n")
+    call = ["synth", "--plant", str(fit), "--duty-file", str(duty), "--clean", "--repeats", "1", "--rate", "100"]
+    assert main.run([*call, "-o", str(tmp_path / "logs"), "-q"]) == 0
+    (file,) = (tmp_path / "logs").iterdir()
+    _, duty_pct, torque_nm = np.loadtxt(file, delimiter=",", skiprows=2).T
+    assert duty_pct[100] == 50 and duty_pct[99] == 0
+    assert torque_nm[4099] == pytest.approx(2.0, abs=1e-6)  # 0.04 N·m/% · 50 %, settled
+    assert "fit.json" in file.read_text(encoding="utf-8").splitlines()[0]
+    assert main.run(["synth", "--plant", str(fit), *QUICK, "-o", str(out), "-q"]) == 0
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "sentence"),
+    [
+        (["--kind", "gearbox"], 2, "--kind gearbox: is not one of clutch, friction-force, friction-speed"),
+        (["--levels", "ten"], 2, "--levels ten: give levels as 30,40,90 or as from:to:step"),
+        (["--levels", "10:100:7"], 2, "--levels 10:100:7: the step does not lead from 10 to 100"),
+        (["--levels", "10,200"], 2, "--levels 200: a duty is at most 100 %"),
+        (["--hold", "0"], 2, "--hold 0: give more than 0 s"),
+        (["--white-nm", "-1"], 2, "--white-nm -1: give a number of 0 or more"),
+        (["--plant", "none.json"], 3, "none.json: no such file; give the fit.json that eaid wrote"),
+        (["--kind", "friction-force", "--release", "3"], 2, "--release: nobody has published"),
+        (["--seed", "-3"], 2, "--seed -3: give 0 or more"),
+        (["--duty-file", "d.csv", "--hold", "3"], 2, "--duty-file: says levels and times itself"),
+        (["--duty-file", "d.csv", "--kind", "friction-speed"], 2, "--duty-file: a duty drives the clutch"),
+        (["-o", "none/d.h5"], 2, "none/d.h5: the folder none does not exist; make it first"),
+    ],
+)
+def test_bad_calls_get_their_sentence_and_leave_nothing(
+    arguments: list[str], code: int, sentence: str, tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str],
+) -> None:  # fmt: skip
+    monkeypatch.chdir(tmp_path)
+    assert main.run(["synth", *arguments]) == code
+    told = capsys.readouterr().err
+    assert told.startswith(f"error: {sentence}") and told.count("\n") == 1
+    assert not list(tmp_path.iterdir())
+
+
+def test_steps_that_lead_from_end_to_end(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    call = [
+        "synth",
+        "--levels",
+        "20:80:30",
+        "--repeats",
+        "1",
+        "--hold",
+        "1",
+        "--idle",
+        "0",
+        "--release",
+        "0",
+        "--rate",
+        "50",
+    ]
+    assert main.run([*call, "-o", str(tmp_path / "logs"), "-q", "--json"]) == 0
+    assert [row["level"] for row in json.loads(capsys.readouterr().out)["runs"]] == [20, 50, 80]
