@@ -1,1 +1,1 @@
-"""Results → figures and one HTML page."""
+"""Results → figures, one HTML page, and the paper number by number."""

@@ -1,0 +1,55 @@
+"""What Feizi et al. 2022 print: Tables I–IV and the few numbers that figures are drawn against."""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from eaid.arrays import Array
+from eaid.models.parameters import PAPER_LINEAR, SHARE
+
+OVER_STRESS: dict[str, Callable[[Array], Array]] = {
+    "Ts": lambda s: 0.0944 * s - 0.0896,
+    "C_f": lambda s: 0.29 * np.exp(-0.000725 * s) - 0.42 * np.exp(-0.337 * s),
+    "tau1": lambda s: 6.01 * np.exp(-0.431 * s) + 0.11 * np.exp(0.0492 * s),
+    "tau2": lambda s: 40.25 * np.exp(-0.219 * s) + 1.37 * np.exp(0.0476 * s),
+}
+"""Table I over the normal stress [kPa]."""
+
+OVER_SPEED: dict[str, Callable[[Array], Array]] = {
+    "Ts": lambda w: 0.349 * np.exp(-0.230 * w) + 1.042 * np.exp(0.00608 * w),
+    "tau1": lambda w: 0.425 * np.exp(-0.310 * w) + 0.0498 * np.exp(-0.0150 * w),
+    "tau2": lambda w: 5.375e5 * np.exp(-0.0507 * w) - 5.374e5 * np.exp(-0.0507 * w),
+}
+"""Table II over the rotation speed [RPM]; its τ2 keeps 100 e^(−0.0507 Ω) only, all other digits cancel."""
+
+TABLE_I = {
+    "Ts": ("0.0944 σ − 0.0896", (0.0944, -0.0896), 0.323),
+    "C_f": ("0.29 e^(−0.000725 σ) − 0.42 e^(−0.337 σ)", (0.29, -0.000725, -0.42, -0.337), 0.0127),
+    "tau1": ("6.01 e^(−0.431 σ) + 0.11 e^(0.0492 σ)", (6.01, -0.431, 0.11, 0.0492), 0.277),
+    "tau2": ("40.25 e^(−0.219 σ) + 1.37 e^(0.0476 σ)", (40.25, -0.219, 1.37, 0.0476), 2.67),
+}
+"""Parameter → formula as printed (σ in kPa), coefficients, RMSE of the trend."""
+
+TABLE_II = {
+    "Ts": ("0.349 e^(−0.230 Ω) + 1.042 e^(0.00608 Ω)", (0.349, -0.230, 1.042, 0.00608), 0.0523),
+    "tau1": ("0.425 e^(−0.310 Ω) + 0.0498 e^(−0.0150 Ω)", (0.425, -0.310, 0.0498, -0.0150), 0.0020),
+    "tau2": ("5.375e5 e^(−0.0507 Ω) − 5.374e5 e^(−0.0507 Ω)", (5.375e5, -0.0507, -5.374e5, -0.0507), 0.850),
+}
+"""Parameter → formula as printed (Ω in RPM), coefficients, RMSE of the trend."""
+
+TABLE_III = {
+    "tau1": (6.74e-3, 2.39e-2, -2.13e-4),
+    "tau2": (0.93, 0.41, -2.64e-3),
+    "Ts": (-1.19e-2, 1.81e-3, -2.97e-5, 1.85e-7),
+    "C": (SHARE,),
+}
+"""Polynomials of the duty [%], lowest power first."""
+
+TABLE_IV = {"B_m": 12.4, "B_M": 42.6, "Q_M": 5.0, "phi": 0.05, "epsilon": 0.5, "gamma": 50.0, "K_D": 3.0, "K_P": 4.5}
+
+LINEAR = {"a0": PAPER_LINEAR.a0, "b0": PAPER_LINEAR.b0, "c0": PAPER_LINEAR.c0}
+"""Eq. (8) as printed in §IV-B."""
+
+PI = {"K_P": 21.0, "K_I": 360.0}
+ABS_ERROR_NM = (0.065, 0.059)
+"""Overall absolute error of the nonlinear model, mean and sd [N·m]."""

@@ -1,0 +1,215 @@
+"""Files of the contract (fit.json, gains.json, replay.h5, data.h5) → what the report shows. Nothing is refitted."""
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+
+from eaid.arrays import Array, read_only
+from eaid.errors import DataError, UsageError
+from eaid.files import sha256_of
+from eaid.logs.options import ReadOptions
+from eaid.logs.read import read_runs
+from eaid.logs.run import Run
+from eaid.steps.build import StepOptions, build_stepset
+from eaid.steps.stepset import StepSet
+from eaid.store import read_json
+
+
+@dataclass(frozen=True)
+class Source:
+    """One file that was given to the report."""
+
+    path: str
+    sha256: str
+    kind: str
+    """fit, gains, replay or data."""
+
+
+@dataclass(frozen=True)
+class Fit:
+    """One fit.json."""
+
+    source: Source
+    content: Mapping[str, Any]
+
+    @property
+    def kind(self) -> str:
+        """clutch, friction-force or friction-speed."""
+        return str((self.content.get("data") or {}).get("kind", "clutch"))
+
+
+@dataclass(frozen=True)
+class Gains:
+    """One gains.json."""
+
+    source: Source
+    content: Mapping[str, Any]
+
+
+@dataclass(frozen=True, eq=False)
+class Replay:
+    """One replay.h5."""
+
+    source: Source
+    scenario: str
+    options: Mapping[str, Any]
+    traces: Mapping[str, Mapping[str, Array]]
+    """Controller → column → values; every column has the controller's own length."""
+    summary: Mapping[str, Any] = field(default_factory=dict)
+    """Controller → its numbers, where the file holds them."""
+
+
+@dataclass(frozen=True, eq=False)
+class Data:
+    """One data.h5: its runs as recorded, and its averaged steps."""
+
+    source: Source
+    runs: tuple[Run, ...]
+    steps: StepSet
+
+
+@dataclass(frozen=True, eq=False)
+class Results:
+    """All that a page shows, in the order in which it was given."""
+
+    fits: tuple[Fit, ...] = ()
+    gains: tuple[Gains, ...] = ()
+    replays: tuple[Replay, ...] = ()
+    data: tuple[Data, ...] = ()
+
+    @property
+    def sources(self) -> tuple[Source, ...]:
+        """Every file that was given."""
+        parts: tuple[Sequence[Any], ...] = (self.data, self.fits, self.gains, self.replays)
+        return tuple(part.source for group in parts for part in group)
+
+    def fit(self, kind: str) -> Fit | None:
+        """The first fit of a kind."""
+        return next((fit for fit in self.fits if fit.kind == kind), None)
+
+    def data_of(self, kind: str) -> Data | None:
+        """The first dataset of a kind."""
+        return next((data for data in self.data if data.steps.kind == kind), None)
+
+    def replay(self, scenario: str) -> Replay | None:
+        """The first replay of a scenario."""
+        return next((replay for replay in self.replays if replay.scenario == scenario), None)
+
+
+def read_results(paths: Sequence[Path]) -> Results:
+    """Read and sort any number of result files; all that cannot be read are told at once."""
+    fits: list[Fit] = []
+    gains: list[Gains] = []
+    replays: list[Replay] = []
+    data: list[Data] = []
+    faults: list[str] = []
+    for path in paths:
+        try:
+            kind = kind_of(path)
+            source = Source(str(path), sha256_of(path), kind)
+            if kind == "fit":
+                fits.append(Fit(source, read_json(path, "fit")))
+            elif kind == "gains":
+                gains.append(Gains(source, read_json(path, "gains")))
+            elif kind == "replay":
+                replays.append(read_replay(path, source))
+            else:
+                data.append(read_data(path, source))
+        except DataError as fault:
+            faults.extend(fault.sentences)
+    if faults:
+        raise DataError(*faults)
+    return Results(tuple(fits), tuple(gains), tuple(replays), tuple(data))
+
+
+def kind_of(path: Path) -> str:
+    """fit, gains, replay or data, by what the file says of itself; anything else is refused."""
+    if path.is_dir():
+        raise UsageError(f"{path}: is a folder; give the files in it that eaid wrote")
+    if not path.is_file():
+        raise DataError(f"{path}: no such file; give a fit.json, gains.json, replay.h5 or data.h5 that eaid wrote")
+    if h5py.is_hdf5(path):
+        with h5py.File(path) as file:
+            schema = str(file.attrs.get("schema", "eaid/data/1" if "runs" in file else ""))
+    else:
+        try:
+            content = json.loads(path.read_text(encoding="utf-8"))
+        except (UnicodeDecodeError, json.JSONDecodeError):
+            content = None
+        schema = str(content.get("schema", "")) if isinstance(content, dict) else ""
+    known = {"eaid/fit/1": "fit", "eaid/gains/1": "gains", "eaid/replay/1": "replay", "eaid/data/1": "data"}
+    if schema not in known:
+        raise DataError(f"{path}: is no result of eaid; give a fit.json, gains.json, replay.h5 or data.h5")
+    return known[schema]
+
+
+def read_replay(path: Path, source: Source) -> Replay:
+    """Traces and options of a replay.h5; a controller without time, reference, torque and duty is refused."""
+    traces: dict[str, dict[str, Array]] = {}
+    faults = []
+    with h5py.File(path) as file:
+        options = {str(key): _plain(value) for key, value in file.attrs.items()}
+        for name, group in file.items():
+            if not isinstance(group, h5py.Group):
+                continue
+            columns = {key: item for key, item in group.items() if isinstance(item, h5py.Dataset) and item.ndim == 1}
+            missing = [key for key in ("time_s", "reference_nm", "torque_nm", "duty_pct") if key not in columns]
+            if missing:
+                faults.append(f"{path}: controller {name!r} has no {', '.join(missing)}; make the replay again")
+                continue
+            traces[name] = {key: _column(item) for key, item in columns.items()}
+    if faults:
+        raise DataError(*faults)
+    if not traces:
+        raise DataError(f"{path}: holds no controller; make it again with eaid simulate")
+    summary = options.pop("summary", None)
+    return Replay(source, str(options.get("scenario", "")), options, traces, _parsed(summary))
+
+
+def read_data(path: Path, source: Source) -> Data:
+    """Runs of a data.h5 and their averaged steps."""
+    runs = tuple(read_runs([path], ReadOptions()))
+    return Data(source, runs, build_stepset(runs, StepOptions()))
+
+
+def synthetic_of(results: Results) -> str | None:
+    """What made the data, where any of them are not recorded; None where all come from a rig."""
+    for fit in results.fits:
+        if said := (fit.content.get("data") or {}).get("synthetic"):
+            return str(said)
+    for data in results.data:
+        if data.steps.synthetic:
+            return data.steps.synthetic
+    for replay in results.replays:
+        if said := replay.options.get("synthetic"):
+            return str(said)
+    return None
+
+
+def _column(item: h5py.Dataset) -> Array:
+    return read_only(np.asarray(item[()], dtype=np.float64)) if item.dtype.kind in "fiub" else _codes(item)
+
+
+def _codes(item: h5py.Dataset) -> Array:
+    names = item.asstr()[()]
+    _, codes = np.unique(names, return_inverse=True)
+    return read_only(codes)
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, bytes):
+        return value.decode("utf-8", "replace")
+    return value.tolist() if hasattr(value, "tolist") else value
+
+
+def _parsed(text: Any) -> Mapping[str, Any]:
+    try:
+        content = json.loads(text) if isinstance(text, str) else {}
+    except json.JSONDecodeError:
+        content = {}
+    return content if isinstance(content, dict) else {}
