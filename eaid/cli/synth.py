@@ -83,7 +83,7 @@ def command(
         inputs.append(duty_file)
     times = {"idle_s": idle, "hold_s": hold, "release_s": release, "rate_hz": rate}
     runs = _runs(recorded, disturbance, levels, repeats, times, duty_file, seed)
-    _write(output, runs, recorded, force)
+    _write(output, runs, force)
     summary = _summary(output, runs, recorded, disturbance, inputs, seed)
     console.say(f"{output}: {len(runs)} synthetic runs of {recorded.made_of}, seed {seed}")
     if as_json:
@@ -157,14 +157,14 @@ def _levels(text: str) -> tuple[float, ...]:
     return tuple(start + k * step for k in range(count + 1))
 
 
-def _write(output: Path, runs: list["Run"], plant: "Plant", force: bool) -> None:
-    from eaid.logs.dataset import write_dataset
-    from eaid.synth.folder import write_folder
-    from eaid.synth.plants import apparatus_of
-
+def _write(output: Path, runs: list["Run"], force: bool) -> None:
     if _is_dataset(output):
-        write_dataset(output, runs, kind=plant.kind, apparatus=apparatus_of(plant.kind), force=force)
+        from eaid.synth.datasets import write
+
+        write(output, runs, force)
     else:
+        from eaid.synth.folder import write_folder
+
         write_folder(output, runs, force)
 
 

@@ -5,16 +5,19 @@ call makes the same bytes again, as long as HDF5's own compressor is the same ve
 sensor's 1/1024 N·m, so the numbers themselves do not depend on the last digit of a machine's exponential.
 """
 
+from collections.abc import Sequence
 from dataclasses import replace
 from importlib import resources
 from pathlib import Path
 
+from eaid.apparatus import Apparatus
 from eaid.errors import UsageError
 from eaid.logs.dataset import write_dataset
 from eaid.logs.run import Run
+from eaid.steps.cut import cut
 from eaid.synth.disturbance import Disturbance
 from eaid.synth.logs import PROTOCOLS, synthesise
-from eaid.synth.plants import REFERENCE, apparatus_of
+from eaid.synth.plants import REFERENCE
 
 SEED = 0
 NAMES = tuple(REFERENCE)
@@ -27,11 +30,19 @@ def runs_of(kind: str) -> list[Run]:
     return synthesise(plant, replace(PROTOCOLS[kind], levels=plant.levels), Disturbance(), SEED)
 
 
+def write(path: Path, runs: Sequence[Run], force: bool = False) -> None:
+    """Write logs as data.h5: cut into their steps, rising and falling, as `eaid ingest` would have found them."""
+    kind = runs[0].kind or "clutch"
+    # one surface in the friction rig, two in the clutch (SPEC §1)
+    apparatus = Apparatus(surfaces=2 if kind == "clutch" else 1)
+    write_dataset(path, [step for run in runs for step in cut(run)], kind=kind, apparatus=apparatus, force=force)
+
+
 def make(folder: Path, force: bool = False) -> dict[str, Path]:
     """Write all three into a folder; by kind, where."""
     paths = {kind: folder / f"{kind}.h5" for kind in NAMES}
     for kind, path in paths.items():
-        write_dataset(path, runs_of(kind), kind=REFERENCE[kind]().kind, apparatus=apparatus_of(kind), force=force)
+        write(path, runs_of(kind), force)
     return paths
 
 

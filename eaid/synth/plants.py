@@ -45,11 +45,6 @@ class Plant:
     """(τ1, τ2) of a release [s], where they are known."""
 
 
-def apparatus_of(kind: str) -> Apparatus:
-    """The rig of a kind: two friction surfaces in the clutch, one in the friction rig (SPEC §1)."""
-    return Apparatus(surfaces=2 if kind == "clutch" else 1)
-
-
 def clutch(p: Nonlinear = REFERENCE_PLANT, made_of: str = "the reference plant (SPEC §6)") -> Plant:
     """The clutch itself: input is the duty [%]."""
     parameters = plant_parameters(p)

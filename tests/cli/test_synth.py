@@ -24,7 +24,8 @@ def test_a_dataset_its_summary_and_the_same_bytes_twice(tmp_path: Path, capsys: 
     assert main.run(["synth", *QUICK, "-o", str(other), "-q", "--seed", "1"]) == 0
     assert first.read_bytes() == again.read_bytes() != other.read_bytes()
     runs, faults = read_dataset(first, "a.h5", "")
-    assert not faults and [run.level for run in runs] == [40, 40, 90, 90]
+    assert not faults and [run.level for run in runs] == [40, 40, 40, 40, 90, 90, 90, 90]
+    assert [run.edge for run in runs[:2]] == ["rising", "falling"] and runs[0].step_s == 1.0 and runs[1].step_s == 3.0
     assert all(run.synthetic and "recorded on no rig" in run.synthetic for run in runs)
 
 
@@ -32,9 +33,14 @@ def test_a_folder_of_csv_holds_the_same_numbers_as_the_dataset(tmp_path: Path) -
     assert main.run(["synth", *QUICK, "-o", str(tmp_path / "d.h5"), "-q"]) == 0
     assert main.run(["synth", *QUICK, "-o", str(tmp_path / "logs"), "-q"]) == 0
     runs, _ = read_dataset(tmp_path / "d.h5", "d.h5", "")
-    for run in runs:
-        rows = np.loadtxt(tmp_path / "logs" / f"{run.name}.csv", delimiter=",", skiprows=2)
-        np.testing.assert_array_equal(rows.T, [run.time_s, run.input, run.output])
+    assert len(runs) == 8
+    for rising, falling in zip(runs[::2], runs[1::2], strict=True):
+        rows = np.loadtxt(tmp_path / "logs" / f"{rising.name}.csv", delimiter=",", skiprows=2)
+        both = [
+            np.concatenate(pair)
+            for pair in zip(*([r.time_s, r.input, r.output] for r in (rising, falling)), strict=True)
+        ]
+        np.testing.assert_array_equal(rows.T, both)
 
 
 def test_the_default_name_says_synthetic(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -98,7 +98,8 @@ def test_every_run_says_that_it_is_synthetic() -> None:
     for run in synthesise(plants.clutch(), SHORT, Disturbance(), seed=1):
         assert run.synthetic == (
             "eaid synth of the reference plant (SPEC §6); white_nm 0.01, coloured 0.01, coloured_s 0.05, ripple 0.01, "
-            "gain_scatter 0.03, tau1_scatter 0.05, offset_nm 0.02, resolution_nm 0.000976562; seed 1; recorded on no rig"
+            "gain_scatter 0.03, tau1_scatter 0.05, offset_nm 0.02, resolution_nm 0.000976562; seed 1; "
+            "recorded on no rig"
         )
         assert run.name.startswith("synthetic-clutch-") and run.kind == "clutch" and run.input_unit == "%"
 
