@@ -1,0 +1,105 @@
+"""Plants drawn from a fit's uncertainty: other models that the same data would allow.
+
+Coefficients are drawn from a normal distribution with the covariance kept in fit.json (`nonlinear.covariance`). The
+constraints of the fit (τ1 ≥ 1 ms, τ2 ≥ τ1, T_s ≥ 0 over the identified duties) are linear in the coefficients: a draw
+that breaks one is drawn again, and after many refusals pulled back along the line to the fit until it keeps them.
+"""
+
+from typing import Any
+
+import numpy as np
+
+from eaid.arrays import Array
+from eaid.errors import DataError
+from eaid.models.parameters import SHARE, Nonlinear
+from eaid.uncertainty.curve import powers
+
+TAU_FLOOR_S = 1e-3
+CHECKED_DUTIES = 101
+PARAMETRISATION = "coefficients of (u/100 %)^k, lowest power first: tau1 [s], tau2 [s], Ts [N·m]"
+"""What the rows and columns of `nonlinear.covariance.matrix` are, in this order."""
+TRIES = 200
+
+
+def covariance_word(fit: dict[str, Any]) -> str | None:
+    """Why no plants can be drawn from this fit.json, in a sentence; None where they can."""
+    stored = (fit.get("nonlinear") or {}).get("covariance")
+    if not isinstance(stored, dict) or not stored.get("matrix"):
+        return (
+            "this fit holds no covariance of the nonlinear model, so every drawn plant is the fitted one; "
+            "fit again with --ci robust to carry the uncertainty on"
+        )
+    return None
+
+
+def draw_plants(fit: dict[str, Any], n: int, seed: int) -> list[Nonlinear]:
+    """`n` plants that the data of a fit.json allow; the same seed gives the same plants.
+
+    Without a covariance in the file all of them are the fitted plant (`covariance_word` says so).
+    """
+    from eaid.fitting.result import nonlinear_from_json
+
+    centre = nonlinear_from_json(fit)
+    if covariance_word(fit) is not None:
+        return [centre] * n
+    counts = (len(centre.tau1), len(centre.tau2), len(centre.Ts))
+    total = sum(counts)
+    matrix = np.array(fit["nonlinear"]["covariance"]["matrix"], dtype=np.float64)
+    if matrix.shape != (total, total) or not np.isfinite(matrix).all():
+        raise DataError(
+            f"nonlinear.covariance.matrix: shape {matrix.shape}, expected {total} x {total} finite numbers; fit again"
+        )
+    scale = np.concatenate([100.0 ** np.arange(count) for count in counts])
+    mean = np.concatenate([centre.tau1, centre.tau2, centre.Ts]) * scale
+    root = _root(matrix)
+    slack, offset = constraints(counts, centre.u_range)
+    random = np.random.default_rng(seed)
+    plants = []
+    for _ in range(n):
+        drawn = _feasible(mean, root, slack, offset, random) / scale
+        tau1, tau2, steady = np.split(drawn, np.cumsum(counts)[:2])
+        plants.append(
+            Nonlinear(
+                tau1=tuple(tau1.tolist()),
+                tau2=tuple(tau2.tolist()),
+                Ts=tuple(steady.tolist()),
+                u_range=centre.u_range,
+                C=centre.C if centre.C else SHARE,
+                release=centre.release,
+            )
+        )
+    return plants
+
+
+def constraints(counts: tuple[int, int, int], u_range: tuple[float, float]) -> tuple[Array, Array]:
+    """Rows G and offsets d of G c − d ≥ 0 at 101 duties: τ1 − 1 ms, τ2 − τ1 and T_s, for coefficients of (u/100)^k."""
+    duties = np.linspace(*u_range, CHECKED_DUTIES)
+    first, second, third = (powers(duties, count) for count in counts)
+    zero = [np.zeros_like(block) for block in (first, second, third)]
+    rows = np.block([[first, zero[1], zero[2]], [-first, second, zero[2]], [zero[0], zero[1], third]])
+    return rows, np.repeat([TAU_FLOOR_S, 0.0, 0.0], CHECKED_DUTIES)
+
+
+def _root(matrix: Array) -> Array:
+    """A root of the covariance, found in scaled form: its condition is that of the correlations."""
+    sd = np.sqrt(np.maximum(np.diag(matrix), 0.0))
+    unit = np.where(sd > 0, sd, 1.0)
+    values, vectors = np.linalg.eigh(matrix / np.outer(unit, unit))
+    # a sign of its own for each vector, so that the same file gives the same plants on every machine
+    vectors = vectors * np.where(vectors[np.abs(vectors).argmax(axis=0), np.arange(len(sd))] < 0, -1.0, 1.0)
+    return np.asarray(unit[:, None] * vectors * np.sqrt(np.maximum(values, 0.0)))
+
+
+def _feasible(mean: Array, root: Array, slack: Array, offset: Array, random: np.random.Generator) -> Array:
+    """One draw that keeps every constraint (as far as the fit itself does)."""
+    at_fit = slack @ mean - offset
+    allowed = np.minimum(at_fit, 0.0) - 1e-12
+    step = np.zeros_like(mean)
+    for _ in range(TRIES):
+        step = root @ random.standard_normal(len(mean))
+        if (at_fit + slack @ step >= allowed).all():
+            return mean + step
+    change = slack @ step
+    falling = change < 0
+    reach = float(np.min((allowed[falling] - at_fit[falling]) / change[falling]))
+    return np.asarray(mean + 0.999 * max(0.0, min(1.0, reach)) * step)

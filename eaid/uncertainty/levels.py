@@ -1,0 +1,146 @@
+"""The friction curve of each level, Eq. (3), as evidence on (log T_s, log τ1, log τ2), and its 95 % intervals.
+
+A parameter that a constraint holds is not estimable; a τ2 longer than the record is flagged, not quoted.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from eaid.arrays import Array
+from eaid.fitting.result import LevelFit
+from eaid.models import friction
+from eaid.models.parameters import Friction
+from eaid.steps.stepset import Level
+from eaid.uncertainty.evidence import Evidence, evidence, own_residuals
+from eaid.uncertainty.scatter import Mask, Scatter, pooled_scatter
+from eaid.uncertainty.student import t_quantile
+
+NAMES = ("Ts", "tau1", "tau2", "C")
+"""Parameters of one level, in the order of every array here; C only where it was free."""
+WIDE = 0.30
+"""Half-width beyond which an interval is flagged (UNCERTAINTY: coverage of τ2 was measured below it)."""
+UNDETERMINED = 3.0
+"""Factor up or down beyond which a parameter counts as not determined."""
+
+
+@dataclass(frozen=True, eq=False)
+class LevelEvidence:
+    """One level's friction curve with what its runs say about it."""
+
+    curve: Friction
+    evidence: Evidence
+    noise_nm: Array
+    """Residuals of each run about its own best curve [output], shape (R, n)."""
+    held: tuple[str, ...]
+    """Parameters that a constraint holds: not estimable."""
+
+    @property
+    def level(self) -> float:
+        """Input of the level."""
+        return self.evidence.level
+
+
+def log_jacobian(curve: Friction, time_s: Array, share_free: bool = False) -> Array:
+    """∂f/∂(log T_s, log τ1, log τ2[, logit C]), shape (n, 3 or 4), Eq. (3)."""
+    scale = np.array([curve.Ts, curve.tau1, curve.tau2, curve.C * (1 - curve.C)])
+    count = 4 if share_free else 3
+    return np.asarray((friction.gradient(curve, time_s) * scale[:, None])[:count].T)
+
+
+def log_theta(curve: Friction, share_free: bool = False) -> Array:
+    """(log T_s, log τ1, log τ2[, logit C]); what is zero or at its edge is kept finite."""
+    share = min(max(curve.C, 1e-12), 1 - 1e-12)
+    values = np.log(np.maximum([curve.Ts, curve.tau1, curve.tau2, share / (1 - share)], 1e-300))
+    return np.asarray(values[: 4 if share_free else 3])
+
+
+def level_evidence(level: Level, curve: Friction, held: Sequence[str] = (), share_free: bool = False) -> LevelEvidence:
+    """What the runs of one level say about its friction curve."""
+    jacobian = log_jacobian(curve, level.time_s, share_free)
+    noise = own_residuals(level.runs_nm, friction.step_response(curve, level.time_s), jacobian)
+    theta = log_theta(curve, share_free)
+    found = evidence(level.level, level.time_s, level.runs_nm, jacobian, theta, noise_nm=noise)
+    return LevelEvidence(curve, found, noise, tuple(held))
+
+
+def held_parameters(fit: LevelFit) -> tuple[str, ...]:
+    """Which of T_s, τ1, τ2, C a constraint holds in this level's fit."""
+    held = []
+    for words in fit.solver.at_bounds:
+        held += [name for name, sign in (("Ts", "T_s at"), ("C", "C at")) if words.startswith(sign)]
+        if words.startswith("τ1 at"):
+            held.append("tau1")
+        if words.startswith("τ2 at"):
+            held += ["tau1", "tau2"] if words == "τ2 at τ1" else ["tau2"]
+    if fit.curve.Ts <= 0:
+        held += ["Ts", "tau1", "tau2"]
+    return tuple(dict.fromkeys(held))
+
+
+@dataclass(frozen=True, eq=False)
+class Parameter:
+    """One parameter of one level: its interval, or why there is none."""
+
+    name: str
+    value: float
+    interval: tuple[float, float] | None
+    """95 % interval; None where it is not estimable or not determined."""
+    log_sd: float
+    """Standard deviation of its logarithm (of its logit, for C)."""
+    word: str | None
+    """What is doubtful about it."""
+
+
+def level_parameters(level: LevelEvidence, variance: Array, degrees: Array) -> list[Parameter]:
+    """Intervals exp(θ̂ ± t √V) of one level, shape (k,) of `variance` and `degrees`; at a bound or too wide: a word."""
+    result = []
+    for k, (theta, v, df) in enumerate(zip(level.evidence.log_theta, variance, degrees, strict=True)):
+        name = NAMES[k]
+        sd = float(np.sqrt(max(v, 0.0)))
+        reach = t_quantile(float(df)) * sd
+        with np.errstate(over="ignore"):
+            ends = np.exp(theta + np.array([-reach, reach]))
+        value = float(np.exp(theta))
+        if name == "C":
+            value, ends = value / (1 + value), np.where(np.isfinite(ends), ends / (1 + ends), 1.0)
+        interval: tuple[float, float] | None = (float(ends[0]), float(ends[1]))
+        word = None
+        if name in level.held:
+            interval, word = None, "not estimable: a constraint holds it"
+        elif name == "tau2" and value > level.evidence.duration_s:
+            interval = None
+            word = f"longer than the record of {level.evidence.duration_s:.3g} s: not determined; record longer"
+        elif name != "C" and reach > np.log(UNDETERMINED):
+            low, high = (f"{end:.2g}" for end in ends)
+            unit = "" if name == "Ts" else " s"
+            word = f"not determined: anywhere between {low} and {high}{unit}"
+            interval = None
+        elif name != "C" and reach > np.log1p(WIDE):
+            word = f"known to a factor of {np.exp(reach):.2f} only"
+        result.append(Parameter(name, value, interval, sd, word))
+    return result
+
+
+def white_variance(level: Level, found: LevelEvidence) -> tuple[Array, float]:
+    """Textbook variance s² A⁻¹ of (log T_s, log τ1, log τ2), for the mean of the repeats, and n − k."""
+    left = level.mean_nm - friction.step_response(found.curve, level.time_s)
+    spare = len(left) - len(found.evidence.log_theta)
+    inverse = np.linalg.pinv(found.evidence.information, rcond=1e-14, hermitian=True)
+    return np.asarray(np.diag(inverse) * float(left @ left) / spare), float(spare)
+
+
+def usable(levels: Sequence[LevelEvidence]) -> Mask:
+    """Which parameters of which levels can speak for the scatter: not held, and determined by their record."""
+    rows = []
+    for level in levels:
+        names = NAMES[: len(level.evidence.log_theta)]
+        known = np.sqrt(level.evidence.within / level.evidence.repeats) < np.log(UNDETERMINED)
+        rows.append(known & np.array([name not in level.held for name in names]))
+    return np.array(rows)
+
+
+def scatter_of(levels: Sequence[LevelEvidence]) -> Scatter:
+    """Scatter of the levels' parameters, pooled over those that can speak for it; needs repeats."""
+    return pooled_scatter([level.evidence for level in levels], usable(levels))

@@ -1,0 +1,115 @@
+"""How sure the linear model is, Eq. (8): the pooled a0, b0, c0, and the B of each level.
+
+The linear model is wrong by design (one time constant for two), so its truth is the fit to logs without noise or
+scatter. With e = ȳ − f the influence of a run on the pooled fit is ψ = H⁻¹ (s_lr − s̄_l), s_lr = J'(y_lr − f)/R, where
+H = Σ J'J − Σ e ∇²f is the full Hessian; V = Σ_l R/(R − 1) Σ_r ψψ', with Welch–Satterthwaite degrees of freedom.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from eaid.arrays import Array
+from eaid.models import linear
+from eaid.models.parameters import Linear
+from eaid.steps.stepset import Level
+from eaid.uncertainty.evidence import Evidence, evidence
+
+
+@dataclass(frozen=True, eq=False)
+class Pooled:
+    """What the runs say about the pooled a0, b0, c0."""
+
+    parameters: Linear
+    influence: tuple[Array, ...]
+    """Of each run of each level on (a0, b0, c0): shape (R, 3) a level, centred."""
+    gain: tuple[Array, ...]
+    """H⁻¹ J' of each level, shape (3, n): how a change of the level's mean moves (a0, b0, c0)."""
+
+
+def _rise(a0: float, t_s: Array) -> tuple[Array, Array, Array]:
+    """r = (1 − e^(−a0 t))/a0 and its first two derivatives by a0, shape (n,) each."""
+    decay = np.exp(-a0 * t_s)
+    r = -np.expm1(-a0 * t_s) / a0
+    first = (t_s * decay - r) / a0
+    return r, first, (-(t_s**2) * decay - 2 * first) / a0
+
+
+def pooled_evidence(levels: Sequence[Level], p: Linear) -> Pooled:
+    """Influence of every run on the pooled fit `p` of these levels."""
+    hessian = np.zeros((3, 3))
+    gradients = []
+    for level in levels:
+        jacobian = linear.gradient(p, level.time_s, level.level)
+        r, first, second = _rise(p.a0, level.time_s)
+        left = level.mean_nm - (p.b0 * level.level + p.c0) * r
+        curved = np.zeros((3, 3))
+        curved[0, 0] = (p.b0 * level.level + p.c0) * (left @ second)
+        curved[0, 1] = curved[1, 0] = level.level * (left @ first)
+        curved[0, 2] = curved[2, 0] = left @ first
+        hessian += jacobian @ jacobian.T - curved
+        gradients.append(jacobian)
+    scale = 1 / np.sqrt(np.maximum(np.abs(np.diag(hessian)), 1e-300))
+    inverse = scale[:, None] * np.linalg.pinv(scale[:, None] * hessian * scale, rcond=1e-10, hermitian=True) * scale
+    gain = tuple(inverse @ jacobian for jacobian in gradients)
+    influence = tuple(
+        (level.runs_nm - level.mean_nm) @ moved.T / len(level.runs_nm)
+        for level, moved in zip(levels, gain, strict=True)
+    )
+    return Pooled(p, influence, gain)
+
+
+def combined_variance(influence: Sequence[Array]) -> tuple[float, float]:
+    """Variance and Welch–Satterthwaite degrees of freedom of one number, from its influences (R,) of each level."""
+    parts, spare = [], []
+    for psi in influence:
+        repeats = len(psi)
+        if repeats > 1:
+            parts.append(repeats / (repeats - 1) * float(((psi - psi.mean()) ** 2).sum()))
+            spare.append(repeats - 1)
+    variance = float(np.sum(parts))
+    if variance == 0:
+        return 0.0, float(np.sum(spare))
+    degrees = variance**2 / float(np.sum(np.square(parts) / spare))
+    return variance, max(degrees, float(min(spare)))
+
+
+def level_evidence(level: Level, a0: float, gain: float, noise_nm: Array) -> Evidence:
+    """Evidence on (log a0, log gain) of one level's own fit, gain [N·m] · (1 − e^(−a0 t))."""
+    decay = np.exp(-a0 * level.time_s)
+    rise = -np.expm1(-a0 * level.time_s)
+    slope = gain * a0 * level.time_s * decay
+    jacobian = np.stack([slope, gain * rise], axis=1)
+    left = level.mean_nm - gain * rise
+    curved = np.array([[left @ (slope * (1 - a0 * level.time_s)), left @ slope], [left @ slope, left @ (gain * rise)]])
+    return evidence(
+        level.level,
+        level.time_s,
+        level.runs_nm,
+        jacobian,
+        np.log([a0, gain]),
+        noise_nm=noise_nm,
+        hessian=jacobian.T @ jacobian - curved,
+    )
+
+
+def with_log_B(levels: Sequence[Evidence]) -> list[Evidence]:
+    """The same evidence on (log a0, log gain, log B), B = u/(a0 gain): zero-offset."""
+    take = np.array([[1.0, 0.0], [0.0, 1.0], [-1.0, -1.0]])
+    result = []
+    for one in levels:
+        # both parts of B come from the same samples: their within-run errors are taken as additive, the wider reading
+        log_B = np.log(one.level) - one.log_theta.sum()
+        within = np.append(one.within, np.sqrt(one.within).sum() ** 2)
+        result.append(
+            Evidence(
+                level=one.level,
+                log_theta=np.append(one.log_theta, log_B),
+                information=one.information,
+                influence=one.influence @ take.T,
+                within=within,
+                duration_s=one.duration_s,
+            )
+        )
+    return result
