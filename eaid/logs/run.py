@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 from typing import Literal
 
+from eaid.apparatus import Apparatus
 from eaid.arrays import Array
 
 Kind = Literal["clutch", "friction-force", "friction-speed"]
@@ -39,3 +40,15 @@ class Run:
     """Torque reference of a closed-loop log [N·m], shape (n,); None: the log has none."""
     notes: tuple[str, ...] = ()
     """What reading had to do, in words (rows dropped by `--repair`, …)."""
+    kind: Kind | None = None
+    """Experiment, as its columns or its dataset say; None: nothing says it."""
+    apparatus: Apparatus | None = None
+    """Rig, where the file says it."""
+    synthetic: str | None = None
+    """What made the data, where they are not recorded; None: a rig."""
+    from_level: float = 0.0
+    """Input before the step, in `input_unit`: 0 is a step from rest (of a falling edge, where it falls to)."""
+    held: float | None = None
+    """Output before a falling edge, at the end of the hold, in `output_unit`."""
+    cut: bool = False
+    """True for one step cut out of a log (or stored so); False: steps are still to be found in it."""

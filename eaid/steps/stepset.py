@@ -54,6 +54,10 @@ class RunRecord:
     edge: str
     """"rising", or "falling" for a release."""
     warnings: tuple[str, ...] = ()
+    lost_pct: float | None = None
+    """Torque lost while the input is held, peak to end [%] (Fig. 6); None for a release."""
+    left_pct: float | None = None
+    """Torque left at the end of a release [% of the held torque] (Fig. 6); None for a rising step."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,0 +1,121 @@
+"""Logs as every command takes them: the input options, under the same names, and the one function that reads."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from eaid.cli import console
+from eaid.errors import DataError, UsageError
+
+if TYPE_CHECKING:
+    from eaid.logs.run import Run
+    from eaid.steps.stepset import StepSet
+
+KINDS = ("clutch", "friction-force", "friction-speed")
+
+Logs = Annotated[list[Path], typer.Argument(metavar="LOG…", help="Log files, folders of them, or a data.h5.")]
+Columns = Annotated[
+    str | None,
+    typer.Option(help='Column of each role, by name or number: time=Time,input=Volts,output="Load Cell".'),
+]
+Units = Annotated[str | None, typer.Option(help="Unit that a column is in: time=us,output=g.")]
+NamePattern = Annotated[
+    str | None,
+    typer.Option(help="Level and repeat from file names, found anywhere in them: '_V={level}_', 'run{repeat}'."),
+]
+StepAt = Annotated[float | None, typer.Option(help="Step instant, in seconds of the log.")]
+Until = Annotated[float | None, typer.Option(help="End of the active window, in seconds of the log.")]
+Repair = Annotated[bool, typer.Option("--repair", help="Drop bad rows, up to 1 % of a log, and say how many.")]
+KindOption = Annotated[str | None, typer.Option("--kind", help="Experiment: clutch, friction-force or friction-speed.")]
+Levels = Annotated[str | None, typer.Option(help="Levels to keep: 30:100 or 30,40,90.")]
+KeepBaseline = Annotated[bool, typer.Option("--keep-baseline", help="Do not subtract the idle output.")]
+Variable = Annotated[
+    str | None, typer.Option(help="Table of a file with several: a MAT variable, an HDF5 path, a TDMS group.")
+]
+Rate = Annotated[float | None, typer.Option(help="Sample rate of logs without a time column, in Hz.")]
+
+
+def pairs(option: str, text: str | None) -> dict[str, str]:
+    """`time=Time,output="Load Cell"` as a dictionary; raises UsageError where it is written otherwise."""
+    if not text:
+        return {}
+    import csv
+
+    found: dict[str, str] = {}
+    # a quote may open after the equals sign: move it in front of the pair, where csv expects it
+    import re
+
+    moved = re.sub(r'(^|,)\s*(\w+)\s*=\s*"', r'\1"\2=', text)
+    for pair in next(csv.reader([moved], skipinitialspace=True)):
+        role, equals, name = pair.partition("=")
+        role, name = role.strip(), name.strip()
+        if not equals or not role or not name:
+            raise UsageError(
+                f"{option} {text}: write role=name pairs with commas between them, as time=Time,output=Force"
+            )
+        if role in found:
+            raise UsageError(f"{option} {text}: says {role} twice")
+        found[role] = name
+    return found
+
+
+def stepset_from(paths: Sequence[Path], **options: Any) -> "StepSet":
+    """The step set behind logs or datasets; takes the options of `runs_from`."""
+    return runs_from(paths, **options)[1]
+
+
+def runs_from(
+    paths: Sequence[Path],
+    *,
+    columns: str | None = None,
+    units: str | None = None,
+    name_pattern: str | None = None,
+    step_at: float | None = None,
+    until: float | None = None,
+    repair: bool = False,
+    kind: str | None = None,
+    levels: str | None = None,
+    keep_baseline: bool = False,
+    variable: str | None = None,
+    rate: float | None = None,
+) -> "tuple[list[Run], StepSet]":
+    """Cut runs and their step set; all faults of all logs are told at once, what is doubtful goes to stderr."""
+    from dataclasses import replace
+
+    from eaid.logs.options import ReadOptions
+    from eaid.logs.read import files_of, read_what_can_be
+    from eaid.steps.build import StepOptions, cut_runs, same_level, stepset_of
+
+    if kind is not None and kind not in KINDS:
+        raise UsageError(f"--kind {kind}: must be one of {', '.join(KINDS)}")
+    if rate is not None and not rate > 0:
+        raise UsageError(f"--rate {rate:g}: must be above zero")
+    reading = ReadOptions(
+        columns=pairs("--columns", columns), units=pairs("--units", units), name_pattern=name_pattern,
+        step_at_s=step_at, until_s=until, repair=repair, kind=kind, variable=variable, rate_hz=rate,
+    )  # type: ignore[arg-type]  # fmt: skip
+    stepping = StepOptions(kind=kind, levels=levels, keep_baseline=keep_baseline)  # type: ignore[arg-type]
+    with console.progress("reading logs", len(files_of(paths))) as advance:
+        runs, faults = read_what_can_be(paths, reading, advance)
+    steps, more = cut_runs(runs, stepping)
+    if faults or more:
+        raise DataError(*faults, *more)
+    stepset = stepset_of(steps, stepping)
+    if levels is not None:
+        kept = [level.level for level in stepset.levels]
+        steps = [step for step in steps if any(same_level(abs(step.level or 0.0), k) for k in kept)]
+    from eaid.files import sha256_of
+
+    inputs = [{"path": str(path), "sha256": sha256_of(path)} for path in paths if path.is_file()]
+    return steps, replace(stepset, extra={**stepset.extra, "inputs": inputs})
+
+
+def tell_doubts(stepset: "StepSet") -> None:
+    """Every warning of a step set, one line each, on stderr."""
+    for warning in stepset.warnings:
+        console.warn(warning)
+    for run in stepset.runs:
+        for warning in run.warnings:
+            console.warn(f"{run.name}: {warning}")

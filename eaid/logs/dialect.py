@@ -1,0 +1,244 @@
+"""How a text log is written: encoding, delimiter, decimal mark, header, units row, facts in comment lines."""
+
+import re
+from collections import Counter
+from dataclasses import dataclass, field
+
+from eaid.errors import DataError
+from eaid.logs.units import unit_of
+
+COMMENT = ("#", "%", "//")
+_DELIMITERS = ("\t", ";", "|", ",", None)  # None: any white space
+_MARKS = ((".", ""), (",", ""), (".", ","), (",", "."), (".", "'"), (".", " "), (",", " "))
+
+_PLAIN = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eEdD][+-]?\d+)?$")
+_WORDS = re.compile(r"[+-]?(nan|inf(inity)?|na|n/a|null|none|-)$", re.IGNORECASE)
+STAMP = re.compile(
+    r"(\d{1,4}[-/.]\d{1,2}[-/.]\d{1,4}[T ]+)?\d{1,2}:\d{2}(:\d{2}([.,]\d+)?)?\s*(Z|[+-]\d{2}:?\d{2}|AM|PM)?$"
+)
+
+
+@dataclass(frozen=True)
+class Dialect:
+    """One text log's way of writing numbers."""
+
+    encoding: str
+    delimiter: str | None
+    """None: any white space."""
+    decimal: str
+    thousands: str
+    """Mark between thousands; empty where there is none."""
+    columns: tuple[str, ...]
+    units: tuple[str, ...]
+    first_line: int
+    """Line of the first row of numbers, from 1."""
+    stamps: tuple[int, ...] = ()
+    """Columns of wall-clock stamps."""
+    said: dict[str, str] = field(default_factory=dict)
+    ragged: bool = False
+    """True where every row ends with a delimiter."""
+
+
+def encoding_of(head: bytes) -> str:
+    """Encoding of a text by its first bytes: byte-order mark, zero bytes, else UTF-8, else Windows-1252."""
+    if head.startswith(b"\xef\xbb\xbf"):
+        return "utf-8-sig"
+    if head.startswith((b"\xff\xfe", b"\xfe\xff")):
+        return "utf-16"
+    if b"\0" in head[:4096]:
+        pairs = head[: 4096 // 2 * 2]
+        if pairs[1::2].count(0) > 0.4 * len(pairs[1::2]):
+            return "utf-16-le"
+        if pairs[0::2].count(0) > 0.4 * len(pairs[0::2]):
+            return "utf-16-be"
+        return ""
+    try:
+        head.decode("utf-8")
+    except UnicodeDecodeError as fault:
+        if fault.start < len(head) - 4:
+            return "cp1252"
+    return "utf-8"
+
+
+def number(text: str, decimal: str, thousands: str) -> float | None:
+    """Value of a cell, correctly rounded; None where it is no number."""
+    text = text.strip().strip('"').strip()
+    if thousands and thousands in text:
+        whole = re.escape(thousands).join((r"[+-]?[1-9]\d{0,2}(", r"\d{3})+"))
+        if not re.fullmatch(f"{whole}({re.escape(decimal)}\\d*)?", text):
+            return None
+        text = text.replace(thousands, "")
+    if decimal != ".":
+        if "." in text:
+            return None
+        text = text.replace(decimal, ".")
+    if _PLAIN.match(text):
+        return float(text.replace("d", "e").replace("D", "e"))
+    if _WORDS.match(text):
+        return float("inf") if "inf" in text.lower() else float("nan")
+    return None
+
+
+def split(line: str, delimiter: str | None) -> list[str]:
+    """Cells of a line; a delimiter inside quotes does not part cells."""
+    if delimiter is None:
+        return line.split()
+    cells = line.split(delimiter)
+    if '"' in line and len(cells) > 1:
+        import csv
+
+        cells = next(csv.reader([line], delimiter=delimiter))
+    return cells
+
+
+def _is_cell(text: str, decimal: str, thousands: str) -> bool:
+    return number(text, decimal, thousands) is not None or bool(STAMP.match(text.strip().strip('"')))
+
+
+def _fit(lines: list[str], delimiter: str | None, decimal: str, thousands: str) -> tuple[float, int]:
+    """How much of the text these marks explain, and the number of columns they give."""
+    counts: Counter[int] = Counter()
+    numeric = 0.0
+    for line in lines:
+        cells = split(line.strip("\r\n "), delimiter)
+        if cells and not cells[-1].strip():
+            cells = cells[:-1]
+        good = sum(_is_cell(cell, decimal, thousands) for cell in cells)
+        if good and good >= len([cell for cell in cells if cell.strip()]) / 2:
+            counts[len(cells)] += 1
+            numeric += good / len(cells)
+    if not counts:
+        return 0.0, 0
+    columns, votes = counts.most_common(1)[0]
+    return numeric * votes / sum(counts.values()) / len(lines), columns
+
+
+def _body(lines: list[str]) -> list[str]:
+    """Lines to judge the marks by: the later half of the head, without comments and blank lines."""
+    full = [line for line in lines if line.strip() and not line.lstrip().startswith(COMMENT)]
+    return full[len(full) // 2 :][-200:] if len(full) > 8 else full
+
+
+def _facts(lines: list[str], delimiter: str | None) -> dict[str, str]:
+    """Facts in the lines above the table: `key: value`, `key = value`, `key<delimiter>value`."""
+    said = {}
+    for line in lines:
+        bare = line.strip().lstrip("#%/ ").strip()
+        found = re.match(r"([^:=]{1,60}?)\s*[:=]\s*(\S.*)$", bare)
+        if not found and delimiter and bare.count(delimiter):
+            found = re.match(
+                rf"([^{re.escape(delimiter)}]{{1,60}}){re.escape(delimiter)}+([^{re.escape(delimiter)}]+)", bare
+            )
+        if found:
+            said[found.group(1).strip().lower()] = found.group(2).strip().strip('"')
+    return said
+
+
+def rate_said(said: dict[str, str]) -> float | None:
+    """Sample rate told in a comment [Hz]: `sampling rate: 1 kHz`, `dt = 0.001 s`; None where none is."""
+    for key, value in said.items():
+        found = re.match(r"([\d.,]+(?:[eE][+-]?\d+)?)\s*([a-zA-Zµμ/]*)", value)
+        amount = number(found.group(1).replace(",", "."), ".", "") if found else None
+        if not found or not amount or amount <= 0:
+            continue
+        unit = found.group(2) or "".join(re.findall(r"[\[(]\s*([a-zA-Zµμ]+)\s*[\])]", key))
+        if re.search(r"(sampl|abtast|acquisition|scan).*(rate|freq|hz)|^(fs|f_s|rate|frequency)\b", key):
+            factor = {"khz": 1e3, "mhz": 1e6}.get(unit.lower(), 1.0)
+            return amount * factor
+        if re.search(r"(sampl|scan).*(time|interval|period|step)|^(dt|delta[_ ]?[xt])\b", key):
+            known = unit_of(unit) if unit else None
+            return 1.0 / (amount * (known.factor if known and known.quantity == "time" else 1.0))
+    return None
+
+
+def sniff(path: str, head: bytes, whole: bool) -> Dialect:
+    """Dialect of a text log by its first bytes; raises DataError where there is no table of numbers in them."""
+    encoding = encoding_of(head)
+    if not encoding:
+        raise DataError(f"{path}: is a binary file of no format that eaid knows; export it as CSV, MAT or HDF5")
+    text = head[: len(head) // 2 * 2 if "16" in encoding else None].decode(encoding, errors="replace")
+    lines = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
+    if not whole and len(lines) > 1:
+        lines.pop()
+    if not any(line.strip() for line in lines):
+        raise DataError(f"{path}: is empty; record the log again")
+    sample = _body(lines)
+    best: tuple[float, int] = (0.0, 0)
+    chosen: tuple[str | None, str, str] = (",", ".", "")
+    for delimiter in _DELIMITERS:
+        for decimal, thousands in _MARKS:
+            if delimiter is not None and delimiter in (decimal, thousands) or delimiter is None and thousands == " ":
+                continue
+            score = _fit(sample, delimiter, decimal, thousands)
+            if score[0] > best[0] * 1.0001 or (
+                score[0] >= best[0] * 0.9999 and score[1] > best[1] > 0 and best[1] == 1
+            ):
+                best, chosen = score, (delimiter, decimal, thousands)
+    delimiter, decimal, thousands = chosen
+    count = best[1]
+    start = _first_row(lines, delimiter, decimal, thousands, count) if count else None
+    if start is None:
+        raise DataError(
+            f"{path}: holds no rows of numbers; a log is a table with a column of time and one of torque"
+            if any(len(split(line, ",")) < 2 for line in lines if line.strip()) or len(lines) > 3
+            else f"{path}: has a header but no rows; record the log again"
+        )
+    cells = split(lines[start].strip("\r\n "), delimiter)
+    ragged = len(cells) == count + 1 and not cells[-1].strip()
+    names, units, header_lines = _header(lines[:start], delimiter, count, decimal, thousands)
+    stamps = tuple(
+        i
+        for i, cell in enumerate(cells[:count])
+        if number(cell, decimal, thousands) is None and STAMP.match(cell.strip().strip('"'))
+    )
+    said = _facts([line for i, line in enumerate(lines[:start]) if i not in header_lines], delimiter)
+    return Dialect(encoding, delimiter, decimal, thousands, names, units, start + 1, stamps, said, ragged)
+
+
+def _first_row(lines: list[str], delimiter: str | None, decimal: str, thousands: str, count: int) -> int | None:
+    """Index of the first line that is a row of the table: as many cells as the body, most of them numbers."""
+
+    def is_row(line: str) -> bool:
+        if line.lstrip().startswith(COMMENT):
+            return False
+        cells = split(line.strip("\r\n "), delimiter)
+        if len(cells) == count + 1 and not cells[-1].strip():
+            cells = cells[:-1]
+        good = sum(_is_cell(cell, decimal, thousands) for cell in cells)
+        filled = sum(bool(cell.strip()) for cell in cells)
+        return len(cells) == count and good > 0 and good >= filled / 2
+
+    return next((i for i, line in enumerate(lines) if is_row(line)), None)
+
+
+def _header(
+    above: list[str], delimiter: str | None, count: int, decimal: str, thousands: str
+) -> tuple[tuple[str, ...], tuple[str, ...], set[int]]:
+    """Names and units of the columns from the lines above the first row, and which lines those are."""
+    rows = []
+    for i in reversed(range(len(above))):
+        bare = above[i].strip("\r\n ")
+        if bare.lstrip().startswith(COMMENT):
+            bare = bare.lstrip("#%/ ")
+        cells = [cell.strip().strip('"').strip() for cell in split(bare, delimiter)]
+        if len(cells) == count + 1 and not cells[-1]:
+            cells = cells[:-1]
+        if len(cells) == count and any(cells) and (count > 1 or len(rows) == 0):
+            rows.append((i, cells))
+        elif bare:
+            break
+        if len(rows) == 2:
+            break
+    none = ("",) * count
+    if not rows:
+        return none, none, set()
+    i, cells = rows[0]
+    if len(rows) == 2 and _is_units_row(cells) and not _is_units_row(rows[1][1]):
+        units = tuple("" if cell in ("-", "") else cell.strip("[]() ") for cell in cells)
+        return tuple(rows[1][1]), units, {i, rows[1][0]}
+    return tuple(cells), none, {i}
+
+
+def _is_units_row(cells: list[str]) -> bool:
+    filled = [cell for cell in cells if cell]
+    return bool(filled) and all(unit_of(cell) is not None or cell[0] in "[(" for cell in filled)

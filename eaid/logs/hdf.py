@@ -1,0 +1,158 @@
+"""HDF5 files, MAT v7.3 among them: every group of equally long vectors, and every matrix, is a sheet.
+
+Links to other files, external storage and virtual datasets are refused, and so is an array that claims to be far
+larger than the file: both are refused before anything is read.
+"""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from eaid.arrays import read_only
+from eaid.errors import DataError
+from eaid.logs.mat import SAVE_AS
+from eaid.logs.sheet import Cells, Sheet
+
+MOST_VALUES = 1 << 31
+"""Values in one array; a day at 1 kHz is 8.6e7."""
+MOST_RATIO = 2000
+"""An array that claims more than this many times the size of its file is a bomb (a constant column gzips to 1/1000)."""
+
+
+def is_hdf5(head: bytes) -> bool:
+    """True for the first bytes of an HDF5 file, a MAT v7.3 file among them."""
+    return head.startswith(b"\x89HDF\r\n\x1a\n") or head[512:520] == b"\x89HDF\r\n\x1a\n"
+
+
+def open_hdf5(path: Path, source: str) -> Any:
+    """The file, open for reading; raises DataError where it is damaged."""
+    import h5py
+
+    try:
+        return h5py.File(path, "r", locking=False)
+    except (OSError, ValueError, RuntimeError) as fault:
+        reason = " ".join(str(fault).split())[:100]
+        raise DataError(f"{source}: is a damaged HDF5 file ({reason}); copy or save it again") from None
+
+
+def check_safe(file: Any, source: str, size: int) -> None:
+    """Refuse what reads from other files, and arrays of absurd size."""
+    import h5py
+
+    faults: list[str] = []
+
+    def look(name: str, item: Any) -> None:
+        if isinstance(item, h5py.Group):
+            for key in item:
+                if isinstance(item.get(key, getlink=True), h5py.ExternalLink):
+                    faults.append(f"{source}: {name}/{key} is a link to another file; copy the data into this one")
+        elif isinstance(item, h5py.Dataset):
+            if item.external or item.is_virtual:
+                faults.append(f"{source}: {name} keeps its data in another file; copy the data into this one")
+            elif item.shape is not None:
+                claimed = int(np.prod([int(n) for n in item.shape], dtype=object)) if item.shape else 1
+                if claimed > MOST_VALUES or claimed * item.dtype.itemsize > max(MOST_RATIO * size, 1 << 24):
+                    faults.append(
+                        f"{source}: {name} claims {claimed:.3g} values in a file of {size:,} bytes; it is no recorded log"
+                    )
+
+    look("", file)
+    file.visititems(look)
+    if faults:
+        raise DataError(*faults)
+
+
+def _loader(path: Path, source: str, names: Sequence[tuple[str, int | str | None]], across: bool) -> Any:
+    """Reads columns later: (dataset, column of a matrix, or field of a compound, or None)."""
+
+    def load(wanted: Sequence[int]) -> Cells:
+        with open_hdf5(path, source) as file:
+            values = []
+            for i in wanted:
+                name, part = names[i]
+                item = file[name]
+                try:
+                    if part is None:
+                        array = item[()]
+                    elif isinstance(part, str):
+                        array = item.fields(part)[()]
+                    else:
+                        array = item[part, :] if across else item[:, part]
+                except (OSError, RuntimeError, ValueError) as fault:
+                    reason = " ".join(str(fault).split())[:100]
+                    raise DataError(f"{source}: {name} is damaged ({reason}); copy or save the file again") from None
+                values.append(read_only(np.asarray(array, dtype=np.float64).reshape(-1)))
+            return Cells(tuple(values))
+
+    return load
+
+
+def read_hdf5(path: Path, source: str) -> list[Sheet]:
+    """Sheets of an HDF5 file; raises DataError where it holds no table of numbers."""
+    import h5py
+
+    sheets: list[Sheet] = []
+    groups: dict[str, dict[int, list[tuple[str, str]]]] = {}
+    opaque = False
+    with open_hdf5(path, source) as file:
+        matlab = _is_matlab(path)
+        check_safe(file, source, path.stat().st_size)
+
+        def look(name: str, item: Any) -> None:
+            nonlocal opaque
+            if name.startswith("#"):
+                opaque = True
+                return
+            if not isinstance(item, h5py.Dataset) or item.shape is None or b"char" in _class_of(item):
+                return
+            if item.dtype.names and item.ndim == 1:
+                fields = [field for field in item.dtype.names if item.dtype[field].kind in "fiu"]
+                names: list[tuple[str, int | str | None]] = [(name, field) for field in fields]
+                sheets.append(Sheet(name, tuple(fields), _loader(path, source, names, False)))
+            elif item.dtype.kind in "fiub" and item.size >= 2:
+                shape = tuple(n for n in item.shape if n != 1)
+                if len(shape) == 1:
+                    parent, _, leaf = name.rpartition("/")
+                    groups.setdefault(parent, {}).setdefault(shape[0], []).append((leaf, name))
+                elif len(item.shape) == 2:
+                    sheets.append(_matrix(path, source, name, item))
+
+        file.visititems(look)
+    for parent, lengths in groups.items():
+        for columns in lengths.values():
+            names = [(name, None) for _, name in columns]
+            label = parent if len(lengths) == 1 else columns[0][1]
+            sheets.append(Sheet(label, tuple(leaf for leaf, _ in columns), _loader(path, source, names, False)))
+    if not sheets:
+        if matlab and opaque:
+            raise DataError(f"{source}: holds MATLAB objects (a Simulink Dataset or timeseries) only; {SAVE_AS}")
+        raise DataError(f"{source}: holds no table of numbers; save time and torque as arrays of one length")
+    return sheets
+
+
+def _is_matlab(path: Path) -> bool:
+    with path.open("rb") as file:
+        return file.read(6) == b"MATLAB"
+
+
+def _class_of(item: Any) -> bytes:
+    return bytes(item.attrs.get("MATLAB_class", b""))
+
+
+def _matrix(path: Path, source: str, name: str, item: Any) -> Sheet:
+    """A matrix, samples along its longer side; a first row or column that rises is the time."""
+    across = item.shape[0] < item.shape[1]
+    count = min(item.shape)
+    first = np.asarray(item[0, :] if across else item[:, 0], dtype=np.float64)
+    rising = len(first) > 2 and bool(np.mean(np.diff(first) > 0) > 0.9)
+    said = item.attrs.get("columns")
+    labels = [str(label) for label in said] if said is not None and len(said) == count else []
+    if not labels:
+        others = count - 1
+        labels = ["time"] + (["input", "output"] if others == 2 else ["output"] if others == 1 else [""] * others)
+        if not rising:
+            labels = [""] * count
+    names: list[tuple[str, int | str | None]] = [(name, k) for k in range(count)]
+    return Sheet(name, tuple(labels), _loader(path, source, names, across))

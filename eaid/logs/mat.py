@@ -1,0 +1,129 @@
+"""MAT-files v4 and v5: a matrix (QuaRC: time first, samples in columns or rows), vectors, structures with time.
+
+Only numbers are taken; objects, function handles and cells are left where they are and nothing in them is run.
+"""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eaid.arrays import read_only
+from eaid.errors import DataError
+from eaid.logs.sheet import Cells, Sheet
+
+SAVE_AS = (
+    "in MATLAB, save it as plain arrays: t = S.Time; y = squeeze(S.Data); save('log.mat', 't', 'y', '-v7') "
+    "for each signal S of the Dataset"
+)
+
+
+def read_mat(path: Path, source: str) -> list[Sheet]:
+    """Sheets of a MAT-file v4 or v5; raises DataError where it holds no numbers."""
+    from scipy.io import loadmat
+    from scipy.io.matlab import MatReadError
+
+    try:
+        content: Mapping[str, Any] = loadmat(str(path), struct_as_record=True, squeeze_me=False)
+    except (MatReadError, ValueError, TypeError, EOFError, KeyError, IndexError, OverflowError, MemoryError) as fault:
+        reason = " ".join(str(fault).split())[:120] or type(fault).__name__
+        raise DataError(f"{source}: is a damaged MAT-file ({reason}); save it again") from None
+    except NotImplementedError:
+        raise DataError(f"{source}: is a MAT-file of a version that eaid cannot read; save it with -v7") from None
+    variables = {name: value for name, value in content.items() if not name.startswith("__")}
+    sheets = sheets_of(variables)
+    if not sheets:
+        opaque = any("function" in name.lower() or "None" in name for name in content) or any(
+            type(value).__name__ in ("MatlabOpaque", "MatlabFunction") for value in content.values()
+        )
+        if opaque:
+            raise DataError(f"{source}: holds MATLAB objects (a Simulink Dataset or timeseries) only; {SAVE_AS}")
+        raise DataError(f"{source}: holds no table of numbers; save time and torque as arrays")
+    return sheets
+
+
+def _number(value: Any) -> NDArray[Any] | None:
+    """A real numeric array without its empty axes, or None."""
+    if isinstance(value, np.ndarray) and value.dtype.kind in "fiub" and value.size:
+        return np.squeeze(value) if value.ndim > 2 else value
+    return None
+
+
+def sheets_of(variables: Mapping[str, Any]) -> list[Sheet]:
+    """Sheets of named values: vectors of one length together, each matrix and each structure by itself."""
+    sheets: list[Sheet] = []
+    vectors: dict[int, list[tuple[str, NDArray[Any]]]] = {}
+    for name, value in variables.items():
+        if isinstance(value, np.ndarray) and value.dtype.names and value.size == 1:
+            sheets.extend(_structure(name, value.reshape(-1)[0]))
+            continue
+        array = _number(value)
+        if array is None or array.size < 2 or array.ndim > 2:
+            continue
+        if array.ndim == 1 or 1 in array.shape:
+            vectors.setdefault(array.size, []).append((name, array.reshape(-1)))
+        else:
+            sheets.append(_matrix(name, array))
+    for columns in vectors.values():
+        sheets.append(_sheet("" if len(vectors) == 1 else columns[0][0], columns))
+    return sheets
+
+
+def _sheet(name: str, columns: Sequence[tuple[str, NDArray[Any]]]) -> Sheet:
+    """A sheet of arrays that are in memory already."""
+
+    def load(wanted: Sequence[int]) -> Cells:
+        return Cells(tuple(read_only(columns[i][1]) for i in wanted))
+
+    return Sheet(name, tuple(column for column, _ in columns), load)
+
+
+def _matrix(name: str, array: NDArray[Any]) -> Sheet:
+    """A matrix, samples along its longer side; a first row or column that rises is the time."""
+    table = array if array.shape[0] >= array.shape[1] else array.T
+    first = np.asarray(table[:, 0], dtype=np.float64)
+    rising = len(first) > 2 and bool(np.mean(np.diff(first) > 0) > 0.9)
+    others = table.shape[1] - 1
+    labels = ["time"] + (["input", "output"] if others == 2 else ["output"] if others == 1 else [""] * others)
+    if not rising:
+        labels = [""] * table.shape[1]
+    return _sheet(name, [(label, table[:, i]) for i, label in enumerate(labels)])
+
+
+def _text(value: Any) -> str:
+    while isinstance(value, np.ndarray) and value.size:
+        value = value.reshape(-1)[-1]
+    return str(value) if isinstance(value, str) else ""
+
+
+def _structure(name: str, record: Any) -> list[Sheet]:
+    """Structure with time (`time`, `signals.values`, `signals.label`), or any structure of vectors."""
+    fields = record.dtype.names
+    if "signals" in fields and "time" in fields:
+        time = _number(record["time"])
+        signals = record["signals"]
+        if isinstance(signals, np.ndarray) and signals.dtype.names and "values" in signals.dtype.names:
+            columns: list[tuple[str, NDArray[Any]]] = []
+            length = 0 if time is None else time.size
+            for k, signal in enumerate(signals.reshape(-1)):
+                values = _number(signal["values"])
+                if values is None:
+                    continue
+                table = values if values.shape[0] == length or not length else values.T
+                table = table.reshape(len(table), -1)
+                label = _text(signal["label"]) if "label" in signals.dtype.names else ""
+                label = label or (f"signal{k + 1}" if len(signals.reshape(-1)) > 1 or table.shape[1] > 1 else "output")
+                if table.shape[1] == 1:
+                    columns.append((label, table[:, 0]))
+                else:
+                    columns.extend((f"{label} {j + 1}", table[:, j]) for j in range(table.shape[1]))
+            if time is not None:
+                columns.insert(0, ("time", time.reshape(-1)))
+            columns = [column for column in columns if len(column[1]) == len(columns[0][1])]
+            return [_sheet(name, columns)] if columns else []
+    inside = {field: record[field] for field in fields}
+    return [
+        Sheet(f"{name}.{sheet.name}".rstrip("."), sheet.columns, sheet.load, sheet.units) for sheet in sheets_of(inside)
+    ]

@@ -1,0 +1,31 @@
+"""What the user may say about logs that do not say it themselves."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from eaid.logs.run import Kind
+
+
+@dataclass(frozen=True)
+class ReadOptions:
+    """Settings of `read_runs`; every one of them may be left out."""
+
+    columns: Mapping[str, str] = field(default_factory=dict)
+    """Role (time, input, output, reference) → column name, or its number from 1."""
+    units: Mapping[str, str] = field(default_factory=dict)
+    """Role (time, input, output) → unit the column is in."""
+    name_pattern: str | None = None
+    """Found anywhere in the file name, with `{level}` and `{repeat}` in it: `_V={level}_`."""
+    step_at_s: float | None = None
+    """Step instant on the log's clock [s]."""
+    until_s: float | None = None
+    """End of the active window on the log's clock [s]."""
+    repair: bool = False
+    """Drop bad rows, up to 1 % of a log, and say how many."""
+    kind: Kind | None = None
+    variable: str | None = None
+    """Which table of a file with several: a MAT variable, an HDF5 path, a TDMS group."""
+    rate_hz: float | None = None
+    """Sample rate of logs without a time column [Hz]."""
+    join: bool = False
+    """All logs of the call are one run, cut by the logger: join them by time."""

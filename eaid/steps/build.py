@@ -1,0 +1,272 @@
+"""Runs → the step set that is fitted: cut, sorted by level, repeats averaged, with a table of what is doubtful."""
+
+from collections import Counter, defaultdict
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from eaid.apparatus import Apparatus
+from eaid.errors import DataError
+from eaid.logs.run import Kind, Run
+from eaid.steps.average import common
+from eaid.steps.cut import FEWEST, cut
+from eaid.steps.doubts import Step, block_means, disagreement, doubts, left_pct, lost_pct
+from eaid.steps.stepset import Level, RunRecord, StepSet
+
+DISAGREE = 0.10
+"""Repeats whose torque at the end differs by more than this share are told."""
+
+
+@dataclass(frozen=True)
+class StepOptions:
+    """Settings of `build_stepset`."""
+
+    kind: Kind | None = None
+    levels: str | None = None
+    """`30:100` or `30,40,90`: levels to keep."""
+    keep_baseline: bool = False
+    """Leave the idle output in; default: it is subtracted."""
+    apparatus: Apparatus | None = None
+    """The rig; None: as the dataset says, else the paper's."""
+
+
+def wanted_levels(text: str, levels: Sequence[float]) -> list[float]:
+    """Those of `levels` that a `--levels` text keeps; raises DataError where it names one that is not there."""
+    chosen: set[float] = set()
+    for part in text.split(","):
+        bounds = part.split(":")
+        try:
+            numbers = [float(bound) for bound in bounds]
+        except ValueError:
+            numbers = []
+        if len(numbers) == 2 and numbers[0] <= numbers[1]:
+            found = [level for level in levels if numbers[0] - 1e-9 <= level <= numbers[1] + 1e-9]
+        elif len(numbers) == 1:
+            found = [level for level in levels if same_level(level, numbers[0])]
+        else:
+            raise DataError(f"--levels {text}: write 30:100 or 30,40,90")
+        if not found:
+            held = ", ".join(f"{level:g}" for level in levels)
+            raise DataError(f"--levels {text}: no log holds {part.strip()}; levels found: {held}")
+        chosen.update(found)
+    return sorted(chosen)
+
+
+def same_level(a: float, b: float) -> bool:
+    """True where two inputs are one level: within 0.5 % of the larger."""
+    return abs(a - b) <= max(5e-3 * max(abs(a), abs(b)), 1e-12)
+
+
+def cut_runs(runs: Sequence[Run], options: StepOptions) -> tuple[list[Run], list[str]]:
+    """The steps of all logs, repeats counted, and the faults of those that have none."""
+    steps: list[Run] = []
+    faults: list[str] = []
+    for run in runs:
+        try:
+            found = cut(run, options.keep_baseline)
+            if not run.cut:
+                found = _long_enough(found)
+            else:
+                _check_window(found[0])
+            steps.extend(found)
+        except DataError as fault:
+            faults.extend(fault.sentences)
+    return _counted(steps), faults
+
+
+def _window(run: Run) -> tuple[int, int]:
+    """Samples of the active window of a cut run: from its step to its end."""
+    start = int(np.searchsorted(run.time_s, (run.step_s or 0.0) - 1e-9 * max(1.0, abs(run.step_s or 0.0))))
+    return start, len(run.time_s)
+
+
+def _where(run: Run) -> str:
+    return run.source if run.name in run.source else f"{run.source}: run {run.name}"
+
+
+def _check_window(run: Run) -> None:
+    start, stop = _window(run)
+    if stop - start < FEWEST:
+        raise DataError(
+            f"{_where(run)}: {stop - start} samples in its active window, and at least {FEWEST} are needed; record it longer"
+        )
+
+
+def _long_enough(steps: list[Run]) -> list[Run]:
+    """Steps with enough samples; a short one beside good ones is left out and told, one alone refuses the log."""
+    good = []
+    short = 0
+    for step in steps:
+        start, stop = _window(step)
+        if stop - start >= FEWEST:
+            good.append(step)
+        else:
+            short += 1
+    if not any(step.edge == "rising" for step in good):
+        for step in steps:
+            if step.edge == "rising":
+                _check_window(step)
+    if short and good:
+        pieces = f"{short} shorter piece" + ("s" if short > 1 else "")
+        good[0] = replace(good[0], notes=(*good[0].notes, f"{pieces} of fewer than {FEWEST} samples left out"))
+    return good
+
+
+def _counted(steps: list[Run]) -> list[Run]:
+    """Every step with a repeat number of its own level and edge, in the order given."""
+    used: defaultdict[tuple[str, float], set[int]] = defaultdict(set)
+    names: Counter[str] = Counter()
+    counted = []
+    for step in steps:
+        key = (step.edge, round(abs(step.level or 0.0), 6))
+        repeat = step.repeat
+        if repeat is None or repeat in used[key]:
+            repeat = next(n for n in range(1, len(steps) + 2) if n not in used[key])
+        used[key].add(repeat)
+        names[step.name] += 1
+        name = step.name if names[step.name] == 1 else f"{step.name}-{names[step.name]}"
+        counted.append(replace(step, repeat=repeat, name=name))
+    return counted
+
+
+def _step(run: Run) -> Step:
+    """A cut run from its step on, baseline subtracted, its sign as the step's."""
+    start, stop = _window(run)
+    base = run.baseline or 0.0
+    rise = run.output[start:stop] - base
+    idle = run.output[:start] - base
+    held = (run.held - base) if run.held is not None else None
+    means = block_means(rise)
+    if held is not None:
+        sign = -1.0 if held < 0 else 1.0
+        swing = abs(held)
+    elif run.edge == "falling":
+        sign = -1.0 if means[0] < 0 else 1.0
+        swing = float(np.abs(means).max())
+    else:
+        sign = -1.0 if abs(means.min()) > abs(means.max()) and means.mean() < 0 else 1.0
+        swing = float((sign * means).max())
+    time = run.time_s[start:stop] - run.time_s[start]
+    if sign < 0:
+        rise, idle = -rise, -idle
+    return Step(run, time, rise, run.time_s[:start], idle, max(swing, 0.0))
+
+
+def _record(step: Step, warnings: tuple[str, ...]) -> RunRecord:
+    run = step.run
+    return RunRecord(
+        name=run.name,
+        source=run.source,
+        sha256=run.sha256,
+        level=abs(run.level or 0.0),
+        repeat=run.repeat or 1,
+        baseline_nm=run.baseline or 0.0,
+        step_s=run.step_s or 0.0,
+        samples=len(step.time_s),
+        rate_hz=1.0 / float(np.median(np.diff(run.time_s))),
+        edge=run.edge,
+        warnings=warnings,
+        lost_pct=lost_pct(step) if run.edge == "rising" else None,
+        left_pct=left_pct(step) if run.edge == "falling" else None,
+    )
+
+
+def _one(values: set[str], what: str, remedy: str) -> str:
+    if len(values) > 1:
+        raise DataError(f"the logs have different {what} ({', '.join(sorted(v or 'none' for v in values))}); {remedy}")
+    return next(iter(values))
+
+
+def build_stepset(runs: Sequence[Run], options: StepOptions = StepOptions()) -> StepSet:
+    """Step set of runs, cut or not; raises DataError with a sentence for every log that cannot be used."""
+    steps, faults = cut_runs(runs, options)
+    if faults:
+        raise DataError(*faults)
+    return stepset_of(steps, options)
+
+
+def stepset_of(cut_steps: Sequence[Run], options: StepOptions = StepOptions()) -> StepSet:
+    """Step set of runs that are cut already (`cut_runs`)."""
+    if not cut_steps:
+        raise DataError("no log holds a step; give logs with one")
+    kinds = {run.kind for run in cut_steps if run.kind is not None}
+    if options.kind is None and len(kinds) > 1:
+        raise DataError(f"the logs are of different experiments ({', '.join(sorted(kinds))}); give one, or say --kind")
+    kind: Kind = options.kind or next(iter(kinds), "clutch")
+    input_unit = _one({run.input_unit for run in cut_steps}, "input units", "say one with --units input=UNIT")
+    output_unit = _one({run.output_unit for run in cut_steps}, "output units", "say one with --units output=UNIT")
+    rigs = {run.apparatus for run in cut_steps if run.apparatus is not None}
+    if options.apparatus is None and len(rigs) > 1:
+        raise DataError("the datasets are of different rigs; fit them apart")
+    apparatus = options.apparatus or next(iter(rigs), Apparatus(surfaces=2 if kind == "clutch" else 1))
+
+    groups: dict[str, list[tuple[float, list[Step]]]] = {"rising": [], "falling": []}
+    warnings: dict[str, list[str]] = {}
+    steps = {run.name: _step(run) for run in cut_steps}
+    for step in sorted(steps.values(), key=lambda s: (abs(s.run.level or 0.0), s.run.repeat or 0, s.run.name)):
+        run = step.run
+        notes = list(run.notes)
+        if (run.level or 0.0) < 0 or (
+            len(step.rise) and not np.shares_memory(step.rise, run.output) and _flipped(step)
+        ):
+            notes.append("sign turned: the input or the output is recorded inverted")
+        warnings[run.name] = [*notes, *doubts(step)]
+        if run.from_level != 0:
+            continue
+        level = abs(run.level or 0.0)
+        group = groups[run.edge]
+        if group and same_level(group[-1][0], level):
+            group[-1][1].append(step)
+        else:
+            group.append((level, [step]))
+    if options.levels is not None:
+        kept = wanted_levels(options.levels, sorted({level for level, _ in groups["rising"]}))
+        groups = {
+            edge: [pair for pair in group if any(same_level(pair[0], k) for k in kept)]
+            for edge, group in groups.items()
+        }
+        steps = {
+            name: step for name, step in steps.items() if any(same_level(abs(step.run.level or 0.0), k) for k in kept)
+        }
+
+    sets: list[str] = []
+    rising = [_level(level, members, warnings) for level, members in groups["rising"]]
+    if not rising:
+        raise DataError("no log holds a step from rest; record one from zero input")
+    counts = {len(level.names) for level in rising}
+    if len(counts) > 1:
+        few = min(counts)
+        at = ", ".join(f"{level.level:g}" for level in rising if len(level.names) == few)
+        sets.append(f"repeats differ in number: {at} {input_unit} only {few}, others up to {max(counts)}")
+    releases = [_level(level, members, None) for level, members in groups["falling"]]
+    records = [_record(step, tuple(warnings[name])) for name, step in steps.items()]
+    records.sort(key=lambda r: (r.level, r.repeat, r.edge != "rising", r.name))
+    made = sorted({run.synthetic for run in cut_steps if run.synthetic})
+    return StepSet(
+        kind=kind,
+        input_unit=input_unit,
+        output_unit=output_unit,
+        apparatus=apparatus,
+        levels=tuple(rising),
+        releases=tuple(releases),
+        runs=tuple(records),
+        warnings=tuple(sets),
+        synthetic="; ".join(made) or None,
+    )
+
+
+def _flipped(step: Step) -> bool:
+    start, _ = _window(step.run)
+    return bool(step.rise[0] == -(step.run.output[start] - (step.run.baseline or 0.0))) and step.rise[0] != 0
+
+
+def _level(level: float, members: list[Step], warnings: dict[str, list[str]] | None) -> Level:
+    """The repeats of one level, averaged on their common window; what disagrees is told in each of them."""
+    averaged = common(level, [m.time_s for m in members], [m.rise for m in members], [m.run.name for m in members])
+    if warnings is not None and len(members) > 1:
+        spread = disagreement(averaged.runs_nm)
+        if spread > DISAGREE:
+            for member in members:
+                warnings[member.run.name].append(f"repeats disagree: their torque at the end differs by {spread:.0%}")
+    return averaged

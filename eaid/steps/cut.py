@@ -1,0 +1,269 @@
+"""A log → its steps: where the input leaves one plateau for the next, or where the user says (SPEC §2).
+
+A plateau is a stretch in which the input stands still within `tolerance`; t = 0 of a step is the first sample at which
+the input is at its new level, so a ramp between two plateaus belongs to neither. Every step is a run of its own; the
+steps of a log share no sample, so a dataset of cut runs holds each sample once.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from eaid.arrays import Array, read_only
+from eaid.errors import DataError
+from eaid.logs.run import Run
+
+FEWEST = 10
+"""Samples in the active window below which a step is refused (CONTRACT.md)."""
+
+
+@dataclass(frozen=True)
+class Plateau:
+    """A stretch of constant input: samples start … stop − 1."""
+
+    start: int
+    stop: int
+    level: float
+
+
+def tolerance(values: Array) -> float:
+    """How far an input may stray on a plateau: 1 % of its range, or six times its noise, whichever is more."""
+    span = float(np.ptp(values))
+    noise = 1.4826 * float(np.median(np.abs(np.diff(values)))) / np.sqrt(2) if len(values) > 1 else 0.0
+    return max(0.01 * span, 6.0 * noise)
+
+
+def plateaus(values: Array) -> list[Plateau]:
+    """The stretches on which the input stands still, ramps left out; a short one at the very end is kept."""
+    allowed = tolerance(values)
+    if allowed == 0.0:
+        return [Plateau(0, len(values), float(values[0]))]
+    edges = np.flatnonzero(np.abs(np.diff(values)) > allowed) + 1
+    bounds = [0, *edges.tolist(), len(values)]
+    pieces = [Plateau(a, b, float(np.median(values[a:b]))) for a, b in zip(bounds[:-1], bounds[1:], strict=True)]
+    found: list[Plateau] = []
+    for i, piece in enumerate(pieces):
+        short = piece.stop - piece.start < FEWEST
+        on_a_ramp = 0 < i < len(pieces) - 1 and (
+            (pieces[i + 1].level - piece.level) * (piece.level - pieces[i - 1].level) > 0
+        )
+        if short and on_a_ramp:
+            continue
+        if found and abs(found[-1].level - piece.level) <= allowed and found[-1].stop == piece.start:
+            found[-1] = Plateau(found[-1].start, piece.stop, found[-1].level)
+        else:
+            found.append(piece)
+    return found
+
+
+def _part(run: Run, start: int, stop: int, **changes: object) -> Run:
+    reference = None if run.reference_nm is None else read_only(run.reference_nm[start:stop])
+    return replace(
+        run,
+        time_s=read_only(run.time_s[start:stop]),
+        input=read_only(run.input[start:stop]),
+        output=read_only(run.output[start:stop]),
+        reference_nm=reference,
+        cut=True,
+        **changes,  # type: ignore[arg-type]
+    )
+
+
+def cut(run: Run, keep_baseline: bool = False) -> list[Run]:
+    """The steps of a log, in the order of time, each with level, step instant, baseline and edge found.
+
+    Raises DataError where the log has no step, or a level that cannot be told.
+    """
+    where = run.source if run.name in run.source else f"{run.source}: run {run.name}"
+    if np.ptp(run.output) == 0:
+        raise DataError(
+            f"{where}: the output never changes ({run.output[0]:g} {run.output_unit} throughout); check the sensor"
+        )
+    if run.cut and run.step_s is not None:
+        return [run]
+    known = not np.isnan(run.input).all()
+    if known and run.input_unit == "%":
+        _check_percent(run, where)
+    if run.step_s is not None:
+        steps = _cut_at(run, where, known)
+    elif known and np.ptp(run.input) > 0:
+        steps = _cut_by_input(run, where)
+    else:
+        steps = _cut_by_output(run, where, known)
+    return _with_baselines(steps, keep_baseline)
+
+
+def _check_percent(run: Run, where: str) -> None:
+    for wrong, how in ((run.input > 100 + 1e-9, "above 100"), (run.input < -1e-9, "below 0")):
+        if wrong.any():
+            first = int(np.flatnonzero(wrong)[0])
+            raise DataError(
+                f"{where}: the input is {run.input[first]:g} % at {run.time_s[first]:.6g} s, {how}; "
+                f"if it is not in %, say its unit with --units input=UNIT"
+            )
+
+
+def _cut_by_input(run: Run, where: str) -> list[Run]:
+    """Steps where the input goes from one plateau to another; back to zero is a falling edge."""
+    found = plateaus(run.input)
+    zero = tolerance(run.input)
+    idle = [abs(plateau.level) <= zero for plateau in found]
+    steps: list[Run] = []
+    rising = falling = 0
+    for i in range(1, len(found)):
+        before, now = found[i - 1], found[i]
+        stop = found[i + 1].start if i + 1 < len(found) else len(run.time_s)
+        down = abs(now.level) < abs(before.level) and now.level * before.level >= -zero * zero
+        start = before.start if not steps else steps_stop
+        # what lies between two plateaus, the ramp, goes with the step that it leads to
+        if down:
+            falling += 1
+            name = f"{run.name}-release" + (f"-{falling}" if falling > 1 else "")
+            level, base = before.level, (0.0 if idle[i] else now.level)
+        else:
+            rising += 1
+            name = run.name + (f"-{rising}" if rising > 1 else "")
+            level, base = now.level, (0.0 if idle[i - 1] else before.level)
+        end = min(stop, now.stop) if i + 1 < len(found) else stop
+        steps.append(
+            _part(
+                run,
+                start,
+                end,
+                name=name,
+                level=level,
+                from_level=base,
+                step_s=float(run.time_s[now.start]),
+                edge="falling" if down else "rising",
+                until_s=None,
+            )  # fmt: skip
+        )
+        steps_stop = end
+    if not steps:
+        raise DataError(f"{where}: the input stays at {found[0].level:g} {run.input_unit}: no step; {_NO_STEP}")
+    return steps
+
+
+_NO_STEP = "record the idle time before the step too, or give the step instant with --step-at"
+
+
+def _cut_at(run: Run, where: str, known: bool) -> list[Run]:
+    """The step at the instant that the user or the dataset gives, and the release behind the end of its window."""
+    time, step = run.time_s, float(run.step_s or 0.0)
+    close = 1e-9 * max(1.0, abs(step))
+    if not time[0] - close <= step <= time[-1]:
+        raise DataError(
+            f"{where}: the step instant {step:g} s lies outside the log ({time[0]:.6g} to {time[-1]:.6g} s); mend --step-at"
+        )
+    start = int(np.searchsorted(time, step - close))
+    until = len(time)
+    if run.until_s is not None:
+        if run.until_s <= step:
+            raise DataError(f"{where}: the window ends ({run.until_s:g} s) before it begins ({step:g} s); mend --until")
+        until = int(np.searchsorted(time, run.until_s - 1e-9 * max(1.0, abs(run.until_s))))
+    level = run.level
+    if known:
+        held = run.input[start:until]
+        level = float(np.median(held[: max(1, min(len(held), 50))])) if level is None else level
+        away = np.flatnonzero(np.abs(held - level) > max(tolerance(run.input), 0.01 * abs(level)))
+        away = away[away > 0] if len(away) and away[0] == 0 and len(away) < len(held) else away
+        if len(away) and len(held):
+            until = min(until, start + int(away[0]))
+    if level is None:
+        raise DataError(f"{where}: nothing tells its level; give the input column, or --name-pattern with {{level}}")
+    steps = [_part(run, 0, until, level=level, step_s=float(time[start]), until_s=None)]
+    rest = run.input[until:]
+    falls = not known or (len(rest) > 0 and abs(float(np.median(rest))) < abs(level))
+    if (
+        len(time) - until >= FEWEST
+        and run.until_s is not None
+        and not known
+        or (known and len(rest) >= FEWEST and falls)
+    ):
+        steps.append(
+            _part(
+                run,
+                until,
+                len(time),
+                name=f"{run.name}-release",
+                level=level,
+                step_s=float(time[until]),
+                until_s=None,
+                edge="falling",
+            )  # fmt: skip
+        )
+    return steps
+
+
+def _cut_by_output(run: Run, where: str, known: bool) -> list[Run]:
+    """The step of a log without a moving input: where the output leaves its idle value for good."""
+    constant = float(run.input[0]) if known else None
+    if constant is not None and run.kind not in ("friction-force", "friction-speed"):
+        raise DataError(f"{where}: the input stays at {constant:g} {run.input_unit}: no step; {_NO_STEP}")
+    level = constant if run.level is None else run.level
+    if level is None:
+        raise DataError(f"{where}: nothing tells its level; give the input column, or --name-pattern with {{level}}")
+    start = onset(run.output)
+    if start is None:
+        raise DataError(f"{where}: no step stands out of the output's noise; give its instant with --step-at")
+    stop = len(run.time_s)
+    if run.until_s is not None:
+        stop = int(np.searchsorted(run.time_s, run.until_s))
+    note = f"step instant {run.time_s[start]:.6g} s found from the output alone: late by a sample or more"
+    return [_part(run, 0, stop, level=level, step_s=float(run.time_s[start]), notes=(*run.notes, note), until_s=None)]
+
+
+def onset(output: Array) -> int | None:
+    """First sample after the output's last visit to its idle band before it is half-way up; None where none stands out.
+
+    The idle band is the median of the first samples ± 4 standard deviations (from the median deviation), at least 1 %
+    of the rise; the first samples are refined once by those before the onset found.
+    """
+    count = len(output)
+    head = max(FEWEST, count // 50)
+    if count < 2 * FEWEST:
+        return None
+    start = None
+    for _ in range(3):
+        idle = float(np.median(output[:head]))
+        noise = 1.4826 * float(np.median(np.abs(output[:head] - idle)))
+        away = np.abs(output - idle)
+        rise = float(np.quantile(away, 0.9))
+        if rise <= 8 * noise or rise == 0:
+            return None
+        half = np.flatnonzero(away >= 0.5 * rise)
+        inside = np.flatnonzero(away[: half[0]] <= max(4 * noise, 0.01 * rise))
+        if not len(inside):
+            return None
+        found = int(inside[-1]) + 1
+        if found == start:
+            break
+        start, head = found, max(FEWEST, found * 9 // 10)
+    return start
+
+
+def _with_baselines(steps: list[Run], keep_baseline: bool) -> list[Run]:
+    """The idle output of each step: the mean before the log's first step, unless stored; zero where it is kept."""
+    first = steps[0]
+    before = first.output[first.time_s < (first.step_s or 0.0)]
+    idle = float(before.mean()) if len(before) else None
+    finished = []
+    for step in steps:
+        baseline = 0.0 if keep_baseline else step.baseline
+        note = step.notes
+        if baseline is None:
+            baseline = idle
+            if baseline is None:
+                baseline = 0.0
+                note = (*note, "nothing recorded before the step: no baseline is subtracted")
+        held = step.held
+        if step.edge == "falling" and held is None and finished:
+            held = _end_of(finished[-1])
+        finished.append(replace(step, baseline=baseline, held=held, notes=note))
+    return finished
+
+
+def _end_of(run: Run) -> float:
+    """Output at the end of a hold: mean of its last twentieth."""
+    held = run.output[run.time_s >= (run.step_s or 0.0)]
+    return float(held[-max(1, len(held) // 20) :].mean()) if len(held) else float(run.output[-1])

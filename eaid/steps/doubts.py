@@ -1,0 +1,185 @@
+"""What is doubtful in a recorded step, in words; each check is a row of a table (SPEC §2, Fig. 6).
+
+Levels of torque are compared by means of blocks, so that noise and rotor ripple do not count as change.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from eaid.arrays import Array
+from eaid.logs.run import Run
+
+BLOCKS = 20
+"""A window is judged by the means of this many equal parts."""
+
+
+@dataclass(frozen=True, eq=False)
+class Step:
+    """One cut run seen from its step on: what the checks look at."""
+
+    run: Run
+    time_s: Array
+    """Time in the active window, from 0 at the step."""
+    rise: Array
+    """Output relative to the idle baseline in the active window, its sign as the step's."""
+    idle_time_s: Array
+    idle: Array
+    """Output relative to the baseline before the step."""
+    swing: float
+    """How far the output goes: its largest block mean, or the held one of a release."""
+
+    @property
+    def unit(self) -> str:
+        """Unit of the output."""
+        return self.run.output_unit
+
+
+def block_means(values: Array, blocks: int = BLOCKS) -> Array:
+    """Means of equal parts, shape (blocks,), fewer where there are fewer samples."""
+    blocks = max(1, min(blocks, len(values)))
+    edges = np.linspace(0, len(values), blocks + 1).astype(np.intp)
+    return np.asarray(np.add.reduceat(values, edges[:-1]) / np.diff(edges))
+
+
+def lost_pct(step: Step) -> float:
+    """Torque lost while the input is held, peak to end [% of the peak], by block means."""
+    means = block_means(step.rise)
+    peak = float(means.max())
+    return max(0.0, 100.0 * (peak - float(means[-1])) / peak) if peak > 0 else 0.0
+
+
+def left_pct(step: Step) -> float:
+    """Torque left at the end of a release [% of the held torque], by block means."""
+    return 100.0 * float(block_means(step.rise)[-1]) / step.swing if step.swing > 0 else 0.0
+
+
+def _scatter(values: Array) -> float:
+    """Standard error of a block mean, from how far neighbouring means of a fine division differ."""
+    means = block_means(values, 4 * BLOCKS)
+    if len(means) < 8:
+        return 0.0
+    bends = means[2:] - 2 * means[1:-1] + means[:-2]
+    return float(1.4826 * np.median(np.abs(bends)) / np.sqrt(6) / 2)
+
+
+def _jitter(step: Step) -> str:
+    gaps = np.diff(step.run.time_s)
+    typical = float(np.median(gaps))
+    if gaps.max() > 5 * typical:
+        at = float(step.run.time_s[int(gaps.argmax())])
+        return f"gap of {gaps.max():.4g} s in the record at {at:.6g} s (usual sample time {typical:.4g} s)"
+    low, high = np.quantile(gaps, (0.01, 0.99))
+    if high - low > 0.2 * typical:
+        return f"jitter: the sample time runs from {low:.4g} to {high:.4g} s"
+    return ""
+
+
+def _slow_clock(step: Step) -> str:
+    typical = float(np.median(np.diff(step.run.time_s)))
+    return f"sample time is {typical:.4g} s; if the time is not in s, say --units time=ms" if typical >= 1.0 else ""
+
+
+def _drift(step: Step) -> str:
+    if step.run.edge == "falling" or len(step.idle) < 2 * BLOCKS:
+        return ""
+    means = block_means(step.idle)
+    times = np.linspace(0, 1, len(means))
+    slope = float(np.polyfit(times, means, 1)[0])
+    rest = means - means.mean() - slope * (times - 0.5)
+    error = float(np.sqrt((rest**2).mean() / max(1, len(means) - 2) / times.var()))
+    if abs(slope) > 0.02 * step.swing and abs(slope) > 5 * error:
+        return f"drift before the step: {slope:+.3g} {step.unit} over the idle time ({abs(slope) / step.swing:.0%} of the step)"
+    return ""
+
+
+def _falls_while_held(step: Step) -> str:
+    if step.run.edge == "falling" or len(step.rise) < 2 * BLOCKS:
+        return ""
+    lost = lost_pct(step)
+    if lost > 2.0 and lost / 100 * step.swing > 5 * _scatter(step.rise):
+        return f"torque falls by {lost:.0f} % from its peak while the input is held (space charge?): no monotone model shows that"
+    return ""
+
+
+def _left_after_release(step: Step) -> str:
+    if step.run.edge == "rising" or len(step.rise) < FEW:
+        return ""
+    left = left_pct(step)
+    if left > 5.0 and left / 100 * step.swing > 5 * _scatter(step.rise):
+        return f"{left:.0f} % of the held torque is left {step.time_s[-1]:.3g} s after the release"
+    return ""
+
+
+FEW = 2 * BLOCKS
+
+
+def _saturated(step: Step) -> str:
+    output = step.run.output
+    for limit, word in ((float(output.max()), "largest"), (float(output.min()), "smallest")):
+        at = output == limit
+        if at.sum() < max(10, 0.01 * len(output)):
+            continue
+        edges = np.flatnonzero(np.diff(np.concatenate(([0], at.astype(np.int8), [0]))))
+        starts, stops = edges[::2], edges[1::2]
+        longest = int((stops - starts).max())
+        entry = int(starts[0])
+        moves = np.abs(np.diff(output))
+        finest = float(moves[moves > 0].min()) if (moves > 0).any() else 0.0
+        # a sensor at its limit is met at full slope; a settled or idle output is approached by its finest step
+        before = output[max(0, entry - 3) : entry]
+        steep = (
+            len(before) > 0
+            and abs(limit - float(before[0])) > 20 * finest
+            and abs(limit - float(before[0])) > 1e-3 * np.ptp(output)
+        )
+        if longest >= 5 and steep:
+            return f"sensor saturated? {int(at.sum())} samples stand at its {word} value, {limit:.4g} {step.unit}"
+    return ""
+
+
+def _too_short(step: Step) -> str:
+    if step.run.edge == "falling" or len(step.rise) < FEW:
+        return ""
+    means = block_means(step.rise)
+    gain = float(means[-2:].mean() - means[-6:-4].mean())
+    if gain > 0.02 * step.swing and gain > 5 * _scatter(step.rise):
+        return (
+            f"still rising at the end of its {step.time_s[-1]:.3g} s ({gain / step.swing:.0%} over the last fifth): "
+            f"too short for the slow time constant"
+        )
+    return ""
+
+
+def _not_from_rest(step: Step) -> str:
+    run = step.run
+    if run.from_level == 0:
+        return ""
+    how = "starts from" if run.edge == "rising" else "falls only to"
+    return f"{how} {run.from_level:g} {run.input_unit}, not {'from' if run.edge == 'rising' else 'to'} rest: not fitted"
+
+
+CHECKS: tuple[Callable[[Step], str], ...] = (
+    _slow_clock,
+    _jitter,
+    _drift,
+    _saturated,
+    _falls_while_held,
+    _too_short,
+    _left_after_release,
+    _not_from_rest,
+)
+"""Every check of one run: a sentence, or nothing."""
+
+
+def doubts(step: Step) -> tuple[str, ...]:
+    """All that is doubtful in one step, in the order of the table."""
+    return tuple(said for said in (check(step) for check in CHECKS) if said)
+
+
+def disagreement(runs: Array) -> float:
+    """Spread of the repeats' means over the last quarter [share of their mean], from outputs of shape (R, n)."""
+    ends = runs[:, -max(1, runs.shape[1] // 4) :].mean(axis=1)
+    middle = abs(float(ends.mean()))
+    return float(np.ptp(ends)) / middle if middle > 0 else 0.0
