@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, cast
 
 import typer
 
@@ -86,17 +86,26 @@ def runs_from(
 
     from eaid.logs.options import ReadOptions
     from eaid.logs.read import files_of, read_what_can_be
+    from eaid.logs.run import Kind
     from eaid.steps.build import StepOptions, cut_runs, same_level, stepset_of
 
     if kind is not None and kind not in KINDS:
         raise UsageError(f"--kind {kind}: must be one of {', '.join(KINDS)}")
     if rate is not None and not rate > 0:
         raise UsageError(f"--rate {rate:g}: must be above zero")
+    said = cast("Kind | None", kind)
     reading = ReadOptions(
-        columns=pairs("--columns", columns), units=pairs("--units", units), name_pattern=name_pattern,
-        step_at_s=step_at, until_s=until, repair=repair, kind=kind, variable=variable, rate_hz=rate,
-    )  # type: ignore[arg-type]  # fmt: skip
-    stepping = StepOptions(kind=kind, levels=levels, keep_baseline=keep_baseline)  # type: ignore[arg-type]
+        columns=pairs("--columns", columns),
+        units=pairs("--units", units),
+        name_pattern=name_pattern,
+        step_at_s=step_at,
+        until_s=until,
+        repair=repair,
+        kind=said,
+        variable=variable,
+        rate_hz=rate,
+    )
+    stepping = StepOptions(kind=said, levels=levels, keep_baseline=keep_baseline)
     with console.progress("reading logs", len(files_of(paths))) as advance:
         runs, faults = read_what_can_be(paths, reading, advance)
     steps, more = cut_runs(runs, stepping)

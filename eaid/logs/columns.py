@@ -12,7 +12,7 @@ from eaid.logs.units import TIME_UNITS, split_name, unit_of
 
 ROLES = ("time", "input", "output", "reference")
 
-TIME = (
+TIME: tuple[tuple[str, ...], ...] = (
     ("time", "t", "zeit", "tijd", "temps", "tiempo", "tempo", "elapsed", "elapsedtime", "xvalue"),
     ("timestamp", "seconds", "sec", "secs", "s", "ms", "clock", "datetime"),
 )
@@ -28,7 +28,7 @@ INPUTS: dict[Kind, tuple[tuple[str, ...], ...]] = {
     ),
     "friction-speed": (("speed", "rpm", "rotationspeed", "velocity", "angularvelocity", "omega", "drehzahl"),),
 }
-OUTPUTS = (
+OUTPUTS: tuple[tuple[str, ...], ...] = (
     ("torque", "clutchtorque", "moment", "drehmoment", "koppel", "couple", "trq"),
     ("shearforce", "frictionforce", "friction", "tangentialforce"),
     ("loadcell", "force", "load", "kraft", "kracht", "fuerza"),
@@ -154,7 +154,7 @@ def match_columns(path: str, sheet: Sheet, options: ReadOptions) -> Roles:
             f"{path}: no column is called torque (columns: {_shown(names)}); name what was measured with "
             f"--columns output=NAME"
         )
-    elif not unit:
+    if not unit:
         for group, unit_here in zip(OUTPUTS, OUTPUT_UNITS, strict=True):
             if _alike([names[output]], group, set()):
                 unit = unit_here

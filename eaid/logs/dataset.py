@@ -102,7 +102,8 @@ def read_dataset(path: Path, source: str, sha256: str) -> tuple[list[Run], list[
             raise DataError(f"{source}: holds no runs; ingest the logs again")
         apparatus = _apparatus(file.attrs, source)
         synthetic = file.attrs.get("synthetic")
-        runs, faults = [], []
+        runs: list[Run] = []
+        faults: list[str] = []
         for name in folder:
             try:
                 runs.append(
@@ -138,7 +139,8 @@ def _apparatus(attributes: Any, source: str) -> Apparatus | None:
     if not known:
         return None
     try:
-        return Apparatus(**{k: int(v) if k == "surfaces" else float(v) for k, v in known.items()})
+        numbers: dict[str, Any] = {k: int(v) if k == "surfaces" else float(v) for k, v in known.items()}
+        return Apparatus(**numbers)
     except (TypeError, ValueError):
         raise DataError(f"{source}: its apparatus holds what is no number; ingest the logs again") from None
 

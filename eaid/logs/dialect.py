@@ -167,7 +167,7 @@ def sniff(path: str, head: bytes, whole: bool) -> Dialect:
     chosen: tuple[str | None, str, str] = (",", ".", "")
     for delimiter in _DELIMITERS:
         for decimal, thousands in _MARKS:
-            if delimiter is not None and delimiter in (decimal, thousands) or delimiter is None and thousands == " ":
+            if delimiter in (decimal, thousands) or (delimiter is None and thousands == " "):
                 continue
             score = _fit(sample, delimiter, decimal, thousands)
             if score[0] > best[0] * 1.0001 or (
@@ -185,7 +185,7 @@ def sniff(path: str, head: bytes, whole: bool) -> Dialect:
         )
     cells = split(lines[start].strip("\r\n "), delimiter)
     ragged = len(cells) == count + 1 and not cells[-1].strip()
-    names, units, header_lines = _header(lines[:start], delimiter, count, decimal, thousands)
+    names, units, header_lines = _header(lines[:start], delimiter, count)
     stamps = tuple(
         i
         for i, cell in enumerate(cells[:count])
@@ -211,11 +211,9 @@ def _first_row(lines: list[str], delimiter: str | None, decimal: str, thousands:
     return next((i for i, line in enumerate(lines) if is_row(line)), None)
 
 
-def _header(
-    above: list[str], delimiter: str | None, count: int, decimal: str, thousands: str
-) -> tuple[tuple[str, ...], tuple[str, ...], set[int]]:
+def _header(above: list[str], delimiter: str | None, count: int) -> tuple[tuple[str, ...], tuple[str, ...], set[int]]:
     """Names and units of the columns from the lines above the first row, and which lines those are."""
-    rows = []
+    rows: list[tuple[int, list[str]]] = []
     for i in reversed(range(len(above))):
         bare = above[i].strip("\r\n ")
         if bare.lstrip().startswith(COMMENT):

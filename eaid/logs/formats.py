@@ -24,7 +24,7 @@ def _is_mat(head: bytes) -> bool:
     if head[124:128] in (b"\x00\x01IM", b"\x01\x00MI") or head.startswith(b"MATLAB 5.0"):
         return True
     for order in ("little", "big"):
-        words = [int.from_bytes(head[i : i + 4], order) for i in range(0, 20, 4)]  # type: ignore[arg-type]
+        words = [int.from_bytes(head[i : i + 4], order) for i in range(0, 20, 4)]
         kind = words[0]
         plausible = kind in range(0, 53) or kind in range(1000, 1053)
         if len(head) > 24 and plausible and words[3] in (0, 1) and 2 <= words[4] < 64 and min(words[1:3]) > 0:

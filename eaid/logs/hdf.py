@@ -45,9 +45,11 @@ def check_safe(file: Any, source: str, size: int) -> None:
 
     def look(name: str, item: Any) -> None:
         if isinstance(item, h5py.Group):
-            for key in item:
-                if isinstance(item.get(key, getlink=True), h5py.ExternalLink):
-                    faults.append(f"{source}: {name}/{key} is a link to another file; copy the data into this one")
+            faults.extend(
+                f"{source}: {name}/{key} is a link to another file; copy the data into this one"
+                for key in item
+                if isinstance(item.get(key, getlink=True), h5py.ExternalLink)
+            )
         elif isinstance(item, h5py.Dataset):
             if item.external or item.is_virtual:
                 faults.append(f"{source}: {name} keeps its data in another file; copy the data into this one")
@@ -55,7 +57,7 @@ def check_safe(file: Any, source: str, size: int) -> None:
                 claimed = int(np.prod([int(n) for n in item.shape], dtype=object)) if item.shape else 1
                 if claimed > MOST_VALUES or claimed * item.dtype.itemsize > max(MOST_RATIO * size, 1 << 24):
                     faults.append(
-                        f"{source}: {name} claims {claimed:.3g} values in a file of {size:,} bytes; it is no recorded log"
+                        f"{source}: {name} claims {claimed:.3g} values in a file of {size:,} bytes; no log does"
                     )
 
     look("", file)

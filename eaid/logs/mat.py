@@ -66,8 +66,7 @@ def sheets_of(variables: Mapping[str, Any]) -> list[Sheet]:
             vectors.setdefault(array.size, []).append((name, array.reshape(-1)))
         else:
             sheets.append(_matrix(name, array))
-    for columns in vectors.values():
-        sheets.append(_sheet("" if len(vectors) == 1 else columns[0][0], columns))
+    sheets.extend(_sheet("" if len(vectors) == 1 else columns[0][0], columns) for columns in vectors.values())
     return sheets
 
 

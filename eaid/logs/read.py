@@ -26,6 +26,9 @@ SKIPPED = (".md", ".txt~", ".part", ".json", ".png", ".pdf", ".svg", ".html", ".
 """Endings that a folder of logs also holds, and that are no logs; a file given by name is always read."""
 
 
+NOTHING_SAID = ReadOptions()
+
+
 def files_of(paths: Iterable[Path]) -> list[Path]:
     """The files behind what the user gave: a folder stands for the logs in it, by name."""
     files: list[Path] = []
@@ -64,7 +67,7 @@ def name_regex(pattern: str) -> re.Pattern[str]:
 
 
 def read_runs(
-    paths: Sequence[Path], options: ReadOptions = ReadOptions(), on_file: Callable[[], None] = lambda: None
+    paths: Sequence[Path], options: ReadOptions = NOTHING_SAID, on_file: Callable[[], None] = lambda: None
 ) -> list[Run]:
     """Runs of all logs, in the order given; raises DataError with a sentence for every fault of every log."""
     runs, faults = read_what_can_be(paths, options, on_file)
@@ -187,7 +190,7 @@ def _choose(source: str, sheets: list[Sheet], options: ReadOptions) -> tuple[She
             f"{sheet.name or 'table'}: {', '.join(c or '?' for c in sheet.columns[:8])}" for sheet in sheets[:6]
         )
         raise DataError(
-            f"{source}: no table in it has columns called time and torque ({held}); choose with --variable and --columns"
+            f"{source}: no table in it has columns of time and torque ({held}); choose with --variable and --columns"
         )
     full = [pair for pair in good if pair[1].inputs] or good
     if len(full) > 1:

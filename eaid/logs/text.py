@@ -12,7 +12,7 @@ import zlib
 from array import array
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any
+from typing import IO, Any, cast
 
 import numpy as np
 
@@ -36,6 +36,10 @@ def is_gzip(head: bytes) -> bool:
     return head.startswith(b"\x1f\x8b")
 
 
+def _opened(path: Path, zipped: bool) -> IO[bytes]:
+    return cast(IO[bytes], gzip.open(path, "rb")) if zipped else path.open("rb")
+
+
 def _limit(path: Path, zipped: bool) -> int:
     size = path.stat().st_size
     return max(MOST_RATIO * size, 1 << 22) if zipped else size
@@ -43,10 +47,10 @@ def _limit(path: Path, zipped: bool) -> int:
 
 def read_text(path: Path, source: str) -> list[Sheet]:
     """The one sheet of a text log; raises DataError where it holds no table."""
-    with path.open("rb") as file:
-        zipped = is_gzip(file.read(4))
+    with path.open("rb") as raw:
+        zipped = is_gzip(raw.read(4))
     try:
-        with gzip.open(path, "rb") if zipped else path.open("rb") as file:
+        with _opened(path, zipped) as file:
             head = file.read(HEAD_BYTES)
             whole = not file.read(1)
     except (OSError, EOFError, zlib.error) as fault:
@@ -78,7 +82,7 @@ def _bytes(path: Path, source: str, zipped: bool) -> bytes:
         raise DataError(f"{source}: is no whole gzip file ({_plain(fault)}); copy it again") from None
     if len(data) > limit:
         raise DataError(
-            f"{source}: unpacks to more than {MOST_RATIO} times its size, which no recorded log does; unpack it yourself"
+            f"{source}: unpacks to more than {MOST_RATIO} times its size, as no recorded log does; unpack it yourself"
         )
     return data
 
@@ -117,7 +121,7 @@ def _load_fast(data: bytes, start: int, end: int, dialect: Dialect, columns: Seq
     body = memoryview(data)[start:end]
     try:
         frame = pd.read_csv(
-            _Window(body),  # type: ignore[arg-type]
+            _Window(body),
             sep=dialect.delimiter or r"\s+",
             decimal=dialect.decimal,
             header=None,
@@ -163,7 +167,7 @@ class _Window(io.RawIOBase):
         self._at += len(piece)
         return piece
 
-    def __iter__(self) -> "Iterator[bytes]":  # type: ignore[override]
+    def __iter__(self) -> "Iterator[bytes]":
         while piece := self.read(CHUNK_BYTES):
             yield piece
 

@@ -31,6 +31,9 @@ class StepOptions:
     """The rig; None: as the dataset says, else the paper's."""
 
 
+NOTHING_SAID = StepOptions()
+
+
 def wanted_levels(text: str, levels: Sequence[float]) -> list[float]:
     """Those of `levels` that a `--levels` text keeps; raises DataError where it names one that is not there."""
     chosen: set[float] = set()
@@ -54,8 +57,8 @@ def wanted_levels(text: str, levels: Sequence[float]) -> list[float]:
 
 
 def same_level(a: float, b: float) -> bool:
-    """True where two inputs are one level: within 0.5 % of the larger."""
-    return abs(a - b) <= max(5e-3 * max(abs(a), abs(b)), 1e-12)
+    """True where two inputs are one level: within 1 % of the larger."""
+    return abs(a - b) <= max(1e-2 * max(abs(a), abs(b)), 1e-12)
 
 
 def cut_runs(runs: Sequence[Run], options: StepOptions) -> tuple[list[Run], list[str]]:
@@ -89,7 +92,7 @@ def _check_window(run: Run) -> None:
     start, stop = _window(run)
     if stop - start < FEWEST:
         raise DataError(
-            f"{_where(run)}: {stop - start} samples in its active window, and at least {FEWEST} are needed; record it longer"
+            f"{_where(run)}: {stop - start} samples in its window, at least {FEWEST} are needed; record it longer"
         )
 
 
@@ -130,27 +133,27 @@ def _counted(steps: list[Run]) -> list[Run]:
     return counted
 
 
-def _step(run: Run) -> Step:
-    """A cut run from its step on, baseline subtracted, its sign as the step's."""
+def _step(run: Run, sign: float = 1.0) -> Step:
+    """A cut run from its step on, baseline subtracted, times the sign that makes the set's torque positive."""
     start, stop = _window(run)
     base = run.baseline or 0.0
-    rise = run.output[start:stop] - base
-    idle = run.output[:start] - base
-    held = (run.held - base) if run.held is not None else None
-    means = block_means(rise)
-    if held is not None:
-        sign = -1.0 if held < 0 else 1.0
-        swing = abs(held)
-    elif run.edge == "falling":
-        sign = -1.0 if means[0] < 0 else 1.0
-        swing = float(np.abs(means).max())
-    else:
-        sign = -1.0 if abs(means.min()) > abs(means.max()) and means.mean() < 0 else 1.0
-        swing = float((sign * means).max())
-    time = run.time_s[start:stop] - run.time_s[start]
+    rise, idle = run.output[start:stop] - base, run.output[:start] - base
     if sign < 0:
         rise, idle = -rise, -idle
-    return Step(run, time, rise, run.time_s[:start], idle, max(swing, 0.0))
+    swing = sign * (run.held - base) if run.held is not None else float(block_means(rise).max())
+    return Step(run, run.time_s[start:stop] - run.time_s[start], rise, idle, max(swing, 0.0))
+
+
+def _signs(cut_steps: Sequence[Run]) -> dict[bool, float]:
+    """Sign of the torque that positive and negative inputs make, from all their rising steps together.
+
+    One sign for all, since a level that makes no torque has the sign of its noise.
+    """
+    totals = {False: 0.0, True: 0.0}
+    for run in cut_steps:
+        if run.edge == "rising":
+            totals[(run.level or 0.0) < 0] += float(_step(run).rise.mean())
+    return {negative: -1.0 if total < 0 else 1.0 for negative, total in totals.items()}
 
 
 def _record(step: Step, warnings: tuple[str, ...]) -> RunRecord:
@@ -178,7 +181,7 @@ def _one(values: set[str], what: str, remedy: str) -> str:
     return next(iter(values))
 
 
-def build_stepset(runs: Sequence[Run], options: StepOptions = StepOptions()) -> StepSet:
+def build_stepset(runs: Sequence[Run], options: StepOptions = NOTHING_SAID) -> StepSet:
     """Step set of runs, cut or not; raises DataError with a sentence for every log that cannot be used."""
     steps, faults = cut_runs(runs, options)
     if faults:
@@ -186,14 +189,15 @@ def build_stepset(runs: Sequence[Run], options: StepOptions = StepOptions()) -> 
     return stepset_of(steps, options)
 
 
-def stepset_of(cut_steps: Sequence[Run], options: StepOptions = StepOptions()) -> StepSet:
+def stepset_of(cut_steps: Sequence[Run], options: StepOptions = NOTHING_SAID) -> StepSet:
     """Step set of runs that are cut already (`cut_runs`)."""
     if not cut_steps:
         raise DataError("no log holds a step; give logs with one")
     kinds = {run.kind for run in cut_steps if run.kind is not None}
     if options.kind is None and len(kinds) > 1:
         raise DataError(f"the logs are of different experiments ({', '.join(sorted(kinds))}); give one, or say --kind")
-    kind: Kind = options.kind or next(iter(kinds), "clutch")
+    told: Kind | None = options.kind or next(iter(kinds), None)
+    kind: Kind = told or "clutch"
     input_unit = _one({run.input_unit for run in cut_steps}, "input units", "say one with --units input=UNIT")
     output_unit = _one({run.output_unit for run in cut_steps}, "output units", "say one with --units output=UNIT")
     rigs = {run.apparatus for run in cut_steps if run.apparatus is not None}
@@ -203,14 +207,15 @@ def stepset_of(cut_steps: Sequence[Run], options: StepOptions = StepOptions()) -
 
     groups: dict[str, list[tuple[float, list[Step]]]] = {"rising": [], "falling": []}
     warnings: dict[str, list[str]] = {}
-    steps = {run.name: _step(run) for run in cut_steps}
+    signs = _signs(cut_steps)
+    steps = {run.name: _step(run, signs[(run.level or 0.0) < 0]) for run in cut_steps}
     for step in sorted(steps.values(), key=lambda s: (abs(s.run.level or 0.0), s.run.repeat or 0, s.run.name)):
         run = step.run
         notes = list(run.notes)
-        if (run.level or 0.0) < 0 or (
-            len(step.rise) and not np.shares_memory(step.rise, run.output) and _flipped(step)
-        ):
-            notes.append("sign turned: the input or the output is recorded inverted")
+        if (run.level or 0.0) < 0:
+            notes.append("the input is negative: its size is taken")
+        if signs[(run.level or 0.0) < 0] < 0:
+            notes.append("the output falls at the step: recorded inverted, its sign is turned")
         warnings[run.name] = [*notes, *doubts(step)]
         if run.from_level != 0:
             continue
@@ -231,7 +236,7 @@ def stepset_of(cut_steps: Sequence[Run], options: StepOptions = StepOptions()) -
         }
 
     sets: list[str] = []
-    rising = [_level(level, members, warnings) for level, members in groups["rising"]]
+    rising = [_level(members, warnings) for _, members in groups["rising"]]
     if not rising:
         raise DataError("no log holds a step from rest; record one from zero input")
     counts = {len(level.names) for level in rising}
@@ -239,7 +244,7 @@ def stepset_of(cut_steps: Sequence[Run], options: StepOptions = StepOptions()) -
         few = min(counts)
         at = ", ".join(f"{level.level:g}" for level in rising if len(level.names) == few)
         sets.append(f"repeats differ in number: {at} {input_unit} only {few}, others up to {max(counts)}")
-    releases = [_level(level, members, None) for level, members in groups["falling"]]
+    releases = [_level(members, None) for _, members in groups["falling"]]
     records = [_record(step, tuple(warnings[name])) for name, step in steps.items()]
     records.sort(key=lambda r: (r.level, r.repeat, r.edge != "rising", r.name))
     made = sorted({run.synthetic for run in cut_steps if run.synthetic})
@@ -256,13 +261,10 @@ def stepset_of(cut_steps: Sequence[Run], options: StepOptions = StepOptions()) -
     )
 
 
-def _flipped(step: Step) -> bool:
-    start, _ = _window(step.run)
-    return bool(step.rise[0] == -(step.run.output[start] - (step.run.baseline or 0.0))) and step.rise[0] != 0
-
-
-def _level(level: float, members: list[Step], warnings: dict[str, list[str]] | None) -> Level:
+def _level(members: list[Step], warnings: dict[str, list[str]] | None) -> Level:
     """The repeats of one level, averaged on their common window; what disagrees is told in each of them."""
+    inputs = [abs(m.run.level or 0.0) for m in members]
+    level = inputs[0] if len(set(inputs)) == 1 else float(np.mean(inputs))
     averaged = common(level, [m.time_s for m in members], [m.rise for m in members], [m.run.name for m in members])
     if warnings is not None and len(members) > 1:
         spread = disagreement(averaged.runs_nm)

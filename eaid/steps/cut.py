@@ -5,7 +5,9 @@ the input is at its new level, so a ramp between two plateaus belongs to neither
 steps of a log share no sample, so a dataset of cut runs holds each sample once.
 """
 
+import itertools
 from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 
@@ -40,7 +42,7 @@ def plateaus(values: Array) -> list[Plateau]:
         return [Plateau(0, len(values), float(values[0]))]
     edges = np.flatnonzero(np.abs(np.diff(values)) > allowed) + 1
     bounds = [0, *edges.tolist(), len(values)]
-    pieces = [Plateau(a, b, float(np.median(values[a:b]))) for a, b in zip(bounds[:-1], bounds[1:], strict=True)]
+    pieces = [Plateau(a, b, float(np.median(values[a:b]))) for a, b in itertools.pairwise(bounds)]
     found: list[Plateau] = []
     for i, piece in enumerate(pieces):
         short = piece.stop - piece.start < FEWEST
@@ -104,27 +106,30 @@ def _check_percent(run: Run, where: str) -> None:
 
 
 def _cut_by_input(run: Run, where: str) -> list[Run]:
-    """Steps where the input goes from one plateau to another; back to zero is a falling edge."""
-    found = plateaus(run.input)
+    """Steps where the input goes from one plateau to another; towards zero is a falling edge."""
+    found, bridged = bridge(plateaus(run.input))
     zero = tolerance(run.input)
-    idle = [abs(plateau.level) <= zero for plateau in found]
+    if len(found) < 2:
+        raise DataError(f"{where}: the input stays at {found[0].level:g} {run.input_unit}: no step; {_NO_STEP}")
+    notes = run.notes
+    if bridged:
+        notes = (*notes, f"the input leaves its level for {bridged} samples and comes back: passed over")
     steps: list[Run] = []
-    rising = falling = 0
-    for i in range(1, len(found)):
-        before, now = found[i - 1], found[i]
-        stop = found[i + 1].start if i + 1 < len(found) else len(run.time_s)
+    counts = {"rising": 0, "falling": 0}
+    baseline = run.baseline
+    end = 0
+    for i, (before, now) in enumerate(itertools.pairwise(found)):
         down = abs(now.level) < abs(before.level) and now.level * before.level >= -zero * zero
-        start = before.start if not steps else steps_stop
-        # what lies between two plateaus, the ramp, goes with the step that it leads to
-        if down:
-            falling += 1
-            name = f"{run.name}-release" + (f"-{falling}" if falling > 1 else "")
-            level, base = before.level, (0.0 if idle[i] else now.level)
-        else:
-            rising += 1
-            name = run.name + (f"-{rising}" if rising > 1 else "")
-            level, base = now.level, (0.0 if idle[i - 1] else before.level)
-        end = min(stop, now.stop) if i + 1 < len(found) else stop
+        edge: Literal["rising", "falling"] = "falling" if down else "rising"
+        counts[edge] += 1
+        name = run.name + ("-release" if down else "") + (f"-{counts[edge]}" if counts[edge] > 1 else "")
+        level, other = (before.level, now.level) if down else (now.level, before.level)
+        if baseline is None and abs(before.level) <= zero:
+            # behind a hold, only the last quarter of the idle time is taken for idle
+            start = before.start if i == 0 else before.stop - (before.stop - before.start) // 4 - 1
+            baseline = float(run.output[start : before.stop].mean())
+        # the ramp between two plateaus goes with the step that it leads to
+        start, end = end, now.stop
         steps.append(
             _part(
                 run,
@@ -132,16 +137,42 @@ def _cut_by_input(run: Run, where: str) -> list[Run]:
                 end,
                 name=name,
                 level=level,
-                from_level=base,
+                from_level=0.0 if abs(other) <= zero else other,
                 step_s=float(run.time_s[now.start]),
-                edge="falling" if down else "rising",
+                edge=edge,
                 until_s=None,
-            )  # fmt: skip
+                notes=notes if i == 0 else run.notes,
+                held=_end_of(run, before) if down else None,
+            )
         )
-        steps_stop = end
-    if not steps:
-        raise DataError(f"{where}: the input stays at {found[0].level:g} {run.input_unit}: no step; {_NO_STEP}")
-    return steps
+    return [replace(step, baseline=baseline) for step in steps]
+
+
+GLITCH = 3
+"""Samples up to which an input that leaves its level and comes back is passed over, and told."""
+
+
+def bridge(found: list[Plateau]) -> tuple[list[Plateau], int]:
+    """Plateaus without the glitches that part one level in two; and how many samples those were."""
+    joined: list[Plateau] = []
+    passed = 0
+    for plateau in found:
+        if len(joined) >= 2:
+            before, glitch = joined[-2], joined[-1]
+            if glitch.stop - glitch.start <= GLITCH and plateau.start == glitch.stop and glitch.start == before.stop:
+                close = 0.05 * max(abs(before.level - glitch.level), abs(plateau.level - glitch.level))
+                if abs(before.level - plateau.level) <= close and plateau.stop - plateau.start > GLITCH:
+                    joined[-2:] = [Plateau(before.start, plateau.stop, before.level)]
+                    passed += glitch.stop - glitch.start
+                    continue
+        joined.append(plateau)
+    return joined, passed
+
+
+def _end_of(run: Run, hold: Plateau) -> float:
+    """Output at the end of a hold: mean of its last twentieth."""
+    count = max(1, (hold.stop - hold.start) // 20)
+    return float(run.output[hold.stop - count : hold.stop].mean())
 
 
 _NO_STEP = "record the idle time before the step too, or give the step instant with --step-at"
@@ -153,7 +184,7 @@ def _cut_at(run: Run, where: str, known: bool) -> list[Run]:
     close = 1e-9 * max(1.0, abs(step))
     if not time[0] - close <= step <= time[-1]:
         raise DataError(
-            f"{where}: the step instant {step:g} s lies outside the log ({time[0]:.6g} to {time[-1]:.6g} s); mend --step-at"
+            f"{where}: the step at {step:g} s lies outside the log ({time[0]:.6g} to {time[-1]:.6g} s); mend --step-at"
         )
     start = int(np.searchsorted(time, step - close))
     until = len(time)
@@ -173,13 +204,8 @@ def _cut_at(run: Run, where: str, known: bool) -> list[Run]:
         raise DataError(f"{where}: nothing tells its level; give the input column, or --name-pattern with {{level}}")
     steps = [_part(run, 0, until, level=level, step_s=float(time[start]), until_s=None)]
     rest = run.input[until:]
-    falls = not known or (len(rest) > 0 and abs(float(np.median(rest))) < abs(level))
-    if (
-        len(time) - until >= FEWEST
-        and run.until_s is not None
-        and not known
-        or (known and len(rest) >= FEWEST and falls)
-    ):
+    ended = abs(float(np.median(rest))) < abs(level) if known and len(rest) else run.until_s is not None
+    if len(time) - until >= FEWEST and ended:
         steps.append(
             _part(
                 run,
@@ -190,7 +216,8 @@ def _cut_at(run: Run, where: str, known: bool) -> list[Run]:
                 step_s=float(time[until]),
                 until_s=None,
                 edge="falling",
-            )  # fmt: skip
+                held=_end_of(run, Plateau(start, until, level)),
+            )
         )
     return steps
 
@@ -243,27 +270,18 @@ def onset(output: Array) -> int | None:
 
 
 def _with_baselines(steps: list[Run], keep_baseline: bool) -> list[Run]:
-    """The idle output of each step: the mean before the log's first step, unless stored; zero where it is kept."""
+    """The idle output of each step: as found or stored, else the mean before the first step; 0 where it is kept."""
     first = steps[0]
     before = first.output[first.time_s < (first.step_s or 0.0)]
-    idle = float(before.mean()) if len(before) else None
     finished = []
     for step in steps:
-        baseline = 0.0 if keep_baseline else step.baseline
-        note = step.notes
-        if baseline is None:
-            baseline = idle
-            if baseline is None:
-                baseline = 0.0
-                note = (*note, "nothing recorded before the step: no baseline is subtracted")
-        held = step.held
-        if step.edge == "falling" and held is None and finished:
-            held = _end_of(finished[-1])
-        finished.append(replace(step, baseline=baseline, held=held, notes=note))
+        baseline, notes = step.baseline, step.notes
+        if keep_baseline:
+            baseline = 0.0
+        elif baseline is None and len(before) and first.edge == "rising":
+            baseline = float(before.mean())
+        elif baseline is None:
+            baseline = 0.0
+            notes = (*notes, "nothing recorded before the step: no baseline is subtracted")
+        finished.append(replace(step, baseline=baseline, notes=notes))
     return finished
-
-
-def _end_of(run: Run) -> float:
-    """Output at the end of a hold: mean of its last twentieth."""
-    held = run.output[run.time_s >= (run.step_s or 0.0)]
-    return float(held[-max(1, len(held) // 20) :].mean()) if len(held) else float(run.output[-1])

@@ -24,7 +24,6 @@ class Step:
     """Time in the active window, from 0 at the step."""
     rise: Array
     """Output relative to the idle baseline in the active window, its sign as the step's."""
-    idle_time_s: Array
     idle: Array
     """Output relative to the baseline before the step."""
     swing: float
@@ -90,7 +89,16 @@ def _drift(step: Step) -> str:
     rest = means - means.mean() - slope * (times - 0.5)
     error = float(np.sqrt((rest**2).mean() / max(1, len(means) - 2) / times.var()))
     if abs(slope) > 0.02 * step.swing and abs(slope) > 5 * error:
-        return f"drift before the step: {slope:+.3g} {step.unit} over the idle time ({abs(slope) / step.swing:.0%} of the step)"
+        return f"drift before the step: {slope:+.3g} {step.unit} while idle ({abs(slope) / step.swing:.0%} of the step)"
+    return ""
+
+
+def _not_idle(step: Step) -> str:
+    if step.run.edge == "falling" or not len(step.idle) or step.run.from_level != 0 or not step.swing > 0:
+        return ""
+    last = float(step.idle[-max(1, len(step.idle) // 20) :].mean())
+    if abs(last) > 0.05 * step.swing and abs(last) > 5 * _scatter(step.idle):
+        return f"not at rest when the step begins: {last:+.3g} {step.unit} off the idle output"
     return ""
 
 
@@ -99,7 +107,7 @@ def _falls_while_held(step: Step) -> str:
         return ""
     lost = lost_pct(step)
     if lost > 2.0 and lost / 100 * step.swing > 5 * _scatter(step.rise):
-        return f"torque falls by {lost:.0f} % from its peak while the input is held (space charge?): no monotone model shows that"
+        return f"torque falls by {lost:.0f} % from its peak while held (space charge?): no monotone model shows that"
     return ""
 
 
@@ -164,6 +172,7 @@ CHECKS: tuple[Callable[[Step], str], ...] = (
     _slow_clock,
     _jitter,
     _drift,
+    _not_idle,
     _saturated,
     _falls_while_held,
     _too_short,

@@ -26,14 +26,14 @@ class Level:
     @property
     def mean_nm(self) -> Array:
         """Mean of the repeats, shape (n,): what is fitted."""
-        return self.runs_nm.mean(axis=0)
+        return np.asarray(self.runs_nm.mean(axis=0))
 
     @property
     def sd_nm(self) -> Array:
         """Standard deviation of the repeats (n − 1), shape (n,); zeros for a single run."""
         if len(self.runs_nm) == 1:
             return np.zeros_like(self.time_s)
-        return self.runs_nm.std(axis=0, ddof=1)
+        return np.asarray(self.runs_nm.std(axis=0, ddof=1))
 
 
 @dataclass(frozen=True)
