@@ -1,0 +1,76 @@
+"""What the fits of the curve share: every sample of the levels, and the few weighted points that stand for them."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from eaid.arrays import Array
+from eaid.fitting.compress import Points, compress
+from eaid.fitting.kernel import Record
+from eaid.steps.stepset import Level
+
+
+@dataclass(frozen=True, eq=False)
+class Data:
+    """The mean curves of L levels. Fitting the mean is exact: Σ_r |y_r − f|² = Σ_r |y_r − ȳ|² + R |ȳ − f|²."""
+
+    u: Array
+    """Level of each curve, in the set's input unit, shape (L,)."""
+    records: tuple[Record, ...]
+    weights: Array
+    """Weight of each level's squared residuals, shape (L,); ones unless the user weights by spread."""
+
+    @property
+    def samples(self) -> int:
+        """Samples of all mean curves together."""
+        return sum(len(record.y) for record in self.records)
+
+    @property
+    def longest_s(self) -> float:
+        """Length of the longest record [s]."""
+        return max(float(record.t_s[-1]) for record in self.records)
+
+    @cached_property
+    def energy(self) -> float:
+        """Weighted sum of squared data, all samples."""
+        points = self.points
+        return float(self.weights @ (points.w * points.y**2).sum(axis=1))
+
+    @cached_property
+    def points(self) -> Points:
+        """The compressed curves."""
+        return compress([r.t_s for r in self.records], [r.y for r in self.records])
+
+    def one(self, index: int) -> "Data":
+        """One level of it, with weight 1."""
+        alone = Data(self.u[index : index + 1], self.records[index : index + 1], np.ones(1))
+        if "points" in self.__dict__:
+            p = self.points
+            row = slice(index, index + 1)
+            mine = Points(p.t_s if len(p.t_s) == 1 else p.t_s[row], p.y[row], p.w if len(p.w) == 1 else p.w[row])
+            alone.__dict__["points"] = mine
+        return alone
+
+
+def data_of(levels: Sequence[Level], weights: Array | None = None) -> Data:
+    """The mean curves of some levels; times of equal grids are shared."""
+    return Data(
+        np.array([level.level for level in levels], dtype=np.float64),
+        tuple(Record(level.time_s, level.mean_nm, level.uniform) for level in levels),
+        np.ones(len(levels)) if weights is None else weights,
+    )
+
+
+def spread_weights(levels: Sequence[Level]) -> Array:
+    """1/s² of each level, s the rms spread of its repeats about their mean, scaled to a mean of 1; shape (L,).
+
+    Levels of a single run have no spread: the result is NaN there.
+    """
+    variance = np.array(
+        [np.mean(level.sd_nm**2) if len(level.runs_nm) > 1 else np.nan for level in levels], dtype=np.float64
+    )
+    with np.errstate(divide="ignore", invalid="ignore"):
+        weights = 1.0 / variance
+        return np.asarray(weights / weights.mean())

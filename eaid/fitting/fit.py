@@ -1,0 +1,226 @@
+"""StepSet → Fit: the models that the kind of experiment allows, with held-out levels, weights and loss."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from eaid.arrays import Array
+from eaid.errors import DataError, UsageError
+from eaid.fitting import robust
+from eaid.fitting.data import Data, data_of, spread_weights
+from eaid.fitting.friction import friction_fit, refuse_empty
+from eaid.fitting.kernel import full_sums
+from eaid.fitting.levels import fit_levels
+from eaid.fitting.linear import bounds_of, by_convention, fit_linear, fit_own_levels, linear_residuals
+from eaid.fitting.nonlinear import Solution, fit_nonlinear, full_value
+from eaid.fitting.options import ALLOWED, CONVENTIONS, ESTIMATORS, LOSSES, WEIGHTS, FitOptions
+from eaid.fitting.release import release_fit
+from eaid.fitting.result import Fit, FrictionFit, LevelError, LevelFit, LinearFit, NonlinearFit
+from eaid.fitting.warnings import linear_warnings, nonlinear_warnings
+from eaid.models import friction as friction_model
+from eaid.models import linear as linear_model
+from eaid.models import nonlinear as nonlinear_model
+from eaid.models.parameters import SHARE, Friction
+from eaid.models.trends import evaluate
+from eaid.steps.stepset import Level, StepSet
+
+
+def fit(stepset: StepSet, options: FitOptions | None = None) -> Fit:
+    """Fit what the kind of experiment allows; raises DataError or UsageError where that is nothing."""
+    options = options or FitOptions()
+    check(options)
+    refuse_empty(stepset)
+    models = chosen(stepset.kind, options.models)
+    kept, held = split(stepset.levels, options.hold_out)
+    stepset = replace(stepset, levels=kept)
+    data = data_of(kept, weights_of(kept, options.weights))
+    curves, curve_info = fit_curves(data, options)
+    warnings: list[str] = []
+    found: dict[str, Any] = {}
+    if "friction" in models:
+        part = friction_fit(stepset, curves, options.share)
+        found["friction"] = replace(part, robust=curve_info, hold_out=friction_hold_out(part, stepset, held))
+    if "nonlinear" in models:
+        found["nonlinear"] = nonlinear_fit(data, options, held, curves)
+    if "linear" in models:
+        found["linear"] = linear_fit(data, options, held)
+    if stepset.releases:
+        found["release"] = release_fit(stepset.releases, curves, options.share or SHARE)
+    return Fit(**found, warnings=tuple(warnings))
+
+
+def check(options: FitOptions) -> None:
+    """Refuse choices that are not in their tables, each in one sentence."""
+    for name, value, table in (
+        ("--weights", options.weights, WEIGHTS),
+        ("--loss", options.loss, LOSSES),
+        ("--bounds", options.bounds, tuple(CONVENTIONS)),
+        ("--estimator", options.estimator, ESTIMATORS),
+    ):
+        if value not in table:
+            raise UsageError(f"{name} {value}: must be one of {', '.join(table)}")
+    if options.share is not None and not 0 < options.share < 1:
+        raise UsageError(f"--share {options.share:g}: the share of the fast part lies between 0 and 1; or say free")
+
+
+def chosen(kind: str, wanted: Sequence[str] | None) -> tuple[str, ...]:
+    """The models to fit; raises UsageError for one that the kind does not allow."""
+    allowed = ALLOWED[kind]
+    for name in wanted or ():
+        if name not in allowed:
+            raise UsageError(f"--model {name}: {kind} logs can be fitted with {', '.join(allowed)}")
+    return tuple(name for name in allowed if wanted is None or name in wanted)
+
+
+def split(levels: Sequence[Level], hold_out: Sequence[float]) -> tuple[tuple[Level, ...], tuple[Level, ...]]:
+    """The levels to fit and those held out; raises UsageError where a held-out level is not there."""
+    there = [level.level for level in levels]
+    for wanted in hold_out:
+        if not any(np.isclose(wanted, level) for level in there):
+            raise UsageError(f"--hold-out {wanted:g}: no such level; there are {', '.join(f'{u:g}' for u in there)}")
+    held = tuple(level for level in levels if any(np.isclose(level.level, u) for u in hold_out))
+    kept = tuple(level for level in levels if not any(np.isclose(level.level, u) for u in hold_out))
+    if not kept:
+        raise UsageError("--hold-out: every level is held out; leave some to be fitted")
+    return kept, held
+
+
+def weights_of(levels: Sequence[Level], how: str) -> Array | None:
+    """Weight of each level's squared residuals, or None where all are alike; raises DataError without repeats."""
+    if how == "equal":
+        return None
+    single = [f"{level.level:g}" for level in levels if len(level.runs_nm) < 2]
+    if single:
+        raise DataError(
+            f"--weights sd: level {', '.join(single)} has one run only, so its repeats have no spread; use --weights equal"
+        )
+    weights = spread_weights(levels)
+    if not np.isfinite(weights).all():
+        same = [f"{level.level:g}" for level in levels if not level.sd_nm.any()]
+        raise DataError(
+            f"--weights sd: the repeats of level {', '.join(same)} are identical, so their spread is no weight; use --weights equal"
+        )
+    return weights
+
+
+def fit_curves(data: Data, options: FitOptions) -> tuple[list[LevelFit], dict[str, Any] | None]:
+    """The friction curve of each level, under the loss that was asked for; rmse and sse are of the data themselves."""
+
+    def residuals(fits: list[LevelFit], on: Data) -> list[Array]:
+        theta = np.array([[f.curve.Ts, f.curve.tau1, f.curve.tau2, f.curve.C] for f in fits]).T
+        return full_sums(theta, on.records)[2]
+
+    fits, info = robust.minimise(data, options.loss, lambda d: fit_levels(d, options.share), residuals)
+    if info is not None:
+        squares = [float(r @ r) for r in residuals(fits, data)]
+        fits = [replace(f, sse=sse, rmse=float(np.sqrt(sse / f.samples))) for f, sse in zip(fits, squares, strict=True)]
+    return fits, info
+
+
+def level_error(level: float, residual: Array) -> LevelError:
+    """RMSE, sum of squares, and mean and standard deviation of |residual| of one level."""
+    size = np.abs(residual)
+    sse = float(residual @ residual)
+    return LevelError(level, float(np.sqrt(sse / len(residual))), sse, float(size.mean()), float(size.std()))
+
+
+def overall(residuals: Sequence[Array]) -> LevelError:
+    """The same over all samples of all levels; its level is NaN."""
+    return level_error(float("nan"), np.concatenate(residuals))
+
+
+def hold_out_row(rows: Sequence[LevelError], residuals: Sequence[Array], fitted_rmse: float) -> dict[str, Any]:
+    """What the held-out levels say, beside the error on the fitted ones."""
+    total = overall(residuals)
+    return {
+        "levels": [{"level": r.level, "rmse": r.rmse, "abs_error": {"mean": r.abs_mean, "sd": r.abs_sd}} for r in rows],
+        "rmse": total.rmse,
+        "abs_error": {"mean": total.abs_mean, "sd": total.abs_sd},
+        "fitted_rmse": fitted_rmse,
+    }
+
+
+def nonlinear_fit(
+    data: Data, options: FitOptions, held: Sequence[Level] = (), curves: Sequence[LevelFit] = ()
+) -> NonlinearFit:
+    """The nonlinear model with its errors per level and on the held-out levels."""
+
+    def residuals(solved: Solution, on: Data) -> list[Array]:
+        return full_value(solved.x, on, solved.basis)[2]
+
+    solution, info = robust.minimise(data, options.loss, lambda d: fit_nonlinear(d, options.share), residuals)
+    p = solution.parameters
+    left = residuals(solution, data)
+    total = overall(left)
+    outside = None
+    if held:
+        missed = [nonlinear_model.step_response(p, one.time_s, one.level) - one.mean_nm for one in held]
+        rows = [level_error(one.level, r) for one, r in zip(held, missed, strict=True)]
+        outside = hold_out_row(rows, missed, total.rmse)
+    return NonlinearFit(
+        parameters=p,
+        rmse=total.rmse,
+        sse=total.sse,
+        abs_mean=total.abs_mean,
+        abs_sd=total.abs_sd,
+        per_level=tuple(level_error(float(u), r) for u, r in zip(data.u, left, strict=True)),
+        solver=solution.solver,
+        share_free=options.share is None,
+        weights=None if options.weights == "equal" else tuple(data.weights.tolist()),
+        robust=info,
+        warnings=nonlinear_warnings(data, p, solution.solver, [one.level for one in held]),
+        hold_out=outside,
+    )
+
+
+def linear_fit(data: Data, options: FitOptions, held: Sequence[Level] = ()) -> LinearFit:
+    """The linear model, pooled and per level, with the bounds of B."""
+    pooled, info = robust.minimise(
+        data, options.loss, fit_linear, lambda solved, on: linear_residuals(solved.parameters, on)
+    )
+    p = pooled.parameters
+    left = linear_residuals(p, data)
+    total = overall(left)
+    own = fit_own_levels(data)
+    rows = {name: by_convention(data, own, p, name) for name in CONVENTIONS}
+    bounds = {name: bounds_of(row, name, options.bounds_levels) for name, row in rows.items()}
+    outside = None
+    if held:
+        missed = [linear_model.step_response(p, one.time_s, one.level) - one.mean_nm for one in held]
+        errors = [level_error(one.level, r) for one, r in zip(held, missed, strict=True)]
+        outside = hold_out_row(errors, missed, total.rmse)
+    return LinearFit(
+        parameters=p,
+        rmse=total.rmse,
+        sse=total.sse,
+        per_level=tuple(rows[options.bounds]),
+        bounds=bounds[options.bounds],
+        conventions=bounds,
+        solver=pooled.solver,
+        weights=None if options.weights == "equal" else tuple(data.weights.tolist()),
+        robust=info,
+        warnings=linear_warnings(data, p, pooled.solver, rows[options.bounds], bounds[options.bounds]),
+        hold_out=outside,
+    )
+
+
+def friction_hold_out(part: FrictionFit, stepset: StepSet, held: Sequence[Level]) -> dict[str, Any] | None:
+    """Held-out levels against the curve whose T_s, τ1, τ2 the trends give; None where a trend is missing."""
+    from eaid.fitting.friction import trend_axis
+
+    if not held or not all(name in part.trends for name in ("Ts", "tau1", "tau2")):
+        return None
+    axis = trend_axis(stepset, np.array([one.level for one in held]))[1]
+    missed = []
+    for one, x in zip(held, axis, strict=True):
+        Ts, tau1, tau2 = (
+            float(evaluate(part.trends[k].form, part.trends[k].coefficients, np.array([x]))[0])
+            for k in ("Ts", "tau1", "tau2")
+        )
+        curve = Friction(Ts, max(tau1, 1e-3), max(tau2, 1e-3), SHARE if part.C is None else part.C)
+        missed.append(friction_model.step_response(curve, one.time_s) - one.mean_nm)
+    rows = [level_error(one.level, r) for one, r in zip(held, missed, strict=True)]
+    samples = sum(f.samples for f in part.levels)
+    return hold_out_row(rows, missed, float(np.sqrt(sum(f.sse for f in part.levels) / samples)))

@@ -1,0 +1,44 @@
+"""The choices of a fit, as one frozen type, with their tables of names."""
+
+from dataclasses import dataclass
+
+from eaid.models.parameters import SHARE
+
+MODELS = ("friction", "nonlinear", "linear")
+ALLOWED: dict[str, tuple[str, ...]] = {
+    "clutch": MODELS,
+    "friction-force": ("friction",),
+    "friction-speed": ("friction",),
+}
+"""Models that a kind of experiment can be fitted with."""
+CONVENTIONS: dict[str, str] = {
+    "zero-offset": "c0 = 0 and a0 free per level; gives the paper's range of B",
+    "pooled-offset": "c0 from the pooled fit, a0 free per level",
+    "pooled-dynamics": "a0 and c0 from the pooled fit, only b0 per level",
+}
+"""What each convention for b0 of a single level assumes, SPEC §4.3."""
+WEIGHTS = ("equal", "sd")
+LOSSES = ("squares", "huber")
+ESTIMATORS = ("joint", "two-stage")
+
+
+@dataclass(frozen=True)
+class FitOptions:
+    """How a StepSet is fitted."""
+
+    models: tuple[str, ...] | None = None
+    """Models to fit; None: all that the kind allows."""
+    share: float | None = SHARE
+    """C, held; None: free."""
+    weights: str = "equal"
+    """equal: every sample alike. sd: each level by the spread of its repeats."""
+    loss: str = "squares"
+    """squares, or huber (1.345 robust standard deviations)."""
+    hold_out: tuple[float, ...] = ()
+    """Levels that are not fitted; the error on them is reported."""
+    bounds: str = "zero-offset"
+    """Convention for b0 of a single level."""
+    bounds_levels: tuple[float, ...] | None = None
+    """Levels over which B_m and B_M are taken; None: all that are fitted."""
+    estimator: str = "joint"
+    """joint: all coefficients together, as in the paper. two-stage: each level, then the polynomials (eaid.uncertainty)."""

@@ -1,0 +1,187 @@
+"""The one SLSQP call of every fit, on whitened unknowns, and our own verdict on where it ends.
+
+The cost is a sum of squares with gradient g and curvature H. With H = LL' at the start, SLSQP works in z = L'(x − x0),
+where the cost is nearly |z|²: it then needs a dozen evaluations and cannot stop early. Constraints are A x ≥ b.
+
+The verdict does not trust the solver: at the end point the constrained Newton step d solves
+min g'd + d'Hd/2 with A (x + d) ≥ b, and what it promises, relative to the cost, has to be nothing.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import minimize, nnls
+
+from eaid.arrays import Array
+
+FTOL = 1e-13
+"""SLSQP's own stopping rule, relative to the cost at the start of the round."""
+PROMISE = 1e-9
+"""A fit has converged where the Newton step would lower the cost by less than this part of it."""
+
+
+ROUNDING = 1e-15
+"""A promise is judged against at least this part of the sum of squared data: beneath it lies rounding."""
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """Minimise a sum of squares under A x ≥ b."""
+
+    value: Callable[[Array], tuple[float, Array]]
+    """x → cost, gradient (n,)."""
+    curvature: Callable[[Array], Array]
+    """x → positive semidefinite Gauss–Newton matrix of the cost, (n, n)."""
+    A: Array
+    b: Array
+    names: tuple[str, ...]
+    """What each row of A says, in words; shown where the row is active."""
+    exact: Callable[[Array], Array] | None = None
+    """x → true second derivatives, (n, n), where they are known."""
+    floor: float = 0.0
+    """Cost below which differences are rounding: `ROUNDING` times the sum of squared data."""
+
+
+@dataclass(frozen=True, eq=False)
+class EndPoint:
+    """Where a solve ended."""
+
+    x: Array
+    cost: float
+    evaluations: int
+
+
+@dataclass(frozen=True, eq=False)
+class Step:
+    """A constrained Newton step: where it goes, what it promises, and the rows of A that hold it."""
+
+    d: Array
+    decrease: float
+    active: tuple[int, ...]
+
+
+def whiten(curvature: Array) -> Array:
+    """L with LL' = curvature, a trace of its diagonal added where it is singular, (n, n) lower triangular."""
+    scale = np.sqrt(np.maximum(np.diagonal(curvature), np.finfo(float).tiny))
+    scaled = curvature / np.outer(scale, scale)
+    ridge = 0.0
+    while True:
+        try:
+            return np.asarray(scale[:, None] * np.linalg.cholesky(scaled + ridge * np.eye(len(scale))))
+        except np.linalg.LinAlgError:
+            ridge = 10 * ridge if ridge else 1e-13
+
+
+def slsqp(problem: Problem, start: Array, rounds: int = 3, maximum: int = 200) -> EndPoint:
+    """Solve from one start, whitened anew each round, until a round gains nothing; the start has to be feasible."""
+    x = start
+    cost = problem.value(x)[0]
+    evaluations = 1
+    for _ in range(rounds):
+        if cost == 0.0:
+            break
+        reached, used = _one_round(problem, x, cost, maximum)
+        evaluations += used
+        found = problem.value(reached)[0]
+        if not found < cost:
+            break
+        gained = cost - found
+        x, cost = reached, found
+        if gained <= 1e-10 * cost:
+            break
+        step = newton_step(problem, x, problem.value(x)[1], problem.curvature(x))
+        evaluations += 1
+        if step.decrease <= 1e-11 * cost:
+            break
+    return EndPoint(x, cost, evaluations)
+
+
+def _one_round(problem: Problem, x: Array, cost: float, maximum: int) -> tuple[Array, int]:
+    # x − x0 = L'^(-1) z √cost: cost/cost(x0) then has curvature 1 in z, which is what SLSQP assumes at first.
+    back = np.linalg.inv(whiten(problem.curvature(x))).T * np.sqrt(cost)
+
+    def scaled(z: Array) -> tuple[float, Array]:
+        value, gradient = problem.value(x + back @ z)
+        return value / cost, back.T @ gradient / cost
+
+    rows = problem.A @ back
+    size = np.linalg.norm(rows, axis=1)
+    size[size == 0] = 1.0
+    rows /= size[:, None]
+    slack = (problem.A @ x - problem.b) / size
+    held = {"type": "ineq", "fun": lambda z: rows @ z + slack, "jac": lambda _: rows}
+    end = minimize(
+        scaled,
+        np.zeros(len(x)),
+        jac=True,
+        method="SLSQP",
+        constraints=[held] if len(slack) else (),
+        options={"ftol": FTOL, "maxiter": maximum},
+    )
+    return _inside(problem, x, x + back @ end.x), int(end.nfev)
+
+
+def _inside(problem: Problem, feasible: Array, x: Array) -> Array:
+    """`x`, drawn back towards a feasible point by as much as rounding left it outside."""
+    if not len(problem.b):
+        return x
+    slack, own = problem.A @ x - problem.b, problem.A @ feasible - problem.b
+    out = (slack < 0) & (own > 0)
+    if not out.any():
+        return x
+    part = float(np.max(slack[out] / (slack[out] - own[out])))
+    return x + part * (feasible - x)
+
+
+def newton_step(problem: Problem, x: Array, gradient: Array, curvature: Array) -> Step:
+    """The step d that minimises g'd + d'Hd/2 with A (x + d) ≥ b, by least distance programming (Lawson and Hanson)."""
+    lower = whiten(curvature)
+    q = np.linalg.solve(lower, gradient)
+    free = np.linalg.solve(lower.T, -q)
+    slack = problem.A @ x - problem.b
+    moved = slack + problem.A @ free
+    if not len(slack) or moved.min() >= 0:
+        return Step(free, 0.5 * float(q @ q), ())
+    G = np.linalg.solve(lower, problem.A.T).T
+    h = -slack + G @ q
+    size = max(float(np.abs(h).max()), 1e-300)
+    E = np.vstack([G.T, h / size])
+    f = np.zeros(len(E))
+    f[-1] = 1.0
+    multipliers, _ = nnls(E, f)
+    r = E @ multipliers - f
+    if r[-1] == 0.0:
+        return Step(np.zeros_like(x), 0.0, tuple(np.flatnonzero(multipliers > 0).tolist()))
+    z = -r[:-1] / r[-1] * size - q
+    d = np.linalg.solve(lower.T, z)
+    decrease = -float(q @ z + 0.5 * z @ z)
+    return Step(d, max(decrease, 0.0), tuple(np.flatnonzero(multipliers > 0).tolist()))
+
+
+def polish(
+    problem: Problem, end: EndPoint, full: Callable[[Array], tuple[float, Array]], steps: int = 8
+) -> tuple[EndPoint, float, tuple[int, ...]]:
+    """Confirm an end point on the full data and take Newton steps there while they gain anything.
+
+    Returns the point with its full-data cost, what a further step promises relative to the cost, and the active rows.
+    """
+    x, evaluations = end.x, end.evaluations + 1
+    cost, gradient = full(x)
+    curvature = (problem.exact or problem.curvature)(x)
+    if problem.exact is not None and np.linalg.eigvalsh(curvature)[0] <= 0:
+        curvature = problem.curvature(x)
+    step = newton_step(problem, x, gradient, curvature)
+    for _ in range(steps):
+        if step.decrease <= 1e-15 * cost:
+            break
+        reached = _inside(problem, x, x + step.d)
+        found, slope = full(reached)
+        evaluations += 1
+        following = newton_step(problem, reached, slope, curvature)
+        if not found <= cost or (found == cost and following.decrease >= step.decrease):
+            break
+        x, cost, gradient = reached, found, slope
+        step = following
+    promise = step.decrease / max(cost, problem.floor) if step.decrease > 0 else 0.0
+    return EndPoint(x, cost, evaluations), promise, step.active

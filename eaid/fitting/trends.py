@@ -1,0 +1,70 @@
+"""Trends of T_s, τ1, τ2, C_f over stress or speed, by SLSQP on the whitened problem, x scaled to 0…1.
+
+A double exponential has its two rates at least `APART` e-folds apart over the range. Where that holds it, or where its two
+weights cancel to more than `CANCEL` times the values themselves, the rates have merged: the limit (p + q x) e^(r x) is fitted.
+"""
+
+import numpy as np
+
+from eaid.arrays import Array
+from eaid.fitting.result import Trend
+from eaid.fitting.solver import PROMISE, ROUNDING, Problem, polish, slsqp
+from eaid.models.trends import FORMS, STEEPEST, double_guesses, merged_guess
+
+APART = 0.05
+CANCEL = 100.0
+LEAST = {"linear": 3, "double-exponential": 5}
+"""Levels that a form needs: one more than its coefficients."""
+
+
+def fit_trend(x: Array, y: Array, over: str, form: str) -> Trend:
+    """The least-squares trend; `form` is linear or double-exponential, shapes (n,), n as `LEAST` says."""
+    origin, range_ = float(x.min()), float(np.ptp(x))
+    s = (x - origin) / range_
+    if form == "linear":
+        return _trend(form, FORMS[form].guess(x, y), x, y, over, True, ())
+    size = float(np.abs(y).max()) or 1.0
+    c, converged, held = _fit("double-exponential", s, y / size, double_guesses(s, y / size, 4))
+    weights = np.abs(c[[0, 2], None] * np.exp(np.multiply.outer(c[[1, 3]], s)))
+    if not any("apart" in name for name in held) and weights.sum(axis=0).max() <= CANCEL:
+        order = (0, 1, 2, 3) if c[1] >= c[3] else (2, 3, 0, 1)
+        c = c[list(order)]
+        rates = c[[1, 3]] / range_
+        back = size * np.exp(-rates * origin)
+        return _trend(form, np.array([c[0] * back[0], rates[0], c[2] * back[1], rates[1]]), x, y, over, converged, held)
+    c, converged, held = _fit("merged-exponential", s, y / size, [merged_guess(s, y / size)])
+    rate = c[2] / range_
+    back = size * np.exp(-rate * origin)
+    slope = c[1] / range_
+    merged = np.array([(c[0] - slope * origin) * back, slope * back, rate])
+    return _trend("merged-exponential", merged, x, y, over, converged, held)
+
+
+def _trend(form: str, c: Array, x: Array, y: Array, over: str, converged: bool, held: tuple[str, ...]) -> Trend:
+    residual = FORMS[form].curve(c, x) - y
+    rmse = float(np.sqrt(np.mean(residual**2)))
+    return Trend(over, form, tuple(c.tolist()), rmse, converged, held)
+
+
+def _fit(form: str, s: Array, y: Array, starts: list[Array]) -> tuple[Array, bool, tuple[str, ...]]:
+    curve, slope = FORMS[form].curve, FORMS[form].gradient
+
+    def value(c: Array) -> tuple[float, Array]:
+        r = curve(c, s) - y
+        return float(r @ r), 2 * slope(c, s) @ r
+
+    def curvature(c: Array) -> Array:
+        J = slope(c, s)
+        return np.asarray(2 * J @ J.T)
+
+    if form == "double-exponential":
+        A = np.array([[0, 1.0, 0, -1.0], [0, -1.0, 0, 0], [0, 0, 0, 1.0]])
+        b = np.array([APART, -STEEPEST, -1.5 * STEEPEST])
+        names: tuple[str, ...] = ("rates barely apart", "r1 at its steepest rise", "r2 at its steepest fall")
+    else:
+        A, b = np.array([[0, 0, -1.0], [0, 0, 1.0]]), np.array([-STEEPEST, -1.5 * STEEPEST])
+        names = ("r at its steepest rise", "r at its steepest fall")
+    problem = Problem(value, curvature, A, b, names, None, ROUNDING * float(y @ y))
+    best = min((slsqp(problem, start) for start in starts), key=lambda end: end.cost)
+    end, promise, active = polish(problem, best, value)
+    return end.x, promise <= PROMISE, tuple(names[i] for i in active)

@@ -1,0 +1,79 @@
+"""The nonlinear clutch model, Eqs. (4)–(7): the friction curve with τ1(u), τ2(u) and T_s(u) polynomials of the duty.
+
+Outside the identified duties SPEC §4.2 rules: below the lowest τ1, τ2 keep their edge value and T_s goes linearly to 0
+at u = 0; above the highest all keep their edge value.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.polynomial import polynomial
+
+from eaid.arrays import Array
+from eaid.models import friction
+from eaid.models.parameters import SHARE, Friction, Nonlinear
+
+
+def time_constants(p: Nonlinear, duty_pct: Array | float) -> tuple[Array, Array]:
+    """τ1(u) and τ2(u) [s], Eqs. (5), (6), shape of `duty_pct`; edge values outside the identified duties."""
+    inside = np.clip(duty_pct, *p.u_range)
+    return polynomial.polyval(inside, np.array(p.tau1)), polynomial.polyval(inside, np.array(p.tau2))
+
+
+def steady_torque(p: Nonlinear, duty_pct: Array | float) -> Array:
+    """T_s(u) [N·m], Eq. (7), shape of `duty_pct`; a line to 0 below the identified duties, constant above."""
+    inside = np.clip(duty_pct, *p.u_range)
+    edge = polynomial.polyval(inside, np.array(p.Ts))
+    below = np.clip(np.asarray(duty_pct) / p.u_range[0], 0.0, 1.0) if p.u_range[0] > 0 else 1.0
+    return np.asarray(edge * below)
+
+
+def at_duty(p: Nonlinear, duty_pct: float) -> Friction:
+    """The friction curve that the model has at one duty."""
+    tau1, tau2 = time_constants(p, duty_pct)
+    return Friction(steady_torque(p, duty_pct).item(), tau1.item(), tau2.item(), p.C)
+
+
+def step_response(p: Nonlinear, t_s: Array, duty_pct: float) -> Array:
+    """Torque after a duty step from rest [N·m], Eq. (4), shape of `t_s`."""
+    return friction.step_response(at_duty(p, duty_pct), t_s)
+
+
+def gradient(p: Nonlinear, t_s: Array, duty_pct: float) -> Array:
+    """Derivatives of the torque by the coefficients of τ1, τ2 and T_s, in this order, and by C last.
+
+    Shape (10 + 1, n) for the paper's degrees; `duty_pct` has to lie within the identified duties.
+    """
+    by_ts, by_tau1, by_tau2, by_share = friction.gradient(at_duty(p, duty_pct), t_s)
+    powers = duty_pct ** np.arange(max(len(p.tau1), len(p.tau2), len(p.Ts)))
+    return np.concatenate(
+        [
+            powers[: len(p.tau1), None] * by_tau1,
+            powers[: len(p.tau2), None] * by_tau2,
+            powers[: len(p.Ts), None] * by_ts,
+            by_share[None],
+        ]
+    )
+
+
+def guess(duties_pct: Array, curves: Sequence[Friction], degrees: tuple[int, int, int] = (2, 2, 3)) -> Nonlinear:
+    """First guess from the curves of single levels: polynomials of τ1, τ2, T_s through them, plain least squares.
+
+    The degrees fall where the levels are too few; missing coefficients are zero.
+    """
+    highest = float(np.max(duties_pct))
+    scaled = np.asarray(duties_pct) / highest
+
+    def through(values: list[float], degree: int) -> tuple[float, ...]:
+        fitted = polynomial.polyfit(scaled, values, min(degree, len(values) - 1)) if len(values) > 1 else values
+        coefficients = np.zeros(degree + 1)
+        coefficients[: len(fitted)] = fitted
+        return tuple((coefficients / highest ** np.arange(degree + 1)).tolist())
+
+    return Nonlinear(
+        tau1=through([c.tau1 for c in curves], degrees[0]),
+        tau2=through([c.tau2 for c in curves], degrees[1]),
+        Ts=through([c.Ts for c in curves], degrees[2]),
+        u_range=(float(np.min(duties_pct)), highest),
+        C=curves[0].C if curves else SHARE,
+    )
