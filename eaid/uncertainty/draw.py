@@ -11,11 +11,10 @@ import numpy as np
 
 from eaid.arrays import Array
 from eaid.errors import DataError
+from eaid.fitting.result import nonlinear_from_json
 from eaid.models.parameters import SHARE, Nonlinear
-from eaid.uncertainty.curve import powers
+from eaid.uncertainty.joint import constraints
 
-TAU_FLOOR_S = 1e-3
-CHECKED_DUTIES = 101
 PARAMETRISATION = "coefficients of (u/100 %)^k, lowest power first: tau1 [s], tau2 [s], Ts [N·m]"
 """What the rows and columns of `nonlinear.covariance.matrix` are, in this order."""
 TRIES = 200
@@ -37,8 +36,6 @@ def draw_plants(fit: dict[str, Any], n: int, seed: int) -> list[Nonlinear]:
 
     Without a covariance in the file all of them are the fitted plant (`covariance_word` says so).
     """
-    from eaid.fitting.result import nonlinear_from_json
-
     centre = nonlinear_from_json(fit)
     if covariance_word(fit) is not None:
         return [centre] * n
@@ -69,15 +66,6 @@ def draw_plants(fit: dict[str, Any], n: int, seed: int) -> list[Nonlinear]:
             )
         )
     return plants
-
-
-def constraints(counts: tuple[int, int, int], u_range: tuple[float, float]) -> tuple[Array, Array]:
-    """Rows G and offsets d of G c − d ≥ 0 at 101 duties: τ1 − 1 ms, τ2 − τ1 and T_s, for coefficients of (u/100)^k."""
-    duties = np.linspace(*u_range, CHECKED_DUTIES)
-    first, second, third = (powers(duties, count) for count in counts)
-    zero = [np.zeros_like(block) for block in (first, second, third)]
-    rows = np.block([[first, zero[1], zero[2]], [-first, second, zero[2]], [zero[0], zero[1], third]])
-    return rows, np.repeat([TAU_FLOOR_S, 0.0, 0.0], CHECKED_DUTIES)
 
 
 def _root(matrix: Array) -> Array:

@@ -1,0 +1,151 @@
+"""What all intervals stand on: each level's curve, what its runs say, and the variance that follows.
+
+With repeats the scatter is pooled over levels. With one run a level the scatter shows only as the levels' distance from
+a curve through them, which takes four levels more than the curve has terms. Else all that is left is what one run shows
+within itself: a lower bound, and said to be one.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from eaid.arrays import Array
+from eaid.fitting.data import data_of
+from eaid.fitting.levels import fit_levels
+from eaid.fitting.result import LevelFit
+from eaid.steps.stepset import Level
+from eaid.uncertainty.curve import Curve, curve_of_single_runs, curve_with_repeats
+from eaid.uncertainty.levels import UNDETERMINED, LevelEvidence, held_parameters, level_evidence, scatter_of, usable
+from eaid.uncertainty.scatter import Mask, Scatter
+
+TERMS = {"Ts": 4, "tau1": 3, "tau2": 3}
+"""Terms of the paper's polynomials, Eqs. (5)–(7)."""
+SPARE_LEVELS = 4
+"""Levels beyond the terms of a curve that are needed to see the scatter of single runs in it."""
+FEW_DEGREES = 4.0
+"""Degrees of freedom given to the within-run variance where nothing else is known."""
+
+
+@dataclass(frozen=True, eq=False)
+class Ground:
+    """Levels with their evidence, and the variance V of the logarithms of their parameters."""
+
+    levels: tuple[Level, ...]
+    evidence: tuple[LevelEvidence, ...]
+    variance: Array
+    """V, shape (L, k)."""
+    degrees: Array
+    """Degrees of freedom of V, shape (L, k)."""
+    known: Mask
+    """Where a level determines a parameter, shape (L, k)."""
+    source: str
+    """repeats, curve or within: where V comes from."""
+    scatter: Scatter | None
+    """The pooled scatter, with repeats."""
+    between: Array
+    """a: variance between runs, shape (k,); NaN where it cannot be seen."""
+
+    @property
+    def duty_pct(self) -> Array:
+        """Input of each level, shape (L,)."""
+        return np.array([level.level for level in self.levels])
+
+    @property
+    def log_theta(self) -> Array:
+        """Logarithms of the levels' parameters, shape (L, k)."""
+        return np.array([one.evidence.log_theta for one in self.evidence])
+
+    @property
+    def total_degrees(self) -> float:
+        """Degrees of freedom of what is pooled over all levels."""
+        return self.scatter.total_degrees if self.scatter else float(np.median(self.degrees))
+
+    def correlation(self) -> Array:
+        """Correlation of the scatter of (T_s, τ1, τ2[, C]) within a level, pooled over levels, shape (k, k)."""
+        k = self.variance.shape[1]
+        total = np.zeros((k, k))
+        for one, v, known in zip(self.evidence, self.variance, self.known, strict=True):
+            if one.evidence.repeats > 1 and known.all() and (v > 0).all():
+                d = one.evidence.influence / np.sqrt(v)
+                total += d.T @ d
+        size = np.sqrt(np.diag(total))
+        if not (size > 0).all():
+            return np.eye(k)
+        return np.asarray(total / np.outer(size, size))
+
+    def shift(self, index: int) -> Array:
+        """Covariance S of one level's log θ, for the joint fit, shape (k, k)."""
+        sd = np.sqrt(self.variance[index])
+        return np.asarray(self.correlation() * np.outer(sd, sd))
+
+
+def ground(levels: Sequence[Level], fits: Sequence[LevelFit], share_free: bool = False) -> Ground:
+    """The ground of these levels and their friction curves."""
+    found = [
+        level_evidence(level, fit.curve, held_parameters(fit), share_free)
+        for level, fit in zip(levels, fits, strict=True)
+    ]
+    return from_evidence(levels, found)
+
+
+def ground_at_share(levels: Sequence[Level], share: float) -> Ground:
+    """The ground of the levels' own curves with C held at `share`."""
+    return ground(levels, fit_levels(data_of(levels), share))
+
+
+def from_evidence(levels: Sequence[Level], found: Sequence[LevelEvidence]) -> Ground:
+    """Pool what the levels say: by repeats, by a curve through single runs, or not at all."""
+    counted = usable(found)
+    within = np.array([one.evidence.within for one in found])
+    repeats = np.array([one.evidence.repeats for one in found], dtype=float)
+    records = np.array([one.evidence.duration_s for one in found])
+    theta = np.array([one.evidence.log_theta for one in found])
+    known = counted & (np.arange(theta.shape[1]) != 2) | (counted & (np.exp(theta[:, 2]) <= records)[:, None])
+    if repeats.max() > 1:
+        scatter = scatter_of(found)
+        spoken = np.isfinite(scatter.variance).all(axis=0)
+        variance = np.where(spoken, scatter.variance, within / repeats[:, None])
+        degrees = np.where(spoken, scatter.degrees, FEW_DEGREES)
+        return Ground(tuple(levels), tuple(found), variance, degrees, known, "repeats", scatter, scatter.between)
+    between = np.full(theta.shape[1], np.nan)
+    variance, degrees = within.copy(), np.full(within.shape, FEW_DEGREES)
+    duty = np.array([level.level for level in levels])
+    source = "within"
+    for k, name in enumerate(("Ts", "tau1", "tau2")):
+        row = known[:, k]
+        if row.sum() - TERMS[name] >= SPARE_LEVELS:
+            curve = curve_of_single_runs(duty[row], theta[row, k], within[row, k], TERMS[name])
+            between[k] = curve.between
+            variance[:, k] = curve.between + within[:, k]
+            degrees[:, k] = curve.degrees
+            source = "curve"
+    return Ground(tuple(levels), tuple(found), variance, degrees, known, source, None, between)
+
+
+def curves(ground: Ground) -> dict[str, Curve]:
+    """Polynomials of τ1, τ2, T_s through the logarithms of the levels that determine them."""
+    result = {}
+    for k, name in enumerate(("Ts", "tau1", "tau2")):
+        row = ground.known[:, k]
+        if not row.any():
+            row = np.ones_like(row)
+        terms = min(TERMS[name], int(row.sum()))
+        duty, theta = ground.duty_pct[row], ground.log_theta[row, k]
+        if ground.source != "repeats" and row.sum() - terms >= SPARE_LEVELS:
+            within = np.array([one.evidence.within[k] for one in ground.evidence])[row]
+            curve = curve_of_single_runs(duty, theta, within, terms)
+        else:
+            degrees = float(np.min(ground.degrees[row, k])) if ground.scatter is None else ground.total_degrees
+            curve = curve_with_repeats(duty, theta, ground.variance[row, k], degrees, terms)
+        padded = np.zeros(TERMS[name])
+        padded[:terms] = curve.coefficients
+        covariance = np.zeros((TERMS[name],) * 2)
+        covariance[:terms, :terms] = curve.covariance
+        result[name] = Curve(padded, covariance, curve.degrees, curve.misfit, curve.between)
+    return result
+
+
+def weak(ground: Ground) -> Mask:
+    """Where an interval would reach further than a factor of three either way, shape (L, k)."""
+    return np.asarray(np.sqrt(ground.variance) * 2 > np.log(UNDETERMINED))

@@ -1,0 +1,163 @@
+"""The ten coefficients together: how the levels' scatter moves the joint fit of Eqs. (4)–(7).
+
+Near the fit the coefficients answer to a shift of the levels' logarithms as δc = M⁻¹ Σ_l w_l D_l' A_l δθ_l, with
+D_l = ∂log θ_l/∂c, A_l = J_l'J_l at the model's own curves, M = Σ_l w_l D_l' A_l D_l. With S_l the covariance of δθ_l
+they have the covariance M⁻¹ (Σ_l w_l² D_l' A_l S_l A_l D_l) M⁻¹. Active constraints take their directions out.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from eaid.arrays import Array
+from eaid.models import nonlinear
+from eaid.models.parameters import Nonlinear
+from eaid.steps.stepset import Level
+from eaid.uncertainty.curve import powers
+from eaid.uncertainty.levels import log_jacobian
+
+TAU_FLOOR_S = 1e-3
+CHECKED_DUTIES = 101
+ACTIVE = 1e-7
+"""A constraint counts as active within this part of its own terms."""
+BLOCKS = ("tau1", "tau2", "Ts")
+"""Order of the coefficients in every covariance; C last where it was free."""
+
+
+@dataclass(frozen=True, eq=False)
+class Coefficients:
+    """Coefficients of (u/100)^k in the order of `BLOCKS`, C last where free, with their covariance."""
+
+    values: Array
+    covariance: Array
+    counts: tuple[int, int, int]
+    u_range: tuple[float, float]
+    share: float
+    share_free: bool
+    held: tuple[str, ...]
+    """Parameters that an active constraint holds at some duty: not estimable."""
+
+    def block(self, name: str) -> slice:
+        """Where the coefficients of τ1, τ2 or T_s stand."""
+        k = BLOCKS.index(name)
+        start = sum(self.counts[:k])
+        return slice(start, start + self.counts[k])
+
+    def at(self, name: str, duty_pct: Array) -> Array:
+        """τ1, τ2 [s] or T_s [N·m] at duties, shape (n,)."""
+        own = self.block(name)
+        return powers(duty_pct, self.counts[BLOCKS.index(name)]) @ self.values[own]
+
+    def log_sd(self, name: str, duty_pct: Array) -> Array:
+        """Standard deviation of the logarithm of τ1, τ2 or T_s at duties, shape (n,)."""
+        own = self.block(name)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            g = powers(duty_pct, self.counts[BLOCKS.index(name)]) / self.at(name, duty_pct)[:, None]
+            return np.asarray(np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", g, self.covariance[own, own], g), 0)))
+
+    def torque_sd(self, time_s: Array, duty_pct: float) -> Array:
+        """Standard deviation of the torque curve at one duty [N·m], shape of `time_s`."""
+        jacobian = log_jacobian(nonlinear.at_duty(self.plant(), duty_pct), time_s, self.share_free)
+        g = jacobian @ chain(self, duty_pct)
+        return np.asarray(np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", g, self.covariance, g), 0)))
+
+    def plant(self) -> Nonlinear:
+        """The model in powers of the duty itself."""
+        parts = [self.values[self.block(name)] / 100.0 ** np.arange(self.counts[k]) for k, name in enumerate(BLOCKS)]
+        tau1, tau2, steady = (tuple(part.tolist()) for part in parts)
+        return Nonlinear(tau1, tau2, steady, self.u_range, self.share)
+
+
+def coefficients_of(p: Nonlinear, share_free: bool = False) -> Coefficients:
+    """The coefficients of a model, with no covariance yet (zeros)."""
+    counts = (len(p.tau1), len(p.tau2), len(p.Ts))
+    values = np.concatenate([np.array(c) * 100.0 ** np.arange(len(c)) for c in (p.tau1, p.tau2, p.Ts)])
+    if share_free:
+        values = np.append(values, p.C)
+    held = tuple(dict.fromkeys(name for name, _ in _active(values, counts, p.u_range)))
+    return Coefficients(values, np.zeros((len(values),) * 2), counts, p.u_range, p.C, share_free, held)
+
+
+def constraints(counts: tuple[int, int, int], u_range: tuple[float, float]) -> tuple[Array, Array]:
+    """Rows G and offsets d of G c − d ≥ 0 at 101 duties: τ1 − 1 ms, τ2 − τ1 and T_s, SPEC §3; shape (303, Σcounts)."""
+    first, second, third = (powers(np.linspace(*u_range, CHECKED_DUTIES), count) for count in counts)
+    zero = [np.zeros_like(block) for block in (first, second, third)]
+    rows = np.block([[first, zero[1], zero[2]], [-first, second, zero[2]], [zero[0], zero[1], third]])
+    return rows, np.repeat([TAU_FLOOR_S, 0.0, 0.0], CHECKED_DUTIES)
+
+
+def _active(values: Array, counts: tuple[int, int, int], u_range: tuple[float, float]) -> list[tuple[str, Array]]:
+    """Active constraints as (parameter that they hold, row)."""
+    rows, offset = constraints(counts, u_range)
+    own = values[: rows.shape[1]]
+    size = np.abs(rows) @ np.abs(own) + offset
+    names = np.repeat(["tau1", "tau2", "Ts"], CHECKED_DUTIES)
+    return [(str(names[i]), rows[i]) for i in np.flatnonzero(rows @ own - offset <= ACTIVE * size)]
+
+
+def chain(c: Coefficients, duty_pct: float) -> Array:
+    """D = ∂(log T_s, log τ1, log τ2[, logit C])/∂coefficients at one duty, shape (3 or 4, P)."""
+    D = np.zeros((4 if c.share_free else 3, len(c.values)))
+    duty = np.array([duty_pct])
+    for row, name in enumerate(("Ts", "tau1", "tau2")):
+        own = c.block(name)
+        D[row, own] = powers(duty, own.stop - own.start)[0] / max(float(c.at(name, duty)[0]), 1e-12)
+    if c.share_free:
+        D[3, -1] = 1 / max(c.share * (1 - c.share), 1e-12)
+    return D
+
+
+def with_joint_covariance(
+    c: Coefficients, levels: Sequence[Level], shifts: Sequence[Array], weights: Array | None = None
+) -> Coefficients:
+    """The covariance of the joint fit, from S_l (`shifts`, shape (k, k) each) of the levels' mean curves."""
+    M = np.zeros((len(c.values),) * 2)
+    middle = np.zeros_like(M)
+    p = c.plant()
+    for i, (level, shift) in enumerate(zip(levels, shifts, strict=True)):
+        jacobian = log_jacobian(nonlinear.at_duty(p, level.level), level.time_s, c.share_free)
+        weight = 1.0 if weights is None else float(weights[i])
+        D = chain(c, level.level)
+        reach = weight * D.T @ (jacobian.T @ jacobian)
+        M += reach @ D
+        middle += reach @ shift @ reach.T
+    inverse = free_inverse(c, M, len(levels))
+    return with_covariance(c, inverse @ middle @ inverse)
+
+
+def with_white_covariance(
+    c: Coefficients, levels: Sequence[Level], weights: Array | None = None
+) -> tuple[Coefficients, float]:
+    """The textbook covariance s² (J'J)⁻¹ of the fit to the means, and its N − P degrees of freedom."""
+    M = np.zeros((len(c.values),) * 2)
+    p = c.plant()
+    cost, samples = 0.0, 0
+    for i, level in enumerate(levels):
+        weight = 1.0 if weights is None else float(weights[i])
+        g = log_jacobian(nonlinear.at_duty(p, level.level), level.time_s, c.share_free) @ chain(c, level.level)
+        left = level.mean_nm - nonlinear.step_response(p, level.time_s, level.level)
+        M += weight * g.T @ g
+        cost += weight * float(left @ left)
+        samples += len(left)
+    spare = samples - len(c.values)
+    return with_covariance(c, free_inverse(c, M, len(levels)) * cost / spare), float(spare)
+
+
+def with_covariance(c: Coefficients, covariance: Array) -> Coefficients:
+    """The same coefficients with another covariance."""
+    return Coefficients(c.values, covariance, c.counts, c.u_range, c.share, c.share_free, c.held)
+
+
+def free_inverse(c: Coefficients, M: Array, levels: int) -> Array:
+    """Inverse of M in the directions that are free: no active constraint, no power beyond what the levels carry."""
+    kept = np.concatenate([np.arange(count) < levels for count in c.counts] + [np.ones(int(c.share_free), dtype=bool)])
+    scale = 1 / np.sqrt(np.maximum(np.diag(M), 1e-300))
+    directions = np.diag(scale)[:, kept]
+    rows = [np.append(row, np.zeros(int(c.share_free))) for _, row in _active(c.values, c.counts, c.u_range)]
+    if rows:
+        _, size, right = np.linalg.svd(np.array(rows) @ directions)
+        rank = int((size > 1e-9 * size[0]).sum())
+        directions = directions @ right[rank:].T
+    inner = np.linalg.pinv(directions.T @ M @ directions, rcond=1e-13, hermitian=True)
+    return np.asarray(directions @ inner @ directions.T)
