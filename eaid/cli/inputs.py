@@ -10,6 +10,7 @@ from eaid.cli import console
 from eaid.errors import DataError, UsageError
 
 if TYPE_CHECKING:
+    from eaid.apparatus import Apparatus
     from eaid.logs.run import Run
     from eaid.steps.stepset import StepSet
 
@@ -35,6 +36,36 @@ Variable = Annotated[
     str | None, typer.Option(help="Table of a file with several: a MAT variable, an HDF5 path, a TDMS group.")
 ]
 Rate = Annotated[float | None, typer.Option(help="Sample rate of logs without a time column, in Hz.")]
+ApparatusOption = Annotated[
+    str | None,
+    typer.Option("--apparatus", help="The rig, where it is not the paper's: inner_radius_m=0.03,surfaces=1."),
+]
+
+
+def apparatus_from(text: str | None, kind: str | None) -> "Apparatus | None":
+    """The rig that `--apparatus` describes; what it leaves out is the paper's. None where nothing is said."""
+    if not text:
+        return None
+    from dataclasses import fields
+    from math import isfinite
+
+    from eaid.apparatus import Apparatus
+
+    numbers: dict[str, Any] = {"surfaces": 1 if kind in KINDS[1:] else 2}
+    known = [field.name for field in fields(Apparatus)]
+    for name, value in pairs("--apparatus", text).items():
+        if name not in known:
+            raise UsageError(f"--apparatus: knows {', '.join(known)}, not {name}")
+        try:
+            numbers[name] = int(value) if name == "surfaces" else float(value)
+        except ValueError:
+            raise UsageError(f"--apparatus {name}={value}: is no number") from None
+        if not (isfinite(numbers[name]) and numbers[name] > 0):
+            raise UsageError(f"--apparatus {name}={value}: must be above zero")
+    rig = Apparatus(**numbers)
+    if rig.inner_radius_m >= rig.outer_radius_m:
+        raise UsageError("--apparatus: inner_radius_m must be below outer_radius_m")
+    return rig
 
 
 def pairs(option: str, text: str | None) -> dict[str, str]:
@@ -80,6 +111,7 @@ def runs_from(
     keep_baseline: bool = False,
     variable: str | None = None,
     rate: float | None = None,
+    apparatus: str | None = None,
 ) -> "tuple[list[Run], StepSet]":
     """Cut runs and their step set; all faults of all logs are told at once, what is doubtful goes to stderr."""
     from dataclasses import replace
@@ -105,7 +137,7 @@ def runs_from(
         variable=variable,
         rate_hz=rate,
     )
-    stepping = StepOptions(kind=said, levels=levels, keep_baseline=keep_baseline)
+    stepping = StepOptions(kind=said, levels=levels, keep_baseline=keep_baseline, apparatus=apparatus_from(apparatus, kind))
     with console.progress("reading logs", len(files_of(paths))) as advance:
         runs, faults = read_what_can_be(paths, reading, advance)
     steps, more = cut_runs(runs, stepping)

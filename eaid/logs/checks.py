@@ -1,5 +1,6 @@
 """Bad rows of a log: told by row and column, or dropped where the user asks for it."""
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
@@ -50,9 +51,7 @@ def checked(
         elif not text:
             cells.append(f"{word} {row_of(sample)}, column {label}, is empty")
         else:
-            finite = (
-                "is not finite" if text.strip().lower().lstrip("+-") in ("nan", "inf", "infinity") else "is no number"
-            )
+            finite = "is not finite" if _overflows(text) else "is no number"
             cells.append(f"{word} {row_of(sample)}, column {label}, holds {text!r}, which {finite}")
     whole = {sample for sample, label, _ in said if not label}
     for role, values in columns.items():
@@ -88,6 +87,14 @@ def checked(
             *faults,
         )
     return np.flatnonzero(~bad), (f"--repair dropped {dropped} of {count} rows",)
+
+
+def _overflows(text: str) -> bool:
+    """True for what reads as a number that no finite one is: nan, inf, 1e400."""
+    try:
+        return not math.isfinite(float(text))
+    except ValueError:
+        return False
 
 
 def _listed(source: str, found: Sequence[str], remedy: str) -> list[str]:

@@ -142,7 +142,7 @@ def match_columns(path: str, sheet: Sheet, options: ReadOptions) -> Roles:
     reference = said.get("reference", torques[0] if len(torques) == 1 else None)
     shut = taken | set(torques)
 
-    output, unit = said.get("output"), ""
+    output, unit = said.get("output"), "N·m" if nameless else ""
     if output is None:
         for group, unit_here in zip(OUTPUTS, OUTPUT_UNITS, strict=True):
             found = _alike(names, group, shut)

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from eaid.apparatus import Apparatus
-from eaid.errors import DataError
+from eaid.errors import DataError, UsageError
 from eaid.logs.run import Kind, Run
 from eaid.steps.average import common
 from eaid.steps.cut import FEWEST, cut
@@ -48,7 +48,7 @@ def wanted_levels(text: str, levels: Sequence[float]) -> list[float]:
         elif len(numbers) == 1:
             found = [level for level in levels if same_level(level, numbers[0])]
         else:
-            raise DataError(f"--levels {text}: write 30:100 or 30,40,90")
+            raise UsageError(f"--levels {text}: write 30:100 or 30,40,90")
         if not found:
             held = ", ".join(f"{level:g}" for level in levels)
             raise DataError(f"--levels {text}: no log holds {part.strip()}; levels found: {held}")

@@ -193,13 +193,16 @@ def _cut_at(run: Run, where: str, known: bool) -> list[Run]:
             raise DataError(f"{where}: the window ends ({run.until_s:g} s) before it begins ({step:g} s); mend --until")
         until = int(np.searchsorted(time, run.until_s - 1e-9 * max(1.0, abs(run.until_s))))
     level = run.level
-    if known:
+    if known and until > start:
         held = run.input[start:until]
-        level = float(np.median(held[: max(1, min(len(held), 50))])) if level is None else level
-        away = np.flatnonzero(np.abs(held - level) > max(tolerance(run.input), 0.01 * abs(level)))
-        away = away[away > 0] if len(away) and away[0] == 0 and len(away) < len(held) else away
-        if len(away) and len(held):
-            until = min(until, start + int(away[0]))
+        if level is None:
+            found = [p for p in plateaus(held) if p.stop - p.start >= FEWEST] or plateaus(held)
+            level = found[0].level
+        near = np.abs(held - level) <= max(tolerance(run.input), 0.01 * abs(level))
+        if near.any():  # the window ends where the input leaves its level, once it has reached it
+            reached = int(near.argmax())
+            left = np.flatnonzero(~near[reached:])
+            until = start + reached + int(left[0]) if len(left) else until
     if level is None:
         raise DataError(f"{where}: nothing tells its level; give the input column, or --name-pattern with {{level}}")
     steps = [_part(run, 0, until, level=level, step_s=float(time[start]), until_s=None)]

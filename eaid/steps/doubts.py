@@ -147,17 +147,26 @@ def _saturated(step: Step) -> str:
     return ""
 
 
+SLOW_CONSTANTS = 1.5
+"""A window shorter than this many slow time constants cannot tell them."""
+
+
 def _too_short(step: Step) -> str:
+    """The slow time constant from three equal parts behind the first quarter: gains d1, d2 over D give D / ln(d1/d2)."""
     if step.run.edge == "falling" or len(step.rise) < FEW:
         return ""
     means = block_means(step.rise)
-    gain = float(means[-2:].mean() - means[-6:-4].mean())
-    if gain > 0.02 * step.swing and gain > 5 * _scatter(step.rise):
-        return (
-            f"still rising at the end of its {step.time_s[-1]:.3g} s ({gain / step.swing:.0%} over the last fifth): "
-            f"too short for the slow time constant"
-        )
-    return ""
+    thirds = [float(means[k : k + 5].mean()) for k in (5, 10, 15)]
+    first, last = thirds[1] - thirds[0], thirds[2] - thirds[1]
+    if last < 0.01 * step.swing or last < 5 * _scatter(step.rise):
+        return ""
+    window = float(step.time_s[-1])
+    ratio = last / first if first > 0 else 1.0
+    slow = window / 4 / -np.log(ratio) if ratio < 1 else np.inf
+    if window > SLOW_CONSTANTS * slow:
+        return ""
+    about = f"about {slow:.2g} s" if slow < 10 * window else "far longer"
+    return f"still rising at the end of its {window:.3g} s: too short for the slow time constant ({about})"
 
 
 def _not_from_rest(step: Step) -> str:
