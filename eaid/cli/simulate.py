@@ -1,5 +1,225 @@
-"""`eaid simulate`."""
+"""`eaid simulate`: controllers replayed on the fitted plant."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from eaid.cli import console
+from eaid.cli.options import Force, Json, Output, Quiet, Seed
+from eaid.errors import UsageError
+
+if TYPE_CHECKING:
+    from eaid.replay.controllers import Knowledge
+    from eaid.replay.references import Reference
 
 
-def command() -> None:
-    """Not built yet."""
+def command(
+    fit: Annotated[Path, typer.Argument(metavar="FIT", help="fit.json of eaid fit.")],
+    gains: Annotated[
+        Path | None, typer.Option("--gains", help="gains.json of eaid tune-rc; rc and pi need it.")
+    ] = None,
+    controllers: Annotated[
+        str | None,
+        typer.Option(
+            "--controller", help="Comma-separated: rc, pi, open-loop, inverse. Default: rc,pi; sweep adds open-loop."
+        ),
+    ] = None,
+    scenario: Annotated[str | None, typer.Option("--scenario", help="steps, multisine (default) or sweep.")] = None,
+    reference: Annotated[
+        Path | None, typer.Option("--reference", help="A reference of your own: CSV time_s,reference_nm.")
+    ] = None,
+    duration: Annotated[float | None, typer.Option("--duration", help="Length of steps or multisine [s].")] = None,
+    rate: Annotated[float, typer.Option("--rate-hz", help="Control rate [Hz].")] = 1000.0,
+    noise_nm: Annotated[float, typer.Option("--noise-nm", help="Noise on the measured torque, sd [N·m].")] = 0.0,
+    noise_time: Annotated[
+        float, typer.Option("--noise-correlation-s", help="Correlation time of the noise [s]; 0: white.")
+    ] = 0.0,
+    ripple_pct: Annotated[
+        float, typer.Option("--ripple-pct", help="Rotor ripple, amplitude in % of the torque.")
+    ] = 0.0,
+    ripple_hz: Annotated[float, typer.Option("--ripple-hz", help="Its frequency [Hz].")] = 1 / 6,
+    sensor_hz: Annotated[
+        float, typer.Option("--sensor-hz", help="Corner of the torque sensor's low-pass [Hz]; 0: none.")
+    ] = 0.0,
+    delay: Annotated[int, typer.Option("--delay-samples", help="Control delay [samples].")] = 0,
+    pwm_hz: Annotated[float, typer.Option("--pwm-hz", help="Duty latched once a PWM period [Hz]; 0: off.")] = 0.0,
+    duty_bits: Annotated[int, typer.Option("--duty-bits", help="Resolution of the duty [bit]; 0: unlimited.")] = 0,
+    saturation: Annotated[bool, typer.Option("--saturation/--no-saturation", help="Limit the duty to 0…100 %.")] = True,
+    perturb: Annotated[
+        str | None, typer.Option("--perturb", help="Factors on the plant, unknown to controllers: Ts=0.9,tau1=1.2.")
+    ] = None,
+    output: Output = None,
+    as_json: Json = False,
+    quiet: Quiet = False,
+    force: Force = False,
+    seed: Seed = 0,
+) -> None:
+    """Replay controllers on the fitted plant, from rest, and measure how well they track."""
+    console.be_quiet(quiet)
+    from eaid.files import refuse_to_overwrite
+
+    path = output or Path("replay.h5")
+    refuse_to_overwrite(path, force)
+    if scenario is not None and reference is not None:
+        raise UsageError("--scenario and --reference exclude each other; give one of them")
+    if not rate > 0:
+        raise UsageError(f"--rate-hz is {rate:g}; it must be above 0")
+    name = "reference" if reference else scenario or "multisine"
+
+    from eaid import __version__, store
+    from eaid.replay.controllers import controller
+    from eaid.replay.files import write_replay
+    from eaid.replay.loop import replay
+    from eaid.replay.plant import perturbed, plant_parameters
+    from eaid.replay.rig import Rig
+    from eaid.replay.scenarios import measure, record
+
+    rig = Rig(noise_nm, noise_time, ripple_pct, ripple_hz, sensor_hz, delay, pwm_hz, duty_bits, saturation)
+    known = _knowledge(fit, gains)
+    chosen = [controller(each, known) for each in _names(controllers, name, known)]
+    wanted = _reference(name, reference, 1.0 / rate, duration)
+    factors = _factors(perturb)
+    plant = plant_parameters(perturbed(known.plant, factors))
+
+    records, results = {}, {}
+    for each in chosen:
+        done = replay(plant, each, wanted.torque_nm, rig, wanted.dt_s, seed)
+        results[each.name] = measure(done, wanted)
+        records[each.name] = record(done, results[each.name])
+    inputs = {"fit": store.input_record(fit)}
+    if gains:
+        inputs["gains"] = store.input_record(gains)
+    if reference:
+        inputs["reference"] = store.input_record(reference)
+    head: dict[str, Any] = {
+        "eaid": __version__,
+        "scenario": name,
+        "seed": seed,
+        "dt_s": wanted.dt_s,
+        "counted_from_s": wanted.counted_from_s,
+        "rig": rig.__dict__,
+        "perturb": factors,
+        "inputs": inputs,
+    }
+    write_replay(path, records, head, force)
+    if as_json:
+        console.print_json({"schema": "eaid/replay/1", **head, "controllers": results})
+    else:
+        _show(name, results)
+    console.say(f"wrote {path}")
+
+
+def _knowledge(fit: Path, gains: Path | None) -> "Knowledge":
+    """What the controllers are made from; what is missing in the files stays None."""
+    from eaid.control.gains import pi_from_json, rc_from_json
+    from eaid.errors import DataError
+    from eaid.fitting.result import linear_from_json, nonlinear_from_json
+    from eaid.replay.controllers import Knowledge
+    from eaid.store import read_json
+
+    fitted = read_json(fit, "fit")
+    if not fitted.get("nonlinear"):
+        raise DataError(f"{fit}: holds no nonlinear model, which the replay's plant is; fit clutch data with it")
+    given = read_json(gains, "gains") if gains else {}
+    linear = None
+    for source in (fitted.get("linear"), given.get("model")):
+        if linear is None and isinstance(source, dict) and "a0" in source:
+            linear = linear_from_json({"linear": source})
+    return Knowledge(
+        nonlinear_from_json(fitted),
+        linear,
+        rc_from_json(given, str(gains)) if given.get("rc") else None,
+        pi_from_json(given, str(gains)) if given.get("pi") else None,
+    )
+
+
+def _names(controllers: str | None, scenario: str, known: "Knowledge") -> list[str]:
+    """The controllers to replay; by default those that the files allow."""
+    if controllers is not None:
+        names = [name.strip() for name in controllers.split(",") if name.strip()]
+        if not names or len(set(names)) < len(names):
+            raise UsageError(f"--controller is {controllers!r}; name each controller once, with commas between")
+        return names
+    names = [name for name, held in (("rc", known.rc), ("pi", known.pi)) if held is not None]
+    if scenario == "sweep" and known.linear is not None:
+        names.append("open-loop")
+    if not names:
+        console.warn("no --gains, so rc and pi are left out; the controllers that need none are replayed")
+        names = ["open-loop", "inverse"] if known.linear is not None else ["inverse"]
+    return names
+
+
+def _reference(name: str, path: Path | None, dt_s: float, duration_s: float | None) -> "Reference":
+    from eaid.replay.references import from_file
+    from eaid.replay.scenarios import SCENARIOS
+
+    if path is not None:
+        if duration_s is not None:
+            raise UsageError("--duration does not go with --reference; the file says how long it is")
+        return from_file(path, dt_s)
+    if name not in SCENARIOS:
+        raise UsageError(f"no scenario {name!r}; there are {', '.join(SCENARIOS)}")
+    return SCENARIOS[name].reference(dt_s, duration_s)
+
+
+def _factors(text: str | None) -> dict[str, float]:
+    """`Ts=0.9,tau1=1.2` as numbers."""
+    factors: dict[str, float] = {}
+    for part in (text or "").split(","):
+        name, _, value = part.partition("=")
+        if not part.strip():
+            continue
+        try:
+            factors[name.strip()] = float(value)
+        except ValueError:
+            raise UsageError(f"--perturb has {part.strip()!r}; write factors as Ts=0.9,tau1=1.2") from None
+    return factors
+
+
+def _show(scenario: str, results: dict[str, Any]) -> None:
+    """The metrics as tables on stdout."""
+    columns = ["controller", "largest error", "RMS", "mean", "IAE", "mean |Δu|", "saturated"]
+    rows = [
+        [
+            name,
+            f"{m['max_abs_error_nm']:.4g} N·m",
+            f"{m['rms_error_nm']:.4g} N·m",
+            f"{m['mean_abs_error_nm']:.4g} N·m",
+            f"{m['iae_nm_s']:.4g} N·m·s",
+            f"{m['mean_abs_duty_step_pct']:.3g} %",
+            f"{100 * m['saturated_fraction']:.1f} %",
+        ]
+        for name, m in results.items()
+    ]
+    console.table(f"Tracking, scenario {scenario}", columns, rows)
+    for name, m in results.items():
+        if "steps" in m:
+            columns = ["from", "to", "rise 10–90 %", "overshoot", "settling 2 %", "settling 5 %"]
+            rows = [
+                [
+                    f"{s['from_nm']:g} N·m",
+                    f"{s['to_nm']:g} N·m",
+                    _seconds(s["rise_time_s"]),
+                    f"{s['overshoot_pct']:.1f} %",
+                    _seconds(s["settling_s"]),
+                    _seconds(s["settling_5pct_s"]),
+                ]
+                for s in m["steps"]
+            ]
+            console.table(f"Steps, {name}", columns, rows)
+        if "frequencies" in m:
+            rows = [
+                [
+                    f"{f['frequency_hz']:g} Hz",
+                    f"{f['gain_db']:.2f} dB" if f["gain_db"] is not None else "no response",
+                    f"{f['phase_deg']:.1f}°",
+                    f"{f['mean_abs_error_nm']:.4f} N·m",
+                ]
+                for f in m["frequencies"]
+            ]
+            console.table(f"Sweep, {name}", ["frequency", "gain", "phase", "mean |error|"], rows)
+
+
+def _seconds(value: float | None) -> str:
+    return "never" if value is None else f"{value:.3f} s"

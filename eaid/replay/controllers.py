@@ -1,0 +1,111 @@
+"""The controllers that a replay knows: one row each, and what a row needs from the user's files."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+from eaid.control.pi import PIGains, pi_start, pi_step
+from eaid.control.rc import RCGains, rc_start, rc_step
+from eaid.errors import UsageError
+from eaid.models.parameters import Linear, Nonlinear
+from eaid.replay.inverse import InverseGains, inverse_gains, inverse_start, inverse_step
+
+Step = Callable[[Any, Any, float, float, float, float], tuple[Any, float]]
+"""step(gains, state, reference, reference_rate, torque, dt) → (next state, duty)."""
+
+
+@dataclass(frozen=True)
+class Controller:
+    """A control law with its gains, ready to run; both are pure functions and tuples of floats."""
+
+    name: str
+    step: Step
+    gains: Any
+    start: Any
+    """State before the first sample."""
+    looks_ahead: bool = False
+    """The rate it is given leads to the next sample of the reference exactly (forward difference), else it is the
+    central one."""
+
+    def without_limits(self) -> "Controller":
+        """The same law for an actuator that has no limits; the inverse keeps those of its model, where its search
+        ends."""
+        if isinstance(self.gains, InverseGains):
+            return self
+        gains = self.gains._replace(duty_min=-float("inf"), duty_max=float("inf"))
+        return Controller(self.name, self.step, gains, self.start, self.looks_ahead)
+
+
+@dataclass(frozen=True)
+class Knowledge:
+    """What controllers are made from; a part that is missing costs the controllers that need it."""
+
+    plant: Nonlinear
+    """The fitted model (never the perturbed one)."""
+    linear: Linear | None
+    rc: RCGains | None
+    pi: PIGains | None
+
+
+class OpenLoopGains(NamedTuple):
+    """The linear model's steady state turned round."""
+
+    a0: float
+    b0: float
+    c0: float
+    duty_min: float = 0.0
+    duty_max: float = 100.0
+
+
+class OpenLoopState(NamedTuple):
+    """Nothing is remembered; the duty of before is kept for the record."""
+
+    duty: float
+
+
+def open_loop_step(
+    gains: OpenLoopGains, _state: OpenLoopState, reference: float, _reference_rate: float, _torque: float, _dt: float
+) -> tuple[OpenLoopState, float]:
+    """Duty [%] whose steady torque on the linear model is the reference [N·m]: u = (a0 T_d − c0)/b0."""
+    duty = min(max((gains.a0 * reference - gains.c0) / gains.b0, gains.duty_min), gains.duty_max)
+    return OpenLoopState(duty), duty
+
+
+def _rc(known: Knowledge) -> Controller:
+    if known.rc is None:
+        raise UsageError("controller rc needs gains: give --gains gains.json (eaid tune-rc writes it)")
+    return Controller("rc", rc_step, known.rc, rc_start())
+
+
+def _pi(known: Knowledge) -> Controller:
+    if known.pi is None:
+        raise UsageError("controller pi needs gains: give --gains gains.json (eaid tune-rc writes it)")
+    return Controller("pi", pi_step, known.pi, pi_start())
+
+
+def _open_loop(known: Knowledge) -> Controller:
+    if known.linear is None:
+        raise UsageError("controller open-loop needs the linear model: fit it, or give gains.json, which holds it too")
+    linear = known.linear
+    return Controller("open-loop", open_loop_step, OpenLoopGains(linear.a0, linear.b0, linear.c0), OpenLoopState(0.0))
+
+
+def _inverse(known: Knowledge) -> Controller:
+    gains = inverse_gains(known.plant)
+    return Controller("inverse", inverse_step, gains, inverse_start(), looks_ahead=True)
+
+
+CONTROLLERS: dict[str, tuple[str, Callable[[Knowledge], Controller]]] = {
+    "rc": ("robust control, Eqs. (11)-(15)", _rc),
+    "pi": ("PI of §V-B with conditional integration", _pi),
+    "open-loop": ("duty of the linear model's steady state", _open_loop),
+    "inverse": ("feedback linearisation with the nonlinear model, exact inverse of each sample", _inverse),
+}
+"""Name → what it is, and how it is made."""
+
+
+def controller(name: str, known: Knowledge) -> Controller:
+    """The controller of that name; `UsageError` where the name is unknown or its gains are missing."""
+    if name not in CONTROLLERS:
+        raise UsageError(f"no controller {name!r}; there are {', '.join(CONTROLLERS)}")
+    return CONTROLLERS[name][1](known)

@@ -1,0 +1,101 @@
+"""How well a torque follows its reference; each number with its definition.
+
+Errors are reference − true torque. Over n samples of interval dt:
+
+    largest     max |e|                              RMS  √(Σ e²/n)            mean  Σ |e|/n
+    IAE         Σ |e| dt                             duty step  Σ |u_k − u_{k−1}|/(n − 1)
+    saturated   share of samples whose duty lies at or beyond a limit (0 and 100 %, or the gains' own)
+
+A step of the reference from r0 to r1, y = (T − r0)/(r1 − r0), watched until the next step:
+
+    rise        from the first y = 10 % to the first y = 90 %, between samples by a straight line
+    overshoot   max(y) − 1, at least 0, in percent of the step
+    settling    time after the step beyond which |y − 1| stays within 2 % (5 %) until the next step
+
+What is never reached is None. A tone A sin(2πft) of the reference over whole periods: gain and phase of the
+least-squares
+fundamental of the torque (a constant fitted beside it) against that of the reference.
+"""
+
+import math
+from typing import TypeAlias
+
+import numpy as np
+
+from eaid.arrays import Array
+
+Metrics: TypeAlias = dict[str, float | None]
+
+
+def tracking(
+    reference_nm: Array,
+    torque_nm: Array,
+    duty_pct: Array,
+    dt_s: float,
+    limits_pct: tuple[float, float] = (0.0, 100.0),
+) -> Metrics:
+    """Errors [N·m], IAE [N·m·s], duty activity [%] and saturation [1] over all samples given, shapes (n,)."""
+    error = np.abs(reference_nm - torque_nm)
+    steps = np.abs(np.diff(duty_pct))
+    saturated = (duty_pct <= limits_pct[0]) | (duty_pct >= limits_pct[1])
+    return {
+        "max_abs_error_nm": float(error.max()),
+        "rms_error_nm": math.sqrt(float(np.mean(error * error))),
+        "mean_abs_error_nm": float(error.mean()),
+        "iae_nm_s": float(error.sum()) * dt_s,
+        "mean_abs_duty_step_pct": float(steps.mean()) if len(steps) else 0.0,
+        "saturated_fraction": float(saturated.mean()),
+    }
+
+
+def step(torque_nm: Array, from_nm: float, to_nm: float, dt_s: float) -> Metrics:
+    """Rise time [s], overshoot [%] and settling times [s] of one step; torque from the step's sample on, shape (n,)."""
+    y = (torque_nm - from_nm) / (to_nm - from_nm)
+    low, high = _first_crossing(y, 0.1), _first_crossing(y, 0.9)
+    return {
+        "from_nm": from_nm,
+        "to_nm": to_nm,
+        "rise_time_s": (high - low) * dt_s if low is not None and high is not None else None,
+        "overshoot_pct": max(0.0, float(y.max()) - 1.0) * 100,
+        "settling_s": _settling(y, 0.02, dt_s),
+        "settling_5pct_s": _settling(y, 0.05, dt_s),
+    }
+
+
+def _first_crossing(y: Array, level: float) -> float | None:
+    """Samples until y first reaches a level, between samples by a straight line; 0 where it begins there."""
+    reached = y >= level
+    if not reached.any():
+        return None
+    k = int(reached.argmax())
+    if k == 0:
+        return 0.0
+    return k - 1 + float((level - y[k - 1]) / (y[k] - y[k - 1]))
+
+
+def _settling(y: Array, band: float, dt_s: float) -> float | None:
+    outside = np.abs(y - 1.0) > band
+    if outside[-1]:
+        return None
+    return float(len(y) - outside[::-1].argmax()) * dt_s if outside.any() else 0.0
+
+
+def fundamental(values: Array, frequency_hz: float, dt_s: float) -> complex:
+    """Complex amplitude of the least-squares sine at a frequency (against sin 2πft, t = 0 at the first sample),
+    shape (n,)."""
+    t = np.arange(len(values)) * dt_s
+    angle = 2 * math.pi * frequency_hz * t
+    columns = np.column_stack([np.sin(angle), np.cos(angle), np.ones_like(t)])
+    coefficients = np.linalg.lstsq(columns, values, rcond=None)[0]
+    return complex(coefficients[0], coefficients[1])
+
+
+def tone(reference_nm: Array, torque_nm: Array, frequency_hz: float, dt_s: float) -> Metrics:
+    """Gain [dB], phase [°] and mean absolute error [N·m] at one frequency, over whole periods, shapes (n,)."""
+    ratio = fundamental(torque_nm, frequency_hz, dt_s) / fundamental(reference_nm, frequency_hz, dt_s)
+    return {
+        "frequency_hz": frequency_hz,
+        "gain_db": 20 * math.log10(abs(ratio)) if ratio != 0 else None,
+        "phase_deg": math.degrees(math.atan2(ratio.imag, ratio.real)),
+        "mean_abs_error_nm": float(np.abs(reference_nm - torque_nm).mean()),
+    }

@@ -1,0 +1,128 @@
+"""The plant of a replay: the nonlinear model in its dynamic form, advanced exactly from sample to sample.
+
+    x1' = (C T_s(u) − x1)/τ1(u),   x2' = ((1 − C) T_s(u) − x2)/τ2(u),   T = x1 + x2       Eqs. (4)-(7), SPEC §4.1
+    x ← x + (1 − e^(−dt/τ)) (target − x)                                                 exact while u is held
+
+Outside the identified duties (SPEC §4.2): below, τ1 and τ2 keep their edge value and T_s goes linearly to 0 at u =
+0; above, all keep
+their edge value. Floors, for plants drawn from an uncertain fit: τ1 ≥ 1 ms, τ2 ≥ τ1, T_s ≥ 0, as the fit's
+constraints have them.
+
+Floats and `math` only: numba compiles these functions as they stand, and plain Python runs them in about a microsecond.
+"""
+
+import math
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import NamedTuple
+
+from eaid.errors import DataError, UsageError
+from eaid.models.parameters import Nonlinear
+
+TAU_FLOOR_S = 1e-3
+"""Shortest time constant [s], the fit's own constraint (SPEC §3)."""
+
+
+class PlantParameters(NamedTuple):
+    """`Nonlinear` as flat floats; polynomials of the duty in %, lowest power first."""
+
+    C: float
+    tau1_0: float
+    tau1_1: float
+    tau1_2: float
+    tau2_0: float
+    tau2_1: float
+    tau2_2: float
+    Ts_0: float
+    Ts_1: float
+    Ts_2: float
+    Ts_3: float
+    u_low: float
+    """Lowest identified duty [%]"""
+    u_high: float
+    """Highest identified duty [%]"""
+    release1: float
+    """τ1 while the fast target lies below its state [s]; 0: no release was fitted."""
+    release2: float
+    """τ2 while the slow target lies below its state [s]; 0: no release was fitted."""
+
+
+def plant_parameters(p: Nonlinear) -> PlantParameters:
+    """The flat form of a model; polynomials of lower degree are filled up with zeros.
+
+    Raises `DataError` where a polynomial has more coefficients than Eqs. (5)-(7), or the duties have no order.
+    """
+    for name, polynomial, most in (("tau1", p.tau1, 3), ("tau2", p.tau2, 3), ("Ts", p.Ts, 4)):
+        if not 1 <= len(polynomial) <= most:
+            raise DataError(f"nonlinear.{name} has {len(polynomial)} coefficients; the replay takes 1 to {most}")
+    low, high = p.u_range
+    if not (0.0 <= low <= high and high > 0.0):
+        raise DataError(f"nonlinear.u_range is [{low:g}, {high:g}] %; it must rise from 0 or above")
+    tau1 = [*p.tau1, 0.0, 0.0][:3]
+    tau2 = [*p.tau2, 0.0, 0.0][:3]
+    steady = [*p.Ts, 0.0, 0.0, 0.0][:4]
+    values = [p.C, *tau1, *tau2, *steady, low, high, *(p.release or (0.0, 0.0))]
+    return PlantParameters(*(float(value) for value in values))
+
+
+def perturbed(p: Nonlinear, factors: Mapping[str, float]) -> Nonlinear:
+    """The model with tau1, tau2 or Ts multiplied by a factor above 0: a plant that its controllers do not know."""
+    for name, factor in factors.items():
+        if name not in ("tau1", "tau2", "Ts"):
+            raise UsageError(f"perturb: no {name!r} in the plant; give factors of tau1, tau2 or Ts, as Ts=0.9,tau1=1.2")
+        if not (math.isfinite(factor) and factor > 0.0):
+            raise UsageError(f"perturb: the factor of {name} is {factor:g}; it must be above 0")
+
+    def scaled(name: str, values: tuple[float, ...]) -> tuple[float, ...]:
+        return tuple(factors.get(name, 1.0) * value for value in values)
+
+    release = p.release and (factors.get("tau1", 1.0) * p.release[0], factors.get("tau2", 1.0) * p.release[1])
+    return replace(p, tau1=scaled("tau1", p.tau1), tau2=scaled("tau2", p.tau2), Ts=scaled("Ts", p.Ts), release=release)
+
+
+def plant_terms(parameters: PlantParameters, duty: float) -> tuple[float, float, float]:
+    """τ1 [s], τ2 [s] and T_s [N·m] at a duty [%], with the edges of SPEC §4.2."""
+    _, a0, a1, a2, b0, b1, b2, c0, c1, c2, c3, low, high, _, _ = parameters
+    share = 1.0
+    u = duty
+    if u < low:
+        share = u / low if u > 0.0 else 0.0
+        u = low
+    elif u > high:
+        u = high
+    tau1 = a0 + u * (a1 + u * a2)
+    tau2 = b0 + u * (b1 + u * b2)
+    steady = share * (c0 + u * (c1 + u * (c2 + u * c3)))
+    if tau1 < TAU_FLOOR_S:
+        tau1 = TAU_FLOOR_S
+    if tau2 < tau1:
+        tau2 = tau1
+    if steady < 0.0:
+        steady = 0.0
+    return tau1, tau2, steady
+
+
+def plant_pull(parameters: PlantParameters, x1: float, x2: float, duty: float) -> tuple[float, float, float, float]:
+    """Target minus state of the fast and the slow part [N·m], and the time constant of each [s]."""
+    tau1, tau2, steady = plant_terms(parameters, duty)
+    target = parameters.C * steady
+    fast = target - x1
+    slow = steady - target - x2
+    if fast < 0.0 and parameters.release1 > 0.0:
+        tau1 = parameters.release1
+    if slow < 0.0 and parameters.release2 > 0.0:
+        tau2 = parameters.release2
+    return fast, slow, tau1, tau2
+
+
+def plant_step(parameters: PlantParameters, x1: float, x2: float, duty: float, dt: float) -> tuple[float, float]:
+    """Fast and slow part of the torque [N·m] after dt seconds of a held duty [%]; exact for any dt."""
+    fast, slow, tau1, tau2 = plant_pull(parameters, x1, x2, duty)
+    # expm1 keeps precision when dt << tau, where 1 - exp(-x) cancels.
+    return x1 - math.expm1(-dt / tau1) * fast, x2 - math.expm1(-dt / tau2) * slow
+
+
+def plant_slope(parameters: PlantParameters, x1: float, x2: float, duty: float) -> float:
+    """Ṫ of the plant [N·m/s] at its states [N·m] and a duty [%]: the right-hand side that `plant_step` integrates."""
+    fast, slow, tau1, tau2 = plant_pull(parameters, x1, x2, duty)
+    return fast / tau1 + slow / tau2

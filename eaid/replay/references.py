@@ -1,0 +1,155 @@
+"""Torque references of the paper's experiments, at the control rate, and what is to be measured on each."""
+
+import csv
+import math
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from eaid.arrays import Array, read_only
+from eaid.errors import DataError, UsageError
+
+STEP_LEVELS_NM = (0.0, 1.0, 2.0, 3.0, 4.0, 3.0, 2.0, 1.0, 0.0)
+"""Fig. 11: 0…4 N·m up and down."""
+STEP_HOLD_S = 5.0
+MULTISINE_HZ = (0.2, 0.5, 1.0, 2.0, 4.0)
+MULTISINE_PHASES = tuple(1.7 * k * k for k in range(len(MULTISINE_HZ)))
+"""Fig. 12, SPEC §6 [rad]."""
+MULTISINE_S = 12.0
+"""Default length: 5 s to settle, and 7 s that count."""
+SETTLED_S = 5.0
+"""Errors of a periodic reference count from here."""
+SWEEP_HZ = (0.2, 0.3, 0.4, 0.6, 0.8, 1.0, 1.5, 2.0, 2.5, 3.0)
+"""Fig. 13."""
+TONE_SETTLING_S = 10.0
+TONE_MEASURED_S = 5.0
+TONE_PERIODS = 2
+"""Each tone of a sweep settles for the first, then is measured for the second, and for that many periods at least."""
+
+
+@dataclass(frozen=True)
+class Tone:
+    """One frequency of a sweep: the samples over which its fundamental is measured."""
+
+    frequency_hz: float
+    begin: int
+    end: int
+
+
+@dataclass(frozen=True, eq=False)
+class Reference:
+    """A torque reference [N·m] at intervals of dt_s, and where it is measured."""
+
+    torque_nm: Array
+    dt_s: float
+    counted_from_s: float = 0.0
+    """Errors before this instant do not count [s]."""
+    steps: tuple[int, ...] = ()
+    """Samples at which the reference steps; each is measured until the next, or the end."""
+    tones: tuple[Tone, ...] = ()
+
+
+def steps(dt_s: float, levels_nm: tuple[float, ...] = STEP_LEVELS_NM, hold_s: float = STEP_HOLD_S) -> Reference:
+    """A staircase of levels [N·m], each held for hold_s seconds."""
+    if len(levels_nm) < 2 or min(levels_nm) < 0:
+        raise UsageError("steps: give two levels or more, none below 0 N·m")
+    hold = samples_of(hold_s, dt_s)
+    torque = np.repeat(np.asarray(levels_nm, dtype=float), hold)
+    changes = tuple(k * hold for k in range(1, len(levels_nm)) if levels_nm[k] != levels_nm[k - 1])
+    return Reference(read_only(torque), dt_s, steps=changes)
+
+
+def multisine(dt_s: float, duration_s: float = MULTISINE_S, mean_nm: float = 2.0, each_nm: float = 0.2) -> Reference:
+    """mean + each·Σ sin(2πft + φ) [N·m], f = 0.2, 0.5, 1, 2, 4 Hz, φ = 1.7·(0, 1, 4, 9, 16); errors count after 5 s."""
+    t = np.arange(samples_of(duration_s, dt_s)) * dt_s
+    torque = np.full_like(t, mean_nm)
+    for frequency, phase in zip(MULTISINE_HZ, MULTISINE_PHASES, strict=True):
+        torque += each_nm * np.sin(2 * math.pi * frequency * t + phase)
+    return Reference(read_only(torque), dt_s, counted_from_s=SETTLED_S if duration_s > SETTLED_S else 0.0)
+
+
+def sweep(
+    dt_s: float, frequencies_hz: tuple[float, ...] = SWEEP_HZ, mean_nm: float = 2.0, amplitude_nm: float = 1.0
+) -> Reference:
+    """Sines of rising frequency one after another [N·m], each from phase 0 for whole periods."""
+    if not frequencies_hz or min(frequencies_hz) <= 0 or max(frequencies_hz) > 0.25 / dt_s:
+        raise UsageError(
+            f"sweep: frequencies must lie above 0 and up to a quarter of the control rate, {0.25 / dt_s:g} Hz"
+        )
+    pieces, tones, begin = [], [], 0
+    for frequency in frequencies_hz:
+        periods_before = math.ceil(TONE_SETTLING_S * frequency)
+        periods = max(TONE_PERIODS, math.ceil(TONE_MEASURED_S * frequency))
+        measured_from = begin + round(periods_before / frequency / dt_s)
+        end = begin + round((periods_before + periods) / frequency / dt_s)
+        t = np.arange(end - begin) * dt_s
+        pieces.append(mean_nm + amplitude_nm * np.sin(2 * math.pi * frequency * t))
+        tones.append(Tone(frequency, measured_from, end))
+        begin = end
+    torque = np.concatenate(pieces)
+    return Reference(read_only(torque), dt_s, counted_from_s=tones[0].begin * dt_s, tones=tuple(tones))
+
+
+def from_file(path: Path, dt_s: float) -> Reference:
+    """A reference of the user's own: CSV `time_s,reference_nm`, interpolated linearly to the control rate.
+
+    Raises `DataError` with the row where time does not rise or a cell is no finite number.
+    """
+    time_s, torque_nm = read_reference(path)
+    n = math.floor((time_s[-1] - time_s[0]) / dt_s + 1e-6) + 1
+    if n < 2:
+        raise DataError(
+            f"{path}: lasts {time_s[-1] - time_s[0]:g} s, less than one control interval; give a longer reference"
+        )
+    grid = time_s[0] + np.arange(n) * dt_s
+    return Reference(read_only(np.interp(grid, time_s, torque_nm)), dt_s)
+
+
+def read_reference(path: Path) -> tuple[Array, Array]:
+    """Time [s] and reference [N·m] of a CSV with that header; at least two rows."""
+    if not path.is_file():
+        raise DataError(f"{path}: no such file; give a CSV with the columns time_s,reference_nm")
+    try:
+        with path.open(newline="", encoding="utf-8-sig") as file:
+            rows = [
+                (file_row, cells) for file_row, cells in enumerate(csv.reader(file), 1) if any(map(str.strip, cells))
+            ]
+    except (UnicodeDecodeError, csv.Error):
+        raise DataError(f"{path}: is no text file; give a CSV with the columns time_s,reference_nm") from None
+    names = [name.strip() for name in rows[0][1]] if rows else []
+    if "time_s" not in names or "reference_nm" not in names:
+        raise DataError(
+            f"{path}: its first row must name the columns time_s,reference_nm; it has {','.join(names) or 'nothing'}"
+        )
+    columns = names.index("time_s"), names.index("reference_nm")
+    values: list[tuple[float, float]] = []
+    for row, cells in rows[1:]:
+        pair = []
+        for name, column in zip(("time_s", "reference_nm"), columns, strict=True):
+            cell = cells[column].strip() if column < len(cells) else ""
+            try:
+                number = float(cell)
+            except ValueError:
+                number = math.nan
+            if not math.isfinite(number):
+                raise DataError(f"{path}: {name} in row {row} is {cell!r}, not a finite number; mend or drop the row")
+            pair.append(number)
+        if values and pair[0] <= values[-1][0]:
+            raise DataError(
+                f"{path}: time does not rise at row {row} ({pair[0]:g} s after {values[-1][0]:g} s); "
+                "sort it or drop the row"
+            )
+        values.append((pair[0], pair[1]))
+    if len(values) < 2:
+        raise DataError(f"{path}: holds {len(values)} row(s) of data; a reference needs two or more")
+    table = np.array(values)
+    return table[:, 0], table[:, 1]
+
+
+def samples_of(duration_s: float, dt_s: float) -> int:
+    """Control samples in a duration; `UsageError` below two."""
+    n = round(duration_s / dt_s)
+    if n < 2:
+        raise UsageError(f"a duration of {duration_s:g} s holds fewer than two control samples of {dt_s:g} s")
+    return n

@@ -1,0 +1,96 @@
+"""What a rig adds to the model, each effect off unless it is asked for.
+
+In the order a sample meets them: rotor ripple is torque that is really there, T = (x1 + x2)(1 + r sin 2πft); the
+torque sensor's first-order
+low-pass sees that torque; noise is added to what the sensor gives; the controller reads the sum at t_k; its duty is
+rounded to the
+resolution of the output, waits `delay_samples`, and is latched at the next start of a PWM period.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from eaid.arrays import Array
+from eaid.errors import UsageError
+
+
+@dataclass(frozen=True)
+class Rig:
+    """The rig's own effects; the default is none of them but saturation."""
+
+    noise_nm: float = 0.0
+    """Standard deviation of the noise on the measured torque [N·m]."""
+    noise_correlation_s: float = 0.0
+    """Time in which the noise forgets itself [s], e^(−t/·); 0: white."""
+    ripple_pct: float = 0.0
+    """Amplitude of the rotor ripple, in percent of the torque."""
+    ripple_hz: float = 1.0 / 6.0
+    """Frequency of the ripple [Hz]; once per turn at 10 RPM by default."""
+    sensor_hz: float = 0.0
+    """Corner of the torque sensor's low-pass [Hz]; 0: none."""
+    delay_samples: int = 0
+    """Control samples between a reading and its duty."""
+    pwm_hz: float = 0.0
+    """Rate at which the duty is latched [Hz], once per PWM period; 0: at every control sample."""
+    duty_bits: int = 0
+    """Resolution of the duty [bit], 2^bits values from 0 to 100 %; 0: unlimited."""
+    saturation: bool = True
+    """Duty limited to 0…100 %. Without it the controllers ask for more, and the plant keeps its edge values."""
+
+    def __post_init__(self) -> None:
+        for name in ("noise_nm", "noise_correlation_s", "ripple_pct", "ripple_hz", "sensor_hz", "pwm_hz"):
+            value = getattr(self, name)
+            if not (math.isfinite(value) and value >= 0):
+                raise UsageError(f"rig: {name} is {value:g}; it must be 0 or above")
+        if self.delay_samples < 0:
+            raise UsageError(f"rig: delay_samples is {self.delay_samples}; it must be 0 or above")
+        if not 0 <= self.duty_bits <= 32:
+            raise UsageError(f"rig: duty_bits is {self.duty_bits}; it must be 0 (unlimited) to 32")
+
+
+class RigNumbers(NamedTuple):
+    """The rig as the loop takes it; floats and integers only."""
+
+    sensor: float
+    """Share of the way that the sensor's low-pass goes in a sample; 1: no low-pass."""
+    duty_levels: float
+    """Steps between 0 and 100 % duty; 0: unlimited."""
+    delay: int
+    """[samples]"""
+    pwm_period: float
+    """[samples]; 0: no latching."""
+
+
+def rig_numbers(rig: Rig, dt_s: float) -> RigNumbers:
+    """The rig at a control interval of dt_s seconds."""
+    sensor = -math.expm1(-2 * math.pi * rig.sensor_hz * dt_s) if rig.sensor_hz > 0 else 1.0
+    levels = float(2**rig.duty_bits - 1) if rig.duty_bits > 0 else 0.0
+    period = 1.0 / (rig.pwm_hz * dt_s) if rig.pwm_hz > 0 else 0.0
+    return RigNumbers(sensor, levels, rig.delay_samples, period)
+
+
+def noise(rig: Rig, samples: int, dt_s: float, seed: int) -> Array:
+    """Noise on the measured torque [N·m], shape (samples,); white, or a first-order autoregression of the same
+    variance."""
+    if rig.noise_nm <= 0:
+        return np.zeros(samples)
+    white = np.random.default_rng(seed).standard_normal(samples)
+    if rig.noise_correlation_s <= 0:
+        return rig.noise_nm * white
+    memory = math.exp(-dt_s / rig.noise_correlation_s)
+    fresh = math.sqrt(1.0 - memory * memory)
+    values = white.tolist()
+    for k in range(1, samples):
+        values[k] = memory * values[k - 1] + fresh * values[k]
+    return rig.noise_nm * np.array(values)
+
+
+def ripple(rig: Rig, samples: int, dt_s: float) -> Array:
+    """Factor of the rotor ripple on the torque, shape (samples,)."""
+    if rig.ripple_pct <= 0:
+        return np.ones(samples)
+    angle: Array = 2 * math.pi * rig.ripple_hz * dt_s * np.arange(samples)
+    return 1.0 + rig.ripple_pct / 100 * np.sin(angle)
