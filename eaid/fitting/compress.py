@@ -3,7 +3,8 @@
 Each level is cut into blocks that double in length. On a block, y is projected on polynomials that are orthonormal over
 the block's own instants (three-term recurrence, Stieltjes); the Jacobi matrix of the recurrence gives Gauss nodes t_j
 and weights w_j (Golub–Welsch). With ŷ_j the projection at the nodes,
-Σ_k (y_k − f_k)² = [Σ y² − Σ w_j ŷ_j²] + Σ w_j (ŷ_j − f(t_j))², exact where f is a polynomial of degree < m on the block.
+Σ_k (y_k − f_k)² = [Σ y² − Σ w_j ŷ_j²] + Σ w_j (ŷ_j − f(t_j))²,
+exact where f is a polynomial of degree < m on the block.
 """
 
 from collections.abc import Iterator, Sequence

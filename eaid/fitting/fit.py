@@ -15,7 +15,7 @@ from eaid.fitting.kernel import full_sums
 from eaid.fitting.levels import fit_levels
 from eaid.fitting.linear import bounds_of, by_convention, fit_linear, fit_own_levels, linear_residuals
 from eaid.fitting.nonlinear import Solution, fit_nonlinear, full_value
-from eaid.fitting.options import ALLOWED, CONVENTIONS, ESTIMATORS, LOSSES, WEIGHTS, FitOptions
+from eaid.fitting.options import ALLOWED, CONVENTIONS, FitOptions, check
 from eaid.fitting.release import release_fit
 from eaid.fitting.result import Fit, FrictionFit, LevelError, LevelFit, LinearFit, NonlinearFit
 from eaid.fitting.warnings import linear_warnings, nonlinear_warnings
@@ -37,32 +37,18 @@ def fit(stepset: StepSet, options: FitOptions | None = None) -> Fit:
     stepset = replace(stepset, levels=kept)
     data = data_of(kept, weights_of(kept, options.weights))
     curves, curve_info = fit_curves(data, options)
-    warnings: list[str] = []
     found: dict[str, Any] = {}
     if "friction" in models:
         part = friction_fit(stepset, curves, options.share)
         found["friction"] = replace(part, robust=curve_info, hold_out=friction_hold_out(part, stepset, held))
     if "nonlinear" in models:
-        found["nonlinear"] = nonlinear_fit(data, options, held, curves)
+        found["nonlinear"] = nonlinear_fit(data, options, held)
     if "linear" in models:
         found["linear"] = linear_fit(data, options, held)
     if stepset.releases:
-        found["release"] = release_fit(stepset.releases, curves, options.share or SHARE)
-    return Fit(**found, warnings=tuple(warnings))
-
-
-def check(options: FitOptions) -> None:
-    """Refuse choices that are not in their tables, each in one sentence."""
-    for name, value, table in (
-        ("--weights", options.weights, WEIGHTS),
-        ("--loss", options.loss, LOSSES),
-        ("--bounds", options.bounds, tuple(CONVENTIONS)),
-        ("--estimator", options.estimator, ESTIMATORS),
-    ):
-        if value not in table:
-            raise UsageError(f"{name} {value}: must be one of {', '.join(table)}")
-    if options.share is not None and not 0 < options.share < 1:
-        raise UsageError(f"--share {options.share:g}: the share of the fast part lies between 0 and 1; or say free")
+        held_s = {level.level: float(level.time_s[-1]) for level in kept}
+        found["release"] = release_fit(stepset.releases, curves, held_s, options.share or SHARE)
+    return Fit(**found)
 
 
 def chosen(kind: str, wanted: Sequence[str] | None) -> tuple[str, ...]:
@@ -94,13 +80,15 @@ def weights_of(levels: Sequence[Level], how: str) -> Array | None:
     single = [f"{level.level:g}" for level in levels if len(level.runs_nm) < 2]
     if single:
         raise DataError(
-            f"--weights sd: level {', '.join(single)} has one run only, so its repeats have no spread; use --weights equal"
+            f"--weights sd: level {', '.join(single)} has one run only, so its repeats have no spread; "
+            "use --weights equal"
         )
     weights = spread_weights(levels)
     if not np.isfinite(weights).all():
         same = [f"{level.level:g}" for level in levels if not level.sd_nm.any()]
         raise DataError(
-            f"--weights sd: the repeats of level {', '.join(same)} are identical, so their spread is no weight; use --weights equal"
+            f"--weights sd: the repeats of level {', '.join(same)} are identical, so their spread is no weight; "
+            "use --weights equal"
         )
     return weights
 
@@ -142,9 +130,7 @@ def hold_out_row(rows: Sequence[LevelError], residuals: Sequence[Array], fitted_
     }
 
 
-def nonlinear_fit(
-    data: Data, options: FitOptions, held: Sequence[Level] = (), curves: Sequence[LevelFit] = ()
-) -> NonlinearFit:
+def nonlinear_fit(data: Data, options: FitOptions, held: Sequence[Level] = ()) -> NonlinearFit:
     """The nonlinear model with its errors per level and on the held-out levels."""
 
     def residuals(solved: Solution, on: Data) -> list[Array]:

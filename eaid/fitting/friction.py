@@ -56,8 +56,8 @@ def friction_fit(stepset: StepSet, fits: Sequence[LevelFit], share: float | None
             )
         else:
             warnings.append(
-                f"C_f was not computed and the trends run over the level itself: a level in {stepset.input_unit or 'no unit'} "
-                "is neither a force nor a stress; say so with --units input=N"
+                "C_f was not computed and the trends run over the level itself: a level in "
+                f"{stepset.input_unit or 'no unit'} is neither a force nor a stress; say so with --units input=N"
             )
     trends: dict[str, Trend] = {}
     for name, form in FORMS_OVER.get(stepset.kind, {}).items():
@@ -66,15 +66,16 @@ def friction_fit(stepset: StepSet, fits: Sequence[LevelFit], share: float | None
             continue
         if len(fits) < LEAST[form]:
             warnings.append(
-                f"no trend of {name} over {over}: a {form} trend needs at least {LEAST[form]} levels, and there are {len(fits)}"
+                f"no trend of {name} over {over}: a {form} trend needs at least {LEAST[form]} levels, "
+                f"and there are {len(fits)}"
             )
             continue
         trend = fit_trend(x, np.array(values, dtype=np.float64), over, form)
         trends[name] = trend
         if trend.form == "merged-exponential":
             warnings.append(
-                f"the two rates of the trend of {name} merge: its limit (p + q x) e^(r x) is given, a pair would be two huge "
-                "weights that cancel"
+                f"the two rates of the trend of {name} merge: its limit (p + q x) e^(r x) is given, "
+                "for a pair would be two huge weights that cancel"
             )
         if trend.at_bounds:
             warnings.append(
@@ -107,32 +108,33 @@ def _sum_of_starts(solvers: Sequence[Solver]) -> Array:
 
 
 def _level_warnings(stepset: StepSet, fits: Sequence[LevelFit], share: float | None) -> list[str]:
-    unit = stepset.input_unit
+    unit = f" {stepset.input_unit}" if stepset.input_unit else ""
     ends = {level.level: float(level.time_s[-1]) for level in stepset.levels}
     long = [f"{f.level:g}" for f in fits if f.curve.tau2 > ends[f.level] and f.curve.Ts > 0]
     warnings = []
     if long:
         warnings.append(
-            f"τ2 is longer than the record at level {', '.join(long)} {unit}: these data cannot tell it, nor how far T_s goes "
-            "on rising; record longer"
+            f"τ2 is longer than the record at level {', '.join(long)}{unit}: these data cannot tell it, "
+            "nor how far T_s goes on rising; record longer"
         )
     merged = [f"{f.level:g}" for f in fits if "τ2 at τ1" in f.solver.at_bounds]
     if merged:
-        warnings.append(f"one exponential is enough at level {', '.join(merged)} {unit}: τ1 and τ2 coincide there")
+        warnings.append(f"one exponential is enough at level {', '.join(merged)}{unit}: τ1 and τ2 coincide there")
     fast = [f"{f.level:g}" for f in fits if "τ1 at 1 ms" in f.solver.at_bounds]
     if fast:
-        warnings.append(f"τ1 is at its floor of 1 ms at level {', '.join(fast)} {unit}: the fast rise is not resolved")
+        warnings.append(f"τ1 is at its floor of 1 ms at level {', '.join(fast)}{unit}: the fast rise is not resolved")
     dead = [f"{f.level:g}" for f in fits if "T_s at 0" in f.solver.at_bounds]
     if dead:
         warnings.append(
-            f"T_s is at 0 at level {', '.join(dead)} {unit}: the output does not rise with the step; check the sign of the output"
+            f"T_s is at 0 at level {', '.join(dead)}{unit}: the output does not rise with the step; "
+            "check the sign of the output"
         )
     if share is None:
         lost = [f"{f.level:g}" for f in fits if f.curve.C < 0.02 or f.curve.C > 0.98 or f.level in _runaway(fits, ends)]
         if lost:
             warnings.append(
-                f"a free C is not determined at level {', '.join(lost)} {unit}: the slow part and T_s run away together; hold it "
-                "(--share 0.85) or record longer"
+                f"a free C is not determined at level {', '.join(lost)}{unit}: the slow part and T_s run away "
+                "together; hold it (--share 0.85) or record longer"
             )
     return warnings
 

@@ -40,7 +40,7 @@ def _gradient(theta: Array, along: Array, by_e1: Array, by_e2: Array, t_e1: Arra
 
 
 def level_curvature(theta: Array, points: Points, exact: bool = False) -> Array:
-    """Second derivatives of `level_sums` by θ, shape (L, 4, 4): Gauss–Newton 2 J'WJ, or with the residuals' own part."""
+    """Second derivatives of `level_sums` by θ, (L, 4, 4): Gauss–Newton 2 J'WJ, or with the residuals' own part."""
     Ts, tau1, tau2, share = theta[:, :, None]
     t = np.broadcast_to(points.t_s, points.y.shape)
     e1, e2 = np.exp(-t / tau1), np.exp(-t / tau2)
@@ -61,7 +61,7 @@ def level_curvature(theta: Array, points: Points, exact: bool = False) -> Array:
         own[:, 1, 1] = (r * -Ts * share * e1 * (t / tau1 - 2.0) * t / tau1**3).sum(axis=1)
         own[:, 2, 2] = (r * -Ts * (1.0 - share) * e2 * (t / tau2 - 2.0) * t / tau2**3).sum(axis=1)
         curvature = curvature + own
-    return 2.0 * curvature
+    return np.asarray(2.0 * curvature)
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,10 +94,11 @@ def full_sums(theta: Array, records: tuple[Record, ...]) -> tuple[Array, Array, 
 def decay(record: Record, tau: float) -> Array:
     """e^(−t/τ) at every sample, shape (n,).
 
-    On a uniform grid it is a geometric sequence: one stretch of 128 is tabulated and multiplied by each stretch's first value.
+    On a uniform grid it is a geometric sequence: one stretch of 128 is tabulated and multiplied by the first value of
+    every stretch.
     """
     if not record.uniform or len(record.t_s) < 4 * TABLE:
         return np.exp(record.t_s / -tau)
     heads = np.exp(record.t_s[::TABLE] / -tau)
     stretch = np.exp((record.t_s[:TABLE] - record.t_s[0]) / -tau)
-    return np.multiply.outer(heads, stretch).ravel()[: len(record.t_s)]
+    return np.asarray(np.multiply.outer(heads, stretch).ravel()[: len(record.t_s)])

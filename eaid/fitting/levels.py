@@ -12,8 +12,11 @@ from eaid.models.parameters import Friction
 
 TAU1_LEAST_S = 1e-3
 """SPEC §3: τ1 ≥ 1 ms."""
-RECORDS = 100.0
-"""τ2 of a single level is looked for up to this many record lengths; beyond, the curve is a straight line."""
+RECORDS = 1e6
+"""τ2 is looked for up to this many record lengths: no data can tell it from endless."""
+RECORDS_FREE = 100.0
+"""The same where C is free: T_s then grows with τ2, for the slow part is a straight line of a given slope."""
+LEAST_LOG, MOST_LOG = np.log(1e-9), np.log(1e12)
 SHARES = (0.3, 0.5, 0.7, 0.85, 0.95)
 """Where a free C starts from."""
 
@@ -60,7 +63,7 @@ def fit_level(data: Data, share: float | None, start: Array | None = None) -> Le
 
     `start` is θ = (T_s, τ1, τ2, C) to begin from, shape (4,).
     """
-    limit = RECORDS * data.longest_s
+    limit = (RECORDS_FREE if share is None else RECORDS) * data.longest_s
     if share is None:
         starts = [starting_curves(data, c)[:, 0] for c in SHARES]
     else:
@@ -125,7 +128,7 @@ def level_problem(data: Data, share: float | None, limit: float) -> Problem:
         ([1.0, 0.0, 0.0, 0.0], 0.0, "T_s at 0"),
         ([0.0, 1.0, 0.0, 0.0], float(np.log(TAU1_LEAST_S)), "τ1 at 1 ms"),
         ([0.0, -1.0, 1.0, 0.0], 0.0, "τ2 at τ1"),
-        ([0.0, 0.0, -1.0, 0.0], -float(np.log(limit)), f"τ2 at {RECORDS:g} record lengths"),
+        ([0.0, 0.0, -1.0, 0.0], -float(np.log(limit)), "τ2 endless"),
     ]
     if free:
         rows += [([0.0, 0.0, 0.0, 1.0], 0.0, "C at 0"), ([0.0, 0.0, 0.0, -1.0], -1.0, "C at 1")]
@@ -148,7 +151,8 @@ def _unknowns(theta: Array, share: float | None, limit: float) -> Array:
 
 
 def _theta(x: Array, share: float | None) -> Array:
-    return np.array([x[0], np.exp(x[1]), np.exp(x[2]), x[3] if share is None else share])
+    tau1, tau2 = np.exp(np.clip(x[1:3], LEAST_LOG, MOST_LOG))  # SLSQP may look far outside before it comes back
+    return np.array([x[0], tau1, tau2, x[3] if share is None else share])
 
 
 def _chain(gradient: Array, theta: Array) -> Array:

@@ -1,7 +1,7 @@
 """The nonlinear clutch model, Eqs. (4)–(7): ten coefficients of τ1(u), τ2(u), T_s(u) fitted together.
 
-The unknowns are Legendre coefficients over the fitted levels; the chain rule takes each level's sums to them. Constraints,
-SPEC §3, at 101 equally spaced duties from the lowest to the highest level: τ1 ≥ 1 ms, τ2 ≥ τ1, T_s ≥ 0.
+The unknowns are Legendre coefficients over the fitted levels; the chain rule takes each level's sums to them.
+Constraints, SPEC §3, at 101 equally spaced duties from the lowest to the highest level: τ1 ≥ 1 ms, τ2 ≥ τ1, T_s ≥ 0.
 """
 
 from collections.abc import Sequence
@@ -13,7 +13,7 @@ from numpy.polynomial import legendre, polynomial
 from eaid.arrays import Array
 from eaid.fitting.data import Data
 from eaid.fitting.kernel import full_sums, level_curvature, level_sums
-from eaid.fitting.levels import SHARES, TAU1_LEAST_S, starting_curves, verdict
+from eaid.fitting.levels import RECORDS, RECORDS_FREE, SHARES, TAU1_LEAST_S, starting_curves, verdict
 from eaid.fitting.result import Solver
 from eaid.fitting.solver import PROMISE, ROUNDING, EndPoint, Problem, newton_step, polish, slsqp
 from eaid.models.parameters import Nonlinear
@@ -68,10 +68,11 @@ class Basis:
         for part, degree in zip(self.slices, DEGREES, strict=True):
             inner = legendre.leg2poly(x[part])
             powers = np.zeros(degree + 1)
-            total, term = np.zeros(1), np.ones(1)
+            total: Array = np.zeros(1)
+            term: Array = np.ones(1)
             for coefficient in inner:
-                total = polynomial.polyadd(total, coefficient * term)
-                term = polynomial.polymul(term, line)
+                total = np.asarray(polynomial.polyadd(total, coefficient * term), dtype=np.float64)
+                term = np.asarray(polynomial.polymul(term, line), dtype=np.float64)
             powers[: len(total)] = total
             found.append(tuple(powers.tolist()))
         Ts, tau1, tau2 = found
@@ -110,7 +111,7 @@ def nonlinear_problem(data: Data, basis: Basis) -> Problem:
         return float(weights @ cost), np.tensordot(gradient * weights, M, 2)
 
     def chained(curvature: Array) -> Array:
-        return np.einsum("alm,lab,bln->mn", M, curvature * weights[:, None, None], M, optimize=True)
+        return np.asarray(np.einsum("alm,lab,bln->mn", M, curvature * weights[:, None, None], M, optimize=True))
 
     def gauss_newton(x: Array) -> Array:
         return chained(level_curvature(_guarded(M @ x + constant), data.points))
@@ -118,7 +119,7 @@ def nonlinear_problem(data: Data, basis: Basis) -> Problem:
     def exact(x: Array) -> Array:
         return chained(level_curvature(_guarded(M @ x + constant), data.points, exact=True))
 
-    A, b, names = constraints(basis)
+    A, b, names = constraints(basis, data.longest_s)
     return Problem(value, gauss_newton, A, b, names, exact, ROUNDING * data.energy)
 
 
@@ -128,13 +129,14 @@ def _guarded(theta: Array) -> Array:
     return theta
 
 
-def constraints(basis: Basis) -> tuple[Array, Array, tuple[str, ...]]:
-    """A x ≥ b at the 101 duties, and what each row says."""
+def constraints(basis: Basis, longest_s: float) -> tuple[Array, Array, tuple[str, ...]]:
+    """A x ≥ b at the 101 duties, and what each row says; τ2 ends at `RECORDS` times the longest record."""
+    limit = (RECORDS_FREE if basis.free_share else RECORDS) * longest_s
     at = np.linspace(basis.lowest, basis.highest, DUTIES if basis.highest > basis.lowest else 1)
     M = basis.rows(at)
-    A = np.concatenate([M[1], M[2] - M[1], M[0]])
-    b = np.concatenate([np.full(len(at), TAU1_LEAST_S), np.zeros(2 * len(at))])
-    names = [f"{what} at input {u:g}" for what in ("τ1 = 1 ms", "τ2 = τ1", "T_s = 0") for u in at]
+    A = np.concatenate([M[1], M[2] - M[1], M[0], -M[2]])
+    b = np.concatenate([np.full(len(at), TAU1_LEAST_S), np.zeros(2 * len(at)), np.full(len(at), -limit)])
+    names = [f"{what} at input {u:g}" for what in ("τ1 = 1 ms", "τ2 = τ1", "T_s = 0", "τ2 endless") for u in at]
     if basis.free_share:
         row = np.zeros((2, basis.size))
         row[0, -1], row[1, -1] = 1.0, -1.0
@@ -156,8 +158,8 @@ def full_value(x: Array, data: Data, basis: Basis) -> tuple[float, Array, list[A
 def polynomial_starts(data: Data, basis: Basis, problem: Problem, share: float) -> list[Array]:
     """Feasible starts from the curves of single levels, the most promising first.
 
-    τ1, τ2, T_s of each level are weighted by their own precision: polynomials through them; where a τ polynomial meets its
-    bound it is drawn to the weighted mean. The second start has the means themselves.
+    τ1, τ2, T_s of each level are weighted by their own precision: polynomials through them; where a τ polynomial meets
+    its bound it is drawn to the weighted mean. The second start has the means themselves.
     """
     theta = starting_curves(data, share)
     curvature = level_curvature(theta, data.points)[:, :3, :3] * data.weights[:, None, None]

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 
+from eaid.errors import UsageError
 from eaid.models.parameters import SHARE
 
 MODELS = ("friction", "nonlinear", "linear")
@@ -41,4 +42,18 @@ class FitOptions:
     bounds_levels: tuple[float, ...] | None = None
     """Levels over which B_m and B_M are taken; None: all that are fitted."""
     estimator: str = "joint"
-    """joint: all coefficients together, as in the paper. two-stage: each level, then the polynomials (eaid.uncertainty)."""
+    """joint: all coefficients together, as in the paper. two-stage: each level, then the polynomials through them."""
+
+
+def check(options: FitOptions) -> None:
+    """Refuse choices that are not in their tables, each in one sentence."""
+    for name, value, table in (
+        ("--weights", options.weights, WEIGHTS),
+        ("--loss", options.loss, LOSSES),
+        ("--bounds", options.bounds, tuple(CONVENTIONS)),
+        ("--estimator", options.estimator, ESTIMATORS),
+    ):
+        if value not in table:
+            raise UsageError(f"{name} {value}: must be one of {', '.join(table)}")
+    if options.share is not None and not 0 < options.share < 1:
+        raise UsageError(f"--share {options.share:g}: the share of the fast part lies between 0 and 1; or say free")

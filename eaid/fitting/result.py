@@ -1,4 +1,4 @@
-"""What a fit is: plain data, in the units of SPEC §1, and the models read back from a fit.json. It neither plots nor refits."""
+"""What a fit is: plain data, in the units of SPEC §1, and the models read back from a fit.json."""
 
 from dataclasses import dataclass, field
 from typing import Any
@@ -155,9 +155,11 @@ class LinearFit:
 
 @dataclass(frozen=True)
 class ReleaseLevel:
-    """T(t) = residual + amplitude (C e^(−t/τ1) + (1 − C) e^(−t/τ2)) after the release of one level."""
+    """T(t) = residual + amplitude (share e^(−t/τ1) + (1 − share) e^(−t/τ2)) after the release of one level."""
 
     level: float
+    share: float
+    """The fast state's part of the torque at the instant of release."""
     tau1: float
     tau2: float
     amplitude: float

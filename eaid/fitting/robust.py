@@ -1,7 +1,7 @@
 """Huber's loss for drop-outs and spikes: squares up to 1.345 robust standard deviations, a line beyond.
 
-Solved by modified residuals (Huber and Dutter 1974): least squares on y* = f + clip(y − f, ±kσ), again and again. At its
-fixed point Σ ψ(r) ∂f = 0, which is the minimum of Huber's loss, and every step is a fit of the usual kind.
+Solved by modified residuals (Huber and Dutter 1974): least squares on y* = f + clip(y − f, ±kσ), again and again. At
+its fixed point Σ ψ(r) ∂f = 0, which is the minimum of Huber's loss, and every step is a fit of the usual kind.
 """
 
 from collections.abc import Callable

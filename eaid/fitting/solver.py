@@ -111,7 +111,7 @@ def _one_round(problem: Problem, x: Array, cost: float, maximum: int) -> tuple[A
     rows /= size[:, None]
     slack = (problem.A @ x - problem.b) / size
     held = {"type": "ineq", "fun": lambda z: rows @ z + slack, "jac": lambda _: rows}
-    end = minimize(
+    end = minimize(  # type: ignore[call-overload]  # the stubs know no vector-valued constraint
         scaled,
         np.zeros(len(x)),
         jac=True,

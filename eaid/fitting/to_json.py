@@ -215,6 +215,7 @@ def release_json(fit: ReleaseFit) -> dict[str, Any]:
         "levels": [
             {
                 "level": one.level,
+                "share": one.share,
                 "tau1": one.tau1,
                 "tau2": one.tau2,
                 "rising_tau1": one.rising_tau1,

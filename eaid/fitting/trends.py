@@ -1,7 +1,8 @@
 """Trends of T_s, τ1, τ2, C_f over stress or speed, by SLSQP on the whitened problem, x scaled to 0…1.
 
-A double exponential has its two rates at least `APART` e-folds apart over the range. Where that holds it, or where its two
-weights cancel to more than `CANCEL` times the values themselves, the rates have merged: the limit (p + q x) e^(r x) is fitted.
+A double exponential has its two rates at least `APART` e-folds apart over the range. Where that holds it, or where its
+two weights cancel to more than `CANCEL` times the values themselves, the rates have merged: the limit (p + q x) e^(r x)
+is fitted.
 """
 
 import numpy as np

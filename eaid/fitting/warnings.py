@@ -25,19 +25,20 @@ def nonlinear_warnings(data: Data, p: Nonlinear, solver: Solver, held: Sequence[
     count = len(np.unique(data.u))
     if count == 1:
         warnings.append(
-            "one level only: τ1, τ2 and T_s are known at this level, not how they depend on it; their polynomials are constants"
+            "one level only: τ1, τ2 and T_s are known at this level, not how they depend on it; "
+            "their polynomials are constants"
         )
     elif count <= max(DEGREES):
         warnings.append(
-            f"{count} levels cannot tell a cubic T_s(u){' or quadratic time constants' if count < 3 else ''}: the polynomials "
-            "pass through the levels, their missing coefficients are 0"
+            f"{count} levels cannot tell a cubic T_s(u){' or quadratic time constants' if count < 3 else ''}: "
+            "the polynomials pass through the levels, their missing coefficients are 0"
         )
     _, tau2 = time_constants(p, data.u)
     long = [float(u) for u, tau, r in zip(data.u, tau2, data.records, strict=True) if tau > r.t_s[-1]]
     if long:
         warnings.append(
-            f"τ2 is longer than the record at level {listed(long)}: these data cannot tell it, nor how far T_s goes on rising; "
-            "record longer"
+            f"τ2 is longer than the record at level {listed(long)}: these data cannot tell it, "
+            "nor how far T_s goes on rising; record longer"
         )
     if solver.at_bounds:
         shown = ", ".join(solver.at_bounds[:4]) + (", …" if len(solver.at_bounds) > 4 else "")
@@ -45,13 +46,14 @@ def nonlinear_warnings(data: Data, p: Nonlinear, solver: Solver, held: Sequence[
     best = min(solver.starts)
     if best > 0 and max(solver.starts) > (1 + 1e-6) * best:
         warnings.append(
-            f"{sum(cost > (1 + 1e-6) * best for cost in solver.starts)} of {len(solver.starts)} starts ended at a higher cost; "
-            "the least is given"
+            f"{sum(cost > (1 + 1e-6) * best for cost in solver.starts)} of {len(solver.starts)} starts "
+            "ended at a higher cost; the least is given"
         )
     outside = [u for u in held if not p.u_range[0] <= u <= p.u_range[1]]
     if outside:
         warnings.append(
-            f"held-out level {listed(outside)} lies outside the fitted ones: there the model is held at its edge, it predicts nothing"
+            f"held-out level {listed(outside)} lies outside the fitted ones: "
+            "there the model is held at its edge, it predicts nothing"
         )
     return tuple(warnings)
 

@@ -54,8 +54,8 @@ def tau_grid(t_s: Array, n: int) -> Array:
 def grid_minima(t_s: Array, torque_nm: Array, weights: Array, grid: Array, share: float) -> tuple[Array, Array, Array]:
     """τ1 ≤ τ2 of least cost on a grid, and their T_s ≥ 0, for L levels at once: three arrays of shape (L,).
 
-    `t_s`, `torque_nm`, `weights`: (L, n), or (1, n) times for all; padding has weight 0. For a pair of τ the amplitude is
-    a linear solve, T_s = φ'y/φ'φ, and the cost falls by (φ'y)²/φ'φ; all pairs follow from the products of e^(−t/τ).
+    `t_s`, `torque_nm`, `weights`: (L, n), or (1, n) times for all; padding has weight 0. For a pair of τ the amplitude
+    is a linear solve, T_s = φ'y/φ'φ, and the cost falls by (φ'y)²/φ'φ; all pairs follow from the products of e^(−t/τ).
     """
     levels = len(torque_nm)
     shapes = -np.expm1(-t_s[:, None, :] / grid[:, None])  # (L or 1, K, n)

@@ -1,8 +1,8 @@
 """Trends of fitted values over stress or speed, SPEC §3: a line, a sum of two exponentials, and what it becomes
 when its two rates merge.
 
-linear: slope·x + offset. double-exponential: p e^(r1 x) + q e^(r2 x). merged-exponential: (p + q x) e^(r x), the limit of
-the second for r2 → r1, where two huge weights of opposite sign would otherwise be printed.
+linear: slope·x + offset. double-exponential: p e^(r1 x) + q e^(r2 x). merged-exponential: (p + q x) e^(r x), the limit
+of the second for r2 → r1, where two huge weights of opposite sign would otherwise be printed.
 """
 
 from collections.abc import Callable
@@ -15,7 +15,7 @@ from eaid.arrays import Array
 
 def line(c: Array, x: Array) -> Array:
     """slope·x + offset, `c` = [slope, offset], shape of `x`."""
-    return c[0] * x + c[1]
+    return np.asarray(c[0] * x + c[1])
 
 
 def line_gradient(c: Array, x: Array) -> Array:
@@ -30,7 +30,7 @@ def line_guess(x: Array, y: Array) -> Array:
 
 def double(c: Array, x: Array) -> Array:
     """p e^(r1 x) + q e^(r2 x), `c` = [p, r1, q, r2], shape of `x`."""
-    return c[0] * np.exp(c[1] * x) + c[2] * np.exp(c[3] * x)
+    return np.asarray(c[0] * np.exp(c[1] * x) + c[2] * np.exp(c[3] * x))
 
 
 def double_gradient(c: Array, x: Array) -> Array:
@@ -68,7 +68,7 @@ def double_guesses(x: Array, y: Array, most: int) -> list[Array]:
 
 def merged(c: Array, x: Array) -> Array:
     """(p + q x) e^(r x), `c` = [p, q, r], shape of `x`."""
-    return (c[0] + c[1] * x) * np.exp(c[2] * x)
+    return np.asarray((c[0] + c[1] * x) * np.exp(c[2] * x))
 
 
 def merged_gradient(c: Array, x: Array) -> Array:
