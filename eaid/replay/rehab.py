@@ -1,0 +1,283 @@
+"""Elbow rehabilitation on the clutch (§VII, SPEC §7): outer loops command the torque that the controller renders.
+
+    resistive   T_des = −K (θ − 10°) for θ ≥ 10°, else 0                      Eqs. (17); K = 1 (soft), 3 N·m/rad (hard)
+    assisted    T_des = K_I ∫ (θ_des − θ) dt + K_P (θ_des − θ)                Eq. (18)
+    limb        I θ'' = M_user + s T − d θ' − g sin θ                         no limb was published: SPEC §7's defaults
+    user        M_user = k (θ_des − θ) + b (θ_des' − θ'), 0.12 s late, + g sin θ + a slow random moment; else passive
+
+One mode fades into the next as (1 + tanh((t − t_switch)/0.5 s))/2, the user's effort with it. The rotor's direction s
+gives the torque its sign: −1 (extension) until the middle of the blend into the assisted mode, then +1 (flexion). The
+clutch makes 0…T_s(100 %) of it, and its reference changes by at most 20 N·m/s. What the clutch still holds when the
+rotor turns round changes its sign at once (`turn_step_nm`): 0.2…0.3 N·m on the reference plant, its slow part mostly.
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from eaid.arrays import Array, read_only
+from eaid.errors import GainsError, UsageError
+from eaid.replay.controllers import Controller
+from eaid.replay.hold import Hold
+from eaid.replay.loop import Replay, as_replay
+from eaid.replay.plant import PlantParameters, plant_terms
+from eaid.replay.rig import Rig, noise, rig_numbers, ripple
+
+MODES = ("soft", "hard", "assisted")
+"""In the order of Fig. 16."""
+
+
+@dataclass(frozen=True)
+class Rehabilitation:
+    """The exercise, the limb and its owner; SPEC §7's defaults."""
+
+    mode_s: float = 30.0
+    """Length of each mode [s]."""
+    uncounted_s: float = 5.0
+    """Start of each mode that the statistics leave out [s]."""
+    centre_deg: float = 35.0
+    amplitude_deg: float = 25.0
+    """Target: centre − amplitude cos(2π f t) [°]."""
+    movement_hz: float = 0.15
+    soft_nm_rad: float = 1.0
+    hard_nm_rad: float = 3.0
+    """Stiffness of the resistive modes, from 10° on."""
+    assist_proportional: float = 3.0
+    """K_P [N·m/rad]"""
+    assist_integral: float = 10.0
+    """K_I [N·m/(rad·s)]"""
+    blend_s: float = 0.5
+    """Scale of the tanh that blends the modes [s]."""
+    slope_nm_s: float = 20.0
+    """Fastest change of the torque reference."""
+    inertia_kgm2: float = 0.1
+    damping_nms: float = 0.8
+    """[N·m·s/rad]"""
+    gravity_nm: float = 1.5
+    """Moment of the forearm's weight, times sin θ."""
+    user_stiffness: float = 8.0
+    """[N·m/rad]"""
+    user_damping: float = 1.0
+    """[N·m·s/rad]"""
+    user_delay_s: float = 0.12
+    tremor_nm: float = 0.3
+    """Standard deviation of the user's random moment."""
+    tremor_s: float = 0.5
+    """Time in which it forgets itself."""
+
+    def __post_init__(self) -> None:
+        for name in vars(self):
+            value = getattr(self, name)
+            if not (math.isfinite(value) and value >= 0):
+                raise UsageError(f"rehab: {name} is {value:g}; it must be 0 or above")
+        for name in ("mode_s", "movement_hz", "blend_s", "slope_nm_s", "inertia_kgm2", "tremor_s"):
+            if getattr(self, name) == 0:
+                raise UsageError(f"rehab: {name} is 0; it must be above 0")
+        if self.mode_s <= self.uncounted_s:
+            raise UsageError(
+                f"rehab: a mode of {self.mode_s:g} s leaves nothing after the first {self.uncounted_s:g} s"
+            )
+
+
+RANGE_DEG = (-10.0, 150.0)
+"""Where an elbow ends, overstretched or fully bent; a limb beyond it is a loop that has diverged."""
+RESISTED_FROM_DEG = 10.0
+
+
+@dataclass(frozen=True, eq=False)
+class Session:
+    """One controller's session, soft, hard, assisted; arrays of shape (n,), read-only."""
+
+    replay: Replay
+    """The torque loop: reference and torque without sign [N·m], duty."""
+    exercise: Rehabilitation
+    target_deg: Array
+    angle_deg: Array
+    desired_nm: Array
+    """T_des of the outer loops [N·m], flexion positive."""
+    rendered_nm: Array
+    """True torque on the limb [N·m], flexion positive."""
+    mode: Array
+    """Index into `MODES` at each sample."""
+
+    @property
+    def position_error_deg(self) -> Array:
+        """Target minus angle [°]."""
+        return self.target_deg - self.angle_deg
+
+    @property
+    def torque_error_nm(self) -> Array:
+        """Desired minus rendered torque [N·m]."""
+        return self.desired_nm - self.rendered_nm
+
+    @property
+    def turn_step_nm(self) -> float:
+        """Step of the torque on the limb when the rotor turns round [N·m]."""
+        turn = int(np.argmax(self.mode == len(MODES) - 1))
+        return abs(float(self.rendered_nm[turn] - self.rendered_nm[turn - 1]))
+
+    def columns(self) -> dict[str, Array]:
+        """What a file keeps of the session beside its torque loop, shapes (n,)."""
+        return {
+            "target_deg": self.target_deg,
+            "angle_deg": self.angle_deg,
+            "position_error_deg": self.position_error_deg,
+            "desired_nm": self.desired_nm,
+            "rendered_nm": self.rendered_nm,
+            "torque_error_nm": self.torque_error_nm,
+            "mode": self.mode,
+        }
+
+    def counted(self, mode: str) -> slice:
+        """The samples of a mode that count."""
+        dt = self.replay.dt_s
+        start = MODES.index(mode) * self.exercise.mode_s
+        return slice(round((start + self.exercise.uncounted_s) / dt), round((start + self.exercise.mode_s) / dt))
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """What is known of a session before it begins, at each sample."""
+
+    target: list[float]
+    """[rad]"""
+    target_rate: list[float]
+    """[rad/s]"""
+    tremor: list[float]
+    """[N·m]"""
+    noise: list[float]
+    """[N·m]"""
+    factor: list[float]
+    """Rotor ripple."""
+    to_hard: list[float]
+    """Share of the way from soft to hard."""
+    to_assisted: list[float]
+
+
+def rehabilitate(
+    plant: PlantParameters, controller: Controller, exercise: Rehabilitation, rig: Rig, dt_s: float, seed: int = 0
+) -> Session:
+    """Replay the session of one controller on one plant; `GainsError` where the limb leaves an elbow's range."""
+    n = round(len(MODES) * exercise.mode_s / dt_s)
+    if exercise.mode_s < 10 * dt_s:
+        raise UsageError(f"rehab: a mode of {exercise.mode_s:g} s is too short for a control interval of {dt_s:g} s")
+    acting = controller if rig.saturation else controller.without_limits()
+    drawn = _draw(exercise, rig, n, dt_s, seed)
+    columns = _run(plant, acting, exercise, rig, dt_s, drawn)
+    reference, torque, measured, duty, applied, *limb = columns
+    angle, desired, sign = (np.array(column) for column in limb)
+    return Session(
+        replay=as_replay(acting, rig, dt_s, read_only(reference), (torque, measured, duty, applied)),
+        exercise=exercise,
+        target_deg=read_only(np.degrees(drawn.target)),
+        angle_deg=read_only(np.degrees(angle)),
+        desired_nm=read_only(desired),
+        rendered_nm=read_only(sign * np.array(torque)),
+        mode=read_only(np.minimum(np.arange(n) * dt_s // exercise.mode_s, len(MODES) - 1)),
+    )
+
+
+def _draw(exercise: Rehabilitation, rig: Rig, n: int, dt_s: float, seed: int) -> Drawn:
+    t = np.arange(n) * dt_s
+    angle = 2 * math.pi * exercise.movement_hz * t
+    swing = math.radians(exercise.amplitude_deg)
+    target = math.radians(exercise.centre_deg) - swing * np.cos(angle)
+    # the user's moment is white noise that forgets itself in tremor_s: an AR(1) of the same variance at any rate
+    user = Rig(noise_nm=exercise.tremor_nm, noise_correlation_s=exercise.tremor_s)
+    middle = exercise.mode_s * np.arange(1, len(MODES))
+    to_hard, to_assisted = (0.5 * (1 + np.tanh((t - at) / exercise.blend_s)) for at in middle)
+    return Drawn(
+        target=target.tolist(),
+        target_rate=(swing * 2 * math.pi * exercise.movement_hz * np.sin(angle)).tolist(),
+        tremor=noise(user, n, dt_s, _own_seed(seed)).tolist(),
+        noise=noise(rig, n, dt_s, seed).tolist(),
+        factor=ripple(rig, n, dt_s).tolist(),
+        to_hard=to_hard.tolist(),
+        to_assisted=to_assisted.tolist(),
+    )
+
+
+def _own_seed(seed: int) -> int:
+    """A seed for the user that is not the sensor's."""
+    return int(np.random.SeedSequence([seed, 7]).generate_state(1, np.uint64)[0])
+
+
+def _run(
+    plant: PlantParameters, controller: Controller, exercise: Rehabilitation, rig: Rig, dt: float, drawn: Drawn
+) -> tuple[list[float], ...]:
+    """The session, sample by sample: reference, torque, measured, duty, applied, angle, desired, sign."""
+    law: Callable[..., tuple[object, float]] = controller.step
+    gains, state = controller.gains, controller.start
+    soft, hard, k_p, k_i = (
+        exercise.soft_nm_rad,
+        exercise.hard_nm_rad,
+        exercise.assist_proportional,
+        exercise.assist_integral,
+    )
+    stiffness, damping, weight = exercise.user_stiffness, exercise.user_damping, exercise.gravity_nm
+    free = math.radians(RESISTED_FROM_DEG)
+    low, high = (math.radians(limit) for limit in RANGE_DEG)
+    most_nm = plant_terms(plant, 100.0)[2]
+    fastest = exercise.slope_nm_s * dt
+    turn, late = exercise.mode_s * (len(MODES) - 1), round(exercise.user_delay_s / dt)
+    keep, push, drift, lift = limb_steps(exercise, dt)
+    numbers = rig_numbers(rig, dt)
+    hold = Hold(plant, numbers, dt)
+    columns: tuple[list[float], ...] = tuple([] for _ in range(8))
+    angle, speed = drawn.target[0], 0.0
+    reference = filtered = wound = 0.0
+    effort: list[float] = []
+    for k in range(len(drawn.target)):
+        error = drawn.target[k] - angle
+        assisted, harder = drawn.to_assisted[k], drawn.to_hard[k]
+        # what the user does: their own reaction of `late` ago; bearing the arm's weight is posture, at once
+        effort.append(stiffness * error + damping * (drawn.target_rate[k] - speed))
+        moment = weight * math.sin(angle)
+        user = (1.0 - assisted) * ((effort[k - late] if k >= late else 0.0) + moment + drawn.tremor[k])
+        # what the robot wants
+        against = ((1.0 - harder) * soft + (harder - assisted) * hard) * max(0.0, angle - free)
+        assist = k_i * wound + k_p * error
+        desired = assisted * assist - against
+        flexing = k * dt >= turn
+        sign = 1.0 if flexing else -1.0
+        if flexing and (0.0 <= assist <= most_nm or (assist - most_nm) * error < 0.0):
+            wound += error * dt
+        wanted = min(max(sign * desired, 0.0), most_nm)
+        before = reference
+        reference += min(max(wanted - reference, -fastest), fastest)
+        # what the clutch gives
+        true = hold.torque() * drawn.factor[k]
+        filtered += numbers.sensor * (true - filtered)
+        seen = filtered + drawn.noise[k]
+        state, duty = law(gains, state, reference, (reference - before) / dt, seen, dt)
+        duty, applied = hold.advance(k, duty)
+        row = (reference, true, seen, duty, applied, angle, desired, sign)
+        for column, value in zip(columns, row, strict=True):
+            column.append(value)
+        # what the limb does, its moment held over the sample
+        moment = user + sign * true - moment
+        angle += drift * speed + lift * moment
+        speed = keep * speed + push * moment
+        if not low < angle < high:
+            raise GainsError(_diverged(controller.name, exercise, k * dt, angle))
+    return columns
+
+
+def limb_steps(exercise: Rehabilitation, dt_s: float) -> tuple[float, float, float, float]:
+    """Exact step of I θ'' + d θ' = M for a held M: θ' ← keep θ' + push M, θ ← θ + drift θ' + lift M."""
+    x = exercise.damping_nms * dt_s / exercise.inertia_kgm2
+    once = -math.expm1(-x) / x if x > 0 else 1.0
+    # (x − 1 + e^(−x))/x², by its series where it cancels
+    twice = (1.0 - once) / x if x > 1e-4 else 0.5 - x / 6.0
+    return math.exp(-x), once * dt_s / exercise.inertia_kgm2, once * dt_s, twice * dt_s**2 / exercise.inertia_kgm2
+
+
+def _diverged(controller: str, exercise: Rehabilitation, time_s: float, angle: float) -> str:
+    mode = MODES[min(int(time_s / exercise.mode_s), len(MODES) - 1)]
+    return (
+        f"rehab with {controller}: the {mode} mode diverges, the forearm passes {math.degrees(angle):.0f}° "
+        f"at {time_s:.2f} s (limb damping {exercise.damping_nms:g} N·m·s/rad); nothing is plotted of it; "
+        "give the limb more damping or other gains"
+    )
