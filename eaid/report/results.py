@@ -7,14 +7,14 @@ from pathlib import Path
 from typing import Any
 
 import h5py
-import numpy as np
 
-from eaid.arrays import Array, read_only
+from eaid.arrays import Array
 from eaid.errors import DataError, UsageError
 from eaid.files import sha256_of
 from eaid.logs.options import ReadOptions
 from eaid.logs.read import read_runs
 from eaid.logs.run import Run
+from eaid.replay import files as replay_files
 from eaid.steps.build import StepOptions, build_stepset
 from eaid.steps.stepset import StepSet
 from eaid.store import read_json
@@ -149,26 +149,21 @@ def kind_of(path: Path) -> str:
 
 
 def read_replay(path: Path, source: Source) -> Replay:
-    """Traces and options of a replay.h5; a controller without time, reference, torque and duty is refused."""
-    traces: dict[str, dict[str, Array]] = {}
-    faults = []
-    with h5py.File(path) as file:
-        options = {str(key): _plain(value) for key, value in file.attrs.items()}
-        for name, group in file.items():
-            if not isinstance(group, h5py.Group):
-                continue
-            columns = {key: item for key, item in group.items() if isinstance(item, h5py.Dataset) and item.ndim == 1}
-            missing = [key for key in ("time_s", "reference_nm", "torque_nm", "duty_pct") if key not in columns]
-            if missing:
-                faults.append(f"{path}: controller {name!r} has no {', '.join(missing)}; make the replay again")
-                continue
-            traces[name] = {key: _column(item) for key, item in columns.items()}
+    """Traces, options and measured numbers of a replay.h5; a controller without its four columns is refused."""
+    records, options = replay_files.read_replay(path)
+    needed = ("time_s", "reference_nm", "torque_nm", "duty_pct")
+    traces = {name: record.columns for name, record in records.items() if set(needed) & set(record.columns) != {"time_s"}}
+    faults = [
+        f"{path}: controller {name!r} has no {', '.join(key for key in needed if key not in columns)}; make the replay again"
+        for name, columns in traces.items()
+        if not set(needed) <= set(columns)
+    ]
     if faults:
         raise DataError(*faults)
     if not traces:
         raise DataError(f"{path}: holds no controller; make it again with eaid simulate")
-    summary = options.pop("summary", None)
-    return Replay(source, str(options.get("scenario", "")), options, traces, _parsed(summary))
+    summary = {name: records[name].metrics for name in traces}
+    return Replay(source, str(options.get("scenario", "")), options, traces, summary)
 
 
 def read_data(path: Path, source: Source) -> Data:
@@ -189,27 +184,3 @@ def synthetic_of(results: Results) -> str | None:
         if said := replay.options.get("synthetic"):
             return str(said)
     return None
-
-
-def _column(item: h5py.Dataset) -> Array:
-    return read_only(np.asarray(item[()], dtype=np.float64)) if item.dtype.kind in "fiub" else _codes(item)
-
-
-def _codes(item: h5py.Dataset) -> Array:
-    names = item.asstr()[()]
-    _, codes = np.unique(names, return_inverse=True)
-    return read_only(codes)
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, bytes):
-        return value.decode("utf-8", "replace")
-    return value.tolist() if hasattr(value, "tolist") else value
-
-
-def _parsed(text: Any) -> Mapping[str, Any]:
-    try:
-        content = json.loads(text) if isinstance(text, str) else {}
-    except json.JSONDecodeError:
-        content = {}
-    return content if isinstance(content, dict) else {}

@@ -6,72 +6,64 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from eaid.arrays import Array
-from eaid.logs.run import Run
 from eaid.report import style
+from eaid.report.figures.steps import level_text, quantity
 from eaid.report.thin import thinned
+from eaid.steps.doubts import block_means
+from eaid.steps.stepset import StepSet
 
 
 @dataclass(frozen=True, eq=False)
 class Held:
-    """One recording with its input held and then released; time from the step."""
+    """Mean of a level's repeats, held and then released; time from the step, idle output subtracted."""
 
-    name: str
+    level: float
     time_s: Array
     torque_nm: Array
-    """Idle torque subtracted."""
     release_s: float
 
+    @property
+    def lost_pct(self) -> float:
+        """Torque lost from peak to release [% of the peak], by means of twentieths."""
+        means = block_means(self.torque_nm[self.time_s <= self.release_s])
+        return 100 * max(0.0, 1 - float(means[-1] / means.max())) if means.max() > 0 else 0.0
 
-def held_runs(runs: tuple[Run, ...], most: int = 3) -> list[Held]:
-    """Runs that go on for a while after their input returned to rest, the highest inputs first."""
-    found: list[tuple[float, Held]] = []
-    for run in runs:
-        if run.edge == "falling" or not np.isfinite(run.input).all():
-            continue
-        top = float(np.max(run.input))
-        active = run.input > 0.5 * top
-        if top <= 0 or not active.any():
-            continue
-        first = int(np.argmax(active))
-        last = len(active) - 1 - int(np.argmax(active[::-1]))
-        after_s = float(run.time_s[-1] - run.time_s[last])
-        if first == 0 or after_s < 0.05 * float(run.time_s[last] - run.time_s[first]) or not active[first:last].all():
-            continue
-        idle = run.baseline if run.baseline is not None else float(np.mean(run.output[:first]))
-        start = float(run.time_s[first])
-        found.append(
-            (top, Held(run.name, run.time_s - start, run.output - idle, float(run.time_s[last]) - start))
-        )
-    found.sort(key=lambda item: (-item[0], item[1].name))
-    return [held for _, held in found[:most]]
+    @property
+    def left_pct(self) -> float:
+        """Torque left at the end of the log [% of the torque when held], by means of twentieths."""
+        held = float(block_means(self.torque_nm[self.time_s <= self.release_s])[-1])
+        left = float(block_means(self.torque_nm[self.time_s > self.release_s])[-1])
+        return 100 * left / held if held > 0 else 0.0
 
 
-def hold_and_release(held: list[Held]) -> Figure:
-    """Torque over time [N·m], the held stretch shaded; the share lost while held and left after release is written."""
-    figure, (axes,) = style.sheet(style.COLUMN_IN, 2.3)
+def held_levels(data: StepSet) -> list[Held]:
+    """Levels whose rise and release were both recorded: the highest, the middle and the lowest of them."""
+    rising = {level.level: level for level in data.levels}
+    found = []
+    for release in data.releases:
+        if (step := rising.get(release.level)) is None:
+            continue
+        dt = float(step.time_s[-1] - step.time_s[0]) / max(len(step.time_s) - 1, 1)
+        end = float(step.time_s[-1]) + dt
+        time = np.concatenate([step.time_s, end + release.time_s])
+        found.append(Held(release.level, time, np.concatenate([step.mean_nm, release.mean_nm]), end - dt / 2))
+    if len(found) <= 3:
+        return found[::-1]
+    return [found[-1], found[len(found) // 2], found[0]]
+
+
+def hold_and_release(held: list[Held], input_unit: str, output_unit: str) -> Figure:
+    """Torque over time, the held stretch shaded; the shares lost while held and left after release are written."""
+    figure, (axes,) = style.sheet(style.COLUMN_IN, 2.4)
     looks = [(style.BLUE, "-"), (style.VERMILLION, "--"), (style.GREEN, "-.")]
-    axes.axvspan(0, held[0].release_s, color="#E8E8E8", lw=0, label="input on")
+    axes.axvspan(0, held[0].release_s, color="#E8E8E8", lw=0)
     for run, (colour, line) in zip(held, looks, strict=False):
-        lost, left = lost_and_left(run)
         t, y = thinned(run.time_s, run.torque_nm, 1500)
         axes.plot(
             t, y, color=colour, linestyle=line, linewidth=0.9,
-            label=f"{run.name}: lost {lost:.0f} %, left {left:.0f} %",
+            label=f"{level_text(run.level, input_unit)}: lost {run.lost_pct:.1f} %, left {run.left_pct:.1f} %",
         )  # fmt: skip
-    axes.set(xlabel="Time since the step (s)", ylabel="Torque (N·m)")
-    axes.set_xlim(min(float(run.time_s[0]) for run in held), None)
+    axes.annotate("input on", (held[0].release_s / 2, 0.98), xycoords=("data", "axes fraction"), ha="center", va="top")
+    axes.set(xlabel="Time since the step (s)", ylabel=quantity(output_unit), xlim=(0, float(held[0].time_s[-1])))
     axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), borderaxespad=0.2)
     return figure
-
-
-def lost_and_left(run: Held) -> tuple[float, float]:
-    """Torque lost from peak to release, and torque left at the end of the log [% of the peak]; means of 1 % stretches."""
-    on = run.torque_nm[(run.time_s >= 0) & (run.time_s <= run.release_s)]
-    off = run.torque_nm[run.time_s > run.release_s]
-    width = max(1, len(on) // 100)
-    smooth = np.convolve(on, np.ones(width) / width, mode="valid")
-    peak = float(smooth.max())
-    if peak <= 0:
-        return 0.0, 0.0
-    tail = off[-max(1, len(off) // 20) :]
-    return 100 * (1 - float(smooth[-1]) / peak), 100 * float(np.mean(tail)) / peak

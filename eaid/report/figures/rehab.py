@@ -42,9 +42,9 @@ def training(trace: Mapping[str, Array], spans: list[tuple[str, float, float]]) 
     draw(0, trace["target_deg"], style.BLACK, "--", "target")
     draw(0, trace["angle_deg"], style.BLUE, "-", "angle")
     draw(1, trace["target_deg"] - trace["angle_deg"], style.BLUE, "-")
-    draw(2, trace["reference_nm"], style.BLACK, "--", "desired")
-    draw(2, trace["torque_nm"], style.VERMILLION, "-", "rendered")
-    draw(3, trace["reference_nm"] - trace["torque_nm"], style.VERMILLION, "-")
+    draw(2, trace["desired_nm"], style.BLACK, "--", "desired")
+    draw(2, trace["rendered_nm"], style.VERMILLION, "-", "rendered")
+    draw(3, trace["desired_nm"] - trace["rendered_nm"], style.VERMILLION, "-")
     for name, start, end in spans:
         angle.annotate(
             MODES.get(name, ("", name))[1], ((start + end) / 2, 1.02), xycoords=("data", "axes fraction"),
