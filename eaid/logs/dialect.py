@@ -113,10 +113,34 @@ def _fit(lines: list[str], delimiter: str | None, decimal: str, thousands: str) 
     return numeric * votes / sum(counts.values()) / len(lines), columns
 
 
+def _marks(sample: list[str]) -> tuple[tuple[str | None, str, str], int]:
+    """Delimiter, decimal and thousands marks that explain most cells, and how many columns they give."""
+    text = "".join(sample)
+    best, columns = 0.0, 0
+    chosen: tuple[str | None, str, str] = (",", ".", "")
+    for delimiter in _DELIMITERS:
+        if delimiter is not None and delimiter not in text:
+            continue
+        for decimal, thousands in _MARKS:
+            if delimiter in (decimal, thousands) or (delimiter is None and thousands == " "):
+                continue
+            if (decimal == "," and "," not in text) or (thousands and thousands not in text):
+                continue
+            score, count = _fit(sample, delimiter, decimal, thousands)
+            if score > best * 1.0001 or (score >= best * 0.9999 and count > columns == 1):
+                best, columns, chosen = score, count, (delimiter, decimal, thousands)
+            if best == 1.0 and columns > 1:
+                return chosen, columns
+    return chosen, columns
+
+
 def _body(lines: list[str]) -> list[str]:
     """Lines to judge the marks by: the later half of the head, without comments and blank lines."""
     full = [line for line in lines if line.strip() and not line.lstrip().startswith(COMMENT)]
-    return full[len(full) // 2 :][-200:] if len(full) > 8 else full
+    if len(full) <= 8:
+        return full
+    rest = full[len(full) // 2 :]
+    return rest[:: max(1, len(rest) // 50)]
 
 
 def _facts(lines: list[str], delimiter: str | None) -> dict[str, str]:
@@ -162,20 +186,7 @@ def sniff(path: str, head: bytes, whole: bool) -> Dialect:
         lines.pop()
     if not any(line.strip() for line in lines):
         raise DataError(f"{path}: is empty; record the log again")
-    sample = _body(lines)
-    best: tuple[float, int] = (0.0, 0)
-    chosen: tuple[str | None, str, str] = (",", ".", "")
-    for delimiter in _DELIMITERS:
-        for decimal, thousands in _MARKS:
-            if delimiter in (decimal, thousands) or (delimiter is None and thousands == " "):
-                continue
-            score = _fit(sample, delimiter, decimal, thousands)
-            if score[0] > best[0] * 1.0001 or (
-                score[0] >= best[0] * 0.9999 and score[1] > best[1] > 0 and best[1] == 1
-            ):
-                best, chosen = score, (delimiter, decimal, thousands)
-    delimiter, decimal, thousands = chosen
-    count = best[1]
+    (delimiter, decimal, thousands), count = _marks(_body(lines))
     start = _first_row(lines, delimiter, decimal, thousands, count) if count else None
     if start is None:
         raise DataError(

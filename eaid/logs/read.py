@@ -213,7 +213,7 @@ def _run(
     """One log as a run, in the units of SPEC §1, its rows checked."""
     inputs = [column for _, column in roles.inputs]
     others = [column for column in (roles.time, roles.reference) if column is not None]
-    wanted = list(dict.fromkeys([*others, roles.output, *inputs]))
+    wanted = list(dict.fromkeys([roles.output, *others, *inputs]))  # the output's own times are kept
     cells = sheet.load(wanted)
     column = dict(zip(wanted, cells.values, strict=True))
     output = column[roles.output]
@@ -256,6 +256,7 @@ def _run(
         into = scale_of("input", options.units.get("input"), name, sheet.unit(which), input_default(kind, name))
         unit, input_ = into.unit, kept(column[which], into.factor)
     level, repeat = _from_name(path, pattern, which is None)
+    notes = (*notes, *cells.notes)
     if roles.note:
         notes = (*notes, roles.note)
     return Run(

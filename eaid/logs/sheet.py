@@ -27,6 +27,8 @@ class Cells:
     rows: Sequence[int] | None = None
     """Row of the file for each sample; None: counted from `first_row`."""
     first_row: int = 1
+    notes: tuple[str, ...] = ()
+    """What reading had to do, in words."""
 
     def row(self, index: int) -> int:
         """Row of the file, counted as an editor counts lines, of one sample."""
@@ -42,7 +44,7 @@ class Sheet:
     columns: tuple[str, ...]
     """Names as the file has them; empty strings where it has none."""
     load: Callable[[Sequence[int]], Cells]
-    """Reads the chosen columns, in the chosen order."""
+    """Reads the chosen columns, in the chosen order; columns of other times are brought to those of the first."""
     units: tuple[str, ...] = ()
     """Unit of each column where the file says it apart from the name; empty strings where not."""
     rate_hz: float | None = None

@@ -145,8 +145,8 @@ def _load_fast(data: bytes, start: int, end: int, dialect: Dialect, columns: Seq
             return None
         values.append(read_only(array_))
     if dialect.delimiter:
-        mark = dialect.delimiter.encode()
-        if data.count(mark, start, end) != len(frame) * (count - 1 + dialect.ragged):
+        marks = np.count_nonzero(np.frombuffer(body, dtype=np.uint8) == ord(dialect.delimiter))
+        if marks != len(frame) * (count - 1 + dialect.ragged):
             return None
     return Cells(tuple(values), first_row=dialect.first_line)
 
