@@ -11,7 +11,9 @@ from eaid.errors import UsageError
 
 if TYPE_CHECKING:
     from eaid.replay.controllers import Knowledge
+    from eaid.replay.files import Record
     from eaid.replay.references import Reference
+    from eaid.replay.rehab import Rehabilitation
 
 
 def command(
@@ -25,11 +27,15 @@ def command(
             "--controller", help="Comma-separated: rc, pi, open-loop, inverse. Default: rc,pi; sweep adds open-loop."
         ),
     ] = None,
-    scenario: Annotated[str | None, typer.Option("--scenario", help="steps, multisine (default) or sweep.")] = None,
+    scenario: Annotated[
+        str | None, typer.Option("--scenario", help="steps, multisine (default), sweep or rehab.")
+    ] = None,
     reference: Annotated[
         Path | None, typer.Option("--reference", help="A reference of your own: CSV time_s,reference_nm.")
     ] = None,
-    duration: Annotated[float | None, typer.Option("--duration", help="Length of steps or multisine [s].")] = None,
+    duration: Annotated[
+        float | None, typer.Option("--duration", help="Length of steps, multisine or rehab [s].")
+    ] = None,
     rate: Annotated[float, typer.Option("--rate-hz", help="Control rate [Hz].")] = 1000.0,
     noise_nm: Annotated[float, typer.Option("--noise-nm", help="Noise on the measured torque, sd [N·m].")] = 0.0,
     noise_time: Annotated[
@@ -49,6 +55,10 @@ def command(
     perturb: Annotated[
         str | None, typer.Option("--perturb", help="Factors on the plant, unknown to controllers: Ts=0.9,tau1=1.2.")
     ] = None,
+    limb_damping: Annotated[
+        float | None, typer.Option("--limb-damping", help="rehab: damping of the limb [N·m·s/rad].")
+    ] = None,
+    limb_inertia: Annotated[float | None, typer.Option("--limb-inertia", help="rehab: its inertia [kg·m²].")] = None,
     output: Output = None,
     as_json: Json = False,
     quiet: Quiet = False,
@@ -78,15 +88,27 @@ def command(
     rig = Rig(noise_nm, noise_time, ripple_pct, ripple_hz, sensor_hz, delay, pwm_hz, duty_bits, saturation)
     known = _knowledge(fit, gains)
     chosen = [controller(each, known) for each in _names(controllers, name, known)]
-    wanted = _reference(name, reference, 1.0 / rate, duration)
     factors = _factors(perturb)
     plant = plant_parameters(perturbed(known.plant, factors))
 
-    records, results = {}, {}
-    for each in chosen:
-        done = replay(plant, each, wanted.torque_nm, rig, wanted.dt_s, seed)
-        results[each.name] = measure(done, wanted)
-        records[each.name] = record(done, results[each.name])
+    records: dict[str, Record] = {}
+    if name == "rehab":
+        from eaid.replay.rehab import rehabilitate
+        from eaid.replay.rehab_statistics import record as record_session
+
+        exercise = _exercise(duration, limb_damping, limb_inertia)
+        for each in chosen:
+            records[each.name] = record_session(rehabilitate(plant, each, exercise, rig, 1.0 / rate, seed))
+        shown: dict[str, Any] = {"counted_from_s": exercise.uncounted_s, **exercise.__dict__}
+    else:
+        if limb_damping is not None or limb_inertia is not None:
+            raise UsageError("--limb-damping and --limb-inertia belong to --scenario rehab")
+        wanted = _reference(name, reference, 1.0 / rate, duration)
+        for each in chosen:
+            done = replay(plant, each, wanted.torque_nm, rig, wanted.dt_s, seed)
+            records[each.name] = record(done, measure(done, wanted))
+        shown = {"counted_from_s": wanted.counted_from_s}
+    results = {each: dict(kept.metrics) for each, kept in records.items()}
     inputs = {"fit": store.input_record(fit)}
     if gains:
         inputs["gains"] = store.input_record(gains)
@@ -96,8 +118,8 @@ def command(
         "eaid": __version__,
         "scenario": name,
         "seed": seed,
-        "dt_s": wanted.dt_s,
-        "counted_from_s": wanted.counted_from_s,
+        "dt_s": 1.0 / rate,
+        **shown,
         "rig": rig.__dict__,
         "perturb": factors,
         "inputs": inputs,
@@ -159,8 +181,17 @@ def _reference(name: str, path: Path | None, dt_s: float, duration_s: float | No
             raise UsageError("--duration does not go with --reference; the file says how long it is")
         return from_file(path, dt_s)
     if name not in SCENARIOS:
-        raise UsageError(f"no scenario {name!r}; there are {', '.join(SCENARIOS)}")
+        raise UsageError(f"no scenario {name!r}; there are {', '.join(SCENARIOS)}, rehab")
     return SCENARIOS[name].reference(dt_s, duration_s)
+
+
+def _exercise(duration_s: float | None, damping: float | None, inertia: float | None) -> "Rehabilitation":
+    """The rehabilitation's own defaults where the user says nothing; the three modes are of one length."""
+    from eaid.replay.rehab import MODES, Rehabilitation
+
+    mode_s = None if duration_s is None else duration_s / len(MODES)
+    said = {"mode_s": mode_s, "damping_nms": damping, "inertia_kgm2": inertia}
+    return Rehabilitation(**{key: value for key, value in said.items() if value is not None})
 
 
 def _factors(text: str | None) -> dict[str, float]:
@@ -219,6 +250,34 @@ def _show(scenario: str, results: dict[str, Any]) -> None:
                 for f in m["frequencies"]
             ]
             console.table(f"Sweep, {name}", ["frequency", "gain", "phase", "mean |error|"], rows)
+        if "modes" in m:
+            _show_modes(name, m)
+
+
+def _show_modes(name: str, m: dict[str, Any]) -> None:
+    """The rehabilitation by mode, and what may be concluded from it."""
+    rows = []
+    for mode, part in m["modes"].items():
+        error = part["abs_position_error_deg"]
+        middle = f"{error['q1']:.2f}…{error['q3']:.2f}°"
+        rows.append([mode, f"{error['median']:.2f}°", middle, f"{part['mean_abs_torque_error_nm']:.4f} N·m"])
+    console.table(f"Rehabilitation, {name}", ["mode", "median |error|", "middle half", "mean |torque error|"], rows)
+    rows = [
+        [
+            " and ".join(test["modes"]),
+            f"{test['samples']['p']:.1e}",
+            _p(test["cycles"]["p_welch"]),
+            _p(test["cycles"]["p_rank"]),
+            _p(test["cycles"]["least_p_rank"]),
+        ]
+        for test in m["tests"]
+    ]
+    columns = ["modes", "p, t on samples (paper)", "p, Welch on cycle means", "p, ranks of them", "least p of ranks"]
+    console.table(f"Do the modes differ? {name}", columns, rows)
+
+
+def _p(value: float | None) -> str:
+    return "too few cycles" if value is None else f"{value:.2g}"
 
 
 def _seconds(value: float | None) -> str:

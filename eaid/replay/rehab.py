@@ -168,8 +168,9 @@ def rehabilitate(
     columns = _run(plant, acting, exercise, rig, dt_s, drawn)
     reference, torque, measured, duty, applied, *limb = columns
     angle, desired, sign = (np.array(column) for column in limb)
+    limits = (acting.gains.duty_min, acting.gains.duty_max)
     return Session(
-        replay=as_replay(acting, rig, dt_s, read_only(reference), (torque, measured, duty, applied)),
+        replay=as_replay(controller.name, rig, dt_s, read_only(reference), (torque, measured, duty, applied), limits),
         exercise=exercise,
         target_deg=read_only(np.degrees(drawn.target)),
         angle_deg=read_only(np.degrees(angle)),

@@ -14,7 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eaid.arrays import Array
-from eaid.replay import metrics
+from eaid.replay import metrics, scenarios
+from eaid.replay.files import Record
 from eaid.replay.rehab import MODES, Session
 
 
@@ -35,6 +36,13 @@ def statistics(session: Session) -> dict[str, Any]:
             for pair in itertools.combinations(MODES, 2)
         ],
     }  # fmt: skip
+
+
+def record(session: Session) -> Record:
+    """A session as a group of replay.h5: the torque loop, the limb, and the statistics."""
+    found = statistics(session)
+    loop = scenarios.record(session.replay, found)
+    return Record({**loop.columns, **session.columns()}, found)
 
 
 def _mode(session: Session, mode: str, error_deg: Array, means: Array) -> dict[str, Any]:
