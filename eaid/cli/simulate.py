@@ -265,7 +265,7 @@ def _show_modes(name: str, m: dict[str, Any]) -> None:
     rows = [
         [
             " and ".join(test["modes"]),
-            f"{test['samples']['p']:.1e}",
+            _p(test["samples"]["p"]),
             _p(test["cycles"]["p_welch"]),
             _p(test["cycles"]["p_rank"]),
             _p(test["cycles"]["least_p_rank"]),
@@ -277,7 +277,9 @@ def _show_modes(name: str, m: dict[str, Any]) -> None:
 
 
 def _p(value: float | None) -> str:
-    return "too few cycles" if value is None else f"{value:.2g}"
+    if value is None:
+        return "too few cycles"
+    return f"{value:.2g}" if value > 0 else "< 1e-300"
 
 
 def _seconds(value: float | None) -> str:

@@ -50,7 +50,7 @@ def _mode(session: Session, mode: str, error_deg: Array, means: Array) -> dict[s
     torque = np.abs(session.torque_error_nm[part])
     return {
         "abs_position_error_deg": box(error_deg),
-        "cycle_means_deg": means,
+        "cycle_means_deg": means.tolist(),
         "mean_abs_torque_error_nm": float(torque.mean()),
         "max_abs_torque_error_nm": float(torque.max()),
         "torque_loop": _tracking(session, part),
