@@ -5,8 +5,13 @@ from pathlib import Path
 from typing import NamedTuple
 
 from eaid.logs.hdf import is_hdf5, read_hdf5
+from eaid.logs.lvm import is_lvm, read_lvm
 from eaid.logs.mat import read_mat
+from eaid.logs.mdf import is_mdf, read_mdf
+from eaid.logs.parquet import is_parquet, read_parquet
+from eaid.logs.ros import is_ros, read_ros
 from eaid.logs.sheet import Sheet
+from eaid.logs.tdms import is_tdms, read_tdms
 from eaid.logs.text import read_text
 
 
@@ -36,6 +41,11 @@ def _is_mat(head: bytes) -> bool:
 
 FORMATS: tuple[Format, ...] = (
     Format("HDF5 or MAT v7.3", is_hdf5, read_hdf5),
+    Format("LabVIEW LVM", is_lvm, read_lvm),
+    Format("TDMS", is_tdms, read_tdms),
+    Format("Parquet", is_parquet, read_parquet),
+    Format("MDF", is_mdf, read_mdf),
+    Format("ROS bag", is_ros, read_ros),
     Format("MAT v4 or v5", _is_mat, read_mat),
     Format("text", lambda _: True, read_text),
 )
