@@ -26,6 +26,7 @@ DARK = {
     style.BLACK: "#F2F2F2", style.ORANGE: "#F0B840", style.SKY: "#8FD0F5", style.GREY: "#B5B5B5",
 }  # fmt: skip
 """Colour on white → colour on the dark ground, at the same hue."""
+MODEL = (style.VERMILLION, "#9AD0FF")
 INK, PAPER, RULE = ("#1A1A1A", "#E8E8E8"), ("#FFFFFF", "#1B1E23"), ("#DDDDDD", "#3A3F47")
 
 
@@ -137,8 +138,17 @@ def steps(
         plot.line(p, t, y, f"{name}, measured", colours)
         if model is not None:
             fine = np.unique(np.concatenate([[0.0], np.geomspace(1e-3, 1, 150) * t[-1]]))
-            plot.line(p, fine, model(fine), f"{name}, model", (style.VERMILLION, DARK[style.VERMILLION]), "dashed")
-    p.x_range = Range1d(0, float(max(t[-1] for _, t, _ in levels)))
+            plot.line(p, fine, model(fine), f"{name}, model", MODEL, "dashed")
+    longest = float(max(t[-1] for _, t, _ in levels))
+    ends = sorted((float(np.mean(y[-max(1, len(y) // 50) :])), name) for name, _, y in levels)
+    gap = 0.045 * max(abs(value) for value, _ in ends)
+    placed: list[float] = []
+    for value, _name in ends:
+        placed.append(max(value, placed[-1] + gap) if placed else value)
+    words = ColumnDataSource({"x": [1.01 * longest] * len(ends), "y": placed, "text": [name for _, name in ends]})
+    text = p.text("x", "y", text="text", source=words, text_font_size="12px", text_baseline="middle")
+    plot.themed.append((text.glyph.id, "text_color", *INK))
+    p.x_range = Range1d(0, 1.1 * longest)
     return plot.finish()
 
 

@@ -3,6 +3,7 @@
 import base64
 import hashlib
 import json
+import re
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -10,7 +11,7 @@ from importlib import resources
 from typing import Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
-from markupsafe import Markup
+from markupsafe import Markup, escape
 
 from eaid import __version__
 from eaid.report import live, sections
@@ -47,6 +48,7 @@ def page(results: Results, drawn: Sequence[Drawn], missing: Sequence[Row]) -> st
     environment = Environment(
         loader=PackageLoader("eaid.report"), autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
+    environment.filters["sign"] = signs
     made_by = synthetic_of(results)
     return environment.get_template("report.html.j2").render(
         title=sections.title(results, made_by),
@@ -82,6 +84,14 @@ def _shown(one: Drawn) -> Shown:
         narrow=one.width_in < 5,
         live=Markup(script_safe(data)) if data is not None else None,
     )
+
+
+def signs(text: str) -> Markup:
+    """Our own formulas as HTML: T_s, u^2 and e^(…) get their subscript and superscript; all else is escaped first."""
+    safe = str(escape(text))
+    safe = re.sub(r"\^\(([^()]*)\)", r"<sup>\1</sup>", safe)
+    safe = re.sub(r"(?<=[u%])\^(\d)", r"<sup>\1</sup>", safe)
+    return Markup(re.sub(r"\b([TCBKQabc])_([A-Za-z0-9])\b", r"\1<sub>\2</sub>", safe))
 
 
 def script_safe(data: Mapping[str, Any]) -> str:

@@ -60,7 +60,7 @@ def inputs(results: Results) -> Table:
                 rows.append((path, f"log behind {fit.source.path}", _levels(counts), sha))
     return Table(
         "Files", "What was given to this report, and the logs that the fits name. The fingerprint (SHA-256) tells one version of a file from another.",
-        ("file", "what it is", "holds", "fingerprint"), tuple(rows),
+        ("file", "what it is", "holds", "fingerprint"), tuple(rows), formulas=False,
     )  # fmt: skip
 
 
@@ -159,7 +159,7 @@ def _release(release: Mapping[str, Any]) -> Table:
     rows = [("all together", number(release.get("tau1")), number(release.get("tau2")), "–", "–", number(release.get("rmse"), 3))]
     for row in release.get("levels") or []:
         rows.append(
-            (f"{number(row.get('level'), 3)} %", number(row.get("tau1")), number(row.get("tau2")), number(row.get("amplitude")), number(row.get("residual"), 3), number(row.get("rmse"), 3))
+            (f"{tables.level(row.get('level'))} %", number(row.get("tau1")), number(row.get("tau2")), number(row.get("amplitude")), number(row.get("residual"), 3), number(row.get("rmse"), 3))
         )
     return Table(
         "Release", "How torque falls after the duty returns to zero; the replays use the pooled constants.",
@@ -174,7 +174,7 @@ def _held_out(content: Mapping[str, Any]) -> Table | None:
         if isinstance(part, Mapping):
             for row in part.get("levels") or []:
                 error = row.get("abs_error") or {}
-                rows.append((name, number(row.get("level"), 3), number(row.get("rmse"), 3), number(error.get("mean"), 3), number(part.get("fitted_rmse"), 3)))
+                rows.append((name, tables.level(row.get("level")), number(row.get("rmse"), 3), number(error.get("mean"), 3), number(part.get("fitted_rmse"), 3)))
     if not rows:
         return None
     return Table(
@@ -187,12 +187,12 @@ def _runs(data: Data) -> Table:
     rows = []
     for run in data.steps.runs:
         rows.append(
-            (run.name, number(run.level, 3), str(run.repeat), run.edge, str(run.samples), number(run.rate_hz, 4), number(run.baseline_nm, 3), "; ".join(run.warnings) or "nothing")
+            (run.name, tables.level(run.level), str(run.repeat), run.edge, str(run.samples), number(run.rate_hz, 4), number(run.baseline_nm, 3), "; ".join(run.warnings) or "nothing")
         )
     unit = data.steps.input_unit
     return Table(
         f"Runs of {data.source.path}", "One row per recorded step. The idle torque is the mean before the step; it is subtracted before fitting.",
-        ("run", f"level ({unit})" if unit else "level", "repeat", "edge", "samples", "rate (Hz)", f"idle ({data.steps.output_unit})", "doubtful"), tuple(rows),
+        ("run", f"level ({unit})" if unit else "level", "repeat", "edge", "samples", "rate (Hz)", f"idle ({data.steps.output_unit})", "doubtful"), tuple(rows), formulas=False,
     )  # fmt: skip
 
 
@@ -261,7 +261,7 @@ def _step_tables(replay: Replay) -> list[Table]:
     rows = []
     for name in replay.traces:
         for step in (replay.summary.get(name) or {}).get("steps") or []:
-            change = f"{number(step.get('from_nm'), 2)} → {number(step.get('to_nm'), 2)}"
+            change = f"{tables.level(step.get('from_nm'))} → {tables.level(step.get('to_nm'))}"
             rows.append((controller_name(name), change, *(number(step.get(key), 3) for key in ("rise_time_s", "overshoot_pct", "settling_s"))))
     if rows:
         found.append(
@@ -356,7 +356,7 @@ def compare(first: Fit, second: Fit) -> Table:
         a, b = levels[0][level], levels[1][level]
         for key in ("Ts", "tau1", "tau2"):
             add(
-                f"{tables.SYMBOLS[key]} at {number(level, 3)} {unit_of_level}", tables.UNITS[key], a.get(key), b.get(key),
+                f"{tables.SYMBOLS[key]} at {tables.level(level)} {unit_of_level}", tables.UNITS[key], a.get(key), b.get(key),
                 (a.get("ci95") or {}).get(key), (b.get("ci95") or {}).get(key),
             )  # fmt: skip
     return Table(

@@ -20,6 +20,8 @@ class Table:
     caption: str
     columns: tuple[str, ...]
     rows: tuple[tuple[str, ...], ...]
+    formulas: bool = True
+    """Whether T_s, u^2 and e^(…) in the cells are formulas; False where cells hold names that users chose."""
 
 
 def number(value: Any, digits: int = 4) -> str:
@@ -37,6 +39,11 @@ def number(value: Any, digits: int = 4) -> str:
         mantissa, exponent = f"{value:.{digits - 1}e}".split("e")
         text = f"{mantissa}e{int(exponent)}"
     return text.replace("-", "−")
+
+
+def level(value: Any) -> str:
+    """A level as people write it: 10, 17.5, 153."""
+    return f"{value:.4g}" if isinstance(value, int | float) else "–"
 
 
 def interval(ends: Any, digits: int = 3) -> str:
@@ -146,7 +153,7 @@ def levels_table(fit: Mapping[str, Any]) -> Table:
     rows = []
     for row in part.get("levels") or []:
         ci = row.get("ci95") or {}
-        cells = [number(row["level"], 3)]
+        cells = [level(row["level"])]
         if force:
             cells.append(number(rig.stress_kpa(row["level"]), 3))
         for name in ("Ts", "tau1", "tau2"):
@@ -165,7 +172,7 @@ def input_gain_table(fit: Mapping[str, Any]) -> Table:
     part = fit["linear"]
     bounds = part.get("bounds") or {}
     rows = tuple(
-        tuple(number(row.get(key)) if key != "level" else number(row["level"], 3) for key in ("level", "a0", "gain", "b0", "c0", "B", "rmse"))
+        tuple(number(row.get(key)) if key != "level" else level(row["level"]) for key in ("level", "a0", "gain", "b0", "c0", "B", "rmse"))
         for row in part.get("per_level") or []
     )
     caption = (

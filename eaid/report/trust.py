@@ -66,6 +66,7 @@ def _of_fit(fit: Fit, several: bool) -> Iterator[Point]:
     content = fit.content
     where = f"{fit.source.path}: " if several else ""
     found = False
+    settled = []
     for key, name in MODELS.items():
         part = content.get(key)
         if not isinstance(part, Mapping):
@@ -75,15 +76,16 @@ def _of_fit(fit: Fit, several: bool) -> Iterator[Point]:
         if solver.get("converged") is False:
             yield Point(BAD, f"{where}The {name} did not converge ({solver.get('message', 'no reason given')}); do not use its values.")
         elif solver.get("converged"):
-            starts = len(solver.get("starts") or [])
-            again = f" from {starts} starts" if starts > 1 else ""
-            yield Point(GOOD, f"{where}The {name} is at its least cost: the solver stopped there{again} and a check of our own agrees.")
+            settled.append(name)
         for held in solver.get("at_bounds") or []:
             yield Point(CARE, f"{where}The {name} leans on a limit ({held}): the data pull beyond what is physical there.")
         for text in _texts(part.get("warnings")):
             yield Point(CARE, f"{where}{name[0].upper()}{name[1:]}: {text}")
     for text in _texts(content.get("warnings")):
         yield Point(CARE, f"{where}{text}")
+    if settled:
+        names = settled[0] if len(settled) == 1 else f"{', '.join(settled[:-1])} and {settled[-1]}"
+        yield Point(GOOD, f"{where}Best fit reached for the {names}: the solver stopped there, and a test of our own finds nothing lower nearby.")
     if not found:
         yield Point(BAD, f"{where}The file holds no model.")
     yield from _what_data_cannot_tell(content, where)
@@ -92,14 +94,11 @@ def _of_fit(fit: Fit, several: bool) -> Iterator[Point]:
 def _what_data_cannot_tell(content: Mapping[str, Any], where: str) -> Iterator[Point]:
     data = content.get("data") or {}
     sources = [source for source in data.get("sources") or [] if isinstance(source, Mapping)]
-    repeats = Counter(source.get("level") for source in sources)
+    repeats = Counter(source.get("level") for source in sources if source.get("edge") != "falling")
     if repeats and min(repeats.values()) < 2:
         yield Point(CARE, f"{where}Some levels were recorded once only: how much a repeat would differ is not known there.")
-    rate = data.get("sample_rate_hz")
-    samples = [source.get("samples") for source in sources if isinstance(source.get("samples"), int | float)]
     levels = (content.get("friction") or {}).get("levels") or []
-    if rate and samples and levels:
-        record_s = min(samples) / rate
+    if (record_s := _record_s(data)) and levels:
         slow = [row["level"] for row in levels if isinstance(row.get("tau2"), int | float) and row["tau2"] > record_s]
         if slow:
             yield Point(CARE, f"{where}At {_listed(slow)} the slow time constant is longer than the recording ({number(record_s, 3)} s): hold the level longer, or do not quote τ2 and T_s there.")
@@ -113,6 +112,19 @@ def _what_data_cannot_tell(content: Mapping[str, Any], where: str) -> Iterator[P
             yield Point(CARE, f"{where}{SYMBOLS[name]} is weakly known at {_listed(wide)}: its 95 % interval is wider than ±{WIDE:.0%} ({UNITS[name]}, single levels).".replace("%)", " %)", 1))
 
 
+def _record_s(data: Mapping[str, Any]) -> float | None:
+    """Shortest recording after a step [s], where the file tells it."""
+    if lengths := [value for value in data.get("record_s") or [] if isinstance(value, int | float)]:
+        return float(min(lengths))
+    rate = data.get("sample_rate_hz")
+    samples = [
+        source["samples"]
+        for source in data.get("sources") or []
+        if isinstance(source, Mapping) and isinstance(source.get("samples"), int | float) and source.get("edge") != "falling"
+    ]
+    return float(min(samples) / rate) if rate and samples else None
+
+
 def _of_gains(content: Mapping[str, Any]) -> Iterator[Point]:
     rc = content.get("rc") or {}
     if rc.get("guaranteed") is True:
@@ -124,7 +136,7 @@ def _of_gains(content: Mapping[str, Any]) -> Iterator[Point]:
 
 
 def _listed(levels: list[float]) -> str:
-    texts = [number(level, 3) for level in levels]
+    texts = [f"{level:.4g}" for level in levels]
     return f"level {texts[0]}" if len(texts) == 1 else f"levels {', '.join(texts[:-1])} and {texts[-1]}"
 
 

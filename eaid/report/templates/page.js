@@ -7,7 +7,7 @@
     for (const [id, property, light, night] of plot.themed) {
       const model = plot.document.get_model_by_id(id);
       const value = dark.matches ? night : light;
-      if (model) model[property] = model.type === "Line" ? { value: value } : value;
+      if (model) model[property] = ["Line", "Text"].includes(model.type) ? { value: value } : value;
     }
   }
   async function draw(holder) {
