@@ -23,7 +23,8 @@ GAINS = {
     "schema": "eaid/gains/1",
     "model": {"a0": 1.36, "b0": 0.08, "c0": -2.42},
     "rc": {
-        "K_P": 4.5, "K_D": 3, "B_hat": 12.5, "rho": {"constant": 10.8125, "slope": 6.58595}, "epsilon": 0.5, "gamma": 50,
+        "K_P": 4.5, "K_D": 3, "B_hat": 12.5, "rho": {"constant": 10.8125, "slope": 6.58595},
+        "epsilon": 0.5, "gamma": 50,
         "Q": [[1, 5 / 9], [5 / 9, (5 + 10 / 9) / 6]],
     },
 }  # fmt: skip
