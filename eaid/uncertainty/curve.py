@@ -141,14 +141,20 @@ def covariance_between(
     """Covariance of all curves' coefficients together, from the correlation of their scatter, shape (Σp, Σp).
 
     Coefficients are linear in the levels' logarithms, δc_k = (Σ g g'/V_k)⁻¹ Σ_l g_l/V_kl δθ_kl, and the scatter of two
-    parameters at one level has the covariance ρ √(V_kl V_ml).
+    parameters at one level has the covariance ρ √(V_kl V_ml). A level that says nothing of a parameter has V = ∞ there.
     """
     gains = []
     for curve, v in zip(curves, variance, strict=True):
+        free = np.diag(curve.covariance) > 0
+        if not free.any():
+            gains.append(np.zeros((len(free), len(duty_pct))))
+            continue
         design = powers(duty_pct, len(curve.coefficients))
-        g = design / (design @ curve.coefficients)[:, None]
+        g = (design / (design @ curve.coefficients)[:, None])[:, free]
         scaled = g / np.sqrt(np.maximum(v, 1e-18))[:, None]
-        root = _inverse(information(duty_pct, v, curve.coefficients)) @ scaled.T
+        root = _inverse(scaled.T @ scaled) @ scaled.T
         inflation = np.trace(curve.covariance) / max(np.trace(root @ root.T), 1e-300)
-        gains.append(np.sqrt(inflation) * root)
+        full = np.zeros((len(free), len(duty_pct)))
+        full[free] = np.sqrt(inflation) * root
+        gains.append(full)
     return np.block([[correlation[i, j] * gains[i] @ gains[j].T for j in range(len(gains))] for i in range(len(gains))])

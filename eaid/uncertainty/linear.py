@@ -6,7 +6,6 @@ H = Σ J'J − Σ e ∇²f is the full Hessian; V = Σ_l R/(R − 1) Σ_r ψψ',
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -17,17 +16,6 @@ from eaid.steps.stepset import Level
 from eaid.uncertainty.evidence import Evidence, evidence
 
 
-@dataclass(frozen=True, eq=False)
-class Pooled:
-    """What the runs say about the pooled a0, b0, c0."""
-
-    parameters: Linear
-    influence: tuple[Array, ...]
-    """Of each run of each level on (a0, b0, c0): shape (R, 3) a level, centred."""
-    gain: tuple[Array, ...]
-    """H⁻¹ J' of each level, shape (3, n): how a change of the level's mean moves (a0, b0, c0)."""
-
-
 def _rise(a0: float, t_s: Array) -> tuple[Array, Array, Array]:
     """r = (1 − e^(−a0 t))/a0 and its first two derivatives by a0, shape (n,) each."""
     decay = np.exp(-a0 * t_s)
@@ -36,8 +24,8 @@ def _rise(a0: float, t_s: Array) -> tuple[Array, Array, Array]:
     return r, first, (-(t_s**2) * decay - 2 * first) / a0
 
 
-def pooled_evidence(levels: Sequence[Level], p: Linear) -> Pooled:
-    """Influence of every run on the pooled fit `p` of these levels."""
+def pooled_gain(levels: Sequence[Level], p: Linear) -> list[Array]:
+    """How a change of each level's mean moves the pooled (a0, b0, c0): H⁻¹ J', shape (3, n) a level."""
     hessian = np.zeros((3, 3))
     gradients = []
     for level in levels:
@@ -50,14 +38,32 @@ def pooled_evidence(levels: Sequence[Level], p: Linear) -> Pooled:
         curved[0, 2] = curved[2, 0] = left @ first
         hessian += jacobian @ jacobian.T - curved
         gradients.append(jacobian)
-    scale = 1 / np.sqrt(np.maximum(np.abs(np.diag(hessian)), 1e-300))
-    inverse = scale[:, None] * np.linalg.pinv(scale[:, None] * hessian * scale, rcond=1e-10, hermitian=True) * scale
-    gain = tuple(inverse @ jacobian for jacobian in gradients)
-    influence = tuple(
-        (level.runs_nm - level.mean_nm) @ moved.T / len(level.runs_nm)
-        for level, moved in zip(levels, gain, strict=True)
-    )
-    return Pooled(p, influence, gain)
+    inverse = scaled_inverse(hessian)
+    return [inverse @ jacobian for jacobian in gradients]
+
+
+def scaled_inverse(matrix: Array) -> Array:
+    """Inverse in scaled form; directions that the data do not see get none (b0 and c0 of a single level)."""
+    scale = 1 / np.sqrt(np.maximum(np.abs(np.diag(matrix)), 1e-300))
+    inverse = np.linalg.pinv(scale[:, None] * matrix * scale, rcond=1e-10, hermitian=True)
+    return np.asarray(scale[:, None] * inverse * scale)
+
+
+def own_gain(level: Level, a0: float, gain: float) -> Array:
+    """How a change of a level's mean moves its own (log a0, log gain), shape (2, n)."""
+    jacobian, hessian = own_terms(level, a0, gain)
+    return np.asarray(scaled_inverse(hessian) @ jacobian.T)
+
+
+def own_terms(level: Level, a0: float, gain: float) -> tuple[Array, Array]:
+    """∂f/∂(log a0, log gain) of gain · (1 − e^(−a0 t)), shape (n, 2), and the full Hessian of half the cost (2, 2)."""
+    decay = np.exp(-a0 * level.time_s)
+    rise = -np.expm1(-a0 * level.time_s)
+    slope = gain * a0 * level.time_s * decay
+    jacobian = np.stack([slope, gain * rise], axis=1)
+    left = level.mean_nm - gain * rise
+    curved = np.array([[left @ (slope * (1 - a0 * level.time_s)), left @ slope], [left @ slope, left @ (gain * rise)]])
+    return jacobian, np.asarray(jacobian.T @ jacobian - curved)
 
 
 def combined_variance(influence: Sequence[Array]) -> tuple[float, float]:
@@ -77,21 +83,10 @@ def combined_variance(influence: Sequence[Array]) -> tuple[float, float]:
 
 def level_evidence(level: Level, a0: float, gain: float, noise_nm: Array) -> Evidence:
     """Evidence on (log a0, log gain) of one level's own fit, gain [N·m] · (1 − e^(−a0 t))."""
-    decay = np.exp(-a0 * level.time_s)
-    rise = -np.expm1(-a0 * level.time_s)
-    slope = gain * a0 * level.time_s * decay
-    jacobian = np.stack([slope, gain * rise], axis=1)
-    left = level.mean_nm - gain * rise
-    curved = np.array([[left @ (slope * (1 - a0 * level.time_s)), left @ slope], [left @ slope, left @ (gain * rise)]])
-    return evidence(
-        level.level,
-        level.time_s,
-        level.runs_nm,
-        jacobian,
-        np.log([a0, gain]),
-        noise_nm=noise_nm,
-        hessian=jacobian.T @ jacobian - curved,
-    )
+    jacobian, hessian = own_terms(level, a0, gain)
+    theta = np.log([a0, gain])
+    runs = level.runs_nm
+    return evidence(level.level, level.time_s, runs, jacobian, theta, noise_nm=noise_nm, hessian=hessian)
 
 
 def with_log_B(levels: Sequence[Evidence]) -> list[Evidence]:

@@ -43,7 +43,7 @@ def two_stage(
     )
     if c.held:
         M = np.linalg.pinv(covariance, rcond=1e-14, hermitian=True)
-        covariance = free_inverse(c, M, len(duty_pct))
+        covariance = free_inverse(c, np.asarray(M), len(duty_pct))
     return with_covariance(c, covariance)
 
 

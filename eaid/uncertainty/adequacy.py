@@ -1,0 +1,272 @@
+"""Is the model right? Lack of fit against the spread of the repeats, and the alternatives side by side.
+
+Shape of one level's curve: one or two exponentials, C held or free, by AICc and BIC with the effective sample size
+n_e = n / (1 + 2 Σ ρ) that the residuals' autocorrelation ρ leaves. Curves over the duty: polynomials of one to four
+powers for τ1, τ2, T_s, by χ² against the levels' own scatter and by leaving one level out.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from scipy.special import fdtri
+
+from eaid.arrays import Array
+from eaid.fitting.data import data_of
+from eaid.fitting.levels import fit_levels
+from eaid.fitting.linear import fit_own_levels
+from eaid.fitting.result import Fit
+from eaid.models import friction
+from eaid.models.parameters import Friction
+from eaid.steps.stepset import Level, StepSet
+from eaid.uncertainty.curve import curve_with_repeats
+from eaid.uncertainty.ground import TERMS, Ground
+
+OVERSHOOT = 0.05
+"""Torque lost under hold beyond which no monotone curve is right."""
+ORDERS = (1, 2, 3, 4)
+
+
+@dataclass(frozen=True)
+class Shape:
+    """One alternative for the curve of a level, judged over all levels together."""
+
+    name: str
+    parameters: int
+    rmse: float
+    aicc: float
+    bic: float
+
+
+@dataclass(frozen=True)
+class Order:
+    """One alternative for the polynomial of τ1, τ2 or T_s."""
+
+    parameter: str
+    order: int
+    chi_square: float
+    """Σ res²/V over the levels, to be compared with L − p."""
+    aicc: float
+    leave_one_out_pct: float
+    """RMS error of the parameter at a level that was left out [%]."""
+
+
+@dataclass(frozen=True)
+class Adequacy:
+    """Tables, one recommended sentence, and warnings."""
+
+    shapes: tuple[Shape, ...]
+    orders: tuple[Order, ...]
+    lack_of_fit: tuple[dict[str, Any], ...]
+    autocorrelation: float
+    """Median lag-1 autocorrelation of the residuals."""
+    effective_samples: float
+    leave_one_level_out_nm: float | None
+    """RMS error of the torque of a left-out level [output unit]."""
+    recommended: str
+    warnings: tuple[str, ...] = field(default=())
+
+    def as_json(self) -> dict[str, Any]:
+        """For fit.json."""
+        return {
+            "shapes": [vars(one) for one in self.shapes],
+            "orders": [vars(one) for one in self.orders],
+            "lack_of_fit": list(self.lack_of_fit),
+            "residual_autocorrelation": self.autocorrelation,
+            "effective_samples": self.effective_samples,
+            "leave_one_level_out_nm": self.leave_one_level_out_nm,
+            "recommended": self.recommended,
+            "warnings": list(self.warnings),
+        }
+
+
+def effective_samples(residual: Array) -> tuple[float, float]:
+    """n_e = n/(1 + 2 Σ ρ_j), summed to the first negative pair (Geyer), and ρ_1; by FFT."""
+    n = len(residual)
+    e = residual - residual.mean()
+    power = float(e @ e)
+    if power <= 1e-28 * max(float(residual @ residual), 1e-300) or n < 4:
+        return float(n), 0.0
+    size = 1 << (2 * n - 1).bit_length()
+    spectrum = np.abs(np.fft.rfft(e, size)) ** 2
+    rho = np.fft.irfft(spectrum, size)[: n // 2] / power
+    pairs = rho[1 : len(rho) - 1 : 2] + rho[2::2][: len(rho[1 : len(rho) - 1 : 2])]
+    stop = int(np.argmax(pairs <= 0)) if (pairs <= 0).any() else len(pairs)
+    total = 1 + 2 * float(pairs[:stop].sum())
+    return float(np.clip(n / total, 2.0, n)), float(rho[1])
+
+
+def overshoot(level: Level) -> float:
+    """Share of its peak that the mean torque loses while the input is held, smoothed over a fiftieth of the record."""
+    width = max(1, len(level.time_s) // 50)
+    smooth = np.convolve(level.mean_nm, np.full(width, 1 / width), mode="valid")
+    peak = float(smooth.max())
+    if peak <= 0:
+        return 0.0
+    return float((peak - smooth[-1]) / peak)
+
+
+def lack_of_fit(level: Level, noise_nm: Array) -> dict[str, Any] | None:
+    """Whether the runs of one level miss their own curves in the same way; None for a single run.
+
+    `ratio` is R Σ ē² / (Σ_r Σ (e_r − ē)²/(R − 1)): 1 for a right model, whatever the colour of the noise.
+    """
+    runs = len(noise_nm)
+    if runs < 2:
+        return None
+    common = noise_nm.mean(axis=0)
+    apart = float(((noise_nm - common) ** 2).sum()) / (runs - 1)
+    ratio = runs * float(common @ common) / apart if apart > 0 else 1.0
+    count = float(np.mean([effective_samples(run)[0] for run in noise_nm]))
+    chance = float(fdtri(count, count * (runs - 1), 0.99))
+    return {
+        "level": level.level,
+        "ratio": ratio,
+        "chance": chance,
+        "beyond": bool(ratio > chance),
+        "systematic_nm": float(np.sqrt(np.mean(common**2) * max(0.0, 1 - 1 / ratio))) if ratio > 0 else 0.0,
+    }
+
+
+def adequacy(stepset: StepSet, fit: Fit, base: Ground) -> Adequacy:
+    """Judge the models of a fit, on the levels that it rests on."""
+    levels = base.levels
+    residuals = [
+        level.mean_nm - friction.step_response(one.curve, level.time_s)
+        for level, one in zip(levels, base.evidence, strict=True)
+    ]
+    sizes = [effective_samples(r) for r in residuals]
+    counts = np.array([size for size, _ in sizes])
+    shapes = _shapes(levels, residuals, counts, base.evidence[0].curve.C)
+    rows = [row for level, one in zip(levels, base.evidence, strict=True) if (row := lack_of_fit(level, one.noise_nm))]
+    polynomial = fit.nonlinear is not None and base.source == "repeats" and len(levels) >= 4
+    orders = _orders(base) if polynomial else ()
+    recommended = _sentence(shapes, orders, rows)
+    return Adequacy(
+        shapes=shapes,
+        orders=orders,
+        lack_of_fit=tuple(rows),
+        autocorrelation=float(np.median([rho for _, rho in sizes])),
+        effective_samples=float(counts.sum()),
+        leave_one_level_out_nm=_leave_one_out(base) if polynomial and len(levels) > 4 else None,
+        recommended=recommended,
+        warnings=tuple(_warnings(stepset, levels)),
+    )
+
+
+def _shapes(levels: Sequence[Level], residuals: Sequence[Array], counts: Array, share: float) -> tuple[Shape, ...]:
+    data = data_of(levels)
+    samples = np.array([len(level.time_s) for level in levels], dtype=float)
+
+    def judged(name: str, parameters: int, sse: Array) -> Shape:
+        p = parameters + 1  # the noise's own size is a parameter too
+        score = counts * np.log(np.maximum(sse / samples, 1e-300))
+        spare = np.maximum(counts - p - 1, 1.0)
+        aicc = float((score + 2 * p + 2 * p * (p + 1) / spare).sum())
+        bic = float((score + p * np.log(counts)).sum())
+        return Shape(name, parameters, float(np.sqrt(sse.sum() / samples.sum())), aicc, bic)
+
+    held = np.array([float(r @ r) for r in residuals])
+    single = np.array([one.cost for one in fit_own_levels(data)])
+    found = [judged("one exponential", 2, single)]
+    two = np.minimum(held, np.array([one.sse for one in fit_levels(data, share)]))
+    found.append(judged(f"two exponentials, C = {share:g}", 3, two))
+    free = np.minimum(np.array([one.sse for one in fit_levels(data, None)]), two)
+    found.append(judged("two exponentials, C free", 4, free))
+    return tuple(found)
+
+
+def _orders(base: Ground) -> tuple[Order, ...]:
+    rows = []
+    for k, name in enumerate(("Ts", "tau1", "tau2")):
+        row = base.known[:, k]
+        duty, theta, variance = base.duty_pct[row], base.log_theta[row, k], base.variance[row, k]
+        for order in ORDERS:
+            p = order + 1
+            if len(duty) < p + 1:
+                continue
+            curve = curve_with_repeats(duty, theta, variance, base.total_degrees, p)
+            chi = float(curve.misfit) * (len(duty) - p)
+            spare = max(len(duty) - p - 1, 1)
+            errors = _left_out(duty, theta, variance, p)
+            rows.append(Order(name, order, chi, chi + 2 * p + 2 * p * (p + 1) / spare, 100 * errors))
+    return tuple(rows)
+
+
+def _left_out(duty: Array, theta: Array, variance: Array, p: int) -> float:
+    """RMS of log p(u) − θ̂ at levels between others, each left out in turn."""
+    errors = []
+    for i in range(len(duty)):
+        keep = np.arange(len(duty)) != i
+        at = curve_with_repeats(duty[keep], theta[keep], variance[keep], 10.0, min(p, len(duty) - 1)).at(
+            duty[i : i + 1]
+        )
+        errors.append(np.log(max(float(at[0]), 1e-3 * float(np.exp(theta[i])))) - theta[i])
+    inner = np.array(errors)[1:-1] if len(errors) > 4 else np.array(errors)  # the ends would be extrapolation
+    return float(np.sqrt(np.mean(inner**2)))
+
+
+def _leave_one_out(base: Ground) -> float:
+    """RMS torque error of inner levels that the curves of all others predict [output unit]."""
+    total, samples = 0.0, 0
+    for i in range(1, len(base.levels) - 1):
+        values = {}
+        for k, name in enumerate(("Ts", "tau1", "tau2")):
+            keep = base.known[:, k] & (np.arange(len(base.levels)) != i)
+            if not keep.any():
+                return float("nan")
+            p = min(TERMS[name], int(keep.sum()))
+            curve = curve_with_repeats(base.duty_pct[keep], base.log_theta[keep, k], base.variance[keep, k], 10.0, p)
+            values[name] = max(float(curve.at(base.duty_pct[i : i + 1])[0]), 1e-6)
+        level = base.levels[i]
+        said = friction.step_response(Friction(**values, C=base.evidence[i].curve.C), level.time_s)
+        total += float(((level.mean_nm - said) ** 2).sum())
+        samples += len(said)
+    return float(np.sqrt(total / samples))
+
+
+def _sentence(shapes: Sequence[Shape], orders: Sequence[Order], rows: Sequence[dict[str, Any]]) -> str:
+    best = min(shapes, key=lambda shape: shape.bic)
+    usual = shapes[1]
+    if best is usual or usual.bic - best.bic < 10:
+        said = f"keep {usual.name}"
+    elif best.name == "two exponentials, C free" and best.rmse > 0.8 * usual.rmse:
+        said = f"keep {usual.name}: a free C fits only {100 * (1 - best.rmse / usual.rmse):.0f} % closer"
+    else:
+        said = f"use {best.name}: RMSE {best.rmse:.3g} against {usual.rmse:.3g}"
+    raised = []
+    for name, paper in (("Ts", 3), ("tau1", 2), ("tau2", 2)):
+        own = [order for order in orders if order.parameter == name]
+        there = next((order for order in own if order.order == paper), None)
+        if there is None:
+            continue
+        better = min(own, key=lambda order: order.aicc)
+        if better.aicc < there.aicc - 4:
+            raised.append(f"order {better.order} for {name}")
+    if raised:
+        said += f"; the levels ask for {', '.join(raised)} instead of the paper's polynomials"
+    elif orders:
+        said += "; the paper's polynomials follow the levels as well as any of orders 1 to 4"
+    missed = [row for row in rows if row["beyond"]]
+    if missed:
+        worst = max(missed, key=lambda row: float(row["systematic_nm"]))
+        said += (
+            f"; at {len(missed)} of {len(rows)} levels all repeats miss the curve alike "
+            f"(by {worst['systematic_nm']:.2g} at {worst['level']:g}): the shape is not quite right"
+        )
+    return said
+
+
+def _warnings(stepset: StepSet, levels: Sequence[Level]) -> list[str]:
+    said = []
+    falling = [(level, lost) for level in levels if (lost := overshoot(level)) > OVERSHOOT]
+    if falling:
+        worst, lost = max(falling, key=lambda pair: pair[1])
+        several = f" and at {len(falling) - 1} more levels" if len(falling) > 1 else ""
+        said.append(
+            f"the output overshoots and decays under hold: {100 * lost:.0f} % of its peak is lost by the end at "
+            f"{worst.level:g} {stepset.input_unit}{several}; no sum of rising exponentials shows that, "
+            "so T_s is an average and τ2 means nothing there"
+        )
+    return said

@@ -1,0 +1,98 @@
+"""Intervals of the friction model: T_s, τ1, τ2 of each level, the coefficient of friction, and the trends."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from eaid.arrays import Array
+from eaid.fitting.result import FrictionFit, Trend
+from eaid.models.trends import FORMS
+from eaid.uncertainty.ground import Ground
+from eaid.uncertainty.levels import Parameter, level_parameters, white_variance
+from eaid.uncertainty.student import t_quantile
+
+
+def level_rows(ground: Ground, white: bool = False) -> list[list[Parameter]]:
+    """The parameters of every level with their intervals or words; the textbook's where `white`."""
+    if not white:
+        return [level_parameters(one, ground.variance[i], ground.degrees[i]) for i, one in enumerate(ground.evidence)]
+    rows = []
+    for level, one in zip(ground.levels, ground.evidence, strict=True):
+        variance, spare = white_variance(level, one)
+        own = []
+        for p, v in zip(level_parameters(one, variance, np.full(len(variance), spare)), variance, strict=True):
+            sd = float(np.sqrt(v)) * (p.value * (1 - p.value) if p.name == "C" else p.value)
+            reach = t_quantile(spare) * sd
+            interval = None if p.name in one.held else (p.value - reach, p.value + reach)
+            own.append(Parameter(p.name, p.value, interval, float(np.sqrt(v)), p.word))
+        rows.append(own)
+    return rows
+
+
+def level_ci95(fit: FrictionFit, rows: Sequence[Sequence[Parameter]]) -> list[dict[str, Any]]:
+    """What fit.json holds beside each level: `ci95`, and `words` on what is doubtful."""
+    result = []
+    for own, level, coefficient in zip(rows, fit.levels, fit.C_f, strict=True):
+        ci95: dict[str, list[float] | None] = {p.name: list(p.interval) if p.interval else None for p in own}
+        if coefficient is not None:
+            steady = ci95["Ts"]
+            ci95["C_f"] = [coefficient * end / level.curve.Ts for end in steady] if steady else None
+        result.append({"ci95": ci95, "words": {p.name: p.word for p in own if p.word}})
+    return result
+
+
+def trend_ci95(fit: FrictionFit, rows: Sequence[Sequence[Parameter]], repeats: bool, degrees: float) -> dict[str, Any]:
+    """95 % intervals of every trend's coefficients, and a word where they have none.
+
+    The coefficients answer to the levels as δc = (G'G)⁻¹ G' δy. The levels' own intervals say how δy scatters; where
+    the trend misses the levels by more than that, or each level has one run, the residuals about the trend do.
+    """
+    result: dict[str, Any] = {}
+    x = np.array(fit.x)
+    for name, trend in fit.trends.items():
+        values = np.array([c if c is not None else np.nan for c in fit.C_f]) if name == "C_f" else None
+        k = {"Ts": 0, "C_f": 0, "tau1": 1, "tau2": 2}[name]
+        y = values if values is not None else np.exp([_log(own[k]) for own in rows])
+        sd = y * np.array([own[k].log_sd for own in rows])
+        ci95, word = _coefficients(trend, x, y, sd if repeats else None, degrees)
+        result[name] = {"ci95": ci95, "words": [word] if word else []}
+    return result
+
+
+def _log(p: Parameter) -> float:
+    return float(np.log(max(p.value, 1e-300)))
+
+
+def _coefficients(
+    trend: Trend, x: Array, y: Array, sd: Array | None, degrees: float
+) -> tuple[list[list[float]] | None, str | None]:
+    """Intervals of one trend's coefficients, or why there are none."""
+    if trend.at_bounds:
+        return None, f"not estimable: {', '.join(trend.at_bounds)}"
+    there = np.isfinite(y)
+    x, y = x[there], y[there]
+    c = np.array(trend.coefficients)
+    G = FORMS[trend.form].gradient(c, x).T
+    spare = len(y) - len(c)
+    if spare < 1:
+        return None, "as many coefficients as levels: nothing is left to tell how sure they are"
+    scale = 1 / np.maximum(np.sqrt((G**2).sum(axis=0)), 1e-300)
+    values = np.linalg.svd(G * scale, compute_uv=False)
+    if values[-1] < 1e-7 * values[0]:
+        return None, "the coefficients cannot be told apart: only the curve itself is known"
+    solve = scale[:, None] * np.linalg.pinv(G * scale)
+    left = y - FORMS[trend.form].curve(c, x)
+    about = float(left @ left) / spare
+    if sd is None:
+        variance, own_degrees = np.full(len(y), about), float(spare)
+    else:
+        variance, own_degrees = sd[there] ** 2, degrees
+        expected = float(variance.sum()) * spare / len(y)
+        if about * spare > 2 * expected:
+            variance, own_degrees = variance * (about * spare / expected), float(spare)
+    reach = t_quantile(own_degrees) * np.sqrt((solve**2) @ variance)
+    word = None
+    if (reach > np.abs(c)).any() and trend.form != "linear":
+        word = "some coefficients are not told apart from zero or from each other: use the curve, not them"
+    return [[float(a - r), float(a + r)] for a, r in zip(c, reach, strict=True)], word

@@ -1,0 +1,229 @@
+"""What the data do not determine, in words, and whether a model may be used for gains.
+
+A parameter is not determined where its 95 % interval reaches further than a factor of three, or where τ2 outlasts the
+record; its range is then told from the profile of the cost, and beside it how well the torque curve itself is known.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from eaid.arrays import Array
+from eaid.fitting.data import data_of
+from eaid.fitting.result import FrictionFit, LinearFit, NonlinearFit
+from eaid.models.trends import FORMS
+from eaid.uncertainty.ground import Ground
+from eaid.uncertainty.levels import log_jacobian
+from eaid.uncertainty.profile import profile_interval
+from eaid.uncertainty.student import t_quantile
+
+SYMBOLS = {"Ts": "T_s", "tau1": "τ1", "tau2": "τ2", "C": "C"}
+UNITS = {"Ts": "N·m", "tau1": "s", "tau2": "s", "C": ""}
+MERGED = "merged-exponential"
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """Whether the data determine a model, and what they leave open."""
+
+    identifiable: bool
+    reasons: tuple[str, ...]
+    """Why not, where not."""
+    words: tuple[str, ...]
+    """All that is left open, in words."""
+
+    def as_json(self) -> dict[str, Any]:
+        """The keys that a model's part of fit.json gets."""
+        return {
+            "identifiable": self.identifiable,
+            "not_identifiable_because": list(self.reasons),
+            "open": list(self.words),
+        }
+
+
+def torque_half_width(ground: Ground, index: int) -> float:
+    """95 % half-width of the torque curve within the record of one level [output unit]."""
+    one, level = ground.evidence[index], ground.levels[index]
+    jacobian = log_jacobian(one.curve, level.time_s, ground.variance.shape[1] == 4)
+    t = t_quantile(float(np.min(ground.degrees[index])))
+    if one.evidence.repeats > 1:
+        along = jacobian @ one.evidence.influence.T  # what the runs do together, not one parameter after another
+        sd = np.sqrt((along**2).sum(axis=1) / (one.evidence.repeats - 1) / one.evidence.repeats)
+        return float(t * sd.max())
+    A = one.evidence.information
+    noise = float(np.mean(one.noise_nm**2))
+    memory = np.sqrt(float(np.max(one.evidence.within / np.maximum(noise * np.diag(_inverse(A)), 1e-300))))
+    sd = np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", jacobian, _inverse(A) * noise, jacobian), 0))
+    return float(t * memory * sd.max())
+
+
+def _inverse(A: Array) -> Array:
+    return np.asarray(np.linalg.pinv(A, rcond=1e-14, hermitian=True))
+
+
+def parameter_range(ground: Ground, index: int, k: int) -> tuple[float, float]:
+    """95 % range of one level's parameter from the profile of its cost; an end of 0 or ∞ is none at all."""
+    one, level = ground.evidence[index], ground.levels[index]
+    spread = float(_inverse(one.evidence.information)[k, k])
+    t = t_quantile(float(ground.degrees[index, k]))
+    within = one.evidence.within[k] / one.evidence.repeats
+    points = data_of([level]).points
+    rise = t**2 * max(float(ground.variance[index, k]) if ground.known[index, k] else within, within) / spread
+    own = float(np.mean(one.noise_nm**2)) / one.evidence.repeats
+    # far from a parabola the linear V says nothing: the cost then rises by the noise's own, with its memory
+    rise = min(rise, t**2 * own * _memory(ground, index))
+    low, high = profile_interval(points, one.curve, k, rise, ground.variance.shape[1] == 4)
+    with np.errstate(over="ignore"):
+        return float(np.exp(low)), float(np.exp(high))
+
+
+def _memory(ground: Ground, index: int) -> float:
+    """How many times larger the best-known parameter's variance is than white noise would make it."""
+    one = ground.evidence[index]
+    noise = float(np.mean(one.noise_nm**2))
+    white = np.diag(_inverse(one.evidence.information)) * noise
+    ratio = one.evidence.within / np.maximum(white, 1e-300)
+    return float(max(1.0, np.max(ratio)))
+
+
+def level_words(ground: Ground, unit: str) -> list[str]:
+    """One sentence for every level that leaves a parameter open."""
+    names = tuple(SYMBOLS)[: ground.variance.shape[1]]
+    words = []
+    for i, one in enumerate(ground.evidence):
+        for k, name in enumerate(names):
+            place = f"at {one.level:g} {unit}".rstrip()
+            if name in one.held:
+                words.append(f"{place} {SYMBOLS[name]} is not estimable: a constraint holds it")
+            elif not ground.known[i, k] and name != "C":
+                words.append(f"{place} {_range_words(ground, i, k, name)}")
+    return words
+
+
+def _range_words(ground: Ground, i: int, k: int, name: str) -> str:
+    low, high = parameter_range(ground, i, k)
+    record = ground.evidence[i].evidence.duration_s
+    curve = f"the curve itself is known to {torque_half_width(ground, i):.1g} within the record of {record:.3g} s"
+    if not np.isfinite(high) or high > 1000 * record:
+        start = f"is {low:.2g} {UNITS[name]} or anything above" if low > 0 else "may be anything"
+    else:
+        start = f"is anywhere between {low:.2g} and {high:.2g} {UNITS[name]}"
+    return f"{SYMBOLS[name]} {start}; {curve}"
+
+
+def friction_verdict(fit: FrictionFit, ground: Ground, unit: str) -> Verdict:
+    """The levels' curves, a free C, and trends whose rates merged or whose coefficients only count together."""
+    words = level_words(ground, unit)
+    if ground.variance.shape[1] == 4:
+        words += _share_words(ground, unit)
+    for name, trend in fit.trends.items():
+        if trend.form == MERGED:
+            words.append(
+                f"the two rates of {name}'s trend cannot be told apart: only their limit (p + q x) e^(r x) is known"
+            )
+        elif trend.form == "double-exponential":
+            words += _combination(name, np.array(trend.coefficients), np.array(fit.x))
+    whole = bool(ground.known[:, :3].any(axis=0).all())
+    reasons = [] if whole else ["no level determines all of T_s, τ1 and τ2"]
+    return Verdict(not reasons, tuple(reasons), tuple(words))
+
+
+def _share_words(ground: Ground, unit: str) -> list[str]:
+    words = []
+    for i, one in enumerate(ground.evidence):
+        reach = t_quantile(float(ground.degrees[i, 3])) * float(np.sqrt(ground.variance[i, 3]))
+        if reach > 1.0:
+            low, high = (float(1 / (1 + np.exp(-(one.evidence.log_theta[3] + s * reach)))) for s in (-1, 1))
+            words.append(
+                f"at {one.level:g} {unit} the free C is anywhere between {low:.2f} and {high:.2f}: "
+                "C and τ2 trade against each other; hold C"
+            )
+    return words
+
+
+def _combination(name: str, c: Array, x: Array) -> list[str]:
+    """The combination of a double exponential's coefficients that the levels see least, where it is hardly seen."""
+    G = FORMS["double-exponential"].gradient(c, x).T * np.where(c == 0, 1.0, np.abs(c))
+    values, vectors = np.linalg.eigh(G.T @ G)
+    if values[0] > 1e-6 * values[-1]:
+        return []
+    weights = vectors[:, 0] / np.abs(vectors[:, 0]).max()
+    parts = [
+        f"{label} by {100 * w:+.0f} %" for label, w in zip(("p", "r1", "q", "r2"), weights, strict=True) if abs(w) > 0.1
+    ]
+    return [f"{name}'s trend hardly changes when {', '.join(parts)} change together: only the curve is known"]
+
+
+def nonlinear_verdict(fit: NonlinearFit, ground: Ground, unit: str) -> Verdict:
+    """Levels too few for the polynomials, parameters that most levels leave open, constraints that hold."""
+    count = len(ground.levels)
+    reasons, words = [], level_words(ground, unit)
+    if count == 1:
+        reasons.append("one level only: nothing says how T_s, τ1 and τ2 change with the duty; record more levels")
+    elif count < 4:
+        words.append(
+            f"{count} levels pin the polynomials of T_s, τ1, τ2 exactly or not at all: nothing checks their shape"
+        )
+    for k, name in enumerate(("Ts", "tau1", "tau2")):
+        open_at = [level.level for level, known in zip(ground.levels, ground.known[:, k], strict=True) if not known]
+        if 2 * len(open_at) > count:
+            longest = max(one.evidence.duration_s for one in ground.evidence)
+            reasons.append(
+                f"{SYMBOLS[name]} is not determined at {len(open_at)} of {count} levels: "
+                + (f"hold each level longer than {longest:.3g} s" if name == "tau2" else "the records do not show it")
+            )
+    if fit.solver.at_bounds:
+        words.append(f"not estimable there: {_ranges(fit.solver.at_bounds)}")
+    if fit.share_free:
+        words.append("C is free: it trades against τ2 wherever the record is not several τ2 long")
+    return Verdict(not reasons, tuple(reasons), tuple(words))
+
+
+def _ranges(at_bounds: tuple[str, ...]) -> str:
+    shown = ", ".join(at_bounds[:4])
+    return shown if len(at_bounds) <= 4 else f"{shown} and {len(at_bounds) - 4} more"
+
+
+def linear_verdict(fit: LinearFit, ground: Ground, ci95: dict[str, list[float]]) -> Verdict:
+    """b0 and c0 of one level, an a0 or b0 that may be zero, levels without a B."""
+    reasons, words = [], []
+    if len(ground.levels) == 1:
+        reasons.append(
+            "one level only: one step cannot tell b0 from c0, only b0 u + c0 is known; record a second level"
+        )
+    a0, b0 = ci95.get("a0"), ci95.get("b0")
+    if a0 is not None and a0[0] <= 0:
+        reasons.append(f"a0 may be zero (95 % interval {a0[0]:.3g} to {a0[1]:.3g} 1/s): the records are too short")
+    if b0 is not None and b0[0] <= 0 and len(ground.levels) > 1:
+        reasons.append(
+            f"b0 may be zero or negative (95 % interval {b0[0]:.3g} to {b0[1]:.3g}): the duty's effect is not seen"
+        )
+    if fit.bounds.B_m is None:
+        reasons.append("no level has a positive b0, so B has no bounds")
+    words.append(
+        "one level's step gives b0 u + c0 only; its b0 rests on the convention "
+        f"{fit.bounds.convention}" + ("" if len(ground.levels) > 1 else ", and so does the pooled one")
+    )
+    return Verdict(not reasons, tuple(reasons), tuple(words))
+
+
+def scatter_words(ground: Ground) -> list[str]:
+    """What the scatter of the runs itself says: single runs, scatter that is not alike over the levels."""
+    if ground.source == "within":
+        return [
+            "one run a level and too few levels to see run-to-run scatter: the intervals hold one run's own noise only "
+            "and are too narrow; repeat each level three times"
+        ]
+    if ground.source == "curve":
+        return [
+            "one run a level: the scatter was taken from the levels' distance to the curve; trust the curve more than "
+            "single levels, and repeat each level to tell scatter from a wrong curve"
+        ]
+    assert ground.scatter is not None
+    words = []
+    for name, ratio, z in zip(SYMBOLS, ground.scatter.ratio, ground.scatter.ratio_z, strict=False):
+        if abs(z) > 2:
+            side = f"{ratio:.2g} times larger at the lowest level than at the highest"
+            words.append(f"the runs' scatter of {SYMBOLS[name]} is {side}; the intervals follow it")
+    return words

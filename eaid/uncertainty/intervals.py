@@ -1,0 +1,310 @@
+"""`intervals`: every parameter of a fit with its 95 % interval, by the way that was asked for, and what is left open.
+
+robust     scatter of whole runs, pooled over levels; coloured residuals by Bartlett windows (UNCERTAINTY, the default)
+bootstrap  the same, with the variances from refits to resampled runs (or blocks of a single run): a second opinion
+profile    as robust, but single levels by the profile of their cost: lopsided where the data are (τ2)
+white      the textbook: s² (J'J)⁻¹, as if every sample's error were its own
+none       no intervals
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from eaid.errors import UsageError
+from eaid.fitting.data import data_of
+from eaid.fitting.result import Fit
+from eaid.steps.stepset import StepSet
+from eaid.uncertainty import friction_part, linear_part, nonlinear_part
+from eaid.uncertainty.adequacy import Adequacy, adequacy
+from eaid.uncertainty.bootstrap import Draws, bootstrap
+from eaid.uncertainty.ground import Ground, from_evidence, ground, ground_at_share
+from eaid.uncertainty.identifiability import friction_verdict, linear_verdict, nonlinear_verdict, scatter_words
+from eaid.uncertainty.joint import BLOCKS, with_white_covariance
+from eaid.uncertainty.levels import Parameter
+from eaid.uncertainty.profile import profile_interval
+from eaid.uncertainty.student import t_quantile
+
+METHODS: dict[str, str] = {
+    "robust": "scatter of whole runs pooled over levels, coloured residuals allowed for",
+    "bootstrap": "variances from refits to resampled whole runs, or to blocks of single runs",
+    "profile": "as robust; single levels by the profile of their cost, so that intervals may be lopsided",
+    "white": "textbook: every sample's error its own; far too narrow for friction, whose residuals are coloured",
+    "none": "no intervals",
+}
+"""`--ci`, and what each says of itself."""
+
+
+@dataclass(frozen=True)
+class IntervalOptions:
+    """How intervals are found."""
+
+    ci: str = "robust"
+    seed: int = 0
+    draws: int = 300
+    """Bootstrap refits."""
+    workers: int = 1
+    """Processes that share the refits."""
+    estimator: str = "joint"
+    """joint or two-stage: which of the two stands as the nonlinear model in fit.json."""
+    study_models: bool = True
+    """Also judge whether the model is right (`adequacy`)."""
+
+
+@dataclass(frozen=True, eq=False)
+class Intervals:
+    """What is put beside a fit in fit.json: by model, keys as CONTRACT.md has them."""
+
+    friction: dict[str, Any] | None
+    nonlinear: dict[str, Any] | None
+    linear: dict[str, Any] | None
+    uncertainty: dict[str, Any]
+    """ci, why, where the scatter comes from, what is left open."""
+    warnings: tuple[str, ...] = field(default=())
+
+
+def intervals(
+    stepset: StepSet,
+    fit: Fit,
+    options: IntervalOptions | None = None,
+    advance: Callable[[], None] | None = None,
+) -> Intervals:
+    """Intervals of every model in `fit`, which was fitted to `stepset` (its held-out levels left out).
+
+    `advance` is called once per bootstrap refit.
+    """
+    options = options or IntervalOptions()
+    if options.ci not in METHODS:
+        raise UsageError(f"--ci {options.ci}: must be one of {', '.join(METHODS)}")
+    fitted = fitted_levels(fit)
+    stepset = replace(stepset, levels=tuple(level for level in stepset.levels if level.level in fitted))
+    curves = _ground(stepset, fit)
+    free = fit.friction is not None and fit.friction.C is None
+    draws = (
+        bootstrap(stepset.levels, fit, options.seed, options.draws, options.workers, advance)
+        if options.ci == "bootstrap"
+        else None
+    )
+    if draws is not None:
+        curves = _with_draws(curves, draws)
+    found: dict[str, Any] = {"friction": None, "nonlinear": None, "linear": None}
+    unit = stepset.input_unit
+    if fit.friction is not None:
+        found["friction"] = _friction(fit, curves, options, unit)
+    share = fit.nonlinear.parameters.C if fit.nonlinear is not None else None
+    base = curves
+    if free and share is not None:
+        base = ground_at_share(stepset.levels, share)
+        base = base if draws is None else _with_draws(base, draws)
+    if fit.nonlinear is not None:
+        found["nonlinear"] = _nonlinear(stepset, fit, base, options, draws)
+    if fit.linear is not None:
+        found["linear"] = _linear(stepset, fit, base, options, draws)
+    judged = adequacy(stepset, fit, base) if options.study_models and fit.friction is not None else None
+    words = scatter_words(curves)
+    return Intervals(
+        **found, uncertainty=_summary(curves, options, words, judged), warnings=_warnings(found, words, judged)
+    )
+
+
+def fitted_levels(fit: Fit) -> tuple[float, ...]:
+    """Levels that the fit rests on."""
+    if fit.friction is not None:
+        return tuple(one.level for one in fit.friction.levels)
+    if fit.nonlinear is not None:
+        return tuple(one.level for one in fit.nonlinear.per_level)
+    return tuple(one.level for one in fit.linear.per_level) if fit.linear is not None else ()
+
+
+def _ground(stepset: StepSet, fit: Fit) -> Ground:
+    if fit.friction is not None:
+        return ground(stepset.levels, fit.friction.levels, fit.friction.C is None)
+    return ground_at_share(stepset.levels, fit.nonlinear.parameters.C if fit.nonlinear is not None else 0.85)
+
+
+def _with_draws(base: Ground, draws: Draws) -> Ground:
+    """The same ground with the variances of the refits in place of the linear ones."""
+    evidence = []
+    for one, v in zip(base.evidence, draws.level_variance, strict=True):
+        e = one.evidence
+        own = v[: len(e.log_theta)]
+        if e.repeats > 1:
+            factor = np.sqrt(own * e.repeats / np.maximum(e.scatter, 1e-300))
+            e = replace(e, influence=e.influence * factor)
+        else:
+            e = replace(e, within=own)
+        evidence.append(replace(one, evidence=e))
+    return from_evidence(base.levels, evidence)
+
+
+def _friction(fit: Fit, curves: Ground, options: IntervalOptions, unit: str) -> dict[str, Any]:
+    assert fit.friction is not None
+    rows = friction_part.level_rows(curves, white=options.ci == "white")
+    if options.ci == "profile":
+        rows = [[_profiled(curves, i, k, p) for k, p in enumerate(own)] for i, own in enumerate(rows)]
+    verdict = friction_verdict(fit.friction, curves, unit).as_json()
+    if options.ci == "none":
+        return {"levels": [{}] * len(rows), "trends": {}, **verdict}
+    repeats = curves.source == "repeats" and options.ci != "white"
+    return {
+        "levels": friction_part.level_ci95(fit.friction, rows),
+        "trends": friction_part.trend_ci95(fit.friction, rows, repeats, curves.total_degrees),
+        **verdict,
+    }
+
+
+def _profiled(curves: Ground, i: int, k: int, p: Parameter) -> Parameter:
+    """One level's parameter with the interval of its profile; as it was where a constraint holds it."""
+    one = curves.evidence[i]
+    if p.name in one.held:
+        return p
+    inverse = np.linalg.pinv(one.evidence.information, rcond=1e-14, hermitian=True)
+    t = t_quantile(float(curves.degrees[i, k]))
+    rise = t**2 * float(curves.variance[i, k]) / float(inverse[k, k])
+    points = data_of([curves.levels[i]]).points
+    low, high = np.exp(profile_interval(points, one.curve, k, rise, curves.variance.shape[1] == 4))
+    if p.name == "C":
+        low, high = low / (1 + low), high / (1 + high) if np.isfinite(high) else 1.0
+    if not np.isfinite(high) or low <= 0:
+        word = f"not determined: {low:.2g} or anything above" if low > 0 else "not determined: no end either way"
+        return replace(p, interval=None, word=word)
+    return replace(p, interval=(float(low), float(high)))
+
+
+def _nonlinear(
+    stepset: StepSet, fit: Fit, base: Ground, options: IntervalOptions, draws: Draws | None
+) -> dict[str, Any]:
+    assert fit.nonlinear is not None
+    verdict = nonlinear_verdict(fit.nonlinear, base, stepset.input_unit).as_json()
+    found = nonlinear_part.estimates(fit.nonlinear, base)
+    if draws is not None and draws.joint is not None:
+        found = replace(found, joint=nonlinear_part.from_draws(found, draws.joint))
+    if options.ci == "white":
+        weights = None if fit.nonlinear.weights is None else np.array(fit.nonlinear.weights)
+        joint, spare = with_white_covariance(found.joint, base.levels, weights)
+        found = replace(found, joint=joint, joint_degrees=spare)
+    says = nonlinear_part.agreement(found, base)
+    result: dict[str, Any] = {**verdict, "agreement": says}
+    if options.ci != "none":
+        ci95 = nonlinear_part.coefficient_intervals(found.joint, found.joint_degrees)
+        result |= {
+            "ci95": {name: ci95[name] for name in BLOCKS},
+            "curves": nonlinear_part.level_curves(found.joint, found.joint_degrees, base.levels),
+            "covariance": nonlinear_part.covariance_json(found.joint, found.joint_degrees, options.ci),
+        }
+        if "C" in ci95:
+            result["ci95"]["C"] = ci95["C"][0]
+    if found.two_stage is not None:
+        result["two_stage"] = nonlinear_part.two_stage_json(found, base, options.ci)
+    return result
+
+
+def _linear(stepset: StepSet, fit: Fit, base: Ground, options: IntervalOptions, draws: Draws | None) -> dict[str, Any]:
+    assert fit.linear is not None
+    pooled = linear_part.pooled_intervals(fit.linear, base)
+    if len(base.levels) == 1:
+        pooled.pop("c0")
+    verdict = linear_verdict(fit.linear, base, pooled).as_json()
+    if options.ci == "none":
+        return verdict
+    if options.ci == "white":
+        textbook = linear_part.white(fit.linear, stepset.levels)
+        own = [row["ci95"] for row in textbook["per_level"]]
+        result = {
+            "ci95": textbook["pooled"]["ci95"],
+            "sd": textbook["pooled"]["sd"],
+            "per_level": textbook["per_level"],
+        }
+    else:
+        own = linear_part.level_intervals(fit.linear, base)
+        if draws is not None:
+            pooled, own = linear_part.from_draws(fit.linear, draws.pooled, draws.own, base)
+        result = {"ci95": pooled, "per_level": [{"ci95": row} for row in own]}
+    pairs = [(row.level, ci["B"]) for row, ci in zip(fit.linear.per_level, own, strict=True)]
+    result["bounds"] = {"ci95": linear_part.bound_intervals(fit.linear.bounds, pairs)}
+    return {**result, **verdict}
+
+
+def _summary(curves: Ground, options: IntervalOptions, words: list[str], judged: Adequacy | None) -> dict[str, Any]:
+    why = {
+        "repeats": "each level has repeats: whole runs are compared, and their scatter is pooled over the levels",
+        "curve": "one run a level: the scatter is taken from the levels' distance to a curve through them",
+        "within": "one run a level and few levels: only the noise within each run is known, a lower bound",
+    }[curves.source]
+    names = ("Ts", "tau1", "tau2", "C")
+    result: dict[str, Any] = {
+        "ci": options.ci,
+        "means": METHODS[options.ci],
+        "why": why,
+        "nominal": 0.95,
+        "scatter_from": curves.source,
+        "degrees_of_freedom": curves.total_degrees,
+        "run_to_run_pct": {
+            name: 100 * float(np.sqrt(a)) if np.isfinite(a) else None
+            for name, a in zip(names, curves.between, strict=False)
+        },
+        "words": words,
+    }
+    if options.ci == "bootstrap":
+        result |= {"draws": options.draws, "seed": options.seed}
+    if judged is not None:
+        result["adequacy"] = judged.as_json()
+    return result
+
+
+def _warnings(found: dict[str, Any], words: list[str], judged: Adequacy | None) -> tuple[str, ...]:
+    """What a user has to be told, in one line each."""
+    said = list(words)
+    for name in ("friction", "nonlinear", "linear"):
+        part = found[name]
+        if part is not None:
+            said += [f"{name} model: {reason}" for reason in part["not_identifiable_because"]]
+    shown = found["friction"] or found["nonlinear"]
+    if shown is not None:
+        said += shown["open"]
+    part = found["nonlinear"]
+    if part is not None and part["agreement"]["disagreements"]:
+        says = part["agreement"]
+        said += [one["words"] for one in says["disagreements"]]
+        said.append(f"believe the {says['believe']} estimate: {says['because']}")
+    if judged is not None:
+        said += judged.warnings
+    return tuple(said)
+
+
+def attach(result: dict[str, Any], found: Intervals, estimator: str = "joint") -> dict[str, Any]:
+    """fit.json's dictionary with the intervals in their places; with two-stage, that estimate in the model's own."""
+    done = dict(result)
+    for name in ("friction", "linear", "nonlinear"):
+        part = getattr(found, name)
+        if part is not None and name in done:
+            done[name] = _merged(done[name], part)
+    if estimator == "two-stage" and found.nonlinear is not None and "two_stage" in found.nonlinear:
+        done["nonlinear"] = _swapped(done["nonlinear"])
+    done["uncertainty"] = found.uncertainty
+    done["warnings"] = list(dict.fromkeys([*result.get("warnings", []), *found.warnings]))
+    return done
+
+
+def _merged(have: Any, more: Any) -> Any:
+    """Two trees as one; lists of equal length row by row."""
+    if isinstance(have, dict) and isinstance(more, dict):
+        return {**have, **{key: _merged(have[key], part) if key in have else part for key, part in more.items()}}
+    if (
+        isinstance(have, list)
+        and isinstance(more, list)
+        and len(have) == len(more)
+        and have
+        and isinstance(have[0], dict)
+    ):
+        return [_merged(a, b) for a, b in zip(have, more, strict=True)]
+    return more
+
+
+def _swapped(part: dict[str, Any]) -> dict[str, Any]:
+    """The nonlinear part with the two-stage estimate as the model, and the joint one beside it."""
+    two = part["two_stage"]
+    joint = {key: part[key] for key in two if key in part}
+    return {**{k: v for k, v in part.items() if k != "two_stage"}, **two, "estimator": "two-stage", "joint": joint}

@@ -1,0 +1,237 @@
+"""Intervals of the nonlinear model: the joint fit and the two-stage one, side by side.
+
+Run-to-run scatter of the gain leaks into the τ curves of the joint fit, and no interval repairs a biased estimate. So
+the joint covariance holds, beside the scatter itself, the outer product of what separates the two estimates.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from eaid.arrays import Array
+from eaid.fitting.result import NonlinearFit
+from eaid.models import nonlinear
+from eaid.steps.stepset import Level
+from eaid.uncertainty.curve import Curve
+from eaid.uncertainty.ground import Ground, curves
+from eaid.uncertainty.joint import (
+    BLOCKS,
+    Coefficients,
+    coefficients_of,
+    with_covariance,
+    with_joint_covariance,
+)
+from eaid.uncertainty.student import t_quantile
+from eaid.uncertainty.twostage import two_stage
+
+PARAMETRISATION = "coefficients of (u/100 %)^k, lowest power first: tau1 [s], tau2 [s], Ts [N·m]; C last where free"
+"""What the rows and columns of `nonlinear.covariance.matrix` are."""
+ROW = {"tau1": 1, "tau2": 2, "Ts": 0}
+"""Where the parameters of the curves stand among a level's (T_s, τ1, τ2)."""
+UNITS = {"tau1": "s", "tau2": "s", "Ts": "N·m"}
+
+
+@dataclass(frozen=True, eq=False)
+class Estimates:
+    """Both estimates with their covariances."""
+
+    joint: Coefficients
+    joint_degrees: float
+    two_stage: Coefficients | None
+    """None where too few levels determine their own parameters."""
+    two_stage_degrees: float
+    curves: dict[str, Curve]
+
+
+def estimates(fit: NonlinearFit, ground: Ground) -> Estimates:
+    """The joint fit with its covariance, and the two-stage estimate, both from the same ground."""
+    joint = coefficients_of(fit.parameters, fit.share_free)
+    weights = None if fit.weights is None else np.array(fit.weights)
+    shifts = [ground.shift(i) for i in range(len(ground.levels))]
+    if fit.share_free:
+        shifts = [_with_share(shift) for shift in shifts]
+    joint = with_joint_covariance(joint, ground.levels, shifts, weights)
+    through = curves(ground)
+    if (ground.known.sum(axis=0) < 1).any():
+        return Estimates(joint, ground.total_degrees, None, 0.0, through)
+    duty, theta = ground.duty_pct, ground.log_theta
+    variance = {name: np.where(ground.known[:, k], ground.variance[:, k], np.inf) for name, k in ROW.items()}
+    order = [ROW[name] for name in BLOCKS]
+    correlation = ground.correlation()[np.ix_(order, order)]
+    both = two_stage(duty, {n: theta[:, k] for n, k in ROW.items()}, variance, through, correlation, joint.share)
+    if not fit.share_free:
+        apart = joint.values - both.values
+        joint = with_covariance(joint, joint.covariance + np.outer(apart, apart))
+    degrees = min(curve.degrees for curve in through.values())
+    return Estimates(joint, ground.total_degrees, both, degrees, through)
+
+
+def _with_share(shift: Array) -> Array:
+    """The covariance of (T_s, τ1, τ2) at a held C, widened to four rows where the joint fit frees C."""
+    if len(shift) == 4:
+        return shift
+    wide = np.zeros((4, 4))
+    wide[:3, :3] = shift
+    return wide
+
+
+def coefficient_intervals(c: Coefficients, degrees: float) -> dict[str, list[list[float] | None]]:
+    """95 % intervals of the coefficients in powers of the duty [%]; None where a constraint holds the parameter."""
+    reach = t_quantile(degrees) * np.sqrt(np.maximum(np.diag(c.covariance), 0))
+    result: dict[str, list[list[float] | None]] = {}
+    for k, name in enumerate(BLOCKS):
+        own = c.block(name)
+        scale = 100.0 ** np.arange(c.counts[k])
+        low, high = (c.values[own] - reach[own]) / scale, (c.values[own] + reach[own]) / scale
+        held = name in c.held
+        result[name] = [None if held else [float(a), float(b)] for a, b in zip(low, high, strict=True)]
+    if c.share_free:
+        result["C"] = [[float(c.values[-1] - reach[-1]), float(c.values[-1] + reach[-1])]]
+    return result
+
+
+def level_curves(c: Coefficients, degrees: float, levels: tuple[Level, ...]) -> list[dict[str, Any]]:
+    """T_s, τ1, τ2 of the curves at each level with 95 % intervals, and how well the torque curve itself is known."""
+    t = t_quantile(degrees)
+    rows = []
+    for level in levels:
+        duty = np.array([level.level])
+        row: dict[str, Any] = {"level": level.level, "ci95": {}}
+        for name in ("Ts", "tau1", "tau2"):
+            value = float(c.at(name, duty)[0])
+            reach = t * float(c.log_sd(name, duty)[0])
+            row[name] = value
+            with np.errstate(over="ignore"):
+                ends = [value * float(np.exp(-reach)), value * float(np.exp(reach))]
+            fine = name not in c.held and value > 0 and np.isfinite(ends).all()
+            row["ci95"][name] = ends if fine else None
+        row["torque_half_width_nm"] = float(t * c.torque_sd(_some(level.time_s), level.level).max())
+        rows.append(row)
+    return rows
+
+
+def _some(time_s: Array, most: int = 200) -> Array:
+    """A few instants of a record, close together where it is young."""
+    if len(time_s) <= most:
+        return time_s
+    return np.asarray(time_s[np.unique(np.geomspace(1, len(time_s), most).astype(int) - 1)])
+
+
+def covariance_json(c: Coefficients, degrees: float, source: str) -> dict[str, Any]:
+    """What fit.json keeps, so that plants can be drawn."""
+    order = [f"{name}[{i}]" for k, name in enumerate(BLOCKS) for i in range(c.counts[k])]
+    return {
+        "parametrisation": PARAMETRISATION,
+        "order": order + ["C"] * c.share_free,
+        "matrix": c.covariance.tolist(),
+        "degrees_of_freedom": degrees,
+        "from": source,
+    }
+
+
+def from_draws(found: Estimates, covariance: Array) -> Coefficients:
+    """The joint coefficients with the covariance of the refits, and what separates the two estimates."""
+    if found.two_stage is not None and not found.joint.share_free:
+        apart = found.joint.values - found.two_stage.values
+        covariance = covariance + np.outer(apart, apart)
+    return with_covariance(found.joint, covariance)
+
+
+def two_stage_json(found: Estimates, ground: Ground, source: str) -> dict[str, Any]:
+    """The two-stage estimate as fit.json holds it, under the same keys as the joint one."""
+    both = found.two_stage
+    assert both is not None
+    p = both.plant()
+    result: dict[str, Any] = {
+        "C": p.C,
+        "tau1": list(p.tau1),
+        "tau2": list(p.tau2),
+        "Ts": list(p.Ts),
+        "u_range": list(p.u_range),
+        **errors_of(both, ground.levels),
+        "misfit": {name: curve.misfit for name, curve in found.curves.items()},
+    }
+    if source != "none":
+        degrees = found.two_stage_degrees
+        ci95 = coefficient_intervals(both, degrees)
+        result |= {
+            "ci95": {name: ci95[name] for name in BLOCKS},
+            "curves": level_curves(both, degrees, ground.levels),
+            "covariance": covariance_json(both, degrees, source),
+        }
+    return result
+
+
+def errors_of(c: Coefficients, levels: tuple[Level, ...]) -> dict[str, Any]:
+    """rmse, sse, abs_error and per_level of a model, as the joint fit's own in fit.json."""
+    p = c.plant()
+    left = [level.mean_nm - nonlinear.step_response(p, level.time_s, level.level) for level in levels]
+    every = np.abs(np.concatenate(left))
+    rows = [
+        {
+            "level": level.level,
+            "rmse": float(np.sqrt(np.mean(r**2))),
+            "sse": float(r @ r),
+            "abs_error": {"mean": float(np.abs(r).mean()), "sd": float(np.abs(r).std())},
+        }
+        for level, r in zip(levels, left, strict=True)
+    ]
+    return {
+        "rmse": float(np.sqrt(np.mean(every**2))),
+        "sse": float(every @ every),
+        "abs_error": {"mean": float(every.mean()), "sd": float(every.std())},
+        "per_level": rows,
+    }
+
+
+def agreement(found: Estimates, ground: Ground) -> dict[str, Any]:
+    """Where the joint estimate lies outside the two-stage intervals, and which to believe, in words."""
+    if found.two_stage is None:
+        word = "no two-stage estimate: no level alone determines all of its parameters; the joint fit stands alone"
+        return {"disagreements": [], "believe": "joint", "because": word}
+    beyond = [_apart(found.joint, found.two_stage, found.two_stage_degrees, name, ground) for name in ROW]
+    beyond = [one for one in beyond if one["levels"]]
+    if not beyond:
+        return {"disagreements": [], "believe": "either", "because": "the two estimates agree within their intervals"}
+    weak = [name for name, k in ROW.items() if ground.known[:, k].sum() <= len(found.curves[name].coefficients)]
+    if weak:
+        because = (
+            f"too few levels determine {' and '.join(weak)} on their own, so two-stage has nothing to average; "
+            "the joint fit borrows from all levels"
+        )
+        return {"disagreements": beyond, "believe": "joint", "because": because}
+    gain = float(np.sqrt(max(np.nan_to_num(ground.between[0]), 0.0)))
+    scattered = f"runs of one level differ by {100 * gain:.2g} % in T_s, and " if gain > 0.002 else ""
+    because = (
+        f"{scattered}the joint fit makes up for a level's torque with the time constants of its neighbours; "
+        "the two-stage fit takes each level's own"
+    )
+    return {"disagreements": beyond, "believe": "two-stage", "because": because}
+
+
+def _apart(joint: Coefficients, both: Coefficients, degrees: float, name: str, ground: Ground) -> dict[str, Any]:
+    """Where one parameter's two curves part by more than the two-stage interval; the worst level in numbers."""
+    duty = ground.duty_pct
+    one, other = joint.at(name, duty), both.at(name, duty)
+    reach = t_quantile(degrees) * both.log_sd(name, duty)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ratio = np.abs(np.log(one / other)) / reach
+    out = np.flatnonzero(~(ratio <= 1))
+    if not len(out):
+        return {"parameter": name, "levels": []}
+    i = int(out[np.nan_to_num(ratio[out], nan=np.inf).argmax()])
+    low, high = (float(other[i] * np.exp(sign * reach[i])) for sign in (-1, 1))
+    own = f", the level's own fit {np.exp(ground.log_theta[i, ROW[name]]):.3g}" if ground.known[i, ROW[name]] else ""
+    return {
+        "parameter": name,
+        "levels": duty[out].tolist(),
+        "worst": float(duty[i]),
+        "joint": float(one[i]),
+        "two_stage": float(other[i]),
+        "ci95": [low, high],
+        "words": (
+            f"{name} at {duty[i]:g}: joint {one[i]:.3g}, two-stage {other[i]:.3g} "
+            f"[{low:.3g}, {high:.3g}] {UNITS[name]}{own}"
+        ),
+    }
