@@ -1,5 +1,312 @@
-"""`eaid tune-rc`."""
+"""`eaid tune-rc`: a fit → gains of both controllers, and what may be expected of them."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from eaid.cli import console, gains_tables
+from eaid.cli.options import Force, Json, Output, Quiet, Seed
+from eaid.errors import DataError, EaidError, UsageError
+
+if TYPE_CHECKING:
+    from eaid.control.options import DesignOptions
+    from eaid.replay.references import Reference
+    from eaid.steps.stepset import StepSet
+
+FitFile = Annotated[Path, typer.Argument(metavar="FIT", help="fit.json of eaid fit; only its linear part is needed.")]
+BoundsOption = Annotated[
+    str | None,
+    typer.Option("--bounds", help="b0 of one level: zero-offset, pooled-offset, pooled-dynamics; default: the fit's."),
+]
+Levels = Annotated[str | None, typer.Option("--levels", help="Levels that B_m, B_M are taken over: 30:100 or 30,40.")]
+Widen = Annotated[bool, typer.Option("--widen-bounds", help="Take the far ends of the 95 % intervals of B.")]
+BHat = Annotated[str, typer.Option("--b-hat", help="B̂: pooled (1/b0), minimax, or a value [%·s/(N·m)].")]
+Kp = Annotated[float | None, typer.Option("--kp", help="K_P [1/s²]; default 4.5.")]
+Kd = Annotated[float | None, typer.Option("--kd", help="K_D [1/s]; default 3.")]
+Frequency = Annotated[
+    float | None, typer.Option("--natural-frequency", help="In place of --kp, --kd: ω_n [rad/s], with --damping.")
+]
+Damping = Annotated[float | None, typer.Option("--damping", help="In place of --kp, --kd: damping ratio.")]
+QMax = Annotated[float | None, typer.Option("--q-max", help="Q_M, largest slope of the reference [N·m/s]; default 5.")]
+ReferenceOption = Annotated[
+    str | None,
+    typer.Option(
+        "--reference", help="CSV time_s,reference_nm, or multisine or steps: Q_M is taken from it, or judged."
+    ),
+]
+Phi = Annotated[str, typer.Option("--phi", help="φ in the reading's own number, or data: what model and logs show.")]
+Data = Annotated[
+    list[Path] | None, typer.Option("--data", help="Logs or data.h5 for --phi data; default: those the fit names.")
+]
+Epsilon = Annotated[float, typer.Option("--epsilon", help="ε, half width of the boundary layer.")]
+Gamma = Annotated[float, typer.Option("--gamma", help="γ, sharpness of the soft switch.")]
+PScale = Annotated[float, typer.Option("--p-scale", help="p of P = p·I in the Lyapunov equation.")]
+Rho = Annotated[str, typer.Option("--rho", help="Reading of Eq. (15): paper (B_M φ) or textbook (φ/B_m).")]
+Alpha = Annotated[str, typer.Option("--alpha", help="α that ρ is made with: formula, or the one really reached.")]
+Overshoot = Annotated[float | None, typer.Option("--pi-overshoot", help="PI: overshoot on the linear model [%].")]
+Settling = Annotated[float | None, typer.Option("--pi-settling", help="PI: settling time, 2 % band [s].")]
+PIGainsOption = Annotated[str | None, typer.Option("--pi-gains", help="PI: K_P,K_I; default 21,360.")]
+AntiWindup = Annotated[str, typer.Option("--anti-windup", help="conditional (integration) or back-calculation.")]
+Limits = Annotated[str, typer.Option("--duty-limits", help="Lowest and highest duty of the actuator [%].")]
+RateHz = Annotated[float | None, typer.Option("--rate-hz", help="Control rate [Hz]; default: the fit's, else 1000.")]
+PwmHz = Annotated[
+    float | None, typer.Option("--pwm-hz", help="Duty latched at this rate [Hz]; default: the fit's, else 300; 0: off.")
+]
+Unidentified = Annotated[
+    bool, typer.Option("--allow-unidentified", help="Use a fit that is marked not identifiable; the result is marked.")
+]
 
 
-def command() -> None:
-    """Not built yet."""
+def command(
+    fit: FitFile,
+    bounds: BoundsOption = None,
+    levels: Levels = None,
+    widen_bounds: Widen = False,
+    b_hat: BHat = "pooled",
+    kp: Kp = None,
+    kd: Kd = None,
+    natural_frequency: Frequency = None,
+    damping: Damping = None,
+    q_max: QMax = None,
+    reference: ReferenceOption = None,
+    phi: Phi = "0.05",
+    data: Data = None,
+    epsilon: Epsilon = 0.5,
+    gamma: Gamma = 50.0,
+    p_scale: PScale = 5.0,
+    rho: Rho = "paper",
+    alpha: Alpha = "formula",
+    pi_overshoot: Overshoot = None,
+    pi_settling: Settling = None,
+    pi_gains: PIGainsOption = None,
+    anti_windup: AntiWindup = "conditional",
+    duty_limits: Limits = "0,100",
+    rate_hz: RateHz = None,
+    pwm_hz: PwmHz = None,
+    allow_unidentified: Unidentified = False,
+    output: Output = None,
+    json: Json = False,
+    quiet: Quiet = False,
+    force: Force = False,
+    seed: Seed = 0,
+) -> None:
+    """Gains of the robust controller and of a PI from a fit, with the guarantee checked, margins and warnings.
+
+    Exit code 5: the fit or the wishes are not physical, out of reach, or unstable on the linear model.
+    """
+    console.be_quiet(quiet)
+    from eaid.files import refuse_to_overwrite
+
+    path = output or Path("gains.json")
+    refuse_to_overwrite(path, force)
+    chosen = {
+        "--b-hat": None, "--rho": (rho, ("paper", "textbook")), "--alpha": (alpha, ("formula", "reached")),
+        "--anti-windup": (anti_windup, ("conditional", "back-calculation")),
+    }  # fmt: skip
+    for name, choice in chosen.items():
+        if choice is not None and choice[0] not in choice[1]:
+            raise UsageError(f"{name} {choice[0]}: must be one of {', '.join(choice[1])}")
+    K_P, K_D = _proportional(kp, kd, natural_frequency, damping)
+
+    from eaid import store
+    from eaid.control.design import design
+    from eaid.control.options import DesignOptions, PIOptions
+
+    fitted = store.read_json(fit, "fit")
+    _refuse_unidentified(fitted, fit, allow_unidentified)
+    timing = _timing(fitted, rate_hz, pwm_hz)
+    wanted, reference_name = _reference(reference, 1 / timing.rate_hz)
+    slope = None if wanted is None else _slope(wanted)
+    options = DesignOptions(
+        convention=bounds, levels=levels, widen=widen_bounds, B_hat=_b_hat(b_hat), K_P=K_P, K_D=K_D,
+        Q_M=q_max if q_max is not None else (slope if slope is not None else 5.0),
+        phi=0.05 if phi == "data" else _number("--phi", phi), epsilon=epsilon, gamma=gamma, p_scale=p_scale,
+        reading=rho, alpha=alpha,  # type: ignore[arg-type]
+        pi=PIOptions(_pair("--pi-gains", pi_gains) if pi_gains else None, pi_overshoot, pi_settling),
+        anti_windup=anti_windup,  # type: ignore[arg-type]
+        duty_limits_pct=_pair("--duty-limits", duty_limits), timing=timing,
+    )  # fmt: skip
+    stepset = _logs(fitted, fit, data) if phi == "data" or data else None
+    if phi == "data":
+        options = _with_phi_from(fitted, options, str(fit), stepset)
+    result = design(fitted, options, str(fit), stepset, slope)
+    _add_replay(result, fitted, wanted, reference_name, 1 / timing.rate_hz)
+    if allow_unidentified and _unidentified(fitted):
+        result["warnings"].insert(0, f"made from a fit that is not identifiable: {_unidentified(fitted)}")
+        result["unidentified"] = _unidentified(fitted)
+    inputs = {"fit": store.input_record(fit)}
+    if reference is not None and reference_name not in NAMED:
+        inputs["reference"] = store.input_record(Path(reference))
+    told = {"inputs": inputs, "options": _told(options, phi, allow_unidentified), "seed": seed}
+    result = store.stamped("eaid/gains/1", {**told, **result})
+    store.write_json(path, result, force)
+    if json:
+        console.print_json(result)
+    else:
+        gains_tables.show(result)
+    for warning in result["warnings"]:
+        console.warn(warning)
+    console.say(f"wrote {path}")
+
+
+NAMED = ("multisine", "steps")
+"""References that need no file."""
+
+
+def _proportional(
+    kp: float | None, kd: float | None, natural_frequency: float | None, damping: float | None
+) -> tuple[float, float]:
+    if natural_frequency is None and damping is None:
+        return (4.5 if kp is None else kp), (3.0 if kd is None else kd)
+    if kp is not None or kd is not None:
+        raise UsageError("give either --kp and --kd, or --natural-frequency and --damping, not both")
+    if natural_frequency is None or damping is None:
+        raise UsageError("--natural-frequency and --damping belong together: give both")
+    from eaid.control.robust import damping_gains
+
+    if not (natural_frequency > 0 and damping > 0):
+        raise UsageError("--natural-frequency and --damping must be above 0")
+    return damping_gains(natural_frequency, damping)
+
+
+def _number(option: str, text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        raise UsageError(f"{option} {text}: is no number") from None
+
+
+def _pair(option: str, text: str) -> tuple[float, float]:
+    numbers = [_number(option, part) for part in text.split(",")]
+    if len(numbers) != 2:
+        raise UsageError(f"{option} {text}: write two numbers with a comma between them, as 21,360")
+    return numbers[0], numbers[1]
+
+
+def _b_hat(text: str) -> Any:
+    if text in ("pooled", "minimax"):
+        return text
+    try:
+        return float(text)
+    except ValueError:
+        raise UsageError(f"--b-hat {text}: must be pooled, minimax or a number") from None
+
+
+def _timing(fitted: dict[str, Any], rate_hz: float | None, pwm_hz: float | None) -> Any:
+    from eaid.control.margins import Timing
+
+    rig = (fitted.get("data") or {}).get("apparatus") or {}
+    rate = rate_hz if rate_hz is not None else float(rig.get("sample_rate_hz") or 1000.0)
+    pwm = pwm_hz if pwm_hz is not None else float(rig.get("pwm_hz") or 300.0)
+    if not rate > 0:
+        raise UsageError(f"--rate-hz {rate:g}: must be above 0")
+    if pwm < 0:
+        raise UsageError(f"--pwm-hz {pwm:g}: must be 0 or above")
+    return Timing(rate, pwm or None)
+
+
+def _reference(reference: str | None, dt_s: float) -> "tuple[Reference | None, str]":
+    from eaid.replay import references
+
+    if reference is None:
+        return None, "multisine"
+    if reference == "multisine":
+        return references.multisine(dt_s), reference
+    if reference == "steps":
+        return references.steps(dt_s), reference
+    return references.from_file(Path(reference), dt_s), reference
+
+
+def _slope(reference: "Reference") -> float:
+    from eaid.replay.standard import steepest_nm_s
+
+    return steepest_nm_s(reference)
+
+
+def _logs(fitted: dict[str, Any], fit: Path, data: list[Path] | None) -> "StepSet | None":
+    """The logs given, or those that the fit names, where they are still there and unchanged."""
+    from eaid.cli import inputs
+    from eaid.files import sha256_of
+
+    if data:
+        return inputs.stepset_from(data)
+    named = (fitted.get("data") or {}).get("inputs") or []
+    paths = []
+    for record in named:
+        told = Path(str(record.get("path")))
+        found = next((path for path in (told, fit.parent / told.name) if path.is_file()), None)
+        if found is None or sha256_of(found) != record.get("sha256"):
+            console.warn(f"{told}: is gone or has changed, so φ comes from the model alone; give the logs with --data")
+            return None
+        paths.append(found)
+    if not paths:
+        console.warn(f"{fit}: names no logs, so φ comes from the model alone; give the logs with --data")
+        return None
+    try:
+        return inputs.stepset_from(paths)
+    except EaidError as fault:
+        console.warn(f"{fault.sentences[0]}: φ comes from the model alone; give a data.h5 with --data")
+        return None
+
+
+def _with_phi_from(
+    fitted: dict[str, Any], options: "DesignOptions", source: str, stepset: "StepSet | None"
+) -> "DesignOptions":
+    from dataclasses import replace
+
+    from eaid.control.bounds import bounds_of, model_of
+    from eaid.control.design import least_phi_pct, mismatches, plant_of
+
+    model = model_of(fitted, source)
+    found = mismatches(
+        model, bounds_of(fitted, source, options.convention, options.levels, options.widen), plant_of(fitted), stepset
+    )
+    least = least_phi_pct(found)
+    if least is None:
+        raise DataError(
+            f"{source}: holds neither a nonlinear model nor fits of single levels, so --phi data has nothing to look at"
+        )
+    return replace(options, phi_honest_pct=least.pct)
+
+
+def _add_replay(
+    result: dict[str, Any], fitted: dict[str, Any], wanted: "Reference | None", name: str, dt_s: float
+) -> None:
+    """The replayed errors beside the ultimate bound, where the fit has a plant to replay on."""
+    from eaid.control.design import plant_of
+    from eaid.control.gains import pi_from_json, rc_from_json
+    from eaid.replay.references import multisine
+    from eaid.replay.standard import beside_the_bound
+
+    plant = plant_of(fitted)
+    if plant is None:
+        result["warnings"].append("the fit holds no nonlinear model, so no error is replayed beside the ultimate bound")
+        return
+    reference = wanted if wanted is not None else multisine(dt_s)
+    told = beside_the_bound(plant, rc_from_json(result), pi_from_json(result), reference, name)
+    result["replayed"] = told
+    result["rc"]["ultimate_bound"]["replayed_nm"] = told["rc"]["max_abs_error_nm"]
+    if wanted is None and told["slope_nm_s"] > result["rc"]["Q_M"] * (1 + 1e-9):
+        result["warnings"].append(
+            f"Q_M does not hold for the {name}: it rises at up to {told['slope_nm_s']:.4g} N·m/s, "
+            f"Q_M is {result['rc']['Q_M']:g} N·m/s; --reference {name} takes it from there"
+        )
+
+
+def _unidentified(fitted: dict[str, Any]) -> str:
+    """What a fit says it cannot identify in the model that gains rest on; empty where it says nothing."""
+    linear = fitted.get("linear") or {}
+    return str(linear.get("unidentified") or "") if isinstance(linear, dict) else ""
+
+
+def _refuse_unidentified(fitted: dict[str, Any], fit: Path, allowed: bool) -> None:
+    said = _unidentified(fitted)
+    if said and not allowed:
+        raise DataError(f"{fit}: the linear model is not identifiable ({said}); --allow-unidentified uses it, marked")
+
+
+def _told(options: "DesignOptions", phi: str, allow_unidentified: bool) -> dict[str, Any]:
+    from dataclasses import asdict
+
+    return {**asdict(options), "phi": phi if phi == "data" else options.phi, "allow_unidentified": allow_unidentified}

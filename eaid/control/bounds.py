@@ -65,7 +65,13 @@ def bounds_of(
     if wanted not in CONVENTIONS:
         raise UsageError(f"--bounds {wanted}: must be one of {', '.join(CONVENTIONS)}")
     rows = [row for row in linear.get("per_level") or [] if isinstance(row, Mapping)]
-    if convention is None and levels is None and not widen and "B_m" in stored:
+    ready = (linear.get("conventions") or {}).get(wanted)
+    if wanted != own and levels is None and not widen and isinstance(ready, Mapping):
+        kept, found = [float(level) for level in ready.get("levels") or []], []
+        if "pooled-dynamics" not in (own, wanted):
+            found = [row for row in _under(rows, model, own, wanted, source) if row["level"] in kept]
+        B_m, B_M = ready.get("B_m"), ready.get("B_M")
+    elif wanted == own and levels is None and not widen and "B_m" in stored:
         kept = [float(level) for level in stored.get("levels") or [row["level"] for row in rows]]
         found = [row for row in _under(rows, model, own, own, source) if row["level"] in kept]
         B_m, B_M = stored["B_m"], stored.get("B_M")
