@@ -168,10 +168,22 @@ def fitted(stepset: "StepSet", options: "FitOptions", ci: str, seed: int) -> "tu
     from eaid.fitting.fit import fit
     from eaid.fitting.to_json import to_json
     from eaid.store import stamped
+    from eaid.uncertainty.intervals import IntervalOptions, attach, intervals
 
     found = fit(stepset, options)
+    how = IntervalOptions(ci=ci, seed=seed, estimator=options.estimator, workers=processors())
+    with console.progress("bootstrap refits", how.draws if ci == "bootstrap" else 0) as advance:
+        sure = intervals(stepset, found, how, advance)
     told = {"options": {**asdict(options), "share": options.share if options.share is not None else "free", "ci": ci}}
-    return stamped("eaid/fit/1", {**told, "seed": seed, **to_json(found, stepset)}), found
+    body = attach(to_json(found, stepset), sure, options.estimator)
+    return stamped("eaid/fit/1", {**told, "seed": seed, **body}), found
+
+
+def processors() -> int:
+    """Processors that this process may use."""
+    import os
+
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def tell_doubts(stepset: "StepSet") -> None:
