@@ -1,0 +1,270 @@
+"""fit.json → gains.json: the paper's design, each verdict and warning, and what is refused."""
+
+import math
+
+import numpy as np
+import pytest
+
+from eaid.apparatus import Apparatus
+from eaid.control.bounds import bounds_of
+from eaid.control.design import design
+from eaid.control.gains import paper_gains, pi_from_json, rc_from_json
+from eaid.control.margins import Timing
+from eaid.control.mismatch import distance, shown_by_levels, shown_by_logs, shown_by_model
+from eaid.control.options import DesignOptions, PIOptions
+from eaid.errors import DataError, GainsError, UsageError
+from eaid.models.nonlinear import step_response
+from eaid.models.parameters import PAPER_LINEAR, REFERENCE_PLANT, Linear, Nonlinear
+from eaid.steps.stepset import Level, StepSet
+
+PAPER_FIT = {"linear": {"a0": 1.36, "b0": 0.08, "c0": -2.42, "bounds": {"B_m": 12.4, "B_M": 42.6}}}
+B = {10: 23.044, 20: 36.505, 30: 41.142, 40: 40.831, 50: 37.706, 60: 32.974, 70: 27.340, 80: 21.221, 90: 14.854}
+B[100] = 8.349
+PLANT = {
+    "C": REFERENCE_PLANT.C,
+    "tau1": list(REFERENCE_PLANT.tau1),
+    "tau2": list(REFERENCE_PLANT.tau2),
+    "Ts": list(REFERENCE_PLANT.Ts),
+    "u_range": [10.0, 100.0],
+}
+
+
+def level_row(u):
+    """A level of the reference plant as a fit has it: its own gain, and the a0 that gives SPEC's B."""
+    from eaid.models.nonlinear import steady_torque
+
+    gain = float(steady_torque(REFERENCE_PLANT, u)) * 0.97
+    return {"level": float(u), "a0": u / (B[u] * gain), "gain": gain, "c0": 0.0, "b0": 1 / B[u], "B": B[u]}
+
+
+REFERENCE_FIT = {
+    "nonlinear": PLANT,
+    "linear": {
+        "a0": 1.84393,
+        "b0": 0.0782825,
+        "c0": -1.343124,
+        "per_level": [level_row(u) for u in B],
+        "bounds": {"convention": "zero-offset", "levels": [float(u) for u in B], "B_m": 8.349, "B_M": 41.142},
+    },
+}
+
+
+def with_linear(**changes):
+    return {"linear": {**PAPER_FIT["linear"], **changes}}
+
+
+def test_the_papers_fit_gives_table_iv():
+    found = design(PAPER_FIT)
+    rc = found["rc"]
+    assert rc_from_json(found) == pytest.approx(paper_gains()[0]) and pi_from_json(found) == paper_gains()[1]
+    assert f"{rc['alpha']:.6f}" == "0.549091" and f"{rc['rho']['constant']:.4f}" == "10.8125"
+    assert f"{rc['rho']['slope']:.5f}" == "6.58595" and rc["rho"]["convention"] == "paper"
+    assert rc["natural_frequency_rad_s"] == pytest.approx(2.1213, abs=5e-5)
+    assert rc["damping"] == pytest.approx(0.7071, abs=5e-5)
+    assert rc["phi_honest_pct"] == pytest.approx(26.4, abs=0.05)
+    assert rc["rho"]["readings"]["textbook"]["phi_honest_pct"] == pytest.approx(0.05)
+    assert found["actuator"]["robust_term_pct"] == pytest.approx(135, abs=0.5)
+    assert (round(rc["equal_pi"]["K_P"]), round(rc["equal_pi"]["K_I"])) == (313, 206)
+    assert found["pi"]["overshoot_pct"] == pytest.approx(41.7, abs=0.05)
+    assert found["pi"]["settling_s"] == pytest.approx(2.52, abs=0.005)
+
+
+def test_pooled_is_not_guaranteed_and_minimax_is():
+    pooled, minimax = design(PAPER_FIT)["rc"], design(PAPER_FIT, DesignOptions(B_hat="minimax"))["rc"]
+    assert not pooled["guaranteed"] and pooled["alpha_reached"] == pytest.approx(0.7066, abs=1e-4)
+    assert pooled["rho"]["needed"]["constant"] > pooled["rho"]["constant"]
+    assert minimax["guaranteed"] and minimax["B_hat"] == pytest.approx(19.2, abs=0.05)
+    assert minimax["alpha_reached"] == pytest.approx(minimax["alpha"])
+    made_with_it = design(PAPER_FIT, DesignOptions(alpha="reached"))["rc"]
+    assert made_with_it["guaranteed"] and made_with_it["rho"]["alpha"] == pytest.approx(0.7066, abs=1e-4)
+    assert made_with_it["alpha"] == pytest.approx(0.549091, abs=1e-6)
+
+
+@pytest.mark.parametrize("reading", ["paper", "textbook"])
+def test_one_honest_phi_gives_one_rho_in_both_readings(reading):
+    rc = design(PAPER_FIT, DesignOptions(reading=reading, phi_honest_pct=20.0))["rc"]
+    assert rc["phi_honest_pct"] == pytest.approx(20.0)
+    assert rc["rho"]["terms"]["phi_nm_s"] == pytest.approx(20.0 / 12.4 / (1 - rc["alpha"]))
+    assert rc["phi"] == pytest.approx(20.0 if reading == "textbook" else 20.0 / (12.4 * 42.6))
+
+
+def test_phi_is_held_against_the_data():
+    found = design(REFERENCE_FIT)
+    assert found["rc"]["phi_holds"] is False
+    assert any("φ does not hold" in warning for warning in found["warnings"])
+    enough = design(REFERENCE_FIT, DesignOptions(phi_honest_pct=found["rc"]["phi_needed_pct"]))
+    assert enough["rc"]["phi_holds"] is True
+    assert design(PAPER_FIT)["rc"]["phi_holds"] is None
+
+
+def test_with_single_levels_alone_phi_holds_in_no_reading():
+    fit = {"linear": REFERENCE_FIT["linear"]}
+    for reading in ("paper", "textbook"):
+        found = design(fit, DesignOptions(reading=reading))
+        assert found["rc"]["phi_holds"] is False and found["rc"]["phi_needed_pct"] > 100
+    # SPEC §4.7: −30 % already at T = 0 on the published model.
+    at_rest = shown_by_levels([level_row(40)], PAPER_LINEAR, 0.0)
+    assert at_rest.signed_pct == pytest.approx(-30.25)
+
+
+def test_Q_M_is_held_against_the_reference():
+    assert design(PAPER_FIT)["rc"]["Q_M_holds"] is None
+    steep = design(PAPER_FIT, slope_nm_s=9.3)
+    assert steep["rc"]["Q_M_holds"] is False and any("Q_M does not hold" in w for w in steep["warnings"])
+    assert design(PAPER_FIT, slope_nm_s=4.9)["rc"]["Q_M_holds"] is True
+
+
+def test_margins_of_the_reference_plant():
+    found = design(REFERENCE_FIT)
+    points = found["margins"]["points"]
+    assert [point["duty_pct"] for point in points] == pytest.approx([10 * k for k in range(1, 11)])
+    assert found["margins"]["worst"]["rc"]["gain_db"] == min(point["rc"]["gain_db"] for point in points)
+    assert any(w.startswith("PI: less than 6 dB or 45°") for w in found["warnings"])
+    assert not any(w.startswith("RC: less") for w in found["warnings"])
+    sharp = design(REFERENCE_FIT, DesignOptions(epsilon=0.06, gamma=400.0))
+    assert any(w.startswith("RC: less than 6 dB") or "RC: unstable" in w for w in sharp["warnings"])
+
+
+def test_below_sharpness_five_the_jump_is_told():
+    assert any("jumps by 0.24 ρ" in w for w in design(PAPER_FIT, DesignOptions(gamma=2.0))["warnings"])
+    assert not any("jumps" in w for w in design(PAPER_FIT, DesignOptions(gamma=10.0))["warnings"])
+
+
+def test_back_calculation_gains_are_the_inverse_of_the_slopes():
+    found = design(PAPER_FIT, DesignOptions(anti_windup="back-calculation"))
+    assert rc_from_json(found).back_calculation == pytest.approx(1 / 312.818, rel=1e-5)
+    assert pi_from_json(found).back_calculation == pytest.approx(1 / 21)
+
+
+def test_pi_from_wishes():
+    found = design(PAPER_FIT, DesignOptions(pi=PIOptions(overshoot_pct=1.0, settling_s=0.27)))["pi"]
+    assert (found["K_P"], found["K_I"]) == pytest.approx((156.6, 252.9), abs=0.1)
+    assert (found["overshoot_pct"], found["settling_s"]) == pytest.approx((1.0, 0.27))
+
+
+@pytest.mark.parametrize(
+    ("fit", "options", "words"),
+    [
+        (with_linear(b0=-0.08), {}, "b0 is -0.08"),
+        (with_linear(b0=0.0), {}, "b0 is 0 "),
+        (with_linear(a0=-1.0), {}, "a0 is -1"),
+        (with_linear(bounds={"B_m": 0.0, "B_M": 42.6}), {}, "B_m is 0, so the range of B touches 0"),
+        (with_linear(bounds={"B_m": None, "B_M": None}), {}, "B_m is missing"),
+        (with_linear(bounds={"B_m": 50.0, "B_M": 42.6}), {}, "lies above B_M"),
+        (PAPER_FIT, {"K_P": 0.0}, "unstable"),
+        (PAPER_FIT, {"K_D": -3.0}, "unstable"),
+        (PAPER_FIT, {"B_hat": -12.5}, "B̂ is -12.5"),
+        (PAPER_FIT, {"B_hat": 30.0, "alpha": "reached"}, "no ρ covers that"),
+        (PAPER_FIT, {"pi": PIOptions(overshoot_pct=100.0, settling_s=0.27)}, "out of reach"),
+        (PAPER_FIT, {"pi": PIOptions(overshoot_pct=1.0, settling_s=30.0)}, "out of reach"),
+        (PAPER_FIT, {"pi": PIOptions(gains=(-21.0, 360.0))}, "neither may be negative"),
+        (PAPER_FIT, {"pi": PIOptions(gains=(21000.0, 360.0))}, "PI loop is unstable on the linear model"),
+        (PAPER_FIT, {"epsilon": 0.001, "gamma": 1e4}, "RC loop is unstable on the linear model"),
+    ],
+)
+def test_what_is_not_physical_is_refused(fit, options, words):
+    with pytest.raises(GainsError) as refusal:
+        design(fit, DesignOptions(**options))
+    assert words in str(refusal.value) and refusal.value.exit_code == 5
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"epsilon": 0.0}, "--epsilon 0"),
+        ({"gamma": math.inf}, "--gamma inf"),
+        ({"phi": -1.0}, "--phi -1"),
+        ({"Q_M": math.nan}, "--q-max nan"),
+        ({"duty_limits_pct": (80.0, 20.0)}, "--duty-limits 80,20"),
+    ],
+)
+def test_nonsense_is_wrong_usage(options, words):
+    with pytest.raises(UsageError) as refusal:
+        DesignOptions(**options)
+    assert words in str(refusal.value)
+
+
+def test_half_a_wish_is_wrong_usage():
+    with pytest.raises(UsageError, match="belong together"):
+        PIOptions(overshoot_pct=1.0)
+    with pytest.raises(UsageError, match="not both"):
+        PIOptions(gains=(1.0, 2.0), overshoot_pct=1.0, settling_s=0.3)
+
+
+def test_bounds_over_chosen_levels():
+    found = bounds_of(REFERENCE_FIT, "f", None, "30:100")
+    assert (found.B_m, found.B_M) == pytest.approx((8.349, 41.142)) and found.levels == tuple(range(30, 101, 10))
+    assert bounds_of(REFERENCE_FIT, "f", None, "50,70").B_m == pytest.approx(27.340)
+    with pytest.raises(DataError, match="no log holds 35"):
+        bounds_of(REFERENCE_FIT, "f", None, "35")
+
+
+def test_bounds_by_another_convention():
+    found = bounds_of(REFERENCE_FIT, "f", "pooled-offset", None)
+    row = level_row(100)
+    assert found.rows[-1]["B"] == pytest.approx(100 / (row["a0"] * row["gain"] + 1.343124))
+    with pytest.raises(UsageError, match="fit again with --bounds pooled-dynamics"):
+        bounds_of(REFERENCE_FIT, "f", "pooled-dynamics", None)
+    ready = {"linear": {**REFERENCE_FIT["linear"], "conventions": {"pooled-dynamics": {"B_m": 9.0, "B_M": 40.0}}}}
+    assert bounds_of(ready, "f", "pooled-dynamics", None).B_M == 40.0
+    with pytest.raises(UsageError, match="must be one of"):
+        bounds_of(REFERENCE_FIT, "f", "pooled", None)
+    with pytest.raises(UsageError, match="no fits of single levels"):
+        bounds_of(PAPER_FIT, "f", None, "30:100")
+
+
+def test_widened_bounds_take_the_far_ends():
+    rows = [{**row, "ci95": {"B": [0.9 * row["B"], 1.2 * row["B"]]}} for row in REFERENCE_FIT["linear"]["per_level"]]
+    fit = {"linear": {**REFERENCE_FIT["linear"], "per_level": rows}}
+    found = bounds_of(fit, "f", None, None, widen=True)
+    assert (found.B_m, found.B_M) == pytest.approx((0.9 * 8.349, 1.2 * 41.142))
+    with pytest.raises(UsageError, match="no interval of B"):
+        bounds_of(REFERENCE_FIT, "f", None, None, widen=True)
+
+
+def test_no_linear_model_is_a_data_error():
+    with pytest.raises(DataError, match="holds no linear model"):
+        design({"nonlinear": PLANT})
+    with pytest.raises(DataError, match="a0 is 'x'"):
+        design(with_linear(a0="x"))
+
+
+def test_distance_is_to_the_nearest_B():
+    left = np.array([50.0, 50.0, 50.0, -5.0, 20.0])
+    slope = np.array([2.0, 10.0, 1.0, 0.0, -1.0])
+    assert distance(left, slope, 10.0, 40.0) == pytest.approx([0.0, -50.0, 10.0, -5.0, 30.0])
+
+
+def first_order(model, gain_b, duties):
+    """A nonlinear model that is first order with b in the bounds and η = η̂ exactly."""
+    tau = 1 / model.a0
+    return Nonlinear(tau1=(tau,), tau2=(tau,), Ts=(0.0, gain_b / model.a0), u_range=duties)
+
+
+def test_phi_is_zero_where_the_model_is_exact():
+    model = Linear(1.5, 0.08, 0.0)
+    exact = first_order(model, 0.08, (10.0, 100.0))
+    assert shown_by_model(exact, model, 12.0, 13.0).pct == pytest.approx(0, abs=1e-9)
+    half = first_order(model, 0.04, (10.0, 100.0))  # holds twice the duty for a torque
+    assert shown_by_model(half, model, 12.0, 13.0).pct == pytest.approx(50.0, rel=1e-6)
+
+
+def test_logs_show_what_the_model_behind_them_shows():
+    model = Linear(1.84393, 0.0782825, -1.343124)
+    t = np.arange(20000) * 1e-3
+    random = np.random.default_rng(1)
+    levels = tuple(
+        Level(float(u), t, (step_response(REFERENCE_PLANT, t, u) + 0.01 * random.standard_normal(len(t)))[None],
+              ("r1",), True)
+        for u in range(10, 101, 10)
+    )  # fmt: skip
+    stepset = StepSet("clutch", "%", "N·m", Apparatus(), levels)
+    logs, plant = shown_by_logs(stepset, model, 8.349, 41.142), shown_by_model(REFERENCE_PLANT, model, 8.349, 41.142)
+    assert plant.pct == pytest.approx(33.8, abs=0.05)
+    assert 20 < logs.pct < plant.pct  # a window of 0.1 s has already left the first instant
+    assert "after the step to" in logs.where
+
+
+def test_unlatched_timing_is_reported():
+    found = design(PAPER_FIT, DesignOptions(timing=Timing(1000.0, None)))
+    assert found["margins"]["timing"] == {"rate_hz": 1000.0, "pwm_hz": None}
