@@ -9,11 +9,13 @@ import numpy as np
 from eaid.arrays import Array, read_only
 from eaid.errors import DataError
 from eaid.logs.extras import damage_told, library
-from eaid.logs.hdf import MOST_RATIO, MOST_VALUES
+from eaid.logs.hdf import MOST_VALUES
 from eaid.logs.sheet import BadCell, Cells, Sheet
 from eaid.logs.signals import seconds
 
 WHAT = "Parquet"
+MOST_RATIO = 200
+"""A column that unpacks to more than this many times the size of its file is a bomb (recorded torque: about 4)."""
 
 
 def is_parquet(head: bytes) -> bool:
@@ -50,7 +52,7 @@ def _check_size(source: str, metadata: Any, size: int) -> None:
     """Refuse a table that claims to be far larger than its file."""
     rows = metadata.num_rows
     packed = sum(metadata.row_group(i).total_byte_size for i in range(metadata.num_row_groups))
-    if not 0 <= rows <= MOST_VALUES or max(rows, packed) > max(MOST_RATIO * size, 1 << 24):
+    if not 0 <= rows <= MOST_VALUES or max(8 * rows, packed) > max(MOST_RATIO * size, 1 << 24):
         raise DataError(
             f"{source}: claims {rows:.3g} rows, {packed:.3g} bytes, in a file of {size:,} bytes; no log does"
         )
