@@ -80,7 +80,8 @@ class Plot:
                 hover.tooltips = [("", "$name"), *hover.tooltips[1:]]
             for legend in p.select({"type": Legend}):
                 legend.click_policy = "hide"
-                legend.location = "top_left"
+                p.add_layout(legend, "above")
+                legend.border_line_color = None
                 legend.orientation = "horizontal"
                 legend.background_fill_alpha = 0.8
                 legend.label_text_font_size = "12px"
@@ -148,7 +149,7 @@ def steps(
     words = ColumnDataSource({"x": [1.01 * longest] * len(ends), "y": placed, "text": [name for _, name in ends]})
     text = p.text("x", "y", text="text", source=words, text_font_size="12px", text_baseline="middle")
     plot.themed.append((text.glyph.id, "text_color", *INK))
-    p.x_range = Range1d(0, 1.1 * longest)
+    p.x_range = Range1d(0, 1.13 * longest)
     return plot.finish()
 
 

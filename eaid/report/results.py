@@ -15,9 +15,14 @@ from eaid.logs.options import ReadOptions
 from eaid.logs.read import read_runs
 from eaid.logs.run import Run
 from eaid.replay import files as replay_files
+from eaid.replay.controllers import CONTROLLERS
 from eaid.steps.build import StepOptions, build_stepset
 from eaid.steps.stepset import StepSet
 from eaid.store import read_json
+
+
+SCENARIOS = ("steps", "multisine", "sweep", "rehab")
+"""The order of the paper, and of the page."""
 
 
 @dataclass(frozen=True)
@@ -124,6 +129,7 @@ def read_results(paths: Sequence[Path]) -> Results:
             faults.extend(fault.sentences)
     if faults:
         raise DataError(*faults)
+    replays.sort(key=lambda one: SCENARIOS.index(one.scenario) if one.scenario in SCENARIOS else len(SCENARIOS))
     return Results(tuple(fits), tuple(gains), tuple(replays), tuple(data))
 
 
@@ -162,6 +168,8 @@ def read_replay(path: Path, source: Source) -> Replay:
         raise DataError(*faults)
     if not traces:
         raise DataError(f"{path}: holds no controller; make it again with eaid simulate")
+    known = list(CONTROLLERS)
+    traces = dict(sorted(traces.items(), key=lambda item: known.index(item[0]) if item[0] in known else len(known)))
     summary = {name: records[name].metrics for name in traces}
     return Replay(source, str(options.get("scenario", "")), options, traces, summary)
 

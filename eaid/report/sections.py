@@ -48,16 +48,17 @@ def inputs(results: Results) -> Table:
     rows: list[tuple[str, ...]] = []
     for source in results.sources:
         rows.append((source.path, source.kind, _what(results, source.path), source.sha256))
+    given = {source.sha256 for source in results.sources}
     for fit in results.fits:
-        seen: dict[tuple[str, str], list[Mapping[str, Any]]] = {}
-        for item in (fit.content.get("data") or {}).get("sources") or []:
-            if isinstance(item, Mapping):
-                seen.setdefault((str(item.get("path", "?")), str(item.get("sha256", "–"))), []).append(item)
-        given = {source.sha256 for source in results.sources}
-        for (path, sha), items in seen.items():
+        data = fit.content.get("data") or {}
+        named = [item for item in data.get("inputs") or [] if isinstance(item, Mapping)]
+        behind = named or [item for item in data.get("sources") or [] if isinstance(item, Mapping)]
+        runs: dict[tuple[str, str], Counter[Any]] = {}
+        for item in behind:
+            runs.setdefault((str(item.get("path", "?")), str(item.get("sha256", "–"))), Counter())[item.get("level")] += 1
+        for (path, sha), counts in runs.items():
             if sha not in given:
-                counts = Counter(item.get("level") for item in items)
-                rows.append((path, f"log behind {fit.source.path}", _levels(counts), sha))
+                rows.append((path, f"log behind {fit.source.path}", "–" if named else _levels(counts), sha))
     return Table(
         "Files", "What was given to this report, and the logs that the fits name. The fingerprint (SHA-256) tells one version of a file from another.",
         ("file", "what it is", "holds", "fingerprint"), tuple(rows), formulas=False,
@@ -152,6 +153,7 @@ def _details(fit: Fit) -> list[Table]:
         found.append(_release(release))
     if held := _held_out(content):
         found.append(held)
+    found += _adequacy(content)
     return found
 
 
@@ -198,36 +200,76 @@ def _runs(data: Data) -> Table:
 
 def _guarantee(gains: Mapping[str, Any]) -> list[Table]:
     rc = gains.get("rc") or {}
-    known = {
-        "alpha": "α by Eq. (16)", "alpha_reached": "α really reached with this B̂", "guaranteed": "ρ covers (15) with the α reached",
-        "phi_holds": "φ is a true bound on this plant", "guaranteed_max_xi": "holds up to ‖ξ‖ of", "phi": "φ as entered",
-        "phi_honest_pct": "φ as a duty (%)", "ultimate_error_nm": "error bound that follows (N·m)",
-    }  # fmt: skip
-    rows = [(text, _plain(rc.get(key))) for key, text in known.items() if rc.get(key) is not None]
-    return [Table("The guarantee's terms", "Each term of inequality (15): ρ ≥ (α Q_M + α ‖K‖ ‖ξ‖ + B_M φ)/(1 − α).", ("term", "value"), tuple(rows))] if rows else []
+    rho = rc.get("rho") or {}
+    needed = rho.get("needed") or {}
+    bound = rc.get("ultimate_bound") or {}
+    rows = [
+        ("α by Eq. (16), and reached with this B̂", f"{number(rc.get('alpha'))}, {number(rc.get('alpha_reached'))}"),
+        ("ρ as it is", f"{number(rho.get('constant'))} + {number(rho.get('slope'))} ‖ξ‖ N·m/s"),
+        ("ρ that the α reached asks for", f"{number(needed.get('constant'))} + {number(needed.get('slope'))} ‖ξ‖ N·m/s"),
+        ("so inequality (15) holds", _plain(rc.get("guaranteed"))),
+        ("φ as entered means a duty of", f"{number(rc.get('phi_honest_pct'))} %"),
+        ("the data ask for a duty of", f"{number(rc.get('phi_needed_pct'))} %"),
+        ("so φ is a true bound on this plant", _plain(rc.get("phi_holds"))),
+        ("Q_M is a true bound on the reference", _plain(rc.get("Q_M_holds"))),
+        ("torque error that the theory bounds in the end", f"{number(bound.get('torque_error_nm'))} N·m"),
+        ("largest torque error in the replayed sum of sines", f"{number(bound.get('replayed_nm'))} N·m"),
+    ]
+    shown = tuple(row for row in rows if row[1].split()[0].rstrip(",") != "–")
+    if not shown:
+        return []
+    return [
+        Table(
+            "The guarantee's terms", "Inequality (15): ρ ≥ (α Q_M + α ‖K‖ ‖ξ‖ + B_M φ)/(1 − α). It needs α, φ and Q_M to be true bounds.",
+            ("term", "value"), shown,
+        )
+    ]  # fmt: skip
 
 
 def _margins(gains: Mapping[str, Any]) -> list[Table]:
-    rows: list[tuple[str, ...]] = []
-    for name, part in (("RC", gains.get("rc") or {}), ("PI", gains.get("pi") or {}), ("", gains)):
-        margins = part.get("margins")
-        if isinstance(margins, Mapping):
-            rows += [(f"{name} {key}".strip().replace("_", " "), text) for key, text in _leaves(margins)]
-    return [Table("Margins", "How much the loop may change before it becomes unstable.", ("margin", "value"), tuple(rows))] if rows else []
+    margins = gains.get("margins") or {}
+    rows = []
+    for point in margins.get("points") or []:
+        cells = [tables.level(point.get("duty_pct")), number(point.get("torque_nm"), 3)]
+        for name in ("rc", "pi"):
+            one = point.get(name) or {}
+            delay = one.get("delay_s")
+            cells += [number(one.get("gain_db"), 3), number(one.get("phase_deg"), 3), number(1e3 * delay, 3) if isinstance(delay, int | float) else "–"]
+        rows.append(tuple(cells))
+    if not rows:
+        return []
+    return [
+        Table(
+            "Margins", "How much the loop's gain may grow, its phase may lag, and its delay may grow before it becomes unstable, around a held duty.",
+            ("duty (%)", "torque (N·m)", "RC: gain (dB)", "phase (°)", "delay (ms)", "PI: gain (dB)", "phase (°)", "delay (ms)"), tuple(rows),
+        )
+    ]  # fmt: skip
 
 
-def _leaves(part: Mapping[str, Any], before: str = "") -> list[tuple[str, str]]:
-    found: list[tuple[str, str]] = []
-    for key, value in part.items():
-        if isinstance(value, Mapping):
-            found += _leaves(value, f"{before}{key}: ")
-        elif not isinstance(value, list):
-            found.append((f"{before}{key}", _plain(value)))
+def _adequacy(content: Mapping[str, Any]) -> list[Table]:
+    adequacy = (content.get("uncertainty") or {}).get("adequacy") or {}
+    found = []
+    if shapes := adequacy.get("shapes"):
+        rows = tuple((str(row.get("name")), number(row.get("parameters"), 1), number(row.get("rmse"), 3), number(row.get("aicc"), 6)) for row in shapes)
+        found.append(Table("Which shape?", "Curves tried on each level. AICc weighs closeness against the number of values fitted: the least is best, differences below about 4 say little.", ("curve", "values a level", "RMSE (N·m)", "AICc"), rows))
+    if orders := adequacy.get("orders"):
+        rows = tuple(
+            (tables.SYMBOLS.get(str(row.get("parameter")), str(row.get("parameter"))), number(row.get("order"), 1), number(row.get("chi_square"), 4), number(row.get("aicc"), 4), number(row.get("leave_one_out_pct"), 3))
+            for row in orders
+        )
+        found.append(
+            Table(
+                "Which degree?", "Polynomials of the duty tried for each value. The last column is the typical error when a level is left out and predicted from the others.",
+                ("value", "degree", "χ²", "AICc", "left-out error (%)"), rows,
+            )
+        )  # fmt: skip
     return found
 
 
 def _plain(value: Any) -> str:
-    return number(value) if isinstance(value, int | float) else "–" if value is None else str(value)
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    return "–" if value is None else str(value)
 
 
 METRICS = {
@@ -246,7 +288,7 @@ def _replay_table(replay: Replay) -> Table:
         error = abs(trace["reference_nm"] - trace["torque_nm"])
         known = {"max_abs_error_nm": float(error.max()), "mean_abs_error_nm": float(error.mean()), **known}
         rows.append((controller_name(name), *(number(known.get(key), 3) for key in METRICS)))
-    if len(rows) == 2 and {"rc", "pi"} <= set(replay.traces):
+    if replay.scenario == "multisine" and {"rc", "pi"} <= set(replay.traces):
         rc, pi = ((replay.summary.get(name) or {}).get("max_abs_error_nm") for name in ("rc", "pi"))
         if rc is not None and pi:
             rows.append(("RC against PI", f"{number(100 * (1 - rc / pi), 2)} % less", "", "", "", ""))
@@ -307,7 +349,7 @@ def _rehab_tables(replay: Replay) -> list[Table]:
     for test in numbers.get("tests") or []:
         samples, cycles = test.get("samples") or {}, test.get("cycles") or {}
         pair = " and ".join(str(mode) for mode in test.get("modes") or [])
-        tests.append((pair, number(samples.get("p"), 2), number(cycles.get("p_welch"), 2), number(cycles.get("p_rank"), 2), number(cycles.get("least_p_rank"), 2)))
+        tests.append((pair, *(_chance(p) for p in (samples.get("p"), cycles.get("p_welch"), cycles.get("p_rank"))), number(cycles.get("least_p_rank"), 2)))
     if tests:
         found.append(
             Table(
@@ -317,7 +359,7 @@ def _rehab_tables(replay: Replay) -> list[Table]:
                 ("modes", "p, all samples (paper)", "p, means, Welch", "p, means, ranks", "least p of ranks"), tuple(tests),
             )
         )  # fmt: skip
-    normal = [(mode, number(part.get("p"), 2), "not normal" if part.get("rejected") else "may be normal") for mode, part in (numbers.get("normality") or {}).items()]
+    normal = [(mode, _chance(part.get("p")), "not normal" if part.get("rejected") else "may be normal") for mode, part in (numbers.get("normality") or {}).items()]
     if normal:
         found.append(
             Table(
@@ -326,6 +368,11 @@ def _rehab_tables(replay: Replay) -> list[Table]:
             )
         )  # fmt: skip
     return found
+
+
+def _chance(p: Any) -> str:
+    """A probability; below what a double can hold it is said to be so."""
+    return "< 1e−300" if p == 0 else number(p, 2)
 
 
 def compare(first: Fit, second: Fit) -> Table:
@@ -427,6 +474,9 @@ GLOSSARY: tuple[tuple[str, str], ...] = (
     ("open loop", "the duty follows from the model alone, without looking at the torque"),
     ("replay", "a computed experiment: a controller on the fitted model of the clutch"),
     ("overshoot, settling time", "how far a step goes beyond its goal; how long until it stays within 2 % of it"),
+    ("χ², AICc", "measures of closeness: the first counts squared misses in units of their scatter, the second adds a price for each value fitted"),
+    ("margin", "how much gain, phase lag or delay a control loop bears before it becomes unstable"),
+    ("p", "probability of so large a difference by chance alone"),
     ("dB", "decibel: 20 times the decimal logarithm of a ratio; 0 is equal, −6 is half"),
     ("synthetic", "computed from a known model with noise added; used where no recording was published"),
 )

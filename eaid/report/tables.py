@@ -103,9 +103,11 @@ def table_iii(fit: Mapping[str, Any]) -> Table:
     """The ten coefficients and C of the nonlinear model."""
     part = fit["nonlinear"]
     ci = part.get("ci95") or {}
+    two = part.get("two_stage") or {}
+    two_ci = two.get("ci95") or {}
     rows = []
     for letter, name, unit in (("a", "tau1", "s"), ("b", "tau2", "s"), ("c", "Ts", "N·m")):
-        intervals = ci.get(name) or []
+        intervals, beside, beside_ci = (given.get(name) or [] for given in (ci, two, two_ci))
         for power, ours in enumerate(part[name]):
             printed = published.TABLE_III[name]
             rows.append(
@@ -115,16 +117,17 @@ def table_iii(fit: Mapping[str, Any]) -> Table:
                     number(printed[power], 3) if power < len(printed) else "–",
                     number(ours),
                     interval(intervals[power] if power < len(intervals) else None),
+                    *((number(beside[power]) if power < len(beside) else "–", interval(beside_ci[power] if power < len(beside_ci) else None)) if two else ()),
                     f"{unit}/%^{power}" if power > 1 else f"{unit}/%" if power else unit,
                 )
             )
     share = part.get("C")
-    rows.append(("C", "share of the fast part", number(published.TABLE_III["C"][0], 2), number(share, 2), interval(ci.get("C")), "1"))
+    rows.append(("C", "share of the fast part", number(published.TABLE_III["C"][0], 2), number(share, 2), interval(ci.get("C")), *((number(two.get("C"), 2), "–") if two else ()), "1"))
     return Table(
         "Table III",
         "The nonlinear model: τ1(u), τ2(u) and T_s(u) as polynomials of the duty u in %. The published T_s gives 0.057 N·m "
         "at full duty, where the paper's own figures show about 4 N·m.",
-        ("symbol", "belongs to", "published", "ours", "95 % interval", "unit"),
+        ("symbol", "belongs to", "published", "ours", "95 % interval", *(("ours, two-stage", "95 % interval") if two else ()), "unit"),
         tuple(rows),
     )
 

@@ -79,10 +79,16 @@ def _of_fit(fit: Fit, several: bool) -> Iterator[Point]:
             settled.append(name)
         for held in solver.get("at_bounds") or []:
             yield Point(CARE, f"{where}The {name} leans on a limit ({held}): the data pull beyond what is physical there.")
-        for text in _texts(part.get("warnings")):
-            yield Point(CARE, f"{where}{name[0].upper()}{name[1:]}: {text}")
+        if part.get("identifiable") is False:
+            why = "; ".join(_texts(part.get("not_identifiable_because"))) or "no reason given"
+            yield Point(BAD, f"{where}These data cannot settle the {name}: {why}.")
+        for text in dict.fromkeys([*_texts(part.get("warnings")), *_texts(part.get("open"))]):
+            yield Point(CARE, f"{where}{name[0].upper()}{name[1:]}: {text}.".replace("..", "."))
     for text in _texts(content.get("warnings")):
-        yield Point(CARE, f"{where}{text}")
+        yield Point(CARE, f"{where}{text[0].upper()}{text[1:]}.".replace("..", "."))
+    misfits = [row["level"] for row in _lack_of_fit(content) if row.get("beyond")]
+    if misfits:
+        yield Point(CARE, f"{where}At {_listed(misfits)} a single curve misses its data by more than the scatter of repeats explains: the shape itself is not quite right there.")
     if settled:
         names = settled[0] if len(settled) == 1 else f"{', '.join(settled[:-1])} and {settled[-1]}"
         yield Point(GOOD, f"{where}Best fit reached for the {names}: the solver stopped there, and a test of our own finds nothing lower nearby.")
@@ -100,7 +106,8 @@ def _what_data_cannot_tell(content: Mapping[str, Any], where: str) -> Iterator[P
     levels = (content.get("friction") or {}).get("levels") or []
     if (record_s := _record_s(data)) and levels:
         slow = [row["level"] for row in levels if isinstance(row.get("tau2"), int | float) and row["tau2"] > record_s]
-        if slow:
+        said = " ".join(_texts((content.get("nonlinear") or {}).get("warnings")) + _texts((content.get("friction") or {}).get("warnings")))
+        if slow and "longer than the record" not in said:
             yield Point(CARE, f"{where}At {_listed(slow)} the slow time constant is longer than the recording ({number(record_s, 3)} s): hold the level longer, or do not quote τ2 and T_s there.")
     for name in ("Ts", "tau1", "tau2"):
         wide = []
@@ -125,6 +132,11 @@ def _record_s(data: Mapping[str, Any]) -> float | None:
     return float(min(samples) / rate) if rate and samples else None
 
 
+def _lack_of_fit(content: Mapping[str, Any]) -> list[Mapping[str, Any]]:
+    adequacy = (content.get("uncertainty") or {}).get("adequacy") or {}
+    return [row for row in adequacy.get("lack_of_fit") or [] if isinstance(row, Mapping)]
+
+
 def _of_gains(content: Mapping[str, Any]) -> Iterator[Point]:
     rc = content.get("rc") or {}
     if rc.get("guaranteed") is True:
@@ -132,7 +144,7 @@ def _of_gains(content: Mapping[str, Any]) -> Iterator[Point]:
     elif rc.get("guaranteed") is False:
         yield Point(CARE, "Stability is not guaranteed by the inequality (15): the robust term is smaller than it asks for. The replays show how it behaves all the same.")
     for text in _texts(content.get("warnings")):
-        yield Point(CARE, f"Gains: {text}")
+        yield Point(CARE, f"Gains: {text}.".replace("..", "."))
 
 
 def _listed(levels: list[float]) -> str:

@@ -45,6 +45,7 @@ def draw_steps(
         if level.level in fitted:
             t_fine = np.unique(np.concatenate([np.geomspace(1e-3, 1, 120) * level.time_s[-1], [0.0]]))
             y_fine = fitted[level.level](t_fine)
+            axes.plot(t_fine, y_fine, color="white", linewidth=1.7, alpha=0.75)  # lifts the dashes off a noisy curve
             axes.plot(t_fine, y_fine, color=style.VERMILLION, linestyle=(0, (3, 1.5)), linewidth=0.9)
         text = level_text(level.level, data.input_unit)
         ends.append((end, text + (f"  {notes[level.level]}" if notes and level.level in notes else ""), colour))
