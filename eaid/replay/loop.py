@@ -6,7 +6,7 @@ once: plain Python runs it as it stands, and `eaid.replay.compiled` hands the sa
 """
 
 import math
-from collections.abc import MutableSequence, Sequence
+from collections.abc import Callable, MutableSequence, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -48,61 +48,69 @@ class Replay:
         return self.reference_nm - self.torque_nm
 
 
-def closed_loop(
-    law: Step,
-    gains: Any,
-    start: Any,
-    plant: PlantParameters,
-    rig: RigNumbers,
-    dt: float,
-    reference: Sequence[float],
-    rate: Sequence[float],
-    disturbance: Sequence[float],
-    factor: Sequence[float],
-    torque: MutableSequence[float],
-    measured: MutableSequence[float],
-    duty: MutableSequence[float],
-    applied: MutableSequence[float],
-) -> tuple[float, float]:
-    """Fill torque, measured, duty and applied (all as long as the reference); return the plant's states at the end
-    [N·m]."""
-    state = start
-    sensor, levels, delay, period = rig
-    x1 = 0.0
-    x2 = 0.0
-    filtered = 0.0
-    latched = 0.0
-    pulse = 0  # the next PWM period to begin, at pulse·period samples
-    for k in range(len(reference)):
-        true = (x1 + x2) * factor[k]
-        filtered += sensor * (true - filtered)
-        seen = filtered + disturbance[k]
-        state, u = law(gains, state, reference[k], rate[k], seen, dt)
-        if levels > 0.0:
-            u = math.floor(u * levels / 100.0 + 0.5) * 100.0 / levels
-        torque[k] = true
-        measured[k] = seen
-        duty[k] = u
-        if delay > 0:
-            u = duty[k - delay] if k >= delay else 0.0
-        if period > 0.0:
-            # Exact also where the period is no whole number of samples: the interval is cut where the new duty takes
-            # over.
-            wait = pulse * period - k
-            if wait >= 1.0 - INSTANT:
-                x1, x2 = plant_step(plant, x1, x2, latched, dt)
-                applied[k] = latched
+Loop = Callable[..., tuple[float, float]]
+
+
+def loop_of(law: Step) -> Loop:
+    """The control loop around one law."""
+
+    def closed_loop(
+        gains: Any,
+        start: Any,
+        plant: PlantParameters,
+        rig: RigNumbers,
+        dt: float,
+        reference: Sequence[float],
+        rate: Sequence[float],
+        disturbance: Sequence[float],
+        factor: Sequence[float],
+        torque: MutableSequence[float],
+        measured: MutableSequence[float],
+        duty: MutableSequence[float],
+        applied: MutableSequence[float],
+    ) -> tuple[float, float]:
+        """Fill torque, measured, duty and applied (all as long as the reference); return the plant's states at the end
+        [N·m]."""
+        state = start
+        memory, levels, delay, period = rig
+        x1 = 0.0
+        x2 = 0.0
+        filtered = 0.0
+        latched = 0.0
+        pulse = 0  # the next PWM period to begin, at pulse·period samples
+        for k in range(len(reference)):
+            true = (x1 + x2) * factor[k]
+            filtered = true + memory * (filtered - true)  # the true torque to the last bit where nothing is kept
+            seen = filtered + disturbance[k]
+            state, u = law(gains, state, reference[k], rate[k], seen, dt)
+            if levels > 0.0:
+                u = math.floor(u * levels / 100.0 + 0.5) * 100.0 / levels
+            torque[k] = true
+            measured[k] = seen
+            duty[k] = u
+            if delay > 0:
+                u = duty[k - delay] if k >= delay else 0.0
+            if period > 0.0:
+                # Exact also where the period is no whole number of samples: the interval is cut where the new duty
+                # takes
+                # over.
+                wait = pulse * period - k
+                if wait >= 1.0 - INSTANT:
+                    x1, x2 = plant_step(plant, x1, x2, latched, dt)
+                    applied[k] = latched
+                else:
+                    wait = max(wait, 0.0)
+                    x1, x2 = plant_step(plant, x1, x2, latched, wait * dt)
+                    x1, x2 = plant_step(plant, x1, x2, u, (1.0 - wait) * dt)
+                    applied[k] = wait * latched + (1.0 - wait) * u
+                    latched = u
+                    pulse = math.ceil((k + 1 - INSTANT) / period)
             else:
-                wait = max(wait, 0.0)
-                x1, x2 = plant_step(plant, x1, x2, latched, wait * dt)
-                x1, x2 = plant_step(plant, x1, x2, u, (1.0 - wait) * dt)
-                applied[k] = wait * latched + (1.0 - wait) * u
-                latched = u
-                pulse = math.ceil((k + 1 - INSTANT) / period)
-        else:
-            x1, x2 = plant_step(plant, x1, x2, u, dt)
-            applied[k] = u
-    return x1, x2
+                x1, x2 = plant_step(plant, x1, x2, u, dt)
+                applied[k] = u
+        return x1, x2
+
+    return closed_loop
 
 
 def reference_rate(reference_nm: Array, dt_s: float, looks_ahead: bool) -> Array:
@@ -123,8 +131,7 @@ def replay(
         raise UsageError("the reference must hold two samples or more, all of them finite")
     acting = controller if rig.saturation else controller.without_limits()
     torque, measured, duty, applied = ([0.0] * n for _ in range(4))
-    closed_loop(
-        acting.step,
+    loop_of(acting.step)(
         acting.gains,
         acting.start,
         plant,

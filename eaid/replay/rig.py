@@ -54,8 +54,8 @@ class Rig:
 class RigNumbers(NamedTuple):
     """The rig as the loop takes it; floats and integers only."""
 
-    sensor: float
-    """Share of the way that the sensor's low-pass goes in a sample; 1: no low-pass."""
+    memory: float
+    """Share of its old value that the sensor's low-pass keeps in a sample; 0: no low-pass."""
     duty_levels: float
     """Steps between 0 and 100 % duty; 0: unlimited."""
     delay: int
@@ -66,10 +66,10 @@ class RigNumbers(NamedTuple):
 
 def rig_numbers(rig: Rig, dt_s: float) -> RigNumbers:
     """The rig at a control interval of dt_s seconds."""
-    sensor = -math.expm1(-2 * math.pi * rig.sensor_hz * dt_s) if rig.sensor_hz > 0 else 1.0
+    memory = math.exp(-2 * math.pi * rig.sensor_hz * dt_s) if rig.sensor_hz > 0 else 0.0
     levels = float(2**rig.duty_bits - 1) if rig.duty_bits > 0 else 0.0
     period = 1.0 / (rig.pwm_hz * dt_s) if rig.pwm_hz > 0 else 0.0
-    return RigNumbers(sensor, levels, rig.delay_samples, period)
+    return RigNumbers(memory, levels, rig.delay_samples, period)
 
 
 def noise(rig: Rig, samples: int, dt_s: float, seed: int) -> Array:
@@ -92,5 +92,6 @@ def ripple(rig: Rig, samples: int, dt_s: float) -> Array:
     """Factor of the rotor ripple on the torque, shape (samples,)."""
     if rig.ripple_pct <= 0:
         return np.ones(samples)
-    angle: Array = 2 * math.pi * rig.ripple_hz * dt_s * np.arange(samples)
-    return 1.0 + rig.ripple_pct / 100 * np.sin(angle)
+    angle: Array = np.arange(samples, dtype=np.float64) * (2 * math.pi * rig.ripple_hz * dt_s)
+    factor: Array = 1.0 + rig.ripple_pct / 100 * np.sin(angle)
+    return factor
