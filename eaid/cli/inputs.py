@@ -137,7 +137,9 @@ def runs_from(
         variable=variable,
         rate_hz=rate,
     )
-    stepping = StepOptions(kind=said, levels=levels, keep_baseline=keep_baseline, apparatus=apparatus_from(apparatus, kind))
+    stepping = StepOptions(
+        kind=said, levels=levels, keep_baseline=keep_baseline, apparatus=apparatus_from(apparatus, kind)
+    )
     with console.progress("reading logs", len(files_of(paths))) as advance:
         runs, faults = read_what_can_be(paths, reading, advance)
     steps, more = cut_runs(runs, stepping)

@@ -75,7 +75,7 @@ def _write_run(folder: Any, run: Run) -> None:
         )  # fmt: skip
     facts = {
         "level": run.level, "repeat": run.repeat, "step_s": run.step_s, "baseline_nm": run.baseline,
-        "until_s": run.until_s, "held_nm": run.held, "source": run.source, "sha256": run.sha256,
+        "until_s": run.until_s, "before_nm": run.held, "source": run.source, "sha256": run.sha256,
         "edge": run.edge, "from_level": run.from_level,
     }  # fmt: skip
     for name, value in facts.items():
@@ -187,10 +187,11 @@ def _read_run(group: Any, name: str, source: str, sha256: str) -> Run:
         step_s=amount("step_s"),
         until_s=amount("until_s"),
         baseline=amount("baseline_nm"),
+        dataset=source,
         edge="falling" if edge == "falling" else "rising",
         reference_nm=columns.get("reference_nm"),
         notes=tuple(str(note) for note in notes),
         from_level=amount("from_level") or 0.0,
-        held=amount("held_nm"),
+        held=amount("before_nm"),
         cut="edge" in said,
     )

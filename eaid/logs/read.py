@@ -151,11 +151,10 @@ def read_file(path: Path, options: ReadOptions, pattern: re.Pattern[str] | None)
 
 def checked_run(run: Run, options: ReadOptions) -> Run:
     """A run of a dataset, its rows checked like those of a log."""
-    where = f"{run.source}: run {run.name}" if run.name not in run.source else run.source
     columns = {"time": run.time_s, "input": run.input, "output": run.output}
     if np.isnan(run.input).all():
         del columns["input"]
-    keep, notes = checked(where, columns, (), lambda i: i + 1, "sample", options.repair)
+    keep, notes = checked(run.where, columns, (), lambda i: i + 1, "sample", options.repair)
     if keep is None:
         return run
     return replace(

@@ -49,6 +49,13 @@ class Run:
     from_level: float = 0.0
     """Input before the step, in `input_unit`: 0 is a step from rest (of a falling edge, where it falls to)."""
     held: float | None = None
-    """Output before a falling edge, at the end of the hold, in `output_unit`."""
+    """Output just before the edge, at the end of the hold or of the idle time, in `output_unit`."""
+    dataset: str = ""
+    """The dataset it was read from, as the user gave it; empty: read from `source` itself."""
     cut: bool = False
     """True for one step cut out of a log (or stored so); False: steps are still to be found in it."""
+
+    @property
+    def where(self) -> str:
+        """How a sentence to the user names this run: its file, and its name where the file holds several."""
+        return f"{self.dataset}: run {self.name}" if self.dataset else self.source

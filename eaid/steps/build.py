@@ -84,15 +84,11 @@ def _window(run: Run) -> tuple[int, int]:
     return start, len(run.time_s)
 
 
-def _where(run: Run) -> str:
-    return run.source if run.name in run.source else f"{run.source}: run {run.name}"
-
-
 def _check_window(run: Run) -> None:
     start, stop = _window(run)
     if stop - start < FEWEST:
         raise DataError(
-            f"{_where(run)}: {stop - start} samples in its window, at least {FEWEST} are needed; record it longer"
+            f"{run.where}: {stop - start} samples in its window, at least {FEWEST} are needed; record it longer"
         )
 
 
@@ -140,8 +136,10 @@ def _step(run: Run, sign: float = 1.0) -> Step:
     rise, idle = run.output[start:stop] - base, run.output[:start] - base
     if sign < 0:
         rise, idle = -rise, -idle
-    swing = sign * (run.held - base) if run.held is not None else float(block_means(rise).max())
-    return Step(run, run.time_s[start:stop] - run.time_s[start], rise, idle, max(swing, 0.0))
+    before = None if run.held is None else sign * (run.held - base)
+    falls = run.edge == "falling" and before is not None
+    swing = before if falls and before is not None else float(block_means(rise).max())
+    return Step(run, run.time_s[start:stop] - run.time_s[start], rise, idle, before, max(swing, 0.0))
 
 
 def _signs(cut_steps: Sequence[Run]) -> dict[bool, float]:

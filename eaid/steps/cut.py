@@ -42,7 +42,11 @@ def plateaus(values: Array) -> list[Plateau]:
         return [Plateau(0, len(values), float(values[0]))]
     edges = np.flatnonzero(np.abs(np.diff(values)) > allowed) + 1
     bounds = [0, *edges.tolist(), len(values)]
-    pieces = [Plateau(a, b, float(np.median(values[a:b]))) for a, b in itertools.pairwise(bounds)]
+    pieces = [
+        piece
+        for start, stop in itertools.pairwise(bounds)
+        for piece in _without_slow_ramps(values, start, stop, allowed)
+    ]
     found: list[Plateau] = []
     for i, piece in enumerate(pieces):
         short = piece.stop - piece.start < FEWEST
@@ -56,6 +60,40 @@ def plateaus(values: Array) -> list[Plateau]:
         else:
             found.append(piece)
     return found
+
+
+def _without_slow_ramps(values: Array, start: int, stop: int, allowed: float) -> list[Plateau]:
+    """A stretch without jumps as plateaus: one where it stands still, the parts between ramps where it does not."""
+    part = values[start:stop]
+    if np.ptp(part) <= 4 * allowed or len(part) < 4 * FEWEST:
+        return [Plateau(start, stop, float(np.median(part)))]
+    lag = FEWEST
+    moves = np.abs(part[lag:] - part[:-lag]) > allowed
+    while not moves.any() and 2 * lag < len(part) // 2:
+        lag *= 2
+        moves = np.abs(part[lag:] - part[:-lag]) > allowed
+    # a sample moves where any pair `lag` apart that spans it differs: pairs that begin in i − lag … i
+    sums = np.concatenate(([0], np.cumsum(moves)))
+    at = np.arange(len(part))
+    moving = sums[np.minimum(at + 1, len(moves))] - sums[np.clip(at - lag, 0, len(moves))] > 0
+    edges = np.flatnonzero(np.diff(np.concatenate(([1], moving.astype(np.int8), [1]))))
+    still = [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True) if b - a >= FEWEST]
+    found = []
+    for a, b in still:
+        level = float(np.median(part[a:b]))
+        near = np.abs(part - level) <= allowed
+        while a > 0 and near[a - 1]:
+            a -= 1
+        while b < len(part) and near[b]:
+            b += 1
+        found.append(Plateau(start + a, start + b, level))
+    return found or [Plateau(start, stop, float(np.median(part)))]
+
+
+def _check_stands_still(found: list[Plateau], count: int, where: str) -> None:
+    still = sum(plateau.stop - plateau.start for plateau in found if plateau.stop - plateau.start >= FEWEST)
+    if still < count / 2:
+        raise DataError(f"{where}: the input moves most of the time, so it holds no steps; record one level at a time")
 
 
 def _part(run: Run, start: int, stop: int, **changes: object) -> Run:
@@ -76,7 +114,7 @@ def cut(run: Run, keep_baseline: bool = False) -> list[Run]:
 
     Raises DataError where the log has no step, or a level that cannot be told.
     """
-    where = run.source if run.name in run.source else f"{run.source}: run {run.name}"
+    where = run.where
     if np.ptp(run.output) == 0:
         raise DataError(
             f"{where}: the output never changes ({run.output[0]:g} {run.output_unit} throughout); check the sensor"
@@ -108,6 +146,7 @@ def _check_percent(run: Run, where: str) -> None:
 def _cut_by_input(run: Run, where: str) -> list[Run]:
     """Steps where the input goes from one plateau to another; towards zero is a falling edge."""
     found, bridged = bridge(plateaus(run.input))
+    _check_stands_still(found, len(run.input), where)
     zero = tolerance(run.input)
     if len(found) < 2:
         raise DataError(f"{where}: the input stays at {found[0].level:g} {run.input_unit}: no step; {_NO_STEP}")
@@ -142,7 +181,7 @@ def _cut_by_input(run: Run, where: str) -> list[Run]:
                 edge=edge,
                 until_s=None,
                 notes=notes if i == 0 else run.notes,
-                held=_end_of(run, before) if down else None,
+                held=_end_of(run, before),
             )
         )
     return [replace(step, baseline=baseline) for step in steps]

@@ -159,7 +159,12 @@ def test_numbers_are_correctly_rounded(tmp_path: Path, monkeypatch: pytest.Monke
     """Both ways give the bits of Python's own float(), for 17 digits and for hard cases."""
     rng = np.random.default_rng(7)
     numbers = [*(rng.normal(size=2000) * 10.0 ** rng.integers(-12, 12, 2000)).tolist(), 5e-324, 1.7976931348623157e308]
-    hard = ["9007199254740993", "0.1e-5", "2.2250738585072011e-308", "1.00000000000000011102230246251565404236316680908"]
+    hard = [
+        "9007199254740993",
+        "0.1e-5",
+        "2.2250738585072011e-308",
+        "1.00000000000000011102230246251565404236316680908",
+    ]
     texts = [repr(x) for x in numbers] + hard
     content = "time_s,torque_nm\n" + "".join(f"{i},{text}\n" for i, text in enumerate(texts))
     for small in (1 << 30, -1):

@@ -1,0 +1,209 @@
+"""Where the steps of a log are: instants, levels, edges, windows, baselines; by formula."""
+
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from eaid.arrays import read_only
+from eaid.errors import DataError
+from eaid.logs.run import Run
+from eaid.steps.build import StepOptions, build_stepset
+from eaid.steps.cut import cut, onset, plateaus
+
+sys.path.insert(0, str(Path(__file__).parent))
+from make import curve, log
+
+
+def facts(steps: list[Run]) -> list[tuple[str, float | None, str, float | None, int]]:
+    return [(s.name, s.level, s.edge, s.step_s, len(s.time_s)) for s in steps]
+
+
+def test_one_step() -> None:
+    (step,) = cut(log([(0, 2), (50, 5)], start_s=25.0, offset=0.3))
+    assert (step.level, step.step_s, step.edge, step.from_level) == (50.0, 27.0, "rising", 0.0)
+    assert step.baseline == pytest.approx(0.3, abs=1e-12)
+    assert len(step.time_s) == 700
+
+
+def test_release_is_a_run_of_its_own_and_no_sample_comes_twice() -> None:
+    run = log([(0, 2), (50, 5), (0, 4)], offset=0.1)
+    rising, falling = cut(run)
+    assert facts([rising, falling]) == [("a", 50.0, "rising", 2.0, 700), ("a-release", 50.0, "falling", 7.0, 400)]
+    assert falling.baseline == rising.baseline
+    assert falling.held == pytest.approx(0.1 + 0.04 * 50 * float(curve(np.array([4.87])).item()), rel=1e-3)
+    joined = np.concatenate([rising.output, falling.output])
+    np.testing.assert_array_equal(joined, run.output)
+
+
+def test_staircase() -> None:
+    steps = cut(log([(0, 1), (20, 2), (60, 2), (100, 2), (0, 2)]))
+    assert [(s.level, s.edge, s.from_level) for s in steps] == [
+        (20.0, "rising", 0.0),
+        (60.0, "rising", 20.0),
+        (100.0, "rising", 60.0),
+        (100.0, "falling", 0.0),
+    ]
+    stepset = build_stepset([log([(0, 1), (20, 2), (60, 2), (100, 2), (0, 2)])])
+    assert [level.level for level in stepset.levels] == [20.0]  # the others do not start from rest
+    told = {run.name: run.warnings for run in stepset.runs}
+    assert "starts from 20 %, not from rest: not fitted" in told["a-2"]
+
+
+def test_several_steps_from_rest() -> None:
+    plan = [(0, 2), (30, 4), (0, 8), (60, 4), (0, 8), (90, 4)]
+    steps = cut(log(plan))
+    assert [(s.name, s.level) for s in steps] == [
+        ("a", 30.0), ("a-release", 30.0), ("a-2", 60.0), ("a-release-2", 60.0), ("a-3", 90.0),
+    ]  # fmt: skip
+    stepset = build_stepset([log(plan)])
+    assert [level.level for level in stepset.levels] == [30.0, 60.0, 90.0]
+    assert [level.level for level in stepset.releases] == [30.0, 60.0]
+
+
+def test_rest_too_short_is_told() -> None:
+    stepset = build_stepset([log([(0, 2), (50, 3), (0, 0.5), (50, 3)], tau1=1.0)])
+    assert any(w.startswith("not at rest when the step begins: +1.17 N·m") for w in stepset.runs[-1].warnings)
+
+
+def test_both_signs_and_inverted() -> None:
+    run = log([(0, 2), (50, 4), (0, 9), (-50, 4), (0, 4)], input_unit="V")
+    stepset = build_stepset([run])
+    (level,) = stepset.levels
+    assert (level.level, len(level.names)) == (50.0, 2)
+    np.testing.assert_allclose(level.runs_nm[0], level.runs_nm[1], atol=1e-3)
+    told = [w for run_ in stepset.runs for w in run_.warnings]
+    assert "the input is negative: its size is taken" in told
+    assert "the output falls at the step: recorded inverted, its sign is turned" in told
+
+
+def test_inverted_output_alone() -> None:
+    runs = [log([(0, 2), (u, 4)], gain=-0.04, offset=0.2, noise=0.01, name=f"u{u}") for u in (0.1, 50, 80)]
+    stepset = build_stepset(runs)
+    assert [float(level.mean_nm[-1]) for level in stepset.levels] == pytest.approx([0, 2.0, 3.2], abs=0.1)
+
+
+def test_ramped_input_begins_at_its_level() -> None:
+    run = log([(0, 2), (50, 5)])
+    u = run.input.copy()
+    u[200:206] = [8, 16, 25, 33, 41, 49]
+    (step,) = cut(replace(run, input=read_only(u)))
+    assert step.step_s == pytest.approx(2.06)
+    assert step.level == pytest.approx(50.0)
+
+
+def test_slow_ramp_begins_at_its_level() -> None:
+    run = log([(0, 2), (50, 8), (0, 3)])
+    u = run.input.copy()
+    u[200:500] = np.linspace(0, 50, 300)
+    rising, falling = cut(replace(run, input=read_only(u)))
+    assert rising.step_s == pytest.approx(4.97, abs=0.011)  # within 1 % of the level
+    assert (rising.level, falling.step_s) == (50.0, 10.0)
+
+
+def test_an_input_that_never_stands_still() -> None:
+    run = log([(0, 2), (50, 8)])
+    wave = replace(run, input=read_only(50 + 40 * np.sin(run.time_s)))
+    with pytest.raises(DataError, match="the input moves most of the time, so it holds no steps"):
+        cut(wave)
+
+
+def test_measured_input_with_noise() -> None:
+    rng = np.random.default_rng(3)
+    run = log([(0, 2), (50, 5), (0, 3)], input_unit="N", kind="friction-force")
+    rising, falling = cut(replace(run, input=read_only(run.input + 0.3 * rng.normal(size=len(run.input)))))
+    assert (rising.step_s, falling.step_s) == (2.0, 7.0)
+    assert rising.level == pytest.approx(50.0, abs=0.1)
+
+
+def test_glitch_is_passed_over_and_told() -> None:
+    run = log([(0, 2), (50, 5)])
+    u = run.input.copy()
+    u[400:402] = 0
+    (step,) = cut(replace(run, input=read_only(u)))
+    assert len(step.time_s) == 700
+    assert step.notes == ("the input leaves its level for 2 samples and comes back: passed over",)
+
+
+def test_log_that_begins_high() -> None:
+    steps = cut(log([(50, 5), (0, 6), (80, 4)]))
+    assert [(s.level, s.edge) for s in steps] == [(50.0, "falling"), (80.0, "rising")]
+    assert steps[0].baseline == pytest.approx(0.0, abs=0.01)
+
+
+def test_step_at_and_until() -> None:
+    run = replace(log([(0, 2), (50, 3), (0, 2)]), input=read_only(np.full(700, np.nan)), level=50.0)
+    steps = cut(replace(run, step_s=2.0, until_s=5.0))
+    assert facts(steps) == [("a", 50.0, "rising", 2.0, 500), ("a-release", 50.0, "falling", 5.0, 200)]
+    (whole,) = cut(replace(run, step_s=2.0))
+    assert len(whole.time_s) == 700
+
+
+def test_dataset_of_a_users_own_script() -> None:
+    """Level, step and baseline given, the release still inside: found by the input."""
+    run = replace(log([(0, 2), (50, 3), (0, 2)]), level=50.0, step_s=2.0, baseline=0.01)
+    steps = cut(run)
+    assert facts(steps) == [("a", 50.0, "rising", 2.0, 500), ("a-release", 50.0, "falling", 5.0, 200)]
+    assert [s.baseline for s in steps] == [0.01, 0.01]
+
+
+def test_short_pieces_beside_good_steps() -> None:
+    stepset = build_stepset([log([(0, 2), (50, 5), (0, 0.05)])])
+    assert len(stepset.runs) == 1
+    assert "1 shorter piece of fewer than 10 samples left out" in stepset.runs[0].warnings
+
+
+def test_onset_from_the_output_alone() -> None:
+    for noise, late in ((0.0, 2), (0.01, 8)):
+        run = log([(0, 3), (50, 6)], noise=noise, offset=0.5)
+        found = onset(run.output)
+        assert found is not None
+        assert 300 <= found <= 300 + late
+    assert onset(np.random.default_rng(1).normal(size=1000)) is None
+
+
+def test_friction_with_constant_input() -> None:
+    run = log([(86, 60)], kind="friction-speed", input_unit="RPM")
+    y = 0.02 + 2.0 * curve(run.time_s - 10.0)
+    (step,) = cut(replace(run, output=read_only(y)))
+    assert step.level == 86.0
+    assert step.step_s == pytest.approx(10.0, abs=0.03)
+    assert "found from the output alone" in step.notes[0]
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    levels=st.lists(st.sampled_from([10.0, 25.0, 50.0, 75.0, 100.0]), min_size=1, max_size=5),
+    holds=st.lists(st.integers(12, 90), min_size=10, max_size=10),
+    shift=st.floats(-1e4, 1e4),
+)
+def test_any_on_off_plan_is_found(levels: list[float], holds: list[int], shift: float) -> None:
+    plan: list[tuple[float, float]] = []
+    for i, level in enumerate(levels):
+        plan += [(0.0, holds[2 * i] / 100), (level, holds[2 * i + 1] / 100)]
+    steps = [s for s in cut(log(plan, start_s=shift)) if s.edge == "rising"]
+    assert [s.level for s in steps] == levels
+    starts = np.cumsum([0.0] + [seconds for _, seconds in plan])[1::2]
+    np.testing.assert_allclose([(s.step_s or 0.0) - shift for s in steps], starts, atol=1e-6)
+
+
+def test_plateaus_of_a_constant() -> None:
+    assert [(p.start, p.stop, p.level) for p in plateaus(np.full(5, 3.0))] == [(0, 5, 3.0)]
+
+
+def test_levels_option_and_its_sentence() -> None:
+    runs = [log([(0, 2), (u, 4)], name=f"u{u}") for u in (30, 60, 90)]
+    assert [x.level for x in build_stepset(runs, StepOptions(levels="50:100")).levels] == [60.0, 90.0]
+    assert [x.level for x in build_stepset(runs, StepOptions(levels="30,90")).levels] == [30.0, 90.0]
+    with pytest.raises(DataError, match="no log holds 45; levels found: 30, 60, 90"):
+        build_stepset(runs, StepOptions(levels="45"))
+
+
+def test_baseline_kept() -> None:
+    (kept,) = build_stepset([log([(0, 2), (50, 4)], offset=0.3)], StepOptions(keep_baseline=True)).levels
+    (gone,) = build_stepset([log([(0, 2), (50, 4)], offset=0.3)]).levels
+    np.testing.assert_allclose(kept.mean_nm - gone.mean_nm, 0.3, atol=1e-12)
