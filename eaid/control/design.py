@@ -7,18 +7,15 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-import numpy as np
-
 from eaid.control import robust
 from eaid.control.bounds import Bounds, bounds_of, model_of
-from eaid.control.lyapunov import Disturbance, error_bound, solve_Q, ultimate_level
+from eaid.control.law import Law, law_of
 from eaid.control.margins import is_stable, linear_lags, pi_feedback, rc_feedback
 from eaid.control.mismatch import Mismatch, shown_by_levels, shown_by_logs, shown_by_model
 from eaid.control.operating import actuator, loop_margins
 from eaid.control.options import DesignOptions
 from eaid.control.pi import PIGains
 from eaid.control.pi_design import pi_gains, step_metrics
-from eaid.control.rc import RCGains
 from eaid.errors import GainsError
 from eaid.fitting.result import nonlinear_from_json
 from eaid.models.parameters import Linear, Nonlinear
@@ -45,7 +42,9 @@ def design(
     plant = plant_of(fit)
     warnings: list[str] = []
     found = mismatches(model, bounds, plant, stepset)
-    rc, gains = _robust(model, bounds, options, found, slope_nm_s, warnings)
+    law = law_of(model, bounds, options)
+    gains = law.gains
+    rc = _robust(law, found, slope_nm_s, warnings)
     pi, pi_given = _pi(model, options, warnings)
     limits = options.duty_limits_pct
     for name, feedback in (("RC", rc_feedback(gains, 1.0, (model.a0 - model.c0) / model.b0)), ("PI", pi_feedback(pi))):
@@ -90,53 +89,23 @@ def least_phi_pct(found: Mapping[str, Mismatch]) -> Mismatch | None:
     return max(shown, key=lambda mismatch: mismatch.pct, default=None)
 
 
-def _robust(
-    model: Linear, bounds: Bounds, options: DesignOptions, found: Mapping[str, Mismatch], slope_nm_s: float | None,
-    warnings: list[str],
-) -> tuple[dict[str, Any], RCGains]:  # fmt: skip
-    B_m, B_M = bounds.B_m, bounds.B_M
-    pooled = 1 / model.b0
-    choices = {"pooled": pooled, "minimax": robust.minimax_B_hat(B_m, B_M)}
-    B_hat = choices[options.B_hat] if isinstance(options.B_hat, str) else float(options.B_hat)
-    formula, reached = robust.alpha_formula(B_m, B_M), robust.alpha_reached(B_hat, B_m, B_M)
-    alpha = formula if options.alpha == "formula" else reached
-    if alpha >= 1:
-        raise GainsError(
-            f"α is {alpha:.4g} with B̂ = {B_hat:.4g}: 1 or more, no ρ covers that; choose B̂ below {2 * B_m:.4g} "
-            "(--b-hat minimax)"
-        )
-    phi = options.phi
-    if options.phi_honest_pct is not None:
-        phi = robust.phi_of(options.reading, options.phi_honest_pct, B_m, B_M)
-    term = robust.uncertainty_term(options.reading, phi, B_m, B_M)
-    honest = robust.honest_phi_pct(options.reading, phi, B_m, B_M)
-    norm_K = math.hypot(options.K_P, options.K_D)
-    rho = robust.rho(options.reading, alpha, options.Q_M, norm_K, term)
-    guaranteed = robust.covers(rho, reached, options.Q_M, norm_K, term)
-    P = options.p_scale * np.eye(2)
-    Q = solve_Q(options.K_P, options.K_D, P)
+def _robust(law: Law, found: Mapping[str, Mismatch], slope_nm_s: float | None, warnings: list[str]) -> dict[str, Any]:
+    """The `rc` part of gains.json."""
+    options, bounds, rho = law.options, law.bounds, law.rho
     natural, damping = robust.frequency_and_damping(options.K_P, options.K_D)
-    equal = robust.equal_pi(
-        options.K_P, options.K_D, B_hat, rho.constant, options.epsilon, float(Q[0, 1]), float(Q[1, 1])
-    )
-    back = 1 / equal[0] if options.anti_windup == "back-calculation" else 0.0
-    disturbance = Disturbance(
-        alpha=reached, n0=reached * options.Q_M + term, n1=reached * norm_K, rho0=rho.constant, rho1=rho.slope,
-        epsilon=options.epsilon,
-    )  # fmt: skip
-    bound = error_bound(ultimate_level(disturbance, P, Q), Q)
+    bound = law.ultimate_bound_nm()
     need = least_phi_pct(found)
-    phi_holds = None if need is None else bool(need.pct <= honest * (1 + 1e-9))
+    phi_holds = None if need is None else bool(need.pct <= law.phi_honest_pct * (1 + 1e-9))
     q_holds = None if slope_nm_s is None else bool(slope_nm_s <= options.Q_M * (1 + 1e-9))
-    if not guaranteed:
+    if not law.guaranteed:
         warnings.append(
-            f"ρ does not cover the uncertainty: with B̂ = {B_hat:.4g} the α really reached is {reached:.4g}, ρ was made "
-            f"with {alpha:.4g}; --b-hat minimax or --alpha reached closes the gap"
+            f"ρ does not cover the uncertainty: with B̂ = {law.gains.B_hat:.4g} the α really reached is "
+            f"{law.alpha_reached:.4g}, ρ was made with {rho.alpha:.4g}; --b-hat minimax or --alpha reached closes it"
         )
     if phi_holds is False and need is not None:
         warnings.append(
-            f"φ does not hold: ρ allows |η − η̂| up to {honest:.3g} % duty, the data ask for {need.pct:.3g} % "
-            f"({need.where}); --phi data takes it from there"
+            f"φ does not hold: ρ allows |η − η̂| up to {law.phi_honest_pct:.3g} % duty, the data ask for "
+            f"{need.pct:.3g} % ({need.where}); --phi data takes it from there"
         )
     if q_holds is False:
         warnings.append(
@@ -150,73 +119,63 @@ def _robust(
         )
     if not math.isfinite(bound):
         warnings.append("no ultimate bound on the torque error follows from these gains: V may rise without end")
-    rc = {
+    return {
         "K_P": options.K_P,
         "K_D": options.K_D,
         "natural_frequency_rad_s": natural,
         "damping": damping,
-        "B_hat": B_hat,
+        "B_hat": law.gains.B_hat,
         "B_hat_convention": options.B_hat if isinstance(options.B_hat, str) else "given",
-        "B_m": B_m,
-        "B_M": B_M,
+        "B_m": bounds.B_m,
+        "B_M": bounds.B_M,
         "bounds": {"convention": bounds.convention, "levels": list(bounds.levels), "widened": options.widen},
-        "alpha": formula,
-        "alpha_reached": reached,
-        "guaranteed": guaranteed,
+        "alpha": law.alpha,
+        "alpha_reached": law.alpha_reached,
+        "guaranteed": law.guaranteed,
         "phi_holds": phi_holds,
         "phi_needed_pct": None if need is None else need.pct,
         "Q_M_holds": q_holds,
         "reference_slope_nm_s": slope_nm_s,
         "Q_M": options.Q_M,
-        "phi": phi,
-        "phi_honest_pct": honest,
+        "phi": law.phi,
+        "phi_honest_pct": law.phi_honest_pct,
         "rho": {
             "convention": options.reading,
-            "alpha": alpha,
+            "alpha": rho.alpha,
             "constant": rho.constant,
             "slope": rho.slope,
             "terms": {"reference_nm_s": rho.reference_term, "phi_nm_s": rho.phi_term},
-            "needed": _needed(options.reading, reached, options.Q_M, norm_K, term),
-            "readings": {name: _reading(name, alpha, options, norm_K, phi, bounds) for name in ("paper", "textbook")},
+            "needed": _needed(law),
+            "readings": {"paper": _reading("paper", law), "textbook": _reading("textbook", law)},
         },
         "epsilon": options.epsilon,
         "gamma": options.gamma,
-        "P": P.tolist(),
-        "Q": Q.tolist(),
-        "equal_pi": {"K_P": equal[0], "K_I": equal[1]},
-        "anti_windup": {"method": options.anti_windup, "gain": back},
+        "P": law.P.tolist(),
+        "Q": law.Q.tolist(),
+        "equal_pi": {"K_P": law.equal_pi[0], "K_I": law.equal_pi[1]},
+        "anti_windup": {"method": options.anti_windup, "gain": law.gains.back_calculation},
         "ultimate_bound": {"torque_error_nm": bound},
     }
-    low, high = options.duty_limits_pct
-    gains = RCGains(
-        K_P=options.K_P, K_D=options.K_D, B_hat=B_hat, a0=model.a0, b0=model.b0, c0=model.c0,
-        rho_constant=rho.constant, rho_slope=rho.slope, epsilon=options.epsilon, gamma=options.gamma,
-        Q12=float(Q[0, 1]), Q22=float(Q[1, 1]), duty_min=low, duty_max=high, back_calculation=back,
-    )  # fmt: skip
-    return rc, gains
 
 
-def _needed(reading: robust.Reading, alpha: float, Q_M: float, norm_K: float, term: float) -> dict[str, float] | None:
+def _needed(law: Law) -> dict[str, float] | None:
     """Eq. (15) with the α really reached; None where that is 1 or more and no ρ is enough."""
-    if alpha >= 1:
+    if law.alpha_reached >= 1:
         return None
-    need = robust.rho(reading, alpha, Q_M, norm_K, term)
+    need = robust.rho(law.options.reading, law.alpha_reached, law.options.Q_M, law.norm_K, law.phi_nm_s)
     return {"constant": need.constant, "slope": need.slope}
 
 
-def _reading(
-    reading: robust.Reading, alpha: float, options: DesignOptions, norm_K: float, phi: float, bounds: Bounds
-) -> dict[str, float]:
+def _reading(reading: robust.Reading, law: Law) -> dict[str, float]:
     """ρ under one reading with the same number φ, and the φ in % duty that it then means."""
-    own = phi
-    if options.phi_honest_pct is not None:
-        own = robust.phi_of(reading, options.phi_honest_pct, bounds.B_m, bounds.B_M)
-    term = robust.uncertainty_term(reading, own, bounds.B_m, bounds.B_M)
-    made = robust.rho(reading, alpha, options.Q_M, norm_K, term)
+    B_m, B_M, honest = law.bounds.B_m, law.bounds.B_M, law.options.phi_honest_pct
+    phi = law.phi if honest is None else robust.phi_of(reading, honest, B_m, B_M)
+    term = robust.uncertainty_term(reading, phi, B_m, B_M)
+    made = robust.rho(reading, law.rho.alpha, law.options.Q_M, law.norm_K, term)
     return {
-        "phi": own,
+        "phi": phi,
         "phi_term_nm_s": term,
-        "phi_honest_pct": term * bounds.B_m,
+        "phi_honest_pct": term * B_m,
         "constant": made.constant,
         "slope": made.slope,
     }
