@@ -7,7 +7,7 @@ disk by numba, under a name that carries a fingerprint of the sources: a changed
 
 import hashlib
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import cache
 from pathlib import Path
 from types import FunctionType, ModuleType
@@ -124,7 +124,7 @@ def _run_sixteen(
 
 
 @cache
-def sixteen(law: Step, state: type) -> Callable[..., None]:
+def sixteen(law: Step, state: Callable[[float], Any]) -> Callable[..., None]:
     """`lanes.block` of one law whose state is a tuple of one float."""
     exponential = numba.njit(**VECTOR)(lanes.expm1_to_minus_one)
     vector_step = _compiled(plant.plant_step, VECTOR, math=_math(expm1=exponential))
@@ -134,7 +134,7 @@ def sixteen(law: Step, state: type) -> Callable[..., None]:
     return _entry(_run_sixteen, law, VECTOR, {"block": _compiled(around, VECTOR, plant_step=vector_step)})  # type: ignore[no-any-return]
 
 
-def fits_lanes(controller: Controller, plants: list[PlantParameters], rig: RigNumbers, dt_s: float) -> bool:
+def fits_lanes(controller: Controller, plants: Sequence[PlantParameters], rig: RigNumbers, dt_s: float) -> bool:
     """Whether blocks of sixteen serve: a state of one float, no delay, latch or resolution, and dt within every τ."""
     shortest = min([plant.TAU_FLOOR_S, *(t for p in plants for t in (p.release1, p.release2) if t > 0.0)])
     plain = rig.duty_levels == 0 and rig.delay == 0 and rig.pwm_period == 0

@@ -250,7 +250,7 @@ def _run(
         reference += min(max(wanted - reference, -fastest), fastest)
         # what the clutch gives
         true = hold.torque() * drawn.factor[k]
-        filtered += numbers.sensor * (true - filtered)
+        filtered = true + numbers.memory * (filtered - true)
         seen = filtered + drawn.noise[k]
         state, duty = law(gains, state, reference, (reference - before) / dt, seen, dt)
         duty, applied = hold.advance(k, duty)

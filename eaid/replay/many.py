@@ -1,0 +1,93 @@
+"""Many plants under one controller and one reference: blocks of sixteen over threads, in machine code.
+
+Every plant meets the same noise, so that plants differ by their parameters alone. What a plant does depends on no
+other plant and on no
+thread: the same seed gives the same numbers on one thread and on many.
+"""
+
+import os
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from queue import Empty, SimpleQueue
+from typing import Any
+
+import numpy as np
+
+from eaid.arrays import Array
+from eaid.replay.compiled import columns, fits_lanes, one, sixteen
+from eaid.replay.controllers import Controller
+from eaid.replay.lanes import LANES
+from eaid.replay.loop import reference_rate
+from eaid.replay.plant import PlantParameters
+from eaid.replay.rig import Rig, noise, rig_numbers, ripple
+
+Visit = Callable[[int, Array, Array], None]
+"""visit(plant's index, torque [N·m], duty [%]), arrays of shape (n,) that are the visitor's to keep."""
+
+
+def available_threads() -> int:
+    """Processors that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def replay_many(
+    plants: Sequence[PlantParameters],
+    controller: Controller,
+    reference_nm: Array,
+    rig: Rig,
+    dt_s: float,
+    visit: Visit,
+    seed: int = 0,
+    threads: int | None = None,
+) -> None:
+    """Replay each plant from rest and show what it did to `visit`, block by block, in no fixed order, one call at a
+    time a thread."""
+    acting = controller if rig.saturation else controller.without_limits()
+    gains = _floats(acting.gains)
+    numbers = rig_numbers(rig, dt_s)
+    reference = np.array(reference_nm, dtype=np.float64)
+    n = len(reference)
+    inputs = (
+        reference,
+        np.ascontiguousarray(reference_rate(reference, dt_s, acting.looks_ahead)),
+        noise(rig, n, dt_s, seed),
+        ripple(rig, n, dt_s),
+    )
+    in_lanes = fits_lanes(acting, plants, numbers, dt_s)
+    spare: SimpleQueue[tuple[Array, Array]] = SimpleQueue()
+
+    def block(begin: int) -> None:
+        """Sixteen plants, the last one repeated where they are fewer."""
+        run = sixteen(acting.step, type(acting.start))
+        try:
+            torque, duty = spare.get_nowait()
+        except Empty:
+            torque, duty = np.empty((n, LANES)), np.empty((n, LANES))
+        chosen = [plants[min(begin + i, len(plants) - 1)] for i in range(LANES)]
+        parameters = np.ascontiguousarray(np.array(chosen, dtype=np.float64).T)
+        run(gains, acting.start, parameters, numbers.memory, dt_s, *inputs, torque, duty)
+        for i in range(min(LANES, len(plants) - begin)):
+            visit(begin + i, torque[:, i].copy(), duty[:, i].copy())
+        spare.put((torque, duty))
+
+    def single(begin: int) -> None:
+        """The same number of plants, one after another."""
+        run = one(acting.step)
+        for i in range(begin, min(begin + LANES, len(plants))):
+            torque, measured, duty, applied = columns(n, 4)
+            run(gains, acting.start, plants[i], numbers, dt_s, *inputs, torque, measured, duty, applied)
+            visit(i, torque, duty)
+
+    work = block if in_lanes else single
+    begins = range(0, len(plants), LANES)
+    if len(begins) == 0:
+        return
+    work(begins[0])  # alone, so that what is to be compiled is compiled once
+    with ThreadPoolExecutor(max_workers=threads or available_threads()) as pool:
+        for _ in pool.map(work, begins[1:]):
+            pass
+
+
+def _floats(gains: Any) -> Any:
+    """Gains with every number a float: one machine code serves them all."""
+    return gains._make(float(value) if isinstance(value, int) else value for value in gains)
