@@ -14,7 +14,6 @@ from scipy.special import fdtri
 
 from eaid.arrays import Array
 from eaid.fitting.data import data_of
-from eaid.fitting.levels import fit_levels
 from eaid.fitting.linear import fit_own_levels
 from eaid.fitting.result import Fit
 from eaid.models import friction
@@ -22,6 +21,8 @@ from eaid.models.parameters import Friction
 from eaid.steps.stepset import Level, StepSet
 from eaid.uncertainty.curve import curve_with_repeats
 from eaid.uncertainty.ground import TERMS, Ground
+from eaid.uncertainty.levels import LevelEvidence, log_theta
+from eaid.uncertainty.profile import least
 
 OVERSHOOT = 0.05
 """Torque lost under hold beyond which no monotone curve is right."""
@@ -97,6 +98,13 @@ def effective_samples(residual: Array) -> tuple[float, float]:
     return float(np.clip(n / total, 2.0, n)), float(rho[1])
 
 
+def spectral_degrees(residual: Array) -> float:
+    """Degrees of freedom of a sum of squares of coloured noise, (Σ P)²/Σ P² over its spectrum P; two for a sine."""
+    power = np.abs(np.fft.rfft(residual)) ** 2
+    total = float((power**2).sum())
+    return float(2 * power.sum() ** 2 / total) if total > 0 else float(len(residual))
+
+
 def overshoot(level: Level) -> float:
     """Share of its peak that the mean torque loses while the input is held, smoothed over a fiftieth of the record."""
     width = max(1, len(level.time_s) // 50)
@@ -118,8 +126,8 @@ def lack_of_fit(level: Level, noise_nm: Array) -> dict[str, Any] | None:
     common = noise_nm.mean(axis=0)
     apart = float(((noise_nm - common) ** 2).sum()) / (runs - 1)
     ratio = runs * float(common @ common) / apart if apart > 0 else 1.0
-    count = float(np.mean([effective_samples(run)[0] for run in noise_nm]))
-    chance = float(fdtri(count, count * (runs - 1), 0.99))
+    count = float(np.mean([spectral_degrees(run) for run in noise_nm]))
+    chance = float(fdtri(count, count * (runs - 1), 0.999))
     return {
         "level": level.level,
         "ratio": ratio,
@@ -138,7 +146,7 @@ def adequacy(stepset: StepSet, fit: Fit, base: Ground) -> Adequacy:
     ]
     sizes = [effective_samples(r) for r in residuals]
     counts = np.array([size for size, _ in sizes])
-    shapes = _shapes(levels, residuals, counts, base.evidence[0].curve.C)
+    shapes = _shapes(base, fit, residuals, counts)
     rows = [row for level, one in zip(levels, base.evidence, strict=True) if (row := lack_of_fit(level, one.noise_nm))]
     polynomial = fit.nonlinear is not None and base.source == "repeats" and len(levels) >= 4
     orders = _orders(base) if polynomial else ()
@@ -155,8 +163,8 @@ def adequacy(stepset: StepSet, fit: Fit, base: Ground) -> Adequacy:
     )
 
 
-def _shapes(levels: Sequence[Level], residuals: Sequence[Array], counts: Array, share: float) -> tuple[Shape, ...]:
-    data = data_of(levels)
+def _shapes(base: Ground, fit: Fit, residuals: Sequence[Array], counts: Array) -> tuple[Shape, ...]:
+    levels, share = base.levels, base.evidence[0].curve.C
     samples = np.array([len(level.time_s) for level in levels], dtype=float)
 
     def judged(name: str, parameters: int, sse: Array) -> Shape:
@@ -167,14 +175,30 @@ def _shapes(levels: Sequence[Level], residuals: Sequence[Array], counts: Array, 
         bic = float((score + p * np.log(counts)).sum())
         return Shape(name, parameters, float(np.sqrt(sse.sum() / samples.sum())), aicc, bic)
 
-    held = np.array([float(r @ r) for r in residuals])
-    single = np.array([one.cost for one in fit_own_levels(data)])
-    found = [judged("one exponential", 2, single)]
-    two = np.minimum(held, np.array([one.sse for one in fit_levels(data, share)]))
+    two = np.array([float(r @ r) for r in residuals])
+    if fit.linear is not None and fit.linear.bounds.convention != "pooled-dynamics":
+        single = np.array([row.sse for row in fit.linear.per_level])
+    else:
+        single = np.array([one.cost for one in fit_own_levels(data_of(levels))])
+    found = [judged("one exponential", 2, np.maximum(single, two))]
     found.append(judged(f"two exponentials, C = {share:g}", 3, two))
-    free = np.minimum(np.array([one.sse for one in fit_levels(data, None)]), two)
-    found.append(judged("two exponentials, C free", 4, free))
+    free = [_free_share(level, one, sse) for level, one, sse in zip(levels, base.evidence, two, strict=True)]
+    found.append(judged("two exponentials, C free", 4, np.array(free)))
     return tuple(found)
+
+
+def _free_share(level: Level, one: LevelEvidence, sse: float) -> float:
+    """Least sum of squares with C free too, from the held curve and from C = 0.5."""
+    data = data_of([level])
+    constant = float(sse) - float(
+        np.sum(data.points.w[0] * (data.points.y[0] - _at(one.curve, data.points.t_s[0])) ** 2)
+    )
+    starts = [log_theta(one.curve, True), log_theta(Friction(one.curve.Ts, one.curve.tau1, one.curve.tau2, 0.5), True)]
+    return min(float(sse), *(constant + least(data.points, start, one.curve.C)[0] for start in starts))
+
+
+def _at(curve: Friction, time_s: Array) -> Array:
+    return friction.step_response(curve, time_s)
 
 
 def _orders(base: Ground) -> tuple[Order, ...]:

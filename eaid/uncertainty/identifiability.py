@@ -223,7 +223,11 @@ def scatter_words(ground: Ground) -> list[str]:
     assert ground.scatter is not None
     words = []
     for name, ratio, z in zip(SYMBOLS, ground.scatter.ratio, ground.scatter.ratio_z, strict=False):
-        if abs(z) > 2:
-            side = f"{ratio:.2g} times larger at the lowest level than at the highest"
-            words.append(f"the runs' scatter of {SYMBOLS[name]} is {side}; the intervals follow it")
+        if abs(z) > 2 and not 0.5 < ratio < 2:
+            low, high = ("lowest", "highest") if ratio > 1 else ("highest", "lowest")
+            times = max(ratio, 1 / ratio)
+            words.append(
+                f"the runs' scatter of {SYMBOLS[name]} is {times:.2g} times larger at the {low} level than at the "
+                f"{high}: the intervals follow it; more repeats there would narrow them most"
+            )
     return words

@@ -180,18 +180,23 @@ def _nonlinear(
     verdict = nonlinear_verdict(fit.nonlinear, base, stepset.input_unit).as_json()
     found = nonlinear_part.estimates(fit.nonlinear, base)
     if draws is not None and draws.joint is not None:
-        found = replace(found, joint=nonlinear_part.from_draws(found, draws.joint))
+        found = nonlinear_part.with_joint(found, draws.joint)
     if options.ci == "white":
         weights = None if fit.nonlinear.weights is None else np.array(fit.nonlinear.weights)
         joint, spare = with_white_covariance(found.joint, base.levels, weights)
-        found = replace(found, joint=joint, joint_degrees=spare)
+        found = replace(found, joint=joint, joint_alone=joint, joint_degrees=spare)
     says = nonlinear_part.agreement(found, base)
     result: dict[str, Any] = {**verdict, "agreement": says}
     if options.ci != "none":
         ci95 = nonlinear_part.coefficient_intervals(found.joint, found.joint_degrees)
         result |= {
             "ci95": {name: ci95[name] for name in BLOCKS},
-            "curves": nonlinear_part.level_curves(found.joint, found.joint_degrees, base.levels),
+            "curves": nonlinear_part.level_curves(
+                found.joint_alone,
+                found.joint_degrees,
+                base.levels,
+                None if options.ci == "white" else found.two_stage,
+            ),
             "covariance": nonlinear_part.covariance_json(found.joint, found.joint_degrees, options.ci),
         }
         if "C" in ci95:

@@ -4,7 +4,7 @@ Run-to-run scatter of the gain leaks into the τ curves of the joint fit, and no
 the joint covariance holds, beside the scatter itself, the outer product of what separates the two estimates.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -37,6 +37,9 @@ class Estimates:
     """Both estimates with their covariances."""
 
     joint: Coefficients
+    """Its covariance holds the scatter and what separates it from the two-stage estimate."""
+    joint_alone: Coefficients
+    """The same estimate with the scatter only."""
     joint_degrees: float
     two_stage: Coefficients | None
     """None where too few levels determine their own parameters."""
@@ -54,17 +57,19 @@ def estimates(fit: NonlinearFit, ground: Ground) -> Estimates:
     joint = with_joint_covariance(joint, ground.levels, shifts, weights)
     through = curves(ground)
     if (ground.known.sum(axis=0) < 1).any():
-        return Estimates(joint, ground.total_degrees, None, 0.0, through)
+        return Estimates(joint, joint, ground.total_degrees, None, 0.0, through)
     duty, theta = ground.duty_pct, ground.log_theta
     variance = {name: np.where(ground.known[:, k], ground.variance[:, k], np.inf) for name, k in ROW.items()}
     order = [ROW[name] for name in BLOCKS]
     correlation = ground.correlation()[np.ix_(order, order)]
     both = two_stage(duty, {n: theta[:, k] for n, k in ROW.items()}, variance, through, correlation, joint.share)
-    if not fit.share_free:
-        apart = joint.values - both.values
-        joint = with_covariance(joint, joint.covariance + np.outer(apart, apart))
     degrees = min(curve.degrees for curve in through.values())
-    return Estimates(joint, ground.total_degrees, both, degrees, through)
+    return Estimates(_apart_counted(joint, both), joint, ground.total_degrees, both, degrees, through)
+
+
+def _apart_counted(joint: Coefficients, both: Coefficients) -> Coefficients:
+    apart = joint.values - np.append(both.values, joint.values[len(both.values) :])
+    return with_covariance(joint, joint.covariance + np.outer(apart, apart))
 
 
 def _with_share(shift: Array) -> Array:
@@ -91,8 +96,13 @@ def coefficient_intervals(c: Coefficients, degrees: float) -> dict[str, list[lis
     return result
 
 
-def level_curves(c: Coefficients, degrees: float, levels: tuple[Level, ...]) -> list[dict[str, Any]]:
-    """T_s, τ1, τ2 of the curves at each level with 95 % intervals, and how well the torque curve itself is known."""
+def level_curves(
+    c: Coefficients, degrees: float, levels: tuple[Level, ...], other: Coefficients | None = None
+) -> list[dict[str, Any]]:
+    """T_s, τ1, τ2 of the curves at each level with 95 % intervals, and how well the torque curve itself is known.
+
+    Where there is another estimate, the distance to it (in logs) counts as one more standard deviation.
+    """
     t = t_quantile(degrees)
     rows = []
     for level in levels:
@@ -100,10 +110,12 @@ def level_curves(c: Coefficients, degrees: float, levels: tuple[Level, ...]) -> 
         row: dict[str, Any] = {"level": level.level, "ci95": {}}
         for name in ("Ts", "tau1", "tau2"):
             value = float(c.at(name, duty)[0])
-            reach = t * float(c.log_sd(name, duty)[0])
+            sd = float(c.log_sd(name, duty)[0])
+            if other is not None and value > 0:
+                sd = float(np.hypot(sd, np.log(value / max(float(other.at(name, duty)[0]), 1e-12))))
             row[name] = value
             with np.errstate(over="ignore"):
-                ends = [value * float(np.exp(-reach)), value * float(np.exp(reach))]
+                ends = [value * float(np.exp(-t * sd)), value * float(np.exp(t * sd))]
             fine = name not in c.held and value > 0 and np.isfinite(ends).all()
             row["ci95"][name] = ends if fine else None
         row["torque_half_width_nm"] = float(t * c.torque_sd(_some(level.time_s), level.level).max())
@@ -130,12 +142,11 @@ def covariance_json(c: Coefficients, degrees: float, source: str) -> dict[str, A
     }
 
 
-def from_draws(found: Estimates, covariance: Array) -> Coefficients:
-    """The joint coefficients with the covariance of the refits, and what separates the two estimates."""
-    if found.two_stage is not None and not found.joint.share_free:
-        apart = found.joint.values - found.two_stage.values
-        covariance = covariance + np.outer(apart, apart)
-    return with_covariance(found.joint, covariance)
+def with_joint(found: Estimates, covariance: Array) -> Estimates:
+    """The same estimates, the joint one with the covariance of its refits."""
+    alone = with_covariance(found.joint, covariance)
+    counted = alone if found.two_stage is None else _apart_counted(alone, found.two_stage)
+    return replace(found, joint=counted, joint_alone=alone)
 
 
 def two_stage_json(found: Estimates, ground: Ground, source: str) -> dict[str, Any]:

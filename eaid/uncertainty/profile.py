@@ -39,8 +39,8 @@ def _cost(points: Points, theta: Array, share: float) -> tuple[float, Array, Arr
     return float(left @ left), left, log_jacobian(curve, points.t_s[0], free) * root[:, None]
 
 
-def _least(points: Points, theta: Array, share: float, k: int) -> tuple[float, Array]:
-    """Least cost over the other parameters, parameter k held where `theta` has it (damped Gauss–Newton)."""
+def least(points: Points, theta: Array, share: float, k: int | None = None) -> tuple[float, Array]:
+    """Least cost over the parameters, k held where `theta` has it (damped Gauss–Newton), and where it lies."""
     others = [i for i in range(len(theta)) if i != k]
     cost, left, jacobian = _cost(points, theta, share)
     damping = 1e-6
@@ -51,6 +51,7 @@ def _least(points: Points, theta: Array, share: float, k: int) -> tuple[float, A
         tried = theta.copy()
         tried[others] += np.clip(step, -1.0, 1.0)
         tried[1:3] = np.sort(tried[1:3]) if k not in (1, 2) else tried[1:3]
+        tried[3:] = np.clip(tried[3:], -7.0, 7.0)
         found = _cost(points, tried, share)
         if found[0] <= cost:
             done = cost - found[0] <= 1e-10 * cost
@@ -74,7 +75,7 @@ def _end(points: Points, start: Array, share: float, k: int, wanted: float, side
             return side * np.inf
         tried = theta.copy()
         tried[k] = start[k] + side * outside
-        cost, found = _least(points, tried, share, k)
+        cost, found = least(points, tried, share, k)
         if cost >= wanted:
             break
         inside, theta, step = outside, found, 1.6 * step
@@ -82,7 +83,7 @@ def _end(points: Points, start: Array, share: float, k: int, wanted: float, side
         middle = 0.5 * (inside + outside)
         tried = theta.copy()
         tried[k] = start[k] + side * middle
-        cost, found = _least(points, tried, share, k)
+        cost, found = least(points, tried, share, k)
         if cost >= wanted:
             outside = middle
         else:

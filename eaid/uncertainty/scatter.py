@@ -89,7 +89,8 @@ def pooled_scatter(levels: Sequence[Evidence], usable: Mask | None = None) -> Sc
         shape, slope = _trend(relative, centred / np.sqrt(spread), own)
         variance[:, k] *= shape
         degrees[:, k] = total / (1 + centred**2 / spread)
-        ratio[k] = np.exp(-0.5 * slope * np.ptp(x) / np.sqrt(spread))
+        ends = variance[[int(x.argmin()), int(x.argmax())], k] * repeats[[int(x.argmin()), int(x.argmax())]]
+        ratio[k] = np.sqrt(ends[0] / ends[1])
         ratio_z[k] = -slope * np.sqrt(total / 2)
     return Scatter(between, variance, degrees, pooled, float((repeats - 1).sum()), ratio, ratio_z)
 

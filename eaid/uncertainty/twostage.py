@@ -77,5 +77,4 @@ def _constrained(
         begin[sum(counts[:k])] = np.exp(np.average(log_values[name], weights=1 / np.maximum(variance[name], 1e-18)))
     begin[0] = max(begin[0], 2e-3)
     begin[counts[0]] = max(begin[counts[0]], 1.5 * begin[0])
-    names = tuple(str(i) for i in range(len(offset)))
-    return slsqp(Problem(value, curvature, rows, offset, names), begin).x
+    return slsqp(Problem(value, curvature, rows, offset, str), begin).x

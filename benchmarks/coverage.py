@@ -1,0 +1,284 @@
+"""How often a nominal 95 % interval holds the truth: `python -m benchmarks.coverage [SETS] [ROW…]`.
+
+Each set is 10 levels of the reference plant, 2,000 samples over 20 s, three runs a level. Per run a gain factor
+1 + 0.03 N and exp(0.05 N) on τ1; white noise 0.01 N·m, AR(1) ripple of 1 % (0.05 s) and rotor ripple of 1 % (10 RPM,
+its phase from run to run). The truth of the linear model, which is wrong by design, is its fit to the plant itself.
+"""
+
+import sys
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from eaid.apparatus import Apparatus
+from eaid.arrays import Array
+from eaid.fitting.fit import fit
+from eaid.fitting.result import Fit
+from eaid.models import friction
+from eaid.models.nonlinear import at_duty
+from eaid.models.parameters import REFERENCE_PLANT, Friction
+from eaid.steps.stepset import Level, StepSet
+from eaid.uncertainty.intervals import IntervalOptions, Intervals, intervals
+
+LEVELS = np.arange(10.0, 101.0, 10.0)
+SAMPLES, RECORD_S = 2000, 20.0
+COLOUR_S = 0.05
+ROTOR_HZ = 10 / 60
+
+
+@dataclass(frozen=True)
+class Variant:
+    """How the sets of one row are made."""
+
+    name: str
+    runs: int = 3
+    white_nm: float = 0.01
+    sweeps: bool = False
+    """One gain for all levels of a repeat."""
+    doubled_below: float = 0.0
+    """Scatter twice as large up to this duty [%]."""
+    share: float = 0.85
+    """C of the plant; the fit holds 0.85."""
+
+
+VARIANTS: dict[str, Variant] = {
+    "base": Variant("as UNCERTAINTY.md: three runs a level"),
+    "single": Variant("one run a level", runs=1),
+    "sweeps": Variant("repeats as sweeps: one gain a sweep", sweeps=True),
+    "low": Variant("scatter doubled up to 30 % duty", doubled_below=30.0),
+    "white": Variant("white noise × 5", white_nm=0.05),
+    "share": Variant("C of the plant 0.88, held at 0.85", share=0.88),
+}
+
+
+def plant(duty_pct: float, variant: Variant) -> Friction:
+    """The true curve of one level."""
+    return replace(at_duty(REFERENCE_PLANT, duty_pct), C=variant.share)
+
+
+def coloured(random: np.random.Generator, runs: int, n: int, dt_s: float) -> Array:
+    """AR(1) noise of unit variance and memory `COLOUR_S`, shape (runs, n)."""
+    keep = np.exp(-dt_s / COLOUR_S)
+    white = random.standard_normal((runs, n))
+    white[:, 1:] *= np.sqrt(1 - keep * keep)
+    for k in range(1, n):
+        white[:, k] += keep * white[:, k - 1]
+    return white
+
+
+def stepset(levels: tuple[Level, ...]) -> StepSet:
+    return StepSet("clutch", "%", "N·m", Apparatus(), levels)
+
+
+def one_set(seed: int, variant: Variant, samples: int = SAMPLES, levels: Array = LEVELS) -> StepSet:
+    """One simulated set; the same seed gives the same set."""
+    random = np.random.default_rng([seed, 20260])
+    t = np.arange(samples) * (RECORD_S / samples)
+    sweep = random.standard_normal(variant.runs)
+    colour = coloured(random, variant.runs * len(levels), samples, RECORD_S / samples).reshape(
+        len(levels), variant.runs, -1
+    )
+    made = []
+    for i, duty in enumerate(levels):
+        size = 2.0 if duty <= variant.doubled_below else 1.0
+        true = plant(float(duty), variant)
+        runs = []
+        for r in range(variant.runs):
+            gain = 1 + 0.03 * (sweep[r] if variant.sweeps else size * random.standard_normal())
+            own = replace(true, Ts=true.Ts * gain, tau1=true.tau1 * np.exp(0.05 * size * random.standard_normal()))
+            rotor = np.sin(2 * np.pi * (ROTOR_HZ * t + random.random()))
+            torque = friction.step_response(own, t) * (1 + 0.01 * colour[i, r] + 0.01 * rotor)
+            runs.append(torque + variant.white_nm * random.standard_normal(samples))
+        names = tuple(f"{duty:g}-{r}" for r in range(variant.runs))
+        made.append(Level(float(duty), t, np.array(runs), names, True))
+    return stepset(tuple(made))
+
+
+def truth(variant: Variant, samples: int = SAMPLES, levels: Array = LEVELS) -> dict[str, Any]:
+    """What the intervals should hold: the plant's own values, and the linear fit to the plant without noise."""
+    t = np.arange(samples) * (RECORD_S / samples)
+    curves = [plant(float(duty), variant) for duty in levels]
+    clean = tuple(
+        Level(float(duty), t, friction.step_response(curve, t)[None], ("plant",), True)
+        for duty, curve in zip(levels, curves, strict=True)
+    )
+    linear = fit(stepset(clean)).linear
+    assert linear is not None
+    return {
+        "Ts": np.array([curve.Ts for curve in curves]),
+        "tau1": np.array([curve.tau1 for curve in curves]),
+        "tau2": np.array([curve.tau2 for curve in curves]),
+        **{name: getattr(linear.parameters, name) for name in ("a0", "b0", "c0")},
+        "B": np.array([row.B for row in linear.per_level]),
+        "B_m": linear.bounds.B_m,
+        "B_M": linear.bounds.B_M,
+    }
+
+
+def inside(interval: Any, value: float) -> float:
+    """1 or 0; NaN where no interval was given (flagged)."""
+    if interval is None:
+        return np.nan
+    return float(interval[0] <= value <= interval[1])
+
+
+def hits(found: Intervals, true: dict[str, Any]) -> dict[str, list[float]]:
+    """Which intervals hold the truth: by group and parameter, one entry a level (one alone for the pooled ones)."""
+    result: dict[str, list[float]] = {}
+    for name in ("Ts", "tau1", "tau2"):
+        values = true[name]
+        if found.friction is not None:
+            own = [row["ci95"][name] for row in found.friction["levels"]]
+            flagged = [row["words"].get(name) for row in found.friction["levels"]]
+            result[f"level {name}"] = [
+                np.nan if word else inside(ci, v) for ci, v, word in zip(own, values, flagged, strict=True)
+            ]
+        assert found.nonlinear is not None
+        for label, part in (("joint", found.nonlinear), ("two-stage", found.nonlinear.get("two_stage"))):
+            if part and "curves" in part:
+                rows = [row["ci95"][name] for row in part["curves"]]
+                result[f"{label} {name}"] = [inside(ci, v) for ci, v in zip(rows, values, strict=True)]
+    assert found.linear is not None
+    for name in ("a0", "b0", "c0"):
+        result[f"linear {name}"] = [inside(found.linear["ci95"][name], true[name])]
+    result["linear B"] = [
+        inside(row["ci95"]["B"], b) for row, b in zip(found.linear["per_level"], true["B"], strict=True)
+    ]
+    for name in ("B_m", "B_M"):
+        result[f"linear {name}"] = [inside(found.linear["bounds"]["ci95"][name], true[name])]
+    return result
+
+
+def widths(found: Intervals) -> dict[str, float]:
+    """Mean half-widths [%] of the levels' own intervals and of the two-stage curves."""
+    result = {}
+    assert found.friction is not None and found.nonlinear is not None
+    groups = {"level": found.friction["levels"], "two-stage": found.nonlinear.get("two_stage", {}).get("curves", [])}
+    for label, rows in groups.items():
+        for name in ("Ts", "tau1", "tau2"):
+            own = [row["ci95"][name] for row in rows if row["ci95"][name] is not None]
+            result[f"{label} {name}"] = float(np.mean([50 * np.log(b / a) for a, b in own])) if own else np.nan
+    return result
+
+
+def both_ways(seed: int, variant: Variant) -> tuple[Fit, Intervals, Intervals]:
+    """A set fitted, with our intervals and the textbook's."""
+    made = one_set(seed, variant)
+    fitted = fit(made)
+    ours = intervals(made, fitted, IntervalOptions(ci="robust", study_models=False))
+    return fitted, ours, intervals(made, fitted, IntervalOptions(ci="white", study_models=False))
+
+
+@dataclass(frozen=True)
+class Coverage:
+    """One row of the table."""
+
+    ours: dict[str, Array]
+    """Coverage [%] by group and parameter, one entry a level."""
+    textbook: dict[str, Array]
+    widths: dict[str, float]
+    """Mean half-width [%]."""
+    flagged: float
+    """Share of τ2 intervals of single levels that carry a flag [%]."""
+
+
+def measure(variant: Variant, sets: int, first: int = 0) -> Coverage:
+    """Coverage over `sets` simulated sets."""
+    true = truth(variant)
+    ours, textbook, reach = [], [], []
+    for seed in range(first, first + sets):
+        _, robust, white = both_ways(seed, variant)
+        ours.append(hits(robust, true))
+        textbook.append(hits(white, true))
+        reach.append(widths(robust))
+    flagged = float(np.mean([np.isnan(one["level tau2"]) for one in ours]) * 100)
+    return Coverage(
+        {key: _mean([one[key] for one in ours if key in one]) for key in ours[0]},
+        {key: _mean([one[key] for one in textbook if key in one]) for key in textbook[0]},
+        {key: float(np.nanmean([one[key] for one in reach])) for key in reach[0]},
+        flagged,
+    )
+
+
+def _mean(rows: list[list[float]]) -> Array:
+    values = np.array(rows)
+    known = np.isfinite(values)
+    return np.asarray(100 * np.where(known, values, 0).sum(axis=0) / np.maximum(known.sum(axis=0), 1))
+
+
+BANDS = {
+    "Ts": ((93, 97), (91, 98)),
+    "tau1": ((93, 97), (91, 98)),
+    "tau2": ((92, 97), (89, 98)),
+}
+SINGLE_BANDS = {"Ts": (92, 97), "tau1": (92, 97), "tau2": (90, 98)}
+
+
+def outside_bands(name: str, coverage: Coverage) -> list[str]:
+    """Where a row leaves the bands of UNCERTAINTY.md; bands are given for the rows base and single only."""
+    said = []
+    for parameter, (mean, each) in BANDS.items():
+        for group in ("level", "two-stage"):
+            values = coverage.ours.get(f"{group} {parameter}")
+            if values is None or (name == "single" and group == "level"):
+                continue
+            low, high = SINGLE_BANDS[parameter] if name == "single" else mean
+            if not low <= values.mean() <= high:
+                said.append(f"{group} {parameter}: mean {values.mean():.1f} outside {low}–{high}")
+            if name == "base" and not (each[0] <= values.min() and values.max() <= each[1]):
+                said.append(f"{group} {parameter}: {values.min():.1f}–{values.max():.1f} outside {each[0]}–{each[1]}")
+    if name == "base":
+        said += [
+            f"linear {p}: {coverage.ours[f'linear {p}'][0]:.1f} outside 92–98"
+            for p in ("a0", "b0", "c0")
+            if not 92 <= coverage.ours[f"linear {p}"][0] <= 98
+        ]
+    return said
+
+
+def table(rows: dict[str, Coverage], sets: int) -> str:
+    """The table as Markdown: mean over the levels (least–largest of any one level)."""
+
+    def cell(part: dict[str, Array], key: str) -> str:
+        if key not in part:
+            return "–"
+        v = part[key]
+        return f"{v[0]:.0f}" if len(v) == 1 else f"{v.mean():.0f} ({v.min():.0f}–{v.max():.0f})"
+
+    lines = [f"Coverage [%] of nominal 95 % intervals, {sets} sets a row", ""]
+    for group, names in (
+        ("level", ("Ts", "tau1", "tau2")),
+        ("two-stage", ("Ts", "tau1", "tau2")),
+        ("joint", ("Ts", "tau1", "tau2")),
+        ("linear", ("a0", "b0", "c0", "B", "B_m", "B_M")),
+    ):
+        lines += [f"| {group} | " + " | ".join(f"{n}, ours | {n}, textbook" for n in names) + " |"]
+        lines += ["|---" * (1 + 2 * len(names)) + "|"]
+        for name, row in rows.items():
+            cells = [f"{cell(row.ours, f'{group} {n}')} | {cell(row.textbook, f'{group} {n}')}" for n in names]
+            lines += [f"| {VARIANTS[name].name} | " + " | ".join(cells) + " |"]
+        lines += [""]
+    keys = ("level Ts", "level tau1", "level tau2", "two-stage Ts", "two-stage tau1", "two-stage tau2")
+    lines += ["| mean half-width [%] | " + " | ".join(keys) + " | τ2 of a level flagged [%] |"]
+    lines += ["|---" * (2 + len(keys)) + "|"]
+    for name, row in rows.items():
+        cells = [f"{row.widths[key]:.1f}" for key in keys] + [f"{row.flagged:.0f}"]
+        lines += [f"| {VARIANTS[name].name} | " + " | ".join(cells) + " |"]
+    return "\n".join(lines)
+
+
+def main() -> None:
+    sets = int(sys.argv[1]) if len(sys.argv) > 1 else 500
+    names = sys.argv[2:] or list(VARIANTS)
+    rows: dict[str, Coverage] = {}
+    for name in names:
+        rows[name] = measure(VARIANTS[name], sets)
+        for word in outside_bands(name, rows[name]):
+            print(f"{name}: {word}", file=sys.stderr)
+        print(f"{name}: done", file=sys.stderr)
+    print(table(rows, sets))
+
+
+if __name__ == "__main__":
+    main()
