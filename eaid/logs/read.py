@@ -232,7 +232,7 @@ def _run(
     labels = {i: sheet.columns[i] or f"column {i + 1}" for i in range(len(sheet.columns))}
     said = [
         (bad.row, "" if bad.column < 0 else labels[bad.column], bad.text)
-        for bad in cells.bad
+        for bad in sorted(cells.bad, key=lambda bad: (bad.row, bad.column))
         if bad.column in (-1, *wanted)
     ]
     keep, notes = checked(

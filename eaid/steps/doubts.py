@@ -155,9 +155,9 @@ SLOW_CONSTANTS = 1.5
 def slow_constant(rise: Array, window_s: float) -> tuple[float, bool]:
     """Slow time constant [s] of a rise by two exponentials, and whether the window is surely too short for it.
 
-    Costs of all pairs of a grid on block means; for each pair the amplitudes A1, A2 and, by the derivative over ln τ1, the
-    fast constant between the grid's values, are a 3 × 3 linear solve. The window is too short where no pair with τ2 below
-    window / 1.5 fits as well (F test, 5 standard errors).
+    Costs of all pairs of a grid on block means; for each pair the amplitudes A1, A2 and, by the derivative over ln τ1,
+    the fast constant between the grid's values, are a 3 × 3 linear solve. The window is too short where no pair with
+    τ2 below window / 1.5 fits as well (F test, 5 standard errors).
     """
     means = block_means(rise, 4 * BLOCKS)
     count = len(means)

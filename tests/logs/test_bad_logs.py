@@ -11,6 +11,7 @@ import pytest
 from eaid.cli.main import run
 
 HEADER = "time_s,duty_pct,torque_nm"
+CELL = "; mend the cell, or drop such rows with --repair"
 
 
 def rows(n: int = 200, idle: int = 50, level: float = 50.0, rate_hz: float = 100.0) -> list[str]:
@@ -81,57 +82,57 @@ BAD = [
     Bad(
         "cell.csv",
         changed(60, "0.58,,0.9"),
-        "{f}: row 60, column duty_pct, is empty; mend the cell, or drop such rows with --repair",
+        "{f}: row 60, column duty_pct, is empty" + CELL,
     ),
     Bad(
         "word.csv",
         changed(60, "0.58,50,high"),
-        "{f}: row 60, column torque_nm, holds 'high', which is no number; mend the cell, or drop such rows with --repair",
+        "{f}: row 60, column torque_nm, holds 'high', which is no number" + CELL,
     ),
     Bad(
         "nan.csv",
         changed(60, "0.58,50,nan"),
-        "{f}: row 60, column torque_nm, holds 'nan', which is not finite; mend the cell, or drop such rows with --repair",
+        "{f}: row 60, column torque_nm, holds 'nan', which is not finite" + CELL,
     ),
     Bad(
         "inf.csv",
         changed(60, "0.58,50,-inf"),
-        "{f}: row 60, column torque_nm, holds '-inf', which is not finite; mend the cell, or drop such rows with --repair",
+        "{f}: row 60, column torque_nm, holds '-inf', which is not finite" + CELL,
     ),
     Bad(
         "huge.csv",
         changed(60, "0.58,50,1e400"),
-        "{f}: row 60, column torque_nm, holds '1e400', which is not finite; mend the cell, or drop such rows with --repair",
+        "{f}: row 60, column torque_nm, holds '1e400', which is not finite" + CELL,
     ),
     Bad(
         "short-row.csv",
         changed(60, "0.58,50"),
-        "{f}: row 60 has 2 cells, unlike the others; mend the cell, or drop such rows with --repair",
+        "{f}: row 60 has 2 cells, unlike the others" + CELL,
     ),
     Bad(
         "long-row.csv",
         changed(60, "0,58,50,0.9"),
-        "{f}: row 60 has 4 cells, unlike the others; mend the cell, or drop such rows with --repair",
+        "{f}: row 60 has 4 cells, unlike the others" + CELL,
     ),
     Bad(
         "hex.csv",
         changed(60, "0x3A,50,0.9"),
-        "{f}: row 60, column time_s, holds '0x3A', which is no number; mend the cell, or drop such rows with --repair",
+        "{f}: row 60, column time_s, holds '0x3A', which is no number" + CELL,
     ),
     Bad(
         "underscore.csv",
         changed(60, "0.58,50,1_000"),
-        "{f}: row 60, column torque_nm, holds '1_000', which is no number; mend the cell, or drop such rows with --repair",
+        "{f}: row 60, column torque_nm, holds '1_000', which is no number" + CELL,
     ),
     Bad(
         "header-again.csv",
         changed(60, HEADER),
-        "{f}: row 60, column time_s, holds 'time_s', which is no number; mend the cell, or drop such rows with --repair",
+        "{f}: row 60, column time_s, holds 'time_s', which is no number" + CELL,
     ),
     Bad(
         "cut-off.csv",
         csv(rows())[:-9],
-        "{f}: row 201 has 2 cells, unlike the others; mend the cell, or drop such rows with --repair",
+        "{f}: row 201 has 2 cells, unlike the others" + CELL,
     ),
     Bad(
         "too-many-bad.csv",
@@ -297,7 +298,13 @@ BAD = [
         b"\x89HDF\r\n\x1a\n" + b"\0" * 500,
         "{f}: is a damaged HDF5 file (",
     ),
-    Bad("kind.csv", csv(rows()), "--kind brake: must be one of clutch, friction-force, friction-speed", ("--kind", "brake"), 2),
+    Bad(
+        "kind.csv",
+        csv(rows()),
+        "--kind brake: must be one of clutch, friction-force, friction-speed",
+        ("--kind", "brake"),
+        2,
+    ),
     Bad("levels.csv", csv(rows()), "--levels 60: no log holds 60; levels found: 50", ("--levels", "60")),
     Bad("levels-text.csv", csv(rows()), "--levels high: write 30:100 or 30,40,90", ("--levels", "high"), 2),
     Bad("rate.csv", csv(rows()), "--rate -5: must be above zero", ("--rate", "-5"), 2),
@@ -360,7 +367,7 @@ def test_many_bad_rows_are_counted(tmp_path: Path, capsys: pytest.CaptureFixture
     assert run(["ingest", str(path), "-o", str(tmp_path / "d.h5")]) == 3
     said = capsys.readouterr().err.splitlines()
     assert len(said) == 6
-    assert said[-1].endswith("and 15 more such rows; mend the cell, or drop such rows with --repair")
+    assert said[-1].endswith("and 15 more such rows" + CELL)
 
 
 def test_large_logs_get_the_same_sentences(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

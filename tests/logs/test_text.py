@@ -85,7 +85,10 @@ DIALECTS: dict[str, tuple[bytes, dict[str, object]]] = {
     ),
     "columns by name": (
         table(header="Zeitpunkt,Volt A,Load Cell").encode(),
-        {"columns": {"time": "Zeitpunkt", "input": "Volt A", "output": "Load Cell"}, "units": {"input": "%", "output": "Nm"}},
+        {
+            "columns": {"time": "Zeitpunkt", "input": "Volt A", "output": "Load Cell"},
+            "units": {"input": "%", "output": "Nm"},
+        },
     ),
     "columns by number": (
         table(header=None).encode(), {"columns": {"time": "1", "input": "2", "output": "3"}},
@@ -111,7 +114,8 @@ DIALECTS: dict[str, tuple[bytes, dict[str, object]]] = {
          zip(U.tolist(), Y.tolist(), strict=True))).encode(), {},
     ),
     "rate given": (
-        ("duty_pct,torque_nm\n" + "".join(f"{b!r},{c!r}\n" for b, c in zip(U.tolist(), Y.tolist(), strict=True))).encode(),
+        ("duty_pct,torque_nm\n" + "".join(f"{b!r},{c!r}\n" for b, c in
+         zip(U.tolist(), Y.tolist(), strict=True))).encode(),
         {"rate_hz": 100.0},
     ),
     "gzip": (gzip.compress(table().encode()), {}),

@@ -91,6 +91,7 @@ def shaped(change: np.ndarray, noise: float = 0.01) -> Run:
 
 
 T = np.arange(800) * 0.01
+SLOW = log([(0, 2), (50, 8)], tau1=0.5, tau2=16.0, noise=0.01, rate_hz=500.0)
 
 
 @pytest.mark.parametrize(
@@ -100,7 +101,7 @@ T = np.arange(800) * 0.01
         (replace(shaped(0 * T), time_s=read_only(T * 1000)), "sample time is 10 s; if the time is not in s, say"),
         (shaped(np.where(T < 2, 0.1 * T, 0.2)), "drift before the step: +0.198 N·m while idle"),
         (shaped(np.where(T > 2, -0.2 * (T - 2), 0)), "torque falls by 51 % from its peak while held (space charge?)"),
-        (log([(0, 2), (50, 8)], tau1=0.5, tau2=16.0, noise=0.01, rate_hz=500.0), "still rising at the end of its 8 s: too short for the slow"),
+        (SLOW, "still rising at the end of its 8 s: too short for the slow time constant (about 1"),
     ],
 )  # fmt: skip
 def test_doubt(run: Run, said: str) -> None:
