@@ -72,11 +72,12 @@ def run(arguments: list[str] | None = None) -> int:
         console.fail(f"{where}{fault.strerror or fault}")
         return 2
     except Exception as fault:
-        if hasattr(fault, "exit_code") and hasattr(fault, "show"):  # click's own usage errors
+        wording = getattr(fault, "format_message", None)  # the usage errors of click, which typer may carry inside
+        if wording is not None:
             context = getattr(fault, "ctx", None)
             where = f"; see {context.command_path} --help" if context else ""
-            console.fail(f"{fault.format_message().rstrip('.')}{where}")
-            return int(fault.exit_code)
+            console.fail(f"{wording().rstrip('.')}{where}")
+            return int(getattr(fault, "exit_code", 2))
         if os.environ.get("EAID_DEBUG"):
             raise
         console.fail(f"unexpected failure, a bug of eaid ({type(fault).__name__}: {fault}); EAID_DEBUG=1 shows where")
