@@ -49,6 +49,7 @@ def command(
     keep_baseline: inputs.KeepBaseline = False,
     variable: inputs.Variable = None,
     rate: inputs.Rate = None,
+    rest: inputs.Rest = 0.0,
     apparatus: inputs.ApparatusOption = None,
     json: Json = False,
     quiet: Quiet = False,
@@ -66,7 +67,8 @@ def command(
     refuse_to_overwrite(output, force)
     runs, stepset = inputs.runs_from(
         logs, columns=columns, units=units, name_pattern=name_pattern, step_at=step_at, until=until, repair=repair,
-        kind=kind, levels=levels, keep_baseline=keep_baseline, variable=variable, rate=rate, apparatus=apparatus,
+        kind=kind, levels=levels, keep_baseline=keep_baseline, variable=variable, rate=rate, rest=rest,
+        apparatus=apparatus,
     )  # fmt: skip
     write_dataset(output, runs, kind=stepset.kind, apparatus=stepset.apparatus, force=force)  # type: ignore[arg-type]
     if json:

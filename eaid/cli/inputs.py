@@ -36,6 +36,7 @@ Variable = Annotated[
     str | None, typer.Option(help="Table of a file with several: a MAT variable, an HDF5 path, a TDMS group.")
 ]
 Rate = Annotated[float | None, typer.Option(help="Sample rate of logs without a time column, in Hz.")]
+Rest = Annotated[float, typer.Option(help="Input at rest, in its own unit; levels are counted from it.")]
 ApparatusOption = Annotated[
     str | None,
     typer.Option("--apparatus", help="The rig, where it is not the paper's: inner_radius_m=0.03,surfaces=1."),
@@ -111,6 +112,7 @@ def runs_from(
     keep_baseline: bool = False,
     variable: str | None = None,
     rate: float | None = None,
+    rest: float = 0.0,
     apparatus: str | None = None,
 ) -> "tuple[list[Run], StepSet]":
     """Cut runs and their step set; all faults of all logs are told at once, what is doubtful goes to stderr."""
@@ -138,7 +140,7 @@ def runs_from(
         rate_hz=rate,
     )
     stepping = StepOptions(
-        kind=said, levels=levels, keep_baseline=keep_baseline, apparatus=apparatus_from(apparatus, kind)
+        kind=said, levels=levels, keep_baseline=keep_baseline, rest=rest, apparatus=apparatus_from(apparatus, kind)
     )
     with console.progress("reading logs", len(files_of(paths))) as advance:
         runs, faults = read_what_can_be(paths, reading, advance)

@@ -107,7 +107,10 @@ def read_hdf5(path: Path, source: str) -> list[Sheet]:
             if name.startswith("#"):
                 opaque = True
                 return
-            if not isinstance(item, h5py.Dataset) or item.shape is None or b"char" in _class_of(item):
+            if not isinstance(item, h5py.Dataset) or item.shape is None:
+                return
+            if matlab and _class_of(item) not in _NUMBERS:
+                opaque = opaque or _class_of(item) not in (b"char", b"cell", b"struct")
                 return
             if item.dtype.names and item.ndim == 1:
                 fields = [field for field in item.dtype.names if item.dtype[field].kind in "fiu"]
@@ -137,6 +140,9 @@ def read_hdf5(path: Path, source: str) -> list[Sheet]:
 def _is_matlab(path: Path) -> bool:
     with path.open("rb") as file:
         return file.read(6) == b"MATLAB"
+
+
+_NUMBERS = {b"", b"double", b"single", b"logical", *(f"{u}int{n}".encode() for u in ("", "u") for n in (8, 16, 32, 64))}
 
 
 def _class_of(item: Any) -> bytes:

@@ -3,7 +3,9 @@
 Only numbers are taken; objects, function handles and cells are left where they are and nothing in them is run.
 """
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -91,37 +93,62 @@ def _matrix(name: str, array: NDArray[Any]) -> Sheet:
     return _sheet(name, [(label, table[:, i]) for i, label in enumerate(labels)])
 
 
-def _text(value: Any) -> str:
-    while isinstance(value, np.ndarray) and value.size:
-        value = value.reshape(-1)[-1]
-    return str(value) if isinstance(value, str) else ""
+def _texts(value: Any) -> list[str]:
+    """All texts of a label: one, or one a column."""
+    if isinstance(value, np.ndarray) and value.dtype == object:
+        return [text for item in value.reshape(-1) for text in _texts(item)]
+    if isinstance(value, np.ndarray) and value.dtype.kind == "U":
+        return [str(text) for text in value.reshape(-1)]
+    return []
+
+
+def _apart(columns: Sequence[tuple[str, NDArray[Any]]]) -> list[tuple[str, NDArray[Any]]]:
+    """Columns with names of their own: a number behind a name that comes again."""
+    seen: Counter[str] = Counter()
+    named = []
+    for name, values in columns:
+        seen[name] += 1
+        named.append((name if seen[name] == 1 else f"{name} #{seen[name]}", values))
+    return named
+
+
+def _signal(k: int, signal: Any, fields: Sequence[str], length: int, alone: bool) -> list[tuple[str, NDArray[Any]]]:
+    """Columns of one signal of a structure with time, named by its labels."""
+    values = _number(signal["values"])
+    if values is None:
+        return []
+    table = values if values.shape[0] == length or not length else values.T
+    table = table.reshape(len(table), -1)
+    labels = _texts(signal["label"]) if "label" in fields else []
+    if len(labels) == table.shape[1]:
+        return [(label, table[:, j]) for j, label in enumerate(labels)]
+    label = labels[-1] if labels else ("output" if alone and table.shape[1] == 1 else f"signal{k + 1}")
+    if table.shape[1] == 1:
+        return [(label, table[:, 0])]
+    return [(f"{label} {j + 1}", table[:, j]) for j in range(table.shape[1])]
 
 
 def _structure(name: str, record: Any) -> list[Sheet]:
     """Structure with time (`time`, `signals.values`, `signals.label`), or any structure of vectors."""
     fields = record.dtype.names
-    if "signals" in fields and "time" in fields:
-        time = _number(record["time"])
+    if "signals" in fields:
+        time = _number(record["time"]) if "time" in fields else None
         signals = record["signals"]
         if isinstance(signals, np.ndarray) and signals.dtype.names and "values" in signals.dtype.names:
-            columns: list[tuple[str, NDArray[Any]]] = []
             length = 0 if time is None else time.size
-            for k, signal in enumerate(signals.reshape(-1)):
-                values = _number(signal["values"])
-                if values is None:
-                    continue
-                table = values if values.shape[0] == length or not length else values.T
-                table = table.reshape(len(table), -1)
-                label = _text(signal["label"]) if "label" in signals.dtype.names else ""
-                label = label or (f"signal{k + 1}" if len(signals.reshape(-1)) > 1 or table.shape[1] > 1 else "output")
-                if table.shape[1] == 1:
-                    columns.append((label, table[:, 0]))
-                else:
-                    columns.extend((f"{label} {j + 1}", table[:, j]) for j in range(table.shape[1]))
+            every = signals.reshape(-1)
+            columns = [
+                column
+                for k, signal in enumerate(every)
+                for column in _signal(k, signal, signals.dtype.names, length, len(every) == 1)
+            ]
             if time is not None:
-                columns.insert(0, ("time", time.reshape(-1)))
+                clock = time.reshape(-1)
+                columns = [("time", clock), *(c for c in columns if not np.array_equal(c[1], clock))]
             columns = [column for column in columns if len(column[1]) == len(columns[0][1])]
-            return [_sheet(name, columns)] if columns else []
+            if not columns:
+                return []
+            return [replace(_sheet(name, _apart(columns)), clock=None if time is None else 0)]
     inside = {field: record[field] for field in fields}
     return [
         Sheet(f"{name}.{sheet.name}".rstrip("."), sheet.columns, sheet.load, sheet.units) for sheet in sheets_of(inside)

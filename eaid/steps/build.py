@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from eaid.apparatus import Apparatus
+from eaid.arrays import read_only
 from eaid.errors import DataError, UsageError
 from eaid.logs.run import Kind, Run
 from eaid.steps.average import common
@@ -27,6 +28,8 @@ class StepOptions:
     """`30:100` or `30,40,90`: levels to keep."""
     keep_baseline: bool = False
     """Leave the idle output in; default: it is subtracted."""
+    rest: float = 0.0
+    """Input at rest, in the input's unit: levels are counted from it."""
     apparatus: Apparatus | None = None
     """The rig; None: as the dataset says, else the paper's."""
 
@@ -61,13 +64,20 @@ def same_level(a: float, b: float) -> bool:
     return abs(a - b) <= max(1e-2 * max(abs(a), abs(b)), 1e-12)
 
 
+def from_rest(run: Run, rest: float) -> Run:
+    """A log whose input is counted from its value at rest; a run that is cut already stays as it is."""
+    if rest == 0.0 or run.cut or np.isnan(run.input).all():
+        return run
+    return replace(run, input=read_only(run.input - rest), notes=(*run.notes, f"levels counted from rest at {rest:g}"))
+
+
 def cut_runs(runs: Sequence[Run], options: StepOptions) -> tuple[list[Run], list[str]]:
     """The steps of all logs, repeats counted, and the faults of those that have none."""
     steps: list[Run] = []
     faults: list[str] = []
     for run in runs:
         try:
-            found = cut(run, options.keep_baseline)
+            found = cut(from_rest(run, options.rest), options.keep_baseline)
             if not run.cut:
                 found = _long_enough(found)
             else:
@@ -236,7 +246,11 @@ def stepset_of(cut_steps: Sequence[Run], options: StepOptions = NOTHING_SAID) ->
     sets: list[str] = []
     rising = [_level(members, warnings) for _, members in groups["rising"]]
     if not rising:
-        raise DataError("no log holds a step from rest; record one from zero input")
+        held = {f"{run.from_level:.3g} to {run.level or 0:.3g}" for run in cut_steps if run.edge == "rising"}
+        goes = f" (the input goes from {', '.join(sorted(held)[:3])} {input_unit})" if held else ""
+        raise DataError(
+            f"no log holds a step from rest{goes}; record one from zero, or give the input at rest with --rest"
+        )
     counts = {len(level.names) for level in rising}
     if len(counts) > 1:
         few = min(counts)

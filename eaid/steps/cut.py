@@ -15,6 +15,8 @@ from eaid.arrays import Array, read_only
 from eaid.errors import DataError
 from eaid.logs.run import Run
 
+OFFSET = 0.05
+"""Share of its largest value within which a measured input counts as zero."""
 FEWEST = 10
 """Samples in the active window below which a step is refused (CONTRACT.md)."""
 
@@ -148,6 +150,8 @@ def _cut_by_input(run: Run, where: str) -> list[Run]:
     found, bridged = bridge(plateaus(run.input))
     _check_stands_still(found, len(run.input), where)
     zero = tolerance(run.input)
+    if run.input_unit != "%":  # a commanded duty is exact, a measured input has an offset
+        zero = max(zero, OFFSET * float(np.abs(run.input).max()))
     if len(found) < 2:
         raise DataError(f"{where}: the input stays at {found[0].level:g} {run.input_unit}: no step; {_NO_STEP}")
     notes = run.notes
