@@ -1,0 +1,57 @@
+"""A short run of benchmarks/coverage.py: wide binomial bands, but the textbook's intervals fall far outside them."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+SETS = 24
+
+
+@pytest.fixture(scope="module")
+def base(sets: Any) -> Any:
+    return sets.measure(sets.VARIANTS["base"], SETS, first=10_000)
+
+
+def band(values: np.ndarray, independent: float) -> tuple[float, float]:
+    """Three standard errors about 95 % for so many independent intervals."""
+    error = 300 * np.sqrt(0.95 * 0.05 / independent)
+    return 95 - error, min(100.0, 95 + error)
+
+
+@pytest.mark.parametrize("name", ["Ts", "tau1", "tau2"])
+def test_single_levels_hold(base: Any, name: str) -> None:
+    low, high = band(base.ours[f"level {name}"], SETS * 4)
+    assert low <= base.ours[f"level {name}"].mean() <= high
+
+
+@pytest.mark.parametrize("name", ["Ts", "tau1", "tau2"])
+def test_two_stage_curves_hold(base: Any, name: str) -> None:
+    low, _ = band(base.ours[f"two-stage {name}"], SETS * 2)
+    assert base.ours[f"two-stage {name}"].mean() >= low
+
+
+@pytest.mark.parametrize("name", ["a0", "b0", "c0", "B_m", "B_M"])
+def test_linear_model_holds(base: Any, name: str) -> None:
+    assert base.ours[f"linear {name}"][0] >= band(np.array([]), SETS)[0]
+
+
+def test_the_textbook_does_not(base: Any) -> None:
+    assert base.textbook["level Ts"].mean() < 40
+    assert base.textbook["level tau1"].mean() < 50
+    assert base.textbook["joint tau2"].mean() < 40
+    assert base.textbook["linear B"].mean() < 70
+
+
+def test_half_widths_are_those_of_the_page(base: Any) -> None:
+    """UNCERTAINTY.md: 3.7, 6.7 and 17 % for pooled levels, 2.0, 2.8 and 8 % for the two-stage curves."""
+    wanted = {"level Ts": 3.7, "level tau1": 6.7, "level tau2": 17, "two-stage Ts": 2.0, "two-stage tau1": 2.8}
+    for key, width in wanted.items():
+        assert base.widths[key] == pytest.approx(width, rel=0.3), key
+
+
+def test_one_run_a_level_gives_the_curve(sets: Any) -> None:
+    single = sets.measure(sets.VARIANTS["single"], 12, first=20_000)
+    for name in ("Ts", "tau1", "tau2"):
+        assert single.ours[f"two-stage {name}"].mean() >= 85
+    assert single.textbook["level Ts"].mean() < 50
