@@ -51,10 +51,10 @@ class Sheet:
     """Sample rate said by the file, for tables without a time column [Hz]."""
     starts_s: float = 0.0
     """First time of a table without a time column [s]."""
-    clock: int | None = None
-    """Column of the time, where the format itself says which it is."""
     said: Mapping[str, str] = field(default_factory=dict)
     """Facts told in comment lines or properties (`synthetic`, `level`, …)."""
+    clock: int | None = None
+    """Column of the time, where the format itself says which it is."""
 
     def unit(self, column: int) -> str:
         """Unit of a column as the file says it apart from its name; empty where it does not."""
