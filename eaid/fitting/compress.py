@@ -76,14 +76,15 @@ def _uniform(n: int, m: int) -> tuple[Array, Array, Array]:
     return orthonormal(np.arange(n, dtype=np.float64), m)
 
 
-def compress(times_s: Sequence[Array], outputs: Sequence[Array], m: int = POINTS_PER_BLOCK) -> Points:
+def compress(
+    times_s: Sequence[Array], outputs: Sequence[Array], together: Array | None = None, m: int = POINTS_PER_BLOCK
+) -> Points:
     """Points of all levels; times and outputs of shape (n_l,) each, times rising.
 
-    Levels on one uniform grid share their nodes; irregular grids have blocks of their own.
+    Levels on one grid share their nodes: `together` then holds the outputs as one array, (L, n).
     """
-    first = times_s[0]
-    if all(t is first or np.array_equal(t, first) for t in times_s[1:]):
-        t, y, w = _compress_grid(first, np.asarray(outputs), m)
+    if together is not None:
+        t, y, w = _compress_grid(times_s[0], together, m)
         return Points(t[None], y, w[None])
     parts = [_compress_grid(t, y[None], m) for t, y in zip(times_s, outputs, strict=True)]
     longest = max(len(t) for t, _, _ in parts)

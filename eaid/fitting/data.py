@@ -8,7 +8,7 @@ import numpy as np
 
 from eaid.arrays import Array
 from eaid.fitting.compress import Points, compress
-from eaid.fitting.kernel import Record
+from eaid.fitting.kernel import Record, full_sums
 from eaid.steps.stepset import Level
 
 
@@ -21,6 +21,8 @@ class Data:
     records: tuple[Record, ...]
     weights: Array
     """Weight of each level's squared residuals, shape (L,); ones unless the user weights by spread."""
+    together: Array | None = None
+    """The curves as one array, (L, n), where all share one grid; `records` are its rows then."""
 
     @property
     def samples(self) -> int:
@@ -41,26 +43,39 @@ class Data:
     @cached_property
     def points(self) -> Points:
         """The compressed curves."""
-        return compress([r.t_s for r in self.records], [r.y for r in self.records])
+        return compress([r.t_s for r in self.records], [r.y for r in self.records], self.together)
+
+    def sums(self, theta: Array) -> tuple[Array, Array]:
+        """Squared residuals of each level over every sample, (L,), and their gradient by θ, (4, L)."""
+        return full_sums(theta, self.records, self.together)
 
     def one(self, index: int) -> "Data":
         """One level of it, with weight 1."""
-        alone = Data(self.u[index : index + 1], self.records[index : index + 1], np.ones(1))
-        if "points" in self.__dict__:
-            p = self.points
-            row = slice(index, index + 1)
-            mine = Points(p.t_s if len(p.t_s) == 1 else p.t_s[row], p.y[row], p.w if len(p.w) == 1 else p.w[row])
-            alone.__dict__["points"] = mine
+        row = slice(index, index + 1)
+        together = None if self.together is None else self.together[row]
+        alone = Data(self.u[row], self.records[row], np.ones(1), together)
+        p = self.points
+        alone.__dict__["points"] = Points(
+            p.t_s if len(p.t_s) == 1 else p.t_s[row], p.y[row], p.w if len(p.w) == 1 else p.w[row]
+        )
         return alone
 
 
 def data_of(levels: Sequence[Level], weights: Array | None = None) -> Data:
-    """The mean curves of some levels; times of equal grids are shared."""
-    return Data(
-        np.array([level.level for level in levels], dtype=np.float64),
-        tuple(Record(level.time_s, level.mean_nm, level.uniform) for level in levels),
-        np.ones(len(levels)) if weights is None else weights,
+    """The mean curves of some levels; those on one grid share their times."""
+    u = np.array([level.level for level in levels], dtype=np.float64)
+    weights = np.ones(len(levels)) if weights is None else weights
+    first = levels[0]
+    alike = all(
+        level.time_s is first.time_s or (level.uniform and np.array_equal(level.time_s, first.time_s))
+        for level in levels
     )
+    if not alike:
+        return Data(u, tuple(Record(one.time_s, one.mean_nm, one.uniform) for one in levels), weights)
+    together = np.empty((len(levels), len(first.time_s)))
+    for row, level in zip(together, levels, strict=True):
+        np.matmul(np.full((1, len(level.runs_nm)), 1 / len(level.runs_nm)), level.runs_nm, out=row[None])
+    return Data(u, tuple(Record(first.time_s, row, first.uniform) for row in together), weights, together)
 
 
 def spread_weights(levels: Sequence[Level]) -> Array:

@@ -8,13 +8,12 @@ import numpy as np
 
 from eaid.arrays import Array
 from eaid.errors import DataError, UsageError
-from eaid.fitting import robust
+from eaid.fitting import kernel, robust
 from eaid.fitting.data import Data, data_of, spread_weights
 from eaid.fitting.friction import friction_fit, refuse_empty
-from eaid.fitting.kernel import full_sums
 from eaid.fitting.levels import fit_levels
 from eaid.fitting.linear import bounds_of, by_convention, fit_linear, fit_own_levels, linear_residuals
-from eaid.fitting.nonlinear import Solution, fit_nonlinear, full_value
+from eaid.fitting.nonlinear import Solution, fit_nonlinear, full_residuals
 from eaid.fitting.options import ALLOWED, CONVENTIONS, FitOptions, check
 from eaid.fitting.release import release_fit
 from eaid.fitting.result import Fit, FrictionFit, LevelError, LevelFit, LinearFit, NonlinearFit
@@ -98,7 +97,7 @@ def fit_curves(data: Data, options: FitOptions) -> tuple[list[LevelFit], dict[st
 
     def residuals(fits: list[LevelFit], on: Data) -> list[Array]:
         theta = np.array([[f.curve.Ts, f.curve.tau1, f.curve.tau2, f.curve.C] for f in fits]).T
-        return full_sums(theta, on.records)[2]
+        return kernel.residuals(theta, on.records)
 
     fits, info = robust.minimise(data, options.loss, lambda d: fit_levels(d, options.share), residuals)
     if info is not None:
@@ -134,7 +133,7 @@ def nonlinear_fit(data: Data, options: FitOptions, held: Sequence[Level] = ()) -
     """The nonlinear model with its errors per level and on the held-out levels."""
 
     def residuals(solved: Solution, on: Data) -> list[Array]:
-        return full_value(solved.x, on, solved.basis)[2]
+        return full_residuals(solved.x, on, solved.basis)
 
     solution, info = robust.minimise(data, options.loss, lambda d: fit_nonlinear(d, options.share), residuals)
     p = solution.parameters

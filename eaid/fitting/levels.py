@@ -4,7 +4,7 @@ import numpy as np
 
 from eaid.arrays import Array
 from eaid.fitting.data import Data
-from eaid.fitting.kernel import full_sums, level_curvature, level_sums
+from eaid.fitting.kernel import level_curvature, level_sums
 from eaid.fitting.result import LevelFit, Solver
 from eaid.fitting.solver import PROMISE, ROUNDING, EndPoint, Problem, polish, slsqp
 from eaid.models.friction import grid_minima, tau_grid
@@ -17,22 +17,27 @@ RECORDS = 1e6
 RECORDS_FREE = 100.0
 """The same where C is free: T_s then grows with τ2, for the slow part is a straight line of a given slope."""
 LEAST_LOG, MOST_LOG = np.log(1e-9), np.log(1e12)
+APART = 3
+"""Grid steps between the starting τ1 and τ2: a start with both alike would stay so."""
 SHARES = (0.3, 0.5, 0.7, 0.85, 0.95)
 """Where a free C starts from."""
 
 
-def starting_curves(data: Data, share: float, grid_size: int = 20) -> Array:
+def starting_curves(data: Data, share: float, enough: float = 1e-12, grid_size: int = 20) -> Array:
     """θ = (T_s, τ1, τ2, C) of every level, shape (4, L): best pair on a log grid, then a few damped Newton steps."""
     points = data.points
     times = points.t_s if len(points.t_s) == len(points.y) else points.t_s[:1]
     grid = np.maximum(tau_grid(times[points.w[: len(times)] > 0], grid_size), 1.01 * TAU1_LEAST_S)
-    tau1, tau2, steady = grid_minima(times, points.y, points.w, np.unique(grid), share)
+    tau1, tau2, steady = grid_minima(times, points.y, points.w, np.unique(grid), share, APART)
     theta = np.stack([steady, tau1, np.maximum(tau2, 1.01 * tau1), np.full_like(tau1, share)])
-    return refine(theta, data)
+    return refine(theta, data, enough=enough)
 
 
-def refine(theta: Array, data: Data, steps: int = 8) -> Array:
-    """Damped Gauss–Newton in (T_s, ln τ1, ln τ2) on every level at once; a level moves only where its cost falls."""
+def refine(theta: Array, data: Data, steps: int = 8, enough: float = 1e-12) -> Array:
+    """Damped Gauss–Newton in (T_s, ln τ1, ln τ2) on every level at once; a level moves only where its cost falls.
+
+    Ends when a step lowers no level's cost by more than `enough` of it.
+    """
     limit = RECORDS * data.longest_s
     cost, gradient = level_sums(theta, data.points)
     damping = np.full(len(cost), 1e-3)
@@ -49,7 +54,7 @@ def refine(theta: Array, data: Data, steps: int = 8) -> Array:
         tried[2] = np.clip(theta[2] * np.exp(np.clip(move[2], -2, 2)), tried[1], limit)
         found, slope = level_sums(tried, data.points)
         better = found < cost
-        done = np.max((cost - found)[better] / cost[better], initial=0.0) < 1e-12
+        done = np.max((cost - found)[better] / cost[better], initial=0.0) < enough
         theta = np.where(better, tried, theta)
         cost, gradient = np.where(better, found, cost), np.where(better, slope, gradient)
         damping = np.where(better, damping / 10, damping * 10)
@@ -73,7 +78,7 @@ def fit_level(data: Data, share: float | None, start: Array | None = None) -> Le
     best = min(ends, key=lambda end: end.cost)
     # The full data's own problem has the compressed curvature: only its gradient decides.
     end, promise, active = polish(problem, best, lambda x: _full(x, data, share))
-    at_bounds = tuple(problem.names[i] for i in active)
+    at_bounds = tuple(problem.names(i) for i in active)
     converged = promise <= PROMISE
     Ts, tau1, tau2, c = _theta(end.x, share).tolist()
     n = data.samples
@@ -138,7 +143,7 @@ def level_problem(data: Data, share: float | None, limit: float) -> Problem:
         curvature,
         A,
         np.array([b for _, b, _ in rows]),
-        tuple(name for *_, name in rows),
+        [name for *_, name in rows].__getitem__,
         exact,
         ROUNDING * data.energy,
     )
@@ -161,7 +166,7 @@ def _chain(gradient: Array, theta: Array) -> Array:
 
 def _full(x: Array, data: Data, share: float | None) -> tuple[float, Array]:
     theta = _theta(x, share)
-    cost, gradient, _ = full_sums(theta[:, None], data.records)
+    cost, gradient = data.sums(theta[:, None])
     return float(cost[0]), _chain(gradient[:, 0], theta)[: len(x)]
 
 

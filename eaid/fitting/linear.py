@@ -11,7 +11,7 @@ import numpy as np
 
 from eaid.arrays import Array
 from eaid.fitting.data import Data
-from eaid.fitting.kernel import decay, full_sums, level_curvature, level_sums
+from eaid.fitting.kernel import decay, level_curvature, level_sums
 from eaid.fitting.levels import verdict
 from eaid.fitting.result import Bounds, LinearLevel, Solver
 from eaid.fitting.solver import PROMISE, ROUNDING, EndPoint, Problem, polish, slsqp
@@ -61,7 +61,7 @@ def fit_first_order(data: Data, design: Array) -> FirstOrder:
         return np.block([[np.array([[corner]]), cross[None]], [cross[:, None], design.T @ (H[:, 0, 0, None] * design)]])
 
     def full(x: Array) -> tuple[float, Array]:
-        cost, gradient, _ = full_sums(theta(x), data.records)
+        cost, gradient = data.sums(theta(x))
         return float(weights @ cost), chain(gradient, x)
 
     A = np.zeros((2, 1 + design.shape[1]))
@@ -71,7 +71,7 @@ def fit_first_order(data: Data, design: Array) -> FirstOrder:
         lambda x: second(x, False),
         A,
         np.array([np.log(low), -np.log(high)]),
-        (f"1/a0 at {low:g} s", f"1/a0 at {high:g} s (1000 record lengths)"),
+        (f"1/a0 at {low:g} s", f"1/a0 at {high:g} s (1000 record lengths)").__getitem__,
         lambda x: second(x, True),
         ROUNDING * data.energy,
     )
@@ -90,7 +90,7 @@ def fit_first_order(data: Data, design: Array) -> FirstOrder:
             verdict(converged, promise),
             sum(e.evaluations for e in ends) + end.evaluations - best.evaluations,
             tuple(e.cost + end.cost - best.cost for e in ends),
-            tuple(problem.names[i] for i in active),
+            tuple(problem.names(i) for i in active),
             promise,
         ),
     )

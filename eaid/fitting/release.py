@@ -118,7 +118,7 @@ def _solve(data: Data, shares: Array) -> tuple[Array, Solver, Array]:
         lambda x: _projected(x, compressed, shares)[2],
         A,
         b,
-        names,
+        names.__getitem__,
         None,
         ROUNDING * data.energy,
     )

@@ -46,7 +46,7 @@ def _huber(
             Record(record.t_s, record.y + one - np.clip(one, -cut, cut), record.uniform)
             for record, one in zip(data.records, r, strict=True)
         )
-        solved = solve(replace(data, records=records))
+        solved = solve(replace(data, records=records, together=None))
         found = residuals(solved, data)
         moved = max(float(np.abs(a - b).max()) for a, b in zip(found, r, strict=True)) / sigma
         r = found

@@ -17,6 +17,8 @@ from eaid.arrays import Array
 
 FTOL = 1e-13
 """SLSQP's own stopping rule, relative to the cost at the start of the round."""
+SETTLED = 1e-12
+"""A start has ended where the Newton step promises less than this part of the cost."""
 PROMISE = 1e-9
 """A fit has converged where the Newton step would lower the cost by less than this part of it."""
 
@@ -35,8 +37,8 @@ class Problem:
     """x → positive semidefinite Gauss–Newton matrix of the cost, (n, n)."""
     A: Array
     b: Array
-    names: tuple[str, ...]
-    """What each row of A says, in words; shown where the row is active."""
+    names: Callable[[int], str]
+    """What a row of A says, in words; shown where the row is active."""
     exact: Callable[[Array], Array] | None = None
     """x → true second derivatives, (n, n), where they are known."""
     floor: float = 0.0
@@ -73,53 +75,60 @@ def whiten(curvature: Array) -> Array:
             ridge = 10 * ridge if ridge else 1e-13
 
 
-def slsqp(problem: Problem, start: Array, rounds: int = 3, maximum: int = 200) -> EndPoint:
-    """Solve from one start, whitened anew each round, until a round gains nothing; the start has to be feasible."""
-    x = start
-    cost = problem.value(x)[0]
-    evaluations = 1
+def slsqp(problem: Problem, start: Array, rounds: int = 4, maximum: int = 200) -> EndPoint:
+    """Solve from one feasible start, whitened anew each round, until a Newton step promises nothing more.
+
+    The first round leaves the constraints out; where it ends outside them, it is begun again with them.
+    """
+    x, evaluations, held = start, 1, False
+    cost, gradient = problem.value(x)
     for _ in range(rounds):
         if cost == 0.0:
             break
-        reached, used = _one_round(problem, x, cost, maximum)
+        curvature = problem.curvature(x)
+        if newton_step(problem, x, gradient, curvature).decrease <= SETTLED * cost:
+            break
+        reached, used = _one_round(problem, x, cost, curvature, held, maximum)
         evaluations += used
-        found = problem.value(reached)[0]
+        if not held and len(problem.b) and (problem.A @ reached - problem.b).min() < 0:
+            held = True
+            reached, used = _one_round(problem, x, cost, curvature, held, maximum)
+            evaluations += used
+            reached = _inside(problem, x, reached)
+        found, slope = problem.value(reached)
         if not found < cost:
             break
-        gained = cost - found
-        x, cost = reached, found
-        if gained <= 1e-10 * cost:
-            break
-        step = newton_step(problem, x, problem.value(x)[1], problem.curvature(x))
-        evaluations += 1
-        if step.decrease <= 1e-11 * cost:
-            break
+        x, cost, gradient = reached, found, slope
     return EndPoint(x, cost, evaluations)
 
 
-def _one_round(problem: Problem, x: Array, cost: float, maximum: int) -> tuple[Array, int]:
+def _one_round(
+    problem: Problem, x: Array, cost: float, curvature: Array, held: bool, maximum: int
+) -> tuple[Array, int]:
     # x − x0 = L'^(-1) z √cost: cost/cost(x0) then has curvature 1 in z, which is what SLSQP assumes at first.
-    back = np.linalg.inv(whiten(problem.curvature(x))).T * np.sqrt(cost)
+    back = np.linalg.inv(whiten(curvature)).T * np.sqrt(cost)
 
     def scaled(z: Array) -> tuple[float, Array]:
         value, gradient = problem.value(x + back @ z)
-        return value / cost, back.T @ gradient / cost
+        return value / cost, gradient @ back / cost
 
-    rows = problem.A @ back
-    size = np.linalg.norm(rows, axis=1)
-    size[size == 0] = 1.0
-    rows /= size[:, None]
-    slack = (problem.A @ x - problem.b) / size
-    held = {"type": "ineq", "fun": lambda z: rows @ z + slack, "jac": lambda _: rows}
+    constraints: tuple[dict[str, object], ...] = ()
+    if held:
+        rows = problem.A @ back
+        size = np.linalg.norm(rows, axis=1)
+        size[size == 0] = 1.0
+        rows /= size[:, None]
+        slack = (problem.A @ x - problem.b) / size
+        constraints = ({"type": "ineq", "fun": lambda z: rows @ z + slack, "jac": lambda _: rows},)
     end = minimize(  # type: ignore[call-overload]  # the stubs know no vector-valued constraint
         scaled,
         np.zeros(len(x)),
         jac=True,
         method="SLSQP",
-        constraints=[held] if len(slack) else (),
+        constraints=constraints,
         options={"ftol": FTOL, "maxiter": maximum},
     )
-    return _inside(problem, x, x + back @ end.x), int(end.nfev)
+    return x + back @ end.x, int(end.nfev)
 
 
 def _inside(problem: Problem, feasible: Array, x: Array) -> Array:
@@ -132,6 +141,16 @@ def _inside(problem: Problem, feasible: Array, x: Array) -> Array:
         return x
     part = float(np.max(slack[out] / (slack[out] - own[out])))
     return x + part * (feasible - x)
+
+
+def draw_in(x: Array, inner: Array, problem: Problem) -> Array:
+    """The point nearest to `x` on the line to a feasible `inner`, a little inside."""
+    slack, own = problem.A @ x - problem.b, problem.A @ inner - problem.b
+    out = slack < 0
+    if not out.any():
+        return x
+    part = float(np.max(slack[out] / (slack[out] - np.maximum(own[out], 1e-300))))
+    return x + min(1.0, 1.001 * part) * (inner - x)
 
 
 def newton_step(problem: Problem, x: Array, gradient: Array, curvature: Array) -> Step:

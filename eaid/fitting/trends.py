@@ -65,7 +65,7 @@ def _fit(form: str, s: Array, y: Array, starts: list[Array]) -> tuple[Array, boo
     else:
         A, b = np.array([[0, 0, -1.0], [0, 0, 1.0]]), np.array([-STEEPEST, -1.5 * STEEPEST])
         names = ("r at its steepest rise", "r at its steepest fall")
-    problem = Problem(value, curvature, A, b, names, None, ROUNDING * float(y @ y))
+    problem = Problem(value, curvature, A, b, names.__getitem__, None, ROUNDING * float(y @ y))
     best = min((slsqp(problem, start) for start in starts), key=lambda end: end.cost)
     end, promise, active = polish(problem, best, value)
     return end.x, promise <= PROMISE, tuple(names[i] for i in active)

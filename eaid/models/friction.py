@@ -51,8 +51,12 @@ def tau_grid(t_s: Array, n: int) -> Array:
     return np.geomspace(0.5 * float(positive.min()), 3.0 * float(positive.max()), n)
 
 
-def grid_minima(t_s: Array, torque_nm: Array, weights: Array, grid: Array, share: float) -> tuple[Array, Array, Array]:
+def grid_minima(
+    t_s: Array, torque_nm: Array, weights: Array, grid: Array, share: float, apart: int = 0
+) -> tuple[Array, Array, Array]:
     """τ1 ≤ τ2 of least cost on a grid, and their T_s ≥ 0, for L levels at once: three arrays of shape (L,).
+
+    The two are at least `apart` grid steps apart.
 
     `t_s`, `torque_nm`, `weights`: (L, n), or (1, n) times for all; padding has weight 0. For a pair of τ the amplitude
     is a linear solve, T_s = φ'y/φ'φ, and the cost falls by (φ'y)²/φ'φ; all pairs follow from the products of e^(−t/τ).
@@ -66,7 +70,7 @@ def grid_minima(t_s: Array, torque_nm: Array, weights: Array, grid: Array, share
     c, d = share, 1 - share
     square = c * c * own[:, :, None] + d * d * own[:, None, :] + 2 * c * d * gram
     inner = c * along[:, :, None] + d * along[:, None, :]
-    gain = np.where(np.triu(np.ones(gram.shape[1:], dtype=bool)), np.maximum(inner, 0) ** 2 / square, -1.0)
+    gain = np.where(np.triu(np.ones(gram.shape[1:], dtype=bool), apart), np.maximum(inner, 0) ** 2 / square, -1.0)
     best = gain.reshape(levels, -1).argmax(axis=1)
     first, second = np.unravel_index(best, gain.shape[1:])
     every = np.arange(levels)

@@ -1,0 +1,123 @@
+"""The unknowns of the joint fit: Legendre coefficients of τ1(u), τ2(u), T_s(u) over the levels, and their limits.
+
+Constraints, SPEC §3, at 101 equally spaced duties from the lowest to the highest level: τ1 ≥ 1 ms, τ2 ≥ τ1, T_s ≥ 0.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.polynomial import legendre, polynomial
+
+from eaid.arrays import Array
+from eaid.fitting.levels import RECORDS, RECORDS_FREE, TAU1_LEAST_S
+from eaid.models.parameters import Nonlinear
+
+DUTIES = 101
+"""Duties at which the constraints hold."""
+DEGREES = (3, 2, 2)
+"""Degrees of T_s, τ1, τ2."""
+HELD = ("τ1 = 1 ms", "τ2 = τ1", "T_s = 0", "τ2 endless")
+"""What the constraints say, in the order of their rows, 101 of each."""
+
+
+@dataclass(frozen=True, eq=False)
+class Basis:
+    """The map between the unknowns x and θ = (T_s, τ1, τ2, C) of each level: θ = M x + k."""
+
+    degrees: tuple[int, int, int]
+    """Of T_s, τ1, τ2; below (3, 2, 2) where the levels are too few."""
+    lowest: float
+    highest: float
+    free_share: bool
+    share: float
+
+    @property
+    def slices(self) -> tuple[slice, slice, slice]:
+        """Where the coefficients of T_s, τ1, τ2 lie in x."""
+        a, b, c = (degree + 1 for degree in self.degrees)
+        return slice(0, a), slice(a, a + b), slice(a + b, a + b + c)
+
+    @property
+    def size(self) -> int:
+        """Number of unknowns."""
+        return sum(self.degrees) + 3 + int(self.free_share)
+
+    def scaled(self, u: Array) -> Array:
+        """Duty mapped to −1…1 over the fitted levels."""
+        half = 0.5 * (self.highest - self.lowest)
+        return (np.asarray(u) - 0.5 * (self.highest + self.lowest)) / (half if half else 1.0)
+
+    def rows(self, u: Array) -> Array:
+        """M for some duties, shape (4, len(u), n); the row of C is its own unknown, or 0."""
+        M = np.zeros((4, len(u), self.size))
+        for k, (degree, part) in enumerate(zip(self.degrees, self.slices, strict=True)):
+            M[k, :, part] = legendre.legvander(self.scaled(u), degree)
+        if self.free_share:
+            M[3, :, -1] = 1.0
+        return M
+
+    def theta(self, x: Array, M: Array) -> Array:
+        """θ of the levels whose rows are M, shape (4, L)."""
+        theta = M @ x
+        if not self.free_share:
+            theta[3] = self.share
+        # Between the 101 duties a quadratic may dip a little below its floor; a level's τ is kept off zero there.
+        np.maximum(theta[1:3], 0.1 * TAU1_LEAST_S, out=theta[1:3])
+        return theta
+
+    def parameters(self, x: Array) -> Nonlinear:
+        """The polynomials in powers of the duty, lowest first, padded with zeros to the paper's degrees."""
+        half = 0.5 * (self.highest - self.lowest) or 1.0
+        line = np.array([-0.5 * (self.highest + self.lowest) / half, 1.0 / half])
+        found = []
+        for part, degree in zip(self.slices, DEGREES, strict=True):
+            inner = legendre.leg2poly(x[part])
+            powers = np.zeros(degree + 1)
+            total: Array = np.zeros(1)
+            term: Array = np.ones(1)
+            for coefficient in inner:
+                total = np.asarray(polynomial.polyadd(total, coefficient * term), dtype=np.float64)
+                term = np.asarray(polynomial.polymul(term, line), dtype=np.float64)
+            powers[: len(total)] = total
+            found.append(tuple(powers.tolist()))
+        Ts, tau1, tau2 = found
+        share = float(x[-1]) if self.free_share else self.share
+        return Nonlinear(tau1, tau2, Ts, (self.lowest, self.highest), share)
+
+    def unknowns(self, p: Nonlinear) -> Array:
+        """x of a model, by interpolation at as many duties as it has coefficients."""
+        x = np.zeros(self.size)
+        for part, degree, coefficients in zip(self.slices, self.degrees, (p.Ts, p.tau1, p.tau2), strict=True):
+            at = np.linspace(self.lowest, self.highest, degree + 1)
+            values = polynomial.polyval(at, np.array(coefficients))
+            x[part] = np.linalg.solve(legendre.legvander(self.scaled(at), degree), values)
+        if self.free_share:
+            x[-1] = p.C
+        return x
+
+
+def basis_of(u: Array, share: float | None) -> Basis:
+    """The basis that these levels allow: a polynomial has at most as many coefficients as there are levels."""
+    most = len(np.unique(u)) - 1
+    a, b, c = (min(degree, most) for degree in DEGREES)
+    return Basis((a, b, c), float(u.min()), float(u.max()), share is None, 0.85 if share is None else share)
+
+
+def constraints(basis: Basis, longest_s: float) -> tuple[Array, Array, Callable[[int], str]]:
+    """A x ≥ b at the 101 duties, and what each row says; τ2 ends at `RECORDS` times the longest record."""
+    limit = (RECORDS_FREE if basis.free_share else RECORDS) * longest_s
+    at = np.linspace(basis.lowest, basis.highest, DUTIES if basis.highest > basis.lowest else 1)
+    M = basis.rows(at)
+    A = np.concatenate([M[1], M[2] - M[1], M[0], -M[2]])
+    b = np.concatenate([np.full(len(at), TAU1_LEAST_S), np.zeros(2 * len(at)), np.full(len(at), -limit)])
+    if basis.free_share:
+        row = np.zeros((2, basis.size))
+        row[0, -1], row[1, -1] = 1.0, -1.0
+        A, b = np.vstack([A, row]), np.concatenate([b, [0.0, -1.0]])
+
+    def names(i: int) -> str:
+        which, where = divmod(i, len(at))
+        return ("C = 0", "C = 1")[where] if which == len(HELD) else f"{HELD[which]} at input {at[where]:g}"
+
+    return A, b, names
