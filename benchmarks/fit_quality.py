@@ -63,7 +63,7 @@ REFERENCE = np.array([0.00674, 2.39, -2.13, 0.93, 41.0, -26.4, 0.032, 0.92, 2.1,
 def random_plant(rng: np.random.Generator, tight: bool = False) -> Array:
     """Ten coefficients of (u/100)^k that keep the constraints, τ1 0.05…1 s, τ2 2…20 s, T_s rising.
 
-    `tight`: τ2 meets τ1 at the lowest level, or T_s is nearly 0 there, so that noise pushes the optimum against a constraint.
+    `tight`: τ2 meets τ1 at the lowest level, or T_s is nearly 0 there: noise pushes the optimum against a constraint.
     """
     while True:
         edges1 = np.exp(rng.uniform(np.log(0.05), np.log(1.0), 3))

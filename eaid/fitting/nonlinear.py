@@ -1,7 +1,7 @@
 """The nonlinear clutch model, Eqs. (4)–(7): ten coefficients of τ1(u), τ2(u), T_s(u) fitted together.
 
-The chain rule takes each level's sums to the unknowns of `basis`. Two starts come from the curves of single levels; where the
-data leave room for another minimum, many more are looked at together (`broad`).
+The chain rule takes each level's sums to the unknowns of `basis`. Two starts come from the curves of single levels;
+where the data leave room for another minimum, many more are looked at together (`broad`).
 """
 
 from collections.abc import Sequence

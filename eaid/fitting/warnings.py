@@ -4,8 +4,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from eaid.fitting.data import Data
 from eaid.fitting.basis import DEGREES
+from eaid.fitting.data import Data
 from eaid.fitting.result import Bounds, LinearLevel, Solver
 from eaid.models.nonlinear import time_constants
 from eaid.models.parameters import Linear, Nonlinear
