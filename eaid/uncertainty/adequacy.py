@@ -290,7 +290,7 @@ def _warnings(stepset: StepSet, levels: Sequence[Level]) -> list[str]:
         several = f" and at {len(falling) - 1} more levels" if len(falling) > 1 else ""
         said.append(
             f"the output overshoots and decays under hold: {100 * lost:.0f} % of its peak is lost by the end at "
-            f"{worst.level:g} {stepset.input_unit}{several}; no sum of rising exponentials shows that, "
+            f"{f'{worst.level:g} {stepset.input_unit}'.rstrip()}{several}; no sum of rising exponentials shows that, "
             "so T_s is an average and τ2 means nothing there"
         )
     return said

@@ -4,7 +4,7 @@ A parameter is not determined where its 95 % interval reaches further than a fac
 record; its range is then told from the profile of the cost, and beside it how well the torque curve itself is known.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -20,6 +20,7 @@ from eaid.uncertainty.student import t_quantile
 
 SYMBOLS = {"Ts": "T_s", "tau1": "τ1", "tau2": "τ2", "C": "C"}
 UNITS = {"Ts": "N·m", "tau1": "s", "tau2": "s", "C": ""}
+FAR_RECORDS = 10.0
 MERGED = "merged-exponential"
 
 
@@ -73,7 +74,9 @@ def parameter_range(ground: Ground, index: int, k: int) -> tuple[float, float]:
     own = float(np.mean(one.noise_nm**2)) / one.evidence.repeats
     # far from a parabola the linear V says nothing: the cost then rises by the noise's own, with its memory
     rise = min(rise, t**2 * own * _memory(ground, index))
-    low, high = profile_interval(points, one.curve, k, rise, ground.variance.shape[1] == 4)
+    # far beyond the record the cost is flat: start where it begins to be
+    curve = replace(one.curve, tau2=min(one.curve.tau2, FAR_RECORDS * one.evidence.duration_s))
+    low, high = profile_interval(points, curve, k, rise, ground.variance.shape[1] == 4)
     with np.errstate(over="ignore"):
         return float(np.exp(low)), float(np.exp(high))
 

@@ -24,6 +24,7 @@ from eaid.uncertainty.ground import Ground, from_evidence, ground, ground_at_sha
 from eaid.uncertainty.identifiability import friction_verdict, linear_verdict, nonlinear_verdict, scatter_words
 from eaid.uncertainty.joint import BLOCKS, with_white_covariance
 from eaid.uncertainty.levels import Parameter
+from eaid.uncertainty.noise import noise_json, noise_of
 from eaid.uncertainty.profile import profile_interval
 from eaid.uncertainty.student import t_quantile
 
@@ -35,6 +36,13 @@ METHODS: dict[str, str] = {
     "none": "no intervals",
 }
 """`--ci`, and what each says of itself."""
+
+
+BELIEVE = {
+    "joint": "the joint estimate",
+    "two-stage": "the two-stage estimate",
+    "neither": "neither of the two estimates",
+}
 
 
 @dataclass(frozen=True)
@@ -185,7 +193,7 @@ def _nonlinear(
         weights = None if fit.nonlinear.weights is None else np.array(fit.nonlinear.weights)
         joint, spare = with_white_covariance(found.joint, base.levels, weights)
         found = replace(found, joint=joint, joint_alone=joint, joint_degrees=spare)
-    says = nonlinear_part.agreement(found, base)
+    says = nonlinear_part.agreement(found, base, stepset.output_unit)
     result: dict[str, Any] = {**verdict, "agreement": says}
     if options.ci != "none":
         ci95 = nonlinear_part.coefficient_intervals(found.joint, found.joint_degrees)
@@ -250,6 +258,7 @@ def _summary(curves: Ground, options: IntervalOptions, words: list[str], judged:
             name: 100 * float(np.sqrt(a)) if np.isfinite(a) else None
             for name, a in zip(names, curves.between, strict=False)
         },
+        "noise": noise_json(noise_of(curves)),
         "words": words,
     }
     if options.ci == "bootstrap":
@@ -273,7 +282,7 @@ def _warnings(found: dict[str, Any], words: list[str], judged: Adequacy | None) 
     if part is not None and part["agreement"]["disagreements"]:
         says = part["agreement"]
         said += [one["words"] for one in says["disagreements"]]
-        said.append(f"believe the {says['believe']} estimate: {says['because']}")
+        said.append(f"believe {BELIEVE[says['believe']]}: {says['because']}")
     if judged is not None:
         said += judged.warnings
     return tuple(said)

@@ -29,7 +29,6 @@ PARAMETRISATION = "coefficients of (u/100 %)^k, lowest power first: tau1 [s], ta
 """What the rows and columns of `nonlinear.covariance.matrix` are."""
 ROW = {"tau1": 1, "tau2": 2, "Ts": 0}
 """Where the parameters of the curves stand among a level's (T_s, τ1, τ2)."""
-UNITS = {"tau1": "s", "tau2": "s", "Ts": "N·m"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -196,22 +195,22 @@ def errors_of(c: Coefficients, levels: tuple[Level, ...]) -> dict[str, Any]:
     }
 
 
-def agreement(found: Estimates, ground: Ground) -> dict[str, Any]:
+def agreement(found: Estimates, ground: Ground, output_unit: str) -> dict[str, Any]:
     """Where the joint estimate lies outside the two-stage intervals, and which to believe, in words."""
     if found.two_stage is None:
         word = "no two-stage estimate: no level alone determines all of its parameters; the joint fit stands alone"
         return {"disagreements": [], "believe": "joint", "because": word}
-    beyond = [_apart(found.joint, found.two_stage, found.two_stage_degrees, name, ground) for name in ROW]
+    beyond = [_apart(found.joint, found.two_stage, found.two_stage_degrees, name, ground, output_unit) for name in ROW]
     beyond = [one for one in beyond if one["levels"]]
     if not beyond:
         return {"disagreements": [], "believe": "either", "because": "the two estimates agree within their intervals"}
     weak = [name for name, k in ROW.items() if ground.known[:, k].sum() <= len(found.curves[name].coefficients)]
     if weak:
         because = (
-            f"too few levels determine {' and '.join(weak)} on their own, so two-stage has nothing to average; "
-            "the joint fit borrows from all levels"
+            f"too few levels determine {' and '.join(weak)} on their own for a curve through them, and the "
+            "joint fit makes up values there that no level supports"
         )
-        return {"disagreements": beyond, "believe": "joint", "because": because}
+        return {"disagreements": beyond, "believe": "neither", "because": because}
     gain = float(np.sqrt(max(np.nan_to_num(ground.between[0]), 0.0)))
     scattered = f"runs of one level differ by {100 * gain:.2g} % in T_s, and " if gain > 0.002 else ""
     because = (
@@ -221,7 +220,9 @@ def agreement(found: Estimates, ground: Ground) -> dict[str, Any]:
     return {"disagreements": beyond, "believe": "two-stage", "because": because}
 
 
-def _apart(joint: Coefficients, both: Coefficients, degrees: float, name: str, ground: Ground) -> dict[str, Any]:
+def _apart(
+    joint: Coefficients, both: Coefficients, degrees: float, name: str, ground: Ground, unit: str
+) -> dict[str, Any]:
     """Where one parameter's two curves part by more than the two-stage interval; the worst level in numbers."""
     duty = ground.duty_pct
     one, other = joint.at(name, duty), both.at(name, duty)
@@ -243,6 +244,6 @@ def _apart(joint: Coefficients, both: Coefficients, degrees: float, name: str, g
         "ci95": [low, high],
         "words": (
             f"{name} at {duty[i]:g}: joint {one[i]:.3g}, two-stage {other[i]:.3g} "
-            f"[{low:.3g}, {high:.3g}] {UNITS[name]}{own}"
+            f"[{low:.3g}, {high:.3g}] {unit if name == 'Ts' else 's'}{own}"
         ),
     }
