@@ -47,6 +47,8 @@ def show(result: dict[str, Any]) -> None:
             ["settling", f"{settling:.4g}" if settling < float("inf") else "never", "s", "2 % band"],
         ],
     )  # fmt: skip
+    if "optimized" in result:
+        _optimized(result["optimized"])
     timing = result["margins"]["timing"]
     latch = f"duty latched at {timing['pwm_hz']:g} Hz" if timing["pwm_hz"] else "duty not latched"
     console.table(
@@ -65,6 +67,29 @@ def show(result: dict[str, Any]) -> None:
             [f"{row['duty_pct']:.4g}", f"{row['torque_nm']:.3g}", *_margin(row["rc"]), *_margin(row["pi"])]
             for row in result["margins"]["points"]
         ],
+    )
+
+
+def _optimized(told: dict[str, Any]) -> None:
+    rows = [
+        ("RMS error", "rms_error_nm", "N·m"),
+        ("  of the worst plant", "worst_plant_rms_error_nm", "N·m"),
+        ("largest error", "max_abs_error_nm", "N·m"),
+        ("chattering", "mean_abs_duty_step_pct", "% duty per sample"),
+        ("at a limit", "saturated_fraction", "of the time"),
+        ("P's scale", "p_scale", ""),
+        ("ε", "epsilon", ""),
+        ("φ", "phi_honest_pct", "% duty"),
+        ("B̂", "B_hat", "%·s/(N·m)"),
+        ("K_P", "K_P", "1/s²"),
+        ("K_D", "K_D", "1/s"),
+    ]
+    before, after = told["before"], told["after"]
+    console.table(
+        f"Optimised on the {told['reference']}, {told['plants']} plants, noise {told['noise_nm']:.3g} N·m "
+        f"({told['noise_source']}), chattering up to {told['limit_pct']:.3g} %",
+        ["", "before", "after", "unit"],
+        [[name, f"{before[key]:.5g}", f"{after[key]:.5g}", unit] for name, key, unit in rows],
     )
 
 

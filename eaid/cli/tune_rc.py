@@ -53,6 +53,23 @@ RateHz = Annotated[float | None, typer.Option("--rate-hz", help="Control rate [H
 PwmHz = Annotated[
     float | None, typer.Option("--pwm-hz", help="Duty latched at this rate [Hz]; default: the fit's, else 300; 0: off.")
 ]
+Optimize = Annotated[
+    bool, typer.Option("--optimize", help="Choose P's scale, ε and φ for the least RMS error on the reference.")
+]
+Also = Annotated[
+    str | None,
+    typer.Option("--optimize-also", help="Chosen too, with commas: frequency (ω_n), b-hat. Implies --optimize."),
+]
+Plants = Annotated[int, typer.Option("--plants", help="Plants drawn from the fit's uncertainty for --optimize.")]
+NoiseNm = Annotated[
+    float | None, typer.Option("--noise-nm", help="Torque noise of --optimize, sd [N·m]; default: what the logs show.")
+]
+ChatterLimit = Annotated[
+    float | None,
+    typer.Option(
+        "--chatter-limit", help="Most mean |Δu| per sample [%]; default: that of the gains before --optimize."
+    ),
+]
 Unidentified = Annotated[
     bool, typer.Option("--allow-unidentified", help="Use a fit that is marked not identifiable; the result is marked.")
 ]
@@ -84,6 +101,11 @@ def command(
     duty_limits: Limits = "0,100",
     rate_hz: RateHz = None,
     pwm_hz: PwmHz = None,
+    optimize: Optimize = False,
+    optimize_also: Also = None,
+    plants: Plants = 16,
+    noise_nm: NoiseNm = None,
+    chatter_limit: ChatterLimit = None,
     allow_unidentified: Unidentified = False,
     output: Output = None,
     json: Json = False,
@@ -127,10 +149,20 @@ def command(
         anti_windup=anti_windup,  # type: ignore[arg-type]
         duty_limits_pct=_pair("--duty-limits", duty_limits), timing=timing,
     )  # fmt: skip
-    stepset = _logs(fitted, fit, data) if phi == "data" or data else None
+    optimize = optimize or optimize_also is not None
+    stepset = _logs(fitted, fit, data) if data or phi == "data" or (optimize and noise_nm is None) else None
     if phi == "data":
         options = _with_phi_from(fitted, options, str(fit), stepset)
+    told_of_search = None
+    if optimize:
+        noise = (noise_nm, "given") if noise_nm is not None else _noise(stepset)
+        search = _search(noise[0], chatter_limit, optimize_also, seed)
+        options, told_of_search = _optimized(fitted, options, str(fit), wanted, search, plants)
+        told_of_search = {"reference": reference_name, "noise_source": noise[1], **told_of_search}
     result = design(fitted, options, str(fit), stepset, slope)
+    if told_of_search is not None:
+        result["optimized"] = told_of_search
+        result["warnings"] += told_of_search.pop("warnings")
     _add_replay(result, fitted, wanted, reference_name, 1 / timing.rate_hz)
     if allow_unidentified and _unidentified(fitted):
         result["warnings"].insert(0, f"made from a fit that is not identifiable: {_unidentified(fitted)}")
@@ -152,6 +184,8 @@ def command(
 
 NAMED = ("multisine", "steps")
 """References that need no file."""
+USUAL_NOISE_NM = 0.01
+"""Torque noise where no log tells it [N·m]."""
 
 
 def _proportional(
@@ -292,6 +326,65 @@ def _add_replay(
             f"Q_M does not hold for the {name}: it rises at up to {told['slope_nm_s']:.4g} N·m/s, "
             f"Q_M is {result['rc']['Q_M']:g} N·m/s; --reference {name} takes it from there"
         )
+
+
+def _noise(stepset: "StepSet | None") -> tuple[float, str]:
+    """Torque noise for the search [N·m], and where it comes from."""
+    from eaid.control.noise import white_noise_nm
+
+    if stepset is not None and stepset.output_unit in ("N·m", "Nm"):
+        return white_noise_nm(stepset), "white part of what the logs show"
+    console.warn(
+        f"no logs to take the torque noise from: {USUAL_NOISE_NM:g} N·m is supposed; give --noise-nm or --data"
+    )
+    return USUAL_NOISE_NM, "supposed"
+
+
+def _search(noise_nm: float, limit: float | None, also: str | None, seed: int) -> Any:
+    from eaid.replay.optimize import ALSO, Search
+
+    chosen = tuple(name.strip() for name in (also or "").split(",") if name.strip())
+    for name in chosen:
+        if name not in ALSO:
+            raise UsageError(f"--optimize-also {name}: must be of {', '.join(ALSO)}")
+    if noise_nm < 0:
+        raise UsageError(f"--noise-nm {noise_nm:g}: must be 0 or above")
+    if limit is not None and not limit > 0:
+        raise UsageError(f"--chatter-limit {limit:g}: must be above 0")
+    return Search(noise_nm=noise_nm, limit_pct=limit, also=chosen, seed=seed)
+
+
+def _optimized(
+    fitted: dict[str, Any], options: "DesignOptions", source: str, wanted: "Reference | None", search: Any, plants: int
+) -> "tuple[DesignOptions, dict[str, Any]]":
+    """The options that the search ends at, and what it traded."""
+    from eaid.control.bounds import bounds_of, model_of
+    from eaid.control.design import plant_of
+    from eaid.control.operating import operating_points
+    from eaid.replay.optimize import SCATTER
+    from eaid.replay.optimize import optimize as search_for
+    from eaid.replay.references import multisine
+    from eaid.uncertainty.draw import covariance_word, draw_plants
+
+    if plants < 1:
+        raise UsageError(f"--plants {plants}: must be 1 or more")
+    plant = plant_of(fitted)
+    if plant is None:
+        raise DataError(f"{source}: holds no nonlinear model, which --optimize replays on; fit clutch data with it")
+    word = covariance_word(fitted)
+    drawn = [plant] if word else draw_plants(fitted, plants, search.seed)
+    model = model_of(fitted, source)
+    bounds = bounds_of(fitted, source, options.convention, options.levels, options.widen)
+    reference = wanted if wanted is not None else multisine(1 / options.timing.rate_hz)
+    points = operating_points(fitted, model, plant, bounds)
+    with console.progress("candidates", 1 + SCATTER + search.evaluations) as tick:
+        found = search_for(model, bounds, options, drawn, points, reference, search, tick)
+    told = {
+        "plants": len(drawn), "noise_nm": search.noise_nm, "also": list(search.also), "limit_pct": found.limit_pct,
+        "before": found.start.as_dict(), "after": found.best.as_dict(),
+        "warnings": [f"--optimize: {word}"] if word else [],
+    }  # fmt: skip
+    return found.best.law.options, told
 
 
 def _unidentified(fitted: dict[str, Any]) -> str:

@@ -104,7 +104,7 @@ def linear_lags(b: float, a: float) -> tuple[Lag, ...]:
 
 def margins(feedback: Feedback, lags: tuple[Lag, ...], timing: Timing) -> Margins:
     """Gain, delay and phase margin of one loop."""
-    phase, crossover_hz = _phase_margin(feedback, lags, timing)
+    phase, crossover_hz = phase_margin(feedback, lags, timing)
     if not is_stable(feedback, lags, timing):
         return Margins(False, -math.inf, 0.0, phase, crossover_hz)
     gain = _edge(lambda db: spectral_radius(feedback, lags, timing, 10 ** (db / 20), 0.0), 2.0, 80.0)
@@ -213,7 +213,7 @@ def _hold_response(omega: Array, hold_s: float) -> NDArray[np.complex128]:
     return np.asarray(np.sinc(omega * hold_s / (2 * math.pi)) * np.exp(-0.5j * omega * hold_s))
 
 
-def _phase_margin(feedback: Feedback, lags: tuple[Lag, ...], timing: Timing) -> tuple[float, float]:
+def phase_margin(feedback: Feedback, lags: tuple[Lag, ...], timing: Timing) -> tuple[float, float]:
     """Least phase margin [deg] over the crossovers, and that crossover [Hz]."""
     top = math.pi * min(timing.rate_hz, timing.pwm_hz or timing.rate_hz)
     omega = np.geomspace(1e-3, top, 1500)

@@ -1,0 +1,275 @@
+"""`tune-rc --optimize`: P's scale, ε and φ (ω_n and B̂ too, if asked) of least RMS torque error under a limit on
+chattering.
+
+A candidate is replayed on plants drawn from the fit's uncertainty, with the torque noise that the logs show:
+
+    cost          √(mean over plants and counted samples of e²)                       [N·m]
+    chattering    mean over plants and counted samples of |u_k − u_{k−1}|             [% duty]
+
+One that chatters more than the limit has P's scale lowered until it does not; one that misses 6 dB or 45° around an
+operating point, the duty latched, does not count. The search is in the logarithms of the parameters: a scatter of
+points around the start (seeded), then Nelder and Mead's simplex from the best two. Every replay meets the same noise,
+so that the cost is a function of the candidate.
+
+P's scale and ε enter the law as p/ε and γε only: along a line on which both stay as they are nothing changes.
+"""
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from eaid.arrays import Array
+from eaid.control.bounds import Bounds
+from eaid.control.law import Law, law_of
+from eaid.control.margins import ENOUGH_DB, ENOUGH_DEG, Lag, Timing, phase_margin, rc_feedback, spectral_radius
+from eaid.control.options import DesignOptions
+from eaid.control.rc import RCGains
+from eaid.control.robust import damping_gains, frequency_and_damping
+from eaid.errors import GainsError
+from eaid.models.parameters import Linear, Nonlinear
+from eaid.replay.many import replay_many
+from eaid.replay.plant import plant_parameters
+from eaid.replay.references import Reference
+from eaid.replay.rig import Rig
+from eaid.replay.standard import rc_controller
+
+Points = Sequence[tuple[float, float, tuple[Lag, ...]]]
+"""Duty [%], torque [N·m] and lags of each operating point."""
+SCATTER = 48
+"""Points of the first, scattered search."""
+RANGES = {"p_scale": 30.0, "epsilon": 10.0, "phi_honest_pct": 10.0, "frequency": 5.0, "b-hat": 3.0}
+"""Each parameter is scattered over the start's value times and through this factor."""
+ALSO = ("frequency", "b-hat")
+"""What may be chosen too, if asked: ω_n at the damping of the start, and B̂."""
+LOWERINGS = 6
+"""Runs to find the P's scale at which a candidate chatters just as much as it may."""
+NEARLY = 0.998
+"""… to this share of the limit, so that rounding does not lift it above."""
+NEAR = 2e-4
+"""Where the cost is flat the candidate near the start is taken: at the edge of a range it counts as this share more."""
+LEAST_PHI_PCT = 0.1
+"""φ below a tenth of a percent duty is none; the search needs a logarithm."""
+
+
+@dataclass(frozen=True)
+class Search:
+    """How `optimize` looks."""
+
+    noise_nm: float
+    """White noise on the measured torque [N·m]."""
+    limit_pct: float | None = None
+    """Most chattering allowed [% duty per sample]; None: that of the start."""
+    also: tuple[str, ...] = ()
+    """Of `ALSO`."""
+    evaluations: int = 160
+    """Candidates replayed after the scatter."""
+    seed: int = 0
+
+
+@dataclass(frozen=True)
+class Trial:
+    """A candidate and what it did on the plants."""
+
+    law: Law
+    rms_nm: float
+    """Over all plants and counted samples [N·m]."""
+    worst_rms_nm: float
+    """Of the worst plant [N·m]."""
+    max_nm: float
+    """Largest error on any plant [N·m]."""
+    chatter_pct: float
+    """Mean |Δu| per sample [% duty]."""
+    saturated: float
+    """Share of samples at a limit."""
+
+    def as_dict(self) -> dict[str, Any]:
+        """For gains.json."""
+        o, gains = self.law.options, self.law.gains
+        return {
+            "p_scale": o.p_scale, "epsilon": o.epsilon, "phi_honest_pct": self.law.phi_honest_pct, "B_hat": gains.B_hat,
+            "K_P": o.K_P, "K_D": o.K_D, "equal_pi": list(self.law.equal_pi),
+            "rms_error_nm": self.rms_nm, "worst_plant_rms_error_nm": self.worst_rms_nm, "max_abs_error_nm": self.max_nm,
+            "mean_abs_duty_step_pct": self.chatter_pct, "saturated_fraction": self.saturated,
+        }  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Found:
+    """The end of a search."""
+
+    start: Trial
+    best: Trial
+    limit_pct: float
+
+
+class Bench:
+    """Plants, reference and noise that every candidate is replayed on."""
+
+    def __init__(self, plants: Sequence[Nonlinear], reference: Reference, search: Search) -> None:
+        self._plants = [plant_parameters(plant) for plant in plants]
+        self._reference, self._search = reference, search
+        self._begin = round(reference.counted_from_s / reference.dt_s)
+
+    def run(self, gains: RCGains) -> tuple[Array, Array, Array, Array]:
+        """Mean square error, largest error, mean |Δu| and share saturated of each plant, shapes (N,)."""
+        count = len(self._plants)
+        table = np.zeros((4, count))
+        wanted = self._reference.torque_nm[self._begin :]
+
+        def visit(index: int, torque: Array, duty: Array) -> None:
+            error = np.abs(wanted - torque[self._begin :])
+            counted = duty[self._begin :]
+            table[0, index] = float(np.mean(error * error))
+            table[1, index] = float(error.max())
+            table[2, index] = float(np.abs(np.diff(counted)).mean())
+            table[3, index] = float(((counted <= gains.duty_min) | (counted >= gains.duty_max)).mean())
+
+        rig = Rig(noise_nm=self._search.noise_nm)
+        replay_many(
+            self._plants, rc_controller(gains), self._reference.torque_nm, rig, self._reference.dt_s, visit,
+            self._search.seed,
+        )  # fmt: skip
+        return table[0], table[1], table[2], table[3]
+
+
+def keeps_margins(gains: RCGains, points: Points, timing: Timing) -> bool:
+    """Whether the loop has 6 dB and 45° around every operating point, the duty latched."""
+    twice = 10 ** (ENOUGH_DB / 20)
+    for duty, torque, lags in points:
+        feedback = rc_feedback(gains, torque, duty)
+        # Half-way up as well: a loop that is unstable at its own gain may not slip through by being stable at twice it.
+        if any(spectral_radius(feedback, lags, timing, f, 0.0) >= 1 for f in (1.0, math.sqrt(twice), twice)):
+            return False
+        if phase_margin(feedback, lags, timing)[0] < ENOUGH_DEG:
+            return False
+    return True
+
+
+def optimize(
+    model: Linear, bounds: Bounds, start: DesignOptions, plants: Sequence[Nonlinear], points: Points,
+    reference: Reference, search: Search, tick: Callable[[], None] = lambda: None,
+) -> Found:  # fmt: skip
+    """Search from `start`; `tick` is called once a candidate, `1 + SCATTER + search.evaluations` times in all.
+
+    Raises GainsError where nothing that was tried keeps limit and margins.
+    """
+    bench = Bench(plants, reference, search)
+    first_law = law_of(model, bounds, start)
+    natural, damping = frequency_and_damping(start.K_P, start.K_D)
+    origin = {
+        "p_scale": start.p_scale,
+        "epsilon": start.epsilon,
+        "phi_honest_pct": max(first_law.phi_honest_pct, LEAST_PHI_PCT),
+        "frequency": natural,
+        "b-hat": first_law.gains.B_hat,
+    }
+    names = [name for name in origin if name in search.also or name not in ALSO]
+    centre = np.log([origin[name] for name in names])
+    width = np.log([RANGES[name] for name in names])
+    # γε stays at 5 or more, where the printed switch has no jump to speak of.
+    least_epsilon = min(5.0 / start.gamma, start.epsilon)
+
+    def options_at(x: Array) -> DesignOptions:
+        at = dict(zip(names, np.exp(centre + x * width).tolist(), strict=True))
+        K_P, K_D = damping_gains(at["frequency"], damping) if "frequency" in at else (start.K_P, start.K_D)
+        return replace(
+            start, p_scale=at["p_scale"], epsilon=max(at["epsilon"], least_epsilon), K_P=K_P, K_D=K_D,
+            phi_honest_pct=at["phi_honest_pct"], B_hat=at.get("b-hat", start.B_hat),
+        )  # fmt: skip
+
+    def trial_of(options: DesignOptions) -> Trial:
+        law = law_of(model, bounds, options)
+        square, largest, chatter, saturated = bench.run(law.gains)
+        return Trial(
+            law, math.sqrt(float(square.mean())), math.sqrt(float(square.max())), float(largest.max()),
+            float(chatter.mean()), float(saturated.mean()),
+        )  # fmt: skip
+
+    def within_limit(options: DesignOptions) -> Trial:
+        """The candidate itself, or with P's scale lowered until it chatters just as much as it may."""
+        trial = trial_of(options)
+        slope = 1.0  # of ln chattering over ln p; corrected by what the last two runs show
+        for _ in range(LOWERINGS):
+            if trial.chatter_pct <= limit:
+                break
+            goal = math.log(NEARLY * limit / trial.chatter_pct)
+            lower = trial_of(replace(options, p_scale=trial.law.options.p_scale * math.exp(goal / slope)))
+            fell = math.log(lower.chatter_pct / trial.chatter_pct)
+            slope = min(max(fell / (goal / slope), 0.2), 1.0)
+            trial = lower
+        return trial
+
+    first = trial_of(start)
+    tick()
+    limit = first.chatter_pct if search.limit_pct is None else search.limit_pct
+    allowed: list[tuple[float, Trial]] = []
+    if first.chatter_pct <= limit and keeps_margins(first_law.gains, points, start.timing):
+        allowed.append((first.rms_nm, first))
+
+    def cost(x: Array) -> float:
+        """RMS error; more than that of the start where the limit cannot be kept or a margin is missed."""
+        tick()
+        try:
+            trial = within_limit(options_at(x))
+        except GainsError:  # no ρ covers this B̂
+            return 100 * first.rms_nm
+        refused = trial.chatter_pct > limit
+        if trial.rms_nm < first.rms_nm or not allowed:
+            refused = refused or not keeps_margins(trial.law.gains, points, start.timing)
+        far = NEAR * float(x @ x) + float(np.maximum(np.abs(x) - 1.0, 0.0).sum())
+        judged = trial.rms_nm * (1 + far)
+        if not refused and (trial.rms_nm < first.rms_nm or not allowed):
+            allowed.append((judged, trial))
+        return judged + (10 * first.rms_nm if refused else 0.0)
+
+    random = np.random.default_rng(search.seed)
+    scattered = [np.zeros(len(names)), *random.uniform(-1, 1, (SCATTER - 1, len(names)))]
+    costs = [cost(x) for x in scattered]
+    for k in np.argsort(costs, kind="stable")[:2]:
+        simplex(cost, scattered[k], costs[k], 0.15, search.evaluations // 2)
+    if not allowed:
+        raise GainsError(
+            f"nothing that was tried chatters less than {limit:.3g} % duty per sample and keeps {ENOUGH_DB:g} dB and "
+            f"{ENOUGH_DEG:g}°; allow more with --chatter-limit"
+        )
+    best = min(allowed, key=lambda judged: judged[0])[1]
+    return Found(first, best, limit)
+
+
+def simplex(cost: Callable[[Array], float], start: Array, start_cost: float, size: float, evaluations: int) -> None:
+    """Nelder and Mead's search for `evaluations` calls; what it finds is what `cost` has seen."""
+    n = len(start)
+    points = [start, *(start + size * np.eye(n)[k] for k in range(n))]
+    costs = [start_cost, *(cost(x) for x in points[1:])]
+    left = evaluations - n
+    while left > 0:
+        order = np.argsort(costs, kind="stable")
+        points, costs = [points[k] for k in order], [costs[k] for k in order]
+        middle = np.mean(points[:-1], axis=0)
+        away = middle - points[-1]
+        reflected = middle + away
+        found = cost(reflected)
+        left -= 1
+        if found < costs[0] and left > 0:
+            further = middle + 2 * away
+            beyond = cost(further)
+            left -= 1
+            points[-1], costs[-1] = (further, beyond) if beyond < found else (reflected, found)
+        elif found < costs[-2]:
+            points[-1], costs[-1] = reflected, found
+        elif left > 0:
+            inner = middle + (0.5 if found < costs[-1] else -0.5) * away
+            within = cost(inner)
+            left -= 1
+            if within < min(found, costs[-1]):
+                points[-1], costs[-1] = inner, within
+            else:
+                for k in range(1, n + 1):
+                    if left <= 0:
+                        return
+                    points[k] = points[0] + 0.5 * (points[k] - points[0])
+                    costs[k] = cost(points[k])
+                    left -= 1
