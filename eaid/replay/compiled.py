@@ -23,10 +23,11 @@ from eaid.replay.controllers import Controller, Step
 from eaid.replay.plant import PlantParameters
 from eaid.replay.rig import RigNumbers
 
-STRICT: dict[str, Any] = {"error_model": "numpy", "nogil": True}
-"""Every operation rounded as plain Python rounds it."""
-VECTOR: dict[str, Any] = {**STRICT, "fastmath": {"contract"}, "forceinline": True}
-"""Multiply-adds rounded once, and every call inlined, without which no loop becomes vectors."""
+ALONE: dict[str, Any] = {"error_model": "numpy", "nogil": True, "fastmath": {"contract"}}
+"""A multiplication and the addition after it may be rounded once: in the last bits alone does the result differ from
+plain Python's."""
+VECTOR: dict[str, Any] = {**ALONE, "forceinline": True}
+"""Every call inlined, without which no loop becomes vectors."""
 
 
 @cache
@@ -98,11 +99,28 @@ def _run(
 
 
 @cache
+def kernel(function: Callable[..., Any]) -> Callable[..., Any]:
+    """A plain function of floats, arrays and tuples of them, and all that it calls, in machine code; the same bits."""
+    own = hashlib.sha256(Path(function.__code__.co_filename).read_bytes()).hexdigest()[:12]
+    copy = _copy(function, f"{function.__name__}_{own}_{_fingerprint()}", _callees(function))
+    try:
+        return numba.njit(cache=True, **ALONE)(copy)  # type: ignore[no-any-return]
+    except RuntimeError:  # no folder that numba may write to: compiled anew in every process
+        return numba.njit(**ALONE)(copy)  # type: ignore[no-any-return]
+
+
+def _callees(function: Callable[..., Any]) -> dict[str, Any]:
+    """The plain functions that a function names, compiled."""
+    named = {name: function.__globals__.get(name) for name in function.__code__.co_names}
+    return {name: _compiled(callee, ALONE) for name, callee in named.items() if isinstance(callee, FunctionType)}
+
+
+@cache
 def one(law: Step) -> Callable[..., tuple[float, float]]:
     """`closed_loop` of one law in machine code: the same arguments without the law, arrays in place of lists; the
     same bits."""
-    around = loop.loop_of(_compiled(law, STRICT))
-    return _entry(_run, law, STRICT, {"closed_loop": _compiled(around, STRICT)})  # type: ignore[no-any-return]
+    around = loop.loop_of(_compiled(law, ALONE))
+    return _entry(_run, law, ALONE, {"closed_loop": _compiled(around, ALONE)})  # type: ignore[no-any-return]
 
 
 def _run_sixteen(
@@ -129,7 +147,7 @@ def sixteen(law: Step, state: Callable[[float], Any]) -> Callable[..., None]:
     exponential = numba.njit(**VECTOR)(lanes.expm1_to_minus_one)
     vector_step = _compiled(plant.plant_step, VECTOR, math=_math(expm1=exponential))
     vector_law = _compiled(law, VECTOR, math=_math(tanh=numba.njit(**VECTOR)(lanes.no_tanh)))
-    again = _compiled(lanes.again_of(_compiled(law, STRICT), state), STRICT)
+    again = _compiled(lanes.again_of(_compiled(law, ALONE), state), ALONE)
     around = lanes.block_of(vector_law, again, state)
     return _entry(_run_sixteen, law, VECTOR, {"block": _compiled(around, VECTOR, plant_step=vector_step)})  # type: ignore[no-any-return]
 
