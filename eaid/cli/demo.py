@@ -62,7 +62,12 @@ def command(
     console.be_quiet(quiet)
     page = output / "report.html"
     if json:
-        console.print_json({"page": str(page), "files": sorted(str(path.relative_to(output)) for path in output.rglob("*") if path.is_file())})
+        console.print_json(
+            {
+                "page": str(page),
+                "files": sorted(str(path.relative_to(output)) for path in output.rglob("*") if path.is_file()),
+            }
+        )
     console.say(f"done: open {page} in a browser")
 
 

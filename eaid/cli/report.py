@@ -10,9 +10,17 @@ from eaid.cli.options import Force, Json, Output, Quiet
 
 
 def command(
-    files: Annotated[list[Path], typer.Argument(help="Any of fit.json, gains.json, replay.h5, data.h5; two fits of one kind are compared.", show_default=False)],
+    files: Annotated[
+        list[Path],
+        typer.Argument(
+            help="Any of fit.json, gains.json, replay.h5, data.h5; two fits of one kind are compared.",
+            show_default=False,
+        ),
+    ],
     output: Output = None,
-    format: Annotated[str | None, typer.Option("--format", help="Figures as pdf and svg too: pdf,svg. PNG is always written.")] = None,
+    format: Annotated[
+        str | None, typer.Option("--format", help="Figures as pdf and svg too: pdf,svg. PNG is always written.")
+    ] = None,
     json: Json = False,
     quiet: Quiet = False,
     force: Force = False,
@@ -41,4 +49,6 @@ def command(
         console.say(f"left out {name}: {made_by}")
     console.say(f"{made.page}: {len(made.figures)} figures")
     if json:
-        console.print_json({"page": str(made.page), "figures": list(made.figures), "missing": [list(pair) for pair in made.missing]})
+        console.print_json(
+            {"page": str(made.page), "figures": list(made.figures), "missing": [list(pair) for pair in made.missing]}
+        )

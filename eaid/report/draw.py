@@ -11,7 +11,8 @@ from matplotlib.figure import Figure
 from eaid.errors import UsageError
 from eaid.files import written_whole
 from eaid.report import style
-from eaid.report.catalogue import FIGURES, Ready, Row
+from eaid.report.available import Ready
+from eaid.report.catalogue import FIGURES, Row
 from eaid.report.results import Results
 
 FORMATS = ("png", "pdf", "svg")

@@ -1,7 +1,7 @@
 """Time plots that can be zoomed and read off by hovering: Bokeh documents as JSON, drawn by the script inside the page.
 
-Bokeh, because its script (1.27 MB) is a quarter of plotly's (4.8 MB), and it lies in the package that pip installs. A plot
-is a JSON document; colours for light and dark are told apart in it, so that the page can switch them.
+Bokeh, because its script (1.27 MB) is a quarter of plotly's (4.8 MB) and lies in the package that pip installs. A plot
+is a JSON document; beside it stand the colours that change between light and dark.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -11,7 +11,8 @@ from typing import Any
 
 import numpy as np
 from bokeh.document import Document
-from bokeh.models import ColumnDataSource, HoverTool, Legend, Range1d
+from bokeh.models import ColumnDataSource, HoverTool, Range1d
+from bokeh.models.annotations import Legend
 from bokeh.models.layouts import Column
 from bokeh.plotting import figure
 
@@ -60,12 +61,23 @@ class Plot:
         self.panels.append(p)
         return p
 
-    def line(self, p: Any, t: Array, y: Array, name: str, colours: tuple[str, str], dash: str = "solid", legend: str | None = None) -> None:
+    def line(
+        self,
+        p: Any,
+        t: Array,
+        y: Array,
+        name: str,
+        colours: tuple[str, str],
+        dash: str = "solid",
+        legend: str | None = None,
+    ) -> None:
         """Draw a curve, thinned, with the name that hovering shows."""
         keep = thinned_at(y, LINE_POINTS)
         # Text once for the whole line: a column of names would weigh more than the numbers.
         source = ColumnDataSource({"x": t[keep].astype(np.float32), "y": y[keep].astype(np.float32)}, name=name)
-        drawn = p.line("x", "y", source=source, line_width=1.6, line_dash=dash, **({"legend_label": legend} if legend else {}))
+        drawn = p.line(
+            "x", "y", source=source, line_width=1.6, line_dash=dash, **({"legend_label": legend} if legend else {})
+        )
         drawn.name = name
         drawn.nonselection_glyph = None
         drawn.selection_glyph = None
@@ -90,11 +102,13 @@ class Plot:
         document = Document()
         root = self.panels[0] if len(self.panels) == 1 else Column(children=self.panels, sizing_mode="stretch_width")
         document.add_root(root)
-        return _renumbered({"doc": document.to_json(deferred=False), "root": root.id, "themed": [list(item) for item in self.themed]})
+        return _renumbered(
+            {"doc": document.to_json(deferred=False), "root": root.id, "themed": [list(item) for item in self.themed]}
+        )
 
 
 def _renumbered(plot: dict[str, Any]) -> dict[str, Any]:
-    """The same plot with model ids counted from 1: Bokeh counts on through a process, and bytes are to stay the same."""
+    """The same plot with model ids counted from 1: Bokeh counts on through a process, and bytes have to be the same."""
     names: dict[str, str] = {}
 
     def learn(value: Any) -> None:
@@ -109,7 +123,10 @@ def _renumbered(plot: dict[str, Any]) -> dict[str, Any]:
 
     def rename(value: Any) -> Any:
         if isinstance(value, dict):
-            return {key: names.get(item, item) if key == "id" and isinstance(item, str) else rename(item) for key, item in value.items()}
+            return {
+                key: names.get(item, item) if key == "id" and isinstance(item, str) else rename(item)
+                for key, item in value.items()
+            }
         return [rename(item) for item in value] if isinstance(value, list) else value
 
     learn(plot["doc"])
@@ -130,7 +147,10 @@ def _level_pairs(n: int) -> list[tuple[str, str]]:
 
 
 def steps(
-    levels: Sequence[tuple[str, Array, Array]], fitted: Sequence[Callable[[Array], Array] | None], quantity: str, unit: str
+    levels: Sequence[tuple[str, Array, Array]],
+    fitted: Sequence[Callable[[Array], Array] | None],
+    quantity: str,
+    unit: str,
 ) -> dict[str, Any]:
     """Step responses: name, time [s] and mean of each level, its model beside it."""
     plot = Plot()
@@ -149,7 +169,7 @@ def steps(
     words = ColumnDataSource({"x": [1.01 * longest] * len(ends), "y": placed, "text": [name for _, name in ends]})
     text = p.text("x", "y", text="text", source=words, text_font_size="12px", text_baseline="middle")
     plot.themed.append((text.glyph.id, "text_color", *INK))
-    p.x_range = Range1d(0, 1.13 * longest)
+    p.x_range = Range1d(start=0, end=1.13 * longest)
     return plot.finish()
 
 

@@ -15,8 +15,10 @@ from markupsafe import Markup, escape
 
 from eaid import __version__
 from eaid.report import live, sections
+from eaid.report.again import commands
 from eaid.report.catalogue import FIGURES, Row
 from eaid.report.draw import Drawn
+from eaid.report.glossary import GLOSSARY
 from eaid.report.results import Results, synthetic_of
 from eaid.report.trust import verdict
 
@@ -46,7 +48,11 @@ def page(results: Results, drawn: Sequence[Drawn], missing: Sequence[Row]) -> st
     library = live.script() if any(one.ready.live for one in drawn) else ""
     starter = _asset("page.js")
     environment = Environment(
-        loader=PackageLoader("eaid.report"), autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
+        loader=PackageLoader("eaid.report"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
     )
     environment.filters["sign"] = signs
     made_by = synthetic_of(results)
@@ -60,8 +66,8 @@ def page(results: Results, drawn: Sequence[Drawn], missing: Sequence[Row]) -> st
         inputs=sections.inputs(results),
         figures=figures,
         missing=_missing(missing),
-        again=sections.commands(results),
-        glossary=sections.GLOSSARY,
+        again=commands(results),
+        glossary=GLOSSARY,
         style=Markup(_asset("page.css")),
         # Our own scripts only, told by their hash: nothing else on the page can run, whatever a file name says.
         allowed=" ".join(_hash(script) for script in (library, starter) if script),

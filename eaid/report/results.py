@@ -20,7 +20,6 @@ from eaid.steps.build import StepOptions, build_stepset
 from eaid.steps.stepset import StepSet
 from eaid.store import read_json
 
-
 SCENARIOS = ("steps", "multisine", "sweep", "rehab")
 """The order of the paper, and of the page."""
 
@@ -158,11 +157,14 @@ def read_replay(path: Path, source: Source) -> Replay:
     """Traces, options and measured numbers of a replay.h5; a controller without its four columns is refused."""
     records, options = replay_files.read_replay(path)
     needed = ("time_s", "reference_nm", "torque_nm", "duty_pct")
-    traces = {name: record.columns for name, record in records.items() if set(needed) & set(record.columns) != {"time_s"}}
+    traces = {
+        name: record.columns for name, record in records.items() if set(needed) & set(record.columns) != {"time_s"}
+    }
+    missing = {name: [key for key in needed if key not in columns] for name, columns in traces.items()}
     faults = [
-        f"{path}: controller {name!r} has no {', '.join(key for key in needed if key not in columns)}; make the replay again"
-        for name, columns in traces.items()
-        if not set(needed) <= set(columns)
+        f"{path}: controller {name!r} has no {', '.join(keys)}; make the replay again"
+        for name, keys in missing.items()
+        if keys
     ]
     if faults:
         raise DataError(*faults)

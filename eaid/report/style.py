@@ -1,4 +1,4 @@
-"""One look for every figure: IEEE column widths, colours that the colour-blind tell apart, lines that survive black and white."""
+"""One look for every figure: IEEE column widths, colours for the colour-blind, lines that survive black and white."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -67,11 +67,14 @@ PARAMETERS: dict[str, Any] = {
 @contextmanager
 def look() -> Iterator[None]:
     """The settings under which a figure is made and saved; the caller's own return afterwards."""
-    with mpl.rc_context({**mpl.rcParamsDefault, **PARAMETERS, "backend": mpl.rcParams["backend"]}):
+    settings: dict[Any, Any] = {**mpl.rcParamsDefault, **PARAMETERS, "backend": mpl.rcParams["backend"]}
+    with mpl.rc_context(settings):
         yield
 
 
-def sheet(width_in: float, height_in: float, rows: int = 1, columns: int = 1, **options: Any) -> tuple[Figure, list[Axes]]:
+def sheet(
+    width_in: float, height_in: float, rows: int = 1, columns: int = 1, **options: Any
+) -> tuple[Figure, list[Axes]]:
     """An empty figure and its axes, row by row; no display is needed."""
     figure = Figure(figsize=(width_in, height_in), layout="constrained")
     FigureCanvasAgg(figure)

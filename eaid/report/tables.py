@@ -9,6 +9,12 @@ from eaid.report import published
 from eaid.report.rig import apparatus_of
 
 SYMBOLS = {"Ts": "T_s", "C_f": "C_f", "tau1": "τ1", "tau2": "τ2"}
+KINDS = {
+    "clutch": ("clutch", "%"),
+    "friction-force": ("friction over force", "N"),
+    "friction-speed": ("friction over speed", "RPM"),
+}
+"""Kind of experiment → how it is called, and the unit of its levels."""
 UNITS = {"Ts": "N·m", "C_f": "1", "tau1": "s", "tau2": "s"}
 
 
@@ -67,7 +73,9 @@ def formula(trend: Mapping[str, Any], variable: str) -> str:
     return f"{number(c[0])} e^({number(c[1])} {variable}) {signed(c[2])} e^({number(c[3])} {variable})"
 
 
-def _trends(fit: Mapping[str, Any], printed: Mapping[str, tuple[str, Any, float]], variable: str) -> tuple[tuple[str, ...], ...]:
+def _trends(
+    fit: Mapping[str, Any], printed: Mapping[str, tuple[str, Any, float]], variable: str
+) -> tuple[tuple[str, ...], ...]:
     trends = (fit.get("friction") or {}).get("trends") or {}
     rows = []
     for name, (text, _coefficients, rmse) in printed.items():
@@ -83,16 +91,19 @@ TREND_COLUMNS = ("parameter", "unit", "published", "published RMSE", "ours", "ou
 def table_i(fit: Mapping[str, Any]) -> Table:
     """Friction over the normal stress σ [kPa]."""
     return Table(
-        "Table I", "The friction curve's values over the normal stress σ in kPa, at constant speed.", TREND_COLUMNS,
+        "Table I",
+        "The friction curve's values over the normal stress σ in kPa, at constant speed.",
+        TREND_COLUMNS,
         _trends(fit, published.TABLE_I, "σ"),
-    )  # fmt: skip
+    )
 
 
 def table_ii(fit: Mapping[str, Any]) -> Table:
     """Friction over the rotation speed Ω [RPM]."""
     return Table(
         "Table II",
-        "The friction curve's values over the rotation speed Ω in RPM, at constant force. The published τ2 is two equal rates "
+        "The friction curve's values over the rotation speed Ω in RPM, at constant force. The published τ2 "
+        "is two equal rates "
         "with huge opposite weights: at its printed digits only 100 e^(−0.0507 Ω) is left.",
         TREND_COLUMNS,
         _trends(fit, published.TABLE_II, "Ω"),
@@ -117,17 +128,43 @@ def table_iii(fit: Mapping[str, Any]) -> Table:
                     number(printed[power], 3) if power < len(printed) else "–",
                     number(ours),
                     interval(intervals[power] if power < len(intervals) else None),
-                    *((number(beside[power]) if power < len(beside) else "–", interval(beside_ci[power] if power < len(beside_ci) else None)) if two else ()),
+                    *(
+                        (
+                            number(beside[power]) if power < len(beside) else "–",
+                            interval(beside_ci[power] if power < len(beside_ci) else None),
+                        )
+                        if two
+                        else ()
+                    ),
                     f"{unit}/%^{power}" if power > 1 else f"{unit}/%" if power else unit,
                 )
             )
     share = part.get("C")
-    rows.append(("C", "share of the fast part", number(published.TABLE_III["C"][0], 2), number(share, 2), interval(ci.get("C")), *((number(two.get("C"), 2), "–") if two else ()), "1"))
+    rows.append(
+        (
+            "C",
+            "share of the fast part",
+            number(published.TABLE_III["C"][0], 2),
+            number(share, 2),
+            interval(ci.get("C")),
+            *((number(two.get("C"), 2), "–") if two else ()),
+            "1",
+        )
+    )
     return Table(
         "Table III",
-        "The nonlinear model: τ1(u), τ2(u) and T_s(u) as polynomials of the duty u in %. The published T_s gives 0.057 N·m "
+        "The nonlinear model: τ1(u), τ2(u) and T_s(u) as polynomials of the duty u in %. The published T_s "
+        "gives 0.057 N·m "
         "at full duty, where the paper's own figures show about 4 N·m.",
-        ("symbol", "belongs to", "published", "ours", "95 % interval", *(("ours, two-stage", "95 % interval") if two else ()), "unit"),
+        (
+            "symbol",
+            "belongs to",
+            "published",
+            "ours",
+            "95 % interval",
+            *(("ours, two-stage", "95 % interval") if two else ()),
+            "unit",
+        ),
         tuple(rows),
     )
 
@@ -142,9 +179,11 @@ def linear_table(fit: Mapping[str, Any]) -> Table:
         for name, unit in units.items()
     )
     return Table(
-        "Linear model, Eq. (8)", "dT/dt = −a0 T + b0 u + c0, fitted to all levels at once.",
-        ("symbol", "published", "ours", "95 % interval", "unit"), rows,
-    )  # fmt: skip
+        "Linear model, Eq. (8)",
+        "dT/dt = −a0 T + b0 u + c0, fitted to all levels at once.",
+        ("symbol", "published", "ours", "95 % interval", "unit"),
+        rows,
+    )
 
 
 def levels_table(fit: Mapping[str, Any]) -> Table:
@@ -175,7 +214,10 @@ def input_gain_table(fit: Mapping[str, Any]) -> Table:
     part = fit["linear"]
     bounds = part.get("bounds") or {}
     rows = tuple(
-        tuple(number(row.get(key)) if key != "level" else level(row["level"]) for key in ("level", "a0", "gain", "b0", "c0", "B", "rmse"))
+        tuple(
+            number(row.get(key)) if key != "level" else level(row["level"])
+            for key in ("level", "a0", "gain", "b0", "c0", "B", "rmse")
+        )
         for row in part.get("per_level") or []
     )
     caption = (
@@ -205,9 +247,7 @@ def table_iv(gains: Mapping[str, Any]) -> Table:
         (names.get(key, key), number(published.TABLE_IV[key], 3), number(rc.get(key)), unit, text)
         for key, (unit, text) in meaning.items()
     )
-    return Table(
-        "Table IV", "The robust controller.", ("symbol", "published", "ours", "unit", "what it does"), rows
-    )
+    return Table("Table IV", "The robust controller.", ("symbol", "published", "ours", "unit", "what it does"), rows)
 
 
 def gains_table(gains: Mapping[str, Any]) -> Table:
@@ -223,14 +263,30 @@ def gains_table(gains: Mapping[str, Any]) -> Table:
         ("ρ, slope", "6.586", number(rho.get("slope")), "per ‖ξ‖", "how the robust term grows with the error"),
     ]
     if len(q) == 2:
-        rows.append(("Q12, Q22", "–", f"{number(q[0][1])}, {number(q[1][1])}", "1", "weights of the switching variable z"))
+        rows.append(
+            ("Q12, Q22", "–", f"{number(q[0][1])}, {number(q[1][1])}", "1", "weights of the switching variable z")
+        )
     rows += [
         ("PI: K_P", "21", number(pi.get("K_P")), "%/(N·m)", "gain on the torque error"),
         ("PI: K_I", "360", number(pi.get("K_I")), "%/(N·m·s)", "gain on the integral of the torque error"),
-        ("PI: overshoot", "1", number(pi.get("overshoot_pct"), 3), "%", "as reached on the linear model; the paper states 1"),
-        ("PI: settling time", "0.27", number(pi.get("settling_s"), 3), "s", "to within 2 %, as reached on the linear model"),
+        (
+            "PI: overshoot",
+            "1",
+            number(pi.get("overshoot_pct"), 3),
+            "%",
+            "as reached on the linear model; the paper states 1",
+        ),
+        (
+            "PI: settling time",
+            "0.27",
+            number(pi.get("settling_s"), 3),
+            "s",
+            "to within 2 %, as reached on the linear model",
+        ),
     ]
     return Table(
-        "Gains that follow", "What the parameters of Table IV and the linear model give.",
-        ("symbol", "published", "ours", "unit", "what it is"), tuple(rows),
-    )  # fmt: skip
+        "Gains that follow",
+        "What the parameters of Table IV and the linear model give.",
+        ("symbol", "published", "ours", "unit", "what it is"),
+        tuple(rows),
+    )

@@ -9,7 +9,12 @@ from eaid.report.results import Fit, Results, synthetic_of
 from eaid.report.tables import SYMBOLS, UNITS, number
 
 GOOD, CARE, BAD = "good", "care", "bad"
-MODELS = {"friction": "friction curves", "nonlinear": "nonlinear model", "linear": "linear model", "release": "release constants"}
+MODELS = {
+    "friction": "friction curves",
+    "nonlinear": "nonlinear model",
+    "linear": "linear model",
+    "release": "release constants",
+}
 WIDE = 0.3
 """Half-width of a 95 % interval, as a share of its value, from which the value is called weakly known."""
 
@@ -43,7 +48,13 @@ def verdict(results: Results) -> Verdict:
     for data in results.data:
         doubtful = [run for run in data.steps.runs if run.warnings]
         if doubtful:
-            points.append(Point(CARE, f"{data.source.path}: {len(doubtful)} of {len(data.steps.runs)} runs are doubtful; the table of runs says why."))
+            points.append(
+                Point(
+                    CARE,
+                    f"{data.source.path}: {len(doubtful)} of {len(data.steps.runs)} runs are doubtful; the "
+                    "table of runs says why.",
+                )
+            )
         points += [Point(CARE, f"{data.source.path}: {text}") for text in data.steps.warnings]
     if made_by := synthetic_of(results):
         points.append(Point(CARE, f"The data are synthetic ({made_by}): nothing here was measured on a rig."))
@@ -74,11 +85,17 @@ def _of_fit(fit: Fit, several: bool) -> Iterator[Point]:
         found = True
         solver = part.get("solver") or {}
         if solver.get("converged") is False:
-            yield Point(BAD, f"{where}The {name} did not converge ({solver.get('message', 'no reason given')}); do not use its values.")
+            yield Point(
+                BAD,
+                f"{where}The {name} did not converge ({solver.get('message', 'no reason given')}); do not "
+                "use its values.",
+            )
         elif solver.get("converged"):
             settled.append(name)
         for held in solver.get("at_bounds") or []:
-            yield Point(CARE, f"{where}The {name} leans on a limit ({held}): the data pull beyond what is physical there.")
+            yield Point(
+                CARE, f"{where}The {name} leans on a limit ({held}): the data pull beyond what is physical there."
+            )
         if part.get("identifiable") is False:
             why = "; ".join(_texts(part.get("not_identifiable_because"))) or "no reason given"
             yield Point(BAD, f"{where}These data cannot settle the {name}: {why}.")
@@ -88,10 +105,18 @@ def _of_fit(fit: Fit, several: bool) -> Iterator[Point]:
         yield Point(CARE, f"{where}{text[0].upper()}{text[1:]}.".replace("..", "."))
     misfits = [row["level"] for row in _lack_of_fit(content) if row.get("beyond")]
     if misfits:
-        yield Point(CARE, f"{where}At {_listed(misfits)} a single curve misses its data by more than the scatter of repeats explains: the shape itself is not quite right there.")
+        yield Point(
+            CARE,
+            f"{where}At {_listed(misfits)} a single curve misses its data by more than the scatter of "
+            "repeats explains: the shape itself is not quite right there.",
+        )
     if settled:
         names = settled[0] if len(settled) == 1 else f"{', '.join(settled[:-1])} and {settled[-1]}"
-        yield Point(GOOD, f"{where}Best fit reached for the {names}: the solver stopped there, and a test of our own finds nothing lower nearby.")
+        yield Point(
+            GOOD,
+            f"{where}Best fit reached for the {names}: the solver stopped there, and a test of our own finds "
+            "nothing lower nearby.",
+        )
     if not found:
         yield Point(BAD, f"{where}The file holds no model.")
     yield from _what_data_cannot_tell(content, where)
@@ -102,13 +127,22 @@ def _what_data_cannot_tell(content: Mapping[str, Any], where: str) -> Iterator[P
     sources = [source for source in data.get("sources") or [] if isinstance(source, Mapping)]
     repeats = Counter(source.get("level") for source in sources if source.get("edge") != "falling")
     if repeats and min(repeats.values()) < 2:
-        yield Point(CARE, f"{where}Some levels were recorded once only: how much a repeat would differ is not known there.")
+        yield Point(
+            CARE, f"{where}Some levels were recorded once only: how much a repeat would differ is not known there."
+        )
     levels = (content.get("friction") or {}).get("levels") or []
     if (record_s := _record_s(data)) and levels:
         slow = [row["level"] for row in levels if isinstance(row.get("tau2"), int | float) and row["tau2"] > record_s]
-        said = " ".join(_texts((content.get("nonlinear") or {}).get("warnings")) + _texts((content.get("friction") or {}).get("warnings")))
+        said = " ".join(
+            _texts((content.get("nonlinear") or {}).get("warnings"))
+            + _texts((content.get("friction") or {}).get("warnings"))
+        )
         if slow and "longer than the record" not in said:
-            yield Point(CARE, f"{where}At {_listed(slow)} the slow time constant is longer than the recording ({number(record_s, 3)} s): hold the level longer, or do not quote τ2 and T_s there.")
+            yield Point(
+                CARE,
+                f"{where}At {_listed(slow)} the slow time constant is longer than the recording "
+                f"({number(record_s, 3)} s): hold the level longer, or do not quote τ2 and T_s there.",
+            )
     for name in ("Ts", "tau1", "tau2"):
         wide = []
         for row in levels:
@@ -116,7 +150,11 @@ def _what_data_cannot_tell(content: Mapping[str, Any], where: str) -> Iterator[P
             if ends and None not in ends and row.get(name) and (ends[1] - ends[0]) / 2 > WIDE * abs(row[name]):
                 wide.append(row["level"])
         if wide:
-            yield Point(CARE, f"{where}{SYMBOLS[name]} is weakly known at {_listed(wide)}: its 95 % interval is wider than ±{WIDE:.0%} ({UNITS[name]}, single levels).".replace("%)", " %)", 1))
+            yield Point(
+                CARE,
+                f"{where}{SYMBOLS[name]} is weakly known at {_listed(wide)}: its 95 % interval is wider than "
+                f"±{WIDE:.0%} ({UNITS[name]}, single levels).".replace("%)", " %)", 1),
+            )
 
 
 def _record_s(data: Mapping[str, Any]) -> float | None:
@@ -127,7 +165,9 @@ def _record_s(data: Mapping[str, Any]) -> float | None:
     samples = [
         source["samples"]
         for source in data.get("sources") or []
-        if isinstance(source, Mapping) and isinstance(source.get("samples"), int | float) and source.get("edge") != "falling"
+        if isinstance(source, Mapping)
+        and isinstance(source.get("samples"), int | float)
+        and source.get("edge") != "falling"
     ]
     return float(min(samples) / rate) if rate and samples else None
 
@@ -142,7 +182,11 @@ def _of_gains(content: Mapping[str, Any]) -> Iterator[Point]:
     if rc.get("guaranteed") is True:
         yield Point(GOOD, "The robust term is large enough for the inequality (15), if the bounds φ and Q_M are true.")
     elif rc.get("guaranteed") is False:
-        yield Point(CARE, "Stability is not guaranteed by the inequality (15): the robust term is smaller than it asks for. The replays show how it behaves all the same.")
+        yield Point(
+            CARE,
+            "Stability is not guaranteed by the inequality (15): the robust term is smaller than it asks "
+            "for. The replays show how it behaves all the same.",
+        )
     for text in _texts(content.get("warnings")):
         yield Point(CARE, f"Gains: {text}.".replace("..", "."))
 

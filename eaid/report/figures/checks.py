@@ -49,7 +49,7 @@ def autocorrelation(residual: Array, lags: Sequence[int]) -> Array:
 
 
 def residuals(data: StepSet, fit: Mapping[str, Any], model: str) -> Figure:
-    """(a) residual over time [N·m], (b) RMSE per level [N·m], whose bars name the colours, (c) autocorrelation over lag."""
+    """(a) residual over time [N·m], (b) RMSE per level [N·m], the key to the colours, (c) autocorrelation over lag."""
     figure, (over_time, per_level, over_lag) = style.sheet(style.PAGE_IN, 2.5, 1, 3, width_ratios=(1.5, 1, 1))
     rows = residuals_of(data, fit, model)
     colours = style.level_colours(len(rows))

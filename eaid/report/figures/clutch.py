@@ -38,9 +38,7 @@ def nonlinear_model(data: StepSet, fit: Mapping[str, Any] | None) -> Figure:
     figure, (axes,) = style.sheet(style.PAGE_IN, 3.6)
     if fit and fit.get("nonlinear"):
         model = nonlinear_of(fit)
-        fitted = {
-            level.level: (lambda t, u=level.level: nonlinear.step_response(model, t, u)) for level in data.levels
-        }
+        fitted = {level.level: (lambda t, u=level.level: nonlinear.step_response(model, t, u)) for level in data.levels}
         draw_steps(axes, data, fitted, _rmse_notes(fit["nonlinear"].get("per_level")), spread=True)
     else:
         draw_steps(axes, data, {}, spread=True)
@@ -81,7 +79,9 @@ def polynomials(fit: Mapping[str, Any]) -> Figure:
             top = max(top, float(np.max(np.minimum(values + reach[1], 1.6 * values))))
         two = (fit["nonlinear"].get("two_stage") or {}).get(name)
         if two and all(isinstance(c, int | float) for c in two):
-            panel.plot(u, np.polynomial.polynomial.polyval(u, two), color=style.ORANGE, linestyle="-.", label="two-stage")
+            panel.plot(
+                u, np.polynomial.polynomial.polyval(u, two), color=style.ORANGE, linestyle="-.", label="two-stage"
+            )
         if name != "Ts":  # Table III's T_s gives 0.06 N·m at full duty: a line on the floor
             paper = np.polynomial.polynomial.polyval(u, published.TABLE_III[name])
             panel.plot(u, paper, color=style.VERMILLION, linestyle=":", label="published")
@@ -97,14 +97,23 @@ def input_gain(fit: Mapping[str, Any]) -> Figure:
     part = fit["linear"]
     rows = [row for row in part.get("per_level") or [] if row.get("B") is not None]
     axes.plot(
-        [row["level"] for row in rows], [row["B"] for row in rows], "o-", color=style.BLUE, label=r"each level, $B=1/b_0$"
+        [row["level"] for row in rows],
+        [row["B"] for row in rows],
+        "o-",
+        color=style.BLUE,
+        label=r"each level, $B=1/b_0$",
     )
     bounds = part.get("bounds") or {}
     for name, line in (("B_m", "--"), ("B_M", "-.")):
         if bounds.get(name) is not None:
             axes.axhline(bounds[name], color=style.VERMILLION, linestyle=line, label=f"${name}$ = {bounds[name]:.3g}")
     axes.axhspan(
-        published.TABLE_IV["B_m"], published.TABLE_IV["B_M"], color=style.GREY, alpha=0.15, lw=0, label="published range"
+        published.TABLE_IV["B_m"],
+        published.TABLE_IV["B_M"],
+        color=style.GREY,
+        alpha=0.15,
+        lw=0,
+        label="published range",
     )
     axes.set(xlabel="Duty (%)", ylabel="$B$ (% s/(N·m))")
     axes.set_ylim(0, None)

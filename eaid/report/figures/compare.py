@@ -13,7 +13,7 @@ from eaid.report.figures.friction import LABELS, trend_x
 
 
 def two_fits(first: Mapping[str, Any], second: Mapping[str, Any], names: tuple[str, str]) -> Figure:
-    """T_s, τ1 and τ2 of both fits over the level: single levels with intervals, and the joint model where both have one."""
+    """T_s, τ1 and τ2 of both fits over the level: single levels with intervals, and the joint models."""
     figure, axes = style.sheet(style.PAGE_IN, 2.4, 1, 3)
     looks = ((style.BLUE, "-", "o"), (style.VERMILLION, "--", "s"))
     kind = (first.get("data") or {}).get("kind", "clutch")
@@ -28,9 +28,7 @@ def two_fits(first: Mapping[str, Any], second: Mapping[str, Any], names: tuple[s
                     interval = (row.get("ci95") or {}).get(key)
                     if interval and None not in interval:
                         reach[:, i] = [max(values[i] - interval[0], 0), max(interval[1] - values[i], 0)]
-                panel.errorbar(
-                    x, values, yerr=reach, fmt=marker, color=colour, capsize=1.6, elinewidth=0.7, label=name
-                )
+                panel.errorbar(x, values, yerr=reach, fmt=marker, color=colour, capsize=1.6, elinewidth=0.7, label=name)
             if kind == "clutch" and fit.get("nonlinear"):
                 model = nonlinear_of(fit)
                 u = np.linspace(*model.u_range, 150)

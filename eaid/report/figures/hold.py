@@ -63,7 +63,9 @@ def hold_and_release(held: list[Held], input_unit: str, output_unit: str) -> Fig
             t, y, color=colour, linestyle=line, linewidth=0.9,
             label=f"{level_text(run.level, input_unit)}: lost {run.lost_pct:.1f} %, left {run.left_pct:.1f} %",
         )  # fmt: skip
-    axes.annotate("input on", (held[0].release_s / 2, 0.55), xycoords=("data", "axes fraction"), ha="center", va="center")
+    axes.annotate(
+        "input on", (held[0].release_s / 2, 0.55), xycoords=("data", "axes fraction"), ha="center", va="center"
+    )
     axes.set(xlabel="Time since the step (s)", ylabel=quantity(output_unit), xlim=(0, float(held[0].time_s[-1])))
     axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), borderaxespad=0.2)
     return figure

@@ -1,5 +1,6 @@
 """Fig. 2: one period of the bipolar PWM, Eq. (2), and the torque it would ideally give."""
 
+import numpy as np
 from matplotlib.figure import Figure
 
 from eaid.apparatus import Apparatus
@@ -27,7 +28,7 @@ def pwm_period(rig: Apparatus, duty_pct: float = 60.0) -> Figure:
     axes.text(half, -1.23 * v, rf"$P$ = {period_ms:.2f} ms", ha="center", va="bottom")
     axes.set(xlabel="Time (ms)", ylabel="Voltage (V)", ylim=(-1.35 * v, 1.55 * v), xlim=(0, period_ms))
     axes.legend(loc="upper center", ncols=2)
-    scale = axes.secondary_yaxis("right", functions=(lambda volts: volts / v, lambda share: share * v))
+    scale = axes.secondary_yaxis("right", functions=(lambda volts: np.asarray(volts) / v, lambda y: np.asarray(y) * v))
     scale.set_yticks([0, 1])
     scale.set_ylabel("Ideal torque (1)", y=0.6)
     return figure

@@ -9,7 +9,11 @@ from eaid.arrays import Array
 from eaid.report import style
 from eaid.report.thin import thinned_at
 
-MODES = {"soft": ("#CFE6F5", "resistive, soft"), "hard": ("#F9DCCB", "resistive, hard"), "assisted": ("#D3EDE0", "assisted")}
+MODES = {
+    "soft": ("#CFE6F5", "resistive, soft"),
+    "hard": ("#F9DCCB", "resistive, hard"),
+    "assisted": ("#D3EDE0", "assisted"),
+}
 """Mode → pale ground and name; the paper's blue, red and green."""
 
 
@@ -25,7 +29,7 @@ def mode_spans(time_s: Array, modes: list[str]) -> list[tuple[str, float, float]
 
 
 def training(trace: Mapping[str, Array], spans: list[tuple[str, float, float]]) -> Figure:
-    """(a) target and angle [°], (b) position error [°], (c) desired and rendered torque [N·m], (d) torque error [N·m]."""
+    """(a) target and angle, (b) position error [°], (c) desired and rendered torque, (d) torque error [N·m]."""
     figure, axes = style.sheet(style.PAGE_IN, 5.2, 4, 1, sharex=True)
     angle, position, torque, error = axes
     t = trace["time_s"]

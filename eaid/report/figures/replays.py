@@ -30,9 +30,7 @@ def _legend(axes: Axes) -> None:
 
 def tracking(traces: Mapping[str, Mapping[str, Array]], from_s: float = 0.0) -> Figure:
     """(a) torque and reference [N·m], (b) torque error [N·m], (c) duty [%]; the error counts from `from_s` on."""
-    figure, (torque, error, duty) = style.sheet(
-        style.PAGE_IN, 4.4, 3, 1, sharex=True, height_ratios=(1.5, 1, 1)
-    )
+    figure, (torque, error, duty) = style.sheet(style.PAGE_IN, 4.4, 3, 1, sharex=True, height_ratios=(1.5, 1, 1))
     for i, (name, trace) in enumerate(traces.items()):
         look = style.controller_look(name, i)
         _draw(torque, trace, trace["torque_nm"], label=style.controller_name(name), **look)
@@ -48,9 +46,7 @@ def tracking(traces: Mapping[str, Mapping[str, Array]], from_s: float = 0.0) -> 
     error.set(ylabel="Error (N·m)")
     duty.set(ylabel="Duty (%)", xlabel="Time (s)", ylim=(-4, 104))
     if len(traces) > 1:
-        counted = [
-            (trace["reference_nm"] - trace["torque_nm"])[trace["time_s"] >= from_s] for trace in traces.values()
-        ]
+        counted = [(trace["reference_nm"] - trace["torque_nm"])[trace["time_s"] >= from_s] for trace in traces.values()]
         top = max(float(np.max(np.abs(e))) for e in counted if len(e))
         error.set_ylim(-1.25 * top - 1e-9, 1.25 * top + 1e-9)
     for mark, axes in zip("abc", (torque, error, duty), strict=True):

@@ -20,7 +20,7 @@ def shear_point(fit: Mapping[str, Any]) -> tuple[float, float]:
 
 
 def shear_per_field(fit: Mapping[str, Any]) -> Figure:
-    """This clutch's point: a hollow square, as the paper marks an adjustable rotary actuator, and lines of equal merit."""
+    """This clutch's point, a hollow square as the paper marks adjustable rotary actuators, and lines of equal merit."""
     figure, (axes,) = style.sheet(style.COLUMN_IN, 2.3)
     field, shear = shear_point(fit)
     x = np.array([0.0, 2 * field])
