@@ -13,7 +13,7 @@ demo: .venv/.run  ## the main job: three shipped datasets to one report
 	$(BIN)/eaid demo -o demo --force
 
 test: check  ## everything that CI holds
-	$(BIN)/python -m pytest -n 2
+	$(BIN)/python -m pytest -n 2 --dist loadfile
 
 check: .venv/.dev
 	$(BIN)/ruff check .
