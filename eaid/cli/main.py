@@ -59,6 +59,8 @@ def run(arguments: list[str] | None = None) -> int:
     """Run one command and return its exit code; every expected failure is one plain sentence."""
     try:
         code = app(args=arguments, standalone_mode=False)
+        if code == 130:  # typer turns Ctrl-C into this code, without a word
+            raise KeyboardInterrupt
         return code if isinstance(code, int) else 0
     except EaidError as fault:
         for sentence in fault.sentences:

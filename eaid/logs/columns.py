@@ -129,7 +129,7 @@ def match_columns(path: str, sheet: Sheet, options: ReadOptions) -> Roles:
     for group in TIME:
         if time is None:
             found = _alike(names, group, taken)
-            time = sheet.clock if sheet.clock is not None and found else _only(path, "time", found, names)
+            time = sheet.clock if sheet.clock is not None else _only(path, "time", found, names)
     if time is None and not (options.rate_hz or sheet.rate_hz):
         raise DataError(
             f"{path}: no column is called time (columns: {_shown(names)}); name it with --columns time=NAME, "

@@ -12,7 +12,7 @@ import numpy as np
 
 from eaid.arrays import read_only
 from eaid.errors import DataError
-from eaid.logs.mat import SAVE_AS
+from eaid.logs.mat import FEWEST, SAVE_AS, labels_of_matrix
 from eaid.logs.sheet import Cells, Sheet
 
 MOST_VALUES = 1 << 31
@@ -121,7 +121,7 @@ def read_hdf5(path: Path, source: str) -> list[Sheet]:
                 if len(shape) == 1:
                     parent, _, leaf = name.rpartition("/")
                     groups.setdefault(parent, {}).setdefault(shape[0], []).append((leaf, name))
-                elif len(item.shape) == 2:
+                elif len(item.shape) == 2 and max(item.shape) >= FEWEST:
                     sheets.append(_matrix(path, source, name, item))
 
         file.visititems(look)
@@ -150,17 +150,12 @@ def _class_of(item: Any) -> bytes:
 
 
 def _matrix(path: Path, source: str, name: str, item: Any) -> Sheet:
-    """A matrix, samples along its longer side; a first row or column that rises is the time."""
-    across = item.shape[0] < item.shape[1]
-    count = min(item.shape)
-    first = np.asarray(item[0, :] if across else item[:, 0], dtype=np.float64)
-    rising = len(first) > 2 and bool(np.mean(np.diff(first) > 0) > 0.9)
+    """A matrix, samples along its longer side, its columns named by an attribute `columns` or by their place."""
+    across, count = item.shape[0] < item.shape[1], min(item.shape)
     said = item.attrs.get("columns")
-    labels = [str(label) for label in said] if said is not None and len(said) == count else []
-    if not labels:
-        others = count - 1
-        labels = ["time"] + (["input", "output"] if others == 2 else ["output"] if others == 1 else [""] * others)
-        if not rising:
-            labels = [""] * count
+    if said is not None and len(said) == count:
+        labels = tuple(str(label) for label in said)
+    else:
+        labels = labels_of_matrix(np.asarray(item[0, :] if across else item[:, 0]), count)
     names: list[tuple[str, int | str | None]] = [(name, k) for k in range(count)]
-    return Sheet(name, tuple(labels), _loader(path, source, names, across))
+    return Sheet(name, labels, _loader(path, source, names, across))

@@ -3,11 +3,12 @@
 Only numbers are taken; objects, function handles and cells are left where they are and nothing in them is run.
 """
 
+import zlib
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +17,11 @@ from eaid.arrays import read_only
 from eaid.errors import DataError
 from eaid.logs.sheet import Cells, Sheet
 
+FEWEST = 10
+"""Rows below which a matrix is no record."""
+MOST_RATIO = 200
+"""A variable that unpacks to more than this many times the size of its file is a bomb (records: about 10)."""
+_COMPRESSED = 15  # miCOMPRESSED
 SAVE_AS = (
     "in MATLAB, save it as plain arrays: t = S.Time; y = squeeze(S.Data); save('log.mat', 't', 'y', '-v7') "
     "for each signal S of the Dataset"
@@ -24,6 +30,7 @@ SAVE_AS = (
 
 def read_mat(path: Path, source: str) -> list[Sheet]:
     """Sheets of a MAT-file v4 or v5; raises DataError where it holds no numbers."""
+    check_size(path, source)
     from scipy.io import loadmat
     from scipy.io.matlab import MatReadError
 
@@ -46,6 +53,35 @@ def read_mat(path: Path, source: str) -> list[Sheet]:
     return sheets
 
 
+def check_size(path: Path, source: str) -> None:
+    """Refuse a MAT-file whose variables claim to be far larger than the file, before anything is unpacked."""
+    size = path.stat().st_size
+    limit = max(MOST_RATIO * size, 1 << 25)
+    with path.open("rb") as file:
+        head = file.read(128)
+        order: Literal["little", "big"] = "big" if head[126:128] == b"MI" else "little"
+        if head[126:128] not in (b"MI", b"IM"):
+            rows, columns = (int.from_bytes(head[i : i + 4], "little", signed=True) for i in (4, 8))
+            claimed = 8 * rows * columns if rows > 0 and columns > 0 else 0
+            if claimed > limit and rows < 1 << 24 and columns < 1 << 24:
+                raise DataError(f"{source}: claims {claimed:,} bytes in a file of {size:,} bytes; no log does")
+            return
+        while len(tag := file.read(8)) == 8:
+            kind, length = (int.from_bytes(tag[i : i + 4], order) for i in (0, 4))
+            here = file.tell()
+            if kind == _COMPRESSED:
+                try:
+                    inner = zlib.decompressobj().decompress(file.read(min(length, 4096)), 8)
+                except zlib.error:
+                    inner = b""
+                claimed = int.from_bytes(inner[4:8], order)
+            else:
+                claimed = length
+            if claimed > limit:
+                raise DataError(f"{source}: claims {claimed:,} bytes in a file of {size:,} bytes; no log does")
+            file.seek(here + length)
+
+
 def _number(value: Any) -> NDArray[Any] | None:
     """A real numeric array without its empty axes, or None."""
     if isinstance(value, np.ndarray) and value.dtype.kind in "fiub" and value.size:
@@ -64,6 +100,8 @@ def sheets_of(variables: Mapping[str, Any]) -> list[Sheet]:
         array = _number(value)
         if array is None or array.size < 2 or array.ndim > 2:
             continue
+        if array.ndim == 2 and min(array.shape) > 1 and max(array.shape) < FEWEST:
+            continue  # gains and other settings, no record
         if array.ndim == 1 or 1 in array.shape:
             vectors.setdefault(array.size, []).append((name, array.reshape(-1)))
         else:
@@ -81,15 +119,16 @@ def _sheet(name: str, columns: Sequence[tuple[str, NDArray[Any]]]) -> Sheet:
     return Sheet(name, tuple(column for column, _ in columns), load)
 
 
+def labels_of_matrix(first: NDArray[Any], count: int) -> tuple[str, ...]:
+    """Names of a matrix's columns: none where the first is a time (they go by their place), else their numbers."""
+    rising = len(first) > 2 and bool(np.mean(np.diff(first.astype(np.float64)) > 0) > 0.9)
+    return ("",) * count if rising else tuple(f"column {i + 1}" for i in range(count))
+
+
 def _matrix(name: str, array: NDArray[Any]) -> Sheet:
-    """A matrix, samples along its longer side; a first row or column that rises is the time."""
+    """A matrix, samples along its longer side."""
     table = array if array.shape[0] >= array.shape[1] else array.T
-    first = np.asarray(table[:, 0], dtype=np.float64)
-    rising = len(first) > 2 and bool(np.mean(np.diff(first) > 0) > 0.9)
-    others = table.shape[1] - 1
-    labels = ["time"] + (["input", "output"] if others == 2 else ["output"] if others == 1 else [""] * others)
-    if not rising:
-        labels = [""] * table.shape[1]
+    labels = labels_of_matrix(table[:, 0], table.shape[1])
     return _sheet(name, [(label, table[:, i]) for i, label in enumerate(labels)])
 
 
