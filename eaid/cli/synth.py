@@ -33,7 +33,7 @@ def command(
     clean: Annotated[
         bool, typer.Option("--clean", help="The plant alone: no noise, scatter, offset or digits.")
     ] = False,
-    white_nm: Annotated[float | None, typer.Option("--white-nm", help="White noise, sd [N·m].")] = None,
+    white_nm: Annotated[float | None, typer.Option("--noise-nm", "--white-nm", help="White noise, sd [N·m].")] = None,
     coloured: Annotated[float | None, typer.Option("--coloured", help="Coloured noise, sd, share of torque.")] = None,
     coloured_s: Annotated[float | None, typer.Option("--coloured-s", help="Its time constant [s].")] = None,
     ripple: Annotated[float | None, typer.Option("--ripple", help="Rotor ripple, amplitude, share of torque.")] = None,
