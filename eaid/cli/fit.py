@@ -58,6 +58,8 @@ def command(
     keep_baseline: inputs.KeepBaseline = False,
     variable: inputs.Variable = None,
     rate: inputs.Rate = None,
+    rest: inputs.Rest = 0.0,
+    apparatus: inputs.ApparatusOption = None,
     seed: Seed = 0,
     json: Json = False,
     quiet: Quiet = False,
@@ -88,7 +90,8 @@ def command(
     check(options)
     stepset = inputs.stepset_from(
         data, columns=columns, units=units, name_pattern=name_pattern, step_at=step_at, until=until, repair=repair,
-        kind=kind, levels=levels, keep_baseline=keep_baseline, variable=variable, rate=rate,
+        kind=kind, levels=levels, keep_baseline=keep_baseline, variable=variable, rate=rate, rest=rest,
+        apparatus=apparatus,
     )  # fmt: skip
     options = with_bounds_levels(options, bounds_levels, stepset)
     result, fit = fitted(stepset, options, ci, seed)

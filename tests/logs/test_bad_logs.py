@@ -290,7 +290,7 @@ BAD = [
     ),
     Bad(
         "damaged.mat",
-        b"MATLAB 5.0 MAT-file, Platform: x".ljust(124) + b"\x00\x01IM" + b"\x0e\0\0\0\x40\0\0\0" + b"\xff" * 200,
+        b"MATLAB 5.0 MAT-file, Platform: x".ljust(124) + b"\x00\x01IM" + b"\x0e\0\0\0\x40\0\0\0" + b"\xff" * 64,
         "{f}: is a damaged MAT-file (",
     ),
     Bad(
