@@ -23,7 +23,9 @@ from eaid.replay.controllers import Controller, Step
 from eaid.replay.plant import PlantParameters
 from eaid.replay.rig import RigNumbers
 
-ALONE: dict[str, Any] = {"error_model": "numpy", "nogil": True, "fastmath": {"contract"}}
+STRICT: dict[str, Any] = {"error_model": "numpy", "nogil": True}
+"""Every operation rounded as plain Python rounds it."""
+ALONE: dict[str, Any] = {**STRICT, "fastmath": {"contract"}}
 """A multiplication and the addition after it may be rounded once: in the last bits alone does the result differ from
 plain Python's."""
 VECTOR: dict[str, Any] = {**ALONE, "forceinline": True}
@@ -104,21 +106,21 @@ def kernel(function: Callable[..., Any]) -> Callable[..., Any]:
     own = hashlib.sha256(Path(function.__code__.co_filename).read_bytes()).hexdigest()[:12]
     copy = _copy(function, f"{function.__name__}_{own}_{_fingerprint()}", _callees(function))
     try:
-        return numba.njit(cache=True, **ALONE)(copy)  # type: ignore[no-any-return]
+        return numba.njit(cache=True, **STRICT)(copy)  # type: ignore[no-any-return]
     except RuntimeError:  # no folder that numba may write to: compiled anew in every process
-        return numba.njit(**ALONE)(copy)  # type: ignore[no-any-return]
+        return numba.njit(**STRICT)(copy)  # type: ignore[no-any-return]
 
 
 def _callees(function: Callable[..., Any]) -> dict[str, Any]:
     """The plain functions that a function names, compiled."""
     named = {name: function.__globals__.get(name) for name in function.__code__.co_names}
-    return {name: _compiled(callee, ALONE) for name, callee in named.items() if isinstance(callee, FunctionType)}
+    return {name: _compiled(callee, STRICT) for name, callee in named.items() if isinstance(callee, FunctionType)}
 
 
 @cache
 def one(law: Step) -> Callable[..., tuple[float, float]]:
-    """`closed_loop` of one law in machine code: the same arguments without the law, arrays in place of lists; the
-    same bits."""
+    """`closed_loop` of one law in machine code: the same arguments without the law, arrays in place of lists;
+    the same numbers but for the last bits."""
     around = loop.loop_of(_compiled(law, ALONE))
     return _entry(_run, law, ALONE, {"closed_loop": _compiled(around, ALONE)})  # type: ignore[no-any-return]
 

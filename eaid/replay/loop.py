@@ -80,7 +80,7 @@ def loop_of(law: Step) -> Loop:
         pulse = 0  # the next PWM period to begin, at pulse·period samples
         for k in range(len(reference)):
             true = (x1 + x2) * factor[k]
-            filtered = true + memory * (filtered - true)  # the true torque to the last bit where nothing is kept
+            filtered = true + memory * (filtered - true) if memory > 0.0 else true
             seen = filtered + disturbance[k]
             state, u = law(gains, state, reference[k], rate[k], seen, dt)
             if levels > 0.0:

@@ -22,7 +22,8 @@ from eaid.replay.plant import PlantParameters
 from eaid.replay.rig import Rig, noise, rig_numbers, ripple
 
 Visit = Callable[[int, Array, Array], None]
-"""visit(plant's index, torque [N·m], duty [%]), arrays of shape (n,) that are the visitor's to keep."""
+"""visit(first, torque [N·m], duty [%]) for plants first, first + 1, …: arrays of shape (n, plants), to be copied
+where kept."""
 
 
 def available_threads() -> int:
@@ -58,7 +59,8 @@ def replay_many(
 
     def block(begin: int) -> None:
         """Sixteen plants, the last one repeated where they are fewer."""
-        run = sixteen(acting.step, type(acting.start))
+        made_by: Any = type(acting.start)
+        run = sixteen(acting.step, made_by)
         try:
             torque, duty = spare.get_nowait()
         except Empty:
@@ -66,8 +68,8 @@ def replay_many(
         chosen = [plants[min(begin + i, len(plants) - 1)] for i in range(LANES)]
         parameters = np.ascontiguousarray(np.array(chosen, dtype=np.float64).T)
         run(gains, acting.start, parameters, numbers.memory, dt_s, *inputs, torque, duty)
-        for i in range(min(LANES, len(plants) - begin)):
-            visit(begin + i, torque[:, i].copy(), duty[:, i].copy())
+        count = min(LANES, len(plants) - begin)
+        visit(begin, torque[:, :count], duty[:, :count])
         spare.put((torque, duty))
 
     def single(begin: int) -> None:
@@ -76,7 +78,7 @@ def replay_many(
         for i in range(begin, min(begin + LANES, len(plants))):
             torque, measured, duty, applied = columns(n, 4)
             run(gains, acting.start, plants[i], numbers, dt_s, *inputs, torque, measured, duty, applied)
-            visit(i, torque, duty)
+            visit(i, torque[:, None], duty[:, None])
 
     work = block if in_lanes else single
     begins = range(0, len(plants), LANES)

@@ -64,11 +64,12 @@ def montecarlo(
     acting = controller if rig.saturation else controller.without_limits()
     limits = (acting.gains.duty_min, acting.gains.duty_max)
 
-    def visit(index: int, torque: Array, duty: Array) -> None:
-        kept[index] = torque[::stride]
-        done = Replay(controller.name, reference.dt_s, time_s, reference.torque_nm, torque, duty, limits)
-        measured[index] = dict(flattened(measure(done, reference)))
-        tick()
+    def visit(first: int, torques: Array, duties: Array) -> None:
+        for index, (torque, duty) in enumerate(zip(torques.T.copy(), duties.T.copy(), strict=True), first):
+            kept[index] = torque[::stride]
+            done = Replay(controller.name, reference.dt_s, time_s, reference.torque_nm, torque, duty, limits)
+            measured[index] = dict(flattened(measure(done, reference)))
+            tick()
 
     replay_many(
         [plant_parameters(p) for p in plants],

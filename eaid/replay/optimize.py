@@ -38,8 +38,6 @@ from eaid.replay.standard import rc_controller
 
 Points = Sequence[tuple[float, float, tuple[Lag, ...]]]
 """Duty [%], torque [N·m] and lags of each operating point."""
-SCATTER = 48
-"""Points of the first, scattered search."""
 RANGES = {"p_scale": 30.0, "epsilon": 10.0, "phi_honest_pct": 10.0, "frequency": 5.0, "b-hat": 3.0}
 """Each parameter is scattered over the start's value times and through this factor."""
 ALSO = ("frequency", "b-hat")
@@ -64,9 +62,16 @@ class Search:
     """Most chattering allowed [% duty per sample]; None: that of the start."""
     also: tuple[str, ...] = ()
     """Of `ALSO`."""
+    scatter: int = 48
+    """Points of the first, scattered search."""
     evaluations: int = 160
     """Candidates replayed after the scatter."""
     seed: int = 0
+
+    @property
+    def candidates(self) -> int:
+        """How many are replayed in all, the start included."""
+        return 1 + self.scatter + self.evaluations
 
 
 @dataclass(frozen=True)
@@ -115,17 +120,15 @@ class Bench:
 
     def run(self, gains: RCGains) -> tuple[Array, Array, Array, Array]:
         """Mean square error, largest error, mean |Δu| and share saturated of each plant, shapes (N,)."""
-        count = len(self._plants)
-        table = np.zeros((4, count))
-        wanted = self._reference.torque_nm[self._begin :]
+        table = np.zeros((4, len(self._plants)))
+        wanted = self._reference.torque_nm[self._begin :, None]
 
-        def visit(index: int, torque: Array, duty: Array) -> None:
+        def visit(first: int, torque: Array, duty: Array) -> None:
             error = np.abs(wanted - torque[self._begin :])
             counted = duty[self._begin :]
-            table[0, index] = float(np.mean(error * error))
-            table[1, index] = float(error.max())
-            table[2, index] = float(np.abs(np.diff(counted)).mean())
-            table[3, index] = float(((counted <= gains.duty_min) | (counted >= gains.duty_max)).mean())
+            held = (counted <= gains.duty_min) | (counted >= gains.duty_max)
+            rows = (error * error).mean(0), error.max(0), np.abs(np.diff(counted, axis=0)).mean(0), held.mean(0)
+            table[:, first : first + torque.shape[1]] = rows
 
         rig = Rig(noise_nm=self._search.noise_nm)
         replay_many(
@@ -152,7 +155,7 @@ def optimize(
     model: Linear, bounds: Bounds, start: DesignOptions, plants: Sequence[Nonlinear], points: Points,
     reference: Reference, search: Search, tick: Callable[[], None] = lambda: None,
 ) -> Found:  # fmt: skip
-    """Search from `start`; `tick` is called once a candidate, `1 + SCATTER + search.evaluations` times in all.
+    """Search from `start`; `tick` is called once a candidate, `search.candidates` times in all.
 
     Raises GainsError where nothing that was tried keeps limit and margins.
     """
@@ -226,7 +229,7 @@ def optimize(
         return judged + (10 * first.rms_nm if refused else 0.0)
 
     random = np.random.default_rng(search.seed)
-    scattered = [np.zeros(len(names)), *random.uniform(-1, 1, (SCATTER - 1, len(names)))]
+    scattered = [np.zeros(len(names)), *random.uniform(-1, 1, (search.scatter - 1, len(names)))]
     costs = [cost(x) for x in scattered]
     for k in np.argsort(costs, kind="stable")[:2]:
         simplex(cost, scattered[k], costs[k], 0.15, search.evaluations // 2)
