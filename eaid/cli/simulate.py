@@ -12,8 +12,10 @@ from eaid.errors import UsageError
 if TYPE_CHECKING:
     from eaid.replay.controllers import Knowledge
     from eaid.replay.files import Record
+    from eaid.replay.plant import PlantParameters
     from eaid.replay.references import Reference
     from eaid.replay.rehab import Rehabilitation
+    from eaid.replay.rig import Rig
 
 
 def command(
@@ -55,6 +57,10 @@ def command(
     perturb: Annotated[
         str | None, typer.Option("--perturb", help="Factors on the plant, unknown to controllers: Ts=0.9,tau1=1.2.")
     ] = None,
+    with_best: Annotated[
+        bool,
+        typer.Option("--best", help="The least error this plant allows, the future known; how far each is from it."),
+    ] = False,
     limb_damping: Annotated[
         float | None, typer.Option("--limb-damping", help="rehab: damping of the limb [N·m·s/rad].")
     ] = None,
@@ -92,7 +98,10 @@ def command(
     plant = plant_parameters(perturbed(known.plant, factors))
 
     records: dict[str, Record] = {}
+    best_found: dict[str, Any] = {}
     if name == "rehab":
+        if with_best:
+            raise UsageError("--best: in rehab the reference depends on what the limb does; choose another scenario")
         from eaid.replay.rehab import rehabilitate
         from eaid.replay.rehab_statistics import record as record_session
 
@@ -109,6 +118,8 @@ def command(
             records[each.name] = record(done, measure(done, wanted))
         shown = {"counted_from_s": wanted.counted_from_s}
     results = {each: dict(kept.metrics) for each, kept in records.items()}
+    if with_best:
+        best_found = _best(plant, wanted, rig, known, results, records)
     inputs = {"fit": store.input_record(fit)}
     if gains:
         inputs["gains"] = store.input_record(gains)
@@ -126,10 +137,44 @@ def command(
     }
     write_replay(path, records, head, force)
     if as_json:
-        console.print_json({"schema": "eaid/replay/1", **head, "controllers": results})
+        beside = {"best": best_found} if best_found else {}
+        console.print_json({"schema": "eaid/replay/1", **head, "controllers": results, **beside})
     else:
         _show(name, results)
+        _show_best(best_found, results)
     console.say(f"wrote {path}")
+
+
+def _best(
+    plant: "PlantParameters",
+    wanted: "Reference",
+    rig: "Rig",
+    known: "Knowledge",
+    results: dict[str, dict[str, Any]],
+    records: dict[str, "Record"],
+) -> dict[str, Any]:
+    """The least error, kept as a group `best` of the file; each controller is told how far it is from it."""
+    if not rig.saturation:
+        raise UsageError("--best: is the best within the duty limits; leave out --no-saturation")
+    from dataclasses import replace
+
+    from eaid.replay.best import best
+    from eaid.replay.files import Record
+    from eaid.replay.scenarios import measure, record
+
+    limits = next(((g.duty_min, g.duty_max) for g in (known.rc, known.pi) if g is not None), (0.0, 100.0))
+    if replace(rig, saturation=True) != type(rig)():
+        console.warn("--best is the bare plant's: noise, ripple, sensor, delay, PWM and duty resolution are left out")
+    console.say("searching for the best duty")
+    found = best(plant, wanted, limits)
+    kept = record(found.replay(limits), measure(found.replay(limits), wanted))
+    summary = {**kept.metrics, **found.numbers()}
+    records["best"] = Record(kept.columns, summary)
+    least = found.rms_error_nm
+    for numbers in results.values():
+        numbers["rms_over_best"] = numbers["rms_error_nm"] / least if least > 1e-9 else None
+        numbers["rms_above_best_nm"] = numbers["rms_error_nm"] - least
+    return summary
 
 
 def _knowledge(fit: Path, gains: Path | None) -> "Knowledge":
@@ -252,6 +297,19 @@ def _show(scenario: str, results: dict[str, Any]) -> None:
             console.table(f"Sweep, {name}", ["frequency", "gain", "phase", "mean |error|"], rows)
         if "modes" in m:
             _show_modes(name, m)
+
+
+def _show_best(best: dict[str, Any], results: dict[str, Any]) -> None:
+    """The least error, how good it is, and how far each controller is from it."""
+    if not best:
+        return
+    rows = [["best found", f"{best['rms_error_nm']:.4g} N·m", "", f"{best['max_abs_error_nm']:.4g} N·m"]]
+    for name, m in results.items():
+        times = m["rms_over_best"]
+        far = f"{times:.3g} times" if times is not None else f"{m['rms_above_best_nm']:.4g} N·m above"
+        rows.append([name, f"{m['rms_error_nm']:.4g} N·m", far, f"{m['max_abs_error_nm']:.4g} N·m"])
+    console.table("How far from the best", ["controller", "RMS", "from the best", "largest error"], rows)
+    print(f"best duty: {best['verdict']}; without switching from sample to sample {best['steady_rms_nm']:.4g} N·m")
 
 
 def _show_modes(name: str, m: dict[str, Any]) -> None:

@@ -25,6 +25,7 @@ from eaid.arrays import Array, read_only
 from eaid.errors import UsageError
 from eaid.replay import descent
 from eaid.replay.compiled import kernel
+from eaid.replay.loop import Replay
 from eaid.replay.plant import PlantParameters, plant_terms
 from eaid.replay.references import Reference
 from eaid.replay.taut import taut_path
@@ -56,6 +57,22 @@ class Best:
     """Least RMS error without switching from sample to sample (step 1 alone)."""
     max_abs_error_nm: float
     """Largest error of the duty found; another duty may have a smaller one."""
+
+    def replay(self, limits_pct: tuple[float, float]) -> Replay:
+        """The best as a replay, to be measured and kept as the controllers' are."""
+        dt_s = float(self.time_s[1] - self.time_s[0])
+        return Replay(
+            "best", dt_s, self.time_s, self.reference_nm, self.torque_nm, self.duty_pct, limits_pct=limits_pct
+        )
+
+    def numbers(self) -> dict[str, float | str]:
+        """What a result says of it."""
+        return {
+            "rms_error_nm": self.rms_error_nm,
+            "bound_rms_nm": self.bound_nm,
+            "steady_rms_nm": self.steady_rms_nm,
+            "verdict": self.verdict(),
+        }
 
     def verdict(self) -> str:
         """How good the bound is, in words."""

@@ -45,7 +45,7 @@ def of(torque: np.ndarray, counted_from_s: float = 0.0, dt: float = DT) -> Refer
 
 @pytest.fixture(scope="module")
 def multisine() -> tuple[Reference, Best]:
-    reference = references.multisine(DT)
+    reference = references.multisine(DT, 12.0)
     return reference, best(PLANT, reference)
 
 
