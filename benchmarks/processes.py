@@ -22,7 +22,7 @@ def curve(X, a0, a1, a2, b0, b1, b2, c0, c1, c2, c3):
 
 runs = {}
 for path in sorted(glob.glob(sys.argv[1] + "/*.csv")):
-    log = pd.read_csv(path)
+    log = pd.read_csv(path, skiprows=1)
     duty = log.duty_pct.to_numpy()
     start = int(np.argmax(duty > 0))
     stop = start + int(np.argmin(duty[start:] > 0)) if (duty[start:] == 0).any() else len(duty)

@@ -12,7 +12,7 @@ _quiet = False
 
 
 def be_quiet(quiet: bool) -> None:
-    """Hold back messages and progress (`-q`); errors are still told."""
+    """Hold back messages, progress and tables (`-q`); errors and `--json` are still told."""
     global _quiet
     _quiet = quiet
 
@@ -53,6 +53,8 @@ def progress(label: str, total: int) -> Iterator[Callable[[], None]]:
 
 def table(title: str, columns: list[str], rows: list[list[str]]) -> None:
     """Print a table on stdout: boxed on a terminal, plain and unwrapped elsewhere."""
+    if _quiet:
+        return
     if sys.stdout.isatty():
         from rich.console import Console
         from rich.table import Table
