@@ -72,8 +72,8 @@ def random_plant(rng: np.random.Generator, tight: bool = False) -> Array:
         tau1, tau2 = np.linalg.solve(powers(at, 3), edges1), np.linalg.solve(powers(at, 3), edges2)
         steady = np.sort(np.exp(rng.uniform(np.log(0.1), np.log(5.0), 4)))
         if tight:
-            edges2[0] = edges1[0] * rng.uniform(1.0, 1.2)
-            steady[0] *= rng.uniform(0.05, 1.0)
+            edges2[0] = edges1[0] * rng.uniform(1.0, 1.05)
+            steady[0] *= rng.uniform(0.01, 0.3)
         Ts = np.linalg.solve(powers(np.array([0.1, 0.4, 0.7, 1.0]), 4), steady)
         x = np.concatenate([tau1, tau2, Ts])
         slack = A @ x - B
@@ -91,7 +91,7 @@ def make(seed: int) -> Case:
     rng = np.random.default_rng(seed)
     x = REFERENCE if seed % 4 == 1 else random_plant(rng, tight=seed % 4 >= 2)
     t = np.arange(int(rng.choice([500, 1000, 2000]))) * float(rng.choice([0.01, 0.02]))
-    noise = float(np.exp(rng.uniform(np.log(0.002), np.log(0.05))))
+    noise = float(np.exp(rng.uniform(np.log(0.02 if seed % 4 >= 2 else 0.002), np.log(0.05))))
     theta = levels_of(x)
     kind = f"noise {noise:.3f} N·m, {t[-1]:.0f} s"
     if seed % 2:

@@ -1,6 +1,6 @@
 """Starts from all over: where curves scatter from run to run, the joint cost has minima that lie far apart in τ2(u).
 
-Every shape of τ2(u) through five values at the lowest, middle and highest level is tried, all of them together by a
+Every shape of τ2(u) through six values at the lowest, middle and highest level is tried, all of them together by a
 few damped Gauss–Newton steps on the compressed points; the best that differ go on to the solver.
 """
 
@@ -15,21 +15,26 @@ from eaid.fitting.data import Data
 from eaid.fitting.kernel import level_curvature, level_sums
 from eaid.fitting.solver import Problem, draw_in
 
-VALUES = 5
-"""Values of τ2 tried at each of three levels, from three times τ1 to three times the record."""
-STEPS = 12
+VALUES = 6
+"""Values of τ2 tried at each of three levels, from three times τ1 to thirty times the record."""
+SIEVE = ((3, 216), (5, 48), (8, 16))
+"""Rounds of the descent: steps in a round, and how many of the best shapes are in it."""
+SAME = 1e-5
+"""Ends whose costs differ by less than this part are taken for one."""
 MOST = 6
 """Starts handed on."""
 
 
 def broad_starts(x: Array, inner: Array, data: Data, basis: Basis, problem: Problem) -> list[Array]:
     """Up to six feasible starts with different costs, the best first; `x` gives τ1(u), `inner` is a feasible point."""
-    shapes = slow_shapes(x, data, basis)
-    cost, found = descend(shapes, data, basis)
-    order = np.argsort(cost)
+    found = slow_shapes(x, data, basis)
+    cost, found = descend(found, data, basis, 1, steady_only=True)
+    for steps, most in SIEVE:
+        best = np.argsort(cost, kind="stable")[:most]
+        cost, found = descend(found[best], data, basis, steps)
     chosen: list[int] = []
-    for k in order:
-        if all(abs(cost[k] - cost[other]) > 1e-4 * cost[other] for other in chosen):
+    for k in np.argsort(cost, kind="stable"):
+        if all(abs(cost[k] - cost[other]) > SAME * cost[other] for other in chosen):
             chosen.append(int(k))
         if len(chosen) == MOST:
             break
@@ -37,20 +42,23 @@ def broad_starts(x: Array, inner: Array, data: Data, basis: Basis, problem: Prob
 
 
 def slow_shapes(x: Array, data: Data, basis: Basis) -> Array:
-    """Unknowns with the τ1 and T_s of `x` and every quadratic τ2 through a grid of values, shape (125, n)."""
+    """Unknowns with the τ1 and T_s of `x` and every quadratic τ2 through a grid of values, shape (216, n)."""
     at = np.array([basis.lowest, 0.5 * (basis.lowest + basis.highest), basis.highest])
     nodes = basis.rows(at)
     part = basis.slices[2]
     typical = max(float(np.median(nodes[1] @ x)), 1e-3)
-    values = np.geomspace(3 * typical, max(3 * data.longest_s, 6 * typical), VALUES)
+    values = np.geomspace(3 * typical, max(30 * data.longest_s, 60 * typical), VALUES)
     grid = np.array(list(itertools.product(values, repeat=3)))
     shapes = np.tile(x, (len(grid), 1))
     shapes[:, part] = np.linalg.lstsq(nodes[2][:, part], grid.T, rcond=None)[0].T
     return shapes
 
 
-def descend(x: Array, data: Data, basis: Basis) -> tuple[Array, Array]:
-    """Cost (N,) and place (N, n) after T_s is solved for and a few damped Gauss–Newton steps from N starts."""
+def descend(x: Array, data: Data, basis: Basis, steps: int, steady_only: bool = False) -> tuple[Array, Array]:
+    """Cost (N,) and place (N, n) a few damped Gauss–Newton steps on from N places.
+
+    `steady_only` moves T_s alone: the cost is a parabola in it, so one step solves for it.
+    """
     M = basis.rows(data.u)
     count, levels = len(x), len(data.u)
     p = data.points
@@ -75,23 +83,20 @@ def descend(x: Array, data: Data, basis: Basis) -> tuple[Array, Array]:
         return np.asarray(np.einsum("lan,clam->cnm", flat, own @ flat, optimize=True))
 
     cost, gradient = look(x)
-    damping = np.full(count, 1e-3)
-    for step in range(STEPS + 1):
-        H = curvature(x)
-        diagonal = np.maximum(np.einsum("cnn->cn", H), 1e-300)
-        if step == 0:  # T_s alone: linear, so one step solves for it
-            keep = np.zeros(x.shape[1], dtype=bool)
-            keep[basis.slices[0]] = True
-            H = H * keep * keep[:, None]
-            gradient = gradient * keep
-        scale = np.sqrt(diagonal)
+    damping = np.full(count, 1e-12 if steady_only else 1e-3)
+    free = np.ones(x.shape[1])
+    if steady_only:
+        free[basis.slices[1].start :] = 0.0
+    for _ in range(steps):
+        H = curvature(x) * (free * free[:, None])
+        scale = np.sqrt(np.maximum(np.einsum("cnn->cn", H), 1e-300))
         H = H / scale[:, :, None] / scale[:, None, :] + damping[:, None, None] * np.eye(x.shape[1])
-        move = -np.linalg.solve(H, (gradient / scale)[:, :, None])[:, :, 0] / scale
+        H[:, free == 0, free == 0] = 1.0
+        move = -np.linalg.solve(H, (gradient * free / scale)[:, :, None])[:, :, 0] / scale * free
         tried = x + move
         found, slope = look(tried)
-        better = np.isfinite(found) & (found < cost)
+        better = found < cost
         x = np.where(better[:, None], tried, x)
-        cost = np.where(better, found, cost)
-        gradient = np.where(better[:, None], slope, gradient) if step else look(x)[1]
+        cost, gradient = np.where(better, found, cost), np.where(better[:, None], slope, gradient)
         damping = np.where(better, damping / 5, damping * 10)
     return cost, x

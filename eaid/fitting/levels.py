@@ -3,6 +3,7 @@
 import numpy as np
 
 from eaid.arrays import Array
+from eaid.fitting.compress import Points
 from eaid.fitting.data import Data
 from eaid.fitting.kernel import level_curvature, level_sums
 from eaid.fitting.result import LevelFit, Solver
@@ -17,34 +18,53 @@ RECORDS = 1e6
 RECORDS_FREE = 100.0
 """The same where C is free: T_s then grows with τ2, for the slow part is a straight line of a given slope."""
 LEAST_LOG, MOST_LOG = np.log(1e-9), np.log(1e12)
-APART = 3
-"""Grid steps between the starting τ1 and τ2: a start with both alike would stay so."""
+GRID = 24
+"""Time constants on the starting grid."""
+BANDS = ((1, 4), (4, 7), (7, GRID))
+"""How many grid steps the starting τ1 and τ2 lie apart, one start each; at none apart they would stay together."""
+SAME = 1e-6
+"""Starts whose costs differ by less than this part have found the same minimum."""
 SHARES = (0.3, 0.5, 0.7, 0.85, 0.95)
 """Where a free C starts from."""
 
 
-def starting_curves(data: Data, share: float, enough: float = 1e-12, grid_size: int = 20) -> Array:
-    """θ = (T_s, τ1, τ2, C) of every level, shape (4, L): best pair on a log grid, then a few damped Newton steps."""
+def starting_curves(data: Data, share: float, enough: float = 1e-12) -> tuple[Array, Array]:
+    """Starts of every level, best pairs of τ on a log grid in each band of `BANDS`, then a few damped Newton steps.
+
+    θ = (T_s, τ1, τ2, C) of shape (4, bands, L), and the costs, (bands, L): a level's cost may have two bowls.
+    """
     points = data.points
     times = points.t_s if len(points.t_s) == len(points.y) else points.t_s[:1]
-    grid = np.maximum(tau_grid(times[points.w[: len(times)] > 0], grid_size), 1.01 * TAU1_LEAST_S)
-    tau1, tau2, steady = grid_minima(times, points.y, points.w, np.unique(grid), share, APART)
-    theta = np.stack([steady, tau1, np.maximum(tau2, 1.01 * tau1), np.full_like(tau1, share)])
-    return refine(theta, data, enough=enough)
+    grid = np.unique(np.maximum(tau_grid(times[points.w[: len(times)] > 0], GRID), 1.01 * TAU1_LEAST_S))
+    found = grid_minima(times, points.y, points.w, grid, share, BANDS)
+    levels = len(points.y)
+    theta = np.stack([found[2], found[0], np.maximum(found[1], 1.01 * found[0]), np.full_like(found[0], share)])
+    many = Points(
+        points.t_s if len(points.t_s) == 1 else np.tile(points.t_s, (len(BANDS), 1)),
+        np.tile(points.y, (len(BANDS), 1)),
+        points.w if len(points.w) == 1 else np.tile(points.w, (len(BANDS), 1)),
+    )
+    theta, cost = refine(theta.reshape(4, -1), many, RECORDS * data.longest_s, enough=enough)
+    return theta.reshape(4, len(BANDS), levels), cost.reshape(len(BANDS), levels)
 
 
-def refine(theta: Array, data: Data, steps: int = 8, enough: float = 1e-12) -> Array:
-    """Damped Gauss–Newton in (T_s, ln τ1, ln τ2) on every level at once; a level moves only where its cost falls.
+def best_curves(theta: Array, cost: Array) -> Array:
+    """The best start of each level, (4, L), of what `starting_curves` returns."""
+    return np.asarray(theta[:, cost.argmin(axis=0), np.arange(theta.shape[2])])
 
-    Ends when a step lowers no level's cost by more than `enough` of it.
+
+def refine(theta: Array, points: Points, limit: float, steps: int = 8, enough: float = 1e-12) -> tuple[Array, Array]:
+    """Damped Gauss–Newton in (T_s, ln τ1, ln τ2) on every row of points at once: θ (4, N) and cost (N,).
+
+    A row moves only where its cost falls; τ stays within 1 ms and `limit` [s]. Ends when a step lowers no row by
+    more than `enough` of its cost.
     """
-    limit = RECORDS * data.longest_s
-    cost, gradient = level_sums(theta, data.points)
+    cost, gradient = level_sums(theta, points)
     damping = np.full(len(cost), 1e-3)
     for _ in range(steps):
         scale = np.stack([np.ones_like(theta[0]), theta[1], theta[2]])
         g = gradient[:3] * scale
-        H = level_curvature(theta, data.points)[:, :3, :3] * (scale.T[:, :, None] * scale.T[:, None, :])
+        H = level_curvature(theta, points)[:, :3, :3] * (scale.T[:, :, None] * scale.T[:, None, :])
         diagonal = np.maximum(np.einsum("lii->li", H), 1e-300)
         H = H + damping[:, None, None] * diagonal[:, :, None] * np.eye(3)
         move = -np.linalg.solve(H, g.T[:, :, None])[:, :, 0].T
@@ -52,7 +72,7 @@ def refine(theta: Array, data: Data, steps: int = 8, enough: float = 1e-12) -> A
         tried[0] = np.maximum(theta[0] + move[0], 0.0)
         tried[1] = np.clip(theta[1] * np.exp(np.clip(move[1], -2, 2)), TAU1_LEAST_S, limit)
         tried[2] = np.clip(theta[2] * np.exp(np.clip(move[2], -2, 2)), tried[1], limit)
-        found, slope = level_sums(tried, data.points)
+        found, slope = level_sums(tried, points)
         better = found < cost
         done = np.max((cost - found)[better] / cost[better], initial=0.0) < enough
         theta = np.where(better, tried, theta)
@@ -60,25 +80,29 @@ def refine(theta: Array, data: Data, steps: int = 8, enough: float = 1e-12) -> A
         damping = np.where(better, damping / 10, damping * 10)
         if done and better.any():
             break
-    return theta
+    return theta, cost
 
 
-def fit_level(data: Data, share: float | None, start: Array | None = None) -> LevelFit:
+def fit_level(data: Data, share: float | None, starts: Array | None = None) -> LevelFit:
     """The least-squares friction curve of one level; C held at `share`, or free where that is None.
 
-    `start` is θ = (T_s, τ1, τ2, C) to begin from, shape (4,).
+    `starts` are θ = (T_s, τ1, τ2, C) to begin from, shape (4, n), instead of our own.
     """
     limit = (RECORDS_FREE if share is None else RECORDS) * data.longest_s
-    if share is None:
-        starts = [starting_curves(data, c)[:, 0] for c in SHARES]
-    else:
-        starts = [starting_curves(data, share)[:, 0] if start is None else start]
     problem = level_problem(data, share, limit)
-    ends = [slsqp(problem, _unknowns(theta, share, limit)) for theta in starts]
+    if starts is None:
+        shares = SHARES if share is None else (share,)
+        starts = np.concatenate([starting_curves(data, c)[0][:, :, 0] for c in shares], axis=1)
+    begin = [_unknowns(theta, share, limit) for theta in starts.T]
+    costs = np.array([problem.value(x)[0] for x in begin])
+    # Starts that have reached the same cost lie in one bowl: the solver goes once into each.
+    ends: list[EndPoint] = []
+    for k in np.argsort(costs):
+        if all(abs(costs[k] - end.cost) > SAME * costs[k] for end in ends):
+            ends.append(slsqp(problem, begin[k]))
+            costs[k] = ends[-1].cost
     best = min(ends, key=lambda end: end.cost)
-    # The full data's own problem has the compressed curvature: only its gradient decides.
     end, promise, active = polish(problem, best, lambda x: _full(x, data, share))
-    at_bounds = tuple(problem.names(i) for i in active)
     converged = promise <= PROMISE
     Ts, tau1, tau2, c = _theta(end.x, share).tolist()
     n = data.samples
@@ -91,9 +115,9 @@ def fit_level(data: Data, share: float | None, start: Array | None = None) -> Le
         solver=Solver(
             converged=converged,
             message=verdict(converged, promise),
-            evaluations=sum(e.evaluations for e in ends) + end.evaluations - best.evaluations,
-            starts=tuple(_full(e.x, data, share)[0] for e in ends) if len(ends) > 1 else (end.cost,),
-            at_bounds=at_bounds,
+            evaluations=len(begin) + sum(e.evaluations for e in ends) + end.evaluations - best.evaluations,
+            starts=tuple(float(cost) + end.cost - best.cost for cost in costs),
+            at_bounds=tuple(problem.names(i) for i in active),
             promise=promise,
         ),
     )
@@ -172,13 +196,6 @@ def _full(x: Array, data: Data, share: float | None) -> tuple[float, Array]:
 
 def fit_levels(data: Data, share: float | None) -> list[LevelFit]:
     """`fit_level` for every level; the starts of all are found together."""
-    if share is None:
-        return [fit_level(data.one(i), None) for i in range(len(data.u))]
-    starts = starting_curves(data, share)
-    return [fit_level(data.one(i), share, starts[:, i]) for i in range(len(data.u))]
-
-
-def as_end(fit: LevelFit) -> EndPoint:
-    """The end point of a level's fit in θ = (T_s, τ1, τ2, C)."""
-    curve = fit.curve
-    return EndPoint(np.array([curve.Ts, curve.tau1, curve.tau2, curve.C]), fit.sse, fit.solver.evaluations)
+    shares = SHARES if share is None else (share,)
+    starts = np.concatenate([starting_curves(data, c)[0] for c in shares], axis=1)
+    return [fit_level(data.one(i), share, starts[:, :, i]) for i in range(len(data.u))]

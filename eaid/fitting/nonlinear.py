@@ -14,7 +14,7 @@ from eaid.fitting.basis import Basis, basis_of, constraints
 from eaid.fitting.broad import broad_starts
 from eaid.fitting.data import Data
 from eaid.fitting.kernel import level_curvature, level_sums, residuals
-from eaid.fitting.levels import SHARES, TAU1_LEAST_S, starting_curves, verdict
+from eaid.fitting.levels import SHARES, TAU1_LEAST_S, best_curves, starting_curves, verdict
 from eaid.fitting.result import Solver
 from eaid.fitting.solver import PROMISE, ROUNDING, Problem, draw_in, polish, slsqp
 from eaid.models.parameters import Nonlinear
@@ -66,7 +66,7 @@ class OwnCurves:
 
 def own_curves(data: Data, share: float) -> OwnCurves:
     """Best curves of single levels with C held at `share`."""
-    theta = starting_curves(data, share, enough=1e-7)
+    theta = best_curves(*starting_curves(data, share, enough=1e-7))
     curvature = 0.5 * level_curvature(theta, data.points)[:, :3, :3] * data.weights[:, None, None]
     scale = np.sqrt(np.maximum(np.einsum("lii->li", curvature), 1e-300))
     inverse = np.linalg.inv(curvature / scale[:, :, None] / scale[:, None, :] + 1e-9 * np.eye(3))

@@ -3,6 +3,8 @@
 T(t) = (C (1 − e^(−t/τ1)) + (1 − C)(1 − e^(−t/τ2))) T_s
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from eaid.arrays import Array
@@ -28,21 +30,14 @@ def gradient(p: Friction, t_s: Array) -> Array:
     )
 
 
-def guess(t_s: Array, torque_nm: Array, share: float = SHARE, fast: int = 24, slow: int = 24) -> Friction:
+def guess(t_s: Array, torque_nm: Array, share: float = SHARE, tried: int = 48) -> Friction:
     """First guess from data [N·m, s]: the best pair of time constants on a log grid, T_s ≥ 0 by a linear solve.
 
     `t_s` and `torque_nm` have shape (n,), at least three samples after t = 0.
     """
-    return guess_weighted(t_s, torque_nm, np.ones_like(t_s), share, fast, slow)
-
-
-def guess_weighted(
-    t_s: Array, torque_nm: Array, weights: Array, share: float = SHARE, fast: int = 24, slow: int = 24
-) -> Friction:
-    """`guess` for weighted samples; a weight counts as that many samples, shape (n,)."""
-    grid = tau_grid(t_s, fast + slow)
-    tau1, tau2, steady = grid_minima(t_s[None], torque_nm[None], weights[None], grid, share)
-    return Friction(float(steady[0]), float(tau1[0]), float(tau2[0]), share)
+    grid = tau_grid(t_s, tried)
+    tau1, tau2, steady = grid_minima(t_s[None], torque_nm[None], np.ones((1, len(t_s))), grid, share)
+    return Friction(float(steady[0, 0]), float(tau1[0, 0]), float(tau2[0, 0]), share)
 
 
 def tau_grid(t_s: Array, n: int) -> Array:
@@ -52,28 +47,36 @@ def tau_grid(t_s: Array, n: int) -> Array:
 
 
 def grid_minima(
-    t_s: Array, torque_nm: Array, weights: Array, grid: Array, share: float, apart: int = 0
+    t_s: Array,
+    torque_nm: Array,
+    weights: Array,
+    grid: Array,
+    share: float,
+    bands: Sequence[tuple[int, int]] = ((0, 1_000),),
 ) -> tuple[Array, Array, Array]:
-    """τ1 ≤ τ2 of least cost on a grid, and their T_s ≥ 0, for L levels at once: three arrays of shape (L,).
+    """τ1 ≤ τ2 of least cost on a grid, and their T_s ≥ 0, for L levels at once: three arrays of shape (bands, L).
 
-    The two are at least `apart` grid steps apart.
-
-    `t_s`, `torque_nm`, `weights`: (L, n), or (1, n) times for all; padding has weight 0. For a pair of τ the amplitude
-    is a linear solve, T_s = φ'y/φ'φ, and the cost falls by (φ'y)²/φ'φ; all pairs follow from the products of e^(−t/τ).
+    A band (a, b) looks at pairs at least a and less than b grid steps apart. `t_s`, `torque_nm`, `weights`: (L, n), or
+    (1, n) times for all; padding has weight 0. For a pair of τ the amplitude is a linear solve, T_s = φ'y/φ'φ, and the
+    cost falls by (φ'y)²/φ'φ; all pairs follow from the products of e^(−t/τ).
     """
-    levels = len(torque_nm)
+    levels, count = len(torque_nm), len(grid)
     shapes = -np.expm1(-t_s[:, None, :] / grid[:, None])  # (L or 1, K, n)
     weighted = shapes * weights[:, None, :]
     gram = weighted @ np.swapaxes(shapes, 1, 2)  # (L or 1, K, K)
     along = (weighted @ torque_nm[:, :, None])[:, :, 0]  # (L, K)
+    first, second = np.triu_indices(count)
     own = np.diagonal(gram, axis1=1, axis2=2)
     c, d = share, 1 - share
-    square = c * c * own[:, :, None] + d * d * own[:, None, :] + 2 * c * d * gram
-    inner = c * along[:, :, None] + d * along[:, None, :]
-    gain = np.where(np.triu(np.ones(gram.shape[1:], dtype=bool), apart), np.maximum(inner, 0) ** 2 / square, -1.0)
-    best = gain.reshape(levels, -1).argmax(axis=1)
-    first, second = np.unravel_index(best, gain.shape[1:])
+    square = c * c * own[:, first] + d * d * own[:, second] + 2 * c * d * gram[:, first, second]
+    inner = np.maximum(c * along[:, first] + d * along[:, second], 0)
+    gain = inner**2 / square
     every = np.arange(levels)
     square = np.broadcast_to(square, inner.shape)
-    steady = np.maximum(inner[every, first, second], 0) / square[every, first, second]
-    return grid[first], grid[second], steady
+    found = []
+    for a, b in bands:
+        pairs = np.flatnonzero((second - first >= a) & (second - first < b))
+        best = pairs[gain[:, pairs].argmax(axis=1)]
+        found.append((grid[first[best]], grid[second[best]], inner[every, best] / square[every, best]))
+    tau1, tau2, steady = zip(*found, strict=True)
+    return np.stack(tau1), np.stack(tau2), np.stack(steady)

@@ -1,0 +1,68 @@
+"""Compression: the weighted points have the sum of squared residuals of all samples."""
+
+import itertools
+
+import numpy as np
+import pytest
+
+from eaid.fitting.compress import FIRST_BLOCK, SMALL, blocks, compress, orthonormal
+from eaid.models import friction
+from eaid.models.parameters import Friction
+
+
+def _sum_of_squares(t: np.ndarray, y: np.ndarray, curve: Friction) -> tuple[float, float]:
+    points = compress([t], [y])
+    floor = y @ y - np.sum(points.w * points.y**2)
+    whole = np.sum((y - friction.step_response(curve, t)) ** 2)
+    return floor + np.sum(points.w * (points.y - friction.step_response(curve, points.t_s)) ** 2), whole
+
+
+@pytest.mark.parametrize("n", [1, SMALL, SMALL + 1, 5000, 30_011, 100_000])
+def test_blocks_cover_every_sample_once(n: int) -> None:
+    cut = list(blocks(n))
+    assert cut[0][0] == 0 and cut[-1][1] == n
+    assert all(a[1] == b[0] for a, b in itertools.pairwise(cut))
+    assert n < FIRST_BLOCK or all(stop - start >= FIRST_BLOCK for start, stop in cut)
+
+
+def test_weights_count_samples_and_nodes_integrate_polynomials_exactly() -> None:
+    nodes, weights, _ = orthonormal(np.arange(100.0), 8)
+    assert weights.sum() == pytest.approx(100, rel=1e-13)
+    for degree in range(16):  # a Gauss rule of m nodes is exact to degree 2m − 1
+        assert weights @ (nodes / 99) ** degree == pytest.approx(np.sum((np.arange(100) / 99) ** degree), rel=1e-12)
+
+
+def test_irregular_instants_have_a_rule_of_their_own() -> None:
+    t = np.sort(np.random.default_rng(1).uniform(0, 3, 200))
+    nodes, weights, _ = orthonormal(t, 6)
+    for degree in range(12):
+        assert weights @ nodes**degree == pytest.approx(np.sum(t**degree), rel=1e-11)
+
+
+@pytest.mark.parametrize("curve", [Friction(2.0, 0.25, 5.0), Friction(4.0, 0.6, 16.0), Friction(0.3, 0.1, 1.0)])
+def test_sum_of_squares_is_kept(curve: Friction) -> None:
+    t = np.arange(30_000) / 1000
+    y = friction.step_response(Friction(2.1, 0.3, 4.0), t) + 0.01 * np.random.default_rng(0).normal(size=len(t))
+    short, whole = _sum_of_squares(t, y, curve)
+    assert short == pytest.approx(whole, rel=1e-8)
+
+
+def test_sum_of_squares_is_kept_on_a_jittering_clock() -> None:
+    rng = np.random.default_rng(2)
+    t = np.cumsum(rng.uniform(0.0005, 0.0015, 20_000))
+    y = friction.step_response(Friction(2.1, 0.3, 4.0), t) + 0.01 * rng.normal(size=len(t))
+    short, whole = _sum_of_squares(t, y, Friction(2.0, 0.25, 5.0))
+    assert short == pytest.approx(whole, rel=1e-8)
+
+
+def test_thirty_thousand_samples_become_about_ninety_points() -> None:
+    t = np.arange(30_000) / 1000
+    points = compress([t, t], [t, t], np.stack([t, t]))
+    assert points.t_s.shape == (1, 88) and points.y.shape == (2, 88)
+
+
+def test_short_records_keep_every_sample_and_unequal_ones_are_padded_with_weight_zero() -> None:
+    a, b = np.arange(100) / 10, np.arange(60) / 10
+    points = compress([a, b], [a, b])
+    assert points.y.shape == (2, 100)
+    assert points.w[0].sum() == 100 and points.w[1].sum() == 60 and not points.w[1, 60:].any()

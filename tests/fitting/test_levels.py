@@ -1,0 +1,93 @@
+"""The friction curve of one level: truth returned, C held or free, what the data cannot tell."""
+
+import numpy as np
+import pytest
+
+from eaid.fitting.data import Data
+from eaid.fitting.kernel import Record
+from eaid.fitting.levels import fit_level, level_problem
+from eaid.models import friction
+from eaid.models.parameters import Friction
+
+TRUTH = Friction(1.7, 0.35, 6.0)
+
+
+def _data(curve: Friction, duration_s: float = 20.0, rate_hz: float = 200.0, noise: float = 0.0, seed: int = 0) -> Data:
+    t = np.arange(round(duration_s * rate_hz)) / rate_hz
+    y = friction.step_response(curve, t) + noise * np.random.default_rng(seed).normal(size=len(t))
+    return Data(np.array([50.0]), (Record(t, y, True),), np.ones(1))
+
+
+@pytest.mark.parametrize(
+    "truth",
+    [
+        TRUTH,
+        Friction(0.05, 0.02, 0.9),
+        Friction(300.0, 1.5, 25.0),
+        Friction(2.0, 0.1, 0.12),
+        Friction(1.0, 0.5, 9.0, 0.4),
+    ],
+)
+def test_truth_returns(truth: Friction) -> None:
+    found = fit_level(_data(truth), truth.C)
+    assert found.solver.converged
+    assert (found.curve.Ts, found.curve.tau1, found.curve.tau2) == pytest.approx(
+        (truth.Ts, truth.tau1, truth.tau2), rel=1e-6
+    )
+
+
+@pytest.mark.parametrize("share", [0.5, 0.85])
+def test_a_free_share_returns(share: float) -> None:
+    truth = Friction(1.7, 0.35, 6.0, share)
+    found = fit_level(_data(truth), None)
+    assert pytest.approx(share, rel=1e-6) == found.curve.C and found.curve.tau2 == pytest.approx(6.0, rel=1e-6)
+    assert len(found.solver.starts) >= 5
+
+
+def test_gradient_and_curvature_in_the_fit_s_own_unknowns() -> None:
+    data = _data(TRUTH, duration_s=1.0, noise=0.05)
+    problem = level_problem(data, None, 100.0)
+    x = np.array([1.5, np.log(0.3), np.log(4.0), 0.8])
+    _, gradient = problem.value(x)
+    assert problem.exact is not None
+    exact = problem.exact(x)
+    for k in range(4):
+        ends = []
+        for sign in (1, -1):
+            y = x.copy()
+            y[k] += sign * 1e-6
+            ends.append(problem.value(y))
+        assert (ends[0][0] - ends[1][0]) / 2e-6 == pytest.approx(gradient[k], rel=1e-6, abs=1e-6)
+        assert (ends[0][1] - ends[1][1]) / 2e-6 == pytest.approx(exact[:, k], rel=1e-5, abs=1e-5)
+
+
+def test_metrics_by_hand() -> None:
+    # Three samples that no curve meets: T_s = 0 is best for a falling output, so what is left is the data.
+    t = np.array([0.0, 1.0, 2.0])
+    y = np.array([0.0, -3.0, -4.0])
+    found = fit_level(Data(np.array([1.0]), (Record(t, y, True),), np.ones(1)), 0.85)
+    assert found.curve.Ts == pytest.approx(0, abs=1e-12)
+    assert found.sse == pytest.approx(25.0) and found.rmse == pytest.approx(np.sqrt(25 / 3)) and found.samples == 3
+    assert "T_s at 0" in found.solver.at_bounds
+
+
+def test_a_single_exponential_is_held_where_both_constants_meet() -> None:
+    t = np.arange(2000) / 200
+    y = 1 - np.exp(-2 * t) * (np.cos(6 * t) + np.sin(6 * t) / 3)  # an overshoot: no such curve falls again
+    found = fit_level(Data(np.array([1.0]), (Record(t, y, True),), np.ones(1)), 0.85)
+    assert "τ2 at τ1" in found.solver.at_bounds and found.solver.converged
+    assert found.curve.tau1 == pytest.approx(found.curve.tau2, rel=1e-9)
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_no_start_of_many_does_better(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    truth = Friction(rng.uniform(0.1, 4), np.exp(rng.uniform(-3, 0)), np.exp(rng.uniform(0.2, 3.5)))
+    data = _data(truth, duration_s=rng.uniform(3, 20), rate_hz=50, noise=0.02, seed=seed)
+    found = fit_level(data, 0.85)
+    best = min(
+        fit_level(data, 0.85, np.array([[1.0, tau1, tau1 * ratio, 0.85]]).T).sse
+        for tau1 in (0.03, 0.2, 1)
+        for ratio in (1.5, 20)
+    )
+    assert found.sse <= best * (1 + 1e-6)

@@ -1,0 +1,70 @@
+"""The solver on problems whose minimum is known, and the verdict that does not trust it."""
+
+import numpy as np
+import pytest
+
+from eaid.fitting.solver import EndPoint, Problem, newton_step, polish, slsqp, whiten
+
+SCALES = np.array([1.0, 1e-4, 1e5])
+CENTRE = np.array([2.0, 3e-4, -4e5])
+
+
+def _bowl(A: np.ndarray, b: np.ndarray, left: float = 1.0) -> Problem:
+    """A badly scaled sum of squares about CENTRE, with something left at its minimum."""
+
+    def value(x: np.ndarray) -> tuple[float, np.ndarray]:
+        r = (x - CENTRE) / SCALES
+        return float(r @ r + r[0] ** 4 + left), 2 * r / SCALES + np.array([4 * r[0] ** 3, 0, 0])
+
+    return Problem(value, lambda _: np.diag(2 / SCALES**2), A, b, "row {}".format)
+
+
+FREE = np.zeros((0, 3)), np.zeros(0)
+
+
+def test_whitening_factors_the_curvature() -> None:
+    J = np.random.default_rng(0).normal(size=(9, 4)) * np.array([1, 1e3, 1e-5, 1])
+    L = whiten(J.T @ J)
+    assert pytest.approx(J.T @ J, rel=1e-12) == L @ L.T
+
+
+def test_whitening_survives_a_direction_that_nothing_determines() -> None:
+    L = whiten(np.array([[1.0, 1.0], [1.0, 1.0]]))
+    assert np.isfinite(np.linalg.inv(L)).all()
+
+
+def test_badly_scaled_unknowns_are_no_trouble() -> None:
+    end = slsqp(_bowl(*FREE), np.zeros(3))
+    assert (end.x - CENTRE) / SCALES == pytest.approx(0, abs=1e-6)
+
+
+def test_a_constraint_holds_where_the_minimum_lies_beyond_it() -> None:
+    A, b = np.array([[0.0, 0.0, 1.0]]), np.array([-1e5])
+    end = slsqp(_bowl(A, b), np.array([0.0, 0.0, 0.0]))
+    assert end.x[2] == pytest.approx(-1e5, rel=1e-9) and end.x[2] >= -1e5
+    assert end.x[:2] == pytest.approx(CENTRE[:2], rel=1e-6)
+
+
+def test_newton_step_is_the_constrained_minimum_of_its_parabola() -> None:
+    H, g = np.array([[2.0, 0.5], [0.5, 1.0]]), np.array([-4.0, -3.0])
+    A, b = np.array([[-1.0, 0.0], [0.0, -1.0]]), np.array([-1.0, -5.0])  # x ≤ 1, y ≤ 5
+    problem = Problem(lambda _: (0.0, g), lambda _: H, A, b, "row {}".format)
+    step = newton_step(problem, np.zeros(2), g, H)
+    assert step.d == pytest.approx([1.0, 2.5])  # x held at 1, then y = 3 − 0.5 x
+    assert step.decrease == pytest.approx(-(g @ step.d + 0.5 * step.d @ H @ step.d))
+    assert step.active == (0,)
+
+
+def test_the_verdict_sees_a_point_that_is_no_minimum() -> None:
+    problem = _bowl(*FREE)
+    x = CENTRE + SCALES * np.array([0.0, 0.1, 0.0])
+    end, promise, _ = polish(problem, EndPoint(x, problem.value(x)[0], 1), problem.value, steps=0)
+    assert promise == pytest.approx(0.01 / 1.01, rel=1e-6)
+    end, promise, _ = polish(problem, EndPoint(x, problem.value(x)[0], 1), problem.value)
+    assert promise < 1e-12 and end.cost == pytest.approx(1.0)
+
+
+def test_nothing_left_is_not_divided_by() -> None:
+    problem = _bowl(*FREE, left=0.0)
+    end = slsqp(problem, CENTRE.copy())
+    assert end.cost == 0.0 and polish(problem, end, problem.value)[1] == 0.0

@@ -1,0 +1,123 @@
+"""The three models: closed forms, gradients against complex steps, the edges of SPEC §4.2, first guesses."""
+
+from dataclasses import astuple, replace
+
+import numpy as np
+import pytest
+
+from eaid.models import friction, linear, nonlinear
+from eaid.models.parameters import PAPER_LINEAR, REFERENCE_PLANT, Friction, Linear, Nonlinear
+
+STEP = 1e-30
+CURVE = Friction(Ts=2.0, tau1=0.3, tau2=4.0)
+TIME = np.linspace(0, 12, 50)
+
+
+def test_friction_at_zero_at_tau_and_in_the_end() -> None:
+    one = Friction(Ts=2.0, tau1=0.5, tau2=0.5, C=0.6)
+    values = friction.step_response(one, np.array([0.0, 0.5, 10.0]))
+    assert values == pytest.approx([0.0, 2 * (1 - np.exp(-1)), 2 * (1 - np.exp(-20))], rel=1e-15)
+
+
+def test_friction_is_the_sum_of_its_two_parts() -> None:
+    fast = -np.expm1(-TIME / 0.3)
+    slow = -np.expm1(-TIME / 4.0)
+    assert friction.step_response(CURVE, TIME) == pytest.approx(2 * (0.85 * fast + 0.15 * slow), rel=1e-14)
+
+
+def test_friction_keeps_precision_just_after_the_step() -> None:
+    t = np.array([1e-12])
+    assert friction.step_response(CURVE, t)[0] == pytest.approx(2 * 1e-12 * (0.85 / 0.3 + 0.15 / 4), rel=1e-10)
+
+
+@pytest.mark.parametrize("k", range(4))
+def test_friction_gradient(k: int) -> None:
+    values = list(astuple(CURVE))
+    values[k] = values[k] + 1j * STEP
+    by_complex_step = friction.step_response(Friction(*values), TIME).imag / STEP
+    assert friction.gradient(CURVE, TIME)[k] == pytest.approx(by_complex_step, rel=1e-12, abs=1e-15)
+
+
+def test_friction_guess_is_near_the_truth() -> None:
+    t = np.arange(3000) / 100
+    found = friction.guess(t, friction.step_response(CURVE, t))
+    assert found.Ts == pytest.approx(2.0, rel=0.02)
+    assert found.tau1 == pytest.approx(0.3, rel=0.2) and found.tau2 == pytest.approx(4.0, rel=0.4)
+
+
+def test_nonlinear_is_the_friction_curve_of_its_polynomials() -> None:
+    u = 40.0
+    Ts = 0.032 + 9.2e-3 * u + 2.1e-4 * u**2 + 1.32e-6 * u**3
+    tau1, tau2 = 6.74e-3 + 2.39e-2 * u - 2.13e-4 * u**2, 0.93 + 0.41 * u - 2.64e-3 * u**2
+    want = friction.step_response(Friction(Ts, tau1, tau2), TIME)
+    assert nonlinear.step_response(REFERENCE_PLANT, TIME, u) == pytest.approx(want, rel=1e-13)
+
+
+def test_reference_plant_reaches_its_torque() -> None:
+    assert nonlinear.steady_torque(REFERENCE_PLANT, 100.0) == pytest.approx(4.372, abs=1e-12)
+
+
+def test_below_the_lowest_duty_torque_is_a_line_to_zero_and_time_constants_stay() -> None:
+    edge = nonlinear.steady_torque(REFERENCE_PLANT, 10.0).item()
+    duties = np.array([0.0, 5.0, 10.0])
+    assert nonlinear.steady_torque(REFERENCE_PLANT, duties) == pytest.approx([0, edge / 2, edge])
+    tau1, tau2 = nonlinear.time_constants(REFERENCE_PLANT, duties)
+    assert tau1 == pytest.approx([0.22444] * 3) and tau2 == pytest.approx([4.766] * 3)
+
+
+def test_above_the_highest_duty_all_stay() -> None:
+    p = replace(REFERENCE_PLANT, u_range=(10.0, 80.0))
+    assert nonlinear.steady_torque(p, 95.0) == nonlinear.steady_torque(p, 80.0)
+    assert nonlinear.time_constants(p, 95.0) == nonlinear.time_constants(p, 80.0)
+
+
+@pytest.mark.parametrize(("name", "k"), [(n, k) for n, d in (("tau1", 3), ("tau2", 3), ("Ts", 4)) for k in range(d)])
+def test_nonlinear_gradient(name: str, k: int) -> None:
+    row = {"tau1": 0, "tau2": 3, "Ts": 6}[name] + k
+    values = np.array(getattr(REFERENCE_PLANT, name), dtype=complex)
+    values[k] += 1j * STEP
+    shifted = replace(REFERENCE_PLANT, **{name: tuple(values)})
+    theta = [np.polynomial.polynomial.polyval(35.0, np.array(c)) for c in (shifted.Ts, shifted.tau1, shifted.tau2)]
+    by_complex_step = friction.step_response(Friction(*theta), TIME).imag / STEP
+    assert nonlinear.gradient(REFERENCE_PLANT, TIME, 35.0)[row] == pytest.approx(by_complex_step, rel=1e-11, abs=1e-15)
+
+
+def test_nonlinear_guess_passes_through_the_levels() -> None:
+    duties = np.array([10.0, 40.0, 70.0, 100.0])
+    curves = [nonlinear.at_duty(REFERENCE_PLANT, u) for u in duties]
+    found = nonlinear.guess(duties, curves)
+    assert found.Ts == pytest.approx(REFERENCE_PLANT.Ts, rel=1e-8)
+    assert found.tau1 == pytest.approx(REFERENCE_PLANT.tau1, rel=1e-8)
+    assert found.u_range == (10.0, 100.0)
+
+
+def test_nonlinear_guess_from_one_level_is_constant() -> None:
+    found = nonlinear.guess(np.array([50.0]), [CURVE])
+    assert found == Nonlinear((0.3, 0, 0), (4.0, 0, 0), (2.0, 0, 0, 0), (50.0, 50.0))
+
+
+def test_linear_closed_form() -> None:
+    drive = 0.08 * 50 - 2.42
+    values = linear.step_response(PAPER_LINEAR, np.array([0.0, 1 / 1.36, 20.0]), 50.0)
+    assert values == pytest.approx([0, drive / 1.36 * (1 - np.exp(-1)), drive / 1.36], rel=1e-9)
+    assert linear.steady_torque(PAPER_LINEAR, 50.0) == pytest.approx(drive / 1.36)
+
+
+def test_published_linear_model_is_negative_below_30_percent() -> None:
+    assert linear.steady_torque(PAPER_LINEAR, 30.24) < 0 < linear.steady_torque(PAPER_LINEAR, 30.26)
+
+
+@pytest.mark.parametrize("k", range(3))
+def test_linear_gradient(k: int) -> None:
+    values = list(astuple(PAPER_LINEAR))
+    values[k] = values[k] + 1j * STEP
+    by_complex_step = linear.step_response(Linear(*values), TIME, 60.0).imag / STEP
+    assert linear.gradient(PAPER_LINEAR, TIME, 60.0)[k] == pytest.approx(by_complex_step, rel=1e-12, abs=1e-15)
+
+
+def test_linear_guess() -> None:
+    t = np.arange(2000) / 100
+    duties = np.array([30.0, 60.0, 100.0])
+    torque = np.stack([linear.step_response(PAPER_LINEAR, t, u) for u in duties])
+    found = linear.guess(t, torque, duties)
+    assert found.a0 == pytest.approx(1.36, rel=0.15) and found.b0 == pytest.approx(0.08, rel=0.15)
