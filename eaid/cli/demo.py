@@ -2,6 +2,7 @@
 
 import contextlib
 import io
+from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated
 
@@ -11,22 +12,25 @@ from eaid.cli import console
 from eaid.cli.options import Force, Json, Quiet
 from eaid.errors import UsageError
 
-LINES: tuple[tuple[str, ...], ...] = (
+CLUTCH: tuple[tuple[str, ...], ...] = (
     ("ingest", "{clutch}", "-o", "clutch.h5"),
-    ("ingest", "{friction-force}", "-o", "friction-force.h5"),
-    ("ingest", "{friction-speed}", "-o", "friction-speed.h5"),
     ("fit", "clutch.h5", "-o", "fit.json"),
-    ("fit", "friction-force.h5", "-o", "friction-force.json"),
-    ("fit", "friction-speed.h5", "-o", "friction-speed.json"),
     ("tune-rc", "fit.json", "-o", "gains.json"),
     ("simulate", "fit.json", "--gains", "gains.json", "--scenario", "steps", "-o", "steps.h5"),
     ("simulate", "fit.json", "--gains", "gains.json", "--scenario", "multisine", "-o", "multisine.h5"),
     ("simulate", "fit.json", "--gains", "gains.json", "--scenario", "sweep", "-o", "sweep.h5"),
     ("simulate", "fit.json", "--gains", "gains.json", "--scenario", "rehab", "-o", "rehab.h5"),
     ("plan", "fit.json", "-o", "plan.csv"),
+)
+"""What the demo does with the clutch, as a user would type it inside the demo's folder."""
+FRICTION: tuple[tuple[str, ...], ...] = (
+    ("ingest", "{friction-force}", "-o", "friction-force.h5"),
+    ("ingest", "{friction-speed}", "-o", "friction-speed.h5"),
+    ("fit", "friction-force.h5", "-o", "friction-force.json"),
+    ("fit", "friction-speed.h5", "-o", "friction-speed.json"),
     ("reproduce", "-o", "paper.md"),
 )
-"""What the demo does, as a user would type it inside its folder; the report of all of it comes last."""
+"""What needs nothing of the clutch: done beside it, on the second core."""
 
 REPORTED = (
     "clutch.h5", "friction-force.h5", "friction-speed.h5", "fit.json", "friction-force.json", "friction-speed.json",
@@ -54,11 +58,10 @@ def command(
     data = {kind: str(path.resolve()) for kind, path in shipped().items()}
     output.mkdir(parents=True, exist_ok=True)
     report = ("report", *REPORTED, "-o", ".")
-    lines = [tuple(data.get(word.strip("{}"), word) if word[:1] == "{" else word for word in line) for line in LINES]
-    with contextlib.chdir(output), console.progress("eaid demo", len(lines) + 1) as done:
-        for line in [*lines, report]:
-            _run(line)
-            done()
+    with console.progress("eaid demo", len(CLUTCH) + len(FRICTION) + 1) as done:
+        _both(_filled(CLUTCH, data), _filled(FRICTION, data), output, done)
+        _run(report, output)
+        done()
     console.be_quiet(quiet)
     page = output / "report.html"
     if json:
@@ -71,11 +74,42 @@ def command(
     console.say(f"done: open {page} in a browser")
 
 
-def _run(line: tuple[str, ...]) -> None:
-    """One command line in this process: its tables are not shown, its failure ends the demo."""
+def _filled(lines: tuple[tuple[str, ...], ...], data: dict[str, str]) -> list[tuple[str, ...]]:
+    """The lines with the paths of the shipped datasets in them."""
+    return [tuple(data[word[1:-1]] if word[:1] == "{" else word for word in line) for line in lines]
+
+
+def _both(first: list[tuple[str, ...]], second: list[tuple[str, ...]], folder: Path, done: Callable[[], None]) -> None:
+    """Run both lists, the second one in a process of its own where there is a processor for it."""
+    from eaid.cli.fit import processors
+
+    if processors() < 2:
+        for line in [*first, *second]:
+            _run(line, folder)
+            done()
+        return
+    from concurrent.futures import ProcessPoolExecutor
+    from multiprocessing import get_context
+
+    with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as beside:
+        waiting = [beside.submit(_run, line, folder) for line in second]
+        try:
+            for line in first:
+                _run(line, folder)
+                done()
+            for each in waiting:
+                each.result()
+                done()
+        except BaseException:
+            beside.shutdown(cancel_futures=True)
+            raise
+
+
+def _run(line: tuple[str, ...], folder: Path) -> None:
+    """One command line in this process, inside the folder: its tables are not shown, its failure ends the demo."""
     from eaid.cli.main import run
 
-    with contextlib.redirect_stdout(io.StringIO()):
+    with contextlib.chdir(folder), contextlib.redirect_stdout(io.StringIO()):
         code = run([*line, "--quiet", "--force"])
     if code not in (0, 4):  # 4: a fit did not converge; the page says so
         raise UsageError(f"the demo stopped at: eaid {' '.join(line)} (exit code {code})")

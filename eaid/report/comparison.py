@@ -1,4 +1,4 @@
-"""Two fits of one kind as a table: both values, their intervals, and whether the change is more than scatter explains."""
+"""Two fits of one kind as a table: both values, their intervals, and whether scatter explains the change."""
 
 from typing import Any
 

@@ -1,7 +1,6 @@
 """Figures → bytes and files, the same every time: no date, no program name, model ids and hashes fixed."""
 
 import io
-import zlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -40,7 +39,7 @@ def png_of(figure: Figure) -> bytes:
     image = Image.frombuffer("RGBA", canvas.get_width_height(), canvas.buffer_rgba())  # type: ignore[attr-defined]
     few = image.convert("RGB").quantize(COLOURS, method=Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE)
     out = io.BytesIO()
-    few.save(out, format="PNG", dpi=(style.DPI, style.DPI), compress_level=zlib.Z_BEST_COMPRESSION)
+    few.save(out, format="PNG", dpi=(style.DPI, style.DPI), compress_level=7)
     return out.getvalue()
 
 
