@@ -11,7 +11,8 @@ The end is a local optimum: a duty that has this error, kept beside the replays.
 x2 may be anything that any duty could have made of it, chosen anew at each sample, and each limit replaced by a line
 that lies outside it: no duty can do better than that.
 
-RMS errors count from the reference's `counted_from_s`, as the controllers' do. The plant is replayed as it is; what a
+RMS errors count from the reference's `counted_from_s`, as the controllers' do; before it the best duty is free, and may
+wait at rest with an empty slow part. The plant is replayed as it is; what a
 rig adds (noise, ripple, delay, latching) is left out.
 """
 
