@@ -4,7 +4,8 @@ Links to other files, external storage and virtual datasets are refused, and so 
 larger than the file: both are refused before anything is read.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,7 @@ import numpy as np
 
 from eaid.arrays import read_only
 from eaid.errors import DataError
+from eaid.logs.extras import damage_told
 from eaid.logs.mat import FEWEST, SAVE_AS, labels_of_matrix
 from eaid.logs.sheet import Cells, Sheet
 
@@ -26,15 +28,13 @@ def is_hdf5(head: bytes) -> bool:
     return head.startswith(b"\x89HDF\r\n\x1a\n") or head[512:520] == b"\x89HDF\r\n\x1a\n"
 
 
-def open_hdf5(path: Path, source: str) -> Any:
-    """The file, open for reading; raises DataError where it is damaged."""
+@contextmanager
+def open_hdf5(path: Path, source: str) -> Iterator[Any]:
+    """The file, open for reading; raises DataError where it, or what is read of it in the block, is damaged."""
     import h5py
 
-    try:
-        return h5py.File(path, "r", locking=False)
-    except (OSError, ValueError, RuntimeError) as fault:
-        reason = " ".join(str(fault).split())[:100]
-        raise DataError(f"{source}: is a damaged HDF5 file ({reason}); copy or save it again") from None
+    with damage_told(source, "HDF5"), h5py.File(path, "r", locking=False) as file:
+        yield file
 
 
 def check_safe(file: Any, source: str, size: int) -> None:

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from eaid.arrays import read_only
 from eaid.errors import DataError
+from eaid.logs.mat_elements import check_elements
 from eaid.logs.sheet import Cells, Sheet
 
 FEWEST = 10
@@ -31,16 +32,16 @@ SAVE_AS = (
 def read_mat(path: Path, source: str) -> list[Sheet]:
     """Sheets of a MAT-file v4 or v5; raises DataError where it holds no numbers."""
     check_size(path, source)
+    check_elements(path, source)
     from scipy.io import loadmat
-    from scipy.io.matlab import MatReadError
 
     try:
         content: Mapping[str, Any] = loadmat(str(path), struct_as_record=True, squeeze_me=False)
-    except (MatReadError, ValueError, TypeError, EOFError, KeyError, IndexError, OverflowError, MemoryError) as fault:
-        reason = " ".join(str(fault).split())[:120] or type(fault).__name__
-        raise DataError(f"{source}: is a damaged MAT-file ({reason}); save it again") from None
     except NotImplementedError:
         raise DataError(f"{source}: is a MAT-file of a version that eaid cannot read; save it with -v7") from None
+    except Exception as fault:  # SciPy has no common type for what it stumbles over
+        reason = " ".join(str(fault).split())[:120] or type(fault).__name__
+        raise DataError(f"{source}: is a damaged MAT-file ({reason}); save it again") from None
     variables = {name: value for name, value in content.items() if not name.startswith("__")}
     sheets = sheets_of(variables)
     if not sheets:
