@@ -361,7 +361,6 @@ def _optimized(
     from eaid.control.bounds import bounds_of, model_of
     from eaid.control.design import plant_of
     from eaid.control.operating import operating_points
-    from eaid.replay.optimize import SCATTER
     from eaid.replay.optimize import optimize as search_for
     from eaid.replay.references import multisine
     from eaid.uncertainty.draw import covariance_word, draw_plants
@@ -377,7 +376,7 @@ def _optimized(
     bounds = bounds_of(fitted, source, options.convention, options.levels, options.widen)
     reference = wanted if wanted is not None else multisine(1 / options.timing.rate_hz)
     points = operating_points(fitted, model, plant, bounds)
-    with console.progress("candidates", 1 + SCATTER + search.evaluations) as tick:
+    with console.progress("candidates", search.candidates) as tick:
         found = search_for(model, bounds, options, drawn, points, reference, search, tick)
     told = {
         "plants": len(drawn), "noise_nm": search.noise_nm, "also": list(search.also), "limit_pct": found.limit_pct,

@@ -221,11 +221,11 @@ def phase_margin(feedback: Feedback, lags: tuple[Lag, ...], timing: Timing) -> t
     found = (math.inf, 0.0)
     for k in np.flatnonzero((size[:-1] >= 1) != (size[1:] >= 1)):
         low, high = omega[k], omega[k + 1]
-        falling = size[k] >= 1
-        for _ in range(50):
-            middle = math.sqrt(low * high)
-            above = abs(loop_response(feedback, lags, timing, np.array([middle]))[0]) >= 1
-            low, high = (middle, high) if above == falling else (low, middle)
+        for _ in range(3):  # each narrows the bracket 64 times
+            finer = np.geomspace(low, high, 65)
+            above = np.abs(loop_response(feedback, lags, timing, finer)) >= 1
+            turn = int(np.flatnonzero(above[1:] != above[:-1])[0]) if above[0] != above[-1] else 0
+            low, high = finer[turn], finer[turn + 1]
         phase = cmath.phase(complex(-loop_response(feedback, lags, timing, np.array([low]))[0]))
         found = min(found, (math.degrees(phase), float(low) / (2 * math.pi)))
     return found

@@ -1,0 +1,125 @@
+"""The search for gains, and the errors that stand beside the ultimate bound."""
+
+import math
+
+import numpy as np
+import pytest
+
+from eaid.control.bounds import Bounds
+from eaid.control.gains import paper_gains
+from eaid.control.operating import operating_points
+from eaid.control.options import DesignOptions
+from eaid.errors import GainsError
+from eaid.models.parameters import PAPER_LINEAR, REFERENCE_PLANT
+from eaid.replay import references
+from eaid.replay.optimize import Bench, Search, keeps_margins, optimize, simplex
+from eaid.replay.rig import Rig
+from eaid.replay.standard import beside_the_bound, pi_controller, rc_controller, replayed, steepest_nm_s
+
+BOUNDS = Bounds("zero-offset", (), 12.4, 42.6, ())
+POINTS = operating_points({}, PAPER_LINEAR, REFERENCE_PLANT, BOUNDS)
+MULTISINE = references.multisine(1e-3, 12.0)
+RC, PI = paper_gains()
+
+
+SHORT = references.multisine(1e-3, 7.0)
+
+
+def search(also=(), reference=SHORT, scatter=8, evaluations=24, **changes):
+    """The paper's design on the reference plant, as the starting point."""
+    return optimize(
+        PAPER_LINEAR, BOUNDS, DesignOptions(), [REFERENCE_PLANT], POINTS, reference,
+        Search(noise_nm=0.01, also=also, scatter=scatter, evaluations=evaluations, **changes),
+    )  # fmt: skip
+
+
+def measured(gains, seed=0):
+    return replayed(REFERENCE_PLANT, rc_controller(gains), MULTISINE, Rig(noise_nm=0.01), seed)
+
+
+def test_figures_of_the_reference_plant():
+    """SPEC §6: 0.116 and 0.797 N·m, 85 % less."""
+    told = beside_the_bound(REFERENCE_PLANT, RC, PI, MULTISINE, "multisine")
+    assert told["rc"]["max_abs_error_nm"] == pytest.approx(0.116, abs=5e-4)
+    assert told["pi"]["max_abs_error_nm"] == pytest.approx(0.797, abs=5e-4)
+    assert told["slope_nm_s"] == pytest.approx(9.3, abs=0.05)
+    meets_spec = replayed(REFERENCE_PLANT, pi_controller(PI._replace(K_P=156.6, K_I=252.9)), MULTISINE)
+    less = 1 - told["rc"]["max_abs_error_nm"] / meets_spec["max_abs_error_nm"]
+    assert less == pytest.approx(0.69, abs=0.01)
+
+
+def test_the_replayed_error_lies_below_the_ultimate_bound():
+    from eaid.control.law import law_of
+
+    law = law_of(PAPER_LINEAR, BOUNDS, DesignOptions(B_hat="minimax", Q_M=steepest_nm_s(MULTISINE)))
+    worst = replayed(REFERENCE_PLANT, rc_controller(law.gains), MULTISINE)["max_abs_error_nm"]
+    assert worst < law.ultimate_bound_nm()
+
+
+@pytest.mark.parametrize(("also", "at_most"), [((), 0.9995), (("b-hat",), 0.5)])
+def test_it_beats_the_papers_gains_at_no_more_chattering(also, at_most):
+    full = Search(noise_nm=0.01)  # as the command searches
+    found = search(also, MULTISINE, *((8, 24) if also else (full.scatter, full.evaluations)))
+    paper, best = measured(RC), measured(found.best.law.gains)
+    assert found.start.rms_nm == pytest.approx(paper["rms_error_nm"], rel=1e-9)
+    assert best["rms_error_nm"] < at_most * paper["rms_error_nm"]
+    assert best["mean_abs_duty_step_pct"] <= paper["mean_abs_duty_step_pct"]
+    assert keeps_margins(found.best.law.gains, POINTS, DesignOptions().timing)
+    # … and with noise that it has not met.
+    fresh, before = measured(found.best.law.gains, seed=7), measured(RC, seed=7)
+    assert fresh["rms_error_nm"] < before["rms_error_nm"]
+
+
+def test_the_same_seed_gives_the_same_gains():
+    assert search(seed=3, evaluations=8).best.as_dict() == search(seed=3, evaluations=8).best.as_dict()
+
+
+def test_a_tighter_limit_is_kept():
+    found = search(limit_pct=1.0)
+    assert found.best.chatter_pct <= 1.0 < found.start.chatter_pct
+    assert found.best.law.equal_pi[0] < 0.6 * found.start.law.equal_pi[0]
+
+
+def test_an_impossible_limit_is_refused():
+    with pytest.raises(GainsError, match="allow more with --chatter-limit"):
+        search(limit_pct=1e-6, evaluations=4)
+
+
+def test_candidates_are_counted():
+    ticks = []
+    optimize(
+        PAPER_LINEAR, BOUNDS, DesignOptions(), [REFERENCE_PLANT], POINTS, SHORT,
+        Search(noise_nm=0.01, scatter=5, evaluations=10), lambda: ticks.append(1),
+    )  # fmt: skip
+    assert len(ticks) == 16
+
+
+def test_bench_measures_what_the_single_replay_does():
+    square, largest, chatter, saturated = Bench([REFERENCE_PLANT], MULTISINE, Search(noise_nm=0.01)).run(RC)
+    alone = measured(RC)
+    assert math.sqrt(square[0]) == pytest.approx(alone["rms_error_nm"], rel=1e-9)
+    assert largest[0] == pytest.approx(alone["max_abs_error_nm"], rel=1e-9)
+    assert chatter[0] == pytest.approx(alone["mean_abs_duty_step_pct"], rel=1e-9)
+    assert saturated[0] == pytest.approx(alone["saturated_fraction"], abs=1e-9)
+
+
+def test_margins_are_asked_for():
+    assert keeps_margins(RC, POINTS, DesignOptions().timing)
+    assert not keeps_margins(RC._replace(rho_constant=12 * RC.rho_constant), POINTS, DesignOptions().timing)
+
+
+def test_simplex_finds_a_valley():
+    seen = []
+
+    def rosenbrock(x):
+        seen.append((1 - x[0]) ** 2 + 100 * (x[1] - x[0] ** 2) ** 2)
+        return seen[-1]
+
+    start = np.array([-0.5, 0.5])
+    simplex(rosenbrock, start, rosenbrock(start), 0.3, 200)
+    assert min(seen) < 1e-8 and len(seen) == 201
+
+
+def test_steepest_is_by_central_differences():
+    slope = references.Reference(np.array([0.0, 0.0, 0.004, 0.004]), 1e-3)
+    assert steepest_nm_s(slope) == pytest.approx(2.0)
