@@ -1,7 +1,7 @@
 """`python -m benchmarks.fuzz_readers [READER …] [--seconds 600]`: coverage-guided fuzzing of every reader (atheris).
 
 Each reader runs in a process of its own on valid files, mutated: at first its reading, then all its columns. Whatever
-comes out besides a refusal, a hang beyond 20 s and more than 1 GB of memory count as findings; the input of each is kept.
+comes out besides a refusal, a hang beyond 20 s and more than 1 GB of memory count as findings, whose inputs are kept.
 """
 
 import argparse
@@ -137,9 +137,9 @@ def main() -> None:
         return
     for name in given.readers:
         start = time.monotonic()
+        settings = ("--child", "--seconds", str(given.seconds), "--keep", str(given.keep))
         done = subprocess.run(
-            [sys.executable, "-m", "benchmarks.fuzz_readers", name, "--child", "--seconds", str(given.seconds), "--keep",
-             str(given.keep)],
+            [sys.executable, "-m", "benchmarks.fuzz_readers", name, *settings],
             cwd=ROOT, env={**os.environ, "OMP_NUM_THREADS": "1"}, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE,
             text=True, errors="replace", check=False,
         )  # fmt: skip

@@ -1,8 +1,8 @@
 """The elements of a MAT-file v5, walked before SciPy reads them.
 
-SciPy trusts the type word of an element and ends the process on one that it does not know, and it makes room for as many
-cells as a header claims. So every element is looked at first: its type, its length, its place inside the element around
-it, and its claimed shape against the bytes that are there. Nothing is decoded.
+SciPy trusts the type word of an element and ends the process on one that it does not know, and it makes room for as
+many cells as a header claims. So every element is looked at first: its type, its length, its place inside the element
+around it, and its claimed shape against the bytes that are there. Nothing is decoded.
 """
 
 import zlib
@@ -19,7 +19,7 @@ _DEEPEST = 30
 MOST_RATIO = 200
 
 
-class _Wrong(Exception):
+class _ElementError(Exception):
     pass
 
 
@@ -32,7 +32,7 @@ def check_elements(path: Path, source: str) -> None:
             return
         try:
             _file(file, size, "little" if head[126:128] == b"IM" else "big")
-        except (_Wrong, zlib.error) as fault:
+        except (_ElementError, zlib.error) as fault:
             raise DataError(f"{source}: is a damaged MAT-file ({fault}); save it again") from None
 
 
@@ -40,21 +40,23 @@ def _file(file: BinaryIO, size: int, order: str) -> None:
     while len(tag := file.read(8)) == 8:
         kind, length = _word(tag, 0, order), _word(tag, 4, order)
         if length > size - file.tell():
-            raise _Wrong("it is cut short")
+            raise _ElementError("it is cut short")
         data = file.read(length)
         if kind == _COMPRESSED:
             most = max(MOST_RATIO * size, 1 << 25)
             unpacker = zlib.decompressobj()
             data = unpacker.decompress(data, most)
             if not unpacker.eof:
-                raise _Wrong(f"a variable is cut short, or unpacks to more than {MOST_RATIO} times the file's size")
+                raise _ElementError(
+                    f"a variable is cut short, or unpacks to more than {MOST_RATIO} times the file's size"
+                )
             kind, inner, start, _ = _element(memoryview(data), 0, order)
             if kind == _MATRIX:
                 _matrix(memoryview(data)[start : start + inner], order, 0)
         elif kind == _MATRIX:
             _matrix(memoryview(data), order, 0)
         else:
-            raise _Wrong(f"it holds an element of type {kind}")
+            raise _ElementError(f"it holds an element of type {kind}")
 
 
 def _word(data: bytes | memoryview, at: int, order: str) -> int:
@@ -64,17 +66,17 @@ def _word(data: bytes | memoryview, at: int, order: str) -> int:
 def _element(data: memoryview, at: int, order: str) -> tuple[int, int, int, int]:
     """Type, bytes, start of the bytes and start of the next element."""
     if at + 8 > len(data):
-        raise _Wrong("an element is cut short")
+        raise _ElementError("an element is cut short")
     first = _word(data, at, order)
     if first >> 16:
         kind, length, start, after = first & 0xFFFF, first >> 16, at + 4, at + 8
         if length > 4:
-            raise _Wrong("a small element claims more than 4 bytes")
+            raise _ElementError("a small element claims more than 4 bytes")
     else:
         kind, length, start = first, _word(data, at + 4, order), at + 8
         after = start + length + -length % 8
     if start + length > len(data):
-        raise _Wrong("an element claims more bytes than there are")
+        raise _ElementError("an element claims more bytes than there are")
     return kind, length, start, after
 
 
@@ -83,38 +85,38 @@ def _matrix(data: memoryview, order: str, depth: int) -> None:
     if not len(data):
         return
     if depth > _DEEPEST:
-        raise _Wrong(f"it is nested more than {_DEEPEST} deep")
+        raise _ElementError(f"it is nested more than {_DEEPEST} deep")
 
     def take(at: int, kinds: tuple[int, ...], what: str) -> tuple[int, int, int, int]:
         found = _element(data, at, order)
         if found[0] not in kinds:
-            raise _Wrong(f"{what} of type {found[0]}")
+            raise _ElementError(f"{what} of type {found[0]}")
         return found
 
     _, length, start, at = take(0, (6,), "array flags")
     if length != 8:
-        raise _Wrong("array flags of a wrong length")
+        raise _ElementError("array flags of a wrong length")
     kind = _word(data, start, order) & 0xFF
     if kind == _OPAQUE:
         return  # an object of MATLAB's own: it is not read
     _, length, start, at = take(at, (5,), "dimensions")
     if length < 8 or length % 4 or length > 4 * 32:
-        raise _Wrong("dimensions of a wrong length")
+        raise _ElementError("dimensions of a wrong length")
     count = 1
     for i in range(start, start + length, 4):
         count *= _word(data, i, order)
     if count > len(data) and kind != _SPARSE:
-        raise _Wrong(f"a variable claims {count:.3g} values in {len(data):,} bytes")
+        raise _ElementError(f"a variable claims {count:.3g} values in {len(data):,} bytes")
     _, length, _, at = take(at, (1, 2, 16), "a name")
     if length > 4096:
-        raise _Wrong("a name of more than 4096 letters")
+        raise _ElementError("a name of more than 4096 letters")
     if kind in (_STRUCT, _OBJECT):
         if kind == _OBJECT:
             *_, at = take(at, (1, 2, 16), "a class name")
         _, length, start, at = take(at, (5,), "the length of field names")
         longest = _word(data, start, order) if length == 4 else 0
         if not 0 < longest <= 4096:
-            raise _Wrong("field names of a wrong length")
+            raise _ElementError("field names of a wrong length")
         *_, at = take(at, (1, 2, 16), "field names")
     inside = kind in (_CELL, _STRUCT, _OBJECT, _FUNCTION)
     while at < len(data):
