@@ -204,7 +204,9 @@ def measure(variant: Variant, sets: int, first: int = 0) -> Coverage:
 def _mean(rows: list[list[float]]) -> Array:
     values = np.array(rows)
     known = np.isfinite(values)
-    return np.asarray(100 * np.where(known, values, 0).sum(axis=0) / np.maximum(known.sum(axis=0), 1))
+    counted = known.sum(axis=0)
+    share = 100 * np.where(known, values, 0).sum(axis=0) / np.maximum(counted, 1)
+    return np.asarray(np.where(counted >= 0.2 * len(values), share, np.nan))  # mostly flagged: nothing to count
 
 
 BANDS = {
@@ -224,8 +226,8 @@ def outside_bands(name: str, coverage: Coverage) -> list[str]:
             if values is None or (name == "single" and group == "level"):
                 continue
             low, high = SINGLE_BANDS[parameter] if name == "single" else mean
-            if not low <= values.mean() <= high:
-                said.append(f"{group} {parameter}: mean {values.mean():.1f} outside {low}–{high}")
+            if not low <= np.nanmean(values) <= high:
+                said.append(f"{group} {parameter}: mean {np.nanmean(values):.1f} outside {low}–{high}")
             if name == "base" and not (each[0] <= values.min() and values.max() <= each[1]):
                 said.append(f"{group} {parameter}: {values.min():.1f}–{values.max():.1f} outside {each[0]}–{each[1]}")
     if name == "base":
@@ -244,6 +246,9 @@ def table(rows: dict[str, Coverage], sets: int) -> str:
         if key not in part:
             return "–"
         v = part[key]
+        if np.isnan(v).all():
+            return "flagged"
+        v = v[np.isfinite(v)]
         return f"{v[0]:.0f}" if len(v) == 1 else f"{v.mean():.0f} ({v.min():.0f}–{v.max():.0f})"
 
     lines = [f"Coverage [%] of nominal 95 % intervals, {sets} sets a row", ""]
@@ -253,10 +258,14 @@ def table(rows: dict[str, Coverage], sets: int) -> str:
         ("joint", ("Ts", "tau1", "tau2")),
         ("linear", ("a0", "b0", "c0", "B", "B_m", "B_M")),
     ):
-        lines += [f"| {group} | " + " | ".join(f"{n}, ours | {n}, textbook" for n in names) + " |"]
-        lines += ["|---" * (1 + 2 * len(names)) + "|"]
+        both = group != "two-stage"  # the textbook has no two-stage estimate
+        lines += [f"| {group} | " + " | ".join(f"{n}, ours | {n}, textbook" if both else n for n in names) + " |"]
+        lines += ["|---" * (1 + (1 + both) * len(names)) + "|"]
         for name, row in rows.items():
-            cells = [f"{cell(row.ours, f'{group} {n}')} | {cell(row.textbook, f'{group} {n}')}" for n in names]
+            cells = [
+                " | ".join(cell(part, f"{group} {n}") for part in ((row.ours, row.textbook) if both else (row.ours,)))
+                for n in names
+            ]
             lines += [f"| {VARIANTS[name].name} | " + " | ".join(cells) + " |"]
         lines += [""]
     keys = ("level Ts", "level tau1", "level tau2", "two-stage Ts", "two-stage tau1", "two-stage tau2")

@@ -1,7 +1,8 @@
 """Second opinion: refits to resampled data. Whole runs within a level, or blocks of 2 s where a level has one run.
 
 Resampling R runs with replacement shows (R − 1)/R of their variance; the deviations from the mean are drawn out by
-√(R/(R − 1)) to make up for it. Each refit has a seed of its own, so the number of processes changes nothing.
+√(R/(R − 1)) to make up for it. A refit starts at the fit itself and finds the same minimum, moved. Each has a seed of
+its own, so the number of processes changes nothing.
 """
 
 from collections.abc import Callable, Sequence
@@ -11,16 +12,18 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from eaid.arrays import Array
-from eaid.fitting.data import data_of
-from eaid.fitting.levels import fit_levels
-from eaid.fitting.linear import fit_linear, fit_own_levels
-from eaid.fitting.nonlinear import fit_nonlinear
+from eaid.fitting.basis import basis_of
+from eaid.fitting.compress import Points
+from eaid.fitting.data import Data, data_of
+from eaid.fitting.nonlinear import nonlinear_problem
 from eaid.fitting.result import Fit
-from eaid.models import friction
-from eaid.models.parameters import SHARE
+from eaid.fitting.solver import slsqp
+from eaid.models import friction, linear
+from eaid.models.parameters import Friction, Linear, Nonlinear
 from eaid.steps.stepset import Level
 from eaid.uncertainty.joint import coefficients_of
 from eaid.uncertainty.levels import log_theta
+from eaid.uncertainty.profile import least
 
 BLOCK_S = 2.0
 """Blocks of a single run [s]: the longest memory that the Bartlett windows allow for."""
@@ -49,18 +52,17 @@ def bootstrap(
     advance: Callable[[], None] | None = None,
 ) -> Draws:
     """Refit `draws` resampled sets; the same seed gives the same result for any number of workers."""
-    share = SHARE if fit.nonlinear is None else fit.nonlinear.parameters.C
-    if fit.friction is not None:
-        share_of_levels = fit.friction.C
-    else:
-        share_of_levels = share
+    assert fit.friction is not None
+    free = fit.friction.C is None
     job = _Job(
         tuple(levels),
-        share_of_levels,
-        None if fit.nonlinear is None else (None if fit.nonlinear.share_free else share),
-        fit.nonlinear is not None,
-        None if fit.nonlinear is None else fit.nonlinear.weights,
-        fit.linear is not None,
+        np.array([log_theta(one.curve, free) for one in fit.friction.levels]),
+        tuple(one.curve.C for one in fit.friction.levels),
+        None if fit.nonlinear is None else fit.nonlinear.parameters,
+        fit.nonlinear is not None and fit.nonlinear.share_free,
+        None if fit.nonlinear is None or fit.nonlinear.weights is None else np.array(fit.nonlinear.weights),
+        None if fit.linear is None else np.log([[row.a0, row.gain] for row in fit.linear.per_level]),
+        None if fit.linear is None else fit.linear.parameters,
         seed,
     )
     found = []
@@ -78,9 +80,9 @@ def bootstrap(
     theta = np.array([one[0] for one in found])
     return Draws(
         level_variance=_robust_variance(theta),
-        joint=np.cov(np.array([one[1] for one in found]), rowvar=False) if job.nonlinear else None,
-        pooled=np.cov(np.array([one[2] for one in found]), rowvar=False) if job.linear else None,
-        own=_robust_variance(np.array([one[3] for one in found])) if job.linear else None,
+        joint=np.cov(np.array([one[1] for one in found]), rowvar=False) if job.model is not None else None,
+        pooled=np.cov(np.array([one[2] for one in found]), rowvar=False) if job.own is not None else None,
+        own=_robust_variance(np.array([one[3] for one in found])) if job.own is not None else None,
     )
 
 
@@ -92,12 +94,16 @@ def _robust_variance(values: Array) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class _Job:
+    """What every refit starts from: the fit itself."""
+
     levels: tuple[Level, ...]
-    share_of_levels: float | None
-    share: float | None
-    nonlinear: bool
-    weights: tuple[float, ...] | None
-    linear: bool
+    theta: Array
+    shares: tuple[float, ...]
+    model: Nonlinear | None
+    share_free: bool
+    weights: Array | None
+    own: Array | None
+    pooled: Linear | None
     seed: int
 
 
@@ -130,21 +136,65 @@ def resampled(level: Level, fitted_nm: Array, random: np.random.Generator) -> Le
 
 def _refit(job: _Job, i: int) -> tuple[Array, Array, Array, Array]:
     random = np.random.default_rng([job.seed, i])
-    fits = fit_levels(data_of(job.levels), job.share_of_levels) if len(job.levels[0].runs_nm) == 1 else None
     drawn = []
-    for k, level in enumerate(job.levels):
-        fitted = friction.step_response(fits[k].curve, level.time_s) if fits else level.mean_nm
-        drawn.append(resampled(level, fitted, random))
-    data = data_of(drawn, None if job.weights is None else np.array(job.weights))
-    theta = np.array([log_theta(f.curve, job.share_of_levels is None) for f in fit_levels(data, job.share_of_levels)])
+    for level, theta, share in zip(job.levels, job.theta, job.shares, strict=True):
+        Ts, tau1, tau2 = np.exp(theta[:3]).tolist()
+        drawn.append(resampled(level, friction.step_response(Friction(Ts, tau1, tau2, share), level.time_s), random))
+    data = data_of(drawn, job.weights)
+    points = [data.one(k).points for k in range(len(drawn))]
+    theta = np.array([least(p, start, c)[1] for p, start, c in zip(points, job.theta, job.shares, strict=True)])
     none = np.zeros(0)
     joint = pooled = own = none
-    if job.nonlinear:
-        joint = coefficients_of(fit_nonlinear(data, job.share).parameters, job.share is None).values
-    if job.linear:
-        p = fit_linear(data).parameters
-        pooled = np.array([p.a0, p.b0, p.c0])
-        rows = fit_own_levels(data)
-        a0, gain = np.log([1 / row.tau for row in rows]), np.log(np.maximum([row.gains[0] for row in rows], 1e-300))
-        own = np.stack([a0, gain, a0 + gain], axis=1)
+    if job.model is not None:
+        joint = _joint(job, data)
+    if job.own is not None:
+        assert job.pooled is not None
+        own = np.array([_first_order(p, start) for p, start in zip(points, job.own, strict=True)])
+        own = np.column_stack([own, own.sum(axis=1)])
+        pooled = _pooled(points, data.u, job.pooled)
     return theta, joint, pooled, own
+
+
+def _joint(job: _Job, data: Data) -> Array:
+    """The joint coefficients of (u/100)^k, from the fit's own: the same minimum, moved."""
+    assert job.model is not None
+    basis = basis_of(data.u, None if job.share_free else job.model.C)
+    problem = nonlinear_problem(data, basis)
+    start = basis.unknowns(job.model)
+    slack = problem.A @ start - problem.b
+    if slack.min() < 0:  # the rounding of a fit that a constraint holds
+        problem = replace(problem, b=problem.b + np.minimum(slack, 0.0))
+    return coefficients_of(basis.parameters(slsqp(problem, start).x), job.share_free).values
+
+
+def _first_order(points: Points, start: Array) -> Array:
+    """(log a0, log gain) of one level's first-order curve, by Gauss–Newton, shape (2,)."""
+    t, root = points.t_s[0], np.sqrt(points.w[0])
+    theta = start
+    for _ in range(30):
+        a0, gain = np.exp(theta)
+        rise = -np.expm1(-a0 * t)
+        J = np.stack([gain * a0 * t * np.exp(-a0 * t), gain * rise], axis=1) * root[:, None]
+        step = np.linalg.lstsq(J, root * (points.y[0] - gain * rise), rcond=None)[0]
+        theta = theta + np.clip(step, -0.5, 0.5)
+        if np.abs(step).max() < 1e-8:
+            break
+    return theta
+
+
+def _pooled(points: Sequence[Points], duty: Array, start: Linear) -> Array:
+    """(a0, b0, c0) of the pooled linear model, by Gauss–Newton, shape (3,)."""
+    found = np.array([start.a0, start.b0, start.c0])
+    free = 3 if np.ptp(duty) > 0 else 2
+    for _ in range(30):
+        p = Linear(*found.tolist())
+        J, left = [], []
+        for one, u in zip(points, duty, strict=True):
+            root = np.sqrt(one.w[0])
+            J.append((linear.gradient(p, one.t_s[0], float(u)) * root)[:free].T)
+            left.append(root * (one.y[0] - linear.step_response(p, one.t_s[0], float(u))))
+        step = np.linalg.lstsq(np.concatenate(J), np.concatenate(left), rcond=None)[0]
+        found[:free] += np.clip(step, -0.5 * np.abs(found[:free]) - 1e-3, 0.5 * np.abs(found[:free]) + 1e-3)
+        if np.abs(step).max() < 1e-9:
+            break
+    return found

@@ -16,7 +16,7 @@ from eaid.fitting.levels import fit_levels
 from eaid.fitting.result import LevelFit
 from eaid.steps.stepset import Level
 from eaid.uncertainty.curve import Curve, curve_of_single_runs, curve_with_repeats
-from eaid.uncertainty.levels import UNDETERMINED, LevelEvidence, held_parameters, level_evidence, scatter_of, usable
+from eaid.uncertainty.levels import LevelEvidence, held_parameters, level_evidence, scatter_of, usable
 from eaid.uncertainty.scatter import Mask, Scatter
 
 TERMS = {"Ts": 4, "tau1": 3, "tau2": 3}
@@ -57,6 +57,16 @@ class Ground:
         return np.array([one.evidence.log_theta for one in self.evidence])
 
     @property
+    def own_variance(self) -> Array:
+        """V without what all levels of a sweep share, shape (L, k)."""
+        return self.variance if self.scatter is None else np.minimum(self.scatter.own, self.variance)
+
+    @property
+    def swept(self) -> bool:
+        """Whether the repeats were recorded as sweeps, so that levels move together."""
+        return self.scatter is not None and bool((self.scatter.common > 0).any())
+
+    @property
     def total_degrees(self) -> float:
         """Degrees of freedom of what is pooled over all levels."""
         return self.scatter.total_degrees if self.scatter else float(np.median(self.degrees))
@@ -76,7 +86,7 @@ class Ground:
 
     def shift(self, index: int) -> Array:
         """Covariance S of one level's log θ, for the joint fit, shape (k, k)."""
-        sd = np.sqrt(self.variance[index])
+        sd = np.sqrt(self.own_variance[index])
         return np.asarray(self.correlation() * np.outer(sd, sd))
 
 
@@ -137,7 +147,8 @@ def curves(ground: Ground) -> dict[str, Curve]:
             curve = curve_of_single_runs(duty, theta, within, terms)
         else:
             degrees = float(np.min(ground.degrees[row, k])) if ground.scatter is None else ground.total_degrees
-            curve = curve_with_repeats(duty, theta, ground.variance[row, k], degrees, terms)
+            variance = ground.variance if ground.scatter is None else ground.own_variance
+            curve = curve_with_repeats(duty, theta, variance[row, k], degrees, terms)
         padded = np.zeros(TERMS[name])
         padded[:terms] = curve.coefficients
         covariance = np.zeros((TERMS[name],) * 2)
@@ -146,6 +157,10 @@ def curves(ground: Ground) -> dict[str, Curve]:
     return result
 
 
-def weak(ground: Ground) -> Mask:
-    """Where an interval would reach further than a factor of three either way, shape (L, k)."""
-    return np.asarray(np.sqrt(ground.variance) * 2 > np.log(UNDETERMINED))
+def curve_degrees(ground: Ground, curve: Curve, name: str) -> float:
+    """Degrees of freedom of a curve's band, what sweeps have in common counted in (Satterthwaite)."""
+    if ground.scatter is None or not ground.swept:
+        return curve.degrees
+    common = float(ground.scatter.common[("Ts", "tau1", "tau2").index(name)])
+    own = float(np.mean(curve.log_sd(ground.duty_pct) ** 2))
+    return (own + common) ** 2 / (own**2 / curve.degrees + common**2 / ground.scatter.common_degrees)

@@ -225,6 +225,14 @@ def scatter_words(ground: Ground) -> list[str]:
         ]
     assert ground.scatter is not None
     words = []
+    if ground.swept:
+        shifted = [SYMBOLS[n] for n, c in zip(SYMBOLS, ground.scatter.common, strict=False) if c > 0]
+        sweeps = ground.scatter.common_degrees + 1
+        runs = sum(one.evidence.repeats for one in ground.evidence)
+        words.append(
+            f"the repeats look like {sweeps:.0f} sweeps: all levels of one share a shift of {' and '.join(shifted)}; "
+            f"the {runs} runs count as {sweeps:.0f} there, intervals are wider; record levels in random order instead"
+        )
     for name, ratio, z in zip(SYMBOLS, ground.scatter.ratio, ground.scatter.ratio_z, strict=False):
         if abs(z) > 2 and not 0.5 < ratio < 2:
             low, high = ("lowest", "highest") if ratio > 1 else ("highest", "lowest")

@@ -15,7 +15,9 @@ import numpy as np
 
 from eaid.errors import UsageError
 from eaid.fitting.data import data_of
-from eaid.fitting.result import Fit
+from eaid.fitting.levels import fit_levels
+from eaid.fitting.result import Fit, FrictionFit
+from eaid.models.parameters import SHARE
 from eaid.steps.stepset import StepSet
 from eaid.uncertainty import friction_part, linear_part, nonlinear_part
 from eaid.uncertainty.adequacy import Adequacy, adequacy
@@ -90,11 +92,10 @@ def intervals(
     stepset = replace(stepset, levels=tuple(level for level in stepset.levels if level.level in fitted))
     curves = _ground(stepset, fit)
     free = fit.friction is not None and fit.friction.C is None
-    draws = (
-        bootstrap(stepset.levels, fit, options.seed, options.draws, options.workers, advance)
-        if options.ci == "bootstrap"
-        else None
-    )
+    draws = None
+    if options.ci == "bootstrap":
+        whole = fit if fit.friction is not None else _with_levels(stepset, fit)
+        draws = bootstrap(stepset.levels, whole, options.seed, options.draws, options.workers, advance)
     if draws is not None:
         curves = _with_draws(curves, draws)
     found: dict[str, Any] = {"friction": None, "nonlinear": None, "linear": None}
@@ -129,7 +130,15 @@ def fitted_levels(fit: Fit) -> tuple[float, ...]:
 def _ground(stepset: StepSet, fit: Fit) -> Ground:
     if fit.friction is not None:
         return ground(stepset.levels, fit.friction.levels, fit.friction.C is None)
-    return ground_at_share(stepset.levels, fit.nonlinear.parameters.C if fit.nonlinear is not None else 0.85)
+    return ground_at_share(stepset.levels, fit.nonlinear.parameters.C if fit.nonlinear is not None else SHARE)
+
+
+def _with_levels(stepset: StepSet, fit: Fit) -> Fit:
+    """The fit with the levels' own curves, which the refits start from, where the friction model was not asked for."""
+    share = fit.nonlinear.parameters.C if fit.nonlinear is not None else SHARE
+    rows = tuple(fit_levels(data_of(stepset.levels), share))
+    part = FrictionFit(share, rows, {}, "level", (), (), rows[0].solver)
+    return replace(fit, friction=part)
 
 
 def _with_draws(base: Ground, draws: Draws) -> Ground:
@@ -164,9 +173,11 @@ def _friction(fit: Fit, curves: Ground, options: IntervalOptions, unit: str) -> 
 
 
 def _profiled(curves: Ground, i: int, k: int, p: Parameter) -> Parameter:
-    """One level's parameter with the interval of its profile; as it was where a constraint holds it."""
+    """One level's parameter with the interval of its profile; as it was where scatter, not noise, makes its width."""
     one = curves.evidence[i]
-    if p.name in one.held:
+    within = float(one.evidence.within[k]) / one.evidence.repeats
+    if p.name in one.held or within < 0.5 * float(curves.variance[i, k]):
+        # scatter from run to run (a gain, a τ1) knows nothing of the cost's shape: logs are its own scale
         return p
     inverse = np.linalg.pinv(one.evidence.information, rcond=1e-14, hermitian=True)
     t = t_quantile(float(curves.degrees[i, k]))
@@ -192,25 +203,25 @@ def _nonlinear(
     if options.ci == "white":
         weights = None if fit.nonlinear.weights is None else np.array(fit.nonlinear.weights)
         joint, spare = with_white_covariance(found.joint, base.levels, weights)
-        found = replace(found, joint=joint, joint_alone=joint, joint_degrees=spare)
+        found = replace(found, joint=joint, joint_alone=joint, degrees=dict.fromkeys(BLOCKS, spare))
     says = nonlinear_part.agreement(found, base, stepset.output_unit)
     result: dict[str, Any] = {**verdict, "agreement": says}
     if options.ci != "none":
-        ci95 = nonlinear_part.coefficient_intervals(found.joint, found.joint_degrees)
+        ci95 = nonlinear_part.coefficient_intervals(found.joint, found.degrees)
         result |= {
             "ci95": {name: ci95[name] for name in BLOCKS},
             "curves": nonlinear_part.level_curves(
                 found.joint_alone,
-                found.joint_degrees,
+                found.degrees,
                 base.levels,
                 None if options.ci == "white" else found.two_stage,
             ),
-            "covariance": nonlinear_part.covariance_json(found.joint, found.joint_degrees, options.ci),
+            "covariance": nonlinear_part.covariance_json(found.joint, found.degrees, options.ci),
         }
         if "C" in ci95:
             result["ci95"]["C"] = ci95["C"][0]
     if found.two_stage is not None:
-        result["two_stage"] = nonlinear_part.two_stage_json(found, base, options.ci)
+        result["two_stage"] = nonlinear_part.two_stage_json(found, base, "none" if options.ci == "none" else "robust")
     return result
 
 

@@ -29,6 +29,9 @@ def spread(gains: Sequence[Array], ground: Ground) -> tuple[float, float]:
             (level.runs_nm - level.mean_nm) @ g / len(level.runs_nm)
             for level, g in zip(ground.levels, gains, strict=True)
         ]
+        if ground.swept:
+            together = np.sum(psi, axis=0)  # one number a sweep: its levels do not move apart
+            return float(together @ together * len(together) / (len(together) - 1)), len(together) - 1.0
         return combined_variance(psi)
     total = 0.0
     for level, one, g, variance in zip(ground.levels, ground.evidence, gains, ground.variance, strict=True):
@@ -204,7 +207,11 @@ def from_draws(
     sd = np.sqrt(np.diag(pooled))
     names = ("a0", "b0", "c0")[: 3 if len(ground.levels) > 1 else 2]
     degrees = ground.total_degrees
-    found = {name: around(getattr(fit.parameters, name), s, degrees) for name, s in zip(names, sd, strict=False)}
+    gains = pooled_gain(ground.levels, fit.parameters)
+    found = {}
+    for k, name in enumerate(names):
+        own_degrees = spread([g[k] for g in gains], ground)[1]
+        found[name] = around(getattr(fit.parameters, name), float(sd[k]), own_degrees)
     rows = level_intervals(fit, ground)
     if fit.bounds.convention != "zero-offset":
         return found, rows

@@ -14,7 +14,7 @@ from eaid.fitting.result import NonlinearFit
 from eaid.models import nonlinear
 from eaid.steps.stepset import Level
 from eaid.uncertainty.curve import Curve
-from eaid.uncertainty.ground import Ground, curves
+from eaid.uncertainty.ground import Ground, curve_degrees, curves
 from eaid.uncertainty.joint import (
     BLOCKS,
     Coefficients,
@@ -39,10 +39,10 @@ class Estimates:
     """Its covariance holds the scatter and what separates it from the two-stage estimate."""
     joint_alone: Coefficients
     """The same estimate with the scatter only."""
-    joint_degrees: float
     two_stage: Coefficients | None
     """None where too few levels determine their own parameters."""
-    two_stage_degrees: float
+    degrees: dict[str, float]
+    """Degrees of freedom of the intervals of τ1, τ2, T_s, for both."""
     curves: dict[str, Curve]
 
 
@@ -53,17 +53,29 @@ def estimates(fit: NonlinearFit, ground: Ground) -> Estimates:
     shifts = [ground.shift(i) for i in range(len(ground.levels))]
     if fit.share_free:
         shifts = [_with_share(shift) for shift in shifts]
-    joint = with_joint_covariance(joint, ground.levels, shifts, weights)
+    joint = _swept(with_joint_covariance(joint, ground.levels, shifts, weights), ground)
     through = curves(ground)
+    degrees = {name: curve_degrees(ground, curve, name) for name, curve in through.items()}
     if (ground.known.sum(axis=0) < 1).any():
-        return Estimates(joint, joint, ground.total_degrees, None, 0.0, through)
+        return Estimates(joint, joint, None, degrees, through)
     duty, theta = ground.duty_pct, ground.log_theta
-    variance = {name: np.where(ground.known[:, k], ground.variance[:, k], np.inf) for name, k in ROW.items()}
+    variance = {name: np.where(ground.known[:, k], ground.own_variance[:, k], np.inf) for name, k in ROW.items()}
     order = [ROW[name] for name in BLOCKS]
     correlation = ground.correlation()[np.ix_(order, order)]
     both = two_stage(duty, {n: theta[:, k] for n, k in ROW.items()}, variance, through, correlation, joint.share)
-    degrees = min(curve.degrees for curve in through.values())
-    return Estimates(_apart_counted(joint, both), joint, ground.total_degrees, both, degrees, through)
+    both = _swept(both, ground)
+    return Estimates(_apart_counted(joint, both), joint, both, degrees, through)
+
+
+def _swept(c: Coefficients, ground: Ground) -> Coefficients:
+    """The coefficients where all levels of a sweep share a shift: each curve goes up and down as a whole."""
+    if ground.scatter is None or not ground.swept:
+        return c
+    covariance = c.covariance.copy()
+    for name, k in ROW.items():
+        own = c.block(name)
+        covariance[own, own] += ground.scatter.common[k] * np.outer(c.values[own], c.values[own])
+    return with_covariance(c, covariance)
 
 
 def _apart_counted(joint: Coefficients, both: Coefficients) -> Coefficients:
@@ -80,29 +92,31 @@ def _with_share(shift: Array) -> Array:
     return wide
 
 
-def coefficient_intervals(c: Coefficients, degrees: float) -> dict[str, list[list[float] | None]]:
+def coefficient_intervals(c: Coefficients, degrees: dict[str, float]) -> dict[str, list[list[float] | None]]:
     """95 % intervals of the coefficients in powers of the duty [%]; None where a constraint holds the parameter."""
-    reach = t_quantile(degrees) * np.sqrt(np.maximum(np.diag(c.covariance), 0))
+    sd = np.sqrt(np.maximum(np.diag(c.covariance), 0))
     result: dict[str, list[list[float] | None]] = {}
     for k, name in enumerate(BLOCKS):
         own = c.block(name)
         scale = 100.0 ** np.arange(c.counts[k])
-        low, high = (c.values[own] - reach[own]) / scale, (c.values[own] + reach[own]) / scale
+        reach = t_quantile(degrees[name]) * sd[own]
+        low, high = (c.values[own] - reach) / scale, (c.values[own] + reach) / scale
         held = name in c.held
         result[name] = [None if held else [float(a), float(b)] for a, b in zip(low, high, strict=True)]
     if c.share_free:
-        result["C"] = [[float(c.values[-1] - reach[-1]), float(c.values[-1] + reach[-1])]]
+        reach = t_quantile(min(degrees.values())) * sd[-1]
+        result["C"] = [[float(c.values[-1] - reach), float(c.values[-1] + reach)]]
     return result
 
 
 def level_curves(
-    c: Coefficients, degrees: float, levels: tuple[Level, ...], other: Coefficients | None = None
+    c: Coefficients, degrees: dict[str, float], levels: tuple[Level, ...], other: Coefficients | None = None
 ) -> list[dict[str, Any]]:
     """T_s, τ1, τ2 of the curves at each level with 95 % intervals, and how well the torque curve itself is known.
 
     Where there is another estimate, the distance to it (in logs) counts as one more standard deviation.
     """
-    t = t_quantile(degrees)
+    quantiles = {name: t_quantile(df) for name, df in degrees.items()}
     rows = []
     for level in levels:
         duty = np.array([level.level])
@@ -112,12 +126,14 @@ def level_curves(
             sd = float(c.log_sd(name, duty)[0])
             if other is not None and value > 0:
                 sd = float(np.hypot(sd, np.log(value / max(float(other.at(name, duty)[0]), 1e-12))))
-            row[name] = value
+            row[name], t = value, quantiles[name]
             with np.errstate(over="ignore"):
                 ends = [value * float(np.exp(-t * sd)), value * float(np.exp(t * sd))]
             fine = name not in c.held and value > 0 and np.isfinite(ends).all()
             row["ci95"][name] = ends if fine else None
-        row["torque_half_width_nm"] = float(t * c.torque_sd(_some(level.time_s), level.level).max())
+        row["torque_half_width_nm"] = float(
+            max(quantiles.values()) * c.torque_sd(_some(level.time_s), level.level).max()
+        )
         rows.append(row)
     return rows
 
@@ -129,7 +145,7 @@ def _some(time_s: Array, most: int = 200) -> Array:
     return np.asarray(time_s[np.unique(np.geomspace(1, len(time_s), most).astype(int) - 1)])
 
 
-def covariance_json(c: Coefficients, degrees: float, source: str) -> dict[str, Any]:
+def covariance_json(c: Coefficients, degrees: dict[str, float], source: str) -> dict[str, Any]:
     """What fit.json keeps, so that plants can be drawn."""
     order = [f"{name}[{i}]" for k, name in enumerate(BLOCKS) for i in range(c.counts[k])]
     return {
@@ -163,7 +179,7 @@ def two_stage_json(found: Estimates, ground: Ground, source: str) -> dict[str, A
         "misfit": {name: curve.misfit for name, curve in found.curves.items()},
     }
     if source != "none":
-        degrees = found.two_stage_degrees
+        degrees = found.degrees
         ci95 = coefficient_intervals(both, degrees)
         result |= {
             "ci95": {name: ci95[name] for name in BLOCKS},
@@ -200,7 +216,7 @@ def agreement(found: Estimates, ground: Ground, output_unit: str) -> dict[str, A
     if found.two_stage is None:
         word = "no two-stage estimate: no level alone determines all of its parameters; the joint fit stands alone"
         return {"disagreements": [], "believe": "joint", "because": word}
-    beyond = [_apart(found.joint, found.two_stage, found.two_stage_degrees, name, ground, output_unit) for name in ROW]
+    beyond = [_apart(found.joint, found.two_stage, found.degrees[name], name, ground, output_unit) for name in ROW]
     beyond = [one for one in beyond if one["levels"]]
     if not beyond:
         return {"disagreements": [], "believe": "either", "because": "the two estimates agree within their intervals"}

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from eaid.arrays import Array
 from eaid.uncertainty.evidence import Evidence
+from eaid.uncertainty.sweeps import common_shifts
 
 Mask: TypeAlias = NDArray[np.bool_]
 
@@ -35,6 +36,12 @@ class Scatter:
     """V of each level's log θ as one scatter for all levels gives it, shape (L, k); its degrees are Σ(R − 1)."""
     total_degrees: float
     """Σ(R − 1) over the levels, or L − p with one run a level."""
+    own: Array
+    """V without what all levels of a sweep have in common, shape (L, k)."""
+    common: Array
+    """Variance that all levels share because repeats were sweeps, shape (k,); 0 where they were not."""
+    common_degrees: float
+    """R − 1, the degrees of freedom of `common`."""
     ratio: Array
     """How many times larger the scatter (sd) is at the lowest level than at the highest, shape (k,)."""
     ratio_z: Array
@@ -62,7 +69,8 @@ def pooled_scatter(levels: Sequence[Evidence], usable: Mask | None = None) -> Sc
 
     A level's V is the pooled one times e^(α + β x), x the level's own number: scatter that grows towards one end is
     followed, and V is worth Σ(R − 1)/(1 + x²/mean x²) degrees of freedom, x from the weighted mean. Where `usable`,
-    shape (L, k), is false, a parameter has no say in the pool (a constraint holds it there) and borrows from it.
+    shape (L, k), is false, a parameter has no say in the pool (a constraint holds it there) and borrows from it. Where
+    repeats were recorded as sweeps, what a sweep's levels have in common is taken out first and added to V at the end.
     """
     repeats = np.array([level.repeats for level in levels], dtype=float)
     v = np.array([np.nan_to_num(level.scatter) for level in levels])
@@ -72,8 +80,15 @@ def pooled_scatter(levels: Sequence[Evidence], usable: Mask | None = None) -> Sc
     count = v.shape[1]
     between, ratio, ratio_z = np.zeros(count), np.ones(count), np.zeros(count)
     pooled, variance, degrees = np.zeros_like(v), np.zeros_like(v), np.zeros_like(v)
+    common = np.zeros(count)
     for k in range(count):
         own = (repeats - 1) * counted[:, k]
+        shared = common_shifts(levels, k) if counted[:, k].all() else None
+        if shared is not None:
+            common[k] = shared @ shared / (len(shared) - 1) / len(shared)
+            own = own * (len(levels) - 1) / len(levels)
+            left = np.array([level.influence[:, k] for level in levels]) - shared
+            v[:, k] = (left**2).sum(axis=1) / (len(shared) - 1) * len(levels) / (len(levels) - 1)
         total = float(own.sum())
         if total == 0:
             pooled[:, k] = variance[:, k] = np.inf
@@ -92,7 +107,21 @@ def pooled_scatter(levels: Sequence[Evidence], usable: Mask | None = None) -> Sc
         ends = variance[[int(x.argmin()), int(x.argmax())], k] * repeats[[int(x.argmin()), int(x.argmax())]]
         ratio[k] = np.sqrt(ends[0] / ends[1])
         ratio_z[k] = -slope * np.sqrt(total / 2)
-    return Scatter(between, variance, degrees, pooled, float((repeats - 1).sum()), ratio, ratio_z)
+    most = float(repeats.max() - 1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        together = (variance + common) ** 2 / (variance**2 / degrees + common**2 / most)
+    return Scatter(
+        between=between,
+        variance=variance + common,
+        degrees=np.where(common > 0, together, degrees),
+        pooled=pooled,
+        total_degrees=float((repeats - 1).sum()),
+        own=variance,
+        common=common,
+        common_degrees=most,
+        ratio=ratio,
+        ratio_z=ratio_z,
+    )
 
 
 def _total(weighted: Array, within: Array) -> Callable[[float], float]:

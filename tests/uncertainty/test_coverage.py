@@ -43,11 +43,24 @@ def test_the_textbook_does_not(base: Any) -> None:
     assert base.textbook["linear B"].mean() < 70
 
 
-def test_half_widths_are_those_of_the_page(base: Any) -> None:
-    """UNCERTAINTY.md: 3.7, 6.7 and 17 % for pooled levels, 2.0, 2.8 and 8 % for the two-stage curves."""
-    wanted = {"level Ts": 3.7, "level tau1": 6.7, "level tau2": 17, "two-stage Ts": 2.0, "two-stage tau1": 2.8}
+def test_half_widths_are_those_of_the_scatter(base: Any) -> None:
+    """t(20) σ/√R for a level, times √(p/L) for a curve of p terms through L levels: σ is 3 % in T_s and 5 % in τ1."""
+    t, root = 2.086, np.sqrt(3)
+    wanted = {
+        "level Ts": t * 3 / root,
+        "level tau1": t * 5 / root,
+        "two-stage Ts": t * 3 / root * np.sqrt(0.4),
+        "two-stage tau1": t * 5 / root * np.sqrt(0.3),
+    }
     for key, width in wanted.items():
-        assert base.widths[key] == pytest.approx(width, rel=0.3), key
+        assert base.widths[key] == pytest.approx(width, rel=0.25), key
+
+
+def test_sweeps_are_noticed_and_covered(sets: Any) -> None:
+    """One gain a sweep: Σ(R − 1) would count 20 independent runs where there are two."""
+    swept = sets.measure(sets.VARIANTS["sweeps"], 12, first=30_000)
+    assert swept.ours["level Ts"].mean() >= 85 and swept.ours["two-stage Ts"].mean() >= 85
+    assert swept.widths["two-stage Ts"] > 2 * 2.3
 
 
 def test_one_run_a_level_gives_the_curve(sets: Any) -> None:
