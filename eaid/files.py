@@ -1,13 +1,18 @@
 """Files that are whole or not there: written beside their final name, then renamed; and their fingerprints."""
 
 import contextlib
+import errno
 import hashlib
 import os
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 from eaid.errors import UsageError
+
+_NO_ROOM = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO}
+"""Failures of writing that more room, or another disk, mends."""
 
 
 def sha256_of(path: Path) -> str:
@@ -31,7 +36,10 @@ def written_whole(path: Path, force: bool = False) -> Iterator[Path]:
     Two commands that write the same output never mix: each has a name of its own until the rename.
     """
     refuse_to_overwrite(path, force)
-    handle, name = tempfile.mkstemp(prefix=f".{path.name}.", suffix=".part", dir=path.parent)
+    try:
+        handle, name = tempfile.mkstemp(prefix=f".{path.name}.", suffix=".part", dir=path.parent)
+    except OSError as fault:
+        raise UsageError(f"{path}: cannot be written ({fault.strerror}); choose another folder with -o") from None
     os.close(handle)
     part = Path(name)
     try:
@@ -43,6 +51,28 @@ def written_whole(path: Path, force: bool = False) -> Iterator[Path]:
             os.fsync(file.fileno())
         refuse_to_overwrite(path, force)
         os.replace(part, path)
+    except OSError as fault:
+        part.unlink(missing_ok=True)
+        if fault.errno in _NO_ROOM:
+            raise UsageError(f"{path}: cannot be written ({fault.strerror}); make room, or choose another -o") from None
+        raise
     except BaseException:
         part.unlink(missing_ok=True)
         raise
+
+
+@contextlib.contextmanager
+def hdf5_written_whole(path: Path, force: bool = False) -> Iterator[Any]:
+    """An HDF5 file, built in memory and written whole when the block ends well; the same content, the same bytes.
+
+    On a full disk the HDF5 library itself prints tracebacks and may crash; plain bytes give a plain OSError.
+    """
+    import h5py
+
+    refuse_to_overwrite(path, force)
+    with h5py.File(path.name, "w", driver="core", backing_store=False, libver=("v110", "v110")) as file:
+        yield file
+        file.flush()
+        image = file.id.get_file_image()
+    with written_whole(path, force) as part:
+        part.write_bytes(image)

@@ -142,8 +142,9 @@ def runs_from(
     stepping = StepOptions(
         kind=said, levels=levels, keep_baseline=keep_baseline, rest=rest, apparatus=apparatus_from(apparatus, kind)
     )
-    with console.progress("reading logs", len(files_of(paths))) as advance:
-        runs, faults = read_what_can_be(paths, reading, advance)
+    files = files_of(paths)
+    with console.progress("reading logs", len(files)) as advance:
+        runs, faults = read_what_can_be(files, reading, advance)
     steps, more = cut_runs(runs, stepping)
     if faults or more:
         raise DataError(*faults, *more)

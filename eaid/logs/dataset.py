@@ -5,6 +5,7 @@ No time stamps, names in order: the same runs give the same bytes.
 """
 
 import dataclasses
+import hashlib
 import json
 from collections.abc import Sequence
 from pathlib import Path
@@ -16,7 +17,8 @@ from eaid import __version__
 from eaid.apparatus import Apparatus
 from eaid.arrays import read_only
 from eaid.errors import DataError
-from eaid.files import written_whole
+from eaid.files import hdf5_written_whole
+from eaid.logs.extras import damage_told
 from eaid.logs.hdf import check_safe, open_hdf5
 from eaid.logs.run import INPUT_UNITS, Kind, Run
 
@@ -31,7 +33,7 @@ def is_dataset(path: Path) -> bool:
     try:
         with h5py.File(path, "r", locking=False) as file:
             return str(file.attrs.get("schema", "")).startswith("eaid/data/")
-    except (OSError, ValueError, RuntimeError):
+    except (OSError, ValueError, RuntimeError, KeyError):
         return False
 
 
@@ -44,10 +46,8 @@ def write_dataset(
     force: bool = False,
 ) -> None:
     """Write runs as data.h5, whole or not at all; `level`, `step_s` and `baseline` of each must be known."""
-    import h5py
-
     units = {run.input_unit for run in runs}, {run.output_unit for run in runs}
-    with written_whole(path, force) as part, h5py.File(part, "w", libver=("v110", "v110")) as file:
+    with hdf5_written_whole(path, force) as file:
         file.attrs["schema"] = SCHEMA
         file.attrs["eaid"] = __version__
         file.attrs["kind"] = kind
@@ -61,6 +61,33 @@ def write_dataset(
         folder = file.create_group("runs")
         for run in runs:
             _write_run(folder, run)
+        file.attrs["digest"] = _digest(file)
+
+
+def _digest(file: Any) -> str:
+    """SHA-256 of all attributes and shapes, in hex; the columns themselves carry the checksum of their compression."""
+    seen = hashlib.sha256()
+
+    def look(name: str, item: Any) -> None:
+        facts = sorted((key, _text(value)) for key, value in item.attrs.items() if key != "digest")
+        seen.update(repr((name, getattr(item, "shape", None), facts)).encode("utf-8", errors="replace"))
+
+    look("/", file)
+    file.visititems(look)
+    return seen.hexdigest()
+
+
+def _check_digest(file: Any, source: str) -> None:
+    """Refuse a dataset whose facts are no longer those that were written; one without a digest is taken as it is."""
+    try:
+        same = "digest" not in file.attrs or _text(file.attrs["digest"]) == _digest(file)
+    except (OSError, RuntimeError, ValueError, KeyError):
+        same = False
+    if not same:
+        raise DataError(
+            f"{source}: is damaged, or its attributes were changed after eaid wrote it; ingest the logs again, "
+            f"or delete the attribute digest if the change is yours"
+        )
 
 
 def _write_run(folder: Any, run: Run) -> None:
@@ -87,13 +114,14 @@ def _write_run(folder: Any, run: Run) -> None:
 
 def read_dataset(path: Path, source: str, sha256: str) -> tuple[list[Run], list[str]]:
     """Runs of a data.h5, in the order of their names, and what is wrong with the others, a sentence each."""
-    with open_hdf5(path, source) as file:
+    with open_hdf5(path, source) as file, damage_told(source, "HDF5"):
         schema = str(file.attrs.get("schema", ""))
         if schema != SCHEMA:
             raise DataError(
                 f"{source}: its schema is {schema!r}, and this eaid reads {SCHEMA!r}; ingest the logs again"
             )
         check_safe(file, source, path.stat().st_size)
+        _check_digest(file, source)
         kind = _text(file.attrs.get("kind", "clutch"))
         if kind not in INPUT_UNITS:
             raise DataError(f"{source}: its kind is {kind!r}; it must be one of {', '.join(INPUT_UNITS)}")

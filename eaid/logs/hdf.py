@@ -14,6 +14,7 @@ import numpy as np
 from eaid.arrays import read_only
 from eaid.errors import DataError
 from eaid.logs.extras import damage_told
+from eaid.logs.extras import damage_told
 from eaid.logs.mat import FEWEST, SAVE_AS, labels_of_matrix
 from eaid.logs.sheet import Cells, Sheet
 
@@ -98,7 +99,7 @@ def read_hdf5(path: Path, source: str) -> list[Sheet]:
     sheets: list[Sheet] = []
     groups: dict[str, dict[int, list[tuple[str, str]]]] = {}
     opaque = False
-    with open_hdf5(path, source) as file:
+    with open_hdf5(path, source) as file, damage_told(source, "HDF5"):
         matlab = _is_matlab(path)
         check_safe(file, source, path.stat().st_size)
 

@@ -18,7 +18,7 @@ import numpy as np
 
 from eaid.arrays import Array, read_only
 from eaid.errors import DataError
-from eaid.files import written_whole
+from eaid.files import hdf5_written_whole
 
 SCHEMA = "eaid/replay/1"
 
@@ -32,13 +32,13 @@ class Record:
     metrics: Mapping[str, Any] = field(default_factory=dict)
     """JSON-able."""
     tables: Mapping[str, Array] = field(default_factory=dict)
-    """Further arrays of any length, as bands over time or one value a plant."""
+    """Further arrays of any length, as `plants/band_nm`, in inner groups named before the slash."""
 
 
 def write_replay(path: Path, records: Mapping[str, Record], attributes: Mapping[str, Any], force: bool = False) -> None:
     """Write records under their names; attributes that are no number or text are kept as JSON. The same input gives
     the same bytes."""
-    with written_whole(path, force) as part, h5py.File(part, "w", libver=("v108", "v108")) as file:
+    with hdf5_written_whole(path, force) as file:
         file.attrs["schema"] = SCHEMA
         for name, value in attributes.items():
             file.attrs[name] = value if isinstance(value, str | int | float) else _json(value)
@@ -68,11 +68,18 @@ def read_replay(path: Path) -> tuple[dict[str, Record], dict[str, Any]]:
             if not isinstance(group, h5py.Group) or "time_s" not in group:
                 continue
             n = len(group["time_s"])
-            arrays = {key: item[...] for key, item in group.items() if isinstance(item, h5py.Dataset)}
-            columns = {key: read_only(array) for key, array in arrays.items() if array.shape == (n,)}
-            tables = {key: array for key, array in arrays.items() if array.shape != (n,)}
+            arrays: dict[str, Any] = {}
+            group.visititems(lambda key, item, kept=arrays: _keep(key, item, kept))
+            columns = {key: read_only(array) for key, array in arrays.items() if array.shape == (n,) and "/" not in key}
+            tables = {key: array for key, array in arrays.items() if key not in columns}
             records[name] = Record(columns, json.loads(group.attrs.get("metrics", "{}")), tables)
         return records, {key: _plain(value) for key, value in file.attrs.items()}
+
+
+def _keep(name: str, item: Any, kept: dict[str, Any]) -> None:
+    """Every array of a group, those of its inner groups too, under its path."""
+    if isinstance(item, h5py.Dataset):
+        kept[name] = item[...]
 
 
 def _json(value: Any) -> str:
