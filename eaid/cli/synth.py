@@ -28,7 +28,10 @@ def command(
     rate: Annotated[float | None, typer.Option("--rate", help="Samples a second [Hz].")] = None,
     duty_file: Annotated[
         Path | None,
-        typer.Option("--duty-file", help="CSV time_s,duty_pct: this input, held from row to row, in place of steps."),
+        typer.Option("--duty-file", help="CSV time_s,duty_pct (force_n, speed_rpm): this input in place of steps."),
+    ] = None,
+    plan: Annotated[
+        Path | None, typer.Option("--plan", help="The run table of eaid plan: its levels, repeats, times and order.")
     ] = None,
     clean: Annotated[
         bool, typer.Option("--clean", help="The plant alone: no noise, scatter, offset or digits.")
@@ -79,10 +82,16 @@ def command(
     sizes: dict[str, Any] = {name: value for name, value in given.items() if value is not None}
     disturbance = replace(NONE if clean else Disturbance(), **sizes)
     recorded, inputs = _plant(kind, plant)
-    if duty_file is not None:
-        inputs.append(duty_file)
-    times = {"idle_s": idle, "hold_s": hold, "release_s": release, "rate_hz": rate}
-    runs = _runs(recorded, disturbance, levels, repeats, times, duty_file, seed)
+    inputs += [path for path in (duty_file, plan) if path is not None]
+    said = {
+        "levels": None if levels is None else _levels(levels),
+        "repeats": repeats,
+        "idle_s": idle,
+        "hold_s": hold,
+        "release_s": release,
+        "rate_hz": rate,
+    }
+    runs = _runs(recorded, disturbance, said, duty_file, plan, seed)
     _write(output, runs, force)
     summary = _summary(output, runs, recorded, disturbance, inputs, seed)
     console.say(f"{output}: {len(runs)} synthetic runs of {recorded.made_of}, seed {seed}")
@@ -115,32 +124,32 @@ def _plant(kind: str, plant: str) -> tuple["Plant", list[Path]]:
 def _runs(
     plant: "Plant",
     disturbance: "Disturbance",
-    levels: str | None,
-    repeats: int | None,
-    times: dict[str, float | None],
+    said: dict[str, Any],
     duty_file: Path | None,
+    plan: Path | None,
     seed: int,
 ) -> list["Run"]:
+    """Logs by the protocol of the kind and what the user says of it, or by one of the two files."""
     from dataclasses import replace
 
-    from eaid.synth.input import read_input
-    from eaid.synth.logs import PROTOCOLS, synthesise, synthesise_input
+    from eaid.synth.input import read_input, read_plan
+    from eaid.synth.logs import PROTOCOLS, synthesise, synthesise_input, synthesise_plan
 
-    chosen: dict[str, Any] = {
-        name: value for name, value in (*times.items(), ("repeats", repeats)) if value is not None
-    }
-    wanted = plant.levels if levels is None else _levels(levels)
-    protocol = replace(PROTOCOLS[plant.kind], levels=wanted, **chosen)
-    if duty_file is None:
+    chosen = {name: value for name, value in said.items() if value is not None}
+    protocol = replace(PROTOCOLS[plant.kind], **{"levels": plant.levels, **chosen})
+    if duty_file is None and plan is None:
         return synthesise(plant, protocol, disturbance, seed)
-    if plant.kind != "clutch":
-        raise UsageError("--duty-file: a duty drives the clutch; leave --kind out")
-    if levels is not None or any(times[name] is not None for name in ("idle_s", "hold_s", "release_s")):
-        raise UsageError("--duty-file: says levels and times itself; leave out --levels, --idle, --hold and --release")
-    changes, duration_s = read_input(duty_file)
-    return synthesise_input(
-        plant, changes, replace(protocol, idle_s=0.0, hold_s=duration_s, release_s=0.0), disturbance, seed
-    )
+    if duty_file is not None and plan is not None:
+        raise UsageError("--duty-file and --plan exclude each other; give one of them")
+    name, free = ("--plan", {"rate_hz"}) if plan else ("--duty-file", {"rate_hz", "repeats"})
+    if set(chosen) - free:
+        raise UsageError(f"{name}: says levels and times itself; leave out --levels, --idle, --hold and --release")
+    if plan is not None:
+        return synthesise_plan(plant, read_plan(plan), protocol.rate_hz, disturbance, seed)
+    assert duty_file is not None
+    changes, duration_s = read_input(duty_file, plant.kind)
+    timing = replace(protocol, idle_s=0.0, hold_s=duration_s, release_s=0.0)
+    return synthesise_input(plant, changes, timing, disturbance, seed)
 
 
 def _levels(text: str) -> tuple[float, ...]:

@@ -1,43 +1,85 @@
-"""A duty that changes as a file says: CSV `time_s,duty_pct`, a row held until the next, the last one ends the log."""
+"""Inputs that a file says: one that changes as it likes, or the run table of `eaid plan`.
+
+Input file: CSV `time_s,duty_pct` (`force_n`, `speed_rpm` on the friction rig); a row is held until the next, the last
+one ends the log. Run table: CSV `order,level,repeat,idle_s,hold_s,release_s`, one run a row.
+"""
 
 import csv
 import math
 from pathlib import Path
 
 from eaid.errors import DataError
-from eaid.synth.logs import Input
+from eaid.synth.folder import HEADERS
+from eaid.synth.logs import Input, PlannedRun
 
-HEADER = ["time_s", "duty_pct"]
+RUN_TABLE = ("order", "level", "repeat", "idle_s", "hold_s", "release_s")
 
 
-def read_input(path: Path) -> tuple[Input, float]:
-    """The changes of the duty (from when [s], duty [%]) and the length of the log [s]."""
-    try:
-        text = path.read_text(encoding="utf-8")
-    except UnicodeDecodeError:
-        raise DataError(f"{path}: is no text; give a CSV time_s,duty_pct") from None
-    rows = [(number, row) for number, row in enumerate(csv.reader(text.splitlines()), 1) if row and row[0][:1] != "#"]
-    if not rows or [cell.strip() for cell in rows[0][1]] != HEADER:
-        raise DataError(f"{path}: its header is not time_s,duty_pct; name these two columns")
-    changes: list[tuple[float, float]] = []
-    faults = []
-    for number, row in rows[1:]:
-        try:
-            time_s, duty_pct = map(float, row)
-        except ValueError:
-            faults.append(f"{path}: row {number} holds {','.join(row)!r}, not two numbers; mend it")
-            continue
-        if not (math.isfinite(time_s) and 0 <= duty_pct <= 100):
-            faults.append(
-                f"{path}: row {number} holds a duty outside 0 to 100 %, or a time that is not finite; mend it"
-            )
-        elif changes and time_s <= changes[-1][0]:
+def read_input(path: Path, kind: str = "clutch") -> tuple[Input, float]:
+    """The changes of the input (from when [s], value) and the length of the log [s]; `DataError` with the bad rows."""
+    column = HEADERS[kind].split(",")[1]
+    rows = _numbers(path, ("time_s", column))
+    most = 100.0 if kind == "clutch" else math.inf
+    faults, before = [], -math.inf
+    for number, (time_s, value) in rows:
+        if not 0 <= value <= most:
+            range_said = "0 to 100 %" if kind == "clutch" else "0 and above"
+            faults.append(f"{path}: row {number} holds {column} {value:g}, outside {range_said}; mend it")
+        if time_s <= before:
             faults.append(f"{path}: time falls or stands still at row {number} ({time_s:g} s); sort the rows")
-        else:
-            changes.append((time_s, duty_pct))
+        before = time_s
     if faults:
         raise DataError(*faults[:20])
-    if len(changes) < 2:
+    if len(rows) < 2:
         raise DataError(f"{path}: holds fewer than two rows; the last row ends the log")
-    start = changes[0][0]
-    return [(time_s - start, duty_pct) for time_s, duty_pct in changes[:-1]], changes[-1][0] - start
+    changes = [(time_s - rows[0][1][0], value) for _, (time_s, value) in rows]
+    return changes[:-1], changes[-1][0]
+
+
+def read_plan(path: Path) -> list[PlannedRun]:
+    """The runs of a table, in its order; `DataError` with the bad rows."""
+    rows = _numbers(path, RUN_TABLE)
+    faults = [
+        f"{path}: row {number} holds {value:g} as {name}, not a whole number of 1 or more; mend it"
+        for number, values in rows
+        for name, value in (("order", values[0]), ("repeat", values[2]))
+        if value != int(value) or value < 1
+    ]
+    if not rows:
+        faults.append(f"{path}: holds no runs; make it with eaid plan")
+    seen: dict[tuple[float, float], int] = {}
+    for number, values in rows:
+        first = seen.setdefault((values[1], values[2]), number)
+        if first != number:
+            run = f"level {values[1]:g}, repeat {values[2]:g}"
+            faults.append(f"{path}: row {number} is {run} again (row {first}); number the repeats")
+    if faults:
+        raise DataError(*faults[:20])
+    return [PlannedRun(int(v[0]), v[1], int(v[2]), v[3], v[4], v[5]) for _, v in rows]
+
+
+def _numbers(path: Path, header: tuple[str, ...]) -> list[tuple[int, list[float]]]:
+    """Rows of a CSV with just this header, each with its number in the file; finite numbers only."""
+    wanted = ",".join(header)
+    if not path.is_file():
+        raise DataError(f"{path}: no such file; give a CSV {wanted}")
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+    except UnicodeDecodeError:
+        raise DataError(f"{path}: is no text; give a CSV {wanted}") from None
+    rows = [(number, row) for number, row in enumerate(csv.reader(text.splitlines()), 1) if row and row[0][:1] != "#"]
+    if not rows or [cell.strip() for cell in rows[0][1]] != list(header):
+        raise DataError(f"{path}: its header is not {wanted}; name these columns")
+    faults, found = [], []
+    for number, row in rows[1:]:
+        try:
+            values = [float(cell) for cell in row]
+        except ValueError:
+            values = []
+        if len(values) != len(header) or not all(math.isfinite(value) for value in values):
+            faults.append(f"{path}: row {number} holds {','.join(row)!r}, not {len(header)} finite numbers; mend it")
+        else:
+            found.append((number, values))
+    if faults:
+        raise DataError(*faults[:20])
+    return found

@@ -49,6 +49,19 @@ PROTOCOLS: dict[str, Protocol] = {
 
 KINDS = tuple(PROTOCOLS)
 
+
+@dataclass(frozen=True)
+class PlannedRun:
+    """One run of a run table; times in s, the level in the input's unit."""
+
+    order: int
+    level: float
+    repeat: int
+    idle_s: float
+    hold_s: float
+    release_s: float
+
+
 Input = Sequence[tuple[float, float]]
 """A piecewise constant input: (from when [s], value), the first at 0."""
 
@@ -86,26 +99,45 @@ def synthesise(plant: Plant, protocol: Protocol, disturbance: Disturbance, seed:
     """Runs of every level and repeat, in that order; the seed, a level's place and the repeat make a run."""
     check_protocol(plant, protocol, seed)
     check(disturbance)
-    idle_s, end_s = protocol.idle_s, protocol.idle_s + protocol.hold_s
-    timing = (end_s + protocol.release_s, protocol.rate_hz)
-    runs = []
-    for place, level in enumerate(protocol.levels):
-        changes = [(0.0, 0.0)] * (idle_s > 0) + [(idle_s, float(level)), (end_s, 0.0)]
-        for repeat in range(1, protocol.repeats + 1):
-            draw = np.random.default_rng([seed, KINDS.index(plant.kind), place, repeat])
-            name = f"synthetic-{plant.kind}-{level:05.1f}-r{repeat}"
-            run = record(plant, changes, timing, disturbance, draw)
-            runs.append(
-                replace(
-                    run,
-                    name=name,
-                    level=float(level),
-                    repeat=repeat,
-                    step_s=idle_s,
-                    synthetic=mark(plant, disturbance, seed),
-                )
-            )
-    return runs
+    p = protocol
+    return [
+        _step_run(
+            plant, PlannedRun(0, level, repeat, p.idle_s, p.hold_s, p.release_s), p.rate_hz, disturbance, (seed, place)
+        )
+        for place, level in enumerate(p.levels)
+        for repeat in range(1, p.repeats + 1)
+    ]
+
+
+def synthesise_plan(
+    plant: Plant, planned: Sequence[PlannedRun], rate_hz: float, disturbance: Disturbance, seed: int
+) -> list[Run]:
+    """The runs of a run table, in its order; a level's place is that among the table's levels."""
+    check(disturbance)
+    levels = sorted({run.level for run in planned})
+    for run in planned:
+        timing = Protocol((run.level,), 1, run.idle_s, run.hold_s, run.release_s, rate_hz)
+        check_protocol(plant, timing, seed)
+    return [_step_run(plant, run, rate_hz, disturbance, (seed, levels.index(run.level))) for run in planned]
+
+
+def _step_run(
+    plant: Plant, planned: PlannedRun, rate_hz: float, disturbance: Disturbance, seed_place: tuple[int, int]
+) -> Run:
+    """One run: idle, step, hold, release."""
+    seed, place = seed_place
+    idle_s, end_s = planned.idle_s, planned.idle_s + planned.hold_s
+    changes = [(0.0, 0.0)] * (idle_s > 0) + [(idle_s, float(planned.level)), (end_s, 0.0)]
+    draw = np.random.default_rng([seed, KINDS.index(plant.kind), place, planned.repeat])
+    run = record(plant, changes, (end_s + planned.release_s, rate_hz), disturbance, draw)
+    return replace(
+        run,
+        name=f"synthetic-{plant.kind}-{planned.level:05.1f}-r{planned.repeat}",
+        level=float(planned.level),
+        repeat=planned.repeat,
+        step_s=idle_s,
+        synthetic=mark(plant, disturbance, seed),
+    )
 
 
 def synthesise_input(

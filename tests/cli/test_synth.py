@@ -86,7 +86,9 @@ def test_from_a_fit_and_along_a_duty_file(tmp_path: Path) -> None:
         (["--kind", "friction-force", "--release", "3"], 2, "--release: nobody has published"),
         (["--seed", "-3"], 2, "--seed -3: give 0 or more"),
         (["--duty-file", "d.csv", "--hold", "3"], 2, "--duty-file: says levels and times itself"),
-        (["--duty-file", "d.csv", "--kind", "friction-speed"], 2, "--duty-file: a duty drives the clutch"),
+        (["--duty-file", "d.csv", "--plan", "p.csv"], 2, "--duty-file and --plan exclude each other"),
+        (["--plan", "p.csv", "--repeats", "3"], 2, "--plan: says levels and times itself"),
+        (["--plan", "p.csv"], 3, "p.csv: no such file; give a CSV order,level,repeat,idle_s,hold_s,release_s"),
         (["-o", "none/d.h5"], 2, "none/d.h5: the folder none does not exist; make it first"),
     ],
 )
@@ -119,3 +121,41 @@ def test_steps_that_lead_from_end_to_end(tmp_path: Path, capsys: pytest.CaptureF
     ]
     assert main.run([*call, "-o", str(tmp_path / "logs"), "-q", "--json"]) == 0
     assert [row["level"] for row in json.loads(capsys.readouterr().out)["runs"]] == [20, 50, 80]
+
+
+def test_the_run_table_of_a_plan_is_recorded_as_it_says(tmp_path: Path) -> None:
+    table, folder, data = tmp_path / "plan.csv", tmp_path / "logs", tmp_path / "d.h5"
+    table.write_text(
+        "order,level,repeat,idle_s,hold_s,release_s\n1,90,1,1,3,1\n2,40,1,1,5,1\n3,40,2,1,5,1\n4,90,2,1,3,1\n"
+    )
+    call = ["synth", "--plan", str(table), "--rate", "50", "-q"]
+    assert main.run([*call, "-o", str(folder)]) == 0
+    assert sorted(path.name for path in folder.iterdir()) == [
+        f"synthetic-clutch-{level}-r{repeat}.csv" for level in ("040.0", "090.0") for repeat in (1, 2)
+    ]
+    time_s, duty_pct, _ = np.loadtxt(folder / "synthetic-clutch-040.0-r2.csv", delimiter=",", skiprows=2).T
+    assert len(time_s) == 350 and duty_pct[49:51].tolist() == [0, 40] and duty_pct[299:301].tolist() == [40, 0]
+    assert main.run([*call, "-o", str(data)]) == 0
+    runs, _ = read_dataset(data, "d.h5", "")
+    assert sorted((run.level, run.edge) for run in runs).count((40.0, "falling")) == 2
+
+
+def test_a_duty_file_becomes_a_dataset_of_its_steps(tmp_path: Path) -> None:
+    duty, data = tmp_path / "duty.csv", tmp_path / "d.h5"
+    duty.write_text("time_s,duty_pct\n0,0\n2,40\n6,0\n10,90\n14,0\n16,0\n")
+    call = ["synth", "--duty-file", str(duty), "--repeats", "1", "--rate", "100", "-q"]
+    assert main.run([*call, "-o", str(data)]) == 0
+    runs, faults = read_dataset(data, "d.h5", "")
+    assert not faults
+    assert sorted((run.level, run.edge) for run in runs) == [
+        (40, "falling"), (40, "rising"), (90, "falling"), (90, "rising")
+    ]  # fmt: skip
+
+
+def test_a_force_file_drives_the_friction_rig(tmp_path: Path) -> None:
+    force = tmp_path / "force.csv"
+    force.write_text("time_s,force_n\n0,0\n1,170\n61,170\n")
+    call = ["synth", "--kind", "friction-force", "--duty-file", str(force), "--repeats", "1", "--rate", "10", "--clean"]
+    assert main.run([*call, "-o", str(tmp_path / "logs"), "-q"]) == 0
+    (file,) = (tmp_path / "logs").iterdir()
+    assert np.loadtxt(file, delimiter=",", skiprows=2)[-1, 2] == pytest.approx(2.4645, abs=1e-3)

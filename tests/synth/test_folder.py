@@ -10,8 +10,8 @@ from eaid.errors import DataError, UsageError
 from eaid.synth import plants
 from eaid.synth.disturbance import Disturbance
 from eaid.synth.folder import as_csv, write_folder
-from eaid.synth.input import read_input
-from eaid.synth.logs import Protocol, synthesise
+from eaid.synth.input import read_input, read_plan
+from eaid.synth.logs import PlannedRun, Protocol, synthesise, synthesise_plan
 
 SHORT = Protocol(levels=(40.0, 90.0), repeats=2, idle_s=0.5, hold_s=1.0, release_s=0.5, rate_hz=100.0)
 
@@ -66,10 +66,10 @@ def test_a_duty_file_is_read_from_its_own_start(tmp_path: Path) -> None:
         ("", "its header is not time_s,duty_pct"),
         ("t,u\n0,1\n", "its header is not time_s,duty_pct"),
         ("time_s,duty_pct\n0,1\n", "fewer than two rows"),
-        ("time_s,duty_pct\n0,1\n1,x\n", "row 3 holds '1,x', not two numbers"),
-        ("time_s,duty_pct\n0,1\n1,2,3\n", "row 3 holds '1,2,3', not two numbers"),
-        ("time_s,duty_pct\n0,1\n1,101\n", "row 3 holds a duty outside 0 to 100 %"),
-        ("time_s,duty_pct\n0,1\nnan,10\n", "row 3 holds a duty outside 0 to 100 %, or a time that is not finite"),
+        ("time_s,duty_pct\n0,1\n1,x\n", "row 3 holds '1,x', not 2 finite numbers"),
+        ("time_s,duty_pct\n0,1\n1,2,3\n", "row 3 holds '1,2,3', not 2 finite numbers"),
+        ("time_s,duty_pct\n0,1\n1,101\n", "row 3 holds duty_pct 101, outside 0 to 100 %"),
+        ("time_s,duty_pct\n0,1\nnan,10\n", "row 3 holds 'nan,10', not 2 finite numbers"),
         ("time_s,duty_pct\n0,1\n0,2\n", "time falls or stands still at row 3"),
     ],
 )
@@ -81,3 +81,26 @@ def test_bad_duty_files_are_refused_in_a_sentence(tmp_path: Path, text: str, sen
     path.write_bytes(b"\xff\xfe\x00")
     with pytest.raises(DataError, match="is no text"):
         read_input(path)
+
+
+@pytest.mark.parametrize(
+    ("rows", "sentence"),
+    [
+        ("", "holds no runs; make it with eaid plan"),
+        ("1,40,1,1,5\n", "row 2 holds '1,40,1,1,5', not 6 finite numbers"),
+        ("1.5,40,1,1,5,1\n", "row 2 holds 1.5 as order, not a whole number"),
+        ("1,40,0,1,5,1\n", "row 2 holds 0 as repeat, not a whole number of 1 or more"),
+        ("1,40,1,1,5,1\n2,40,1,1,5,1\n", "row 3 is level 40, repeat 1 again \\(row 2\\)"),
+    ],
+)
+def test_bad_run_tables_are_refused_in_a_sentence(tmp_path: Path, rows: str, sentence: str) -> None:
+    path = tmp_path / "plan.csv"
+    path.write_text("order,level,repeat,idle_s,hold_s,release_s\n" + rows)
+    with pytest.raises(DataError, match=sentence):
+        read_plan(path)
+
+
+def test_a_run_of_a_plan_that_cannot_be_recorded_is_refused() -> None:
+    planned = [PlannedRun(1, 120.0, 1, 1.0, 5.0, 1.0)]
+    with pytest.raises(UsageError, match="a duty is at most 100 %"):
+        synthesise_plan(plants.clutch(), planned, 100.0, Disturbance(), seed=0)
