@@ -4,7 +4,8 @@ A conversion that is a formula written in the file is not run: the channel is re
 """
 
 import logging
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +18,8 @@ from eaid.logs.sheet import Sheet
 from eaid.logs.signals import Signal, sheets_of_signals
 
 WHAT = "MDF"
+MOST_RATIO = 200
+"""A group that unpacks to more than this many times the size of its file is a bomb (recorded logs: about 10)."""
 _NUMBERS_V4 = range(6)
 """Data types of MDF 4 that are integers and floats, either byte order."""
 _NUMBERS_V3 = (*range(4), *range(9, 17))
@@ -42,9 +45,10 @@ def read_mdf(path: Path, source: str) -> list[Sheet]:
         size = path.stat().st_size
         for g, group in enumerate(file.groups):
             count = int(group.channel_group.cycles_nr)
-            if count > 1000 * size:
+            claimed = count * max(8, int(group.channel_group.samples_byte_nr))
+            if claimed > max(MOST_RATIO * size, 1 << 24):
                 raise DataError(
-                    f"{source}: group {g + 1} claims {count:.3g} samples in a file of {size:,} bytes; no log does"
+                    f"{source}: group {g + 1} claims {claimed:.3g} bytes in a file of {size:,} bytes; no log does"
                 )
             master = file.masters_db.get(g)
             name = str(getattr(group.channel_group, "acq_name", "") or f"group {g + 1}")
@@ -61,9 +65,12 @@ def read_mdf(path: Path, source: str) -> list[Sheet]:
     return sheets_of_signals(source, signals)
 
 
-def _open(asammdf: Any, path: Path) -> Any:
+@contextmanager
+def _open(asammdf: Any, path: Path) -> Iterator[Any]:
+    """The file as asammdf sees it: as open bytes, since by its name it would be unpacked, copied or cleared away."""
     logging.getLogger("asammdf").setLevel(logging.CRITICAL)  # its words on damage are said in ours
-    return asammdf.MDF(str(path))
+    with path.open("rb") as raw, asammdf.MDF(raw) as file:
+        yield file
 
 
 def _is_formula(channel: Any, version: int) -> bool:
