@@ -14,7 +14,6 @@ import numpy as np
 from eaid.arrays import read_only
 from eaid.errors import DataError
 from eaid.logs.extras import damage_told
-from eaid.logs.extras import damage_told
 from eaid.logs.mat import FEWEST, SAVE_AS, labels_of_matrix
 from eaid.logs.sheet import Cells, Sheet
 
