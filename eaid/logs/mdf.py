@@ -45,7 +45,8 @@ def read_mdf(path: Path, source: str) -> list[Sheet]:
         size = path.stat().st_size
         for g, group in enumerate(file.groups):
             count = int(group.channel_group.cycles_nr)
-            claimed = count * max(8, int(group.channel_group.samples_byte_nr))
+            spare = int(getattr(group.channel_group, "invalidation_bytes_nr", 0))
+            claimed = max(count, 1) * max(8, int(group.channel_group.samples_byte_nr) + spare)
             if claimed > max(MOST_RATIO * size, 1 << 24):
                 raise DataError(
                     f"{source}: group {g + 1} claims {claimed:.3g} bytes in a file of {size:,} bytes; no log does"
