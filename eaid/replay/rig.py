@@ -25,6 +25,8 @@ class Rig:
     """Standard deviation of the noise on the measured torque [N·m]."""
     noise_correlation_s: float = 0.0
     """Time in which the noise forgets itself [s], e^(−t/·); 0: white."""
+    noise_coloured_share: float = 1.0
+    """Share of the noise's power that has this memory; the rest is white."""
     ripple_pct: float = 0.0
     """Amplitude of the rotor ripple, in percent of the torque."""
     ripple_hz: float = 1.0 / 6.0
@@ -45,6 +47,8 @@ class Rig:
             value = getattr(self, name)
             if not (math.isfinite(value) and value >= 0):
                 raise UsageError(f"rig: {name} is {value:g}; it must be 0 or above")
+        if not 0 <= self.noise_coloured_share <= 1:
+            raise UsageError(f"rig: noise_coloured_share is {self.noise_coloured_share:g}; it must be 0 to 1")
         if self.delay_samples < 0:
             raise UsageError(f"rig: delay_samples is {self.delay_samples}; it must be 0 or above")
         if not 0 <= self.duty_bits <= 32:
@@ -77,7 +81,8 @@ def noise(rig: Rig, samples: int, dt_s: float, seed: int) -> Array:
     variance."""
     if rig.noise_nm <= 0:
         return np.zeros(samples)
-    white = np.random.default_rng(seed).standard_normal(samples)
+    random = np.random.default_rng(seed)
+    white = random.standard_normal(samples)
     if rig.noise_correlation_s <= 0:
         return rig.noise_nm * white
     memory = math.exp(-dt_s / rig.noise_correlation_s)
@@ -85,7 +90,8 @@ def noise(rig: Rig, samples: int, dt_s: float, seed: int) -> Array:
     values = white.tolist()
     for k in range(1, samples):
         values[k] = memory * values[k - 1] + fresh * values[k]
-    return rig.noise_nm * np.array(values)
+    coloured = math.sqrt(rig.noise_coloured_share) * np.array(values)
+    return rig.noise_nm * (coloured + math.sqrt(1 - rig.noise_coloured_share) * random.standard_normal(samples))
 
 
 def ripple(rig: Rig, samples: int, dt_s: float) -> Array:

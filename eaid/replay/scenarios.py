@@ -1,14 +1,18 @@
 """The scenarios of the paper: a reference for each, and what is measured on it."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Any
 
+from eaid.arrays import Array
 from eaid.errors import UsageError
 from eaid.replay import metrics, references
 from eaid.replay.files import Record
 from eaid.replay.loop import Replay
 from eaid.replay.references import Reference
+
+NOTHING: Mapping[str, Array] = MappingProxyType({})
 
 
 @dataclass(frozen=True)
@@ -78,8 +82,8 @@ def measure(replay: Replay, reference: Reference) -> dict[str, Any]:
     return result
 
 
-def record(replay: Replay, measured: dict[str, Any]) -> Record:
-    """A replay as a group of replay.h5."""
+def record(replay: Replay, measured: dict[str, Any], further: Mapping[str, Array] = NOTHING) -> Record:
+    """A replay as a group of replay.h5, with further columns of its length."""
     columns = {
         "time_s": replay.time_s,
         "reference_nm": replay.reference_nm,
@@ -90,4 +94,4 @@ def record(replay: Replay, measured: dict[str, Any]) -> Record:
         columns["measured_nm"] = replay.measured_nm
     if replay.applied_pct is not None:
         columns["applied_pct"] = replay.applied_pct
-    return Record(columns, measured)
+    return Record({**columns, **further}, measured)
