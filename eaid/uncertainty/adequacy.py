@@ -126,7 +126,7 @@ def lack_of_fit(level: Level, noise_nm: Array) -> dict[str, Any] | None:
     common = noise_nm.mean(axis=0)
     apart = float(((noise_nm - common) ** 2).sum()) / (runs - 1)
     ratio = runs * float(common @ common) / apart if apart > 0 else 1.0
-    count = float(np.mean([spectral_degrees(run) for run in noise_nm]))
+    count = float(np.mean([spectral_degrees(run - common) for run in noise_nm]))
     chance = float(fdtri(count, count * (runs - 1), 0.999))
     return {
         "level": level.level,
@@ -266,7 +266,7 @@ def _sentence(shapes: Sequence[Shape], orders: Sequence[Order], rows: Sequence[d
         if there is None:
             continue
         better = min(own, key=lambda order: order.aicc)
-        if better.aicc < there.aicc - 4:
+        if better.order > paper and better.aicc < there.aicc - 4:
             raised.append(f"order {better.order} for {name}")
     if raised:
         said += f"; the levels ask for {', '.join(raised)} instead of the paper's polynomials"

@@ -19,6 +19,8 @@ from eaid.uncertainty.student import t_quantile
 
 NAMES = ("Ts", "tau1", "tau2", "C")
 """Parameters of one level, in the order of every array here; C only where it was free."""
+MEETING = 1e-4
+"""τ1 and τ2 closer than this are one: a solver's list of active constraints may miss it."""
 WIDE = 0.30
 """Half-width beyond which an interval is flagged (UNCERTAINTY: coverage of τ2 was measured below it)."""
 UNDETERMINED = 3.0
@@ -74,6 +76,8 @@ def held_parameters(fit: LevelFit) -> tuple[str, ...]:
             held.append("tau1")
         if words.startswith("τ2 at"):
             held += ["tau1", "tau2"] if words == "τ2 at τ1" else ["tau2"]
+    if fit.curve.tau2 <= fit.curve.tau1 * (1 + MEETING):
+        held += ["tau1", "tau2"]
     if fit.curve.Ts <= 0:
         held += ["Ts", "tau1", "tau2"]
     return tuple(dict.fromkeys(held))

@@ -211,7 +211,14 @@ def test_a_parameter_at_its_constraint_is_not_estimable() -> None:
     held = [row for row in sure.friction["levels"] if "not estimable" in row["words"].get("tau2", "")]
     assert len(held) == 4 and all(row["ci95"]["tau2"] is None for row in held)
     assert any("τ2 is not estimable: a constraint holds it" in word for word in sure.friction["open"])
-    assert any("overshoots and decays under hold" in word for word in sure.warnings)
+
+
+def test_overshoot_under_hold_is_named() -> None:
+    made = steps([Friction(1.0 + i, 0.1, 0.5) for i in range(4)], record_s=10.0, sd=0.002, runs=2)
+    bent = tuple(replace(one, runs_nm=one.runs_nm * (1 - 0.02 * one.time_s)) for one in made.levels)
+    sure = intervals(replace(made, levels=bent), fit(replace(made, levels=bent), FitOptions(models=("friction",))))
+    word = next(word for word in sure.warnings if "overshoots and decays under hold" in word)
+    assert "at 3 more levels" in word and "no sum of rising exponentials shows that" in word
 
 
 def test_a_free_share_is_told_to_trade_against_tau2() -> None:

@@ -1,0 +1,89 @@
+from typing import Any
+
+import numpy as np
+import pytest
+
+from eaid.apparatus import Apparatus
+from eaid.fitting.fit import fit
+from eaid.models import friction
+from eaid.models.parameters import Friction
+from eaid.steps.stepset import Level, StepSet
+from eaid.uncertainty.adequacy import effective_samples, lack_of_fit, spectral_degrees
+from eaid.uncertainty.intervals import intervals
+
+T = np.arange(1500) * 0.02
+DUTY = np.arange(10.0, 101.0, 10.0)
+
+
+def coloured(random: np.random.Generator, n: int, keep: float) -> np.ndarray:
+    noise = random.standard_normal(n)
+    for k in range(1, n):
+        noise[k] = keep * noise[k - 1] + np.sqrt(1 - keep * keep) * noise[k]
+    return noise
+
+
+def stepset(shape: Any, seed: int = 0, gain: float = 0.02) -> StepSet:
+    random = np.random.default_rng(seed)
+    levels = []
+    for duty in DUTY:
+        clean = shape(duty)
+        runs = clean * (1 + gain * random.standard_normal((3, 1))) + 0.004 * random.standard_normal((3, len(T)))
+        levels.append(Level(float(duty), T, runs, ("a", "b", "c"), True))
+    return StepSet("clutch", "%", "N·m", Apparatus(), tuple(levels))
+
+
+def usual(duty: float) -> np.ndarray:
+    return friction.step_response(Friction(0.01 * duty + 3e-4 * duty**2, 0.2 + 0.004 * duty, 3 + 0.05 * duty), T)
+
+
+def test_effective_samples_of_white_and_of_ar1_noise() -> None:
+    random = np.random.default_rng(0)
+    assert effective_samples(random.standard_normal(20_000))[0] > 15_000
+    found, lag1 = effective_samples(coloured(random, 20_000, 0.9))
+    assert found == pytest.approx(20_000 * (1 - 0.9) / (1 + 0.9), rel=0.25)  # n (1 − ρ)/(1 + ρ)
+    assert lag1 == pytest.approx(0.9, abs=0.02)
+
+
+def test_a_sine_has_two_degrees_of_freedom() -> None:
+    assert spectral_degrees(np.sin(2 * np.pi * np.arange(600) / 50)) == pytest.approx(2, rel=0.05)
+    assert spectral_degrees(np.random.default_rng(0).standard_normal(4000)) > 1500
+
+
+def test_lack_of_fit_is_what_the_runs_share() -> None:
+    random = np.random.default_rng(1)
+    level = Level(10.0, T, np.zeros((3, len(T))), ("a", "b", "c"), True)
+    noise = random.standard_normal((3, len(T)))
+    alone = lack_of_fit(level, noise)
+    shared = lack_of_fit(level, noise + 0.5 * np.sin(T))
+    assert alone is not None and shared is not None
+    assert not alone["beyond"] and alone["ratio"] == pytest.approx(1, abs=0.15)
+    assert shared["beyond"] and shared["systematic_nm"] == pytest.approx(0.5 / np.sqrt(2), rel=0.1)
+    assert lack_of_fit(level, noise[:1]) is None
+
+
+def test_the_right_model_is_kept() -> None:
+    made = stepset(usual)
+    said = intervals(made, fit(made)).uncertainty["adequacy"]
+    assert said["recommended"].startswith("keep two exponentials, C = 0.85")
+    assert "the paper's polynomials follow the levels" in said["recommended"]
+    shapes = {one["name"]: one for one in said["shapes"]}
+    assert shapes["two exponentials, C = 0.85"]["bic"] < shapes["one exponential"]["bic"] - 100
+    assert {(one["parameter"], one["order"]) for one in said["orders"]} == {
+        (name, order) for name in ("Ts", "tau1", "tau2") for order in (1, 2, 3, 4)
+    }
+    assert said["leave_one_level_out_nm"] < 0.1
+
+
+def test_another_share_is_recommended() -> None:
+    made = stepset(lambda duty: friction.step_response(Friction(0.04 * duty, 0.3, 4.0, C=0.5), T))
+    said = intervals(made, fit(made)).uncertainty["adequacy"]
+    assert said["recommended"].startswith("use two exponentials, C free")
+
+
+def test_a_higher_order_is_recommended() -> None:
+    def wavy(duty: float) -> np.ndarray:
+        return friction.step_response(Friction(0.04 * duty, 0.5 + 0.25 * np.sin(duty / 12), 4.0), T)
+
+    made = stepset(wavy, gain=0.005)
+    said = intervals(made, fit(made)).uncertainty["adequacy"]
+    assert "order 4 for tau1" in said["recommended"]
