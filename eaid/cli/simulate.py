@@ -104,6 +104,8 @@ def command(
         raise UsageError("--best: in rehab the reference depends on what the limb does; choose another scenario")
     if with_best and name == "log":
         raise UsageError("--best goes with a scenario or --reference; leave it out")
+    if with_best and not saturation:
+        raise UsageError("--best: is the best within the duty limits; leave out --no-saturation")
     if name != "rehab" and (limb_damping is not None or limb_inertia is not None):
         raise UsageError("--limb-damping and --limb-inertia belong to --scenario rehab")
     if noise is not None and (noise_nm > 0 or noise_time > 0):

@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from eaid.cli import console
-from eaid.errors import UsageError
 
 if TYPE_CHECKING:
     from eaid.logs.options import ReadOptions
@@ -179,8 +178,6 @@ def best(
     records: dict[str, "Record"],
 ) -> dict[str, Any]:
     """The least error, kept as a group `best` of the file; each controller is told how far it is from it."""
-    if not rig.saturation:
-        raise UsageError("--best: is the best within the duty limits; leave out --no-saturation")
     from dataclasses import replace
 
     from eaid.replay.best import best as best_of

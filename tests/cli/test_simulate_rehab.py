@@ -52,7 +52,7 @@ def test_a_session_its_file_and_its_json(call: list[str], capsys: pytest.Capture
     np.testing.assert_array_equal(np.abs(columns["rendered_nm"]), columns["torque_nm"])
     assert sorted(set(columns["mode"])) == [0, 1, 2]
     first = Path("replay.h5").read_bytes()
-    assert main.run([*call, "--force", "-q"]) == 0
+    assert main.run([*call, "--force"]) == 0
     assert Path("replay.h5").read_bytes() == first
     shown = capsys.readouterr().out
     assert "hard and assisted" in shown and "< 1e-300" in shown
