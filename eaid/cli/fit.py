@@ -59,6 +59,7 @@ def command(
     variable: inputs.Variable = None,
     rate: inputs.Rate = None,
     rest: inputs.Rest = 0.0,
+    join: inputs.Join = False,
     apparatus: inputs.ApparatusOption = None,
     seed: Seed = 0,
     json: Json = False,
@@ -91,7 +92,7 @@ def command(
     stepset = inputs.stepset_from(
         data, columns=columns, units=units, name_pattern=name_pattern, step_at=step_at, until=until, repair=repair,
         kind=kind, levels=levels, keep_baseline=keep_baseline, variable=variable, rate=rate, rest=rest,
-        apparatus=apparatus,
+        apparatus=apparatus, join=join,
     )  # fmt: skip
     options = with_bounds_levels(options, bounds_levels, stepset)
     result, fit = fitted(stepset, options, ci, seed)

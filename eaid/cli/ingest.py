@@ -1,7 +1,9 @@
 """`eaid ingest`: logs → a table of runs, and data.h5."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
 
 from eaid.cli import console, inputs
 from eaid.cli.options import Force, Json, Output, Quiet
@@ -50,7 +52,14 @@ def command(
     variable: inputs.Variable = None,
     rate: inputs.Rate = None,
     rest: inputs.Rest = 0.0,
+    join: inputs.Join = False,
     apparatus: inputs.ApparatusOption = None,
+    write_manifest: Annotated[
+        bool,
+        typer.Option(
+            "--write-manifest", help="Also write dataset.toml beside the logs: the next call needs no options."
+        ),
+    ] = False,
     json: Json = False,
     quiet: Quiet = False,
     force: Force = False,
@@ -65,11 +74,18 @@ def command(
 
     assert output is not None
     refuse_to_overwrite(output, force)
-    runs, stepset = inputs.runs_from(
-        logs, columns=columns, units=units, name_pattern=name_pattern, step_at=step_at, until=until, repair=repair,
-        kind=kind, levels=levels, keep_baseline=keep_baseline, variable=variable, rate=rate, rest=rest,
-        apparatus=apparatus,
-    )  # fmt: skip
+    options = {
+        "columns": columns, "units": units, "name_pattern": name_pattern, "step_at": step_at, "until": until,
+        "repair": repair, "kind": kind, "levels": levels, "keep_baseline": keep_baseline, "variable": variable,
+        "rate": rate, "rest": rest, "apparatus": apparatus, "join": join,
+    }  # fmt: skip
+    runs, stepset = inputs.runs_from(logs, **options)
+    if write_manifest:
+        from eaid.logs import manifest
+        from eaid.logs.read import files_of
+
+        written = manifest.write_manifest(files_of(logs), runs, {**options, "kind": stepset.kind}, force)
+        console.say(f"{written}: written; eaid ingest {written.parent} needs no options now")
     write_dataset(output, runs, kind=stepset.kind, apparatus=stepset.apparatus, force=force)  # type: ignore[arg-type]
     if json:
         console.print_json(as_json(stepset))

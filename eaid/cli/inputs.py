@@ -1,6 +1,7 @@
 """Logs as every command takes them: the input options, under the same names, and the one function that reads."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, cast
 
@@ -11,7 +12,9 @@ from eaid.errors import DataError, UsageError
 
 if TYPE_CHECKING:
     from eaid.apparatus import Apparatus
-    from eaid.logs.run import Run
+    from eaid.logs.options import ReadOptions
+    from eaid.logs.run import Kind, Run
+    from eaid.steps.build import StepOptions
     from eaid.steps.stepset import StepSet
 
 KINDS = ("clutch", "friction-force", "friction-speed")
@@ -36,6 +39,7 @@ Variable = Annotated[
     str | None, typer.Option(help="Table of a file with several: a MAT variable, an HDF5 path, a TDMS group.")
 ]
 Rate = Annotated[float | None, typer.Option(help="Sample rate of logs without a time column, in Hz.")]
+Join = Annotated[bool, typer.Option("--join", help="The logs are one run that the logger cut: join them by time.")]
 Rest = Annotated[float, typer.Option(help="Input at rest, in its own unit; levels are counted from it.")]
 ApparatusOption = Annotated[
     str | None,
@@ -93,67 +97,95 @@ def pairs(option: str, text: str | None) -> dict[str, str]:
     return found
 
 
+@dataclass(frozen=True)
+class InputOptions:
+    """The input options as typed; a manifest stands in for those that were not."""
+
+    columns: str | None = None
+    units: str | None = None
+    name_pattern: str | None = None
+    step_at: float | None = None
+    until: float | None = None
+    repair: bool = False
+    kind: str | None = None
+    levels: str | None = None
+    keep_baseline: bool = False
+    variable: str | None = None
+    rate: float | None = None
+    rest: float = 0.0
+    apparatus: str | None = None
+    join: bool = False
+
+    def reading(self) -> "ReadOptions":
+        """What the readers of logs need of them; raises UsageError where one is wrong."""
+        from eaid.logs.options import ReadOptions
+
+        if self.kind is not None and self.kind not in KINDS:
+            raise UsageError(f"--kind {self.kind}: must be one of {', '.join(KINDS)}")
+        if self.rate is not None and not self.rate > 0:
+            raise UsageError(f"--rate {self.rate:g}: must be above zero")
+        return ReadOptions(
+            columns=pairs("--columns", self.columns),
+            units=pairs("--units", self.units),
+            name_pattern=self.name_pattern,
+            step_at_s=self.step_at,
+            until_s=self.until,
+            repair=self.repair,
+            kind=cast("Kind | None", self.kind),
+            variable=self.variable,
+            rate_hz=self.rate,
+            join=self.join,
+        )
+
+    def stepping(self) -> "StepOptions":
+        """What finding steps needs of them."""
+        from eaid.steps.build import StepOptions
+
+        return StepOptions(
+            kind=cast("Kind | None", self.kind),
+            levels=self.levels,
+            keep_baseline=self.keep_baseline,
+            rest=self.rest,
+            apparatus=apparatus_from(self.apparatus, self.kind),
+        )
+
+
 def stepset_from(paths: Sequence[Path], **options: Any) -> "StepSet":
-    """The step set behind logs or datasets; takes the options of `runs_from`."""
+    """The step set behind logs, datasets or a manifest; takes the fields of `InputOptions`."""
     return runs_from(paths, **options)[1]
 
 
-def runs_from(
-    paths: Sequence[Path],
-    *,
-    columns: str | None = None,
-    units: str | None = None,
-    name_pattern: str | None = None,
-    step_at: float | None = None,
-    until: float | None = None,
-    repair: bool = False,
-    kind: str | None = None,
-    levels: str | None = None,
-    keep_baseline: bool = False,
-    variable: str | None = None,
-    rate: float | None = None,
-    rest: float = 0.0,
-    apparatus: str | None = None,
-) -> "tuple[list[Run], StepSet]":
-    """Cut runs and their step set; all faults of all logs are told at once, what is doubtful goes to stderr."""
-    from dataclasses import replace
-
-    from eaid.logs.options import ReadOptions
+def runs_from(paths: Sequence[Path], **options: Any) -> "tuple[list[Run], StepSet]":
+    """Cut runs and their step set; takes the fields of `InputOptions`, and tells all faults of all logs at once."""
+    from eaid.files import sha256_of
+    from eaid.logs.manifest import apply, manifest_of
     from eaid.logs.read import files_of, read_what_can_be
-    from eaid.logs.run import Kind
-    from eaid.steps.build import StepOptions, cut_runs, same_level, stepset_of
+    from eaid.steps.build import cut_runs, same_level, stepset_of
 
-    if kind is not None and kind not in KINDS:
-        raise UsageError(f"--kind {kind}: must be one of {', '.join(KINDS)}")
-    if rate is not None and not rate > 0:
-        raise UsageError(f"--rate {rate:g}: must be above zero")
-    said = cast("Kind | None", kind)
-    reading = ReadOptions(
-        columns=pairs("--columns", columns),
-        units=pairs("--units", units),
-        name_pattern=name_pattern,
-        step_at_s=step_at,
-        until_s=until,
-        repair=repair,
-        kind=said,
-        variable=variable,
-        rate_hz=rate,
-    )
-    stepping = StepOptions(
-        kind=said, levels=levels, keep_baseline=keep_baseline, rest=rest, apparatus=apparatus_from(apparatus, kind)
-    )
-    files = files_of(paths)
+    typed = InputOptions(**options)
+    manifest = manifest_of(paths)
+    if manifest is None:
+        files = files_of(paths)
+    else:
+        files = [entry.path for entry in manifest.logs]
+        plain = InputOptions()
+        said = {k: v for k, v in manifest.options.items() if getattr(typed, k) == getattr(plain, k)}
+        typed = replace(typed, **said)
+        for name in manifest.unlisted()[:5]:
+            console.warn(f"{manifest.path}: does not list {name}, which is left out")
+    reading, stepping = typed.reading(), typed.stepping()
     with console.progress("reading logs", len(files)) as advance:
         runs, faults = read_what_can_be(files, reading, advance)
+    if manifest is not None:
+        entries = {str(entry.path): entry for entry in manifest.logs}
+        runs = [apply(entries[run.source], run) if run.source in entries else run for run in runs]
     steps, more = cut_runs(runs, stepping)
     if faults or more:
         raise DataError(*faults, *more)
     stepset = stepset_of(steps, stepping)
-    if levels is not None:
+    if typed.levels is not None:
         kept = [level.level for level in stepset.levels]
         steps = [step for step in steps if any(same_level(abs(step.level or 0.0), k) for k in kept)]
-    from eaid.files import sha256_of
-
     inputs = [{"path": str(path), "sha256": sha256_of(path)} for path in paths if path.is_file()]
     return steps, replace(stepset, extra={**stepset.extra, "inputs": inputs})
 

@@ -196,6 +196,7 @@ def sniff(path: str, head: bytes, whole: bool) -> Dialect:
         )
     cells = split(lines[start].strip("\r\n "), delimiter)
     ragged = len(cells) == count + 1 and not cells[-1].strip()
+    start -= _broken_rows(lines[:start], delimiter, decimal, thousands)
     names, units, header_lines = _header(lines[:start], delimiter, count)
     stamps = tuple(
         i
@@ -204,6 +205,19 @@ def sniff(path: str, head: bytes, whole: bool) -> Dialect:
     )
     said = _facts([line for i, line in enumerate(lines[:start]) if i not in header_lines], delimiter)
     return Dialect(encoding, delimiter, decimal, thousands, names, units, start + 1, stamps, said, ragged)
+
+
+def _broken_rows(above: list[str], delimiter: str | None, decimal: str, thousands: str) -> int:
+    """How many lines right above the first good row are rows of numbers too, with too many or too few cells."""
+    count = 0
+    for line in reversed(above):
+        cells = split(line.strip("\r\n "), delimiter)
+        good = [_is_cell(cell, decimal, thousands) for cell in cells]
+        filled = sum(bool(cell.strip()) for cell in cells)
+        if not good or not good[0] or sum(good) < max(2, filled if delimiter is None else filled / 2):
+            break
+        count += 1
+    return count
 
 
 def _first_row(lines: list[str], delimiter: str | None, decimal: str, thousands: str, count: int) -> int | None:

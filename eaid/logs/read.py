@@ -18,6 +18,7 @@ from eaid.logs.columns import ROLES, Roles, input_default, match_columns, scale_
 from eaid.logs.dataset import is_dataset, read_dataset
 from eaid.logs.formats import format_of
 from eaid.logs.hdf import is_hdf5
+from eaid.logs.join import joined
 from eaid.logs.options import ReadOptions
 from eaid.logs.run import INPUT_UNITS, Kind, Run
 from eaid.logs.sheet import Sheet
@@ -107,6 +108,11 @@ def read_what_can_be(
         except BaseException:
             pool.shutdown(cancel_futures=True)
             raise
+    if options.join and not faults:
+        try:
+            runs = joined(runs)
+        except DataError as fault:
+            return [], list(fault.sentences)
     return _named_apart(runs), faults
 
 
