@@ -1,6 +1,6 @@
 """A recorded run on the fitted plant: its own duty played again, and, over a closed-loop run, the same controllers.
 
-The duty of a row acts until the next row's time, each interval exactly (`plant_step`), from rest at the first row. A run
+The duty of a row acts until the next row's time, each interval exactly (`plant_step`), from rest at first. A run
 that begins loaded (a release, or a first duty that is not zero) starts at the mean torque of its first five rows, C of
 it in the fast part. The recorded torque is counted from its idle value: the run's own baseline, else the mean over the
 leading rows at zero duty where there are ten of them or more.

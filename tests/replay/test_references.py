@@ -1,0 +1,88 @@
+"""References: the paper's, and the user's own file with every fault it may have."""
+
+import numpy as np
+import pytest
+
+from eaid.errors import DataError, UsageError
+from eaid.replay import references
+from eaid.replay.scenarios import SCENARIOS
+
+
+def test_steps_go_up_and_down():
+    made = references.steps(0.01)
+    assert made.torque_nm[[0, 500, 2499, 4499]].tolist() == [0.0, 1.0, 4.0, 0.0]
+    assert made.steps == tuple(500 * k for k in range(1, 9))
+    assert references.steps(0.01, (1.0, 1.0, 2.0), 1.0).steps == (200,)
+
+
+def test_the_multisine_is_spec_6():
+    made = references.multisine(1e-3)
+    t = 7.321
+    wanted = 2 + sum(
+        0.2 * np.sin(2 * np.pi * f * t + 1.7 * k) for f, k in zip((0.2, 0.5, 1, 2, 4), (0, 1, 4, 9, 16), strict=True)
+    )
+    assert made.torque_nm[7321] == pytest.approx(wanted, abs=1e-12)
+    assert made.counted_from_s == 5.0
+    assert np.abs(np.gradient(made.torque_nm, 1e-3)).max() == pytest.approx(9.3, abs=0.1)
+
+
+def test_a_sweep_is_measured_over_whole_periods():
+    made = references.sweep(1e-3)
+    assert [tone.frequency_hz for tone in made.tones] == list(references.SWEEP_HZ)
+    for tone in made.tones:
+        periods = (tone.end - tone.begin) * 1e-3 * tone.frequency_hz
+        assert periods == pytest.approx(round(periods), abs=2e-3) and periods >= 2 - 2e-3
+    assert made.tones[-1].end == len(made.torque_nm)
+
+
+@pytest.mark.parametrize("name", SCENARIOS)
+def test_every_scenario_says_what_it_shows_and_starts(name):
+    made = SCENARIOS[name].reference(1e-2, None)
+    assert SCENARIOS[name].shows and len(made.torque_nm) > 100 and made.torque_nm.min() >= 0
+
+
+def test_a_file_is_interpolated(tmp_path):
+    path = tmp_path / "r.csv"
+    path.write_text("reference_nm,time_s\n0,1.0\n2,2.0\n\n1,2.5\n")
+    made = references.from_file(path, 0.25)
+    assert made.torque_nm.tolist() == [0.0, 0.5, 1.0, 1.5, 2.0, 1.5, 1.0]
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("time_s,torque\n0,1\n", "its first row must name the columns time_s,reference_nm; it has time_s,torque"),
+        ("", "its first row must name the columns time_s,reference_nm; it has nothing"),
+        ("time_s,reference_nm\n0,1\n1,x\n", "reference_nm in row 3 is 'x', not a finite number"),
+        ("time_s,reference_nm\n0,1\n1\n", "reference_nm in row 3 is '', not a finite number"),
+        ("time_s,reference_nm\n0,1\n1,nan\n", "reference_nm in row 3 is 'nan'"),
+        ("time_s,reference_nm\n0,1\n0,2\n", r"time does not rise at row 3 \(0 s after 0 s\)"),
+        ("time_s,reference_nm\n0,1\n", "holds 1 row"),
+        ("time_s,reference_nm\n0,1\n1e-4,2\n", "less than one control interval"),
+    ],
+)
+def test_bad_files_are_refused(tmp_path, text, said):
+    path = tmp_path / "r.csv"
+    path.write_text(text)
+    with pytest.raises(DataError, match=said) as refusal:
+        references.from_file(path, 1e-3)
+    assert str(refusal.value).startswith(str(path))
+
+
+def test_a_missing_or_binary_file_is_refused(tmp_path):
+    with pytest.raises(DataError, match="no such file"):
+        references.from_file(tmp_path / "none.csv", 1e-3)
+    (tmp_path / "b.csv").write_bytes(b"\xff\xfe\x00\x81")
+    with pytest.raises(DataError, match="no text file"):
+        references.from_file(tmp_path / "b.csv", 1e-3)
+
+
+def test_references_that_make_no_sense_are_refused():
+    with pytest.raises(UsageError, match="two levels or more"):
+        references.steps(1e-3, (1.0,))
+    with pytest.raises(UsageError, match="a quarter of the control rate"):
+        references.sweep(1e-3, (400.0,))
+    with pytest.raises(UsageError, match="fewer than two control samples"):
+        references.multisine(1e-3, 1e-4)
+    with pytest.raises(UsageError, match="leave --duration out"):
+        SCENARIOS["sweep"].reference(1e-3, 5.0)
