@@ -4,8 +4,8 @@
 
 The other solver shares nothing with eaid: coefficients of (u/100)^k, every sample, its own model and derivatives,
 `scipy.optimize.least_squares` from twelve random starts; the constraints first as a steep penalty, then, at the rows
-that it leans on, exactly, by moving in their null space. Costs of both are computed by this file, at points that keep the
-constraints.
+that it leans on, exactly, by moving in their null space. Costs of both are computed by this file, at points that
+keep the constraints.
 """
 
 import sys

@@ -13,7 +13,7 @@ from eaid.fitting.data import Data, data_of, spread_weights
 from eaid.fitting.friction import friction_fit, refuse_empty
 from eaid.fitting.levels import fit_levels
 from eaid.fitting.linear import bounds_of, by_convention, fit_linear, fit_own_levels, linear_residuals
-from eaid.fitting.nonlinear import Solution, fit_nonlinear, full_residuals
+from eaid.fitting.nonlinear import Solution, fit_nonlinear, full_residuals, refit_nonlinear
 from eaid.fitting.options import ALLOWED, CONVENTIONS, FitOptions, check
 from eaid.fitting.release import release_fit
 from eaid.fitting.result import Fit, FrictionFit, LevelError, LevelFit, LinearFit, NonlinearFit
@@ -99,7 +99,9 @@ def fit_curves(data: Data, options: FitOptions) -> tuple[list[LevelFit], dict[st
         theta = np.array([[f.curve.Ts, f.curve.tau1, f.curve.tau2, f.curve.C] for f in fits]).T
         return kernel.residuals(theta, on.records)
 
-    fits, info = robust.minimise(data, options.loss, lambda d: fit_levels(d, options.share), residuals)
+    fits, info = robust.minimise(
+        data, options.loss, lambda d: fit_levels(d, options.share), lambda d, _: fit_levels(d, options.share), residuals
+    )
     if info is not None:
         squares = [float(r @ r) for r in residuals(fits, data)]
         fits = [replace(f, sse=sse, rmse=float(np.sqrt(sse / f.samples))) for f, sse in zip(fits, squares, strict=True)]
@@ -135,7 +137,9 @@ def nonlinear_fit(data: Data, options: FitOptions, held: Sequence[Level] = ()) -
     def residuals(solved: Solution, on: Data) -> list[Array]:
         return full_residuals(solved.x, on, solved.basis)
 
-    solution, info = robust.minimise(data, options.loss, lambda d: fit_nonlinear(d, options.share), residuals)
+    solution, info = robust.minimise(
+        data, options.loss, lambda d: fit_nonlinear(d, options.share), refit_nonlinear, residuals
+    )
     p = solution.parameters
     left = residuals(solution, data)
     total = overall(left)
@@ -163,7 +167,11 @@ def nonlinear_fit(data: Data, options: FitOptions, held: Sequence[Level] = ()) -
 def linear_fit(data: Data, options: FitOptions, held: Sequence[Level] = ()) -> LinearFit:
     """The linear model, pooled and per level, with the bounds of B."""
     pooled, info = robust.minimise(
-        data, options.loss, fit_linear, lambda solved, on: linear_residuals(solved.parameters, on)
+        data,
+        options.loss,
+        fit_linear,
+        lambda d, _: fit_linear(d),
+        lambda solved, on: linear_residuals(solved.parameters, on),
     )
     p = pooled.parameters
     left = linear_residuals(p, data)

@@ -16,7 +16,7 @@ from eaid.fitting.data import Data
 from eaid.fitting.kernel import level_curvature, level_sums, residuals
 from eaid.fitting.levels import SHARES, TAU1_LEAST_S, best_curves, starting_curves, verdict
 from eaid.fitting.result import Solver
-from eaid.fitting.solver import PROMISE, ROUNDING, Problem, draw_in, polish, slsqp
+from eaid.fitting.solver import PROMISE, ROUNDING, EndPoint, Problem, draw_in, polish, slsqp
 from eaid.models.parameters import Nonlinear
 
 NARROW = 0.3
@@ -134,8 +134,18 @@ def fit_nonlinear(data: Data, share: float | None, starts: Sequence[Nonlinear] =
     best = min(ends, key=lambda end: end.cost)
     if share is None or not alone(own[0], best.cost, problem):
         ends += [slsqp(problem, start) for start in broad_starts(begin[0], begin[1], data, basis, problem)]
-    best = min(ends, key=lambda end: end.cost)
+    return _confirmed(ends, data, basis, problem)
 
+
+def refit_nonlinear(data: Data, near: Solution) -> Solution:
+    """The minimum next to an earlier one, on data that differ little: one start, no search."""
+    problem = nonlinear_problem(data, near.basis)
+    return _confirmed([slsqp(problem, near.x)], data, near.basis, problem)
+
+
+def _confirmed(ends: Sequence[EndPoint], data: Data, basis: Basis, problem: Problem) -> Solution:
+    """The best end, confirmed and polished on every sample, with our verdict."""
+    best = min(ends, key=lambda end: end.cost)
     M = basis.rows(data.u)
 
     def full(x: Array) -> tuple[float, Array]:

@@ -13,14 +13,15 @@ import numpy as np
 from eaid.arrays import Array
 from eaid.fitting.compress import Points
 from eaid.fitting.data import Data, data_of
-from eaid.fitting.levels import RECORDS, TAU1_LEAST_S, verdict
+from eaid.fitting.levels import BANDS, GRID, RECORDS, TAU1_LEAST_S, verdict
 from eaid.fitting.result import LevelFit, ReleaseFit, ReleaseLevel, Solver
 from eaid.fitting.solver import PROMISE, ROUNDING, Problem, polish, slsqp
-from eaid.models.friction import tau_grid
+from eaid.models.friction import grid_minima, tau_grid
 from eaid.models.parameters import SHARE, Friction
 from eaid.steps.stepset import Level
 
-GRID = 12
+MOST = 3
+"""Starts of every solve."""
 
 
 def release_fit(
@@ -36,10 +37,12 @@ def release_fit(
     data = data_of(releases)
     rises = {fit.level: fit.curve for fit in rising}
     shares = np.array([share_reached(rises.get(r.level), held_s.get(r.level), share) for r in releases])
-    pooled, solver, parts = _solve(data, shares)
+    begin = np.stack([_starts(data.one(i), shares[i]) for i in range(len(shares))])  # (L, bands, 2)
+    alone = [_solve(data.one(i), shares[i : i + 1], begin[i]) for i in range(len(shares))]
+    pooled, solver, parts = _solve(data, shares, np.log([own[0] for own in alone]))
     rows = []
     for i, release in enumerate(releases):
-        own, own_solver, ((amplitude, residual),) = _solve(data.one(i), shares[i : i + 1])
+        own, own_solver, ((amplitude, residual),) = alone[i]
         sse = min(own_solver.starts)
         curve = rises.get(release.level)
         rows.append(
@@ -105,8 +108,19 @@ def _warnings(data: Data, rows: Sequence[ReleaseLevel], pooled: Array, parts: Ar
     return warnings
 
 
-def _solve(data: Data, shares: Array) -> tuple[Array, Solver, Array]:
-    """(τ1, τ2), the verdict, and amplitude and residual of each level, shape (L, 2); costs are of the full data."""
+def _starts(data: Data, share: float) -> Array:
+    """(ln τ1, ln τ2) to begin from for one level, shape (bands, 2): the friction curve of −y above an offset."""
+    points = data.points
+    grid = np.unique(np.maximum(tau_grid(points.t_s[points.w > 0], GRID), 1.01 * TAU1_LEAST_S))
+    tau1, tau2, _ = grid_minima(points.t_s, -points.y, points.w, grid, share, BANDS, offset=True)
+    return np.log(np.stack([tau1[:, 0], tau2[:, 0]], axis=1))
+
+
+def _solve(data: Data, shares: Array, starts: Array) -> tuple[Array, Solver, Array]:
+    """(τ1, τ2), the verdict, and amplitude and residual of each level, shape (L, 2); costs are of the full data.
+
+    SLSQP goes from the `MOST` best of `starts`, rows of (ln τ1, ln τ2).
+    """
     limit = RECORDS * data.longest_s
     compressed = data.points
     every = [Points(r.t_s[None], r.y[None], np.ones((1, len(r.y)))) for r in data.records]
@@ -122,11 +136,9 @@ def _solve(data: Data, shares: Array) -> tuple[Array, Solver, Array]:
         None,
         ROUNDING * data.energy,
     )
-    times = np.broadcast_to(compressed.t_s, compressed.y.shape)[np.broadcast_to(compressed.w, compressed.y.shape) > 0]
-    grid = np.log(np.maximum(tau_grid(times, GRID), 1.01 * TAU1_LEAST_S))
-    pairs = [np.array([grid[i], grid[j]]) for i in range(GRID) for j in range(i, GRID)]
-    order = np.argsort([problem.value(pair)[0] for pair in pairs])
-    ends = [slsqp(problem, pairs[k]) for k in (order[0], order[2])]
+    starts = np.clip(starts, b[0], -b[2])
+    order = np.argsort([problem.value(start)[0] for start in starts], kind="stable")[:MOST]
+    ends = [slsqp(problem, starts[k]) for k in order]
     best = min(ends, key=lambda end: end.cost)
 
     def full(x: Array) -> tuple[float, Array]:

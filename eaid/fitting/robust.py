@@ -22,17 +22,27 @@ Solved = TypeVar("Solved")
 
 
 def minimise(
-    data: Data, loss: str, solve: Callable[[Data], Solved], residuals: Callable[[Solved, Data], list[Array]]
+    data: Data,
+    loss: str,
+    solve: Callable[[Data], Solved],
+    again: Callable[[Data, Solved], Solved],
+    residuals: Callable[[Solved, Data], list[Array]],
 ) -> tuple[Solved, dict[str, Any] | None]:
-    """The solution under a loss of the table `LOSSES`, and, for Huber's, its scale and weights in words and numbers."""
+    """The solution under a loss of the table `LOSSES`, and, for Huber's, its scale and weights in numbers.
+
+    `solve` fits data, `again` fits data that differ little from those of an earlier solution.
+    """
     solved = solve(data)
     if loss == "squares":
         return solved, None
-    return _huber(data, solved, solve, residuals)
+    return _huber(data, solved, again, residuals)
 
 
 def _huber(
-    data: Data, solved: Solved, solve: Callable[[Data], Solved], residuals: Callable[[Solved, Data], list[Array]]
+    data: Data,
+    solved: Solved,
+    again: Callable[[Data, Solved], Solved],
+    residuals: Callable[[Solved, Data], list[Array]],
 ) -> tuple[Solved, dict[str, Any]]:
     r = residuals(solved, data)
     rounds, moved, sigma = 0, np.inf, 0.0
@@ -46,7 +56,7 @@ def _huber(
             Record(record.t_s, record.y + one - np.clip(one, -cut, cut), record.uniform)
             for record, one in zip(data.records, r, strict=True)
         )
-        solved = solve(replace(data, records=records, together=None))
+        solved = again(replace(data, records=records, together=None), solved)
         found = residuals(solved, data)
         moved = max(float(np.abs(a - b).max()) for a, b in zip(found, r, strict=True)) / sigma
         r = found

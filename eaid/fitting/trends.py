@@ -48,24 +48,47 @@ def _trend(form: str, c: Array, x: Array, y: Array, over: str, converged: bool, 
 
 
 def _fit(form: str, s: Array, y: Array, starts: list[Array]) -> tuple[Array, bool, tuple[str, ...]]:
-    curve, slope = FORMS[form].curve, FORMS[form].gradient
-
-    def value(c: Array) -> tuple[float, Array]:
-        r = curve(c, s) - y
-        return float(r @ r), 2 * slope(c, s) @ r
-
-    def curvature(c: Array) -> Array:
-        J = slope(c, s)
-        return np.asarray(2 * J @ J.T)
-
+    """Coefficients on x scaled to 0…1. The weights are solved for; SLSQP sees the one or two rates alone."""
     if form == "double-exponential":
-        A = np.array([[0, 1.0, 0, -1.0], [0, -1.0, 0, 0], [0, 0, 0, 1.0]])
-        b = np.array([APART, -STEEPEST, -1.5 * STEEPEST])
+        A, b = np.array([[1.0, -1.0], [-1.0, 0], [0, 1.0]]), np.array([APART, -STEEPEST, -1.5 * STEEPEST])
         names: tuple[str, ...] = ("rates barely apart", "r1 at its steepest rise", "r2 at its steepest fall")
+        order, where = [0, 2, 1, 3], [1, 3]
     else:
-        A, b = np.array([[0, 0, -1.0], [0, 0, 1.0]]), np.array([-STEEPEST, -1.5 * STEEPEST])
+        A, b = np.array([[-1.0], [1.0]]), np.array([-STEEPEST, -1.5 * STEEPEST])
         names = ("r at its steepest rise", "r at its steepest fall")
-    problem = Problem(value, curvature, A, b, names.__getitem__, None, ROUNDING * float(y @ y))
-    best = min((slsqp(problem, start) for start in starts), key=lambda end: end.cost)
-    end, promise, active = polish(problem, best, value)
-    return end.x, promise <= PROMISE, tuple(names[i] for i in active)
+        order, where = [0, 1, 2], [2]
+    problem = Problem(
+        lambda rates: _projected(rates, s, y)[:2],
+        lambda rates: _projected(rates, s, y)[2],
+        A,
+        b,
+        names.__getitem__,
+        None,
+        ROUNDING * float(y @ y),
+    )
+    ends = [slsqp(problem, _apart(start[where])) for start in starts]
+    best = min(ends, key=lambda end: end.cost)
+    end, promise, active = polish(problem, best, problem.value)
+    c = np.concatenate([_projected(end.x, s, y)[3], end.x])[order]
+    return c, promise <= PROMISE, tuple(names[i] for i in active)
+
+
+def _apart(rates: Array) -> Array:
+    """Rates in falling order, within the limits and at least `APART` from one another."""
+    if len(rates) == 1:
+        return np.clip(rates, -1.4 * STEEPEST, 0.99 * STEEPEST)
+    high, low = np.clip(rates.max(), -STEEPEST, 0.99 * STEEPEST), np.clip(rates.min(), -1.4 * STEEPEST, 0.9 * STEEPEST)
+    return np.array([high, min(low, high - 1.01 * APART)])
+
+
+def _projected(rates: Array, s: Array, y: Array) -> tuple[float, Array, Array, Array]:
+    """Cost with the weights solved for, its gradient and Gauss–Newton curvature by the rates, and the weights."""
+    clipped = np.clip(rates, -2 * STEEPEST, 2 * STEEPEST)  # SLSQP may look far outside before it comes back
+    e = np.exp(np.multiply.outer(s, clipped))
+    basis = e if len(rates) == 2 else np.stack([e[:, 0], s * e[:, 0]], axis=1)
+    q, triangle = np.linalg.qr(basis / np.linalg.norm(basis, axis=0))
+    weights = np.linalg.lstsq(triangle, q.T @ y, rcond=1e-15)[0] / np.linalg.norm(basis, axis=0)
+    r = basis @ weights - y
+    slopes = s[:, None] * (basis * weights if len(rates) == 2 else (basis @ weights)[:, None])
+    inside = slopes - q @ (q.T @ slopes)
+    return float(r @ r), 2 * slopes.T @ r, 2 * inside.T @ inside, weights

@@ -53,15 +53,20 @@ def grid_minima(
     grid: Array,
     share: float,
     bands: Sequence[tuple[int, int]] = ((0, 1_000),),
+    offset: bool = False,
 ) -> tuple[Array, Array, Array]:
     """τ1 ≤ τ2 of least cost on a grid, and their T_s ≥ 0, for L levels at once: three arrays of shape (bands, L).
 
     A band (a, b) looks at pairs at least a and less than b grid steps apart. `t_s`, `torque_nm`, `weights`: (L, n), or
     (1, n) times for all; padding has weight 0. For a pair of τ the amplitude is a linear solve, T_s = φ'y/φ'φ, and the
-    cost falls by (φ'y)²/φ'φ; all pairs follow from the products of e^(−t/τ).
+    cost falls by (φ'y)²/φ'φ; all pairs follow from the products of e^(−t/τ). With `offset` a constant is free as well.
     """
     levels, count = len(torque_nm), len(grid)
     shapes = -np.expm1(-t_s[:, None, :] / grid[:, None])  # (L or 1, K, n)
+    if offset:
+        whole = weights.sum(axis=1)
+        shapes = shapes - ((shapes * weights[:, None, :]).sum(axis=2) / whole[:, None])[:, :, None]
+        torque_nm = torque_nm - ((torque_nm * weights).sum(axis=1) / whole)[:, None]
     weighted = shapes * weights[:, None, :]
     gram = weighted @ np.swapaxes(shapes, 1, 2)  # (L or 1, K, K)
     along = (weighted @ torque_nm[:, :, None])[:, :, 0]  # (L, K)

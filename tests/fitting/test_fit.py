@@ -1,0 +1,270 @@
+"""StepSet → Fit: what each kind allows, held-out levels, weights, loss, warnings in words, fit.json."""
+
+import json
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from eaid.errors import DataError, UsageError
+from eaid.fitting.fit import fit, level_error, overall
+from eaid.fitting.options import FitOptions
+from eaid.fitting.result import bounds_from_json, linear_from_json, nonlinear_from_json
+from eaid.fitting.to_json import to_json
+from eaid.models.parameters import REFERENCE_PLANT, Friction
+from eaid.steps.stepset import Level, StepSet
+from eaid.store import dumps
+
+Maker = Callable[..., StepSet]
+
+
+def test_metrics_by_hand() -> None:
+    error = level_error(10.0, np.array([3.0, -4.0, 0.0, 0.0]))
+    assert error.sse == 25 and error.rmse == 2.5 and error.abs_mean == 1.75
+    assert error.abs_sd == pytest.approx(np.std([3, 4, 0, 0]))
+    total = overall([np.array([1.0, -1.0]), np.array([3.0])])
+    assert total.sse == 11 and total.abs_mean == pytest.approx(5 / 3)
+
+
+def test_a_clutch_set_gets_all_three_models_and_its_metrics_are_those_of_its_curves(clutch_set: Maker) -> None:
+    steps = clutch_set(duration_s=8.0, rate_hz=100.0, noise_nm=0.02, repeats=3)
+    found = fit(steps)
+    assert found.friction and found.nonlinear and found.linear and not found.release and found.converged
+    left = np.concatenate(
+        [
+            level.runs_nm.mean(axis=0) - _curve(found.nonlinear.parameters, level.time_s, level.level)
+            for level in steps.levels
+        ]
+    )
+    assert found.nonlinear.sse == pytest.approx(left @ left, rel=1e-9)
+    assert found.nonlinear.rmse == pytest.approx(np.sqrt(np.mean(left**2)), rel=1e-9)
+    assert (found.nonlinear.abs_mean, found.nonlinear.abs_sd) == pytest.approx(
+        (np.abs(left).mean(), np.abs(left).std()), rel=1e-9
+    )
+    assert sum(one.sse for one in found.nonlinear.per_level) == pytest.approx(found.nonlinear.sse)
+
+
+def _curve(p: object, t: np.ndarray, u: float) -> np.ndarray:
+    from eaid.models.nonlinear import step_response
+
+    return step_response(p, t, u)  # type: ignore[arg-type]
+
+
+def test_kinds_and_models_that_do_not_go_together(clutch_set: Maker, friction_set: Maker) -> None:
+    with pytest.raises(UsageError, match="friction-force logs can be fitted with friction"):
+        fit(friction_set("friction-force", "N", {17.0: Friction(1, 0.2, 3)}), FitOptions(models=("linear",)))
+    assert fit(clutch_set(rate_hz=20.0), FitOptions(models=("linear",))).nonlinear is None
+
+
+@pytest.mark.parametrize(
+    ("options", "sentence"),
+    [
+        (FitOptions(weights="var"), "--weights var: must be one of equal, sd"),
+        (FitOptions(loss="l1"), "--loss l1: must be one of squares, huber"),
+        (FitOptions(bounds="x"), "--bounds x: must be one of zero-offset, pooled-offset, pooled-dynamics"),
+        (FitOptions(share=1.5), "--share 1.5: the share of the fast part lies between 0 and 1; or say free"),
+        (
+            FitOptions(hold_out=(45.0,)),
+            "--hold-out 45: no such level; there are 10, 20, 30, 40, 50, 60, 70, 80, 90, 100",
+        ),
+        (
+            FitOptions(hold_out=tuple(range(10, 101, 10))),
+            "--hold-out: every level is held out; leave some to be fitted",
+        ),
+    ],
+)
+def test_choices_that_are_refused(options: FitOptions, sentence: str, clutch_set: Maker) -> None:
+    with pytest.raises(UsageError) as caught:
+        fit(clutch_set(rate_hz=10.0), options)
+    assert str(caught.value) == sentence
+
+
+def test_no_step_no_fit(clutch_set: Maker) -> None:
+    with pytest.raises(DataError, match="no rising step was found"):
+        fit(replace(clutch_set(rate_hz=10.0), levels=()))
+
+
+def test_held_out_levels_are_predicted_not_fitted(clutch_set: Maker) -> None:
+    steps = clutch_set(rate_hz=50.0, noise_nm=0.01)
+    # A level that follows no model of the rest: were it fitted, the rest would suffer.
+    odd = replace(steps.levels[3], runs_nm=steps.levels[3].runs_nm * 1.5)
+    steps = replace(steps, levels=(*steps.levels[:3], odd, *steps.levels[4:]))
+    found = fit(steps, FitOptions(hold_out=(40.0, 70.0)))
+    assert found.nonlinear and found.linear and found.nonlinear.hold_out and found.linear.hold_out
+    assert found.nonlinear.rmse == pytest.approx(0.01, rel=0.05)
+    rows = {row["level"]: row["rmse"] for row in found.nonlinear.hold_out["levels"]}
+    assert rows.keys() == {40.0, 70.0} and rows[70.0] == pytest.approx(0.01, rel=0.1) and rows[40.0] > 0.2
+    assert [one.level for one in found.nonlinear.per_level] == [10, 20, 30, 50, 60, 80, 90, 100]
+
+
+def test_held_out_friction_levels_are_predicted_by_the_trends(friction_set: Maker) -> None:
+    curves = {
+        f: Friction(0.015 * f, 0.1 + 2 * np.exp(-f / 30), 1 + 20 * np.exp(-f / 40)) for f in np.arange(20.0, 180, 20)
+    }
+    found = fit(friction_set("friction-force", "N", curves), FitOptions(hold_out=(100.0,)))
+    assert found.friction and found.friction.hold_out
+    assert found.friction.hold_out["rmse"] < 1e-3 * curves[100.0].Ts
+
+
+def test_weights_by_spread_follow_the_quiet_levels(clutch_set: Maker) -> None:
+    steps = clutch_set(rate_hz=20.0, noise_nm=0.01, repeats=3)
+    loud = replace(steps.levels[9], runs_nm=steps.levels[9].runs_nm + np.array([[-1.0], [0.0], [1.6]]))
+    steps = replace(steps, levels=(*steps.levels[:9], loud))
+    weighted = fit(steps, FitOptions(weights="sd")).nonlinear
+    plain = fit(steps).nonlinear
+    assert weighted and plain and weighted.weights and plain.weights is None
+    assert weighted.weights[9] < 1e-3 * min(weighted.weights[:9])
+    assert sum(weighted.weights) == pytest.approx(10)
+    assert weighted.per_level[8].rmse < plain.per_level[8].rmse
+
+
+def test_weights_by_spread_need_repeats_that_differ(clutch_set: Maker) -> None:
+    with pytest.raises(DataError, match="--weights sd: level 10, 20, .* has one run only"):
+        fit(clutch_set(rate_hz=10.0), FitOptions(weights="sd"))
+    with pytest.raises(DataError, match="repeats of level 10, .* are identical"):
+        fit(clutch_set(rate_hz=10.0, repeats=2), FitOptions(weights="sd"))
+
+
+def test_huber_sees_past_spikes_and_shows_its_weights(clutch_set: Maker) -> None:
+    steps = clutch_set(rate_hz=50.0, noise_nm=0.005)
+    spiked = steps.levels[6].runs_nm.copy()
+    spiked[0, 100:160] = 0.0  # a drop-out
+    steps = replace(steps, levels=(*steps.levels[:6], replace(steps.levels[6], runs_nm=spiked), *steps.levels[7:]))
+    huber, squares = fit(steps, FitOptions(loss="huber")).nonlinear, fit(steps).nonlinear
+    assert huber and squares and huber.robust and squares.robust is None and huber.robust["settled"]
+
+    def off(p: object) -> float:
+        return float(np.abs(_curve(p, TIME, 70.0) - _curve(REFERENCE_PLANT, TIME, 70.0)).max())
+
+    TIME = steps.levels[6].time_s
+    assert off(huber.parameters) < 0.1 * off(squares.parameters)
+    rows = {row["level"]: row for row in huber.robust["weights"]}
+    assert rows[70.0]["least"] < 0.01 and rows[70.0]["mean"] < rows[60.0]["mean"] and rows[60.0]["least"] > 0.2
+    assert huber.robust["sigma"] == pytest.approx(0.005, rel=0.05)
+
+
+def test_huber_is_at_the_minimum_of_its_own_loss(clutch_set: Maker) -> None:
+    steps = clutch_set(levels=[60], duration_s=5.0, rate_hz=40.0, noise_nm=0.05)
+    y = steps.levels[0].runs_nm.copy()
+    y[0, ::17] += 2.0
+    steps = replace(steps, levels=(replace(steps.levels[0], runs_nm=y),))
+    found = fit(steps, FitOptions(loss="huber", models=("friction",))).friction
+    assert found and found.robust
+    from eaid.models import friction
+
+    p, cut = found.levels[0].curve, 1.345 * found.robust["sigma"]
+    r = friction.step_response(p, steps.levels[0].time_s) - y[0]
+    slope = friction.gradient(p, steps.levels[0].time_s)[:3] @ np.clip(r, -cut, cut)
+    size = np.abs(friction.gradient(p, steps.levels[0].time_s)[:3]) @ np.abs(np.clip(r, -cut, cut))
+    assert np.abs(slope / size).max() < 1e-5
+
+
+def _warnings(found: object) -> str:
+    parts = (found.friction, found.nonlinear, found.linear)  # type: ignore[attr-defined]
+    return "\n".join(warning for part in parts if part for warning in part.warnings)
+
+
+def test_what_the_data_cannot_tell_is_said(clutch_set: Maker) -> None:
+    short = _warnings(fit(clutch_set(duration_s=3.0, rate_hz=100.0)))
+    assert "τ2 is longer than the record at level 10, 20" in short and "record longer" in short
+    one = _warnings(fit(clutch_set(levels=[60], rate_hz=50.0)))
+    assert "one level only: τ1, τ2 and T_s are known at this level" in one
+    assert "one level only: one step cannot tell b0 from c0" in one
+    few = _warnings(fit(clutch_set(levels=[40, 70, 100], rate_hz=50.0)))
+    assert "3 levels cannot tell a cubic T_s(u)" in few
+    outside = _warnings(fit(clutch_set(rate_hz=50.0), FitOptions(hold_out=(100.0,))))
+    assert "held-out level 100 lies outside the fitted ones" in outside
+
+
+def test_a_free_share_that_runs_away_is_said(clutch_set: Maker) -> None:
+    found = fit(clutch_set(levels=[90], duration_s=2.0, rate_hz=100.0, noise_nm=0.05), FitOptions(share=None))
+    assert "a free C is not determined at level 90 %" in _warnings(found)
+
+
+def test_trends_need_levels_and_units(friction_set: Maker) -> None:
+    curves = {p: Friction(10.0 + p, 0.1, 1.0) for p in (1.0, 3.0, 5.0, 7.0)}
+    found = fit(friction_set("friction-force", "bar", curves)).friction
+    assert found and found.over == "stress_kpa" and found.x == (100.0, 300.0, 500.0, 700.0)
+    assert found.trends.keys() == {"Ts"} and found.trends["Ts"].coefficients == pytest.approx((0.01, 10.0))
+    assert any("no trend of tau1 over stress_kpa" in w and "there are 4" in w for w in found.warnings)
+    volts = fit(friction_set("friction-force", "V", curves)).friction
+    assert volts and volts.over == "level_V" and all(c is None for c in volts.C_f)
+    assert any("neither a force nor a stress" in w for w in volts.warnings)
+
+
+def test_coefficient_of_friction_by_hand(friction_set: Maker) -> None:
+    # T_s = 2.459 N·m at 170 N with one surface: C_f = 0.286, SPEC §1
+    found = fit(friction_set("friction-force", "N", {170.0: Friction(2.459, 0.3, 4.0)})).friction
+    assert found and found.C_f[0] == pytest.approx(0.2855, abs=5e-4)
+
+
+def test_fit_json_has_the_contract_s_keys_and_reads_back(clutch_set: Maker) -> None:
+    steps = clutch_set(duration_s=5.0, rate_hz=50.0, noise_nm=0.01)
+    result = json.loads(dumps(to_json(fit(steps), steps)))
+    assert result["data"]["kind"] == "clutch" and result["data"]["levels"][0] == 10.0
+    assert {
+        "C",
+        "tau1",
+        "tau2",
+        "Ts",
+        "u_range",
+        "rmse",
+        "sse",
+        "abs_error",
+        "per_level",
+        "solver",
+        "warnings",
+    } <= result["nonlinear"].keys()
+    assert {"a0", "b0", "c0", "rmse", "sse", "per_level", "bounds", "solver", "warnings"} <= result["linear"].keys()
+    assert {"level", "a0", "gain", "b0", "c0", "B", "rmse", "sse"} <= result["linear"]["per_level"][0].keys()
+    assert {"convention", "levels", "B_m", "B_M"} <= result["linear"]["bounds"].keys()
+    assert {"level", "Ts", "tau1", "tau2", "rmse", "sse"} <= result["friction"]["levels"][0].keys()
+    solver = result["nonlinear"]["solver"]
+    assert {"method", "converged", "message", "evaluations", "starts", "at_bounds"} <= solver.keys()
+    assert solver["method"] == "SLSQP" and all(start["cost"] > 0 for start in solver["starts"])
+    assert nonlinear_from_json(result).Ts == tuple(result["nonlinear"]["Ts"])
+    assert linear_from_json(result).a0 == result["linear"]["a0"]
+    assert bounds_from_json(result) == (result["linear"]["bounds"]["B_m"], result["linear"]["bounds"]["B_M"])
+
+
+def test_a_minimal_fit_json_is_enough() -> None:
+    p = nonlinear_from_json({"nonlinear": {"tau1": [0.3], "tau2": [4], "Ts": [0, 0.04], "u_range": [10, 100]}})
+    assert p.C == 0.85 and p.Ts == (0.0, 0.04) and p.release is None
+    assert linear_from_json({"linear": {"a0": 1.36, "b0": 0.08, "c0": -2.42}}).b0 == 0.08
+    assert bounds_from_json({"linear": {"a0": 1, "b0": 1, "c0": 0}}) is None
+
+
+@pytest.mark.parametrize(
+    ("result", "sentence"),
+    [
+        ({}, "fit.json: it holds no nonlinear model; run eaid fit on clutch logs with --model nonlinear"),
+        (
+            {"nonlinear": {"tau1": "x"}},
+            "fit.json: nonlinear.u_range is no list of 2 or more numbers; run eaid fit again",
+        ),
+        (
+            {"nonlinear": {"tau1": [1], "tau2": [1], "Ts": [1], "u_range": [50, 10]}},
+            "fit.json: nonlinear.u_range is [50, 10]; it has to rise from 0 or above",
+        ),
+    ],
+)
+def test_a_broken_fit_json_is_told_in_a_sentence(result: dict, sentence: str) -> None:
+    with pytest.raises(DataError) as caught:
+        nonlinear_from_json(result)
+    assert str(caught.value) == sentence
+
+
+def test_a_linear_number_that_is_missing() -> None:
+    with pytest.raises(DataError, match=r"fit.json: linear.b0 is missing; run eaid fit again"):
+        linear_from_json({"linear": {"a0": 1.0, "c0": 0.0}})
+
+
+def test_unequal_levels_are_fitted_as_well(clutch_set: Maker) -> None:
+    steps = clutch_set(rate_hz=100.0)
+    cut = tuple(
+        Level(one.level, one.time_s[: 1000 + 100 * k], one.runs_nm[:, : 1000 + 100 * k], one.names, True)
+        for k, one in enumerate(steps.levels)
+    )
+    found = fit(replace(steps, levels=cut)).nonlinear
+    assert found and found.parameters.tau2 == pytest.approx(REFERENCE_PLANT.tau2, rel=1e-6)

@@ -1,0 +1,124 @@
+"""The linear model: SPEC §6 to its digits, NIST's certified values, the three conventions, bounds of B."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from eaid.fitting.data import Data, data_of
+from eaid.fitting.kernel import Record
+from eaid.fitting.linear import bounds_of, by_convention, fit_linear, fit_own_levels
+from eaid.models import linear
+from eaid.models.parameters import PAPER_LINEAR, Nonlinear
+from eaid.steps.stepset import StepSet
+
+Maker = Callable[..., StepSet]
+SPEC_B = [23.044, 36.505, 41.142, 40.831, 37.706, 32.974, 27.340, 21.221, 14.854, 8.349]
+
+# NIST StRD, public domain: y = b1 (1 − e^(−b2 x)); certified b1, b2, residual sum of squares.
+NIST = {
+    "BoxBOD": (
+        [1, 2, 3, 5, 7, 10],
+        [109, 149, 149, 191, 213, 224],
+        (2.1380940889e02, 5.4723748542e-01, 1.1680088766e03),
+    ),
+    "Misra1a": (
+        [77.6, 114.9, 141.1, 190.8, 239.9, 289.0, 332.8, 378.4, 434.8, 477.3, 536.8, 593.1, 689.1, 760.0],
+        [10.07, 14.73, 17.94, 23.93, 29.61, 35.18, 40.02, 44.82, 50.76, 55.05, 61.01, 66.40, 75.47, 81.78],
+        (2.3894212918e02, 5.5015643181e-04, 1.2455138894e-01),
+    ),
+}
+
+
+@pytest.mark.parametrize("name", NIST)
+def test_nist_certified_values_to_eight_digits(name: str) -> None:
+    x, y, (b1, b2, squares) = NIST[name]
+    data = Data(np.array([1.0]), (Record(np.array(x, float), np.array(y, float), False),), np.ones(1))
+    (found,) = fit_own_levels(data)
+    assert found.solver.converged
+    assert found.gains[0] == pytest.approx(b1, rel=1e-8)
+    assert 1 / found.tau == pytest.approx(b2, rel=1e-8)
+    assert found.cost == pytest.approx(squares, rel=1e-9)
+
+
+def test_reference_plant_twenty_seconds(clutch_set: Maker) -> None:
+    data = data_of(clutch_set().levels)
+    pooled = fit_linear(data)
+    p = pooled.parameters
+    assert (round(p.a0, 5), round(p.b0, 7), round(p.c0, 6)) == (1.84393, 0.0782825, -1.343124)
+    assert np.sqrt(pooled.cost / data.samples) == pytest.approx(0.300604, abs=5e-7)
+    rows = by_convention(data, fit_own_levels(data), p, "zero-offset")
+    assert [row.B for row in rows] == pytest.approx(SPEC_B, abs=5e-4)
+    bounds = bounds_of(rows, "zero-offset", None)
+    assert (bounds.B_m, bounds.B_M) == pytest.approx((8.349, 41.142), abs=5e-4)
+
+
+def test_reference_plant_sixty_seconds_from_thirty_percent(clutch_set: Maker) -> None:
+    data = data_of(clutch_set(levels=range(30, 101, 10), duration_s=60.0).levels)
+    p = fit_linear(data).parameters
+    assert (round(p.a0, 5), round(p.b0, 7), round(p.c0, 6)) == (1.55135, 0.0814392, -2.113226)
+    bounds = bounds_of(by_convention(data, fit_own_levels(data), p, "zero-offset"), "zero-offset", None)
+    assert (bounds.B_m, bounds.B_M) == pytest.approx((9.597, 45.875), abs=5e-4)
+
+
+def _linear_data() -> Data:
+    t = np.arange(1000) / 100
+    duties = np.array([40.0, 70.0, 100.0])
+    return Data(duties, tuple(Record(t, linear.step_response(PAPER_LINEAR, t, u), True) for u in duties), np.ones(3))
+
+
+@pytest.mark.parametrize("convention", ["pooled-offset", "pooled-dynamics"])
+def test_on_a_linear_plant_the_pooled_conventions_give_its_b0_at_every_level(convention: str) -> None:
+    data = _linear_data()
+    p = fit_linear(data).parameters
+    assert (p.a0, p.b0, p.c0) == pytest.approx((1.36, 0.08, -2.42), rel=1e-9)
+    rows = by_convention(data, fit_own_levels(data), p, convention)
+    assert [row.b0 for row in rows] == pytest.approx([0.08] * 3, rel=1e-8)
+    assert [row.B for row in rows] == pytest.approx([12.5] * 3, rel=1e-8)
+
+
+def test_zero_offset_puts_the_offset_into_b0() -> None:
+    data = _linear_data()
+    rows = by_convention(data, fit_own_levels(data), PAPER_LINEAR, "zero-offset")
+    assert [row.b0 for row in rows] == pytest.approx([0.08 - 2.42 / u for u in (40, 70, 100)], rel=1e-8)
+    assert all(row.c0 == 0 for row in rows)
+
+
+def test_bounds_over_the_kept_levels_only() -> None:
+    data = _linear_data()
+    rows = by_convention(data, fit_own_levels(data), PAPER_LINEAR, "zero-offset")
+    bounds = bounds_of(rows, "zero-offset", (70.0, 100.0))
+    assert bounds.levels == (70.0, 100.0)
+    assert pytest.approx(1 / (0.08 - 2.42 / 70), rel=1e-8) == bounds.B_M
+
+
+def test_a_level_without_positive_b0_has_no_b() -> None:
+    t = np.arange(500) / 100
+    data = Data(np.array([50.0]), (Record(t, 1 - np.exp(-t), True),), np.ones(1))
+    pooled = PAPER_LINEAR.__class__(1.0, 0.1, 5.0)
+    (row,) = by_convention(data, fit_own_levels(data), pooled, "pooled-offset")
+    assert row.b0 == pytest.approx((1 - 5) / 50, rel=1e-6) and row.B is None
+    assert bounds_of([row], "pooled-offset", None).B_m is None
+
+
+def test_one_level_has_no_offset(clutch_set: Maker) -> None:
+    found = fit_linear(data_of(clutch_set(levels=[60], duration_s=5.0).levels))
+    assert found.parameters.c0 == 0.0 and found.parameters.b0 > 0
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_the_best_rate_of_a_fine_search(seed: int, clutch_set: Maker) -> None:
+    rng = np.random.default_rng(seed)
+    plant = Nonlinear((0.1 + rng.uniform(), 0, 0), (3.0, 0.05, 0), (rng.uniform(), 0.02, 0, 0), (10, 100))
+    data = data_of(clutch_set(plant, duration_s=8.0, rate_hz=50.0, noise_nm=0.05, seed=seed).levels)
+    found = fit_linear(data)
+    design = np.stack([data.u, np.ones_like(data.u)], axis=1)
+
+    def cost(a0: float) -> float:
+        rise = 1 - np.exp(-a0 * data.records[0].t_s)
+        y = np.stack([r.y for r in data.records])
+        gains = np.linalg.lstsq(design, y @ rise / (rise @ rise), rcond=None)[0]
+        return float(np.sum((np.outer(design @ gains, rise) - y) ** 2))
+
+    best = min(cost(a0) for a0 in found.parameters.a0 * np.geomspace(0.2, 5, 401))
+    assert found.cost <= best * (1 + 1e-9)

@@ -1,0 +1,128 @@
+"""The joint fit: gradients, constraints, starts, levels too few, units that are no duty."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from eaid.fitting.basis import basis_of, constraints
+from eaid.fitting.broad import descend, slow_shapes
+from eaid.fitting.data import data_of
+from eaid.fitting.nonlinear import fit_nonlinear, nonlinear_problem, own_curves, polynomial_starts
+from eaid.models.nonlinear import steady_torque, time_constants
+from eaid.models.parameters import REFERENCE_PLANT, Nonlinear
+from eaid.steps.stepset import StepSet
+
+Maker = Callable[..., StepSet]
+
+
+def test_unknowns_and_coefficients_are_one_another() -> None:
+    basis = basis_of(np.arange(10.0, 101.0, 10.0), 0.85)
+    back = basis.parameters(basis.unknowns(REFERENCE_PLANT))
+    for name in ("tau1", "tau2", "Ts"):
+        assert getattr(back, name) == pytest.approx(getattr(REFERENCE_PLANT, name), rel=1e-11)
+
+
+def test_constraints_say_what_they_hold() -> None:
+    basis = basis_of(np.arange(10.0, 101.0, 10.0), 0.85)
+    A, b, names = constraints(basis, 20.0)
+    x = basis.unknowns(REFERENCE_PLANT)
+    u = np.linspace(10, 100, 101)
+    tau1, tau2 = time_constants(REFERENCE_PLANT, u)
+    slack = A @ x - b
+    assert slack[:101] == pytest.approx(tau1 - 1e-3) and slack[101:202] == pytest.approx(tau2 - tau1)
+    assert slack[202:303] == pytest.approx(steady_torque(REFERENCE_PLANT, u))
+    assert (
+        names(0) == "τ1 = 1 ms at input 10"
+        and names(201) == "τ2 = τ1 at input 100"
+        and names(202) == "T_s = 0 at input 10"
+    )
+
+
+@pytest.mark.parametrize("share", [0.85, None])
+def test_gradient_and_curvatures(share: float | None, clutch_set: Maker) -> None:
+    data = data_of(clutch_set(duration_s=2.0, rate_hz=100.0, noise_nm=0.02).levels)
+    basis = basis_of(data.u, share)
+    problem = nonlinear_problem(data, basis)
+    x = basis.unknowns(REFERENCE_PLANT) * 1.03
+    _, gradient = problem.value(x)
+    assert problem.exact is not None
+    exact = problem.exact(x)
+    for k in range(basis.size):
+        step = 1e-6 * max(abs(x[k]), 1e-2)
+        up, down = x.copy(), x.copy()
+        up[k] += step
+        down[k] -= step
+        (above, slope_above), (below, slope_below) = problem.value(up), problem.value(down)
+        assert (above - below) / (2 * step) == pytest.approx(gradient[k], rel=1e-5, abs=1e-5)
+        assert (slope_above - slope_below) / (2 * step) == pytest.approx(exact[:, k], rel=1e-4, abs=1e-2)
+
+
+def test_starts_are_feasible(clutch_set: Maker) -> None:
+    for seed in range(5):
+        data = data_of(clutch_set(duration_s=2.0, rate_hz=100.0, noise_nm=0.2, seed=seed).levels)
+        basis = basis_of(data.u, 0.85)
+        problem = nonlinear_problem(data, basis)
+        for start in polynomial_starts(own_curves(data, 0.85), data, basis, problem):
+            assert (problem.A @ start - problem.b).min() >= 0
+
+
+def test_a_descent_goes_down_from_every_shape(clutch_set: Maker) -> None:
+    data = data_of(clutch_set(duration_s=5.0, rate_hz=50.0, noise_nm=0.05).levels)
+    basis = basis_of(data.u, 0.85)
+    shapes = slow_shapes(basis.unknowns(REFERENCE_PLANT), data, basis)[:20]
+    before, shapes = descend(shapes, data, basis, 1, steady_only=True)
+    after, _ = descend(shapes, data, basis, 4)
+    assert (after <= before).all() and np.median(after) < 0.9 * np.median(before)
+    # T_s solved for: nothing is left of the gradient along it
+    problem = nonlinear_problem(data, basis)
+    for x in shapes[:3]:
+        cost, gradient = problem.value(x)
+        assert np.abs(gradient[basis.slices[0]]).max() < 1e-6 * cost
+
+
+def test_where_data_leave_room_more_starts_are_tried(clutch_set: Maker) -> None:
+    clear = fit_nonlinear(data_of(clutch_set(rate_hz=100.0, noise_nm=0.005).levels), 0.85)
+    vague = fit_nonlinear(data_of(clutch_set(duration_s=2.0, rate_hz=100.0, noise_nm=0.1).levels), 0.85)
+    assert len(clear.solver.starts) == 2 and len(vague.solver.starts) > 2
+
+
+def test_a_constraint_that_holds_is_named_and_kept(fit_quality: object) -> None:
+    from types import ModuleType
+
+    assert isinstance(fit_quality, ModuleType)
+    held = 0
+    for seed in (2, 3, 6, 7, 10, 11):
+        _, p, at_bounds, converged, _, _ = fit_quality.ours(fit_quality.make(seed))
+        u = np.linspace(10, 100, 101)
+        tau1, tau2 = time_constants(p, u)
+        assert tau1.min() >= 1e-3 - 1e-9 and (tau2 - tau1).min() >= -1e-9 and steady_torque(p, u).min() >= -1e-9
+        assert converged
+        held += bool(at_bounds)
+    assert held
+
+
+@pytest.mark.parametrize(("levels", "zeros"), [([50], 3), ([40, 80], 2), ([30, 60, 90], 1)])
+def test_few_levels_leave_the_high_coefficients_at_zero(levels: list[float], zeros: int, clutch_set: Maker) -> None:
+    found = fit_nonlinear(data_of(clutch_set(levels=levels, rate_hz=50.0).levels), 0.85)
+    p = found.parameters
+    assert len(p.Ts) == 4 and p.Ts[4 - zeros :] == (0.0,) * zeros and len(p.tau1) == 3
+    assert found.solver.converged
+    for u in levels:
+        assert steady_torque(p, u) == pytest.approx(steady_torque(REFERENCE_PLANT, u), rel=1e-6)
+
+
+def test_levels_in_volts_fit_as_well_as_duties(clutch_set: Maker) -> None:
+    volts = Nonlinear(
+        tuple(c / 3**k for k, c in enumerate(REFERENCE_PLANT.tau1)),
+        tuple(c / 3**k for k, c in enumerate(REFERENCE_PLANT.tau2)),
+        tuple(c / 3**k for k, c in enumerate(REFERENCE_PLANT.Ts)),
+        (30.0, 300.0),
+    )
+    found = fit_nonlinear(data_of(clutch_set(volts, levels=range(30, 301, 30), rate_hz=50.0).levels), 0.85).parameters
+    assert found.Ts == pytest.approx(volts.Ts, rel=1e-6) and found.tau2 == pytest.approx(volts.tau2, rel=1e-6)
+
+
+def test_a_given_start_counts_among_the_starts(clutch_set: Maker) -> None:
+    data = data_of(clutch_set(rate_hz=50.0, noise_nm=0.005).levels)
+    assert len(fit_nonlinear(data, 0.85, [REFERENCE_PLANT]).solver.starts) == 3

@@ -1,0 +1,66 @@
+"""Release constants: what the two states had reached shares out the fall; rising and falling side by side."""
+
+import numpy as np
+import pytest
+
+from eaid.fitting.data import data_of
+from eaid.fitting.levels import fit_levels
+from eaid.fitting.release import release_curve, release_fit, share_reached
+from eaid.models import friction
+from eaid.models.parameters import Friction
+from eaid.steps.stepset import Level
+
+TIME = np.arange(1000) / 100
+HELD_S = 8.0
+RISES = {40.0: Friction(0.8, 0.6, 12.0), 80.0: Friction(2.8, 0.55, 17.0)}
+
+
+def _fall(rise: Friction, tau1: float, tau2: float, left: float = 0.0) -> np.ndarray:
+    """The states of SPEC §4.1 after HELD_S at the level, let go to zero."""
+    x1 = rise.C * rise.Ts * -np.expm1(-HELD_S / rise.tau1)
+    x2 = (1 - rise.C) * rise.Ts * -np.expm1(-HELD_S / rise.tau2)
+    return left + x1 * np.exp(-TIME / tau1) + x2 * np.exp(-TIME / tau2)
+
+
+def _level(u: float, y: np.ndarray) -> Level:
+    return Level(u, TIME, y[None], (f"{u}",), True)
+
+
+def _rising() -> list:
+    return fit_levels(data_of([_level(u, friction.step_response(rise, TIME)) for u, rise in RISES.items()]), 0.85)
+
+
+def test_truth_returns_and_rising_stands_beside_falling() -> None:
+    falls = [_level(u, _fall(rise, 0.25, 5.0)) for u, rise in RISES.items()]
+    found = release_fit(falls, _rising(), dict.fromkeys(RISES, HELD_S))
+    assert found.solver.converged
+    assert (found.tau1, found.tau2) == pytest.approx((0.25, 5.0), rel=1e-5)
+    for row in found.levels:
+        assert (row.tau1, row.tau2) == pytest.approx((0.25, 5.0), rel=1e-5)
+        assert (row.rising_tau1, row.rising_tau2) == pytest.approx(
+            (RISES[row.level].tau1, RISES[row.level].tau2), rel=1e-5
+        )
+        assert row.residual == pytest.approx(0, abs=1e-6)
+        assert release_curve(row, TIME) == pytest.approx(_fall(RISES[row.level], 0.25, 5.0), abs=1e-6)
+
+
+def test_torque_that_is_left_is_told() -> None:
+    falls = [_level(u, _fall(rise, 0.2, 1.0, left=0.3 * rise.Ts)) for u, rise in RISES.items()]
+    found = release_fit(falls, _rising(), dict.fromkeys(RISES, HELD_S))
+    assert [row.residual for row in found.levels] == pytest.approx([0.24, 0.84], rel=1e-4)
+    assert any("is left long after the release of level 40, 80" in warning for warning in found.warnings)
+
+
+def test_the_share_of_the_fast_state_falls_with_the_time_held() -> None:
+    rise = Friction(2.0, 0.5, 10.0)
+    assert share_reached(rise, 1e6, 0.85) == pytest.approx(0.85)
+    assert share_reached(rise, 5.0, 0.85) == pytest.approx(
+        0.85 * (1 - np.exp(-10)) / (0.85 * (1 - np.exp(-10)) + 0.15 * (1 - np.exp(-0.5)))
+    )
+    assert share_reached(None, 5.0, 0.85) == 0.85
+
+
+def test_a_release_too_short_for_its_slow_part_is_told() -> None:
+    falls = [_level(80.0, _fall(RISES[80.0], 0.25, 60.0))]
+    found = release_fit(falls, _rising(), dict.fromkeys(RISES, HELD_S))
+    assert any("longer than the longest record after a release" in warning for warning in found.warnings)
