@@ -1,8 +1,7 @@
 """Curves over the duty: polynomials whose logarithms pass through the levels' log values by weighted least squares.
 
 Minimise Σ_l (θ̂_l − log p(u_l))² / V_l over the coefficients of p. With g = ∂ log p/∂coefficients the coefficients have
-the covariance (Σ g g'/V)⁻¹, inflated by Σ res²/V/(L − p) where that is beyond chance (5 %): the polynomial cannot
-follow the levels.
+the covariance (Σ g g'/V)⁻¹, inflated where the levels lie off the curve by more than their V.
 """
 
 from collections.abc import Sequence
@@ -102,8 +101,18 @@ def curve_with_repeats(duty_pct: Array, log_values: Array, variance: Array, degr
     if spare == 0:
         return Curve(coefficients, covariance, degrees, np.nan, np.nan)
     misfit = _chi_square(duty_pct, log_values, variance, coefficients) / spare
-    chance = float(fdtri(spare, max(degrees, 1.0), 0.95))
-    return Curve(coefficients, covariance * (misfit if misfit > chance else 1.0), degrees, misfit, np.nan)
+    return Curve(coefficients, covariance * inflation(misfit, spare, degrees), degrees, misfit, np.nan)
+
+
+def inflation(misfit: float, spare: float, degrees: float) -> float:
+    """What the covariance is multiplied by where the levels lie off the curve by `misfit` = Σ res²/V/spare.
+
+    Beyond chance (one in a thousand) the curve is wrong, and its misfit counts whole. Within chance it is one more
+    estimate of the levels' variance, of `spare` degrees of freedom beside the scatter's own.
+    """
+    if misfit > float(fdtri(spare, max(degrees / 2, 1.0), 0.999)):
+        return misfit
+    return max(1.0, (degrees + spare * misfit) / (degrees + spare))
 
 
 def curve_of_single_runs(duty_pct: Array, log_values: Array, within: Array, p: int) -> Curve:

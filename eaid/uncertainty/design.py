@@ -23,7 +23,7 @@ PARAMETERS = {"Ts": 0, "tau1": 1, "tau2": 2}
 HOLDS = (0.7, 1.0, 1.5, 2.0, 3.0, 4.0)
 """Hold times tried, in units of each level's τ2."""
 LEAST_HOLD_S = 5.0
-MOST_REPEATS = 20
+LEAST_REPEATS, MOST_REPEATS = 3, 20
 
 
 @dataclass(frozen=True)
@@ -136,7 +136,7 @@ def plan(
                     for c, h in zip(curves, hold, strict=True)
                 ]
             )
-            for repeats in range(2, MOST_REPEATS + 1):
+            for repeats in range(LEAST_REPEATS, MOST_REPEATS + 1):
                 widths = _half_widths(within, curves, duty, repeats, noise, polynomial)
                 time_s = repeats * float((hold + rig.idle_s + rig.release_s).sum())
                 over = max(widths[w.parameter] / w.half_width_pct for w in wanted)
@@ -157,9 +157,9 @@ def _round(hold_s: float, rig: Rig) -> float:
 
 
 def level_sets(u_range: tuple[float, float], most: int) -> list[list[float]]:
-    """Equally spaced levels over the identified duties, from six to `most`."""
+    """Equally spaced levels over the identified duties, from eight (four more than T_s(u) has terms) to `most`."""
     low, high = u_range
-    return [np.round(np.linspace(low, high, count), 1).tolist() for count in range(min(6, most), most + 1)]
+    return [np.round(np.linspace(low, high, count), 1).tolist() for count in range(min(8, most), most + 1)]
 
 
 @dataclass(frozen=True)
