@@ -24,16 +24,34 @@ class _ElementError(Exception):
 
 
 def check_elements(path: Path, source: str) -> None:
-    """Raise DataError where an element of a MAT-file v5 is not what it claims; v4 files pass unseen."""
+    """Raise DataError where an element of a MAT-file is not what it claims."""
     size = path.stat().st_size
     with path.open("rb") as file:
         head = file.read(128)
-        if head[126:128] not in (b"MI", b"IM"):
-            return
         try:
-            _file(file, size, "little" if head[126:128] == b"IM" else "big")
+            if head[126:128] in (b"MI", b"IM"):
+                _file(file, size, "little" if head[126:128] == b"IM" else "big")
+            else:
+                _version_4(file, size)
         except (_ElementError, zlib.error) as fault:
             raise DataError(f"{source}: is a damaged MAT-file ({fault}); save it again") from None
+
+
+def _version_4(file: BinaryIO, size: int) -> None:
+    """Variables of a v4 file: type word MOPT, rows, columns, imaginary, length of the name; then name and numbers."""
+    at = 0
+    while at + 20 <= size:
+        file.seek(at)
+        head = file.read(20)
+        order = "little" if _word(head, 0, "little") < 5000 else "big"
+        kind, rows, columns, imaginary, name = (_word(head, i, order) for i in range(0, 20, 4))
+        machine, digits = divmod(kind, 1000)
+        number, sort = divmod(digits % 100, 10)
+        if machine not in (0, 1) or digits >= 100 or number > 5 or sort > 2 or imaginary > 1 or not 0 < name < 4096:
+            raise _ElementError(f"a variable with a header that means nothing at byte {at}")
+        at += 20 + name + rows * columns * (8, 4, 4, 2, 2, 1)[number] * (1 + imaginary)
+        if at > size:
+            raise _ElementError("it is cut short")
 
 
 def _file(file: BinaryIO, size: int, order: str) -> None:

@@ -5,7 +5,8 @@ A conversion that is a formula written in the file is not run: the channel is re
 
 import logging
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -70,8 +71,22 @@ def read_mdf(path: Path, source: str) -> list[Sheet]:
 def _open(asammdf: Any, path: Path) -> Iterator[Any]:
     """The file as asammdf sees it: as open bytes, since by its name it would be unpacked, copied or cleared away."""
     logging.getLogger("asammdf").setLevel(logging.CRITICAL)  # its words on damage are said in ours
+    for version in ("mdf_v3.MDF3", "mdf_v4.MDF4"):
+        module, _, name = version.partition(".")
+        _end_quietly(getattr(import_module(f"asammdf.blocks.{module}"), name))
     with path.open("rb") as raw, asammdf.MDF(raw) as file:
         yield file
+
+
+def _end_quietly(kind: Any) -> None:
+    """Objects of damaged files end half-built, which Python would print a traceback about."""
+    if kind.__del__ is not _closed:
+        kind.__del__ = _closed
+
+
+def _closed(file: Any) -> None:
+    with suppress(Exception):
+        file.close()
 
 
 def _is_formula(channel: Any, version: int) -> bool:
