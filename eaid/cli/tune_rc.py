@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from eaid.cli import console, gains_tables
+from eaid.cli import console, gains_tables, tune_search
 from eaid.cli.options import Force, Json, Output, Quiet, Seed
 from eaid.errors import DataError, EaidError, UsageError
 
@@ -150,14 +150,16 @@ def command(
         duty_limits_pct=_pair("--duty-limits", duty_limits), timing=timing,
     )  # fmt: skip
     optimize = optimize or optimize_also is not None
-    stepset = _logs(fitted, fit, data) if data or phi == "data" or (optimize and noise_nm is None) else None
+    wants = {"φ": phi == "data", "the noise": optimize and noise_nm is None}
+    wanted_for = " and ".join(name for name, asked in wants.items() if asked)
+    stepset = _logs(fitted, fit, data, wanted_for) if data or wanted_for else None
     if phi == "data":
         options = _with_phi_from(fitted, options, str(fit), stepset)
     told_of_search = None
     if optimize:
-        noise = (noise_nm, "given") if noise_nm is not None else _noise(stepset)
-        search = _search(noise[0], chatter_limit, optimize_also, seed)
-        options, told_of_search = _optimized(fitted, options, str(fit), wanted, search, plants)
+        noise = (noise_nm, "given") if noise_nm is not None else tune_search.noise_of(fitted, stepset)
+        search = tune_search.search_of(noise[0], chatter_limit, optimize_also, seed)
+        options, told_of_search = tune_search.optimized(fitted, options, str(fit), wanted, search, plants)
         told_of_search = {"reference": reference_name, "noise_source": noise[1], **told_of_search}
     result = design(fitted, options, str(fit), stepset, slope)
     if told_of_search is not None:
@@ -184,8 +186,6 @@ def command(
 
 NAMED = ("multisine", "steps")
 """References that need no file."""
-USUAL_NOISE_NM = 0.01
-"""Torque noise where no log tells it [N·m]."""
 
 
 def _proportional(
@@ -258,29 +258,30 @@ def _slope(reference: "Reference") -> float:
     return steepest_nm_s(reference)
 
 
-def _logs(fitted: dict[str, Any], fit: Path, data: list[Path] | None) -> "StepSet | None":
+def _logs(fitted: dict[str, Any], fit: Path, data: list[Path] | None, wanted_for: str) -> "StepSet | None":
     """The logs given, or those that the fit names, where they are still there and unchanged."""
     from eaid.cli import inputs
     from eaid.files import sha256_of
 
     if data:
         return inputs.stepset_from(data)
+    instead = f"so {wanted_for} cannot be read off them; give the logs with --data"
     named = (fitted.get("data") or {}).get("inputs") or []
+    if not named:
+        console.warn(f"{fit}: names no logs, {instead}")
+        return None
     paths = []
     for record in named:
         told = Path(str(record.get("path")))
         found = next((path for path in (told, fit.parent / told.name) if path.is_file()), None)
         if found is None or sha256_of(found) != record.get("sha256"):
-            console.warn(f"{told}: is gone or has changed, so φ comes from the model alone; give the logs with --data")
+            console.warn(f"{told}: is gone or has changed, {instead}")
             return None
         paths.append(found)
-    if not paths:
-        console.warn(f"{fit}: names no logs, so φ comes from the model alone; give the logs with --data")
-        return None
     try:
         return inputs.stepset_from(paths)
     except EaidError as fault:
-        console.warn(f"{fault.sentences[0]}: φ comes from the model alone; give a data.h5 with --data")
+        console.warn(f"{fault.sentences[0]}: {instead}")
         return None
 
 
@@ -328,68 +329,12 @@ def _add_replay(
         )
 
 
-def _noise(stepset: "StepSet | None") -> tuple[float, str]:
-    """Torque noise for the search [N·m], and where it comes from."""
-    from eaid.control.noise import white_noise_nm
-
-    if stepset is not None and stepset.output_unit in ("N·m", "Nm"):
-        return white_noise_nm(stepset), "white part of what the logs show"
-    console.warn(
-        f"no logs to take the torque noise from: {USUAL_NOISE_NM:g} N·m is supposed; give --noise-nm or --data"
-    )
-    return USUAL_NOISE_NM, "supposed"
-
-
-def _search(noise_nm: float, limit: float | None, also: str | None, seed: int) -> Any:
-    from eaid.replay.optimize import ALSO, Search
-
-    chosen = tuple(name.strip() for name in (also or "").split(",") if name.strip())
-    for name in chosen:
-        if name not in ALSO:
-            raise UsageError(f"--optimize-also {name}: must be of {', '.join(ALSO)}")
-    if noise_nm < 0:
-        raise UsageError(f"--noise-nm {noise_nm:g}: must be 0 or above")
-    if limit is not None and not limit > 0:
-        raise UsageError(f"--chatter-limit {limit:g}: must be above 0")
-    return Search(noise_nm=noise_nm, limit_pct=limit, also=chosen, seed=seed)
-
-
-def _optimized(
-    fitted: dict[str, Any], options: "DesignOptions", source: str, wanted: "Reference | None", search: Any, plants: int
-) -> "tuple[DesignOptions, dict[str, Any]]":
-    """The options that the search ends at, and what it traded."""
-    from eaid.control.bounds import bounds_of, model_of
-    from eaid.control.design import plant_of
-    from eaid.control.operating import operating_points
-    from eaid.replay.optimize import optimize as search_for
-    from eaid.replay.references import multisine
-    from eaid.uncertainty.draw import covariance_word, draw_plants
-
-    if plants < 1:
-        raise UsageError(f"--plants {plants}: must be 1 or more")
-    plant = plant_of(fitted)
-    if plant is None:
-        raise DataError(f"{source}: holds no nonlinear model, which --optimize replays on; fit clutch data with it")
-    word = covariance_word(fitted)
-    drawn = [plant] if word else draw_plants(fitted, plants, search.seed)
-    model = model_of(fitted, source)
-    bounds = bounds_of(fitted, source, options.convention, options.levels, options.widen)
-    reference = wanted if wanted is not None else multisine(1 / options.timing.rate_hz)
-    points = operating_points(fitted, model, plant, bounds)
-    with console.progress("candidates", search.candidates) as tick:
-        found = search_for(model, bounds, options, drawn, points, reference, search, tick)
-    told = {
-        "plants": len(drawn), "noise_nm": search.noise_nm, "also": list(search.also), "limit_pct": found.limit_pct,
-        "before": found.start.as_dict(), "after": found.best.as_dict(),
-        "warnings": [f"--optimize: {word}"] if word else [],
-    }  # fmt: skip
-    return found.best.law.options, told
-
-
 def _unidentified(fitted: dict[str, Any]) -> str:
-    """What a fit says it cannot identify in the model that gains rest on; empty where it says nothing."""
-    linear = fitted.get("linear") or {}
-    return str(linear.get("unidentified") or "") if isinstance(linear, dict) else ""
+    """Why a fit says that its linear model, which gains rest on, is not identifiable; empty where it does not."""
+    linear = fitted.get("linear")
+    if not isinstance(linear, dict) or linear.get("identifiable") is not False:
+        return ""
+    return "; ".join(str(reason) for reason in linear.get("not_identifiable_because") or ["no reason given"])
 
 
 def _refuse_unidentified(fitted: dict[str, Any], fit: Path, allowed: bool) -> None:

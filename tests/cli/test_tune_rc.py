@@ -122,7 +122,7 @@ def test_phi_from_data(capsys):
     capsys.readouterr()
     fit = fit_file(nonlinear=PLANT)
     assert run(["tune-rc", fit, "--phi", "data", "--force"]) == 0
-    assert "names no logs, so φ comes from the model alone" in capsys.readouterr().err
+    assert "names no logs, so φ cannot be read off them" in capsys.readouterr().err
     assert run(["tune-rc", fit_file(), "--phi", "data", "--force"]) == 3
 
 
@@ -182,6 +182,27 @@ def test_a_broken_fit_is_a_data_error(capsys):
     Path("fit.json").write_text('{"schema": "eaid/fit/1", "friction": {}}')
     assert run(["tune-rc", "fit.json"]) == 3
     assert "holds no linear model" in capsys.readouterr().err
+
+
+def test_an_unidentified_fit_needs_a_word(capsys):
+    linear = {**PAPER, "identifiable": False, "not_identifiable_because": ["one level only"]}
+    assert run(["tune-rc", fit_file(linear=linear)]) == 3
+    assert "is not identifiable (one level only); --allow-unidentified uses it, marked" in capsys.readouterr().err
+    gains = made("--allow-unidentified", linear=linear)
+    assert gains["unidentified"] == "one level only" and "not identifiable: one level only" in gains["warnings"][0]
+
+
+def test_noise_is_what_the_logs_show():
+    from eaid.cli.inputs import stepset_from
+    from eaid.cli.tune_search import noise_of
+    from eaid.control.noise import white_noise_nm
+    from eaid.synth.datasets import shipped
+
+    shown = white_noise_nm(stepset_from([shipped()["clutch"]]))  # made with 0.01 N·m of white noise
+    assert shown == pytest.approx(0.01, rel=0.05)
+    told = {"uncertainty": {"noise": {"sensor_nm2_s": 1e-7}}, "data": {"sample_rate_hz": 1000.0}}
+    assert noise_of(told, None) == (pytest.approx(0.01), "as the fit tells it")
+    assert noise_of({}, None) == (0.01, "supposed")
 
 
 def test_optimize_trades_in_the_open(capsys):
