@@ -16,7 +16,10 @@ if TYPE_CHECKING:
 
 
 def command(
-    kind: Annotated[str, typer.Option("--kind", help="clutch, friction-force or friction-speed.")] = "clutch",
+    kind: Annotated[
+        str | None,
+        typer.Option("--kind", help="clutch (default), friction-force or friction-speed; of a fit.json, its own."),
+    ] = None,
     plant: Annotated[str, typer.Option("--plant", help="reference, or a fit.json.")] = "reference",
     levels: Annotated[
         str | None, typer.Option("--levels", help="Inputs [%, N or RPM]: 30,40,90 or from:to:step.")
@@ -65,7 +68,7 @@ def command(
 
     output = output or Path("synthetic.h5")
     _refuse(output, force)
-    if kind not in KINDS:
+    if kind is not None and kind not in KINDS:
         raise UsageError(f"--kind {kind}: is not one of {', '.join(KINDS)}")
     given = {
         "white_nm": white_nm,
@@ -110,14 +113,15 @@ def _refuse(output: Path, force: bool) -> None:
     (refuse_to_overwrite if _is_dataset(output) else refuse_folder)(output, force)
 
 
-def _plant(kind: str, plant: str) -> tuple["Plant", list[Path]]:
+def _plant(kind: str | None, plant: str) -> tuple["Plant", list[Path]]:
     from eaid.store import input_record, read_json
     from eaid.synth.plants import REFERENCE, of_fit
 
     if plant == "reference":
-        return REFERENCE[kind](), []
+        return REFERENCE[kind or "clutch"](), []
     path = Path(plant)
     fit = read_json(path, "fit")
+    kind = kind or (fit.get("data") or {}).get("kind") or "clutch"
     return of_fit(fit, cast("Kind", kind), f"{path} (sha256 {input_record(path)['sha256'][:12]})"), [path]
 
 

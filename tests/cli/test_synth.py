@@ -103,6 +103,19 @@ def test_bad_calls_get_their_sentence_and_leave_nothing(
     assert not list(tmp_path.iterdir())
 
 
+def test_a_friction_fit_says_its_own_kind(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    fit = tmp_path / "ff.json"
+    levels = [{"level": 50, "Ts": 1.0, "tau1": 0.1, "tau2": 2.0}]
+    content = {"schema": "eaid/fit/1", "data": {"kind": "friction-force"}, "friction": {"C": 0.85, "levels": levels}}
+    fit.write_text(json.dumps(content))
+    call = ["synth", "--plant", str(fit), "--hold", "5", "--rate", "50", "-o", str(tmp_path / "logs"), "-q", "--json"]
+    assert main.run(call) == 0
+    summary = json.loads(capsys.readouterr().out)
+    assert summary["kind"] == "friction-force" and [row["level"] for row in summary["runs"]] == [50, 50]
+    assert summary["inputs"][0]["path"] == str(fit) and len(summary["inputs"][0]["sha256"]) == 64
+    assert main.run([*call, "--force", "--kind", "clutch"]) == 3
+
+
 def test_steps_that_lead_from_end_to_end(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     call = [
         "synth",

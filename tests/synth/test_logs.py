@@ -104,6 +104,11 @@ def test_every_run_says_that_it_is_synthetic() -> None:
         assert run.name.startswith("synthetic-clutch-") and run.kind == "clutch" and run.input_unit == "%"
 
 
+def test_an_undisturbed_run_says_so() -> None:
+    (run, *_) = synthesise(plants.clutch(), SHORT, NONE, seed=1)
+    assert run.synthetic == "eaid synth of the reference plant (SPEC §6); undisturbed; seed 1; recorded on no rig"
+
+
 def test_white_noise_offset_and_digits_are_as_asked() -> None:
     draw = np.random.default_rng(0)
     size = replace(NONE, white_nm=0.02, offset_nm=0.3, resolution_nm=0.0)
