@@ -214,8 +214,10 @@ def _broken_rows(above: list[str], delimiter: str | None, decimal: str, thousand
         cells = split(line.strip("\r\n "), delimiter)
         good = [_is_cell(cell, decimal, thousands) for cell in cells]
         filled = sum(bool(cell.strip()) for cell in cells)
-        if not good or not good[0] or sum(good) < max(2, filled if delimiter is None else filled / 2):
+        if not good or not good[0] or sum(good) < (filled if delimiter is None else filled / 2):
             break
+        if len(cells) == 1 and count == len(above) - 1:
+            break  # a first line that says how many rows follow
         count += 1
     return count
 

@@ -13,6 +13,7 @@ from eaid.logs.ros import is_ros, read_ros
 from eaid.logs.sheet import Sheet
 from eaid.logs.tdms import is_tdms, read_tdms
 from eaid.logs.text import read_text
+from eaid.logs.unread import is_unread, refuse
 
 
 class Format(NamedTuple):
@@ -47,6 +48,7 @@ FORMATS: tuple[Format, ...] = (
     Format("MDF", is_mdf, read_mdf),
     Format("ROS bag", is_ros, read_ros),
     Format("MAT v4 or v5", _is_mat, read_mat),
+    Format("not read", is_unread, refuse),
     Format("text", lambda _: True, read_text),
 )
 

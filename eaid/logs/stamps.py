@@ -21,6 +21,10 @@ def _day(text: str) -> int | None:
     return None
 
 
+def _is_clock(found: re.Match[str]) -> bool:
+    return int(found.group(2)) < 24 and int(found.group(3)) < 60 and int(found.group(4) or 0) < 61
+
+
 def seconds_of(texts: Sequence[str]) -> tuple[Array, list[int]]:
     """Seconds since the first stamp [s], shape (n,), NaN where one cannot be read; and the places of those.
 
@@ -37,7 +41,7 @@ def seconds_of(texts: Sequence[str]) -> tuple[Array, list[int]]:
         if date not in days:
             days[date] = _day(date)
         day = days[date]
-        if not found or day is None:
+        if not found or day is None or not _is_clock(found):
             wrong.append(i)
             continue
         hour = int(found.group(2))

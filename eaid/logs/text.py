@@ -18,7 +18,7 @@ import numpy as np
 
 from eaid.arrays import Array, read_only
 from eaid.errors import DataError
-from eaid.logs.dialect import COMMENT, Dialect, number, rate_said, sniff, split
+from eaid.logs.dialect import COMMENT, Dialect, encoding_of, number, rate_said, sniff, split
 from eaid.logs.sheet import BadCell, Cells, Sheet
 from eaid.logs.stamps import seconds_of
 
@@ -57,6 +57,8 @@ def read_text(path: Path, source: str) -> list[Sheet]:
         if not zipped:
             raise
         raise DataError(f"{source}: is no whole gzip file ({_plain(fault)}); copy it again") from None
+    if zipped and not encoding_of(head):
+        raise DataError(f"{source}: is gzip around a file that is no text; unpack it and give what is inside")
     dialect = sniff(source, head, whole)
 
     def load(columns: Sequence[int]) -> Cells:

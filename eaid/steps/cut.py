@@ -89,7 +89,7 @@ def _without_slow_ramps(values: Array, start: int, stop: int, allowed: float) ->
         while b < len(part) and near[b]:
             b += 1
         found.append(Plateau(start + a, start + b, level))
-    return found or [Plateau(start, stop, float(np.median(part)))]
+    return found
 
 
 def _check_stands_still(found: list[Plateau], count: int, where: str) -> None:
@@ -117,6 +117,10 @@ def cut(run: Run, keep_baseline: bool = False) -> list[Run]:
     Raises DataError where the log has no step, or a level that cannot be told.
     """
     where = run.where
+    if len(run.time_s) < FEWEST:
+        raise DataError(
+            f"{where}: holds {len(run.time_s)} samples, and a step takes at least {FEWEST}; record it longer"
+        )
     if np.ptp(run.output) == 0:
         raise DataError(
             f"{where}: the output never changes ({run.output[0]:g} {run.output_unit} throughout); check the sensor"
@@ -239,8 +243,8 @@ def _cut_at(run: Run, where: str, known: bool) -> list[Run]:
     if known and until > start:
         held = run.input[start:until]
         if level is None:
-            found = [p for p in plateaus(held) if p.stop - p.start >= FEWEST] or plateaus(held)
-            level = found[0].level
+            found = [plateau for plateau in plateaus(held) if plateau.stop - plateau.start >= FEWEST]
+            level = found[0].level if found else float(np.median(held))
         near = np.abs(held - level) <= max(tolerance(run.input), 0.01 * abs(level))
         if near.any():  # the window ends where the input leaves its level, once it has reached it
             reached = int(near.argmax())

@@ -299,6 +299,80 @@ BAD = [
         "{f}: is a damaged HDF5 file (",
     ),
     Bad(
+        "workbook.csv",
+        b"PK\x03\x04" + bytes(100),
+        "{f}: is a ZIP archive or an Excel workbook; unpack it, or save its sheet as CSV",
+    ),
+    Bad(
+        "pickle.csv",
+        b"\x80\x04\x95\x1a\x00\x00\x00cposix\nsystem\nX\x04\x00\x00\x00trueR.",
+        "{f}: is a Python pickle, which can run code; export the log as CSV or HDF5",
+    ),
+    Bad("array.npy", b"\x93NUMPY\x01\x00" + bytes(100), "{f}: is a NumPy file; export the log as CSV or HDF5"),
+    Bad("picture.png", b"\x89PNG\r\n" + bytes(100), "{f}: is a picture; export the log as CSV"),
+    Bad("log.csv.bz2", b"BZh91AY" + bytes(100), "{f}: is packed with bzip2; unpack it, or pack it with gzip"),
+    Bad(
+        "log.mat.gz",
+        gzip.compress(b"MATLAB 5.0".ljust(124, b"\0") + b"\x00\x01IM" + bytes(range(256)) * 9),
+        "{f}: is gzip around a file that is no text; unpack it and give what is inside",
+    ),
+    Bad(
+        "one-column.csv",
+        b"torque_nm\n" + b"".join(b"%d.5\n" % i for i in range(99)),
+        "{f}: no column is called time (columns: torque_nm); name it with --columns time=NAME, "
+        "or give --rate HZ where the log has none",
+    ),
+    Bad(
+        "wave.csv",
+        column(1, lambda i, u: 50 + 40 * np.sin(i / 15)),
+        "{f}: the input moves most of the time, so it holds no steps; record one level at a time",
+    ),
+    Bad(
+        "from-forty.csv",
+        column(1, lambda i, u: 40 + u),
+        "no log holds a step from rest (the input goes from 40 to 90 %); record one from zero, "
+        "or give the input at rest with --rest",
+    ),
+    Bad("one-row.csv", csv(rows()[:1]), "{f}: holds 1 samples, and a step takes at least 10; record it longer"),
+    Bad("nine-rows.csv", csv(rows()[45:54]), "{f}: holds 9 samples, and a step takes at least 10; record it longer"),
+    Bad(
+        "all-falling.csv",
+        csv(rows()[::-1]),
+        "{f}: time falls at row 3 (1.98 s after 1.99 s); sort the rows, or drop such rows with --repair",
+    ),
+    Bad(
+        "stamps.csv",
+        column(0, lambda i, t: "25:61:61.5" if i == 70 else f"16:18:{17 + int(t):02d}.{round(t % 1 * 100):02d}"),
+        "{f}: row 72, column time_s, holds '25:61:61.5', which is no number" + CELL,
+    ),
+    Bad(
+        "two-kinds.csv",
+        csv([f"{line},50" for line in rows()], "time_s,duty_pct,torque_nm,duty (%)"),
+        '{f}: several columns may be the input (duty_pct, duty (%)); say which with --columns input="duty_pct"',
+    ),
+    Bad("role-twice.csv", csv(rows()), "--columns time=1,time=2: says time twice", ("--columns", "time=1,time=2"), 2),
+    Bad(
+        "rig.csv",
+        csv(rows()),
+        "--apparatus surfaces=none: is no number",
+        ("--apparatus", "surfaces=none"),
+        2,
+    ),
+    Bad(
+        "odd-pattern.csv",
+        csv(rows()),
+        "--name-pattern {level}{level}: holds a field twice",
+        ("--name-pattern", "{level}{level}"),
+        2,
+    ),
+    Bad(
+        "same-unit.csv",
+        csv(rows()),
+        "--columns and --units know time, input, output and reference, not speed",
+        ("--units", "speed=rpm"),
+        2,
+    ),
+    Bad(
         "kind.csv",
         csv(rows()),
         "--kind brake: must be one of clutch, friction-force, friction-speed",
