@@ -1,8 +1,8 @@
 """A recorded run on the fitted plant: its own duty played again, and, over a closed-loop run, the same controllers.
 
 The duty of a row acts until the next row's time, each interval exactly (`plant_step`), from rest at first. A run
-that begins loaded (a release, or a first duty that is not zero) starts at the mean torque of its first five rows, C of
-it in the fast part. The recorded torque is counted from its idle value: the run's own baseline, else the mean over the
+that may begin loaded (a release, or a first duty that is not zero) starts at the torque of its first row, C of it in
+the fast part. The recorded torque is counted from its idle value: the run's own baseline, else the mean over the
 leading rows at zero duty where there are ten of them or more.
 
     difference = recorded − model:   largest, RMS, mean (its sign kept)
@@ -26,8 +26,6 @@ from eaid.replay.rig import Rig
 
 IDLE_ROWS = 10
 """Fewest rows at zero duty before the first other one that make an idle value."""
-FIRST_ROWS = 5
-"""Rows whose mean is the torque that a loaded run starts at."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,7 +76,7 @@ def recorded(run: Run, plant: PlantParameters, keep_baseline: bool = False) -> R
     time_s = run.time_s - run.time_s[0]
     torque = run.output - idle
     loaded = run.edge == "falling" or run.input[0] != 0
-    start = float(torque[:FIRST_ROWS].mean()) if loaded else 0.0
+    start = float(torque[0]) if loaded else 0.0
     return Recorded(
         run.name,
         read_only(time_s),

@@ -1,0 +1,222 @@
+"""`eaid simulate` through its runner: exit code, messages, file, and the same bytes for the same seed."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from eaid.cli import main
+from eaid.replay.files import read_replay
+
+FIT = {
+    "schema": "eaid/fit/1",
+    "nonlinear": {
+        "C": 0.85,
+        "tau1": [6.74e-3, 2.39e-2, -2.13e-4],
+        "tau2": [0.93, 0.41, -2.64e-3],
+        "Ts": [0.032, 9.2e-3, 2.1e-4, 1.32e-6],
+        "u_range": [10, 100],
+    },
+}
+SD = np.array([0.005, 0.05, 0.01, 0.05, 0.5, 0.1, 0.001, 0.02, 0.05, 0.02])
+UNCERTAIN = {**FIT["nonlinear"], "covariance": {"matrix": np.diag(SD**2).tolist()}}
+GAINS = {
+    "schema": "eaid/gains/1",
+    "model": {"a0": 1.36, "b0": 0.08, "c0": -2.42},
+    "rc": {
+        "K_P": 4.5, "K_D": 3, "B_hat": 12.5, "rho": {"constant": 10.8125, "slope": 6.58595}, "Q_M": 5.0,
+        "epsilon": 0.5, "gamma": 50, "Q": [[1, 5 / 9], [5 / 9, (5 + 10 / 9) / 6]],
+    },
+    "pi": {"K_P": 21.0, "K_I": 360.0},
+}  # fmt: skip
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    Path("fit.json").write_text(json.dumps(FIT))
+    Path("gains.json").write_text(json.dumps(GAINS))
+    return tmp_path
+
+
+def call(*arguments: str) -> int:
+    return main.run(["simulate", "fit.json", *arguments])
+
+
+def test_the_multisine_is_the_default_and_replay_h5_the_output(capsys):
+    assert call("--gains", "gains.json") == 0
+    out, err = capsys.readouterr()
+    assert "rc          0.1157 N·m" in out and "pi          0.797 N·m" in out and "Guarantee, rc" in out
+    assert "wrote replay.h5" in err
+    assert "warning: the reference is as steep as 9.28 N·m/s; the gains were made for Q_M = 5 N·m/s" in err
+    records, head = read_replay(Path("replay.h5"))
+    assert list(records) == ["pi", "rc"]
+    assert set(records["pi"].columns) == {"time_s", "reference_nm", "torque_nm", "duty_pct"}
+    assert set(records["rc"].columns) == {"time_s", "reference_nm", "torque_nm", "duty_pct", "chi_nm_s", "rho_nm_s"}
+    assert head["scenario"] == "multisine" and head["inputs"]["fit"]["path"] == "fit.json"
+    assert len(records["rc"].columns["time_s"]) == 12_000
+
+
+def test_json_is_the_contracts(capsys):
+    assert call("--gains", "gains.json", "--scenario", "steps", "--duration", "9", "--json", "-q") == 0
+    out, err = capsys.readouterr()
+    told = json.loads(out)
+    assert err == "" and told["scenario"] == "steps"
+    rc = told["controllers"]["rc"]
+    for key in ("max_abs_error_nm", "rms_error_nm", "mean_abs_duty_step_pct", "saturated_fraction"):
+        assert isinstance(rc[key], float)
+    assert {"rise_time_s", "overshoot_pct", "settling_s"} <= set(rc["steps"][0])
+    assert len(rc["steps"]) == 8 and rc["steps"][-1]["settling_s"] is None
+
+
+def test_the_sweep_adds_open_loop(capsys):
+    assert call("--gains", "gains.json", "--scenario", "sweep", "--rate-hz", "500", "--json") == 0
+    told = json.loads(capsys.readouterr().out)["controllers"]
+    assert list(told) == ["rc", "pi", "open-loop"]
+    assert {"gain_db", "phase_deg", "mean_abs_error_nm"} <= set(told["open-loop"]["frequencies"][0])
+
+
+def test_without_gains_the_controllers_that_need_none_are_replayed(capsys):
+    assert call("--duration", "6") == 0
+    out, err = capsys.readouterr()
+    assert "warning: no --gains, so rc and pi are left out" in err and "inverse" in out
+    assert "cost of a step in plain Python, plant and rig included: inverse" in err
+
+
+def test_a_reference_of_the_users_own(capsys):
+    Path("r.csv").write_text("time_s,reference_nm\n0,0\n1,1\n2,5\n")
+    assert call("--gains", "gains.json", "--reference", "r.csv", "--controller", "pi", "--noise-nm", "0.02") == 0
+    assert "warning: the reference goes to 5 N·m, the plant at its highest duty to 4.37 N·m" in capsys.readouterr().err
+    records, head = read_replay(Path("replay.h5"))
+    assert head["scenario"] == "reference" and head["inputs"]["reference"]["path"] == "r.csv"
+    assert records["pi"].columns["reference_nm"][1500] == pytest.approx(3.0)
+    assert np.std(records["pi"].columns["measured_nm"] - records["pi"].columns["torque_nm"]) == pytest.approx(0.02, 0.1)
+
+
+def test_drawn_plants_give_the_same_bytes_on_one_thread_and_on_many(capsys):
+    Path("fit.json").write_text(json.dumps({**FIT, "nonlinear": UNCERTAIN}))
+    for threads in ("1", "3"):
+        arguments = (
+            "--gains",
+            "gains.json",
+            "--duration",
+            "3",
+            "--plants",
+            "1000",
+            "--seed",
+            "4",
+            "--threads",
+            threads,
+        )
+        assert call(*arguments, "-o", f"{threads}.h5", "--json") == 0
+    err = capsys.readouterr().err
+    assert "rc on drawn plants: 1000 to do" in err
+    assert Path("1.h5").read_bytes() == Path("3.h5").read_bytes()
+    records, head = read_replay(Path("1.h5"))
+    assert head["plants"] == 1000 and len(head["band_quantiles"]) == 7
+    assert records["rc"].tables["plants/parameters/Ts"].shape == (1000, 4)
+    worst = records["rc"].metrics["plants"]["metrics"]["rms_error_nm"]["worst"]
+    values = records["rc"].tables["plants/metrics/rms_error_nm"]
+    assert values.argmax() == worst["plant"] and values.max() == worst["value"] and values.std() > 1e-4
+    assert worst["Ts"] == records["rc"].tables["plants/parameters/Ts"][worst["plant"]].tolist()
+
+
+def test_plants_of_a_fit_without_uncertainty_are_a_word(capsys):
+    assert call("--gains", "gains.json", "--duration", "2", "--plants", "3") == 0
+    out, err = capsys.readouterr()
+    assert "warning: this fit holds no covariance" in err and "3 plants, rc" in out
+
+
+def test_a_recorded_duty_through_the_plant_and_a_closed_loop_run_laid_over(capsys):
+    arguments = ("--gains", "gains.json", "--duration", "4", "--controller", "rc", "-q")
+    assert call(*arguments, "--noise-nm", "0.01") == 0
+    columns = read_replay(Path("replay.h5"))[0]["rc"].columns
+    rows = zip(*(columns[key] for key in ("time_s", "duty_pct", "measured_nm", "reference_nm")), strict=True)
+    text = "\n".join(",".join(f"{value:.9g}" for value in row) for row in rows)
+    Path("closed.csv").write_text("time_s,duty_pct,torque_nm,reference_nm\n" + text)
+    capsys.readouterr()
+    assert call("--gains", "gains.json", "--log", "closed.csv", "-o", "log.h5", "--json") == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["log"]["closed"]["rms_difference_nm"] == pytest.approx(0.01, rel=0.1)
+    assert told["log"]["closed"]["explained_variance"] > 0.99
+    assert set(told["controllers"]) == {"recorded", "rc", "pi"}
+    recorded, replayed = told["controllers"]["recorded"], told["controllers"]["rc"]
+    assert replayed["rms_error_nm"] == pytest.approx(recorded["rms_error_nm"], rel=0.01)
+    assert replayed["rms_from_recorded_nm"] == pytest.approx(0.01, rel=0.3)
+    records, head = read_replay(Path("log.h5"))
+    assert set(records) == {"closed", "recorded", "rc", "pi"} and head["scenario"] == "log"
+    assert head["inputs"]["log"][0]["path"] == "closed.csv"
+
+
+def test_noise_as_the_residuals(capsys):
+    levels = [{"level": 50.0, "sse": 10_000 * 0.02**2, "rmse": 0.02}]
+    adequacy = {"residual_autocorrelation": 0.6, "effective_samples": 100.0}
+    more = {
+        "data": {"sample_rate_hz": 1000.0, "sources": [{"level": 50.0}]},
+        "friction": {"levels": levels},
+        "uncertainty": {"adequacy": adequacy},
+    }
+    Path("fit.json").write_text(json.dumps({**FIT, **more}))
+    assert call("--gains", "gains.json", "--duration", "3", "--noise", "residuals") == 0
+    assert "noise as the fit's residuals: 0.02 N·m" in capsys.readouterr().err
+    rig = read_replay(Path("replay.h5"))[1]["rig"]
+    assert rig["noise_nm"] == pytest.approx(0.02) and rig["noise_correlation_s"] > 0.05
+
+
+def test_every_effect_of_the_rig_is_an_option(capsys):
+    effects = (
+        "--noise-nm 0.01 --noise-correlation-s 0.05 --ripple-pct 2 --ripple-hz 3 --sensor-hz 100 --delay-samples 2 "
+        "--pwm-hz 300 --duty-bits 8 --perturb Ts=0.9,tau1=1.2 --no-saturation --controller rc,pi,open-loop,inverse"
+    )
+    assert call("--gains", "gains.json", "--duration", "2", *effects.split()) == 0
+    records, head = read_replay(Path("replay.h5"))
+    assert head["rig"] == {
+        "noise_nm": 0.01, "noise_correlation_s": 0.05, "noise_coloured_share": 1.0, "ripple_pct": 2.0, "ripple_hz": 3.0,
+        "sensor_hz": 100.0, "delay_samples": 2, "pwm_hz": 300.0, "duty_bits": 8, "saturation": False,
+    }  # fmt: skip
+    assert head["perturb"] == {"Ts": 0.9, "tau1": 1.2}
+    assert {"measured_nm", "applied_pct"} <= set(records["rc"].columns)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "said"),
+    [
+        (["--scenario", "jumps"], 2, "no scenario 'jumps'; there are steps, multisine, sweep, rehab"),
+        (["--controller", "pid"], 2, "no controller 'pid'; there are rc, pi, open-loop, inverse"),
+        (["--controller", "rc"], 2, "controller rc needs gains: give --gains gains.json"),
+        (["--controller", "pi,pi", "--gains", "gains.json"], 2, "name each controller once"),
+        (["--controller", "open-loop"], 2, "open-loop needs the linear model"),
+        (["--scenario", "steps", "--reference", "r.csv"], 2, "exclude each other"),
+        (["--scenario", "sweep", "--duration", "3"], 2, "leave --duration out"),
+        (["--reference", "none.csv"], 3, "none.csv: no such file"),
+        (["--gains", "none.json"], 3, "none.json: no such file"),
+        (["--rate-hz", "0"], 2, "--rate-hz is 0; it must be above 0"),
+        (["--perturb", "Ts"], 2, "write factors as Ts=0.9,tau1=1.2"),
+        (["--duty-bits", "-1"], 2, "duty_bits is -1"),
+        (["--noise", "pink"], 2, "--noise is 'pink'"),
+        (["--noise", "residuals"], 3, "fit.json: does not say how its residuals are coloured"),
+        (["--noise", "residuals", "--noise-nm", "1"], 2, "leave out --noise-nm"),
+        (["--plants", "0"], 2, "--plants takes a number from 1 on"),
+        (["--plants", "5", "--scenario", "rehab"], 2, "goes with steps, multisine, sweep"),
+        (["--limb-damping", "1"], 2, "belong to --scenario rehab"),
+        (["--log", "none.csv"], 3, "none.csv"),
+    ],
+)
+def test_what_is_refused(capsys, arguments, code, said):
+    assert call(*arguments) == code
+    err = capsys.readouterr().err
+    assert said in err and "Traceback" not in err
+    assert not Path("replay.h5").exists()
+
+
+def test_an_earlier_replay_is_left_alone(capsys):
+    Path("replay.h5").write_text("mine")
+    assert call("--gains", "gains.json") == 2
+    assert "--force" in capsys.readouterr().err and Path("replay.h5").read_text() == "mine"
+
+
+def test_a_fit_without_a_plant_is_refused(capsys):
+    Path("fit.json").write_text(json.dumps({"schema": "eaid/fit/1", "friction": {}}))
+    assert call("--gains", "gains.json") == 3
+    assert "fit.json: holds no nonlinear model" in capsys.readouterr().err

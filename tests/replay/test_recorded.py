@@ -1,0 +1,76 @@
+"""Recorded runs against the model: a model's own run is explained whole; idle, releases and odd clocks."""
+
+import numpy as np
+import pytest
+
+from eaid.errors import DataError
+from eaid.logs.run import Run
+from eaid.models.nonlinear import step_response
+from eaid.models.parameters import REFERENCE_PLANT
+from eaid.replay import recorded, references
+from eaid.replay.loop import replay
+from eaid.replay.rig import Rig
+
+DT = 1e-3
+
+
+def run(time_s, duty, torque, **further):
+    settings = {"input_unit": "%", "output_unit": "N·m", "source": "x.csv", "sha256": "", **further}
+    return Run(name="x", time_s=time_s, input=duty, output=torque, **settings)
+
+
+def idle_then_step(offset=0.03):
+    t = np.arange(3000) * DT
+    duty = np.where(t >= 0.999, 60.0, 0.0)
+    torque = step_response(REFERENCE_PLANT, np.maximum(t - t[1000 - 1], 0.0), 60.0) + offset
+    return run(t + 7.0, duty, torque)
+
+
+def test_the_models_own_step_is_explained_and_idle_torque_is_taken_off(plant):
+    found = recorded.difference(recorded.recorded(idle_then_step(), plant))
+    assert found["idle_nm"] == pytest.approx(0.03)
+    assert found["max_abs_difference_nm"] < 1e-12
+    assert found["explained_variance"] == pytest.approx(1.0)
+    kept = recorded.difference(recorded.recorded(idle_then_step(), plant, keep_baseline=True))
+    assert kept["mean_difference_nm"] == pytest.approx(0.03) and kept["rms_difference_nm"] == pytest.approx(0.03)
+
+
+def test_any_clock_is_exact(plant):
+    t = np.cumsum(np.random.default_rng(1).uniform(1e-4, 0.1, 200))
+    torque = recorded.driven(plant, t, np.full(200, 45.0))
+    assert torque == pytest.approx(step_response(REFERENCE_PLANT, t - t[0], 45.0), abs=1e-12)
+
+
+def test_a_release_starts_loaded(plant):
+    t = np.arange(2000) * DT
+    tau1, tau2 = (6.74e-3 + 0.239 - 0.0213), (0.93 + 4.1 - 0.264)
+    torque = 2.0 * (0.85 * np.exp(-t / tau1) + 0.15 * np.exp(-t / tau2))
+    found = recorded.difference(recorded.recorded(run(t, np.zeros(2000), torque, edge="falling"), plant))
+    assert found["explained_variance"] > 0.999 and found["idle_nm"] == 0.0
+
+
+def test_a_closed_loop_run_is_measured_and_laid_over(plant, law):
+    reference = references.multisine(DT, 3.0).torque_nm
+    rig = replay(plant, law("rc"), reference, Rig(), DT)
+    log = run(rig.time_s, rig.duty_pct, rig.torque_nm, reference_nm=np.array(reference))
+    kept = recorded.recorded(log, plant)
+    assert recorded.difference(kept)["max_abs_difference_nm"] < 1e-12
+    assert recorded.closed_loop_metrics(kept)["max_abs_error_nm"] == pytest.approx(np.abs(rig.error_nm).max())
+    again = recorded.laid_over(kept, plant, law("rc"), Rig())
+    # the clock's own rounding moves the reference by 1e-13; the loop is the same
+    assert recorded.against(kept, again)["rms_from_recorded_nm"] < 1e-9
+
+
+def test_a_run_without_duty_or_torque_is_refused(plant):
+    t = np.arange(100) * DT
+    with pytest.raises(DataError, match="no duty in %"):
+        recorded.recorded(run(t, np.full(100, np.nan), t), plant)
+    with pytest.raises(DataError, match="no duty in %"):
+        recorded.recorded(run(t, t, t, input_unit="N"), plant)
+    with pytest.raises(DataError, match="in N; --log compares torque"):
+        recorded.recorded(run(t, t, t, output_unit="N"), plant)
+
+
+def test_a_constant_torque_has_no_variance_to_explain(plant):
+    found = recorded.difference(recorded.recorded(run(np.arange(50) * DT, np.zeros(50), np.ones(50)), plant))
+    assert found["explained_variance"] is None
