@@ -233,8 +233,12 @@ def scatter_words(ground: Ground) -> list[str]:
             f"the repeats look like {sweeps:.0f} sweeps: all levels of one share a shift of {' and '.join(shifted)}; "
             f"the {runs} runs count as {sweeps:.0f} there, intervals are wider; record levels in random order instead"
         )
-    for name, ratio, z in zip(SYMBOLS, ground.scatter.ratio, ground.scatter.ratio_z, strict=False):
-        if abs(z) > 2 and not 0.5 < ratio < 2:
+    scatter = ground.scatter
+    for name, ratio, z, a, v in zip(
+        SYMBOLS, scatter.ratio, scatter.ratio_z, scatter.between, scatter.pooled.T, strict=False
+    ):
+        repeated = a > 0.3 * float(np.median(v)) * ground.evidence[0].evidence.repeats  # else it is noise, not scatter
+        if abs(z) > 2.5 and not 0.5 < ratio < 2 and repeated:
             low, high = ("lowest", "highest") if ratio > 1 else ("highest", "lowest")
             times = max(ratio, 1 / ratio)
             words.append(

@@ -21,6 +21,9 @@ Mask: TypeAlias = NDArray[np.bool_]
 TREND_LEVELS, TREND_DEGREES = 4, 8
 """Fewer levels or degrees of freedom than these cannot show that the scatter changes with the level."""
 
+PRIOR = 5.0
+"""Prior precision of the trend's slope: scatter that doubles over the range of the levels is one standard deviation."""
+
 
 @dataclass(frozen=True, eq=False)
 class Scatter:
@@ -68,7 +71,7 @@ def pooled_scatter(levels: Sequence[Evidence], usable: Mask | None = None) -> Sc
     """Scatter of levels with repeats; levels of a single run borrow it. Needs one level with R ≥ 2.
 
     A level's V is the pooled one times e^(α + β x), x the level's own number: scatter that grows towards one end is
-    followed, and V is worth Σ(R − 1)/(1 + x²/mean x²) degrees of freedom, x from the weighted mean. Where `usable`,
+    followed, and V is worth fewer degrees of freedom the further x lies from the mean. Where `usable`,
     shape (L, k), is false, a parameter has no say in the pool (a constraint holds it there) and borrows from it. Where
     repeats were recorded as sweeps, what a sweep's levels have in common is taken out first and added to V at the end.
     """
@@ -101,12 +104,12 @@ def pooled_scatter(levels: Sequence[Evidence], usable: Mask | None = None) -> Sc
         if np.count_nonzero(own) < TREND_LEVELS or total < TREND_DEGREES or spread == 0 or not v[own > 0, k].any():
             continue
         relative = v[:, k] / np.maximum(repeats * pooled[:, k], 1e-300)
-        shape, slope = _trend(relative, centred / np.sqrt(spread), own)
+        shape, worth, slope = _trend(relative, centred / np.sqrt(spread), own)
         variance[:, k] *= shape
-        degrees[:, k] = total / (1 + centred**2 / spread)
+        degrees[:, k] = worth
         ends = variance[[int(x.argmin()), int(x.argmax())], k] * repeats[[int(x.argmin()), int(x.argmax())]]
         ratio[k] = np.sqrt(ends[0] / ends[1])
-        ratio_z[k] = -slope * np.sqrt(total / 2)
+        ratio_z[k] = -slope * np.sqrt(total / 2 + PRIOR)
     most = float(repeats.max() - 1)
     with np.errstate(divide="ignore", invalid="ignore"):
         together = (variance + common) ** 2 / (variance**2 / degrees + common**2 / most)
@@ -128,15 +131,21 @@ def _total(weighted: Array, within: Array) -> Callable[[float], float]:
     return lambda a: float((weighted / (a + within)).sum())
 
 
-def _trend(relative: Array, x: Array, degrees: Array) -> tuple[Array, float]:
-    """e^(α + β x) through relative variances of χ²-like spread (Fisher scoring), shape (L,), and β."""
+def _trend(relative: Array, x: Array, degrees: Array) -> tuple[Array, Array, float]:
+    """e^(α + β x) through relative variances of χ²-like spread, its degrees of freedom, shapes (L,), and β.
+
+    Fisher scoring with a prior of mean 0 on β: a few runs alike by luck at one end make no trend.
+    """
     design = np.stack([np.ones_like(x), x], axis=1)
+    prior = np.diag([0.0, 2 * PRIOR])
     weighted = design * degrees[:, None]
-    solve = np.linalg.inv(design.T @ weighted) @ weighted.T
+    spread = np.linalg.inv(design.T @ weighted + prior)
     coefficients = np.zeros(2)
     for _ in range(50):
-        step = np.clip(solve @ (relative * np.exp(-design @ coefficients) - 1), -1.0, 1.0)
+        slope = weighted.T @ (relative * np.exp(-design @ coefficients) - 1) - prior @ coefficients
+        step = np.clip(spread @ slope, -1.0, 1.0)
         coefficients = coefficients + step
         if np.abs(step).max() < 1e-10:
             break
-    return np.asarray(np.exp(design @ coefficients)), float(coefficients[1])
+    worth = 1 / np.einsum("ij,jk,ik->i", design, spread, design)
+    return np.asarray(np.exp(design @ coefficients)), np.asarray(worth), float(coefficients[1])
