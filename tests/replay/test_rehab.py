@@ -87,6 +87,16 @@ def test_a_diverging_limb_is_refused_in_words() -> None:
     assert fault.value.exit_code == 5 and "limb damping 0.5 N·m·s/rad" in str(fault.value)
 
 
+def test_the_loop_diverges_where_the_linear_one_is_unstable() -> None:
+    # I s² + d s + K + (k + b s) e^(−0.12 s) has its roots on the axis at d = 0.515 (soft) and 0.580 (hard)
+    for stiffness, damping, frequency in ((1.0, 0.51456, 11.784919), (3.0, 0.58036, 12.671664)):
+        s = 1j * frequency
+        assert abs(0.1 * s**2 + damping * s + stiffness + (8 + s) * np.exp(-0.12 * s)) < 1e-3
+    with pytest.raises(GainsError, match="the hard mode diverges"):
+        session(1, damping_nms=0.55)
+    assert np.abs(session(1, damping_nms=0.6).position_error_deg).max() < 30
+
+
 def test_the_same_seed_gives_the_same_session_and_noise_of_its_own(ten: list[Session]) -> None:
     np.testing.assert_array_equal(session(3).angle_deg, ten[3].angle_deg)
     assert not np.array_equal(ten[3].angle_deg, ten[4].angle_deg)
