@@ -14,6 +14,7 @@ import numpy as np
 from eaid.arrays import read_only
 from eaid.errors import DataError
 from eaid.logs.extras import damage_told
+from eaid.logs.heaps import check_heaps
 from eaid.logs.mat import FEWEST, SAVE_AS, labels_of_matrix
 from eaid.logs.sheet import Cells, Sheet
 
@@ -33,6 +34,7 @@ def open_hdf5(path: Path, source: str) -> Iterator[Any]:
     """The file, open for reading; raises DataError where it, or what is read of it in the block, is damaged."""
     import h5py
 
+    check_heaps(path, source)
     with damage_told(source, "HDF5"), h5py.File(path, "r", locking=False) as file:
         yield file
 

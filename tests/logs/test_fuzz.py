@@ -1,0 +1,208 @@
+"""Readers on anything at all: random bytes, mutated files, mutated cells. Only refusals come out, and no wrong number.
+
+The long form of this, guided by coverage, is `python -m benchmarks.fuzz_readers`.
+"""
+
+import gzip
+import re
+import sys
+from pathlib import Path
+from unittest.mock import patch
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from eaid.errors import DataError, UsageError
+from eaid.logs import text
+from eaid.logs.formats import FORMATS, format_of
+from eaid.logs.lvm import read_lvm
+from eaid.logs.options import ReadOptions
+from eaid.logs.read import read_runs
+
+sys.path.insert(0, str(Path(__file__).parent))
+import logs_written as written
+
+NOTHING = ReadOptions()
+LIBRARIES = {"tdms": "nptdms", "parquet": "pyarrow", "mdf": "asammdf", "ros1": "rosbags", "mcap": "rosbags",
+             "sqlite": "rosbags"}  # fmt: skip
+MAGIC = (
+    b"", b"\x1f\x8b\x08\x00", b"\x89HDF\r\n\x1a\n", b"TDSm\x0e\x00\x00\x00\x69\x12\x00\x00", b"PAR1",
+    b"MDF     4.10    ", b"MDF     3.30    ", b"#ROSBAG V2.0\nE\x00\x00\x00", b"\x89MCAP0\r\n\x01",
+    b"SQLite format 3\0", b"LabVIEW Measurement\t\n",
+    b"MATLAB 5.0 MAT-file".ljust(124) + b"\x00\x01IM\x0f\x00\x00\x00", b"\xff\xfe", b"\x93NUMPY\x01\x00", b"PK\x03\x04",
+)  # fmt: skip
+LVM = (
+    "LabVIEW Measurement\t\nSeparator\tTab\nDecimal_Separator\t.\nX_Columns\tOne\n***End_of_Header***\n\n"
+    "Channels\t1\nY_Unit_Label\tNm\nX_Dimension\tTime\nX0\t0\nDelta_X\t0.01\n***End_of_Header***\n"
+    "X_Value\tTorque\tComment\n" + "".join(f"{i / 100}\t{i}\n" for i in range(30))
+)
+
+
+def load_all(path: Path, read) -> None:
+    """Read a file and every column in it; refusals are what is wanted."""
+    try:
+        for sheet in read(path, "log"):
+            sheet.load(range(len(sheet.columns)))
+    except (DataError, UsageError) as refusal:
+        assert all(sentence.startswith("log: ") for sentence in refusal.sentences)  # noqa: PT017
+
+
+@pytest.fixture(scope="module")
+def seeds(tmp_path_factory):
+    """A valid file of each format, as bytes."""
+    folder = tmp_path_factory.mktemp("seeds")
+    made: dict[str, bytes] = {}
+
+    def seed(name: str) -> bytes:
+        if name in LIBRARIES:
+            pytest.importorskip(LIBRARIES[name])
+        if name not in made:
+            made[name] = _seed(name, folder / name)
+        return made[name]
+
+    return seed
+
+
+def _seed(name: str, path: Path) -> bytes:
+    t, duty, torque = written.step(60 if name in ("text", "gzip") else 250)
+    if name in ("text", "gzip"):
+        rows = "".join(f"{a:.4f},{b:g},{c:.6f}\n" for a, b, c in zip(t, duty, torque, strict=True))
+        data = ("# rate: 200 Hz\ntime_s,duty_pct,torque_nm\n" + rows).encode()
+        return gzip.compress(data) if name == "gzip" else data
+    if name == "lvm":
+        return LVM.encode()
+    if name.startswith("mat"):
+        from scipy.io import savemat
+
+        columns = {"log": np.stack([t, duty, torque])} if name == "mat4" else {"s": {"time": t, "torque": torque}}
+        savemat(path, columns, appendmat=False, format="4" if name == "mat4" else "5", do_compression=name == "matz")
+    elif name == "hdf5":
+        import h5py
+
+        with h5py.File(path, "w") as file:
+            file.create_dataset("time", data=t, compression="gzip")
+            file["torque"] = torque
+    elif name in ("mcap", "sqlite"):
+        written.ros2(path, t, duty, torque, storage="mcap" if name == "mcap" else "sqlite3")
+    else:
+        getattr(written, name)(path, t, duty, torque)
+    return path.read_bytes()
+
+
+BRIEF = settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+
+
+@given(magic=st.sampled_from(MAGIC), rest=st.binary(max_size=600))
+@settings(BRIEF, max_examples=150)
+def test_random_bytes(tmp_path, magic, rest):
+    path = tmp_path / "log"
+    path.write_bytes(magic + rest)
+    load_all(path, format_of((magic + rest)[:4096]).read)
+
+
+EDITS = st.lists(
+    st.tuples(
+        st.floats(0, 1), st.sampled_from(("set", "drop", "copy", "cut")), st.integers(0, 255), st.integers(1, 60)
+    ),
+    min_size=1,
+    max_size=6,
+)
+
+
+def edited(data: bytes, edits) -> bytes:
+    """A file with some bytes set, dropped or doubled, or cut off."""
+    changed = bytearray(data)
+    for place, how, byte, length in edits:
+        at = int(place * (len(changed) - 1)) if changed else 0
+        if how == "set" and changed:
+            changed[at] = byte
+        elif how == "drop":
+            del changed[at : at + length]
+        elif how == "copy":
+            changed[at:at] = changed[at : at + length]
+        elif how == "cut" and length > 50:
+            del changed[at:]
+    return bytes(changed)
+
+
+@pytest.mark.parametrize(
+    ("name", "form"),
+    [
+        ("text", "text"), ("gzip", "text"), ("lvm", "LabVIEW LVM"), ("mat4", "MAT v4 or v5"), ("mat5", "MAT v4 or v5"),
+        ("matz", "MAT v4 or v5"), ("hdf5", "HDF5 or MAT v7.3"), ("tdms", "TDMS"), ("parquet", "Parquet"),
+        ("mdf", "MDF"), ("ros1", "ROS bag"), ("mcap", "ROS bag"), ("sqlite", "ROS bag"),
+    ],
+)  # fmt: skip
+def test_mutated_files(tmp_path, seeds, name, form):
+    data = seeds(name)
+    read = next(row.read for row in FORMATS if row.name == form)
+
+    @given(edits=EDITS)
+    @BRIEF
+    def tried(edits):
+        path = tmp_path / "log"
+        path.write_bytes(edited(data, edits))
+        load_all(path, read)
+
+    tried()
+
+
+CELL = st.text(st.characters(codec="ascii", exclude_characters="\r\n", exclude_categories=("Cc",)), max_size=12)
+NEARLY = st.builds(lambda a, b, c: a + b + c, st.sampled_from(["", "-", "+", " ", '"']),
+                   st.from_regex(r"[0-9]{0,4}[.,]?[0-9]{0,3}([eEdD][+-]?[0-9]{1,3})?", fullmatch=True),
+                   st.sampled_from(["", " ", "x", "_1", "%", '"', " 2", "\t"]))  # fmt: skip
+
+
+def meaning(cell: str) -> float | None:
+    """What a cell means where the decimal mark is a point, by the simplest rule; None where it means nothing."""
+    bare = cell.strip().strip('"').strip()
+    if not re.fullmatch(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eEdD][+-]?[0-9]+)?", bare):
+        return None
+    value = float(re.sub("[dD]", "e", bare))
+    return value if np.isfinite(value) else None
+
+
+@given(cell=CELL | NEARLY, row=st.integers(0, 199), column=st.sampled_from([1, 2]), small=st.booleans())
+@settings(BRIEF, max_examples=200)
+def test_a_mutated_cell_is_read_as_it_stands_or_refused(tmp_path, cell, row, column, small):
+    t, duty, torque = written.step(400)
+    t, duty, torque = t[100:300], duty[100:300], torque[100:300]
+    cells = [[f"{a:.4f}", f"{b:g}", f"{c:.6f}"] for a, b, c in zip(t, duty, torque, strict=True)]
+    cells[row][column] = cell
+    cell = re.sub(r',[\s"]*$', "", cell) if column == 2 else cell  # a row may end with a delimiter
+    path = tmp_path / "log.csv"
+    path.write_text("time_s,duty_pct,torque_nm\n" + "\n".join(",".join(one) for one in cells) + "\n")
+    cells[row][column] = cell
+    expected = np.array([[meaning(one) for one in line] for line in cells], dtype=object)
+    with patch.object(text, "SMALL_BYTES", 1 << 30 if small else 0):
+        try:
+            (run,) = read_runs([path], NOTHING)
+        except DataError as refusal:
+            assert f"row {row + 2}" in str(refusal) or meaning(cell) is not None  # noqa: PT017
+            return
+    assert "," not in cell and expected[row, column] is not None
+    np.testing.assert_array_equal(run.time_s, expected[:, 0].astype(float))
+    np.testing.assert_array_equal(run.input, expected[:, 1].astype(float))
+    np.testing.assert_array_equal(run.output, expected[:, 2].astype(float))
+
+
+@given(cell=CELL | NEARLY, row=st.integers(0, 29))
+@settings(BRIEF, max_examples=100)
+def test_a_mutated_cell_of_an_lvm_is_read_as_it_stands_or_refused(tmp_path, cell, row):
+    lines = LVM.splitlines()
+    lines[13 + row] = f"{row / 100}\t{cell}"
+    path = tmp_path / "log.lvm"
+    path.write_text("\n".join(lines) + "\n")
+    (sheet,) = read_lvm(path, "log")
+    cells = sheet.load([0, 1])
+    if cells.bad:
+        assert [bad.row for bad in cells.bad] == [row]
+        assert [cells.row(bad.row) for bad in cells.bad] == [14 + row]
+        return
+    value = meaning(cell.partition("\t")[0].replace("D", "x").replace("d", "x").replace('"', "x"))
+    assert value is not None
+    wanted = [float(i) for i in range(30)]
+    wanted[row] = value
+    np.testing.assert_array_equal(cells.values[1], wanted)
