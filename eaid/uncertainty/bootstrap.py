@@ -13,7 +13,7 @@ import numpy as np
 
 from eaid.arrays import Array
 from eaid.fitting.basis import basis_of
-from eaid.fitting.compress import Points
+from eaid.fitting.compress import Points, compress
 from eaid.fitting.data import Data, data_of
 from eaid.fitting.nonlinear import nonlinear_problem
 from eaid.fitting.result import Fit
@@ -54,13 +54,16 @@ def bootstrap(
     """Refit `draws` resampled sets; the same seed gives the same result for any number of workers."""
     assert fit.friction is not None
     free = fit.friction.C is None
+    weights = None if fit.nonlinear is None or fit.nonlinear.weights is None else np.array(fit.nonlinear.weights)
+    data = data_of(levels, weights)
     job = _Job(
         tuple(levels),
+        data,
+        tuple(_compressed(level, len(data.points.y[0])) for level in levels),
         np.array([log_theta(one.curve, free) for one in fit.friction.levels]),
         tuple(one.curve.C for one in fit.friction.levels),
         None if fit.nonlinear is None else fit.nonlinear.parameters,
         fit.nonlinear is not None and fit.nonlinear.share_free,
-        None if fit.nonlinear is None or fit.nonlinear.weights is None else np.array(fit.nonlinear.weights),
         None if fit.linear is None else np.log([[row.a0, row.gain] for row in fit.linear.per_level]),
         None if fit.linear is None else fit.linear.parameters,
         seed,
@@ -79,17 +82,18 @@ def bootstrap(
                 advance()
     theta = np.array([one[0] for one in found])
     return Draws(
-        level_variance=_robust_variance(theta),
+        level_variance=_tame_variance(theta),
         joint=np.cov(np.array([one[1] for one in found]), rowvar=False) if job.model is not None else None,
         pooled=np.cov(np.array([one[2] for one in found]), rowvar=False) if job.own is not None else None,
-        own=_robust_variance(np.array([one[3] for one in found])) if job.own is not None else None,
+        own=_tame_variance(np.array([one[3] for one in found])) if job.own is not None else None,
     )
 
 
-def _robust_variance(values: Array) -> Array:
-    """Variance over draws from the central 95 %: a few refits that run away (τ2) do not decide it; shape (L, k)."""
-    low, high = np.quantile(values, [0.025, 0.975], axis=0)
-    return np.asarray(((high - low) / (2 * 1.959964)) ** 2)
+def _tame_variance(values: Array) -> Array:
+    """Variance over draws, those that run away (a τ2 that the draw lost) held at five of the others' half-widths."""
+    low, middle, high = np.quantile(values, [0.025, 0.5, 0.975], axis=0)
+    reach = 2.5 * (high - low)
+    return np.asarray(np.clip(values, middle - reach, middle + reach).var(axis=0))
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,11 +101,14 @@ class _Job:
     """What every refit starts from: the fit itself."""
 
     levels: tuple[Level, ...]
+    data: Data
+    """The means as they were fitted; a refit replaces its compressed curves."""
+    runs: tuple[Array, ...]
+    """Compressed runs of each level, shape (R, P)."""
     theta: Array
     shares: tuple[float, ...]
     model: Nonlinear | None
     share_free: bool
-    weights: Array | None
     own: Array | None
     pooled: Linear | None
     seed: int
@@ -118,30 +125,44 @@ def _of_pool(i: int) -> tuple[Array, Array, Array, Array]:
     return _refit(_job[0], i)
 
 
-def resampled(level: Level, fitted_nm: Array, random: np.random.Generator) -> Level:
-    """One level as another day might have recorded it: its mean curve in a single run."""
-    runs = len(level.runs_nm)
-    mean = level.mean_nm
-    if runs > 1:
-        taken = random.integers(0, runs, runs)
-        drawn = mean + np.sqrt(runs / (runs - 1)) * (level.runs_nm[taken].mean(axis=0) - mean)
-    else:
-        left = mean - fitted_nm
-        n = len(left)
-        length = int(np.clip(np.searchsorted(level.time_s - level.time_s[0], BLOCK_S), 1, max(1, n // 2)))
-        starts = random.integers(0, n, -(-n // length))
-        drawn = fitted_nm + left[((starts[:, None] + np.arange(length)) % n).ravel()[:n]]
-    return replace(level, runs_nm=drawn[None], names=level.names[:1])
+def _compressed(level: Level, length: int) -> Array:
+    """Every run of a level on the points of its mean, shape (R, length): compression is linear in the data."""
+    rows = compress([level.time_s] * len(level.runs_nm), list(level.runs_nm)).y
+    return np.pad(rows, ((0, 0), (0, length - rows.shape[1])))
+
+
+def resampled_mean(runs: Array, random: np.random.Generator) -> Array:
+    """Mean of R runs drawn with replacement from R, its distance to the mean drawn out by √(R/(R − 1)); shape (n,)."""
+    count = len(runs)
+    mean = runs.mean(axis=0)
+    taken = random.integers(0, count, count)
+    return np.asarray(mean + np.sqrt(count / (count - 1)) * (runs[taken].mean(axis=0) - mean))
+
+
+def resampled_blocks(level: Level, fitted_nm: Array, random: np.random.Generator) -> Array:
+    """A single run made anew from blocks of its own residuals, shape (n,)."""
+    left = level.mean_nm - fitted_nm
+    n = len(left)
+    length = int(np.clip(np.searchsorted(level.time_s - level.time_s[0], BLOCK_S), 1, max(1, n // 2)))
+    starts = random.integers(0, n, -(-n // length))
+    return np.asarray(fitted_nm + left[((starts[:, None] + np.arange(length)) % n).ravel()[:n]])
 
 
 def _refit(job: _Job, i: int) -> tuple[Array, Array, Array, Array]:
     random = np.random.default_rng([job.seed, i])
-    drawn = []
-    for level, theta, share in zip(job.levels, job.theta, job.shares, strict=True):
-        Ts, tau1, tau2 = np.exp(theta[:3]).tolist()
-        drawn.append(resampled(level, friction.step_response(Friction(Ts, tau1, tau2, share), level.time_s), random))
-    data = data_of(drawn, job.weights)
-    points = [data.one(k).points for k in range(len(drawn))]
+    base = job.data.points
+    y = np.zeros_like(base.y)
+    for k, (level, runs) in enumerate(zip(job.levels, job.runs, strict=True)):
+        if len(runs) > 1:
+            y[k] = resampled_mean(runs, random)
+            continue
+        Ts, tau1, tau2 = np.exp(job.theta[k, :3]).tolist()
+        fitted = friction.step_response(Friction(Ts, tau1, tau2, job.shares[k]), level.time_s)
+        drawn = replace(level, runs_nm=resampled_blocks(level, fitted, random)[None])
+        y[k] = _compressed(drawn, len(y[k]))[0]
+    data = replace(job.data)
+    data.__dict__["points"] = Points(base.t_s, y, base.w)
+    points = [data.one(k).points for k in range(len(y))]
     theta = np.array([least(p, start, c)[1] for p, start, c in zip(points, job.theta, job.shares, strict=True)])
     none = np.zeros(0)
     joint = pooled = own = none
