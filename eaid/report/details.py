@@ -23,7 +23,7 @@ def details(fit: Fit) -> list[Table]:
         found.append(release_table(release))
     if held := held_out(content):
         found.append(held)
-    found += adequacy(content)
+    found += adequacy(content, KINDS.get(fit.kind, (fit.kind, ""))[0])
     return found
 
 
@@ -190,7 +190,7 @@ def margins(gains: Mapping[str, Any]) -> list[Table]:
     ]
 
 
-def adequacy(content: Mapping[str, Any]) -> list[Table]:
+def adequacy(content: Mapping[str, Any], kind: str) -> list[Table]:
     """Which curve suits a level, and which degree suits each polynomial."""
     judged = (content.get("uncertainty") or {}).get("adequacy") or {}
     found = []
@@ -206,7 +206,7 @@ def adequacy(content: Mapping[str, Any]) -> list[Table]:
         )
         found.append(
             Table(
-                "Which shape?",
+                f"Which shape? {kind}",
                 "Curves tried on each level. AICc weighs closeness against the number of values fitted: the "
                 "least is best, differences below about 4 say little.",
                 ("curve", "values a level", "RMSE (N·m)", "AICc"),
@@ -226,7 +226,7 @@ def adequacy(content: Mapping[str, Any]) -> list[Table]:
         )
         found.append(
             Table(
-                "Which degree?",
+                f"Which degree? {kind}",
                 "Polynomials of the duty tried for each value. The last column is the typical error when a "
                 "level is left out and predicted from the others.",
                 ("value", "degree", "χ²", "AICc", "left-out error (%)"),

@@ -48,7 +48,9 @@ class Plot:
         )  # fmt: skip
         p.toolbar.logo = None
         p.toolbar.autohide = True
-        p.add_tools(HoverTool(tooltips=[("", "@name"), ("time", "$x{0.000} s"), ("value", f"$y{{0.000}} {unit}")]))
+        p.add_tools(
+            HoverTool(renderers=[], tooltips=[("", "$name"), ("time", "$x{0.000} s"), ("value", f"$y{{0.000}} {unit}")])
+        )
         for axis in p.axis:
             axis.axis_label_text_font_style = "normal"
             for prop in ("axis_label_text_color", "major_label_text_color", "axis_line_color", "major_tick_line_color"):
@@ -78,7 +80,9 @@ class Plot:
         drawn = p.line(
             "x", "y", source=source, line_width=1.6, line_dash=dash, **({"legend_label": legend} if legend else {})
         )
-        drawn.name = name
+        # A pointer hits a line only within half its width: a broad one that nobody sees catches it.
+        reach = p.line("x", "y", source=source, line_width=14, line_alpha=0, name=name)
+        p.select_one(HoverTool).renderers.append(reach)
         drawn.nonselection_glyph = None
         drawn.selection_glyph = None
         drawn.muted_glyph = None
@@ -88,8 +92,6 @@ class Plot:
     def finish(self) -> dict[str, Any]:
         """The plot as plain data: the document, its root, and the colours of both grounds."""
         for p in self.panels:
-            for hover in p.select({"type": HoverTool}):
-                hover.tooltips = [("", "$name"), *hover.tooltips[1:]]
             for legend in p.select({"type": Legend}):
                 legend.click_policy = "hide"
                 p.add_layout(legend, "above")

@@ -1,0 +1,69 @@
+"""Small result files of every kind, made once by the commands themselves, and a browser where one is installed."""
+
+import contextlib
+import io
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from eaid.cli.main import run
+
+BROWSERS = ("chromium", "chromium-browser", "google-chrome", "chrome", "msedge")
+
+
+def call(*arguments: str | Path) -> int:
+    """One command, its tables not shown."""
+    with contextlib.redirect_stdout(io.StringIO()):
+        return run([str(argument) for argument in arguments])
+
+
+@pytest.fixture(scope="session")
+def files(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    """Name → file: data, fits, gains and replays of small synthetic sets."""
+    folder = tmp_path_factory.mktemp("results")
+    made = {}
+    sets = {
+        "clutch": ("20,40,60,80,100", "8", "100", "4"),
+        "friction-force": ("17,51,85,119,153,170", "30", "50", "0"),
+        "friction-speed": ("5,10,15,25,40", "30", "50", "0"),
+    }
+    for kind, (levels, hold, rate, release) in sets.items():
+        data, fit = folder / f"{kind}.h5", folder / f"{kind}.json"
+        how = ["--levels", levels, "--repeats", "2", "--hold", hold, "--idle", "2", "--rate", rate]
+        assert call("synth", "--kind", kind, *how, "--release", release, "-o", data, "-q") == 0
+        assert call("fit", data, "-o", fit, "-q") == 0
+        made |= {f"{kind}.h5": data, f"{kind}.json": fit}
+    fit, gains = made["clutch.json"], folder / "gains.json"
+    assert call("tune-rc", fit, "-o", gains, "-q") == 0
+    made["gains.json"] = gains
+    for scenario, more in (("steps", ["9"]), ("multisine", ["8"]), ("rehab", ["60"]), ("sweep", [])):
+        path = folder / f"{scenario}.h5"
+        length = ["--duration", *more] if more else []
+        assert call("simulate", fit, "--gains", gains, "--scenario", scenario, *length, "-o", path, "-q") == 0
+        made[f"{scenario}.h5"] = path
+    return made
+
+
+@pytest.fixture(scope="session")
+def page(files: dict[str, Path], tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The page of all of them."""
+    folder = tmp_path_factory.mktemp("page") / "report"
+    assert call("report", *files.values(), "-o", folder, "-q") == 0
+    return folder / "report.html"
+
+
+@pytest.fixture(scope="session")
+def browser() -> Iterator[Any]:
+    """Headless Chromium through Playwright; the tests that want it are skipped where it is not installed."""
+    playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+    found = next(filter(None, map(shutil.which, BROWSERS)), None)
+    if found is None:
+        pytest.skip(f"no browser installed (looked for {', '.join(BROWSERS)})")
+    with playwright.sync_playwright() as driver:
+        # The page is our own file; a sandbox inside a container without user namespaces would not start.
+        opened = driver.chromium.launch(executable_path=found, args=["--no-sandbox"])
+        yield opened
+        opened.close()

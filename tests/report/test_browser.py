@@ -1,0 +1,112 @@
+"""The page in a real browser: every plot drawn, no error, no request; light and dark, narrow, printed, scripts off."""
+
+import re
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+PLOTS = (
+    "fig03_friction_steps",
+    "fig07_nonlinear_model",
+    "fig08_linear_model",
+    "fig11_steps",
+    "fig12_multisine",
+    "fig16_rehab",
+)
+WALK = """const every = node => [...node.querySelectorAll('*')].flatMap(
+  one => [one, ...(one.shadowRoot ? every(one.shadowRoot) : [])]);"""
+"""All elements below a node, those inside shadow roots too."""
+PAINTED = f"""() => {{ {WALK}
+  const colours = canvas => {{
+    const pixels = new Uint32Array(canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height).data.buffer);
+    return new Set(pixels).size; }};
+  return [...document.querySelectorAll('.has-live')].map(figure => [figure.id, Math.max(0, ...every(figure).filter(
+    one => one.tagName === 'CANVAS' && one.width * one.height > 0).map(colours))]); }}"""
+"""Colours on each live plot's busiest canvas: an empty plot has a handful, a drawn one many."""
+TOOLTIP = f"""() => {{ {WALK}
+  return every(document).filter(one => one.matches('.bk-Tooltip') && one.shadowRoot).map(
+    one => one.shadowRoot.textContent).join(' '); }}"""
+"""Text of the tooltips that are shown."""
+
+
+def opened(browser: Any, page: Path, **options: Any) -> tuple[Any, list[str], list[str]]:
+    """The page in a tab of its own, with what it complained of and what it asked for."""
+    context = browser.new_context(**options)
+    context.set_offline(True)
+    tab = context.new_page()
+    faults: list[str] = []
+    requests: list[str] = []
+    tab.on("console", lambda said: faults.append(said.text) if said.type in ("error", "warning") else None)
+    tab.on("pageerror", lambda fault: faults.append(str(fault)))
+    tab.on("request", lambda request: requests.append(request.url))
+    tab.goto(page.as_uri())
+    if options.get("java_script_enabled", True):
+        tab.locator("html[data-ready=true]").wait_for(state="attached", timeout=60_000)
+    return tab, faults, requests
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+@pytest.mark.parametrize("width", [1280, 380])
+def test_every_figure_is_drawn_without_error_or_request(browser: Any, page: Path, width: int, scheme: str):
+    tab, faults, requests = opened(browser, page, viewport={"width": width, "height": 900}, color_scheme=scheme)
+    assert faults == []
+    assert [url for url in requests if not url.startswith(("data:", page.as_uri()))] == []
+    painted = dict(tab.evaluate(PAINTED))
+    assert tuple(painted) == PLOTS
+    assert min(painted.values()) > 20, painted
+    assert tab.evaluate("[...document.images].every(image => image.complete && image.naturalWidth > 0)")
+    assert tab.evaluate("document.documentElement.scrollWidth <= window.innerWidth")  # nothing hangs over the edge
+    tab.context.close()
+
+
+def test_switching_to_the_dark_recolours_the_plots(browser: Any, page: Path):
+    tab, _faults, _requests = opened(browser, page, color_scheme="light")
+    ground = "Bokeh.documents[0].roots()[0].background_fill_color"
+    assert tab.evaluate(ground) == "#FFFFFF"
+    tab.emulate_media(color_scheme="dark")
+    tab.wait_for_timeout(300)
+    assert tab.evaluate(ground) == "#1B1E23"
+    tab.context.close()
+
+
+def test_without_scripts_and_on_paper_the_static_figures_stand_in(browser: Any, page: Path):
+    visible = "[...document.querySelectorAll('.has-live img')].filter(image => image.checkVisibility()).length"
+    tab, _faults, _requests = opened(browser, page, java_script_enabled=False)
+    images = tab.locator(".has-live img")
+    assert images.count() == len(PLOTS)
+    assert all(images.nth(i).is_visible() for i in range(len(PLOTS)))
+    tab.context.close()
+    tab, _faults, _requests = opened(browser, page)
+    assert tab.evaluate(visible) == 0
+    tab.emulate_media(media="print")
+    assert tab.evaluate(visible) == len(PLOTS)
+    assert len(tab.pdf(format="A4")) > 100_000
+    tab.context.close()
+
+
+def test_hovering_reads_a_value_off(browser: Any, page: Path):
+    tab, _faults, _requests = opened(browser, page, viewport={"width": 1280, "height": 900})
+    plot = tab.locator("#fig12_multisine-live")
+    plot.scroll_into_view_if_needed()
+    box = plot.bounding_box()
+    for share in range(10, 90, 2):  # down through the torque panel until the pointer meets a curve
+        tab.mouse.move(box["x"] + box["width"] * 0.5, box["y"] + 300 * share / 100)
+        tab.wait_for_timeout(40)
+        if "time" in (shown := tab.evaluate(TOOLTIP)):
+            break
+    assert re.search(r"(RC|PI|reference)", shown) and re.search(r"\d\.\d{3} s", shown) and "N·m" in shown, shown
+    tab.context.close()
+
+
+def test_assistive_technology_finds_nothing_wrong(browser: Any, page: Path):
+    axe = pytest.importorskip("axe_playwright_python.sync_playwright", reason="axe is not installed")
+    for scheme in ("light", "dark"):
+        # bypass_csp only lets the checker itself in; the page's policy is tested above.
+        context = browser.new_context(viewport={"width": 380, "height": 900}, color_scheme=scheme, bypass_csp=True)
+        tab = context.new_page()
+        tab.goto(page.as_uri())
+        tab.locator("html[data-ready=true]").wait_for(state="attached", timeout=60_000)
+        found = axe.Axe().run(tab).response["violations"]
+        assert [(rule["id"], [node["target"] for node in rule["nodes"]]) for rule in found] == []
+        context.close()

@@ -1,0 +1,59 @@
+import json
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+
+from eaid.errors import DataError, UsageError
+from eaid.report.results import read_results
+
+
+def test_files_are_told_apart_by_what_they_say(files: dict[str, Path]):
+    results = read_results(
+        [files["multisine.h5"], files["gains.json"], files["clutch.h5"], files["clutch.json"], files["steps.h5"]]
+    )
+    assert [len(part) for part in (results.data, results.fits, results.gains, results.replays)] == [1, 1, 1, 2]
+    assert [replay.scenario for replay in results.replays] == [
+        "steps",
+        "multisine",
+    ]  # the paper's order, not the call's
+    assert list(results.replays[0].traces) == ["rc", "pi"]
+
+
+def test_everything_that_is_no_result_is_told_at_once(tmp_path: Path):
+    (tmp_path / "a.json").write_text("{")
+    (tmp_path / "b.json").write_text(json.dumps({"schema": "other/1"}))
+    (tmp_path / "c.txt").write_bytes(b"\xff\xfe\x00")
+    with h5py.File(tmp_path / "d.h5", "w") as file:
+        file["x"] = np.zeros(3)
+    paths = [tmp_path / name for name in ("a.json", "b.json", "c.txt", "d.h5", "gone.json")]
+    with pytest.raises(DataError) as caught:
+        read_results(paths)
+    wanted = "is no result of eaid; give a fit.json, gains.json, replay.h5 or data.h5"
+    assert caught.value.sentences[:4] == tuple(f"{path}: {wanted}" for path in paths[:4])
+    assert caught.value.sentences[4].startswith(f"{paths[4]}: no such file")
+
+
+def test_a_folder_is_refused(tmp_path: Path):
+    with pytest.raises(UsageError, match="is a folder; give the files in it"):
+        read_results([tmp_path])
+
+
+def test_a_replay_without_a_column_names_it(tmp_path: Path):
+    with h5py.File(tmp_path / "replay.h5", "w") as file:
+        file.attrs["schema"] = "eaid/replay/1"
+        for name in ("time_s", "reference_nm", "torque_nm"):
+            file[f"rc/{name}"] = np.zeros(5)
+    with pytest.raises(DataError, match="controller 'rc' has no duty_pct; make the replay again"):
+        read_results([tmp_path / "replay.h5"])
+
+
+def test_a_replay_by_the_contract_alone_is_enough(tmp_path: Path):
+    with h5py.File(tmp_path / "replay.h5", "w") as file:
+        file.attrs["schema"] = "eaid/replay/1"
+        file.attrs["scenario"] = "multisine"
+        for name in ("time_s", "reference_nm", "torque_nm", "duty_pct"):
+            file[f"rc/{name}"] = np.linspace(0, 1, 50)
+    (replay,) = read_results([tmp_path / "replay.h5"]).replays
+    assert replay.scenario == "multisine" and replay.summary["rc"] == {}
