@@ -109,8 +109,8 @@ def test_the_same_seed_gives_the_same_session_and_noise_of_its_own(ten: list[Ses
 
 
 def test_a_finer_control_interval_changes_little() -> None:
-    coarse = session(0, tremor_nm=0.0)
-    fine = rehabilitate(PLANT, RC, Rehabilitation(tremor_nm=0.0), Rig(), 2e-4, 0)
+    coarse = session(0, tremor_nm=0.0, mode_s=8.0)
+    fine = rehabilitate(PLANT, RC, Rehabilitation(tremor_nm=0.0, mode_s=8.0), Rig(), 2e-4, 0)
     np.testing.assert_allclose(coarse.angle_deg, fine.angle_deg[::5], atol=0.15)
 
 

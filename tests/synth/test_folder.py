@@ -7,7 +7,10 @@ import numpy as np
 import pytest
 
 from eaid.errors import DataError, UsageError
-from eaid.synth import plants
+from eaid.logs.options import ReadOptions
+from eaid.logs.read import read_runs
+from eaid.steps.build import StepOptions, build_stepset
+from eaid.synth import datasets, plants
 from eaid.synth.disturbance import Disturbance
 from eaid.synth.folder import as_csv, write_folder
 from eaid.synth.input import read_input, read_plan
@@ -104,3 +107,20 @@ def test_a_run_of_a_plan_that_cannot_be_recorded_is_refused() -> None:
     planned = [PlannedRun(1, 120.0, 1, 1.0, 5.0, 1.0)]
     with pytest.raises(UsageError, match="a duty is at most 100 %"):
         synthesise_plan(plants.clutch(), planned, 100.0, Disturbance(), seed=0)
+
+
+def test_a_folder_and_a_dataset_are_read_as_the_same_synthetic_steps(tmp_path: Path) -> None:
+    runs = synthesise(plants.clutch(), replace(SHORT, idle_s=1.0, hold_s=3.0, release_s=1.0), Disturbance(), seed=2)
+    write_folder(tmp_path / "logs", runs, force=False)
+    datasets.write(tmp_path / "d.h5", runs)
+    from_folder, from_dataset = (
+        build_stepset(read_runs([tmp_path / name], ReadOptions()), StepOptions()) for name in ("logs", "d.h5")
+    )
+    for stepset in (from_folder, from_dataset):
+        assert stepset.synthetic is not None and "recorded on no rig" in stepset.synthetic
+        assert [level.level for level in stepset.levels] == [40.0, 90.0] and len(stepset.releases) == 2
+    for one, other in zip(
+        from_folder.levels + from_folder.releases, from_dataset.levels + from_dataset.releases, strict=True
+    ):
+        np.testing.assert_allclose(one.time_s, other.time_s, atol=1e-12)
+        np.testing.assert_allclose(one.runs_nm, other.runs_nm, atol=1e-12)
