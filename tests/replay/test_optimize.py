@@ -56,13 +56,12 @@ def test_the_replayed_error_lies_below_the_ultimate_bound():
     assert worst < law.ultimate_bound_nm()
 
 
-@pytest.mark.parametrize(("also", "at_most"), [((), 0.9995), (("b-hat",), 0.5)])
-def test_it_beats_the_papers_gains_at_no_more_chattering(also, at_most):
-    full = Search(noise_nm=0.01)  # as the command searches
-    found = search(also, MULTISINE, *((8, 24) if also else (full.scatter, full.evaluations)))
+def test_with_B_hat_it_halves_the_error_of_the_papers_gains_at_no_more_chattering():
+    """P's scale, ε and φ alone gain 0.1 %: tests/control/test_docs.py has that search at its full length."""
+    found = search(("b-hat",), MULTISINE)
     paper, best = measured(RC), measured(found.best.law.gains)
     assert found.start.rms_nm == pytest.approx(paper["rms_error_nm"], rel=1e-9)
-    assert best["rms_error_nm"] < at_most * paper["rms_error_nm"]
+    assert best["rms_error_nm"] < 0.5 * paper["rms_error_nm"]
     assert best["mean_abs_duty_step_pct"] <= paper["mean_abs_duty_step_pct"]
     assert keeps_margins(found.best.law.gains, POINTS, DesignOptions().timing)
     # … and with noise that it has not met.
