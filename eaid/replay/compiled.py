@@ -25,9 +25,10 @@ from eaid.replay.rig import RigNumbers
 
 STRICT: dict[str, Any] = {"error_model": "numpy", "nogil": True}
 """Every operation rounded as plain Python rounds it."""
-ALONE: dict[str, Any] = {**STRICT, "fastmath": {"contract"}}
-"""A multiplication and the addition after it may be rounded once: in the last bits alone does the result differ from
-plain Python's."""
+ALONE: dict[str, Any] = {**STRICT, "fastmath": {"contract", "arcp"}}
+"""A multiplication and the addition after it may be rounded once, and a division by what never changes be a
+multiplication:
+the result differs from plain Python's in the last bits alone."""
 VECTOR: dict[str, Any] = {**ALONE, "forceinline": True}
 """Every call inlined, without which no loop becomes vectors."""
 
@@ -94,10 +95,13 @@ def _run(
     measured: Array,
     duty: Array,
     applied: Array,
+    fast: Array,
+    kept: Array,
 ) -> tuple[float, float]:
     return closed_loop(  # type: ignore[name-defined,no-any-return]  # noqa: F821
-        gains, start, parameters, rig, dt, reference, rate, disturbance, factor, torque, measured, duty, applied
-    )
+        gains, start, parameters, rig, dt, reference, rate, disturbance, factor,
+        torque, measured, duty, applied, fast, kept,
+    )  # fmt: skip
 
 
 @cache

@@ -1,5 +1,4 @@
-"""The guarantee watched: along a replay of the robust controller, the uncertainty χ(t) against the ρ(t) that has to
-cover it, Eq. (15).
+"""The guarantee watched: along a replay of the robust controller, the uncertainty χ(t) against ρ(t), Eq. (15).
 
 Whatever the plant is, with u = B̂ y + η̂ played on B q̈ + η = u (Siciliano et al., Robotics, §8.5.3; the paper's η
 there is our χ),
@@ -7,12 +6,11 @@ there is our χ),
     q̈ = B⁻¹ (B̂ y + η̂ − η) = y − χ,      χ = (1 − B⁻¹B̂) y + B⁻¹ (η − η̂)
 
 so that χ = y − Ṫ: the slope that the law asks for minus the one that comes, with no B or η to be agreed upon. The
-Lyapunov argument holds
-at an instant where |χ| ≤ ρ. Taken sample by sample, Ṫ being the plant's slope when the duty has just been set.
+Lyapunov argument holds at an instant where |χ| ≤ ρ. Taken sample by sample, Ṫ is the mean slope until the next one.
 
 Where it does not hold while the duty is at a limit, the limit may be the cause. It is, where |χ| ≤ ρ would hold had
-the duty gone on to what
-the law asked for, the slope of the torque growing as it does just inside the limit: Ṫ(u*) = Ṫ(u) + (u* − u) ∂Ṫ/∂u.
+the duty gone on to the u* that the law asked for, the slope of the torque growing as it does just inside the limit:
+Ṫ(u*) = Ṫ(u) + (u* − u) ∂Ṫ/∂u.
 """
 
 from dataclasses import dataclass
@@ -20,9 +18,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from eaid.arrays import Array, read_only
-from eaid.control.rc import RCGains, rc_start, rc_step, rc_terms
+from eaid.control.rc import RCGains
 from eaid.replay.loop import Replay, reference_rate
-from eaid.replay.plant import PlantParameters, plant_slope, plant_step
+from eaid.replay.plant import PlantParameters, plant_slope
 
 NEAR_PCT = 1.0
 """∂Ṫ/∂u at a limit is a difference over so much duty inside it [%]."""
@@ -56,32 +54,34 @@ class Watch:
 
 
 def watch(gains: RCGains, plant: PlantParameters, replay: Replay) -> Watch:
-    """χ and ρ along a replay of the robust controller on a plant; the duty limits are the replay's.
-
-    The law is run again on what it read, the plant on the duty it was given (its mean from sample to sample where
-    the PWM latches).
-    """
+    """χ and ρ along a replay of the robust controller on a plant; the duty limits are the replay's."""
+    assert replay.fast_nm is not None and replay.state is not None
     low, high = replay.limits_pct
-    gains = gains._replace(duty_min=low, duty_max=high)
-    n = len(replay.time_s)
     measured = replay.torque_nm if replay.measured_nm is None else replay.measured_nm
-    acting = (replay.duty_pct if replay.applied_pct is None else replay.applied_pct).tolist()
-    rates = reference_rate(replay.reference_nm, replay.dt_s, False).tolist()
-    chi, rho, limited, beyond = np.empty(n), np.empty(n), np.zeros(n), np.empty(n)
-    state, x1, x2, dt = rc_start(), 0.0, 0.0, replay.dt_s
-    for k, (reference, torque) in enumerate(zip(replay.reference_nm.tolist(), measured.tolist(), strict=True)):
-        integral, error = state.integral, reference - torque
-        terms = rc_terms(gains, integral, error)
-        y = rates[k] + gains.K_D * error + gains.K_P * integral + terms.omega
-        slope = plant_slope(plant, x1, x2, acting[k])
-        chi[k] = beyond[k] = y - slope
-        rho[k] = terms.rho
-        wanted = gains.B_hat * y + (gains.a0 * torque - gains.c0) / gains.b0
-        if not low <= wanted <= high:
-            limit, inside = (high, -NEAR_PCT) if wanted > high else (low, NEAR_PCT)
-            steepness = (plant_slope(plant, x1, x2, limit + inside) - plant_slope(plant, x1, x2, limit)) / inside
-            limited[k] = 1.0
-            beyond[k] = chi[k] - (wanted - limit) * steepness
-        state, _ = rc_step(gains, state, reference, rates[k], torque, dt)
-        x1, x2 = plant_step(plant, x1, x2, acting[k], dt)
-    return Watch(read_only(chi), read_only(rho), read_only(limited), read_only(beyond))
+    integral, error = replay.state, replay.reference_nm - measured
+    rho, omega = robust_terms(gains, integral, error)
+    rate = reference_rate(replay.reference_nm, replay.dt_s, False)
+    y = rate + gains.K_D * error + gains.K_P * integral + omega
+    slope = np.diff(replay.torque_nm, append=np.nan) / replay.dt_s
+    slope[-1] = slope[-2]
+    chi = y - slope
+    wanted = gains.B_hat * y + (gains.a0 * measured - gains.c0) / gains.b0
+    limited = (wanted < low) | (wanted > high)
+    unlimited = chi.copy()
+    for k in np.flatnonzero(limited).tolist():
+        x1 = float(replay.fast_nm[k])
+        x2 = float(replay.torque_nm[k]) - x1
+        limit, inside = (high, -NEAR_PCT) if wanted[k] > high else (low, NEAR_PCT)
+        steepness = (plant_slope(plant, x1, x2, limit + inside) - plant_slope(plant, x1, x2, limit)) / inside
+        unlimited[k] -= (wanted[k] - limit) * steepness
+    return Watch(read_only(chi), read_only(rho), read_only(limited), read_only(unlimited))
+
+
+def robust_terms(gains: RCGains, integral: Array, error: Array) -> tuple[Array, Array]:
+    """ρ and ω [N·m/s] over whole columns, Eqs. (13)-(15): `eaid.control.rc.rc_terms`; a test holds the two together."""
+    z = gains.Q12 * integral + gains.Q22 * error
+    rho: Array = gains.rho_constant + gains.rho_slope * np.sqrt(integral * integral + error * error)
+    at_zero = np.tanh(gains.gamma * gains.epsilon)
+    share = (np.tanh(gains.gamma * (np.abs(z) - gains.epsilon)) + at_zero) / (1.0 + at_zero)
+    omega: Array = share * np.copysign(rho, z) + (1.0 - share) * rho * z / gains.epsilon
+    return rho, omega

@@ -7,7 +7,7 @@ once: plain Python runs it as it stands, and `eaid.replay.compiled` hands the sa
 
 import math
 from collections.abc import Callable, MutableSequence, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -41,6 +41,10 @@ class Replay:
     applied_pct: Array | None = None
     """Mean duty on the clutch from each sample to the next [%], where a delay or the PWM makes it differ from
     `duty_pct`."""
+    fast_nm: Array | None = None
+    """Fast part x1 of the plant's torque [N·m], where the loop kept it."""
+    state: Array | None = None
+    """First number of the controller's state before each sample (rc, pi: the integral of the error), where kept."""
 
     @property
     def error_nm(self) -> Array:
@@ -68,9 +72,13 @@ def loop_of(law: Step) -> Loop:
         measured: MutableSequence[float],
         duty: MutableSequence[float],
         applied: MutableSequence[float],
+        fast: MutableSequence[float],
+        kept: MutableSequence[float],
     ) -> tuple[float, float]:
-        """Fill torque, measured, duty and applied (all as long as the reference); return the plant's states at the end
-        [N·m]."""
+        """Fill the last six, each as long as the reference; return the plant's states at the end [N·m].
+
+        `fast` is the plant's fast part [N·m], `kept` the first number of the controller's state, before each sample.
+        """
         state = start
         memory, levels, delay, period = rig
         x1 = 0.0
@@ -79,6 +87,8 @@ def loop_of(law: Step) -> Loop:
         latched = 0.0
         pulse = 0  # the next PWM period to begin, at pulse·period samples
         for k in range(len(reference)):
+            fast[k] = x1
+            kept[k] = state[0]
             true = (x1 + x2) * factor[k]
             filtered = true + memory * (filtered - true) if memory > 0.0 else true
             seen = filtered + disturbance[k]
@@ -130,7 +140,7 @@ def replay(
     if n < 2 or not np.isfinite(reference_nm).all():
         raise UsageError("the reference must hold two samples or more, all of them finite")
     acting = controller if rig.saturation else controller.without_limits()
-    torque, measured, duty, applied = ([0.0] * n for _ in range(4))
+    torque, measured, duty, applied, fast, kept = ([0.0] * n for _ in range(6))
     loop_of(acting.step)(
         acting.gains,
         acting.start,
@@ -145,9 +155,12 @@ def replay(
         measured,
         duty,
         applied,
+        fast,
+        kept,
     )
     limits = (acting.gains.duty_min, acting.gains.duty_max)
-    return as_replay(controller.name, rig, dt_s, reference_nm, (torque, measured, duty, applied), limits)
+    done = as_replay(controller.name, rig, dt_s, reference_nm, (torque, measured, duty, applied), limits)
+    return replace(done, fast_nm=read_only(fast), state=read_only(kept))
 
 
 def as_replay(

@@ -76,9 +76,9 @@ def replay_many(
         """The same number of plants, one after another."""
         run = one(acting.step)
         for i in range(begin, min(begin + LANES, len(plants))):
-            torque, measured, duty, applied = columns(n, 4)
-            run(gains, acting.start, plants[i], numbers, dt_s, *inputs, torque, measured, duty, applied)
-            visit(i, torque[:, None], duty[:, None])
+            filled = columns(n, 6)
+            run(gains, acting.start, plants[i], numbers, dt_s, *inputs, *filled)
+            visit(i, filled[0][:, None], filled[2][:, None])
 
     work = block if in_lanes else single
     begins = range(0, len(plants), LANES)

@@ -96,12 +96,12 @@ def test_every_controller_is_the_same_in_machine_code(law, plant, name, rig):
     controller = law(name)
     plain = replay(plant, controller, REFERENCE, rig, DT, 3)
     n = len(REFERENCE)
-    torque, measured, duty, applied = compiled.columns(n, 4)
+    torque, _, duty, *_ = filled = compiled.columns(n, 6)
     gains = controller.gains._make(float(v) if isinstance(v, int) else v for v in controller.gains)
     compiled.one(controller.step)(
         gains, controller.start, plant, rig_numbers(rig, DT), DT, np.array(REFERENCE),
         reference_rate(np.array(REFERENCE), DT, controller.looks_ahead), noise(rig, n, DT, 3), ripple(rig, n, DT),
-        torque, measured, duty, applied,
+        *filled,
     )  # fmt: skip
     if (
         rig.duty_bits

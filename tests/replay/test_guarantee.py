@@ -3,10 +3,11 @@
 import numpy as np
 import pytest
 
+from eaid.control.rc import rc_terms
 from eaid.replay import references
-from eaid.replay.guarantee import Watch, watch
+from eaid.replay.guarantee import Watch, robust_terms, watch
 from eaid.replay.loop import replay
-from eaid.replay.plant import plant_slope
+from eaid.replay.plant import plant_slope, plant_step
 from eaid.replay.rig import Rig
 
 DT = 1e-3
@@ -22,19 +23,19 @@ def test_chi_is_the_two_terms_of_the_book_where_the_duty_is_free(plant, law):
     free = np.flatnonzero(seen.limited == 0)[::97]
     torque, duty = done.torque_nm, done.duty_pct
     x1 = x2 = 0.0
-    from eaid.replay.plant import plant_step
-
     states = []
     for u in duty:
         states.append((x1, x2))
         x1, x2 = plant_step(plant, x1, x2, u, DT)
+    assert len(free) > 30 and np.abs(seen.chi_nm_s[free]).max() > 1
     for k in free:
         u = duty[k]
         b = (plant_slope(plant, *states[k], u + 0.5) - plant_slope(plant, *states[k], u)) / 0.5
         eta = u - plant_slope(plant, *states[k], u) / b
         eta_hat = (g.a0 * torque[k] - g.c0) / g.b0
         y = (u - eta_hat) / g.B_hat
-        assert seen.chi_nm_s[k] == pytest.approx((1 - b * g.B_hat) * y + b * (eta - eta_hat), rel=1e-9, abs=1e-9)
+        # the slope's mean over a sample is the slope at its begin to first order
+        assert seen.chi_nm_s[k] == pytest.approx((1 - b * g.B_hat) * y + b * (eta - eta_hat), rel=5e-3, abs=0.02)
     assert np.array_equal(seen.chi_unlimited_nm_s[free], seen.chi_nm_s[free])
     assert seen.rho_nm_s.min() >= g.rho_constant
 
@@ -71,3 +72,12 @@ def test_shares_by_hand():
     assert seen.numbers(3)["guarantee_failures_at_limit"] == 1.0
     held = Watch(rho / 4, rho, np.zeros(4), rho / 4)
     assert held.numbers()["guarantee_failures_at_limit"] is None
+
+
+def test_the_columns_of_the_robust_term_are_the_laws(law):
+    random = np.random.default_rng(2)
+    integral, error = random.normal(0, 0.5, 500), random.normal(0, 0.7, 500)
+    rho, omega = robust_terms(law("rc").gains, integral, error)
+    for k in range(500):
+        exact = rc_terms(law("rc").gains, integral[k], error[k])
+        assert (rho[k], omega[k]) == pytest.approx((exact.rho, exact.omega), rel=1e-12)
