@@ -22,6 +22,12 @@ GLOSSARY: tuple[tuple[str, str], ...] = (
         "ρ, α, φ, Q_M, ε, γ",
         "terms of the robust controller's condition for stability, inequality (15), and of its switch",
     ),
+    ("boundary layer", "errors so small that the robust term is linear; beyond it the term has its full size"),
+    ("Lyapunov argument", "the proof of stability behind inequality (15); it needs all of its bounds to be true"),
+    (
+        "zero-offset, pooled-offset, pooled-dynamics",
+        "how b0 of a single level is told from c0: c0 is 0; c0 of all levels; a0 and c0 of all levels",
+    ),
     ("‖ξ‖", "size of the torque error and its integral taken together"),
     ("open loop", "the duty follows from the model alone, without looking at the torque"),
     ("replay", "a computed experiment: a controller on the fitted model of the clutch"),

@@ -1,12 +1,13 @@
 """Whether the results can be trusted, in plain words: the solver's verdict, warnings, and what the data cannot tell."""
 
+import re
 from collections import Counter
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
 from eaid.report.results import Fit, Results, synthetic_of
-from eaid.report.tables import SYMBOLS, UNITS, number
+from eaid.report.tables import KINDS, SYMBOLS, number
 
 GOOD, CARE, BAD = "good", "care", "bad"
 MODELS = {
@@ -21,9 +22,10 @@ WIDE = 0.3
 
 @dataclass(frozen=True)
 class Point:
-    """One thing to know, and how grave it is: good, care or bad."""
+    """One thing to know: how grave it is (good, care or bad), what it is about, and the sentence."""
 
     grade: str
+    about: str
     text: str
 
 
@@ -35,6 +37,14 @@ class Verdict:
     headline: str
     points: tuple[Point, ...]
 
+    @property
+    def groups(self) -> list[tuple[str, str, list[str]]]:
+        """Grade, subject and sentences, one entry per subject and grade."""
+        found: dict[tuple[str, str], list[str]] = {}
+        for point in self.points:
+            found.setdefault((point.grade, point.about), []).append(point.text)
+        return [(grade, about, texts) for (grade, about), texts in found.items()]
+
 
 def verdict(results: Results) -> Verdict:
     """Judge all results of a page together."""
@@ -44,30 +54,28 @@ def verdict(results: Results) -> Verdict:
     for gains in results.gains:
         points += _of_gains(gains.content)
     for replay in results.replays:
-        points += [Point(CARE, f"Replay {replay.scenario}: {text}") for text in _texts(replay.options.get("warnings"))]
+        points += [_said(f"replay {replay.scenario}", text) for text in _texts(replay.options.get("warnings"))]
     for data in results.data:
-        doubtful = [run for run in data.steps.runs if run.warnings]
+        doubtful = sum(1 for run in data.steps.runs if run.warnings)
         if doubtful:
-            points.append(
-                Point(
-                    CARE,
-                    f"{data.source.path}: {len(doubtful)} of {len(data.steps.runs)} runs are doubtful; the "
-                    "table of runs says why.",
-                )
-            )
-        points += [Point(CARE, f"{data.source.path}: {text}") for text in data.steps.warnings]
+            said = f"{doubtful} of {len(data.steps.runs)} runs are doubtful; the table of runs says why"
+            points.append(_said(f"data, {data.source.path}", said))
+        points += [_said(f"data, {data.source.path}", text) for text in data.steps.warnings]
     if made_by := synthetic_of(results):
-        points.append(Point(CARE, f"The data are synthetic ({made_by}): nothing here was measured on a rig."))
+        points.append(_said("data", f"synthetic ({made_by}): nothing here was measured on a rig"))
     points = list(dict.fromkeys(points))
     order = {BAD: 0, CARE: 1, GOOD: 2}
     points.sort(key=lambda point: order[point.grade])
-    counts = Counter(point.grade for point in points)
-    if counts[BAD]:
-        many = "one finding" if counts[BAD] == 1 else f"{counts[BAD]} findings"
-        return Verdict(BAD, f"Do not rely on this yet: {many} below must be settled first.", tuple(points))
-    if counts[CARE]:
-        many = "one reservation" if counts[CARE] == 1 else f"{counts[CARE]} reservations"
-        return Verdict(CARE, f"Usable, with {many}.", tuple(points))
+    subjects = Counter(grade for grade, _ in dict.fromkeys((point.grade, point.about) for point in points))
+    if subjects[BAD]:
+        which = _listed(list(dict.fromkeys(point.about for point in points if point.grade == BAD)))
+        return Verdict(BAD, f"Do not rely on this yet: settle what is said of the {which} first.", tuple(points))
+    if subjects[CARE]:
+        models = list(dict.fromkeys(point.about for point in points if point.grade == CARE and point.about != "data"))
+        if not models:
+            return Verdict(CARE, "Consistent in itself, but made from synthetic data.", tuple(points))
+        many = "one reservation" if len(models) == 1 else f"reservations on {len(models)} subjects"
+        return Verdict(CARE, f"Usable within the recorded range, with {many}: read them below.", tuple(points))
     if not results.fits:
         return Verdict(GOOD, "No fit was given, so there is nothing to judge here.", tuple(points))
     return Verdict(GOOD, "Can be trusted within the recorded range.", tuple(points))
@@ -75,74 +83,51 @@ def verdict(results: Results) -> Verdict:
 
 def _of_fit(fit: Fit, several: bool) -> Iterator[Point]:
     content = fit.content
-    where = f"{fit.source.path}: " if several else ""
-    found = False
+    of = f", {KINDS.get(fit.kind, (fit.kind, ''))[0]} ({fit.source.path})" if several else ""
     settled = []
-    for key, name in MODELS.items():
-        part = content.get(key)
-        if not isinstance(part, Mapping):
-            continue
-        found = True
+    found = [(name, content[key]) for key, name in MODELS.items() if isinstance(content.get(key), Mapping)]
+    for name, part in found:
         solver = part.get("solver") or {}
+        about = f"{name}{of}"
         if solver.get("converged") is False:
-            yield Point(
-                BAD,
-                f"{where}The {name} did not converge ({solver.get('message', 'no reason given')}); do not "
-                "use its values.",
-            )
+            reason = solver.get("message", "no reason given")
+            yield _said(about, f"did not converge ({reason}); do not use the values", BAD)
         elif solver.get("converged"):
             settled.append(name)
-        for held in solver.get("at_bounds") or []:
-            yield Point(
-                CARE, f"{where}The {name} leans on a limit ({held}): the data pull beyond what is physical there."
-            )
         if part.get("identifiable") is False:
             why = "; ".join(_texts(part.get("not_identifiable_because"))) or "no reason given"
-            yield Point(BAD, f"{where}These data cannot settle the {name}: {why}.")
-        for text in dict.fromkeys([*_texts(part.get("warnings")), *_texts(part.get("open"))]):
-            yield Point(CARE, f"{where}{name[0].upper()}{name[1:]}: {text}.".replace("..", "."))
+            yield _said(about, f"these data cannot settle it: {why}", BAD)
+        for held in solver.get("at_bounds") or []:
+            yield _said(about, f"leans on a limit ({held}): the data pull beyond what is physical there")
+        for text in [*_texts(part.get("warnings")), *_texts(part.get("open"))]:
+            yield _said(about, text)
+    told = {text for _name, part in found for key in ("warnings", "open") for text in _texts(part.get(key))}
     for text in _texts(content.get("warnings")):
-        yield Point(CARE, f"{where}{text[0].upper()}{text[1:]}.".replace("..", "."))
-    misfits = [row["level"] for row in _lack_of_fit(content) if row.get("beyond")]
-    if misfits:
-        yield Point(
-            CARE,
-            f"{where}At {_listed(misfits)} a single curve misses its data by more than the scatter of "
-            "repeats explains: the shape itself is not quite right there.",
-        )
+        if text not in told:
+            yield _said(f"fit{of}", text)
+    yield from _what_data_cannot_tell(content, of)
     if settled:
-        names = settled[0] if len(settled) == 1 else f"{', '.join(settled[:-1])} and {settled[-1]}"
-        yield Point(
-            GOOD,
-            f"{where}Best fit reached for the {names}: the solver stopped there, and a test of our own finds "
-            "nothing lower nearby.",
-        )
+        yield _said(f"{_listed(settled)}{of}", "best fit reached: a test of our own finds nothing lower nearby", GOOD)
     if not found:
-        yield Point(BAD, f"{where}The file holds no model.")
-    yield from _what_data_cannot_tell(content, where)
+        yield _said(f"fit{of}", "the file holds no model", BAD)
 
 
-def _what_data_cannot_tell(content: Mapping[str, Any], where: str) -> Iterator[Point]:
+def _what_data_cannot_tell(content: Mapping[str, Any], of: str) -> Iterator[Point]:
     data = content.get("data") or {}
     sources = [source for source in data.get("sources") or [] if isinstance(source, Mapping)]
     repeats = Counter(source.get("level") for source in sources if source.get("edge") != "falling")
     if repeats and min(repeats.values()) < 2:
-        yield Point(
-            CARE, f"{where}Some levels were recorded once only: how much a repeat would differ is not known there."
+        yield _said(
+            f"data{of}", "some levels were recorded once only: how much a repeat would differ is not known there"
         )
     levels = (content.get("friction") or {}).get("levels") or []
+    about = f"friction curves{of}"
     if (record_s := _record_s(data)) and levels:
         slow = [row["level"] for row in levels if isinstance(row.get("tau2"), int | float) and row["tau2"] > record_s]
-        said = " ".join(
-            _texts((content.get("nonlinear") or {}).get("warnings"))
-            + _texts((content.get("friction") or {}).get("warnings"))
-        )
-        if slow and "longer than the record" not in said:
-            yield Point(
-                CARE,
-                f"{where}At {_listed(slow)} the slow time constant is longer than the recording "
-                f"({number(record_s, 3)} s): hold the level longer, or do not quote τ2 and T_s there.",
-            )
+        told = [text for name in MODELS for text in _texts((content.get(name) or {}).get("warnings"))]
+        if slow and "longer than the record" not in " ".join(told):
+            said = f"the slow time constant is longer than the recording ({number(record_s, 3)} s)"
+            yield _said(about, f"at {_levels(slow)} {said}: hold the level longer, or do not quote τ2 and T_s there")
     for name in ("Ts", "tau1", "tau2"):
         wide = []
         for row in levels:
@@ -150,11 +135,14 @@ def _what_data_cannot_tell(content: Mapping[str, Any], where: str) -> Iterator[P
             if ends and None not in ends and row.get(name) and (ends[1] - ends[0]) / 2 > WIDE * abs(row[name]):
                 wide.append(row["level"])
         if wide:
-            yield Point(
-                CARE,
-                f"{where}{SYMBOLS[name]} is weakly known at {_listed(wide)}: its 95 % interval is wider than "
-                f"±{WIDE:.0%} ({UNITS[name]}, single levels).".replace("%)", " %)", 1),
-            )
+            said = f"{SYMBOLS[name]} is weakly known at {_levels(wide)}: its 95 % interval is wider than ±30 %"
+            yield _said(about, said)
+    misfits = [row["level"] for row in _lack_of_fit(content) if row.get("beyond")]
+    if misfits:
+        said = (
+            "a single curve misses its data by more than the scatter of repeats explains: its shape is not quite right"
+        )
+        yield _said(about, f"at {_levels(misfits)} {said}")
 
 
 def _record_s(data: Mapping[str, Any]) -> float | None:
@@ -180,20 +168,29 @@ def _lack_of_fit(content: Mapping[str, Any]) -> list[Mapping[str, Any]]:
 def _of_gains(content: Mapping[str, Any]) -> Iterator[Point]:
     rc = content.get("rc") or {}
     if rc.get("guaranteed") is True:
-        yield Point(GOOD, "The robust term is large enough for the inequality (15), if the bounds φ and Q_M are true.")
+        said = "large enough for the inequality (15), if the bounds φ and Q_M are true"
+        yield _said("robust gains", said, GOOD)
     elif rc.get("guaranteed") is False:
-        yield Point(
-            CARE,
-            "Stability is not guaranteed by the inequality (15): the robust term is smaller than it asks "
-            "for. The replays show how it behaves all the same.",
-        )
+        said = "stability is not guaranteed by the inequality (15): the robust term is smaller than it asks for"
+        yield _said("robust gains", f"{said}; the replays show how the loop behaves all the same")
     for text in _texts(content.get("warnings")):
-        yield Point(CARE, f"Gains: {text}.".replace("..", "."))
+        yield _said("PI gains" if "PI" in text.split(":")[0] else "robust gains", text)
 
 
-def _listed(levels: list[float]) -> str:
+def _said(about: str, text: str, grade: str = CARE) -> Point:
+    """A point as a sentence, with the symbols that the page uses."""
+    for name, symbol in SYMBOLS.items():
+        text = re.sub(rf"\b{name}\b", symbol, text)
+    return Point(grade, about, f"{text[:1].upper()}{text[1:].rstrip('.')}." if text[:1] not in "τφρ" else f"{text}.")
+
+
+def _listed(texts: list[str]) -> str:
+    return texts[0] if len(texts) == 1 else f"{', '.join(texts[:-1])} and {texts[-1]}"
+
+
+def _levels(levels: list[float]) -> str:
     texts = [f"{level:.4g}" for level in levels]
-    return f"level {texts[0]}" if len(texts) == 1 else f"levels {', '.join(texts[:-1])} and {texts[-1]}"
+    return f"{'level' if len(texts) == 1 else 'levels'} {_listed(texts)}"
 
 
 def _texts(warnings: Any) -> list[str]:

@@ -1,4 +1,4 @@
-"""The paper, number by number: docs/paper.md is what the command computes, with the numbers of SPEC §5 and §6."""
+"""The paper, number by number: docs/paper.md is what the command computes."""
 
 import re
 from pathlib import Path
@@ -116,7 +116,7 @@ def test_verdicts_are_the_four_and_failures_say_why(rows: dict[tuple[str, str], 
     ],
 )
 def test_known_answers(rows: dict[tuple[str, str], list[str]], where: str, printed: str, ours: str, verdict: str):
-    """SPEC §5 and §6, computed there independently."""
+    """Computed independently of this program, by its specification."""
     row = rows[where, printed]
     assert ours in row[2]
     assert row[3].startswith(verdict)

@@ -39,7 +39,7 @@ from eaid.synth.plants import REFERENCE
 DT_S = 1e-3
 SEED = 0
 TUNED_PI = (156.6, 252.9)
-"""K_P and K_I that do give 1 % overshoot and 0.27 s on the published linear model (SPEC §5)."""
+"""K_P and K_I that do give 1 % overshoot and 0.27 s on the published linear model."""
 
 
 @dataclass(frozen=True)

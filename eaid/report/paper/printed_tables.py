@@ -117,7 +117,7 @@ def table_i(found: Evidence) -> list[Claim]:
 
 
 def table_ii(found: Evidence) -> list[Claim]:
-    """Friction over speed; the shipped speed logs take T_s and τ1 as printed, τ2 = 5.4 e^(−0.0101 Ω) s (SPEC §6)."""
+    """Friction over speed; the shipped speed logs take T_s and τ1 as printed, τ2 = 5.4 e^(−0.0101 Ω) s."""
     x = np.array([row["level"] for row in found.speed["friction"]["levels"]], dtype=float)
     parts = found.exact["friction-speed"]["friction"], found.speed["friction"]
     claims = [claim for name in ("Ts", "tau1") for claim in _of_trend("Table II", name, parts, x, FIT_SPEED)]
