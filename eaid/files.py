@@ -4,6 +4,7 @@ import contextlib
 import errno
 import hashlib
 import os
+import shutil
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
@@ -11,6 +12,7 @@ from typing import Any
 
 from eaid.errors import UsageError
 
+IN_MEMORY = 1 << 28
 _NO_ROOM = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO}
 """Failures of writing that more room, or another disk, mends."""
 
@@ -62,15 +64,27 @@ def written_whole(path: Path, force: bool = False) -> Iterator[Path]:
 
 
 @contextlib.contextmanager
-def hdf5_written_whole(path: Path, force: bool = False) -> Iterator[Any]:
+def hdf5_written_whole(path: Path, force: bool = False, raw_bytes: int = 0) -> Iterator[Any]:
     """An HDF5 file, built in memory and written whole when the block ends well; the same content, the same bytes.
 
-    On a full disk the HDF5 library itself prints tracebacks and may crash; plain bytes give a plain OSError.
+    On a full disk the HDF5 library itself prints tracebacks and may crash; plain bytes give a plain OSError. Content of
+    more than `IN_MEMORY` raw bytes goes to the disk directly, once there is room for all of it.
     """
     import h5py
 
     refuse_to_overwrite(path, force)
-    with h5py.File(path.name, "w", driver="core", backing_store=False, libver=("v110", "v110")) as file:
+    settings: dict[str, Any] = {"libver": ("v110", "v110")}
+    if raw_bytes > IN_MEMORY:
+        free = shutil.disk_usage(path.parent).free
+        if free < raw_bytes:
+            raise UsageError(
+                f"{path}: takes up to {raw_bytes / 1e6:,.0f} MB, and {free / 1e6:,.0f} MB are free; "
+                f"make room, or choose another -o"
+            )
+        with written_whole(path, force) as part, h5py.File(part, "w", **settings) as file:
+            yield file
+        return
+    with h5py.File(path.name, "w", driver="core", backing_store=False, **settings) as file:
         yield file
         file.flush()
         image = file.id.get_file_image()

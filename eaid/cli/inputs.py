@@ -11,6 +11,8 @@ from eaid.cli import console
 from eaid.errors import DataError, UsageError
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from eaid.apparatus import Apparatus
     from eaid.logs.options import ReadOptions
     from eaid.logs.run import Kind, Run
@@ -150,6 +152,23 @@ class InputOptions:
         )
 
 
+LONG_LOG = 1 << 26
+"""Size of a log [bytes] above which its reading is told tenth by tenth."""
+
+
+def _tenths() -> "Callable[[str, float], None]":
+    """Tells how much of each long log is read, once a tenth."""
+    done: dict[str, int] = {}
+
+    def tell(source: str, share: float) -> None:
+        tenth = int(10 * share)
+        if tenth > done.get(source, 0):
+            done[source] = tenth
+            console.say(f"{source}: {10 * tenth} % read")
+
+    return tell
+
+
 def stepset_from(paths: Sequence[Path], **options: Any) -> "StepSet":
     """The step set behind logs, datasets or a manifest; takes the fields of `InputOptions`."""
     return runs_from(paths, **options)[1]
@@ -174,6 +193,8 @@ def runs_from(paths: Sequence[Path], **options: Any) -> "tuple[list[Run], StepSe
         for name in manifest.unlisted()[:5]:
             console.warn(f"{manifest.path}: does not list {name}, which is left out")
     reading, stepping = typed.reading(), typed.stepping()
+    if any(file.is_file() and file.stat().st_size > LONG_LOG for file in files):
+        reading = replace(reading, tell=_tenths())
     with console.progress("reading logs", len(files)) as advance:
         runs, faults = read_what_can_be(files, reading, advance)
     if manifest is not None:

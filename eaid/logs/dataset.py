@@ -15,12 +15,13 @@ import numpy as np
 
 from eaid import __version__
 from eaid.apparatus import Apparatus
-from eaid.arrays import read_only
+from eaid.arrays import Array, read_only
 from eaid.errors import DataError
 from eaid.files import hdf5_written_whole
 from eaid.logs.extras import damage_told
 from eaid.logs.hdf import check_safe, open_hdf5
 from eaid.logs.run import INPUT_UNITS, Kind, Run
+from eaid.logs.spool import LONG, pieces, release, room
 
 SCHEMA = "eaid/data/1"
 COLUMNS = ("time_s", "input", "torque_nm")
@@ -47,7 +48,8 @@ def write_dataset(
 ) -> None:
     """Write runs as data.h5, whole or not at all; `level`, `step_s` and `baseline` of each must be known."""
     units = {run.input_unit for run in runs}, {run.output_unit for run in runs}
-    with hdf5_written_whole(path, force) as file:
+    raw = sum(8 * 4 * len(run.time_s) for run in runs)
+    with hdf5_written_whole(path, force, raw) as file:
         file.attrs["schema"] = SCHEMA
         file.attrs["eaid"] = __version__
         file.attrs["kind"] = kind
@@ -96,10 +98,12 @@ def _write_run(folder: Any, run: Run) -> None:
     if run.reference_nm is not None:
         columns["reference_nm"] = run.reference_nm
     for name, values in columns.items():
-        group.create_dataset(
-            name, data=values, chunks=(min(len(values), 1 << 17),), compression="gzip", compression_opts=4,
-            shuffle=True, track_times=False,
+        stored = group.create_dataset(
+            name, values.shape, np.float64, chunks=(min(len(values), 1 << 17),), compression="gzip",
+            compression_opts=4, shuffle=True, track_times=False,
         )  # fmt: skip
+        for place, (piece,) in pieces(values):
+            stored[place] = piece
     facts = {
         "level": run.level, "repeat": run.repeat, "step_s": run.step_s, "baseline_nm": run.baseline,
         "until_s": run.until_s, "before_nm": run.held, "source": run.source, "sha256": run.sha256,
@@ -173,6 +177,17 @@ def _apparatus(attributes: Any, source: str) -> Apparatus | None:
         raise DataError(f"{source}: its apparatus holds what is no number; ingest the logs again") from None
 
 
+def _column(stored: Any) -> Array:
+    """A column of a run, kept on disk where it is long."""
+    if stored.ndim != 1 or stored.shape[0] < LONG:
+        return read_only(np.asarray(stored[()], dtype=np.float64))
+    values = room(stored.shape[0])
+    for place, _ in pieces(values):
+        values[place] = stored[place]
+        release(values)
+    return read_only(values)
+
+
 def _read_run(group: Any, name: str, source: str, sha256: str) -> Run:
     missing = [column for column in COLUMNS if not hasattr(group, "keys") or column not in group]
     if missing:
@@ -181,7 +196,7 @@ def _read_run(group: Any, name: str, source: str, sha256: str) -> Run:
     try:
         for column in (*COLUMNS, "reference_nm"):
             if column in group:
-                columns[column] = read_only(np.asarray(group[column][()], dtype=np.float64))
+                columns[column] = _column(group[column])
     except (OSError, RuntimeError, ValueError, TypeError):
         raise DataError(f"{source}: run {name} is damaged and cannot be read; ingest the logs again") from None
     shapes = {values.shape for values in columns.values()}

@@ -1,6 +1,6 @@
 """What the user may say about logs that do not say it themselves."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
 from eaid.logs.run import Kind
@@ -27,5 +27,7 @@ class ReadOptions:
     """Which table of a file with several: a MAT variable, an HDF5 path, a TDMS group."""
     rate_hz: float | None = None
     """Sample rate of logs without a time column [Hz]."""
+    tell: Callable[[str, float], None] = lambda _source, _share: None
+    """Hears how much of a long log is read, from 0 to 1."""
     join: bool = False
     """All logs of the call are one run, cut by the logger: join them by time."""

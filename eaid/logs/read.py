@@ -6,6 +6,7 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -22,6 +23,7 @@ from eaid.logs.join import joined
 from eaid.logs.options import ReadOptions
 from eaid.logs.run import INPUT_UNITS, Kind, Run
 from eaid.logs.sheet import Sheet
+from eaid.logs.spool import extent, sample, times
 
 SKIPPED = (".md", ".txt~", ".part", ".json", ".png", ".pdf", ".svg", ".html", ".toml", ".py", ".m", ".yaml", ".yml")
 """Endings that a folder of logs also holds, and that are no logs; a file given by name is always read."""
@@ -219,7 +221,10 @@ def _run(
     inputs = [column for _, column in roles.inputs]
     others = [column for column in (roles.time, roles.reference) if column is not None]
     wanted = list(dict.fromkeys([roles.output, *others, *inputs]))  # the output's own times are kept
-    cells = sheet.load(wanted)
+    if sheet.load_long is not None:
+        cells = sheet.load_long(wanted, partial(options.tell, source))
+    else:
+        cells = sheet.load(wanted)
     column = dict(zip(wanted, cells.values, strict=True))
     output = column[roles.output]
     rate = options.rate_hz or sheet.rate_hz
@@ -249,7 +254,7 @@ def _run(
 
     def kept(values: Array, factor: float = 1.0) -> Array:
         chosen = values if keep is None else values[keep]
-        return read_only(chosen if factor == 1.0 else chosen * factor)
+        return read_only(times(chosen, factor))
 
     out = scale_of(
         "output", options.units.get("output"), sheet.columns[roles.output], sheet.unit(roles.output), roles.output_unit
@@ -317,8 +322,10 @@ def _input_of(column: dict[int, Array], roles: Roles, source: str) -> tuple[Kind
         return roles.inputs[0] if roles.inputs else (None, None)
     moving = []
     for kind, which in roles.inputs:
-        values = column[which][np.isfinite(column[which])]
-        if len(values) and np.ptp(values) > 0.2 * np.abs(values).max():
+        values = sample(column[which])
+        values = values[np.isfinite(values)]
+        low, high = extent(values)
+        if high - low > 0.2 * max(abs(low), abs(high)):
             moving.append((kind, which))
     if len(moving) == 1:
         return moving[0]

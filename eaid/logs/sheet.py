@@ -53,6 +53,8 @@ class Sheet:
     """First time of a table without a time column [s]."""
     said: Mapping[str, str] = field(default_factory=dict)
     """Facts told in comment lines or properties (`synthetic`, `level`, …)."""
+    load_long: Callable[[Sequence[int], Callable[[float], None]], Cells] | None = None
+    """Reads a table that is too long to be held, columns on disk, and tells how far it is; None: it is short."""
     clock: int | None = None
     """Column of the time, where the format itself says which it is."""
 

@@ -10,7 +10,8 @@ import io
 import re
 import zlib
 from array import array
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import IO, Any, cast
 
@@ -19,6 +20,7 @@ import numpy as np
 from eaid.arrays import Array, read_only
 from eaid.errors import DataError
 from eaid.logs.dialect import COMMENT, Dialect, encoding_of, number, rate_said, sniff, split
+from eaid.logs.longtext import load_long
 from eaid.logs.sheet import BadCell, Cells, Sheet
 from eaid.logs.stamps import seconds_of
 
@@ -26,7 +28,8 @@ HEAD_BYTES = 1 << 16
 SMALL_BYTES = 1 << 18
 """Below this size the cell-by-cell way is quicker than importing pandas."""
 CHUNK_BYTES = 1 << 24
-MOST_BYTES = 1 << 36
+LONG_BYTES = 1 << 26
+"""Size above which a log is read piece by piece; an eighth of it for gzip."""
 MOST_RATIO = 200
 """A gzip that unpacks to more than this many times its size is taken for a bomb (recorded logs: about 10)."""
 
@@ -64,8 +67,26 @@ def read_text(path: Path, source: str) -> list[Sheet]:
     def load(columns: Sequence[int]) -> Cells:
         return _load(path, source, zipped, dialect, columns)
 
+    def load_in_pieces(columns: Sequence[int], told: Callable[[float], None]) -> Cells:
+        return load_long(path, source, zipped, _limit(path, zipped), dialect, columns, _parse, told)
+
     said = dict(dialect.said)
-    return [Sheet("", dialect.columns, load, dialect.units, rate_said(said), 0.0, said)]
+    plain = not dialect.encoding.startswith("utf-16") and not dialect.stamps and b"\n" in head
+    long = path.stat().st_size > (LONG_BYTES // 8 if zipped else LONG_BYTES)
+    return [
+        Sheet(
+            "", dialect.columns, load, dialect.units, rate_said(said), 0.0, said,
+            load_long=load_in_pieces if plain and long else None,
+        )
+    ]  # fmt: skip
+
+
+def _parse(piece: bytes, dialect: Dialect, columns: Sequence[int], line: int) -> Cells:
+    """Cells of some whole lines of a log, the first of which is `line`."""
+    here = replace(dialect, first_line=line)
+    end = len(piece.rstrip(b"\r\n \t\x00\x1a"))
+    fast = _load_fast(piece, 0, end, here, columns) if end else None
+    return fast if fast is not None else _load_slow(piece[:end], here, columns)
 
 
 def _plain(fault: BaseException) -> str:

@@ -5,6 +5,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from eaid.arrays import Array, read_only
+from eaid.logs.spool import LONG, pieces, release, room, sample_steps
+from eaid.steps.doubts import Step
 from eaid.steps.stepset import Level
 
 SAME = 2e-3
@@ -16,36 +18,66 @@ def uniform_step(time_s: Array) -> float | None:
     count = len(time_s)
     if count < 2:
         return None
-    dt = float(time_s[-1] - time_s[0]) / (count - 1)
-    off = np.abs(time_s - time_s[0] - np.arange(count) * dt).max()
+    first = float(time_s[0])
+    dt = (float(time_s[-1]) - first) / (count - 1)
+    off = max(
+        float(np.abs(piece - first - np.arange(place.start, place.stop) * dt).max())
+        for place, (piece,) in pieces(time_s)
+    )
     if not off <= SAME * dt:
         return None
     tidy = float(f"{dt:.6g}")
     return tidy if abs(tidy - dt) * count <= SAME * dt else dt
 
 
-def common(level: float, times: Sequence[Array], outputs: Sequence[Array], names: Sequence[str]) -> Level:
-    """A level of repeats given from their step on: times [s], each starting at 0, and outputs, shape (n_r,) each.
+def _stacked(outputs: Sequence[Array], count: int) -> Array:
+    """The first samples of some outputs, shape (R, count)."""
+    stack = room((len(outputs), count))
+    for row, output in zip(stack, outputs, strict=True):
+        for place, (piece,) in pieces(output[:count]):
+            row[place] = piece
+            if count >= LONG:
+                release(stack)
+    return read_only(stack)
 
-    The common window is the shortest. Uniform repeats of one rate are taken as they are; any other set is interpolated
-    linearly onto the finest (median) sample time. A single run keeps its own axis.
+
+def _grid(count: int, dt: float) -> Array:
+    """k·dt for k = 0 … count − 1."""
+    if count < LONG:
+        return read_only(np.arange(count) * dt)
+    grid = room(count)
+    for place, _ in pieces(grid):
+        grid[place] = np.arange(place.start, place.stop) * dt
+        release(grid)
+    return read_only(grid)
+
+
+def common(level: float, members: Sequence[Step]) -> Level:
+    """A level of repeats, on their common window, the shortest.
+
+    Uniform repeats of one rate are taken as they are; any other set is interpolated linearly onto the finest (median)
+    sample time. A single run keeps its own axis.
     """
+    names = tuple(member.run.name for member in members)
+    times = [member.time_s for member in members]
+    outputs = [member.rise for member in members]
     steps = [uniform_step(time) for time in times]
     first = steps[0]
+    shortest = min(len(time) for time in times)
     if first is not None and all(step is not None and abs(step - first) <= 1e-6 * first for step in steps):
-        count = min(len(time) for time in times)
-        stack = np.stack([output[:count] for output in outputs])
-        return Level(level, read_only(np.arange(count) * first), read_only(stack), tuple(names), True)
-    if len(times) == 1:
-        return Level(level, times[0], read_only(outputs[0][np.newaxis]), tuple(names), False)
-    same = min(len(time) for time in times)
-    if all(np.array_equal(time[:same], times[0][:same]) for time in times):
-        stack = np.stack([output[:same] for output in outputs])
-        return Level(level, read_only(times[0][:same]), read_only(stack), tuple(names), False)
+        return Level(level, _grid(shortest, first), _stacked(outputs, shortest), names, True)
+    if len(members) == 1 or all(np.array_equal(time[:shortest], times[0][:shortest]) for time in times):
+        return Level(level, read_only(times[0][:shortest]), _stacked(outputs, shortest), names, False)
     dt = min(
-        step if step is not None else float(np.median(np.diff(time))) for step, time in zip(steps, times, strict=True)
+        step if step is not None else float(np.median(sample_steps(time)))
+        for step, time in zip(steps, times, strict=True)
     )
     end = min(float(time[-1]) for time in times)
-    grid = np.arange(int(np.floor(end / dt * (1 + 1e-12))) + 1) * dt
-    stack = np.stack([np.interp(grid, time, output) for time, output in zip(times, outputs, strict=True)])
-    return Level(level, read_only(grid), read_only(stack), tuple(names), True)
+    grid = _grid(int(np.floor(end / dt * (1 + 1e-12))) + 1, dt)
+    stack = room((len(members), len(grid)))
+    for row, time, output in zip(stack, times, outputs, strict=True):
+        for place, (piece,) in pieces(grid):
+            near = slice(*np.searchsorted(time, (piece[0], piece[-1])).tolist())
+            part = slice(max(0, near.start - 1), near.stop + 1)
+            row[place] = np.interp(piece, time[part], output[part])
+    return Level(level, grid, read_only(stack), names, True)

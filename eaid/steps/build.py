@@ -10,9 +10,10 @@ from eaid.apparatus import Apparatus
 from eaid.arrays import read_only
 from eaid.errors import DataError, UsageError
 from eaid.logs.run import Kind, Run
+from eaid.logs.spool import mean, sample_steps
 from eaid.steps.average import common
-from eaid.steps.cut import FEWEST, cut
-from eaid.steps.doubts import Step, block_means, disagreement, doubts, left_pct, lost_pct
+from eaid.steps.cut import FEWEST, cut, has_input
+from eaid.steps.doubts import Step, disagreement, doubts, left_pct, lost_pct
 from eaid.steps.stepset import Level, RunRecord, StepSet
 
 DISAGREE = 0.10
@@ -66,7 +67,7 @@ def same_level(a: float, b: float) -> bool:
 
 def from_rest(run: Run, rest: float) -> Run:
     """A log whose input is counted from its value at rest; a run that is cut already stays as it is."""
-    if rest == 0.0 or run.cut or np.isnan(run.input).all():
+    if rest == 0.0 or run.cut or not has_input(run):
         return run
     return replace(run, input=read_only(run.input - rest), notes=(*run.notes, f"levels counted from rest at {rest:g}"))
 
@@ -88,18 +89,15 @@ def cut_runs(runs: Sequence[Run], options: StepOptions) -> tuple[list[Run], list
     return _counted(steps), faults
 
 
-def _window(run: Run) -> tuple[int, int]:
-    """Samples of the active window of a cut run: from its step to its end."""
-    start = int(np.searchsorted(run.time_s, (run.step_s or 0.0) - 1e-9 * max(1.0, abs(run.step_s or 0.0))))
-    return start, len(run.time_s)
+def _samples(run: Run) -> int:
+    """Samples in the active window of a cut run: from its step to its end."""
+    return len(run.time_s) - Step(run).start
 
 
 def _check_window(run: Run) -> None:
-    start, stop = _window(run)
-    if stop - start < FEWEST:
-        raise DataError(
-            f"{run.where}: {stop - start} samples in its window, at least {FEWEST} are needed; record it longer"
-        )
+    count = _samples(run)
+    if count < FEWEST:
+        raise DataError(f"{run.where}: {count} samples in its window, at least {FEWEST} are needed; record it longer")
 
 
 def _long_enough(steps: list[Run]) -> list[Run]:
@@ -107,8 +105,7 @@ def _long_enough(steps: list[Run]) -> list[Run]:
     good = []
     short = 0
     for step in steps:
-        start, stop = _window(step)
-        if stop - start >= FEWEST:
+        if _samples(step) >= FEWEST:
             good.append(step)
         else:
             short += 1
@@ -117,8 +114,8 @@ def _long_enough(steps: list[Run]) -> list[Run]:
             if step.edge == "rising":
                 _check_window(step)
     if short and good:
-        pieces = f"{short} shorter piece" + ("s" if short > 1 else "")
-        good[0] = replace(good[0], notes=(*good[0].notes, f"{pieces} of fewer than {FEWEST} samples left out"))
+        some = f"{short} shorter piece" + ("s" if short > 1 else "")
+        good[0] = replace(good[0], notes=(*good[0].notes, f"{some} of fewer than {FEWEST} samples left out"))
     return good
 
 
@@ -139,19 +136,6 @@ def _counted(steps: list[Run]) -> list[Run]:
     return counted
 
 
-def _step(run: Run, sign: float = 1.0) -> Step:
-    """A cut run from its step on, baseline subtracted, times the sign that makes the set's torque positive."""
-    start, stop = _window(run)
-    base = run.baseline or 0.0
-    rise, idle = run.output[start:stop] - base, run.output[:start] - base
-    if sign < 0:
-        rise, idle = -rise, -idle
-    before = None if run.held is None else sign * (run.held - base)
-    falls = run.edge == "falling" and before is not None
-    swing = before if falls and before is not None else float(block_means(rise).max())
-    return Step(run, run.time_s[start:stop] - run.time_s[start], rise, idle, before, max(swing, 0.0))
-
-
 def _signs(cut_steps: Sequence[Run]) -> dict[bool, float]:
     """Sign of the torque that positive and negative inputs make, from all their rising steps together.
 
@@ -160,7 +144,7 @@ def _signs(cut_steps: Sequence[Run]) -> dict[bool, float]:
     totals = {False: 0.0, True: 0.0}
     for run in cut_steps:
         if run.edge == "rising":
-            totals[(run.level or 0.0) < 0] += float(_step(run).rise.mean())
+            totals[(run.level or 0.0) < 0] += mean(run.output[Step(run).start :]) - (run.baseline or 0.0)
     return {negative: -1.0 if total < 0 else 1.0 for negative, total in totals.items()}
 
 
@@ -175,7 +159,7 @@ def _record(step: Step, warnings: tuple[str, ...]) -> RunRecord:
         baseline_nm=run.baseline or 0.0,
         step_s=run.step_s or 0.0,
         samples=len(step.time_s),
-        rate_hz=1.0 / float(np.median(np.diff(run.time_s))),
+        rate_hz=1.0 / float(np.median(sample_steps(run.time_s))),
         edge=run.edge,
         warnings=warnings,
         lost_pct=lost_pct(step) if run.edge == "rising" else None,
@@ -213,38 +197,37 @@ def stepset_of(cut_steps: Sequence[Run], options: StepOptions = NOTHING_SAID) ->
         raise DataError("the datasets are of different rigs; fit them apart")
     apparatus = options.apparatus or next(iter(rigs), Apparatus(surfaces=2 if kind == "clutch" else 1))
 
-    groups: dict[str, list[tuple[float, list[Step]]]] = {"rising": [], "falling": []}
+    groups: dict[str, list[tuple[float, list[Run]]]] = {"rising": [], "falling": []}
     warnings: dict[str, list[str]] = {}
     signs = _signs(cut_steps)
-    steps = {run.name: _step(run, signs[(run.level or 0.0) < 0]) for run in cut_steps}
-    for step in sorted(steps.values(), key=lambda s: (abs(s.run.level or 0.0), s.run.repeat or 0, s.run.name)):
-        run = step.run
+    records: list[RunRecord] = []
+    for run in sorted(cut_steps, key=lambda r: (abs(r.level or 0.0), r.repeat or 0, r.name)):
         notes = list(run.notes)
         if (run.level or 0.0) < 0:
             notes.append("the input is negative: its size is taken")
         if signs[(run.level or 0.0) < 0] < 0:
             notes.append("the output falls at the step: recorded inverted, its sign is turned")
+        step = Step(run, signs[(run.level or 0.0) < 0])
         warnings[run.name] = [*notes, *doubts(step)]
+        records.append(_record(step, ()))
         if run.from_level != 0:
             continue
         level = abs(run.level or 0.0)
         group = groups[run.edge]
         if group and same_level(group[-1][0], level):
-            group[-1][1].append(step)
+            group[-1][1].append(run)
         else:
-            group.append((level, [step]))
+            group.append((level, [run]))
     if options.levels is not None:
         kept = wanted_levels(options.levels, sorted({level for level, _ in groups["rising"]}))
         groups = {
             edge: [pair for pair in group if any(same_level(pair[0], k) for k in kept)]
             for edge, group in groups.items()
         }
-        steps = {
-            name: step for name, step in steps.items() if any(same_level(abs(step.run.level or 0.0), k) for k in kept)
-        }
+        records = [record for record in records if any(same_level(record.level, k) for k in kept)]
 
     sets: list[str] = []
-    rising = [_level(members, warnings) for _, members in groups["rising"]]
+    rising = [_level(members, signs, warnings) for _, members in groups["rising"]]
     if not rising:
         held = {f"{run.from_level:.3g} to {run.level or 0:.3g}" for run in cut_steps if run.edge == "rising"}
         goes = f" (the input goes from {', '.join(sorted(held)[:3])} {input_unit})" if held else ""
@@ -256,8 +239,8 @@ def stepset_of(cut_steps: Sequence[Run], options: StepOptions = NOTHING_SAID) ->
         few = min(counts)
         at = ", ".join(f"{level.level:g}" for level in rising if len(level.names) == few)
         sets.append(f"repeats differ in number: {at} {input_unit} only {few}, others up to {max(counts)}")
-    releases = [_level(members, None) for _, members in groups["falling"]]
-    records = [_record(step, tuple(warnings[name])) for name, step in steps.items()]
+    releases = [_level(members, signs, None) for _, members in groups["falling"]]
+    records = [replace(record, warnings=tuple(warnings[record.name])) for record in records]
     records.sort(key=lambda r: (r.level, r.repeat, r.edge != "rising", r.name))
     made = sorted({run.synthetic for run in cut_steps if run.synthetic})
     return StepSet(
@@ -273,14 +256,14 @@ def stepset_of(cut_steps: Sequence[Run], options: StepOptions = NOTHING_SAID) ->
     )
 
 
-def _level(members: list[Step], warnings: dict[str, list[str]] | None) -> Level:
+def _level(runs: list[Run], signs: dict[bool, float], warnings: dict[str, list[str]] | None) -> Level:
     """The repeats of one level, averaged on their common window; what disagrees is told in each of them."""
-    inputs = [abs(m.run.level or 0.0) for m in members]
+    inputs = [abs(run.level or 0.0) for run in runs]
     level = inputs[0] if len(set(inputs)) == 1 else float(np.mean(inputs))
-    averaged = common(level, [m.time_s for m in members], [m.rise for m in members], [m.run.name for m in members])
-    if warnings is not None and len(members) > 1:
+    averaged = common(level, [Step(run, signs[(run.level or 0.0) < 0]) for run in runs])
+    if warnings is not None and len(runs) > 1:
         spread = disagreement(averaged.runs_nm)
         if spread > DISAGREE:
-            for member in members:
-                warnings[member.run.name].append(f"repeats disagree: their torque at the end differs by {spread:.0%}")
+            for run in runs:
+                warnings[run.name].append(f"repeats disagree: their torque at the end differs by {spread:.0%}")
     return averaged

@@ -14,6 +14,7 @@ import numpy as np
 from eaid.arrays import Array, read_only
 from eaid.errors import DataError
 from eaid.logs.run import Run
+from eaid.logs.spool import extent, mean, pieces, sample, sample_steps
 
 OFFSET = 0.05
 """Share of its largest value within which a measured input counts as zero."""
@@ -32,9 +33,10 @@ class Plateau:
 
 def tolerance(values: Array) -> float:
     """How far an input may stray on a plateau: 1 % of its range, or six times its noise, whichever is more."""
-    span = float(np.ptp(values))
-    noise = 1.4826 * float(np.median(np.abs(np.diff(values)))) / np.sqrt(2) if len(values) > 1 else 0.0
-    return max(0.01 * span, 6.0 * noise)
+    low, high = extent(values)
+    steps = sample_steps(values)
+    noise = 1.4826 * float(np.median(np.abs(steps))) / np.sqrt(2) if len(steps) else 0.0
+    return max(0.01 * (high - low), 6.0 * noise)
 
 
 def plateaus(values: Array) -> list[Plateau]:
@@ -42,18 +44,17 @@ def plateaus(values: Array) -> list[Plateau]:
     allowed = tolerance(values)
     if allowed == 0.0:
         return [Plateau(0, len(values), float(values[0]))]
-    edges = np.flatnonzero(np.abs(np.diff(values)) > allowed) + 1
-    bounds = [0, *edges.tolist(), len(values)]
-    pieces = [
+    bounds = [0, *_jumps(values, allowed), len(values)]
+    parts = [
         piece
         for start, stop in itertools.pairwise(bounds)
         for piece in _without_slow_ramps(values, start, stop, allowed)
     ]
     found: list[Plateau] = []
-    for i, piece in enumerate(pieces):
+    for i, piece in enumerate(parts):
         short = piece.stop - piece.start < FEWEST
-        on_a_ramp = 0 < i < len(pieces) - 1 and (
-            (pieces[i + 1].level - piece.level) * (piece.level - pieces[i - 1].level) > 0
+        on_a_ramp = 0 < i < len(parts) - 1 and (
+            (parts[i + 1].level - piece.level) * (piece.level - parts[i - 1].level) > 0
         )
         if short and on_a_ramp:
             continue
@@ -64,11 +65,20 @@ def plateaus(values: Array) -> list[Plateau]:
     return found
 
 
+def _jumps(values: Array, allowed: float) -> list[int]:
+    """First samples behind the jumps of an input."""
+    found: list[int] = []
+    for place, (piece,) in pieces(values, overlap=1):
+        found.extend((np.flatnonzero(np.abs(np.diff(piece)) > allowed) + place.start + 1).tolist())
+    return found
+
+
 def _without_slow_ramps(values: Array, start: int, stop: int, allowed: float) -> list[Plateau]:
     """A stretch without jumps as plateaus: one where it stands still, the parts between ramps where it does not."""
     part = values[start:stop]
-    if np.ptp(part) <= 4 * allowed or len(part) < 4 * FEWEST:
-        return [Plateau(start, stop, float(np.median(part)))]
+    low, high = extent(part)
+    if high - low <= 4 * allowed or len(part) < 4 * FEWEST:
+        return [Plateau(start, stop, float(np.median(sample(part))))]
     lag = FEWEST
     moves = np.abs(part[lag:] - part[:-lag]) > allowed
     while not moves.any() and 2 * lag < len(part) // 2:
@@ -121,32 +131,39 @@ def cut(run: Run, keep_baseline: bool = False) -> list[Run]:
         raise DataError(
             f"{where}: holds {len(run.time_s)} samples, and a step takes at least {FEWEST}; record it longer"
         )
-    if np.ptp(run.output) == 0:
+    low, high = extent(run.output)
+    if low == high:
         raise DataError(
             f"{where}: the output never changes ({run.output[0]:g} {run.output_unit} throughout); check the sensor"
         )
     if run.cut and run.step_s is not None:
         return [run]
-    known = not np.isnan(run.input).all()
+    known = has_input(run)
     if known and run.input_unit == "%":
         _check_percent(run, where)
     if run.step_s is not None:
         steps = _cut_at(run, where, known)
-    elif known and np.ptp(run.input) > 0:
+    elif known and np.ptp(extent(run.input)) > 0:
         steps = _cut_by_input(run, where)
     else:
         steps = _cut_by_output(run, where, known)
     return _with_baselines(steps, keep_baseline)
 
 
+def has_input(run: Run) -> bool:
+    """True where the log has an input column."""
+    return bool(len(run.input)) and not bool(np.isnan(run.input[0]) and np.isnan(run.input[-1]))
+
+
 def _check_percent(run: Run, where: str) -> None:
-    for wrong, how in ((run.input > 100 + 1e-9, "above 100"), (run.input < -1e-9, "below 0")):
-        if wrong.any():
-            first = int(np.flatnonzero(wrong)[0])
-            raise DataError(
-                f"{where}: the input is {run.input[first]:g} % at {run.time_s[first]:.6g} s, {how}; "
-                f"if it is not in %, say its unit with --units input=UNIT"
-            )
+    for place, (piece,) in pieces(run.input):
+        for wrong, how in ((piece > 100 + 1e-9, "above 100"), (piece < -1e-9, "below 0")):
+            if wrong.any():
+                first = place.start + int(wrong.argmax())
+                raise DataError(
+                    f"{where}: the input is {run.input[first]:g} % at {run.time_s[first]:.6g} s, {how}; "
+                    f"if it is not in %, say its unit with --units input=UNIT"
+                )
 
 
 def _cut_by_input(run: Run, where: str) -> list[Run]:
@@ -155,7 +172,7 @@ def _cut_by_input(run: Run, where: str) -> list[Run]:
     _check_stands_still(found, len(run.input), where)
     zero = tolerance(run.input)
     if run.input_unit != "%":  # a commanded duty is exact, a measured input has an offset
-        zero = max(zero, OFFSET * float(np.abs(run.input).max()))
+        zero = max(zero, OFFSET * float(np.abs(extent(run.input)).max()))
     if len(found) < 2:
         raise DataError(f"{where}: the input stays at {found[0].level:g} {run.input_unit}: no step; {_NO_STEP}")
     notes = run.notes
@@ -174,7 +191,7 @@ def _cut_by_input(run: Run, where: str) -> list[Run]:
         if baseline is None and abs(before.level) <= zero:
             # behind a hold, only the last quarter of the idle time is taken for idle
             start = before.start if i == 0 else before.stop - (before.stop - before.start) // 4 - 1
-            baseline = float(run.output[start : before.stop].mean())
+            baseline = mean(run.output[start : before.stop])
         # the ramp between two plateaus goes with the step that it leads to
         start, end = end, now.stop
         steps.append(
@@ -219,7 +236,7 @@ def bridge(found: list[Plateau]) -> tuple[list[Plateau], int]:
 def _end_of(run: Run, hold: Plateau) -> float:
     """Output at the end of a hold: mean of its last twentieth."""
     count = max(1, (hold.stop - hold.start) // 20)
-    return float(run.output[hold.stop - count : hold.stop].mean())
+    return mean(run.output[hold.stop - count : hold.stop])
 
 
 _NO_STEP = "record the idle time before the step too, or give the step instant with --step-at"
@@ -322,14 +339,14 @@ def onset(output: Array) -> int | None:
 def _with_baselines(steps: list[Run], keep_baseline: bool) -> list[Run]:
     """The idle output of each step: as found or stored, else the mean before the first step; 0 where it is kept."""
     first = steps[0]
-    before = first.output[first.time_s < (first.step_s or 0.0)]
+    before = first.output[: int(np.searchsorted(first.time_s, first.step_s or 0.0))]
     finished = []
     for step in steps:
         baseline, notes = step.baseline, step.notes
         if keep_baseline:
             baseline = 0.0
         elif baseline is None and len(before) and first.edge == "rising":
-            baseline = float(before.mean())
+            baseline = mean(before)
         elif baseline is None:
             baseline = 0.0
             notes = (*notes, "nothing recorded before the step: no baseline is subtracted")

@@ -3,9 +3,10 @@
 Levels of torque are compared by means of blocks, so that noise and rotor ripple do not count as change.
 """
 
+import itertools
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -13,6 +14,7 @@ from numpy.typing import NDArray
 
 from eaid.arrays import Array
 from eaid.logs.run import Run
+from eaid.logs.spool import LONG, less, mean, pieces, sample_steps
 
 BLOCKS = 20
 """A window is judged by the means of this many equal parts."""
@@ -23,16 +25,41 @@ class Step:
     """One cut run seen from its step on: what the checks look at."""
 
     run: Run
-    time_s: Array
-    """Time in the active window, from 0 at the step."""
-    rise: Array
-    """Output relative to the idle baseline in the active window, its sign as the step's."""
-    idle: Array
-    """Output relative to the baseline before the step."""
-    before: float | None
-    """Output just before the edge, relative to the baseline; None where nothing is recorded before it."""
-    swing: float
-    """How far the output goes: its largest block mean, or the held one of a release."""
+    sign: float = 1.0
+    """Sign that makes the set's torque positive."""
+
+    @cached_property
+    def start(self) -> int:
+        """First sample of the active window, which lasts to the end of the run."""
+        step = self.run.step_s or 0.0
+        return int(np.searchsorted(self.run.time_s, step - 1e-9 * max(1.0, abs(step))))
+
+    @cached_property
+    def time_s(self) -> Array:
+        """Time in the active window [s], from 0 at the step."""
+        return less(self.run.time_s[self.start :], float(self.run.time_s[self.start]))
+
+    @cached_property
+    def rise(self) -> Array:
+        """Output relative to the idle baseline in the active window, its sign as the step's."""
+        return less(self.run.output[self.start :], self.run.baseline or 0.0, self.sign)
+
+    @cached_property
+    def idle(self) -> Array:
+        """Output relative to the baseline before the step."""
+        return less(self.run.output[: self.start], self.run.baseline or 0.0, self.sign)
+
+    @property
+    def before(self) -> float | None:
+        """Output just before the edge, relative to the baseline; None where nothing is recorded before it."""
+        return None if self.run.held is None else self.sign * (self.run.held - (self.run.baseline or 0.0))
+
+    @cached_property
+    def swing(self) -> float:
+        """How far the output goes, at least 0: its largest block mean, or the held one of a release."""
+        before = self.before
+        found = before if self.run.edge == "falling" and before is not None else float(block_means(self.rise).max())
+        return max(found, 0.0)
 
     @property
     def unit(self) -> str:
@@ -44,6 +71,8 @@ def block_means(values: Array, blocks: int = BLOCKS) -> Array:
     """Means of equal parts, shape (blocks,), fewer where there are fewer samples."""
     blocks = max(1, min(blocks, len(values)))
     edges = np.linspace(0, len(values), blocks + 1).astype(np.intp)
+    if len(values) >= LONG:
+        return np.array([mean(values[start:stop]) for start, stop in itertools.pairwise(edges.tolist())])
     return np.asarray(np.add.reduceat(values, edges[:-1]) / np.diff(edges))
 
 
@@ -68,12 +97,23 @@ def _scatter(values: Array) -> float:
     return float(1.4826 * np.median(np.abs(bends)) / np.sqrt(6) / 2)
 
 
+def _longest_gap(time_s: Array) -> tuple[float, int]:
+    """Longest sample time [s], and the sample it follows."""
+    longest, at = 0.0, 0
+    for place, (piece,) in pieces(time_s, overlap=1):
+        gaps = np.diff(piece)
+        if len(gaps) and gaps.max() > longest:
+            longest, at = float(gaps.max()), place.start + int(gaps.argmax())
+    return longest, at
+
+
 def _jitter(step: Step) -> str:
-    gaps = np.diff(step.run.time_s)
+    gaps = sample_steps(step.run.time_s)
     typical = float(np.median(gaps))
-    if gaps.max() > 5 * typical:
-        at = float(step.run.time_s[int(gaps.argmax())])
-        return f"gap of {gaps.max():.4g} s in the record at {at:.6g} s (usual sample time {typical:.4g} s)"
+    longest, at = _longest_gap(step.run.time_s)
+    if longest > 5 * typical:
+        where = float(step.run.time_s[at])
+        return f"gap of {longest:.4g} s in the record at {where:.6g} s (usual sample time {typical:.4g} s)"
     low, high = np.quantile(gaps, (0.01, 0.99))
     if high - low > 0.2 * typical:
         return f"jitter: the sample time runs from {low:.4g} to {high:.4g} s"
@@ -81,7 +121,7 @@ def _jitter(step: Step) -> str:
 
 
 def _slow_clock(step: Step) -> str:
-    typical = float(np.median(np.diff(step.run.time_s)))
+    typical = float(np.median(sample_steps(step.run.time_s)))
     return f"sample time is {typical:.4g} s; if the time is not in s, say --units time=ms" if typical >= 1.0 else ""
 
 
@@ -128,7 +168,7 @@ FEW = 2 * BLOCKS
 
 
 def _saturated(step: Step) -> str:
-    output = step.run.output
+    output = step.run.output[:LONG]
     for limit, word in ((float(output.max()), "largest"), (float(output.min()), "smallest")):
         at = output == limit
         if at.sum() < max(10, 0.01 * len(output)):

@@ -9,7 +9,7 @@ import pytest
 
 from eaid.arrays import read_only
 from eaid.logs.run import Run
-from eaid.steps.average import common, uniform_step
+from eaid.steps.average import uniform_step
 from eaid.steps.build import build_stepset
 from eaid.steps.doubts import slow_constant
 
@@ -63,8 +63,8 @@ def test_rounded_times_are_uniform_and_jittered_ones_are_not() -> None:
     assert uniform_step(np.round(t, 7)) == pytest.approx(78.125e-6)
     rng = np.random.default_rng(0)
     assert uniform_step(t + 20e-6 * rng.uniform(size=1000)) is None
-    single = common(5.0, [t + 0.0], [t], ["a"])
-    assert single.uniform
+    (level,) = build_stepset([replace(log(PLAN), time_s=read_only(np.round(np.arange(800) / 128.0, 5)))]).levels
+    assert level.uniform
 
 
 def test_a_jittered_single_run_keeps_its_own_times() -> None:
