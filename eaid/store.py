@@ -39,14 +39,25 @@ def write_json(path: Path, result: dict[str, Any], force: bool = False) -> None:
         part.write_text(dumps(result), encoding="utf-8")
 
 
+def _not_json(word: str) -> float:
+    raise ValueError(f"it holds {word}, which is no JSON number")
+
+
+def _finite(text: str) -> float:
+    value = float(text)
+    if not math.isfinite(value):
+        raise ValueError(f"it holds {text[:20]}, which is no finite number")
+    return value
+
+
 def read_json(path: Path, kind: str) -> dict[str, Any]:
     """Read a result of schema `eaid/{kind}/1`; anything else is refused in one sentence."""
     wanted = f"eaid/{kind}/1"
     if not path.is_file():
         raise DataError(f"{path}: no such file; give the {kind}.json that eaid wrote")
     try:
-        result = json.loads(path.read_text(encoding="utf-8"))
-    except (UnicodeDecodeError, json.JSONDecodeError) as fault:
+        result = json.loads(path.read_text(encoding="utf-8"), parse_constant=_not_json, parse_float=_finite)
+    except (ValueError, RecursionError) as fault:  # no UTF-8, no JSON, or numbers and nesting beyond all reason
         raise DataError(f"{path}: is not a JSON file ({fault}); give the {kind}.json that eaid wrote") from None
     found = result.get("schema") if isinstance(result, dict) else None
     if found != wanted:

@@ -30,6 +30,10 @@ def test_a_result_returns_as_it_was_written(tmp_path: Path) -> None:
     [
         (b"{", "is not a JSON file"),
         (b"\xff\xfe", "is not a JSON file"),
+        (b'{"schema": "eaid/fit/1", "a": ' + b"[" * 200_000 + b"]" * 200_000 + b"}", "is not a JSON file"),
+        (b'{"schema": "eaid/fit/1", "a": ' + b"9" * 5000 + b"}", "is not a JSON file"),
+        (b'{"schema": "eaid/fit/1", "a": NaN}', "it holds NaN, which is no JSON number"),
+        (b'{"schema": "eaid/fit/1", "a": 1e999}', "it holds 1e999, which is no finite number"),
         (b"[]", "it holds no schema"),
         (b'{"schema": "eaid/gains/1"}', "its schema is 'eaid/gains/1'"),
         (b'{"schema": 7}', "it holds no schema"),

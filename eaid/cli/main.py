@@ -2,8 +2,10 @@
 
 import importlib
 import os
+import signal
 import sys
-from typing import Annotated
+import threading
+from typing import Annotated, Any
 
 import typer
 
@@ -55,35 +57,62 @@ for _name, _words in COMMANDS.items():
     app.command(_name.replace("_", "-"), short_help=_words)(_module.command)
 
 
+INTERRUPTED = "interrupted; nothing half-written is left"
+_interrupts: list[int] = []
+"""Signals that came while a command ran: a library may make another failure of a KeyboardInterrupt."""
+
+
 def run(arguments: list[str] | None = None) -> int:
     """Run one command and return its exit code; every expected failure is one plain sentence."""
+    _interrupts.clear()
+    before = _listen(_on_interrupt)
+    try:
+        code, sentences = _outcome(arguments)
+    finally:
+        _listen(before)
+    if code and _interrupts:
+        code, sentences = 130, (INTERRUPTED,)
+    for sentence in sentences:
+        console.fail(sentence)
+    return code
+
+
+def _listen(handler: Any) -> Any:
+    """Set what Ctrl-C does, and return what it did; only the main thread of a program may."""
+    if handler is None or threading.current_thread() is not threading.main_thread():
+        return None
+    return signal.signal(signal.SIGINT, handler)
+
+
+def _on_interrupt(number: int, *_frame: object) -> None:
+    _interrupts.append(number)
+    raise KeyboardInterrupt
+
+
+def _outcome(arguments: list[str] | None) -> tuple[int, tuple[str, ...]]:
+    """Exit code of one command, and the sentences that say why it failed."""
     try:
         code = app(args=arguments, standalone_mode=False)
         if code == 130:  # typer turns Ctrl-C into this code, without a word
             raise KeyboardInterrupt
-        return code if isinstance(code, int) else 0
+        return (code if isinstance(code, int) else 0), ()
     except EaidError as fault:
-        for sentence in fault.sentences:
-            console.fail(sentence)
-        return fault.exit_code
+        return fault.exit_code, fault.sentences
     except (KeyboardInterrupt, typer.Abort):
-        console.fail("interrupted; nothing half-written is left")
-        return 130
+        return 130, (INTERRUPTED,)
     except OSError as fault:
         where = f"{fault.filename}: " if fault.filename else ""
-        console.fail(f"{where}{fault.strerror or fault}")
-        return 2
+        return 2, (f"{where}{fault.strerror or fault}",)
     except Exception as fault:
         wording = getattr(fault, "format_message", None)  # the usage errors of click, which typer may carry inside
         if wording is not None:
             context = getattr(fault, "ctx", None)
             where = f"; see {context.command_path} --help" if context else ""
-            console.fail(f"{wording().rstrip('.')}{where}")
-            return int(getattr(fault, "exit_code", 2))
+            return int(getattr(fault, "exit_code", 2)), (f"{wording().rstrip('.')}{where}",)
         if os.environ.get("EAID_DEBUG"):
             raise
-        console.fail(f"unexpected failure, a bug of eaid ({type(fault).__name__}: {fault}); EAID_DEBUG=1 shows where")
-        return 1
+        what = f"{type(fault).__name__}: {fault}"
+        return 1, (f"unexpected failure, a bug of eaid ({what}); EAID_DEBUG=1 shows where",)
 
 
 def main() -> None:

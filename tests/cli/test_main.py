@@ -1,7 +1,10 @@
 """The face of `eaid`: help, version, wrong usage, and what a failure looks like."""
 
+import signal
 import subprocess
 import sys
+import time
+from pathlib import Path
 
 import pytest
 
@@ -73,3 +76,34 @@ def test_help_imports_nothing_heavy(name: str) -> None:
     loaded = set(out.splitlines()[-1].split()[1:])
     assert "typer" in loaded
     assert loaded & HEAVY == set()
+
+
+@pytest.mark.parametrize("after_s", [0.15, 0.3, 0.45])
+def test_ctrl_c_is_answered_from_the_start(tmp_path: Path, after_s: float) -> None:
+    """While things are imported too, where a library may make another failure of it."""
+    process = subprocess.Popen(
+        [sys.executable, "-m", "eaid", "synth", "-o", str(tmp_path / "d.h5")], stderr=subprocess.PIPE, text=True
+    )
+    time.sleep(after_s)
+    process.send_signal(signal.SIGINT)
+    _, said = process.communicate(timeout=60)
+    if process.returncode == 0:
+        assert (tmp_path / "d.h5").exists()  # a quick machine was done already
+        return
+    assert (process.returncode, said) == (130, "error: interrupted; nothing half-written is left\n")
+    assert not (tmp_path / "d.h5").exists()
+
+
+def test_a_library_that_turns_ctrl_c_into_its_own_failure(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def interrupted(**_: object) -> int:
+        try:
+            signal.raise_signal(signal.SIGINT)
+        except KeyboardInterrupt:
+            raise ImportError("initialization failed") from None
+        return 0
+
+    monkeypatch.setattr(main, "app", interrupted)
+    assert main.run([]) == 130
+    assert capsys.readouterr().err == "error: interrupted; nothing half-written is left\n"
