@@ -13,6 +13,8 @@ _SIGNATURE = b"GCOL\x01\0\0\0"
 
 def check_heaps(path: Path, source: str) -> None:
     """Raise DataError where the objects of a global heap do not fill it."""
+    if not path.stat().st_size:
+        return  # nothing to walk, and nothing that can be mapped
     with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
         at = data.find(_SIGNATURE)
         while at >= 0:
