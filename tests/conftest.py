@@ -1,18 +1,23 @@
 """Fixtures that several rooms' tests share: step sets made from a plant, and files beside the tests."""
 
 import importlib.util
+import os
 import sys
 from collections.abc import Callable, Iterable
 from pathlib import Path
 from types import ModuleType
 
-import numpy as np
-import pytest
+# Short kernels: several BLAS threads fight over them and over the machine.
+for _name in ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS"):
+    os.environ.setdefault(_name, "1")
 
-from eaid.apparatus import Apparatus
-from eaid.models import friction, nonlinear
-from eaid.models.parameters import REFERENCE_PLANT, Friction, Nonlinear
-from eaid.steps.stepset import Level, StepSet
+import numpy as np  # noqa: E402
+import pytest  # noqa: E402
+
+from eaid.apparatus import Apparatus  # noqa: E402
+from eaid.models import friction, nonlinear  # noqa: E402
+from eaid.models.parameters import REFERENCE_PLANT, Friction, Nonlinear  # noqa: E402
+from eaid.steps.stepset import Level, StepSet  # noqa: E402
 
 ROOT = Path(__file__).parents[1]
 

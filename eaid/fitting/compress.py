@@ -16,7 +16,8 @@ import numpy as np
 from eaid.arrays import Array
 
 POINTS_PER_BLOCK = 8
-FIRST_BLOCK = 32
+HEAD = 16
+"""First samples, kept as they are: the fast rise may be over within them. A block is never shorter."""
 LONGEST_BLOCK = 16384
 SMALL = 256
 """Records up to this length keep every sample: nothing would be gained."""
@@ -35,11 +36,11 @@ class Points:
 
 
 def blocks(n: int) -> Iterator[tuple[int, int]]:
-    """Start and stop of each block of a record of n samples: 32, 32, 64, 128 … 16384, then equal ones."""
-    start, length = 0, FIRST_BLOCK
+    """Start and stop of each block of a record of n samples: 16, 16, 32, 64 … 16384, then equal ones."""
+    start, length = 0, HEAD
     while start < n:
         stop = min(start + length, n)
-        if n - stop < FIRST_BLOCK:
+        if n - stop < HEAD:
             stop = n
         yield start, stop
         if start > 0:
@@ -105,8 +106,8 @@ def _compress_grid(t_s: Array, y: Array, m: int) -> tuple[Array, Array, Array]:
         return t_s, y, np.ones(n)
     dt = (t_s[-1] - t_s[0]) / (n - 1)
     uniform = bool(np.abs(t_s - (t_s[0] + dt * np.arange(n))).max() <= 1e-6 * dt)
-    nodes, values, weights = [], [], []
-    for start, stop in blocks(n):
+    nodes, values, weights = [t_s[:HEAD]], [y[:, :HEAD]], [np.ones(HEAD)]
+    for start, stop in list(blocks(n))[1:]:
         if uniform:
             at, w, projection = _uniform(stop - start, m)
             at = t_s[start] + dt * at

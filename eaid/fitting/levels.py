@@ -1,10 +1,13 @@
-"""The friction curve of one level, Eq. (3), fitted in (T_s, ln τ1, ln τ2) and, where it is free, C."""
+"""The friction curve of one level, Eq. (3), fitted in (T_s, ln τ1, ln τ2); with C free see `free_share`."""
+
+from collections.abc import Callable
 
 import numpy as np
 
 from eaid.arrays import Array
 from eaid.fitting.compress import Points
 from eaid.fitting.data import Data
+from eaid.fitting.free_share import free_problem, free_starts, full_value, theta_of
 from eaid.fitting.kernel import level_curvature, level_sums
 from eaid.fitting.result import LevelFit, Solver
 from eaid.fitting.solver import PROMISE, ROUNDING, EndPoint, Problem, polish, slsqp
@@ -88,27 +91,45 @@ def fit_level(data: Data, share: float | None, starts: Array | None = None) -> L
 
     `starts` are θ = (T_s, τ1, τ2, C) to begin from, shape (4, n), instead of our own.
     """
-    limit = (RECORDS_FREE if share is None else RECORDS) * data.longest_s
+    if share is None:
+        limit = RECORDS_FREE * data.longest_s
+        problem = free_problem(data, TAU1_LEAST_S, limit)
+        begin = (
+            free_starts(data, TAU1_LEAST_S, BANDS, GRID)
+            if starts is None
+            else [np.log(np.clip(pair, TAU1_LEAST_S, limit)) for pair in starts[1:3].T]
+        )
+        return _solved(data, problem, begin, lambda x: full_value(x, data), lambda x: theta_of(x, data))
+    limit = RECORDS * data.longest_s
     problem = level_problem(data, share, limit)
     if starts is None:
-        shares = SHARES if share is None else (share,)
-        starts = np.concatenate([starting_curves(data, c)[0][:, :, 0] for c in shares], axis=1)
-    begin = [_unknowns(theta, share, limit) for theta in starts.T]
+        starts = starting_curves(data, share)[0][:, :, 0]
+    begin = [_unknowns(theta, limit) for theta in starts.T]
+    return _solved(data, problem, begin, lambda x: _full(x, data, share), lambda x: _theta(x, share))
+
+
+def _solved(
+    data: Data,
+    problem: Problem,
+    begin: list[Array],
+    full: Callable[[Array], tuple[float, Array]],
+    theta_at: Callable[[Array], Array],
+) -> LevelFit:
     costs = np.array([problem.value(x)[0] for x in begin])
     # Starts that have reached the same cost lie in one bowl: the solver goes once into each.
     ends: list[EndPoint] = []
-    for k in np.argsort(costs):
+    for k in np.argsort(costs, kind="stable"):
         if all(abs(costs[k] - end.cost) > SAME * costs[k] for end in ends):
             ends.append(slsqp(problem, begin[k]))
             costs[k] = ends[-1].cost
     best = min(ends, key=lambda end: end.cost)
-    end, promise, active = polish(problem, best, lambda x: _full(x, data, share))
+    end, promise, active = polish(problem, best, full)
     converged = promise <= PROMISE
-    Ts, tau1, tau2, c = _theta(end.x, share).tolist()
+    Ts, tau1, tau2, share = theta_at(end.x).tolist()
     n = data.samples
     return LevelFit(
         level=float(data.u[0]),
-        curve=Friction(Ts, tau1, tau2, c),
+        curve=Friction(Ts, tau1, tau2, share),
         rmse=float(np.sqrt(end.cost / n)),
         sse=end.cost,
         samples=n,
@@ -129,73 +150,58 @@ def verdict(converged: bool, promise: float) -> str:
     return f"converged: {said}" if converged else f"not converged: {said}"
 
 
-def level_problem(data: Data, share: float | None, limit: float) -> Problem:
-    """Eq. (3) for one level in x = (T_s, ln τ1, ln τ2[, C]) on the compressed points."""
-    free = share is None
-    n = 4 if free else 3
+def level_problem(data: Data, share: float, limit: float) -> Problem:
+    """Eq. (3) for one level in x = (T_s, ln τ1, ln τ2) on the compressed points."""
 
     def value(x: Array) -> tuple[float, Array]:
         theta = _theta(x, share)
         cost, gradient = level_sums(theta[:, None], data.points)
-        return float(cost[0]), _chain(gradient[:, 0], theta)[:n]
+        return float(cost[0]), gradient[:3, 0] * _scale(theta)
 
     def curvature(x: Array) -> Array:
         theta = _theta(x, share)
-        scale = np.array([1.0, theta[1], theta[2], 1.0])
-        return np.asarray((level_curvature(theta[:, None], data.points)[0] * np.outer(scale, scale))[:n, :n])
+        scale = _scale(theta)
+        return np.asarray(level_curvature(theta[:, None], data.points)[0, :3, :3] * np.outer(scale, scale))
 
     def exact(x: Array) -> Array:
         theta = _theta(x, share)
-        scale = np.array([1.0, theta[1], theta[2], 1.0])
-        own = level_curvature(theta[:, None], data.points, exact=True)[0] * np.outer(scale, scale)
+        scale = _scale(theta)
+        own = level_curvature(theta[:, None], data.points, exact=True)[0, :3, :3] * np.outer(scale, scale)
         gradient = level_sums(theta[:, None], data.points)[1][:, 0]
         own[1, 1] += gradient[1] * theta[1]  # d²/d(ln τ)² = τ² d²/dτ² + τ d/dτ
         own[2, 2] += gradient[2] * theta[2]
-        return np.asarray(own[:n, :n])
+        return np.asarray(own)
 
-    rows = [
-        ([1.0, 0.0, 0.0, 0.0], 0.0, "T_s at 0"),
-        ([0.0, 1.0, 0.0, 0.0], float(np.log(TAU1_LEAST_S)), "τ1 at 1 ms"),
-        ([0.0, -1.0, 1.0, 0.0], 0.0, "τ2 at τ1"),
-        ([0.0, 0.0, -1.0, 0.0], -float(np.log(limit)), "τ2 endless"),
-    ]
-    if free:
-        rows += [([0.0, 0.0, 0.0, 1.0], 0.0, "C at 0"), ([0.0, 0.0, 0.0, -1.0], -1.0, "C at 1")]
-    A = np.array([row for row, _, _ in rows])[:, :n]
-    return Problem(
-        value,
-        curvature,
-        A,
-        np.array([b for _, b, _ in rows]),
-        [name for *_, name in rows].__getitem__,
-        exact,
-        ROUNDING * data.energy,
-    )
+    A = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, -1.0, 1.0], [0.0, 0.0, -1.0]])
+    b = np.array([0.0, np.log(TAU1_LEAST_S), 0.0, -np.log(limit)])
+    names = ("T_s at 0", "τ1 at 1 ms", "τ2 at τ1", "τ2 endless")
+    return Problem(value, curvature, A, b, names.__getitem__, exact, ROUNDING * data.energy)
 
 
-def _unknowns(theta: Array, share: float | None, limit: float) -> Array:
+def _unknowns(theta: Array, limit: float) -> Array:
     tau1 = min(max(theta[1], TAU1_LEAST_S), limit)
-    x = np.array([max(theta[0], 0.0), np.log(tau1), np.log(min(max(theta[2], tau1), limit)), theta[3]])
-    return x if share is None else x[:3]
+    return np.array([max(theta[0], 0.0), np.log(tau1), np.log(min(max(theta[2], tau1), limit))])
 
 
-def _theta(x: Array, share: float | None) -> Array:
+def _theta(x: Array, share: float) -> Array:
     tau1, tau2 = np.exp(np.clip(x[1:3], LEAST_LOG, MOST_LOG))  # SLSQP may look far outside before it comes back
-    return np.array([x[0], tau1, tau2, x[3] if share is None else share])
+    return np.array([x[0], tau1, tau2, share])
 
 
-def _chain(gradient: Array, theta: Array) -> Array:
-    return np.array([gradient[0], gradient[1] * theta[1], gradient[2] * theta[2], gradient[3]])
+def _scale(theta: Array) -> Array:
+    """∂(T_s, τ1, τ2)/∂(T_s, ln τ1, ln τ2)."""
+    return np.array([1.0, theta[1], theta[2]])
 
 
-def _full(x: Array, data: Data, share: float | None) -> tuple[float, Array]:
+def _full(x: Array, data: Data, share: float) -> tuple[float, Array]:
     theta = _theta(x, share)
     cost, gradient = data.sums(theta[:, None])
-    return float(cost[0]), _chain(gradient[:, 0], theta)[: len(x)]
+    return float(cost[0]), gradient[:3, 0] * _scale(theta)
 
 
 def fit_levels(data: Data, share: float | None) -> list[LevelFit]:
     """`fit_level` for every level; the starts of all are found together."""
-    shares = SHARES if share is None else (share,)
-    starts = np.concatenate([starting_curves(data, c)[0] for c in shares], axis=1)
+    if share is None:
+        return [fit_level(data.one(i), None) for i in range(len(data.u))]
+    starts = starting_curves(data, share)[0]
     return [fit_level(data.one(i), share, starts[:, :, i]) for i in range(len(data.u))]

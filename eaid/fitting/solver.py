@@ -17,12 +17,16 @@ from eaid.arrays import Array
 
 FTOL = 1e-13
 """SLSQP's own stopping rule, relative to the cost at the start of the round."""
+FINISHED = 1e-15
+"""Polishing ends where the Newton step promises less than this part of the cost."""
 SETTLED = 1e-12
 """A start has ended where the Newton step promises less than this part of the cost."""
 PROMISE = 1e-9
 """A fit has converged where the Newton step would lower the cost by less than this part of it."""
 
 
+NEAR = 1e-9
+"""Slack of a row of A at which it counts as active, beside those that hold the Newton step."""
 ROUNDING = 1e-15
 """A promise is judged against at least this part of the sum of squared data: beneath it lies rounding."""
 
@@ -179,28 +183,41 @@ def newton_step(problem: Problem, x: Array, gradient: Array, curvature: Array) -
 
 
 def polish(
-    problem: Problem, end: EndPoint, full: Callable[[Array], tuple[float, Array]], steps: int = 8
+    problem: Problem, end: EndPoint, full: Callable[[Array], tuple[float, Array]], steps: int = 40
 ) -> tuple[EndPoint, float, tuple[int, ...]]:
-    """Confirm an end point on the full data and take Newton steps there while they gain anything.
+    """Confirm an end point on the full data and take constrained Newton steps there while they gain anything.
 
     Returns the point with its full-data cost, what a further step promises relative to the cost, and the active rows.
     """
     x, evaluations = end.x, end.evaluations + 1
     cost, gradient = full(x)
-    curvature = (problem.exact or problem.curvature)(x)
-    if problem.exact is not None and np.linalg.eigvalsh(curvature)[0] <= 0:
-        curvature = problem.curvature(x)
-    step = newton_step(problem, x, gradient, curvature)
+    step = newton_step(problem, x, gradient, _curvature(problem, x))
     for _ in range(steps):
-        if step.decrease <= 1e-15 * cost:
+        if step.decrease <= FINISHED * cost:
             break
-        reached = _inside(problem, x, x + step.d)
-        found, slope = full(reached)
-        evaluations += 1
-        following = newton_step(problem, reached, slope, curvature)
-        if not found <= cost or (found == cost and following.decrease >= step.decrease):
+        for length in (1.0, 0.5, 0.25, 0.1, 0.01):
+            reached = _inside(problem, x, x + length * step.d)
+            found, slope = full(reached)
+            evaluations += 1
+            if found < cost:
+                break
+        else:
             break
         x, cost, gradient = reached, found, slope
-        step = following
+        step = newton_step(problem, x, gradient, _curvature(problem, x))
     promise = step.decrease / max(cost, problem.floor) if step.decrease > 0 else 0.0
-    return EndPoint(x, cost, evaluations), promise, step.active
+    near = np.flatnonzero(problem.A @ x - problem.b < NEAR * (1.0 + np.abs(problem.b)))
+    return EndPoint(x, cost, evaluations), promise, tuple(sorted({*step.active, *near.tolist()}))
+
+
+def _curvature(problem: Problem, x: Array) -> Array:
+    """The true second derivatives where they are known and positive, else Gauss–Newton."""
+    if problem.exact is not None:
+        exact = problem.exact(x)
+        scale = np.sqrt(np.maximum(np.diagonal(exact), np.finfo(float).tiny))
+        try:
+            np.linalg.cholesky(exact / np.outer(scale, scale))
+            return exact
+        except np.linalg.LinAlgError:
+            pass
+    return problem.curvature(x)

@@ -4,8 +4,10 @@ import numpy as np
 import pytest
 
 from eaid.fitting.data import Data
+from eaid.fitting.free_share import free_problem, non_negative
 from eaid.fitting.kernel import Record
 from eaid.fitting.levels import fit_level, level_problem
+from eaid.fitting.solver import Problem
 from eaid.models import friction
 from eaid.models.parameters import Friction
 
@@ -41,24 +43,46 @@ def test_a_free_share_returns(share: float) -> None:
     truth = Friction(1.7, 0.35, 6.0, share)
     found = fit_level(_data(truth), None)
     assert pytest.approx(share, rel=1e-6) == found.curve.C and found.curve.tau2 == pytest.approx(6.0, rel=1e-6)
-    assert len(found.solver.starts) >= 5
+    assert len(found.solver.starts) == 3
+
+
+def _by_differences(problem: Problem, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    slopes, curvatures = [], []
+    for k in range(len(x)):
+        (above, up), (below, down) = (problem.value(x + sign * 1e-6 * np.eye(len(x))[k]) for sign in (1, -1))
+        slopes.append((above - below) / 2e-6)
+        curvatures.append((up - down) / 2e-6)
+    return np.array(slopes), np.array(curvatures)
 
 
 def test_gradient_and_curvature_in_the_fit_s_own_unknowns() -> None:
-    data = _data(TRUTH, duration_s=1.0, noise=0.05)
-    problem = level_problem(data, None, 100.0)
-    x = np.array([1.5, np.log(0.3), np.log(4.0), 0.8])
-    _, gradient = problem.value(x)
+    problem = level_problem(_data(TRUTH, duration_s=1.0, noise=0.05), 0.8, 100.0)
+    x = np.array([1.5, np.log(0.3), np.log(4.0)])
+    slopes, curvatures = _by_differences(problem, x)
     assert problem.exact is not None
-    exact = problem.exact(x)
-    for k in range(4):
-        ends = []
-        for sign in (1, -1):
-            y = x.copy()
-            y[k] += sign * 1e-6
-            ends.append(problem.value(y))
-        assert (ends[0][0] - ends[1][0]) / 2e-6 == pytest.approx(gradient[k], rel=1e-6, abs=1e-6)
-        assert (ends[0][1] - ends[1][1]) / 2e-6 == pytest.approx(exact[:, k], rel=1e-5, abs=1e-5)
+    assert problem.value(x)[1] == pytest.approx(slopes, rel=1e-6, abs=1e-6)
+    assert problem.exact(x) == pytest.approx(curvatures, rel=1e-5, abs=1e-5)
+
+
+def test_gradient_and_curvature_with_the_share_free() -> None:
+    problem = free_problem(_data(TRUTH), 1e-3, 1e4)
+    x = np.log([0.3, 4.0])
+    assert problem.value(x)[1] == pytest.approx(_by_differences(problem, x)[0], rel=1e-5)
+    truth = np.log([TRUTH.tau1, TRUTH.tau2])  # nothing left: Gauss–Newton is exact
+    assert problem.curvature(truth) == pytest.approx(_by_differences(problem, truth)[1], rel=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("y", "want"), [((1.0, 2.0), (1.0, 2.0)), ((1.0, -2.0), (0.2, 0.0)), ((-2.0, 1.0), (0.0, 0.2))]
+)
+def test_amplitudes_are_never_negative(y: tuple[float, float], want: tuple[float, float]) -> None:
+    gram = np.array([[2.0, 0.8], [0.8, 2.0]])
+    assert non_negative(gram, gram @ np.array(y)) == pytest.approx(want)
+
+
+def test_a_free_share_settles_where_the_record_is_too_short() -> None:
+    found = fit_level(_data(Friction(1.2, 0.5, 15.0), duration_s=4.0, noise=0.03), None)
+    assert found.solver.converged and found.solver.evaluations < 500
 
 
 def test_metrics_by_hand() -> None:
