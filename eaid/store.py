@@ -63,7 +63,51 @@ def read_json(path: Path, kind: str) -> dict[str, Any]:
     if found != wanted:
         said = f"its schema is {found!r}" if isinstance(found, str) else "it holds no schema"
         raise DataError(f"{path}: is no {wanted} file ({said}); make it again with this version of eaid")
+    _check_shapes(path, dict(result), SHAPES.get(kind, {}))
     return dict(result)
+
+
+SHAPES: dict[str, dict[str, dict[str, int | type]]] = {
+    "fit": {
+        "data": {"levels": list, "sources": list, "apparatus": dict},
+        "friction": {"levels": list, "trends": dict},
+        "nonlinear": {"C": 1, "tau1": 3, "tau2": 3, "Ts": 4, "u_range": 2, "per_level": list},
+        "linear": {"a0": 1, "b0": 1, "c0": 1, "per_level": list, "bounds": dict},
+        "release": {},
+    },
+    "gains": {"model": {"a0": 1, "b0": 1, "c0": 1}, "rc": {"K_P": 1, "K_D": 1}, "pi": {"K_P": 1, "K_I": 1}},
+}
+"""What the parts of a result are, where they are there: so many numbers, a list, or an object (a dict)."""
+_WORDS: dict[type, str] = {list: "a list", dict: "an object"}
+
+
+def _check_shapes(path: Path, result: dict[str, Any], shapes: dict[str, dict[str, int | type]]) -> None:
+    """Refuse a result whose parts are not what they should be; those absent or empty are left to their users."""
+    for part, keys in shapes.items():
+        inside = result.get(part)
+        if not inside and inside is not False and inside != 0:
+            continue
+        if not isinstance(inside, dict):
+            raise DataError(f"{path}: its {part} is {_short(inside)}, not an object; make it again with eaid")
+        for key, wanted in keys.items():
+            if key not in inside:
+                continue
+            value = inside[key]
+            if isinstance(wanted, type):
+                fits, what = isinstance(value, wanted) or value is None, _WORDS[wanted]
+            else:
+                numbers = value if wanted > 1 and isinstance(value, list) else [value]
+                fits = len(numbers) == wanted and all(
+                    isinstance(one, int | float) and not isinstance(one, bool) for one in numbers
+                )
+                what = "a number" if wanted == 1 else f"a list of {wanted} numbers"
+            if not fits:
+                raise DataError(f"{path}: its {part}.{key} is {_short(value)}, not {what}; make it again with eaid")
+
+
+def _short(value: Any) -> str:
+    text = json.dumps(value, ensure_ascii=False)
+    return text if len(text) <= 40 else text[:37] + "…"
 
 
 def input_record(path: Path) -> dict[str, str]:

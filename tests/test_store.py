@@ -37,6 +37,15 @@ def test_a_result_returns_as_it_was_written(tmp_path: Path) -> None:
         (b"[]", "it holds no schema"),
         (b'{"schema": "eaid/gains/1"}', "its schema is 'eaid/gains/1'"),
         (b'{"schema": 7}', "it holds no schema"),
+        (b'{"schema": "eaid/fit/1", "linear": [1, 2]}', r"its linear is \[1, 2\], not an object"),
+        (b'{"schema": "eaid/fit/1", "linear": {"a0": "x"}}', r'its linear.a0 is "x", not a number'),
+        (b'{"schema": "eaid/fit/1", "linear": {"a0": true}}', "its linear.a0 is true, not a number"),
+        (
+            b'{"schema": "eaid/fit/1", "nonlinear": {"tau1": null}}',
+            "its nonlinear.tau1 is null, not a list of 3",
+        ),
+        (b'{"schema": "eaid/fit/1", "nonlinear": {"Ts": [1, 2, 3]}}', r"is \[1, 2, 3\], not a list of 4 numbers"),
+        (b'{"schema": "eaid/fit/1", "friction": {"levels": 3}}', "its friction.levels is 3, not a list"),
     ],
 )
 def test_another_file_is_refused_in_a_sentence(tmp_path: Path, content: bytes, says: str) -> None:
@@ -50,3 +59,10 @@ def test_another_file_is_refused_in_a_sentence(tmp_path: Path, content: bytes, s
 def test_a_missing_file_is_refused_in_a_sentence(tmp_path: Path) -> None:
     with pytest.raises(DataError, match="no such file"):
         read_json(tmp_path / "fit.json", "fit")
+
+
+def test_what_is_absent_or_empty_is_left_to_its_users(tmp_path: Path) -> None:
+    path = tmp_path / "fit.json"
+    result = {"schema": "eaid/fit/1", "linear": None, "nonlinear": {}, "friction": {"C": 0.85}}
+    path.write_text(json.dumps(result))
+    assert read_json(path, "fit") == result
