@@ -33,6 +33,7 @@ def show(result: dict[str, Any]) -> None:
              "%/(N·m), %/(N·m·s)", "plus feedforward"],
             ["outside it", f"{result['actuator']['robust_term_pct']:.4g}", "% duty",
              f"asked by the robust term; the actuator spans {result['actuator']['span_pct']:.4g}"],
+            ["left at half torque", _left(result["actuator"]["points"][1]), "% of it", "by the duty limits"],
             ["error in the end", _bound(rc["ultimate_bound"]["torque_error_nm"]), "N·m", _replayed(result)],
         ],
     )  # fmt: skip
@@ -98,6 +99,10 @@ def _needed(rho: dict[str, Any]) -> str:
     if need is None:
         return "the α reached is 1 or more: no ρ covers it"
     return f"Eq. (15) with the α reached asks for {need['constant']:.6g} + {need['slope']:.6g}·‖ξ‖"
+
+
+def _left(point: dict[str, float]) -> str:
+    return f"{100 * point['share_up']:.3g} up, {100 * point['share_down']:.3g} down"
 
 
 def _bound(value: float) -> str:

@@ -70,6 +70,7 @@ ChatterLimit = Annotated[
         "--chatter-limit", help="Most mean |Δu| per sample [%]; default: that of the gains before --optimize."
     ),
 ]
+Evaluations = Annotated[int, typer.Option("--evaluations", help="Candidates of --optimize after the first scatter.")]
 Unidentified = Annotated[
     bool, typer.Option("--allow-unidentified", help="Use a fit that is marked not identifiable; the result is marked.")
 ]
@@ -106,6 +107,7 @@ def command(
     plants: Plants = 16,
     noise_nm: NoiseNm = None,
     chatter_limit: ChatterLimit = None,
+    evaluations: Evaluations = 160,
     allow_unidentified: Unidentified = False,
     output: Output = None,
     json: Json = False,
@@ -158,7 +160,7 @@ def command(
     told_of_search = None
     if optimize:
         noise = (noise_nm, "given") if noise_nm is not None else tune_search.noise_of(fitted, stepset)
-        search = tune_search.search_of(noise[0], chatter_limit, optimize_also, seed)
+        search = tune_search.search_of(noise[0], chatter_limit, optimize_also, evaluations, seed)
         options, told_of_search = tune_search.optimized(fitted, options, str(fit), wanted, search, plants)
         told_of_search = {"reference": reference_name, "noise_source": noise[1], **told_of_search}
     result = design(fitted, options, str(fit), stepset, slope)

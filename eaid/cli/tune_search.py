@@ -31,7 +31,7 @@ def noise_of(fitted: dict[str, Any], stepset: "StepSet | None") -> tuple[float, 
     return USUAL_NOISE_NM, "supposed"
 
 
-def search_of(noise_nm: float, limit: float | None, also: str | None, seed: int) -> Any:
+def search_of(noise_nm: float, limit: float | None, also: str | None, evaluations: int, seed: int) -> Any:
     """The search that the options ask for; UsageError where one of them makes no sense."""
     from eaid.replay.optimize import ALSO, Search
 
@@ -43,7 +43,9 @@ def search_of(noise_nm: float, limit: float | None, also: str | None, seed: int)
         raise UsageError(f"--noise-nm {noise_nm:g}: must be 0 or above")
     if limit is not None and not limit > 0:
         raise UsageError(f"--chatter-limit {limit:g}: must be above 0")
-    return Search(noise_nm=noise_nm, limit_pct=limit, also=chosen, seed=seed)
+    if evaluations < 1:
+        raise UsageError(f"--evaluations {evaluations}: must be 1 or more")
+    return Search(noise_nm=noise_nm, limit_pct=limit, also=chosen, evaluations=evaluations, seed=seed)
 
 
 def optimized(

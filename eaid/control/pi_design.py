@@ -17,6 +17,8 @@ from eaid.models.parameters import Linear
 
 BAND = 0.02
 """Settling band, share of the step."""
+NONE = 1e-9
+"""An overshoot below this share of the step is none."""
 
 
 @dataclass(frozen=True)
@@ -120,20 +122,30 @@ def _leaves_band(a0: float, p: float, q: float, low: float, high: float) -> floa
 def _q_of_overshoot(a0: float, p: float, overshoot: float) -> float:
     """q that gives an overshoot (share of the step) at a given p; overshoot rises with q from q = a0 (p − a0)."""
     low = a0 * (p - a0)  # there zero and pole cancel: first order, no overshoot
-    if overshoot == 0 and low > 0:
+    if overshoot <= NONE and low > 0:
         return low
+
+    def above(q: float) -> float:
+        return _metrics(a0, p, q).overshoot_pct / 100 - overshoot
+
     high = max(low, p * p, a0 * a0)
-    while _metrics(a0, p, high).overshoot_pct < 100 * overshoot:
+    while above(high) < 0:
         high *= 2
-    for _ in range(64):
-        middle = (low + high) / 2
-        if middle in (low, high):
+    # Regula falsi after Illinois (an end that stays gets half its weight), every third step a halving: the overshoot is
+    # flat near its foot.
+    at_low, at_high = -overshoot, above(high)
+    for k in range(120):
+        if high - low <= 4e-16 * high:
             break
-        if _metrics(a0, p, middle).overshoot_pct < 100 * overshoot:
-            low = middle
+        middle = (low + high) / 2 if k % 3 == 2 else high - at_high * (high - low) / (at_high - at_low)
+        found = above(middle)
+        if found < 0:
+            low, at_low, at_high = middle, found, at_high / 2
+        elif found > 0:
+            high, at_high, at_low = middle, found, at_low / 2
         else:
-            high = middle
-    return (low + high) / 2
+            return middle
+    return high
 
 
 def pi_gains(model: Linear, overshoot_pct: float, settling_s: float) -> tuple[float, float]:

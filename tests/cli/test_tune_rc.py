@@ -167,6 +167,7 @@ def test_refused_gains_exit_with_5(linear, arguments, words, capsys):
         (["--optimize"], 3, "holds no nonlinear model"),
         (["--optimize-also", "colour"], 2, "--optimize-also colour: must be of"),
         (["--optimize", "--noise-nm", "-1"], 2, "--noise-nm -1"),
+        (["--optimize", "--evaluations", "0"], 2, "--evaluations 0"),
         (["--rate-hz", "0"], 2, "--rate-hz 0"),
     ],
 )
@@ -208,7 +209,7 @@ def test_noise_is_what_the_logs_show():
 def test_optimize_trades_in_the_open(capsys):
     Path("short.csv").write_text("time_s,reference_nm\n0,1\n1,3\n2,1\n3,3\n")
     arguments = ["tune-rc", fit_file(nonlinear=PLANT), "--optimize-also", "b-hat", "--noise-nm", "0.01", "--reference",
-                 "short.csv", "--q-max", "5"]  # fmt: skip
+                 "short.csv", "--q-max", "5", "--evaluations", "12"]  # fmt: skip
     assert run([*arguments, "-o", "a.json"]) == 0
     out, err = capsys.readouterr()
     gains = json.loads(Path("a.json").read_text())
@@ -217,9 +218,39 @@ def test_optimize_trades_in_the_open(capsys):
     assert told["after"]["mean_abs_duty_step_pct"] <= told["limit_pct"] == told["before"]["mean_abs_duty_step_pct"]
     assert gains["rc"]["B_hat"] == told["after"]["B_hat"] and gains["rc"]["epsilon"] == told["after"]["epsilon"]
     assert "Optimised on the short.csv, 1 plants, noise 0.01 N·m (given)" in out
-    assert "candidates: 209 to do" in err and "every drawn plant is the fitted one" in err
+    assert "candidates: 61 to do" in err and "every drawn plant is the fitted one" in err
     assert run([*arguments, "-o", "b.json", "-q"]) == 0
     assert Path("b.json").read_bytes() == Path("a.json").read_bytes()
+
+
+def test_on_a_real_fit(capsys):
+    """The shipped logs: bounds over levels, by another convention, widened; plants drawn from the fit's uncertainty."""
+    from eaid.synth.datasets import shipped
+
+    assert run(["fit", str(shipped()["clutch"]), "-q"]) == 0
+    fit = json.loads(Path("fit.json").read_text())
+
+    def bounds(*arguments):
+        assert run(["tune-rc", "fit.json", "-q", "--force", *arguments]) == 0
+        rc = json.loads(Path("gains.json").read_text())["rc"]
+        return rc["B_m"], rc["B_M"]
+
+    stored = fit["linear"]["bounds"]
+    assert bounds() == (stored["B_m"], stored["B_M"])
+    rows = {row["level"]: row for row in fit["linear"]["per_level"]}
+    kept = [rows[level]["B"] for level in rows if 30 <= level <= 90]
+    assert bounds("--levels", "30:90") == pytest.approx((min(kept), max(kept)))
+    assert bounds("--widen-bounds") == pytest.approx((stored["ci95"]["B_m"][0], stored["ci95"]["B_M"][1]), rel=1e-6)
+    for convention in ("pooled-offset", "pooled-dynamics"):
+        told = fit["linear"]["conventions"][convention]
+        assert bounds("--bounds", convention) == pytest.approx((told["B_m"], told["B_M"]))
+    searched = ["tune-rc", "fit.json", "--optimize", "--plants", "3", "--evaluations", "4", "--seed", "5"]
+    assert run([*searched, "-o", "a.json"]) == 0
+    assert run([*searched, "-o", "b.json", "-q"]) == 0
+    assert Path("a.json").read_bytes() == Path("b.json").read_bytes()
+    told = json.loads(Path("a.json").read_text())["optimized"]
+    assert told["plants"] == 3 and told["noise_nm"] == pytest.approx(0.01, rel=0.05)
+    assert told["before"]["worst_plant_rms_error_nm"] > told["before"]["rms_error_nm"]
 
 
 def test_help_loads_nothing_heavy():
