@@ -87,7 +87,10 @@ def split(line: str, delimiter: str | None) -> list[str]:
     if '"' in line and len(cells) > 1:
         import csv
 
-        cells = next(csv.reader([line], delimiter=delimiter))
+        try:
+            cells = next(csv.reader([line], delimiter=delimiter))
+        except csv.Error:  # a return in the middle of a line
+            return line.split(delimiter)
     return cells
 
 
@@ -181,7 +184,8 @@ def sniff(path: str, head: bytes, whole: bool) -> Dialect:
     if not encoding:
         raise DataError(f"{path}: is a binary file of no format that eaid knows; export it as CSV, MAT or HDF5")
     text = head[: len(head) // 2 * 2 if "16" in encoding else None].decode(encoding, errors="replace")
-    lines = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
+    text = text.replace("\r\n", "\n")
+    lines = text.split("\n") if "\n" in text else text.split("\r")  # a lone return ends no line beside others that do
     if not whole and len(lines) > 1:
         lines.pop()
     if not any(line.strip() for line in lines):

@@ -118,7 +118,9 @@ def _load(path: Path, source: str, zipped: bool, dialect: Dialect, columns: Sequ
         data = data.replace(b"\r", b"\n")
     start = 0
     for _ in range(dialect.first_line - 1):
-        start = data.index(b"\n", start) + 1
+        start = data.find(b"\n", start) + 1
+        if not start:
+            raise DataError(f"{source}: its lines end in different ways; save it with line ends of one kind")
     end = len(data)
     while end > start and data[end - 1] in b"\r\n \t\x00\x1a":
         end -= 1

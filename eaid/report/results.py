@@ -144,7 +144,7 @@ def kind_of(path: Path) -> str:
     else:
         try:
             content = json.loads(path.read_text(encoding="utf-8"))
-        except (UnicodeDecodeError, json.JSONDecodeError):
+        except (ValueError, RecursionError):  # no UTF-8, no JSON, or numbers and nesting beyond all reason
             content = None
         schema = str(content.get("schema", "")) if isinstance(content, dict) else ""
     known = {"eaid/fit/1": "fit", "eaid/gains/1": "gains", "eaid/replay/1": "replay", "eaid/data/1": "data"}

@@ -206,3 +206,14 @@ def test_a_mutated_cell_of_an_lvm_is_read_as_it_stands_or_refused(tmp_path, cell
     wanted = [float(i) for i in range(30)]
     wanted[row] = value
     np.testing.assert_array_equal(cells.values[1], wanted)
+
+
+@pytest.mark.parametrize("small", [True, False])
+def test_a_return_in_the_middle_of_a_line_costs_no_row(tmp_path, small):
+    t, duty, torque = written.step(400)
+    rows = "".join(f"{a:.4f},{b:g},{c:.6f}\n" for a, b, c in zip(t, duty, torque, strict=True))
+    path = tmp_path / "log.csv"
+    path.write_text("# a\r note\ntime_s,duty_pct,torque_nm\n" + rows, newline="")
+    with patch.object(text, "SMALL_BYTES", 1 << 30 if small else 0):
+        (run,) = read_runs([path], NOTHING)
+    np.testing.assert_array_equal(run.time_s, np.round(t, 4))
