@@ -1,0 +1,102 @@
+"""Reads an MDF file with asammdf, in a process of its own: `python -m eaid.logs.mdf_apart FILE [GROUP]`.
+
+The compiled part of asammdf writes outside its memory on some damaged files; that ends this process and no other. On
+stdout comes an NPZ: without GROUP its `channels` (JSON: group, channel, name, unit, group's name, formula or not), with
+GROUP the times and the values of every channel of numbers in it. Exit code 3, with a sentence on stdout, is a refusal.
+"""
+
+import io
+import json
+import logging
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+NUMBERS = {3: (*range(4), *range(9, 17)), 4: tuple(range(6))}
+"""Data types that are integers and floats, either byte order, by major version."""
+FORMULA = {3: 10, 4: 3}
+"""Conversion type of a formula, by major version."""
+MOST_RATIO = 200
+"""A group that unpacks to more than this many times the size of its file is a bomb (recorded logs: about 10)."""
+
+
+class RefusalError(Exception):
+    """What is wrong, without the file's name."""
+
+
+def contents(path: Path, group: int | None) -> dict[str, Any]:
+    """Arrays of the NPZ; raises RefusalError, or whatever asammdf stumbles over."""
+    import asammdf
+
+    logging.disable(logging.CRITICAL)
+    # as open bytes, since by its name a file would be unpacked, copied or cleared away
+    with path.open("rb") as raw, asammdf.MDF(raw) as file:
+        version = 4 if str(file.version) >= "4" else 3
+        channels = _channels(file, version, path.stat().st_size)
+        if group is None:
+            return {"channels": np.array(json.dumps(channels))}
+        found: dict[str, Any] = {}
+        for g, c, _, _, _, formula in channels:
+            if g != group or formula:
+                continue
+            signal = file.get(group=g, index=c, raw=False)
+            if signal.samples.dtype.kind not in "fiub" or signal.samples.ndim != 1:
+                continue  # a conversion to words, or a table
+            values = np.asarray(signal.samples, dtype=np.float64)
+            if signal.invalidation_bits is not None:
+                values = np.where(np.asarray(signal.invalidation_bits), np.nan, values)
+            found["times"] = np.asarray(signal.timestamps, dtype=np.float64)
+            found[str(c)] = values
+        return found
+
+
+def _channels(file: Any, version: int, size: int) -> list[tuple[int, int, str, str, str, bool]]:
+    found = []
+    for g, group in enumerate(file.groups):
+        count = int(group.channel_group.cycles_nr)
+        spare = int(getattr(group.channel_group, "invalidation_bytes_nr", 0))
+        claimed = max(count, 1) * max(8, int(group.channel_group.samples_byte_nr) + spare)
+        if claimed > max(MOST_RATIO * size, 1 << 24):
+            raise RefusalError(f"group {g + 1} claims {claimed:.3g} bytes in a file of {size:,} bytes; no log does")
+        master = file.masters_db.get(g)
+        name = str(getattr(group.channel_group, "acq_name", "") or f"group {g + 1}")
+        if master is None or not count:
+            continue
+        for c, channel in enumerate(group.channels):
+            if c != master and channel.data_type in NUMBERS[version]:
+                formula = any(_is_formula(one, version) for one in (channel, group.channels[master]))
+                found.append((g, c, str(channel.name), _unit(channel), name, formula))
+    return found
+
+
+def _is_formula(channel: Any, version: int) -> bool:
+    return channel.conversion is not None and channel.conversion.conversion_type == FORMULA[version]
+
+
+def _unit(channel: Any) -> str:
+    said = channel.unit or (getattr(channel.conversion, "unit", "") if channel.conversion is not None else "")
+    return (said.decode("latin-1") if isinstance(said, bytes) else str(said or "")).strip("\0 ")
+
+
+def main() -> int:
+    """Answer one question on stdout."""
+    path, group = Path(sys.argv[1]), int(sys.argv[2]) if len(sys.argv) > 2 else None
+    try:
+        arrays = contents(path, group)
+    except RefusalError as refusal:
+        print(refusal)
+        return 3
+    except Exception as fault:  # asammdf has no common type for what it stumbles over
+        reason = " ".join(str(fault).split())[:120].rstrip(".") or type(fault).__name__
+        print(f"is a damaged MDF file ({reason}); copy or save it again")
+        return 3
+    answer = io.BytesIO()
+    np.savez(answer, **arrays)
+    sys.stdout.buffer.write(answer.getvalue())
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
