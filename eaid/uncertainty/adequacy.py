@@ -194,7 +194,7 @@ def _free_share(level: Level, one: LevelEvidence, sse: float) -> float:
         np.sum(data.points.w[0] * (data.points.y[0] - _at(one.curve, data.points.t_s[0])) ** 2)
     )
     starts = [log_theta(one.curve, True), log_theta(Friction(one.curve.Ts, one.curve.tau1, one.curve.tau2, 0.5), True)]
-    return min(float(sse), *(constant + least(data.points, start, one.curve.C)[0] for start in starts))
+    return min(float(sse), *(max(0.0, constant + least(data.points, start, one.curve.C)[0]) for start in starts))
 
 
 def _at(curve: Friction, time_s: Array) -> Array:

@@ -12,7 +12,7 @@ import numpy as np
 from eaid.arrays import Array
 from eaid.errors import DataError
 from eaid.fitting.result import nonlinear_from_json
-from eaid.models.parameters import SHARE, Nonlinear
+from eaid.models.parameters import Nonlinear
 from eaid.uncertainty.joint import constraints
 
 PARAMETRISATION = "coefficients of (u/100 %)^k, lowest power first: tau1 [s], tau2 [s], Ts [N·m]"
@@ -41,27 +41,33 @@ def draw_plants(fit: dict[str, Any], n: int, seed: int) -> list[Nonlinear]:
         return [centre] * n
     counts = (len(centre.tau1), len(centre.tau2), len(centre.Ts))
     total = sum(counts)
-    matrix = np.array(fit["nonlinear"]["covariance"]["matrix"], dtype=np.float64)
-    if matrix.shape != (total, total) or not np.isfinite(matrix).all():
+    stored = fit["nonlinear"]["covariance"]
+    free = (stored.get("order") or [""])[-1] == "C"
+    matrix = np.array(stored["matrix"], dtype=np.float64)
+    if matrix.shape != (total + free,) * 2 or not np.isfinite(matrix).all():
         raise DataError(
-            f"nonlinear.covariance.matrix: shape {matrix.shape}, expected {total} x {total} finite numbers; fit again"
+            f"nonlinear.covariance.matrix: shape {matrix.shape}, expected {total + free} x {total + free} finite "
+            "numbers; fit again"
         )
-    scale = np.concatenate([100.0 ** np.arange(count) for count in counts])
-    mean = np.concatenate([centre.tau1, centre.tau2, centre.Ts]) * scale
+    scale = np.concatenate([100.0 ** np.arange(count) for count in counts] + [np.ones(int(free))])
+    mean = np.concatenate([centre.tau1, centre.tau2, centre.Ts, [centre.C] * free]) * scale
     root = _root(matrix)
     slack, offset = constraints(counts, centre.u_range)
+    if free:  # C between 0 and 1 as well
+        slack = np.block([[slack, np.zeros((len(slack), 1))], [np.zeros((2, total)), np.array([[1.0], [-1.0]])]])
+        offset = np.append(offset, [0.0, -1.0])
     random = np.random.default_rng(seed)
     plants = []
     for _ in range(n):
         drawn = _feasible(mean, root, slack, offset, random) / scale
-        tau1, tau2, steady = np.split(drawn, np.cumsum(counts)[:2])
+        tau1, tau2, steady, share = np.split(drawn, np.cumsum(counts))
         plants.append(
             Nonlinear(
                 tau1=tuple(tau1.tolist()),
                 tau2=tuple(tau2.tolist()),
                 Ts=tuple(steady.tolist()),
                 u_range=centre.u_range,
-                C=centre.C if centre.C else SHARE,
+                C=float(share[0]) if free else centre.C,
                 release=centre.release,
             )
         )

@@ -89,8 +89,9 @@ def _coefficients(
     else:
         variance, own_degrees = sd[there] ** 2, degrees
         expected = float(variance.sum()) * spare / len(y)
-        if about * spare > 2 * expected:
-            variance, own_degrees = variance * (about * spare / expected), float(spare)
+        if about * spare > 2 * expected:  # the trend misses the levels by more than they scatter
+            share = variance / expected * spare if expected > 0 else np.ones(len(y))
+            variance, own_degrees = share * about, float(spare)
     reach = t_quantile(own_degrees) * np.sqrt((solve**2) @ variance)
     word = None
     if (reach > np.abs(c)).any() and trend.form != "linear":

@@ -134,12 +134,12 @@ def from_evidence(levels: Sequence[Level], found: Sequence[LevelEvidence]) -> Gr
 
 
 def curves(ground: Ground) -> dict[str, Curve]:
-    """Polynomials of τ1, τ2, T_s through the logarithms of the levels that determine them."""
+    """Polynomials of T_s, τ1, τ2 through the logarithms of the levels that determine them; none where none do."""
     result = {}
     for k, name in enumerate(("Ts", "tau1", "tau2")):
         row = ground.known[:, k]
         if not row.any():
-            row = np.ones_like(row)
+            continue
         terms = min(TERMS[name], int(row.sum()))
         duty, theta = ground.duty_pct[row], ground.log_theta[row, k]
         if ground.source != "repeats" and row.sum() - terms >= SPARE_LEVELS:

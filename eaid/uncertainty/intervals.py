@@ -88,6 +88,16 @@ def intervals(
     options = options or IntervalOptions()
     if options.ci not in METHODS:
         raise UsageError(f"--ci {options.ci}: must be one of {', '.join(METHODS)}")
+    try:
+        # curves of τ near 0 or far beyond the record overflow on the way; what is not finite in the end becomes none
+        with np.errstate(all="ignore"):
+            return _intervals(stepset, fit, options, advance)
+    except (np.linalg.LinAlgError, ZeroDivisionError, OverflowError) as fault:
+        word = f"no intervals: these data do not determine the curves well enough to compute any ({fault})"
+        return Intervals(None, None, None, {"ci": options.ci, "why": word, "words": [word]}, (word,))
+
+
+def _intervals(stepset: StepSet, fit: Fit, options: IntervalOptions, advance: Callable[[], None] | None) -> Intervals:
     fitted = fitted_levels(fit)
     stepset = replace(stepset, levels=tuple(level for level in stepset.levels if level.level in fitted))
     curves = _ground(stepset, fit)
@@ -180,6 +190,8 @@ def _profiled(curves: Ground, i: int, k: int, p: Parameter) -> Parameter:
         # scatter from run to run (a gain, a τ1) knows nothing of the cost's shape: logs are its own scale
         return p
     inverse = np.linalg.pinv(one.evidence.information, rcond=1e-14, hermitian=True)
+    if not inverse[k, k] > 0:
+        return p
     t = t_quantile(float(curves.degrees[i, k]))
     rise = t**2 * float(curves.variance[i, k]) / float(inverse[k, k])
     points = data_of([curves.levels[i]]).points

@@ -141,7 +141,7 @@ def with_white_covariance(
         cost += weight * float(left @ left)
         samples += len(left)
     spare = samples - len(c.values)
-    return with_covariance(c, free_inverse(c, M, len(levels)) * cost / spare), float(spare)
+    return with_covariance(c, free_inverse(c, M, len(levels)) * cost / max(spare, 1)), float(spare)
 
 
 def with_covariance(c: Coefficients, covariance: Array) -> Coefficients:

@@ -108,7 +108,8 @@ def level_parameters(level: LevelEvidence, variance: Array, degrees: Array) -> l
             ends = np.exp(theta + np.array([-reach, reach]))
         value = float(np.exp(theta))
         if name == "C":
-            value, ends = value / (1 + value), np.where(np.isfinite(ends), ends / (1 + ends), 1.0)
+            value, ends = (1 / (1 + np.exp(-np.clip(x, -700, 700))) for x in (theta, theta + np.array([-reach, reach])))
+            value = float(value)
         interval: tuple[float, float] | None = (float(ends[0]), float(ends[1]))
         word = None
         if name in level.held:

@@ -55,8 +55,9 @@ def estimates(fit: NonlinearFit, ground: Ground) -> Estimates:
         shifts = [_with_share(shift) for shift in shifts]
     joint = _swept(with_joint_covariance(joint, ground.levels, shifts, weights), ground)
     through = curves(ground)
-    degrees = {name: curve_degrees(ground, curve, name) for name, curve in through.items()}
-    if (ground.known.sum(axis=0) < 1).any():
+    degrees = dict.fromkeys(ROW, ground.total_degrees)
+    degrees |= {name: curve_degrees(ground, curve, name) for name, curve in through.items()}
+    if len(through) < len(ROW):
         return Estimates(joint, joint, None, degrees, through)
     duty, theta = ground.duty_pct, ground.log_theta
     variance = {name: np.where(ground.known[:, k], ground.own_variance[:, k], np.inf) for name, k in ROW.items()}
@@ -101,11 +102,12 @@ def coefficient_intervals(c: Coefficients, degrees: dict[str, float]) -> dict[st
         scale = 100.0 ** np.arange(c.counts[k])
         reach = t_quantile(degrees[name]) * sd[own]
         low, high = (c.values[own] - reach) / scale, (c.values[own] + reach) / scale
-        held = name in c.held
+        held = name in c.held or not np.isfinite(reach).all()
         result[name] = [None if held else [float(a), float(b)] for a, b in zip(low, high, strict=True)]
     if c.share_free:
         reach = t_quantile(min(degrees.values())) * sd[-1]
-        result["C"] = [[float(c.values[-1] - reach), float(c.values[-1] + reach)]]
+        ends = [max(0.0, float(c.values[-1] - reach)), min(1.0, float(c.values[-1] + reach))]
+        result["C"] = [ends if np.isfinite(reach) else None]
     return result
 
 
