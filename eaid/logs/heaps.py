@@ -33,6 +33,6 @@ def _whole(data: mmap.mmap, start: int) -> bool:
         index = int.from_bytes(data[at : at + 2], "little")
         size = int.from_bytes(data[at + 8 : at + 16], "little")
         if index == 0:
-            return 16 <= size <= end - at
+            return size == end - at
         at += 16 + size + -size % 8
     return at <= end
