@@ -1,7 +1,7 @@
 """Sixteen plants at once: the loop of `eaid.replay.loop` with time outermost, in a form that compilers turn into
 vector instructions.
 
-The same `plant_step` and controller steps are called; three things make them vectors (measured, docs/numerics.md):
+The same `plant_step` and controller steps are called; three things make them vectors (measured; docs/replay.md):
 
 1. All that a block remembers lies in one flat array, row after row of sixteen; every distance between two accesses
 is then a constant,
