@@ -20,6 +20,7 @@ CLUTCH: tuple[tuple[str, ...], ...] = (
     ("simulate", "fit.json", "--gains", "gains.json", "--scenario", "multisine", "-o", "multisine.h5"),
     ("simulate", "fit.json", "--gains", "gains.json", "--scenario", "sweep", "-o", "sweep.h5"),
     ("simulate", "fit.json", "--gains", "gains.json", "--scenario", "rehab", "-o", "rehab.h5"),
+    ("simulate", "fit.json", "--log", "clutch.h5", "-o", "log.h5"),
     ("plan", "fit.json", "-o", "plan.csv"),
 )
 """What the demo does with the clutch, as a user would type it inside the demo's folder."""
@@ -34,7 +35,8 @@ FRICTION: tuple[tuple[str, ...], ...] = (
 
 REPORTED = (
     "clutch.h5", "friction-force.h5", "friction-speed.h5", "fit.json", "friction-force.json", "friction-speed.json",
-    "gains.json", "steps.h5", "multisine.h5", "sweep.h5", "rehab.h5",
+    "gains.json", "steps.h5", "multisine.h5", "sweep.h5", "rehab.h5", "log.h5",
+    "log.h5",
 )  # fmt: skip
 
 

@@ -53,11 +53,17 @@ def commands(results: Results) -> list[str]:
     ]
     with_gains = f" --gains {shlex.quote(results.gains[0].source.path)}" if results.gains else ""
     for replay in results.replays:
-        names = ",".join(replay.traces)
-        scenario = f" --scenario {shlex.quote(replay.scenario)}" if replay.scenario else ""
+        if replay.scenario == "log":
+            lines.append(f"eaid simulate {model} --log LOGS -o {shlex.quote(replay.source.path)}")
+            continue
+        names = ",".join(name for name in replay.traces if name != "best")
+        more = " --best" if "best" in replay.traces else ""
+        more += f" --plants {replay.options['plants']}" if isinstance(replay.options.get("plants"), int) else ""
+        own = replay.scenario == "reference"
+        scenario = " --reference FILE" if own else f" --scenario {shlex.quote(replay.scenario)}"
         seed = f" --seed {replay.options['seed']}" if isinstance(replay.options.get("seed"), int) else ""
         lines.append(
-            f"eaid simulate {model}{with_gains}{scenario} --controller {shlex.quote(names)}{seed} -o "
+            f"eaid simulate {model}{with_gains}{scenario} --controller {shlex.quote(names)}{more}{seed} -o "
             f"{shlex.quote(replay.source.path)}"
         )
     lines.append("eaid report " + " ".join(shlex.quote(source.path) for source in results.sources) + " -o report")

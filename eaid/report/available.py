@@ -166,6 +166,47 @@ def replay_ready(
     return ready
 
 
+def bands(replay: Replay) -> dict[str, tuple[Array, Array, Array]]:
+    """Time [s] and the 2.5 % and 97.5 % torques [N·m] of each controller over drawn plants, where there are any."""
+    quantiles = [float(q) for q in replay.options.get("band_quantiles") or []]
+    if 0.025 not in quantiles or 0.975 not in quantiles:
+        return {}
+    low, high = quantiles.index(0.025), quantiles.index(0.975)
+    return {
+        name: (table["plants/band_time_s"], table["plants/band_nm"][low], table["plants/band_nm"][high])
+        for name, table in replay.tables.items()
+        if "plants/band_nm" in table
+    }
+
+
+def log_ready(results: Results) -> Ready | None:
+    """Recorded duty through the model: at most six runs, spread over the torques."""
+    found = results.replay("log")
+    if found is None:
+        return None
+    compared = {
+        name: trace
+        for name, trace in found.traces.items()
+        if (found.summary.get(name) or {}).get("reference_is") == "recorded torque"
+    }
+    by_torque = sorted(compared, key=lambda name: float(np.max(compared[name]["reference_nm"])))
+    places = sorted({round(k * (len(by_torque) - 1) / 5) for k in range(6)}) if by_torque else []
+    chosen = {by_torque[place]: compared[by_torque[place]] for place in places}
+    return Ready(lambda: replays.recorded_duty(chosen)) if chosen else None
+
+
+def guarantee_ready(results: Results) -> Ready | None:
+    """The guarantee watched in a replay with the robust controller."""
+    order = sorted(results.replays, key=lambda replay: replay.scenario != "multisine")
+    for replay in order:
+        trace = replay.traces.get("rc")
+        if trace is not None and {"chi_nm_s", "rho_nm_s"} <= set(trace) and replay.scenario != "rehab":
+            share = (replay.summary.get("rc") or {}).get("guarantee_holds_fraction")
+            note = f"It covers the need {100 * share:.1f} % of the time in this replay." if share is not None else ""
+            return Ready(partial(replays.guarantee, trace), note=note)
+    return None
+
+
 def counted_from(replay: Replay) -> float:
     """Instant from which a replay's errors count [s]."""
     for numbers in replay.summary.values():

@@ -32,5 +32,5 @@ def build(
     text = page(results, drawn, missing)
     with written_whole(folder / PAGE, force=True) as part:
         part.write_text(text, encoding="utf-8", newline="\n")
-    named = tuple((row.name, row.made_by) for row in missing if row.section != "compare")
+    named = tuple((row.name, row.made_by) for row in missing if row.made_by and row.section != "compare")
     return Report(folder / PAGE, tuple(one.row.name for one in drawn), named)

@@ -272,6 +272,51 @@ def replay_table(replay: Replay) -> Table:
     )
 
 
+def log_table(replay: Replay) -> Table:
+    """How far the model is from each recorded run when it gets the recorded duty."""
+    rows = [
+        (
+            name,
+            number(known.get("rms_difference_nm"), 3),
+            number(known.get("max_abs_difference_nm"), 3),
+            number(known.get("mean_difference_nm"), 3),
+            number(100 * known["explained_variance"], 4) if known.get("explained_variance") is not None else "–",
+        )
+        for name, known in replay.summary.items()
+        if known.get("reference_is") == "recorded torque"
+    ]
+    return Table(
+        "Recorded duty through the model",
+        f"From {replay.source.path}: each log's own duty drives the fitted model.",
+        ("run", "RMS difference (N·m)", "largest (N·m)", "mean, recorded − model (N·m)", "variance explained (%)"),
+        tuple(rows),
+        formulas=False,
+    )
+
+
+def plants_table(replay: Replay) -> list[Table]:
+    """Spread of the numbers over plants drawn from the fit's uncertainty; empty where none were drawn."""
+    rows = []
+    for name, known in replay.summary.items():
+        drawn = (known.get("plants") or {}).get("metrics") or {}
+        for key, said in METRICS.items():
+            if one := drawn.get(key):
+                worst = (one.get("worst") or {}).get("value")
+                cells = (number(value, 3) for value in (one.get("p2.5"), one.get("median"), one.get("p97.5"), worst))
+                rows.append((f"{controller_name(name)}: {said}", *cells))
+    if not rows:
+        return []
+    count = replay.options.get("plants")
+    return [
+        Table(
+            f"Over drawn plants: {replay.scenario}",
+            f"{count} plants drawn from the fit's uncertainty; the figure's shaded band holds 95 % of them.",
+            ("number", "2.5 %", "median", "97.5 %", "worst"),
+            tuple(rows),
+        )
+    ]
+
+
 def step_tables(replay: Replay) -> list[Table]:
     """Rise, overshoot and settling of each step; amplitude and phase of each tone."""
     found = []

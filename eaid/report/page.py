@@ -110,7 +110,7 @@ def _missing(rows: Sequence[Row]) -> list[tuple[str, str]]:
     """What is not shown, by the command that makes its data; in the order of the page, a comparison is not missed."""
     by_command: dict[str, list[str]] = {}
     for row in FIGURES:
-        if row in rows and row.section != "compare":
+        if row in rows and row.made_by and row.section != "compare":
             by_command.setdefault(row.made_by, []).append(row.title)
     return [(", ".join(titles), command) for command, titles in by_command.items()]
 

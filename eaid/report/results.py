@@ -20,7 +20,7 @@ from eaid.steps.build import StepOptions, build_stepset
 from eaid.steps.stepset import StepSet
 from eaid.store import read_json
 
-SCENARIOS = ("steps", "multisine", "sweep", "rehab")
+SCENARIOS = ("steps", "multisine", "sweep", "reference", "log", "rehab")
 """The order of the paper, and of the page."""
 
 
@@ -66,6 +66,8 @@ class Replay:
     """Controller → column → values; every column has the controller's own length."""
     summary: Mapping[str, Any] = field(default_factory=dict)
     """Controller → its numbers, where the file holds them."""
+    tables: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    """Controller → further arrays by name, as the band over drawn plants."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -173,7 +175,8 @@ def read_replay(path: Path, source: Source) -> Replay:
     known = list(CONTROLLERS)
     traces = dict(sorted(traces.items(), key=lambda item: known.index(item[0]) if item[0] in known else len(known)))
     summary = {name: records[name].metrics for name in traces}
-    return Replay(source, str(options.get("scenario", "")), options, traces, summary)
+    more = {name: records[name].tables for name in traces}
+    return Replay(source, str(options.get("scenario", "")), options, traces, summary, more)
 
 
 def read_data(path: Path, source: Source) -> Data:

@@ -8,7 +8,17 @@ from typing import Any
 from eaid.report import tables
 from eaid.report.available import two_alike
 from eaid.report.comparison import compare
-from eaid.report.details import details, guarantee, margins, rehab_tables, replay_table, runs, step_tables
+from eaid.report.details import (
+    details,
+    guarantee,
+    log_table,
+    margins,
+    plants_table,
+    rehab_tables,
+    replay_table,
+    runs,
+    step_tables,
+)
 from eaid.report.results import Results
 from eaid.report.style import controller_name
 from eaid.report.tables import KINDS, Table
@@ -93,7 +103,9 @@ def _what(results: Results, path: str) -> str:
             return f"{KINDS.get(data.steps.kind, (data.steps.kind, ''))[0]}: {_levels(counts)}"
     for replay in results.replays:
         if replay.source.path == path:
-            return f"{replay.scenario or 'replay'}: {', '.join(controller_name(name) for name in replay.traces)}"
+            names = [controller_name(name) for name in replay.traces]
+            many = ", ".join(names) if len(names) < 6 else f"{len(names)} runs"
+            return f"{replay.scenario or 'replay'}: {many}"
     return "robust and PI gains"
 
 
@@ -159,8 +171,8 @@ def sections(results: Results) -> list[Section]:
                 "replays",
                 "Replays",
                 "Controllers tried on the fitted plant: no rig was moved.",
-                tuple(replay_table(replay) for replay in replays),
-                tuple(t for replay in replays for t in step_tables(replay)),
+                tuple(log_table(replay) if replay.scenario == "log" else replay_table(replay) for replay in replays),
+                tuple(t for replay in replays for t in (*plants_table(replay), *step_tables(replay))),
             )
         )
     if (rehab := results.replay("rehab")) is not None:

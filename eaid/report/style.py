@@ -24,6 +24,8 @@ CONTROLLERS: dict[str, tuple[str, str, str]] = {
     "rc": (BLUE, "-", "o"),
     "pi": (VERMILLION, "--", "s"),
     "open-loop": (GREEN, "-.", "^"),
+    "best": (ORANGE, (0, (5, 1)), "v"),  # type: ignore[dict-item]
+    "recorded": (GREY, "-", "x"),
     "inverse": (PURPLE, (0, (1, 1)), "D"),  # type: ignore[dict-item]
 }
 """Colour, line and marker of a controller, the same in every figure."""
@@ -95,7 +97,8 @@ def controller_marker(name: str, position: int = 0) -> str:
 
 def controller_name(name: str) -> str:
     """A controller's name as a reader knows it."""
-    return {"rc": "RC", "pi": "PI", "open-loop": "open loop", "inverse": "model inverse"}.get(name, name)
+    known = {"rc": "RC", "pi": "PI", "open-loop": "open loop", "inverse": "model inverse", "best": "best possible"}
+    return known.get(name, name)
 
 
 def level_colours(n: int) -> list[str]:

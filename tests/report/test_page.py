@@ -156,7 +156,10 @@ def test_a_fit_alone_is_shown_and_the_rest_named_with_its_command(tmp_path: Path
     assert run(["report", str(tmp_path / "fit.json"), "-o", str(tmp_path / "out")]) == 0
     outline = Outline((tmp_path / "out/report.html").read_text(encoding="utf-8"))
     assert "Linear model, Eq. (8)" in outline.text
-    assert "Fig. 12 · Sum of sines: eaid simulate fit.json --gains gains.json --scenario multisine" in outline.text
+    assert (
+        "Fig. 13 · Sines of rising frequency: eaid simulate fit.json --gains gains.json --scenario sweep"
+        in outline.text
+    )
     assert "left out fig12_multisine" in capsys.readouterr().err
 
 

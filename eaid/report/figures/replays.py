@@ -28,14 +28,24 @@ def _legend(axes: Axes) -> None:
     axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=5, borderaxespad=0.2)
 
 
-def tracking(traces: Mapping[str, Mapping[str, Array]], from_s: float = 0.0) -> Figure:
-    """(a) torque and reference [N·m], (b) torque error [N·m], (c) duty [%]; the error counts from `from_s` on."""
+def tracking(
+    traces: Mapping[str, Mapping[str, Array]],
+    from_s: float = 0.0,
+    bands: Mapping[str, tuple[Array, Array, Array]] | None = None,
+) -> Figure:
+    """(a) torque and reference [N·m], (b) torque error [N·m], (c) duty [%]; the error counts from `from_s` on.
+
+    `bands` holds time, lower and upper torque of a controller over drawn plants, where there are any.
+    """
     figure, (torque, error, duty) = style.sheet(style.PAGE_IN, 4.4, 3, 1, sharex=True, height_ratios=(1.5, 1, 1))
     for i, (name, trace) in enumerate(traces.items()):
         look = style.controller_look(name, i)
         _draw(torque, trace, trace["torque_nm"], label=style.controller_name(name), **look)
         _draw(error, trace, trace["reference_nm"] - trace["torque_nm"], **look)
         _draw(duty, trace, trace["duty_pct"], **look)
+        if bands and name in bands:
+            t, low, high = bands[name]
+            torque.fill_between(t, low, high, color=look["color"], alpha=0.25, linewidth=0)
     _reference(torque, traces)
     if from_s > 0:
         for axes in (torque, error, duty):
@@ -95,6 +105,34 @@ def sweep(frequencies: Mapping[str, Mapping[str, Array]]) -> Figure:
     for mark, axes in zip("ab", (gain, error), strict=True):
         style.letter(axes, mark)
     gain.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2, borderaxespad=0.2)
+    return figure
+
+
+def recorded_duty(traces: Mapping[str, Mapping[str, Array]]) -> Figure:
+    """Recorded torque and the model's under the recorded duty [N·m], run over run, on each run's own clock."""
+    figure, (torque, error) = style.sheet(style.PAGE_IN, 3.2, 2, 1, height_ratios=(1.8, 1))
+    for colour, trace in zip(style.level_colours(len(traces)), traces.values(), strict=True):
+        _draw(torque, trace, trace["reference_nm"], color=colour)
+        _draw(torque, trace, trace["torque_nm"], color=style.VERMILLION, linestyle=(0, (3, 1.5)))
+        _draw(error, trace, trace["reference_nm"] - trace["torque_nm"], color=colour)
+    torque.plot([], [], color=style.BLACK, label="recorded")
+    torque.plot([], [], color=style.VERMILLION, linestyle=(0, (3, 1.5)), label="model, same duty")
+    torque.set(ylabel="Torque (N·m)")
+    error.set(ylabel="Recorded − model (N·m)", xlabel="Time of the log (s)")
+    for mark, axes in zip("ab", (torque, error), strict=True):
+        style.letter(axes, mark)
+    _legend(torque)
+    return figure
+
+
+def guarantee(trace: Mapping[str, Array]) -> Figure:
+    """What the robust term has to cover, |χ|, and its size ρ over time [N·m/s]."""
+    figure, (axes,) = style.sheet(style.COLUMN_IN, 2.2)
+    _draw(axes, trace, trace["rho_nm_s"], color=style.BLUE, label=r"available, $\rho$")
+    _draw(axes, trace, np.abs(trace["chi_nm_s"]), color=style.VERMILLION, linestyle="--", label=r"needed, $|\chi|$")
+    axes.set(xlabel="Time (s)", ylabel="Robust term (N·m/s)", xlim=(trace["time_s"][0], trace["time_s"][-1]))
+    axes.set_ylim(0, 2.5 * float(np.median(trace["rho_nm_s"])))
+    _legend(axes)
     return figure
 
 
