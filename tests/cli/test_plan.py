@@ -60,7 +60,9 @@ def test_out_of_reach_is_a_warning(fit: Path, tmp_path: Path, capsys: pytest.Cap
 
 def test_a_fit_without_noise_says_what_is_assumed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = tmp_path / "fit.json"
-    write_json(path, stamped("eaid/fit/1", {"nonlinear": {"tau1": [0.3], "tau2": [4], "Ts": [1], "u_range": [10, 90]}}))
+    write_json(
+        path, stamped("eaid/fit/1", {"nonlinear": {"tau1": P.tau1, "tau2": P.tau2, "Ts": P.Ts, "u_range": [10, 90]}})
+    )
     assert main.run(["plan", str(path), "-o", str(tmp_path / "p.csv"), "--no-check", "--want", "Ts=5"]) == 0
     assert "does not say how noisy the rig is" in capsys.readouterr().err
 

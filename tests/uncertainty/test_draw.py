@@ -43,11 +43,21 @@ def test_every_plant_keeps_the_constraints(sd: float) -> None:
 
 
 def test_a_minimal_fit_gives_the_plant_itself_and_a_word() -> None:
-    minimal = {"nonlinear": {"tau1": [0.3], "tau2": [4.0], "Ts": [1.0], "u_range": [10, 100]}}
+    minimal = {"nonlinear": {"tau1": list(P.tau1), "tau2": list(P.tau2), "Ts": list(P.Ts), "u_range": [10, 100]}}
     plants = draw_plants(minimal, 3, 0)
     assert len(plants) == 3 and len(set(plants)) == 1
     assert "no covariance" in (covariance_word(minimal) or "")
     assert covariance_word(fit_json(0.1)) is None
+
+
+def test_a_free_share_is_drawn_too_and_stays_a_share() -> None:
+    free = fit_json(0.01)
+    matrix = np.zeros((11, 11))
+    matrix[:10, :10] = free["nonlinear"]["covariance"]["matrix"]
+    matrix[10, 10] = 0.1**2
+    free["nonlinear"]["covariance"] = {"matrix": matrix.tolist(), "order": ["…"] * 10 + ["C"]}
+    shares = [p.C for p in draw_plants(free, 200, 0)]
+    assert np.std(shares) == pytest.approx(0.08, abs=0.03) and min(shares) >= 0 and max(shares) <= 1
 
 
 def test_a_broken_covariance_is_refused() -> None:
