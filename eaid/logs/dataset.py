@@ -104,6 +104,7 @@ def _write_run(folder: Any, run: Run) -> None:
         )  # fmt: skip
         for place, (piece,) in pieces(values):
             stored[place] = piece
+        release(values)
     facts = {
         "level": run.level, "repeat": run.repeat, "step_s": run.step_s, "baseline_nm": run.baseline,
         "until_s": run.until_s, "before_nm": run.held, "source": run.source, "sha256": run.sha256,

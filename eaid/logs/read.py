@@ -259,7 +259,8 @@ def _run(
     out = scale_of(
         "output", options.units.get("output"), sheet.columns[roles.output], sheet.unit(roles.output), roles.output_unit
     )
-    unit, input_ = _input_unit(options, kind), np.full(len(kept(time)), np.nan)
+    unit = _input_unit(options, kind)
+    input_: Array = np.broadcast_to(np.float64(np.nan), len(output) if keep is None else len(keep))  # takes no memory
     if which is not None:
         assert kind is not None
         name = sheet.columns[which]

@@ -155,7 +155,8 @@ def _load_fast(data: bytes, start: int, end: int, dialect: Dialect, columns: Seq
             index_col=False,
             skip_blank_lines=False,
             encoding_errors="replace",
-            low_memory=False,
+            low_memory=True,  # in pieces, which takes a third less memory
+            dtype={column: np.float64 if column in columns else str for column in wanted},
             **options,
         )
     except (ParserError, ValueError, OverflowError):

@@ -36,8 +36,7 @@ def _stacked(outputs: Sequence[Array], count: int) -> Array:
     for row, output in zip(stack, outputs, strict=True):
         for place, (piece,) in pieces(output[:count]):
             row[place] = piece
-            if count >= LONG:
-                release(stack)
+            release(stack)
     return read_only(stack)
 
 
@@ -80,4 +79,5 @@ def common(level: float, members: Sequence[Step]) -> Level:
             near = slice(*np.searchsorted(time, (piece[0], piece[-1])).tolist())
             part = slice(max(0, near.start - 1), near.stop + 1)
             row[place] = np.interp(piece, time[part], output[part])
+            release(stack)
     return Level(level, grid, read_only(stack), names, True)

@@ -10,7 +10,7 @@ from eaid.apparatus import Apparatus
 from eaid.arrays import read_only
 from eaid.errors import DataError, UsageError
 from eaid.logs.run import Kind, Run
-from eaid.logs.spool import mean, sample_steps
+from eaid.logs.spool import mean, release, sample_steps
 from eaid.steps.average import common
 from eaid.steps.cut import FEWEST, cut, has_input
 from eaid.steps.doubts import Step, disagreement, doubts, left_pct, lost_pct
@@ -84,6 +84,7 @@ def cut_runs(runs: Sequence[Run], options: StepOptions) -> tuple[list[Run], list
             else:
                 _check_window(found[0])
             steps.extend(found)
+            release(run.time_s, run.input, run.output)
         except DataError as fault:
             faults.extend(fault.sentences)
     return _counted(steps), faults
@@ -145,6 +146,7 @@ def _signs(cut_steps: Sequence[Run]) -> dict[bool, float]:
     for run in cut_steps:
         if run.edge == "rising":
             totals[(run.level or 0.0) < 0] += mean(run.output[Step(run).start :]) - (run.baseline or 0.0)
+            release(run.time_s, run.output)
     return {negative: -1.0 if total < 0 else 1.0 for negative, total in totals.items()}
 
 
@@ -210,6 +212,7 @@ def stepset_of(cut_steps: Sequence[Run], options: StepOptions = NOTHING_SAID) ->
         step = Step(run, signs[(run.level or 0.0) < 0])
         warnings[run.name] = [*notes, *doubts(step)]
         records.append(_record(step, ()))
+        release(run.time_s, run.input, run.output)
         if run.from_level != 0:
             continue
         level = abs(run.level or 0.0)
@@ -261,8 +264,11 @@ def _level(runs: list[Run], signs: dict[bool, float], warnings: dict[str, list[s
     inputs = [abs(run.level or 0.0) for run in runs]
     level = inputs[0] if len(set(inputs)) == 1 else float(np.mean(inputs))
     averaged = common(level, [Step(run, signs[(run.level or 0.0) < 0]) for run in runs])
+    for run in runs:
+        release(run.time_s, run.output)
     if warnings is not None and len(runs) > 1:
         spread = disagreement(averaged.runs_nm)
+        release(averaged.runs_nm)
         if spread > DISAGREE:
             for run in runs:
                 warnings[run.name].append(f"repeats disagree: their torque at the end differs by {spread:.0%}")

@@ -14,7 +14,7 @@ import numpy as np
 from eaid.arrays import Array, read_only
 from eaid.errors import DataError
 from eaid.logs.run import Run
-from eaid.logs.spool import extent, mean, pieces, sample, sample_steps
+from eaid.logs.spool import extent, mean, pieces, release, sample, sample_steps
 
 OFFSET = 0.05
 """Share of its largest value within which a measured input counts as zero."""
@@ -44,12 +44,13 @@ def plateaus(values: Array) -> list[Plateau]:
     allowed = tolerance(values)
     if allowed == 0.0:
         return [Plateau(0, len(values), float(values[0]))]
-    bounds = [0, *_jumps(values, allowed), len(values)]
-    parts = [
-        piece
-        for start, stop in itertools.pairwise(bounds)
-        for piece in _without_slow_ramps(values, start, stop, allowed)
-    ]
+    jumps = _jumps(values, allowed)
+    if len(jumps) > max(1000, len(values) // (2 * FEWEST)):
+        return []  # it never stands still
+    parts: list[Plateau] = []
+    for start, stop in itertools.pairwise([0, *jumps, len(values)]):
+        parts.extend(_without_slow_ramps(values, start, stop, allowed))
+        release(values)
     found: list[Plateau] = []
     for i, piece in enumerate(parts):
         short = piece.stop - piece.start < FEWEST
@@ -192,6 +193,7 @@ def _cut_by_input(run: Run, where: str) -> list[Run]:
             # behind a hold, only the last quarter of the idle time is taken for idle
             start = before.start if i == 0 else before.stop - (before.stop - before.start) // 4 - 1
             baseline = mean(run.output[start : before.stop])
+        release(run.output)
         # the ramp between two plateaus goes with the step that it leads to
         start, end = end, now.stop
         steps.append(
@@ -236,7 +238,9 @@ def bridge(found: list[Plateau]) -> tuple[list[Plateau], int]:
 def _end_of(run: Run, hold: Plateau) -> float:
     """Output at the end of a hold: mean of its last twentieth."""
     count = max(1, (hold.stop - hold.start) // 20)
-    return mean(run.output[hold.stop - count : hold.stop])
+    last = mean(run.output[hold.stop - count : hold.stop])
+    release(run.output)
+    return last
 
 
 _NO_STEP = "record the idle time before the step too, or give the step instant with --step-at"
