@@ -216,7 +216,7 @@ print(json.dumps(found))
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="no fork here")
 def test_memory_is_at_most_four_times_the_file(tmp_path):
     """Of files that are not packed; 8 MB are allowed for buffers."""
-    names = ["lvm", "hdf5", "mat"]
+    names = ["text", "lvm", "hdf5", "mat"]
     names += ["tdms"] if importlib.util.find_spec("nptdms") else []
     given = []
     for name in names:
