@@ -26,6 +26,8 @@ from eaid.uncertainty.profile import least
 
 OVERSHOOT = 0.05
 """Torque lost under hold beyond which no monotone curve is right."""
+STRONG = 6.0
+"""Difference of BIC that counts as strong evidence (Kass and Raftery)."""
 ORDERS = (1, 2, 3, 4)
 
 
@@ -253,9 +255,9 @@ def _leave_one_out(base: Ground) -> float:
 def _sentence(shapes: Sequence[Shape], orders: Sequence[Order], rows: Sequence[dict[str, Any]]) -> str:
     best = min(shapes, key=lambda shape: shape.bic)
     usual = shapes[1]
-    if best is usual or usual.bic - best.bic < 10:
+    if best is usual or usual.bic - best.bic < STRONG:
         said = f"keep {usual.name}"
-    elif best.name == "two exponentials, C free" and best.rmse > 0.8 * usual.rmse:
+    elif best.name == "two exponentials, C free" and best.rmse > 0.9 * usual.rmse:
         said = f"keep {usual.name}: a free C fits only {100 * (1 - best.rmse / usual.rmse):.0f} % closer"
     else:
         said = f"use {best.name}: RMSE {best.rmse:.3g} against {usual.rmse:.3g}"

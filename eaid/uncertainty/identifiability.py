@@ -95,8 +95,16 @@ def level_words(ground: Ground, unit: str) -> list[str]:
     names = tuple(SYMBOLS)[: ground.variance.shape[1]]
     words = []
     for i, one in enumerate(ground.evidence):
+        place = f"at {one.level:g} {unit}".rstrip()
+        met = {"tau1", "tau2"} <= set(one.held) and "Ts" not in one.held
+        if met:
+            words.append(
+                f"{place} τ1 and τ2 meet, neither is estimable by itself: all that the record shows is one exponential "
+                f"of {one.curve.tau1:.3g} s"
+            )
         for k, name in enumerate(names):
-            place = f"at {one.level:g} {unit}".rstrip()
+            if met and name in ("tau1", "tau2"):
+                continue
             if name in one.held:
                 words.append(f"{place} {SYMBOLS[name]} is not estimable: a constraint holds it")
             elif not ground.known[i, k] and name != "C":

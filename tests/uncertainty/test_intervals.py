@@ -210,7 +210,7 @@ def test_a_parameter_at_its_constraint_is_not_estimable() -> None:
     sure = intervals(same, fit(same, FitOptions(models=("friction",))))
     held = [row for row in sure.friction["levels"] if "not estimable" in row["words"].get("tau2", "")]
     assert len(held) == 4 and all(row["ci95"]["tau2"] is None for row in held)
-    assert any("τ2 is not estimable: a constraint holds it" in word for word in sure.friction["open"])
+    assert any("τ1 and τ2 meet, neither is estimable by itself" in word for word in sure.friction["open"])
 
 
 def test_overshoot_under_hold_is_named() -> None:

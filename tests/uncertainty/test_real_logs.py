@@ -1,0 +1,47 @@
+"""Warnings about recorded logs that a person who knows the rigs would sign; skipped where the logs are not there."""
+
+from pathlib import Path
+
+import pytest
+
+from eaid.cli.inputs import stepset_from
+from eaid.fitting.fit import fit
+from eaid.fitting.options import FitOptions
+from eaid.uncertainty.intervals import intervals
+
+REAL = Path(__file__).parents[2] / "../shared/realdata"
+pytestmark = pytest.mark.skipif(not REAL.is_dir(), reason="the recorded logs are not beside this checkout")
+
+
+def test_clutch_of_three_seconds_overshoots_and_hides_tau2() -> None:
+    """README of the logs: from 200 V up the force overshoots, and 3 s cannot identify a τ2 of 4 s."""
+    logs = sorted((REAL / "ea-clutch").glob("*V=[23]00_*.csv.gz")) + sorted(
+        (REAL / "ea-clutch").glob("*V=250_*.csv.gz")
+    )
+    stepset = stepset_from(
+        logs, columns='time=Time,output="Load Cell"', units="time=us,output=N", name_pattern="_V={level}_",
+        step_at=2.0, until=5.0, kind="clutch", repair=True,
+    )  # fmt: skip
+    found = fit(stepset, FitOptions(models=("friction", "nonlinear")))
+    sure = intervals(stepset, found)
+    assert sure.nonlinear is not None and sure.friction is not None
+    assert sure.nonlinear["identifiable"] is False
+    assert any(
+        "τ2 is not determined at 3 of 3 levels" in reason for reason in sure.nonlinear["not_identifiable_because"]
+    )
+    assert all(row["ci95"]["tau2"] is None and row["ci95"]["Ts"] is not None for row in sure.friction["levels"])
+    assert any(
+        "overshoots and decays under hold" in word and "τ2 means nothing there" in word for word in sure.warnings
+    )
+    assert not any("believe the joint" in word for word in sure.warnings)
+
+
+def test_seal_friction_shows_a_free_share() -> None:
+    """README of the logs: a free C comes out at 0.4 to 0.8 there, not at 0.85."""
+    stepset = stepset_from([REAL / "friction-steps"], kind="friction-force")
+    found = fit(stepset, FitOptions(models=("friction",)))
+    sure = intervals(stepset, found)
+    said = sure.uncertainty["adequacy"]["recommended"]
+    assert "C free" in said, said
+    assert sure.friction is not None
+    assert any("at 5 bar τ2" in word for word in sure.friction["open"])
