@@ -48,7 +48,9 @@ Overshoot = Annotated[float | None, typer.Option("--pi-overshoot", help="PI: ove
 Settling = Annotated[float | None, typer.Option("--pi-settling", help="PI: settling time, 2 % band [s].")]
 PIGainsOption = Annotated[str | None, typer.Option("--pi-gains", help="PI: K_P,K_I; default 21,360.")]
 AntiWindup = Annotated[str, typer.Option("--anti-windup", help="conditional (integration) or back-calculation.")]
-Limits = Annotated[str, typer.Option("--duty-limits", help="Lowest and highest duty of the actuator [%].")]
+Limits = Annotated[
+    str | None, typer.Option("--duty-limits", help="Lowest and highest duty of the actuator [%]; default 0,100.")
+]
 RateHz = Annotated[float | None, typer.Option("--rate-hz", help="Control rate [Hz]; default: the fit's, else 1000.")]
 PwmHz = Annotated[
     float | None, typer.Option("--pwm-hz", help="Duty latched at this rate [Hz]; default: the fit's, else 300; 0: off.")
@@ -99,7 +101,7 @@ def command(
     pi_settling: Settling = None,
     pi_gains: PIGainsOption = None,
     anti_windup: AntiWindup = "conditional",
-    duty_limits: Limits = "0,100",
+    duty_limits: Limits = None,
     rate_hz: RateHz = None,
     pwm_hz: PwmHz = None,
     optimize: Optimize = False,
@@ -149,7 +151,7 @@ def command(
         reading=rho, alpha=alpha,  # type: ignore[arg-type]
         pi=PIOptions(_pair("--pi-gains", pi_gains) if pi_gains else None, pi_overshoot, pi_settling),
         anti_windup=anti_windup,  # type: ignore[arg-type]
-        duty_limits_pct=_pair("--duty-limits", duty_limits), timing=timing,
+        duty_limits_pct=_limits(fitted, duty_limits), timing=timing,
     )  # fmt: skip
     optimize = optimize or optimize_also is not None
     wants = {"φ": phi == "data", "the noise": optimize and noise_nm is None}
@@ -174,6 +176,11 @@ def command(
     inputs = {"fit": store.input_record(fit)}
     if reference is not None and reference_name not in NAMED:
         inputs["reference"] = store.input_record(Path(reference))
+    units = [(fitted.get("data") or {}).get(key) or usual for key, usual in UNITS.items()]
+    if units != list(UNITS.values()):
+        result["warnings"].insert(
+            0, f"input in {units[0]}, output in {units[1]}: read them wherever this says % duty and N·m"
+        )
     told = {"inputs": inputs, "options": _told(options, phi, allow_unidentified), "seed": seed}
     result = store.stamped("eaid/gains/1", {**told, **result})
     store.write_json(path, result, force)
@@ -186,6 +193,8 @@ def command(
     console.say(f"wrote {path}")
 
 
+UNITS = {"input_unit": "%", "output_unit": "N·m"}
+"""Units that gains are in where the fit says nothing else."""
 NAMED = ("multisine", "steps")
 """References that need no file."""
 
@@ -218,6 +227,23 @@ def _pair(option: str, text: str) -> tuple[float, float]:
     if len(numbers) != 2:
         raise UsageError(f"{option} {text}: write two numbers with a comma between them, as 21,360")
     return numbers[0], numbers[1]
+
+
+def _limits(fitted: dict[str, Any], text: str | None) -> tuple[float, float]:
+    """Limits of the input: 0…100 % of a duty; of another input what was identified, unless they are given."""
+    data = fitted.get("data") or {}
+    unit = data.get("input_unit") or "%"
+    highest = float(max(data.get("levels") or [100.0]))
+    is_duty = unit == "%" and highest <= 100
+    if text is not None:
+        low, high = _pair("--duty-limits", text)
+        if is_duty and high > 100:
+            raise UsageError(f"--duty-limits {text}: a duty ends at 100 %")
+        return low, high
+    if is_duty:
+        return 0.0, 100.0
+    console.warn(f"the input is no duty (levels up to {highest:g} {unit}): limits 0,{highest:g}; give --duty-limits")
+    return 0.0, highest
 
 
 def _b_hat(text: str) -> Any:
@@ -313,6 +339,7 @@ def _add_replay(
     """The replayed errors beside the ultimate bound, where the fit has a plant to replay on."""
     from eaid.control.design import plant_of
     from eaid.control.gains import pi_from_json, rc_from_json
+    from eaid.models.nonlinear import steady_torque
     from eaid.replay.references import multisine
     from eaid.replay.standard import beside_the_bound
 
@@ -321,6 +348,12 @@ def _add_replay(
         result["warnings"].append("the fit holds no nonlinear model, so no error is replayed beside the ultimate bound")
         return
     reference = wanted if wanted is not None else multisine(dt_s)
+    most, highest = float(reference.torque_nm.max()), float(steady_torque(plant, plant.u_range[1]))
+    if most > highest:
+        result["warnings"].append(
+            f"the {name} asks for up to {most:.3g} N·m, the fitted plant makes {highest:.3g} N·m at most: its errors "
+            "say nothing about the gains; give a --reference within reach"
+        )
     told = beside_the_bound(plant, rc_from_json(result), pi_from_json(result), reference, name)
     result["replayed"] = told
     result["rc"]["ultimate_bound"]["replayed_nm"] = told["rc"]["max_abs_error_nm"]

@@ -98,8 +98,8 @@ def _limits(gains: Mapping[str, Any], source: str) -> tuple[float, float]:
             f"{source}: duty_limits_pct is {limits!r}, it has to be [lowest, highest] in %; run tune-rc again"
         )
     low, high = (_number({"duty_limits_pct": limit}, "duty_limits_pct", source) for limit in limits)
-    if not 0.0 <= low < high <= 100.0:
-        raise DataError(f"{source}: duty_limits_pct is {limits!r}, it has to rise within 0 to 100 %; run tune-rc again")
+    if not 0.0 <= low < high:
+        raise DataError(f"{source}: duty_limits_pct is {limits!r}, it has to rise from 0 or above; run tune-rc again")
     return low, high
 
 

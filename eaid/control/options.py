@@ -58,6 +58,7 @@ class DesignOptions:
     pi: PIOptions = field(default_factory=PIOptions)
     anti_windup: Literal["conditional", "back-calculation"] = "conditional"
     duty_limits_pct: tuple[float, float] = (0.0, 100.0)
+    """[%], or the input's unit where that is another."""
     timing: Timing = RIG
 
     def __post_init__(self) -> None:
@@ -70,8 +71,8 @@ class DesignOptions:
             if not (value >= 0 and math.isfinite(value)):
                 raise UsageError(f"{name} {value:g}: must be 0 or above")
         low, high = self.duty_limits_pct
-        if not 0 <= low < high <= 100:
-            raise UsageError(f"--duty-limits {low:g},{high:g}: must rise within 0 to 100 %")
+        if not (0 <= low < high and math.isfinite(high)):
+            raise UsageError(f"--duty-limits {low:g},{high:g}: must rise from 0 or above")
         if not (self.K_P > 0 and self.K_D > 0):
             raise GainsError(
                 f"K_P {self.K_P:g} and K_D {self.K_D:g} make the error dynamics s² + K_D s + K_P unstable; "

@@ -169,6 +169,8 @@ def test_refused_gains_exit_with_5(linear, arguments, words, capsys):
         (["--optimize", "--noise-nm", "-1"], 2, "--noise-nm -1"),
         (["--optimize", "--evaluations", "0"], 2, "--evaluations 0"),
         (["--rate-hz", "0"], 2, "--rate-hz 0"),
+        (["--duty-limits", "0,120"], 2, "a duty ends at 100 %"),
+        (["--duty-limits", "50,20"], 2, "--duty-limits 50,20: must rise"),
     ],
 )
 def test_wrong_usage_gets_its_sentence(arguments, code, words, capsys):
@@ -191,6 +193,19 @@ def test_an_unidentified_fit_needs_a_word(capsys):
     assert "is not identifiable (one level only); --allow-unidentified uses it, marked" in capsys.readouterr().err
     gains = made("--allow-unidentified", linear=linear)
     assert gains["unidentified"] == "one level only" and "not identifiable: one level only" in gains["warnings"][0]
+
+
+def test_another_input_and_output_are_told(capsys):
+    data = {"input_unit": "V", "output_unit": "N", "levels": [100.0, 300.0]}
+    weak = {**PLANT, "Ts": [0.0, 2e-3, 0.0, 0.0], "u_range": [100.0, 300.0], "tau1": [0.3, 0.0, 0.0]}
+    weak["tau2"] = [5.0, 0.0, 0.0]
+    gains = made(data=data, nonlinear=weak)
+    assert gains["duty_limits_pct"] == [0.0, 300.0]
+    assert gains["warnings"][0] == "input in V, output in N: read them wherever this says % duty and N·m"
+    assert any("the fitted plant makes 0.6 N·m at most" in warning for warning in gains["warnings"])
+    beyond = made(data={"levels": [100.0, 300.0]}, nonlinear=weak)
+    assert beyond["duty_limits_pct"] == [0.0, 300.0]
+    assert made("--duty-limits", "0,250", data=data)["duty_limits_pct"] == [0.0, 250.0]
 
 
 def test_noise_is_what_the_logs_show():

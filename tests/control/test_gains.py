@@ -65,6 +65,7 @@ def test_limits_and_back_calculation_are_read():
         (changed("model", "b0", value=-0.1), "g.json: b0 is -0.1, it has to be positive"),
         (changed("rc", "Q", value=[1, 2]), "g.json: Q[1][0] is None"),
         ({**GAINS, "duty_limits_pct": [90, 5]}, "duty_limits_pct is [90, 5]"),
+        ({**GAINS, "duty_limits_pct": [-1, 5]}, "duty_limits_pct is [-1, 5]"),
         ({**GAINS, "duty_limits_pct": 90}, "duty_limits_pct is 90"),
     ],
 )
