@@ -43,9 +43,9 @@ class Variant:
 
 
 VARIANTS: dict[str, Variant] = {
-    "base": Variant("as UNCERTAINTY.md: three runs a level"),
+    "base": Variant("three runs a level"),
     "single": Variant("one run a level", runs=1),
-    "sweeps": Variant("repeats as sweeps: one gain a sweep", sweeps=True),
+    "sweeps": Variant("three sweeps, one gain each", sweeps=True),
     "low": Variant("scatter doubled up to 30 % duty", doubled_below=30.0),
     "white": Variant("white noise × 5", white_nm=0.05),
     "share": Variant("C of the plant 0.88, held at 0.85", share=0.88),
@@ -218,7 +218,7 @@ SINGLE_BANDS = {"Ts": (92, 97), "tau1": (92, 97), "tau2": (90, 98)}
 
 
 def outside_bands(name: str, coverage: Coverage) -> list[str]:
-    """Where a row leaves the bands of UNCERTAINTY.md; bands are given for the rows base and single only."""
+    """Where a row leaves the bands it is held to; there are such for the rows base and single only."""
     said = []
     for parameter, (mean, each) in BANDS.items():
         for group in ("level", "two-stage"):

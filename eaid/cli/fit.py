@@ -96,6 +96,7 @@ def command(
     )  # fmt: skip
     options = with_bounds_levels(options, bounds_levels, stepset)
     result, fit = fitted(stepset, options, ci, seed)
+    from eaid.cli.sure import interval_tables
     from eaid.store import write_json
 
     write_json(output, result, force)
@@ -103,6 +104,7 @@ def command(
         console.print_json(result)
     else:
         tables(fit, stepset)
+        interval_tables(result)
     tell_doubts(stepset)
     for part in ("friction", "nonlinear", "linear", "release"):
         for warning in result.get(part, {}).get("warnings", []):
