@@ -5,7 +5,6 @@ No time stamps, names in order: the same runs give the same bytes.
 """
 
 import dataclasses
-import hashlib
 import json
 from collections.abc import Sequence
 from pathlib import Path
@@ -18,6 +17,7 @@ from eaid.apparatus import Apparatus
 from eaid.arrays import Array, read_only
 from eaid.errors import DataError
 from eaid.files import hdf5_written_whole
+from eaid.logs.digest import check_digest, digest_of
 from eaid.logs.extras import damage_told
 from eaid.logs.hdf import check_safe, open_hdf5
 from eaid.logs.run import INPUT_UNITS, Kind, Run
@@ -63,33 +63,7 @@ def write_dataset(
         folder = file.create_group("runs")
         for run in runs:
             _write_run(folder, run)
-        file.attrs["digest"] = _digest(file)
-
-
-def _digest(file: Any) -> str:
-    """SHA-256 of all attributes and shapes, in hex; the columns themselves carry the checksum of their compression."""
-    seen = hashlib.sha256()
-
-    def look(name: str, item: Any) -> None:
-        facts = sorted((key, _text(value)) for key, value in item.attrs.items() if key != "digest")
-        seen.update(repr((name, getattr(item, "shape", None), facts)).encode("utf-8", errors="replace"))
-
-    look("/", file)
-    file.visititems(look)
-    return seen.hexdigest()
-
-
-def _check_digest(file: Any, source: str) -> None:
-    """Refuse a dataset whose facts are no longer those that were written; one without a digest is taken as it is."""
-    try:
-        same = "digest" not in file.attrs or _text(file.attrs["digest"]) == _digest(file)
-    except (OSError, RuntimeError, ValueError, KeyError):
-        same = False
-    if not same:
-        raise DataError(
-            f"{source}: is damaged, or its attributes were changed after eaid wrote it; ingest the logs again, "
-            f"or delete the attribute digest if the change is yours"
-        )
+        file.attrs["digest"] = digest_of(file)
 
 
 def _write_run(folder: Any, run: Run) -> None:
@@ -126,7 +100,7 @@ def read_dataset(path: Path, source: str, sha256: str) -> tuple[list[Run], list[
                 f"{source}: its schema is {schema!r}, and this eaid reads {SCHEMA!r}; ingest the logs again"
             )
         check_safe(file, source, path.stat().st_size)
-        _check_digest(file, source)
+        check_digest(file, source, "ingest the logs again")
         kind = _text(file.attrs.get("kind", "clutch"))
         if kind not in INPUT_UNITS:
             raise DataError(f"{source}: its kind is {kind!r}; it must be one of {', '.join(INPUT_UNITS)}")

@@ -19,6 +19,8 @@ import numpy as np
 from eaid.arrays import Array, read_only
 from eaid.errors import DataError
 from eaid.files import hdf5_written_whole
+from eaid.logs.digest import check_digest, digest_of
+from eaid.logs.hdf import check_safe, open_hdf5
 
 SCHEMA = "eaid/replay/1"
 
@@ -50,19 +52,20 @@ def write_replay(path: Path, records: Mapping[str, Record], attributes: Mapping[
                 group.create_dataset(column, data=array, track_times=False, **squeezed)
             if record.metrics:
                 group.attrs["metrics"] = _json(record.metrics)
+        file.attrs["digest"] = digest_of(file)
 
 
 def read_replay(path: Path) -> tuple[dict[str, Record], dict[str, Any]]:
     """Records by name, in the file's order of names, and the root attributes; `DataError` where it is no replay.h5."""
     if not path.is_file():
         raise DataError(f"{path}: no such file; give the replay.h5 that eaid simulate wrote")
-    try:
-        file = h5py.File(path, "r")
-    except OSError:
-        raise DataError(f"{path}: is no HDF5 file; give the replay.h5 that eaid simulate wrote") from None
-    with file:
+    if not h5py.is_hdf5(path):
+        raise DataError(f"{path}: is no HDF5 file; give the replay.h5 that eaid simulate wrote")
+    with open_hdf5(path, str(path)) as file:
         if file.attrs.get("schema") != SCHEMA:
             raise DataError(f"{path}: is no {SCHEMA} file; make it again with eaid simulate")
+        check_safe(file, str(path), path.stat().st_size)
+        check_digest(file, str(path), "make it again with eaid simulate")
         records = {}
         for name, group in file.items():
             if not isinstance(group, h5py.Group) or "time_s" not in group:
@@ -73,7 +76,7 @@ def read_replay(path: Path) -> tuple[dict[str, Record], dict[str, Any]]:
             columns = {key: read_only(array) for key, array in arrays.items() if array.shape == (n,) and "/" not in key}
             tables = {key: array for key, array in arrays.items() if key not in columns}
             records[name] = Record(columns, json.loads(group.attrs.get("metrics", "{}")), tables)
-        return records, {key: _plain(value) for key, value in file.attrs.items()}
+        return records, {key: _plain(value) for key, value in file.attrs.items() if key != "digest"}
 
 
 def _keep(name: str, item: Any, kept: dict[str, Any]) -> None:

@@ -11,6 +11,7 @@ import h5py
 from eaid.arrays import Array
 from eaid.errors import DataError, UsageError
 from eaid.files import sha256_of
+from eaid.logs.hdf import open_hdf5
 from eaid.logs.options import ReadOptions
 from eaid.logs.read import read_runs
 from eaid.logs.run import Run
@@ -141,7 +142,7 @@ def kind_of(path: Path) -> str:
     if not path.is_file():
         raise DataError(f"{path}: no such file; give a fit.json, gains.json, replay.h5 or data.h5 that eaid wrote")
     if h5py.is_hdf5(path):
-        with h5py.File(path) as file:
+        with open_hdf5(path, str(path)) as file:
             schema = str(file.attrs.get("schema", "eaid/data/1" if "runs" in file else ""))
     else:
         try:

@@ -100,3 +100,27 @@ def test_what_is_no_replay_is_refused(tmp_path):
         file.attrs["schema"] = "eaid/data/1"
     with pytest.raises(DataError, match="is no eaid/replay/1 file"):
         read_replay(tmp_path / "other.h5")
+
+
+def test_a_damaged_replay_is_refused_or_read_as_it_was(tmp_path):
+    """One byte changed anywhere: a sentence with the file's name, or the same numbers."""
+    path = tmp_path / "replay.h5"
+    t = np.arange(500) / 1000
+    record = Record({"time_s": t, "torque_nm": np.sin(t), "duty_pct": np.cos(t)}, {"max_abs_error_nm": 0.125})
+    write_replay(path, {"rc": record}, {"scenario": "steps", "seed": 3, "options": {"a": [1, 2]}})
+    whole, wanted = path.read_bytes(), read_replay(path)
+    refused = 0
+    for at in np.random.default_rng(5).integers(0, len(whole), 150).tolist():
+        damaged = bytearray(whole)
+        damaged[at] ^= 0x55
+        path.write_bytes(damaged)
+        try:
+            records, options = read_replay(path)
+        except DataError as refusal:
+            refused += 1
+            assert str(path) in str(refusal)  # noqa: PT017
+            continue
+        assert options == wanted[1] and records["rc"].metrics == record.metrics
+        for name, values in record.columns.items():
+            np.testing.assert_array_equal(records["rc"].columns[name], values)
+    assert refused > 50
