@@ -1,6 +1,6 @@
 """`intervals`: every parameter of a fit with its 95 % interval, by the way that was asked for, and what is left open.
 
-robust     scatter of whole runs, pooled over levels; coloured residuals by Bartlett windows (UNCERTAINTY, the default)
+robust     scatter of whole runs, pooled over levels; coloured residuals by Bartlett windows (the default)
 bootstrap  the same, with the variances from refits to resampled runs (or blocks of a single run): a second opinion
 profile    as robust, but single levels by the profile of their cost: lopsided where the data are (τ2)
 white      the textbook: s² (J'J)⁻¹, as if every sample's error were its own

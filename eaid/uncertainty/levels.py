@@ -22,7 +22,7 @@ NAMES = ("Ts", "tau1", "tau2", "C")
 MEETING = 1e-4
 """τ1 and τ2 closer than this are one: a solver's list of active constraints may miss it."""
 WIDE = 0.30
-"""Half-width beyond which an interval is flagged (UNCERTAINTY: coverage of τ2 was measured below it)."""
+"""Half-width beyond which an interval is flagged (coverage of τ2 was measured below it, docs/uncertainty.md)."""
 UNDETERMINED = 3.0
 """Factor up or down beyond which a parameter counts as not determined."""
 

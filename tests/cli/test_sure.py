@@ -19,7 +19,7 @@ def test_every_interval_is_shown_and_what_has_none_says_so(capsys: pytest.Captur
     interval_tables(RESULT)
     told = capsys.readouterr().out.splitlines()
     assert told[0] == "95 % intervals (robust; scatter from repeats): each level"
-    assert told[2].split() == "10 0.9 … 1.1 0.1 … 0.2 not determined".split()
+    assert told[2].split() == ["10", "0.9", "…", "1.1", "0.1", "…", "0.2", "not", "determined"]
     assert any("0.8 … 1.2" in line and "0.9 … 1.1" in line and "3 … 4" in line for line in told)
     assert any(line.startswith("a0") and "1.25 … 1.75" in line for line in told)
     assert told[-1] == "keep it"
