@@ -36,7 +36,6 @@ FRICTION: tuple[tuple[str, ...], ...] = (
 REPORTED = (
     "clutch.h5", "friction-force.h5", "friction-speed.h5", "fit.json", "friction-force.json", "friction-speed.json",
     "gains.json", "steps.h5", "multisine.h5", "sweep.h5", "rehab.h5", "log.h5",
-    "log.h5",
 )  # fmt: skip
 
 

@@ -1,30 +1,29 @@
 """Tables behind the figures: runs, levels, guarantee, margins, replays, rehabilitation."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 from eaid.report import tables
 from eaid.report.results import Data, Fit, Replay
 from eaid.report.style import controller_name
-from eaid.report.tables import KINDS, Table, number
+from eaid.report.tables import Table, number
 
 
-def details(fit: Fit) -> list[Table]:
+def details(fit: Fit, called: str) -> list[Table]:
     """All tables of one fit: single levels, input gain, release, held-out levels, which shape and degree."""
     found = []
     content = fit.content
     if (content.get("friction") or {}).get("levels"):
-        one = tables.levels_table(content)
-        kind = KINDS.get(fit.kind, (fit.kind, ""))[0]
-        found.append(Table(f"{one.heading}: {kind}", one.caption, one.columns, one.rows))
+        found.append(tables.levels_table(content))
     if (content.get("linear") or {}).get("per_level"):
         found.append(tables.input_gain_table(content))
     if isinstance(release := content.get("release"), Mapping) and release.get("levels"):
         found.append(release_table(release))
     if held := held_out(content):
         found.append(held)
-    found += adequacy(content, KINDS.get(fit.kind, (fit.kind, ""))[0])
-    return found
+    found += adequacy(content)
+    return [replace(table, heading=f"{table.heading}: {called}") for table in found]
 
 
 def release_table(part: Mapping[str, Any]) -> Table:
@@ -190,7 +189,7 @@ def margins(gains: Mapping[str, Any]) -> list[Table]:
     ]
 
 
-def adequacy(content: Mapping[str, Any], kind: str) -> list[Table]:
+def adequacy(content: Mapping[str, Any]) -> list[Table]:
     """Which curve suits a level, and which degree suits each polynomial."""
     judged = (content.get("uncertainty") or {}).get("adequacy") or {}
     found = []
@@ -206,7 +205,7 @@ def adequacy(content: Mapping[str, Any], kind: str) -> list[Table]:
         )
         found.append(
             Table(
-                f"Which shape? {kind}",
+                "Which shape",
                 "Curves tried on each level. AICc weighs closeness against the number of values fitted: the "
                 "least is best, differences below about 4 say little.",
                 ("curve", "values a level", "RMSE (N·m)", "AICc"),
@@ -226,7 +225,7 @@ def adequacy(content: Mapping[str, Any], kind: str) -> list[Table]:
         )
         found.append(
             Table(
-                f"Which degree? {kind}",
+                "Which degree",
                 "Polynomials of the duty tried for each value. The last column is the typical error when a "
                 "level is left out and predicted from the others.",
                 ("value", "degree", "χ²", "AICc", "left-out error (%)"),

@@ -19,7 +19,7 @@ from eaid.report.details import (
     runs,
     step_tables,
 )
-from eaid.report.results import Results
+from eaid.report.results import Fit, Results
 from eaid.report.style import controller_name
 from eaid.report.tables import KINDS, Table
 
@@ -112,6 +112,17 @@ def _what(results: Results, path: str) -> str:
 def sections(results: Results) -> list[Section]:
     """The sections that have anything to show, in the order of the page."""
     found = []
+    pair = two_alike(results)
+    if pair:
+        found.append(
+            Section(
+                "compare",
+                "Side by side",
+                "The same values of both fits; a difference beyond both intervals is more than repeats explain.",
+                (compare(*pair),),
+                (),
+            )
+        )
     if results.data or results.fit("clutch"):
         found.append(
             Section(
@@ -130,18 +141,7 @@ def sections(results: Results) -> list[Section]:
                 "What was fitted to the data, with 95 % intervals where the fit gives them, beside the "
                 "published values.",
                 _published_tables(results),
-                tuple(t for fit in results.fits for t in details(fit)),
-            )
-        )
-    pair = two_alike(results)
-    if pair:
-        found.append(
-            Section(
-                "compare",
-                "Side by side",
-                "The same values of both fits; a difference beyond both intervals is more than repeats explain.",
-                (compare(*pair),),
-                (),
+                tuple(t for fit in results.fits for t in details(fit, called(results, fit))),
             )
         )
     if results.gains or (results.fit("clutch") and (results.fit("clutch") or results.fits[0]).content.get("linear")):
@@ -187,6 +187,13 @@ def sections(results: Results) -> list[Section]:
             )
         )
     return found
+
+
+def called(results: Results, fit: Fit) -> str:
+    """What a fit is called in headings: its kind, and its file where there are several of that kind."""
+    kind = KINDS.get(fit.kind, (fit.kind, ""))[0]
+    several = sum(1 for other in results.fits if other.kind == fit.kind) > 1
+    return f"{kind}, {fit.source.path}" if several else kind
 
 
 def _published_tables(results: Results) -> tuple[Table, ...]:

@@ -177,6 +177,8 @@ def test_two_fits_of_one_kind_stand_side_by_side(files: dict[str, Path], tmp_pat
     assert "two fits side by side" in outline.text
     assert re.search(r"at 20 % \(N·m\) .{0,80}\+50\.0 % yes", outline.text)
     assert re.search(r"a0 \(1/s\) .{0,80}\+0\.0 % no", outline.text)
+    assert re.findall(r'<section id="(\w+)">', text)[:2] == ["trust", "compare"]
+    assert text.count(f"<h3>Single levels, Eq. (3): clutch, {tmp_path}/after.json</h3>") == 1
     assert (tmp_path / "out/figures/compare.png").is_file()
 
 
