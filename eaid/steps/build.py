@@ -230,6 +230,8 @@ def stepset_of(cut_steps: Sequence[Run], options: StepOptions = NOTHING_SAID) ->
         records = [record for record in records if any(same_level(record.level, k) for k in kept)]
 
     sets: list[str] = []
+    if input_unit == "%" and groups["rising"] and groups["rising"][-1][0] <= 1:
+        sets.append("no level is above 1 %: if the duty is a fraction of 1, say --units input=fraction")
     rising = [_level(members, signs, warnings) for _, members in groups["rising"]]
     if not rising:
         held = {f"{run.from_level:.3g} to {run.level or 0:.3g}" for run in cut_steps if run.edge == "rising"}

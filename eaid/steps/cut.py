@@ -132,23 +132,33 @@ def cut(run: Run, keep_baseline: bool = False) -> list[Run]:
         raise DataError(
             f"{where}: holds {len(run.time_s)} samples, and a step takes at least {FEWEST}; record it longer"
         )
+    if run.cut and run.step_s is not None:
+        return [run]
     low, high = extent(run.output)
     if low == high:
         raise DataError(
             f"{where}: the output never changes ({run.output[0]:g} {run.output_unit} throughout); check the sensor"
         )
-    if run.cut and run.step_s is not None:
-        return [run]
     known = has_input(run)
     if known and run.input_unit == "%":
         _check_percent(run, where)
     if run.step_s is not None:
         steps = _cut_at(run, where, known)
     elif known and np.ptp(extent(run.input)) > 0:
-        steps = _cut_by_input(run, where)
+        steps = _cut_by_input(_up_to(run, where), where)
     else:
         steps = _cut_by_output(run, where, known)
     return _with_baselines(steps, keep_baseline)
+
+
+def _up_to(run: Run, where: str) -> Run:
+    """The log up to the end of the window that the user gives; the whole of it where none is given."""
+    if run.until_s is None:
+        return run
+    stop = int(np.searchsorted(run.time_s, run.until_s - 1e-9 * max(1.0, abs(run.until_s))))
+    if stop < FEWEST:
+        raise DataError(f"{where}: the window ends at {run.until_s:g} s, before the log has begun; mend --until")
+    return replace(_part(run, 0, stop, until_s=None), cut=False)
 
 
 def has_input(run: Run) -> bool:
@@ -304,11 +314,8 @@ def _cut_by_output(run: Run, where: str, known: bool) -> list[Run]:
     start = onset(run.output)
     if start is None:
         raise DataError(f"{where}: no step stands out of the output's noise; give its instant with --step-at")
-    stop = len(run.time_s)
-    if run.until_s is not None:
-        stop = int(np.searchsorted(run.time_s, run.until_s))
     note = f"step instant {run.time_s[start]:.6g} s found from the output alone: late by a sample or more"
-    return [_part(run, 0, stop, level=level, step_s=float(run.time_s[start]), notes=(*run.notes, note), until_s=None)]
+    return _cut_at(replace(run, level=level, step_s=float(run.time_s[start]), notes=(*run.notes, note)), where, known)
 
 
 def onset(output: Array) -> int | None:

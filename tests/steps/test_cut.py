@@ -143,6 +143,34 @@ def test_step_at_and_until() -> None:
     assert len(whole.time_s) == 700
 
 
+def test_until_ends_the_window_of_a_log_with_an_input_too() -> None:
+    (step,) = cut(replace(log([(0, 2), (50, 5), (0, 2)]), until_s=6.0))
+    assert len(step.time_s) == 600
+    with pytest.raises(DataError, match="the window ends at -3 s, before the log has begun; mend --until"):
+        cut(replace(log([(0, 2), (50, 5)]), until_s=-3.0))
+
+
+def test_release_behind_a_step_found_from_the_output() -> None:
+    run = replace(log([(0, 2), (50, 5), (0, 2)]), input=read_only(np.full(900, np.nan)), level=50.0, until_s=7.0)
+    rising, falling = cut(run)
+    assert rising.step_s == pytest.approx(2.0, abs=0.03)
+    assert (falling.step_s, falling.edge) == (7.0, "falling")
+
+
+def test_a_duty_that_may_be_a_fraction_is_told() -> None:
+    stepset = build_stepset([log([(0, 2), (u, 5)], gain=4.0, name=f"u{u}") for u in (0.2, 0.9)])
+    assert stepset.warnings == ("no level is above 1 %: if the duty is a fraction of 1, say --units input=fraction",)
+
+
+def test_a_release_that_stands_still_is_read_again() -> None:
+    """What is constant in one stored piece was checked with its log."""
+    run = log([(0, 2), (50, 5), (0, 2)])
+    y = run.output.copy()
+    y[700:] = 0.0
+    steps = cut(replace(run, output=read_only(y)))
+    assert [cut(step)[0].edge for step in steps] == ["rising", "falling"]
+
+
 def test_dataset_of_a_users_own_script() -> None:
     """Level, step and baseline given, the release still inside: found by the input."""
     run = replace(log([(0, 2), (50, 3), (0, 2)]), level=50.0, step_s=2.0, baseline=0.01)
