@@ -1,0 +1,89 @@
+"""The docs keep up with the code: every key of a result file is explained, every README line is a real command."""
+
+import re
+import shlex
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from eaid.cli import main
+from eaid.store import read_json
+
+ROOT = Path(__file__).parents[1]
+FILES = (ROOT / "docs" / "files.md").read_text(encoding="utf-8")
+ALWAYS = ("schema", "eaid", "seed", "inputs…", "data.inputs…", "options…")
+
+
+def keys(value: Any, at: str = "") -> Iterator[str]:
+    """Dotted paths of all leaves; `[]` for each entry of a list of objects."""
+    if isinstance(value, dict):
+        for name, item in value.items():
+            yield from keys(item, f"{at}.{name}" if at else name)
+    elif isinstance(value, list) and value and isinstance(value[0], dict):
+        for item in value:
+            yield from keys(item, f"{at}[]")
+    else:
+        yield at
+
+
+def explained(section: str) -> list[re.Pattern[str]]:
+    """The keys of one section of docs/files.md, `…` standing for any rest."""
+    part = FILES.split(f"\n## {section}", 1)[1].split("\n## ", 1)[0]
+    cells = [row.split("|")[1] for row in part.splitlines() if row.startswith("| `")]
+    patterns = [*ALWAYS, *(name for cell in cells for name in re.findall(r"`([^`]+)`", cell))]
+    return [re.compile(re.escape(pattern).replace("…", ".*")) for pattern in patterns]
+
+
+@pytest.fixture(scope="module")
+def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with small results of every kind."""
+    folder = tmp_path_factory.mktemp("results")
+    made = ["--rate", "100", "--repeats", "2", "-q"]
+    assert main.run(["synth", *made, "-o", f"{folder}/clutch.h5"]) == 0
+    assert main.run(["synth", *made, "--kind", "friction-force", "-o", f"{folder}/force.h5"]) == 0
+    assert main.run(["fit", f"{folder}/clutch.h5", "-q", "--hold-out", "40", "-o", f"{folder}/fit.json"]) == 0
+    assert main.run(["fit", f"{folder}/force.h5", "-q", "-o", f"{folder}/force.json"]) == 0
+    assert main.run(["tune-rc", f"{folder}/fit.json", "-q", "-o", f"{folder}/gains.json"]) == 0
+    return folder
+
+
+@pytest.mark.parametrize("name", ["fit.json", "force.json", "gains.json"])
+def test_every_key_of_a_result_is_explained(results: Path, name: str) -> None:
+    kind = "gains" if name == "gains.json" else "fit"
+    known = explained(f"{kind}.json")
+    found = dict.fromkeys(keys(read_json(results / name, kind)))
+    assert len(found) > 50
+    assert [key for key in found if not any(p.fullmatch(key) or p.fullmatch(f"{key}[]") for p in known)] == []
+
+
+def readme_commands() -> list[list[str]]:
+    """Every `eaid …` line of the README's code blocks."""
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    blocks = re.findall(r"^```[a-z]*\n(.*?)^```", text, re.MULTILINE | re.DOTALL)
+    lines = "\n".join(blocks).replace("\\\n", " ").splitlines()
+    return [
+        shlex.split(line.removeprefix("$ "), comments=True) for line in lines if line.startswith(("$ eaid ", "eaid "))
+    ]
+
+
+def test_every_command_of_the_readme_exists_with_its_options(capsys: pytest.CaptureFixture[str]) -> None:
+    commands = readme_commands()
+    assert {command[1] for command in commands} >= {name.replace("_", "-") for name in main.COMMANDS}
+    for command in commands:
+        assert main.run([command[1], "--help"]) == 0
+        told = capsys.readouterr().out
+        for word in command[2:]:
+            option = word.split("=")[0]
+            if option.startswith("-"):
+                assert re.search(rf"(?<![\w-]){re.escape(option)}(?![\w-])", told), (command, option)
+
+
+@pytest.mark.parametrize(
+    "page", [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))], ids=lambda page: page.name
+)
+def test_links_lead_somewhere(page: Path) -> None:
+    for target in re.findall(r"\]\(([^)#]+)\)", page.read_text(encoding="utf-8")):
+        if not target.startswith("http"):
+            assert (page.parent / target).exists(), target
