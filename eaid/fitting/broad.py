@@ -13,7 +13,7 @@ from eaid.fitting.basis import Basis
 from eaid.fitting.compress import Points
 from eaid.fitting.data import Data
 from eaid.fitting.kernel import level_curvature, level_sums
-from eaid.fitting.solver import Problem, draw_in
+from eaid.fitting.solver import Problem, bring_in
 
 VALUES = 6
 """Values of τ2 tried at each of three levels, from three times τ1 to thirty times the record."""
@@ -38,7 +38,7 @@ def broad_starts(x: Array, inner: Array, data: Data, basis: Basis, problem: Prob
             chosen.append(int(k))
         if len(chosen) == MOST:
             break
-    return [draw_in(found[k], inner, problem) for k in chosen]
+    return [bring_in(found[k], inner, problem) for k in chosen]
 
 
 def slow_shapes(x: Array, data: Data, basis: Basis) -> Array:

@@ -9,7 +9,7 @@ exact where f is a polynomial of degree < m on the block.
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import numpy as np
 
@@ -33,6 +33,11 @@ class Points:
     """Output, shape (L, P)."""
     w: Array
     """Weight: how many samples a point stands for, shape (L, P) or (1, P)."""
+
+    @cached_property
+    def moments(self) -> Array:
+        """1 and t at the points, (P, 2), where all levels share their times: sums with both are one product."""
+        return np.stack([np.ones_like(self.t_s[0]), self.t_s[0]], axis=1)
 
 
 def blocks(n: int) -> Iterator[tuple[int, int]]:

@@ -27,29 +27,36 @@ def level_sums(theta: Array, points: Points) -> tuple[Array, Array]:
     cost = np.einsum("lp,lp->l", weighted, residual)
     e1 *= weighted
     e2 *= weighted
-    by_e1, by_e2 = e1.sum(axis=1), e2.sum(axis=1)
-    t_e1 = np.einsum("lp,lp->l", e1, np.broadcast_to(points.t_s, e1.shape))
-    t_e2 = np.einsum("lp,lp->l", e2, np.broadcast_to(points.t_s, e2.shape))
+    if len(points.t_s) == 1:
+        (by_e1, t_e1), (by_e2, t_e2) = (e1 @ points.moments).T, (e2 @ points.moments).T
+    else:
+        by_e1, by_e2 = e1.sum(axis=1), e2.sum(axis=1)
+        t_e1, t_e2 = np.einsum("lp,lp->l", e1, points.t_s), np.einsum("lp,lp->l", e2, points.t_s)
     along = np.einsum("lp,lp->l", weighted, shape)
     return cost, _gradient(theta, along, by_e1, by_e2, t_e1, t_e2)
 
 
 def _gradient(theta: Array, along: Array, by_e1: Array, by_e2: Array, t_e1: Array, t_e2: Array) -> Array:
     Ts, tau1, tau2, share = theta
-    return 2.0 * np.stack(
-        [along, -Ts * share / tau1**2 * t_e1, -Ts * (1.0 - share) / tau2**2 * t_e2, Ts * (by_e2 - by_e1)]
-    )
+    twice = Ts + Ts
+    gradient = np.empty((4, len(Ts)), dtype=along.dtype)
+    gradient[0] = along + along
+    gradient[1] = t_e1 * (-twice * share / (tau1 * tau1))
+    gradient[2] = t_e2 * (twice * (share - 1.0) / (tau2 * tau2))
+    gradient[3] = twice * (by_e2 - by_e1)
+    return gradient
 
 
 def level_curvature(theta: Array, points: Points, exact: bool = False) -> Array:
     """Second derivatives of `level_sums` by θ, (L, 4, 4): Gauss–Newton 2 J'WJ, or with the residuals' own part."""
     Ts, tau1, tau2, share = theta[:, :, None]
-    t = np.broadcast_to(points.t_s, points.y.shape)
-    e1, e2 = np.exp(-t / tau1), np.exp(-t / tau2)
-    shape = 1.0 - share * e1 - (1.0 - share) * e2
-    slopes = np.stack(
-        [shape, -Ts * share * t * e1 / tau1**2, -Ts * (1.0 - share) * t * e2 / tau2**2, Ts * (e2 - e1)], axis=1
-    )
+    t = points.t_s
+    e1, e2 = np.exp(t / -tau1), np.exp(t / -tau2)
+    slopes = np.empty((len(e1), 4, e1.shape[1]), dtype=theta.dtype)
+    slopes[:, 0] = shape = 1.0 - share * e1 - (1.0 - share) * e2
+    np.multiply(t * e1, -Ts * share / tau1**2, out=slopes[:, 1])
+    np.multiply(t * e2, -Ts * (1.0 - share) / tau2**2, out=slopes[:, 2])
+    np.multiply(Ts, e2 - e1, out=slopes[:, 3])
     curvature = (slopes * points.w[:, None, :]) @ np.swapaxes(slopes, 1, 2)
     if exact:
         r = points.w * (Ts * shape - points.y)

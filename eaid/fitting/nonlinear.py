@@ -14,9 +14,9 @@ from eaid.fitting.basis import Basis, basis_of, constraints
 from eaid.fitting.broad import broad_starts
 from eaid.fitting.data import Data
 from eaid.fitting.kernel import level_curvature, level_sums, residuals
-from eaid.fitting.levels import SHARES, TAU1_LEAST_S, best_curves, starting_curves, verdict
+from eaid.fitting.levels import SHARES, TAU1_LEAST_S, quick_curves, verdict
 from eaid.fitting.result import Solver
-from eaid.fitting.solver import PROMISE, ROUNDING, EndPoint, Problem, draw_in, polish, slsqp
+from eaid.fitting.solver import PROMISE, ROUNDING, EndPoint, Problem, bring_in, draw_in, polish, slsqp
 from eaid.models.parameters import Nonlinear
 
 NARROW = 0.3
@@ -66,7 +66,7 @@ class OwnCurves:
 
 def own_curves(data: Data, share: float) -> OwnCurves:
     """Best curves of single levels with C held at `share`."""
-    theta = best_curves(*starting_curves(data, share, enough=1e-7))
+    theta = quick_curves(data, share)
     curvature = 0.5 * level_curvature(theta, data.points)[:, :3, :3] * data.weights[:, None, None]
     scale = np.sqrt(np.maximum(np.einsum("lii->li", curvature), 1e-300))
     inverse = np.linalg.inv(curvature / scale[:, :, None] / scale[:, None, :] + 1e-9 * np.eye(3))
@@ -77,24 +77,26 @@ def own_curves(data: Data, share: float) -> OwnCurves:
 def polynomial_starts(own: OwnCurves, data: Data, basis: Basis, problem: Problem) -> list[Array]:
     """Feasible starts from the curves of single levels, the most promising first.
 
-    Polynomials pass through τ1, τ2, T_s of the levels, weighted by their own precision; where a τ polynomial meets its
-    bound it is drawn to the weighted mean. The second start has the means themselves.
+    Polynomials pass through τ1, τ2, T_s of the levels: weighted by their own precision, then each level alike. The last
+    start has the weighted means of τ1 and τ2 at every level; it lies inside the constraints, and the others are brought
+    there from outside.
     """
     theta, precision = own.theta, 1 / np.sqrt(own.spread)
     M = basis.rows(data.u)
-    shaped, level_means = np.zeros(basis.size), np.zeros(basis.size)
+    shaped, alike, level_means = np.zeros(basis.size), np.zeros(basis.size), np.zeros(basis.size)
     for k, part in enumerate(basis.slices):
         p = precision[:, k]
         shaped[part] = np.linalg.lstsq(M[k, :, part] * p[:, None], theta[k] * p, rcond=None)[0]
+        alike[part] = np.linalg.lstsq(M[k, :, part], theta[k], rcond=None)[0]
         level_means[part.start] = float(p**2 @ theta[k] / (p**2).sum())
     level_means[basis.slices[0]] = shaped[basis.slices[0]]
     if basis.free_share:
-        shaped[-1] = level_means[-1] = theta[3, 0]
+        shaped[-1] = alike[-1] = level_means[-1] = theta[3, 0]
     tau1, tau2 = basis.slices[1].start, basis.slices[2].start
     level_means[tau1] = max(level_means[tau1], 2 * TAU1_LEAST_S)
     level_means[tau2] = max(level_means[tau2], 1.5 * level_means[tau1])
     flat = _above_zero(level_means, basis, problem)
-    return [draw_in(shaped, flat, problem), flat]
+    return [bring_in(shaped, flat, problem), bring_in(alike, flat, problem), flat]
 
 
 def _above_zero(x: Array, basis: Basis, problem: Problem) -> Array:
@@ -128,12 +130,15 @@ def fit_nonlinear(data: Data, share: float | None, starts: Sequence[Nonlinear] =
     basis = basis_of(data.u, share)
     problem = nonlinear_problem(data, basis)
     own = [own_curves(data, c) for c in (SHARES if share is None else (share,))]
-    begin = [s for curves in own for s in polynomial_starts(curves, data, basis, problem)]
-    begin += [draw_in(basis.unknowns(p), begin[1], problem) for p in starts]
-    ends = [slsqp(problem, start) for start in begin]
-    best = min(ends, key=lambda end: end.cost)
-    if share is None or not alone(own[0], best.cost, problem):
-        ends += [slsqp(problem, start) for start in broad_starts(begin[0], begin[1], data, basis, problem)]
+    begin = [polynomial_starts(curves, data, basis, problem) for curves in own]
+    flat = begin[0][-1]
+    near = [start for starts in begin for start in starts[:-1]] + [
+        draw_in(basis.unknowns(p), flat, problem) for p in starts
+    ]
+    ends = [slsqp(problem, start) for start in near]
+    if share is None or not alone(own[0], min(end.cost for end in ends), problem):
+        far = [starts[-1] for starts in begin] + broad_starts(near[0], flat, data, basis, problem)
+        ends += [slsqp(problem, start) for start in far]
     return _confirmed(ends, data, basis, problem)
 
 

@@ -27,6 +27,7 @@ PROMISE = 1e-9
 
 NEAR = 1e-9
 """Slack of a row of A at which it counts as active, beside those that hold the Newton step."""
+TINY = float(np.finfo(float).tiny)
 ROUNDING = 1e-15
 """A promise is judged against at least this part of the sum of squared data: beneath it lies rounding."""
 
@@ -69,14 +70,15 @@ class Step:
 
 def whiten(curvature: Array) -> Array:
     """L with LL' = curvature, a trace of its diagonal added where it is singular, (n, n) lower triangular."""
-    scale = np.sqrt(np.maximum(np.diagonal(curvature), np.finfo(float).tiny))
-    scaled = curvature / np.outer(scale, scale)
+    scale = np.sqrt(np.maximum(np.diagonal(curvature), TINY))
+    scaled = curvature / (scale * scale[:, None])
     ridge = 0.0
     while True:
         try:
-            return np.asarray(scale[:, None] * np.linalg.cholesky(scaled + ridge * np.eye(len(scale))))
+            return np.asarray(scale[:, None] * np.linalg.cholesky(scaled))
         except np.linalg.LinAlgError:
             ridge = 10 * ridge if ridge else 1e-13
+            scaled = curvature / (scale * scale[:, None]) + ridge * np.eye(len(scale))
 
 
 def slsqp(problem: Problem, start: Array, rounds: int = 4, maximum: int = 200) -> EndPoint:
@@ -157,16 +159,25 @@ def draw_in(x: Array, inner: Array, problem: Problem) -> Array:
     return x + min(1.0, 1.001 * part) * (inner - x)
 
 
+def bring_in(x: Array, inner: Array, problem: Problem) -> Array:
+    """A feasible point for `x`: by the constrained Newton step, then along the line to a feasible `inner`."""
+    if (problem.A @ x - problem.b).min(initial=0.0) >= 0:
+        return x
+    step = newton_step(problem, x, problem.value(x)[1], problem.curvature(x))
+    return draw_in(x + step.d, inner, problem)
+
+
 def newton_step(problem: Problem, x: Array, gradient: Array, curvature: Array) -> Step:
     """The step d that minimises g'd + d'Hd/2 with A (x + d) ≥ b, by least distance programming (Lawson and Hanson)."""
     lower = whiten(curvature)
-    q = np.linalg.solve(lower, gradient)
-    free = np.linalg.solve(lower.T, -q)
+    back = np.linalg.inv(lower)
+    q = back @ gradient
+    free = -(q @ back)
     slack = problem.A @ x - problem.b
     moved = slack + problem.A @ free
     if not len(slack) or moved.min() >= 0:
         return Step(free, 0.5 * float(q @ q), ())
-    G = np.linalg.solve(lower, problem.A.T).T
+    G = problem.A @ back.T
     h = -slack + G @ q
     size = max(float(np.abs(h).max()), 1e-300)
     E = np.vstack([G.T, h / size])
@@ -177,7 +188,7 @@ def newton_step(problem: Problem, x: Array, gradient: Array, curvature: Array) -
     if r[-1] == 0.0:
         return Step(np.zeros_like(x), 0.0, tuple(np.flatnonzero(multipliers > 0).tolist()))
     z = -r[:-1] / r[-1] * size - q
-    d = np.linalg.solve(lower.T, z)
+    d = z @ back
     decrease = -float(q @ z + 0.5 * z @ z)
     return Step(d, max(decrease, 0.0), tuple(np.flatnonzero(multipliers > 0).tolist()))
 
@@ -214,7 +225,7 @@ def _curvature(problem: Problem, x: Array) -> Array:
     """The true second derivatives where they are known and positive, else Gauss–Newton."""
     if problem.exact is not None:
         exact = problem.exact(x)
-        scale = np.sqrt(np.maximum(np.diagonal(exact), np.finfo(float).tiny))
+        scale = np.sqrt(np.maximum(np.diagonal(exact), TINY))
         try:
             np.linalg.cholesky(exact / np.outer(scale, scale))
             return exact

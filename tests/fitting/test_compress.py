@@ -39,7 +39,9 @@ def test_irregular_instants_have_a_rule_of_their_own() -> None:
         assert weights @ nodes**degree == pytest.approx(np.sum(t**degree), rel=1e-11)
 
 
-@pytest.mark.parametrize("curve", [Friction(2.0, 0.25, 5.0), Friction(4.0, 0.6, 16.0), Friction(0.3, 0.1, 1.0), Friction(2.0, 5e-4, 0.02)])
+@pytest.mark.parametrize(
+    "curve", [Friction(2.0, 0.25, 5.0), Friction(4.0, 0.6, 16.0), Friction(0.3, 0.1, 1.0), Friction(2.0, 5e-4, 0.02)]
+)
 def test_sum_of_squares_is_kept(curve: Friction) -> None:
     t = np.arange(30_000) / 1000
     y = friction.step_response(Friction(2.1, 0.3, 4.0), t) + 0.01 * np.random.default_rng(0).normal(size=len(t))
