@@ -196,6 +196,8 @@ def _first_order(points: Points, start: Array) -> Array:
         a0, gain = np.exp(theta)
         rise = -np.expm1(-a0 * t)
         J = np.stack([gain * a0 * t * np.exp(-a0 * t), gain * rise], axis=1) * root[:, None]
+        if not np.isfinite(J).all():
+            break
         step = np.linalg.lstsq(J, root * (points.y[0] - gain * rise), rcond=None)[0]
         theta = theta + np.clip(step, -0.5, 0.5)
         if np.abs(step).max() < 1e-8:

@@ -58,6 +58,8 @@ def through(duty_pct: Array, log_values: Array, variance: Array, p: int) -> Arra
     design = powers(duty_pct, p)
     weight = 1 / np.sqrt(np.maximum(variance, 1e-18))
     values = np.exp(log_values)
+    if not np.isfinite(design * (weight / values)[:, None]).all():
+        raise np.linalg.LinAlgError("a level's value is zero or without end")
     coefficients = np.asarray(
         np.linalg.lstsq(design * (weight / values)[:, None], weight, rcond=None)[0], dtype=np.float64
     )

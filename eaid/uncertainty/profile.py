@@ -44,9 +44,11 @@ def least(points: Points, theta: Array, share: float, k: int | None = None) -> t
     others = [i for i in range(len(theta)) if i != k]
     cost, left, jacobian = _cost(points, theta, share)
     damping = 1e-6
-    for _ in range(40):
+    for _ in range(25):
         J = jacobian[:, others]
         H = J.T @ J
+        if not np.isfinite(H).all():
+            break
         step = np.linalg.lstsq(H + damping * np.diag(np.diag(H) + 1e-300), J.T @ left, rcond=None)[0]
         tried = theta.copy()
         tried[others] += np.clip(step, -1.0, 1.0)
@@ -54,7 +56,7 @@ def least(points: Points, theta: Array, share: float, k: int | None = None) -> t
         tried[3:] = np.clip(tried[3:], -7.0, 7.0)
         found = _cost(points, tried, share)
         if found[0] <= cost:
-            done = cost - found[0] <= 1e-10 * cost
+            done = cost - found[0] <= 1e-9 * cost
             theta, (cost, left, jacobian) = tried, found
             damping = max(damping / 10, 1e-9)
             if done:
@@ -88,6 +90,6 @@ def _end(points: Points, start: Array, share: float, k: int, wanted: float, side
             outside = middle
         else:
             inside, theta = middle, found
-        if outside - inside < 1e-4:
+        if outside - inside < 1e-3 * outside:
             break
     return float(start[k] + side * 0.5 * (inside + outside))
