@@ -176,9 +176,7 @@ def test_a_reader_of_mdf_that_breaks_down_takes_nothing_with_it(tmp_path, monkey
     with pytest.raises(DataError, match="is a damaged MDF file .*; copy or save it again"):
         one(path)
     monkeypatch.setattr("eaid.logs.mdf.READER", (sys.executable, "-c", "import os; os.abort()"))
-    with pytest.raises(
-        DataError, match=r"is a damaged MDF file \(its reader broke down on it\); copy or"
-    ):
+    with pytest.raises(DataError, match=r"is a damaged MDF file \(its reader broke down on it\); copy or"):
         one(path)
     monkeypatch.setattr("eaid.logs.mdf.READER", (sys.executable, "-c", "import time; time.sleep(60)"))
     monkeypatch.setattr("eaid.logs.mdf.LONGEST_S", 0.3)
