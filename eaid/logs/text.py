@@ -144,6 +144,10 @@ def _load_fast(data: bytes, start: int, end: int, dialect: Dialect, columns: Seq
         options["thousands"] = dialect.thousands
     wanted = sorted({*columns, count - 1}) if dialect.delimiter else list(range(count))
     body = memoryview(data)[start:end]
+    # the last column comes along to show short rows; making texts of numbers would take longer than all the rest
+    first = data[start : start + 4096].split(b"\n", 1)[0].decode("latin-1").strip("\r ")
+    last = split(first, dialect.delimiter)[-1 - dialect.ragged]
+    numbers = number(last, dialect.decimal, dialect.thousands) is not None
     try:
         frame = pd.read_csv(
             _Window(body),
@@ -156,7 +160,7 @@ def _load_fast(data: bytes, start: int, end: int, dialect: Dialect, columns: Seq
             skip_blank_lines=False,
             encoding_errors="replace",
             low_memory=True,  # in pieces, which takes a third less memory
-            dtype={column: np.float64 if column in columns else str for column in wanted},
+            dtype={column: np.float64 if column in columns or numbers else str for column in wanted},
             **options,
         )
     except (ParserError, ValueError, OverflowError):
