@@ -44,6 +44,7 @@ class Plot:
         shared = {"x_range": self.panels[0].x_range} if self.panels else {}
         p = figure(
             height=height, sizing_mode="stretch_width", tools="pan,box_zoom,reset,save", toolbar_location="right",
+            active_drag="box_zoom",
             x_axis_label=x, y_axis_label=y, output_backend="canvas", min_border_left=58, **shared,
         )  # fmt: skip
         p.toolbar.logo = None

@@ -70,6 +70,18 @@ def test_switching_to_the_dark_recolours_the_plots(browser: Any, page: Path):
     tab.context.close()
 
 
+def test_dragging_zooms_and_a_finger_scrolls(browser: Any, page: Path):
+    zooming = "Bokeh.documents[0].roots()[0].toolbar.tools.find(tool => tool.type === 'BoxZoomTool').active"
+    tab, _faults, _requests = opened(browser, page, viewport={"width": 1280, "height": 900})
+    assert tab.evaluate(zooming) is True
+    tab.context.close()
+    tab, faults, _requests = opened(
+        browser, page, viewport={"width": 380, "height": 800}, has_touch=True, is_mobile=True
+    )
+    assert tab.evaluate(zooming) is False and faults == []
+    tab.context.close()
+
+
 def test_without_scripts_and_on_paper_the_static_figures_stand_in(browser: Any, page: Path):
     visible = "[...document.querySelectorAll('.has-live img')].filter(image => image.checkVisibility()).length"
     tab, _faults, _requests = opened(browser, page, java_script_enabled=False)

@@ -2,12 +2,21 @@
 "use strict";
 (function () {
   const dark = window.matchMedia("(prefers-color-scheme: dark)");
+  const finger = window.matchMedia("(pointer: coarse)");
   const plots = [];
   function colour(plot) {
     for (const [id, property, light, night] of plot.themed) {
       const model = plot.document.get_model_by_id(id);
       const value = dark.matches ? night : light;
       if (model) model[property] = ["Line", "Text"].includes(model.type) ? { value: value } : value;
+    }
+  }
+  function calm(plot) {
+    // A finger that scrolls the page must not be caught by a plot.
+    for (const [id] of plot.themed) {
+      const model = plot.document.get_model_by_id(id);
+      for (const tool of (model && model.toolbar && model.toolbar.tools) || [])
+        if (["PanTool", "BoxZoomTool"].includes(tool.type)) tool.active = false;
     }
   }
   async function draw(holder) {
@@ -20,6 +29,7 @@
       const plot = { document: view.model.document, themed: data.themed };
       plots.push(plot);
       colour(plot);
+      if (finger.matches) calm(plot);
       holder.classList.add("drawn");
     } catch (fault) {
       console.error("live plot " + place.id + ": " + fault);
