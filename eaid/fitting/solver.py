@@ -25,6 +25,8 @@ PROMISE = 1e-9
 """A fit has converged where the Newton step would lower the cost by less than this part of it."""
 
 
+TRIES = 12
+"""How often a round is begun again with more rows of A."""
 NEAR = 1e-9
 """Slack of a row of A at which it counts as active, beside those that hold the Newton step."""
 TINY = float(np.finfo(float).tiny)
@@ -84,9 +86,11 @@ def whiten(curvature: Array) -> Array:
 def slsqp(problem: Problem, start: Array, rounds: int = 4, maximum: int = 200) -> EndPoint:
     """Solve from one feasible start, whitened anew each round, until a Newton step promises nothing more.
 
-    The first round leaves the constraints out; where it ends outside them, it is begun again with them.
+    A round leaves the constraints out at first; where it ends outside some, it is begun again with those, until it ends
+    inside: a handful of rows instead of hundreds, which the solver's own least squares would go through every time.
     """
-    x, evaluations, held = start, 1, False
+    x, evaluations = start, 1
+    held = np.zeros(len(problem.b), dtype=bool)
     cost, gradient = problem.value(x)
     for _ in range(rounds):
         if cost == 0.0:
@@ -94,13 +98,14 @@ def slsqp(problem: Problem, start: Array, rounds: int = 4, maximum: int = 200) -
         curvature = problem.curvature(x)
         if newton_step(problem, x, gradient, curvature).decrease <= SETTLED * cost:
             break
-        reached, used = _one_round(problem, x, cost, curvature, held, maximum)
-        evaluations += used
-        if not held and len(problem.b) and (problem.A @ reached - problem.b).min() < 0:
-            held = True
+        for _ in range(TRIES):
             reached, used = _one_round(problem, x, cost, curvature, held, maximum)
             evaluations += used
-            reached = _inside(problem, x, reached)
+            outside = problem.A @ reached - problem.b < -NEAR * (1.0 + np.abs(problem.b))
+            if not (outside & ~held).any():
+                break
+            held |= outside
+        reached = _inside(problem, x, reached)
         found, slope = problem.value(reached)
         if not found < cost:
             break
@@ -109,7 +114,7 @@ def slsqp(problem: Problem, start: Array, rounds: int = 4, maximum: int = 200) -
 
 
 def _one_round(
-    problem: Problem, x: Array, cost: float, curvature: Array, held: bool, maximum: int
+    problem: Problem, x: Array, cost: float, curvature: Array, held: Array, maximum: int
 ) -> tuple[Array, int]:
     # x − x0 = L'^(-1) z √cost: cost/cost(x0) then has curvature 1 in z, which is what SLSQP assumes at first.
     back = np.linalg.inv(whiten(curvature)).T * np.sqrt(cost)
@@ -119,12 +124,12 @@ def _one_round(
         return value / cost, gradient @ back / cost
 
     constraints: tuple[dict[str, object], ...] = ()
-    if held:
-        rows = problem.A @ back
+    if held.any():
+        rows = problem.A[held] @ back
         size = np.linalg.norm(rows, axis=1)
         size[size == 0] = 1.0
         rows /= size[:, None]
-        slack = (problem.A @ x - problem.b) / size
+        slack = (problem.A[held] @ x - problem.b[held]) / size
         constraints = ({"type": "ineq", "fun": lambda z: rows @ z + slack, "jac": lambda _: rows},)
     end = minimize(  # type: ignore[call-overload]  # the stubs know no vector-valued constraint
         scaled,
