@@ -8,17 +8,8 @@ from typing import Any
 from eaid.report import tables
 from eaid.report.available import two_alike
 from eaid.report.comparison import compare
-from eaid.report.details import (
-    details,
-    guarantee,
-    log_table,
-    margins,
-    plants_table,
-    rehab_tables,
-    replay_table,
-    runs,
-    step_tables,
-)
+from eaid.report.details import details, guarantee, margins, runs
+from eaid.report.replay_tables import log_table, plants_table, rehab_tables, replay_table, step_tables
 from eaid.report.results import Fit, Results
 from eaid.report.style import controller_name
 from eaid.report.tables import KINDS, Table
