@@ -25,7 +25,7 @@ from eaid.uncertainty.bootstrap import Draws, bootstrap
 from eaid.uncertainty.ground import Ground, from_evidence, ground, ground_at_share
 from eaid.uncertainty.identifiability import friction_verdict, linear_verdict, nonlinear_verdict, scatter_words
 from eaid.uncertainty.joint import BLOCKS, with_white_covariance
-from eaid.uncertainty.levels import Parameter
+from eaid.uncertainty.levels import Parameter, share_sensitivity
 from eaid.uncertainty.noise import noise_json, noise_of
 from eaid.uncertainty.profile import profile_interval
 from eaid.uncertainty.student import t_quantile
@@ -284,6 +284,12 @@ def _summary(curves: Ground, options: IntervalOptions, words: list[str], judged:
         "noise": noise_json(noise_of(curves)),
         "words": words,
     }
+    if curves.variance.shape[1] == 3:
+        result["share"] = {
+            "held": curves.evidence[0].curve.C,
+            "means": "intervals are for this C; change of the parameters [%] if it were larger by 0.01",
+            "per_0.01_pct": share_sensitivity(curves.levels, curves.evidence),
+        }
     if options.ci == "bootstrap":
         result |= {"draws": options.draws, "seed": options.seed}
     if judged is not None:

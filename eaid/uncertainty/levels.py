@@ -149,3 +149,14 @@ def usable(levels: Sequence[LevelEvidence]) -> Mask:
 def scatter_of(levels: Sequence[LevelEvidence]) -> Scatter:
     """Scatter of the levels' parameters, pooled over those that can speak for it; needs repeats."""
     return pooled_scatter([level.evidence for level in levels], usable(levels))
+
+
+def share_sensitivity(levels: Sequence[Level], found: Sequence[LevelEvidence], step: float = 0.01) -> dict[str, float]:
+    """How far T_s, τ1, τ2 would move [%] if the held C were larger by `step`; median over the levels, linear."""
+    moves = []
+    for level, one in zip(levels, found, strict=True):
+        by_share = friction.gradient(one.curve, level.time_s)[3]
+        along = log_jacobian(one.curve, level.time_s).T @ by_share
+        inverse = np.linalg.pinv(one.evidence.information[:3, :3], rcond=1e-14, hermitian=True)
+        moves.append(-100 * step * inverse @ along)
+    return dict(zip(NAMES[:3], np.median(moves, axis=0).tolist(), strict=True))

@@ -227,6 +227,18 @@ def test_a_free_share_is_told_to_trade_against_tau2() -> None:
     assert any("free C is anywhere between" in word for word in sure.friction["open"])
 
 
+def test_what_another_share_would_change_is_told() -> None:
+    """Against refits with C held 0.002 higher and lower."""
+    made = steps([Friction(1.0 + i, 0.2, 3.0) for i in range(3)], record_s=20.0, sd=0.001, runs=2)
+    told = intervals(made, fit(made, FitOptions(models=("friction",)))).uncertainty["share"]["per_0.01_pct"]
+    low, high = (fit(made, FitOptions(models=("friction",), share=c)).friction.levels for c in (0.848, 0.852))
+    for name in ("Ts", "tau1", "tau2"):
+        moved = [
+            100 * np.log(getattr(b.curve, name) / getattr(a.curve, name)) / 0.4 for a, b in zip(low, high, strict=True)
+        ]
+        assert told[name] == pytest.approx(np.median(moved), rel=0.05)
+
+
 def test_single_runs_say_what_they_rest_on() -> None:
     few = steps([Friction(1.0 + i, 0.2, 3.0) for i in range(3)], record_s=20.0, sd=0.01)
     assert "a lower bound" in intervals(few, fit(few)).uncertainty["why"]
