@@ -254,3 +254,17 @@ def test_a_torque_reference_is_no_output(tmp_path: Path) -> None:
     np.testing.assert_array_equal(run.output, Y)
     assert run.reference_nm is not None
     assert set(run.reference_nm.tolist()) == {2.5}
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["plain", "semicolons and decimal comma", "tabs", "spaces", "thousands", "Latin-1 header", "trailing delimiter"],
+)
+def test_plain_logs_take_the_quick_way(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def never(*_: object) -> None:
+        raise AssertionError("read cell by cell")
+
+    monkeypatch.setattr("eaid.logs.text.SMALL_BYTES", -1)
+    monkeypatch.setattr("eaid.logs.text._load_slow", never)
+    content, options = DIALECTS[name]
+    assert len(read_one(tmp_path / "log.dat", content, **options).time_s) == N
