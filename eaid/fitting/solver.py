@@ -83,7 +83,7 @@ def whiten(curvature: Array) -> Array:
             scaled = curvature / (scale * scale[:, None]) + ridge * np.eye(len(scale))
 
 
-def slsqp(problem: Problem, start: Array, rounds: int = 4, maximum: int = 200) -> EndPoint:
+def slsqp(problem: Problem, start: Array, rounds: int = 8, maximum: int = 40) -> EndPoint:
     """Solve from one feasible start, whitened anew each round, until a Newton step promises nothing more.
 
     A round leaves the constraints out at first; where it ends outside some, it is begun again with those, until it ends
@@ -230,7 +230,9 @@ def _curvature(problem: Problem, x: Array) -> Array:
     """The true second derivatives where they are known and positive, else Gauss–Newton."""
     if problem.exact is not None:
         exact = problem.exact(x)
-        scale = np.sqrt(np.maximum(np.diagonal(exact), TINY))
+        if np.diagonal(exact).min() <= TINY:
+            return problem.curvature(x)
+        scale = np.sqrt(np.diagonal(exact))
         try:
             np.linalg.cholesky(exact / np.outer(scale, scale))
             return exact
