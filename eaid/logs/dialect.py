@@ -139,7 +139,11 @@ def _marks(sample: list[str]) -> tuple[tuple[str | None, str, str], int]:
 
 def _body(lines: list[str]) -> list[str]:
     """Lines to judge the marks by: the later half of the head, without comments and blank lines."""
-    full = [line for line in lines if line.strip() and not line.lstrip().startswith(COMMENT)]
+    later = lines[len(lines) // 2 :] if len(lines) > 200 else lines
+    some = later[:: max(1, len(later) // 100)]
+    full = [line for line in some if line.strip() and not line.lstrip().startswith(COMMENT)]
+    if len(full) <= 8:
+        full = [line for line in lines if line.strip() and not line.lstrip().startswith(COMMENT)]
     if len(full) <= 8:
         return full
     rest = full[len(full) // 2 :]

@@ -8,6 +8,7 @@ bad cell is told by its row and column. Small logs take the second way from the 
 import gzip
 import io
 import re
+import warnings
 import zlib
 from array import array
 from collections.abc import Callable, Iterator, Sequence
@@ -134,7 +135,7 @@ def _load(path: Path, source: str, zipped: bool, dialect: Dialect, columns: Sequ
 def _load_fast(data: bytes, start: int, end: int, dialect: Dialect, columns: Sequence[int]) -> Cells | None:
     """The columns by pandas' C parser; None where anything in them is not a plain finite number."""
     import pandas as pd
-    from pandas.errors import ParserError
+    from pandas.errors import DtypeWarning, ParserError
 
     count = len(dialect.columns)
     options: dict[str, Any] = {}
@@ -147,7 +148,8 @@ def _load_fast(data: bytes, start: int, end: int, dialect: Dialect, columns: Seq
     # the last column comes along to show short rows; making texts of numbers would take longer than all the rest
     first = data[start : start + 4096].split(b"\n", 1)[0].decode("latin-1").strip("\r ")
     last = split(first, dialect.delimiter)[-1 - dialect.ragged]
-    numbers = number(last, dialect.decimal, dialect.thousands) is not None
+    warnings.simplefilter("ignore", DtypeWarning)  # words among numbers are told below, cell by cell
+    numbers = count - 1 in columns or number(last, dialect.decimal, dialect.thousands) is not None
     try:
         frame = pd.read_csv(
             _Window(body),
@@ -160,7 +162,7 @@ def _load_fast(data: bytes, start: int, end: int, dialect: Dialect, columns: Seq
             skip_blank_lines=False,
             encoding_errors="replace",
             low_memory=True,  # in pieces, which takes a third less memory
-            dtype={column: np.float64 if column in columns or numbers else str for column in wanted},
+            dtype=None if numbers else {count - 1: str},
             **options,
         )
     except (ParserError, ValueError, OverflowError):

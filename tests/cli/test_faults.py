@@ -204,15 +204,20 @@ def test_ctrl_c_while_reading(tmp_path: Path) -> None:
         file.write(b"".join(row % (k / 1000) for k in range(1, 600_000)))
         file.write(b"600,50,x\n")  # sends it the careful way, which takes seconds
     (tmp_path / "d.h5").write_bytes(b"earlier")
+    (tmp_path / "short.csv").write_bytes(b"time_s,duty_pct,torque_nm\n0,0,0\n")
     process = subprocess.Popen(
-        [*EAID, "ingest", str(path), "--force", "-o", str(tmp_path / "d.h5")], stderr=subprocess.PIPE, text=True
+        [*EAID, "ingest", str(path), str(tmp_path / "short.csv"), "--force", "-o", str(tmp_path / "d.h5")],
+        stderr=subprocess.PIPE,
+        text=True,
     )
-    time.sleep(1.2)
+    assert process.stderr is not None
+    assert process.stderr.readline() == "reading logs: 2 to do\n"
+    time.sleep(0.1)
     process.send_signal(signal.SIGINT)
     _, said = process.communicate(timeout=30)
     assert (process.returncode, said) == (130, "error: interrupted; nothing half-written is left\n")
     assert (tmp_path / "d.h5").read_bytes() == b"earlier"
-    assert sorted(item.name for item in tmp_path.iterdir()) == ["d.h5", "long.csv"]
+    assert sorted(item.name for item in tmp_path.iterdir()) == ["d.h5", "long.csv", "short.csv"]
 
 
 def test_two_writers_do_not_mix(logs: Path, tmp_path: Path) -> None:
