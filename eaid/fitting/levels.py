@@ -10,7 +10,7 @@ from eaid.fitting.data import Data
 from eaid.fitting.free_share import free_problem, free_starts, full_value, theta_of
 from eaid.fitting.kernel import level_curvature, level_sums
 from eaid.fitting.result import LevelFit, Solver
-from eaid.fitting.solver import PROMISE, ROUNDING, EndPoint, Problem, polish, slsqp
+from eaid.fitting.solver import PROMISE, ROUNDING, SETTLED, EndPoint, Problem, polish, slsqp
 from eaid.models.friction import grid_minima, tau_grid
 from eaid.models.parameters import Friction
 
@@ -25,6 +25,10 @@ GRID = 24
 """Time constants on the starting grid."""
 BANDS = ((1, 4), (4, 7), (7, GRID))
 """How many grid steps the starting τ1 and τ2 lie apart, one start each; at none apart they would stay together."""
+STEPS = 8
+"""Damped Newton steps from each start, at most."""
+CLEAR = 1e-3
+"""A start this much above the best, after its steps, is another minimum and no rival."""
 SAME = 1e-6
 """Starts whose costs differ by less than this part have found the same minimum."""
 SHARES = (0.3, 0.5, 0.7, 0.85, 0.95)
@@ -68,7 +72,9 @@ def _grid(data: Data) -> tuple[Array, Points, Array]:
     return times, points, np.unique(np.maximum(tau_grid(times[points.w[: len(times)] > 0], GRID), 1.01 * TAU1_LEAST_S))
 
 
-def refine(theta: Array, points: Points, limit: float, steps: int = 8, enough: float = 1e-12) -> tuple[Array, Array]:
+def refine(
+    theta: Array, points: Points, limit: float, steps: int = STEPS, enough: float = 1e-12
+) -> tuple[Array, Array]:
     """Damped Gauss–Newton in (T_s, ln τ1, ln τ2) on every row of points at once: θ (4, N) and cost (N,).
 
     A row moves only where its cost falls; τ stays within 1 ms and `limit` [s]. Ends when a step lowers no row by
@@ -212,8 +218,45 @@ def _full(x: Array, data: Data, share: float) -> tuple[float, Array]:
 
 
 def fit_levels(data: Data, share: float | None) -> list[LevelFit]:
-    """`fit_level` for every level; the starts of all are found together."""
+    """`fit_level` for every level; the starts of all are found, and judged on the full data, together.
+
+    Where the best start of a level is at its minimum already and no other comes near it, the solver has nothing to add.
+    """
     if share is None:
         return [fit_level(data.one(i), None) for i in range(len(data.u))]
-    starts = starting_curves(data, share)[0]
-    return [fit_level(data.one(i), share, starts[:, :, i]) for i in range(len(data.u))]
+    starts, costs = starting_curves(data, share)
+    theta = starts[:, costs.argmin(axis=0), np.arange(len(data.u))]
+    full, gradient = data.sums(theta)
+    curvature = level_curvature(theta, data.points, exact=True)
+    limit = RECORDS * data.longest_s
+    found = []
+    for i in range(len(data.u)):
+        settled = _settled(theta[:, i], full[i], gradient[:, i], curvature[i], limit)
+        rivals = costs[:, i][costs[:, i] > (1 + SAME) * costs[:, i].min()]
+        if settled is None or (rivals < (1 + CLEAR) * costs[:, i].min()).any():
+            found.append(fit_level(data.one(i), share, starts[:, :, i]))
+        else:
+            Ts, tau1, tau2, _ = theta[:, i].tolist()
+            n = len(data.records[i].y)
+            ends = tuple((costs[:, i] + full[i] - costs[:, i].min()).tolist())
+            solver = Solver(True, verdict(True, settled), len(ends) * STEPS, ends, (), settled)
+            curve = Friction(Ts, tau1, tau2, share)
+            found.append(LevelFit(float(data.u[i]), curve, float(np.sqrt(full[i] / n)), float(full[i]), n, solver))
+    return found
+
+
+def _settled(theta: Array, cost: float, gradient: Array, curvature: Array, limit: float) -> float | None:
+    """What a Newton step on the full data promises, relative to the cost; None unless nothing and inside the limits."""
+    scale = _scale(theta)
+    inside = theta[0] > 0 and theta[1] > 1.001 * TAU1_LEAST_S and 1.001 * theta[1] < theta[2] < 0.5 * limit
+    if not inside or cost <= 0:
+        return None
+    H = curvature[:3, :3] * (scale * scale[:, None])
+    H[1, 1] += gradient[1] * theta[1]
+    H[2, 2] += gradient[2] * theta[2]
+    try:
+        q = np.linalg.solve(np.linalg.cholesky(H), gradient[:3] * scale)
+    except np.linalg.LinAlgError:
+        return None
+    promise = 0.5 * float(q @ q) / cost
+    return promise if promise <= SETTLED else None
