@@ -45,7 +45,7 @@ class Plant:
     """(τ1, τ2) of a release [s], where they are known."""
 
 
-def clutch(p: Nonlinear = REFERENCE_PLANT, made_of: str = "the reference plant (SPEC §6)") -> Plant:
+def clutch(p: Nonlinear = REFERENCE_PLANT, made_of: str = "the reference plant (docs/synthetic.md)") -> Plant:
     """The clutch itself: input is the duty [%]."""
     parameters = plant_parameters(p)
 

@@ -17,7 +17,7 @@ def test_a_dataset_its_summary_and_the_same_bytes_twice(tmp_path: Path, capsys: 
     assert main.run(["synth", *QUICK, "-o", str(first), "--json"]) == 0
     told = capsys.readouterr()
     summary = json.loads(told.out)
-    assert told.err == f"{first}: 4 synthetic runs of the reference plant (SPEC §6), seed 0\n"
+    assert told.err == f"{first}: 4 synthetic runs of the reference plant (docs/synthetic.md), seed 0\n"
     assert summary["schema"] == "eaid/synth/1" and summary["kind"] == "clutch" and summary["seed"] == 0
     assert [row["level"] for row in summary["runs"]] == [40, 40, 90, 90] and summary["runs"][0]["samples"] == 400
     assert main.run(["synth", *QUICK, "-o", str(again), "-q"]) == 0

@@ -97,7 +97,7 @@ def test_the_same_seed_gives_the_same_run_and_another_seed_another() -> None:
 def test_every_run_says_that_it_is_synthetic() -> None:
     for run in synthesise(plants.clutch(), SHORT, Disturbance(), seed=1):
         assert run.synthetic == (
-            "eaid synth of the reference plant (SPEC §6); white_nm 0.01, coloured 0.01, coloured_s 0.05, ripple 0.01, "
+            "eaid synth of the reference plant (docs/synthetic.md); white_nm 0.01, coloured 0.01, coloured_s 0.05, ripple 0.01, "
             "gain_scatter 0.03, tau1_scatter 0.05, offset_nm 0.02, resolution_nm 0.000976562; seed 1; "
             "recorded on no rig"
         )
@@ -106,7 +106,7 @@ def test_every_run_says_that_it_is_synthetic() -> None:
 
 def test_an_undisturbed_run_says_so() -> None:
     (run, *_) = synthesise(plants.clutch(), SHORT, NONE, seed=1)
-    assert run.synthetic == "eaid synth of the reference plant (SPEC §6); undisturbed; seed 1; recorded on no rig"
+    assert run.synthetic == "eaid synth of the reference plant (docs/synthetic.md); undisturbed; seed 1; recorded on no rig"
 
 
 def test_white_noise_offset_and_digits_are_as_asked() -> None:
