@@ -1,7 +1,7 @@
 """The fits against what a user would run instead, on the same data in the same run.
 
-Ten levels, three repeats of 30 s at 1 kHz. Times are of the processor (run with OMP_NUM_THREADS=1): a few milliseconds by
-the wall clock say more about what else the machine does.
+Ten levels, three repeats of 30 s at 1 kHz. Times are of the processor (run with OMP_NUM_THREADS=1): a few milliseconds
+by the wall clock say more about what else the machine does.
 
 Everyone fits every one of the 900,000 samples (ours by their means, which is exact) and is
 judged by the same cost over all of them. `python -m benchmarks fit_speed`.

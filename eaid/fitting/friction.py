@@ -117,7 +117,7 @@ def _level_warnings(stepset: StepSet, fits: Sequence[LevelFit], share: float | N
             f"τ2 is longer than the record at level {', '.join(long)}{unit}: these data cannot tell it, "
             "nor how far T_s goes on rising; record longer"
         )
-    merged = [f"{f.level:g}" for f in fits if "τ2 at τ1" in f.solver.at_bounds]
+    merged = [f"{f.level:g}" for f in fits if f.curve.tau2 < 1.01 * f.curve.tau1]
     if merged:
         warnings.append(f"one exponential is enough at level {', '.join(merged)}{unit}: τ1 and τ2 coincide there")
     fast = [f"{f.level:g}" for f in fits if "τ1 at 1 ms" in f.solver.at_bounds]
