@@ -15,11 +15,18 @@ import numpy as np  # noqa: E402
 import pytest  # noqa: E402
 
 from eaid.apparatus import Apparatus  # noqa: E402
+from eaid.cli import console  # noqa: E402
 from eaid.models import friction, nonlinear  # noqa: E402
 from eaid.models.parameters import REFERENCE_PLANT, Friction, Nonlinear  # noqa: E402
 from eaid.steps.stepset import Level, StepSet  # noqa: E402
 
 ROOT = Path(__file__).parents[1]
+
+
+@pytest.fixture(autouse=True)
+def _messages_are_told() -> None:
+    """One test's `-q` does not hush the next, which runs in the same process."""
+    console.be_quiet(False)
 
 
 def _clutch_set(
