@@ -1,12 +1,8 @@
 """1,000 bootstrap refits of the shipped clutch set, on two processes with one BLAS thread each, against one fit."""
 
-import os
 import statistics
 import time
 from collections.abc import Iterator
-
-for _name in ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS"):
-    os.environ.setdefault(_name, "1")
 
 from benchmarks.table import Row
 from eaid.cli.inputs import stepset_from
