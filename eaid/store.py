@@ -51,7 +51,10 @@ def _finite(text: str) -> float:
 
 
 def read_json(path: Path, kind: str) -> dict[str, Any]:
-    """Read a result of schema `eaid/{kind}/1`; anything else is refused in one sentence."""
+    """Read a result of schema `eaid/{kind}/1`; anything else is refused in one sentence.
+
+    A file of the user's own script may leave the schema out where a part of the kind is in it.
+    """
     wanted = f"eaid/{kind}/1"
     if not path.is_file():
         raise DataError(f"{path}: no such file; give the {kind}.json that eaid wrote")
@@ -60,10 +63,11 @@ def read_json(path: Path, kind: str) -> dict[str, Any]:
     except (ValueError, RecursionError) as fault:  # no UTF-8, no JSON, or numbers and nesting beyond all reason
         raise DataError(f"{path}: is not a JSON file ({fault}); give the {kind}.json that eaid wrote") from None
     found = result.get("schema") if isinstance(result, dict) else None
-    if found != wanted:
+    of_a_script = isinstance(result, dict) and "schema" not in result and any(part in result for part in SHAPES[kind])
+    if found != wanted and not of_a_script:
         said = f"its schema is {found!r}" if isinstance(found, str) else "it holds no schema"
         raise DataError(f"{path}: is no {wanted} file ({said}); make it again with this version of eaid")
-    _check_shapes(path, dict(result), SHAPES.get(kind, {}))
+    _check_shapes(path, dict(result), SHAPES[kind])
     return dict(result)
 
 

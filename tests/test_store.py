@@ -56,6 +56,14 @@ def test_another_file_is_refused_in_a_sentence(tmp_path: Path, content: bytes, s
     assert str(path) in str(refused.value)
 
 
+def test_a_script_s_own_file_needs_no_schema_but_a_part_of_its_kind(tmp_path: Path) -> None:
+    path = tmp_path / "own.json"
+    path.write_text('{"linear": {"a0": 1.36, "b0": 0.08, "c0": -2.42}}')
+    assert read_json(path, "fit")["linear"]["b0"] == 0.08
+    with pytest.raises(DataError, match="is no eaid/gains/1 file"):
+        read_json(path, "gains")
+
+
 def test_a_missing_file_is_refused_in_a_sentence(tmp_path: Path) -> None:
     with pytest.raises(DataError, match="no such file"):
         read_json(tmp_path / "fit.json", "fit")

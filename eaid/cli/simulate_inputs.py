@@ -46,6 +46,8 @@ def names(controllers: str | None, scenario: str, known: "Knowledge") -> list[st
         names = [name.strip() for name in controllers.split(",") if name.strip()]
         if not names or len(set(names)) < len(names):
             raise UsageError(f"--controller is {controllers!r}; name each controller once, with commas between")
+        if "open-loop" in names and known.linear is None:
+            console.warn("no linear model, so open-loop takes the straight line through the plant's steady torque")
         return names
     names = [name for name, held in (("rc", known.rc), ("pi", known.pi)) if held is not None]
     if scenario == "sweep" and known.linear is not None:

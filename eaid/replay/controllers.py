@@ -4,9 +4,13 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
+import numpy as np
+from numpy.polynomial import polynomial
+
 from eaid.control.pi import PIGains, pi_start, pi_step
 from eaid.control.rc import RCGains, rc_start, rc_step
 from eaid.errors import UsageError
+from eaid.models.nonlinear import steady_torque
 from eaid.models.parameters import Linear, Nonlinear
 from eaid.replay.inverse import InverseGains, inverse_gains, inverse_start, inverse_step
 
@@ -43,6 +47,7 @@ class Knowledge:
     plant: Nonlinear
     """The fitted model (never the perturbed one)."""
     linear: Linear | None
+    """Where it is missing, the open loop takes the straight line through the plant's steady torque."""
     rc: RCGains | None
     pi: PIGains | None
 
@@ -83,10 +88,17 @@ def _pi(known: Knowledge) -> Controller:
     return Controller("pi", pi_step, known.pi, pi_start())
 
 
+def _straight_line(plant: Nonlinear) -> Linear:
+    """Linear model whose steady torque [N·m] is the least-squares line through T_s(u), Eq. (7), at 101 duties."""
+    duties = np.linspace(*plant.u_range, 101)
+    offset, slope = polynomial.polyfit(duties, steady_torque(plant, duties), 1).tolist()
+    if not slope > 0.0:
+        raise UsageError("controller open-loop: the plant's steady torque does not rise with the duty; fit it again")
+    return Linear(a0=1.0, b0=slope, c0=offset)
+
+
 def _open_loop(known: Knowledge) -> Controller:
-    if known.linear is None:
-        raise UsageError("controller open-loop needs the linear model: fit it, or give gains.json, which holds it too")
-    linear = known.linear
+    linear = known.linear or _straight_line(known.plant)
     return Controller("open-loop", open_loop_step, OpenLoopGains(linear.a0, linear.b0, linear.c0), OpenLoopState(0.0))
 
 

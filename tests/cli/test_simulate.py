@@ -179,6 +179,18 @@ def test_every_effect_of_the_rig_is_an_option(capsys):
     assert {"measured_nm", "applied_pct"} <= set(records["rc"].columns)
 
 
+def test_open_loop_needs_no_more_than_the_nonlinear_model(capsys):
+    Path("fit.json").write_text(json.dumps({"nonlinear": FIT["nonlinear"]}))
+    assert call("--controller", "open-loop", "--json") == 0
+    _, err = capsys.readouterr()
+    assert "warning: no linear model, so open-loop takes the straight line through the plant's steady torque" in err
+    duty = np.linspace(10, 100, 101)
+    slope, offset = np.polyfit(duty, np.polyval(FIT["nonlinear"]["Ts"][::-1], duty), 1)
+    columns = read_replay(Path("replay.h5"))[0]["open-loop"].columns
+    wanted = np.clip((columns["reference_nm"] - offset) / slope, 0, 100)
+    np.testing.assert_allclose(columns["duty_pct"], wanted, atol=1e-9)
+
+
 @pytest.mark.parametrize(
     ("arguments", "code", "said"),
     [
@@ -186,7 +198,6 @@ def test_every_effect_of_the_rig_is_an_option(capsys):
         (["--controller", "pid"], 2, "no controller 'pid'; there are rc, pi, open-loop, inverse"),
         (["--controller", "rc"], 2, "controller rc needs gains: give --gains gains.json"),
         (["--controller", "pi,pi", "--gains", "gains.json"], 2, "name each controller once"),
-        (["--controller", "open-loop"], 2, "open-loop needs the linear model"),
         (["--scenario", "steps", "--reference", "r.csv"], 2, "exclude each other"),
         (["--scenario", "sweep", "--duration", "3"], 2, "leave --duration out"),
         (["--reference", "none.csv"], 3, "none.csv: no such file"),
