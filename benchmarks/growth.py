@@ -4,6 +4,7 @@ import statistics
 import time
 import tracemalloc
 from collections.abc import Iterator
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -107,9 +108,7 @@ def row(what: str, points: Points, accuracy: str = "") -> Row:
     """Largest size against the smallest and against the one before: linear or better in both; the worst step is told."""
     (xa, ya), (x0, y0), (x1, y1) = points[0], points[-2], points[-1]
     linear = min(ya * x1 / xa, y0 * x1 / x0)
-    worst = max(
-        zip(points, points[1:], strict=False), key=lambda pair: pair[1][1] / pair[0][1] * pair[0][0] / pair[1][0]
-    )
+    worst = max(pairwise(points), key=lambda step: step[1][1] / step[1][0] * step[0][0] / step[0][1])
     (a, ta), (b, tb) = worst
     return Row(
         what,
