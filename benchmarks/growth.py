@@ -105,7 +105,7 @@ def figure(name: str, across: str, curves: dict[str, tuple[Points, str]]) -> Non
 
 
 def row(what: str, points: Points, accuracy: str = "") -> Row:
-    """Largest size against the smallest and against the one before: linear or better in both; the worst step is told."""
+    """Largest size against the smallest and the one before: linear or better in both; the steepest step is told."""
     (xa, ya), (x0, y0), (x1, y1) = points[0], points[-2], points[-1]
     linear = min(ya * x1 / xa, y0 * x1 / x0)
     worst = max(pairwise(points), key=lambda step: step[1][1] / step[1][0] * step[0][0] / step[0][1])
