@@ -68,7 +68,7 @@ def own_curves(data: Data, share: float) -> OwnCurves:
     """Best curves of single levels with C held at `share`."""
     theta = quick_curves(data, share)
     curvature = 0.5 * level_curvature(theta, data.points)[:, :3, :3] * data.weights[:, None, None]
-    scale = np.sqrt(np.maximum(np.einsum("lii->li", curvature), 1e-300))
+    scale = np.sqrt(np.maximum(np.einsum("lii->li", curvature), 1e-200))
     inverse = np.linalg.inv(curvature / scale[:, :, None] / scale[:, None, :] + 1e-9 * np.eye(3))
     cost = float(data.weights @ level_sums(theta, data.points)[0])
     return OwnCurves(theta, cost, np.einsum("lii->li", inverse) / scale**2)
