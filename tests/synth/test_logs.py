@@ -106,7 +106,8 @@ def test_every_run_says_that_it_is_synthetic() -> None:
 
 def test_an_undisturbed_run_says_so() -> None:
     (run, *_) = synthesise(plants.clutch(), SHORT, NONE, seed=1)
-    assert run.synthetic == "eaid synth of the reference plant (docs/synthetic.md); undisturbed; seed 1; recorded on no rig"
+    said = "eaid synth of the reference plant (docs/synthetic.md); undisturbed; seed 1; recorded on no rig"
+    assert run.synthetic == said
 
 
 def test_white_noise_offset_and_digits_are_as_asked() -> None:
