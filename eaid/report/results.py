@@ -19,7 +19,7 @@ from eaid.replay import files as replay_files
 from eaid.replay.controllers import CONTROLLERS
 from eaid.steps.build import StepOptions, build_stepset
 from eaid.steps.stepset import StepSet
-from eaid.store import read_json
+from eaid.store import SHAPES, read_json
 
 SCENARIOS = ("steps", "multisine", "sweep", "reference", "log", "rehab")
 """The order of the paper, and of the page."""
@@ -149,11 +149,16 @@ def kind_of(path: Path) -> str:
             content = json.loads(path.read_text(encoding="utf-8"))
         except (ValueError, RecursionError):  # no UTF-8, no JSON, or numbers and nesting beyond all reason
             content = None
-        schema = str(content.get("schema", "")) if isinstance(content, dict) else ""
+        schema = str(content.get("schema", _by_its_parts(content))) if isinstance(content, dict) else ""
     known = {"eaid/fit/1": "fit", "eaid/gains/1": "gains", "eaid/replay/1": "replay", "eaid/data/1": "data"}
     if schema not in known:
         raise DataError(f"{path}: is no result of eaid; give a fit.json, gains.json, replay.h5 or data.h5")
     return known[schema]
+
+
+def _by_its_parts(content: dict[str, Any]) -> str:
+    """The schema of a file of the user's own script that names none."""
+    return next((f"eaid/{kind}/1" for kind, parts in SHAPES.items() if any(part in content for part in parts)), "")
 
 
 def read_replay(path: Path, source: Source) -> Replay:

@@ -253,6 +253,15 @@ def _end_of(run: Run, hold: Plateau) -> float:
     return last
 
 
+def _falls(run: Run, start: int, until: int, level: float) -> bool:
+    """Whether the output comes back, by a hundredth of its rise or more, behind a window that only the user ended."""
+    idle = float(np.median(run.output[:start])) if start else 0.0
+    rise = _end_of(run, Plateau(start, until, level)) - idle
+    left = float(np.median(run.output[until:])) - idle
+    release(run.output)
+    return left * np.sign(rise) < 0.99 * abs(rise)
+
+
 _NO_STEP = "record the idle time before the step too, or give the step instant with --step-at"
 
 
@@ -284,9 +293,12 @@ def _cut_at(run: Run, where: str, known: bool) -> list[Run]:
     if level is None:
         raise DataError(f"{where}: nothing tells its level; give the input column, or --name-pattern with {{level}}")
     steps = [_part(run, 0, until, level=level, step_s=float(time[start]), until_s=None)]
-    rest = run.input[until:]
-    ended = abs(float(np.median(rest))) < abs(level) if known and len(rest) else run.until_s is not None
-    if len(time) - until >= FEWEST and ended:
+    enough = len(time) - until >= FEWEST
+    if known:
+        ended = enough and abs(float(np.median(run.input[until:]))) < abs(level)
+    else:
+        ended = enough and run.until_s is not None and _falls(run, start, until, level)
+    if ended:
         steps.append(
             _part(
                 run,

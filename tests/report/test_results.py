@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from eaid.errors import DataError, UsageError
-from eaid.report.results import read_results
+from eaid.report.results import kind_of, read_results
 
 
 def test_files_are_told_apart_by_what_they_say(files: dict[str, Path]):
@@ -19,6 +19,12 @@ def test_files_are_told_apart_by_what_they_say(files: dict[str, Path]):
         "multisine",
     ]  # the paper's order, not the call's
     assert list(results.replays[0].traces) == ["rc", "pi"]
+
+
+def test_a_script_s_own_json_is_known_by_its_parts(tmp_path: Path):
+    (tmp_path / "a.json").write_text(json.dumps({"linear": {"a0": 1.36, "b0": 0.08, "c0": -2.42}}))
+    (tmp_path / "b.json").write_text(json.dumps({"rc": {"K_P": 4.5}, "model": {"a0": 1.36}}))
+    assert [kind_of(tmp_path / name) for name in ("a.json", "b.json")] == ["fit", "gains"]
 
 
 def test_everything_that_is_no_result_is_told_at_once(tmp_path: Path):

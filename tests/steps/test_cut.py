@@ -141,6 +141,8 @@ def test_step_at_and_until() -> None:
     assert facts(steps) == [("a", 50.0, "rising", 2.0, 500), ("a-release", 50.0, "falling", 5.0, 200)]
     (whole,) = cut(replace(run, step_s=2.0))
     assert len(whole.time_s) == 700
+    (shorter,) = cut(replace(run, step_s=2.0, until_s=4.0, output=log([(0, 2), (50, 5)]).output))
+    assert (shorter.edge, len(shorter.time_s)) == ("rising", 400)  # the output stays up: no release behind the window
 
 
 def test_until_ends_the_window_of_a_log_with_an_input_too() -> None:
