@@ -97,7 +97,8 @@ def test_the_same_seed_gives_the_same_run_and_another_seed_another() -> None:
 def test_every_run_says_that_it_is_synthetic() -> None:
     for run in synthesise(plants.clutch(), SHORT, Disturbance(), seed=1):
         assert run.synthetic == (
-            "eaid synth of the reference plant (docs/synthetic.md); white_nm 0.01, coloured 0.01, coloured_s 0.05, ripple 0.01, "
+            "eaid synth of the reference plant (docs/synthetic.md); white_nm 0.01, coloured 0.01, coloured_s 0.05, "
+            "ripple 0.01, "
             "gain_scatter 0.03, tau1_scatter 0.05, offset_nm 0.02, resolution_nm 0.000976562; seed 1; "
             "recorded on no rig"
         )
