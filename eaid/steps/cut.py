@@ -259,7 +259,7 @@ def _falls(run: Run, start: int, until: int, level: float) -> bool:
     rise = _end_of(run, Plateau(start, until, level)) - idle
     left = float(np.median(run.output[until:])) - idle
     release(run.output)
-    return left * np.sign(rise) < 0.99 * abs(rise)
+    return bool(left * np.sign(rise) < 0.99 * abs(rise))
 
 
 _NO_STEP = "record the idle time before the step too, or give the step instant with --step-at"
