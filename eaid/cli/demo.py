@@ -10,7 +10,7 @@ import typer
 
 from eaid.cli import console
 from eaid.cli.options import Force, Json, Quiet
-from eaid.errors import UsageError
+from eaid.errors import EaidError, UsageError
 
 CLUTCH: tuple[tuple[str, ...], ...] = (
     ("ingest", "{clutch}", "-o", "clutch.h5"),
@@ -113,4 +113,6 @@ def _run(line: tuple[str, ...], folder: Path) -> None:
     with contextlib.chdir(folder), contextlib.redirect_stdout(io.StringIO()):
         code = run([*line, "--quiet", "--force"])
     if code not in (0, 4):  # 4: a fit did not converge; the page says so
-        raise UsageError(f"the demo stopped at: eaid {' '.join(line)} (exit code {code})")
+        fault = EaidError(f"the demo stopped at: eaid {' '.join(line)} (exit code {code})")
+        fault.exit_code = code
+        raise fault

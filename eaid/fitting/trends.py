@@ -70,7 +70,8 @@ def _fit(form: str, s: Array, y: Array, starts: list[Array]) -> tuple[Array, boo
     best = min(ends, key=lambda end: end.cost)
     end, promise, active = polish(problem, best, problem.value)
     c = np.concatenate([_projected(end.x, s, y)[3], end.x])[order]
-    return c, promise <= PROMISE, tuple(names[i] for i in active)
+    # Where one exponential is exact, (p + q x) e^(r x) is flat in r: the promise is then 0/0, and the cost is rounding.
+    return c, promise <= PROMISE or end.cost <= problem.floor, tuple(names[i] for i in active)
 
 
 def _apart(rates: Array) -> Array:

@@ -8,6 +8,7 @@ import pytest
 
 from eaid.cli import demo
 from eaid.cli.main import run
+from eaid.errors import EaidError
 
 
 @pytest.fixture(scope="module")
@@ -70,8 +71,7 @@ def test_it_ends_by_naming_the_page(
 
 
 def test_a_failing_command_ends_the_demo_with_its_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
-    from eaid.errors import UsageError
-
-    with pytest.raises(UsageError, match=r"the demo stopped at: eaid fit gone\.h5 \(exit code 3\)"):
+    with pytest.raises(EaidError, match=r"the demo stopped at: eaid fit gone\.h5 \(exit code 3\)") as stopped:
         demo._run(("fit", "gone.h5"), tmp_path)
+    assert stopped.value.exit_code == 3
     assert "gone.h5" in capsys.readouterr().err

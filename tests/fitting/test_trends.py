@@ -73,3 +73,14 @@ def test_no_start_of_many_does_better(seed: int) -> None:
             left = design @ np.linalg.lstsq(design, y, rcond=None)[0] - y
             best = min(best, float(left @ left))
     assert found.rmse**2 * 10 <= best * (1 + 1e-6)
+
+
+def test_one_exact_exponential_has_converged() -> None:
+    """(p + q x) e^(r x) is flat in r where q is nothing: what a Newton step promises there is rounding."""
+    found = fit_trend(
+        SPEED, 5.4 * np.exp(-0.0101 * SPEED) * (1 + 1e-12 * np.cos(9 * SPEED)), "speed_rpm", "double-exponential"
+    )
+    assert found.form == "merged-exponential" and found.converged
+    np.testing.assert_allclose(
+        evaluate(found.form, found.coefficients, SPEED), 5.4 * np.exp(-0.0101 * SPEED), rtol=1e-9
+    )
