@@ -58,8 +58,10 @@ def training(trace: Mapping[str, Array], spans: list[tuple[str, float, float]]) 
     position.set(ylabel="Position\nerror (°)")
     torque.set(ylabel="Torque (N·m)")
     error.set(ylabel="Torque\nerror (N·m)", xlabel="Time (s)")
+    low, high = angle.get_ylim()
+    angle.set_ylim(low, high + 0.35 * (high - low))  # room for the legend above the curves
     angle.legend(loc="upper right", ncols=2)
-    torque.legend(loc="upper right", ncols=2)
+    torque.legend(loc="lower right", ncols=2)  # the assisting torque is positive
     return figure
 
 
