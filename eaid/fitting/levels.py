@@ -98,7 +98,8 @@ def refine(
         done = np.max((cost - found)[better] / cost[better], initial=0.0) < enough
         theta = np.where(better, tried, theta)
         cost, gradient = np.where(better, found, cost), np.where(better, slope, gradient)
-        damping = np.where(better, damping / 10, damping * 10)
+        # where τ1 and τ2 have met, two rows of H are one, and only damping keeps it from being singular
+        damping = np.where(better, np.maximum(damping / 10, 1e-12), damping * 10)
         if done and better.any():
             break
     return theta, cost

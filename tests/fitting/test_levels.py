@@ -3,10 +3,11 @@
 import numpy as np
 import pytest
 
+from eaid.fitting.compress import Points
 from eaid.fitting.data import Data
 from eaid.fitting.free_share import free_problem, non_negative
 from eaid.fitting.kernel import Record
-from eaid.fitting.levels import fit_level, level_problem
+from eaid.fitting.levels import fit_level, level_problem, refine
 from eaid.fitting.solver import Problem
 from eaid.models import friction
 from eaid.models.parameters import Friction
@@ -115,3 +116,15 @@ def test_no_start_of_many_does_better(seed: int) -> None:
         for ratio in (1.5, 20)
     )
     assert found.sse <= best * (1 + 1e-6)
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_rates_that_meet_keep_their_step(seed: int) -> None:
+    """A single exponential: τ1 and τ2 run into each other, and the curvature by them becomes singular."""
+    rng = np.random.default_rng(seed)
+    t = np.linspace(0.0, 3.0, 10)
+    points = Points(t[None], -np.expm1(-t / 0.5)[None], np.ones((1, 10)))
+    tau1 = rng.uniform(0.05, 0.5)
+    start = np.array([[rng.uniform(0.3, 2.0)], [tau1], [tau1 * rng.uniform(1.0, 1.5)], [0.85]])
+    theta, cost = refine(start, points, limit=100.0, steps=200, enough=-1.0)
+    assert cost[0] < 1e-3 * points.y.size and np.isfinite(theta).all()
