@@ -209,12 +209,3 @@ def runs_from(paths: Sequence[Path], **options: Any) -> "tuple[list[Run], StepSe
         steps = [step for step in steps if any(same_level(abs(step.level or 0.0), k) for k in kept)]
     inputs = [{"path": str(path), "sha256": sha256_of(path)} for path in paths if path.is_file()]
     return steps, replace(stepset, extra={**stepset.extra, "inputs": inputs})
-
-
-def tell_doubts(stepset: "StepSet") -> None:
-    """Every warning of a step set, one line each, on stderr."""
-    for warning in stepset.warnings:
-        console.warn(warning)
-    for run in stepset.runs:
-        for warning in run.warnings:
-            console.warn(f"{run.name}: {warning}")
