@@ -1,13 +1,22 @@
-"""Results ↔ files: JSON with a schema and no time stamp, so that the same input gives the same bytes."""
+"""Results ↔ files: JSON with a schema and no time stamp, so that the same input gives the same bytes.
 
+A result carries a digest of its own content: a digit that a disk, a mail or a slip of the hand changed is noticed when
+it is read again. A file without a digest, as a user's script writes it, is taken as it is; so is one that another
+program wrote out anew with the old digest still in it, which is told: damage does not change a file's layout.
+"""
+
+import hashlib
 import json
 import math
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 from eaid import __version__
 from eaid.errors import DataError
 from eaid.files import sha256_of, written_whole
+from eaid.schema import RESULTS
+from eaid.shapes import Misshapen, shaped
 
 
 def jsonable(value: Any) -> Any:
@@ -23,8 +32,18 @@ def jsonable(value: Any) -> Any:
     return value
 
 
+def digest_of(result: dict[str, Any]) -> str:
+    """SHA-256 over the canonical JSON (keys in order, no spaces) of a result without its digest, in hex."""
+    content = {key: value for key, value in result.items() if key != "digest"}
+    text = json.dumps(jsonable(content), ensure_ascii=False, allow_nan=False, sort_keys=True, separators=(",", ":"))
+    return hashlib.sha256(text.encode("utf-8", errors="surrogatepass")).hexdigest()
+
+
 def dumps(result: dict[str, Any]) -> str:
-    """The bytes of a result file, as text."""
+    """The bytes of a result file, as text; a result with a schema gets its digest behind the version."""
+    if "schema" in result:
+        heading: dict[str, Any] = {key: result[key] for key in ("schema", "eaid") if key in result}
+        result = {**heading, "digest": digest_of(result), **{k: v for k, v in result.items() if k != "digest"}}
     return json.dumps(jsonable(result), indent=1, ensure_ascii=False, allow_nan=False) + "\n"
 
 
@@ -50,68 +69,44 @@ def _finite(text: str) -> float:
     return value
 
 
-def read_json(path: Path, kind: str) -> dict[str, Any]:
-    """Read a result of schema `eaid/{kind}/1`; anything else is refused in one sentence.
+def read_json(path: Path, kind: str, tell: Callable[[str], None] = lambda _: None) -> dict[str, Any]:
+    """Read a result of schema `eaid/{kind}/1`; anything else is refused in one sentence, and so is a damaged one.
 
-    A file of the user's own script may leave the schema out where a part of the kind is in it.
+    A file of the user's own script may leave the schema out where a part of the kind is in it. Every value has the
+    shape that eaid/schema.py promises; parts that lack what they need are left out, and `tell` gets a sentence of each.
     """
     wanted = f"eaid/{kind}/1"
     if not path.is_file():
         raise DataError(f"{path}: no such file; give the {kind}.json that eaid wrote")
     try:
-        result = json.loads(path.read_text(encoding="utf-8"), parse_constant=_not_json, parse_float=_finite)
+        text = path.read_text(encoding="utf-8")
+        result = json.loads(text, parse_constant=_not_json, parse_float=_finite)
     except (ValueError, RecursionError) as fault:  # no UTF-8, no JSON, or numbers and nesting beyond all reason
         raise DataError(f"{path}: is not a JSON file ({fault}); give the {kind}.json that eaid wrote") from None
     found = result.get("schema") if isinstance(result, dict) else None
-    of_a_script = isinstance(result, dict) and "schema" not in result and any(part in result for part in SHAPES[kind])
+    of_a_script = isinstance(result, dict) and "schema" not in result and any(part in result for part in PARTS[kind])
     if found != wanted and not of_a_script:
         said = f"its schema is {found!r}" if isinstance(found, str) else "it holds no schema"
         raise DataError(f"{path}: is no {wanted} file ({said}); make it again with this version of eaid")
-    _check_shapes(path, dict(result), SHAPES[kind])
-    return dict(result)
+    if "digest" in result and result["digest"] != digest_of(result):
+        if text.startswith('{\n "schema"') and text.endswith("\n}\n"):
+            raise DataError(
+                f"{path}: is damaged, or was changed after eaid wrote it; make it again with eaid, "
+                f"or delete its line digest if the change is yours"
+            )
+        tell(f"{path}: another program has written it anew: its digest no longer fits and is passed over")
+    left_out: list[str] = []
+    try:
+        kept: dict[str, Any] = shaped(result, RESULTS[kind], "", left_out)
+    except Misshapen as fault:
+        raise DataError(f"{path}: {fault}; make it again with eaid") from None
+    for sentence in left_out:
+        tell(f"{path}: {sentence}")
+    return {key: value for key, value in kept.items() if key != "digest"}
 
 
-SHAPES: dict[str, dict[str, dict[str, int | type]]] = {
-    "fit": {
-        "data": {"levels": list, "sources": list, "apparatus": dict},
-        "friction": {"levels": list, "trends": dict},
-        "nonlinear": {"C": 1, "tau1": 3, "tau2": 3, "Ts": 4, "u_range": 2, "per_level": list},
-        "linear": {"a0": 1, "b0": 1, "c0": 1, "per_level": list, "bounds": dict},
-        "release": {},
-    },
-    "gains": {"model": {"a0": 1, "b0": 1, "c0": 1}, "rc": {"K_P": 1, "K_D": 1}, "pi": {"K_P": 1, "K_I": 1}},
-}
-"""What the parts of a result are, where they are there: so many numbers, a list, or an object (a dict)."""
-_WORDS: dict[type, str] = {list: "a list", dict: "an object"}
-
-
-def _check_shapes(path: Path, result: dict[str, Any], shapes: dict[str, dict[str, int | type]]) -> None:
-    """Refuse a result whose parts are not what they should be; those absent or empty are left to their users."""
-    for part, keys in shapes.items():
-        inside = result.get(part)
-        if not inside and inside is not False and inside != 0:
-            continue
-        if not isinstance(inside, dict):
-            raise DataError(f"{path}: its {part} is {_short(inside)}, not an object; make it again with eaid")
-        for key, wanted in keys.items():
-            if key not in inside:
-                continue
-            value = inside[key]
-            if isinstance(wanted, type):
-                fits, what = isinstance(value, wanted) or value is None, _WORDS[wanted]
-            else:
-                numbers = value if wanted > 1 and isinstance(value, list) else [value]
-                fits = len(numbers) == wanted and all(
-                    isinstance(one, int | float) and not isinstance(one, bool) for one in numbers
-                )
-                what = "a number" if wanted == 1 else f"a list of {wanted} numbers"
-            if not fits:
-                raise DataError(f"{path}: its {part}.{key} is {_short(value)}, not {what}; make it again with eaid")
-
-
-def _short(value: Any) -> str:
-    text = json.dumps(value, ensure_ascii=False)
-    return text if len(text) <= 40 else text[:37] + "…"
+PARTS = {"fit": ("data", "friction", "nonlinear", "linear", "release"), "gains": ("model", "rc", "pi")}
+"""Parts by which a file that names no schema is known."""
 
 
 def input_record(path: Path) -> dict[str, str]:

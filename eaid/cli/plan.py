@@ -62,7 +62,7 @@ def command(
     if faults:
         raise UsageError(*faults)
     rig = Rig(idle_s=idle, release_s=release, most_levels=most, longest_hold_s=longest)
-    source = read_json(fit, "fit")
+    source = read_json(fit, "fit", console.warn)
     found, plant, noise, word = planned(source, str(fit), wanted, rig)
     if word:
         console.warn(word)

@@ -41,7 +41,7 @@ def command(
     from eaid.report.results import read_results
 
     formats = formats_of(format)
-    results = read_results(files)
+    results = read_results(files, console.warn)
     ready, _missing = ready_figures(results)
     with console.progress("drawing figures", len(ready)) as done:
         made = build(results, folder, formats, done)

@@ -16,10 +16,10 @@ def files(fit: Path, gains: Path | None) -> tuple[dict[str, Any], dict[str, Any]
     """fit.json and gains.json as read; an empty gains.json where none is given."""
     from eaid.store import read_json
 
-    fitted = read_json(fit, "fit")
+    fitted = read_json(fit, "fit", console.warn)
     if not fitted.get("nonlinear"):
         raise DataError(f"{fit}: holds no nonlinear model, which the replay's plant is; fit clutch data with it")
-    return fitted, read_json(gains, "gains") if gains else {}
+    return fitted, read_json(gains, "gains", console.warn) if gains else {}
 
 
 def knowledge(fitted: dict[str, Any], given: dict[str, Any], gains: Path | None) -> "Knowledge":

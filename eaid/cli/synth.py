@@ -120,7 +120,7 @@ def _plant(kind: str | None, plant: str) -> tuple["Plant", list[Path]]:
     if plant == "reference":
         return REFERENCE[kind or "clutch"](), []
     path = Path(plant)
-    fit = read_json(path, "fit")
+    fit = read_json(path, "fit", console.warn)
     kind = kind or (fit.get("data") or {}).get("kind") or "clutch"
     return of_fit(fit, cast("Kind", kind), f"{path} (sha256 {input_record(path)['sha256'][:12]})"), [path]
 

@@ -139,7 +139,7 @@ def command(
     from eaid.control.design import design
     from eaid.control.options import DesignOptions, PIOptions
 
-    fitted = store.read_json(fit, "fit")
+    fitted = store.read_json(fit, "fit", console.warn)
     _refuse_unidentified(fitted, fit, allow_unidentified)
     timing = _timing(fitted, rate_hz, pwm_hz)
     wanted, reference_name = _reference(reference, 1 / timing.rate_hz)

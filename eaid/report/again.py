@@ -77,7 +77,8 @@ def _options(content: Mapping[str, Any], flags: Mapping[str, tuple[str, Any]]) -
     for key, (flag, default) in flags.items():
         value = options.get(key, default) if isinstance(options, Mapping) else default
         if value != default and value not in (None, []):
-            text = ",".join(f"{part:g}" for part in value) if isinstance(value, list) else str(value)
+            several = value if isinstance(value, list) and all(isinstance(v, int | float) for v in value) else None
+            text = str(value) if several is None else ",".join(f"{part:g}" for part in several)
             said += f" {flag} {shlex.quote(text)}"
     seed = content.get("seed")
     return f"{said} --seed {seed}" if isinstance(seed, int) and not isinstance(seed, bool) else said

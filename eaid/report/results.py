@@ -1,7 +1,7 @@
 """Files of the contract (fit.json, gains.json, replay.h5, data.h5) → what the report shows. Nothing is refitted."""
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -19,7 +19,7 @@ from eaid.replay import files as replay_files
 from eaid.replay.controllers import CONTROLLERS
 from eaid.steps.build import StepOptions, build_stepset
 from eaid.steps.stepset import StepSet
-from eaid.store import SHAPES, read_json
+from eaid.store import PARTS, read_json
 
 SCENARIOS = ("steps", "multisine", "sweep", "reference", "log", "rehab")
 """The order of the paper, and of the page."""
@@ -108,8 +108,11 @@ class Results:
         return next((replay for replay in self.replays if replay.scenario == scenario), None)
 
 
-def read_results(paths: Sequence[Path]) -> Results:
-    """Read and sort any number of result files; all that cannot be read are told at once."""
+def read_results(paths: Sequence[Path], tell: Callable[[str], None] = lambda _: None) -> Results:
+    """Read and sort any number of result files; all that cannot be read are told at once.
+
+    `tell` gets a sentence for each part of a file that is left out.
+    """
     fits: list[Fit] = []
     gains: list[Gains] = []
     replays: list[Replay] = []
@@ -120,9 +123,9 @@ def read_results(paths: Sequence[Path]) -> Results:
             kind = kind_of(path)
             source = Source(str(path), sha256_of(path), kind)
             if kind == "fit":
-                fits.append(Fit(source, read_json(path, "fit")))
+                fits.append(Fit(source, _with_whole_curves(read_json(path, "fit", tell))))
             elif kind == "gains":
-                gains.append(Gains(source, read_json(path, "gains")))
+                gains.append(Gains(source, read_json(path, "gains", tell)))
             elif kind == "replay":
                 replays.append(read_replay(path, source))
             else:
@@ -133,6 +136,15 @@ def read_results(paths: Sequence[Path]) -> Results:
         raise DataError(*faults)
     replays.sort(key=lambda one: SCENARIOS.index(one.scenario) if one.scenario in SCENARIOS else len(SCENARIOS))
     return Results(tuple(fits), tuple(gains), tuple(replays), tuple(data))
+
+
+def _with_whole_curves(content: dict[str, Any]) -> dict[str, Any]:
+    """A fit.json without the friction levels that hold no curve to draw."""
+    part = content.get("friction") or {}
+    if part.get("levels"):
+        kept = [row for row in part["levels"] if all(row.get(key) is not None for key in ("Ts", "tau1", "tau2"))]
+        content["friction"] = {**part, "levels": kept}
+    return content
 
 
 def kind_of(path: Path) -> str:
@@ -158,7 +170,7 @@ def kind_of(path: Path) -> str:
 
 def _by_its_parts(content: dict[str, Any]) -> str:
     """The schema of a file of the user's own script that names none."""
-    return next((f"eaid/{kind}/1" for kind, parts in SHAPES.items() if any(part in content for part in parts)), "")
+    return next((f"eaid/{kind}/1" for kind, parts in PARTS.items() if any(part in content for part in parts)), "")
 
 
 def read_replay(path: Path, source: Source) -> Replay:

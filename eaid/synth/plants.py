@@ -14,7 +14,7 @@ from typing import Any
 from eaid.apparatus import Apparatus
 from eaid.errors import DataError, UsageError
 from eaid.logs.run import Kind
-from eaid.models.parameters import REFERENCE_PLANT, Friction, Nonlinear
+from eaid.models.parameters import REFERENCE_PLANT, SHARE, Friction, Nonlinear
 from eaid.replay.plant import plant_parameters, plant_terms
 
 ROTOR_RPM: dict[str, float | None] = {"clutch": 10.0, "friction-force": 15.0, "friction-speed": None}
@@ -106,8 +106,11 @@ def of_fit(fit: Mapping[str, Any], kind: Kind, named: str) -> Plant:
         raise UsageError(f"{named}: is a fit of {fitted} logs; ask for --kind {fitted}")
     friction = fit.get("friction") or {}
     levels = {
-        float(row["level"]): Friction(float(row["Ts"]), float(row["tau1"]), float(row["tau2"]), float(friction["C"]))
-        for row in friction.get("levels", ())
+        float(row["level"]): Friction(
+            float(row["Ts"]), float(row["tau1"]), float(row["tau2"]), float(friction.get("C") or SHARE)
+        )
+        for row in friction.get("levels") or ()
+        if all(row.get(key) is not None for key in ("level", "Ts", "tau1", "tau2"))
     }
     if not levels:
         raise DataError(f"{named}: holds no friction levels; fit the friction model first")
