@@ -73,6 +73,12 @@ def table(title: str, columns: list[str], rows: list[list[str]]) -> None:
         print("  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip())
 
 
+def line(text: str) -> None:
+    """Print one line of a result on stdout, under its table."""
+    if not _quiet:
+        print(text)
+
+
 def print_json(result: dict[str, Any]) -> None:
     """Print a result, machine-readable, on stdout."""
     from eaid.store import dumps

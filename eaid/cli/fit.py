@@ -11,7 +11,7 @@ from eaid.errors import UsageError
 
 if TYPE_CHECKING:
     from eaid.fitting.options import FitOptions
-    from eaid.fitting.result import Fit, FrictionFit, LinearFit, NonlinearFit, ReleaseFit
+    from eaid.fitting.result import Fit
     from eaid.steps.stepset import StepSet
 
 NOT_CONVERGED = 4
@@ -96,6 +96,7 @@ def command(
     )  # fmt: skip
     options = with_bounds_levels(options, bounds_levels, stepset)
     result, fit = fitted(stepset, options, ci, seed)
+    from eaid.cli.fit_tables import tables
     from eaid.cli.sure import interval_tables
     from eaid.store import write_json
 
@@ -103,7 +104,7 @@ def command(
     if json:
         console.print_json(result)
     else:
-        tables(fit, stepset)
+        tables(result)
         interval_tables(result)
     tell_doubts(stepset)
     for part in ("friction", "nonlinear", "linear", "release"):
@@ -207,106 +208,3 @@ def tell_doubts(stepset: "StepSet") -> None:
         name, warning = told[0]
         more = f" (and {len(told) - 1} more runs, see eaid ingest)" if len(told) > 1 else ""
         console.warn(f"{name}: {warning}{more}")
-
-
-def verdict_cell(converged: bool, at_bounds: tuple[str, ...]) -> str:
-    """The verdict for a table."""
-    if not converged:
-        return "NOT CONVERGED"
-    return "converged, at a constraint" if at_bounds else "converged"
-
-
-def tables(fit: "Fit", stepset: "StepSet") -> None:
-    """The fit for people, one short table a model."""
-    unit, out = stepset.input_unit or "input", stepset.output_unit or "output"
-    if fit.friction:
-        friction_table(fit.friction, unit, out)
-    if fit.nonlinear:
-        nonlinear_table(fit.nonlinear, unit, out)
-    if fit.linear:
-        linear_table(fit.linear, unit, out)
-    if fit.release:
-        release_table(fit.release, unit, out)
-
-
-def friction_table(part: "FrictionFit", unit: str, out: str) -> None:
-    """T_s, τ1, τ2 of each level, and the trends."""
-    rows = [
-        [
-            f"{f.level:g}", f"{f.curve.Ts:.5g}", f"{f.curve.tau1:.4g}", f"{f.curve.tau2:.4g}", f"{f.curve.C:.3g}",
-            "-" if c is None else f"{c:.4g}", f"{f.rmse:.3g}", verdict_cell(f.solver.converged, f.solver.at_bounds),
-        ]
-        for f, c in zip(part.levels, part.C_f, strict=True)
-    ]  # fmt: skip
-    columns = [f"level [{unit}]", f"T_s [{out}]", "τ1 [s]", "τ2 [s]", "C", "C_f", f"RMSE [{out}]", "verdict"]
-    console.table("Friction curve of each level, Eq. (3)", columns, rows)
-    if part.trends:
-        rows = [
-            [name, trend.over, trend.form, ", ".join(f"{c:.5g}" for c in trend.coefficients), f"{trend.rmse:.3g}"]
-            for name, trend in part.trends.items()
-        ]
-        console.table("Trends", ["value", "over", "form", "coefficients", "RMSE"], rows)
-
-
-def nonlinear_table(part: "NonlinearFit", unit: str, out: str) -> None:
-    """The coefficients, lowest power first."""
-    p = part.parameters
-    rows = [
-        [name, what, ", ".join(f"{c:.6g}" for c in values)]
-        for name, what, values in (
-            ("τ1(u)", "s", p.tau1),
-            ("τ2(u)", "s", p.tau2),
-            ("T_s(u)", out, p.Ts),
-            ("C", "1", (p.C,)),
-            ("u", unit, p.u_range),
-            ("RMSE", out, (part.rmse,)),
-            ("|error|, mean and sd", out, (part.abs_mean, part.abs_sd)),
-        )
-    ]
-    if part.hold_out:
-        rows.append(["RMSE on held-out levels", out, f"{part.hold_out['rmse']:.6g}"])
-    rows.append(["verdict", "", verdict_cell(part.solver.converged, part.solver.at_bounds)])
-    console.table("Nonlinear model, Eqs. (4)–(7); polynomials lowest power first", ["", "unit", "value"], rows)
-
-
-def linear_table(part: "LinearFit", unit: str, out: str) -> None:
-    """a0, b0, c0, and the bounds of B."""
-    p, b = part.parameters, part.bounds
-    rows = [
-        ["a0", "1/s", f"{p.a0:.6g}"],
-        ["b0", f"{out}/(s·{unit})", f"{p.b0:.6g}"],
-        ["c0", f"{out}/s", f"{p.c0:.6g}"],
-        ["RMSE", out, f"{part.rmse:.6g}"],
-        ["B_m … B_M", f"{unit}·s/({out})", f"{_number(b.B_m)} … {_number(b.B_M)} ({b.convention})"],
-        ["verdict", "", verdict_cell(part.solver.converged, part.solver.at_bounds)],
-    ]
-    if part.hold_out:
-        rows.insert(4, ["RMSE on held-out levels", out, f"{part.hold_out['rmse']:.6g}"])
-    console.table("Linear model, Eq. (8), all levels at once", ["", "unit", "value"], rows)
-    rows = [
-        [f"{r.level:g}", f"{r.a0:.5g}", f"{r.gain:.5g}", f"{r.b0:.4g}", _number(r.B), f"{r.rmse:.3g}"]
-        for r in part.per_level
-    ]
-    columns = [f"level [{unit}]", "a0 [1/s]", f"gain [{out}]", "b0", "B", f"RMSE [{out}]"]
-    console.table(f"Linear model of each level ({b.convention})", columns, rows)
-
-
-def release_table(part: "ReleaseFit", unit: str, out: str) -> None:
-    """Falling beside rising time constants."""
-    rows = [
-        [
-            f"{r.level:g}", f"{r.tau1:.4g}", _number(r.rising_tau1), f"{r.tau2:.4g}", _number(r.rising_tau2),
-            f"{r.residual:.3g}", f"{r.rmse:.3g}",
-        ]
-        for r in part.levels
-    ]  # fmt: skip
-    rows.append(["all", f"{part.tau1:.4g}", "-", f"{part.tau2:.4g}", "-", "-", f"{part.rmse:.3g}"])
-    columns = [
-        f"level [{unit}]", "τ1 falling [s]", "τ1 rising [s]", "τ2 falling [s]", "τ2 rising [s]", f"left [{out}]",
-        f"RMSE [{out}]",
-    ]  # fmt: skip
-    console.table("Release, beside the rise", columns, rows)
-
-
-def _number(value: float | None) -> str:
-    return "-" if value is None else f"{value:.4g}"

@@ -14,19 +14,20 @@ def interval_tables(result: dict[str, Any]) -> None:
         rows = [[f"{row['level']:g}", *(_span(row, name) for name in ("Ts", "tau1", "tau2"))] for row in levels]
         console.table(f"{way}: each level", ["level", "T_s", "τ1 [s]", "τ2 [s]"], rows)
     part = result.get("nonlinear") or {}
-    both = part.get("two_stage") or part.get("joint") or {}
-    other = "two-stage" if "two_stage" in part else "joint"
-    if part.get("curves") and both.get("curves"):
-        own = "joint" if other == "two-stage" else "two-stage"
-        rows = [
-            [f"{one['level']:g}", *(_span(row, name) for name in ("Ts", "tau1", "tau2") for row in (one, two))]
-            for one, two in zip(part["curves"], both["curves"], strict=True)
-        ]
-        columns = ["level", *(f"{name}, {which}" for name in ("T_s", "τ1", "τ2") for which in (own, other))]
-        console.table(f"{way}: the curves of both estimates", columns, rows)
+    joint = part.get("joint") or part
+    both = part if "joint" in part else part.get("two_stage") or {}
+    _curves(f"{way}: the curves of both estimates", {"joint": joint, "two-stage": both})
+    other = joint.get("other_weights") or {}
+    names = ("sd", "equal") if "weights" in joint else ("equal", "sd")
+    _curves(f"{way}: the curves under both weights", dict(zip(names, (joint, other), strict=True)))
     linear = result.get("linear") or {}
     if linear.get("ci95"):
         rows = [[name, f"{linear[name]:.5g}", _ends(ends)] for name, ends in linear["ci95"].items()]
+        other = linear.get("other_weights") or {}
+        rows += [
+            [f"{name}, {other['weights']} weights", f"{other[name]:.5g}", _ends(ends)]
+            for name, ends in other.get("ci95", {}).items()
+        ]
         bounds = linear["bounds"]
         rows += [
             [name, f"{bounds[name]:.4g}", _ends(ends)]
@@ -37,6 +38,18 @@ def interval_tables(result: dict[str, Any]) -> None:
     advice = (said.get("adequacy") or {}).get("recommended")
     if advice:
         console.table("Is the model right?", ["recommended"], [[advice]])
+
+
+def _curves(title: str, estimates: dict[str, dict[str, Any]]) -> None:
+    """T_s, τ1, τ2 at each level by two estimates with their intervals; nothing where one has none."""
+    first, second = (estimate.get("curves") for estimate in estimates.values())
+    if not first or not second:
+        return
+    rows = [
+        [f"{one['level']:g}", *(_span(row, name) for name in ("Ts", "tau1", "tau2") for row in (one, two))]
+        for one, two in zip(first, second, strict=True)
+    ]
+    console.table(title, ["level", *(f"{name}, {way}" for name in ("T_s", "τ1", "τ2") for way in estimates)], rows)
 
 
 def _span(row: dict[str, Any], name: str) -> str:

@@ -7,21 +7,29 @@ from typing import Any
 import numpy as np
 
 from eaid.arrays import Array
-from eaid.errors import DataError, UsageError
+from eaid.errors import UsageError
 from eaid.fitting import kernel, robust
-from eaid.fitting.data import Data, data_of, spread_weights
+from eaid.fitting.data import Data, data_of
 from eaid.fitting.friction import friction_fit, refuse_empty
 from eaid.fitting.levels import fit_levels
-from eaid.fitting.linear import bounds_of, by_convention, fit_linear, fit_own_levels, linear_residuals
+from eaid.fitting.linear import (
+    LinearSolution,
+    bounds_of,
+    by_convention,
+    fit_linear,
+    fit_own_levels,
+    linear_residuals,
+)
 from eaid.fitting.nonlinear import Solution, fit_nonlinear, full_residuals, refit_nonlinear
 from eaid.fitting.options import ALLOWED, CONVENTIONS, FitOptions, check
 from eaid.fitting.release import release_fit
-from eaid.fitting.result import Fit, FrictionFit, LevelError, LevelFit, LinearFit, NonlinearFit
+from eaid.fitting.result import Fit, FrictionFit, LevelError, LevelFit, LinearFit, NonlinearFit, PooledLinear
 from eaid.fitting.warnings import linear_warnings, nonlinear_warnings
+from eaid.fitting.weights import weights_of, with_other_weights
 from eaid.models import friction as friction_model
 from eaid.models import linear as linear_model
 from eaid.models import nonlinear as nonlinear_model
-from eaid.models.parameters import SHARE, Friction
+from eaid.models.parameters import SHARE, Friction, Nonlinear
 from eaid.models.trends import evaluate
 from eaid.steps.stepset import Level, StepSet
 
@@ -35,15 +43,19 @@ def fit(stepset: StepSet, options: FitOptions | None = None) -> Fit:
     kept, held = split(stepset.levels, options.hold_out)
     stepset = replace(stepset, levels=kept)
     data = data_of(kept, weights_of(kept, options.weights))
+    other = with_other_weights(data, kept)
     curves, curve_info = fit_curves(data, options)
     found: dict[str, Any] = {}
     if "friction" in models:
         part = friction_fit(stepset, curves, options.share)
         found["friction"] = replace(part, robust=curve_info, hold_out=friction_hold_out(part, stepset, held))
     if "nonlinear" in models:
-        found["nonlinear"] = nonlinear_fit(data, options, held)
+        found["nonlinear"] = nonlinear_fit(data, options, held, other)
     if "linear" in models:
-        found["linear"] = linear_fit(data, options, held)
+        found["linear"] = linear_fit(data, options, held, other)
+    for name, part in found.items():
+        told = (*part.warnings, *robust.huber_warnings(part.robust))
+        found[name] = replace(part, robust=robust.with_runs(part.robust, kept), warnings=told)
     if stepset.releases:
         held_s = {level.level: float(level.time_s[-1]) for level in kept}
         found["release"] = release_fit(stepset.releases, curves, held_s, options.share or SHARE)
@@ -70,26 +82,6 @@ def split(levels: Sequence[Level], hold_out: Sequence[float]) -> tuple[tuple[Lev
     if not kept:
         raise UsageError("--hold-out: every level is held out; leave some to be fitted")
     return kept, held
-
-
-def weights_of(levels: Sequence[Level], how: str) -> Array | None:
-    """Weight of each level's squared residuals, or None where all are alike; raises DataError without repeats."""
-    if how == "equal":
-        return None
-    single = [f"{level.level:g}" for level in levels if len(level.runs_nm) < 2]
-    if single:
-        raise DataError(
-            f"--weights sd: level {', '.join(single)} has one run only, so its repeats have no spread; "
-            "use --weights equal"
-        )
-    weights = spread_weights(levels)
-    if not np.isfinite(weights).all():
-        same = [f"{level.level:g}" for level in levels if not level.sd_nm.any()]
-        raise DataError(
-            f"--weights sd: the repeats of level {', '.join(same)} are identical, so their spread is no weight; "
-            "use --weights equal"
-        )
-    return weights
 
 
 def fit_curves(data: Data, options: FitOptions) -> tuple[list[LevelFit], dict[str, Any] | None]:
@@ -131,14 +123,23 @@ def hold_out_row(rows: Sequence[LevelError], residuals: Sequence[Array], fitted_
     }
 
 
-def nonlinear_fit(data: Data, options: FitOptions, held: Sequence[Level] = ()) -> NonlinearFit:
-    """The nonlinear model with its errors per level and on the held-out levels."""
+def nonlinear_fit(
+    data: Data,
+    options: FitOptions,
+    held: Sequence[Level] = (),
+    other: Data | str | None = None,
+    near: Sequence[Nonlinear] = (),
+) -> NonlinearFit:
+    """The nonlinear model with its errors per level and on the held-out levels.
+
+    `other`: the same data under the other weights, fitted too, starting from this model as well; or why there are none.
+    """
 
     def residuals(solved: Solution, on: Data) -> list[Array]:
         return full_residuals(solved.x, on, solved.basis)
 
     solution, info = robust.minimise(
-        data, options.loss, lambda d: fit_nonlinear(d, options.share), refit_nonlinear, residuals
+        data, options.loss, lambda d: fit_nonlinear(d, options.share, near), refit_nonlinear, residuals
     )
     p = solution.parameters
     left = residuals(solution, data)
@@ -157,22 +158,20 @@ def nonlinear_fit(data: Data, options: FitOptions, held: Sequence[Level] = ()) -
         per_level=tuple(level_error(float(u), r) for u, r in zip(data.u, left, strict=True)),
         solver=solution.solver,
         share_free=options.share is None,
-        weights=None if options.weights == "equal" else tuple(data.weights.tolist()),
+        weights=level_weights(data),
         robust=info,
+        other=nonlinear_fit(other, options, near=[p]) if isinstance(other, Data) else None,
+        no_other=other if isinstance(other, str) else None,
         warnings=nonlinear_warnings(data, p, solution.solver, [one.level for one in held]),
         hold_out=outside,
     )
 
 
-def linear_fit(data: Data, options: FitOptions, held: Sequence[Level] = ()) -> LinearFit:
-    """The linear model, pooled and per level, with the bounds of B."""
-    pooled, info = robust.minimise(
-        data,
-        options.loss,
-        fit_linear,
-        lambda d, _: fit_linear(d),
-        lambda solved, on: linear_residuals(solved.parameters, on),
-    )
+def linear_fit(
+    data: Data, options: FitOptions, held: Sequence[Level] = (), other: Data | str | None = None
+) -> LinearFit:
+    """The linear model, pooled and per level, with the bounds of B; under `other` weights the pooled model alone."""
+    pooled, info = pooled_linear(data, options)
     p = pooled.parameters
     left = linear_residuals(p, data)
     total = overall(left)
@@ -192,11 +191,36 @@ def linear_fit(data: Data, options: FitOptions, held: Sequence[Level] = ()) -> L
         bounds=bounds[options.bounds],
         conventions=bounds,
         solver=pooled.solver,
-        weights=None if options.weights == "equal" else tuple(data.weights.tolist()),
+        weights=level_weights(data),
         robust=info,
+        other=pooled_only(other, options) if isinstance(other, Data) else None,
+        no_other=other if isinstance(other, str) else None,
         warnings=linear_warnings(data, p, pooled.solver, rows[options.bounds], bounds[options.bounds]),
         hold_out=outside,
     )
+
+
+def pooled_linear(data: Data, options: FitOptions) -> tuple[LinearSolution, dict[str, Any] | None]:
+    """Eq. (8) on all levels at once, under the loss that was asked for."""
+    return robust.minimise(
+        data,
+        options.loss,
+        fit_linear,
+        lambda d, _: fit_linear(d),
+        lambda solved, on: linear_residuals(solved.parameters, on),
+    )
+
+
+def pooled_only(data: Data, options: FitOptions) -> PooledLinear:
+    """The pooled linear model under other weights; single levels do not know of weights."""
+    pooled, _ = pooled_linear(data, options)
+    total = overall(linear_residuals(pooled.parameters, data))
+    return PooledLinear(pooled.parameters, total.rmse, total.sse, pooled.solver, level_weights(data))
+
+
+def level_weights(data: Data) -> tuple[float, ...] | None:
+    """The levels' weights; None where all are alike."""
+    return None if (data.weights == 1).all() else tuple(data.weights.tolist())
 
 
 def friction_hold_out(part: FrictionFit, stepset: StepSet, held: Sequence[Level]) -> dict[str, Any] | None:

@@ -105,6 +105,10 @@ class NonlinearFit:
     """Huber's scale and weights, where that loss was asked for."""
     warnings: tuple[str, ...] = ()
     hold_out: dict[str, Any] | None = None
+    other: "NonlinearFit | None" = None
+    """The same model under the weights that were not asked for."""
+    no_other: str | None = None
+    """Why there is none, in words."""
 
 
 @dataclass(frozen=True)
@@ -135,6 +139,18 @@ class Bounds:
 
 
 @dataclass(frozen=True)
+class PooledLinear:
+    """Eq. (8) fitted to all levels at once, under other weights."""
+
+    parameters: Linear
+    rmse: float
+    sse: float
+    solver: Solver
+    weights: tuple[float, ...] | None
+    """Weight of each level; None: all alike."""
+
+
+@dataclass(frozen=True)
 class LinearFit:
     """Eq. (8) fitted to all levels at once, and to each."""
 
@@ -151,6 +167,10 @@ class LinearFit:
     robust: dict[str, Any] | None = None
     warnings: tuple[str, ...] = ()
     hold_out: dict[str, Any] | None = None
+    other: PooledLinear | None = None
+    """The pooled model under the weights that were not asked for."""
+    no_other: str | None = None
+    """Why there is none, in words."""
 
 
 @dataclass(frozen=True)

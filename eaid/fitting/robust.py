@@ -4,7 +4,7 @@ Solved by modified residuals (Huber and Dutter 1974): least squares on y* = f + 
 its fixed point Σ ψ(r) ∂f = 0, which is the minimum of Huber's loss, and every step is a fit of the usual kind.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any, TypeVar
 
@@ -13,11 +13,20 @@ import numpy as np
 from eaid.arrays import Array
 from eaid.fitting.data import Data
 from eaid.fitting.kernel import Record
+from eaid.steps.stepset import Level
 
 K = 1.345
 """Huber's constant: 95 % efficient on normal noise."""
 SETTLED = 1e-9
 """The iteration ends where the residuals move by less than this part of σ."""
+MOST_PARTS = 3
+"""Stretches of one level that are told."""
+NEAR = 0.01
+"""Samples of low weight nearer than this part of the record are one stretch."""
+WIDE = 0.4
+"""Share of a level's samples held back from which it is told; 18 % are where the noise is normal and alike."""
+APART = 3.0
+"""A run is named where it lies this many times further from the middle of the repeats than they mostly do."""
 Solved = TypeVar("Solved")
 
 
@@ -67,7 +76,10 @@ def _huber(
         "sigma": sigma,
         "rounds": rounds,
         "settled": bool(moved <= SETTLED or sigma == 0.0),
-        "weights": [weight_row(float(u), one, K * sigma) for u, one in zip(data.u, r, strict=True)],
+        "weights": [
+            weight_row(float(u), record.t_s, one, K * sigma)
+            for u, record, one in zip(data.u, data.records, r, strict=True)
+        ],
     }
 
 
@@ -76,12 +88,64 @@ def scale_of(residuals: list[Array]) -> float:
     return 1.4826 * float(np.median(np.abs(np.concatenate(residuals))))
 
 
-def weight_row(level: float, residual: Array, cut: float) -> dict[str, float]:
-    """How Huber's weights min(1, kσ/|r|) fall on one level: share of samples held back, least and mean weight."""
+def weight_row(level: float, t_s: Array, residual: Array, cut: float) -> dict[str, Any]:
+    """How Huber's weights min(1, kσ/|r|) fall on one level: share of samples held back, least and mean weight, parts.
+
+    A part is a stretch of the record whose samples count less than half: a spike, a drop-out, a wrong shape.
+    """
     weight = np.minimum(1.0, cut / np.maximum(np.abs(residual), 1e-300)) if cut > 0 else np.ones_like(residual)
     return {
         "level": level,
         "below_one": float(np.mean(weight < 1)),
         "least": float(weight.min()),
         "mean": float(weight.mean()),
+        "parts": _parts(t_s, weight),
     }
+
+
+def _parts(t_s: Array, weight: Array) -> list[dict[str, Any]]:
+    """The stretches of weights below a half, the `MOST_PARTS` that lose most, in order of time [s]."""
+    low = np.flatnonzero(weight < 0.5)
+    if not len(low):
+        return []
+    gap = max(1, int(NEAR * len(weight)))
+    stretches = np.split(low, np.flatnonzero(np.diff(low) > gap) + 1)
+    lost = [float((1 - weight[one]).sum()) for one in stretches]
+    kept = sorted(np.argsort(lost)[::-1][:MOST_PARTS].tolist())
+    return [
+        {
+            "from_s": float(t_s[stretches[i][0]]),
+            "to_s": float(t_s[stretches[i][-1]]),
+            "samples": len(stretches[i]),
+            "least": float(weight[stretches[i]].min()),
+        }
+        for i in kept
+    ]
+
+
+def huber_warnings(info: dict[str, Any] | None) -> tuple[str, ...]:
+    """Levels of which Huber's loss holds back so much that it cannot be spikes."""
+    wide = [f"{row['level']:g}" for row in (info or {}).get("weights", []) if row["below_one"] > WIDE]
+    if not wide:
+        return ()
+    return (
+        f"Huber's loss holds back more than {100 * WIDE:.0f} % of the samples at level {', '.join(wide)}: that is "
+        "wider scatter or another shape there, not spikes; these levels count less, compare with --loss squares",
+    )
+
+
+def with_runs(info: dict[str, Any] | None, levels: Sequence[Level]) -> dict[str, Any] | None:
+    """The same with the `run` of each part that lies furthest from the middle of its repeats; three repeats show it."""
+    if info is None:
+        return None
+    rows = []
+    for row, level in zip(info["weights"], levels, strict=True):
+        parts = []
+        for part in row["parts"]:
+            inside = (level.time_s >= part["from_s"]) & (level.time_s <= part["to_s"])
+            runs = level.runs_nm[:, inside]
+            away = np.abs(runs - np.median(runs, axis=0)).mean(axis=1)
+            named = len(runs) == 1 or (len(runs) > 2 and away.max() > APART * np.median(away))
+            parts.append({**part, "run": level.names[int(away.argmax())] if named else None})
+        rows.append({**row, "parts": parts})
+    return {**info, "weights": rows}

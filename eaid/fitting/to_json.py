@@ -10,6 +10,7 @@ from eaid.fitting.result import (
     LevelError,
     LinearFit,
     NonlinearFit,
+    PooledLinear,
     ReleaseFit,
     Solver,
     Trend,
@@ -151,7 +152,17 @@ def nonlinear_json(fit: NonlinearFit) -> dict[str, Any]:
         "solver": solver_json(fit.solver),
         "warnings": list(fit.warnings),
         **_optional(weights=fit.weights, robust=fit.robust, hold_out=fit.hold_out),
+        **_other_weights(None if fit.other is None else nonlinear_json(fit.other), fit.no_other),
     }
+
+
+def _other_weights(other: dict[str, Any] | None, missing: str | None) -> dict[str, Any]:
+    """`other_weights`: the model under the weights that were not asked for, or why there is none."""
+    if other is None:
+        return {} if missing is None else {"other_weights": {"absent": missing}}
+    kept = {key: part for key, part in other.items() if key not in ("warnings", "robust", "C_free", "weights")}
+    name = "sd" if "weights" in other else "equal"
+    return {"other_weights": {"weights": name, **kept, **_optional(level_weights=other.get("weights"))}}
 
 
 def _level_error(one: LevelError) -> dict[str, Any]:
@@ -191,6 +202,20 @@ def linear_json(fit: LinearFit) -> dict[str, Any]:
         "solver": solver_json(fit.solver),
         "warnings": list(fit.warnings),
         **_optional(weights=fit.weights, robust=fit.robust, hold_out=fit.hold_out),
+        **_other_weights(None if fit.other is None else _pooled_json(fit.other), fit.no_other),
+    }
+
+
+def _pooled_json(fit: PooledLinear) -> dict[str, Any]:
+    p = fit.parameters
+    return {
+        "a0": p.a0,
+        "b0": p.b0,
+        "c0": p.c0,
+        "rmse": fit.rmse,
+        "sse": fit.sse,
+        "solver": solver_json(fit.solver),
+        **_optional(weights=fit.weights),
     }
 
 

@@ -6,7 +6,7 @@ within itself: a lower bound, and said to be one.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -45,6 +45,8 @@ class Ground:
     """The pooled scatter, with repeats."""
     between: Array
     """a: variance between runs, shape (k,); NaN where it cannot be seen."""
+    converged: bool = True
+    """Whether every level's own curve passed our verdict."""
 
     @property
     def duty_pct(self) -> Array:
@@ -96,7 +98,7 @@ def ground(levels: Sequence[Level], fits: Sequence[LevelFit], share_free: bool =
         level_evidence(level, fit.curve, held_parameters(fit), share_free)
         for level, fit in zip(levels, fits, strict=True)
     ]
-    return from_evidence(levels, found)
+    return replace(from_evidence(levels, found), converged=all(fit.solver.converged for fit in fits))
 
 
 def ground_at_share(levels: Sequence[Level], share: float) -> Ground:

@@ -7,7 +7,7 @@ white      the textbook: s² (J'J)⁻¹, as if every sample's error were its own
 none       no intervals
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -18,8 +18,8 @@ from eaid.fitting.data import data_of
 from eaid.fitting.levels import fit_levels
 from eaid.fitting.result import Fit, FrictionFit
 from eaid.models.parameters import SHARE
-from eaid.steps.stepset import StepSet
-from eaid.uncertainty import friction_part, linear_part, nonlinear_part
+from eaid.steps.stepset import Level, StepSet
+from eaid.uncertainty import friction_part, linear_part, nonlinear_part, weightings
 from eaid.uncertainty.adequacy import Adequacy, adequacy
 from eaid.uncertainty.bootstrap import Draws, bootstrap
 from eaid.uncertainty.ground import Ground, from_evidence, ground, ground_at_share
@@ -29,6 +29,7 @@ from eaid.uncertainty.levels import Parameter, share_sensitivity
 from eaid.uncertainty.noise import noise_json, noise_of
 from eaid.uncertainty.profile import profile_interval
 from eaid.uncertainty.student import t_quantile
+from eaid.uncertainty.weightings import weights_array
 
 METHODS: dict[str, str] = {
     "robust": "scatter of whole runs pooled over levels, coloured residuals allowed for",
@@ -44,6 +45,8 @@ BELIEVE = {
     "joint": "the joint estimate",
     "two-stage": "the two-stage estimate",
     "neither": "neither of the two estimates",
+    "equal": "the fit with equal weights",
+    "sd": "the fit with sd weights",
 }
 
 
@@ -99,6 +102,7 @@ def intervals(
 
 def _intervals(stepset: StepSet, fit: Fit, options: IntervalOptions, advance: Callable[[], None] | None) -> Intervals:
     fitted = fitted_levels(fit)
+    held = tuple(level for level in stepset.levels if level.level not in fitted)
     stepset = replace(stepset, levels=tuple(level for level in stepset.levels if level.level in fitted))
     curves = _ground(stepset, fit)
     free = fit.friction is not None and fit.friction.C is None
@@ -118,7 +122,7 @@ def _intervals(stepset: StepSet, fit: Fit, options: IntervalOptions, advance: Ca
         base = ground_at_share(stepset.levels, share)
         base = base if draws is None else _with_draws(base, draws)
     if fit.nonlinear is not None:
-        found["nonlinear"] = _nonlinear(stepset, fit, base, options, draws)
+        found["nonlinear"] = _nonlinear(stepset, held, fit, base, options, draws)
     if fit.linear is not None:
         found["linear"] = _linear(stepset, fit, base, options, draws)
     judged = adequacy(stepset, fit, base) if options.study_models and fit.friction is not None else None
@@ -205,35 +209,33 @@ def _profiled(curves: Ground, i: int, k: int, p: Parameter) -> Parameter:
 
 
 def _nonlinear(
-    stepset: StepSet, fit: Fit, base: Ground, options: IntervalOptions, draws: Draws | None
+    stepset: StepSet, held: Sequence[Level], fit: Fit, base: Ground, options: IntervalOptions, draws: Draws | None
 ) -> dict[str, Any]:
-    assert fit.nonlinear is not None
-    verdict = nonlinear_verdict(fit.nonlinear, base, stepset.input_unit).as_json()
-    found = nonlinear_part.estimates(fit.nonlinear, base)
+    own = fit.nonlinear
+    assert own is not None
+    found = nonlinear_part.estimates(own, base)
+    alone = found.joint_alone
     if draws is not None and draws.joint is not None:
         found = nonlinear_part.with_joint(found, draws.joint)
     if options.ci == "white":
-        weights = None if fit.nonlinear.weights is None else np.array(fit.nonlinear.weights)
-        joint, spare = with_white_covariance(found.joint, base.levels, weights)
+        joint, spare = with_white_covariance(found.joint, base.levels, weights_array(own.weights))
         found = replace(found, joint=joint, joint_alone=joint, degrees=dict.fromkeys(BLOCKS, spare))
-    says = nonlinear_part.agreement(found, base, stepset.output_unit)
-    result: dict[str, Any] = {**verdict, "agreement": says}
+    both = nonlinear_part.as_fit(found, base, held if own.hold_out is not None else ())
+    shown = both if both is not None and options.estimator == "two-stage" else own
+    unit = stepset.output_unit
+    other = None if own.other is None else nonlinear_part.scattered(own.other, base)
+    says = nonlinear_part.agreement(found, base, unit)
+    says["weights"] = weightings.agreement(own, alone, other, found.degrees, base, unit)
+    if says["weights"]["believe"] == "sd" and says["believe"] == "two-stage":
+        says["weights"]["because"] += "; the two-stage estimate needs no such weights and is better than either"
+    result: dict[str, Any] = {**nonlinear_verdict(shown, base, stepset.input_unit).as_json(), "agreement": says}
     if options.ci != "none":
-        ci95 = nonlinear_part.coefficient_intervals(found.joint, found.degrees)
-        result |= {
-            "ci95": {name: ci95[name] for name in BLOCKS},
-            "curves": nonlinear_part.level_curves(
-                found.joint_alone,
-                found.degrees,
-                base.levels,
-                None if options.ci == "white" else found.two_stage,
-            ),
-            "covariance": nonlinear_part.covariance_json(found.joint, found.degrees, options.ci),
-        }
-        if "C" in ci95:
-            result["ci95"]["C"] = ci95["C"][0]
-    if found.two_stage is not None:
-        result["two_stage"] = nonlinear_part.two_stage_json(found, base, "none" if options.ci == "none" else "robust")
+        result |= nonlinear_part.joint_json(found, base.levels, options.ci)
+        if other is not None:
+            result["other_weights"] = nonlinear_part.intervals_json(other, found.degrees, base.levels)
+    if both is not None:
+        source = "none" if options.ci == "none" else "robust"
+        result["two_stage"] = nonlinear_part.two_stage_json(found, both, base, source)
     return result
 
 
@@ -242,9 +244,13 @@ def _linear(stepset: StepSet, fit: Fit, base: Ground, options: IntervalOptions, 
     pooled = linear_part.pooled_intervals(fit.linear, base)
     if len(base.levels) == 1:
         pooled.pop("c0")
-    verdict = linear_verdict(fit.linear, base, pooled).as_json()
+    verdict: dict[str, Any] = linear_verdict(fit.linear, base, pooled).as_json()
+    beside = None if fit.linear.other is None else linear_part.pooled_intervals(fit.linear.other, base)
+    verdict["agreement"] = {"weights": weightings.linear_agreement(fit.linear, pooled, beside, base)}
     if options.ci == "none":
         return verdict
+    if beside is not None:
+        verdict["other_weights"] = {"ci95": beside}
     if options.ci == "white":
         textbook = linear_part.white(fit.linear, stepset.levels)
         own = [row["ci95"] for row in textbook["per_level"]]
@@ -312,9 +318,20 @@ def _warnings(found: dict[str, Any], words: list[str], judged: Adequacy | None) 
         says = part["agreement"]
         said += [one["words"] for one in says["disagreements"]]
         said.append(f"believe {BELIEVE[says['believe']]}: {says['because']}")
+    for name in ("nonlinear", "linear"):
+        if found[name] is not None:
+            said += _weights_words(name, found[name]["agreement"]["weights"])
     if judged is not None:
         said += judged.warnings
     return tuple(said)
+
+
+def _weights_words(name: str, says: dict[str, Any]) -> list[str]:
+    """One line where equal and sd weights disagree, and which of them to believe; nothing where they agree."""
+    if not says["disagreements"]:
+        return []
+    apart = "; ".join(one["words"] for one in says["disagreements"])
+    return [f"{name} model, {apart}: of the two believe {BELIEVE[says['believe']]}: {says['because']}"]
 
 
 def attach(result: dict[str, Any], found: Intervals, estimator: str = "joint") -> dict[str, Any]:
@@ -346,8 +363,13 @@ def _merged(have: Any, more: Any) -> Any:
     return more
 
 
+OF_THE_JOINT = ("weights", "robust", "other_weights")
+"""What only a joint fit has."""
+
+
 def _swapped(part: dict[str, Any]) -> dict[str, Any]:
     """The nonlinear part with the two-stage estimate as the model, and the joint one beside it."""
     two = part["two_stage"]
-    joint = {key: part[key] for key in two if key in part}
-    return {**{k: v for k, v in part.items() if k != "two_stage"}, **two, "estimator": "two-stage", "joint": joint}
+    joint = {key: part[key] for key in (*two, *OF_THE_JOINT) if key in part}
+    rest = {key: value for key, value in part.items() if key not in ("two_stage", *OF_THE_JOINT)}
+    return {**rest, **two, "estimator": "two-stage", "joint": joint}

@@ -24,11 +24,14 @@ def _rise(a0: float, t_s: Array) -> tuple[Array, Array, Array]:
     return r, first, (-(t_s**2) * decay - 2 * first) / a0
 
 
-def pooled_gain(levels: Sequence[Level], p: Linear) -> list[Array]:
-    """How a change of each level's mean moves the pooled (a0, b0, c0): H⁻¹ J', shape (3, n) a level."""
+def pooled_gain(levels: Sequence[Level], p: Linear, weights: Array | None = None) -> list[Array]:
+    """How a change of each level's mean moves the pooled (a0, b0, c0): H⁻¹ w J', shape (3, n) a level.
+
+    `weights`, shape (L,): of each level's squared residuals; None: all alike.
+    """
     hessian = np.zeros((3, 3))
     gradients = []
-    for level in levels:
+    for level, weight in zip(levels, np.ones(len(levels)) if weights is None else weights, strict=True):
         jacobian = linear.gradient(p, level.time_s, level.level)
         r, first, second = _rise(p.a0, level.time_s)
         left = level.mean_nm - (p.b0 * level.level + p.c0) * r
@@ -36,8 +39,8 @@ def pooled_gain(levels: Sequence[Level], p: Linear) -> list[Array]:
         curved[0, 0] = (p.b0 * level.level + p.c0) * (left @ second)
         curved[0, 1] = curved[1, 0] = level.level * (left @ first)
         curved[0, 2] = curved[2, 0] = left @ first
-        hessian += jacobian @ jacobian.T - curved
-        gradients.append(jacobian)
+        hessian += weight * (jacobian @ jacobian.T - curved)
+        gradients.append(weight * jacobian)
     inverse = scaled_inverse(hessian)
     return [inverse @ jacobian for jacobian in gradients]
 

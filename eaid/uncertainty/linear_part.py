@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from eaid.arrays import Array
-from eaid.fitting.result import Bounds, LinearFit, LinearLevel
+from eaid.fitting.result import Bounds, LinearFit, LinearLevel, PooledLinear
 from eaid.models import linear as model
 from eaid.steps.stepset import Level
 from eaid.uncertainty.ground import Ground
@@ -40,9 +40,9 @@ def spread(gains: Sequence[Array], ground: Ground) -> tuple[float, float]:
     return total, ground.total_degrees
 
 
-def pooled_intervals(fit: LinearFit, ground: Ground) -> dict[str, Interval]:
+def pooled_intervals(fit: LinearFit | PooledLinear, ground: Ground) -> dict[str, Interval]:
     """95 % intervals of the pooled a0, b0, c0."""
-    gains = pooled_gain(ground.levels, fit.parameters)
+    gains = pooled_gain(ground.levels, fit.parameters, None if fit.weights is None else np.array(fit.weights))
     result = {}
     for k, name in enumerate(("a0", "b0", "c0")):
         variance, degrees = spread([g[k] for g in gains], ground)

@@ -4,13 +4,18 @@ Run-to-run scatter of the gain leaks into the τ curves of the joint fit, and no
 the joint covariance holds, beside the scatter itself, the outer product of what separates the two estimates.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from eaid.arrays import Array
-from eaid.fitting.result import NonlinearFit
+from eaid.fitting.data import data_of
+from eaid.fitting.fit import hold_out_row, level_error, overall
+from eaid.fitting.result import NonlinearFit, Solver
+from eaid.fitting.to_json import nonlinear_json
+from eaid.fitting.warnings import nonlinear_warnings
 from eaid.models import nonlinear
 from eaid.steps.stepset import Level
 from eaid.uncertainty.curve import Curve
@@ -24,6 +29,7 @@ from eaid.uncertainty.joint import (
 )
 from eaid.uncertainty.student import t_quantile
 from eaid.uncertainty.twostage import two_stage
+from eaid.uncertainty.weightings import SYMBOLS
 
 PARAMETRISATION = "coefficients of (u/100 %)^k, lowest power first: tau1 [s], tau2 [s], Ts [N·m]; C last where free"
 """What the rows and columns of `nonlinear.covariance.matrix` are."""
@@ -48,12 +54,7 @@ class Estimates:
 
 def estimates(fit: NonlinearFit, ground: Ground) -> Estimates:
     """The joint fit with its covariance, and the two-stage estimate, both from the same ground."""
-    joint = coefficients_of(fit.parameters, fit.share_free)
-    weights = None if fit.weights is None else np.array(fit.weights)
-    shifts = [ground.shift(i) for i in range(len(ground.levels))]
-    if fit.share_free:
-        shifts = [_with_share(shift) for shift in shifts]
-    joint = _swept(with_joint_covariance(joint, ground.levels, shifts, weights), ground)
+    joint = scattered(fit, ground)
     through = curves(ground)
     degrees = dict.fromkeys(ROW, ground.total_degrees)
     degrees |= {name: curve_degrees(ground, curve, name) for name, curve in through.items()}
@@ -66,6 +67,16 @@ def estimates(fit: NonlinearFit, ground: Ground) -> Estimates:
     both = two_stage(duty, {n: theta[:, k] for n, k in ROW.items()}, variance, through, correlation, joint.share)
     both = _swept(both, ground)
     return Estimates(_apart_counted(joint, both), joint, both, degrees, through)
+
+
+def scattered(fit: NonlinearFit, ground: Ground) -> Coefficients:
+    """The coefficients of a joint fit with the covariance that the levels' scatter gives them."""
+    weights = None if fit.weights is None else np.array(fit.weights)
+    shifts = [ground.shift(i) for i in range(len(ground.levels))]
+    if fit.share_free:
+        shifts = [_with_share(shift) for shift in shifts]
+    joint = coefficients_of(fit.parameters, fit.share_free)
+    return _swept(with_joint_covariance(joint, ground.levels, shifts, weights), ground)
 
 
 def _swept(c: Coefficients, ground: Ground) -> Coefficients:
@@ -166,18 +177,75 @@ def with_joint(found: Estimates, covariance: Array) -> Estimates:
     return replace(found, joint=counted, joint_alone=alone)
 
 
-def two_stage_json(found: Estimates, ground: Ground, source: str) -> dict[str, Any]:
-    """The two-stage estimate as fit.json holds it, under the same keys as the joint one."""
+def joint_json(found: Estimates, levels: tuple[Level, ...], ci: str) -> dict[str, Any]:
+    """What fit.json holds beside the joint fit: intervals of the coefficients and of the curves, the covariance."""
+    other = None if ci == "white" else found.two_stage
+    return {
+        **intervals_json(found.joint, found.degrees, levels, found.joint_alone, other),
+        "covariance": covariance_json(found.joint, found.degrees, ci),
+    }
+
+
+def intervals_json(
+    c: Coefficients,
+    degrees: dict[str, float],
+    levels: tuple[Level, ...],
+    alone: Coefficients | None = None,
+    other: Coefficients | None = None,
+) -> dict[str, Any]:
+    """95 % intervals of coefficients, and of the curves at the levels: `alone`, the distance to `other` counted in."""
+    ci95: dict[str, Any] = dict(coefficient_intervals(c, degrees))
+    if "C" in ci95:
+        ci95["C"] = ci95["C"][0]
+    return {"ci95": ci95, "curves": level_curves(c if alone is None else alone, degrees, levels, other)}
+
+
+def as_fit(found: Estimates, ground: Ground, held: Sequence[Level] = ()) -> NonlinearFit | None:
+    """The two-stage estimate as a fit like the joint one, its errors on held-out levels too; None where there is none.
+
+    It is solved when every level is: the polynomials then follow by weighted least squares.
+    """
+    both = found.two_stage
+    if both is None:
+        return None
+    p = both.plant()
+    left = [nonlinear.step_response(p, level.time_s, level.level) - level.mean_nm for level in ground.levels]
+    total = overall(left)
+    solver = Solver(
+        converged=ground.converged,
+        message="converged: each level's own curve did, and the polynomials pass through them by weighted least squares"
+        if ground.converged
+        else "did not converge: the own curve of a level did not",
+        evaluations=0,
+        starts=(total.sse,),
+        at_bounds=tuple(f"{SYMBOLS[name]} at its limit" for name in both.held),
+        promise=0.0,
+        method="two-stage",
+    )
+    outside = None
+    if held:
+        missed = [nonlinear.step_response(p, one.time_s, one.level) - one.mean_nm for one in held]
+        rows = [level_error(one.level, r) for one, r in zip(held, missed, strict=True)]
+        outside = hold_out_row(rows, missed, total.rmse)
+    return NonlinearFit(
+        parameters=p,
+        rmse=total.rmse,
+        sse=total.sse,
+        abs_mean=total.abs_mean,
+        abs_sd=total.abs_sd,
+        per_level=tuple(level_error(level.level, r) for level, r in zip(ground.levels, left, strict=True)),
+        solver=solver,
+        warnings=nonlinear_warnings(data_of(ground.levels), p, solver, [one.level for one in held]),
+        hold_out=outside,
+    )
+
+
+def two_stage_json(found: Estimates, fit: NonlinearFit, ground: Ground, source: str) -> dict[str, Any]:
+    """The two-stage estimate, `fit`, as fit.json holds it, under the same keys as the joint one."""
     both = found.two_stage
     assert both is not None
-    p = both.plant()
     result: dict[str, Any] = {
-        "C": p.C,
-        "tau1": list(p.tau1),
-        "tau2": list(p.tau2),
-        "Ts": list(p.Ts),
-        "u_range": list(p.u_range),
-        **errors_of(both, ground.levels),
+        **nonlinear_json(fit),
         "misfit": {name: curve.misfit for name, curve in found.curves.items()},
     }
     if source != "none":
@@ -189,28 +257,6 @@ def two_stage_json(found: Estimates, ground: Ground, source: str) -> dict[str, A
             "covariance": covariance_json(both, degrees, source),
         }
     return result
-
-
-def errors_of(c: Coefficients, levels: tuple[Level, ...]) -> dict[str, Any]:
-    """rmse, sse, abs_error and per_level of a model, as the joint fit's own in fit.json."""
-    p = c.plant()
-    left = [level.mean_nm - nonlinear.step_response(p, level.time_s, level.level) for level in levels]
-    every = np.abs(np.concatenate(left))
-    rows = [
-        {
-            "level": level.level,
-            "rmse": float(np.sqrt(np.mean(r**2))),
-            "sse": float(r @ r),
-            "abs_error": {"mean": float(np.abs(r).mean()), "sd": float(np.abs(r).std())},
-        }
-        for level, r in zip(levels, left, strict=True)
-    ]
-    return {
-        "rmse": float(np.sqrt(np.mean(every**2))),
-        "sse": float(every @ every),
-        "abs_error": {"mean": float(every.mean()), "sd": float(every.std())},
-        "per_level": rows,
-    }
 
 
 def agreement(found: Estimates, ground: Ground, output_unit: str) -> dict[str, Any]:
@@ -225,8 +271,8 @@ def agreement(found: Estimates, ground: Ground, output_unit: str) -> dict[str, A
     weak = [name for name, k in ROW.items() if ground.known[:, k].sum() <= len(found.curves[name].coefficients)]
     if weak:
         because = (
-            f"too few levels determine {' and '.join(weak)} on their own for a curve through them, and the "
-            "joint fit makes up values there that no level supports"
+            f"too few levels determine {' and '.join(SYMBOLS[name] for name in weak)} on their own for a curve through "
+            "them, and the joint fit makes up values there that no level supports"
         )
         return {"disagreements": beyond, "believe": "neither", "because": because}
     gain = float(np.sqrt(max(np.nan_to_num(ground.between[0]), 0.0)))
@@ -261,7 +307,7 @@ def _apart(
         "two_stage": float(other[i]),
         "ci95": [low, high],
         "words": (
-            f"{name} at {duty[i]:g}: joint {one[i]:.3g}, two-stage {other[i]:.3g} "
+            f"{SYMBOLS[name]} at {duty[i]:g}: joint {one[i]:.3g}, two-stage {other[i]:.3g} "
             f"[{low:.3g}, {high:.3g}] {unit if name == 'Ts' else 's'}{own}"
         ),
     }

@@ -100,7 +100,7 @@ def test_disagreement_is_told_with_which_to_believe(sets: Any) -> None:
         if "tau2" in apart:
             break
     assert says["believe"] == "two-stage" and "T_s" in says["because"]
-    assert any("two-stage" in word and "tau2" in word for word in sure.warnings)
+    assert any("two-stage" in word and "τ2" in word for word in sure.warnings)
     low, high = sure.nonlinear["two_stage"]["curves"][0]["ci95"]["tau2"]
     assert low < 4.766 < high
 

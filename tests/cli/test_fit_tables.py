@@ -1,0 +1,91 @@
+"""The printed tables of `eaid fit` hold the numbers that stand in fit.json, and say which estimate is used."""
+
+import json
+import re
+from pathlib import Path
+
+import pytest
+
+from eaid.cli import main
+from eaid.cli.fit_tables import side_by_side
+
+
+@pytest.fixture(scope="module")
+def noisy(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Five levels, three repeats each."""
+    path = tmp_path_factory.mktemp("tables") / "noisy.h5"
+    code = main.run(
+        ["synth", "--levels", "20,40,60,80,100", "--repeats", "3", "--hold", "8", "--idle", "1", "--rate", "50",
+         "-o", str(path), "-q"]
+    )  # fmt: skip
+    assert code == 0
+    return path
+
+
+def table(text: str, title: str) -> list[list[str]]:
+    """The cells of one printed table, its head first."""
+    lines = text.splitlines()
+    start = next(i for i, line in enumerate(lines) if line.startswith(title))
+    return [re.split(r" {2,}", line) for line in lines[start + 1 : start + 12]]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "first"),
+    [
+        ([], "joint, equal weights"),
+        (["--weights", "sd"], "joint, sd weights"),
+        (["--estimator", "two-stage"], "two-st"),
+    ],
+)
+def test_the_first_column_is_the_model_of_the_file(
+    arguments: list[str], first: str, noisy: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "fit.json"
+    assert main.run(["fit", str(noisy), "-o", str(out), "--hold-out", "60", *arguments]) == 0
+    told, part = capsys.readouterr().out, json.loads(out.read_text())["nonlinear"]
+    rows = table(told, "Nonlinear model")
+    assert [head.startswith(first) and head.endswith("(used)") for head in rows[0][2:]] == [True, False, False]
+    shown = {row[0]: row[2] for row in rows[1:] if len(row) > 2}
+    assert shown["τ2(u)"] == ", ".join(f"{c:.6g}" for c in part["tau2"])
+    assert shown["RMSE"] == f"{part['rmse']:.6g}"
+    assert shown["RMSE on held-out levels"] == f"{part['hold_out']['rmse']:.6g}"
+    assert shown["verdict"] == "converged" and part["solver"]["converged"]
+    curves = next(line for line in told.splitlines() if "the curves of both estimates" in line)
+    assert curves and "the curves under both weights" in told
+
+
+def test_single_runs_print_why_no_other_weights_stand_there(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    single = ["synth", "--levels", "20,60,100", "--repeats", "1", "--hold", "8", "--idle", "1", "--rate", "50", "-q"]
+    assert main.run([*single, "-o", str(tmp_path / "data.h5")]) == 0
+    assert main.run(["fit", str(tmp_path / "data.h5"), "-o", str(tmp_path / "fit.json")]) == 0
+    told = capsys.readouterr().out
+    assert told.count("the other weights: no sd weights: level 20, 60, 100 has one run only") == 2
+
+
+def test_huber_shows_the_run_and_the_part_it_weighs_down(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A drop-out of half a second in one run of one level is found, told and left out."""
+    made = ["synth", "--levels", "20,40,60,80,100", "--repeats", "3", "--hold", "8", "--idle", "1", "--rate", "50"]
+    assert main.run([*made, "-o", str(tmp_path / "logs"), "-q"]) == 0
+    (log,) = (tmp_path / "logs").glob("*060*r2*.csv")
+    lines = []
+    for line in log.read_text().splitlines():
+        cells = line.split(",")
+        fallen = cells[0][:1].isdigit() and 5.0 < float(cells[0]) < 5.5
+        lines.append(",".join([*cells[:-1], "0.0"]) if fallen else line)
+    log.write_text("\n".join(lines) + "\n")
+    out = tmp_path / "fit.json"
+    assert main.run(["fit", str(tmp_path / "logs"), "-o", str(out), "--loss", "huber", "--ci", "none"]) == 0
+    told = capsys.readouterr().out
+    part = json.loads(out.read_text())["nonlinear"]["robust"]["weights"][2]
+    assert part["level"] == 60
+    worst = min(part["parts"], key=lambda one: one["least"])
+    assert "r2" in worst["run"] and 3.9 < worst["from_s"] < 4.1 and 4.4 < worst["to_s"] < 4.6
+    rows = table(told, "Weights of Huber's loss, nonlinear model")
+    assert rows[3][0] == "60" and "r2)" in rows[3][-1]
+
+
+def test_a_fit_of_one_estimate_has_one_column() -> None:
+    alone = {"tau1": [1.0], "other_weights": {"absent": "one run"}}
+    assert list(side_by_side(alone)) == [
+        "joint, equal weights (used)"
+    ]

@@ -1,0 +1,117 @@
+"""Equal and sd weights side by side: both are optima, either order, and the advice follows the scatter."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from eaid.fitting.data import data_of, spread_weights
+from eaid.fitting.fit import fit
+from eaid.fitting.nonlinear import fit_nonlinear
+from eaid.fitting.options import FitOptions
+from eaid.models import friction
+from eaid.steps.stepset import StepSet
+from eaid.uncertainty.ground import ground_at_share
+from eaid.uncertainty.intervals import IntervalOptions, intervals
+from eaid.uncertainty.linear_part import pooled_intervals
+from eaid.uncertainty.weightings import spread_rises
+
+QUICK = IntervalOptions(study_models=False)
+
+
+@pytest.fixture(scope="module")
+def scattered(sets: Any) -> StepSet:
+    found: StepSet = sets.one_set(3, sets.VARIANTS["base"], samples=400)
+    return found
+
+
+def told(stepset: StepSet, weights: str) -> tuple[Any, Any]:
+    found = fit(stepset, FitOptions(weights=weights))
+    return found, intervals(stepset, found, QUICK)
+
+
+def test_the_other_weights_are_fitted_too_whichever_is_asked_for(scattered: StepSet) -> None:
+    equal, sure = told(scattered, "equal")
+    sd, turned = told(scattered, "sd")
+    for one, two in ((equal, sd), (sd, equal)):
+        assert one.nonlinear.other.sse == pytest.approx(two.nonlinear.sse, rel=1e-6)
+        assert one.linear.other.parameters.a0 == pytest.approx(two.linear.parameters.a0, rel=1e-6)
+        assert one.nonlinear.other.solver.converged and one.linear.other.solver.converged
+    assert equal.nonlinear.other.weights == sd.nonlinear.weights and sd.nonlinear.other.weights is None
+    says, again = sure.nonlinear["agreement"]["weights"], turned.nonlinear["agreement"]["weights"]
+    assert says["believe"] == again["believe"]
+    for one, two in zip(says["disagreements"], again["disagreements"], strict=True):
+        assert one["levels"] == two["levels"] and one["sd"] == pytest.approx(two["sd"], rel=1e-4)
+    assert sure.nonlinear["other_weights"]["curves"][0]["level"] == 10
+    assert sure.linear["agreement"]["weights"]["believe"] == turned.linear["agreement"]["weights"]["believe"]
+
+
+def test_the_other_fit_is_the_best_there_is(scattered: StepSet) -> None:
+    """The fit beside it has no start that a fit of its own would not have had."""
+    data = data_of(scattered.levels, spread_weights(scattered.levels))
+    beside = fit(scattered).nonlinear
+    assert beside is not None and beside.other is not None
+    own = fit_nonlinear(data, 0.85)
+    cost = sum(w * one.sse for w, one in zip(data.weights, beside.other.per_level, strict=True))
+    assert cost <= own.cost * (1 + 1e-6)
+
+
+def test_gain_scatter_means_sd_weights_white_noise_does_not(scattered: StepSet, sets: Any) -> None:
+    assert spread_rises(ground_at_share(scattered.levels, 0.85))[1] > 2
+    random = np.random.default_rng(1)
+    white = tuple(
+        replace(
+            level,
+            runs_nm=friction.step_response(sets.plant(level.level, sets.VARIANTS["base"]), level.time_s)
+            + 0.02 * random.standard_normal(level.runs_nm.shape),
+        )
+        for level in scattered.levels
+    )
+    assert abs(spread_rises(ground_at_share(white, 0.85))[1]) < 2
+    _, sure = told(replace(scattered, levels=white), "equal")
+    assert sure.nonlinear["agreement"]["weights"]["believe"] in ("either", "equal")
+
+
+def test_a_disagreement_is_one_line_with_which_to_believe_and_why(sets: Any) -> None:
+    for seed in range(30):
+        found = sets.one_set(seed, sets.VARIANTS["base"], samples=400)
+        _, sure = told(found, "equal")
+        says = sure.nonlinear["agreement"]["weights"]
+        if says["disagreements"]:
+            break
+    row = says["disagreements"][0]
+    assert not row["ci95_sd"][0] <= row["equal"] <= row["ci95_sd"][1]
+    assert not row["ci95_equal"][0] <= row["sd"] <= row["ci95_equal"][1]
+    (line,) = [word for word in sure.warnings if word.startswith("nonlinear model, ") and "weights" in word]
+    assert "of the two believe the fit with sd weights" in line and "from 3 repeats" in line
+    (line,) = [word for word in sure.warnings if word.startswith("linear model, ")]
+    assert "believe the fit with equal weights" in line and "one time constant stands for two" in line
+
+
+def test_single_runs_have_no_sd_weights_and_it_says_so(scattered: StepSet) -> None:
+    single = tuple(replace(one, runs_nm=one.runs_nm[:1], names=one.names[:1]) for one in scattered.levels)
+    found, sure = told(replace(scattered, levels=single), "equal")
+    assert found.nonlinear.other is None and "has one run only" in found.nonlinear.no_other
+    assert sure.nonlinear["agreement"]["weights"]["believe"] == "equal"
+    assert "has one run only" in sure.linear["agreement"]["weights"]["because"]
+
+
+def test_the_linear_intervals_follow_the_weights(scattered: StepSet) -> None:
+    """Against the change that a fit to shifted means really makes."""
+    level = scattered.levels[4]
+    data = spread_weights(scattered.levels)
+    found = fit(scattered, FitOptions(weights="sd", models=("linear",))).linear
+    assert found is not None
+    from eaid.uncertainty.linear import pooled_gain
+
+    gain = pooled_gain(scattered.levels, found.parameters, data)[4]
+    bump = 1e-4 * np.sin(level.time_s)
+    moved = replace(level, runs_nm=level.runs_nm + bump)
+    levels = (*scattered.levels[:4], moved, *scattered.levels[5:])
+    again = fit(replace(scattered, levels=levels), FitOptions(weights="sd", models=("linear",))).linear
+    assert again is not None
+    change = np.array([getattr(again.parameters, k) - getattr(found.parameters, k) for k in ("a0", "b0", "c0")])
+    assert change == pytest.approx(gain @ bump, rel=1e-2)
+    ground = ground_at_share(scattered.levels, 0.85)
+    assert pooled_intervals(found, ground) != pooled_intervals(replace(found, weights=None), ground)
