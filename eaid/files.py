@@ -1,4 +1,8 @@
-"""Files that are whole or not there: written beside their final name, then renamed; and their fingerprints."""
+"""Files that are whole or not there: written beside their final name, then renamed; and their fingerprints.
+
+What a killed command leaves behind is named `.NAME.HOST-PID.….part`: no command reads it, and the next one that writes
+NAME clears it away once that process is gone.
+"""
 
 import contextlib
 import errno
@@ -6,7 +10,7 @@ import hashlib
 import os
 import shutil
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -37,30 +41,134 @@ def written_whole(path: Path, force: bool = False) -> Iterator[Path]:
 
     Two commands that write the same output never mix: each has a name of its own until the rename.
     """
-    refuse_to_overwrite(path, force)
+    with all_written_whole((path,), force) as (part,):
+        yield part
+
+
+@contextlib.contextmanager
+def all_written_whole(paths: Sequence[Path], force: bool = False) -> Iterator[list[Path]]:
+    """Temporary paths of outputs that belong together; renamed one right after the other when the block ends well.
+
+    None takes its place before all of them are on the disk.
+    """
+    for path in paths:
+        refuse_to_overwrite(path, force)
+    parts: list[Path] = []
     try:
-        handle, name = tempfile.mkstemp(prefix=f".{path.name}.", suffix=".part", dir=path.parent)
+        for path in paths:
+            clear_left_over(path)
+            parts.append(_part_of(path))
+        yield parts
+        umask = os.umask(0)
+        os.umask(umask)
+        for part in parts:
+            part.chmod(0o666 & ~umask)
+            _to_disk(part)
+        for path in paths:
+            refuse_to_overwrite(path, force)
+        for part, path in zip(parts, paths, strict=True):
+            os.replace(part, path)
+    except BaseException as fault:
+        for part in parts:
+            part.unlink(missing_ok=True)
+        if isinstance(fault, OSError) and fault.errno in _NO_ROOM:
+            raise UsageError(
+                f"{paths[0]}: cannot be written ({fault.strerror}); make room, or choose another -o"
+            ) from None
+        raise
+
+
+def _to_disk(path: Path) -> None:
+    with path.open("rb+") as file:
+        os.fsync(file.fileno())
+
+
+def _part_of(path: Path) -> Path:
+    try:
+        handle, name = tempfile.mkstemp(prefix=f"{_mark(path)}{os.getpid()}.", suffix=".part", dir=path.parent)
     except OSError as fault:
         raise UsageError(f"{path}: cannot be written ({fault.strerror}); choose another folder with -o") from None
     os.close(handle)
-    part = Path(name)
+    return Path(name)
+
+
+def _mark(path: Path) -> str:
+    """How the temporary names of this machine's writers of `path` begin; the process number follows."""
+    host = hashlib.sha256(os.fsencode(getattr(os, "uname", lambda: (0, ""))()[1])).hexdigest()[:6]
+    return f".{path.name.encode()[:120].decode(errors='ignore')}.{host}-"
+
+
+def clear_left_over(path: Path) -> None:
+    """Remove what killed writers of `path` left beside it; what a running one still writes stays."""
+    if os.name != "posix":
+        return
+    mark = _mark(path)
+    with contextlib.suppress(OSError):
+        for item in os.scandir(path.parent):
+            number = item.name[len(mark) :].split(".")[0]
+            if not (item.name.startswith(mark) and item.name.endswith(".part") and number.isdigit()):
+                continue
+            if not _is_running(int(number)):
+                with contextlib.suppress(OSError):
+                    shutil.rmtree(item.path) if item.is_dir(follow_symlinks=False) else os.unlink(item.path)
+
+
+def _is_running(number: int) -> bool:
+    try:
+        os.kill(number, 0)
+    except ProcessLookupError:
+        return False
+    except (OSError, OverflowError):
+        pass
+    return True
+
+
+@contextlib.contextmanager
+def folder_written_whole(path: Path) -> Iterator[Path]:
+    """A temporary folder beside `path` that takes its place, and all it held, when the block ends well.
+
+    Linux exchanges the two in one step; elsewhere, and for the folder that the command runs in, the files inside are
+    replaced one right after the other.
+    """
+    path = path.resolve()
+    clear_left_over(path)
+    try:
+        part = Path(tempfile.mkdtemp(prefix=f"{_mark(path)}{os.getpid()}.", suffix=".part", dir=path.parent))
+    except OSError as fault:
+        raise UsageError(f"{path}: cannot be written ({fault.strerror}); choose another folder with -o") from None
     try:
         yield part
         umask = os.umask(0)
         os.umask(umask)
-        part.chmod(0o666 & ~umask)
-        with part.open("rb+") as file:
-            os.fsync(file.fileno())
-        refuse_to_overwrite(path, force)
-        os.replace(part, path)
+        part.chmod(0o777 & ~umask)
+        made = sorted(part.iterdir())
+        for item in made:
+            _to_disk(item)
+        if not path.exists():
+            os.rename(part, path)
+        elif path == Path.cwd() or not _exchanged(part, path):
+            for item in made:
+                os.replace(item, path / item.name)
+            for name in {item.name for item in path.iterdir()} - {item.name for item in made}:
+                (path / name).unlink()
     except OSError as fault:
-        part.unlink(missing_ok=True)
         if fault.errno in _NO_ROOM:
             raise UsageError(f"{path}: cannot be written ({fault.strerror}); make room, or choose another -o") from None
         raise
-    except BaseException:
-        part.unlink(missing_ok=True)
-        raise
+    finally:
+        shutil.rmtree(part, ignore_errors=True)  # after an exchange: what was there before
+
+
+def _exchanged(one: Path, other: Path) -> bool:
+    """Exchange two paths in one step; False where the system cannot."""
+    import ctypes
+
+    try:
+        swap = ctypes.CDLL(None, use_errno=True).renameat2
+    except (AttributeError, OSError, TypeError):
+        return False
+    here, exchange = -100, 2  # AT_FDCWD, RENAME_EXCHANGE
+    return bool(swap(here, os.fsencode(one), here, os.fsencode(other), exchange) == 0)
 
 
 @contextlib.contextmanager

@@ -1,11 +1,17 @@
 """Outputs are whole or not there, and never overwritten by accident."""
 
+import re
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
 
+from eaid import files
 from eaid.errors import UsageError
-from eaid.files import sha256_of, written_whole
+from eaid.files import all_written_whole, folder_written_whole, sha256_of, written_whole
+
+LEFT_OVER = re.compile(r"\.fit\.json\.[0-9a-f]{6}-\d+\.[^.]+\.part")
 
 
 def test_a_finished_block_leaves_the_file_alone_in_its_folder(tmp_path: Path) -> None:
@@ -51,3 +57,63 @@ def test_a_missing_folder_is_named(tmp_path: Path) -> None:
 def test_sha256_is_the_known_one_of_abc(tmp_path: Path) -> None:
     (tmp_path / "abc").write_bytes(b"abc")
     assert sha256_of(tmp_path / "abc") == "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad"
+
+
+def test_what_killed_writers_left_is_cleared_away_and_nothing_else(tmp_path: Path) -> None:
+    target = tmp_path / "fit.json"
+    gone = subprocess.Popen([sys.executable, "-c", ""])
+    gone.wait()
+    with written_whole(target) as part:
+        mark = part.name.split("-")[0]
+        assert LEFT_OVER.fullmatch(part.name)
+        dead = tmp_path / f"{mark}-{gone.pid}.x1.part"
+        dead.write_text("half")
+        others = [f".gains.json.{mark[-6:]}-{gone.pid}.x.part", f".fit.json.000000-{gone.pid}.x.part", "fit.json.part"]
+        for name in others:  # of another output, of another machine, of no command of eaid
+            (tmp_path / name).write_text("theirs")
+        with written_whole(target, force=True) as second:
+            assert part.exists() and not dead.exists()  # the first writer is still at work
+            second.write_text("second")
+        part.write_text("first")
+        target.unlink()
+    assert sorted(item.name for item in tmp_path.iterdir()) == sorted([*others, "fit.json"])
+    assert target.read_text() == "first"
+
+
+def test_outputs_that_belong_together_come_together(tmp_path: Path) -> None:
+    pair = (tmp_path / "plan.csv", tmp_path / "plan.duty.csv")
+    with pytest.raises(RuntimeError), all_written_whole(pair) as parts:
+        parts[0].write_text("whole")
+        raise RuntimeError
+    assert list(tmp_path.iterdir()) == []
+    with all_written_whole(pair) as parts:
+        for part in parts:
+            part.write_text("whole")
+    assert [path.read_text() for path in pair] == ["whole", "whole"]
+    assert len(list(tmp_path.iterdir())) == 2
+
+
+@pytest.mark.parametrize("at_once", [True, False])
+def test_a_folder_is_replaced_whole(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, at_once: bool) -> None:
+    folder = tmp_path / "logs"
+    if not at_once:
+        monkeypatch.setattr(files, "_exchanged", lambda *_: False)
+    for names in (("a.csv", "b.csv"), ("b.csv", "c.csv")):
+        with folder_written_whole(folder) as part:
+            for name in names:
+                (part / name).write_text(f"{name} of {names}")
+            assert not folder.exists() or sorted(item.name for item in folder.iterdir()) == ["a.csv", "b.csv"]
+        assert {item.name: item.read_text() for item in folder.iterdir()} == {n: f"{n} of {names}" for n in names}
+        assert list(tmp_path.iterdir()) == [folder]
+    with pytest.raises(RuntimeError), folder_written_whole(folder) as part:
+        (part / "half.csv").write_text("half")
+        raise RuntimeError
+    assert sorted(item.name for item in folder.iterdir()) == ["b.csv", "c.csv"]
+    assert list(tmp_path.iterdir()) == [folder]
+
+
+def test_a_name_of_two_hundred_letters_can_be_written(tmp_path: Path) -> None:
+    target = tmp_path / ("é" * 115 + ".json")
+    with written_whole(target) as part:
+        part.write_text("whole")
+    assert [item.name for item in tmp_path.iterdir()] == [target.name]

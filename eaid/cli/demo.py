@@ -92,7 +92,9 @@ def _both(first: list[tuple[str, ...]], second: list[tuple[str, ...]], folder: P
     from concurrent.futures import ProcessPoolExecutor
     from multiprocessing import get_context
 
-    with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as beside:
+    from eaid.processes import end_with_parent
+
+    with ProcessPoolExecutor(1, mp_context=get_context("spawn"), initializer=end_with_parent) as beside:
         waiting = [beside.submit(_run, line, folder) for line in second]
         try:
             for line in first:

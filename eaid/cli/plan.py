@@ -170,18 +170,17 @@ def measure(found: "Plan", plant: "Plant", noise: "Noise", seed: int) -> dict[st
 
 
 def write(output: Path, duty_file: Path, steps: "Sequence[Step]", kind: str, force: bool) -> None:
-    """The run table and the duty file, each whole or not at all."""
-    from eaid.files import written_whole
+    """The run table and the duty file, both whole or neither."""
+    from eaid.files import all_written_whole
     from eaid.uncertainty.design import duty_breaks
 
     rows = ["order,level,repeat,idle_s,hold_s,release_s"]
     rows += [f"{s.order},{s.level:g},{s.repeat},{s.idle_s:g},{s.hold_s:g},{s.release_s:g}" for s in steps]
-    with written_whole(output, force) as part:
-        part.write_text("\n".join(rows) + "\n", encoding="utf-8")
     column = {"clutch": "duty_pct", "friction-force": "force_n", "friction-speed": "speed_rpm"}[kind]
     breaks = [f"time_s,{column}", *(f"{at:g},{duty:g}" for at, duty in duty_breaks(steps))]
-    with written_whole(duty_file, force) as part:
-        part.write_text("\n".join(breaks) + "\n", encoding="utf-8")
+    with all_written_whole((output, duty_file), force) as parts:
+        for part, lines in zip(parts, (rows, breaks), strict=True):
+            part.write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 
 def tables(found: "Plan", wanted: dict[str, float], measured: dict[str, float] | None, plant: "Plant") -> None:

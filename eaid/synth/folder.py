@@ -1,11 +1,10 @@
 """Synthetic logs as a folder of plain eaid CSV, one run a file, each headed by what it is."""
 
-import os
 from collections.abc import Sequence
 from pathlib import Path
 
 from eaid.errors import UsageError
-from eaid.files import written_whole
+from eaid.files import folder_written_whole
 from eaid.logs.run import Run
 
 HEADERS = {
@@ -16,7 +15,9 @@ HEADERS = {
 """Plain eaid CSV, by kind."""
 
 PATTERN = "synthetic-*.csv"
-"""Only files of this name are ever replaced or removed."""
+"""Only files of this name are ever replaced or removed,"""
+LEFT_OVER = ".synthetic-*.part"
+"""and what a killed command left of them."""
 
 
 def refuse_folder(folder: Path, force: bool) -> None:
@@ -29,22 +30,18 @@ def refuse_folder(folder: Path, force: bool) -> None:
         raise UsageError(f"{folder}: is a file; give a folder, or a name that ends in .h5")
     if not force:
         raise UsageError(f"{folder}: exists already; give --force to overwrite it, or another -o")
-    others = sorted(path.name for path in folder.iterdir() if not path.match(PATTERN))
+    others = sorted(path.name for path in folder.iterdir() if not (path.match(PATTERN) or path.match(LEFT_OVER)))
     if others:
         raise UsageError(f"{folder}: holds {others[0]}, which eaid synth did not make; give another -o")
 
 
 def write_folder(folder: Path, runs: Sequence[Run], force: bool) -> None:
-    """One CSV a run; with `force`, earlier synthetic runs in the folder are replaced or removed."""
+    """One CSV a run, all at once or none; with `force`, a folder of earlier synthetic runs is replaced."""
     refuse_folder(folder, force)
-    folder.mkdir(exist_ok=True)
-    for run in runs:
-        with written_whole(folder / f"{run.name}.csv", force) as part:
-            part.write_text(as_csv(run), encoding="utf-8", newline="\n")
-    wanted = {f"{run.name}.csv" for run in runs}
-    for path in folder.glob(PATTERN):
-        if path.name not in wanted:
-            os.unlink(path)
+    with folder_written_whole(folder) as part:
+        for run in runs:
+            (part / f"{run.name}.csv").write_text(as_csv(run), encoding="utf-8", newline="\n")
+        refuse_folder(folder, force)
 
 
 def as_csv(run: Run) -> str:
