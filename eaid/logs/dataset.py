@@ -6,9 +6,11 @@ No time stamps, names in order: the same runs give the same bytes.
 
 import dataclasses
 import json
-from collections.abc import Sequence
+import math
+from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 
@@ -22,6 +24,7 @@ from eaid.logs.extras import damage_told
 from eaid.logs.hdf import check_safe, open_hdf5
 from eaid.logs.run import INPUT_UNITS, Kind, Run
 from eaid.logs.spool import LONG, pieces, release, room
+from eaid.logs.walk import Item, Unpacked, item_at, unpacked, walk
 
 SCHEMA = "eaid/data/1"
 COLUMNS = ("time_s", "input", "torque_nm")
@@ -63,7 +66,7 @@ def write_dataset(
         folder = file.create_group("runs")
         for run in runs:
             _write_run(folder, run)
-        file.attrs["digest"] = digest_of(file)
+        file.attrs["digest"] = digest_of(walk(file))
 
 
 def _write_run(folder: Any, run: Run) -> None:
@@ -94,35 +97,43 @@ def _write_run(folder: Any, run: Run) -> None:
 def read_dataset(path: Path, source: str, sha256: str) -> tuple[list[Run], list[str]]:
     """Runs of a data.h5, in the order of their names, and what is wrong with the others, a sentence each."""
     with open_hdf5(path, source) as file, damage_told(source, "HDF5"):
-        schema = str(file.attrs.get("schema", ""))
+        items = walk(file)
+        check_safe(items, source, path.stat().st_size)
+        root = items[0].facts
+        schema = _text(root.get("schema", ""))
         if schema != SCHEMA:
             raise DataError(
                 f"{source}: its schema is {schema!r}, and this eaid reads {SCHEMA!r}; ingest the logs again"
             )
-        check_safe(file, source, path.stat().st_size)
-        check_digest(file, source, "ingest the logs again")
-        kind = _text(file.attrs.get("kind", "clutch"))
+        check_digest(items, source, "ingest the logs again")
+        kind = _text(root.get("kind", "clutch"))
         if kind not in INPUT_UNITS:
             raise DataError(f"{source}: its kind is {kind!r}; it must be one of {', '.join(INPUT_UNITS)}")
         folder = file.get("runs")
         if folder is None or not hasattr(folder, "items") or not len(folder):
             raise DataError(f"{source}: holds no runs; ingest the logs again")
-        apparatus = _apparatus(file.attrs, source)
-        synthetic = file.attrs.get("synthetic")
+        synthetic = root.get("synthetic")
+        shared: dict[str, Any] = {
+            "kind": kind,
+            "input_unit": _text(root.get("input_unit", INPUT_UNITS[kind])),
+            "output_unit": _text(root.get("output_unit", "N·m")),
+            "apparatus": _apparatus(root, source),
+            "synthetic": None if synthetic is None else _text(synthetic),
+            "dataset": source,
+        }
+        below = {item.name: item for item in items}
+
+        def found(name: str, part: str) -> Item | None:
+            # an object with several names was walked under one of them
+            path = f"runs/{name}{part}"
+            return below.get(path) or (item_at(file, path) if path in file else None)
+
+        known: Unpacked = {}
         runs: list[Run] = []
         faults: list[str] = []
         for name in folder:
             try:
-                runs.append(
-                    dataclasses.replace(
-                        _read_run(folder[name], name, source, sha256),
-                        kind=cast(Kind, kind),
-                        input_unit=_text(file.attrs.get("input_unit", INPUT_UNITS[kind])),
-                        output_unit=_text(file.attrs.get("output_unit", "N·m")),
-                        apparatus=apparatus,
-                        synthetic=None if synthetic is None else _text(synthetic),
-                    )
-                )
+                runs.append(_read_run(partial(found, name), name, sha256, known, shared))
             except DataError as fault:
                 faults.extend(fault.sentences)
         return runs, faults
@@ -152,32 +163,41 @@ def _apparatus(attributes: Any, source: str) -> Apparatus | None:
         raise DataError(f"{source}: its apparatus holds what is no number; ingest the logs again") from None
 
 
-def _column(stored: Any) -> Array:
+def _column(item: Item, known: Unpacked) -> Array:
     """A column of a run, kept on disk where it is long."""
-    if stored.ndim != 1 or stored.shape[0] < LONG:
-        return read_only(np.asarray(stored[()], dtype=np.float64))
-    values = room(stored.shape[0])
-    for place, _ in pieces(values):
-        values[place] = stored[place]
-        release(values)
-    return read_only(values)
+    import h5py
+
+    if len(item.shape or ()) == 1 and item.shape and item.shape[0] >= LONG:
+        stored = h5py.Dataset(item.node)
+        values = room(item.shape[0])
+        for place, _ in pieces(values):
+            values[place] = stored[place]
+            release(values)
+        return read_only(values)
+    found = unpacked(item.node, known)
+    return read_only(np.asarray(h5py.Dataset(item.node)[()], dtype=np.float64)) if found is None else found
 
 
-def _read_run(group: Any, name: str, source: str, sha256: str) -> Run:
-    missing = [column for column in COLUMNS if not hasattr(group, "keys") or column not in group]
-    if missing:
+def _read_run(
+    found: Callable[[str], Item | None], name: str, sha256: str, known: Unpacked, shared: dict[str, Any]
+) -> Run:
+    source = shared["dataset"]
+    group = found("")
+    items = {column: found(f"/{column}") for column in (*COLUMNS, "reference_nm")}
+    stored = {column: item for column, item in items.items() if item is not None and item.is_array}
+    missing = [column for column in COLUMNS if column not in stored]
+    if group is None or missing:
         raise DataError(f"{source}: run {name} has no {' and no '.join(missing)}; ingest the logs again")
     columns = {}
     try:
-        for column in (*COLUMNS, "reference_nm"):
-            if column in group:
-                columns[column] = _column(group[column])
+        for column, item in stored.items():
+            columns[column] = _column(item, known)
     except (OSError, RuntimeError, ValueError, TypeError):
         raise DataError(f"{source}: run {name} is damaged and cannot be read; ingest the logs again") from None
     shapes = {values.shape for values in columns.values()}
     if len(shapes) > 1 or len(next(iter(shapes))) != 1:
         raise DataError(f"{source}: run {name} has columns of different shape; ingest the logs again")
-    said = group.attrs
+    said = group.facts
 
     def amount(key: str) -> float | None:
         if key not in said:
@@ -186,7 +206,7 @@ def _read_run(group: Any, name: str, source: str, sha256: str) -> Run:
             value = float(said[key])
         except (TypeError, ValueError):
             raise DataError(f"{source}: run {name}: its {key} is no number; ingest the logs again") from None
-        return value if np.isfinite(value) else None
+        return value if math.isfinite(value) else None
 
     repeat = amount("repeat")
     edge = _text(said.get("edge", "rising"))
@@ -196,8 +216,6 @@ def _read_run(group: Any, name: str, source: str, sha256: str) -> Run:
         time_s=columns["time_s"],
         input=columns["input"],
         output=columns["torque_nm"],
-        input_unit="",
-        output_unit="",
         source=_text(said.get("source", source)),
         sha256=_text(said.get("sha256", sha256)),
         level=amount("level"),
@@ -205,11 +223,11 @@ def _read_run(group: Any, name: str, source: str, sha256: str) -> Run:
         step_s=amount("step_s"),
         until_s=amount("until_s"),
         baseline=amount("baseline_nm"),
-        dataset=source,
         edge="falling" if edge == "falling" else "rising",
         reference_nm=columns.get("reference_nm"),
         notes=tuple(str(note) for note in notes),
         from_level=amount("from_level") or 0.0,
         held=amount("before_nm"),
         cut="edge" in said,
+        **shared,
     )

@@ -4,6 +4,7 @@ Links to other files, external storage and virtual datasets are refused, and so 
 larger than the file: both are refused before anything is read.
 """
 
+import math
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -17,6 +18,7 @@ from eaid.logs.extras import damage_told
 from eaid.logs.heaps import check_heaps
 from eaid.logs.mat import FEWEST, SAVE_AS, labels_of_matrix
 from eaid.logs.sheet import Cells, Sheet
+from eaid.logs.walk import Item, walk
 
 MOST_VALUES = 1 << 31
 """Values in one array; a day at 1 kHz is 8.6e7."""
@@ -39,31 +41,30 @@ def open_hdf5(path: Path, source: str) -> Iterator[Any]:
         yield file
 
 
-def check_safe(file: Any, source: str, size: int) -> None:
+def check_safe(items: Sequence[Item], source: str, size: int) -> None:
     """Refuse what reads from other files, and arrays of absurd size."""
-    import h5py
+    from h5py import h5d, h5g, h5l
 
     faults: list[str] = []
-
-    def look(name: str, item: Any) -> None:
-        if isinstance(item, h5py.Group):
+    for item in items:
+        node = item.node
+        if isinstance(node, h5g.GroupID):
             faults.extend(
-                f"{source}: {name}/{key} is a link to another file; copy the data into this one"
-                for key in item
-                if isinstance(item.get(key, getlink=True), h5py.ExternalLink)
+                f"{source}: {item.name}/{key.decode(errors='replace')} is a link to another file; "
+                f"copy the data into this one"
+                for key in node
+                if node.links.get_info(key).type == h5l.TYPE_EXTERNAL
             )
-        elif isinstance(item, h5py.Dataset):
-            if item.external or item.is_virtual:
-                faults.append(f"{source}: {name} keeps its data in another file; copy the data into this one")
+        elif item.is_array:
+            plan = node.get_create_plist()
+            if plan.get_layout() == h5d.VIRTUAL or plan.get_external_count():
+                faults.append(f"{source}: {item.name} keeps its data in another file; copy the data into this one")
             elif item.shape is not None:
-                claimed = int(np.prod([int(n) for n in item.shape], dtype=object)) if item.shape else 1
-                if claimed > MOST_VALUES or claimed * item.dtype.itemsize > max(MOST_RATIO * size, 1 << 24):
+                claimed = math.prod(item.shape)
+                if claimed > MOST_VALUES or claimed * node.get_type().get_size() > max(MOST_RATIO * size, 1 << 24):
                     faults.append(
-                        f"{source}: {name} claims {claimed:.3g} values in a file of {size:,} bytes; no log does"
+                        f"{source}: {item.name} claims {claimed:.3g} values in a file of {size:,} bytes; no log does"
                     )
-
-    look("", file)
-    file.visititems(look)
     if faults:
         raise DataError(*faults)
 
@@ -102,7 +103,7 @@ def read_hdf5(path: Path, source: str) -> list[Sheet]:
     opaque = False
     with open_hdf5(path, source) as file, damage_told(source, "HDF5"):
         matlab = _is_matlab(path)
-        check_safe(file, source, path.stat().st_size)
+        check_safe(walk(file), source, path.stat().st_size)
 
         def look(name: str, item: Any) -> None:
             nonlocal opaque

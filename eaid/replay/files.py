@@ -21,6 +21,7 @@ from eaid.errors import DataError
 from eaid.files import hdf5_written_whole
 from eaid.logs.digest import check_digest, digest_of
 from eaid.logs.hdf import check_safe, open_hdf5
+from eaid.logs.walk import walk
 
 SCHEMA = "eaid/replay/1"
 
@@ -52,7 +53,7 @@ def write_replay(path: Path, records: Mapping[str, Record], attributes: Mapping[
                 group.create_dataset(column, data=array, track_times=False, **squeezed)
             if record.metrics:
                 group.attrs["metrics"] = _json(record.metrics)
-        file.attrs["digest"] = digest_of(file)
+        file.attrs["digest"] = digest_of(walk(file))
 
 
 def read_replay(path: Path) -> tuple[dict[str, Record], dict[str, Any]]:
@@ -64,8 +65,9 @@ def read_replay(path: Path) -> tuple[dict[str, Record], dict[str, Any]]:
     with open_hdf5(path, str(path)) as file:
         if file.attrs.get("schema") != SCHEMA:
             raise DataError(f"{path}: is no {SCHEMA} file; make it again with eaid simulate")
-        check_safe(file, str(path), path.stat().st_size)
-        check_digest(file, str(path), "make it again with eaid simulate")
+        items = walk(file)
+        check_safe(items, str(path), path.stat().st_size)
+        check_digest(items, str(path), "make it again with eaid simulate")
         records = {}
         for name, group in file.items():
             if not isinstance(group, h5py.Group) or "time_s" not in group:
