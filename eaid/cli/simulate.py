@@ -121,6 +121,7 @@ def command(
     from eaid.replay.rig import Rig
 
     fitted, given = inputs.files(fit, gains)
+    open_ends = inputs.unidentified(fitted, given)
     known = inputs.knowledge(fitted, given, gains)
     settings: dict[str, Any] = {"noise_nm": noise_nm, "noise_correlation_s": noise_time}
     if noise is not None:
@@ -170,6 +171,7 @@ def command(
         **done.head,
         "rig": rig.__dict__,
         "perturb": factors,
+        **({"unidentified": open_ends} if open_ends else {}),
         "inputs": {role: store.input_record(source) for role, source in sources.items()}
         | ({"log": [store.input_record(each) for each in log if each.is_file()]} if log else {}),
     }

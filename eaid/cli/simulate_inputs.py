@@ -22,6 +22,22 @@ def files(fit: Path, gains: Path | None) -> tuple[dict[str, Any], dict[str, Any]
     return fitted, read_json(gains, "gains", console.warn) if gains else {}
 
 
+def unidentified(fitted: dict[str, Any], given: dict[str, Any]) -> dict[str, str]:
+    """What of a replay stands on a fit that its data do not determine, and why; each told."""
+    said: dict[str, str] = {}
+    if given.get("unidentified"):
+        said["gains"] = str(given["unidentified"])
+        console.warn(f"gains made with --allow-unidentified ({said['gains']}): the replay is marked")
+    part = fitted["nonlinear"]
+    if part.get("identifiable") is False:
+        said["plant"] = "; ".join(str(why) for why in part.get("not_identifiable_because") or ["no reason given"])
+        console.warn(
+            f"the nonlinear model is not identifiable ({said['plant']}): the replay shows that model, not the clutch; "
+            "it is marked"
+        )
+    return said
+
+
 def knowledge(fitted: dict[str, Any], given: dict[str, Any], gains: Path | None) -> "Knowledge":
     """What the controllers are made from; what is missing in the files stays None."""
     from eaid.control.gains import pi_from_json, rc_from_json

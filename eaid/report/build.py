@@ -6,6 +6,7 @@ from pathlib import Path
 
 from eaid.files import written_whole
 from eaid.report.draw import draw_all, ready_figures
+from eaid.report.mark import mark_of
 from eaid.report.page import page
 from eaid.report.results import Results
 
@@ -28,7 +29,8 @@ def build(
     """Write `folder`/report.html and `folder`/figures; both folders are made where they are not there."""
     ready, missing = ready_figures(results)
     (folder / "figures").mkdir(parents=True, exist_ok=True)
-    drawn = draw_all(ready, folder / "figures", formats, done)
+    mark = mark_of(results)
+    drawn = draw_all(ready, folder / "figures", formats, done, mark[0] if mark else None)
     text = page(results, drawn, missing)
     with written_whole(folder / PAGE, force=True) as part:
         part.write_text(text, encoding="utf-8", newline="\n")

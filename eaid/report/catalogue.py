@@ -43,6 +43,8 @@ class Row:
     """The figure, or None where its data were not given."""
     made_by: str
     """The command that makes what is missing."""
+    of_the_fit: bool = True
+    """Whether it shows the fit of the clutch, or what was made from it; a mark of that fit goes on it then."""
 
 
 FIGURES: tuple[Row, ...] = (
@@ -53,6 +55,7 @@ FIGURES: tuple[Row, ...] = (
         "data",
         pwm_ready,
         "eaid fit clutch.h5",
+        of_the_fit=False,
     ),
     Row(
         "fig06_hold_and_release",
@@ -61,6 +64,7 @@ FIGURES: tuple[Row, ...] = (
         "data",
         hold_ready,
         "eaid ingest LOGS (with the release recorded) -o data.h5",
+        of_the_fit=False,
     ),
     Row(
         "fig03_friction_steps",
@@ -69,6 +73,7 @@ FIGURES: tuple[Row, ...] = (
         "models",
         friction_steps_ready,
         "eaid ingest FRICTION-LOGS -o friction-force.h5",
+        of_the_fit=False,
     ),
     Row(
         "fig04_friction_over_stress",
@@ -77,6 +82,7 @@ FIGURES: tuple[Row, ...] = (
         "models",
         over_stress_ready,
         "eaid fit friction-force.h5 -o friction-force.json",
+        of_the_fit=False,
     ),
     Row(
         "fig05_friction_over_speed",
@@ -86,6 +92,7 @@ FIGURES: tuple[Row, ...] = (
         "models",
         over_speed_ready,
         "eaid fit friction-speed.h5 -o friction-speed.json",
+        of_the_fit=False,
     ),
     Row(
         "fig07_nonlinear_model",
@@ -139,6 +146,7 @@ FIGURES: tuple[Row, ...] = (
         "models",
         residuals_ready("friction", "friction-force"),
         "eaid fit friction-force.h5 -o friction-force.json",
+        of_the_fit=False,
     ),
     Row(
         "residuals_friction_speed",
@@ -147,6 +155,7 @@ FIGURES: tuple[Row, ...] = (
         "models",
         residuals_ready("friction", "friction-speed"),
         "eaid fit friction-speed.h5 -o friction-speed.json",
+        of_the_fit=False,
     ),
     Row(
         "fig09_shear_per_field",

@@ -12,6 +12,7 @@ from eaid.files import written_whole
 from eaid.report import style
 from eaid.report.available import Ready
 from eaid.report.catalogue import FIGURES, Row
+from eaid.report.mark import marked
 from eaid.report.results import Results
 
 FORMATS = ("png", "pdf", "svg")
@@ -73,13 +74,22 @@ def ready_figures(results: Results) -> tuple[list[tuple[Row, Ready]], list[Row]]
 
 
 def draw_all(
-    ready: Sequence[tuple[Row, Ready]], folder: Path, formats: Sequence[str], done: Callable[[], None]
+    ready: Sequence[tuple[Row, Ready]],
+    folder: Path,
+    formats: Sequence[str],
+    done: Callable[[], None],
+    mark: str | None = None,
 ) -> list[Drawn]:
-    """Draw every figure once and write it to `folder`/NAME.png (and .pdf, .svg); `done` is called after each."""
+    """Draw every figure once and write it to `folder`/NAME.png (and .pdf, .svg); `done` is called after each.
+
+    `mark` is written above the figures that show the fit of the clutch, or what was made from it.
+    """
     drawn = []
     for row, found in ready:
         with style.look():
             figure = found.draw()
+            if mark is not None and row.of_the_fit:
+                marked(figure, mark)
             png = png_of(figure)
             for kind in formats:
                 with written_whole(folder / f"{row.name}.{kind}", force=True) as part:

@@ -19,6 +19,7 @@ from eaid.report.again import commands
 from eaid.report.catalogue import FIGURES, Row
 from eaid.report.draw import Drawn
 from eaid.report.glossary import GLOSSARY
+from eaid.report.mark import mark_of
 from eaid.report.results import Results, synthetic_of
 from eaid.report.trust import verdict
 
@@ -59,6 +60,7 @@ def page(results: Results, drawn: Sequence[Drawn], missing: Sequence[Row]) -> st
     return environment.get_template("report.html.j2").render(
         title=sections.title(results, made_by),
         synthetic=made_by,
+        mark=mark_of(results),
         version=__version__,
         verdict=verdict(results),
         words=WORDS,

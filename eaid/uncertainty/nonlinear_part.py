@@ -114,7 +114,10 @@ def coefficient_intervals(c: Coefficients, degrees: dict[str, float]) -> dict[st
         reach = t_quantile(degrees[name]) * sd[own]
         low, high = (c.values[own] - reach) / scale, (c.values[own] + reach) / scale
         held = name in c.held or not np.isfinite(reach).all()
-        result[name] = [None if held else [float(a), float(b)] for a, b in zip(low, high, strict=True)]
+        carried = (c.values[own] != 0) | (reach > 0)  # a power that the levels do not carry is 0, not known to be 0
+        result[name] = [
+            [float(a), float(b)] if fine and not held else None for a, b, fine in zip(low, high, carried, strict=True)
+        ]
     if c.share_free:
         reach = t_quantile(min(degrees.values())) * sd[-1]
         ends = [max(0.0, float(c.values[-1] - reach)), min(1.0, float(c.values[-1] + reach))]

@@ -1,0 +1,45 @@
+"""The mark of results that stand on a fit which its data do not determine: on every page and figure of them."""
+
+from matplotlib.figure import Figure
+from matplotlib.layout_engine import ConstrainedLayoutEngine
+
+from eaid.report import style
+from eaid.report.results import Results
+
+GAINS = "Fit not identifiable: gains used with --allow-unidentified"
+PLANT = "Fit not identifiable: the replays show a model that its data do not determine"
+STRIP_IN = 0.2
+"""Height that the mark takes above a figure [in]."""
+
+
+def mark_of(results: Results) -> tuple[str, list[str]] | None:
+    """The mark, and why the fit is not identifiable; None where no gains and no replay stand on such a fit."""
+    gains = [_why(gains.content.get("unidentified")) for gains in results.gains]
+    plants = []
+    for replay in results.replays:
+        said = replay.options.get("unidentified")
+        if isinstance(said, dict):
+            gains.append(_why(said.get("gains")))
+            plants.append(_why(said.get("plant")))
+    gains, plants = [why for why in gains if why], [why for why in plants if why]
+    if not gains and not plants:
+        return None
+    return (GAINS if gains else PLANT), list(dict.fromkeys([*gains, *plants]))
+
+
+def _why(said: object) -> str:
+    return said if isinstance(said, str) else ""
+
+
+def marked(figure: Figure, text: str) -> None:
+    """Write a mark above a figure, which grows by a strip for it."""
+    width, height = figure.get_size_inches()
+    figure.set_size_inches(width, height + STRIP_IN)
+    share = STRIP_IN / (height + STRIP_IN)
+    if isinstance(engine := figure.get_layout_engine(), ConstrainedLayoutEngine):
+        engine.set(rect=(0, 0, 1, 1 - share))
+    figure.text(
+        0.5, 1 - 0.5 * share, text if width < 5 else f"\N{WARNING SIGN} {text}",
+        ha="center", va="center", fontsize=6.2 if width < 5 else 7.5, fontweight="bold", color=style.VERMILLION,
+        in_layout=False,
+    )  # fmt: skip
