@@ -11,9 +11,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import minimize, nnls
 
 from eaid.arrays import Array
+from eaid.fitting.slsqp_alone import minimum, nnls
 
 FTOL = 1e-13
 """SLSQP's own stopping rule, relative to the cost at the start of the round."""
@@ -123,23 +123,15 @@ def _one_round(
         value, gradient = problem.value(x + back @ z)
         return value / cost, gradient @ back / cost
 
-    constraints: tuple[dict[str, object], ...] = ()
+    rows, slack = problem.A[:0], problem.b[:0]
     if held.any():
         rows = problem.A[held] @ back
         size = np.linalg.norm(rows, axis=1)
         size[size == 0] = 1.0
         rows /= size[:, None]
         slack = (problem.A[held] @ x - problem.b[held]) / size
-        constraints = ({"type": "ineq", "fun": lambda z: rows @ z + slack, "jac": lambda _: rows},)
-    end = minimize(  # type: ignore[call-overload]  # the stubs know no vector-valued constraint
-        scaled,
-        np.zeros(len(x)),
-        jac=True,
-        method="SLSQP",
-        constraints=constraints,
-        options={"ftol": FTOL, "maxiter": maximum},
-    )
-    return x + back @ end.x, int(end.nfev)
+    reached, used = minimum(scaled, np.zeros(len(x)), rows, slack, FTOL, maximum)
+    return x + back @ reached, used
 
 
 def _inside(problem: Problem, feasible: Array, x: Array) -> Array:
@@ -188,7 +180,7 @@ def newton_step(problem: Problem, x: Array, gradient: Array, curvature: Array) -
     E = np.vstack([G.T, h / size])
     f = np.zeros(len(E))
     f[-1] = 1.0
-    multipliers, _ = nnls(E, f)
+    multipliers = nnls(E, f)
     r = E @ multipliers - f
     if r[-1] == 0.0:
         return Step(np.zeros_like(x), 0.0, tuple(np.flatnonzero(multipliers > 0).tolist()))
