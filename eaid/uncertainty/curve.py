@@ -1,18 +1,19 @@
 """Curves over the duty: polynomials whose logarithms pass through the levels' log values by weighted least squares.
 
-Minimise Σ_l (θ̂_l − log p(u_l))² / V_l over the coefficients of p. With g = ∂ log p/∂coefficients the coefficients have
-the covariance (Σ g g'/V)⁻¹, inflated where the levels lie off the curve by more than their V.
+Minimise Σ_l (θ̂_l − log p(u_l))² / W_l over the coefficients of p. With g = ∂ log p/∂coefficients they answer to the
+levels as δc = G δθ, G = (Σ g g'/W)⁻¹ g/W, and have the covariance G diag(V) G', V the levels' variance; W is what V
+would be if all levels scattered alike. Where the levels lie off the curve by more than chance, it is inflated.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.special import fdtri
 
 from eaid.arrays import Array
-from eaid.uncertainty.scatter import paule_mandel
-from eaid.uncertainty.student import t_quantile
+from eaid.uncertainty.scatter import Mask, paule_mandel
+from eaid.uncertainty.student import Worth, t_quantile
 
 
 @dataclass(frozen=True, eq=False)
@@ -21,27 +22,46 @@ class Curve:
 
     coefficients: Array
     """Of (u/100 %)^k, lowest power first, shape (p,)."""
-    covariance: Array
-    """Of those coefficients, inflation included, shape (p, p)."""
+    gains: Array
+    """G: how the coefficients answer to the levels' logarithms, shape (p, L)."""
+    sd: Array
+    """Standard deviation of the levels' logarithms, inflation included, shape (L,)."""
     degrees: float
-    """Degrees of freedom of the covariance."""
+    """Degrees of freedom of `sd`, where `worth` does not say more."""
     misfit: float
-    """Σ res²/V/(L − p): about 1 where the polynomial follows the levels; NaN where L = p."""
+    """Σ res²/W/(L − p): about 1 where the polynomial follows the levels; NaN where L = p."""
     between: float
     """a, run-to-run variance of a single run, where it was found from the curve itself; NaN otherwise."""
+    worth: Worth | None = None
+    """What the levels' variances are made of, where repeats say so."""
+
+    @property
+    def covariance(self) -> Array:
+        """Of the coefficients, shape (p, p)."""
+        root = self.gains * self.sd
+        return np.asarray(root @ root.T)
 
     def at(self, duty_pct: Array) -> Array:
         """Value of the polynomial, shape of `duty_pct`."""
         return powers(duty_pct, len(self.coefficients)) @ self.coefficients
 
+    def _answers(self, duty_pct: Array) -> Array:
+        """∂ log p(u)/∂ log of each level, shape (n, L)."""
+        return np.asarray(powers(duty_pct, len(self.coefficients)) / self.at(duty_pct)[:, None] @ self.gains)
+
     def log_sd(self, duty_pct: Array) -> Array:
         """Standard deviation of log p(u), shape of `duty_pct`."""
-        g = powers(duty_pct, len(self.coefficients)) / self.at(duty_pct)[:, None]
-        return np.asarray(np.sqrt(np.einsum("ij,jk,ik->i", g, self.covariance, g)))
+        return np.asarray(np.sqrt(((self._answers(duty_pct) * self.sd) ** 2).sum(axis=1)))
+
+    def degrees_at(self, duty_pct: Array) -> Array:
+        """Degrees of freedom of log p(u), shape of `duty_pct`: at an end few levels, so few runs, make the curve."""
+        if self.worth is None:
+            return np.full(len(duty_pct), self.degrees)
+        return self.worth.degrees(self._answers(duty_pct) ** 2)
 
     def band(self, duty_pct: Array) -> Array:
         """95 % interval of p(u), shape (n, 2)."""
-        reach = t_quantile(self.degrees) * self.log_sd(duty_pct)
+        reach = t_quantile(self.degrees_at(duty_pct)) * self.log_sd(duty_pct)
         return np.asarray(self.at(duty_pct)[:, None] * np.exp(np.stack([-reach, reach], axis=1)))
 
 
@@ -88,33 +108,34 @@ def through(duty_pct: Array, log_values: Array, variance: Array, p: int) -> Arra
     return np.asarray(coefficients)
 
 
-def information(duty_pct: Array, variance: Array, coefficients: Array) -> Array:
-    """Σ g g'/V with g = ∂ log p/∂coefficients, shape (p, p)."""
+def _gains(duty_pct: Array, weigh: Array, coefficients: Array) -> Array:
+    """G = (Σ g g'/W)⁻¹ g/W with g = ∂ log p/∂coefficients, shape (p, L)."""
     design = powers(duty_pct, len(coefficients))
     g = design / (design @ coefficients)[:, None]
-    return np.asarray((g / np.maximum(variance, 1e-18)[:, None]).T @ g)
+    weighed = g / np.maximum(weigh, 1e-18)[:, None]
+    return _inverse(weighed.T @ g) @ weighed.T
 
 
-def curve_with_repeats(duty_pct: Array, log_values: Array, variance: Array, degrees: float, p: int) -> Curve:
-    """The curve where V is known from repeats, with the degrees of freedom of V."""
-    coefficients = through(duty_pct, log_values, variance, p)
-    covariance = _inverse(information(duty_pct, variance, coefficients))
+def curve_with_repeats(
+    duty_pct: Array, log_values: Array, weigh: Array, degrees: float, p: int, variance: Array | None = None
+) -> Curve:
+    """The curve where the scatter is known from repeats: weights 1/`weigh`; their V is `variance`, or the same."""
+    coefficients = through(duty_pct, log_values, weigh, p)
+    gains = _gains(duty_pct, weigh, coefficients)
+    sd = np.sqrt(weigh if variance is None else variance)
     spare = len(duty_pct) - p
     if spare == 0:
-        return Curve(coefficients, covariance, degrees, np.nan, np.nan)
-    misfit = _chi_square(duty_pct, log_values, variance, coefficients) / spare
-    return Curve(coefficients, covariance * inflation(misfit, spare, degrees), degrees, misfit, np.nan)
+        return Curve(coefficients, gains, sd, degrees, np.nan, np.nan)
+    misfit = _chi_square(duty_pct, log_values, weigh, coefficients) / spare
+    return Curve(coefficients, gains, sd * np.sqrt(inflation(misfit, spare, degrees)), degrees, misfit, np.nan)
 
 
 def inflation(misfit: float, spare: float, degrees: float) -> float:
-    """What the covariance is multiplied by where the levels lie off the curve by `misfit` = Σ res²/V/spare.
+    """What variances are multiplied by where levels lie off a curve by `misfit` = Σ res²/W/spare: 1 within chance.
 
-    Beyond chance (one in a thousand) the curve is wrong, and its misfit counts whole. Within chance it is one more
-    estimate of the levels' variance, of `spare` degrees of freedom beside the scatter's own.
+    Beyond chance (one in a thousand) the curve is wrong, and its misfit counts whole.
     """
-    if misfit > float(fdtri(spare, max(degrees / 2, 1.0), 0.999)):
-        return misfit
-    return max(1.0, (degrees + spare * misfit) / (degrees + spare))
+    return misfit if misfit > float(fdtri(spare, max(degrees / 2, 1.0), 0.999)) else 1.0
 
 
 def curve_of_single_runs(duty_pct: Array, log_values: Array, within: Array, p: int) -> Curve:
@@ -130,8 +151,17 @@ def curve_of_single_runs(duty_pct: Array, log_values: Array, within: Array, p: i
     # h is the largest over the windows, q the luck of L − p levels: where they differ, halfway (in logs) is closest
     variance = np.sqrt(q) * (between + within)
     coefficients = through(duty_pct, log_values, variance, p)
-    covariance = _inverse(information(duty_pct, variance, coefficients))
-    return Curve(coefficients, covariance, float(spare), 1.0, between)
+    gains = _gains(duty_pct, variance, coefficients)
+    return Curve(coefficients, gains, np.sqrt(variance), float(spare), 1.0, between)
+
+
+def at_levels(curve: Curve, row: Mask, p: int, worth: Worth | None) -> Curve:
+    """The curve through the levels of `row` as one over all levels, shape (L,), padded to p terms."""
+    gains, sd = np.zeros((p, len(row))), np.zeros(len(row))
+    gains[: len(curve.coefficients), row], sd[row] = curve.gains, curve.sd
+    padded = np.zeros(p)
+    padded[: len(curve.coefficients)] = curve.coefficients
+    return replace(curve, coefficients=padded, gains=gains, sd=sd, worth=worth)
 
 
 def _inverse(matrix: Array) -> Array:
@@ -146,26 +176,10 @@ def _chi_square(duty_pct: Array, log_values: Array, variance: Array, coefficient
     return float((left**2 / np.maximum(variance, 1e-18)).sum())
 
 
-def covariance_between(
-    duty_pct: Array, curves: Sequence[Curve], variance: Sequence[Array], correlation: Array
-) -> Array:
+def covariance_between(curves: Sequence[Curve], correlation: Array) -> Array:
     """Covariance of all curves' coefficients together, from the correlation of their scatter, shape (Σp, Σp).
 
-    Coefficients are linear in the levels' logarithms, δc_k = (Σ g g'/V_k)⁻¹ Σ_l g_l/V_kl δθ_kl, and the scatter of two
-    parameters at one level has the covariance ρ √(V_kl V_ml). A level that says nothing of a parameter has V = ∞ there.
+    The scatter of two parameters at one level has the covariance ρ √(V_k V_m).
     """
-    gains = []
-    for curve, v in zip(curves, variance, strict=True):
-        free = np.diag(curve.covariance) > 0
-        if not free.any():
-            gains.append(np.zeros((len(free), len(duty_pct))))
-            continue
-        design = powers(duty_pct, len(curve.coefficients))
-        g = (design / (design @ curve.coefficients)[:, None])[:, free]
-        scaled = g / np.sqrt(np.maximum(v, 1e-18))[:, None]
-        root = _inverse(scaled.T @ scaled) @ scaled.T
-        inflation = np.trace(curve.covariance) / max(np.trace(root @ root.T), 1e-300)
-        full = np.zeros((len(free), len(duty_pct)))
-        full[free] = np.sqrt(inflation) * root
-        gains.append(full)
-    return np.block([[correlation[i, j] * gains[i] @ gains[j].T for j in range(len(gains))] for i in range(len(gains))])
+    roots = [curve.gains * curve.sd for curve in curves]
+    return np.block([[correlation[i, j] * a @ b.T for j, b in enumerate(roots)] for i, a in enumerate(roots)])

@@ -16,7 +16,10 @@ from eaid.uncertainty.student import t_quantile
 def level_rows(ground: Ground, white: bool = False) -> list[list[Parameter]]:
     """The parameters of every level with their intervals or words; the textbook's where `white`."""
     if not white:
-        return [level_parameters(one, ground.variance[i], ground.degrees[i]) for i, one in enumerate(ground.evidence)]
+        return [
+            level_parameters(one, ground.variance[i], ground.degrees[i], ground.expected[i])
+            for i, one in enumerate(ground.evidence)
+        ]
     rows = []
     for level, one in zip(ground.levels, ground.evidence, strict=True):
         variance, spare = white_variance(level, one)

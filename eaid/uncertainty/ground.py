@@ -15,7 +15,7 @@ from eaid.fitting.data import data_of
 from eaid.fitting.levels import fit_levels
 from eaid.fitting.result import LevelFit
 from eaid.steps.stepset import Level
-from eaid.uncertainty.curve import Curve, curve_of_single_runs, curve_with_repeats
+from eaid.uncertainty.curve import Curve, at_levels, curve_of_single_runs, curve_with_repeats
 from eaid.uncertainty.levels import LevelEvidence, held_parameters, level_evidence, scatter_of, usable
 from eaid.uncertainty.scatter import Mask, Scatter
 
@@ -47,6 +47,14 @@ class Ground:
     """a: variance between runs, shape (k,); NaN where it cannot be seen."""
     converged: bool = True
     """Whether every level's own curve passed our verdict."""
+
+    @property
+    def expected(self) -> Array:
+        """V as one scatter for all levels would give it, shape (L, k); `variance` itself without repeats."""
+        if self.scatter is None:
+            return self.variance
+        pooled = self.scatter.pooled + self.scatter.common
+        return np.where(np.isfinite(pooled), pooled, self.variance)
 
     @property
     def duty_pct(self) -> Array:
@@ -147,22 +155,20 @@ def curves(ground: Ground) -> dict[str, Curve]:
         if ground.source != "repeats" and row.sum() - terms >= SPARE_LEVELS:
             within = np.array([one.evidence.within[k] for one in ground.evidence])[row]
             curve = curve_of_single_runs(duty, theta, within, terms)
+        elif ground.scatter is None:
+            curve = curve_with_repeats(duty, theta, ground.variance[row, k], float(ground.degrees[row, k].min()), terms)
         else:
-            degrees = float(np.min(ground.degrees[row, k])) if ground.scatter is None else ground.total_degrees
-            variance = ground.variance if ground.scatter is None else ground.own_variance
-            curve = curve_with_repeats(duty, theta, variance[row, k], degrees, terms)
-        padded = np.zeros(TERMS[name])
-        padded[:terms] = curve.coefficients
-        covariance = np.zeros((TERMS[name],) * 2)
-        covariance[:terms, :terms] = curve.covariance
-        result[name] = Curve(padded, covariance, curve.degrees, curve.misfit, curve.between)
+            weigh, real = ground.scatter.pooled[row, k], ground.own_variance[row, k]
+            curve = curve_with_repeats(duty, theta, weigh, ground.total_degrees, terms, real)
+        result[name] = at_levels(curve, row, TERMS[name], None if ground.scatter is None else ground.scatter.worth[k])
     return result
 
 
-def curve_degrees(ground: Ground, curve: Curve, name: str) -> float:
-    """Degrees of freedom of a curve's band, what sweeps have in common counted in (Satterthwaite)."""
+def curve_degrees(ground: Ground, curve: Curve, name: str) -> Array:
+    """Degrees of freedom of a curve's band at each level, what sweeps have in common counted in (Satterthwaite)."""
+    degrees = curve.degrees_at(ground.duty_pct)
     if ground.scatter is None or not ground.swept:
-        return curve.degrees
+        return degrees
     common = float(ground.scatter.common[("Ts", "tau1", "tau2").index(name)])
-    own = float(np.mean(curve.log_sd(ground.duty_pct) ** 2))
-    return (own + common) ** 2 / (own**2 / curve.degrees + common**2 / ground.scatter.common_degrees)
+    own = curve.log_sd(ground.duty_pct) ** 2
+    return np.asarray((own + common) ** 2 / (own**2 / degrees + common**2 / ground.scatter.common_degrees))

@@ -242,15 +242,13 @@ def scatter_words(ground: Ground) -> list[str]:
             f"the {runs} runs count as {sweeps:.0f} there, intervals are wider; record levels in random order instead"
         )
     scatter = ground.scatter
-    for name, ratio, z, a, v in zip(
-        SYMBOLS, scatter.ratio, scatter.ratio_z, scatter.between, scatter.pooled.T, strict=False
-    ):
+    for name, jump, a, v in zip(SYMBOLS, scatter.jumps, scatter.between, scatter.pooled.T, strict=False):
         repeated = a > 0.3 * float(np.median(v)) * ground.evidence[0].evidence.repeats  # else it is noise, not scatter
-        if abs(z) > 2.5 and not 0.5 < ratio < 2 and repeated:
-            low, high = ("lowest", "highest") if ratio > 1 else ("highest", "lowest")
-            times = max(ratio, 1 / ratio)
+        if jump is not None and repeated:
+            last, first = (ground.levels[jump.place + i].level for i in (0, 1))
+            here = f"up to {last:g} than above" if jump.ratio > 1 else f"from {first:g} on than below"
             words.append(
-                f"the runs' scatter of {SYMBOLS[name]} is {times:.2g} times larger at the {low} level than at the "
-                f"{high}: the intervals follow it; more repeats there would narrow them most"
+                f"the runs' scatter of {SYMBOLS[name]} is {max(jump.ratio, 1 / jump.ratio):.2g} times larger {here}: "
+                "the intervals follow it; more repeats there would narrow them most"
             )
     return words

@@ -97,10 +97,17 @@ class Parameter:
     """What is doubtful about it."""
 
 
-def level_parameters(level: LevelEvidence, variance: Array, degrees: Array) -> list[Parameter]:
-    """Intervals exp(θ̂ ± t √V) of one level, shape (k,) of `variance` and `degrees`; at a bound or too wide: a word."""
+def level_parameters(
+    level: LevelEvidence, variance: Array, degrees: Array, expected: Array | None = None
+) -> list[Parameter]:
+    """Intervals exp(θ̂ ± t √V) of one level, shape (k,) of `variance` and `degrees`; at a bound or too wide: a word.
+
+    Whether an interval is too wide is judged by the V `expected` from all levels, where it is known: a level whose runs
+    are alike by luck must not pass for well known.
+    """
+    expected = variance if expected is None else expected
     result = []
-    for k, (theta, v, df) in enumerate(zip(level.evidence.log_theta, variance, degrees, strict=True)):
+    for k, (theta, v, df, usual) in enumerate(zip(level.evidence.log_theta, variance, degrees, expected, strict=True)):
         name = NAMES[k]
         sd = float(np.sqrt(max(v, 0.0)))
         reach = t_quantile(float(df)) * sd
@@ -122,8 +129,8 @@ def level_parameters(level: LevelEvidence, variance: Array, degrees: Array) -> l
             unit = "" if name == "Ts" else " s"
             word = f"not determined: anywhere between {low} and {high}{unit}"
             interval = None
-        elif name != "C" and reach > np.log1p(WIDE):
-            word = f"known to a factor of {np.exp(reach):.2f} only"
+        elif name != "C" and t_quantile(float(df)) * float(np.sqrt(usual)) > np.log1p(WIDE):
+            word = f"known to a factor of {np.exp(max(reach, t_quantile(float(df)) * np.sqrt(usual))):.2f} only"
         result.append(Parameter(name, value, interval, sd, word))
     return result
 

@@ -27,7 +27,7 @@ from eaid.uncertainty.joint import (
     with_covariance,
     with_joint_covariance,
 )
-from eaid.uncertainty.student import t_quantile
+from eaid.uncertainty.student import Degrees, middle, t_quantile
 from eaid.uncertainty.twostage import two_stage
 from eaid.uncertainty.weightings import SYMBOLS
 
@@ -47,8 +47,8 @@ class Estimates:
     """The same estimate with the scatter only."""
     two_stage: Coefficients | None
     """None where too few levels determine their own parameters."""
-    degrees: dict[str, float]
-    """Degrees of freedom of the intervals of τ1, τ2, T_s, for both."""
+    degrees: Degrees
+    """Degrees of freedom of the intervals of τ1, τ2, T_s at the levels, for both."""
     curves: dict[str, Curve]
 
 
@@ -56,12 +56,12 @@ def estimates(fit: NonlinearFit, ground: Ground) -> Estimates:
     """The joint fit with its covariance, and the two-stage estimate, both from the same ground."""
     joint = scattered(fit, ground)
     through = curves(ground)
-    degrees = dict.fromkeys(ROW, ground.total_degrees)
+    degrees: Degrees = dict.fromkeys(ROW, ground.total_degrees)
     degrees |= {name: curve_degrees(ground, curve, name) for name, curve in through.items()}
     if len(through) < len(ROW):
         return Estimates(joint, joint, None, degrees, through)
     duty, theta = ground.duty_pct, ground.log_theta
-    variance = {name: np.where(ground.known[:, k], ground.own_variance[:, k], np.inf) for name, k in ROW.items()}
+    variance = {name: np.where(ground.known[:, k], ground.expected[:, k], np.inf) for name, k in ROW.items()}
     order = [ROW[name] for name in BLOCKS]
     correlation = ground.correlation()[np.ix_(order, order)]
     both = two_stage(duty, {n: theta[:, k] for n, k in ROW.items()}, variance, through, correlation, joint.share)
@@ -104,14 +104,14 @@ def _with_share(shift: Array) -> Array:
     return wide
 
 
-def coefficient_intervals(c: Coefficients, degrees: dict[str, float]) -> dict[str, list[list[float] | None]]:
+def coefficient_intervals(c: Coefficients, degrees: Degrees) -> dict[str, list[list[float] | None]]:
     """95 % intervals of the coefficients in powers of the duty [%]; None where a constraint holds the parameter."""
     sd = np.sqrt(np.maximum(np.diag(c.covariance), 0))
     result: dict[str, list[list[float] | None]] = {}
     for k, name in enumerate(BLOCKS):
         own = c.block(name)
         scale = 100.0 ** np.arange(c.counts[k])
-        reach = t_quantile(degrees[name]) * sd[own]
+        reach = t_quantile(middle(degrees[name])) * sd[own]
         low, high = (c.values[own] - reach) / scale, (c.values[own] + reach) / scale
         held = name in c.held or not np.isfinite(reach).all()
         carried = (c.values[own] != 0) | (reach > 0)  # a power that the levels do not carry is 0, not known to be 0
@@ -119,22 +119,22 @@ def coefficient_intervals(c: Coefficients, degrees: dict[str, float]) -> dict[st
             [float(a), float(b)] if fine and not held else None for a, b, fine in zip(low, high, carried, strict=True)
         ]
     if c.share_free:
-        reach = t_quantile(min(degrees.values())) * sd[-1]
+        reach = t_quantile(min(middle(df) for df in degrees.values())) * sd[-1]
         ends = [max(0.0, float(c.values[-1] - reach)), min(1.0, float(c.values[-1] + reach))]
         result["C"] = [ends if np.isfinite(reach) else None]
     return result
 
 
 def level_curves(
-    c: Coefficients, degrees: dict[str, float], levels: tuple[Level, ...], other: Coefficients | None = None
+    c: Coefficients, degrees: Degrees, levels: tuple[Level, ...], other: Coefficients | None = None
 ) -> list[dict[str, Any]]:
     """T_s, τ1, τ2 of the curves at each level with 95 % intervals, and how well the torque curve itself is known.
 
     Where there is another estimate, the distance to it (in logs) counts as one more standard deviation.
     """
-    quantiles = {name: t_quantile(df) for name, df in degrees.items()}
+    quantiles = {name: np.broadcast_to(t_quantile(np.asarray(df)), len(levels)) for name, df in degrees.items()}
     rows = []
-    for level in levels:
+    for i, level in enumerate(levels):
         duty = np.array([level.level])
         row: dict[str, Any] = {"level": level.level, "ci95": {}}
         for name in ("Ts", "tau1", "tau2"):
@@ -142,13 +142,13 @@ def level_curves(
             sd = float(c.log_sd(name, duty)[0])
             if other is not None and value > 0:
                 sd = float(np.hypot(sd, np.log(value / max(float(other.at(name, duty)[0]), 1e-12))))
-            row[name], t = value, quantiles[name]
+            row[name], t = value, float(quantiles[name][i])
             with np.errstate(over="ignore"):
                 ends = [value * float(np.exp(-t * sd)), value * float(np.exp(t * sd))]
             fine = name not in c.held and value > 0 and np.isfinite(ends).all()
             row["ci95"][name] = ends if fine else None
         row["torque_half_width_nm"] = float(
-            max(quantiles.values()) * c.torque_sd(_some(level.time_s), level.level).max()
+            max(t[i] for t in quantiles.values()) * c.torque_sd(_some(level.time_s), level.level).max()
         )
         rows.append(row)
     return rows
@@ -161,14 +161,14 @@ def _some(time_s: Array, most: int = 200) -> Array:
     return np.asarray(time_s[np.unique(np.geomspace(1, len(time_s), most).astype(int) - 1)])
 
 
-def covariance_json(c: Coefficients, degrees: dict[str, float], source: str) -> dict[str, Any]:
+def covariance_json(c: Coefficients, degrees: Degrees, source: str) -> dict[str, Any]:
     """What fit.json keeps, so that plants can be drawn."""
     order = [f"{name}[{i}]" for k, name in enumerate(BLOCKS) for i in range(c.counts[k])]
     return {
         "parametrisation": PARAMETRISATION,
         "order": order + ["C"] * c.share_free,
         "matrix": c.covariance.tolist(),
-        "degrees_of_freedom": degrees,
+        "degrees_of_freedom": {name: middle(df) for name, df in degrees.items()},
         "from": source,
     }
 
@@ -191,7 +191,7 @@ def joint_json(found: Estimates, levels: tuple[Level, ...], ci: str) -> dict[str
 
 def intervals_json(
     c: Coefficients,
-    degrees: dict[str, float],
+    degrees: Degrees,
     levels: tuple[Level, ...],
     alone: Coefficients | None = None,
     other: Coefficients | None = None,
@@ -288,12 +288,12 @@ def agreement(found: Estimates, ground: Ground, output_unit: str) -> dict[str, A
 
 
 def _apart(
-    joint: Coefficients, both: Coefficients, degrees: float, name: str, ground: Ground, unit: str
+    joint: Coefficients, both: Coefficients, degrees: float | Array, name: str, ground: Ground, unit: str
 ) -> dict[str, Any]:
     """Where one parameter's two curves part by more than the two-stage interval; the worst level in numbers."""
     duty = ground.duty_pct
     one, other = joint.at(name, duty), both.at(name, duty)
-    reach = t_quantile(degrees) * both.log_sd(name, duty)
+    reach = t_quantile(np.asarray(degrees)) * both.log_sd(name, duty)
     with np.errstate(divide="ignore", invalid="ignore"):
         ratio = np.abs(np.log(one / other)) / reach
     out = np.flatnonzero(~(ratio <= 1))

@@ -1,7 +1,8 @@
 """Run-to-run scatter pooled over levels (Paule–Mandel), and the variance of each level's parameters.
 
 With repeats: a ≥ 0 from Σ_l (R − 1) v_l / (a + h_l) = Σ_l (R − 1); if the sum is already below at a = 0, then a = 0 and
-q = sum / Σ(R − 1), else q = 1. The variance of the mean of R runs is V_l = q (a + h_l) / R.
+q = sum / Σ(R − 1), else q = 1. One scatter for all levels would give the mean of R runs V = q (a + h_l) / R. Scatter
+may change from level to level, so V is multiplied by what the runs of the level and its neighbours show of it.
 With one run a level: a from Σ_l res_l² / (a + h_l) = L − p of a curve through the levels.
 """
 
@@ -11,18 +12,32 @@ from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import fdtrc
 
 from eaid.arrays import Array
 from eaid.uncertainty.evidence import Evidence
+from eaid.uncertainty.student import Worth
 from eaid.uncertainty.sweeps import common_shifts
 
 Mask: TypeAlias = NDArray[np.bool_]
 
-TREND_LEVELS, TREND_DEGREES = 4, 8
-"""Fewer levels or degrees of freedom than these cannot show that the scatter changes with the level."""
+NEIGHBOURS = 4.5
+"""Degrees of freedom that a level's scatter takes from its neighbourhood: itself and both neighbours where R = 3."""
+SMOOTH_LEVELS, SMOOTH_TERMS = 5, 4
+"""From so many levels on the within-run variance is a smooth function of the level, log h a polynomial of four terms:
+a τ2 that came out low by chance must not look well determined as well."""
+CHANCE = 0.01
+"""Probability at which scatter that is alike over the levels would be told to change."""
 
-PRIOR = 5.0
-"""Prior precision of the trend's slope: scatter that doubles over the range of the levels is one standard deviation."""
+
+@dataclass(frozen=True, eq=False)
+class Jump:
+    """Where along the levels the scatter changes."""
+
+    place: int
+    """The last level on the lower side."""
+    ratio: float
+    """How many times larger the scatter (sd) is on the lower side."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,19 +51,19 @@ class Scatter:
     degrees: Array
     """Degrees of freedom of V, shape (L, k)."""
     pooled: Array
-    """V of each level's log θ as one scatter for all levels gives it, shape (L, k); its degrees are Σ(R − 1)."""
+    """V of each level's log θ as one scatter for all levels gives it, shape (L, k)."""
     total_degrees: float
     """Σ(R − 1) over the levels, or L − p with one run a level."""
     own: Array
     """V without what all levels of a sweep have in common, shape (L, k)."""
+    worth: tuple[Worth, ...]
+    """What `own` is made of, one a parameter."""
     common: Array
     """Variance that all levels share because repeats were sweeps, shape (k,); 0 where they were not."""
     common_degrees: float
     """R − 1, the degrees of freedom of `common`."""
-    ratio: Array
-    """How many times larger the scatter (sd) is at the lowest level than at the highest, shape (k,)."""
-    ratio_z: Array
-    """That ratio's logarithm over its standard error, shape (k,): beyond ±2 the scatter is not alike."""
+    jumps: tuple[Jump | None, ...]
+    """Where the scatter changes by more than chance, one a parameter."""
 
 
 def paule_mandel(total: Callable[[float], float], wanted: float, scale: float) -> tuple[float, float]:
@@ -70,10 +85,9 @@ def paule_mandel(total: Callable[[float], float], wanted: float, scale: float) -
 def pooled_scatter(levels: Sequence[Evidence], usable: Mask | None = None) -> Scatter:
     """Scatter of levels with repeats; levels of a single run borrow it. Needs one level with R ≥ 2.
 
-    A level's V is the pooled one times e^(α + β x), x the level's own number: scatter that grows towards one end is
-    followed, and V is worth fewer degrees of freedom the further x lies from the mean. Where `usable`,
-    shape (L, k), is false, a parameter has no say in the pool (a constraint holds it there) and borrows from it. Where
-    repeats were recorded as sweeps, what a sweep's levels have in common is taken out first and added to V at the end.
+    Where `usable`, shape (L, k), is false, a parameter has no say in the pool (a constraint holds it there) and borrows
+    from it. Where repeats were recorded as sweeps, what a sweep's levels have in common is taken out first and added to
+    V at the end.
     """
     repeats = np.array([level.repeats for level in levels], dtype=float)
     v = np.array([np.nan_to_num(level.scatter) for level in levels])
@@ -81,9 +95,10 @@ def pooled_scatter(levels: Sequence[Evidence], usable: Mask | None = None) -> Sc
     x = np.array([level.level for level in levels])
     counted = np.ones(v.shape, dtype=bool) if usable is None else usable
     count = v.shape[1]
-    between, ratio, ratio_z = np.zeros(count), np.ones(count), np.zeros(count)
+    between, common = np.zeros(count), np.zeros(count)
     pooled, variance, degrees = np.zeros_like(v), np.zeros_like(v), np.zeros_like(v)
-    common = np.zeros(count)
+    worth: list[Worth] = []
+    jumps: list[Jump | None] = []
     for k in range(count):
         own = (repeats - 1) * counted[:, k]
         shared = common_shifts(levels, k) if counted[:, k].all() else None
@@ -95,21 +110,18 @@ def pooled_scatter(levels: Sequence[Evidence], usable: Mask | None = None) -> Sc
         total = float(own.sum())
         if total == 0:
             pooled[:, k] = variance[:, k] = np.inf
+            worth.append(Worth(np.full(len(levels), np.inf), np.eye(len(levels)), own))
+            jumps.append(None)
             continue
-        between[k], q = paule_mandel(_total(own * v[:, k], h[:, k]), total, float(v[own > 0, k].max()))
-        pooled[:, k] = q * (between[k] + h[:, k]) / repeats
-        variance[:, k], degrees[:, k] = pooled[:, k], total
-        centred = x - own @ x / total
-        spread = float(own @ centred**2 / total)
-        if np.count_nonzero(own) < TREND_LEVELS or total < TREND_DEGREES or spread == 0 or not v[own > 0, k].any():
-            continue
+        within = smoothed(h[:, k], x, own > 0)
+        between[k], q = paule_mandel(_total(own * v[:, k], within), total, float(v[own > 0, k].max()))
+        pooled[:, k] = q * (between[k] + within) / repeats
         relative = v[:, k] / np.maximum(repeats * pooled[:, k], 1e-300)
-        shape, worth, slope = _trend(relative, centred / np.sqrt(spread), own)
-        variance[:, k] *= shape
-        degrees[:, k] = worth
-        ends = variance[[int(x.argmin()), int(x.argmax())], k] * repeats[[int(x.argmin()), int(x.argmax())]]
-        ratio[k] = np.sqrt(ends[0] / ends[1])
-        ratio_z[k] = -slope * np.sqrt(total / 2 + PRIOR)
+        mixed = neighbours(own)
+        worth.append(Worth(pooled[:, k], mixed, own))
+        variance[:, k] = pooled[:, k] * (mixed @ relative)
+        degrees[:, k] = worth[k].degrees(np.eye(len(levels)))
+        jumps.append(jump(relative, own))
     most = float(repeats.max() - 1)
     with np.errstate(divide="ignore", invalid="ignore"):
         together = (variance + common) ** 2 / (variance**2 / degrees + common**2 / most)
@@ -120,10 +132,10 @@ def pooled_scatter(levels: Sequence[Evidence], usable: Mask | None = None) -> Sc
         pooled=pooled,
         total_degrees=float((repeats - 1).sum()),
         own=variance,
+        worth=tuple(worth),
         common=common,
         common_degrees=most,
-        ratio=ratio,
-        ratio_z=ratio_z,
+        jumps=tuple(jumps),
     )
 
 
@@ -131,21 +143,41 @@ def _total(weighted: Array, within: Array) -> Callable[[float], float]:
     return lambda a: float((weighted / (a + within)).sum())
 
 
-def _trend(relative: Array, x: Array, degrees: Array) -> tuple[Array, Array, float]:
-    """e^(α + β x) through relative variances of χ²-like spread, its degrees of freedom, shapes (L,), and β.
+def smoothed(within: Array, x: Array, counted: Mask) -> Array:
+    """h as a smooth function of the level where enough levels count; else as it is; shape (L,)."""
+    size = int(counted.sum())
+    if size < SMOOTH_LEVELS or np.ptp(x[counted]) == 0:
+        return within
+    design = np.vander((x - x.mean()) / np.ptp(x), min(SMOOTH_TERMS, size - 3), increasing=True)
+    coefficients = np.linalg.lstsq(design[counted], np.log(within[counted]), rcond=None)[0]
+    return np.where(counted, np.exp(np.clip(design @ coefficients, -690, 690)), within)
 
-    Fisher scoring with a prior of mean 0 on β: a few runs alike by luck at one end make no trend.
+
+def neighbours(own: Array) -> Array:
+    """How much each level's runs, of `own` degrees of freedom, count for each level's scatter: rows of sum 1, (L, L).
+
+    The narrowest triangle about a level that gives half of the levels `NEIGHBOURS` degrees of freedom.
     """
-    design = np.stack([np.ones_like(x), x], axis=1)
-    prior = np.diag([0.0, 2 * PRIOR])
-    weighted = design * degrees[:, None]
-    spread = np.linalg.inv(design.T @ weighted + prior)
-    coefficients = np.zeros(2)
-    for _ in range(50):
-        slope = weighted.T @ (relative * np.exp(-design @ coefficients) - 1) - prior @ coefficients
-        step = np.clip(spread @ slope, -1.0, 1.0)
-        coefficients = coefficients + step
-        if np.abs(step).max() < 1e-10:
+    apart = np.abs(np.subtract.outer(np.arange(len(own)), np.arange(len(own))))
+    for width in range(2 * len(own)):
+        weight = np.maximum(1 - apart / (width + 1), 0) * own
+        total = weight.sum(axis=1)
+        square = (weight**2 / np.where(own > 0, own, 1)).sum(axis=1)
+        if (total > 0).all() and np.median(total**2 / square) >= NEIGHBOURS:
             break
-    worth = 1 / np.einsum("ij,jk,ik->i", design, spread, design)
-    return np.asarray(np.exp(design @ coefficients)), np.asarray(worth), float(coefficients[1])
+    weight[total == 0], total[total == 0] = own, own.sum()
+    return np.asarray(weight / total[:, None])
+
+
+def jump(relative: Array, own: Array) -> Jump | None:
+    """Where the scatter of the levels on one side differs most from the other side's, if by more than chance (F)."""
+    below, squares = np.cumsum(own)[:-1], np.cumsum(own * relative)[:-1]
+    above, others = own.sum() - below, (own * relative).sum() - squares
+    fine = (below > 0) & (above > 0) & (squares > 0) & (others > 0)
+    if not fine.any():
+        return None
+    below, squares, above, others = below[fine], squares[fine], above[fine], others[fine]
+    F = squares / below / (others / above)
+    chance = 2 * np.minimum(fdtrc(below, above, F), fdtrc(above, below, 1 / F)) * len(F)
+    i = int(chance.argmin())
+    return Jump(int(np.flatnonzero(fine)[i]), float(np.sqrt(F[i]))) if chance[i] < CHANCE else None

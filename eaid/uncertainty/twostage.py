@@ -38,9 +38,7 @@ def two_stage(
     parts = np.split(values, np.cumsum(counts)[:2])
     raw = [tuple((part / 100.0 ** np.arange(len(part))).tolist()) for part in parts]
     c = coefficients_of(Nonlinear(raw[0], raw[1], raw[2], u_range, share))
-    covariance = covariance_between(
-        duty_pct, [curves[name] for name in BLOCKS], [variance[name] for name in BLOCKS], correlation
-    )
+    covariance = covariance_between([curves[name] for name in BLOCKS], correlation)
     if c.held:
         M = np.linalg.pinv(covariance, rcond=1e-14, hermitian=True)
         covariance = free_inverse(c, np.asarray(M), len(duty_pct))

@@ -14,7 +14,7 @@ from eaid.arrays import Array
 from eaid.fitting.result import LinearFit, NonlinearFit
 from eaid.uncertainty.ground import Ground
 from eaid.uncertainty.joint import Coefficients
-from eaid.uncertainty.student import t_quantile
+from eaid.uncertainty.student import Degrees, t_quantile
 
 SYMBOLS = {"Ts": "T_s", "tau1": "τ1", "tau2": "τ2"}
 RISES = 2.0
@@ -25,7 +25,7 @@ def agreement(
     fit: NonlinearFit,
     own: Coefficients,
     other: Coefficients | None,
-    degrees: dict[str, float],
+    degrees: Degrees,
     ground: Ground,
     output_unit: str,
 ) -> dict[str, Any]:
@@ -54,10 +54,10 @@ def _name(weights: tuple[float, ...] | None) -> str:
 
 
 def _apart(
-    equal: Coefficients, sd: Coefficients, degrees: float, name: str, ground: Ground, unit: str
+    equal: Coefficients, sd: Coefficients, degrees: float | Array, name: str, ground: Ground, unit: str
 ) -> dict[str, Any]:
     """One parameter at the levels where each fit lies outside the other's interval; the worst level in numbers."""
-    duty, t = ground.duty_pct, t_quantile(degrees)
+    duty, t = ground.duty_pct, t_quantile(np.asarray(degrees))
     one, other = equal.at(name, duty), sd.at(name, duty)
     reach = [t * c.log_sd(name, duty) for c in (equal, sd)]
     with np.errstate(divide="ignore", invalid="ignore"):

@@ -5,6 +5,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from eaid.uncertainty.student import t_quantile
+
 SETS = 24
 
 
@@ -44,8 +46,11 @@ def test_the_textbook_does_not(base: Any) -> None:
 
 
 def test_half_widths_are_those_of_the_scatter(base: Any) -> None:
-    """t(20) σ/√R for a level, times √(p/L) for a curve of p terms through L levels: σ is 3 % in T_s and 5 % in τ1."""
-    t, root = 2.086, np.sqrt(3)
+    """t σ/√R for a level, times √(p/L) for a curve of p terms through L levels: σ is 3 % in T_s and 5 % in τ1.
+
+    A level and half of each neighbour have 2 · 2²/(1 + ½) = 5.3 degrees of freedom.
+    """
+    t, root = t_quantile(16 / 3), np.sqrt(3)
     wanted = {
         "level Ts": t * 3 / root,
         "level tau1": t * 5 / root,

@@ -7,8 +7,8 @@ from eaid.models.parameters import Friction
 from eaid.steps.stepset import Level
 from eaid.uncertainty.evidence import bartlett_variance, own_residuals
 from eaid.uncertainty.levels import level_evidence, log_jacobian
-from eaid.uncertainty.scatter import paule_mandel, pooled_scatter
-from eaid.uncertainty.student import t_quantile
+from eaid.uncertainty.scatter import neighbours, paule_mandel, pooled_scatter, smoothed
+from eaid.uncertainty.student import Worth, t_quantile
 
 CURVE = Friction(Ts=2.0, tau1=0.4, tau2=6.0)
 T = np.arange(2000) * 0.01
@@ -114,10 +114,37 @@ def test_scatter_that_grows_towards_low_levels_is_followed() -> None:
         runs = runs + 1e-4 * random.standard_normal(runs.shape)
         levels.append(level_evidence(level_of(runs, float(i + 1)), CURVE).evidence)
     found = pooled_scatter(levels)
-    assert found.ratio_z[0] > 3
-    assert found.variance[0, 0] > 4 * found.pooled[0, 0] / 2
-    assert found.variance[-1, 0] < found.pooled[-1, 0] / 2
-    assert found.degrees[0, 0] < found.degrees[15, 0] <= 60
+    step = found.jumps[0]
+    assert step is not None and step.place == 14 and step.ratio == pytest.approx(4, rel=0.35)
+    low, high = found.variance[:15, 0].mean(), found.variance[16:, 0].mean()  # 15 borrows from 14, beyond the step
+    assert low == pytest.approx(0.06**2 / 3, rel=0.5) and 8 < low / high < 32
+    assert found.jumps[1] is None
+
+
+def test_neighbours_are_the_narrowest_triangle_of_enough_runs() -> None:
+    three = neighbours(np.full(10, 2.0))
+    assert three[4, 3:6] == pytest.approx([0.25, 0.5, 0.25]) and three[0, :2] == pytest.approx([2 / 3, 1 / 3])
+    assert np.count_nonzero(three[4]) == 3
+    assert np.count_nonzero(neighbours(np.full(10, 1.0))[4]) == 7  # two repeats each
+    assert neighbours(np.full(10, 5.0)) == pytest.approx(np.eye(10))  # six repeats need no neighbour
+    borrowed = neighbours(np.array([2.0, 2, 0, 2, 2]))  # one level has a single run
+    assert borrowed.sum(axis=1) == pytest.approx(1) and (borrowed[:, 2] == 0).all()
+
+
+def test_worth_is_satterthwaite() -> None:
+    """A level and halves of two neighbours, 2 degrees each: 2 · 2²/(1 + ¼ + ¼); all ten alike: all twenty."""
+    worth = Worth(np.full(10, 0.3), neighbours(np.full(10, 2.0)), np.full(10, 2.0))
+    assert worth.degrees(np.eye(10))[4] == pytest.approx(16 / 3)
+    assert worth.degrees(np.ones((1, 10)))[0] == pytest.approx(20, rel=0.01)
+
+
+def test_within_run_variance_is_smoothed_over_levels() -> None:
+    x = np.arange(1.0, 11)
+    true = np.exp(1 - 0.3 * x + 0.02 * x**2)
+    chance = np.exp(0.3 * np.random.default_rng(0).standard_normal(10))
+    found = smoothed(true * chance, x, np.ones(10, dtype=bool))
+    assert np.abs(np.log(found / true)).mean() < 0.7 * np.abs(np.log(chance)).mean()
+    assert smoothed(true[:4] * chance[:4], x[:4], np.ones(4, dtype=bool)) == pytest.approx(true[:4] * chance[:4])
 
 
 def test_what_a_constraint_holds_has_no_say() -> None:
