@@ -10,7 +10,6 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from scipy.special import fdtri
 
 from eaid.arrays import Array
 from eaid.fitting.data import data_of
@@ -23,6 +22,7 @@ from eaid.uncertainty.curve import curve_with_repeats
 from eaid.uncertainty.ground import TERMS, Ground
 from eaid.uncertainty.levels import LevelEvidence, log_theta
 from eaid.uncertainty.profile import least
+from eaid.uncertainty.tails import f_quantile
 
 OVERSHOOT = 0.05
 """Torque lost under hold beyond which no monotone curve is right."""
@@ -129,7 +129,7 @@ def lack_of_fit(level: Level, noise_nm: Array) -> dict[str, Any] | None:
     apart = float(((noise_nm - common) ** 2).sum()) / (runs - 1)
     ratio = runs * float(common @ common) / apart if apart > 0 else 1.0
     count = float(np.mean([spectral_degrees(run - common) for run in noise_nm]))
-    chance = float(fdtri(count, count * (runs - 1), 0.999))
+    chance = f_quantile(count, count * (runs - 1), 0.999)
     return {
         "level": level.level,
         "ratio": ratio,

@@ -9,11 +9,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.special import fdtri
 
 from eaid.arrays import Array
 from eaid.uncertainty.scatter import Mask, paule_mandel
 from eaid.uncertainty.student import Worth, t_quantile
+from eaid.uncertainty.tails import f_quantile
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,7 +135,7 @@ def inflation(misfit: float, spare: float, degrees: float) -> float:
 
     Beyond chance (one in a thousand) the curve is wrong, and its misfit counts whole.
     """
-    return misfit if misfit > float(fdtri(spare, max(degrees / 2, 1.0), 0.999)) else 1.0
+    return misfit if misfit > f_quantile(spare, max(degrees / 2, 1.0), 0.999) else 1.0
 
 
 def curve_of_single_runs(duty_pct: Array, log_values: Array, within: Array, p: int) -> Curve:

@@ -12,12 +12,12 @@ from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import fdtrc
 
 from eaid.arrays import Array
 from eaid.uncertainty.evidence import Evidence
 from eaid.uncertainty.student import Worth
 from eaid.uncertainty.sweeps import common_shifts
+from eaid.uncertainty.tails import f_tail
 
 Mask: TypeAlias = NDArray[np.bool_]
 
@@ -178,6 +178,6 @@ def jump(relative: Array, own: Array) -> Jump | None:
         return None
     below, squares, above, others = below[fine], squares[fine], above[fine], others[fine]
     F = squares / below / (others / above)
-    chance = 2 * np.minimum(fdtrc(below, above, F), fdtrc(above, below, 1 / F)) * len(F)
+    chance = 2 * np.minimum(f_tail(below, above, F), f_tail(above, below, 1 / F)) * len(F)
     i = int(chance.argmin())
     return Jump(int(np.flatnonzero(fine)[i]), float(np.sqrt(F[i]))) if chance[i] < CHANCE else None

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 from typing import TypeAlias, overload
 
 import numpy as np
-from scipy.special import stdtrit
 
 from eaid.arrays import Array
+from eaid.uncertainty.tails import t_reach
 
 NOMINAL = 0.95
 """Coverage that every interval of eaid claims."""
@@ -23,10 +23,10 @@ def t_quantile(degrees: Array, nominal: float = NOMINAL) -> Array: ...
 def t_quantile(degrees: float | Array, nominal: float = NOMINAL) -> float | Array:
     """Two-sided quantile of Student's t [1]; infinite degrees of freedom give the normal one, none give infinity."""
     if isinstance(degrees, np.ndarray):
-        return np.where(degrees > 0, stdtrit(np.clip(degrees, 1e-3, 1e6), 0.5 + nominal / 2), np.inf)
+        return np.where(degrees > 0, t_reach(np.clip(degrees, 1e-3, 1e6), nominal), np.inf)
     if degrees <= 0:
         return math.inf
-    return float(stdtrit(min(degrees, 1e6), 0.5 + nominal / 2))
+    return t_reach(min(degrees, 1e6), nominal)
 
 
 def middle(degrees: float | Array) -> float:
