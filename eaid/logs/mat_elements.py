@@ -1,8 +1,9 @@
 """The elements of a MAT-file v5, walked before SciPy reads them.
 
-SciPy trusts the type word of an element and ends the process on one that it does not know, and it makes room for as
-many cells as a header claims. So every element is looked at first: its type, its length, its place inside the element
-around it, and its claimed shape against the bytes that are there. Nothing is decoded.
+SciPy trusts the type word of an element and ends the process on one that it does not know, it makes room for as many
+cells as a header claims, and it takes the next bytes for whatever its class of matrix should have there. So every
+element is looked at first: its type, its length, its place inside the element around it, its claimed shape against the
+bytes that are there, and that each matrix has just the elements of its class. Nothing is decoded.
 """
 
 import zlib
@@ -14,6 +15,8 @@ from eaid.errors import DataError
 _MATRIX, _COMPRESSED = 14, 15
 _NUMBERS = (1, 2, 3, 4, 5, 6, 7, 9, 12, 13)
 _TEXT = (1, 2, 3, 4, 16, 17, 18)
+_NAME = (1, 2, 16)
+_NUMERIC = range(6, 16)
 _CELL, _STRUCT, _OBJECT, _CHAR, _SPARSE, _FUNCTION, _OPAQUE = 1, 2, 3, 4, 5, 16, 17
 _DEEPEST = 30
 MOST_RATIO = 200
@@ -98,48 +101,62 @@ def _element(data: memoryview, at: int, order: str) -> tuple[int, int, int, int]
     return kind, length, start, after
 
 
-def _matrix(data: memoryview, order: str, depth: int) -> None:
-    """One matrix and all in it; an empty one has no elements."""
+def _matrix(data: memoryview, order: str, depth: int) -> int:
+    """Walk one matrix and all in it; returns where its elements end. An empty one has none."""
     if not len(data):
-        return
+        return 0
     if depth > _DEEPEST:
         raise _ElementError(f"it is nested more than {_DEEPEST} deep")
 
-    def take(at: int, kinds: tuple[int, ...], what: str) -> tuple[int, int, int, int]:
-        found = _element(data, at, order)
-        if found[0] not in kinds:
-            raise _ElementError(f"{what} of type {found[0]}")
-        return found
+    def take(at: int, kinds: tuple[int, ...], what: str) -> tuple[int, int, int]:
+        kind, length, start, after = _element(data, at, order)
+        if kind not in kinds:
+            raise _ElementError(f"{what} of type {kind}")
+        return length, start, after
 
-    _, length, start, at = take(0, (6,), "array flags")
+    length, start, at = take(0, (6,), "array flags")
     if length != 8:
         raise _ElementError("array flags of a wrong length")
-    kind = _word(data, start, order) & 0xFF
-    if kind == _OPAQUE:
-        return  # an object of MATLAB's own: it is not read
-    _, length, start, at = take(at, (5,), "dimensions")
-    if length < 8 or length % 4 or length > 4 * 32:
-        raise _ElementError("dimensions of a wrong length")
+    kind, parts = _word(data, start, order) & 0xFF, 2 if _word(data, start, order) >> 11 & 1 else 1
     count = 1
-    for i in range(start, start + length, 4):
-        count *= _word(data, i, order)
-    if count > len(data) and kind != _SPARSE:
-        raise _ElementError(f"a variable claims {count:.3g} values in {len(data):,} bytes")
-    _, length, _, at = take(at, (1, 2, 16), "a name")
+    if kind != _OPAQUE:
+        length, start, at = take(at, (5, 6), "dimensions")
+        if length < 8 or length % 4 or length > 4 * 32:
+            raise _ElementError("dimensions of a wrong length")
+        for i in range(start, start + length, 4):
+            count *= _word(data, i, order)
+        if count > len(data) and kind != _SPARSE:
+            raise _ElementError(f"a variable claims {count:.3g} values in {len(data):,} bytes")
+    length, _, at = take(at, _NAME, "a name")
     if length > 4096:
         raise _ElementError("a name of more than 4096 letters")
+    if kind in _NUMERIC or kind == _SPARSE:
+        for _ in range(parts if kind in _NUMERIC else 2 + parts):
+            *_, at = take(at, _NUMBERS, "values")
+        return at
+    if kind == _CHAR:
+        return take(at, _TEXT, "text")[2]
+    if kind in (_OBJECT, _OPAQUE):
+        for _ in range(2 if kind == _OPAQUE else 1):
+            *_, at = take(at, _NAME, "a class name")
     if kind in (_STRUCT, _OBJECT):
-        if kind == _OBJECT:
-            *_, at = take(at, (1, 2, 16), "a class name")
-        _, length, start, at = take(at, (5,), "the length of field names")
+        length, start, at = take(at, (5, 6), "the length of field names")
         longest = _word(data, start, order) if length == 4 else 0
         if not 0 < longest <= 4096:
             raise _ElementError("field names of a wrong length")
-        *_, at = take(at, (1, 2, 16), "field names")
-    inside = kind in (_CELL, _STRUCT, _OBJECT, _FUNCTION)
-    while at < len(data):
-        if len(data) - at < 8 and not any(data[at:]):
-            break  # padding
-        found, length, start, at = take(at, (_MATRIX,) if inside else _TEXT if kind == _CHAR else _NUMBERS, "values")
-        if found == _MATRIX:
-            _matrix(data[start : start + length], order, depth + 1)
+        length, start, at = take(at, _NAME, "field names")
+        names = bytes(data[start : start + length])
+        if any(0 not in names[i : i + longest] for i in range(0, length - length % longest, longest)):
+            raise _ElementError("field names without an end")
+        count *= length // longest
+    elif kind in (_FUNCTION, _OPAQUE):
+        count = 1
+    elif kind != _CELL:
+        raise _ElementError(f"a matrix of class {kind}")
+    for _ in range(count):
+        if _word(data, at, order) != _MATRIX:  # SciPy does not know a small one here
+            raise _ElementError("a matrix without its parts")
+        length, start, at = take(at, (_MATRIX,), "a part")
+        if length and _matrix(data[start : start + length], order, depth + 1) != length:
+            raise _ElementError("a part of a wrong length")
+    return at

@@ -4,7 +4,8 @@ Values come scaled, as npTDMS scales them. Channels without waveform properties 
 which one has to be the time.
 """
 
-from collections.abc import Callable, Sequence
+import re
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +18,8 @@ from eaid.logs.sheet import Cells, Sheet
 from eaid.logs.signals import Signal, seconds, sheets_of_signals
 
 WHAT = "TDMS"
+MOST_SCALES = 100
+"""Scales of one channel, one behind the other; npTDMS makes room for as many as a file says."""
 
 
 def is_tdms(head: bytes) -> bool:
@@ -33,6 +36,8 @@ def read_tdms(path: Path, source: str) -> list[Sheet]:
     with damage_told(source, WHAT):
         file = nptdms.TdmsFile.read_metadata(str(path))
         channels = [channel for group in file.groups() for channel in group.channels()]
+        for item in (file, *file.groups(), *channels):
+            _check_scales(item.properties, source)
         for channel in channels:
             if len(channel) > size:
                 raise DataError(
@@ -66,6 +71,14 @@ def read_tdms(path: Path, source: str) -> list[Sheet]:
     if not sheets:
         raise DataError(f"{source}: holds no channels of numbers; record the log again")
     return sheets
+
+
+def _check_scales(said: Mapping[str, Any], source: str) -> None:
+    """Refuse properties that claim more scales than any channel has."""
+    named = [int(found[1]) + 1 for key in said if (found := re.match(r"NI_Scale\[(\d+)\]", key))]
+    claimed = max([int(said.get("NI_Number_Of_Scales", 0)), *named])
+    if claimed > MOST_SCALES:
+        raise DataError(f"{source}: claims {claimed:.3g} scales for a channel; copy or save it again")
 
 
 def _read(path: Path, source: str, group: str, name: str) -> Any:
