@@ -5,12 +5,14 @@ import os
 import signal
 import sys
 import threading
+import time
 from typing import Annotated, Any
 
 import typer
 
 from eaid import __version__
 from eaid.cli import console
+from eaid.cli.streams import patient_streams
 from eaid.errors import EaidError
 
 COMMANDS = {
@@ -58,35 +60,65 @@ for _name, _words in COMMANDS.items():
 
 
 INTERRUPTED = "interrupted; nothing half-written is left"
-_interrupts: list[int] = []
-"""Signals that came while a command ran: a library may make another failure of a KeyboardInterrupt."""
+_interrupts: list[float] = []
+"""When signals came while a command ran: a library may make another failure of a KeyboardInterrupt."""
 
 
 def run(arguments: list[str] | None = None) -> int:
     """Run one command and return its exit code; every expected failure is one plain sentence."""
     _interrupts.clear()
-    before = _listen(_on_interrupt)
+    before = _listen(dict.fromkeys(SIGNALS, _on_interrupt))
+    unraisable, sys.unraisablehook = sys.unraisablehook, _not_swallowed
     try:
-        code, sentences = _outcome(arguments)
+        with patient_streams():
+            code, sentences = _outcome(arguments)
+            if code and _interrupts:
+                code, sentences = 130, (INTERRUPTED,)
+            for sentence in sentences:
+                console.fail(sentence)
+    except EaidError as fault:  # what was printed cannot be stored
+        code = fault.exit_code
+        console.fail(str(fault))
     finally:
+        sys.unraisablehook = unraisable
         _listen(before)
-    if code and _interrupts:
-        code, sentences = 130, (INTERRUPTED,)
-    for sentence in sentences:
-        console.fail(sentence)
     return code
 
 
-def _listen(handler: Any) -> Any:
-    """Set what Ctrl-C does, and return what it did; only the main thread of a program may."""
-    if handler is None or threading.current_thread() is not threading.main_thread():
-        return None
-    return signal.signal(signal.SIGINT, handler)
+SIGNALS = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP", "SIGALRM") if hasattr(signal, name))
+"""Ctrl-C, a polite kill, a terminal that closes; and the alarm by which an interrupt comes again."""
+
+
+def _listen(handlers: dict[int, Any]) -> dict[int, Any]:
+    """Set what signals do, and return what they did; only the main thread of a program may. What nohup set stays."""
+    if threading.current_thread() is not threading.main_thread():
+        return {}
+    held = {number: signal.getsignal(number) for number in handlers}
+    wanted = {number: handler for number, handler in handlers.items() if held[number] not in (None, signal.SIG_IGN)}
+    for number, handler in wanted.items():
+        signal.signal(number, handler)
+    return {number: held[number] for number in wanted}
 
 
 def _on_interrupt(number: int, *_frame: object) -> None:
-    _interrupts.append(number)
+    """Break off; a second Ctrl-C within a second does not break off the clearing away."""
+    now = time.monotonic()
+    if _interrupts and now - _interrupts[-1] < 1.0 and number != getattr(signal, "SIGALRM", None):
+        return
+    _interrupts.append(now)
     raise KeyboardInterrupt
+
+
+def _not_swallowed(told: Any) -> None:
+    """An interrupt that came inside a destructor or a weak reference's callback, where Python drops it, comes again."""
+    if not isinstance(told.exc_value, KeyboardInterrupt):
+        sys.__unraisablehook__(told)
+    elif hasattr(signal, "setitimer"):
+        signal.setitimer(signal.ITIMER_REAL, AGAIN_S)
+
+
+AGAIN_S = 0.02
+"""After which a dropped interrupt comes again, as an alarm [s]."""
 
 
 def _outcome(arguments: list[str] | None) -> tuple[int, tuple[str, ...]]:

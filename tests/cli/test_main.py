@@ -1,5 +1,7 @@
 """The face of `eaid`: help, version, wrong usage, and what a failure looks like."""
 
+import os
+import random
 import signal
 import subprocess
 import sys
@@ -78,20 +80,102 @@ def test_help_imports_nothing_heavy(name: str) -> None:
     assert loaded & HEAVY == set()
 
 
-@pytest.mark.parametrize("after_s", [0.15, 0.3, 0.45])
-def test_ctrl_c_is_answered_from_the_start(tmp_path: Path, after_s: float) -> None:
-    """While things are imported too, where a library may make another failure of it."""
-    process = subprocess.Popen(
-        [sys.executable, "-m", "eaid", "synth", "-o", str(tmp_path / "d.h5")], stderr=subprocess.PIPE, text=True
+INTERRUPTED = "error: interrupted; nothing half-written is left\n"
+
+
+def test_signals_are_answered_from_the_first_line_on() -> None:
+    """Nothing that has to be read from the disk is imported before."""
+    script = (
+        "import os, sys; before = set(sys.modules); import eaid.__main__; "
+        "print(sorted(set(sys.modules) - before), flush=True); os.kill(os.getpid(), {}); print('alive')"
     )
-    time.sleep(after_s)
-    process.send_signal(signal.SIGINT)
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        done = subprocess.run([sys.executable, "-c", script.format(int(number))], capture_output=True, text=True)
+        assert (done.returncode, done.stderr) == (130, INTERRUPTED)
+        assert done.stdout == "['_signal', 'eaid', 'eaid.__main__']\n" or "_signal" not in done.stdout
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_signals_at_any_moment(tmp_path: Path, number: int) -> None:
+    """While Python starts, in the first hundredth of a second, the words are Python's own; then they are ours."""
+    call = [sys.executable, "-m", "eaid", "synth", "--levels", "50", "--repeats", "1", "-q", "--force", "-o"]
+    start = time.monotonic()
+    assert subprocess.run([*call, str(tmp_path / "whole.h5")], check=False).returncode == 0
+    took = time.monotonic() - start
+    chance = random.Random(int(number))
+    answered = 0
+    for _ in range(8):
+        output = tmp_path / "d.h5"
+        output.unlink(missing_ok=True)
+        process = subprocess.Popen([*call, str(output)], stderr=subprocess.PIPE, text=True)
+        time.sleep(chance.uniform(0.02, 0.8 * took))
+        process.send_signal(number)
+        _, said = process.communicate(timeout=60)
+        of_python = process.returncode in (1, -number) and "eaid/" not in said
+        assert (process.returncode, said) in ((130, INTERRUPTED), (0, "")) or of_python, said
+        answered += said == INTERRUPTED
+        if process.returncode == 0:
+            assert output.read_bytes() == (tmp_path / "whole.h5").read_bytes()
+        assert [item.name for item in tmp_path.iterdir() if item.name.startswith(".")] == []
+    assert answered
+
+
+def test_an_interrupt_inside_a_destructor_is_not_lost(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    class Dying:
+        def __del__(self) -> None:
+            signal.raise_signal(signal.SIGINT)
+            time.sleep(0)
+
+    def command(**_: object) -> int:
+        Dying()
+        for _ in range(100):
+            time.sleep(0.05)
+        return 0
+
+    monkeypatch.setattr(main, "app", command)
+    assert main.run([]) == 130
+    assert capsys.readouterr().err == INTERRUPTED
+
+
+def test_nohup_is_kept(tmp_path: Path) -> None:
+    script = "trap '' HUP; exec " + f"{sys.executable} -m eaid synth --levels 50 --repeats 1 -q -o {tmp_path / 'd.h5'}"
+    process = subprocess.Popen(["sh", "-c", script], stderr=subprocess.PIPE, text=True)
+    for _ in range(20):
+        time.sleep(0.02)
+        process.send_signal(signal.SIGHUP)
     _, said = process.communicate(timeout=60)
-    if process.returncode == 0:
-        assert (tmp_path / "d.h5").exists()  # a quick machine was done already
-        return
-    assert (process.returncode, said) == (130, "error: interrupted; nothing half-written is left\n")
-    assert not (tmp_path / "d.h5").exists()
+    assert (process.returncode, said) == (0, "")
+
+
+@pytest.mark.parametrize(
+    "command", ["--help", "synth --json --levels 50 --repeats 1 --force -o {o}", "reproduce --help"]
+)
+def test_a_reader_that_goes_away_is_no_failure(tmp_path: Path, command: str) -> None:
+    """`eaid … | head -c 1`, on stdout and on stderr: nothing is said, and the work is done."""
+    given = command.format(o=tmp_path / "d.h5").split()
+    for stream in ("stdout", "stderr"):
+        (tmp_path / "d.h5").unlink(missing_ok=True)
+        read, write = os.pipe()
+        os.close(read)
+        other = {"stdout": "stderr", "stderr": "stdout"}[stream]
+        done = subprocess.run(
+            [sys.executable, "-m", "eaid", *given], text=True, check=False, **{stream: write, other: subprocess.PIPE}
+        )
+        os.close(write)
+        assert done.returncode == 0
+        assert "Broken" not in (done.stderr or "") + (done.stdout or "")
+        assert ("synth" in given) == (tmp_path / "d.h5").exists()
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full here")
+def test_a_full_disk_behind_stdout_is_told(tmp_path: Path) -> None:
+    call = [sys.executable, "-m", "eaid", "synth", "--json", "-q", "--levels", "50", "-o", str(tmp_path / "d.h5")]
+    with Path("/dev/full").open("w") as full:
+        done = subprocess.run(call, stdout=full, stderr=subprocess.PIPE, text=True, check=False)
+    said = "error: what is printed cannot be written (No space left on device); make room, or send it elsewhere\n"
+    assert (done.returncode, done.stderr) == (2, said)
 
 
 def test_a_library_that_turns_ctrl_c_into_its_own_failure(
