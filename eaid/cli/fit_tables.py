@@ -1,8 +1,10 @@
 """The tables of `eaid fit`: each model's numbers as they stand in fit.json, the other estimates beside them."""
 
+from collections.abc import Mapping
 from typing import Any
 
 from eaid.cli import console
+from eaid.fitting.side_by_side import linear_estimates, nonlinear_estimates
 
 
 def tables(result: dict[str, Any]) -> None:
@@ -13,7 +15,7 @@ def tables(result: dict[str, Any]) -> None:
             show(result[name], unit, out)
 
 
-def verdict_cell(solver: dict[str, Any]) -> str:
+def verdict_cell(solver: Mapping[str, Any]) -> str:
     """The verdict for a table."""
     if not solver["converged"]:
         return "NOT CONVERGED"
@@ -42,7 +44,7 @@ def friction_table(part: dict[str, Any], unit: str, out: str) -> None:
 
 def nonlinear_table(part: dict[str, Any], unit: str, out: str) -> None:
     """The coefficients, lowest power first: of the estimate that is used, and of the others beside it."""
-    shown = side_by_side(part)
+    shown = _heads(nonlinear_estimates(part))
     rows = [
         [name, what, *(", ".join(f"{c:.6g}" for c in values(one)) for one in shown.values())]
         for name, what, values in (
@@ -65,29 +67,10 @@ def nonlinear_table(part: dict[str, Any], unit: str, out: str) -> None:
     huber_table("nonlinear model", part.get("joint") or part, unit)
 
 
-def side_by_side(part: dict[str, Any]) -> dict[str, dict[str, Any]]:
-    """The estimates of the nonlinear model by the heads of their columns, the one that is used first."""
-    joint = part.get("joint") or part
-    asked = "sd" if "weights" in joint else "equal"
-    found = {f"joint, {asked} weights": joint}
-    if "two_stage" in part:
-        found["two-stage"] = part["two_stage"]
-    if "joint" in part:
-        found = {"two-stage": part, **found}
-    other = joint.get("other_weights") or {}
-    if "tau1" in other:
-        found[f"joint, {other['weights']} weights"] = other
-    first = next(iter(found))
-    return {f"{name} (used)" if name == first else name: one for name, one in found.items()}
-
-
 def linear_table(part: dict[str, Any], unit: str, out: str) -> None:
     """a0, b0, c0 under both weights, and the bounds of B."""
-    b, other = part["bounds"], part.get("other_weights") or {}
-    asked = "sd" if "weights" in part else "equal"
-    shown = {f"{asked} weights (used)": part}
-    if "a0" in other:
-        shown[f"{other['weights']} weights"] = other
+    b = part["bounds"]
+    shown = _heads(linear_estimates(part))
     rows = [
         [name, what, *(f"{one[name]:.6g}" for one in shown.values())]
         for name, what in (("a0", "1/s"), ("b0", f"{out}/(s·{unit})"), ("c0", f"{out}/s"))
@@ -111,6 +94,11 @@ def linear_table(part: dict[str, Any], unit: str, out: str) -> None:
     ]  # fmt: skip
     columns = [f"level [{unit}]", "a0 [1/s]", f"gain [{out}]", "b0", "B", f"RMSE [{out}]"]
     console.table(f"Linear model of each level ({b['convention']})", columns, rows)
+
+
+def _heads(found: dict[str, Mapping[str, Any]]) -> dict[str, Mapping[str, Any]]:
+    """The estimates by the heads of their columns: the first is the one that is used."""
+    return {f"{name} (used)" if k == 0 else name: one for k, (name, one) in enumerate(found.items())}
 
 
 def _no_other(part: dict[str, Any]) -> None:

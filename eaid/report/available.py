@@ -37,10 +37,18 @@ class Ready:
     """One more sentence, with this figure's own numbers."""
 
 
-def _steps_live(data: StepSet, models: Mapping[float, Callable[[Array], Array]]) -> Live:
-    levels = [(level_text(one.level, data.input_unit), one.time_s, one.mean_nm) for one in data.levels]
+def _steps_live(
+    data: StepSet,
+    models: Mapping[float, Callable[[Array], Array]],
+    spread: bool = False,
+    notes: Mapping[float, str] | None = None,
+) -> Live:
+    names = [level_text(one.level, data.input_unit) for one in data.levels]
+    levels = [(name, one.time_s, one.mean_nm) for name, one in zip(names, data.levels, strict=True)]
+    texts = [f", RMSE {notes[one.level]}" if notes and one.level in notes else "" for one in data.levels]
     fitted = [models.get(one.level) for one in data.levels]
-    return lambda: live.steps(levels, fitted, quantity(data.output_unit), data.output_unit)
+    bands = [one.sd_nm if spread and len(one.runs_nm) > 1 else None for one in data.levels]
+    return lambda: live.steps(levels, fitted, quantity(data.output_unit), data.output_unit, bands, texts)
 
 
 def _friction_models(fit: Fit | None) -> dict[float, Callable[[Array], Array]]:
@@ -115,13 +123,19 @@ def nonlinear_ready(results: Results) -> Ready | None:
     content = fit.content if fit and fit.content.get("nonlinear") else None
     models: dict[float, Callable[[Array], Array]] = {}
     note = ""
+    errors: dict[float, str] = {}
     if content is not None:
+        errors = clutch.rmse_notes(content["nonlinear"].get("per_level"))
         model = clutch.nonlinear_of(content)
         models = {one.level: partial(nonlinear.step_response, model, duty_pct=one.level) for one in data.steps.levels}
         error = content["nonlinear"].get("abs_error") or {}
         if error.get("mean") is not None and error.get("sd") is not None:
             note = f"Overall absolute error {error['mean']:.3f} ± {error['sd']:.3f} N·m; published 0.065 ± 0.059."
-    return Ready(lambda: clutch.nonlinear_model(data.steps, content), _steps_live(data.steps, models), note)
+    return Ready(
+        lambda: clutch.nonlinear_model(data.steps, content),
+        _steps_live(data.steps, models, spread=True, notes=errors),
+        note,
+    )
 
 
 def linear_ready(results: Results) -> Ready | None:

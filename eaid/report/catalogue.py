@@ -97,8 +97,9 @@ FIGURES: tuple[Row, ...] = (
     Row(
         "fig07_nonlinear_model",
         "Fig. 7 · Nonlinear model",
-        "Each dashed model curve should stay inside the shaded band of its level; the number after the duty is "
-        "the root-mean-square error in N·m.",
+        "Each dashed model curve should stay inside the shaded band of its level, the mean ± sd of its repeats. "
+        "The static figure writes each level's root-mean-square error in N·m behind its duty; in the live one the "
+        "pointer reads it off the model's curve.",
         "models",
         nonlinear_ready,
         "eaid ingest CLUTCH-LOGS -o clutch.h5",

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
-from eaid.report import tables
+from eaid.report import estimates, tables
 from eaid.report.results import Data, Fit
 from eaid.report.tables import Table, number
 
@@ -18,14 +18,16 @@ def details(fit: Fit, called: str) -> list[Table]:
     if (content.get("linear") or {}).get("per_level"):
         found.append(tables.input_gain_table(content))
     if isinstance(release := content.get("release"), Mapping) and release.get("levels"):
-        found.append(release_table(release))
+        found.append(release_table(release, tables.unit_of_input(content)))
     if held := held_out(content):
         found.append(held)
+    found += estimates.estimates(content)
+    found += estimates.huber(content)
     found += adequacy(content)
     return [replace(table, heading=f"{table.heading}: {called}") for table in found]
 
 
-def release_table(part: Mapping[str, Any]) -> Table:
+def release_table(part: Mapping[str, Any], unit: str = "%") -> Table:
     """Time constants of the falling edges, pooled and of each level."""
     rows = [
         (
@@ -39,7 +41,7 @@ def release_table(part: Mapping[str, Any]) -> Table:
     ]
     rows += [
         (
-            f"{tables.level(row.get('level'))} %",
+            f"{tables.level(row.get('level'))} {unit}".rstrip(),
             number(row.get("tau1")),
             number(row.get("tau2")),
             number(row.get("amplitude")),
@@ -189,9 +191,11 @@ def margins(gains: Mapping[str, Any]) -> list[Table]:
 
 
 def adequacy(content: Mapping[str, Any]) -> list[Table]:
-    """Which curve suits a level, and which degree suits each polynomial."""
+    """Is the model right: the recommendation, the lack of fit, which curve suits a level and which degree a value."""
     judged = (content.get("uncertainty") or {}).get("adequacy") or {}
     found = []
+    if judged.get("recommended"):
+        found.append(_recommended(judged, tables.unit_of_input(content), tables.unit_of_output(content)))
     if shapes := judged.get("shapes"):
         rows = tuple(
             (
@@ -232,6 +236,34 @@ def adequacy(content: Mapping[str, Any]) -> list[Table]:
             )
         )
     return found
+
+
+def _recommended(judged: Mapping[str, Any], unit: str, out: str) -> Table:
+    """The one recommended sentence, over each level's lack of fit against the spread of its repeats."""
+    advice = str(judged["recommended"])
+    caption = (
+        f"Recommended: {advice}. The ratio is what a level's curve misses over what its repeats scatter; beyond what "
+        "chance allows, the curve's shape is not quite right there, by the systematic part."
+    )
+    rows = [
+        (
+            f"{tables.level(row.get('level'))} {unit}".rstrip(),
+            number(row.get("ratio"), 3),
+            number(row.get("chance"), 3),
+            _plain(row.get("beyond")),
+            number(row.get("systematic_nm"), 2),
+        )
+        for row in judged.get("lack_of_fit") or []
+    ]
+    for label, key in (
+        ("residual autocorrelation, one sample apart", "residual_autocorrelation"),
+        ("samples that count as independent", "effective_samples"),
+        (f"error on a level left out ({out})", "leave_one_level_out_nm"),
+    ):
+        if judged.get(key) is not None:
+            rows.append((label, number(judged[key], 3), "", "", ""))
+    columns = ("level", "ratio", "by chance up to", "beyond", f"systematic part ({out})")
+    return Table("Is the model right", caption, columns, tuple(rows))
 
 
 def _plain(value: Any) -> str:

@@ -20,6 +20,8 @@ from eaid.arrays import Array
 from eaid.report import style
 from eaid.report.thin import thinned_at
 
+BAND_POINTS = 300
+"""Points of one band on the page."""
 LINE_POINTS = 800
 """Points of one line on the page; extremes survive."""
 DARK = {
@@ -90,6 +92,15 @@ class Plot:
         drawn.hover_glyph = None
         self.themed.append((drawn.glyph.id, "line_color", *colours))
 
+    def band(self, p: Any, t: Array, low: Array, high: Array, colours: tuple[str, str]) -> None:
+        """Shade between two curves, behind the lines."""
+        keep = slice(None, None, max(1, len(t) // BAND_POINTS))
+        columns = {"x": t[keep], "low": low[keep], "high": high[keep]}
+        source = ColumnDataSource({name: values.astype(np.float32) for name, values in columns.items()})
+        drawn = p.varea("x", "low", "high", source=source, fill_alpha=0.25, level="underlay")
+        drawn.nonselection_glyph = drawn.selection_glyph = drawn.muted_glyph = drawn.hover_glyph = None
+        self.themed.append((drawn.glyph.id, "fill_color", *colours))
+
     def finish(self) -> dict[str, Any]:
         """The plot as plain data: the document, its root, and the colours of both grounds."""
         for p in self.panels:
@@ -154,15 +165,25 @@ def steps(
     fitted: Sequence[Callable[[Array], Array] | None],
     quantity: str,
     unit: str,
+    spreads: Sequence[Array | None] = (),
+    notes: Sequence[str] = (),
 ) -> dict[str, Any]:
-    """Step responses: name, time [s] and mean of each level, its model beside it."""
+    """Step responses: name, time [s] and mean of each level, its model beside it, a band of ± `spreads` behind it.
+
+    `notes` follow the model's name where the pointer reads it.
+    """
     plot = Plot()
     p = plot.panel("Time since the step (s)", quantity, 420, unit)
-    for (name, t, y), model, colours in zip(levels, fitted, _level_pairs(len(levels)), strict=True):
+    pairs = _level_pairs(len(levels))
+    for (_name, t, y), sd, colours in zip(levels, spreads, pairs, strict=False):
+        if sd is not None:
+            plot.band(p, t, y - sd, y + sd, colours)
+    said = notes or [""] * len(levels)
+    for (name, t, y), model, colours, note in zip(levels, fitted, pairs, said, strict=True):
         plot.line(p, t, y, f"{name}, measured", colours)
         if model is not None:
             fine = np.unique(np.concatenate([[0.0], np.geomspace(1e-3, 1, 150) * t[-1]]))
-            plot.line(p, fine, model(fine), f"{name}, model", MODEL, "dashed")
+            plot.line(p, fine, model(fine), f"{name}, model{note}", MODEL, "dashed")
     longest = float(max(t[-1] for _, t, _ in levels))
     ends = sorted((float(np.mean(y[-max(1, len(y) // 50) :])), name) for name, _, y in levels)
     gap = 0.045 * max(abs(value) for value, _ in ends)

@@ -52,6 +52,24 @@ def level(value: Any) -> str:
     return f"{value:.4g}" if isinstance(value, int | float) else "–"
 
 
+def unit_of_input(fit: Mapping[str, Any]) -> str:
+    """Unit of a fit's levels: as the fit says, else that of its kind; empty where levels have none."""
+    data = fit.get("data") or {}
+    said = data.get("input_unit")
+    return said if isinstance(said, str) else KINDS.get(data.get("kind", "clutch"), ("", ""))[1]
+
+
+def unit_of_output(fit: Mapping[str, Any]) -> str:
+    """Unit of what a fit describes: N·m unless it says another."""
+    said = (fit.get("data") or {}).get("output_unit")
+    return said if isinstance(said, str) and said else "N·m"
+
+
+def headed(text: str, unit: str) -> str:
+    """A column's head with its unit, where it has one."""
+    return f"{text} ({unit})" if unit else text
+
+
 def interval(ends: Any, digits: int = 3) -> str:
     """A 95 % interval as text; a dash where there is none."""
     if not isinstance(ends, Sequence) or len(ends) != 2 or any(not isinstance(end, int | float) for end in ends):
@@ -114,7 +132,9 @@ def table_iii(fit: Mapping[str, Any]) -> Table:
     """The ten coefficients and C of the nonlinear model."""
     part = fit["nonlinear"]
     ci = part.get("ci95") or {}
-    two = part.get("two_stage") or {}
+    used = "two-stage" if "joint" in part else "joint"
+    beside_name = "joint" if used == "two-stage" else "two-stage"
+    two = part.get("joint") or part.get("two_stage") or {}
     two_ci = two.get("ci95") or {}
     rows = []
     for letter, name, unit in (("a", "tau1", "s"), ("b", "tau2", "s"), ("c", "Ts", "N·m")):
@@ -160,9 +180,9 @@ def table_iii(fit: Mapping[str, Any]) -> Table:
             "symbol",
             "belongs to",
             "published",
-            "ours",
+            f"ours, {used} (used)" if two else "ours",
             "95 % interval",
-            *(("ours, two-stage", "95 % interval") if two else ()),
+            *((f"ours, {beside_name}", "95 % interval") if two else ()),
             "unit",
         ),
         tuple(rows),
@@ -173,7 +193,8 @@ def linear_table(fit: Mapping[str, Any]) -> Table:
     """Eq. (8): a0, b0, c0."""
     part = fit["linear"]
     ci = part.get("ci95") or {}
-    units = {"a0": "1/s", "b0": "N·m/(s·%)", "c0": "N·m/s"}
+    unit, out = unit_of_input(fit), unit_of_output(fit)
+    units = {"a0": "1/s", "b0": f"{out}/(s·{unit or 'input'})", "c0": f"{out}/s"}
     rows = tuple(
         (name, number(published.LINEAR[name], 3), number(part.get(name)), interval(ci.get(name)), unit)
         for name, unit in units.items()
@@ -191,22 +212,31 @@ def levels_table(fit: Mapping[str, Any]) -> Table:
     part = fit["friction"]
     force = (fit.get("data") or {}).get("kind") == "friction-force"
     rig = apparatus_of(fit.get("data") or {})
-    unit = {"clutch": "%", "friction-force": "N"}.get((fit.get("data") or {}).get("kind", "clutch"), "RPM")
+    unit, out = unit_of_input(fit), unit_of_output(fit)
     rows = []
     for row in part.get("levels") or []:
-        ci = row.get("ci95") or {}
+        ci, words = row.get("ci95") or {}, row.get("words") or {}
         cells = [level(row["level"])]
         if force:
             cells.append(number(rig.stress_kpa(row["level"]), 3))
         for name in ("Ts", "tau1", "tau2"):
-            cells += [number(row[name]), interval(ci.get(name))]
+            said = words.get(name)
+            cells += [number(row[name]), interval(ci.get(name)) if ci.get(name) or not said else str(said)]
         rows.append((*cells, number(row.get("rmse"), 3)))
-    columns = [f"level ({unit})", *(["stress (kPa)"] if force else [])]
+    columns = [headed("level", unit), *(["stress (kPa)"] if force else [])]
     for name in ("Ts", "tau1", "tau2"):
-        columns += [f"{SYMBOLS[name]} ({UNITS[name]})", "95 % interval"]
-    return Table(
-        "Single levels, Eq. (3)", "One curve fitted to each level by itself.", (*columns, "RMSE (N·m)"), tuple(rows)
-    )
+        columns += [f"{SYMBOLS[name]} ({out if name == 'Ts' else UNITS[name]})", "95 % interval"]
+    caption = f"One curve fitted to each level by itself.{_intervals_words(fit)}"
+    return Table("Single levels, Eq. (3)", caption, (*columns, f"RMSE ({out})"), tuple(rows))
+
+
+def _intervals_words(fit: Mapping[str, Any]) -> str:
+    """How the 95 % intervals were found, as sentences after a caption."""
+    said = fit.get("uncertainty") or {}
+    if not said.get("ci"):
+        return ""
+    why = f" {said['why'][:1].upper()}{said['why'][1:]}." if said.get("why") else ""
+    return f" Intervals: {said['ci']}, {said.get('means', '')}.{why}"
 
 
 def input_gain_table(fit: Mapping[str, Any]) -> Table:
@@ -225,7 +255,11 @@ def input_gain_table(fit: Mapping[str, Any]) -> Table:
         f"B_m = {number(bounds.get('B_m'))} and B_M = {number(bounds.get('B_M'))} are the least and the largest B "
         "of the levels kept; published 12.4 and 42.6."
     )
-    columns = ("level (%)", "a0 (1/s)", "steady torque (N·m)", "b0", "c0 (N·m/s)", "B (%·s/(N·m))", "RMSE (N·m)")
+    unit, out = unit_of_input(fit), unit_of_output(fit)
+    columns = (
+        headed("level", unit), "a0 (1/s)", f"steady value ({out})", "b0", f"c0 ({out}/s)",
+        f"B ({unit or 'input'}·s/({out}))", f"RMSE ({out})",
+    )  # fmt: skip
     return Table("Input gain of each level", caption, columns, rows)
 
 

@@ -4,6 +4,7 @@ A parameter is not determined where its 95 % interval reaches further than a fac
 record; its range is then told from the profile of the cost, and beside it how well the torque curve itself is known.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -12,9 +13,10 @@ import numpy as np
 from eaid.arrays import Array
 from eaid.fitting.data import data_of
 from eaid.fitting.result import FrictionFit, LinearFit, NonlinearFit
+from eaid.fitting.warnings import listed
 from eaid.models.trends import FORMS
 from eaid.uncertainty.ground import Ground
-from eaid.uncertainty.levels import log_jacobian
+from eaid.uncertainty.levels import LevelEvidence, log_jacobian
 from eaid.uncertainty.profile import profile_interval
 from eaid.uncertainty.student import t_quantile
 
@@ -93,15 +95,10 @@ def _memory(ground: Ground, index: int) -> float:
 def level_words(ground: Ground, unit: str) -> list[str]:
     """One sentence for every level that leaves a parameter open."""
     names = tuple(SYMBOLS)[: ground.variance.shape[1]]
-    words = []
+    words = _met_words(ground, unit)
     for i, one in enumerate(ground.evidence):
         place = f"at {one.level:g} {unit}".rstrip()
-        met = {"tau1", "tau2"} <= set(one.held) and "Ts" not in one.held
-        if met:
-            words.append(
-                f"{place} τ1 and τ2 meet, neither is estimable by itself: all that the record shows is one exponential "
-                f"of {one.curve.tau1:.3g} s"
-            )
+        met = _met(one)
         for k, name in enumerate(names):
             if met and name in ("tau1", "tau2"):
                 continue
@@ -110,6 +107,23 @@ def level_words(ground: Ground, unit: str) -> list[str]:
             elif not ground.known[i, k] and name != "C":
                 words.append(f"{place} {_range_words(ground, i, k, name)}")
     return words
+
+
+def _met(one: LevelEvidence) -> bool:
+    """Whether τ1 and τ2 of a level are one."""
+    return {"tau1", "tau2"} <= set(one.held) and "Ts" not in one.held
+
+
+def _met_words(ground: Ground, unit: str) -> list[str]:
+    met = [one for one in ground.evidence if _met(one)]
+    if not met:
+        return []
+    levels, taus = listed([one.level for one in met]), listed([float(f"{one.curve.tau1:.3g}") for one in met])
+    place = f"at {levels} {unit}".rstrip()
+    return [
+        f"{place} τ1 and τ2 meet, neither is estimable by itself: all that the records show is one exponential, of "
+        f"{taus} s"
+    ]
 
 
 def _range_words(ground: Ground, i: int, k: int, name: str) -> str:
@@ -179,16 +193,24 @@ def nonlinear_verdict(fit: NonlinearFit, ground: Ground, unit: str) -> Verdict:
     for k, name in enumerate(("Ts", "tau1", "tau2")):
         open_at = [level.level for level, known in zip(ground.levels, ground.known[:, k], strict=True) if not known]
         if 2 * len(open_at) > count:
-            longest = max(one.evidence.duration_s for one in ground.evidence)
             reasons.append(
                 f"{SYMBOLS[name]} is not determined at {len(open_at)} of {count} levels: "
-                + (f"hold each level longer than {longest:.3g} s" if name == "tau2" else "the records do not show it")
+                + _why_open(ground, open_at, name)
             )
     if fit.solver.at_bounds:
         words.append(f"not estimable there: {_ranges(fit.solver.at_bounds)}")
     if fit.share_free:
         words.append("C is free: it trades against τ2 wherever the record is not several τ2 long")
     return Verdict(not reasons, tuple(reasons), tuple(words))
+
+
+def _why_open(ground: Ground, open_at: Sequence[float], name: str) -> str:
+    """Why most levels leave a parameter open, and what to do where recording longer helps."""
+    met = sum(_met(one) for one in ground.evidence if one.level in open_at)
+    if 2 * met > len(open_at):
+        return "one exponential is all that most of them show"
+    longest = max(one.evidence.duration_s for one in ground.evidence)
+    return f"hold each level longer than {longest:.3g} s" if name == "tau2" else "the records do not show it"
 
 
 def _ranges(at_bounds: tuple[str, ...]) -> str:

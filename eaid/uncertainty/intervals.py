@@ -28,6 +28,7 @@ from eaid.uncertainty.joint import BLOCKS, with_white_covariance
 from eaid.uncertainty.levels import Parameter, share_sensitivity
 from eaid.uncertainty.noise import noise_json, noise_of
 from eaid.uncertainty.profile import profile_interval
+from eaid.uncertainty.share import Share, share_json, share_of, share_words
 from eaid.uncertainty.student import t_quantile
 from eaid.uncertainty.weightings import weights_array
 
@@ -125,10 +126,15 @@ def _intervals(stepset: StepSet, fit: Fit, options: IntervalOptions, advance: Ca
         found["nonlinear"] = _nonlinear(stepset, held, fit, base, options, draws)
     if fit.linear is not None:
         found["linear"] = _linear(stepset, fit, base, options, draws)
-    judged = adequacy(stepset, fit, base) if options.study_models and fit.friction is not None else None
+    asked = share_of(curves) if options.ci != "none" else None
+    judged = None
+    if options.study_models and fit.friction is not None:
+        judged = adequacy(stepset, fit, base, asked)
     words = scatter_words(curves)
+    if asked is not None and (asked.matters or asked.vague):
+        words.append(share_words(asked))
     return Intervals(
-        **found, uncertainty=_summary(curves, options, words, judged), warnings=_warnings(found, words, judged)
+        **found, uncertainty=_summary(curves, options, words, judged, asked), warnings=_warnings(found, words, judged)
     )
 
 
@@ -226,6 +232,8 @@ def _nonlinear(
     other = None if own.other is None else nonlinear_part.scattered(own.other, base)
     says = nonlinear_part.agreement(found, base, unit)
     says["weights"] = weightings.agreement(own, alone, other, found.degrees, base, unit)
+    if says["weights"]["disagreements"] and says["believe"] == "neither":
+        says["weights"] |= {"believe": "neither", "because": says["because"]}
     if says["weights"]["believe"] == "sd" and says["believe"] == "two-stage":
         says["weights"]["because"] += "; the two-stage estimate needs no such weights and is better than either"
     result: dict[str, Any] = {**nonlinear_verdict(shown, base, stepset.input_unit).as_json(), "agreement": says}
@@ -269,7 +277,9 @@ def _linear(stepset: StepSet, fit: Fit, base: Ground, options: IntervalOptions, 
     return {**result, **verdict}
 
 
-def _summary(curves: Ground, options: IntervalOptions, words: list[str], judged: Adequacy | None) -> dict[str, Any]:
+def _summary(
+    curves: Ground, options: IntervalOptions, words: list[str], judged: Adequacy | None, asked: Share | None
+) -> dict[str, Any]:
     why = {
         "repeats": "each level has repeats: whole runs are compared, and their scatter is pooled over the levels",
         "curve": "one run a level: the scatter is taken from the levels' distance to a curve through them",
@@ -296,6 +306,11 @@ def _summary(curves: Ground, options: IntervalOptions, words: list[str], judged:
             "means": "intervals are for this C; change of the parameters [%] if it were larger by 0.01",
             "per_0.01_pct": share_sensitivity(curves.levels, curves.evidence),
         }
+    if asked is not None:
+        there = curves
+        if asked.matters and asked.estimate is not None:
+            there = ground_at_share(curves.levels, asked.estimate)
+        result["share"] |= share_json(asked, there)
     if options.ci == "bootstrap":
         result |= {"draws": options.draws, "seed": options.seed}
     if judged is not None:

@@ -62,7 +62,8 @@ def _apart(
     reach = [t * c.log_sd(name, duty) for c in (equal, sd)]
     with np.errstate(divide="ignore", invalid="ignore"):
         ratio = np.abs(np.log(one / other)) / np.maximum(*reach)
-    out = np.flatnonzero(ratio > 1)
+    estimable = name not in equal.held and name not in sd.held
+    out = np.flatnonzero(ratio > 1) if estimable else np.array([], dtype=int)
     if not len(out):
         return {"parameter": name, "levels": []}
     i = int(out[ratio[out].argmax()])

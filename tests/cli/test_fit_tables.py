@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from eaid.cli import main
-from eaid.cli.fit_tables import side_by_side
+from eaid.fitting.side_by_side import nonlinear_estimates
 
 
 @pytest.fixture(scope="module")
@@ -86,6 +86,4 @@ def test_huber_shows_the_run_and_the_part_it_weighs_down(tmp_path: Path, capsys:
 
 def test_a_fit_of_one_estimate_has_one_column() -> None:
     alone = {"tau1": [1.0], "other_weights": {"absent": "one run"}}
-    assert list(side_by_side(alone)) == [
-        "joint, equal weights (used)"
-    ]
+    assert list(nonlinear_estimates(alone)) == ["joint, equal weights"]

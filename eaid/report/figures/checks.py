@@ -62,7 +62,9 @@ def residuals(data: StepSet, fit: Mapping[str, Any], model: str) -> Figure:
     levels = [level for level, _, _ in rows]
     rms = [float(np.sqrt(np.mean(r**2))) for _, _, r in rows]
     per_level.bar(levels, rms, width=0.6 * min(np.diff(levels), default=1.0), color=colours, edgecolor="black", lw=0.4)
-    per_level.set(xlabel=f"Level ({data.input_unit})", ylabel=f"RMSE ({data.output_unit})")
+    per_level.set(
+        xlabel=f"Level ({data.input_unit})" if data.input_unit else "Level", ylabel=f"RMSE ({data.output_unit})"
+    )
     for (_level, t, r), colour in zip(rows, colours, strict=True):
         dt = float(t[-1] - t[0]) / max(len(t) - 1, 1)
         longest = max(2, min(len(r) // 4, round(2.0 / dt)))

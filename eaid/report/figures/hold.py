@@ -54,7 +54,7 @@ def held_levels(data: StepSet) -> list[Held]:
 
 def hold_and_release(held: list[Held], input_unit: str, output_unit: str) -> Figure:
     """Torque over time, the held stretch shaded; the shares lost while held and left after release are written."""
-    figure, (axes,) = style.sheet(style.COLUMN_IN, 2.4)
+    figure, (axes,) = style.sheet(style.COLUMN_IN, 2.5)
     looks = [(style.BLUE, "-"), (style.VERMILLION, "--"), (style.GREEN, "-.")]
     axes.axvspan(0, held[0].release_s, color="#E8E8E8", lw=0)
     for run, (colour, line) in zip(held, looks, strict=False):
@@ -63,9 +63,10 @@ def hold_and_release(held: list[Held], input_unit: str, output_unit: str) -> Fig
             t, y, color=colour, linestyle=line, linewidth=0.9,
             label=f"{level_text(run.level, input_unit)}: lost {run.lost_pct:.1f} %, left {run.left_pct:.1f} %",
         )  # fmt: skip
-    axes.annotate(
-        "input on", (held[0].release_s / 2, 0.55), xycoords=("data", "axes fraction"), ha="center", va="center"
-    )
     axes.set(xlabel="Time since the step (s)", ylabel=quantity(output_unit), xlim=(0, float(held[0].time_s[-1])))
+    low, high = axes.get_ylim()
+    axes.set_ylim(low, high + 0.1 * (high - low))  # the words stand above every curve
+    for text, at in (("input on", held[0].release_s / 2), ("off", (held[0].release_s + held[0].time_s[-1]) / 2)):
+        axes.annotate(text, (float(at), 0.985), xycoords=("data", "axes fraction"), ha="center", va="top", fontsize=7)
     axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), borderaxespad=0.2)
     return figure

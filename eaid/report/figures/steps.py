@@ -14,12 +14,12 @@ from eaid.steps.stepset import StepSet
 def quantity(unit: str) -> str:
     """Axis label of an output, by its unit."""
     name = {"N·m": "Torque", "N": "Force", "RPM": "Speed"}.get(unit, "Output")
-    return f"{name} ({unit})"
+    return f"{name} ({unit})" if unit else name
 
 
 def level_text(level: float, unit: str) -> str:
-    """A level as written beside its curve: 40 %, 86 N."""
-    return f"{level:.3g} {unit}" if level < 1000 else f"{level:.0f} {unit}"
+    """A level as written beside its curve: 40 %, 86 N; the bare number where levels have no unit."""
+    return (f"{level:.3g} {unit}" if level < 1000 else f"{level:.0f} {unit}").rstrip()
 
 
 def draw_steps(
