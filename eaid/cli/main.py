@@ -12,6 +12,7 @@ import typer
 
 from eaid import __version__
 from eaid.cli import console
+from eaid.cli.plain import PlainCommand, PlainGroup
 from eaid.cli.streams import patient_streams
 from eaid.errors import EaidError
 
@@ -30,6 +31,7 @@ COMMANDS = {
 
 app = typer.Typer(
     name="eaid",
+    cls=PlainGroup,
     help="The workbench for electroadhesive clutches: from recorded step responses to models, gains and replays.",
     no_args_is_help=True,
     add_completion=False,
@@ -56,7 +58,7 @@ def _root(
 
 for _name, _words in COMMANDS.items():
     _module = importlib.import_module(f"eaid.cli.{_name}")
-    app.command(_name.replace("_", "-"), short_help=_words)(_module.command)
+    app.command(_name.replace("_", "-"), cls=PlainCommand, short_help=_words)(_module.command)
 
 
 INTERRUPTED = "interrupted; nothing half-written is left"

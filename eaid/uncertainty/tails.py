@@ -157,3 +157,19 @@ def t_reach(degrees: ArrayLike, nominal: ArrayLike) -> Array: ...
 def t_reach(degrees: ArrayLike, nominal: ArrayLike) -> float | Array:
     """The t with P(|T| < t) = nominal, from t² ~ F(1, degrees)."""
     return _over(_t_reach, degrees, nominal)
+
+
+def chi2_quantile(degrees: float, p: float) -> float:
+    """The x with P(χ² < x) = p, right to 1e-6: F with 10⁸ degrees of freedom below it."""
+    return degrees * _f_quantile(degrees, 1e8, p)
+
+
+def trigamma(x: Array) -> Array:
+    """ψ₁(x), the second derivative of log Γ, for x > 0: by recurrence to x ≥ 12, then its series (DLMF 5.15.8)."""
+    x = np.array(x, dtype=np.float64)
+    total = np.zeros_like(x)
+    for _ in range(12):
+        total += x**-2.0
+        x += 1.0
+    z = x**-2
+    return np.asarray(total + 1 / x + z / 2 + z / x * (1 / 6 - z * (1 / 30 - z * (1 / 42 - z / 30))))

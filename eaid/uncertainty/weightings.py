@@ -8,13 +8,13 @@ level's variance s² of R repeats is σ² χ²/(R − 1), so log s has the varia
 from typing import Any
 
 import numpy as np
-from scipy.special import chdtri, polygamma
 
 from eaid.arrays import Array
 from eaid.fitting.result import LinearFit, NonlinearFit
 from eaid.uncertainty.ground import Ground
 from eaid.uncertainty.joint import Coefficients
 from eaid.uncertainty.student import Degrees, t_quantile
+from eaid.uncertainty.tails import chi2_quantile, trigamma
 
 SYMBOLS = {"Ts": "T_s", "tau1": "τ1", "tau2": "τ2"}
 RISES = 2.0
@@ -103,7 +103,7 @@ def spread_rises(ground: Ground) -> tuple[float, float]:
     if x @ x == 0:
         return 0.0, 0.0
     slope = float(x @ y / (x @ x))
-    error = float(np.sqrt(x**2 @ (polygamma(1, spare / 2) / 4)) / (x @ x))
+    error = float(np.sqrt(x**2 @ (trigamma(spare / 2) / 4)) / (x @ x))
     return slope, slope / error
 
 
@@ -111,7 +111,7 @@ def _judged(ground: Ground) -> tuple[str, str]:
     """Which weights to believe, and why."""
     fewest = min(len(level.runs_nm) for level in ground.levels)
     spare = fewest - 1
-    low, high = (float(np.sqrt(spare / chdtri(spare, p))) for p in (0.025, 0.975))
+    low, high = (float(np.sqrt(spare / chi2_quantile(spare, 1 - p))) for p in (0.025, 0.975))
     poor = f"from {fewest} repeats a level's spread is known within a factor of {low:.2g} to {high:.2g} only"
     _, size = spread_rises(ground)
     if size > RISES:

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import special
 
-from eaid.uncertainty.tails import f_quantile, f_tail, log_beta, t_reach
+from eaid.uncertainty.tails import chi2_quantile, f_quantile, f_tail, log_beta, t_reach, trigamma
 
 few = st.floats(0.5, 3000.0)
 share = st.floats(1e-4, 1 - 1e-4)
@@ -66,3 +66,16 @@ def test_arrays_go_entry_by_entry():
     assert found.shape == (2, 2)
     assert found[1, 0] == f_tail(1.0, 3.0, 4.0)
     assert t_reach(np.array([2.0, 5.0]), 0.95).tolist() == [t_reach(2.0, 0.95), t_reach(5.0, 0.95)]
+
+
+@pytest.mark.parametrize("p", [0.025, 0.5, 0.975])
+@pytest.mark.parametrize("degrees", [1.0, 2.0, 9.0, 100.0])
+def test_chi_squared(degrees, p):
+    assert chi2_quantile(degrees, p) == pytest.approx(special.chdtri(degrees, 1 - p), rel=1e-6)
+
+
+def test_trigamma():
+    x = np.array([0.05, 0.5, 1.0, 3.3, 40.0, 1e4])
+    assert trigamma(x) == pytest.approx(special.polygamma(1, x), rel=1e-13)
+    assert trigamma(np.array([1.0])) == pytest.approx([math.pi**2 / 6], rel=1e-13)
+    assert x[0] == 0.05
