@@ -22,6 +22,7 @@ from eaid.uncertainty.curve import curve_with_repeats
 from eaid.uncertainty.ground import TERMS, Ground
 from eaid.uncertainty.levels import LevelEvidence, log_theta
 from eaid.uncertainty.profile import least
+from eaid.uncertainty.share import Share
 from eaid.uncertainty.tails import f_quantile
 
 OVERSHOOT = 0.05
@@ -139,8 +140,8 @@ def lack_of_fit(level: Level, noise_nm: Array) -> dict[str, Any] | None:
     }
 
 
-def adequacy(stepset: StepSet, fit: Fit, base: Ground) -> Adequacy:
-    """Judge the models of a fit, on the levels that it rests on."""
+def adequacy(stepset: StepSet, fit: Fit, base: Ground, asked: Share | None = None) -> Adequacy:
+    """Judge the models of a fit, on the levels that it rests on; `asked` is the C that its runs ask for."""
     levels = base.levels
     residuals = [
         level.mean_nm - friction.step_response(one.curve, level.time_s)
@@ -152,7 +153,7 @@ def adequacy(stepset: StepSet, fit: Fit, base: Ground) -> Adequacy:
     rows = [row for level, one in zip(levels, base.evidence, strict=True) if (row := lack_of_fit(level, one.noise_nm))]
     polynomial = fit.nonlinear is not None and base.source == "repeats" and len(levels) >= 4
     orders = _orders(base) if polynomial else ()
-    recommended = _sentence(shapes, orders, rows)
+    recommended = _sentence(shapes, orders, rows, asked)
     return Adequacy(
         shapes=shapes,
         orders=orders,
@@ -252,9 +253,17 @@ def _leave_one_out(base: Ground) -> float:
     return float(np.sqrt(total / samples))
 
 
-def _sentence(shapes: Sequence[Shape], orders: Sequence[Order], rows: Sequence[dict[str, Any]]) -> str:
+def _sentence(
+    shapes: Sequence[Shape], orders: Sequence[Order], rows: Sequence[dict[str, Any]], asked: Share | None
+) -> str:
     best = min(shapes, key=lambda shape: shape.bic)
     usual = shapes[1]
+    told = asked is not None and asked.matters and not asked.differ and best.name != "one exponential"
+    if asked is not None and asked.estimate is not None and told:
+        return (
+            f"use two exponentials, C = {asked.estimate:.3f} at all levels: the runs reject C = {asked.held:g}; "
+            f"fit again with --share {asked.estimate:.3f} before judging the polynomials"
+        )
     if best is usual or usual.bic - best.bic < STRONG:
         said = f"keep {usual.name}"
     elif best.name == "two exponentials, C free" and best.rmse > 0.9 * usual.rmse:

@@ -77,7 +77,7 @@ def test_the_right_model_is_kept() -> None:
 def test_another_share_is_recommended() -> None:
     made = stepset(lambda duty: friction.step_response(Friction(0.04 * duty, 0.3, 4.0, C=0.5), T))
     said = intervals(made, fit(made)).uncertainty["adequacy"]
-    assert said["recommended"].startswith("use two exponentials, C free")
+    assert said["recommended"].startswith("use two exponentials, C = 0.500 at all levels: the runs reject C = 0.85")
 
 
 def test_a_higher_order_is_recommended() -> None:
