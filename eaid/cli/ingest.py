@@ -82,7 +82,7 @@ def command(
     runs, stepset = inputs.runs_from(logs, **options)
     if write_manifest:
         from eaid.logs import manifest
-        from eaid.logs.read import files_of
+        from eaid.logs.folders import files_of
 
         written = manifest.write_manifest(files_of(logs), runs, {**options, "kind": stepset.kind}, force)
         console.say(f"{written}: written; eaid ingest {written.parent} needs no options now")

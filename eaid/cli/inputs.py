@@ -177,14 +177,15 @@ def stepset_from(paths: Sequence[Path], **options: Any) -> "StepSet":
 def runs_from(paths: Sequence[Path], **options: Any) -> "tuple[list[Run], StepSet]":
     """Cut runs and their step set; takes the fields of `InputOptions`, and tells all faults of all logs at once."""
     from eaid.files import sha256_of
+    from eaid.logs.folders import files_of
     from eaid.logs.manifest import apply, manifest_of
-    from eaid.logs.read import files_of, read_what_can_be
+    from eaid.logs.read import read_what_can_be
     from eaid.steps.build import cut_runs, same_level, stepset_of
 
     typed = InputOptions(**options)
     manifest = manifest_of(paths)
     if manifest is None:
-        files = files_of(paths)
+        files = files_of(paths, console.warn)
     else:
         files = [entry.path for entry in manifest.logs]
         plain = InputOptions()

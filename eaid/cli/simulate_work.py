@@ -127,13 +127,14 @@ def log(
     keep_baseline: bool,
 ) -> Outcome:
     """Recorded runs: their duty through the plant, and over closed-loop runs the controllers replayed."""
+    from eaid.logs.folders import files_of
     from eaid.logs.read import read_runs
     from eaid.replay import recorded
     from eaid.replay.files import Record
     from eaid.replay.scenarios import measure, record
 
     done = Outcome()
-    runs = [recorded.recorded(run, plant, keep_baseline) for run in read_runs(paths, options)]
+    runs = [recorded.recorded(run, plant, keep_baseline) for run in read_runs(files_of(paths, console.warn), options)]
     closed = [run for run in runs if run.reference_nm is not None]
     for run in runs:
         numbers = recorded.difference(run)

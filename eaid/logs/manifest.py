@@ -47,7 +47,7 @@ class Manifest:
 
     def unlisted(self) -> list[str]:
         """Names of the logs beside the manifest that it does not list."""
-        from eaid.logs.read import files_of
+        from eaid.logs.folders import files_of
 
         listed = {entry.path.resolve() for entry in self.logs}
         return [file.name for file in files_of([self.path.parent]) if file.resolve() not in listed]

@@ -3,7 +3,7 @@
 import os
 import re
 from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from functools import partial
@@ -17,6 +17,7 @@ from eaid.files import sha256_of
 from eaid.logs.checks import checked
 from eaid.logs.columns import ROLES, Roles, input_default, match_columns, scale_of
 from eaid.logs.dataset import is_dataset, read_dataset
+from eaid.logs.folders import files_of
 from eaid.logs.formats import format_of
 from eaid.logs.hdf import is_hdf5
 from eaid.logs.join import joined
@@ -25,37 +26,7 @@ from eaid.logs.run import INPUT_UNITS, Kind, Run
 from eaid.logs.sheet import Sheet
 from eaid.logs.spool import extent, sample, times
 
-SKIPPED = (".md", ".txt~", ".part", ".json", ".png", ".pdf", ".svg", ".html", ".toml", ".py", ".m", ".yaml", ".yml")
-"""Endings that a folder of logs also holds, and that are no logs; a file given by name is always read."""
-
-
 NOTHING_SAID = ReadOptions()
-
-
-def files_of(paths: Iterable[Path]) -> list[Path]:
-    """The files behind what the user gave: a folder stands for the logs in it, by name."""
-    files: list[Path] = []
-    missing: list[str] = []
-    for path in paths:
-        if path.is_dir():
-            inside = sorted(
-                item
-                for item in path.iterdir()
-                if item.is_file() and not item.name.startswith(".") and item.suffix.lower() not in SKIPPED
-            )
-            if not inside:
-                missing.append(f"{path}: holds no logs; give the folder that does")
-            files.extend(inside)
-        elif path.exists():
-            files.append(path)
-        else:
-            missing.append(f"{path}: no such file or folder; check the path")
-    if missing:
-        raise DataError(*missing)
-    twice = [path for path, count in Counter(file.resolve() for file in files).items() if count > 1]
-    if twice:
-        raise UsageError(f"{twice[0]}: is given twice; a log counts once")
-    return files
 
 
 def name_regex(pattern: str) -> re.Pattern[str]:

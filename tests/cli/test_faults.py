@@ -12,7 +12,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import h5py
@@ -144,16 +144,16 @@ def test_vanished_input(
     """A log that goes away between the listing of its folder and its reading."""
     mine = tmp_path / "logs"
     shutil.copytree(logs, mine)
-    from eaid.logs import read
+    from eaid.logs import folders
 
-    listed = read.files_of
+    listed = folders.files_of
 
-    def then_gone(paths: list[Path]) -> list[Path]:
-        found = listed(paths)
+    def then_gone(paths: list[Path], tell: Callable[[str], None]) -> list[Path]:
+        found = listed(paths, tell)
         (mine / "u040.csv").unlink()
         return found
 
-    monkeypatch.setattr(read, "files_of", then_gone)
+    monkeypatch.setattr(folders, "files_of", then_gone)
     assert run(["ingest", str(mine), "-q", "-o", str(tmp_path / "d.h5")]) == 3
     assert capsys.readouterr().err == f"error: {mine / 'u040.csv'}: no such file or folder; check the path\n"
     assert not (tmp_path / "d.h5").exists()
