@@ -20,8 +20,8 @@ from eaid.uncertainty.student import t_quantile
 
 PARAMETERS = {"Ts": 0, "tau1": 1, "tau2": 2}
 """What a width can be wanted of: the curve over the duty, at its worst level."""
-HOLDS = (0.7, 1.0, 1.5, 2.0, 3.0, 4.0)
-"""Hold times tried, in units of each level's τ2."""
+HOLDS = (1.5, 2.0, 3.0, 4.0)
+"""Hold times tried, in units of each level's τ2: a record of about τ2 or less does not determine it."""
 LEAST_HOLD_S = 5.0
 LEAST_REPEATS, MOST_REPEATS = 3, 20
 
@@ -159,7 +159,8 @@ def _round(hold_s: float, rig: Rig) -> float:
 def level_sets(u_range: tuple[float, float], most: int) -> list[list[float]]:
     """Equally spaced levels over the identified duties, from eight (four more than T_s(u) has terms) to `most`."""
     low, high = u_range
-    return [np.round(np.linspace(low, high, count), 1).tolist() for count in range(min(8, most), most + 1)]
+    digits = 0 if high - low >= 3 * most else 1
+    return [np.round(np.linspace(low, high, count), digits).tolist() for count in range(min(8, most), most + 1)]
 
 
 @dataclass(frozen=True)
