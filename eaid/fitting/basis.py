@@ -51,14 +51,16 @@ class Basis:
     def rows(self, u: Array) -> Array:
         """M for some duties, shape (4, len(u), n); the row of C is its own unknown, or 0."""
         M = np.zeros((4, len(u), self.size))
+        s = self.scaled(u)
+        legendres = np.stack([np.ones_like(s), s, 1.5 * s * s - 0.5, (2.5 * s * s - 1.5) * s], axis=1)
         for k, (degree, part) in enumerate(zip(self.degrees, self.slices, strict=True)):
-            M[k, :, part] = legendre.legvander(self.scaled(u), degree)
+            M[k, :, part] = legendres[:, : degree + 1]
         if self.free_share:
             M[3, :, -1] = 1.0
         return M
 
     def theta(self, x: Array, M: Array) -> Array:
-        """θ of the levels whose rows are M, shape (4, L)."""
+        """θ of the levels whose rows are M, shape (4, L); (4, L, N) for N columns of x."""
         theta = M @ x
         if not self.free_share:
             theta[3] = self.share

@@ -1,7 +1,7 @@
 """Starts from all over: where curves scatter from run to run, the joint cost has minima that lie far apart in τ2(u).
 
-Every shape of τ2(u) through seven values at the lowest, middle and highest level is tried, all of them together by a
-few damped Gauss–Newton steps on the compressed points; the best that differ go on to the solver.
+Every shape of τ2(u) through five values at the lowest, middle and highest level is tried, all of them together by a
+few damped Gauss–Newton steps on tabulated sums (`laplace`); the best that differ go on to the solver.
 """
 
 import itertools
@@ -11,19 +11,18 @@ import numpy as np
 
 from eaid.arrays import Array
 from eaid.fitting.basis import DUTIES, Basis
-from eaid.fitting.compress import Points
 from eaid.fitting.data import Data
-from eaid.fitting.kernel import level_curvature, level_sums
+from eaid.fitting.laplace import Transforms, transforms
 from eaid.fitting.levels import TAU1_LEAST_S
 from eaid.fitting.solver import Problem, bring_in
 
-VALUES = 7
+VALUES = 5
 """Values of τ2 tried at each of three levels: from three times τ1 to thirty times the record, and one without end."""
 TOUCHING = 20
 """Steep parabolas touch the fast constant at each level, at every second where there are as many as this."""
 ENDLESS = 1e3
 """That one, as a multiple of the slowest of the others: the slow part is then missing from the record."""
-SIEVE = ((3, 376), (5, 48), (8, 16))
+SIEVE = ((3, 376), (5, 32), (8, 12))
 """Rounds of the descent: steps in a round, and how many of the best shapes are in it."""
 STEEP = 100.0
 """How steep the wall is that stands for the constraints."""
@@ -35,12 +34,12 @@ MOST = 6
 
 def broad_starts(x: Array, inner: Array, data: Data, basis: Basis, problem: Problem) -> list[Array]:
     """Up to six feasible starts with different costs, the best first; `x` gives τ1(u), `inner` is a feasible point."""
-    found = slow_shapes(x, data, basis)
-    cost, found = descend(found, data, basis, 1, steady_only=True)
+    sums, M = transforms(data.points), basis.rows(data.u)
+    cost, found = steadied(slow_shapes(x, data, basis), sums, M, basis, data.weights)
     wall = wall_of(x, float(cost.min()), basis, problem)
     for steps, most in SIEVE:
         best = np.argsort(cost, kind="stable")[:most]
-        cost, found = descend(found[best], data, basis, steps, wall=wall)
+        cost, found = descend(found[best], sums, M, basis, data.weights, steps, wall)
     chosen: list[int] = []
     for k in np.argsort(cost, kind="stable"):
         if all(abs(cost[k] - cost[other]) > SAME * cost[other] for other in chosen):
@@ -57,15 +56,12 @@ class Wall:
     A: Array
     b: Array
 
-    def price(self, x: Array) -> tuple[Array, Array]:
-        """Price (N,) and its gradient (N, n)."""
+    def price(self, x: Array) -> tuple[Array, Array, Array]:
+        """Price (N,), its gradient (N, n) and second derivatives (N, n, n)."""
         out = np.minimum(x @ self.A.T - self.b, 0.0)
-        return (out**2).sum(axis=1), 2 * out @ self.A
-
-    def curvature(self, x: Array) -> Array:
-        """Second derivatives of the price, (N, n, n)."""
-        broken = (x @ self.A.T < self.b)[:, :, None] * self.A
-        return np.asarray(2 * broken.transpose(0, 2, 1) @ broken)
+        squares = (self.A[:, :, None] * self.A[:, None, :]).reshape(len(self.A), -1)
+        bent = 2 * ((out < 0) @ squares).reshape(len(x), x.shape[1], x.shape[1])
+        return (out**2).sum(axis=1), 2 * out @ self.A, bent
 
 
 def wall_of(x: Array, cost: float, basis: Basis, problem: Problem) -> Wall:
@@ -102,55 +98,54 @@ def slow_shapes(x: Array, data: Data, basis: Basis) -> Array:
 
 
 def descend(
-    x: Array, data: Data, basis: Basis, steps: int, steady_only: bool = False, wall: Wall | None = None
+    x: Array, sums: Transforms, M: Array, basis: Basis, weights: Array, steps: int, wall: Wall | None = None
 ) -> tuple[Array, Array]:
-    """Cost (N,) and place (N, n) a few damped Gauss–Newton steps on from N places.
-
-    `steady_only` moves T_s alone: the cost is a parabola in it, so one step solves for it. `wall` is added to the cost.
-    """
-    M = basis.rows(data.u)
-    count, levels = len(x), len(data.u)
-    p = data.points
-    points = Points(
-        p.t_s if len(p.t_s) == 1 else np.tile(p.t_s, (count, 1)),
-        np.tile(p.y, (count, 1)),
-        p.w if len(p.w) == 1 else np.tile(p.w, (count, 1)),
-    )
+    """Cost (N,) and place (N, n) a few damped Gauss–Newton steps on from N places; `wall` is added to the cost."""
     flat = M.transpose(1, 0, 2)  # (L, 4, n)
+    chain = flat.reshape(-1, basis.size)
 
-    def theta_of(x: Array) -> Array:
-        theta = np.stack([basis.theta(one, M) for one in x], axis=1)  # (4, N, L)
-        return theta.reshape(4, -1)
-
-    def look(x: Array) -> tuple[Array, Array]:
-        cost, gradient = level_sums(theta_of(x), points)
-        weighted = (gradient.reshape(4, count, levels) * data.weights).transpose(1, 2, 0)
-        total, slope = cost.reshape(count, levels) @ data.weights, np.tensordot(weighted, flat, 2)
+    def look(x: Array) -> tuple[Array, Array, Array]:
+        cost, gradient, curvature = sums.normal(thetas(x, M, basis))
+        slope = np.moveaxis(gradient * weights, 0, 2).reshape(len(x), -1) @ chain
+        H = chain.T @ ((curvature * weights[:, None, None]) @ flat).reshape(len(x), -1, basis.size)
         if wall is None:
-            return total, slope
-        price, rise = wall.price(x)
-        return total + price, slope + rise
+            return cost @ weights, slope, H
+        price, rise, bent = wall.price(x)
+        return cost @ weights + price, slope + rise, H + bent
 
-    def curvature(x: Array) -> Array:
-        own = level_curvature(theta_of(x), points).reshape(count, levels, 4, 4) * data.weights[:, None, None]
-        H = np.einsum("lan,clam->cnm", flat, own @ flat, optimize=True)
-        return np.asarray(H if wall is None else H + wall.curvature(x))
-
-    cost, gradient = look(x)
-    damping = np.full(count, 1e-12 if steady_only else 1e-3)
-    free = np.ones(x.shape[1])
-    if steady_only:
-        free[basis.slices[1].start :] = 0.0
+    cost, gradient, H = look(x)
+    damping = np.full(len(x), 1e-3)
     for _ in range(steps):
-        H = curvature(x) * (free * free[:, None])
         scale = np.sqrt(np.maximum(np.einsum("cnn->cn", H), 1e-300))
-        H = H / scale[:, :, None] / scale[:, None, :] + damping[:, None, None] * np.eye(x.shape[1])
-        H[:, free == 0, free == 0] = 1.0
-        move = -np.linalg.solve(H, (gradient * free / scale)[:, :, None])[:, :, 0] / scale * free
-        tried = x + move
-        found, slope = look(tried)
+        normal = H / (scale[:, :, None] * scale[:, None, :]) + damping[:, None, None] * np.eye(x.shape[1])
+        tried = x - np.linalg.solve(normal, (gradient / scale)[:, :, None])[:, :, 0] / scale
+        found, slope, bent = look(tried)
         better = found < cost
         x = np.where(better[:, None], tried, x)
         cost, gradient = np.where(better, found, cost), np.where(better[:, None], slope, gradient)
+        H = np.where(better[:, None, None], bent, H)
         damping = np.where(better, damping / 5, damping * 10)
     return cost, x
+
+
+def steadied(x: Array, sums: Transforms, M: Array, basis: Basis, weights: Array) -> tuple[Array, Array]:
+    """Cost (N,) and place (N, n) with T_s solved for: the cost is a parabola in it."""
+    part = basis.slices[0]
+    theta = thetas(x, M, basis)
+    theta[0] = 1.0
+    _, gradient, curvature = sums.normal(theta)
+    square = 0.5 * curvature[..., 0, 0]  # φ'φ, and φ'y = φ'φ − (half the slope at T_s = 1)
+    along = square - 0.5 * gradient[0]
+    P = M[0][:, part]
+    normal = (P.T * (square * weights)[:, None, :]) @ P
+    right = (along * weights) @ P
+    trace = np.einsum("cnn->c", normal)[:, None, None] * np.eye(part.stop)
+    steady = np.linalg.solve(normal + 1e-12 * trace, right[:, :, None])[:, :, 0]
+    x = x.copy()
+    x[:, part] = steady
+    return float(sums.squares @ weights) - (right * steady).sum(axis=1), x
+
+
+def thetas(x: Array, M: Array, basis: Basis) -> Array:
+    """θ of every level at N places, shape (4, N, L)."""
+    return np.moveaxis(basis.theta(x.T, M), 2, 1).copy()

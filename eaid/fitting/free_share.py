@@ -12,6 +12,10 @@ from eaid.fitting.data import Data
 from eaid.fitting.solver import ROUNDING, Problem
 from eaid.models.friction import tau_grid
 
+GRID = 24
+"""Time constants on the starting grid."""
+BANDS = ((1, 4), (4, 7), (7, GRID))
+"""How many grid steps the starting τ1 and τ2 lie apart, one start each; at none apart they would stay together."""
 CLOSE = 1e-9
 """Part of the product of two squared lengths below which two curves are one."""
 
@@ -47,12 +51,12 @@ def theta_of(x: Array, data: Data) -> Array:
     return np.array([whole, np.exp(x[0]), np.exp(x[1]), fast / whole if whole > 0 else 1.0])
 
 
-def free_starts(data: Data, least_s: float, bands: tuple[tuple[int, int], ...], size: int) -> list[Array]:
-    """(ln τ1, ln τ2) of least cost on a log grid, one for each band of grid steps apart."""
+def free_starts(data: Data, least_s: float) -> list[Array]:
+    """(ln τ1, ln τ2) of least cost on a log grid, one for each of `BANDS`."""
     points = data.points
-    grid = np.unique(np.maximum(tau_grid(points.t_s[points.w > 0], size), 1.01 * least_s))
+    grid = np.unique(np.maximum(tau_grid(points.t_s[points.w > 0], GRID), 1.01 * least_s))
     found = []
-    for a, b in bands:
+    for a, b in BANDS:
         pairs = [np.log([grid[i], grid[j]]) for i in range(len(grid)) for j in range(i + a, min(i + b, len(grid)))]
         found.append(min(pairs, key=lambda x: projected(x, points)[0]))
     return found

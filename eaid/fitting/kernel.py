@@ -47,30 +47,55 @@ def _gradient(theta: Array, along: Array, by_e1: Array, by_e2: Array, t_e1: Arra
     return gradient
 
 
-def level_curvature(theta: Array, points: Points, exact: bool = False) -> Array:
-    """Second derivatives of `level_sums` by θ, (L, 4, 4): Gauss–Newton 2 J'WJ, or with the residuals' own part."""
-    Ts, tau1, tau2, share = theta[:, :, None]
+def level_normal(theta: Array, points: Points) -> tuple[Array, Array, Array]:
+    """Cost (L,), gradient by θ (4, L) and Gauss–Newton curvature 2 J'WJ (L, 4, 4), all of one product of slopes."""
+    Ts, tau1, tau2, share = theta
+    t, y = points.t_s, points.y
+    decay = np.exp(t * (-1.0 / theta[1:3])[:, :, None])
+    slopes = np.empty((len(Ts), 5, y.shape[1]))  # by T_s, τ1, τ2, C, the middle ones yet to be scaled; the residual
+    slopes[:, 0] = 1.0 - share[:, None] * decay[0] - (1.0 - share)[:, None] * decay[1]
+    np.multiply(t, decay[0], out=slopes[:, 1])
+    np.multiply(t, decay[1], out=slopes[:, 2])
+    np.subtract(decay[1], decay[0], out=slopes[:, 3])
+    np.subtract(Ts[:, None] * slopes[:, 0], y, out=slopes[:, 4])
+    product = (slopes * points.w[:, None, :]) @ slopes.transpose(0, 2, 1)
+    scale = np.empty((len(Ts), 4))
+    scale[:, 0] = 1.0
+    scale[:, 1] = -Ts * share / (tau1 * tau1)
+    scale[:, 2] = Ts * (share - 1.0) / (tau2 * tau2)
+    scale[:, 3] = Ts
+    scaled = scale + scale
+    return (
+        product[:, 4, 4],
+        (product[:, 4, :4] * scaled).T,
+        product[:, :4, :4] * (scaled[:, :, None] * scale[:, None, :]),
+    )
+
+
+def level_curvature(theta: Array, points: Points) -> Array:
+    """Second derivatives of `level_sums` by θ, (L, 4, 4), the residuals' own part included."""
+    curvature = level_normal(theta, points)[2]
+    Ts, tau1, tau2, share = theta
     t = points.t_s
-    e1, e2 = np.exp(t / -tau1), np.exp(t / -tau2)
-    slopes = np.empty((len(e1), 4, e1.shape[1]), dtype=theta.dtype)
-    slopes[:, 0] = shape = 1.0 - share * e1 - (1.0 - share) * e2
-    np.multiply(t * e1, -Ts * share / tau1**2, out=slopes[:, 1])
-    np.multiply(t * e2, -Ts * (1.0 - share) / tau2**2, out=slopes[:, 2])
-    np.multiply(Ts, e2 - e1, out=slopes[:, 3])
-    curvature = (slopes * points.w[:, None, :]) @ np.swapaxes(slopes, 1, 2)
-    if exact:
-        r = points.w * (Ts * shape - points.y)
-        own = np.zeros_like(curvature)
-        own[:, 0, 1] = (r * -share * t * e1 / tau1**2).sum(axis=1)
-        own[:, 0, 2] = (r * -(1.0 - share) * t * e2 / tau2**2).sum(axis=1)
-        own[:, 0, 3] = (r * (e2 - e1)).sum(axis=1)
-        own[:, 1, 3] = (r * -Ts * t * e1 / tau1**2).sum(axis=1)
-        own[:, 2, 3] = (r * Ts * t * e2 / tau2**2).sum(axis=1)
-        own += np.swapaxes(own, 1, 2)
-        own[:, 1, 1] = (r * -Ts * share * e1 * (t / tau1 - 2.0) * t / tau1**3).sum(axis=1)
-        own[:, 2, 2] = (r * -Ts * (1.0 - share) * e2 * (t / tau2 - 2.0) * t / tau2**3).sum(axis=1)
-        curvature = curvature + own
-    return np.asarray(2.0 * curvature)
+    e1, e2 = np.exp(t / -tau1[:, None]), np.exp(t / -tau2[:, None])
+    shape = 1.0 - share[:, None] * e1 - (1.0 - share[:, None]) * e2
+    twice = 2.0 * points.w * (Ts[:, None] * shape - points.y)
+    if len(t) == 1:
+        powers = np.stack([np.ones_like(t[0]), t[0], t[0] * t[0]], axis=1)
+        by1, by2 = (twice * e1) @ powers, (twice * e2) @ powers  # Σ 2 w r t^k e, (L, 3)
+    else:
+        powers = np.stack([np.ones_like(t), t, t * t], axis=2)
+        by1, by2 = (((twice * e)[:, None] @ powers)[:, 0] for e in (e1, e2))
+    own = np.zeros_like(curvature)
+    own[:, 0, 1] = by1[:, 1] * -share / tau1**2
+    own[:, 0, 2] = by2[:, 1] * (share - 1.0) / tau2**2
+    own[:, 0, 3] = by2[:, 0] - by1[:, 0]
+    own[:, 1, 3] = by1[:, 1] * -Ts / tau1**2
+    own[:, 2, 3] = by2[:, 1] * Ts / tau2**2
+    own += own.transpose(0, 2, 1)
+    own[:, 1, 1] = Ts * share * (2.0 * by1[:, 1] - by1[:, 2] / tau1) / tau1**3
+    own[:, 2, 2] = Ts * (1.0 - share) * (2.0 * by2[:, 1] - by2[:, 2] / tau2) / tau2**3
+    return np.asarray(curvature + own)
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,26 +157,31 @@ def _stretched(theta: Array, t: Array, y: Array) -> Array:
     e^(−t/τ) is a geometric sequence: the first stretch is tabulated and multiplied by what each stretch starts with, so
     that the curve is one product of thin matrices.
     """
-    Ts, tau1, tau2, share = theta[:, :, None]
+    Ts, _, _, share = theta
     start, local = t[:, 0], t[0] - t[0, 0]
-    table = np.ones((theta.shape[1], 5, len(local)))  # 1, e1, e2, t' e1, t' e2
-    np.exp(local / -tau1, out=table[:, 1])
-    np.exp(local / -tau2, out=table[:, 2])
-    np.multiply(table[:, 1:3], local, out=table[:, 3:])
-    head1, head2 = np.exp(start / -tau1), np.exp(start / -tau2)
-    heads = np.stack([np.broadcast_to(Ts, head1.shape), -Ts * share * head1, -Ts * (1.0 - share) * head2], axis=2)
+    table, heads = _decays(theta, local), _decays(theta, start)  # e^(−t/τ) = heads · table, t = start + local
+    curve = heads[:, :3] * np.stack([Ts, -Ts * share, Ts * (share - 1.0)], axis=1)[:, :, None]
     levels = len(y)
     cost, inner, r = np.empty(levels), np.empty((levels, len(start), 5)), np.empty(y.shape[1:])
     for i in range(levels):  # one buffer that stays in the cache
-        np.matmul(heads[i], table[i, :3], out=r)
+        np.matmul(curve[i].T, table[i, :3], out=r)
         np.subtract(r, y[i], out=r)
         np.matmul(r, table[i].T, out=inner[i])
-        cost[i] = r.ravel() @ r.ravel()
-    by_e1, by_e2 = (head1 * inner[:, :, 1]).sum(axis=1), (head2 * inner[:, :, 2]).sum(axis=1)
-    t_e1 = (head1 * (inner[:, :, 3] + start * inner[:, :, 1])).sum(axis=1)
-    t_e2 = (head2 * (inner[:, :, 4] + start * inner[:, :, 2])).sum(axis=1)
-    along = inner[:, :, 0].sum(axis=1) - share[:, 0] * by_e1 - (1.0 - share[:, 0]) * by_e2
-    return np.stack([cost, along, by_e1, by_e2, t_e1, t_e2], axis=1)
+        flat = r.ravel()
+        cost[i] = flat @ flat
+    s = heads @ inner  # (L, 5, 5): sums over samples of r · head · table
+    by_e1, by_e2 = s[:, 1, 1], s[:, 2, 2]
+    along = s[:, 0, 0] - share * by_e1 - (1.0 - share) * by_e2
+    return np.stack([cost, along, by_e1, by_e2, s[:, 1, 3] + s[:, 3, 1], s[:, 2, 4] + s[:, 4, 2]], axis=1)
+
+
+def _decays(theta: Array, t: Array) -> Array:
+    """1, e1, e2, t e1, t e2 at some times, shape (L, 5, len(t))."""
+    found = np.empty((theta.shape[1], 5, len(t)))
+    found[:, 0] = 1.0
+    np.exp(t * (-1.0 / theta[1:3].T)[:, :, None], out=found[:, 1:3])
+    np.multiply(found[:, 1:3], t, out=found[:, 3:])
+    return found
 
 
 @lru_cache(maxsize=64)

@@ -1,19 +1,23 @@
 """The friction curve of one level, Eq. (3), fitted in (T_s, ln τ1, ln τ2); with C free see `free_share`."""
 
 from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
 from eaid.arrays import Array
 from eaid.fitting.compress import Points
 from eaid.fitting.data import Data
 from eaid.fitting.free_share import free_problem, free_starts, full_value, theta_of
-from eaid.fitting.kernel import level_curvature, level_sums
+from eaid.fitting.kernel import level_curvature, level_normal, level_sums
 from eaid.fitting.result import LevelFit, Solver
 from eaid.fitting.solver import PROMISE, ROUNDING, SETTLED, EndPoint, Problem, polish, slsqp
-from eaid.models.friction import grid_minima, tau_grid
+from eaid.models.friction import grid_fits, tau_grid
 from eaid.models.parameters import Friction
 
+Indices: TypeAlias = NDArray[np.intp]
 TAU1_LEAST_S = 1e-3
 """SPEC §3: τ1 ≥ 1 ms."""
 RECORDS = 1e6
@@ -21,12 +25,14 @@ RECORDS = 1e6
 RECORDS_FREE = 100.0
 """The same where C is free: T_s then grows with τ2, for the slow part is a straight line of a given slope."""
 LEAST_LOG, MOST_LOG = np.log(1e-9), np.log(1e12)
-GRID = 24
+GRID = 48
 """Time constants on the starting grid."""
-BANDS = ((1, 4), (4, 7), (7, GRID))
-"""How many grid steps the starting τ1 and τ2 lie apart, one start each; at none apart they would stay together."""
+BOWLS = 3
+"""Minima over the grid that a level starts from, at most."""
 STEPS = 8
 """Damped Newton steps from each start, at most."""
+ENOUGH = 1e-6
+"""They end where one gains less than this part of the cost on the points: the next would gain about its square."""
 CLEAR = 1e-3
 """A start this much above the best, after its steps, is another minimum and no rival."""
 SAME = 1e-6
@@ -35,74 +41,98 @@ SHARES = (0.3, 0.5, 0.7, 0.85, 0.95)
 """Where a free C starts from."""
 
 
-def starting_curves(data: Data, share: float, enough: float = 1e-12) -> tuple[Array, Array]:
-    """Starts of every level, best pairs of τ on a log grid in each band of `BANDS`, then a few damped Newton steps.
+@dataclass(frozen=True, eq=False)
+class Starts:
+    """Curves that single levels may start from, N in all."""
 
-    θ = (T_s, τ1, τ2, C) of shape (4, bands, L), and the costs, (bands, L): a level's cost may have two bowls.
-    """
-    times, points, grid = _grid(data)
-    found = grid_minima(times, points.y, points.w, grid, share, BANDS)
-    levels = len(points.y)
-    theta = np.stack([found[2], found[0], np.maximum(found[1], 1.01 * found[0]), np.full_like(found[0], share)])
-    many = Points(
-        points.t_s if len(points.t_s) == 1 else np.tile(points.t_s, (len(BANDS), 1)),
-        np.tile(points.y, (len(BANDS), 1)),
-        points.w if len(points.w) == 1 else np.tile(points.w, (len(BANDS), 1)),
-    )
-    theta, cost = refine(theta.reshape(4, -1), many, RECORDS * data.longest_s, enough=enough)
-    return theta.reshape(4, len(BANDS), levels), cost.reshape(len(BANDS), levels)
+    theta: Array
+    """(4, N)."""
+    cost: Array
+    """On the compressed points, (N,)."""
+    curvature: Array
+    """Gauss–Newton, by (T_s, τ1, τ2), (N, 3, 3)."""
+    level: Indices
+    """Index of the level of each, (N,), rising."""
 
 
-def quick_curves(data: Data, share: float) -> Array:
-    """θ of every level, (4, L): the best pair on the grid, refined until a step gains less than a ten-thousandth.
-
-    The next would gain about the square of that.
-    """
-    times, points, grid = _grid(data)
-    band = ((BANDS[0][0], GRID),)
-    tau1, tau2, steady = grid_minima(times, points.y, points.w, grid, share, band)
-    theta = np.concatenate([steady, tau1, np.maximum(tau2, 1.01 * tau1), np.full_like(tau1, share)])
-    return refine(theta, points, RECORDS * data.longest_s, enough=1e-4)[0]
-
-
-def _grid(data: Data) -> tuple[Array, Points, Array]:
-    """Times of the points, the points, and time constants to try."""
+def starting_curves(data: Data, share: float, most: int = BOWLS, enough: float = ENOUGH) -> Starts:
+    """Every level from its `most` best minima over a log grid of pairs of τ, then a few damped Newton steps."""
     points = data.points
     times = points.t_s if len(points.t_s) == len(points.y) else points.t_s[:1]
-    return times, points, np.unique(np.maximum(tau_grid(times[points.w[: len(times)] > 0], GRID), 1.01 * TAU1_LEAST_S))
+    grid = np.unique(np.maximum(tau_grid(times[points.w[: len(times)] > 0], GRID), 1.01 * TAU1_LEAST_S))
+    inner, square = grid_fits(times, points.y, points.w, grid, share)
+    level, first, second = grid_bowls(inner, square, most)
+    steady = inner[level, first, second] / np.broadcast_to(square, inner.shape)[level, first, second]
+    theta = np.stack([steady, grid[first], grid[second], np.full_like(steady, share)])
+    if len(level) > len(points.y):
+        points = Points(
+            points.t_s if len(points.t_s) == 1 else points.t_s[level],
+            points.y[level],
+            points.w if len(points.w) == 1 else points.w[level],
+        )
+    return Starts(*refine(theta, points, RECORDS * data.longest_s, enough=enough), level)
+
+
+def grid_bowls(inner: Array, square: Array, most: int) -> tuple[Indices, Indices, Indices]:
+    """Level, i, j of the pairs i < j whose cost no neighbour undercuts, at most `most` a level, by level and cost.
+
+    The cost falls by inner²/square; neighbours are the eight around a pair, those with i ≥ j left out.
+    """
+    levels, count = inner.shape[:2]
+    cost = np.full((levels, count + 2, count + 2), np.inf)
+    inside = cost[:, 1:-1, 1:-1]
+    np.divide(inner * -inner, square, out=inside, where=np.arange(count) > np.arange(count)[:, None])
+    if most == 1:
+        best = inside.reshape(levels, -1).argmin(axis=1)
+        return np.arange(levels), *np.divmod(best, count)
+    across = np.minimum(np.minimum(cost[:, :-2], cost[:, 2:]), cost[:, 1:-1])
+    least = np.minimum(np.minimum(across[:, :, :-2], across[:, :, 2:]), across[:, :, 1:-1])
+    level, first, second = np.nonzero((inside <= least) & (inside < np.inf))
+    order = np.lexsort((inside[level, first, second], level))
+    rank = np.arange(len(order)) - np.searchsorted(level, level)
+    order = order[rank < most]
+    return level[order], first[order], second[order]
+
+
+def quick_curves(data: Data, share: float) -> tuple[Array, Array, Array]:
+    """θ (4, L), cost (L,) and curvature (L, 3, 3) of every level from its best pair of τ on the grid."""
+    found = starting_curves(data, share, most=1, enough=1e-2)
+    return found.theta, found.cost, found.curvature
 
 
 def refine(
-    theta: Array, points: Points, limit: float, steps: int = STEPS, enough: float = 1e-12
-) -> tuple[Array, Array]:
-    """Damped Gauss–Newton in (T_s, ln τ1, ln τ2) on every row of points at once: θ (4, N) and cost (N,).
+    theta: Array, points: Points, limit: float, steps: int = STEPS, enough: float = ENOUGH
+) -> tuple[Array, Array, Array]:
+    """Damped Gauss–Newton in (T_s, ln τ1, ln τ2) on every row of points at once.
 
-    A row moves only where its cost falls; τ stays within 1 ms and `limit` [s]. Ends when a step lowers no row by
-    more than `enough` of its cost.
+    Returns θ (4, N), cost (N,), and curvature by (T_s, τ1, τ2), (N, 3, 3). A row moves only where its cost falls; τ
+    stays within 1 ms and `limit` [s]. Ends when a step lowers no row by more than `enough` of its cost.
     """
-    cost, gradient = level_sums(theta, points)
+    cost, gradient, H = level_normal(theta, points)
     damping = np.full(len(cost), 1e-3)
     for _ in range(steps):
-        scale = np.stack([np.ones_like(theta[0]), theta[1], theta[2]])
-        g = gradient[:3] * scale
-        H = level_curvature(theta, points)[:, :3, :3] * (scale.T[:, :, None] * scale.T[:, None, :])
-        diagonal = np.maximum(np.einsum("lii->li", H), 1e-300)
-        H = H + damping[:, None, None] * diagonal[:, :, None] * np.eye(3)
-        move = -np.linalg.solve(H, g.T[:, :, None])[:, :, 0].T
+        scale = theta[:3].T.copy()
+        scale[:, 0] = 1.0
+        normal = H[:, :3, :3] * (scale[:, :, None] * scale[:, None, :])
+        diagonal = np.einsum("lii->li", normal)
+        diagonal += damping[:, None] * diagonal + 1e-300
+        move = np.linalg.solve(normal, (gradient[:3].T * scale)[:, :, None])[:, :, 0].T
         tried = theta.copy()
-        tried[0] = np.maximum(theta[0] + move[0], 0.0)
-        tried[1] = np.clip(theta[1] * np.exp(np.clip(move[1], -2, 2)), TAU1_LEAST_S, limit)
-        tried[2] = np.clip(theta[2] * np.exp(np.clip(move[2], -2, 2)), tried[1], limit)
-        found, slope = level_sums(tried, points)
+        tried[0] = np.maximum(theta[0] - move[0], 0.0)
+        tried[1:3] *= np.exp(np.minimum(np.maximum(-move[1:], -2.0), 2.0))
+        tried[1] = np.minimum(np.maximum(tried[1], TAU1_LEAST_S), limit)
+        tried[2] = np.minimum(np.maximum(tried[2], tried[1]), limit)
+        found, slope, bent = level_normal(tried, points)
         better = found < cost
         done = np.max((cost - found)[better] / cost[better], initial=0.0) < enough
         theta = np.where(better, tried, theta)
         cost, gradient = np.where(better, found, cost), np.where(better, slope, gradient)
+        H = np.where(better[:, None, None], bent, H)
         # where τ1 and τ2 have met, two rows of H are one, and only damping keeps it from being singular
         damping = np.where(better, np.maximum(damping / 10, 1e-12), damping * 10)
         if done and better.any():
             break
-    return theta, cost
+    return theta, cost, H[:, :3, :3]
 
 
 def fit_level(data: Data, share: float | None, starts: Array | None = None) -> LevelFit:
@@ -114,7 +144,7 @@ def fit_level(data: Data, share: float | None, starts: Array | None = None) -> L
         limit = RECORDS_FREE * data.longest_s
         problem = free_problem(data, TAU1_LEAST_S, limit)
         begin = (
-            free_starts(data, TAU1_LEAST_S, BANDS, GRID)
+            free_starts(data, TAU1_LEAST_S)
             if starts is None
             else [np.log(np.clip(pair, TAU1_LEAST_S, limit)) for pair in starts[1:3].T]
         )
@@ -122,7 +152,7 @@ def fit_level(data: Data, share: float | None, starts: Array | None = None) -> L
     limit = RECORDS * data.longest_s
     problem = level_problem(data, share, limit)
     if starts is None:
-        starts = starting_curves(data, share)[0][:, :, 0]
+        starts = starting_curves(data, share).theta
     begin = [_unknowns(theta, limit) for theta in starts.T]
     return _solved(data, problem, begin, lambda x: _full(x, data, share), lambda x: _theta(x, share))
 
@@ -180,12 +210,12 @@ def level_problem(data: Data, share: float, limit: float) -> Problem:
     def curvature(x: Array) -> Array:
         theta = _theta(x, share)
         scale = _scale(theta)
-        return np.asarray(level_curvature(theta[:, None], data.points)[0, :3, :3] * np.outer(scale, scale))
+        return np.asarray(level_normal(theta[:, None], data.points)[2][0, :3, :3] * np.outer(scale, scale))
 
     def exact(x: Array) -> Array:
         theta = _theta(x, share)
         scale = _scale(theta)
-        own = level_curvature(theta[:, None], data.points, exact=True)[0, :3, :3] * np.outer(scale, scale)
+        own = level_curvature(theta[:, None], data.points)[0, :3, :3] * np.outer(scale, scale)
         gradient = level_sums(theta[:, None], data.points)[1][:, 0]
         own[1, 1] += gradient[1] * theta[1]  # d²/d(ln τ)² = τ² d²/dτ² + τ d/dτ
         own[2, 2] += gradient[2] * theta[2]
@@ -225,39 +255,43 @@ def fit_levels(data: Data, share: float | None) -> list[LevelFit]:
     """
     if share is None:
         return [fit_level(data.one(i), None) for i in range(len(data.u))]
-    starts, costs = starting_curves(data, share)
-    theta = starts[:, costs.argmin(axis=0), np.arange(len(data.u))]
+    starts = starting_curves(data, share)
+    # rows come by level, and within a level the lowest is the best
+    order = np.lexsort((starts.cost, starts.level))
+    first = np.searchsorted(starts.level, np.arange(len(data.u)))
+    bounds = [*first.tolist(), len(order)]
+    theta = starts.theta[:, order[first]]
     full, gradient = data.sums(theta)
-    curvature = level_curvature(theta, data.points, exact=True)
-    limit = RECORDS * data.longest_s
+    promises = _settled(theta, full, gradient, level_curvature(theta, data.points), RECORDS * data.longest_s)
     found = []
-    for i in range(len(data.u)):
-        settled = _settled(theta[:, i], full[i], gradient[:, i], curvature[i], limit)
-        rivals = costs[:, i][costs[:, i] > (1 + SAME) * costs[:, i].min()]
-        if settled is None or (rivals < (1 + CLEAR) * costs[:, i].min()).any():
-            found.append(fit_level(data.one(i), share, starts[:, :, i]))
-        else:
-            Ts, tau1, tau2, _ = theta[:, i].tolist()
-            n = len(data.records[i].y)
-            ends = tuple((costs[:, i] + full[i] - costs[:, i].min()).tolist())
-            solver = Solver(True, verdict(True, settled), len(ends) * STEPS, ends, (), settled)
-            curve = Friction(Ts, tau1, tau2, share)
-            found.append(LevelFit(float(data.u[i]), curve, float(np.sqrt(full[i] / n)), float(full[i]), n, solver))
+    for i, promise in enumerate(promises.tolist()):
+        rows = order[bounds[i] : bounds[i + 1]]
+        costs = starts.cost[rows]
+        rivals = costs[costs > (1 + SAME) * costs[0]]
+        if promise > SETTLED or (rivals < (1 + CLEAR) * costs[0]).any():
+            found.append(fit_level(data.one(i), share, starts.theta[:, rows]))
+            continue
+        Ts, tau1, tau2, _ = theta[:, i].tolist()
+        n, sse = len(data.records[i].y), float(full[i])
+        ends = tuple((costs + (sse - costs[0])).tolist())
+        solver = Solver(True, verdict(True, promise), len(ends) * STEPS, ends, (), promise)
+        found.append(
+            LevelFit(float(data.u[i]), Friction(Ts, tau1, tau2, share), float(np.sqrt(sse / n)), sse, n, solver)
+        )
     return found
 
 
-def _settled(theta: Array, cost: float, gradient: Array, curvature: Array, limit: float) -> float | None:
-    """What a Newton step on the full data promises, relative to the cost; None unless nothing and inside the limits."""
-    scale = _scale(theta)
-    inside = theta[0] > 0 and theta[1] > 1.001 * TAU1_LEAST_S and 1.001 * theta[1] < theta[2] < 0.5 * limit
-    if not inside or cost <= 0:
-        return None
-    H = curvature[:3, :3] * (scale * scale[:, None])
-    H[1, 1] += gradient[1] * theta[1]
-    H[2, 2] += gradient[2] * theta[2]
-    try:
-        q = np.linalg.solve(np.linalg.cholesky(H), gradient[:3] * scale)
-    except np.linalg.LinAlgError:
-        return None
-    promise = 0.5 * float(q @ q) / cost
-    return promise if promise <= SETTLED else None
+def _settled(theta: Array, cost: Array, gradient: Array, curvature: Array, limit: float) -> Array:
+    """What a Newton step promises at each level, relative to the cost, (L,); infinite at a limit or off a bowl."""
+    Ts, tau1, tau2, _ = theta
+    scale = theta[:3].T.copy()
+    scale[:, 0] = 1.0
+    g = gradient[:3].T * scale
+    H = curvature[:, :3, :3] * (scale[:, :, None] * scale[:, None, :])
+    H[:, 1, 1] += g[:, 1]  # d²/d(ln τ)² = τ² d²/dτ² + τ d/dτ
+    H[:, 2, 2] += g[:, 2]
+    inside = (Ts > 0) & (tau1 > 1.001 * TAU1_LEAST_S) & (1.001 * tau1 < tau2) & (tau2 < 0.5 * limit) & (cost > 0)
+    inside &= np.linalg.eigvalsh(H)[:, 0] > 0
+    H[~inside] = np.eye(3)
+    promise = 0.5 * (g * np.linalg.solve(H, g[:, :, None])[:, :, 0]).sum(axis=1)
+    return np.where(inside, promise / np.where(inside, cost, 1.0), np.inf)

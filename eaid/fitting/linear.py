@@ -11,7 +11,7 @@ import numpy as np
 
 from eaid.arrays import Array
 from eaid.fitting.data import Data
-from eaid.fitting.kernel import decay, level_curvature, level_sums
+from eaid.fitting.kernel import decay, level_curvature, level_normal, level_sums
 from eaid.fitting.levels import verdict
 from eaid.fitting.result import Bounds, LinearLevel, Solver
 from eaid.fitting.solver import PROMISE, ROUNDING, EndPoint, Problem, polish, slsqp
@@ -52,7 +52,8 @@ def fit_first_order(data: Data, design: Array) -> FirstOrder:
         return float(weights @ cost), chain(gradient, x)
 
     def second(x: Array, exact: bool) -> Array:
-        H = level_curvature(theta(x), points, exact)[:, :2, :2] * weights[:, None, None]
+        own = level_curvature(theta(x), points) if exact else level_normal(theta(x), points)[2]
+        H = own[:, :2, :2] * weights[:, None, None]
         tau = np.exp(x[0])
         cross = tau * (H[:, 0, 1] @ design)
         corner = tau**2 * H[:, 1, 1].sum()

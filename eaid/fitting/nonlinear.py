@@ -13,12 +13,16 @@ from eaid.arrays import Array
 from eaid.fitting.basis import Basis, basis_of, constraints
 from eaid.fitting.broad import broad_starts
 from eaid.fitting.data import Data
-from eaid.fitting.kernel import level_curvature, level_sums, residuals
+from eaid.fitting.kernel import level_curvature, level_normal, level_sums, residuals
 from eaid.fitting.levels import SHARES, TAU1_LEAST_S, quick_curves, verdict
 from eaid.fitting.result import Solver
-from eaid.fitting.solver import PROMISE, ROUNDING, EndPoint, Problem, bring_in, draw_in, polish, slsqp
+from eaid.fitting.solver import PROMISE, ROUNDING, EndPoint, Problem, approach, bring_in, draw_in, polish, slsqp
 from eaid.models.parameters import Nonlinear
 
+RIVAL = 1e-2
+"""An end this part of the cost above the best is no rival: SLSQP does not go on from it."""
+SAME = 1e-6
+"""Ends whose costs differ by less than this part have found the same minimum."""
 NARROW = 0.3
 """Reach of a level's ln τ within which its cost is taken for a bowl."""
 
@@ -38,10 +42,10 @@ def nonlinear_problem(data: Data, basis: Basis) -> Problem:
         return np.asarray(by_level.reshape(-1, basis.size).T @ half.reshape(-1, basis.size))
 
     def gauss_newton(x: Array) -> Array:
-        return chained(level_curvature(basis.theta(x, M), points))
+        return chained(level_normal(basis.theta(x, M), points)[2])
 
     def exact(x: Array) -> Array:
-        return chained(level_curvature(basis.theta(x, M), points, exact=True))
+        return chained(level_curvature(basis.theta(x, M), points))
 
     A, b, names = constraints(basis, data.longest_s)
     return Problem(value, gauss_newton, A, b, names, exact, ROUNDING * data.energy)
@@ -58,20 +62,21 @@ class OwnCurves:
 
     theta: Array
     """(4, L)."""
-    cost: float
-    """Weighted sum of the levels' least costs on the compressed points: a lower bound of the joint cost."""
-    spread: Array
-    """Diagonal of the inverse of J'WJ in (T_s, τ1, τ2), (L, 3): variance of each value for unit noise."""
+    cost: Array
+    """Weighted least costs on the compressed points, (L,): their sum is a lower bound of the joint cost."""
+    normal: Array
+    """J'WJ in (T_s, τ1, τ2), (L, 3, 3)."""
+    covariance: Array
+    """Its inverse, (L, 3, 3): covariance of the three values for unit noise."""
 
 
 def own_curves(data: Data, share: float) -> OwnCurves:
     """Best curves of single levels with C held at `share`."""
-    theta = quick_curves(data, share)
-    curvature = 0.5 * level_curvature(theta, data.points)[:, :3, :3] * data.weights[:, None, None]
-    scale = np.sqrt(np.maximum(np.einsum("lii->li", curvature), 1e-200))
-    inverse = np.linalg.inv(curvature / scale[:, :, None] / scale[:, None, :] + 1e-9 * np.eye(3))
-    cost = float(data.weights @ level_sums(theta, data.points)[0])
-    return OwnCurves(theta, cost, np.einsum("lii->li", inverse) / scale**2)
+    theta, cost, curvature = quick_curves(data, share)
+    normal = curvature * (0.5 * data.weights[:, None, None])
+    scale = np.sqrt(np.maximum(np.einsum("lii->li", normal), 1e-200))
+    outer = scale[:, :, None] * scale[:, None, :]
+    return OwnCurves(theta, data.weights * cost, normal, np.linalg.inv(normal / outer + 1e-9 * np.eye(3)) / outer)
 
 
 def polynomial_starts(own: OwnCurves, data: Data, basis: Basis, problem: Problem) -> list[Array]:
@@ -81,7 +86,7 @@ def polynomial_starts(own: OwnCurves, data: Data, basis: Basis, problem: Problem
     start has the weighted means of τ1 and τ2 at every level; it lies inside the constraints, and the others are brought
     there from outside.
     """
-    theta, precision = own.theta, 1 / np.sqrt(own.spread)
+    theta, precision = own.theta, 1 / np.sqrt(np.einsum("lii->li", own.covariance))
     M = basis.rows(data.u)
     shaped, alike, level_means = np.zeros(basis.size), np.zeros(basis.size), np.zeros(basis.size)
     for k, part in enumerate(basis.slices):
@@ -135,11 +140,26 @@ def fit_nonlinear(data: Data, share: float | None, starts: Sequence[Nonlinear] =
     near = [start for starts in begin for start in starts[:-1]] + [
         draw_in(basis.unknowns(p), flat, problem) for p in starts
     ]
-    ends = [slsqp(problem, start) for start in near]
-    if share is None or not alone(own[0], min(end.cost for end in ends), problem):
+    ends = [approach(problem, start) for start in near]
+    if share is None or not alone(own[0], min(end.cost for end in ends), data, basis, problem):
         far = [starts[-1] for starts in begin] + broad_starts(near[0], flat, data, basis, problem)
-        ends += [slsqp(problem, start) for start in far]
-    return _confirmed(ends, data, basis, problem)
+        ends += [approach(problem, start) for start in far]
+    return _confirmed(_ended(ends, problem), data, basis, problem)
+
+
+def _ended(ends: Sequence[EndPoint], problem: Problem) -> list[EndPoint]:
+    """The solver's ends: SLSQP goes from every end that may become the best, once where several have the same cost."""
+    order = sorted(ends, key=lambda end: end.cost)
+    found: list[EndPoint] = []
+    last, solved = -np.inf, order[0]
+    for end in order:
+        if end.cost - last <= SAME * end.cost + problem.floor:
+            end = EndPoint(solved.x, solved.cost, end.evaluations)
+        elif end.cost <= (1 + RIVAL) * order[0].cost:
+            last = end.cost
+            solved = end = slsqp(problem, end.x)
+        found.append(end)
+    return found
 
 
 def refit_nonlinear(data: Data, near: Solution) -> Solution:
@@ -175,14 +195,48 @@ def _confirmed(ends: Sequence[EndPoint], data: Data, basis: Basis, problem: Prob
     )
 
 
-def alone(own: OwnCurves, cost: float, problem: Problem) -> bool:
-    """Whether no other minimum can lie below `cost`: then every level's curve is known so well that costs are bowls.
+def alone(own: OwnCurves, cost: float, data: Data, basis: Basis, problem: Problem) -> bool:
+    """Whether no other minimum can lie below `cost`: then every level is known so well that its cost is a bowl.
 
-    A better joint curve has its levels within `cost − own.cost` of their least costs: in each level it lies in an
-    ellipsoid about the level's own curve. Where that is narrow in τ1 and τ2, the cost has one minimum there.
+    In a better joint curve the levels lie above their own least costs by no more than `spare`, all together. A level is
+    narrow where its cost has risen by as much at the edge of the ellipsoid that reaches `NARROW` in ln τ. The narrow
+    ones leave the polynomials an ellipsoid too; levels that it reaches less than `NARROW` of are narrow with them.
     """
-    if own.cost > cost + problem.floor:
+    spare = cost - float(own.cost.sum()) + problem.floor
+    if spare < 0:
         return False  # the levels' own curves are not the best there are
-    spare = cost - own.cost + problem.floor
-    reach = np.sqrt(spare * own.spread[:, 1:]) / own.theta[1:3].T
-    return bool(reach.max() < NARROW)
+    kept, rise = _edges(own, data)
+    narrow = rise >= spare
+    rows = basis.rows(data.u)[:3].transpose(1, 0, 2)  # (L, 3, n)
+    weighted = kept[:, None, None] * own.normal @ rows
+    while narrow.sum() >= max(basis.degrees) + 1 and not narrow.all():
+        A, J = weighted[narrow].reshape(-1, basis.size), rows[narrow].reshape(-1, basis.size)
+        H = J.T @ A
+        x = np.linalg.lstsq(H, A.T @ own.theta[:3, narrow].T.ravel(), rcond=None)[0]
+        off = own.theta[:3].T - rows @ x
+        left = spare - float((kept[:, None] * off * (own.normal @ off[:, :, None])[:, :, 0])[narrow].sum())
+        scale = np.sqrt(np.maximum(np.diagonal(H), 1e-200))
+        spread = rows[:, 1:] / scale @ np.linalg.inv(H / scale / scale[:, None] + 1e-12 * np.eye(len(H)))
+        reach = np.sqrt(max(left, 0.0) * np.maximum((spread * rows[:, 1:] / scale).sum(axis=2), 0.0))
+        reached = (reach < NARROW * (rows @ x)[:, 1:]).all(axis=1)
+        if not (reached & ~narrow).any():
+            break
+        narrow |= reached
+    return bool(narrow.all())
+
+
+def _edges(own: OwnCurves, data: Data) -> tuple[Array, Array]:
+    """How far the cost rises to the edge of each level's ellipsoid that reaches `NARROW` in ln τ, (L,).
+
+    In front of it, what part of the parabola's rise that is, 0 to 1, (L,): the cost is no parabola.
+    """
+    variance = np.einsum("lii->li", own.covariance)[:, 1:]
+    which = 1 + (variance / own.theta[1:3].T ** 2).argmax(axis=1)
+    every = np.arange(len(which))
+    width = NARROW * own.theta[which, every] / variance[every, which - 1]
+    way = np.zeros_like(own.theta)
+    way[:3] = own.covariance[every, :, which].T * width
+    p = data.points
+    rise = data.weights * np.minimum(level_sums(own.theta + way, p)[0], level_sums(own.theta - way, p)[0]) - own.cost
+    parabola = NARROW * own.theta[which, every] * width
+    return np.clip(rise / parabola, 0.0, 1.0), rise

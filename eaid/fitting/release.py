@@ -13,7 +13,8 @@ import numpy as np
 from eaid.arrays import Array
 from eaid.fitting.compress import Points
 from eaid.fitting.data import Data, data_of
-from eaid.fitting.levels import BANDS, GRID, RECORDS, TAU1_LEAST_S, verdict
+from eaid.fitting.free_share import BANDS, GRID
+from eaid.fitting.levels import RECORDS, TAU1_LEAST_S, verdict
 from eaid.fitting.result import LevelFit, ReleaseFit, ReleaseLevel, Solver
 from eaid.fitting.solver import PROMISE, ROUNDING, Problem, polish, slsqp
 from eaid.models.friction import grid_minima, tau_grid

@@ -21,6 +21,8 @@ FINISHED = 1e-15
 """Polishing ends where the Newton step promises less than this part of the cost."""
 SETTLED = 1e-12
 """A start has ended where the Newton step promises less than this part of the cost."""
+NEAR_END = 1e-7
+"""A start has come near enough to its end where a Newton step promises less than this part of the cost."""
 PROMISE = 1e-9
 """A fit has converged where the Newton step would lower the cost by less than this part of it."""
 
@@ -29,7 +31,8 @@ TRIES = 12
 """How often a round is begun again with more rows of A."""
 NEAR = 1e-9
 """Slack of a row of A at which it counts as active, beside those that hold the Newton step."""
-TINY = float(np.finfo(float).tiny)
+TINY = 1e-280
+"""Curvature below which nothing determines an unknown: its square root can still be squared and divided by."""
 ROUNDING = 1e-15
 """A promise is judged against at least this part of the sum of squared data: beneath it lies rounding."""
 
@@ -188,6 +191,29 @@ def newton_step(problem: Problem, x: Array, gradient: Array, curvature: Array) -
     d = z @ back
     decrease = -float(q @ z + 0.5 * z @ z)
     return Step(d, max(decrease, 0.0), tuple(np.flatnonzero(multipliers > 0).tolist()))
+
+
+def approach(problem: Problem, start: Array, steps: int = 40) -> EndPoint:
+    """Go down from a feasible start until a step promises next to nothing: where the solver may then end the fit.
+
+    Steps are constrained Newton steps with Levenberg's and Marquardt's damping, which grows where a step gains nothing.
+    """
+    x, evaluations, damping = start, 1, 1e-6
+    cost, gradient = problem.value(x)
+    curvature = problem.curvature(x)
+    for _ in range(steps):
+        step = newton_step(problem, x, gradient, curvature + damping * np.diag(np.diagonal(curvature)))
+        if step.decrease <= NEAR_END * max(cost, problem.floor):
+            break
+        reached = _inside(problem, x, x + step.d)
+        found, slope = problem.value(reached)
+        evaluations += 1
+        if found < cost:
+            x, cost, gradient, curvature = reached, found, slope, problem.curvature(reached)
+            damping = max(0.1 * damping, 1e-9)
+        else:
+            damping *= 30
+    return EndPoint(x, cost, evaluations)
 
 
 def polish(

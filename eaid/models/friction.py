@@ -58,10 +58,31 @@ def grid_minima(
     """τ1 ≤ τ2 of least cost on a grid, and their T_s ≥ 0, for L levels at once: three arrays of shape (bands, L).
 
     A band (a, b) looks at pairs at least a and less than b grid steps apart. `t_s`, `torque_nm`, `weights`: (L, n), or
-    (1, n) times for all; padding has weight 0. For a pair of τ the amplitude is a linear solve, T_s = φ'y/φ'φ, and the
-    cost falls by (φ'y)²/φ'φ; all pairs follow from the products of e^(−t/τ). With `offset` a constant is free as well.
+    (1, n) times for all; padding has weight 0. With `offset` a constant is free as well.
     """
-    levels, count = len(torque_nm), len(grid)
+    inner, square = grid_fits(t_s, torque_nm, weights, grid, share, offset)
+    gain = inner**2 / square
+    count = len(grid)
+    apart = np.arange(count) - np.arange(count)[:, None]
+    every = np.arange(len(inner))
+    square = np.broadcast_to(square, inner.shape)
+    found = []
+    for a, b in bands:
+        best = np.where((apart >= a) & (apart < b), gain, -1.0).reshape(len(inner), -1).argmax(axis=1)
+        first, second = np.divmod(best, count)
+        found.append((grid[first], grid[second], inner[every, first, second] / square[every, first, second]))
+    tau1, tau2, steady = zip(*found, strict=True)
+    return np.stack(tau1), np.stack(tau2), np.stack(steady)
+
+
+def grid_fits(
+    t_s: Array, torque_nm: Array, weights: Array, grid: Array, share: float, offset: bool = False
+) -> tuple[Array, Array]:
+    """φ'y ≥ 0, (L, K, K), and φ'φ, (L or 1, K, K), for τ1 = grid[i] and τ2 = grid[j]; shapes as in `grid_minima`.
+
+    T_s = φ'y/φ'φ is the best amplitude, and the cost falls by (φ'y)²/φ'φ; all pairs follow from the products of the
+    single 1 − e^(−t/τ).
+    """
     shapes = -np.expm1(-t_s[:, None, :] / grid[:, None])  # (L or 1, K, n)
     if offset:
         whole = weights.sum(axis=1)
@@ -69,19 +90,9 @@ def grid_minima(
         torque_nm = torque_nm - ((torque_nm * weights).sum(axis=1) / whole)[:, None]
     weighted = shapes * weights[:, None, :]
     gram = weighted @ np.swapaxes(shapes, 1, 2)  # (L or 1, K, K)
-    along = (weighted @ torque_nm[:, :, None])[:, :, 0]  # (L, K)
-    first, second = np.triu_indices(count)
-    own = np.diagonal(gram, axis1=1, axis2=2)
+    along = torque_nm @ weighted[0].T if len(weighted) == 1 else (weighted @ torque_nm[:, :, None])[:, :, 0]  # (L, K)
     c, d = share, 1 - share
-    square = c * c * own[:, first] + d * d * own[:, second] + 2 * c * d * gram[:, first, second]
-    inner = np.maximum(c * along[:, first] + d * along[:, second], 0)
-    gain = inner**2 / square
-    every = np.arange(levels)
-    square = np.broadcast_to(square, inner.shape)
-    found = []
-    for a, b in bands:
-        pairs = np.flatnonzero((second - first >= a) & (second - first < b))
-        best = pairs[gain[:, pairs].argmax(axis=1)]
-        found.append((grid[first[best]], grid[second[best]], inner[every, best] / square[every, best]))
-    tau1, tau2, steady = zip(*found, strict=True)
-    return np.stack(tau1), np.stack(tau2), np.stack(steady)
+    own = np.diagonal(gram, axis1=1, axis2=2)
+    square = (c * c * own)[:, :, None] + (d * d * own)[:, None, :] + (2 * c * d) * gram
+    inner = (c * along)[:, :, None] + (d * along)[:, None, :]
+    return np.maximum(inner, 0.0, out=inner), square

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from eaid.fitting.compress import Points
-from eaid.fitting.kernel import Record, decay, full_sums, level_curvature, level_sums, residuals, stretch
+from eaid.fitting.kernel import Record, decay, full_sums, level_curvature, level_normal, level_sums, residuals, stretch
 
 RNG = np.random.default_rng(3)
 TIMES = np.sort(RNG.uniform(0, 10, (1, 40)))
@@ -25,7 +25,7 @@ def test_gradient_and_curvature(k: int) -> None:
     shifted[k] += 1e-30j
     cost, gradient = level_sums(shifted, POINTS)
     assert level_sums(THETA, POINTS)[1][k] == pytest.approx(cost.imag / 1e-30, rel=1e-11)
-    exact = level_curvature(THETA, POINTS, exact=True)
+    exact = level_curvature(THETA, POINTS)
     assert pytest.approx(gradient.imag / 1e-30, rel=1e-10, abs=1e-9) == exact[:, :, k].T
 
 
@@ -33,7 +33,15 @@ def test_gauss_newton_is_the_exact_curvature_where_nothing_is_left() -> None:
     theta = THETA[:, :1]
     curve = residuals(theta, [Record(TIMES[0], np.zeros(40), False)])[0]
     points = Points(TIMES, curve[None], POINTS.w)
-    assert level_curvature(theta, points) == pytest.approx(level_curvature(theta, points, exact=True), rel=1e-12)
+    assert level_normal(theta, points)[2] == pytest.approx(level_curvature(theta, points), rel=1e-12)
+
+
+@pytest.mark.parametrize("points", [POINTS, Points(np.tile(TIMES, (3, 1)), POINTS.y, np.tile(POINTS.w, (3, 1)))])
+def test_one_product_gives_the_same_sums(points: Points) -> None:
+    cost, gradient, _ = level_normal(THETA, points)
+    assert cost == pytest.approx(level_sums(THETA, points)[0], rel=1e-13)
+    assert gradient == pytest.approx(level_sums(THETA, points)[1], rel=1e-11)
+    assert level_curvature(THETA, points) == pytest.approx(level_curvature(THETA, POINTS), rel=1e-12)
 
 
 @pytest.mark.parametrize("n", [300, 5000, 5003])

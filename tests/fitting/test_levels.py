@@ -126,5 +126,5 @@ def test_rates_that_meet_keep_their_step(seed: int) -> None:
     points = Points(t[None], -np.expm1(-t / 0.5)[None], np.ones((1, 10)))
     tau1 = rng.uniform(0.05, 0.5)
     start = np.array([[rng.uniform(0.3, 2.0)], [tau1], [tau1 * rng.uniform(1.0, 1.5)], [0.85]])
-    theta, cost = refine(start, points, limit=100.0, steps=200, enough=-1.0)
+    theta, cost, _ = refine(start, points, limit=100.0, steps=200, enough=-1.0)
     assert cost[0] < 1e-3 * points.y.size and np.isfinite(theta).all()
