@@ -5,29 +5,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from eaid.arrays import Array, read_only
-from eaid.logs.spool import LONG, pieces, release, room, sample_steps
+from eaid.logs.spool import LONG, pieces, release, room
+from eaid.steps.clock import clock_of
 from eaid.steps.doubts import Step
 from eaid.steps.stepset import Level
-
-SAME = 2e-3
-"""Share of the sample time within which sample instants count as equal: the rounding of written times."""
-
-
-def uniform_step(time_s: Array) -> float | None:
-    """Sample time [s] of an axis that starts at 0 and is k·dt to `SAME`; None where it is not."""
-    count = len(time_s)
-    if count < 2:
-        return None
-    first = float(time_s[0])
-    dt = (float(time_s[-1]) - first) / (count - 1)
-    off = max(
-        float(np.abs(piece - first - np.arange(place.start, place.stop) * dt).max())
-        for place, (piece,) in pieces(time_s)
-    )
-    if not off <= SAME * dt:
-        return None
-    tidy = float(f"{dt:.6g}")
-    return tidy if abs(tidy - dt) * count <= SAME * dt else dt
 
 
 def _stacked(outputs: Sequence[Array], count: int) -> Array:
@@ -60,7 +41,7 @@ def common(level: float, members: Sequence[Step]) -> Level:
     names = tuple(member.run.name for member in members)
     times = [member.time_s for member in members]
     outputs = [member.rise for member in members]
-    steps = [uniform_step(time) for time in times]
+    steps = [member.window.step_s for member in members]
     first = steps[0]
     shortest = min(len(time) for time in times)
     if first is not None and all(step is not None and abs(step - first) <= 1e-6 * first for step in steps):
@@ -68,8 +49,8 @@ def common(level: float, members: Sequence[Step]) -> Level:
     if len(members) == 1 or all(np.array_equal(time[:shortest], times[0][:shortest]) for time in times):
         return Level(level, read_only(times[0][:shortest]), _stacked(outputs, shortest), names, False)
     dt = min(
-        step if step is not None else float(np.median(sample_steps(time)))
-        for step, time in zip(steps, times, strict=True)
+        step if step is not None else clock_of(member.time_s).usual_s
+        for step, member in zip(steps, members, strict=True)
     )
     end = min(float(time[-1]) for time in times)
     grid = _grid(int(np.floor(end / dt * (1 + 1e-12))) + 1, dt)

@@ -10,8 +10,9 @@ from eaid.apparatus import Apparatus
 from eaid.arrays import read_only
 from eaid.errors import DataError, UsageError
 from eaid.logs.run import Kind, Run
-from eaid.logs.spool import mean, release, sample_steps
+from eaid.logs.spool import mean, release
 from eaid.steps.average import common
+from eaid.steps.clock import Clocks
 from eaid.steps.cut import FEWEST, cut, has_input
 from eaid.steps.doubts import Step, disagreement, doubts, left_pct, lost_pct
 from eaid.steps.stepset import Level, RunRecord, StepSet
@@ -161,7 +162,7 @@ def _record(step: Step, warnings: tuple[str, ...]) -> RunRecord:
         baseline_nm=run.baseline or 0.0,
         step_s=run.step_s or 0.0,
         samples=len(step.time_s),
-        rate_hz=1.0 / float(np.median(sample_steps(run.time_s))),
+        rate_hz=1.0 / step.clock.usual_s,
         edge=run.edge,
         warnings=warnings,
         lost_pct=lost_pct(step) if run.edge == "rising" else None,
@@ -202,6 +203,7 @@ def stepset_of(cut_steps: Sequence[Run], options: StepOptions = NOTHING_SAID) ->
     groups: dict[str, list[tuple[float, list[Run]]]] = {"rising": [], "falling": []}
     warnings: dict[str, list[str]] = {}
     signs = _signs(cut_steps)
+    clocks = Clocks()
     records: list[RunRecord] = []
     for run in sorted(cut_steps, key=lambda r: (abs(r.level or 0.0), r.repeat or 0, r.name)):
         notes = list(run.notes)
@@ -209,7 +211,7 @@ def stepset_of(cut_steps: Sequence[Run], options: StepOptions = NOTHING_SAID) ->
             notes.append("the input is negative: its size is taken")
         if signs[(run.level or 0.0) < 0] < 0:
             notes.append("the output falls at the step: recorded inverted, its sign is turned")
-        step = Step(run, signs[(run.level or 0.0) < 0])
+        step = Step(run, signs[(run.level or 0.0) < 0], clocks)
         warnings[run.name] = [*notes, *doubts(step)]
         records.append(_record(step, ()))
         release(run.time_s, run.input, run.output)
@@ -232,7 +234,7 @@ def stepset_of(cut_steps: Sequence[Run], options: StepOptions = NOTHING_SAID) ->
     sets: list[str] = []
     if input_unit == "%" and groups["rising"] and groups["rising"][-1][0] <= 1:
         sets.append("no level is above 1 %: if the duty is a fraction of 1, say --units input=fraction")
-    rising = [_level(members, signs, warnings) for _, members in groups["rising"]]
+    rising = [_level(members, signs, clocks, warnings) for _, members in groups["rising"]]
     if not rising:
         held = {f"{run.from_level:.3g} to {run.level or 0:.3g}" for run in cut_steps if run.edge == "rising"}
         goes = f" (the input goes from {', '.join(sorted(held)[:3])} {input_unit})" if held else ""
@@ -244,7 +246,7 @@ def stepset_of(cut_steps: Sequence[Run], options: StepOptions = NOTHING_SAID) ->
         few = min(counts)
         at = ", ".join(f"{level.level:g}" for level in rising if len(level.names) == few)
         sets.append(f"repeats differ in number: {at} {input_unit} only {few}, others up to {max(counts)}")
-    releases = [_level(members, signs, None) for _, members in groups["falling"]]
+    releases = [_level(members, signs, clocks, None) for _, members in groups["falling"]]
     records = [replace(record, warnings=tuple(warnings[record.name])) for record in records]
     records.sort(key=lambda r: (r.level, r.repeat, r.edge != "rising", r.name))
     made = sorted({run.synthetic for run in cut_steps if run.synthetic})
@@ -261,11 +263,11 @@ def stepset_of(cut_steps: Sequence[Run], options: StepOptions = NOTHING_SAID) ->
     )
 
 
-def _level(runs: list[Run], signs: dict[bool, float], warnings: dict[str, list[str]] | None) -> Level:
+def _level(runs: list[Run], signs: dict[bool, float], clocks: Clocks, warnings: dict[str, list[str]] | None) -> Level:
     """The repeats of one level, averaged on their common window; what disagrees is told in each of them."""
     inputs = [abs(run.level or 0.0) for run in runs]
     level = inputs[0] if len(set(inputs)) == 1 else float(np.mean(inputs))
-    averaged = common(level, [Step(run, signs[(run.level or 0.0) < 0]) for run in runs])
+    averaged = common(level, [Step(run, signs[(run.level or 0.0) < 0], clocks) for run in runs])
     for run in runs:
         release(run.time_s, run.output)
     if warnings is not None and len(runs) > 1:

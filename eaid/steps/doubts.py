@@ -5,7 +5,7 @@ Levels of torque are compared by means of blocks, so that noise and rotor ripple
 
 import itertools
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cache, cached_property
 from typing import NamedTuple
 
@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 
 from eaid.arrays import Array
 from eaid.logs.run import Run
-from eaid.logs.spool import LONG, less, mean, pieces, sample_steps
+from eaid.logs.spool import LONG, less, mean
+from eaid.steps.clock import Clock, Clocks, Window
 
 BLOCKS = 20
 """A window is judged by the means of this many equal parts."""
@@ -27,6 +28,8 @@ class Step:
     run: Run
     sign: float = 1.0
     """Sign that makes the set's torque positive."""
+    clocks: Clocks = field(default_factory=Clocks)
+    """Clocks of the set, where runs share a time axis."""
 
     @cached_property
     def start(self) -> int:
@@ -35,9 +38,19 @@ class Step:
         return int(np.searchsorted(self.run.time_s, step - 1e-9 * max(1.0, abs(step))))
 
     @cached_property
+    def clock(self) -> Clock:
+        """The clock of the whole run."""
+        return self.clocks.clock(self.run.time_s)
+
+    @cached_property
+    def window(self) -> Window:
+        """The time axis of the active window."""
+        return self.clocks.window(self.run.time_s, self.start)
+
+    @property
     def time_s(self) -> Array:
         """Time in the active window [s], from 0 at the step."""
-        return less(self.run.time_s[self.start :], float(self.run.time_s[self.start]))
+        return self.window.time_s
 
     @cached_property
     def rise(self) -> Array:
@@ -97,32 +110,21 @@ def _scatter(values: Array) -> float:
     return float(1.4826 * np.median(np.abs(bends)) / np.sqrt(6) / 2)
 
 
-def _longest_gap(time_s: Array) -> tuple[float, int]:
-    """Longest sample time [s], and the sample it follows."""
-    longest, at = 0.0, 0
-    for place, (piece,) in pieces(time_s, overlap=1):
-        gaps = np.diff(piece)
-        if len(gaps) and gaps.max() > longest:
-            longest, at = float(gaps.max()), place.start + int(gaps.argmax())
-    return longest, at
-
-
 def _jitter(step: Step) -> str:
-    gaps = sample_steps(step.run.time_s)
-    typical = float(np.median(gaps))
-    longest, at = _longest_gap(step.run.time_s)
-    if longest > 5 * typical:
-        where = float(step.run.time_s[at])
-        return f"gap of {longest:.4g} s in the record at {where:.6g} s (usual sample time {typical:.4g} s)"
-    low, high = np.quantile(gaps, (0.01, 0.99))
-    if high - low > 0.2 * typical:
-        return f"jitter: the sample time runs from {low:.4g} to {high:.4g} s"
+    clock = step.clock
+    if clock.longest_s > 5 * clock.usual_s:
+        where = float(step.run.time_s[clock.longest_at])
+        return (
+            f"gap of {clock.longest_s:.4g} s in the record at {where:.6g} s (usual sample time {clock.usual_s:.4g} s)"
+        )
+    if clock.spread_s is not None:
+        return f"jitter: the sample time runs from {clock.spread_s[0]:.4g} to {clock.spread_s[1]:.4g} s"
     return ""
 
 
 def _slow_clock(step: Step) -> str:
-    typical = float(np.median(sample_steps(step.run.time_s)))
-    return f"sample time is {typical:.4g} s; if the time is not in s, say --units time=ms" if typical >= 1.0 else ""
+    usual = step.clock.usual_s
+    return f"sample time is {usual:.4g} s; if the time is not in s, say --units time=ms" if usual >= 1.0 else ""
 
 
 def _drift(step: Step) -> str:
@@ -130,8 +132,9 @@ def _drift(step: Step) -> str:
         return ""
     means = block_means(step.idle)
     times = (np.arange(len(means)) + 0.5) / len(means)
-    slope = float(np.polyfit(times, means, 1)[0])
-    rest = means - means.mean() - slope * (times - 0.5)
+    rest = means - means.mean()
+    slope = float(rest @ (times - 0.5) / ((times - 0.5) ** 2).sum())
+    rest -= slope * (times - 0.5)
     error = float(np.sqrt((rest**2).mean() / max(1, len(means) - 2) / times.var()))
     if abs(slope) > 0.02 * step.swing and abs(slope) > 5 * error:
         return f"drift before the step: {slope:+.3g} {step.unit} while idle ({abs(slope) / step.swing:.0%} of the step)"

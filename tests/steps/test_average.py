@@ -9,8 +9,8 @@ import pytest
 
 from eaid.arrays import read_only
 from eaid.logs.run import Run
-from eaid.steps.average import uniform_step
 from eaid.steps.build import build_stepset
+from eaid.steps.clock import uniform_step
 from eaid.steps.doubts import slow_constant
 
 sys.path.insert(0, str(Path(__file__).parent))

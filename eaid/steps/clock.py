@@ -1,0 +1,108 @@
+"""The clock of a run: its usual sample time, gaps, jitter. Repeats that share a time axis are judged once."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from eaid.arrays import Array
+from eaid.logs.spool import LONG, less, pieces, sample_steps
+
+SAME = 2e-3
+"""Share of the sample time within which sample instants count as equal: the rounding of written times."""
+JITTER = 0.2
+"""Spread of the sample time, as a share of the usual one, above which it is told."""
+
+
+@dataclass(frozen=True)
+class Clock:
+    """What is to be known of a time axis."""
+
+    usual_s: float
+    """Median sample time [s]."""
+    longest_s: float
+    """Longest sample time [s]."""
+    longest_at: int
+    """The sample that it follows."""
+    spread_s: tuple[float, float] | None
+    """Sample times that 1 % are below and 1 % above [s]; None where they are closer than `JITTER`."""
+
+
+def clock_of(time_s: Array) -> Clock:
+    """The clock of a strictly rising time axis, shape (n,), n ≥ 2."""
+    gaps = sample_steps(time_s)
+    usual = float(np.median(gaps))
+    longest, at = _longest_gap(time_s) if len(time_s) >= LONG else (float(gaps.max()), int(gaps.argmax()))
+    spread = None
+    if gaps.max() - gaps.min() > JITTER * usual:
+        low, high = np.quantile(gaps, (0.01, 0.99)).tolist()
+        spread = (low, high) if high - low > JITTER * usual else None
+    return Clock(usual, longest, at, spread)
+
+
+def _longest_gap(time_s: Array) -> tuple[float, int]:
+    longest, at = 0.0, 0
+    for place, (piece,) in pieces(time_s, overlap=1):
+        gaps = np.diff(piece)
+        if len(gaps) and gaps.max() > longest:
+            longest, at = float(gaps.max()), place.start + int(gaps.argmax())
+    return longest, at
+
+
+def uniform_step(time_s: Array) -> float | None:
+    """Sample time [s] of an axis that starts at 0 and is k·dt to `SAME`; None where it is not."""
+    count = len(time_s)
+    if count < 2:
+        return None
+    first = float(time_s[0])
+    dt = (float(time_s[-1]) - first) / (count - 1)
+    off = max(
+        float(np.abs(piece - first - np.arange(place.start, place.stop) * dt).max())
+        for place, (piece,) in pieces(time_s)
+    )
+    if not off <= SAME * dt:
+        return None
+    tidy = float(f"{dt:.6g}")
+    return tidy if abs(tidy - dt) * count <= SAME * dt else dt
+
+
+@dataclass(frozen=True, eq=False)
+class Window:
+    """The time axis from a step on."""
+
+    time_s: Array
+    """Time since the step [s], from 0."""
+    step_s: float | None
+    """Its sample time where it is uniform."""
+
+
+@dataclass(frozen=True, eq=False)
+class Clocks:
+    """Clocks and windows of time axes, found once for all runs that share one."""
+
+    _clocks: dict[tuple[int, ...], tuple[Array, Clock]] = field(default_factory=dict)
+    _windows: dict[tuple[int, ...], tuple[Array, Window]] = field(default_factory=dict)
+
+    def clock(self, time_s: Array) -> Clock:
+        """The clock of a whole axis."""
+        key = _place(time_s)
+        if key not in self._clocks:
+            self._clocks[key] = (time_s, clock_of(time_s))  # the array is kept: its place stays its own
+        return self._clocks[key][1]
+
+    def window(self, time_s: Array, start: int) -> Window:
+        """The axis from sample `start` on; of a long one anew each time, for it lies on disk."""
+        part = time_s[start:]
+        key = _place(part)
+        if key not in self._windows:
+            since = less(part, float(part[0]))
+            since.flags.writeable = False
+            window = Window(since, uniform_step(since))
+            if len(time_s) >= LONG:
+                return window
+            self._windows[key] = (part, window)
+        return self._windows[key][1]
+
+
+def _place(array: Array) -> tuple[int, ...]:
+    """Where an array lies in memory, its length, and how far apart its values are."""
+    return array.__array_interface__["data"][0], len(array), *array.strides
