@@ -22,6 +22,7 @@ from eaid.uncertainty.student import t_quantile
 
 SYMBOLS = {"Ts": "T_s", "tau1": "τ1", "tau2": "τ2", "C": "C"}
 UNITS = {"Ts": "N·m", "tau1": "s", "tau2": "s", "C": ""}
+TRENDS = {**SYMBOLS, "C_f": "C_f"}
 FAR_RECORDS = 10.0
 MERGED = "merged-exponential"
 
@@ -92,8 +93,8 @@ def _memory(ground: Ground, index: int) -> float:
     return float(max(1.0, np.max(ratio)))
 
 
-def level_words(ground: Ground, unit: str) -> list[str]:
-    """One sentence for every level that leaves a parameter open."""
+def level_words(ground: Ground, unit: str, output_unit: str = "N·m") -> list[str]:
+    """One sentence for every level that leaves a parameter open, and one for those that seem not to by chance."""
     names = tuple(SYMBOLS)[: ground.variance.shape[1]]
     words = _met_words(ground, unit)
     for i, one in enumerate(ground.evidence):
@@ -105,8 +106,8 @@ def level_words(ground: Ground, unit: str) -> list[str]:
             if name in one.held:
                 words.append(f"{place} {SYMBOLS[name]} is not estimable: a constraint holds it")
             elif not ground.known[i, k] and name != "C":
-                words.append(f"{place} {_range_words(ground, i, k, name)}")
-    return words
+                words.append(f"{place} {_range_words(ground, i, k, name, output_unit)}")
+    return words + _chance_words(ground, unit)
 
 
 def _met(one: LevelEvidence) -> bool:
@@ -126,26 +127,42 @@ def _met_words(ground: Ground, unit: str) -> list[str]:
     ]
 
 
-def _range_words(ground: Ground, i: int, k: int, name: str) -> str:
+def _chance_words(ground: Ground, unit: str) -> list[str]:
+    """Levels whose τ2 seems known where most levels leave it open: those are the ones where it came out short."""
+    known = ground.known[:, 2]
+    if not known.any() or 2 * known.sum() >= len(known):
+        return []
+    levels = listed(ground.duty_pct[known].tolist())
+    return [
+        f"at {levels} {unit}".rstrip()
+        + " τ2 came out shorter than the record, at most levels it did not: chance or ripple may do that; "
+        "do not quote it"
+    ]
+
+
+def _range_words(ground: Ground, i: int, k: int, name: str, output_unit: str) -> str:
     low, high = parameter_range(ground, i, k)
     record = ground.evidence[i].evidence.duration_s
-    curve = f"the curve itself is known to {torque_half_width(ground, i):.1g} within the record of {record:.3g} s"
+    known = f"{torque_half_width(ground, i):.1g} {output_unit}".rstrip()
+    curve = f"the curve itself is known to {known} within the record of {record:.3g} s"
+    said = output_unit if name == "Ts" else UNITS[name]
     if not np.isfinite(high) or high > 1000 * record:
-        start = f"is {low:.2g} {UNITS[name]} or anything above" if low > 0 else "may be anything"
+        start = f"is {low:.2g} {said} or anything above" if low > 0 else "may be anything"
     else:
-        start = f"is anywhere between {low:.2g} and {high:.2g} {UNITS[name]}"
+        start = f"is anywhere between {low:.2g} and {high:.2g} {said}"
     return f"{SYMBOLS[name]} {start}; {curve}"
 
 
-def friction_verdict(fit: FrictionFit, ground: Ground, unit: str) -> Verdict:
+def friction_verdict(fit: FrictionFit, ground: Ground, unit: str, output_unit: str = "N·m") -> Verdict:
     """The levels' curves, a free C, and trends whose rates merged or whose coefficients only count together."""
-    words = level_words(ground, unit)
+    words = level_words(ground, unit, output_unit)
     if ground.variance.shape[1] == 4:
         words += _share_words(ground, unit)
     for name, trend in fit.trends.items():
         if trend.form == MERGED:
             words.append(
-                f"the two rates of {name}'s trend cannot be told apart: only their limit (p + q x) e^(r x) is known"
+                f"the two rates of {TRENDS[name]}'s trend cannot be told apart: only their limit (p + q x) e^(r x) "
+                "is known"
             )
         elif trend.form == "double-exponential":
             words += _combination(name, np.array(trend.coefficients), np.array(fit.x))
@@ -177,13 +194,13 @@ def _combination(name: str, c: Array, x: Array) -> list[str]:
     parts = [
         f"{label} by {100 * w:+.0f} %" for label, w in zip(("p", "r1", "q", "r2"), weights, strict=True) if abs(w) > 0.1
     ]
-    return [f"{name}'s trend hardly changes when {', '.join(parts)} change together: only the curve is known"]
+    return [f"{TRENDS[name]}'s trend hardly changes when {', '.join(parts)} change together: only the curve is known"]
 
 
-def nonlinear_verdict(fit: NonlinearFit, ground: Ground, unit: str) -> Verdict:
+def nonlinear_verdict(fit: NonlinearFit, ground: Ground, unit: str, output_unit: str = "N·m") -> Verdict:
     """Levels too few for the polynomials, parameters that most levels leave open, constraints that hold."""
     count = len(ground.levels)
-    reasons, words = [], level_words(ground, unit)
+    reasons, words = [], level_words(ground, unit, output_unit)
     if count == 1:
         reasons.append("one level only: nothing says how T_s, τ1 and τ2 change with the duty; record more levels")
     elif count < 4:
@@ -198,9 +215,12 @@ def nonlinear_verdict(fit: NonlinearFit, ground: Ground, unit: str) -> Verdict:
                 + _why_open(ground, open_at, name)
             )
     if fit.solver.at_bounds:
-        words.append(f"not estimable there: {_ranges(fit.solver.at_bounds)}")
+        words.append(f"a constraint holds {_ranges(fit.solver.at_bounds)}: not estimable there")
     if fit.share_free:
-        words.append("C is free: it trades against τ2 wherever the record is not several τ2 long")
+        words.append(
+            f"C is free ({fit.parameters.C:.3g}): it trades against τ2 wherever the record is not several τ2 long, and "
+            "T_s and τ2 are less sure for it; hold C unless the data ask for another"
+        )
     return Verdict(not reasons, tuple(reasons), tuple(words))
 
 

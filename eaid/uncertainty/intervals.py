@@ -116,7 +116,7 @@ def _intervals(stepset: StepSet, fit: Fit, options: IntervalOptions, advance: Ca
     found: dict[str, Any] = {"friction": None, "nonlinear": None, "linear": None}
     unit = stepset.input_unit
     if fit.friction is not None:
-        found["friction"] = _friction(fit, curves, options, unit)
+        found["friction"] = _friction(fit, curves, options, unit, stepset.output_unit)
     share = fit.nonlinear.parameters.C if fit.nonlinear is not None else None
     base = curves
     if free and share is not None:
@@ -176,12 +176,12 @@ def _with_draws(base: Ground, draws: Draws) -> Ground:
     return from_evidence(base.levels, evidence)
 
 
-def _friction(fit: Fit, curves: Ground, options: IntervalOptions, unit: str) -> dict[str, Any]:
+def _friction(fit: Fit, curves: Ground, options: IntervalOptions, unit: str, output_unit: str) -> dict[str, Any]:
     assert fit.friction is not None
     rows = friction_part.level_rows(curves, white=options.ci == "white")
     if options.ci == "profile":
         rows = [[_profiled(curves, i, k, p) for k, p in enumerate(own)] for i, own in enumerate(rows)]
-    verdict = friction_verdict(fit.friction, curves, unit).as_json()
+    verdict = friction_verdict(fit.friction, curves, unit, output_unit).as_json()
     if options.ci == "none":
         return {"levels": [{}] * len(rows), "trends": {}, **verdict}
     repeats = curves.source == "repeats" and options.ci != "white"
@@ -236,7 +236,8 @@ def _nonlinear(
         says["weights"] |= {"believe": "neither", "because": says["because"]}
     if says["weights"]["believe"] == "sd" and says["believe"] == "two-stage":
         says["weights"]["because"] += "; the two-stage estimate needs no such weights and is better than either"
-    result: dict[str, Any] = {**nonlinear_verdict(shown, base, stepset.input_unit).as_json(), "agreement": says}
+    verdict = nonlinear_verdict(shown, base, stepset.input_unit, unit).as_json()
+    result: dict[str, Any] = {**verdict, "agreement": says}
     if options.ci != "none":
         result |= nonlinear_part.joint_json(found, base.levels, options.ci)
         if other is not None:
@@ -328,6 +329,8 @@ def _warnings(found: dict[str, Any], words: list[str], judged: Adequacy | None) 
     shown = found["friction"] or found["nonlinear"]
     if shown is not None:
         said += shown["open"]
+    if found["friction"] is not None and found["nonlinear"] is not None:
+        said += [text for text in found["nonlinear"]["open"] if not text.startswith("at ")]
     part = found["nonlinear"]
     if part is not None and part["agreement"]["disagreements"]:
         says = part["agreement"]

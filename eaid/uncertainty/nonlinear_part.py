@@ -19,7 +19,7 @@ from eaid.fitting.warnings import nonlinear_warnings
 from eaid.models import nonlinear
 from eaid.steps.stepset import Level
 from eaid.uncertainty.curve import Curve
-from eaid.uncertainty.ground import Ground, curve_degrees, curves
+from eaid.uncertainty.ground import TERMS, Ground, curve_degrees, curves
 from eaid.uncertainty.joint import (
     BLOCKS,
     Coefficients,
@@ -27,6 +27,7 @@ from eaid.uncertainty.joint import (
     with_covariance,
     with_joint_covariance,
 )
+from eaid.uncertainty.scatter import Mask
 from eaid.uncertainty.student import Degrees, middle, t_quantile
 from eaid.uncertainty.twostage import two_stage
 from eaid.uncertainty.weightings import SYMBOLS
@@ -271,7 +272,7 @@ def agreement(found: Estimates, ground: Ground, output_unit: str) -> dict[str, A
     beyond = [one for one in beyond if one["levels"]]
     if not beyond:
         return {"disagreements": [], "believe": "either", "because": "the two estimates agree within their intervals"}
-    weak = [name for name, k in ROW.items() if ground.known[:, k].sum() <= len(found.curves[name].coefficients)]
+    weak = [name for name, k in ROW.items() if _weak(ground.known[:, k], TERMS[name])]
     if weak:
         because = (
             f"too few levels determine {' and '.join(SYMBOLS[name] for name in weak)} on their own for a curve through "
@@ -285,6 +286,11 @@ def agreement(found: Estimates, ground: Ground, output_unit: str) -> dict[str, A
         "the two-stage fit takes each level's own"
     )
     return {"disagreements": beyond, "believe": "two-stage", "because": because}
+
+
+def _weak(known: Mask, terms: int) -> bool:
+    """Whether too few levels determine a parameter for the curve through them: most, and as many as it has terms."""
+    return bool(known.sum() < min(terms, len(known)) or 2 * known.sum() < len(known))
 
 
 def _apart(
@@ -301,6 +307,8 @@ def _apart(
         return {"parameter": name, "levels": []}
     i = int(out[np.nan_to_num(ratio[out], nan=np.inf).argmax()])
     low, high = (float(other[i] * np.exp(sign * reach[i])) for sign in (-1, 1))
+    said = unit if name == "Ts" else "s"
+    ends = f"{said} (a constraint holds it)" if name in both.held else f"[{low:.3g}, {high:.3g}] {said}"
     own = f", the level's own fit {np.exp(ground.log_theta[i, ROW[name]]):.3g}" if ground.known[i, ROW[name]] else ""
     return {
         "parameter": name,
@@ -309,8 +317,5 @@ def _apart(
         "joint": float(one[i]),
         "two_stage": float(other[i]),
         "ci95": [low, high],
-        "words": (
-            f"{SYMBOLS[name]} at {duty[i]:g}: joint {one[i]:.3g}, two-stage {other[i]:.3g} "
-            f"[{low:.3g}, {high:.3g}] {unit if name == 'Ts' else 's'}{own}"
-        ),
+        "words": (f"{SYMBOLS[name]} at {duty[i]:g}: joint {one[i]:.3g}, two-stage {other[i]:.3g} {ends}{own}"),
     }
