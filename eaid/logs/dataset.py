@@ -24,7 +24,7 @@ from eaid.logs.extras import damage_told
 from eaid.logs.hdf import check_safe, open_hdf5
 from eaid.logs.run import INPUT_UNITS, Kind, Run
 from eaid.logs.spool import LONG, pieces, release, room
-from eaid.logs.walk import Item, Unpacked, item_at, unpacked, walk
+from eaid.logs.walk import Item, Unpacked, is_as_written, item_at, root_of, unpacked, walk
 
 SCHEMA = "eaid/data/1"
 COLUMNS = ("time_s", "input", "torque_nm")
@@ -32,13 +32,11 @@ COLUMNS = ("time_s", "input", "torque_nm")
 
 def is_dataset(path: Path) -> bool:
     """True for an HDF5 file that says it is a dataset of eaid, of any version."""
-    import h5py
-
     try:
-        with h5py.File(path, "r", locking=False) as file:
-            return str(file.attrs.get("schema", "")).startswith("eaid/data/")
-    except (OSError, ValueError, RuntimeError, KeyError):
-        return False
+        with open_hdf5(path, str(path)) as file:
+            return _text(root_of(file).fact("schema")).startswith("eaid/data/")
+    except DataError:
+        return False  # whoever reads it says what is wrong
 
 
 def write_dataset(
@@ -133,7 +131,7 @@ def read_dataset(path: Path, source: str, sha256: str) -> tuple[list[Run], list[
         faults: list[str] = []
         for name in folder:
             try:
-                runs.append(_read_run(partial(found, name), name, sha256, known, shared))
+                runs.append(_read_run(partial(found, name), name, sha256, known, "digest" in root, shared))
             except DataError as fault:
                 faults.extend(fault.sentences)
         return runs, faults
@@ -163,10 +161,12 @@ def _apparatus(attributes: Any, source: str) -> Apparatus | None:
         raise DataError(f"{source}: its apparatus holds what is no number; ingest the logs again") from None
 
 
-def _column(item: Item, known: Unpacked) -> Array:
-    """A column of a run, kept on disk where it is long."""
+def _column(item: Item, known: Unpacked, sealed: bool) -> Array:
+    """A column of a run, kept on disk where it is long; one that eaid sealed by a digest has to be as eaid packs it."""
     import h5py
 
+    if sealed and not is_as_written(item.node):
+        raise ValueError("a part of it is missing")
     if len(item.shape or ()) == 1 and item.shape and item.shape[0] >= LONG:
         stored = h5py.Dataset(item.node)
         values = room(item.shape[0])
@@ -179,7 +179,7 @@ def _column(item: Item, known: Unpacked) -> Array:
 
 
 def _read_run(
-    found: Callable[[str], Item | None], name: str, sha256: str, known: Unpacked, shared: dict[str, Any]
+    found: Callable[[str], Item | None], name: str, sha256: str, known: Unpacked, sealed: bool, shared: dict[str, Any]
 ) -> Run:
     source = shared["dataset"]
     group = found("")
@@ -191,7 +191,7 @@ def _read_run(
     columns = {}
     try:
         for column, item in stored.items():
-            columns[column] = _column(item, known)
+            columns[column] = _column(item, known, sealed)
     except (OSError, RuntimeError, ValueError, TypeError):
         raise DataError(f"{source}: run {name} is damaged and cannot be read; ingest the logs again") from None
     shapes = {values.shape for values in columns.values()}

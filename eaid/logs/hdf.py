@@ -22,8 +22,8 @@ from eaid.logs.walk import Item, walk
 
 MOST_VALUES = 1 << 31
 """Values in one array; a day at 1 kHz is 8.6e7."""
-MOST_RATIO = 2000
-"""An array that claims more than this many times the size of its file is a bomb (a constant column gzips to 1/1000)."""
+MOST_RATIO = 1100
+"""An array that claims more than this many times its bytes in the file is a bomb (deflate gets 1032 at most)."""
 
 
 def is_hdf5(head: bytes) -> bool:
@@ -60,8 +60,10 @@ def check_safe(items: Sequence[Item], source: str, size: int) -> None:
             if plan.get_layout() == h5d.VIRTUAL or plan.get_external_count():
                 faults.append(f"{source}: {item.name} keeps its data in another file; copy the data into this one")
             elif item.shape is not None:
-                claimed = math.prod(item.shape)
-                if claimed > MOST_VALUES or claimed * node.get_type().get_size() > max(MOST_RATIO * size, 1 << 24):
+                claimed, width, stored = math.prod(item.shape), node.get_type().get_size(), node.get_storage_size()
+                chunk = math.prod(plan.get_chunk()) if plan.get_layout() == h5d.CHUNKED else 1
+                most = max((MOST_RATIO if plan.get_nfilters() else 1) * min(stored, size), 1 << 24)
+                if claimed > MOST_VALUES or max(claimed, chunk) * width > most:
                     faults.append(
                         f"{source}: {item.name} claims {claimed:.3g} values in a file of {size:,} bytes; no log does"
                     )
@@ -103,7 +105,9 @@ def read_hdf5(path: Path, source: str) -> list[Sheet]:
     opaque = False
     with open_hdf5(path, source) as file, damage_told(source, "HDF5"):
         matlab = _is_matlab(path)
-        check_safe(walk(file), source, path.stat().st_size)
+        items = walk(file)
+        check_safe(items, source, path.stat().st_size)
+        below = {item.name: item for item in items}
 
         def look(name: str, item: Any) -> None:
             nonlocal opaque
@@ -112,8 +116,8 @@ def read_hdf5(path: Path, source: str) -> list[Sheet]:
                 return
             if not isinstance(item, h5py.Dataset) or item.shape is None:
                 return
-            if matlab and _class_of(item) not in _NUMBERS:
-                opaque = opaque or _class_of(item) not in (b"char", b"cell", b"struct")
+            if matlab and (kind := _text(below[name].fact("MATLAB_class"))) not in _NUMBERS:
+                opaque = opaque or kind not in ("char", "cell", "struct")
                 return
             if item.dtype.names and item.ndim == 1:
                 fields = [field for field in item.dtype.names if item.dtype[field].kind in "fiu"]
@@ -125,7 +129,7 @@ def read_hdf5(path: Path, source: str) -> list[Sheet]:
                     parent, _, leaf = name.rpartition("/")
                     groups.setdefault(parent, {}).setdefault(shape[0], []).append((leaf, name))
                 elif len(item.shape) == 2 and max(item.shape) >= FEWEST:
-                    sheets.append(_matrix(path, source, name, item))
+                    sheets.append(_matrix(path, source, name, item, below[name].fact("columns")))
 
         file.visititems(look)
     for parent, lengths in groups.items():
@@ -145,18 +149,18 @@ def _is_matlab(path: Path) -> bool:
         return file.read(6) == b"MATLAB"
 
 
-_NUMBERS = {b"", b"double", b"single", b"logical", *(f"{u}int{n}".encode() for u in ("", "u") for n in (8, 16, 32, 64))}
+_NUMBERS = {"", "double", "single", "logical", *(f"{u}int{n}" for u in ("", "u") for n in (8, 16, 32, 64))}
+"""Classes of MATLAB that are numbers; a file of another program says none."""
 
 
-def _class_of(item: Any) -> bytes:
-    return bytes(item.attrs.get("MATLAB_class", b""))
+def _text(value: Any) -> str:
+    return value.decode("latin-1") if isinstance(value, bytes) else str(value or "")
 
 
-def _matrix(path: Path, source: str, name: str, item: Any) -> Sheet:
-    """A matrix, samples along its longer side, its columns named by an attribute `columns` or by their place."""
+def _matrix(path: Path, source: str, name: str, item: Any, said: Any) -> Sheet:
+    """A matrix, samples along its longer side, its columns named by its attribute `columns` or by their place."""
     across, count = item.shape[0] < item.shape[1], min(item.shape)
-    said = item.attrs.get("columns")
-    if said is not None and len(said) == count:
+    if isinstance(said, np.ndarray) and said.shape == (count,):
         labels = tuple(str(label) for label in said)
     else:
         labels = labels_of_matrix(np.asarray(item[0, :] if across else item[:, 0]), count)

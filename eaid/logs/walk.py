@@ -4,6 +4,7 @@ h5py's own objects cost 30 to 60 µs each and as much again for every attribute;
 500 attributes, and safety, digest and runs all ask for them. Here they are read once, by h5py's low-level calls.
 """
 
+import math
 import zlib
 from functools import cached_property
 from typing import Any
@@ -25,6 +26,13 @@ class Item:
         """Shape of an array (None for one without any, and for anything else), and whether it is one."""
         self._attributes = attributes
 
+    def fact(self, key: str) -> Any:
+        """One attribute, as h5py gives it; None where there is none."""
+        from h5py import h5a
+
+        name = key.encode()
+        return self._attributes.one(self.node, self.name, name) if h5a.exists(self.node, name) else None
+
     @cached_property
     def facts(self) -> dict[str, Any]:
         """Its attributes, as h5py gives them."""
@@ -40,6 +48,11 @@ def walk(file: Any) -> list[Item]:
     attributes = _Attributes(file)
     below = [Item(place.decode("utf-8", "surrogateescape"), h5o.open(file.id, place), attributes) for place in places]
     return [Item("", file.id, attributes), *below]
+
+
+def root_of(file: Any) -> Item:
+    """The root alone."""
+    return Item("", file.id, _Attributes(file))
 
 
 def item_at(file: Any, name: str) -> Item:
@@ -64,6 +77,7 @@ class _Attributes:
         from h5py import h5t
 
         self._file = file
+        self._most = file.id.get_filesize()
         self._text = np.empty((), dtype=h5py.string_dtype())
         self._text_type = h5t.py_create(self._text.dtype)
         self._numbers = [(h5t.IEEE_F64LE, np.empty((), "<f8")), (h5t.STD_I64LE, np.empty((), "<i8"))]
@@ -74,14 +88,17 @@ class _Attributes:
 
         keys: list[bytes] = []
         h5a.iterate(node, keys.append)
-        return {key.decode("utf-8", "surrogateescape"): self._value(node, name, key) for key in keys}
+        return {key.decode("utf-8", "surrogateescape"): self.one(node, name, key) for key in keys}
 
-    def _value(self, node: Any, name: str, key: bytes) -> Any:
+    def one(self, node: Any, name: str, key: bytes) -> Any:
+        """One attribute; raises ValueError where it claims more bytes than the file has."""
         from h5py import h5a, h5s, h5t
 
         one = h5a.open(node, key)
-        if one.get_space().get_simple_extent_type() == h5s.SCALAR:
-            kind = one.get_type()
+        space, kind = one.get_space(), one.get_type()
+        if space.get_simple_extent_npoints() * kind.get_size() > self._most:  # attributes are never packed
+            raise ValueError(f"the attribute {key.decode(errors='replace')} claims more bytes than the file has")
+        if space.get_simple_extent_type() == h5s.SCALAR:
             if isinstance(kind, h5t.TypeStringID) and kind.is_variable_str():
                 one.read(self._text, mtype=self._text_type)
                 text = self._text[()]
@@ -91,6 +108,20 @@ class _Attributes:
                     one.read(room, mtype=same)
                     return room[()]
         return self._file[name or "/"].attrs[key]
+
+
+def is_as_written(node: Any) -> bool:
+    """True where every chunk of an array is there and went through its filters, and its numbers are those of eaid."""
+    from h5py import h5d, h5t
+
+    plan, kind = node.get_create_plist(), node.get_type()
+    wanted = {h5t.FLOAT: h5t.IEEE_F64LE, h5t.INTEGER: h5t.STD_I64LE}.get(kind.get_class())
+    if wanted is not None and not kind.equal(wanted):
+        return False
+    if plan.get_layout() != h5d.CHUNKED:
+        return bool(node.get_space().get_simple_extent_npoints() * kind.get_size() == node.get_storage_size())
+    chunks = math.prod(-(-n // long) for n, long in zip(node.shape, plan.get_chunk(), strict=True))
+    return node.get_num_chunks() == chunks and not any(node.get_chunk_info(i).filter_mask for i in range(chunks))
 
 
 Unpacked = dict[tuple[int, bytes], Array]

@@ -21,7 +21,7 @@ from eaid.errors import DataError
 from eaid.files import hdf5_written_whole
 from eaid.logs.digest import check_digest, digest_of
 from eaid.logs.hdf import check_safe, open_hdf5
-from eaid.logs.walk import walk
+from eaid.logs.walk import is_as_written, walk
 
 SCHEMA = "eaid/replay/1"
 
@@ -63,11 +63,13 @@ def read_replay(path: Path) -> tuple[dict[str, Record], dict[str, Any]]:
     if not h5py.is_hdf5(path):
         raise DataError(f"{path}: is no HDF5 file; give the replay.h5 that eaid simulate wrote")
     with open_hdf5(path, str(path)) as file:
-        if file.attrs.get("schema") != SCHEMA:
-            raise DataError(f"{path}: is no {SCHEMA} file; make it again with eaid simulate")
         items = walk(file)
+        if items[0].fact("schema") != SCHEMA:
+            raise DataError(f"{path}: is no {SCHEMA} file; make it again with eaid simulate")
         check_safe(items, str(path), path.stat().st_size)
         check_digest(items, str(path), "make it again with eaid simulate")
+        if "digest" in items[0].facts and not all(is_as_written(item.node) for item in items if item.is_array):
+            raise DataError(f"{path}: is damaged (a part of an array is missing); make it again with eaid simulate")
         records = {}
         for name, group in file.items():
             if not isinstance(group, h5py.Group) or "time_s" not in group:

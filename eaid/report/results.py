@@ -15,6 +15,7 @@ from eaid.logs.hdf import open_hdf5
 from eaid.logs.options import ReadOptions
 from eaid.logs.read import read_runs
 from eaid.logs.run import Run
+from eaid.logs.walk import root_of
 from eaid.replay import files as replay_files
 from eaid.replay.controllers import CONTROLLERS
 from eaid.steps.build import StepOptions, build_stepset
@@ -155,7 +156,8 @@ def kind_of(path: Path) -> str:
         raise DataError(f"{path}: no such file; give a fit.json, gains.json, replay.h5 or data.h5 that eaid wrote")
     if h5py.is_hdf5(path):
         with open_hdf5(path, str(path)) as file:
-            schema = str(file.attrs.get("schema", "eaid/data/1" if "runs" in file else ""))
+            said = root_of(file).fact("schema")
+            schema = str(said if said is not None else "eaid/data/1" if "runs" in file else "")
     else:
         try:
             content = json.loads(path.read_text(encoding="utf-8"))
