@@ -130,7 +130,8 @@ def _met_words(ground: Ground, unit: str) -> list[str]:
 def _chance_words(ground: Ground, unit: str) -> list[str]:
     """Levels whose τ2 seems known where most levels leave it open: those are the ones where it came out short."""
     known = ground.known[:, 2]
-    if not known.any() or 2 * known.sum() >= len(known):
+    outlasts = ~known & ~np.array([_met(one) for one in ground.evidence])
+    if not known.any() or 2 * outlasts.sum() <= len(known):
         return []
     levels = listed(ground.duty_pct[known].tolist())
     return [

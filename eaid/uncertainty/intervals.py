@@ -321,7 +321,7 @@ def _summary(
 
 def _warnings(found: dict[str, Any], words: list[str], judged: Adequacy | None) -> tuple[str, ...]:
     """What a user has to be told, in one line each."""
-    said = list(words)
+    said = [*words, *(judged.warnings if judged is not None else ())]
     for name in ("friction", "nonlinear", "linear"):
         part = found[name]
         if part is not None:
@@ -339,8 +339,6 @@ def _warnings(found: dict[str, Any], words: list[str], judged: Adequacy | None) 
     for name in ("nonlinear", "linear"):
         if found[name] is not None:
             said += _weights_words(name, found[name]["agreement"]["weights"])
-    if judged is not None:
-        said += judged.warnings
     return tuple(said)
 
 
@@ -349,6 +347,8 @@ def _weights_words(name: str, says: dict[str, Any]) -> list[str]:
     if not says["disagreements"]:
         return []
     apart = "; ".join(one["words"] for one in says["disagreements"])
+    if says["believe"] == "neither":
+        return [f"{name} model, {apart}: believe neither, for the reason just given"]
     return [f"{name} model, {apart}: of the two believe {BELIEVE[says['believe']]}: {says['because']}"]
 
 
