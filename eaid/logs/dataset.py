@@ -24,7 +24,7 @@ from eaid.logs.extras import damage_told
 from eaid.logs.hdf import check_safe, open_hdf5
 from eaid.logs.run import INPUT_UNITS, Kind, Run
 from eaid.logs.spool import LONG, pieces, release, room
-from eaid.logs.walk import Item, Unpacked, is_as_written, item_at, root_of, unpacked, walk
+from eaid.logs.walk import Item, Unpacked, item_at, root_of, unpacked, walk
 
 SCHEMA = "eaid/data/1"
 COLUMNS = ("time_s", "input", "torque_nm")
@@ -131,7 +131,7 @@ def read_dataset(path: Path, source: str, sha256: str) -> tuple[list[Run], list[
         faults: list[str] = []
         for name in folder:
             try:
-                runs.append(_read_run(partial(found, name), name, sha256, known, "digest" in root, shared))
+                runs.append(_read_run(partial(found, name), name, sha256, known, shared))
             except DataError as fault:
                 faults.extend(fault.sentences)
         return runs, faults
@@ -161,12 +161,10 @@ def _apparatus(attributes: Any, source: str) -> Apparatus | None:
         raise DataError(f"{source}: its apparatus holds what is no number; ingest the logs again") from None
 
 
-def _column(item: Item, known: Unpacked, sealed: bool) -> Array:
-    """A column of a run, kept on disk where it is long; one that eaid sealed by a digest has to be as eaid packs it."""
+def _column(item: Item, known: Unpacked) -> Array:
+    """A column of a run, kept on disk where it is long."""
     import h5py
 
-    if sealed and not is_as_written(item.node):
-        raise ValueError("a part of it is missing")
     if len(item.shape or ()) == 1 and item.shape and item.shape[0] >= LONG:
         stored = h5py.Dataset(item.node)
         values = room(item.shape[0])
@@ -179,7 +177,7 @@ def _column(item: Item, known: Unpacked, sealed: bool) -> Array:
 
 
 def _read_run(
-    found: Callable[[str], Item | None], name: str, sha256: str, known: Unpacked, sealed: bool, shared: dict[str, Any]
+    found: Callable[[str], Item | None], name: str, sha256: str, known: Unpacked, shared: dict[str, Any]
 ) -> Run:
     source = shared["dataset"]
     group = found("")
@@ -191,7 +189,7 @@ def _read_run(
     columns = {}
     try:
         for column, item in stored.items():
-            columns[column] = _column(item, known, sealed)
+            columns[column] = _column(item, known)
     except (OSError, RuntimeError, ValueError, TypeError):
         raise DataError(f"{source}: run {name} is damaged and cannot be read; ingest the logs again") from None
     shapes = {values.shape for values in columns.values()}

@@ -4,7 +4,6 @@ h5py's own objects cost 30 to 60 µs each and as much again for every attribute;
 500 attributes, and safety, digest and runs all ask for them. Here they are read once, by h5py's low-level calls.
 """
 
-import math
 import zlib
 from functools import cached_property
 from typing import Any
@@ -77,7 +76,6 @@ class _Attributes:
         from h5py import h5t
 
         self._file = file
-        self._most = file.id.get_filesize()
         self._text = np.empty((), dtype=h5py.string_dtype())
         self._text_type = h5t.py_create(self._text.dtype)
         self._numbers = [(h5t.IEEE_F64LE, np.empty((), "<f8")), (h5t.STD_I64LE, np.empty((), "<i8"))]
@@ -91,14 +89,12 @@ class _Attributes:
         return {key.decode("utf-8", "surrogateescape"): self.one(node, name, key) for key in keys}
 
     def one(self, node: Any, name: str, key: bytes) -> Any:
-        """One attribute; raises ValueError where it claims more bytes than the file has."""
+        """One attribute of an object."""
         from h5py import h5a, h5s, h5t
 
         one = h5a.open(node, key)
-        space, kind = one.get_space(), one.get_type()
-        if space.get_simple_extent_npoints() * kind.get_size() > self._most:  # attributes are never packed
-            raise ValueError(f"the attribute {key.decode(errors='replace')} claims more bytes than the file has")
-        if space.get_simple_extent_type() == h5s.SCALAR:
+        if one.get_space().get_simple_extent_type() == h5s.SCALAR:
+            kind = one.get_type()
             if isinstance(kind, h5t.TypeStringID) and kind.is_variable_str():
                 one.read(self._text, mtype=self._text_type)
                 text = self._text[()]
@@ -108,20 +104,6 @@ class _Attributes:
                     one.read(room, mtype=same)
                     return room[()]
         return self._file[name or "/"].attrs[key]
-
-
-def is_as_written(node: Any) -> bool:
-    """True where every chunk of an array is there and went through its filters, and its numbers are those of eaid."""
-    from h5py import h5d, h5t
-
-    plan, kind = node.get_create_plist(), node.get_type()
-    wanted = {h5t.FLOAT: h5t.IEEE_F64LE, h5t.INTEGER: h5t.STD_I64LE}.get(kind.get_class())
-    if wanted is not None and not kind.equal(wanted):
-        return False
-    if plan.get_layout() != h5d.CHUNKED:
-        return bool(node.get_space().get_simple_extent_npoints() * kind.get_size() == node.get_storage_size())
-    chunks = math.prod(-(-n // long) for n, long in zip(node.shape, plan.get_chunk(), strict=True))
-    return node.get_num_chunks() == chunks and not any(node.get_chunk_info(i).filter_mask for i in range(chunks))
 
 
 Unpacked = dict[tuple[int, bytes], Array]

@@ -3,12 +3,17 @@
 import io
 from pathlib import Path
 
+import h5py
 import numpy as np
 import pytest
 from scipy.io import savemat
 
+from eaid.apparatus import Apparatus
 from eaid.errors import DataError
+from eaid.logs.dataset import is_dataset, read_dataset, write_dataset
+from eaid.logs.hdf import read_hdf5
 from eaid.logs.mat import read_mat
+from eaid.logs.run import Run
 from eaid.logs.tdms import read_tdms
 
 
@@ -94,3 +99,81 @@ def test_a_tdms_channel_of_a_billion_scales(tmp_path: Path, said: dict[str, obje
         )
     with pytest.raises(DataError, match="scales for a channel"):
         read_tdms(path, "log")
+
+
+def sealed(path: Path) -> bytearray:
+    """A data.h5 of eaid."""
+    t = np.arange(40) / 200
+    run = Run(
+        name="a", time_s=t, input=np.full(40, 60.0), output=t, input_unit="%", output_unit="N·m", source="a.csv",
+        sha256="0" * 64, level=60.0, repeat=1, step_s=0.0, baseline=0.0,
+    )  # fmt: skip
+    write_dataset(path, [run], kind="clutch", apparatus=Apparatus())
+    return bytearray(path.read_bytes())
+
+
+@pytest.mark.parametrize("length", [1 << 30, 3 << 24, 65])
+def test_a_text_of_a_dataset_longer_than_its_heap_has_it(tmp_path: Path, length: int) -> None:
+    """The HDF5 library makes room for as many bytes as a text claims: 1 GB for a file of 16 kB."""
+    path = tmp_path / "data.h5"
+    data = sealed(path)
+    address = data.index(b"GCOL").to_bytes(8, "little")
+    places = [i for i in range(4, len(data)) if data[i : i + 8] == address and data[i - 4 : i] == b"\x40\0\0\0"]
+    assert places  # 64 bytes: a fingerprint
+    data[places[0] - 4 : places[0]] = length.to_bytes(4, "little")
+    path.write_bytes(data)
+    for read in (read_hdf5, lambda path, source: read_dataset(path, source, "")):
+        with pytest.raises(DataError, match="damaged HDF5 file .its heap of texts"):
+            read(path, "log")
+    assert not is_dataset(path)
+
+
+def test_no_byte_of_a_dataset_changes_unseen(tmp_path: Path) -> None:
+    """Its structure and its columns carry checksums, its attributes a digest: the same numbers come out, or none."""
+    path = tmp_path / "data.h5"
+    data = sealed(path)
+    (whole,), _ = read_dataset(path, "log", "")
+    refused = 0
+    for at in range(7, len(data), len(data) // 300):
+        changed = bytearray(data)
+        changed[at] ^= 1 << at % 8
+        path.write_bytes(changed)
+        try:
+            runs, faults = read_dataset(path, "log", "")
+        except DataError:
+            refused += 1
+            continue
+        refused += bool(faults)
+        for run in runs:
+            assert (run.name, run.level, run.step_s, run.sha256) == (
+                whole.name,
+                whole.level,
+                whole.step_s,
+                whole.sha256,
+            )
+            assert np.array_equal(run.output, whole.output)
+            assert np.array_equal(run.input, whole.input)
+            assert np.array_equal(run.time_s, whole.time_s)
+    assert refused > 20
+
+
+def test_a_chunk_larger_than_its_file(tmp_path: Path) -> None:
+    """A chunk is unpacked whole, however few of its values belong to the array."""
+    path = tmp_path / "log.h5"
+    with h5py.File(path, "w") as file:
+        file.create_dataset("time", (40,), "f8", chunks=(1 << 27,), maxshape=(None,))
+        file["torque"] = np.arange(40.0)
+    with pytest.raises(DataError, match="time claims"):
+        read_hdf5(path, "log")
+
+
+def test_a_class_of_matlab_that_is_a_number(tmp_path: Path) -> None:
+    """bytes(n) are n zeros: 8 GB of them."""
+    path = tmp_path / "log.mat"
+    with h5py.File(path, "w", userblock_size=512) as file:
+        file["time"], file["torque"] = np.arange(40.0), np.arange(40.0)
+        file["time"].attrs["MATLAB_class"] = np.int64(1 << 33)
+        file["torque"].attrs["MATLAB_class"] = np.int64(1 << 33)
+    path.write_bytes(b"MATLAB 7.3 MAT-file".ljust(512) + path.read_bytes()[512:])
+    with pytest.raises(DataError):
+        read_hdf5(path, "log")
