@@ -2,6 +2,7 @@
 
 import os
 import re
+import threading
 from collections import Counter
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -24,9 +25,11 @@ from eaid.logs.join import joined
 from eaid.logs.options import ReadOptions
 from eaid.logs.run import INPUT_UNITS, Kind, Run
 from eaid.logs.sheet import Sheet
-from eaid.logs.spool import extent, sample, times
+from eaid.logs.spool import LONG, extent, on_disk, sample, times
 
 NOTHING_SAID = ReadOptions()
+IN_MEMORY = 1 << 27
+"""Bytes of columns that the runs of a call hold in memory; those of further runs lie on disk."""
 
 
 def name_regex(pattern: str) -> re.Pattern[str]:
@@ -60,9 +63,12 @@ def read_what_can_be(
     pattern = name_regex(options.name_pattern) if options.name_pattern else None
     files = files_of(paths)
 
+    room = _Room(IN_MEMORY)
+
     def one(path: Path) -> tuple[list[Run], list[str]]:
         try:
-            return read_file(path, options, pattern)
+            found, wrong = read_file(path, options, pattern)
+            return [run if room.takes(run) else _on_disk(run) for run in found], wrong
         except DataError as fault:
             return [], list(fault.sentences)
         except OSError as fault:
@@ -87,6 +93,27 @@ def read_what_can_be(
         except DataError as fault:
             return [], list(fault.sentences)
     return _named_apart(runs), faults
+
+
+class _Room:
+    """How much memory is left for the columns of runs, whoever reads them."""
+
+    def __init__(self, left: int) -> None:
+        self._left, self._lock = left, threading.Lock()
+
+    def takes(self, run: Run) -> bool:
+        """Whether the columns of a run fit; those of a long one lie on disk anyway."""
+        with self._lock:
+            self._left -= 0 if len(run.time_s) >= LONG else 3 * run.time_s.nbytes
+            return self._left >= 0 or len(run.time_s) >= LONG
+
+
+def _on_disk(run: Run) -> Run:
+    """A run whose columns lie on disk, since the memory is full of others."""
+    columns = [run.time_s, run.input, run.output]
+    reference = [] if run.reference_nm is None else [run.reference_nm]
+    time, input_, output, *rest = on_disk(*columns, *reference)
+    return replace(run, time_s=time, input=input_, output=output, reference_nm=rest[0] if rest else None)
 
 
 def _named_apart(runs: list[Run]) -> list[Run]:

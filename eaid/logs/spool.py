@@ -54,6 +54,25 @@ class Spool:
         return array
 
 
+def on_disk(*arrays: Array) -> list[Array]:
+    """The same columns, read-only, mapped from one nameless file; what takes no memory stays as it is."""
+    with tempfile.TemporaryFile(prefix="eaid-") as file:
+        starts: list[int | None] = []
+        for array in arrays:
+            starts.append(None if 0 in array.strides or not array.size else file.tell())
+            if starts[-1] is not None:
+                file.write(np.ascontiguousarray(array, dtype=np.float64).data)
+        file.flush()
+        if not file.tell():
+            return list(arrays)
+        whole = np.asarray(np.memmap(file, dtype=np.float64, mode="r"))
+    kept = []
+    for array, start in zip(arrays, starts, strict=True):
+        kept.append(array if start is None else whole[start // 8 : start // 8 + len(array)])
+    release(whole)
+    return kept
+
+
 def release(*arrays: NDArray[Any]) -> None:
     """Let go of the memory behind mapped arrays; it is read from the disk again when it is needed."""
     for array in arrays:

@@ -4,17 +4,20 @@ Memory and time at full size (1 GB, a day at 1 kHz) are measured by `python -m b
 """
 
 import gzip
+import mmap
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from eaid.cli.inputs import runs_from
+from eaid.cli.main import run
 from eaid.errors import DataError
-from eaid.logs import longtext, spool, text
+from eaid.logs import longtext, read, spool, text
 from eaid.logs.dataset import write_dataset
 from eaid.logs.options import ReadOptions
 from eaid.logs.read import read_runs
+from eaid.logs.spool import on_disk
 from eaid.steps import average, doubts
 
 ROWS = 30_000
@@ -135,3 +138,33 @@ def test_a_cut_off_gzip_is_told(tmp_path: Path) -> None:
     log.write_bytes(log.read_bytes()[:-1000])
     with pytest.raises(DataError, match="is no whole gzip file"):
         read_runs([log])
+
+
+def test_many_runs_give_the_same_from_the_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where the memory is full of other runs, columns lie on disk: bit for bit the same dataset."""
+    logs = tmp_path / "logs"
+    assert run(["synth", "--levels", "20,50", "--repeats", "3", "--rate", "100", "-q", "-o", str(logs)]) == 0
+    assert run(["ingest", str(logs), "-q", "-o", str(tmp_path / "memory.h5")]) == 0
+    monkeypatch.setattr(read, "IN_MEMORY", 100_000)
+    runs = read_runs([logs])
+    mapped = [is_mapped(one.output) for one in runs]
+    assert 1 <= sum(mapped) < len(mapped)
+    assert all(
+        is_mapped(one.time_s) and not one.time_s.flags.writeable for one, on in zip(runs, mapped, strict=True) if on
+    )
+    assert run(["ingest", str(logs), "-q", "-o", str(tmp_path / "disk.h5")]) == 0
+    assert (tmp_path / "disk.h5").read_bytes() == (tmp_path / "memory.h5").read_bytes()
+
+
+def is_mapped(values: np.ndarray) -> bool:
+    while isinstance(values, np.ndarray) and values.base is not None:
+        values = values.base
+    return isinstance(values, mmap.mmap)
+
+
+def test_columns_that_take_no_memory_take_no_disk() -> None:
+    none = np.broadcast_to(np.float64(np.nan), 1000)
+    kept = on_disk(np.arange(1000.0), none, np.empty(0))
+    assert kept[1] is none and kept[2].size == 0
+    np.testing.assert_array_equal(kept[0], np.arange(1000.0))
+    assert on_disk(none)[0] is none
