@@ -69,7 +69,11 @@ def _shape(node: Any) -> tuple[tuple[int, ...] | None, bool]:
 
 
 class _Attributes:
-    """Reads attributes: a text, a double or a 64-bit integer at once, anything else by h5py."""
+    """Reads attributes: a text, a double or a 64-bit integer at once, other numbers and texts by h5py.
+
+    Of other types (sequences, compounds, references) eaid has no use, and the HDF5 library ends the process on some
+    that are damaged: they are None.
+    """
 
     def __init__(self, file: Any) -> None:
         import h5py
@@ -93,8 +97,10 @@ class _Attributes:
         from h5py import h5a, h5s, h5t
 
         one = h5a.open(node, key)
+        kind = one.get_type()
+        if kind.get_class() not in (h5t.FLOAT, h5t.INTEGER, h5t.ENUM, h5t.STRING):
+            return None
         if one.get_space().get_simple_extent_type() == h5s.SCALAR:
-            kind = one.get_type()
             if isinstance(kind, h5t.TypeStringID) and kind.is_variable_str():
                 one.read(self._text, mtype=self._text_type)
                 text = self._text[()]

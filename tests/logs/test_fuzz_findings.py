@@ -157,6 +157,21 @@ def test_no_byte_of_a_dataset_changes_unseen(tmp_path: Path) -> None:
     assert refused > 20
 
 
+def test_a_schema_that_is_no_text(tmp_path: Path) -> None:
+    """The HDF5 library ends the process on sequences where a changed byte says that a text is one."""
+    path = tmp_path / "log.h5"
+    with h5py.File(path, "w") as file:
+        file.attrs["schema"] = "eaid/data/1"
+        file["time"], file["torque"] = np.arange(40.0), np.arange(40.0)
+    data = bytearray(path.read_bytes())
+    at = data.index(b"schema\0\0") + 8
+    assert data[at : at + 2] == b"\x19\x01"  # version 1, of free length; a text (1)
+    data[at + 1] = 0x42
+    path.write_bytes(data)
+    assert not is_dataset(path)
+    assert len(read_hdf5(path, "log")) == 1
+
+
 def test_a_chunk_larger_than_its_file(tmp_path: Path) -> None:
     """A chunk is unpacked whole, however few of its values belong to the array."""
     path = tmp_path / "log.h5"
