@@ -1,19 +1,29 @@
 """How often a nominal 95 % interval holds the truth: `python -m benchmarks.coverage [SETS] [ROW…]`.
 
+Each row is kept in `$TMPDIR/eaid-coverage` as it is done; `python -m benchmarks.coverage write` puts all of them into
+docs/uncertainty.md.
+
 Each set is 10 levels of the reference plant, 2,000 samples over 20 s, three runs a level. Per run a gain factor
 1 + 0.03 N and exp(0.05 N) on τ1; white noise 0.01 N·m, AR(1) ripple of 1 % (0.05 s) and rotor ripple of 1 % (10 RPM,
 its phase from run to run). The truth of the linear model, which is wrong by design, is its fit to the plant itself.
+Where the C held is not the plant's, the levels' own aim is counted too: the fit, at that C, to the plant itself.
 """
 
+import pickle
 import sys
+import tempfile
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from eaid.apparatus import Apparatus
 from eaid.arrays import Array
+from eaid.fitting.data import data_of
 from eaid.fitting.fit import fit
+from eaid.fitting.linear import fit_linear
+from eaid.fitting.options import FitOptions
 from eaid.fitting.result import Fit
 from eaid.models import friction
 from eaid.models.nonlinear import at_duty
@@ -40,6 +50,8 @@ class Variant:
     """Scatter twice as large up to this duty [%]."""
     share: float = 0.85
     """C of the plant; the fit holds 0.85."""
+    weights: str = "equal"
+    """`--weights` of the fit."""
 
 
 VARIANTS: dict[str, Variant] = {
@@ -49,6 +61,7 @@ VARIANTS: dict[str, Variant] = {
     "low": Variant("scatter doubled up to 30 % duty", doubled_below=30.0),
     "white": Variant("white noise × 5", white_nm=0.05),
     "share": Variant("C of the plant 0.88, held at 0.85", share=0.88),
+    "weights": Variant("three runs a level, --weights sd", weights="sd"),
 }
 
 
@@ -95,25 +108,39 @@ def one_set(seed: int, variant: Variant, samples: int = SAMPLES, levels: Array =
     return stepset(tuple(made))
 
 
+def clean_levels(variant: Variant, samples: int = SAMPLES, levels: Array = LEVELS) -> tuple[Level, ...]:
+    """The plant itself, without noise or scatter."""
+    t = np.arange(samples) * (RECORD_S / samples)
+    return tuple(
+        Level(float(u), t, friction.step_response(plant(float(u), variant), t)[None], ("plant",), True) for u in levels
+    )
+
+
 def truth(variant: Variant, samples: int = SAMPLES, levels: Array = LEVELS) -> dict[str, Any]:
     """What the intervals should hold: the plant's own values, and the linear fit to the plant without noise."""
-    t = np.arange(samples) * (RECORD_S / samples)
     curves = [plant(float(duty), variant) for duty in levels]
-    clean = tuple(
-        Level(float(duty), t, friction.step_response(curve, t)[None], ("plant",), True)
-        for duty, curve in zip(levels, curves, strict=True)
-    )
-    linear = fit(stepset(clean)).linear
-    assert linear is not None
+    clean = clean_levels(variant, samples, levels)
+    found = fit(stepset(clean), FitOptions(models=("friction", "linear")))
+    linear, friction_part = found.linear, found.friction
+    assert linear is not None and friction_part is not None
     return {
         "Ts": np.array([curve.Ts for curve in curves]),
         "tau1": np.array([curve.tau1 for curve in curves]),
         "tau2": np.array([curve.tau2 for curve in curves]),
         **{name: getattr(linear.parameters, name) for name in ("a0", "b0", "c0")},
+        "C": variant.share,
+        "aim": {name: [getattr(row.curve, name) for row in friction_part.levels] for name in ("Ts", "tau1", "tau2")},
         "B": np.array([row.B for row in linear.per_level]),
         "B_m": linear.bounds.B_m,
         "B_M": linear.bounds.B_M,
     }
+
+
+def weighted_truth(fitted: Fit, clean: tuple[Level, ...]) -> dict[str, float]:
+    """a0, b0, c0 of the plant under the weights of one set: a wrong model has another truth for other weights."""
+    assert fitted.linear is not None and fitted.linear.weights is not None
+    p = fit_linear(data_of(clean, np.array(fitted.linear.weights))).parameters
+    return {name: getattr(p, name) for name in ("a0", "b0", "c0")}
 
 
 def inside(interval: Any, value: float) -> float:
@@ -134,11 +161,21 @@ def hits(found: Intervals, true: dict[str, Any]) -> dict[str, list[float]]:
             result[f"level {name}"] = [
                 np.nan if word else inside(ci, v) for ci, v, word in zip(own, values, flagged, strict=True)
             ]
+            result[f"aim {name}"] = [
+                np.nan if word else inside(ci, v) for ci, v, word in zip(own, true["aim"][name], flagged, strict=True)
+            ]
+            asked = {row["level"]: row["ci95"][name] for row in found.uncertainty["share"].get("at_estimate", [])}
+            result[f"asked {name}"] = [inside(asked.get(u), v) for u, v in zip(LEVELS, values, strict=True)]
         assert found.nonlinear is not None
         for label, part in (("joint", found.nonlinear), ("two-stage", found.nonlinear.get("two_stage"))):
             if part and "curves" in part:
                 rows = [row["ci95"][name] for row in part["curves"]]
                 result[f"{label} {name}"] = [inside(ci, v) for ci, v in zip(rows, values, strict=True)]
+    share = found.uncertainty["share"]
+    if "rejected" in share:
+        result["asked C"] = [inside(share["ci95"], true["C"])]
+        result["asked rejected"] = [float(share["rejected"])]
+        result["asked told"] = [float(share["matters"])]
     assert found.linear is not None
     for name in ("a0", "b0", "c0"):
         result[f"linear {name}"] = [inside(found.linear["ci95"][name], true[name])]
@@ -165,7 +202,7 @@ def widths(found: Intervals) -> dict[str, float]:
 def both_ways(seed: int, variant: Variant) -> tuple[Fit, Intervals, Intervals]:
     """A set fitted, with our intervals and the textbook's."""
     made = one_set(seed, variant)
-    fitted = fit(made)
+    fitted = fit(made, FitOptions(weights=variant.weights))
     ours = intervals(made, fitted, IntervalOptions(ci="robust", study_models=False))
     return fitted, ours, intervals(made, fitted, IntervalOptions(ci="white", study_models=False))
 
@@ -185,10 +222,12 @@ class Coverage:
 
 def measure(variant: Variant, sets: int, first: int = 0) -> Coverage:
     """Coverage over `sets` simulated sets."""
-    true = truth(variant)
+    true, clean = truth(variant), clean_levels(variant)
     ours, textbook, reach = [], [], []
     for seed in range(first, first + sets):
-        _, robust, white = both_ways(seed, variant)
+        fitted, robust, white = both_ways(seed, variant)
+        if variant.weights == "sd":
+            true |= weighted_truth(fitted, clean)
         ours.append(hits(robust, true))
         textbook.append(hits(white, true))
         reach.append(widths(robust))
@@ -215,27 +254,28 @@ BANDS = {
     "tau2": ((92, 97), (89, 98)),
 }
 SINGLE_BANDS = {"Ts": (92, 97), "tau1": (92, 97), "tau2": (90, 98)}
+"""With one run a level the curves are held to these, on the mean."""
 
 
 def outside_bands(name: str, coverage: Coverage) -> list[str]:
-    """Where a row leaves the bands it is held to; there are such for the rows base and single only."""
+    """Where a row leaves the bands it is held to; with the wrong C no row is."""
     said = []
     for parameter, (mean, each) in BANDS.items():
         for group in ("level", "two-stage"):
             values = coverage.ours.get(f"{group} {parameter}")
-            if values is None or (name == "single" and group == "level"):
+            if values is None or name == "share" or (name == "single" and group == "level"):
                 continue
+            values = values[np.isfinite(values)]
             low, high = SINGLE_BANDS[parameter] if name == "single" else mean
-            if not low <= np.nanmean(values) <= high:
-                said.append(f"{group} {parameter}: mean {np.nanmean(values):.1f} outside {low}–{high}")
-            if name == "base" and not (each[0] <= values.min() and values.max() <= each[1]):
+            if not low <= values.mean() <= high:
+                said.append(f"{group} {parameter}: mean {values.mean():.1f} outside {low}–{high}")
+            if name != "single" and not (each[0] <= values.min() and values.max() <= each[1]):
                 said.append(f"{group} {parameter}: {values.min():.1f}–{values.max():.1f} outside {each[0]}–{each[1]}")
-    if name == "base":
-        said += [
-            f"linear {p}: {coverage.ours[f'linear {p}'][0]:.1f} outside 92–98"
-            for p in ("a0", "b0", "c0")
-            if not 92 <= coverage.ours[f"linear {p}"][0] <= 98
-        ]
+    said += [
+        f"linear {p}: {coverage.ours[f'linear {p}'][0]:.1f} outside 92–98"
+        for p in ("a0", "b0", "c0", "B_m", "B_M")
+        if not 92 <= coverage.ours[f"linear {p}"][0] <= 98
+    ]
     return said
 
 
@@ -268,6 +308,14 @@ def table(rows: dict[str, Coverage], sets: int) -> str:
             ]
             lines += [f"| {VARIANTS[name].name} | " + " | ".join(cells) + " |"]
         lines += [""]
+    lines += ["| C asked of the runs | C | the C held is rejected | and told | Ts at it | tau1 at it | tau2 at it | "]
+    lines[-1] += "the fit's own aim: Ts | tau1 | tau2 |"
+    lines += ["|---" * 10 + "|"]
+    for name, row in rows.items():
+        asked = ("asked C", "asked rejected", "asked told", "asked Ts", "asked tau1", "asked tau2")
+        cells = [cell(row.ours, key) for key in (*asked, "aim Ts", "aim tau1", "aim tau2")]
+        lines += [f"| {VARIANTS[name].name} | " + " | ".join(cells) + " |"]
+    lines += [""]
     keys = ("level Ts", "level tau1", "level tau2", "two-stage Ts", "two-stage tau1", "two-stage tau2")
     lines += ["| mean half-width [%] | " + " | ".join(keys) + " | τ2 of a level flagged [%] |"]
     lines += ["|---" * (2 + len(keys)) + "|"]
@@ -277,15 +325,36 @@ def table(rows: dict[str, Coverage], sets: int) -> str:
     return "\n".join(lines)
 
 
+KEPT = Path(tempfile.gettempdir()) / "eaid-coverage"
+DOCS = Path(__file__).parents[1] / "docs" / "uncertainty.md"
+BEGIN, END = "<!-- benchmarks.coverage: begin -->\n", "<!-- benchmarks.coverage: end -->"
+
+
+def write() -> None:
+    """All kept rows as the table of docs/uncertainty.md."""
+    kept = {name: pickle.loads((KEPT / name).read_bytes()) for name in VARIANTS if (KEPT / name).exists()}
+    sets = {count for count, _ in kept.values()}
+    if set(kept) != set(VARIANTS) or len(sets) > 1:
+        sys.exit(f"rows {', '.join(kept)} of {sorted(sets)} sets are there; all rows of one size are needed")
+    text = DOCS.read_text()
+    before, after = text[: text.index(BEGIN) + len(BEGIN)], text[text.index(END) :]
+    DOCS.write_text(before + table({name: row for name, (_, row) in kept.items()}, sets.pop()) + "\n" + after)
+
+
 def main() -> None:
+    if sys.argv[1:] == ["write"]:
+        write()
+        return
     sets = int(sys.argv[1]) if len(sys.argv) > 1 else 500
     names = sys.argv[2:] or list(VARIANTS)
     rows: dict[str, Coverage] = {}
+    KEPT.mkdir(exist_ok=True)
     for name in names:
         rows[name] = measure(VARIANTS[name], sets)
+        (KEPT / name).write_bytes(pickle.dumps((sets, rows[name])))
         for word in outside_bands(name, rows[name]):
             print(f"{name}: {word}", file=sys.stderr)
-        print(f"{name}: done", file=sys.stderr)
+        print(f"{name}: done", file=sys.stderr, flush=True)
     print(table(rows, sets))
 
 

@@ -37,7 +37,7 @@ class Draws:
     level_variance: Array
     """Variance of log (T_s, τ1, τ2[, logit C]) of the level means, shape (L, k)."""
     joint: Array | None
-    """Covariance of the joint coefficients of (u/100)^k."""
+    """The joint coefficients of (u/100)^k of each refit, shape (draws, P): their spread is far from normal."""
     pooled: Array | None
     """Covariance of the pooled a0, b0, c0, shape (3, 3)."""
     own: Array | None
@@ -84,7 +84,7 @@ def bootstrap(
     theta = np.array([one[0] for one in found])
     return Draws(
         level_variance=_tame_variance(theta),
-        joint=np.cov(np.array([one[1] for one in found]), rowvar=False) if job.model is not None else None,
+        joint=np.array([one[1] for one in found]) if job.model is not None else None,
         pooled=np.cov(np.array([one[2] for one in found]), rowvar=False) if job.own is not None else None,
         own=_tame_variance(np.array([one[3] for one in found])) if job.own is not None else None,
     )

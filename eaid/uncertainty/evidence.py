@@ -90,15 +90,14 @@ def evidence(
     """
     information = jacobian.T @ jacobian if hessian is None else hessian
     directions = jacobian @ np.linalg.pinv(information, rcond=1e-14, hermitian=True)
-    within = np.zeros((len(WINDOWS_S), len(log_theta)))
-    for noise in noise_nm:
-        within += bartlett_variance(time_s, directions * noise[:, None])
+    scores = (directions[:, None] * noise_nm.T[:, :, None]).reshape(len(time_s), -1)
+    within = bartlett_variance(time_s, scores).reshape(len(WINDOWS_S), len(runs_nm), -1).mean(axis=1)
     return Evidence(
         level=level,
         log_theta=log_theta,
         information=information,
         influence=(runs_nm - runs_nm.mean(axis=0)) @ directions,
-        within=(within / len(runs_nm)).max(axis=0),
+        within=within.max(axis=0),
         duration_s=float(time_s[-1] - time_s[0]),
     )
 

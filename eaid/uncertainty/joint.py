@@ -6,7 +6,7 @@ they have the covariance M⁻¹ (Σ_l w_l² D_l' A_l S_l A_l D_l) M⁻¹. Active
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -37,6 +37,8 @@ class Coefficients:
     share_free: bool
     held: tuple[str, ...]
     """Parameters that an active constraint holds at some duty: not estimable."""
+    draws: Array | None = None
+    """The coefficients of every refit of a bootstrap, shape (draws, P)."""
 
     def block(self, name: str) -> slice:
         """Where the coefficients of τ1, τ2 or T_s stand."""
@@ -50,8 +52,11 @@ class Coefficients:
         return powers(duty_pct, self.counts[BLOCKS.index(name)]) @ self.values[own]
 
     def log_sd(self, name: str, duty_pct: Array) -> Array:
-        """Standard deviation of the logarithm of τ1, τ2 or T_s at duties, shape (n,)."""
+        """Standard deviation of the logarithm of τ1, τ2 or T_s at duties, of the refits where there are any; (n,)."""
         own = self.block(name)
+        if self.draws is not None:
+            curves = powers(duty_pct, self.counts[BLOCKS.index(name)]) @ self.draws[:, own].T
+            return spread_of(np.log(np.maximum(curves, 1e-12)), axis=1)
         with np.errstate(divide="ignore", invalid="ignore"):
             g = powers(duty_pct, self.counts[BLOCKS.index(name)]) / self.at(name, duty_pct)[:, None]
             return np.asarray(np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", g, self.covariance[own, own], g), 0)))
@@ -147,6 +152,21 @@ def with_white_covariance(
 def with_covariance(c: Coefficients, covariance: Array) -> Coefficients:
     """The same coefficients with another covariance."""
     return Coefficients(c.values, covariance, c.counts, c.u_range, c.share, c.share_free, c.held)
+
+
+def with_draws(c: Coefficients, draws: Array) -> Coefficients:
+    """The same coefficients with the spread of refits, shape (draws, P)."""
+    size = spread_of(draws, axis=0)
+    near = np.clip(draws, np.median(draws, axis=0) - 3 * size, np.median(draws, axis=0) + 3 * size)
+    sd = near.std(axis=0)
+    tame = np.cov(near, rowvar=False) * np.outer(size / np.where(sd > 0, sd, 1.0), size / np.where(sd > 0, sd, 1.0))
+    return replace(with_covariance(c, tame), draws=draws)
+
+
+def spread_of(values: Array, axis: int) -> Array:
+    """Standard deviation from the middle 95 % of refits: some run away (a τ2 that a draw lost), and count by rank."""
+    low, high = np.quantile(values, [0.025, 0.975], axis=axis)
+    return np.asarray((high - low) / 3.92)
 
 
 def free_inverse(c: Coefficients, M: Array, levels: int) -> Array:

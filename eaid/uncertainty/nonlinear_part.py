@@ -25,6 +25,7 @@ from eaid.uncertainty.joint import (
     Coefficients,
     coefficients_of,
     with_covariance,
+    with_draws,
     with_joint_covariance,
 )
 from eaid.uncertainty.scatter import Mask
@@ -174,9 +175,9 @@ def covariance_json(c: Coefficients, degrees: Degrees, source: str) -> dict[str,
     }
 
 
-def with_joint(found: Estimates, covariance: Array) -> Estimates:
-    """The same estimates, the joint one with the covariance of its refits."""
-    alone = with_covariance(found.joint, covariance)
+def with_joint(found: Estimates, draws: Array) -> Estimates:
+    """The same estimates, the joint one with the spread of its refits, shape (draws, P)."""
+    alone = with_draws(found.joint, draws)
     counted = alone if found.two_stage is None else _apart_counted(alone, found.two_stage)
     return replace(found, joint=counted, joint_alone=alone)
 

@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from scipy.special import stdtr
+from scipy.special import stdtr, stdtrit
 
 from eaid.models import friction
 from eaid.models.parameters import Friction
@@ -24,6 +24,9 @@ def test_t_quantile_is_student_and_normal() -> None:
     assert stdtr(7, t_quantile(7)) == pytest.approx(0.975)
     assert t_quantile(np.inf) == pytest.approx(1.959964, abs=1e-5)
     assert t_quantile(0) == np.inf
+    every = np.geomspace(1, 1e7, 60)
+    assert t_quantile(every) == pytest.approx(stdtrit(every, 0.975), rel=1e-11)
+    assert [t_quantile(float(one)) for one in every] == pytest.approx(t_quantile(every), rel=1e-13)
 
 
 def test_bartlett_sum_is_the_weighted_autocovariance() -> None:

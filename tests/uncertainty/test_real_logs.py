@@ -37,11 +37,13 @@ def test_clutch_of_three_seconds_overshoots_and_hides_tau2() -> None:
 
 
 def test_seal_friction_shows_a_free_share() -> None:
-    """README of the logs: a free C comes out at 0.4 to 0.8 there, not at 0.85."""
+    """README of the logs: a free C comes out at 0.4 to 0.8 there, not at 0.85; four sweeps know it to ±0.1."""
     stepset = stepset_from([REAL / "friction-steps"], kind="friction-force")
     found = fit(stepset, FitOptions(models=("friction",)))
     sure = intervals(stepset, found)
     said = sure.uncertainty["adequacy"]["recommended"]
-    assert "C free" in said, said
+    assert said.startswith("use two exponentials, C = 0.") and "the runs reject C = 0.85" in said, said
+    share = sure.uncertainty["share"]
+    assert share["rejected"] and 0.5 < share["ci95"][0] < share["ci95"][1] < 0.85
     assert sure.friction is not None
     assert any("at 5 bar τ2" in word for word in sure.friction["open"])

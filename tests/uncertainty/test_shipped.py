@@ -1,35 +1,57 @@
 """The robust and the bootstrap intervals agree on the shipped sets, as far as 100 refits can tell."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from eaid.cli.inputs import stepset_from
 from eaid.fitting.fit import fit
-from eaid.fitting.options import FitOptions
 from eaid.synth.datasets import shipped
 from eaid.uncertainty.intervals import IntervalOptions, intervals
 
 
-@pytest.mark.parametrize("kind", ["clutch", "friction-force", "friction-speed"])
-def test_two_ways_agree(kind: str) -> None:
+def log_widths(rows: list[dict[str, Any]], name: str) -> np.ndarray:
+    return np.array([np.diff(np.log(row["ci95"][name]))[0] for row in rows])
+
+
+def both(kind: str) -> Any:
     stepset = stepset_from([Path(shipped()[kind])])
-    models = ("friction", "linear") if kind == "clutch" else ("friction",)
-    found = fit(stepset, FitOptions(models=models))
+    found = fit(stepset)
     ours = intervals(stepset, found, IntervalOptions(study_models=False))
-    other = intervals(stepset, found, IntervalOptions(ci="bootstrap", draws=100, study_models=False))
+    return ours, intervals(stepset, found, IntervalOptions(ci="bootstrap", draws=100, study_models=False))
+
+
+@pytest.mark.parametrize("kind", ["friction-force", "friction-speed"])
+def test_two_ways_agree(kind: str) -> None:
+    agree_at_levels(*both(kind))
+
+
+def agree_at_levels(ours: Any, other: Any) -> None:
+    """A standard deviation from 100 refits is known to 7 %, that of a few runs of a level to 30 %."""
     for name in ("Ts", "tau1", "tau2"):
-        widths = [
-            [np.diff(np.log(row["ci95"][name]))[0] for row in sure.friction["levels"]]
-            for sure in (ours, other)
-            if sure.friction is not None
-        ]
-        ratio = np.array(widths[1]) / np.array(widths[0])
-        # a standard deviation from 100 refits is known to 7 %, the pooled one of all levels better
-        assert np.median(ratio) == pytest.approx(1, abs=0.15)
-        assert (np.abs(np.log(ratio)) < np.log(1.3)).all()
-    if kind == "clutch":
-        for name in ("a0", "b0", "c0"):
-            first, second = (np.diff(sure.linear["ci95"][name])[0] for sure in (ours, other))
-            assert second == pytest.approx(first, rel=0.3)
+        ratio = log_widths(other.friction["levels"], name) / log_widths(ours.friction["levels"], name)
+        assert np.median(ratio) == pytest.approx(1, abs=0.12), name
+        assert np.abs(np.log(ratio)).max() < np.log(1.3), name
+
+
+def test_two_ways_agree_on_the_clutch() -> None:
+    """Levels, two-stage curves and the linear model agree; the joint curves on the whole, and not at the ends.
+
+    The joint estimate bends, so its refits scatter further than its derivatives say: most where τ2 can fall on τ1
+    (10 and 20 %) and where it is best known (90 %).
+    """
+    ours, other = both("clutch")
+    agree_at_levels(ours, other)
+    first, second = (sure.nonlinear for sure in (ours, other))
+    for name in ("Ts", "tau1", "tau2"):
+        curves = log_widths(second["two_stage"]["curves"], name) / log_widths(first["two_stage"]["curves"], name)
+        assert np.median(curves) == pytest.approx(1, abs=0.12), name
+        assert np.abs(np.log(curves)).max() < np.log(1.2), name
+        joint = log_widths(second["curves"], name) / log_widths(first["curves"], name)
+        assert np.median(joint) == pytest.approx(1, abs=0.15), name
+        assert joint.min() > 0.8 and joint.max() < 2.2, name
+    for name in ("a0", "b0", "c0"):
+        widths = [np.diff(sure.linear["ci95"][name])[0] for sure in (ours, other)]
+        assert widths[1] == pytest.approx(widths[0], rel=0.3)
