@@ -3,12 +3,17 @@
 The compiled part of asammdf writes outside its memory on some damaged files; that ends this process and no other. On
 stdout comes an NPZ: without GROUP its `channels` (JSON: group, channel, name, unit, group's name, formula or not), with
 GROUP the times and the values of every channel of numbers in it. Exit code 3, with a sentence on stdout, is a refusal.
+
+asammdf unpacks a block to whatever is in it, and makes room for whatever it says. Where the system can bound memory
+(Linux), the process gets `FLOOR` and what the file and the numbers asked for may take; more is a refusal.
 """
 
 import io
 import json
 import logging
 import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +25,8 @@ FORMULA = {3: 10, 4: 3}
 """Conversion type of a formula, by major version."""
 MOST_RATIO = 200
 """A group that unpacks to more than this many times the size of its file is a bomb (recorded logs: about 10)."""
+FLOOR = 64 << 20
+"""Memory for opening any file [bytes]."""
 
 
 class RefusalError(Exception):
@@ -31,12 +38,14 @@ def contents(path: Path, group: int | None) -> dict[str, Any]:
     import asammdf
 
     logging.disable(logging.CRITICAL)
+    size = path.stat().st_size
     # as open bytes, since by its name a file would be unpacked, copied or cleared away
-    with path.open("rb") as raw, asammdf.MDF(raw) as file:
+    with path.open("rb") as raw, at_most(FLOOR + 4 * size) as more, asammdf.MDF(raw) as file:
         version = 4 if str(file.version) >= "4" else 3
-        channels = _channels(file, version, path.stat().st_size)
+        channels = _channels(file, version, size)
         if group is None:
             return {"channels": np.array(json.dumps(channels))}
+        more(4 * _claimed(file.groups[group]) + 32 * sum(g == group for g, *_ in channels) * _count(file.groups[group]))
         found: dict[str, Any] = {}
         for g, c, _, _, _, formula in channels:
             if g != group or formula:
@@ -52,17 +61,51 @@ def contents(path: Path, group: int | None) -> dict[str, Any]:
         return found
 
 
+@contextmanager
+def at_most(extra: int) -> Iterator[Callable[[int], None]]:
+    """Bound what may be allocated in the block beyond what is held now [bytes]; yields a function that grants more."""
+    try:
+        import resource
+
+        words = Path("/proc/self/status").read_text(encoding="ascii", errors="replace").partition("VmData:")[2].split()
+        held = int(words[0]) << 10
+    except (ImportError, OSError, IndexError):
+        yield lambda _: None
+        return
+    before, hard = resource.getrlimit(resource.RLIMIT_DATA)
+
+    def bound(granted: int) -> None:
+        most = held + extra + granted
+        resource.setrlimit(resource.RLIMIT_DATA, (most if hard == resource.RLIM_INFINITY else min(most, hard), hard))
+
+    bound(0)
+    try:
+        yield bound
+    except MemoryError:
+        raise RefusalError("takes far more memory to unpack than its size and its channels account for") from None
+    finally:
+        resource.setrlimit(resource.RLIMIT_DATA, (before, hard))
+
+
+def _count(group: Any) -> int:
+    return max(int(group.channel_group.cycles_nr), 1)
+
+
+def _claimed(group: Any) -> int:
+    """Bytes of the records of a group."""
+    spare = int(getattr(group.channel_group, "invalidation_bytes_nr", 0))
+    return _count(group) * max(8, int(group.channel_group.samples_byte_nr) + spare)
+
+
 def _channels(file: Any, version: int, size: int) -> list[tuple[int, int, str, str, str, bool]]:
     found = []
     for g, group in enumerate(file.groups):
-        count = int(group.channel_group.cycles_nr)
-        spare = int(getattr(group.channel_group, "invalidation_bytes_nr", 0))
-        claimed = max(count, 1) * max(8, int(group.channel_group.samples_byte_nr) + spare)
+        claimed = _claimed(group)
         if claimed > max(MOST_RATIO * size, 1 << 24):
             raise RefusalError(f"group {g + 1} claims {claimed:.3g} bytes in a file of {size:,} bytes; no log does")
         master = file.masters_db.get(g)
         name = str(getattr(group.channel_group, "acq_name", "") or f"group {g + 1}")
-        if master is None or not count:
+        if master is None or not group.channel_group.cycles_nr:
             continue
         for c, channel in enumerate(group.channels):
             if c != master and channel.data_type in NUMBERS[version]:

@@ -1,6 +1,11 @@
 """What fuzzing found (`benchmarks/fuzz_readers.py`), each made small by hand: refused in a sentence, or read right."""
 
 import io
+import os
+import struct
+import subprocess
+import sys
+import zlib
 from pathlib import Path
 
 import h5py
@@ -13,6 +18,7 @@ from eaid.errors import DataError
 from eaid.logs.dataset import is_dataset, read_dataset, write_dataset
 from eaid.logs.hdf import read_hdf5
 from eaid.logs.mat import read_mat
+from eaid.logs.mdf import READER, read_mdf
 from eaid.logs.run import Run
 from eaid.logs.tdms import read_tdms
 
@@ -192,3 +198,29 @@ def test_a_class_of_matlab_that_is_a_number(tmp_path: Path) -> None:
     path.write_bytes(b"MATLAB 7.3 MAT-file".ljust(512) + path.read_bytes()[512:])
     with pytest.raises(DataError):
         read_hdf5(path, "log")
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="memory is bounded by the kernel, as Linux does it")
+@pytest.mark.parametrize("claimed", [32_000, 1 << 29])
+def test_an_mdf_block_that_unpacks_to_more_than_its_channels_have(tmp_path: Path, claimed: int) -> None:
+    """asammdf unpacks a block to the last byte, whatever the records need: 512 MB for a file of 0.5 MB."""
+    asammdf = pytest.importorskip("asammdf")
+    path = tmp_path / "log.mf4"
+    with asammdf.MDF(version="4.10") as file:
+        t = np.arange(2000) / 200
+        file.append([asammdf.Signal(np.sin(t), t, name="torque")])
+        file.save(path, overwrite=True, compression=1)
+    assert len(read_mdf(path, "log")[0].load([0, 1]).values[0]) == 2000
+    data = bytearray(path.read_bytes())
+    at = data.index(b"##DZ")
+    packed = zlib.compress(bytes(1 << 29), 9)
+    head = data[at : at + 32] + struct.pack("<QQ", claimed, len(packed))
+    head[8:16] = (48 + len(packed)).to_bytes(8, "little")
+    data += bytes(-len(data) % 8)
+    data = data.replace(at.to_bytes(8, "little"), len(data).to_bytes(8, "little"))
+    path.write_bytes(data + head + packed)
+    with pytest.raises(DataError, match="takes far more memory"):
+        read_mdf(path, "log")[0].load([0, 1])
+    reader = subprocess.Popen([*READER, str(path), "0"], stdout=subprocess.DEVNULL)
+    *_, usage = os.wait4(reader.pid, 0)
+    assert usage.ru_maxrss < 400_000  # asammdf alone takes 200,000
