@@ -74,7 +74,7 @@ def _loader(path: Path, source: str, names: Sequence[str]) -> Callable[[Sequence
         parquet = library("pyarrow.parquet", source, WHAT)
         columns: list[Array] = []
         bad: list[BadCell] = []
-        with damage_told(source, WHAT), parquet.ParquetFile(str(path)) as file:
+        with damage_told(source, WHAT), parquet.ParquetFile(str(path), page_checksum_verification=True) as file:
             for i in wanted:
                 chunked = file.read(columns=[names[i]], use_threads=False).column(0)
                 nulls = np.flatnonzero(np.asarray(chunked.is_null())) if chunked.null_count else ()

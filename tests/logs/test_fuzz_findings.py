@@ -19,6 +19,7 @@ from eaid.logs.dataset import is_dataset, read_dataset, write_dataset
 from eaid.logs.hdf import read_hdf5
 from eaid.logs.mat import read_mat
 from eaid.logs.mdf import READER, read_mdf
+from eaid.logs.parquet import read_parquet
 from eaid.logs.run import Run
 from eaid.logs.tdms import read_tdms
 
@@ -224,3 +225,21 @@ def test_an_mdf_block_that_unpacks_to_more_than_its_channels_have(tmp_path: Path
     reader = subprocess.Popen([*READER, str(path), "0"], stdout=subprocess.DEVNULL)
     *_, usage = os.wait4(reader.pid, 0)
     assert usage.ru_maxrss < 400_000  # asammdf alone takes 200,000
+
+
+def test_a_parquet_page_whose_checksum_is_wrong(tmp_path: Path) -> None:
+    """Parquet's checksums are optional and not looked at unless asked for; where there are some, they count."""
+    pytest.importorskip("pyarrow")
+    import pyarrow
+    import pyarrow.parquet as pq
+
+    path = tmp_path / "log.parquet"
+    t = np.arange(200) / 200 + 0.123
+    table = pyarrow.table({"time": t, "torque": t})
+    pq.write_table(table, path, compression="none", use_dictionary=False, write_page_checksum=True)
+    data = bytearray(path.read_bytes())
+    data[data.index(t[7:9].tobytes())] ^= 1
+    path.write_bytes(data)
+    (sheet,) = read_parquet(path, "log")
+    with pytest.raises(DataError, match="damaged Parquet file .*CRC"):
+        sheet.load([0, 1])
