@@ -97,9 +97,12 @@ def _of_fit(fit: Fit, several: bool) -> Iterator[Point]:
         if part.get("identifiable") is False:
             why = "; ".join(_texts(part.get("not_identifiable_because"))) or "no reason given"
             yield _said(about, f"these data cannot settle it: {why}", BAD)
-        for held in solver.get("at_bounds") or []:
-            yield _said(about, f"leans on a limit ({held}): the data pull beyond what is physical there")
-        for text in [*_texts(part.get("warnings")), *_texts(part.get("open"))]:
+        texts = [*_texts(part.get("warnings")), *_texts(part.get("open"))]
+        if held := [str(one) for one in solver.get("at_bounds") or []]:
+            limit = "a limit" if len(held) == 1 else "limits"
+            yield _said(about, f"leans on {limit} ({'; '.join(held)}): the data pull beyond what is physical there")
+            texts = [text for text in texts if not text.startswith("a constraint holds the fit")]
+        for text in texts:
             yield _said(about, text)
     told = {text for _name, part in found for key in ("warnings", "open") for text in _texts(part.get(key))}
     for text in _texts(content.get("warnings")):

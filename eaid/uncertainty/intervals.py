@@ -42,6 +42,8 @@ METHODS: dict[str, str] = {
 """`--ci`, and what each says of itself."""
 
 
+TOLD = ("at ", "a constraint holds")
+"""How sentences of the nonlinear model begin that the single levels, or the fit itself, have told already."""
 BELIEVE = {
     "joint": "the joint estimate",
     "two-stage": "the two-stage estimate",
@@ -330,7 +332,7 @@ def _warnings(found: dict[str, Any], words: list[str], judged: Adequacy | None) 
     if shown is not None:
         said += shown["open"]
     if found["friction"] is not None and found["nonlinear"] is not None:
-        said += [text for text in found["nonlinear"]["open"] if not text.startswith("at ")]
+        said += [text for text in found["nonlinear"]["open"] if not text.startswith(TOLD)]
     part = found["nonlinear"]
     if part is not None and part["agreement"]["disagreements"]:
         says = part["agreement"]

@@ -57,6 +57,8 @@ def linear_model(data: StepSet, fit: Mapping[str, Any]) -> Figure:
     return figure
 
 
+BEYOND = 3.0
+"""A curve that leaves the single levels by more than this factor is cut: τ2 without end would hide all the rest."""
 OTHERS = ((style.ORANGE, "-."), (style.GREEN, (0, (4, 1, 1, 1, 1, 1))))
 """Colour and line of the estimates beside the one that is used."""
 
@@ -90,7 +92,8 @@ def polynomials(fit: Mapping[str, Any]) -> Figure:
             panel.errorbar(
                 at, values, yerr=reach, fmt="o", color=style.BLACK, capsize=1.6, elinewidth=0.7, label="single levels"
             )
-            top = max(top, float(np.max(np.minimum(values + reach[1], 1.6 * values))))
+            seen = float(np.max(np.minimum(values + reach[1], 1.6 * values)))
+            top = min(max(top, seen), BEYOND * seen)
         for (said, other), (colour, line) in zip(others, OTHERS, strict=False):
             terms = other.get(name)
             if terms and all(isinstance(c, int | float) for c in terms):

@@ -61,7 +61,9 @@ def hold_and_release(held: list[Held], input_unit: str, output_unit: str) -> Fig
         t, y = thinned(run.time_s, run.torque_nm, 1500)
         axes.plot(
             t, y, color=colour, linestyle=line, linewidth=0.9,
-            label=f"{level_text(run.level, input_unit)}: lost {run.lost_pct:.1f} %, left {run.left_pct:.1f} %",
+            label=f"{level_text(run.level, input_unit)}: lost {run.lost_pct:.1f} %, left {run.left_pct:.1f} %".replace(
+                "-", "−"
+            ),
         )  # fmt: skip
     axes.set(xlabel="Time since the step (s)", ylabel=quantity(output_unit), xlim=(0, float(held[0].time_s[-1])))
     low, high = axes.get_ylim()
