@@ -53,6 +53,9 @@ def fit(stepset: StepSet, options: FitOptions | None = None) -> Fit:
         found["nonlinear"] = nonlinear_fit(data, options, held, other)
     if "linear" in models:
         found["linear"] = linear_fit(data, options, held, other)
+    if options.weights == "sd" and set(found) == {"friction"}:
+        word = "--weights sd changes nothing here: each level is fitted by itself, and trends take all levels alike"
+        found["friction"] = replace(found["friction"], warnings=(*found["friction"].warnings, word))
     for name, part in found.items():
         told = (*part.warnings, *robust.huber_warnings(part.robust))
         found[name] = replace(part, robust=robust.with_runs(part.robust, kept), warnings=told)

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from eaid.apparatus import Apparatus
 from eaid.errors import DataError, UsageError
 from eaid.fitting.fit import fit, level_error, overall
 from eaid.fitting.options import FitOptions
@@ -268,3 +269,18 @@ def test_unequal_levels_are_fitted_as_well(clutch_set: Maker) -> None:
     )
     found = fit(replace(steps, levels=cut)).nonlinear
     assert found and found.parameters.tau2 == pytest.approx(REFERENCE_PLANT.tau2, rel=1e-6)
+
+
+def test_weights_change_nothing_where_levels_are_fitted_alone() -> None:
+    t = np.linspace(0, 10, 200)
+    random = np.random.default_rng(0)
+    levels = tuple(
+        Level(f, t, f / 50 * (1 - np.exp(-t)) + 0.01 * random.standard_normal((2, 200)), ("a", "b"), True)
+        for f in (20.0, 60.0, 120.0)
+    )
+    stepset = StepSet("friction-force", "N", "N·m", Apparatus(), levels)
+    equal, sd = (fit(stepset, FitOptions(weights=how)).friction for how in ("equal", "sd"))
+    assert equal is not None and sd is not None
+    assert [one.curve for one in sd.levels] == [one.curve for one in equal.levels]
+    assert any("--weights sd changes nothing here" in word for word in sd.warnings)
+    assert not any("--weights" in word for word in equal.warnings)
