@@ -1,6 +1,7 @@
 """What the fits take: levels of averaged repeats, on a time axis that starts at the step."""
 
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
@@ -23,7 +24,7 @@ class Level:
     uniform: bool
     """True where `time_s` is k·dt, to rounding."""
 
-    @property
+    @cached_property
     def mean_nm(self) -> Array:
         """Mean of the repeats, shape (n,): what is fitted."""
         return np.asarray(self.runs_nm.mean(axis=0))

@@ -18,7 +18,7 @@ from eaid.fitting.result import Fit
 from eaid.models import friction
 from eaid.models.parameters import Friction
 from eaid.steps.stepset import Level, StepSet
-from eaid.uncertainty.curve import curve_with_repeats
+from eaid.uncertainty.curve import Curve, curve_with_repeats
 from eaid.uncertainty.ground import TERMS, Ground
 from eaid.uncertainty.levels import LevelEvidence, log_theta
 from eaid.uncertainty.profile import least
@@ -92,7 +92,7 @@ def effective_samples(residual: Array) -> tuple[float, float]:
     power = float(e @ e)
     if power <= 1e-28 * max(float(residual @ residual), 1e-300) or n < 4:
         return float(n), 0.0
-    size = 1 << (2 * n - 1).bit_length()
+    size = 1 << (n + n // 2).bit_length()  # lags up to n/2 stay clear of the far end
     spectrum = np.abs(np.fft.rfft(e, size)) ** 2
     rho = np.fft.irfft(spectrum, size)[: n // 2] / power
     pairs = rho[1 : len(rho) - 1 : 2] + rho[2::2][: len(rho[1 : len(rho) - 1 : 2])]
@@ -208,7 +208,7 @@ def _orders(base: Ground) -> tuple[Order, ...]:
     rows = []
     for k, name in enumerate(("Ts", "tau1", "tau2")):
         row = base.known[:, k]
-        duty, theta, variance = base.duty_pct[row], base.log_theta[row, k], base.variance[row, k]
+        duty, theta, variance = base.duty_pct[row], base.log_theta[row, k], base.expected[row, k]
         for order in ORDERS:
             p = order + 1
             if len(duty) < p + 1:
@@ -216,40 +216,39 @@ def _orders(base: Ground) -> tuple[Order, ...]:
             curve = curve_with_repeats(duty, theta, variance, base.total_degrees, p)
             chi = float(curve.misfit) * (len(duty) - p)
             spare = max(len(duty) - p - 1, 1)
-            errors = _left_out(duty, theta, variance, p)
-            rows.append(Order(name, order, chi, chi + 2 * p + 2 * p * (p + 1) / spare, 100 * errors))
+            errors = left_out(curve, duty, theta)
+            inner = errors[1:-1] if len(errors) > 4 else errors  # the ends would be extrapolation
+            error = 100 * float(np.sqrt(np.mean(inner**2)))
+            rows.append(Order(name, order, chi, chi + 2 * p + 2 * p * (p + 1) / spare, error))
     return tuple(rows)
 
 
-def _left_out(duty: Array, theta: Array, variance: Array, p: int) -> float:
-    """RMS of log p(u) − θ̂ at levels between others, each left out in turn."""
-    errors = []
-    for i in range(len(duty)):
-        keep = np.arange(len(duty)) != i
-        at = curve_with_repeats(duty[keep], theta[keep], variance[keep], 10.0, min(p, len(duty) - 1)).at(
-            duty[i : i + 1]
-        )
-        errors.append(np.log(max(float(at[0]), 1e-3 * float(np.exp(theta[i])))) - theta[i])
-    inner = np.array(errors)[1:-1] if len(errors) > 4 else np.array(errors)  # the ends would be extrapolation
-    return float(np.sqrt(np.mean(inner**2)))
+def left_out(curve: Curve, duty_pct: Array, log_values: Array) -> Array:
+    """log p(u) − θ̂ at each level if it were left out, residual/(1 − h) with h its own say in the curve, shape (L,)."""
+    own = np.einsum("ij,ji->i", curve.slopes(duty_pct), curve.gains)
+    return np.asarray((np.log(curve.at(duty_pct)) - log_values) / np.maximum(1 - own, 1e-9))
 
 
 def _leave_one_out(base: Ground) -> float:
     """RMS torque error of inner levels that the curves of all others predict [output unit]."""
+    inner = slice(1, -1)
+    values = []
+    for k, name in enumerate(("Ts", "tau1", "tau2")):
+        row = base.known[:, k]
+        count = int(row.sum())
+        if count < 3:
+            return float("nan")
+        duty, theta = base.duty_pct[row], base.log_theta[row, k]
+        curve = curve_with_repeats(duty, theta, base.expected[row, k], 10.0, min(TERMS[name], count - 1))
+        said = np.log(np.maximum(curve.at(base.duty_pct), 1e-6))
+        said[row] = theta + left_out(curve, duty, theta)
+        values.append(np.exp(np.clip(said, np.log(1e-6), 50.0)))
     total, samples = 0.0, 0
-    for i in range(1, len(base.levels) - 1):
-        values = {}
-        for k, name in enumerate(("Ts", "tau1", "tau2")):
-            keep = base.known[:, k] & (np.arange(len(base.levels)) != i)
-            if not keep.any():
-                return float("nan")
-            p = min(TERMS[name], int(keep.sum()))
-            curve = curve_with_repeats(base.duty_pct[keep], base.log_theta[keep, k], base.variance[keep, k], 10.0, p)
-            values[name] = max(float(curve.at(base.duty_pct[i : i + 1])[0]), 1e-6)
-        level = base.levels[i]
-        said = friction.step_response(Friction(**values, C=base.evidence[i].curve.C), level.time_s)
-        total += float(((level.mean_nm - said) ** 2).sum())
-        samples += len(said)
+    shares = [one.curve.C for one in base.evidence]
+    for level, Ts, tau1, tau2, C in list(zip(base.levels, *values, shares, strict=True))[inner]:
+        left = level.mean_nm - friction.step_response(Friction(float(Ts), float(tau1), float(tau2), C), level.time_s)
+        total += float(left @ left)
+        samples += len(left)
     return float(np.sqrt(total / samples))
 
 

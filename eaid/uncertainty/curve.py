@@ -45,9 +45,13 @@ class Curve:
         """Value of the polynomial, shape of `duty_pct`."""
         return powers(duty_pct, len(self.coefficients)) @ self.coefficients
 
+    def slopes(self, duty_pct: Array) -> Array:
+        """∂ log p(u)/∂coefficients, shape (n, p)."""
+        return np.asarray(powers(duty_pct, len(self.coefficients)) / self.at(duty_pct)[:, None])
+
     def _answers(self, duty_pct: Array) -> Array:
         """∂ log p(u)/∂ log of each level, shape (n, L)."""
-        return np.asarray(powers(duty_pct, len(self.coefficients)) / self.at(duty_pct)[:, None] @ self.gains)
+        return np.asarray(self.slopes(duty_pct) @ self.gains)
 
     def log_sd(self, duty_pct: Array) -> Array:
         """Standard deviation of log p(u), shape of `duty_pct`."""

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from eaid.arrays import Array
+from eaid.fitting.data import data_of
 from eaid.models import nonlinear
 from eaid.models.parameters import Nonlinear
 from eaid.steps.stepset import Level
@@ -120,11 +121,13 @@ def with_joint_covariance(
     M = np.zeros((len(c.values),) * 2)
     middle = np.zeros_like(M)
     p = c.plant()
+    points = data_of(levels).points
     for i, (level, shift) in enumerate(zip(levels, shifts, strict=True)):
-        jacobian = log_jacobian(nonlinear.at_duty(p, level.level), level.time_s, c.share_free)
         weight = 1.0 if weights is None else float(weights[i])
+        row = 0 if len(points.t_s) == 1 else i
+        jacobian = log_jacobian(nonlinear.at_duty(p, level.level), points.t_s[row], c.share_free)
         D = chain(c, level.level)
-        reach = weight * D.T @ (jacobian.T @ jacobian)
+        reach = weight * D.T @ ((jacobian.T * points.w[row]) @ jacobian)
         M += reach @ D
         middle += reach @ shift @ reach.T
     inverse = free_inverse(c, M, len(levels))

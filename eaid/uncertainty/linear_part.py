@@ -58,10 +58,11 @@ def around(value: float, sd: float, degrees: float) -> Interval:
 
 def level_intervals(fit: LinearFit, ground: Ground) -> list[dict[str, Interval | None]]:
     """95 % intervals of a0, gain and B of every level, B under the fit's convention."""
-    own = [own_gain(level, row.a0, row.gain) for level, row in zip(ground.levels, fit.per_level, strict=True)]
-    if fit.bounds.convention != "zero-offset":
-        return _with_pooled_terms(fit, ground, own)
-    if ground.source != "repeats":
+    zero = fit.bounds.convention == "zero-offset"
+    if not zero or ground.source != "repeats":
+        own = [own_gain(level, row.a0, row.gain) for level, row in zip(ground.levels, fit.per_level, strict=True)]
+        if not zero:
+            return _with_pooled_terms(fit, ground, own)
         rows = []
         for i, row in enumerate(fit.per_level):
             takes = {"a0": own[i][0], "gain": own[i][1], "B": -own[i].sum(axis=0)}
