@@ -79,20 +79,39 @@ def orthonormal(x: Array, m: int) -> tuple[Array, Array, Array]:
 
 @lru_cache(maxsize=32)
 def _uniform(n: int, m: int) -> tuple[Array, Array, Array]:
-    return orthonormal(np.arange(n, dtype=np.float64), m)
+    """Nodes and weights of n equal steps, and the projection that gives ŷ at the nodes."""
+    nodes, weights, projection = orthonormal(np.arange(n, dtype=np.float64), m)
+    return nodes, weights, projection / np.sqrt(weights)
+
+
+@lru_cache(maxsize=32)
+def _layout(n: int, m: int) -> tuple[Array, Array, tuple[tuple[slice, Array], ...]]:
+    """Nodes, in steps from the first sample, and weights of a uniform grid; each block's place and projection."""
+    nodes, weights, parts = [np.arange(HEAD, dtype=np.float64)], [np.ones(HEAD)], []
+    for start, stop in list(blocks(n))[1:]:
+        at, w, projection = _uniform(stop - start, m)
+        nodes.append(start + at)
+        weights.append(w)
+        parts.append((slice(start, stop), projection))
+    return np.concatenate(nodes), np.concatenate(weights), tuple(parts)
 
 
 def compress(
-    times_s: Sequence[Array], outputs: Sequence[Array], together: Array | None = None, m: int = POINTS_PER_BLOCK
+    times_s: Sequence[Array],
+    outputs: Sequence[Array],
+    together: Array | None = None,
+    uniform: Sequence[bool] | None = None,
+    m: int = POINTS_PER_BLOCK,
 ) -> Points:
-    """Points of all levels; times and outputs of shape (n_l,) each, times rising.
+    """Points of all levels; times and outputs of shape (n_l,) each, times rising, `uniform` where that is known.
 
     Levels on one grid share their nodes: `together` then holds the outputs as one array, (L, n).
     """
+    known = [False] * len(times_s) if uniform is None else uniform
     if together is not None:
-        t, y, w = _compress_grid(times_s[0], together, m)
+        t, y, w = _compress_grid(times_s[0], together, known[0], m)
         return Points(t[None], y, w[None])
-    parts = [_compress_grid(t, y[None], m) for t, y in zip(times_s, outputs, strict=True)]
+    parts = [_compress_grid(t, y[None], k, m) for t, y, k in zip(times_s, outputs, known, strict=True)]
     longest = max(len(t) for t, _, _ in parts)
 
     def padded(values: Array) -> Array:
@@ -104,21 +123,20 @@ def compress(
     )
 
 
-def _compress_grid(t_s: Array, y: Array, m: int) -> tuple[Array, Array, Array]:
+def _compress_grid(t_s: Array, y: Array, uniform: bool, m: int) -> tuple[Array, Array, Array]:
     """Nodes (P,), outputs (L, P) and weights (P,) for L records on one grid."""
     n = len(t_s)
     if n <= SMALL:
         return t_s, y, np.ones(n)
     dt = (t_s[-1] - t_s[0]) / (n - 1)
-    uniform = bool(np.abs(t_s - (t_s[0] + dt * np.arange(n))).max() <= 1e-6 * dt)
-    nodes, values, weights = [t_s[:HEAD]], [y[:, :HEAD]], [np.ones(HEAD)]
+    if uniform or np.abs(t_s - (t_s[0] + dt * np.arange(n))).max() <= 1e-6 * dt:
+        at, weights, parts = _layout(n, m)
+        values = [y[:, :HEAD], *(y[:, where] @ projection for where, projection in parts)]
+        return t_s[0] + dt * at, np.concatenate(values, axis=1), weights
+    nodes, values, each = [t_s[:HEAD]], [y[:, :HEAD]], [np.ones(HEAD)]
     for start, stop in list(blocks(n))[1:]:
-        if uniform:
-            at, w, projection = _uniform(stop - start, m)
-            at = t_s[start] + dt * at
-        else:
-            at, w, projection = orthonormal(t_s[start:stop], m)
+        at, w, projection = orthonormal(t_s[start:stop], m)
         nodes.append(at)
         values.append(y[:, start:stop] @ projection / np.sqrt(w))
-        weights.append(w)
-    return np.concatenate(nodes), np.concatenate(values, axis=1), np.concatenate(weights)
+        each.append(w)
+    return np.concatenate(nodes), np.concatenate(values, axis=1), np.concatenate(each)

@@ -43,7 +43,8 @@ class Data:
     @cached_property
     def points(self) -> Points:
         """The compressed curves."""
-        return compress([r.t_s for r in self.records], [r.y for r in self.records], self.together)
+        records = self.records
+        return compress([r.t_s for r in records], [r.y for r in records], self.together, [r.uniform for r in records])
 
     def sums(self, theta: Array) -> tuple[Array, Array]:
         """Squared residuals of each level over every sample, (L,), and their gradient by θ, (4, L)."""
@@ -78,14 +79,20 @@ def data_of(levels: Sequence[Level], weights: Array | None = None) -> Data:
     return Data(u, tuple(Record(first.time_s, row, first.uniform) for row in together), weights, together)
 
 
+def _variance(level: Level) -> float:
+    """Mean over samples of the variance of the repeats (n − 1); NaN for a single run."""
+    if len(level.runs_nm) < 2:
+        return np.nan
+    off = (level.runs_nm - level.mean_nm).ravel()
+    return float(off @ off) / (len(off) - len(level.time_s))
+
+
 def spread_weights(levels: Sequence[Level]) -> Array:
     """1/s² of each level, s the rms spread of its repeats about their mean, scaled to a mean of 1; shape (L,).
 
     Levels of a single run have no spread: the result is NaN there.
     """
-    variance = np.array(
-        [np.mean(level.sd_nm**2) if len(level.runs_nm) > 1 else np.nan for level in levels], dtype=np.float64
-    )
+    variance = np.array([_variance(level) for level in levels])
     with np.errstate(divide="ignore", invalid="ignore"):
         weights = 1.0 / variance
         return np.asarray(weights / weights.mean())

@@ -105,14 +105,19 @@ def fit_curves(data: Data, options: FitOptions) -> tuple[list[LevelFit], dict[st
 
 def level_error(level: float, residual: Array) -> LevelError:
     """RMSE, sum of squares, and mean and standard deviation of |residual| of one level."""
-    size = np.abs(residual)
-    sse = float(residual @ residual)
-    return LevelError(level, float(np.sqrt(sse / len(residual))), sse, float(size.mean()), float(size.std()))
+    return _error(level, len(residual), float(residual @ residual), float(np.abs(residual).sum()))
+
+
+def _error(level: float, samples: int, sse: float, absolute: float) -> LevelError:
+    mean = absolute / samples
+    square = sse / samples
+    return LevelError(level, float(np.sqrt(square)), sse, mean, float(np.sqrt(max(square - mean**2, 0.0))))
 
 
 def overall(residuals: Sequence[Array]) -> LevelError:
     """The same over all samples of all levels; its level is NaN."""
-    return level_error(float("nan"), np.concatenate(residuals))
+    samples, sse = sum(len(r) for r in residuals), sum(float(r @ r) for r in residuals)
+    return _error(float("nan"), samples, sse, sum(float(np.abs(r).sum()) for r in residuals))
 
 
 def hold_out_row(rows: Sequence[LevelError], residuals: Sequence[Array], fitted_rmse: float) -> dict[str, Any]:

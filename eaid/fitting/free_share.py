@@ -33,7 +33,7 @@ def free_problem(data: Data, least_s: float, most_s: float) -> Problem:
         b,
         names.__getitem__,
         None,
-        ROUNDING * data.energy,
+        floor=ROUNDING * data.energy,
     )
 
 

@@ -1,5 +1,6 @@
 """The friction curve of one level, Eq. (3), fitted in (T_s, ln τ1, ln τ2); with C free see `free_share`."""
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TypeAlias
@@ -31,8 +32,8 @@ BOWLS = 3
 """Minima over the grid that a level starts from, at most."""
 STEPS = 8
 """Damped Newton steps from each start, at most."""
-ENOUGH = 1e-6
-"""They end where one gains less than this part of the cost on the points: the next would gain about its square."""
+ENOUGH = 1e-9
+"""They end where another promises less than this part of the cost on the points."""
 CLEAR = 1e-3
 """A start this much above the best, after its steps, is another minimum and no rival."""
 SAME = 1e-6
@@ -79,15 +80,20 @@ def grid_bowls(inner: Array, square: Array, most: int) -> tuple[Indices, Indices
     The cost falls by inner²/square; neighbours are the eight around a pair, those with i ≥ j left out.
     """
     levels, count = inner.shape[:2]
+    apart = np.arange(count) > np.arange(count)[:, None]
+    if most == 1:
+        best = np.where(apart, inner * inner / square, -1.0).reshape(levels, -1).argmax(axis=1)
+        return np.arange(levels), *np.divmod(best, count)
     cost = np.full((levels, count + 2, count + 2), np.inf)
     inside = cost[:, 1:-1, 1:-1]
-    np.divide(inner * -inner, square, out=inside, where=np.arange(count) > np.arange(count)[:, None])
-    if most == 1:
-        best = inside.reshape(levels, -1).argmin(axis=1)
-        return np.arange(levels), *np.divmod(best, count)
-    across = np.minimum(np.minimum(cost[:, :-2], cost[:, 2:]), cost[:, 1:-1])
-    least = np.minimum(np.minimum(across[:, :, :-2], across[:, :, 2:]), across[:, :, 1:-1])
-    level, first, second = np.nonzero((inside <= least) & (inside < np.inf))
+    np.divide(inner * -inner, square, out=inside, where=apart)
+    across = np.minimum(cost[:, :-2], cost[:, 2:])
+    np.minimum(across, cost[:, 1:-1], out=across)
+    least = np.minimum(across[:, :, :-2], across[:, :, 2:])
+    np.minimum(least, across[:, :, 1:-1], out=least)
+    place = np.flatnonzero((inside <= least) & apart)
+    level, rest = np.divmod(place, count * count)
+    first, second = np.divmod(rest, count)
     order = np.lexsort((inside[level, first, second], level))
     rank = np.arange(len(order)) - np.searchsorted(level, level)
     order = order[rank < most]
@@ -96,7 +102,7 @@ def grid_bowls(inner: Array, square: Array, most: int) -> tuple[Indices, Indices
 
 def quick_curves(data: Data, share: float) -> tuple[Array, Array, Array]:
     """θ (4, L), cost (L,) and curvature (L, 3, 3) of every level from its best pair of τ on the grid."""
-    found = starting_curves(data, share, most=1, enough=1e-2)
+    found = starting_curves(data, share, most=1, enough=1e-4)
     return found.theta, found.cost, found.curvature
 
 
@@ -106,32 +112,35 @@ def refine(
     """Damped Gauss–Newton in (T_s, ln τ1, ln τ2) on every row of points at once.
 
     Returns θ (4, N), cost (N,), and curvature by (T_s, τ1, τ2), (N, 3, 3). A row moves only where its cost falls; τ
-    stays within 1 ms and `limit` [s]. Ends when a step lowers no row by more than `enough` of its cost.
+    stays within 1 ms and `limit` [s]. Ends when a step promises no row that still moves more than `enough` of its cost.
     """
     cost, gradient, H = level_normal(theta, points)
-    damping = np.full(len(cost), 1e-3)
+    damping, moved = np.full(len(cost), 1e-3), np.full(len(cost), True)
     for _ in range(steps):
         scale = theta[:3].T.copy()
         scale[:, 0] = 1.0
         normal = H[:, :3, :3] * (scale[:, :, None] * scale[:, None, :])
         diagonal = np.einsum("lii->li", normal)
         diagonal += damping[:, None] * diagonal + 1e-300
-        move = np.linalg.solve(normal, (gradient[:3].T * scale)[:, :, None])[:, :, 0].T
+        g = gradient[:3].T * scale
+        move = np.linalg.solve(normal, g[:, :, None])[:, :, 0]
+        promised = 0.5 * (g * move).sum(axis=1)
+        if moved.any() and (promised <= enough * cost)[moved].all():
+            break
         tried = theta.copy()
-        tried[0] = np.maximum(theta[0] - move[0], 0.0)
-        tried[1:3] *= np.exp(np.minimum(np.maximum(-move[1:], -2.0), 2.0))
+        tried[0] = np.maximum(theta[0] - move[:, 0], 0.0)
+        tried[1:3] *= np.exp(np.minimum(np.maximum(-move[:, 1:].T, -2.0), 2.0))
         tried[1] = np.minimum(np.maximum(tried[1], TAU1_LEAST_S), limit)
         tried[2] = np.minimum(np.maximum(tried[2], tried[1]), limit)
         found, slope, bent = level_normal(tried, points)
-        better = found < cost
-        done = np.max((cost - found)[better] / cost[better], initial=0.0) < enough
-        theta = np.where(better, tried, theta)
-        cost, gradient = np.where(better, found, cost), np.where(better, slope, gradient)
-        H = np.where(better[:, None, None], bent, H)
+        moved = found < cost
+        if moved.all():
+            theta, cost, gradient, H = tried, found, slope, bent
+        else:
+            theta, cost = np.where(moved, tried, theta), np.where(moved, found, cost)
+            gradient, H = np.where(moved, slope, gradient), np.where(moved[:, None, None], bent, H)
         # where τ1 and τ2 have met, two rows of H are one, and only damping keeps it from being singular
-        damping = np.where(better, np.maximum(damping / 10, 1e-12), damping * 10)
-        if done and better.any():
-            break
+        damping = np.where(moved, np.maximum(damping / 10, 1e-12), damping * 10)
     return theta, cost, H[:, :3, :3]
 
 
@@ -224,7 +233,7 @@ def level_problem(data: Data, share: float, limit: float) -> Problem:
     A = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, -1.0, 1.0], [0.0, 0.0, -1.0]])
     b = np.array([0.0, np.log(TAU1_LEAST_S), 0.0, -np.log(limit)])
     names = ("T_s at 0", "τ1 at 1 ms", "τ2 at τ1", "τ2 endless")
-    return Problem(value, curvature, A, b, names.__getitem__, exact, ROUNDING * data.energy)
+    return Problem(value, curvature, A, b, names.__getitem__, exact, floor=ROUNDING * data.energy)
 
 
 def _unknowns(theta: Array, limit: float) -> Array:
@@ -256,28 +265,23 @@ def fit_levels(data: Data, share: float | None) -> list[LevelFit]:
     if share is None:
         return [fit_level(data.one(i), None) for i in range(len(data.u))]
     starts = starting_curves(data, share)
-    # rows come by level, and within a level the lowest is the best
-    order = np.lexsort((starts.cost, starts.level))
-    first = np.searchsorted(starts.level, np.arange(len(data.u)))
-    bounds = [*first.tolist(), len(order)]
-    theta = starts.theta[:, order[first]]
+    order = np.lexsort((starts.cost, starts.level))  # by level, and within a level the lowest first
+    bounds = [*np.searchsorted(starts.level, np.arange(len(data.u))).tolist(), len(order)]
+    theta = starts.theta[:, order[bounds[:-1]]]
     full, gradient = data.sums(theta)
     promises = _settled(theta, full, gradient, level_curvature(theta, data.points), RECORDS * data.longest_s)
+    costs = starts.cost[order].tolist()
     found = []
-    for i, promise in enumerate(promises.tolist()):
-        rows = order[bounds[i] : bounds[i + 1]]
-        costs = starts.cost[rows]
-        rivals = costs[costs > (1 + SAME) * costs[0]]
-        if promise > SETTLED or (rivals < (1 + CLEAR) * costs[0]).any():
-            found.append(fit_level(data.one(i), share, starts.theta[:, rows]))
+    for i, (promise, sse, row) in enumerate(zip(promises.tolist(), full.tolist(), theta.T.tolist(), strict=True)):
+        ends = costs[bounds[i] : bounds[i + 1]]
+        rival = any((1 + SAME) * ends[0] < end < (1 + CLEAR) * ends[0] for end in ends)
+        if promise > SETTLED or rival:
+            found.append(fit_level(data.one(i), share, starts.theta[:, order[bounds[i] : bounds[i + 1]]]))
             continue
-        Ts, tau1, tau2, _ = theta[:, i].tolist()
-        n, sse = len(data.records[i].y), float(full[i])
-        ends = tuple((costs + (sse - costs[0])).tolist())
-        solver = Solver(True, verdict(True, promise), len(ends) * STEPS, ends, (), promise)
-        found.append(
-            LevelFit(float(data.u[i]), Friction(Ts, tau1, tau2, share), float(np.sqrt(sse / n)), sse, n, solver)
-        )
+        n = len(data.records[i].y)
+        full_ends = tuple(end + (sse - ends[0]) for end in ends)
+        solver = Solver(True, verdict(True, promise), len(ends) * STEPS, full_ends, (), promise)
+        found.append(LevelFit(float(data.u[i]), Friction(*row), math.sqrt(sse / n), sse, n, solver))
     return found
 
 

@@ -8,16 +8,20 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from eaid.arrays import Array
+from eaid.fitting.compress import Points
 from eaid.fitting.data import Data
 from eaid.fitting.kernel import decay, level_curvature, level_normal, level_sums
-from eaid.fitting.levels import verdict
+from eaid.fitting.levels import LEAST_LOG, MOST_LOG, verdict
 from eaid.fitting.result import Bounds, LinearLevel, Solver
-from eaid.fitting.solver import PROMISE, ROUNDING, EndPoint, Problem, polish, slsqp
+from eaid.fitting.solver import PROMISE, ROUNDING, SETTLED, Problem, approach, ended, polish
 from eaid.models.parameters import Linear
 
 A0_GRID = 40
+CLOSE = 1e-9
+"""Determinant of a curvature, over the product of its diagonal, below which gain and τ are one."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,16 +40,18 @@ class FirstOrder:
 def fit_first_order(data: Data, design: Array) -> FirstOrder:
     """Least squares of gain_l (1 − e^(−t/τ)), gain = design @ coefficients, design of shape (L, k)."""
     points, weights = data.points, data.weights
-    shortest = min(float(r.t_s[r.t_s > 0].min()) for r in data.records)
-    low, high = 0.01 * shortest, 1e3 * data.longest_s
+    low, high, first = _limits(data)
+
+    def tau_of(x: Array) -> float:
+        return float(np.exp(np.clip(x[0], LEAST_LOG, MOST_LOG)))  # SLSQP may look far outside before it comes back
 
     def theta(x: Array) -> Array:
         one = np.ones(len(data.u))
-        return np.stack([design @ x[1:], np.exp(x[0]) * one, one, one])
+        return np.stack([design @ x[1:], tau_of(x) * one, one, one])
 
     def chain(gradient: Array, x: Array) -> Array:
         g = gradient * weights
-        return np.concatenate([[np.exp(x[0]) * g[1].sum()], g[0] @ design])
+        return np.concatenate([[tau_of(x) * g[1].sum()], g[0] @ design])
 
     def value(x: Array) -> tuple[float, Array]:
         cost, gradient = level_sums(theta(x), points)
@@ -54,7 +60,7 @@ def fit_first_order(data: Data, design: Array) -> FirstOrder:
     def second(x: Array, exact: bool) -> Array:
         own = level_curvature(theta(x), points) if exact else level_normal(theta(x), points)[2]
         H = own[:, :2, :2] * weights[:, None, None]
-        tau = np.exp(x[0])
+        tau = tau_of(x)
         cross = tau * (H[:, 0, 1] @ design)
         corner = tau**2 * H[:, 1, 1].sum()
         if exact:
@@ -74,10 +80,10 @@ def fit_first_order(data: Data, design: Array) -> FirstOrder:
         np.array([np.log(low), -np.log(high)]),
         (f"1/a0 at {low:g} s", f"1/a0 at {high:g} s (1000 record lengths)").__getitem__,
         lambda x: second(x, True),
-        ROUNDING * data.energy,
+        floor=ROUNDING * data.energy,
     )
-    starts = _best_of_grid(data, design, np.geomspace(max(0.3 * shortest, 2 * low), 3 * data.longest_s, A0_GRID))
-    ends = [slsqp(problem, start) for start in starts]
+    starts = _best_of_grid(data, design, np.geomspace(first, 3 * data.longest_s, A0_GRID))
+    ends = ended([approach(problem, start) for start in starts], problem)
     best = min(ends, key=lambda end: end.cost)
     end, promise, active = polish(problem, best, full)
     converged = promise <= PROMISE
@@ -97,24 +103,38 @@ def fit_first_order(data: Data, design: Array) -> FirstOrder:
     )
 
 
+def _limits(data: Data) -> tuple[float, float, float]:
+    """Least and greatest τ that are looked for, and the least on the grid of starts [s]."""
+    shortest = min(float(r.t_s[r.t_s > 0].min()) for r in data.records)
+    return 0.01 * shortest, 1e3 * data.longest_s, 0.3 * shortest
+
+
 def _best_of_grid(data: Data, design: Array, grid: Array, most: int = 3) -> list[Array]:
     """Starts at the local minima over τ of the cost with the gains solved for, the best first."""
-    points, weights = data.points, data.weights
+    square, along = _by_tau(data, grid)
+    normal = design.T @ ((data.weights[:, None] * square).T[:, :, None] * design)  # (K, k, k)
+    right = (data.weights[:, None] * along).T @ design
+    ridge = 1e-14 * np.trace(normal, axis1=1, axis2=2)[:, None, None] * np.eye(design.shape[1])
+    gains = np.linalg.solve(normal + ridge, right[:, :, None])
+    costs = -(right * gains[:, :, 0]).sum(axis=1)
+    minima = np.flatnonzero(_is_minimum(costs[None])[0])
+    order = minima[np.argsort(costs[minima])][:most]
+    return [np.concatenate([[np.log(grid[k])], gains[k, :, 0]]) for k in order]
+
+
+def _by_tau(data: Data, grid: Array) -> tuple[Array, Array]:
+    """φ'φ and φ'y of every level for φ = 1 − e^(−t/τ), shapes (L, K)."""
+    points = data.points
     rise = -np.expm1(-points.t_s[:, None, :] / grid[:, None])  # (L or 1, K, P)
     weighted = rise * points.w[:, None, :]
-    square = np.broadcast_to((weighted * rise).sum(axis=2), (len(data.u), len(grid))) * weights[:, None]
-    along = (weighted @ points.y[:, :, None])[:, :, 0] * weights[:, None]
-    solved = []
-    for k in range(len(grid)):
-        normal = design.T @ (square[:, k, None] * design)
-        right = design.T @ along[:, k]
-        gain = np.linalg.lstsq(normal, right, rcond=None)[0]
-        solved.append((-float(right @ gain), gain))
-    costs = np.array([cost for cost, _ in solved])
-    inside = np.concatenate([[np.inf], costs, [np.inf]])
-    minima = np.flatnonzero((inside[1:-1] <= inside[:-2]) & (inside[1:-1] <= inside[2:]))
-    order = minima[np.argsort(costs[minima])][:most]
-    return [np.concatenate([[np.log(grid[k])], solved[k][1]]) for k in order]
+    square = np.broadcast_to((weighted * rise).sum(axis=2), (len(data.u), len(grid)))
+    return square, (weighted @ points.y[:, :, None])[:, :, 0]
+
+
+def _is_minimum(costs: Array) -> NDArray[np.bool_]:
+    """Where a row has a value that no neighbour undercuts, (N, K)."""
+    inside = np.pad(costs, ((0, 0), (1, 1)), constant_values=np.inf)
+    return (costs <= inside[:, :-2]) & (costs <= inside[:, 2:])
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,8 +169,60 @@ def linear_residuals(p: Linear, data: Data) -> list[Array]:
 
 
 def fit_own_levels(data: Data) -> list[FirstOrder]:
-    """a0 and gain of each level on its own."""
-    return [fit_first_order(data.one(i), np.ones((1, 1))) for i in range(len(data.u))]
+    """a0 and gain of each level on its own: all together, and judged on the full data together.
+
+    A level that has several minima over τ, or has not settled, is fitted alone.
+    """
+    low, high, first = _limits(data)
+    grid = np.geomspace(first, 3 * data.longest_s, A0_GRID)
+    square, along = _by_tau(data, grid)
+    costs = -(along**2) / square
+    best = costs.argmin(axis=1)
+    every, one = np.arange(len(best)), np.ones(len(best))
+    start = np.stack([along[every, best] / square[every, best], grid[best], one, one])
+    theta = _refined(start, data.points, low, high)
+    cost, gradient = data.sums(theta)
+    H, tau = level_curvature(theta, data.points)[:, :2, :2], theta[1]
+    slope = np.stack([gradient[0], gradient[1] * tau], axis=1)
+    H[:, 0, 1] *= tau
+    H[:, 1, 1] = H[:, 1, 1] * tau**2 + slope[:, 1]  # d²/d(ln τ)² = τ² d²/dτ² + τ d/dτ
+    determinant = H[:, 0, 0] * H[:, 1, 1] - H[:, 0, 1] ** 2
+    whole = (_is_minimum(costs).sum(axis=1) == 1) & (tau > 1.001 * low) & (tau < 0.999 * high) & (cost > 0)
+    whole &= determinant > CLOSE * H[:, 0, 0] * np.abs(H[:, 1, 1])
+    twice = H[:, 1, 1] * slope[:, 0] ** 2 - 2 * H[:, 0, 1] * slope[:, 0] * slope[:, 1] + H[:, 0, 0] * slope[:, 1] ** 2
+    promise = np.where(whole, 0.5 * twice / np.where(whole, determinant * cost, 1.0), np.inf)
+    found = []
+    for i, promised in enumerate(promise.tolist()):
+        if promised > SETTLED:
+            found.append(fit_first_order(data.one(i), np.ones((1, 1))))
+            continue
+        gain, sse = theta[0, i : i + 1], float(cost[i])
+        solver = Solver(True, verdict(True, promised), A0_GRID, (sse,), (), promised)
+        found.append(FirstOrder(float(tau[i]), gain, gain, sse, solver))
+    return found
+
+
+def _refined(theta: Array, points: Points, low: float, high: float, steps: int = 12) -> Array:
+    """Damped Gauss–Newton in (gain, ln τ) at every level, (4, L), until a step gains nothing worth telling."""
+    cost, gradient, H = level_normal(theta, points)
+    damping = np.full(len(cost), 1e-6)
+    for _ in range(steps):
+        tau = theta[1]
+        a, b, c = H[:, 0, 0] * (1 + damping), H[:, 0, 1] * tau, H[:, 1, 1] * tau**2 * (1 + damping)
+        g, h = gradient[0], gradient[1] * tau
+        determinant = np.maximum(a * c - b * b, 1e-300)
+        tried = theta.copy()
+        tried[0] -= (c * g - b * h) / determinant
+        tried[1] = np.clip(tau * np.exp(np.clip((b * g - a * h) / determinant, -2.0, 2.0)), low, high)
+        found, slope, bent = level_normal(tried, points)
+        better = found < cost
+        gained = np.max((cost - found)[better] / cost[better], initial=0.0)
+        theta, gradient = np.where(better, tried, theta), np.where(better, slope, gradient)
+        cost, H = np.where(better, found, cost), np.where(better[:, None, None], bent, H)
+        damping = np.where(better, damping / 10, np.maximum(damping, 1e-6) * 100)
+        if gained < 1e-9 and better.any():
+            break
+    return theta
 
 
 def by_convention(data: Data, own: Sequence[FirstOrder], pooled: Linear, convention: str) -> list[LinearLevel]:
@@ -178,9 +250,3 @@ def bounds_of(rows: Sequence[LinearLevel], convention: str, kept: Sequence[float
     chosen = [row for row in rows if kept is None or row.level in kept]
     known = [row.B for row in chosen if row.B is not None]
     return Bounds(convention, tuple(row.level for row in chosen), min(known, default=None), max(known, default=None))
-
-
-def as_end(solution: LinearSolution) -> EndPoint:
-    """The pooled end point in (a0, b0, c0)."""
-    p = solution.parameters
-    return EndPoint(np.array([p.a0, p.b0, p.c0]), solution.cost, solution.solver.evaluations)

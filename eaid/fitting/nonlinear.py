@@ -16,13 +16,9 @@ from eaid.fitting.data import Data
 from eaid.fitting.kernel import level_curvature, level_normal, level_sums, residuals
 from eaid.fitting.levels import SHARES, TAU1_LEAST_S, quick_curves, verdict
 from eaid.fitting.result import Solver
-from eaid.fitting.solver import PROMISE, ROUNDING, EndPoint, Problem, approach, bring_in, draw_in, polish, slsqp
+from eaid.fitting.solver import PROMISE, ROUNDING, EndPoint, Problem, approach, bring_in, draw_in, ended, polish, slsqp
 from eaid.models.parameters import Nonlinear
 
-RIVAL = 1e-2
-"""An end this part of the cost above the best is no rival: SLSQP does not go on from it."""
-SAME = 1e-6
-"""Ends whose costs differ by less than this part have found the same minimum."""
 NARROW = 0.3
 """Reach of a level's ln τ within which its cost is taken for a bowl."""
 
@@ -47,8 +43,12 @@ def nonlinear_problem(data: Data, basis: Basis) -> Problem:
     def exact(x: Array) -> Array:
         return chained(level_curvature(basis.theta(x, M), points))
 
+    def together(x: Array) -> tuple[float, Array, Array]:
+        cost, gradient, curvature = level_normal(basis.theta(x, M), points)
+        return float(weights @ cost), (gradient * weights).ravel() @ flat, chained(curvature)
+
     A, b, names = constraints(basis, data.longest_s)
-    return Problem(value, gauss_newton, A, b, names, exact, ROUNDING * data.energy)
+    return Problem(value, gauss_newton, A, b, names, exact, together, ROUNDING * data.energy)
 
 
 def full_residuals(x: Array, data: Data, basis: Basis) -> list[Array]:
@@ -144,22 +144,7 @@ def fit_nonlinear(data: Data, share: float | None, starts: Sequence[Nonlinear] =
     if share is None or not alone(own[0], min(end.cost for end in ends), data, basis, problem):
         far = [starts[-1] for starts in begin] + broad_starts(near[0], flat, data, basis, problem)
         ends += [approach(problem, start) for start in far]
-    return _confirmed(_ended(ends, problem), data, basis, problem)
-
-
-def _ended(ends: Sequence[EndPoint], problem: Problem) -> list[EndPoint]:
-    """The solver's ends: SLSQP goes from every end that may become the best, once where several have the same cost."""
-    order = sorted(ends, key=lambda end: end.cost)
-    found: list[EndPoint] = []
-    last, solved = -np.inf, order[0]
-    for end in order:
-        if end.cost - last <= SAME * end.cost + problem.floor:
-            end = EndPoint(solved.x, solved.cost, end.evaluations)
-        elif end.cost <= (1 + RIVAL) * order[0].cost:
-            last = end.cost
-            solved = end = slsqp(problem, end.x)
-        found.append(end)
-    return found
+    return _confirmed(ended(ends, problem), data, basis, problem)
 
 
 def refit_nonlinear(data: Data, near: Solution) -> Solution:

@@ -6,18 +6,19 @@ s = C (1 − e^(−H/τ1↑)) / (C (1 − e^(−H/τ1↑)) + (1 − C)(1 − e^(
 The cost is linear in amplitude and residual, which are solved for; SLSQP sees ln τ1 and ln τ2.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from typing import TypeVar
 
 import numpy as np
 
 from eaid.arrays import Array
 from eaid.fitting.compress import Points
 from eaid.fitting.data import Data, data_of
-from eaid.fitting.free_share import BANDS, GRID
-from eaid.fitting.levels import RECORDS, TAU1_LEAST_S, verdict
+from eaid.fitting.kernel import decay
+from eaid.fitting.levels import GRID, RECORDS, TAU1_LEAST_S, grid_bowls, verdict
 from eaid.fitting.result import LevelFit, ReleaseFit, ReleaseLevel, Solver
-from eaid.fitting.solver import PROMISE, ROUNDING, Problem, polish, slsqp
-from eaid.models.friction import grid_minima, tau_grid
+from eaid.fitting.solver import PROMISE, ROUNDING, Problem, approach, ended, polish
+from eaid.models.friction import grid_fits, tau_grid
 from eaid.models.parameters import SHARE, Friction
 from eaid.steps.stepset import Level
 
@@ -38,8 +39,8 @@ def release_fit(
     data = data_of(releases)
     rises = {fit.level: fit.curve for fit in rising}
     shares = np.array([share_reached(rises.get(r.level), held_s.get(r.level), share) for r in releases])
-    begin = np.stack([_starts(data.one(i), shares[i]) for i in range(len(shares))])  # (L, bands, 2)
-    alone = [_solve(data.one(i), shares[i : i + 1], begin[i]) for i in range(len(shares))]
+    singles = [data.one(i) for i in range(len(shares))]
+    alone = [_solve(one, shares[i : i + 1], _starts(one, shares[i])) for i, one in enumerate(singles)]
     pooled, solver, parts = _solve(data, shares, np.log([own[0] for own in alone]))
     rows = []
     for i, release in enumerate(releases):
@@ -110,45 +111,34 @@ def _warnings(data: Data, rows: Sequence[ReleaseLevel], pooled: Array, parts: Ar
 
 
 def _starts(data: Data, share: float) -> Array:
-    """(ln τ1, ln τ2) to begin from for one level, shape (bands, 2): the friction curve of −y above an offset."""
+    """(ln τ1, ln τ2) to begin from for one level, shape (n, 2): minima over a grid for −y above an offset."""
     points = data.points
     grid = np.unique(np.maximum(tau_grid(points.t_s[points.w > 0], GRID), 1.01 * TAU1_LEAST_S))
-    tau1, tau2, _ = grid_minima(points.t_s, -points.y, points.w, grid, share, BANDS, offset=True)
-    return np.log(np.stack([tau1[:, 0], tau2[:, 0]], axis=1))
+    inner, square = grid_fits(points.t_s, -points.y, points.w, grid, share, offset=True)
+    _, first, second = grid_bowls(inner, square, MOST)
+    return np.asarray(np.log(np.stack([grid[first], grid[second]], axis=1)))
 
 
 def _solve(data: Data, shares: Array, starts: Array) -> tuple[Array, Solver, Array]:
     """(τ1, τ2), the verdict, and amplitude and residual of each level, shape (L, 2); costs are of the full data.
 
-    SLSQP goes from the `MOST` best of `starts`, rows of (ln τ1, ln τ2).
+    SLSQP ends the fit from the best of what the `MOST` best of `starts`, rows of (ln τ1, ln τ2), lead to.
     """
     limit = RECORDS * data.longest_s
-    compressed = data.points
-    every = [Points(r.t_s[None], r.y[None], np.ones((1, len(r.y)))) for r in data.records]
     A = np.array([[1.0, 0.0], [-1.0, 1.0], [0.0, -1.0]])
     b = np.array([np.log(TAU1_LEAST_S), 0.0, -np.log(limit)])
     names = ("τ1 at 1 ms", "τ2 at τ1", "τ2 endless")
+    found = _once(lambda x: _projected(x, data.points, shares))
     problem = Problem(
-        lambda x: _projected(x, compressed, shares)[:2],
-        lambda x: _projected(x, compressed, shares)[2],
-        A,
-        b,
-        names.__getitem__,
-        None,
-        ROUNDING * data.energy,
+        lambda x: found(x)[:2], lambda x: found(x)[2], A, b, names.__getitem__, None, floor=ROUNDING * data.energy
     )
     starts = np.clip(starts, b[0], -b[2])
     order = np.argsort([problem.value(start)[0] for start in starts], kind="stable")[:MOST]
-    ends = [slsqp(problem, starts[k]) for k in order]
+    ends = ended([approach(problem, starts[k]) for k in order], problem)
     best = min(ends, key=lambda end: end.cost)
-
-    def full(x: Array) -> tuple[float, Array]:
-        each = [_projected(x, points, shares[i : i + 1]) for i, points in enumerate(every)]
-        return float(sum(one[0] for one in each)), np.asarray(np.sum([one[1] for one in each], axis=0))
-
-    end, promise, active = polish(problem, best, full)
+    on_all = _once(lambda x: _on_every_sample(x, data, shares))
+    end, promise, active = polish(problem, best, lambda x: on_all(x)[:2])
     converged = promise <= PROMISE
-    parts = np.concatenate([_projected(end.x, points, shares[i : i + 1])[3] for i, points in enumerate(every)])
     solver = Solver(
         converged,
         verdict(converged, promise),
@@ -157,38 +147,66 @@ def _solve(data: Data, shares: Array, starts: Array) -> tuple[Array, Solver, Arr
         tuple(names[i] for i in active),
         promise,
     )
-    return np.exp(end.x), solver, parts
+    return np.exp(end.x), solver, on_all(end.x)[2]
 
 
-def _projected(x: Array, points: Points, shares: Array) -> tuple[float, Array, Array, Array]:
-    """Cost with amplitude and residual solved for, gradient by (ln τ1, ln τ2), curvature, and the two solved."""
+Sums = TypeVar("Sums")
+
+
+def _once(call: Callable[[Array], Sums]) -> Callable[[Array], Sums]:
+    """`call`, with its last answer kept: cost and curvature of one place are asked for one after the other."""
+    last: list[tuple[bytes, Sums]] = []
+
+    def kept(x: Array) -> Sums:
+        if not last or last[0][0] != x.tobytes():
+            last[:] = [(x.tobytes(), call(x))]
+        return last[0][1]
+
+    return kept
+
+
+def _on_every_sample(x: Array, data: Data, shares: Array) -> tuple[float, Array, Array]:
+    """Cost, gradient by (ln τ1, ln τ2), and amplitude and residual of each level."""
+    each = []
+    for share, record in zip(shares, data.records, strict=True):
+        points = Points(record.t_s[None], record.y[None], np.ones((1, 1)))
+        each.append(_projected(x, points, share[None], tuple(decay(record, tau)[None] for tau in np.exp(x))))
+    cost, gradient, _, parts = zip(*each, strict=True)
+    return float(sum(cost)), np.asarray(np.sum(gradient, axis=0)), np.concatenate(parts)
+
+
+def _projected(
+    x: Array, points: Points, shares: Array, decays: tuple[Array, ...] | None = None
+) -> tuple[float, Array, Array, Array]:
+    """Cost with amplitude and residual solved for, gradient by (ln τ1, ln τ2), curvature, and the two solved.
+
+    `decays` are e^(−t/τ1) and e^(−t/τ2) at the points, where they are known.
+    """
     tau1, tau2 = np.exp(np.clip(x, -8.0, 25.0))  # SLSQP may look far outside before it comes back
-    t, s = points.t_s, shares[:, None]
-    e1, e2 = np.exp(-t / tau1), np.exp(-t / tau2)
-    fall = np.broadcast_to(s * e1 + (1 - s) * e2, points.y.shape)
-    w = np.broadcast_to(points.w, points.y.shape)
-    n, s1, s2 = w.sum(axis=1), (w * fall).sum(axis=1), (w * fall**2).sum(axis=1)
-    sy, sf = (w * points.y).sum(axis=1), (w * fall * points.y).sum(axis=1)
+    t, s, y = points.t_s, shares[:, None], points.y
+    e1, e2 = decays or (np.exp(-t / tau1), np.exp(-t / tau2))
+    slopes = np.empty((len(y), 5, y.shape[1]))  # by ln τ1, ln τ2 for amplitude 1, by amplitude, by residual; the data
+    slopes[:, 0], slopes[:, 1] = s * e1 * (t / tau1), (1 - s) * e2 * (t / tau2)
+    slopes[:, 2] = s * e1 + (1 - s) * e2
+    slopes[:, 3] = 1.0
+    slopes[:, 4] = y
+    product = (slopes * points.w[:, None, :]) @ slopes.transpose(0, 2, 1)
+    n, s1, s2, sy, sf = (product[:, i, j] for i, j in ((3, 3), (2, 3), (2, 2), (3, 4), (2, 4)))
     determinant = n * s2 - s1**2
     amplitude = (n * sf - s1 * sy) / np.where(determinant > 1e-12 * n * s2, determinant, np.inf)
     amplitude = np.maximum(amplitude, 0.0)
     residual = (sy - amplitude * s1) / n
-    r = residual[:, None] + amplitude[:, None] * fall - points.y
-    slopes = np.stack(
-        [
-            amplitude[:, None] * s * e1 * t / tau1,
-            amplitude[:, None] * (1 - s) * e2 * t / tau2,
-            fall,
-            np.ones_like(fall),
-        ]
+    r = residual[:, None] + amplitude[:, None] * slopes[:, 2] - y
+    left = residual[:, None] * product[:, :2, 3] + amplitude[:, None] * product[:, :2, 2] - product[:, :2, 4]
+    own, cross = product[:, :2, :2] * amplitude[:, None, None] ** 2, product[:, :2, 2:4] * amplitude[:, None, None]
+    inner = product[:, 2:4, 2:4] + (1e-12 * (n + s2)[:, None, None] + 1e-300) * np.eye(2)
+    reduced = own - cross @ np.linalg.solve(inner, cross.transpose(0, 2, 1))
+    return (
+        float((points.w * r * r).sum()),
+        2 * amplitude @ left,
+        2 * reduced.sum(axis=0),
+        np.stack([amplitude, residual], axis=1),
     )
-    gradient = 2 * np.einsum("lp,klp->k", w * r, slopes[:2])
-    full = np.einsum("alp,lp,blp->lab", slopes, w, slopes)
-    trace = np.trace(full[:, 2:, 2:], axis1=1, axis2=2)[:, None, None]
-    inner = full[:, 2:, 2:] + (1e-12 * trace + 1e-300) * np.eye(2)
-    reduced = full[:, :2, :2] - full[:, :2, 2:] @ np.linalg.solve(inner, full[:, 2:, :2])
-    curvature = 2 * reduced.sum(axis=0)
-    return float((w * r * r).sum()), gradient, curvature, np.stack([amplitude, residual], axis=1)
 
 
 def release_curve(row: ReleaseLevel, time_s: Array) -> Array:

@@ -7,7 +7,7 @@ The verdict does not trust the solver: at the end point the constrained Newton s
 min g'd + d'Hd/2 with A (x + d) ≥ b, and what it promises, relative to the cost, has to be nothing.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -23,6 +23,12 @@ SETTLED = 1e-12
 """A start has ended where the Newton step promises less than this part of the cost."""
 NEAR_END = 1e-7
 """A start has come near enough to its end where a Newton step promises less than this part of the cost."""
+LITTLE = 1e-5
+"""Where a Newton step promises less than this part of the cost, it is next to the minimum and right about it."""
+RIVAL = 1e-2
+"""An end this part of the cost above the best is no rival: SLSQP does not go on from it."""
+SAME = 1e-6
+"""Ends whose costs differ by less than this part have found the same minimum."""
 PROMISE = 1e-9
 """A fit has converged where the Newton step would lower the cost by less than this part of it."""
 
@@ -51,6 +57,8 @@ class Problem:
     """What a row of A says, in words; shown where the row is active."""
     exact: Callable[[Array], Array] | None = None
     """x → true second derivatives, (n, n), where they are known."""
+    together: Callable[[Array], tuple[float, Array, Array]] | None = None
+    """x → cost, gradient and Gauss–Newton matrix, where all three cost less together."""
     floor: float = 0.0
     """Cost below which differences are rounding: `ROUNDING` times the sum of squared data."""
 
@@ -94,12 +102,12 @@ def slsqp(problem: Problem, start: Array, rounds: int = 8, maximum: int = 40) ->
     """
     x, evaluations = start, 1
     held = np.zeros(len(problem.b), dtype=bool)
-    cost, gradient = problem.value(x)
+    cost, gradient, curvature = _at(problem, x)
     for _ in range(rounds):
         if cost == 0.0:
             break
-        curvature = problem.curvature(x)
-        if newton_step(problem, x, gradient, curvature).decrease <= SETTLED * cost:
+        promised = newton_step(problem, x, gradient, curvature).decrease
+        if promised <= SETTLED * cost:
             break
         for _ in range(TRIES):
             reached, used = _one_round(problem, x, cost, curvature, held, maximum)
@@ -109,11 +117,19 @@ def slsqp(problem: Problem, start: Array, rounds: int = 8, maximum: int = 40) ->
                 break
             held |= outside
         reached = _inside(problem, x, reached)
-        found, slope = problem.value(reached)
+        found, slope, bent = _at(problem, reached)
         if not found < cost:
             break
-        x, cost, gradient = reached, found, slope
+        kept = promised <= LITTLE * cost and cost - found >= 0.5 * promised
+        x, cost, gradient, curvature = reached, found, slope, bent
+        if kept:  # the start lay next to the minimum, and what there was to gain there has been gained
+            break
     return EndPoint(x, cost, evaluations)
+
+
+def _at(problem: Problem, x: Array) -> tuple[float, Array, Array]:
+    """Cost, gradient and Gauss–Newton matrix."""
+    return problem.together(x) if problem.together else (*problem.value(x), problem.curvature(x))
 
 
 def _one_round(
@@ -145,8 +161,8 @@ def _inside(problem: Problem, feasible: Array, x: Array) -> Array:
     out = (slack < 0) & (own > 0)
     if not out.any():
         return x
-    part = float(np.max(slack[out] / (slack[out] - own[out])))
-    return x + part * (feasible - x)
+    kept = float(np.min(own[out] / (own[out] - slack[out])))
+    return feasible + kept * (x - feasible)  # from the feasible end: `x` may lie where nothing is determined, at 1e100
 
 
 def draw_in(x: Array, inner: Array, problem: Problem) -> Array:
@@ -155,15 +171,16 @@ def draw_in(x: Array, inner: Array, problem: Problem) -> Array:
     out = slack < 0
     if not out.any():
         return x
-    part = float(np.max(slack[out] / (slack[out] - np.maximum(own[out], 1e-300))))
-    return x + min(1.0, 1.001 * part) * (inner - x)
+    room = np.maximum(own[out], 1e-300)
+    kept = float(np.min(room / (room - slack[out])))
+    return inner + max(0.0, kept - 0.001 * (1.0 - kept)) * (x - inner)
 
 
 def bring_in(x: Array, inner: Array, problem: Problem) -> Array:
     """A feasible point for `x`: by the constrained Newton step, then along the line to a feasible `inner`."""
     if (problem.A @ x - problem.b).min(initial=0.0) >= 0:
         return x
-    step = newton_step(problem, x, problem.value(x)[1], problem.curvature(x))
+    step = newton_step(problem, x, *_at(problem, x)[1:])
     return draw_in(x + step.d, inner, problem)
 
 
@@ -199,21 +216,35 @@ def approach(problem: Problem, start: Array, steps: int = 40) -> EndPoint:
     Steps are constrained Newton steps with Levenberg's and Marquardt's damping, which grows where a step gains nothing.
     """
     x, evaluations, damping = start, 1, 1e-6
-    cost, gradient = problem.value(x)
-    curvature = problem.curvature(x)
+    cost, gradient, curvature = _at(problem, x)
     for _ in range(steps):
         step = newton_step(problem, x, gradient, curvature + damping * np.diag(np.diagonal(curvature)))
         if step.decrease <= NEAR_END * max(cost, problem.floor):
             break
         reached = _inside(problem, x, x + step.d)
-        found, slope = problem.value(reached)
+        found, slope, bent = _at(problem, reached)
         evaluations += 1
         if found < cost:
-            x, cost, gradient, curvature = reached, found, slope, problem.curvature(reached)
+            x, cost, gradient, curvature = reached, found, slope, bent
             damping = max(0.1 * damping, 1e-9)
         else:
             damping *= 30
     return EndPoint(x, cost, evaluations)
+
+
+def ended(ends: Sequence[EndPoint], problem: Problem) -> list[EndPoint]:
+    """The ends, best first, SLSQP having gone on from each that may be the best: once where several are the same."""
+    order = sorted(ends, key=lambda end: end.cost)
+    found: list[EndPoint] = []
+    last, solved = -np.inf, order[0]
+    for end in order:
+        if end.cost - last <= SAME * end.cost + problem.floor:
+            end = EndPoint(solved.x, solved.cost, end.evaluations)
+        elif end.cost <= (1 + RIVAL) * order[0].cost:
+            last = end.cost
+            solved = end = slsqp(problem, end.x)
+        found.append(end)
+    return found
 
 
 def polish(
@@ -225,7 +256,9 @@ def polish(
     """
     x, evaluations = end.x, end.evaluations + 1
     cost, gradient = full(x)
-    step = newton_step(problem, x, gradient, _curvature(problem, x))
+    step = newton_step(problem, x, gradient, problem.curvature(x))
+    if step.decrease > FINISHED * cost:
+        step = newton_step(problem, x, gradient, _curvature(problem, x))
     for _ in range(steps):
         if step.decrease <= FINISHED * cost:
             break

@@ -64,7 +64,7 @@ def _fit(form: str, s: Array, y: Array, starts: list[Array]) -> tuple[Array, boo
         b,
         names.__getitem__,
         None,
-        ROUNDING * float(y @ y),
+        floor=ROUNDING * float(y @ y),
     )
     ends = [slsqp(problem, _apart(start[where])) for start in starts]
     best = min(ends, key=lambda end: end.cost)

@@ -111,7 +111,8 @@ def test_a_fit_that_does_not_converge_is_written_marked_and_exits_with_4(
     def stops_at_once(problem: solver.Problem, start: object) -> solver.EndPoint:
         return solver.EndPoint(start, problem.value(start)[0], 1)  # type: ignore[arg-type]
 
-    monkeypatch.setattr(nonlinear, "slsqp", stops_at_once)
+    monkeypatch.setattr(nonlinear, "approach", stops_at_once)
+    monkeypatch.setattr(nonlinear, "ended", lambda ends, _: ends)
     monkeypatch.setattr(nonlinear, "broad_starts", lambda *_: [])
     monkeypatch.setattr(nonlinear, "polish", lambda *problem: solver.polish(*problem, steps=0))
     out = tmp_path / "fit.json"

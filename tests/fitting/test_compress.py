@@ -5,7 +5,11 @@ import itertools
 import numpy as np
 import pytest
 
+from eaid.fitting import compress as module
 from eaid.fitting.compress import HEAD, SMALL, blocks, compress, orthonormal
+from eaid.fitting.data import Data
+from eaid.fitting.kernel import Record
+from eaid.fitting.levels import fit_levels
 from eaid.models import friction
 from eaid.models.parameters import Friction
 
@@ -68,3 +72,21 @@ def test_short_records_keep_every_sample_and_unequal_ones_are_padded_with_weight
     points = compress([a, b], [a, b])
     assert points.y.shape == (2, 100)
     assert points.w[0].sum() == 100 and points.w[1].sum() == 60 and not points.w[1, 60:].any()
+
+
+@pytest.mark.parametrize("noise", [0.01, 0.1])
+def test_the_fit_on_points_is_the_fit_on_all_samples(noise: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    t = np.arange(4000) / 200
+    rng = np.random.default_rng(1)
+    curves = [Friction(Ts, tau1, tau2) for Ts, tau1, tau2 in ((0.5, 0.2, 5.0), (1.5, 0.5, 9.0), (3.0, 0.6, 8.0))]
+    records = tuple(Record(t, friction.step_response(c, t) + noise * rng.normal(size=len(t)), True) for c in curves)
+    data = Data(np.array([20.0, 50.0, 80.0]), records, np.ones(3))
+    short = fit_levels(data, 0.85)
+    monkeypatch.setattr(module, "SMALL", len(t))
+    whole = fit_levels(Data(data.u, records, data.weights), 0.85)
+    assert data.points.y.shape[1] < 100
+    for a, b in zip(short, whole, strict=True):
+        assert a.sse == pytest.approx(b.sse, rel=1e-11)
+        assert (a.curve.Ts, a.curve.tau1, a.curve.tau2) == pytest.approx(
+            (b.curve.Ts, b.curve.tau1, b.curve.tau2), rel=1e-5
+        )

@@ -7,7 +7,7 @@ from eaid.fitting.compress import Points
 from eaid.fitting.data import Data
 from eaid.fitting.free_share import free_problem, non_negative
 from eaid.fitting.kernel import Record
-from eaid.fitting.levels import fit_level, level_problem, refine
+from eaid.fitting.levels import fit_level, fit_levels, grid_bowls, level_problem, refine
 from eaid.fitting.solver import Problem
 from eaid.models import friction
 from eaid.models.parameters import Friction
@@ -128,3 +128,24 @@ def test_rates_that_meet_keep_their_step(seed: int) -> None:
     start = np.array([[rng.uniform(0.3, 2.0)], [tau1], [tau1 * rng.uniform(1.0, 1.5)], [0.85]])
     theta, cost, _ = refine(start, points, limit=100.0, steps=200, enough=-1.0)
     assert cost[0] < 1e-3 * points.y.size and np.isfinite(theta).all()
+
+
+def test_starts_are_the_bowls_of_the_grid() -> None:
+    cost = np.full((1, 6, 6), 5.0)
+    cost[0, 1, 2], cost[0, 0, 5], cost[0, 3, 4], cost[0, 2, 2] = 1.0, 2.0, 3.0, 0.0  # the last is no pair
+    gain = 6.0 - cost
+    level, first, second = grid_bowls(np.sqrt(gain), np.ones_like(gain), 2)
+    assert level.tolist() == [0, 0] and first.tolist() == [1, 0] and second.tolist() == [2, 5]
+    level, first, second = grid_bowls(np.sqrt(gain), np.ones_like(gain), 1)
+    assert (level[0], first[0], second[0]) == (0, 1, 2)
+
+
+def test_levels_fitted_together_are_those_fitted_alone() -> None:
+    t = np.arange(2000) / 100
+    curves = [Friction(0.3, 0.1, 4.0), Friction(2.0, 0.6, 12.0), Friction(1.0, 0.4, 0.45), Friction(1.0, 0.5, 500.0)]
+    rng = np.random.default_rng(2)
+    records = tuple(Record(t, friction.step_response(c, t) + 0.02 * rng.normal(size=len(t)), True) for c in curves)
+    data = Data(np.arange(4.0), records, np.ones(4))
+    for one, together in enumerate(fit_levels(data, 0.85)):
+        alone = fit_level(data.one(one), 0.85)
+        assert together.solver.converged and together.sse <= alone.sse * (1 + 1e-9)

@@ -7,7 +7,7 @@ import pytest
 
 from eaid.fitting.data import Data, data_of
 from eaid.fitting.kernel import Record
-from eaid.fitting.linear import bounds_of, by_convention, fit_linear, fit_own_levels
+from eaid.fitting.linear import bounds_of, by_convention, fit_first_order, fit_linear, fit_own_levels
 from eaid.models import linear
 from eaid.models.parameters import PAPER_LINEAR, Nonlinear
 from eaid.steps.stepset import StepSet
@@ -122,3 +122,15 @@ def test_the_best_rate_of_a_fine_search(seed: int, clutch_set: Maker) -> None:
 
     best = min(cost(a0) for a0 in found.parameters.a0 * np.geomspace(0.2, 5, 401))
     assert found.cost <= best * (1 + 1e-9)
+
+
+def test_levels_fitted_together_are_those_fitted_alone() -> None:
+    t = np.arange(1500) / 100
+    rng = np.random.default_rng(3)
+    rises = [(0.2, 0.5), (3.0, 2.0), (1.0, 30.0), (0.0, 1.0)]  # gain, τ: the last has no signal
+    records = tuple(Record(t, g * -np.expm1(-t / tau) + 0.05 * rng.normal(size=len(t)), True) for g, tau in rises)
+    data = Data(np.array([20.0, 50.0, 80.0, 90.0]), records, np.ones(4))
+    for i, together in enumerate(fit_own_levels(data)):
+        alone = fit_first_order(data.one(i), np.ones((1, 1)))
+        assert together.solver.converged and together.cost == pytest.approx(alone.cost, rel=1e-9)
+        assert together.tau == pytest.approx(alone.tau, rel=1e-4)

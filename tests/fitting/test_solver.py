@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from eaid.fitting.solver import EndPoint, Problem, newton_step, polish, slsqp, whiten
+from eaid.fitting import solver
+from eaid.fitting.solver import EndPoint, Problem, approach, ended, newton_step, polish, slsqp, whiten
 
 SCALES = np.array([1.0, 1e-4, 1e5])
 CENTRE = np.array([2.0, 3e-4, -4e5])
@@ -68,3 +69,33 @@ def test_nothing_left_is_not_divided_by() -> None:
     problem = _bowl(*FREE, left=0.0)
     end = slsqp(problem, CENTRE.copy())
     assert end.cost == 0.0 and polish(problem, end, problem.value)[1] == 0.0
+
+
+def test_an_approach_ends_next_to_the_minimum_and_the_solver_ends_it() -> None:
+    A, b = np.array([[0.0, 0.0, 1.0]]), np.array([-1e5])
+    problem = _bowl(A, b)
+    near = approach(problem, np.zeros(3))
+    assert near.cost == pytest.approx(problem.value(slsqp(problem, np.zeros(3)).x)[0], rel=1e-6)
+    (end,) = ended([near], problem)
+    assert end.cost <= near.cost and end.x[2] == pytest.approx(-1e5, rel=1e-9)
+    assert end.x[:2] == pytest.approx(CENTRE[:2], rel=1e-6)
+
+
+def test_the_solver_goes_once_into_each_minimum_and_leaves_hopeless_ends_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    problem = _bowl(*FREE)
+    places = [CENTRE + SCALES * np.array([0, shift, 0]) for shift in (0.0, 1e-5, 0.05, 3.0)]
+    ends = [EndPoint(x, problem.value(x)[0], 1) for x in places]
+    went = []
+    monkeypatch.setattr(solver, "slsqp", lambda problem, x: went.append(x) or EndPoint(x, problem.value(x)[0], 1))
+    found = ended(ends, problem)
+    assert [end.cost for end in found] == pytest.approx([1.0, 1.0, 1.0025, 10.0])
+    assert len(went) == 2 and np.array_equal(went[0], places[0]) and np.array_equal(went[1], places[2])
+
+
+def test_a_solver_that_stops_at_once_is_not_believed(monkeypatch: pytest.MonkeyPatch) -> None:
+    """SLSQP that says success where it began: rounds go on being asked, and the verdict tells what is left."""
+    problem = _bowl(*FREE)
+    x = CENTRE + SCALES * np.array([0.0, 0.1, 0.0])
+    monkeypatch.setattr(solver, "_one_round", lambda problem, x, *_: (x, 1))
+    end = slsqp(problem, x)
+    assert np.array_equal(end.x, x) and polish(problem, end, problem.value, steps=0)[1] > 1e-3
