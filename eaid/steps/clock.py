@@ -90,14 +90,15 @@ class Clocks:
         return self._clocks[key][1]
 
     def window(self, time_s: Array, start: int) -> Window:
-        """The axis from sample `start` on; of a long one anew each time, for it lies on disk."""
+        """The axis from sample `start` on; of a long one, or of too many, anew each time: memory has an end."""
         part = time_s[start:]
         key = _place(part)
         if key not in self._windows:
             since = less(part, float(part[0]))
             since.flags.writeable = False
             window = Window(since, uniform_step(since))
-            if len(time_s) >= LONG:
+            held = sum(len(kept) for kept, _ in self._windows.values())
+            if len(time_s) >= LONG or held + len(part) > LONG:
                 return window
             self._windows[key] = (part, window)
         return self._windows[key][1]
