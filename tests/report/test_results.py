@@ -50,7 +50,7 @@ def test_a_replay_without_a_column_names_it(tmp_path: Path):
     with h5py.File(tmp_path / "replay.h5", "w") as file:
         file.attrs["schema"] = "eaid/replay/1"
         for name in ("time_s", "reference_nm", "torque_nm"):
-            file[f"rc/{name}"] = np.zeros(5)
+            file[f"rc/{name}"] = np.arange(5.0)
     with pytest.raises(DataError, match="controller 'rc' has no duty_pct; make the replay again"):
         read_results([tmp_path / "replay.h5"])
 
@@ -63,3 +63,58 @@ def test_a_replay_by_the_contract_alone_is_enough(tmp_path: Path):
             file[f"rc/{name}"] = np.linspace(0, 1, 50)
     (replay,) = read_results([tmp_path / "replay.h5"]).replays
     assert replay.scenario == "multisine" and replay.summary["rc"] == {}
+
+
+def _record() -> dict[str, np.ndarray]:
+    t = np.arange(20) / 1000.0
+    return {"time_s": t, "reference_nm": np.ones(20), "torque_nm": np.sin(t), "duty_pct": np.full(20, 50.0)}
+
+
+@pytest.mark.parametrize(
+    ("attribute", "value", "says"),
+    [
+        ("metrics", '{"steps": [3]}', r"its rc.metrics.steps\[0\] is 3, not an object"),
+        ("metrics", '{"max_abs_error_nm": NaN}', "its rc.metrics.max_abs_error_nm is NaN, not a number"),
+        ("metrics", "{", "its metrics is no JSON"),
+        ("metrics", '{"modes": []}', None),
+        ("band_quantiles", "x", 'its band_quantiles is "x", not a list'),
+        ("scenario", 3, "its scenario is 3, not a text"),
+        ("dt_s", -1.0, "its dt_s is -1.0, not a number above 0"),
+        ("warnings", '["a", 2]', r"its warnings\[1\] is 2, not a text"),
+        ("anything", "{", "its anything is no JSON"),
+    ],
+)
+def test_what_a_replay_says_of_itself_is_checked(tmp_path: Path, attribute: str, value: object, says: str | None):
+    path = tmp_path / "replay.h5"
+    write_replay(path, {"rc": Record(_record())}, {"scenario": "steps"})
+    with h5py.File(path, "a") as file:
+        del file.attrs["digest"]
+        (file["rc"] if attribute == "metrics" else file).attrs[attribute] = value
+    if says is None:
+        assert read_results([path]).replay("steps") is not None
+        return
+    with pytest.raises(DataError, match=says):
+        read_results([path])
+
+
+@pytest.mark.parametrize(
+    ("column", "values", "says"),
+    [
+        ("torque_nm", np.array([b"x"] * 20), "rc: its torque_nm holds what is no number"),
+        ("torque_nm", np.full(20, np.nan), "rc: its torque_nm holds what is no number"),
+        ("torque_nm", np.zeros(19), "controller 'rc' has no torque_nm"),
+        ("time_s", np.zeros(20), "rc: its time_s does not rise"),
+        ("time_s", np.float64(1.0), "rc: its time_s is no column of two samples"),
+        ("plants/band_nm", np.zeros((2, 5)), "its plants/band_nm has not a number for every quantile"),
+    ],
+)
+def test_columns_of_a_replay_are_checked(tmp_path: Path, column: str, values: np.ndarray, says: str):
+    path = tmp_path / "replay.h5"
+    write_replay(path, {"rc": Record({**_record()})}, {"scenario": "steps"})
+    with h5py.File(path, "a") as file:
+        del file.attrs["digest"]
+        if column in file["rc"]:
+            del file["rc"][column]
+        file["rc"][column] = values
+    with pytest.raises(DataError, match=says):
+        read_results([path])
