@@ -8,7 +8,7 @@ a scenario adds (`extra`). The options and inputs are root attributes, the metri
 """
 
 import json
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -22,6 +22,8 @@ from eaid.files import hdf5_written_whole
 from eaid.logs.digest import check_digest, digest_of
 from eaid.logs.hdf import check_safe, open_hdf5
 from eaid.logs.walk import walk
+from eaid.schema import METRICS, REPLAY
+from eaid.shapes import Misshapen, Part, shaped
 
 SCHEMA = "eaid/replay/1"
 
@@ -56,8 +58,11 @@ def write_replay(path: Path, records: Mapping[str, Record], attributes: Mapping[
         file.attrs["digest"] = digest_of(walk(file))
 
 
-def read_replay(path: Path) -> tuple[dict[str, Record], dict[str, Any]]:
-    """Records by name, in the file's order of names, and the root attributes; `DataError` where it is no replay.h5."""
+def read_replay(path: Path, tell: Callable[[str], None] = lambda _: None) -> tuple[dict[str, Record], dict[str, Any]]:
+    """Records by name, in the file's order of names, and the root attributes; `DataError` where it is no replay.h5.
+
+    What they hold has the shapes of eaid/schema.py; `tell` gets a sentence about each part that is left out.
+    """
     if not path.is_file():
         raise DataError(f"{path}: no such file; give the replay.h5 that eaid simulate wrote")
     if not h5py.is_hdf5(path):
@@ -68,17 +73,45 @@ def read_replay(path: Path) -> tuple[dict[str, Record], dict[str, Any]]:
             raise DataError(f"{path}: is no {SCHEMA} file; make it again with eaid simulate")
         check_safe(items, str(path), path.stat().st_size)
         check_digest(items, str(path), "make it again with eaid simulate")
+        held = {key: _plain(value, path, key) for key, value in file.attrs.items() if key != "digest"}
+        options = _checked(held, REPLAY, path, "", tell)
         records = {}
         for name, group in file.items():
             if not isinstance(group, h5py.Group) or "time_s" not in group:
                 continue
-            n = len(group["time_s"])
             arrays: dict[str, Any] = {}
             group.visititems(lambda key, item, kept=arrays: _keep(key, item, kept))
-            columns = {key: read_only(array) for key, array in arrays.items() if array.shape == (n,) and "/" not in key}
+            columns = _columns(arrays, f"{path}: {name}")
             tables = {key: array for key, array in arrays.items() if key not in columns}
-            records[name] = Record(columns, json.loads(group.attrs.get("metrics", "{}")), tables)
-        return records, {key: _plain(value) for key, value in file.attrs.items() if key != "digest"}
+            told = _plain(group.attrs.get("metrics", "{}"), path, "metrics")
+            records[name] = Record(columns, _checked(told, METRICS, path, f"{name}.metrics", tell), tables)
+        return records, options
+
+
+def _columns(arrays: Mapping[str, Any], where: str) -> dict[str, Array]:
+    """The arrays that are as long as the time, as numbers; raises DataError where they are none."""
+    time = arrays["time_s"] if "time_s" in arrays else np.empty(0)
+    if time.ndim != 1 or len(time) < 2:
+        raise DataError(f"{where}: its time_s is no column of two samples or more; make it again with eaid simulate")
+    columns = {}
+    for key, array in arrays.items():
+        if array.shape != time.shape or "/" in key:
+            continue
+        if array.dtype.kind not in "fiub" or not np.isfinite(array).all():
+            raise DataError(f"{where}: its {key} holds what is no number; make it again with eaid simulate")
+        columns[key] = read_only(array)
+    return columns
+
+
+def _checked(value: Any, shape: Part, path: Path, name: str, tell: Callable[[str], None]) -> dict[str, Any]:
+    left_out: list[str] = []
+    try:
+        found: dict[str, Any] = shaped(value, shape, name, left_out) or {}
+    except Misshapen as fault:
+        raise DataError(f"{path}: {fault}; make it again with eaid simulate") from None
+    for sentence in left_out:
+        tell(f"{path}: {sentence}")
+    return found
 
 
 def _keep(name: str, item: Any, kept: dict[str, Any]) -> None:
@@ -91,7 +124,13 @@ def _json(value: Any) -> str:
     return json.dumps(value, ensure_ascii=False, allow_nan=False)
 
 
-def _plain(value: Any) -> Any:
+def _plain(value: Any, path: Path, name: str) -> Any:
+    """An attribute as Python has it; what was kept as JSON is read again."""
+    if isinstance(value, bytes):
+        value = value.decode("utf-8", errors="replace")
     if isinstance(value, str) and value[:1] in "{[":
-        return json.loads(value)
-    return value.item() if hasattr(value, "item") else value
+        try:
+            return json.loads(value)
+        except (ValueError, RecursionError):
+            raise DataError(f"{path}: its {name} is no JSON; make it again with eaid simulate") from None
+    return value.tolist() if hasattr(value, "tolist") else value

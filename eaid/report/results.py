@@ -128,7 +128,7 @@ def read_results(paths: Sequence[Path], tell: Callable[[str], None] = lambda _: 
             elif kind == "gains":
                 gains.append(Gains(source, read_json(path, "gains", tell)))
             elif kind == "replay":
-                replays.append(read_replay(path, source))
+                replays.append(read_replay(path, source, tell))
             else:
                 data.append(read_data(path, source))
         except DataError as fault:
@@ -175,9 +175,9 @@ def _by_its_parts(content: dict[str, Any]) -> str:
     return next((f"eaid/{kind}/1" for kind, parts in PARTS.items() if any(part in content for part in parts)), "")
 
 
-def read_replay(path: Path, source: Source) -> Replay:
+def read_replay(path: Path, source: Source, tell: Callable[[str], None] = lambda _: None) -> Replay:
     """Traces, options and measured numbers of a replay.h5; a controller without its four columns is refused."""
-    records, options = replay_files.read_replay(path)
+    records, options = replay_files.read_replay(path, tell)
     needed = ("time_s", "reference_nm", "torque_nm", "duty_pct")
     traces = {
         name: record.columns for name, record in records.items() if set(needed) & set(record.columns) != {"time_s"}
@@ -188,6 +188,12 @@ def read_replay(path: Path, source: Source) -> Replay:
         for name, keys in missing.items()
         if keys
     ]
+    faults += [
+        f"{path}: {name}: its time_s does not rise from sample to sample; make the replay again"
+        for name, columns in traces.items()
+        if not (columns["time_s"][1:] > columns["time_s"][:-1]).all()
+    ]
+    faults += [f"{path}: {name}: {fault}" for name in traces if (fault := _band_fault(records[name].tables, options))]
     if faults:
         raise DataError(*faults)
     if not traces:
@@ -197,6 +203,17 @@ def read_replay(path: Path, source: Source) -> Replay:
     summary = {name: records[name].metrics for name in traces}
     more = {name: records[name].tables for name in traces}
     return Replay(source, str(options.get("scenario", "")), options, traces, summary, more)
+
+
+def _band_fault(tables: Mapping[str, Array], options: Mapping[str, Any]) -> str | None:
+    """What is wrong with the torques of drawn plants: they have a row a quantile and a column an instant."""
+    if "plants/band_nm" not in tables:
+        return None
+    band, time = tables["plants/band_nm"], tables.get("plants/band_time_s")
+    wanted = None if time is None else (len(options.get("band_quantiles") or []), *time.shape)
+    if band.shape == wanted and all(part.dtype.kind in "fiu" for part in (band, time) if part is not None):
+        return None
+    return "its plants/band_nm has not a number for every quantile and instant; make the replay again"
 
 
 def read_data(path: Path, source: Source) -> Data:

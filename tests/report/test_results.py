@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from eaid.errors import DataError, UsageError
+from eaid.replay.files import Record, write_replay
 from eaid.report.results import kind_of, read_results
 
 
