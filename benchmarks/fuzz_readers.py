@@ -1,7 +1,7 @@
 """`python -m benchmarks.fuzz_readers [READER …] [--seconds 600]`: coverage-guided fuzzing of every reader (atheris).
 
 Each reader runs in a process of its own on valid files (`fuzz_seeds`), mutated: at first its reading, then all its
-columns. Findings, whose inputs are kept: whatever comes out besides a refusal; more than 5 s of processor time or 20 s
+columns. Findings, whose inputs are kept: whatever comes out besides a refusal; more than 5 s of processor time or 120 s
 in all; more memory than `FLOOR` and four times the file; a number that differs from what `fuzz_oracles` reads. Where
 the process ends (a finding too), another goes on from the corpus until the time is over.
 """
@@ -40,7 +40,7 @@ LIBRARIES = {
 }  # fmt: skip
 """What is imported under instrumentation besides eaid: parsers in Python guide the fuzzer."""
 INSTRUMENTED = ["eaid", "nptdms", "asammdf", "rosbags", "tomllib", "scipy.io", "h5py", "pyarrow.parquet"]
-TIMEOUT_S, SLOW_S, MEMORY_MB = 20, 5.0, 2048
+TIMEOUT_S, SLOW_S, MEMORY_MB = 120, 5.0, 2048
 FLOOR = 64 << 20
 """Memory that a reader may take whatever the size of its file [bytes]: buffers, caches, small arrays."""
 WORDS = {
@@ -172,6 +172,7 @@ def _within_this_process() -> None:
         except Exception as fault:
             raise DataError(f"{source}: {fault}") from None
 
+    mdf_apart.SLOWEST_S = 2.0  # a hang there is a refusal: the sooner the more tries
     mdf._asked = asked
 
 

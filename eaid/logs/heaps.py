@@ -43,7 +43,7 @@ def _sound(path: Path, size: int) -> bool:
             at = data.find(_SIGNATURE, at + 8)
         base = max(data.find(_FILE), 0) if heaps else 0
         return len(heaps) * size > _MOST_SEARCHED or all(
-            _mentioned_right(data, start - base, objects) for start, objects in heaps.items()
+            _mentioned_right(data, start - base, objects) for start, objects in heaps.items() if start > base
         )
 
 

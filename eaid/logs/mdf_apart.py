@@ -5,12 +5,14 @@ stdout comes an NPZ: without GROUP its `channels` (JSON: group, channel, name, u
 GROUP the times and the values of every channel of numbers in it. Exit code 3, with a sentence on stdout, is a refusal.
 
 asammdf unpacks a block to whatever is in it, and makes room for whatever it says. Where the system can bound memory
-(Linux), the process gets `FLOOR` and what the file and the numbers asked for may take; more is a refusal.
+(Linux), the process gets `FLOOR` and what the file and the numbers asked for may take; more is a refusal. It goes round
+for ever where blocks point in a circle: so its processor time is bounded too.
 """
 
 import io
 import json
 import logging
+import signal
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -27,6 +29,8 @@ MOST_RATIO = 200
 """A group that unpacks to more than this many times the size of its file is a bomb (recorded logs: about 10)."""
 FLOOR = 64 << 20
 """Memory for opening any file [bytes]."""
+SLOWEST_S = 20.0
+"""Processor time for any file; a second for every megabyte comes on top [s]."""
 
 
 class RefusalError(Exception):
@@ -40,7 +44,8 @@ def contents(path: Path, group: int | None) -> dict[str, Any]:
     logging.disable(logging.CRITICAL)
     size = path.stat().st_size
     # as open bytes, since by its name a file would be unpacked, copied or cleared away
-    with path.open("rb") as raw, at_most(FLOOR + 4 * size) as more, asammdf.MDF(raw) as file:
+    limits = in_time(SLOWEST_S + size / 1e6), at_most(FLOOR + 4 * size)
+    with path.open("rb") as raw, limits[0], limits[1] as more, asammdf.MDF(raw) as file:
         version = 4 if str(file.version) >= "4" else 3
         channels = _channels(file, version, size)
         if group is None:
@@ -50,15 +55,34 @@ def contents(path: Path, group: int | None) -> dict[str, Any]:
         for g, c, _, _, _, formula in channels:
             if g != group or formula:
                 continue
-            signal = file.get(group=g, index=c, raw=False)
-            if signal.samples.dtype.kind not in "fiub" or signal.samples.ndim != 1:
+            one = file.get(group=g, index=c, raw=False)
+            if one.samples.dtype.kind not in "fiub" or one.samples.ndim != 1:
                 continue  # a conversion to words, or a table
-            values = np.asarray(signal.samples, dtype=np.float64)
-            if signal.invalidation_bits is not None:
-                values = np.where(np.asarray(signal.invalidation_bits), np.nan, values)
-            found["times"] = np.asarray(signal.timestamps, dtype=np.float64)
+            values = np.asarray(one.samples, dtype=np.float64)
+            if one.invalidation_bits is not None:
+                values = np.where(np.asarray(one.invalidation_bits), np.nan, values)
+            found["times"] = np.asarray(one.timestamps, dtype=np.float64)
             found[str(c)] = values
         return found
+
+
+@contextmanager
+def in_time(most_s: float) -> Iterator[None]:
+    """Bound the processor time of the block [s]."""
+
+    def over(*_: Any) -> None:
+        raise RefusalError(f"takes more than {most_s:.0f} s to read, as a damaged file does; copy or save it again")
+
+    if not hasattr(signal, "setitimer"):  # Windows
+        yield
+        return
+    before = signal.signal(signal.SIGPROF, over)
+    signal.setitimer(signal.ITIMER_PROF, most_s, 1.0)  # again and again, since asammdf swallows what it did not expect
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_PROF, 0.0)
+        signal.signal(signal.SIGPROF, before)
 
 
 @contextmanager

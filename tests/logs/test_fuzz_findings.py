@@ -2,6 +2,7 @@
 
 import io
 import os
+import signal
 import struct
 import subprocess
 import sys
@@ -22,6 +23,8 @@ from eaid.logs.mdf import READER, read_mdf
 from eaid.logs.parquet import read_parquet
 from eaid.logs.run import Run
 from eaid.logs.tdms import read_tdms
+
+HDF5 = b"\x89HDF\r\n\x1a\n"
 
 
 def mat(columns: dict[str, object]) -> bytearray:
@@ -243,3 +246,29 @@ def test_a_parquet_page_whose_checksum_is_wrong(tmp_path: Path) -> None:
     (sheet,) = read_parquet(path, "log")
     with pytest.raises(DataError, match="damaged Parquet file .*CRC"):
         sheet.load([0, 1])
+
+
+@pytest.mark.skipif(not hasattr(signal, "setitimer"), reason="processor time is not bounded here")
+def test_an_mdf_file_whose_blocks_point_in_a_circle(tmp_path: Path) -> None:
+    """asammdf follows them for ever."""
+    asammdf = pytest.importorskip("asammdf")
+    path = tmp_path / "log.mf4"
+    with asammdf.MDF(version="4.10") as file:
+        for _ in range(2):
+            file.append([asammdf.Signal(np.arange(9.0), np.arange(9.0), name="torque")])
+        file.save(path, overwrite=True)
+    data = bytearray(path.read_bytes())
+    first = data.index(b"##DG")
+    second = data.index(b"##DG", first + 1)
+    data = data.replace(second.to_bytes(8, "little"), first.to_bytes(8, "little"))
+    path.write_bytes(data)
+    hurried = "from eaid.logs import mdf_apart; mdf_apart.SLOWEST_S = 1.0; raise SystemExit(mdf_apart.main())"
+    done = subprocess.run([sys.executable, "-c", hurried, str(path)], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout.partition(" to read")[0]) == (3, "takes more than 1 s")
+
+
+def test_an_hdf5_heap_before_its_file(tmp_path: Path) -> None:
+    path = tmp_path / "log.h5"
+    path.write_bytes(b"GCOL\x01\0\0\0" + (32).to_bytes(8, "little") + bytes(8) + (16).to_bytes(8, "little") + HDF5)
+    with pytest.raises(DataError, match="damaged HDF5"):
+        read_hdf5(path, "log")
