@@ -222,7 +222,7 @@ def _nonlinear(
     own = fit.nonlinear
     assert own is not None
     found = nonlinear_part.estimates(own, base)
-    alone = found.joint_alone
+    alone, degrees = found.joint_alone, found.degrees
     if draws is not None and draws.joint is not None:
         found = nonlinear_part.with_joint(found, draws.joint)
     if options.ci == "white":
@@ -233,7 +233,7 @@ def _nonlinear(
     unit = stepset.output_unit
     other = None if own.other is None else nonlinear_part.scattered(own.other, base)
     says = nonlinear_part.agreement(found, base, unit)
-    says["weights"] = weightings.agreement(own, alone, other, found.degrees, base, unit)
+    says["weights"] = weightings.agreement(own, alone, other, degrees, base, unit)
     if says["weights"]["disagreements"] and says["believe"] == "neither":
         says["weights"] |= {"believe": "neither", "because": says["because"]}
     if says["weights"]["believe"] == "sd" and says["believe"] == "two-stage":
