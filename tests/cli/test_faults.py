@@ -70,6 +70,8 @@ COMMANDS: dict[str, tuple[list[str], str]] = {
         ["simulate", "{results}/fit.json", "--gains", "{results}/gains.json", "--scenario", "steps"], "replay.h5",
     ),
     "synth": (["synth", "--levels", "20,60", "--repeats", "1"], "synth.h5"),
+    "plan": (["plan", "{results}/fit.json", "--no-check"], "plan.csv"),
+    "report": (["report", "{results}/gains.json"], "report"),
 }  # fmt: skip
 
 
@@ -98,10 +100,13 @@ def small_disk(folder: Path, kilobytes: int) -> Iterator[Path]:
 @pytest.mark.parametrize("command", COMMANDS)
 def test_full_disk(command: str, logs: Path, results: Path, tmp_path: Path) -> None:
     with small_disk(tmp_path / "disk", 8) as disk:
-        output = disk / COMMANDS[command][1]
-        output.write_bytes(b"earlier")
+        output = earlier = disk / COMMANDS[command][1]
+        if command == "report":
+            (output / "figures").mkdir(parents=True)
+            earlier = output / "report.html"
+        earlier.write_bytes(b"earlier")
         (disk / "filler").write_bytes(bytes(3000))  # two pages are left: too little for any result
-        if command in ("tune-rc", "fit"):  # small results: leave them no page at all
+        if command in ("tune-rc", "fit", "plan"):  # small results: leave them no page at all
             with contextlib.suppress(OSError):
                 (disk / "more").write_bytes(bytes(8192))
         done = subprocess.run(
@@ -109,10 +114,10 @@ def test_full_disk(command: str, logs: Path, results: Path, tmp_path: Path) -> N
         )
         assert done.returncode == 2, done.stderr
         assert done.stderr == (
-            f"error: {output}: cannot be written (No space left on device); make room, or choose another -o\n"
+            f"error: {earlier}: cannot be written (No space left on device); make room, or choose another -o\n"
         )
-        assert output.read_bytes() == b"earlier"
-        assert not [item for item in disk.iterdir() if item.name.endswith(".part")]
+        assert earlier.read_bytes() == b"earlier"
+        assert not [item for item in disk.rglob("*") if item.name.endswith(".part")]
 
 
 def test_read_only_folder(logs: Path, tmp_path: Path) -> None:
