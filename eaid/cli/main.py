@@ -6,6 +6,7 @@ import signal
 import sys
 import threading
 import time
+from collections.abc import Iterable, Sequence
 from typing import Annotated, Any
 
 import typer
@@ -56,9 +57,24 @@ def _root(
     pass
 
 
-for _name, _words in COMMANDS.items():
-    _module = importlib.import_module(f"eaid.cli.{_name}")
-    app.command(_name.replace("_", "-"), cls=PlainCommand, short_help=_words)(_module.command)
+def _add(commands: Iterable[str], to: typer.Typer = app) -> None:
+    """Import the modules of some commands, once each, and put them into the app."""
+    for name in commands:
+        if name not in _added:
+            _added.add(name)
+            module = importlib.import_module(f"eaid.cli.{name}")
+            to.command(name.replace("_", "-"), cls=PlainCommand, short_help=COMMANDS[name])(module.command)
+    order = [name.replace("_", "-") for name in COMMANDS]
+    to.registered_commands.sort(key=lambda command: order.index(command.name or ""))
+
+
+_added: set[str] = set()
+
+
+def _wanted(arguments: Sequence[str]) -> list[str]:
+    """The command that is called; all of them where that is not clear, or where they are to be listed."""
+    first = next(iter(arguments), "").replace("-", "_")
+    return [first] if first in COMMANDS else list(COMMANDS)
 
 
 INTERRUPTED = "interrupted; nothing half-written is left"
@@ -83,6 +99,8 @@ def run(arguments: list[str] | None = None) -> int:
         console.fail(str(fault))
     finally:
         sys.unraisablehook = unraisable
+        if _interrupts and hasattr(signal, "setitimer"):
+            signal.setitimer(signal.ITIMER_REAL, 0)  # an alarm that is still to come would end the process
         _listen(before)
     return code
 
@@ -126,6 +144,7 @@ AGAIN_S = 0.02
 def _outcome(arguments: list[str] | None) -> tuple[int, tuple[str, ...]]:
     """Exit code of one command, and the sentences that say why it failed."""
     try:
+        _add(_wanted(sys.argv[1:] if arguments is None else arguments))
         code = app(args=arguments, standalone_mode=False)
         if code == 130:  # typer turns Ctrl-C into this code, without a word
             raise KeyboardInterrupt

@@ -1,19 +1,13 @@
 """The formats that logs come in, each told by its first bytes, never by the ending of its name."""
 
 from collections.abc import Callable
+from importlib import import_module
 from pathlib import Path
 from typing import NamedTuple
 
-from eaid.logs.hdf import is_hdf5, read_hdf5
-from eaid.logs.lvm import is_lvm, read_lvm
-from eaid.logs.mat import read_mat
-from eaid.logs.mdf import is_mdf, read_mdf
-from eaid.logs.parquet import is_parquet, read_parquet
-from eaid.logs.ros import is_ros, read_ros
+from eaid.logs.hdf import is_hdf5
 from eaid.logs.sheet import Sheet
-from eaid.logs.tdms import is_tdms, read_tdms
-from eaid.logs.text import read_text
-from eaid.logs.unread import is_unread, refuse
+from eaid.logs.unread import is_unread
 
 
 class Format(NamedTuple):
@@ -22,7 +16,18 @@ class Format(NamedTuple):
     name: str
     is_it: Callable[[bytes], bool]
     """Tells it by the first 4 KiB of a file."""
-    read: Callable[[Path, str], list[Sheet]]
+    reader: str
+    """Module and function that read it, imported when such a log comes."""
+
+    def read(self, path: Path, source: str) -> list[Sheet]:
+        """Sheets of a log of this format."""
+        module, _, function = self.reader.partition(":")
+        sheets: list[Sheet] = getattr(import_module(f"eaid.logs.{module}"), function)(path, source)
+        return sheets
+
+
+def _begins(*marks: bytes) -> Callable[[bytes], bool]:
+    return lambda head: head.startswith(marks)
 
 
 def _is_mat(head: bytes) -> bool:
@@ -41,15 +46,15 @@ def _is_mat(head: bytes) -> bool:
 
 
 FORMATS: tuple[Format, ...] = (
-    Format("HDF5 or MAT v7.3", is_hdf5, read_hdf5),
-    Format("LabVIEW LVM", is_lvm, read_lvm),
-    Format("TDMS", is_tdms, read_tdms),
-    Format("Parquet", is_parquet, read_parquet),
-    Format("MDF", is_mdf, read_mdf),
-    Format("ROS bag", is_ros, read_ros),
-    Format("MAT v4 or v5", _is_mat, read_mat),
-    Format("not read", is_unread, refuse),
-    Format("text", lambda _: True, read_text),
+    Format("HDF5 or MAT v7.3", is_hdf5, "hdf:read_hdf5"),
+    Format("LabVIEW LVM", _begins(b"LabVIEW Measurement", b"\xef\xbb\xbfLabVIEW Measurement"), "lvm:read_lvm"),
+    Format("TDMS", _begins(b"TDSm"), "tdms:read_tdms"),
+    Format("Parquet", _begins(b"PAR1"), "parquet:read_parquet"),
+    Format("MDF", _begins(b"MDF     ", b"UnFinMF "), "mdf:read_mdf"),
+    Format("ROS bag", _begins(b"#ROSBAG V", b"\x89MCAP0\r\n", b"SQLite format 3\0"), "ros:read_ros"),
+    Format("MAT v4 or v5", _is_mat, "mat:read_mat"),
+    Format("not read", is_unread, "unread:refuse"),
+    Format("text", lambda _: True, "text:read_text"),
 )
 
 

@@ -23,11 +23,6 @@ HEADER_LINES = 100
 """Lines of one header; more means that its end is missing."""
 
 
-def is_lvm(head: bytes) -> bool:
-    """True for the first bytes of a LabVIEW measurement file."""
-    return head.removeprefix(b"\xef\xbb\xbf").startswith(b"LabVIEW Measurement")
-
-
 @dataclass(frozen=True)
 class _File:
     path: Path

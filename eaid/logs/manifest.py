@@ -5,7 +5,6 @@ as a log, its options and its list of logs stand in for those of the command lin
 """
 
 import json
-import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -66,6 +65,8 @@ def manifest_of(paths: Sequence[Path]) -> Manifest | None:
 
 def read_manifest(path: Path) -> Manifest:
     """A manifest; raises DataError where it is not written as this eaid writes it."""
+    import tomllib
+
     try:
         content = tomllib.loads(path.read_text(encoding="utf-8"))
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as fault:

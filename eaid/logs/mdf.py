@@ -27,11 +27,6 @@ READER: tuple[str, ...] = (sys.executable, "-P", "-m", "eaid.logs.mdf_apart")
 LONGEST_S = 600.0
 
 
-def is_mdf(head: bytes) -> bool:
-    """True for the first bytes of an MDF file, closed or not."""
-    return head.startswith((b"MDF     ", b"UnFinMF "))
-
-
 def read_mdf(path: Path, source: str) -> list[Sheet]:
     """Sheets of an MDF file: all channels together where their names differ, else one a group."""
     if find_spec("asammdf") is None:

@@ -18,11 +18,6 @@ MOST_RATIO = 200
 """A column that unpacks to more than this many times the size of its file is a bomb (recorded torque: about 4)."""
 
 
-def is_parquet(head: bytes) -> bool:
-    """True for the first bytes of a Parquet file."""
-    return head.startswith(b"PAR1")
-
-
 def read_parquet(path: Path, source: str) -> list[Sheet]:
     """The one sheet of a Parquet file; raises DataError where it holds no columns of numbers."""
     parquet = library("pyarrow.parquet", source, WHAT)

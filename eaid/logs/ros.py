@@ -27,11 +27,6 @@ UNITS = {"torque": "N·m", "force": "N"}
 """Units of geometry_msgs/Wrench, which every ROS message keeps."""
 
 
-def is_ros(head: bytes) -> bool:
-    """True for the first bytes of a ROS bag: version 1, MCAP, or SQLite (version 2)."""
-    return head.startswith((b"#ROSBAG V", b"\x89MCAP0\r\n", b"SQLite format 3\0"))
-
-
 @contextmanager
 def _opened(path: Path, source: str) -> Iterator[Any]:
     """The reader of rosbags that fits the first bytes, open."""
@@ -165,6 +160,11 @@ def _loader(
                 at, value = layout.value(raw, field)
                 stamps.append((at if by_header and at is not None else stamp) - start)
                 values.append(value)
+            if len(values) != connection.msgcount:
+                raise DataError(
+                    f"{source}: {connection.topic} has {len(values)} messages where the bag counts "
+                    f"{connection.msgcount}; copy it again"
+                )
         return np.array(stamps, dtype=np.int64) / 1e9, np.array(values, dtype=np.float64)
 
     return load

@@ -22,11 +22,6 @@ MOST_SCALES = 100
 """Scales of one channel, one behind the other; npTDMS makes room for as many as a file says."""
 
 
-def is_tdms(head: bytes) -> bool:
-    """True for the first bytes of a TDMS file."""
-    return head.startswith(b"TDSm")
-
-
 def read_tdms(path: Path, source: str) -> list[Sheet]:
     """Sheets of a TDMS file: the channels with a sample rate together, and the vectors of each group."""
     nptdms = library("nptdms", source, WHAT)

@@ -6,7 +6,6 @@ its own, so the number of processes changes nothing.
 """
 
 from collections.abc import Callable, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -71,6 +70,8 @@ def bootstrap(
     )
     found = []
     if workers > 1:
+        from concurrent.futures import ProcessPoolExecutor
+
         with ProcessPoolExecutor(workers, initializer=_begin, initargs=(job,)) as pool:
             for one in pool.map(_of_pool, range(draws), chunksize=8):
                 found.append(one)
@@ -133,7 +134,7 @@ def _compressed(level: Level, length: int) -> Array:
     return np.pad(rows, ((0, 0), (0, length - rows.shape[1])))
 
 
-def resampled_mean(runs: Array, random: np.random.Generator) -> Array:
+def resampled_mean(runs: Array, random: "np.random.Generator") -> Array:
     """Mean of R runs drawn with replacement from R, its distance to the mean drawn out by √(R/(R − 1)); shape (n,)."""
     count = len(runs)
     mean = runs.mean(axis=0)
@@ -141,7 +142,7 @@ def resampled_mean(runs: Array, random: np.random.Generator) -> Array:
     return np.asarray(mean + np.sqrt(count / (count - 1)) * (runs[taken].mean(axis=0) - mean))
 
 
-def resampled_blocks(level: Level, fitted_nm: Array, random: np.random.Generator) -> Array:
+def resampled_blocks(level: Level, fitted_nm: Array, random: "np.random.Generator") -> Array:
     """A single run made anew from blocks of its own residuals, shape (n,)."""
     left = level.mean_nm - fitted_nm
     n = len(left)

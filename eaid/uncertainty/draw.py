@@ -84,7 +84,7 @@ def _root(matrix: Array) -> Array:
     return np.asarray(unit[:, None] * vectors * np.sqrt(np.maximum(values, 0.0)))
 
 
-def _feasible(mean: Array, root: Array, slack: Array, offset: Array, random: np.random.Generator) -> Array:
+def _feasible(mean: Array, root: Array, slack: Array, offset: Array, random: "np.random.Generator") -> Array:
     """One draw that keeps every constraint (as far as the fit itself does)."""
     at_fit = slack @ mean - offset
     allowed = np.minimum(at_fit, 0.0) - 1e-12

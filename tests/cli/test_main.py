@@ -191,3 +191,21 @@ def test_a_library_that_turns_ctrl_c_into_its_own_failure(
     monkeypatch.setattr(main, "app", interrupted)
     assert main.run([]) == 130
     assert capsys.readouterr().err == "error: interrupted; nothing half-written is left\n"
+
+
+def test_only_the_module_of_the_command_is_imported(tmp_path: Path) -> None:
+    code = (
+        "import sys; from eaid.cli.main import run; run(['fit', '--help']); "
+        "print(*[m for m in sys.modules if m in ('eaid.cli.fit', 'eaid.cli.synth', 'eaid.cli.plan')]); "
+        "run(['--help'])"
+    )
+    said = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True).stdout
+    assert "\neaid.cli.fit\n" in said
+    listed = said.split("\neaid.cli.fit\n")[1].split("Commands:")[1]
+    order = [line.split()[0] for line in listed.splitlines() if line.startswith("  ") and line[2] != " "]
+    assert order == [name.replace("_", "-") for name in main.COMMANDS]
+
+
+def test_a_command_that_is_mistyped_is_told_the_one_meant(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main.run(["simulat"]) == 2
+    assert "simulate" in capsys.readouterr().err
