@@ -7,7 +7,7 @@ from functools import cached_property
 import numpy as np
 
 from eaid.arrays import Array
-from eaid.fitting.compress import Points, compress
+from eaid.fitting.compress import SMALL, Points, compress, to_pieces
 from eaid.fitting.kernel import Record, full_sums
 from eaid.steps.stepset import Level
 
@@ -23,6 +23,8 @@ class Data:
     """Weight of each level's squared residuals, shape (L,); ones unless the user weights by spread."""
     together: Array | None = None
     """The curves as one array, (L, n), where all share one grid; `records` are its rows then."""
+    pieces: Array | None = None
+    """`together` after `to_pieces`, made while each mean was in the cache."""
 
     @property
     def samples(self) -> int:
@@ -44,7 +46,9 @@ class Data:
     def points(self) -> Points:
         """The compressed curves."""
         records = self.records
-        return compress([r.t_s for r in records], [r.y for r in records], self.together, [r.uniform for r in records])
+        return compress(
+            [r.t_s for r in records], [r.y for r in records], self.together, [r.uniform for r in records], self.pieces
+        )
 
     def sums(self, theta: Array) -> tuple[Array, Array]:
         """Squared residuals of each level over every sample, (L,), and their gradient by θ, (4, L)."""
@@ -73,10 +77,14 @@ def data_of(levels: Sequence[Level], weights: Array | None = None) -> Data:
     )
     if not alike:
         return Data(u, tuple(Record(one.time_s, one.mean_nm, one.uniform) for one in levels), weights)
-    together = np.empty((len(levels), len(first.time_s)))
-    for row, level in zip(together, levels, strict=True):
-        np.matmul(np.full((1, len(level.runs_nm)), 1 / len(level.runs_nm)), level.runs_nm, out=row[None])
-    return Data(u, tuple(Record(first.time_s, row, first.uniform) for row in together), weights, together)
+    together, pieces = np.empty((len(levels), len(first.time_s))), []
+    for i, level in enumerate(levels):
+        row = together[i : i + 1]
+        np.matmul(np.full((1, len(level.runs_nm)), 1 / len(level.runs_nm)), level.runs_nm, out=row)
+        if first.uniform and row.size > SMALL:
+            pieces.append(to_pieces(row))
+    records = tuple(Record(first.time_s, row, first.uniform) for row in together)
+    return Data(u, records, weights, together, np.concatenate(pieces) if pieces else None)
 
 
 def _variance(level: Level) -> float:

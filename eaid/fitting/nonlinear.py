@@ -192,6 +192,8 @@ def alone(own: OwnCurves, cost: float, data: Data, basis: Basis, problem: Proble
         return False  # the levels' own curves are not the best there are
     kept, rise = _edges(own, data)
     narrow = rise >= spare
+    if narrow.all():
+        return True
     rows = basis.rows(data.u)[:3].transpose(1, 0, 2)  # (L, 3, n)
     weighted = kept[:, None, None] * own.normal @ rows
     while narrow.sum() >= max(basis.degrees) + 1 and not narrow.all():

@@ -70,6 +70,8 @@ class EndPoint:
     x: Array
     cost: float
     evaluations: int
+    local: tuple[float, Array, Array] | None = None
+    """Cost, gradient and Gauss–Newton matrix there, where they are at hand."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,15 +96,22 @@ def whiten(curvature: Array) -> Array:
             scaled = curvature / (scale * scale[:, None]) + ridge * np.eye(len(scale))
 
 
-def slsqp(problem: Problem, start: Array, rounds: int = 8, maximum: int = 40) -> EndPoint:
+def slsqp(
+    problem: Problem,
+    start: Array,
+    local: tuple[float, Array, Array] | None = None,
+    rounds: int = 8,
+    maximum: int = 40,
+) -> EndPoint:
     """Solve from one feasible start, whitened anew each round, until a Newton step promises nothing more.
 
     A round leaves the constraints out at first; where it ends outside some, it is begun again with those, until it ends
     inside: a handful of rows instead of hundreds, which the solver's own least squares would go through every time.
+    `local` is cost, gradient and curvature at the start, where they are at hand.
     """
     x, evaluations = start, 1
     held = np.zeros(len(problem.b), dtype=bool)
-    cost, gradient, curvature = _at(problem, x)
+    cost, gradient, curvature = local or _at(problem, x)
     for _ in range(rounds):
         if cost == 0.0:
             break
@@ -117,13 +126,14 @@ def slsqp(problem: Problem, start: Array, rounds: int = 8, maximum: int = 40) ->
                 break
             held |= outside
         reached = _inside(problem, x, reached)
-        found, slope, bent = _at(problem, reached)
+        found, slope = problem.value(reached)
         if not found < cost:
             break
         kept = promised <= LITTLE * cost and cost - found >= 0.5 * promised
-        x, cost, gradient, curvature = reached, found, slope, bent
+        x, cost, gradient = reached, found, slope
         if kept:  # the start lay next to the minimum, and what there was to gain there has been gained
             break
+        curvature = problem.curvature(x)
     return EndPoint(x, cost, evaluations)
 
 
@@ -229,7 +239,7 @@ def approach(problem: Problem, start: Array, steps: int = 40) -> EndPoint:
             damping = max(0.1 * damping, 1e-9)
         else:
             damping *= 30
-    return EndPoint(x, cost, evaluations)
+    return EndPoint(x, cost, evaluations, (cost, gradient, curvature))
 
 
 def ended(ends: Sequence[EndPoint], problem: Problem) -> list[EndPoint]:
@@ -242,7 +252,7 @@ def ended(ends: Sequence[EndPoint], problem: Problem) -> list[EndPoint]:
             end = EndPoint(solved.x, solved.cost, end.evaluations)
         elif end.cost <= (1 + RIVAL) * order[0].cost:
             last = end.cost
-            solved = end = slsqp(problem, end.x)
+            solved = end = slsqp(problem, end.x, end.local)
         found.append(end)
     return found
 

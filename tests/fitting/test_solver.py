@@ -86,7 +86,7 @@ def test_the_solver_goes_once_into_each_minimum_and_leaves_hopeless_ends_alone(m
     places = [CENTRE + SCALES * np.array([0, shift, 0]) for shift in (0.0, 1e-5, 0.05, 3.0)]
     ends = [EndPoint(x, problem.value(x)[0], 1) for x in places]
     went = []
-    monkeypatch.setattr(solver, "slsqp", lambda problem, x: went.append(x) or EndPoint(x, problem.value(x)[0], 1))
+    monkeypatch.setattr(solver, "slsqp", lambda problem, x, _: went.append(x) or EndPoint(x, problem.value(x)[0], 1))
     found = ended(ends, problem)
     assert [end.cost for end in found] == pytest.approx([1.0, 1.0, 1.0025, 10.0])
     assert len(went) == 2 and np.array_equal(went[0], places[0]) and np.array_equal(went[1], places[2])
