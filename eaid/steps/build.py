@@ -246,6 +246,13 @@ def stepset_of(cut_steps: Sequence[Run], options: StepOptions = NOTHING_SAID) ->
         few = min(counts)
         at = ", ".join(f"{level.level:g}" for level in rising if len(level.names) == few)
         sets.append(f"repeats differ in number: {at} {input_unit} only {few}, others up to {max(counts)}")
+    stairs = sum(run.from_level != 0 for run in cut_steps)
+    if stairs:
+        sets.append(
+            f"{stairs} of {len(cut_steps)} steps go from one level to another and are not fitted, as the models describe a "
+            "step from rest: let the input go back to rest before each level; eaid simulate --log compares the whole "
+            "log, stairs and all, with a fitted model"
+        )
     releases = [_level(members, signs, clocks, None) for _, members in groups["falling"]]
     records = [replace(record, warnings=tuple(warnings[record.name])) for record in records]
     records.sort(key=lambda r: (r.level, r.repeat, r.edge != "rising", r.name))

@@ -159,7 +159,7 @@ def _falls_while_held(step: Step) -> str:
 
 
 def _left_after_release(step: Step) -> str:
-    if step.run.edge == "rising" or len(step.rise) < FEW:
+    if step.run.edge == "rising" or step.run.from_level != 0 or len(step.rise) < FEW:
         return ""
     left = left_pct(step)
     if left > 5.0 and left / 100 * step.swing > 5 * _scatter(step.rise):

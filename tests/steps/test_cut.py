@@ -52,6 +52,14 @@ def test_staircase() -> None:
     assert [level.level for level in stepset.levels] == [20.0]  # the others do not start from rest
     told = {run.name: run.warnings for run in stepset.runs}
     assert "starts from 20 %, not from rest: not fitted" in told["a-2"]
+    (said,) = stepset.warnings
+    assert said.startswith("2 of 4 steps go from one level to another and are not fitted")
+    assert "let the input go back to rest before each level" in said
+    down = build_stepset([log([(0, 1), (60, 4), (20, 4), (0, 4)])])
+    assert [(level.level, len(level.names)) for level in (*down.levels, *down.releases)] == [(60.0, 1), (20.0, 1)]
+    assert {run.name: run.warnings for run in down.runs}["a-release"] == (
+        "falls only to 20 %, not to rest: not fitted",
+    )  # what is left of the torque is meant to be left
 
 
 def test_several_steps_from_rest() -> None:
