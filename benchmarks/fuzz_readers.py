@@ -101,10 +101,15 @@ def _memory(what: str) -> int:
 
 def target(name: str, watch: Watch) -> Callable[[bytes], None]:
     """One try on bytes: read as the format that they are seeds of, then load every column."""
+    import pkgutil
     from importlib import import_module
 
-    for module in LIBRARIES.get(name, ()):
-        import_module(module)
+    import eaid.logs
+
+    readers = [f"eaid.logs.{module.name}" for module in pkgutil.iter_modules(eaid.logs.__path__)]
+    for module in (*LIBRARIES.get(name, ()), *readers):
+        if module != "eaid.logs.mdf_apart" or name == "mdf":
+            import_module(module)
     from eaid.errors import EaidError
     from eaid.logs import formats
     from eaid.logs.options import ReadOptions
