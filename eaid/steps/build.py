@@ -249,9 +249,9 @@ def stepset_of(cut_steps: Sequence[Run], options: StepOptions = NOTHING_SAID) ->
     stairs = sum(run.from_level != 0 for run in cut_steps)
     if stairs:
         sets.append(
-            f"{stairs} of {len(cut_steps)} steps go from one level to another and are not fitted, as the models describe a "
-            "step from rest: let the input go back to rest before each level; eaid simulate --log compares the whole "
-            "log, stairs and all, with a fitted model"
+            f"{stairs} of {len(cut_steps)} steps go from one level to another and are not fitted, as the models "
+            "describe a step from rest: let the input go back to rest before each level; eaid simulate --log compares "
+            "the whole log, stairs and all, with a fitted model"
         )
     releases = [_level(members, signs, clocks, None) for _, members in groups["falling"]]
     records = [replace(record, warnings=tuple(warnings[record.name])) for record in records]
