@@ -323,11 +323,42 @@ def _cut_by_output(run: Run, where: str, known: bool) -> list[Run]:
     level = constant if run.level is None else run.level
     if level is None:
         raise DataError(f"{where}: nothing tells its level; give the input column, or --name-pattern with {{level}}")
-    start = onset(run.output)
-    if start is None:
-        raise DataError(f"{where}: no step stands out of the output's noise; give its instant with --step-at")
-    note = f"step instant {run.time_s[start]:.6g} s found from the output alone: late by a sample or more"
+    if rises_at_once(run.output):
+        start = 0
+        note = "the output rises from the first sample on, which is taken for the step; if it came later, say --step-at"
+    else:
+        found = onset(run.output)
+        if found is None:
+            raise DataError(f"{where}: no step stands out of the output's noise; give its instant with --step-at")
+        start = found
+        note = f"step instant {run.time_s[start]:.6g} s found from the output alone: late by a sample or more"
     return _cut_at(replace(run, level=level, step_s=float(run.time_s[start]), notes=(*run.notes, note)), where, known)
+
+
+def rises_at_once(output: Array) -> bool:
+    """True where the output starts near zero and rises from its first sample on, without an idle stretch before.
+
+    At a quarter of the time to half of its end value a step response has long risen; an idle output has not.
+    """
+    count = len(output)
+    if count < 2 * FEWEST:
+        return False
+    end = float(np.median(sample(output[-(count // 10) :])))
+    noise = 1.4826 * float(np.median(np.abs(sample_steps(output)))) / np.sqrt(2)
+    if abs(end) <= 8 * noise or abs(float(output[:3].mean())) > 0.2 * abs(end):
+        return False
+    high = _first_above(output, end)
+    quarter = np.sign(end) * output[high // 4 : high // 4 + high // 8 + 1]
+    return bool(quarter.mean() >= 0.05 * abs(end) + 4 * noise / np.sqrt(len(quarter)))
+
+
+def _first_above(output: Array, end: float) -> int:
+    """First sample at half of an end value."""
+    for place, (piece,) in pieces(output):
+        over = np.flatnonzero(np.sign(end) * piece >= 0.5 * abs(end))
+        if len(over):
+            return int(place.start) + int(over[0])
+    return len(output) - 1
 
 
 def onset(output: Array) -> int | None:

@@ -245,3 +245,41 @@ def test_baseline_kept() -> None:
     (kept,) = build_stepset([log([(0, 2), (50, 4)], offset=0.3)], StepOptions(keep_baseline=True)).levels
     (gone,) = build_stepset([log([(0, 2), (50, 4)], offset=0.3)]).levels
     np.testing.assert_allclose(kept.mean_nm - gone.mean_nm, 0.3, atol=1e-12)
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize(("tau1", "tau2"), [(0.05, 5.0), (0.3, 4.0), (2.0, 20.0)])
+@pytest.mark.parametrize("noise", [0.0, 0.01])
+def test_a_log_that_begins_at_its_speed_needs_no_step_instant(tau1, tau2, noise, sign):
+    t = np.arange(60_000) / 1000 + 3
+    curve = 0.85 * -np.expm1(-(t - 3) / tau1) + 0.15 * -np.expm1(-(t - 3) / tau2)
+    output = sign * curve + noise * np.random.default_rng(0).standard_normal(len(t))
+    (step,) = cut(_speed_log(t, output))
+    assert step.step_s == 3.0
+    assert step.level == 20
+    assert any("first sample on" in note and "--step-at" in note for note in step.notes)
+
+
+@pytest.mark.parametrize("idle", [2_000, 10_000])
+def test_an_idle_stretch_before_the_step_is_still_seen(idle):
+    t = np.arange(60_000) / 1000
+    rise = np.maximum(t - t[idle], 0)
+    output = (
+        0.85 * -np.expm1(-rise / 0.1)
+        + 0.15 * -np.expm1(-rise / 5)
+        + 0.003 * np.random.default_rng(0).standard_normal(len(t))
+    )
+    (step,) = cut(_speed_log(t, output))
+    assert step.step_s == pytest.approx(t[idle], abs=0.01)
+    assert any("from the output alone" in note for note in step.notes)
+
+
+def test_a_log_that_begins_in_the_middle_of_a_hold_has_no_step():
+    t = np.arange(20_000) / 1000
+    with pytest.raises(DataError, match="no step stands out"):
+        cut(_speed_log(t, 1.0 + 0.01 * np.random.default_rng(0).standard_normal(len(t))))
+
+
+def _speed_log(t, output):
+    facts = {"source": "a.csv", "sha256": "", "kind": "friction-speed"}
+    return Run("a", t, np.full(len(t), 20.0), output, "RPM", "N·m", **facts)
