@@ -3,6 +3,7 @@
 The long form of this, guided by coverage, is `python -m benchmarks.fuzz_readers`.
 """
 
+import contextlib
 import gzip
 import re
 import sys
@@ -14,12 +15,16 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from eaid.apparatus import Apparatus
+from eaid.cli.inputs import runs_from
 from eaid.errors import DataError, UsageError
 from eaid.logs import text
+from eaid.logs.dataset import write_dataset
 from eaid.logs.formats import FORMATS, format_of
 from eaid.logs.lvm import read_lvm
 from eaid.logs.options import ReadOptions
-from eaid.logs.read import read_runs
+from eaid.logs.read import read_runs, read_what_can_be
+from eaid.logs.run import Run
 
 sys.path.insert(0, str(Path(__file__).parent))
 import logs_written as written
@@ -147,6 +152,56 @@ def test_mutated_files(tmp_path, seeds, name, form):
         load_all(path, read)
 
     tried()
+
+
+def test_a_mutated_dataset_gives_the_numbers_that_were_written_or_none(tmp_path):
+    """Unless its attributes are no longer sealed: then they are the user's."""
+    t, duty, torque = written.step(60)
+    path = tmp_path / "data.h5"
+    run = Run(
+        name="a", time_s=t, input=duty, output=torque, input_unit="%", output_unit="N·m", source="a.csv",
+        sha256="0" * 64, level=60.0, repeat=1, step_s=0.1, baseline=0.0,
+    )  # fmt: skip
+    write_dataset(path, [run], kind="clutch", apparatus=Apparatus())
+    data = path.read_bytes()
+
+    @given(edits=EDITS)
+    @settings(BRIEF, max_examples=100)
+    def tried(edits):
+        path.write_bytes(edited(data, edits))
+        try:
+            runs, _ = read_what_can_be([path], NOTHING)
+        except (DataError, UsageError):
+            return
+        for found in runs:
+            assert (found.name, found.level, found.repeat, found.step_s) == ("a", 60.0, 1, 0.1)
+            for name in ("time_s", "input", "output"):
+                np.testing.assert_array_equal(getattr(found, name), getattr(run, name))
+
+    tried()
+
+
+MANIFEST = """schema = "eaid/manifest/1"
+[options]
+kind = "clutch"
+columns = "time=time_s,output=3"
+rate = 200.0
+repair = true
+[[log]]
+file = "a.csv"
+sha256 = "00"
+repeat = 1
+level = 60.0
+"""
+
+
+@given(edits=EDITS)
+@settings(BRIEF, max_examples=100)
+def test_a_mutated_manifest(tmp_path, edits):
+    (tmp_path / "a.csv").write_text("time_s,duty_pct,torque_nm\n" + "0.1,60,1.0\n" * 20)
+    (tmp_path / "dataset.toml").write_bytes(edited(MANIFEST.encode(), edits))
+    with contextlib.suppress(DataError, UsageError):
+        runs_from([tmp_path])
 
 
 CELL = st.text(st.characters(codec="ascii", exclude_characters="\r\n", exclude_categories=("Cc",)), max_size=12)
