@@ -153,7 +153,14 @@ def adequacy(stepset: StepSet, fit: Fit, base: Ground, asked: Share | None = Non
     rows = [row for level, one in zip(levels, base.evidence, strict=True) if (row := lack_of_fit(level, one.noise_nm))]
     polynomial = fit.nonlinear is not None and base.source == "repeats" and len(levels) >= 4
     orders = _orders(base) if polynomial else ()
-    recommended = _sentence(shapes, orders, rows, asked)
+    falling = [(level, lost) for level in levels if (lost := overshoot(level)) > OVERSHOOT]
+    if 2 * len(falling) > len(levels):
+        recommended = (
+            f"none of these models: the output decays under hold at {len(falling)} of {len(levels)} levels; "
+            "end the window before it does (--until), or take T_s for an average"
+        )
+    else:
+        recommended = _sentence(shapes, orders, rows, asked)
     return Adequacy(
         shapes=shapes,
         orders=orders,
@@ -162,7 +169,7 @@ def adequacy(stepset: StepSet, fit: Fit, base: Ground, asked: Share | None = Non
         effective_samples=float(counts.sum()),
         leave_one_level_out_nm=_leave_one_out(base) if polynomial and len(levels) > 4 else None,
         recommended=recommended,
-        warnings=tuple(_warnings(stepset, levels)),
+        warnings=tuple(_warnings(stepset, falling)),
     )
 
 
@@ -266,7 +273,8 @@ def _sentence(
     if best is usual or usual.bic - best.bic < STRONG:
         said = f"keep {usual.name}"
     elif best.name == "two exponentials, C free" and best.rmse > 0.9 * usual.rmse:
-        said = f"keep {usual.name}: a free C fits only {100 * (1 - best.rmse / usual.rmse):.0f} % closer"
+        closer = 100 * (1 - best.rmse / usual.rmse)
+        said = f"keep {usual.name}: a free C fits {f'only {closer:.0f} %' if closer >= 0.5 else 'no'} closer"
     else:
         said = f"use {best.name}: RMSE {best.rmse:.3g} against {usual.rmse:.3g}"
     raised = []
@@ -292,9 +300,8 @@ def _sentence(
     return said
 
 
-def _warnings(stepset: StepSet, levels: Sequence[Level]) -> list[str]:
+def _warnings(stepset: StepSet, falling: Sequence[tuple[Level, float]]) -> list[str]:
     said = []
-    falling = [(level, lost) for level in levels if (lost := overshoot(level)) > OVERSHOOT]
     if falling:
         worst, lost = max(falling, key=lambda pair: pair[1])
         several = f" and at {len(falling) - 1} more levels" if len(falling) > 1 else ""

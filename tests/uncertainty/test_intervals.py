@@ -219,6 +219,8 @@ def test_overshoot_under_hold_is_named() -> None:
     sure = intervals(replace(made, levels=bent), fit(replace(made, levels=bent), FitOptions(models=("friction",))))
     word = next(word for word in sure.warnings if "overshoots and decays under hold" in word)
     assert "at 3 more levels" in word and "no sum of rising exponentials shows that" in word
+    advice = sure.uncertainty["adequacy"]["recommended"]
+    assert advice.startswith("none of these models: the output decays under hold at 4 of 4 levels")
 
 
 def test_a_free_share_is_told_to_trade_against_tau2() -> None:
