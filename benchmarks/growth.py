@@ -1,4 +1,7 @@
-"""How cost grows: fit time and memory over samples and levels, Monte-Carlo over plants; figures in docs/figures."""
+"""How cost grows: fit time and memory over samples and levels, Monte-Carlo over plants; figures in docs/figures.
+
+Times of fits are of the processor (run with OMP_NUM_THREADS=1); the Monte-Carlo, which has threads, goes by the clock.
+"""
 
 import statistics
 import time
@@ -53,13 +56,13 @@ def fitted(levels: list[Level]) -> None:
 
 
 def measured(samples: int, levels: int) -> tuple[float, float]:
-    """Median time [s] of five fits, and the peak of what one allocates, its data included [bytes]."""
+    """Median processor time [s] of five fits, and the peak of what one allocates, its data included [bytes]."""
     steps = made(samples, levels)
     times = []
     for _ in range(6):
-        start = time.perf_counter()
+        start = time.process_time()
         fitted(steps)
-        times.append(time.perf_counter() - start)
+        times.append(time.process_time() - start)
     tracemalloc.start()
     fitted(steps)
     peak = tracemalloc.get_traced_memory()[1]

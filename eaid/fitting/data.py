@@ -80,7 +80,10 @@ def data_of(levels: Sequence[Level], weights: Array | None = None) -> Data:
     together, pieces = np.empty((len(levels), len(first.time_s))), []
     for i, level in enumerate(levels):
         row = together[i : i + 1]
-        np.matmul(np.full((1, len(level.runs_nm)), 1 / len(level.runs_nm)), level.runs_nm, out=row)
+        if len(level.runs_nm) == 1:
+            row[:] = level.runs_nm
+        else:
+            np.matmul(np.full((1, len(level.runs_nm)), 1 / len(level.runs_nm)), level.runs_nm, out=row)
         if first.uniform and row.size > SMALL:
             pieces.append(to_pieces(row))
     records = tuple(Record(first.time_s, row, first.uniform) for row in together)
