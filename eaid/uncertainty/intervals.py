@@ -201,6 +201,8 @@ def _profiled(curves: Ground, i: int, k: int, p: Parameter) -> Parameter:
     if p.name in one.held or within < 0.5 * float(curves.variance[i, k]):
         # scatter from run to run (a gain, a τ1) knows nothing of the cost's shape: logs are its own scale
         return p
+    if p.name == "tau2" and p.value > one.evidence.duration_s:
+        return p  # longer than the record: not quoted, however its profile looks
     inverse = np.linalg.pinv(one.evidence.information, rcond=1e-14, hermitian=True)
     if not inverse[k, k] > 0:
         return p
@@ -213,7 +215,7 @@ def _profiled(curves: Ground, i: int, k: int, p: Parameter) -> Parameter:
     if not np.isfinite(high) or low <= 0:
         word = f"not determined: {low:.2g} or anything above" if low > 0 else "not determined: no end either way"
         return replace(p, interval=None, word=word)
-    return replace(p, interval=(float(low), float(high)))
+    return replace(p, interval=(float(low), float(high)), word=None if p.interval is None else p.word)
 
 
 def _nonlinear(

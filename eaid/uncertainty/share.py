@@ -230,7 +230,7 @@ def share_words(share: Share) -> str:
     held = f"{share.held:g}"
     ends = share.interval
     if ends is None or share.estimate is None:
-        return f"the runs cannot tell C by themselves: every number rests on the C of {held} that was held"
+        return f"the runs give no C of their own: every number rests on the C of {held} that was held"
     asked = f"C = {share.estimate:.3f} ({ends[0]:.3f} … {ends[1]:.3f})"
     if share.differ:
         asked += ", the levels not all the same"

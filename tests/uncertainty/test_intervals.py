@@ -186,6 +186,10 @@ def test_a_short_record_leaves_tau2_open_in_words() -> None:
     assert words and all("the curve itself is known to" in word for word in words)
     assert any(word.startswith("at 10 % τ2 is ") for word in words)
     assert sure.friction["levels"][0]["ci95"]["tau2"] is None
+    profiled = intervals(short, fit(short), IntervalOptions(ci="profile", study_models=False))
+    for row in profiled.friction["levels"]:
+        word = row["words"].get("tau2", "")
+        assert (row["ci95"]["tau2"] is None) == ("not determined" in word), word
     assert sure.friction["levels"][0]["ci95"]["tau1"] is not None
 
 
