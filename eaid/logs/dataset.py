@@ -24,7 +24,7 @@ from eaid.logs.extras import damage_told
 from eaid.logs.hdf import check_safe, open_hdf5
 from eaid.logs.run import INPUT_UNITS, Kind, Run
 from eaid.logs.spool import LONG, pieces, release, room
-from eaid.logs.walk import Item, Unpacked, item_at, root_of, unpacked, walk
+from eaid.logs.walk import Item, Unpacked, item_at, root_of, unpacked, walk, walked
 
 SCHEMA = "eaid/data/1"
 COLUMNS = ("time_s", "input", "torque_nm")
@@ -64,7 +64,7 @@ def write_dataset(
         folder = file.create_group("runs")
         for run in runs:
             _write_run(folder, run)
-        file.attrs["digest"] = digest_of(walk(file))
+        file.attrs["digest"] = digest_of(walked(file))
 
 
 def _write_run(folder: Any, run: Run) -> None:

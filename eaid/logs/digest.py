@@ -1,14 +1,14 @@
 """The digest of an HDF5 file of eaid: its attributes and shapes, which carry no checksum of their own."""
 
 import hashlib
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 from eaid.errors import DataError
 from eaid.logs.walk import Item
 
 
-def digest_of(items: Sequence[Item]) -> str:
+def digest_of(items: Iterable[Item]) -> str:
     """SHA-256 of all attributes and shapes, in hex; the columns themselves carry the checksum of their compression."""
     seen = hashlib.sha256()
     for item in items:

@@ -5,6 +5,7 @@ h5py's own objects cost 30 to 60 µs each and as much again for every attribute;
 """
 
 import zlib
+from collections.abc import Iterator
 from functools import cached_property
 from typing import Any
 
@@ -40,13 +41,19 @@ class Item:
 
 def walk(file: Any) -> list[Item]:
     """The root and every object below it, in h5py's order; links to other files are not followed."""
+    return list(walked(file))
+
+
+def walked(file: Any) -> Iterator[Item]:
+    """The same one by one: an object that is let go is closed, and thousands of open ones take half a gigabyte."""
     from h5py import h5o
 
     places: list[bytes] = []
     h5o.visit(file.id, places.append)
     attributes = _Attributes(file)
-    below = [Item(place.decode("utf-8", "surrogateescape"), h5o.open(file.id, place), attributes) for place in places]
-    return [Item("", file.id, attributes), *below]
+    yield Item("", file.id, attributes)
+    for place in places:
+        yield Item(place.decode("utf-8", "surrogateescape"), h5o.open(file.id, place), attributes)
 
 
 def root_of(file: Any) -> Item:
