@@ -19,6 +19,7 @@ from eaid.apparatus import Apparatus
 from eaid.arrays import Array, read_only
 from eaid.errors import DataError
 from eaid.files import hdf5_written_whole
+from eaid.logs.chunks import check_chunks
 from eaid.logs.digest import check_digest, digest_of
 from eaid.logs.extras import damage_told
 from eaid.logs.hdf import check_safe, open_hdf5
@@ -166,6 +167,7 @@ def _column(item: Item, known: Unpacked) -> Array:
     import h5py
 
     if len(item.shape or ()) == 1 and item.shape and item.shape[0] >= LONG:
+        check_chunks(item.node, unpack=False)
         stored = h5py.Dataset(item.node)
         values = room(item.shape[0])
         for place, _ in pieces(values):
@@ -173,7 +175,10 @@ def _column(item: Item, known: Unpacked) -> Array:
             release(values)
         return read_only(values)
     found = unpacked(item.node, known)
-    return read_only(np.asarray(h5py.Dataset(item.node)[()], dtype=np.float64)) if found is None else found
+    if found is not None:
+        return found
+    check_chunks(item.node)
+    return read_only(np.asarray(h5py.Dataset(item.node)[()], dtype=np.float64))
 
 
 def _read_run(

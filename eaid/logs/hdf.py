@@ -14,6 +14,7 @@ import numpy as np
 
 from eaid.arrays import read_only
 from eaid.errors import DataError
+from eaid.logs.chunks import check_chunks
 from eaid.logs.extras import damage_told
 from eaid.logs.heaps import check_heaps
 from eaid.logs.mat import FEWEST, SAVE_AS, labels_of_matrix
@@ -77,10 +78,14 @@ def _loader(path: Path, source: str, names: Sequence[tuple[str, int | str | None
     def load(wanted: Sequence[int]) -> Cells:
         with open_hdf5(path, source) as file:
             values = []
+            sound = set()
             for i in wanted:
                 name, part = names[i]
                 item = file[name]
                 try:
+                    if name not in sound:
+                        check_chunks(item.id)
+                        sound.add(name)
                     if part is None:
                         array = item[()]
                     elif isinstance(part, str):
@@ -163,6 +168,7 @@ def _matrix(path: Path, source: str, name: str, item: Any, said: Any) -> Sheet:
     if isinstance(said, np.ndarray) and said.shape == (count,):
         labels = tuple(str(label) for label in said)
     else:
+        check_chunks(item.id)
         labels = labels_of_matrix(np.asarray(item[0, :] if across else item[:, 0]), count)
     names: list[tuple[str, int | str | None]] = [(name, k) for k in range(count)]
     return Sheet(name, labels, _loader(path, source, names, across))

@@ -19,6 +19,7 @@ import numpy as np
 from eaid.arrays import Array, read_only
 from eaid.errors import DataError
 from eaid.files import hdf5_written_whole
+from eaid.logs.chunks import check_chunks
 from eaid.logs.digest import check_digest, digest_of
 from eaid.logs.hdf import check_safe, open_hdf5
 from eaid.logs.walk import walk
@@ -119,6 +120,7 @@ def _checked(value: Any, shape: Part, path: Path, name: str, tell: Callable[[str
 def _keep(name: str, item: Any, kept: dict[str, Any]) -> None:
     """Every array of a group, those of its inner groups too, under its path."""
     if isinstance(item, h5py.Dataset):
+        check_chunks(item.id)
         kept[name] = item[...]
 
 

@@ -186,6 +186,45 @@ def test_a_schema_that_is_no_text(tmp_path: Path) -> None:
     assert len(read_hdf5(path, "log")) == 1
 
 
+FULL = np.arange(1000.0).tobytes()
+CHUNKS = {
+    "deflated short": (zlib.compress(FULL[:800]), 0, {"compression": "gzip"}),
+    "deflated long": (zlib.compress(FULL * 2), 0, {"compression": "gzip"}),
+    "no deflate": (b"nothing of the kind", 0, {"compression": "gzip"}),
+    "filter passed over": (FULL[:800], 1, {"compression": "gzip"}),
+    "plain short": (FULL[:800], 0, {}),
+    "checksum alone": (b"12", 0, {"fletcher32": True}),
+    "checksum of deflated": (b"123", 0, {"fletcher32": True, "compression": "gzip"}),
+}
+
+
+@pytest.mark.parametrize("how", CHUNKS)
+def test_an_hdf5_chunk_of_a_wrong_length(tmp_path: Path, how: str) -> None:
+    """The HDF5 library gives out what lies behind a short chunk in memory as numbers, or ends the process."""
+    payload, passed_over, settings = CHUNKS[how]
+    path = tmp_path / "log.h5"
+    with h5py.File(path, "w") as file:
+        file["time"] = np.arange(1000.0)
+        column = file.create_dataset("torque", (1000,), "f8", chunks=(1000,), **settings)
+        column.id.write_direct_chunk((0,), payload, passed_over)
+    (sheet,) = read_hdf5(path, "log")
+    with pytest.raises(DataError, match="torque is damaged .a chunk of it"):
+        sheet.load([0, 1])
+
+
+@pytest.mark.parametrize("settings", [{}, {"fletcher32": True}, {"compression": "lzf"}, {"compression": "gzip"},
+                                      {"compression": "gzip", "shuffle": True, "fletcher32": True},
+                                      {"compression": "lzf", "fletcher32": True}, {"scaleoffset": 9}])  # fmt: skip
+def test_hdf5_chunks_as_the_library_writes_them(tmp_path: Path, settings: dict[str, object]) -> None:
+    path = tmp_path / "log.h5"
+    values = np.sin(np.arange(1000.0))
+    with h5py.File(path, "w") as file:
+        for name in ("time", "torque"):
+            file.create_dataset(name, data=values, chunks=(64,), **settings)
+    (sheet,) = read_hdf5(path, "log")
+    np.testing.assert_allclose(sheet.load([1]).values[0], values, atol=1e-8)
+
+
 def test_a_chunk_larger_than_its_file(tmp_path: Path) -> None:
     """A chunk is unpacked whole, however few of its values belong to the array."""
     path = tmp_path / "log.h5"
