@@ -7,7 +7,7 @@ from eaid.errors import DataError
 from eaid.models.parameters import SHARE, Friction, Linear, Nonlinear
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Solver:
     """How a fit was found, and our own verdict on it."""
 
@@ -24,7 +24,7 @@ class Solver:
     method: str = "SLSQP"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class LevelFit:
     """The friction curve of one level, Eq. (3)."""
 
@@ -38,7 +38,7 @@ class LevelFit:
     solver: Solver
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Trend:
     """A fitted value over stress or speed."""
 
@@ -54,7 +54,7 @@ class Trend:
     at_bounds: tuple[str, ...] = ()
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class FrictionFit:
     """Friction curves of all levels, and their trends."""
 
@@ -74,7 +74,7 @@ class FrictionFit:
     robust: dict[str, Any] | None = None
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class LevelError:
     """How far a model is from one level's averaged repeats."""
 
@@ -85,7 +85,7 @@ class LevelError:
     abs_sd: float
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class NonlinearFit:
     """The ten coefficients of Eqs. (4)–(7)."""
 
@@ -111,7 +111,7 @@ class NonlinearFit:
     """Why there is none, in words."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class LinearLevel:
     """Eq. (8) fitted to one level: what one step can tell is a0 and the gain (b0 u + c0)/a0; b0 by convention."""
 
@@ -128,7 +128,7 @@ class LinearLevel:
     solver: Solver
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Bounds:
     """Least and largest B over the levels that the user keeps."""
 
@@ -138,7 +138,7 @@ class Bounds:
     B_M: float | None
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class PooledLinear:
     """Eq. (8) fitted to all levels at once, under other weights."""
 
@@ -150,7 +150,7 @@ class PooledLinear:
     """Weight of each level; None: all alike."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class LinearFit:
     """Eq. (8) fitted to all levels at once, and to each."""
 
@@ -173,7 +173,7 @@ class LinearFit:
     """Why there is none, in words."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class ReleaseLevel:
     """T(t) = residual + amplitude (share e^(−t/τ1) + (1 − share) e^(−t/τ2)) after the release of one level."""
 
@@ -193,7 +193,7 @@ class ReleaseLevel:
     rising_tau2: float | None = None
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class ReleaseFit:
     """Time constants of the falling edges: pooled over all levels, and of each."""
 
@@ -207,7 +207,7 @@ class ReleaseFit:
     warnings: tuple[str, ...] = ()
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Fit:
     """All that one call fitted; what its kind does not allow is None."""
 
