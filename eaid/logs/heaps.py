@@ -3,20 +3,28 @@
 The library goes round for ever in a heap whose free space has no size, as one changed byte can make it. It also trusts
 the length of a text, which stands where the text is used: it makes room for that many bytes, up to 4 GB, and then
 copies as many as the heap has. So the heaps are walked first, and every mention of one (length, 4 bytes; address of the
-heap, 8; number in it, 4) is held against what lies there.
+heap, 8; number in it, 4) is held against what lies there. Files of the newer layout (superblock 2 and 3, as eaid writes
+them) have checksums around what mentions heaps; in older ones the texts of attributes are looked for by their type.
 """
 
+import math
 import mmap
+import re
+from itertools import islice
 from pathlib import Path
 
 from eaid.errors import DataError
 
 _SIGNATURE = b"GCOL\x01\0\0\0"
 _FILE = b"\x89HDF\r\n\x1a\n"
+_TEXT = re.compile(rb"\x19[\x01\x11\x21].\0\x10\0\0\0.{16}\x01", re.DOTALL)
+"""The type of a text of free length in an attribute, and the first byte of its shape (version 1)."""
 _ROOM = 4096
 """Bytes that the library makes room for at least."""
 _WIDEST = 64
 """Bytes of one element of a sequence of free length, at most."""
+_MOST_TEXTS = 10_000
+"""Texts of one attribute that are looked at."""
 _MOST_SEARCHED = 1 << 30
 """Bytes searched for mentions, in all; of files beyond (with many heaps) only the heaps are walked."""
 
@@ -41,9 +49,12 @@ def _sound(path: Path, size: int) -> bool:
                 return False
             heaps[at] = objects
             at = data.find(_SIGNATURE, at + 8)
-        base = max(data.find(_FILE), 0) if heaps else 0
+        base = max(data.find(_FILE), 0)
+        known = {start - base: objects for start, objects in heaps.items()}
+        if data[base + 8 : base + 9] < b"\x02" and not _texts_held(data, known):
+            return False
         return len(heaps) * size > _MOST_SEARCHED or all(
-            _mentioned_right(data, start - base, objects) for start, objects in heaps.items() if start > base
+            _mentioned_right(data, address, objects) for address, objects in known.items() if address > 0
         )
 
 
@@ -74,4 +85,21 @@ def _mentioned_right(data: mmap.mmap, address: int, objects: dict[int, int]) -> 
         if length and held is not None and (length > held or held > max(_ROOM, _WIDEST * length)):
             return False
         at = data.find(wanted, at + 1)
+    return True
+
+
+def _texts_held(data: mmap.mmap, heaps: dict[int, dict[int, int]]) -> bool:
+    """True where every text of an attribute is in a heap."""
+    for found in _TEXT.finditer(data):
+        at = found.end() - 1
+        rank, more = data[at + 1], data[at + 2]
+        if rank > 32 or more > 1:
+            continue  # no shape
+        sizes = [int.from_bytes(data[at + 8 + 8 * i : at + 16 + 8 * i], "little") for i in range(rank)]
+        at += 8 + 8 * rank * (1 + more)
+        for text in islice(range(at, len(data) - 15, 16), min(math.prod(sizes), _MOST_TEXTS)):
+            length, number = (int.from_bytes(data[text + i : text + i + 4], "little") for i in (0, 12))
+            address = int.from_bytes(data[text + 4 : text + 12], "little")
+            if length and heaps.get(address, {}).get(number, -1) < length:
+                return False
     return True

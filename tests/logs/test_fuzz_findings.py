@@ -330,3 +330,22 @@ def test_an_mcap_message_that_swallows_the_next(tmp_path: Path) -> None:
     (sheet,) = read_ros(path, "log")
     with pytest.raises(DataError, match="/ft has 299 messages where the bag counts 300"):
         sheet.load([torque])
+
+
+@pytest.mark.parametrize("shape", [(), (3,)])
+@pytest.mark.parametrize("address", [1, 96, 1 << 40])
+def test_a_text_of_an_old_layout_that_is_in_no_heap(tmp_path: Path, shape: tuple[int, ...], address: int) -> None:
+    """The HDF5 library makes room for a text before it looks whether it is there."""
+    path = tmp_path / "log.h5"
+    text = "eaid/data/1"
+    with h5py.File(path, "w") as file:
+        file.attrs["schema"] = text if not shape else [text] * 3
+        file["time"], file["torque"] = np.arange(40.0), np.arange(40.0)
+    assert len(read_hdf5(path, "log")) == 1
+    data = bytearray(path.read_bytes())
+    at = data.index(len(text).to_bytes(4, "little") + data.index(b"GCOL").to_bytes(8, "little"))
+    data[at : at + 12] = (1 << 30).to_bytes(4, "little") + address.to_bytes(8, "little")
+    path.write_bytes(data)
+    with pytest.raises(DataError, match="its heap of texts"):
+        read_hdf5(path, "log")
+    assert not is_dataset(path)
