@@ -21,6 +21,7 @@ from eaid.logs.hdf import read_hdf5
 from eaid.logs.mat import read_mat
 from eaid.logs.mdf import read_mdf
 from eaid.logs.parquet import read_parquet
+from eaid.logs.read import read_runs
 from eaid.logs.ros import read_ros
 from eaid.logs.run import Run
 from eaid.logs.tdms import read_tdms
@@ -136,10 +137,9 @@ def test_a_text_of_a_dataset_longer_than_its_heap_has_it(tmp_path: Path, length:
     assert places  # 64 bytes: a fingerprint
     data[places[0] - 4 : places[0]] = length.to_bytes(4, "little")
     path.write_bytes(data)
-    for read in (read_hdf5, lambda path, source: read_dataset(path, source, "")):
+    for read in (read_hdf5, lambda path, source: read_dataset(path, source, ""), lambda path, _: is_dataset(path)):
         with pytest.raises(DataError, match="damaged HDF5 file .its heap of texts"):
             read(path, "log")
-    assert not is_dataset(path)
 
 
 def test_no_byte_of_a_dataset_changes_unseen(tmp_path: Path) -> None:
@@ -348,4 +348,25 @@ def test_a_text_of_an_old_layout_that_is_in_no_heap(tmp_path: Path, shape: tuple
     path.write_bytes(data)
     with pytest.raises(DataError, match="its heap of texts"):
         read_hdf5(path, "log")
-    assert not is_dataset(path)
+    with pytest.raises(DataError, match="its heap of texts"):
+        is_dataset(path)
+
+
+def test_a_dataset_whose_schema_is_damaged_is_no_plain_log(tmp_path: Path) -> None:
+    """It was read as an HDF5 log of three columns: its numbers, without level, step instant and baseline."""
+    path = tmp_path / "data.h5"
+    data = sealed(path)
+    whole = read_runs([path])
+    damaged = 0
+    letters = range(start := data.index(b"eaid/data/1"), start + 11)
+    for at in (*letters, *range(5, len(data), len(data) // 400)):
+        changed = bytearray(data)
+        changed[at] = 1
+        path.write_bytes(changed)
+        try:
+            (run,) = read_runs([path])
+        except DataError:
+            damaged += 1
+            continue
+        assert (run.level, run.step_s) == (whole[0].level, whole[0].step_s)
+    assert damaged > 20
