@@ -111,7 +111,8 @@ def spectral_degrees(residual: Array) -> float:
 def overshoot(level: Level) -> float:
     """Share of its peak that the mean torque loses while the input is held, smoothed over a fiftieth of the record."""
     width = max(1, len(level.time_s) // 50)
-    smooth = np.convolve(level.mean_nm, np.full(width, 1 / width), mode="valid")
+    sums = np.cumsum(np.concatenate(([0.0], level.mean_nm)))
+    smooth = (sums[width:] - sums[:-width]) / width
     peak = float(smooth.max())
     if peak <= 0:
         return 0.0
