@@ -5,6 +5,7 @@ leave no room for another value.
 """
 
 import gzip
+import io
 import re
 import zlib
 from collections.abc import Callable
@@ -41,11 +42,16 @@ def packed(data: bytes, answer: Any) -> str:
 
 def dataset(data: bytes, answer: Any) -> str:
     """Runs of a mutated data.h5 with a digest: those that were written, bit for bit."""
+    import h5py
+
     from benchmarks.fuzz_seeds import dataset_runs
 
     runs, _ = answer
-    if b"digest" not in data or b"level-60" not in data:
+    if not runs:
         return ""
+    with h5py.File(io.BytesIO(data), "r") as file:
+        if "digest" not in file.attrs:
+            return ""  # the user's own, or no longer sealed
     written = {run.name: run for run in dataset_runs()}
     for run in runs:
         if run.name not in written:

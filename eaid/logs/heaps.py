@@ -92,6 +92,8 @@ def _texts_held(data: mmap.mmap, heaps: dict[int, dict[int, int]]) -> bool:
     """True where every text of an attribute is in a heap."""
     for found in _TEXT.finditer(data):
         at = found.end() - 1
+        if at + 8 > len(data):
+            return False
         rank, more = data[at + 1], data[at + 2]
         if rank > 32 or more > 1:
             continue  # no shape

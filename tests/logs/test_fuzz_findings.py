@@ -370,3 +370,10 @@ def test_a_dataset_whose_schema_is_damaged_is_no_plain_log(tmp_path: Path) -> No
             continue
         assert (run.level, run.step_s) == (whole[0].level, whole[0].step_s)
     assert damaged > 20
+
+
+def test_an_hdf5_file_that_ends_with_the_type_of_a_text(tmp_path: Path) -> None:
+    path = tmp_path / "log.h5"
+    path.write_bytes(HDF5 + bytes(8) + b"\x19\x01\0\0\x10\0\0\0" + bytes(16) + b"\x01")
+    with pytest.raises(DataError, match="damaged HDF5"):
+        read_hdf5(path, "log")
