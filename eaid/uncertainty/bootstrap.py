@@ -19,7 +19,6 @@ from eaid.fitting.result import Fit
 from eaid.fitting.solver import slsqp
 from eaid.models import friction, linear
 from eaid.models.parameters import Friction, Linear, Nonlinear
-from eaid.processes import end_with_parent
 from eaid.steps.stepset import Level
 from eaid.uncertainty.joint import coefficients_of
 from eaid.uncertainty.levels import log_theta
@@ -120,6 +119,8 @@ _job: list[_Job] = []
 
 
 def _begin(job: _Job) -> None:
+    from eaid.processes import end_with_parent
+
     end_with_parent()
     _job[:] = [job]
 
