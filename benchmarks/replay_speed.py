@@ -2,7 +2,6 @@
 
 import ctypes
 import dataclasses
-import math
 import subprocess
 import sys
 import tempfile
@@ -368,7 +367,7 @@ def _cold(folder: Path) -> Row:
         "rho": {"constant": rc.rho_constant, "slope": rc.rho_slope},
         "epsilon": rc.epsilon,
         "gamma": rc.gamma,
-        "Q": [[math.nan, rc.Q12], [rc.Q12, rc.Q22]],
+        "Q": [[1.0, rc.Q12], [rc.Q12, rc.Q22]],
     }
     store.write_json(
         folder / "gains.json",
