@@ -59,17 +59,17 @@ def bartlett_variance(time_s: Array, scores: Array, windows_s: Sequence[float] =
     bin_s = min(windows_s) / BINS_PER_WINDOW
     duration_s = float(time_s[-1] - time_s[0])
     bins = np.floor((time_s - time_s[0]) / bin_s + 1e-6).astype(np.int64)
-    sums = np.zeros((int(bins[-1]) + 1, scores.shape[1]))
+    sums = np.zeros((scores.shape[1], int(bins[-1]) + 1))
     starts = np.flatnonzero(np.r_[True, bins[1:] != bins[:-1]])
-    sums[bins[starts]] = np.add.reduceat(scores, starts, axis=0)
-    running = np.zeros((len(sums) + 1, scores.shape[1]))
-    np.cumsum(sums, axis=0, out=running[1:])
+    sums[:, bins[starts]] = np.add.reduceat(scores.T, starts, axis=1)
+    running = np.cumsum(sums, axis=1)
     variances = []
     for window_s in windows_s:
         m = max(1, min(round(window_s / bin_s), round(duration_s / 2 / bin_s)))
-        padded = np.concatenate([np.zeros((m - 1, sums.shape[1])), running, np.repeat(running[-1:], m - 1, axis=0)])
-        moving = padded[m:] - padded[:-m]
-        variances.append((moving**2).sum(axis=0) / m)
+        padded = np.pad(running, ((0, 0), (m, 0)))
+        padded = np.concatenate([padded, np.repeat(running[:, -1:], m - 1, axis=1)], axis=1)
+        moving = padded[:, m:] - padded[:, :-m]
+        variances.append(np.einsum("ij,ij->i", moving, moving) / m)
     return np.array(variances)
 
 
@@ -90,7 +90,7 @@ def evidence(
     """
     information = jacobian.T @ jacobian if hessian is None else hessian
     directions = jacobian @ np.linalg.pinv(information, rcond=1e-14, hermitian=True)
-    scores = (directions[:, None] * noise_nm.T[:, :, None]).reshape(len(time_s), -1)
+    scores = (noise_nm[:, None] * np.ascontiguousarray(directions.T)).reshape(-1, len(time_s)).T
     within = bartlett_variance(time_s, scores).reshape(len(WINDOWS_S), len(runs_nm), -1).mean(axis=1)
     return Evidence(
         level=level,
