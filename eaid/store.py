@@ -15,8 +15,6 @@ from typing import Any
 from eaid import __version__
 from eaid.errors import DataError
 from eaid.files import sha256_of, written_whole
-from eaid.schema import RESULTS
-from eaid.shapes import Misshapen, shaped
 
 
 def jsonable(value: Any) -> Any:
@@ -75,6 +73,9 @@ def read_json(path: Path, kind: str, tell: Callable[[str], None] = lambda _: Non
     A file of the user's own script may leave the schema out where a part of the kind is in it. Every value has the
     shape that eaid/schema.py promises; parts that lack what they need are left out, and `tell` gets a sentence of each.
     """
+    from eaid.schema import RESULTS
+    from eaid.shapes import Misshapen, shaped
+
     wanted = f"eaid/{kind}/1"
     if not path.is_file():
         raise DataError(f"{path}: no such file; give the {kind}.json that eaid wrote")

@@ -66,8 +66,8 @@ def bartlett_variance(time_s: Array, scores: Array, windows_s: Sequence[float] =
     variances = []
     for window_s in windows_s:
         m = max(1, min(round(window_s / bin_s), round(duration_s / 2 / bin_s)))
-        padded = np.pad(running, ((0, 0), (m, 0)))
-        padded = np.concatenate([padded, np.repeat(running[:, -1:], m - 1, axis=1)], axis=1)
+        before = np.zeros((len(sums), m))
+        padded = np.concatenate([before, running, np.repeat(running[:, -1:], m - 1, axis=1)], axis=1)
         moving = padded[:, m:] - padded[:, :-m]
         variances.append(np.einsum("ij,ij->i", moving, moving) / m)
     return np.array(variances)

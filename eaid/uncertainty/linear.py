@@ -10,7 +10,6 @@ from collections.abc import Sequence
 import numpy as np
 
 from eaid.arrays import Array
-from eaid.models import linear
 from eaid.models.parameters import Linear
 from eaid.steps.stepset import Level
 from eaid.uncertainty.evidence import Evidence, evidence
@@ -18,8 +17,8 @@ from eaid.uncertainty.evidence import Evidence, evidence
 
 def _rise(a0: float, t_s: Array) -> tuple[Array, Array, Array]:
     """r = (1 − e^(−a0 t))/a0 and its first two derivatives by a0, shape (n,) each."""
-    decay = np.exp(-a0 * t_s)
-    r = -np.expm1(-a0 * t_s) / a0
+    rise = -np.expm1(-a0 * t_s)
+    decay, r = 1.0 - rise, rise / a0
     first = (t_s * decay - r) / a0
     return r, first, (-(t_s**2) * decay - 2 * first) / a0
 
@@ -31,12 +30,16 @@ def pooled_gain(levels: Sequence[Level], p: Linear, weights: Array | None = None
     """
     hessian = np.zeros((3, 3))
     gradients = []
+    time_s, rise = np.empty(0), (np.empty(0),) * 3
     for level, weight in zip(levels, np.ones(len(levels)) if weights is None else weights, strict=True):
-        jacobian = linear.gradient(p, level.time_s, level.level)
-        r, first, second = _rise(p.a0, level.time_s)
-        left = level.mean_nm - (p.b0 * level.level + p.c0) * r
+        if not np.array_equal(level.time_s, time_s):  # most levels have the same times
+            time_s, rise = level.time_s, _rise(p.a0, level.time_s)
+        r, first, second = rise
+        size = p.b0 * level.level + p.c0
+        jacobian = np.stack([size * first, level.level * r, r])
+        left = level.mean_nm - size * r
         curved = np.zeros((3, 3))
-        curved[0, 0] = (p.b0 * level.level + p.c0) * (left @ second)
+        curved[0, 0] = size * (left @ second)
         curved[0, 1] = curved[1, 0] = level.level * (left @ first)
         curved[0, 2] = curved[2, 0] = left @ first
         hessian += weight * (jacobian @ jacobian.T - curved)
@@ -60,8 +63,8 @@ def own_gain(level: Level, a0: float, gain: float) -> Array:
 
 def own_terms(level: Level, a0: float, gain: float) -> tuple[Array, Array]:
     """∂f/∂(log a0, log gain) of gain · (1 − e^(−a0 t)), shape (n, 2), and the full Hessian of half the cost (2, 2)."""
-    decay = np.exp(-a0 * level.time_s)
     rise = -np.expm1(-a0 * level.time_s)
+    decay = 1.0 - rise
     slope = gain * a0 * level.time_s * decay
     jacobian = np.stack([slope, gain * rise], axis=1)
     left = level.mean_nm - gain * rise
