@@ -28,8 +28,13 @@ class Row:
     def ratio(self) -> str:
         """Ours against the other, the larger number first."""
         if self.ours_s <= self.other_s:
-            return f"{self.other_s / self.ours_s:,.3g} × faster"
-        return f"{self.ours_s / self.other_s:,.3g} × the time"
+            return f"{_figures(self.other_s / self.ours_s)} × faster"
+        return f"{_figures(self.ours_s / self.other_s)} × the time"
+
+
+def _figures(ratio: float) -> str:
+    """Three figures, without an exponent."""
+    return f"{float(f'{ratio:.3g}'):,.0f}" if ratio >= 1000 else f"{ratio:.3g}"
 
 
 def paired_medians(ours: Callable[[], object], other: Callable[[], object], runs: int = 7) -> tuple[float, float]:
