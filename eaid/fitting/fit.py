@@ -120,8 +120,11 @@ def overall(residuals: Sequence[Array]) -> LevelError:
     return _error(float("nan"), samples, sse, sum(float(np.abs(r).sum()) for r in residuals))
 
 
-def hold_out_row(rows: Sequence[LevelError], residuals: Sequence[Array], fitted_rmse: float) -> dict[str, Any]:
-    """What the held-out levels say, beside the error on the fitted ones."""
+def hold_out_row(held: Sequence[Level], residuals: Sequence[Array], fitted_rmse: float) -> dict[str, Any] | None:
+    """What the held-out levels say, beside the error on the fitted ones; None where none was held out."""
+    if not held:
+        return None
+    rows = [level_error(one.level, r) for one, r in zip(held, residuals, strict=True)]
     total = overall(residuals)
     return {
         "levels": [{"level": r.level, "rmse": r.rmse, "abs_error": {"mean": r.abs_mean, "sd": r.abs_sd}} for r in rows],
@@ -152,11 +155,8 @@ def nonlinear_fit(
     p = solution.parameters
     left = residuals(solution, data)
     total = overall(left)
-    outside = None
-    if held:
-        missed = [nonlinear_model.step_response(p, one.time_s, one.level) - one.mean_nm for one in held]
-        rows = [level_error(one.level, r) for one, r in zip(held, missed, strict=True)]
-        outside = hold_out_row(rows, missed, total.rmse)
+    missed = [nonlinear_model.step_response(p, one.time_s, one.level) - one.mean_nm for one in held]
+    outside = hold_out_row(held, missed, total.rmse)
     return NonlinearFit(
         parameters=p,
         rmse=total.rmse,
@@ -186,11 +186,8 @@ def linear_fit(
     own = fit_own_levels(data)
     rows = {name: by_convention(data, own, p, name) for name in CONVENTIONS}
     bounds = {name: bounds_of(row, name, options.bounds_levels) for name, row in rows.items()}
-    outside = None
-    if held:
-        missed = [linear_model.step_response(p, one.time_s, one.level) - one.mean_nm for one in held]
-        errors = [level_error(one.level, r) for one, r in zip(held, missed, strict=True)]
-        outside = hold_out_row(errors, missed, total.rmse)
+    missed = [linear_model.step_response(p, one.time_s, one.level) - one.mean_nm for one in held]
+    outside = hold_out_row(held, missed, total.rmse)
     return LinearFit(
         parameters=p,
         rmse=total.rmse,
@@ -246,6 +243,5 @@ def friction_hold_out(part: FrictionFit, stepset: StepSet, held: Sequence[Level]
         )
         curve = Friction(Ts, max(tau1, 1e-3), max(tau2, 1e-3), SHARE if part.C is None else part.C)
         missed.append(friction_model.step_response(curve, one.time_s) - one.mean_nm)
-    rows = [level_error(one.level, r) for one, r in zip(held, missed, strict=True)]
     samples = sum(f.samples for f in part.levels)
-    return hold_out_row(rows, missed, float(np.sqrt(sum(f.sse for f in part.levels) / samples)))
+    return hold_out_row(held, missed, float(np.sqrt(sum(f.sse for f in part.levels) / samples)))

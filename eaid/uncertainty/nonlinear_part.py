@@ -227,11 +227,8 @@ def as_fit(found: Estimates, ground: Ground, held: Sequence[Level] = ()) -> Nonl
         promise=0.0,
         method="two-stage",
     )
-    outside = None
-    if held:
-        missed = [nonlinear.step_response(p, one.time_s, one.level) - one.mean_nm for one in held]
-        rows = [level_error(one.level, r) for one, r in zip(held, missed, strict=True)]
-        outside = hold_out_row(rows, missed, total.rmse)
+    missed = [nonlinear.step_response(p, one.time_s, one.level) - one.mean_nm for one in held]
+    outside = hold_out_row(held, missed, total.rmse)
     return NonlinearFit(
         parameters=p,
         rmse=total.rmse,
