@@ -1,4 +1,7 @@
-"""The array type of every signature, and how arrays are made safe to share."""
+"""The array type of every signature, how arrays are made safe to share, and their median and distinct numbers.
+
+The latter two because `np.median` and `np.unique` load `numpy.ma`: 7 ms that a fit has no use for.
+"""
 
 from typing import TypeAlias
 
@@ -15,3 +18,16 @@ def read_only(values: ArrayLike) -> Array:
         array = array.view()
         array.flags.writeable = False
     return array
+
+
+def median(values: ArrayLike) -> float:
+    """Median of all numbers of an array; NaN where there are none, or one of them is NaN."""
+    rising = np.sort(np.asarray(values, dtype=np.float64), axis=None)
+    if not len(rising) or np.isnan(rising[-1]):
+        return float("nan")
+    return float(0.5 * (rising[(len(rising) - 1) // 2] + rising[len(rising) // 2]))
+
+
+def distinct(values: Array) -> Array:
+    """The different numbers among some, shape (n,), rising."""
+    return np.array(sorted(set(values.tolist())), dtype=np.float64)

@@ -6,7 +6,7 @@ short to tell the slow part, C, T_s and τ2 lie in a long valley: in these two u
 
 import numpy as np
 
-from eaid.arrays import Array
+from eaid.arrays import Array, distinct
 from eaid.fitting.compress import Points
 from eaid.fitting.data import Data
 from eaid.fitting.solver import ROUNDING, Problem
@@ -54,7 +54,7 @@ def theta_of(x: Array, data: Data) -> Array:
 def free_starts(data: Data, least_s: float) -> list[Array]:
     """(ln τ1, ln τ2) of least cost on a log grid, one for each of `BANDS`."""
     points = data.points
-    grid = np.unique(np.maximum(tau_grid(points.t_s[points.w > 0], GRID), 1.01 * least_s))
+    grid = distinct(np.maximum(tau_grid(points.t_s[points.w > 0], GRID), 1.01 * least_s))
     found = []
     for a, b in BANDS:
         pairs = [np.log([grid[i], grid[j]]) for i in range(len(grid)) for j in range(i + a, min(i + b, len(grid)))]

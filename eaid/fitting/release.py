@@ -11,7 +11,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from eaid.arrays import Array
+from eaid.arrays import Array, distinct
 from eaid.fitting.compress import Points
 from eaid.fitting.data import Data, data_of
 from eaid.fitting.kernel import decay
@@ -113,7 +113,7 @@ def _warnings(data: Data, rows: Sequence[ReleaseLevel], pooled: Array, parts: Ar
 def _starts(data: Data, share: float) -> Array:
     """(ln τ1, ln τ2) to begin from for one level, shape (n, 2): minima over a grid for −y above an offset."""
     points = data.points
-    grid = np.unique(np.maximum(tau_grid(points.t_s[points.w > 0], GRID), 1.01 * TAU1_LEAST_S))
+    grid = distinct(np.maximum(tau_grid(points.t_s[points.w > 0], GRID), 1.01 * TAU1_LEAST_S))
     inner, square = grid_fits(points.t_s, -points.y, points.w, grid, share, offset=True)
     _, first, second = grid_bowls(inner, square, MOST)
     return np.asarray(np.log(np.stack([grid[first], grid[second]], axis=1)))

@@ -2,8 +2,7 @@
 
 from collections.abc import Sequence
 
-import numpy as np
-
+from eaid.arrays import distinct
 from eaid.fitting.basis import DEGREES
 from eaid.fitting.data import Data
 from eaid.fitting.result import Bounds, LinearLevel, Solver
@@ -22,7 +21,7 @@ def nonlinear_warnings(data: Data, p: Nonlinear, solver: Solver, held: Sequence[
     warnings = []
     if not solver.converged:
         warnings.append(f"the nonlinear fit {solver.message}; its numbers are not to be used")
-    count = len(np.unique(data.u))
+    count = len(distinct(data.u))
     if count == 1:
         warnings.append(
             "one level only: τ1, τ2 and T_s are known at this level, not how they depend on it; "
@@ -65,7 +64,7 @@ def linear_warnings(
     warnings = []
     if not solver.converged:
         warnings.append(f"the linear fit {solver.message}; its numbers are not to be used")
-    if len(np.unique(data.u)) == 1:
+    if len(distinct(data.u)) == 1:
         warnings.append("one level only: one step cannot tell b0 from c0, so c0 is 0 and B has no range")
     if solver.at_bounds:
         warnings.append(f"a0 is at the edge of what is looked for ({solver.at_bounds[0]}): these data cannot tell it")

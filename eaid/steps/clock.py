@@ -4,7 +4,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from eaid.arrays import Array
+from eaid.arrays import Array, median
 from eaid.logs.spool import LONG, less, pieces, sample_steps
 
 SAME = 2e-3
@@ -30,7 +30,7 @@ class Clock:
 def clock_of(time_s: Array) -> Clock:
     """The clock of a strictly rising time axis, shape (n,), n ≥ 2."""
     gaps = sample_steps(time_s)
-    usual = float(np.median(gaps))
+    usual = median(gaps)
     longest, at = _longest_gap(time_s) if len(time_s) >= LONG else (float(gaps.max()), int(gaps.argmax()))
     spread = None
     if gaps.max() - gaps.min() > JITTER * usual:

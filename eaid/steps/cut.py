@@ -11,7 +11,7 @@ from typing import Literal
 
 import numpy as np
 
-from eaid.arrays import Array, read_only
+from eaid.arrays import Array, median, read_only
 from eaid.errors import DataError
 from eaid.logs.run import Run
 from eaid.logs.spool import extent, mean, pieces, release, sample, sample_steps
@@ -35,7 +35,7 @@ def tolerance(values: Array) -> float:
     """How far an input may stray on a plateau: 1 % of its range, or six times its noise, whichever is more."""
     low, high = extent(values)
     steps = sample_steps(values)
-    noise = 1.4826 * float(np.median(np.abs(steps))) / np.sqrt(2) if len(steps) else 0.0
+    noise = 1.4826 * median(np.abs(steps)) / np.sqrt(2) if len(steps) else 0.0
     return max(0.01 * (high - low), 6.0 * noise)
 
 
@@ -79,7 +79,7 @@ def _without_slow_ramps(values: Array, start: int, stop: int, allowed: float) ->
     part = values[start:stop]
     low, high = extent(part)
     if high - low <= 4 * allowed or len(part) < 4 * FEWEST:
-        return [Plateau(start, stop, float(np.median(sample(part))))]
+        return [Plateau(start, stop, median(sample(part)))]
     lag = FEWEST
     moves = np.abs(part[lag:] - part[:-lag]) > allowed
     while not moves.any() and 2 * lag < len(part) // 2:
@@ -93,7 +93,7 @@ def _without_slow_ramps(values: Array, start: int, stop: int, allowed: float) ->
     still = [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True) if b - a >= FEWEST]
     found = []
     for a, b in still:
-        level = float(np.median(part[a:b]))
+        level = median(part[a:b])
         near = np.abs(part - level) <= allowed
         while a > 0 and near[a - 1]:
             a -= 1
@@ -255,9 +255,9 @@ def _end_of(run: Run, hold: Plateau) -> float:
 
 def _falls(run: Run, start: int, until: int, level: float) -> bool:
     """Whether the output comes back, by a hundredth of its rise or more, behind a window that only the user ended."""
-    idle = float(np.median(run.output[:start])) if start else 0.0
+    idle = median(run.output[:start]) if start else 0.0
     rise = _end_of(run, Plateau(start, until, level)) - idle
-    left = float(np.median(run.output[until:])) - idle
+    left = median(run.output[until:]) - idle
     release(run.output)
     return bool(left * np.sign(rise) < 0.99 * abs(rise))
 
@@ -284,7 +284,7 @@ def _cut_at(run: Run, where: str, known: bool) -> list[Run]:
         held = run.input[start:until]
         if level is None:
             found = [plateau for plateau in plateaus(held) if plateau.stop - plateau.start >= FEWEST]
-            level = found[0].level if found else float(np.median(held))
+            level = found[0].level if found else median(held)
         near = np.abs(held - level) <= max(tolerance(run.input), 0.01 * abs(level))
         if near.any():  # the window ends where the input leaves its level, once it has reached it
             reached = int(near.argmax())
@@ -295,7 +295,7 @@ def _cut_at(run: Run, where: str, known: bool) -> list[Run]:
     steps = [_part(run, 0, until, level=level, step_s=float(time[start]), until_s=None)]
     enough = len(time) - until >= FEWEST
     if known:
-        ended = enough and abs(float(np.median(run.input[until:]))) < abs(level)
+        ended = enough and abs(median(run.input[until:])) < abs(level)
     else:
         ended = enough and run.until_s is not None and _falls(run, start, until, level)
     if ended:
@@ -343,8 +343,8 @@ def rises_at_once(output: Array) -> bool:
     count = len(output)
     if count < 2 * FEWEST:
         return False
-    end = float(np.median(sample(output[-(count // 10) :])))
-    noise = 1.4826 * float(np.median(np.abs(sample_steps(output)))) / np.sqrt(2)
+    end = median(sample(output[-(count // 10) :]))
+    noise = 1.4826 * median(np.abs(sample_steps(output))) / np.sqrt(2)
     if abs(end) <= 8 * noise or abs(float(output[:3].mean())) > 0.2 * abs(end):
         return False
     high = _first_above(output, end)
@@ -373,8 +373,8 @@ def onset(output: Array) -> int | None:
         return None
     start = None
     for _ in range(3):
-        idle = float(np.median(output[:head]))
-        noise = 1.4826 * float(np.median(np.abs(output[:head] - idle)))
+        idle = median(output[:head])
+        noise = 1.4826 * median(np.abs(output[:head] - idle))
         away = np.abs(output - idle)
         rise = float(np.quantile(away, 0.9))
         if rise <= 8 * noise or rise == 0:

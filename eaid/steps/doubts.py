@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from eaid.arrays import Array
+from eaid.arrays import Array, median
 from eaid.logs.run import Run
 from eaid.logs.spool import LONG, less, mean
 from eaid.steps.clock import Clock, Clocks, Window
@@ -107,7 +107,7 @@ def _scatter(values: Array) -> float:
     if len(means) < 8:
         return 0.0
     bends = means[2:] - 2 * means[1:-1] + means[:-2]
-    return float(1.4826 * np.median(np.abs(bends)) / np.sqrt(6) / 2)
+    return float(1.4826 * median(np.abs(bends)) / np.sqrt(6) / 2)
 
 
 def _jitter(step: Step) -> str:

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from eaid.arrays import Array
+from eaid.arrays import Array, median
 from eaid.fitting.data import data_of
 from eaid.fitting.linear import fit_own_levels
 from eaid.fitting.result import Fit
@@ -166,7 +166,7 @@ def adequacy(stepset: StepSet, fit: Fit, base: Ground, asked: Share | None = Non
         shapes=shapes,
         orders=orders,
         lack_of_fit=tuple(rows),
-        autocorrelation=float(np.median([rho for _, rho in sizes])),
+        autocorrelation=median([rho for _, rho in sizes]),
         effective_samples=float(counts.sum()),
         leave_one_level_out_nm=_leave_one_out(base) if polynomial and len(levels) > 4 else None,
         recommended=recommended,

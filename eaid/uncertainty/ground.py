@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from eaid.arrays import Array
+from eaid.arrays import Array, median
 from eaid.fitting.data import data_of
 from eaid.fitting.levels import fit_levels
 from eaid.fitting.result import LevelFit
@@ -79,7 +79,7 @@ class Ground:
     @property
     def total_degrees(self) -> float:
         """Degrees of freedom of what is pooled over all levels."""
-        return self.scatter.total_degrees if self.scatter else float(np.median(self.degrees))
+        return self.scatter.total_degrees if self.scatter else median(self.degrees)
 
     def correlation(self) -> Array:
         """Correlation of the scatter of (T_s, τ1, τ2[, C]) within a level, pooled over levels, shape (k, k)."""

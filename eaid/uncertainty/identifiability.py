@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from eaid.arrays import Array
+from eaid.arrays import Array, median
 from eaid.fitting.data import data_of
 from eaid.fitting.result import FrictionFit, LinearFit, NonlinearFit
 from eaid.fitting.warnings import listed
@@ -286,7 +286,7 @@ def scatter_words(ground: Ground) -> list[str]:
         )
     scatter = ground.scatter
     for name, jump, a, v in zip(SYMBOLS, scatter.jumps, scatter.between, scatter.pooled.T, strict=False):
-        repeated = a > 0.3 * float(np.median(v)) * ground.evidence[0].evidence.repeats  # else it is noise, not scatter
+        repeated = a > 0.3 * median(v) * ground.evidence[0].evidence.repeats  # else it is noise, not scatter
         if jump is not None and repeated:
             last, first = (ground.levels[jump.place + i].level for i in (0, 1))
             here = f"up to {last:g} than above" if jump.ratio > 1 else f"from {first:g} on than below"

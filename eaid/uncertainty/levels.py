@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from eaid.arrays import Array
+from eaid.arrays import Array, median
 from eaid.fitting.result import LevelFit
 from eaid.models import friction
 from eaid.models.parameters import Friction
@@ -166,4 +166,4 @@ def share_sensitivity(levels: Sequence[Level], found: Sequence[LevelEvidence], s
         along = log_jacobian(one.curve, level.time_s).T @ by_share
         inverse = np.linalg.pinv(one.evidence.information[:3, :3], rcond=1e-14, hermitian=True)
         moves.append(-100 * step * inverse @ along)
-    return dict(zip(NAMES[:3], np.median(moves, axis=0).tolist(), strict=True))
+    return dict(zip(NAMES[:3], map(median, np.transpose(moves)), strict=True))

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from eaid.arrays import Array
+from eaid.arrays import Array, distinct
 from eaid.fitting.data import data_of
 from eaid.fitting.fit import hold_out_row, level_error, overall
 from eaid.fitting.result import NonlinearFit, Solver
@@ -160,7 +160,7 @@ def _some(time_s: Array, most: int = 200) -> Array:
     """A few instants of a record, close together where it is young."""
     if len(time_s) <= most:
         return time_s
-    return np.asarray(time_s[np.unique(np.geomspace(1, len(time_s), most).astype(int) - 1)])
+    return np.asarray(time_s[distinct(np.floor(np.geomspace(1, len(time_s), most))).astype(int) - 1])
 
 
 def covariance_json(c: Coefficients, degrees: Degrees, source: str) -> dict[str, Any]:

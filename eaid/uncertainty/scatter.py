@@ -13,7 +13,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from eaid.arrays import Array
+from eaid.arrays import Array, median
 from eaid.uncertainty.evidence import Evidence
 from eaid.uncertainty.student import Worth
 from eaid.uncertainty.sweeps import common_shifts
@@ -163,7 +163,7 @@ def neighbours(own: Array) -> Array:
         weight = np.maximum(1 - apart / (width + 1), 0) * own
         total = weight.sum(axis=1)
         square = (weight**2 / np.where(own > 0, own, 1)).sum(axis=1)
-        if (total > 0).all() and np.median(total**2 / square) >= NEIGHBOURS:
+        if (total > 0).all() and median(total**2 / square) >= NEIGHBOURS:
             break
     weight[total == 0], total[total == 0] = own, own.sum()
     return np.asarray(weight / total[:, None])

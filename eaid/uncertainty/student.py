@@ -6,7 +6,7 @@ from typing import Any, TypeAlias, overload
 
 import numpy as np
 
-from eaid.arrays import Array
+from eaid.arrays import Array, median
 from eaid.uncertainty.tails import t_reach
 
 NOMINAL = 0.95
@@ -67,7 +67,7 @@ def _chebyshev(x: Any) -> Any:
 
 def middle(degrees: float | Array) -> float:
     """One number for the degrees of freedom of a curve: their median over the levels."""
-    return float(np.median(degrees))
+    return median(degrees)
 
 
 @dataclass(frozen=True, eq=False)
