@@ -36,48 +36,52 @@ def tracking(
 ) -> Metrics:
     """Errors [N·m], IAE [N·m·s], duty activity [%] and saturation [1] over all samples given, shapes (n,)."""
     error = np.abs(reference_nm - torque_nm)
-    steps = np.abs(np.diff(duty_pct))
+    total = float(error.sum())
+    steps = np.abs(duty_pct[1:] - duty_pct[:-1])
     saturated = (duty_pct <= limits_pct[0]) | (duty_pct >= limits_pct[1])
     return {
         "max_abs_error_nm": float(error.max()),
-        "rms_error_nm": math.sqrt(float(np.mean(error * error))),
-        "mean_abs_error_nm": float(error.mean()),
-        "iae_nm_s": float(error.sum()) * dt_s,
+        "rms_error_nm": math.sqrt(float((error * error).mean())),
+        "mean_abs_error_nm": total / len(error),
+        "iae_nm_s": total * dt_s,
         "mean_abs_duty_step_pct": float(steps.mean()) if len(steps) else 0.0,
-        "saturated_fraction": float(saturated.mean()),
+        "saturated_fraction": np.count_nonzero(saturated) / len(saturated),
     }
 
 
 def step(torque_nm: Array, from_nm: float, to_nm: float, dt_s: float) -> Metrics:
     """Rise time [s], overshoot [%] and settling times [s] of one step; torque from the step's sample on, shape (n,)."""
     y = (torque_nm - from_nm) / (to_nm - from_nm)
+    away = np.abs(y - 1.0)
     low, high = _first_crossing(y, 0.1), _first_crossing(y, 0.9)
     return {
         "from_nm": from_nm,
         "to_nm": to_nm,
         "rise_time_s": (high - low) * dt_s if low is not None and high is not None else None,
         "overshoot_pct": max(0.0, float(y.max()) - 1.0) * 100,
-        "settling_s": _settling(y, 0.02, dt_s),
-        "settling_5pct_s": _settling(y, 0.05, dt_s),
+        "settling_s": _settling(away, 0.02, dt_s),
+        "settling_5pct_s": _settling(away, 0.05, dt_s),
     }
 
 
 def _first_crossing(y: Array, level: float) -> float | None:
     """Samples until y first reaches a level, between samples by a straight line; 0 where it begins there."""
     reached = y >= level
-    if not reached.any():
-        return None
     k = int(reached.argmax())
+    if not reached[k]:
+        return None
     if k == 0:
         return 0.0
     return k - 1 + float((level - y[k - 1]) / (y[k] - y[k - 1]))
 
 
-def _settling(y: Array, band: float, dt_s: float) -> float | None:
-    outside = np.abs(y - 1.0) > band
+def _settling(away: Array, band: float, dt_s: float) -> float | None:
+    """Time [s] from which |y − 1| stays within a band; None: never."""
+    outside = away > band
     if outside[-1]:
         return None
-    return float(len(y) - outside[::-1].argmax()) * dt_s if outside.any() else 0.0
+    late = int(outside[::-1].argmax())  # 0: never outside
+    return float(len(away) - late) * dt_s if late else 0.0
 
 
 def fundamental(values: Array, frequency_hz: float, dt_s: float) -> complex:
