@@ -4,8 +4,7 @@ import os
 import re
 import threading
 from collections import Counter
-from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -76,17 +75,25 @@ def read_what_can_be(
 
     runs: list[Run] = []
     faults: list[str] = []
-    # two at a time: the parser and the checksum work outside the interpreter's lock
-    workers = max(1, min(4, os.cpu_count() or 1, len(files)))
-    with ThreadPoolExecutor(workers) as pool:
-        try:
-            for found, wrong in pool.map(one, files):
-                runs.extend(found)
-                faults.extend(wrong)
-                on_file()
-        except BaseException:
-            pool.shutdown(cancel_futures=True)
-            raise
+
+    def collect(read: Iterable[tuple[list[Run], list[str]]]) -> None:
+        for found, wrong in read:
+            runs.extend(found)
+            faults.extend(wrong)
+            on_file()
+
+    workers = min(4, os.cpu_count() or 1, len(files))
+    if workers <= 1:
+        collect(map(one, files))
+    else:  # the parser and the checksum work outside the interpreter's lock
+        from concurrent.futures import ThreadPoolExecutor
+
+        with ThreadPoolExecutor(workers) as pool:
+            try:
+                collect(pool.map(one, files))
+            except BaseException:
+                pool.shutdown(cancel_futures=True)
+                raise
     if options.join and not faults:
         try:
             runs = joined(runs)
