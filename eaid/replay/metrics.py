@@ -18,6 +18,7 @@ fundamental of the torque (a constant fitted beside it) against that of the refe
 """
 
 import math
+from functools import lru_cache
 from typing import TypeAlias
 
 import numpy as np
@@ -87,11 +88,16 @@ def _settling(away: Array, band: float, dt_s: float) -> float | None:
 def fundamental(values: Array, frequency_hz: float, dt_s: float) -> complex:
     """Complex amplitude of the least-squares sine at a frequency (against sin 2πft, t = 0 at the first sample),
     shape (n,)."""
-    t = np.arange(len(values)) * dt_s
-    angle = 2 * math.pi * frequency_hz * t
-    columns = np.column_stack([np.sin(angle), np.cos(angle), np.ones_like(t)])
-    coefficients = np.linalg.lstsq(columns, values, rcond=None)[0]
-    return complex(coefficients[0], coefficients[1])
+    sine, cosine = (_weights(len(values), frequency_hz, dt_s) * values).sum(axis=1).tolist()
+    return complex(sine, cosine)
+
+
+@lru_cache(maxsize=32)  # reference and torque, each controller and each plant ask for the same tones
+def _weights(samples: int, frequency_hz: float, dt_s: float) -> Array:
+    """What each sample adds to the amplitudes of sine and cosine in the least-squares fit, shape (2, samples)."""
+    angle = 2 * math.pi * frequency_hz * (np.arange(samples) * dt_s)
+    columns = np.column_stack([np.sin(angle), np.cos(angle), np.ones(samples)])
+    return np.linalg.pinv(columns, rcond=samples * np.finfo(np.float64).eps)[:2]
 
 
 def tone(reference_nm: Array, torque_nm: Array, frequency_hz: float, dt_s: float) -> Metrics:
