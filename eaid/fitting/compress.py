@@ -41,6 +41,16 @@ class Points:
         """1 and t at the points, (P, 2), where all levels share their times: sums with both are one product."""
         return np.stack([np.ones_like(self.t_s[0]), self.t_s[0]], axis=1)
 
+    @cached_property
+    def root_w(self) -> Array:
+        """√w, shape of `w`: what residuals and slopes are multiplied by."""
+        return np.sqrt(self.w)
+
+    @cached_property
+    def root_y(self) -> Array:
+        """√w y, (L, P)."""
+        return self.root_w * self.y
+
 
 def blocks(n: int) -> Iterator[tuple[int, int]]:
     """Start and stop of each block of a record of n samples: 16, 16, 32, 64 … 16384, then equal ones."""
@@ -121,17 +131,22 @@ def _piece() -> Array:
     return orthonormal(np.arange(PIECE, dtype=np.float64), POINTS_PER_BLOCK)[2]
 
 
-def to_pieces(y: Array) -> Array:
+def piece_count(n: int) -> int:
+    """Whole pieces of a record of n samples, the first left out."""
+    return n // PIECE - 1
+
+
+def to_pieces(y: Array, out: Array | None = None) -> Array:
     """Every whole piece but the first of records on a uniform grid as a polynomial, (L, pieces, m); y is (L, n)."""
-    count = y.shape[1] // PIECE - 1
-    return y[:, PIECE : PIECE * (1 + count)].reshape(len(y), count, PIECE) @ _piece()
+    count = piece_count(y.shape[1])
+    return np.matmul(y[:, PIECE : PIECE * (1 + count)].reshape(len(y), count, PIECE), _piece(), out=out)
 
 
 @lru_cache(maxsize=32)
 def _layout(n: int) -> _Layout:
     """The layout for n samples."""
     nodes, weights, short, long = [np.arange(HEAD, dtype=np.float64)], [np.ones(HEAD)], [], []
-    pieces, rest = n // PIECE - 1, np.empty((0, POINTS_PER_BLOCK))
+    pieces, rest = piece_count(n), np.empty((0, POINTS_PER_BLOCK))
     for start, stop in list(blocks(n))[1:]:
         at, w, projection = _uniform(stop - start)
         nodes.append(start + at)

@@ -7,7 +7,7 @@ from functools import cached_property
 import numpy as np
 
 from eaid.arrays import Array
-from eaid.fitting.compress import SMALL, Points, compress, to_pieces
+from eaid.fitting.compress import POINTS_PER_BLOCK, SMALL, Points, compress, piece_count, to_pieces
 from eaid.fitting.kernel import Record, full_sums
 from eaid.steps.stepset import Level
 
@@ -77,17 +77,20 @@ def data_of(levels: Sequence[Level], weights: Array | None = None) -> Data:
     )
     if not alike:
         return Data(u, tuple(Record(one.time_s, one.mean_nm, one.uniform) for one in levels), weights)
-    together, pieces = np.empty((len(levels), len(first.time_s))), []
+    n = len(first.time_s)
+    together, pieces = np.empty((len(levels), n)), None
+    if first.uniform and n > SMALL:
+        pieces = np.empty((len(levels), piece_count(n), POINTS_PER_BLOCK))
     for i, level in enumerate(levels):
         row = together[i : i + 1]
         if len(level.runs_nm) == 1:
             row[:] = level.runs_nm
         else:
             np.matmul(np.full((1, len(level.runs_nm)), 1 / len(level.runs_nm)), level.runs_nm, out=row)
-        if first.uniform and row.size > SMALL:
-            pieces.append(to_pieces(row))
+        if pieces is not None:
+            to_pieces(row, pieces[i : i + 1])
     records = tuple(Record(first.time_s, row, first.uniform) for row in together)
-    return Data(u, records, weights, together, np.concatenate(pieces) if pieces else None)
+    return Data(u, records, weights, together, pieces)
 
 
 def _variance(level: Level) -> float:

@@ -74,6 +74,49 @@ def level_normal(theta: Array, points: Points) -> tuple[Array, Array, Array]:
     )
 
 
+def log_products(theta: Array, shares: Array, points: Points) -> Array:
+    """Σ w s s' per level, (L, 4, 4), with s = ∂f/∂T_s, then ∂f/∂ln τ1 and ∂f/∂ln τ2 over T_s, and f − y.
+
+    `shares` are √w C and √w (1 − C) at the points, shape (2, L, P). With ln τ the fewest operations are needed.
+    """
+    s, _ = _log_slopes(theta, shares, points)
+    s = s.transpose(1, 0, 2)
+    return s @ s.transpose(0, 2, 1)
+
+
+def log_curvature(theta: Array, shares: Array, points: Points) -> tuple[Array, Array]:
+    """Half the gradient, (L, 3), and half the second derivatives, (L, 3, 3), of the cost.
+
+    They are by T_s, and by ln τ1 and ln τ2 over T_s; `shares` as in `log_products`.
+    """
+    s, x = _log_slopes(theta, shares, points)
+    bent = np.einsum("klp,lp->kl", x * s[1:3], s[3])
+    s = s.transpose(1, 0, 2)
+    P = s @ s[:, :3].transpose(0, 2, 1)
+    H, slope = P[:, :3], P[:, 3]
+    own = slope[:, 1:] / theta[0, :, None]
+    H[:, 0, 1:] += own
+    H[:, 1:, 0] += own
+    own += bent.T / theta[0, :, None]
+    H[:, 1, 1] -= own[:, 0]
+    H[:, 2, 2] -= own[:, 1]
+    return slope, H
+
+
+def _log_slopes(theta: Array, shares: Array, points: Points) -> tuple[Array, Array]:
+    """√w s of `log_products`, (4, L, P), and −t/τ1, −t/τ2, (2, L, P)."""
+    x = points.t_s * (-1.0 / theta[1:3])[:, :, None]
+    decay = np.exp(x)
+    decay *= shares
+    s = np.empty((4, *points.y.shape))
+    np.subtract(points.root_w, decay[0], out=s[0])
+    s[0] -= decay[1]
+    np.multiply(x, decay, out=s[1:3])
+    np.multiply(theta[0, :, None], s[0], out=s[3])
+    s[3] -= points.root_y
+    return s, x
+
+
 def level_curvature(theta: Array, points: Points) -> Array:
     """Second derivatives of `level_sums` by θ, (L, 4, 4), the residuals' own part included."""
     curvature = level_normal(theta, points)[2]
@@ -162,16 +205,16 @@ def _stretched(theta: Array, t: Array, y: Array) -> Array:
     Ts, _, _, share = theta
     start, local = t[:, 0], t[0] - t[0, 0]
     table, heads = _decays(theta, local), _decays(theta, start)  # e^(−t/τ) = heads · table, t = start + local
-    curve = heads[:, :3] * np.stack([Ts, -Ts * share, Ts * (share - 1.0)], axis=1)[:, :, None]
-    levels = len(y)
-    cost, inner, r = np.empty(levels), np.empty((levels, len(start), 5)), _lined(*y.shape[1:])
-    for i in range(levels):  # one buffer that stays in the cache
-        np.matmul(curve[i].T, table[i, :3], out=r)
-        np.subtract(r, y[i], out=r)
-        np.matmul(r, table[i].T, out=inner[i])
-        flat = r.ravel()
+    amplitudes = np.stack([Ts, -Ts * share, Ts * (share - 1.0)], axis=1)
+    curves = (heads[:, :3] * amplitudes[:, :, None]).transpose(0, 2, 1)
+    cost, inner, r = np.empty(len(y)), np.empty((len(y), 5, len(local))), _lined(*y.shape[1:])
+    flat = r.ravel()
+    for i, (curve, shapes, data) in enumerate(zip(curves, table[:, :3], y, strict=True)):
+        np.matmul(curve, shapes, out=r)  # one buffer that stays in the cache
+        np.subtract(r, data, out=r)
+        np.matmul(heads[i], r, out=inner[i])
         cost[i] = flat @ flat
-    s = heads @ inner  # (L, 5, 5): sums over samples of r · head · table
+    s = inner @ table.transpose(0, 2, 1)  # (L, 5, 5): sums over samples of r · head · table
     by_e1, by_e2 = s[:, 1, 1], s[:, 2, 2]
     along = s[:, 0, 0] - share * by_e1 - (1.0 - share) * by_e2
     return np.stack([cost, along, by_e1, by_e2, s[:, 1, 3] + s[:, 3, 1], s[:, 2, 4] + s[:, 4, 2]], axis=1)

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import TypeAlias
 
 import numpy as np
@@ -12,10 +13,10 @@ from eaid.arrays import Array
 from eaid.fitting.compress import Points
 from eaid.fitting.data import Data
 from eaid.fitting.free_share import free_problem, free_starts, full_value, theta_of
-from eaid.fitting.kernel import level_curvature, level_normal, level_sums
+from eaid.fitting.kernel import level_curvature, level_normal, level_sums, log_curvature, log_products
 from eaid.fitting.result import LevelFit, Solver
 from eaid.fitting.solver import PROMISE, ROUNDING, SETTLED, EndPoint, Problem, polish, slsqp
-from eaid.models.friction import grid_fits, tau_grid
+from eaid.models.friction import grid_along, grid_inner, grid_table, tau_grid
 from eaid.models.parameters import Friction
 
 Indices: TypeAlias = NDArray[np.intp]
@@ -32,7 +33,7 @@ BOWLS = 3
 """Minima over the grid that a level starts from, at most."""
 STEPS = 8
 """Damped Newton steps from each start, at most."""
-ENOUGH = 1e-9
+ENOUGH = 1e-7
 """They end where another promises less than this part of the cost on the points."""
 CLEAR = 1e-3
 """A start this much above the best, after its steps, is another minimum and no rival."""
@@ -59,11 +60,19 @@ class Starts:
 def starting_curves(data: Data, share: float, most: int = BOWLS, enough: float = ENOUGH) -> Starts:
     """Every level from its `most` best minima over a log grid of pairs of τ, then a few damped Newton steps."""
     points = data.points
-    times = points.t_s if len(points.t_s) == len(points.y) else points.t_s[:1]
-    grid = np.unique(np.maximum(tau_grid(times[points.w[: len(times)] > 0], GRID), 1.01 * TAU1_LEAST_S))
-    inner, square = grid_fits(times, points.y, points.w, grid, share)
-    level, first, second = grid_bowls(inner, square, most)
-    steady = inner[level, first, second] / np.broadcast_to(square, inner.shape)[level, first, second]
+    if len(points.t_s) == 1 and len(points.w) == 1:
+        table = _shared_table(points.t_s.tobytes(), points.w.tobytes(), share)
+    else:
+        table = _table(points.t_s, points.w, share)
+    along = np.zeros((len(points.y), len(table.grid) + 2))
+    along[:, 1:-1] = grid_along(points.y, table.weighted)
+    gain = grid_inner(along, share)
+    gain *= gain
+    gain *= table.worth
+    level, first, second = _bowls(gain, most)
+    grid, one = table.grid, 0 if len(table.worth) == 1 else level
+    steady = share * along[level, 1 + first] + (1 - share) * along[level, 1 + second]
+    steady = np.maximum(steady, 0.0) * table.worth[one, 1 + first, 1 + second]
     theta = np.stack([steady, grid[first], grid[second], np.full_like(steady, share)])
     if len(level) > len(points.y):
         points = Points(
@@ -74,30 +83,70 @@ def starting_curves(data: Data, share: float, most: int = BOWLS, enough: float =
     return Starts(*refine(theta, points, RECORDS * data.longest_s, enough=enough), level)
 
 
+@dataclass(frozen=True, eq=False)
+class _Table:
+    """The starting grid of K time constants, and what its pairs need of the times of L levels."""
+
+    grid: Array
+    weighted: Array
+    """Weighted 1 − e^(−t/τ), (L or 1, K, P)."""
+    worth: Array
+    """1/φ'φ of pairs i < j and 0 of the others, in a frame of zeros, (L or 1, K + 2, K + 2)."""
+
+
+def _table(t_s: Array, w: Array, share: float) -> _Table:
+    grid = np.unique(np.maximum(tau_grid(t_s[w > 0], GRID), 1.01 * TAU1_LEAST_S))
+    weighted, square = grid_table(t_s, w, grid, share)
+    return _Table(grid, weighted, _framed(np.ones_like(square), square))
+
+
+@lru_cache(maxsize=8)
+def _shared_table(t_s: bytes, w: bytes, share: float) -> _Table:
+    """The same for levels that share their times: so do the fits of a set under other weights, and its resamples."""
+    return _table(np.frombuffer(t_s)[None], np.frombuffer(w)[None], share)
+
+
+def _framed(gain: Array, square: Array) -> Array:
+    """gain/square of pairs i < j, 0 elsewhere and in a frame around, (L, K + 2, K + 2)."""
+    levels, count = gain.shape[:2]
+    framed = np.zeros((levels, count + 2, count + 2))
+    apart = np.arange(count) > np.arange(count)[:, None]
+    np.divide(gain, square, out=framed[:, 1:-1, 1:-1], where=apart)
+    return framed
+
+
 def grid_bowls(inner: Array, square: Array, most: int) -> tuple[Indices, Indices, Indices]:
     """Level, i, j of the pairs i < j whose cost no neighbour undercuts, at most `most` a level, by level and cost.
 
     The cost falls by inner²/square; neighbours are the eight around a pair, those with i ≥ j left out.
     """
-    levels, count = inner.shape[:2]
-    apart = np.arange(count) > np.arange(count)[:, None]
+    return _bowls(_framed(inner * inner, square), most)
+
+
+def _bowls(gain: Array, most: int) -> tuple[Indices, Indices, Indices]:
+    """`grid_bowls` for what the cost falls by, in a frame of zeros, (L, K + 2, K + 2)."""
+    levels, wide = gain.shape[:2]
     if most == 1:
-        best = np.where(apart, inner * inner / square, -1.0).reshape(levels, -1).argmax(axis=1)
-        return np.arange(levels), *np.divmod(best, count)
-    cost = np.full((levels, count + 2, count + 2), np.inf)
-    inside = cost[:, 1:-1, 1:-1]
-    np.divide(inner * -inner, square, out=inside, where=apart)
-    across = np.minimum(cost[:, :-2], cost[:, 2:])
-    np.minimum(across, cost[:, 1:-1], out=across)
-    least = np.minimum(across[:, :, :-2], across[:, :, 2:])
-    np.minimum(least, across[:, :, 1:-1], out=least)
-    place = np.flatnonzero((inside <= least) & apart)
-    level, rest = np.divmod(place, count * count)
-    first, second = np.divmod(rest, count)
-    order = np.lexsort((inside[level, first, second], level))
+        best = gain.reshape(levels, -1).argmax(axis=1)
+        best[best == 0] = wide + 2  # nothing gains: the first pair
+        first, second = np.divmod(best, wide)
+        return np.arange(levels), first - 1, second - 1
+    flat, places = gain.ravel(), np.arange(wide)
+    pairs = (places > 0) & (places < wide - 1) & (places[:, None] > 0) & (places > places[:, None])
+    peak = np.zeros(gain.shape, dtype=bool)
+    along = peak.ravel()[1:-1]
+    np.greater_equal(flat[1:-1], flat[:-2], out=along)
+    along &= flat[1:-1] >= flat[2:]
+    peak &= pairs
+    at = np.flatnonzero(peak)  # peaks along τ2: a few, whose other neighbours are looked at one by one
+    beside = np.array([-wide - 1, -wide, -wide + 1, wide - 1, wide, wide + 1])
+    at = at[(flat[at][:, None] >= flat[at[:, None] + beside]).all(axis=1)]
+    level, rest = np.divmod(at, wide * wide)
+    first, second = np.divmod(rest, wide)
+    order = np.lexsort((-flat[at], level))
     rank = np.arange(len(order)) - np.searchsorted(level, level)
     order = order[rank < most]
-    return level[order], first[order], second[order]
+    return level[order], first[order] - 1, second[order] - 1
 
 
 def quick_curves(data: Data, share: float) -> tuple[Array, Array, Array]:
@@ -114,34 +163,45 @@ def refine(
     Returns θ (4, N), cost (N,), and curvature by (T_s, τ1, τ2), (N, 3, 3). A row moves only where its cost falls; τ
     stays within 1 ms and `limit` [s]. Ends when a step promises no row that still moves more than `enough` of its cost.
     """
-    cost, gradient, H = level_normal(theta, points)
-    damping, moved = np.full(len(cost), 1e-3), np.full(len(cost), True)
+    shares = _shares(theta, points)
+    P = log_products(theta, shares, points)
+    damping, moved = np.full(len(P), 1e-3), np.full(len(P), True)
     for _ in range(steps):
-        scale = theta[:3].T.copy()
-        scale[:, 0] = 1.0
-        normal = H[:, :3, :3] * (scale[:, :, None] * scale[:, None, :])
+        cost, slope = P[:, 3, 3], P[:, 3, :3]
+        normal = P[:, :3, :3].copy()
         diagonal = np.einsum("lii->li", normal)
         diagonal += damping[:, None] * diagonal + 1e-300
-        g = gradient[:3].T * scale
-        move = np.linalg.solve(normal, g[:, :, None])[:, :, 0]
-        promised = 0.5 * (g * move).sum(axis=1)
+        move = np.linalg.solve(normal, slope[:, :, None])[:, :, 0]
+        promised = (slope * move).sum(axis=1)
         if moved.any() and (promised <= enough * cost)[moved].all():
             break
-        tried = theta.copy()
-        tried[0] = np.maximum(theta[0] - move[:, 0], 0.0)
-        tried[1:3] *= np.exp(np.minimum(np.maximum(-move[:, 1:].T, -2.0), 2.0))
-        tried[1] = np.minimum(np.maximum(tried[1], TAU1_LEAST_S), limit)
-        tried[2] = np.minimum(np.maximum(tried[2], tried[1]), limit)
-        found, slope, bent = level_normal(tried, points)
-        moved = found < cost
+        tried = _moved(theta, move, limit)
+        found = log_products(tried, shares, points)
+        moved = found[:, 3, 3] < cost
         if moved.all():
-            theta, cost, gradient, H = tried, found, slope, bent
+            theta, P = tried, found
         else:
-            theta, cost = np.where(moved, tried, theta), np.where(moved, found, cost)
-            gradient, H = np.where(moved, slope, gradient), np.where(moved[:, None, None], bent, H)
-        # where τ1 and τ2 have met, two rows of H are one, and only damping keeps it from being singular
+            theta, P = np.where(moved, tried, theta), np.where(moved[:, None, None], found, P)
+        # where τ1 and τ2 have met, two rows are one, and only damping keeps them from being singular
         damping = np.where(moved, np.maximum(damping / 10, 1e-12), damping * 10)
-    return theta, cost, H[:, :3, :3]
+    slopes = np.stack([np.ones_like(theta[0]), theta[0] / theta[1], theta[0] / theta[2]], axis=1)
+    return theta, P[:, 3, 3], 2.0 * P[:, :3, :3] * slopes[:, :, None] * slopes[:, None, :]
+
+
+def _moved(theta: Array, move: Array, limit: float) -> Array:
+    """θ less a step in T_s, and in ln τ1 and ln τ2 over T_s, (L, 3); τ stays within 1 ms and `limit` [s]."""
+    moved = theta.copy()
+    moved[0] = np.maximum(theta[0] - move[:, 0], 0.0)
+    away = move[:, 1:].T / np.maximum(theta[0], 1e-300)
+    moved[1:3] *= np.exp(np.minimum(np.maximum(-away, -2.0), 2.0))
+    moved[1] = np.minimum(np.maximum(moved[1], TAU1_LEAST_S), limit)
+    moved[2] = np.minimum(np.maximum(moved[2], moved[1]), limit)
+    return moved
+
+
+def _shares(theta: Array, points: Points) -> Array:
+    """√w C and √w (1 − C) at the points, (2, L, P)."""
+    return np.asarray(np.stack([theta[3], 1.0 - theta[3]])[:, :, None] * points.root_w)
 
 
 def fit_level(data: Data, share: float | None, starts: Array | None = None) -> LevelFit:
@@ -267,9 +327,7 @@ def fit_levels(data: Data, share: float | None) -> list[LevelFit]:
     starts = starting_curves(data, share)
     order = np.lexsort((starts.cost, starts.level))  # by level, and within a level the lowest first
     bounds = [*np.searchsorted(starts.level, np.arange(len(data.u))).tolist(), len(order)]
-    theta = starts.theta[:, order[bounds[:-1]]]
-    full, gradient = data.sums(theta)
-    promises = _settled(theta, full, gradient, level_curvature(theta, data.points), RECORDS * data.longest_s)
+    theta, full, promises = _last_step(starts.theta[:, order[bounds[:-1]]], data)
     costs = starts.cost[order].tolist()
     found = []
     for i, (promise, sse, row) in enumerate(zip(promises.tolist(), full.tolist(), theta.T.tolist(), strict=True)):
@@ -285,17 +343,31 @@ def fit_levels(data: Data, share: float | None) -> list[LevelFit]:
     return found
 
 
-def _settled(theta: Array, cost: Array, gradient: Array, curvature: Array, limit: float) -> Array:
-    """What a Newton step promises at each level, relative to the cost, (L,); infinite at a limit or off a bowl."""
+def _last_step(theta: Array, data: Data) -> tuple[Array, Array, Array]:
+    """θ of each level a Newton step on, (4, L), its cost over every sample, (L,), and what another step promises.
+
+    That is relative to the cost, (L,); infinite at a limit or off a bowl, where no step is taken either.
+    """
+    limit = RECORDS * data.longest_s
+    some = np.where(theta[0] > 0, theta, 1.0)
+    slope, H = log_curvature(some, _shares(some, data.points), data.points)
+    bowl = (theta[0] > 0) & _definite(H)
+    H[~bowl] = np.eye(3)
+    slope[~bowl] = 0.0
+    theta = _moved(theta, np.linalg.solve(H, slope[:, :, None])[:, :, 0], limit)
+    cost, gradient = data.sums(theta)
     Ts, tau1, tau2, _ = theta
-    scale = theta[:3].T.copy()
-    scale[:, 0] = 1.0
-    g = gradient[:3].T * scale
-    H = curvature[:, :3, :3] * (scale[:, :, None] * scale[:, None, :])
-    H[:, 1, 1] += g[:, 1]  # d²/d(ln τ)² = τ² d²/dτ² + τ d/dτ
-    H[:, 2, 2] += g[:, 2]
-    inside = (Ts > 0) & (tau1 > 1.001 * TAU1_LEAST_S) & (1.001 * tau1 < tau2) & (tau2 < 0.5 * limit) & (cost > 0)
-    inside &= np.linalg.eigvalsh(H)[:, 0] > 0
-    H[~inside] = np.eye(3)
-    promise = 0.5 * (g * np.linalg.solve(H, g[:, :, None])[:, :, 0]).sum(axis=1)
-    return np.where(inside, promise / np.where(inside, cost, 1.0), np.inf)
+    bowl &= (tau1 > 1.001 * TAU1_LEAST_S) & (1.001 * tau1 < tau2) & (tau2 < 0.5 * limit) & (Ts > 0) & (cost > 0)
+    slope = 0.5 * gradient[:3].T
+    slope[:, 1:] *= theta[1:3].T / np.where(bowl, Ts, 1.0)[:, None]
+    promise = (slope * np.linalg.solve(H, slope[:, :, None])[:, :, 0]).sum(axis=1)
+    return theta, cost, np.where(bowl, promise / np.where(bowl, cost, 1.0), np.inf)
+
+
+def _definite(H: Array) -> NDArray[np.bool_]:
+    """Which of some symmetric matrices, (L, n, n), are positive definite, (L,)."""
+    try:
+        np.linalg.cholesky(H)
+    except np.linalg.LinAlgError:
+        return np.asarray(np.linalg.eigvalsh(H)[:, 0] > 0)
+    return np.ones(len(H), dtype=bool)

@@ -80,19 +80,36 @@ def grid_fits(
 ) -> tuple[Array, Array]:
     """φ'y ≥ 0, (L, K, K), and φ'φ, (L or 1, K, K), for τ1 = grid[i] and τ2 = grid[j]; shapes as in `grid_minima`.
 
-    T_s = φ'y/φ'φ is the best amplitude, and the cost falls by (φ'y)²/φ'φ; all pairs follow from the products of the
-    single 1 − e^(−t/τ).
+    T_s = φ'y/φ'φ is the best amplitude, and the cost falls by (φ'y)²/φ'φ.
     """
-    shapes = -np.expm1(-t_s[:, None, :] / grid[:, None])  # (L or 1, K, n)
+    weighted, square = grid_table(t_s, weights, grid, share, offset)
+    return grid_inner(grid_along(torque_nm, weighted), share), square
+
+
+def grid_table(t_s: Array, weights: Array, grid: Array, share: float, offset: bool = False) -> tuple[Array, Array]:
+    """What pairs of time constants need of the times alone: weighted 1 − e^(−t/τ), (L or 1, K, n), and φ'φ, (…, K, K).
+
+    All pairs follow from the products of the single ones. With `offset` those are orthogonal to a constant.
+    """
+    shapes = -np.expm1(-t_s[:, None, :] / grid[:, None])
     if offset:
         whole = weights.sum(axis=1)
         shapes = shapes - ((shapes * weights[:, None, :]).sum(axis=2) / whole[:, None])[:, :, None]
-        torque_nm = torque_nm - ((torque_nm * weights).sum(axis=1) / whole)[:, None]
     weighted = shapes * weights[:, None, :]
-    gram = weighted @ np.swapaxes(shapes, 1, 2)  # (L or 1, K, K)
-    along = torque_nm @ weighted[0].T if len(weighted) == 1 else (weighted @ torque_nm[:, :, None])[:, :, 0]  # (L, K)
+    gram = weighted @ np.swapaxes(shapes, 1, 2)
     c, d = share, 1 - share
     own = np.diagonal(gram, axis1=1, axis2=2)
-    square = (c * c * own)[:, :, None] + (d * d * own)[:, None, :] + (2 * c * d) * gram
-    inner = (c * along)[:, :, None] + (d * along)[:, None, :]
-    return np.maximum(inner, 0.0, out=inner), square
+    return weighted, (c * c * own)[:, :, None] + (d * d * own)[:, None, :] + (2 * c * d) * gram
+
+
+def grid_along(torque_nm: Array, weighted: Array) -> Array:
+    """Products of the data with the weighted shapes of `grid_table`, (L, K)."""
+    if len(weighted) == 1:
+        return np.asarray(torque_nm @ weighted[0].T)
+    return np.asarray((weighted @ torque_nm[:, :, None])[:, :, 0])
+
+
+def grid_inner(along: Array, share: float) -> Array:
+    """φ'y of every pair, 0 where it is negative, (L, K, K)."""
+    inner = (share * along)[:, :, None] + ((1 - share) * along)[:, None, :]
+    return np.maximum(inner, 0.0, out=inner)
