@@ -80,14 +80,27 @@ def replay_many(
             run(gains, acting.start, plants[i], numbers, dt_s, *inputs, *filled)
             visit(i, filled[0][:, None], filled[2][:, None])
 
-    work = block if in_lanes else single
-    begins = range(0, len(plants), LANES)
-    if len(begins) == 0:
+    if len(plants) == 0:
         return
-    work(begins[0])  # alone, so that what is to be compiled is compiled once
-    with ThreadPoolExecutor(max_workers=threads or available_threads()) as pool:
-        for _ in pool.map(work, begins[1:]):
-            pass
+    work = block if in_lanes else single
+    begins = iter(range(0, len(plants), LANES))
+
+    def all_blocks() -> None:
+        """Blocks until none is left: a thread fetches its next one itself, and nobody waits to hand it out."""
+        try:
+            for begin in begins:
+                work(begin)
+        finally:
+            for _ in begins:  # where a block fails or is interrupted, no thread begins another
+                pass
+
+    work(next(begins))  # alone, so that what is to be compiled is compiled once
+    others = min(threads or available_threads(), -(-len(plants) // LANES) - 1) - 1
+    with ThreadPoolExecutor(max_workers=max(others, 1)) as pool:
+        helping = [pool.submit(all_blocks) for _ in range(others)]
+        all_blocks()
+    for each in helping:
+        each.result()
 
 
 def _floats(gains: Any) -> Any:

@@ -2,6 +2,8 @@
 
 import dataclasses
 import math
+import threading
+import time
 
 import numpy as np
 import pytest
@@ -136,6 +138,26 @@ def test_one_thread_and_many_give_the_same_bytes(law):
     plants = drawn(50)
     one, many = (gathered(plants, law("rc"), Rig(noise_nm=0.01), threads) for threads in (1, 4))
     assert one[0].tobytes() == many[0].tobytes() and one[1].tobytes() == many[1].tobytes()
+
+
+@pytest.mark.parametrize("where", ["the first thread", "another"])
+def test_a_block_that_fails_ends_the_work_of_all_threads_and_is_told(law, where):
+    """Also Ctrl-C, which reaches the first thread."""
+    seen = []
+
+    def visit(first, _torques, _duties):
+        if first > 0 and (threading.current_thread() is threading.main_thread()) == (where == "the first thread"):
+            raise KeyboardInterrupt
+        seen.append(first)
+        time.sleep(0.005)
+
+    with pytest.raises(KeyboardInterrupt):
+        replay_many(drawn(50) * 40, law("rc"), REFERENCE[:10], Rig(), DT, visit, 0, 2)
+    assert 1 <= len(seen) < 120  # of 125
+
+
+def test_no_plants_are_no_work(law):
+    replay_many([], law("rc"), REFERENCE[:10], Rig(), DT, lambda *_: pytest.fail("nothing to see"))
 
 
 @pytest.mark.parametrize(
