@@ -6,8 +6,8 @@ s = C (1 − e^(−H/τ1↑)) / (C (1 − e^(−H/τ1↑)) + (1 − C)(1 − e^(
 The cost is linear in amplitude and residual, which are solved for; SLSQP sees ln τ1 and ln τ2.
 """
 
-from collections.abc import Callable, Mapping, Sequence
-from typing import TypeVar
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -15,15 +15,17 @@ from eaid.arrays import Array, distinct
 from eaid.fitting.compress import Points
 from eaid.fitting.data import Data, data_of
 from eaid.fitting.kernel import decay
-from eaid.fitting.levels import GRID, RECORDS, TAU1_LEAST_S, grid_bowls, verdict
+from eaid.fitting.levels import CLEAR, GRID, RECORDS, SAME, TAU1_LEAST_S, Indices, grid_bowls, verdict
 from eaid.fitting.result import LevelFit, ReleaseFit, ReleaseLevel, Solver
-from eaid.fitting.solver import PROMISE, ROUNDING, Problem, approach, ended, polish
+from eaid.fitting.solver import FINISHED, PROMISE, ROUNDING, SETTLED, Problem, approach, ended, polish
 from eaid.models.friction import grid_fits, tau_grid
 from eaid.models.parameters import SHARE, Friction
 from eaid.steps.stepset import Level
 
 MOST = 3
 """Starts of every solve."""
+STEPS = 20
+"""Damped Newton steps from the starts of single levels, at most."""
 
 
 def release_fit(
@@ -39,39 +41,37 @@ def release_fit(
     data = data_of(releases)
     rises = {fit.level: fit.curve for fit in rising}
     shares = np.array([share_reached(rises.get(r.level), held_s.get(r.level), share) for r in releases])
-    singles = [data.one(i) for i in range(len(shares))]
-    alone = [_solve(one, shares[i : i + 1], _starts(one, shares[i])) for i, one in enumerate(singles)]
-    pooled, solver, parts = _solve(data, shares, np.log([own[0] for own in alone]))
+    alone = _alone(data, shares)
+    pooled = _solve(data, shares, np.log([own.tau for own in alone]))
     rows = []
-    for i, release in enumerate(releases):
-        own, own_solver, ((amplitude, residual),) = alone[i]
-        sse = min(own_solver.starts)
+    for i, (release, own) in enumerate(zip(releases, alone, strict=True)):
+        sse = min(own.solver.starts)
         curve = rises.get(release.level)
         rows.append(
             ReleaseLevel(
                 level=float(release.level),
                 share=float(shares[i]),
-                tau1=float(own[0]),
-                tau2=float(own[1]),
-                amplitude=float(amplitude),
-                residual=float(residual),
+                tau1=float(own.tau[0]),
+                tau2=float(own.tau[1]),
+                amplitude=float(own.parts[0, 0]),
+                residual=float(own.parts[0, 1]),
                 rmse=float(np.sqrt(sse / len(release.time_s))),
                 sse=sse,
-                solver=own_solver,
+                solver=own.solver,
                 rising_tau1=curve.tau1 if curve else None,
                 rising_tau2=curve.tau2 if curve else None,
             )
         )
-    total = min(solver.starts)
+    total = min(pooled.solver.starts)
     return ReleaseFit(
         share,
-        float(pooled[0]),
-        float(pooled[1]),
+        float(pooled.tau[0]),
+        float(pooled.tau[1]),
         float(np.sqrt(total / data.samples)),
         total,
         tuple(rows),
-        solver,
-        tuple(_warnings(data, rows, pooled, parts, solver)),
+        pooled.solver,
+        tuple(_warnings(data, rows, pooled)),
     )
 
 
@@ -84,22 +84,22 @@ def share_reached(rise: Friction | None, held_s: float | None, share: float) -> 
     return float(fast / (fast + slow))
 
 
-def _warnings(data: Data, rows: Sequence[ReleaseLevel], pooled: Array, parts: Array, solver: Solver) -> list[str]:
+def _warnings(data: Data, rows: Sequence[ReleaseLevel], pooled: "_Solved") -> list[str]:
     warnings = []
-    if pooled[1] > data.longest_s:
+    if pooled.tau[1] > data.longest_s:
         warnings.append(
-            f"the slow release constant ({pooled[1]:.3g} s) is longer than the longest record after a release "
+            f"the slow release constant ({pooled.tau[1]:.3g} s) is longer than the longest record after a release "
             f"({data.longest_s:.3g} s): these data cannot tell it"
         )
-    if "τ1 at 1 ms" in solver.at_bounds:
+    if "τ1 at 1 ms" in pooled.solver.at_bounds:
         warnings.append(
             "the release is faster than 1 ms or than the samples can tell: its fast constant is at its floor"
         )
-    if "τ2 at τ1" in solver.at_bounds:
+    if "τ2 at τ1" in pooled.solver.at_bounds:
         warnings.append("one exponential is enough for the releases: τ1 and τ2 coincide")
     left = [
         f"{row.level:g}"
-        for row, (amplitude, residual) in zip(rows, parts, strict=True)
+        for row, (amplitude, residual) in zip(rows, pooled.parts, strict=True)
         if residual > 0.1 * abs(amplitude)
     ]
     if left:
@@ -110,34 +110,147 @@ def _warnings(data: Data, rows: Sequence[ReleaseLevel], pooled: Array, parts: Ar
     return warnings
 
 
-def _starts(data: Data, share: float) -> Array:
-    """(ln τ1, ln τ2) to begin from for one level, shape (n, 2): minima over a grid for −y above an offset."""
+@dataclass(frozen=True, eq=False)
+class _Solved:
+    """Time constants of one or of all levels, the verdict on them, and what was solved for."""
+
+    tau: Array
+    """τ1 and τ2 [s], (2,)."""
+    solver: Solver
+    parts: Array
+    """Amplitude and residual of each level, (L, 2)."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Sums:
+    """Cost and more of N rows of points at (ln τ1, ln τ2) of their own, amplitude and residual solved for."""
+
+    cost: Array
+    """(N,)."""
+    gradient: Array
+    """(N, 2)."""
+    curvature: Array
+    """Gauss–Newton, (N, 2, 2)."""
+    exact: Array
+    """Second derivatives, (N, 2, 2)."""
+
+    @property
+    def bowl(self) -> Array:
+        """The second derivatives where they are those of a bowl, else Gauss–Newton, (N, 2, 2)."""
+        positive = np.linalg.eigvalsh(self.exact)[:, 0] > 0
+        return np.where(positive[:, None, None], self.exact, self.curvature)
+
+
+def _alone(data: Data, shares: Array) -> list[_Solved]:
+    """Every level by itself; the starts of all are found, and judged on every sample, together.
+
+    Where the best start of a level is at its minimum already and no other comes near it, the solver has nothing to add.
+    """
+    level, x = _starts(data, shares)
+    points, own = _rows(data.points, level), shares[level]
+    x, cost = _refined(x, points, own, data)
+    found = []
+    for i in range(len(shares)):
+        rows = np.flatnonzero(level == i)
+        rows = rows[np.argsort(cost[rows], kind="stable")]
+        best, costs = x[rows[:1]], cost[rows]
+        one = data.one(i)
+        sse, gradient, parts = _on_every_sample(best, one, shares[i : i + 1])
+        curvature = _projected(best, one.points, shares[i : i + 1]).exact
+        promise = _promise(best, sse, gradient, curvature, data)[0]
+        rival = ((costs > (1 + SAME) * costs[0]) & (costs < (1 + CLEAR) * costs[0])).any()
+        if promise > SETTLED or rival:
+            found.append(_solve(one, shares[i : i + 1], x[rows]))
+            continue
+        ends = tuple((costs + (sse[0] - costs[0])).tolist())
+        solver = Solver(True, verdict(True, float(promise)), len(rows) * STEPS, ends, (), float(promise))
+        found.append(_Solved(np.exp(best[0]), solver, parts))
+    return found
+
+
+def _starts(data: Data, shares: Array) -> tuple[Indices, Array]:
+    """Level and (ln τ1, ln τ2) of what single levels begin from: minima over a grid for −y above an offset, (N, 2)."""
     points = data.points
-    grid = distinct(np.maximum(tau_grid(points.t_s[points.w > 0], GRID), 1.01 * TAU1_LEAST_S))
-    inner, square = grid_fits(points.t_s, -points.y, points.w, grid, share, offset=True)
-    _, first, second = grid_bowls(inner, square, MOST)
-    return np.asarray(np.log(np.stack([grid[first], grid[second]], axis=1)))
+    times = points.t_s if len(points.t_s) == len(points.y) else points.t_s[:1]
+    grid = distinct(np.maximum(tau_grid(times[points.w[: len(times)] > 0], GRID), 1.01 * TAU1_LEAST_S))
+    fits = []
+    for i, share in enumerate(shares.tolist()):
+        one = _rows(points, np.array([i]))
+        fits.append(grid_fits(one.t_s, -one.y, one.w, grid, share, offset=True))
+    inner, square = (np.concatenate(part) for part in zip(*fits, strict=True))
+    level, first, second = grid_bowls(inner, square, MOST)
+    return level, np.log(np.stack([grid[first], grid[second]], axis=1))
 
 
-def _solve(data: Data, shares: Array, starts: Array) -> tuple[Array, Solver, Array]:
-    """(τ1, τ2), the verdict, and amplitude and residual of each level, shape (L, 2); costs are of the full data.
+def _rows(points: Points, which: Indices) -> Points:
+    """The points of some levels."""
+    t, w = points.t_s, points.w
+    return Points(t if len(t) == 1 else t[which], points.y[which], w if len(w) == 1 else w[which])
 
-    SLSQP ends the fit from the best of what the `MOST` best of `starts`, rows of (ln τ1, ln τ2), lead to.
+
+def _refined(x: Array, points: Points, shares: Array, data: Data) -> tuple[Array, Array]:
+    """Where damped Newton steps lead every row of x, (N, 2), at once, and the costs there, (N,)."""
+    least, most = np.log(TAU1_LEAST_S), np.log(RECORDS * data.longest_s)
+    now = _projected(x, points, shares)
+    cost, gradient, curvature = now.cost, now.gradient, now.bowl
+    damping, moved = np.full(len(x), 1e-3), np.full(len(x), True)
+    for _ in range(STEPS):
+        diagonal = np.einsum("nii->ni", curvature)
+        normal = curvature + ((damping[:, None] * diagonal + 1e-300)[:, :, None] * np.eye(2))
+        move = np.linalg.solve(normal, gradient[:, :, None])[:, :, 0]
+        if moved.any() and (0.5 * (gradient * move).sum(axis=1) <= FINISHED * cost)[moved].all():
+            break
+        tried = np.clip(x - np.clip(move, -2.0, 2.0), least, most)
+        tried[:, 1] = np.maximum(tried[:, 1], tried[:, 0])
+        now = _projected(tried, points, shares)
+        moved = now.cost < cost
+        x, cost = np.where(moved[:, None], tried, x), np.where(moved, now.cost, cost)
+        gradient = np.where(moved[:, None], now.gradient, gradient)
+        curvature = np.where(moved[:, None, None], now.bowl, curvature)
+        damping = np.where(moved, np.maximum(damping / 10, 1e-12), damping * 10)
+    return x, cost
+
+
+def _promise(x: Array, cost: Array, gradient: Array, curvature: Array, data: Data) -> Array:
+    """What a Newton step promises of each row, relative to its cost, (N,); infinite at a limit or off a bowl."""
+    first, second = x.T
+    inside = (first > np.log(1.001 * TAU1_LEAST_S)) & (second > first + 1e-3) & (cost > 0)
+    inside &= (second < np.log(0.5 * RECORDS * data.longest_s)) & (np.linalg.eigvalsh(curvature)[:, 0] > 0)
+    H = np.where(inside[:, None, None], curvature, np.eye(2))
+    step = np.linalg.solve(H, gradient[:, :, None])[:, :, 0]
+    return np.where(inside, 0.5 * (gradient * step).sum(axis=1) / np.where(inside, cost, 1.0), np.inf)
+
+
+def _solve(data: Data, shares: Array, starts: Array) -> _Solved:
+    """One τ1 and τ2 for all levels of `data`, from the `MOST` best of `starts`, rows of (ln τ1, ln τ2).
+
+    SLSQP ends the fit from the best of what they lead to; costs are of the full data.
     """
     limit = RECORDS * data.longest_s
     A = np.array([[1.0, 0.0], [-1.0, 1.0], [0.0, -1.0]])
     b = np.array([np.log(TAU1_LEAST_S), 0.0, -np.log(limit)])
     names = ("τ1 at 1 ms", "τ2 at τ1", "τ2 endless")
-    found = _once(lambda x: _projected(x, data.points, shares))
+
+    def sums(x: Array) -> _Sums:
+        return _projected(np.tile(x, (len(shares), 1)), data.points, shares)
+
+    def together(x: Array) -> tuple[float, Array, Array]:
+        now = sums(x)
+        return float(now.cost.sum()), now.gradient.sum(axis=0), now.curvature.sum(axis=0)
+
+    def on_all(x: Array) -> tuple[float, Array]:
+        cost, gradient, _ = _on_every_sample(np.tile(x, (len(shares), 1)), data, shares)
+        return float(cost.sum()), gradient.sum(axis=0)
+
     problem = Problem(
-        lambda x: found(x)[:2], lambda x: found(x)[2], A, b, names.__getitem__, None, floor=ROUNDING * data.energy
-    )
+        lambda x: together(x)[:2], lambda x: together(x)[2], A, b, names.__getitem__,
+        lambda x: sums(x).exact.sum(axis=0), together, ROUNDING * data.energy,
+    )  # fmt: skip
     starts = np.clip(starts, b[0], -b[2])
     order = np.argsort([problem.value(start)[0] for start in starts], kind="stable")[:MOST]
     ends = ended([approach(problem, starts[k]) for k in order], problem)
     best = min(ends, key=lambda end: end.cost)
-    on_all = _once(lambda x: _on_every_sample(x, data, shares))
-    end, promise, active = polish(problem, best, lambda x: on_all(x)[:2])
+    end, promise, active = polish(problem, best, on_all)
     converged = promise <= PROMISE
     solver = Solver(
         converged,
@@ -147,66 +260,59 @@ def _solve(data: Data, shares: Array, starts: Array) -> tuple[Array, Solver, Arr
         tuple(names[i] for i in active),
         promise,
     )
-    return np.exp(end.x), solver, on_all(end.x)[2]
+    parts = _on_every_sample(np.tile(end.x, (len(shares), 1)), data, shares)[2]
+    return _Solved(np.exp(end.x), solver, parts)
 
 
-Sums = TypeVar("Sums")
+def _on_every_sample(x: Array, data: Data, shares: Array) -> tuple[Array, Array, Array]:
+    """Cost (L,), gradient by (ln τ1, ln τ2), and amplitude and residual of each level at its x, (L, 2) each."""
+    found = []
+    for (tau1, tau2), share, record in zip(np.exp(x), shares, data.records, strict=True):
+        t, y = record.t_s, record.y
+        e1, e2 = share * decay(record, tau1), (1 - share) * decay(record, tau2)
+        shape = e1 + e2
+        sums = np.array([len(y), shape.sum(), shape @ shape, y.sum(), shape @ y])
+        amplitude, residual = _solved_for(*sums[:, None])
+        r = amplitude * shape
+        r += residual - y
+        rt = r * t
+        twice = 2 * amplitude[0]
+        found.append((r @ r, twice * (rt @ e1) / tau1, twice * (rt @ e2) / tau2, amplitude[0], residual[0]))
+    cost, *rest = np.array(found).T
+    return cost, np.stack(rest[:2], axis=1), np.stack(rest[2:], axis=1)
 
 
-def _once(call: Callable[[Array], Sums]) -> Callable[[Array], Sums]:
-    """`call`, with its last answer kept: cost and curvature of one place are asked for one after the other."""
-    last: list[tuple[bytes, Sums]] = []
-
-    def kept(x: Array) -> Sums:
-        if not last or last[0][0] != x.tobytes():
-            last[:] = [(x.tobytes(), call(x))]
-        return last[0][1]
-
-    return kept
-
-
-def _on_every_sample(x: Array, data: Data, shares: Array) -> tuple[float, Array, Array]:
-    """Cost, gradient by (ln τ1, ln τ2), and amplitude and residual of each level."""
-    each = []
-    for share, record in zip(shares, data.records, strict=True):
-        points = Points(record.t_s[None], record.y[None], np.ones((1, 1)))
-        each.append(_projected(x, points, share[None], tuple(decay(record, tau)[None] for tau in np.exp(x))))
-    cost, gradient, _, parts = zip(*each, strict=True)
-    return float(sum(cost)), np.asarray(np.sum(gradient, axis=0)), np.concatenate(parts)
-
-
-def _projected(
-    x: Array, points: Points, shares: Array, decays: tuple[Array, ...] | None = None
-) -> tuple[float, Array, Array, Array]:
-    """Cost with amplitude and residual solved for, gradient by (ln τ1, ln τ2), curvature, and the two solved.
-
-    `decays` are e^(−t/τ1) and e^(−t/τ2) at the points, where they are known.
-    """
-    tau1, tau2 = np.exp(np.clip(x, -8.0, 25.0))  # SLSQP may look far outside before it comes back
-    t, s, y = points.t_s, shares[:, None], points.y
-    e1, e2 = decays or (np.exp(-t / tau1), np.exp(-t / tau2))
-    slopes = np.empty((len(y), 5, y.shape[1]))  # by ln τ1, ln τ2 for amplitude 1, by amplitude, by residual; the data
-    slopes[:, 0], slopes[:, 1] = s * e1 * (t / tau1), (1 - s) * e2 * (t / tau2)
-    slopes[:, 2] = s * e1 + (1 - s) * e2
-    slopes[:, 3] = 1.0
-    slopes[:, 4] = y
-    product = (slopes * points.w[:, None, :]) @ slopes.transpose(0, 2, 1)
-    n, s1, s2, sy, sf = (product[:, i, j] for i, j in ((3, 3), (2, 3), (2, 2), (3, 4), (2, 4)))
+def _solved_for(n: Array, s1: Array, s2: Array, sy: Array, sf: Array) -> tuple[Array, Array]:
+    """Amplitude ≥ 0 and residual of least squares, from Σ 1, Σ φ, Σ φ², Σ y and Σ φ y of each level, (L,) each."""
     determinant = n * s2 - s1**2
     amplitude = (n * sf - s1 * sy) / np.where(determinant > 1e-12 * n * s2, determinant, np.inf)
     amplitude = np.maximum(amplitude, 0.0)
-    residual = (sy - amplitude * s1) / n
+    return amplitude, (sy - amplitude * s1) / n
+
+
+def _projected(x: Array, points: Points, shares: Array) -> _Sums:
+    """Sums over the points; `x` and `shares` have a row for each row of them, (N, 2) and (N,)."""
+    tau1, tau2 = np.exp(np.clip(x, -8.0, 25.0)).T[:, :, None]  # SLSQP may look far outside before it comes back
+    t, s, y = points.t_s, shares[:, None], points.y
+    z1, z2 = t / tau1, t / tau2
+    e1, e2 = s * np.exp(-z1), (1 - s) * np.exp(-z2)
+    slopes = np.empty((len(y), 5, y.shape[1]))  # by ln τ1, ln τ2 for amplitude 1, by amplitude, by residual; the data
+    slopes[:, 0], slopes[:, 1], slopes[:, 2], slopes[:, 3], slopes[:, 4] = z1 * e1, z2 * e2, e1 + e2, 1.0, y
+    product = (slopes * points.w[:, None, :]) @ slopes.transpose(0, 2, 1)
+    n, s1, s2, sy, sf = (product[:, i, j] for i, j in ((3, 3), (2, 3), (2, 2), (3, 4), (2, 4)))
+    amplitude, residual = _solved_for(n, s1, s2, sy, sf)
     r = residual[:, None] + amplitude[:, None] * slopes[:, 2] - y
+    wr = points.w * r
     left = residual[:, None] * product[:, :2, 3] + amplitude[:, None] * product[:, :2, 2] - product[:, :2, 4]
     own, cross = product[:, :2, :2] * amplitude[:, None, None] ** 2, product[:, :2, 2:4] * amplitude[:, None, None]
     inner = product[:, 2:4, 2:4] + (1e-12 * (n + s2)[:, None, None] + 1e-300) * np.eye(2)
-    reduced = own - cross @ np.linalg.solve(inner, cross.transpose(0, 2, 1))
-    return (
-        float((points.w * r * r).sum()),
-        2 * amplitude @ left,
-        2 * reduced.sum(axis=0),
-        np.stack([amplitude, residual], axis=1),
-    )
+    curvature = own - cross @ np.linalg.solve(inner, cross.transpose(0, 2, 1))
+    # ∂²f/∂(ln τ)² = A z (z − 1) e, and ∂²f/∂A ∂ln τ = z e, with z = t/τ
+    for k, z in enumerate((z1, z2)):
+        own[:, k, k] += amplitude * (wr * slopes[:, k] * (z - 1)).sum(axis=1)
+    cross[:, :, 0] += left
+    exact = own - cross @ np.linalg.solve(inner, cross.transpose(0, 2, 1))
+    return _Sums((wr * r).sum(axis=1), 2 * amplitude[:, None] * left, 2 * curvature, 2 * exact)
 
 
 def release_curve(row: ReleaseLevel, time_s: Array) -> Array:

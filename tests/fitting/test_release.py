@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from eaid.fitting import release
 from eaid.fitting.data import data_of
 from eaid.fitting.levels import fit_levels
 from eaid.fitting.release import release_curve, release_fit, share_reached
@@ -64,3 +65,38 @@ def test_a_release_too_short_for_its_slow_part_is_told() -> None:
     falls = [_level(80.0, _fall(RISES[80.0], 0.25, 60.0))]
     found = release_fit(falls, _rising(), dict.fromkeys(RISES, HELD_S))
     assert any("longer than the longest record after a release" in warning for warning in found.warnings)
+
+
+def _noisy(times: list[np.ndarray]) -> list[Level]:
+    random = np.random.default_rng(3)
+    found = []
+    for u, time_s in zip((40.0, 60.0, 80.0), times, strict=True):
+        y = 0.1 + 0.03 * u * (0.8 * np.exp(-time_s / 0.25) + 0.2 * np.exp(-time_s / 4.0))
+        found.append(Level(u, time_s, (y + 0.02 * random.normal(size=len(y)))[None], ("one",), True))
+    return found
+
+
+@pytest.mark.parametrize("times", [[TIME] * 3, [TIME, TIME[:700], TIME[:500]]], ids=["one grid", "three grids"])
+def test_levels_together_end_where_the_solver_takes_each(times: list[np.ndarray]) -> None:
+    levels = _noisy(times)
+    together = release_fit(levels, [], {})
+    for level, own in zip(levels, together.levels, strict=True):
+        data = data_of([level])
+        solved = release._solve(data, np.array([0.85]), np.log([[0.1, 1.0], [0.4, 9.0]]))
+        assert own.sse == pytest.approx(solved.solver.starts[0], rel=1e-12)
+        assert (own.tau1, own.tau2) == pytest.approx(tuple(solved.tau), rel=1e-6)
+        left = level.mean_nm - release_curve(own, level.time_s)
+        assert own.sse == pytest.approx(left @ left, rel=1e-12)
+
+
+def test_gradient_and_second_derivatives_against_differences() -> None:
+    data, shares = data_of(_noisy([TIME] * 3)), np.array([0.7, 0.8, 0.9])
+    x = np.log([[0.2, 3.0], [0.4, 2.0], [0.3, 9.0]])
+    now = release._projected(x, data.points, shares)
+    full = release._on_every_sample(x, data, shares)
+    assert full[1] == pytest.approx(now.gradient, rel=1e-6)
+    for k in (0, 1):
+        step = 1e-5 * np.eye(2)[k]
+        up, down = (release._projected(x + sign * step, data.points, shares) for sign in (1, -1))
+        assert now.gradient[:, k] == pytest.approx((up.cost - down.cost) / 2e-5, rel=1e-5)
+        assert now.exact[:, k] == pytest.approx((up.gradient - down.gradient) / 2e-5, rel=1e-4)
