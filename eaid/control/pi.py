@@ -42,11 +42,13 @@ def pi_step(
 
     Reference and torque in N·m, its rate in N·m/s (not used: a PI feeds nothing forward), dt in s.
     """
+    K_P, K_I, low, high, back_calculation = gains
+    integral = state.integral
     error = reference - torque
-    wanted = gains.K_P * error + gains.K_I * state.integral
-    duty = min(max(wanted, gains.duty_min), gains.duty_max)
-    if gains.back_calculation > 0.0:
-        return PIState(state.integral + dt * (error + gains.back_calculation * (duty - wanted))), duty
+    wanted = K_P * error + K_I * integral
+    duty = min(max(wanted, low), high)
+    if back_calculation > 0.0:
+        return PIState(integral + dt * (error + back_calculation * (duty - wanted))), duty
     if (wanted - duty) * error > 0.0:  # beyond a limit, and the error would drive it further
         return state, duty
-    return PIState(state.integral + dt * error), duty
+    return PIState(integral + dt * error), duty
