@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from eaid.arrays import Array, median
-from eaid.fitting.data import data_of
+from eaid.fitting.kernel import level_sums
 from eaid.fitting.linear import fit_own_levels
 from eaid.fitting.result import Fit
 from eaid.models import friction
@@ -20,8 +20,8 @@ from eaid.models.parameters import Friction
 from eaid.steps.stepset import Level, StepSet
 from eaid.uncertainty.curve import Curve, curve_with_repeats
 from eaid.uncertainty.ground import TERMS, Ground
-from eaid.uncertainty.levels import LevelEvidence, log_theta
-from eaid.uncertainty.profile import least
+from eaid.uncertainty.levels import log_theta
+from eaid.uncertainty.profile import least_of_all
 from eaid.uncertainty.share import Share
 from eaid.uncertainty.tails import f_quantile
 
@@ -93,17 +93,22 @@ def effective_samples(residual: Array) -> tuple[float, float]:
     if power <= 1e-28 * max(float(residual @ residual), 1e-300) or n < 4:
         return float(n), 0.0
     size = 1 << (n + n // 2).bit_length()  # lags up to n/2 stay clear of the far end
-    spectrum = np.abs(np.fft.rfft(e, size)) ** 2
-    rho = np.fft.irfft(spectrum, size)[: n // 2] / power
+    rho = np.fft.irfft(_spectrum(e, size), size)[: n // 2] / power
     pairs = rho[1 : len(rho) - 1 : 2] + rho[2::2][: len(rho[1 : len(rho) - 1 : 2])]
     stop = int(np.argmax(pairs <= 0)) if (pairs <= 0).any() else len(pairs)
     total = 1 + 2 * float(pairs[:stop].sum())
     return float(np.clip(n / total, 2.0, n)), float(rho[1])
 
 
+def _spectrum(values: Array, size: int | None = None) -> Array:
+    """Squared size of the Fourier transform, padded with zeros to `size`."""
+    z = np.fft.rfft(values, size)
+    return np.asarray(z.real**2 + z.imag**2)
+
+
 def spectral_degrees(residual: Array) -> float:
     """Degrees of freedom of a sum of squares of coloured noise, (Σ P)²/Σ P² over its spectrum P; two for a sine."""
-    power = np.abs(np.fft.rfft(residual)) ** 2
+    power = _spectrum(residual)
     total = float((power**2).sum())
     return float(2 * power.sum() ** 2 / total) if total > 0 else float(len(residual))
 
@@ -128,9 +133,10 @@ def lack_of_fit(level: Level, noise_nm: Array) -> dict[str, Any] | None:
     if runs < 2:
         return None
     common = noise_nm.mean(axis=0)
-    apart = float(((noise_nm - common) ** 2).sum()) / (runs - 1)
+    off = noise_nm - common
+    apart = float(np.vdot(off, off)) / (runs - 1)
     ratio = runs * float(common @ common) / apart if apart > 0 else 1.0
-    count = float(np.mean([spectral_degrees(run - common) for run in noise_nm]))
+    count = float(np.mean([spectral_degrees(run) for run in off]))
     chance = f_quantile(count, count * (runs - 1), 0.999)
     return {
         "level": level.level,
@@ -190,26 +196,24 @@ def _shapes(base: Ground, fit: Fit, residuals: Sequence[Array], counts: Array) -
     if fit.linear is not None and fit.linear.bounds.convention != "pooled-dynamics":
         single = np.array([row.sse for row in fit.linear.per_level])
     else:
-        single = np.array([one.cost for one in fit_own_levels(data_of(levels))])
+        single = np.array([one.cost for one in fit_own_levels(base.data)])
     found = [judged("one exponential", 2, np.maximum(single, two))]
     found.append(judged(f"two exponentials, C = {share:g}", 3, two))
-    free = [_free_share(level, one, sse) for level, one, sse in zip(levels, base.evidence, two, strict=True)]
-    found.append(judged("two exponentials, C free", 4, np.array(free)))
+    found.append(judged("two exponentials, C free", 4, _free_share(base, two)))
     return tuple(found)
 
 
-def _free_share(level: Level, one: LevelEvidence, sse: float) -> float:
-    """Least sum of squares with C free too, from the held curve and from C = 0.5."""
-    data = data_of([level])
-    constant = float(sse) - float(
-        np.sum(data.points.w[0] * (data.points.y[0] - _at(one.curve, data.points.t_s[0])) ** 2)
-    )
-    starts = [log_theta(one.curve, True), log_theta(Friction(one.curve.Ts, one.curve.tau1, one.curve.tau2, 0.5), True)]
-    return min(float(sse), *(max(0.0, constant + least(data.points, start, one.curve.C)[0]) for start in starts))
+def _free_share(base: Ground, two: Array) -> Array:
+    """Least sums of squares of the levels with C free too, from the held curves and from C = 0.5, shape (L,).
 
-
-def _at(curve: Friction, time_s: Array) -> Array:
-    return friction.step_response(curve, time_s)
+    `two` are those of the held curves: what the points' costs are above them is the same for all curves.
+    """
+    points, curves = base.data.points, [one.curve for one in base.evidence]
+    held = np.array([log_theta(curve, True) for curve in curves])
+    half = np.where(np.arange(4) == 3, 0.0, held)
+    costs = least_of_all(points, np.stack([held, half]))
+    above = two - level_sums(np.array([[c.Ts, c.tau1, c.tau2, c.C] for c in curves]).T, points)[0]
+    return np.asarray(np.minimum(two, np.maximum(above + costs.min(axis=0), 0.0)))
 
 
 def _orders(base: Ground) -> tuple[Order, ...]:

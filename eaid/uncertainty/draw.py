@@ -11,7 +11,7 @@ import numpy as np
 
 from eaid.arrays import Array
 from eaid.errors import DataError
-from eaid.fitting.result import nonlinear_from_json
+from eaid.fitting.stored import nonlinear_from_json
 from eaid.models.parameters import Nonlinear
 from eaid.uncertainty.joint import constraints
 

@@ -7,11 +7,12 @@ within itself: a lower bound, and said to be one.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
 from eaid.arrays import Array, median
-from eaid.fitting.data import data_of
+from eaid.fitting.data import Data, data_of
 from eaid.fitting.levels import fit_levels
 from eaid.fitting.result import LevelFit
 from eaid.steps.stepset import Level
@@ -56,6 +57,11 @@ class Ground:
         pooled = self.scatter.pooled + self.scatter.common
         return np.where(np.isfinite(pooled), pooled, self.variance)
 
+    @cached_property
+    def data(self) -> Data:
+        """The levels' mean curves."""
+        return data_of(self.levels)
+
     @property
     def duty_pct(self) -> Array:
         """Input of each level, shape (L,)."""
@@ -94,10 +100,10 @@ class Ground:
             return np.eye(k)
         return np.asarray(total / np.outer(size, size))
 
-    def shift(self, index: int) -> Array:
-        """Covariance S of one level's log θ, for the joint fit, shape (k, k)."""
-        sd = np.sqrt(self.own_variance[index])
-        return np.asarray(self.correlation() * np.outer(sd, sd))
+    def shifts(self) -> Array:
+        """Covariance S of each level's log θ, for the joint fit, shape (L, k, k)."""
+        sd = np.sqrt(self.own_variance)
+        return np.asarray(self.correlation() * (sd[:, :, None] * sd[:, None, :]))
 
 
 def ground(levels: Sequence[Level], fits: Sequence[LevelFit], share_free: bool = False) -> Ground:

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from eaid.arrays import Array
-from eaid.fitting.data import data_of
+from eaid.fitting.data import Data
 from eaid.models import nonlinear
 from eaid.models.parameters import Nonlinear
 from eaid.steps.stepset import Level
@@ -60,13 +60,13 @@ class Coefficients:
             return spread_of(np.log(np.maximum(curves, 1e-12)), axis=1)
         with np.errstate(divide="ignore", invalid="ignore"):
             g = powers(duty_pct, self.counts[BLOCKS.index(name)]) / self.at(name, duty_pct)[:, None]
-            return np.asarray(np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", g, self.covariance[own, own], g), 0)))
+            return np.asarray(np.sqrt(np.maximum(((g @ self.covariance[own, own]) * g).sum(axis=1), 0)))
 
     def torque_sd(self, time_s: Array, duty_pct: float) -> Array:
         """Standard deviation of the torque curve at one duty [N·m], shape of `time_s`."""
         jacobian = log_jacobian(nonlinear.at_duty(self.plant(), duty_pct), time_s, self.share_free)
         g = jacobian @ chain(self, duty_pct)
-        return np.asarray(np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", g, self.covariance, g), 0)))
+        return np.asarray(np.sqrt(np.maximum(((g @ self.covariance) * g).sum(axis=1), 0)))
 
     def plant(self) -> Nonlinear:
         """The model in powers of the duty itself."""
@@ -114,23 +114,21 @@ def chain(c: Coefficients, duty_pct: float) -> Array:
     return D
 
 
-def with_joint_covariance(
-    c: Coefficients, levels: Sequence[Level], shifts: Sequence[Array], weights: Array | None = None
-) -> Coefficients:
-    """The covariance of the joint fit, from S_l (`shifts`, shape (k, k) each) of the levels' mean curves."""
+def with_joint_covariance(c: Coefficients, data: Data, shifts: Array, weights: Array | None = None) -> Coefficients:
+    """The covariance of the joint fit, from S_l (`shifts`, shape (L, k, k)) of the levels' mean curves."""
     M = np.zeros((len(c.values),) * 2)
     middle = np.zeros_like(M)
     p = c.plant()
-    points = data_of(levels).points
-    for i, (level, shift) in enumerate(zip(levels, shifts, strict=True)):
+    points = data.points
+    for i, (duty, shift) in enumerate(zip(data.u.tolist(), shifts, strict=True)):
         weight = 1.0 if weights is None else float(weights[i])
         row = 0 if len(points.t_s) == 1 else i
-        jacobian = log_jacobian(nonlinear.at_duty(p, level.level), points.t_s[row], c.share_free)
-        D = chain(c, level.level)
+        jacobian = log_jacobian(nonlinear.at_duty(p, duty), points.t_s[row], c.share_free)
+        D = chain(c, duty)
         reach = weight * D.T @ ((jacobian.T * points.w[row]) @ jacobian)
         M += reach @ D
         middle += reach @ shift @ reach.T
-    inverse = free_inverse(c, M, len(levels))
+    inverse = free_inverse(c, M, len(data.u))
     return with_covariance(c, inverse @ middle @ inverse)
 
 

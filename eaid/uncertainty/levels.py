@@ -162,8 +162,8 @@ def share_sensitivity(levels: Sequence[Level], found: Sequence[LevelEvidence], s
     """How far T_s, τ1, τ2 would move [%] if the held C were larger by `step`; median over the levels, linear."""
     moves = []
     for level, one in zip(levels, found, strict=True):
-        by_share = friction.gradient(one.curve, level.time_s)[3]
-        along = log_jacobian(one.curve, level.time_s).T @ by_share
+        slopes = friction.gradient(one.curve, level.time_s)
+        along = np.array([one.curve.Ts, one.curve.tau1, one.curve.tau2]) * (slopes[:3] @ slopes[3])
         inverse = np.linalg.pinv(one.evidence.information[:3, :3], rcond=1e-14, hermitian=True)
         moves.append(-100 * step * inverse @ along)
     return dict(zip(NAMES[:3], map(median, np.transpose(moves)), strict=True))

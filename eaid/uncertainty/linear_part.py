@@ -24,30 +24,35 @@ Interval = list[float]
 
 def spread(gains: Sequence[Array], ground: Ground) -> tuple[float, float]:
     """Variance and degrees of freedom of q with δq = Σ_l g_l δȳ_l, g_l of shape (n_l,)."""
+    return spreads([g[None] for g in gains], ground)[0]
+
+
+def spreads(gains: Sequence[Array], ground: Ground) -> list[tuple[float, float]]:
+    """The same of m numbers at once, g_l of shape (m, n_l)."""
     if ground.source == "repeats":
         psi = [
-            (level.runs_nm - level.mean_nm) @ g / len(level.runs_nm)
+            (level.runs_nm - level.mean_nm) @ g.T / len(level.runs_nm)
             for level, g in zip(ground.levels, gains, strict=True)
         ]
         if ground.swept:
             together = np.sum(psi, axis=0)  # one number a sweep: its levels do not move apart
-            return float(together @ together * len(together) / (len(together) - 1)), len(together) - 1.0
-        return combined_variance(psi)
-    total = 0.0
+            count = len(together)
+            return [(float(own @ own * count / (count - 1)), count - 1.0) for own in together.T]
+        return [combined_variance([one[:, k] for one in psi]) for k in range(len(gains[0]))]
+    total = np.zeros(len(gains[0]))
     for level, one, g, variance in zip(ground.levels, ground.evidence, gains, ground.variance, strict=True):
         along = g @ log_jacobian(one.curve, level.time_s)
-        total += float(along**2 @ np.where(np.isfinite(variance[:3]), variance[:3], 0.0))
-    return total, ground.total_degrees
+        total += along**2 @ np.where(np.isfinite(variance[:3]), variance[:3], 0.0)
+    return [(float(variance), ground.total_degrees) for variance in total]
 
 
 def pooled_intervals(fit: LinearFit | PooledLinear, ground: Ground) -> dict[str, Interval]:
     """95 % intervals of the pooled a0, b0, c0."""
     gains = pooled_gain(ground.levels, fit.parameters, None if fit.weights is None else np.array(fit.weights))
-    result = {}
-    for k, name in enumerate(("a0", "b0", "c0")):
-        variance, degrees = spread([g[k] for g in gains], ground)
-        result[name] = around(getattr(fit.parameters, name), np.sqrt(variance), degrees)
-    return result
+    return {
+        name: around(getattr(fit.parameters, name), np.sqrt(variance), degrees)
+        for name, (variance, degrees) in zip(("a0", "b0", "c0"), spreads(gains, ground), strict=True)
+    }
 
 
 def around(value: float, sd: float, degrees: float) -> Interval:
@@ -209,10 +214,10 @@ def from_draws(
     names = ("a0", "b0", "c0")[: 3 if len(ground.levels) > 1 else 2]
     degrees = ground.total_degrees
     gains = pooled_gain(ground.levels, fit.parameters)
-    found = {}
-    for k, name in enumerate(names):
-        own_degrees = spread([g[k] for g in gains], ground)[1]
-        found[name] = around(getattr(fit.parameters, name), float(sd[k]), own_degrees)
+    found = {
+        name: around(getattr(fit.parameters, name), float(sd[k]), own_degrees)
+        for k, (name, (_, own_degrees)) in enumerate(zip(names, spreads(gains, ground), strict=False))
+    }
     rows = level_intervals(fit, ground)
     if fit.bounds.convention != "zero-offset":
         return found, rows

@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 
 from eaid.arrays import Array, distinct
-from eaid.fitting.data import data_of
 from eaid.fitting.fit import hold_out_row, level_error, overall
 from eaid.fitting.result import NonlinearFit, Solver
 from eaid.fitting.to_json import nonlinear_json
@@ -74,11 +73,11 @@ def estimates(fit: NonlinearFit, ground: Ground) -> Estimates:
 def scattered(fit: NonlinearFit, ground: Ground) -> Coefficients:
     """The coefficients of a joint fit with the covariance that the levels' scatter gives them."""
     weights = None if fit.weights is None else np.array(fit.weights)
-    shifts = [ground.shift(i) for i in range(len(ground.levels))]
-    if fit.share_free:
-        shifts = [_with_share(shift) for shift in shifts]
+    shifts = ground.shifts()
+    if fit.share_free and shifts.shape[1] == 3:  # C held at single levels
+        shifts = np.pad(shifts, ((0, 0), (0, 1), (0, 1)))
     joint = coefficients_of(fit.parameters, fit.share_free)
-    return _swept(with_joint_covariance(joint, ground.levels, shifts, weights), ground)
+    return _swept(with_joint_covariance(joint, ground.data, shifts, weights), ground)
 
 
 def _swept(c: Coefficients, ground: Ground) -> Coefficients:
@@ -95,15 +94,6 @@ def _swept(c: Coefficients, ground: Ground) -> Coefficients:
 def _apart_counted(joint: Coefficients, both: Coefficients) -> Coefficients:
     apart = joint.values - np.append(both.values, joint.values[len(both.values) :])
     return with_covariance(joint, joint.covariance + np.outer(apart, apart))
-
-
-def _with_share(shift: Array) -> Array:
-    """The covariance of (T_s, τ1, τ2) at a held C, widened to four rows where the joint fit frees C."""
-    if len(shift) == 4:
-        return shift
-    wide = np.zeros((4, 4))
-    wide[:3, :3] = shift
-    return wide
 
 
 def coefficient_intervals(c: Coefficients, degrees: Degrees) -> dict[str, list[list[float] | None]]:
@@ -135,24 +125,23 @@ def level_curves(
     Where there is another estimate, the distance to it (in logs) counts as one more standard deviation.
     """
     quantiles = {name: np.broadcast_to(t_quantile(np.asarray(df)), len(levels)) for name, df in degrees.items()}
-    rows = []
-    for i, level in enumerate(levels):
-        duty = np.array([level.level])
-        row: dict[str, Any] = {"level": level.level, "ci95": {}}
-        for name in ("Ts", "tau1", "tau2"):
-            value = float(c.at(name, duty)[0])
-            sd = float(c.log_sd(name, duty)[0])
-            if other is not None and value > 0:
-                sd = float(np.hypot(sd, np.log(value / max(float(other.at(name, duty)[0]), 1e-12))))
-            row[name], t = value, float(quantiles[name][i])
-            with np.errstate(over="ignore"):
-                ends = [value * float(np.exp(-t * sd)), value * float(np.exp(t * sd))]
-            fine = name not in c.held and value > 0 and np.isfinite(ends).all()
-            row["ci95"][name] = ends if fine else None
-        row["torque_half_width_nm"] = float(
-            max(t[i] for t in quantiles.values()) * c.torque_sd(_some(level.time_s), level.level).max()
-        )
-        rows.append(row)
+    duty = np.array([level.level for level in levels])
+    rows: list[dict[str, Any]] = [{"level": level.level, "ci95": {}} for level in levels]
+    for name in ("Ts", "tau1", "tau2"):
+        values, sd = c.at(name, duty), c.log_sd(name, duty)
+        if other is not None:
+            apart = np.log(np.maximum(values, 1e-300) / np.maximum(other.at(name, duty), 1e-12))
+            sd = np.where(values > 0, np.hypot(sd, apart), sd)
+        with np.errstate(over="ignore"):
+            reach = quantiles[name] * sd
+            low, high = values * np.exp(-reach), values * np.exp(reach)
+        fine = (values > 0) & np.isfinite(low) & np.isfinite(high) & (name not in c.held)
+        for i, row in enumerate(rows):
+            row[name] = float(values[i])
+            row["ci95"][name] = [float(low[i]), float(high[i])] if fine[i] else None
+    widest = np.max(list(quantiles.values()), axis=0)
+    for row, level, t in zip(rows, levels, widest, strict=True):
+        row["torque_half_width_nm"] = float(t * c.torque_sd(_some(level.time_s), level.level).max())
     return rows
 
 
@@ -237,7 +226,7 @@ def as_fit(found: Estimates, ground: Ground, held: Sequence[Level] = ()) -> Nonl
         abs_sd=total.abs_sd,
         per_level=tuple(level_error(level.level, r) for level, r in zip(ground.levels, left, strict=True)),
         solver=solver,
-        warnings=nonlinear_warnings(data_of(ground.levels), p, solver, [one.level for one in held]),
+        warnings=nonlinear_warnings(ground.data, p, solver, [one.level for one in held]),
         hold_out=outside,
     )
 

@@ -8,12 +8,15 @@ import numpy as np
 
 from eaid.arrays import Array
 from eaid.fitting.compress import Points
+from eaid.fitting.kernel import level_normal
 from eaid.models import friction
 from eaid.models.parameters import Friction
 from eaid.uncertainty.levels import log_jacobian, log_theta
 
 FARTHEST = np.log(1000.0)
 """An end more than a factor of 1000 away counts as none."""
+MOST_STEPS = 25
+"""Damped Gauss–Newton steps to a least cost."""
 
 
 def profile_interval(
@@ -44,7 +47,7 @@ def least(points: Points, theta: Array, share: float, k: int | None = None) -> t
     others = [i for i in range(len(theta)) if i != k]
     cost, left, jacobian = _cost(points, theta, share)
     damping = 1e-6
-    for _ in range(25):
+    for _ in range(MOST_STEPS):
         J = jacobian[:, others]
         H = J.T @ J
         if not np.isfinite(H).all():
@@ -66,6 +69,46 @@ def least(points: Points, theta: Array, share: float, k: int | None = None) -> t
             if damping > 1e6:
                 break
     return cost, theta
+
+
+def least_of_all(points: Points, theta: Array) -> Array:
+    """Least costs of L levels over all four parameters, from K starts (K, L, 4) at once, (K, L)."""
+    starts, levels = theta.shape[:2]
+    shared = len(points.t_s) == 1
+    rows = np.tile(np.arange(levels), starts)
+    points = Points(
+        points.t_s if shared else points.t_s[rows], points.y[rows], points.w if len(points.w) == 1 else points.w[rows]
+    )
+
+    def look(x: Array) -> tuple[Array, Array, Array]:
+        """Cost (N,), gradient by log θ (N, 4), Gauss–Newton curvature (N, 4, 4)."""
+        natural = np.exp(np.clip(x, -60, 60)).T
+        share = 1 / (1 + 1 / natural[3])
+        natural[3] = share
+        cost, gradient, H = level_normal(natural, points)
+        scale = natural.T.copy()
+        scale[:, 3] *= 1 - share
+        return cost, gradient.T * scale, H * (scale[:, :, None] * scale[:, None, :])
+
+    x = theta.reshape(-1, 4)
+    cost, gradient, H = look(x)
+    damping, going = np.full(len(x), 1e-6), np.full(len(x), True)
+    for _ in range(MOST_STEPS):
+        size = np.sqrt(np.maximum(np.einsum("nii->ni", H), 1e-300))
+        normal = H / (size[:, :, None] * size[:, None, :]) + damping[:, None, None] * np.eye(4)
+        step = np.linalg.solve(normal, (gradient / size)[:, :, None])[:, :, 0] / size
+        tried = x - np.clip(step, -1.0, 1.0)
+        tried[:, 1:3] = np.sort(tried[:, 1:3], axis=1)
+        tried[:, 3] = np.clip(tried[:, 3], -7.0, 7.0)
+        found, slope, bent = look(tried)
+        better = going & (found <= cost)
+        going &= ~(better & (cost - found <= 1e-9 * cost))
+        x, cost = np.where(better[:, None], tried, x), np.where(better, found, cost)
+        gradient, H = np.where(better[:, None], slope, gradient), np.where(better[:, None, None], bent, H)
+        damping = np.where(better, np.maximum(damping / 10, 1e-9), damping * 10)
+        if not going.any():
+            break
+    return cost.reshape(starts, levels)
 
 
 def _end(points: Points, start: Array, share: float, k: int, wanted: float, side: float) -> float:

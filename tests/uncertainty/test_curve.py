@@ -76,14 +76,15 @@ def test_two_stage_keeps_the_constraints() -> None:
 
 def test_joint_covariance_of_one_shifted_level_is_its_square() -> None:
     """Shift only the 50 % level's T_s: the covariance has rank one."""
+    from eaid.fitting.data import data_of
     from eaid.models import nonlinear
     from eaid.steps.stepset import Level
 
     t = np.arange(400) * 0.05
     levels = [Level(u, t, nonlinear.step_response(REFERENCE_PLANT, t, u)[None], ("a",), True) for u in DUTY]
-    shifts = [np.zeros((3, 3)) for _ in DUTY]
-    shifts[4][0, 0] = 1e-4
-    c = with_joint_covariance(coefficients_of(REFERENCE_PLANT), levels, shifts)
+    shifts = np.zeros((len(DUTY), 3, 3))
+    shifts[4, 0, 0] = 1e-4
+    c = with_joint_covariance(coefficients_of(REFERENCE_PLANT), data_of(levels), shifts)
     assert np.linalg.matrix_rank(c.covariance, tol=1e-10 * np.abs(c.covariance).max()) == 1
     assert c.log_sd("Ts", DUTY)[4] > 0
 
