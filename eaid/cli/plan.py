@@ -108,7 +108,7 @@ def planned(
     source: dict[str, Any], name: str, rig: "Rig"
 ) -> "tuple[Callable[[Sequence[Wanted]], Plan], Plant, Noise, list[str]]":
     """What makes a plan for the model that a fit.json holds, its plant, the noise taken, and words on these."""
-    from eaid.fitting.result import nonlinear_from_json
+    from eaid.fitting.stored import nonlinear_from_json
     from eaid.synth.plants import clutch, of_fit
     from eaid.uncertainty.design import level_sets, plan
     from eaid.uncertainty.noise import noise_from_json

@@ -41,7 +41,7 @@ def unidentified(fitted: dict[str, Any], given: dict[str, Any]) -> dict[str, str
 def knowledge(fitted: dict[str, Any], given: dict[str, Any], gains: Path | None) -> "Knowledge":
     """What the controllers are made from; what is missing in the files stays None."""
     from eaid.control.gains import pi_from_json, rc_from_json
-    from eaid.fitting.result import linear_from_json, nonlinear_from_json
+    from eaid.fitting.stored import linear_from_json, nonlinear_from_json
     from eaid.replay.controllers import Knowledge
 
     linear = None

@@ -17,7 +17,7 @@ from eaid.control.options import DesignOptions
 from eaid.control.pi import PIGains
 from eaid.control.pi_design import pi_gains, step_metrics
 from eaid.errors import GainsError
-from eaid.fitting.result import nonlinear_from_json
+from eaid.fitting.stored import nonlinear_from_json
 from eaid.models.parameters import Linear, Nonlinear
 from eaid.steps.stepset import StepSet
 

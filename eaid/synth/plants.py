@@ -98,7 +98,7 @@ REFERENCE: dict[str, Callable[[], Plant]] = {
 def of_fit(fit: Mapping[str, Any], kind: Kind, named: str) -> Plant:
     """The plant that a fit.json found; of friction only the fitted levels can be recorded, nothing is interpolated."""
     if kind == "clutch":
-        from eaid.fitting.result import nonlinear_from_json
+        from eaid.fitting.stored import nonlinear_from_json
 
         return clutch(nonlinear_from_json(dict(fit)), named)
     fitted = fit.get("data", {}).get("kind")

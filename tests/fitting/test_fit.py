@@ -11,7 +11,7 @@ from eaid.apparatus import Apparatus
 from eaid.errors import DataError, UsageError
 from eaid.fitting.fit import fit, level_error, overall
 from eaid.fitting.options import FitOptions
-from eaid.fitting.result import bounds_from_json, linear_from_json, nonlinear_from_json
+from eaid.fitting.stored import bounds_from_json, linear_from_json, nonlinear_from_json
 from eaid.fitting.to_json import to_json
 from eaid.models.parameters import REFERENCE_PLANT, Friction
 from eaid.steps.stepset import Level, StepSet
