@@ -5,6 +5,7 @@ Constraints, SPEC §3, at 101 equally spaced duties from the lowest to the highe
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.polynomial import legendre, polynomial
@@ -31,6 +32,34 @@ class Basis:
     highest: float
     free_share: bool
     share: float
+    u: Array
+    """The levels, shape (L,)."""
+
+    @cached_property
+    def M(self) -> Array:
+        """`rows` of the levels, (4, L, n)."""
+        return self.rows(self.u)
+
+    @cached_property
+    def inverses(self) -> list[Array]:
+        """What takes T_s, τ1, τ2 of the levels to the coefficients nearest to them, three of shape (n_k, L)."""
+        return [np.asarray(np.linalg.pinv(self.M[k, :, part]), dtype=np.float64) for k, part in enumerate(self.slices)]
+
+    @cached_property
+    def duties(self) -> Array:
+        """Where the constraints hold, shape (101,)."""
+        return np.linspace(self.lowest, self.highest, DUTIES if self.highest > self.lowest else 1)
+
+    @cached_property
+    def A(self) -> Array:
+        """Constraints A x ≥ b, (m, n): the duties' τ1, τ2 − τ1, T_s, −τ2, and where C is free, C and −C."""
+        M = self.rows(self.duties)
+        A = np.concatenate([M[1], M[2] - M[1], M[0], -M[2]])
+        if self.free_share:
+            share = np.zeros((2, self.size))
+            share[0, -1], share[1, -1] = 1.0, -1.0
+            A = np.vstack([A, share])
+        return A
 
     @property
     def slices(self) -> tuple[slice, slice, slice]:
@@ -101,25 +130,28 @@ class Basis:
 
 def basis_of(u: Array, share: float | None) -> Basis:
     """The basis that these levels allow: a polynomial has at most as many coefficients as there are levels."""
-    most = len(np.unique(u)) - 1
+    return _basis_of(tuple(u.tolist()), share)
+
+
+@lru_cache(maxsize=8)
+def _basis_of(u: tuple[float, ...], share: float | None) -> Basis:
+    """One for each set of levels: its fits under other weights, and of its resamples, have the same."""
+    most = len(set(u)) - 1
     a, b, c = (min(degree, most) for degree in DEGREES)
-    return Basis((a, b, c), float(u.min()), float(u.max()), share is None, 0.85 if share is None else share)
+    return Basis((a, b, c), min(u), max(u), share is None, 0.85 if share is None else share, np.array(u))
 
 
 def constraints(basis: Basis, longest_s: float) -> tuple[Array, Array, Callable[[int], str]]:
     """A x ≥ b at the 101 duties, and what each row says; τ2 ends at `RECORDS` times the longest record."""
     limit = (RECORDS_FREE if basis.free_share else RECORDS) * longest_s
-    at = np.linspace(basis.lowest, basis.highest, DUTIES if basis.highest > basis.lowest else 1)
-    M = basis.rows(at)
-    A = np.concatenate([M[1], M[2] - M[1], M[0], -M[2]])
-    b = np.concatenate([np.full(len(at), TAU1_LEAST_S), np.zeros(2 * len(at)), np.full(len(at), -limit)])
+    count = len(basis.duties)
+    b = np.zeros(len(basis.A))
+    b[:count], b[3 * count : 4 * count] = TAU1_LEAST_S, -limit
     if basis.free_share:
-        row = np.zeros((2, basis.size))
-        row[0, -1], row[1, -1] = 1.0, -1.0
-        A, b = np.vstack([A, row]), np.concatenate([b, [0.0, -1.0]])
+        b[-1] = -1.0
 
     def names(i: int) -> str:
-        which, where = divmod(i, len(at))
-        return ("C = 0", "C = 1")[where] if which == len(HELD) else f"{HELD[which]} at input {at[where]:g}"
+        which, where = divmod(i, count)
+        return ("C = 0", "C = 1")[where] if which == len(HELD) else f"{HELD[which]} at input {basis.duties[where]:g}"
 
-    return A, b, names
+    return basis.A, b, names

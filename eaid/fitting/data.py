@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 
@@ -40,7 +40,7 @@ class Data:
     def energy(self) -> float:
         """Weighted sum of squared data, all samples."""
         points = self.points
-        return float(self.weights @ (points.w * points.y**2).sum(axis=1))
+        return float(self.weights @ (points.root_y**2).sum(axis=1))
 
     @cached_property
     def points(self) -> Points:
@@ -82,15 +82,21 @@ def data_of(levels: Sequence[Level], weights: Array | None = None) -> Data:
     if first.uniform and n > SMALL:
         pieces = np.empty((len(levels), piece_count(n), POINTS_PER_BLOCK))
     for i, level in enumerate(levels):
-        row = together[i : i + 1]
-        if len(level.runs_nm) == 1:
+        row, runs = together[i : i + 1], len(level.runs_nm)
+        if runs == 1:
             row[:] = level.runs_nm
         else:
-            np.matmul(np.full((1, len(level.runs_nm)), 1 / len(level.runs_nm)), level.runs_nm, out=row)
+            np.matmul(_alike(runs), level.runs_nm, out=row)
         if pieces is not None:
             to_pieces(row, pieces[i : i + 1])
     records = tuple(Record(first.time_s, row, first.uniform) for row in together)
     return Data(u, records, weights, together, pieces)
+
+
+@lru_cache(maxsize=8)
+def _alike(runs: int) -> Array:
+    """The weights of a mean, shape (1, runs)."""
+    return np.full((1, runs), 1 / runs)
 
 
 def _variance(level: Level) -> float:

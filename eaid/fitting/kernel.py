@@ -38,6 +38,19 @@ def level_sums(theta: Array, points: Points) -> tuple[Array, Array]:
     return cost, _gradient(theta, along, by_e1, by_e2, t_e1, t_e2)
 
 
+def level_costs(theta: Array, points: Points) -> Array:
+    """Σ w (f − y)² alone, shape (…, L), for θ of shape (4, …, L)."""
+    Ts, tau1, tau2, share = theta[..., None]
+    e1, e2 = np.exp(points.t_s / -tau1), np.exp(points.t_s / -tau2)
+    e1 -= e2
+    e1 *= share
+    e1 += e2
+    residual = Ts - Ts * e1
+    residual -= points.y
+    residual *= points.root_w
+    return np.asarray(np.einsum("...p,...p->...", residual, residual))
+
+
 def _gradient(theta: Array, along: Array, by_e1: Array, by_e2: Array, t_e1: Array, t_e2: Array) -> Array:
     Ts, tau1, tau2, share = theta
     twice = Ts + Ts
@@ -77,11 +90,25 @@ def level_normal(theta: Array, points: Points) -> tuple[Array, Array, Array]:
 def log_products(theta: Array, shares: Array, points: Points) -> Array:
     """Σ w s s' per level, (L, 4, 4), with s = ∂f/∂T_s, then ∂f/∂ln τ1 and ∂f/∂ln τ2 over T_s, and f − y.
 
-    `shares` are √w C and √w (1 − C) at the points, shape (2, L, P). With ln τ the fewest operations are needed.
+    `shares` are what `weighted_shares` gives. With ln τ the fewest operations are needed.
     """
     s, _ = _log_slopes(theta, shares, points)
     s = s.transpose(1, 0, 2)
     return s @ s.transpose(0, 2, 1)
+
+
+def by_tau(theta: Array, products: Array) -> tuple[Array, Array, Array]:
+    """What `log_products` gave as `level_normal` does, by (T_s, τ1, τ2) alone: (L,), (3, L), (L, 3, 3)."""
+    scale = np.ones((len(products), 3))
+    scale[:, 1:] = (theta[0] / theta[1:3]).T
+    scaled = scale + scale
+    curvature = products[:, :3, :3] * (scaled[:, :, None] * scale[:, None, :])
+    return products[:, 3, 3], (products[:, 3, :3] * scaled).T, curvature
+
+
+def weighted_shares(share: Array, points: Points) -> Array:
+    """√w C and √w (1 − C) at the points, (2, L, P), from C of each level, (L,), or of all, (1,)."""
+    return np.asarray(np.stack([share, 1.0 - share])[:, :, None] * points.root_w)
 
 
 def log_curvature(theta: Array, shares: Array, points: Points) -> tuple[Array, Array]:

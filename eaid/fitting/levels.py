@@ -13,7 +13,15 @@ from eaid.arrays import Array
 from eaid.fitting.compress import Points
 from eaid.fitting.data import Data
 from eaid.fitting.free_share import free_problem, free_starts, full_value, theta_of
-from eaid.fitting.kernel import level_curvature, level_normal, level_sums, log_curvature, log_products
+from eaid.fitting.kernel import (
+    by_tau,
+    level_curvature,
+    level_normal,
+    level_sums,
+    log_curvature,
+    log_products,
+    weighted_shares,
+)
 from eaid.fitting.result import LevelFit, Solver
 from eaid.fitting.solver import PROMISE, ROUNDING, SETTLED, EndPoint, Problem, polish, slsqp
 from eaid.models.friction import grid_along, grid_inner, grid_table, tau_grid
@@ -163,7 +171,7 @@ def refine(
     Returns θ (4, N), cost (N,), and curvature by (T_s, τ1, τ2), (N, 3, 3). A row moves only where its cost falls; τ
     stays within 1 ms and `limit` [s]. Ends when a step promises no row that still moves more than `enough` of its cost.
     """
-    shares = _shares(theta, points)
+    shares = weighted_shares(theta[3], points)
     P = log_products(theta, shares, points)
     damping, moved = np.full(len(P), 1e-3), np.full(len(P), True)
     for _ in range(steps):
@@ -171,7 +179,7 @@ def refine(
         normal = P[:, :3, :3].copy()
         diagonal = np.einsum("lii->li", normal)
         diagonal += damping[:, None] * diagonal + 1e-300
-        move = np.linalg.solve(normal, slope[:, :, None])[:, :, 0]
+        move = _solved_for(normal, slope)
         promised = (slope * move).sum(axis=1)
         if moved.any() and (promised <= enough * cost)[moved].all():
             break
@@ -184,8 +192,13 @@ def refine(
             theta, P = np.where(moved, tried, theta), np.where(moved[:, None, None], found, P)
         # where τ1 and τ2 have met, two rows are one, and only damping keeps them from being singular
         damping = np.where(moved, np.maximum(damping / 10, 1e-12), damping * 10)
-    slopes = np.stack([np.ones_like(theta[0]), theta[0] / theta[1], theta[0] / theta[2]], axis=1)
-    return theta, P[:, 3, 3], 2.0 * P[:, :3, :3] * slopes[:, :, None] * slopes[:, None, :]
+    cost, _, curvature = by_tau(theta, P)
+    return theta, cost, curvature
+
+
+def _solved_for(H: Array, slope: Array) -> Array:
+    """The step of each level that H and its slope ask for, (L, 3)."""
+    return np.asarray(np.linalg.solve(H, slope[:, :, None])[:, :, 0], dtype=np.float64)
 
 
 def _moved(theta: Array, move: Array, limit: float) -> Array:
@@ -197,11 +210,6 @@ def _moved(theta: Array, move: Array, limit: float) -> Array:
     moved[1] = np.minimum(np.maximum(moved[1], TAU1_LEAST_S), limit)
     moved[2] = np.minimum(np.maximum(moved[2], moved[1]), limit)
     return moved
-
-
-def _shares(theta: Array, points: Points) -> Array:
-    """√w C and √w (1 − C) at the points, (2, L, P)."""
-    return np.asarray(np.stack([theta[3], 1.0 - theta[3]])[:, :, None] * points.root_w)
 
 
 def fit_level(data: Data, share: float | None, starts: Array | None = None) -> LevelFit:
@@ -350,17 +358,17 @@ def _last_step(theta: Array, data: Data) -> tuple[Array, Array, Array]:
     """
     limit = RECORDS * data.longest_s
     some = np.where(theta[0] > 0, theta, 1.0)
-    slope, H = log_curvature(some, _shares(some, data.points), data.points)
+    slope, H = log_curvature(some, weighted_shares(some[3], data.points), data.points)
     bowl = (theta[0] > 0) & _definite(H)
     H[~bowl] = np.eye(3)
     slope[~bowl] = 0.0
-    theta = _moved(theta, np.linalg.solve(H, slope[:, :, None])[:, :, 0], limit)
+    theta = _moved(theta, _solved_for(H, slope), limit)
     cost, gradient = data.sums(theta)
     Ts, tau1, tau2, _ = theta
     bowl &= (tau1 > 1.001 * TAU1_LEAST_S) & (1.001 * tau1 < tau2) & (tau2 < 0.5 * limit) & (Ts > 0) & (cost > 0)
     slope = 0.5 * gradient[:3].T
     slope[:, 1:] *= theta[1:3].T / np.where(bowl, Ts, 1.0)[:, None]
-    promise = (slope * np.linalg.solve(H, slope[:, :, None])[:, :, 0]).sum(axis=1)
+    promise = (slope * _solved_for(H, slope)).sum(axis=1)
     return theta, cost, np.where(bowl, promise / np.where(bowl, cost, 1.0), np.inf)
 
 

@@ -13,7 +13,15 @@ from eaid.arrays import Array
 from eaid.fitting.basis import Basis, basis_of, constraints
 from eaid.fitting.broad import broad_starts
 from eaid.fitting.data import Data
-from eaid.fitting.kernel import level_curvature, level_normal, level_sums, residuals
+from eaid.fitting.kernel import (
+    by_tau,
+    level_costs,
+    level_curvature,
+    level_normal,
+    log_products,
+    residuals,
+    weighted_shares,
+)
 from eaid.fitting.levels import SHARES, TAU1_LEAST_S, quick_curves, verdict
 from eaid.fitting.result import Solver
 from eaid.fitting.solver import PROMISE, ROUNDING, EndPoint, Problem, approach, bring_in, draw_in, ended, polish, slsqp
@@ -24,13 +32,19 @@ NARROW = 0.3
 
 
 def nonlinear_problem(data: Data, basis: Basis) -> Problem:
-    """The ten coefficients on the compressed points."""
-    M, points, weights = basis.rows(data.u), data.points, data.weights
-    flat = M.reshape(-1, basis.size)
-    by_level = np.ascontiguousarray(M.transpose(1, 0, 2))
+    """The ten coefficients on the compressed points; the levels of `data` are those of the basis."""
+    M, points, weights = basis.M, data.points, data.weights
+    known = 4 if basis.free_share else 3  # how many of T_s, τ1, τ2, C move
+    flat = M[:known].reshape(-1, basis.size)
+    by_level = np.ascontiguousarray(M[:known].transpose(1, 0, 2))
+    shares = weighted_shares(np.array([basis.share]), points)
+
+    def sums(x: Array) -> tuple[Array, Array, Array]:
+        theta = basis.theta(x, M)
+        return level_normal(theta, points) if basis.free_share else by_tau(theta, log_products(theta, shares, points))
 
     def value(x: Array) -> tuple[float, Array]:
-        cost, gradient = level_sums(basis.theta(x, M), points)
+        cost, gradient, _ = sums(x)
         return float(weights @ cost), (gradient * weights).ravel() @ flat
 
     def chained(curvature: Array) -> Array:
@@ -38,13 +52,13 @@ def nonlinear_problem(data: Data, basis: Basis) -> Problem:
         return np.asarray(by_level.reshape(-1, basis.size).T @ half.reshape(-1, basis.size))
 
     def gauss_newton(x: Array) -> Array:
-        return chained(level_normal(basis.theta(x, M), points)[2])
+        return chained(sums(x)[2])
 
     def exact(x: Array) -> Array:
-        return chained(level_curvature(basis.theta(x, M), points))
+        return chained(level_curvature(basis.theta(x, M), points)[:, :known, :known])
 
     def together(x: Array) -> tuple[float, Array, Array]:
-        cost, gradient, curvature = level_normal(basis.theta(x, M), points)
+        cost, gradient, curvature = sums(x)
         return float(weights @ cost), (gradient * weights).ravel() @ flat, chained(curvature)
 
     A, b, names = constraints(basis, data.longest_s)
@@ -79,20 +93,19 @@ def own_curves(data: Data, share: float) -> OwnCurves:
     return OwnCurves(theta, data.weights * cost, normal, np.linalg.inv(normal / outer + 1e-9 * np.eye(3)) / outer)
 
 
-def polynomial_starts(own: OwnCurves, data: Data, basis: Basis, problem: Problem) -> list[Array]:
+def polynomial_starts(own: OwnCurves, basis: Basis, problem: Problem) -> list[Array]:
     """Feasible starts from the curves of single levels, the most promising first.
 
     Polynomials pass through τ1, τ2, T_s of the levels: weighted by their own precision, then each level alike. The last
     start has the weighted means of τ1 and τ2 at every level; it lies inside the constraints, and the others are brought
     there from outside.
     """
-    theta, precision = own.theta, 1 / np.sqrt(np.einsum("lii->li", own.covariance))
-    M = basis.rows(data.u)
+    theta, precision, M = own.theta, 1 / np.sqrt(np.einsum("lii->li", own.covariance)), basis.M
     shaped, alike, level_means = np.zeros(basis.size), np.zeros(basis.size), np.zeros(basis.size)
     for k, part in enumerate(basis.slices):
         p = precision[:, k]
         shaped[part] = np.linalg.lstsq(M[k, :, part] * p[:, None], theta[k] * p, rcond=None)[0]
-        alike[part] = np.linalg.lstsq(M[k, :, part], theta[k], rcond=None)[0]
+        alike[part] = basis.inverses[k] @ theta[k]
         level_means[part.start] = float(p**2 @ theta[k] / (p**2).sum())
     level_means[basis.slices[0]] = shaped[basis.slices[0]]
     if basis.free_share:
@@ -135,7 +148,7 @@ def fit_nonlinear(data: Data, share: float | None, starts: Sequence[Nonlinear] =
     basis = basis_of(data.u, share)
     problem = nonlinear_problem(data, basis)
     own = [own_curves(data, c) for c in (SHARES if share is None else (share,))]
-    begin = [polynomial_starts(curves, data, basis, problem) for curves in own]
+    begin = [polynomial_starts(curves, basis, problem) for curves in own]
     flat = begin[0][-1]
     near = [start for starts in begin for start in starts[:-1]] + [
         draw_in(basis.unknowns(p), flat, problem) for p in starts
@@ -156,7 +169,7 @@ def refit_nonlinear(data: Data, near: Solution) -> Solution:
 def _confirmed(ends: Sequence[EndPoint], data: Data, basis: Basis, problem: Problem) -> Solution:
     """The best end, confirmed and polished on every sample, with our verdict."""
     best = min(ends, key=lambda end: end.cost)
-    M = basis.rows(data.u)
+    M = basis.M
 
     def full(x: Array) -> tuple[float, Array]:
         cost, gradient = data.sums(basis.theta(x, M))
@@ -194,7 +207,7 @@ def alone(own: OwnCurves, cost: float, data: Data, basis: Basis, problem: Proble
     narrow = rise >= spare
     if narrow.all():
         return True
-    rows = basis.rows(data.u)[:3].transpose(1, 0, 2)  # (L, 3, n)
+    rows = basis.M[:3].transpose(1, 0, 2)  # (L, 3, n)
     weighted = kept[:, None, None] * own.normal @ rows
     while narrow.sum() >= max(basis.degrees) + 1 and not narrow.all():
         A, J = weighted[narrow].reshape(-1, basis.size), rows[narrow].reshape(-1, basis.size)
@@ -223,7 +236,7 @@ def _edges(own: OwnCurves, data: Data) -> tuple[Array, Array]:
     width = NARROW * own.theta[which, every] / variance[every, which - 1]
     way = np.zeros_like(own.theta)
     way[:3] = own.covariance[every, :, which].T * width
-    p = data.points
-    rise = data.weights * np.minimum(level_sums(own.theta + way, p)[0], level_sums(own.theta - way, p)[0]) - own.cost
+    ends = level_costs(np.stack([own.theta + way, own.theta - way], axis=1), data.points)
+    rise = data.weights * ends.min(axis=0) - own.cost
     parabola = NARROW * own.theta[which, every] * width
     return np.clip(rise / parabola, 0.0, 1.0), rise

@@ -43,12 +43,15 @@ ROUNDING = 1e-15
 """A promise is judged against at least this part of the sum of squared data: beneath it lies rounding."""
 
 
+Value = Callable[[Array], tuple[float, Array]]
+"""x → cost, gradient (n,)."""
+
+
 @dataclass(frozen=True, eq=False)
 class Problem:
     """Minimise a sum of squares under A x ≥ b."""
 
-    value: Callable[[Array], tuple[float, Array]]
-    """x → cost, gradient (n,)."""
+    value: Value
     curvature: Callable[[Array], Array]
     """x → positive semidefinite Gauss–Newton matrix of the cost, (n, n)."""
     A: Array
@@ -70,8 +73,20 @@ class EndPoint:
     x: Array
     cost: float
     evaluations: int
-    local: tuple[float, Array, Array] | None = None
-    """Cost, gradient and Gauss–Newton matrix there, where they are at hand."""
+    local: "Local | None" = None
+    """What is known of that place, where it is at hand."""
+
+
+@dataclass(frozen=True, eq=False)
+class Local:
+    """What is known of one place."""
+
+    cost: float
+    gradient: Array
+    curvature: Array
+    """Gauss–Newton matrix."""
+    promised: float
+    """By how much a constrained Newton step would lower the cost."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,7 +114,7 @@ def whiten(curvature: Array) -> Array:
 def slsqp(
     problem: Problem,
     start: Array,
-    local: tuple[float, Array, Array] | None = None,
+    local: Local | None = None,
     rounds: int = 8,
     maximum: int = 40,
 ) -> EndPoint:
@@ -107,26 +122,28 @@ def slsqp(
 
     A round leaves the constraints out at first; where it ends outside some, it is begun again with those, until it ends
     inside: a handful of rows instead of hundreds, which the solver's own least squares would go through every time.
-    `local` is cost, gradient and curvature at the start, where they are at hand.
+    `local` is what is known of the start, where it is at hand.
     """
     x, evaluations = start, 1
     held = np.zeros(len(problem.b), dtype=bool)
-    cost, gradient, curvature = local or _at(problem, x)
-    for _ in range(rounds):
-        if cost == 0.0:
-            break
+    if local is None:
+        cost, gradient, curvature = _at(problem, x)
         promised = newton_step(problem, x, gradient, curvature).decrease
-        if promised <= SETTLED * cost:
+    else:
+        cost, gradient, curvature, promised = local.cost, local.gradient, local.curvature, local.promised
+    value = _once(problem.value, x, (cost, gradient))
+    for _ in range(rounds):
+        if cost == 0.0 or promised <= SETTLED * cost:
             break
         for _ in range(TRIES):
-            reached, used = _one_round(problem, x, cost, curvature, held, maximum)
+            reached, used = _one_round(problem, x, value, cost, curvature, held, maximum)
             evaluations += used
             outside = problem.A @ reached - problem.b < -NEAR * (1.0 + np.abs(problem.b))
             if not (outside & ~held).any():
                 break
             held |= outside
         reached = _inside(problem, x, reached)
-        found, slope = problem.value(reached)
+        found, slope = value(reached)
         if not found < cost:
             break
         kept = promised <= LITTLE * cost and cost - found >= 0.5 * promised
@@ -134,6 +151,7 @@ def slsqp(
         if kept:  # the start lay next to the minimum, and what there was to gain there has been gained
             break
         curvature = problem.curvature(x)
+        promised = newton_step(problem, x, gradient, curvature).decrease
     return EndPoint(x, cost, evaluations)
 
 
@@ -142,15 +160,28 @@ def _at(problem: Problem, x: Array) -> tuple[float, Array, Array]:
     return problem.together(x) if problem.together else (*problem.value(x), problem.curvature(x))
 
 
+def _once(value: Value, x: Array, there: tuple[float, Array]) -> Value:
+    """`value` that keeps its last answer, `there` at `x` to begin with: a round begins and ends where one is known."""
+    last = [(x.tobytes(), there)]
+
+    def kept(x: Array) -> tuple[float, Array]:
+        place = x.tobytes()
+        if last[0][0] != place:
+            last[0] = place, value(x)
+        return last[0][1]
+
+    return kept
+
+
 def _one_round(
-    problem: Problem, x: Array, cost: float, curvature: Array, held: Array, maximum: int
+    problem: Problem, x: Array, value: Value, cost: float, curvature: Array, held: Array, maximum: int
 ) -> tuple[Array, int]:
     # x − x0 = L'^(-1) z √cost: cost/cost(x0) then has curvature 1 in z, which is what SLSQP assumes at first.
     back = np.linalg.inv(whiten(curvature)).T * np.sqrt(cost)
 
     def scaled(z: Array) -> tuple[float, Array]:
-        value, gradient = problem.value(x + back @ z)
-        return value / cost, gradient @ back / cost
+        found, gradient = value(x + back @ z)
+        return found / cost, gradient @ back / cost
 
     rows, slack = problem.A[:0], problem.b[:0]
     if held.any():
@@ -231,7 +262,7 @@ def approach(problem: Problem, start: Array, steps: int = 40) -> EndPoint:
         step = newton_step(problem, x, gradient, curvature + damping * np.diag(np.diagonal(curvature)))
         if step.decrease <= NEAR_END * max(cost, problem.floor):
             break
-        reached = _inside(problem, x, x + step.d)
+        reached = _inside(problem, x, x + step.d) if step.active else x + step.d
         found, slope, bent = _at(problem, reached)
         evaluations += 1
         if found < cost:
@@ -239,7 +270,9 @@ def approach(problem: Problem, start: Array, steps: int = 40) -> EndPoint:
             damping = max(0.1 * damping, 1e-9)
         else:
             damping *= 30
-    return EndPoint(x, cost, evaluations, (cost, gradient, curvature))
+    else:
+        return EndPoint(x, cost, evaluations)
+    return EndPoint(x, cost, evaluations, Local(cost, gradient, curvature, step.decrease))
 
 
 def ended(ends: Sequence[EndPoint], problem: Problem) -> list[EndPoint]:

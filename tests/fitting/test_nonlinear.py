@@ -68,7 +68,7 @@ def test_starts_are_feasible(clutch_set: Maker) -> None:
         data = data_of(clutch_set(duration_s=2.0, rate_hz=100.0, noise_nm=0.2, seed=seed).levels)
         basis = basis_of(data.u, 0.85)
         problem = nonlinear_problem(data, basis)
-        for start in polynomial_starts(own_curves(data, 0.85), data, basis, problem):
+        for start in polynomial_starts(own_curves(data, 0.85), basis, problem):
             assert (problem.A @ start - problem.b).min() >= -1e-15
 
 
@@ -95,7 +95,7 @@ def _proof(case: Any) -> tuple[bool, float]:
     basis = basis_of(data.u, 0.85)
     problem = nonlinear_problem(data, basis)
     own = own_curves(data, 0.85)
-    best = min(approach(problem, x).cost for x in polynomial_starts(own, data, basis, problem)[:2])
+    best = min(approach(problem, x).cost for x in polynomial_starts(own, basis, problem)[:2])
     return alone(own, best, data, basis, problem), best
 
 
@@ -116,7 +116,7 @@ def test_the_proof_holds_for_many_levels_of_the_right_model(count: int, clutch_s
     basis = basis_of(data.u, 0.85)
     problem = nonlinear_problem(data, basis)
     own = own_curves(data, 0.85)
-    best = min(approach(problem, x).cost for x in polynomial_starts(own, data, basis, problem)[:2])
+    best = min(approach(problem, x).cost for x in polynomial_starts(own, basis, problem)[:2])
     assert alone(own, best, data, basis, problem)
     # a cost far above the levels' own leaves room, and one below them is none of these data's
     assert not alone(own, 3 * best, data, basis, problem)
