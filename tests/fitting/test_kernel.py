@@ -4,7 +4,21 @@ import numpy as np
 import pytest
 
 from eaid.fitting.compress import Points
-from eaid.fitting.kernel import Record, decay, full_sums, level_curvature, level_normal, level_sums, residuals, stretch
+from eaid.fitting.kernel import (
+    Record,
+    by_tau,
+    decay,
+    full_sums,
+    level_costs,
+    level_curvature,
+    level_normal,
+    level_sums,
+    log_curvature,
+    log_products,
+    residuals,
+    stretch,
+    weighted_shares,
+)
 
 RNG = np.random.default_rng(3)
 TIMES = np.sort(RNG.uniform(0, 10, (1, 40)))
@@ -42,6 +56,34 @@ def test_one_product_gives_the_same_sums(points: Points) -> None:
     assert cost == pytest.approx(level_sums(THETA, points)[0], rel=1e-13)
     assert gradient == pytest.approx(level_sums(THETA, points)[1], rel=1e-11)
     assert level_curvature(THETA, points) == pytest.approx(level_curvature(THETA, POINTS), rel=1e-12)
+
+
+@pytest.mark.parametrize("points", [POINTS, Points(np.tile(TIMES, (3, 1)), POINTS.y, np.tile(POINTS.w, (3, 1)))])
+def test_sums_in_ln_tau_are_those_by_tau(points: Points) -> None:
+    cost, gradient, curvature = by_tau(THETA, log_products(THETA, weighted_shares(THETA[3], points), points))
+    want = level_normal(THETA, points)
+    assert cost == pytest.approx(want[0], rel=1e-12)
+    assert gradient == pytest.approx(want[1][:3], rel=1e-11)
+    assert curvature == pytest.approx(want[2][:, :3, :3], rel=1e-12)
+
+
+def test_curvature_in_ln_tau_by_complex_steps() -> None:
+    slope, H = log_curvature(THETA, weighted_shares(THETA[3], POINTS), POINTS)
+    scale = np.stack([np.ones(3), THETA[0], THETA[0]])  # the steps in ln τ are over T_s
+    for k in range(3):
+        shifted = THETA.astype(complex)
+        shifted[k] = shifted[k] + 1e-30j if k == 0 else shifted[k] * np.exp(1e-30j)
+        cost, gradient = level_sums(shifted, POINTS)
+        by_log = gradient[:3] * np.stack([np.ones(3), *shifted[1:3]])
+        assert 2 * slope[:, k] == pytest.approx(cost.imag / 1e-30 / scale[k], rel=1e-10)
+        want = by_log.imag / 1e-30 / scale / scale[k]
+        assert pytest.approx(want, rel=1e-9, abs=1e-9) == 2 * H[:, :, k].T
+
+
+def test_costs_alone() -> None:
+    two = np.stack([THETA, 1.1 * THETA], axis=1)
+    want = [level_sums(theta, POINTS)[0] for theta in (THETA, 1.1 * THETA)]
+    assert level_costs(two, POINTS) == pytest.approx(np.array(want), rel=1e-12)
 
 
 @pytest.mark.parametrize("n", [300, 5000, 5003])

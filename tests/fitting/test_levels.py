@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from eaid.fitting.compress import Points
 from eaid.fitting.data import Data
@@ -138,6 +139,32 @@ def test_starts_are_the_bowls_of_the_grid() -> None:
     assert level.tolist() == [0, 0] and first.tolist() == [1, 0] and second.tolist() == [2, 5]
     level, first, second = grid_bowls(np.sqrt(gain), np.ones_like(gain), 1)
     assert (level[0], first[0], second[0]) == (0, 1, 2)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_bowls_are_those_of_a_plain_search(seed: int) -> None:
+    gain = np.random.default_rng(seed).integers(1, 9, (3, 7, 7)).astype(float)  # with plateaus
+    wanted = [
+        sorted((-gain[level, i, j], i, j) for i in range(7) for j in range(i + 1, 7) if _highest(gain[level], i, j))[:4]
+        for level in range(3)
+    ]
+    level, first, second = grid_bowls(np.sqrt(gain), np.ones_like(gain), 4)
+    for one in range(3):
+        found = list(zip(first[level == one].tolist(), second[level == one].tolist(), strict=True))
+        assert found == [(i, j) for _, i, j in wanted[one]]
+
+
+def _highest(gain: NDArray[np.float64], i: int, j: int) -> bool:
+    """Whether no neighbour of a pair that is a pair itself gains more."""
+    beside = [(i + a, j + b) for a in (-1, 0, 1) for b in (-1, 0, 1)]
+    return all(gain[i, j] >= gain[k, m] for k, m in beside if 0 <= k < m < len(gain))
+
+
+def test_levels_where_nothing_rises() -> None:
+    t = np.arange(600) / 100
+    data = Data(np.arange(2.0), (Record(t, -np.ones(600), True), Record(t, np.zeros(600), True)), np.ones(2))
+    for found in fit_levels(data, 0.85):
+        assert found.curve.Ts == pytest.approx(0.0, abs=1e-9)
 
 
 def test_levels_fitted_together_are_those_fitted_alone() -> None:
