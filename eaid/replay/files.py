@@ -21,7 +21,6 @@ from eaid.errors import DataError
 from eaid.files import hdf5_written_whole
 from eaid.logs.chunks import check_chunks
 from eaid.logs.digest import check_digest, digest_of
-from eaid.logs.hdf import check_safe, open_hdf5
 from eaid.logs.walk import walk
 from eaid.schema import METRICS, REPLAY
 from eaid.shapes import Misshapen, Part, shaped
@@ -66,6 +65,8 @@ def read_replay(path: Path, tell: Callable[[str], None] = lambda _: None) -> tup
 
     What they hold has the shapes of eaid/schema.py; `tell` gets a sentence about each part that is left out.
     """
+    from eaid.logs.hdf import check_safe, open_hdf5  # with them come the readers of logs, which writing does not need
+
     if not path.is_file():
         raise DataError(f"{path}: no such file; give the replay.h5 that eaid simulate wrote")
     if not h5py.is_hdf5(path):
