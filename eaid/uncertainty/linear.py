@@ -23,29 +23,35 @@ def _rise(a0: float, t_s: Array) -> tuple[Array, Array, Array]:
     return r, first, (-(t_s**2) * decay - 2 * first) / a0
 
 
-def pooled_gain(levels: Sequence[Level], p: Linear, weights: Array | None = None) -> list[Array]:
-    """How a change of each level's mean moves the pooled (a0, b0, c0): H⁻¹ w J', shape (3, n) a level.
+Gain = tuple[Array, Array]
+"""How a change of a level's mean moves m numbers, shape (m, n), as a product of (m, k) and (k, n)."""
+
+
+def pooled_gain(levels: Sequence[Level], p: Linear, weights: Array | None = None) -> list[Gain]:
+    """How a change of each level's mean moves the pooled (a0, b0, c0): H⁻¹ w J' of each level, J' = (3, 2) of (r', r).
 
     `weights`, shape (L,): of each level's squared residuals; None: all alike.
     """
     hessian = np.zeros((3, 3))
-    gradients = []
-    time_s, rise = np.empty(0), (np.empty(0),) * 3
+    parts = []
+    time_s, second, both, square = np.empty(0), np.empty(0), np.empty((2, 0)), np.empty((2, 2))
     for level, weight in zip(levels, np.ones(len(levels)) if weights is None else weights, strict=True):
         if not np.array_equal(level.time_s, time_s):  # most levels have the same times
-            time_s, rise = level.time_s, _rise(p.a0, level.time_s)
-        r, first, second = rise
+            time_s = level.time_s
+            r, first, second = _rise(p.a0, time_s)
+            both = np.stack([first, r])
+            square = both @ both.T
         size = p.b0 * level.level + p.c0
-        jacobian = np.stack([size * first, level.level * r, r])
-        left = level.mean_nm - size * r
+        take = np.array([[size, 0.0], [0.0, level.level], [0.0, 1.0]])
+        left = level.mean_nm - size * both[1]
         curved = np.zeros((3, 3))
         curved[0, 0] = size * (left @ second)
-        curved[0, 1] = curved[1, 0] = level.level * (left @ first)
-        curved[0, 2] = curved[2, 0] = left @ first
-        hessian += weight * (jacobian @ jacobian.T - curved)
-        gradients.append(weight * jacobian)
+        curved[0, 1] = curved[1, 0] = level.level * (left @ both[0])
+        curved[0, 2] = curved[2, 0] = left @ both[0]
+        hessian += weight * (take @ square @ take.T - curved)
+        parts.append((weight * take, both))
     inverse = scaled_inverse(hessian)
-    return [inverse @ jacobian for jacobian in gradients]
+    return [(inverse @ take, both) for take, both in parts]
 
 
 def scaled_inverse(matrix: Array) -> Array:

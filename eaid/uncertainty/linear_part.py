@@ -15,7 +15,15 @@ from eaid.models import linear as model
 from eaid.steps.stepset import Level
 from eaid.uncertainty.ground import Ground
 from eaid.uncertainty.levels import log_jacobian
-from eaid.uncertainty.linear import combined_variance, level_evidence, own_gain, pooled_gain, scaled_inverse, with_log_B
+from eaid.uncertainty.linear import (
+    Gain,
+    combined_variance,
+    level_evidence,
+    own_gain,
+    pooled_gain,
+    scaled_inverse,
+    with_log_B,
+)
 from eaid.uncertainty.scatter import pooled_scatter
 from eaid.uncertainty.student import t_quantile
 
@@ -24,25 +32,25 @@ Interval = list[float]
 
 def spread(gains: Sequence[Array], ground: Ground) -> tuple[float, float]:
     """Variance and degrees of freedom of q with δq = Σ_l g_l δȳ_l, g_l of shape (n_l,)."""
-    return spreads([g[None] for g in gains], ground)[0]
+    return spreads([(np.ones((1, 1)), g[None]) for g in gains], ground)[0]
 
 
-def spreads(gains: Sequence[Array], ground: Ground) -> list[tuple[float, float]]:
-    """The same of m numbers at once, g_l of shape (m, n_l)."""
+def spreads(gains: Sequence[Gain], ground: Ground) -> list[tuple[float, float]]:
+    """The same of m numbers at once."""
     if ground.source == "repeats":
         psi = [
-            (level.runs_nm - level.mean_nm) @ g.T / len(level.runs_nm)
-            for level, g in zip(ground.levels, gains, strict=True)
+            (level.runs_nm @ along.T - level.mean_nm @ along.T) @ take.T / len(level.runs_nm)
+            for level, (take, along) in zip(ground.levels, gains, strict=True)
         ]
         if ground.swept:
             together = np.sum(psi, axis=0)  # one number a sweep: its levels do not move apart
             count = len(together)
             return [(float(own @ own * count / (count - 1)), count - 1.0) for own in together.T]
-        return [combined_variance([one[:, k] for one in psi]) for k in range(len(gains[0]))]
-    total = np.zeros(len(gains[0]))
-    for level, one, g, variance in zip(ground.levels, ground.evidence, gains, ground.variance, strict=True):
-        along = g @ log_jacobian(one.curve, level.time_s)
-        total += along**2 @ np.where(np.isfinite(variance[:3]), variance[:3], 0.0)
+        return [combined_variance([one[:, k] for one in psi]) for k in range(psi[0].shape[1])]
+    total = np.zeros(len(gains[0][0]))
+    for level, one, (take, along), variance in zip(ground.levels, ground.evidence, gains, ground.variance, strict=True):
+        moved = take @ (along @ log_jacobian(one.curve, level.time_s))
+        total += moved**2 @ np.where(np.isfinite(variance[:3]), variance[:3], 0.0)
     return [(float(variance), ground.total_degrees) for variance in total]
 
 
@@ -93,7 +101,7 @@ def level_intervals(fit: LinearFit, ground: Ground) -> list[dict[str, Interval |
 
 def _with_pooled_terms(fit: LinearFit, ground: Ground, own: Sequence[Array]) -> list[dict[str, Interval | None]]:
     """The conventions that take c0, or a0 and c0, from the pooled fit: b0 = (a0 gain − c0)/u."""
-    pooled = pooled_gain(ground.levels, fit.parameters)
+    pooled = [take @ along for take, along in pooled_gain(ground.levels, fit.parameters)]
     rows: list[dict[str, Interval | None]] = []
     for i, (level, row) in enumerate(zip(ground.levels, fit.per_level, strict=True)):
         gains = [-g[2] / row.level for g in pooled]

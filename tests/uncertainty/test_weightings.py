@@ -105,13 +105,13 @@ def test_the_linear_intervals_follow_the_weights(scattered: StepSet) -> None:
     assert found is not None
     from eaid.uncertainty.linear import pooled_gain
 
-    gain = pooled_gain(scattered.levels, found.parameters, data)[4]
+    take, along = pooled_gain(scattered.levels, found.parameters, data)[4]
     bump = 1e-4 * np.sin(level.time_s)
     moved = replace(level, runs_nm=level.runs_nm + bump)
     levels = (*scattered.levels[:4], moved, *scattered.levels[5:])
     again = fit(replace(scattered, levels=levels), FitOptions(weights="sd", models=("linear",))).linear
     assert again is not None
     change = np.array([getattr(again.parameters, k) - getattr(found.parameters, k) for k in ("a0", "b0", "c0")])
-    assert change == pytest.approx(gain @ bump, rel=1e-2)
+    assert change == pytest.approx(take @ (along @ bump), rel=1e-2)
     ground = ground_at_share(scattered.levels, 0.85)
     assert pooled_intervals(found, ground) != pooled_intervals(replace(found, weights=None), ground)
