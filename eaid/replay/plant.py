@@ -72,6 +72,8 @@ def perturbed(p: Nonlinear, factors: Mapping[str, float]) -> Nonlinear:
             raise UsageError(f"perturb: no {name!r} in the plant; give factors of tau1, tau2 or Ts, as Ts=0.9,tau1=1.2")
         if not (math.isfinite(factor) and factor > 0.0):
             raise UsageError(f"perturb: the factor of {name} is {factor:g}; it must be above 0")
+    if not factors:
+        return p
 
     def scaled(name: str, values: tuple[float, ...]) -> tuple[float, ...]:
         return tuple(factors.get(name, 1.0) * value for value in values)
