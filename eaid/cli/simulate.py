@@ -100,6 +100,8 @@ def command(
     tracks = name not in ("log", "rehab")
     if plants is not None and (plants < 1 or not tracks):
         raise UsageError("--plants takes a number from 1 on, and goes with steps, multisine, sweep or --reference")
+    if threads is not None and threads < 1:
+        raise UsageError(f"--threads is {threads}; it takes a number from 1 on")
     if with_best and name == "rehab":
         raise UsageError("--best: in rehab the reference depends on what the limb does; choose another scenario")
     if with_best and name == "log":

@@ -209,6 +209,7 @@ def test_open_loop_needs_no_more_than_the_nonlinear_model(capsys):
         (["--noise", "residuals"], 3, "fit.json: does not say how its residuals are coloured"),
         (["--noise", "residuals", "--noise-nm", "1"], 2, "leave out --noise-nm"),
         (["--plants", "0"], 2, "--plants takes a number from 1 on"),
+        (["--plants", "5", "--threads", "-1"], 2, "--threads is -1; it takes a number from 1 on"),
         (["--plants", "5", "--scenario", "rehab"], 2, "goes with steps, multisine, sweep"),
         (["--limb-damping", "1"], 2, "belong to --scenario rehab"),
         (["--log", "none.csv"], 3, "none.csv"),
