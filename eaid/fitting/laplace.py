@@ -8,6 +8,7 @@ values and slopes, dG_k/d ln λ = −λ G_{k+1}: 1e-8 of the sum of squared data
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from eaid.arrays import Array
 from eaid.fitting.compress import Points
@@ -43,11 +44,11 @@ class Transforms:
         d = 1.0 - c
         slow, fast = self.rates[0], 0.5 * self.rates[-1]
         a, b = np.clip(1.0 / tau1, slow, fast), np.clip(1.0 / tau2, slow, fast)
-        one, two = self._weights(a, 2), self._weights(b, 2)
-        aa, ab, bb = self._weights(2 * a, 3), self._weights(a + b, 3), self._weights(2 * b, 3)
-        y1, y2 = self._data(a), self._data(b)
+        places = self._places(np.stack([a, b, 2 * a, a + b, 2 * b]))
+        one, two, aa, ab, bb = places.values(self.weights, 3, 5).swapaxes(0, 1)
+        y1, y2 = places.values(self.data, 2, 2).swapaxes(0, 1)
         # products of the slopes 1 − c e1 − d e2, t e1, t e2, e2 − e1 with one another, and with the data
-        with1, with2 = one - c * aa[:2] - d * ab[:2], two - c * ab[:2] - d * bb[:2]  # φ with t^k e1, t^k e2
+        with1, with2 = one[:2] - c * aa[:2] - d * ab[:2], two[:2] - c * ab[:2] - d * bb[:2]  # φ with t^k e1, t^k e2
         product = np.empty((*Ts.shape, 4, 4))
         whole = self.count - c * one[0] - d * two[0]  # φ with 1
         product[..., 0, 0] = whole - c * with1[0] - d * with2[0]
@@ -64,30 +65,46 @@ class Transforms:
         product *= 2.0 * scale[..., :, None] * scale[..., None, :]
         return cost, np.moveaxis(gradient, -1, 0), product
 
-    def _weights(self, rate: Array, most: int) -> Array:
-        """G_0…G_{most−1} at some λ (N, L), shape (most, N, L)."""
-        return self._between(self.weights, rate, most)
-
-    def _data(self, rate: Array) -> Array:
-        """B_0 and B_1 at some λ (N, L), shape (2, N, L)."""
-        return self._between(self.data, rate, 2)
-
-    def _between(self, table: Array, rate: Array, most: int) -> Array:
-        nodes = len(self.rates)
+    def _places(self, rate: Array) -> "_Places":
+        """Where some λ lie among the nodes; shape (R, N, L), as of all arrays of the result."""
         place = np.log(rate / self.rates[0]) / SPACING
-        left = np.minimum(place.astype(np.intp), nodes - 2)
+        left = np.minimum(place.astype(np.intp), len(self.rates) - 2)
         s = place - left
+        off = s - 1.0
         # Hermite: values, and slopes by ln λ times the spacing
-        h01 = s * s * (3.0 - 2.0 * s)
-        h10 = s * (s - 1.0) ** 2 * -SPACING * self.rates[left]
-        h11 = s * s * (s - 1.0) * -SPACING * self.rates[left + 1]
+        return _Places(
+            left,
+            s * s * (3.0 - 2.0 * s),
+            s * off * off * -SPACING * self.rates[left],
+            s * s * off * -SPACING * self.rates[left + 1],
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class _Places:
+    """Some λ among the nodes of a table: the node before each, and the cubic's weights of what stands there."""
+
+    left: NDArray[np.intp]
+    rise: Array
+    """Of the difference of the values."""
+    before: Array
+    """Of G_{k+1} at the node before, and after it."""
+    after: Array
+
+    def values(self, table: Array, most: int, count: int) -> Array:
+        """The first `most` columns of a table, (1 or L, K, …), at the first `count` λ, shape (most, count, N, L)."""
+        left = self.left[:count]
+        rise, before, after = (part[:count] for part in (self.rise, self.before, self.after))
+        nodes = table.shape[1]
         if len(table) > 1:
-            left += nodes * np.arange(len(table))
+            left = left + nodes * np.arange(len(table))
         flat = table.reshape(len(table) * nodes, -1)
-        at, after = flat.take(left, axis=0), flat.take(left + 1, axis=0)
-        found = np.empty((most, *rate.shape))
+        low, high = flat.take(left, axis=0), flat.take(left + 1, axis=0)
+        found = np.empty((most, *left.shape))
         for k in range(most):
-            found[k] = at[..., k] + h01 * (after[..., k] - at[..., k]) + h10 * at[..., k + 1] + h11 * after[..., k + 1]
+            found[k] = (
+                low[..., k] + rise * (high[..., k] - low[..., k]) + before * low[..., k + 1] + after * high[..., k + 1]
+            )
         return found
 
 
