@@ -128,10 +128,15 @@ def read_dataset(path: Path, source: str, sha256: str, walked: bool = False) -> 
         }
         below = {item.name: item for item in items}
 
-        def found(name: str, part: str) -> Item | None:
+        def found(name: str, part: str = "") -> Item | None:
+            path = f"runs/{name}/{part}".rstrip("/")
+            if path in below:
+                return below[path]
+            run = below.get(f"runs/{name}")
+            if run is not None and not run.links(part):
+                return None
             # an object with several names was walked under one of them
-            path = f"runs/{name}{part}"
-            return below.get(path) or (item_at(file, path) if path in file else None)
+            return item_at(file, path) if path in file else None
 
         known: Unpacked = {}
         runs: list[Run] = []
@@ -188,11 +193,11 @@ def _column(item: Item, known: Unpacked) -> Array:
 
 
 def _read_run(
-    found: Callable[[str], Item | None], name: str, sha256: str, known: Unpacked, shared: dict[str, Any]
+    found: Callable[..., Item | None], name: str, sha256: str, known: Unpacked, shared: dict[str, Any]
 ) -> Run:
     source = shared["dataset"]
-    group = found("")
-    items = {column: found(f"/{column}") for column in (*COLUMNS, "reference_nm")}
+    group = found()
+    items = {column: found(column) for column in (*COLUMNS, "reference_nm")}
     stored = {column: item for column, item in items.items() if item is not None and item.is_array}
     missing = [column for column in COLUMNS if column not in stored]
     if group is None or missing:

@@ -33,6 +33,12 @@ class Item:
         name = key.encode()
         return self._attributes.one(self.node, self.name, name) if h5a.exists(self.node, name) else None
 
+    def links(self, key: str) -> bool:
+        """Whether it is a group that holds something of this name, wherever that leads."""
+        from h5py import h5g
+
+        return isinstance(self.node, h5g.GroupID) and self.node.links.exists(key.encode())
+
     @cached_property
     def facts(self) -> dict[str, Any]:
         """Its attributes, as h5py gives them."""
