@@ -11,7 +11,8 @@ import numpy as np
 from numpy.polynomial import legendre, polynomial
 
 from eaid.arrays import Array
-from eaid.fitting.levels import RECORDS, RECORDS_FREE, TAU1_LEAST_S
+from eaid.fitting.levels import RECORDS_FREE
+from eaid.fitting.starts import RECORDS, TAU1_LEAST_S
 from eaid.models.parameters import Nonlinear
 
 DUTIES = 101

@@ -13,8 +13,8 @@ from eaid.arrays import Array, distinct, median
 from eaid.fitting.basis import DUTIES, Basis
 from eaid.fitting.data import Data
 from eaid.fitting.laplace import Transforms, transforms
-from eaid.fitting.levels import TAU1_LEAST_S
 from eaid.fitting.solver import Problem, bring_in
+from eaid.fitting.starts import TAU1_LEAST_S
 
 VALUES = 5
 """Values of τ2 tried at each of three levels: from three times τ1 to thirty times the record, and one without end."""

@@ -22,9 +22,10 @@ from eaid.fitting.kernel import (
     residuals,
     weighted_shares,
 )
-from eaid.fitting.levels import SHARES, TAU1_LEAST_S, quick_curves, verdict
+from eaid.fitting.levels import SHARES, verdict
 from eaid.fitting.result import Solver
 from eaid.fitting.solver import PROMISE, ROUNDING, EndPoint, Problem, approach, bring_in, draw_in, ended, polish, slsqp
+from eaid.fitting.starts import TAU1_LEAST_S, quick_curves
 from eaid.models.parameters import Nonlinear
 
 NARROW = 0.3

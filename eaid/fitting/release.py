@@ -15,9 +15,10 @@ from eaid.arrays import Array, distinct
 from eaid.fitting.compress import Points
 from eaid.fitting.data import Data, data_of
 from eaid.fitting.kernel import decay
-from eaid.fitting.levels import CLEAR, GRID, RECORDS, SAME, TAU1_LEAST_S, Indices, grid_bowls, verdict
+from eaid.fitting.levels import CLEAR, SAME, verdict
 from eaid.fitting.result import LevelFit, ReleaseFit, ReleaseLevel, Solver
 from eaid.fitting.solver import FINISHED, PROMISE, ROUNDING, SETTLED, Problem, approach, ended, polish
+from eaid.fitting.starts import GRID, RECORDS, TAU1_LEAST_S, Indices, grid_bowls
 from eaid.models.friction import grid_fits, tau_grid
 from eaid.models.parameters import SHARE, Friction
 from eaid.steps.stepset import Level

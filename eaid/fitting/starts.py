@@ -1,0 +1,189 @@
+"""Where the fits of single levels start: the best pairs of τ over a log grid, then a few damped Newton steps."""
+
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eaid.arrays import Array
+from eaid.fitting.compress import Points
+from eaid.fitting.data import Data
+from eaid.fitting.kernel import by_tau, log_products, weighted_shares
+from eaid.models.friction import grid_along, grid_inner, grid_table, tau_grid
+
+Indices: TypeAlias = NDArray[np.intp]
+TAU1_LEAST_S = 1e-3
+"""SPEC §3: τ1 ≥ 1 ms."""
+RECORDS = 1e6
+"""τ2 is looked for up to this many record lengths: no data can tell it from endless."""
+GRID = 48
+"""Time constants on the starting grid."""
+BOWLS = 3
+"""Minima over the grid that a level starts from, at most."""
+STEPS = 8
+"""Damped Newton steps from each start, at most."""
+ENOUGH = 1e-7
+"""They end where another promises less than this part of the cost on the points."""
+
+
+@dataclass(frozen=True, eq=False)
+class Starts:
+    """Curves that single levels may start from, N in all."""
+
+    theta: Array
+    """(4, N)."""
+    cost: Array
+    """On the compressed points, (N,)."""
+    curvature: Array
+    """Gauss–Newton, by (T_s, τ1, τ2), (N, 3, 3)."""
+    level: Indices
+    """Index of the level of each, (N,), rising."""
+
+
+def starting_curves(data: Data, share: float, most: int = BOWLS, enough: float = ENOUGH) -> Starts:
+    """Every level from its `most` best minima over a log grid of pairs of τ, then a few damped Newton steps."""
+    points = data.points
+    if len(points.t_s) == 1 and len(points.w) == 1:
+        table = _shared_table(points.t_s.tobytes(), points.w.tobytes(), share)
+    else:
+        table = _table(points.t_s, points.w, share)
+    along = np.zeros((len(points.y), len(table.grid) + 2))
+    along[:, 1:-1] = grid_along(points.y, table.weighted)
+    gain = grid_inner(along, share)
+    gain *= gain
+    gain *= table.worth
+    level, first, second = _bowls(gain, most)
+    grid, one = table.grid, 0 if len(table.worth) == 1 else level
+    steady = share * along[level, 1 + first] + (1 - share) * along[level, 1 + second]
+    steady = np.maximum(steady, 0.0) * table.worth[one, 1 + first, 1 + second]
+    theta = np.stack([steady, grid[first], grid[second], np.full_like(steady, share)])
+    if len(level) > len(points.y):
+        points = Points(
+            points.t_s if len(points.t_s) == 1 else points.t_s[level],
+            points.y[level],
+            points.w if len(points.w) == 1 else points.w[level],
+        )
+    return Starts(*refine(theta, points, RECORDS * data.longest_s, enough=enough), level)
+
+
+@dataclass(frozen=True, eq=False)
+class _Table:
+    """The starting grid of K time constants, and what its pairs need of the times of L levels."""
+
+    grid: Array
+    weighted: Array
+    """Weighted 1 − e^(−t/τ), (L or 1, K, P)."""
+    worth: Array
+    """1/φ'φ of pairs i < j and 0 of the others, in a frame of zeros, (L or 1, K + 2, K + 2)."""
+
+
+def _table(t_s: Array, w: Array, share: float) -> _Table:
+    grid = np.unique(np.maximum(tau_grid(t_s[w > 0], GRID), 1.01 * TAU1_LEAST_S))
+    weighted, square = grid_table(t_s, w, grid, share)
+    return _Table(grid, weighted, _framed(np.ones_like(square), square))
+
+
+@lru_cache(maxsize=8)
+def _shared_table(t_s: bytes, w: bytes, share: float) -> _Table:
+    """The same for levels that share their times: so do the fits of a set under other weights, and its resamples."""
+    return _table(np.frombuffer(t_s)[None], np.frombuffer(w)[None], share)
+
+
+def _framed(gain: Array, square: Array) -> Array:
+    """gain/square of pairs i < j, 0 elsewhere and in a frame around, (L, K + 2, K + 2)."""
+    levels, count = gain.shape[:2]
+    framed = np.zeros((levels, count + 2, count + 2))
+    apart = np.arange(count) > np.arange(count)[:, None]
+    np.divide(gain, square, out=framed[:, 1:-1, 1:-1], where=apart)
+    return framed
+
+
+def grid_bowls(inner: Array, square: Array, most: int) -> tuple[Indices, Indices, Indices]:
+    """Level, i, j of the pairs i < j whose cost no neighbour undercuts, at most `most` a level, by level and cost.
+
+    The cost falls by inner²/square; neighbours are the eight around a pair, those with i ≥ j left out.
+    """
+    return _bowls(_framed(inner * inner, square), most)
+
+
+def _bowls(gain: Array, most: int) -> tuple[Indices, Indices, Indices]:
+    """`grid_bowls` for what the cost falls by, in a frame of zeros, (L, K + 2, K + 2)."""
+    levels, wide = gain.shape[:2]
+    if most == 1:
+        best = gain.reshape(levels, -1).argmax(axis=1)
+        best[best == 0] = wide + 2  # nothing gains: the first pair
+        first, second = np.divmod(best, wide)
+        return np.arange(levels), first - 1, second - 1
+    flat, places = gain.ravel(), np.arange(wide)
+    pairs = (places > 0) & (places < wide - 1) & (places[:, None] > 0) & (places > places[:, None])
+    peak = np.zeros(gain.shape, dtype=bool)
+    along = peak.ravel()[1:-1]
+    np.greater_equal(flat[1:-1], flat[:-2], out=along)
+    along &= flat[1:-1] >= flat[2:]
+    peak &= pairs
+    at = np.flatnonzero(peak)  # peaks along τ2: a few, whose other neighbours are looked at one by one
+    beside = np.array([-wide - 1, -wide, -wide + 1, wide - 1, wide, wide + 1])
+    at = at[(flat[at][:, None] >= flat[at[:, None] + beside]).all(axis=1)]
+    level, rest = np.divmod(at, wide * wide)
+    first, second = np.divmod(rest, wide)
+    order = np.lexsort((-flat[at], level))
+    rank = np.arange(len(order)) - np.searchsorted(level, level)
+    order = order[rank < most]
+    return level[order], first[order] - 1, second[order] - 1
+
+
+def quick_curves(data: Data, share: float) -> tuple[Array, Array, Array]:
+    """θ (4, L), cost (L,) and curvature (L, 3, 3) of every level from its best pair of τ on the grid."""
+    found = starting_curves(data, share, most=1, enough=1e-4)
+    return found.theta, found.cost, found.curvature
+
+
+def refine(
+    theta: Array, points: Points, limit: float, steps: int = STEPS, enough: float = ENOUGH
+) -> tuple[Array, Array, Array]:
+    """Damped Gauss–Newton in (T_s, ln τ1, ln τ2) on every row of points at once.
+
+    Returns θ (4, N), cost (N,), and curvature by (T_s, τ1, τ2), (N, 3, 3). A row moves only where its cost falls; τ
+    stays within 1 ms and `limit` [s]. Ends when a step promises no row that still moves more than `enough` of its cost.
+    """
+    shares = weighted_shares(theta[3], points)
+    P = log_products(theta, shares, points)
+    damping, moved = np.full(len(P), 1e-3), np.full(len(P), True)
+    for _ in range(steps):
+        cost, slope = P[:, 3, 3], P[:, 3, :3]
+        normal = P[:, :3, :3].copy()
+        diagonal = np.einsum("lii->li", normal)
+        diagonal += damping[:, None] * diagonal + 1e-300
+        move = solved_for(normal, slope)
+        promised = (slope * move).sum(axis=1)
+        if moved.any() and (promised <= enough * cost)[moved].all():
+            break
+        tried = moved_by(theta, move, limit)
+        found = log_products(tried, shares, points)
+        moved = found[:, 3, 3] < cost
+        if moved.all():
+            theta, P = tried, found
+        else:
+            theta, P = np.where(moved, tried, theta), np.where(moved[:, None, None], found, P)
+        # where τ1 and τ2 have met, two rows are one, and only damping keeps them from being singular
+        damping = np.where(moved, np.maximum(damping / 10, 1e-12), damping * 10)
+    cost, _, curvature = by_tau(theta, P)
+    return theta, cost, curvature
+
+
+def solved_for(H: Array, slope: Array) -> Array:
+    """The step of each level that H and its slope ask for, (L, 3)."""
+    return np.asarray(np.linalg.solve(H, slope[:, :, None])[:, :, 0], dtype=np.float64)
+
+
+def moved_by(theta: Array, move: Array, limit: float) -> Array:
+    """θ less a step in T_s, and in ln τ1 and ln τ2 over T_s, (L, 3); τ stays within 1 ms and `limit` [s]."""
+    moved = theta.copy()
+    moved[0] = np.maximum(theta[0] - move[:, 0], 0.0)
+    away = move[:, 1:].T / np.maximum(theta[0], 1e-300)
+    moved[1:3] *= np.exp(np.minimum(np.maximum(-away, -2.0), 2.0))
+    moved[1] = np.minimum(np.maximum(moved[1], TAU1_LEAST_S), limit)
+    moved[2] = np.minimum(np.maximum(moved[2], moved[1]), limit)
+    return moved
