@@ -6,7 +6,8 @@ Times of fits are of the processor (run with OMP_NUM_THREADS=1); the Monte-Carlo
 import statistics
 import time
 import tracemalloc
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 
@@ -22,6 +23,7 @@ from eaid.models import nonlinear
 from eaid.models.parameters import REFERENCE_PLANT
 from eaid.replay.controllers import Knowledge, controller
 from eaid.replay.many import replay_many
+from eaid.replay.montecarlo import montecarlo
 from eaid.replay.plant import plant_parameters
 from eaid.replay.references import multisine
 from eaid.replay.rig import Rig
@@ -32,7 +34,7 @@ LEVELS = (3, 5, 10, 20, 30, 50, 100)
 PLANTS = (10, 100, 1_000, 10_000, 100_000)
 SECONDS = 20.0
 FIGURES = Path(__file__).parent.parent / "docs" / "figures"
-Points = list[tuple[float, float]]
+Points = Sequence[tuple[float, float]]
 
 
 def made(samples: int, levels: int) -> list[Level]:
@@ -63,27 +65,46 @@ def measured(samples: int, levels: int) -> tuple[float, float]:
         start = time.process_time()
         fitted(steps)
         times.append(time.process_time() - start)
-    tracemalloc.start()
-    fitted(steps)
-    peak = tracemalloc.get_traced_memory()[1]
-    tracemalloc.stop()
-    return statistics.median(times[1:]), peak + sum(one.runs_nm.nbytes for one in steps) + steps[0].time_s.nbytes
+    held = sum(one.runs_nm.nbytes for one in steps) + steps[0].time_s.nbytes
+    return statistics.median(times[1:]), peak(lambda: fitted(steps)) + held
 
 
-def drawn(count: int) -> float:
-    """Time [s] of a robust-control replay of a 2 s multisine on `count` drawn plants, after one warm-up."""
+def drawn(count: int) -> tuple[float, float, float]:
+    """Robust control of a 2 s multisine on `count` plants: median times [s] of five, of the replays alone and of a
+    whole Monte-Carlo (metrics of each plant, bands), and the peak of what the latter allocates [bytes]."""
     control = controller("rc", Knowledge(REFERENCE_PLANT, None, *paper_gains()))
     reference = multisine(1e-3, 2.0)
-    plant = plant_parameters(REFERENCE_PLANT)
-    plants = [plant._replace(Ts_1=plant.Ts_1 * f) for f in np.random.default_rng(0).uniform(0.9, 1.1, count)]
+    factors = np.random.default_rng(0).uniform(0.9, 1.1, count)
+    plants = [replace(REFERENCE_PLANT, Ts=tuple(f * c for c in REFERENCE_PLANT.Ts)) for f in factors.tolist()]
+    flat = [plant_parameters(plant) for plant in plants]
 
-    def visit(*_block: object) -> None:
-        pass
+    def replays() -> None:
+        replay_many(flat, control, reference.torque_nm, Rig(), reference.dt_s, lambda *_block: None)
 
-    replay_many(plants[:10], control, reference.torque_nm, Rig(), reference.dt_s, visit)
-    start = time.perf_counter()
-    replay_many(plants, control, reference.torque_nm, Rig(), reference.dt_s, visit)
-    return time.perf_counter() - start
+    def whole() -> None:
+        montecarlo(plants, control, reference, Rig())
+
+    alone, all_of_it = (clocked(call) for call in (replays, whole))
+    return alone, all_of_it, peak(whole)
+
+
+def clocked(call: Callable[[], None]) -> float:
+    """Median time [s] of five calls by the clock, after one warm-up."""
+    times = []
+    for _ in range(6):
+        start = time.perf_counter()
+        call()
+        times.append(time.perf_counter() - start)
+    return statistics.median(times[1:])
+
+
+def peak(call: Callable[[], None]) -> float:
+    """Most that a call holds at a time [bytes]."""
+    tracemalloc.start()
+    call()
+    most = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    return most
 
 
 def figure(name: str, across: str, curves: dict[str, tuple[Points, str]]) -> None:
@@ -137,11 +158,21 @@ def rows() -> Iterator[Row]:
             "peak memory": ([(n, b / 1e6) for n, _, b in found], "MB"),
         })  # fmt: skip
     for what, found in (("fit time over samples", by_samples), ("fit time over levels", by_levels)):
-        peak = found[-1][2] / 1e6
-        yield row(what, [(n, s) for n, s, _ in found], f"; peak {peak:,.0f} MB at the largest, data included")
-    by_plants: Points = [(n, drawn(n)) for n in PLANTS]
-    figure("growth-plants", "plants, 2 s at 1 kHz", {"time of a Monte-Carlo": (by_plants, "s")})
-    yield row("Monte-Carlo time over plants", by_plants)
+        yield row(what, [(n, s) for n, s, _ in found], held(found[-1][2], ", data included"))
+    by_plants = [(n, *drawn(n)) for n in PLANTS]
+    alone, whole = [(n, s) for n, s, _, _ in by_plants], [(n, s) for n, _, s, _ in by_plants]
+    figure("growth-plants", "plants, 2 s at 1 kHz", {
+        "time of the replays": (alone, "s"),
+        "time of a Monte-Carlo": (whole, "s"),
+        "its peak memory": ([(n, b / 1e6) for n, _, _, b in by_plants], "MB"),
+    })  # fmt: skip
+    yield row("replays alone, time over plants", alone)
+    yield row("Monte-Carlo time over plants", whole, held(by_plants[-1][3]))
+
+
+def held(most: float, what: str = "") -> str:
+    """The peak in words."""
+    return f"; peak {most / 1e6:,.0f} MB at the largest{what}"
 
 
 if __name__ == "__main__":
