@@ -16,7 +16,7 @@ from eaid.fitting.starts import RECORDS, STEPS, TAU1_LEAST_S, moved_by, solved_f
 from eaid.models.parameters import Friction
 
 RECORDS_FREE = 100.0
-"""τ2 is looked for up to this many record lengths where C is free: T_s then grows with τ2, the slow part being straight."""
+"""τ2 is looked for up to this many record lengths where C is free: T_s then grows with τ2, all but straight."""
 LEAST_LOG, MOST_LOG = np.log(1e-9), np.log(1e12)
 CLEAR = 1e-3
 """A start this much above the best, after its steps, is another minimum and no rival."""
