@@ -9,7 +9,6 @@ import errno
 import hashlib
 import os
 import shutil
-import tempfile
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
@@ -84,12 +83,17 @@ def _to_disk(path: Path) -> None:
 
 
 def _part_of(path: Path) -> Path:
+    part = _unused(path)
     try:
-        handle, name = tempfile.mkstemp(prefix=f"{_mark(path)}{os.getpid()}.", suffix=".part", dir=path.parent)
+        os.close(os.open(part, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o600))
     except OSError as fault:
         raise UsageError(f"{path}: cannot be written ({fault.strerror}); choose another folder with -o") from None
-    os.close(handle)
-    return Path(name)
+    return part
+
+
+def _unused(path: Path) -> Path:
+    """A name beside `path` that nothing has."""
+    return path.parent / f"{_mark(path)}{os.getpid()}.{os.urandom(6).hex()}.part"
 
 
 def _mark(path: Path) -> str:
@@ -132,8 +136,9 @@ def folder_written_whole(path: Path) -> Iterator[Path]:
     """
     path = path.resolve()
     clear_left_over(path)
+    part = _unused(path)
     try:
-        part = Path(tempfile.mkdtemp(prefix=f"{_mark(path)}{os.getpid()}.", suffix=".part", dir=path.parent))
+        part.mkdir(0o700)
     except OSError as fault:
         raise UsageError(f"{path}: cannot be written ({fault.strerror}); choose another folder with -o") from None
     try:

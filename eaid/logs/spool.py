@@ -6,9 +6,8 @@ the array lies, so that a record gives the same numbers from a log and from a da
 """
 
 import mmap
-import tempfile
 from collections.abc import Iterator
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,12 +20,19 @@ PIECE = 1 << 19
 """Samples of one piece."""
 
 
+def _nameless() -> BinaryIO:
+    """A file without a name, gone when it is closed."""
+    import tempfile  # 2 ms, for long records only
+
+    return tempfile.TemporaryFile(prefix="eaid-")
+
+
 def room(shape: int | tuple[int, int]) -> Array:
     """A writable array of that shape, not yet filled: in memory, or on disk where it is long."""
     count = int(np.prod(shape))
     if count < LONG:
         return np.empty(shape)
-    with tempfile.TemporaryFile(prefix="eaid-") as file:  # it has no name, and goes when the map does
+    with _nameless() as file:  # goes when the map does
         file.truncate(8 * count)
         array: Array = np.memmap(file, dtype=np.float64, mode="r+", shape=shape)
     return array
@@ -36,7 +42,7 @@ class Spool:
     """A column that is read piece by piece."""
 
     def __init__(self) -> None:
-        self._file = tempfile.TemporaryFile(prefix="eaid-")  # noqa: SIM115  it lives until array()
+        self._file = _nameless()  # it lives until array()
         self._count = 0
 
     def append(self, values: Array) -> None:
@@ -56,7 +62,7 @@ class Spool:
 
 def on_disk(*arrays: Array) -> list[Array]:
     """The same columns, read-only, mapped from one nameless file; what takes no memory stays as it is."""
-    with tempfile.TemporaryFile(prefix="eaid-") as file:
+    with _nameless() as file:
         starts: list[int | None] = []
         for array in arrays:
             starts.append(None if 0 in array.strides or not array.size else file.tell())
