@@ -31,18 +31,19 @@ def jsonable(value: Any) -> Any:
 
 
 def digest_of(result: dict[str, Any]) -> str:
-    """SHA-256 over the canonical JSON (keys in order, no spaces) of a result without its digest, in hex."""
+    """SHA-256 over the canonical JSON (keys in order, no spaces) of a `jsonable` result without its digest, in hex."""
     content = {key: value for key, value in result.items() if key != "digest"}
-    text = json.dumps(jsonable(content), ensure_ascii=False, allow_nan=False, sort_keys=True, separators=(",", ":"))
+    text = json.dumps(content, ensure_ascii=False, allow_nan=False, sort_keys=True, separators=(",", ":"))
     return hashlib.sha256(text.encode("utf-8", errors="surrogatepass")).hexdigest()
 
 
 def dumps(result: dict[str, Any]) -> str:
     """The bytes of a result file, as text; a result with a schema gets its digest behind the version."""
+    result = jsonable(result)
     if "schema" in result:
         heading: dict[str, Any] = {key: result[key] for key in ("schema", "eaid") if key in result}
         result = {**heading, "digest": digest_of(result), **{k: v for k, v in result.items() if k != "digest"}}
-    return json.dumps(jsonable(result), indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+    return json.dumps(result, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
 
 
 def stamped(schema: str, result: dict[str, Any]) -> dict[str, Any]:
