@@ -58,16 +58,18 @@ def draw_plants(fit: dict[str, Any], n: int, seed: int) -> list[Nonlinear]:
         offset = np.append(offset, [0.0, -1.0])
     random = np.random.default_rng(seed)
     plants = []
+    first, second, third = np.cumsum(counts).tolist()
+    at_fit = slack @ mean - offset
+    allowed = np.minimum(at_fit, 0.0) - 1e-12  # every constraint, as far as the fit itself keeps it
     for _ in range(n):
-        drawn = _feasible(mean, root, slack, offset, random) / scale
-        tau1, tau2, steady, share = np.split(drawn, np.cumsum(counts))
+        drawn = (_feasible(mean, root, slack, at_fit, allowed, random) / scale).tolist()
         plants.append(
             Nonlinear(
-                tau1=tuple(tau1.tolist()),
-                tau2=tuple(tau2.tolist()),
-                Ts=tuple(steady.tolist()),
+                tau1=tuple(drawn[:first]),
+                tau2=tuple(drawn[first:second]),
+                Ts=tuple(drawn[second:third]),
                 u_range=centre.u_range,
-                C=float(share[0]) if free else centre.C,
+                C=drawn[third] if free else centre.C,
                 release=centre.release,
             )
         )
@@ -84,10 +86,10 @@ def _root(matrix: Array) -> Array:
     return np.asarray(unit[:, None] * vectors * np.sqrt(np.maximum(values, 0.0)))
 
 
-def _feasible(mean: Array, root: Array, slack: Array, offset: Array, random: "np.random.Generator") -> Array:
-    """One draw that keeps every constraint (as far as the fit itself does)."""
-    at_fit = slack @ mean - offset
-    allowed = np.minimum(at_fit, 0.0) - 1e-12
+def _feasible(
+    mean: Array, root: Array, slack: Array, at_fit: Array, allowed: Array, random: "np.random.Generator"
+) -> Array:
+    """One draw whose slack, `at_fit` at the mean, is nowhere below what is allowed."""
     step = np.zeros_like(mean)
     for _ in range(TRIES):
         step = root @ random.standard_normal(len(mean))
