@@ -36,13 +36,17 @@ def tracking(
     limits_pct: tuple[float, float] = (0.0, 100.0),
 ) -> Metrics:
     """Errors [N·m], IAE [N·m·s], duty activity [%] and saturation [1] over all samples given, shapes (n,)."""
-    error = np.abs(reference_nm - torque_nm)
-    total = float(error.sum())
-    steps = np.abs(duty_pct[1:] - duty_pct[:-1])
+    # in place: long columns are sooner overwritten than memory is had for more of them
+    error = reference_nm - torque_nm
+    np.abs(error, out=error)
+    largest, total = float(error.max()), float(error.sum())
+    np.multiply(error, error, out=error)
+    steps = duty_pct[1:] - duty_pct[:-1]
+    np.abs(steps, out=steps)
     saturated = (duty_pct <= limits_pct[0]) | (duty_pct >= limits_pct[1])
     return {
-        "max_abs_error_nm": float(error.max()),
-        "rms_error_nm": math.sqrt(float((error * error).mean())),
+        "max_abs_error_nm": largest,
+        "rms_error_nm": math.sqrt(float(error.mean())),
         "mean_abs_error_nm": total / len(error),
         "iae_nm_s": total * dt_s,
         "mean_abs_duty_step_pct": float(steps.mean()) if len(steps) else 0.0,
