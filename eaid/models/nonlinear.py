@@ -7,23 +7,30 @@ at u = 0; above the highest all keep their edge value.
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.polynomial import polynomial
 
 from eaid.arrays import Array
 from eaid.models import friction
 from eaid.models.parameters import SHARE, Friction, Nonlinear
 
 
+def polynomial(coefficients: Sequence[float], x: Array) -> Array:
+    """Σ c_k x^k, lowest power first, shape of `x`; `numpy.polynomial` takes 3 ms to import."""
+    total = coefficients[-1] + 0.0 * x
+    for c in coefficients[-2::-1]:
+        total = total * x + c
+    return total
+
+
 def time_constants(p: Nonlinear, duty_pct: Array | float) -> tuple[Array, Array]:
     """τ1(u) and τ2(u) [s], Eqs. (5), (6), shape of `duty_pct`; edge values outside the identified duties."""
     inside = np.clip(duty_pct, *p.u_range)
-    return polynomial.polyval(inside, np.array(p.tau1)), polynomial.polyval(inside, np.array(p.tau2))
+    return polynomial(p.tau1, inside), polynomial(p.tau2, inside)
 
 
 def steady_torque(p: Nonlinear, duty_pct: Array | float) -> Array:
     """T_s(u) [N·m], Eq. (7), shape of `duty_pct`; a line to 0 below the identified duties, constant above."""
     inside = np.clip(duty_pct, *p.u_range)
-    edge = polynomial.polyval(inside, np.array(p.Ts))
+    edge = polynomial(p.Ts, inside)
     below = np.clip(np.asarray(duty_pct) / p.u_range[0], 0.0, 1.0) if p.u_range[0] > 0 else 1.0
     return np.asarray(edge * below)
 
@@ -65,7 +72,7 @@ def guess(duties_pct: Array, curves: Sequence[Friction], degrees: tuple[int, int
     scaled = np.asarray(duties_pct) / highest
 
     def through(values: list[float], degree: int) -> tuple[float, ...]:
-        fitted = polynomial.polyfit(scaled, values, min(degree, len(values) - 1)) if len(values) > 1 else values
+        fitted = np.polyfit(scaled, values, min(degree, len(values) - 1))[::-1] if len(values) > 1 else values
         coefficients = np.zeros(degree + 1)
         coefficients[: len(fitted)] = fitted
         return tuple((coefficients / highest ** np.arange(degree + 1)).tolist())
