@@ -19,6 +19,8 @@ BAND = 0.02
 """Settling band, share of the step."""
 NONE = 1e-9
 """An overshoot below this share of the step is none."""
+INWARD = 1e-12
+"""By what share of itself p is drawn beyond the least: where the settling time jumps there, rounding must not undo it."""
 
 
 @dataclass(frozen=True)
@@ -181,4 +183,5 @@ def pi_gains(model: Linear, overshoot_pct: float, settling_s: float) -> tuple[fl
             low = middle
         else:
             high = middle
+    high *= 1 + INWARD
     return (high - a0) / model.b0, _q_of_overshoot(a0, high, share) / model.b0

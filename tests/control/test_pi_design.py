@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import Phase, given, settings
+from hypothesis import Phase, example, given, settings
 from hypothesis import strategies as st
 
 from eaid.control.pi_design import error, pi_gains, step_metrics
@@ -64,6 +64,7 @@ def test_error_solves_its_equation():
 
 @settings(max_examples=12, deadline=None, phases=(Phase.explicit, Phase.generate))
 @given(st.floats(0.0, 60.0, allow_subnormal=False), st.floats(0.05, 0.7), st.floats(0.3, 5.0), st.floats(0.01, 1.0))
+@example(31.876777872693925, 0.27239660221813167, 4.651323593216634, 0.3200085481200855)  # the time jumps at the gain
 def test_gains_give_what_was_asked(overshoot, settling, a0, b0):
     model = Linear(a0, b0, 0.0)
     K_P, K_I = pi_gains(model, overshoot, settling)
