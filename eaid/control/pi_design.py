@@ -20,7 +20,7 @@ BAND = 0.02
 NONE = 1e-9
 """An overshoot below this share of the step is none."""
 INWARD = 1e-12
-"""By what share of itself p is drawn beyond the least: where the settling time jumps there, rounding must not undo it."""
+"""By what share of itself p is drawn inward: where the settling time jumps, rounding must not undo it."""
 
 
 @dataclass(frozen=True)
