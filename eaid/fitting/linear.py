@@ -57,15 +57,22 @@ def fit_first_order(data: Data, design: Array) -> FirstOrder:
         cost, gradient = level_sums(theta(x), points)
         return float(weights @ cost), chain(gradient, x)
 
-    def second(x: Array, exact: bool) -> Array:
-        own = level_curvature(theta(x), points) if exact else level_normal(theta(x), points)[2]
+    def chained(own: Array, x: Array, bent: float = 0.0) -> Array:
         H = own[:, :2, :2] * weights[:, None, None]
         tau = tau_of(x)
-        cross = tau * (H[:, 0, 1] @ design)
-        corner = tau**2 * H[:, 1, 1].sum()
-        if exact:
-            corner += tau * float(weights @ level_sums(theta(x), points)[1][1])
-        return np.block([[np.array([[corner]]), cross[None]], [cross[:, None], design.T @ (H[:, 0, 0, None] * design)]])
+        chained = np.empty((len(x), len(x)))
+        chained[0, 0] = tau**2 * H[:, 1, 1].sum() + tau * bent  # d²/d(ln τ)² = τ² d²/dτ² + τ d/dτ
+        chained[0, 1:] = chained[1:, 0] = tau * (H[:, 0, 1] @ design)
+        chained[1:, 1:] = design.T @ (H[:, 0, 0, None] * design)
+        return chained
+
+    def together(x: Array) -> tuple[float, Array, Array]:
+        cost, gradient, curvature = level_normal(theta(x), points)
+        return float(weights @ cost), chain(gradient, x), chained(curvature, x)
+
+    def exact(x: Array) -> Array:
+        bent = float(weights @ level_sums(theta(x), points)[1][1])
+        return chained(level_curvature(theta(x), points), x, bent)
 
     def full(x: Array) -> tuple[float, Array]:
         cost, gradient = data.sums(theta(x))
@@ -75,11 +82,12 @@ def fit_first_order(data: Data, design: Array) -> FirstOrder:
     A[0, 0], A[1, 0] = 1.0, -1.0
     problem = Problem(
         value,
-        lambda x: second(x, False),
+        lambda x: together(x)[2],
         A,
         np.array([np.log(low), -np.log(high)]),
         (f"1/a0 at {low:g} s", f"1/a0 at {high:g} s (1000 record lengths)").__getitem__,
-        lambda x: second(x, True),
+        exact,
+        together,
         floor=ROUNDING * data.energy,
     )
     starts = _best_of_grid(data, design, np.geomspace(first, 3 * data.longest_s, A0_GRID))
