@@ -95,6 +95,15 @@ def test_signals_are_answered_from_the_first_line_on() -> None:
         assert done.stdout == "['_signal', 'eaid', 'eaid.__main__']\n" or "_signal" not in done.stdout
 
 
+def test_a_command_that_ends_is_not_searched_for_garbage() -> None:
+    script = (
+        "import atexit, gc, sys; sys.argv = ['eaid', '--version']; from eaid.__main__ import main; "
+        "atexit.register(lambda: print('frozen', gc.get_freeze_count() > 0)); main()"
+    )
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    assert done.stdout.splitlines()[-1] == "frozen True"
+
+
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_signals_at_any_moment(tmp_path: Path, number: int) -> None:
     """While Python starts, in the first hundredth of a second, the words are Python's own; then they are ours."""
