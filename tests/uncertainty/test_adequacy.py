@@ -4,12 +4,15 @@ import numpy as np
 import pytest
 
 from eaid.apparatus import Apparatus
+from eaid.fitting.data import data_of
 from eaid.fitting.fit import fit
 from eaid.models import friction
 from eaid.models.parameters import Friction
 from eaid.steps.stepset import Level, StepSet
 from eaid.uncertainty.adequacy import effective_samples, lack_of_fit, spectral_degrees
 from eaid.uncertainty.intervals import intervals
+from eaid.uncertainty.levels import log_theta
+from eaid.uncertainty.profile import least, least_of_all
 
 T = np.arange(1500) * 0.02
 DUTY = np.arange(10.0, 101.0, 10.0)
@@ -87,3 +90,19 @@ def test_a_higher_order_is_recommended() -> None:
     made = stepset(wavy, gain=0.005)
     said = intervals(made, fit(made)).uncertainty["adequacy"]
     assert "order 4 for tau1" in said["recommended"]
+
+
+@pytest.mark.parametrize("lengths", [(600, 600, 600), (600, 500, 400)], ids=["one grid", "three grids"])
+def test_least_costs_of_all_levels_are_those_of_each(lengths: tuple[int, ...]) -> None:
+    random = np.random.default_rng(8)
+    held = Friction(1.0, 0.3, 4.0, 0.85)
+    levels = []
+    for u, n in zip((20.0, 50.0, 80.0), lengths, strict=True):
+        y = friction.step_response(Friction(0.05 * u, 0.25, 3.0, 0.7), T[:n]) + 0.01 * random.standard_normal(n)
+        levels.append(Level(u, T[:n], y[None], ("one",), True))
+    starts = np.tile(log_theta(held, True), (2, 3, 1))
+    starts[1, :, 3] = 0.0
+    together = least_of_all(data_of(levels).points, starts)
+    for i, level in enumerate(levels):
+        own = [least(data_of([level]).points, starts[k, i], 0.85)[0] for k in (0, 1)]
+        assert together[:, i] == pytest.approx(own, rel=1e-6)
