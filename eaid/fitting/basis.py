@@ -8,11 +8,11 @@ from dataclasses import dataclass
 from functools import cached_property, lru_cache
 
 import numpy as np
-from numpy.polynomial import legendre, polynomial
 
 from eaid.arrays import Array
 from eaid.fitting.levels import RECORDS_FREE
 from eaid.fitting.starts import RECORDS, TAU1_LEAST_S
+from eaid.models.nonlinear import polynomial
 from eaid.models.parameters import Nonlinear
 
 DUTIES = 101
@@ -21,6 +21,15 @@ DEGREES = (3, 2, 2)
 """Degrees of T_s, τ1, τ2."""
 HELD = ("τ1 = 1 ms", "τ2 = τ1", "T_s = 0", "τ2 endless")
 """What the constraints say, in the order of their rows, 101 of each."""
+
+
+LEGENDRE = np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [-0.5, 0.0, 1.5, 0.0], [0.0, -1.5, 0.0, 2.5]])
+"""Coefficients of the first four Legendre polynomials, lowest power first, one in a row."""
+
+
+def legendres(s: Array) -> Array:
+    """The first four Legendre polynomials, (len(s), 4); `numpy.polynomial` takes 3 ms to import."""
+    return np.asarray(s[:, None] ** np.arange(4) @ LEGENDRE.T)
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,10 +90,9 @@ class Basis:
     def rows(self, u: Array) -> Array:
         """M for some duties, shape (4, len(u), n); the row of C is its own unknown, or 0."""
         M = np.zeros((4, len(u), self.size))
-        s = self.scaled(u)
-        legendres = np.stack([np.ones_like(s), s, 1.5 * s * s - 0.5, (2.5 * s * s - 1.5) * s], axis=1)
+        values = legendres(self.scaled(u))
         for k, (degree, part) in enumerate(zip(self.degrees, self.slices, strict=True)):
-            M[k, :, part] = legendres[:, : degree + 1]
+            M[k, :, part] = values[:, : degree + 1]
         if self.free_share:
             M[3, :, -1] = 1.0
         return M
@@ -104,14 +112,11 @@ class Basis:
         line = np.array([-0.5 * (self.highest + self.lowest) / half, 1.0 / half])
         found = []
         for part, degree in zip(self.slices, DEGREES, strict=True):
-            inner = legendre.leg2poly(x[part])
-            powers = np.zeros(degree + 1)
-            total: Array = np.zeros(1)
-            term: Array = np.ones(1)
-            for coefficient in inner:
-                total = np.asarray(polynomial.polyadd(total, coefficient * term), dtype=np.float64)
-                term = np.asarray(polynomial.polymul(term, line), dtype=np.float64)
-            powers[: len(total)] = total
+            powers, count = np.zeros(1), part.stop - part.start
+            for coefficient in (x[part] @ LEGENDRE[:count, :count])[::-1]:  # Horner: a polynomial of the line
+                powers = np.convolve(powers, line)
+                powers[0] += coefficient
+            powers = np.append(powers[:count], np.zeros(degree + 1 - count))
             found.append(tuple(powers.tolist()))
         Ts, tau1, tau2 = found
         share = float(x[-1]) if self.free_share else self.share
@@ -122,8 +127,7 @@ class Basis:
         x = np.zeros(self.size)
         for part, degree, coefficients in zip(self.slices, self.degrees, (p.Ts, p.tau1, p.tau2), strict=True):
             at = np.linspace(self.lowest, self.highest, degree + 1)
-            values = polynomial.polyval(at, np.array(coefficients))
-            x[part] = np.linalg.solve(legendre.legvander(self.scaled(at), degree), values)
+            x[part] = np.linalg.solve(legendres(self.scaled(at))[:, : degree + 1], polynomial(coefficients, at))
         if self.free_share:
             x[-1] = p.C
         return x

@@ -7,7 +7,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from eaid.arrays import Array
+from eaid.arrays import Array, distinct
 from eaid.fitting.compress import Points
 from eaid.fitting.data import Data
 from eaid.fitting.kernel import by_tau, log_products, weighted_shares
@@ -80,7 +80,7 @@ class _Table:
 
 
 def _table(t_s: Array, w: Array, share: float) -> _Table:
-    grid = np.unique(np.maximum(tau_grid(t_s[w > 0], GRID), 1.01 * TAU1_LEAST_S))
+    grid = distinct(np.maximum(tau_grid(t_s[w > 0], GRID), 1.01 * TAU1_LEAST_S))
     weighted, square = grid_table(t_s, w, grid, share)
     return _Table(grid, weighted, _framed(np.ones_like(square), square))
 

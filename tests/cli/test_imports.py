@@ -10,8 +10,17 @@ import pytest
 DRAWING = {"matplotlib", "bokeh", "jinja2"}
 TABLES = {"pandas", "pyarrow", "polars"}
 SCIPY = {"scipy"}
-SLOW = {"scipy.optimize", "scipy.special", "scipy.linalg", "scipy.stats", "scipy.signal", "pydantic", "rich"}
-"""What a fit gets its two functions of SciPy without."""
+SLOW = {
+    "scipy.optimize",
+    "scipy.special",
+    "scipy.linalg",
+    "scipy.stats",
+    "scipy.signal",
+    "numpy.ma",
+    "numpy.polynomial",
+}
+SLOW |= {"pydantic", "rich"}
+"""What a fit gets its two functions of SciPy, medians and polynomials without."""
 MACHINE = {"numba"}
 CODE = """
 import json, sys
