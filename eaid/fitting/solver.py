@@ -138,7 +138,7 @@ def slsqp(
         for _ in range(TRIES):
             reached, used = _one_round(problem, x, value, cost, curvature, held, maximum)
             evaluations += used
-            outside = problem.A @ reached - problem.b < -NEAR * (1.0 + np.abs(problem.b))
+            outside = problem.A @ reached - problem.b < -_rounding(problem)
             if not (outside & ~held).any():
                 break
             held |= outside
@@ -199,11 +199,17 @@ def _inside(problem: Problem, feasible: Array, x: Array) -> Array:
     if not len(problem.b):
         return x
     slack, own = problem.A @ x - problem.b, problem.A @ feasible - problem.b
-    out = (slack < 0) & (own > 0)
+    room = np.where(own > 0, own, _rounding(problem))
+    out = slack < own - room
     if not out.any():
         return x
-    kept = float(np.min(own[out] / (own[out] - slack[out])))
+    kept = float(np.min(room[out] / (own[out] - slack[out])))
     return feasible + kept * (x - feasible)  # from the feasible end: `x` may lie where nothing is determined, at 1e100
+
+
+def _rounding(problem: Problem) -> Array:
+    """How far outside each row of A a point counts as on it."""
+    return np.asarray(NEAR * (1.0 + np.abs(problem.b)))
 
 
 def draw_in(x: Array, inner: Array, problem: Problem) -> Array:
@@ -246,9 +252,13 @@ def newton_step(problem: Problem, x: Array, gradient: Array, curvature: Array) -
     if r[-1] == 0.0:
         return Step(np.zeros_like(x), 0.0, tuple(np.flatnonzero(multipliers > 0).tolist()))
     z = -r[:-1] / r[-1] * size - q
-    d = z @ back
+    d, held = z @ back, np.flatnonzero(multipliers > 0)
+    off = slack + problem.A @ d
+    if (off < -_rounding(problem)).any():  # along what next to nothing determines, rounding leads far outside
+        d -= np.linalg.lstsq(problem.A[held], off[held], rcond=None)[0]
+        z = d @ lower
     decrease = -float(q @ z + 0.5 * z @ z)
-    return Step(d, max(decrease, 0.0), tuple(np.flatnonzero(multipliers > 0).tolist()))
+    return Step(d, max(decrease, 0.0), tuple(held.tolist()))
 
 
 def approach(problem: Problem, start: Array, steps: int = 40) -> EndPoint:
@@ -316,7 +326,7 @@ def polish(
         x, cost, gradient = reached, found, slope
         step = newton_step(problem, x, gradient, _curvature(problem, x))
     promise = step.decrease / max(cost, problem.floor) if step.decrease > 0 else 0.0
-    near = np.flatnonzero(problem.A @ x - problem.b < NEAR * (1.0 + np.abs(problem.b)))
+    near = np.flatnonzero(problem.A @ x - problem.b < _rounding(problem))
     return EndPoint(x, cost, evaluations), promise, tuple(sorted({*step.active, *near.tolist()}))
 
 

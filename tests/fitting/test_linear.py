@@ -134,3 +134,13 @@ def test_levels_fitted_together_are_those_fitted_alone() -> None:
         alone = fit_first_order(data.one(i), np.ones((1, 1)))
         assert together.solver.converged and together.cost == pytest.approx(alone.cost, rel=1e-9)
         assert together.tau == pytest.approx(alone.tau, rel=1e-4)
+
+
+@pytest.mark.parametrize("seed", [6, 16, 30])
+def test_a_rise_lost_in_noise_ends_at_the_fastest_that_is_looked_for(seed: int) -> None:
+    t_s = np.arange(100) * 0.01
+    noise = 2.0 * np.random.default_rng(seed).standard_normal(100)
+    data = Data(np.array([50.0]), (Record(t_s, 0.5 * (1 - np.exp(-t_s / 0.02)) + noise, True),), np.ones(1))
+    (found,) = fit_own_levels(data)
+    assert found.solver.converged and found.tau == pytest.approx(1e-4, rel=1e-6)  # 0.01 of the first sample
+    assert found.gains[0] == pytest.approx(data.records[0].y[1:].mean(), rel=1e-9)

@@ -100,3 +100,18 @@ def test_gradient_and_second_derivatives_against_differences() -> None:
         up, down = (release._projected(x + sign * step, data.points, shares) for sign in (1, -1))
         assert now.gradient[:, k] == pytest.approx((up.cost - down.cost) / 2e-5, rel=1e-5)
         assert now.exact[:, k] == pytest.approx((up.gradient - down.gradient) / 2e-5, rel=1e-4)
+
+
+def test_a_release_faster_than_the_samples_stays_within_the_limits() -> None:
+    time_s = np.arange(8) * 1e-3
+    truth = (0.3, (0.41, 0.22)), (0.6, (0.53, 0.31)), (1.2, (0.45, 0.17))
+    falls = []
+    for i, (fast, (amplitude, slow)) in enumerate(truth):
+        y = 1e9 * (amplitude * np.exp(-time_s / (fast * 1e-3)) + slow * np.exp(-time_s / 8e-3))
+        falls.append(Level(10.0 * (i + 1), time_s, y[None], (f"{i}",), True))
+    found = release_fit(falls, (), {})
+    pairs = np.log([(a, b) for a in np.geomspace(1e-3, 7e3, 90) for b in np.geomspace(a, 7e3, 90)])
+    for row, fall in zip(found.levels, falls, strict=True):
+        assert row.solver.converged and 0.001 - 1e-10 <= row.tau1 <= row.tau2 + 1e-10
+        points = release._rows(data_of([fall]).points, np.zeros(len(pairs), dtype=np.intp))
+        assert row.sse <= (1 + 1e-9) * release._projected(pairs, points, np.full(len(pairs), 0.85)).cost.min()

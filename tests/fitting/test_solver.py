@@ -99,3 +99,12 @@ def test_a_solver_that_stops_at_once_is_not_believed(monkeypatch: pytest.MonkeyP
     monkeypatch.setattr(solver, "_one_round", lambda problem, x, *_: (x, 1))
     end = slsqp(problem, x)
     assert np.array_equal(end.x, x) and polish(problem, end, problem.value, steps=0)[1] > 1e-3
+
+
+def test_a_step_stays_inside_where_nothing_determines_it() -> None:
+    A, b = np.array([[1.0, 0.0], [-1.0, 1.0]]), np.zeros(2)  # 0 ≤ x ≤ y
+    H, g = np.array([[1e-83, 3e-42], [3e-42, 1.0]]), np.array([3e-42, -5.0])
+    problem = Problem(lambda _: (1.0, g), lambda _: H, A, b, "row {}".format)
+    step = newton_step(problem, np.zeros(2), g, H)
+    assert step.d == pytest.approx([0.0, 5.0]) and step.active == (0,)
+    assert step.decrease == pytest.approx(12.5)
