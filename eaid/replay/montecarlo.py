@@ -92,14 +92,14 @@ def montecarlo(
         threads,
     )
     values = dict(zip(names, np.array([measured[i] for i in range(len(plants))]).T.copy(), strict=True))
-    shares = np.array_split(kept, threads or available_threads())
+    shares = np.array_split(kept, min(threads or available_threads(), len(kept)))
     with ThreadPoolExecutor(max_workers=len(shares)) as pool:
         band = np.concatenate([*pool.map(_quantiles, shares)], axis=1)
     return Spread(values, time_s[::stride], band)
 
 
 def _quantiles(rows: Array) -> Array:
-    """`QUANTILES` of each row, shape (7, rows), as np.quantile has them, to the bit; the rows are sorted in place.
+    """`QUANTILES` of each row of numbers (no NaN), shape (7, rows), as np.quantile has them, to the bit; sorts in place.
 
     A sort by vector instructions is sooner done than np.quantile's partition, and needs no copy.
     """

@@ -60,6 +60,12 @@ def test_bands_are_quantiles_over_the_plants(law):
     assert found.band_nm[-1] == pytest.approx(strong, abs=1e-12)
 
 
+def test_more_threads_than_there_is_work_for_are_not_begun(law):
+    reference = references.multisine(DT, 0.1)
+    one, many = (montecarlo(PLANTS * 10, law("pi"), reference, Rig(), 0, threads) for threads in (1, 10**12))
+    assert one.band_nm.tobytes() == many.band_nm.tobytes()
+
+
 @pytest.mark.parametrize("plants", [1, 2, 3, 6, 7, 41, 1000])
 def test_quantiles_are_numpys_to_the_bit(plants):
     rows = np.random.default_rng(plants).standard_normal((5, plants)).round(1 if plants < 10 else 9)
