@@ -65,7 +65,9 @@ def best_found(best: dict[str, Any], results: dict[str, Any]) -> None:
         far = f"{times:.3g} times" if times is not None else f"{m['rms_above_best_nm']:.4g} N·m above"
         rows.append([name, f"{m['rms_error_nm']:.4g} N·m", far, f"{m['max_abs_error_nm']:.4g} N·m"])
     console.table("How far from the best", ["controller", "RMS", "from the best", "largest error"], rows)
-    print(f"best duty: {best['verdict']}; without switching from sample to sample {best['steady_rms_nm']:.4g} N·m")
+    console.line(
+        f"best duty: {best['verdict']}; without switching from sample to sample {best['steady_rms_nm']:.4g} N·m"
+    )
 
 
 def _modes(name: str, m: dict[str, Any]) -> None:
@@ -131,7 +133,7 @@ def _plants(name: str, plants: dict[str, Any]) -> None:
     metric = "max_abs_error_nm"
     worst = plants["metrics"][metric]["worst"]
     parts = (f"{key} [{', '.join(f'{value:.4g}' for value in worst[key])}]" for key in ("tau1", "tau2", "Ts"))
-    print(f"largest error on plant no. {worst['plant']}: {', '.join(parts)}")
+    console.line(f"largest error on plant no. {worst['plant']}: {', '.join(parts)}")
 
 
 def recorded(runs: dict[str, Any]) -> None:

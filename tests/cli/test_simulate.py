@@ -128,6 +128,15 @@ def test_plants_of_a_fit_without_uncertainty_are_a_word(capsys):
     assert "warning: this fit holds no covariance" in err and "3 plants, rc" in out
 
 
+def test_quiet_is_quiet(capsys):
+    arguments = ("--controller", "open-loop", "--duration", "2", "--rate-hz", "100", "--plants", "3", "--best")
+    assert call(*arguments, "-q") == 0
+    assert capsys.readouterr() == ("", "")
+    assert call(*arguments, "--force") == 0
+    out, _ = capsys.readouterr()
+    assert "largest error on plant no. 0: tau1 [" in out and "best duty: " in out
+
+
 def test_a_recorded_duty_through_the_plant_and_a_closed_loop_run_laid_over(capsys):
     arguments = ("--gains", "gains.json", "--duration", "4", "--controller", "rc", "-q")
     assert call(*arguments, "--noise-nm", "0.01") == 0
