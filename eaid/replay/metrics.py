@@ -50,7 +50,7 @@ def tracking(
         "mean_abs_error_nm": total / len(error),
         "iae_nm_s": total * dt_s,
         "mean_abs_duty_step_pct": float(steps.mean()) if len(steps) else 0.0,
-        "saturated_fraction": np.count_nonzero(saturated) / len(saturated),
+        "saturated_fraction": int(np.count_nonzero(saturated)) / len(saturated),
     }
 
 

@@ -20,6 +20,7 @@ def test_tracking_by_hand():
         "mean_abs_duty_step_pct": pytest.approx((100 + 60 + 10) / 3),
         "saturated_fraction": 0.5,
     }
+    assert {type(value) for value in found.values()} == {float}
 
 
 def test_a_controller_with_narrower_limits_saturates_at_them():
