@@ -99,7 +99,7 @@ def montecarlo(
 
 
 def _quantiles(rows: Array) -> Array:
-    """`QUANTILES` of each row of numbers (no NaN), shape (7, rows), as np.quantile has them, to the bit; sorts in place.
+    """`QUANTILES` of each row of numbers, shape (7, rows), as np.quantile has them, to the bit; the rows are sorted.
 
     A sort by vector instructions is sooner done than np.quantile's partition, and needs no copy.
     """
