@@ -25,6 +25,8 @@ NEAR_END = 1e-7
 """A start has come near enough to its end where a Newton step promises less than this part of the cost."""
 LITTLE = 1e-5
 """Where a Newton step promises less than this part of the cost, it is next to the minimum and right about it."""
+LIGHT = 1e-3
+"""Damping up to which a step promises what one without damping does."""
 RIVAL = 1e-2
 """An end this part of the cost above the best is no rival: SLSQP does not go on from it."""
 SAME = 1e-6
@@ -255,8 +257,9 @@ def newton_step(problem: Problem, x: Array, gradient: Array, curvature: Array) -
     d, held = z @ back, np.flatnonzero(multipliers > 0)
     off = slack + problem.A @ d
     if (off < -_rounding(problem)).any():  # along what next to nothing determines, rounding leads far outside
-        d -= np.linalg.lstsq(problem.A[held], off[held], rcond=None)[0]
-        z = d @ lower
+        back_on = d - np.linalg.lstsq(problem.A[held], off[held], rcond=None)[0]
+        if (slack + problem.A @ back_on >= -_rounding(problem)).all():
+            d, z = back_on, back_on @ lower
     decrease = -float(q @ z + 0.5 * z @ z)
     return Step(d, max(decrease, 0.0), tuple(held.tolist()))
 
@@ -266,11 +269,13 @@ def approach(problem: Problem, start: Array, steps: int = 40) -> EndPoint:
 
     Steps are constrained Newton steps with Levenberg's and Marquardt's damping, which grows where a step gains nothing.
     """
-    x, evaluations, damping = start, 1, 1e-6
+    x, evaluations, damping, local = start, 1, 1e-6, None
     cost, gradient, curvature = _at(problem, x)
     for _ in range(steps):
         step = newton_step(problem, x, gradient, curvature + damping * np.diag(np.diagonal(curvature)))
         if step.decrease <= NEAR_END * max(cost, problem.floor):
+            if damping <= LIGHT:
+                local = Local(cost, gradient, curvature, step.decrease)
             break
         reached = _inside(problem, x, x + step.d) if step.active else x + step.d
         found, slope, bent = _at(problem, reached)
@@ -280,9 +285,7 @@ def approach(problem: Problem, start: Array, steps: int = 40) -> EndPoint:
             damping = max(0.1 * damping, 1e-9)
         else:
             damping *= 30
-    else:
-        return EndPoint(x, cost, evaluations)
-    return EndPoint(x, cost, evaluations, Local(cost, gradient, curvature, step.decrease))
+    return EndPoint(x, cost, evaluations, local)
 
 
 def ended(ends: Sequence[EndPoint], problem: Problem) -> list[EndPoint]:

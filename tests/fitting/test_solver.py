@@ -108,3 +108,14 @@ def test_a_step_stays_inside_where_nothing_determines_it() -> None:
     step = newton_step(problem, np.zeros(2), g, H)
     assert step.d == pytest.approx([0.0, 5.0]) and step.active == (0,)
     assert step.decrease == pytest.approx(12.5)
+
+
+def test_a_step_held_short_by_damping_is_not_taken_for_the_end() -> None:
+    def value(x: np.ndarray) -> tuple[float, np.ndarray]:
+        return float(1 + x[0] ** 2 + 1e9 * x[1] ** 2), np.array([2 * x[0], 2e9 * x[1]])
+
+    problem = Problem(value, lambda _: 2 * np.eye(2), np.zeros((0, 2)), np.zeros(0), "row {}".format)
+    near = approach(problem, np.array([1.0, 1e-9]))  # steps along y are 1e9 times too long, and only damping helps
+    assert near.cost == pytest.approx(2.0, rel=1e-6) and near.local is None
+    (end,) = ended([near], problem)
+    assert end.cost == pytest.approx(1.0, rel=1e-9)
