@@ -156,7 +156,9 @@ def constraints(basis: Basis, longest_s: float) -> tuple[Array, Array, Callable[
         b[-1] = -1.0
 
     def names(i: int) -> str:
+        if i >= len(HELD) * count:
+            return ("C = 0", "C = 1")[i - len(HELD) * count]
         which, where = divmod(i, count)
-        return ("C = 0", "C = 1")[where] if which == len(HELD) else f"{HELD[which]} at input {basis.duties[where]:g}"
+        return f"{HELD[which]} at input {basis.duties[where]:g}"
 
     return basis.A, b, names

@@ -20,6 +20,8 @@ RECORDS_FREE = 100.0
 LEAST_LOG, MOST_LOG = np.log(1e-9), np.log(1e12)
 CLEAR = 1e-3
 """A start this much above the best, after its steps, is another minimum and no rival."""
+TRUST = 2.0
+"""It may still come down by this many times what its next step promises."""
 SAME = 1e-6
 """Starts whose costs differ by less than this part have found the same minimum."""
 SHARES = (0.3, 0.5, 0.7, 0.85, 0.95)
@@ -150,11 +152,12 @@ def fit_levels(data: Data, share: float | None) -> list[LevelFit]:
     order = np.lexsort((starts.cost, starts.level))  # by level, and within a level the lowest first
     bounds = [*np.searchsorted(starts.level, np.arange(len(data.u))).tolist(), len(order)]
     theta, full, promises = _last_step(starts.theta[:, order[bounds[:-1]]], data)
-    costs = starts.cost[order].tolist()
+    costs, least = starts.cost[order].tolist(), (starts.cost - TRUST * starts.promised)[order].tolist()
     found = []
     for i, (promise, sse, row) in enumerate(zip(promises.tolist(), full.tolist(), theta.T.tolist(), strict=True)):
         ends = costs[bounds[i] : bounds[i + 1]]
-        rival = any((1 + SAME) * ends[0] < end < (1 + CLEAR) * ends[0] for end in ends)
+        others = zip(ends, least[bounds[i] : bounds[i + 1]], strict=True)
+        rival = any(end > (1 + SAME) * ends[0] and low < (1 + CLEAR) * ends[0] for end, low in others)
         if promise > SETTLED or rival:
             found.append(fit_level(data.one(i), share, starts.theta[:, order[bounds[i] : bounds[i + 1]]]))
             continue

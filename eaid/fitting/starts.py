@@ -38,6 +38,8 @@ class Starts:
     """On the compressed points, (N,)."""
     curvature: Array
     """Gauss–Newton, by (T_s, τ1, τ2), (N, 3, 3)."""
+    promised: Array
+    """By how much one more of the steps would lower the cost, (N,)."""
     level: Indices
     """Index of the level of each, (N,), rising."""
 
@@ -142,23 +144,24 @@ def quick_curves(data: Data, share: float) -> tuple[Array, Array, Array]:
 
 def refine(
     theta: Array, points: Points, limit: float, steps: int = STEPS, enough: float = ENOUGH
-) -> tuple[Array, Array, Array]:
+) -> tuple[Array, Array, Array, Array]:
     """Damped Gauss–Newton in (T_s, ln τ1, ln τ2) on every row of points at once.
 
-    Returns θ (4, N), cost (N,), and curvature by (T_s, τ1, τ2), (N, 3, 3). A row moves only where its cost falls; τ
-    stays within 1 ms and `limit` [s]. Ends when a step promises no row that still moves more than `enough` of its cost.
+    Returns θ (4, N), cost (N,), curvature by (T_s, τ1, τ2), (N, 3, 3), and what one more step promises, (N,). A row
+    moves only where its cost falls; τ stays within 1 ms and `limit` [s]. Ends when a step promises no row that still
+    moves more than `enough` of its cost.
     """
     shares = weighted_shares(theta[3], points)
     P = log_products(theta, shares, points)
     damping, moved = np.full(len(P), 1e-3), np.full(len(P), True)
-    for _ in range(steps):
+    for step in range(steps + 1):
         cost, slope = P[:, 3, 3], P[:, 3, :3]
         normal = P[:, :3, :3].copy()
         diagonal = np.einsum("lii->li", normal)
         diagonal += damping[:, None] * diagonal + 1e-300
         move = solved_for(normal, slope)
         promised = (slope * move).sum(axis=1)
-        if moved.any() and (promised <= enough * cost)[moved].all():
+        if step == steps or (moved.any() and (promised <= enough * cost)[moved].all()):
             break
         tried = moved_by(theta, move, limit)
         found = log_products(tried, shares, points)
@@ -170,7 +173,7 @@ def refine(
         # where τ1 and τ2 have met, two rows are one, and only damping keeps them from being singular
         damping = np.where(moved, np.maximum(damping / 10, 1e-12), damping * 10)
     cost, _, curvature = by_tau(theta, P)
-    return theta, cost, curvature
+    return theta, cost, curvature, promised
 
 
 def solved_for(H: Array, slope: Array) -> Array:
@@ -179,11 +182,15 @@ def solved_for(H: Array, slope: Array) -> Array:
 
 
 def moved_by(theta: Array, move: Array, limit: float) -> Array:
-    """θ less a step in T_s, and in ln τ1 and ln τ2 over T_s, (L, 3); τ stays within 1 ms and `limit` [s]."""
+    """θ less a step in T_s, and in ln τ1 and ln τ2 over T_s, (L, 3); τ stays within 1 ms and `limit` [s].
+
+    ln τ moves by 2 at most, and not at all where T_s is 0.
+    """
     moved = theta.copy()
     moved[0] = np.maximum(theta[0] - move[:, 0], 0.0)
-    away = move[:, 1:].T / np.maximum(theta[0], 1e-300)
-    moved[1:3] *= np.exp(np.minimum(np.maximum(-away, -2.0), 2.0))
+    most = 2.0 * theta[0]
+    away = np.minimum(np.maximum(move[:, 1:].T, -most), most) / np.maximum(theta[0], 1e-300)
+    moved[1:3] *= np.exp(-away)
     moved[1] = np.minimum(np.maximum(moved[1], TAU1_LEAST_S), limit)
     moved[2] = np.minimum(np.maximum(moved[2], moved[1]), limit)
     return moved

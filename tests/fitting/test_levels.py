@@ -128,7 +128,7 @@ def test_rates_that_meet_keep_their_step(seed: int) -> None:
     points = Points(t[None], -np.expm1(-t / 0.5)[None], np.ones((1, 10)))
     tau1 = rng.uniform(0.05, 0.5)
     start = np.array([[rng.uniform(0.3, 2.0)], [tau1], [tau1 * rng.uniform(1.0, 1.5)], [0.85]])
-    theta, cost, _ = refine(start, points, limit=100.0, steps=200, enough=-1.0)
+    theta, cost, *_ = refine(start, points, limit=100.0, steps=200, enough=-1.0)
     assert cost[0] < 1e-3 * points.y.size and np.isfinite(theta).all()
 
 
@@ -177,3 +177,20 @@ def test_levels_fitted_together_are_those_fitted_alone() -> None:
     for one, together in enumerate(fit_levels(data, 0.85)):
         alone = fit_level(data.one(one), 0.85)
         assert together.solver.converged and together.sse <= alone.sse * (1 + 1e-9)
+
+
+def test_a_start_still_on_its_way_down_is_a_rival() -> None:
+    truth = Friction(3.5, 4.0, 1e6)
+    t = np.sort(np.arange(1000) / 10 + 0.03 * np.random.default_rng(0).random(1000))
+    data = Data(np.ones(1), (Record(t, friction.step_response(truth, t), False),), np.ones(1))
+    (found,) = fit_levels(data, 0.85)
+    assert found.sse < 1e-20 * data.energy
+    assert (found.curve.Ts, found.curve.tau1, found.curve.tau2) == pytest.approx((3.5, 4.0, 1e6), rel=1e-6)
+
+
+@pytest.mark.parametrize("unit", [1e-9, 1.0, 1e9])
+def test_levels_that_fall_have_no_torque_in_any_unit(unit: float) -> None:
+    t = np.arange(30) / 1000
+    y = -friction.step_response(Friction(1.5, 0.0009, 0.01), t) * unit
+    (found,) = fit_levels(Data(np.ones(1), (Record(t, y, True),), np.ones(1)), 0.85)
+    assert found.solver.converged and found.curve.Ts == 0.0

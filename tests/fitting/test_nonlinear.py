@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from eaid.fitting.basis import basis_of, constraints
+from eaid.fitting.basis import HELD, basis_of, constraints
 from eaid.fitting.broad import descend, slow_shapes, steadied
 from eaid.fitting.data import Data, data_of
 from eaid.fitting.kernel import Record
@@ -42,6 +42,9 @@ def test_constraints_say_what_they_hold() -> None:
         and names(201) == "τ2 = τ1 at input 100"
         and names(202) == "T_s = 0 at input 10"
     )
+    A, _, names = constraints(basis_of(np.array([35.0]), None), 20.0)
+    said = [names(i) for i in range(len(A))]
+    assert said == [f"{what} at input 35" for what in HELD] + ["C = 0", "C = 1"]
 
 
 @pytest.mark.parametrize("share", [0.85, None])
