@@ -62,7 +62,7 @@ def table(title: str, columns: list[str], rows: list[list[str]]) -> None:
 
         grid = Table(title=title)
         for column in columns:
-            grid.add_column(column)
+            grid.add_column(column, overflow="fold")  # a name that is cut off names nothing
         for row in rows:
             grid.add_row(*(Text(cell) for cell in row))
         Console().print(grid)
