@@ -72,6 +72,13 @@ def test_a_tone_has_the_gain_and_phase_that_made_it():
     assert found["mean_abs_error_nm"] == pytest.approx(np.abs(reference - torque).mean())
 
 
+@pytest.mark.parametrize("samples", [300, 1300])
+def test_a_tone_is_found_beside_a_constant_also_where_the_periods_are_not_whole(samples):
+    angle = 2 * np.pi * np.arange(samples) * 1e-3
+    values = 40.0 + 0.5 * np.sin(angle - 0.7)
+    assert metrics.fundamental(values, 1.0, 1e-3) == pytest.approx(0.5 * np.exp(-0.7j), abs=1e-10)
+
+
 def test_a_torque_that_does_not_answer_has_no_gain():
     reference = 2 + np.sin(2 * np.pi * np.arange(1000) * 1e-3)
     assert metrics.tone(reference, np.zeros(1000), 1.0, 1e-3)["gain_db"] is None
