@@ -33,10 +33,16 @@ MOST = 6
 
 
 def broad_starts(x: Array, inner: Array, data: Data, basis: Basis, problem: Problem) -> list[Array]:
-    """Up to six feasible starts with different costs, the best first; `x` gives τ1(u), `inner` is a feasible point."""
+    """Up to six feasible starts with different costs, the best first; `x` gives τ1(u), `inner` is a feasible point.
+
+    None where all data are 0.
+    """
+    if problem.floor == 0.0:
+        return []
     sums, M = transforms(data.points), basis.rows(data.u)
     cost, found = steadied(slow_shapes(x, data, basis), sums, M, basis, data.weights)
-    wall = wall_of(x, float(cost.min()), basis, problem)
+    least = 1e-9 * float(np.abs(data.points.y).max())  # rounding may take the cost below 0, and T_s may be 0
+    wall = wall_of(x, max(float(cost.min()), problem.floor), least, basis, problem)
     for steps, most in SIEVE:
         best = np.argsort(cost, kind="stable")[:most]
         cost, found = descend(found[best], sums, M, basis, data.weights, steps, wall)
@@ -64,12 +70,15 @@ class Wall:
         return (out**2).sum(axis=1), 2 * out @ self.A, bent
 
 
-def wall_of(x: Array, cost: float, basis: Basis, problem: Problem) -> Wall:
-    """A wall where T_s below 0 by a tenth of its largest, or τ by a tenth of τ1, costs `STEEP`/100 of `cost`."""
+def wall_of(x: Array, cost: float, least: float, basis: Basis, problem: Problem) -> Wall:
+    """A wall where T_s below 0 by a tenth of its largest, or τ by a tenth of τ1, costs `STEEP`/100 of `cost`.
+
+    Its largest counts as `least` [N·m] or more.
+    """
     at = DUTIES if basis.highest > basis.lowest else 1
     rows = np.concatenate([np.arange(block * at, (block + 1) * at, 10) for block in range(3)])
     ends = basis.rows(np.linspace(basis.lowest, basis.highest, 5))
-    fast, torque = max(median(ends[1] @ x), TAU1_LEAST_S), max(float(np.max(ends[0] @ x)), 1e-300)
+    fast, torque = max(median(ends[1] @ x), TAU1_LEAST_S), max(float(np.max(ends[0] @ x)), least)
     size = np.where(rows < 2 * at, fast, torque) / np.sqrt(STEEP * cost)
     return Wall(problem.A[rows] / size[:, None], problem.b[rows] / size)
 

@@ -6,11 +6,11 @@ short to tell the slow part, C, T_s and τ2 lie in a long valley: in these two u
 
 import numpy as np
 
-from eaid.arrays import Array, distinct
+from eaid.arrays import Array
 from eaid.fitting.compress import Points
 from eaid.fitting.data import Data
 from eaid.fitting.solver import ROUNDING, Problem
-from eaid.models.friction import tau_grid
+from eaid.fitting.starts import start_grid
 
 GRID = 24
 """Time constants on the starting grid."""
@@ -51,14 +51,15 @@ def theta_of(x: Array, data: Data) -> Array:
     return np.array([whole, np.exp(x[0]), np.exp(x[1]), fast / whole if whole > 0 else 1.0])
 
 
-def free_starts(data: Data, least_s: float) -> list[Array]:
-    """(ln τ1, ln τ2) of least cost on a log grid, one for each of `BANDS`."""
+def free_starts(data: Data) -> list[Array]:
+    """(ln τ1, ln τ2) of least cost on a log grid, one for each of `BANDS` that a short record leaves room for."""
     points = data.points
-    grid = distinct(np.maximum(tau_grid(points.t_s[points.w > 0], GRID), 1.01 * least_s))
+    grid = start_grid(points.t_s[points.w > 0], GRID)
     found = []
     for a, b in BANDS:
         pairs = [np.log([grid[i], grid[j]]) for i in range(len(grid)) for j in range(i + a, min(i + b, len(grid)))]
-        found.append(min(pairs, key=lambda x: projected(x, points)[0]))
+        if pairs:
+            found.append(min(pairs, key=lambda x: projected(x, points)[0]))
     return found
 
 

@@ -37,7 +37,7 @@ def fit_level(data: Data, share: float | None, starts: Array | None = None) -> L
         limit = RECORDS_FREE * data.longest_s
         problem = free_problem(data, TAU1_LEAST_S, limit)
         begin = (
-            free_starts(data, TAU1_LEAST_S)
+            free_starts(data)
             if starts is None
             else [np.log(np.clip(pair, TAU1_LEAST_S, limit)) for pair in starts[1:3].T]
         )

@@ -18,6 +18,7 @@ from eaid.fitting.kernel import (
     level_costs,
     level_curvature,
     level_normal,
+    level_sums,
     log_products,
     residuals,
     weighted_shares,
@@ -45,7 +46,8 @@ def nonlinear_problem(data: Data, basis: Basis) -> Problem:
         return level_normal(theta, points) if basis.free_share else by_tau(theta, log_products(theta, shares, points))
 
     def value(x: Array) -> tuple[float, Array]:
-        cost, gradient, _ = sums(x)
+        # far outside, where SLSQP may look, products of the slopes overflow
+        cost, gradient = level_sums(basis.theta(x, M), points) if basis.free_share else sums(x)[:2]
         return float(weights @ cost), (gradient * weights).ravel() @ flat
 
     def chained(curvature: Array) -> Array:

@@ -11,15 +11,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from eaid.arrays import Array, distinct
+from eaid.arrays import Array
 from eaid.fitting.compress import Points
 from eaid.fitting.data import Data, data_of
 from eaid.fitting.kernel import decay
 from eaid.fitting.levels import CLEAR, SAME, verdict
 from eaid.fitting.result import LevelFit, ReleaseFit, ReleaseLevel, Solver
 from eaid.fitting.solver import FINISHED, PROMISE, ROUNDING, SETTLED, Problem, approach, ended, polish
-from eaid.fitting.starts import GRID, RECORDS, TAU1_LEAST_S, Indices, grid_bowls
-from eaid.models.friction import grid_fits, tau_grid
+from eaid.fitting.starts import RECORDS, TAU1_LEAST_S, Indices, grid_bowls, start_grid
+from eaid.models.friction import grid_fits
 from eaid.models.parameters import SHARE, Friction
 from eaid.steps.stepset import Level
 
@@ -173,7 +173,7 @@ def _starts(data: Data, shares: Array) -> tuple[Indices, Array]:
     """Level and (ln τ1, ln τ2) of what single levels begin from: minima over a grid for −y above an offset, (N, 2)."""
     points = data.points
     times = points.t_s if len(points.t_s) == len(points.y) else points.t_s[:1]
-    grid = distinct(np.maximum(tau_grid(times[points.w[: len(times)] > 0], GRID), 1.01 * TAU1_LEAST_S))
+    grid = start_grid(times[points.w[: len(times)] > 0])
     fits = []
     for i, share in enumerate(shares.tolist()):
         one = _rows(points, np.array([i]))

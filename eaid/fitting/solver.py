@@ -260,6 +260,8 @@ def newton_step(problem: Problem, x: Array, gradient: Array, curvature: Array) -
         back_on = d - np.linalg.lstsq(problem.A[held], off[held], rcond=None)[0]
         if (slack + problem.A @ back_on >= -_rounding(problem)).all():
             d, z = back_on, back_on @ lower
+        else:
+            d = _inside(problem, x, x + d) - x
     decrease = -float(q @ z + 0.5 * z @ z)
     return Step(d, max(decrease, 0.0), tuple(held.tolist()))
 

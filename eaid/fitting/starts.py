@@ -81,8 +81,14 @@ class _Table:
     """1/φ'φ of pairs i < j and 0 of the others, in a frame of zeros, (L or 1, K + 2, K + 2)."""
 
 
+def start_grid(t_s: Array, count: int = GRID) -> Array:
+    """Time constants to start from [s], rising: a log grid of none below 1 ms, two at least, however short a record."""
+    grid = distinct(np.maximum(tau_grid(t_s, count), 1.01 * TAU1_LEAST_S))
+    return grid if len(grid) > 1 else grid * np.array([1.0, 3.0])
+
+
 def _table(t_s: Array, w: Array, share: float) -> _Table:
-    grid = distinct(np.maximum(tau_grid(t_s[w > 0], GRID), 1.01 * TAU1_LEAST_S))
+    grid = start_grid(t_s[w > 0])
     weighted, square = grid_table(t_s, w, grid, share)
     return _Table(grid, weighted, _framed(np.ones_like(square), square))
 

@@ -194,3 +194,12 @@ def test_levels_that_fall_have_no_torque_in_any_unit(unit: float) -> None:
     y = -friction.step_response(Friction(1.5, 0.0009, 0.01), t) * unit
     (found,) = fit_levels(Data(np.ones(1), (Record(t, y, True),), np.ones(1)), 0.85)
     assert found.solver.converged and found.curve.Ts == 0.0
+
+
+@pytest.mark.parametrize("share", [0.85, None])
+@pytest.mark.parametrize("step_s", [1e-6, 1e-5, 1e-4])
+def test_a_record_shorter_than_the_fastest_rate_has_a_fit(step_s: float, share: float | None) -> None:
+    t = np.arange(10) * step_s
+    y = friction.step_response(Friction(2.0, 3 * step_s, 30 * step_s), t)
+    (found,) = fit_levels(Data(np.ones(1), (Record(t, y, True),), np.ones(1)), share)
+    assert found.curve.tau1 >= 1e-3 - 1e-10 and found.sse <= y @ y

@@ -171,3 +171,13 @@ def test_levels_in_volts_fit_as_well_as_duties(clutch_set: Maker) -> None:
 def test_a_given_start_counts_among_the_starts(clutch_set: Maker) -> None:
     data = data_of(clutch_set(rate_hz=50.0, noise_nm=0.005).levels)
     assert len(fit_nonlinear(data, 0.85, [REFERENCE_PLANT]).solver.starts) == 3
+
+
+@pytest.mark.parametrize("unit", [0.0, 1.0, 1e9])
+@pytest.mark.parametrize("share", [0.85, None])
+def test_levels_without_torque_are_fitted_in_any_unit(unit: float, share: float | None) -> None:
+    t = np.arange(100) / 100
+    noise = np.random.default_rng(3).normal(size=(2, 100))
+    records = tuple(Record(t, unit * (0.05 * row - 1 + np.exp(-t / 0.1)), True) for row in noise)
+    found = fit_nonlinear(Data(np.array([20.0, 60.0]), records, np.ones(2)), share)
+    assert steady_torque(found.parameters, np.array([20.0, 60.0])) == pytest.approx(0.0, abs=1e-6 * unit + 1e-12)
