@@ -255,15 +255,24 @@ def newton_step(problem: Problem, x: Array, gradient: Array, curvature: Array) -
         return Step(np.zeros_like(x), 0.0, tuple(np.flatnonzero(multipliers > 0).tolist()))
     z = -r[:-1] / r[-1] * size - q
     d, held = z @ back, np.flatnonzero(multipliers > 0)
-    off = slack + problem.A @ d
-    if (off < -_rounding(problem)).any():  # along what next to nothing determines, rounding leads far outside
-        back_on = d - np.linalg.lstsq(problem.A[held], off[held], rcond=None)[0]
-        if (slack + problem.A @ back_on >= -_rounding(problem)).all():
+    off, little = slack + problem.A @ d, _rounding(problem)
+    if (off < -little).any() or (off > little)[held].any():  # where next to nothing determines d, rounding leads off
+        back_on = _along(problem.A[held], -slack[held], gradient, curvature)
+        if (slack + problem.A @ back_on >= -little).all():
             d, z = back_on, back_on @ lower
         else:
             d = _inside(problem, x, x + d) - x
     decrease = -float(q @ z + 0.5 * z @ z)
     return Step(d, max(decrease, 0.0), tuple(held.tolist()))
+
+
+def _along(A: Array, b: Array, gradient: Array, curvature: Array) -> Array:
+    """The d that minimises g'd + d'Hd/2 with A d = b, shape (n,), by the directions that A leaves free."""
+    d = np.linalg.lstsq(A, b, rcond=None)[0]
+    _, size, ways = np.linalg.svd(A)
+    free = ways[int((size > 1e-12 * size.max(initial=0.0)).sum()) :]
+    back = np.linalg.inv(whiten(free @ curvature @ free.T))
+    return np.asarray(d - free.T @ (back.T @ (back @ (free @ (gradient + curvature @ d)))))
 
 
 def approach(problem: Problem, start: Array, steps: int = 40) -> EndPoint:

@@ -119,3 +119,14 @@ def test_a_step_held_short_by_damping_is_not_taken_for_the_end() -> None:
     assert near.cost == pytest.approx(2.0, rel=1e-6) and near.local is None
     (end,) = ended([near], problem)
     assert end.cost == pytest.approx(1.0, rel=1e-9)
+
+
+@pytest.mark.parametrize("size", [1e-5, 1.0, 1e5])
+@pytest.mark.parametrize("g", [(2.0, 1.0), (3.0, -1.0)])
+def test_a_held_unknown_that_another_can_stand_in_for(size: float, g: tuple[float, float]) -> None:
+    scale = np.diag([1.0, size])
+    H, gradient = scale @ np.array([[1.0, 1.0], [1.0, 1.0 + 1e-15]]) @ scale, scale @ np.array(g)
+    problem = Problem(lambda _: (1.0, gradient), lambda _: H, np.array([[1.0, 0.0]]), np.zeros(1), "row {}".format)
+    step = newton_step(problem, np.zeros(2), gradient, H)
+    assert step.d * [1.0, size] == pytest.approx([0.0, -g[1]], abs=1e-9) and step.active == (0,)
+    assert step.decrease == pytest.approx(0.5)
