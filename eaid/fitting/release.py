@@ -15,7 +15,7 @@ from eaid.arrays import Array
 from eaid.fitting.compress import Points
 from eaid.fitting.data import Data, data_of
 from eaid.fitting.kernel import decay
-from eaid.fitting.levels import CLEAR, SAME, verdict
+from eaid.fitting.levels import CLEAR, SAME, TRUST, verdict
 from eaid.fitting.result import LevelFit, ReleaseFit, ReleaseLevel, Solver
 from eaid.fitting.solver import FINISHED, PROMISE, ROUNDING, SETTLED, Problem, approach, ended, polish
 from eaid.fitting.starts import RECORDS, TAU1_LEAST_S, Indices, grid_bowls, start_grid
@@ -149,7 +149,7 @@ def _alone(data: Data, shares: Array) -> list[_Solved]:
     """
     level, x = _starts(data, shares)
     points, own = _rows(data.points, level), shares[level]
-    x, cost = _refined(x, points, own, data)
+    x, cost, promised = _refined(x, points, own, data)
     found = []
     for i in range(len(shares)):
         rows = np.flatnonzero(level == i)
@@ -159,7 +159,8 @@ def _alone(data: Data, shares: Array) -> list[_Solved]:
         sse, gradient, parts = _on_every_sample(best, one, shares[i : i + 1])
         curvature = _projected(best, one.points, shares[i : i + 1]).exact
         promise = _promise(best, sse, gradient, curvature, data)[0]
-        rival = ((costs > (1 + SAME) * costs[0]) & (costs < (1 + CLEAR) * costs[0])).any()
+        low = costs - TRUST * promised[rows]
+        rival = ((costs > (1 + SAME) * costs[0]) & (low < (1 + CLEAR) * costs[0])).any()
         if promise > SETTLED or rival:
             found.append(_solve(one, shares[i : i + 1], x[rows]))
             continue
@@ -189,17 +190,18 @@ def _rows(points: Points, which: Indices) -> Points:
     return Points(t if len(t) == 1 else t[which], points.y[which], w if len(w) == 1 else w[which])
 
 
-def _refined(x: Array, points: Points, shares: Array, data: Data) -> tuple[Array, Array]:
-    """Where damped Newton steps lead every row of x, (N, 2), at once, and the costs there, (N,)."""
+def _refined(x: Array, points: Points, shares: Array, data: Data) -> tuple[Array, Array, Array]:
+    """Where damped Newton steps lead every row of x, (N, 2), the costs there and what one more promises, (N,) each."""
     least, most = np.log(TAU1_LEAST_S), np.log(RECORDS * data.longest_s)
     now = _projected(x, points, shares)
     cost, gradient, curvature = now.cost, now.gradient, now.bowl
     damping, moved = np.full(len(x), 1e-3), np.full(len(x), True)
-    for _ in range(STEPS):
+    for step in range(STEPS + 1):
         diagonal = np.einsum("nii->ni", curvature)
         normal = curvature + ((damping[:, None] * diagonal + 1e-300)[:, :, None] * np.eye(2))
         move = np.linalg.solve(normal, gradient[:, :, None])[:, :, 0]
-        if moved.any() and (0.5 * (gradient * move).sum(axis=1) <= FINISHED * cost)[moved].all():
+        promised = 0.5 * (gradient * move).sum(axis=1)
+        if step == STEPS or (moved.any() and (promised <= FINISHED * cost)[moved].all()):
             break
         tried = np.clip(x - np.clip(move, -2.0, 2.0), least, most)
         tried[:, 1] = np.maximum(tried[:, 1], tried[:, 0])
@@ -209,7 +211,7 @@ def _refined(x: Array, points: Points, shares: Array, data: Data) -> tuple[Array
         gradient = np.where(moved[:, None], now.gradient, gradient)
         curvature = np.where(moved[:, None, None], now.bowl, curvature)
         damping = np.where(moved, np.maximum(damping / 10, 1e-12), damping * 10)
-    return x, cost
+    return x, cost, promised
 
 
 def _promise(x: Array, cost: Array, gradient: Array, curvature: Array, data: Data) -> Array:

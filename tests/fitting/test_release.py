@@ -115,3 +115,12 @@ def test_a_release_faster_than_the_samples_stays_within_the_limits() -> None:
         assert row.solver.converged and 0.001 - 1e-10 <= row.tau1 <= row.tau2 + 1e-10
         points = release._rows(data_of([fall]).points, np.zeros(len(pairs), dtype=np.intp))
         assert row.sse <= (1 + 1e-9) * release._projected(pairs, points, np.full(len(pairs), 0.85)).cost.min()
+
+
+@pytest.mark.parametrize(("tau1", "tau2", "fast"), [(87.2, 58781.0, 0.65), (86.7, 21114.0, 0.77)])
+def test_a_start_still_on_its_way_down_is_a_rival(tau1: float, tau2: float, fast: float) -> None:
+    time_s = np.arange(300) + 0.4
+    y = 2900.0 * (fast * np.exp(-time_s / tau1) + (1 - fast) * np.exp(-time_s / tau2))
+    (row,) = release_fit([Level(80.0, time_s, y[None], ("a",), False)], (), {}).levels
+    assert row.solver.converged and row.sse < 1e-4  # another minimum, τ1 and τ2 close together, lies at 0.3 and more
+    assert row.tau1 == pytest.approx(tau1, rel=1e-4)
