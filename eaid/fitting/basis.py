@@ -9,7 +9,7 @@ from functools import cached_property, lru_cache
 
 import numpy as np
 
-from eaid.arrays import Array
+from eaid.arrays import Array, read_only
 from eaid.fitting.levels import RECORDS_FREE
 from eaid.fitting.starts import RECORDS, TAU1_LEAST_S
 from eaid.models.nonlinear import polynomial
@@ -48,7 +48,7 @@ class Basis:
     @cached_property
     def M(self) -> Array:
         """`rows` of the levels, (4, L, n)."""
-        return self.rows(self.u)
+        return read_only(self.rows(self.u))
 
     @cached_property
     def inverses(self) -> list[Array]:
@@ -69,7 +69,7 @@ class Basis:
             share = np.zeros((2, self.size))
             share[0, -1], share[1, -1] = 1.0, -1.0
             A = np.vstack([A, share])
-        return A
+        return read_only(A)
 
     @property
     def slices(self) -> tuple[slice, slice, slice]:

@@ -6,7 +6,7 @@ from functools import cached_property, lru_cache
 
 import numpy as np
 
-from eaid.arrays import Array
+from eaid.arrays import Array, read_only
 from eaid.fitting.compress import POINTS_PER_BLOCK, SMALL, Points, compress, piece_count, to_pieces
 from eaid.fitting.kernel import Record, full_sums
 from eaid.steps.stepset import Level
@@ -96,7 +96,7 @@ def data_of(levels: Sequence[Level], weights: Array | None = None) -> Data:
 @lru_cache(maxsize=8)
 def _alike(runs: int) -> Array:
     """The weights of a mean, shape (1, runs)."""
-    return np.full((1, runs), 1 / runs)
+    return read_only(np.full((1, runs), 1 / runs))
 
 
 def _variance(level: Level) -> float:
