@@ -7,8 +7,8 @@ from functools import cached_property, lru_cache
 import numpy as np
 
 from eaid.arrays import Array, read_only
-from eaid.fitting.compress import POINTS_PER_BLOCK, SMALL, Points, compress, piece_count, to_pieces
-from eaid.fitting.kernel import Record, full_sums
+from eaid.fitting.compress import PIECE, POINTS_PER_BLOCK, SMALL, Points, compress, piece_count, to_pieces
+from eaid.fitting.kernel import CHUNK, Record, full_sums
 from eaid.steps.stepset import Level
 
 
@@ -24,7 +24,7 @@ class Data:
     together: Array | None = None
     """The curves as one array, (L, n), where all share one grid; `records` are its rows then."""
     pieces: Array | None = None
-    """`together` after `to_pieces`, made while each mean was in the cache."""
+    """`together` after `to_pieces`, made while the means were in the cache."""
 
     @property
     def samples(self) -> int:
@@ -82,13 +82,15 @@ def data_of(levels: Sequence[Level], weights: Array | None = None) -> Data:
     if first.uniform and n > SMALL:
         pieces = np.empty((len(levels), piece_count(n), POINTS_PER_BLOCK))
     for i, level in enumerate(levels):
-        row, runs = together[i : i + 1], len(level.runs_nm)
-        if runs == 1:
-            row[:] = level.runs_nm
-        else:
-            np.matmul(_alike(runs), level.runs_nm, out=row)
-        if pieces is not None:
-            to_pieces(row, pieces[i : i + 1])
+        row, runs = together[i : i + 1], level.runs_nm
+        for start in range(0, n, CHUNK):
+            part, before = slice(start, min(start + CHUNK, n)), max(start - PIECE, 0)
+            if len(runs) == 1:
+                row[:, part] = runs[:, part]
+            else:
+                np.matmul(_alike(len(runs)), runs[:, part], out=row[:, part])
+            if pieces is not None:
+                to_pieces(row[:, before : part.stop], pieces[i : i + 1, before // PIECE : part.stop // PIECE - 1])
     records = tuple(Record(first.time_s, row, first.uniform) for row in together)
     return Data(u, records, weights, together, pieces)
 

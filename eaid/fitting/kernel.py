@@ -15,6 +15,8 @@ from eaid.fitting.compress import Points
 
 TABLE = 128
 """Least length of the tabulated stretch of a geometric sequence."""
+CHUNK = 1 << 15
+"""Samples that are looked at together: what is made of them stays in the cache."""
 LINE = 8
 """Numbers in a line of the cache: stretches are whole lines."""
 
@@ -234,13 +236,17 @@ def _stretched(theta: Array, t: Array, y: Array) -> Array:
     table, heads = _decays(theta, local), _decays(theta, start)  # e^(−t/τ) = heads · table, t = start + local
     amplitudes = np.stack([Ts, -Ts * share, Ts * (share - 1.0)], axis=1)
     curves = (heads[:, :3] * amplitudes[:, :, None]).transpose(0, 2, 1)
-    cost, inner, r = np.empty(len(y)), np.empty((len(y), 5, len(local))), _lined(*y.shape[1:])
-    flat = r.ravel()
+    rows = min(len(start), max(CHUNK // len(local), 1))
+    cost, inner, buffer = np.zeros(len(y)), np.zeros((len(y), 5, len(local))), _lined(rows, len(local))
     for i, (curve, shapes, data) in enumerate(zip(curves, table[:, :3], y, strict=True)):
-        np.matmul(curve, shapes, out=r)  # one buffer that stays in the cache
-        np.subtract(r, data, out=r)
-        np.matmul(heads[i], r, out=inner[i])
-        cost[i] = flat @ flat
+        for first in range(0, len(start), rows):
+            part = slice(first, first + rows)
+            r = buffer[: len(data[part])]  # stays in the cache
+            np.matmul(curve[part], shapes, out=r)
+            np.subtract(r, data[part], out=r)
+            inner[i] += heads[i, :, part] @ r
+            flat = r.ravel()
+            cost[i] += flat @ flat
     s = inner @ table.transpose(0, 2, 1)  # (L, 5, 5): sums over samples of r · head · table
     by_e1, by_e2 = s[:, 1, 1], s[:, 2, 2]
     along = s[:, 0, 0] - share * by_e1 - (1.0 - share) * by_e2

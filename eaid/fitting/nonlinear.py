@@ -1,7 +1,8 @@
 """The nonlinear clutch model, Eqs. (4)–(7): ten coefficients of τ1(u), τ2(u), T_s(u) fitted together.
 
-The chain rule takes each level's sums to the unknowns of `basis`. Two starts come from the curves of single levels;
-where the data leave room for another minimum, many more are looked at together (`broad`).
+The chain rule takes each level's sums to the unknowns of `basis`. The first start comes from the curves of single
+levels. Where no other minimum can lie as low as its end (`alone`), that is all; else there is a second, and where the
+data still leave room, many more are looked at together (`broad`).
 """
 
 from collections.abc import Sequence
@@ -156,10 +157,16 @@ def fit_nonlinear(data: Data, share: float | None, starts: Sequence[Nonlinear] =
     near = [start for starts in begin for start in starts[:-1]] + [
         draw_in(basis.unknowns(p), flat, problem) for p in starts
     ]
-    ends = [approach(problem, start) for start in near]
-    if share is None or not alone(own[0], min(end.cost for end in ends), data, basis, problem):
-        far = [starts[-1] for starts in begin] + broad_starts(near[0], flat, data, basis, problem)
-        ends += [approach(problem, start) for start in far]
+
+    def proven() -> bool:
+        return share is not None and alone(own[0], min(end.cost for end in ends), data, basis, problem)
+
+    ends = [approach(problem, near[0])]
+    if starts or not proven():
+        ends += [approach(problem, start) for start in near[1:]]
+        if not proven():
+            far = [starts[-1] for starts in begin] + broad_starts(near[0], flat, data, basis, problem)
+            ends += [approach(problem, start) for start in far]
     return _confirmed(ended(ends, problem), data, basis, problem)
 
 

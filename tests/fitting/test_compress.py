@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 
 from eaid.fitting import compress as module
-from eaid.fitting.compress import HEAD, SMALL, blocks, compress, orthonormal
-from eaid.fitting.data import Data
+from eaid.fitting.compress import HEAD, POINTS_PER_BLOCK, SMALL, blocks, compress, orthonormal, piece_count, to_pieces
+from eaid.fitting.data import Data, data_of
 from eaid.fitting.kernel import Record
 from eaid.fitting.levels import fit_levels
 from eaid.models import friction
 from eaid.models.parameters import Friction
+from eaid.steps.stepset import Level
 
 
 def _sum_of_squares(t: np.ndarray, y: np.ndarray, curve: Friction) -> tuple[float, float]:
@@ -65,6 +66,17 @@ def test_thirty_thousand_samples_become_about_a_hundred_points() -> None:
     t = np.arange(30_000) / 1000
     points = compress([t, t], [t, t], np.stack([t, t]))
     assert points.t_s.shape == (1, 104) and points.y.shape == (2, 104)
+
+
+@pytest.mark.parametrize("n", [257, 32_768, 32_769, 32_833, 70_003])
+@pytest.mark.parametrize("runs", [1, 3])
+def test_means_and_pieces_made_bit_by_bit_are_those_of_the_whole(n: int, runs: int) -> None:
+    y = np.random.default_rng(n).normal(size=(runs, n))
+    data = data_of([Level(10.0, np.arange(n) / 1e3, y, tuple("abc"[:runs]), True)])
+    assert data.together is not None and data.pieces is not None
+    assert data.together[0] == pytest.approx(y.mean(axis=0), abs=1e-15)
+    assert data.pieces == pytest.approx(to_pieces(data.together), abs=1e-13)
+    assert data.pieces.shape == (1, piece_count(n), POINTS_PER_BLOCK)
 
 
 def test_short_records_keep_every_sample_and_unequal_ones_are_padded_with_weight_zero() -> None:

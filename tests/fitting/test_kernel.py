@@ -86,7 +86,7 @@ def test_costs_alone() -> None:
     assert level_costs(two, POINTS) == pytest.approx(np.array(want), rel=1e-12)
 
 
-@pytest.mark.parametrize("n", [300, 5000, 5003])
+@pytest.mark.parametrize("n", [300, 5000, 5003, 70_003])
 def test_full_sums_are_the_plain_sums(n: int) -> None:
     t = 0.002 + np.arange(n) / 500
     y = RNG.normal(1, 0.3, (3, n))
