@@ -65,13 +65,17 @@ def plant_parameters(p: Nonlinear) -> PlantParameters:
     return PlantParameters(*(float(value) for value in values))
 
 
+MOST = 1e6
+"""Largest factor on a plant: far beyond any rig, and no torque overflows with it."""
+
+
 def perturbed(p: Nonlinear, factors: Mapping[str, float]) -> Nonlinear:
     """The model with tau1, tau2 or Ts multiplied by a factor above 0: a plant that its controllers do not know."""
     for name, factor in factors.items():
         if name not in ("tau1", "tau2", "Ts"):
             raise UsageError(f"perturb: no {name!r} in the plant; give factors of tau1, tau2 or Ts, as Ts=0.9,tau1=1.2")
-        if not (math.isfinite(factor) and factor > 0.0):
-            raise UsageError(f"perturb: the factor of {name} is {factor:g}; it must be above 0")
+        if not 0.0 < factor <= MOST:
+            raise UsageError(f"perturb: the factor of {name} is {factor:g}; it must be above 0, and {MOST:g} at most")
     if not factors:
         return p
 

@@ -1,5 +1,6 @@
 """The plant: Eq. (4) from rest, the edges of SPEC §4.2, exact holds, and what it refuses."""
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -94,7 +95,15 @@ def test_perturbed_multiplies_the_polynomials_and_the_release():
     assert changed.release == (2.0, 5.0)
 
 
-@pytest.mark.parametrize(("factors", "said"), [({"C": 1.0}, "no 'C' in the plant"), ({"Ts": 0.0}, "factor of Ts is 0")])
+@pytest.mark.parametrize(
+    ("factors", "said"),
+    [
+        ({"C": 1.0}, "no 'C' in the plant"),
+        ({"Ts": 0.0}, "factor of Ts is 0"),
+        ({"Ts": math.nan}, "factor of Ts is nan"),
+        ({"tau1": 1e307}, "tau1 is 1e\\+307; it must be above 0, and 1e\\+06 at most"),
+    ],
+)
 def test_perturbed_refuses(factors, said):
     with pytest.raises(UsageError, match=said):
         perturbed(REFERENCE_PLANT, factors)
