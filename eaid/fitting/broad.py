@@ -39,7 +39,7 @@ def broad_starts(x: Array, inner: Array, data: Data, basis: Basis, problem: Prob
     """
     if problem.floor == 0.0:
         return []
-    sums, M = transforms(data.points), basis.rows(data.u)
+    sums, M = transforms(data.points), basis.M
     cost, found = steadied(slow_shapes(x, data, basis), sums, M, basis, data.weights)
     least = 1e-9 * float(np.abs(data.points.y).max())  # rounding may take the cost below 0, and T_s may be 0
     wall = wall_of(x, max(float(cost.min()), problem.floor), least, basis, problem)

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from functools import cached_property, lru_cache
 
 import numpy as np
+from numpy.typing import NDArray
 
 from eaid.arrays import Array
 
@@ -40,6 +41,11 @@ class Points:
     def moments(self) -> Array:
         """1 and t at the points, (P, 2), where all levels share their times: sums with both are one product."""
         return np.stack([np.ones_like(self.t_s[0]), self.t_s[0]], axis=1)
+
+    def rows(self, which: "slice | NDArray[np.intp]") -> "Points":
+        """The points of some levels."""
+        t, w = self.t_s, self.w
+        return Points(t if len(t) == 1 else t[which], self.y[which], w if len(w) == 1 else w[which])
 
     @cached_property
     def root_w(self) -> Array:

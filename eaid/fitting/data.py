@@ -2,11 +2,11 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import cached_property
 
 import numpy as np
 
-from eaid.arrays import Array, read_only
+from eaid.arrays import Array
 from eaid.fitting.compress import PIECE, POINTS_PER_BLOCK, SMALL, Points, compress, piece_count, to_pieces
 from eaid.fitting.kernel import CHUNK, Record, full_sums
 from eaid.steps.stepset import Level
@@ -59,10 +59,7 @@ class Data:
         row = slice(index, index + 1)
         together = None if self.together is None else self.together[row]
         alone = Data(self.u[row], self.records[row], np.ones(1), together)
-        p = self.points
-        alone.__dict__["points"] = Points(
-            p.t_s if len(p.t_s) == 1 else p.t_s[row], p.y[row], p.w if len(p.w) == 1 else p.w[row]
-        )
+        alone.__dict__["points"] = self.points.rows(row)
         return alone
 
 
@@ -83,22 +80,17 @@ def data_of(levels: Sequence[Level], weights: Array | None = None) -> Data:
         pieces = np.empty((len(levels), piece_count(n), POINTS_PER_BLOCK))
     for i, level in enumerate(levels):
         row, runs = together[i : i + 1], level.runs_nm
+        mean = np.full((1, len(runs)), 1 / len(runs))
         for start in range(0, n, CHUNK):
             part, before = slice(start, min(start + CHUNK, n)), max(start - PIECE, 0)
             if len(runs) == 1:
                 row[:, part] = runs[:, part]
             else:
-                np.matmul(_alike(len(runs)), runs[:, part], out=row[:, part])
+                np.matmul(mean, runs[:, part], out=row[:, part])
             if pieces is not None:
                 to_pieces(row[:, before : part.stop], pieces[i : i + 1, before // PIECE : part.stop // PIECE - 1])
     records = tuple(Record(first.time_s, row, first.uniform) for row in together)
     return Data(u, records, weights, together, pieces)
-
-
-@lru_cache(maxsize=8)
-def _alike(runs: int) -> Array:
-    """The weights of a mean, shape (1, runs)."""
-    return read_only(np.full((1, runs), 1 / runs))
 
 
 def _variance(level: Level) -> float:

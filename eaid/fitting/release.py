@@ -148,7 +148,7 @@ def _alone(data: Data, shares: Array) -> list[_Solved]:
     Where the best start of a level is at its minimum already and no other comes near it, the solver has nothing to add.
     """
     level, x = _starts(data, shares)
-    points, own = _rows(data.points, level), shares[level]
+    points, own = data.points.rows(level), shares[level]
     x, cost, promised = _refined(x, points, own, data)
     found = []
     for i in range(len(shares)):
@@ -177,17 +177,11 @@ def _starts(data: Data, shares: Array) -> tuple[Indices, Array]:
     grid = start_grid(times[points.w[: len(times)] > 0])
     fits = []
     for i, share in enumerate(shares.tolist()):
-        one = _rows(points, np.array([i]))
+        one = points.rows(slice(i, i + 1))
         fits.append(grid_fits(one.t_s, -one.y, one.w, grid, share, offset=True))
     inner, square = (np.concatenate(part) for part in zip(*fits, strict=True))
     level, first, second = grid_bowls(inner, square, MOST)
     return level, np.log(np.stack([grid[first], grid[second]], axis=1))
-
-
-def _rows(points: Points, which: Indices) -> Points:
-    """The points of some levels."""
-    t, w = points.t_s, points.w
-    return Points(t if len(t) == 1 else t[which], points.y[which], w if len(w) == 1 else w[which])
 
 
 def _refined(x: Array, points: Points, shares: Array, data: Data) -> tuple[Array, Array, Array]:

@@ -62,11 +62,7 @@ def starting_curves(data: Data, share: float, most: int = BOWLS, enough: float =
     steady = np.maximum(steady, 0.0) * table.worth[one, 1 + first, 1 + second]
     theta = np.stack([steady, grid[first], grid[second], np.full_like(steady, share)])
     if len(level) > len(points.y):
-        points = Points(
-            points.t_s if len(points.t_s) == 1 else points.t_s[level],
-            points.y[level],
-            points.w if len(points.w) == 1 else points.w[level],
-        )
+        points = points.rows(level)
     return Starts(*refine(theta, points, RECORDS * data.longest_s, enough=enough), level)
 
 

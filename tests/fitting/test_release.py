@@ -113,7 +113,7 @@ def test_a_release_faster_than_the_samples_stays_within_the_limits() -> None:
     pairs = np.log([(a, b) for a in np.geomspace(1e-3, 7e3, 90) for b in np.geomspace(a, 7e3, 90)])
     for row, fall in zip(found.levels, falls, strict=True):
         assert row.solver.converged and 0.001 - 1e-10 <= row.tau1 <= row.tau2 + 1e-10
-        points = release._rows(data_of([fall]).points, np.zeros(len(pairs), dtype=np.intp))
+        points = data_of([fall]).points.rows(np.zeros(len(pairs), dtype=np.intp))
         assert row.sse <= (1 + 1e-9) * release._projected(pairs, points, np.full(len(pairs), 0.85)).cost.min()
 
 
