@@ -99,16 +99,16 @@ def packed(p: Nonlinear) -> Array:
 def rows() -> Iterator[Row]:
     made = levels()
     t = np.concatenate([np.tile(level.time_s, 3) for level in made])
-    v = np.concatenate([np.full(level.runs_nm.size, level.level / 100) for level in made])
-    y = np.concatenate([level.runs_nm.ravel() for level in made])
+    v = np.concatenate([np.full(level.runs.size, level.level / 100) for level in made])
+    y = np.concatenate([level.runs.ravel() for level in made])
     X = np.array([t, v])
-    within = sum(float(((level.runs_nm - level.mean_nm) ** 2).sum()) for level in made)
+    within = sum(float(((level.runs - level.mean) ** 2).sum()) for level in made)
 
     def cost(p: Array) -> float:
         return within + 3 * sum(
             float(
                 np.sum(
-                    (curve(np.array([level.time_s, np.full_like(level.time_s, level.level / 100)]), *p) - level.mean_nm)
+                    (curve(np.array([level.time_s, np.full_like(level.time_s, level.level / 100)]), *p) - level.mean)
                     ** 2
                 )
             )
@@ -202,7 +202,7 @@ def per_level(made: list[Level]) -> Iterator[Row]:
     def theirs(**options: object) -> list[Array]:
         found = []
         for level in made:
-            y, t = level.runs_nm.ravel(), np.tile(level.time_s, 3)
+            y, t = level.runs.ravel(), np.tile(level.time_s, 3)
             found.append(curve_fit(one_curve, t, y, p0=[y.max(), 0.5, 5.0], **options)[0])
         return found
 
@@ -210,7 +210,7 @@ def per_level(made: list[Level]) -> Iterator[Row]:
         return [np.array([f.curve.Ts, f.curve.tau1, f.curve.tau2]) for f in fit_levels(data_of(made), 0.85)]
 
     def cost(found: list[Array]) -> float:
-        return sum(float(np.sum((one_curve(a.time_s, *p) - a.runs_nm) ** 2)) for a, p in zip(made, found, strict=True))
+        return sum(float(np.sum((one_curve(a.time_s, *p) - a.runs) ** 2)) for a, p in zip(made, found, strict=True))
 
     fast, mine = median_of(ours, 41), cost(ours())
     for name, options in (("curve_fit", {}), ("curve_fit with bounds, T_s and τ above 0", {"bounds": (0.0, np.inf)})):
@@ -225,8 +225,8 @@ def per_level(made: list[Level]) -> Iterator[Row]:
 def first_order(made: list[Level]) -> Iterator[Row]:
     """The pooled linear model against least squares of the exact exponential."""
     t = np.concatenate([np.tile(level.time_s, 3) for level in made])
-    u = np.concatenate([np.full(level.runs_nm.size, level.level) for level in made])
-    y = np.concatenate([level.runs_nm.ravel() for level in made])
+    u = np.concatenate([np.full(level.runs.size, level.level) for level in made])
+    y = np.concatenate([level.runs.ravel() for level in made])
 
     def residual(p: Array) -> Array:
         return (p[1] * u + p[2]) / p[0] * (1 - np.exp(-p[0] * t)) - y

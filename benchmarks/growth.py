@@ -65,7 +65,7 @@ def measured(samples: int, levels: int) -> tuple[float, float]:
         start = time.process_time()
         fitted(steps)
         times.append(time.process_time() - start)
-    held = sum(one.runs_nm.nbytes for one in steps) + steps[0].time_s.nbytes
+    held = sum(one.runs.nbytes for one in steps) + steps[0].time_s.nbytes
     return statistics.median(times[1:]), peak(lambda: fitted(steps)) + held
 
 

@@ -31,7 +31,7 @@ def white(seed: int) -> StepSet:
     levels = []
     for level in base.levels:
         true = friction.step_response(plant(level.level, VARIANTS["base"]), level.time_s)
-        levels.append(replace(level, runs_nm=true + WHITE_NM * random.standard_normal((3, len(true)))))
+        levels.append(replace(level, runs=true + WHITE_NM * random.standard_normal((3, len(true)))))
     return replace(base, levels=tuple(levels))
 
 

@@ -71,7 +71,7 @@ def shown_by_logs(stepset: StepSet, model: Linear, B_m: float, B_M: float) -> Mi
     """Over the averaged rising steps of the logs."""
     worst = Mismatch(0.0, 0.0, "")
     for level in stepset.levels:
-        t, torque, slope = _smoothed(level.time_s, level.mean_nm)
+        t, torque, slope = _smoothed(level.time_s, level.mean)
         found = distance(level.level - (model.a0 * torque - model.c0) / model.b0, slope, B_m, B_M)
         k = int(np.abs(found).argmax())
         if abs(found[k]) > worst.pct:

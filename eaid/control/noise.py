@@ -12,7 +12,7 @@ def white_noise_nm(stepset: StepSet) -> float:
     """
     found = []
     for level in stepset.levels:
-        for run in level.runs_nm:
+        for run in level.runs:
             second = np.diff(run[np.isfinite(run)], n=2)
             if len(second) > 1:
                 found.append(float(np.sqrt(np.mean(second * second) / 6)))

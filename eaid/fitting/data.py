@@ -73,13 +73,13 @@ def data_of(levels: Sequence[Level], weights: Array | None = None) -> Data:
         for level in levels
     )
     if not alike:
-        return Data(u, tuple(Record(one.time_s, one.mean_nm, one.uniform) for one in levels), weights)
+        return Data(u, tuple(Record(one.time_s, one.mean, one.uniform) for one in levels), weights)
     n = len(first.time_s)
     together, pieces = np.empty((len(levels), n)), None
     if first.uniform and n > SMALL:
         pieces = np.empty((len(levels), piece_count(n), POINTS_PER_BLOCK))
     for i, level in enumerate(levels):
-        row, runs = together[i : i + 1], level.runs_nm
+        row, runs = together[i : i + 1], level.runs
         mean = np.full((1, len(runs)), 1 / len(runs))
         for start in range(0, n, CHUNK):
             part, before = slice(start, min(start + CHUNK, n)), max(start - PIECE, 0)
@@ -95,9 +95,9 @@ def data_of(levels: Sequence[Level], weights: Array | None = None) -> Data:
 
 def _variance(level: Level) -> float:
     """Mean over samples of the variance of the repeats (n − 1); NaN for a single run."""
-    if len(level.runs_nm) < 2:
+    if len(level.runs) < 2:
         return np.nan
-    off = (level.runs_nm - level.mean_nm).ravel()
+    off = (level.runs - level.mean).ravel()
     return float(off @ off) / (len(off) - len(level.time_s))
 
 

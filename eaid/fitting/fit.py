@@ -155,7 +155,7 @@ def nonlinear_fit(
     p = solution.parameters
     left = residuals(solution, data)
     total = overall(left)
-    missed = [nonlinear_model.step_response(p, one.time_s, one.level) - one.mean_nm for one in held]
+    missed = [nonlinear_model.step_response(p, one.time_s, one.level) - one.mean for one in held]
     outside = hold_out_row(held, missed, total.rmse)
     return NonlinearFit(
         parameters=p,
@@ -186,7 +186,7 @@ def linear_fit(
     own = fit_own_levels(data)
     rows = {name: by_convention(data, own, p, name) for name in CONVENTIONS}
     bounds = {name: bounds_of(row, name, options.bounds_levels) for name, row in rows.items()}
-    missed = [linear_model.step_response(p, one.time_s, one.level) - one.mean_nm for one in held]
+    missed = [linear_model.step_response(p, one.time_s, one.level) - one.mean for one in held]
     outside = hold_out_row(held, missed, total.rmse)
     return LinearFit(
         parameters=p,
@@ -242,6 +242,6 @@ def friction_hold_out(part: FrictionFit, stepset: StepSet, held: Sequence[Level]
             for k in ("Ts", "tau1", "tau2")
         )
         curve = Friction(Ts, max(tau1, 1e-3), max(tau2, 1e-3), SHARE if part.C is None else part.C)
-        missed.append(friction_model.step_response(curve, one.time_s) - one.mean_nm)
+        missed.append(friction_model.step_response(curve, one.time_s) - one.mean)
     samples = sum(f.samples for f in part.levels)
     return hold_out_row(held, missed, float(np.sqrt(sum(f.sse for f in part.levels) / samples)))

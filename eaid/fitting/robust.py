@@ -143,7 +143,7 @@ def with_runs(info: dict[str, Any] | None, levels: Sequence[Level]) -> dict[str,
         parts = []
         for part in row["parts"]:
             inside = (level.time_s >= part["from_s"]) & (level.time_s <= part["to_s"])
-            runs = level.runs_nm[:, inside]
+            runs = level.runs[:, inside]
             away = np.abs(runs - np.median(runs, axis=0)).mean(axis=1)
             named = len(runs) == 1 or (len(runs) > 2 and away.max() > APART * np.median(away))
             parts.append({**part, "run": level.names[int(away.argmax())] if named else None})

@@ -43,7 +43,7 @@ def data_json(stepset: StepSet) -> dict[str, Any]:
         "input_unit": stepset.input_unit,
         "output_unit": stepset.output_unit,
         "levels": [level.level for level in stepset.levels],
-        "repeats": [len(level.runs_nm) for level in stepset.levels],
+        "repeats": [len(level.runs) for level in stepset.levels],
         "samples": [len(level.time_s) for level in stepset.levels],
         "record_s": [float(level.time_s[-1]) for level in stepset.levels],
         "sample_rate_hz": max(rates),

@@ -22,11 +22,11 @@ def weights_of(levels: Sequence[Level], how: str) -> Array | None:
 
 def no_spread(levels: Sequence[Level]) -> str | None:
     """Why there are no sd weights, in words; None where there are."""
-    single = [f"{level.level:g}" for level in levels if len(level.runs_nm) < 2]
+    single = [f"{level.level:g}" for level in levels if len(level.runs) < 2]
     if single:
         return f"level {', '.join(single)} has one run only, so its repeats have no spread"
     if not np.isfinite(spread_weights(levels)).all():
-        same = [f"{level.level:g}" for level in levels if not level.sd_nm.any()]
+        same = [f"{level.level:g}" for level in levels if not level.sd.any()]
         return f"the repeats of level {', '.join(same)} are identical, so their spread is no weight"
     return None
 

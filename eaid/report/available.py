@@ -44,10 +44,10 @@ def _steps_live(
     notes: Mapping[float, str] | None = None,
 ) -> Live:
     names = [level_text(one.level, data.input_unit) for one in data.levels]
-    levels = [(name, one.time_s, one.mean_nm) for name, one in zip(names, data.levels, strict=True)]
+    levels = [(name, one.time_s, one.mean) for name, one in zip(names, data.levels, strict=True)]
     texts = [f", RMSE {notes[one.level]}" if notes and one.level in notes else "" for one in data.levels]
     fitted = [models.get(one.level) for one in data.levels]
-    bands = [one.sd_nm if spread and len(one.runs_nm) > 1 else None for one in data.levels]
+    bands = [one.sd if spread and len(one.runs) > 1 else None for one in data.levels]
     return lambda: live.steps(levels, fitted, quantity(data.output_unit), data.output_unit, bands, texts)
 
 

@@ -278,8 +278,8 @@ def _level(runs: list[Run], signs: dict[bool, float], clocks: Clocks, warnings: 
     for run in runs:
         release(run.time_s, run.output)
     if warnings is not None and len(runs) > 1:
-        spread = disagreement(averaged.runs_nm)
-        release(averaged.runs_nm)
+        spread = disagreement(averaged.runs)
+        release(averaged.runs)
         if spread > DISAGREE:
             for run in runs:
                 warnings[run.name].append(f"repeats disagree: their torque at the end differs by {spread:.0%}")

@@ -17,24 +17,24 @@ class Level:
     """Input of the step, in the set's input unit."""
     time_s: Array
     """Time since the step [s], shape (n,), time_s[0] ≥ 0; the first sample at the level is t = 0."""
-    runs_nm: Array
+    runs: Array
     """Output of each repeat [N·m or `output_unit`], shape (R, n)."""
     names: tuple[str, ...]
-    """Name of the run behind each row of `runs_nm`."""
+    """Name of the run behind each row of `runs`."""
     uniform: bool
     """True where `time_s` is k·dt, to rounding."""
 
     @cached_property
-    def mean_nm(self) -> Array:
+    def mean(self) -> Array:
         """Mean of the repeats, shape (n,): what is fitted."""
-        return np.asarray(self.runs_nm.mean(axis=0))
+        return np.asarray(self.runs.mean(axis=0))
 
     @property
-    def sd_nm(self) -> Array:
+    def sd(self) -> Array:
         """Standard deviation of the repeats (n − 1), shape (n,); zeros for a single run."""
-        if len(self.runs_nm) == 1:
+        if len(self.runs) == 1:
             return np.zeros_like(self.time_s)
-        return np.asarray(self.runs_nm.std(axis=0, ddof=1))
+        return np.asarray(self.runs.std(axis=0, ddof=1))
 
 
 @dataclass(frozen=True)

@@ -116,7 +116,7 @@ def spectral_degrees(residual: Array) -> float:
 def overshoot(level: Level) -> float:
     """Share of its peak that the mean torque loses while the input is held, smoothed over a fiftieth of the record."""
     width = max(1, len(level.time_s) // 50)
-    sums = np.cumsum(np.concatenate(([0.0], level.mean_nm)))
+    sums = np.cumsum(np.concatenate(([0.0], level.mean)))
     smooth = (sums[width:] - sums[:-width]) / width
     peak = float(smooth.max())
     if peak <= 0:
@@ -151,7 +151,7 @@ def adequacy(stepset: StepSet, fit: Fit, base: Ground, asked: Share | None = Non
     """Judge the models of a fit, on the levels that it rests on; `asked` is the C that its runs ask for."""
     levels = base.levels
     residuals = [
-        level.mean_nm - friction.step_response(one.curve, level.time_s)
+        level.mean - friction.step_response(one.curve, level.time_s)
         for level, one in zip(levels, base.evidence, strict=True)
     ]
     sizes = [effective_samples(r) for r in residuals]
@@ -258,7 +258,7 @@ def _leave_one_out(base: Ground) -> float:
     total, samples = 0.0, 0
     shares = [one.curve.C for one in base.evidence]
     for level, Ts, tau1, tau2, C in list(zip(base.levels, *values, shares, strict=True))[inner]:
-        left = level.mean_nm - friction.step_response(Friction(float(Ts), float(tau1), float(tau2), C), level.time_s)
+        left = level.mean - friction.step_response(Friction(float(Ts), float(tau1), float(tau2), C), level.time_s)
         total += float(left @ left)
         samples += len(left)
     return float(np.sqrt(total / samples))

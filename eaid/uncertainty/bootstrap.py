@@ -131,7 +131,7 @@ def _of_pool(i: int) -> tuple[Array, Array, Array, Array]:
 
 def _compressed(level: Level, length: int) -> Array:
     """Every run of a level on the points of its mean, shape (R, length): compression is linear in the data."""
-    rows = compress([level.time_s] * len(level.runs_nm), list(level.runs_nm)).y
+    rows = compress([level.time_s] * len(level.runs), list(level.runs)).y
     return np.pad(rows, ((0, 0), (0, length - rows.shape[1])))
 
 
@@ -145,7 +145,7 @@ def resampled_mean(runs: Array, random: "np.random.Generator") -> Array:
 
 def resampled_blocks(level: Level, fitted_nm: Array, random: "np.random.Generator") -> Array:
     """A single run made anew from blocks of its own residuals, shape (n,)."""
-    left = level.mean_nm - fitted_nm
+    left = level.mean - fitted_nm
     n = len(left)
     length = int(np.clip(np.searchsorted(level.time_s - level.time_s[0], BLOCK_S), 1, max(1, n // 2)))
     starts = random.integers(0, n, -(-n // length))
@@ -162,7 +162,7 @@ def _refit(job: _Job, i: int) -> tuple[Array, Array, Array, Array]:
             continue
         Ts, tau1, tau2 = np.exp(job.theta[k, :3]).tolist()
         fitted = friction.step_response(Friction(Ts, tau1, tau2, job.shares[k]), level.time_s)
-        drawn = replace(level, runs_nm=resampled_blocks(level, fitted, random)[None])
+        drawn = replace(level, runs=resampled_blocks(level, fitted, random)[None])
         y[k] = _compressed(drawn, len(y[k]))[0]
     data = replace(job.data)
     data.__dict__["points"] = Points(base.t_s, y, base.w)

@@ -142,7 +142,7 @@ def with_white_covariance(
     for i, level in enumerate(levels):
         weight = 1.0 if weights is None else float(weights[i])
         g = log_jacobian(nonlinear.at_duty(p, level.level), level.time_s, c.share_free) @ chain(c, level.level)
-        left = level.mean_nm - nonlinear.step_response(p, level.time_s, level.level)
+        left = level.mean - nonlinear.step_response(p, level.time_s, level.level)
         M += weight * g.T @ g
         cost += weight * float(left @ left)
         samples += len(left)

@@ -61,9 +61,9 @@ def log_theta(curve: Friction, share_free: bool = False) -> Array:
 def level_evidence(level: Level, curve: Friction, held: Sequence[str] = (), share_free: bool = False) -> LevelEvidence:
     """What the runs of one level say about its friction curve."""
     jacobian = log_jacobian(curve, level.time_s, share_free)
-    noise = own_residuals(level.runs_nm, jacobian[:, 0], jacobian)  # ∂f/∂log T_s is f itself
+    noise = own_residuals(level.runs, jacobian[:, 0], jacobian)  # ∂f/∂log T_s is f itself
     theta = log_theta(curve, share_free)
-    found = evidence(level.level, level.time_s, level.runs_nm, jacobian, theta, noise_nm=noise)
+    found = evidence(level.level, level.time_s, level.runs, jacobian, theta, noise_nm=noise)
     return LevelEvidence(curve, found, noise, tuple(held))
 
 
@@ -137,7 +137,7 @@ def level_parameters(
 
 def white_variance(level: Level, found: LevelEvidence) -> tuple[Array, float]:
     """Textbook variance s² A⁻¹ of (log T_s, log τ1, log τ2), for the mean of the repeats, and n − k."""
-    left = level.mean_nm - friction.step_response(found.curve, level.time_s)
+    left = level.mean - friction.step_response(found.curve, level.time_s)
     spare = len(left) - len(found.evidence.log_theta)
     inverse = np.linalg.pinv(found.evidence.information, rcond=1e-14, hermitian=True)
     return np.asarray(np.diag(inverse) * float(left @ left) / spare), float(spare)

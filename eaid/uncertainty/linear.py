@@ -43,7 +43,7 @@ def pooled_gain(levels: Sequence[Level], p: Linear, weights: Array | None = None
             square = both @ both.T
         size = p.b0 * level.level + p.c0
         take = np.array([[size, 0.0], [0.0, level.level], [0.0, 1.0]])
-        left = level.mean_nm - size * both[1]
+        left = level.mean - size * both[1]
         curved = np.zeros((3, 3))
         curved[0, 0] = size * (left @ second)
         curved[0, 1] = curved[1, 0] = level.level * (left @ both[0])
@@ -73,7 +73,7 @@ def own_terms(level: Level, a0: float, gain: float) -> tuple[Array, Array]:
     decay = 1.0 - rise
     slope = gain * a0 * level.time_s * decay
     jacobian = np.stack([slope, gain * rise], axis=1)
-    left = level.mean_nm - gain * rise
+    left = level.mean - gain * rise
     curved = np.array([[left @ (slope * (1 - a0 * level.time_s)), left @ slope], [left @ slope, left @ (gain * rise)]])
     return jacobian, np.asarray(jacobian.T @ jacobian - curved)
 
@@ -97,7 +97,7 @@ def level_evidence(level: Level, a0: float, gain: float, noise_nm: Array) -> Evi
     """Evidence on (log a0, log gain) of one level's own fit, gain [N·m] · (1 − e^(−a0 t))."""
     jacobian, hessian = own_terms(level, a0, gain)
     theta = np.log([a0, gain])
-    runs = level.runs_nm
+    runs = level.runs
     return evidence(level.level, level.time_s, runs, jacobian, theta, noise_nm=noise_nm, hessian=hessian)
 
 

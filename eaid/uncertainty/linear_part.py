@@ -39,7 +39,7 @@ def spreads(gains: Sequence[Gain], ground: Ground) -> list[tuple[float, float]]:
     """The same of m numbers at once."""
     if ground.source == "repeats":
         psi = [
-            (level.runs_nm @ along.T - level.mean_nm @ along.T) @ take.T / len(level.runs_nm)
+            (level.runs @ along.T - level.mean @ along.T) @ take.T / len(level.runs)
             for level, (take, along) in zip(ground.levels, gains, strict=True)
         ]
         if ground.swept:
@@ -136,7 +136,7 @@ def _gain_at(level: Level, a0: float) -> tuple[Array, float]:
 
     def gain(rate: float) -> float:
         rise = -np.expm1(-rate * level.time_s)
-        return float(rise @ level.mean_nm / (rise @ rise))
+        return float(rise @ level.mean / (rise @ rise))
 
     rise = -np.expm1(-a0 * level.time_s)
     step = 1e-5 * a0
@@ -184,7 +184,7 @@ def white(fit: LinearFit, levels: Sequence[Level]) -> dict[str, Any]:
     M, cost, samples = np.zeros((3, 3)), 0.0, 0
     for level in levels:
         jacobian = model.gradient(fit.parameters, level.time_s, level.level)
-        left = level.mean_nm - model.step_response(fit.parameters, level.time_s, level.level)
+        left = level.mean - model.step_response(fit.parameters, level.time_s, level.level)
         M += jacobian @ jacobian.T
         cost, samples = cost + float(left @ left), samples + len(left)
     terms = 3 if len(levels) > 1 else 2
@@ -195,7 +195,7 @@ def white(fit: LinearFit, levels: Sequence[Level]) -> dict[str, Any]:
     for level, row in zip(levels, fit.per_level, strict=True):
         decay = np.exp(-row.a0 * level.time_s)
         J = np.stack([row.gain * level.time_s * decay, -np.expm1(-row.a0 * level.time_s)], axis=1)
-        left = level.mean_nm - row.gain * J[:, 1]
+        left = level.mean - row.gain * J[:, 1]
         spare = len(left) - 2
         covariance = scaled_inverse(J.T @ J) * float(left @ left) / spare
         own = {"a0": float(np.sqrt(covariance[0, 0])), "gain": float(np.sqrt(covariance[1, 1]))}

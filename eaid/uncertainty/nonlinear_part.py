@@ -203,7 +203,7 @@ def as_fit(found: Estimates, ground: Ground, held: Sequence[Level] = ()) -> Nonl
     if both is None:
         return None
     p = both.plant()
-    left = [nonlinear.step_response(p, level.time_s, level.level) - level.mean_nm for level in ground.levels]
+    left = [nonlinear.step_response(p, level.time_s, level.level) - level.mean for level in ground.levels]
     total = overall(left)
     solver = Solver(
         converged=ground.converged,
@@ -216,7 +216,7 @@ def as_fit(found: Estimates, ground: Ground, held: Sequence[Level] = ()) -> Nonl
         promise=0.0,
         method="two-stage",
     )
-    missed = [nonlinear.step_response(p, one.time_s, one.level) - one.mean_nm for one in held]
+    missed = [nonlinear.step_response(p, one.time_s, one.level) - one.mean for one in held]
     outside = hold_out_row(held, missed, total.rmse)
     return NonlinearFit(
         parameters=p,

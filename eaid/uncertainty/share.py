@@ -100,7 +100,7 @@ def share_of(ground: Ground) -> Share | None:
     levels = [ground.levels[i] for i in speak]
     places = tuple(level.level for level in levels)
     nothing = Share(held, None, np.inf, 0.0, places, False, *np.zeros((3, 0, 3)))
-    repeats = np.array([len(level.runs_nm) for level in levels], dtype=np.int64)
+    repeats = np.array([len(level.runs) for level in levels], dtype=np.int64)
     if not len(levels) or repeats.sum() < 3:
         return nothing
     points = _runs_and_means(levels, repeats)
@@ -135,9 +135,9 @@ def _runs_and_means(levels: Sequence[Level], repeats: Counts) -> Points:
     """All runs, one row each, and after them the mean of each level."""
     first = levels[0].time_s
     alike = all(level.time_s is first or np.array_equal(level.time_s, first) for level in levels)
-    rows = [run for level in levels for run in level.runs_nm]
-    times = [level.time_s for level in levels for _ in level.runs_nm]
-    points = compress(times, rows, np.concatenate([level.runs_nm for level in levels]) if alike else None)
+    rows = [run for level in levels for run in level.runs]
+    times = [level.time_s for level in levels for _ in level.runs]
+    points = compress(times, rows, np.concatenate([level.runs for level in levels]) if alike else None)
     starts = np.cumsum(repeats) - repeats
     means = np.add.reduceat(points.y, starts, axis=0) / repeats[:, None]
     if len(points.t_s) == 1:

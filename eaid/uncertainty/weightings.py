@@ -93,9 +93,9 @@ def _with(value: float, ends: list[float]) -> str:
 
 def spread_rises(ground: Ground) -> tuple[float, float]:
     """Slope of log s over log torque, and its size in standard errors of chance; s: rms spread of a level's repeats."""
-    spread = np.array([np.sqrt(np.mean(level.sd_nm**2)) for level in ground.levels])
-    torque = np.array([np.abs(level.mean_nm[-max(1, len(level.mean_nm) // 10) :]).mean() for level in ground.levels])
-    spare = np.array([len(level.runs_nm) - 1 for level in ground.levels], dtype=float)
+    spread = np.array([np.sqrt(np.mean(level.sd**2)) for level in ground.levels])
+    torque = np.array([np.abs(level.mean[-max(1, len(level.mean) // 10) :]).mean() for level in ground.levels])
+    spare = np.array([len(level.runs) - 1 for level in ground.levels], dtype=float)
     if not ((spread > 0) & (torque > 0)).all():
         return 0.0, 0.0
     x = np.log(torque) - np.log(torque).mean()
@@ -109,7 +109,7 @@ def spread_rises(ground: Ground) -> tuple[float, float]:
 
 def _judged(ground: Ground) -> tuple[str, str]:
     """Which weights to believe, and why."""
-    fewest = min(len(level.runs_nm) for level in ground.levels)
+    fewest = min(len(level.runs) for level in ground.levels)
     spare = fewest - 1
     low, high = (float(np.sqrt(spare / chi2_quantile(spare, 1 - p))) for p in (0.025, 0.975))
     poor = f"from {fewest} repeats a level's spread is known within a factor of {low:.2g} to {high:.2g} only"

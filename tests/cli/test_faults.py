@@ -237,7 +237,7 @@ def test_damaged_datasets_are_detected(results: Path, tmp_path: Path) -> None:
             refused += all(sentence.startswith(str(path)) for sentence in fault.sentences)
             continue
         for one, other in zip(truth.levels, found.levels, strict=True):
-            np.testing.assert_array_equal(one.runs_nm, other.runs_nm)
+            np.testing.assert_array_equal(one.runs, other.runs)
             np.testing.assert_array_equal(one.time_s, other.time_s)
         assert truth.runs == found.runs
     assert refused > 40

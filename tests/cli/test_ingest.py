@@ -197,7 +197,7 @@ def test_a_thousand_runs_in_one_call(tmp_path: Path) -> None:
         (tmp_path / "logs" / f"r{k:04d}.csv").write_text(text)
     stepset = stepset_from([tmp_path / "logs"])
     assert len(stepset.runs) == 1000
-    assert stepset.levels[0].runs_nm.shape == (1000, 100)
+    assert stepset.levels[0].runs.shape == (1000, 100)
 
 
 def test_ctrl_c_leaves_nothing(tmp_path: Path) -> None:

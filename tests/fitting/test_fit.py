@@ -34,7 +34,7 @@ def test_a_clutch_set_gets_all_three_models_and_its_metrics_are_those_of_its_cur
     assert found.friction and found.nonlinear and found.linear and not found.release and found.converged
     left = np.concatenate(
         [
-            level.runs_nm.mean(axis=0) - _curve(found.nonlinear.parameters, level.time_s, level.level)
+            level.runs.mean(axis=0) - _curve(found.nonlinear.parameters, level.time_s, level.level)
             for level in steps.levels
         ]
     )
@@ -89,7 +89,7 @@ def test_no_step_no_fit(clutch_set: Maker) -> None:
 def test_held_out_levels_are_predicted_not_fitted(clutch_set: Maker) -> None:
     steps = clutch_set(rate_hz=50.0, noise_nm=0.01)
     # A level that follows no model of the rest: were it fitted, the rest would suffer.
-    odd = replace(steps.levels[3], runs_nm=steps.levels[3].runs_nm * 1.5)
+    odd = replace(steps.levels[3], runs=steps.levels[3].runs * 1.5)
     steps = replace(steps, levels=(*steps.levels[:3], odd, *steps.levels[4:]))
     found = fit(steps, FitOptions(hold_out=(40.0, 70.0)))
     assert found.nonlinear and found.linear and found.nonlinear.hold_out and found.linear.hold_out
@@ -110,7 +110,7 @@ def test_held_out_friction_levels_are_predicted_by_the_trends(friction_set: Make
 
 def test_weights_by_spread_follow_the_quiet_levels(clutch_set: Maker) -> None:
     steps = clutch_set(rate_hz=20.0, noise_nm=0.01, repeats=3)
-    loud = replace(steps.levels[9], runs_nm=steps.levels[9].runs_nm + np.array([[-1.0], [0.0], [1.6]]))
+    loud = replace(steps.levels[9], runs=steps.levels[9].runs + np.array([[-1.0], [0.0], [1.6]]))
     steps = replace(steps, levels=(*steps.levels[:9], loud))
     weighted = fit(steps, FitOptions(weights="sd")).nonlinear
     plain = fit(steps).nonlinear
@@ -129,9 +129,9 @@ def test_weights_by_spread_need_repeats_that_differ(clutch_set: Maker) -> None:
 
 def test_huber_sees_past_spikes_and_shows_its_weights(clutch_set: Maker) -> None:
     steps = clutch_set(rate_hz=50.0, noise_nm=0.005)
-    spiked = steps.levels[6].runs_nm.copy()
+    spiked = steps.levels[6].runs.copy()
     spiked[0, 100:160] = 0.0  # a drop-out
-    steps = replace(steps, levels=(*steps.levels[:6], replace(steps.levels[6], runs_nm=spiked), *steps.levels[7:]))
+    steps = replace(steps, levels=(*steps.levels[:6], replace(steps.levels[6], runs=spiked), *steps.levels[7:]))
     huber, squares = fit(steps, FitOptions(loss="huber")).nonlinear, fit(steps).nonlinear
     assert huber and squares and huber.robust and squares.robust is None and huber.robust["settled"]
 
@@ -147,9 +147,9 @@ def test_huber_sees_past_spikes_and_shows_its_weights(clutch_set: Maker) -> None
 
 def test_huber_is_at_the_minimum_of_its_own_loss(clutch_set: Maker) -> None:
     steps = clutch_set(levels=[60], duration_s=5.0, rate_hz=40.0, noise_nm=0.05)
-    y = steps.levels[0].runs_nm.copy()
+    y = steps.levels[0].runs.copy()
     y[0, ::17] += 2.0
-    steps = replace(steps, levels=(replace(steps.levels[0], runs_nm=y),))
+    steps = replace(steps, levels=(replace(steps.levels[0], runs=y),))
     found = fit(steps, FitOptions(loss="huber", models=("friction",))).friction
     assert found and found.robust
     from eaid.models import friction
@@ -264,7 +264,7 @@ def test_a_linear_number_that_is_missing() -> None:
 def test_unequal_levels_are_fitted_as_well(clutch_set: Maker) -> None:
     steps = clutch_set(rate_hz=100.0)
     cut = tuple(
-        Level(one.level, one.time_s[: 1000 + 100 * k], one.runs_nm[:, : 1000 + 100 * k], one.names, True)
+        Level(one.level, one.time_s[: 1000 + 100 * k], one.runs[:, : 1000 + 100 * k], one.names, True)
         for k, one in enumerate(steps.levels)
     )
     found = fit(replace(steps, levels=cut)).nonlinear

@@ -85,7 +85,7 @@ def test_levels_together_end_where_the_solver_takes_each(times: list[np.ndarray]
         solved = release._solve(data, np.array([0.85]), np.log([[0.1, 1.0], [0.4, 9.0]]))
         assert own.sse == pytest.approx(solved.solver.starts[0], rel=1e-12)
         assert (own.tau1, own.tau2) == pytest.approx(tuple(solved.tau), rel=1e-6)
-        left = level.mean_nm - release_curve(own, level.time_s)
+        left = level.mean - release_curve(own, level.time_s)
         assert own.sse == pytest.approx(left @ left, rel=1e-12)
 
 

@@ -107,7 +107,7 @@ def by_hand(path: Path, **more: object) -> Path:
 def test_a_users_own_dataset(tmp_path: Path) -> None:
     stepset = build_stepset(read_runs([by_hand(tmp_path / "d.h5")]))
     assert [level.level for level in stepset.levels] == [40.0, 80.0]
-    np.testing.assert_allclose(stepset.levels[1].mean_nm[-1], 3.2, atol=1e-9)
+    np.testing.assert_allclose(stepset.levels[1].mean[-1], 3.2, atol=1e-9)
     assert stepset.apparatus == Apparatus()
 
 

@@ -57,7 +57,7 @@ def test_a_long_log_gives_the_same_steps(tmp_path: Path, request: pytest.Fixture
     assert isinstance(spool_of(runs[0].output), np.memmap)
     for one, other in zip((*short.levels, *short.releases), (*long.levels, *long.releases), strict=True):
         np.testing.assert_array_equal(one.time_s, other.time_s)
-        np.testing.assert_allclose(one.runs_nm, other.runs_nm, rtol=0, atol=1e-12)  # the mean of pieces rounds apart
+        np.testing.assert_allclose(one.runs, other.runs, rtol=0, atol=1e-12)  # the mean of pieces rounds apart
     for a, b in zip(short.runs, long.runs, strict=True):
         assert (a.name, a.level, a.step_s, a.samples, a.warnings) == (b.name, b.level, b.step_s, b.samples, b.warnings)
 
@@ -75,7 +75,7 @@ def test_from_a_dataset_too(tmp_path: Path) -> None:
     write_dataset(tmp_path / "d.h5", runs, kind="clutch", apparatus=of_log.apparatus)
     _, of_dataset = runs_from([tmp_path / "d.h5"])
     for one, other in zip((*of_log.levels, *of_log.releases), (*of_dataset.levels, *of_dataset.releases), strict=True):
-        np.testing.assert_array_equal(one.runs_nm, other.runs_nm)
+        np.testing.assert_array_equal(one.runs, other.runs)
     assert of_log.runs == of_dataset.runs
 
 
@@ -88,7 +88,7 @@ def test_a_large_dataset_goes_to_the_disk_directly(tmp_path: Path, monkeypatch: 
         write_dataset(tmp_path / name, runs, kind="clutch", apparatus=stepset.apparatus)
     assert (tmp_path / "a.h5").read_bytes() == (tmp_path / "b.h5").read_bytes()
     np.testing.assert_array_equal(
-        runs_from([tmp_path / "a.h5"])[1].levels[0].runs_nm, runs_from([tmp_path / "memory.h5"])[1].levels[0].runs_nm
+        runs_from([tmp_path / "a.h5"])[1].levels[0].runs, runs_from([tmp_path / "memory.h5"])[1].levels[0].runs
     )
     monkeypatch.setattr("shutil.disk_usage", lambda _: type("", (), {"free": 1000})())
     with pytest.raises(Exception, match=r"takes up to 1 MB, and 0 MB are free; make room, or choose another -o"):

@@ -148,7 +148,7 @@ def test_logs_of_one_run_are_joined_by_time(tmp_path: Path) -> None:
         ("run", 50.0, 2.0, "rising"),
         ("run-release", 50.0, 7.0, "falling"),
     ]
-    assert stepset.levels[0].runs_nm.shape == (1, 500)
+    assert stepset.levels[0].runs.shape == (1, 500)
     assert steps[0].notes[0].startswith(f"joined with {files[1]} (")
 
 

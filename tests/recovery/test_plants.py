@@ -149,7 +149,7 @@ def test_time_stretched_stretches_the_time_constants(curve: Friction, stretch: f
 def test_repeats_may_come_in_any_order(curve: Friction, order: list[int]) -> None:
     steps = _one_level(curve)
     (level,) = steps.levels
-    shuffled = replace(steps, levels=(replace(level, runs_nm=level.runs_nm[order]),))
+    shuffled = replace(steps, levels=(replace(level, runs=level.runs[order]),))
     assert _friction(shuffled).tau2 == pytest.approx(_friction(steps).tau2, rel=1e-6)
 
 

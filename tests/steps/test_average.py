@@ -26,11 +26,11 @@ def warnings(run: Run) -> tuple[str, ...]:
 def test_mean_and_spread_of_equal_repeats() -> None:
     runs = [log(PLAN, noise=0.05, seed=k, name=f"r{k}") for k in range(3)]
     (level,) = build_stepset(runs).levels
-    assert level.runs_nm.shape == (3, 600)
+    assert level.runs.shape == (3, 600)
     assert level.uniform
     stack = np.stack([r.output[200:] - r.output[:200].mean() for r in runs])
-    np.testing.assert_array_equal(level.mean_nm, stack.mean(axis=0))
-    np.testing.assert_array_equal(level.sd_nm, stack.std(axis=0, ddof=1))
+    np.testing.assert_array_equal(level.mean, stack.mean(axis=0))
+    np.testing.assert_array_equal(level.sd, stack.std(axis=0, ddof=1))
     np.testing.assert_array_equal(level.time_s, np.arange(600) * 0.01)
 
 
@@ -47,15 +47,15 @@ def test_other_rates_are_interpolated_to_the_finest() -> None:
     np.testing.assert_allclose(np.diff(level.time_s), 1e-3, rtol=1e-9)
     assert level.time_s[-1] <= 5.99 + 1e-9
     # linear interpolation is off by h²/8 · |f''|: (0.01)² / 8 · 2 · 0.85 / 0.2² = 5.3e-4
-    np.testing.assert_allclose(level.runs_nm[0], 2 * curve(level.time_s), atol=6e-4)
-    np.testing.assert_allclose(level.runs_nm[1], 2 * curve(level.time_s), atol=1e-12)
+    np.testing.assert_allclose(level.runs[0], 2 * curve(level.time_s), atol=6e-4)
+    np.testing.assert_allclose(level.runs[1], 2 * curve(level.time_s), atol=1e-12)
 
 
 def test_order_of_repeats_does_not_matter() -> None:
     runs = [log(PLAN, noise=0.05, seed=k, name=f"r{k}", rate_hz=rate) for k, rate in enumerate((100.0, 200.0, 150.0))]
     (one,) = build_stepset(runs).levels
     (other,) = build_stepset(runs[::-1]).levels
-    np.testing.assert_allclose(one.mean_nm, other.mean_nm, rtol=0, atol=1e-13)
+    np.testing.assert_allclose(one.mean, other.mean, rtol=0, atol=1e-13)
 
 
 def test_rounded_times_are_uniform_and_jittered_ones_are_not() -> None:

@@ -83,7 +83,7 @@ def test_both_signs_and_inverted() -> None:
     stepset = build_stepset([run])
     (level,) = stepset.levels
     assert (level.level, len(level.names)) == (50.0, 2)
-    np.testing.assert_allclose(level.runs_nm[0], level.runs_nm[1], atol=1e-3)
+    np.testing.assert_allclose(level.runs[0], level.runs[1], atol=1e-3)
     told = [w for run_ in stepset.runs for w in run_.warnings]
     assert "the input is negative: its size is taken" in told
     assert "the output falls at the step: recorded inverted, its sign is turned" in told
@@ -92,7 +92,7 @@ def test_both_signs_and_inverted() -> None:
 def test_inverted_output_alone() -> None:
     runs = [log([(0, 2), (u, 4)], gain=-0.04, offset=0.2, noise=0.01, name=f"u{u}") for u in (0.1, 50, 80)]
     stepset = build_stepset(runs)
-    assert [float(level.mean_nm[-1]) for level in stepset.levels] == pytest.approx([0, 2.0, 3.2], abs=0.1)
+    assert [float(level.mean[-1]) for level in stepset.levels] == pytest.approx([0, 2.0, 3.2], abs=0.1)
 
 
 def test_ramped_input_begins_at_its_level() -> None:
@@ -244,7 +244,7 @@ def test_levels_option_and_its_sentence() -> None:
 def test_baseline_kept() -> None:
     (kept,) = build_stepset([log([(0, 2), (50, 4)], offset=0.3)], StepOptions(keep_baseline=True)).levels
     (gone,) = build_stepset([log([(0, 2), (50, 4)], offset=0.3)]).levels
-    np.testing.assert_allclose(kept.mean_nm - gone.mean_nm, 0.3, atol=1e-12)
+    np.testing.assert_allclose(kept.mean - gone.mean, 0.3, atol=1e-12)
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])

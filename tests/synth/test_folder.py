@@ -123,4 +123,4 @@ def test_a_folder_and_a_dataset_are_read_as_the_same_synthetic_steps(tmp_path: P
         from_folder.levels + from_folder.releases, from_dataset.levels + from_dataset.releases, strict=True
     ):
         np.testing.assert_allclose(one.time_s, other.time_s, atol=1e-12)
-        np.testing.assert_allclose(one.runs_nm, other.runs_nm, atol=1e-12)
+        np.testing.assert_allclose(one.runs, other.runs, atol=1e-12)

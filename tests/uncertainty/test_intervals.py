@@ -136,7 +136,7 @@ def test_white_is_the_textbook_and_far_narrower(made: StepSet, fitted: Any, body
     assert textbook < own / 4
     level, curve = made.levels[4], fitted.friction.levels[4].curve
     J = friction.gradient(curve, level.time_s)[:3].T
-    left = level.mean_nm - friction.step_response(curve, level.time_s)
+    left = level.mean - friction.step_response(curve, level.time_s)
     covariance = np.linalg.inv(J.T @ J) * (left @ left) / (len(left) - 3)
     assert textbook / 2 == pytest.approx(1.9629 * np.sqrt(covariance[0, 0]), rel=1e-3)
 
@@ -207,8 +207,7 @@ def test_a_parameter_at_its_constraint_is_not_estimable() -> None:
     made = steps([Friction(1.0 + i, 0.5, 0.5) for i in range(4)], record_s=10.0, sd=0.002, runs=2)
     t = made.levels[0].time_s
     bent = tuple(
-        replace(one, runs_nm=one.runs_nm + 0.02 * one.level * (np.exp(-t / 1.0) - np.exp(-t / 0.2)))
-        for one in made.levels
+        replace(one, runs=one.runs + 0.02 * one.level * (np.exp(-t / 1.0) - np.exp(-t / 0.2))) for one in made.levels
     )
     same = replace(made, levels=bent)
     sure = intervals(same, fit(same, FitOptions(models=("friction",))))
@@ -219,7 +218,7 @@ def test_a_parameter_at_its_constraint_is_not_estimable() -> None:
 
 def test_overshoot_under_hold_is_named() -> None:
     made = steps([Friction(1.0 + i, 0.1, 0.5) for i in range(4)], record_s=10.0, sd=0.002, runs=2)
-    bent = tuple(replace(one, runs_nm=one.runs_nm * (1 - 0.02 * one.time_s)) for one in made.levels)
+    bent = tuple(replace(one, runs=one.runs * (1 - 0.02 * one.time_s)) for one in made.levels)
     sure = intervals(replace(made, levels=bent), fit(replace(made, levels=bent), FitOptions(models=("friction",))))
     word = next(word for word in sure.warnings if "overshoots and decays under hold" in word)
     assert "at 3 more levels" in word and "no sum of rising exponentials shows that" in word

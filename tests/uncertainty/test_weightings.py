@@ -63,8 +63,8 @@ def test_gain_scatter_means_sd_weights_white_noise_does_not(scattered: StepSet, 
     white = tuple(
         replace(
             level,
-            runs_nm=friction.step_response(sets.plant(level.level, sets.VARIANTS["base"]), level.time_s)
-            + 0.02 * random.standard_normal(level.runs_nm.shape),
+            runs=friction.step_response(sets.plant(level.level, sets.VARIANTS["base"]), level.time_s)
+            + 0.02 * random.standard_normal(level.runs.shape),
         )
         for level in scattered.levels
     )
@@ -90,7 +90,7 @@ def test_a_disagreement_is_one_line_with_which_to_believe_and_why(sets: Any) -> 
 
 
 def test_single_runs_have_no_sd_weights_and_it_says_so(scattered: StepSet) -> None:
-    single = tuple(replace(one, runs_nm=one.runs_nm[:1], names=one.names[:1]) for one in scattered.levels)
+    single = tuple(replace(one, runs=one.runs[:1], names=one.names[:1]) for one in scattered.levels)
     found, sure = told(replace(scattered, levels=single), "equal")
     assert found.nonlinear.other is None and "has one run only" in found.nonlinear.no_other
     assert sure.nonlinear["agreement"]["weights"]["believe"] == "equal"
@@ -107,7 +107,7 @@ def test_the_linear_intervals_follow_the_weights(scattered: StepSet) -> None:
 
     take, along = pooled_gain(scattered.levels, found.parameters, data)[4]
     bump = 1e-4 * np.sin(level.time_s)
-    moved = replace(level, runs_nm=level.runs_nm + bump)
+    moved = replace(level, runs=level.runs + bump)
     levels = (*scattered.levels[:4], moved, *scattered.levels[5:])
     again = fit(replace(scattered, levels=levels), FitOptions(weights="sd", models=("linear",))).linear
     assert again is not None

@@ -32,7 +32,7 @@ def residuals_of(data: StepSet, fit: Mapping[str, Any], model: str) -> list[tupl
             predicted = friction.step_response(curves[level.level], t)
         else:
             continue
-        found.append((level.level, t, level.mean_nm - predicted))
+        found.append((level.level, t, level.mean - predicted))
     return found
 
 

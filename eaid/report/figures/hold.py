@@ -46,7 +46,7 @@ def held_levels(data: StepSet) -> list[Held]:
         dt = float(step.time_s[-1] - step.time_s[0]) / max(len(step.time_s) - 1, 1)
         end = float(step.time_s[-1]) + dt
         time = np.concatenate([step.time_s, end + release.time_s])
-        found.append(Held(release.level, time, np.concatenate([step.mean_nm, release.mean_nm]), end - dt / 2))
+        found.append(Held(release.level, time, np.concatenate([step.mean, release.mean]), end - dt / 2))
     if len(found) <= 3:
         return found[::-1]
     return [found[-1], found[len(found) // 2], found[0]]

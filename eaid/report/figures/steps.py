@@ -34,12 +34,12 @@ def draw_steps(
     ends: list[tuple[float, str, str]] = []
     longest = max(float(level.time_s[-1]) for level in data.levels)
     for level, colour in zip(data.levels, colours, strict=True):
-        mean = level.mean_nm
+        mean = level.mean
         t, y = thinned(level.time_s, mean, 1200)
         axes.plot(t, y, color=colour, linewidth=0.9)
-        if spread and len(level.runs_nm) > 1:
+        if spread and len(level.runs) > 1:
             stride = max(1, len(level.time_s) // 400)
-            at, sd = level.time_s[::stride], level.sd_nm[::stride]
+            at, sd = level.time_s[::stride], level.sd[::stride]
             axes.fill_between(at, mean[::stride] - sd, mean[::stride] + sd, color=colour, alpha=0.22, linewidth=0)
         end = float(np.mean(mean[-max(1, len(mean) // 50) :]))
         if level.level in fitted:
