@@ -1,4 +1,21 @@
-"""What eaid refuses, and the exit code that says so (0 is done, 1 a bug, 130 interrupted)."""
+"""What eaid refuses, and the exit code that says so (0 is done, 1 a bug, 130 interrupted).
+
+A sentence names an option in guillemets, `«step_at»`: Python then says `step_at=`, the command line `--step-at`.
+"""
+
+import re
+
+_OPTION = re.compile("«([^»]+)»")
+
+
+def in_python(sentence: str) -> str:
+    """A sentence with its options as Python writes them, `step_at=`."""
+    return _OPTION.sub(lambda found: f"{found[1]}=", sentence)
+
+
+def on_command_line(sentence: str) -> str:
+    """A sentence with its options as the command line writes them, `--step-at`."""
+    return _OPTION.sub(lambda found: "--" + found[1].replace("_", "-"), sentence)
 
 
 class EaidError(Exception):
@@ -7,7 +24,7 @@ class EaidError(Exception):
     exit_code = 1
 
     def __init__(self, *sentences: str) -> None:
-        super().__init__("\n".join(sentences))
+        super().__init__(in_python("\n".join(sentences)))
         self.sentences = sentences
 
 

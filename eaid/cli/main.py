@@ -15,7 +15,7 @@ from eaid import __version__
 from eaid.cli import console
 from eaid.cli.plain import PlainCommand, PlainGroup
 from eaid.cli.streams import patient_streams
-from eaid.errors import EaidError
+from eaid.errors import EaidError, on_command_line
 
 COMMANDS = {
     "ingest": "Logs → a table of runs with what is doubtful, and data.h5",
@@ -93,7 +93,7 @@ def run(arguments: list[str] | None = None) -> int:
             if code and _interrupts:
                 code, sentences = 130, (INTERRUPTED,)
             for sentence in sentences:
-                console.fail(sentence)
+                console.fail(on_command_line(sentence))
     except EaidError as fault:  # what was printed cannot be stored
         code = fault.exit_code
         console.fail(str(fault))

@@ -1,0 +1,61 @@
+"""A finding: a code, how grave it is, what it is about, and the numbers behind it."""
+
+from collections.abc import Iterable, Sequence
+
+import msgspec
+
+from eaid.findings.row import Severity
+from eaid.findings.sentences import SENTENCES
+
+Value = float | int | str | bool | None | tuple[float, ...] | tuple[str, ...]
+GRAVITY: dict[str, int] = {"stop": 0, "caution": 1, "note": 2}
+
+
+class Finding(msgspec.Struct, frozen=True):
+    """One thing that a result's reader has to know; the sentence is rendered last, by `say`."""
+
+    code: str
+    """Kebab-case; the key of the table of sentences."""
+    severity: Severity
+    subject: str
+    """What it is about: a model (friction, nonlinear, linear, release), data, a run's name, rc, pi, a scenario."""
+    levels: tuple[float, ...] = ()
+    """Levels it concerns, in the input's unit."""
+    values: dict[str, Value] = {}
+    """Numbers and names that the sentence shows."""
+
+
+def finding(code: str, subject: str, levels: Iterable[float] = (), **values: Value) -> Finding:
+    """A finding of a code, with the severity that the table gives it; raises KeyError for a code without a row."""
+    return Finding(code, SENTENCES[code].severity, subject, tuple(float(u) for u in levels), values)
+
+
+def ranked(findings: Iterable[Finding]) -> tuple[Finding, ...]:
+    """The gravest first; those of one severity keep their order."""
+    return tuple(sorted(findings, key=lambda one: GRAVITY[one.severity]))
+
+
+def merged(findings: Sequence[Finding]) -> tuple[Finding, ...]:
+    """One finding for all of one code: the worst by the table's `size`, with the number of the `others`."""
+    groups: dict[str, list[Finding]] = {}
+    for one in findings:
+        groups.setdefault(one.code, []).append(one)
+    return tuple(_worst(code, group) for code, group in groups.items())
+
+
+def _worst(code: str, group: list[Finding]) -> Finding:
+    row = SENTENCES.get(code)
+    size = row.size if row is not None else ""
+    worst = max(group, key=lambda one: _number(one.values.get(size))) if size else group[0]
+    if len(group) == 1:
+        return worst
+    return msgspec.structs.replace(worst, values={**worst.values, "others": len(group) - 1})
+
+
+def _number(value: Value) -> float:
+    return abs(float(value)) if isinstance(value, int | float) else 0.0
+
+
+def stops(findings: Iterable[Finding]) -> tuple[Finding, ...]:
+    """Those of severity stop."""
+    return tuple(one for one in findings if one.severity == "stop")

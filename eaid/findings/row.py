@@ -1,0 +1,22 @@
+"""One row of the table of sentences."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any, Literal
+
+Severity = Literal["stop", "caution", "note"]
+"""stop: the number must not be used. caution: read this before it is. note: good to know."""
+
+
+@dataclass(frozen=True)
+class Row:
+    """How grave a finding of one code is, and what is said of it."""
+
+    severity: Severity
+    template: str | Callable[[Mapping[str, Any]], str]
+    """A `str.format` text over the finding's values, `levels` (listed in words) and `subject`, or a function of these.
+
+    An option stands in guillemets, `«rest»`: the command line says `--rest`, Python `rest=`.
+    """
+    size: str = ""
+    """The value by which the worst of several findings of this code is known; empty: the first of them."""

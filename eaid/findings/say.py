@@ -1,0 +1,29 @@
+"""Findings → sentences, rendered last: nothing else in the program reads them."""
+
+from collections.abc import Iterable, Sequence
+
+from eaid.errors import in_python
+from eaid.findings.finding import Finding
+from eaid.findings.sentences import SENTENCES
+
+
+def say(finding: Finding) -> str:
+    """The sentence of a finding, options still in guillemets; its code where the table has no row for it."""
+    row = SENTENCES.get(finding.code)
+    if row is None:
+        return finding.code
+    fields = {**finding.values, "levels": listed(finding.levels), "subject": finding.subject}
+    said = row.template(fields) if callable(row.template) else row.template.format(**fields)
+    others = finding.values.get("others")
+    return f"{said} (and {others} more)" if others else said
+
+
+def sentences(findings: Iterable[Finding]) -> list[str]:
+    """The sentences of some findings as Python writes options (`rest=`), for files and notebooks."""
+    return [in_python(say(one)) for one in findings]
+
+
+def listed(items: Sequence[float | str]) -> str:
+    """`10, 20 and 30`."""
+    texts = [item if isinstance(item, str) else f"{item:g}" for item in items]
+    return ", ".join(texts[:-1]) + f" and {texts[-1]}" if len(texts) > 1 else "".join(texts)
