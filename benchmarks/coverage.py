@@ -104,7 +104,7 @@ def one_set(seed: int, variant: Variant, samples: int = SAMPLES, levels: Array =
             torque = friction.step_response(own, t) * (1 + 0.01 * colour[i, r] + 0.01 * rotor)
             runs.append(torque + variant.white_nm * random.standard_normal(samples))
         names = tuple(f"{duty:g}-{r}" for r in range(variant.runs))
-        made.append(Level(float(duty), t, np.array(runs), names, True))
+        made.append(Level(float(duty), t, np.array(runs), names))
     return stepset(tuple(made))
 
 
@@ -112,7 +112,7 @@ def clean_levels(variant: Variant, samples: int = SAMPLES, levels: Array = LEVEL
     """The plant itself, without noise or scatter."""
     t = np.arange(samples) * (RECORD_S / samples)
     return tuple(
-        Level(float(u), t, friction.step_response(plant(float(u), variant), t)[None], ("plant",), True) for u in levels
+        Level(float(u), t, friction.step_response(plant(float(u), variant), t)[None], ("plant",)) for u in levels
     )
 
 

@@ -53,7 +53,6 @@ def levels() -> list[Level]:
             t,
             nonlinear.step_response(REFERENCE_PLANT, t, u) + 0.01 * rng.normal(size=(3, len(t))),
             ("a", "b", "c"),
-            True,
         )
         for u in DUTIES
     ]

@@ -45,7 +45,7 @@ def made(samples: int, levels: int) -> list[Level]:
     found = []
     for duty in np.linspace(10.0, 100.0, levels):
         torque = nonlinear.step_response(REFERENCE_PLANT, time_s, float(duty)) + 0.01 * rng.standard_normal(n)
-        found.append(Level(float(duty), time_s, torque[None], (f"{duty:g}",), True))
+        found.append(Level(float(duty), time_s, torque[None], (f"{duty:g}",)))
     return found
 
 

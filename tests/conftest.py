@@ -44,7 +44,7 @@ def _clutch_set(
     for u in levels:
         torque = nonlinear.step_response(plant, time_s, float(u))
         runs = torque + noise_nm * rng.normal(size=(repeats, len(time_s)))
-        made.append(Level(float(u), time_s, runs, tuple(f"{u}-{r}" for r in range(repeats)), True))
+        made.append(Level(float(u), time_s, runs, tuple(f"{u}-{r}" for r in range(repeats))))
     return StepSet("clutch", "%", "N·m", Apparatus(), tuple(made))
 
 
@@ -53,7 +53,7 @@ def _friction_set(
 ) -> StepSet:
     time_s = np.arange(round(duration_s * rate_hz)) / rate_hz
     levels = tuple(
-        Level(u, time_s, friction.step_response(curve, time_s)[None], (f"{u}",), True) for u, curve in curves.items()
+        Level(u, time_s, friction.step_response(curve, time_s)[None], (f"{u}",)) for u, curve in curves.items()
     )
     return StepSet(kind, unit, "N·m", Apparatus(surfaces=1), levels)
 

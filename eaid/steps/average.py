@@ -45,9 +45,9 @@ def common(level: float, members: Sequence[Step]) -> Level:
     first = steps[0]
     shortest = min(len(time) for time in times)
     if first is not None and all(step is not None and abs(step - first) <= 1e-6 * first for step in steps):
-        return Level(level, _grid(shortest, first), _stacked(outputs, shortest), names, True)
+        return Level(level, _grid(shortest, first), _stacked(outputs, shortest), names)
     if len(members) == 1 or all(np.array_equal(time[:shortest], times[0][:shortest]) for time in times):
-        return Level(level, read_only(times[0][:shortest]), _stacked(outputs, shortest), names, False)
+        return Level(level, read_only(times[0][:shortest]), _stacked(outputs, shortest), names)
     dt = min(
         step if step is not None else clock_of(member.time_s).usual_s
         for step, member in zip(steps, members, strict=True)
@@ -61,4 +61,4 @@ def common(level: float, members: Sequence[Step]) -> Level:
             part = slice(max(0, near.start - 1), near.stop + 1)
             row[place] = np.interp(piece, time[part], output[part])
             release(stack)
-    return Level(level, grid, read_only(stack), names, True)
+    return Level(level, grid, read_only(stack), names)

@@ -21,8 +21,19 @@ class Level:
     """Output of each repeat [N·m or `output_unit`], shape (R, n)."""
     names: tuple[str, ...]
     """Name of the run behind each row of `runs`."""
-    uniform: bool
-    """True where `time_s` is k·dt, to rounding."""
+
+    @cached_property
+    def uniform(self) -> bool:
+        """True where `time_s` is t_0 + k·dt, to a millionth of dt."""
+        count = len(self.time_s)
+        if count < 2:
+            return False
+        first = float(self.time_s[0])
+        dt = (float(self.time_s[-1]) - first) / (count - 1)
+        off = np.arange(count) * dt
+        off += first
+        off -= self.time_s
+        return bool(max(-off.min(), off.max()) <= 1e-6 * dt)
 
     @cached_property
     def mean(self) -> Array:

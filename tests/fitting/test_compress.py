@@ -72,7 +72,7 @@ def test_thirty_thousand_samples_become_about_a_hundred_points() -> None:
 @pytest.mark.parametrize("runs", [1, 3])
 def test_means_and_pieces_made_bit_by_bit_are_those_of_the_whole(n: int, runs: int) -> None:
     y = np.random.default_rng(n).normal(size=(runs, n))
-    data = data_of([Level(10.0, np.arange(n) / 1e3, y, tuple("abc"[:runs]), True)])
+    data = data_of([Level(10.0, np.arange(n) / 1e3, y, tuple("abc"[:runs]))])
     assert data.together is not None and data.pieces is not None
     assert data.together[0] == pytest.approx(y.mean(axis=0), abs=1e-15)
     assert data.pieces == pytest.approx(to_pieces(data.together), abs=1e-13)

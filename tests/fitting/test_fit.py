@@ -264,7 +264,7 @@ def test_a_linear_number_that_is_missing() -> None:
 def test_unequal_levels_are_fitted_as_well(clutch_set: Maker) -> None:
     steps = clutch_set(rate_hz=100.0)
     cut = tuple(
-        Level(one.level, one.time_s[: 1000 + 100 * k], one.runs[:, : 1000 + 100 * k], one.names, True)
+        Level(one.level, one.time_s[: 1000 + 100 * k], one.runs[:, : 1000 + 100 * k], one.names)
         for k, one in enumerate(steps.levels)
     )
     found = fit(replace(steps, levels=cut)).nonlinear
@@ -275,7 +275,7 @@ def test_weights_change_nothing_where_levels_are_fitted_alone() -> None:
     t = np.linspace(0, 10, 200)
     random = np.random.default_rng(0)
     levels = tuple(
-        Level(f, t, f / 50 * (1 - np.exp(-t)) + 0.01 * random.standard_normal((2, 200)), ("a", "b"), True)
+        Level(f, t, f / 50 * (1 - np.exp(-t)) + 0.01 * random.standard_normal((2, 200)), ("a", "b"))
         for f in (20.0, 60.0, 120.0)
     )
     stepset = StepSet("friction-force", "N", "N·m", Apparatus(), levels)

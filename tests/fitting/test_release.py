@@ -24,7 +24,7 @@ def _fall(rise: Friction, tau1: float, tau2: float, left: float = 0.0) -> np.nda
 
 
 def _level(u: float, y: np.ndarray) -> Level:
-    return Level(u, TIME, y[None], (f"{u}",), True)
+    return Level(u, TIME, y[None], (f"{u}",))
 
 
 def _rising() -> list:
@@ -72,7 +72,7 @@ def _noisy(times: list[np.ndarray]) -> list[Level]:
     found = []
     for u, time_s in zip((40.0, 60.0, 80.0), times, strict=True):
         y = 0.1 + 0.03 * u * (0.8 * np.exp(-time_s / 0.25) + 0.2 * np.exp(-time_s / 4.0))
-        found.append(Level(u, time_s, (y + 0.02 * random.normal(size=len(y)))[None], ("one",), True))
+        found.append(Level(u, time_s, (y + 0.02 * random.normal(size=len(y)))[None], ("one",)))
     return found
 
 
@@ -108,7 +108,7 @@ def test_a_release_faster_than_the_samples_stays_within_the_limits() -> None:
     falls = []
     for i, (fast, (amplitude, slow)) in enumerate(truth):
         y = 1e9 * (amplitude * np.exp(-time_s / (fast * 1e-3)) + slow * np.exp(-time_s / 8e-3))
-        falls.append(Level(10.0 * (i + 1), time_s, y[None], (f"{i}",), True))
+        falls.append(Level(10.0 * (i + 1), time_s, y[None], (f"{i}",)))
     found = release_fit(falls, (), {})
     pairs = np.log([(a, b) for a in np.geomspace(1e-3, 7e3, 90) for b in np.geomspace(a, 7e3, 90)])
     for row, fall in zip(found.levels, falls, strict=True):
@@ -121,6 +121,6 @@ def test_a_release_faster_than_the_samples_stays_within_the_limits() -> None:
 def test_a_start_still_on_its_way_down_is_a_rival(tau1: float, tau2: float, fast: float) -> None:
     time_s = np.arange(300) + 0.4
     y = 2900.0 * (fast * np.exp(-time_s / tau1) + (1 - fast) * np.exp(-time_s / tau2))
-    (row,) = release_fit([Level(80.0, time_s, y[None], ("a",), False)], (), {}).levels
+    (row,) = release_fit([Level(80.0, time_s, y[None], ("a",))], (), {}).levels
     assert row.solver.converged and row.sse < 1e-4  # another minimum, τ1 and τ2 close together, lies at 0.3 and more
     assert row.tau1 == pytest.approx(tau1, rel=1e-4)

@@ -118,7 +118,7 @@ def _one_level(curve: Friction, rate_hz: float = 100.0, scale: float = 1.0, stre
     t = np.arange(round(10 * rate_hz)) / rate_hz
     rng = np.random.default_rng(0)
     y = np.stack([friction.step_response(curve, t) + 0.01 * curve.Ts * rng.normal(size=len(t)) for _ in range(3)])
-    level = Level(50.0, t * stretch, y * scale, ("a", "b", "c"), True)
+    level = Level(50.0, t * stretch, y * scale, ("a", "b", "c"))
     return StepSet("clutch", "%", "N·m", Apparatus(), (level,))
 
 
@@ -157,6 +157,6 @@ def test_repeats_may_come_in_any_order(curve: Friction, order: list[int]) -> Non
 def test_the_sample_rate_does_not_matter_without_noise(rate_hz: float) -> None:
     t = np.arange(round(10 * rate_hz)) / rate_hz
     y = friction.step_response(Friction(1.0, 0.2, 5.0), t)[None]
-    steps = replace(_one_level(Friction(1, 1, 1)), levels=(Level(50.0, t, y, ("a",), True),))
+    steps = replace(_one_level(Friction(1, 1, 1)), levels=(Level(50.0, t, y, ("a",)),))
     found = _friction(steps)
     assert (found.Ts, found.tau1, found.tau2) == pytest.approx((1.0, 0.2, 5.0), rel=1e-6)

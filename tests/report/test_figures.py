@@ -36,9 +36,9 @@ def clutch_set(factor: float = 1.0) -> StepSet:
     for u in LEVELS:
         y = factor * nonlinear.step_response(REFERENCE_PLANT, T, u)
         spread = np.array([[0.97], [1.0], [1.03]])
-        rows.append(Level(u, T, spread * y, ("a", "b", "c"), True))
+        rows.append(Level(u, T, spread * y, ("a", "b", "c")))
         fall = y[-1] * (0.85 * np.exp(-T / RELEASE[0]) + 0.15 * np.exp(-T / RELEASE[1]))
-        falls.append(Level(u, T, fall[None], ("a",), True))
+        falls.append(Level(u, T, fall[None], ("a",)))
     return StepSet("clutch", "%", "N·m", Apparatus(), tuple(rows), tuple(falls))
 
 
@@ -82,7 +82,7 @@ def force_set() -> StepSet:
     rows = []
     for row in fit["friction"]["levels"]:
         y = friction.step_response(Friction(row["Ts"], row["tau1"], row["tau2"]), T)
-        rows.append(Level(row["level"], T, 1.02 * y[None], ("a",), True))
+        rows.append(Level(row["level"], T, 1.02 * y[None], ("a",)))
     return StepSet("friction-force", "N", "N·m", Apparatus(surfaces=1), tuple(rows))
 
 

@@ -147,3 +147,13 @@ def test_repeats_that_disagree() -> None:
 def test_uneven_repeats_are_told() -> None:
     runs = [log([(0, 2), (u, 6)], name=n) for u, n in ((50.0, "a"), (50.0, "b"), (80.0, "c"))]
     assert build_stepset(runs).warnings == ("repeats differ in number: 80 % only 1, others up to 2",)
+
+
+def test_a_level_judges_its_own_clock() -> None:
+    even = np.arange(500) * 0.01
+    one = replace(build_stepset([log(PLAN)]).levels[0], time_s=even, runs=np.ones((1, 500)))
+    assert one.uniform
+    assert replace(one, time_s=even + 0.003).uniform  # a first sample behind the step
+    for change in (even**2, even + 1e-7 * (np.arange(500) == 250), np.where(even > 2, even + 1, even)):
+        assert not replace(one, time_s=change).uniform
+    assert not replace(one, time_s=even[:1], runs=np.ones((1, 1))).uniform

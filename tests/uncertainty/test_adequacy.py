@@ -31,7 +31,7 @@ def stepset(shape: Any, seed: int = 0, gain: float = 0.02) -> StepSet:
     for duty in DUTY:
         clean = shape(duty)
         runs = clean * (1 + gain * random.standard_normal((3, 1))) + 0.004 * random.standard_normal((3, len(T)))
-        levels.append(Level(float(duty), T, runs, ("a", "b", "c"), True))
+        levels.append(Level(float(duty), T, runs, ("a", "b", "c")))
     return StepSet("clutch", "%", "N·m", Apparatus(), tuple(levels))
 
 
@@ -54,7 +54,7 @@ def test_a_sine_has_two_degrees_of_freedom() -> None:
 
 def test_lack_of_fit_is_what_the_runs_share() -> None:
     random = np.random.default_rng(1)
-    level = Level(10.0, T, np.zeros((3, len(T))), ("a", "b", "c"), True)
+    level = Level(10.0, T, np.zeros((3, len(T))), ("a", "b", "c"))
     noise = random.standard_normal((3, len(T)))
     alone = lack_of_fit(level, noise)
     shared = lack_of_fit(level, noise + 0.5 * np.sin(T))
@@ -99,7 +99,7 @@ def test_least_costs_of_all_levels_are_those_of_each(lengths: tuple[int, ...]) -
     levels = []
     for u, n in zip((20.0, 50.0, 80.0), lengths, strict=True):
         y = friction.step_response(Friction(0.05 * u, 0.25, 3.0, 0.7), T[:n]) + 0.01 * random.standard_normal(n)
-        levels.append(Level(u, T[:n], y[None], ("one",), True))
+        levels.append(Level(u, T[:n], y[None], ("one",)))
     starts = np.tile(log_theta(held, True), (2, 3, 1))
     starts[1, :, 3] = 0.0
     together = least_of_all(data_of(levels).points, starts)

@@ -81,7 +81,7 @@ def test_joint_covariance_of_one_shifted_level_is_its_square() -> None:
     from eaid.steps.stepset import Level
 
     t = np.arange(400) * 0.05
-    levels = [Level(u, t, nonlinear.step_response(REFERENCE_PLANT, t, u)[None], ("a",), True) for u in DUTY]
+    levels = [Level(u, t, nonlinear.step_response(REFERENCE_PLANT, t, u)[None], ("a",)) for u in DUTY]
     shifts = np.zeros((len(DUTY), 3, 3))
     shifts[4, 0, 0] = 1e-4
     c = with_joint_covariance(coefficients_of(REFERENCE_PLANT), data_of(levels), shifts)

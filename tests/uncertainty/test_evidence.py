@@ -15,7 +15,7 @@ T = np.arange(2000) * 0.01
 
 
 def level_of(runs: np.ndarray, level: float = 50.0) -> Level:
-    return Level(level, T[: runs.shape[1]], runs, tuple(str(i) for i in range(len(runs))), True)
+    return Level(level, T[: runs.shape[1]], runs, tuple(str(i) for i in range(len(runs))))
 
 
 def test_t_quantile_is_student_and_normal() -> None:

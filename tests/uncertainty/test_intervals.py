@@ -173,7 +173,7 @@ def steps(
     for i, curve in enumerate(curves):
         clean = friction.step_response(curve, t)
         made = clean * (1 + gain * random.standard_normal((runs, 1))) + sd * random.standard_normal((runs, len(t)))
-        levels.append(Level(10.0 * (i + 1), t, made, tuple(f"r{r}" for r in range(runs)), True))
+        levels.append(Level(10.0 * (i + 1), t, made, tuple(f"r{r}" for r in range(runs))))
     return StepSet("clutch", "%", "N·m", Apparatus(), tuple(levels))
 
 

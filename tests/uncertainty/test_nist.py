@@ -26,7 +26,7 @@ CERTIFIED = {
 @pytest.mark.parametrize("name", list(CERTIFIED))
 def test_certified_standard_deviations(name: str) -> None:
     (x, y), gain, gain_sd, rate, rate_sd = CERTIFIED[name]
-    level = Level(1.0, np.array(x, dtype=float), np.array([y], dtype=float), (name,), False)
+    level = Level(1.0, np.array(x, dtype=float), np.array([y], dtype=float), (name,))
     stepset = StepSet("clutch", "%", "N·m", Apparatus(), (level,))
     found = fit(stepset, FitOptions(models=("linear",)))
     assert found.linear is not None

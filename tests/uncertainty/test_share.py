@@ -86,7 +86,7 @@ def test_short_records_cannot_tell_it() -> None:
     t = np.arange(150) * 0.01
     levels = tuple(
         Level(10.0 * (i + 1), t, friction.step_response(Friction(1.0 + i, 0.2, 8.0), t)
-              + 0.02 * random.standard_normal((3, len(t))), ("a", "b", "c"), True)
+              + 0.02 * random.standard_normal((3, len(t))), ("a", "b", "c"))
         for i in range(5)
     )  # fmt: skip
     made = StepSet("clutch", "%", "N·m", Apparatus(), levels)
@@ -103,7 +103,7 @@ def test_levels_that_differ_in_it_are_told_apart() -> None:
     levels = tuple(
         Level(10.0 * (i + 1), t, friction.step_response(Friction(1.0 + i, 0.3, 5.0, 0.80 + 0.1 * (i % 2)), t)
               * (1 + 0.02 * random.standard_normal((3, 1))) + 0.005 * random.standard_normal((3, len(t))),
-              ("a", "b", "c"), True)
+              ("a", "b", "c"))
         for i in range(6)
     )  # fmt: skip
     found = share_of(ground_of(StepSet("clutch", "%", "N·m", Apparatus(), levels)))

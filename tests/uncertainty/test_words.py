@@ -33,7 +33,7 @@ def noisy(kind: str, unit: str, curves: dict[float, Friction], end_s: float, noi
     for level, curve in curves.items():
         gains = 1 + 0.02 * random.standard_normal((3, 1))
         runs = gains * friction.step_response(curve, t) + noise * random.standard_normal((3, len(t)))
-        levels.append(Level(level, t, runs, ("a", "b", "c"), True))
+        levels.append(Level(level, t, runs, ("a", "b", "c")))
     return StepSet(kind, unit, "N·m", Apparatus(), tuple(levels))
 
 

@@ -113,7 +113,7 @@ def noise_free(kind: str) -> dict[str, Any]:
     """Fit of noise-free steps of what the shipped logs of that kind are made of: 60 s at 200 Hz, the same levels."""
     plant = REFERENCE[kind]()
     t = read_only(np.arange(12_000) * 5e-3)
-    rows = tuple(Level(u, t, curve.step_response(plant.at(u), t)[None], (f"{u:g}",), True) for u in plant.levels)
+    rows = tuple(Level(u, t, curve.step_response(plant.at(u), t)[None], (f"{u:g}",)) for u in plant.levels)
     rig = Apparatus(surfaces=2 if kind == "clutch" else 1)
     stepset = StepSet(kind, INPUT_UNITS[kind], "N·m", rig, rows, synthetic=plant.made_of)
     return to_json(fit(stepset, FitOptions()), stepset)
@@ -123,7 +123,7 @@ def pooled(levels: tuple[int, ...], hold_s: float) -> LinearFit:
     """The paper's linear procedure on noise-free steps of the reference plant at 1 kHz."""
     t = read_only(np.arange(round(hold_s / DT_S)) * DT_S)
     rows = tuple(
-        Level(float(u), t, nonlinear.step_response(REFERENCE_PLANT, t, float(u))[None], (f"{u}",), True) for u in levels
+        Level(float(u), t, nonlinear.step_response(REFERENCE_PLANT, t, float(u))[None], (f"{u}",)) for u in levels
     )
     stepset = StepSet("clutch", "%", "N·m", Apparatus(), rows, synthetic="the reference plant, noise-free")
     found = fit(stepset, FitOptions(models=("linear",))).linear
