@@ -33,7 +33,7 @@ class Nonlinear:
     """Lowest and highest identified duty [%]; outside, SPEC §4.2 rules."""
     C: float = SHARE
     release: tuple[float, float] | None = None
-    """(τ1, τ2) of the release [s], where falling edges were fitted; used when the target lies below the state."""
+    """(τ1, τ2) of the release [s], where falling edges were fitted; for falls to rest only."""
 
 
 @dataclass(frozen=True)

@@ -27,7 +27,7 @@ from eaid.errors import UsageError
 from eaid.replay import descent
 from eaid.replay.compiled import kernel
 from eaid.replay.loop import Replay
-from eaid.replay.plant import PlantParameters, plant_terms
+from eaid.replay.plant import PlantParameters, falling_taus, plant_terms
 from eaid.replay.references import Reference
 from eaid.replay.taut import taut_path
 
@@ -187,7 +187,7 @@ def _line(problem: Problem, duty: float, slow: Array, falling: bool) -> tuple[Ar
     plant, dt = problem.plant, problem.dt_s
     tau1, tau2, steady = plant_terms(plant, duty)
     if falling:
-        tau1, tau2 = plant.release1 or tau1, plant.release2 or tau2
+        tau1, tau2 = falling_taus(plant, duty)
     keep1, keep2 = math.exp(-dt / tau1), math.exp(-dt / tau2)
     gained = plant.C * steady * -math.expm1(-dt / tau1) + (1 - plant.C) * steady * -math.expm1(-dt / tau2)
     return np.full_like(slow, keep1), slow * (keep2 - keep1) + gained
@@ -261,7 +261,7 @@ def _rows(problem: Problem, duties: list[float], highest: bool) -> tuple[Array, 
     plant, dt = problem.plant, problem.dt_s
 
     def constants(rising: float, release: float) -> tuple[float, ...]:
-        if release <= 0.0 or release == rising:
+        if release == rising:
             return (rising,)
         if (release > rising) == highest:
             return (rising, release)
@@ -270,8 +270,9 @@ def _rows(problem: Problem, duties: list[float], highest: bool) -> tuple[Array, 
     rows = []
     for duty in duties:
         tau1, tau2, steady = plant_terms(plant, duty)
-        for one in constants(tau1, plant.release1):
-            for two in constants(tau2, plant.release2):
+        release1, release2 = falling_taus(plant, duty)
+        for one in constants(tau1, release1):
+            for two in constants(tau2, release2):
                 lost1, lost2 = -math.expm1(-dt / one), -math.expm1(-dt / two)
                 rows.append((1 - lost1, 1 - lost2, plant.C * steady * lost1, (1 - plant.C) * steady * lost2))
     keep1, keep2, gained1, gained2 = np.array(rows).T

@@ -1,12 +1,16 @@
 """The plant of a replay: the nonlinear model in its dynamic form, advanced exactly from sample to sample.
 
-    x1' = (C T_s(u) − x1)/τ1(u),   x2' = ((1 − C) T_s(u) − x2)/τ2(u),   T = x1 + x2       Eqs. (4)-(7), SPEC §4.1
+    x1' = (C T_s(u) − x1)/τ1(u),   x2' = ((1 − C) T_s(u) − x2)/τ2(u),   T = x1 + x2       Eqs. (4)-(7)
     x ← x + (1 − e^(−dt/τ)) (target − x)                                                 exact while u is held
 
-Outside the identified duties (SPEC §4.2): below, τ1 and τ2 keep their edge value and T_s goes linearly to 0 at u =
-0; above, all keep
-their edge value. Floors, for plants drawn from an uncertain fit: τ1 ≥ 1 ms, τ2 ≥ τ1, T_s ≥ 0, as the fit's
-constraints have them.
+Outside the identified duties: below the lowest, u_low, τ1 and τ2 keep their edge value and T_s goes linearly to 0 at
+u = 0; above the highest, all keep their edge value.
+
+Release constants were fitted to falls from a level to rest, so they hold for falls to rest. A part that falls towards
+a duty u below u_low has τ = s τ(u_low) + (1 − s) τ_release, s = u/u_low, the line that T_s follows there; a part that
+falls towards an identified duty has that duty's own τ(u), as one that rises to it.
+
+Floors, for plants drawn from an uncertain fit: τ1 ≥ 1 ms, τ2 ≥ τ1, T_s ≥ 0, as the fit's constraints have them.
 
 Floats and `math` only: numba compiles these functions as they stand, and plain Python runs them in about a microsecond.
 """
@@ -42,9 +46,9 @@ class PlantParameters(NamedTuple):
     u_high: float
     """Highest identified duty [%]"""
     release1: float
-    """τ1 while the fast target lies below its state [s]; 0: no release was fitted."""
+    """τ1 of a fall to rest [s]; 0: no release was fitted."""
     release2: float
-    """τ2 while the slow target lies below its state [s]; 0: no release was fitted."""
+    """τ2 of a fall to rest [s]; 0: no release was fitted."""
 
 
 def plant_parameters(p: Nonlinear) -> PlantParameters:
@@ -87,7 +91,7 @@ def perturbed(p: Nonlinear, factors: Mapping[str, float]) -> Nonlinear:
 
 
 def plant_terms(parameters: PlantParameters, duty: float) -> tuple[float, float, float]:
-    """τ1 [s], τ2 [s] and T_s [N·m] at a duty [%], with the edges of SPEC §4.2."""
+    """τ1 [s], τ2 [s] and T_s [N·m] at a duty [%], as a rising torque has them."""
     _, a0, a1, a2, b0, b1, b2, c0, c1, c2, c3, low, high, _, _ = parameters
     share = 1.0
     u = duty
@@ -114,11 +118,19 @@ def plant_pull(parameters: PlantParameters, x1: float, x2: float, duty: float) -
     target = parameters.C * steady
     fast = target - x1
     slow = steady - target - x2
-    if fast < 0.0 and parameters.release1 > 0.0:
-        tau1 = parameters.release1
-    if slow < 0.0 and parameters.release2 > 0.0:
-        tau2 = parameters.release2
+    if duty < parameters.u_low:
+        share = duty / parameters.u_low if duty > 0.0 else 0.0
+        if fast < 0.0 and parameters.release1 > 0.0:
+            tau1 = share * tau1 + (1.0 - share) * parameters.release1
+        if slow < 0.0 and parameters.release2 > 0.0:
+            tau2 = share * tau2 + (1.0 - share) * parameters.release2
     return fast, slow, tau1, tau2
+
+
+def falling_taus(parameters: PlantParameters, duty: float) -> tuple[float, float]:
+    """τ1 and τ2 [s] with which the two parts fall towards a duty [%]."""
+    _, _, tau1, tau2 = plant_pull(parameters, math.inf, math.inf, duty)
+    return tau1, tau2
 
 
 def plant_step(parameters: PlantParameters, x1: float, x2: float, duty: float, dt: float) -> tuple[float, float]:

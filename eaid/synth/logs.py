@@ -78,20 +78,31 @@ def response(plant: Plant, changes: Input, time_s: Array, run: Scatter | None = 
         step = run.of(step) if run else step
         past = int(np.searchsorted(time_s, end, side="left"))
         since = time_s[first:past] - start
-        torque[first:past] = _held(plant, step, x1, since, 0) + _held(plant, step, x2, since, 1)
+        falling = _falling(plant, step, value)
+        torque[first:past] = _held(step, falling, x1, since, 0) + _held(step, falling, x2, since, 1)
         if end < float("inf"):
             whole = np.array([end - start])
-            x1, x2 = (float(_held(plant, step, x, whole, which)[0]) for which, x in enumerate((x1, x2)))
+            x1, x2 = (float(_held(step, falling, x, whole, which)[0]) for which, x in enumerate((x1, x2)))
         first = past
     return torque
 
 
-def _held(plant: Plant, step: Friction, start_nm: float, since_s: Array, which: int) -> Array:
+def _falling(plant: Plant, step: Friction, value: float) -> tuple[float, float]:
+    """τ1 and τ2 of a fall to an input [s]: those of the input itself, below the lowest identified one more and more
+    those of a fall to rest."""
+    if plant.release is None or not value < plant.rest_below:
+        return step.tau1, step.tau2
+    share = value / plant.rest_below
+    tau1, tau2 = (
+        share * own + (1 - share) * rest for own, rest in zip((step.tau1, step.tau2), plant.release, strict=True)
+    )
+    return tau1, tau2
+
+
+def _held(step: Friction, falling: tuple[float, float], start_nm: float, since_s: Array, which: int) -> Array:
     """One state [N·m] while the input is held: fast (0) or slow (1)."""
     target = step.Ts * (1 - step.C if which else step.C)
-    tau = step.tau2 if which else step.tau1
-    if plant.release is not None and target < start_nm:
-        tau = plant.release[which]
+    tau = falling[which] if target < start_nm else step.tau2 if which else step.tau1
     # from the start, not from the target: exact to the last digit at rest and for small times
     return np.asarray(start_nm - (target - start_nm) * np.expm1(-since_s / tau))
 

@@ -42,7 +42,9 @@ class Plant:
     made_of: str
     """What stands behind the numbers, in words."""
     release: tuple[float, float] | None = None
-    """(τ1, τ2) of a release [s], where they are known."""
+    """(τ1, τ2) of a fall to rest [s], where they are known."""
+    rest_below: float = 0.0
+    """Lowest identified input: a fall to an input below it goes over to `release`, as in `eaid.replay.plant`."""
 
 
 def clutch(p: Nonlinear = REFERENCE_PLANT, made_of: str = "the reference plant (docs/synthetic.md)") -> Plant:
@@ -54,7 +56,7 @@ def clutch(p: Nonlinear = REFERENCE_PLANT, made_of: str = "the reference plant (
         return Friction(steady, tau1, tau2, p.C)
 
     levels = tuple(u for u in LEVELS["clutch"] if p.u_range[0] <= u <= p.u_range[1]) or p.u_range
-    return Plant("clutch", at, ROTOR_RPM["clutch"], levels, made_of, p.release)
+    return Plant("clutch", at, ROTOR_RPM["clutch"], levels, made_of, p.release, p.u_range[0])
 
 
 def table_i(force_n: float) -> Friction:

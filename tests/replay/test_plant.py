@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 from eaid.errors import DataError, UsageError
 from eaid.models.nonlinear import step_response
 from eaid.models.parameters import REFERENCE_PLANT, Nonlinear
-from eaid.replay.plant import perturbed, plant_parameters, plant_slope, plant_step, plant_terms
+from eaid.replay.plant import falling_taus, perturbed, plant_parameters, plant_slope, plant_step, plant_terms
+from eaid.replay.recorded import driven
 
 PLANT = plant_parameters(REFERENCE_PLANT)
 DUTY = st.floats(0.0, 100.0)
@@ -80,7 +81,7 @@ def test_floors_hold_for_a_plant_that_breaks_them():
     assert plant_terms(broken, 50.0) == (1e-3, 1e-3, 0.0)
 
 
-def test_release_constants_are_used_only_where_the_target_lies_below_the_state():
+def test_release_constants_are_used_only_where_the_target_lies_below_the_state_and_at_rest():
     releasing = plant_parameters(replace(REFERENCE_PLANT, release=(1.5, 9.0)))
     assert plant_step(releasing, 0.0, 0.0, 50.0, 0.01) == plant_step(PLANT, 0.0, 0.0, 50.0, 0.01)
     x1, x2 = plant_step(releasing, 2.0, 0.4, 0.0, 0.3)
@@ -119,3 +120,51 @@ def test_perturbed_refuses(factors, said):
 def test_a_plant_that_cannot_be_replayed_is_refused(changes, said):
     with pytest.raises(DataError, match=said):
         plant_parameters(replace(REFERENCE_PLANT, **changes))
+
+
+def test_a_fall_between_identified_duties_has_the_time_constants_of_the_duty_it_falls_to():
+    releasing = plant_parameters(replace(REFERENCE_PLANT, release=(1.5, 9.0)))
+    assert plant_step(releasing, 3.0, 0.6, 50.0, 0.3) == plant_step(PLANT, 3.0, 0.6, 50.0, 0.3)
+    assert plant_step(releasing, 3.0, 0.6, 10.0, 0.3) == plant_step(PLANT, 3.0, 0.6, 10.0, 0.3)
+
+
+def test_below_the_lowest_duty_a_fall_goes_over_to_the_release_along_the_line_of_the_torque():
+    releasing = plant_parameters(replace(REFERENCE_PLANT, release=(1.5, 9.0)))
+    tau1, tau2, steady = plant_terms(PLANT, 2.5)
+    tau1, tau2 = 0.25 * tau1 + 0.75 * 1.5, 0.25 * tau2 + 0.75 * 9.0
+    assert falling_taus(releasing, 2.5) == pytest.approx((tau1, tau2), rel=1e-14)
+    fast, slow = 0.85 * steady, 0.15 * steady
+    x1, x2 = plant_step(releasing, 2.0, 0.4, 2.5, 0.3)
+    assert x1 == pytest.approx(fast + (2.0 - fast) * np.exp(-0.3 / tau1), rel=1e-13)
+    assert x2 == pytest.approx(slow + (0.4 - slow) * np.exp(-0.3 / tau2), rel=1e-13)
+    # rising parts know nothing of it
+    assert plant_step(releasing, 0.0, 0.0, 2.5, 0.3) == plant_step(PLANT, 0.0, 0.0, 2.5, 0.3)
+
+
+def staircase(p: Nonlinear, holds: list[tuple[float, float]], dt: float) -> np.ndarray:
+    """Torque under held duties, by the closed form from each change; written apart from the package."""
+    u_low, torque, fast, slow = p.u_range[0], [], 0.0, 0.0
+    for duty, seconds in holds:
+        u = max(duty, u_low)
+        share = min(duty / u_low, 1.0)
+        steady = share * sum(c * u**k for k, c in enumerate(p.Ts))
+        taus = [sum(c * u**k for k, c in enumerate(part)) for part in (p.tau1, p.tau2)]
+        ends = []
+        for k, (state, end) in enumerate([(fast, p.C * steady), (slow, (1 - p.C) * steady)]):
+            tau = taus[k]
+            if p.release is not None and end < state:
+                tau = share * tau + (1 - share) * p.release[k]
+            ends.append(end + (state - end) * np.exp(-np.arange(round(seconds / dt) + 1) * dt / tau))
+        torque.append((ends[0] + ends[1])[:-1])
+        fast, slow = ends[0][-1], ends[1][-1]
+    return np.concatenate(torque)
+
+
+@pytest.mark.parametrize("release", [None, (0.6, 7.0)])
+def test_a_staircase_of_the_plant_is_replayed_to_the_last_digits(release):
+    holds = [(80.0, 3.0), (50.0, 2.0), (90.0, 1.0), (20.0, 2.5), (4.0, 2.0), (60.0, 1.0), (0.0, 3.0)]
+    model, dt = replace(REFERENCE_PLANT, release=release), 1e-3
+    expected = staircase(model, holds, dt)
+    time_s = np.arange(len(expected)) * dt
+    duty = np.concatenate([np.full(round(seconds / dt), u) for u, seconds in holds])
+    assert np.abs(driven(plant_parameters(model), time_s, duty) - expected).max() < 1e-12
