@@ -17,8 +17,8 @@ from eaid.models import friction
 from eaid.models.nonlinear import at_duty
 from eaid.models.parameters import Nonlinear
 from eaid.steps.stepset import StepSet
-from eaid.uncertainty.ground import ground_at_share
-from eaid.uncertainty.nonlinear_part import estimates
+from eaid.uncertainty.level_statistics import statistics_at_share
+from eaid.uncertainty.nonlinear_intervals import estimates
 
 SAMPLES = 500
 WHITE_NM = 0.02
@@ -48,7 +48,7 @@ def errors(stepset: StepSet) -> dict[str, Array]:
     """The misses of the three estimates, (L, 3) each."""
     part = fit(stepset, FitOptions(models=("nonlinear",))).nonlinear
     assert part is not None and part.other is not None
-    two = estimates(part, ground_at_share(stepset.levels, 0.85)).two_stage
+    two = estimates(part, statistics_at_share(stepset.levels, 0.85)).two_stage
     plants = {"equal": part.parameters, "sd": part.other.parameters, **({"two-stage": two.plant()} if two else {})}
     return {name: missed(found, stepset) for name, found in plants.items()}
 

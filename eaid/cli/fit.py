@@ -97,7 +97,7 @@ def command(
     options = with_bounds_levels(options, bounds_levels, stepset)
     result, fit = fitted(stepset, options, ci, seed)
     from eaid.cli.fit_tables import tables
-    from eaid.cli.sure import interval_tables
+    from eaid.cli.interval_tables import interval_tables
     from eaid.store import write_json
 
     write_json(output, result, force)

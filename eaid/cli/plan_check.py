@@ -99,11 +99,11 @@ def widths(stepset: "StepSet", share: float) -> dict[str, float]:
 
     import numpy as np
 
-    from eaid.uncertainty.friction_part import level_rows
-    from eaid.uncertainty.ground import curve_degrees, curves, ground_at_share
-    from eaid.uncertainty.student import t_quantile
+    from eaid.uncertainty.friction_intervals import level_rows
+    from eaid.uncertainty.level_statistics import curve_degrees, curves, statistics_at_share
+    from eaid.uncertainty.student_t import t_quantile
 
-    base = ground_at_share(stepset.levels, share)
+    base = statistics_at_share(stepset.levels, share)
     if stepset.kind != "clutch":
         rows = level_rows(base)
         ends = {name: [row[k].interval for row in rows] for k, name in enumerate(("Ts", "tau1", "tau2"))}

@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+from scipy.special import fdtri
 
 from eaid.arrays import Array, median
 from eaid.fitting.kernel import level_sums
@@ -19,11 +20,10 @@ from eaid.models import friction
 from eaid.models.parameters import Friction
 from eaid.steps.stepset import Level, StepSet
 from eaid.uncertainty.curve import Curve, curve_with_repeats
-from eaid.uncertainty.ground import TERMS, Ground
+from eaid.uncertainty.level_statistics import TERMS, LevelStatistics
 from eaid.uncertainty.levels import log_theta
 from eaid.uncertainty.profile import least_of_all
 from eaid.uncertainty.share import Share
-from eaid.uncertainty.tails import f_quantile
 
 OVERSHOOT = 0.05
 """Torque lost under hold beyond which no monotone curve is right."""
@@ -137,7 +137,7 @@ def lack_of_fit(level: Level, noise_nm: Array) -> dict[str, Any] | None:
     apart = float(np.vdot(off, off)) / (runs - 1)
     ratio = runs * float(common @ common) / apart if apart > 0 else 1.0
     count = float(np.mean([spectral_degrees(run) for run in off]))
-    chance = f_quantile(count, count * (runs - 1), 0.999)
+    chance = fdtri(count, count * (runs - 1), 0.999)
     return {
         "level": level.level,
         "ratio": ratio,
@@ -147,17 +147,17 @@ def lack_of_fit(level: Level, noise_nm: Array) -> dict[str, Any] | None:
     }
 
 
-def adequacy(stepset: StepSet, fit: Fit, base: Ground, asked: Share | None = None) -> Adequacy:
+def adequacy(stepset: StepSet, fit: Fit, base: LevelStatistics, asked: Share | None = None) -> Adequacy:
     """Judge the models of a fit, on the levels that it rests on; `asked` is the C that its runs ask for."""
     levels = base.levels
     residuals = [
         level.mean - friction.step_response(one.curve, level.time_s)
-        for level, one in zip(levels, base.evidence, strict=True)
+        for level, one in zip(levels, base.estimates, strict=True)
     ]
     sizes = [effective_samples(r) for r in residuals]
     counts = np.array([size for size, _ in sizes])
     shapes = _shapes(base, fit, residuals, counts)
-    rows = [row for level, one in zip(levels, base.evidence, strict=True) if (row := lack_of_fit(level, one.noise_nm))]
+    rows = [row for level, one in zip(levels, base.estimates, strict=True) if (row := lack_of_fit(level, one.noise_nm))]
     polynomial = fit.nonlinear is not None and base.source == "repeats" and len(levels) >= 4
     orders = _orders(base) if polynomial else ()
     falling = [(level, lost) for level in levels if (lost := overshoot(level)) > OVERSHOOT]
@@ -180,8 +180,8 @@ def adequacy(stepset: StepSet, fit: Fit, base: Ground, asked: Share | None = Non
     )
 
 
-def _shapes(base: Ground, fit: Fit, residuals: Sequence[Array], counts: Array) -> tuple[Shape, ...]:
-    levels, share = base.levels, base.evidence[0].curve.C
+def _shapes(base: LevelStatistics, fit: Fit, residuals: Sequence[Array], counts: Array) -> tuple[Shape, ...]:
+    levels, share = base.levels, base.estimates[0].curve.C
     samples = np.array([len(level.time_s) for level in levels], dtype=float)
 
     def judged(name: str, parameters: int, sse: Array) -> Shape:
@@ -203,12 +203,12 @@ def _shapes(base: Ground, fit: Fit, residuals: Sequence[Array], counts: Array) -
     return tuple(found)
 
 
-def _free_share(base: Ground, two: Array) -> Array:
+def _free_share(base: LevelStatistics, two: Array) -> Array:
     """Least sums of squares of the levels with C free too, from the held curves and from C = 0.5, shape (L,).
 
     `two` are those of the held curves: what the points' costs are above them is the same for all curves.
     """
-    points, curves = base.data.points, [one.curve for one in base.evidence]
+    points, curves = base.data.points, [one.curve for one in base.estimates]
     held = np.array([log_theta(curve, True) for curve in curves])
     half = np.where(np.arange(4) == 3, 0.0, held)
     costs = least_of_all(points, np.stack([held, half]))
@@ -216,10 +216,10 @@ def _free_share(base: Ground, two: Array) -> Array:
     return np.asarray(np.minimum(two, np.maximum(above + costs.min(axis=0), 0.0)))
 
 
-def _orders(base: Ground) -> tuple[Order, ...]:
+def _orders(base: LevelStatistics) -> tuple[Order, ...]:
     rows = []
     for k, name in enumerate(("Ts", "tau1", "tau2")):
-        row = base.known[:, k]
+        row = base.determined[:, k]
         duty, theta, variance = base.duty_pct[row], base.log_theta[row, k], base.expected[row, k]
         for order in ORDERS:
             p = order + 1
@@ -241,12 +241,12 @@ def left_out(curve: Curve, duty_pct: Array, log_values: Array) -> Array:
     return np.asarray((np.log(curve.at(duty_pct)) - log_values) / np.maximum(1 - own, 1e-9))
 
 
-def _leave_one_out(base: Ground) -> float:
+def _leave_one_out(base: LevelStatistics) -> float:
     """RMS torque error of inner levels that the curves of all others predict [output unit]."""
     inner = slice(1, -1)
     values = []
     for k, name in enumerate(("Ts", "tau1", "tau2")):
-        row = base.known[:, k]
+        row = base.determined[:, k]
         count = int(row.sum())
         if count < 3:
             return float("nan")
@@ -256,7 +256,7 @@ def _leave_one_out(base: Ground) -> float:
         said[row] = theta + left_out(curve, duty, theta)
         values.append(np.exp(np.clip(said, np.log(1e-6), 50.0)))
     total, samples = 0.0, 0
-    shares = [one.curve.C for one in base.evidence]
+    shares = [one.curve.C for one in base.estimates]
     for level, Ts, tau1, tau2, C in list(zip(base.levels, *values, shares, strict=True))[inner]:
         left = level.mean - friction.step_response(Friction(float(Ts), float(tau1), float(tau2), C), level.time_s)
         total += float(left @ left)

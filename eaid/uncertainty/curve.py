@@ -9,11 +9,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.special import fdtri
 
 from eaid.arrays import Array
 from eaid.uncertainty.scatter import Mask, paule_mandel
-from eaid.uncertainty.student import Worth, t_quantile
-from eaid.uncertainty.tails import f_quantile
+from eaid.uncertainty.student_t import VarianceComponents, t_quantile
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,12 +27,12 @@ class Curve:
     sd: Array
     """Standard deviation of the levels' logarithms, inflation included, shape (L,)."""
     degrees: float
-    """Degrees of freedom of `sd`, where `worth` does not say more."""
+    """Degrees of freedom of `sd`, where `components` does not say more."""
     misfit: float
     """Σ res²/W/(L − p): about 1 where the polynomial follows the levels; NaN where L = p."""
     between: float
     """a, run-to-run variance of a single run, where it was found from the curve itself; NaN otherwise."""
-    worth: Worth | None = None
+    components: VarianceComponents | None = None
     """What the levels' variances are made of, where repeats say so."""
 
     @property
@@ -59,9 +59,9 @@ class Curve:
 
     def degrees_at(self, duty_pct: Array) -> Array:
         """Degrees of freedom of log p(u), shape of `duty_pct`: at an end few levels, so few runs, make the curve."""
-        if self.worth is None:
+        if self.components is None:
             return np.full(len(duty_pct), self.degrees)
-        return self.worth.degrees(self._answers(duty_pct) ** 2)
+        return self.components.degrees(self._answers(duty_pct) ** 2)
 
     def band(self, duty_pct: Array) -> Array:
         """95 % interval of p(u), shape (n, 2)."""
@@ -139,7 +139,7 @@ def inflation(misfit: float, spare: float, degrees: float) -> float:
 
     Beyond chance (one in a thousand) the curve is wrong, and its misfit counts whole.
     """
-    return misfit if misfit > f_quantile(spare, max(degrees / 2, 1.0), 0.999) else 1.0
+    return misfit if misfit > fdtri(spare, max(degrees / 2, 1.0), 0.999) else 1.0
 
 
 def curve_of_single_runs(duty_pct: Array, log_values: Array, within: Array, p: int) -> Curve:
@@ -159,13 +159,13 @@ def curve_of_single_runs(duty_pct: Array, log_values: Array, within: Array, p: i
     return Curve(coefficients, gains, np.sqrt(variance), float(spare), 1.0, between)
 
 
-def at_levels(curve: Curve, row: Mask, p: int, worth: Worth | None) -> Curve:
+def at_levels(curve: Curve, row: Mask, p: int, components: VarianceComponents | None) -> Curve:
     """The curve through the levels of `row` as one over all levels, shape (L,), padded to p terms."""
     gains, sd = np.zeros((p, len(row))), np.zeros(len(row))
     gains[: len(curve.coefficients), row], sd[row] = curve.gains, curve.sd
     padded = np.zeros(p)
     padded[: len(curve.coefficients)] = curve.coefficients
-    return replace(curve, coefficients=padded, gains=gains, sd=sd, worth=worth)
+    return replace(curve, coefficients=padded, gains=gains, sd=sd, components=components)
 
 
 def _inverse(matrix: Array) -> Array:

@@ -14,9 +14,9 @@ from eaid.arrays import Array
 from eaid.errors import UsageError
 from eaid.models.parameters import Friction
 from eaid.uncertainty.curve import powers
-from eaid.uncertainty.ground import TERMS
+from eaid.uncertainty.level_statistics import TERMS
 from eaid.uncertainty.noise import Noise, inverse_information
-from eaid.uncertainty.student import t_quantile
+from eaid.uncertainty.student_t import t_quantile
 
 PARAMETERS = {"Ts": 0, "tau1": 1, "tau2": 2}
 """What a width can be wanted of: the curve over the duty, at its worst level."""

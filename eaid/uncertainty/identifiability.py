@@ -15,10 +15,10 @@ from eaid.fitting.data import data_of
 from eaid.fitting.result import FrictionFit, LinearFit, NonlinearFit
 from eaid.fitting.warnings import listed
 from eaid.models.trends import FORMS
-from eaid.uncertainty.ground import Ground
-from eaid.uncertainty.levels import LevelEvidence, log_jacobian
+from eaid.uncertainty.level_statistics import LevelStatistics
+from eaid.uncertainty.levels import LevelEstimate, log_jacobian
 from eaid.uncertainty.profile import profile_interval
-from eaid.uncertainty.student import t_quantile
+from eaid.uncertainty.student_t import t_quantile
 
 SYMBOLS = {"Ts": "T_s", "tau1": "τ1", "tau2": "τ2", "C": "C"}
 UNITS = {"Ts": "N·m", "tau1": "s", "tau2": "s", "C": ""}
@@ -46,18 +46,18 @@ class Verdict:
         }
 
 
-def torque_half_width(ground: Ground, index: int) -> float:
+def torque_half_width(stats: LevelStatistics, index: int) -> float:
     """95 % half-width of the torque curve within the record of one level [output unit]."""
-    one, level = ground.evidence[index], ground.levels[index]
-    jacobian = log_jacobian(one.curve, level.time_s, ground.variance.shape[1] == 4)
-    t = t_quantile(float(np.min(ground.degrees[index])))
-    if one.evidence.repeats > 1:
-        along = jacobian @ one.evidence.influence.T  # what the runs do together, not one parameter after another
-        sd = np.sqrt((along**2).sum(axis=1) / (one.evidence.repeats - 1) / one.evidence.repeats)
+    one, level = stats.estimates[index], stats.levels[index]
+    jacobian = log_jacobian(one.curve, level.time_s, stats.variance.shape[1] == 4)
+    t = t_quantile(float(np.min(stats.degrees[index])))
+    if one.runs.repeats > 1:
+        along = jacobian @ one.runs.influence.T  # what the runs do together, not one parameter after another
+        sd = np.sqrt((along**2).sum(axis=1) / (one.runs.repeats - 1) / one.runs.repeats)
         return float(t * sd.max())
-    A = one.evidence.information
+    A = one.runs.information
     noise = float(np.mean(one.noise_nm**2))
-    memory = np.sqrt(float(np.max(one.evidence.within / np.maximum(noise * np.diag(_inverse(A)), 1e-300))))
+    memory = np.sqrt(float(np.max(one.runs.within / np.maximum(noise * np.diag(_inverse(A)), 1e-300))))
     sd = np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", jacobian, _inverse(A) * noise, jacobian), 0))
     return float(t * memory * sd.max())
 
@@ -66,57 +66,57 @@ def _inverse(A: Array) -> Array:
     return np.asarray(np.linalg.pinv(A, rcond=1e-14, hermitian=True))
 
 
-def parameter_range(ground: Ground, index: int, k: int) -> tuple[float, float]:
+def parameter_range(stats: LevelStatistics, index: int, k: int) -> tuple[float, float]:
     """95 % range of one level's parameter from the profile of its cost; an end of 0 or ∞ is none at all."""
-    one, level = ground.evidence[index], ground.levels[index]
-    spread = float(_inverse(one.evidence.information)[k, k])
-    t = t_quantile(float(ground.degrees[index, k]))
-    within = one.evidence.within[k] / one.evidence.repeats
+    one, level = stats.estimates[index], stats.levels[index]
+    spread = float(_inverse(one.runs.information)[k, k])
+    t = t_quantile(float(stats.degrees[index, k]))
+    within = one.runs.within[k] / one.runs.repeats
     points = data_of([level]).points
-    rise = t**2 * max(float(ground.variance[index, k]) if ground.known[index, k] else within, within) / spread
-    own = float(np.mean(one.noise_nm**2)) / one.evidence.repeats
+    rise = t**2 * max(float(stats.variance[index, k]) if stats.determined[index, k] else within, within) / spread
+    own = float(np.mean(one.noise_nm**2)) / one.runs.repeats
     # far from a parabola the linear V says nothing: the cost then rises by the noise's own, with its memory
-    rise = min(rise, t**2 * own * _memory(ground, index))
+    rise = min(rise, t**2 * own * _memory(stats, index))
     # far beyond the record the cost is flat: start where it begins to be
-    curve = replace(one.curve, tau2=min(one.curve.tau2, FAR_RECORDS * one.evidence.duration_s))
-    low, high = profile_interval(points, curve, k, rise, ground.variance.shape[1] == 4)
+    curve = replace(one.curve, tau2=min(one.curve.tau2, FAR_RECORDS * one.runs.duration_s))
+    low, high = profile_interval(points, curve, k, rise, stats.variance.shape[1] == 4)
     with np.errstate(over="ignore"):
         return float(np.exp(low)), float(np.exp(high))
 
 
-def _memory(ground: Ground, index: int) -> float:
+def _memory(stats: LevelStatistics, index: int) -> float:
     """How many times larger the best-known parameter's variance is than white noise would make it."""
-    one = ground.evidence[index]
+    one = stats.estimates[index]
     noise = float(np.mean(one.noise_nm**2))
-    white = np.diag(_inverse(one.evidence.information)) * noise
-    ratio = one.evidence.within / np.maximum(white, 1e-300)
+    white = np.diag(_inverse(one.runs.information)) * noise
+    ratio = one.runs.within / np.maximum(white, 1e-300)
     return float(max(1.0, np.max(ratio)))
 
 
-def level_words(ground: Ground, unit: str, output_unit: str = "N·m") -> list[str]:
+def level_words(stats: LevelStatistics, unit: str, output_unit: str = "N·m") -> list[str]:
     """One sentence for every level that leaves a parameter open, and one for those that seem not to by chance."""
-    names = tuple(SYMBOLS)[: ground.variance.shape[1]]
-    words = _met_words(ground, unit)
-    for i, one in enumerate(ground.evidence):
+    names = tuple(SYMBOLS)[: stats.variance.shape[1]]
+    words = _met_words(stats, unit)
+    for i, one in enumerate(stats.estimates):
         place = f"at {one.level:g} {unit}".rstrip()
         met = _met(one)
         for k, name in enumerate(names):
             if met and name in ("tau1", "tau2"):
                 continue
-            if name in one.held:
+            if name in one.constrained:
                 words.append(f"{place} {SYMBOLS[name]} is not estimable: a constraint holds it")
-            elif not ground.known[i, k] and name != "C":
-                words.append(f"{place} {_range_words(ground, i, k, name, output_unit)}")
-    return words + _chance_words(ground, unit)
+            elif not stats.determined[i, k] and name != "C":
+                words.append(f"{place} {_range_words(stats, i, k, name, output_unit)}")
+    return words + _chance_words(stats, unit)
 
 
-def _met(one: LevelEvidence) -> bool:
+def _met(one: LevelEstimate) -> bool:
     """Whether τ1 and τ2 of a level are one."""
-    return {"tau1", "tau2"} <= set(one.held) and "Ts" not in one.held
+    return {"tau1", "tau2"} <= set(one.constrained) and "Ts" not in one.constrained
 
 
-def _met_words(ground: Ground, unit: str) -> list[str]:
-    met = [one for one in ground.evidence if _met(one)]
+def _met_words(stats: LevelStatistics, unit: str) -> list[str]:
+    met = [one for one in stats.estimates if _met(one)]
     if not met:
         return []
     levels, taus = listed([one.level for one in met]), listed([float(f"{one.curve.tau1:.3g}") for one in met])
@@ -127,13 +127,13 @@ def _met_words(ground: Ground, unit: str) -> list[str]:
     ]
 
 
-def _chance_words(ground: Ground, unit: str) -> list[str]:
+def _chance_words(stats: LevelStatistics, unit: str) -> list[str]:
     """Levels whose τ2 seems known where most levels leave it open: those are the ones where it came out short."""
-    known = ground.known[:, 2]
-    outlasts = ~known & ~np.array([_met(one) for one in ground.evidence])
+    known = stats.determined[:, 2]
+    outlasts = ~known & ~np.array([_met(one) for one in stats.estimates])
     if not known.any() or 2 * outlasts.sum() <= len(known):
         return []
-    levels = listed(ground.duty_pct[known].tolist())
+    levels = listed(stats.duty_pct[known].tolist())
     return [
         f"at {levels} {unit}".rstrip()
         + " τ2 came out shorter than the record, at most levels it did not: chance or ripple may do that; "
@@ -141,10 +141,10 @@ def _chance_words(ground: Ground, unit: str) -> list[str]:
     ]
 
 
-def _range_words(ground: Ground, i: int, k: int, name: str, output_unit: str) -> str:
-    low, high = parameter_range(ground, i, k)
-    record = ground.evidence[i].evidence.duration_s
-    known = f"{torque_half_width(ground, i):.1g} {output_unit}".rstrip()
+def _range_words(stats: LevelStatistics, i: int, k: int, name: str, output_unit: str) -> str:
+    low, high = parameter_range(stats, i, k)
+    record = stats.estimates[i].runs.duration_s
+    known = f"{torque_half_width(stats, i):.1g} {output_unit}".rstrip()
     curve = f"the curve itself is known to {known} within the record of {record:.3g} s"
     said = output_unit if name == "Ts" else UNITS[name]
     if not np.isfinite(high) or high > 1000 * record:
@@ -154,11 +154,11 @@ def _range_words(ground: Ground, i: int, k: int, name: str, output_unit: str) ->
     return f"{SYMBOLS[name]} {start}; {curve}"
 
 
-def friction_verdict(fit: FrictionFit, ground: Ground, unit: str, output_unit: str = "N·m") -> Verdict:
+def friction_verdict(fit: FrictionFit, stats: LevelStatistics, unit: str, output_unit: str = "N·m") -> Verdict:
     """The levels' curves, a free C, and trends whose rates merged or whose coefficients only count together."""
-    words = level_words(ground, unit, output_unit)
-    if ground.variance.shape[1] == 4:
-        words += _share_words(ground, unit)
+    words = level_words(stats, unit, output_unit)
+    if stats.variance.shape[1] == 4:
+        words += _share_words(stats, unit)
     for name, trend in fit.trends.items():
         if trend.form == MERGED:
             words.append(
@@ -167,17 +167,17 @@ def friction_verdict(fit: FrictionFit, ground: Ground, unit: str, output_unit: s
             )
         elif trend.form == "double-exponential":
             words += _combination(name, np.array(trend.coefficients), np.array(fit.x))
-    whole = bool(ground.known[:, :3].any(axis=0).all())
+    whole = bool(stats.determined[:, :3].any(axis=0).all())
     reasons = [] if whole else ["no level determines all of T_s, τ1 and τ2"]
     return Verdict(not reasons, tuple(reasons), tuple(words))
 
 
-def _share_words(ground: Ground, unit: str) -> list[str]:
+def _share_words(stats: LevelStatistics, unit: str) -> list[str]:
     words = []
-    for i, one in enumerate(ground.evidence):
-        reach = t_quantile(float(ground.degrees[i, 3])) * float(np.sqrt(ground.variance[i, 3]))
+    for i, one in enumerate(stats.estimates):
+        reach = t_quantile(float(stats.degrees[i, 3])) * float(np.sqrt(stats.variance[i, 3]))
         if reach > 1.0:
-            low, high = (float(1 / (1 + np.exp(-(one.evidence.log_theta[3] + s * reach)))) for s in (-1, 1))
+            low, high = (float(1 / (1 + np.exp(-(one.runs.log_theta[3] + s * reach)))) for s in (-1, 1))
             words.append(
                 f"at {one.level:g} {unit} the free C is anywhere between {low:.2f} and {high:.2f}: "
                 "C and τ2 trade against each other; hold C"
@@ -198,10 +198,10 @@ def _combination(name: str, c: Array, x: Array) -> list[str]:
     return [f"{TRENDS[name]}'s trend hardly changes when {', '.join(parts)} change together: only the curve is known"]
 
 
-def nonlinear_verdict(fit: NonlinearFit, ground: Ground, unit: str, output_unit: str = "N·m") -> Verdict:
+def nonlinear_verdict(fit: NonlinearFit, stats: LevelStatistics, unit: str, output_unit: str = "N·m") -> Verdict:
     """Levels too few for the polynomials, parameters that most levels leave open, constraints that hold."""
-    count = len(ground.levels)
-    reasons, words = [], level_words(ground, unit, output_unit)
+    count = len(stats.levels)
+    reasons, words = [], level_words(stats, unit, output_unit)
     if count == 1:
         reasons.append("one level only: nothing says how T_s, τ1 and τ2 change with the duty; record more levels")
     elif count < 4:
@@ -209,11 +209,11 @@ def nonlinear_verdict(fit: NonlinearFit, ground: Ground, unit: str, output_unit:
             f"{count} levels pin the polynomials of T_s, τ1, τ2 exactly or not at all: nothing checks their shape"
         )
     for k, name in enumerate(("Ts", "tau1", "tau2")):
-        open_at = [level.level for level, known in zip(ground.levels, ground.known[:, k], strict=True) if not known]
+        open_at = [level.level for level, known in zip(stats.levels, stats.determined[:, k], strict=True) if not known]
         if 2 * len(open_at) > count:
             reasons.append(
                 f"{SYMBOLS[name]} is not determined at {len(open_at)} of {count} levels: "
-                + _why_open(ground, open_at, name)
+                + _why_open(stats, open_at, name)
             )
     if fit.solver.at_bounds:
         words.append(f"a constraint holds {_ranges(fit.solver.at_bounds)}: not estimable there")
@@ -225,12 +225,12 @@ def nonlinear_verdict(fit: NonlinearFit, ground: Ground, unit: str, output_unit:
     return Verdict(not reasons, tuple(reasons), tuple(words))
 
 
-def _why_open(ground: Ground, open_at: Sequence[float], name: str) -> str:
+def _why_open(stats: LevelStatistics, open_at: Sequence[float], name: str) -> str:
     """Why most levels leave a parameter open, and what to do where recording longer helps."""
-    met = sum(_met(one) for one in ground.evidence if one.level in open_at)
+    met = sum(_met(one) for one in stats.estimates if one.level in open_at)
     if 2 * met > len(open_at):
         return "one exponential is all that most of them show"
-    longest = max(one.evidence.duration_s for one in ground.evidence)
+    longest = max(one.runs.duration_s for one in stats.estimates)
     return f"hold each level longer than {longest:.3g} s" if name == "tau2" else "the records do not show it"
 
 
@@ -239,17 +239,17 @@ def _ranges(at_bounds: tuple[str, ...]) -> str:
     return shown if len(at_bounds) <= 4 else f"{shown} and {len(at_bounds) - 4} more"
 
 
-def linear_verdict(fit: LinearFit, ground: Ground, ci95: dict[str, list[float]]) -> Verdict:
+def linear_verdict(fit: LinearFit, stats: LevelStatistics, ci95: dict[str, list[float]]) -> Verdict:
     """b0 and c0 of one level, an a0 or b0 that may be zero, levels without a B."""
     reasons, words = [], []
-    if len(ground.levels) == 1:
+    if len(stats.levels) == 1:
         reasons.append(
             "one level only: one step cannot tell b0 from c0, only b0 u + c0 is known; record a second level"
         )
     a0, b0 = ci95.get("a0"), ci95.get("b0")
     if a0 is not None and a0[0] <= 0:
         reasons.append(f"a0 may be zero (95 % interval {a0[0]:.3g} to {a0[1]:.3g} 1/s): the records are too short")
-    if b0 is not None and b0[0] <= 0 and len(ground.levels) > 1:
+    if b0 is not None and b0[0] <= 0 and len(stats.levels) > 1:
         reasons.append(
             f"b0 may be zero or negative (95 % interval {b0[0]:.3g} to {b0[1]:.3g}): the duty's effect is not seen"
         )
@@ -257,38 +257,38 @@ def linear_verdict(fit: LinearFit, ground: Ground, ci95: dict[str, list[float]])
         reasons.append("no level has a positive b0, so B has no bounds")
     words.append(
         "one level's step gives b0 u + c0 only; its b0 rests on the convention "
-        f"{fit.bounds.convention}" + ("" if len(ground.levels) > 1 else ", and so does the pooled one")
+        f"{fit.bounds.convention}" + ("" if len(stats.levels) > 1 else ", and so does the pooled one")
     )
     return Verdict(not reasons, tuple(reasons), tuple(words))
 
 
-def scatter_words(ground: Ground) -> list[str]:
+def scatter_words(stats: LevelStatistics) -> list[str]:
     """What the scatter of the runs itself says: single runs, scatter that is not alike over the levels."""
-    if ground.source == "within":
+    if stats.source == "within":
         return [
             "one run a level and too few levels to see run-to-run scatter: the intervals hold one run's own noise only "
             "and are too narrow; repeat each level three times"
         ]
-    if ground.source == "curve":
+    if stats.source == "curve":
         return [
             "one run a level: the scatter was taken from the levels' distance to the curve; trust the curve more than "
             "single levels, and repeat each level to tell scatter from a wrong curve"
         ]
-    assert ground.scatter is not None
+    assert stats.scatter is not None
     words = []
-    if ground.swept:
-        shifted = [SYMBOLS[n] for n, c in zip(SYMBOLS, ground.scatter.common, strict=False) if c > 0]
-        sweeps = ground.scatter.common_degrees + 1
-        runs = sum(one.evidence.repeats for one in ground.evidence)
+    if stats.swept:
+        shifted = [SYMBOLS[n] for n, c in zip(SYMBOLS, stats.scatter.common, strict=False) if c > 0]
+        sweeps = stats.scatter.common_degrees + 1
+        runs = sum(one.runs.repeats for one in stats.estimates)
         words.append(
             f"the repeats look like {sweeps:.0f} sweeps: all levels of one share a shift of {' and '.join(shifted)}; "
             f"the {runs} runs count as {sweeps:.0f} there, intervals are wider; record levels in random order instead"
         )
-    scatter = ground.scatter
+    scatter = stats.scatter
     for name, jump, a, v in zip(SYMBOLS, scatter.jumps, scatter.between, scatter.pooled.T, strict=False):
-        repeated = a > 0.3 * median(v) * ground.evidence[0].evidence.repeats  # else it is noise, not scatter
+        repeated = a > 0.3 * median(v) * stats.estimates[0].runs.repeats  # else it is noise, not scatter
         if jump is not None and repeated:
-            last, first = (ground.levels[jump.place + i].level for i in (0, 1))
+            last, first = (stats.levels[jump.place + i].level for i in (0, 1))
             here = f"up to {last:g} than above" if jump.ratio > 1 else f"from {first:g} on than below"
             words.append(
                 f"the runs' scatter of {SYMBOLS[name]} is {max(jump.ratio, 1 / jump.ratio):.2g} times larger {here}: "

@@ -19,17 +19,17 @@ from eaid.fitting.levels import fit_levels
 from eaid.fitting.result import Fit, FrictionFit
 from eaid.models.parameters import SHARE
 from eaid.steps.stepset import Level, StepSet
-from eaid.uncertainty import friction_part, linear_part, nonlinear_part, weightings
+from eaid.uncertainty import friction_intervals, linear_intervals, nonlinear_intervals, weightings
 from eaid.uncertainty.adequacy import Adequacy, adequacy
 from eaid.uncertainty.bootstrap import Draws, bootstrap
-from eaid.uncertainty.ground import Ground, from_evidence, ground, ground_at_share
 from eaid.uncertainty.identifiability import friction_verdict, linear_verdict, nonlinear_verdict, scatter_words
 from eaid.uncertainty.joint import BLOCKS, with_white_covariance
+from eaid.uncertainty.level_statistics import LevelStatistics, level_statistics, pooled_statistics, statistics_at_share
 from eaid.uncertainty.levels import Parameter, share_sensitivity
 from eaid.uncertainty.noise import noise_json, noise_of
 from eaid.uncertainty.profile import profile_interval
 from eaid.uncertainty.share import Share, share_json, share_of, share_words
-from eaid.uncertainty.student import t_quantile
+from eaid.uncertainty.student_t import t_quantile
 from eaid.uncertainty.weightings import weights_array
 
 METHODS: dict[str, str] = {
@@ -107,7 +107,7 @@ def _intervals(stepset: StepSet, fit: Fit, options: IntervalOptions, advance: Ca
     fitted = fitted_levels(fit)
     held = tuple(level for level in stepset.levels if level.level not in fitted)
     stepset = replace(stepset, levels=tuple(level for level in stepset.levels if level.level in fitted))
-    curves = _ground(stepset, fit)
+    curves = _statistics(stepset, fit)
     free = fit.friction is not None and fit.friction.C is None
     draws = None
     if options.ci == "bootstrap":
@@ -122,7 +122,7 @@ def _intervals(stepset: StepSet, fit: Fit, options: IntervalOptions, advance: Ca
     share = fit.nonlinear.parameters.C if fit.nonlinear is not None else None
     base = curves
     if free and share is not None:
-        base = ground_at_share(stepset.levels, share)
+        base = statistics_at_share(stepset.levels, share)
         base = base if draws is None else _with_draws(base, draws)
     if fit.nonlinear is not None:
         found["nonlinear"] = _nonlinear(stepset, held, fit, base, options, draws)
@@ -149,10 +149,10 @@ def fitted_levels(fit: Fit) -> tuple[float, ...]:
     return tuple(one.level for one in fit.linear.per_level) if fit.linear is not None else ()
 
 
-def _ground(stepset: StepSet, fit: Fit) -> Ground:
+def _statistics(stepset: StepSet, fit: Fit) -> LevelStatistics:
     if fit.friction is not None:
-        return ground(stepset.levels, fit.friction.levels, fit.friction.C is None)
-    return ground_at_share(stepset.levels, fit.nonlinear.parameters.C if fit.nonlinear is not None else SHARE)
+        return level_statistics(stepset.levels, fit.friction.levels, fit.friction.C is None)
+    return statistics_at_share(stepset.levels, fit.nonlinear.parameters.C if fit.nonlinear is not None else SHARE)
 
 
 def _with_levels(stepset: StepSet, fit: Fit) -> Fit:
@@ -163,24 +163,26 @@ def _with_levels(stepset: StepSet, fit: Fit) -> Fit:
     return replace(fit, friction=part)
 
 
-def _with_draws(base: Ground, draws: Draws) -> Ground:
-    """The same ground with the variances of the refits in place of the linear ones."""
-    evidence = []
-    for one, v in zip(base.evidence, draws.level_variance, strict=True):
-        e = one.evidence
+def _with_draws(base: LevelStatistics, draws: Draws) -> LevelStatistics:
+    """The same statistics with the variances of the refits in place of the linear ones."""
+    estimates = []
+    for one, v in zip(base.estimates, draws.level_variance, strict=True):
+        e = one.runs
         own = v[: len(e.log_theta)]
         if e.repeats > 1:
             factor = np.sqrt(own * e.repeats / np.maximum(e.scatter, 1e-300))
             e = replace(e, influence=e.influence * factor)
         else:
             e = replace(e, within=own)
-        evidence.append(replace(one, evidence=e))
-    return from_evidence(base.levels, evidence)
+        estimates.append(replace(one, runs=e))
+    return pooled_statistics(base.levels, estimates)
 
 
-def _friction(fit: Fit, curves: Ground, options: IntervalOptions, unit: str, output_unit: str) -> dict[str, Any]:
+def _friction(
+    fit: Fit, curves: LevelStatistics, options: IntervalOptions, unit: str, output_unit: str
+) -> dict[str, Any]:
     assert fit.friction is not None
-    rows = friction_part.level_rows(curves, white=options.ci == "white")
+    rows = friction_intervals.level_rows(curves, white=options.ci == "white")
     if options.ci == "profile":
         rows = [[_profiled(curves, i, k, p) for k, p in enumerate(own)] for i, own in enumerate(rows)]
     verdict = friction_verdict(fit.friction, curves, unit, output_unit).as_json()
@@ -188,22 +190,22 @@ def _friction(fit: Fit, curves: Ground, options: IntervalOptions, unit: str, out
         return {"levels": [{}] * len(rows), "trends": {}, **verdict}
     repeats = curves.source == "repeats" and options.ci != "white"
     return {
-        "levels": friction_part.level_ci95(fit.friction, rows),
-        "trends": friction_part.trend_ci95(fit.friction, rows, repeats, curves.total_degrees),
+        "levels": friction_intervals.level_ci95(fit.friction, rows),
+        "trends": friction_intervals.trend_ci95(fit.friction, rows, repeats, curves.total_degrees),
         **verdict,
     }
 
 
-def _profiled(curves: Ground, i: int, k: int, p: Parameter) -> Parameter:
+def _profiled(curves: LevelStatistics, i: int, k: int, p: Parameter) -> Parameter:
     """One level's parameter with the interval of its profile; as it was where scatter, not noise, makes its width."""
-    one = curves.evidence[i]
-    within = float(one.evidence.within[k]) / one.evidence.repeats
-    if p.name in one.held or within < 0.5 * float(curves.variance[i, k]):
+    one = curves.estimates[i]
+    within = float(one.runs.within[k]) / one.runs.repeats
+    if p.name in one.constrained or within < 0.5 * float(curves.variance[i, k]):
         # scatter from run to run (a gain, a τ1) knows nothing of the cost's shape: logs are its own scale
         return p
-    if p.name == "tau2" and p.value > one.evidence.duration_s:
+    if p.name == "tau2" and p.value > one.runs.duration_s:
         return p  # longer than the record: not quoted, however its profile looks
-    inverse = np.linalg.pinv(one.evidence.information, rcond=1e-14, hermitian=True)
+    inverse = np.linalg.pinv(one.runs.information, rcond=1e-14, hermitian=True)
     if not inverse[k, k] > 0:
         return p
     t = t_quantile(float(curves.degrees[i, k]))
@@ -219,22 +221,27 @@ def _profiled(curves: Ground, i: int, k: int, p: Parameter) -> Parameter:
 
 
 def _nonlinear(
-    stepset: StepSet, held: Sequence[Level], fit: Fit, base: Ground, options: IntervalOptions, draws: Draws | None
+    stepset: StepSet,
+    held: Sequence[Level],
+    fit: Fit,
+    base: LevelStatistics,
+    options: IntervalOptions,
+    draws: Draws | None,
 ) -> dict[str, Any]:
     own = fit.nonlinear
     assert own is not None
-    found = nonlinear_part.estimates(own, base)
+    found = nonlinear_intervals.estimates(own, base)
     alone, degrees = found.joint_alone, found.degrees
     if draws is not None and draws.joint is not None:
-        found = nonlinear_part.with_joint(found, draws.joint)
+        found = nonlinear_intervals.with_joint(found, draws.joint)
     if options.ci == "white":
         joint, spare = with_white_covariance(found.joint, base.levels, weights_array(own.weights))
         found = replace(found, joint=joint, joint_alone=joint, degrees=dict.fromkeys(BLOCKS, spare))
-    both = nonlinear_part.as_fit(found, base, held if own.hold_out is not None else ())
+    both = nonlinear_intervals.as_fit(found, base, held if own.hold_out is not None else ())
     shown = both if both is not None and options.estimator == "two-stage" else own
     unit = stepset.output_unit
-    other = None if own.other is None else nonlinear_part.scattered(own.other, base)
-    says = nonlinear_part.agreement(found, base, unit)
+    other = None if own.other is None else nonlinear_intervals.scattered(own.other, base)
+    says = nonlinear_intervals.agreement(found, base, unit)
     says["weights"] = weightings.agreement(own, alone, other, degrees, base, unit)
     if says["weights"]["disagreements"] and says["believe"] == "neither":
         says["weights"] |= {"believe": "neither", "because": says["because"]}
@@ -243,29 +250,31 @@ def _nonlinear(
     verdict = nonlinear_verdict(shown, base, stepset.input_unit, unit).as_json()
     result: dict[str, Any] = {**verdict, "agreement": says}
     if options.ci != "none":
-        result |= nonlinear_part.joint_json(found, base.levels, options.ci)
+        result |= nonlinear_intervals.joint_json(found, base.levels, options.ci)
         if other is not None:
-            result["other_weights"] = nonlinear_part.intervals_json(other, found.degrees, base.levels)
+            result["other_weights"] = nonlinear_intervals.intervals_json(other, found.degrees, base.levels)
     if both is not None:
         source = "none" if options.ci == "none" else "robust"
-        result["two_stage"] = nonlinear_part.two_stage_json(found, both, base, source)
+        result["two_stage"] = nonlinear_intervals.two_stage_json(found, both, base, source)
     return result
 
 
-def _linear(stepset: StepSet, fit: Fit, base: Ground, options: IntervalOptions, draws: Draws | None) -> dict[str, Any]:
+def _linear(
+    stepset: StepSet, fit: Fit, base: LevelStatistics, options: IntervalOptions, draws: Draws | None
+) -> dict[str, Any]:
     assert fit.linear is not None
-    pooled = linear_part.pooled_intervals(fit.linear, base)
+    pooled = linear_intervals.pooled_intervals(fit.linear, base)
     if len(base.levels) == 1:
         pooled.pop("c0")
     verdict: dict[str, Any] = linear_verdict(fit.linear, base, pooled).as_json()
-    beside = None if fit.linear.other is None else linear_part.pooled_intervals(fit.linear.other, base)
+    beside = None if fit.linear.other is None else linear_intervals.pooled_intervals(fit.linear.other, base)
     verdict["agreement"] = {"weights": weightings.linear_agreement(fit.linear, pooled, beside, base)}
     if options.ci == "none":
         return verdict
     if beside is not None:
         verdict["other_weights"] = {"ci95": beside}
     if options.ci == "white":
-        textbook = linear_part.white(fit.linear, stepset.levels)
+        textbook = linear_intervals.white(fit.linear, stepset.levels)
         own = [row["ci95"] for row in textbook["per_level"]]
         result = {
             "ci95": textbook["pooled"]["ci95"],
@@ -273,17 +282,17 @@ def _linear(stepset: StepSet, fit: Fit, base: Ground, options: IntervalOptions, 
             "per_level": textbook["per_level"],
         }
     else:
-        own = linear_part.level_intervals(fit.linear, base)
+        own = linear_intervals.level_intervals(fit.linear, base)
         if draws is not None:
-            pooled, own = linear_part.from_draws(fit.linear, draws.pooled, draws.own, base)
+            pooled, own = linear_intervals.from_draws(fit.linear, draws.pooled, draws.own, base)
         result = {"ci95": pooled, "per_level": [{"ci95": row} for row in own]}
     pairs = [(row.level, ci["B"]) for row, ci in zip(fit.linear.per_level, own, strict=True)]
-    result["bounds"] = {"ci95": linear_part.bound_intervals(fit.linear.bounds, pairs)}
+    result["bounds"] = {"ci95": linear_intervals.bound_intervals(fit.linear.bounds, pairs)}
     return {**result, **verdict}
 
 
 def _summary(
-    curves: Ground, options: IntervalOptions, words: list[str], judged: Adequacy | None, asked: Share | None
+    curves: LevelStatistics, options: IntervalOptions, words: list[str], judged: Adequacy | None, asked: Share | None
 ) -> dict[str, Any]:
     why = {
         "repeats": "each level has repeats: whole runs are compared, and their scatter is pooled over the levels",
@@ -307,14 +316,14 @@ def _summary(
     }
     if curves.variance.shape[1] == 3:
         result["share"] = {
-            "held": curves.evidence[0].curve.C,
+            "held": curves.estimates[0].curve.C,
             "means": "intervals are for this C; change of the parameters [%] if it were larger by 0.01",
-            "per_0.01_pct": share_sensitivity(curves.levels, curves.evidence),
+            "per_0.01_pct": share_sensitivity(curves.levels, curves.estimates),
         }
     if asked is not None:
         there = curves
         if asked.matters and asked.estimate is not None:
-            there = ground_at_share(curves.levels, asked.estimate)
+            there = statistics_at_share(curves.levels, asked.estimate)
         result["share"] |= share_json(asked, there)
     if options.ci == "bootstrap":
         result |= {"draws": options.draws, "seed": options.seed}

@@ -36,7 +36,7 @@ class Coefficients:
     u_range: tuple[float, float]
     share: float
     share_free: bool
-    held: tuple[str, ...]
+    constrained: tuple[str, ...]
     """Parameters that an active constraint holds at some duty: not estimable."""
     draws: Array | None = None
     """The coefficients of every refit of a bootstrap, shape (draws, P)."""
@@ -81,8 +81,8 @@ def coefficients_of(p: Nonlinear, share_free: bool = False) -> Coefficients:
     values = np.concatenate([np.array(c) * 100.0 ** np.arange(len(c)) for c in (p.tau1, p.tau2, p.Ts)])
     if share_free:
         values = np.append(values, p.C)
-    held = tuple(dict.fromkeys(name for name, _ in _active(values, counts, p.u_range)))
-    return Coefficients(values, np.zeros((len(values),) * 2), counts, p.u_range, p.C, share_free, held)
+    constrained = tuple(dict.fromkeys(name for name, _ in _active(values, counts, p.u_range)))
+    return Coefficients(values, np.zeros((len(values),) * 2), counts, p.u_range, p.C, share_free, constrained)
 
 
 def constraints(counts: tuple[int, int, int], u_range: tuple[float, float]) -> tuple[Array, Array]:
@@ -152,7 +152,7 @@ def with_white_covariance(
 
 def with_covariance(c: Coefficients, covariance: Array) -> Coefficients:
     """The same coefficients with another covariance."""
-    return Coefficients(c.values, covariance, c.counts, c.u_range, c.share, c.share_free, c.held)
+    return Coefficients(c.values, covariance, c.counts, c.u_range, c.share, c.share_free, c.constrained)
 
 
 def with_draws(c: Coefficients, draws: Array) -> Coefficients:

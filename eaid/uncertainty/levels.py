@@ -1,4 +1,4 @@
-"""The friction curve of each level, Eq. (3), as evidence on (log T_s, log τ1, log τ2), and its 95 % intervals.
+"""The friction curve of each level, Eq. (3), in (log T_s, log τ1, log τ2), with its runs, and its 95 % intervals.
 
 A parameter that a constraint holds is not estimable; a τ2 longer than the record is flagged, not quoted.
 """
@@ -13,9 +13,9 @@ from eaid.fitting.result import LevelFit
 from eaid.models import friction
 from eaid.models.parameters import Friction
 from eaid.steps.stepset import Level
-from eaid.uncertainty.evidence import Evidence, evidence, own_residuals
-from eaid.uncertainty.scatter import Mask, Scatter, pooled_scatter
-from eaid.uncertainty.student import t_quantile
+from eaid.uncertainty.run_statistics import RunStatistics, own_residuals, run_statistics
+from eaid.uncertainty.scatter import Mask, PooledScatter, pooled_scatter
+from eaid.uncertainty.student_t import t_quantile
 
 NAMES = ("Ts", "tau1", "tau2", "C")
 """Parameters of one level, in the order of every array here; C only where it was free."""
@@ -28,20 +28,20 @@ UNDETERMINED = 3.0
 
 
 @dataclass(frozen=True, eq=False)
-class LevelEvidence:
+class LevelEstimate:
     """One level's friction curve with what its runs say about it."""
 
     curve: Friction
-    evidence: Evidence
+    runs: RunStatistics
     noise_nm: Array
     """Residuals of each run about its own best curve [output], shape (R, n)."""
-    held: tuple[str, ...]
+    constrained: tuple[str, ...]
     """Parameters that a constraint holds: not estimable."""
 
     @property
     def level(self) -> float:
         """Input of the level."""
-        return self.evidence.level
+        return self.runs.level
 
 
 def log_jacobian(curve: Friction, time_s: Array, share_free: bool = False) -> Array:
@@ -58,29 +58,31 @@ def log_theta(curve: Friction, share_free: bool = False) -> Array:
     return np.asarray(values[: 4 if share_free else 3])
 
 
-def level_evidence(level: Level, curve: Friction, held: Sequence[str] = (), share_free: bool = False) -> LevelEvidence:
+def level_estimate(
+    level: Level, curve: Friction, constrained: Sequence[str] = (), share_free: bool = False
+) -> LevelEstimate:
     """What the runs of one level say about its friction curve."""
     jacobian = log_jacobian(curve, level.time_s, share_free)
     noise = own_residuals(level.runs, jacobian[:, 0], jacobian)  # ∂f/∂log T_s is f itself
     theta = log_theta(curve, share_free)
-    found = evidence(level.level, level.time_s, level.runs, jacobian, theta, noise_nm=noise)
-    return LevelEvidence(curve, found, noise, tuple(held))
+    found = run_statistics(level.level, level.time_s, level.runs, jacobian, theta, noise_nm=noise)
+    return LevelEstimate(curve, found, noise, tuple(constrained))
 
 
-def held_parameters(fit: LevelFit) -> tuple[str, ...]:
+def constrained_parameters(fit: LevelFit) -> tuple[str, ...]:
     """Which of T_s, τ1, τ2, C a constraint holds in this level's fit."""
-    held = []
+    found = []
     for words in fit.solver.at_bounds:
-        held += [name for name, sign in (("Ts", "T_s at"), ("C", "C at")) if words.startswith(sign)]
+        found += [name for name, sign in (("Ts", "T_s at"), ("C", "C at")) if words.startswith(sign)]
         if words.startswith("τ1 at"):
-            held.append("tau1")
+            found.append("tau1")
         if words.startswith("τ2 at"):
-            held += ["tau1", "tau2"] if words == "τ2 at τ1" else ["tau2"]
+            found += ["tau1", "tau2"] if words == "τ2 at τ1" else ["tau2"]
     if fit.curve.tau2 <= fit.curve.tau1 * (1 + MEETING):
-        held += ["tau1", "tau2"]
+        found += ["tau1", "tau2"]
     if fit.curve.Ts <= 0:
-        held += ["Ts", "tau1", "tau2"]
-    return tuple(dict.fromkeys(held))
+        found += ["Ts", "tau1", "tau2"]
+    return tuple(dict.fromkeys(found))
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,7 +100,7 @@ class Parameter:
 
 
 def level_parameters(
-    level: LevelEvidence, variance: Array, degrees: Array, expected: Array | None = None
+    level: LevelEstimate, variance: Array, degrees: Array, expected: Array | None = None
 ) -> list[Parameter]:
     """Intervals exp(θ̂ ± t √V) of one level, shape (k,) of `variance` and `degrees`; at a bound or too wide: a word.
 
@@ -107,7 +109,7 @@ def level_parameters(
     """
     expected = variance if expected is None else expected
     result = []
-    for k, (theta, v, df, usual) in enumerate(zip(level.evidence.log_theta, variance, degrees, expected, strict=True)):
+    for k, (theta, v, df, usual) in enumerate(zip(level.runs.log_theta, variance, degrees, expected, strict=True)):
         name = NAMES[k]
         sd = float(np.sqrt(max(v, 0.0)))
         reach = t_quantile(float(df)) * sd
@@ -119,11 +121,11 @@ def level_parameters(
             value = float(value)
         interval: tuple[float, float] | None = (float(ends[0]), float(ends[1]))
         word = None
-        if name in level.held:
+        if name in level.constrained:
             interval, word = None, "not estimable: a constraint holds it"
-        elif name == "tau2" and value > level.evidence.duration_s:
+        elif name == "tau2" and value > level.runs.duration_s:
             interval = None
-            word = f"longer than the record of {level.evidence.duration_s:.3g} s: not determined; record longer"
+            word = f"longer than the record of {level.runs.duration_s:.3g} s: not determined; record longer"
         elif name != "C" and reach > np.log(UNDETERMINED):
             low, high = (f"{end:.2g}" for end in ends)
             unit = "" if name == "Ts" else " s"
@@ -135,35 +137,35 @@ def level_parameters(
     return result
 
 
-def white_variance(level: Level, found: LevelEvidence) -> tuple[Array, float]:
+def white_variance(level: Level, found: LevelEstimate) -> tuple[Array, float]:
     """Textbook variance s² A⁻¹ of (log T_s, log τ1, log τ2), for the mean of the repeats, and n − k."""
     left = level.mean - friction.step_response(found.curve, level.time_s)
-    spare = len(left) - len(found.evidence.log_theta)
-    inverse = np.linalg.pinv(found.evidence.information, rcond=1e-14, hermitian=True)
+    spare = len(left) - len(found.runs.log_theta)
+    inverse = np.linalg.pinv(found.runs.information, rcond=1e-14, hermitian=True)
     return np.asarray(np.diag(inverse) * float(left @ left) / spare), float(spare)
 
 
-def usable(levels: Sequence[LevelEvidence]) -> Mask:
-    """Which parameters of which levels can speak for the scatter: not held, and determined by their record."""
+def usable(levels: Sequence[LevelEstimate]) -> Mask:
+    """Which parameters of which levels show the scatter: held by no constraint, and determined by their record."""
     rows = []
     for level in levels:
-        names = NAMES[: len(level.evidence.log_theta)]
-        known = np.sqrt(level.evidence.within / level.evidence.repeats) < np.log(UNDETERMINED)
-        rows.append(known & np.array([name not in level.held for name in names]))
+        names = NAMES[: len(level.runs.log_theta)]
+        known = np.sqrt(level.runs.within / level.runs.repeats) < np.log(UNDETERMINED)
+        rows.append(known & np.array([name not in level.constrained for name in names]))
     return np.array(rows)
 
 
-def scatter_of(levels: Sequence[LevelEvidence]) -> Scatter:
-    """Scatter of the levels' parameters, pooled over those that can speak for it; needs repeats."""
-    return pooled_scatter([level.evidence for level in levels], usable(levels))
+def scatter_of(levels: Sequence[LevelEstimate]) -> PooledScatter:
+    """Scatter of the levels' parameters, pooled over those that show it; needs repeats."""
+    return pooled_scatter([level.runs for level in levels], usable(levels))
 
 
-def share_sensitivity(levels: Sequence[Level], found: Sequence[LevelEvidence], step: float = 0.01) -> dict[str, float]:
+def share_sensitivity(levels: Sequence[Level], found: Sequence[LevelEstimate], step: float = 0.01) -> dict[str, float]:
     """How far T_s, τ1, τ2 would move [%] if the held C were larger by `step`; median over the levels, linear."""
     moves = []
     for level, one in zip(levels, found, strict=True):
         slopes = friction.gradient(one.curve, level.time_s)
         along = np.array([one.curve.Ts, one.curve.tau1, one.curve.tau2]) * (slopes[:3] @ slopes[3])
-        inverse = np.linalg.pinv(one.evidence.information[:3, :3], rcond=1e-14, hermitian=True)
+        inverse = np.linalg.pinv(one.runs.information[:3, :3], rcond=1e-14, hermitian=True)
         moves.append(-100 * step * inverse @ along)
     return dict(zip(NAMES[:3], map(median, np.transpose(moves)), strict=True))

@@ -11,7 +11,7 @@ import numpy as np
 
 from eaid.arrays import Array
 from eaid.models.parameters import Friction
-from eaid.uncertainty.ground import Ground
+from eaid.uncertainty.level_statistics import LevelStatistics
 from eaid.uncertainty.levels import log_jacobian
 
 
@@ -43,18 +43,18 @@ def inverse_information(curve: Friction, hold_s: float) -> Array:
     return np.asarray(np.linalg.pinv((jacobian.T * width) @ jacobian, rcond=1e-14, hermitian=True))
 
 
-def noise_of(ground: Ground) -> Noise:
-    """The noise behind a ground's levels; parameters that a level does not determine are left out."""
+def noise_of(stats: LevelStatistics) -> Noise:
+    """The noise that the levels show; parameters that a level does not determine are left out."""
     density, square = [], []
-    for one, known in zip(ground.evidence, ground.known, strict=True):
+    for one, known in zip(stats.estimates, stats.determined, strict=True):
         if not known[:3].all():
             continue
-        per_second = np.diag(inverse_information(one.curve, one.evidence.duration_s))
-        ratio = one.evidence.within[:3] / np.maximum(per_second, 1e-300)
+        per_second = np.diag(inverse_information(one.curve, one.runs.duration_s))
+        ratio = one.runs.within[:3] / np.maximum(per_second, 1e-300)
         density.append(float(np.exp(np.mean(np.log(np.maximum(ratio, 1e-300))))))
         square.append(one.curve.Ts**2)
     sensor, ripple = _line(np.array(square), np.array(density))
-    pairs = zip(ground.between, ASSUMED.scatter, strict=False)
+    pairs = zip(stats.between, ASSUMED.scatter, strict=False)
     sizes = [float(np.sqrt(a)) if np.isfinite(a) else assumed for a, assumed in pairs]
     return Noise(sensor, ripple, (sizes[0], sizes[1], sizes[2]))
 

@@ -12,12 +12,12 @@ from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import fdtrc
 
 from eaid.arrays import Array, median
-from eaid.uncertainty.evidence import Evidence
-from eaid.uncertainty.student import Worth
+from eaid.uncertainty.run_statistics import RunStatistics
+from eaid.uncertainty.student_t import VarianceComponents
 from eaid.uncertainty.sweeps import common_shifts
-from eaid.uncertainty.tails import f_tail
 
 Mask: TypeAlias = NDArray[np.bool_]
 
@@ -41,7 +41,7 @@ class Jump:
 
 
 @dataclass(frozen=True, eq=False)
-class Scatter:
+class PooledScatter:
     """Variance of the levels' parameters, with the degrees of freedom that their intervals take."""
 
     between: Array
@@ -56,7 +56,7 @@ class Scatter:
     """Σ(R − 1) over the levels, or L − p with one run a level."""
     own: Array
     """V without what all levels of a sweep have in common, shape (L, k)."""
-    worth: tuple[Worth, ...]
+    components: tuple[VarianceComponents, ...]
     """What `own` is made of, one a parameter."""
     common: Array
     """Variance that all levels share because repeats were sweeps, shape (k,); 0 where they were not."""
@@ -82,7 +82,7 @@ def paule_mandel(total: Callable[[float], float], wanted: float, scale: float) -
     return 0.5 * (low + high), 1.0
 
 
-def pooled_scatter(levels: Sequence[Evidence], usable: Mask | None = None) -> Scatter:
+def pooled_scatter(levels: Sequence[RunStatistics], usable: Mask | None = None) -> PooledScatter:
     """Scatter of levels with repeats; levels of a single run borrow it. Needs one level with R ≥ 2.
 
     Where `usable`, shape (L, k), is false, a parameter has no say in the pool (a constraint holds it there) and borrows
@@ -97,7 +97,7 @@ def pooled_scatter(levels: Sequence[Evidence], usable: Mask | None = None) -> Sc
     count = v.shape[1]
     between, common = np.zeros(count), np.zeros(count)
     pooled, variance, degrees = np.zeros_like(v), np.zeros_like(v), np.zeros_like(v)
-    worth: list[Worth] = []
+    components: list[VarianceComponents] = []
     jumps: list[Jump | None] = []
     for k in range(count):
         own = (repeats - 1) * counted[:, k]
@@ -110,7 +110,7 @@ def pooled_scatter(levels: Sequence[Evidence], usable: Mask | None = None) -> Sc
         total = float(own.sum())
         if total == 0:
             pooled[:, k] = variance[:, k] = np.inf
-            worth.append(Worth(np.full(len(levels), np.inf), np.eye(len(levels)), own))
+            components.append(VarianceComponents(np.full(len(levels), np.inf), np.eye(len(levels)), own))
             jumps.append(None)
             continue
         within = smoothed(h[:, k], x, own > 0)
@@ -118,21 +118,21 @@ def pooled_scatter(levels: Sequence[Evidence], usable: Mask | None = None) -> Sc
         pooled[:, k] = q * (between[k] + within) / repeats
         relative = v[:, k] / np.maximum(repeats * pooled[:, k], 1e-300)
         mixed = neighbours(own)
-        worth.append(Worth(pooled[:, k], mixed, own))
+        components.append(VarianceComponents(pooled[:, k], mixed, own))
         variance[:, k] = pooled[:, k] * (mixed @ relative)
-        degrees[:, k] = worth[k].degrees(np.eye(len(levels)))
+        degrees[:, k] = components[k].degrees(np.eye(len(levels)))
         jumps.append(jump(relative, own))
     most = float(repeats.max() - 1)
     with np.errstate(divide="ignore", invalid="ignore"):
         together = (variance + common) ** 2 / (variance**2 / degrees + common**2 / most)
-    return Scatter(
+    return PooledScatter(
         between=between,
         variance=variance + common,
         degrees=np.where(common > 0, together, degrees),
         pooled=pooled,
         total_degrees=float((repeats - 1).sum()),
         own=variance,
-        worth=tuple(worth),
+        components=tuple(components),
         common=common,
         common_degrees=most,
         jumps=tuple(jumps),
@@ -178,6 +178,6 @@ def jump(relative: Array, own: Array) -> Jump | None:
         return None
     below, squares, above, others = below[fine], squares[fine], above[fine], others[fine]
     F = squares / below / (others / above)
-    chance = 2 * np.minimum(f_tail(below, above, F), f_tail(above, below, 1 / F)) * len(F)
+    chance = 2 * np.minimum(fdtrc(below, above, F), fdtrc(above, below, 1 / F)) * len(F)
     i = int(chance.argmin())
     return Jump(int(np.flatnonzero(fine)[i]), float(np.sqrt(F[i]))) if chance[i] < CHANCE else None

@@ -15,14 +15,14 @@ from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import fdtrc
 
 from eaid.arrays import Array
 from eaid.fitting.compress import Points, compress
 from eaid.steps.stepset import Level
-from eaid.uncertainty.ground import Ground
+from eaid.uncertainty.level_statistics import LevelStatistics
 from eaid.uncertainty.levels import usable
-from eaid.uncertainty.student import t_quantile
-from eaid.uncertainty.tails import f_tail
+from eaid.uncertainty.student_t import t_quantile
 
 Counts: TypeAlias = NDArray[np.int64]
 
@@ -38,7 +38,7 @@ VAGUE = 0.1
 MATTERS = 0.25
 """Part of a half-width: a shift by so much takes 4 of the 95 % from an interval."""
 TRIFLE = 0.0025
-"""A difference in C that is never worth a word: 3 % in τ2 and 0.3 % in T_s on the reference plant."""
+"""A difference in C that is never components a word: 3 % in τ2 and 0.3 % in T_s on the reference plant."""
 CHANCE = 0.01
 """Probability at which runs that are independent would be taken for levels or sweeps that differ in C."""
 
@@ -91,20 +91,20 @@ class Share:
         return ends is None or ends[1] - ends[0] > 2 * VAGUE
 
 
-def share_of(ground: Ground) -> Share | None:
-    """C as the runs ask for it, from the levels of a ground whose C was held; None where C was free."""
-    if ground.variance.shape[1] != 3:
+def share_of(stats: LevelStatistics) -> Share | None:
+    """C as the runs ask for it, from the levels whose C was held; None where C was free."""
+    if stats.variance.shape[1] != 3:
         return None
-    held = ground.evidence[0].curve.C
-    speak = np.flatnonzero(usable(ground.evidence).all(axis=1))
-    levels = [ground.levels[i] for i in speak]
+    held = stats.estimates[0].curve.C
+    speak = np.flatnonzero(usable(stats.estimates).all(axis=1))
+    levels = [stats.levels[i] for i in speak]
     places = tuple(level.level for level in levels)
     nothing = Share(held, None, np.inf, 0.0, places, False, *np.zeros((3, 0, 3)))
     repeats = np.array([len(level.runs) for level in levels], dtype=np.int64)
     if not len(levels) or repeats.sum() < 3:
         return nothing
     points = _runs_and_means(levels, repeats)
-    theta = np.array([ground.evidence[i].evidence.log_theta for i in speak])
+    theta = np.array([stats.estimates[i].runs.log_theta for i in speak])
     theta = np.concatenate([np.repeat(theta, repeats, axis=0), theta])
     which = np.repeat(np.arange(len(levels)), repeats)
     share, settled, runs = held, False, len(which)
@@ -127,7 +127,7 @@ def share_of(ground: Ground) -> Share | None:
     u = (u - leverage * u.sum()) / np.sqrt(np.maximum(1 - leverage, 1e-3))
     variance, degrees, differ = _variance(u, repeats)
     sd = float(np.sqrt(variance))
-    half_width = (t_quantile(ground.degrees) * np.sqrt(ground.variance))[speak]
+    half_width = (t_quantile(stats.degrees) * np.sqrt(stats.variance))[speak]
     return Share(held, share, sd, degrees, places, differ, theta[runs:], -now.slope[runs:], half_width)
 
 
@@ -215,12 +215,12 @@ def _variance(u: Array, repeats: Counts) -> tuple[float, float, bool]:
     grid = u.reshape(len(repeats), -1)
     by_sweep, by_level = grid.sum(axis=0), grid.sum(axis=1)
     sweeps, ways = counted(by_sweep), grid.shape[1]
-    if f_tail(ways - 1, degrees, sweeps[0] / variance) < CHANCE:
+    if fdtrc(ways - 1, degrees, sweeps[0] / variance) < CHANCE:
         return sweeps[0], float(ways - 1), False
     if len(repeats) > 2:
         within = float(((grid - grid.mean(axis=1, keepdims=True)) ** 2).sum()) * ways / (ways - 1)
         between = counted(by_level)
-        if within > 0 and f_tail(between[1] + 1, degrees, between[0] / within) < CHANCE:
+        if within > 0 and fdtrc(between[1] + 1, degrees, between[0] / within) < CHANCE:
             return between[0], between[1], True
     return variance, degrees, False
 
@@ -246,8 +246,8 @@ def share_words(share: Share) -> str:
     return f"the runs ask for {asked}: the C of {held} that was held agrees"
 
 
-def share_json(share: Share, ground: Ground) -> dict[str, Any]:
-    """What `uncertainty.share` of fit.json holds of it; `ground` gives the scatter of the levels at the estimate."""
+def share_json(share: Share, stats: LevelStatistics) -> dict[str, Any]:
+    """What `uncertainty.share` of fit.json holds of it; `stats` gives the scatter of the levels at the estimate."""
     result: dict[str, Any] = {
         "estimate": share.estimate,
         "ci95": None if share.interval is None else list(share.interval),
@@ -261,9 +261,9 @@ def share_json(share: Share, ground: Ground) -> dict[str, Any]:
     if share.estimate is None:
         return result
     for level, theta, slope in zip(share.levels, share.log_theta, share.slope, strict=True):
-        i = next(i for i, one in enumerate(ground.levels) if one.level == level)
-        own, more = ground.variance[i], (slope * share.sd) ** 2
-        degrees = (own + more) ** 2 / (own**2 / ground.degrees[i] + more**2 / share.degrees)
+        i = next(i for i, one in enumerate(stats.levels) if one.level == level)
+        own, more = stats.variance[i], (slope * share.sd) ** 2
+        degrees = (own + more) ** 2 / (own**2 / stats.degrees[i] + more**2 / share.degrees)
         reach = t_quantile(degrees) * np.sqrt(own + more)
         row: dict[str, Any] = {"level": level, "ci95": {}}
         for k, name in enumerate(("Ts", "tau1", "tau2")):

@@ -8,17 +8,17 @@ m_r the mean over levels. The common part is known from R sweeps only, so it has
 from collections.abc import Sequence
 
 import numpy as np
+from scipy.special import fdtrc
 
 from eaid.arrays import Array
-from eaid.uncertainty.evidence import Evidence
-from eaid.uncertainty.tails import f_tail
+from eaid.uncertainty.run_statistics import RunStatistics
 
 CHANCE = 0.01
 """Probability at which repeats that are independent would be taken for sweeps."""
 LEAST_LEVELS = 3
 
 
-def common_shifts(levels: Sequence[Evidence], k: int) -> Array | None:
+def common_shifts(levels: Sequence[RunStatistics], k: int) -> Array | None:
     """m_r, what every level's run r has in common in parameter k, shape (R,); None where repeats are independent.
 
     Runs are matched by their place: the first run of each level was one sweep, and so on.
@@ -35,5 +35,5 @@ def common_shifts(levels: Sequence[Evidence], k: int) -> Array | None:
     apart = float(((d - mean) ** 2).sum()) / ((count - 1) * (repeats - 1))
     if apart == 0:
         return None
-    chance = f_tail(repeats - 1, (count - 1) * (repeats - 1), together / apart)
+    chance = fdtrc(repeats - 1, (count - 1) * (repeats - 1), together / apart)
     return mean if chance < CHANCE else None

@@ -39,7 +39,7 @@ def two_stage(
     raw = [tuple((part / 100.0 ** np.arange(len(part))).tolist()) for part in parts]
     c = coefficients_of(Nonlinear(raw[0], raw[1], raw[2], u_range, share))
     covariance = covariance_between([curves[name] for name in BLOCKS], correlation)
-    if c.held:
+    if c.constrained:
         M = np.linalg.pinv(covariance, rcond=1e-14, hermitian=True)
         covariance = free_inverse(c, np.asarray(M), len(duty_pct))
     return with_covariance(c, covariance)

@@ -8,13 +8,13 @@ level's variance s² of R repeats is σ² χ²/(R − 1), so log s has the varia
 from typing import Any
 
 import numpy as np
+from scipy.special import chdtri, polygamma
 
 from eaid.arrays import Array
 from eaid.fitting.result import LinearFit, NonlinearFit
-from eaid.uncertainty.ground import Ground
 from eaid.uncertainty.joint import Coefficients
-from eaid.uncertainty.student import Degrees, t_quantile
-from eaid.uncertainty.tails import chi2_quantile, trigamma
+from eaid.uncertainty.level_statistics import LevelStatistics
+from eaid.uncertainty.student_t import Degrees, t_quantile
 
 SYMBOLS = {"Ts": "T_s", "tau1": "τ1", "tau2": "τ2"}
 RISES = 2.0
@@ -26,7 +26,7 @@ def agreement(
     own: Coefficients,
     other: Coefficients | None,
     degrees: Degrees,
-    ground: Ground,
+    stats: LevelStatistics,
     output_unit: str,
 ) -> dict[str, Any]:
     """Where the curves of the two weightings lie outside each other's intervals, which to believe, and why.
@@ -37,7 +37,7 @@ def agreement(
     if other is None:
         return {"disagreements": [], "believe": asked, "because": fit.no_other or "there is no other fit beside it"}
     equal, sd = (own, other) if asked == "equal" else (other, own)
-    apart = [_apart(equal, sd, degrees[name], name, ground, output_unit) for name in ("Ts", "tau1", "tau2")]
+    apart = [_apart(equal, sd, degrees[name], name, stats, output_unit) for name in ("Ts", "tau1", "tau2")]
     apart = [one for one in apart if one["levels"]]
     if not apart:
         return {
@@ -45,7 +45,7 @@ def agreement(
             "believe": "either",
             "because": "equal and sd weights agree within their intervals",
         }
-    believe, because = _judged(ground)
+    believe, because = _judged(stats)
     return {"disagreements": apart, "believe": believe, "because": because}
 
 
@@ -54,15 +54,15 @@ def _name(weights: tuple[float, ...] | None) -> str:
 
 
 def _apart(
-    equal: Coefficients, sd: Coefficients, degrees: float | Array, name: str, ground: Ground, unit: str
+    equal: Coefficients, sd: Coefficients, degrees: float | Array, name: str, stats: LevelStatistics, unit: str
 ) -> dict[str, Any]:
     """One parameter at the levels where each fit lies outside the other's interval; the worst level in numbers."""
-    duty, t = ground.duty_pct, t_quantile(np.asarray(degrees))
+    duty, t = stats.duty_pct, t_quantile(np.asarray(degrees))
     one, other = equal.at(name, duty), sd.at(name, duty)
     reach = [t * c.log_sd(name, duty) for c in (equal, sd)]
     with np.errstate(divide="ignore", invalid="ignore"):
         ratio = np.abs(np.log(one / other)) / np.maximum(*reach)
-    estimable = name not in equal.held and name not in sd.held
+    estimable = name not in equal.constrained and name not in sd.constrained
     out = np.flatnonzero(ratio > 1) if estimable else np.array([], dtype=int)
     if not len(out):
         return {"parameter": name, "levels": []}
@@ -91,11 +91,11 @@ def _with(value: float, ends: list[float]) -> str:
     return f"{value:.3g} [{ends[0]:.3g}, {ends[1]:.3g}]"
 
 
-def spread_rises(ground: Ground) -> tuple[float, float]:
+def spread_rises(stats: LevelStatistics) -> tuple[float, float]:
     """Slope of log s over log torque, and its size in standard errors of chance; s: rms spread of a level's repeats."""
-    spread = np.array([np.sqrt(np.mean(level.sd**2)) for level in ground.levels])
-    torque = np.array([np.abs(level.mean[-max(1, len(level.mean) // 10) :]).mean() for level in ground.levels])
-    spare = np.array([len(level.runs) - 1 for level in ground.levels], dtype=float)
+    spread = np.array([np.sqrt(np.mean(level.sd**2)) for level in stats.levels])
+    torque = np.array([np.abs(level.mean[-max(1, len(level.mean) // 10) :]).mean() for level in stats.levels])
+    spare = np.array([len(level.runs) - 1 for level in stats.levels], dtype=float)
     if not ((spread > 0) & (torque > 0)).all():
         return 0.0, 0.0
     x = np.log(torque) - np.log(torque).mean()
@@ -103,17 +103,17 @@ def spread_rises(ground: Ground) -> tuple[float, float]:
     if x @ x == 0:
         return 0.0, 0.0
     slope = float(x @ y / (x @ x))
-    error = float(np.sqrt(x**2 @ (trigamma(spare / 2) / 4)) / (x @ x))
+    error = float(np.sqrt(x**2 @ (polygamma(1, spare / 2) / 4)) / (x @ x))
     return slope, slope / error
 
 
-def _judged(ground: Ground) -> tuple[str, str]:
+def _judged(stats: LevelStatistics) -> tuple[str, str]:
     """Which weights to believe, and why."""
-    fewest = min(len(level.runs) for level in ground.levels)
+    fewest = min(len(level.runs) for level in stats.levels)
     spare = fewest - 1
-    low, high = (float(np.sqrt(spare / chi2_quantile(spare, 1 - p))) for p in (0.025, 0.975))
+    low, high = (float(np.sqrt(spare / chdtri(spare, p))) for p in (0.025, 0.975))
     poor = f"from {fewest} repeats a level's spread is known within a factor of {low:.2g} to {high:.2g} only"
-    _, size = spread_rises(ground)
+    _, size = spread_rises(stats)
     if size > RISES:
         return "sd", (
             "the repeats' spread rises with the torque, and with equal weights the levels that scatter most bend the "
@@ -123,7 +123,7 @@ def _judged(ground: Ground) -> tuple[str, str]:
 
 
 def linear_agreement(
-    fit: LinearFit, own: dict[str, list[float]], other: dict[str, list[float]] | None, ground: Ground
+    fit: LinearFit, own: dict[str, list[float]], other: dict[str, list[float]] | None, stats: LevelStatistics
 ) -> dict[str, Any]:
     """The same of the pooled a0, b0, c0, whose 95 % intervals are `own` and `other`."""
     asked = _name(fit.weights)
@@ -141,7 +141,7 @@ def linear_agreement(
         because = "equal and sd weights agree within their intervals"
         return {"disagreements": [], "believe": "either", "because": because}
     weights = np.array(fit.weights if fit.weights is not None else fit.other.weights)
-    heavy = [f"{ground.levels[i].level:g}" for i in np.argsort(-weights)[:3] if weights[i] > 1]
+    heavy = [f"{stats.levels[i].level:g}" for i in np.argsort(-weights)[:3] if weights[i] > 1]
     errors = (fit.rmse, fit.other.rmse) if asked == "equal" else (fit.other.rmse, fit.rmse)
     because = (
         "one time constant stands for two, so the best values depend on the levels that count: equal weights come "

@@ -70,7 +70,7 @@ def test_two_stage_keeps_the_constraints() -> None:
     found = two_stage(DUTY, theta, variance, curves, np.eye(3), 0.85)
     rows, offset = constraints(found.counts, found.u_range)
     assert (rows @ found.values - offset).min() > -1e-9
-    assert found.held
+    assert found.constrained
     assert np.isfinite(found.covariance).all()
 
 

@@ -16,7 +16,7 @@ from eaid.uncertainty.design import (
     wanted_of,
 )
 from eaid.uncertainty.noise import ASSUMED, Noise, inverse_information, noise_from_json, noise_json
-from eaid.uncertainty.student import t_quantile
+from eaid.uncertainty.student_t import t_quantile
 
 SMALL = Plan((10.0, 50.0), (20.0, 30.0), 3, {}, 0.0, True)
 

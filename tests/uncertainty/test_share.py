@@ -12,17 +12,17 @@ from eaid.fitting.options import FitOptions
 from eaid.models import friction
 from eaid.models.parameters import Friction
 from eaid.steps.stepset import Level, StepSet
-from eaid.uncertainty.ground import Ground, ground
 from eaid.uncertainty.intervals import IntervalOptions, intervals
+from eaid.uncertainty.level_statistics import LevelStatistics, level_statistics
 from eaid.uncertainty.share import share_of
 
 FRICTION = FitOptions(models=("friction",))
 
 
-def ground_of(made: StepSet) -> Ground:
+def statistics_of(made: StepSet) -> LevelStatistics:
     found = fit(made, FRICTION).friction
     assert found is not None
-    return ground(made.levels, found.levels)
+    return level_statistics(made.levels, found.levels)
 
 
 @pytest.fixture(scope="module")
@@ -35,7 +35,7 @@ def other(sets: Any) -> StepSet:
 def test_the_plants_own_share_is_found(sets: Any) -> None:
     """0.88 where it was 0.88, and 0.85 where it was, over a few sets; the standard error is what they scatter."""
     for variant, true in (("share", 0.88), ("base", 0.85)):
-        found = [share_of(ground_of(sets.one_set(seed, sets.VARIANTS[variant]))) for seed in range(40, 52)]
+        found = [share_of(statistics_of(sets.one_set(seed, sets.VARIANTS[variant]))) for seed in range(40, 52)]
         values = np.array([one.estimate for one in found])
         assert values.mean() == pytest.approx(true, abs=3 * values.std() / np.sqrt(12) + 2e-4)
         assert np.median([one.sd for one in found]) == pytest.approx(values.std(), rel=0.7)
@@ -106,7 +106,7 @@ def test_levels_that_differ_in_it_are_told_apart() -> None:
               ("a", "b", "c"))
         for i in range(6)
     )  # fmt: skip
-    found = share_of(ground_of(StepSet("clutch", "%", "N·m", Apparatus(), levels)))
+    found = share_of(statistics_of(StepSet("clutch", "%", "N·m", Apparatus(), levels)))
     assert found is not None and found.differ and found.interval is not None
     assert found.interval[1] - found.interval[0] > 0.03  # levels are counted, not runs
 
@@ -114,4 +114,4 @@ def test_levels_that_differ_in_it_are_told_apart() -> None:
 def test_a_free_share_is_not_asked_for(other: StepSet) -> None:
     found = fit(other, replace(FRICTION, share=None)).friction
     assert found is not None
-    assert share_of(ground(other.levels, found.levels, share_free=True)) is None
+    assert share_of(level_statistics(other.levels, found.levels, share_free=True)) is None

@@ -12,9 +12,9 @@ from eaid.fitting.nonlinear import fit_nonlinear
 from eaid.fitting.options import FitOptions
 from eaid.models import friction
 from eaid.steps.stepset import StepSet
-from eaid.uncertainty.ground import ground_at_share
 from eaid.uncertainty.intervals import IntervalOptions, intervals
-from eaid.uncertainty.linear_part import pooled_intervals
+from eaid.uncertainty.level_statistics import statistics_at_share
+from eaid.uncertainty.linear_intervals import pooled_intervals
 from eaid.uncertainty.weightings import spread_rises
 
 QUICK = IntervalOptions(study_models=False)
@@ -58,7 +58,7 @@ def test_the_other_fit_is_the_best_there_is(scattered: StepSet) -> None:
 
 
 def test_gain_scatter_means_sd_weights_white_noise_does_not(scattered: StepSet, sets: Any) -> None:
-    assert spread_rises(ground_at_share(scattered.levels, 0.85))[1] > 2
+    assert spread_rises(statistics_at_share(scattered.levels, 0.85))[1] > 2
     random = np.random.default_rng(1)
     white = tuple(
         replace(
@@ -68,7 +68,7 @@ def test_gain_scatter_means_sd_weights_white_noise_does_not(scattered: StepSet, 
         )
         for level in scattered.levels
     )
-    assert abs(spread_rises(ground_at_share(white, 0.85))[1]) < 2
+    assert abs(spread_rises(statistics_at_share(white, 0.85))[1]) < 2
     _, sure = told(replace(scattered, levels=white), "equal")
     assert sure.nonlinear["agreement"]["weights"]["believe"] in ("either", "equal")
 
@@ -103,7 +103,7 @@ def test_the_linear_intervals_follow_the_weights(scattered: StepSet) -> None:
     data = spread_weights(scattered.levels)
     found = fit(scattered, FitOptions(weights="sd", models=("linear",))).linear
     assert found is not None
-    from eaid.uncertainty.linear import pooled_gain
+    from eaid.uncertainty.linear_influence import pooled_gain
 
     take, along = pooled_gain(scattered.levels, found.parameters, data)[4]
     bump = 1e-4 * np.sin(level.time_s)
@@ -113,5 +113,5 @@ def test_the_linear_intervals_follow_the_weights(scattered: StepSet) -> None:
     assert again is not None
     change = np.array([getattr(again.parameters, k) - getattr(found.parameters, k) for k in ("a0", "b0", "c0")])
     assert change == pytest.approx(take @ (along @ bump), rel=1e-2)
-    ground = ground_at_share(scattered.levels, 0.85)
-    assert pooled_intervals(found, ground) != pooled_intervals(replace(found, weights=None), ground)
+    stats = statistics_at_share(scattered.levels, 0.85)
+    assert pooled_intervals(found, stats) != pooled_intervals(replace(found, weights=None), stats)

@@ -8,26 +8,26 @@ import numpy as np
 from eaid.arrays import Array
 from eaid.fitting.result import FrictionFit, Trend
 from eaid.models.trends import FORMS
-from eaid.uncertainty.ground import Ground
+from eaid.uncertainty.level_statistics import LevelStatistics
 from eaid.uncertainty.levels import Parameter, level_parameters, white_variance
-from eaid.uncertainty.student import t_quantile
+from eaid.uncertainty.student_t import t_quantile
 
 
-def level_rows(ground: Ground, white: bool = False) -> list[list[Parameter]]:
+def level_rows(stats: LevelStatistics, white: bool = False) -> list[list[Parameter]]:
     """The parameters of every level with their intervals or words; the textbook's where `white`."""
     if not white:
         return [
-            level_parameters(one, ground.variance[i], ground.degrees[i], ground.expected[i])
-            for i, one in enumerate(ground.evidence)
+            level_parameters(one, stats.variance[i], stats.degrees[i], stats.expected[i])
+            for i, one in enumerate(stats.estimates)
         ]
     rows = []
-    for level, one in zip(ground.levels, ground.evidence, strict=True):
+    for level, one in zip(stats.levels, stats.estimates, strict=True):
         variance, spare = white_variance(level, one)
         own = []
         for p, v in zip(level_parameters(one, variance, np.full(len(variance), spare)), variance, strict=True):
             sd = float(np.sqrt(v)) * (p.value * (1 - p.value) if p.name == "C" else p.value)
             reach = t_quantile(spare) * sd
-            interval = None if p.name in one.held else (p.value - reach, p.value + reach)
+            interval = None if p.name in one.constrained else (p.value - reach, p.value + reach)
             own.append(Parameter(p.name, p.value, interval, float(np.sqrt(v)), p.word))
         rows.append(own)
     return rows

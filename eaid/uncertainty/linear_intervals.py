@@ -13,53 +13,53 @@ from eaid.arrays import Array
 from eaid.fitting.result import Bounds, LinearFit, LinearLevel, PooledLinear
 from eaid.models import linear as model
 from eaid.steps.stepset import Level
-from eaid.uncertainty.ground import Ground
+from eaid.uncertainty.level_statistics import LevelStatistics
 from eaid.uncertainty.levels import log_jacobian
-from eaid.uncertainty.linear import (
+from eaid.uncertainty.linear_influence import (
     Gain,
     combined_variance,
-    level_evidence,
+    level_run_statistics,
     own_gain,
     pooled_gain,
     scaled_inverse,
     with_log_B,
 )
 from eaid.uncertainty.scatter import pooled_scatter
-from eaid.uncertainty.student import t_quantile
+from eaid.uncertainty.student_t import t_quantile
 
 Interval = list[float]
 
 
-def spread(gains: Sequence[Array], ground: Ground) -> tuple[float, float]:
+def spread(gains: Sequence[Array], stats: LevelStatistics) -> tuple[float, float]:
     """Variance and degrees of freedom of q with δq = Σ_l g_l δȳ_l, g_l of shape (n_l,)."""
-    return spreads([(np.ones((1, 1)), g[None]) for g in gains], ground)[0]
+    return spreads([(np.ones((1, 1)), g[None]) for g in gains], stats)[0]
 
 
-def spreads(gains: Sequence[Gain], ground: Ground) -> list[tuple[float, float]]:
+def spreads(gains: Sequence[Gain], stats: LevelStatistics) -> list[tuple[float, float]]:
     """The same of m numbers at once."""
-    if ground.source == "repeats":
+    if stats.source == "repeats":
         psi = [
             (level.runs @ along.T - level.mean @ along.T) @ take.T / len(level.runs)
-            for level, (take, along) in zip(ground.levels, gains, strict=True)
+            for level, (take, along) in zip(stats.levels, gains, strict=True)
         ]
-        if ground.swept:
+        if stats.swept:
             together = np.sum(psi, axis=0)  # one number a sweep: its levels do not move apart
             count = len(together)
             return [(float(own @ own * count / (count - 1)), count - 1.0) for own in together.T]
         return [combined_variance([one[:, k] for one in psi]) for k in range(psi[0].shape[1])]
     total = np.zeros(len(gains[0][0]))
-    for level, one, (take, along), variance in zip(ground.levels, ground.evidence, gains, ground.variance, strict=True):
+    for level, one, (take, along), variance in zip(stats.levels, stats.estimates, gains, stats.variance, strict=True):
         moved = take @ (along @ log_jacobian(one.curve, level.time_s))
         total += moved**2 @ np.where(np.isfinite(variance[:3]), variance[:3], 0.0)
-    return [(float(variance), ground.total_degrees) for variance in total]
+    return [(float(variance), stats.total_degrees) for variance in total]
 
 
-def pooled_intervals(fit: LinearFit | PooledLinear, ground: Ground) -> dict[str, Interval]:
+def pooled_intervals(fit: LinearFit | PooledLinear, stats: LevelStatistics) -> dict[str, Interval]:
     """95 % intervals of the pooled a0, b0, c0."""
-    gains = pooled_gain(ground.levels, fit.parameters, None if fit.weights is None else np.array(fit.weights))
+    gains = pooled_gain(stats.levels, fit.parameters, None if fit.weights is None else np.array(fit.weights))
     return {
         name: around(getattr(fit.parameters, name), np.sqrt(variance), degrees)
-        for name, (variance, degrees) in zip(("a0", "b0", "c0"), spreads(gains, ground), strict=True)
+        for name, (variance, degrees) in zip(("a0", "b0", "c0"), spreads(gains, stats), strict=True)
     }
 
 
@@ -69,27 +69,27 @@ def around(value: float, sd: float, degrees: float) -> Interval:
     return [value - reach, value + reach]
 
 
-def level_intervals(fit: LinearFit, ground: Ground) -> list[dict[str, Interval | None]]:
+def level_intervals(fit: LinearFit, stats: LevelStatistics) -> list[dict[str, Interval | None]]:
     """95 % intervals of a0, gain and B of every level, B under the fit's convention."""
     zero = fit.bounds.convention == "zero-offset"
-    if not zero or ground.source != "repeats":
-        own = [own_gain(level, row.a0, row.gain) for level, row in zip(ground.levels, fit.per_level, strict=True)]
+    if not zero or stats.source != "repeats":
+        own = [own_gain(level, row.a0, row.gain) for level, row in zip(stats.levels, fit.per_level, strict=True)]
         if not zero:
-            return _with_pooled_terms(fit, ground, own)
+            return _with_pooled_terms(fit, stats, own)
         rows = []
         for i, row in enumerate(fit.per_level):
             takes = {"a0": own[i][0], "gain": own[i][1], "B": -own[i].sum(axis=0)}
             rows.append(
-                {name: _log(_value(row, name), *spread(_only(i, g, ground), ground)) for name, g in takes.items()}
+                {name: _log(_value(row, name), *spread(_only(i, g, stats), stats)) for name, g in takes.items()}
             )
         return rows
-    evidence = with_log_B(
+    linear_runs = with_log_B(
         [
-            level_evidence(level, row.a0, row.gain, one.noise_nm)
-            for level, row, one in zip(ground.levels, fit.per_level, ground.evidence, strict=True)
+            level_run_statistics(level, row.a0, row.gain, one.noise_nm)
+            for level, row, one in zip(stats.levels, fit.per_level, stats.estimates, strict=True)
         ]
     )
-    scatter = pooled_scatter(evidence)
+    scatter = pooled_scatter(linear_runs)
     return [
         {
             name: _log(_value(row, name), float(scatter.variance[i, k]), float(scatter.degrees[i, k]))
@@ -99,16 +99,18 @@ def level_intervals(fit: LinearFit, ground: Ground) -> list[dict[str, Interval |
     ]
 
 
-def _with_pooled_terms(fit: LinearFit, ground: Ground, own: Sequence[Array]) -> list[dict[str, Interval | None]]:
+def _with_pooled_terms(
+    fit: LinearFit, stats: LevelStatistics, own: Sequence[Array]
+) -> list[dict[str, Interval | None]]:
     """The conventions that take c0, or a0 and c0, from the pooled fit: b0 = (a0 gain − c0)/u."""
-    pooled = [take @ along for take, along in pooled_gain(ground.levels, fit.parameters)]
+    pooled = [take @ along for take, along in pooled_gain(stats.levels, fit.parameters)]
     rows: list[dict[str, Interval | None]] = []
-    for i, (level, row) in enumerate(zip(ground.levels, fit.per_level, strict=True)):
+    for i, (level, row) in enumerate(zip(stats.levels, fit.per_level, strict=True)):
         gains = [-g[2] / row.level for g in pooled]
         if fit.bounds.convention == "pooled-offset":
             gains[i] = gains[i] + row.a0 * row.gain * own[i].sum(axis=0) / row.level
             a0, gain = ([own[i][k] if j == i else np.zeros_like(g) for j, g in enumerate(gains)] for k in (0, 1))
-            found = {"a0": _log(row.a0, *spread(a0, ground)), "gain": _log(row.gain, *spread(gain, ground))}
+            found = {"a0": _log(row.a0, *spread(a0, stats)), "gain": _log(row.gain, *spread(gain, stats))}
         else:
             along, slope = _gain_at(level, row.a0)
             moved = (row.gain + row.a0 * slope) / row.level
@@ -116,12 +118,12 @@ def _with_pooled_terms(fit: LinearFit, ground: Ground, own: Sequence[Array]) -> 
             gains[i] = gains[i] + row.a0 * along / row.level
             steady = [slope * p[0] for p in pooled]
             steady[i] = steady[i] + along
-            variance, degrees = spread([p[0] for p in pooled], ground)
+            variance, degrees = spread([p[0] for p in pooled], stats)
             found = {
                 "a0": around(row.a0, np.sqrt(variance), degrees),
-                "gain": around(row.gain, *_sd(spread(steady, ground))),
+                "gain": around(row.gain, *_sd(spread(steady, stats))),
             }
-        variance, degrees = spread(gains, ground)
+        variance, degrees = spread(gains, stats)
         found["B"] = _inverse(around(row.b0, np.sqrt(variance), degrees))
         rows.append(found)
     return rows
@@ -143,8 +145,8 @@ def _gain_at(level: Level, a0: float) -> tuple[Array, float]:
     return rise / (rise @ rise), (gain(a0 + step) - gain(a0 - step)) / (2 * step)
 
 
-def _only(i: int, g: Array, ground: Ground) -> list[Array]:
-    return [g if j == i else np.zeros(len(level.time_s)) for j, level in enumerate(ground.levels)]
+def _only(i: int, g: Array, stats: LevelStatistics) -> list[Array]:
+    return [g if j == i else np.zeros(len(level.time_s)) for j, level in enumerate(stats.levels)]
 
 
 def _value(row: LinearLevel, name: str) -> float | None:
@@ -211,7 +213,7 @@ def white(fit: LinearFit, levels: Sequence[Level]) -> dict[str, Any]:
 
 
 def from_draws(
-    fit: LinearFit, pooled: Array | None, own: Array | None, ground: Ground
+    fit: LinearFit, pooled: Array | None, own: Array | None, stats: LevelStatistics
 ) -> tuple[dict[str, Interval], list[dict[str, Interval | None]]]:
     """The same intervals from the spread of refits: covariance of (a0, b0, c0), variance of the levels' logs (L, 3).
 
@@ -219,17 +221,17 @@ def from_draws(
     """
     assert pooled is not None and own is not None
     sd = np.sqrt(np.diag(pooled))
-    names = ("a0", "b0", "c0")[: 3 if len(ground.levels) > 1 else 2]
-    degrees = ground.total_degrees
-    gains = pooled_gain(ground.levels, fit.parameters)
+    names = ("a0", "b0", "c0")[: 3 if len(stats.levels) > 1 else 2]
+    degrees = stats.total_degrees
+    gains = pooled_gain(stats.levels, fit.parameters)
     found = {
         name: around(getattr(fit.parameters, name), float(sd[k]), own_degrees)
-        for k, (name, (_, own_degrees)) in enumerate(zip(names, spreads(gains, ground), strict=False))
+        for k, (name, (_, own_degrees)) in enumerate(zip(names, spreads(gains, stats), strict=False))
     }
-    rows = level_intervals(fit, ground)
+    rows = level_intervals(fit, stats)
     if fit.bounds.convention != "zero-offset":
         return found, rows
-    mean = own.mean(axis=0) if ground.source == "repeats" else None
+    mean = own.mean(axis=0) if stats.source == "repeats" else None
     for i, row in enumerate(fit.per_level):
         for k, name in enumerate(("a0", "gain", "B")):
             # a level's own few draws count as much as its runs; what all levels share counts for the rest

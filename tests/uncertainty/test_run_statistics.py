@@ -5,10 +5,10 @@ from scipy.special import stdtr, stdtrit
 from eaid.models import friction
 from eaid.models.parameters import Friction
 from eaid.steps.stepset import Level
-from eaid.uncertainty.evidence import bartlett_variance, own_residuals
-from eaid.uncertainty.levels import level_evidence, log_jacobian
+from eaid.uncertainty.levels import level_estimate, log_jacobian
+from eaid.uncertainty.run_statistics import bartlett_variance, own_residuals
 from eaid.uncertainty.scatter import neighbours, paule_mandel, pooled_scatter, smoothed
-from eaid.uncertainty.student import Worth, t_quantile
+from eaid.uncertainty.student_t import VarianceComponents, t_quantile
 
 CURVE = Friction(Ts=2.0, tau1=0.4, tau2=6.0)
 T = np.arange(2000) * 0.01
@@ -61,7 +61,7 @@ def test_log_jacobian_against_complex_steps() -> None:
 def test_influence_is_what_each_run_alone_would_change() -> None:
     """A run that is 1 % high pulls log T_s by 0.01 and leaves the time constants alone."""
     clean = friction.step_response(CURVE, T)
-    found = level_evidence(level_of(np.array([clean * 1.01, clean * 0.99])), CURVE).evidence
+    found = level_estimate(level_of(np.array([clean * 1.01, clean * 0.99])), CURVE).runs
     assert found.influence[0] == pytest.approx([0.01, 0, 0], abs=1e-9)
     assert found.influence.sum(axis=0) == pytest.approx(0, abs=1e-12)
     assert found.scatter[0] == pytest.approx(2e-4)
@@ -81,7 +81,7 @@ def test_within_run_variance_grows_with_the_noise_memory() -> None:
     clean = friction.step_response(CURVE, T)
     white = random.standard_normal((2, len(T)))
     slow = np.repeat(random.standard_normal((2, len(T) // 50)), 50, axis=1)
-    h = [level_evidence(level_of(clean + 0.01 * noise), CURVE).evidence.within for noise in (white, slow)]
+    h = [level_estimate(level_of(clean + 0.01 * noise), CURVE).runs.within for noise in (white, slow)]
     assert (h[1] > 8 * h[0]).all()
 
 
@@ -99,7 +99,7 @@ def test_pooled_scatter_finds_the_run_to_run_part() -> None:
     for i in range(40):
         gains = 1 + 0.03 * random.standard_normal(3)
         runs = clean * gains[:, None] + 0.01 * random.standard_normal((3, len(T)))
-        levels.append(level_evidence(level_of(runs, float(i + 1)), CURVE).evidence)
+        levels.append(level_estimate(level_of(runs, float(i + 1)), CURVE).runs)
     found = pooled_scatter(levels)
     assert np.sqrt(found.between[0]) == pytest.approx(0.03, rel=0.2)
     assert np.sqrt(found.between[1]) < 0.01
@@ -115,7 +115,7 @@ def test_scatter_that_grows_towards_low_levels_is_followed() -> None:
         size = 0.06 if i < 15 else 0.015
         runs = clean * (1 + size * random.standard_normal(3))[:, None]
         runs = runs + 1e-4 * random.standard_normal(runs.shape)
-        levels.append(level_evidence(level_of(runs, float(i + 1)), CURVE).evidence)
+        levels.append(level_estimate(level_of(runs, float(i + 1)), CURVE).runs)
     found = pooled_scatter(levels)
     step = found.jumps[0]
     assert step is not None and step.place == 14 and step.ratio == pytest.approx(4, rel=0.35)
@@ -134,11 +134,11 @@ def test_neighbours_are_the_narrowest_triangle_of_enough_runs() -> None:
     assert borrowed.sum(axis=1) == pytest.approx(1) and (borrowed[:, 2] == 0).all()
 
 
-def test_worth_is_satterthwaite() -> None:
+def test_degrees_are_satterthwaites() -> None:
     """A level and halves of two neighbours, 2 degrees each: 2 · 2²/(1 + ¼ + ¼); all ten alike: all twenty."""
-    worth = Worth(np.full(10, 0.3), neighbours(np.full(10, 2.0)), np.full(10, 2.0))
-    assert worth.degrees(np.eye(10))[4] == pytest.approx(16 / 3)
-    assert worth.degrees(np.ones((1, 10)))[0] == pytest.approx(20, rel=0.01)
+    components = VarianceComponents(np.full(10, 0.3), neighbours(np.full(10, 2.0)), np.full(10, 2.0))
+    assert components.degrees(np.eye(10))[4] == pytest.approx(16 / 3)
+    assert components.degrees(np.ones((1, 10)))[0] == pytest.approx(20, rel=0.01)
 
 
 def test_within_run_variance_is_smoothed_over_levels() -> None:
@@ -157,7 +157,7 @@ def test_what_a_constraint_holds_has_no_say() -> None:
         runs = clean * np.array([1.0, 1.01, 0.99])[:, None] * (1 if i else 1.0)
         if i == 0:
             runs = clean * np.array([0.5, 1.0, 1.5])[:, None]
-        levels.append(level_evidence(level_of(runs, float(i + 1)), CURVE).evidence)
+        levels.append(level_estimate(level_of(runs, float(i + 1)), CURVE).runs)
     usable = np.ones((5, 3), dtype=bool)
     usable[0] = False
     found = pooled_scatter(levels, usable)

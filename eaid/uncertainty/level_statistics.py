@@ -17,8 +17,8 @@ from eaid.fitting.levels import fit_levels
 from eaid.fitting.result import LevelFit
 from eaid.steps.stepset import Level
 from eaid.uncertainty.curve import Curve, at_levels, curve_of_single_runs, curve_with_repeats
-from eaid.uncertainty.levels import LevelEvidence, held_parameters, level_evidence, scatter_of, usable
-from eaid.uncertainty.scatter import Mask, Scatter
+from eaid.uncertainty.levels import LevelEstimate, constrained_parameters, level_estimate, scatter_of, usable
+from eaid.uncertainty.scatter import Mask, PooledScatter
 
 TERMS = {"Ts": 4, "tau1": 3, "tau2": 3}
 """Terms of the paper's polynomials, Eqs. (5)–(7)."""
@@ -29,20 +29,20 @@ FEW_DEGREES = 4.0
 
 
 @dataclass(frozen=True, eq=False)
-class Ground:
-    """Levels with their evidence, and the variance V of the logarithms of their parameters."""
+class LevelStatistics:
+    """Levels with what their runs say, and the variance V of the logarithms of their parameters."""
 
     levels: tuple[Level, ...]
-    evidence: tuple[LevelEvidence, ...]
+    estimates: tuple[LevelEstimate, ...]
     variance: Array
     """V, shape (L, k)."""
     degrees: Array
     """Degrees of freedom of V, shape (L, k)."""
-    known: Mask
+    determined: Mask
     """Where a level determines a parameter, shape (L, k)."""
     source: str
     """repeats, curve or within: where V comes from."""
-    scatter: Scatter | None
+    scatter: PooledScatter | None
     """The pooled scatter, with repeats."""
     between: Array
     """a: variance between runs, shape (k,); NaN where it cannot be seen."""
@@ -70,7 +70,7 @@ class Ground:
     @property
     def log_theta(self) -> Array:
         """Logarithms of the levels' parameters, shape (L, k)."""
-        return np.array([one.evidence.log_theta for one in self.evidence])
+        return np.array([one.runs.log_theta for one in self.estimates])
 
     @property
     def own_variance(self) -> Array:
@@ -91,9 +91,9 @@ class Ground:
         """Correlation of the scatter of (T_s, τ1, τ2[, C]) within a level, pooled over levels, shape (k, k)."""
         k = self.variance.shape[1]
         total = np.zeros((k, k))
-        for one, v, known in zip(self.evidence, self.variance, self.known, strict=True):
-            if one.evidence.repeats > 1 and known.all() and (v > 0).all():
-                d = one.evidence.influence / np.sqrt(v)
+        for one, v, known in zip(self.estimates, self.variance, self.determined, strict=True):
+            if one.runs.repeats > 1 and known.all() and (v > 0).all():
+                d = one.runs.influence / np.sqrt(v)
                 total += d.T @ d
         size = np.sqrt(np.diag(total))
         if not (size > 0).all():
@@ -106,34 +106,36 @@ class Ground:
         return np.asarray(self.correlation() * (sd[:, :, None] * sd[:, None, :]))
 
 
-def ground(levels: Sequence[Level], fits: Sequence[LevelFit], share_free: bool = False) -> Ground:
-    """The ground of these levels and their friction curves."""
+def level_statistics(levels: Sequence[Level], fits: Sequence[LevelFit], share_free: bool = False) -> LevelStatistics:
+    """The statistics of these levels and their friction curves."""
     found = [
-        level_evidence(level, fit.curve, held_parameters(fit), share_free)
+        level_estimate(level, fit.curve, constrained_parameters(fit), share_free)
         for level, fit in zip(levels, fits, strict=True)
     ]
-    return replace(from_evidence(levels, found), converged=all(fit.solver.converged for fit in fits))
+    return replace(pooled_statistics(levels, found), converged=all(fit.solver.converged for fit in fits))
 
 
-def ground_at_share(levels: Sequence[Level], share: float) -> Ground:
-    """The ground of the levels' own curves with C held at `share`."""
-    return ground(levels, fit_levels(data_of(levels), share))
+def statistics_at_share(levels: Sequence[Level], share: float) -> LevelStatistics:
+    """The statistics of the levels' own curves with C held at `share`."""
+    return level_statistics(levels, fit_levels(data_of(levels), share))
 
 
-def from_evidence(levels: Sequence[Level], found: Sequence[LevelEvidence]) -> Ground:
+def pooled_statistics(levels: Sequence[Level], found: Sequence[LevelEstimate]) -> LevelStatistics:
     """Pool what the levels say: by repeats, by a curve through single runs, or not at all."""
     counted = usable(found)
-    within = np.array([one.evidence.within for one in found])
-    repeats = np.array([one.evidence.repeats for one in found], dtype=float)
-    records = np.array([one.evidence.duration_s for one in found])
-    theta = np.array([one.evidence.log_theta for one in found])
+    within = np.array([one.runs.within for one in found])
+    repeats = np.array([one.runs.repeats for one in found], dtype=float)
+    records = np.array([one.runs.duration_s for one in found])
+    theta = np.array([one.runs.log_theta for one in found])
     known = counted & (np.arange(theta.shape[1]) != 2) | (counted & (np.exp(theta[:, 2]) <= records)[:, None])
     if repeats.max() > 1:
         scatter = scatter_of(found)
         spoken = np.isfinite(scatter.variance).all(axis=0)
         variance = np.where(spoken, scatter.variance, within / repeats[:, None])
         degrees = np.where(spoken, scatter.degrees, FEW_DEGREES)
-        return Ground(tuple(levels), tuple(found), variance, degrees, known, "repeats", scatter, scatter.between)
+        return LevelStatistics(
+            tuple(levels), tuple(found), variance, degrees, known, "repeats", scatter, scatter.between
+        )
     between = np.full(theta.shape[1], np.nan)
     variance, degrees = within.copy(), np.full(within.shape, FEW_DEGREES)
     duty = np.array([level.level for level in levels])
@@ -146,35 +148,37 @@ def from_evidence(levels: Sequence[Level], found: Sequence[LevelEvidence]) -> Gr
             variance[:, k] = curve.between + within[:, k]
             degrees[:, k] = curve.degrees
             source = "curve"
-    return Ground(tuple(levels), tuple(found), variance, degrees, known, source, None, between)
+    return LevelStatistics(tuple(levels), tuple(found), variance, degrees, known, source, None, between)
 
 
-def curves(ground: Ground) -> dict[str, Curve]:
+def curves(stats: LevelStatistics) -> dict[str, Curve]:
     """Polynomials of T_s, τ1, τ2 through the logarithms of the levels that determine them; none where none do."""
     result = {}
     for k, name in enumerate(("Ts", "tau1", "tau2")):
-        row = ground.known[:, k]
+        row = stats.determined[:, k]
         if not row.any():
             continue
         terms = min(TERMS[name], int(row.sum()))
-        duty, theta = ground.duty_pct[row], ground.log_theta[row, k]
-        if ground.source != "repeats" and row.sum() - terms >= SPARE_LEVELS:
-            within = np.array([one.evidence.within[k] for one in ground.evidence])[row]
+        duty, theta = stats.duty_pct[row], stats.log_theta[row, k]
+        if stats.source != "repeats" and row.sum() - terms >= SPARE_LEVELS:
+            within = np.array([one.runs.within[k] for one in stats.estimates])[row]
             curve = curve_of_single_runs(duty, theta, within, terms)
-        elif ground.scatter is None:
-            curve = curve_with_repeats(duty, theta, ground.variance[row, k], float(ground.degrees[row, k].min()), terms)
+        elif stats.scatter is None:
+            curve = curve_with_repeats(duty, theta, stats.variance[row, k], float(stats.degrees[row, k].min()), terms)
         else:
-            weigh, real = ground.scatter.pooled[row, k], ground.own_variance[row, k]
-            curve = curve_with_repeats(duty, theta, weigh, ground.total_degrees, terms, real)
-        result[name] = at_levels(curve, row, TERMS[name], None if ground.scatter is None else ground.scatter.worth[k])
+            weigh, real = stats.scatter.pooled[row, k], stats.own_variance[row, k]
+            curve = curve_with_repeats(duty, theta, weigh, stats.total_degrees, terms, real)
+        result[name] = at_levels(
+            curve, row, TERMS[name], None if stats.scatter is None else stats.scatter.components[k]
+        )
     return result
 
 
-def curve_degrees(ground: Ground, curve: Curve, name: str) -> Array:
+def curve_degrees(stats: LevelStatistics, curve: Curve, name: str) -> Array:
     """Degrees of freedom of a curve's band at each level, what sweeps have in common counted in (Satterthwaite)."""
-    degrees = curve.degrees_at(ground.duty_pct)
-    if ground.scatter is None or not ground.swept:
+    degrees = curve.degrees_at(stats.duty_pct)
+    if stats.scatter is None or not stats.swept:
         return degrees
-    common = float(ground.scatter.common[("Ts", "tau1", "tau2").index(name)])
-    own = curve.log_sd(ground.duty_pct) ** 2
-    return np.asarray((own + common) ** 2 / (own**2 / degrees + common**2 / ground.scatter.common_degrees))
+    common = float(stats.scatter.common[("Ts", "tau1", "tau2").index(name)])
+    own = curve.log_sd(stats.duty_pct) ** 2
+    return np.asarray((own + common) ** 2 / (own**2 / degrees + common**2 / stats.scatter.common_degrees))

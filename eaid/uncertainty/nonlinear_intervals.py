@@ -18,7 +18,6 @@ from eaid.fitting.warnings import nonlinear_warnings
 from eaid.models import nonlinear
 from eaid.steps.stepset import Level
 from eaid.uncertainty.curve import Curve
-from eaid.uncertainty.ground import TERMS, Ground, curve_degrees, curves
 from eaid.uncertainty.joint import (
     BLOCKS,
     Coefficients,
@@ -27,8 +26,9 @@ from eaid.uncertainty.joint import (
     with_draws,
     with_joint_covariance,
 )
+from eaid.uncertainty.level_statistics import TERMS, LevelStatistics, curve_degrees, curves
 from eaid.uncertainty.scatter import Mask
-from eaid.uncertainty.student import Degrees, middle, t_quantile
+from eaid.uncertainty.student_t import Degrees, middle, t_quantile
 from eaid.uncertainty.twostage import two_stage
 from eaid.uncertainty.weightings import SYMBOLS
 
@@ -53,41 +53,41 @@ class Estimates:
     curves: dict[str, Curve]
 
 
-def estimates(fit: NonlinearFit, ground: Ground) -> Estimates:
-    """The joint fit with its covariance, and the two-stage estimate, both from the same ground."""
-    joint = scattered(fit, ground)
-    through = curves(ground)
-    degrees: Degrees = dict.fromkeys(ROW, ground.total_degrees)
-    degrees |= {name: curve_degrees(ground, curve, name) for name, curve in through.items()}
+def estimates(fit: NonlinearFit, stats: LevelStatistics) -> Estimates:
+    """The joint fit with its covariance, and the two-stage estimate, both from the same statistics."""
+    joint = scattered(fit, stats)
+    through = curves(stats)
+    degrees: Degrees = dict.fromkeys(ROW, stats.total_degrees)
+    degrees |= {name: curve_degrees(stats, curve, name) for name, curve in through.items()}
     if len(through) < len(ROW):
         return Estimates(joint, joint, None, degrees, through)
-    duty, theta = ground.duty_pct, ground.log_theta
-    variance = {name: np.where(ground.known[:, k], ground.expected[:, k], np.inf) for name, k in ROW.items()}
+    duty, theta = stats.duty_pct, stats.log_theta
+    variance = {name: np.where(stats.determined[:, k], stats.expected[:, k], np.inf) for name, k in ROW.items()}
     order = [ROW[name] for name in BLOCKS]
-    correlation = ground.correlation()[np.ix_(order, order)]
+    correlation = stats.correlation()[np.ix_(order, order)]
     both = two_stage(duty, {n: theta[:, k] for n, k in ROW.items()}, variance, through, correlation, joint.share)
-    both = _swept(both, ground)
+    both = _swept(both, stats)
     return Estimates(_apart_counted(joint, both), joint, both, degrees, through)
 
 
-def scattered(fit: NonlinearFit, ground: Ground) -> Coefficients:
+def scattered(fit: NonlinearFit, stats: LevelStatistics) -> Coefficients:
     """The coefficients of a joint fit with the covariance that the levels' scatter gives them."""
     weights = None if fit.weights is None else np.array(fit.weights)
-    shifts = ground.shifts()
+    shifts = stats.shifts()
     if fit.share_free and shifts.shape[1] == 3:  # C held at single levels
         shifts = np.pad(shifts, ((0, 0), (0, 1), (0, 1)))
     joint = coefficients_of(fit.parameters, fit.share_free)
-    return _swept(with_joint_covariance(joint, ground.data, shifts, weights), ground)
+    return _swept(with_joint_covariance(joint, stats.data, shifts, weights), stats)
 
 
-def _swept(c: Coefficients, ground: Ground) -> Coefficients:
+def _swept(c: Coefficients, stats: LevelStatistics) -> Coefficients:
     """The coefficients where all levels of a sweep share a shift: each curve goes up and down as a whole."""
-    if ground.scatter is None or not ground.swept:
+    if stats.scatter is None or not stats.swept:
         return c
     covariance = c.covariance.copy()
     for name, k in ROW.items():
         own = c.block(name)
-        covariance[own, own] += ground.scatter.common[k] * np.outer(c.values[own], c.values[own])
+        covariance[own, own] += stats.scatter.common[k] * np.outer(c.values[own], c.values[own])
     return with_covariance(c, covariance)
 
 
@@ -105,7 +105,7 @@ def coefficient_intervals(c: Coefficients, degrees: Degrees) -> dict[str, list[l
         scale = 100.0 ** np.arange(c.counts[k])
         reach = t_quantile(middle(degrees[name])) * sd[own]
         low, high = (c.values[own] - reach) / scale, (c.values[own] + reach) / scale
-        held = name in c.held or not np.isfinite(reach).all()
+        held = name in c.constrained or not np.isfinite(reach).all()
         carried = (c.values[own] != 0) | (reach > 0)  # a power that the levels do not carry is 0, not known to be 0
         result[name] = [
             [float(a), float(b)] if fine and not held else None for a, b, fine in zip(low, high, carried, strict=True)
@@ -135,7 +135,7 @@ def level_curves(
         with np.errstate(over="ignore"):
             reach = quantiles[name] * sd
             low, high = values * np.exp(-reach), values * np.exp(reach)
-        fine = (values > 0) & np.isfinite(low) & np.isfinite(high) & (name not in c.held)
+        fine = (values > 0) & np.isfinite(low) & np.isfinite(high) & (name not in c.constrained)
         for i, row in enumerate(rows):
             row[name] = float(values[i])
             row["ci95"][name] = [float(low[i]), float(high[i])] if fine[i] else None
@@ -194,7 +194,7 @@ def intervals_json(
     return {"ci95": ci95, "curves": level_curves(c if alone is None else alone, degrees, levels, other)}
 
 
-def as_fit(found: Estimates, ground: Ground, held: Sequence[Level] = ()) -> NonlinearFit | None:
+def as_fit(found: Estimates, stats: LevelStatistics, held: Sequence[Level] = ()) -> NonlinearFit | None:
     """The two-stage estimate as a fit like the joint one, its errors on held-out levels too; None where there is none.
 
     It is solved when every level is: the polynomials then follow by weighted least squares.
@@ -203,16 +203,16 @@ def as_fit(found: Estimates, ground: Ground, held: Sequence[Level] = ()) -> Nonl
     if both is None:
         return None
     p = both.plant()
-    left = [nonlinear.step_response(p, level.time_s, level.level) - level.mean for level in ground.levels]
+    left = [nonlinear.step_response(p, level.time_s, level.level) - level.mean for level in stats.levels]
     total = overall(left)
     solver = Solver(
-        converged=ground.converged,
+        converged=stats.converged,
         message="converged: each level's own curve did, and the polynomials pass through them by weighted least squares"
-        if ground.converged
+        if stats.converged
         else "did not converge: the own curve of a level did not",
         evaluations=0,
         starts=(total.sse,),
-        at_bounds=tuple(f"{SYMBOLS[name]} at its limit" for name in both.held),
+        at_bounds=tuple(f"{SYMBOLS[name]} at its limit" for name in both.constrained),
         promise=0.0,
         method="two-stage",
     )
@@ -224,14 +224,14 @@ def as_fit(found: Estimates, ground: Ground, held: Sequence[Level] = ()) -> Nonl
         sse=total.sse,
         abs_mean=total.abs_mean,
         abs_sd=total.abs_sd,
-        per_level=tuple(level_error(level.level, r) for level, r in zip(ground.levels, left, strict=True)),
+        per_level=tuple(level_error(level.level, r) for level, r in zip(stats.levels, left, strict=True)),
         solver=solver,
-        warnings=nonlinear_warnings(ground.data, p, solver, [one.level for one in held]),
+        warnings=nonlinear_warnings(stats.data, p, solver, [one.level for one in held]),
         hold_out=outside,
     )
 
 
-def two_stage_json(found: Estimates, fit: NonlinearFit, ground: Ground, source: str) -> dict[str, Any]:
+def two_stage_json(found: Estimates, fit: NonlinearFit, stats: LevelStatistics, source: str) -> dict[str, Any]:
     """The two-stage estimate, `fit`, as fit.json holds it, under the same keys as the joint one."""
     both = found.two_stage
     assert both is not None
@@ -244,29 +244,29 @@ def two_stage_json(found: Estimates, fit: NonlinearFit, ground: Ground, source: 
         ci95 = coefficient_intervals(both, degrees)
         result |= {
             "ci95": {name: ci95[name] for name in BLOCKS},
-            "curves": level_curves(both, degrees, ground.levels),
+            "curves": level_curves(both, degrees, stats.levels),
             "covariance": covariance_json(both, degrees, source),
         }
     return result
 
 
-def agreement(found: Estimates, ground: Ground, output_unit: str) -> dict[str, Any]:
+def agreement(found: Estimates, stats: LevelStatistics, output_unit: str) -> dict[str, Any]:
     """Where the joint estimate lies outside the two-stage intervals, and which to believe, in words."""
     if found.two_stage is None:
         word = "no two-stage estimate: no level alone determines all of its parameters; the joint fit stands alone"
         return {"disagreements": [], "believe": "joint", "because": word}
-    beyond = [_apart(found.joint, found.two_stage, found.degrees[name], name, ground, output_unit) for name in ROW]
+    beyond = [_apart(found.joint, found.two_stage, found.degrees[name], name, stats, output_unit) for name in ROW]
     beyond = [one for one in beyond if one["levels"]]
     if not beyond:
         return {"disagreements": [], "believe": "either", "because": "the two estimates agree within their intervals"}
-    weak = [name for name, k in ROW.items() if _weak(ground.known[:, k], TERMS[name])]
+    weak = [name for name, k in ROW.items() if _weak(stats.determined[:, k], TERMS[name])]
     if weak:
         because = (
             f"too few levels determine {' and '.join(SYMBOLS[name] for name in weak)} on their own for a curve through "
             "them, and the joint fit makes up values there that no level supports"
         )
         return {"disagreements": beyond, "believe": "neither", "because": because}
-    gain = float(np.sqrt(max(np.nan_to_num(ground.between[0]), 0.0)))
+    gain = float(np.sqrt(max(np.nan_to_num(stats.between[0]), 0.0)))
     scattered = f"runs of one level differ by {100 * gain:.2g} % in T_s, and " if gain > 0.002 else ""
     because = (
         f"{scattered}the joint fit makes up for a level's torque with the time constants of its neighbours; "
@@ -281,10 +281,10 @@ def _weak(known: Mask, terms: int) -> bool:
 
 
 def _apart(
-    joint: Coefficients, both: Coefficients, degrees: float | Array, name: str, ground: Ground, unit: str
+    joint: Coefficients, both: Coefficients, degrees: float | Array, name: str, stats: LevelStatistics, unit: str
 ) -> dict[str, Any]:
     """Where one parameter's two curves part by more than the two-stage interval; the worst level in numbers."""
-    duty = ground.duty_pct
+    duty = stats.duty_pct
     one, other = joint.at(name, duty), both.at(name, duty)
     reach = t_quantile(np.asarray(degrees)) * both.log_sd(name, duty)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -295,8 +295,8 @@ def _apart(
     i = int(out[np.nan_to_num(ratio[out], nan=np.inf).argmax()])
     low, high = (float(other[i] * np.exp(sign * reach[i])) for sign in (-1, 1))
     said = unit if name == "Ts" else "s"
-    ends = f"{said} (a constraint holds it)" if name in both.held else f"[{low:.3g}, {high:.3g}] {said}"
-    own = f", the level's own fit {np.exp(ground.log_theta[i, ROW[name]]):.3g}" if ground.known[i, ROW[name]] else ""
+    ends = f"{said} (a constraint holds it)" if name in both.constrained else f"[{low:.3g}, {high:.3g}] {said}"
+    own = f", the level's own fit {np.exp(stats.log_theta[i, ROW[name]]):.3g}" if stats.determined[i, ROW[name]] else ""
     return {
         "parameter": name,
         "levels": duty[out].tolist(),

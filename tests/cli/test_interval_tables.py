@@ -2,7 +2,7 @@
 
 import pytest
 
-from eaid.cli.sure import interval_tables
+from eaid.cli.interval_tables import interval_tables
 
 RESULT = {
     "uncertainty": {"ci": "robust", "scatter_from": "repeats", "adequacy": {"recommended": "keep it"}},

@@ -12,7 +12,7 @@ import numpy as np
 from eaid.arrays import Array
 from eaid.models.parameters import Linear
 from eaid.steps.stepset import Level
-from eaid.uncertainty.evidence import Evidence, evidence
+from eaid.uncertainty.run_statistics import RunStatistics, run_statistics
 
 
 def _rise(a0: float, t_s: Array) -> tuple[Array, Array, Array]:
@@ -93,16 +93,16 @@ def combined_variance(influence: Sequence[Array]) -> tuple[float, float]:
     return variance, max(degrees, float(min(spare)))
 
 
-def level_evidence(level: Level, a0: float, gain: float, noise_nm: Array) -> Evidence:
-    """Evidence on (log a0, log gain) of one level's own fit, gain [N·m] · (1 − e^(−a0 t))."""
+def level_run_statistics(level: Level, a0: float, gain: float, noise_nm: Array) -> RunStatistics:
+    """Statistics of the runs for (log a0, log gain) of one level's own fit, gain [N·m] · (1 − e^(−a0 t))."""
     jacobian, hessian = own_terms(level, a0, gain)
     theta = np.log([a0, gain])
     runs = level.runs
-    return evidence(level.level, level.time_s, runs, jacobian, theta, noise_nm=noise_nm, hessian=hessian)
+    return run_statistics(level.level, level.time_s, runs, jacobian, theta, noise_nm=noise_nm, hessian=hessian)
 
 
-def with_log_B(levels: Sequence[Evidence]) -> list[Evidence]:
-    """The same evidence on (log a0, log gain, log B), B = u/(a0 gain): zero-offset."""
+def with_log_B(levels: Sequence[RunStatistics]) -> list[RunStatistics]:
+    """The same statistics on (log a0, log gain, log B), B = u/(a0 gain): zero-offset."""
     take = np.array([[1.0, 0.0], [0.0, 1.0], [-1.0, -1.0]])
     result = []
     for one in levels:
@@ -110,7 +110,7 @@ def with_log_B(levels: Sequence[Evidence]) -> list[Evidence]:
         log_B = np.log(one.level) - one.log_theta.sum()
         within = np.append(one.within, np.sqrt(one.within).sum() ** 2)
         result.append(
-            Evidence(
+            RunStatistics(
                 level=one.level,
                 log_theta=np.append(one.log_theta, log_B),
                 information=one.information,

@@ -22,7 +22,7 @@ BINS_PER_WINDOW = 10
 
 
 @dataclass(frozen=True, eq=False)
-class Evidence:
+class RunStatistics:
     """One level's parameters in logs (k of them), and what its R runs say about them."""
 
     level: float
@@ -73,7 +73,7 @@ def bartlett_variance(time_s: Array, scores: Array, windows_s: Sequence[float] =
     return np.array(variances)
 
 
-def evidence(
+def run_statistics(
     level: float,
     time_s: Array,
     runs_nm: Array,
@@ -82,8 +82,8 @@ def evidence(
     *,
     noise_nm: Array,
     hessian: Array | None = None,
-) -> Evidence:
-    """The evidence of one level from its runs (R, n) and ∂f/∂log θ (n, k).
+) -> RunStatistics:
+    """The statistics of one level from its runs (R, n) and ∂f/∂log θ (n, k).
 
     `noise_nm`, shape (R, n), are the residuals of each run about its own best curve (`own_residuals`). A model that is
     wrong by design gives its full `hessian` Σ (J'J − e ∇²f), shape (k, k), in place of J'J.
@@ -92,7 +92,7 @@ def evidence(
     directions = jacobian @ np.linalg.pinv(information, rcond=1e-14, hermitian=True)
     scores = (noise_nm[:, None] * np.ascontiguousarray(directions.T)).reshape(-1, len(time_s)).T
     within = bartlett_variance(time_s, scores).reshape(len(WINDOWS_S), len(runs_nm), -1).mean(axis=1)
-    return Evidence(
+    return RunStatistics(
         level=level,
         log_theta=log_theta,
         information=information,
