@@ -7,7 +7,7 @@ import msgspec
 from eaid.findings.row import Severity
 from eaid.findings.sentences import SENTENCES
 
-Value = float | int | str | bool | None | tuple[float, ...] | tuple[str, ...]
+Value = float | int | str | bool | None | tuple[float | str, ...]
 GRAVITY: dict[str, int] = {"stop": 0, "caution": 1, "note": 2}
 
 

@@ -1,0 +1,124 @@
+"""Types that several results share: intervals, sources, solver, errors."""
+
+from typing import Annotated
+
+import msgspec
+
+Number = Annotated[float, msgspec.Meta(ge=-1e60, le=1e60)]
+"""A finite number of a size that a rig can have; its cube is still a number."""
+Positive = Annotated[float, msgspec.Meta(gt=0, le=1e60)]
+Share = Annotated[float, msgspec.Meta(ge=0, le=1)]
+Count = Annotated[int, msgspec.Meta(ge=0, le=10**15)]
+Interval = tuple[Number, Number] | None
+"""95 % interval [low, high]; None where the data say nothing of use, with a finding that says why."""
+
+
+class Result(msgspec.Struct, frozen=True):
+    """Base of every typed result: immutable, its field names are the keys of the file."""
+
+
+class Input(Result, frozen=True):
+    """A file that a result was made from: the path as given, and its fingerprint."""
+
+    path: str
+    sha256: str = ""
+
+
+class Source(Result, frozen=True):
+    """One run behind a fit."""
+
+    path: str = ""
+    sha256: str = ""
+    run: str = ""
+    level: Number | None = None
+    """In the input's unit."""
+    repeat: Count | None = None
+    baseline_nm: Number | None = None
+    """Idle output that was subtracted, in the output's unit."""
+    step_s: Number | None = None
+    """Step instant on the log's own clock [s]."""
+    samples: Count | None = None
+    edge: str = "rising"
+
+
+class StartCost(Result, frozen=True):
+    """One start of the solver: the cost at which it ended."""
+
+    cost: Number | None = None
+
+
+class Solver(Result, frozen=True):
+    """How a fit was found, and our own verdict on it."""
+
+    method: str = "SLSQP"
+    converged: bool = False
+    """Our verdict: what a further constrained Newton step would gain is less than a billionth of the cost."""
+    message: str = ""
+    promise: Number | None = None
+    """Predicted decrease of the cost by a further constrained Newton step on the full data, relative to the cost."""
+    evaluations: Count = 0
+    starts: tuple[StartCost, ...] = ()
+    at_bounds: tuple[str, ...] = ()
+    """The constraints that hold the end point."""
+
+
+class AbsError(Result, frozen=True):
+    """Mean and standard deviation of |residual|, in the output's unit."""
+
+    mean: Number | None = None
+    sd: Number | None = None
+
+
+class LevelError(Result, frozen=True):
+    """How far a model is from one level's averaged repeats, in the output's unit."""
+
+    level: Number
+    rmse: Number | None = None
+    sse: Number | None = None
+    abs_error: AbsError | None = None
+    fit_pct: Number | None = None
+    """100 (1 − ‖y − ŷ‖/‖y − mean y‖)"""
+    R2: Number | None = None
+    """1 − ‖y − ŷ‖²/‖y − mean y‖²"""
+
+
+class HoldOut(Result, frozen=True):
+    """Errors on the levels that were left out of the fit."""
+
+    levels: tuple[LevelError, ...] = ()
+    rmse: Number | None = None
+    fitted_rmse: Number | None = None
+    abs_error: AbsError | None = None
+
+
+class HuberPart(Result, frozen=True):
+    """A stretch of the record whose samples count less than half."""
+
+    from_s: Number
+    to_s: Number
+    samples: Count = 0
+    least: Number | None = None
+    run: str | None = None
+    """The run that stands out there; None: none does."""
+
+
+class HuberLevel(Result, frozen=True):
+    """How Huber's weights fall on one level."""
+
+    level: Number
+    below_one: Number | None = None
+    """Share of the samples held back."""
+    least: Number | None = None
+    mean: Number | None = None
+    parts: tuple[HuberPart, ...] = ()
+
+
+class Huber(Result, frozen=True):
+    """Huber's loss: where it bends, and what it held back."""
+
+    loss: str = "huber"
+    k: Number | None = None
+    sigma: Number | None = None
+    rounds: Count = 0
+    settled: bool = True
+    weights: tuple[HuberLevel, ...] = ()

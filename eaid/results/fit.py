@@ -1,0 +1,473 @@
+"""fit.json as types: what was fitted, how well, how sure, and what is to be doubted.
+
+Keys are the paper's symbols, polynomials lowest power first, units those of the rig (`data.input_unit`,
+`data.output_unit`); time constants in s.
+"""
+
+from typing import Annotated, Literal
+
+import msgspec
+
+from eaid.findings import Finding
+from eaid.results.common import (
+    AbsError,
+    Count,
+    HoldOut,
+    Huber,
+    Input,
+    Interval,
+    LevelError,
+    Number,
+    Positive,
+    Result,
+    Share,
+    Solver,
+    Source,
+)
+
+Three = tuple[Number, Number, Number]
+Four = tuple[Number, Number, Number, Number]
+Pair = tuple[Number, Number]
+
+
+class Rig(Result, frozen=True):
+    """The apparatus, as in `eaid.apparatus.Apparatus`."""
+
+    inner_radius_m: Positive = 0.04
+    outer_radius_m: Positive = 0.06
+    surfaces: Annotated[int, msgspec.Meta(ge=1, le=10**6)] = 2
+    dielectric_m: Positive = 95e-6
+    voltage_v: Positive = 300.0
+    pwm_hz: Positive = 300.0
+    sample_rate_hz: Positive = 1000.0
+    lever_ratio: Positive = 4.33
+
+    def __post_init__(self) -> None:
+        if self.inner_radius_m >= self.outer_radius_m:
+            raise ValueError(
+                f"an inner radius of {self.inner_radius_m:g} m and an outer one of {self.outer_radius_m:g} m"
+            )
+
+
+class Data(Result, frozen=True):
+    """What was fitted."""
+
+    kind: Literal["clutch", "friction-force", "friction-speed"] = "clutch"
+    input_unit: str = "%"
+    output_unit: str = "N·m"
+    levels: tuple[Number, ...] = ()
+    repeats: tuple[Count, ...] = ()
+    samples: tuple[Count, ...] = ()
+    record_s: tuple[Number, ...] = ()
+    """Length of each level's record [s]."""
+    sample_rate_hz: Positive | None = None
+    apparatus: Rig = Rig()
+    sources: tuple[Source, ...] = ()
+    inputs: tuple[Input, ...] = ()
+    synthetic: str | None = None
+    """What made the data, where no rig did."""
+
+
+class LevelIntervals(Result, frozen=True):
+    """95 % intervals of one level's T_s, τ1, τ2, and C where it was free."""
+
+    Ts: Interval = None
+    tau1: Interval = None
+    tau2: Interval = None
+    C: Interval = None
+
+
+class FrictionLevel(Result, frozen=True):
+    """The step response of one level, Eq. (3), or of one step between two levels."""
+
+    level: Number
+    Ts: Number
+    """Steady output; between two levels the change of it."""
+    tau1: Positive
+    tau2: Positive
+    C: Number = 0.85
+    from_: Number = msgspec.field(default=0.0, name="from")
+    """Input before the step."""
+    start: Number = 0.0
+    """Output before the step, above the baseline that was subtracted."""
+    shape: str = "two"
+    """one | two | free | overshoot: the form that the evidence asked for; the paper's is two."""
+    delay_s: Number = 0.0
+    """Dead time."""
+    stress_kpa: Number | None = None
+    speed_rpm: Number | None = None
+    rmse: Number | None = None
+    sse: Number | None = None
+    samples: Count | None = None
+    fit_pct: Number | None = None
+    R2: Number | None = None
+    C_f: Number | None = None
+    """Coefficient of friction, Eq. (1)."""
+    solver: Solver | None = None
+    ci95: LevelIntervals | None = None
+
+
+class Trend(Result, frozen=True):
+    """A fitted value over stress or speed (Tables I and II)."""
+
+    form: Literal["linear", "double-exponential", "merged-exponential"]
+    coefficients: tuple[Number, ...]
+    """[slope, offset]; [p, r1, q, r2] of p e^(r1 x) + q e^(r2 x); [p, q, r] of (p + q x) e^(r x)."""
+    over: str = ""
+    """stress_kpa, speed_rpm, or level_UNIT where the stress is not known."""
+    rmse: Number | None = None
+    converged: bool = True
+    at_bounds: tuple[str, ...] = ()
+    ci95: tuple[Interval, ...] | None = None
+
+    def __post_init__(self) -> None:
+        wanted = {"linear": 2, "merged-exponential": 3, "double-exponential": 4}[self.form]
+        if len(self.coefficients) not in (0, wanted):
+            raise ValueError(f"{len(self.coefficients)} coefficients, and a {self.form} trend has {wanted}")
+
+
+class Friction(Result, frozen=True):
+    """Friction curves of all levels, and their trends."""
+
+    C: Number | None = None
+    """The share of the fast part that was held; None where it was free."""
+    levels: tuple[FrictionLevel, ...] = ()
+    trends: dict[str, Trend] = {}
+    solver: Solver | None = None
+    identifiable: bool | None = None
+    hold_out: HoldOut | None = None
+    robust: Huber | None = None
+
+
+class CurveLevel(Result, frozen=True):
+    """The nonlinear model's curves at one level."""
+
+    level: Number
+    Ts: Number | None = None
+    tau1: Number | None = None
+    tau2: Number | None = None
+    ci95: LevelIntervals | None = None
+    torque_half_width_nm: Number | None = None
+    """Half width of the output curve's interval, largest over the record, in the output's unit."""
+
+
+class CoefficientIntervals(Result, frozen=True):
+    """95 % intervals of the polynomials' coefficients."""
+
+    tau1: tuple[Interval, ...] = ()
+    tau2: tuple[Interval, ...] = ()
+    Ts: tuple[Interval, ...] = ()
+    C: Interval = None
+
+
+class Covariance(Result, frozen=True):
+    """Covariance of the coefficients, so that plants can be drawn."""
+
+    parametrisation: str = ""
+    order: tuple[str, ...] = ()
+    matrix: tuple[tuple[Number, ...], ...] = ()
+    degrees_of_freedom: dict[str, Number | None] = {}
+    from_: str = msgspec.field(default="", name="from")
+
+
+class Disagreement(Result, frozen=True):
+    """Where two estimates of one parameter part by more than their intervals."""
+
+    parameter: str
+    levels: tuple[Number, ...] = ()
+    worst: Number | None = None
+    """The level at which they part most."""
+    one: Number | None = None
+    other: Number | None = None
+    ci95: Interval = None
+    """Of the first named."""
+    ci95_other: Interval = None
+
+
+class Agreement(Result, frozen=True):
+    """Two estimates held against each other."""
+
+    between: tuple[str, str]
+    """Which two: joint, two-stage; equal, sd."""
+    believe: str
+    """One of the two, either, or neither."""
+    because: str = ""
+    """A code of the table of sentences."""
+    disagreements: tuple[Disagreement, ...] = ()
+
+
+class Estimate(Result, frozen=True):
+    """The ten coefficients of Eqs. (4)–(7) by one estimator."""
+
+    tau1: Three
+    tau2: Three
+    Ts: Four
+    u_range: tuple[Annotated[float, msgspec.Meta(ge=0, le=1e60)], Positive]
+    """Lowest and highest identified input."""
+    C: Share = 0.85
+    C_free: bool = False
+    rmse: Number | None = None
+    sse: Number | None = None
+    abs_error: AbsError | None = None
+    fit_pct: Number | None = None
+    R2: Number | None = None
+    per_level: tuple[LevelError, ...] = ()
+    solver: Solver | None = None
+    curves: tuple[CurveLevel, ...] = ()
+    ci95: CoefficientIntervals | None = None
+    covariance: Covariance | None = None
+    misfit: dict[str, Number | None] | None = None
+    """Two-stage: Σ(residual/sd)² over levels − coefficients."""
+    weights: Literal["equal", "sd"] = "equal"
+    level_weights: tuple[Number, ...] | None = None
+
+
+class Nonlinear(Estimate, frozen=True):
+    """The believed estimate, and the others beside it."""
+
+    estimator: Literal["joint", "two-stage"] = "joint"
+    """Which estimate stands here."""
+    identifiable: bool | None = None
+    robust: Huber | None = None
+    hold_out: HoldOut | None = None
+    joint: Estimate | None = None
+    """The joint estimate, where the two-stage one stands in its place."""
+    two_stage: Estimate | None = None
+    """The two-stage estimate, where the joint one stands."""
+    other_weights: Estimate | None = None
+    """The joint model under the weights that were not asked for."""
+    agreement: tuple[Agreement, ...] = ()
+
+
+class PooledIntervals(Result, frozen=True):
+    """95 % intervals of the pooled linear model."""
+
+    a0: Interval = None
+    b0: Interval = None
+    c0: Interval = None
+
+
+class LinearLevelIntervals(Result, frozen=True):
+    """95 % intervals of one level's linear model."""
+
+    a0: Interval = None
+    gain: Interval = None
+    B: Interval = None
+
+
+class LinearLevel(Result, frozen=True):
+    """Eq. (8) of one level: a0 and the gain (b0 u + c0)/a0 is what one step tells; b0 by the convention."""
+
+    level: Number
+    a0: Number
+    gain: Number
+    b0: Number | None = None
+    c0: Number | None = None
+    B: Number | None = None
+    """1/b0; None where b0 is not positive."""
+    rmse: Number | None = None
+    sse: Number | None = None
+    fit_pct: Number | None = None
+    R2: Number | None = None
+    converged: bool | None = None
+    ci95: LinearLevelIntervals | None = None
+
+
+class BoundsIntervals(Result, frozen=True):
+    """95 % intervals of the ends of B."""
+
+    B_m: Interval = None
+    B_M: Interval = None
+
+
+class Bounds(Result, frozen=True):
+    """Least and largest B over the levels that the user keeps."""
+
+    convention: str = "zero-offset"
+    means: str = ""
+    levels: tuple[Number, ...] = ()
+    B_m: Number | None = None
+    B_M: Number | None = None
+    ci95: BoundsIntervals | None = None
+
+
+class Pooled(Result, frozen=True):
+    """Eq. (8) fitted to all levels at once: Ṫ = −a0 T + b0 u + c0."""
+
+    a0: Number
+    b0: Number
+    c0: Number
+    rmse: Number | None = None
+    sse: Number | None = None
+    fit_pct: Number | None = None
+    R2: Number | None = None
+    solver: Solver | None = None
+    ci95: PooledIntervals | None = None
+    weights: Literal["equal", "sd"] = "equal"
+    level_weights: tuple[Number, ...] | None = None
+
+
+class Linear(Pooled, frozen=True):
+    """The pooled linear model, and each level's own."""
+
+    per_level: tuple[LinearLevel, ...] = ()
+    bounds: Bounds | None = None
+    conventions: dict[str, Bounds] = {}
+    identifiable: bool | None = None
+    robust: Huber | None = None
+    hold_out: HoldOut | None = None
+    other_weights: Pooled | None = None
+    agreement: tuple[Agreement, ...] = ()
+
+
+class ReleaseLevel(Result, frozen=True):
+    """T(t) = residual + amplitude (share e^(−t/τ1) + (1 − share) e^(−t/τ2)) after the release of one level."""
+
+    level: Number
+    share: Number | None = None
+    tau1: Number | None = None
+    tau2: Number | None = None
+    rising_tau1: Number | None = None
+    rising_tau2: Number | None = None
+    amplitude: Number | None = None
+    residual: Number | None = None
+    """Output left after a long time."""
+    rmse: Number | None = None
+    sse: Number | None = None
+    fit_pct: Number | None = None
+    R2: Number | None = None
+    solver: Solver | None = None
+
+
+class Release(Result, frozen=True):
+    """Time constants of the falling edges to rest: of all levels together, and of each."""
+
+    tau1: Positive
+    tau2: Positive
+    C: Number = 0.85
+    rmse: Number | None = None
+    sse: Number | None = None
+    levels: tuple[ReleaseLevel, ...] = ()
+    solver: Solver | None = None
+
+
+class Noise(Result, frozen=True):
+    """What drawn runs and planned recordings rest on."""
+
+    sensor_nm2_s: Annotated[float, msgspec.Meta(ge=0, le=1e60)] = 0.0
+    """Density of the sensor's noise [output²·s]."""
+    ripple_s: Annotated[float, msgspec.Meta(ge=0, le=1e60)] = 0.0
+    """Density of the ripple relative to the output [s]."""
+    scatter: dict[str, Number] = {}
+    """Standard deviation from run to run of T_s, τ1, τ2, as a share."""
+
+
+class ShareEstimate(Result, frozen=True):
+    """The share C that was held, and the one that the runs ask for."""
+
+    held: Number | None = None
+    change_per_001_pct: dict[str, Number] = msgspec.field(default_factory=dict, name="per_0.01_pct")
+    """Change of T_s, τ1, τ2 [%] if C were larger by 0.01."""
+    estimate: Number | None = None
+    ci95: Interval = None
+    degrees_of_freedom: Number | None = None
+    rejected: bool | None = None
+    matters: bool | None = None
+    levels_differ: bool | None = None
+    at_estimate: tuple[CurveLevel, ...] = ()
+
+
+class ShapeScore(Result, frozen=True):
+    """One curve shape, fitted to every level."""
+
+    name: str
+    parameters: Count = 0
+    rmse: Number | None = None
+    aicc: Number | None = None
+    bic: Number | None = None
+
+
+class OrderScore(Result, frozen=True):
+    """One polynomial order of one parameter."""
+
+    parameter: str
+    order: Count = 0
+    chi_square: Number | None = None
+    aicc: Number | None = None
+    leave_one_out_pct: Number | None = None
+
+
+class LackOfFit(Result, frozen=True):
+    """A level's misfit against the spread of its repeats."""
+
+    level: Number
+    ratio: Number | None = None
+    chance: Number | None = None
+    beyond: bool = False
+    systematic_nm: Number | None = None
+
+
+class Adequacy(Result, frozen=True):
+    """Whether the model is right."""
+
+    shapes: tuple[ShapeScore, ...] = ()
+    orders: tuple[OrderScore, ...] = ()
+    lack_of_fit: tuple[LackOfFit, ...] = ()
+    residual_autocorrelation: Number | None = None
+    effective_samples: Number | None = None
+    leave_one_level_out_nm: Number | None = None
+
+
+class Sweeps(Result, frozen=True):
+    """Repeats that were recorded as sweeps over all levels."""
+
+    count: Count = 0
+    shift_pct: dict[str, Number] = {}
+
+
+class Uncertainty(Result, frozen=True):
+    """Where the intervals come from."""
+
+    ci: str = "none"
+    nominal: Number = 0.95
+    scatter_from: str = ""
+    """repeats, curve, or within."""
+    degrees_of_freedom: Number | None = None
+    run_to_run_pct: dict[str, Number | None] = {}
+    noise: Noise | None = None
+    draws: Count | None = None
+    sweeps: Sweeps | None = None
+    share: ShareEstimate | None = None
+    adequacy: Adequacy | None = None
+
+
+class FitOptionsRecord(Result, frozen=True):
+    """What was asked for, by the names of the options; reading options too, so that it can be done again."""
+
+    models: tuple[str, ...] | None = None
+    share: Number | Literal["free"] = 0.85
+    weights: str = "equal"
+    loss: str = "squares"
+    hold_out: tuple[Number, ...] = ()
+    bounds: str = "zero-offset"
+    bounds_levels: tuple[Number, ...] | None = None
+    estimator: str = "auto"
+    ci: str = "robust"
+    shape: str = "auto"
+    reading: dict[str, str | float | bool | None] = {}
+
+
+class Fit(Result, frozen=True):
+    """All that one call fitted; what its kind does not allow is None."""
+
+    options: FitOptionsRecord = FitOptionsRecord()
+    seed: int = 0
+    data: Data = Data()
+    converged: bool | None = None
+    friction: Friction | None = None
+    nonlinear: Nonlinear | None = None
+    linear: Linear | None = None
+    release: Release | None = None
+    uncertainty: Uncertainty | None = None
+    findings: tuple[Finding, ...] = ()
+    """Worst first."""

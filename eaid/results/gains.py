@@ -1,0 +1,300 @@
+"""gains.json as types: the linear model, robust-control and PI gains, the guarantee, margins, what was replayed.
+
+Units are the rig's: `input_unit` for duties, `output_unit` for torques; `_nm` and `_pct` in a key say what they are on
+the paper's rig.
+"""
+
+from eaid.findings import Finding
+from eaid.results.common import Input, Number, Positive, Result
+
+
+class LinearModel(Result, frozen=True):
+    """Ṫ = −a0 T + b0 u + c0, Eq. (8)."""
+
+    a0: Number
+    b0: Number
+    c0: Number
+
+
+class BRange(Result, frozen=True):
+    """Where B_m and B_M come from."""
+
+    convention: str = ""
+    levels: tuple[Number, ...] = ()
+    widened: bool = False
+
+
+class RhoLine(Result, frozen=True):
+    """ρ(ξ) = constant + slope ‖ξ‖ [N·m/s]."""
+
+    constant: Number
+    slope: Number
+
+
+class RhoTerms(Result, frozen=True):
+    """The shares of ρ's constant [N·m/s]."""
+
+    reference_nm_s: Number | None = None
+    phi_nm_s: Number | None = None
+
+
+class RhoReading(Result, frozen=True):
+    """ρ under one reading of Eq. (15) with the same number φ."""
+
+    phi: Number | None = None
+    phi_term_nm_s: Number | None = None
+    phi_honest_pct: Number | None = None
+    constant: Number | None = None
+    slope: Number | None = None
+
+
+class RhoReadings(Result, frozen=True):
+    """ρ under both readings."""
+
+    paper: RhoReading | None = None
+    textbook: RhoReading | None = None
+
+
+class Rho(Result, frozen=True):
+    """ρ(ξ) = constant + slope ‖ξ‖ [N·m/s] in the chosen reading, and what Eq. (15) needs with the α reached."""
+
+    constant: Number
+    slope: Number
+    convention: str = "paper"
+    alpha: Number | None = None
+    terms: RhoTerms | None = None
+    needed: RhoLine | None = None
+    readings: RhoReadings | None = None
+
+
+class AntiWindup(Result, frozen=True):
+    """What keeps the integral from winding up."""
+
+    method: str = "conditional"
+    gain: Number = 0.0
+    """Of back-calculation [N·m/%]."""
+
+
+class Condition(Result, frozen=True):
+    """One thing that the guarantee needs, and what is there."""
+
+    name: str
+    """rho, phi, Q_M or duty-limit."""
+    holds: bool | None = None
+    """None: nothing here can tell."""
+    needed: Number | None = None
+    available: Number | None = None
+    unit: str = ""
+
+
+class Guarantee(Result, frozen=True):
+    """One verdict: whether the Lyapunov guarantee holds on this rig, with a row for each thing it needs."""
+
+    holds: bool | None = None
+    conditions: tuple[Condition, ...] = ()
+
+    @property
+    def missing(self) -> tuple[str, ...]:
+        """The conditions that do not hold."""
+        return tuple(one.name for one in self.conditions if one.holds is False)
+
+
+class EqualPI(Result, frozen=True):
+    """The PI of equal slope inside the boundary layer."""
+
+    K_P: Number | None = None
+    K_I: Number | None = None
+
+
+class UltimateBound(Result, frozen=True):
+    """Torque error that ε and ρ promise in the end, and the largest replayed."""
+
+    torque_error_nm: Number | None = None
+    replayed_nm: Number | None = None
+
+
+class Robust(Result, frozen=True):
+    """Robust-control gains, Eqs. (10)–(16)."""
+
+    K_P: Number
+    """[1/s²]"""
+    K_D: Number
+    """[1/s]"""
+    B_hat: Positive
+    """[input·s/output]"""
+    rho: Rho
+    epsilon: Positive
+    gamma: Positive
+    Q: tuple[tuple[Number, Number], tuple[Number, Number]]
+    P: tuple[tuple[Number, Number], tuple[Number, Number]] | None = None
+    B_hat_convention: str = ""
+    B_m: Number | None = None
+    B_M: Number | None = None
+    bounds: BRange | None = None
+    alpha: Number | None = None
+    alpha_reached: Number | None = None
+    guaranteed: bool | None = None
+    """ρ meets Eq. (15) with the α reached, φ and Q_M taken as true."""
+    phi: Number | None = None
+    phi_honest_pct: Number | None = None
+    """What φ means in the input's unit."""
+    phi_holds: bool | None = None
+    phi_needed_pct: Number | None = None
+    Q_M: Number | None = None
+    """Bound on the reference's slope."""
+    Q_M_holds: bool | None = None
+    reference_slope_nm_s: Number | None = None
+    natural_frequency_rad_s: Number | None = None
+    damping: Number | None = None
+    anti_windup: AntiWindup = AntiWindup()
+    equal_pi: EqualPI | None = None
+    ultimate_bound: UltimateBound | None = None
+
+
+class AskedPI(Result, frozen=True):
+    """What the PI was designed for."""
+
+    overshoot_pct: Number | None = None
+    settling_s: Number | None = None
+
+
+class PI(Result, frozen=True):
+    """PI gains, and what they reach on the linear model."""
+
+    K_P: Number
+    """[input/output]"""
+    K_I: Number
+    """[input/(output·s)]"""
+    overshoot_pct: Number | None = None
+    settling_s: Number | None = None
+    asked: AskedPI | None = None
+    anti_windup: AntiWindup = AntiWindup()
+
+
+class TorquePoint(Result, frozen=True):
+    """How much of ±ρ the actuator can deliver at one torque."""
+
+    torque_nm: Number
+    eta_hat_pct: Number | None = None
+    share_up: Number | None = None
+    share_down: Number | None = None
+
+
+class Actuator(Result, frozen=True):
+    """What the robust term asks for and what the actuator spans, in the input's unit."""
+
+    robust_term_pct: Number | None = None
+    span_pct: Number | None = None
+    points: tuple[TorquePoint, ...] = ()
+
+
+class Mismatch(Result, frozen=True):
+    """Largest |η − η̂| that one source shows, in the input's unit."""
+
+    pct: Number
+    signed_pct: Number | None = None
+    where: str = ""
+
+
+class PhiFromData(Result, frozen=True):
+    """Largest |η − η̂| by source."""
+
+    model: Mismatch | None = None
+    logs: Mismatch | None = None
+    levels: Mismatch | None = None
+
+
+class SampleTiming(Result, frozen=True):
+    """Rate of the controller, and the PWM that latches the duty."""
+
+    rate_hz: Positive = 1000.0
+    pwm_hz: Positive | None = None
+
+
+class Margin(Result, frozen=True):
+    """Margins of one loop."""
+
+    stable: bool | None = None
+    gain_db: Number | None = None
+    delay_s: Number | None = None
+    phase_deg: Number | None = None
+    crossover_hz: Number | None = None
+
+
+class MarginPoint(Result, frozen=True):
+    """Margins of both loops around one held duty."""
+
+    duty_pct: Number
+    torque_nm: Number | None = None
+    rc: Margin | None = None
+    pi: Margin | None = None
+
+
+class WorstMargins(Result, frozen=True):
+    """The least of each margin over all points."""
+
+    rc: Margin | None = None
+    pi: Margin | None = None
+
+
+class Margins(Result, frozen=True):
+    """Margins of both loops, sampled and latched as `timing` says."""
+
+    timing: SampleTiming = SampleTiming()
+    points: tuple[MarginPoint, ...] = ()
+    worst: WorstMargins | None = None
+
+
+class Tracking(Result, frozen=True):
+    """Errors of one replay: reference − true output, from `counted_from_s` on."""
+
+    max_abs_error_nm: Number | None = None
+    rms_error_nm: Number | None = None
+    mean_abs_error_nm: Number | None = None
+    iae_nm_s: Number | None = None
+    mean_abs_duty_step_pct: Number | None = None
+    saturated_fraction: Number | None = None
+
+
+class Replayed(Result, frozen=True):
+    """Errors on the standard reference."""
+
+    reference: str = ""
+    slope_nm_s: Number | None = None
+    counted_from_s: Number | None = None
+    rc: Tracking | None = None
+    pi: Tracking | None = None
+
+
+class GainsInputs(Result, frozen=True):
+    """The files that gains were made from."""
+
+    fit: Input | None = None
+    reference: Input | None = None
+
+
+class Gains(Result, frozen=True):
+    """Gains of both controllers, and what is known of them."""
+
+    model: LinearModel
+    rc: Robust | None = None
+    pi: PI | None = None
+    inputs: GainsInputs = GainsInputs()
+    seed: int = 0
+    input_unit: str = "%"
+    output_unit: str = "N·m"
+    duty_limits_pct: tuple[Number, Number] = (0.0, 100.0)
+    """The actuator's range, in the input's unit."""
+    guarantee: Guarantee | None = None
+    actuator: Actuator | None = None
+    phi_from_data: PhiFromData | None = None
+    margins: Margins | None = None
+    replayed: Replayed | None = None
+    unidentified: str | None = None
+    """Why a fit marked not identifiable was used all the same; None: it was not."""
+    findings: tuple[Finding, ...] = ()
+
+    def __post_init__(self) -> None:
+        low, high = self.duty_limits_pct
+        if not 0 <= low < high:
+            raise ValueError(f"duty_limits_pct {low:g} to {high:g}, which has to rise from 0 or above")
