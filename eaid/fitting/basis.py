@@ -8,11 +8,12 @@ from dataclasses import dataclass
 from functools import cached_property, lru_cache
 
 import numpy as np
+from numpy.polynomial import Legendre, Polynomial
+from numpy.polynomial.polynomial import polyval
 
 from eaid.arrays import Array, read_only
 from eaid.fitting.levels import RECORDS_FREE
 from eaid.fitting.starts import RECORDS, TAU1_LEAST_S
-from eaid.models.nonlinear import polynomial
 from eaid.models.parameters import Nonlinear
 
 DUTIES = 101
@@ -25,11 +26,6 @@ HELD = ("τ1 = 1 ms", "τ2 = τ1", "T_s = 0", "τ2 endless")
 
 LEGENDRE = np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [-0.5, 0.0, 1.5, 0.0], [0.0, -1.5, 0.0, 2.5]])
 """Coefficients of the first four Legendre polynomials, lowest power first, one in a row."""
-
-
-def legendres(s: Array) -> Array:
-    """The first four Legendre polynomials, (len(s), 4); `numpy.polynomial` takes 3 ms to import."""
-    return np.asarray(s[:, None] ** np.arange(4) @ LEGENDRE.T)
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,6 +67,15 @@ class Basis:
             A = np.vstack([A, share])
         return read_only(A)
 
+    @cached_property
+    def to_powers(self) -> Array:
+        """The powers of the duty in each Legendre polynomial, lowest first, one polynomial in a row, (4, 4)."""
+        middle, half = 0.5 * (self.lowest + self.highest), 0.5 * (self.highest - self.lowest) or 1.0
+        rows = np.zeros((4, 4))
+        for k in range(4):
+            rows[k, : k + 1] = Legendre.basis(k, [middle - half, middle + half]).convert(kind=Polynomial).coef
+        return rows
+
     @property
     def slices(self) -> tuple[slice, slice, slice]:
         """Where the coefficients of T_s, τ1, τ2 lie in x."""
@@ -90,7 +95,7 @@ class Basis:
     def rows(self, u: Array) -> Array:
         """M for some duties, shape (4, len(u), n); the row of C is its own unknown, or 0."""
         M = np.zeros((4, len(u), self.size))
-        values = legendres(self.scaled(u))
+        values = self.scaled(u)[:, None] ** np.arange(4) @ LEGENDRE.T
         for k, (degree, part) in enumerate(zip(self.degrees, self.slices, strict=True)):
             M[k, :, part] = values[:, : degree + 1]
         if self.free_share:
@@ -108,16 +113,10 @@ class Basis:
 
     def parameters(self, x: Array) -> Nonlinear:
         """The polynomials in powers of the duty, lowest first, padded with zeros to the paper's degrees."""
-        half = 0.5 * (self.highest - self.lowest) or 1.0
-        line = np.array([-0.5 * (self.highest + self.lowest) / half, 1.0 / half])
         found = []
         for part, degree in zip(self.slices, DEGREES, strict=True):
-            powers, count = np.zeros(1), part.stop - part.start
-            for coefficient in (x[part] @ LEGENDRE[:count, :count])[::-1]:  # Horner: a polynomial of the line
-                powers = np.convolve(powers, line)
-                powers[0] += coefficient
-            powers = np.append(powers[:count], np.zeros(degree + 1 - count))
-            found.append(tuple(powers.tolist()))
+            powers = x[part] @ self.to_powers[: part.stop - part.start]
+            found.append(tuple(powers[: degree + 1].tolist()))
         Ts, tau1, tau2 = found
         share = float(x[-1]) if self.free_share else self.share
         return Nonlinear(tau1, tau2, Ts, (self.lowest, self.highest), share)
@@ -127,7 +126,7 @@ class Basis:
         x = np.zeros(self.size)
         for part, degree, coefficients in zip(self.slices, self.degrees, (p.Ts, p.tau1, p.tau2), strict=True):
             at = np.linspace(self.lowest, self.highest, degree + 1)
-            x[part] = np.linalg.solve(legendres(self.scaled(at))[:, : degree + 1], polynomial(coefficients, at))
+            x[part] = np.linalg.solve(self.rows(at)[0, :, : degree + 1], polyval(at, coefficients))
         if self.free_share:
             x[-1] = p.C
         return x

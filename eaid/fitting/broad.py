@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from eaid.arrays import Array, distinct, median
+from eaid.arrays import Array
 from eaid.fitting.basis import DUTIES, Basis
 from eaid.fitting.data import Data
 from eaid.fitting.laplace import Transforms, transforms
@@ -78,7 +78,7 @@ def wall_of(x: Array, cost: float, least: float, basis: Basis, problem: Problem)
     at = DUTIES if basis.highest > basis.lowest else 1
     rows = np.concatenate([np.arange(block * at, (block + 1) * at, 10) for block in range(3)])
     ends = basis.rows(np.linspace(basis.lowest, basis.highest, 5))
-    fast, torque = max(median(ends[1] @ x), TAU1_LEAST_S), max(float(np.max(ends[0] @ x)), least)
+    fast, torque = max(np.median(ends[1] @ x), TAU1_LEAST_S), max(float(np.max(ends[0] @ x)), least)
     size = np.where(rows < 2 * at, fast, torque) / np.sqrt(STEEP * cost)
     return Wall(problem.A[rows] / size[:, None], problem.b[rows] / size)
 
@@ -92,12 +92,12 @@ def slow_shapes(x: Array, data: Data, basis: Basis) -> Array:
     at = np.array([basis.lowest, 0.5 * (basis.lowest + basis.highest), basis.highest])
     nodes = basis.rows(at)
     part = basis.slices[2]
-    typical = max(median(nodes[1] @ x), 1e-3)
+    typical = max(np.median(nodes[1] @ x), 1e-3)
     slowest = max(30 * data.longest_s, 60 * typical)
     values = np.append(np.geomspace(3 * typical, slowest, VALUES - 1), ENDLESS * slowest)
     touching = [
         3 * typical + size * (np.array([-1.0, 0.0, 1.0]) - s) ** 2
-        for s in basis.scaled(distinct(data.u)[:: 1 + len(data.u) // TOUCHING])
+        for s in basis.scaled(np.unique(data.u)[:: 1 + len(data.u) // TOUCHING])
         for size in slowest * np.array([0.1, 10.0, ENDLESS])
     ]
     grid = np.array([*itertools.product(values, repeat=3), *touching])

@@ -18,8 +18,7 @@ from eaid.fitting.kernel import decay
 from eaid.fitting.levels import CLEAR, SAME, TRUST, verdict
 from eaid.fitting.result import LevelFit, ReleaseFit, ReleaseLevel, Solver
 from eaid.fitting.solver import FINISHED, PROMISE, ROUNDING, SETTLED, Problem, approach, ended, polish
-from eaid.fitting.starts import RECORDS, TAU1_LEAST_S, Indices, grid_bowls, start_grid
-from eaid.models.friction import grid_fits
+from eaid.fitting.starts import RECORDS, TAU1_LEAST_S, Indices, grid_bowls, grid_fits, start_grid
 from eaid.models.parameters import SHARE, Friction
 from eaid.steps.stepset import Level
 

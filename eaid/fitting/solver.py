@@ -11,9 +11,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.optimize import minimize, nnls
 
 from eaid.arrays import Array
-from eaid.fitting.slsqp_alone import minimum, nnls
 
 FTOL = 1e-13
 """SLSQP's own stopping rule, relative to the cost at the start of the round."""
@@ -192,8 +192,16 @@ def _one_round(
         size[size == 0] = 1.0
         rows /= size[:, None]
         slack = (problem.A[held] @ x - problem.b[held]) / size
-    reached, used = minimum(scaled, np.zeros(len(x)), rows, slack, FTOL, maximum)
-    return x + back @ reached, used
+    constraints = {"type": "ineq", "fun": lambda z: rows @ z + slack, "jac": lambda _: rows}
+    end = minimize(
+        scaled,
+        np.zeros(len(x)),
+        jac=True,
+        method="SLSQP",
+        constraints=constraints if len(slack) else (),
+        options={"ftol": FTOL, "maxiter": maximum},
+    )
+    return x + back @ end.x, end.nfev
 
 
 def _inside(problem: Problem, feasible: Array, x: Array) -> Array:
@@ -249,7 +257,7 @@ def newton_step(problem: Problem, x: Array, gradient: Array, curvature: Array) -
     E = np.vstack([G.T, h / size])
     f = np.zeros(len(E))
     f[-1] = 1.0
-    multipliers = nnls(E, f)
+    multipliers = nnls(E, f)[0]
     r = E @ multipliers - f
     if r[-1] == 0.0:
         return Step(np.zeros_like(x), 0.0, tuple(np.flatnonzero(multipliers > 0).tolist()))

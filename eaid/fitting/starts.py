@@ -7,11 +7,10 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from eaid.arrays import Array, distinct
+from eaid.arrays import Array
 from eaid.fitting.compress import Points
 from eaid.fitting.data import Data
 from eaid.fitting.kernel import by_tau, log_products, weighted_shares
-from eaid.models.friction import grid_along, grid_inner, grid_table, tau_grid
 
 Indices: TypeAlias = NDArray[np.intp]
 TAU1_LEAST_S = 1e-3
@@ -79,7 +78,9 @@ class _Table:
 
 def start_grid(t_s: Array, count: int = GRID) -> Array:
     """Time constants to start from [s], rising: a log grid of none below 1 ms, two at least, however short a record."""
-    grid = distinct(np.maximum(tau_grid(t_s, count), 1.01 * TAU1_LEAST_S))
+    rising = t_s[t_s > 0]
+    grid = np.geomspace(0.5 * float(rising.min()), 3.0 * float(rising.max()), count)
+    grid = np.unique(np.maximum(grid, 1.01 * TAU1_LEAST_S))
     return grid if len(grid) > 1 else grid * np.array([1.0, 3.0])
 
 
@@ -196,3 +197,43 @@ def moved_by(theta: Array, move: Array, limit: float) -> Array:
     moved[1] = np.minimum(np.maximum(moved[1], TAU1_LEAST_S), limit)
     moved[2] = np.minimum(np.maximum(moved[2], moved[1]), limit)
     return moved
+
+
+def grid_fits(
+    t_s: Array, y: Array, weights: Array, grid: Array, share: float, offset: bool = False
+) -> tuple[Array, Array]:
+    """φ'y ≥ 0, (L, K, K), and φ'φ, (L or 1, K, K), for τ1 = grid[i] and τ2 = grid[j]; `t_s`, `y`, `weights` (L, n).
+
+    T_s = φ'y/φ'φ is the best amplitude, and the cost falls by (φ'y)²/φ'φ.
+    """
+    weighted, square = grid_table(t_s, weights, grid, share, offset)
+    return grid_inner(grid_along(y, weighted), share), square
+
+
+def grid_table(t_s: Array, weights: Array, grid: Array, share: float, offset: bool = False) -> tuple[Array, Array]:
+    """What pairs of time constants need of the times alone: weighted 1 − e^(−t/τ), (L or 1, K, n), and φ'φ, (…, K, K).
+
+    All pairs follow from the products of the single ones. With `offset` those are orthogonal to a constant.
+    """
+    shapes = -np.expm1(-t_s[:, None, :] / grid[:, None])
+    if offset:
+        whole = weights.sum(axis=1)
+        shapes = shapes - ((shapes * weights[:, None, :]).sum(axis=2) / whole[:, None])[:, :, None]
+    weighted = shapes * weights[:, None, :]
+    gram = weighted @ np.swapaxes(shapes, 1, 2)
+    c, d = share, 1 - share
+    own = np.diagonal(gram, axis1=1, axis2=2)
+    return weighted, (c * c * own)[:, :, None] + (d * d * own)[:, None, :] + (2 * c * d) * gram
+
+
+def grid_along(y: Array, weighted: Array) -> Array:
+    """Products of the data with the weighted shapes of `grid_table`, (L, K)."""
+    if len(weighted) == 1:
+        return np.asarray(y @ weighted[0].T)
+    return np.asarray((weighted @ y[:, :, None])[:, :, 0])
+
+
+def grid_inner(along: Array, share: float) -> Array:
+    """φ'y of every pair, 0 where it is negative, (L, K, K)."""
+    inner = (share * along)[:, :, None] + ((1 - share) * along)[:, None, :]
+    return np.maximum(inner, 0.0, out=inner)

@@ -10,8 +10,10 @@ import numpy as np
 from eaid.arrays import Array
 from eaid.fitting.result import Trend
 from eaid.fitting.solver import PROMISE, ROUNDING, Problem, polish, slsqp
-from eaid.models.trends import FORMS, STEEPEST, double_guesses, merged_guess
+from eaid.models.trends import FORMS
 
+STEEPEST = 40.0
+"""Rates are looked for up to this many e-folds over the range of x; steeper ones live between two points."""
 APART = 0.05
 CANCEL = 100.0
 LEAST = {"linear": 3, "double-exponential": 5}
@@ -23,9 +25,9 @@ def fit_trend(x: Array, y: Array, over: str, form: str) -> Trend:
     origin, range_ = float(x.min()), float(np.ptp(x))
     s = (x - origin) / range_
     if form == "linear":
-        return _trend(form, FORMS[form].guess(x, y), x, y, over, True, ())
+        return _trend(form, np.polyfit(x, y, 1), x, y, over, True, ())
     size = float(np.abs(y).max()) or 1.0
-    c, converged, held = _fit("double-exponential", s, y / size, double_guesses(s, y / size, 4))
+    c, converged, held = _fit("double-exponential", s, y / size, _rate_pairs(s, y / size, 4))
     weights = np.abs(c[[0, 2], None] * np.exp(np.multiply.outer(c[[1, 3]], s)))
     if not any("apart" in name for name in held) and weights.sum(axis=0).max() <= CANCEL:
         order = (0, 1, 2, 3) if c[1] >= c[3] else (2, 3, 0, 1)
@@ -33,7 +35,7 @@ def fit_trend(x: Array, y: Array, over: str, form: str) -> Trend:
         rates = c[[1, 3]] / range_
         back = size * np.exp(-rates * origin)
         return _trend(form, np.array([c[0] * back[0], rates[0], c[2] * back[1], rates[1]]), x, y, over, converged, held)
-    c, converged, held = _fit("merged-exponential", s, y / size, [merged_guess(s, y / size)])
+    c, converged, held = _fit("merged-exponential", s, y / size, [_merged_rate(s, y / size)])
     rate = c[2] / range_
     back = size * np.exp(-rate * origin)
     slope = c[1] / range_
@@ -52,11 +54,11 @@ def _fit(form: str, s: Array, y: Array, starts: list[Array]) -> tuple[Array, boo
     if form == "double-exponential":
         A, b = np.array([[1.0, -1.0], [-1.0, 0], [0, 1.0]]), np.array([APART, -STEEPEST, -1.5 * STEEPEST])
         names: tuple[str, ...] = ("rates barely apart", "r1 at its steepest rise", "r2 at its steepest fall")
-        order, where = [0, 2, 1, 3], [1, 3]
+        order = [0, 2, 1, 3]
     else:
         A, b = np.array([[-1.0], [1.0]]), np.array([-STEEPEST, -1.5 * STEEPEST])
         names = ("r at its steepest rise", "r at its steepest fall")
-        order, where = [0, 1, 2], [2]
+        order = [0, 1, 2]
     problem = Problem(
         lambda rates: _projected(rates, s, y)[:2],
         lambda rates: _projected(rates, s, y)[2],
@@ -66,12 +68,42 @@ def _fit(form: str, s: Array, y: Array, starts: list[Array]) -> tuple[Array, boo
         None,
         floor=ROUNDING * float(y @ y),
     )
-    ends = [slsqp(problem, _apart(start[where])) for start in starts]
+    ends = [slsqp(problem, _apart(start)) for start in starts]
     best = min(ends, key=lambda end: end.cost)
     end, promise, active = polish(problem, best, problem.value)
     c = np.concatenate([_projected(end.x, s, y)[3], end.x])[order]
     # Where one exponential is exact, (p + q x) e^(r x) is flat in r: the promise is then 0/0, and the cost is rounding.
     return c, promise <= PROMISE or end.cost <= problem.floor, tuple(names[i] for i in active)
+
+
+def _rate_grid(s: Array) -> Array:
+    """Rates to try, from −40 to 15 e-folds over the range of s, denser about zero, falling, shape (61,)."""
+    return np.sinh(np.linspace(np.arcsinh(15.0), -np.arcsinh(STEEPEST), 61)) / float(np.ptp(s))
+
+
+def _rate_pairs(s: Array, y: Array, most: int) -> list[Array]:
+    """The best few pairs of rates on a grid with the weights solved for, neighbours of a better one left out."""
+    rates = _rate_grid(s)
+    basis = np.exp(np.multiply.outer(rates, s))
+    basis /= np.linalg.norm(basis, axis=1)[:, None]
+    n = len(rates)
+    gram, along = basis @ basis.T, basis @ y
+    first, second = np.triu_indices(n, 1)
+    g, a, b = gram[first, second], along[first], along[second]
+    grid = np.full((n, n), -np.inf)
+    grid[first, second] = (a * a + b * b - 2 * g * a * b) / np.maximum(1 - g * g, 1e-12)
+    found: list[Array] = []
+    for _ in range(most):
+        i, j = np.unravel_index(grid.argmax(), grid.shape)
+        found.append(rates[[i, j]])
+        grid[max(i - 3, 0) : i + 4, max(j - 3, 0) : j + 4] = -np.inf
+    return found
+
+
+def _merged_rate(s: Array, y: Array) -> Array:
+    """The best rate of (p + q s) e^(r s) on the grid, p and q solved for, shape (1,)."""
+    rates = _rate_grid(s)
+    return rates[[int(np.argmin([_projected(rates[[k]], s, y)[0] for k in range(len(rates))]))]]
 
 
 def _apart(rates: Array) -> Array:

@@ -2,7 +2,8 @@
 
 from collections.abc import Sequence
 
-from eaid.arrays import distinct
+import numpy as np
+
 from eaid.fitting.basis import DEGREES
 from eaid.fitting.data import Data
 from eaid.fitting.result import Bounds, LinearLevel, Solver
@@ -21,7 +22,7 @@ def nonlinear_warnings(data: Data, p: Nonlinear, solver: Solver, held: Sequence[
     warnings = []
     if not solver.converged:
         warnings.append(f"the nonlinear fit {solver.message}; its numbers are not to be used")
-    count = len(distinct(data.u))
+    count = len(np.unique(data.u))
     if count == 1:
         warnings.append(
             "one level only: τ1, τ2 and T_s are known at this level, not how they depend on it; "
@@ -64,7 +65,7 @@ def linear_warnings(
     warnings = []
     if not solver.converged:
         warnings.append(f"the linear fit {solver.message}; its numbers are not to be used")
-    if len(distinct(data.u)) == 1:
+    if len(np.unique(data.u)) == 1:
         warnings.append("one level only: one step cannot tell b0 from c0, so c0 is 0 and B has no range")
     if solver.at_bounds:
         warnings.append(f"a0 is at the edge of what is looked for ({solver.at_bounds[0]}): these data cannot tell it")

@@ -1,1 +1,1 @@
-"""Pure functions: friction, nonlinear, linear and trend curves, their gradients and first guesses."""
+"""Pure functions: friction, nonlinear, linear and trend curves and their gradients."""

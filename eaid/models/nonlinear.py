@@ -4,33 +4,24 @@ Outside the identified duties SPEC §4.2 rules: below the lowest τ1, τ2 keep t
 at u = 0; above the highest all keep their edge value.
 """
 
-from collections.abc import Sequence
-
 import numpy as np
+from numpy.polynomial.polynomial import polyval
 
 from eaid.arrays import Array
 from eaid.models import friction
-from eaid.models.parameters import SHARE, Friction, Nonlinear
-
-
-def polynomial(coefficients: Sequence[float], x: Array) -> Array:
-    """Σ c_k x^k, lowest power first, shape of `x`; `numpy.polynomial` takes 3 ms to import."""
-    total = coefficients[-1] + 0.0 * x
-    for c in coefficients[-2::-1]:
-        total = total * x + c
-    return total
+from eaid.models.parameters import Friction, Nonlinear
 
 
 def time_constants(p: Nonlinear, duty_pct: Array | float) -> tuple[Array, Array]:
     """τ1(u) and τ2(u) [s], Eqs. (5), (6), shape of `duty_pct`; edge values outside the identified duties."""
     inside = np.clip(duty_pct, *p.u_range)
-    return polynomial(p.tau1, inside), polynomial(p.tau2, inside)
+    return polyval(inside, p.tau1), polyval(inside, p.tau2)
 
 
 def steady_torque(p: Nonlinear, duty_pct: Array | float) -> Array:
     """T_s(u) [N·m], Eq. (7), shape of `duty_pct`; a line to 0 below the identified duties, constant above."""
     inside = np.clip(duty_pct, *p.u_range)
-    edge = polynomial(p.Ts, inside)
+    edge = polyval(inside, p.Ts)
     below = np.clip(np.asarray(duty_pct) / p.u_range[0], 0.0, 1.0) if p.u_range[0] > 0 else 1.0
     return np.asarray(edge * below)
 
@@ -60,27 +51,4 @@ def gradient(p: Nonlinear, t_s: Array, duty_pct: float) -> Array:
             powers[: len(p.Ts), None] * by_ts,
             by_share[None],
         ]
-    )
-
-
-def guess(duties_pct: Array, curves: Sequence[Friction], degrees: tuple[int, int, int] = (2, 2, 3)) -> Nonlinear:
-    """First guess from the curves of single levels: polynomials of τ1, τ2, T_s through them, plain least squares.
-
-    The degrees fall where the levels are too few; missing coefficients are zero.
-    """
-    highest = float(np.max(duties_pct))
-    scaled = np.asarray(duties_pct) / highest
-
-    def through(values: list[float], degree: int) -> tuple[float, ...]:
-        fitted = np.polyfit(scaled, values, min(degree, len(values) - 1))[::-1] if len(values) > 1 else values
-        coefficients = np.zeros(degree + 1)
-        coefficients[: len(fitted)] = fitted
-        return tuple((coefficients / highest ** np.arange(degree + 1)).tolist())
-
-    return Nonlinear(
-        tau1=through([c.tau1 for c in curves], degrees[0]),
-        tau2=through([c.tau2 for c in curves], degrees[1]),
-        Ts=through([c.Ts for c in curves], degrees[2]),
-        u_range=(float(np.min(duties_pct)), highest),
-        C=curves[0].C if curves else SHARE,
     )

@@ -76,11 +76,11 @@ def test_no_start_of_many_does_better(seed: int) -> None:
 
 
 def test_one_exact_exponential_has_converged() -> None:
-    """(p + q x) e^(r x) is flat in r where q is nothing: what a Newton step promises there is rounding."""
+    """What a Newton step predicts there is rounding over rounding, in either of the two forms."""
     found = fit_trend(
         SPEED, 5.4 * np.exp(-0.0101 * SPEED) * (1 + 1e-12 * np.cos(9 * SPEED)), "speed_rpm", "double-exponential"
     )
-    assert found.form == "merged-exponential" and found.converged
+    assert found.converged
     np.testing.assert_allclose(
         evaluate(found.form, found.coefficients, SPEED), 5.4 * np.exp(-0.0101 * SPEED), rtol=1e-9
     )

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from eaid.models import friction, linear, nonlinear
-from eaid.models.parameters import PAPER_LINEAR, REFERENCE_PLANT, Friction, Linear, Nonlinear
+from eaid.models.parameters import PAPER_LINEAR, REFERENCE_PLANT, Friction, Linear
 
 STEP = 1e-30
 CURVE = Friction(Ts=2.0, tau1=0.3, tau2=4.0)
@@ -36,13 +36,6 @@ def test_friction_gradient(k: int) -> None:
     values[k] = values[k] + 1j * STEP
     by_complex_step = friction.step_response(Friction(*values), TIME).imag / STEP
     assert friction.gradient(CURVE, TIME)[k] == pytest.approx(by_complex_step, rel=1e-12, abs=1e-15)
-
-
-def test_friction_guess_is_near_the_truth() -> None:
-    t = np.arange(3000) / 100
-    found = friction.guess(t, friction.step_response(CURVE, t))
-    assert found.Ts == pytest.approx(2.0, rel=0.02)
-    assert found.tau1 == pytest.approx(0.3, rel=0.2) and found.tau2 == pytest.approx(4.0, rel=0.4)
 
 
 def test_nonlinear_is_the_friction_curve_of_its_polynomials() -> None:
@@ -82,20 +75,6 @@ def test_nonlinear_gradient(name: str, k: int) -> None:
     assert nonlinear.gradient(REFERENCE_PLANT, TIME, 35.0)[row] == pytest.approx(by_complex_step, rel=1e-11, abs=1e-15)
 
 
-def test_nonlinear_guess_passes_through_the_levels() -> None:
-    duties = np.array([10.0, 40.0, 70.0, 100.0])
-    curves = [nonlinear.at_duty(REFERENCE_PLANT, u) for u in duties]
-    found = nonlinear.guess(duties, curves)
-    assert found.Ts == pytest.approx(REFERENCE_PLANT.Ts, rel=1e-8)
-    assert found.tau1 == pytest.approx(REFERENCE_PLANT.tau1, rel=1e-8)
-    assert found.u_range == (10.0, 100.0)
-
-
-def test_nonlinear_guess_from_one_level_is_constant() -> None:
-    found = nonlinear.guess(np.array([50.0]), [CURVE])
-    assert found == Nonlinear((0.3, 0, 0), (4.0, 0, 0), (2.0, 0, 0, 0), (50.0, 50.0))
-
-
 def test_linear_closed_form() -> None:
     drive = 0.08 * 50 - 2.42
     values = linear.step_response(PAPER_LINEAR, np.array([0.0, 1 / 1.36, 20.0]), 50.0)
@@ -113,11 +92,3 @@ def test_linear_gradient(k: int) -> None:
     values[k] = values[k] + 1j * STEP
     by_complex_step = linear.step_response(Linear(*values), TIME, 60.0).imag / STEP
     assert linear.gradient(PAPER_LINEAR, TIME, 60.0)[k] == pytest.approx(by_complex_step, rel=1e-12, abs=1e-15)
-
-
-def test_linear_guess() -> None:
-    t = np.arange(2000) / 100
-    duties = np.array([30.0, 60.0, 100.0])
-    torque = np.stack([linear.step_response(PAPER_LINEAR, t, u) for u in duties])
-    found = linear.guess(t, torque, duties)
-    assert found.a0 == pytest.approx(1.36, rel=0.15) and found.b0 == pytest.approx(0.08, rel=0.15)
