@@ -1,6 +1,7 @@
-"""Output to a reader that may go away (`eaid … | head`): what nobody reads is dropped, the command ends its work."""
+"""Output to readers of all kinds: one that goes away (`eaid … | head`), none at all, one that knows few letters."""
 
 import contextlib
+import io
 import os
 import sys
 from collections.abc import Iterator
@@ -44,13 +45,18 @@ class Patient:
 
 @contextlib.contextmanager
 def patient_streams() -> Iterator[None]:
-    """Stdout and stderr that outlive their readers while the block runs; both are flushed at its end."""
+    """Stdout and stderr that outlive their readers while the block runs; both are flushed at its end.
+
+    A closed one is replaced by one that drops all; letters that the reader's encoding has not become `?`.
+    """
     before = sys.stdout, sys.stderr
-    sys.stdout, sys.stderr = (stream and Patient(stream) for stream in before)
+    for stream in before:
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="replace")
+    sys.stdout, sys.stderr = (Patient(stream) if stream is not None else io.StringIO() for stream in before)
     try:
         yield
         for stream in (sys.stdout, sys.stderr):
-            if stream is not None:
-                stream.flush()
+            stream.flush()
     finally:
         sys.stdout, sys.stderr = before

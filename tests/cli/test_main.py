@@ -83,27 +83,6 @@ def test_help_imports_nothing_heavy(name: str) -> None:
 INTERRUPTED = "error: interrupted; nothing half-written is left\n"
 
 
-def test_signals_are_answered_from_the_first_line_on() -> None:
-    """Nothing that has to be read from the disk is imported before."""
-    script = (
-        "import os, sys; before = set(sys.modules); import eaid.__main__; "
-        "print(sorted(set(sys.modules) - before), flush=True); os.kill(os.getpid(), {}); print('alive')"
-    )
-    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-        done = subprocess.run([sys.executable, "-c", script.format(int(number))], capture_output=True, text=True)
-        assert (done.returncode, done.stderr) == (130, INTERRUPTED)
-        assert done.stdout == "['_signal', 'eaid', 'eaid.__main__']\n" or "_signal" not in done.stdout
-
-
-def test_a_command_that_ends_is_not_searched_for_garbage() -> None:
-    script = (
-        "import atexit, gc, sys; sys.argv = ['eaid', '--version']; from eaid.__main__ import main; "
-        "atexit.register(lambda: print('frozen', gc.get_freeze_count() > 0)); main()"
-    )
-    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
-    assert done.stdout.splitlines()[-1] == "frozen True"
-
-
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_signals_at_any_moment(tmp_path: Path, number: int) -> None:
     """While Python starts, in the first hundredth of a second, the words are Python's own; then they are ours."""
@@ -127,25 +106,6 @@ def test_signals_at_any_moment(tmp_path: Path, number: int) -> None:
             assert output.read_bytes() == (tmp_path / "whole.h5").read_bytes()
         assert [item.name for item in tmp_path.iterdir() if item.name.startswith(".")] == []
     assert answered
-
-
-def test_an_interrupt_inside_a_destructor_is_not_lost(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    class Dying:
-        def __del__(self) -> None:
-            signal.raise_signal(signal.SIGINT)
-            time.sleep(0)
-
-    def command(**_: object) -> int:
-        Dying()
-        for _ in range(100):
-            time.sleep(0.05)
-        return 0
-
-    monkeypatch.setattr(main, "app", command)
-    assert main.run([]) == 130
-    assert capsys.readouterr().err == INTERRUPTED
 
 
 def test_nohup_is_kept(tmp_path: Path) -> None:
@@ -202,19 +162,35 @@ def test_a_library_that_turns_ctrl_c_into_its_own_failure(
     assert capsys.readouterr().err == "error: interrupted; nothing half-written is left\n"
 
 
-def test_only_the_module_of_the_command_is_imported(tmp_path: Path) -> None:
-    code = (
-        "import sys; from eaid.cli.main import run; run(['fit', '--help']); "
-        "print(*[m for m in sys.modules if m in ('eaid.cli.fit', 'eaid.cli.synth', 'eaid.cli.plan')]); "
-        "run(['--help'])"
-    )
-    said = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True).stdout
-    assert "\neaid.cli.fit\n" in said
-    listed = said.split("\neaid.cli.fit\n")[1].split("Commands:")[1]
-    order = [line.split()[0] for line in listed.splitlines() if line.startswith("  ") and line[2] != " "]
-    assert order == [name.replace("_", "-") for name in main.COMMANDS]
-
-
 def test_a_command_that_is_mistyped_is_told_the_one_meant(capsys: pytest.CaptureFixture[str]) -> None:
     assert main.run(["simulat"]) == 2
     assert "simulate" in capsys.readouterr().err
+
+
+def test_bare_eaid_prints_help_and_is_no_failure(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main.run([]) == 0
+    listed = capsys.readouterr().out
+    assert all(name.replace("_", "-") in listed for name in main.COMMANDS)
+
+
+@pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
+def test_completion_is_there(shell: str) -> None:
+    wanted = {**os.environ, "_EAID_COMPLETE": f"complete_{shell}", "COMP_WORDS": "eaid tu", "COMP_CWORD": "1"}
+    wanted |= {"_TYPER_COMPLETE_ARGS": "eaid tu", "_TYPER_COMPLETE_FISH_ACTION": "get-args"}
+    done = subprocess.run([sys.executable, "-m", "eaid"], env=wanted, capture_output=True, text=True, check=False)
+    assert "tune-rc" in done.stdout
+
+
+def test_streams_that_know_few_letters_or_are_closed(tmp_path: Path) -> None:
+    script = "exec {python} -m eaid synth --levels 50 --repeats 1 --force -o {output} {redirect}"
+    for encoding in ("ascii", "cp1252", "latin-1"):
+        said = subprocess.run(
+            [sys.executable, "-m", "eaid", "--help"],
+            env={**os.environ, "PYTHONIOENCODING": encoding, "PYTHONUTF8": "0"}, capture_output=True, check=False,
+        )  # fmt: skip
+        assert said.returncode == 0
+        assert b"fit.json" in said.stdout
+    for redirect in (">&-", "2>&-", ">&- 2>&-"):
+        words = script.format(python=sys.executable, output=tmp_path / "d.h5", redirect=redirect)
+        assert subprocess.run(["sh", "-c", words], capture_output=True, check=False).returncode == 0
+        assert (tmp_path / "d.h5").exists()
