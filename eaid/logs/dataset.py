@@ -96,12 +96,9 @@ def _write_run(folder: Any, run: Run) -> None:
         group.attrs["notes"] = json.dumps(run.notes, ensure_ascii=False)
 
 
-def read_dataset(path: Path, source: str, sha256: str, walked: bool = False) -> tuple[list[Run], list[str]]:
-    """Runs of a data.h5, in the order of their names, and what is wrong with the others, a sentence each.
-
-    `walked`: `is_dataset` has just said so.
-    """
-    with open_hdf5(path, source, walked) as file, damage_told(source, "HDF5"):
+def read_dataset(path: Path, source: str, sha256: str) -> tuple[list[Run], list[str]]:
+    """Runs of a data.h5, in the order of their names, and what is wrong with the others, a sentence each."""
+    with open_hdf5(path, source) as file, damage_told(source, "HDF5"):
         items = walk(file)
         check_safe(items, source, path.stat().st_size)
         root = items[0].facts

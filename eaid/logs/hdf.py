@@ -16,7 +16,6 @@ from eaid.arrays import read_only
 from eaid.errors import DataError
 from eaid.logs.chunks import check_chunks
 from eaid.logs.extras import damage_told
-from eaid.logs.heaps import check_heaps
 from eaid.logs.mat import FEWEST, SAVE_AS, labels_of_matrix
 from eaid.logs.sheet import Cells, Sheet
 from eaid.logs.walk import Item, walk
@@ -33,15 +32,10 @@ def is_hdf5(head: bytes) -> bool:
 
 
 @contextmanager
-def open_hdf5(path: Path, source: str, walked: bool = False) -> Iterator[Any]:
-    """The file, open for reading; raises DataError where it, or what is read of it in the block, is damaged.
-
-    `walked`: its heaps have just been.
-    """
+def open_hdf5(path: Path, source: str) -> Iterator[Any]:
+    """The file, open for reading; raises DataError where it, or what is read of it in the block, is damaged."""
     import h5py
 
-    if not walked:
-        check_heaps(path, source)
     with damage_told(source, "HDF5"), h5py.File(path, "r", locking=False) as file:
         yield file
 

@@ -149,7 +149,7 @@ def read_file(path: Path, options: ReadOptions, pattern: re.Pattern[str] | None)
         raise DataError(f"{source}: is empty; record the log again")
     sha256 = sha256_of(path)
     if is_hdf5(head) and is_dataset(path):
-        runs, faults = read_dataset(path, source, sha256, walked=True)
+        runs, faults = read_dataset(path, source, sha256)
         good = []
         for run in runs:
             try:

@@ -1,6 +1,7 @@
 """data.h5: what goes in comes out, in the same bytes; and a dataset of a user's own script is read too."""
 
 import dataclasses
+from dataclasses import replace
 from pathlib import Path
 
 import h5py
@@ -177,3 +178,18 @@ def test_reference_and_notes_survive(tmp_path: Path) -> None:
     assert again.reference_nm is not None
     np.testing.assert_array_equal(again.reference_nm, first.output)
     assert again.apparatus == Apparatus(surfaces=1)
+
+
+def test_bytes_that_look_like_a_mention_of_a_text_refuse_no_dataset(tmp_path: Path) -> None:
+    """A check that guessed at addresses in bytes refused 10 of 100 synthetic sets; the library itself tells damage."""
+    path = tmp_path / "data.h5"
+    runs = [replace(one, level=30.0, repeat=1) for one in read_runs([write_logs(tmp_path / "logs") / "u30_1.csv"])]
+    write_dataset(path, runs, kind="clutch", apparatus=Apparatus())
+    with h5py.File(path, "a") as file:
+        file.attrs["texts"] = ["of", "free", "length"]
+        del file.attrs["digest"]
+    data = path.read_bytes()
+    mention = (1 << 30).to_bytes(4, "little") + data.index(b"GCOL").to_bytes(8, "little") + (1).to_bytes(4, "little")
+    path.write_bytes(data + mention)
+    (run,) = read_runs([path])
+    assert np.array_equal(run.output, runs[0].output)
