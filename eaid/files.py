@@ -9,7 +9,7 @@ import errno
 import hashlib
 import os
 import shutil
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -26,12 +26,28 @@ def sha256_of(path: Path) -> str:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
-def refuse_to_overwrite(path: Path, force: bool) -> None:
-    """Leave an existing output alone unless the user says otherwise; call it before the work is done."""
-    if path.exists() and not force:
-        raise UsageError(f"{path}: exists already; give --force to overwrite it, or another -o")
+LOGS = (".csv", ".tsv", ".txt", ".dat", ".lvm", ".mat", ".tdms", ".mf4", ".parquet", ".gz", ".bag", ".mcap")
+"""Endings of recordings; one that lies in a folder given as input is never an output."""
+
+
+def refuse_to_overwrite(path: Path, force: bool, inputs: Iterable[Path] = ()) -> None:
+    """Leave an existing output alone unless the user says otherwise; call it before the work is done.
+
+    What the command reads (`inputs`, files or folders of logs), and what is no regular file (a device, a pipe, a
+    folder), is never replaced.
+    """
     if not path.parent.is_dir():
         raise UsageError(f"{path}: the folder {path.parent} does not exist; make it first")
+    if not path.exists():
+        return
+    if not path.is_file():
+        raise UsageError(f"{path}: is no regular file, which alone is ever replaced; give another «output»")
+    if not force:
+        raise UsageError(f"{path}: exists already; give «force» to overwrite it, or another «output»")
+    for given in inputs:
+        inside = given.is_dir() and path.suffix.lower() in LOGS and path.resolve().is_relative_to(given.resolve())
+        if inside or (given.exists() and path.samefile(given)):
+            raise UsageError(f"{path}: is what the command reads, and is never overwritten; give another «output»")
 
 
 @contextlib.contextmanager
@@ -72,7 +88,7 @@ def all_written_whole(paths: Sequence[Path], force: bool = False) -> Iterator[li
             part.unlink(missing_ok=True)
         if isinstance(fault, OSError) and fault.errno in _NO_ROOM:
             raise UsageError(
-                f"{paths[0]}: cannot be written ({fault.strerror}); make room, or choose another -o"
+                f"{paths[0]}: cannot be written ({fault.strerror}); make room, or choose another «output»"
             ) from None
         raise
 
@@ -87,7 +103,7 @@ def _part_of(path: Path) -> Path:
     try:
         os.close(os.open(part, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o600))
     except OSError as fault:
-        raise UsageError(f"{path}: cannot be written ({fault.strerror}); choose another folder with -o") from None
+        raise UsageError(f"{path}: cannot be written ({fault.strerror}); choose another folder with «output»") from None
     return part
 
 
@@ -140,7 +156,7 @@ def folder_written_whole(path: Path) -> Iterator[Path]:
     try:
         part.mkdir(0o700)
     except OSError as fault:
-        raise UsageError(f"{path}: cannot be written ({fault.strerror}); choose another folder with -o") from None
+        raise UsageError(f"{path}: cannot be written ({fault.strerror}); choose another folder with «output»") from None
     try:
         yield part
         umask = os.umask(0)
@@ -158,7 +174,9 @@ def folder_written_whole(path: Path) -> Iterator[Path]:
                 (path / name).unlink()
     except OSError as fault:
         if fault.errno in _NO_ROOM:
-            raise UsageError(f"{path}: cannot be written ({fault.strerror}); make room, or choose another -o") from None
+            raise UsageError(
+                f"{path}: cannot be written ({fault.strerror}); make room, or choose another «output»"
+            ) from None
         raise
     finally:
         shutil.rmtree(part, ignore_errors=True)  # after an exchange: what was there before
@@ -192,7 +210,7 @@ def hdf5_written_whole(path: Path, force: bool = False, raw_bytes: int = 0) -> I
         if free < raw_bytes:
             raise UsageError(
                 f"{path}: takes up to {raw_bytes / 1e6:,.0f} MB, and {free / 1e6:,.0f} MB are free; "
-                f"make room, or choose another -o"
+                f"make room, or choose another «output»"
             )
         with written_whole(path, force) as part, h5py.File(part, "w", **settings) as file:
             yield file

@@ -1,5 +1,6 @@
 """Outputs are whole or not there, and never overwritten by accident."""
 
+import os
 import re
 import subprocess
 import sys
@@ -9,7 +10,7 @@ import pytest
 
 from eaid import files
 from eaid.errors import UsageError
-from eaid.files import all_written_whole, folder_written_whole, sha256_of, written_whole
+from eaid.files import all_written_whole, folder_written_whole, refuse_to_overwrite, sha256_of, written_whole
 
 LEFT_OVER = re.compile(r"\.fit\.json\.[0-9a-f]{6}-\d+\.[^.]+\.part")
 
@@ -36,7 +37,7 @@ def test_a_failure_keeps_the_earlier_result_and_leaves_no_part(tmp_path: Path) -
 def test_an_existing_output_is_left_alone_without_force(tmp_path: Path) -> None:
     target = tmp_path / "fit.json"
     target.write_text("old")
-    with pytest.raises(UsageError, match="exists already; give --force"), written_whole(target):
+    with pytest.raises(UsageError, match="exists already; give force="), written_whole(target):
         pass
     assert target.read_text() == "old"
 
@@ -117,3 +118,24 @@ def test_a_name_of_two_hundred_letters_can_be_written(tmp_path: Path) -> None:
     with written_whole(target) as part:
         part.write_text("whole")
     assert [item.name for item in tmp_path.iterdir()] == [target.name]
+
+
+def test_what_the_command_reads_is_never_its_output(tmp_path: Path) -> None:
+    log = tmp_path / "logs" / "a.csv"
+    log.parent.mkdir()
+    log.write_text("raw")
+    (tmp_path / "link.csv").symlink_to(log)
+    for path, inputs in ((log, [log]), (log, [log.parent]), (tmp_path / "link.csv", [log])):
+        with pytest.raises(UsageError, match="what the command reads"):
+            refuse_to_overwrite(path, True, inputs)
+    (tmp_path / "fit.json").write_text("old")
+    refuse_to_overwrite(tmp_path / "fit.json", True, [log.parent, tmp_path / "not-there"])
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no pipes with a name here")
+def test_only_regular_files_are_ever_replaced(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe")
+    for path in (tmp_path / "pipe", Path("/dev/null"), tmp_path):
+        with pytest.raises(UsageError, match="no regular file"), written_whole(path, True) as part:
+            part.write_text("x")
+    assert (tmp_path / "pipe").is_fifo()

@@ -114,7 +114,7 @@ def test_full_disk(command: str, logs: Path, results: Path, tmp_path: Path) -> N
         )
         assert done.returncode == 2, done.stderr
         assert done.stderr == (
-            f"error: {earlier}: cannot be written (No space left on device); make room, or choose another -o\n"
+            f"error: {earlier}: cannot be written (No space left on device); make room, or choose another --output\n"
         )
         assert earlier.read_bytes() == b"earlier"
         assert not [item for item in disk.rglob("*") if item.name.endswith(".part")]
@@ -132,14 +132,14 @@ def test_read_only_folder(logs: Path, tmp_path: Path) -> None:
                 text=True,
                 check=False,
             )
-            said = f"error: {disk / 'd.h5'}: cannot be written (Read-only file system); choose another folder with -o\n"
+            said = f"error: {disk / 'd.h5'}: cannot be written (Read-only file system); choose another folder with --output\n"
             assert (done.returncode, done.stderr) == (2, said)
         return
     folder.chmod(0o500)
     done = subprocess.run(
         [*EAID, "ingest", str(logs), "-q", "-o", str(folder / "d.h5")], capture_output=True, text=True, check=False
     )
-    said = f"error: {folder / 'd.h5'}: cannot be written (Permission denied); choose another folder with -o\n"
+    said = f"error: {folder / 'd.h5'}: cannot be written (Permission denied); choose another folder with --output\n"
     assert (done.returncode, done.stderr) == (2, said)
 
 

@@ -63,7 +63,9 @@ def test_default_name_and_no_overwriting(
     assert run(["ingest", "a.csv", "-q"]) == 0
     before = (tmp_path / "data.h5").read_bytes()
     assert run(["ingest", "a.csv", "-q"]) == 2
-    assert capsys.readouterr().err == "error: data.h5: exists already; give --force to overwrite it, or another -o\n"
+    assert (
+        capsys.readouterr().err == "error: data.h5: exists already; give --force to overwrite it, or another --output\n"
+    )
     assert (tmp_path / "data.h5").read_bytes() == before
     assert run(["ingest", "a.csv", "-q", "--force"]) == 0
     assert run(["ingest", "a.csv", "-q", "-o", "no/such/folder.h5"]) == 2

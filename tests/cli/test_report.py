@@ -53,7 +53,7 @@ def test_an_earlier_page_is_left_alone(fit: Path, tmp_path: Path, capsys: pytest
     (out / "report.html").write_text("mine")
     assert run(["report", str(fit), "-o", str(out)]) == 2
     assert (
-        f"error: {out}/report.html: exists already; give --force to overwrite it, or another -o\n"
+        f"error: {out}/report.html: exists already; give --force to overwrite it, or another --output\n"
         in capsys.readouterr().err
     )
     assert (out / "report.html").read_text() == "mine"

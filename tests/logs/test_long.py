@@ -91,7 +91,7 @@ def test_a_large_dataset_goes_to_the_disk_directly(tmp_path: Path, monkeypatch: 
         runs_from([tmp_path / "a.h5"])[1].levels[0].runs, runs_from([tmp_path / "memory.h5"])[1].levels[0].runs
     )
     monkeypatch.setattr("shutil.disk_usage", lambda _: type("", (), {"free": 1000})())
-    with pytest.raises(Exception, match=r"takes up to 1 MB, and 0 MB are free; make room, or choose another -o"):
+    with pytest.raises(Exception, match=r"takes up to 1 MB, and 0 MB are free; make room, or choose another output="):
         write_dataset(tmp_path / "c.h5", runs, kind="clutch", apparatus=stepset.apparatus)
     assert not (tmp_path / "c.h5").exists()
 
