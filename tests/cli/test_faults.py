@@ -132,7 +132,8 @@ def test_read_only_folder(logs: Path, tmp_path: Path) -> None:
                 text=True,
                 check=False,
             )
-            said = f"error: {disk / 'd.h5'}: cannot be written (Read-only file system); choose another folder with --output\n"
+            said = f"error: {disk / 'd.h5'}: cannot be written (Read-only file system)"
+            said += "; choose another folder with --output\n"
             assert (done.returncode, done.stderr) == (2, said)
         return
     folder.chmod(0o500)
