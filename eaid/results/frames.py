@@ -1,0 +1,130 @@
+"""Results as pandas: parameters, intervals and level tables of a fit; its curves at any input."""
+
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pandas as pd
+
+from eaid.errors import DataError, UsageError
+from eaid.models import friction, linear, nonlinear
+from eaid.models.parameters import Friction, Linear, Nonlinear
+from eaid.results.common import Interval
+
+if TYPE_CHECKING:
+    from eaid.results.fit import Fit
+
+Row = tuple[str, str, float, Interval]
+MODELS = ("nonlinear", "linear", "friction")
+
+
+def parameters(fit: "Fit") -> pd.Series:
+    """All fitted parameters, indexed by (model, parameter)."""
+    rows = list(_rows(fit))
+    return pd.Series([value for *_, value, _ in rows], index=_index(rows), name="value", dtype=float)
+
+
+def intervals(fit: "Fit") -> pd.DataFrame:
+    """95 % intervals of the same parameters, columns `low` and `high`; NaN where the data say nothing of use."""
+    rows = list(_rows(fit))
+    ends = [(np.nan, np.nan) if interval is None else interval for *_, interval in rows]
+    return pd.DataFrame(ends, index=_index(rows), columns=["low", "high"], dtype=float)
+
+
+def _index(rows: Sequence[Row]) -> pd.MultiIndex:
+    return pd.MultiIndex.from_tuples([row[:2] for row in rows], names=["model", "parameter"])
+
+
+def _rows(fit: "Fit") -> Iterator[Row]:
+    if (p := fit.nonlinear) is not None:
+        for name in ("tau1", "tau2", "Ts"):
+            values = getattr(p, name)
+            found = getattr(p.ci95, name) if p.ci95 is not None else ()
+            for i, value in enumerate(values):
+                yield "nonlinear", f"{name}[{i}]", value, found[i] if i < len(found) else None
+        yield "nonlinear", "C", p.C, p.ci95.C if p.ci95 is not None else None
+    if (q := fit.linear) is not None:
+        for name in ("a0", "b0", "c0"):
+            yield "linear", name, getattr(q, name), getattr(q.ci95, name) if q.ci95 is not None else None
+    if fit.friction is not None:
+        for row in fit.friction.levels:
+            for name in ("Ts", "tau1", "tau2"):
+                held = getattr(row.ci95, name) if row.ci95 is not None else None
+                yield "friction", f"{name}({row.level:g})", getattr(row, name), held
+    if fit.release is not None:
+        yield "release", "tau1", fit.release.tau1, None
+        yield "release", "tau2", fit.release.tau2, None
+
+
+def levels(fit: "Fit") -> pd.DataFrame:
+    """One row a level, or a step between two: its own curve with intervals, and each model's error."""
+    rows: dict[tuple[float, float], dict[str, object]] = {}
+    for one in fit.friction.levels if fit.friction is not None else ():
+        rows[one.from_, one.level] = {
+            "from": one.from_, "start": one.start, "shape": one.shape, "delay_s": one.delay_s, "Ts": one.Ts,
+            "tau1": one.tau1, "tau2": one.tau2, "C": one.C, "rmse": one.rmse, "fit_pct": one.fit_pct, "R2": one.R2,
+            **{f"{name}_{end}": ci[i] if one.ci95 is not None and (ci := getattr(one.ci95, name)) else np.nan
+               for name in ("Ts", "tau1", "tau2") for i, end in enumerate(("low", "high"))},
+        }  # fmt: skip
+    for name in ("nonlinear", "linear"):
+        part = getattr(fit, name)
+        for error in part.per_level if part is not None else ():
+            own = rows.setdefault((0.0, error.level), {})
+            own |= {f"{name}_rmse": error.rmse, f"{name}_fit_pct": error.fit_pct}
+            if name == "linear":
+                own |= {"a0": error.a0, "gain": error.gain, "B": error.B}
+    plain = [{key: np.nan if value is None else value for key, value in row.items()} for row in rows.values()]
+    return pd.DataFrame(plain, index=pd.Index([level for _, level in rows], name="level", dtype=float))
+
+
+def predict(fit: "Fit", duty: float | Sequence[float], t: Sequence[float], model: str | None = None) -> pd.DataFrame:
+    """The output after a step from rest to each input.
+
+    Parameters
+    ----------
+    duty : float or sequence of floats
+        Inputs, in the input's unit.
+    t : sequence of floats, shape (n,)
+        Times since the step [s].
+    model : {"nonlinear", "linear", "friction"}, optional
+        By default the nonlinear model, else the first that was fitted. The friction model knows its own levels only.
+
+    Returns
+    -------
+    DataFrame, shape (n, inputs)
+        The output in its own unit, time as the index, inputs as columns.
+    """
+    chosen = model or next((name for name in MODELS if getattr(fit, name) is not None), None)
+    if chosen not in MODELS:
+        raise UsageError(f"«model» {chosen}: must be one of {', '.join(MODELS)}")
+    part = getattr(fit, chosen)
+    if part is None:
+        raise DataError(f"the fit holds no {chosen} model; fit one, or choose another «model»")
+    time = np.asarray(t, dtype=np.float64)
+    inputs = [float(u) for u in np.atleast_1d(np.asarray(duty, dtype=np.float64))]
+    columns = [_curve(fit, chosen, u, time) for u in inputs]
+    return pd.DataFrame(
+        np.column_stack(columns),
+        index=pd.Index(time, name="time_s"),
+        columns=pd.Index(inputs, name=f"{chosen} [{fit.data.input_unit}]"),
+    )
+
+
+def _curve(fit: "Fit", model: str, duty: float, time_s: np.ndarray) -> np.ndarray:
+    if model == "nonlinear":
+        p = fit.nonlinear
+        assert p is not None
+        return nonlinear.step_response(Nonlinear(p.tau1, p.tau2, p.Ts, p.u_range, p.C), time_s, duty)
+    if model == "linear":
+        q = fit.linear
+        assert q is not None
+        return linear.step_response(Linear(q.a0, q.b0, q.c0), time_s, duty)
+    assert fit.friction is not None
+    own = [row for row in fit.friction.levels if np.isclose(row.level, duty) and row.from_ == 0]
+    if not own:
+        known = ", ".join(f"{row.level:g}" for row in fit.friction.levels)
+        raise UsageError(f"«duty» {duty:g}: the friction model knows the levels {known} only")
+    row = own[0]
+    return row.start + friction.step_response(
+        Friction(row.Ts, row.tau1, row.tau2, row.C), np.maximum(time_s - row.delay_s, 0.0)
+    )

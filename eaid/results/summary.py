@@ -1,0 +1,61 @@
+"""A fit in eight lines: how well it follows, T_s, τ1 and τ2 where it matters, which estimate, what is doubtful."""
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from eaid.findings import merged, ranked, say
+
+if TYPE_CHECKING:
+    from eaid.results.fit import CurveLevel, Fit, FrictionLevel
+
+SYMBOLS = {"Ts": "T_s", "tau1": "τ1", "tau2": "τ2"}
+
+
+def fit_summary(fit: "Fit", findings: int = 3) -> list[str]:
+    """The lines that answer first: what was fitted, fit %, values with 95 % intervals, the gravest findings."""
+    data = fit.data
+    runs = sum(data.repeats)
+    span = f" {data.levels[0]:g} … {data.levels[-1]:g}" if data.levels else ""
+    made = ", synthetic" if data.synthetic else ""
+    lines = [f"{data.kind}: {len(data.levels)} levels{span} {data.input_unit}, {runs} runs{made}"]
+    lines.append(f"fit    {_fit_pct(fit)}")
+    rows = _rows(fit)
+    units = {"Ts": data.output_unit, "tau1": "s", "tau2": "s"}
+    for name, symbol in SYMBOLS.items():
+        cells = [f"{_value(row, name)} at {row.level:g}" for row in rows]
+        if cells:
+            lines.append(f"{symbol:<6} {'; '.join(cells)}  [{units[name]}]")
+    if fit.nonlinear is not None:
+        lines.append(f"taken  the {fit.nonlinear.estimator} estimate")
+    worst = ranked(merged(fit.findings))[:findings]
+    lines += [f"{one.severity}: {say(one)}" for one in worst]
+    return lines
+
+
+def _fit_pct(fit: "Fit") -> str:
+    said = []
+    for name in ("nonlinear", "linear"):
+        part = getattr(fit, name)
+        if part is not None and part.fit_pct is not None:
+            said.append(f"{name} {part.fit_pct:.1f} %")
+    own = [row.fit_pct for row in (fit.friction.levels if fit.friction is not None else ()) if row.fit_pct is not None]
+    if own:
+        said.append(f"single levels {min(own):.1f} … {max(own):.1f} %")
+    return ", ".join(said) or "not known"
+
+
+def _rows(fit: "Fit") -> "list[CurveLevel | FrictionLevel]":
+    """The lowest, the middle and the highest level: of the nonlinear model's curves, else of the single levels."""
+    found: Sequence[CurveLevel | FrictionLevel] = fit.nonlinear.curves if fit.nonlinear is not None else ()
+    if not found:
+        found = fit.friction.levels if fit.friction is not None else ()
+    kept = sorted({0, len(found) // 2, len(found) - 1}) if found else []
+    return [found[i] for i in kept]
+
+
+def _value(row: "CurveLevel | FrictionLevel", name: str) -> str:
+    value = getattr(row, name)
+    ends = getattr(row.ci95, name) if row.ci95 is not None else None
+    if value is None:
+        return "not known"
+    return f"{value:.3g} ({ends[0]:.3g} … {ends[1]:.3g})" if ends is not None else f"{value:.3g} (not estimable)"
