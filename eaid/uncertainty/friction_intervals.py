@@ -1,7 +1,8 @@
 """Intervals of the friction model: T_s, τ1, τ2 of each level, the coefficient of friction, and the trends."""
 
 from collections.abc import Sequence
-from typing import Any
+from dataclasses import dataclass
+from typing import Any, Literal
 
 import numpy as np
 
@@ -9,39 +10,81 @@ from eaid.arrays import Array
 from eaid.fitting.result import FrictionFit, Trend
 from eaid.models.trends import FORMS
 from eaid.uncertainty.level_statistics import LevelStatistics
-from eaid.uncertainty.levels import Parameter, level_parameters, white_variance
+from eaid.uncertainty.levels import NAMES, UNDETERMINED, WIDE, white_variance
 from eaid.uncertainty.student_t import t_quantile
 
 
+@dataclass(frozen=True, eq=False)
+class Parameter:
+    """One parameter of one level: its interval, or why there is none."""
+
+    name: str
+    value: float
+    interval: tuple[float, float] | None
+    """95 % interval; None where it is constrained or open."""
+    log_sd: float
+    """Standard deviation of its logarithm (of its logit, for C)."""
+    state: Literal["fine", "wide", "open", "constrained"]
+    """wide: known to a third at best; open: the data do not determine it; constrained: a constraint holds it."""
+
+
 def level_rows(stats: LevelStatistics, white: bool = False) -> list[list[Parameter]]:
-    """The parameters of every level with their intervals or words; the textbook's where `white`."""
-    if not white:
-        return [
-            level_parameters(one, stats.variance[i], stats.degrees[i], stats.expected[i])
-            for i, one in enumerate(stats.estimates)
-        ]
+    """The parameters of every level with their intervals; the textbook's where `white`."""
+    return [_white_parameters(stats, i) if white else level_parameters(stats, i) for i in range(len(stats.levels))]
+
+
+def level_parameters(stats: LevelStatistics, i: int) -> list[Parameter]:
+    """Intervals exp(θ̂ ± t √V) of one level.
+
+    Where the record leaves τ2 open, those of T_s and τ1 reach over all that go with a τ2 that the runs allow. Whether
+    an interval is wide is judged by the V expected from all levels: runs alike by luck must not pass for well known.
+    """
+    one, result = stats.estimates[i], []
+    for k, theta in enumerate(one.runs.log_theta.tolist()):
+        name, t = NAMES[k], t_quantile(float(stats.degrees[i, k]))
+        sd, usual = (float(np.sqrt(max(v[i, k], 0.0))) for v in (stats.variance, stats.expected))
+        low, high = theta - t * sd, theta + t * sd
+        if k < 2 and stats.open_tau2[i] and np.isfinite(stats.tau2_sets.log_theta[i, k]).all():
+            ends = stats.tau2_sets.log_theta[i, k]
+            low, high = min(theta, float(ends[0])) - t * sd, max(theta, float(ends[1])) + t * sd
+        state: Literal["fine", "wide", "open", "constrained"] = "fine"
+        if name in one.constrained:
+            state = "constrained"
+        elif (k == 2 and not stats.determined[i, 2]) or (name != "C" and high - low > 2 * np.log(UNDETERMINED)):
+            state = "open"
+        elif name != "C" and t * usual > np.log1p(WIDE):
+            state = "wide"
+        value, first, last = (_natural(name, x) for x in (theta, low, high))
+        result.append(Parameter(name, value, (first, last) if state in ("fine", "wide") else None, sd, state))
+    return result
+
+
+def _natural(name: str, x: float) -> float:
+    with np.errstate(over="ignore"):
+        return float(1 / (1 + np.exp(-np.clip(x, -700, 700)))) if name == "C" else float(np.exp(x))
+
+
+def _white_parameters(stats: LevelStatistics, i: int) -> list[Parameter]:
+    """The textbook's intervals θ̂ ± t s of one level."""
+    one = stats.estimates[i]
+    variance, spare = white_variance(stats.levels[i], one)
     rows = []
-    for level, one in zip(stats.levels, stats.estimates, strict=True):
-        variance, spare = white_variance(level, one)
-        own = []
-        for p, v in zip(level_parameters(one, variance, np.full(len(variance), spare)), variance, strict=True):
-            sd = float(np.sqrt(v)) * (p.value * (1 - p.value) if p.name == "C" else p.value)
-            reach = t_quantile(spare) * sd
-            interval = None if p.name in one.constrained else (p.value - reach, p.value + reach)
-            own.append(Parameter(p.name, p.value, interval, float(np.sqrt(v)), p.word))
-        rows.append(own)
+    for p, v in zip(level_parameters(stats, i), variance.tolist(), strict=True):
+        reach = t_quantile(spare) * np.sqrt(v) * (p.value * (1 - p.value) if p.name == "C" else p.value)
+        interval = None if p.name in one.constrained else (float(p.value - reach), float(p.value + reach))
+        rows.append(Parameter(p.name, p.value, interval, float(np.sqrt(v)), p.state))
     return rows
 
 
 def level_ci95(fit: FrictionFit, rows: Sequence[Sequence[Parameter]]) -> list[dict[str, Any]]:
-    """What fit.json holds beside each level: `ci95`, and `words` on what is doubtful."""
+    """What fit.json holds beside each level: `ci95`, and `words` on the state of what is doubtful."""
     result = []
     for own, level, coefficient in zip(rows, fit.levels, fit.C_f, strict=True):
         ci95: dict[str, list[float] | None] = {p.name: list(p.interval) if p.interval else None for p in own}
         if coefficient is not None:
             steady = ci95["Ts"]
             ci95["C_f"] = [coefficient * end / level.curve.Ts for end in steady] if steady else None
-        result.append({"ci95": ci95, "words": {p.name: p.word for p in own if p.word}})
+        result.append({"ci95": ci95, "words": {p.name: p.state for p in own if p.state != "fine"}})
     return result
 
 

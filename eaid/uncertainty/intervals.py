@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from eaid.errors import UsageError
+from eaid.findings import sentences
 from eaid.fitting.data import data_of
 from eaid.fitting.levels import fit_levels
 from eaid.fitting.result import Fit, FrictionFit
@@ -22,10 +23,17 @@ from eaid.steps.stepset import Level, StepSet
 from eaid.uncertainty import friction_intervals, linear_intervals, nonlinear_intervals, weightings
 from eaid.uncertainty.adequacy import Adequacy, adequacy
 from eaid.uncertainty.bootstrap import Draws, bootstrap
-from eaid.uncertainty.identifiability import friction_verdict, linear_verdict, nonlinear_verdict, scatter_words
+from eaid.uncertainty.friction_intervals import Parameter
+from eaid.uncertainty.identifiability import (
+    Verdict,
+    friction_verdict,
+    linear_verdict,
+    nonlinear_verdict,
+    scatter_findings,
+)
 from eaid.uncertainty.joint import BLOCKS, with_white_covariance
 from eaid.uncertainty.level_statistics import LevelStatistics, level_statistics, pooled_statistics, statistics_at_share
-from eaid.uncertainty.levels import Parameter, share_sensitivity
+from eaid.uncertainty.levels import share_sensitivity
 from eaid.uncertainty.noise import noise_json, noise_of
 from eaid.uncertainty.profile import profile_interval
 from eaid.uncertainty.share import Share, share_json, share_of, share_words
@@ -132,7 +140,7 @@ def _intervals(stepset: StepSet, fit: Fit, options: IntervalOptions, advance: Ca
     judged = None
     if options.study_models and fit.friction is not None:
         judged = adequacy(stepset, fit, base, asked)
-    words = scatter_words(curves)
+    words = sentences(scatter_findings(curves))
     if asked is not None and (asked.matters or asked.vague):
         words.append(share_words(asked))
     return Intervals(
@@ -185,7 +193,7 @@ def _friction(
     rows = friction_intervals.level_rows(curves, white=options.ci == "white")
     if options.ci == "profile":
         rows = [[_profiled(curves, i, k, p) for k, p in enumerate(own)] for i, own in enumerate(rows)]
-    verdict = friction_verdict(fit.friction, curves, unit, output_unit).as_json()
+    verdict = _verdict_json(friction_verdict(fit.friction, curves, unit, output_unit))
     if options.ci == "none":
         return {"levels": [{}] * len(rows), "trends": {}, **verdict}
     repeats = curves.source == "repeats" and options.ci != "white"
@@ -196,6 +204,15 @@ def _friction(
     }
 
 
+def _verdict_json(verdict: Verdict) -> dict[str, Any]:
+    """The keys that a model's part of fit.json gets."""
+    return {
+        "identifiable": verdict.identifiable,
+        "not_identifiable_because": sentences(verdict.reasons),
+        "open": sentences(verdict.open),
+    }
+
+
 def _profiled(curves: LevelStatistics, i: int, k: int, p: Parameter) -> Parameter:
     """One level's parameter with the interval of its profile; as it was where scatter, not noise, makes its width."""
     one = curves.estimates[i]
@@ -203,8 +220,8 @@ def _profiled(curves: LevelStatistics, i: int, k: int, p: Parameter) -> Paramete
     if p.name in one.constrained or within < 0.5 * float(curves.variance[i, k]):
         # scatter from run to run (a gain, a τ1) knows nothing of the cost's shape: logs are its own scale
         return p
-    if p.name == "tau2" and p.value > one.runs.duration_s:
-        return p  # longer than the record: not quoted, however its profile looks
+    if p.state == "open":
+        return p  # not quoted, however its profile looks
     inverse = np.linalg.pinv(one.runs.information, rcond=1e-14, hermitian=True)
     if not inverse[k, k] > 0:
         return p
@@ -215,9 +232,8 @@ def _profiled(curves: LevelStatistics, i: int, k: int, p: Parameter) -> Paramete
     if p.name == "C":
         low, high = low / (1 + low), high / (1 + high) if np.isfinite(high) else 1.0
     if not np.isfinite(high) or low <= 0:
-        word = f"not determined: {low:.2g} or anything above" if low > 0 else "not determined: no end either way"
-        return replace(p, interval=None, word=word)
-    return replace(p, interval=(float(low), float(high)), word=None if p.interval is None else p.word)
+        return replace(p, interval=None, state="open")
+    return replace(p, interval=(float(low), float(high)), state="fine" if p.interval is None else p.state)
 
 
 def _nonlinear(
@@ -247,7 +263,7 @@ def _nonlinear(
         says["weights"] |= {"believe": "neither", "because": says["because"]}
     if says["weights"]["believe"] == "sd" and says["believe"] == "two-stage":
         says["weights"]["because"] += "; the two-stage estimate needs no such weights and is better than either"
-    verdict = nonlinear_verdict(shown, base, stepset.input_unit, unit).as_json()
+    verdict = _verdict_json(nonlinear_verdict(shown, base, stepset.input_unit, unit))
     result: dict[str, Any] = {**verdict, "agreement": says}
     if options.ci != "none":
         result |= nonlinear_intervals.joint_json(found, base.levels, options.ci)
@@ -266,7 +282,7 @@ def _linear(
     pooled = linear_intervals.pooled_intervals(fit.linear, base)
     if len(base.levels) == 1:
         pooled.pop("c0")
-    verdict: dict[str, Any] = linear_verdict(fit.linear, base, pooled).as_json()
+    verdict: dict[str, Any] = _verdict_json(linear_verdict(fit.linear, base, pooled))
     beside = None if fit.linear.other is None else linear_intervals.pooled_intervals(fit.linear.other, base)
     verdict["agreement"] = {"weights": weightings.linear_agreement(fit.linear, pooled, beside, base)}
     if options.ci == "none":

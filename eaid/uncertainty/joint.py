@@ -38,6 +38,8 @@ class Coefficients:
     share_free: bool
     constrained: tuple[str, ...]
     """Parameters that an active constraint holds at some duty: not estimable."""
+    open: tuple[str, ...] = ()
+    """Parameters whose curve too few levels support: no interval."""
     draws: Array | None = None
     """The coefficients of every refit of a bootstrap, shape (draws, P)."""
 
@@ -152,7 +154,7 @@ def with_white_covariance(
 
 def with_covariance(c: Coefficients, covariance: Array) -> Coefficients:
     """The same coefficients with another covariance."""
-    return Coefficients(c.values, covariance, c.counts, c.u_range, c.share, c.share_free, c.constrained)
+    return replace(c, covariance=covariance, draws=None)
 
 
 def with_draws(c: Coefficients, draws: Array) -> Coefficients:

@@ -17,13 +17,24 @@ from eaid.fitting.levels import fit_levels
 from eaid.fitting.result import LevelFit
 from eaid.steps.stepset import Level
 from eaid.uncertainty.curve import Curve, at_levels, curve_of_single_runs, curve_with_repeats
-from eaid.uncertainty.levels import LevelEstimate, constrained_parameters, level_estimate, scatter_of, usable
+from eaid.uncertainty.levels import (
+    UNDETERMINED,
+    LevelEstimate,
+    constrained_parameters,
+    level_estimate,
+    scatter_of,
+    usable,
+)
 from eaid.uncertainty.scatter import Mask, PooledScatter
+from eaid.uncertainty.student_t import t_quantile
+from eaid.uncertainty.tau2_range import Tau2Sets, tau2_sets
 
 TERMS = {"Ts": 4, "tau1": 3, "tau2": 3}
 """Terms of the paper's polynomials, Eqs. (5)–(7)."""
 SPARE_LEVELS = 4
 """Levels beyond the terms of a curve that are needed to see the scatter of single runs in it."""
+FARTHEST_RECORDS = 3.0
+"""Record lengths beyond which no τ2 is quoted: it would rest on the model's form and its C alone."""
 FEW_DEGREES = 4.0
 """Degrees of freedom given to the within-run variance where nothing else is known."""
 
@@ -46,8 +57,23 @@ class LevelStatistics:
     """The pooled scatter, with repeats."""
     between: Array
     """a: variance between runs, shape (k,); NaN where it cannot be seen."""
+    tau2_sets: Tau2Sets
+    """What the runs allow τ2 to be, NaN where a constraint holds it or C is free."""
     converged: bool = True
     """Whether every level's own curve passed our verdict."""
+
+    @property
+    def open_tau2(self) -> Mask:
+        """Levels whose record leaves τ2 open, held by no constraint, shape (L,)."""
+        return _free_tau2(self.estimates) & ~self.determined[:, 2]
+
+    def open_curves(self) -> tuple[str, ...]:
+        """Parameters whose curve too few levels support: fewer than half, than it has terms, or with τ2 left open."""
+        count = len(self.levels)
+        if 2 * self.open_tau2.sum() > count:
+            return tuple(TERMS)
+        known = dict(zip(TERMS, self.determined.sum(axis=0).tolist(), strict=False))
+        return tuple(name for name, n in known.items() if n < min(TERMS[name], count) or 2 * n < count)
 
     @property
     def expected(self) -> Array:
@@ -109,7 +135,7 @@ class LevelStatistics:
 def level_statistics(levels: Sequence[Level], fits: Sequence[LevelFit], share_free: bool = False) -> LevelStatistics:
     """The statistics of these levels and their friction curves."""
     found = [
-        level_estimate(level, fit.curve, constrained_parameters(fit), share_free)
+        level_estimate(level, fit.curve, constrained_parameters(fit, float(level.time_s[-1]), share_free), share_free)
         for level, fit in zip(levels, fits, strict=True)
     ]
     return replace(pooled_statistics(levels, found), converged=all(fit.solver.converged for fit in fits))
@@ -127,28 +153,66 @@ def pooled_statistics(levels: Sequence[Level], found: Sequence[LevelEstimate]) -
     repeats = np.array([one.runs.repeats for one in found], dtype=float)
     records = np.array([one.runs.duration_s for one in found])
     theta = np.array([one.runs.log_theta for one in found])
-    known = counted & (np.arange(theta.shape[1]) != 2) | (counted & (np.exp(theta[:, 2]) <= records)[:, None])
-    if repeats.max() > 1:
-        scatter = scatter_of(found)
-        spoken = np.isfinite(scatter.variance).all(axis=0)
-        variance = np.where(spoken, scatter.variance, within / repeats[:, None])
-        degrees = np.where(spoken, scatter.degrees, FEW_DEGREES)
-        return LevelStatistics(
-            tuple(levels), tuple(found), variance, degrees, known, "repeats", scatter, scatter.between
-        )
+    duty = np.array([level.level for level in levels])
+    scatter, source = None, "within"
     between = np.full(theta.shape[1], np.nan)
     variance, degrees = within.copy(), np.full(within.shape, FEW_DEGREES)
-    duty = np.array([level.level for level in levels])
-    source = "within"
-    for k, name in enumerate(("Ts", "tau1", "tau2")):
-        row = known[:, k]
-        if row.sum() - TERMS[name] >= SPARE_LEVELS:
-            curve = curve_of_single_runs(duty[row], theta[row, k], within[row, k], TERMS[name])
-            between[k] = curve.between
-            variance[:, k] = curve.between + within[:, k]
-            degrees[:, k] = curve.degrees
-            source = "curve"
-    return LevelStatistics(tuple(levels), tuple(found), variance, degrees, known, source, None, between)
+    if repeats.max() > 1:
+        scatter, source = scatter_of(found), "repeats"
+        finite = np.isfinite(scatter.variance).all(axis=0)
+        variance = np.where(finite, scatter.variance, within / repeats[:, None])
+        degrees = np.where(finite, scatter.degrees, FEW_DEGREES)
+        between = scatter.between
+    else:
+        seen = counted & ((np.arange(theta.shape[1]) != 2) | (np.exp(theta[:, 2]) <= records)[:, None])
+        for k, name in enumerate(("Ts", "tau1", "tau2")):
+            row = seen[:, k]
+            if row.sum() - TERMS[name] >= SPARE_LEVELS:
+                curve = curve_of_single_runs(duty[row], theta[row, k], within[row, k], TERMS[name])
+                between[k] = curve.between
+                variance[:, k] = curve.between + within[:, k]
+                degrees[:, k] = curve.degrees
+                source = "curve"
+    sets = _tau2_sets(levels, found, variance[:, 2], degrees[:, 2])
+    determined = _determined(found, counted, variance, degrees, sets)
+    return LevelStatistics(tuple(levels), tuple(found), variance, degrees, determined, source, scatter, between, sets)
+
+
+def _tau2_sets(levels: Sequence[Level], found: Sequence[LevelEstimate], variance: Array, degrees: Array) -> Tau2Sets:
+    """The sets of τ2 of all levels; NaN where a constraint holds it, or C is free."""
+    sets = Tau2Sets(np.full((len(found), 2), np.nan), np.full((len(found), 2, 2), np.nan))
+    free = [i for i, one in enumerate(found) if "tau2" not in one.constrained and len(one.runs.log_theta) == 3]
+    if free:
+        own = tau2_sets([levels[i] for i in free], [found[i] for i in free], variance[free], degrees[free])
+        sets.tau2_s[free], sets.log_theta[free] = own.tau2_s, own.log_theta
+    return sets
+
+
+def _free_tau2(estimates: Sequence[LevelEstimate]) -> Mask:
+    return np.array(["tau2" not in one.constrained for one in estimates])
+
+
+def _determined(found: Sequence[LevelEstimate], counted: Mask, variance: Array, degrees: Array, sets: Tau2Sets) -> Mask:
+    """Where a level determines a parameter, shape (L, k).
+
+    τ2 is known within a factor of three, at most three records long, and no τ2 beyond that and beyond the record is
+    allowed; where most levels fail in that, those that do not have come out short by chance. T_s and τ1 rest on τ2: a
+    level that leaves it open has no say in them where the others have.
+    """
+    records = np.array([one.runs.duration_s for one in found])
+    tau2 = np.exp([one.runs.log_theta[2] for one in found])
+    known = counted[:, 2] & (t_quantile(degrees[:, 2]) * np.sqrt(variance[:, 2]) < np.log(UNDETERMINED))
+    tested = np.isfinite(sets.tau2_s[:, 0])
+    known &= tau2 <= FARTHEST_RECORDS * records
+    known &= np.where(tested, sets.tau2_s[:, 1] < np.maximum(UNDETERMINED * tau2, records), tau2 <= records)
+    free = _free_tau2(found)
+    if 2 * known.sum() < free.sum():
+        known[:] = False
+    determined = counted.copy()
+    determined[:, 2] = known
+    if known.any():
+        determined[:, :2] &= (known | ~free)[:, None]
+    return determined
 
 
 def curves(stats: LevelStatistics) -> dict[str, Curve]:

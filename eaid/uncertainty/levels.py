@@ -1,7 +1,4 @@
-"""The friction curve of each level, Eq. (3), in (log T_s, log τ1, log τ2), with its runs, and its 95 % intervals.
-
-A parameter that a constraint holds is not estimable; a τ2 longer than the record is flagged, not quoted.
-"""
+"""The friction curve of each level, Eq. (3), in (log T_s, log τ1, log τ2), and what its runs say about it."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -9,20 +6,21 @@ from dataclasses import dataclass
 import numpy as np
 
 from eaid.arrays import Array, median
+from eaid.fitting.levels import RECORDS_FREE
 from eaid.fitting.result import LevelFit
+from eaid.fitting.starts import RECORDS, TAU1_LEAST_S
 from eaid.models import friction
 from eaid.models.parameters import Friction
 from eaid.steps.stepset import Level
 from eaid.uncertainty.run_statistics import RunStatistics, own_residuals, run_statistics
 from eaid.uncertainty.scatter import Mask, PooledScatter, pooled_scatter
-from eaid.uncertainty.student_t import t_quantile
 
 NAMES = ("Ts", "tau1", "tau2", "C")
 """Parameters of one level, in the order of every array here; C only where it was free."""
 MEETING = 1e-4
-"""τ1 and τ2 closer than this are one: a solver's list of active constraints may miss it."""
+"""A limit this close holds a parameter; τ1 and τ2 this close are one."""
 WIDE = 0.30
-"""Half-width beyond which an interval is flagged (coverage of τ2 was measured below it, docs/uncertainty.md)."""
+"""Half-width beyond which an interval is wide (coverage of τ2 was measured below it, docs/uncertainty.md)."""
 UNDETERMINED = 3.0
 """Factor up or down beyond which a parameter counts as not determined."""
 
@@ -42,6 +40,13 @@ class LevelEstimate:
     def level(self) -> float:
         """Input of the level."""
         return self.runs.level
+
+    @property
+    def memory(self) -> float:
+        """How many times larger than under white noise the within-run variance is, at most over the parameters."""
+        inverse = np.linalg.pinv(self.runs.information, rcond=1e-14, hermitian=True)
+        white = np.diag(inverse) * float(np.mean(self.noise_nm**2))
+        return float(max(1.0, np.max(self.runs.within / np.maximum(white, 1e-300))))
 
 
 def log_jacobian(curve: Friction, time_s: Array, share_free: bool = False) -> Array:
@@ -69,72 +74,18 @@ def level_estimate(
     return LevelEstimate(curve, found, noise, tuple(constrained))
 
 
-def constrained_parameters(fit: LevelFit) -> tuple[str, ...]:
+def constrained_parameters(fit: LevelFit, record_s: float, share_free: bool) -> tuple[str, ...]:
     """Which of T_s, τ1, τ2, C a constraint holds in this level's fit."""
-    found = []
-    for words in fit.solver.at_bounds:
-        found += [name for name, sign in (("Ts", "T_s at"), ("C", "C at")) if words.startswith(sign)]
-        if words.startswith("τ1 at"):
-            found.append("tau1")
-        if words.startswith("τ2 at"):
-            found += ["tau1", "tau2"] if words == "τ2 at τ1" else ["tau2"]
+    found: list[str] = []
+    if fit.curve.tau1 <= TAU1_LEAST_S * (1 + MEETING):
+        found.append("tau1")
+    if fit.curve.tau2 >= (RECORDS_FREE if share_free else RECORDS) * record_s * (1 - MEETING):
+        found.append("tau2")
     if fit.curve.tau2 <= fit.curve.tau1 * (1 + MEETING):
         found += ["tau1", "tau2"]
     if fit.curve.Ts <= 0:
         found += ["Ts", "tau1", "tau2"]
     return tuple(dict.fromkeys(found))
-
-
-@dataclass(frozen=True, eq=False)
-class Parameter:
-    """One parameter of one level: its interval, or why there is none."""
-
-    name: str
-    value: float
-    interval: tuple[float, float] | None
-    """95 % interval; None where it is not estimable or not determined."""
-    log_sd: float
-    """Standard deviation of its logarithm (of its logit, for C)."""
-    word: str | None
-    """What is doubtful about it."""
-
-
-def level_parameters(
-    level: LevelEstimate, variance: Array, degrees: Array, expected: Array | None = None
-) -> list[Parameter]:
-    """Intervals exp(θ̂ ± t √V) of one level, shape (k,) of `variance` and `degrees`; at a bound or too wide: a word.
-
-    Whether an interval is too wide is judged by the V `expected` from all levels, where it is known: a level whose runs
-    are alike by luck must not pass for well known.
-    """
-    expected = variance if expected is None else expected
-    result = []
-    for k, (theta, v, df, usual) in enumerate(zip(level.runs.log_theta, variance, degrees, expected, strict=True)):
-        name = NAMES[k]
-        sd = float(np.sqrt(max(v, 0.0)))
-        reach = t_quantile(float(df)) * sd
-        with np.errstate(over="ignore"):
-            ends = np.exp(theta + np.array([-reach, reach]))
-        value = float(np.exp(theta))
-        if name == "C":
-            value, ends = (1 / (1 + np.exp(-np.clip(x, -700, 700))) for x in (theta, theta + np.array([-reach, reach])))
-            value = float(value)
-        interval: tuple[float, float] | None = (float(ends[0]), float(ends[1]))
-        word = None
-        if name in level.constrained:
-            interval, word = None, "not estimable: a constraint holds it"
-        elif name == "tau2" and value > level.runs.duration_s:
-            interval = None
-            word = f"longer than the record of {level.runs.duration_s:.3g} s: not determined; record longer"
-        elif name != "C" and reach > np.log(UNDETERMINED):
-            low, high = (f"{end:.2g}" for end in ends)
-            unit = "" if name == "Ts" else " s"
-            word = f"not determined: anywhere between {low} and {high}{unit}"
-            interval = None
-        elif name != "C" and t_quantile(float(df)) * float(np.sqrt(usual)) > np.log1p(WIDE):
-            word = f"known to a factor of {np.exp(max(reach, t_quantile(float(df)) * np.sqrt(usual))):.2f} only"
-        result.append(Parameter(name, value, interval, sd, word))
-    return result
 
 
 def white_variance(level: Level, found: LevelEstimate) -> tuple[Array, float]:

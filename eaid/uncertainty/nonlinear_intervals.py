@@ -26,8 +26,7 @@ from eaid.uncertainty.joint import (
     with_draws,
     with_joint_covariance,
 )
-from eaid.uncertainty.level_statistics import TERMS, LevelStatistics, curve_degrees, curves
-from eaid.uncertainty.scatter import Mask
+from eaid.uncertainty.level_statistics import LevelStatistics, curve_degrees, curves
 from eaid.uncertainty.student_t import Degrees, middle, t_quantile
 from eaid.uncertainty.twostage import two_stage
 from eaid.uncertainty.weightings import SYMBOLS
@@ -66,7 +65,7 @@ def estimates(fit: NonlinearFit, stats: LevelStatistics) -> Estimates:
     order = [ROW[name] for name in BLOCKS]
     correlation = stats.correlation()[np.ix_(order, order)]
     both = two_stage(duty, {n: theta[:, k] for n, k in ROW.items()}, variance, through, correlation, joint.share)
-    both = _swept(both, stats)
+    both = replace(_swept(both, stats), open=joint.open)
     return Estimates(_apart_counted(joint, both), joint, both, degrees, through)
 
 
@@ -77,6 +76,7 @@ def scattered(fit: NonlinearFit, stats: LevelStatistics) -> Coefficients:
     if fit.share_free and shifts.shape[1] == 3:  # C held at single levels
         shifts = np.pad(shifts, ((0, 0), (0, 1), (0, 1)))
     joint = coefficients_of(fit.parameters, fit.share_free)
+    joint = replace(joint, open=stats.open_curves())
     return _swept(with_joint_covariance(joint, stats.data, shifts, weights), stats)
 
 
@@ -105,7 +105,7 @@ def coefficient_intervals(c: Coefficients, degrees: Degrees) -> dict[str, list[l
         scale = 100.0 ** np.arange(c.counts[k])
         reach = t_quantile(middle(degrees[name])) * sd[own]
         low, high = (c.values[own] - reach) / scale, (c.values[own] + reach) / scale
-        held = name in c.constrained or not np.isfinite(reach).all()
+        held = name in (*c.constrained, *c.open) or not np.isfinite(reach).all()
         carried = (c.values[own] != 0) | (reach > 0)  # a power that the levels do not carry is 0, not known to be 0
         result[name] = [
             [float(a), float(b)] if fine and not held else None for a, b, fine in zip(low, high, carried, strict=True)
@@ -135,7 +135,7 @@ def level_curves(
         with np.errstate(over="ignore"):
             reach = quantiles[name] * sd
             low, high = values * np.exp(-reach), values * np.exp(reach)
-        fine = (values > 0) & np.isfinite(low) & np.isfinite(high) & (name not in c.constrained)
+        fine = (values > 0) & np.isfinite(low) & np.isfinite(high) & (name not in (*c.constrained, *c.open))
         for i, row in enumerate(rows):
             row[name] = float(values[i])
             row["ci95"][name] = [float(low[i]), float(high[i])] if fine[i] else None
@@ -259,7 +259,7 @@ def agreement(found: Estimates, stats: LevelStatistics, output_unit: str) -> dic
     beyond = [one for one in beyond if one["levels"]]
     if not beyond:
         return {"disagreements": [], "believe": "either", "because": "the two estimates agree within their intervals"}
-    weak = [name for name, k in ROW.items() if _weak(stats.determined[:, k], TERMS[name])]
+    weak = found.joint.open
     if weak:
         because = (
             f"too few levels determine {' and '.join(SYMBOLS[name] for name in weak)} on their own for a curve through "
@@ -273,11 +273,6 @@ def agreement(found: Estimates, stats: LevelStatistics, output_unit: str) -> dic
         "the two-stage fit takes each level's own"
     )
     return {"disagreements": beyond, "believe": "two-stage", "because": because}
-
-
-def _weak(known: Mask, terms: int) -> bool:
-    """Whether too few levels determine a parameter for the curve through them: most, and as many as it has terms."""
-    return bool(known.sum() < min(terms, len(known)) or 2 * known.sum() < len(known))
 
 
 def _apart(
