@@ -1,0 +1,144 @@
+"""A recorded log as the fits of this package take it, and the rule that says which logs come here.
+
+The input of a row acts until the next row's time. A log that begins with ten rows at rest, or says so, begins with both
+states at 0; any other begins loaded, and its two start states are unknowns.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eaid.arrays import Array, read_only
+from eaid.logs.run import Run
+from eaid.steps.stepset import StepSet
+
+IDLE_ROWS = 10
+"""Fewest rows at rest before the first other one that make an idle start."""
+ALIKE = 1e-3
+"""Inputs that differ by less than this part of the largest are one level."""
+CHATTER = 0.02
+"""A change of the input by less than this part of the largest is no step."""
+RETURNS = 4
+"""So many falls to rest make a recording of its own, where the rests are too short to forget the load before."""
+
+
+@dataclass(frozen=True, eq=False)
+class RecordedLog:
+    """One log as it was recorded; arrays of shape (n,), time strictly rising."""
+
+    name: str
+    time_s: Array
+    input: Array
+    """Duty (force, speed), counted from rest, ≥ 0; each value held until the next row."""
+    output: Array
+    """Torque, or whatever was recorded, as measured."""
+    reference: Array | None = None
+    """What a closed loop was to follow, in the output's unit; None: the log has none."""
+    baseline: float | None = None
+    """Idle output, where it is known; None: an unknown of the fit."""
+    idle_start: bool | None = None
+    """Whether it begins at rest with nothing left in its states; None: judged by its first rows."""
+    weight: float = 1.0
+    """Weight of each squared residual: R for the mean of R repeats."""
+    source: str = ""
+    sha256: str = ""
+
+    @cached_property
+    def starts_idle(self) -> bool:
+        """Both states are 0 at the first row."""
+        if self.idle_start is not None:
+            return self.idle_start
+        acting = np.flatnonzero(self.input != 0)
+        return len(acting) > 0 and int(acting[0]) >= min(IDLE_ROWS, len(self.input) - 1)
+
+    @cached_property
+    def dt_s(self) -> Array:
+        """How long each row's input acts [s]; 0 after the last."""
+        return read_only(np.append(np.diff(self.time_s), 0.0))
+
+    @cached_property
+    def changes(self) -> NDArray[np.intp]:
+        """Rows from which another input acts, the first row among them."""
+        return np.flatnonzero(np.append(True, np.diff(self.input) != 0))
+
+    @property
+    def stepwise(self) -> bool:
+        """Whether its input is held for eight rows and more on the average."""
+        return 8 * len(self.changes) <= len(self.input)
+
+
+def recorded_log(run: Run, rest: float = 0.0) -> RecordedLog:
+    """A run of the reader as a recorded log: input counted from rest, an input that only falls below it turned up."""
+    level = run.input - rest
+    if level.min() < 0 and -level.min() > level.max():
+        level = -level
+    top = float(np.abs(level).max())
+    level = np.where(np.abs(level) <= ALIKE * top, 0.0, level)
+    return RecordedLog(
+        run.name,
+        run.time_s,
+        read_only(level),
+        run.output,
+        run.reference_nm,
+        run.baseline,
+        source=run.source,
+        sha256=run.sha256,
+    )
+
+
+def is_recorded(run: Run, rest: float = 0.0) -> bool:
+    """Whether a log goes the way of this package: its input does more than step from rest, and is held or moves as it
+    likes.
+
+    It does where it goes from one level to another with no rest between, or falls to rest again and again with rests
+    shorter than the holds. Runs whose level or step instant was said, and steps cut out of a log, are steps.
+    """
+    if run.cut or run.level is not None or run.step_s is not None or not np.isfinite(run.input).all():
+        return False
+    level = np.abs(run.input - rest)
+    top = float(level.max(initial=0.0))
+    if top == 0.0:
+        return False
+    loaded = level > CHATTER * top
+    moved = np.abs(np.diff(level)) > CHATTER * top
+    if (moved & loaded[1:] & loaded[:-1]).any():
+        return True
+    falls, rises = np.flatnonzero(loaded[:-1] & ~loaded[1:]), np.flatnonzero(~loaded[:-1] & loaded[1:])
+    if len(falls) <= RETURNS or len(rises) < 2:
+        return False
+    pairs = [(rise, falls[falls > rise][:1]) for rise in rises]
+    holds = [run.time_s[fall[0]] - run.time_s[rise] for rise, fall in pairs if len(fall)]
+    rests = [run.time_s[rise] - run.time_s[fall] for fall in falls for rise in rises[rises > fall][:1]]
+    return float(np.median(rests)) < float(np.median(holds)) and len(run.time_s) > 20 * len(rises)
+
+
+def logs_of_steps(steps: StepSet) -> list[RecordedLog]:
+    """The mean curves of a step set as logs: from rest, idle output subtracted, every sample of every repeat counted."""
+    logs = []
+    for level in steps.levels:
+        t, y = level.time_s, level.mean
+        if t[0] > 0:  # the input acts from 0 on
+            t, y = np.append(0.0, t), np.append(np.nan, y)
+        logs.append(
+            RecordedLog(
+                level.names[0] if level.names else f"{level.level:g}",
+                t,
+                np.full(len(t), level.level),
+                y,
+                baseline=0.0,
+                idle_start=True,
+                weight=float(len(level.runs)),
+            )
+        )
+    return logs
+
+
+def levels_of(logs: Sequence[RecordedLog]) -> Array:
+    """The different inputs above rest, rising; those within a thousandth of the largest taken together."""
+    top = max(float(log.input.max()) for log in logs)
+    values = np.unique(np.concatenate([np.unique(log.input[log.input > 0]) for log in logs]))
+    keep = np.append(True, np.diff(values) > ALIKE * top) if len(values) else np.zeros(0, dtype=bool)
+    return np.asarray(values[keep], dtype=np.float64)

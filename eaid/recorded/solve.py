@@ -1,0 +1,116 @@
+"""From starts to the least cost: compared on a coarse copy of the logs, ended on every sample, with our own verdict.
+
+SLSQP works on whitened unknowns, a Gauss–Newton matrix at each round; the end is polished by constrained Newton steps on
+every sample, and what one more of them promises is the verdict, as with the step fits.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from eaid.arrays import Array
+from eaid.fitting.levels import verdict
+from eaid.fitting.result import Solver
+from eaid.fitting.solver import PROMISE, EndPoint, Problem, approach, ended, polish
+from eaid.recorded.drive import Drive
+from eaid.recorded.problem import Setup
+from eaid.recorded.starts import starts
+
+RIVALS = 2
+"""Ends on the coarse copy that go on to every sample."""
+NEAR = 0.02
+"""An end this part of the cost above the best is no rival."""
+SHIFT = 1e-5
+"""Relative step of the difference that second derivatives come from."""
+
+
+@dataclass(frozen=True, eq=False)
+class Solved:
+    """Where a fit ended."""
+
+    setup: Setup
+    x: Array
+    cost: float
+    solver: Solver
+
+    @property
+    def coefficients(self) -> Array:
+        """Of the model alone."""
+        return self.x[: self.setup.model.size]
+
+
+def solve(setup: Setup, small: Sequence[Drive] | None = None, given: Sequence[Array] = ()) -> Solved:
+    """The least-squares unknowns; `small` is a coarse copy of the logs, `given` are starts besides our own."""
+    problem = setup.problem()
+    rough = setup if small is None else replace(setup, drives=tuple(small))
+    sketch = problem if small is None else rough.problem()
+    begin = starts(rough, sketch)
+    ends = [approach(sketch, x) for x in [*given, *begin]]
+    tried = sum(end.evaluations for end in ends)
+    distinct: list[EndPoint] = []
+    for end in sorted(ends, key=lambda one: one.cost):
+        if all(abs(end.cost - other.cost) > 1e-6 * other.cost + sketch.floor for other in distinct):
+            distinct.append(end)
+    kept = [end for end in distinct[:RIVALS] if end.cost <= (1 + NEAR) * distinct[0].cost + sketch.floor]
+    return finished(setup, problem, [end.x for end in kept], tried, rough, [end.cost for end in ends])
+
+
+def refit(near: Solved, drives: Sequence[Drive]) -> Solved:
+    """The minimum next to an earlier one, on other outputs of the same inputs."""
+    setup = replace(near.setup, drives=tuple(drives))
+    return finished(setup, setup.problem(), [near.x])
+
+
+def finished(
+    setup: Setup,
+    problem: Problem,
+    begin: Sequence[Array],
+    tried: int = 0,
+    rough: Setup | None = None,
+    costs: Sequence[float] = (),
+) -> Solved:
+    """From near ends on every sample to the verdict."""
+    found = ended([approach(problem, x) for x in begin], problem)
+    best = min(found, key=lambda end: end.cost)
+    exact = with_second_derivatives(problem, rough or setup)
+
+    def full(x: Array) -> tuple[float, Array]:
+        return problem.value(x)
+
+    end, promise, active = polish(exact, best, full)
+    converged = promise <= PROMISE
+    shift = end.cost - best.cost
+    solver = Solver(
+        converged=converged,
+        message=verdict(converged, promise),
+        evaluations=tried + sum(one.evaluations for one in found) + end.evaluations - best.evaluations,
+        starts=tuple(costs) or tuple(one.cost + shift for one in found),
+        at_bounds=tuple(problem.names(i) for i in active),
+        promise=promise,
+    )
+    return Solved(setup, end.x, end.cost, solver)
+
+
+def with_second_derivatives(problem: Problem, rough: Setup) -> Problem:
+    """The same problem, its true curvature known: Gauss–Newton of every sample, and what the residuals add to it.
+
+    The latter comes from differences of the exact gradient on the coarse copy.
+    """
+
+    def exact(x: Array) -> Array:
+        whole = problem.curvature(x)
+        _, gradient, own = rough.together(x)
+        scale = np.sqrt(np.maximum(np.diagonal(own), 1e-300))
+        size = np.sqrt(max(problem.value(x)[0], problem.floor))
+        added = np.empty_like(own)
+        for j in range(len(x)):
+            step = min(SHIFT * max(abs(x[j]), 1e-3), 0.1 * size / scale[j] + 1e-12)
+            ahead = x.copy()
+            ahead[j] += step
+            behind = x.copy()
+            behind[j] -= step
+            added[j] = (rough.together(ahead)[1] - rough.together(behind)[1]) / (2 * step) - own[j]
+        return np.asarray(whole + 0.5 * (added + added.T))
+
+    return replace(problem, exact=exact)

@@ -1,0 +1,127 @@
+"""Where the fits of recorded logs start: shapes of τ1(u) and τ2(u) with everything linear solved for, the best first.
+
+For given τ1(u), τ2(u) the response is linear in the coefficients of T_s, the idle outputs and the start states. Constant
+pairs over a log grid come first, as the linear model and a step inside the log would show them; the best of these are
+then bent: τ2 and τ1 that rise or fall over the inputs.
+"""
+
+import itertools
+from collections.abc import Sequence
+
+import numpy as np
+
+from eaid.arrays import Array
+from eaid.fitting.solver import Problem, bring_in, draw_in
+from eaid.fitting.starts import TAU1_LEAST_S
+from eaid.recorded.problem import Setup
+
+FAST = 7
+"""Values of τ1 on the grid."""
+SLOW = 7
+"""Values of τ2."""
+BENDS = (0.2, 1.0, 5.0)
+"""Ratio of a bent τ at the highest input to that at the lowest."""
+MOST = 5
+"""Starts handed on."""
+DISTINCT = 1e-4
+"""Starts whose costs differ by less than this part are one."""
+
+
+def starts(setup: Setup, problem: Problem) -> list[Array]:
+    """Feasible starts, the most promising first, and a plain one with constant τ last."""
+    model = setup.model
+    shortest, longest = spans(setup)
+    fast = np.geomspace(max(0.5 * shortest, 2 * TAU1_LEAST_S), 0.1 * longest, FAST)
+    shares = [0.85] if model.share is not None else [0.5, 0.7, 0.85, 0.95]
+    pairs = [(one, two) for one in fast for two in np.geomspace(2 * one, max(longest, 4 * one), SLOW)]
+    if model.sizes[2] == 0:
+        pairs = [(one, 1.0) for one in np.geomspace(0.3 * shortest, longest, 4 * FAST)]
+    found = [
+        (_solved(setup, _shaped(setup, one, two, share)), one, two, share) for one, two in pairs for share in shares
+    ]
+    found.sort(key=lambda row: row[0][0])
+    places = [row[0] for row in found[:MOST]]
+    if model.name == "nonlinear" and min(model.sizes) > 1:
+        for (_, one, two, share), bend1, bend2 in itertools.product(found[:3], BENDS, BENDS):
+            places.append(_solved(setup, _shaped(setup, one, two, share, bend1, bend2)))
+    places.sort(key=lambda row: row[0])
+    chosen: list[tuple[float, Array]] = []
+    for cost, x in places:
+        if all(abs(cost - other) > DISTINCT * other for other, _ in chosen):
+            chosen.append((cost, x))
+        if len(chosen) == MOST:
+            break
+    flat = inner(setup, found[0][0][1], problem)
+    return [bring_in(x, flat, problem) for _, x in chosen] + [flat]
+
+
+def spans(setup: Setup) -> tuple[float, float]:
+    """The typical time between samples and the length of the longest log [s]."""
+    rows = [drive.dt_s[drive.dt_s > 0] for drive in setup.drives]
+    return float(np.median(np.concatenate(rows))), max(float(one.sum()) for one in rows)
+
+
+def _shaped(
+    setup: Setup, tau1: float, tau2: float, share: float, bend1: float = 1.0, bend2: float = 1.0
+) -> Array:
+    """x with τ1 and τ2 that run straight from τ/√bend to τ √bend, everything else 0."""
+    model = setup.model
+    x = np.zeros(setup.size)
+    a, b, c = model.sizes
+    if model.name == "friction":
+        x[a : a + b], x[a + b : a + b + c] = tau1, tau2
+    else:
+        for at, count, tau, bend in ((a, b, tau1, bend1), (a + b, c, tau2, bend2)):
+            if count:
+                x[at] = 0.5 * tau * (bend**0.5 + bend**-0.5)
+            if count > 1:
+                x[at + 1] = 0.5 * tau * (bend**0.5 - bend**-0.5)
+    if model.share is None:
+        x[model.size - 1] = share
+    for name, values in (("rest", (tau1, tau2)), ("fall", (1.0, 1.0))):
+        if (at := setup.at(name)) >= 0:
+            x[at : at + 2] = values
+    return x
+
+
+def _solved(setup: Setup, x: Array) -> tuple[float, Array]:
+    """Cost and place with T_s, idle outputs and start states solved for; they enter linearly."""
+    a = setup.model.sizes[0]
+    own = np.concatenate([one[one >= 0] for one in setup.own] or [np.zeros(0, dtype=np.intp)])
+    free = np.concatenate([np.arange(a), own]).astype(np.intp)
+    cost, gradient, H = setup.together(x)
+    part = H[np.ix_(free, free)]
+    scale = np.sqrt(np.maximum(np.diagonal(part), 1e-300))
+    normal = part / np.outer(scale, scale) + 1e-10 * np.eye(len(free))
+    move = -np.linalg.solve(normal, gradient[free] / scale) / scale
+    x = x.copy()
+    x[free] += move
+    return float(cost + gradient[free] @ move + 0.5 * move @ part @ move), x
+
+
+def inner(setup: Setup, x: Array, problem: Problem) -> Array:
+    """A feasible point with constant τ near `x`: T_s is drawn to its mean where it falls below 0."""
+    model = setup.model
+    a, b, c = model.sizes
+    flat = x.copy()
+    one = x[a : a + b].mean() if model.name == "friction" else x[a]
+    two = x[a + b : a + b + c].mean() if model.name == "friction" else (x[a + b] if c else 1.0)
+    one = max(float(one), 2 * TAU1_LEAST_S)
+    two = max(float(two), 1.5 * one)
+    keep = _shaped(setup, one, two, float(x[model.size - 1]))
+    flat[a : a + b + c] = keep[a : a + b + c]
+    calm = flat.copy()
+    if model.name == "friction":
+        calm[:a] = max(float(np.mean(x[:a])), 1e-12)
+    elif model.name == "nonlinear":
+        calm[:a] = 0.0
+        calm[0] = max(float(x[0]), 1e-12)
+    for name, at in (("rest", setup.at("rest")), ("fall", setup.at("fall"))):
+        if at >= 0:
+            flat[at : at + 2] = calm[at : at + 2] = (one, two) if name == "rest" else (1.0, 1.0)
+    return draw_in(flat, calm, problem)
+
+
+def moved_over(given: Sequence[Array], problem: Problem, flat: Array) -> list[Array]:
+    """Starts of the caller's, brought inside the constraints."""
+    return [draw_in(x, flat, problem) for x in given]
