@@ -1,8 +1,8 @@
 """A log in numbers for the kernel: time steps, an index into its different inputs, outputs and their weights.
 
-`coarse` stands a few thousand rows in for a long log while starts are compared: each block of samples becomes one row at
-its middle, with the mean output and the block's weight. Blocks grow by a twentieth of the time since the last change of
-a stepwise input; an input that moves all the time is averaged over equal blocks.
+`coarse` stands a few thousand rows in for a long log while starts are compared: each block of samples becomes one row
+at its middle, with the mean output and the block's weight. Blocks grow by a twentieth of the time since the last change
+of a stepwise input; an input that moves all the time is averaged over equal blocks.
 """
 
 from dataclasses import dataclass
@@ -15,7 +15,7 @@ from eaid.recorded.log import RecordedLog
 
 GROWTH = 0.05
 """Part of the time since a change that a block may last."""
-MOVING_ROWS = 12_000
+MOVING_ROWS = 6_000
 """Blocks of an input that moves all the time, at most."""
 
 
@@ -114,4 +114,6 @@ def _growing(changes: NDArray[np.intp], n: int) -> NDArray[np.intp]:
         at += max(1, int(GROWTH * at))
         cuts.append(at)
     grid = np.array(cuts)
-    return np.concatenate([first + grid[: np.searchsorted(grid, hold)] for first, hold in zip(changes, holds, strict=True)])
+    return np.concatenate(
+        [first + grid[: np.searchsorted(grid, hold)] for first, hold in zip(changes, holds, strict=True)]
+    )

@@ -119,6 +119,18 @@ def rows(
     return written
 
 
+@numba.njit(cache=True, nogil=True, error_model="numpy", fastmath={"reassoc", "contract"})
+def add_squares(columns: Array, written: int, total: Array) -> None:
+    """total += columns columns' over the first `written` entries: no BLAS, whose threads fight over so small a task."""
+    p = columns.shape[0]
+    for i in range(p):
+        for j in range(i + 1):
+            along = 0.0
+            for k in range(written):
+                along += columns[i, k] * columns[j, k]
+            total[i, j] += along
+
+
 @numba.njit(cache=True, nogil=True, error_model="numpy")
 def products(
     dt: Array, index: Array, rising: Array, y: Array, w: Array,
@@ -128,16 +140,50 @@ def products(
     """Σ w s s' over all rows, (p + 1, p + 1): s the derivatives of the response by p unknowns, then the residual."""
     p = sens.shape[1]
     total = np.zeros((p + 1, p + 1))
-    part = np.zeros((p + 1, p + 1))
     buffer = np.zeros((CHUNK, p + 1))
+    columns = np.zeros((p + 1, CHUNK))
     n = len(dt)
     for first in range(0, n, CHUNK):
         written = rows(
             first, min(first + CHUNK, n), dt, index, rising, y, w, steady, tau1, tau2, rest,
             by_steady, by_tau1, by_tau2, scalars, place, state, sens, buffer,
         )  # fmt: skip
-        if written:
-            filled = buffer[:written]
-            np.dot(filled.T, filled, part)
-            total += part
+        for j in range(p + 1):
+            for k in range(written):
+                columns[j, k] = buffer[k, j]
+        add_squares(columns, written, total)
+    for i in range(p + 1):
+        for j in range(i):
+            total[j, i] = total[i, j]
     return total
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def response(
+    dt: Array, index: Array, rising: Array, steady: Array, tau1: Array, tau2: Array, rest: Array,
+    scalars: Array, start: Array, out: Array,
+) -> None:  # fmt: skip
+    """The response alone, idle output and both states together, at every row: fills `out`, shape (n,)."""
+    share, rest1, rest2, fall1, fall2, excess, idle = scalars[:7]
+    x1, x2 = start[0], start[1]
+    for k in range(len(dt)):
+        out[k] = x1 + x2 + idle
+        i, step = index[k], dt[k]
+        if step <= 0.0:
+            continue
+        total = steady[i] * (1.0 + excess) if rising[k] < 0 else steady[i]
+        target1 = share * total
+        target2 = total - target1
+        t1, t2 = tau1[i], tau2[i]
+        if target1 < x1:
+            if rest[i] >= 1.0:
+                t1 *= fall1
+            elif rest1 > 0.0:
+                t1 = rest[i] * t1 + (1.0 - rest[i]) * rest1
+        if target2 < x2:
+            if rest[i] >= 1.0:
+                t2 *= fall2
+            elif rest2 > 0.0:
+                t2 = rest[i] * t2 + (1.0 - rest[i]) * rest2
+        x1 -= np.expm1(-step / t1) * (target1 - x1)
+        x2 -= np.expm1(-step / t2) * (target2 - x2)

@@ -19,6 +19,8 @@ IDLE_ROWS = 10
 """Fewest rows at rest before the first other one that make an idle start."""
 ALIKE = 1e-3
 """Inputs that differ by less than this part of the largest are one level."""
+QUIET = 5e-3
+"""A measured input this part of its largest, from the first row on, is at rest."""
 CHATTER = 0.02
 """A change of the input by less than this part of the largest is no step."""
 RETURNS = 4
@@ -75,8 +77,10 @@ def recorded_log(run: Run, rest: float = 0.0) -> RecordedLog:
     level = run.input - rest
     if level.min() < 0 and -level.min() > level.max():
         level = -level
-    top = float(np.abs(level).max())
-    level = np.where(np.abs(level) <= ALIKE * top, 0.0, level)
+    quiet = np.abs(level) <= QUIET * float(np.abs(level).max())
+    first = int(np.argmin(quiet))
+    if first >= IDLE_ROWS:  # what a measured input shows at rest is its noise
+        level = np.where(np.arange(len(level)) < first, 0.0, level)
     return RecordedLog(
         run.name,
         run.time_s,
@@ -116,7 +120,7 @@ def is_recorded(run: Run, rest: float = 0.0) -> bool:
 
 
 def logs_of_steps(steps: StepSet) -> list[RecordedLog]:
-    """The mean curves of a step set as logs: from rest, idle output subtracted, every sample of every repeat counted."""
+    """The mean curves of a step set as logs: from rest, idle output subtracted, each sample of each repeat counted."""
     logs = []
     for level in steps.levels:
         t, y = level.time_s, level.mean

@@ -44,7 +44,7 @@ class Model:
     """Lowest identified input."""
     high: float
     rows: Callable[[Array], tuple[Array, Array, Array]]
-    """Inputs within the range, (m,) → derivatives of T_s, τ1, τ2 by their coefficients, (m, n_s), (m, n_1), (m, n_2)."""
+    """Inputs within the range, (m,) → derivatives of T_s, τ1, τ2 by their coefficients, (m, n) each."""
     sizes: tuple[int, int, int]
     A: Array
     b: Array

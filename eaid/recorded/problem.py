@@ -8,6 +8,7 @@ where they are not known.
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -88,7 +89,7 @@ class Setup:
         own = self.own[log]
         return np.concatenate([np.arange(self.shared), own[own >= 0]])
 
-    def arguments(self, x: Array, log: int) -> tuple[object, ...]:
+    def arguments(self, x: Array, log: int) -> tuple[Any, ...]:
         """Everything that the kernel takes after the range of rows, `state` and `sens` fresh."""
         drive, model = self.drives[log], self.model
         tables = model.tables(self.maps[log], x)
@@ -143,7 +144,7 @@ class Setup:
         arguments = self.arguments(x, log)
         drive = self.drives[log]
         out = np.zeros((drive.samples, len(self.columns(log)) + 1))
-        rows(0, len(drive.dt_s), *arguments, out)
+        rows(0, len(drive.dt_s), *arguments, out)  # type: ignore[call-arg]
         return out[:, :-1], out[:, -1]
 
     def residuals(self, x: Array) -> list[Array]:
@@ -188,7 +189,7 @@ class Setup:
         return Problem(value, lambda x: self.together(x)[2], A, b, names, None, self.together, ROUNDING * self.energy)
 
 
-def with_extras(setup: Setup, extras: Sequence[str], x: Array, values: Sequence[float]) -> tuple[Setup, Array]:
+def with_extras(setup: Setup, extras: Sequence[str], x: Array, values: Sequence[float] | Array) -> tuple[Setup, Array]:
     """The same logs with other extras, and x with `values` for all of them in the place of the old ones."""
     fresh = Setup(setup.model, setup.drives, tuple(extras), setup.idle_free)
     return fresh, np.concatenate([x[: setup.model.size], np.asarray(values, dtype=float), x[setup.shared :]])

@@ -1,7 +1,7 @@
 """From starts to the least cost: compared on a coarse copy of the logs, ended on every sample, with our own verdict.
 
-SLSQP works on whitened unknowns, a Gauss–Newton matrix at each round; the end is polished by constrained Newton steps on
-every sample, and what one more of them promises is the verdict, as with the step fits.
+SLSQP works on whitened unknowns, a Gauss–Newton matrix at each round; the end is polished by constrained Newton steps
+on every sample, and what one more of them promises is the verdict, as with the step fits.
 """
 
 from collections.abc import Sequence
@@ -33,6 +33,8 @@ class Solved:
     x: Array
     cost: float
     solver: Solver
+    instruments: tuple[Drive, ...] | None = None
+    """Inputs without the noise of the outputs, where they stood in for the recorded ones in the derivatives."""
 
     @property
     def coefficients(self) -> Array:
@@ -71,8 +73,11 @@ def finished(
     costs: Sequence[float] = (),
 ) -> Solved:
     """From near ends on every sample to the verdict."""
-    found = ended([approach(problem, x) for x in begin], problem)
+    found = [approach(problem, x) for x in begin]
     best = min(found, key=lambda end: end.cost)
+    if best.cost > problem.floor:  # beneath it lies rounding, in which a line search finds no way
+        found = ended(found, problem)
+        best = min(found, key=lambda end: end.cost)
     exact = with_second_derivatives(problem, rough or setup)
 
     def full(x: Array) -> tuple[float, Array]:
@@ -100,7 +105,7 @@ def with_second_derivatives(problem: Problem, rough: Setup) -> Problem:
 
     def exact(x: Array) -> Array:
         whole = problem.curvature(x)
-        _, gradient, own = rough.together(x)
+        own = rough.together(x)[2]
         scale = np.sqrt(np.maximum(np.diagonal(own), 1e-300))
         size = np.sqrt(max(problem.value(x)[0], problem.floor))
         added = np.empty_like(own)

@@ -1,8 +1,8 @@
 """Where the fits of recorded logs start: shapes of τ1(u) and τ2(u) with everything linear solved for, the best first.
 
-For given τ1(u), τ2(u) the response is linear in the coefficients of T_s, the idle outputs and the start states. Constant
-pairs over a log grid come first, as the linear model and a step inside the log would show them; the best of these are
-then bent: τ2 and τ1 that rise or fall over the inputs.
+For given τ1(u), τ2(u) the response is linear in the coefficients of T_s, the idle outputs and the start states.
+Constant pairs over a log grid come first, as the linear model and a step inside the log would show them; the best of
+these are then bent, τ1 and τ2 rising or falling over the inputs; and τ2 passes through a few values at three inputs.
 """
 
 import itertools
@@ -11,16 +11,22 @@ from collections.abc import Sequence
 import numpy as np
 
 from eaid.arrays import Array
-from eaid.fitting.solver import Problem, bring_in, draw_in
+from eaid.fitting.solver import Problem, approach, bring_in, draw_in
 from eaid.fitting.starts import TAU1_LEAST_S
 from eaid.recorded.problem import Setup
 
-FAST = 7
-"""Values of τ1 on the grid."""
-SLOW = 7
-"""Values of τ2."""
+FAST = 17
+"""Values of τ on the grid, from half a sample to the longest log."""
+BENT = 3
+"""Minima over the grid that are bent."""
 BENDS = (0.2, 1.0, 5.0)
 """Ratio of a bent τ at the highest input to that at the lowest."""
+SHAPES = 5
+"""Values of τ2 tried at each of three inputs."""
+SIEVED = 16
+"""Best of those shapes that go a few steps down …"""
+SIEVE_STEPS = 4
+"""… so many."""
 MOST = 5
 """Starts handed on."""
 DISTINCT = 1e-4
@@ -31,28 +37,61 @@ def starts(setup: Setup, problem: Problem) -> list[Array]:
     """Feasible starts, the most promising first, and a plain one with constant τ last."""
     model = setup.model
     shortest, longest = spans(setup)
-    fast = np.geomspace(max(0.5 * shortest, 2 * TAU1_LEAST_S), 0.1 * longest, FAST)
+    fast = np.geomspace(max(0.5 * shortest, 2 * TAU1_LEAST_S), longest, FAST)
+    slow = fast if model.sizes[2] else fast[-1:] * 2
     shares = [0.85] if model.share is not None else [0.5, 0.7, 0.85, 0.95]
-    pairs = [(one, two) for one in fast for two in np.geomspace(2 * one, max(longest, 4 * one), SLOW)]
-    if model.sizes[2] == 0:
-        pairs = [(one, 1.0) for one in np.geomspace(0.3 * shortest, longest, 4 * FAST)]
-    found = [
-        (_solved(setup, _shaped(setup, one, two, share)), one, two, share) for one, two in pairs for share in shares
-    ]
+    found: list[tuple[tuple[float, Array], float, float, float]] = []
+    for share in shares:
+        costs = np.full((len(fast) + 2, len(slow) + 2), np.inf)
+        place: dict[tuple[int, int], Array] = {}
+        for i, j in itertools.product(range(len(fast)), range(len(slow))):
+            if slow[j] > 1.5 * fast[i]:
+                least, place[i, j] = _solved(setup, _shaped(setup, fast[i], slow[j], share))
+                costs[i + 1, j + 1] = least
+        for (i, j), x in place.items():
+            here = float(costs[i + 1, j + 1])
+            if here <= costs[i : i + 3, j : j + 3].min():
+                found.append(((here, x), float(fast[i]), float(slow[j]), share))
     found.sort(key=lambda row: row[0][0])
     places = [row[0] for row in found[:MOST]]
     if model.name == "nonlinear" and min(model.sizes) > 1:
-        for (_, one, two, share), bend1, bend2 in itertools.product(found[:3], BENDS, BENDS):
+        for (_, one, two, share), bend1, bend2 in itertools.product(found[:BENT], BENDS, BENDS):
             places.append(_solved(setup, _shaped(setup, one, two, share, bend1, bend2)))
+    flat = inner(setup, found[0][0][1], problem)
     places.sort(key=lambda row: row[0])
+    if model.name == "nonlinear" and model.sizes[2] > 1:
+        typical = places[0][1]
+        broad = [_solved(setup, x) for x in slow_shapes(setup, typical, longest)]
+        broad.sort(key=lambda row: row[0])
+        for _, x in broad[:SIEVED]:
+            end = approach(problem, bring_in(x, flat, problem), steps=SIEVE_STEPS)
+            places.append((end.cost, end.x))
+        places.sort(key=lambda row: row[0])
     chosen: list[tuple[float, Array]] = []
     for cost, x in places:
         if all(abs(cost - other) > DISTINCT * other for other, _ in chosen):
             chosen.append((cost, x))
         if len(chosen) == MOST:
             break
-    flat = inner(setup, found[0][0][1], problem)
     return [bring_in(x, flat, problem) for _, x in chosen] + [flat]
+
+
+def slow_shapes(setup: Setup, x: Array, longest: float) -> list[Array]:
+    """x with every τ2(u) through a few values at the lowest, middle and highest input: joint costs have several minima
+    far apart in τ2, where holds are short."""
+    basis = setup.model.basis
+    assert basis is not None
+    at = np.array([basis.lowest, 0.5 * (basis.lowest + basis.highest), basis.highest])
+    rows = setup.model.rows_of(at)
+    a, b, c = setup.model.sizes
+    typical = max(float(rows.tau1[1] @ x[a : a + b]), 2 * TAU1_LEAST_S)
+    values = np.geomspace(3 * typical, max(3 * longest, 30 * typical), SHAPES)
+    found = []
+    for three in itertools.product(values, repeat=3):
+        shape = x.copy()
+        shape[a + b : a + b + c] = np.linalg.lstsq(rows.tau2, np.array(three), rcond=None)[0]
+        found.append(shape)
+    return found
 
 
 def spans(setup: Setup) -> tuple[float, float]:
@@ -61,9 +100,7 @@ def spans(setup: Setup) -> tuple[float, float]:
     return float(np.median(np.concatenate(rows))), max(float(one.sum()) for one in rows)
 
 
-def _shaped(
-    setup: Setup, tau1: float, tau2: float, share: float, bend1: float = 1.0, bend2: float = 1.0
-) -> Array:
+def _shaped(setup: Setup, tau1: float, tau2: float, share: float, bend1: float = 1.0, bend2: float = 1.0) -> Array:
     """x with τ1 and τ2 that run straight from τ/√bend to τ √bend, everything else 0."""
     model = setup.model
     x = np.zeros(setup.size)

@@ -24,6 +24,7 @@ from eaid.results.common import (
     Solver,
     Source,
 )
+from eaid.results.recorded import Recorded
 
 Three = tuple[Number, Number, Number]
 Four = tuple[Number, Number, Number, Number]
@@ -469,5 +470,7 @@ class Fit(Result, frozen=True):
     linear: Linear | None = None
     release: Release | None = None
     uncertainty: Uncertainty | None = None
+    recorded: Recorded | None = None
+    """Of logs that were fitted as they were recorded."""
     findings: tuple[Finding, ...] = ()
     """Worst first."""

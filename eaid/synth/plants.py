@@ -45,6 +45,8 @@ class Plant:
     """(τ1, τ2) of a fall to rest [s], where they are known."""
     rest_below: float = 0.0
     """Lowest identified input: a fall to an input below it goes over to `release`, as in `eaid.replay.plant`."""
+    model: Nonlinear | None = None
+    """The clutch's own model, which a closed loop needs."""
 
 
 def clutch(p: Nonlinear = REFERENCE_PLANT, made_of: str = "the reference plant (docs/synthetic.md)") -> Plant:
@@ -56,7 +58,7 @@ def clutch(p: Nonlinear = REFERENCE_PLANT, made_of: str = "the reference plant (
         return Friction(steady, tau1, tau2, p.C)
 
     levels = tuple(u for u in LEVELS["clutch"] if p.u_range[0] <= u <= p.u_range[1]) or p.u_range
-    return Plant("clutch", at, ROTOR_RPM["clutch"], levels, made_of, p.release, p.u_range[0])
+    return Plant("clutch", at, ROTOR_RPM["clutch"], levels, made_of, p.release, p.u_range[0], p)
 
 
 def table_i(force_n: float) -> Friction:

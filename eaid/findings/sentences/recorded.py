@@ -1,5 +1,127 @@
-"""Sentences about recorded."""
+"""Sentences about fits of recorded logs."""
+
+from collections.abc import Mapping
+from typing import Any
 
 from eaid.findings.row import Row
 
-ROWS: dict[str, Row] = {}
+SYMBOLS = {"Ts": "T_s", "tau1": "τ1", "tau2": "τ2"}
+
+
+def _never_asked(v: Mapping[str, Any]) -> str:
+    symbol = SYMBOLS[v["parameter"]]
+    return (
+        f"the input never asked about {symbol} at {v['levels']}: its interval there is wider than "
+        f"± {v['limit_pct']:g} %; hold these inputs {_how(v['parameter'])}"
+    )
+
+
+def _how(parameter: str) -> str:
+    return {
+        "Ts": "for longer than τ2",
+        "tau1": "more often, coming from a lower input",
+        "tau2": "for longer than τ2, coming from a lower input",
+    }[parameter]
+
+
+def _falls(v: Mapping[str, Any]) -> str:
+    return (
+        f"falls between levels are not what rises are: their τ1 is {v['tau1_factor']:.3g} times and their τ2 "
+        f"{v['tau2_factor']:.3g} times that of rises to the same input (chance {v['chance']:.2g}); τ1 and τ2 here are "
+        "those of rises, and the replay takes them for falls too"
+    )
+
+
+ROWS: dict[str, Row] = {
+    "recorded-not-converged": Row(
+        "stop", "the fit of the recorded logs did not converge: one more step would gain {promise:.2g} of the cost"
+    ),
+    "input-faster-than-sampled": Row(
+        "caution",
+        "{subject}: the input jumps from row to row in {share_pct:.0f} % of the acting time: it moves faster than it "
+        "is sampled, and what acted between the rows is not known; log it faster, or log its mean",
+        "share_pct",
+    ),
+    "input-saturates": Row(
+        "caution",
+        "{subject}: the input stands at its limit ({limit:g}) for {share_pct:.0f} % of the acting time: it tells "
+        "little there; lower the reference or the gains",
+        "share_pct",
+    ),
+    "output-saturates": Row(
+        "caution",
+        "{subject}: the output stands at its largest value ({limit:.4g}) in {share_pct:.0f} % of the rows: the sensor "
+        "or its amplifier is at its end; the fit takes that for the steady value",
+        "share_pct",
+    ),
+    "one-input-only": Row(
+        "caution",
+        "the logs excite one input only ({levels}): T_s, τ1 and τ2 are known there; how they go with the input is not",
+    ),
+    "few-inputs": Row(
+        "note", "the logs hold {count} inputs only ({levels}): the polynomials have no more terms than that"
+    ),
+    "idle-not-seen": Row(
+        "caution",
+        "{subject}: the log never rests, so its idle output is not known apart from T_s; 0 is taken: begin the log "
+        "with a second at rest",
+    ),
+    "never-asked": Row("caution", _never_asked),
+    "release-differs": Row(
+        "note",
+        "falls to rest have time constants of their own, {tau1_s:.3g} s and {tau2_s:.3g} s (the lowest input would "
+        "give {edge1_s:.3g} s and {edge2_s:.3g} s; chance {chance:.2g}); they are fitted and taken for the release",
+    ),
+    "release-alike": Row(
+        "note",
+        "falls to rest are as fast as the lowest input gives, {tau1_s:.3g} s and {tau2_s:.3g} s, as far as these logs "
+        "can tell (chance {chance:.2g})",
+    ),
+    "release-not-seen": Row(
+        "note", "the logs hold no fall to rest: that a release goes as at the lowest input is an assumption"
+    ),
+    "falls-differ": Row("caution", _falls),
+    "hysteresis": Row(
+        "caution",
+        "the steady output depends on where the input came from: {excess_pct:+.2g} % after a fall of the input "
+        "(chance {chance:.2g}); T_s here is that after rises",
+    ),
+    "engagements-scatter": Row(
+        "note",
+        "the output differs between engagements by {scatter_pct:.2g} % (sd of {count}); the intervals hold it",
+    ),
+    "duty-follows-output": Row(
+        "caution",
+        "{subject}: the input answers the noise of the output (correlation {correlation:.2f}): the log comes from a "
+        "closed loop, and a direct fit is biased by as much as the noise",
+    ),
+    "loop-bias": Row(
+        "caution",
+        "closed loop: {refits} refits on simulated loops like this one miss the truth by {Ts_pct:.2g} % in T_s, "
+        "{tau1_pct:.2g} % in τ1 and {tau2_pct:.2g} % in τ2 (mean error, rms over the range), because the duty carries "
+        "the noise; «instrument» removes it",
+    ),
+    "loop-bias-small": Row(
+        "note",
+        "closed loop: refits on {refits} simulated loops like this one show a bias of {Ts_pct:.2g} % in T_s, "
+        "{tau1_pct:.2g} % in τ1 and {tau2_pct:.2g} % in τ2, less than their scatter",
+    ),
+    "loop-bias-unknown": Row(
+        "caution",
+        "{subject}: a closed loop whose law is not known: the bias of the direct fit cannot be told; log the reference "
+        "too",
+    ),
+    "loop-instrument": Row(
+        "note", "{subject}: fitted with the simulated duty as an instrument: the noise that the duty carries has no say"
+    ),
+    "loop-tracks-otherwise": Row(
+        "caution",
+        "{subject}: the recorded loop misses its reference by {rms:.3g} (rms), the fitted model predicts "
+        "{predicted:.3g}: something in the loop is not in the model",
+    ),
+    "excitation-short": Row(
+        "caution",
+        "no sequence of {most_s:g} s within the limits reaches the widths: {parameter} comes to ± {width_pct:.3g} %, "
+        "not {wanted_pct:g} %",
+    ),
+}

@@ -1,0 +1,88 @@
+"""What can be said of recorded logs before a fit: refusals, and findings about their inputs and outputs."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from eaid.arrays import Array
+from eaid.errors import DataError
+from eaid.findings import Finding, finding
+from eaid.recorded.log import RecordedLog
+
+LEAST_ROWS = 10
+JUMP = 0.1
+"""A jump, as a part of the largest input."""
+FAST_PCT = 20.0
+SATURATED_PCT = 20.0
+CLIPPED_PCT = 5.0
+FULL_DUTY = 99.9
+
+
+def refuse(logs: Sequence[RecordedLog]) -> None:
+    """Raise `DataError` with a sentence for every log that no model can be fitted to."""
+    faults = []
+    for log in logs:
+        where = log.source or log.name
+        top = float(np.nanmax(np.abs(log.input), initial=0.0))
+        known = int(np.isfinite(log.output).sum())
+        if not np.isfinite(log.input).all():
+            faults.append(f"{where}: the input is not known at every row; a fit needs it whole")
+        elif top == 0.0:
+            faults.append(f"{where}: its input never leaves rest; there is nothing to fit")
+        elif np.ptp(log.input) == 0 and log.idle_start is not True and log.baseline is None:
+            faults.append(
+                f"{where}: its input never moves (it stays at {top:g}) and no idle output is known; record the step "
+                "that leads there, or give «baseline»"
+            )
+        elif (log.input < 0).any():
+            faults.append(f"{where}: its input is both above and below rest; say where rest is («rest»)")
+        elif known < LEAST_ROWS:
+            faults.append(f"{where}: holds {known} rows with an output; a fit needs {LEAST_ROWS}")
+        elif np.ptp(log.output[np.isfinite(log.output)]) == 0:
+            faults.append(f"{where}: its output never changes; look at the sensor")
+        elif not (np.diff(log.time_s) > 0).all():
+            faults.append(f"{where}: its time does not rise; sort or drop the rows")
+    if faults:
+        raise DataError(*faults)
+
+
+def input_findings(logs: Sequence[RecordedLog], levels: Array, stepwise: bool) -> list[Finding]:
+    """What is doubtful in the inputs, log by log and together."""
+    found = [one for log in logs for one in (_fast(log), _saturated(log), _clipped(log)) if one is not None]
+    if len(levels) == 1:
+        found.append(finding("one-input-only", "data", levels))
+    elif stepwise and len(levels) < 4:
+        found.append(finding("few-inputs", "data", levels, count=len(levels)))
+    return found
+
+
+def _fast(log: RecordedLog) -> Finding | None:
+    """Rows that differ much from both neighbours, in opposite directions or not."""
+    step = np.abs(np.diff(log.input)) > JUMP * log.input.max()
+    alone = step[1:] & step[:-1]
+    acting = int((log.input > 0).sum())
+    share = 100.0 * int(alone.sum()) / max(acting, 1)
+    return finding("input-faster-than-sampled", log.name, share_pct=share) if share > FAST_PCT else None
+
+
+def _saturated(log: RecordedLog) -> Finding | None:
+    """A moving input that stands at its largest value."""
+    top = float(log.input.max())
+    if log.stepwise and log.reference is None:
+        return None
+    acting = log.input > 0
+    share = 100.0 * float(log.dt_s[log.input >= top * (1 - 1e-9)].sum()) / max(float(log.dt_s[acting].sum()), 1e-300)
+    return finding("input-saturates", log.name, share_pct=share, limit=top) if share > SATURATED_PCT else None
+
+
+def _clipped(log: RecordedLog) -> Finding | None:
+    """An output that stands at its largest value while different inputs act, and never comes near it otherwise."""
+    y = log.output[np.isfinite(log.output)]
+    u = log.input[np.isfinite(log.output)]
+    top = float(y.max())
+    at = y == top
+    share = 100.0 * float(at.mean())
+    steps = np.unique(y)
+    if share <= CLIPPED_PCT or len(steps) < 20 or np.ptp(u[at]) <= JUMP * u.max():
+        return None
+    return finding("output-saturates", log.name, share_pct=share, limit=top)

@@ -1,0 +1,190 @@
+"""Do falls go as rises do? Tested on the data, and fitted where they differ.
+
+    rest     τ1, τ2 of falls to rest against those of the lowest identified input
+    fall     factors on τ1, τ2 of falls between identified inputs against 1
+    excess   T_s after a fall of a stepwise input, T_s (1 + h), against h = 0
+
+Each is an unknown (or two) beside the coefficients; Wald's test with the covariance of the coloured residuals.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.stats import f as f_distribution
+
+from eaid.arrays import Array
+from eaid.findings import Finding, finding
+from eaid.recorded.drive import Drive
+from eaid.recorded.intervals import Spread, spread
+from eaid.recorded.problem import EXTRAS, Setup, with_extras
+from eaid.recorded.solve import Solved, finished
+from eaid.results.common import Interval
+from eaid.results.recorded import Falls
+
+CHANCE = 1e-3
+"""A difference is taken over where chance makes one as large more rarely than this …"""
+LEAST = {"rest": 0.1, "fall": 0.05, "excess": 0.003}
+"""… and it is larger than this part."""
+
+
+@dataclass(frozen=True, eq=False)
+class Tested:
+    """The fit with what the tests asked for, and what they found."""
+
+    solved: Solved
+    falls: Falls
+    findings: tuple[Finding, ...]
+
+
+def seen(drives: tuple[Drive, ...], low: float, stepwise: bool) -> tuple[str, ...]:
+    """Which of the three the inputs can tell."""
+    found = []
+    if any(_falls_to_rest(drive) for drive in drives):
+        found.append("rest")
+    falls = [_level_falls(drive, low) for drive in drives]
+    if stepwise and sum(falls) >= 2:
+        found += ["fall", "excess"]
+    return tuple(found)
+
+
+def _falls_to_rest(drive: Drive) -> bool:
+    level = drive.duty[drive.index]
+    fell = np.flatnonzero((level[:-1] > 0) & (level[1:] == 0))
+    return any(int((level[at + 1 :] == 0).argmin() or len(level) - at - 1) >= 8 for at in fell)
+
+
+def _level_falls(drive: Drive, low: float) -> int:
+    level = drive.duty[drive.index]
+    return int(((level[1:] < level[:-1]) & (level[1:] >= low)).sum())
+
+
+def tested(base: Solved, rough: Setup | None, stepwise: bool) -> Tested:
+    """Test all that the inputs can tell together, then fit again with those that differ."""
+    setup = base.setup
+    low = setup.model.low
+    names = seen(setup.drives, low, stepwise)
+    if not names:
+        return Tested(base, Falls(), (finding("release-not-seen", "release"),))
+    whole = _with(base, names, rough)
+    sure = spread(whole)
+    found, kept = _judged(whole, sure, names)
+    solved = base
+    if kept:
+        solved = whole if kept == names else _with(base, kept, rough)
+        if kept != names:
+            found = {**_judged(solved, spread(solved), kept)[0], **{k: v for k, v in found.items() if k not in kept}}
+    return Tested(solved, _as_result(found, kept), _told(solved, found, kept))
+
+
+@dataclass(frozen=True, eq=False)
+class Judged:
+    """Values of one extra, their half-widths, and the chance of a difference as large."""
+
+    values: Array
+    half: Array
+    against: Array
+    chance: float
+    differs: bool
+
+
+def edges(solved: Solved) -> Array:
+    """τ1 and τ2 of the lowest identified input, (2,)."""
+    model = solved.setup.model
+    tables = model.tables(model.rows_of(np.array([model.low])), solved.coefficients)
+    return np.array([tables.tau1[0], tables.tau2[0]])
+
+
+def _with(base: Solved, names: tuple[str, ...], rough: Setup | None) -> Solved:
+    values = {"rest": edges(base), "fall": np.ones(2), "excess": np.zeros(1)}
+    begin = np.concatenate([values[name] for name in names])
+    setup, x = with_extras(base.setup, names, base.x, begin)
+    small = None if rough is None else with_extras(rough, names, base.x, begin)[0]
+    return finished(setup, setup.problem(), [x], rough=small)
+
+
+def _judged(solved: Solved, sure: Spread, names: tuple[str, ...]) -> tuple[dict[str, Judged], tuple[str, ...]]:
+    found, kept = {}, []
+    model = solved.setup.model
+    rows = model.rows_of(np.array([model.low]))
+    a, b, _ = model.sizes
+    for name in names:
+        at, count = solved.setup.at(name), EXTRAS[name]
+        G = np.zeros((count, solved.setup.size))
+        G[:, at : at + count] = np.eye(count)
+        values = solved.x[at : at + count]
+        against = {"rest": edges(solved), "fall": np.ones(2), "excess": np.zeros(1)}[name]
+        if name == "rest":  # the edge values are estimates too
+            G[0, a : a + b] -= rows.tau1[0]
+            G[1, a + b : a + b + model.sizes[2]] -= rows.tau2[0]
+        off = values - against
+        chance = max(_chance(off, G @ V @ G.T, df) for V, df in zip(sure.covariances, sure.degrees, strict=True))
+        half = np.array([sure.of(np.eye(solved.setup.size)[at + k])[0] for k in range(count)])
+        scale = against if name == "rest" else 1.0
+        differs = chance < CHANCE and bool((np.abs(off / scale) > LEAST[name]).any())
+        found[name] = Judged(values, half, against, chance, differs)
+        if differs:
+            kept.append(name)
+    return found, tuple(kept)
+
+
+def _chance(off: Array, V: Array, degrees: float) -> float:
+    scale = np.sqrt(np.maximum(np.diagonal(V), 1e-300))
+    inverse = np.linalg.pinv(V / np.outer(scale, scale), rcond=1e-10, hermitian=True)
+    statistic = float((off / scale) @ inverse @ (off / scale)) / len(off)
+    return float(f_distribution.sf(statistic, len(off), max(degrees, 1.0)))
+
+
+def _interval(one: Judged, k: int, scale: float = 1.0) -> Interval:
+    low, high = scale * (one.values[k] - one.half[k]), scale * (one.values[k] + one.half[k])
+    return (float(low), float(high)) if np.isfinite(low + high) and high - low < 1e6 else None
+
+
+def _as_result(found: dict[str, Judged], kept: tuple[str, ...]) -> Falls:
+    rest, fall, excess = (found.get(name) for name in ("rest", "fall", "excess"))
+    return Falls(
+        release_tau1=None if rest is None else float(rest.values[0]),
+        release_tau2=None if rest is None else float(rest.values[1]),
+        release_chance=None if rest is None else rest.chance,
+        release_fitted="rest" in kept,
+        fall_tau1=None if fall is None else float(fall.values[0]),
+        fall_tau1_ci95=None if fall is None else _interval(fall, 0),
+        fall_tau2=None if fall is None else float(fall.values[1]),
+        fall_tau2_ci95=None if fall is None else _interval(fall, 1),
+        fall_chance=None if fall is None else fall.chance,
+        fall_fitted="fall" in kept,
+        hysteresis_pct=None if excess is None else 100 * float(excess.values[0]),
+        hysteresis_ci95=None if excess is None else _interval(excess, 0, 100.0),
+        hysteresis_chance=None if excess is None else excess.chance,
+        hysteresis_fitted="excess" in kept,
+    )
+
+
+def _told(solved: Solved, found: dict[str, Judged], kept: tuple[str, ...]) -> tuple[Finding, ...]:
+    told = []
+    if "rest" in found:
+        one = found["rest"]
+        tau1, tau2 = one.values.tolist()
+        edge1, edge2 = edges(solved).tolist()
+        if "rest" in kept:
+            told.append(
+                finding(
+                    "release-differs", "release",
+                    tau1_s=tau1, tau2_s=tau2, edge1_s=edge1, edge2_s=edge2, chance=one.chance,
+                )
+            )  # fmt: skip
+        else:
+            told.append(finding("release-alike", "release", tau1_s=edge1, tau2_s=edge2, chance=one.chance))
+    else:
+        told.append(finding("release-not-seen", "release"))
+    if "fall" in kept:
+        one = found["fall"]
+        told.append(
+            finding(
+                "falls-differ", "nonlinear",
+                tau1_factor=float(one.values[0]), tau2_factor=float(one.values[1]), chance=one.chance,
+            )
+        )  # fmt: skip
+    if "excess" in kept:
+        one = found["excess"]
+        told.append(finding("hysteresis", "nonlinear", excess_pct=100 * float(one.values[0]), chance=one.chance))
+    return tuple(told)

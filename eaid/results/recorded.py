@@ -1,0 +1,140 @@
+"""What a fit of recorded logs says beyond the models: each log, what its input asked about, its falls, its loop."""
+
+from typing import Literal
+
+from eaid.results.common import Count, Interval, Number, Result
+
+
+class LogFit(Result, frozen=True):
+    """One log against the nonlinear model (the linear one, where that alone was fitted), in the output's unit."""
+
+    name: str
+    path: str = ""
+    sha256: str = ""
+    samples: Count = 0
+    duration_s: Number = 0.0
+    rate_hz: Number | None = None
+    input_kind: Literal["stepwise", "moving"] = "stepwise"
+    idle: Number | None = None
+    """Idle output, fitted or known."""
+    idle_fitted: bool = False
+    start: tuple[Number, Number] = (0.0, 0.0)
+    """Fast and slow state at the first row."""
+    rmse: Number | None = None
+    fit_pct: Number | None = None
+    """Free run: 100 (1 − ‖y − ŷ‖/‖y − mean y‖), the model driven by the input alone."""
+    one_step_pct: Number | None = None
+    """The same for the prediction y_k + (ŷ_k+1 − ŷ_k) of row k + 1."""
+
+
+class Asked(Result, frozen=True):
+    """What the input asked about at one level: relative half-widths of the 95 % intervals [%]; None: nothing."""
+
+    level: Number
+    Ts: Number | None = None
+    tau1: Number | None = None
+    tau2: Number | None = None
+    time_s: Number = 0.0
+    """Time for which the input was nearest to this level [s]."""
+
+
+class Falls(Result, frozen=True):
+    """Whether falls differ from rises, and up from down: what was tested, and what the fit then took over."""
+
+    release_tau1: Number | None = None
+    """Time constants of falls to rest [s], fitted freely."""
+    release_tau2: Number | None = None
+    release_chance: Number | None = None
+    """Chance of a difference this large if falls to rest had the time constants of the lowest input."""
+    release_fitted: bool = False
+    fall_tau1: Number | None = None
+    """Factor on τ1 of falls between levels."""
+    fall_tau1_ci95: Interval = None
+    fall_tau2: Number | None = None
+    fall_tau2_ci95: Interval = None
+    fall_chance: Number | None = None
+    fall_fitted: bool = False
+    hysteresis_pct: Number | None = None
+    """How much more T_s is after a fall of the input than after a rise [%]."""
+    hysteresis_ci95: Interval = None
+    hysteresis_chance: Number | None = None
+    hysteresis_fitted: bool = False
+
+
+class Bias(Result, frozen=True):
+    """Mean relative error of refits on simulated loops like the recorded one, rms over the range [%]."""
+
+    refits: Count = 0
+    Ts_pct: Number | None = None
+    tau1_pct: Number | None = None
+    tau2_pct: Number | None = None
+    scatter_Ts_pct: Number | None = None
+    """Standard deviation of the refits, rms over the range [%]."""
+    scatter_tau1_pct: Number | None = None
+    scatter_tau2_pct: Number | None = None
+
+
+class Loop(Result, frozen=True):
+    """A recorded closed loop, judged."""
+
+    name: str
+    K_P: Number | None = None
+    """Gains of a PI law that explains the recorded duty [%/(N·m)], [%/(N·m·s)]; None: none does, or no reference."""
+    K_I: Number | None = None
+    law_fit_pct: Number | None = None
+    """How much of the duty that law explains, free run of the law on the recorded error."""
+    saturated_fraction: Number = 0.0
+    """Part of the acting time with the duty at a limit."""
+    rms_error: Number | None = None
+    """Reference minus recorded output, in the output's unit."""
+    predicted_rms_error: Number | None = None
+    """The same of the loop replayed on the fitted model without noise."""
+    rms_from_predicted: Number | None = None
+    """Recorded output minus the replayed one."""
+    gain_margin_db: Number | None = None
+    """Least over the inputs that the loop used, of the fitted model with that law."""
+    phase_margin_deg: Number | None = None
+    method: Literal["direct", "instrument"] = "direct"
+    bias: Bias | None = None
+
+
+class Recorded(Result, frozen=True):
+    """The part `recorded` of a fit."""
+
+    logs: tuple[LogFit, ...] = ()
+    steps: Count = 0
+    """Levels of ordinary step logs that were fitted with them."""
+    u_range: tuple[Number, Number] = (0.0, 0.0)
+    asked: tuple[Asked, ...] = ()
+    falls: Falls | None = None
+    loops: tuple[Loop, ...] = ()
+    engagements: Count = 0
+    correlation_s: Number | None = None
+    """Integrated correlation time of the residuals [s], the longest of all logs."""
+
+
+class Response(Result, frozen=True):
+    """Frequency response of a log: recorded, and of the models on the same input; all of one length."""
+
+    name: str
+    frequency_hz: tuple[Number, ...] = ()
+    gain: tuple[Number, ...] = ()
+    """Output's unit over the input's."""
+    gain_low: tuple[Number, ...] = ()
+    """Ends of the 95 % band."""
+    gain_high: tuple[Number, ...] = ()
+    phase_deg: tuple[Number, ...] = ()
+    phase_half_width_deg: tuple[Number, ...] = ()
+    coherence: tuple[Number, ...] = ()
+    nonlinear_gain: tuple[Number, ...] = ()
+    nonlinear_phase_deg: tuple[Number, ...] = ()
+    linear_gain: tuple[Number, ...] = ()
+    linear_phase_deg: tuple[Number, ...] = ()
+    harmonics_pct: Number | None = None
+    """Output beyond what any linear system makes of the input, rms over the linear part, the noise taken off [%]."""
+    model_harmonics_pct: Number | None = None
+    """The same of the nonlinear model's output, which has no noise."""
+    periodic: bool = False
+    """Whether the input repeats, so that the tones it lacks are told from those it has."""
+    averages: Number = 0.0
+    """Independent stretches behind each value."""

@@ -1,0 +1,140 @@
+"""Recovery of the truth, agreement with the step fits and with an independent least squares."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.optimize import least_squares
+
+from eaid.errors import DataError
+from eaid.fitting.data import data_of
+from eaid.fitting.linear import fit_linear
+from eaid.fitting.nonlinear import fit_nonlinear
+from eaid.models.parameters import REFERENCE_PLANT, Nonlinear
+from eaid.recorded import model
+from eaid.recorded.drive import drive_of
+from eaid.recorded.fit import fit_recorded, inputs_of
+from eaid.recorded.log import RecordedLog, is_recorded, logs_of_steps, recorded_log
+from eaid.recorded.options import RecordedOptions
+from eaid.recorded.problem import Setup
+from eaid.recorded.solve import solve
+from eaid.replay.plant import plant_parameters, plant_step
+from eaid.steps.build import StepOptions, build_stepset
+from eaid.synth.disturbance import NONE
+from eaid.synth.excitation import Excitation, synthesise_excitation
+from eaid.synth.logs import Protocol, synthesise
+from eaid.synth.plants import clutch
+
+NOISE = replace(NONE, white_nm=0.006, coloured=0.01, coloured_s=0.3)
+PLAIN = RecordedOptions(models=("nonlinear",), ci="none", loop_refits=0, falls="as-rises")
+
+
+def coefficients(p: object) -> np.ndarray:
+    return np.concatenate([p.tau1, p.tau2, p.Ts])  # type: ignore[attr-defined]
+
+
+@pytest.mark.parametrize("kind", ["random", "staircase", "closed-loop", "multisine", "chirp"])
+def test_noise_free_logs_give_the_ten_coefficients_back(kind: str) -> None:
+    e = Excitation(kind, duration_s=150.0, rate_hz=200.0, hold_s=(0.5, 8.0))
+    run = synthesise_excitation(clutch(), e, NONE, 1)[0]
+    assert is_recorded(run)
+    found = fit_recorded([run], replace(PLAIN, u_range=(10.0, 100.0)))
+    assert found.nonlinear is not None and found.converged
+    np.testing.assert_allclose(coefficients(found.nonlinear), coefficients(REFERENCE_PLANT), rtol=1e-6)
+
+
+def test_two_levels_of_a_prbs_give_their_six_values_back() -> None:
+    e = Excitation("prbs", duration_s=120.0, rate_hz=200.0)
+    found = fit_recorded(synthesise_excitation(clutch(), e, NONE, 1), PLAIN)
+    assert found.nonlinear is not None
+    assert found.nonlinear.tau2[0] + 10 * found.nonlinear.tau2[1] == pytest.approx(4.766, rel=1e-6)
+    assert found.nonlinear.tau1[0] + 100 * found.nonlinear.tau1[1] == pytest.approx(0.26674, rel=1e-6)
+    assert "few-inputs" in [one.code for one in found.findings]
+
+
+def test_several_logs_with_idle_outputs_and_starts_of_their_own() -> None:
+    e = Excitation("random", duration_s=90.0, rate_hz=100.0, hold_s=(0.5, 8.0))
+    one = recorded_log(synthesise_excitation(clutch(), e, replace(NONE, offset_nm=0.3), 1)[0])
+    two = recorded_log(synthesise_excitation(clutch(), e, replace(NONE, offset_nm=-0.1), 2)[0])
+    cut = slice(2500, None)  # begins loaded, in the middle of a hold
+    two = RecordedLog("two", two.time_s[cut], two.input[cut], two.output[cut])
+    steps = build_stepset(
+        synthesise(clutch(), Protocol((30.0, 80.0), 2, 1.0, 10.0, 0.0, 100.0), NONE, 3), StepOptions()
+    )
+    found = fit_recorded([one, two], PLAIN, steps)
+    assert found.nonlinear is not None and found.recorded is not None
+    np.testing.assert_allclose(coefficients(found.nonlinear), coefficients(REFERENCE_PLANT), rtol=1e-6)
+    first, second = found.recorded.logs
+    assert (first.idle, second.idle) == (pytest.approx(0.3), pytest.approx(-0.1))
+    assert first.start == (0.0, 0.0) and min(second.start) > 0.0
+    assert found.recorded.steps == 2
+
+
+def test_step_logs_give_what_the_step_fits_give() -> None:
+    runs = synthesise(clutch(), Protocol((20.0, 40.0, 60.0, 80.0, 100.0), 2, 1.0, 12.0, 0.0, 200.0), NOISE, 5)
+    steps = build_stepset(runs, StepOptions())
+    logs = logs_of_steps(steps)
+    drives = tuple(drive_of(log) for log in logs)
+    by_steps = fit_nonlinear(data_of(steps.levels), 0.85)
+    levels = inputs_of(logs, None).levels
+    found = solve(Setup(model.nonlinear(levels, 0.85, 12.0), drives))
+    assert found.cost == pytest.approx(2 * by_steps.cost, rel=1e-9)  # two repeats behind each mean
+    assert found.setup.model.basis is not None
+    ours, theirs = found.setup.model.basis.parameters(found.coefficients), by_steps.parameters
+    duty = np.linspace(20, 100, 9)
+    for name in ("tau1", "tau2", "Ts"):
+        a, b = (np.polynomial.polynomial.polyval(duty, getattr(p, name)) for p in (ours, theirs))
+        np.testing.assert_allclose(a, b, rtol=1e-6)
+    line = fit_linear(data_of(steps.levels))
+    straight = solve(Setup(model.linear(levels, 0.005, 12.0), drives))
+    assert 1 / straight.x[-1] == pytest.approx(line.parameters.a0, rel=1e-6)
+
+
+def test_no_independent_least_squares_does_better() -> None:
+    """SciPy's trust region on a simulator of its own, from the truth and from our end."""
+    draw = np.random.default_rng(0)
+    for seed in range(3):
+        factor = np.exp(draw.normal(0, 0.3, 3))
+        plant = Nonlinear(
+            tuple(factor[0] * c for c in REFERENCE_PLANT.tau1),
+            tuple(factor[1] * c for c in REFERENCE_PLANT.tau2),
+            tuple(factor[2] * c for c in REFERENCE_PLANT.Ts),
+            (10.0, 100.0),
+        )
+        e = Excitation("random", duration_s=60.0, rate_hz=20.0, hold_s=(0.5, 6.0), idle_s=1.0)
+        run = synthesise_excitation(clutch(plant), e, NOISE, seed)[0]
+        found = fit_recorded([run], replace(PLAIN, u_range=(10.0, 100.0)))
+        assert found.nonlinear is not None
+        scale = np.concatenate([100.0 ** np.arange(3), 100.0 ** np.arange(3), 100.0 ** np.arange(4), [1.0]])
+
+        def missed(z: np.ndarray, run=run, scale=scale) -> np.ndarray:  # type: ignore[no-untyped-def]
+            c = z / scale
+            own = plant_parameters(Nonlinear(tuple(c[:3]), tuple(c[3:6]), tuple(c[6:10]), (10.0, 100.0)))
+            x1 = x2 = 0.0
+            out = np.empty(len(run.time_s))
+            for k, u in enumerate(run.input.tolist()):
+                out[k] = x1 + x2 + c[10] - run.output[k]
+                x1, x2 = plant_step(own, x1, x2, u, 0.05)
+            return out
+
+        start = np.append(coefficients(plant), 0.0) * scale
+        best = least_squares(missed, start, x_scale=np.maximum(np.abs(start), 0.1), ftol=1e-14, xtol=1e-14, gtol=1e-14)
+        assert found.nonlinear.sse is not None
+        assert found.nonlinear.sse <= 2 * best.cost * (1 + 1e-6)
+        ours = np.append(coefficients(found.nonlinear), found.recorded.logs[0].idle) * scale  # type: ignore[union-attr]
+        assert float(np.sum(missed(ours) ** 2)) == pytest.approx(found.nonlinear.sse, rel=1e-9)
+
+
+def test_what_cannot_be_fitted_is_refused_in_a_sentence() -> None:
+    t = np.arange(200) / 100
+    y = 1 - np.exp(-t)
+    for u, said in (
+        (np.zeros(200), "never leaves rest"),
+        (np.full(200, 40.0), "never moves"),
+        (np.where(t > 1, np.nan, 20.0), "not known at every row"),
+        (np.where(t > 1, -20.0, 20.0), "above and below rest"),
+    ):
+        with pytest.raises(DataError, match=said):
+            fit_recorded([RecordedLog("log", t, u, y, source="a.csv")])
+    with pytest.raises(DataError, match="never changes"):
+        fit_recorded([RecordedLog("log", t, np.where(t > 1, 20.0, 30.0), np.ones(200))])

@@ -1,0 +1,120 @@
+"""The response and its derivatives, against plain Python and complex steps."""
+
+import numpy as np
+import pytest
+
+from eaid.models.parameters import REFERENCE_PLANT
+from eaid.recorded import model
+from eaid.recorded.drive import coarse, drive_of
+from eaid.recorded.kernel import response as fast_response
+from eaid.recorded.log import RecordedLog
+from eaid.recorded.problem import Setup
+from eaid.recorded.reference import response
+from eaid.replay.plant import plant_parameters, plant_step
+
+
+def log_of(draw: np.random.Generator, n: int = 600, moving: bool = False) -> RecordedLog:
+    t = np.cumsum(draw.uniform(0.002, 0.05, n))
+    duty = np.repeat(draw.choice([0.0, 4.0, 10.0, 35.0, 60.0, 100.0], n // 20), 20)
+    duty[:12] = 0.0
+    if moving:
+        duty = np.clip(duty + draw.normal(0, 3, n), 0, 100)
+    return RecordedLog("log", t, duty, draw.normal(1, 0.3, n), idle_start=False)
+
+
+@pytest.mark.parametrize("moving", [False, True])
+@pytest.mark.parametrize("kind", ["nonlinear", "free", "linear", "friction"])
+def test_derivatives_are_those_of_complex_steps(kind: str, moving: bool) -> None:
+    draw = np.random.default_rng(3)
+    log = log_of(draw, moving=moving)
+    levels = np.array([10.0, 35.0, 60.0, 100.0])
+    one = {
+        "nonlinear": model.nonlinear(levels, 0.85, 30.0),
+        "free": model.nonlinear(levels, None, 30.0),
+        "linear": model.linear(levels, 0.01, 30.0),
+        "friction": model.friction(levels, 0.85, 30.0),
+    }[kind]
+    drive = drive_of(log)
+    setup = Setup(one, (drive,), ("rest", "fall", "excess"))
+    basis = model.nonlinear(levels, 0.85, 30.0).basis
+    assert basis is not None
+    if kind in ("nonlinear", "free"):
+        x0 = np.append(basis.unknowns(REFERENCE_PLANT), [0.8] * (kind == "free"))
+    elif kind == "linear":
+        x0 = np.array([2.0, 1.8, 0.4])
+    else:
+        x0 = np.array([0.2, 0.7, 1.6, 4.4, 0.2, 0.5, 0.6, 0.3, 5.0, 11.0, 15.0, 14.0])
+    x = np.concatenate([x0, [0.3, 7.0, 1.3, 0.8, 0.05, 0.02, 0.4], [0.1] * (kind != "linear")])
+    J, r = setup.jacobian(x, 0)
+
+    def torque(z: np.ndarray) -> np.ndarray:
+        tables = one.tables(setup.maps[0], z)
+        at = one.size
+        share = z[at - 1] if kind == "free" else one.share
+        own = setup.own[0]
+        start = (z[own[1]], z[own[2]] if own[2] >= 0 else 0.0)
+        return np.asarray(response(drive, tables, [share, *z[at : at + 5], z[own[0]]], start))
+
+    assert np.abs(torque(x) - drive.y - r).max() < 1e-12
+    for j in range(len(x)):
+        z = x.astype(complex)
+        z[j] += 1e-30j
+        exact = torque(z).imag / 1e-30
+        assert np.abs(exact - J[:, j]).max() <= 1e-11 * max(1.0, np.abs(exact).max()), j
+
+
+def test_products_are_those_of_the_rows() -> None:
+    draw = np.random.default_rng(4)
+    setup = Setup(model.nonlinear(np.array([10.0, 35.0, 60.0, 100.0]), 0.85, 30.0), (drive_of(log_of(draw)),))
+    basis = setup.model.basis
+    assert basis is not None
+    x = np.append(basis.unknowns(REFERENCE_PLANT), [0.02, 0.4, 0.1])
+    J, r = setup.jacobian(x, 0)
+    cost, gradient, curvature = setup.together(x)
+    assert cost == pytest.approx(float(r @ r), rel=1e-12)
+    np.testing.assert_allclose(gradient, 2 * J.T @ r, rtol=1e-10, atol=1e-10)
+    np.testing.assert_allclose(curvature, 2 * J.T @ J, rtol=1e-10, atol=1e-10)
+
+
+def test_the_model_moves_as_the_replays_plant_does() -> None:
+    draw = np.random.default_rng(5)
+    log = log_of(draw, moving=True)
+    plant = plant_parameters(REFERENCE_PLANT)._replace(release1=0.4, release2=6.0)
+    x1 = x2 = 0.0
+    expected = []
+    for u, dt in zip(log.input, log.dt_s, strict=True):
+        expected.append(x1 + x2)
+        x1, x2 = plant_step(plant, x1, x2, float(u), float(dt))
+    one = model.nonlinear(np.array([10.0, 35.0, 60.0, 100.0]), 0.85, 30.0)
+    drive = drive_of(log)
+    assert one.basis is not None
+    tables = one.tables(one.rows_of(drive.duty), one.basis.unknowns(REFERENCE_PLANT))
+    found = np.empty(len(expected))
+    scalars = np.array([0.85, 0.4, 6.0, 1.0, 1.0, 0.0, 0.0])
+    fast_response(
+        drive.dt_s, drive.index, np.ones_like(drive.rising), tables.steady, tables.tau1, tables.tau2, tables.rest,
+        scalars, np.zeros(2), found,
+    )  # fmt: skip
+    np.testing.assert_allclose(found, expected, rtol=1e-11, atol=1e-12)
+
+
+@pytest.mark.parametrize("moving", [False, True])
+def test_a_coarse_copy_costs_what_the_log_costs_but_for_a_constant(moving: bool) -> None:
+    draw = np.random.default_rng(6)
+    n = 60_000
+    duty = np.repeat(draw.choice([10.0, 40.0, 100.0], n // 3000), 3000)
+    if moving:
+        duty = 55 + 45 * np.sin(np.arange(n) / 4000)
+    log = RecordedLog("log", np.arange(n) / 1000, duty, np.zeros(n), baseline=0.0, idle_start=True)
+    one = model.nonlinear(np.array([10.0, 40.0, 70.0, 100.0]), 0.85, 60.0)
+    assert one.basis is not None
+    x = one.basis.unknowns(REFERENCE_PLANT)
+    clean = Setup(one, (drive_of(log),)).jacobian(x, 0)[1]
+    log = RecordedLog("log", log.time_s, duty, clean + draw.normal(0, 0.05, n), baseline=0.0, idle_start=True)
+    small = coarse(log)
+    assert len(small.dt_s) < n / 4
+    assert small.w.sum() == pytest.approx(n)
+    whole, rough = Setup(one, (drive_of(log),)), Setup(one, (small,))
+    moved = x * (1 + 0.05 * draw.normal(size=len(x)))
+    exact = whole.together(moved)[0] - whole.together(x)[0]
+    assert rough.together(moved)[0] - rough.together(x)[0] == pytest.approx(exact, rel=0.02)
