@@ -370,7 +370,7 @@ def _manifest(folder: Path, *step: Any) -> Iterator[str]:
     yield 'schema = "eaid/manifest/1"\n\n[options]\nkind = "clutch"\n\n' + logs
     yield (
         'schema = "eaid/manifest/1"\n[options]\ncolumns = "time=time_s,output=3"\nunits = "time=s"\n'
-        'name_pattern = "{level}_"\nstep_at = 0.1\nuntil = 2\nrepair = true\nlevels = "10-90"\nkeep_baseline = false\n'
+        'name_pattern = "{level}_"\nstep_at = 0.1\nuntil = 2\nrepair = true\nlevels = "10-90"\nbaseline = "auto"\n'
         'variable = "log"\nrate = 200.0\nrest = -5.0\napparatus = "surfaces=2"\njoin = true\n\n' + logs + logs
     )
     yield 'schema = "eaid/manifest/1"\nlog = [{ file = "a.csv", repeat = 2 }, { file = "a.csv" }]\noptions = {}\n'

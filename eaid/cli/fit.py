@@ -55,7 +55,8 @@ def command(
     repair: inputs.Repair = False,
     kind: inputs.KindOption = None,
     levels: inputs.Levels = None,
-    keep_baseline: inputs.KeepBaseline = False,
+    baseline: inputs.Baseline = "auto",
+    sign: inputs.Sign = "auto",
     variable: inputs.Variable = None,
     rate: inputs.Rate = None,
     rest: inputs.Rest = 0.0,
@@ -91,7 +92,7 @@ def command(
     check(options)
     stepset = inputs.stepset_from(
         data, columns=columns, units=units, name_pattern=name_pattern, step_at=step_at, until=until, repair=repair,
-        kind=kind, levels=levels, keep_baseline=keep_baseline, variable=variable, rate=rate, rest=rest,
+        kind=kind, levels=levels, baseline=baseline, sign=sign, variable=variable, rate=rate, rest=rest,
         apparatus=apparatus, join=join,
     )  # fmt: skip
     options = with_bounds_levels(options, bounds_levels, stepset)

@@ -48,7 +48,8 @@ def command(
     repair: inputs.Repair = False,
     kind: inputs.KindOption = None,
     levels: inputs.Levels = None,
-    keep_baseline: inputs.KeepBaseline = False,
+    baseline: inputs.Baseline = "auto",
+    sign: inputs.Sign = "auto",
     variable: inputs.Variable = None,
     rate: inputs.Rate = None,
     rest: inputs.Rest = 0.0,
@@ -76,7 +77,7 @@ def command(
     refuse_to_overwrite(output, force)
     options = {
         "columns": columns, "units": units, "name_pattern": name_pattern, "step_at": step_at, "until": until,
-        "repair": repair, "kind": kind, "levels": levels, "keep_baseline": keep_baseline, "variable": variable,
+        "repair": repair, "kind": kind, "levels": levels, "baseline": baseline, "sign": sign, "variable": variable,
         "rate": rate, "rest": rest, "apparatus": apparatus, "join": join,
     }  # fmt: skip
     runs, stepset = inputs.runs_from(logs, **options)

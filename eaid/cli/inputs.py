@@ -37,6 +37,11 @@ Repair = Annotated[bool, typer.Option("--repair", help="Drop bad rows, up to 1 %
 KindOption = Annotated[str | None, typer.Option("--kind", help="Experiment: clutch, friction-force or friction-speed.")]
 Levels = Annotated[str | None, typer.Option(help="Levels to keep: 30:100 or 30,40,90.")]
 KeepBaseline = Annotated[bool, typer.Option("--keep-baseline", help="Do not subtract the idle output.")]
+Baseline = Annotated[
+    str,
+    typer.Option(help="Value before each step: auto (its last rest), first, none, VALUE, or FROM:TO in s to the step."),
+]
+Sign = Annotated[str, typer.Option(help="auto: an output recorded inverted is turned; keep: never.")]
 Variable = Annotated[
     str | None, typer.Option(help="Table of a file with several: a MAT variable, an HDF5 path, a TDMS group.")
 ]
@@ -111,7 +116,8 @@ class InputOptions:
     repair: bool = False
     kind: str | None = None
     levels: str | None = None
-    keep_baseline: bool = False
+    baseline: str = "auto"
+    sign: str = "auto"
     variable: str | None = None
     rate: float | None = None
     rest: float = 0.0
@@ -141,12 +147,16 @@ class InputOptions:
 
     def stepping(self) -> "StepOptions":
         """What finding steps needs of them."""
+        from eaid.steps.baseline import baseline_rule
         from eaid.steps.build import StepOptions
 
+        if self.sign not in ("auto", "keep"):
+            raise UsageError(f"«sign» {self.sign}: must be auto or keep")
         return StepOptions(
             kind=cast("Kind | None", self.kind),
             levels=self.levels,
-            keep_baseline=self.keep_baseline,
+            baseline=baseline_rule(self.baseline),
+            keep_sign=self.sign == "keep",
             rest=self.rest,
             apparatus=apparatus_from(self.apparatus, self.kind),
         )
@@ -180,7 +190,7 @@ def runs_from(paths: Sequence[Path], **options: Any) -> "tuple[list[Run], StepSe
     from eaid.logs.folders import files_of
     from eaid.logs.manifest import apply, manifest_of
     from eaid.logs.read import read_what_can_be
-    from eaid.steps.build import cut_runs, same_level, stepset_of
+    from eaid.steps.build import cut_runs, stepset_of
 
     typed = InputOptions(**options)
     manifest = manifest_of(paths)
@@ -206,7 +216,7 @@ def runs_from(paths: Sequence[Path], **options: Any) -> "tuple[list[Run], StepSe
         raise DataError(*faults, *more)
     stepset = stepset_of(steps, stepping)
     if typed.levels is not None:
-        kept = [level.level for level in stepset.levels]
-        steps = [step for step in steps if any(same_level(abs(step.level or 0.0), k) for k in kept)]
+        kept = {run.name for run in stepset.runs}
+        steps = [step for step in steps if step.name in kept]
     inputs = [{"path": str(path), "sha256": sha256_of(path)} for path in paths if path.is_file()]
     return steps, replace(stepset, extra={**stepset.extra, "inputs": inputs})

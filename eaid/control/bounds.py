@@ -14,7 +14,7 @@ from typing import Any
 
 from eaid.errors import DataError, GainsError, UsageError
 from eaid.models.parameters import Linear
-from eaid.steps.build import wanted_levels
+from eaid.steps.levels import wanted_levels
 
 CONVENTIONS = ("zero-offset", "pooled-offset", "pooled-dynamics")
 

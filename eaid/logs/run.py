@@ -5,6 +5,7 @@ from typing import Literal
 
 from eaid.apparatus import Apparatus
 from eaid.arrays import Array
+from eaid.findings import Finding
 
 Kind = Literal["clutch", "friction-force", "friction-speed"]
 INPUT_UNITS: dict[str, str] = {"clutch": "%", "friction-force": "N", "friction-speed": "RPM"}
@@ -40,6 +41,8 @@ class Run:
     """Torque reference of a closed-loop log [N·m], shape (n,); None: the log has none."""
     notes: tuple[str, ...] = ()
     """What reading had to do, in words (rows dropped by `--repair`, …)."""
+    findings: tuple[Finding, ...] = ()
+    """What finding its step brought up."""
     kind: Kind | None = None
     """Experiment, as its columns or its dataset say; None: nothing says it."""
     apparatus: Apparatus | None = None

@@ -5,31 +5,19 @@ from collections.abc import Sequence
 import numpy as np
 
 from eaid.arrays import Array, read_only
-from eaid.logs.spool import LONG, pieces, release, room
 from eaid.steps.clock import clock_of
-from eaid.steps.doubts import Step
+from eaid.steps.step import Step
 from eaid.steps.stepset import Level
 
 
 def _stacked(outputs: Sequence[Array], count: int) -> Array:
     """The first samples of some outputs, shape (R, count)."""
-    stack = room((len(outputs), count))
-    for row, output in zip(stack, outputs, strict=True):
-        for place, (piece,) in pieces(output[:count]):
-            row[place] = piece
-            release(stack)
-    return read_only(stack)
+    return read_only(np.stack([output[:count] for output in outputs]))
 
 
 def _grid(count: int, dt: float) -> Array:
     """k·dt for k = 0 … count − 1."""
-    if count < LONG:
-        return read_only(np.arange(count) * dt)
-    grid = room(count)
-    for place, _ in pieces(grid):
-        grid[place] = np.arange(place.start, place.stop) * dt
-        release(grid)
-    return read_only(grid)
+    return read_only(np.arange(count) * dt)
 
 
 def common(level: float, members: Sequence[Step]) -> Level:
@@ -54,11 +42,5 @@ def common(level: float, members: Sequence[Step]) -> Level:
     )
     end = min(float(time[-1]) for time in times)
     grid = _grid(int(np.floor(end / dt * (1 + 1e-12))) + 1, dt)
-    stack = room((len(members), len(grid)))
-    for row, time, output in zip(stack, times, outputs, strict=True):
-        for place, (piece,) in pieces(grid):
-            near = slice(*np.searchsorted(time, (piece[0], piece[-1])).tolist())
-            part = slice(max(0, near.start - 1), near.stop + 1)
-            row[place] = np.interp(piece, time[part], output[part])
-            release(stack)
+    stack = np.stack([np.interp(grid, time, output) for time, output in zip(times, outputs, strict=True)])
     return Level(level, grid, read_only(stack), names)

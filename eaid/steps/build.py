@@ -1,4 +1,4 @@
-"""Runs → the step set that is fitted: cut, sorted by level, repeats averaged, with a table of what is doubtful."""
+"""Runs → the step set that is fitted: cut, sorted by level, repeats averaged, with findings on what is doubtful."""
 
 from collections import Counter, defaultdict
 from collections.abc import Sequence
@@ -7,14 +7,21 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from eaid.apparatus import Apparatus
-from eaid.arrays import read_only
-from eaid.errors import DataError, UsageError
+from eaid.arrays import median, read_only
+from eaid.errors import DataError
+from eaid.findings import Finding, finding
 from eaid.logs.run import Kind, Run
-from eaid.logs.spool import mean, release
 from eaid.steps.average import common
+from eaid.steps.baseline import BaselineRule
+from eaid.steps.ceiling import same_ceiling
 from eaid.steps.clock import Clocks
-from eaid.steps.cut import FEWEST, cut, has_input
-from eaid.steps.doubts import Step, disagreement, doubts, left_pct, lost_pct
+from eaid.steps.cut import AUTO, cut, has_input
+from eaid.steps.direction import Direction, direction
+from eaid.steps.doubts import disagreement, doubts
+from eaid.steps.level_steps import level_steps
+from eaid.steps.levels import grouped, same_level, wanted_levels
+from eaid.steps.plateaus import FEWEST, tolerance
+from eaid.steps.step import Step, left_pct, lost_pct
 from eaid.steps.stepset import Level, RunRecord, StepSet
 
 DISAGREE = 0.10
@@ -28,49 +35,25 @@ class StepOptions:
     kind: Kind | None = None
     levels: str | None = None
     """`30:100` or `30,40,90`: levels to keep."""
-    keep_baseline: bool = False
-    """Leave the idle output in; default: it is subtracted."""
+    baseline: BaselineRule = AUTO
+    """The value from which each step is counted."""
     rest: float = 0.0
     """Input at rest, in the input's unit: levels are counted from it."""
     apparatus: Apparatus | None = None
     """The rig; None: as the dataset says, else the paper's."""
+    keep_sign: bool = False
+    """Never turn the sign of an output that falls at its step."""
 
 
 NOTHING_SAID = StepOptions()
-
-
-def wanted_levels(text: str, levels: Sequence[float]) -> list[float]:
-    """Those of `levels` that a `--levels` text keeps; raises DataError where it names one that is not there."""
-    chosen: set[float] = set()
-    for part in text.split(","):
-        bounds = part.split(":")
-        try:
-            numbers = [float(bound) for bound in bounds]
-        except ValueError:
-            numbers = []
-        if len(numbers) == 2 and numbers[0] <= numbers[1]:
-            found = [level for level in levels if numbers[0] - 1e-9 <= level <= numbers[1] + 1e-9]
-        elif len(numbers) == 1:
-            found = [level for level in levels if same_level(level, numbers[0])]
-        else:
-            raise UsageError(f"--levels {text}: write 30:100 or 30,40,90")
-        if not found:
-            held = ", ".join(f"{level:g}" for level in levels)
-            raise DataError(f"--levels {text}: no log holds {part.strip()}; levels found: {held}")
-        chosen.update(found)
-    return sorted(chosen)
-
-
-def same_level(a: float, b: float) -> bool:
-    """True where two inputs are one level: within 1 % of the larger."""
-    return abs(a - b) <= max(1e-2 * max(abs(a), abs(b)), 1e-12)
 
 
 def from_rest(run: Run, rest: float) -> Run:
     """A log whose input is counted from its value at rest; a run that is cut already stays as it is."""
     if rest == 0.0 or run.cut or not has_input(run):
         return run
-    return replace(run, input=read_only(run.input - rest), notes=(*run.notes, f"levels counted from rest at {rest:g}"))
+    said = finding("counted-from-rest", run.name, rest=rest)
+    return replace(run, input=read_only(run.input - rest), findings=(*run.findings, said))
 
 
 def cut_runs(runs: Sequence[Run], options: StepOptions) -> tuple[list[Run], list[str]]:
@@ -79,13 +62,12 @@ def cut_runs(runs: Sequence[Run], options: StepOptions) -> tuple[list[Run], list
     faults: list[str] = []
     for run in runs:
         try:
-            found = cut(from_rest(run, options.rest), options.keep_baseline)
+            found = cut(from_rest(run, options.rest), options.baseline)
             if not run.cut:
                 found = _long_enough(found)
             else:
                 _check_window(found[0])
             steps.extend(found)
-            release(run.time_s, run.input, run.output)
         except DataError as fault:
             faults.extend(fault.sentences)
     return _counted(steps), faults
@@ -104,30 +86,25 @@ def _check_window(run: Run) -> None:
 
 def _long_enough(steps: list[Run]) -> list[Run]:
     """Steps with enough samples; a short one beside good ones is left out and told, one alone refuses the log."""
-    good = []
-    short = 0
-    for step in steps:
-        if _samples(step) >= FEWEST:
-            good.append(step)
-        else:
-            short += 1
+    good = [step for step in steps if _samples(step) >= FEWEST]
+    short = len(steps) - len(good)
     if not any(step.edge == "rising" for step in good):
         for step in steps:
             if step.edge == "rising":
                 _check_window(step)
     if short and good:
-        some = f"{short} shorter piece" + ("s" if short > 1 else "")
-        good[0] = replace(good[0], notes=(*good[0].notes, f"{some} of fewer than {FEWEST} samples left out"))
+        said = finding("short-pieces", good[0].name, pieces=short, fewest=FEWEST)
+        good[0] = replace(good[0], findings=(*good[0].findings, said))
     return good
 
 
 def _counted(steps: list[Run]) -> list[Run]:
     """Every step with a repeat number of its own level and edge, in the order given."""
-    used: defaultdict[tuple[str, float], set[int]] = defaultdict(set)
+    used: defaultdict[tuple[str, float, float], set[int]] = defaultdict(set)
     names: Counter[str] = Counter()
     counted = []
     for step in steps:
-        key = (step.edge, round(abs(step.level or 0.0), 6))
+        key = (step.edge, round(abs(step.level or 0.0), 6), round(step.from_level, 6))
         repeat = step.repeat
         if repeat is None or repeat in used[key]:
             repeat = next(n for n in range(1, len(steps) + 2) if n not in used[key])
@@ -138,20 +115,7 @@ def _counted(steps: list[Run]) -> list[Run]:
     return counted
 
 
-def _signs(cut_steps: Sequence[Run]) -> dict[bool, float]:
-    """Sign of the torque that positive and negative inputs make, from all their rising steps together.
-
-    One sign for all, since a level that makes no torque has the sign of its noise.
-    """
-    totals = {False: 0.0, True: 0.0}
-    for run in cut_steps:
-        if run.edge == "rising":
-            totals[(run.level or 0.0) < 0] += mean(run.output[Step(run).start :]) - (run.baseline or 0.0)
-            release(run.time_s, run.output)
-    return {negative: -1.0 if total < 0 else 1.0 for negative, total in totals.items()}
-
-
-def _record(step: Step, warnings: tuple[str, ...]) -> RunRecord:
+def _record(step: Step, said: Sequence[Finding]) -> RunRecord:
     run = step.run
     return RunRecord(
         name=run.name,
@@ -164,9 +128,10 @@ def _record(step: Step, warnings: tuple[str, ...]) -> RunRecord:
         samples=len(step.time_s),
         rate_hz=1.0 / step.clock.usual_s,
         edge=run.edge,
-        warnings=warnings,
+        findings=tuple(said),
         lost_pct=lost_pct(step) if run.edge == "rising" else None,
         left_pct=left_pct(step) if run.edge == "falling" else None,
+        from_level=run.from_level,
     )
 
 
@@ -190,97 +155,95 @@ def stepset_of(cut_steps: Sequence[Run], options: StepOptions = NOTHING_SAID) ->
         raise DataError("no log holds a step; give logs with one")
     kinds = {run.kind for run in cut_steps if run.kind is not None}
     if options.kind is None and len(kinds) > 1:
-        raise DataError(f"the logs are of different experiments ({', '.join(sorted(kinds))}); give one, or say --kind")
-    told: Kind | None = options.kind or next(iter(kinds), None)
-    kind: Kind = told or "clutch"
-    input_unit = _one({run.input_unit for run in cut_steps}, "input units", "say one with --units input=UNIT")
-    output_unit = _one({run.output_unit for run in cut_steps}, "output units", "say one with --units output=UNIT")
+        raise DataError(f"the logs are of different experiments ({', '.join(sorted(kinds))}); give one, or say «kind»")
+    kind: Kind = options.kind or next(iter(kinds), None) or "clutch"
+    input_unit = _one({run.input_unit for run in cut_steps}, "input units", "say one with «units» input=UNIT")
+    output_unit = _one({run.output_unit for run in cut_steps}, "output units", "say one with «units» output=UNIT")
     rigs = {run.apparatus for run in cut_steps if run.apparatus is not None}
     if options.apparatus is None and len(rigs) > 1:
         raise DataError("the datasets are of different rigs; fit them apart")
     apparatus = options.apparatus or next(iter(rigs), Apparatus(surfaces=2 if kind == "clutch" else 1))
 
-    groups: dict[str, list[tuple[float, list[Run]]]] = {"rising": [], "falling": []}
-    warnings: dict[str, list[str]] = {}
-    signs = _signs(cut_steps)
-    clocks = Clocks()
-    records: list[RunRecord] = []
-    for run in sorted(cut_steps, key=lambda r: (abs(r.level or 0.0), r.repeat or 0, r.name)):
-        notes = list(run.notes)
-        if (run.level or 0.0) < 0:
-            notes.append("the input is negative: its size is taken")
-        if signs[(run.level or 0.0) < 0] < 0:
-            notes.append("the output falls at the step: recorded inverted, its sign is turned")
-        step = Step(run, signs[(run.level or 0.0) < 0], clocks)
-        warnings[run.name] = [*notes, *doubts(step)]
-        records.append(_record(step, ()))
-        release(run.time_s, run.input, run.output)
-        if run.from_level != 0:
-            continue
-        level = abs(run.level or 0.0)
-        group = groups[run.edge]
-        if group and same_level(group[-1][0], level):
-            group[-1][1].append(run)
-        else:
-            group.append((level, [run]))
+    runs = sorted(cut_steps, key=lambda r: (abs(r.level or 0.0), r.repeat or 0, r.name))
+    rising = grouped([run for run in runs if run.edge == "rising" and run.from_level == 0])
+    falling = grouped([run for run in runs if run.edge == "falling" and run.from_level == 0])
     if options.levels is not None:
-        kept = wanted_levels(options.levels, sorted({level for level, _ in groups["rising"]}))
-        groups = {
-            edge: [pair for pair in group if any(same_level(pair[0], k) for k in kept)]
-            for edge, group in groups.items()
-        }
-        records = [record for record in records if any(same_level(record.level, k) for k in kept)]
+        kept = wanted_levels(
+            options.levels, sorted({level for level, _ in rising} or {abs(r.level or 0) for r in runs})
+        )
+        rising, falling = ([pair for pair in group if _among(pair[0], kept)] for group in (rising, falling))
+        runs = [run for run in runs if _among(abs(run.level or 0.0), kept)]
 
-    sets: list[str] = []
-    if input_unit == "%" and groups["rising"] and groups["rising"][-1][0] <= 1:
-        sets.append("no level is above 1 %: if the duty is a fraction of 1, say --units input=fraction")
-    rising = [_level(members, signs, clocks, warnings) for _, members in groups["rising"]]
-    if not rising:
-        held = {f"{run.from_level:.3g} to {run.level or 0:.3g}" for run in cut_steps if run.edge == "rising"}
-        goes = f" (the input goes from {', '.join(sorted(held)[:3])} {input_unit})" if held else ""
-        raise DataError(
-            f"no log holds a step from rest{goes}; record one from zero, or give the input at rest with --rest"
-        )
-    counts = {len(level.names) for level in rising}
-    if len(counts) > 1:
-        few = min(counts)
-        at = ", ".join(f"{level.level:g}" for level in rising if len(level.names) == few)
-        sets.append(f"repeats differ in number: {at} {input_unit} only {few}, others up to {max(counts)}")
-    stairs = sum(run.from_level != 0 for run in cut_steps)
-    if stairs:
-        sets.append(
-            f"{stairs} of {len(cut_steps)} steps go from one level to another and are not fitted, as the models "
-            "describe a step from rest: let the input go back to rest before each level; eaid simulate --log compares "
-            "the whole log, stairs and all, with a fitted model"
-        )
-    releases = [_level(members, signs, clocks, None) for _, members in groups["falling"]]
-    records = [replace(record, warnings=tuple(warnings[record.name])) for record in records]
+    way = direction(runs, options.keep_sign)
+    own = {one.subject: one for one in way.findings if one.subject != "data"}
+    clocks = Clocks()
+    said: dict[str, list[Finding]] = {}
+    records: list[RunRecord] = []
+    for run in runs:
+        step = Step(run, way.of(run), clocks)
+        found = [finding("reader-note", run.name, note=note) for note in run.notes] + list(run.findings)
+        if (run.level or 0.0) < 0:
+            found.append(finding("input-negative", run.name))
+        found += [own[run.name]] if run.name in own else []
+        said[run.name] = [*found, *_contradiction(step), *doubts(step)]
+        records.append(_record(step, ()))
+    levels = tuple(_level(members, way, clocks, said) for _, members in rising)
+    releases = tuple(_level(members, way, clocks, None) for _, members in falling)
+    records = [replace(record, findings=tuple(said[record.name])) for record in records]
     records.sort(key=lambda r: (r.level, r.repeat, r.edge != "rising", r.name))
-    made = sorted({run.synthetic for run in cut_steps if run.synthetic})
+    made = sorted({run.synthetic for run in runs if run.synthetic})
     return StepSet(
         kind=kind,
         input_unit=input_unit,
         output_unit=output_unit,
         apparatus=apparatus,
-        levels=tuple(rising),
-        releases=tuple(releases),
+        levels=levels,
+        releases=releases,
         runs=tuple(records),
-        warnings=tuple(sets),
+        findings=(*(one for one in way.findings if one.subject == "data"), *_of_the_set(levels, runs, input_unit)),
         synthetic="; ".join(made) or None,
+        level_steps=level_steps(runs, {name: tuple(found) for name, found in said.items()}),
     )
 
 
-def _level(runs: list[Run], signs: dict[bool, float], clocks: Clocks, warnings: dict[str, list[str]] | None) -> Level:
+def _among(level: float, kept: Sequence[float]) -> bool:
+    return any(same_level(level, k, 0.0) or level == k for k in kept)
+
+
+def _contradiction(step: Step) -> list[Finding]:
+    """Where a stored or named level is another than the input column's own."""
+    run = step.run
+    if run.edge != "rising" or not has_input(run) or run.level is None or np.isnan(run.input[step.start :]).any():
+        return []
+    held, allowed = median(run.input[step.start :]), tolerance(run.input)
+    if abs(held - run.level) <= max(0.02 * abs(run.level), 2 * allowed, 1e-9):
+        return []
+    return [finding("level-contradicts-input", run.name, said=run.level, held=held, unit=run.input_unit)]
+
+
+def _of_the_set(levels: Sequence[Level], runs: Sequence[Run], input_unit: str) -> list[Finding]:
+    found = []
+    if input_unit == "%" and levels and levels[-1].level <= 1:
+        found.append(finding("duty-may-be-fraction", "data"))
+    counts = {len(level.names) for level in levels}
+    if len(counts) > 1:
+        few = min(counts)
+        at = [level.level for level in levels if len(level.names) == few]
+        found.append(finding("repeats-differ-in-number", "data", at, unit=input_unit, few=few, most=max(counts)))
+    stairs = sum(run.from_level != 0 for run in runs)
+    if stairs:
+        found.append(finding("level-to-level", "data", steps=stairs, of=len(runs)))
+    return [*found, *same_ceiling(levels)]
+
+
+def _level(runs: list[Run], way: Direction, clocks: Clocks, said: dict[str, list[Finding]] | None) -> Level:
     """The repeats of one level, averaged on their common window; what disagrees is told in each of them."""
     inputs = [abs(run.level or 0.0) for run in runs]
     level = inputs[0] if len(set(inputs)) == 1 else float(np.mean(inputs))
-    averaged = common(level, [Step(run, signs[(run.level or 0.0) < 0], clocks) for run in runs])
-    for run in runs:
-        release(run.time_s, run.output)
-    if warnings is not None and len(runs) > 1:
+    averaged = common(level, [Step(run, way.of(run), clocks) for run in runs])
+    if said is not None and len(runs) > 1:
         spread = disagreement(averaged.runs)
-        release(averaged.runs)
         if spread > DISAGREE:
             for run in runs:
-                warnings[run.name].append(f"repeats disagree: their torque at the end differs by {spread:.0%}")
+                said[run.name].append(finding("repeats-disagree", run.name, (level,), spread_pct=100 * spread))
     return averaged

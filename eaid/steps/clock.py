@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from eaid.arrays import Array, median
-from eaid.logs.spool import LONG, less, pieces, sample_steps
+from eaid.steps.noise import LONG, sample_steps
 
 SAME = 2e-3
 """Share of the sample time within which sample instants count as equal: the rounding of written times."""
@@ -31,21 +31,13 @@ def clock_of(time_s: Array) -> Clock:
     """The clock of a strictly rising time axis, shape (n,), n ≥ 2."""
     gaps = sample_steps(time_s)
     usual = median(gaps)
-    longest, at = _longest_gap(time_s) if len(time_s) >= LONG else (float(gaps.max()), int(gaps.argmax()))
+    every = np.diff(time_s) if len(time_s) >= LONG else gaps
+    at = int(every.argmax())
     spread = None
     if gaps.max() - gaps.min() > JITTER * usual:
         low, high = np.quantile(gaps, (0.01, 0.99)).tolist()
         spread = (low, high) if high - low > JITTER * usual else None
-    return Clock(usual, longest, at, spread)
-
-
-def _longest_gap(time_s: Array) -> tuple[float, int]:
-    longest, at = 0.0, 0
-    for place, (piece,) in pieces(time_s, overlap=1):
-        gaps = np.diff(piece)
-        if len(gaps) and gaps.max() > longest:
-            longest, at = float(gaps.max()), place.start + int(gaps.argmax())
-    return longest, at
+    return Clock(usual, float(every[at]), at, spread)
 
 
 def uniform_step(time_s: Array) -> float | None:
@@ -55,11 +47,10 @@ def uniform_step(time_s: Array) -> float | None:
         return None
     first = float(time_s[0])
     dt = (float(time_s[-1]) - first) / (count - 1)
-    off = max(
-        float(np.abs(piece - first - np.arange(place.start, place.stop) * dt).max())
-        for place, (piece,) in pieces(time_s)
-    )
-    if not off <= SAME * dt:
+    off = np.arange(count) * dt
+    off += first
+    off -= time_s
+    if not max(off.max(), -off.min()) <= SAME * dt:
         return None
     tidy = float(f"{dt:.6g}")
     return tidy if abs(tidy - dt) * count <= SAME * dt else dt
@@ -94,7 +85,7 @@ class Clocks:
         part = time_s[start:]
         key = _place(part)
         if key not in self._windows:
-            since = less(part, float(part[0]))
+            since = part - float(part[0])
             since.flags.writeable = False
             window = Window(since, uniform_step(since))
             held = sum(len(kept) for kept, _ in self._windows.values())

@@ -1,178 +1,120 @@
-"""What is doubtful in a recorded step, in words; each check is a row of a table (SPEC §2, Fig. 6).
+"""What is doubtful in a recorded step, as findings; each check is a row of a table (SPEC §2, Fig. 6).
 
 Levels of torque are compared by means of blocks, so that noise and rotor ripple do not count as change.
 """
 
-import itertools
 from collections.abc import Callable
-from dataclasses import dataclass, field
-from functools import cache, cached_property
-from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from eaid.arrays import Array, median
-from eaid.logs.run import Run
-from eaid.logs.spool import LONG, less, mean
-from eaid.steps.clock import Clock, Clocks, Window
+from eaid.arrays import Array
+from eaid.findings import Finding, finding
+from eaid.steps.baseline import without_spikes
+from eaid.steps.noise import BLOCKS, LONG, block_error, block_means, sample_noise, spikes
+from eaid.steps.slow import slow_constant
+from eaid.steps.step import Step, left_pct, lost_pct
 
-BLOCKS = 20
-"""A window is judged by the means of this many equal parts."""
-
-
-@dataclass(frozen=True, eq=False)
-class Step:
-    """One cut run seen from its step on: what the checks look at."""
-
-    run: Run
-    sign: float = 1.0
-    """Sign that makes the set's torque positive."""
-    clocks: Clocks = field(default_factory=Clocks)
-    """Clocks of the set, where runs share a time axis."""
-
-    @cached_property
-    def start(self) -> int:
-        """First sample of the active window, which lasts to the end of the run."""
-        step = self.run.step_s or 0.0
-        return int(np.searchsorted(self.run.time_s, step - 1e-9 * max(1.0, abs(step))))
-
-    @cached_property
-    def clock(self) -> Clock:
-        """The clock of the whole run."""
-        return self.clocks.clock(self.run.time_s)
-
-    @cached_property
-    def window(self) -> Window:
-        """The time axis of the active window."""
-        return self.clocks.window(self.run.time_s, self.start)
-
-    @property
-    def time_s(self) -> Array:
-        """Time in the active window [s], from 0 at the step."""
-        return self.window.time_s
-
-    @cached_property
-    def rise(self) -> Array:
-        """Output relative to the idle baseline in the active window, its sign as the step's."""
-        return less(self.run.output[self.start :], self.run.baseline or 0.0, self.sign)
-
-    @cached_property
-    def idle(self) -> Array:
-        """Output relative to the baseline before the step."""
-        return less(self.run.output[: self.start], self.run.baseline or 0.0, self.sign)
-
-    @property
-    def before(self) -> float | None:
-        """Output just before the edge, relative to the baseline; None where nothing is recorded before it."""
-        return None if self.run.held is None else self.sign * (self.run.held - (self.run.baseline or 0.0))
-
-    @cached_property
-    def swing(self) -> float:
-        """How far the output goes, at least 0: its largest block mean, or the held one of a release."""
-        before = self.before
-        found = before if self.run.edge == "falling" and before is not None else float(block_means(self.rise).max())
-        return max(found, 0.0)
-
-    @property
-    def unit(self) -> str:
-        """Unit of the output."""
-        return self.run.output_unit
+FEW = 2 * BLOCKS
+SLOW_CLOCK_S = 1.0
+"""Sample time from which its unit is asked about."""
+NOT_IDLE = 0.05
+"""Share of the swing by which the output may be off its idle value when the step begins."""
+SURE = 5.0
+"""Standard errors beyond which a difference is told."""
 
 
-def block_means(values: Array, blocks: int = BLOCKS) -> Array:
-    """Means of equal parts, shape (blocks,), fewer where there are fewer samples."""
-    blocks = max(1, min(blocks, len(values)))
-    edges = np.linspace(0, len(values), blocks + 1).astype(np.intp)
-    if len(values) >= LONG:
-        return np.array([mean(values[start:stop]) for start, stop in itertools.pairwise(edges.tolist())])
-    return np.asarray(np.add.reduceat(values, edges[:-1]) / np.diff(edges))
+def _slow_clock(step: Step) -> Finding | None:
+    usual = step.clock.usual_s
+    return finding("slow-clock", step.run.name, sample_s=usual) if usual >= SLOW_CLOCK_S else None
 
 
-def lost_pct(step: Step) -> float:
-    """Torque lost while the input is held, peak to end [% of the peak], by block means."""
-    means = block_means(step.rise)
-    peak = float(means.max())
-    return max(0.0, 100.0 * (peak - float(means[-1])) / peak) if peak > 0 else 0.0
-
-
-def left_pct(step: Step) -> float:
-    """Torque left at the end of a release [% of the held torque], by block means."""
-    return 100.0 * float(block_means(step.rise)[-1]) / step.swing if step.swing > 0 else 0.0
-
-
-def _scatter(values: Array) -> float:
-    """Standard error of a block mean, from how far neighbouring means of a fine division differ."""
-    means = block_means(values, 4 * BLOCKS)
-    if len(means) < 8:
-        return 0.0
-    bends = means[2:] - 2 * means[1:-1] + means[:-2]
-    return float(1.4826 * median(np.abs(bends)) / np.sqrt(6) / 2)
-
-
-def _jitter(step: Step) -> str:
-    clock = step.clock
+def _jitter(step: Step) -> Finding | None:
+    clock, name = step.clock, step.run.name
     if clock.longest_s > 5 * clock.usual_s:
         where = float(step.run.time_s[clock.longest_at])
-        return (
-            f"gap of {clock.longest_s:.4g} s in the record at {where:.6g} s (usual sample time {clock.usual_s:.4g} s)"
-        )
+        return finding("gap", name, gap_s=clock.longest_s, at_s=where, sample_s=clock.usual_s)
     if clock.spread_s is not None:
-        return f"jitter: the sample time runs from {clock.spread_s[0]:.4g} to {clock.spread_s[1]:.4g} s"
-    return ""
+        return finding("jitter", name, low_s=clock.spread_s[0], high_s=clock.spread_s[1])
+    return None
 
 
-def _slow_clock(step: Step) -> str:
-    usual = step.clock.usual_s
-    return f"sample time is {usual:.4g} s; if the time is not in s, say --units time=ms" if usual >= 1.0 else ""
+def _gap_at_step(step: Step) -> Finding | None:
+    """A gap that the step falls into, and behind which the output has moved already: its instant is not known."""
+    if not 0 < step.start < len(step.run.time_s) or not step.swing > 0:
+        return None
+    gap = float(step.run.time_s[step.start] - step.run.time_s[step.start - 1])
+    first = abs(float(step.rise[0]) - (step.before if step.run.edge == "falling" and step.before else 0.0))
+    if gap <= 5 * step.clock.usual_s or first <= max(NOT_IDLE * step.swing, SURE * sample_noise(step.rise)):
+        return None
+    at = float(step.run.time_s[step.start - 1])
+    return finding("step-in-gap", step.run.name, gap_s=gap, at_s=at, moved_pct=100 * first / step.swing)
 
 
-def _drift(step: Step) -> str:
-    if step.run.edge == "falling" or len(step.idle) < 2 * BLOCKS:
-        return ""
-    means = block_means(step.idle)
+def _drift(step: Step) -> Finding | None:
+    if step.run.edge == "falling" or len(step.idle) < FEW:
+        return None
+    means = block_means(without_spikes(step.idle, step.swing)[0])
     times = (np.arange(len(means)) + 0.5) / len(means)
     rest = means - means.mean()
     slope = float(rest @ (times - 0.5) / ((times - 0.5) ** 2).sum())
     rest -= slope * (times - 0.5)
     error = float(np.sqrt((rest**2).mean() / max(1, len(means) - 2) / times.var()))
-    if abs(slope) > 0.02 * step.swing and abs(slope) > 5 * error:
-        return f"drift before the step: {slope:+.3g} {step.unit} while idle ({abs(slope) / step.swing:.0%} of the step)"
-    return ""
+    if abs(slope) > 0.02 * step.swing and abs(slope) > SURE * error:
+        share = 100 * abs(slope) / step.swing if step.swing > 0 else None
+        return finding("idle-drifts", step.run.name, drift=slope, unit=step.unit, share_pct=share)
+    return None
 
 
-def _not_idle(step: Step) -> str:
-    if step.run.edge == "falling" or step.before is None or step.run.from_level != 0 or not step.swing > 0:
-        return ""
-    if abs(step.before) > 0.05 * step.swing and abs(step.before) > 5 * _scatter(step.rise):
-        return f"not at rest when the step begins: {step.before:+.3g} {step.unit} off the idle output"
-    return ""
+def _not_idle(step: Step) -> Finding | None:
+    before = step.before
+    if step.run.edge == "falling" or before is None or step.run.from_level != 0 or not step.swing > 0:
+        return None
+    # spikes and steps apart, the noise of the idle time is that of the rise
+    if abs(before) > NOT_IDLE * step.swing and abs(before) > SURE * block_error(step.rise):
+        return finding(
+            "not-at-rest", step.run.name, (step.run.level or 0.0,), off=before, unit=step.unit,
+            share_pct=100 * abs(before) / step.swing,
+        )  # fmt: skip
+    return None
 
 
-def _falls_while_held(step: Step) -> str:
-    if step.run.edge == "falling" or len(step.rise) < 2 * BLOCKS:
-        return ""
+def _falls_while_held(step: Step) -> Finding | None:
+    """A fall from the peak, where a straight line through the window behind it falls by five standard errors."""
+    if step.run.edge == "falling" or len(step.rise) < FEW:
+        return None
     lost = lost_pct(step)
-    if lost > 2.0 and lost / 100 * step.swing > 5 * _scatter(step.rise):
-        return f"torque falls by {lost:.0f} % from its peak while held (space charge?): no monotone model shows that"
-    return ""
+    if lost <= 2.0 or lost / 100 * step.swing <= SURE * block_error(step.rise):
+        return None
+    means = block_means(step.rise, 4 * BLOCKS)
+    tail = means[int(means.argmax()) :]
+    if len(tail) < 8:
+        return None
+    at = np.arange(len(tail)) - (len(tail) - 1) / 2
+    slope = float(at @ tail / (at @ at))
+    left = tail - tail.mean() - slope * at
+    alike = float(left[1:] @ left[:-1] / max(float(left @ left), 1e-300))
+    widen = (1 + max(alike, 0.0)) / max(1 - max(alike, 0.0), 0.05)
+    error = float(np.sqrt((left @ left) / (len(tail) - 2) / (at @ at) * widen))
+    if -slope <= 3.0 * error:
+        return None
+    return finding("decays-under-hold", step.run.name, (abs(step.run.level or 0.0),), lost_pct=lost)
 
 
-def _left_after_release(step: Step) -> str:
+def _left_after_release(step: Step) -> Finding | None:
     if step.run.edge == "rising" or step.run.from_level != 0 or len(step.rise) < FEW:
-        return ""
+        return None
     left = left_pct(step)
-    if left > 5.0 and left / 100 * step.swing > 5 * _scatter(step.rise):
-        return f"{left:.0f} % of the held torque is left {step.time_s[-1]:.3g} s after the release"
-    return ""
+    if left > 5.0 and left / 100 * step.swing > SURE * block_error(step.rise):
+        return finding(
+            "left-after-release", step.run.name, (abs(step.run.level or 0.0),), left_pct=left,
+            after_s=float(step.time_s[-1]),
+        )  # fmt: skip
+    return None
 
 
-FEW = 2 * BLOCKS
-
-
-def _saturated(step: Step) -> str:
+def _saturated(step: Step) -> Finding | None:
     output = step.run.output[:LONG]
-    for limit, word in ((float(output.max()), "largest"), (float(output.min()), "smallest")):
+    for limit in (float(output.max()), float(output.min())):
         at = output == limit
         if at.sum() < max(10, 0.01 * len(output)):
             continue
@@ -190,108 +132,96 @@ def _saturated(step: Step) -> str:
             and abs(limit - float(before[0])) > 1e-3 * np.ptp(output)
         )
         if longest >= 5 and steep:
-            return f"sensor saturated? {int(at.sum())} samples stand at its {word} value, {limit:.4g} {step.unit}"
-    return ""
+            return finding("saturated", step.run.name, samples=int(at.sum()), limit=limit, unit=step.unit)
+    return None
 
 
-SLOW_CONSTANTS = 1.5
-"""A window shorter than this many slow time constants cannot tell them."""
+def _stuck(step: Step) -> Finding | None:
+    """One value for longer than chance allows, where the samples around it differ from their neighbours."""
+    output = step.run.output[:LONG]
+    same = np.diff(output) == 0
+    edges = np.flatnonzero(np.diff(np.concatenate(([0], same.astype(np.int8), [0]))))
+    if not len(edges):
+        return None
+    starts, stops = edges[::2], edges[1::2]
+    for i in np.argsort(starts - stops)[:3].tolist():
+        start, stop = int(starts[i]), int(stops[i])
+        count = stop - start
+        around = np.concatenate((same[max(0, start - count) : start], same[stop : stop + count]))
+        if count < 20 or len(around) < 20 or output[start] in (output.max(), output.min()):
+            continue
+        chance = (around.sum() + 1) / (len(around) + 2)
+        if chance < 0.7 and -count * np.log(chance) > 20 + np.log(len(output)):
+            time = step.run.time_s
+            return finding(
+                "sensor-stuck", step.run.name, for_s=float(time[stop] - time[start]), at_s=float(time[start]),
+                value=float(output[start]), unit=step.unit,
+            )  # fmt: skip
+    return None
 
 
-class _Pairs(NamedTuple):
-    """Pairs of time constants on a grid, in windows, and the linear solves that belong to them."""
-
-    tau: Array
-    """The grid."""
-    slow: NDArray[np.intp]
-    """Place of each pair's τ2 on the grid."""
-    both: Array
-    """Block means of 1 − e^(−t/τ) on the grid, and below them those of its derivatives over ln τ: −(t/τ) e^(−t/τ)."""
-    places: NDArray[np.intp]
-    """Rows of `both` that a pair uses: (τ1, derivative at τ1, τ2)."""
-    inverse: Array
-    """Inverse of the 3 × 3 normal equations of each pair."""
+COARSE = 25
+"""Steps of the sensor's resolution in a change below which its shape cannot be told."""
 
 
-@cache
-def _pairs(count: int) -> _Pairs:
-    """The grid for a window of `count` blocks: nothing in it depends on the record."""
-    edges = np.linspace(0.0, 1.0, count + 1)
-    tau = np.geomspace(1 / 300, 20.0, 64)
-    decay = np.exp(-edges / tau[:, np.newaxis])
-    mean_decay = -np.diff(decay, axis=1) * tau[:, np.newaxis] * count
-    both = np.concatenate((1.0 - mean_decay, np.diff(edges * decay, axis=1) * count - mean_decay))
-    gram = both @ both.T
-    fast, slow = np.triu_indices(len(tau), 5)
-    places = np.stack((fast, fast + len(tau), slow), axis=1)
-    matrix = gram[places[:, :, np.newaxis], places[:, np.newaxis, :]]
-    # a trace of the diagonal keeps nearly equal columns solvable
-    ridge = 1e-12 * np.trace(matrix, axis1=1, axis2=2)[:, np.newaxis, np.newaxis] * np.eye(3)
-    return _Pairs(tau, slow, both, places, np.linalg.inv(matrix + ridge))
+def _coarse(step: Step) -> Finding | None:
+    """Output that moves in steps too coarse for its change, and is not dithered by noise."""
+    rise = step.rise[:LONG]
+    moves = np.abs(np.diff(rise))
+    moved = moves[moves > 1e-9 * max(step.swing, 1e-300)]
+    if step.run.edge == "falling" or len(rise) < FEW or not len(moved) or not step.swing > 0:
+        return None
+    finest = float(moved.min())
+    whole = np.abs(moved / finest - np.round(moved / finest)).max() < 1e-3
+    if not whole or step.swing / finest >= COARSE or len(moved) > 0.2 * len(moves):
+        return None
+    return finding("coarse-output", step.run.name, resolution=finest, unit=step.unit, steps=step.swing / finest)
 
 
-def slow_constant(rise: Array, window_s: float) -> tuple[float, bool]:
-    """Slow time constant [s] of a rise by two exponentials, and whether the window is surely too short for it.
-
-    Costs of all pairs of a grid on block means; for each pair the amplitudes A1, A2 and, by the derivative over ln τ1,
-    the fast constant between the grid's values, are a 3 × 3 linear solve. The window is too short where no pair with
-    τ2 below window / 1.5 fits as well (F test, 5 standard errors).
-    """
-    means = block_means(rise, 4 * BLOCKS)
-    count = len(means)
-    grid = _pairs(count)
-    right = grid.both @ means
-    vector = right[grid.places]
-    amplitudes = np.einsum("kij,kj->ki", grid.inverse, vector)
-    fine = (amplitudes[:, 0] > 0) & (amplitudes[:, 2] > 0) & (np.abs(amplitudes[:, 1]) < 0.2 * amplitudes[:, 0])
-    total = float(means @ means)
-    one = grid.both[: len(grid.tau)]
-    single = right[: len(grid.tau)] ** 2 / (one * one).sum(axis=1)
-    tau = window_s * np.concatenate((grid.tau, grid.tau[grid.slow][fine]))
-    cost = total - np.concatenate((single, (amplitudes * vector).sum(axis=1)[fine]))
-    short = tau * SLOW_CONSTANTS > window_s
-    best_short, best_long = float(cost[short].min()), float(cost[~short].min())
-    noise = max(best_short, 1e-10 * total)
-    return float(tau[cost.argmin()]), (best_long - best_short) / noise * (count - 4) > 25.0
+def _spikes(step: Step) -> Finding | None:
+    found = spikes(step.rise, max(step.swing, 0.0))
+    if not len(found):
+        return None
+    sizes = np.abs(step.rise[found])
+    at = int(found[sizes.argmax()])
+    return finding(
+        "spikes", step.run.name, samples=len(found), value=float(step.rise[at]), unit=step.unit,
+        at_s=float(step.run.time_s[step.start + at]),
+    )  # fmt: skip
 
 
-def _too_short(step: Step) -> str:
+def _too_short(step: Step) -> Finding | None:
     if step.run.edge == "falling" or len(step.rise) < 4 * BLOCKS or not step.swing > 0:
-        return ""
+        return None
     window = float(step.time_s[-1])
     slow, short = slow_constant(step.rise, window)
     means = block_means(step.rise)
     if not short or means[-3:].mean() - means[-8:-5].mean() < 0.005 * step.swing:
-        return ""
-    about = f"about {slow:.2g} s" if slow < 5 * window else "far longer"
-    return f"still rising at the end of its {window:.3g} s: too short for the slow time constant ({about})"
+        return None
+    told = slow if slow < 5 * window else None
+    return finding("window-too-short", step.run.name, (abs(step.run.level or 0.0),), window_s=window, tau2_s=told)
 
 
-def _not_from_rest(step: Step) -> str:
-    run = step.run
-    if run.from_level == 0:
-        return ""
-    how = "starts from" if run.edge == "rising" else "falls only to"
-    return f"{how} {run.from_level:g} {run.input_unit}, not {'from' if run.edge == 'rising' else 'to'} rest: not fitted"
-
-
-CHECKS: tuple[Callable[[Step], str], ...] = (
+CHECKS: tuple[Callable[[Step], Finding | None], ...] = (
     _slow_clock,
     _jitter,
+    _gap_at_step,
     _drift,
     _not_idle,
     _saturated,
+    _stuck,
+    _coarse,
+    _spikes,
     _falls_while_held,
     _too_short,
     _left_after_release,
-    _not_from_rest,
 )
-"""Every check of one run: a sentence, or nothing."""
+"""Every check of one run: a finding, or nothing."""
 
 
-def doubts(step: Step) -> tuple[str, ...]:
+def doubts(step: Step) -> tuple[Finding, ...]:
     """All that is doubtful in one step, in the order of the table."""
-    return tuple(said for said in (check(step) for check in CHECKS) if said)
+    return tuple(said for said in (check(step) for check in CHECKS) if said is not None)
 
 
 def disagreement(runs: Array) -> float:

@@ -7,6 +7,7 @@ import numpy as np
 
 from eaid.apparatus import Apparatus
 from eaid.arrays import Array
+from eaid.findings import Finding, merged, ranked, sentences
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,6 +49,44 @@ class Level:
         return np.asarray(self.runs.std(axis=0, ddof=1))
 
 
+@dataclass(frozen=True, eq=False)
+class LevelStep:
+    """One change of input between two holds, seen from its own start; the output keeps its own sign and offset."""
+
+    name: str
+    source: str
+    from_level: float
+    """Input before the step, in the set's input unit, with its sign."""
+    level: float
+    """Input after it."""
+    start: float
+    """Output at rest just before the step, in the set's output unit."""
+    time_s: Array
+    """Time since the step [s], shape (n,), from 0; the first sample at the new input."""
+    output: Array
+    """Output as recorded, shape (n,)."""
+    input: Array
+    """Input as recorded, shape (n,); NaN where the log has none."""
+    start_known: bool = True
+    """False where nothing is recorded before the step: the start is that of its first samples."""
+    findings: tuple[Finding, ...] = ()
+
+    @property
+    def edge(self) -> str:
+        """ "up" where the input rises, "down" where it falls."""
+        return "up" if self.level > self.from_level else "down"
+
+    @cached_property
+    def change(self) -> float:
+        """Output at the end of the hold (mean of its last tenth) less the start."""
+        return float(self.output[-max(1, len(self.output) // 10) :].mean()) - self.start
+
+    @property
+    def gain(self) -> float:
+        """Change of output over change of input, Δy/Δu."""
+        return self.change / (self.level - self.from_level)
+
+
 @dataclass(frozen=True)
 class RunRecord:
     """One row of the run table: where a run came from and what is doubtful in it."""
@@ -58,6 +97,7 @@ class RunRecord:
     level: float
     repeat: int
     baseline_nm: float
+    """Value from which the step is counted, in the set's output unit."""
     step_s: float
     """Step instant on the log's own clock [s]."""
     samples: int
@@ -65,11 +105,18 @@ class RunRecord:
     rate_hz: float
     edge: str
     """"rising", or "falling" for a release."""
-    warnings: tuple[str, ...] = ()
+    findings: tuple[Finding, ...] = ()
     lost_pct: float | None = None
     """Torque lost while the input is held, peak to end [%] (Fig. 6); None for a release."""
     left_pct: float | None = None
     """Torque left at the end of a release [% of the held torque] (Fig. 6); None for a rising step."""
+    from_level: float = 0.0
+    """Input before a rising step, or where a falling one goes; 0: rest."""
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """The findings as sentences."""
+        return tuple(sentences(self.findings))
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,12 +129,24 @@ class StepSet:
     output_unit: str
     apparatus: Apparatus
     levels: tuple[Level, ...]
-    """Rising steps, by level."""
+    """Rising steps from rest, by level."""
     releases: tuple[Level, ...] = ()
-    """Falling steps, by the level they fall from; output still relative to the idle baseline."""
+    """Falling steps to rest, by the level they fall from; output still relative to the idle baseline."""
     runs: tuple[RunRecord, ...] = ()
-    warnings: tuple[str, ...] = ()
-    """What is doubtful in the set as a whole."""
+    findings: tuple[Finding, ...] = ()
+    """What is to be known of the set as a whole; each run has its own."""
     synthetic: str | None = None
     """What made the data, where they are not recorded; None: a rig."""
     extra: dict[str, object] = field(default_factory=dict)
+    level_steps: tuple[LevelStep, ...] = ()
+    """Every change of input between two holds, from rest and to rest too, in the order of levels."""
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """The findings of the set as sentences."""
+        return tuple(sentences(self.findings))
+
+    @property
+    def all_findings(self) -> tuple[Finding, ...]:
+        """Those of the set and of its runs, the worst run of each kind named, the gravest first."""
+        return ranked(merged((*self.findings, *(one for run in self.runs for one in run.findings))))

@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 
 from eaid.arrays import read_only
+from eaid.findings import Finding
 from eaid.logs.run import Run
 from eaid.steps.build import build_stepset
 from eaid.steps.clock import uniform_step
-from eaid.steps.doubts import slow_constant
+from eaid.steps.slow import slow_constant
 
 sys.path.insert(0, str(Path(__file__).parent))
 from make import curve, log
@@ -19,8 +20,13 @@ from make import curve, log
 PLAN = [(0.0, 2.0), (50.0, 6.0)]
 
 
-def warnings(run: Run) -> tuple[str, ...]:
-    return build_stepset([run]).runs[0].warnings
+def codes(run: Run) -> tuple[str, ...]:
+    return tuple(one.code for one in build_stepset([run]).runs[0].findings)
+
+
+def found(run: Run, code: str) -> Finding:
+    (one,) = (one for one in build_stepset([run]).runs[0].findings if one.code == code)
+    return one
 
 
 def test_mean_and_spread_of_equal_repeats() -> None:
@@ -75,14 +81,15 @@ def test_a_jittered_single_run_keeps_its_own_times() -> None:
     (level,) = stepset.levels
     assert not level.uniform
     np.testing.assert_array_equal(level.time_s, t[200:] - t[200])
-    assert stepset.runs[0].warnings[0].startswith("jitter: the sample time runs from")
+    (said,) = stepset.runs[0].findings
+    assert said.code == "jitter"
 
 
 def test_nothing_is_doubtful_in_a_good_run() -> None:
     for noise in (0.0, 0.01, 0.05):
         for seed in range(5):
-            assert warnings(log([(0, 10), (50, 10)], noise=noise, seed=seed)) == ()
-    assert warnings(log([(0, 10), (50, 30)], tau1=0.5, tau2=8.0, noise=0.02, rate_hz=1000.0)) == ()
+            assert codes(log([(0, 10), (50, 10)], noise=noise, seed=seed)) == ()
+    assert codes(log([(0, 10), (50, 30)], tau1=0.5, tau2=8.0, noise=0.02, rate_hz=1000.0)) == ()
 
 
 def shaped(change: np.ndarray, noise: float = 0.01) -> Run:
@@ -95,17 +102,18 @@ SLOW = log([(0, 2), (50, 8)], tau1=0.5, tau2=16.0, noise=0.01, rate_hz=500.0)
 
 
 @pytest.mark.parametrize(
-    ("run", "said"),
+    ("run", "code", "values"),
     [
-        (replace(shaped(0 * T), time_s=read_only(np.where(T > 5, T + 3, T))), "gap of 3.01 s in the record at 5 s"),
-        (replace(shaped(0 * T), time_s=read_only(T * 1000)), "sample time is 10 s; if the time is not in s, say"),
-        (shaped(np.where(T < 2, 0.1 * T, 0.2)), "drift before the step: +0.198 N·m while idle"),
-        (shaped(np.where(T > 2, -0.2 * (T - 2), 0)), "torque falls by 51 % from its peak while held (space charge?)"),
-        (SLOW, "still rising at the end of its 8 s: too short for the slow time constant (about 1"),
+        (replace(shaped(0 * T), time_s=read_only(np.where(T > 5, T + 3, T))), "gap", {"gap_s": 3.01, "at_s": 5.0}),
+        (replace(shaped(0 * T), time_s=read_only(T * 1000)), "slow-clock", {"sample_s": 10.0}),
+        (shaped(np.where(T < 2, 0.1 * T, 0.2)), "idle-drifts", {"drift": 0.2}),
+        (shaped(np.where(T > 2, -0.2 * (T - 2), 0)), "decays-under-hold", {"lost_pct": 51.0}),
+        (SLOW, "window-too-short", {"window_s": 8.0}),
     ],
 )  # fmt: skip
-def test_doubt(run: Run, said: str) -> None:
-    assert any(w.startswith(said) for w in warnings(run)), warnings(run)
+def test_doubt(run: Run, code: str, values: dict[str, float]) -> None:
+    said = found(run, code).values
+    assert {name: said[name] for name in values} == pytest.approx(values, rel=0.02)
 
 
 def test_slow_constant_is_found_and_judged() -> None:
@@ -122,9 +130,9 @@ def test_slow_constant_is_found_and_judged() -> None:
 def test_saturation() -> None:
     run = log(PLAN, noise=0.01)
     clipped = replace(run, output=read_only(np.minimum(run.output, 1.7)))
-    assert any(w.startswith("sensor saturated? ") and "1.7 N·m" in w for w in warnings(clipped))
+    assert found(clipped, "saturated").values["limit"] == 1.7
     rounded = replace(run, output=read_only(np.round(log(PLAN).output, 3)))  # settles on one value: no saturation
-    assert not any("saturated" in w for w in warnings(rounded))
+    assert "saturated" not in codes(rounded)
 
 
 def test_torque_left_after_release() -> None:
@@ -134,19 +142,25 @@ def test_torque_left_after_release() -> None:
     release = stepset.runs[1]
     assert release.edge == "falling"
     assert release.left_pct == pytest.approx(20.0, abs=1.5)
-    assert any(w.endswith("% of the held torque is left 3.99 s after the release") for w in release.warnings)
+    (said,) = (one for one in release.findings if one.code == "left-after-release")
+    assert said.values == pytest.approx({"left_pct": 20.0, "after_s": 3.99}, rel=0.1)
     assert stepset.runs[0].lost_pct == pytest.approx(0.0, abs=1.0)
 
 
 def test_repeats_that_disagree() -> None:
     runs = [log(PLAN, gain=gain, name=f"g{k}") for k, gain in enumerate((0.04, 0.04, 0.05))]
     stepset = build_stepset(runs)
-    assert all("repeats disagree: their torque at the end differs by 23%" in run.warnings for run in stepset.runs)
+    for run in stepset.runs:
+        (said,) = (one for one in run.findings if one.code == "repeats-disagree")
+        assert said.values["spread_pct"] == pytest.approx(100 * 0.01 / (0.13 / 3), rel=0.01)
 
 
 def test_uneven_repeats_are_told() -> None:
     runs = [log([(0, 2), (u, 6)], name=n) for u, n in ((50.0, "a"), (50.0, "b"), (80.0, "c"))]
-    assert build_stepset(runs).warnings == ("repeats differ in number: 80 % only 1, others up to 2",)
+    (said,) = build_stepset(runs).findings
+    assert (said.code, said.levels, said.values["few"], said.values["most"]) == (
+        "repeats-differ-in-number", (80.0,), 1, 2,
+    )  # fmt: skip
 
 
 def test_a_level_judges_its_own_clock() -> None:

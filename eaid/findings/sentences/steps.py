@@ -1,5 +1,126 @@
-"""Sentences about steps."""
+"""Sentences about steps: what is doubtful in a recorded step, and in the set of them."""
+
+from collections.abc import Mapping
+from typing import Any
 
 from eaid.findings.row import Row
 
-ROWS: dict[str, Row] = {}
+
+def _drift(v: Mapping[str, Any]) -> str:
+    share = v.get("share_pct")
+    of = f" ({share:.0f} % of the step)" if share is not None and share < 1000 else ""
+    return f"drift before the step: {v['drift']:+.3g} {v['unit']} while idle{of}"
+
+
+def _too_short(v: Mapping[str, Any]) -> str:
+    slow = v.get("tau2_s")
+    about = f"about {slow:.2g} s" if slow is not None else "far longer"
+    return f"still rising at the end of its {v['window_s']:.3g} s: too short for the slow time constant ({about})"
+
+
+ROWS: dict[str, Row] = {
+    "reader-note": Row("note", "{note}"),
+    "counted-from-rest": Row("note", "levels counted from rest at {rest:g}"),
+    "input-negative": Row("note", "the input is negative: its size is taken"),
+    "input-glitch": Row("note", "the input leaves its level for {samples} samples and comes back: passed over"),
+    "short-pieces": Row("note", "{pieces} shorter pieces of fewer than {fewest} samples left out"),
+    "step-from-output": Row(
+        "note", "step instant {step_s:.6g} s found from the output alone: late by a sample or more"
+    ),
+    "step-at-first-sample": Row(
+        "caution",
+        "the output rises from the first sample on, which is taken for the step, and its value there, {start:.4g} "
+        "{unit}, for the start; if the step came later, say «step_at»",
+    ),
+    "no-rest-before-step": Row(
+        "caution",
+        "nothing is recorded before the step: its first samples, {start:.4g} {unit}, are taken for its start; if it is "
+        "another, say «baseline»",
+    ),
+    "spikes-before-step": Row("caution", "{samples} spikes before the step are left out of its baseline", "samples"),
+    "spikes": Row(
+        "stop",
+        "{samples} single samples stand far out of the record, the largest {value:.4g} {unit} at {at_s:.6g} s: no fit "
+        "holds with them; drop those rows",
+        "value",
+    ),
+    "slow-clock": Row("note", "sample time is {sample_s:.4g} s; if the time is not in s, say «units» time=ms"),
+    "gap": Row(
+        "caution",
+        "gap of {gap_s:.4g} s in the record at {at_s:.6g} s (usual sample time {sample_s:.4g} s)",
+        "gap_s",
+    ),
+    "step-in-gap": Row(
+        "stop",
+        "the step falls into a gap of {gap_s:.4g} s of the record at {at_s:.6g} s, and {moved_pct:.0f} % of the change "
+        "came within it: nobody knows when it began; record it again, or give its instant with «step_at»",
+        "moved_pct",
+    ),
+    "jitter": Row("note", "jitter: the sample time runs from {low_s:.4g} to {high_s:.4g} s", "high_s"),
+    "idle-drifts": Row("caution", _drift, "share_pct"),
+    "not-at-rest": Row(
+        "stop",
+        "not at rest when the step begins: {off:+.3g} {unit} off the idle output, {share_pct:.0f} % of the step; let "
+        "it rest before the step, mend «step_at» where the input was logged late, or say what it starts from with "
+        "«baseline»",
+        "share_pct",
+    ),
+    "unsettled-before-step": Row(
+        "stop",
+        "the output still moves when the input goes from {levels}, by {share_pct:.0f} % of the change that follows: "
+        "hold each level until it rests",
+        "share_pct",
+    ),
+    "saturated": Row("stop", "sensor saturated? {samples} samples stand at {limit:.4g} {unit}", "samples"),
+    "same-ceiling": Row(
+        "stop",
+        "the highest levels, {levels}, all stop at {ceiling:.4g} {unit} in mid-rise: the sensor or its amplifier is "
+        "saturated; leave them out with «levels», or record them with more range",
+    ),
+    "sensor-stuck": Row(
+        "stop",
+        "the sensor stood still for {for_s:.3g} s at {at_s:.6g} s, at exactly {value:.4g} {unit}; record it again",
+        "for_s",
+    ),
+    "coarse-output": Row(
+        "stop",
+        "the output moves in steps of {resolution:.3g} {unit}, {steps:.0f} of them in the whole change: too coarse to "
+        "tell time constants; use a finer range of the sensor",
+    ),
+    "decays-under-hold": Row(
+        "caution",
+        "the output falls by {lost_pct:.0f} % from its peak while the input is held: no monotone model shows that",
+        "lost_pct",
+    ),
+    "window-too-short": Row("caution", _too_short, "tau2_s"),
+    "left-after-release": Row(
+        "caution", "{left_pct:.0f} % of the held torque is left {after_s:.3g} s after the release", "left_pct"
+    ),
+    "level-contradicts-input": Row(
+        "stop",
+        "its level is said to be {said:g} {unit}, but its own input column holds {held:.4g}; mend one of them",
+    ),
+    "repeats-disagree": Row(
+        "caution", "repeats disagree: their torque at the end differs by {spread_pct:.0f} %", "spread_pct"
+    ),
+    "repeats-differ-in-number": Row(
+        "note", "repeats differ in number: {levels} {unit} only {few}, others up to {most}"
+    ),
+    "duty-may-be-fraction": Row(
+        "caution", "no level is above 1 %: if the duty is a fraction of 1, say «units» input=fraction"
+    ),
+    "level-to-level": Row(
+        "note",
+        "{steps} of {of} steps go from one level to another: each is fitted from its own start, apart from the steps "
+        "from rest",
+    ),
+    "sign-differs": Row(
+        "stop",
+        "its output goes the other way than that of its {siblings} siblings; mend its sign or its wiring, or leave it "
+        "out",
+    ),
+    "signs-turned": Row(
+        "note",
+        "the output falls at the step in {runs} runs: recorded inverted, their sign is turned; «sign» keep forbids it",
+    ),
+}

@@ -9,7 +9,7 @@ from eaid.arrays import Array
 from eaid.report import style
 from eaid.report.figures.steps import level_text, quantity
 from eaid.report.thin import thinned
-from eaid.steps.doubts import block_means
+from eaid.steps.noise import block_means
 from eaid.steps.stepset import StepSet
 
 

@@ -1,0 +1,112 @@
+"""Where an input stands still: its plateaus, ramps between them left out, glitches bridged.
+
+A plateau is a stretch in which the input stays within `tolerance`, 1 % of its range or six times its noise.
+"""
+
+import itertools
+from dataclasses import dataclass
+
+import numpy as np
+
+from eaid.arrays import Array, median
+from eaid.steps.noise import sample_noise, sampled
+
+FEWEST = 10
+"""Samples in the active window below which a step is refused."""
+GLITCH = 3
+"""Samples up to which an input that leaves its level and comes back is passed over, and told."""
+
+
+@dataclass(frozen=True)
+class Plateau:
+    """A stretch of constant input: samples start … stop − 1."""
+
+    start: int
+    stop: int
+    level: float
+
+    @property
+    def count(self) -> int:
+        """Samples in it."""
+        return self.stop - self.start
+
+
+def tolerance(values: Array) -> float:
+    """How far an input may stray on a plateau: 1 % of its range, or six times its noise, whichever is more."""
+    span = float(np.ptp(values)) if len(values) else 0.0
+    return max(0.01 * span, 6.0 * sample_noise(values))
+
+
+def plateaus(values: Array) -> list[Plateau]:
+    """The stretches on which the input stands still, ramps left out; a short one at the very end is kept."""
+    allowed = tolerance(values)
+    if allowed == 0.0:
+        return [Plateau(0, len(values), float(values[0]))]
+    jumps = (np.flatnonzero(np.abs(np.diff(values)) > allowed) + 1).tolist()
+    if len(jumps) > max(1000, len(values) // (2 * FEWEST)):
+        return []  # it never stands still
+    parts: list[Plateau] = []
+    for start, stop in itertools.pairwise([0, *jumps, len(values)]):
+        parts.extend(_without_slow_ramps(values, start, stop, allowed))
+    found: list[Plateau] = []
+    for i, piece in enumerate(parts):
+        on_a_ramp = 0 < i < len(parts) - 1 and (
+            (parts[i + 1].level - piece.level) * (piece.level - parts[i - 1].level) > 0
+        )
+        if piece.count < FEWEST and on_a_ramp:
+            continue
+        if found and abs(found[-1].level - piece.level) <= allowed and found[-1].stop == piece.start:
+            found[-1] = Plateau(found[-1].start, piece.stop, found[-1].level)
+        else:
+            found.append(piece)
+    return found
+
+
+def _without_slow_ramps(values: Array, start: int, stop: int, allowed: float) -> list[Plateau]:
+    """A stretch without jumps as plateaus: one where it stands still, the parts between ramps where it does not."""
+    part = values[start:stop]
+    if np.ptp(part) <= 4 * allowed or len(part) < 4 * FEWEST:
+        return [Plateau(start, stop, median(sampled(part)))]
+    lag = FEWEST
+    moves = np.abs(part[lag:] - part[:-lag]) > allowed
+    while not moves.any() and 2 * lag < len(part) // 2:
+        lag *= 2
+        moves = np.abs(part[lag:] - part[:-lag]) > allowed
+    # a sample moves where any pair `lag` apart that spans it differs: pairs that begin in i − lag … i
+    sums = np.concatenate(([0], np.cumsum(moves)))
+    at = np.arange(len(part))
+    moving = sums[np.minimum(at + 1, len(moves))] - sums[np.clip(at - lag, 0, len(moves))] > 0
+    edges = np.flatnonzero(np.diff(np.concatenate(([1], moving.astype(np.int8), [1]))))
+    still = [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True) if b - a >= FEWEST]
+    found = []
+    for a, b in still:
+        level = median(part[a:b])
+        near = np.abs(part - level) <= allowed
+        while a > 0 and near[a - 1]:
+            a -= 1
+        while b < len(part) and near[b]:
+            b += 1
+        found.append(Plateau(start + a, start + b, level))
+    return found
+
+
+def bridge(found: list[Plateau]) -> tuple[list[Plateau], int]:
+    """Plateaus without the glitches that part one level in two; and how many samples those were."""
+    joined: list[Plateau] = []
+    passed = 0
+    for plateau in found:
+        if len(joined) >= 2:
+            before, glitch = joined[-2], joined[-1]
+            if glitch.count <= GLITCH and plateau.start == glitch.stop and glitch.start == before.stop:
+                close = 0.05 * max(abs(before.level - glitch.level), abs(plateau.level - glitch.level))
+                if abs(before.level - plateau.level) <= close and plateau.count > GLITCH:
+                    joined[-2:] = [Plateau(before.start, plateau.stop, before.level)]
+                    passed += glitch.count
+                    continue
+        joined.append(plateau)
+    return joined, passed
+
+
+def stands_still(found: list[Plateau], count: int) -> bool:
+    """True where the input stands still for at least half of its record."""
+    return sum(plateau.count for plateau in found if plateau.count >= FEWEST) >= count / 2
