@@ -1,40 +1,12 @@
-"""`eaid ingest`: logs → a table of runs, and data.h5."""
+"""`eaid ingest`: logs → a table of levels, what is doubtful in their runs, and data.h5."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated
 
 import typer
 
-from eaid.cli import console, inputs
+from eaid.cli import console, ingest_tables, inputs
 from eaid.cli.options import Force, Json, Output, Quiet
-
-if TYPE_CHECKING:
-    from eaid.steps.stepset import StepSet
-
-
-def as_json(stepset: "StepSet") -> dict[str, Any]:
-    """The table of runs, machine-readable."""
-    import dataclasses
-
-    from eaid.store import stamped
-
-    return stamped(
-        "eaid/ingest/1",
-        {
-            "kind": stepset.kind,
-            "input_unit": stepset.input_unit,
-            "output_unit": stepset.output_unit,
-            "synthetic": stepset.synthetic,
-            "apparatus": dataclasses.asdict(stepset.apparatus),
-            "levels": [
-                {"level": level.level, "repeats": len(level.names), "samples": len(level.time_s), "runs": level.names}
-                for level in stepset.levels
-            ],
-            "releases": [{"level": level.level, "repeats": len(level.names)} for level in stepset.releases],
-            "runs": [dataclasses.asdict(run) for run in stepset.runs],
-            "warnings": stepset.warnings,
-        },
-    )
 
 
 def command(
@@ -67,7 +39,7 @@ def command(
 ) -> None:
     """Read logs in any supported format, find steps, levels and repeats, and write one tidy dataset.
 
-    Prints a table of runs with what is wrong or doubtful in each.
+    Prints a line for each level and each step between levels, and what is wrong or doubtful.
     """
     console.be_quiet(quiet)
     from eaid.files import refuse_to_overwrite
@@ -89,36 +61,7 @@ def command(
         console.say(f"{written}: written; eaid ingest {written.parent} needs no options now")
     write_dataset(output, runs, kind=stepset.kind, apparatus=stepset.apparatus, force=force)  # type: ignore[arg-type]
     if json:
-        console.print_json(as_json(stepset))
+        console.print_json(ingest_tables.as_json(stepset))
     else:
-        for warning in stepset.warnings:
-            console.warn(warning)
-        _print_table(stepset)
+        ingest_tables.print_tables(stepset)
     console.say(f"{output}: {len(runs)} runs, {len(stepset.levels)} levels")
-
-
-def _print_table(stepset: "StepSet") -> None:
-    unit, out = stepset.input_unit or "input", stepset.output_unit or "output"
-    rows = [
-        [
-            run.name, f"{run.level:g}", str(run.repeat), run.edge, f"{run.step_s:.6g}", f"{run.baseline_nm:.4g}",
-            str(run.samples), f"{run.rate_hz:.5g}", "; ".join(run.warnings) or "fine",
-        ]
-        for run in stepset.runs
-    ]  # fmt: skip
-    made = f", synthetic: {stepset.synthetic}" if stepset.synthetic else ""
-    console.table(
-        f"{stepset.kind}: {len(stepset.levels)} levels, {len(stepset.runs)} runs{made}",
-        [
-            "run",
-            f"level [{unit}]",
-            "repeat",
-            "edge",
-            "step [s]",
-            f"baseline [{out}]",
-            "samples",
-            "rate [Hz]",
-            "doubtful",
-        ],
-        rows,
-    )

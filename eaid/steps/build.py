@@ -21,6 +21,7 @@ from eaid.steps.doubts import disagreement, doubts
 from eaid.steps.level_steps import level_steps
 from eaid.steps.levels import grouped, same_level, wanted_levels
 from eaid.steps.plateaus import FEWEST, tolerance
+from eaid.steps.slip import slip_of
 from eaid.steps.step import Step, left_pct, lost_pct
 from eaid.steps.stepset import Level, RunRecord, StepSet
 
@@ -132,6 +133,7 @@ def _record(step: Step, said: Sequence[Finding]) -> RunRecord:
         lost_pct=lost_pct(step) if run.edge == "rising" else None,
         left_pct=left_pct(step) if run.edge == "falling" else None,
         from_level=run.from_level,
+        slip=slip_of(step.time_s, step.rise) if run.edge == "rising" and run.from_level == 0 else None,
     )
 
 

@@ -233,7 +233,7 @@ def _cut_at(run: Run, where: str, known: bool) -> list[Run]:
         facts = _edge(run, earlier[-1], now, zero, run.baseline)
     elif start and until > start and run.baseline is None:
         rest = last_rest(output[:start], _end_of(output, now) - float(output[:start].mean()))
-        facts |= {"baseline": rest.value, "held": rest.start}
+        facts |= {"baseline": rest.value} if rest.rests else {"baseline": rest.value, "held": rest.start}
         if rest.left_out:
             facts["findings"] = (*run.findings, finding("spikes-before-step", run.name, samples=rest.left_out))
     steps = [_part(run, 0, until, step_s=float(time[start]), until_s=None, **facts)]

@@ -19,6 +19,8 @@ SLOW_CLOCK_S = 1.0
 """Sample time from which its unit is asked about."""
 NOT_IDLE = 0.05
 """Share of the swing by which the output may be off its idle value when the step begins."""
+NOT_AT_REST = 0.10
+"""Share of the swing from which such a start must not be used."""
 SURE = 5.0
 """Standard errors beyond which a difference is told."""
 
@@ -71,8 +73,9 @@ def _not_idle(step: Step) -> Finding | None:
         return None
     # spikes and steps apart, the noise of the idle time is that of the rise
     if abs(before) > NOT_IDLE * step.swing and abs(before) > SURE * block_error(step.rise):
+        code = "not-at-rest" if abs(before) > NOT_AT_REST * step.swing else "nearly-at-rest"
         return finding(
-            "not-at-rest", step.run.name, (step.run.level or 0.0,), off=before, unit=step.unit,
+            code, step.run.name, (step.run.level or 0.0,), off=before, unit=step.unit,
             share_pct=100 * abs(before) / step.swing,
         )  # fmt: skip
     return None
@@ -153,13 +156,15 @@ def _stuck(step: Step) -> Finding | None:
         chance = (around.sum() + 1) / (len(around) + 2)
         if chance < 0.7 and -count * np.log(chance) > 20 + np.log(len(output)):
             time = step.run.time_s
-            return finding(
-                "sensor-stuck", step.run.name, for_s=float(time[stop] - time[start]), at_s=float(time[start]),
-                value=float(output[start]), unit=step.unit,
-            )  # fmt: skip
+            long = count > BRIEF * len(step.rise) and start + count > step.start
+            code = "sensor-stuck" if long else "sensor-stuck-briefly"
+            lasted, value = float(time[stop] - time[start]), float(output[start])
+            return finding(code, step.run.name, for_s=lasted, at_s=float(time[start]), value=value, unit=step.unit)
     return None
 
 
+BRIEF = 0.02
+"""Share of a window up to which a stuck sensor is told, and the numbers stand."""
 COARSE = 25
 """Steps of the sensor's resolution in a change below which its shape cannot be told."""
 

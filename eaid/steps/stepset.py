@@ -8,6 +8,7 @@ import numpy as np
 from eaid.apparatus import Apparatus
 from eaid.arrays import Array
 from eaid.findings import Finding, merged, ranked, sentences
+from eaid.steps.slip import SlipTest
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,6 +113,8 @@ class RunRecord:
     """Torque left at the end of a release [% of the held torque] (Fig. 6); None for a rising step."""
     from_level: float = 0.0
     """Input before a rising step, or where a falling one goes; 0: rest."""
+    slip: SlipTest | None = None
+    """Where the output peaks and slips under a held input."""
 
     @property
     def warnings(self) -> tuple[str, ...]:

@@ -18,7 +18,6 @@ from eaid.logs.dataset import write_dataset
 from eaid.logs.options import ReadOptions
 from eaid.logs.read import read_runs
 from eaid.logs.spool import on_disk
-from eaid.steps import average, doubts
 
 ROWS = 30_000
 
@@ -26,8 +25,7 @@ ROWS = 30_000
 @pytest.fixture
 def long_from_here(monkeypatch: pytest.MonkeyPatch) -> None:
     """Everything counts as long, in small pieces."""
-    for module in (spool, average, doubts):
-        monkeypatch.setattr(module, "LONG", 1000)
+    monkeypatch.setattr(spool, "LONG", 1000)
     monkeypatch.setattr("eaid.logs.dataset.LONG", 1000)
     monkeypatch.setattr(spool, "PIECE", 777)
     monkeypatch.setattr(text, "LONG_BYTES", 1000)

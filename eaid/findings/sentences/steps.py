@@ -65,6 +65,11 @@ ROWS: dict[str, Row] = {
         "«baseline»",
         "share_pct",
     ),
+    "nearly-at-rest": Row(
+        "caution",
+        "hardly at rest when the step begins: {off:+.3g} {unit} off the idle output, {share_pct:.0f} % of the step",
+        "share_pct",
+    ),
     "unsettled-before-step": Row(
         "stop",
         "the output still moves when the input goes from {levels}, by {share_pct:.0f} % of the change that follows: "
@@ -81,6 +86,9 @@ ROWS: dict[str, Row] = {
         "stop",
         "the sensor stood still for {for_s:.3g} s at {at_s:.6g} s, at exactly {value:.4g} {unit}; record it again",
         "for_s",
+    ),
+    "sensor-stuck-briefly": Row(
+        "caution", "the sensor stood still for {for_s:.3g} s at {at_s:.6g} s, at exactly {value:.4g} {unit}", "for_s"
     ),
     "coarse-output": Row(
         "stop",

@@ -1,0 +1,149 @@
+"""What `eaid ingest` prints: one line a level, one line a step between levels, and one line for each doubt.
+
+A doubt that several runs share is one line, with the run that has most of it.
+"""
+
+from typing import TYPE_CHECKING, Any
+
+from eaid.cli import console
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from eaid.findings import Finding
+    from eaid.steps.stepset import Level, LevelStep, RunRecord, StepSet
+
+
+def as_json(stepset: "StepSet") -> dict[str, Any]:
+    """The levels, runs and findings, machine-readable."""
+    import dataclasses
+
+    from eaid.store import stamped
+
+    return stamped(
+        "eaid/ingest/1",
+        {
+            "kind": stepset.kind,
+            "input_unit": stepset.input_unit,
+            "output_unit": stepset.output_unit,
+            "synthetic": stepset.synthetic,
+            "apparatus": dataclasses.asdict(stepset.apparatus),
+            "levels": [
+                {"level": level.level, "repeats": len(level.names), "samples": len(level.time_s), "runs": level.names}
+                for level in stepset.levels
+            ],
+            "releases": [{"level": level.level, "repeats": len(level.names)} for level in stepset.releases],
+            "level_steps": [_step_json(step) for step in stepset.level_steps],
+            "runs": [_run_json(run) for run in stepset.runs],
+            "findings": [_finding_json(one) for one in stepset.all_findings],
+            "warnings": stepset.warnings,
+        },
+    )
+
+
+def _run_json(run: "RunRecord") -> dict[str, Any]:
+    import dataclasses
+
+    facts = {field.name: getattr(run, field.name) for field in dataclasses.fields(run)}
+    if run.slip is not None:
+        facts["slip"] = dataclasses.asdict(run.slip)
+    return {**facts, "findings": [_finding_json(one) for one in run.findings], "warnings": run.warnings}
+
+
+def _step_json(step: "LevelStep") -> dict[str, Any]:
+    return {
+        "run": step.name, "from": step.from_level, "level": step.level, "edge": step.edge, "start": step.start,
+        "change": step.change, "gain": step.gain, "window_s": float(step.time_s[-1]),
+    }  # fmt: skip
+
+
+def _finding_json(one: "Finding") -> dict[str, Any]:
+    from eaid.errors import in_python
+    from eaid.findings import say
+
+    return {
+        "code": one.code, "severity": one.severity, "subject": one.subject, "levels": one.levels,
+        "values": one.values, "text": in_python(say(one)),
+    }  # fmt: skip
+
+
+def print_tables(stepset: "StepSet") -> None:
+    """The tables on stdout."""
+    made = f", synthetic: {stepset.synthetic}" if stepset.synthetic else ""
+    title = f"{stepset.kind}: {_count(stepset.levels, 'level')}, {_count(stepset.runs, 'run')}{made}"
+    unit, out = stepset.input_unit or "input", stepset.output_unit or "output"
+    if stepset.levels:
+        rows = [_level_row(level, stepset) for level in stepset.levels]
+        console.table(
+            title,
+            [f"level [{unit}]", "runs", f"start [{out}]", f"rise [{out}]", "lost", "hold [s]", "rate [Hz]", "falls"],
+            rows,
+        )
+    else:
+        console.line(title)
+    between = [step for step in stepset.level_steps if step.from_level != 0.0 and step.level != 0.0]
+    if between:
+        console.table(
+            "steps from level to level",
+            [f"from [{unit}]", "to", f"start [{out}]", f"change [{out}]", f"gain [{out}/{unit}]", "hold [s]"],
+            [
+                [
+                    f"{step.from_level:g}", f"{step.level:g}", f"{step.start:.4g}", f"{step.change:+.4g}",
+                    f"{step.gain:.4g}", f"{step.time_s[-1]:.4g}",
+                ]
+                for step in between
+            ],
+        )  # fmt: skip
+    slips = [(run, run.slip) for run in stepset.runs if run.slip is not None]
+    if slips:
+        console.table(
+            "slip, of the run with the highest peak at each level",
+            [f"level [{unit}]", f"peak [{out}]", "at [s]", f"after [{out}]", f"loading [{out}/s]", "stick-slip"],
+            [_slip_row(run) for run in _highest(stepset.runs)],
+        )
+    told = stepset.all_findings
+    if told:
+        from eaid.errors import on_command_line
+        from eaid.findings import say
+
+        console.table(
+            "doubts",
+            ["", "run", "what"],
+            [[console.PREFIX[one.severity], one.subject, on_command_line(say(one))] for one in told],
+        )
+
+
+def _count(items: "Sequence[object]", what: str) -> str:
+    return f"{len(items)} {what}{'' if len(items) == 1 else 's'}"
+
+
+def _level_row(level: "Level", stepset: "StepSet") -> list[str]:
+    runs = [run for run in stepset.runs if run.name in level.names]
+    starts = [run.baseline_nm for run in runs]
+    lost = max((run.lost_pct or 0.0 for run in runs), default=0.0)
+    falls = sum(len(one.names) for one in stepset.releases if one.level == level.level)
+    near = f"{starts[0]:.4g}" if len(starts) == 1 else f"{min(starts):.4g} … {max(starts):.4g}"
+    end = float(level.mean[-max(1, len(level.mean) // 10) :].mean())
+    rate = min(run.rate_hz for run in runs)
+    return [
+        f"{level.level:g}", str(len(level.names)), near, f"{end:.4g}", f"{lost:.0f} %", f"{level.time_s[-1]:.4g}",
+        f"{rate:.4g}", str(falls),
+    ]  # fmt: skip
+
+
+def _highest(runs: "Sequence[RunRecord]") -> "list[RunRecord]":
+    best: dict[float, RunRecord] = {}
+    for run in runs:
+        if run.slip is not None and (run.level not in best or run.slip.peak > best[run.level].slip.peak):  # type: ignore[union-attr]
+            best[run.level] = run
+    return [best[level] for level in sorted(best)]
+
+
+def _slip_row(run: "RunRecord") -> list[str]:
+    slip = run.slip
+    assert slip is not None
+    stick = "–" if slip.stick_slip is None else f"{slip.stick_slip:.3g} at {slip.stick_slip_hz:.3g} Hz"
+    return [
+        f"{run.level:g}", f"{slip.peak:.4g}", f"{slip.peak_s:.3g}", f"{slip.after:.4g}", f"{slip.stiffness_per_s:.3g}",
+        stick,
+    ]  # fmt: skip

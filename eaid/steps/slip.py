@@ -1,0 +1,92 @@
+"""A test in which a loaded contact slips: peak, level after slip, loading stiffness, stick-slip.
+
+At constant speed v the displacement is v·t, so a stiffness per second over v is one per metre.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from eaid.arrays import Array
+from eaid.steps.noise import block_error, block_means
+
+OVER = 0.05
+"""Share by which a peak has to exceed the level after it to be a slip."""
+SURE = 5.0
+LEAST = 0.02
+"""Share of the level after the slip below which an oscillation is not worth a word."""
+MOST = 0.4
+"""Share of the variance behind a slip that has to lie within an octave for it to be stick-slip."""
+
+
+@dataclass(frozen=True)
+class SlipTest:
+    """One slip, in the output's unit; displacements are None where the speed is not known."""
+
+    peak: float
+    peak_s: float
+    """Time of the peak since the step [s]."""
+    after: float
+    """Level after the slip: mean of the last quarter."""
+    stiffness_per_s: float
+    """Slope of the loading between 20 and 80 % of the peak [output unit per s]."""
+    stick_slip: float | None = None
+    """Peak-to-peak amplitude of the oscillation after the slip; None where none stands out."""
+    stick_slip_hz: float | None = None
+
+    def peak_m(self, speed_m_s: float) -> float:
+        """Displacement of the peak [m] at a speed."""
+        return self.peak_s * speed_m_s
+
+    def stiffness_per_m(self, speed_m_s: float) -> float:
+        """Loading stiffness [output unit per m] at a speed."""
+        return self.stiffness_per_s / speed_m_s
+
+
+def slip_of(time_s: Array, rise: Array) -> SlipTest | None:
+    """The slip in a rise from its own start, shapes (n,); None where its peak does not stand out of what follows."""
+    count = len(rise)
+    if count < 80:
+        return None
+    width = max(1, count // 200)
+    smooth = np.convolve(rise, np.full(width, 1.0 / width), mode="valid")
+    at = int(smooth.argmax())
+    after = float(rise[-(count // 4) :].mean())
+    peak, error = float(smooth[at]), block_error(rise) * np.sqrt(10)
+    if not 0 < at < 0.9 * count or peak - after < max(OVER * peak, SURE * error) or peak <= 0 or after <= 0:
+        return None
+    middle = at + width // 2
+    low = int(np.argmax(smooth >= 0.2 * peak))
+    high = max(int(np.argmax(smooth >= 0.8 * peak)), low + 1)
+    x = time_s[low : high + 1] - time_s[low : high + 1].mean()
+    stiffness = float(x @ smooth[low : high + 1] / (x @ x))
+    late = middle + (count - middle) // 4
+    amplitude, frequency = _stick_slip(time_s[late:], rise[late:])
+    if amplitude is not None and amplitude < LEAST * after:
+        amplitude = frequency = None
+    return SlipTest(peak, float(time_s[middle]), after, stiffness, amplitude, frequency)
+
+
+def _stick_slip(time_s: Array, output: Array) -> tuple[float | None, float | None]:
+    """Peak-to-peak amplitude and frequency [Hz] of what moves to and fro behind a slip; (None, None) where nothing does.
+
+    Averaged spectrum of four Hann windows, overlapping by half: the octave about its largest value holds `MOST` of the
+    variance; the amplitude is that of a sine of the octave's variance.
+    """
+    count = 2 * (len(output) // 5)
+    if count < 64:
+        return None, None
+    dt = float(time_s[-1] - time_s[0]) / (len(output) - 1)
+    trend = np.interp(np.arange(len(output)), (np.arange(6) + 0.5) * len(output) / 6, block_means(output, 6))
+    window = np.hanning(count)
+    pieces = [(output - trend)[start : start + count] for start in range(0, len(output) - count + 1, count // 2)]
+    power = np.mean([np.abs(np.fft.rfft(window * (piece - piece.mean()))) ** 2 for piece in pieces], axis=0)
+    power[:4] = 0.0  # slower than four periods of a window is trend
+    best = int(power.argmax())
+    near = slice(max(4, round(best / np.sqrt(2))), round(best * np.sqrt(2)) + 1)
+    share = float(power[near].sum() / power.sum())
+    if share < max(MOST, 4 * (near.stop - near.start) / len(power)):
+        return None, None
+    variance = 2 * float(power[near].sum()) / (count * (window**2).sum())
+    middle = float(power[near] @ np.arange(len(power))[near] / power[near].sum())
+    return float(2 * np.sqrt(2 * variance)), middle / (count * dt)
