@@ -68,7 +68,7 @@ def slip_of(time_s: Array, rise: Array) -> SlipTest | None:
 
 
 def _stick_slip(time_s: Array, output: Array) -> tuple[float | None, float | None]:
-    """Peak-to-peak amplitude and frequency [Hz] of what moves to and fro behind a slip; (None, None) where nothing does.
+    """Peak-to-peak amplitude and frequency [Hz] of what oscillates behind a slip; (None, None) where nothing does.
 
     Averaged spectrum of four Hann windows, overlapping by half: the octave about its largest value holds `MOST` of the
     variance; the amplitude is that of a sine of the octave's variance.
