@@ -78,6 +78,10 @@ LIMITS: dict[str, Limit] = {
     "perturb": Limit(0, 1e6, above=True),
     "limb_damping": Limit(0, 1e6),
     "limb_inertia": Limit(1e-6, 1e6),
+    # export
+    "rate_filter_hz": Limit(0, 1e5, above=True),
+    "duty_on_fault": Limit(-1e9, 1e9),
+    "stuck_s": Limit(0, 1e4, above=True),
     # synth
     "levels": Limit(0, 1e9, above=True),
     "repeats": Limit(1, 10_000, whole=True),

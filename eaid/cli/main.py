@@ -23,6 +23,7 @@ COMMANDS = {
     "fit": "Logs or data.h5 → models with intervals and a verdict, fit.json",
     "tune_rc": "fit.json → robust and PI gains, the guarantee checked, gains.json",
     "simulate": "Replay controllers on the fitted plant, replay.h5",
+    "export": "gains.json → source for a rig: C, Arduino, MATLAB, FMU, YAML",
     "report": "Result files → one HTML page and figures",
     "synth": "A plant → synthetic logs",
     "plan": "fit.json → what to record next, plan.csv",

@@ -1,0 +1,1 @@
+"""Controllers and plant as source for a rig, each export a folder that stands alone."""

@@ -1,0 +1,101 @@
+"""Gains and plant → a folder that a rig is run from: written whole or not at all."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from eaid.control.pi import PIGains
+from eaid.control.rc import RCGains
+from eaid.errors import UsageError
+from eaid.export.job import job_of, laws_of, timing_of
+from eaid.export.judge import judged
+from eaid.export.options import ExportOptions
+from eaid.export.source import source_of
+from eaid.export.targets import TARGETS
+from eaid.files import folder_written_whole
+from eaid.findings import Finding
+from eaid.models.parameters import Nonlinear
+from eaid.results.fit import Fit
+from eaid.results.gains import Gains
+
+OURS = ("eaid_*", "EaidPlant.mo", "vectors.*", "check*", "Makefile", "README.md", "parameters.yaml", "*.ino", ".*.part")
+"""Names of an export's files and of what its Makefile builds; a folder with any other in it is never replaced."""
+
+
+@dataclass(frozen=True)
+class ExportFolder:
+    """What was written."""
+
+    path: Path
+    target: str
+    laws: tuple[str, ...]
+    files: tuple[str, ...]
+    dt_s: float
+    findings: tuple[Finding, ...]
+    """What stands at the head of each file, the gravest first."""
+
+
+def export(
+    gains: Gains | RCGains | PIGains | None,
+    plant_or_fit: Fit | Nonlinear | None = None,
+    options: ExportOptions | None = None,
+) -> ExportFolder:
+    """Write controllers and plant as source for a rig.
+
+    Parameters
+    ----------
+    gains : Gains, RCGains, PIGains or None
+        Controllers; None exports the fit's inverse and plant alone.
+    plant_or_fit : Fit, Nonlinear or None
+        The nonlinear model, which `inverse` and `plant` need.
+    options : ExportOptions
+        Target, laws, sample rate, precision, folder.
+
+    Raises
+    ------
+    GainsError
+        A loop is unstable at the sample rate, or a finding of severity stop stands; `anyway` overrides, marked.
+    UsageError
+        The options contradict one another, or the folder is there already.
+
+    Examples
+    --------
+    >>> import tempfile, pathlib
+    >>> from eaid.control.gains import paper_gains
+    >>> where = pathlib.Path(tempfile.mkdtemp()) / "rig"
+    >>> made = export(paper_gains()[0], options=ExportOptions(folder=where))
+    >>> made.laws, "eaid_control.c" in made.files
+    (('rc',), True)
+    """
+    options = options or ExportOptions()
+    if options.target not in TARGETS:
+        raise UsageError(f"«as» is {options.target!r}; there are {', '.join(TARGETS)}")
+    refuse_folder(options.folder, options.force)
+    source = source_of(gains, plant_or_fit)
+    target = TARGETS[options.target]
+    laws = laws_of(source, options, target.laws)
+    timing = timing_of(source, options)
+    found = judged(source, laws, 1.0 / timing.dt_s, options)
+    job = job_of(source, laws, timing, found, options)
+    files = dict(target.files(job))
+    with folder_written_whole(options.folder) as part:
+        for name, content in files.items():
+            data = content if isinstance(content, bytes) else content.encode("utf-8")
+            (part / name).write_bytes(data)
+        refuse_folder(options.folder, options.force)
+    return ExportFolder(options.folder, options.target, laws, tuple(files), timing.dt_s, found)
+
+
+def refuse_folder(folder: Path, force: bool) -> None:
+    """Leave an existing folder alone unless it is an earlier export and the user says so."""
+    if not folder.exists() and not folder.is_symlink():
+        if not folder.resolve().parent.is_dir():
+            raise UsageError(f"{folder}: the folder {folder.resolve().parent} does not exist; make it first")
+        return
+    if not folder.is_dir():
+        raise UsageError(f"{folder}: is no folder; give another «output»")
+    items = sorted(folder.iterdir())
+    strange = [one for one in items if one.is_symlink() or not one.is_file() or not any(map(one.match, OURS))]
+    if strange:
+        raise UsageError(f"{folder}: holds {strange[0].name}, which eaid export did not make; give another «output»")
+    if items and not force:
+        raise UsageError(f"{folder}: exists already; give «force» to overwrite it, or another «output»")

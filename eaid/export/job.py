@@ -1,0 +1,110 @@
+"""One export, ready to be rendered: constants in the target's precision, heads, vectors."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from eaid import __version__
+from eaid.errors import UsageError, in_python
+from eaid.export.constants import (
+    Timing,
+    inverse_constants,
+    pi_constants,
+    plant_constants,
+    rate_constants,
+    rc_constants,
+)
+from eaid.export.options import LAWS, ExportOptions
+from eaid.export.series import rounded
+from eaid.export.source import Source
+from eaid.export.text import decimal
+from eaid.export.vectors import Vector, vectors
+from eaid.findings import Finding, say
+
+TITLES = {
+    "pi": "PI of §V-B: u = K_P e + K_I ∫e",
+    "rc": "Robust control, Eqs. (11)-(14)",
+    "inverse": "Feedback linearisation with the nonlinear model, exact inverse of each sample",
+    "plant": "The clutch: nonlinear model, Eqs. (4)-(7), for hardware in the loop",
+}
+
+
+@dataclass(frozen=True)
+class Job:
+    """What every target's templates draw on."""
+
+    options: ExportOptions
+    timing: Timing
+    units: tuple[str, str]
+    laws: tuple[str, ...]
+    constants: Mapping[str, Any]
+    """Law, and `rate` where there is a controller → its constants of `eaid.export.reference`, rounded."""
+    vectors: tuple[Vector, ...]
+    head: tuple[str, ...]
+    findings: tuple[Finding, ...]
+    name: str
+    """The folder's name."""
+    top: float
+    """Largest torque of the rig [output unit]."""
+
+
+def laws_of(source: Source, options: ExportOptions, allowed: tuple[str, ...]) -> tuple[str, ...]:
+    """The laws to export, in one order; UsageError where one is asked for that the inputs do not hold."""
+    held = tuple(law for law in source.laws if law in allowed)
+    wanted = options.laws if options.laws is not None else held
+    for law in wanted:
+        if law not in allowed:
+            raise UsageError(f"«as» {options.target} has no {law}; it takes {', '.join(allowed)}")
+        if law not in held:
+            need = "gains.json of eaid tune-rc" if law in ("pi", "rc") else "fit.json with a nonlinear model, «fit»"
+            raise UsageError(f"«law» {law} needs what was not given: {need}")
+    if not wanted:
+        raise UsageError(f"nothing to export as {options.target}: it takes {', '.join(allowed)}; give a fit, «fit»")
+    return tuple(law for law in LAWS if law in wanted)
+
+
+def timing_of(source: Source, options: ExportOptions) -> Timing:
+    """Sample time and what goes with it."""
+    rate = options.rate_hz or source.rate_hz
+    corner = options.rate_filter_hz or min(25.0, 0.1 * rate)
+    if corner >= 0.5 * rate:
+        raise UsageError(f"«rate_filter_hz» is {corner:g}; it must lie below half the control rate, {0.5 * rate:g} Hz")
+    return Timing(1.0 / rate, options.precision, options.duty_on_fault, options.stuck_s, corner)
+
+
+def job_of(
+    source: Source, laws: tuple[str, ...], timing: Timing, found: tuple[Finding, ...], options: ExportOptions
+) -> Job:
+    """Everything that the templates need."""
+    made: dict[str, Any] = {}
+    if "pi" in laws and source.pi is not None:
+        made["pi"] = pi_constants(source.pi, timing)
+    if "rc" in laws and source.rc is not None:
+        made["rc"] = rc_constants(source.rc, timing)
+    if source.plant is not None:
+        if "inverse" in laws:
+            made["inverse"] = inverse_constants(source.plant, source.limits, timing)
+        if "plant" in laws:
+            made["plant"] = plant_constants(source.plant, timing)
+    if set(laws) - {"plant"}:
+        made["rate"] = rate_constants(timing)
+    made = {name: rounded(value, timing.precision) for name, value in made.items()}
+    folder = options.folder.resolve().name
+    return Job(
+        options, timing, source.units, laws, made, tuple(vectors(made, source.top, timing.precision)),
+        tuple(_head(source, laws, timing, found, options)), found, folder, source.top,
+    )  # fmt: skip
+
+
+def _head(
+    source: Source, laws: tuple[str, ...], timing: Timing, found: tuple[Finding, ...], options: ExportOptions
+) -> list[str]:
+    origins = [f"{one.path}, sha256 {one.sha256}" for one in options.inputs] or list(source.origins)
+    return [
+        f"{', '.join(laws)} for an electroadhesive clutch, made by eaid {__version__}",
+        *(f"from {origin}" for origin in origins),
+        *([f"by {options.command}"] if options.command else []),
+        f"sample time {decimal(timing.dt_s)} s, {timing.precision} precision;"
+        f" duty in {source.units[0]}, torque in {source.units[1]}",
+        *(f"{one.severity}: {in_python(say(one))}" for one in found),
+    ]

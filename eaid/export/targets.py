@@ -1,0 +1,93 @@
+"""The table of targets: which laws each takes, and the files it makes."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+from eaid.export.fmu import fmus
+from eaid.export.job import Job
+from eaid.export.options import LAWS
+from eaid.export.python_text import python_files
+from eaid.export.render import rendered
+from eaid.export.text import decimal
+
+Files = Iterator[tuple[str, str | bytes]]
+
+
+@dataclass(frozen=True)
+class Target:
+    """One target."""
+
+    words: str
+    laws: tuple[str, ...]
+    files: Callable[[Job], Files]
+
+
+def vectors_csv(job: Job) -> str:
+    """The test vectors as text; `before` 1 is a reset, 2 a bumpless start from `from_duty`."""
+    lines = ["law,case,before,reference,reference_rate,torque,from_duty,expected,status"]
+    for v in job.vectors:
+        numbers = ",".join(decimal(x) for x in (v.reference, v.rate, v.torque, v.duty, v.expected))
+        lines.append(f"{v.law},{v.case},{v.before},{numbers},{v.status}")
+    return "\n".join(lines) + "\n"
+
+
+def _common(job: Job) -> Files:
+    yield "vectors.csv", vectors_csv(job)
+    yield "README.md", rendered(job, "README.md.j2", target=job.options.target)
+
+
+def _c(job: Job) -> Files:
+    yield "eaid_control.h", rendered(job, "eaid_control.h.j2")
+    yield "eaid_control.c", rendered(job, "eaid_control.c.j2")
+    yield "check.c", rendered(job, "check.c.j2")
+    yield "vectors.h", rendered(job, "vectors.h.j2")
+    yield "Makefile", rendered(job, "Makefile.j2")
+    yield from _common(job)
+
+
+def _arduino(job: Job) -> Files:
+    yield from _c(job)
+    if set(job.laws) - {"plant"}:
+        yield f"{job.name}.ino", rendered(job, "sketch.ino.j2")
+
+
+def _matlab(job: Job) -> Files:
+    for law in job.laws:
+        for part in ("init", "step") if law == "plant" else ("init", "start", "step"):
+            yield f"eaid_{law}_{part}.m", rendered(job, f"matlab/{part}.m.j2", law=law)
+        yield f"eaid_{law}_block.m", rendered(job, "matlab/block.m.j2", law=law)
+    if "rate" in job.constants:
+        yield "eaid_rate_step.m", rendered(job, "matlab/rate.m.j2")
+    yield "check.m", rendered(job, "matlab/check.m.j2")
+    yield from _common(job)
+
+
+def _fmu(job: Job) -> Files:
+    yield from fmus(job, dict(_c(job)))
+    yield from _common(job)
+
+
+def _yaml(job: Job) -> Files:
+    yield "parameters.yaml", rendered(job, "parameters.yaml.j2")
+    yield from _common(job)
+
+
+def _python(job: Job) -> Files:
+    yield from python_files(job)
+    yield from _common(job)
+
+
+def _modelica(job: Job) -> Files:
+    yield "EaidPlant.mo", rendered(job, "EaidPlant.mo.j2")
+    yield from _common(job)
+
+
+TARGETS: dict[str, Target] = {
+    "c": Target("C99, one .h and one .c, C++ safe", LAWS, _c),
+    "arduino": Target("the same C and a sketch around it", LAWS, _arduino),
+    "matlab": Target("MATLAB and Octave functions, blocks for Simulink", LAWS, _matlab),
+    "fmu": Target("FMI 2.0 co-simulation, one FMU a law, with sources", LAWS, _fmu),
+    "yaml": Target("a plain parameter file, ROS 2 style", LAWS, _yaml),
+    "python": Target("plain Python, nothing else needed", LAWS, _python),
+    "modelica": Target("the plant as a Modelica model", ("plant",), _modelica),
+}

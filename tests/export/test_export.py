@@ -1,0 +1,213 @@
+"""The one entry: what is refused, what is marked, what is written, and that it is written whole."""
+
+import math
+from dataclasses import replace
+
+import msgspec
+import pytest
+
+from eaid.errors import GainsError, UsageError
+from eaid.export import export as room
+from eaid.export.export import export
+from eaid.export.options import ExportOptions
+from eaid.export.targets import TARGETS
+from eaid.findings import finding, say
+from eaid.findings.sentences.export import ROWS
+from eaid.models.parameters import REFERENCE_PLANT
+from eaid.results.common import Input
+
+from .conftest import KNOWN, PLANT, fit_of, gains_of
+
+
+def codes(made):
+    return [one.code for one in made.findings]
+
+
+def test_gains_and_fit_give_all_laws_in_one_folder(tmp_path):
+    made = export(gains_of(), fit_of(), ExportOptions(folder=tmp_path / "rig"))
+    assert made.laws == ("pi", "rc", "inverse", "plant") and made.dt_s == 1e-3
+    assert sorted(path.name for path in (tmp_path / "rig").iterdir()) == sorted(made.files)
+    assert codes(made) == ["export-guarantee-holds"]
+
+
+@pytest.mark.parametrize("target", TARGETS)
+def test_every_file_but_vectors_names_what_it_is_made_of(tmp_path, target):
+    inputs = (Input("my gains.json", "abc123"),)
+    options = ExportOptions(target=target, folder=tmp_path / "rig", inputs=inputs, command="eaid export x --as y")
+    made = export(gains_of(margins={"worst": {"rc": {"gain_db": 12.5}}}), fit_of(), options)
+    for name in made.files:
+        if name in ("vectors.csv", "vectors.h", "check.py", "eaid_laws.py") or name.endswith((".fmu", "_block.m")):
+            continue
+        text = (tmp_path / "rig" / name).read_text()
+        for part in ("made by eaid", "my gains.json, sha256 abc123", "eaid export x --as y", "sample time 0.001 s"):
+            assert part in text, name
+        assert ("RC 12.5 dB" in text) == (target != "modelica"), name
+
+
+def test_without_files_the_results_digests_stand_at_the_head(tmp_path):
+    export(gains_of(), fit_of(), ExportOptions(folder=tmp_path / "rig"))
+    head = (tmp_path / "rig" / "eaid_control.h").read_text()
+    assert head.count("digest ") == 2
+
+
+@pytest.mark.parametrize(
+    ("gains", "fit", "laws"),
+    [
+        (KNOWN.rc, None, ("rc",)),
+        (KNOWN.pi, None, ("pi",)),
+        (None, PLANT, ("inverse", "plant")),
+        (KNOWN.pi, PLANT, None),
+    ],
+)
+def test_plain_gains_and_plants_are_taken_too(tmp_path, gains, fit, laws):
+    made = export(gains, fit, ExportOptions(folder=tmp_path / "rig"))
+    assert made.laws == (laws or ("pi", "inverse", "plant"))
+    assert ("export-margins-unknown" in codes(made)) == (gains is KNOWN.pi and fit is None)
+
+
+def test_an_unstable_loop_is_refused_with_its_duties_and_exported_anyway_marked(tmp_path):
+    wild = gains_of(pi=KNOWN.pi._replace(K_P=2e5))
+    options = ExportOptions(folder=tmp_path / "rig", laws=("pi",))
+    with pytest.raises(GainsError, match=r"PI: the loop is unstable at 1000 Hz around .* %; .*anyway="):
+        export(wild, fit_of(), options)
+    assert not (tmp_path / "rig").exists()
+    made = export(wild, fit_of(), replace(options, anyway=True))
+    assert codes(made)[:2] == ["export-anyway", "export-unstable"]
+    assert "EXPORTED ANYWAY" in (tmp_path / "rig" / "eaid_control.c").read_text()
+    assert export(wild, fit_of(), ExportOptions(folder=tmp_path / "rc", laws=("rc",))).laws == ("rc",)
+
+
+def test_gains_that_are_stable_at_their_rate_are_refused_at_one_that_is_too_slow(tmp_path):
+    with pytest.raises(GainsError, match="RC: the loop is unstable at 20 Hz"):
+        export(gains_of(), fit_of(), ExportOptions(folder=tmp_path / "rig", laws=("rc",), rate_hz=20.0))
+    made = export(gains_of(), fit_of(), ExportOptions(folder=tmp_path / "rig", laws=("rc",), rate_hz=500.0))
+    assert "export-other-rate" in codes(made) and made.dt_s == 0.002
+
+
+def test_what_is_marked_stop_is_refused(tmp_path):
+    options = ExportOptions(folder=tmp_path / "rig")
+    stop = {"code": "some-stop", "severity": "stop", "subject": "nonlinear", "levels": [], "values": {}}
+    with pytest.raises(GainsError, match="not identifiable: one level"):
+        export(gains_of(unidentified="one level"), None, options)
+    with pytest.raises(GainsError, match="plant rest on a fit that is not identifiable"):
+        export(None, fit_of(identifiable=False), options)
+    with pytest.raises(GainsError, match="did not converge"):
+        export(None, fit_of(solver={"converged": False}), options)
+    with pytest.raises(GainsError, match="some-stop"):
+        export(gains_of(findings=[{**stop, "subject": "rc"}]), None, options)
+    fit = msgspec.structs.replace(fit_of(), findings=gains_of(findings=[stop]).findings)
+    with pytest.raises(GainsError, match="some-stop"):
+        export(None, fit, options)
+    assert not (tmp_path / "rig").exists()
+    export(gains_of(), fit, ExportOptions(folder=tmp_path / "rig", laws=("rc",)))  # the plant is not in it
+
+
+@pytest.mark.parametrize(
+    ("marks", "code"),
+    [({"guaranteed": False}, "export-guarantee-missing"), ({"phi_holds": False}, "export-guarantee-missing"),
+     ({"guaranteed": None}, "export-guarantee-unknown")],
+)  # fmt: skip
+def test_the_guarantee_is_told(tmp_path, marks, code):
+    plain = msgspec.to_builtins(gains_of())
+    gains = msgspec.convert({**plain, "rc": {**plain["rc"], **marks}}, type(gains_of()))
+    assert code in codes(export(gains, None, ExportOptions(folder=tmp_path / "rig")))
+
+
+def test_a_plant_without_release_says_so(tmp_path):
+    made = export(None, fit_of(REFERENCE_PLANT), ExportOptions(folder=tmp_path / "rig"))
+    assert codes(made) == ["export-no-release"]
+
+
+def test_the_rigs_own_units_stand_everywhere(tmp_path):
+    data = {"input_unit": "V", "output_unit": "N", "levels": [100.0, 300.0], "sample_rate_hz": 2000.0}
+    made = export(None, fit_of(data=data), ExportOptions(folder=tmp_path / "rig"))
+    assert made.dt_s == 0.0005
+    text = (tmp_path / "rig" / "eaid_control.h").read_text()
+    assert "[N/V]" in text and "duty in V, torque in N" in text and "N·m" not in text and "%" not in text
+    assert "0x1.2cp+8, /* duty_max = 300.0 V */" in (tmp_path / "rig" / "eaid_control.c").read_text()
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        ({"target": "cobol"}, "as= is 'cobol'"),
+        ({"laws": ("rc", "magic")}, "law= holds 'magic'"),
+        ({"laws": ("rc", "rc")}, "each law once"),
+        ({"laws": ()}, "each law once"),
+        ({"precision": "half"}, "precision= is 'half'"),
+        ({"rate_hz": 0.0}, "rate_hz= 0"),
+        ({"rate_hz": math.nan}, "rate_hz= nan"),
+        ({"stuck_s": 0.0}, "stuck_s= 0"),
+        ({"duty_on_fault": math.inf}, "duty_on_fault= inf"),
+        ({"rate_filter_hz": 500.0}, "rate_filter_hz= is 500"),
+        ({"target": "modelica", "laws": ("rc",)}, "modelica has no rc"),
+    ],
+)
+def test_options_that_contradict_are_refused(tmp_path, options, said):
+    with pytest.raises(UsageError, match=said):
+        export(gains_of(), fit_of(), ExportOptions(folder=tmp_path / "rig", **options))
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_law_that_was_not_given_is_named(tmp_path):
+    with pytest.raises(UsageError, match=r"law= plant needs what was not given: fit.json"):
+        export(gains_of(), None, ExportOptions(folder=tmp_path / "rig", laws=("plant",)))
+    with pytest.raises(UsageError, match=r"law= rc needs what was not given: gains.json"):
+        export(None, fit_of(), ExportOptions(folder=tmp_path / "rig", laws=("rc",)))
+    with pytest.raises(UsageError, match="nothing to export as modelica"):
+        export(gains_of(), None, ExportOptions(folder=tmp_path / "rig", target="modelica"))
+    with pytest.raises(UsageError, match="nothing to export: give gains"):
+        export(None, None, ExportOptions(folder=tmp_path / "rig"))
+
+
+def test_an_earlier_export_is_replaced_when_asked_and_nothing_else_ever(tmp_path):
+    folder = tmp_path / "rig"
+    export(gains_of(), fit_of(), ExportOptions(folder=folder))
+    with pytest.raises(UsageError, match="exists already"):
+        export(gains_of(), fit_of(), ExportOptions(folder=folder))
+    (folder / "check").write_text("what make built")
+    export(gains_of(), fit_of(), ExportOptions(folder=folder, target="yaml", force=True))
+    assert sorted(path.name for path in folder.iterdir()) == ["README.md", "parameters.yaml", "vectors.csv"]
+    (folder / "main.c").write_text("the user's own")
+    with pytest.raises(UsageError, match=r"holds main.c, which eaid export did not make"):
+        export(gains_of(), fit_of(), ExportOptions(folder=folder, force=True))
+    (folder / "main.c").rename(tmp_path / "elsewhere.c")
+    (folder / "vectors.csv").unlink()
+    (folder / "vectors.csv").symlink_to(tmp_path / "elsewhere.c")
+    with pytest.raises(UsageError, match=r"holds vectors.csv"):
+        export(gains_of(), fit_of(), ExportOptions(folder=folder, force=True))
+    assert (tmp_path / "elsewhere.c").read_text() == "the user's own"
+    file = tmp_path / "file"
+    file.write_text("")
+    with pytest.raises(UsageError, match="is no folder"):
+        export(gains_of(), fit_of(), ExportOptions(folder=file, force=True))
+    with pytest.raises(UsageError, match="does not exist"):
+        export(gains_of(), fit_of(), ExportOptions(folder=tmp_path / "a" / "b"))
+
+
+def test_a_failure_while_writing_leaves_the_earlier_export_whole(tmp_path, monkeypatch):
+    folder = tmp_path / "rig"
+    export(gains_of(), fit_of(), ExportOptions(folder=folder))
+    before = {path.name: path.read_bytes() for path in folder.iterdir()}
+
+    def broken(_job):
+        yield "README.md", "half"
+        raise RuntimeError("in the middle")
+
+    monkeypatch.setitem(room.TARGETS, "c", room.TARGETS["c"].__class__("", room.TARGETS["c"].laws, broken))
+    with pytest.raises(RuntimeError, match="in the middle"):
+        export(gains_of(), fit_of(), ExportOptions(folder=folder, force=True))
+    assert {path.name: path.read_bytes() for path in folder.iterdir()} == before
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["rig"]
+
+
+def test_every_sentence_is_said():
+    values = {
+        "rate_hz": 500.0, "made_hz": 1000.0, "unit": "%", "why": "one level", "missing": "rho, phi", "duty": 120.0,
+        "low": 0.0, "high": 100.0, "rc_gain_db": 16.2, "rc_phase_deg": 78.1, "rc_delay_s": 0.0117, "pi_gain_db": None,
+    }  # fmt: skip
+    said = {code: say(finding(code, "rc", (10, 20), **values)) for code in ROWS}
+    assert said["export-unstable"] == "rc: the loop is unstable at 500 Hz around 10 and 20 %; ask for slower gains"
+    assert said["export-margins"].endswith("duties: RC 16.2 dB, 78.1 ° of phase, 0.0117 s of delay")
+    assert "does not hold on this rig (missing: rho, phi)" in said["export-guarantee-missing"]
+    assert len(set(said.values())) == len(ROWS)
