@@ -1,0 +1,114 @@
+"""couple.json as types: how stiff a wall each loop may render at each torque."""
+
+from eaid.findings import Finding
+from eaid.results.common import Count, Input, Number, Positive, Result
+
+
+class CoupleRecord(Result, frozen=True):
+    """The limb and the timing that the walls were worked out for."""
+
+    limb_inertia: Positive = 0.1
+    """[kg·m²]"""
+    limb_damping: Positive = 0.8
+    """[N·m·s/rad]"""
+    virtual_damping: Number = 0.0
+    """[N·m·s/rad]"""
+    rate_hz: Positive = 1000.0
+    pwm_hz: Number = 0.0
+    delay_samples: Count = 0
+    sensor_hz: Number = 0.0
+
+
+class Wall(Result, frozen=True):
+    """The stiffest wall of one loop around one held torque; None: no limit below 1e6 N·m/rad."""
+
+    loop: str
+    torque_nm: Number
+    duty: Number | None = None
+    """Input that holds the torque."""
+    K_passive: Number | None = None
+    """Passive against any passive limb of this damping [N·m/rad]."""
+    passive_hz: Number | None = None
+    """Frequency that limits it."""
+    K_stable: Number | None = None
+    """Stable with this limb, linear and sampled [N·m/rad]."""
+    lost_hz: Number | None = None
+    """Frequency at which stability is lost there."""
+    K_replayed: Number | None = None
+    """The same by bisected replay of the nonlinear plant; None also where the replay shows no edge nearby."""
+
+
+class RegionPoint(Result, frozen=True):
+    """The stiffest walls under one virtual damping."""
+
+    virtual_damping: Number
+    K_passive: Number | None = None
+    K_stable: Number | None = None
+
+
+class Region(Result, frozen=True):
+    """K over B_v of one loop around one torque."""
+
+    loop: str
+    torque_nm: Number
+    points: tuple[RegionPoint, ...] = ()
+
+
+class Curve(Result, frozen=True):
+    """Damping that a wall needs of the limb per stiffness, −Im G(jω)/ω for slow loops, and |G|."""
+
+    loop: str
+    torque_nm: Number
+    frequency_hz: tuple[Number, ...] = ()
+    needed_s: tuple[Number, ...] = ()
+    gain_db: tuple[Number, ...] = ()
+
+
+class Kept(Result, frozen=True):
+    """What 95 % of drawn plants and limbs keep."""
+
+    loop: str
+    torque_nm: Number
+    K_passive_95: Number | None = None
+    K_stable_95: Number | None = None
+
+
+class Impedance(Result, frozen=True):
+    """The least and the largest impedance, and what else limits a wall."""
+
+    idle_drag_nm: Number | None = None
+    """Torque of the idle clutch, felt at K = 0."""
+    residual_nm: Number | None = None
+    """Torque left half a second after the highest of the torques was let go."""
+    encoder_K: Number | None = None
+    """2 f_c/Δ: a stiffer wall chatters on the encoder's steps [N·m/rad]."""
+    slip_margin_rad_s: Number | None = None
+    """Least rotor speed minus limb speed: below 0 the torque turns round."""
+    turn_step_nm: Number | None = None
+    """Step of torque where the rotor turns round half a second after the highest of the torques."""
+
+
+class CoupleInputs(Result, frozen=True):
+    """The files that the walls were worked out from."""
+
+    fit: Input | None = None
+    gains: Input | None = None
+
+
+class Coupling(Result, frozen=True):
+    """Walls of every loop at every torque, one clutch and an antagonistic pair."""
+
+    inputs: CoupleInputs = CoupleInputs()
+    options: CoupleRecord = CoupleRecord()
+    seed: int = 0
+    plants: Count = 0
+    output_unit: str = "N·m"
+    walls: tuple[Wall, ...] = ()
+    pair: tuple[Wall, ...] = ()
+    """An antagonistic pair, T1 − T2, each clutch held at its bias."""
+    pair_bias_nm: Number | None = None
+    regions: tuple[Region, ...] = ()
+    curves: tuple[Curve, ...] = ()
+    kept: tuple[Kept, ...] = ()
+    impedance: Impedance = Impedance()
+    findings: tuple[Finding, ...] = ()
