@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable, Iterable
+from typing import Any
 
 import msgspec
 import numpy as np
@@ -246,7 +247,7 @@ def _findings(walls: list[parts.Wall], options: CoupleOptions, impedance: parts.
     told: list[Finding] = []
     without = {wall.torque_nm: wall.K_stable for wall in walls if wall.loop == "rc-no-rate"}
     for wall in walls:
-        own = {"torque_nm": wall.torque_nm, "unit": unit, "stable": wall.K_stable}
+        own: dict[str, Any] = {"torque_nm": wall.torque_nm, "unit": unit, "stable": wall.K_stable}
         if options.wall is not None and wall.K_stable is not None and wall.K_stable < options.wall:
             told.append(finding("wall-beyond-stable", wall.loop, wanted=options.wall, **own))
         elif wall.K_stable is not None and wall.K_passive is not None and wall.K_stable > 2 * wall.K_passive:

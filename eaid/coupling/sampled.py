@@ -191,7 +191,7 @@ def _latch(layout: _Layout) -> Array:
 
 
 def duty_response(channel: Channel, timing: Timing, omega: Array) -> Complex:
-    """Duty per reference at sampled angular frequencies [rad/s], the torque loop closed, the PWM by its mean response."""
+    """Duty per reference at sampled frequencies [rad/s], the torque loop closed, the PWM by its mean response."""
     h, memory = timing.step_s, timing.memory
     z = np.exp(1j * omega * h)
     plant = sum(g * -math.expm1(-h / tau) / (z - math.exp(-h / tau)) for g, tau in channel.point.lags)

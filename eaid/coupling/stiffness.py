@@ -99,7 +99,7 @@ def stable_stiffness(coupled: Coupled, virtual_damping: float = 0.0) -> float:
 
 
 def edge(holds: Callable[[float], bool], low: float, high: float = STIFFEST, factor: float = 1.4) -> float:
-    """First stiffness at which something stops to hold, from `low` on; 0 where it does not hold there, inf for never."""
+    """First stiffness at which something stops to hold; 0 where it does not hold at `low`, inf for never."""
     if not holds(low):
         return 0.0
     above = low * factor
