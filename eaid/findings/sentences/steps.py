@@ -122,6 +122,10 @@ ROWS: dict[str, Row] = {
         "{steps} of {of} steps go from one level to another: each is fitted from its own start, apart from the steps "
         "from rest",
     ),
+    "shape-explains-little": Row(
+        "stop",
+        "the best of the step shapes ({shape}) explains {R2:.0%} of the output's variance only: it is no step response",
+    ),
     "sign-differs": Row(
         "stop",
         "its output goes the other way than that of its {siblings} siblings; mend its sign or its wiring, or leave it "

@@ -1,0 +1,383 @@
+"""The shape of one step: y = start + change · s(t), with s one of four, each with or without a dead time θ.
+
+With t' = max(t − θ, 0): one exponential, s = 1 − e^(−t'/τ1); two, s = 1 − C e^(−t'/τ1) − (1 − C) e^(−t'/τ2) with C held
+(the paper's eq. (4)), free between 0 and 1, or beyond 1: a slow part that decays, an overshoot. Which of them is chosen
+by AICc with the number of independent samples; the paper's form stands unless another is better by `BETTER`.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import msgspec
+import numpy as np
+
+from eaid.arrays import Array
+from eaid.errors import UsageError
+from eaid.findings import Finding, finding
+from eaid.results.common import Number, Result
+from eaid.steps.noise import block_means
+from eaid.steps.stepset import LevelStep
+
+Shape = Literal["one", "two", "free", "overshoot"]
+SHAPES: tuple[Shape, ...] = ("one", "two", "free", "overshoot")
+BETTER = 10.0
+"""Difference of AICc from which a shape replaces the paper's: 150 to 1."""
+FEW = 800
+"""Points to which a record is averaged for the choice of a shape; the chosen one is fitted to all samples."""
+GRID = 28
+MOST = 3.0
+"""Largest C of an overshoot: beyond, two nearly equal parts of opposite sign imitate other shapes."""
+APART = 2.0
+"""Least τ2/τ1 of an overshoot."""
+SEEN = 0.02
+"""Share of its peak by which an overshoot has to come down within the record."""
+WORTH = {"one": 0.05, "two": 0.05, "free": 0.15, "overshoot": 0.05}
+"""Share of the RMSE that a shape has to save before it replaces a simpler one; freeing C alone is no small step."""
+LITTLE = 0.5
+"""R² below which a curve explains little."""
+
+
+@dataclass(frozen=True)
+class ShapeOptions:
+    """Settings of `fit_steps`."""
+
+    shape: Literal["auto", "one", "two", "free", "overshoot"] = "auto"
+    dead_time_s: float | None = None
+    """Dead time [s]; None: free where the evidence asks for one, 0: none."""
+    share: float = 0.85
+    """C of the form with C held."""
+
+
+class StepShape(Result, frozen=True):
+    """The response of one step, in the units of its step set."""
+
+    run: str
+    from_level: Number = msgspec.field(name="from")
+    """Input before the step."""
+    level: Number
+    """Input after it."""
+    edge: str
+    """up or down."""
+    start: Number
+    """Output before the step."""
+    change: Number
+    """Steady output less the start."""
+    gain: Number | None
+    """Change of output over change of input."""
+    shape: str
+    tau1: Number
+    """Fast time constant [s]; the only one of the shape "one"."""
+    tau2: Number | None
+    """Slow time constant [s]."""
+    C: Number
+    """Fast share; 1 of the shape "one", above 1 of "overshoot"."""
+    dead_time_s: Number
+    rmse: Number
+    fit_pct: Number | None
+    """100 (1 − ‖y − ŷ‖/‖y − mean y‖)"""
+    R2: Number | None
+    samples: int
+    evidence: dict[str, Number | None]
+    """AICc of each shape less that of the best; shapes with a dead time are named `one+dead` and so on."""
+    findings: tuple[Finding, ...] = ()
+
+    def predict(self, time_s: Array) -> Array:
+        """Output at times since the step [s]."""
+        rest = math.inf if self.tau2 is None else math.log(self.tau2 / self.tau1)
+        return self.start + curve(np.array([self.change, math.log(self.tau1), rest, self.C, self.dead_time_s]), time_s)
+
+
+def curve(p: Array, time_s: Array) -> Array:
+    """change · s(t) of p = (change, ln τ1, ln(τ2/τ1), C, θ), shape (n,)."""
+    after = np.maximum(time_s - p[4], 0.0)
+    fast = np.exp(-after / np.exp(p[1]))
+    slow = np.exp(-after / np.exp(p[1] + p[2])) if p[3] != 1.0 else 0.0
+    return np.asarray(p[0] * (1.0 - p[3] * fast - (1.0 - p[3]) * slow))
+
+
+def slopes(p: Array, time_s: Array) -> Array:
+    """∂ curve / ∂p, shape (n, 5); where p is complex, its real part decides which samples lie behind the dead time."""
+    behind = np.real(time_s - p[4]) > 0
+    after = np.where(behind, time_s - p[4], 0.0)
+    tau1, tau2 = np.exp(p[1]), np.exp(p[1] + p[2])
+    fast, slow = np.exp(-after / tau1), np.exp(-after / tau2)
+    by_fast, by_slow = p[3] * fast * after / tau1, (1 - p[3]) * slow * after / tau2
+    by_time = np.where(behind, p[3] * fast / tau1 + (1 - p[3]) * slow / tau2, 0.0)
+    return np.stack(
+        (
+            1.0 - p[3] * fast - (1 - p[3]) * slow,
+            -p[0] * (by_fast + by_slow),
+            -p[0] * by_slow,
+            p[0] * (slow - fast),
+            -p[0] * by_time,
+        ),
+        axis=1,
+    )
+
+
+def overshoots(p: Array, window: float) -> bool:
+    """True where a curve passes its peak within the window, and is `SEEN` of its peak below it at the end."""
+    at = np.linspace(p[4], window, 400)
+    s = curve(np.array([1.0, *p[1:]]), at)
+    return bool(s.max() - s[-1] > SEEN * s.max())
+
+
+@dataclass(frozen=True, eq=False)
+class _Points:
+    """A record averaged to fewer points: finely at first, then coarser."""
+
+    time_s: Array
+    output: Array
+    weight: Array
+
+
+@dataclass(frozen=True, eq=False)
+class _Candidate:
+    """One shape fitted: which, its unknowns p, and its weighted sum of squares."""
+
+    shape: Shape
+    dead: bool
+    p: Array
+    sse: float
+    unknowns: int
+
+    @property
+    def name(self) -> str:
+        return self.shape + ("+dead" if self.dead else "")
+
+
+def fit_steps(steps: Sequence[LevelStep], options: ShapeOptions | None = None) -> tuple[StepShape, ...]:
+    """The shape of each step; raises UsageError for options that are none."""
+    options = options or ShapeOptions()
+    if options.shape not in ("auto", *SHAPES):
+        raise UsageError(f"«shape» {options.shape}: must be auto, {', '.join(SHAPES)}")
+    if options.dead_time_s is not None and not (math.isfinite(options.dead_time_s) and options.dead_time_s >= 0):
+        raise UsageError(f"«dead_time» {options.dead_time_s}: must be auto, or a time in seconds from 0 on")
+    return tuple(fit_step(step, options) for step in steps)
+
+
+def fit_step(step: LevelStep, options: ShapeOptions | None = None) -> StepShape:
+    """The shape of one step, with a finding where it explains little."""
+    options = options or ShapeOptions()
+    y = step.output - step.start
+    points = _averaged(step.time_s, y)
+    tried = [one for dead in _dead(options) for one in _candidates(points, step, options, dead)]
+    best = min(tried, key=lambda one: one.sse)
+    left = y - curve(best.p, step.time_s)
+    count = independent(left)
+    rounding = 1e-16 * float(y @ y)
+    scores = {one.name: _aicc(one.sse + rounding, one.unknowns, count) for one in tried}
+    chosen = _chosen(tried, scores)
+    if len(points.time_s) < len(y):
+        chosen = _refined(chosen, _Points(step.time_s, y, np.ones(len(y))), step)
+    return _result(step, chosen, scores, y)
+
+
+def _dead(options: ShapeOptions) -> tuple[bool, ...]:
+    if options.dead_time_s is None:
+        return (False, True)
+    return (options.dead_time_s > 0,)
+
+
+def _averaged(time_s: Array, y: Array) -> _Points:
+    count = len(y)
+    if count <= FEW:
+        return _Points(time_s, y, np.ones(count))
+    edges = np.unique(np.round(np.geomspace(1, count, FEW)).astype(np.intp)) - 1
+    fine = np.linspace(0, count, FEW // 2).astype(np.intp)
+    edges = np.unique(np.concatenate((edges, fine[:-1], [0])))
+    edges = edges[edges < count]
+    weight = np.diff(np.append(edges, count)).astype(np.float64)
+    return _Points(np.add.reduceat(time_s, edges) / weight, np.add.reduceat(y, edges) / weight, weight)
+
+
+def _candidates(points: _Points, step: LevelStep, options: ShapeOptions, dead: bool) -> list[_Candidate]:
+    """Every shape asked for, fitted from the best places of a grid."""
+    wanted = SHAPES if options.shape == "auto" else (options.shape,)
+    window = float(step.time_s[-1])
+    given = options.dead_time_s
+    delays = [given or 0.0] if given is not None or not dead else _delays(points, window)
+    found = []
+    for shape, starts in _starts(points, window, delays, options.share, wanted).items():
+        free = [0, 1] + ([2] if shape != "one" else []) + ([3] if shape in ("free", "overshoot") else [])
+        free += [4] if dead and given is None else []
+        fits = [_fitted(points, start, shape, free, window) for start in starts]
+        if shape == "overshoot" and options.shape == "auto":
+            fits = [one for one in fits if overshoots(one[0], window)]
+        if fits:
+            p, sse = min(fits, key=lambda one: one[1])
+            found.append(_Candidate(shape, dead, p, sse, len(free) + 1))
+    return found
+
+
+def _delays(points: _Points, window: float) -> list[float]:
+    """Dead times to start from: shares of the time to half of the change."""
+    half = np.flatnonzero(np.abs(points.output) >= 0.5 * np.abs(points.output[-1]))
+    until = float(points.time_s[half[0]]) if len(half) else window / 4
+    return [until * share for share in (0.02, 0.1, 0.25, 0.5, 0.75, 0.95)]
+
+
+def _starts(
+    points: _Points, window: float, delays: Sequence[float], share: float, wanted: Sequence[Shape]
+) -> dict[Shape, list[Array]]:
+    """The best two places on a grid of time constants and dead times, for each shape; amplitudes are linear there."""
+    stride = max(1, len(points.time_s) // 300)
+    t, y, w = points.time_s[::stride], points.output[::stride], points.weight[::stride]
+    shortest = max(window / 3000, float(np.diff(points.time_s[: max(2, len(t))]).min()) / 3)
+    tau = np.geomspace(shortest, 5 * window, GRID)
+    i, j = np.triu_indices(GRID, 1)
+    total = float(w @ y**2)
+    places: dict[Shape, list[tuple[float, Array]]] = {shape: [] for shape in wanted}
+    for delay in delays:
+        rises = -np.expm1(-np.maximum(t - delay, 0.0) / tau[:, np.newaxis])
+        gram, right = (rises * w) @ rises.T, rises @ (w * y)
+        one = np.diag(gram)
+        for shape in wanted:
+            if shape == "one":
+                ok = one > 0
+                change = np.where(ok, right / np.where(ok, one, 1.0), 0.0)
+                cost = total - change * right
+                k = cost.argsort()[:1]
+                places[shape] += [(float(cost[m]), np.array([change[m], np.log(tau[m]), 1.0, 1.0, delay])) for m in k]
+                continue
+            if shape == "two":
+                size = share**2 * one[i] + 2 * share * (1 - share) * gram[i, j] + (1 - share) ** 2 * one[j]
+                along = share * right[i] + (1 - share) * right[j]
+                change = along / np.maximum(size, 1e-300)
+                cost, C = total - change * along, np.full(len(i), share)
+            else:
+                det = np.maximum(one[i] * one[j] - gram[i, j] ** 2, 1e-12 * one[i] * one[j])
+                a = (one[j] * right[i] - gram[i, j] * right[j]) / det
+                b = (one[i] * right[j] - gram[i, j] * right[i]) / det
+                change = a + b
+                C = a / np.where(change == 0, 1.0, change)
+                cost = total - a * right[i] - b * right[j]
+                inside = (C > 0) & (C < 1) if shape == "free" else (C > 1) & (C < MOST) & (tau[j] > APART * tau[i])
+                cost = np.where(inside, cost, np.inf)
+            for m in cost.argsort()[:2]:
+                if np.isfinite(cost[m]):
+                    start = np.array([change[m], np.log(tau[i[m]]), np.log(tau[j[m]] / tau[i[m]]), C[m], delay])
+                    places[shape].append((float(cost[m]), start))
+    return {shape: [p for _, p in sorted(some, key=lambda one: one[0])[:2]] for shape, some in places.items()}
+
+
+def _fitted(
+    points: _Points, start: Array, shape: Shape, free: list[int], window: float, tied: bool = False
+) -> tuple[Array, float]:
+    """Least squares from one start by SciPy's trust region, with exact slopes, within bounds.
+
+    `tied`: τ2 is the window, the longest that an overshoot can tell.
+    """
+    from scipy.optimize import least_squares
+
+    root = np.sqrt(points.weight)
+    size = max(float(np.abs(points.output).max()), 1e-300)
+    share = {"free": (0.01, 0.99), "overshoot": (1.0 + 1e-6, MOST)}.get(shape, (-1.0, 2.0))
+    closest = math.log(APART) if shape == "overshoot" else 0.0
+    low = np.array([-100 * size, math.log(window * 1e-6), closest, share[0], 0.0])[free]
+    high = np.array([100 * size, math.log(50 * window), math.log(1e4), share[1], 0.9 * window])[free]
+
+    def whole(x: Array) -> Array:
+        p = start.copy()
+        p[free] = x
+        if tied:
+            p[2] = math.log(window) - p[1]
+        return p
+
+    def residual(x: Array) -> Array:
+        return np.asarray(root * (curve(whole(x), points.time_s) - points.output) / size)
+
+    def jacobian(x: Array) -> Array:
+        by = slopes(whole(x), points.time_s)
+        if tied:
+            by[:, 1] -= by[:, 2]
+        return np.asarray(root[:, np.newaxis] * by[:, free] / size)
+
+    if tied:
+        free = [k for k in free if k != 2]
+        low, high = np.delete(low, 2), np.delete(high, 2)
+        high[1] = math.log(window / APART)
+    inside = np.clip(start[free], low + 1e-9 * (high - low), high - 1e-9 * (high - low))
+    settings: dict[str, Any] = {"x_scale": "jac", "ftol": 1e-12, "xtol": 1e-12, "gtol": 1e-12, "max_nfev": 100}
+    found = least_squares(residual, inside, jacobian, bounds=(low, high), **settings)
+    p = whole(np.asarray(found.x))
+    if shape == "overshoot" and not tied and p[1] + p[2] > math.log(window):
+        return _fitted(points, p, shape, free, window, tied=True)
+    return p, 2 * float(found.cost) * size**2
+
+
+def _refined(one: _Candidate, points: _Points, step: LevelStep) -> _Candidate:
+    free = [0, 1] + ([2] if one.shape != "one" else []) + ([3] if one.shape in ("free", "overshoot") else [])
+    free += [4] if one.unknowns > len(free) + 1 else []
+    p, sse = _fitted(points, one.p, one.shape, free, float(step.time_s[-1]))
+    return _Candidate(one.shape, one.dead, p, sse, one.unknowns)
+
+
+def independent(left: Array) -> float:
+    """Number of independent samples in residuals: fewer than all where means of blocks scatter more than white noise's.
+
+    The larger of two inflations counts: of neighbours (autocorrelation at lag 1) and of fifty blocks.
+    """
+    count = len(left)
+    left = left - left.mean()
+    power = float(left @ left)
+    if power <= 0 or count < 20:
+        return float(count)
+    alike = min(max(float(left[1:] @ left[:-1]) / power, 0.0), 0.999)
+    blocks = min(50, count // 4)
+    spread = float(np.mean(block_means(left, blocks) ** 2)) * count / blocks / (power / count)
+    return max(count / max(1.0, (1 + alike) / (1 - alike), spread), 12.0)
+
+
+def _aicc(sse: float, k: int, count: float) -> float:
+    return count * math.log(max(sse, 1e-300)) + 2 * k + 2 * k * (k + 1) / max(count - k - 1, 1.0)
+
+
+def _chosen(tried: list[_Candidate], scores: dict[str, float]) -> _Candidate:
+    """The paper's form; one exponential where a second adds nothing; else what is better and worth it."""
+    named = {one.name: one for one in tried}
+    plain = [name for name in ("two", "one", "two+dead", "one+dead") if name in named]
+    chosen = plain[0] if plain else tried[0].name
+    simple = chosen.replace("two", "one")
+    if simple in named and scores[simple] < scores[chosen] + BETTER:
+        chosen = simple
+    order = sorted(named, key=lambda name: (named[name].unknowns, scores[name]))
+    for name in order:
+        better = named[name].sse < (1 - WORTH[named[name].shape]) ** 2 * named[chosen].sse
+        if better and scores[name] < scores[chosen] - BETTER:
+            chosen = name
+    return named[chosen]
+
+
+def _result(step: LevelStep, one: _Candidate, scores: dict[str, float], y: Array) -> StepShape:
+    p = one.p
+    left = y - curve(p, step.time_s)
+    sse, total = float(left @ left), float(((y - y.mean()) ** 2).sum())
+    r2 = None if total == 0 else 1 - sse / total
+    found: list[Finding] = []
+    if r2 is not None and r2 < LITTLE and independent(left) < len(left) / 4:
+        found.append(finding("shape-explains-little", step.name, (step.level,), R2=r2, shape=one.shape))
+    best = min(scores.values())
+    single = one.shape == "one"
+    return StepShape(
+        run=step.name,
+        from_level=step.from_level,
+        level=step.level,
+        edge=step.edge,
+        start=step.start,
+        change=float(p[0]),
+        gain=None if step.level == step.from_level else float(p[0]) / (step.level - step.from_level),
+        shape=one.shape,
+        tau1=float(np.exp(p[1])),
+        tau2=None if single else float(np.exp(p[1] + p[2])),
+        C=1.0 if single else float(p[3]),
+        dead_time_s=float(p[4]),
+        rmse=math.sqrt(sse / len(left)),
+        fit_pct=None if total == 0 else 100 * (1 - math.sqrt(sse / total)),
+        R2=r2,
+        samples=len(left),
+        evidence={name: score - best for name, score in scores.items()},
+        findings=tuple(found),
+    )

@@ -1,0 +1,140 @@
+"""Shapes of single steps: exact slopes, every shape found again under noise, the shape that is chosen, real rigs."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from eaid.errors import UsageError
+from eaid.fitting.step_shapes import ShapeOptions, StepShape, curve, fit_step, fit_steps, slopes
+from eaid.steps.stepset import LevelStep
+
+REALDATA = Path(__file__).parents[2] / "../shared/realdata"
+needs_realdata = pytest.mark.skipif(not REALDATA.is_dir(), reason="the recorded logs are not beside the project")
+T = np.arange(4000) / 200.0
+TRUTHS = {
+    "one": np.array([3.0, math.log(0.8), 1.0, 1.0, 0.0]),
+    "two": np.array([3.0, math.log(0.3), math.log(4.0 / 0.3), 0.85, 0.0]),
+    "free": np.array([3.0, math.log(0.4), math.log(10.0), 0.5, 0.0]),
+    "overshoot": np.array([3.0, math.log(0.4), math.log(10.0), 1.4, 0.0]),
+}
+
+
+def made(p: np.ndarray, noise: float = 0.0, seed: int = 0, t: np.ndarray = T, start: float = 1.5) -> LevelStep:
+    y = start + curve(p, t) + noise * np.random.default_rng(seed).normal(size=len(t))
+    return LevelStep("a", "a.csv", 20.0, 50.0, start, t, y, np.full(len(t), 50.0))
+
+
+@pytest.mark.parametrize("name", TRUTHS)
+@pytest.mark.parametrize("dead", [0.0, 0.503])
+def test_slopes_are_exact(name: str, dead: float) -> None:
+    p = TRUTHS[name] + np.array([0, 0, 0, 0, dead])
+    t = T[::37] + 1e-3
+    exact = slopes(p, t)
+    for k in range(5):
+        moved = p.astype(complex)
+        moved[k] += 1e-30j
+        after = np.where(t > dead, t - moved[4], 0.0)
+        fast, slow = np.exp(-after / np.exp(moved[1])), np.exp(-after / np.exp(moved[1] + moved[2]))
+        y = moved[0] * (1 - moved[3] * fast - (1 - moved[3]) * slow)
+        np.testing.assert_allclose(exact[:, k], y.imag / 1e-30, rtol=1e-12, atol=1e-14)
+
+
+@pytest.mark.parametrize("name", TRUTHS)
+@pytest.mark.parametrize("dead", [0.0, 0.5])
+def test_every_shape_is_found_again_without_noise(name: str, dead: float) -> None:
+    p = TRUTHS[name] + np.array([0, 0, 0, 0, dead])
+    found = fit_step(made(p))
+    assert found.shape == name
+    assert found.dead_time_s == pytest.approx(dead, abs=1e-6)
+    assert found.change == pytest.approx(3.0, rel=1e-6)
+    assert found.tau1 == pytest.approx(math.exp(p[1]), rel=1e-5)
+    assert found.rmse < 1e-7
+    if name != "one":
+        assert found.tau2 == pytest.approx(math.exp(p[1] + p[2]), rel=1e-4)
+        assert pytest.approx(p[3], rel=1e-5) == found.C
+
+
+@pytest.mark.parametrize("name", TRUTHS)
+@pytest.mark.parametrize("dead", [0.0, 0.5])
+def test_the_right_shape_is_chosen_under_noise(name: str, dead: float) -> None:
+    p = TRUTHS[name] + np.array([0, 0, 0, 0, dead])
+    found = [fit_step(made(p, 0.03, seed)) for seed in range(10)]
+    assert [(one.shape, one.dead_time_s > 0) for one in found].count((name, dead > 0)) >= 9
+    assert np.mean([one.change for one in found]) == pytest.approx(3.0, abs=0.02)
+    assert np.mean([one.tau1 for one in found]) == pytest.approx(math.exp(p[1]), rel=0.05)
+    assert np.mean([one.rmse for one in found]) == pytest.approx(0.03, rel=0.02)
+
+
+def test_quality_by_hand() -> None:
+    step = made(TRUTHS["two"], 0.1)
+    found = fit_step(step)
+    y = step.output
+    left = y - found.predict(step.time_s)
+    assert found.rmse == pytest.approx(math.sqrt(float(left @ left) / len(y)))
+    assert found.fit_pct == pytest.approx(100 * (1 - np.linalg.norm(left) / np.linalg.norm(y - y.mean())))
+    assert pytest.approx(1 - float(left @ left) / float(((y - y.mean()) ** 2).sum())) == found.R2
+    assert found.gain == pytest.approx(found.change / 30.0)
+    assert (found.from_level, found.level, found.edge, found.start) == (20.0, 50.0, "up", 1.5)
+
+
+def test_options() -> None:
+    step = made(TRUTHS["overshoot"], 0.03)
+    held = fit_step(step, ShapeOptions("two", 0.0, share=0.7))
+    assert (held.shape, held.C, held.dead_time_s) == ("two", 0.7, 0.0)
+    assert held.rmse > 2 * fit_step(step).rmse
+    assert fit_step(made(TRUTHS["one"]), ShapeOptions("one", 0.25)).dead_time_s == 0.25
+    for wrong in (ShapeOptions("three"), ShapeOptions(dead_time_s=-1.0), ShapeOptions(dead_time_s=math.nan)):  # type: ignore[arg-type]
+        with pytest.raises(UsageError):
+            fit_steps([step], wrong)
+
+
+def test_slow_noise_does_not_make_a_shape() -> None:
+    """Noise with a memory of a tenth of a second counts for fewer samples."""
+    random = np.random.default_rng(3)
+    chosen = []
+    for _ in range(10):
+        slow = np.zeros(len(T))
+        push = 0.03 * np.sqrt(1 - 0.95**2) * random.normal(size=len(T))
+        for k in range(1, len(T)):
+            slow[k] = 0.95 * slow[k - 1] + push[k]
+        step = made(TRUTHS["two"])
+        chosen.append(fit_step(LevelStep("a", "", 0.0, 50.0, 1.5, T, step.output + slow, step.input)).shape)
+    assert chosen.count("two") >= 9
+
+
+def test_what_is_no_step_says_so() -> None:
+    wave = LevelStep("w", "", 0.0, 50.0, 0.0, T, np.sin(2 * np.pi * T / 7), np.full(len(T), 50.0))
+    (said,) = fit_step(wave).findings
+    assert (said.code, said.severity) == ("shape-explains-little", "stop")
+
+
+def _read(name: str, **options: object) -> tuple[StepShape, ...]:
+    from eaid.cli.inputs import stepset_from
+
+    return fit_steps(stepset_from([REALDATA / "rigs" / name], **options).level_steps)
+
+
+@needs_realdata
+def test_lamp_staircase() -> None:
+    rows = _read("light_staircase.csv", columns="time=2,input=3,output=1", units="time=us,output=mV,input=PWM")
+    assert [(row.from_level, row.level) for row in rows] == [(0, 50), (50, 100), (100, 150), (150, 200), (200, 0)]
+    first = rows[0]
+    assert (first.shape, first.dead_time_s) == ("two", 0)
+    assert first.change == pytest.approx(1.844, abs=0.001)
+    assert (first.tau1, first.tau2) == (pytest.approx(0.0185, rel=0.01), pytest.approx(0.201, rel=0.01))
+    gains = [row.gain for row in rows]
+    assert gains == pytest.approx([0.0369, 0.01308, 0.00739, 0.00492, 0.01557], rel=0.01)
+
+
+@needs_realdata
+def test_heaters() -> None:
+    (row,) = _read("heater_dead_time.csv", columns="time=Time,input=Q1,output=T1", units="output=degC", repair=True)
+    assert (row.shape, row.start) == ("one", 20.9)
+    assert row.change == pytest.approx(35.0, abs=0.5)
+    assert 13 < row.dead_time_s < 16
+    assert row.rmse == pytest.approx(0.27, abs=0.01)
+    (row,) = _read("heater_on_from_first_row.csv", columns="time=Time,input=Q1,output=T1", units="output=degC")
+    assert row.start == pytest.approx(20.63, abs=0.01)
+    assert (row.shape, row.rmse < 0.2) == ("one", True)
