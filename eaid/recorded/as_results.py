@@ -213,18 +213,22 @@ def _coefficients(solved: Solved, sure: Spread) -> tuple[CoefficientIntervals, C
         parametrisation="coefficients of (u/100 %)^k, lowest power first: tau1 [s], tau2 [s], Ts [N·m]",
         order=tuple(order + ["C"] * (model.share is None)),
         matrix=tuple(tuple(row) for row in V.tolist()),
-        degrees_of_freedom=_degrees(solved, sure),
+        degrees_of_freedom={**_degrees(solved, sure)},
         from_="robust",
     )
 
 
-def _degrees(solved: Solved, sure: Spread) -> dict[str, float | None]:
+def _degrees(solved: Solved, sure: Spread) -> dict[str, float]:
     """Degrees of freedom of T_s, τ1, τ2 at the middle of the range."""
     model = solved.setup.model
     rows = model.rows_of(np.array([0.5 * (model.low + model.high)]))
     a, b, c = model.sizes
-    found: dict[str, float | None] = {}
-    for name, row, first, count in (("tau1", rows.tau1, a, b), ("tau2", rows.tau2, a + b, c), ("Ts", rows.steady, 0, a)):
+    found: dict[str, float] = {}
+    for name, row, first, count in (
+        ("tau1", rows.tau1, a, b),
+        ("tau2", rows.tau2, a + b, c),
+        ("Ts", rows.steady, 0, a),
+    ):
         gradient = np.zeros(solved.setup.size)
         gradient[first : first + count] = row[0]
         found[name] = sure.variance(gradient)[1]

@@ -4,7 +4,8 @@
 
 Z is J but where an instrument stands in for it. Ω is estimated in two ways:
 
-    noise     r_k = σ(T_k) z_k, σ² = a + b T², z stationary with a smoothed spectrum: Ω = Σ_f |F(Z σ)|² S_z(f)
+    noise     r = white and coloured noise of the sensor, and noise that goes with the output: spectra S0(f) + T² S1(f),
+              both smoothed; Ω = Σ_f S0 |F(Z)|² + S1 |F(Z T)|²
     stretches Σ over moving stretches of several lengths of s s', s = Σ Z_k' r_k over the stretch (Bartlett weights)
 
 The first is precise and leans on the noise being alike everywhere; the second leans on nothing, and is worth no more
@@ -37,6 +38,8 @@ ENGAGEMENTS = 4
 """Fewest engagements whose scatter counts."""
 SMOOTH = 0.25
 """Half-width over which the noise's spectrum is smoothed, as a part of its corner frequency …"""
+RIVAL = 4.0
+"""A minimum above the best by less than so many times the noise's own unit of cost is not ruled out."""
 FEWEST = 8
 """… and at least so many lines."""
 
@@ -46,7 +49,7 @@ class Scores:
     """One way of adding scores up."""
 
     covariance: Array
-    groups: tuple[Array, ...]
+    groups: tuple[NDArray[np.intp], ...]
     """For each log, the group of every bin, (n,)."""
 
 
@@ -61,10 +64,12 @@ class Spread:
     pull: Array
     """H⁻¹ where the constraints leave it free."""
     slopes: tuple[Array, ...]
-    """σ Z of every bin of every log, (n, p)."""
+    """Z of every bin of every log, (n, p)."""
     engagements: int
     correlation_s: float
     """Integrated correlation time of the residuals [s], the longest of all logs."""
+    rivals: tuple[Array, ...]
+    """Other minima that the noise does not tell from the best: intervals of curves hold them too."""
 
     def variance(self, gradient: Array) -> tuple[float, float]:
         """Variance of a function with that gradient, and its degrees of freedom."""
@@ -76,14 +81,14 @@ class Spread:
         best = _mixed(own, PRIOR, float(gradient @ widest.covariance @ gradient), _degrees(squares, widest.groups))
         if self.engaged is not None:
             V = float(gradient @ self.engaged.covariance @ gradient)
-            if V > best[0]:
+            if best[0] < V:
                 best = _mixed(*best, V, _degrees(squares, self.engaged.groups), PRIOR)
         return best
 
     def of(self, gradient: Array) -> float:
         """Half-width of the 95 % interval of a function with that gradient."""
         variance, degrees = self.variance(gradient)
-        return float(student.ppf(0.975, degrees)) * variance**0.5
+        return float(student.ppf(0.975, degrees) * variance**0.5)
 
     @property
     def covariance(self) -> Array:
@@ -98,12 +103,58 @@ def _mixed(own: float, prior: float, other: float, degrees: float, most: float =
     return (prior * own + degrees * max(other, 0.0)) / total, total
 
 
-def _degrees(squares: Sequence[Array], groups: Sequence[Array]) -> float:
+def _degrees(squares: Sequence[Array], groups: Sequence[NDArray[np.intp]]) -> float:
     """How many groups decide a function: (Σ a)²/Σ a², a its squared influence in each group."""
-    parts = [np.bincount(which.astype(np.intp), one) for one, which in zip(squares, groups, strict=True)]
+    parts = [np.bincount(which, one) for one, which in zip(squares, groups, strict=True)]
     a = np.concatenate(parts)
     square = float((a * a).sum())
     return max(float(a.sum()) ** 2 / square - 1.0, 0.5) if square > 0 else 0.5
+
+
+@dataclass(frozen=True, eq=False)
+class Piece:
+    """One log in bins, (n, …)."""
+
+    r: Array
+    """Mean residual."""
+    size: Array
+    """Mean output above idle."""
+    scores: Array
+    """Σ Z r of each bin, (n, p)."""
+    plain: Array
+    """Σ Z, (n, p)."""
+    scaled: Array
+    """Σ Z T, (n, p)."""
+    bin_s: float
+    memory_s: float
+    """Integrated correlation time of the residuals [s]."""
+    engaged: NDArray[np.intp]
+
+
+def piece_of(Z: Array, r: Array, at: NDArray[np.intp], n: int, drive: Drive, idle: float) -> Piece:
+    """A log whose derivatives by the unknowns `at`, of n in all, are Z."""
+    dt_s = float(drive.dt_s.sum()) / max(len(r), 1)
+    step = -(-len(r) // BINS)
+    starts = np.arange(0, len(r), step)
+    count = np.diff(np.append(starts, len(r)))
+    output = drive.y[drive.w > 0] - idle
+
+    def binned(values: Array) -> Array:
+        found = np.zeros((len(starts), n))
+        found[:, at] = np.add.reduceat(values, starts)
+        return found
+
+    mean = np.add.reduceat(r, starts) / count
+    return Piece(
+        mean,
+        np.add.reduceat(output, starts) / count,
+        binned(Z * r[:, None]),
+        binned(Z),
+        binned(Z * output[:, None]),
+        step * dt_s,
+        correlation_s(mean, step * dt_s),
+        engagements(drive)[drive.w > 0][starts],
+    )
 
 
 def spread(solved: Solved) -> Spread:
@@ -111,107 +162,89 @@ def spread(solved: Solved) -> Spread:
     setup, x = solved.setup, solved.x
     clean = setup if solved.instruments is None else replace(setup, drives=solved.instruments)
     n = setup.size
-    H, omega = np.zeros((n, n)), np.zeros((n, n))
-    scores, slopes, bins_s, groups = [], [], [], []
-    span, memory = 0.0, 0.0
+    H = np.zeros((n, n))
+    pieces = []
     for log, drive in enumerate(setup.drives):
         J, r = setup.jacobian(x, log)
         Z = J if solved.instruments is None else clean.jacobian(x, log)[0]
         at = setup.columns(log)
         H[np.ix_(at, at)] += Z.T @ J
-        dt_s = float(drive.dt_s.sum()) / max(len(r), 1)
-        size = deviation(r, drive)
-        step = -(-len(r) // BINS)
-        starts = np.arange(0, len(r), step)
-        own = np.zeros((len(starts), n))
-        own[:, at] = np.add.reduceat(Z * r[:, None], starts)
-        scores.append(own)
-        sloped = np.zeros((len(starts), n))
-        sloped[:, at] = np.add.reduceat(Z * size[:, None], starts)
-        slopes.append(sloped)
-        z = np.add.reduceat(r / size, starts) / np.diff(np.append(starts, len(r)))
-        corner = correlation_s(z, step * dt_s)
-        omega += by_spectrum(sloped, z, corner / (step * dt_s))
-        span += dt_s * len(r)
-        memory = max(memory, corner)
-        bins_s.append(step * dt_s)
-        groups.append(engagements(drive)[drive.w > 0][starts])
+        own = int(setup.own[log][0])
+        pieces.append(piece_of(Z, r, at, n, drive, float(x[own]) if own >= 0 else 0.0))
+    span = sum(one.bin_s * len(one.r) for one in pieces)
+    memory = max(one.memory_s for one in pieces)
     free = directions(solved)
     middle = free.T @ H @ free
     scale = np.sqrt(np.maximum(np.abs(np.diagonal(middle)), 1e-300))
     pull = free @ (np.linalg.pinv(middle / np.outer(scale, scale), rcond=1e-13) / np.outer(scale, scale)) @ free.T
     worth = span / max(2 * memory, span / setup.samples)
     lost = worth / max(worth - free.shape[1], 0.25 * worth)
-    stretches = []
+    noise = lost * pull @ sum((by_spectrum(one) for one in pieces), np.zeros((n, n))) @ pull.T
+    stretches: list[Scores] = []
     for window in WINDOWS_S:
         if window > LONGEST * span and stretches:
             break
-        own = np.zeros((n, n))
-        for one, bin_s in zip(scores, bins_s, strict=True):
-            own += moving(one, max(1, round(window / bin_s)))
-        pairs = zip(scores, bins_s, strict=True)
-        where = tuple(np.arange(len(one)) // max(1, round(window / bin_s)) for one, bin_s in pairs)
-        stretches.append(Scores(lost * pull @ own @ pull.T, where))
-    engaged, count = _engaged(scores, groups, pull, lost)
-    noise = lost * pull @ omega @ pull.T
-    return Spread(noise, tuple(stretches), engaged, pull, tuple(slopes), count, memory)
+        wide = [max(1, round(window / one.bin_s)) for one in pieces]
+        omega = sum((moving(one.scores, k) for one, k in zip(pieces, wide, strict=True)), np.zeros((n, n)))
+        where = tuple(np.arange(len(one.r)) // k for one, k in zip(pieces, wide, strict=True))
+        stretches.append(Scores(lost * pull @ omega @ pull.T, where))
+    engaged, count = _engaged(pieces, pull, lost)
+    unit = solved.cost / setup.samples * max(1.0, 2 * memory * setup.samples / span)
+    rivals = tuple(x for x, cost in solved.rivals if cost - solved.cost <= RIVAL * unit)
+    return Spread(noise, tuple(stretches), engaged, pull, tuple(one.plain for one in pieces), count, memory, rivals)
 
 
-def _engaged(
-    scores: Sequence[Array], groups: Sequence[NDArray[np.intp]], pull: Array, lost: float
-) -> tuple[Scores | None, int]:
+def _engaged(pieces: Sequence[Piece], pull: Array, lost: float) -> tuple[Scores | None, int]:
     """Scores added up over each engagement, where there are enough of them."""
-    sums = []
-    for one, which in zip(scores, groups, strict=True):
-        sums.append(np.add.reduceat(one, np.flatnonzero(np.append(True, np.diff(which) != 0))))
-    S = np.vstack(sums)
+    ends = [np.flatnonzero(np.append(True, np.diff(one.engaged) != 0)) for one in pieces]
+    S = np.vstack([np.add.reduceat(one.scores, at) for one, at in zip(pieces, ends, strict=True)])
     count = len(S)
     if count < ENGAGEMENTS:
         return None, count
     S = S - S.mean(axis=0)
     covariance = lost * count / (count - 1) * pull @ (S.T @ S) @ pull.T
-    return Scores(covariance, tuple(np.asarray(one, dtype=np.float64) for one in groups)), count
+    return Scores(covariance, tuple(one.engaged for one in pieces)), count
 
 
-def deviation(r: Array, drive: Drive) -> Array:
-    """Standard deviation of the residuals as the output's size has it, σ² = a + b T², (n,)."""
-    T = np.abs(drive.y[drive.w > 0])
-    T = T**2
-    squares = r * r
-    mean = float(squares.mean())
-    if mean == 0.0 or T.max() == 0.0:
-        return np.full(len(r), max(mean, 1e-300) ** 0.5)
-    step = max(1, len(r) // 2000)
-    count = len(r) // step
-    x = T[: count * step].reshape(count, step).mean(axis=1)
-    y = squares[: count * step].reshape(count, step).mean(axis=1)
-    weight = 1.0 / (0.2 + x / x.mean())
-    design = np.column_stack([np.ones(count), x]) * weight[:, None]
-    a, b = np.linalg.lstsq(design, y * weight, rcond=None)[0].tolist()
-    least = 0.02 * mean
-    if b < 0 or a < 0:
-        a, b = (mean, 0.0) if b < 0 else (least, mean / float(T.mean()))
-    return np.sqrt(np.maximum(a + b * T, least))
+def by_spectrum(piece: Piece) -> Array:
+    """Variance of Σ Z r for noise S0(f) + T² S1(f), (p, p).
 
-
-def by_spectrum(slopes: Array, z: Array, memory: float) -> Array:
-    """Variance of Σ_k slopes_k z_k for stationary z of the smoothed spectrum of the given ones, (p, p).
-
-    `memory` is their integrated correlation time in samples.
+    The residuals are looked at through two windows, one that is wide where T is small and one that is T itself; the
+    power of each is S0 Σ w² + S1 Σ w² T², two equations for two spectra.
     """
-    n = len(z)
+    n = len(piece.r)
     size = 2 ** int(np.ceil(np.log2(2 * n)))
-    power = np.abs(np.fft.rfft(z, size)) ** 2 / n
-    half = int(max(SMOOTH * size / (2 * np.pi * max(memory, 0.5)), FEWEST * size / n))
-    half = min(half, len(power) - 1)
-    mirrored = np.concatenate([power[half:0:-1], power, power[-2 : -half - 2 : -1]])
-    total = np.append(0.0, np.cumsum(mirrored))
-    smooth = (total[2 * half + 1 :] - total[: -2 * half - 1]) / (2 * half + 1)
-    F = np.fft.rfft(slopes, size, axis=0)
-    twice = np.full(len(power), 2.0)
+    half = int(
+        max(SMOOTH * size * piece.bin_s / (2 * np.pi * max(piece.memory_s, 0.5 * piece.bin_s)), FEWEST * size / n)
+    )
+    half = min(half, size // 2)
+    T2 = piece.size**2
+    middle = max(float(T2.mean()), 1e-300)
+    windows = np.stack([1 / (1 + 9 * T2 / middle), np.sqrt(T2 / middle)])
+    power = np.array([_smoothed(np.abs(np.fft.rfft(w * piece.r, size)) ** 2, half) for w in windows])
+    A = np.array([[float((w * w).sum()), float((w * w * T2).sum())] for w in windows])
+    if abs(np.linalg.det(A)) < 1e-3 * A[0, 0] * A[1, 1]:  # the output hardly changes: one spectrum
+        spectra = np.stack([power.sum(axis=0) / A[:, 0].sum(), np.zeros(power.shape[1])])
+    else:
+        spectra = np.linalg.solve(A, power)
+        alone = power.sum(axis=0) / A.sum(axis=0)[:, None]
+        spectra[0] = np.where(spectra[1] < 0, alone[0], spectra[0])
+        spectra[1] = np.where(spectra[0] < 0, alone[1], spectra[1])
+        spectra = np.maximum(spectra, 0.0)
+    twice = np.full(power.shape[1], 2.0)
     twice[0] = twice[-1] = 1.0
-    weighted = F * (twice * smooth[: len(power)])[:, None]
-    return np.asarray((F.conj().T @ weighted).real / size)
+    total = np.zeros((piece.plain.shape[1],) * 2)
+    for S, slopes in zip(spectra, (piece.plain, piece.scaled), strict=True):
+        F = np.fft.rfft(slopes, size, axis=0)
+        total += (F.conj().T @ (F * (twice * S)[:, None])).real / size
+    return total
+
+
+def _smoothed(values: Array, half: int) -> Array:
+    """Mean over `half` lines to both sides, the spectrum mirrored at its ends."""
+    mirrored = np.concatenate([values[half:0:-1], values, values[-2 : -half - 2 : -1]])
+    total = np.append(0.0, np.cumsum(mirrored))
+    return np.asarray((total[2 * half + 1 :] - total[: -2 * half - 1]) / (2 * half + 1))
 
 
 def moving(sums: Array, width: int) -> Array:
@@ -284,7 +317,13 @@ def curves(solved: Solved, sure: Spread, duty: Array) -> CurveSpread:
             values[k, i] = value
             if value > 0:
                 half[k, i] = min(sure.of(gradient) / value, 50.0)
-    return CurveSpread(duty, values, values * np.exp(-half), values * np.exp(half), np.expm1(half))
+    low, high = values * np.exp(-half), values * np.exp(half)
+    for x in sure.rivals:
+        other = np.stack([rows.steady @ x[:a], rows.tau1 @ x[a : a + b], rows.tau2 @ x[a + b : a + b + c]])
+        low, high = np.minimum(low, other * np.exp(-half)), np.maximum(high, other * np.exp(half))
+    with np.errstate(invalid="ignore", divide="ignore"):
+        wide = np.where(low > 0, np.sqrt(high / low) - 1, np.inf)
+    return CurveSpread(duty, values, low, high, wide)
 
 
 def inputs_shown(levels: Sequence[float] | Array, low: float, high: float) -> Array:
