@@ -1,46 +1,61 @@
-"""Figures → bytes and files, the same every time: no date, no program name, model ids and hashes fixed."""
+"""Figures → bytes, the same every time: no date, no program name, model ids and hashes fixed."""
 
 import io
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
+from matplotlib import font_manager
 from matplotlib.figure import Figure
 
 from eaid.errors import UsageError
-from eaid.files import written_whole
 from eaid.report import style
-from eaid.report.available import Ready
 from eaid.report.catalogue import FIGURES, Row
+from eaid.report.figures import summary
 from eaid.report.mark import marked
+from eaid.report.ready_fits import Ready, main_kind, models_for
+from eaid.report.ready_replays import counted_from
 from eaid.report.results import Results
 
 FORMATS = ("png", "pdf", "svg")
 COLOURS = 128
 """A figure has a few colours and their blends; 128 draw alike at a third of the bytes."""
+PAGE_DPI = 170
+"""Sharpness of the figures inside the page: the files beside it have 300 dpi."""
 
 
 @dataclass(frozen=True)
 class Drawn:
-    """A figure of the catalogue as the page holds it."""
+    """A figure of the catalogue: the files to write, and the picture for the page."""
 
     row: Row
     ready: Ready
+    files: tuple[tuple[str, bytes], ...]
+    """Format and content."""
+    preview: bytes
+    size_in: tuple[float, float]
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A picture of the first screen."""
+
+    title: str
+    part: str
     png: bytes
-    width_in: float
-    height_in: float
+    size_px: tuple[int, int]
 
 
-def png_of(figure: Figure) -> bytes:
-    """A figure as PNG at 300 dpi, without date or program name."""
+def png_of(figure: Figure, dpi: float = style.DPI) -> bytes:
+    """A figure as PNG, without date or program name."""
     from PIL import Image
 
+    figure.set_dpi(dpi)
     figure.canvas.draw()
     canvas = figure.canvas
     image = Image.frombuffer("RGBA", canvas.get_width_height(), canvas.buffer_rgba())  # type: ignore[attr-defined]
     few = image.convert("RGB").quantize(COLOURS, method=Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE)
     out = io.BytesIO()
-    few.save(out, format="PNG", dpi=(style.DPI, style.DPI), compress_level=7)
+    few.save(out, format="PNG", dpi=(dpi, dpi), compress_level=7)
     return out.getvalue()
 
 
@@ -48,53 +63,94 @@ def vector_of(figure: Figure, kind: str) -> bytes:
     """A figure as PDF (TrueType fonts inside) or SVG (letters as outlines), without date or program name."""
     empty = {"pdf": {"Creator": None, "Producer": None, "CreationDate": None}, "svg": {"Date": None, "Creator": None}}
     out = io.BytesIO()
-    figure.savefig(out, format=kind, metadata=empty[kind])
+    figure.savefig(out, format=kind, metadata=empty[kind], dpi=style.DPI)
     return out.getvalue()
 
 
-def formats_of(text: str | None) -> tuple[str, ...]:
-    """PNG always, and what `--format pdf,svg` asks for; anything else is refused."""
-    wanted = [part.strip().lower() for part in (text or "").split(",") if part.strip()]
+def formats_of(wanted: Sequence[str]) -> tuple[str, ...]:
+    """PNG always, and what else is asked for; anything else is refused."""
     unknown = [part for part in wanted if part not in FORMATS]
     if unknown:
-        raise UsageError(f"--format {','.join(unknown)}: figures are written as {', '.join(FORMATS)}")
+        raise UsageError(f"«format» {','.join(unknown)}: figures are written as {', '.join(FORMATS)}")
     return tuple(kind for kind in FORMATS if kind == "png" or kind in wanted)
 
 
-def ready_figures(results: Results) -> tuple[list[tuple[Row, Ready]], list[Row]]:
+def font_of(name: str) -> str:
+    """A font that is installed; anything else is refused."""
+    try:
+        font_manager.findfont(name, fallback_to_default=False)
+    except ValueError:
+        near = sorted({one.name for one in font_manager.fontManager.ttflist})
+        raise UsageError(f"«font» {name}: no such font is installed; there are {', '.join(near[:12])}") from None
+    return name
+
+
+def chosen(names: Sequence[str]) -> tuple[Row, ...]:
+    """The figures whose names begin with one of `names`; all without any; a name that fits none is refused."""
+    unknown = [name for name in names if not any(row.name.startswith(name) for row in FIGURES)]
+    if unknown:
+        raise UsageError(
+            f"«figures» {','.join(unknown)}: no such figure; there are {', '.join(r.name for r in FIGURES)}"
+        )
+    return tuple(row for row in FIGURES if not names or any(row.name.startswith(name) for name in names))
+
+
+def ready_figures(
+    results: Results, asked: bool | None = None, names: Sequence[str] = ()
+) -> tuple[list[tuple[Row, Ready]], list[Row]]:
     """What can be drawn, and what lacks its data."""
-    ready, missing = [], []
-    for row in FIGURES:
-        found = row.ready(results)
-        if found is None:
-            missing.append(row)
-        else:
-            ready.append((row, found))
-    return ready, missing
+    rows = [(row, row.ready(results, asked)) for row in chosen(names)]
+    return [(row, ready) for row, ready in rows if ready is not None], [row for row, ready in rows if ready is None]
 
 
 def draw_all(
     ready: Sequence[tuple[Row, Ready]],
-    folder: Path,
     formats: Sequence[str],
     done: Callable[[], None],
+    look: style.Look = style.PAPER,
     mark: str | None = None,
 ) -> list[Drawn]:
-    """Draw every figure once and write it to `folder`/NAME.png (and .pdf, .svg); `done` is called after each.
+    """Draw every figure once; `done` is called after each.
 
     `mark` is written above the figures that show the fit of the clutch, or what was made from it.
     """
     drawn = []
     for row, found in ready:
-        with style.look():
+        with style.look(look):
             figure = found.draw()
             if mark is not None and row.of_the_fit:
                 marked(figure, mark)
-            png = png_of(figure)
-            for kind in formats:
-                with written_whole(folder / f"{row.name}.{kind}", force=True) as part:
-                    part.write_bytes(png if kind == "png" else vector_of(figure, kind))
+            files = tuple((kind, png_of(figure) if kind == "png" else vector_of(figure, kind)) for kind in formats)
             width, height = figure.get_size_inches()
-        drawn.append(Drawn(row, found, png, float(width), float(height)))
+            drawn.append(Drawn(row, found, files, png_of(figure, PAGE_DPI), (float(width), float(height))))
         done()
     return drawn
+
+
+def summary_pictures(results: Results, mark: str | None = None) -> list[Picture]:
+    """The two pictures of the first screen, as far as their data are given."""
+    found: list[tuple[str, str, Callable[[], Figure]]] = []
+    kind = main_kind(results)
+    data = results.data_of(kind) if kind else None
+    if data is not None and data.levels:
+        models = models_for(results, kind or "")
+        said = "Measured against model" if models else "Measured"
+        found.append((said, "model" if models else "data", lambda: summary.measured_and_model(data, models)))
+    elif kind and (fit := results.fit(kind)) is not None and fit.friction is not None and fit.friction.levels:
+        found.append(("Fitted values over the level", "model", lambda: summary.values_over_level(fit)))
+    order = {"multisine": 0, "reference": 1, "steps": 2}
+    replays = sorted((one.result for one in results.replays), key=lambda one: order.get(one.scenario, 9))
+    if replays and replays[0].scenario in order:
+        one = replays[0]
+        units = one.output_unit
+        draw = lambda: summary.controllers(one.traces, counted_from(one), units)  # noqa: E731
+        found.append(("Controllers against the reference", "replay", draw))
+    pictures = []
+    for title, part, make in found:
+        with style.look():
+            figure = make()
+            if mark is not None:
+                marked(figure, mark)
+            size = figure.get_size_inches()
+            pictures.append(Picture(title, part, png_of(figure, 200), (round(96 * size[0]), round(96 * size[1]))))
+    return pictures

@@ -8,27 +8,25 @@ from eaid.report.results import Results
 
 GAINS = "Fit not identifiable: gains used with --allow-unidentified"
 PLANT = "Fit not identifiable: the replays show a model that its data do not determine"
+SHORT = "Fit not identifiable: do not quote"
+"""What stands above a figure of one column."""
 STRIP_IN = 0.2
 """Height that the mark takes above a figure [in]."""
 
 
 def mark_of(results: Results) -> tuple[str, list[str]] | None:
     """The mark, and why the fit is not identifiable; None where no gains and no replay stand on such a fit."""
-    gains = [_why(gains.content.get("unidentified")) for gains in results.gains]
+    gains = [one.result.unidentified or "" for one in results.gains]
     plants = []
     for replay in results.replays:
-        said = replay.options.get("unidentified")
+        said = replay.result.options.get("unidentified")
         if isinstance(said, dict):
-            gains.append(_why(said.get("gains")))
-            plants.append(_why(said.get("plant")))
+            gains.append(str(said.get("gains") or ""))
+            plants.append(str(said.get("plant") or ""))
     gains, plants = [why for why in gains if why], [why for why in plants if why]
     if not gains and not plants:
         return None
     return (GAINS if gains else PLANT), list(dict.fromkeys([*gains, *plants]))
-
-
-def _why(said: object) -> str:
-    return said if isinstance(said, str) else ""
 
 
 def marked(figure: Figure, text: str) -> None:
@@ -39,7 +37,7 @@ def marked(figure: Figure, text: str) -> None:
     if isinstance(engine := figure.get_layout_engine(), ConstrainedLayoutEngine):
         engine.set(rect=(0, 0, 1, 1 - share))
     figure.text(
-        0.5, 1 - 0.5 * share, text if width < 5 else f"\N{WARNING SIGN} {text}",
-        ha="center", va="center", fontsize=6.2 if width < 5 else 7.5, fontweight="bold", color=style.VERMILLION,
+        0.5, 1 - 0.5 * share, SHORT if width < 5 else f"\N{WARNING SIGN} {text}",
+        ha="center", va="center", fontsize=style.SMALLEST_PT, fontweight="bold", color=style.VERMILLION,
         in_layout=False,
     )  # fmt: skip

@@ -1,34 +1,39 @@
-"""Files of the contract (fit.json, gains.json, replay.h5, data.h5) → what the report shows. Nothing is refitted."""
+"""What a report shows: fits, gains, replays and datasets, from files or from memory. Nothing is refitted."""
 
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, Generic, TypeVar
 
 import h5py
 
 from eaid.arrays import Array
 from eaid.errors import DataError, UsageError
 from eaid.files import sha256_of
+from eaid.findings import Finding, say
 from eaid.logs.hdf import open_hdf5
 from eaid.logs.options import ReadOptions
 from eaid.logs.read import read_runs
-from eaid.logs.run import Run
 from eaid.logs.walk import root_of
 from eaid.replay import files as replay_files
 from eaid.replay.controllers import CONTROLLERS
+from eaid.report import older
+from eaid.results import codec
+from eaid.results.fit import Fit
+from eaid.results.gains import Gains
 from eaid.steps.build import StepOptions, build_stepset
 from eaid.steps.stepset import StepSet
-from eaid.store import PARTS, read_json
 
 SCENARIOS = ("steps", "multisine", "sweep", "reference", "log", "rehab")
 """The order of the paper, and of the page."""
+NEEDED = ("time_s", "reference_nm", "torque_nm", "duty_pct")
+T = TypeVar("T")
 
 
 @dataclass(frozen=True)
 class Source:
-    """One file that was given to the report."""
+    """Where a result comes from."""
 
     path: str
     sha256: str
@@ -36,32 +41,10 @@ class Source:
     """fit, gains, replay or data."""
 
 
-@dataclass(frozen=True)
-class Fit:
-    """One fit.json."""
-
-    source: Source
-    content: Mapping[str, Any]
-
-    @property
-    def kind(self) -> str:
-        """clutch, friction-force or friction-speed."""
-        return str((self.content.get("data") or {}).get("kind", "clutch"))
-
-
-@dataclass(frozen=True)
-class Gains:
-    """One gains.json."""
-
-    source: Source
-    content: Mapping[str, Any]
-
-
 @dataclass(frozen=True, eq=False)
 class Replay:
     """One replay.h5."""
 
-    source: Source
     scenario: str
     options: Mapping[str, Any]
     traces: Mapping[str, Mapping[str, Array]]
@@ -71,42 +54,101 @@ class Replay:
     tables: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     """Controller → further arrays by name, as the band over drawn plants."""
 
+    @property
+    def input_unit(self) -> str:
+        """Unit of the duty."""
+        return str(self.options.get("input_unit", "%"))
+
+    @property
+    def output_unit(self) -> str:
+        """Unit of the torque."""
+        return str(self.options.get("output_unit", "N·m"))
+
 
 @dataclass(frozen=True, eq=False)
-class Data:
-    """One data.h5: its runs as recorded, and its averaged steps."""
+class Given(Generic[T]):
+    """A result and where it comes from."""
 
     source: Source
-    runs: tuple[Run, ...]
-    steps: StepSet
+    result: T
+
+    @property
+    def path(self) -> str:
+        """What the result is called: its file, as given."""
+        return self.source.path
 
 
 @dataclass(frozen=True, eq=False)
 class Results:
     """All that a page shows, in the order in which it was given."""
 
-    fits: tuple[Fit, ...] = ()
-    gains: tuple[Gains, ...] = ()
-    replays: tuple[Replay, ...] = ()
-    data: tuple[Data, ...] = ()
+    fits: tuple[Given[Fit], ...] = ()
+    gains: tuple[Given[Gains], ...] = ()
+    replays: tuple[Given[Replay], ...] = ()
+    data: tuple[Given[StepSet], ...] = ()
 
     @property
     def sources(self) -> tuple[Source, ...]:
         """Every file that was given."""
-        parts: tuple[Sequence[Any], ...] = (self.data, self.fits, self.gains, self.replays)
+        parts: tuple[Sequence[Given[Any]], ...] = (self.data, self.fits, self.gains, self.replays)
         return tuple(part.source for group in parts for part in group)
 
     def fit(self, kind: str) -> Fit | None:
         """The first fit of a kind."""
-        return next((fit for fit in self.fits if fit.kind == kind), None)
+        return next((one.result for one in self.fits if one.result.data.kind == kind), None)
 
-    def data_of(self, kind: str) -> Data | None:
+    def data_of(self, kind: str) -> StepSet | None:
         """The first dataset of a kind."""
-        return next((data for data in self.data if data.steps.kind == kind), None)
+        return next((one.result for one in self.data if one.result.kind == kind), None)
 
     def replay(self, scenario: str) -> Replay | None:
         """The first replay of a scenario."""
-        return next((replay for replay in self.replays if replay.scenario == scenario), None)
+        return next((one.result for one in self.replays if one.result.scenario == scenario), None)
+
+    @property
+    def kinds(self) -> tuple[str, ...]:
+        """Kinds of experiment that fits or datasets show, the clutch first."""
+        found = {one.result.data.kind for one in self.fits} | {one.result.kind for one in self.data}
+        return tuple(kind for kind in KINDS if kind in found)
+
+    @property
+    def pair(self) -> tuple[Given[Fit], Given[Fit]] | None:
+        """The first two fits of one kind: those that are put side by side."""
+        for i, first in enumerate(self.fits):
+            for second in self.fits[i + 1 :]:
+                if first.result.data.kind == second.result.data.kind:
+                    return first, second
+        return None
+
+    @property
+    def synthetic(self) -> str | None:
+        """What made the data, where any of them are not recorded; None where all come from a rig."""
+        said = [one.result.data.synthetic for one in self.fits] + [one.result.synthetic for one in self.data]
+        said += [one.result.options.get("synthetic") for one in self.replays]
+        return next((str(one) for one in said if one), None)
+
+
+KINDS = {"clutch": "clutch", "friction-force": "friction over force", "friction-speed": "friction over speed"}
+"""Kind of experiment → how it is called."""
+
+
+def gathered(items: Iterable["Fit | Gains | Replay | StepSet | Given[Any]"]) -> Results:
+    """Results in memory as a report takes them: each gets a name by its kind, replays the order of the paper."""
+    found: dict[str, list[Given[Any]]] = {"fit": [], "gains": [], "replay": [], "data": []}
+    kinds: tuple[tuple[type, str], ...] = ((Fit, "fit"), (Gains, "gains"), (Replay, "replay"), (StepSet, "data"))
+    for item in items:
+        result = item.result if isinstance(item, Given) else item
+        kind = next((name for type_, name in kinds if isinstance(result, type_)), None)
+        if kind is None:
+            raise UsageError(f"a {type(result).__name__} is no result that a report can show")
+        if isinstance(item, Given):
+            found[kind].append(item)
+        else:
+            count = len(found[kind])
+            found[kind].append(Given(Source(f"{kind} {count + 1}" if count else kind, "", kind), result))
+    order = {name: i for i, name in enumerate(SCENARIOS)}
+    found["replay"].sort(key=lambda one: order.get(one.result.scenario, len(order)))
+    return Results(*(tuple(found[kind]) for kind in ("fit", "gains", "replay", "data")))
 
 
 def read_results(paths: Sequence[Path], tell: Callable[[str], None] = lambda _: None) -> Results:
@@ -114,38 +156,17 @@ def read_results(paths: Sequence[Path], tell: Callable[[str], None] = lambda _: 
 
     `tell` gets a sentence for each part of a file that is left out.
     """
-    fits: list[Fit] = []
-    gains: list[Gains] = []
-    replays: list[Replay] = []
-    data: list[Data] = []
+    items: list[Given[Any]] = []
     faults: list[str] = []
     for path in paths:
         try:
             kind = kind_of(path)
-            source = Source(str(path), sha256_of(path), kind)
-            if kind == "fit":
-                fits.append(Fit(source, _with_whole_curves(read_json(path, "fit", tell))))
-            elif kind == "gains":
-                gains.append(Gains(source, read_json(path, "gains", tell)))
-            elif kind == "replay":
-                replays.append(read_replay(path, source, tell))
-            else:
-                data.append(read_data(path, source))
+            items.append(Given(Source(str(path), sha256_of(path), kind), _READERS[kind](path, tell)))
         except DataError as fault:
             faults.extend(fault.sentences)
     if faults:
         raise DataError(*faults)
-    replays.sort(key=lambda one: SCENARIOS.index(one.scenario) if one.scenario in SCENARIOS else len(SCENARIOS))
-    return Results(tuple(fits), tuple(gains), tuple(replays), tuple(data))
-
-
-def _with_whole_curves(content: dict[str, Any]) -> dict[str, Any]:
-    """A fit.json without the friction levels that hold no curve to draw."""
-    part = content.get("friction") or {}
-    if part.get("levels"):
-        kept = [row for row in part["levels"] if all(row.get(key) is not None for key in ("Ts", "tau1", "tau2"))]
-        content["friction"] = {**part, "levels": kept}
-    return content
+    return gathered(items)
 
 
 def kind_of(path: Path) -> str:
@@ -170,19 +191,37 @@ def kind_of(path: Path) -> str:
     return known[schema]
 
 
-def _by_its_parts(content: dict[str, Any]) -> str:
+def _by_its_parts(content: Mapping[str, object]) -> str:
     """The schema of a file of the user's own script that names none."""
-    return next((f"eaid/{kind}/1" for kind, parts in PARTS.items() if any(part in content for part in parts)), "")
+    return next((f"eaid/{kind}/1" for kind, parts in codec.KINDS.items() if any(part in content for part in parts)), "")
 
 
-def read_replay(path: Path, source: Source, tell: Callable[[str], None] = lambda _: None) -> Replay:
+def _told(found: Sequence[Finding], tell: Callable[[str], None]) -> None:
+    for one in found:
+        tell(say(one))
+
+
+def _read_fit(path: Path, tell: Callable[[str], None]) -> Fit:
+    fit, found = older.read_fit(path)
+    _told(found, tell)
+    return fit
+
+
+def _read_gains(path: Path, tell: Callable[[str], None]) -> Gains:
+    gains, found = older.read_gains(path)
+    _told(found, tell)
+    return gains
+
+
+def _read_data(path: Path, _tell: Callable[[str], None]) -> StepSet:
+    return build_stepset(read_runs([path], ReadOptions()), StepOptions())
+
+
+def read_replay(path: Path, tell: Callable[[str], None] = lambda _: None) -> Replay:
     """Traces, options and measured numbers of a replay.h5; a controller without its four columns is refused."""
     records, options = replay_files.read_replay(path, tell)
-    needed = ("time_s", "reference_nm", "torque_nm", "duty_pct")
-    traces = {
-        name: record.columns for name, record in records.items() if set(needed) & set(record.columns) != {"time_s"}
-    }
-    missing = {name: [key for key in needed if key not in columns] for name, columns in traces.items()}
+    traces = {name: one.columns for name, one in records.items() if set(NEEDED) & set(one.columns) != {"time_s"}}
+    missing = {name: [key for key in NEEDED if key not in columns] for name, columns in traces.items()}
     faults = [
         f"{path}: controller {name!r} has no {', '.join(keys)}; make the replay again"
         for name, keys in missing.items()
@@ -202,7 +241,7 @@ def read_replay(path: Path, source: Source, tell: Callable[[str], None] = lambda
     traces = dict(sorted(traces.items(), key=lambda item: known.index(item[0]) if item[0] in known else len(known)))
     summary = {name: records[name].metrics for name in traces}
     more = {name: records[name].tables for name in traces}
-    return Replay(source, str(options.get("scenario", "")), options, traces, summary, more)
+    return Replay(str(options.get("scenario", "")), options, traces, summary, more)
 
 
 def _band_fault(tables: Mapping[str, Array], options: Mapping[str, Any]) -> str | None:
@@ -216,21 +255,6 @@ def _band_fault(tables: Mapping[str, Array], options: Mapping[str, Any]) -> str 
     return "its plants/band_nm has not a number for every quantile and instant; make the replay again"
 
 
-def read_data(path: Path, source: Source) -> Data:
-    """Runs of a data.h5 and their averaged steps."""
-    runs = tuple(read_runs([path], ReadOptions()))
-    return Data(source, runs, build_stepset(runs, StepOptions()))
-
-
-def synthetic_of(results: Results) -> str | None:
-    """What made the data, where any of them are not recorded; None where all come from a rig."""
-    for fit in results.fits:
-        if said := (fit.content.get("data") or {}).get("synthetic"):
-            return str(said)
-    for data in results.data:
-        if data.steps.synthetic:
-            return data.steps.synthetic
-    for replay in results.replays:
-        if said := replay.options.get("synthetic"):
-            return str(said)
-    return None
+_READERS: Mapping[str, Callable[[Path, Callable[[str], None]], Any]] = {
+    "fit": _read_fit, "gains": _read_gains, "replay": read_replay, "data": _read_data,
+}  # fmt: skip

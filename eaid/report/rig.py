@@ -1,16 +1,56 @@
-"""The apparatus that a fit.json names."""
-
-from collections.abc import Mapping
-from dataclasses import fields
-from typing import Any
+"""What rig a result is of: its units and names, and whether it is the clutch that the paper describes."""
 
 from eaid.apparatus import Apparatus
+from eaid.results.common import Source
+from eaid.results.fit import Data
+from eaid.steps.stepset import StepSet
+
+QUANTITIES = {"N·m": "Torque", "N": "Force", "RPM": "Speed", "kPa": "Stress", "°C": "Temperature"}
+INPUTS = {"%": "Duty", "N": "Force", "RPM": "Speed", "V": "Voltage", "bar": "Pressure", "A": "Current"}
+PAPER = {"clutch": ("%", "N·m"), "friction-force": ("N", "N·m"), "friction-speed": ("RPM", "N·m")}
+"""Kind → the units in which the paper's own rig was recorded."""
 
 
-def apparatus_of(fit_data: Mapping[str, Any]) -> Apparatus:
-    """The rig of the `data` part of a fit.json; the paper's values where it names none."""
-    known = {f.name for f in fields(Apparatus)}
-    given = {key: value for key, value in (fit_data.get("apparatus") or {}).items() if key in known}
-    if "surfaces" not in given and str(fit_data.get("kind", "clutch")).startswith("friction"):
-        given["surfaces"] = 1
-    return Apparatus(**given)
+def apparatus_of(data: Data) -> Apparatus:
+    """The rig that a fit names; one friction surface where a friction rig was fitted and none is told."""
+    rig = data.apparatus
+    return Apparatus(**{name: getattr(rig, name) for name in rig.__struct_fields__})
+
+
+def of_the_paper(data: Data | StepSet | None, asked: bool | None = None) -> bool:
+    """Whether published values belong beside these: units of the paper's rig and kind, or somebody asks for them."""
+    if data is None:
+        return False
+    return (data.input_unit, data.output_unit) == PAPER[data.kind] if asked is None else asked
+
+
+def quantity(unit: str) -> str:
+    """Axis label of an output, by its unit."""
+    name = QUANTITIES.get(unit, "Output")
+    return f"{name} ({unit})" if unit else name
+
+
+def over(unit: str) -> str:
+    """Label of the axis that levels run along."""
+    name = INPUTS.get(unit, "Level")
+    return f"{name} ({unit})" if unit else name
+
+
+def level_text(level: float, unit: str) -> str:
+    """A level as written beside its curve: 40 %, 86 N; the bare number where levels have no unit."""
+    return (f"{level:.3g} {unit}" if level < 1000 else f"{level:.0f} {unit}").rstrip()
+
+
+def rate(input_unit: str, output_unit: str) -> str:
+    """Unit of b0, output per second and input."""
+    return f"{output_unit}/(s·{input_unit or 'input'})"
+
+
+def gain(input_unit: str, output_unit: str) -> str:
+    """Unit of B = 1/b0."""
+    return f"{input_unit or 'input'}·s/({output_unit or 'output'})"
+
+
+def rising(sources: tuple[Source, ...]) -> tuple[Source, ...]:
+    """The runs that rise."""
+    return tuple(one for one in sources if one.edge != "falling")

@@ -1,7 +1,10 @@
-"""One look for every figure: IEEE column widths, colours for the colour-blind, lines that survive black and white."""
+"""One look for every figure: column widths, letters of 8 pt and more, colours for the colour-blind, lines that survive
+black and white."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from contextvars import ContextVar
+from dataclasses import dataclass
 from typing import Any
 
 import matplotlib as mpl
@@ -9,11 +12,26 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-COLUMN_IN = 3.5
-"""Width of one IEEE column [in]."""
-PAGE_IN = 7.16
-"""Width of two IEEE columns [in]."""
+from eaid.report.options import COLUMN_IN, PAGE_IN
+
 DPI = 300
+SMALLEST_PT = 8.0
+"""No letter of a figure is smaller at its printed size [pt]; indices of symbols follow their letter."""
+
+
+@dataclass(frozen=True)
+class Look:
+    """What a journal prescribes: widths and letters of a figure."""
+
+    column_in: float = COLUMN_IN
+    """Width of a figure of one column [in]."""
+    page_in: float = PAGE_IN
+    """Width of a figure of both columns [in]."""
+    font: str = "DejaVu Sans"
+
+
+PAPER = Look()
+_LOOK: ContextVar[Look] = ContextVar("look", default=PAPER)
 
 # Okabe & Ito, "Color Universal Design" (2008).
 BLACK, ORANGE, SKY, GREEN = "#000000", "#E69F00", "#56B4E9", "#009E73"
@@ -32,11 +50,10 @@ CONTROLLERS: dict[str, tuple[str, str, str]] = {
 _SPARE = [(ORANGE, "-", "v"), (SKY, "--", "P"), (GREY, "-.", "X"), (BLACK, ":", "*")]
 
 PARAMETERS: dict[str, Any] = {
-    "font.family": "DejaVu Sans",
-    "font.size": 7.5,
-    "axes.titlesize": 8,
+    "font.size": SMALLEST_PT,
+    "axes.titlesize": SMALLEST_PT,
     "axes.titlelocation": "left",
-    "axes.labelsize": 7.5,
+    "axes.labelsize": SMALLEST_PT,
     "axes.linewidth": 0.6,
     "axes.grid": True,
     "axes.axisbelow": True,
@@ -44,15 +61,16 @@ PARAMETERS: dict[str, Any] = {
     "axes.spines.right": False,
     "grid.color": "#DDDDDD",
     "grid.linewidth": 0.4,
-    "xtick.labelsize": 7,
-    "ytick.labelsize": 7,
+    "hatch.linewidth": 0.5,
+    "xtick.labelsize": SMALLEST_PT,
+    "ytick.labelsize": SMALLEST_PT,
     "xtick.major.width": 0.6,
     "ytick.major.width": 0.6,
-    "legend.fontsize": 6.8,
-    "legend.frameon": True,
-    "legend.framealpha": 0.9,
-    "legend.edgecolor": "none",
-    "legend.handlelength": 2.6,
+    "legend.fontsize": SMALLEST_PT,
+    "legend.frameon": False,
+    "legend.handlelength": 2.4,
+    "legend.columnspacing": 1.4,
+    "legend.borderaxespad": 0.2,
     "lines.linewidth": 1.1,
     "lines.markersize": 3.6,
     "figure.dpi": DPI,
@@ -67,21 +85,54 @@ PARAMETERS: dict[str, Any] = {
 
 
 @contextmanager
-def look() -> Iterator[None]:
+def look(wanted: Look = PAPER) -> Iterator[None]:
     """The settings under which a figure is made and saved; the caller's own return afterwards."""
     settings: dict[Any, Any] = {**mpl.rcParamsDefault, **PARAMETERS, "backend": mpl.rcParams["backend"]}
-    with mpl.rc_context(settings):
-        yield
+    settings |= {"font.family": [wanted.font, "DejaVu Sans"], "mathtext.fontset": _mathtext(wanted.font)}
+    token = _LOOK.set(wanted)
+    try:
+        with mpl.rc_context(settings):
+            yield
+    finally:
+        _LOOK.reset(token)
+
+
+def _mathtext(font: str) -> str:
+    """Letters of formulas that go with a text font."""
+    if font in ("Times New Roman", "STIXGeneral", "Times", "Liberation Serif", "DejaVu Serif"):
+        return "stix"
+    return "dejavusans" if font == "DejaVu Sans" else "stixsans"
+
+
+def column(height_in: float, rows: int = 1, columns: int = 1, **options: Any) -> tuple[Figure, list[Axes]]:
+    """An empty figure of one column's width and its axes, row by row; no display is needed."""
+    return sheet(_LOOK.get().column_in, height_in, rows, columns, **options)
+
+
+def page(height_in: float, rows: int = 1, columns: int = 1, **options: Any) -> tuple[Figure, list[Axes]]:
+    """An empty figure of both columns' width and its axes, row by row."""
+    return sheet(_LOOK.get().page_in, height_in, rows, columns, **options)
 
 
 def sheet(
     width_in: float, height_in: float, rows: int = 1, columns: int = 1, **options: Any
 ) -> tuple[Figure, list[Axes]]:
-    """An empty figure and its axes, row by row; no display is needed."""
+    """An empty figure of any width and its axes, row by row."""
     figure = Figure(figsize=(width_in, height_in), layout="constrained")
     FigureCanvasAgg(figure)
     axes = figure.subplots(rows, columns, squeeze=False, **options)
     return figure, list(axes.flat)
+
+
+def legend_above(axes: Axes, columns: int = 5) -> None:
+    """The legend above the axes, off the data."""
+    axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=columns)
+
+
+def legend_over(figure: Figure, axes: Axes, columns: int = 6) -> None:
+    """One legend for all panels, above them, off the data."""
+    handles, labels = axes.get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside upper right", ncols=columns)
 
 
 def controller_look(name: str, position: int = 0) -> dict[str, Any]:
@@ -103,9 +154,14 @@ def controller_name(name: str) -> str:
 
 def level_colours(n: int) -> list[str]:
     """Colours for n ordered levels, light to dark as the level rises, so that grey print keeps the order."""
-    # cividis is made for colour-blind readers; its palest third is left out, it vanishes on paper.
+    table = level_map()
+    return [mpl.colors.to_hex(table(i / max(n - 1, 1))) for i in range(n)]
+
+
+def level_map() -> mpl.colors.LinearSegmentedColormap:
+    """Colours of levels: cividis, made for colour-blind readers, without its palest third, which vanishes on paper."""
     table = mpl.colormaps["cividis_r"]
-    return [mpl.colors.to_hex(table(0.34 + 0.66 * i / max(n - 1, 1))) for i in range(n)]
+    return mpl.colors.LinearSegmentedColormap.from_list("levels", [table(0.34 + 0.66 * k / 63) for k in range(64)])
 
 
 def letter(axes: Axes, mark: str, text: str = "") -> None:

@@ -24,6 +24,8 @@ def warm() -> None:
     import matplotlib as mpl
 
     mpl.use("Agg")
+    import eaid.report.build
+
     import eaid.cli.main
     import eaid.cli.simulate_work
     import eaid.control.design
@@ -31,7 +33,6 @@ def warm() -> None:
     import eaid.logs.dataset
     import eaid.logs.read
     import eaid.replay.standard
-    import eaid.report.build
     import eaid.report.paper.table
     import eaid.steps.build
     import eaid.synth.logs

@@ -26,7 +26,7 @@ def files(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     folder = tmp_path_factory.mktemp("results")
     made = {}
     sets = {
-        "clutch": ("20,40,60,80,100", "8", "100", "4"),
+        "clutch": ("20,40,60,80,100", "20", "50", "4"),
         "friction-force": ("17,51,85,119,153,170", "30", "50", "0"),
         "friction-speed": ("5,10,15,25,40", "30", "50", "0"),
     }

@@ -4,21 +4,28 @@
 """
 
 import os
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
 from matplotlib.testing.compare import compare_images
+from matplotlib.text import Text
 
 from eaid.apparatus import Apparatus
 from eaid.models import friction, nonlinear
 from eaid.models.parameters import REFERENCE_PLANT, Friction
 from eaid.report import published, style
+from eaid.report.draw import vector_of
 from eaid.report.figures import checks, clutch, compare, hold, pwm, rehab, replays, shear
 from eaid.report.figures import friction as frictions
+from eaid.results import fit as fits
+from eaid.results.common import LevelError
+from eaid.results.fit import Fit, FrictionLevel, LevelIntervals, LinearLevel, LinearLevelIntervals
 from eaid.steps.stepset import Level, StepSet
 
 BASELINE = Path(__file__).parent / "baseline"
@@ -42,28 +49,33 @@ def clutch_set(factor: float = 1.0) -> StepSet:
     return StepSet("clutch", "%", "N·m", Apparatus(), tuple(rows), tuple(falls))
 
 
-def levels_json(rows: dict[float, Friction]) -> list[dict[str, Any]]:
-    return [
-        {"level": u, "Ts": p.Ts, "tau1": p.tau1, "tau2": p.tau2, "rmse": 0.01,
-         "ci95": {"Ts": [0.95 * p.Ts, 1.05 * p.Ts], "tau1": [0.9 * p.tau1, 1.1 * p.tau1], "tau2": [0.7 * p.tau2, None]}}
+def levels_of(rows: dict[float, Friction]) -> tuple[FrictionLevel, ...]:
+    return tuple(
+        FrictionLevel(
+            u, p.Ts, p.tau1, p.tau2, rmse=0.01,
+            ci95=LevelIntervals((0.95 * p.Ts, 1.05 * p.Ts), (0.9 * p.tau1, 1.1 * p.tau1), None),
+        )
         for u, p in rows.items()
-    ]  # fmt: skip
+    )  # fmt: skip
 
 
-def clutch_fit(factor: float = 1.0) -> dict[str, Any]:
+def clutch_fit(factor: float = 1.0) -> Fit:
     p = REFERENCE_PLANT
     curves = {u: nonlinear.at_duty(p, u) for u in LEVELS}
-    return {
-        "data": {"kind": "clutch"},
-        "friction": {"C": 0.85, "levels": levels_json(curves)},
-        "nonlinear": {"C": 0.85, "tau1": p.tau1, "tau2": p.tau2, "Ts": [factor * c for c in p.Ts], "u_range": [10, 100],
-                      "per_level": [{"level": u, "rmse": u / 1000} for u in LEVELS]},
-        "linear": {"a0": 1.84, "b0": 0.0783, "c0": -1.34, "bounds": {"B_m": 8.3, "B_M": 41.1},
-                   "per_level": [{"level": u, "B": B} for u, B in zip(LEVELS, (36.5, 33.0, 8.3), strict=True)]},
-    }  # fmt: skip
+    per_level = tuple(LevelError(u, rmse=u / 1000) for u in LEVELS)
+    steady = tuple(factor * c for c in p.Ts)
+    each = tuple(
+        LinearLevel(u, 1.8, u / 40, B=B, ci95=LinearLevelIntervals(B=(0.9 * B, 1.1 * B)))
+        for u, B in zip(LEVELS, (36.5, 33.0, 8.3), strict=True)
+    )
+    return Fit(
+        friction=fits.Friction(0.85, levels_of(curves)),
+        nonlinear=fits.Nonlinear(p.tau1, p.tau2, steady, (10.0, 100.0), per_level=per_level),
+        linear=fits.Linear(1.84, 0.0783, -1.34, bounds=fits.Bounds(B_m=8.3, B_M=41.1), per_level=each),
+    )
 
 
-def friction_fit(kind: str) -> dict[str, Any]:
+def friction_fit(kind: str) -> Fit:
     force = kind == "friction-force"
     levels = np.array([17.0, 51.0, 102.0, 170.0]) if force else np.array([5.0, 15.0, 25.0, 40.0])
     x = levels / (np.pi * 2e-3) / 1e3 if force else levels
@@ -73,16 +85,16 @@ def friction_fit(kind: str) -> dict[str, Any]:
     }
     table = published.TABLE_I if force else {k: published.TABLE_II[k] for k in ("Ts", "tau1")}
     forms = {2: "linear", 4: "double-exponential"}
-    trends = {k: {"form": forms[len(c)], "coefficients": list(c)} for k, (_t, c, _r) in table.items()}
-    return {"data": {"kind": kind}, "friction": {"C": 0.85, "levels": levels_json(rows), "trends": trends}}
+    trends = {k: fits.Trend(forms[len(c)], c) for k, (_t, c, _r) in table.items()}
+    data = fits.Data(kind, "N" if force else "RPM", apparatus=fits.Rig(surfaces=1))
+    return Fit(data=data, friction=fits.Friction(0.85, levels_of(rows), trends))
 
 
 def force_set() -> StepSet:
-    fit = friction_fit("friction-force")
     rows = []
-    for row in fit["friction"]["levels"]:
-        y = friction.step_response(Friction(row["Ts"], row["tau1"], row["tau2"]), T)
-        rows.append(Level(row["level"], T, 1.02 * y[None], ("a",)))
+    for row in friction_fit("friction-force").friction.levels:
+        y = friction.step_response(Friction(row.Ts, row.tau1, row.tau2), T)
+        rows.append(Level(row.level, T, 1.02 * y[None], ("a",)))
     return StepSet("friction-force", "N", "N·m", Apparatus(surfaces=1), tuple(rows))
 
 
@@ -94,6 +106,11 @@ def traces() -> dict[str, dict[str, Any]]:
                "duty_pct": 50 + 30 * np.sin(t + rate)}
         for name, rate in (("rc", 5.0), ("pi", 1.0))
     }  # fmt: skip
+
+
+def robust_term() -> dict[str, Any]:
+    t = np.linspace(0, 10, 501)
+    return {"time_s": t, "rho_nm_s": 15 + np.sin(t) ** 2, "chi_nm_s": 5 * np.sin(3 * t)}
 
 
 def tones() -> dict[str, dict[str, Any]]:
@@ -113,7 +130,7 @@ def session() -> tuple[dict[str, Any], list[tuple[str, float, float]]]:
 
 DRAWN: dict[str, Callable[[], Figure]] = {
     "fig02_pwm": lambda: pwm.pwm_period(Apparatus()),
-    "fig03_friction_steps": lambda: frictions.friction_steps(force_set(), friction_fit("friction-force")["friction"]),
+    "fig03_friction_steps": lambda: frictions.friction_steps(force_set(), friction_fit("friction-force")),
     "fig04_friction_over_stress": lambda: frictions.friction_over_stress(friction_fit("friction-force")),
     "fig05_friction_over_speed": lambda: frictions.friction_over_speed(friction_fit("friction-speed")),
     "fig06_hold_and_release": lambda: hold.hold_and_release(hold.held_levels(clutch_set()), "%", "N·m"),
@@ -127,6 +144,8 @@ DRAWN: dict[str, Callable[[], Figure]] = {
     "fig12_multisine": lambda: replays.tracking(traces(), 3.0),
     "fig13_sweep": lambda: replays.sweep(tones()),
     "fig16_rehab": lambda: rehab.training(*session()),
+    "log_replay": lambda: replays.recorded_duty(traces()),
+    "guarantee_in_replay": lambda: replays.guarantee(robust_term()),
     "fig17_rehab_errors": lambda: rehab.errors({"soft": np.arange(9.0), "hard": 2 * np.arange(9.0)}),
     "compare": lambda: compare.two_fits(clutch_fit(), clutch_fit(1.3), ("before", "after")),
 }
@@ -164,9 +183,59 @@ def test_axes_name_their_unit_and_widths_are_ieee_columns(name: str):
     assert figure.get_figwidth() in (3.5, 7.16)
     for axes in figure.axes:
         labels = [label for label in (axes.get_xlabel(), axes.get_ylabel()) if label]
-        assert labels or name == "fig17_rehab_errors"
         for label in labels:
             assert "(" in label and label.rstrip().endswith(")"), label
+
+
+def letters(figure: Figure) -> list[Any]:
+    """Every text that is drawn."""
+    figure.canvas.draw()
+    return [one for one in figure.findobj(Text) if one.get_visible() and one.get_text().strip()]
+
+
+@pytest.mark.parametrize("name", DRAWN)
+def test_no_letter_is_smaller_than_eight_points_and_none_hangs_over_the_edge(name: str):
+    with style.look():
+        figure = DRAWN[name]()
+        shown = letters(figure)
+    assert shown and min(one.get_fontsize() for one in shown) >= 8
+    width, height = figure.get_size_inches() * figure.dpi
+    numbers = re.compile(
+        r"[−\d.e$^{}×-]+|[$].mathdefault.*|resistive.*|assisted"
+    )  # ticks beyond the limits are not drawn
+    for one in shown:
+        if numbers.fullmatch(one.get_text()) or (one.axes is not None and not one.axes.get_visible()):
+            continue
+        box = one.get_window_extent()
+        assert box.x0 > -1 and box.x1 < width + 1 and box.y0 > -1 and box.y1 < height + 1, one.get_text()
+
+
+@pytest.mark.parametrize("name", DRAWN)
+def test_legends_are_off_the_data_and_panels_have_letters(name: str):
+    with style.look():
+        figure = DRAWN[name]()
+        figure.canvas.draw()
+    panels = [axes for axes in figure.axes if axes.get_visible() and axes.get_label() != "<colorbar>"]
+    for axes in panels:
+        if (legend := axes.get_legend()) is not None:
+            box, plot = legend.get_window_extent(), axes.get_window_extent()
+            assert box.y0 >= plot.y1 - 1 or box.x0 >= plot.x1 - 1
+    if len(panels) > 1:
+        assert [axes.get_title("left")[:3] for axes in panels] == [f"({mark})" for mark in "abcdef"[: len(panels)]]
+
+
+def test_widths_and_letters_are_the_journals_own():
+    with style.look(style.Look(3.3, 6.9, "STIXGeneral")):
+        one, both = DRAWN["input_gain"](), DRAWN["fig04_friction_over_stress"]()
+        assert letters(one)[0].get_fontname() == "STIXGeneral"
+    assert (one.get_figwidth(), both.get_figwidth()) == (3.3, 6.9)
+
+
+@pytest.mark.parametrize("kind", ["pdf", "svg"])
+def test_fonts_are_inside_the_file(kind: str):
+    with style.look():
+        held = vector_of(DRAWN["input_gain"](), kind)
+    assert b"/FontFile2" in held and b"/Type3" not in held if kind == "pdf" else b"<text" not in held
 
 
 def test_shear_point_by_hand():
@@ -196,6 +265,27 @@ def test_residuals_of_the_truth_are_nothing():
         assert np.abs(r).max() < 1e-12
     (_level, _t, r) = checks.residuals_of(clutch_set(1.1), clutch_fit(), "friction")[0]
     assert np.abs(r).max() > 0.01
+
+
+def test_a_residual_map_is_the_mean_of_its_stretches():
+    """A residual of 0.5 in the first tenth of a second and −0.25 after one second stands there, and nowhere else."""
+    t = np.linspace(0, 10, 100_001)
+    r = np.where(t < 0.1, 0.5, np.where(t > 1, -0.25, 0.0))
+    found = checks.residual_map([(10.0, t, r), (20.0, t, 0 * r)])
+    middle = (found.edges_s[:-1] + found.edges_s[1:]) / 2
+    assert found.levels == (10.0, 20.0) and found.mean[1] == pytest.approx(0)
+    assert found.mean[0, found.edges_s[1:] <= 0.1] == pytest.approx(0.5)
+    assert found.mean[0, found.edges_s[:-1] >= 1.0] == pytest.approx(-0.25)
+    between = (found.edges_s[:-1] >= 0.1) & (found.edges_s[1:] <= 1.0)
+    assert between.any() and found.mean[0, between] == pytest.approx(0) and np.all(np.diff(middle) > 0)
+
+
+def test_the_linear_model_is_not_drawn_below_zero():
+    """At 20 % it ends at (0.0783·20 − 1.34)/1.84 = 0.12 N·m; with c0 = −2 below zero."""
+    fit = clutch_fit()
+    below = msgspec.structs.replace(fit, linear=msgspec.structs.replace(fit.linear, c0=-2.0))
+    drawn = [len(clutch.linear_model(clutch_set(), one).axes[1].lines) for one in (fit, below)]
+    assert drawn == [3, 2]
 
 
 def test_modes_become_spans():

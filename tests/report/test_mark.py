@@ -82,19 +82,19 @@ def test_sound_results_have_no_mark(files: dict[str, Path], page: Path) -> None:
 
 def test_every_section_and_every_figure_of_the_fit_is_marked(marked_page: Path, files: dict[str, Path]) -> None:
     text = marked_page.read_text(encoding="utf-8")
-    assert text.count(f'<p class="running">{GAINS}</p>') == text.count("<section id=") - 1  # all but the words
+    assert text.count(f'<p class="running">{GAINS}</p>') == text.count("<section id=")
     assert f"<b>{GAINS}</b>" in text
     figures = marked_page.parent / "figures"
     for name, marked in (
         ("input_gain", True),
         ("fig11_steps", True),
         ("fig07_nonlinear_model", True),
-        ("fig02_pwm", 0),
+        ("fig02_pwm", False),
     ):
         pixels = np.asarray(Image.open(figures / f"{name}.png").convert("RGB")).astype(int)
         strip = pixels[: int(0.18 * 300)]
         red = (strip[..., 0] > 180) & (strip[..., 1] < 130) & (strip[..., 2] < 60)
-        assert (red.sum() > 1000) == bool(marked), name
+        assert (red.sum() > 1000) == marked, name
 
 
 def test_it_stands_on_every_screen_and_every_printed_page(browser: Any, marked_page: Path, tmp_path: Path) -> None:
@@ -107,11 +107,12 @@ def test_it_stands_on_every_screen_and_every_printed_page(browser: Any, marked_p
     assert box["y"] == pytest.approx(0, abs=1) and box["height"] < 80
     assert tab.evaluate("document.documentElement.scrollWidth <= window.innerWidth")
     tab.emulate_media(media="print")
-    assert tab.evaluate("[...document.querySelectorAll('.running')].every(one => one.checkVisibility())")
+    printed = "[...document.querySelectorAll('.running')].filter(one => !one.closest('#appendix'))"
+    assert tab.evaluate(f"{printed}.every(one => one.checkVisibility())")
     if shutil.which("pdftotext") is None:
         pytest.skip("no pdftotext, so the printed pages are not read")
     tab.pdf(path=tmp_path / "page.pdf", prefer_css_page_size=True)
     told = subprocess.run(["pdftotext", tmp_path / "page.pdf", "-"], capture_output=True, text=True, check=True).stdout
     pages = told.split("\f")[:-1]
-    assert len(pages) > 5 and all(GAINS in one for one in pages)
+    assert len(pages) > 1 and all(GAINS in one for one in pages)
     tab.context.close()

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from eaid.cli.main import run
-from eaid.report.available import bands, frequencies
+from eaid.report.ready_replays import bands, frequencies
 from eaid.report.results import read_results
 
 
@@ -37,7 +37,7 @@ def page_of(files: dict[str, Path], tmp_path_factory: pytest.TempPathFactory):
 
 def test_drawn_plants_give_a_band_and_a_table(page_of):
     path, text = page_of("plants", "--scenario", "multisine", "--duration", "6", "--plants", "3")
-    (replay,) = read_results([path]).replays
+    replay = read_results([path]).replays[0].result
     t, low, high = bands(replay)["rc"]
     assert t.shape == low.shape == high.shape and np.all(low <= high)
     assert "Over drawn plants: multisine" in text and "RC: largest |error| (N·m)" in text
@@ -47,7 +47,7 @@ def test_drawn_plants_give_a_band_and_a_table(page_of):
 def test_a_log_is_shown_beside_the_model(page_of, files: dict[str, Path]):
     _path, text = page_of("log", "--log", str(files["clutch.h5"]))
     assert 'id="log_replay"' in text
-    assert "Recorded duty through the model" in text and "synthetic-clutch-100.0-r2" in text
+    assert "Recorded input through the model" in text and "synthetic-clutch-100.0-r2" in text
 
 
 def test_a_reference_of_ones_own_has_its_figure(page_of, tmp_path: Path):
@@ -71,6 +71,6 @@ def test_a_sweep_without_numbers_is_measured_on_its_trace(files: dict[str, Path]
         for group in file.values():
             del group.attrs["metrics"]
         del file.attrs["digest"]  # a file by another hand has none
-    found = frequencies(read_results([bare]).replays[0])["rc"]
+    found = frequencies(read_results([bare]).replays[0].result)["rc"]
     assert found["frequency_hz"].tolist() == [row["frequency_hz"] for row in said]
     assert found["gain_db"] == pytest.approx([row["gain_db"] for row in said], abs=1e-9)

@@ -2,9 +2,11 @@ import math
 
 import pytest
 
-from eaid.report import tables
-from eaid.report.details import guarantee, margins
-from eaid.report.tables import formula, interval, number
+from eaid.report.tables import checks, fits, gains, interval, number
+from eaid.report.tables.table import Name, Table, columns
+from eaid.results import fit as results
+from eaid.results.fit import CoefficientIntervals, Fit, FrictionLevel, LevelIntervals
+from eaid.results.gains import Condition, Gains, Guarantee, LinearModel, Rho, Robust
 
 
 @pytest.mark.parametrize(
@@ -13,6 +15,9 @@ from eaid.report.tables import formula, interval, number
         (1.84393, 4, "1.844"),
         (-2.42, 3, "−2.42"),
         (0, 4, "0"),
+        (0.0, 4, "0"),
+        (21, 4, "21"),
+        (-3, 1, "−3"),
         (1.85e-7, 3, "1.85e−7"),
         (5.375e5, 4, "5.375e5"),
         (0.0782825, 4, "0.07828"),
@@ -28,39 +33,94 @@ def test_numbers_as_text(value: object, digits: int, text: str):
 
 
 def test_intervals_as_text():
-    assert interval([1.0, 2.5]) == "1.00 … 2.50"
-    assert interval([None, 2.5]) == "–"
+    assert interval((1.0, 2.5)) == "1.00 … 2.50"
     assert interval(None) == "–"
 
 
+def test_a_table_knows_its_heads_texts_and_numbers():
+    table = Table(
+        "x", "", columns("name", ("τ1", "s", 3), "95 %"), (("a", 0.12345, (1.0, 2.0)), (Name("b"), None, None))
+    )
+    assert table.heads == ("name", "τ1 (s)", "95 %")
+    assert table.texts == (("a", "0.123", "1.00 … 2.00"), ("b", "–", "–"))
+    assert table.numeric == (False, True, False)
+
+
 def test_formulas_by_their_form():
-    assert formula({"form": "linear", "coefficients": [0.0944, -0.0896]}, "σ") == "0.09440 σ − 0.08960"
-    merged = {"form": "merged-exponential", "coefficients": [5.4, 0.1, -0.0101]}
-    assert formula(merged, "Ω") == "(5.400 + 0.1000 Ω) e^(−0.01010 Ω)"
-    double = {"form": "double-exponential", "coefficients": [6.01, -0.431, -0.11, 0.0492]}
-    assert formula(double, "σ") == "6.010 e^(−0.4310 σ) − 0.1100 e^(0.04920 σ)"
+    assert fits.formula(results.Trend("linear", (0.0944, -0.0896)), "σ") == "0.09440 σ − 0.08960"
+    merged = results.Trend("merged-exponential", (5.4, 0.1, -0.0101))
+    assert fits.formula(merged, "Ω") == "(5.400 + 0.1000 Ω) e^(−0.01010 Ω)"
+    double = results.Trend("double-exponential", (6.01, -0.431, -0.11, 0.0492))
+    assert fits.formula(double, "σ") == "6.010 e^(−0.4310 σ) − 0.1100 e^(0.04920 σ)"
+
+
+NONLINEAR = results.Nonlinear(
+    (0.007, 0.024, -2e-4), (1.0, 0.4, -3e-3), (0.03, 0.01, 2e-4, 1e-6), (10.0, 100.0),
+    ci95=CoefficientIntervals(tau1=((0.005, 0.009), (0.02, 0.03), None)),
+)  # fmt: skip
 
 
 def test_table_iii_puts_the_published_value_beside_ours():
-    part = {"C": 0.85, "tau1": [0.007, 0.024, -2e-4], "tau2": [1, 0.4, -3e-3], "Ts": [0.03, 0.01, 2e-4, 1e-6]}
-    fit = {"nonlinear": {**part, "ci95": {"tau1": [[0.005, 0.009], [0.02, 0.03], [None, None]]}}}
-    table = tables.table_iii(fit)
+    table = fits.table_iii(Fit(nonlinear=NONLINEAR))
     assert table.heading == "Table III"
-    assert table.rows[0] == ("a_0", "τ1, constant", "0.00674", "0.007000", "0.00500 … 0.00900", "s")
-    assert table.rows[2][4] == "–"
+    assert table.texts[0] == ("a_0", "τ1", "0.00674", "0.007000", "0.00500 … 0.00900", "s")
+    assert table.texts[2][4] == "–"
     assert [row[0] for row in table.rows] == ["a_0", "a_1", "a_2", "b_0", "b_1", "b_2", "c_0", "c_1", "c_2", "c_3", "C"]
 
 
-def test_table_iv_and_the_linear_model():
-    rows = {row[0]: row for row in tables.table_iv({"rc": {"B_m": 8.6, "B_M": 41.4, "phi": 0.1}}).rows}
-    assert rows["B_m"][1:3] == ("12.4", "8.600")
-    assert rows["φ"][1:3] == ("0.0500", "0.1000")
-    assert rows["K_P"][1:3] == ("4.50", "–")  # absent in the file: a dash, no failure
-    linear = tables.linear_table({"linear": {"a0": 1.8, "b0": 0.078, "c0": -1.3, "ci95": {"a0": [1.7, 1.9]}}})
-    assert linear.rows[0] == ("a0", "1.36", "1.800", "1.70 … 1.90", "1/s")
+def test_the_estimate_that_is_used_leads_and_the_other_stands_beside_it():
+    other = results.Estimate((0.1, 0.0, 0.0), (2.0, 0.0, 0.0), (0.5, 0.0, 0.0, 0.0), (10.0, 100.0))
+    part = results.Nonlinear(
+        NONLINEAR.tau1, NONLINEAR.tau2, NONLINEAR.Ts, (10.0, 100.0), estimator="two-stage", joint=other
+    )
+    heads = fits.table_iii(Fit(nonlinear=part)).heads
+    assert heads[3] == "ours, two-stage (used)" and heads[5] == "ours, joint"
+    assert fits.table_iii(Fit(nonlinear=part)).rows[3][5] == 2.0
+
+
+def test_another_rig_has_its_own_units_and_no_published_column():
+    volts = results.Data("clutch", "V", "N")
+    linear = results.Linear(1.8, 0.078, -1.3, per_level=(results.LinearLevel(100.0, 1.0, 2.0, B=3.0),))
+    fit = Fit(data=volts, nonlinear=NONLINEAR, linear=linear)
+    for table in (fits.table_iii(fit), fits.linear_table(fit), fits.input_gain_table(fit)):
+        assert not any("published" in text.lower() for text in (*table.heads, table.caption)), table.heading
+    assert [row[-1] for row in fits.linear_table(fit).rows][:3] == ["1/s", "N/(s·V)", "N/s"]
+    assert "B (V·s/(N))" in fits.input_gain_table(fit).heads
+    assert "published" in fits.linear_table(fit, asked=True).heads
+    assert fits.linear_table(Fit(linear=linear)).texts[0] == ("a0", "1.36", "1.800", "–", "1/s")
+
+
+RC = Robust(4.5, 3.0, 12.8, Rho(15.5, 10.3), 0.5, 50.0, ((1.0, 0.5), (0.5, 1.0)), B_m=8.6, B_M=41.4, phi=0.1)
+CONDITIONS = (
+    Condition("phi", False, 37.5, 17.8, "%"),
+    Condition("Q_M", None, None, 5.0, "N·m/s"),
+    Condition("rho", True),
+)
+
+
+def test_table_iv_and_the_checklist():
+    found = Gains(LinearModel(1.8, 0.08, -1.3), RC, guarantee=Guarantee(False, CONDITIONS))
+    rows = {row[0]: row for row in gains.table_iv(found).texts}
+    assert rows["B_m"][1:3] == ("12.4", "8.600") and rows["φ"][1:3] == ("0.0500", "0.1000")
+    assert rows["Q_M"][2] == "–"  # absent in the file: a dash, no failure
+    texts = gains.checklist(found).texts
+    assert texts[0] == ("φ", "bound on the error of the model's drift term", "37.5", "17.8", "%", "does not hold")
+    assert [row[-1] for row in texts] == ["does not hold", "not known", "holds"]
+    other = Gains(LinearModel(1.8, 0.08, -1.3), RC, input_unit="V", output_unit="N")
+    assert "published" not in gains.table_iv(other).heads and gains.table_iv(other).rows[0][2] == "V·s/(N)"
 
 
 def test_what_is_absent_costs_only_its_table():
-    assert guarantee({"rc": {}}) == []
-    assert margins({}) == []
-    assert tables.gains_table({}).rows[0][2] == "–"
+    bare = Gains(LinearModel(1.0, 1.0, 0.0))
+    assert gains.checklist(bare).rows == gains.margins_table(bare).rows == gains.gains_table(bare).rows == ()
+    fit = Fit(nonlinear=NONLINEAR)
+    tables = (checks.estimates_table, checks.lack_of_fit_table, checks.shapes_table, checks.degrees_table)
+    assert [table(fit).rows for table in tables] == [()] * 4
+
+
+def test_an_interval_that_says_nothing_is_a_dash():
+    ends = LevelIntervals(Ts=(0.09, 0.11), tau2=None)
+    rows = (FrictionLevel(150.0, 0.1, 0.01, 9.0, ci95=ends),)
+    table = fits.levels_table(Fit(data=results.Data("clutch", "", "N"), friction=results.Friction(0.85, rows)))
+    assert table.heads[:2] == ("level", "T_s (N)") and table.texts[0][1:3] == ("0.1000", "0.0900 … 0.110")
+    assert table.texts[0][6] == "–"

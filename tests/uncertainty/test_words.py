@@ -13,8 +13,8 @@ from eaid.fitting.fit import fit
 from eaid.fitting.options import FitOptions
 from eaid.models import friction
 from eaid.models.parameters import Friction
+from eaid.report.page.known import known, sentence
 from eaid.report.results import read_results
-from eaid.report.trust import verdict
 from eaid.steps.stepset import Level, StepSet
 from eaid.uncertainty.intervals import IntervalOptions, Intervals, intervals
 
@@ -127,7 +127,7 @@ def test_the_sentences_stand_in_the_file_on_the_terminal_and_on_the_page(
     result = json.loads(out.read_text())
     said = [*result["nonlinear"]["open"], *result["nonlinear"]["not_identifiable_because"]]
     assert any("N·m within the record of" in text for text in said)
-    page = "\n".join(point.text for point in verdict(read_results([out])).points)
+    page = "\n".join(sentence(one) for one in known(read_results([out])).of("model"))
     for text in said:
         assert text in told, text
         assert text[1:].rstrip(".") in page, text

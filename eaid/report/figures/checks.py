@@ -1,39 +1,74 @@
-"""How well a model follows its data: residuals over time and per level, their autocorrelation, levels held out."""
+"""How a model misses its data: a map of the residuals over time and level, the RMSE of each level, autocorrelation."""
 
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
+from matplotlib.colors import TwoSlopeNorm
 from matplotlib.figure import Figure
 
 from eaid.arrays import Array
-from eaid.models import friction, linear, nonlinear
-from eaid.models.parameters import SHARE
+from eaid.models import linear
 from eaid.report import style
-from eaid.report.figures.clutch import linear_of, nonlinear_of
-from eaid.report.figures.friction import curve_of
-from eaid.report.thin import thinned
+from eaid.report.figures.clutch import linear_of, models_of
+from eaid.report.figures.friction import curves_of
+from eaid.report.rig import over
+from eaid.results.fit import Fit
 from eaid.steps.stepset import StepSet
 
+STRETCHES = 48
+"""Stretches of time on a residual map: each is as much longer as it is later."""
+LEVELS = 60
+"""Most rows of a residual map."""
 
-def residuals_of(data: StepSet, fit: Mapping[str, Any], model: str) -> list[tuple[float, Array, Array]]:
-    """Level, time [s] and measured mean − model [N·m] of each level that the model covers."""
-    found = []
-    if model == "friction":
-        share = float(fit["friction"].get("C") or SHARE)
-        curves = {float(row["level"]): curve_of(row, share) for row in fit["friction"].get("levels") or []}
-    for level in data.levels:
-        t = level.time_s
-        if model == "nonlinear":
-            predicted = nonlinear.step_response(nonlinear_of(fit), t, level.level)
-        elif model == "linear":
-            predicted = linear.step_response(linear_of(fit), t, level.level)
-        elif level.level in curves:
-            predicted = friction.step_response(curves[level.level], t)
-        else:
-            continue
-        found.append((level.level, t, level.mean - predicted))
-    return found
+
+def residuals_of(data: StepSet, fit: Fit, model: str) -> list[tuple[float, Array, Array]]:
+    """Level, time [s] and measured mean − model of each level that the model covers."""
+    if model == "linear" and fit.linear is not None:
+        one = linear_of(fit.linear)
+        curves = {row.level: (lambda t, u=row.level: linear.step_response(one, t, u)) for row in data.levels}
+    else:
+        curves = models_of(fit, data) if model == "nonlinear" else curves_of(fit)
+    return [
+        (row.level, row.time_s, row.mean - curves[row.level](row.time_s)) for row in data.levels if row.level in curves
+    ]
+
+
+@dataclass(frozen=True, eq=False)
+class ResidualMap:
+    """Mean residuals of stretches of time, a row a level."""
+
+    levels: tuple[float, ...]
+    edges_s: Array
+    """Ends of the stretches [s], shape (n + 1,)."""
+    mean: Array
+    """Mean residual, shape (L, n); nan where a level has no sample."""
+
+    @property
+    def size(self) -> float:
+        """Residual at the ends of the colours: beyond it lie 2 % of the cells."""
+        known = np.abs(self.mean[np.isfinite(self.mean)])
+        return float(np.quantile(known, 0.98)) or 1e-9 if len(known) else 1e-9
+
+
+def residual_map(rows: Sequence[tuple[float, Array, Array]]) -> ResidualMap:
+    """Residuals as a map: stretches of time grow with the time since the step."""
+    if len(rows) > LEVELS:
+        rows = [rows[round(k * (len(rows) - 1) / (LEVELS - 1))] for k in range(LEVELS)]
+    end = max(float(t[-1]) for _level, t, _r in rows)
+    dt = min(float(t[-1] - t[0]) / max(len(t) - 1, 1) for _level, t, _r in rows)
+    # No stretch is shorter than a sample: the first is as long as that asks for.
+    samples = end / dt
+    first = next((k for k in range(2, 400) if k * ((samples / k) ** (1 / (STRETCHES - 1)) - 1) >= 1), samples / 2)
+    edges = np.concatenate([[0.0], np.geomspace(min(max(first * dt, end / 2000), end / 2), end, STRETCHES)])
+    edges[-1] = np.nextafter(end, np.inf)
+    mean = np.full((len(rows), STRETCHES), np.nan)
+    for i, (_level, t, r) in enumerate(rows):
+        place = np.clip(np.searchsorted(edges, t, side="right") - 1, 0, STRETCHES - 1)
+        count = np.bincount(place, minlength=STRETCHES)
+        total = np.bincount(place, weights=r, minlength=STRETCHES)
+        mean[i, count > 0] = total[count > 0] / count[count > 0]
+    return ResidualMap(tuple(level for level, _t, _r in rows), edges, mean)
 
 
 def autocorrelation(residual: Array, lags: Sequence[int]) -> Array:
@@ -48,39 +83,28 @@ def autocorrelation(residual: Array, lags: Sequence[int]) -> Array:
     return np.asarray(every[np.asarray(lags)] / every[0])
 
 
-def residuals(data: StepSet, fit: Mapping[str, Any], model: str) -> Figure:
-    """(a) residual over time [N·m], (b) RMSE per level [N·m], the key to the colours, (c) autocorrelation over lag."""
-    figure, (over_time, per_level, over_lag) = style.sheet(style.PAGE_IN, 2.5, 1, 3, width_ratios=(1.5, 1, 1))
+def residuals(data: StepSet, fit: Fit, model: str) -> Figure:
+    """(a) residuals over time and level, hatched where the model lies above the data, (b) RMSE of each level."""
+    figure, (over_time, per_level) = style.page(2.7, 1, 2, width_ratios=(2.4, 1))
     rows = residuals_of(data, fit, model)
-    colours = style.level_colours(len(rows))
-    for (_level, t, r), colour in zip(rows, colours, strict=True):
-        smooth_t, smooth_r = thinned(t, _smoothed(r), 500)
-        over_time.plot(smooth_t, smooth_r, color=colour, linewidth=0.8)
-    over_time.axhline(0, color=style.BLACK, linewidth=0.6)
-    over_time.set(xlabel="Time since the step (s)", ylabel=f"Measured − model ({data.output_unit})")
-    over_time.set_xlim(0, max(float(t[-1]) for _, t, _ in rows))
-    levels = [level for level, _, _ in rows]
+    found = residual_map(rows)
+    places = np.arange(len(found.levels) + 1) - 0.5
+    times = np.concatenate([[found.edges_s[1] / 1.6], found.edges_s[1:]])
+    colours = TwoSlopeNorm(0.0, -found.size, found.size)
+    drawn = over_time.pcolormesh(times, places, found.mean, cmap="PuOr_r", norm=colours, rasterized=True)
+    below = np.ma.masked_where(~(found.mean < -0.25 * found.size), np.ones_like(found.mean))
+    over_time.pcolor(times, places, below, hatch="////", alpha=0.0, linewidth=0)  # told apart in grey, too
+    over_time.set(xscale="log", xlabel="Time since the step (s)", ylabel=over(data.input_unit))
+    shown = np.unique(np.linspace(0, len(found.levels) - 1, 12).round().astype(int))
+    over_time.set_yticks(shown, [f"{found.levels[k]:.3g}" for k in shown])
+    over_time.grid(visible=False)
+    bar = figure.colorbar(drawn, ax=over_time, pad=0.01)
+    bar.set_label(f"Measured − model ({data.output_unit})")
     rms = [float(np.sqrt(np.mean(r**2))) for _, _, r in rows]
-    per_level.bar(levels, rms, width=0.6 * min(np.diff(levels), default=1.0), color=colours, edgecolor="black", lw=0.4)
-    per_level.set(
-        xlabel=f"Level ({data.input_unit})" if data.input_unit else "Level", ylabel=f"RMSE ({data.output_unit})"
-    )
-    for (_level, t, r), colour in zip(rows, colours, strict=True):
-        dt = float(t[-1] - t[0]) / max(len(t) - 1, 1)
-        longest = max(2, min(len(r) // 4, round(2.0 / dt)))
-        lags = np.unique(np.concatenate([[0], np.geomspace(1, longest, 60).astype(int)]))
-        over_lag.plot(lags * dt, autocorrelation(r, list(lags)), color=colour, linewidth=0.8)
-    over_lag.axhline(0, color=style.BLACK, linewidth=0.6)
-    over_lag.set(xlabel="Lag (s)", ylabel="Autocorrelation (1)", ylim=(-0.55, 1.05))
-    for mark, axes in zip("abc", (over_time, per_level, over_lag), strict=True):
-        style.letter(axes, mark)
+    levels = [level for level, _, _ in rows]
+    per_level.plot(rms, levels, "o-", color=style.BLUE, linewidth=0.8)
+    per_level.set(xlabel=f"RMSE ({data.output_unit})", ylabel=over(data.input_unit))
+    per_level.set_xlim(0, None)
+    style.letter(over_time, "a", "(hatched: model above)")
+    style.letter(per_level, "b")
     return figure
-
-
-def _smoothed(r: Array) -> Array:
-    width = max(1, len(r) // 200)
-    if width == 1:
-        return r
-    cut = len(r) // width * width
-    means = r[:cut].reshape(-1, width).mean(axis=1)
-    return np.asarray(np.interp(np.arange(len(r)), (np.arange(len(means)) + 0.5) * width, means))

@@ -1,135 +1,154 @@
 """Figs. 7 and 8: step responses of the clutch with the nonlinear, Eqs. (4)–(7), and the linear model, Eq. (8)."""
 
-from collections.abc import Mapping
-from typing import Any
+from collections.abc import Sequence
+from functools import partial
 
 import numpy as np
 from matplotlib.figure import Figure
 
-from eaid.fitting.side_by_side import nonlinear_estimates
+from eaid.arrays import Array
 from eaid.models import linear, nonlinear
-from eaid.models.parameters import SHARE, Linear, Nonlinear
+from eaid.models.parameters import Linear, Nonlinear
 from eaid.report import published, style
-from eaid.report.figures.friction import LABELS
-from eaid.report.figures.steps import draw_steps
-from eaid.report.tables import unit_of_input, unit_of_output
+from eaid.report.figures.friction import axis_label, intervals_of, reach
+from eaid.report.figures.steps import MODEL, Model, draw_steps, fine_times, label_ends, some_levels
+from eaid.report.rig import gain, level_text, of_the_paper, over, quantity
+from eaid.report.tables.fits import estimates_of
+from eaid.report.thin import thinned
+from eaid.results.fit import Estimate, Fit, LevelError, Pooled
 from eaid.steps.stepset import StepSet
 
 
-def nonlinear_of(fit: Mapping[str, Any]) -> Nonlinear:
-    """The nonlinear model of a fit.json."""
-    part = fit["nonlinear"]
-    low, high = part["u_range"]
-    return Nonlinear(
-        tuple(part["tau1"]), tuple(part["tau2"]), tuple(part["Ts"]), (low, high), float(part.get("C") or SHARE)
-    )
+def nonlinear_of(part: Estimate) -> Nonlinear:
+    """The nonlinear model of an estimate."""
+    return Nonlinear(part.tau1, part.tau2, part.Ts, part.u_range, part.C)
 
 
-def linear_of(fit: Mapping[str, Any]) -> Linear:
-    """The pooled linear model of a fit.json."""
-    part = fit["linear"]
-    return Linear(part["a0"], part["b0"], part["c0"])
+def linear_of(part: Pooled) -> Linear:
+    """The pooled linear model."""
+    return Linear(part.a0, part.b0, part.c0)
 
 
-def rmse_notes(rows: list[Mapping[str, Any]] | None) -> dict[float, str]:
+def rmse_notes(rows: Sequence[LevelError]) -> dict[float, str]:
     """Each level's RMSE as written behind its name."""
-    return {float(row["level"]): f"{row['rmse']:.3f}" for row in rows or [] if row.get("rmse") is not None}
+    return {row.level: f"{row.rmse:.3f}" for row in rows if row.rmse is not None}
 
 
-def nonlinear_model(data: StepSet, fit: Mapping[str, Any] | None) -> Figure:
-    """Fig. 7: mean ± sd per duty, Eq. (4) dashed, and each level's RMSE [N·m] behind its duty."""
-    figure, (axes,) = style.sheet(style.PAGE_IN, 3.6)
-    if fit and fit.get("nonlinear"):
-        model = nonlinear_of(fit)
-        fitted = {level.level: (lambda t, u=level.level: nonlinear.step_response(model, t, u)) for level in data.levels}
-        draw_steps(axes, data, fitted, rmse_notes(fit["nonlinear"].get("per_level")), spread=True)
-    else:
-        draw_steps(axes, data, {}, spread=True)
+def models_of(fit: Fit | None, data: StepSet) -> dict[float, Model]:
+    """Level → the nonlinear model's step response."""
+    if fit is None or fit.nonlinear is None:
+        return {}
+    model = nonlinear_of(fit.nonlinear)
+    return {one.level: partial(nonlinear.step_response, model, duty_pct=one.level) for one in data.levels}
+
+
+def nonlinear_model(data: StepSet, fit: Fit | None) -> Figure:
+    """Fig. 7: mean ± sd per level, Eq. (4) dashed, and each level's RMSE behind its name."""
+    figure, (axes,) = style.page(3.6)
+    notes = rmse_notes(fit.nonlinear.per_level) if fit is not None and fit.nonlinear is not None else {}
+    draw_steps(axes, data, models_of(fit, data), notes, spread=True, said=f"Eq. (4), RMSE ({data.output_unit})")
     return figure
 
 
-def linear_model(data: StepSet, fit: Mapping[str, Any]) -> Figure:
-    """Fig. 8: mean per duty and the one linear model of all of them, Eq. (8), dashed."""
-    figure, (axes,) = style.sheet(style.COLUMN_IN, 2.9)
-    model = linear_of(fit)
-    fitted = {level.level: (lambda t, u=level.level: linear.step_response(model, t, u)) for level in data.levels}
-    draw_steps(axes, data, fitted)
+def linear_model(data: StepSet, fit: Fit) -> Figure:
+    """Fig. 8: (a) what was measured and (b) the one linear model of all levels, Eq. (8), on the same scale.
+
+    Where the model lies below zero in the end, which no clutch does, it is left out.
+    """
+    figure, (measured, modelled) = style.page(2.9, 1, 2, sharey=True)
+    assert fit.linear is not None
+    model = linear_of(fit.linear)
+    levels = some_levels(data.levels, 14)
+    longest = max(float(one.time_s[-1]) for one in levels)
+    fine = fine_times(longest)
+    ends: list[list[tuple[float, str, str]]] = [[], []]
+    for one, colour in zip(levels, style.level_colours(len(levels)), strict=True):
+        text = level_text(one.level, data.input_unit)
+        measured.plot(*thinned(one.time_s, one.mean, 800), color=colour, linewidth=1.2)
+        ends[0].append((float(np.mean(one.mean[-max(1, len(one.mean) // 50) :])), text, colour))
+        if linear.steady_torque(model, one.level) > 0:
+            modelled.plot(fine, linear.step_response(model, fine, one.level), color=colour, linestyle=(0, (4, 2)))
+            ends[1].append((linear.steady_torque(model, one.level), text, colour))
+    measured.set_ylim(0, None)
+    for mark, axes, placed, said in zip("ab", (measured, modelled), ends, ("measured", "linear model"), strict=True):
+        axes.set(xlabel="Time since the step (s)", xlim=(0, longest))
+        style.letter(axes, mark, said)
+        label_ends(axes, placed, longest)
+    measured.set_ylabel(quantity(data.output_unit))
     return figure
 
 
 BEYOND = 3.0
 """A curve that leaves the single levels by more than this factor is cut: τ2 without end would hide all the rest."""
-OTHERS = ((style.ORANGE, "-."), (style.GREEN, (0, (4, 1, 1, 1, 1, 1))))
+OTHERS = ((style.VERMILLION, "-."), (style.GREEN, (0, (4, 1, 1, 1, 1, 1))), (style.PURPLE, (0, (6, 2))))
 """Colour and line of the estimates beside the one that is used."""
 
 
-def _over(unit: str) -> str:
-    """Label of the axis that levels run along."""
-    return "Duty (%)" if unit == "%" else f"Level ({unit})" if unit else "Level"
-
-
-def polynomials(fit: Mapping[str, Any]) -> Figure:
-    """T_s, τ1 and τ2 over the duty: every estimate, the single levels with their intervals, and Table III."""
-    figure, axes = style.sheet(style.PAGE_IN, 2.3, 1, 3)
-    model = nonlinear_of(fit)
-    u = np.linspace(*model.u_range, 200)
+def values_over(part: Estimate, u: Array) -> dict[str, Array]:
+    """T_s, τ1 and τ2 of an estimate over the input."""
+    model = nonlinear_of(part)
     tau1, tau2 = nonlinear.time_constants(model, u)
-    curves = {"Ts": nonlinear.steady_torque(model, u), "tau1": tau1, "tau2": tau2}
-    levels = (fit.get("friction") or {}).get("levels") or []
-    own, *others = nonlinear_estimates(fit["nonlinear"]).items()
-    unit = unit_of_input(fit)
+    return {"Ts": nonlinear.steady_torque(model, u), "tau1": tau1, "tau2": tau2}
+
+
+def polynomials(fit: Fit, asked: bool | None = None) -> Figure:
+    """T_s, τ1 and τ2 over the level: every estimate, the single levels with their intervals, and Table III."""
+    figure, axes = style.page(2.5, 1, 3)
+    part, unit = fit.nonlinear, fit.data.input_unit
+    assert part is not None
+    u = np.linspace(*part.u_range, 200)
+    rows = fit.friction.levels if fit.friction is not None else ()
+    (own, used), *others = estimates_of(part).items()
+    curves = values_over(used, u)
     for mark, name, panel in zip("abc", ("Ts", "tau1", "tau2"), axes, strict=True):
-        panel.plot(u, curves[name], color=style.BLUE, label=own[0].replace(", equal weights", " fit"))
+        panel.plot(u, curves[name], color=style.BLUE, label=f"{own} (used)")
         top = float(np.max(curves[name]))
-        if levels:
-            at = np.array([row["level"] for row in levels], dtype=float)
-            values = np.array([row[name] for row in levels], dtype=float)
-            reach = np.zeros((2, len(levels)))
-            for i, row in enumerate(levels):
-                interval = (row.get("ci95") or {}).get(name)
-                if interval and None not in interval:
-                    reach[:, i] = [max(values[i] - interval[0], 0), max(interval[1] - values[i], 0)]
+        if rows:
+            values = np.array([getattr(row, name) for row in rows])
+            far = reach(values, intervals_of(rows, name))
             panel.errorbar(
-                at, values, yerr=reach, fmt="o", color=style.BLACK, capsize=1.6, elinewidth=0.7, label="single levels"
-            )
-            seen = float(np.max(np.minimum(values + reach[1], 1.6 * values)))
+                [row.level for row in rows], values, yerr=far, fmt="o", color=style.BLACK, capsize=1.6,
+                elinewidth=0.7, label="each level, 95 %",
+            )  # fmt: skip
+            seen = float(np.max(np.minimum(values + far[1], 1.6 * values)))
             top = min(max(top, seen), BEYOND * seen)
         for (said, other), (colour, line) in zip(others, OTHERS, strict=False):
-            terms = other.get(name)
-            if terms and all(isinstance(c, int | float) for c in terms):
-                curve = np.polynomial.polynomial.polyval(u, terms)
-                label = said.replace(", equal weights", " fit")
-                panel.plot(u, curve, color=colour, linestyle=line, linewidth=0.9, label=label)
-        if name != "Ts" and unit == "%":  # Table III's T_s gives 0.06 N·m at full duty: a line on the floor
+            panel.plot(u, values_over(other, u)[name], color=colour, linestyle=line, linewidth=0.9, label=said)
+        if name != "Ts" and of_the_paper(fit.data, asked):
+            # Table III's T_s gives 0.06 N·m at full duty: a line on the floor.
             paper = np.polynomial.polynomial.polyval(u, published.TABLE_III[name])
-            panel.plot(u, paper, color=style.VERMILLION, linestyle=":", label="published")
-        panel.set(xlabel=_over(unit), ylabel=LABELS[name].replace("N·m", unit_of_output(fit)), ylim=(0, 1.15 * top))
+            panel.plot(u, paper, color=style.GREY, linestyle=":", label="published")
+        panel.set(xlabel=over(unit), ylabel=axis_label(name, fit.data.output_unit), ylim=(0, 1.1 * top))
         style.letter(panel, mark)
-    axes[1].legend(loc="best")
+    style.legend_over(figure, axes[1])
     return figure
 
 
-def input_gain(fit: Mapping[str, Any]) -> Figure:
-    """B of each level [%·s/(N·m)] over the duty, with the bounds B_m and B_M that the robust gains take from it."""
-    figure, (axes,) = style.sheet(style.COLUMN_IN, 2.2)
-    part = fit["linear"]
-    rows = [row for row in part.get("per_level") or [] if row.get("B") is not None]
-    axes.plot(
-        [row["level"] for row in rows],
-        [row["B"] for row in rows],
-        "o-",
-        color=style.BLUE,
-        label=r"each level, $B=1/b_0$",
-    )
-    bounds = part.get("bounds") or {}
-    for name, line in (("B_m", "--"), ("B_M", "-.")):
-        if bounds.get(name) is not None:
-            axes.axhline(bounds[name], color=style.VERMILLION, linestyle=line, label=f"${name}$ = {bounds[name]:.3g}")
-    unit, out = unit_of_input(fit), unit_of_output(fit)
-    if unit == "%":
+def input_gain(fit: Fit, asked: bool | None = None) -> Figure:
+    """B of each level over the level, with its intervals, and the bounds B_m and B_M that the robust gains take."""
+    figure, (axes,) = style.column(2.4)
+    part, unit = fit.linear, fit.data.input_unit
+    assert part is not None
+    rows = [(row.level, row.B, row.ci95.B if row.ci95 else None) for row in part.per_level if row.B is not None]
+    if rows:
+        values = np.array([B for _level, B, _ends in rows])
+        far = reach(values, [ends for _level, _B, ends in rows])
+        axes.errorbar(
+            [level for level, _B, _ends in rows], values, yerr=far, fmt="o-", color=style.BLUE, capsize=1.6,
+            elinewidth=0.7, linewidth=0.9,
+        )  # fmt: skip
+    bounds = part.bounds
+    ends = []
+    for name, value in (("$B_m$", bounds.B_m if bounds else None), ("$B_M$", bounds.B_M if bounds else None)):
+        if value is not None:
+            axes.axhline(value, **{**MODEL, "color": style.VERMILLION})
+            ends.append((value, f"{name} = {value:.3g}", style.VERMILLION))
+    if of_the_paper(fit.data, asked):
         low, high = published.TABLE_IV["B_m"], published.TABLE_IV["B_M"]
-        axes.axhspan(low, high, color=style.GREY, alpha=0.15, lw=0, label="published range")
-    axes.set(xlabel=_over(unit), ylabel=f"$B$ ({unit or 'input'} s/({out}))")
+        axes.axhspan(low, high, facecolor="#EDEDED", edgecolor="#C8C8C8", hatch="...", lw=0, zorder=0)
+        axes.text(0.02, (low + high) / 2, "published", transform=axes.get_yaxis_transform(), va="center",
+                  bbox={"facecolor": "white", "edgecolor": "none", "pad": 1})  # fmt: skip
+    axes.set(xlabel=over(unit), ylabel=f"Input gain $B$ ({gain(unit, fit.data.output_unit)})")
     axes.set_ylim(0, None)
-    axes.legend(loc="best")
+    label_ends(axes, ends, axes.get_xlim()[1])
     return figure

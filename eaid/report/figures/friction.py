@@ -1,7 +1,7 @@
 """Figs. 3–5: friction steps with their fitted curves, Eq. (3), and what was fitted over stress and over speed."""
 
-from collections.abc import Callable, Mapping
-from typing import Any
+from collections.abc import Callable, Sequence
+from functools import partial
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -9,115 +9,132 @@ from matplotlib.figure import Figure
 
 from eaid.arrays import Array
 from eaid.models import friction
-from eaid.models.parameters import SHARE, Friction
+from eaid.models.parameters import Friction
 from eaid.report import published, style
-from eaid.report.figures.steps import draw_steps
-from eaid.report.rig import apparatus_of
+from eaid.report.figures.steps import Model, draw_steps
+from eaid.report.rig import apparatus_of, of_the_paper, over
+from eaid.results.common import Interval
+from eaid.results.fit import Fit, FrictionLevel, Trend
 from eaid.steps.stepset import StepSet
 
-LABELS = {
-    "Ts": "Steady torque $T_s$ (N·m)",
-    "tau1": r"Fast constant $\tau_1$ (s)",
-    "tau2": r"Slow constant $\tau_2$ (s)",
-    "C_f": "Friction coefficient $C_f$ (1)",
-}
+NAMES = {"Ts": "Steady value $T_s$", "tau1": r"Fast constant $\tau_1$", "tau2": r"Slow constant $\tau_2$"}
 
 
-def curve_of(level: Mapping[str, Any], share: float) -> Friction:
-    """The fitted curve of one level of a fit.json."""
-    return Friction(level["Ts"], level["tau1"], level["tau2"], level.get("C") or share)
+def axis_label(name: str, unit: str) -> str:
+    """Label of an axis along which a fitted value runs."""
+    if name == "C_f":
+        return "Friction coefficient $C_f$ (1)"
+    return f"{NAMES[name]} ({unit if name == 'Ts' else 's'})"
 
 
-def friction_steps(data: StepSet, fit: Mapping[str, Any] | None) -> Figure:
-    """Torque over time at each level, mean of the repeats (solid) and the fitted Eq. (3) (dashed)."""
-    figure, (axes,) = style.sheet(style.COLUMN_IN, 2.9)
-    fitted: dict[float, Callable[[Array], Array]] = {}
-    if fit:
-        share = float(fit.get("C") or SHARE)
-        for row in fit.get("levels", []):
-            p = curve_of(row, share)
-            fitted[float(row["level"])] = lambda t, p=p: friction.step_response(p, t)  # type: ignore[misc]
-    draw_steps(axes, data, fitted)
+def curve(row: FrictionLevel, t_s: Array) -> Array:
+    """The fitted curve of one level above its start, Eq. (3), after its dead time."""
+    p = Friction(row.Ts, row.tau1, row.tau2, row.C)
+    return row.start + friction.step_response(p, np.maximum(t_s - row.delay_s, 0.0))
+
+
+def curves_of(fit: Fit | None) -> dict[float, Model]:
+    """Level → its fitted curve over the time."""
+    rows = fit.friction.levels if fit is not None and fit.friction is not None else ()
+    return {row.level: partial(curve, row) for row in rows}
+
+
+def friction_steps(data: StepSet, fit: Fit | None) -> Figure:
+    """Fig. 3: output over time at each level, mean of the repeats and the fitted Eq. (3)."""
+    figure, (axes,) = style.column(2.9)
+    draw_steps(axes, data, curves_of(fit), said="Eq. (3)")
     return figure
 
 
-def trend_values(trend: Mapping[str, Any], x: Array) -> Array:
-    """A fitted trend over stress or speed, by its form in fit.json."""
-    c = [float(value) for value in trend["coefficients"]]
-    if trend["form"] == "linear":
+def trend_values(trend: Trend, x: Array) -> Array:
+    """A fitted trend over stress or speed, by its form."""
+    c = trend.coefficients
+    if trend.form == "linear":
         return np.asarray(c[0] * x + c[1])
-    if trend["form"] == "merged-exponential":
+    if trend.form == "merged-exponential":
         return np.asarray((c[0] + c[1] * x) * np.exp(c[2] * x))
     return np.asarray(c[0] * np.exp(c[1] * x) + c[2] * np.exp(c[3] * x))
 
 
-def trend_x(fit_data: Mapping[str, Any], levels: list[float]) -> Array:
-    """What the trends run over: stress [kPa] of a force set, the speed [RPM] itself otherwise."""
-    if fit_data.get("kind") == "friction-force":
-        rig = apparatus_of(fit_data)
-        return np.array([rig.stress_kpa(level) for level in levels])
-    return np.array(levels)
+def trend_x(fit: Fit) -> tuple[Array, str]:
+    """What the trends run over, and its label: stress [kPa] of the paper's force rig, else the level itself."""
+    levels = [row.level for row in fit.friction.levels] if fit.friction else []
+    if fit.data.kind == "friction-force" and of_the_paper(fit.data):
+        rig = apparatus_of(fit.data)
+        return np.array([rig.stress_kpa(level) for level in levels]), "Normal stress (kPa)"
+    return np.array(levels), over(fit.data.input_unit)
 
 
-def friction_coefficients(fit: Mapping[str, Any], x_kpa: Array) -> tuple[Array, Array]:
-    """C_f of each level [1], shape (L,), and its interval, shape (L, 2), from the steady torques by Eq. (1)."""
-    rig = apparatus_of(fit["data"])
-    rows = fit["friction"]["levels"]
-    values = np.array([rig.friction_coefficient(row["Ts"], x) for row, x in zip(rows, x_kpa, strict=True)])
-    ends = np.full((len(rows), 2), np.nan)
-    for i, row in enumerate(rows):
-        if interval := (row.get("ci95") or {}).get("Ts"):
-            ends[i] = [np.nan if end is None else rig.friction_coefficient(end, x_kpa[i]) for end in interval]
+def reach(values: Array, ends: Sequence[Interval]) -> Array:
+    """Distances from values to the ends of their intervals, shape (2, n); 0 where an interval is not known."""
+    low = [0.0 if e is None else max(v - e[0], 0.0) for v, e in zip(values, ends, strict=True)]
+    high = [0.0 if e is None else max(e[1] - v, 0.0) for v, e in zip(values, ends, strict=True)]
+    return np.array([low, high])
+
+
+def intervals_of(rows: Sequence[FrictionLevel], name: str) -> list[Interval]:
+    """The 95 % intervals of one value at the levels."""
+    return [getattr(row.ci95, name) if row.ci95 else None for row in rows]
+
+
+def friction_coefficients(fit: Fit, x_kpa: Array) -> tuple[Array, list[Interval]]:
+    """C_f of each level [1], shape (L,), and its intervals, from the steady torques by Eq. (1)."""
+    rig, rows = apparatus_of(fit.data), fit.friction.levels if fit.friction else ()
+    values = np.array([rig.friction_coefficient(row.Ts, x) for row, x in zip(rows, x_kpa, strict=True)])
+    ends: list[Interval] = []
+    for end, x in zip(intervals_of(rows, "Ts"), x_kpa, strict=True):
+        ends.append(None if end is None else tuple(rig.friction_coefficient(e, x) for e in end))  # type: ignore[arg-type]
     return values, ends
 
 
-def _panel(axes: Axes, fit: Mapping[str, Any], name: str, x: Array, paper: Callable[[Array], Array] | None) -> None:
-    rows = fit["friction"]["levels"]
+def _panel(axes: Axes, fit: Fit, name: str, x: Array, paper: Callable[[Array], Array] | None) -> None:
+    rows = fit.friction.levels if fit.friction else ()
+    trends = fit.friction.trends if fit.friction else {}
     if name == "C_f":
         values, ends = friction_coefficients(fit, x)
     else:
-        values = np.array([row[name] for row in rows], dtype=float)
-        ends = np.full((len(rows), 2), np.nan)
-        for i, row in enumerate(rows):
-            interval = (row.get("ci95") or {}).get(name)
-            if interval and None not in interval:
-                ends[i] = interval
-    reach = np.abs(np.nan_to_num(ends - values[:, None]))
+        values, ends = np.array([getattr(row, name) for row in rows]), intervals_of(rows, name)
+    far = reach(values, ends)
     axes.errorbar(
-        x, values, yerr=reach.T, fmt="o", color=style.BLACK, capsize=1.6, elinewidth=0.7, label="fitted, 95 % interval"
+        x, values, yerr=far, fmt="o", color=style.BLACK, capsize=1.6, elinewidth=0.7, label="each level, 95 %"
     )
     fine = np.linspace(x.min(), x.max(), 200)
-    trend = (fit["friction"].get("trends") or {}).get(name)
-    top = np.nanmax(np.where(np.isfinite(ends[:, 1]), np.minimum(ends[:, 1], 2 * values), values))
-    if trend and trend.get("coefficients"):
+    top = float(np.max(np.minimum(values + far[1], 2 * np.abs(values))))
+    trend = trends.get(name)
+    if trend is not None and trend.coefficients:
         axes.plot(fine, trend_values(trend, fine), color=style.BLUE, label="trend")
         top = max(top, float(np.max(trend_values(trend, fine))))
     if paper is not None:
         axes.plot(fine, paper(fine), color=style.VERMILLION, linestyle=":", label="published")
-    axes.set(ylabel=LABELS[name], ylim=(0, 1.12 * top))
+    axes.set(ylabel=axis_label(name, fit.data.output_unit))
+    if top > 0:
+        axes.set_ylim(0, 1.12 * top)
 
 
-def friction_over_stress(fit: Mapping[str, Any]) -> Figure:
-    """Fig. 4: T_s, τ1, C_f and τ2 over the normal stress [kPa], with their trends and Table I's."""
-    figure, axes = style.sheet(style.PAGE_IN, 4.0, 2, 2, sharex=True)
-    x = trend_x(fit["data"], [row["level"] for row in fit["friction"]["levels"]])
-    for mark, name, panel in zip("abcd", ("Ts", "tau1", "C_f", "tau2"), axes, strict=True):
-        _panel(panel, fit, name, x, published.OVER_STRESS[name])
+def friction_over_stress(fit: Fit, asked: bool | None = None) -> Figure:
+    """Fig. 4: T_s, τ1, C_f and τ2 over the normal stress [kPa] with their trends; over the level on another rig."""
+    x, label = trend_x(fit)
+    ours = of_the_paper(fit.data)
+    names = ("Ts", "tau1", "C_f", "tau2") if ours else ("Ts", "tau1", "tau2")
+    figure, axes = style.page(4.2, 2, 2, sharex=True) if ours else style.page(2.4, 1, 3)
+    for mark, name, panel in zip("abcd", names, axes, strict=False):
+        _panel(panel, fit, name, x, published.OVER_STRESS[name] if of_the_paper(fit.data, asked) else None)
         style.letter(panel, mark)
-    for panel in axes[2:]:
-        panel.set_xlabel("Normal stress (kPa)")
-    axes[0].legend(loc="lower right")
+    for panel in axes[2:] if ours else axes:
+        panel.set_xlabel(label)
+    style.legend_over(figure, axes[0])
     return figure
 
 
-def friction_over_speed(fit: Mapping[str, Any]) -> Figure:
+def friction_over_speed(fit: Fit, asked: bool | None = None) -> Figure:
     """Fig. 5: τ1, T_s and τ2 over the rotation speed [RPM], with their trends and what Table II prints."""
-    figure, axes = style.sheet(style.PAGE_IN, 2.3, 1, 3)
-    x = trend_x(fit["data"], [row["level"] for row in fit["friction"]["levels"]])
+    figure, axes = style.page(2.4, 1, 3)
+    x, label = trend_x(fit)
     for mark, name, panel in zip("abc", ("tau1", "Ts", "tau2"), axes, strict=True):
         # Table II's tau2 is two equal rates of opposite weight: at the printed digits no curve is left to draw.
-        _panel(panel, fit, name, x, None if name == "tau2" else published.OVER_SPEED[name])
-        panel.set_xlabel("Rotation speed (RPM)")
+        known = name != "tau2" and of_the_paper(fit.data, asked)
+        _panel(panel, fit, name, x, published.OVER_SPEED[name] if known else None)
+        panel.set_xlabel(label)
         style.letter(panel, mark)
-    axes[0].legend(loc="upper right")
+    style.legend_over(figure, axes[0])
     return figure

@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 
 from eaid.arrays import Array
 from eaid.report import style
-from eaid.report.figures.steps import level_text, quantity
+from eaid.report.rig import level_text, quantity
 from eaid.report.thin import thinned
 from eaid.steps.noise import block_means
 from eaid.steps.stepset import StepSet
@@ -19,20 +19,20 @@ class Held:
 
     level: float
     time_s: Array
-    torque_nm: Array
+    torque: Array
     release_s: float
 
     @property
     def lost_pct(self) -> float:
         """Torque lost from peak to release [% of the peak], by means of twentieths."""
-        means = block_means(self.torque_nm[self.time_s <= self.release_s])
+        means = block_means(self.torque[self.time_s <= self.release_s])
         return 100 * max(0.0, 1 - float(means[-1] / means.max())) if means.max() > 0 else 0.0
 
     @property
     def left_pct(self) -> float:
         """Torque left at the end of the log [% of the torque when held], by means of twentieths."""
-        held = float(block_means(self.torque_nm[self.time_s <= self.release_s])[-1])
-        left = float(block_means(self.torque_nm[self.time_s > self.release_s])[-1])
+        held = float(block_means(self.torque[self.time_s <= self.release_s])[-1])
+        left = float(block_means(self.torque[self.time_s > self.release_s])[-1])
         return 100 * left / held if held > 0 else 0.0
 
 
@@ -53,22 +53,18 @@ def held_levels(data: StepSet) -> list[Held]:
 
 
 def hold_and_release(held: list[Held], input_unit: str, output_unit: str) -> Figure:
-    """Torque over time, the held stretch shaded; the shares lost while held and left after release are written."""
-    figure, (axes,) = style.sheet(style.COLUMN_IN, 2.5)
+    """Output over time, the held stretch shaded; the shares lost while held and left after release are written."""
+    figure, (axes,) = style.column(2.7)
     looks = [(style.BLUE, "-"), (style.VERMILLION, "--"), (style.GREEN, "-.")]
     axes.axvspan(0, held[0].release_s, color="#E8E8E8", lw=0)
     for run, (colour, line) in zip(held, looks, strict=False):
-        t, y = thinned(run.time_s, run.torque_nm, 1500)
-        axes.plot(
-            t, y, color=colour, linestyle=line, linewidth=0.9,
-            label=f"{level_text(run.level, input_unit)}: lost {run.lost_pct:.1f} %, left {run.left_pct:.1f} %".replace(
-                "-", "−"
-            ),
-        )  # fmt: skip
+        label = f"{level_text(run.level, input_unit)}: lost {run.lost_pct:.1f} %, left {run.left_pct:.1f} %"
+        t, y = thinned(run.time_s, run.torque, 1500)
+        axes.plot(t, y, color=colour, linestyle=line, linewidth=0.9, label=label)
     axes.set(xlabel="Time since the step (s)", ylabel=quantity(output_unit), xlim=(0, float(held[0].time_s[-1])))
     low, high = axes.get_ylim()
-    axes.set_ylim(low, high + 0.1 * (high - low))  # the words stand above every curve
+    axes.set_ylim(low, high + 0.12 * (high - low))  # the words stand above every curve
     for text, at in (("input on", held[0].release_s / 2), ("off", (held[0].release_s + held[0].time_s[-1]) / 2)):
-        axes.annotate(text, (float(at), 0.985), xycoords=("data", "axes fraction"), ha="center", va="top", fontsize=7)
-    axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), borderaxespad=0.2)
+        axes.annotate(text, (float(at), 0.985), xycoords=("data", "axes fraction"), ha="center", va="top")
+    axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0))
     return figure

@@ -30,7 +30,7 @@ def mode_spans(time_s: Array, modes: list[str]) -> list[tuple[str, float, float]
 
 def training(trace: Mapping[str, Array], spans: list[tuple[str, float, float]]) -> Figure:
     """(a) target and angle, (b) position error [°], (c) desired and rendered torque, (d) torque error [N·m]."""
-    figure, axes = style.sheet(style.PAGE_IN, 5.2, 4, 1, sharex=True)
+    figure, axes = style.page(5.0, 4, 1, sharex=True)
     angle, position, torque, error = axes
     t = trace["time_s"]
     for mark, panel in zip("abcd", axes, strict=True):
@@ -52,22 +52,20 @@ def training(trace: Mapping[str, Array], spans: list[tuple[str, float, float]]) 
     for name, start, end in spans:
         angle.annotate(
             MODES.get(name, ("", name))[1], ((start + end) / 2, 1.02), xycoords=("data", "axes fraction"),
-            ha="center", va="bottom", fontsize=6.8,
+            ha="center", va="bottom",
         )  # fmt: skip
     angle.set(ylabel="Angle (°)", xlim=(t[0], t[-1]))
     position.set(ylabel="Position\nerror (°)")
     torque.set(ylabel="Torque (N·m)")
     error.set(ylabel="Torque\nerror (N·m)", xlabel="Time (s)")
-    low, high = angle.get_ylim()
-    angle.set_ylim(low, high + 0.35 * (high - low))  # room for the legend above the curves
-    angle.legend(loc="upper right", ncols=2)
-    torque.legend(loc="lower right", ncols=2)  # the assisting torque is positive
+    for panel in (angle, torque):  # beside the axes, off the data
+        panel.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), handlelength=1.6)
     return figure
 
 
 def errors(absolute_deg: Mapping[str, Array]) -> Figure:
     """Fig. 17: box plot of the absolute position error [°] of each mode; whiskers to 1.5 times the box."""
-    figure, (axes,) = style.sheet(style.COLUMN_IN, 2.4)
+    figure, (axes,) = style.column(2.4)
     names = list(absolute_deg)
     boxes = axes.boxplot(
         [np.asarray(absolute_deg[name]) for name in names],

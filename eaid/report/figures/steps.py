@@ -1,74 +1,102 @@
-"""Step responses on one pair of axes: mean, ± sd, model, and the level written at the end of each curve."""
+"""Step responses on one pair of axes: the mean of each level, ± sd, its model, and the level at the curve's end."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import BoundaryNorm
 
 from eaid.arrays import Array
 from eaid.report import style
+from eaid.report.rig import level_text, over, quantity
 from eaid.report.thin import thinned
-from eaid.steps.stepset import StepSet
+from eaid.steps.stepset import Level, StepSet
+
+Model = Callable[[Array], Array]
+MODEL = {"color": style.BLACK, "linestyle": (0, (4, 2)), "linewidth": 0.8}
+"""A model is a thin dark dashed line over the broader, paler line of what was measured: both stay to be seen."""
+LABELLED = 14
+"""Most levels that are named at the ends of their curves; beyond, a colour bar names them."""
+DRAWN = 40
+"""Most levels that are drawn: more hide each other."""
 
 
-def quantity(unit: str) -> str:
-    """Axis label of an output, by its unit."""
-    name = {"N·m": "Torque", "N": "Force", "RPM": "Speed"}.get(unit, "Output")
-    return f"{name} ({unit})" if unit else name
+def some_levels(levels: Sequence[Level], most: int = DRAWN) -> list[Level]:
+    """All levels, or so many of them spread evenly, the first and the last among them."""
+    if len(levels) <= most:
+        return list(levels)
+    return [levels[round(k * (len(levels) - 1) / (most - 1))] for k in range(most)]
 
 
-def level_text(level: float, unit: str) -> str:
-    """A level as written beside its curve: 40 %, 86 N; the bare number where levels have no unit."""
-    return (f"{level:.3g} {unit}" if level < 1000 else f"{level:.0f} {unit}").rstrip()
+def fine_times(t_end: float, points: int = 150) -> Array:
+    """Instants at which a model is drawn [s]: dense where it is steep."""
+    return np.unique(np.concatenate([[0.0], np.geomspace(1e-3, 1, points) * t_end]))
 
 
 def draw_steps(
     axes: Axes,
     data: StepSet,
-    fitted: Mapping[float, Callable[[Array], Array]],
+    fitted: Mapping[float, Model],
     notes: Mapping[float, str] | None = None,
     spread: bool = False,
+    said: str = "model",
 ) -> None:
-    """Draw each level's mean (solid), its model (dashed) and, on request, the band of ± one sd."""
-    colours = style.level_colours(len(data.levels))
+    """Draw each level's mean, its model (dashed) and, on request, the band of ± one sd."""
+    levels = some_levels(data.levels)
+    colours = style.level_colours(len(levels))
     ends: list[tuple[float, str, str]] = []
-    longest = max(float(level.time_s[-1]) for level in data.levels)
-    for level, colour in zip(data.levels, colours, strict=True):
+    longest = max(float(level.time_s[-1]) for level in levels)
+    for level, colour in zip(levels, colours, strict=True):
         mean = level.mean
-        t, y = thinned(level.time_s, mean, 1200)
-        axes.plot(t, y, color=colour, linewidth=0.9)
         if spread and len(level.runs) > 1:
             stride = max(1, len(level.time_s) // 400)
             at, sd = level.time_s[::stride], level.sd[::stride]
-            axes.fill_between(at, mean[::stride] - sd, mean[::stride] + sd, color=colour, alpha=0.22, linewidth=0)
-        end = float(np.mean(mean[-max(1, len(mean) // 50) :]))
+            axes.fill_between(at, mean[::stride] - sd, mean[::stride] + sd, color=colour, alpha=0.2, linewidth=0)
+        axes.plot(*thinned(level.time_s, mean, 1200), color=colour, linewidth=1.5, alpha=0.75, solid_capstyle="round")
         if level.level in fitted:
-            t_fine = np.unique(np.concatenate([np.geomspace(1e-3, 1, 120) * level.time_s[-1], [0.0]]))
-            y_fine = fitted[level.level](t_fine)
-            axes.plot(t_fine, y_fine, color="white", linewidth=1.7, alpha=0.75)  # lifts the dashes off a noisy curve
-            axes.plot(t_fine, y_fine, color=style.VERMILLION, linestyle=(0, (3, 1.5)), linewidth=0.9)
+            fine = fine_times(float(level.time_s[-1]))
+            axes.plot(fine, fitted[level.level](fine), **MODEL)
         text = level_text(level.level, data.input_unit)
-        ends.append((end, text + (f"  {notes[level.level]}" if notes and level.level in notes else ""), colour))
+        end = float(np.mean(mean[-max(1, len(mean) // 50) :]))
+        ends.append((end, text + (f": {notes[level.level]}" if notes and level.level in notes else ""), colour))
     axes.set(xlabel="Time since the step (s)", ylabel=quantity(data.output_unit), xlim=(0, longest))
-    label_ends(axes, ends, longest)
-    axes.plot([], [], color=colours[-1], linewidth=0.9, label="measured mean" + (" ± sd" if spread else ""))
+    if len(levels) <= LABELLED:
+        label_ends(axes, ends, longest)
+    else:
+        level_bar(axes, [one.level for one in levels], data.input_unit)
+    middle = colours[len(colours) // 2]
+    axes.plot([], [], color=middle, linewidth=1.5, alpha=0.75, label="measured" + (" ± sd" if spread else ""))
     if fitted:
-        axes.plot([], [], color=style.VERMILLION, linestyle=(0, (3, 1.5)), linewidth=0.9, label="model")
-    axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2, borderaxespad=0.2)
+        axes.plot([], [], label=said, **MODEL)
+    style.legend_above(axes, 2)
 
 
-def label_ends(axes: Axes, ends: list[tuple[float, str, str]], x: float) -> None:
+def level_bar(axes: Axes, levels: Sequence[float], unit: str) -> None:
+    """A colour bar of the levels beside the axes."""
+    norm = BoundaryNorm(np.concatenate([[0], np.arange(len(levels)) + 1.0]) - 0.5, 256)
+    bar = axes.figure.colorbar(ScalarMappable(norm, style.level_map()), ax=axes, label=over(unit), pad=0.02)
+    places = np.unique(np.linspace(0, len(levels) - 1, 6).round().astype(int))
+    bar.set_ticks(list(places), labels=[f"{levels[k]:.3g}" for k in places])
+
+
+def label_ends(axes: Axes, ends: Sequence[tuple[float, str, str]], x: float) -> None:
     """Write a text at the right end of each curve, moved apart where curves end close together."""
     low, high = axes.get_ylim()
-    gap = (high - low) * 0.052
-    placed: list[float] = []
-    for value, _text, _colour in sorted(ends):
-        placed.append(max(value, placed[-1] + gap) if placed else value)
-    if placed and placed[-1] > high:
-        placed = [place - (placed[-1] - high) * k / max(len(placed) - 1, 1) for k, place in enumerate(placed)]
-    for (value, text, colour), place in zip(sorted(ends), placed, strict=True):
+    height_in = axes.get_position().height * axes.figure.get_figheight()
+    gap = (high - low) * 1.15 * style.SMALLEST_PT / 72 / height_in
+    ordered = sorted(ends)
+    placed = [value for value, _text, _colour in ordered]
+    for _ in range(200):  # push neighbours apart, both by half, until none touches
+        moved = False
+        for i in range(len(placed) - 1):
+            if (lack := gap - (placed[i + 1] - placed[i])) > 1e-9 * gap:
+                placed[i], placed[i + 1], moved = placed[i] - lack / 2, placed[i + 1] + lack / 2, True
+        if not moved:
+            break
+    for (value, text, colour), place in zip(ordered, placed, strict=True):
         axes.annotate(
-            text, (x, value), (1.015, place), xycoords="data", textcoords=("axes fraction", "data"),
-            color="black", fontsize=6, va="center", annotation_clip=False,
-            arrowprops={"arrowstyle": "-", "color": colour, "lw": 0.6, "shrinkA": 0, "shrinkB": 0},
+            text, (x, value), (1.02, place), xycoords="data", textcoords=("axes fraction", "data"),
+            color="black", va="center", annotation_clip=False,
+            arrowprops={"arrowstyle": "-", "color": colour, "lw": 0.8, "shrinkA": 0, "shrinkB": 0},
         )  # fmt: skip

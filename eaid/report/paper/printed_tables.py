@@ -24,7 +24,9 @@ from eaid.report.paper.claim import (
     Claim,
 )
 from eaid.report.paper.evidence import Evidence
-from eaid.report.tables import SYMBOLS, formula, number
+from eaid.report.tables import SYMBOLS, number
+from eaid.report.tables.fits import formula
+from eaid.results.fit import Trend
 
 TREND_TERMS = ("p in p e^(r x) + q e^(s x)", "r", "q", "s")
 EXACT = 0.02
@@ -35,6 +37,10 @@ SCATTER = "it is the scatter of the paper's own rig about its trend; ours is tha
 def tables(found: Evidence) -> list[Claim]:
     """Every entry of Tables I to IV."""
     return [*table_i(found), *table_ii(found), *table_iii(found), *table_iv(found)]
+
+
+def _trend(part: Mapping[str, Any]) -> Trend:
+    return Trend(part["form"], tuple(part["coefficients"]))
 
 
 def _ordered(coefficients: Sequence[float], printed: Sequence[float]) -> list[float]:
@@ -59,7 +65,7 @@ def _of_trend(
     exact, shipped = ((part.get("trends") or {}).get(name) or {} for part in found)
     curve = paper[name](x)
     apart = [
-        float(np.max(np.abs(trend_values(part, x) / curve - 1))) if part.get("coefficients") else np.inf
+        float(np.max(np.abs(trend_values(_trend(part), x) / curve - 1))) if part.get("coefficients") else np.inf
         for part in (exact, shipped)
     ]
     claims = []
@@ -122,7 +128,7 @@ def table_ii(found: Evidence) -> list[Claim]:
     parts = found.exact["friction-speed"]["friction"], found.speed["friction"]
     claims = [claim for name in ("Ts", "tau1") for claim in _of_trend("Table II", name, parts, x, FIT_SPEED)]
     trend = parts[1]["trends"].get("tau2") or {}
-    shown = formula(trend, "Ω") if trend.get("coefficients") else "not fitted"
+    shown = formula(_trend(trend), "Ω") if trend.get("coefficients") else "not fitted"
     why = (
         "two equal rates with huge opposite weights: at the printed digits only 100 e^(−0.0507 Ω) is left, "
         "46.7 s at 15 RPM where Table I has 4.64 s"

@@ -5,9 +5,8 @@ from typing import Any
 import numpy as np
 
 from eaid.apparatus import Apparatus
-from eaid.models.parameters import PAPER_LINEAR, REFERENCE_PLANT
+from eaid.models.parameters import PAPER_LINEAR, REFERENCE_PLANT, Linear
 from eaid.report import published
-from eaid.report.figures.clutch import linear_of
 from eaid.report.paper.claim import (
     FAILS,
     FIT_CLUTCH,
@@ -215,7 +214,8 @@ def clutch_model(found: Evidence) -> list[Claim]:
     def triple(p: Any) -> str:
         return f"{number(p.a0, 3)}, {number(p.b0, 3)}, {number(p.c0, 3)}"
 
-    shipped = linear_of(found.clutch)
+    pooled = found.clutch["linear"]
+    shipped = Linear(pooled["a0"], pooled["b0"], pooled["c0"])
     linear_rmse = found.clutch["linear"]["rmse"]
     published_at = ", ".join(f"{u:.0f}" for u in crossings(PAPER_LINEAR))
     refitted_at = ", ".join(f"{u:.0f}" for u in crossings(a.parameters))

@@ -1,17 +1,16 @@
-"""Time plots that can be zoomed and read off by hovering: Bokeh documents as JSON, drawn by the script inside the page.
+"""Plots that can be zoomed and read off by hovering: Bokeh documents as JSON, drawn by the script inside the page.
 
 Bokeh, because its script (1.27 MB) is a quarter of plotly's (4.8 MB) and lies in the package that pip installs. A plot
 is a JSON document; beside it stand the colours that change between light and dark.
 """
 
-from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from bokeh.document import Document
-from bokeh.models import ColumnDataSource, HoverTool, Range1d
+from bokeh.models import ColumnDataSource, HoverTool
 from bokeh.models.annotations import Legend
 from bokeh.models.layouts import Column
 from bokeh.plotting import figure
@@ -29,7 +28,6 @@ DARK = {
     style.BLACK: "#F2F2F2", style.ORANGE: "#F0B840", style.SKY: "#8FD0F5", style.GREY: "#B5B5B5",
 }  # fmt: skip
 """Colour on white → colour on the dark ground, at the same hue."""
-MODEL = (style.VERMILLION, "#9AD0FF")
 INK, PAPER, RULE = ("#1A1A1A", "#E8E8E8"), ("#FFFFFF", "#1B1E23"), ("#DDDDDD", "#3A3F47")
 
 
@@ -41,18 +39,27 @@ class Plot:
     themed: list[tuple[str, str, str, str]] = field(default_factory=list)
     """(model id, property, light, dark)"""
 
-    def panel(self, x: str, y: str, height: int, unit: str) -> Any:
-        """Add a panel below the others; all share the time axis."""
+    def panel(
+        self, x: str, y: str, height: int, unit: str, across: tuple[str, str] = ("time", "s"), **more: Any
+    ) -> Any:
+        """Add a panel below the others; all share the axis `across`, whose name and unit hovering shows."""
         shared = {"x_range": self.panels[0].x_range} if self.panels else {}
         p = figure(
             height=height, sizing_mode="stretch_width", tools="pan,box_zoom,reset,save", toolbar_location="right",
             active_drag="box_zoom",
-            x_axis_label=x, y_axis_label=y, output_backend="canvas", min_border_left=58, **shared,
+            x_axis_label=x, y_axis_label=y, output_backend="canvas", min_border_left=58, **shared, **more,
         )  # fmt: skip
         p.toolbar.logo = None
         p.toolbar.autohide = True
         p.add_tools(
-            HoverTool(renderers=[], tooltips=[("", "$name"), ("time", "$x{0.000} s"), ("value", f"$y{{0.000}} {unit}")])
+            HoverTool(
+                renderers=[],
+                tooltips=[
+                    ("", "$name"),
+                    (across[0], f"$x{{0.000}} {plain(across[1])}"),
+                    ("value", f"$y{{0.000}} {plain(unit)}"),
+                ],
+            )
         )
         for axis in p.axis:
             axis.axis_label_text_font_style = "normal"
@@ -75,13 +82,15 @@ class Plot:
         colours: tuple[str, str],
         dash: str = "solid",
         legend: str | None = None,
+        width: float = 1.6,
     ) -> None:
         """Draw a curve, thinned, with the name that hovering shows."""
+        name = plain(name)
         keep = thinned_at(y, LINE_POINTS)
         # Text once for the whole line: a column of names would weigh more than the numbers.
         source = ColumnDataSource({"x": t[keep].astype(np.float32), "y": y[keep].astype(np.float32)}, name=name)
         drawn = p.line(
-            "x", "y", source=source, line_width=1.6, line_dash=dash, **({"legend_label": legend} if legend else {})
+            "x", "y", source=source, line_width=width, line_dash=dash, **({"legend_label": legend} if legend else {})
         )
         # A pointer hits a line only within half its width: a broad one that nobody sees catches it.
         reach = p.line("x", "y", source=source, line_width=14, line_alpha=0, name=name)
@@ -121,6 +130,16 @@ class Plot:
         )
 
 
+_SIGNS = str.maketrans("<>&@${}", "‹›＆＠＄()")
+
+
+def plain(text: str) -> str:
+    """A text of the user's own without the signs by which a tooltip would read HTML or a column's name in it."""
+    return text.translate(
+        {ord("<"): "‹", ord(">"): "›", ord("&"): "＆", ord("@"): "＠", ord("$"): "＄", ord("{"): "(", ord("}"): ")"}
+    )
+
+
 def _renumbered(plot: dict[str, Any]) -> dict[str, Any]:
     """The same plot with model ids counted from 1: Bokeh counts on through a process, and bytes have to be the same."""
     names: dict[str, str] = {}
@@ -151,7 +170,7 @@ def _renumbered(plot: dict[str, Any]) -> dict[str, Any]:
     }
 
 
-def _level_pairs(n: int) -> list[tuple[str, str]]:
+def level_pairs(n: int) -> list[tuple[str, str]]:
     """Colours of n rising levels on white and on the dark ground: contrast grows with the level on both."""
     import matplotlib as mpl
 
@@ -160,81 +179,9 @@ def _level_pairs(n: int) -> list[tuple[str, str]]:
     return list(zip(style.level_colours(n), dark, strict=True))
 
 
-def steps(
-    levels: Sequence[tuple[str, Array, Array]],
-    fitted: Sequence[Callable[[Array], Array] | None],
-    quantity: str,
-    unit: str,
-    spreads: Sequence[Array | None] = (),
-    notes: Sequence[str] = (),
-) -> dict[str, Any]:
-    """Step responses: name, time [s] and mean of each level, its model beside it, a band of ± `spreads` behind it.
-
-    `notes` follow the model's name where the pointer reads it.
-    """
-    plot = Plot()
-    p = plot.panel("Time since the step (s)", quantity, 420, unit)
-    pairs = _level_pairs(len(levels))
-    for (_name, t, y), sd, colours in zip(levels, spreads, pairs, strict=False):
-        if sd is not None:
-            plot.band(p, t, y - sd, y + sd, colours)
-    said = notes or [""] * len(levels)
-    for (name, t, y), model, colours, note in zip(levels, fitted, pairs, said, strict=True):
-        plot.line(p, t, y, f"{name}, measured", colours)
-        if model is not None:
-            fine = np.unique(np.concatenate([[0.0], np.geomspace(1e-3, 1, 150) * t[-1]]))
-            plot.line(p, fine, model(fine), f"{name}, model{note}", MODEL, "dashed")
-    longest = float(max(t[-1] for _, t, _ in levels))
-    ends = sorted((float(np.mean(y[-max(1, len(y) // 50) :])), name) for name, _, y in levels)
-    gap = 0.045 * max(abs(value) for value, _ in ends)
-    placed: list[float] = []
-    for value, _name in ends:
-        placed.append(max(value, placed[-1] + gap) if placed else value)
-    words = ColumnDataSource({"x": [1.01 * longest] * len(ends), "y": placed, "text": [name for _, name in ends]})
-    text = p.text("x", "y", text="text", source=words, text_font_size="12px", text_baseline="middle")
-    plot.themed.append((text.glyph.id, "text_color", *INK))
-    p.x_range = Range1d(start=0, end=1.13 * longest)
-    return plot.finish()
-
-
-def tracking(traces: Mapping[str, Mapping[str, Array]], with_error: bool = True) -> dict[str, Any]:
-    """Torque, error and duty of each controller over time; clicking a name in the legend hides it."""
-    plot = Plot()
-    torque = plot.panel("" if with_error else "Time (s)", "Torque (N·m)", 300, "N·m")
-    error = plot.panel("", "Error (N·m)", 190, "N·m") if with_error else None
-    duty = plot.panel("Time (s)", "Duty (%)", 190, "%")
-    for i, (name, trace) in enumerate(traces.items()):
-        look = style.controller_look(name, i)
-        colours = (look["color"], DARK.get(look["color"], look["color"]))
-        dash = {"-": "solid", "--": "dashed", "-.": "dashdot"}.get(look["linestyle"], "dotted")
-        said = style.controller_name(name)
-        t = trace["time_s"]
-        plot.line(torque, t, trace["torque_nm"], said, colours, dash, legend=said)
-        if error is not None:
-            plot.line(error, t, trace["reference_nm"] - trace["torque_nm"], said, colours, dash)
-        plot.line(duty, t, trace["duty_pct"], said, colours, dash)
-    first = next(iter(traces.values()))
-    ink = (style.BLACK, DARK[style.BLACK])
-    plot.line(torque, first["time_s"], first["reference_nm"], "reference", ink, "dotted", legend="reference")
-    return plot.finish()
-
-
-def training(trace: Mapping[str, Array]) -> dict[str, Any]:
-    """Angle, position error, torque and torque error of the rehabilitation replay over time."""
-    plot = Plot()
-    ink, blue, red = ((c, DARK[c]) for c in (style.BLACK, style.BLUE, style.VERMILLION))
-    t = trace["time_s"]
-    angle = plot.panel("", "Angle (°)", 230, "°")
-    plot.line(angle, t, trace["target_deg"], "target", ink, "dashed", legend="target")
-    plot.line(angle, t, trace["angle_deg"], "angle", blue, legend="angle")
-    position = plot.panel("", "Position error (°)", 180, "°")
-    plot.line(position, t, trace["target_deg"] - trace["angle_deg"], "position error", blue)
-    torque = plot.panel("", "Torque (N·m)", 230, "N·m")
-    plot.line(torque, t, trace["desired_nm"], "desired", ink, "dashed", legend="desired")
-    plot.line(torque, t, trace["rendered_nm"], "rendered", red, legend="rendered")
-    error = plot.panel("Time (s)", "Torque error (N·m)", 180, "N·m")
-    plot.line(error, t, trace["desired_nm"] - trace["rendered_nm"], "torque error", red)
-    return plot.finish()
+def pair(colour: str) -> tuple[str, str]:
+    """A colour on white, and on the dark ground."""
+    return colour, DARK.get(colour, colour)
 
 
 def script() -> str:

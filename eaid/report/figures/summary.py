@@ -1,0 +1,63 @@
+"""The two pictures at the top of the page: measured against model, and the controllers against their reference."""
+
+from collections.abc import Mapping
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from eaid.arrays import Array
+from eaid.report import style
+from eaid.report.figures.friction import axis_label, intervals_of, reach
+from eaid.report.figures.steps import Model, draw_steps, some_levels
+from eaid.report.rig import over, quantity
+from eaid.report.thin import thinned_at
+from eaid.results.fit import Fit
+from eaid.steps.stepset import StepSet
+
+WIDTH_IN, HEIGHT_IN = 5.0, 2.75
+SHOWN_S = 20.0
+"""Most of a replay that the picture at the top shows [s]."""
+
+
+def measured_and_model(data: StepSet, fitted: Mapping[float, Model]) -> Figure:
+    """Up to six levels, spread over the range: what was measured and the model's curve."""
+    figure, (axes,) = style.sheet(WIDTH_IN, HEIGHT_IN)
+    few = StepSet(data.kind, data.input_unit, data.output_unit, data.apparatus, tuple(some_levels(data.levels, 6)))
+    draw_steps(axes, few, fitted)
+    return figure
+
+
+def controllers(traces: Mapping[str, Mapping[str, Array]], from_s: float, unit: str) -> Figure:
+    """(top) reference and the output under each controller, (bottom) the error, where it counts."""
+    figure, (output, error) = style.sheet(WIDTH_IN, HEIGHT_IN, 2, 1, sharex=True, height_ratios=(1.6, 1))
+    top = 1e-9
+    for i, (name, trace) in enumerate(traces.items()):
+        look = style.controller_look(name, i)
+        t = trace["time_s"]
+        shown = (t >= from_s) & (t <= from_s + SHOWN_S)
+        t, wanted, y = t[shown], trace["reference_nm"][shown], trace["torque_nm"][shown]
+        if i == 0:
+            output.plot(t[thinned_at(wanted, 1500)], wanted[thinned_at(wanted, 1500)], color=style.GREY,
+                        linewidth=2.4, alpha=0.6, label="reference")  # fmt: skip
+        for axes, values in ((output, y), (error, wanted - y)):
+            keep = thinned_at(values, 1500)
+            axes.plot(t[keep], values[keep], linewidth=1.0, label=style.controller_name(name), **look)
+        top = max(top, float(np.max(np.abs(wanted - y)))) if len(y) else top
+    output.set(ylabel=quantity(unit))
+    error.set(ylabel=f"Error ({unit})", xlabel="Time (s)", ylim=(-1.1 * top, 1.1 * top))
+    output.margins(x=0)
+    style.legend_above(output)
+    return figure
+
+
+def values_over_level(fit: Fit) -> Figure:
+    """T_s, τ1 and τ2 of the single levels with their intervals, where the data themselves were not given."""
+    figure, axes = style.sheet(WIDTH_IN, HEIGHT_IN, 1, 3)
+    rows = fit.friction.levels if fit.friction is not None else ()
+    for name, panel in zip(("Ts", "tau1", "tau2"), axes, strict=True):
+        values = np.array([getattr(row, name) for row in rows])
+        far = reach(values, intervals_of(rows, name))
+        panel.errorbar([row.level for row in rows], values, yerr=far, fmt="o-", color=style.BLUE, elinewidth=0.7)
+        panel.set(xlabel=over(fit.data.input_unit), title=axis_label(name, fit.data.output_unit))
+        panel.set_ylim(0, 1.1 * float(np.max(np.minimum(values + far[1], 2 * values))))
+    return figure

@@ -1,0 +1,61 @@
+"""What is to be known of the results, as findings, by the part of the page that they belong to."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from eaid.errors import on_command_line
+from eaid.findings import Finding, merged, ranked, say
+from eaid.report.results import Results
+
+MODELS = {"friction": "friction curves", "nonlinear": "nonlinear model", "linear": "linear model", "release": "release"}
+TEXTS = ("said-by-the-file", "not-settled")
+"""Codes of texts in older files."""
+MOST = 3
+"""Findings of a part that are shown; the rest are folded."""
+
+
+@dataclass(frozen=True)
+class Known:
+    """Findings of each part, the gravest first, those of one code once."""
+
+    parts: dict[str, tuple[Finding, ...]]
+
+    def of(self, part: str) -> tuple[Finding, ...]:
+        """The findings of a part."""
+        return self.parts.get(part, ())
+
+
+def known(results: Results) -> Known:
+    """All findings of the results, sorted."""
+    found: dict[str, list[Finding]] = {"data": [], "model": [], "controller": [], "replay": []}
+    for data in results.data:
+        found["data"] += getattr(data.result, "findings", ())
+    for fit in results.fits:
+        for one in fit.result.findings:
+            found["model" if one.subject in MODELS or one.subject == "fit" else "data"].append(one)
+    for gains in results.gains:
+        found["controller"] += gains.result.findings
+    for replay in results.replays:
+        found["replay"] += getattr(replay.result, "findings", ())
+    return Known({part: _fewest(_once(group)) for part, group in found.items()})
+
+
+def _fewest(found: list[Finding]) -> tuple[Finding, ...]:
+    """The gravest first, those of one code once; texts of older files share a code and are kept apart."""
+    texts = [one for one in found if one.code in TEXTS]
+    return ranked((*merged([one for one in found if one.code not in TEXTS]), *texts))
+
+
+def _once(found: Iterable[Finding]) -> list[Finding]:
+    """Each finding once: a fit repeats what its data already said."""
+    return list(
+        {(one.code, one.severity, one.subject, one.levels, str(one.values.get("text"))): one for one in found}.values()
+    )
+
+
+def sentence(one: Finding) -> str:
+    """A finding in words, with a capital and a full stop, options as the command line has them."""
+    said = on_command_line(say(one)).rstrip(".")
+    about = f"{MODELS[one.subject]}: " if one.subject in MODELS else ""
+    text = f"{about}{said}"
+    return f"{text[:1].upper() if text[:1] not in 'τφρα' else text[:1]}{text[1:]}."

@@ -1,0 +1,128 @@
+"""Live plots of data and fits: the overlay by level, parameters over the level, the residual map."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from bokeh.models import ColorBar, ColumnDataSource, HoverTool, LinearColorMapper, Range1d, Whisker
+
+from eaid.report import style
+from eaid.report.figures.checks import ResidualMap
+from eaid.report.figures.clutch import values_over
+from eaid.report.figures.steps import Model, fine_times, some_levels
+from eaid.report.page.live import INK, Plot, level_pairs, pair
+from eaid.report.rig import level_text, over, quantity
+from eaid.report.tables.fits import estimates_of
+from eaid.results.fit import Fit
+from eaid.steps.stepset import StepSet
+
+MODEL = (style.BLACK, "#F2F2F2")
+MOST = 24
+"""Most levels of a live overlay."""
+
+
+def steps(data: StepSet, fitted: Mapping[float, Model], notes: Mapping[float, str] | None = None) -> Mapping[str, Any]:
+    """Step responses: mean ± sd of each level, its model beside it; `notes` follow the model's name when hovered."""
+    plot = Plot()
+    out = data.output_unit
+    p = plot.panel("Time since the step (s)", quantity(out), 420, out)
+    levels = some_levels(data.levels, MOST)
+    pairs = level_pairs(len(levels))
+    for level, colours in zip(levels, pairs, strict=True):
+        if len(level.runs) > 1:
+            plot.band(p, level.time_s, level.mean - level.sd, level.mean + level.sd, colours)
+    ends = []
+    for level, colours in zip(levels, pairs, strict=True):
+        name = level_text(level.level, data.input_unit)
+        plot.line(p, level.time_s, level.mean, f"{name}, measured", colours, width=2.4)
+        ends.append((float(np.mean(level.mean[-max(1, len(level.mean) // 50) :])), name))
+        if (model := fitted.get(level.level)) is not None:
+            fine = fine_times(float(level.time_s[-1]))
+            note = f", RMSE {notes[level.level]}" if notes and level.level in notes else ""
+            plot.line(p, fine, model(fine), f"{name}, model{note}", MODEL, "dashed", width=1.2)
+    longest = float(max(level.time_s[-1] for level in levels))
+    ends.sort()
+    gap = 0.045 * max(abs(value) for value, _ in ends)
+    placed: list[float] = []
+    for value, _name in ends:
+        placed.append(max(value, placed[-1] + gap) if placed else value)
+    words = ColumnDataSource({"x": [1.01 * longest] * len(ends), "y": placed, "text": [name for _, name in ends]})
+    text = p.text("x", "y", text="text", source=words, text_font_size="12px", text_baseline="middle")
+    plot.themed.append((text.glyph.id, "text_color", *INK))
+    p.x_range = Range1d(start=0, end=1.13 * longest)
+    return plot.finish()
+
+
+LINES = ((style.BLUE, "solid"), (style.VERMILLION, "dashdot"), (style.GREEN, "dotdash"), (style.PURPLE, "dotted"))
+HEADS = {"Ts": "Tₛ", "tau1": "τ1", "tau2": "τ2"}
+
+
+def parameters(fit: Fit) -> tuple[Mapping[str, Any], ...]:
+    """T_s, τ1 and τ2 over the level, a plot each: every estimate, the single levels with their intervals."""
+    assert fit.nonlinear is not None
+    u = np.linspace(*fit.nonlinear.u_range, 120)
+    rows = fit.friction.levels if fit.friction is not None else ()
+    found = []
+    for name, head in HEADS.items():
+        plot = Plot()
+        unit = fit.data.output_unit if name == "Ts" else "s"
+        p = plot.panel(over(fit.data.input_unit), f"{head} ({unit})", 300, unit, ("level", fit.data.input_unit))
+        estimates = estimates_of(fit.nonlinear).items()
+        top = 0.0
+        for (said, one), (colour, dash) in zip(estimates, LINES, strict=False):
+            y = values_over(one, u)[name]
+            plot.line(p, u, y, said, pair(colour), dash, width=2.0 if not top else 1.3)
+            top = top or float(np.max(y))
+        if rows:
+            values = np.array([getattr(row, name) for row in rows])
+            ends = [getattr(row.ci95, name) if row.ci95 else None for row in rows]
+            low, high = (
+                np.array([v if e is None else e[k] for v, e in zip(values, ends, strict=True)]) for k in (0, 1)
+            )
+            points = ColumnDataSource({"x": [row.level for row in rows], "y": values, "low": low, "high": high})
+            drawn = p.scatter("x", "y", source=points, size=7, name="level by itself")
+            drawn.nonselection_glyph = drawn.selection_glyph = drawn.muted_glyph = drawn.hover_glyph = None
+            p.select_one(HoverTool).renderers.append(drawn)
+            whisker = Whisker(base="x", lower="low", upper="high", source=points)
+            whisker.upper_head.size = whisker.lower_head.size = 6
+            p.add_layout(whisker)
+            plot.themed += [(drawn.glyph.id, key, *INK) for key in ("fill_color", "line_color")]
+            plot.themed += [(one.id, "line_color", *INK) for one in (whisker, whisker.upper_head, whisker.lower_head)]
+            seen = float(np.max(np.minimum(high, 1.6 * values)))
+            top = min(max(top, seen), 3.0 * seen)
+        p.y_range = Range1d(start=0, end=1.1 * top or 1.0)
+        found.append(plot.finish())
+    return tuple(found)
+
+
+def residuals(found: ResidualMap, input_unit: str, output_unit: str) -> Mapping[str, Any]:
+    """The residual map: stretches of time along, levels upward, the mean of measured − model as colour."""
+    import matplotlib as mpl
+
+    plot = Plot()
+    height = 120 + 26 * min(max(len(found.levels), 4), 16)
+    first = found.edges_s[1] / 1.6
+    p = plot.panel("Time since the step (s)", over(input_unit), height, output_unit, x_axis_type="log")
+    left = np.concatenate([[first], found.edges_s[1:-1]])
+    i, k = np.nonzero(np.isfinite(found.mean))
+    columns = {"left": left[k], "right": found.edges_s[1:][k], "bottom": i - 0.5, "top": i + 0.5, "z": found.mean[i, k]}
+    source = ColumnDataSource({name: values.astype(np.float32) for name, values in columns.items()})
+    table = mpl.colormaps["PuOr_r"]
+    palette = [mpl.colors.to_hex(table(n / 20)) for n in range(21)]
+    mapper = LinearColorMapper(palette=palette, low=-found.size, high=found.size)
+    drawn = p.quad("left", "right", "top", "bottom", source=source, line_color=None,
+                   fill_color={"field": "z", "transform": mapper})  # fmt: skip
+    drawn.nonselection_glyph = drawn.selection_glyph = drawn.muted_glyph = drawn.hover_glyph = None
+    hover = p.select_one(HoverTool)
+    hover.renderers = [drawn]
+    hover.tooltips = [("time", "@left{0.000} to @right{0.000} s"), ("measured − model", "@z{0.0000}")]
+    shown = np.unique(np.linspace(0, len(found.levels) - 1, 16).round().astype(int))
+    p.yaxis.ticker = [int(n) for n in shown]
+    p.yaxis.major_label_overrides = {int(n): level_text(found.levels[n], input_unit) for n in shown}
+    bar = ColorBar(color_mapper=mapper, width=10, title=output_unit)
+    p.add_layout(bar, "right")
+    plot.themed += [(bar.id, "background_fill_color", "#FFFFFF", "#1B1E23")]
+    plot.themed += [(bar.id, key, *INK) for key in ("major_label_text_color", "title_text_color")]
+    p.x_range = Range1d(start=float(first), end=float(found.edges_s[-1]))
+    p.y_range = Range1d(start=-0.5, end=len(found.levels) - 0.5)
+    return plot.finish()

@@ -1,0 +1,258 @@
+"""The first screen: what the page is about, three lights, six numbers, and what to do next."""
+
+import re
+import shlex
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from eaid.findings import Finding
+from eaid.report.page.known import Known
+from eaid.report.ready_fits import main_kind, models_for
+from eaid.report.results import KINDS, Results
+from eaid.report.rig import level_text, of_the_paper, rising
+from eaid.report.style import controller_name
+from eaid.report.tables.data import doubts_of
+from eaid.report.tables.gains import CONDITIONS, conditions_of
+from eaid.report.tables.replays import SCENARIO_NAMES, metric
+from eaid.report.tables.table import interval, number
+from eaid.results.fit import Fit
+from eaid.results.gains import Gains
+
+GRADES = {"stop": "bad", "caution": "care", "note": "good"}
+_DATE = re.compile(r"(?<!\d)(20\d\d)[-_.]?(0[1-9]|1[0-2])[-_.]?(0[1-9]|[12]\d|3[01])(?!\d)")
+
+
+@dataclass(frozen=True)
+class Light:
+    """One thing at a glance: good, care (read first), bad (do not use) or none (not given), and where to look."""
+
+    name: str
+    grade: str
+    text: str
+    part: str
+
+
+@dataclass(frozen=True)
+class Tile:
+    """One number of the first screen."""
+
+    label: str
+    value: str
+    note: str
+
+
+@dataclass(frozen=True)
+class Step:
+    """One thing to do next, and the command that does it."""
+
+    why: str
+    command: str
+
+
+def title(results: Results, asked: bool | None) -> str:
+    """What the page is about."""
+    kind = main_kind(results)
+    fit = results.fit(kind) if kind else None
+    data = fit.data if fit is not None else results.data_of(kind) if kind else None
+    what = "Electroadhesive clutch" if kind == "clutch" and of_the_paper(data, asked) else "Step responses"
+    if data is not None and kind != "clutch":
+        what = KINDS[data.kind].capitalize()
+    if kind is None:
+        what = "Replays" if results.replays else "Gains"
+    return f"{what}: two fits side by side" if results.pair else what
+
+
+def chips(results: Results) -> tuple[str, ...]:
+    """Where the numbers come from: synthetic or a rig, what was stepped and measured, levels, date of the logs."""
+    found = ["synthetic data"] if results.synthetic else []
+    kind = main_kind(results)
+    fit, data = (results.fit(kind), results.data_of(kind)) if kind else (None, None)
+    about = fit.data if fit is not None else data
+    if about is not None:
+        found.append(f"{about.input_unit or 'level'} → {about.output_unit or 'output'}")
+    levels = sorted(row.level for row in data.levels) if data is not None else sorted(fit.data.levels) if fit else []
+    if levels and about is not None:
+        span = f"{levels[0]:.4g} to {level_text(levels[-1], about.input_unit)}"
+        found.append(f"{len(levels)} levels, {span}" if len(levels) > 1 else level_text(levels[0], about.input_unit))
+    names = [run.source for run in data.runs] if data is not None else []
+    names += [one.path for one in fit.data.sources] if fit is not None else []
+    dates = sorted({"-".join(match.groups()) for name in names if (match := _DATE.search(name.rsplit("/", 1)[-1]))})
+    if dates:
+        found.append(f"logs of {dates[0]}" if len(dates) == 1 else f"logs of {dates[0]} to {dates[-1]}")
+    if len(results.kinds) > 1:
+        found.append("with " + " and ".join(KINDS[one] for one in results.kinds[1:]))
+    return tuple(found)
+
+
+def lights(results: Results, known: Known) -> tuple[Light, Light, Light]:
+    """Data, model and controller at a glance; by the severity of what was found, never by its words."""
+    return _data(results, known), _model(results, known), _controller(results, known)
+
+
+def _grade(found: Sequence[Finding]) -> str:
+    return min((GRADES[one.severity] for one in found), key=("bad", "care", "good").index, default="good")
+
+
+def _counted(found: Sequence[Finding]) -> str:
+    stops, cautions = (sum(one.severity == severity for one in found) for severity in ("stop", "caution"))
+    said = [f"{n} {word}{'s' if n > 1 else ''}" for n, word in ((stops, "stop"), (cautions, "reservation")) if n]
+    return " and ".join(said) or "no reservation"
+
+
+def _data(results: Results, known: Known) -> Light:
+    kind = main_kind(results)
+    data, fit = (results.data_of(kind), results.fit(kind)) if kind else (None, None)
+    found = known.of("data")
+    if data is not None:
+        doubtful = sum(1 for run in data.runs if doubts_of(run))
+        said = f"{doubtful} of {len(data.runs)} runs doubtful" if doubtful else f"{len(data.runs)} runs, none doubtful"
+        grade = min(_grade(found), "care" if doubtful else "good", key=("bad", "care", "good").index)
+        return Light("Data", grade, said, "data")
+    if fit is not None and fit.data.sources:
+        return Light("Data", _grade(found), f"{len(rising(fit.data.sources))} runs; {_counted(found)}", "data")
+    return Light("Data", "none", "no data given", "appendix")
+
+
+def _model(results: Results, known: Known) -> Light:
+    kind = main_kind(results)
+    fit = results.fit(kind) if kind else None
+    if fit is None:
+        return Light("Model", "none", "no fit given", "appendix")
+    found = known.of("model")
+    grade, share = _grade(found), fit_pct(results)
+    if fit.converged is False:
+        return Light("Model", "bad", "a fit did not converge: do not use it", "model")
+    lead = "do not use; " if grade == "bad" else "usable; " if share is None else f"fits {number(share, 3)} %; "
+    said = f"{lead}{_counted(found)}"
+    return Light("Model", grade, said, "model")
+
+
+def _controller(results: Results, known: Known) -> Light:
+    if not results.gains:
+        return Light("Controller", "none", "no gains given", "controller" if results.fit("clutch") else "appendix")
+    gains = results.gains[0].result
+    found = known.of("controller")
+    grade = _grade(found)
+    if grade == "good" and gains.guarantee is not None and gains.guarantee.holds is False:
+        grade = "care"
+    return Light("Controller", grade, f"guarantee {guarantee_words(gains)}", "controller")
+
+
+def guarantee_words(gains: Gains) -> str:
+    """The one verdict on the guarantee: yes, NO with what is missing, or what is not known."""
+    rows = conditions_of(gains)
+    missing = [CONDITIONS.get(row.name, (row.name,))[0] for row in rows if row.holds is False]
+    unknown = [CONDITIONS.get(row.name, (row.name,))[0] for row in rows if row.holds is None]
+    if missing:
+        return f"NO ({', '.join(missing)})"
+    if unknown or not rows:
+        return f"not known ({', '.join(unknown)})" if unknown else "not judged in this file"
+    return "yes"
+
+
+def fit_pct(results: Results) -> float | None:
+    """100 (1 − ‖y − ŷ‖/‖y − mean y‖) of the page's model, as the fit says or over the data given."""
+    kind = main_kind(results)
+    fit, data = (results.fit(kind), results.data_of(kind)) if kind else (None, None)
+    if fit is not None and fit.nonlinear is not None and fit.nonlinear.fit_pct is not None:
+        return fit.nonlinear.fit_pct
+    models = models_for(results, kind) if kind else {}
+    rows = [(row.mean, models[row.level](row.time_s)) for row in data.levels if row.level in models] if data else []
+    if rows:
+        y, fitted = (np.concatenate([row[k] for row in rows]) for k in (0, 1))
+        spread = float(np.linalg.norm(y - y.mean()))
+        return 100 * (1 - float(np.linalg.norm(y - fitted)) / spread) if spread > 0 else None
+    shares = [row.fit_pct for row in (fit.friction.levels if fit and fit.friction else ()) if row.fit_pct is not None]
+    return float(np.mean(shares)) if shares else None
+
+
+def tiles(results: Results) -> tuple[Tile, ...]:
+    """Six numbers: fit, T_s, τ1, τ2 at the top level, largest errors, worst margin."""
+    kind = main_kind(results)
+    fit = results.fit(kind) if kind else None
+    share = fit_pct(results)
+    found = [Tile("fit", f"{number(share, 3)} %" if share is not None else "–", "100 %: the model is on the data")]
+    return (*found, *_values(fit), _errors(results), _margins(results))
+
+
+def _values(fit: Fit | None) -> list[Tile]:
+    words = {"Ts": ("T_s", "steady output"), "tau1": ("τ1", "fast time constant"), "tau2": ("τ2", "slow time constant")}
+    rows = fit.friction.levels if fit is not None and fit.friction is not None else ()
+    if fit is None or not rows:
+        return [Tile(label, "–", meaning) for label, meaning in words.values()]
+    top = max(rows, key=lambda row: row.level)
+    found = []
+    for name, (label, meaning) in words.items():
+        unit = fit.data.output_unit if name == "Ts" else "s"
+        ends = getattr(top.ci95, name) if top.ci95 is not None else None
+        note = f"{interval(ends)}, 95 %; {meaning}" if ends is not None else f"{meaning}; no interval"
+        at = level_text(top.level, fit.data.input_unit)
+        found.append(Tile(f"{label} at {at}", f"{number(getattr(top, name), 3)} {unit}", note))
+    return found
+
+
+def _errors(results: Results) -> Tile:
+    replay = results.replay("multisine") or next(
+        (one.result for one in results.replays if "rc" in one.result.traces), None
+    )
+    values, unit, where = {}, "", "no replay given"
+    if replay is not None:
+        values = {name: metric(replay, name, "max_abs_error_nm") for name in ("rc", "pi") if name in replay.traces}
+        unit, where = replay.output_unit, SCENARIO_NAMES.get(replay.scenario, replay.scenario)
+    elif results.gains and (told := results.gains[0].result.replayed) is not None:
+        known = {"rc": told.rc, "pi": told.pi}
+        values = {name: one.max_abs_error_nm for name, one in known.items() if one is not None}
+        unit, where = results.gains[0].result.output_unit, SCENARIO_NAMES.get(told.reference, told.reference)
+    names = " | ".join(controller_name(name) for name in values) or "RC | PI"
+    return Tile(
+        f"largest error, {names}", " | ".join(number(v, 2) for v in values.values()) or "–", f"{unit} {where}".strip()
+    )
+
+
+def _margins(results: Results) -> Tile:
+    gains = results.gains[0].result if results.gains else None
+    worst = gains.margins.worst if gains is not None and gains.margins is not None else None
+    if worst is None:
+        return Tile("worst margin, RC | PI", "–", "no gains given")
+    both = [one for one in (worst.rc, worst.pi) if one is not None]
+    phases = " | ".join("–" if one.phase_deg is None else f"{one.phase_deg:.0f}°" for one in both)
+    shares = " | ".join("–" if one.gain_db is None else f"{one.gain_db:.0f}" for one in both)
+    return Tile("worst margin, RC | PI", phases, f"phase; gain {shares} dB")
+
+
+def next_steps(results: Results, known: Known) -> tuple[Step, ...]:
+    """At most three things to do, each with its command."""
+    found: list[Step] = []
+    clutch = next((one for one in results.fits if one.result.data.kind == "clutch"), None)
+    fit = clutch or next(iter(results.fits), None)
+    if fit is None:
+        data = next(iter(results.data), None)
+        return (Step("Fit the data", f"eaid fit {shlex.quote(data.path)} -o fit.json"),) if data is not None else ()
+    name = shlex.quote(fit.path)
+    gains = results.gains[0] if results.gains else None
+    stopped = any(one.severity == "stop" for one in known.of("model"))
+    if clutch is not None and gains is None and clutch.result.linear is not None and not stopped:
+        found.append(Step("Design the controllers", f"eaid tune-rc {name} -o gains.json"))
+    if gains is not None:
+        given = shlex.quote(gains.path)
+        missing = {row.name for row in conditions_of(gains.result) if row.holds is False}
+        mended = " ".join(
+            said for key, said in (("rho", "--alpha reached"), ("phi", "--phi data"), ("Q_M", "--reference multisine"))
+            if key in missing
+        )  # fmt: skip
+        if mended:
+            words = ", ".join(CONDITIONS[row.name][0] for row in conditions_of(gains.result) if row.name in missing)
+            found.append(
+                Step(
+                    f"Ask for gains whose guarantee holds ({words})", f"eaid tune-rc {name} {mended} -o {given} --force"
+                )
+            )
+        if not any(one.result.scenario == "multisine" for one in results.replays):
+            line = f"eaid simulate {name} --gains {given} --scenario multisine -o multisine.h5"
+            found.append(Step("Try the controllers on the fitted model", line))
+    found.append(Step("Record what narrows the intervals most", f"eaid plan {name} -o plan.csv"))
+    if gains is not None and not stopped:
+        found.append(Step("Take the controllers to the rig", f"eaid export {shlex.quote(gains.path)} --as c -o rig"))
+    return tuple(found[:3])

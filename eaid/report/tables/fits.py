@@ -1,0 +1,218 @@
+"""Tables of one fit: the single levels, Tables I–III, the linear model, release, held-out levels, Huber's weights."""
+
+from eaid.report import published
+from eaid.report.rig import apparatus_of, gain, of_the_paper, rate
+from eaid.report.tables.table import SYMBOLS, Cell, Column, Name, Table, columns, level, number, with_unit
+from eaid.results.fit import Estimate, Fit, Trend
+
+PARAMETERS = ("Ts", "tau1", "tau2")
+
+
+def unit_of(fit: Fit, name: str) -> str:
+    """Unit of a fitted value."""
+    return {"Ts": fit.data.output_unit, "C_f": "1", "tau1": "s", "tau2": "s"}[name]
+
+
+def estimates_of(part: Estimate) -> dict[str, Estimate]:
+    """The estimates of the nonlinear model by name, the one that is used first."""
+    beside = {
+        "joint": getattr(part, "joint", None),
+        "two-stage": getattr(part, "two_stage", None),
+        "other weights": getattr(part, "other_weights", None),
+    }
+    names = {"other weights": f"joint, {beside['other weights'].weights} weights"} if beside["other weights"] else {}
+    found = {str(getattr(part, "estimator", "joint")): part}
+    return {**found, **{names.get(name, name): one for name, one in beside.items() if one is not None}}
+
+
+def levels_table(fit: Fit) -> Table:
+    """The friction curve of each level."""
+    part = fit.friction
+    rows: list[tuple[Cell, ...]] = []
+    rig, force = apparatus_of(fit.data), fit.data.kind == "friction-force" and of_the_paper(fit.data)
+    shares = any(row.fit_pct is not None for row in (part.levels if part else ()))
+    for row in part.levels if part else ():
+        cells: list[Cell] = [Name(level(row.level) if not row.from_ else f"{level(row.from_)} → {level(row.level)}")]
+        if force:
+            cells.append(rig.stress_kpa(row.level))
+        for name in PARAMETERS:
+            cells += [getattr(row, name), getattr(row.ci95, name) if row.ci95 else None]
+        rows.append((*cells, row.rmse, *((row.fit_pct,) if shares else ())))
+    heads = [Column("level", fit.data.input_unit), *([Column("stress", "kPa", 3)] if force else [])]
+    for name in PARAMETERS:
+        heads += [Column(SYMBOLS[name], unit_of(fit, name)), Column("95 % interval", digits=3)]
+    heads += [Column("RMSE", fit.data.output_unit, 3), *([Column("fit", "%", 3)] if shares else [])]
+    how = f" Intervals: {fit.uncertainty.ci}." if fit.uncertainty and fit.uncertainty.ci != "none" else ""
+    return Table("Single levels, Eq. (3)", f"One curve for each level by itself.{how}", tuple(heads), tuple(rows))
+
+
+def formula(trend: Trend, variable: str) -> str:
+    """A fitted trend as one line of text, by its form."""
+    c = trend.coefficients
+
+    def signed(value: float) -> str:
+        return f"{'−' if value < 0 else '+'} {number(abs(value))}"
+
+    if trend.form == "linear":
+        return f"{number(c[0])} {variable} {signed(c[1])}"
+    if trend.form == "merged-exponential":
+        return f"({number(c[0])} {signed(c[1])} {variable}) e^({number(c[2])} {variable})"
+    return f"{number(c[0])} e^({number(c[1])} {variable}) {signed(c[2])} e^({number(c[3])} {variable})"
+
+
+def trends_table(fit: Fit, asked: bool | None = None) -> Table:
+    """Tables I and II: fitted values over normal stress, or over speed; published ones where they belong."""
+    force, paper = fit.data.kind == "friction-force", of_the_paper(fit.data, asked)
+    printed = published.TABLE_I if force else published.TABLE_II
+    variable = "σ" if force else "Ω"
+    rows: list[tuple[Cell, ...]] = []
+    trends = fit.friction.trends if fit.friction else {}
+    for name, (said, _coefficients, rmse) in printed.items():
+        ours = trends.get(name)
+        shown = formula(ours, variable) if ours is not None and ours.coefficients else "not fitted"
+        beside: tuple[Cell, ...] = (said, rmse) if paper else ()
+        rows.append((SYMBOLS[name], unit_of(fit, name), *beside, shown, ours.rmse if ours else None))
+    published_heads = ("published", ("published RMSE", "", 3)) if paper else ()
+    heads = columns("parameter", "unit", *published_heads, "ours", ("our RMSE", "", 3))
+    if not paper:
+        return Table("Trends over the level", f"{variable} is the level in its own unit.", heads, tuple(rows))
+    if force:
+        return Table("Table I", "Over the normal stress σ in kPa, at constant speed.", heads, tuple(rows))
+    caption = "Over the rotation speed Ω in RPM, at constant force. The published τ2 is two equal rates with huge "
+    caption += "opposite weights: at its printed digits only 100 e^(−0.0507 Ω) is left."
+    return Table("Table II", caption, heads, tuple(rows))
+
+
+def table_iii(fit: Fit, asked: bool | None = None) -> Table:
+    """The ten coefficients and C of the nonlinear model, every estimate beside the one that is used."""
+    part = fit.nonlinear
+    assert part is not None
+    shown = {name: one for name, one in estimates_of(part).items() if name in ("joint", "two-stage")}
+    paper = of_the_paper(fit.data, asked)
+    rows: list[tuple[Cell, ...]] = []
+    for letter, name in (("a", "tau1"), ("b", "tau2"), ("c", "Ts")):
+        unit, per = unit_of(fit, name), fit.data.input_unit or "input"
+        for power in range(len(getattr(part, name))):
+            printed = published.TABLE_III[name]
+            cells: list[Cell] = [f"{letter}_{power}", f"{SYMBOLS[name]}, u^{power}" if power else SYMBOLS[name]]
+            if paper:
+                cells.append(number(printed[power], 3) if power < len(printed) else None)
+            for one in shown.values():
+                ends = getattr(one.ci95, name) if one.ci95 else ()
+                cells += [getattr(one, name)[power], ends[power] if power < len(ends) else None]
+            rows.append((*cells, f"{unit}/{per}^{power}" if power > 1 else f"{unit}/{per}" if power else unit))
+    last: list[Cell] = ["C", "share of the fast part", *([number(published.TABLE_III["C"][0], 2)] if paper else [])]
+    for one in shown.values():
+        last += [number(one.C, 2), one.ci95.C if one.ci95 else None]
+    rows.append((*last, "1"))
+    heads = ["symbol", "belongs to", *(["published"] if paper else [])]
+    for k, name in enumerate(shown):
+        heads += [f"ours, {name}{' (used)' if k == 0 and len(shown) > 1 else ''}", "95 % interval"]
+    caption = "The nonlinear model: τ1(u), τ2(u) and T_s(u) as polynomials of the input u."
+    if paper:
+        caption += " The published T_s gives 0.057 N·m at full duty, where the paper's own figures show about 4 N·m."
+    return Table("Table III" if paper else "Nonlinear model", caption, columns(*heads, "unit"), tuple(rows))
+
+
+def linear_table(fit: Fit, asked: bool | None = None) -> Table:
+    """Eq. (8): a0, b0, c0 under both weights."""
+    part = fit.linear
+    assert part is not None
+    paper, out = of_the_paper(fit.data, asked), fit.data.output_unit
+    units = {"a0": "1/s", "b0": rate(fit.data.input_unit, out), "c0": f"{out}/s"}
+    both = {f"{part.weights} weights": part, **({"": part.other_weights} if part.other_weights else {})}
+    rows: list[tuple[Cell, ...]] = []
+    for name, unit in units.items():
+        cells: list[Cell] = [name, *([number(published.LINEAR[name], 3)] if paper else [])]
+        for one in both.values():
+            cells += [getattr(one, name), getattr(one.ci95, name) if one.ci95 else None]
+        rows.append((*cells, unit))
+    gaps: list[Cell] = [cell for one in both.values() for cell in (one.rmse, None)]
+    rows.append(("RMSE", *(["–"] if paper else []), *gaps, out))
+    heads = ["symbol", *(["published"] if paper else []), "ours", "95 % interval"]
+    if part.other_weights:
+        heads += [f"with {part.other_weights.weights} weights", "95 % interval"]
+    said = "dT/dt = −a0 T + b0 u + c0, fitted to all levels at once."
+    return Table("Linear model, Eq. (8)", said, columns(*heads, "unit"), tuple(rows))
+
+
+def input_gain_table(fit: Fit, asked: bool | None = None) -> Table:
+    """Eq. (8) fitted to each level: a0, steady value, B."""
+    part, unit, out = fit.linear, fit.data.input_unit, fit.data.output_unit
+    assert part is not None
+    caption = "The linear model of each level by itself."
+    if (bounds := part.bounds) is not None:
+        caption += f" Convention {bounds.convention}: B_m = {number(bounds.B_m)} and B_M = {number(bounds.B_M)} are "
+        caption += "the least and the largest B of the levels kept."
+    if of_the_paper(fit.data, asked):
+        caption += " Published: 12.4 and 42.6."
+    heads = columns(
+        ("level", unit), ("a0", "1/s"), ("steady value", out), "b0", ("c0", f"{out}/s"), ("B", gain(unit, out)),
+        ("95 % interval", "", 3), ("RMSE", out, 3),
+    )  # fmt: skip
+    rows = tuple(
+        (level(r.level), r.a0, r.gain, r.b0, r.c0, r.B, r.ci95.B if r.ci95 else None, r.rmse) for r in part.per_level
+    )
+    return Table("Input gain of each level", caption, heads, rows)
+
+
+def release_table(fit: Fit) -> Table:
+    """Time constants of the falling edges, pooled and of each level."""
+    part, out = fit.release, fit.data.output_unit
+    assert part is not None
+    rows: list[tuple[Cell, ...]] = [("all together", part.tau1, part.tau2, None, None, part.rmse)]
+    rows += [
+        (with_unit(level(r.level), fit.data.input_unit), r.tau1, r.tau2, r.amplitude, r.residual, r.rmse)
+        for r in part.levels
+    ]
+    heads = columns(
+        "level", ("τ1", "s"), ("τ2", "s"), ("falls by", out), ("is left", out, 3), ("RMSE", out, 3)
+    )  # fmt: skip
+    return Table("Release", "How the output falls after the input returns to zero.", heads, tuple(rows))
+
+
+def held_out_table(fit: Fit) -> Table:
+    """Errors on levels that were not fitted; no rows where none was held out."""
+    rows: list[tuple[Cell, ...]] = []
+    for name, part in (("friction", fit.friction), ("nonlinear", fit.nonlinear), ("linear", fit.linear)):
+        if part is not None and part.hold_out is not None:
+            for row in part.hold_out.levels:
+                mean = row.abs_error.mean if row.abs_error else None
+                rows.append((name, level(row.level), row.rmse, mean, part.hold_out.fitted_rmse))
+    out = fit.data.output_unit
+    heads = columns(
+        "model", ("level", fit.data.input_unit), ("RMSE", out, 3), ("mean |error|", out, 3),
+        ("RMSE on the fitted levels", out, 3),
+    )  # fmt: skip
+    return Table("Levels held out", "Levels that the fit never saw, predicted from the others.", heads, tuple(rows))
+
+
+def huber_tables(fit: Fit) -> list[Table]:
+    """How much of each level Huber's loss held back, and where; one table a model."""
+    found = []
+    for name, part in (("friction", fit.friction), ("nonlinear", fit.nonlinear), ("linear", fit.linear)):
+        told = part.robust if part is not None else None
+        if told is None:
+            continue
+        rows = tuple(
+            (
+                with_unit(level(row.level), fit.data.input_unit),
+                None if row.below_one is None else 100 * row.below_one,
+                row.mean,
+                row.least,
+                Name("; ".join(_part(one.from_s, one.to_s, one.least, one.run) for one in row.parts) or "none"),
+            )
+            for row in told.weights
+        )
+        caption = f"Residuals beyond {number(told.k)} σ count less, as 1/|residual|; σ by the median is "
+        caption += f"{number(told.sigma, 3)} {fit.data.output_unit}. Normal noise alone holds back 18 % of the samples."
+        heads = columns(
+            "level", ("samples held back", "%", 2), ("mean weight", "", 3), ("least weight", "", 3),
+            "parts that count less than half",
+        )  # fmt: skip
+        found.append(Table(f"Weights of Huber's loss, {name} model", caption, heads, rows))
+    return found
+
+
+def _part(from_s: float, to_s: float, least: float | None, run: str | None) -> str:
+    return f"{number(from_s, 3)} to {number(to_s, 3)} s (down to {number(least, 2)}{f', {run}' if run else ''})"

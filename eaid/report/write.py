@@ -1,0 +1,100 @@
+"""Results → a folder with the page and its figures: the one entry of command line and Python."""
+
+import contextlib
+import os
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from eaid.errors import UsageError
+from eaid.files import all_written_whole
+from eaid.report.draw import draw_all, font_of, formats_of, ready_figures, summary_pictures
+from eaid.report.mark import mark_of
+from eaid.report.options import FIGURES, PAGE, USUAL, ReportOptions, figures_in, refuse_to_overwrite_report
+from eaid.report.page.render import page
+from eaid.report.results import Given, Replay, Results, gathered
+from eaid.report.style import Look
+from eaid.results.fit import Fit
+from eaid.results.gains import Gains
+from eaid.steps.stepset import StepSet
+
+
+@dataclass(frozen=True)
+class Report:
+    """What was written."""
+
+    page: Path
+    figures: tuple[str, ...]
+    missing: tuple[tuple[str, str], ...]
+    """Figures left out, and the command that makes what they need."""
+
+    def __fspath__(self) -> str:
+        return str(self.page)
+
+
+def write_report(
+    results: "Results | Sequence[Fit | Gains | Replay | StepSet | Given[object]]",
+    output_dir: str | os.PathLike[str],
+    options: ReportOptions = USUAL,
+    done: Callable[[], None] = lambda: None,
+) -> Report:
+    """Write `output_dir`/report.html and `output_dir`/figures, all of it or nothing.
+
+    Parameters
+    ----------
+    results
+        Fits, gains, replays and step sets, from files (`read_results`) or from memory.
+    output_dir
+        Folder that is made where it is not there; its parent has to be.
+    options
+        Formats, widths and letters of the figures; `force` to write over a report.
+    done
+        Called after each figure.
+
+    Raises
+    ------
+    UsageError
+        Where the folder holds a report and `force` is not given, or an option names what is not there.
+    """
+    given = results if isinstance(results, Results) else gathered(results)
+    folder = Path(output_dir)
+    formats = formats_of(options.formats)
+    for name, width in (("column_in", options.column_in), ("page_in", options.page_in)):
+        if not 2 <= width <= 40:
+            raise UsageError(f"{name} {width:g}: figures are between 2 and 40 in wide")
+    look = Look(options.column_in, options.page_in, font_of(options.font))
+    refuse_to_overwrite_report(folder, options.force)
+    ready, missing = ready_figures(given, options.paper, options.figures)
+    mark = mark_of(given)
+    drawn = draw_all(ready, formats, done, look, mark[0] if mark else None)
+    pictures = summary_pictures(given, mark[0] if mark else None)
+    text = page(given, drawn, pictures, missing if not options.figures else (), options.paper)
+    contents = {f"{FIGURES}/{one.row.name}.{kind}": held for one in drawn for kind, held in one.files}
+    contents[PAGE] = text.encode("utf-8", errors="replace")
+    with _folders(folder, folder / FIGURES):
+        paths = [folder / name for name in contents]
+        with all_written_whole(paths, options.force) as parts:
+            for part, content in zip(parts, contents.values(), strict=True):
+                part.write_bytes(content)
+        for old in figures_in(folder):
+            if old not in paths:
+                old.unlink()
+    named = tuple((row.name, row.made_by) for row in missing if row.made_by)
+    return Report(folder / PAGE, tuple(one.row.name for one in drawn), named)
+
+
+@contextlib.contextmanager
+def _folders(*paths: Path) -> Iterator[None]:
+    """Folders that are made for the block, and are gone again if it fails."""
+    made = []
+    try:
+        for path in paths:
+            if not path.exists():
+                path.mkdir()
+                made.append(path)
+        yield
+    except BaseException:
+        for path in reversed(made):
+            with contextlib.suppress(OSError):
+                path.rmdir()
+        raise

@@ -1,0 +1,113 @@
+"""Lights, tiles, chips and what to do next: by codes, severities and numbers, never by words."""
+
+from typing import Any
+
+import pytest
+
+from eaid.findings import Finding
+from eaid.report.page import summary
+from eaid.report.page.known import known, sentence
+from eaid.report.results import Results, gathered
+from eaid.results import fit as results
+from eaid.results.common import Source
+from eaid.results.fit import Fit
+from eaid.results.gains import Condition, Gains, Guarantee, LinearModel, Margin, Margins, WorstMargins
+
+CLEAN: dict[str, Any] = {"linear": results.Linear(1.8, 0.08, -1.3), "converged": True}
+
+
+def found(severity: str, subject: str = "nonlinear", **values: Any) -> Finding:
+    return Finding("said-by-the-file", severity, subject, values={"text": "x", **values})  # type: ignore[arg-type]
+
+
+def grades(given: Results) -> list[str]:
+    return [light.grade for light in summary.lights(given, known(given))]
+
+
+def test_a_clean_fit_is_good_and_what_is_not_given_has_no_light():
+    fit = Fit(data=results.Data(sources=(Source(run="a", level=10.0),)), **CLEAN)
+    assert grades(gathered([fit])) == ["good", "good", "none"]
+
+
+@pytest.mark.parametrize(
+    ("severity", "subject", "wanted"),
+    [
+        ("stop", "nonlinear", ["none", "bad", "none"]),
+        ("caution", "linear", ["none", "care", "none"]),
+        ("note", "release", ["none", "good", "none"]),
+    ],
+)
+def test_a_light_is_as_grave_as_its_gravest_finding(severity: str, subject: str, wanted: list[str]):
+    assert grades(gathered([Fit(**CLEAN, findings=(found(severity, subject), found("note")))])) == wanted
+
+
+def test_a_finding_about_the_data_is_of_the_data():
+    fit = Fit(data=results.Data(sources=(Source(run="a"),)), **CLEAN, findings=(found("stop", "a"),))
+    assert grades(gathered([fit])) == ["bad", "good", "none"]
+
+
+def test_a_fit_that_did_not_converge_is_a_stop():
+    assert grades(gathered([Fit(linear=CLEAN["linear"], converged=False)]))[1] == "bad"
+
+
+@pytest.mark.parametrize(
+    ("holds", "words", "grade"),
+    [
+        ((True, True), "yes", "good"),
+        ((False, True), "NO (φ)", "care"),
+        ((False, False), "NO (φ, duty limit)", "care"),
+        ((True, None), "not known (duty limit)", "good"),
+    ],
+)
+def test_one_verdict_on_the_guarantee(holds: tuple[bool | None, bool | None], words: str, grade: str):
+    rows = tuple(Condition(name, one) for name, one in zip(("phi", "duty-limit"), holds, strict=True))
+    whole = False if False in holds else None if None in holds else True
+    gains = Gains(LinearModel(1.0, 1.0, 0.0), guarantee=Guarantee(whole, rows))
+    given = gathered([gains])
+    light = summary.lights(given, known(given))[2]
+    assert (light.grade, light.text) == (grade, f"guarantee {words}")
+
+
+def test_what_to_do_next_follows_what_is_missing():
+    fit = Fit(**CLEAN)
+    assert [step.command.split()[1] for step in summary.next_steps(gathered([fit]), known(gathered([fit])))] == [
+        "tune-rc", "plan",
+    ]  # fmt: skip
+    gains = Gains(LinearModel(1.0, 1.0, 0.0), guarantee=Guarantee(False, (Condition("phi", False),)))
+    given = gathered([fit, gains])
+    steps = summary.next_steps(given, known(given))
+    assert [step.command.split()[1] for step in steps] == ["tune-rc", "simulate", "plan"]
+    assert "--phi data" in steps[0].command and "--alpha" not in steps[0].command
+    assert summary.next_steps(gathered([]), known(gathered([]))) == ()
+
+
+def test_tiles_are_the_top_level_and_the_worst_margin():
+    ends = results.LevelIntervals(Ts=(1.9, 2.1))
+    levels = (results.FrictionLevel(10.0, 1.0, 0.1, 5.0), results.FrictionLevel(300.0, 2.0, 0.2, 6.0, ci95=ends))
+    data = results.Data("clutch", "V", "N")
+    worst = WorstMargins(Margin(gain_db=16.2, phase_deg=78.1), Margin(gain_db=42.7, phase_deg=31.5))
+    gains = Gains(LinearModel(1.0, 1.0, 0.0), margins=Margins(worst=worst))
+    tiles = summary.tiles(gathered([Fit(data=data, friction=results.Friction(0.85, levels)), gains]))
+    assert len(tiles) == 6
+    assert (tiles[1].label, tiles[1].value) == ("T_s at 300 V", "2.00 N") and tiles[1].note.startswith("1.90 … 2.10")
+    assert (tiles[5].value, tiles[5].note) == ("78° | 32°", "phase; gain 16 | 43 dB")
+
+
+def test_chips_name_the_dates_that_the_logs_are_named_by():
+    names = ("20241029_a.csv", "run_2024-11-03.csv", "x_1234567890.csv")
+    data = results.Data(
+        "clutch", "V", "N", (100.0, 300.0), sources=tuple(Source(path=f"logs/{name}") for name in names)
+    )
+    chips = summary.chips(gathered([Fit(data=data)]))
+    assert chips == ("V → N", "2 levels, 100 to 300 V", "logs of 2024-10-29 to 2024-11-03")
+
+
+@pytest.mark.parametrize(("units", "title"), [(("%", "N·m"), "Electroadhesive clutch"), (("V", "N"), "Step responses")])
+def test_only_such_a_clutch_is_called_one(units: tuple[str, str], title: str):
+    given = gathered([Fit(data=results.Data("clutch", *units))])
+    assert summary.title(given, None) == title and summary.title(given, True) == "Electroadhesive clutch"
+
+
+def test_a_sentence_has_a_capital_and_a_stop():
+    said = sentence(Finding("said-by-the-file", "caution", "nonlinear", values={"text": "give «phi» data"}))
+    assert said == "Nonlinear model: give --phi data."
