@@ -53,6 +53,8 @@ class Excitation:
     frequency_hz: tuple[float, float] = (0.05, 5.0)
     """Lowest and highest frequency of a multisine or a chirp, and of a loop's reference."""
     tones: int = 12
+    periods: int = 3
+    """Of a multisine: so often it repeats itself."""
     reference_nm: tuple[float, float] = (0.6, 3.6)
     """Lowest and highest torque that a closed loop is to follow."""
     gains: PIGains = PAPER_PI
@@ -94,9 +96,9 @@ def prbs(e: Excitation, n: int, draw: np.random.Generator) -> Array:
 
 
 def multisine(e: Excitation, n: int, _draw: np.random.Generator) -> Array:
-    """Tones at whole periods of the log, log-spaced, with Schroeder phases, scaled to touch both ends."""
+    """Tones of one period, log-spaced, with Schroeder phases, scaled to touch both ends."""
     t = np.arange(n) / e.rate_hz
-    period = n / e.rate_hz
+    period = n // e.periods / e.rate_hz
     lines = np.unique(np.round(np.geomspace(*e.frequency_hz, e.tones) * period))
     lines = lines[lines >= 1]
     wave = np.zeros(n)

@@ -1,0 +1,317 @@
+"""The shortest sequence of duties that identifies a clutch to wanted widths.
+
+A sequence is levels with holds, and returns to rest between its engagements. What a fit of it would know:
+
+    H = ∫ J J' dt,   Ω = ∫ J J' S(T) dt,   V = H⁻¹ Ω H⁻¹,   S(T) = s0 + s1 T² the density of the noise
+
+with J from the sensitivities of the model itself. The half-width of log T_s, log τ1, log τ2 at a duty is t √(g'Vg), of
+T_s with the scatter between E engagements, s²/E. Levels and holds are exchanged one by one for what lowers T φ², φ the
+worst ratio of a width to the wanted one: the time that repeating the sequence would take to reach them all.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy.stats import t as student
+
+from eaid.arrays import Array
+from eaid.errors import UsageError
+from eaid.models.parameters import Nonlinear
+from eaid.recorded import model
+from eaid.recorded.drive import Drive
+from eaid.recorded.intervals import PRIOR
+from eaid.recorded.problem import Setup
+from eaid.results.fit import Noise
+
+PARAMETERS = ("Ts", "tau1", "tau2")
+DUTIES = 10
+"""Duties at which the widths are wanted, from the lowest to the highest."""
+LEVELS = 13
+"""Levels that a sequence chooses from."""
+HOLDS = 9
+"""Holds that it chooses from, log-spaced."""
+POWER = 8
+"""Of the mean that stands for the worst ratio while levels and holds are exchanged."""
+SWEEPS = 3
+ROUNDS = 6
+MARGIN = 0.9
+"""Widths are planned to this part of the wanted ones: those of a recording scatter about the planned."""
+MOST_ENGAGEMENTS = 60
+BLOCKS = 14
+"""Instants of each hold at which the sensitivities are taken."""
+RAMP_S = 0.05
+"""A duty whose rate is limited goes in steps this long [s]."""
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What the rig allows."""
+
+    duty_pct: tuple[float, float] = (10.0, 100.0)
+    rate_pct_s: float = 0.0
+    """Fastest change of the duty [%/s]; 0: any."""
+    hold_s: tuple[float, float] = (0.3, 30.0)
+    """Shortest and longest hold."""
+    rest_s: float = 5.0
+    """Length of a return to rest, and of the rest before the first level."""
+    engagements: int = 4
+    """Stretches under load between rests, at least: their scatter is to be seen."""
+    work_s: float = 0.0
+    """Longest stretch under load [s]; 0: any."""
+    longest_s: float = 3600.0
+    """Longest sequence that is looked for."""
+
+
+@dataclass(frozen=True, eq=False)
+class Holds:
+    """Levels and holds, 0 for a rest."""
+
+    duty_pct: Array
+    hold_s: Array
+
+    @property
+    def time_s(self) -> float:
+        """Rig time, without ramps."""
+        return float(self.hold_s.sum())
+
+
+@dataclass(frozen=True, eq=False)
+class ExcitationPlan:
+    """A sequence, what it costs and what it is to give."""
+
+    breaks: tuple[tuple[float, float], ...]
+    """(from when [s], duty [%]), each held until the next; the last entry ends it."""
+    time_s: float
+    engagements: int
+    half_width_pct: dict[str, float]
+    """At the worst duty."""
+    met: bool
+
+
+def check(limits: Limits, wanted: Mapping[str, float]) -> None:
+    """Refuse limits and widths that mean nothing."""
+    faults = []
+    low, high = limits.duty_pct
+    if not 0 < low < high <= 100:
+        faults.append(f"«duty» {low:g}:{high:g}: give two duties that rise, above 0 and up to 100 %")
+    if not 0 < limits.hold_s[0] < limits.hold_s[1]:
+        faults.append(f"«hold» {limits.hold_s[0]:g}:{limits.hold_s[1]:g}: give the shortest and the longest hold")
+    if limits.rest_s < 0 or limits.rate_pct_s < 0 or limits.work_s < 0 or limits.engagements < 1:
+        faults.append("«rest», «rate» and «work» are 0 or more, and there is one engagement at least")
+    for name, width in wanted.items():
+        if name not in PARAMETERS or not 0 < width < 100:
+            faults.append(f"«want» {name}={width:g}: write a parameter of {', '.join(PARAMETERS)} and a percentage")
+    if faults or not wanted:
+        raise UsageError(*(faults or ["«want»: say at least one width, as tau2=6"]))
+
+
+def plan_excitation(
+    p: Nonlinear, noise: Noise, wanted: Mapping[str, float], limits: Limits | None = None, seed: int = 0
+) -> ExcitationPlan:
+    """The shortest sequence for half-widths of `wanted` percent at the worst duty, or the best of the longest."""
+    limits = limits or Limits(duty_pct=p.u_range)
+    check(limits, wanted)
+    draw = np.random.default_rng(seed)
+    judge = Judge(p, noise, dict(wanted), limits)
+    segments, best = 16, None
+    for _ in range(ROUNDS):
+        found = judge.improved(judge.random(segments, draw))
+        ratio, engaged = judge.ratio(found)
+        time_s = judge.whole(found).time_s
+        met = ratio <= MARGIN
+        if best is None or _better((met, time_s, ratio), best[0]):
+            best = ((met, time_s, ratio), found, engaged)
+        needed = segments * (ratio / MARGIN) ** 2
+        after = int(np.clip(np.ceil(1.02 * needed), 8, 6 * segments))
+        if time_s * after / segments > limits.longest_s:
+            after = int(segments * limits.longest_s / time_s)
+        if after == segments:
+            after += 1 if not met else -1
+        segments = max(after, 6)
+    assert best is not None
+    _, found, engaged = best
+    whole = judge.whole(found)
+    widths = judge.widths(found)
+    breaks = breaks_of(whole, limits)
+    return ExcitationPlan(
+        breaks, breaks[-1][0], engaged, widths, all(widths[name] <= width for name, width in wanted.items())
+    )
+
+
+def _better(one: tuple[bool, float, float], other: tuple[bool, float, float]) -> bool:
+    if one[0] != other[0]:
+        return one[0]
+    return one[1] < other[1] if one[0] else one[2] < other[2]
+
+
+@dataclass(frozen=True, eq=False)
+class Judge:
+    """What a sequence is worth."""
+
+    p: Nonlinear
+    noise: Noise
+    wanted: dict[str, float]
+    limits: Limits
+
+    def random(self, segments: int, draw: np.random.Generator) -> Holds:
+        """Levels in random order, both ends often, holds log-uniform."""
+        low, high = self.limits.duty_pct
+        levels = np.linspace(low, high, LEVELS)
+        order = np.concatenate([draw.permutation(levels) for _ in range(-(-segments // LEVELS))])[:segments]
+        shortest, longest = np.log(self.limits.hold_s).tolist()
+        holds = np.exp(draw.uniform(shortest, longest, segments))
+        return Holds(order, holds)
+
+    def engagements(self, sequence: Holds) -> int:
+        """Stretches under load: as many as asked for, as the longest allows, and as the scatter between them needs."""
+        count = self.limits.engagements
+        if self.limits.work_s > 0:
+            count = max(count, int(np.ceil(sequence.time_s / self.limits.work_s)))
+        scatter = float(self.noise.scatter.get("Ts", 0.0))
+        if scatter > 0 and "Ts" in self.wanted:
+            while (
+                count < 60
+                and 100 * float(student.ppf(0.975, count - 1 or 1)) * scatter / count**0.5 > 0.8 * self.wanted["Ts"]
+            ):
+                count += 1
+        return min(count, len(sequence.hold_s))
+
+    def whole(self, sequence: Holds) -> Holds:
+        """The sequence with a rest before each engagement."""
+        count = self.engagements(sequence)
+        ends = np.searchsorted(np.cumsum(sequence.hold_s), np.arange(1, count) * sequence.time_s / count) + 1
+        at = np.unique(np.concatenate([[0], ends]))
+        return Holds(np.insert(sequence.duty_pct, at, 0.0), np.insert(sequence.hold_s, at, self.limits.rest_s))
+
+    def half_widths(self, sequence: Holds) -> Array:
+        """Half-widths of log T_s, log τ1, log τ2 at the duties [%], (3, DUTIES); infinite where nothing is known."""
+        whole = self.whole(sequence)
+        one = self.model
+        drive = drive_of_sequence(whole, self.limits)
+        setup = Setup(one, (drive,))
+        assert one.basis is not None
+        x = np.append(one.basis.unknowns(self.p), 0.0)
+        J, r = setup.jacobian(x, 0)
+        T2 = r * r / np.maximum(drive.w[drive.w > 0], 1e-300)
+        H = J.T @ J
+        omega = (J * (self.noise.sensor_nm2_s + self.noise.ripple_s * T2)[:, None]).T @ J
+        scale = np.sqrt(np.maximum(np.diagonal(H), 1e-300))
+        try:
+            back = np.linalg.inv(H / np.outer(scale, scale)) / np.outer(scale, scale)
+        except np.linalg.LinAlgError:
+            return np.full((3, DUTIES), np.inf)
+        V = back @ omega @ back
+        a, b, c = one.sizes
+        duty = np.linspace(*self.limits.duty_pct, DUTIES)
+        rows = one.rows_of(duty)
+        t = float(student.ppf(0.975, PRIOR))
+        found = []
+        for row, first, count in ((rows.steady, 0, a), (rows.tau1, a, b), (rows.tau2, a + b, c)):
+            part = slice(first, first + count)
+            variance = np.einsum("di,ij,dj->d", row, V[part, part], row) / (row @ x[part]) ** 2
+            found.append(np.sqrt(np.maximum(variance, 0.0)))
+        half = np.array(found)
+        scatter = float(self.noise.scatter.get("Ts", 0.0))
+        count = self.engagements(sequence)
+        own = t * half
+        if scatter > 0:
+            own[0] = np.hypot(own[0], float(student.ppf(0.975, max(count - 1, 1))) * scatter / count**0.5)
+        return np.asarray(100 * np.expm1(np.minimum(own, 50.0)))
+
+    @cached_property
+    def model(self) -> model.Model:
+        """The nonlinear model over the duties that the limits allow."""
+        return model.nonlinear(np.linspace(*self.limits.duty_pct, 11), self.p.C, 1e3)
+
+    def ratios(self, sequence: Holds) -> Array:
+        """Widths over the wanted ones, of those that are wanted, flat."""
+        half = self.half_widths(sequence)
+        return np.concatenate([half[k] / self.wanted[name] for k, name in enumerate(PARAMETERS) if name in self.wanted])
+
+    def ratio(self, sequence: Holds) -> tuple[float, int]:
+        """The worst of them, and the number of engagements."""
+        return float(self.ratios(sequence).max()), self.engagements(sequence)
+
+    def widths(self, sequence: Holds) -> dict[str, float]:
+        """Half-width at the worst duty [%]."""
+        return {name: float(row.max()) for name, row in zip(PARAMETERS, self.half_widths(sequence), strict=True)}
+
+    def price(self, sequence: Holds) -> float:
+        """T φ²: the time that would do, if the sequence were repeated."""
+        ratios = np.minimum(self.ratios(sequence), 1e6)
+        phi = float(np.mean(ratios**POWER)) ** (1 / POWER)
+        return float(self.whole(sequence).time_s * phi**2)
+
+    def improved(self, sequence: Holds) -> Holds:
+        """Levels and holds exchanged one after another while that lowers the price."""
+        levels = np.linspace(*self.limits.duty_pct, LEVELS)
+        holds = np.geomspace(*self.limits.hold_s, HOLDS)
+        price = self.price(sequence)
+        for _ in range(SWEEPS):
+            before = price
+            for i in range(len(sequence.hold_s)):
+                near = np.argsort(np.abs(np.log(holds / sequence.hold_s[i])))[:4]
+                tried = [(level, sequence.hold_s[i]) for level in levels[:: 2 if len(sequence.hold_s) > 40 else 1]]
+                tried += [(sequence.duty_pct[i], hold) for hold in holds[near]]
+                for level, hold in tried:
+                    duty_pct, hold_s = sequence.duty_pct.copy(), sequence.hold_s.copy()
+                    duty_pct[i], hold_s[i] = level, hold
+                    other = Holds(duty_pct, hold_s)
+                    cost = self.price(other)
+                    if cost < price:
+                        sequence, price = other, cost
+            if price > 0.99 * before:
+                break
+        return sequence
+
+
+def drive_of_sequence(whole: Holds, limits: Limits) -> Drive:
+    """A sequence for the kernel: some instants of each hold, each with the time that it stands for as its weight."""
+    changes = breaks_of(whole, limits)
+    starts = np.array([at for at, _ in changes[:-1]])
+    level = np.array([duty for _, duty in changes[:-1]])
+    hold = np.diff([at for at, _ in changes])
+    grid = (np.linspace(0, 1, BLOCKS + 1) ** 2)[None, :] * hold[:, None]
+    if limits.rate_pct_s > 0:  # a ramp's steps are short: one instant each
+        short = hold <= 1.5 * RAMP_S
+    else:
+        short = np.zeros(len(hold), dtype=bool)
+    times, weights, index = [], [], []
+    for k in range(len(hold)):
+        edges = np.array([0.0, hold[k]]) if short[k] else grid[k]
+        middle = 0.5 * (edges[1:] + edges[:-1])
+        times += [starts[k], *(starts[k] + middle)]
+        weights += [0.0, *np.diff(edges)]
+        index += [k] * (len(middle) + 1)
+    t = np.array(times)
+    duty, at = np.unique(level, return_inverse=True)
+    return Drive(
+        np.append(np.diff(t), 0.0),
+        at[np.array(index)].astype(np.int64),
+        duty,
+        np.ones(len(t), dtype=np.int64),
+        np.zeros(len(t)),
+        np.array(weights),
+        False,
+        True,
+    )
+
+
+def breaks_of(whole: Holds, limits: Limits) -> tuple[tuple[float, float], ...]:
+    """(from when [s], duty [%]) with ramps where the rate is limited, in milliseconds; the last entry ends it."""
+    found: list[tuple[float, float]] = []
+    now, before = 0.0, 0.0
+    for duty, hold in zip(whole.duty_pct.tolist(), whole.hold_s.tolist(), strict=True):
+        if limits.rate_pct_s > 0 and duty != before:
+            step = limits.rate_pct_s * RAMP_S
+            count = int(np.ceil(abs(duty - before) / step))
+            for k in range(1, count):
+                found.append((now, before + (duty - before) * k / count))
+                now += RAMP_S
+        found.append((now, duty))
+        now = round(now + max(hold, 1e-3), 3)
+        before = duty
+    merged = [one for k, one in enumerate(found) if k == 0 or one[1] != found[k - 1][1]]
+    return (*merged, (now, 0.0))

@@ -1,0 +1,69 @@
+"""A planned sequence is checked by doing it: synthesised some times over, fitted, and its own intervals measured."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from eaid.logs.run import Run
+from eaid.models.parameters import Nonlinear
+from eaid.recorded.design import PARAMETERS, ExcitationPlan
+from eaid.recorded.fit import fit_recorded
+from eaid.recorded.options import RecordedOptions
+from eaid.results.fit import Noise
+from eaid.synth.disturbance import NONE, Disturbance
+from eaid.synth.logs import Protocol, synthesise_input
+from eaid.synth.plants import clutch
+
+RATE_HZ = 100.0
+MEMORY_S = 0.05
+
+
+def disturbance_of(noise: Noise, rate_hz: float = RATE_HZ, memory_s: float = MEMORY_S) -> Disturbance:
+    """White and coloured noise of these densities."""
+    return replace(
+        NONE,
+        white_nm=(noise.sensor_nm2_s * rate_hz) ** 0.5,
+        coloured=(noise.ripple_s / (2 * memory_s)) ** 0.5,
+        coloured_s=memory_s,
+    )
+
+
+def recording(found: ExcitationPlan, p: Nonlinear, noise: Disturbance, seed: int, rate_hz: float = RATE_HZ) -> Run:
+    """One log of the sequence."""
+    timing = Protocol((1.0,), 1, 0.0, found.time_s, 0.0, rate_hz)
+    return synthesise_input(clutch(p), found.breaks[:-1], timing, noise, seed)[0]
+
+
+def measured(
+    found: ExcitationPlan,
+    p: Nonlinear,
+    noise: Disturbance,
+    sets: int,
+    seed: int = 0,
+    tick: Callable[[], None] = lambda: None,
+) -> list[dict[str, float]]:
+    """Half-widths [%] at the worst duty of every recording's own intervals."""
+    rows = []
+    for k in range(sets):
+        run = recording(found, p, noise, seed + 7919 * k)
+        options = RecordedOptions(models=("nonlinear",), u_range=p.u_range, share=p.C, falls="as-rises", loop_refits=0)
+        rows.append(widths(fit_recorded([run], options).nonlinear))
+        tick()
+    return rows
+
+
+def widths(part: object) -> dict[str, float]:
+    """Half-widths at the worst shown duty [%]; infinite where one is not known."""
+    found = dict.fromkeys(PARAMETERS, 0.0)
+    for one in part.curves:  # type: ignore[attr-defined]
+        for name in PARAMETERS:
+            ends = getattr(one.ci95, name)
+            wide = float("inf") if ends is None or ends[0] <= 0 else 100 * ((ends[1] / ends[0]) ** 0.5 - 1)
+            found[name] = max(found[name], wide)
+    return found
+
+
+def kept(rows: Sequence[dict[str, float]], wanted: dict[str, float]) -> float:
+    """Part of the recordings whose widths are all within the wanted ones."""
+    return float(np.mean([all(row[name] <= width for name, width in wanted.items()) for row in rows]))

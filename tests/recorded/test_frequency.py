@@ -1,0 +1,70 @@
+"""Frequency responses against closed forms."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from eaid.errors import DataError
+from eaid.models.parameters import REFERENCE_PLANT, Linear
+from eaid.recorded.frequency import frequency_response, on_input
+from eaid.recorded.log import RecordedLog, recorded_log
+from eaid.synth.disturbance import NONE
+from eaid.synth.excitation import Excitation, synthesise_excitation
+from eaid.synth.plants import clutch
+
+
+def first_order(f: np.ndarray, p: Linear, dt_s: float) -> np.ndarray:
+    """b0/a0 (1 − q)/(z − q): the exact hold, whose output answers one row later."""
+    q = np.exp(-p.a0 * dt_s)
+    z = np.exp(2j * np.pi * f * dt_s)
+    return np.asarray(p.b0 / p.a0 * (1 - q) / (z - q))
+
+
+@pytest.mark.parametrize("kind", ["chirp", "multisine", "prbs"])
+def test_a_linear_system_has_its_closed_form(kind: str) -> None:
+    line = Linear(3.0, 0.1, 0.0)
+    e = Excitation(
+        kind,
+        200.0 + (kind == "multisine"),
+        rate_hz=100.0,
+        low_pct=20.0,
+        high_pct=80.0,
+        frequency_hz=(0.1, 4.0),
+        idle_s=1.0,
+    )
+    run = synthesise_excitation(clutch(), e, NONE, 2)[0]
+    log = recorded_log(run)
+    draw = np.random.default_rng(0)
+    log = replace(log, output=on_input(line, log) + 0.01 * draw.standard_normal(len(log.input)))
+    found = frequency_response(log, line=line)
+    f = np.array(found.frequency_hz)
+    exact = first_order(f, line, 0.01)
+    inside = (f > 0.12) & (f < 3.5)
+    np.testing.assert_allclose(np.array(found.gain)[inside], np.abs(exact)[inside], rtol=0.12)
+    low, high = np.array(found.gain_low), np.array(found.gain_high)
+    same = np.array(found.linear_gain)
+    held = (low <= same) & (same <= high)
+    assert held[inside].mean() > 0.85  # the model's response lies within the recorded one's band
+    assert found.periodic is (kind == "multisine")
+    assert (found.harmonics_pct or 0.0) < 2.0
+
+
+def test_harmonics_of_the_clutch_are_those_of_its_model() -> None:
+    noise = replace(NONE, white_nm=0.006, coloured=0.005, coloured_s=0.3)
+    for low, high in ((10.0, 100.0), (55.0, 65.0)):
+        e = Excitation("multisine", 302.0, rate_hz=100.0, low_pct=low, high_pct=high, frequency_hz=(0.05, 2.0), tones=8)
+        run = synthesise_excitation(clutch(), e, noise, 2)[0]
+        found = frequency_response(recorded_log(run), REFERENCE_PLANT, Linear(1.8, 0.078, -1.34))
+        assert found.model_harmonics_pct is not None and found.harmonics_pct is not None
+        if high == 100.0:
+            assert found.model_harmonics_pct > 5.0
+            assert found.harmonics_pct == pytest.approx(found.model_harmonics_pct, rel=0.2)
+        else:
+            assert found.model_harmonics_pct < 5.0
+
+
+def test_an_input_that_does_not_move_has_no_response() -> None:
+    t = np.arange(1000) / 100
+    with pytest.raises(DataError, match="does not move"):
+        frequency_response(RecordedLog("log", t, np.where(t > 1, 40.0, 0.0), t))
