@@ -13,6 +13,9 @@ if TYPE_CHECKING:
     from eaid.findings import Finding
     from eaid.steps.stepset import Level, LevelStep, RunRecord, StepSet
 
+MOST = 20
+"""Steps from level to level that are listed; all are in the file and in --json."""
+
 
 def as_json(stepset: "StepSet") -> dict[str, Any]:
     """The levels, runs and findings, machine-readable."""
@@ -91,9 +94,11 @@ def print_tables(stepset: "StepSet") -> None:
                     f"{step.from_level:g}", f"{step.level:g}", f"{step.start:.4g}", f"{step.change:+.4g}",
                     f"{step.gain:.4g}", f"{step.time_s[-1]:.4g}",
                 ]
-                for step in between
+                for step in between[:MOST]
             ],
         )  # fmt: skip
+        if len(between) > MOST:
+            console.line(f"and {len(between) - MOST} more")
     slips = [(run, run.slip) for run in stepset.runs if run.slip is not None]
     if slips:
         console.table(

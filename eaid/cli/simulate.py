@@ -144,8 +144,8 @@ def command(
 
     done: Outcome
     if log:
-        from eaid.cli.inputs import pairs
         from eaid.logs.options import ReadOptions
+        from eaid.reading import pairs
 
         if duration is not None:
             raise UsageError("--duration does not go with --log; the log says how long it is")

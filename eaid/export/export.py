@@ -17,7 +17,7 @@ from eaid.models.parameters import Nonlinear
 from eaid.results.fit import Fit
 from eaid.results.gains import Gains
 
-OURS = ("eaid_*", "EaidPlant.mo", "vectors.*", "check*", "Makefile", "README.md", "parameters.yaml", "*.ino", ".*.part")
+OURS = ("eaid_*", "EaidPlant.mo", "vectors.*", "check*", "Makefile", "README.md", "parameters.yaml", "*.ino", "*.o")
 """Names of an export's files and of what its Makefile builds; a folder with any other in it is never replaced."""
 
 
@@ -94,7 +94,9 @@ def refuse_folder(folder: Path, force: bool) -> None:
     if not folder.is_dir():
         raise UsageError(f"{folder}: is no folder; give another «output»")
     items = sorted(folder.iterdir())
-    strange = [one for one in items if one.is_symlink() or not one.is_file() or not any(map(one.match, OURS))]
+    strange = [
+        one for one in items if one.is_symlink() or not one.is_file() or not any(map(one.match, (*OURS, ".*.part")))
+    ]
     if strange:
         raise UsageError(f"{folder}: holds {strange[0].name}, which eaid export did not make; give another «output»")
     if items and not force:

@@ -200,7 +200,7 @@ def _coefficients(solved: Solved, sure: Spread) -> tuple[CoefficientIntervals, C
         T[-1, count - 1] = 1.0
     p = model.basis.parameters(solved.coefficients)
     values = np.array([*p.tau1, *p.tau2, *p.Ts])
-    half = np.array([sure.of(row)[0] for row in T])
+    half = np.array([sure.of(row) for row in T])
     ends: list[Interval] = [(float(v - h), float(v + h)) for v, h in zip(values, half, strict=False)]
     share: Interval = None
     if model.share is None:
@@ -213,9 +213,26 @@ def _coefficients(solved: Solved, sure: Spread) -> tuple[CoefficientIntervals, C
         parametrisation="coefficients of (u/100 %)^k, lowest power first: tau1 [s], tau2 [s], Ts [N·m]",
         order=tuple(order + ["C"] * (model.share is None)),
         matrix=tuple(tuple(row) for row in V.tolist()),
-        degrees_of_freedom=dict.fromkeys(("tau1", "tau2", "Ts"), float(min(sure.degrees))),
+        degrees_of_freedom={**_degrees(solved, sure)},
         from_="robust",
     )
+
+
+def _degrees(solved: Solved, sure: Spread) -> dict[str, float]:
+    """Degrees of freedom of T_s, τ1, τ2 at the middle of the range."""
+    model = solved.setup.model
+    rows = model.rows_of(np.array([0.5 * (model.low + model.high)]))
+    a, b, c = model.sizes
+    found: dict[str, float] = {}
+    for name, row, first, count in (
+        ("tau1", rows.tau1, a, b),
+        ("tau2", rows.tau2, a + b, c),
+        ("Ts", rows.steady, 0, a),
+    ):
+        gradient = np.zeros(solved.setup.size)
+        gradient[first : first + count] = row[0]
+        found[name] = sure.variance(gradient)[1]
+    return found
 
 
 def linear_part(solved: Solved, base: Solved, levels: Array) -> Linear:
@@ -322,7 +339,7 @@ def uncertainty_part(solved: Solved, sure: Spread) -> Uncertainty:
     return Uncertainty(
         ci="robust",
         scatter_from="engagements" if sure.engagements >= 4 else "within",
-        degrees_of_freedom=float(min(sure.degrees)),
+        degrees_of_freedom=min(_degrees(solved, sure).values()),
         noise=noise_part(solved),
     )
 

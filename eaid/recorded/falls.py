@@ -117,8 +117,8 @@ def _judged(solved: Solved, sure: Spread, names: tuple[str, ...]) -> tuple[dict[
             G[0, a : a + b] -= rows.tau1[0]
             G[1, a + b : a + b + model.sizes[2]] -= rows.tau2[0]
         off = values - against
-        chance = max(_chance(off, G @ V @ G.T, df) for V, df in zip(sure.covariances, sure.degrees, strict=True))
-        half = np.array([sure.of(np.eye(solved.setup.size)[at + k])[0] for k in range(count)])
+        chance = _chance(off, G, sure)
+        half = np.array([sure.of(np.eye(solved.setup.size)[at + k]) for k in range(count)])
         scale = against if name == "rest" else 1.0
         differs = chance < CHANCE and bool((np.abs(off / scale) > LEAST[name]).any())
         found[name] = Judged(values, half, against, chance, differs)
@@ -127,11 +127,16 @@ def _judged(solved: Solved, sure: Spread, names: tuple[str, ...]) -> tuple[dict[
     return found, tuple(kept)
 
 
-def _chance(off: Array, V: Array, degrees: float) -> float:
+def _chance(off: Array, G: Array, sure: Spread) -> float:
+    """Wald's test: the correlation by the noise's estimate, sizes and degrees of freedom as for intervals."""
+    own, degrees = zip(*(sure.variance(row) for row in G), strict=True)
+    V = G @ sure.noise @ G.T
+    sizes = np.sqrt(np.array(own) / np.maximum(np.diagonal(V), 1e-300))
+    V = V * np.outer(sizes, sizes)
     scale = np.sqrt(np.maximum(np.diagonal(V), 1e-300))
     inverse = np.linalg.pinv(V / np.outer(scale, scale), rcond=1e-10, hermitian=True)
     statistic = float((off / scale) @ inverse @ (off / scale)) / len(off)
-    return float(f_distribution.sf(statistic, len(off), max(degrees, 1.0)))
+    return float(f_distribution.sf(statistic, len(off), max(min(degrees), 1.0)))
 
 
 def _interval(one: Judged, k: int, scale: float = 1.0) -> Interval:

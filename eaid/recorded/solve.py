@@ -17,7 +17,7 @@ from eaid.recorded.drive import Drive
 from eaid.recorded.problem import Setup
 from eaid.recorded.starts import starts
 
-RIVALS = 2
+RIVALS = 3
 """Ends on the coarse copy that go on to every sample."""
 NEAR = 0.02
 """An end this part of the cost above the best is no rival."""
@@ -33,6 +33,8 @@ class Solved:
     x: Array
     cost: float
     solver: Solver
+    rivals: tuple[tuple[Array, float], ...] = ()
+    """Other minima that were found, with their costs."""
     instruments: tuple[Drive, ...] | None = None
     """Inputs without the noise of the outputs, where they stood in for the recorded ones in the derivatives."""
 
@@ -94,7 +96,8 @@ def finished(
         at_bounds=tuple(problem.names(i) for i in active),
         promise=promise,
     )
-    return Solved(setup, end.x, end.cost, solver)
+    others = tuple((one.x, one.cost + shift) for one in found if one.cost > best.cost * (1 + 1e-6) + problem.floor)
+    return Solved(setup, end.x, end.cost, solver, others)
 
 
 def with_second_derivatives(problem: Problem, rough: Setup) -> Problem:

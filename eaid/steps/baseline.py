@@ -11,9 +11,9 @@ from typing import Literal
 
 import numpy as np
 
-from eaid.arrays import Array, median
+from eaid.arrays import Array
 from eaid.errors import UsageError
-from eaid.steps.noise import block_means, sample_noise, spikes
+from eaid.steps.noise import block_means, block_noise, sample_noise, spikes
 from eaid.steps.plateaus import FEWEST
 
 STEADY = 0.01
@@ -79,8 +79,7 @@ def moves(part: Array, change: float) -> float:
         return 0.0
     off = float(part[-(len(part) // 4) :].mean() - part.mean())
     means = block_means(part, 80)
-    bends = means[2:] - 2 * means[1:-1] + means[:-2]
-    error = 1.4826 * median(np.abs(bends)) / math.sqrt(6) * math.sqrt(3 / len(means))
+    error = block_noise(means) * math.sqrt(3 / len(means))
     return off if abs(off) > max(STEADY * abs(change), SURE * error) else 0.0
 
 

@@ -16,12 +16,15 @@ from eaid.errors import DataError
 from eaid.findings import Finding, finding
 from eaid.logs.run import Run
 from eaid.steps.baseline import BaselineRule, Rest, first_samples, last_rest
-from eaid.steps.instead import refuse_to_cut
+from eaid.steps.instead import looks_like, refuse_to_cut, several_edges
+from eaid.steps.noise import sample_noise
 from eaid.steps.onset import onset, rises_at_once
 from eaid.steps.plateaus import FEWEST, Plateau, bridge, plateaus, stands_still, tolerance
 
 OFFSET = 0.05
 """Share of its largest value within which a measured input counts as zero."""
+WANDERS = 0.15
+"""Range of a measured input, as a share of its median, up to which it is one load that wanders."""
 UNSETTLED = 0.05
 """Share of a step's change by which the output may still move before a step from level to level."""
 AUTO = BaselineRule()
@@ -49,7 +52,7 @@ def cut(run: Run, rule: BaselineRule = AUTO) -> list[Run]:
         _check_percent(run, where)
     if run.step_s is not None:
         steps = _cut_at(run, where, known)
-    elif known and np.ptp(run.input) > 0:
+    elif known and not _constant(run):
         steps = _cut_by_input(_up_to(run, where), where)
     else:
         steps = _cut_by_output(_up_to(run, where) if known else run, where, known)
@@ -59,6 +62,15 @@ def cut(run: Run, rule: BaselineRule = AUTO) -> list[Run]:
 def has_input(run: Run) -> bool:
     """True where the log has an input column."""
     return bool(len(run.input)) and not bool(np.isnan(run.input[0]) and np.isnan(run.input[-1]))
+
+
+def _constant(run: Run) -> bool:
+    """True for an input that is held throughout: exactly, or as a measured one whose load wanders a little."""
+    span = float(np.ptp(run.input))
+    if span == 0:
+        return True
+    measured = run.input_unit != "%" and sample_noise(run.input) > 0
+    return measured and span < WANDERS * abs(median(run.input))
 
 
 def _up_to(run: Run, where: str) -> Run:
@@ -124,7 +136,10 @@ def _edge(run: Run, before: Plateau, now: Plateau, zero: float, fallback: float 
         if not rest.rests and off > UNSETTLED * abs(change):
             found += (
                 finding(
-                    "unsettled-before-step", run.name, (before.level, now.level), share_pct=100 * off / abs(change)
+                    "unsettled-before-step",
+                    run.name,
+                    (before.level, now.level),
+                    share_pct=100 * off / max(abs(change), 1e-3 * off),
                 ),
             )
     return {**facts, "findings": (*run.findings, *found)}
@@ -145,6 +160,8 @@ def _cut_by_input(run: Run, where: str) -> list[Run]:
     found, bridged = bridge(plateaus(run.input))
     if not stands_still(found, len(run.input)):
         raise refuse_to_cut(run)
+    if (odd := looks_like(run)) is not None:
+        raise refuse_to_cut(run, odd)
     zero = tolerance(run.input)
     if run.input_unit != "%":  # a commanded duty is exact, a measured input has an offset
         zero = max(zero, OFFSET * float(np.abs(run.input).max()))
@@ -258,12 +275,13 @@ def _cut_at(run: Run, where: str, known: bool) -> list[Run]:
 
 def _cut_by_output(run: Run, where: str, known: bool) -> list[Run]:
     """The step of a log without a moving input: where the output leaves its idle value for good."""
-    constant = float(run.input[0]) if known else None
+    constant = median(run.input) if known else None
     level = constant if run.level is None else run.level
     from_start = rises_at_once(run.output, first_samples(run.output)) and bool(level)
     if constant is not None and run.kind not in ("friction-force", "friction-speed") and not from_start:
         raise DataError(f"{where}: the input stays at {constant:g} {run.input_unit}: no step; {_NO_STEP}")
     if level is None:
+        _refuse_several(run)
         raise DataError(f"{where}: nothing tells its level; give the input column, or «name_pattern» with {{level}}")
     if rises_at_once(run.output) or (run.kind not in ("friction-force", "friction-speed") and from_start):
         start = 0
@@ -271,11 +289,20 @@ def _cut_by_output(run: Run, where: str, known: bool) -> list[Run]:
     else:
         found = onset(run.output)
         if found is None:
+            _refuse_several(run)
             raise DataError(f"{where}: no step stands out of the output's noise; give its instant with «step_at»")
         start = found
         said = finding("step-from-output", run.name, step_s=float(run.time_s[start]))
     told = replace(run, level=level, step_s=float(run.time_s[start]), findings=(*run.findings, said))
     return _cut_at(told, where, known)
+
+
+def _refuse_several(run: Run) -> None:
+    """Raise DataError where an output alone shows several edges."""
+    first = float(run.time_s[0])
+    odd = several_edges(run.name, run.time_s - first, run.output, first)
+    if odd is not None:
+        raise refuse_to_cut(run, odd)
 
 
 def _with_baselines(steps: list[Run]) -> list[Run]:

@@ -10,6 +10,7 @@ import numpy as np
 from eaid.arrays import Array
 from eaid.findings import Finding, finding
 from eaid.steps.baseline import without_spikes
+from eaid.steps.instead import several_edges
 from eaid.steps.noise import BLOCKS, LONG, block_error, block_means, sample_noise, spikes
 from eaid.steps.slow import slow_constant
 from eaid.steps.step import Step, left_pct, lost_pct
@@ -195,6 +196,13 @@ def _spikes(step: Step) -> Finding | None:
     )  # fmt: skip
 
 
+def _several_edges(step: Step) -> Finding | None:
+    """More edges than the one that the input, or the file name, tells of."""
+    if step.run.edge == "falling":
+        return None
+    return several_edges(step.run.name, step.time_s, step.rise, step.run.step_s or 0.0)
+
+
 def _too_short(step: Step) -> Finding | None:
     if step.run.edge == "falling" or len(step.rise) < 4 * BLOCKS or not step.swing > 0:
         return None
@@ -217,6 +225,7 @@ CHECKS: tuple[Callable[[Step], Finding | None], ...] = (
     _stuck,
     _coarse,
     _spikes,
+    _several_edges,
     _falls_while_held,
     _too_short,
     _left_after_release,

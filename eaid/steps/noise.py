@@ -30,10 +30,15 @@ def block_error(values: Array, blocks: int = BLOCKS) -> float:
     0 of fewer than 8 samples.
     """
     means = block_means(values, 4 * blocks)
-    if len(means) < 8:
+    return block_noise(means) * float(np.sqrt(blocks / len(means))) if len(means) >= 8 else 0.0
+
+
+def block_noise(means: Array) -> float:
+    """Standard deviation of the noise of single values, from their second differences; 0 of fewer than three."""
+    if len(means) < 3:
         return 0.0
     bends = means[2:] - 2 * means[1:-1] + means[:-2]
-    return float(1.4826 * median(np.abs(bends)) / np.sqrt(6) * np.sqrt(blocks / len(means)))
+    return float(1.4826 * median(np.abs(bends)) / np.sqrt(6))
 
 
 def sampled(values: Array) -> Array:

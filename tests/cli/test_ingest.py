@@ -9,9 +9,10 @@ import h5py
 import numpy as np
 import pytest
 
-from eaid.cli.inputs import pairs, stepset_from
+from eaid.cli.inputs import stepset_from
 from eaid.cli.main import run
 from eaid.errors import UsageError
+from eaid.reading import pairs
 
 REALDATA = Path(__file__).parents[2] / "../shared/realdata"
 needs_realdata = pytest.mark.skipif(not REALDATA.is_dir(), reason="the recorded logs are not beside the project")

@@ -18,7 +18,43 @@ def _too_short(v: Mapping[str, Any]) -> str:
     return f"still rising at the end of its {v['window_s']:.3g} s: too short for the slow time constant ({about})"
 
 
+def _edges(v: Mapping[str, Any]) -> str:
+    rows = zip(v["at_s"], v["rise_s"], v["overshoot_pct"], v["settling_s"], strict=True)
+    each = [
+        f"at {at:.4g} s (rise {rise:.2g} s, overshoot {over:.0f} %"
+        + (f", settled in {settled:.2g} s)" if settled >= 0 else ", not settled)")
+        for at, rise, over, settled in list(rows)[:4]
+    ]
+    more = ", …" if v["edges"] > len(each) else ""
+    return (
+        f"the output has {v['edges']} edges, {', '.join(each)}{more}: several steps, or a closed loop, and not one "
+        "step; give the input column, or one edge with «step_at» and «until»"
+    )
+
+
 ROWS: dict[str, Row] = {
+    "several-edges": Row("stop", _edges, "edges"),
+    "input-reverses": Row(
+        "stop",
+        "the input goes to and fro at constant speed and turns {turns} times ({upwards} upwards), as a position does: "
+        "each reversal is a step of its own; give one with «step_at» and «until», and its level with «name_pattern»",
+    ),
+    "input-sweeps": Row(
+        "stop",
+        "the input sweeps from {from_hz:.3g} to {to_hz:.3g} Hz: a chirp holds no steps; record one level at a time, or "
+        "fit the whole record",
+    ),
+    "input-is-periodic": Row(
+        "stop",
+        "the input turns {turns} times at {hz:.3g} Hz: a periodic excitation holds no steps; record one level at a "
+        "time, or fit the whole record",
+    ),
+    "input-is-binary": Row(
+        "stop",
+        "the input switches {switches} times between two levels, held for multiples of {clock_s:.3g} s: a binary "
+        "sequence (PRBS) holds no settled steps; fit the whole record, or record one level at a time",
+    ),
+    "input-moves": Row("stop", "the input moves most of the time, so it holds no steps; record one level at a time"),
     "reader-note": Row("note", "{note}"),
     "counted-from-rest": Row("note", "levels counted from rest at {rest:g}"),
     "input-negative": Row("note", "the input is negative: its size is taken"),

@@ -1,0 +1,193 @@
+"""Logs → steps: what the user may say about logs, and the one way from files or tables to a `StepSet`."""
+
+import csv
+import re
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import dataclass, fields, replace
+from math import isfinite
+from pathlib import Path
+from typing import Any, cast
+
+from eaid.apparatus import Apparatus
+from eaid.errors import DataError, UsageError
+from eaid.files import sha256_of
+from eaid.logs.folders import files_of
+from eaid.logs.manifest import apply, manifest_of
+from eaid.logs.options import ReadOptions
+from eaid.logs.read import read_what_can_be
+from eaid.logs.run import Kind, Run
+from eaid.steps.baseline import baseline_rule
+from eaid.steps.build import StepOptions, cut_runs, stepset_of
+from eaid.steps.stepset import StepSet
+
+KINDS = ("clutch", "friction-force", "friction-speed")
+Progress = Callable[[str, int], AbstractContextManager[Callable[[], None]]]
+"""progress(what, how many) → a context that gives a function to call once a piece is done."""
+
+
+def no_progress(_what: str, _count: int) -> AbstractContextManager[Callable[[], None]]:
+    """Nothing is told."""
+    return nullcontext(lambda: None)
+
+
+def apparatus_from(text: str | Apparatus | None, kind: str | None) -> Apparatus | None:
+    """The rig that `«apparatus»` describes; what it leaves out is the paper's. None where nothing is said."""
+    if not text or isinstance(text, Apparatus):
+        return text or None
+    numbers: dict[str, Any] = {"surfaces": 1 if kind in KINDS[1:] else 2}
+    known = [field.name for field in fields(Apparatus)]
+    for name, value in pairs("«apparatus»", text).items():
+        if name not in known:
+            raise UsageError(f"«apparatus»: knows {', '.join(known)}, not {name}")
+        try:
+            numbers[name] = int(value) if name == "surfaces" else float(value)
+        except ValueError:
+            raise UsageError(f"«apparatus» {name}={value}: is no number") from None
+        if not (isfinite(numbers[name]) and numbers[name] > 0):
+            raise UsageError(f"«apparatus» {name}={value}: must be above zero")
+    rig = Apparatus(**numbers)
+    if rig.inner_radius_m >= rig.outer_radius_m:
+        raise UsageError("«apparatus»: inner_radius_m must be below outer_radius_m")
+    return rig
+
+
+def pairs(option: str, text: str | Mapping[str, Any] | None) -> dict[str, str]:
+    """`time=Time,output="Load Cell"` as a dictionary; raises UsageError where it is written otherwise."""
+    if not text or isinstance(text, Mapping):
+        return {role: str(name) for role, name in (text or {}).items()}
+    found: dict[str, str] = {}
+    # a quote may open after the equals sign: move it in front of the pair, where csv expects it
+    moved = re.sub(r'(^|,)\s*(\w+)\s*=\s*"', r'\1"\2=', text)
+    for pair in next(csv.reader([moved], skipinitialspace=True)):
+        role, equals, name = pair.partition("=")
+        role, name = role.strip(), name.strip()
+        if not equals or not role or not name:
+            raise UsageError(
+                f"{option} {text}: write role=name pairs with commas between them, as time=Time,output=Force"
+            )
+        if role in found:
+            raise UsageError(f"{option} {text}: says {role} twice")
+        found[role] = name
+    return found
+
+
+def _typed(value: Any) -> str:
+    """A value as the command line takes it."""
+    if isinstance(value, Mapping):
+        return ",".join(f'{role}="{name}"' for role, name in value.items())
+    if isinstance(value, Apparatus):
+        return ",".join(f"{field.name}={getattr(value, field.name)}" for field in fields(value))
+    return str(value)
+
+
+@dataclass(frozen=True)
+class InputOptions:
+    """What may be said about logs, by the names of the options; a manifest stands in for what was not."""
+
+    columns: str | Mapping[str, Any] | None = None
+    """`time=Time,input=Volts`, or a mapping of role to column."""
+    units: str | Mapping[str, str] | None = None
+    name_pattern: str | None = None
+    step_at: float | None = None
+    until: float | None = None
+    repair: bool = False
+    kind: str | None = None
+    levels: str | None = None
+    baseline: str = "auto"
+    sign: str = "auto"
+    variable: str | None = None
+    rate: float | None = None
+    rest: float = 0.0
+    apparatus: str | Apparatus | None = None
+    join: bool = False
+
+    def given(self) -> dict[str, str | float | bool]:
+        """What was said, so that it can be done again."""
+        plain = InputOptions()
+        said = {field.name: getattr(self, field.name) for field in fields(self)}
+        return {
+            name: value if isinstance(value, float | bool) else _typed(value)
+            for name, value in said.items()
+            if value != getattr(plain, name)
+        }
+
+    def reading(self) -> ReadOptions:
+        """What the readers of logs need of them; raises UsageError where one is wrong."""
+        if self.kind is not None and self.kind not in KINDS:
+            raise UsageError(f"«kind» {self.kind}: must be one of {', '.join(KINDS)}")
+        if self.rate is not None and not self.rate > 0:
+            raise UsageError(f"«rate» {self.rate:g}: must be above zero")
+        return ReadOptions(
+            columns=pairs("«columns»", self.columns),
+            units=pairs("«units»", self.units),
+            name_pattern=self.name_pattern,
+            step_at_s=self.step_at,
+            until_s=self.until,
+            repair=self.repair,
+            kind=cast("Kind | None", self.kind),
+            variable=self.variable,
+            rate_hz=self.rate,
+            join=self.join,
+        )
+
+    def stepping(self) -> StepOptions:
+        """What finding steps needs of them."""
+        if self.sign not in ("auto", "keep"):
+            raise UsageError(f"«sign» {self.sign}: must be auto or keep")
+        return StepOptions(
+            kind=cast("Kind | None", self.kind),
+            levels=self.levels,
+            baseline=baseline_rule(self.baseline),
+            keep_sign=self.sign == "keep",
+            rest=self.rest,
+            apparatus=apparatus_from(self.apparatus, self.kind),
+        )
+
+
+def read_steps(
+    paths: Sequence[Path],
+    options: InputOptions,
+    progress: Progress = no_progress,
+    warn: Callable[[str], None] = lambda _: None,
+    tell: Callable[[str, float], None] = lambda _source, _share: None,
+) -> tuple[list[Run], StepSet]:
+    """The cut runs behind logs, datasets, folders or a manifest, and their step set.
+
+    Raises
+    ------
+    DataError
+        With the faults of all logs at once.
+    """
+    manifest = manifest_of(paths)
+    if manifest is None:
+        files = files_of(paths, warn)
+    else:
+        files = [entry.path for entry in manifest.logs]
+        plain = InputOptions()
+        said = {k: v for k, v in manifest.options.items() if getattr(options, k) == getattr(plain, k)}
+        options = replace(options, **said)
+        for name in manifest.unlisted()[:5]:
+            warn(f"{manifest.path}: does not list {name}, which is left out")
+    with progress("reading logs", len(files)) as advance:
+        runs, faults = read_what_can_be(files, replace(options.reading(), tell=tell), advance)
+    if manifest is not None:
+        entries = {str(entry.path): entry for entry in manifest.logs}
+        runs = [apply(entries[run.source], run) if run.source in entries else run for run in runs]
+    return steps_of(runs, options, faults, [path for path in paths if path.is_file()])
+
+
+def steps_of(
+    runs: Sequence[Run], options: InputOptions, faults: Sequence[str] = (), paths: Sequence[Path] = ()
+) -> tuple[list[Run], StepSet]:
+    """The same from runs that are read already; `faults` of reading are raised with those of finding steps."""
+    stepping = options.stepping()
+    steps, more = cut_runs(runs, stepping)
+    if faults or more:
+        raise DataError(*faults, *more)
+    stepset = stepset_of(steps, stepping)
+    if options.levels is not None:
+        kept = {run.name for run in stepset.runs}
+        steps = [step for step in steps if step.name in kept]
+    inputs = [{"path": str(path), "sha256": sha256_of(path)} for path in paths]
+    return steps, replace(stepset, extra={**stepset.extra, "inputs": inputs, "reading": options.given()})

@@ -1,0 +1,122 @@
+"""Edges of an output by itself: where it goes from one value to another, and how (rise, overshoot, settling of each).
+
+The output is averaged to at most 400 blocks and followed from turn to turn: a turn counts where the way back is
+`BACK` of the whole range. Between two turns, stretches that rest part one edge from the next.
+"""
+
+import itertools
+from dataclasses import dataclass
+
+import numpy as np
+
+from eaid.arrays import Array
+from eaid.steps.noise import block_means, block_noise, sample_noise
+
+BLOCKS = 400
+BACK = 0.5
+"""Share of the output's range by which it has to come back for a turn."""
+QUICK = 0.2
+"""Share of the record that an edge behind the first may take: what comes back slower is drift."""
+MOVES = 0.15
+"""Share of the range that an edge moves within a fiftieth of the record."""
+RESTS = 0.03
+"""Share of the range within which a stretch of a twentieth of the record rests."""
+CLEAR = 14.0
+"""Standard errors of a block mean that the range has to exceed: a turn is then half of them."""
+
+
+@dataclass(frozen=True)
+class Edge:
+    """One edge of an output."""
+
+    at_s: float
+    """Where it begins, at a tenth of the change [s]."""
+    before: float
+    after: float
+    rise_s: float
+    """Time from 10 to 90 % of the change [s]."""
+    overshoot_pct: float
+    """How far it goes beyond its end value [% of the change]."""
+    settling_s: float | None
+    """Time until it stays within 5 % of the change about its end value [s]; None where it does not."""
+
+
+def turns(values: Array, back: float) -> list[int]:
+    """Places of the extremes between which values go to and fro by at least `back`, the ends among them."""
+    places, low, high, direction = [0], 0, 0, 0
+    for i, value in enumerate(values.tolist()):
+        if value > values[high]:
+            high = i
+        if value < values[low]:
+            low = i
+        if direction >= 0 and values[high] - value >= back:
+            if direction > 0 or high > 0:
+                places.append(high)
+            direction, low = -1, i
+            high = i
+        elif direction <= 0 and value - values[low] >= back:
+            if direction < 0 or low > 0:
+                places.append(low)
+            direction, high = 1, i
+            low = i
+    last = len(values) - 1
+    return [*dict.fromkeys(places), *([last] if places[-1] != last else [])]
+
+
+def edges(time_s: Array, output: Array) -> tuple[Edge, ...]:
+    """The edges of an output, shapes (n,); none where nothing stands out of its noise."""
+    if len(output) < 40:
+        return ()
+    means = block_means(output, BLOCKS)
+    times = block_means(time_s, BLOCKS)
+    low, high = np.quantile(means, (0.01, 0.99)).tolist()
+    span = float(high - low)
+    # neighbours three apart: hum and rotor ripple last for longer than a block
+    noise = max(sample_noise(output) / np.sqrt(len(output) / len(means)), block_noise(means), block_noise(means[::3]))
+    if span <= CLEAR * noise or span <= 0:
+        return ()
+    found: list[Edge] = []
+    for start, stop in itertools.pairwise(turns(means, BACK * span)):
+        if abs(means[stop] - means[start]) >= MOVES * span:
+            found += [_edge(times[a:b], means[a:b]) for a, b in _parts(means, start, stop + 1, span)]
+    found = [edge for edge in found if abs(edge.after - edge.before) >= MOVES * span]
+    window = float(times[-1] - times[0])
+    return (*found[:1], *(edge for edge in found[1:] if edge.rise_s < QUICK * window))
+
+
+def _parts(means: Array, start: int, stop: int, span: float) -> list[tuple[int, int]]:
+    """A leg between two turns as pieces with one edge each: those between moves with a rest in between."""
+    lag, still = max(1, len(means) // 50), max(2, len(means) // 20)
+    if stop - start < 2 * still + lag:
+        return [(start, stop)] if stop - start >= 2 else []
+    steps = np.abs(means[start + lag : stop] - means[start : stop - lag]) / span
+    cuts, moved, rested = [start], False, 0
+    rest_since: int | None = None
+    for i, step in enumerate(steps.tolist()):
+        rested = rested + 1 if step < RESTS else 0
+        if step > MOVES:
+            if moved and rest_since is not None:
+                cuts.append(start + rest_since)
+            moved, rest_since = True, None
+        elif moved and rested >= still:
+            rest_since = i
+    return list(itertools.pairwise([*cuts, stop]))
+
+
+def _edge(times: Array, means: Array) -> Edge:
+    few = max(1, len(means) // 10)
+    before, after = float(np.median(means[:few])), float(np.median(means[-few:]))
+    change = after - before
+    share = (means - before) / change if change != 0 else np.zeros(len(means))
+    tenth = int(np.argmax(share >= 0.1))
+    most = int(np.argmax(share >= 0.9))
+    outside = np.flatnonzero(np.abs(share - 1) > 0.05)
+    settled = int(outside[-1]) + 1 if len(outside) else 0
+    return Edge(
+        at_s=float(times[tenth]),
+        before=before,
+        after=after,
+        rise_s=float(times[most] - times[tenth]),
+        overshoot_pct=max(0.0, 100 * (float(share.max()) - 1)),
+        settling_s=float(times[settled] - times[tenth]) if settled < len(times) - 1 else None,
+    )
