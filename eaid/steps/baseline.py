@@ -11,7 +11,7 @@ from typing import Literal
 
 import numpy as np
 
-from eaid.arrays import Array
+from eaid.arrays import Array, median
 from eaid.errors import UsageError
 from eaid.steps.noise import block_means, block_noise, sample_noise, spikes
 from eaid.steps.plateaus import FEWEST
@@ -91,7 +91,7 @@ def last_rest(hold: Array, change: float) -> Rest:
     while size >= max(FEWEST, count // 8):
         part = hold[-size:]
         if moves(part, change) == 0.0:
-            return Rest(float(part.mean()), _end(part), left_out=left_out)
+            return _left_early(part, change, left_out)
         size //= 2
     if count < FEWEST:
         return Rest(float(hold.mean()), _end(hold), left_out=left_out)
@@ -107,6 +107,18 @@ def last_rest(hold: Array, change: float) -> Rest:
     at = np.arange(len(tail)) - (len(tail) - 1) / 2
     start = float(tail.mean() + (at @ tail) / (at @ at) * (len(tail) / 2))
     return Rest(start, start, False, 0, left_out)
+
+
+def _left_early(part: Array, change: float, left_out: int) -> Rest:
+    """A rest that lasts until the step, or until the few samples before it with which the output leaves it."""
+    middle = median(part)
+    band = max(SURE * 1.4826 * median(np.abs(part - middle)), 0.02 * abs(change))
+    inside = np.flatnonzero(np.abs(part - middle) <= band)
+    lead = len(part) - 1 - int(inside[-1]) if len(inside) else 0
+    if lead < 2 or len(part) - lead < FEWEST:
+        return Rest(float(part.mean()), _end(part), left_out=left_out)
+    start = float(part[-max(1, lead // 6) :].mean())
+    return Rest(float(part[: len(part) - lead].mean()), start, False, lead, left_out)
 
 
 def _end(part: Array) -> float:

@@ -158,7 +158,7 @@ def _settled_end(output: Array, hold: Plateau) -> float:
 def _cut_by_input(run: Run, where: str) -> list[Run]:
     """Steps where the input goes from one plateau to another; towards zero is a falling edge."""
     found, bridged = bridge(plateaus(run.input))
-    if not stands_still(found, len(run.input)):
+    if not stands_still(found, run.input):
         raise refuse_to_cut(run)
     if (odd := looks_like(run)) is not None:
         raise refuse_to_cut(run, odd)

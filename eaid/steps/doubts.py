@@ -20,7 +20,7 @@ SLOW_CLOCK_S = 1.0
 """Sample time from which its unit is asked about."""
 NOT_IDLE = 0.05
 """Share of the swing by which the output may be off its idle value when the step begins."""
-NOT_AT_REST = 0.10
+NOT_AT_REST = 0.08
 """Share of the swing from which such a start must not be used."""
 SURE = 5.0
 """Standard errors beyond which a difference is told."""
@@ -135,9 +135,23 @@ def _saturated(step: Step) -> Finding | None:
             and abs(limit - float(before[0])) > 20 * finest
             and abs(limit - float(before[0])) > 1e-3 * np.ptp(output)
         )
-        if longest >= 5 and steep:
+        if longest >= 5 and (steep or _cut_short(output, entry, limit)):
             return finding("saturated", step.run.name, samples=int(at.sum()), limit=limit, unit=step.unit)
     return None
+
+
+def _cut_short(output: Array, entry: int, limit: float) -> bool:
+    """True where an output without noise stops at a limit although its last moves, an exponential's, foretell more."""
+    if entry < 3:
+        return False
+    last, before = abs(limit - float(output[entry - 1])), abs(float(output[entry - 1] - output[entry - 2]))
+    moves = np.abs(np.diff(output))
+    moves = moves[moves > 0]
+    finest = float(moves.min())
+    even = np.abs(moves / finest - np.round(moves / finest)).max() < 1e-3
+    # what is left of an exponential whose last two moves were these, the last one cut
+    left = min(last, before) if before > 0 else 0.0
+    return left > max(4 * finest if even else 0.0, 2e-3 * float(np.ptp(output)))
 
 
 def _stuck(step: Step) -> Finding | None:
@@ -200,7 +214,10 @@ def _several_edges(step: Step) -> Finding | None:
     """More edges than the one that the input, or the file name, tells of."""
     if step.run.edge == "falling":
         return None
-    return several_edges(step.run.name, step.time_s, step.rise, step.run.step_s or 0.0)
+    idle = max(1, len(step.rise) // 50)
+    before = np.arange(-idle, 0) * step.clock.usual_s
+    time, rise = np.concatenate((before, step.time_s)), np.concatenate((np.zeros(idle), step.rise))
+    return several_edges(step.run.name, time, rise, step.run.step_s or 0.0)
 
 
 def _too_short(step: Step) -> Finding | None:

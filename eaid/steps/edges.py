@@ -104,8 +104,8 @@ def _parts(means: Array, start: int, stop: int, span: float) -> list[tuple[int, 
 
 
 def _edge(times: Array, means: Array) -> Edge:
-    few = max(1, len(means) // 10)
-    before, after = float(np.median(means[:few])), float(np.median(means[-few:]))
+    few = max(1, min(3, len(means) // 10))
+    before, after = float(np.median(means[:few])), float(np.median(means[-max(1, len(means) // 10) :]))
     change = after - before
     share = (means - before) / change if change != 0 else np.zeros(len(means))
     tenth = int(np.argmax(share >= 0.1))

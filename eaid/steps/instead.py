@@ -28,7 +28,7 @@ EVEN = 0.15
 def looks_like(run: Run) -> Finding | None:
     """A finding where a log's input is none of steps; None where it may be one."""
     found, _ = bridge(plateaus(run.input))
-    if not stands_still(found, len(run.input)):
+    if not stands_still(found, run.input):
         return moving(run.name, run.time_s, run.input)
     return _binary(run, found)
 

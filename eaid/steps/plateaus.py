@@ -107,6 +107,16 @@ def bridge(found: list[Plateau]) -> tuple[list[Plateau], int]:
     return joined, passed
 
 
-def stands_still(found: list[Plateau], count: int) -> bool:
-    """True where the input stands still for at least half of its record."""
-    return sum(plateau.count for plateau in found if plateau.count >= FEWEST) >= count / 2
+def stands_still(found: list[Plateau], values: Array) -> bool:
+    """True where an input stands still for at least half of its record: what leans is part of a slow ramp."""
+    allowed = tolerance(values)
+    still = sum(
+        one.count for one in found if one.count >= FEWEST and abs(_lean(values[one.start : one.stop])) <= allowed
+    )
+    return still >= len(values) / 2
+
+
+def _lean(part: Array) -> float:
+    """Mean of the last quarter of a stretch less that of the first."""
+    quarter = max(1, len(part) // 4)
+    return float(part[-quarter:].mean() - part[:quarter].mean())

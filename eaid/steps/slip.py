@@ -83,6 +83,8 @@ def _stick_slip(time_s: Array, output: Array) -> tuple[float | None, float | Non
     power = np.mean([np.abs(np.fft.rfft(window * (piece - piece.mean()))) ** 2 for piece in pieces], axis=0)
     power[:4] = 0.0  # slower than four periods of a window is trend
     best = int(power.argmax())
+    if power[best] <= 0:
+        return None, None
     near = slice(max(4, round(best / np.sqrt(2))), round(best * np.sqrt(2)) + 1)
     share = float(power[near].sum() / power.sum())
     if share < max(MOST, 4 * (near.stop - near.start) / len(power)):

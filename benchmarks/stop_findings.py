@@ -1,0 +1,274 @@
+"""False alarms and misses of every stop finding about steps, on synthetic logs.
+
+`python -m benchmarks.stop_findings [COUNT]`: COUNT good logs (500), of which each finding may be raised at most by 2 %,
+and COUNT bad logs of each kind, of which at most 5 % may pass without a stop or a refusal. A bad log counts as caught
+where its own finding is among what is said, or where it is refused.
+"""
+
+import sys
+from collections import Counter
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from eaid.arrays import Array, read_only
+from eaid.errors import DataError
+from eaid.fitting.step_shapes import fit_step
+from eaid.logs.run import Run
+from eaid.steps.build import build_stepset
+
+MOST_FALSE_PCT, MOST_MISSED_PCT = 2.0, 5.0
+
+
+def rise(t: Array, tau1: float, tau2: float, share: float) -> Array:
+    """1 − C e^(−t/τ1) − (1 − C) e^(−t/τ2) from t = 0 on."""
+    t = np.maximum(t, 0.0)
+    return np.asarray(1 - share * np.exp(-t / tau1) - (1 - share) * np.exp(-t / tau2))
+
+
+def good(random: np.random.Generator) -> Run:
+    """A log that can be used: one step, of any shape, rate, noise, offset, drift that a sound rig has."""
+    rate = float(random.choice([50.0, 100.0, 200.0, 1000.0]))
+    idle, hold = float(random.uniform(1.0, 5.0)), float(random.uniform(4.0, 20.0))
+    t = np.arange(round((idle + hold) * rate)) / rate
+    tau1 = float(np.exp(random.uniform(np.log(4 / rate), np.log(hold / 8))))
+    share = float(random.choice([0.85, 0.85, 0.85, 1.0, random.uniform(0.5, 1.3)]))
+    y = rise(t - idle, tau1, tau1 * float(random.uniform(3.0, 15.0)), share)
+    if random.uniform() < 0.3:
+        y = y + 0.01 * random.uniform() * np.sin(2 * np.pi * random.uniform(0.2, 20) * t)
+    if random.uniform() < 0.3:
+        y = y + random.uniform(-0.03, 0.03) * t / t[-1]
+    y = y + float(random.choice([0.0, 0.002, 0.01, 0.03])) * random.normal(size=len(t))
+    if random.uniform() < 0.3:
+        y = np.round(y * 500) / 500
+    level = float(random.uniform(10.0, 100.0))
+    u = np.where(t >= idle - 1e-9, level, 0.0)
+    if random.uniform() < 0.3:
+        last = t >= idle + 0.8 * hold
+        y = np.where(last, y * np.exp(-np.maximum(t - idle - 0.8 * hold, 0) / max(tau1, 0.1)), y)
+        u = np.where(last, 0.0, u)
+    size = float(10 ** random.uniform(-3, 3))
+    return log(t, u, size * (y + random.uniform(-1, 1)))
+
+
+def log(t: Array, u: Array, y: Array, **more: object) -> Run:
+    facts: dict[str, object] = {"input_unit": "%", "output_unit": "N·m", "source": "a.csv", "sha256": "0"}
+    facts |= {"kind": "clutch", "name": "a", **more}
+    return Run(time_s=read_only(t), input=read_only(u), output=read_only(y), **facts)  # type: ignore[arg-type]
+
+
+def _step(run: Run) -> int:
+    return int(np.argmax(run.input > 0))
+
+
+def _span(run: Run) -> float:
+    start = _step(run)
+    return float(np.ptp(run.output[start:]))
+
+
+def not_at_rest(random: np.random.Generator, run: Run) -> list[Run]:
+    """The input logged late: by 15 to 40 % of the rise."""
+    start, y = _step(run), run.output
+    base = float(np.median(y[:start]))
+    end = float(np.median(y[start + (len(y) - start) // 3 : start + 2 * (len(y) - start) // 3]))
+    away = np.abs(y[start:] - base) / abs(end - base)
+    below = np.flatnonzero(away[: int(np.argmax(away > 0.6))] <= random.uniform(0.15, 0.4))
+    late = int(below[-1]) + 1 if len(below) else 2
+    late = min(max(late, 2), start // 3)
+    u = np.where(np.arange(len(y)) < start + late, 0.0, run.input[start])
+    return [replace(run, input=read_only(np.where(run.input == 0, 0.0, u)))]
+
+
+def step_in_gap(random: np.random.Generator, run: Run) -> list[Run]:
+    start = _step(run)
+    gone = max(12, int(random.uniform(0.02, 0.1) * len(run.time_s)))
+    keep = np.ones(len(run.time_s), dtype=bool)
+    keep[start - gone // 3 : start + gone] = False
+    return [_kept(run, keep)]
+
+
+def _kept(run: Run, keep: np.ndarray) -> Run:
+    return replace(
+        run, time_s=read_only(run.time_s[keep]), input=read_only(run.input[keep]), output=read_only(run.output[keep])
+    )
+
+
+def saturated(random: np.random.Generator, run: Run) -> list[Run]:
+    start = _step(run)
+    base = float(np.median(run.output[:start]))
+    limit = base + random.uniform(0.3, 0.7) * (float(run.output.max()) - base)
+    return [replace(run, output=read_only(np.minimum(run.output, limit)))]
+
+
+def stuck(random: np.random.Generator, run: Run) -> list[Run]:
+    y, start = run.output.copy(), _step(run)
+    y += 0.005 * _span(run) * random.normal(size=len(y))
+    count = int(random.uniform(0.1, 0.4) * (len(y) - start))
+    at = start + int(random.uniform(0.1, 0.5) * (len(y) - start))
+    y[at : at + count] = y[at]
+    return [replace(run, output=read_only(y))]
+
+
+def coarse(random: np.random.Generator, run: Run) -> list[Run]:
+    start = _step(run)
+    base = float(np.median(run.output[:start]))
+    finest = (float(run.output.max()) - base) / random.uniform(4, 18)
+    smooth = np.convolve(run.output, np.ones(9) / 9, mode="same")
+    return [replace(run, output=read_only(np.round(smooth / finest) * finest))]
+
+
+def spiked(random: np.random.Generator, run: Run) -> list[Run]:
+    y = run.output.copy()
+    y[random.integers(_step(run) + 3, len(y) - 3)] += 100 * _span(run)
+    return [replace(run, output=read_only(y))]
+
+
+def other_sign(random: np.random.Generator, run: Run) -> list[Run]:
+    runs = [replace(run, name=f"r{k}", output=read_only(run.output * random.uniform(0.8, 1.2))) for k in range(4)]
+    return [*runs[:3], replace(runs[3], output=read_only(-runs[3].output))]
+
+
+def several(random: np.random.Generator, run: Run) -> list[Run]:
+    """A closed loop behind a constant input: the output goes up and down."""
+    t = run.time_s
+    edges = int(random.integers(2, 7))
+    at = np.sort(random.uniform(0.1, 0.9, edges))
+    while np.diff(at).min(initial=1.0) < 0.08:
+        at = np.sort(random.uniform(0.1, 0.9, edges))
+    tau = float(t[-1]) * random.uniform(0.002, 0.02)
+    y = np.zeros(len(t))
+    for k, share in enumerate(at.tolist()):
+        y += (1 if k % 2 == 0 else -1) * rise(t - share * float(t[-1]), tau, 2 * tau, 0.9)
+    y += random.choice([0.0, 0.01, 0.03]) * random.normal(size=len(t))
+    return [log(t, np.full(len(t), np.nan), y, level=50.0)]
+
+
+def contradicted(random: np.random.Generator, run: Run) -> list[Run]:
+    level = float(run.input.max())
+    start = float(run.time_s[_step(run)])
+    return [replace(run, level=level * random.choice([0.01, 0.5, 1.2, 100.0]), step_s=start)]
+
+
+def reverses(random: np.random.Generator, run: Run) -> list[Run]:
+    t = run.time_s
+    phase = t / t[-1] * random.uniform(2, 12)
+    position = 2 * np.abs((phase % 1) - 0.5) + 0.003 * random.normal(size=len(t))
+    return [log(t, 40 * position, np.sign(np.gradient(position)) + 0.1 * random.normal(size=len(t)), input_unit="mm")]
+
+
+def sweeps(random: np.random.Generator, run: Run) -> list[Run]:
+    t = run.time_s / run.time_s[-1]
+    first, last = random.uniform(1, 3), random.uniform(10, 20)
+    u = 50 + 30 * np.sin(2 * np.pi * (first * t + (last - first) * t**2 / 2))
+    return [log(run.time_s, u, u * 0.02 + 0.01 * random.normal(size=len(t)))]
+
+
+def binary(random: np.random.Generator, run: Run) -> list[Run]:
+    count = int(random.integers(30, 80))
+    bits = np.repeat(random.integers(0, 2, count), max(4, len(run.time_s) // count))
+    u = 30.0 + 40.0 * bits
+    t = np.arange(len(u)) / 100.0
+    y = np.convolve(u * 0.02, np.exp(-t / 0.3) / 30, mode="full")[: len(t)]
+    return [log(t, u, y + 0.01 * random.normal(size=len(t)))]
+
+
+def ceiling(random: np.random.Generator, run: Run) -> list[Run]:
+    """Levels whose sensor stops at one value, behind noise."""
+    t = run.time_s
+    start = _step(run)
+    since = t - t[start]
+    tau = float(since[-1]) * random.uniform(0.05, 0.12)
+    limit = random.uniform(0.3, 0.5)
+    runs = []
+    for k, level in enumerate((20.0, 40.0, 60.0, 80.0, 100.0)):
+        y = np.minimum(level / 100 * rise(since, tau, 4 * tau, 0.85), limit)
+        y = y + 0.005 * random.normal(size=len(t))
+        runs.append(log(t, np.where(since >= 0, level, 0.0), y, name=f"r{k}"))
+    return [replace(one, name=f"r{k}") for k, one in enumerate(runs)]
+
+
+def unsettled(random: np.random.Generator, _run: Run) -> list[Run]:
+    """A staircase that is left before the output rests."""
+    tau = 1.0
+    hold = random.uniform(0.5, 1.2)
+    t = np.arange(0, 2 + 3 * hold, 0.01)
+    y, u = np.zeros(len(t)), np.zeros(len(t))
+    for k in range(3):
+        y += rise(t - 2 - k * hold, tau, 3 * tau, 0.85)
+        u = np.where(t >= 2 + k * hold - 1e-9, 20.0 * (k + 1), u)
+    return [log(t, u, y + 0.003 * random.normal(size=len(t)))]
+
+
+def no_step(random: np.random.Generator, run: Run) -> list[Run]:
+    """An output that has nothing to do with the step."""
+    t = run.time_s
+    y = np.sin(2 * np.pi * t / t[-1] * random.uniform(2.5, 6) + random.uniform(0, 6))
+    return [replace(run, output=read_only(y + 0.05 * random.normal(size=len(t))))]
+
+
+BAD: dict[str, tuple[Callable[[np.random.Generator, Run], list[Run]], tuple[str, ...]]] = {
+    "not-at-rest": (not_at_rest, ("not-at-rest",)),
+    "unsettled-before-step": (unsettled, ("unsettled-before-step",)),
+    "step-in-gap": (step_in_gap, ("step-in-gap",)),
+    "saturated": (saturated, ("saturated",)),
+    "same-ceiling": (ceiling, ("same-ceiling",)),
+    "sensor-stuck": (stuck, ("sensor-stuck",)),
+    "coarse-output": (coarse, ("coarse-output",)),
+    "spikes": (spiked, ("spikes",)),
+    "sign-differs": (other_sign, ("sign-differs",)),
+    "level-contradicts-input": (contradicted, ("level-contradicts-input",)),
+    "several-edges": (several, ("several-edges",)),
+    "input-reverses": (reverses, ("input-reverses",)),
+    "input-sweeps": (sweeps, ("input-sweeps",)),
+    "input-is-binary": (binary, ("input-is-binary",)),
+    "shape-explains-little": (no_step, ("shape-explains-little", "several-edges", "not-at-rest")),
+}
+"""Kind of bad log → what makes one, and the findings of which one has to be said."""
+
+
+def stops(runs: Sequence[Run], shapes: bool) -> set[str]:
+    """Codes of the stop findings that logs bring up; "refused" where they are refused."""
+    try:
+        made = build_stepset(list(runs))
+    except DataError:
+        return {"refused"}
+    found = [*made.findings, *(one for run in made.runs for one in run.findings)]
+    if shapes:
+        found += [one for step in made.level_steps if step.edge == "up" for one in fit_step(step).findings]
+    return {one.code for one in found if one.severity == "stop"}
+
+
+def false_alarms(count: int, shapes: bool = True) -> Counter[str]:
+    """How many of `count` good logs raise each stop finding."""
+    random = np.random.default_rng(1)
+    return Counter(code for _ in range(count) for code in stops([good(random)], shapes))
+
+
+def misses(kind: str, count: int) -> int:
+    """How many of `count` bad logs of a kind pass."""
+    random = np.random.default_rng(2)
+    make, codes = BAD[kind]
+    shapes = kind == "shape-explains-little"
+    return sum(not stops(make(random, good(random)), shapes) & {"refused", *codes} for _ in range(count))
+
+
+def main() -> int:
+    """Print the table; 1 where a rate is beyond its limit."""
+    count = int(sys.argv[1]) if len(sys.argv) > 1 else 500
+    alarms = false_alarms(count)
+    failed = False
+    print(f"{count} logs each\n{'finding':28}{'false alarms':>14}{'missed':>10}")
+    for kind in BAD:
+        missed = 100 * misses(kind, count) / count
+        false = 100 * alarms.pop(kind, 0) / count
+        failed |= missed > MOST_MISSED_PCT or false > MOST_FALSE_PCT
+        print(f"{kind:28}{false:12.1f} %{missed:8.1f} %")
+    for code, number in alarms.items():
+        failed |= 100 * number / count > MOST_FALSE_PCT
+        print(f"{code:28}{100 * number / count:12.1f} %")
+    return int(failed)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
