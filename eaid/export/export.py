@@ -6,7 +6,7 @@ from pathlib import Path
 from eaid.control.pi import PIGains
 from eaid.control.rc import RCGains
 from eaid.errors import UsageError
-from eaid.export.job import job_of, laws_of, timing_of
+from eaid.export.job import constants_of, job_of, laws_of, timing_of
 from eaid.export.judge import judged
 from eaid.export.options import ExportOptions
 from eaid.export.source import source_of
@@ -74,8 +74,9 @@ def export(
     target = TARGETS[options.target]
     laws = laws_of(source, options, target.laws)
     timing = timing_of(source, options)
+    constants = constants_of(source, laws, timing)
     found = judged(source, laws, 1.0 / timing.dt_s, options)
-    job = job_of(source, laws, timing, found, options)
+    job = job_of(source, constants, timing, found, options)
     files = dict(target.files(job))
     with folder_written_whole(options.folder) as part:
         for name, content in files.items():

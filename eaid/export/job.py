@@ -17,7 +17,7 @@ from eaid.export.constants import (
 from eaid.export.options import LAWS, ExportOptions
 from eaid.export.series import rounded
 from eaid.export.source import Source
-from eaid.export.text import decimal
+from eaid.export.text import decimal, harmless, unit_name
 from eaid.export.vectors import Vector, vectors
 from eaid.findings import Finding, say
 
@@ -72,10 +72,8 @@ def timing_of(source: Source, options: ExportOptions) -> Timing:
     return Timing(1.0 / rate, options.precision, options.duty_on_fault, options.stuck_s, corner)
 
 
-def job_of(
-    source: Source, laws: tuple[str, ...], timing: Timing, found: tuple[Finding, ...], options: ExportOptions
-) -> Job:
-    """Everything that the templates need."""
+def constants_of(source: Source, laws: tuple[str, ...], timing: Timing) -> dict[str, Any]:
+    """Constants of each law, and of the rate's filter, in the target's precision; UsageError where one is too large."""
     made: dict[str, Any] = {}
     if "pi" in laws and source.pi is not None:
         made["pi"] = pi_constants(source.pi, timing)
@@ -88,19 +86,49 @@ def job_of(
             made["plant"] = plant_constants(source.plant, timing)
     if set(laws) - {"plant"}:
         made["rate"] = rate_constants(timing)
-    made = {name: rounded(value, timing.precision) for name, value in made.items()}
-    folder = options.folder.resolve().name
+    for law, constants in made.items():
+        _refuse_what_is_too_large(law, constants, timing.precision)
+    return {name: rounded(value, timing.precision) for name, value in made.items()}
+
+
+MOST = {"double": 1e60, "single": 1e15}
+"""Largest constant: its square is a number still."""
+
+
+def _refuse_what_is_too_large(law: str, constants: Any, precision: str) -> None:
+    for name, value in constants._asdict().items():
+        if hasattr(value, "_fields"):
+            _refuse_what_is_too_large(law, value, precision)
+        elif not all(abs(number) <= MOST[precision] for number in (value if isinstance(value, tuple) else (value,))):
+            raise UsageError(
+                f"{law}: {name} is {value:g}, which {precision} precision cannot hold safely; export others"
+            )
+
+
+def job_of(
+    source: Source, constants: Mapping[str, Any], timing: Timing, found: tuple[Finding, ...], options: ExportOptions
+) -> Job:
+    """Everything that the templates need."""
+    laws = tuple(name for name in constants if name != "rate")
     return Job(
-        options, timing, source.units, laws, made, tuple(vectors(made, source.top, timing.precision)),
-        tuple(_head(source, laws, timing, found, options)), found, folder, source.top,
-    )  # fmt: skip
+        options=options,
+        timing=timing,
+        units=(unit_name(source.units[0]), unit_name(source.units[1])),
+        laws=laws,
+        constants=constants,
+        vectors=tuple(vectors(constants, source.top, timing.precision)),
+        head=tuple(_head(source, laws, timing, found, options)),
+        findings=found,
+        name=options.folder.resolve().name,
+        top=source.top,
+    )
 
 
 def _head(
     source: Source, laws: tuple[str, ...], timing: Timing, found: tuple[Finding, ...], options: ExportOptions
 ) -> list[str]:
     origins = [f"{one.path}, sha256 {one.sha256}" for one in options.inputs] or list(source.origins)
-    return [
+    lines = [
         f"{', '.join(laws)} for an electroadhesive clutch, made by eaid {__version__}",
         *(f"from {origin}" for origin in origins),
         *([f"by {options.command}"] if options.command else []),
@@ -108,3 +136,4 @@ def _head(
         f" duty in {source.units[0]}, torque in {source.units[1]}",
         *(f"{one.severity}: {in_python(say(one))}" for one in found),
     ]
+    return [harmless(line) for line in lines]

@@ -1,6 +1,7 @@
 """Numbers and heads as the texts of a target have them."""
 
 import math
+import re
 from typing import Any
 
 import numpy as np
@@ -36,5 +37,14 @@ def decimal(value: Any) -> str:
 
 def commented(lines: list[str], before: str) -> str:
     """The head's lines behind a comment mark; nothing in them can end the comment."""
-    safe = (" ".join(line.split()).replace("*/", "* /").replace("/*", "/ *") for line in lines)
-    return "\n".join((before + line).rstrip() for line in safe)
+    return "\n".join((before + harmless(line)).rstrip() for line in lines)
+
+
+def harmless(text: str) -> str:
+    """A text of one line that ends no comment and goes on to no next line, whatever a file or a unit is called."""
+    return " ".join(text.split()).replace("*/", "* /").replace("/*", "/ *").rstrip("\\ ")
+
+
+def unit_name(text: str) -> str:
+    """A unit as any language may hold it: one short word, no quotes."""
+    return harmless(re.sub(r"[\"'\\{}<>]", "", text))[:20] or "1"

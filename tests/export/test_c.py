@@ -4,14 +4,18 @@ import json
 import re
 import shutil
 import subprocess
+import sys
 
 import msgspec
 import numpy as np
 import pytest
+import yaml
+from fmpy.validation import validate_fmu
 
 from eaid.cli import main
 from eaid.export.export import export
 from eaid.export.options import ExportOptions
+from eaid.results.common import Input
 
 from .conftest import COMPILERS, LAWS, STRICT, closed_loop, compiled, fit_of, gains_of, logged
 
@@ -172,3 +176,57 @@ def test_valgrind_finds_nothing(exported):
     program = compiled(exported("c"), COMPILERS[0], "-O0")
     command = ["valgrind", "-q", "--error-exitcode=9", "--leak-check=full", str(program)]
     assert subprocess.run(command, capture_output=True, check=False).returncode == 0
+
+
+FAULTS = """
+#include <stdio.h>
+#include "eaid_control.h"
+int main(void)
+{
+    %(state)s s;
+    eaid_real duty;
+    int k;
+    printf("%%u %%u\\n", (unsigned)eaid_interval(1.05F * eaid_dt_s), (unsigned)eaid_interval(1.2F * eaid_dt_s));
+    printf("%%u\\n", (unsigned)eaid_%(law)s_init(&eaid_%(law)s, &s, 2 * eaid_dt_s));
+    duty = eaid_%(law)s_step(&eaid_%(law)s, &s, 1, 0, 0);
+    printf("%%g %%u\\n", (double)duty, (unsigned)s.guard.status);
+    (void)eaid_%(law)s_init(&eaid_%(law)s, &s, eaid_dt_s);
+    for (k = 0; k < 700; k++)
+    {
+        duty = eaid_%(law)s_step(&eaid_%(law)s, &s, 2, 0, k < 100 ? (eaid_real)k / 100 : (eaid_real)1);
+        if ((k == 599) || (k == 600) || (k == 699))
+        {
+            printf("%%.6g %%u\\n", (double)duty, (unsigned)s.guard.status);
+        }
+    }
+    return 0;
+}
+"""
+
+
+@pytest.mark.parametrize("precision", ["double", "single"])
+@pytest.mark.parametrize("law", LAWS)
+def test_a_wrong_rate_and_a_stuck_sensor_are_met_as_the_readme_says(exported, tmp_path, law, precision):
+    state = "eaid_inverse_state" if law == "inverse" else "eaid_integral_state"
+    (tmp_path / "faults.c").write_text(FAULTS % {"law": law, "state": state})
+    folder = exported("c", precision)
+    command = [COMPILERS[0], "-O2", f"-I{folder}", "faults.c", str(folder / "eaid_control.c"), "-o", "faults", "-lm"]
+    subprocess.run(command, cwd=tmp_path, check=True)
+    said = subprocess.run([tmp_path / "faults"], capture_output=True, text=True, check=True).stdout.splitlines()
+    assert said[:3] == ["0 32", "32", "0 33"]
+    stuck = [line.split() for line in said[3:]]
+    assert [int(status) & 16 for _, status in stuck] == [0, 16, 16]  # 500 samples after the last change
+    assert float(stuck[2][0]) == 100.0 and int(stuck[2][1]) == 24  # the error stays: the duty is at its limit
+
+
+def test_no_name_of_a_file_or_a_unit_breaks_the_sources(tmp_path):
+    named = (Input('evil */ int x; /* """ \\', "abc"), Input("two\nlines", "def"))
+    data = {"input_unit": 'V */ "', "output_unit": "N\n<m>", "levels": [100.0]}
+    for target in ("c", "python", "yaml", "fmu"):
+        options = ExportOptions(target=target, folder=tmp_path / target, inputs=named, command="eaid export 'a\\")
+        export(gains_of(), fit_of(data=data), options)
+    assert subprocess.run([compiled(tmp_path / "c", COMPILERS[0])], capture_output=True, check=False).returncode == 0
+    assert subprocess.run(["make"], cwd=tmp_path / "c", capture_output=True, check=False).returncode == 0
+    assert subprocess.run([sys.executable, "check.py"], cwd=tmp_path / "python", check=False).returncode == 0
+    assert yaml.safe_load((tmp_path / "yaml" / "parameters.yaml").read_text())
+    assert validate_fmu(str(tmp_path / "fmu" / "eaid_rc.fmu")) == []

@@ -211,3 +211,12 @@ def test_every_sentence_is_said():
     assert said["export-margins"].endswith("duties: RC 16.2 dB, 78.1 ° of phase, 0.0117 s of delay")
     assert "does not hold on this rig (missing: rho, phi)" in said["export-guarantee-missing"]
     assert len(set(said.values())) == len(ROWS)
+
+
+@pytest.mark.parametrize(
+    ("gains", "precision"),
+    [(KNOWN.rc._replace(duty_max=math.inf), "double"), (KNOWN.rc._replace(rho_slope=1e45), "single")],
+)
+def test_numbers_that_no_rig_can_hold_are_refused(tmp_path, gains, precision):
+    with pytest.raises(UsageError, match="precision cannot hold safely"):
+        export(gains, None, ExportOptions(folder=tmp_path / "rig", precision=precision, anyway=True))

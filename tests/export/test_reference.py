@@ -4,12 +4,15 @@ import math
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from eaid.control.rc import RCState, rc_step
 from eaid.export import reference as law
-from eaid.export.constants import SEARCHES
+from eaid.export.constants import SEARCHES, Timing, plant_constants, rc_constants
 from eaid.export.series import rounded, series
 from eaid.replay.inverse import inverse_gains, inverse_start, inverse_step
+from eaid.replay.plant import plant_parameters, plant_step
 
 from .conftest import DT, KNOWN, LAWS, PLANT, closed_loop, constants
 
@@ -94,3 +97,35 @@ def test_the_observer_learns_what_the_replays_learns():
         mine, own = law.inverse_step(c, mine, 0.5, 0.0, torque)
         assert own == pytest.approx(duty, abs=1e-8)
     assert mine.lack == pytest.approx(theirs.lack, abs=1e-12)
+
+
+NUMBERS = st.floats(-5.0, 5.0)
+
+
+@settings(max_examples=400, deadline=None)
+@given(
+    st.floats(0.01, 50), st.floats(0.01, 20), st.floats(0.1, 50), st.floats(0.01, 2), st.floats(0.1, 100),
+    st.floats(0, 20), st.floats(0, 20), NUMBERS, NUMBERS, NUMBERS, NUMBERS, st.floats(1e-4, 0.1), st.booleans(),
+)  # fmt: skip
+def test_any_gains_at_any_rate_give_the_replays_duty(
+    K_P, K_D, B_hat, epsilon, gamma, rho0, rho1, integral, reference, rate, torque, dt, back
+):
+    gains = KNOWN.rc._replace(
+        K_P=K_P, K_D=K_D, B_hat=B_hat, epsilon=epsilon, gamma=gamma, rho_constant=rho0, rho_slope=rho1,
+        back_calculation=0.02 if back else 0.0,
+    )  # fmt: skip
+    c = rc_constants(gains, Timing(dt))
+    theirs, duty = rc_step(gains, RCState(integral), reference, rate, torque, dt)
+    state = law.integral_init(c, dt)._replace(integral=integral)
+    mine, own = law.rc_step(c, state, reference, rate, torque)
+    scale = abs(law.rc_wanted(c, integral, reference, rate, torque)) + 100.0
+    assert own == pytest.approx(duty, abs=1e-13 * scale)
+    assert mine.integral == pytest.approx(theirs.integral, abs=1e-13 * scale)
+
+
+@settings(max_examples=300, deadline=None)
+@given(st.floats(-20, 130), st.floats(0, 4), st.floats(0, 1), st.floats(1e-5, 1.0))
+def test_any_plant_step_is_the_replays(duty, x1, x2, dt):
+    theirs = plant_step(plant_parameters(PLANT), x1, x2, duty, dt)
+    change = law.plant_change(plant_constants(PLANT, Timing(dt)), x1, x2, duty)
+    assert (x1 + change[0], x2 + change[1]) == pytest.approx(theirs, abs=1e-14)
