@@ -99,9 +99,8 @@ def last_rest(hold: Array, change: float) -> Rest:
     while count - lead >= max(2 * FEWEST, count // 2):
         part = hold[: count - lead]
         if moves(part, change) == 0.0:
-            value = float(part.mean())
-            lead = _since_departure(hold, value, lead)
-            return Rest(value, float(hold[-max(1, lead // 4) :].mean()), False, lead, left_out)
+            lead = max(2, _lead(hold, part, change))
+            return _departed(hold, lead, left_out)
         lead *= 2
     tail = hold[-max(FEWEST, count // 8) :]
     at = np.arange(len(tail)) - (len(tail) - 1) / 2
@@ -111,25 +110,28 @@ def last_rest(hold: Array, change: float) -> Rest:
 
 def _left_early(part: Array, change: float, left_out: int) -> Rest:
     """A rest that lasts until the step, or until the few samples before it with which the output leaves it."""
-    middle = median(part)
-    band = max(SURE * 1.4826 * median(np.abs(part - middle)), 0.02 * abs(change))
-    inside = np.flatnonzero(np.abs(part - middle) <= band)
-    lead = len(part) - 1 - int(inside[-1]) if len(inside) else 0
+    lead = _lead(part, part, change)
     if lead < 2 or len(part) - lead < FEWEST:
         return Rest(float(part.mean()), _end(part), left_out=left_out)
-    start = float(part[-max(1, lead // 6) :].mean())
-    return Rest(float(part[: len(part) - lead].mean()), start, False, lead, left_out)
+    return _departed(part, lead, left_out)
+
+
+def _lead(hold: Array, rest: Array, change: float) -> int:
+    """Samples of a hold since its output was last at its rest, within its noise or 2 % of the change."""
+    middle = median(rest)
+    band = max(SURE * 1.4826 * median(np.abs(rest - middle)), 0.02 * abs(change))
+    inside = np.flatnonzero(np.abs(hold - middle) <= band)
+    return len(hold) - 1 - int(inside[-1]) if len(inside) else 0
+
+
+def _departed(hold: Array, lead: int, left_out: int) -> Rest:
+    """A rest that the output leaves some samples before the step."""
+    start = float(hold[-max(1, lead // 6) :].mean())
+    return Rest(float(hold[: len(hold) - lead].mean()), start, False, lead, left_out)
 
 
 def _end(part: Array) -> float:
     return float(part[-max(1, len(part) // 20) :].mean())
-
-
-def _since_departure(hold: Array, value: float, lead: int) -> int:
-    """Samples since the output was last within its noise of a rest, at most twice `lead`."""
-    band = max(SURE * sample_noise(hold[: len(hold) - lead]), 1e-3 * abs(float(hold[-1]) - value))
-    inside = np.flatnonzero(np.abs(hold[-2 * lead :] - value) <= band)
-    return min(2 * lead, len(hold)) - 1 - int(inside[-1]) if len(inside) else 2 * lead
 
 
 def without_spikes(hold: Array, change: float) -> tuple[Array, int]:
