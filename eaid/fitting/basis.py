@@ -3,7 +3,7 @@
 Constraints, SPEC §3, at 101 equally spaced duties from the lowest to the highest level: τ1 ≥ 1 ms, τ2 ≥ τ1, T_s ≥ 0.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 
@@ -13,15 +13,15 @@ from numpy.polynomial.polynomial import polyval
 
 from eaid.arrays import Array, read_only
 from eaid.fitting.levels import RECORDS_FREE
-from eaid.fitting.starts import RECORDS, TAU1_LEAST_S
-from eaid.models.parameters import Nonlinear
+from eaid.fitting.starts import RECORDS
+from eaid.models.parameters import TAU_FLOOR_S, Nonlinear
 
 DUTIES = 101
 """Duties at which the constraints hold."""
 DEGREES = (3, 2, 2)
 """Degrees of T_s, τ1, τ2."""
-HELD = ("τ1 = 1 ms", "τ2 = τ1", "T_s = 0", "τ2 endless")
-"""What the constraints say, in the order of their rows, 101 of each."""
+HELD = ("tau1-floor", "tau2-meets-tau1", "Ts-zero", "tau2-endless")
+"""Codes of the constraints, in the order of their rows, 101 of each."""
 
 
 LEGENDRE = np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [-0.5, 0.0, 1.5, 0.0], [0.0, -1.5, 0.0, 2.5]])
@@ -108,7 +108,7 @@ class Basis:
         if not self.free_share:
             theta[3] = self.share
         # Between the 101 duties a quadratic may dip a little below its floor; a level's τ is kept off zero there.
-        np.maximum(theta[1:3], 0.1 * TAU1_LEAST_S, out=theta[1:3])
+        np.maximum(theta[1:3], 0.1 * TAU_FLOOR_S, out=theta[1:3])
         return theta
 
     def parameters(self, x: Array) -> Nonlinear:
@@ -150,14 +150,23 @@ def constraints(basis: Basis, longest_s: float) -> tuple[Array, Array, Callable[
     limit = (RECORDS_FREE if basis.free_share else RECORDS) * longest_s
     count = len(basis.duties)
     b = np.zeros(len(basis.A))
-    b[:count], b[3 * count : 4 * count] = TAU1_LEAST_S, -limit
+    b[:count], b[3 * count : 4 * count] = TAU_FLOOR_S, -limit
     if basis.free_share:
         b[-1] = -1.0
 
-    def names(i: int) -> str:
-        if i >= len(HELD) * count:
-            return ("C = 0", "C = 1")[i - len(HELD) * count]
-        which, where = divmod(i, count)
-        return f"{HELD[which]} at input {basis.duties[where]:g}"
+    return basis.A, b, lambda i: _code(basis, i)
 
-    return basis.A, b, names
+
+def _code(basis: Basis, i: int) -> str:
+    count = len(HELD) * len(basis.duties)
+    return HELD[i // len(basis.duties)] if i < count else ("C-zero", "C-one")[i - count]
+
+
+def held_at(basis: Basis, active: Sequence[int]) -> dict[str, tuple[float, ...]]:
+    """Active constraints by code, and the inputs at which each holds."""
+    found: dict[str, list[float]] = {}
+    for i in active:
+        at = found.setdefault(_code(basis, i), [])
+        if i < len(HELD) * len(basis.duties):
+            at.append(float(basis.duties[i % len(basis.duties)]))
+    return {code: tuple(at) for code, at in found.items()}

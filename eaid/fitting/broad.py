@@ -14,7 +14,7 @@ from eaid.fitting.basis import DUTIES, Basis
 from eaid.fitting.data import Data
 from eaid.fitting.laplace import Transforms, transforms
 from eaid.fitting.solver import Problem, bring_in
-from eaid.fitting.starts import TAU1_LEAST_S
+from eaid.models.parameters import TAU_FLOOR_S
 
 VALUES = 5
 """Values of τ2 tried at each of three levels: from three times τ1 to thirty times the record, and one without end."""
@@ -78,7 +78,7 @@ def wall_of(x: Array, cost: float, least: float, basis: Basis, problem: Problem)
     at = DUTIES if basis.highest > basis.lowest else 1
     rows = np.concatenate([np.arange(block * at, (block + 1) * at, 10) for block in range(3)])
     ends = basis.rows(np.linspace(basis.lowest, basis.highest, 5))
-    fast, torque = max(np.median(ends[1] @ x), TAU1_LEAST_S), max(float(np.max(ends[0] @ x)), least)
+    fast, torque = max(np.median(ends[1] @ x), TAU_FLOOR_S), max(float(np.max(ends[0] @ x)), least)
     size = np.where(rows < 2 * at, fast, torque) / np.sqrt(STEEP * cost)
     return Wall(problem.A[rows] / size[:, None], problem.b[rows] / size)
 

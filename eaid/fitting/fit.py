@@ -1,68 +1,82 @@
-"""StepSet → Fit: the models that the kind of experiment allows, with held-out levels, weights and loss."""
+"""StepSet → Fit: the models that the kind of experiment allows, with held-out levels, weights and loss.
+
+Intervals and the choice between estimates follow in `eaid.uncertainty.workflow`.
+"""
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
 
+import msgspec
 import numpy as np
 
 from eaid.arrays import Array
 from eaid.errors import UsageError
-from eaid.fitting import kernel, robust
+from eaid.findings import Finding, finding, ranked
+from eaid.fitting import kernel, metrics, robust
 from eaid.fitting.data import Data, data_of
-from eaid.fitting.friction import friction_fit, refuse_empty
+from eaid.fitting.findings import linear_findings, nonlinear_findings
+from eaid.fitting.friction import friction_fit, refuse_empty, trend_axis
 from eaid.fitting.levels import fit_levels
-from eaid.fitting.linear import (
-    LinearSolution,
-    bounds_of,
-    by_convention,
-    fit_linear,
-    fit_own_levels,
-    linear_residuals,
-)
+from eaid.fitting.linear import LinearSolution, bounds_of, by_convention, fit_linear, fit_own_levels, linear_residuals
 from eaid.fitting.nonlinear import Solution, fit_nonlinear, full_residuals, refit_nonlinear
 from eaid.fitting.options import ALLOWED, CONVENTIONS, FitOptions, check
 from eaid.fitting.release import release_fit
-from eaid.fitting.result import Fit, FrictionFit, LevelError, LevelFit, LinearFit, NonlinearFit, PooledLinear
-from eaid.fitting.warnings import linear_warnings, nonlinear_warnings
+from eaid.fitting.sources import data_part
 from eaid.fitting.weights import weights_of, with_other_weights
 from eaid.models import friction as friction_model
 from eaid.models import linear as linear_model
 from eaid.models import nonlinear as nonlinear_model
-from eaid.models.parameters import SHARE, Friction, Nonlinear
+from eaid.models import parameters
+from eaid.models.parameters import SHARE
 from eaid.models.trends import evaluate
+from eaid.results.common import HoldOut, Huber, Solver
+from eaid.results.fit import Estimate, Fit, Friction, FrictionLevel, Linear, Nonlinear, Pooled
 from eaid.steps.stepset import Level, StepSet
 
 
 def fit(stepset: StepSet, options: FitOptions | None = None) -> Fit:
-    """Fit what the kind of experiment allows; raises DataError or UsageError where that is nothing."""
+    """Fit what the kind of experiment allows; raises DataError or UsageError where that is nothing.
+
+    The nonlinear model is the joint estimate here; no part has intervals yet.
+    """
     options = options or FitOptions()
     check(options)
     refuse_empty(stepset)
     models = chosen(stepset.kind, options.models)
     kept, held = split(stepset.levels, options.hold_out)
-    stepset = replace(stepset, levels=kept)
+    whole, stepset = stepset, replace(stepset, levels=kept)
     data = data_of(kept, weights_of(kept, options.weights))
     other = with_other_weights(data, kept)
-    curves, curve_info = fit_curves(data, options)
-    found: dict[str, Any] = {}
+    curves, huber = fit_curves(data, options)
+    found = [finding("curve-explains-little", "friction", little)] if (little := missed_levels(curves, data)) else []
+    result = Fit(data=data_part(whole))
     if "friction" in models:
-        part = friction_fit(stepset, curves, options.share)
-        found["friction"] = replace(part, robust=curve_info, hold_out=friction_hold_out(part, stepset, held))
+        part, more = friction_fit(stepset, curves, options.share)
+        held_out = friction_hold_out(part, stepset, held)
+        part = msgspec.structs.replace(part, robust=robust.with_runs(huber, kept), hold_out=held_out)
+        result, found = msgspec.structs.replace(result, friction=part), [*found, *more]
+        found += robust.huber_findings("friction", huber)
     if "nonlinear" in models:
-        found["nonlinear"] = nonlinear_fit(data, options, held, other)
+        model, more = nonlinear_fit(data, options, held, other)
+        model = msgspec.structs.replace(model, robust=robust.with_runs(model.robust, kept))
+        result, found = msgspec.structs.replace(result, nonlinear=model), [*found, *more]
     if "linear" in models:
-        found["linear"] = linear_fit(data, options, held, other)
-    if options.weights == "sd" and set(found) == {"friction"}:
-        word = "--weights sd changes nothing here: each level is fitted by itself, and trends take all levels alike"
-        found["friction"] = replace(found["friction"], warnings=(*found["friction"].warnings, word))
-    for name, part in found.items():
-        told = (*part.warnings, *robust.huber_warnings(part.robust))
-        found[name] = replace(part, robust=robust.with_runs(part.robust, kept), warnings=told)
+        pooled, more = linear_fit(data, options, held, other)
+        pooled = msgspec.structs.replace(pooled, robust=robust.with_runs(pooled.robust, kept))
+        result, found = msgspec.structs.replace(result, linear=pooled), [*found, *more]
+    if options.weights == "sd" and models == ("friction",):
+        found.append(finding("weights-change-nothing", "friction"))
     if stepset.releases:
         held_s = {level.level: float(level.time_s[-1]) for level in kept}
-        found["release"] = release_fit(stepset.releases, curves, held_s, options.share or SHARE)
-    return Fit(**found)
+        release, more = release_fit(stepset.releases, curves, held_s, options.share or SHARE)
+        result, found = msgspec.structs.replace(result, release=release), [*found, *more]
+    return msgspec.structs.replace(result, findings=ranked(found), converged=converged(result))
+
+
+def converged(result: Fit) -> bool:
+    """Whether every model that was fitted passed our verdict."""
+    parts = (result.friction, result.nonlinear, result.linear, result.release)
+    return all(part.solver is None or part.solver.converged for part in parts if part is not None)
 
 
 def chosen(kind: str, wanted: Sequence[str] | None) -> tuple[str, ...]:
@@ -70,7 +84,7 @@ def chosen(kind: str, wanted: Sequence[str] | None) -> tuple[str, ...]:
     allowed = ALLOWED[kind]
     for name in wanted or ():
         if name not in allowed:
-            raise UsageError(f"--model {name}: {kind} logs can be fitted with {', '.join(allowed)}")
+            raise UsageError(f"«model» {name}: {kind} logs can be fitted with {', '.join(allowed)}")
     return tuple(name for name in allowed if wanted is None or name in wanted)
 
 
@@ -79,69 +93,79 @@ def split(levels: Sequence[Level], hold_out: Sequence[float]) -> tuple[tuple[Lev
     there = [level.level for level in levels]
     for wanted in hold_out:
         if not any(np.isclose(wanted, level) for level in there):
-            raise UsageError(f"--hold-out {wanted:g}: no such level; there are {', '.join(f'{u:g}' for u in there)}")
+            raise UsageError(f"«hold_out» {wanted:g}: no such level; there are {', '.join(f'{u:g}' for u in there)}")
     held = tuple(level for level in levels if any(np.isclose(level.level, u) for u in hold_out))
     kept = tuple(level for level in levels if not any(np.isclose(level.level, u) for u in hold_out))
     if not kept:
-        raise UsageError("--hold-out: every level is held out; leave some to be fitted")
+        raise UsageError("«hold_out»: every level is held out; leave some to be fitted")
     return kept, held
 
 
-def fit_curves(data: Data, options: FitOptions) -> tuple[list[LevelFit], dict[str, Any] | None]:
-    """The friction curve of each level, under the loss that was asked for; rmse and sse are of the data themselves."""
+def curve_residuals(fits: Sequence[FrictionLevel], on: Data) -> list[Array]:
+    """f − y of each level's own curve at every sample."""
+    return kernel.residuals(np.array([[f.Ts, f.tau1, f.tau2, f.C] for f in fits]).T, on.records)
 
-    def residuals(fits: list[LevelFit], on: Data) -> list[Array]:
-        theta = np.array([[f.curve.Ts, f.curve.tau1, f.curve.tau2, f.curve.C] for f in fits]).T
-        return kernel.residuals(theta, on.records)
 
-    fits, info = robust.minimise(
-        data, options.loss, lambda d: fit_levels(d, options.share), lambda d, _: fit_levels(d, options.share), residuals
+def fit_curves(data: Data, options: FitOptions) -> tuple[list[FrictionLevel], Huber | None]:
+    """The friction curve of each level, under the loss that was asked for; errors are of the data themselves."""
+    fits, huber = robust.minimise(
+        data,
+        options.loss,
+        lambda d: fit_levels(d, options.share),
+        lambda d, _: fit_levels(d, options.share),
+        curve_residuals,
     )
-    if info is not None:
-        squares = [float(r @ r) for r in residuals(fits, data)]
-        fits = [replace(f, sse=sse, rmse=float(np.sqrt(sse / f.samples))) for f, sse in zip(fits, squares, strict=True)]
-    return fits, info
+    rows = []
+    for one, record, r in zip(fits, data.records, curve_residuals(fits, data), strict=True):
+        sse = one.sse if huber is None and one.sse is not None else float(r @ r)
+        fit_pct, R2 = metrics.quality(sse, [record.y])
+        rmse = float(np.sqrt(sse / len(r)))
+        rows.append(msgspec.structs.replace(one, sse=sse, rmse=rmse, fit_pct=fit_pct, R2=R2))
+    return rows, huber
 
 
-def level_error(level: float, residual: Array) -> LevelError:
-    """RMSE, sum of squares, and mean and standard deviation of |residual| of one level."""
-    return _error(level, len(residual), float(residual @ residual), float(np.abs(residual).sum()))
+def missed_levels(fits: Sequence[FrictionLevel], data: Data) -> list[float]:
+    """Levels whose own curve explains little of their output."""
+    pairs = zip(fits, data.records, curve_residuals(fits, data), strict=True)
+    return [one.level for one, record, r in pairs if metrics.explains_little([record.y], [r])]
 
 
-def _error(level: float, samples: int, sse: float, absolute: float) -> LevelError:
-    mean = absolute / samples
-    square = sse / samples
-    return LevelError(level, float(np.sqrt(square)), sse, mean, float(np.sqrt(max(square - mean**2, 0.0))))
-
-
-def overall(residuals: Sequence[Array]) -> LevelError:
-    """The same over all samples of all levels; its level is NaN."""
-    samples, sse = sum(len(r) for r in residuals), sum(float(r @ r) for r in residuals)
-    return _error(float("nan"), samples, sse, sum(float(np.abs(r).sum()) for r in residuals))
-
-
-def hold_out_row(held: Sequence[Level], residuals: Sequence[Array], fitted_rmse: float) -> dict[str, Any] | None:
-    """What the held-out levels say, beside the error on the fitted ones; None where none was held out."""
-    if not held:
-        return None
-    rows = [level_error(one.level, r) for one, r in zip(held, residuals, strict=True)]
-    total = overall(residuals)
-    return {
-        "levels": [{"level": r.level, "rmse": r.rmse, "abs_error": {"mean": r.abs_mean, "sd": r.abs_sd}} for r in rows],
-        "rmse": total.rmse,
-        "abs_error": {"mean": total.abs_mean, "sd": total.abs_sd},
-        "fitted_rmse": fitted_rmse,
-    }
+def estimate(
+    p: parameters.Nonlinear, data: Data, residuals: Sequence[Array], solver: Solver, held: Sequence[Level] = ()
+) -> Estimate:
+    """Ten coefficients with their errors per level, over all, and on held-out levels."""
+    outputs = [record.y for record in data.records]
+    total = metrics.errors(outputs, residuals)
+    rows = [metrics.errors([y], [r]).at(u) for u, y, r in zip(data.u.tolist(), outputs, residuals, strict=True)]
+    missed = [nonlinear_model.step_response(p, one.time_s, one.level) - one.mean for one in held]
+    weights = level_weights(data)
+    return Estimate(
+        tau1=p.tau1,  # type: ignore[arg-type]  # padded with zeros to the paper's degrees
+        tau2=p.tau2,  # type: ignore[arg-type]
+        Ts=p.Ts,  # type: ignore[arg-type]
+        u_range=p.u_range,
+        C=p.C,
+        rmse=total.rmse,
+        sse=total.sse,
+        abs_error=total.abs_error,
+        fit_pct=total.fit_pct,
+        R2=total.R2,
+        per_level=tuple(rows),
+        solver=solver,
+        weights="equal" if weights is None else "sd",
+        level_weights=weights,
+        hold_out=metrics.hold_out([one.level for one in held], [one.mean for one in held], missed, total.rmse),
+    )
 
 
 def nonlinear_fit(
     data: Data,
     options: FitOptions,
     held: Sequence[Level] = (),
-    other: Data | str | None = None,
-    near: Sequence[Nonlinear] = (),
-) -> NonlinearFit:
-    """The nonlinear model with its errors per level and on the held-out levels.
+    other: Data | Finding | None = None,
+    near: Sequence[parameters.Nonlinear] = (),
+) -> tuple[Nonlinear, list[Finding]]:
+    """The joint estimate with its errors, and what is to be doubted of it.
 
     `other`: the same data under the other weights, fitted too, starting from this model as well; or why there are none.
     """
@@ -149,78 +173,75 @@ def nonlinear_fit(
     def residuals(solved: Solution, on: Data) -> list[Array]:
         return full_residuals(solved.x, on, solved.basis)
 
-    solution, info = robust.minimise(
+    solution, huber = robust.minimise(
         data, options.loss, lambda d: fit_nonlinear(d, options.share, near), refit_nonlinear, residuals
     )
-    p = solution.parameters
-    left = residuals(solution, data)
-    total = overall(left)
-    missed = [nonlinear_model.step_response(p, one.time_s, one.level) - one.mean for one in held]
-    outside = hold_out_row(held, missed, total.rmse)
-    return NonlinearFit(
-        parameters=p,
-        rmse=total.rmse,
-        sse=total.sse,
-        abs_mean=total.abs_mean,
-        abs_sd=total.abs_sd,
-        per_level=tuple(level_error(float(u), r) for u, r in zip(data.u, left, strict=True)),
-        solver=solution.solver,
-        share_free=options.share is None,
-        weights=level_weights(data),
-        robust=info,
-        other=nonlinear_fit(other, options, near=[p]) if isinstance(other, Data) else None,
-        no_other=other if isinstance(other, str) else None,
-        warnings=nonlinear_warnings(data, p, solution.solver, [one.level for one in held]),
-        hold_out=outside,
-    )
+    p, left = solution.parameters, residuals(solution, data)
+    one = msgspec.structs.replace(estimate(p, data, left, solution.solver, held), C_free=options.share is None)
+    found = nonlinear_findings(data, p, solution.solver, solution.held, [level.level for level in held])
+    found += robust.huber_findings("nonlinear", huber)
+    if metrics.explains_little([record.y for record in data.records], left):
+        found.append(finding("model-explains-little", "nonlinear", R2=one.R2, fit_pct=one.fit_pct))
+    beside = None
+    if isinstance(other, Data):
+        beside = nonlinear_fit(other, options, held, near=[p])[0].estimate
+    elif other is not None:
+        found.append(msgspec.structs.replace(other, subject="nonlinear"))
+    return Nonlinear.of(one, robust=huber, other_weights=beside), found
 
 
 def linear_fit(
-    data: Data, options: FitOptions, held: Sequence[Level] = (), other: Data | str | None = None
-) -> LinearFit:
+    data: Data, options: FitOptions, held: Sequence[Level] = (), other: Data | Finding | None = None
+) -> tuple[Linear, list[Finding]]:
     """The linear model, pooled and per level, with the bounds of B; under `other` weights the pooled model alone."""
-    pooled, info = pooled_linear(data, options)
-    p = pooled.parameters
-    left = linear_residuals(p, data)
-    total = overall(left)
+    one, left, huber = pooled_linear(data, options)
+    p = one.parameters
     own = fit_own_levels(data)
     rows = {name: by_convention(data, own, p, name) for name in CONVENTIONS}
     bounds = {name: bounds_of(row, name, options.bounds_levels) for name, row in rows.items()}
-    missed = [linear_model.step_response(p, one.time_s, one.level) - one.mean for one in held]
-    outside = hold_out_row(held, missed, total.rmse)
-    return LinearFit(
-        parameters=p,
-        rmse=total.rmse,
-        sse=total.sse,
-        per_level=tuple(rows[options.bounds]),
+    missed = [linear_model.step_response(p, level.time_s, level.level) - level.mean for level in held]
+    found = linear_findings(data, p, one.solver, rows[options.bounds], bounds[options.bounds])
+    found += robust.huber_findings("linear", huber)
+    if metrics.explains_little([record.y for record in data.records], left):
+        found.append(finding("model-explains-little", "linear", R2=one.R2, fit_pct=one.fit_pct))
+    linear = Linear.of(
+        one,
+        per_level=rows[options.bounds],
         bounds=bounds[options.bounds],
         conventions=bounds,
-        solver=pooled.solver,
-        weights=level_weights(data),
-        robust=info,
-        other=pooled_only(other, options) if isinstance(other, Data) else None,
-        no_other=other if isinstance(other, str) else None,
-        warnings=linear_warnings(data, p, pooled.solver, rows[options.bounds], bounds[options.bounds]),
-        hold_out=outside,
+        robust=huber,
+        hold_out=metrics.hold_out(
+            [level.level for level in held], [level.mean for level in held], missed, one.rmse or 0.0
+        ),
+        other_weights=pooled_linear(other, options)[0] if isinstance(other, Data) else None,
     )
+    if isinstance(other, Finding):
+        found.append(msgspec.structs.replace(other, subject="linear"))
+    return linear, found
 
 
-def pooled_linear(data: Data, options: FitOptions) -> tuple[LinearSolution, dict[str, Any] | None]:
-    """Eq. (8) on all levels at once, under the loss that was asked for."""
-    return robust.minimise(
-        data,
-        options.loss,
-        fit_linear,
-        lambda d, _: fit_linear(d),
-        lambda solved, on: linear_residuals(solved.parameters, on),
+def pooled_linear(data: Data, options: FitOptions) -> tuple[Pooled, list[Array], Huber | None]:
+    """Eq. (8) on all levels at once, under the loss that was asked for, with its residuals."""
+
+    def residuals(solved: LinearSolution, on: Data) -> list[Array]:
+        return linear_residuals(solved.parameters, on)
+
+    solved, huber = robust.minimise(data, options.loss, fit_linear, lambda d, _: fit_linear(d), residuals)
+    p, left, weights = solved.parameters, residuals(solved, data), level_weights(data)
+    total = metrics.errors([record.y for record in data.records], left)
+    pooled = Pooled(
+        p.a0,
+        p.b0,
+        p.c0,
+        total.rmse,
+        total.sse,
+        total.fit_pct,
+        total.R2,
+        solved.solver,
+        weights="equal" if weights is None else "sd",
+        level_weights=weights,
     )
-
-
-def pooled_only(data: Data, options: FitOptions) -> PooledLinear:
-    """The pooled linear model under other weights; single levels do not know of weights."""
-    pooled, _ = pooled_linear(data, options)
-    total = overall(linear_residuals(pooled.parameters, data))
-    return PooledLinear(pooled.parameters, total.rmse, total.sse, pooled.solver, level_weights(data))
+    return pooled, left, huber
 
 
 def level_weights(data: Data) -> tuple[float, ...] | None:
@@ -228,10 +249,8 @@ def level_weights(data: Data) -> tuple[float, ...] | None:
     return None if (data.weights == 1).all() else tuple(data.weights.tolist())
 
 
-def friction_hold_out(part: FrictionFit, stepset: StepSet, held: Sequence[Level]) -> dict[str, Any] | None:
+def friction_hold_out(part: Friction, stepset: StepSet, held: Sequence[Level]) -> HoldOut | None:
     """Held-out levels against the curve whose T_s, τ1, τ2 the trends give; None where a trend is missing."""
-    from eaid.fitting.friction import trend_axis
-
     if not held or not all(name in part.trends for name in ("Ts", "tau1", "tau2")):
         return None
     axis = trend_axis(stepset, np.array([one.level for one in held]))[1]
@@ -241,7 +260,9 @@ def friction_hold_out(part: FrictionFit, stepset: StepSet, held: Sequence[Level]
             float(evaluate(part.trends[k].form, part.trends[k].coefficients, np.array([x]))[0])
             for k in ("Ts", "tau1", "tau2")
         )
-        curve = Friction(Ts, max(tau1, 1e-3), max(tau2, 1e-3), SHARE if part.C is None else part.C)
+        least = parameters.TAU_FLOOR_S
+        curve = parameters.Friction(Ts, max(tau1, least), max(tau2, least), SHARE if part.C is None else part.C)
         missed.append(friction_model.step_response(curve, one.time_s) - one.mean)
-    samples = sum(f.samples for f in part.levels)
-    return hold_out_row(held, missed, float(np.sqrt(sum(f.sse for f in part.levels) / samples)))
+    samples, sse = sum(f.samples or 0 for f in part.levels), sum(f.sse or 0.0 for f in part.levels)
+    fitted_rmse = float(np.sqrt(sse / samples))
+    return metrics.hold_out([one.level for one in held], [one.mean for one in held], missed, fitted_rmse)

@@ -25,7 +25,7 @@ def free_problem(data: Data, least_s: float, most_s: float) -> Problem:
     points = data.points
     A = np.array([[1.0, 0.0], [-1.0, 1.0], [0.0, -1.0]])
     b = np.array([np.log(least_s), 0.0, -np.log(most_s)])
-    names = ("τ1 at 1 ms", "τ2 at τ1", "τ2 endless")
+    names = ("tau1-floor", "tau2-meets-tau1", "tau2-endless")
     return Problem(
         lambda x: projected(x, points)[:2],
         lambda x: projected(x, points)[2],

@@ -1,7 +1,7 @@
 """The friction curve of one level, Eq. (3), fitted in (T_s, ln τ1, ln τ2); with C free see `free_share`."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,10 +10,11 @@ from eaid.arrays import Array
 from eaid.fitting.data import Data
 from eaid.fitting.free_share import free_problem, free_starts, full_value, theta_of
 from eaid.fitting.kernel import level_curvature, level_normal, level_sums, log_curvature, weighted_shares
-from eaid.fitting.result import LevelFit, Solver
-from eaid.fitting.solver import PROMISE, ROUNDING, SETTLED, EndPoint, Problem, polish, slsqp
-from eaid.fitting.starts import RECORDS, STEPS, TAU1_LEAST_S, moved_by, solved_for, starting_curves
-from eaid.models.parameters import Friction
+from eaid.fitting.solver import ROUNDING, SETTLED, EndPoint, Problem, judged, polish, slsqp
+from eaid.fitting.starts import RECORDS, STEPS, moved_by, solved_for, starting_curves
+from eaid.models.parameters import TAU_FLOOR_S
+from eaid.results.common import Solver
+from eaid.results.fit import FrictionLevel
 
 RECORDS_FREE = 100.0
 """τ2 is looked for up to this many record lengths where C is free: T_s then grows with τ2, all but straight."""
@@ -21,25 +22,25 @@ LEAST_LOG, MOST_LOG = np.log(1e-9), np.log(1e12)
 CLEAR = 1e-3
 """A start this much above the best, after its steps, is another minimum and no rival."""
 TRUST = 2.0
-"""It may still come down by this many times what its next step promises."""
+"""It may still come down by this many times what its next step predicts."""
 SAME = 1e-6
 """Starts whose costs differ by less than this part have found the same minimum."""
 SHARES = (0.3, 0.5, 0.7, 0.85, 0.95)
 """Where a free C starts from."""
 
 
-def fit_level(data: Data, share: float | None, starts: Array | None = None) -> LevelFit:
+def fit_level(data: Data, share: float | None, starts: Array | None = None) -> FrictionLevel:
     """The least-squares friction curve of one level; C held at `share`, or free where that is None.
 
     `starts` are θ = (T_s, τ1, τ2, C) to begin from, shape (4, n), instead of our own.
     """
     if share is None:
         limit = RECORDS_FREE * data.longest_s
-        problem = free_problem(data, TAU1_LEAST_S, limit)
+        problem = free_problem(data, TAU_FLOOR_S, limit)
         begin = (
             free_starts(data)
             if starts is None
-            else [np.log(np.clip(pair, TAU1_LEAST_S, limit)) for pair in starts[1:3].T]
+            else [np.log(np.clip(pair, TAU_FLOOR_S, limit)) for pair in starts[1:3].T]
         )
         return _solved(data, problem, begin, lambda x: full_value(x, data), lambda x: theta_of(x, data))
     limit = RECORDS * data.longest_s
@@ -56,7 +57,7 @@ def _solved(
     begin: list[Array],
     full: Callable[[Array], tuple[float, Array]],
     theta_at: Callable[[Array], Array],
-) -> LevelFit:
+) -> FrictionLevel:
     costs = np.array([problem.value(x)[0] for x in begin])
     # Starts that have reached the same cost lie in one bowl: the solver goes once into each.
     ends: list[EndPoint] = []
@@ -65,31 +66,16 @@ def _solved(
             ends.append(slsqp(problem, begin[k]))
             costs[k] = ends[-1].cost
     best = min(ends, key=lambda end: end.cost)
-    end, promise, active = polish(problem, best, full)
-    converged = promise <= PROMISE
-    Ts, tau1, tau2, share = theta_at(end.x).tolist()
-    n = data.samples
-    return LevelFit(
-        level=float(data.u[0]),
-        curve=Friction(Ts, tau1, tau2, share),
-        rmse=float(np.sqrt(end.cost / n)),
-        sse=end.cost,
-        samples=n,
-        solver=Solver(
-            converged=converged,
-            message=verdict(converged, promise),
-            evaluations=len(begin) + sum(e.evaluations for e in ends) + end.evaluations - best.evaluations,
-            starts=tuple(float(cost) + end.cost - best.cost for cost in costs),
-            at_bounds=tuple(problem.names(i) for i in active),
-            promise=promise,
-        ),
-    )
+    end, predicted, active = polish(problem, best, full)
+    evaluations = len(begin) + sum(e.evaluations for e in ends) + end.evaluations - best.evaluations
+    solver = judged(predicted, evaluations, costs + (end.cost - best.cost), [problem.names(i) for i in active])
+    return _row(float(data.u[0]), theta_at(end.x).tolist(), end.cost, data.samples, solver)
 
 
-def verdict(converged: bool, promise: float) -> str:
-    """The verdict in words."""
-    said = f"a further constrained Newton step on the full data would lower the cost by {promise:.0e} of it"
-    return f"converged: {said}" if converged else f"not converged: {said}"
+def _row(level: float, theta: Sequence[float], sse: float, samples: int, solver: Solver) -> FrictionLevel:
+    Ts, tau1, tau2, share = theta
+    rmse = math.sqrt(sse / samples)
+    return FrictionLevel(level, Ts, tau1, tau2, share, rmse=rmse, sse=sse, samples=samples, solver=solver)
 
 
 def level_problem(data: Data, share: float, limit: float) -> Problem:
@@ -115,13 +101,13 @@ def level_problem(data: Data, share: float, limit: float) -> Problem:
         return np.asarray(own)
 
     A = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, -1.0, 1.0], [0.0, 0.0, -1.0]])
-    b = np.array([0.0, np.log(TAU1_LEAST_S), 0.0, -np.log(limit)])
-    names = ("T_s at 0", "τ1 at 1 ms", "τ2 at τ1", "τ2 endless")
+    b = np.array([0.0, np.log(TAU_FLOOR_S), 0.0, -np.log(limit)])
+    names = ("Ts-zero", "tau1-floor", "tau2-meets-tau1", "tau2-endless")
     return Problem(value, curvature, A, b, names.__getitem__, exact, floor=ROUNDING * data.energy)
 
 
 def _unknowns(theta: Array, limit: float) -> Array:
-    tau1 = min(max(theta[1], TAU1_LEAST_S), limit)
+    tau1 = min(max(theta[1], TAU_FLOOR_S), limit)
     return np.array([max(theta[0], 0.0), np.log(tau1), np.log(min(max(theta[2], tau1), limit))])
 
 
@@ -141,7 +127,7 @@ def _full(x: Array, data: Data, share: float) -> tuple[float, Array]:
     return float(cost[0]), gradient[:3, 0] * _scale(theta)
 
 
-def fit_levels(data: Data, share: float | None) -> list[LevelFit]:
+def fit_levels(data: Data, share: float | None) -> list[FrictionLevel]:
     """`fit_level` for every level; the starts of all are found, and judged on the full data, together.
 
     Where the best start of a level is at its minimum already and no other comes near it, the solver has nothing to add.
@@ -151,25 +137,23 @@ def fit_levels(data: Data, share: float | None) -> list[LevelFit]:
     starts = starting_curves(data, share)
     order = np.lexsort((starts.cost, starts.level))  # by level, and within a level the lowest first
     bounds = [*np.searchsorted(starts.level, np.arange(len(data.u))).tolist(), len(order)]
-    theta, full, promises = _last_step(starts.theta[:, order[bounds[:-1]]], data)
-    costs, least = starts.cost[order].tolist(), (starts.cost - TRUST * starts.promised)[order].tolist()
+    theta, full, decreases = _last_step(starts.theta[:, order[bounds[:-1]]], data)
+    costs, least = starts.cost[order].tolist(), (starts.cost - TRUST * starts.predicted)[order].tolist()
     found = []
-    for i, (promise, sse, row) in enumerate(zip(promises.tolist(), full.tolist(), theta.T.tolist(), strict=True)):
+    for i, (decrease, sse, row) in enumerate(zip(decreases.tolist(), full.tolist(), theta.T.tolist(), strict=True)):
         ends = costs[bounds[i] : bounds[i + 1]]
         others = zip(ends, least[bounds[i] : bounds[i + 1]], strict=True)
         rival = any(end > (1 + SAME) * ends[0] and low < (1 + CLEAR) * ends[0] for end, low in others)
-        if promise > SETTLED or rival:
+        if decrease > SETTLED or rival:
             found.append(fit_level(data.one(i), share, starts.theta[:, order[bounds[i] : bounds[i + 1]]]))
             continue
-        n = len(data.records[i].y)
-        full_ends = tuple(end + (sse - ends[0]) for end in ends)
-        solver = Solver(True, verdict(True, promise), len(ends) * STEPS, full_ends, (), promise)
-        found.append(LevelFit(float(data.u[i]), Friction(*row), math.sqrt(sse / n), sse, n, solver))
+        solver = judged(decrease, len(ends) * STEPS, [end + (sse - ends[0]) for end in ends])
+        found.append(_row(float(data.u[i]), row, sse, len(data.records[i].y), solver))
     return found
 
 
 def _last_step(theta: Array, data: Data) -> tuple[Array, Array, Array]:
-    """θ of each level a Newton step on, (4, L), its cost over every sample, (L,), and what another step promises.
+    """θ of each level a Newton step on, (4, L), its cost over every sample, (L,), and what another step predicts.
 
     That is relative to the cost, (L,); infinite at a limit or off a bowl, where no step is taken either.
     """
@@ -182,11 +166,11 @@ def _last_step(theta: Array, data: Data) -> tuple[Array, Array, Array]:
     theta = moved_by(theta, solved_for(H, slope), limit)
     cost, gradient = data.sums(theta)
     Ts, tau1, tau2, _ = theta
-    bowl &= (tau1 > 1.001 * TAU1_LEAST_S) & (1.001 * tau1 < tau2) & (tau2 < 0.5 * limit) & (Ts > 0) & (cost > 0)
+    bowl &= (tau1 > 1.001 * TAU_FLOOR_S) & (1.001 * tau1 < tau2) & (tau2 < 0.5 * limit) & (Ts > 0) & (cost > 0)
     slope = 0.5 * gradient[:3].T
     slope[:, 1:] *= theta[1:3].T / np.where(bowl, Ts, 1.0)[:, None]
-    promise = (slope * solved_for(H, slope)).sum(axis=1)
-    return theta, cost, np.where(bowl, promise / np.where(bowl, cost, 1.0), np.inf)
+    predicted = (slope * solved_for(H, slope)).sum(axis=1)
+    return theta, cost, np.where(bowl, predicted / np.where(bowl, cost, 1.0), np.inf)
 
 
 def _definite(H: Array) -> NDArray[np.bool_]:

@@ -14,10 +14,13 @@ from eaid.arrays import Array
 from eaid.fitting.compress import Points
 from eaid.fitting.data import Data
 from eaid.fitting.kernel import decay, level_curvature, level_normal, level_sums
-from eaid.fitting.levels import LEAST_LOG, MOST_LOG, verdict
-from eaid.fitting.result import Bounds, LinearLevel, Solver
-from eaid.fitting.solver import PROMISE, ROUNDING, SETTLED, Problem, approach, ended, polish
+from eaid.fitting.levels import LEAST_LOG, MOST_LOG
+from eaid.fitting.metrics import quality
+from eaid.fitting.options import CONVENTIONS
+from eaid.fitting.solver import ROUNDING, SETTLED, Problem, approach, concluded, ended, judged
 from eaid.models.parameters import Linear
+from eaid.results.common import Solver
+from eaid.results.fit import Bounds, LinearLevel
 
 A0_GRID = 40
 CLOSE = 1e-9
@@ -85,30 +88,15 @@ def fit_first_order(data: Data, design: Array) -> FirstOrder:
         lambda x: together(x)[2],
         A,
         np.array([np.log(low), -np.log(high)]),
-        (f"1/a0 at {low:g} s", f"1/a0 at {high:g} s (1000 record lengths)").__getitem__,
+        ("a0-fastest", "a0-slowest").__getitem__,
         exact,
         together,
         floor=ROUNDING * data.energy,
     )
     starts = _best_of_grid(data, design, np.geomspace(first, 3 * data.longest_s, A0_GRID))
     ends = ended([approach(problem, start) for start in starts], problem)
-    best = min(ends, key=lambda end: end.cost)
-    end, promise, active = polish(problem, best, full)
-    converged = promise <= PROMISE
-    return FirstOrder(
-        float(np.exp(end.x[0])),
-        design @ end.x[1:],
-        end.x[1:],
-        end.cost,
-        Solver(
-            converged,
-            verdict(converged, promise),
-            sum(e.evaluations for e in ends) + end.evaluations - best.evaluations,
-            tuple(e.cost + end.cost - best.cost for e in ends),
-            tuple(problem.names(i) for i in active),
-            promise,
-        ),
-    )
+    end, solver, _ = concluded(problem, ends, full)
+    return FirstOrder(float(np.exp(end.x[0])), design @ end.x[1:], end.x[1:], end.cost, solver)
 
 
 def _limits(data: Data) -> tuple[float, float, float]:
@@ -198,14 +186,14 @@ def fit_own_levels(data: Data) -> list[FirstOrder]:
     whole = (_is_minimum(costs).sum(axis=1) == 1) & (tau > 1.001 * low) & (tau < 0.999 * high) & (cost > 0)
     whole &= determinant > CLOSE * H[:, 0, 0] * np.abs(H[:, 1, 1])
     twice = H[:, 1, 1] * slope[:, 0] ** 2 - 2 * H[:, 0, 1] * slope[:, 0] * slope[:, 1] + H[:, 0, 0] * slope[:, 1] ** 2
-    promise = np.where(whole, 0.5 * twice / np.where(whole, determinant * cost, 1.0), np.inf)
+    predicted = np.where(whole, 0.5 * twice / np.where(whole, determinant * cost, 1.0), np.inf)
     found = []
-    for i, promised in enumerate(promise.tolist()):
-        if promised > SETTLED:
+    for i, decrease in enumerate(predicted.tolist()):
+        if decrease > SETTLED:
             found.append(fit_first_order(data.one(i), np.ones((1, 1))))
             continue
         gain, sse = theta[0, i : i + 1], float(cost[i])
-        solver = Solver(True, verdict(True, promised), A0_GRID, (sse,), (), promised)
+        solver = judged(decrease, A0_GRID, (sse,))
         found.append(FirstOrder(float(tau[i]), gain, gain, sse, solver))
     return found
 
@@ -233,28 +221,34 @@ def _refined(theta: Array, points: Points, low: float, high: float, steps: int =
     return theta
 
 
-def by_convention(data: Data, own: Sequence[FirstOrder], pooled: Linear, convention: str) -> list[LinearLevel]:
+def by_convention(data: Data, own: Sequence[FirstOrder], pooled: Linear, convention: str) -> tuple[LinearLevel, ...]:
     """b0, c0 and B of each level under one convention, SPEC §4.3."""
     rows = []
-    for i, (u, record) in enumerate(zip(data.u, data.records, strict=True)):
-        fit = own[i]
-        a0, gain, sse, solver = 1 / fit.tau, float(fit.gains[0]), fit.cost, fit.solver
+    for fit, u, record in zip(own, data.u.tolist(), data.records, strict=True):
+        a0, gain, sse, converged = 1 / fit.tau, float(fit.gains[0]), fit.cost, fit.solver.converged
         c0 = 0.0 if convention == "zero-offset" else pooled.c0
         if convention == "pooled-dynamics":
             a0 = pooled.a0
             rise = 1 - decay(record, 1 / a0)
             gain = float(rise @ record.y / (rise @ rise))
             left = record.y - gain * rise
-            sse = float(left @ left)
-            solver = Solver(True, "converged: a linear solve", 1, (sse,), (), 0.0)
-        b0 = (a0 * gain - c0) / float(u) if u else 0.0
+            sse, converged = float(left @ left), True  # a linear solve
+        b0 = (a0 * gain - c0) / u if u else 0.0
         B = 1 / b0 if b0 > 0 else None
-        rows.append(LinearLevel(float(u), a0, gain, b0, c0, B, float(np.sqrt(sse / len(record.y))), sse, solver))
-    return rows
+        fit_pct, R2 = quality(sse, [record.y])
+        rmse = float(np.sqrt(sse / len(record.y)))
+        rows.append(LinearLevel(u, a0, gain, b0, c0, B, rmse, sse, fit_pct, R2, converged))
+    return tuple(rows)
 
 
 def bounds_of(rows: Sequence[LinearLevel], convention: str, kept: Sequence[float] | None) -> Bounds:
     """Least and largest B over the kept levels (all where `kept` is None); levels without a positive b0 have none."""
     chosen = [row for row in rows if kept is None or row.level in kept]
     known = [row.B for row in chosen if row.B is not None]
-    return Bounds(convention, tuple(row.level for row in chosen), min(known, default=None), max(known, default=None))
+    return Bounds(
+        convention,
+        CONVENTIONS[convention],
+        tuple(row.level for row in chosen),
+        min(known, default=None),
+        max(known, default=None),
+    )

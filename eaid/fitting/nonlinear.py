@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from eaid.arrays import Array
-from eaid.fitting.basis import Basis, basis_of, constraints
+from eaid.fitting.basis import Basis, basis_of, constraints, held_at
 from eaid.fitting.broad import broad_starts
 from eaid.fitting.data import Data
 from eaid.fitting.kernel import (
@@ -24,11 +24,11 @@ from eaid.fitting.kernel import (
     residuals,
     weighted_shares,
 )
-from eaid.fitting.levels import SHARES, verdict
-from eaid.fitting.result import Solver
-from eaid.fitting.solver import PROMISE, ROUNDING, EndPoint, Problem, approach, bring_in, draw_in, ended, polish, slsqp
-from eaid.fitting.starts import TAU1_LEAST_S, quick_curves
-from eaid.models.parameters import Nonlinear
+from eaid.fitting.levels import SHARES
+from eaid.fitting.solver import ROUNDING, EndPoint, Problem, approach, bring_in, concluded, draw_in, ended, slsqp
+from eaid.fitting.starts import quick_curves
+from eaid.models.parameters import TAU_FLOOR_S, Nonlinear
+from eaid.results.common import Solver
 
 NARROW = 0.3
 """Reach of a level's ln τ within which its cost is taken for a bowl."""
@@ -115,7 +115,7 @@ def polynomial_starts(own: OwnCurves, basis: Basis, problem: Problem) -> list[Ar
     if basis.free_share:
         shaped[-1] = alike[-1] = level_means[-1] = theta[3, 0]
     tau1, tau2 = basis.slices[1].start, basis.slices[2].start
-    level_means[tau1] = max(level_means[tau1], 2 * TAU1_LEAST_S)
+    level_means[tau1] = max(level_means[tau1], 2 * TAU_FLOOR_S)
     level_means[tau2] = max(level_means[tau2], 1.5 * level_means[tau1])
     flat = _above_zero(level_means, basis, problem)
     return [bring_in(shaped, flat, problem), bring_in(alike, flat, problem), flat]
@@ -140,6 +140,8 @@ class Solution:
     x: Array
     cost: float
     solver: Solver
+    held: dict[str, tuple[float, ...]]
+    """The constraints that hold it, and the inputs at which they do."""
 
     @property
     def parameters(self) -> Nonlinear:
@@ -178,29 +180,14 @@ def refit_nonlinear(data: Data, near: Solution) -> Solution:
 
 def _confirmed(ends: Sequence[EndPoint], data: Data, basis: Basis, problem: Problem) -> Solution:
     """The best end, confirmed and polished on every sample, with our verdict."""
-    best = min(ends, key=lambda end: end.cost)
     M = basis.M
 
     def full(x: Array) -> tuple[float, Array]:
         cost, gradient = data.sums(basis.theta(x, M))
         return float(data.weights @ cost), (gradient * data.weights).ravel() @ M.reshape(-1, basis.size)
 
-    end, promise, active = polish(problem, best, full)
-    converged = promise <= PROMISE
-    offset = end.cost - best.cost  # what compression leaves out of every start's cost alike
-    return Solution(
-        basis,
-        end.x,
-        end.cost,
-        Solver(
-            converged=converged,
-            message=verdict(converged, promise),
-            evaluations=sum(e.evaluations for e in ends) + end.evaluations - best.evaluations,
-            starts=tuple(e.cost + offset for e in ends),
-            at_bounds=tuple(problem.names(i) for i in active),
-            promise=promise,
-        ),
-    )
+    end, solver, active = concluded(problem, ends, full)
+    return Solution(basis, end.x, end.cost, solver, held_at(basis, active))
 
 
 def alone(own: OwnCurves, cost: float, data: Data, basis: Basis, problem: Problem) -> bool:

@@ -20,7 +20,8 @@ CONVENTIONS: dict[str, str] = {
 """What each convention for b0 of a single level assumes, SPEC §4.3."""
 WEIGHTS = ("equal", "sd")
 LOSSES = ("squares", "huber")
-ESTIMATORS = ("joint", "two-stage")
+ESTIMATORS = ("auto", "joint", "two-stage")
+INTERVALS = ("robust", "bootstrap", "profile", "white", "none")
 
 
 @dataclass(frozen=True)
@@ -41,19 +42,29 @@ class FitOptions:
     """Convention for b0 of a single level."""
     bounds_levels: tuple[float, ...] | None = None
     """Levels over which B_m and B_M are taken; None: all that are fitted."""
-    estimator: str = "joint"
-    """joint: all coefficients together, as in the paper. two-stage: each level, then the polynomials through them."""
+    estimator: str = "auto"
+    """joint: all coefficients together, as in the paper. two-stage: each level, then the polynomials through them.
+    auto: the one that the evidence supports."""
+    ci: str = "robust"
+    """How 95 % intervals are found: robust, bootstrap, profile, white or none."""
+    seed: int = 0
+    """Of the bootstrap."""
+    draws: int = 300
+    """Refits of the bootstrap."""
+    workers: int = 1
+    """Processes that share the refits; the result is the same for any number."""
 
 
 def check(options: FitOptions) -> None:
     """Refuse choices that are not in their tables, each in one sentence."""
     for name, value, table in (
-        ("--weights", options.weights, WEIGHTS),
-        ("--loss", options.loss, LOSSES),
-        ("--bounds", options.bounds, tuple(CONVENTIONS)),
-        ("--estimator", options.estimator, ESTIMATORS),
+        ("«weights»", options.weights, WEIGHTS),
+        ("«loss»", options.loss, LOSSES),
+        ("«bounds»", options.bounds, tuple(CONVENTIONS)),
+        ("«estimator»", options.estimator, ESTIMATORS),
+        ("«ci»", options.ci, INTERVALS),
     ):
         if value not in table:
             raise UsageError(f"{name} {value}: must be one of {', '.join(table)}")
     if options.share is not None and not 0 < options.share < 1:
-        raise UsageError(f"--share {options.share:g}: the share of the fast part lies between 0 and 1; or say free")
+        raise UsageError(f"«share» {options.share:g}: the share of the fast part lies between 0 and 1; or say free")

@@ -12,14 +12,17 @@ from dataclasses import dataclass
 import numpy as np
 
 from eaid.arrays import Array
+from eaid.findings import Finding, finding
 from eaid.fitting.compress import Points
 from eaid.fitting.data import Data, data_of
 from eaid.fitting.kernel import decay
-from eaid.fitting.levels import CLEAR, SAME, TRUST, verdict
-from eaid.fitting.result import LevelFit, ReleaseFit, ReleaseLevel, Solver
-from eaid.fitting.solver import FINISHED, PROMISE, ROUNDING, SETTLED, Problem, approach, ended, polish
-from eaid.fitting.starts import RECORDS, TAU1_LEAST_S, Indices, grid_bowls, grid_fits, start_grid
-from eaid.models.parameters import SHARE, Friction
+from eaid.fitting.levels import CLEAR, SAME, TRUST
+from eaid.fitting.metrics import quality
+from eaid.fitting.solver import FINISHED, ROUNDING, SETTLED, Problem, approach, concluded, ended, judged
+from eaid.fitting.starts import RECORDS, Indices, grid_bowls, grid_fits, start_grid
+from eaid.models.parameters import SHARE, TAU_FLOOR_S, Friction
+from eaid.results.common import Solver
+from eaid.results.fit import FrictionLevel, Release, ReleaseLevel
 from eaid.steps.stepset import Level
 
 MOST = 3
@@ -30,10 +33,10 @@ STEPS = 20
 
 def release_fit(
     releases: Sequence[Level],
-    rising: Sequence[LevelFit],
+    rising: Sequence[FrictionLevel],
     held_s: Mapping[float, float],
     share: float = SHARE,
-) -> ReleaseFit:
+) -> tuple[Release, list[Finding]]:
     """Pooled release constants, and each level's own beside the rising ones.
 
     `held_s` is how long each level was held before its release [s].
@@ -44,35 +47,31 @@ def release_fit(
     alone = _alone(data, shares)
     pooled = _solve(data, shares, np.log([own.tau for own in alone]))
     rows = []
-    for i, (release, own) in enumerate(zip(releases, alone, strict=True)):
-        sse = min(own.solver.starts)
-        curve = rises.get(release.level)
+    for release, own, fast, record in zip(releases, alone, shares.tolist(), data.records, strict=True):
+        sse, curve = min(own.solver.costs), rises.get(release.level)
+        fit_pct, R2 = quality(sse, [record.y])
         rows.append(
             ReleaseLevel(
                 level=float(release.level),
-                share=float(shares[i]),
+                share=fast,
                 tau1=float(own.tau[0]),
                 tau2=float(own.tau[1]),
                 amplitude=float(own.parts[0, 0]),
                 residual=float(own.parts[0, 1]),
                 rmse=float(np.sqrt(sse / len(release.time_s))),
                 sse=sse,
+                fit_pct=fit_pct,
+                R2=R2,
                 solver=own.solver,
                 rising_tau1=curve.tau1 if curve else None,
                 rising_tau2=curve.tau2 if curve else None,
             )
         )
-    total = min(pooled.solver.starts)
-    return ReleaseFit(
-        share,
-        float(pooled.tau[0]),
-        float(pooled.tau[1]),
-        float(np.sqrt(total / data.samples)),
-        total,
-        tuple(rows),
-        pooled.solver,
-        tuple(_warnings(data, rows, pooled)),
-    )
+    total = min(pooled.solver.costs)
+    rmse = float(np.sqrt(total / data.samples))
+    tau1, tau2 = pooled.tau.tolist()
+    found = Release(tau1, tau2, share, rmse, total, levels=tuple(rows), solver=pooled.solver)
+    return found, _findings(data, rows, pooled)
 
 
 def share_reached(rise: Friction | None, held_s: float | None, share: float) -> float:
@@ -84,30 +83,21 @@ def share_reached(rise: Friction | None, held_s: float | None, share: float) -> 
     return float(fast / (fast + slow))
 
 
-def _warnings(data: Data, rows: Sequence[ReleaseLevel], pooled: "_Solved") -> list[str]:
-    warnings = []
+def _findings(data: Data, rows: Sequence[ReleaseLevel], pooled: "_Solved") -> list[Finding]:
+    found = []
+    if not pooled.solver.converged:
+        found.append(finding("fit-not-converged", "release", predicted_decrease=pooled.solver.predicted_decrease))
     if pooled.tau[1] > data.longest_s:
-        warnings.append(
-            f"the slow release constant ({pooled.tau[1]:.3g} s) is longer than the longest record after a release "
-            f"({data.longest_s:.3g} s): these data cannot tell it"
-        )
-    if "τ1 at 1 ms" in pooled.solver.at_bounds:
-        warnings.append(
-            "the release is faster than 1 ms or than the samples can tell: its fast constant is at its floor"
-        )
-    if "τ2 at τ1" in pooled.solver.at_bounds:
-        warnings.append("one exponential is enough for the releases: τ1 and τ2 coincide")
-    left = [
-        f"{row.level:g}"
-        for row, (amplitude, residual) in zip(rows, pooled.parts, strict=True)
-        if residual > 0.1 * abs(amplitude)
-    ]
+        values = {"tau2_s": float(pooled.tau[1]), "record_s": data.longest_s}
+        found.append(finding("release-beyond-record", "release", **values))
+    if "tau1-floor" in pooled.solver.at_bounds:
+        found.append(finding("release-too-fast", "release"))
+    if "tau2-meets-tau1" in pooled.solver.at_bounds:
+        found.append(finding("release-one-exponential", "release"))
+    left = [row.level for row, (size, rest) in zip(rows, pooled.parts, strict=True) if rest > 0.1 * abs(size)]
     if left:
-        warnings.append(
-            f"more than a tenth of the output is left long after the release of level {', '.join(left)}; "
-            "the model's release goes to zero"
-        )
-    return warnings
+        found.append(finding("release-leaves-output", "release", left))
+    return found
 
 
 @dataclass(frozen=True, eq=False)
@@ -148,7 +138,7 @@ def _alone(data: Data, shares: Array) -> list[_Solved]:
     """
     level, x = _starts(data, shares)
     points, own = data.points.rows(level), shares[level]
-    x, cost, promised = _refined(x, points, own, data)
+    x, cost, predicted = _refined(x, points, own, data)
     found = []
     for i in range(len(shares)):
         rows = np.flatnonzero(level == i)
@@ -157,14 +147,14 @@ def _alone(data: Data, shares: Array) -> list[_Solved]:
         one = data.one(i)
         sse, gradient, parts = _on_every_sample(best, one, shares[i : i + 1])
         curvature = _projected(best, one.points, shares[i : i + 1]).exact
-        promise = _promise(best, sse, gradient, curvature, data)[0]
-        low = costs - TRUST * promised[rows]
+        decrease = float(_relative_decrease(best, sse, gradient, curvature, data)[0])
+        low = costs - TRUST * predicted[rows]
         rival = ((costs > (1 + SAME) * costs[0]) & (low < (1 + CLEAR) * costs[0])).any()
-        if promise > SETTLED or rival:
+        if decrease > SETTLED or rival:
             found.append(_solve(one, shares[i : i + 1], x[rows]))
             continue
         ends = tuple((costs + (sse[0] - costs[0])).tolist())
-        solver = Solver(True, verdict(True, float(promise)), len(rows) * STEPS, ends, (), float(promise))
+        solver = judged(decrease, len(rows) * STEPS, ends)
         found.append(_Solved(np.exp(best[0]), solver, parts))
     return found
 
@@ -184,8 +174,8 @@ def _starts(data: Data, shares: Array) -> tuple[Indices, Array]:
 
 
 def _refined(x: Array, points: Points, shares: Array, data: Data) -> tuple[Array, Array, Array]:
-    """Where damped Newton steps lead every row of x, (N, 2), the costs there and what one more promises, (N,) each."""
-    least, most = np.log(TAU1_LEAST_S), np.log(RECORDS * data.longest_s)
+    """Where damped Newton steps lead every row of x, (N, 2), the costs there and what one more predicts, (N,) each."""
+    least, most = np.log(TAU_FLOOR_S), np.log(RECORDS * data.longest_s)
     now = _projected(x, points, shares)
     cost, gradient, curvature = now.cost, now.gradient, now.bowl
     damping, moved = np.full(len(x), 1e-3), np.full(len(x), True)
@@ -193,8 +183,8 @@ def _refined(x: Array, points: Points, shares: Array, data: Data) -> tuple[Array
         diagonal = np.einsum("nii->ni", curvature)
         normal = curvature + ((damping[:, None] * diagonal + 1e-300)[:, :, None] * np.eye(2))
         move = np.linalg.solve(normal, gradient[:, :, None])[:, :, 0]
-        promised = 0.5 * (gradient * move).sum(axis=1)
-        if step == STEPS or (moved.any() and (promised <= FINISHED * cost)[moved].all()):
+        predicted = 0.5 * (gradient * move).sum(axis=1)
+        if step == STEPS or (moved.any() and (predicted <= FINISHED * cost)[moved].all()):
             break
         tried = np.clip(x - np.clip(move, -2.0, 2.0), least, most)
         tried[:, 1] = np.maximum(tried[:, 1], tried[:, 0])
@@ -204,13 +194,13 @@ def _refined(x: Array, points: Points, shares: Array, data: Data) -> tuple[Array
         gradient = np.where(moved[:, None], now.gradient, gradient)
         curvature = np.where(moved[:, None, None], now.bowl, curvature)
         damping = np.where(moved, np.maximum(damping / 10, 1e-12), damping * 10)
-    return x, cost, promised
+    return x, cost, predicted
 
 
-def _promise(x: Array, cost: Array, gradient: Array, curvature: Array, data: Data) -> Array:
-    """What a Newton step promises of each row, relative to its cost, (N,); infinite at a limit or off a bowl."""
+def _relative_decrease(x: Array, cost: Array, gradient: Array, curvature: Array, data: Data) -> Array:
+    """What a Newton step predicts of each row, relative to its cost, (N,); infinite at a limit or off a bowl."""
     first, second = x.T
-    inside = (first > np.log(1.001 * TAU1_LEAST_S)) & (second > first + 1e-3) & (cost > 0)
+    inside = (first > np.log(1.001 * TAU_FLOOR_S)) & (second > first + 1e-3) & (cost > 0)
     inside &= (second < np.log(0.5 * RECORDS * data.longest_s)) & (np.linalg.eigvalsh(curvature)[:, 0] > 0)
     H = np.where(inside[:, None, None], curvature, np.eye(2))
     step = np.linalg.solve(H, gradient[:, :, None])[:, :, 0]
@@ -224,8 +214,8 @@ def _solve(data: Data, shares: Array, starts: Array) -> _Solved:
     """
     limit = RECORDS * data.longest_s
     A = np.array([[1.0, 0.0], [-1.0, 1.0], [0.0, -1.0]])
-    b = np.array([np.log(TAU1_LEAST_S), 0.0, -np.log(limit)])
-    names = ("τ1 at 1 ms", "τ2 at τ1", "τ2 endless")
+    b = np.array([np.log(TAU_FLOOR_S), 0.0, -np.log(limit)])
+    names = ("tau1-floor", "tau2-meets-tau1", "tau2-endless")
 
     def sums(x: Array) -> _Sums:
         return _projected(np.tile(x, (len(shares), 1)), data.points, shares)
@@ -244,18 +234,7 @@ def _solve(data: Data, shares: Array, starts: Array) -> _Solved:
     )  # fmt: skip
     starts = np.clip(starts, b[0], -b[2])
     order = np.argsort([problem.value(start)[0] for start in starts], kind="stable")[:MOST]
-    ends = ended([approach(problem, starts[k]) for k in order], problem)
-    best = min(ends, key=lambda end: end.cost)
-    end, promise, active = polish(problem, best, on_all)
-    converged = promise <= PROMISE
-    solver = Solver(
-        converged,
-        verdict(converged, promise),
-        sum(e.evaluations for e in ends) + end.evaluations - best.evaluations,
-        tuple(e.cost + end.cost - best.cost for e in ends),
-        tuple(names[i] for i in active),
-        promise,
-    )
+    end, solver, _ = concluded(problem, ended([approach(problem, starts[k]) for k in order], problem), on_all)
     parts = _on_every_sample(np.tile(end.x, (len(shares), 1)), data, shares)[2]
     return _Solved(np.exp(end.x), solver, parts)
 

@@ -6,13 +6,16 @@ its fixed point Σ ψ(r) ∂f = 0, which is the minimum of Huber's loss, and eve
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import Any, TypeVar
+from typing import TypeVar
 
+import msgspec
 import numpy as np
 
 from eaid.arrays import Array
+from eaid.findings import Finding, finding
 from eaid.fitting.data import Data
 from eaid.fitting.kernel import Record
+from eaid.results.common import Huber, HuberLevel, HuberPart
 from eaid.steps.stepset import Level
 
 K = 1.345
@@ -36,7 +39,7 @@ def minimise(
     solve: Callable[[Data], Solved],
     again: Callable[[Data, Solved], Solved],
     residuals: Callable[[Solved, Data], list[Array]],
-) -> tuple[Solved, dict[str, Any] | None]:
+) -> tuple[Solved, Huber | None]:
     """The solution under a loss of the table `LOSSES`, and, for Huber's, its scale and weights in numbers.
 
     `solve` fits data, `again` fits data that differ little from those of an earlier solution.
@@ -52,7 +55,7 @@ def _huber(
     solved: Solved,
     again: Callable[[Data, Solved], Solved],
     residuals: Callable[[Solved, Data], list[Array]],
-) -> tuple[Solved, dict[str, Any]]:
+) -> tuple[Solved, Huber]:
     r = residuals(solved, data)
     rounds, moved, sigma = 0, np.inf, 0.0
     while moved > SETTLED and rounds < 200:
@@ -70,17 +73,10 @@ def _huber(
         moved = max(float(np.abs(a - b).max()) for a, b in zip(found, r, strict=True)) / sigma
         r = found
         rounds += 1
-    return solved, {
-        "loss": "huber",
-        "k": K,
-        "sigma": sigma,
-        "rounds": rounds,
-        "settled": bool(moved <= SETTLED or sigma == 0.0),
-        "weights": [
-            weight_row(float(u), record.t_s, one, K * sigma)
-            for u, record, one in zip(data.u, data.records, r, strict=True)
-        ],
-    }
+    rows = zip(data.u.tolist(), data.records, r, strict=True)
+    weights = tuple(weights_on(u, record.t_s, one, K * sigma) for u, record, one in rows)
+    settled = bool(moved <= SETTLED or sigma == 0.0)
+    return solved, Huber(k=K, sigma=sigma, rounds=rounds, settled=settled, weights=weights)
 
 
 def scale_of(residuals: list[Array]) -> float:
@@ -88,64 +84,48 @@ def scale_of(residuals: list[Array]) -> float:
     return 1.4826 * float(np.median(np.abs(np.concatenate(residuals))))
 
 
-def weight_row(level: float, t_s: Array, residual: Array, cut: float) -> dict[str, Any]:
-    """How Huber's weights min(1, kσ/|r|) fall on one level: share of samples held back, least and mean weight, parts.
-
-    A part is a stretch of the record whose samples count less than half: a spike, a drop-out, a wrong shape.
-    """
+def weights_on(level: float, t_s: Array, residual: Array, cut: float) -> HuberLevel:
+    """How Huber's weights min(1, kσ/|r|) fall on one level, and the stretches whose samples count less than half."""
     weight = np.minimum(1.0, cut / np.maximum(np.abs(residual), 1e-300)) if cut > 0 else np.ones_like(residual)
-    return {
-        "level": level,
-        "below_one": float(np.mean(weight < 1)),
-        "least": float(weight.min()),
-        "mean": float(weight.mean()),
-        "parts": _parts(t_s, weight),
-    }
+    parts = _parts(t_s, weight)
+    return HuberLevel(level, float(np.mean(weight < 1)), float(weight.min()), float(weight.mean()), parts)
 
 
-def _parts(t_s: Array, weight: Array) -> list[dict[str, Any]]:
+def _parts(t_s: Array, weight: Array) -> tuple[HuberPart, ...]:
     """The stretches of weights below a half, the `MOST_PARTS` that lose most, in order of time [s]."""
     low = np.flatnonzero(weight < 0.5)
     if not len(low):
-        return []
+        return ()
     gap = max(1, int(NEAR * len(weight)))
     stretches = np.split(low, np.flatnonzero(np.diff(low) > gap) + 1)
     lost = [float((1 - weight[one]).sum()) for one in stretches]
     kept = sorted(np.argsort(lost)[::-1][:MOST_PARTS].tolist())
-    return [
-        {
-            "from_s": float(t_s[stretches[i][0]]),
-            "to_s": float(t_s[stretches[i][-1]]),
-            "samples": len(stretches[i]),
-            "least": float(weight[stretches[i]].min()),
-        }
-        for i in kept
-    ]
-
-
-def huber_warnings(info: dict[str, Any] | None) -> tuple[str, ...]:
-    """Levels of which Huber's loss holds back so much that it cannot be spikes."""
-    wide = [f"{row['level']:g}" for row in (info or {}).get("weights", []) if row["below_one"] > WIDE]
-    if not wide:
-        return ()
-    return (
-        f"Huber's loss holds back more than {100 * WIDE:.0f} % of the samples at level {', '.join(wide)}: that is "
-        "wider scatter or another shape there, not spikes; these levels count less, compare with --loss squares",
+    return tuple(
+        HuberPart(float(t_s[one[0]]), float(t_s[one[-1]]), len(one), float(weight[one].min()))
+        for one in (stretches[i] for i in kept)
     )
 
 
-def with_runs(info: dict[str, Any] | None, levels: Sequence[Level]) -> dict[str, Any] | None:
-    """The same with the `run` of each part that lies furthest from the middle of its repeats; three repeats show it."""
+def huber_findings(subject: str, info: Huber | None) -> list[Finding]:
+    """Levels of which Huber's loss holds back so much that it cannot be spikes."""
+    wide = [row.level for row in (info.weights if info else ()) if (row.below_one or 0.0) > WIDE]
+    return [finding("huber-holds-back-much", subject, wide, most_pct=100 * WIDE)] if wide else []
+
+
+def with_runs(info: Huber | None, levels: Sequence[Level]) -> Huber | None:
+    """The same with the run of each part that lies furthest from the middle of its repeats; three repeats show it."""
     if info is None:
         return None
     rows = []
-    for row, level in zip(info["weights"], levels, strict=True):
-        parts = []
-        for part in row["parts"]:
-            inside = (level.time_s >= part["from_s"]) & (level.time_s <= part["to_s"])
-            runs = level.runs[:, inside]
-            away = np.abs(runs - np.median(runs, axis=0)).mean(axis=1)
-            named = len(runs) == 1 or (len(runs) > 2 and away.max() > APART * np.median(away))
-            parts.append({**part, "run": level.names[int(away.argmax())] if named else None})
-        rows.append({**row, "parts": parts})
-    return {**info, "weights": rows}
+    for row, level in zip(info.weights, levels, strict=True):
+        parts = tuple(msgspec.structs.replace(part, run=_furthest(part, level)) for part in row.parts)
+        rows.append(msgspec.structs.replace(row, parts=parts))
+    return msgspec.structs.replace(info, weights=tuple(rows))
+
+
+def _furthest(part: HuberPart, level: Level) -> str | None:
+    inside = (level.time_s >= part.from_s) & (level.time_s <= part.to_s)
+    runs = level.runs[:, inside]
+    away = np.abs(runs - np.median(runs, axis=0)).mean(axis=1)
+    named = len(runs) == 1 or (len(runs) > 2 and away.max() > APART * np.median(away))
+    return level.names[int(away.argmax())] if named else None

@@ -4,7 +4,7 @@ The cost is a sum of squares with gradient g and curvature H. With H = LL' at th
 where the cost is nearly |z|²: it then needs a dozen evaluations and cannot stop early. Constraints are A x ≥ b.
 
 The verdict does not trust the solver: at the end point the constrained Newton step d solves
-min g'd + d'Hd/2 with A (x + d) ≥ b, and what it promises, relative to the cost, has to be nothing.
+min g'd + d'Hd/2 with A (x + d) ≥ b, and the decrease that it predicts, relative to the cost, has to be nothing.
 """
 
 from collections.abc import Callable, Sequence
@@ -14,24 +14,25 @@ import numpy as np
 from scipy.optimize import minimize, nnls
 
 from eaid.arrays import Array
+from eaid.results.common import Solver, StartCost
 
 FTOL = 1e-13
 """SLSQP's own stopping rule, relative to the cost at the start of the round."""
 FINISHED = 1e-15
-"""Polishing ends where the Newton step promises less than this part of the cost."""
+"""Polishing ends where the Newton step predicts less than this part of the cost."""
 SETTLED = 1e-12
-"""A start has ended where the Newton step promises less than this part of the cost."""
+"""A start has ended where the Newton step predicts less than this part of the cost."""
 NEAR_END = 1e-7
-"""A start has come near enough to its end where a Newton step promises less than this part of the cost."""
+"""A start has come near enough to its end where a Newton step predicts less than this part of the cost."""
 LITTLE = 1e-5
-"""Where a Newton step promises less than this part of the cost, it is next to the minimum and right about it."""
+"""Where a Newton step predicts less than this part of the cost, it is next to the minimum and right about it."""
 LIGHT = 1e-3
-"""Damping up to which a step promises what one without damping does."""
+"""Damping up to which a step predicts what one without damping does."""
 RIVAL = 1e-2
 """An end this part of the cost above the best is no rival: SLSQP does not go on from it."""
 SAME = 1e-6
 """Ends whose costs differ by less than this part have found the same minimum."""
-PROMISE = 1e-9
+CONVERGED = 1e-9
 """A fit has converged where the Newton step would lower the cost by less than this part of it."""
 
 
@@ -42,7 +43,7 @@ NEAR = 1e-9
 TINY = 1e-280
 """Curvature below which nothing determines an unknown: its square root can still be squared and divided by."""
 ROUNDING = 1e-15
-"""A promise is judged against at least this part of the sum of squared data: beneath it lies rounding."""
+"""A predicted is judged against at least this part of the sum of squared data: beneath it lies rounding."""
 
 
 Value = Callable[[Array], tuple[float, Array]]
@@ -59,7 +60,7 @@ class Problem:
     A: Array
     b: Array
     names: Callable[[int], str]
-    """What a row of A says, in words; shown where the row is active."""
+    """The code of the constraint that a row of A is part of, as in `Solver.at_bounds`."""
     exact: Callable[[Array], Array] | None = None
     """x → true second derivatives, (n, n), where they are known."""
     together: Callable[[Array], tuple[float, Array, Array]] | None = None
@@ -87,13 +88,13 @@ class Local:
     gradient: Array
     curvature: Array
     """Gauss–Newton matrix."""
-    promised: float
+    predicted: float
     """By how much a constrained Newton step would lower the cost."""
 
 
 @dataclass(frozen=True, eq=False)
 class Step:
-    """A constrained Newton step: where it goes, what it promises, and the rows of A that hold it."""
+    """A constrained Newton step: where it goes, what it predicts, and the rows of A that hold it."""
 
     d: Array
     decrease: float
@@ -120,7 +121,7 @@ def slsqp(
     rounds: int = 8,
     maximum: int = 40,
 ) -> EndPoint:
-    """Solve from one feasible start, whitened anew each round, until a Newton step promises nothing more.
+    """Solve from one feasible start, whitened anew each round, until a Newton step predicts nothing more.
 
     A round leaves the constraints out at first; where it ends outside some, it is begun again with those, until it ends
     inside: a handful of rows instead of hundreds, which the solver's own least squares would go through every time.
@@ -130,12 +131,12 @@ def slsqp(
     held = np.zeros(len(problem.b), dtype=bool)
     if local is None:
         cost, gradient, curvature = _at(problem, x)
-        promised = newton_step(problem, x, gradient, curvature).decrease
+        predicted = newton_step(problem, x, gradient, curvature).decrease
     else:
-        cost, gradient, curvature, promised = local.cost, local.gradient, local.curvature, local.promised
+        cost, gradient, curvature, predicted = local.cost, local.gradient, local.curvature, local.predicted
     value = _once(problem.value, x, (cost, gradient))
     for _ in range(rounds):
-        if cost == 0.0 or promised <= SETTLED * cost:
+        if cost == 0.0 or predicted <= SETTLED * cost:
             break
         for _ in range(TRIES):
             reached, used = _one_round(problem, x, value, cost, curvature, held, maximum)
@@ -148,12 +149,12 @@ def slsqp(
         found, slope = value(reached)
         if not found < cost:
             break
-        kept = promised <= LITTLE * cost and cost - found >= 0.5 * promised
+        kept = predicted <= LITTLE * cost and cost - found >= 0.5 * predicted
         x, cost, gradient = reached, found, slope
         if kept:  # the start lay next to the minimum, and what there was to gain there has been gained
             break
         curvature = problem.curvature(x)
-        promised = newton_step(problem, x, gradient, curvature).decrease
+        predicted = newton_step(problem, x, gradient, curvature).decrease
     return EndPoint(x, cost, evaluations)
 
 
@@ -284,7 +285,7 @@ def _along(A: Array, b: Array, gradient: Array, curvature: Array) -> Array:
 
 
 def approach(problem: Problem, start: Array, steps: int = 40) -> EndPoint:
-    """Go down from a feasible start until a step promises next to nothing: where the solver may then end the fit.
+    """Go down from a feasible start until a step predicts next to nothing: where the solver may then end the fit.
 
     Steps are constrained Newton steps with Levenberg's and Marquardt's damping, which grows where a step gains nothing.
     """
@@ -327,7 +328,7 @@ def polish(
 ) -> tuple[EndPoint, float, tuple[int, ...]]:
     """Confirm an end point on the full data and take constrained Newton steps there while they gain anything.
 
-    Returns the point with its full-data cost, what a further step promises relative to the cost, and the active rows.
+    Returns the point with its full-data cost, what a further step predicts relative to the cost, and the active rows.
     """
     x, evaluations = end.x, end.evaluations + 1
     cost, gradient = full(x)
@@ -347,9 +348,35 @@ def polish(
             break
         x, cost, gradient = reached, found, slope
         step = newton_step(problem, x, gradient, _curvature(problem, x))
-    promise = step.decrease / max(cost, problem.floor) if step.decrease > 0 else 0.0
+    predicted = step.decrease / max(cost, problem.floor) if step.decrease > 0 else 0.0
     near = np.flatnonzero(problem.A @ x - problem.b < _rounding(problem))
-    return EndPoint(x, cost, evaluations), promise, tuple(sorted({*step.active, *near.tolist()}))
+    return EndPoint(x, cost, evaluations), predicted, tuple(sorted({*step.active, *near.tolist()}))
+
+
+def judged(predicted: float, evaluations: int, costs: Sequence[float], at_bounds: Sequence[str] = ()) -> Solver:
+    """Our verdict on a fit, from the decrease that a further step predicts, relative to the cost."""
+    converged = predicted <= CONVERGED
+    said = f"a further constrained Newton step on the full data would lower the cost by {predicted:.0e} of it"
+    return Solver(
+        converged=converged,
+        message=f"{'converged' if converged else 'not converged'}: {said}",
+        predicted_decrease=predicted,
+        evaluations=evaluations,
+        starts=tuple(StartCost(float(cost)) for cost in costs),
+        at_bounds=tuple(dict.fromkeys(at_bounds)),
+    )
+
+
+def concluded(
+    problem: Problem, ends: Sequence[EndPoint], full: Callable[[Array], tuple[float, Array]]
+) -> tuple[EndPoint, Solver, tuple[int, ...]]:
+    """The best end, polished on the full data, with our verdict and the active rows."""
+    best = min(ends, key=lambda end: end.cost)
+    end, predicted, active = polish(problem, best, full)
+    evaluations = sum(one.evaluations for one in ends) + end.evaluations - best.evaluations
+    offset = end.cost - best.cost  # what compression leaves out of every start's cost alike
+    costs = [one.cost + offset for one in ends]
+    return end, judged(predicted, evaluations, costs, [problem.names(i) for i in active]), active
 
 
 def _curvature(problem: Problem, x: Array) -> Array:

@@ -11,10 +11,9 @@ from eaid.arrays import Array
 from eaid.fitting.compress import Points
 from eaid.fitting.data import Data
 from eaid.fitting.kernel import by_tau, log_products, weighted_shares
+from eaid.models.parameters import TAU_FLOOR_S
 
 Indices: TypeAlias = NDArray[np.intp]
-TAU1_LEAST_S = 1e-3
-"""SPEC §3: τ1 ≥ 1 ms."""
 RECORDS = 1e6
 """τ2 is looked for up to this many record lengths: no data can tell it from endless."""
 GRID = 48
@@ -24,7 +23,7 @@ BOWLS = 3
 STEPS = 8
 """Damped Newton steps from each start, at most."""
 ENOUGH = 1e-7
-"""They end where another promises less than this part of the cost on the points."""
+"""They end where another predicts less than this part of the cost on the points."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,7 +36,7 @@ class Starts:
     """On the compressed points, (N,)."""
     curvature: Array
     """Gauss–Newton, by (T_s, τ1, τ2), (N, 3, 3)."""
-    promised: Array
+    predicted: Array
     """By how much one more of the steps would lower the cost, (N,)."""
     level: Indices
     """Index of the level of each, (N,), rising."""
@@ -80,7 +79,7 @@ def start_grid(t_s: Array, count: int = GRID) -> Array:
     """Time constants to start from [s], rising: a log grid of none below 1 ms, two at least, however short a record."""
     rising = t_s[t_s > 0]
     grid = np.geomspace(0.5 * float(rising.min()), 3.0 * float(rising.max()), count)
-    grid = np.unique(np.maximum(grid, 1.01 * TAU1_LEAST_S))
+    grid = np.unique(np.maximum(grid, 1.01 * TAU_FLOOR_S))
     return grid if len(grid) > 1 else grid * np.array([1.0, 3.0])
 
 
@@ -150,8 +149,8 @@ def refine(
 ) -> tuple[Array, Array, Array, Array]:
     """Damped Gauss–Newton in (T_s, ln τ1, ln τ2) on every row of points at once.
 
-    Returns θ (4, N), cost (N,), curvature by (T_s, τ1, τ2), (N, 3, 3), and what one more step promises, (N,). A row
-    moves only where its cost falls; τ stays within 1 ms and `limit` [s]. Ends when a step promises no row that still
+    Returns θ (4, N), cost (N,), curvature by (T_s, τ1, τ2), (N, 3, 3), and what one more step predicts, (N,). A row
+    moves only where its cost falls; τ stays within 1 ms and `limit` [s]. Ends when a step predicts no row that still
     moves more than `enough` of its cost.
     """
     shares = weighted_shares(theta[3], points)
@@ -163,8 +162,8 @@ def refine(
         diagonal = np.einsum("lii->li", normal)
         diagonal += damping[:, None] * diagonal + 1e-300
         move = solved_for(normal, slope)
-        promised = (slope * move).sum(axis=1)
-        if step == steps or (moved.any() and (promised <= enough * cost)[moved].all()):
+        predicted = (slope * move).sum(axis=1)
+        if step == steps or (moved.any() and (predicted <= enough * cost)[moved].all()):
             break
         tried = moved_by(theta, move, limit)
         found = log_products(tried, shares, points)
@@ -176,7 +175,7 @@ def refine(
         # where τ1 and τ2 have met, two rows are one, and only damping keeps them from being singular
         damping = np.where(moved, np.maximum(damping / 10, 1e-12), damping * 10)
     cost, _, curvature = by_tau(theta, P)
-    return theta, cost, curvature, promised
+    return theta, cost, curvature, predicted
 
 
 def solved_for(H: Array, slope: Array) -> Array:
@@ -194,7 +193,7 @@ def moved_by(theta: Array, move: Array, limit: float) -> Array:
     most = 2.0 * theta[0]
     away = np.minimum(np.maximum(move[:, 1:].T, -most), most) / np.maximum(theta[0], 1e-300)
     moved[1:3] *= np.exp(-away)
-    moved[1] = np.minimum(np.maximum(moved[1], TAU1_LEAST_S), limit)
+    moved[1] = np.minimum(np.maximum(moved[1], TAU_FLOOR_S), limit)
     moved[2] = np.minimum(np.maximum(moved[2], moved[1]), limit)
     return moved
 

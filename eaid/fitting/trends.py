@@ -5,22 +5,25 @@ two weights cancel to more than `CANCEL` times the values themselves, the rates 
 is fitted.
 """
 
+from typing import Literal, TypeAlias
+
 import numpy as np
 
 from eaid.arrays import Array
-from eaid.fitting.result import Trend
-from eaid.fitting.solver import PROMISE, ROUNDING, Problem, polish, slsqp
+from eaid.fitting.solver import CONVERGED, ROUNDING, Problem, polish, slsqp
 from eaid.models.trends import FORMS
+from eaid.results.fit import Trend
 
 STEEPEST = 40.0
 """Rates are looked for up to this many e-folds over the range of x; steeper ones live between two points."""
+Form: TypeAlias = Literal["linear", "double-exponential", "merged-exponential"]
 APART = 0.05
 CANCEL = 100.0
 LEAST = {"linear": 3, "double-exponential": 5}
 """Levels that a form needs: one more than its coefficients."""
 
 
-def fit_trend(x: Array, y: Array, over: str, form: str) -> Trend:
+def fit_trend(x: Array, y: Array, over: str, form: Form) -> Trend:
     """The least-squares trend; `form` is linear or double-exponential, shapes (n,), n as `LEAST` says."""
     origin, range_ = float(x.min()), float(np.ptp(x))
     s = (x - origin) / range_
@@ -29,7 +32,7 @@ def fit_trend(x: Array, y: Array, over: str, form: str) -> Trend:
     size = float(np.abs(y).max()) or 1.0
     c, converged, held = _fit("double-exponential", s, y / size, _rate_pairs(s, y / size, 4))
     weights = np.abs(c[[0, 2], None] * np.exp(np.multiply.outer(c[[1, 3]], s)))
-    if not any("apart" in name for name in held) and weights.sum(axis=0).max() <= CANCEL:
+    if "rates-meet" not in held and weights.sum(axis=0).max() <= CANCEL:
         order = (0, 1, 2, 3) if c[1] >= c[3] else (2, 3, 0, 1)
         c = c[list(order)]
         rates = c[[1, 3]] / range_
@@ -43,21 +46,21 @@ def fit_trend(x: Array, y: Array, over: str, form: str) -> Trend:
     return _trend("merged-exponential", merged, x, y, over, converged, held)
 
 
-def _trend(form: str, c: Array, x: Array, y: Array, over: str, converged: bool, held: tuple[str, ...]) -> Trend:
+def _trend(form: Form, c: Array, x: Array, y: Array, over: str, converged: bool, held: tuple[str, ...]) -> Trend:
     residual = FORMS[form].curve(c, x) - y
     rmse = float(np.sqrt(np.mean(residual**2)))
-    return Trend(over, form, tuple(c.tolist()), rmse, converged, held)
+    return Trend(form, tuple(c.tolist()), over, rmse, converged, held)
 
 
 def _fit(form: str, s: Array, y: Array, starts: list[Array]) -> tuple[Array, bool, tuple[str, ...]]:
     """Coefficients on x scaled to 0…1. The weights are solved for; SLSQP sees the one or two rates alone."""
     if form == "double-exponential":
         A, b = np.array([[1.0, -1.0], [-1.0, 0], [0, 1.0]]), np.array([APART, -STEEPEST, -1.5 * STEEPEST])
-        names: tuple[str, ...] = ("rates barely apart", "r1 at its steepest rise", "r2 at its steepest fall")
+        names: tuple[str, ...] = ("rates-meet", "r1-steepest", "r2-steepest")
         order = [0, 2, 1, 3]
     else:
         A, b = np.array([[-1.0], [1.0]]), np.array([-STEEPEST, -1.5 * STEEPEST])
-        names = ("r at its steepest rise", "r at its steepest fall")
+        names = ("r-steepest-rise", "r-steepest-fall")
         order = [0, 1, 2]
     problem = Problem(
         lambda rates: _projected(rates, s, y)[:2],
@@ -70,10 +73,10 @@ def _fit(form: str, s: Array, y: Array, starts: list[Array]) -> tuple[Array, boo
     )
     ends = [slsqp(problem, _apart(start)) for start in starts]
     best = min(ends, key=lambda end: end.cost)
-    end, promise, active = polish(problem, best, problem.value)
+    end, predicted, active = polish(problem, best, problem.value)
     c = np.concatenate([_projected(end.x, s, y)[3], end.x])[order]
-    # Where one exponential is exact, (p + q x) e^(r x) is flat in r: the promise is then 0/0, and the cost is rounding.
-    return c, promise <= PROMISE or end.cost <= problem.floor, tuple(names[i] for i in active)
+    # Where one exponential is exact, (p + q x) e^(r x) is flat in r: what is predicted is 0/0 then.
+    return c, predicted <= CONVERGED or end.cost <= problem.floor, tuple(names[i] for i in active)
 
 
 def _rate_grid(s: Array) -> Array:

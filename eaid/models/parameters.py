@@ -4,6 +4,8 @@ from dataclasses import dataclass
 
 SHARE = 0.85
 """C: share of the fast part, held at the paper's value unless the user sets or frees it."""
+TAU_FLOOR_S = 1e-3
+"""Least τ1 of a fit and of a replay [s], SPEC §3."""
 
 
 @dataclass(frozen=True)

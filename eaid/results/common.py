@@ -1,5 +1,6 @@
 """Types that several results share: intervals, sources, solver, errors."""
 
+import math
 from typing import Annotated
 
 import msgspec
@@ -54,12 +55,19 @@ class Solver(Result, frozen=True):
     converged: bool = False
     """Our verdict: what a further constrained Newton step would gain is less than a billionth of the cost."""
     message: str = ""
-    promise: Number | None = None
-    """Predicted decrease of the cost by a further constrained Newton step on the full data, relative to the cost."""
+    """The verdict in words."""
+    predicted_decrease: Number | None = None
+    """Of the cost by a further constrained Newton step on the full data, relative to the cost."""
     evaluations: Count = 0
     starts: tuple[StartCost, ...] = ()
     at_bounds: tuple[str, ...] = ()
-    """The constraints that hold the end point."""
+    """The constraints that hold the end point: tau1-floor, tau2-meets-tau1, Ts-zero, tau2-endless, C-zero, C-one,
+    a0-fastest, a0-slowest."""
+
+    @property
+    def costs(self) -> tuple[float, ...]:
+        """Cost at the end of every start."""
+        return tuple(math.nan if start.cost is None else start.cost for start in self.starts)
 
 
 class AbsError(Result, frozen=True):

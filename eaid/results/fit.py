@@ -4,11 +4,16 @@ Keys are the paper's symbols, polynomials lowest power first, units those of the
 `data.output_unit`); time constants in s.
 """
 
-from typing import Annotated, Literal
+from dataclasses import replace
+from typing import Annotated, Any, Literal, Self
 
 import msgspec
 
+from eaid.errors import DataError
 from eaid.findings import Finding
+from eaid.models.parameters import Friction as FrictionCurve
+from eaid.models.parameters import Linear as LinearModel
+from eaid.models.parameters import Nonlinear as NonlinearModel
 from eaid.results.common import (
     AbsError,
     Count,
@@ -76,6 +81,7 @@ class LevelIntervals(Result, frozen=True):
     tau1: Interval = None
     tau2: Interval = None
     C: Interval = None
+    C_f: Interval = None
 
 
 class FrictionLevel(Result, frozen=True):
@@ -107,6 +113,11 @@ class FrictionLevel(Result, frozen=True):
     solver: Solver | None = None
     ci95: LevelIntervals | None = None
 
+    @property
+    def curve(self) -> FrictionCurve:
+        """The curve of Eq. (3)."""
+        return FrictionCurve(self.Ts, self.tau1, self.tau2, self.C)
+
 
 class Trend(Result, frozen=True):
     """A fitted value over stress or speed (Tables I and II)."""
@@ -132,12 +143,20 @@ class Friction(Result, frozen=True):
 
     C: Number | None = None
     """The share of the fast part that was held; None where it was free."""
+    over: str = ""
+    """What trends run over: stress_kpa, speed_rpm, or level_UNIT where the stress is not known."""
     levels: tuple[FrictionLevel, ...] = ()
     trends: dict[str, Trend] = {}
     solver: Solver | None = None
     identifiable: bool | None = None
     hold_out: HoldOut | None = None
     robust: Huber | None = None
+
+    @property
+    def x(self) -> tuple[float, ...]:
+        """The levels in the quantity that trends run over."""
+        key = self.over if self.over in ("stress_kpa", "speed_rpm") else "level"
+        return tuple(getattr(one, key) for one in self.levels)
 
 
 class CurveLevel(Result, frozen=True):
@@ -221,16 +240,23 @@ class Estimate(Result, frozen=True):
     """Two-stage: Σ(residual/sd)² over levels − coefficients."""
     weights: Literal["equal", "sd"] = "equal"
     level_weights: tuple[Number, ...] | None = None
+    hold_out: HoldOut | None = None
+
+    @property
+    def parameters(self) -> NonlinearModel:
+        """The model of Eqs. (4)–(7)."""
+        return NonlinearModel(self.tau1, self.tau2, self.Ts, self.u_range, self.C)
 
 
 class Nonlinear(Estimate, frozen=True):
     """The believed estimate, and the others beside it."""
 
     estimator: Literal["joint", "two-stage"] = "joint"
-    """Which estimate stands here."""
+    """Which estimate stands here: the one that is believed, or that was asked for."""
+    because: str = ""
+    """Why it stands here: asked, agree, apart, weak, or alone."""
     identifiable: bool | None = None
     robust: Huber | None = None
-    hold_out: HoldOut | None = None
     joint: Estimate | None = None
     """The joint estimate, where the two-stage one stands in its place."""
     two_stage: Estimate | None = None
@@ -238,6 +264,31 @@ class Nonlinear(Estimate, frozen=True):
     other_weights: Estimate | None = None
     """The joint model under the weights that were not asked for."""
     agreement: tuple[Agreement, ...] = ()
+
+    @classmethod
+    def of(cls, estimate: Estimate, **more: Any) -> Self:
+        """An estimate as the one that is believed."""
+        return cls(**{name: getattr(estimate, name) for name in Estimate.__struct_fields__}, **more)
+
+    @property
+    def estimate(self) -> Estimate:
+        """The estimate that stands here, alone."""
+        return Estimate(**{name: getattr(self, name) for name in Estimate.__struct_fields__})
+
+    @property
+    def estimates(self) -> dict[str, Estimate]:
+        """The estimates beside each other, by name, the one that is used first."""
+        joint = self.joint or (self if self.estimator == "joint" else None)
+        found: dict[str, Estimate | None] = {self._name(self): self}
+        if joint is not None:
+            found[self._name(joint)] = joint
+        found["two-stage"] = self if self.estimator == "two-stage" else self.two_stage
+        if self.other_weights is not None:
+            found[self._name(self.other_weights)] = self.other_weights
+        return {name: one for name, one in found.items() if one is not None}
+
+    def _name(self, one: Estimate) -> str:
+        return "two-stage" if one is self and self.estimator == "two-stage" else f"joint, {one.weights} weights"
 
 
 class PooledIntervals(Result, frozen=True):
@@ -307,6 +358,11 @@ class Pooled(Result, frozen=True):
     weights: Literal["equal", "sd"] = "equal"
     level_weights: tuple[Number, ...] | None = None
 
+    @property
+    def parameters(self) -> LinearModel:
+        """The model of Eq. (8)."""
+        return LinearModel(self.a0, self.b0, self.c0)
+
 
 class Linear(Pooled, frozen=True):
     """The pooled linear model, and each level's own."""
@@ -319,6 +375,11 @@ class Linear(Pooled, frozen=True):
     hold_out: HoldOut | None = None
     other_weights: Pooled | None = None
     agreement: tuple[Agreement, ...] = ()
+
+    @classmethod
+    def of(cls, pooled: Pooled, **more: Any) -> Self:
+        """A pooled model with each level's own beside it."""
+        return cls(**{name: getattr(pooled, name) for name in Pooled.__struct_fields__}, **more)
 
 
 class ReleaseLevel(Result, frozen=True):
@@ -474,3 +535,18 @@ class Fit(Result, frozen=True):
     """Of logs that were fitted as they were recorded."""
     findings: tuple[Finding, ...] = ()
     """Worst first."""
+
+    @property
+    def plant(self) -> NonlinearModel:
+        """The believed nonlinear model, with the release constants where falls to rest were fitted."""
+        if self.nonlinear is None:
+            raise DataError("this fit holds no nonlinear model; fit clutch logs with «model» nonlinear")
+        constants = None if self.release is None else (self.release.tau1, self.release.tau2)
+        return replace(self.nonlinear.parameters, release=constants)
+
+    @property
+    def linear_model(self) -> LinearModel:
+        """The pooled linear model."""
+        if self.linear is None:
+            raise DataError("this fit holds no linear model; fit clutch logs with «model» linear")
+        return self.linear.parameters

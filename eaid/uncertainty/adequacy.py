@@ -6,22 +6,22 @@ powers for τ1, τ2, T_s, by χ² against the levels' own scatter and by leaving
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 from scipy.special import fdtri
 
-from eaid.arrays import Array, median
+from eaid.arrays import Array
+from eaid.findings import Finding, finding
 from eaid.fitting.kernel import level_sums
 from eaid.fitting.linear import fit_own_levels
-from eaid.fitting.result import Fit
 from eaid.models import friction
 from eaid.models.parameters import Friction
+from eaid.results.fit import Adequacy, Fit, LackOfFit, OrderScore, ShapeScore
 from eaid.steps.stepset import Level, StepSet
 from eaid.uncertainty.curve import Curve, curve_with_repeats
 from eaid.uncertainty.level_statistics import TERMS, LevelStatistics
 from eaid.uncertainty.levels import log_theta
+from eaid.uncertainty.linear_intervals import convention
 from eaid.uncertainty.profile import least_of_all
 from eaid.uncertainty.share import Share
 
@@ -30,59 +30,6 @@ OVERSHOOT = 0.05
 STRONG = 6.0
 """Difference of BIC that counts as strong evidence (Kass and Raftery)."""
 ORDERS = (1, 2, 3, 4)
-
-
-@dataclass(frozen=True)
-class Shape:
-    """One alternative for the curve of a level, judged over all levels together."""
-
-    name: str
-    parameters: int
-    rmse: float
-    aicc: float
-    bic: float
-
-
-@dataclass(frozen=True)
-class Order:
-    """One alternative for the polynomial of τ1, τ2 or T_s."""
-
-    parameter: str
-    order: int
-    chi_square: float
-    """Σ res²/V over the levels, to be compared with L − p."""
-    aicc: float
-    leave_one_out_pct: float
-    """RMS error of the parameter at a level that was left out [%]."""
-
-
-@dataclass(frozen=True)
-class Adequacy:
-    """Tables, one recommended sentence, and warnings."""
-
-    shapes: tuple[Shape, ...]
-    orders: tuple[Order, ...]
-    lack_of_fit: tuple[dict[str, Any], ...]
-    autocorrelation: float
-    """Median lag-1 autocorrelation of the residuals."""
-    effective_samples: float
-    leave_one_level_out_nm: float | None
-    """RMS error of the torque of a left-out level [output unit]."""
-    recommended: str
-    warnings: tuple[str, ...] = field(default=())
-
-    def as_json(self) -> dict[str, Any]:
-        """For fit.json."""
-        return {
-            "shapes": [vars(one) for one in self.shapes],
-            "orders": [vars(one) for one in self.orders],
-            "lack_of_fit": list(self.lack_of_fit),
-            "residual_autocorrelation": self.autocorrelation,
-            "effective_samples": self.effective_samples,
-            "leave_one_level_out_nm": self.leave_one_level_out_nm,
-            "recommended": self.recommended,
-            "warnings": list(self.warnings),
-        }
 
 
 def effective_samples(residual: Array) -> tuple[float, float]:
@@ -124,7 +71,7 @@ def overshoot(level: Level) -> float:
     return float((peak - smooth[-1]) / peak)
 
 
-def lack_of_fit(level: Level, noise_nm: Array) -> dict[str, Any] | None:
+def lack_of_fit(level: Level, noise_nm: Array) -> LackOfFit | None:
     """Whether the runs of one level miss their own curves in the same way; None for a single run.
 
     `ratio` is R Σ ē² / (Σ_r Σ (e_r − ē)²/(R − 1)): 1 for a right model, whatever the colour of the noise.
@@ -137,17 +84,14 @@ def lack_of_fit(level: Level, noise_nm: Array) -> dict[str, Any] | None:
     apart = float(np.vdot(off, off)) / (runs - 1)
     ratio = runs * float(common @ common) / apart if apart > 0 else 1.0
     count = float(np.mean([spectral_degrees(run) for run in off]))
-    chance = fdtri(count, count * (runs - 1), 0.999)
-    return {
-        "level": level.level,
-        "ratio": ratio,
-        "chance": chance,
-        "beyond": bool(ratio > chance),
-        "systematic_nm": float(np.sqrt(np.mean(common**2) * max(0.0, 1 - 1 / ratio))) if ratio > 0 else 0.0,
-    }
+    chance = float(fdtri(count, count * (runs - 1), 0.999))
+    systematic = float(np.sqrt(np.mean(common**2) * max(0.0, 1 - 1 / ratio))) if ratio > 0 else 0.0
+    return LackOfFit(level.level, ratio, chance, bool(ratio > chance), systematic)
 
 
-def adequacy(stepset: StepSet, fit: Fit, base: LevelStatistics, asked: Share | None = None) -> Adequacy:
+def adequacy(
+    stepset: StepSet, fit: Fit, base: LevelStatistics, asked: Share | None = None
+) -> tuple[Adequacy, list[Finding]]:
     """Judge the models of a fit, on the levels that it rests on; `asked` is the C that its runs ask for."""
     levels = base.levels
     residuals = [
@@ -160,40 +104,38 @@ def adequacy(stepset: StepSet, fit: Fit, base: LevelStatistics, asked: Share | N
     rows = [row for level, one in zip(levels, base.estimates, strict=True) if (row := lack_of_fit(level, one.noise_nm))]
     polynomial = fit.nonlinear is not None and base.source == "repeats" and len(levels) >= 4
     orders = _orders(base) if polynomial else ()
-    falling = [(level, lost) for level in levels if (lost := overshoot(level)) > OVERSHOOT]
-    if 2 * len(falling) > len(levels):
-        recommended = (
-            f"none of these models: the output decays under hold at {len(falling)} of {len(levels)} levels; "
-            "end the window before it does (--until), or take T_s for an average"
-        )
-    else:
-        recommended = _sentence(shapes, orders, rows, asked)
+    falling = [(level.level, lost) for level in levels if (lost := overshoot(level)) > OVERSHOOT]
+    found = []
+    if falling:
+        worst, lost = max(falling, key=lambda pair: pair[1])
+        places, values = [u for u, _ in falling], {"worst": worst, "lost_pct": 100 * lost, "of": len(levels)}
+        found.append(finding("output-decays-under-hold", "friction", places, unit=stepset.input_unit, **values))
+    if 2 * len(falling) <= len(levels):
+        found += _recommended(shapes, orders, rows, asked)
     return Adequacy(
         shapes=shapes,
         orders=orders,
         lack_of_fit=tuple(rows),
-        autocorrelation=median([rho for _, rho in sizes]),
+        residual_autocorrelation=float(np.median([rho for _, rho in sizes])),
         effective_samples=float(counts.sum()),
         leave_one_level_out_nm=_leave_one_out(base) if polynomial and len(levels) > 4 else None,
-        recommended=recommended,
-        warnings=tuple(_warnings(stepset, falling)),
-    )
+    ), found
 
 
-def _shapes(base: LevelStatistics, fit: Fit, residuals: Sequence[Array], counts: Array) -> tuple[Shape, ...]:
+def _shapes(base: LevelStatistics, fit: Fit, residuals: Sequence[Array], counts: Array) -> tuple[ShapeScore, ...]:
     levels, share = base.levels, base.estimates[0].curve.C
     samples = np.array([len(level.time_s) for level in levels], dtype=float)
 
-    def judged(name: str, parameters: int, sse: Array) -> Shape:
+    def judged(name: str, parameters: int, sse: Array) -> ShapeScore:
         p = parameters + 1  # the noise's own size is a parameter too
         score = counts * np.log(np.maximum(sse / samples, 1e-300))
         spare = np.maximum(counts - p - 1, 1.0)
         aicc = float((score + 2 * p + 2 * p * (p + 1) / spare).sum())
         bic = float((score + p * np.log(counts)).sum())
-        return Shape(name, parameters, float(np.sqrt(sse.sum() / samples.sum())), aicc, bic)
+        return ShapeScore(name, parameters, float(np.sqrt(sse.sum() / samples.sum())), aicc, bic)
 
     two = np.array([float(r @ r) for r in residuals])
-    if fit.linear is not None and fit.linear.bounds.convention != "pooled-dynamics":
+    if fit.linear is not None and convention(fit.linear) != "pooled-dynamics":
         single = np.array([row.sse for row in fit.linear.per_level])
     else:
         single = np.array([one.cost for one in fit_own_levels(base.data)])
@@ -216,7 +158,7 @@ def _free_share(base: LevelStatistics, two: Array) -> Array:
     return np.asarray(np.minimum(two, np.maximum(above + costs.min(axis=0), 0.0)))
 
 
-def _orders(base: LevelStatistics) -> tuple[Order, ...]:
+def _orders(base: LevelStatistics) -> tuple[OrderScore, ...]:
     rows = []
     for k, name in enumerate(("Ts", "tau1", "tau2")):
         row = base.determined[:, k]
@@ -231,7 +173,7 @@ def _orders(base: LevelStatistics) -> tuple[Order, ...]:
             errors = left_out(curve, duty, theta)
             inner = errors[1:-1] if len(errors) > 4 else errors  # the ends would be extrapolation
             error = 100 * float(np.sqrt(np.mean(inner**2)))
-            rows.append(Order(name, order, chi, chi + 2 * p + 2 * p * (p + 1) / spare, error))
+            rows.append(OrderScore(name, order, chi, chi + 2 * p + 2 * p * (p + 1) / spare, error))
     return tuple(rows)
 
 
@@ -264,55 +206,43 @@ def _leave_one_out(base: LevelStatistics) -> float:
     return float(np.sqrt(total / samples))
 
 
-def _sentence(
-    shapes: Sequence[Shape], orders: Sequence[Order], rows: Sequence[dict[str, Any]], asked: Share | None
-) -> str:
-    best = min(shapes, key=lambda shape: shape.bic)
-    usual = shapes[1]
-    told = asked is not None and asked.matters and not asked.differ and best.name != "one exponential"
-    if asked is not None and asked.estimate is not None and told:
-        return (
-            f"use two exponentials, C = {asked.estimate:.3f} at all levels: the runs reject C = {asked.held:g}; "
-            f"fit again with --share {asked.estimate:.3f} before judging the polynomials"
-        )
-    if best is usual or usual.bic - best.bic < STRONG:
-        said = f"keep {usual.name}"
-    elif best.name == "two exponentials, C free" and best.rmse > 0.9 * usual.rmse:
-        closer = 100 * (1 - best.rmse / usual.rmse)
-        said = f"keep {usual.name}: a free C fits {f'only {closer:.0f} %' if closer >= 0.5 else 'no'} closer"
+def _recommended(
+    shapes: Sequence[ShapeScore], orders: Sequence[OrderScore], rows: Sequence[LackOfFit], asked: Share | None
+) -> list[Finding]:
+    """Which shape and which polynomials the levels ask for."""
+    best, usual = min(shapes, key=lambda shape: shape.bic or 0.0), shapes[1]
+    if asked is not None and asked.matters and not asked.differ and best is not shapes[0]:
+        return [finding("shape-needs-the-share", "friction", held=asked.held, estimate=asked.estimate)]
+    values = {"shape": best.name, "usual": usual.name, "rmse": best.rmse, "usual_rmse": usual.rmse}
+    closer = 1 - (best.rmse or 0.0) / usual.rmse if usual.rmse else 0.0
+    if best is usual or (usual.bic or 0.0) - (best.bic or 0.0) < STRONG:
+        found = [finding("shape-fits", "friction", **values)]
+    elif best is shapes[2] and closer < 0.1:
+        found = [finding("shape-fits", "friction", closer_pct=100 * closer, **values)]
     else:
-        said = f"use {best.name}: RMSE {best.rmse:.3g} against {usual.rmse:.3g}"
-    raised = []
+        found = [finding("shape-of-another-kind", "friction", **values)]
+    raised = _raised(orders)
+    if raised:
+        found.append(finding("polynomials-too-low", "nonlinear", **raised))
+    elif orders:
+        found.append(finding("polynomials-fit", "nonlinear"))
+    missed = [row for row in rows if row.beyond]
+    if missed:
+        worst = max(missed, key=lambda row: row.systematic_nm or 0.0)
+        size = {"systematic": worst.systematic_nm, "worst": worst.level, "of": len(rows)}
+        found.append(finding("repeats-miss-alike", "friction", [row.level for row in missed], **size))
+    return found
+
+
+def _raised(orders: Sequence[OrderScore]) -> dict[str, int]:
+    """Parameters whose levels ask for a higher order than the paper's, and which."""
+    found = {}
     for name, paper in (("Ts", 3), ("tau1", 2), ("tau2", 2)):
         own = [order for order in orders if order.parameter == name]
         there = next((order for order in own if order.order == paper), None)
         if there is None:
             continue
-        better = min(own, key=lambda order: order.aicc)
-        if better.order > paper and better.aicc < there.aicc - 4:
-            raised.append(f"order {better.order} for {name}")
-    if raised:
-        said += f"; the levels ask for {', '.join(raised)} instead of the paper's polynomials"
-    elif orders:
-        said += "; the paper's polynomials follow the levels as well as any of orders 1 to 4"
-    missed = [row for row in rows if row["beyond"]]
-    if missed:
-        worst = max(missed, key=lambda row: float(row["systematic_nm"]))
-        said += (
-            f"; at {len(missed)} of {len(rows)} levels all repeats miss the curve alike "
-            f"(by {worst['systematic_nm']:.2g} at {worst['level']:g}): the shape is not quite right"
-        )
-    return said
-
-
-def _warnings(stepset: StepSet, falling: Sequence[tuple[Level, float]]) -> list[str]:
-    said = []
-    if falling:
-        worst, lost = max(falling, key=lambda pair: pair[1])
-        several = f" and at {len(falling) - 1} more levels" if len(falling) > 1 else ""
-        said.append(
-            f"the output overshoots and decays under hold: {100 * lost:.0f} % of its peak is lost by the end at "
-            f"{f'{worst.level:g} {stepset.input_unit}'.rstrip()}{several}; no sum of rising exponentials shows that, "
-            "so T_s is an average and τ2 means nothing there"
-        )
-    return said
+        better = min(own, key=lambda order: order.aicc or 0.0)
+        if better.order > paper and (better.aicc or 0.0) < (there.aicc or 0.0) - 4:
+            found[name] = better.order
+    return found

@@ -15,14 +15,15 @@ from eaid.fitting.basis import basis_of
 from eaid.fitting.compress import Points, compress
 from eaid.fitting.data import Data, data_of
 from eaid.fitting.nonlinear import nonlinear_problem
-from eaid.fitting.result import Fit
 from eaid.fitting.solver import slsqp
 from eaid.models import friction, linear
 from eaid.models.parameters import Friction, Linear, Nonlinear
+from eaid.results.fit import Fit
 from eaid.steps.stepset import Level
 from eaid.uncertainty.joint import coefficients_of
 from eaid.uncertainty.levels import log_theta
 from eaid.uncertainty.profile import least
+from eaid.uncertainty.weightings import weights_array
 
 BLOCK_S = 2.0
 """Blocks of a single run [s]: the longest memory that the Bartlett windows allow for."""
@@ -53,7 +54,7 @@ def bootstrap(
     """Refit `draws` resampled sets; the same seed gives the same result for any number of workers."""
     assert fit.friction is not None
     free = fit.friction.C is None
-    weights = None if fit.nonlinear is None or fit.nonlinear.weights is None else np.array(fit.nonlinear.weights)
+    weights = None if fit.nonlinear is None else weights_array(fit.nonlinear)
     data = data_of(levels, weights)
     job = _Job(
         tuple(levels),
@@ -62,7 +63,7 @@ def bootstrap(
         np.array([log_theta(one.curve, free) for one in fit.friction.levels]),
         tuple(one.curve.C for one in fit.friction.levels),
         None if fit.nonlinear is None else fit.nonlinear.parameters,
-        fit.nonlinear is not None and fit.nonlinear.share_free,
+        fit.nonlinear is not None and fit.nonlinear.C_free,
         None if fit.linear is None else np.log([[row.a0, row.gain] for row in fit.linear.per_level]),
         None if fit.linear is None else fit.linear.parameters,
         seed,

@@ -2,13 +2,16 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Literal
 
+import msgspec
 import numpy as np
 
 from eaid.arrays import Array
-from eaid.fitting.result import FrictionFit, Trend
+from eaid.findings import Finding, finding
 from eaid.models.trends import FORMS
+from eaid.results.common import Interval
+from eaid.results.fit import Friction, FrictionLevel, LevelIntervals, Trend
 from eaid.uncertainty.level_statistics import LevelStatistics
 from eaid.uncertainty.levels import NAMES, UNDETERMINED, WIDE, white_variance
 from eaid.uncertainty.student_t import t_quantile
@@ -76,34 +79,39 @@ def _white_parameters(stats: LevelStatistics, i: int) -> list[Parameter]:
     return rows
 
 
-def level_ci95(fit: FrictionFit, rows: Sequence[Sequence[Parameter]]) -> list[dict[str, Any]]:
-    """What fit.json holds beside each level: `ci95`, and `words` on the state of what is doubtful."""
+def level_ci95(part: Friction, rows: Sequence[Sequence[Parameter]]) -> tuple[FrictionLevel, ...]:
+    """The levels with the 95 % intervals of their parameters."""
     result = []
-    for own, level, coefficient in zip(rows, fit.levels, fit.C_f, strict=True):
-        ci95: dict[str, list[float] | None] = {p.name: list(p.interval) if p.interval else None for p in own}
-        if coefficient is not None:
-            steady = ci95["Ts"]
-            ci95["C_f"] = [coefficient * end / level.curve.Ts for end in steady] if steady else None
-        result.append({"ci95": ci95, "words": {p.name: p.state for p in own if p.state != "fine"}})
-    return result
+    for own, level in zip(rows, part.levels, strict=True):
+        ci95 = LevelIntervals(**{p.name: p.interval for p in own})
+        if level.C_f is not None and ci95.Ts is not None:
+            low, high = (level.C_f * end / level.Ts for end in ci95.Ts)
+            ci95 = msgspec.structs.replace(ci95, C_f=(low, high))
+        result.append(msgspec.structs.replace(level, ci95=ci95))
+    return tuple(result)
 
 
-def trend_ci95(fit: FrictionFit, rows: Sequence[Sequence[Parameter]], repeats: bool, degrees: float) -> dict[str, Any]:
-    """95 % intervals of every trend's coefficients, and a word where they have none.
+def trend_ci95(
+    part: Friction, rows: Sequence[Sequence[Parameter]], repeats: bool, degrees: float
+) -> tuple[dict[str, Trend], list[Finding]]:
+    """The trends with 95 % intervals of their coefficients, and a finding where they have none.
 
     The coefficients answer to the levels as δc = (G'G)⁻¹ G' δy. The levels' own intervals say how δy scatters; where
     the trend misses the levels by more than that, or each level has one run, the residuals about the trend do.
     """
-    result: dict[str, Any] = {}
-    x = np.array(fit.x)
-    for name, trend in fit.trends.items():
-        values = np.array([c if c is not None else np.nan for c in fit.C_f]) if name == "C_f" else None
+    result: dict[str, Trend] = {}
+    found: list[Finding] = []
+    x = np.array(part.x)
+    for name, trend in part.trends.items():
+        values = np.array([np.nan if one.C_f is None else one.C_f for one in part.levels]) if name == "C_f" else None
         k = {"Ts": 0, "C_f": 0, "tau1": 1, "tau2": 2}[name]
         y = values if values is not None else np.exp([_log(own[k]) for own in rows])
         sd = y * np.array([own[k].log_sd for own in rows])
-        ci95, word = _coefficients(trend, x, y, sd if repeats else None, degrees)
-        result[name] = {"ci95": ci95, "words": [word] if word else []}
-    return result
+        ci95, code = _coefficients(trend, x, y, sd if repeats else None, degrees)
+        result[name] = msgspec.structs.replace(trend, ci95=ci95)
+        if code:
+            found.append(finding(code, "friction", parameter=name))
+    return result, found
 
 
 def _log(p: Parameter) -> float:
@@ -112,21 +120,21 @@ def _log(p: Parameter) -> float:
 
 def _coefficients(
     trend: Trend, x: Array, y: Array, sd: Array | None, degrees: float
-) -> tuple[list[list[float]] | None, str | None]:
-    """Intervals of one trend's coefficients, or why there are none."""
+) -> tuple[tuple[Interval, ...] | None, str | None]:
+    """Intervals of one trend's coefficients, and the code of what is to be doubted of them."""
     if trend.at_bounds:
-        return None, f"not estimable: {', '.join(trend.at_bounds)}"
+        return None, "trend-not-estimable"
     there = np.isfinite(y)
     x, y = x[there], y[there]
     c = np.array(trend.coefficients)
     G = FORMS[trend.form].gradient(c, x).T
     spare = len(y) - len(c)
     if spare < 1:
-        return None, "as many coefficients as levels: nothing is left to tell how sure they are"
+        return None, "trend-uses-all-levels"
     scale = 1 / np.maximum(np.sqrt((G**2).sum(axis=0)), 1e-300)
     values = np.linalg.svd(G * scale, compute_uv=False)
     if values[-1] < 1e-7 * values[0]:
-        return None, "the coefficients cannot be told apart: only the curve itself is known"
+        return None, "trend-coefficients-alike"
     solve = scale[:, None] * np.linalg.pinv(G * scale)
     left = y - FORMS[trend.form].curve(c, x)
     about = float(left @ left) / spare
@@ -139,7 +147,6 @@ def _coefficients(
             share = variance / expected * spare if expected > 0 else np.ones(len(y))
             variance, own_degrees = share * about, float(spare)
     reach = t_quantile(own_degrees) * np.sqrt((solve**2) @ variance)
-    word = None
-    if (reach > np.abs(c)).any() and trend.form != "linear":
-        word = "some coefficients are not told apart from zero or from each other: use the curve, not them"
-    return [[float(a - r), float(a + r)] for a, r in zip(c, reach, strict=True)], word
+    vague = (reach > np.abs(c)).any() and trend.form != "linear"
+    ends = tuple((float(a - r), float(a + r)) for a, r in zip(c, reach, strict=True))
+    return ends, "trend-coefficients-vague" if vague else None

@@ -9,16 +9,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from eaid.arrays import Array, median
+from eaid.arrays import Array
 from eaid.findings import Finding, Value, finding
-from eaid.fitting.result import FrictionFit, LinearFit, NonlinearFit
 from eaid.models.trends import FORMS
+from eaid.results.fit import Estimate, Friction, Linear, PooledIntervals
 from eaid.uncertainty.level_statistics import LevelStatistics
 from eaid.uncertainty.levels import LevelEstimate, log_jacobian
 from eaid.uncertainty.student_t import t_quantile
 
 PARAMETERS = ("Ts", "tau1", "tau2", "C")
-MERGED = "merged-exponential"
 ALIKE = 0.3
 """Scatter between runs counts as seen where it is more than this part of a level's variance."""
 
@@ -36,6 +35,11 @@ class Verdict:
     def identifiable(self) -> bool:
         """Whether there is no reason against it."""
         return not self.reasons
+
+    @property
+    def findings(self) -> tuple[Finding, ...]:
+        """All of it."""
+        return (*self.reasons, *self.open)
 
 
 def torque_half_width(stats: LevelStatistics, i: int) -> float:
@@ -102,15 +106,13 @@ def _open_tau2(stats: LevelStatistics, i: int, subject: str, unit: str, output_u
     )
 
 
-def friction_verdict(fit: FrictionFit, stats: LevelStatistics, unit: str, output_unit: str = "N·m") -> Verdict:
-    """The levels' curves, a free C, and trends whose rates merged or whose coefficients only count together."""
+def friction_verdict(fit: Friction, stats: LevelStatistics, unit: str, output_unit: str = "N·m") -> Verdict:
+    """The levels' curves, a free C, and trends whose coefficients only count together."""
     found = level_findings(stats, "friction", unit, output_unit)
     if stats.variance.shape[1] == 4:
         found += _free_share_findings(stats, unit)
     for name, trend in fit.trends.items():
-        if trend.form == MERGED:
-            found.append(finding("rates-merged", "friction", parameter=name))
-        elif trend.form == "double-exponential":
+        if trend.form == "double-exponential":
             found += _combination(name, np.array(trend.coefficients), np.array(fit.x))
     whole = bool(stats.determined[:, :3].any(axis=0).all())
     reasons = () if whole else (finding("no-level-determines-all", "friction"),)
@@ -140,10 +142,12 @@ def _combination(name: str, c: Array, x: Array) -> list[Finding]:
     return [finding("coefficients-together", "friction", (), parameter=name, **changes)]
 
 
-def nonlinear_verdict(fit: NonlinearFit, stats: LevelStatistics, unit: str, output_unit: str = "N·m") -> Verdict:
-    """Levels too few for the polynomials, parameters that most levels leave open, constraints that hold."""
+def nonlinear_verdict(
+    fit: Estimate, stats: LevelStatistics, unit: str, output_unit: str = "N·m", with_levels: bool = True
+) -> Verdict:
+    """Levels too few for the polynomials, parameters that most levels leave open; each level's own `with_levels`."""
     count = len(stats.levels)
-    reasons, found = [], level_findings(stats, "nonlinear", unit, output_unit)
+    reasons, found = [], level_findings(stats, "nonlinear", unit, output_unit) if with_levels else []
     if count == 1:
         reasons.append(finding("one-level-nonlinear", "nonlinear", [stats.levels[0].level]))
     elif count < 4:
@@ -152,10 +156,8 @@ def nonlinear_verdict(fit: NonlinearFit, stats: LevelStatistics, unit: str, outp
         open_at = [level.level for level, known in zip(stats.levels, stats.determined[:, k], strict=True) if not known]
         if 2 * len(open_at) > count:
             reasons.append(finding("parameter-open-at-most-levels", "nonlinear", open_at, **_why(stats, open_at, name)))
-    if fit.solver.at_bounds:
-        found.append(finding("constraints-hold", "nonlinear", constraints=tuple(fit.solver.at_bounds)))
-    if fit.share_free:
-        found.append(finding("share-free", "nonlinear", C=fit.parameters.C))
+    if fit.C_free:
+        found.append(finding("share-free", "nonlinear", C=fit.C))
     return Verdict(tuple(reasons), tuple(found))
 
 
@@ -167,18 +169,18 @@ def _why(stats: LevelStatistics, open_at: Sequence[float], name: str) -> dict[st
     return {"parameter": name, "count": len(open_at), "of": len(stats.levels), "cause": cause, "record_s": longest}
 
 
-def linear_verdict(fit: LinearFit, stats: LevelStatistics, ci95: dict[str, list[float]]) -> Verdict:
+def linear_verdict(fit: Linear, stats: LevelStatistics, ci95: PooledIntervals) -> Verdict:
     """b0 and c0 of one level, an a0 or b0 that may be zero, levels without a B."""
     reasons, several = [], len(stats.levels) > 1
     if not several:
         reasons.append(finding("one-level-linear", "linear", [stats.levels[0].level]))
     for name in ("a0", "b0") if several else ("a0",):
-        ends = ci95.get(name)
+        ends = getattr(ci95, name)
         if ends is not None and ends[0] <= 0:
             reasons.append(finding(f"{name}-may-be-zero", "linear", low=ends[0], high=ends[1]))
-    if fit.bounds.B_m is None:
+    if fit.bounds is None or fit.bounds.B_m is None:
         reasons.append(finding("no-B", "linear"))
-    convention = finding("b0-by-convention", "linear", convention=fit.bounds.convention, several=several)
+    convention = finding("b0-by-convention", "linear", convention=fit.bounds.convention if fit.bounds else "", several=several)
     return Verdict(tuple(reasons), (convention,))
 
 
@@ -195,7 +197,7 @@ def scatter_findings(stats: LevelStatistics) -> list[Finding]:
         found.append(finding("recorded-as-sweeps", "data", sweeps=sweeps, parameters=shifted, runs=runs))
     for name, jump, a, v in zip(PARAMETERS, scatter.jumps, scatter.between, scatter.pooled.T, strict=False):
         # else it is noise, not scatter
-        if jump is not None and a > ALIKE * median(v) * stats.estimates[0].runs.repeats:
+        if jump is not None and a > ALIKE * np.median(v) * stats.estimates[0].runs.repeats:
             around = [stats.levels[jump.place + i].level for i in (0, 1)]
             found.append(finding("scatter-changes", "data", around, parameter=name, ratio=jump.ratio))
     return found

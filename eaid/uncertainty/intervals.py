@@ -1,4 +1,4 @@
-"""`intervals`: every parameter of a fit with its 95 % interval, by the way that was asked for, and what is left open.
+"""Every parameter of a fit with its 95 % interval, by the way that was asked for, and what is left open.
 
 robust     scatter of whole runs, pooled over levels; coloured residuals by Bartlett windows (the default)
 bootstrap  the same, with the variances from refits to resampled runs (or blocks of a single run): a second opinion
@@ -7,38 +7,31 @@ white      the textbook: s² (J'J)⁻¹, as if every sample's error were its own
 none       no intervals
 """
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
-from typing import Any
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 
+import msgspec
 import numpy as np
 
 from eaid.errors import UsageError
-from eaid.findings import sentences
+from eaid.findings import Finding, finding, ranked
 from eaid.fitting.data import data_of
 from eaid.fitting.levels import fit_levels
-from eaid.fitting.result import Fit, FrictionFit
 from eaid.models.parameters import SHARE
-from eaid.steps.stepset import Level, StepSet
-from eaid.uncertainty import friction_intervals, linear_intervals, nonlinear_intervals, weightings
-from eaid.uncertainty.adequacy import Adequacy, adequacy
+from eaid.results.fit import Adequacy, Fit, Friction, Linear, Uncertainty
+from eaid.steps.stepset import StepSet
+from eaid.uncertainty import friction_intervals, linear_intervals, weightings
+from eaid.uncertainty.adequacy import adequacy
 from eaid.uncertainty.bootstrap import Draws, bootstrap
+from eaid.uncertainty.estimators import believed
 from eaid.uncertainty.friction_intervals import Parameter
-from eaid.uncertainty.identifiability import (
-    Verdict,
-    friction_verdict,
-    linear_verdict,
-    nonlinear_verdict,
-    scatter_findings,
-)
-from eaid.uncertainty.joint import BLOCKS, with_white_covariance
+from eaid.uncertainty.identifiability import friction_verdict, linear_verdict, scatter_findings
 from eaid.uncertainty.level_statistics import LevelStatistics, level_statistics, pooled_statistics, statistics_at_share
 from eaid.uncertainty.levels import share_sensitivity
-from eaid.uncertainty.noise import noise_json, noise_of
+from eaid.uncertainty.noise import noise_of, noise_part
 from eaid.uncertainty.profile import profile_interval
-from eaid.uncertainty.share import Share, share_json, share_of, share_words
+from eaid.uncertainty.share import Share, share_findings, share_of, share_part
 from eaid.uncertainty.student_t import t_quantile
-from eaid.uncertainty.weightings import weights_array
 
 METHODS: dict[str, str] = {
     "robust": "scatter of whole runs pooled over levels, coloured residuals allowed for",
@@ -47,18 +40,7 @@ METHODS: dict[str, str] = {
     "white": "textbook: every sample's error its own; far too narrow for friction, whose residuals are coloured",
     "none": "no intervals",
 }
-"""`--ci`, and what each says of itself."""
-
-
-TOLD = ("at ", "a constraint holds")
-"""How sentences of the nonlinear model begin that the single levels, or the fit itself, have told already."""
-BELIEVE = {
-    "joint": "the joint estimate",
-    "two-stage": "the two-stage estimate",
-    "neither": "neither of the two estimates",
-    "equal": "the fit with equal weights",
-    "sd": "the fit with sd weights",
-}
+"""The ways to find intervals, and what each says of itself."""
 
 
 @dataclass(frozen=True)
@@ -71,47 +53,32 @@ class IntervalOptions:
     """Bootstrap refits."""
     workers: int = 1
     """Processes that share the refits."""
-    estimator: str = "joint"
-    """joint or two-stage: which of the two stands as the nonlinear model in fit.json."""
+    estimator: str = "auto"
+    """auto, joint or two-stage: which estimate stands as the nonlinear model."""
     study_models: bool = True
     """Also judge whether the model is right (`adequacy`)."""
 
 
-@dataclass(frozen=True, eq=False)
-class Intervals:
-    """What is put beside a fit in fit.json: by model, keys as CONTRACT.md has them."""
-
-    friction: dict[str, Any] | None
-    nonlinear: dict[str, Any] | None
-    linear: dict[str, Any] | None
-    uncertainty: dict[str, Any]
-    """ci, why, where the scatter comes from, what is left open."""
-    warnings: tuple[str, ...] = field(default=())
-
-
-def intervals(
-    stepset: StepSet,
-    fit: Fit,
-    options: IntervalOptions | None = None,
-    advance: Callable[[], None] | None = None,
-) -> Intervals:
-    """Intervals of every model in `fit`, which was fitted to `stepset` (its held-out levels left out).
+def with_intervals(
+    stepset: StepSet, fit: Fit, options: IntervalOptions | None = None, advance: Callable[[], None] | None = None
+) -> Fit:
+    """The fit, which was made from `stepset`, with its intervals, the believed estimate and what is left open.
 
     `advance` is called once per bootstrap refit.
     """
     options = options or IntervalOptions()
     if options.ci not in METHODS:
-        raise UsageError(f"--ci {options.ci}: must be one of {', '.join(METHODS)}")
+        raise UsageError(f"«ci» {options.ci}: must be one of {', '.join(METHODS)}")
     try:
         # curves of τ near 0 or far beyond the record overflow on the way; what is not finite in the end becomes none
         with np.errstate(all="ignore"):
-            return _intervals(stepset, fit, options, advance)
+            return _with_intervals(stepset, fit, options, advance)
     except (np.linalg.LinAlgError, ZeroDivisionError, OverflowError) as fault:
-        word = f"no intervals: these data do not determine the curves well enough to compute any ({fault})"
-        return Intervals(None, None, None, {"ci": options.ci, "why": word, "words": [word]}, (word,))
+        found = (*fit.findings, finding("no-intervals-at-all", "data", fault=str(fault)))
+        return msgspec.structs.replace(fit, uncertainty=Uncertainty(options.ci), findings=ranked(found))
 
 
-def _intervals(stepset: StepSet, fit: Fit, options: IntervalOptions, advance: Callable[[], None] | None) -> Intervals:
+def _with_intervals(stepset: StepSet, fit: Fit, options: IntervalOptions, advance: Callable[[], None] | None) -> Fit:
     fitted = fitted_levels(fit)
     held = tuple(level for level in stepset.levels if level.level not in fitted)
     stepset = replace(stepset, levels=tuple(level for level in stepset.levels if level.level in fitted))
@@ -121,31 +88,30 @@ def _intervals(stepset: StepSet, fit: Fit, options: IntervalOptions, advance: Ca
     if options.ci == "bootstrap":
         whole = fit if fit.friction is not None else _with_levels(stepset, fit)
         draws = bootstrap(stepset.levels, whole, options.seed, options.draws, options.workers, advance)
-    if draws is not None:
         curves = _with_draws(curves, draws)
-    found: dict[str, Any] = {"friction": None, "nonlinear": None, "linear": None}
-    unit = stepset.input_unit
-    if fit.friction is not None:
-        found["friction"] = _friction(fit, curves, options, unit, stepset.output_unit)
-    share = fit.nonlinear.parameters.C if fit.nonlinear is not None else None
     base = curves
-    if free and share is not None:
-        base = statistics_at_share(stepset.levels, share)
+    if free and fit.nonlinear is not None:
+        base = statistics_at_share(stepset.levels, fit.nonlinear.C)
         base = base if draws is None else _with_draws(base, draws)
-    if fit.nonlinear is not None:
-        found["nonlinear"] = _nonlinear(stepset, held, fit, base, options, draws)
-    if fit.linear is not None:
-        found["linear"] = _linear(stepset, fit, base, options, draws)
     asked = share_of(curves) if options.ci != "none" else None
+    found = scatter_findings(curves)
+    if asked is not None:
+        found += share_findings(asked)
     judged = None
     if options.study_models and fit.friction is not None:
-        judged = adequacy(stepset, fit, base, asked)
-    words = sentences(scatter_findings(curves))
-    if asked is not None and (asked.matters or asked.vague):
-        words.append(share_words(asked))
-    return Intervals(
-        **found, uncertainty=_summary(curves, options, words, judged, asked), warnings=_warnings(found, words, judged)
-    )
+        judged, more = adequacy(stepset, fit, base, asked)
+        found += more
+    result = msgspec.structs.replace(fit, uncertainty=_summary(curves, options, judged, asked))
+    if fit.friction is not None:
+        part, more = _friction(fit.friction, curves, options, stepset)
+        result, found = msgspec.structs.replace(result, friction=part), found + more
+    if fit.linear is not None:
+        linear, more = _linear(fit.linear, stepset, base, options, draws)
+        result, found = msgspec.structs.replace(result, linear=linear), found + more
+    result = msgspec.structs.replace(result, findings=(*fit.findings, *found))
+    if fit.nonlinear is not None:
+        result = believed(result, base, options.ci, options.estimator, held, None if draws is None else draws.joint)
+    return msgspec.structs.replace(result, findings=ranked(result.findings))
 
 
 def fitted_levels(fit: Fit) -> tuple[float, ...]:
@@ -160,15 +126,14 @@ def fitted_levels(fit: Fit) -> tuple[float, ...]:
 def _statistics(stepset: StepSet, fit: Fit) -> LevelStatistics:
     if fit.friction is not None:
         return level_statistics(stepset.levels, fit.friction.levels, fit.friction.C is None)
-    return statistics_at_share(stepset.levels, fit.nonlinear.parameters.C if fit.nonlinear is not None else SHARE)
+    return statistics_at_share(stepset.levels, fit.nonlinear.C if fit.nonlinear is not None else SHARE)
 
 
 def _with_levels(stepset: StepSet, fit: Fit) -> Fit:
     """The fit with the levels' own curves, which the refits start from, where the friction model was not asked for."""
-    share = fit.nonlinear.parameters.C if fit.nonlinear is not None else SHARE
+    share = fit.nonlinear.C if fit.nonlinear is not None else SHARE
     rows = tuple(fit_levels(data_of(stepset.levels), share))
-    part = FrictionFit(share, rows, {}, "level", (), (), rows[0].solver)
-    return replace(fit, friction=part)
+    return msgspec.structs.replace(fit, friction=Friction(share, "level", rows))
 
 
 def _with_draws(base: LevelStatistics, draws: Draws) -> LevelStatistics:
@@ -187,30 +152,19 @@ def _with_draws(base: LevelStatistics, draws: Draws) -> LevelStatistics:
 
 
 def _friction(
-    fit: Fit, curves: LevelStatistics, options: IntervalOptions, unit: str, output_unit: str
-) -> dict[str, Any]:
-    assert fit.friction is not None
+    part: Friction, curves: LevelStatistics, options: IntervalOptions, stepset: StepSet
+) -> tuple[Friction, list[Finding]]:
+    verdict = friction_verdict(part, curves, stepset.input_unit, stepset.output_unit)
+    found = list(verdict.findings)
+    part = msgspec.structs.replace(part, identifiable=verdict.identifiable)
+    if options.ci == "none":
+        return part, found
     rows = friction_intervals.level_rows(curves, white=options.ci == "white")
     if options.ci == "profile":
         rows = [[_profiled(curves, i, k, p) for k, p in enumerate(own)] for i, own in enumerate(rows)]
-    verdict = _verdict_json(friction_verdict(fit.friction, curves, unit, output_unit))
-    if options.ci == "none":
-        return {"levels": [{}] * len(rows), "trends": {}, **verdict}
     repeats = curves.source == "repeats" and options.ci != "white"
-    return {
-        "levels": friction_intervals.level_ci95(fit.friction, rows),
-        "trends": friction_intervals.trend_ci95(fit.friction, rows, repeats, curves.total_degrees),
-        **verdict,
-    }
-
-
-def _verdict_json(verdict: Verdict) -> dict[str, Any]:
-    """The keys that a model's part of fit.json gets."""
-    return {
-        "identifiable": verdict.identifiable,
-        "not_identifiable_because": sentences(verdict.reasons),
-        "open": sentences(verdict.open),
-    }
+    trends, more = friction_intervals.trend_ci95(part, rows, repeats, curves.total_degrees)
+    return msgspec.structs.replace(part, levels=friction_intervals.level_ci95(part, rows), trends=trends), found + more
 
 
 def _profiled(curves: LevelStatistics, i: int, k: int, p: Parameter) -> Parameter:
@@ -236,187 +190,52 @@ def _profiled(curves: LevelStatistics, i: int, k: int, p: Parameter) -> Paramete
     return replace(p, interval=(float(low), float(high)), state="fine" if p.interval is None else p.state)
 
 
-def _nonlinear(
-    stepset: StepSet,
-    held: Sequence[Level],
-    fit: Fit,
-    base: LevelStatistics,
-    options: IntervalOptions,
-    draws: Draws | None,
-) -> dict[str, Any]:
-    own = fit.nonlinear
-    assert own is not None
-    found = nonlinear_intervals.estimates(own, base)
-    alone, degrees = found.joint_alone, found.degrees
-    if draws is not None and draws.joint is not None:
-        found = nonlinear_intervals.with_joint(found, draws.joint)
-    if options.ci == "white":
-        joint, spare = with_white_covariance(found.joint, base.levels, weights_array(own.weights))
-        found = replace(found, joint=joint, joint_alone=joint, degrees=dict.fromkeys(BLOCKS, spare))
-    both = nonlinear_intervals.as_fit(found, base, held if own.hold_out is not None else ())
-    shown = both if both is not None and options.estimator == "two-stage" else own
-    unit = stepset.output_unit
-    other = None if own.other is None else nonlinear_intervals.scattered(own.other, base)
-    says = nonlinear_intervals.agreement(found, base, unit)
-    says["weights"] = weightings.agreement(own, alone, other, degrees, base, unit)
-    if says["weights"]["disagreements"] and says["believe"] == "neither":
-        says["weights"] |= {"believe": "neither", "because": says["because"]}
-    if says["weights"]["believe"] == "sd" and says["believe"] == "two-stage":
-        says["weights"]["because"] += "; the two-stage estimate needs no such weights and is better than either"
-    verdict = _verdict_json(nonlinear_verdict(shown, base, stepset.input_unit, unit))
-    result: dict[str, Any] = {**verdict, "agreement": says}
-    if options.ci != "none":
-        result |= nonlinear_intervals.joint_json(found, base.levels, options.ci)
-        if other is not None:
-            result["other_weights"] = nonlinear_intervals.intervals_json(other, found.degrees, base.levels)
-    if both is not None:
-        source = "none" if options.ci == "none" else "robust"
-        result["two_stage"] = nonlinear_intervals.two_stage_json(found, both, base, source)
-    return result
-
-
 def _linear(
-    stepset: StepSet, fit: Fit, base: LevelStatistics, options: IntervalOptions, draws: Draws | None
-) -> dict[str, Any]:
-    assert fit.linear is not None
-    pooled = linear_intervals.pooled_intervals(fit.linear, base)
-    if len(base.levels) == 1:
-        pooled.pop("c0")
-    verdict: dict[str, Any] = _verdict_json(linear_verdict(fit.linear, base, pooled))
-    beside = None if fit.linear.other is None else linear_intervals.pooled_intervals(fit.linear.other, base)
-    verdict["agreement"] = {"weights": weightings.linear_agreement(fit.linear, pooled, beside, base)}
+    part: Linear, stepset: StepSet, base: LevelStatistics, options: IntervalOptions, draws: Draws | None
+) -> tuple[Linear, list[Finding]]:
+    pooled = linear_intervals.pooled_intervals(part, base)
+    other = part.other_weights
+    beside = None if other is None else linear_intervals.pooled_intervals(other, base)
+    verdict = linear_verdict(part, base, pooled)
+    says = weightings.linear_agreement(part, pooled, beside)
+    found = [*verdict.findings, *weightings.findings("linear", part, says, base)]
+    part = msgspec.structs.replace(part, identifiable=verdict.identifiable, agreement=(says,))
     if options.ci == "none":
-        return verdict
-    if beside is not None:
-        verdict["other_weights"] = {"ci95": beside}
+        return part, found
+    if other is not None:
+        part = msgspec.structs.replace(part, other_weights=msgspec.structs.replace(other, ci95=beside))
     if options.ci == "white":
-        textbook = linear_intervals.white(fit.linear, stepset.levels)
-        own = [row["ci95"] for row in textbook["per_level"]]
-        result = {
-            "ci95": textbook["pooled"]["ci95"],
-            "sd": textbook["pooled"]["sd"],
-            "per_level": textbook["per_level"],
-        }
+        pooled, own = linear_intervals.white(part, stepset.levels)
+    elif draws is not None:
+        pooled, own = linear_intervals.from_draws(part, draws.pooled, draws.own, base)
     else:
-        own = linear_intervals.level_intervals(fit.linear, base)
-        if draws is not None:
-            pooled, own = linear_intervals.from_draws(fit.linear, draws.pooled, draws.own, base)
-        result = {"ci95": pooled, "per_level": [{"ci95": row} for row in own]}
-    pairs = [(row.level, ci["B"]) for row, ci in zip(fit.linear.per_level, own, strict=True)]
-    result["bounds"] = {"ci95": linear_intervals.bound_intervals(fit.linear.bounds, pairs)}
-    return {**result, **verdict}
+        own = linear_intervals.level_intervals(part, base)
+    rows = tuple(msgspec.structs.replace(row, ci95=ci) for row, ci in zip(part.per_level, own, strict=True))
+    bounds = part.bounds
+    if bounds is not None:
+        bounds = msgspec.structs.replace(bounds, ci95=linear_intervals.bound_intervals(part, own))
+    return msgspec.structs.replace(part, ci95=pooled, per_level=rows, bounds=bounds), found
 
 
 def _summary(
-    curves: LevelStatistics, options: IntervalOptions, words: list[str], judged: Adequacy | None, asked: Share | None
-) -> dict[str, Any]:
-    why = {
-        "repeats": "each level has repeats: whole runs are compared, and their scatter is pooled over the levels",
-        "curve": "one run a level: the scatter is taken from the levels' distance to a curve through them",
-        "within": "one run a level and few levels: only the noise within each run is known, a lower bound",
-    }[curves.source]
-    names = ("Ts", "tau1", "tau2", "C")
-    result: dict[str, Any] = {
-        "ci": options.ci,
-        "means": METHODS[options.ci],
-        "why": why,
-        "nominal": 0.95,
-        "scatter_from": curves.source,
-        "degrees_of_freedom": curves.total_degrees,
-        "run_to_run_pct": {
-            name: 100 * float(np.sqrt(a)) if np.isfinite(a) else None
-            for name, a in zip(names, curves.between, strict=False)
-        },
-        "noise": noise_json(noise_of(curves)),
-        "words": words,
-    }
+    curves: LevelStatistics, options: IntervalOptions, judged: Adequacy | None, asked: Share | None
+) -> Uncertainty:
+    share = None
     if curves.variance.shape[1] == 3:
-        result["share"] = {
-            "held": curves.estimates[0].curve.C,
-            "means": "intervals are for this C; change of the parameters [%] if it were larger by 0.01",
-            "per_0.01_pct": share_sensitivity(curves.levels, curves.estimates),
-        }
-    if asked is not None:
         there = curves
-        if asked.matters and asked.estimate is not None:
+        if asked is not None and asked.matters and asked.estimate is not None:
             there = statistics_at_share(curves.levels, asked.estimate)
-        result["share"] |= share_json(asked, there)
-    if options.ci == "bootstrap":
-        result |= {"draws": options.draws, "seed": options.seed}
-    if judged is not None:
-        result["adequacy"] = judged.as_json()
-    return result
-
-
-def _warnings(found: dict[str, Any], words: list[str], judged: Adequacy | None) -> tuple[str, ...]:
-    """What a user has to be told, in one line each."""
-    said = [*words, *(judged.warnings if judged is not None else ())]
-    for name in ("friction", "nonlinear", "linear"):
-        part = found[name]
-        if part is not None:
-            said += [f"{name} model: {reason}" for reason in part["not_identifiable_because"]]
-    shown = found["friction"] or found["nonlinear"]
-    if shown is not None:
-        said += shown["open"]
-    if found["friction"] is not None and found["nonlinear"] is not None:
-        said += [text for text in found["nonlinear"]["open"] if not text.startswith(TOLD)]
-    part = found["nonlinear"]
-    if part is not None and part["agreement"]["disagreements"]:
-        says = part["agreement"]
-        said += [one["words"] for one in says["disagreements"]]
-        said.append(f"believe {BELIEVE[says['believe']]}: {says['because']}")
-    for name in ("nonlinear", "linear"):
-        if found[name] is not None:
-            said += _weights_words(name, found[name]["agreement"]["weights"])
-    return tuple(said)
-
-
-def _weights_words(name: str, says: dict[str, Any]) -> list[str]:
-    """One line where equal and sd weights disagree, and which of them to believe; nothing where they agree."""
-    if not says["disagreements"]:
-        return []
-    apart = "; ".join(one["words"] for one in says["disagreements"])
-    if says["believe"] == "neither":
-        return [f"{name} model, {apart}: believe neither, for the reason just given"]
-    return [f"{name} model, {apart}: of the two believe {BELIEVE[says['believe']]}: {says['because']}"]
-
-
-def attach(result: dict[str, Any], found: Intervals, estimator: str = "joint") -> dict[str, Any]:
-    """fit.json's dictionary with the intervals in their places; with two-stage, that estimate in the model's own."""
-    done = dict(result)
-    for name in ("friction", "linear", "nonlinear"):
-        part = getattr(found, name)
-        if part is not None and name in done:
-            done[name] = _merged(done[name], part)
-    if estimator == "two-stage" and found.nonlinear is not None and "two_stage" in found.nonlinear:
-        done["nonlinear"] = _swapped(done["nonlinear"])
-    done["uncertainty"] = found.uncertainty
-    done["warnings"] = list(dict.fromkeys([*result.get("warnings", []), *found.warnings]))
-    return done
-
-
-def _merged(have: Any, more: Any) -> Any:
-    """Two trees as one; lists of equal length row by row."""
-    if isinstance(have, dict) and isinstance(more, dict):
-        return {**have, **{key: _merged(have[key], part) if key in have else part for key, part in more.items()}}
-    if (
-        isinstance(have, list)
-        and isinstance(more, list)
-        and len(have) == len(more)
-        and have
-        and isinstance(have[0], dict)
-    ):
-        return [_merged(a, b) for a, b in zip(have, more, strict=True)]
-    return more
-
-
-OF_THE_JOINT = ("weights", "robust", "other_weights")
-"""What only a joint fit has."""
-
-
-def _swapped(part: dict[str, Any]) -> dict[str, Any]:
-    """The nonlinear part with the two-stage estimate as the model, and the joint one beside it."""
-    two = part["two_stage"]
-    joint = {key: part[key] for key in (*two, *OF_THE_JOINT) if key in part}
-    rest = {key: value for key, value in part.items() if key not in ("two_stage", *OF_THE_JOINT)}
-    return {**rest, **two, "estimator": "two-stage", "joint": joint}
+        share = share_part(asked, there, share_sensitivity(curves.levels, curves.estimates))
+    return Uncertainty(
+        ci=options.ci,
+        scatter_from=curves.source,
+        degrees_of_freedom=curves.total_degrees,
+        run_to_run_pct={
+            name: 100 * float(np.sqrt(a)) if np.isfinite(a) else None
+            for name, a in zip(("Ts", "tau1", "tau2", "C"), curves.between, strict=False)
+        },
+        noise=noise_part(noise_of(curves)),
+        draws=options.draws if options.ci == "bootstrap" else None,
+        share=share,
+        adequacy=judged,
+    )

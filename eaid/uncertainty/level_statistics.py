@@ -14,7 +14,7 @@ import numpy as np
 from eaid.arrays import Array, median
 from eaid.fitting.data import Data, data_of
 from eaid.fitting.levels import fit_levels
-from eaid.fitting.result import LevelFit
+from eaid.results.fit import FrictionLevel
 from eaid.steps.stepset import Level
 from eaid.uncertainty.curve import Curve, at_levels, curve_of_single_runs, curve_with_repeats
 from eaid.uncertainty.levels import (
@@ -132,13 +132,17 @@ class LevelStatistics:
         return np.asarray(self.correlation() * (sd[:, :, None] * sd[:, None, :]))
 
 
-def level_statistics(levels: Sequence[Level], fits: Sequence[LevelFit], share_free: bool = False) -> LevelStatistics:
+def level_statistics(
+    levels: Sequence[Level], fits: Sequence[FrictionLevel], share_free: bool = False
+) -> LevelStatistics:
     """The statistics of these levels and their friction curves."""
     found = [
         level_estimate(level, fit.curve, constrained_parameters(fit, float(level.time_s[-1]), share_free), share_free)
         for level, fit in zip(levels, fits, strict=True)
     ]
-    return replace(pooled_statistics(levels, found), converged=all(fit.solver.converged for fit in fits))
+    return replace(
+        pooled_statistics(levels, found), converged=all(fit.solver is None or fit.solver.converged for fit in fits)
+    )
 
 
 def statistics_at_share(levels: Sequence[Level], share: float) -> LevelStatistics:

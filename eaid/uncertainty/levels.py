@@ -7,10 +7,10 @@ import numpy as np
 
 from eaid.arrays import Array, median
 from eaid.fitting.levels import RECORDS_FREE
-from eaid.fitting.result import LevelFit
-from eaid.fitting.starts import RECORDS, TAU1_LEAST_S
+from eaid.fitting.starts import RECORDS
 from eaid.models import friction
-from eaid.models.parameters import Friction
+from eaid.models.parameters import TAU_FLOOR_S, Friction
+from eaid.results.fit import FrictionLevel
 from eaid.steps.stepset import Level
 from eaid.uncertainty.run_statistics import RunStatistics, own_residuals, run_statistics
 from eaid.uncertainty.scatter import Mask, PooledScatter, pooled_scatter
@@ -74,16 +74,16 @@ def level_estimate(
     return LevelEstimate(curve, found, noise, tuple(constrained))
 
 
-def constrained_parameters(fit: LevelFit, record_s: float, share_free: bool) -> tuple[str, ...]:
+def constrained_parameters(fit: FrictionLevel, record_s: float, share_free: bool) -> tuple[str, ...]:
     """Which of T_s, τ1, τ2, C a constraint holds in this level's fit."""
     found: list[str] = []
-    if fit.curve.tau1 <= TAU1_LEAST_S * (1 + MEETING):
+    if fit.tau1 <= TAU_FLOOR_S * (1 + MEETING):
         found.append("tau1")
-    if fit.curve.tau2 >= (RECORDS_FREE if share_free else RECORDS) * record_s * (1 - MEETING):
+    if fit.tau2 >= (RECORDS_FREE if share_free else RECORDS) * record_s * (1 - MEETING):
         found.append("tau2")
-    if fit.curve.tau2 <= fit.curve.tau1 * (1 + MEETING):
+    if fit.tau2 <= fit.tau1 * (1 + MEETING):
         found += ["tau1", "tau2"]
-    if fit.curve.Ts <= 0:
+    if fit.Ts <= 0:
         found += ["Ts", "tau1", "tau2"]
     return tuple(dict.fromkeys(found))
 

@@ -5,13 +5,14 @@ themselves say how the means scatter; with one run a level the scatter of (T_s, 
 """
 
 from collections.abc import Sequence
-from typing import Any
+from typing import TypeAlias
 
 import numpy as np
 
 from eaid.arrays import Array
-from eaid.fitting.result import Bounds, LinearFit, LinearLevel, PooledLinear
 from eaid.models import linear as model
+from eaid.results.common import Interval
+from eaid.results.fit import BoundsIntervals, Linear, LinearLevel, LinearLevelIntervals, Pooled, PooledIntervals
 from eaid.steps.stepset import Level
 from eaid.uncertainty.level_statistics import LevelStatistics
 from eaid.uncertainty.levels import log_jacobian
@@ -26,8 +27,9 @@ from eaid.uncertainty.linear_influence import (
 )
 from eaid.uncertainty.scatter import pooled_scatter
 from eaid.uncertainty.student_t import t_quantile
+from eaid.uncertainty.weightings import weights_array
 
-Interval = list[float]
+Ends: TypeAlias = tuple[float, float]
 
 
 def spread(gains: Sequence[Array], stats: LevelStatistics) -> tuple[float, float]:
@@ -54,24 +56,25 @@ def spreads(gains: Sequence[Gain], stats: LevelStatistics) -> list[tuple[float, 
     return [(float(variance), stats.total_degrees) for variance in total]
 
 
-def pooled_intervals(fit: LinearFit | PooledLinear, stats: LevelStatistics) -> dict[str, Interval]:
-    """95 % intervals of the pooled a0, b0, c0."""
-    gains = pooled_gain(stats.levels, fit.parameters, None if fit.weights is None else np.array(fit.weights))
-    return {
-        name: around(getattr(fit.parameters, name), np.sqrt(variance), degrees)
+def pooled_intervals(fit: Pooled, stats: LevelStatistics) -> PooledIntervals:
+    """95 % intervals of the pooled a0, b0, c0; one level leaves c0 to b0."""
+    gains = pooled_gain(stats.levels, fit.parameters, weights_array(fit))
+    ends = [
+        around(getattr(fit, name), np.sqrt(variance), degrees)
         for name, (variance, degrees) in zip(("a0", "b0", "c0"), spreads(gains, stats), strict=True)
-    }
+    ]
+    return PooledIntervals(ends[0], ends[1], ends[2] if len(stats.levels) > 1 else None)
 
 
-def around(value: float, sd: float, degrees: float) -> Interval:
+def around(value: float, sd: float, degrees: float) -> Ends:
     """value ± t sd."""
     reach = t_quantile(degrees) * float(sd)
-    return [value - reach, value + reach]
+    return value - reach, value + reach
 
 
-def level_intervals(fit: LinearFit, stats: LevelStatistics) -> list[dict[str, Interval | None]]:
+def level_intervals(fit: Linear, stats: LevelStatistics) -> list[LinearLevelIntervals]:
     """95 % intervals of a0, gain and B of every level, B under the fit's convention."""
-    zero = fit.bounds.convention == "zero-offset"
+    zero = convention(fit) == "zero-offset"
     if not zero or stats.source != "repeats":
         own = [own_gain(level, row.a0, row.gain) for level, row in zip(stats.levels, fit.per_level, strict=True)]
         if not zero:
@@ -79,9 +82,8 @@ def level_intervals(fit: LinearFit, stats: LevelStatistics) -> list[dict[str, In
         rows = []
         for i, row in enumerate(fit.per_level):
             takes = {"a0": own[i][0], "gain": own[i][1], "B": -own[i].sum(axis=0)}
-            rows.append(
-                {name: _log(_value(row, name), *spread(_only(i, g, stats), stats)) for name, g in takes.items()}
-            )
+            ends = {k: _log(_value(row, k), *spread(_only(i, g, stats), stats)) for k, g in takes.items()}
+            rows.append(LinearLevelIntervals(**ends))
         return rows
     linear_runs = with_log_B(
         [
@@ -91,26 +93,26 @@ def level_intervals(fit: LinearFit, stats: LevelStatistics) -> list[dict[str, In
     )
     scatter = pooled_scatter(linear_runs)
     return [
-        {
-            name: _log(_value(row, name), float(scatter.variance[i, k]), float(scatter.degrees[i, k]))
-            for k, name in enumerate(("a0", "gain", "B"))
-        }
+        LinearLevelIntervals(
+            *(
+                _log(_value(row, name), float(scatter.variance[i, k]), float(scatter.degrees[i, k]))
+                for k, name in enumerate(("a0", "gain", "B"))
+            )
+        )
         for i, row in enumerate(fit.per_level)
     ]
 
 
-def _with_pooled_terms(
-    fit: LinearFit, stats: LevelStatistics, own: Sequence[Array]
-) -> list[dict[str, Interval | None]]:
+def _with_pooled_terms(fit: Linear, stats: LevelStatistics, own: Sequence[Array]) -> list[LinearLevelIntervals]:
     """The conventions that take c0, or a0 and c0, from the pooled fit: b0 = (a0 gain − c0)/u."""
     pooled = [take @ along for take, along in pooled_gain(stats.levels, fit.parameters)]
-    rows: list[dict[str, Interval | None]] = []
+    rows: list[LinearLevelIntervals] = []
     for i, (level, row) in enumerate(zip(stats.levels, fit.per_level, strict=True)):
         gains = [-g[2] / row.level for g in pooled]
-        if fit.bounds.convention == "pooled-offset":
+        if convention(fit) == "pooled-offset":
             gains[i] = gains[i] + row.a0 * row.gain * own[i].sum(axis=0) / row.level
             a0, gain = ([own[i][k] if j == i else np.zeros_like(g) for j, g in enumerate(gains)] for k in (0, 1))
-            found = {"a0": _log(row.a0, *spread(a0, stats)), "gain": _log(row.gain, *spread(gain, stats))}
+            ends = _log(row.a0, *spread(a0, stats)), _log(row.gain, *spread(gain, stats))
         else:
             along, slope = _gain_at(level, row.a0)
             moved = (row.gain + row.a0 * slope) / row.level
@@ -119,13 +121,9 @@ def _with_pooled_terms(
             steady = [slope * p[0] for p in pooled]
             steady[i] = steady[i] + along
             variance, degrees = spread([p[0] for p in pooled], stats)
-            found = {
-                "a0": around(row.a0, np.sqrt(variance), degrees),
-                "gain": around(row.gain, *_sd(spread(steady, stats))),
-            }
+            ends = around(row.a0, np.sqrt(variance), degrees), around(row.gain, *_sd(spread(steady, stats)))
         variance, degrees = spread(gains, stats)
-        found["B"] = _inverse(around(row.b0, np.sqrt(variance), degrees))
-        rows.append(found)
+        rows.append(LinearLevelIntervals(*ends, _inverse(around(row.b0 or 0.0, np.sqrt(variance), degrees))))
     return rows
 
 
@@ -153,36 +151,39 @@ def _value(row: LinearLevel, name: str) -> float | None:
     return {"a0": row.a0, "gain": row.gain, "B": row.B}[name]
 
 
-def _log(value: float | None, variance: float, degrees: float) -> Interval | None:
+def _log(value: float | None, variance: float, degrees: float) -> Interval:
     """value · exp(±t √V); None for a B that does not exist, or where the interval has no end."""
     if value is None or value <= 0:
         return None
     reach = t_quantile(degrees) * float(np.sqrt(variance))
     if not reach < 50:
         return None
-    return [value * float(np.exp(-reach)), value * float(np.exp(reach))]
+    return value * float(np.exp(-reach)), value * float(np.exp(reach))
 
 
-def _inverse(b0: Interval) -> Interval | None:
+def _inverse(b0: Ends) -> Interval:
     """The interval of B = 1/b0; None where b0 may be zero."""
-    return [1 / b0[1], 1 / b0[0]] if b0[0] > 0 else None
+    return (1 / b0[1], 1 / b0[0]) if b0[0] > 0 else None
 
 
-def bound_intervals(bounds: Bounds, per_level: Sequence[tuple[float, Interval | None]]) -> dict[str, Interval | None]:
+def convention(fit: Linear) -> str:
+    """The convention for b0 of a single level."""
+    return fit.bounds.convention if fit.bounds is not None else "zero-offset"
+
+
+def bound_intervals(fit: Linear, own: Sequence[LinearLevelIntervals]) -> BoundsIntervals:
     """95 % intervals of B_m and B_M, the least and largest B over the kept levels; None where some B is unbounded."""
-    kept = [interval for level, interval in per_level if level in bounds.levels]
+    levels = fit.bounds.levels if fit.bounds is not None else ()
+    kept = [ci.B for row, ci in zip(fit.per_level, own, strict=True) if row.level in levels]
     known = [interval for interval in kept if interval is not None]
     if not known or len(known) < len(kept):
-        return {"B_m": None, "B_M": None}
+        return BoundsIntervals()
     low, high = np.array(known).T
-    return {"B_m": [float(low.min()), float(high.min())], "B_M": [float(low.max()), float(high.max())]}
+    return BoundsIntervals((float(low.min()), float(high.min())), (float(low.max()), float(high.max())))
 
 
-def white(fit: LinearFit, levels: Sequence[Level]) -> dict[str, Any]:
-    """Textbook standard deviations and intervals, s² (J'J)⁻¹ on the means: of the pooled fit and of each level's own.
-
-    `pooled` has ci95 and sd of a0, b0, c0; `per_level` of a0, gain and B (zero-offset).
-    """
+def white(fit: Linear, levels: Sequence[Level]) -> tuple[PooledIntervals, list[LinearLevelIntervals]]:
+    """Textbook intervals, s² (J'J)⁻¹ on the means: of the pooled fit, and of each level (zero-offset)."""
     M, cost, samples = np.zeros((3, 3)), 0.0, 0
     for level in levels:
         jacobian = model.gradient(fit.parameters, level.time_s, level.level)
@@ -190,9 +191,10 @@ def white(fit: LinearFit, levels: Sequence[Level]) -> dict[str, Any]:
         M += jacobian @ jacobian.T
         cost, samples = cost + float(left @ left), samples + len(left)
     terms = 3 if len(levels) > 1 else 2
-    sd = np.sqrt(np.maximum(np.diag(scaled_inverse(M)) * cost / (samples - terms), 0))
-    named = dict(zip(("a0", "b0", "c0"), sd.tolist(), strict=True))
-    pooled = {name: around(getattr(fit.parameters, name), s, samples - terms) for name, s in named.items()}
+    sd = np.sqrt(np.maximum(np.diag(scaled_inverse(M)) * cost / (samples - terms), 0)).tolist()
+    pooled = PooledIntervals(
+        *(around(getattr(fit, k), s, samples - terms) for k, s in zip(("a0", "b0", "c0"), sd, strict=True))
+    )
     rows = []
     for level, row in zip(levels, fit.per_level, strict=True):
         decay = np.exp(-row.a0 * level.time_s)
@@ -200,41 +202,38 @@ def white(fit: LinearFit, levels: Sequence[Level]) -> dict[str, Any]:
         left = level.mean - row.gain * J[:, 1]
         spare = len(left) - 2
         covariance = scaled_inverse(J.T @ J) * float(left @ left) / spare
-        own = {"a0": float(np.sqrt(covariance[0, 0])), "gain": float(np.sqrt(covariance[1, 1]))}
-        ci: dict[str, Interval | None] = {name: around(getattr(row, name), s, spare) for name, s in own.items()}
-        if row.B is None:
-            ci["B"] = None
-        else:
+        a0_sd, gain_sd = np.sqrt(np.diag(covariance)).tolist()
+        B = None
+        if row.B is not None:
             g = np.array([-1 / row.a0, -1 / row.gain])
-            own["B"] = row.B * float(np.sqrt(g @ covariance @ g))
-            ci["B"] = around(row.B, own["B"], spare)
-        rows.append({"ci95": ci, "sd": own})
-    return {"pooled": {"ci95": pooled, "sd": named}, "per_level": rows}
+            B = around(row.B, row.B * float(np.sqrt(g @ covariance @ g)), spare)
+        rows.append(LinearLevelIntervals(around(row.a0, a0_sd, spare), around(row.gain, gain_sd, spare), B))
+    return pooled, rows
 
 
 def from_draws(
-    fit: LinearFit, pooled: Array | None, own: Array | None, stats: LevelStatistics
-) -> tuple[dict[str, Interval], list[dict[str, Interval | None]]]:
+    fit: Linear, pooled: Array | None, own: Array | None, stats: LevelStatistics
+) -> tuple[PooledIntervals, list[LinearLevelIntervals]]:
     """The same intervals from the spread of refits: covariance of (a0, b0, c0), variance of the levels' logs (L, 3).
 
     B of the levels is that of zero-offset; the other conventions keep the linear way for B.
     """
     assert pooled is not None and own is not None
-    sd = np.sqrt(np.diag(pooled))
-    names = ("a0", "b0", "c0")[: 3 if len(stats.levels) > 1 else 2]
-    degrees = stats.total_degrees
+    sd = np.sqrt(np.diag(pooled)).tolist()
     gains = pooled_gain(stats.levels, fit.parameters)
-    found = {
-        name: around(getattr(fit.parameters, name), float(sd[k]), own_degrees)
-        for k, (name, (_, own_degrees)) in enumerate(zip(names, spreads(gains, stats), strict=False))
-    }
+    ends = [
+        around(getattr(fit, name), s, degrees)
+        for name, s, (_, degrees) in zip(("a0", "b0", "c0"), sd, spreads(gains, stats), strict=True)
+    ]
+    found = PooledIntervals(ends[0], ends[1], ends[2] if len(stats.levels) > 1 else None)
     rows = level_intervals(fit, stats)
-    if fit.bounds.convention != "zero-offset":
+    if convention(fit) != "zero-offset":
         return found, rows
-    mean = own.mean(axis=0) if stats.source == "repeats" else None
-    for i, row in enumerate(fit.per_level):
-        for k, name in enumerate(("a0", "gain", "B")):
-            # a level's own few draws count as much as its runs; what all levels share counts for the rest
-            variance = float(own[i, k] if mean is None else 0.25 * own[i, k] + 0.75 * mean[k])
-            rows[i][name] = _log(_value(row, name), variance, degrees)
-    return found, rows
+    # a level's own few draws count as much as its runs; what all levels share counts for the rest
+    variance = 0.25 * own + 0.75 * own.mean(axis=0) if stats.source == "repeats" else own
+    return found, [
+        LinearLevelIntervals(
+            *(_log(_value(row, name), float(v[k]), stats.total_degrees) for k, name in enumerate(("a0", "gain", "B")))
+        )
+        for row, v in zip(fit.per_level, variance, strict=True)
+    ]

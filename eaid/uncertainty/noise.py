@@ -11,6 +11,7 @@ import numpy as np
 
 from eaid.arrays import Array
 from eaid.models.parameters import Friction
+from eaid.results import fit as results
 from eaid.uncertainty.level_statistics import LevelStatistics
 from eaid.uncertainty.levels import log_jacobian
 
@@ -75,13 +76,11 @@ def _line(x: Array, y: Array) -> tuple[float, float]:
     return (alone[0], 0.0) if left[0] <= left[1] else (0.0, alone[1])
 
 
-def noise_json(noise: Noise) -> dict[str, Any]:
-    """For `uncertainty.noise` of fit.json."""
-    return {
-        "sensor_nm2_s": noise.sensor_nm2_s,
-        "ripple_s": noise.ripple_s,
-        "scatter": dict(zip(("Ts", "tau1", "tau2"), noise.scatter, strict=True)),
-    }
+def noise_part(noise: Noise) -> results.Noise:
+    """For `uncertainty.noise` of a fit."""
+    return results.Noise(
+        noise.sensor_nm2_s, noise.ripple_s, dict(zip(("Ts", "tau1", "tau2"), noise.scatter, strict=True))
+    )
 
 
 def noise_from_json(fit: dict[str, Any]) -> tuple[Noise, str | None]:

@@ -11,14 +11,16 @@ curve has a part 1/R of that, so R² s_mean − Σ s over R − 1 has none to fi
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import fdtrc
 
 from eaid.arrays import Array
+from eaid.findings import Finding, finding
 from eaid.fitting.compress import Points, compress
+from eaid.results.fit import CurveLevel, LevelIntervals, ShareEstimate
 from eaid.steps.stepset import Level
 from eaid.uncertainty.level_statistics import LevelStatistics
 from eaid.uncertainty.levels import usable
@@ -225,50 +227,38 @@ def _variance(u: Array, repeats: Counts) -> tuple[float, float, bool]:
     return variance, degrees, False
 
 
-def share_words(share: Share) -> str:
-    """One sentence on C."""
-    held = f"{share.held:g}"
+def share_findings(share: Share) -> list[Finding]:
+    """What the runs say of the C that was held, where that matters."""
     ends = share.interval
     if ends is None or share.estimate is None:
-        return f"the runs give no C of their own: every number rests on the C of {held} that was held"
-    asked = f"C = {share.estimate:.3f} ({ends[0]:.3f} … {ends[1]:.3f})"
-    if share.differ:
-        asked += ", the levels not all the same"
+        return [finding("runs-give-no-share", "friction", held=share.held)]
+    values = {"held": share.held, "estimate": share.estimate, "low": ends[0], "high": ends[1], "differ": share.differ}
     if share.matters:
-        return (
-            f"the runs ask for {asked}; it was held at {held}: T_s, τ1, τ2 and their intervals belong to the held C, "
-            f"not to the rig; refit with --share {share.estimate:.3f}, or see uncertainty.share in fit.json"
-        )
-    if share.vague:
-        return f"the runs leave C anywhere between {ends[0]:.2f} and {ends[1]:.2f}; every number rests on {held}, held"
-    if share.rejected:
-        return f"the runs ask for {asked}; the C of {held} that was held changes little"
-    return f"the runs ask for {asked}: the C of {held} that was held agrees"
+        return [finding("runs-reject-the-share", "friction", **values)]
+    return [finding("runs-leave-the-share-open", "friction", **values)] if share.vague else []
 
 
-def share_json(share: Share, stats: LevelStatistics) -> dict[str, Any]:
-    """What `uncertainty.share` of fit.json holds of it; `stats` gives the scatter of the levels at the estimate."""
-    result: dict[str, Any] = {
-        "estimate": share.estimate,
-        "ci95": None if share.interval is None else list(share.interval),
-        "degrees_of_freedom": share.degrees,
-        "rejected": share.rejected,
-        "matters": share.matters,
-        "levels_differ": share.differ,
-        "words": share_words(share),
-        "at_estimate": [],
-    }
-    if share.estimate is None:
-        return result
+def share_part(share: Share | None, stats: LevelStatistics, sensitivity: dict[str, float]) -> ShareEstimate:
+    """`uncertainty.share` of a fit; `stats` gives the scatter of the levels at the estimate."""
+    if share is None:
+        return ShareEstimate(stats.estimates[0].curve.C, sensitivity)
+    rows = []
     for level, theta, slope in zip(share.levels, share.log_theta, share.slope, strict=True):
         i = next(i for i, one in enumerate(stats.levels) if one.level == level)
         own, more = stats.variance[i], (slope * share.sd) ** 2
         degrees = (own + more) ** 2 / (own**2 / stats.degrees[i] + more**2 / share.degrees)
         reach = t_quantile(degrees) * np.sqrt(own + more)
-        row: dict[str, Any] = {"level": level, "ci95": {}}
-        for k, name in enumerate(("Ts", "tau1", "tau2")):
-            row[name] = float(np.exp(theta[k]))
-            ends = [float(np.exp(theta[k] - reach[k])), float(np.exp(theta[k] + reach[k]))]
-            row["ci95"][name] = ends if np.isfinite(ends).all() else None
-        result["at_estimate"].append(row)
-    return result
+        low, high = np.exp(theta - reach).tolist(), np.exp(theta + reach).tolist()
+        ends = [pair if np.isfinite(pair).all() else None for pair in zip(low, high, strict=True)]
+        rows.append(CurveLevel(level, *np.exp(theta).tolist(), ci95=LevelIntervals(*ends)))
+    return ShareEstimate(
+        share.held,
+        sensitivity,
+        share.estimate,
+        share.interval,
+        share.degrees,
+        share.rejected,
+        share.matters,
+        share.differ,
+        tuple(rows) if share.estimate is not None else (),
+    )

@@ -1,5 +1,136 @@
-"""Sentences about fitting."""
+"""Sentences about fits: what the curves of single levels, the nonlinear and the linear model cannot tell."""
+
+from collections.abc import Mapping
+from typing import Any
 
 from eaid.findings.row import Row
 
-ROWS: dict[str, Row] = {}
+SYMBOLS = {"Ts": "T_s", "tau1": "τ1", "tau2": "τ2", "C_f": "C_f", "C": "C"}
+CONSTRAINTS = {
+    "tau1-floor": "τ1 is at its floor of 1 ms",
+    "tau2-meets-tau1": "τ2 has fallen to τ1",
+    "Ts-zero": "T_s is at 0",
+    "tau2-endless": "τ2 has no end",
+    "C-zero": "C is at 0",
+    "C-one": "C is at 1",
+    "a0-fastest": "1/a0 is a hundredth of a sample",
+    "a0-slowest": "1/a0 is a thousand record lengths",
+}
+"""What each constraint of `Solver.at_bounds` says."""
+
+
+def at(values: Mapping[str, Any]) -> str:
+    """`at 10 and 20 %`, of the levels of a finding."""
+    return f"at {values['levels']} {values.get('unit') or ''}".rstrip()
+
+
+def _constraint(values: Mapping[str, Any]) -> str:
+    where = f" (from {values['levels'].replace(' and ', ' to ')})" if values["levels"] else ""
+    said = CONSTRAINTS.get(values["constraint"], values["constraint"])
+    return f"a constraint holds the fit: {said}{where}; what it holds is not estimated there"
+
+
+def _trend(text: str) -> Any:
+    return lambda values: text.format(**{**values, "parameter": SYMBOLS.get(values["parameter"], values["parameter"])})
+
+
+ROWS: dict[str, Row] = {
+    "fit-not-converged": Row(
+        "stop",
+        "the {subject} fit did not converge: a further step would still lower its cost by {predicted_decrease:.0e} "
+        "of it; do not use its numbers",
+    ),
+    "level-not-converged": Row(
+        "stop", lambda v: f"the curve {at(v)} did not converge: do not use its numbers, nor what rests on it"
+    ),
+    "curve-explains-little": Row(
+        "stop",
+        lambda v: (
+            f"two exponentials explain little of the output {at(v)}: this is no single step response; look at the "
+            "plot for several steps, a closed loop or a disturbance, and give «step_at» and «until»"
+        ),
+    ),
+    "model-explains-little": Row(
+        "stop",
+        lambda v: (
+            f"the {v['subject']} model explains little of the outputs"
+            + (f" (R² {v['R2']:.2g})" if v.get("R2") is not None else "")
+            + ": do not use its numbers"
+        ),
+    ),
+    "fast-rise-not-resolved": Row(
+        "caution", lambda v: f"τ1 is at its floor of 1 ms {at(v)}: the fast rise is not resolved"
+    ),
+    "output-does-not-rise": Row(
+        "caution",
+        lambda v: f"T_s is at 0 {at(v)}: the output does not rise with the step; check its sign",
+    ),
+    "level-is-no-stress": Row(
+        "caution",
+        "C_f was not computed and the trends run over the level itself: a level in {unit} is neither a force nor a "
+        "stress; say so with «units» input=N",
+    ),
+    "output-is-no-torque": Row(
+        "caution", "C_f was not computed: Eq. (1) takes a torque in N·m, and the output is in {unit}"
+    ),
+    "trend-needs-levels": Row(
+        "note",
+        _trend("no trend of {parameter} over {over}: a {form} trend needs at least {least} levels, there are {count}"),
+    ),
+    "trend-rates-merge": Row(
+        "note",
+        _trend(
+            "the two rates of the trend of {parameter} merge: its limit (p + q x) e^(r x) is given, for a pair would be "
+            "two huge weights that cancel"
+        ),
+    ),
+    "trend-follows-one-point": Row(
+        "caution",
+        _trend("the trend of {parameter} has a rate as steep as is looked for: it follows one point, not a trend"),
+    ),
+    "trend-not-converged": Row("caution", _trend("the trend of {parameter} did not converge")),
+    "weights-change-nothing": Row(
+        "note", "«weights» sd changes nothing here: each level is fitted by itself, and trends take all levels alike"
+    ),
+    "no-weights-for-single-runs": Row(
+        "note", "level {levels} has one run only, so no weights follow from the spread of its repeats"
+    ),
+    "no-weights-for-identical-runs": Row(
+        "note", "the repeats of level {levels} are identical, so their spread is no weight"
+    ),
+    "no-weights-for-one-level": Row("note", "one level only: its weight changes nothing"),
+    "huber-holds-back-much": Row(
+        "caution",
+        "Huber's loss holds back more than {most_pct:.0f} % of the samples at level {levels}: that is wider scatter or "
+        "another shape there, not spikes; these levels count less, compare with «loss» squares",
+    ),
+    "constraint-holds": Row("caution", _constraint),
+    "starts-end-apart": Row("note", "{higher} of {starts} starts ended at a higher cost; the least is given"),
+    "held-out-beyond-the-levels": Row(
+        "note",
+        "held-out level {levels} lies outside the fitted ones: the model, held at its edge there, predicts nothing",
+    ),
+    "a0-not-determined": Row("caution", "a0 is at the edge of what is looked for: these data cannot tell it"),
+    "linear-output-negative": Row("caution", "the linear model gives a negative output at level {levels}"),
+    "linear-level-beyond-record": Row(
+        "caution",
+        "1/a0 is longer than the record at level {levels}: gain and B of these levels are extrapolated",
+    ),
+    "level-without-B": Row(
+        "caution", "b0 is not positive at level {levels} under {convention}: left out of B_m and B_M"
+    ),
+    "release-beyond-record": Row(
+        "caution",
+        "the slow release constant ({tau2_s:.3g} s) is longer than the longest record after a release "
+        "({record_s:.3g} s): these data cannot tell it",
+    ),
+    "release-too-fast": Row(
+        "caution", "the release is faster than 1 ms or than the samples can tell: its fast constant is at its floor"
+    ),
+    "release-one-exponential": Row("note", "one exponential is enough for the releases: τ1 and τ2 coincide"),
+    "release-leaves-output": Row(
+        "caution",
+        "more than a tenth of the output is left long after the release of level {levels}; the model's release goes "
+        "to zero",
+    ),
+}

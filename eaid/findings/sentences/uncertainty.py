@@ -4,9 +4,9 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from eaid.findings.row import Row
+from eaid.findings.sentences.fitting import SYMBOLS, at
 
 Values = Mapping[str, Any]
-SYMBOLS = {"Ts": "T_s", "tau1": "τ1", "tau2": "τ2", "C": "C", "C_f": "C_f"}
 CAUSES = {
     "one-exponential": "one exponential is all that most of them show",
     "short-record": "hold each level longer than {record_s:.3g} s",
@@ -14,13 +14,9 @@ CAUSES = {
 }
 
 
-def _at(v: Values) -> str:
-    return f"at {v['levels']} {v.get('unit') or ''}".rstrip()
-
-
 def _named(text: str) -> Callable[[Values], str]:
     """A template whose `{parameter}` is the symbol."""
-    return lambda v: text.format(**{**v, "parameter": SYMBOLS[v["parameter"]], "at": _at(v)})
+    return lambda v: text.format(**{**v, "parameter": SYMBOLS[v["parameter"]], "at": at(v)})
 
 
 def _joined(names: Any) -> str:
@@ -36,14 +32,14 @@ def _tau2_open(v: Values) -> str:
     else:
         said = f"is anything up to {high:.2g} s" if high is not None else "may be anything"
     known = f"{v['curve_half_width']:.1g} {v['output_unit']}".rstrip()
-    return f"{_at(v)} τ2 {said}; the curve itself is known to {known} within the record of {v['record_s']:.3g} s"
+    return f"{at(v)} τ2 {said}; the curve itself is known to {known} within the record of {v['record_s']:.3g} s"
 
 
 def _taus_meet(v: Values) -> str:
     taus = [f"{tau:g}" for tau in v["taus_s"]]
     listed = taus[0] if len(taus) == 1 else f"{', '.join(taus[:-1])} and {taus[-1]}"
     return (
-        f"{_at(v)} τ1 and τ2 meet, neither is estimable by itself: all that the records show is one exponential, of "
+        f"{at(v)} τ1 and τ2 meet, neither is estimable by itself: all that the records show is one exponential, of "
         f"{listed} s"
     )
 
@@ -57,12 +53,6 @@ def _together(v: Values) -> str:
 def _open_at_most(v: Values) -> str:
     why = CAUSES[v["cause"]].format(**v)
     return f"{SYMBOLS[v['parameter']]} is not determined at {v['count']} of {v['of']} levels: {why}"
-
-
-def _constraints(v: Values) -> str:
-    held = v["constraints"]
-    more = f" and {len(held) - 4} more" if len(held) > 4 else ""
-    return f"a constraint holds {', '.join(held[:4])}{more}: not estimable there"
 
 
 def _scatter_changes(v: Values) -> str:
@@ -79,25 +69,79 @@ def _convention(v: Values) -> str:
     return f"one level's step gives b0 u + c0 only; its b0 rests on the convention {v['convention']}{pooled}"
 
 
+def symbol(values: Values) -> str:
+    """T_s, τ1 … for the parameter of a finding."""
+    return SYMBOLS.get(values["parameter"], values["parameter"])
+
+
+def _of(text: str) -> Callable[[Values], str]:
+    """A template in which {symbol} stands for the parameter, {at} for the levels."""
+    return lambda v: text.format(**{**v, "symbol": symbol(v) if "parameter" in v else "", "at": at(v)})
+
+
+def _share(v: Values) -> str:
+    apart = ", the levels not all the same" if v["differ"] else ""
+    return f"the runs ask for C = {v['estimate']:.3f} ({v['low']:.3f} … {v['high']:.3f}){apart}"
+
+
+def _parted(v: Values) -> str:
+    ends = f" [{v['low']:.3g}, {v['high']:.3g}]" if v["low"] is not None else ", where a constraint holds it"
+    return f"{symbol(v)} at {v['worst']:g}: joint {v['joint']:.3g}, two-stage {v['two_stage']:.3g}{ends}"
+
+
+def _scattered(v: Values) -> str:
+    return f"runs of one level differ by {v['gain_pct']:.2g} % in T_s, and " if v["gain_pct"] > 0.2 else ""
+
+
+def _weights(v: Values) -> str:
+    where = f" at {v['worst']:g}" if v["worst"] is not None else ""
+    said = f"{symbol(v)}{where} with equal weights {v['equal']:.3g}, with sd weights {v['sd']:.3g}"
+    rough = f"from {v['repeats']} repeats a level's spread is known within factors of {v['low']:.2g} to {v['high']:.2g}"
+    why = {
+        "spread-rises": f"the spread rises with the output: levels that scatter most bend the others; yet {rough}",
+        "spread-is-chance": f"the spread does not rise with the output, and {rough}: the sd weights are mostly chance",
+        "one-time-constant": "one time constant stands for two, and equal weights come nearest over all samples",
+    }[v["because"]]
+    return f"{v['subject']} model, {said}: of the two believe {v['believe']} weights: {why}"
+
+
+def _decays(v: Values) -> str:
+    count = len(v["levels"].replace(" and ", ", ").split(", "))
+    more = f" and at {count - 1} more levels" if count > 1 else ""
+    where = f"{v['worst']:g} {v.get('unit') or ''}".rstrip()
+    most = 2 * count > v["of"]
+    done = "; end the window before it does («until»), or take T_s for an average" if most else ""
+    return (
+        f"the output overshoots and decays under hold: {v['lost_pct']:.0f} % of its peak is lost by the end at {where}"
+        f"{more}; no sum of rising exponentials shows that, so T_s is an average and τ2 means nothing there{done}"
+    )
+
+
+def _fits(v: Values) -> str:
+    closer = v.get("closer_pct")
+    if closer is None:
+        return f"keep {v['usual']}"
+    return f"keep {v['usual']}: a free C fits {f'only {closer:.0f} %' if closer >= 0.5 else 'no'} closer"
+
+
+def _orders(v: Values) -> str:
+    asked = ", ".join(f"order {v[name]} for {SYMBOLS[name]}" for name in ("Ts", "tau1", "tau2") if name in v)
+    return f"the levels ask for {asked} instead of the paper's polynomials"
+
+
 ROWS: dict[str, Row] = {
     "taus-meet": Row("caution", _taus_meet),
     "parameter-constrained": Row("caution", _named("{at} {parameter} is not estimable: a constraint holds it")),
     "tau2-open": Row("caution", _tau2_open),
     "tau2-outlasts-record": Row(
-        "caution", lambda v: f"{_at(v)} τ2 is longer than the record of {v['record_s']:.3g} s; record longer"
+        "caution", lambda v: f"{at(v)} τ2 is longer than the record of {v['record_s']:.3g} s; record longer"
     ),
     "no-level-determines-all": Row("caution", "no level determines all of T_s, τ1 and τ2"),
     "free-share-open": Row(
         "caution",
         lambda v: (
-            f"{_at(v)} the free C is anywhere between {v['low']:.2f} and {v['high']:.2f}: C and τ2 trade against each "
+            f"{at(v)} the free C is anywhere between {v['low']:.2f} and {v['high']:.2f}: C and τ2 trade against each "
             "other; hold C"
-        ),
-    ),
-    "rates-merged": Row(
-        "note",
-        _named(
-            "the two rates of {parameter}'s trend cannot be told apart: only their limit (p + q x) e^(r x) is known"
         ),
     ),
     "coefficients-together": Row("note", _together),
@@ -108,7 +152,6 @@ ROWS: dict[str, Row] = {
         "caution", "{count} levels pin the polynomials of T_s, τ1, τ2 exactly or not at all: nothing checks their shape"
     ),
     "parameter-open-at-most-levels": Row("caution", _open_at_most),
-    "constraints-hold": Row("caution", _constraints),
     "share-free": Row(
         "caution",
         "C is free ({C:.3g}): it trades against τ2 wherever the record is not several τ2 long, and T_s and τ2 are less "
@@ -145,4 +188,78 @@ ROWS: dict[str, Row] = {
         ),
     ),
     "scatter-changes": Row("note", _scatter_changes),
+    "no-intervals-at-all": Row(
+        "caution", "no intervals: these data do not determine the curves well enough to compute any ({fault})"
+    ),
+    "trend-not-estimable": Row("note", _of("the trend of {symbol} is at a limit: its coefficients are not estimable")),
+    "trend-uses-all-levels": Row(
+        "note",
+        _of("the trend of {symbol} has as many coefficients as levels: nothing is left to tell how sure they are"),
+    ),
+    "trend-coefficients-alike": Row(
+        "note", _of("the coefficients of the trend of {symbol} cannot be told apart: only the curve itself is known")
+    ),
+    "trend-coefficients-vague": Row(
+        "note",
+        _of(
+            "some coefficients of the trend of {symbol} are not told apart from zero or from each other: use the curve"
+        ),
+    ),
+    "runs-give-no-share": Row(
+        "note", "the runs give no C of their own: every number rests on the C of {held:g} that was held"
+    ),
+    "runs-leave-the-share-open": Row(
+        "note",
+        "the runs leave C anywhere between {low:.2f} and {high:.2f}; every number rests on {held:g}, held",
+    ),
+    "runs-reject-the-share": Row(
+        "caution",
+        lambda v: (
+            f"{_share(v)}; it was held at {v['held']:g}: T_s, τ1, τ2 and their intervals belong to the held C, not to "
+            f"the rig; refit with «share» {v['estimate']:.3f}"
+        ),
+    ),
+    "two-stage-estimate-taken": Row(
+        "note",
+        lambda v: (
+            f"the two-stage estimate stands as the nonlinear model: {_parted(v)}; {_scattered(v)}the joint fit makes "
+            "up for a level's output with the time constants of its neighbours"
+        ),
+    ),
+    "two-stage-estimate-is-better": Row(
+        "caution",
+        lambda v: (
+            f"{_parted(v)}: believe the two-stage estimate («estimator» two-stage); {_scattered(v)}the joint fit makes "
+            "up for a level's output with the time constants of its neighbours"
+        ),
+    ),
+    "estimates-part-and-neither-holds": Row(
+        "caution",
+        lambda v: (
+            f"{_parted(v)}: believe neither; too few levels determine "
+            f"{' and '.join(SYMBOLS[name] for name in v['weak'])} on their own, and the joint fit makes up values there"
+        ),
+    ),
+    "no-two-stage-estimate": Row(
+        "caution", "no two-stage estimate: no level alone determines all of its parameters; the joint fit stands"
+    ),
+    "two-stage-held": Row("caution", _of("a constraint holds {symbol} of the two-stage estimate")),
+    "weights-part": Row("caution", _weights),
+    "output-decays-under-hold": Row("caution", _decays),
+    "shape-fits": Row("note", _fits),
+    "shape-of-another-kind": Row("note", "use {shape}: RMSE {rmse:.3g} against {usual_rmse:.3g} of {usual}"),
+    "shape-needs-the-share": Row(
+        "note",
+        "use two exponentials, C = {estimate:.3f} at all levels: the runs reject C = {held:g}; fit again with «share» "
+        "{estimate:.3f} before judging the polynomials",
+    ),
+    "polynomials-fit": Row("note", "the paper's polynomials follow the levels as well as any of orders 1 to 4"),
+    "polynomials-too-low": Row("note", _orders),
+    "repeats-miss-alike": Row(
+        "note",
+        lambda v: (
+            f"at {len(v['levels'].replace(' and ', ', ').split(', '))} of {v['of']} levels all repeats miss the curve "
+            f"alike (by {v['systematic']:.2g} at {v['worst']:g}): the shape is not quite right"
+        ),
+    ),
 }

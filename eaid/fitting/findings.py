@@ -1,0 +1,51 @@
+"""What the data of a fit cannot tell, for the nonlinear and the linear model."""
+
+from collections.abc import Mapping, Sequence
+
+from eaid.findings import Finding, finding
+from eaid.fitting.data import Data
+from eaid.models.parameters import Linear, Nonlinear
+from eaid.results.common import Solver
+from eaid.results.fit import Bounds, LinearLevel
+
+SAME_COST = 1e-6
+"""Starts whose costs differ by less than this part have found the same minimum."""
+
+
+def nonlinear_findings(
+    data: Data, p: Nonlinear, solver: Solver, held_at: Mapping[str, Sequence[float]], held_out: Sequence[float]
+) -> list[Finding]:
+    """Doubts about the ten coefficients; `held_at`: the constraints that hold them, and where."""
+    found = []
+    if not solver.converged:
+        found.append(finding("fit-not-converged", "nonlinear", predicted_decrease=solver.predicted_decrease))
+    for code, at in held_at.items():
+        found.append(finding("constraint-holds", "nonlinear", sorted({*at[:1], *at[-1:]}), constraint=code))
+    costs = solver.costs
+    best = min(costs)
+    higher = sum(cost > (1 + SAME_COST) * best for cost in costs)
+    if best > 0 and higher:
+        found.append(finding("starts-end-apart", "nonlinear", higher=higher, starts=len(costs)))
+    if outside := [u for u in held_out if not p.u_range[0] <= u <= p.u_range[1]]:
+        found.append(finding("held-out-beyond-the-levels", "nonlinear", outside))
+    return found
+
+
+def linear_findings(
+    data: Data, p: Linear, solver: Solver | None, rows: Sequence[LinearLevel], bounds: Bounds
+) -> list[Finding]:
+    """Doubts about the linear model and the bounds of B."""
+    found = []
+    if solver is not None and not solver.converged:
+        found.append(finding("fit-not-converged", "linear", predicted_decrease=solver.predicted_decrease))
+    if solver is not None and solver.at_bounds:
+        found.append(finding("a0-not-determined", "linear", constraint=solver.at_bounds[0]))
+    levels = {
+        "linear-output-negative": [u for u in data.u.tolist() if p.b0 * u + p.c0 < 0],
+        "linear-level-beyond-record": [
+            row.level for row, r in zip(rows, data.records, strict=True) if row.a0 * r.t_s[-1] < 1
+        ],
+        "level-without-B": [row.level for row in rows if row.B is None and row.level in bounds.levels],
+    }
+    found += [finding(code, "linear", at, convention=bounds.convention) for code, at in levels.items() if at]
+    return found

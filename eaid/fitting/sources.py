@@ -1,0 +1,43 @@
+"""What a fit was made from: kind, units, levels, the rig and the runs, as fit.json holds them."""
+
+from dataclasses import asdict
+from typing import cast
+
+from eaid.results.common import Input, Source
+from eaid.results.fit import Data, Rig
+from eaid.steps.stepset import StepSet
+
+
+def data_part(stepset: StepSet) -> Data:
+    """The `data` part of a fit."""
+    rates = [run.rate_hz for run in stepset.runs]
+    if not rates:
+        rates = [(len(level.time_s) - 1) / float(level.time_s[-1] - level.time_s[0]) for level in stepset.levels]
+    inputs = cast("list[dict[str, str]]", stepset.extra.get("inputs", []))
+    return Data(
+        kind=stepset.kind,  # type: ignore[arg-type]  # one of the three
+        input_unit=stepset.input_unit,
+        output_unit=stepset.output_unit,
+        levels=tuple(level.level for level in stepset.levels),
+        repeats=tuple(len(level.runs) for level in stepset.levels),
+        samples=tuple(len(level.time_s) for level in stepset.levels),
+        record_s=tuple(float(level.time_s[-1]) for level in stepset.levels),
+        sample_rate_hz=max(rates),
+        apparatus=Rig(**asdict(stepset.apparatus)),
+        sources=tuple(
+            Source(
+                run.source,
+                run.sha256,
+                run.name,
+                run.level,
+                run.repeat,
+                run.baseline_nm,
+                run.step_s,
+                run.samples,
+                run.edge,
+            )
+            for run in stepset.runs
+        ),
+        inputs=tuple(Input(one["path"], one["sha256"]) for one in inputs),
+        synthetic=stepset.synthetic,
+    )

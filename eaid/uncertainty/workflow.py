@@ -1,0 +1,62 @@
+"""A set of steps → a finished fit: models, intervals, the believed estimate, findings.
+
+The one entry that the command line and a notebook share.
+"""
+
+from collections.abc import Callable
+from typing import Any, cast
+
+import msgspec
+
+from eaid.fitting.fit import converged, fit
+from eaid.fitting.options import FitOptions
+from eaid.results.fit import Fit, FitOptionsRecord
+from eaid.steps.stepset import StepSet
+from eaid.uncertainty.intervals import IntervalOptions, with_intervals
+
+
+def fit_steps(stepset: StepSet, options: FitOptions | None = None, progress: Callable[[], None] | None = None) -> Fit:
+    """Fit a set of steps and find how sure the result is.
+
+    Parameters
+    ----------
+    stepset : StepSet
+        Rising steps by level, and releases where there are some.
+    options : FitOptions, optional
+        Models, estimator, weights, loss, held-out levels, bounds of B and how intervals are found.
+    progress : callable, optional
+        Called once per bootstrap refit.
+
+    Returns
+    -------
+    Fit
+        All models that the kind of experiment allows, with findings, worst first.
+
+    Raises
+    ------
+    UsageError
+        An option that is none, or a model that the kind does not allow.
+    DataError
+        No rising step, or weights that the repeats do not give.
+    """
+    options = options or FitOptions()
+    how = IntervalOptions(options.ci, options.seed, options.draws, options.workers, options.estimator)
+    found = with_intervals(stepset, fit(stepset, options), how, progress)
+    record = record_of(options, stepset)
+    return msgspec.structs.replace(found, options=record, seed=options.seed, converged=converged(found))
+
+
+def record_of(options: FitOptions, stepset: StepSet) -> FitOptionsRecord:
+    """The options as fit.json keeps them."""
+    return FitOptionsRecord(
+        models=options.models,
+        share="free" if options.share is None else options.share,
+        weights=options.weights,
+        loss=options.loss,
+        hold_out=options.hold_out,
+        bounds=options.bounds,
+        bounds_levels=options.bounds_levels,
+        estimator=options.estimator,
+        ci=options.ci,
+        reading=cast("dict[str, Any]", stepset.extra.get("reading", {})),
+    )
