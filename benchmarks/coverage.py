@@ -24,12 +24,14 @@ from eaid.fitting.data import data_of
 from eaid.fitting.fit import fit
 from eaid.fitting.linear import fit_linear
 from eaid.fitting.options import FitOptions
-from eaid.fitting.result import Fit
 from eaid.models import friction
 from eaid.models.nonlinear import at_duty
 from eaid.models.parameters import REFERENCE_PLANT, Friction
+from eaid.results.common import Interval
+from eaid.results.fit import Fit
 from eaid.steps.stepset import Level, StepSet
-from eaid.uncertainty.intervals import IntervalOptions, Intervals, intervals
+from eaid.uncertainty.intervals import IntervalOptions, with_intervals
+from eaid.uncertainty.levels import WIDE
 
 LEVELS = np.arange(10.0, 101.0, 10.0)
 SAMPLES, RECORD_S = 2000, 20.0
@@ -150,61 +152,64 @@ def inside(interval: Any, value: float) -> float:
     return float(interval[0] <= value <= interval[1])
 
 
-def hits(found: Intervals, true: dict[str, Any]) -> dict[str, list[float]]:
+def doubted(interval: Interval) -> bool:
+    """Whether an interval is not quoted, or wide."""
+    return interval is None or interval[0] <= 0 or np.log(interval[1] / interval[0]) > 2 * np.log1p(WIDE)
+
+
+def hits(found: Fit, true: dict[str, Any]) -> dict[str, list[float]]:
     """Which intervals hold the truth: by group and parameter, one entry a level (one alone for the pooled ones)."""
     result: dict[str, list[float]] = {}
+    assert found.nonlinear is not None and found.linear is not None and found.uncertainty is not None
+    share, linear = found.uncertainty.share, found.linear
     for name in ("Ts", "tau1", "tau2"):
         values = true[name]
         if found.friction is not None:
-            own = [row["ci95"][name] for row in found.friction["levels"]]
-            flagged = [row["words"].get(name) for row in found.friction["levels"]]
-            result[f"level {name}"] = [
-                np.nan if word else inside(ci, v) for ci, v, word in zip(own, values, flagged, strict=True)
-            ]
-            result[f"aim {name}"] = [
-                np.nan if word else inside(ci, v) for ci, v, word in zip(own, true["aim"][name], flagged, strict=True)
-            ]
-            asked = {row["level"]: row["ci95"][name] for row in found.uncertainty["share"].get("at_estimate", [])}
+            own = [getattr(row.ci95, name) for row in found.friction.levels]
+            for label, aim in (("level", values), ("aim", true["aim"][name])):
+                pairs = zip(own, aim, strict=True)
+                result[f"{label} {name}"] = [np.nan if doubted(ci) else inside(ci, v) for ci, v in pairs]
+            asked = {row.level: getattr(row.ci95, name) for row in (share.at_estimate if share else ())}
             result[f"asked {name}"] = [inside(asked.get(u), v) for u, v in zip(LEVELS, values, strict=True)]
-        assert found.nonlinear is not None
-        for label, part in (("joint", found.nonlinear), ("two-stage", found.nonlinear.get("two_stage"))):
-            if part and "curves" in part:
-                rows = [row["ci95"][name] for row in part["curves"]]
+        for label, part in (("joint", found.nonlinear), ("two-stage", found.nonlinear.two_stage)):
+            if part is not None and part.curves:
+                rows = [getattr(row.ci95, name) for row in part.curves]
                 result[f"{label} {name}"] = [inside(ci, v) for ci, v in zip(rows, values, strict=True)]
-    share = found.uncertainty["share"]
-    if "rejected" in share:
-        result["asked C"] = [inside(share["ci95"], true["C"])]
-        result["asked rejected"] = [float(share["rejected"])]
-        result["asked told"] = [float(share["matters"])]
-    assert found.linear is not None
+    if share is not None and share.rejected is not None:
+        result["asked C"] = [inside(share.ci95, true["C"])]
+        result["asked rejected"] = [float(share.rejected)]
+        result["asked told"] = [float(bool(share.matters))]
     for name in ("a0", "b0", "c0"):
-        result[f"linear {name}"] = [inside(found.linear["ci95"][name], true[name])]
+        result[f"linear {name}"] = [inside(getattr(linear.ci95, name), true[name])]
     result["linear B"] = [
-        inside(row["ci95"]["B"], b) for row, b in zip(found.linear["per_level"], true["B"], strict=True)
+        inside(row.ci95.B if row.ci95 else None, b) for row, b in zip(linear.per_level, true["B"], strict=True)
     ]
     for name in ("B_m", "B_M"):
-        result[f"linear {name}"] = [inside(found.linear["bounds"]["ci95"][name], true[name])]
+        assert linear.bounds is not None
+        result[f"linear {name}"] = [inside(getattr(linear.bounds.ci95, name), true[name])]
     return result
 
 
-def widths(found: Intervals) -> dict[str, float]:
+def widths(found: Fit) -> dict[str, float]:
     """Mean half-widths [%] of the levels' own intervals and of the two-stage curves."""
     result = {}
     assert found.friction is not None and found.nonlinear is not None
-    groups = {"level": found.friction["levels"], "two-stage": found.nonlinear.get("two_stage", {}).get("curves", [])}
+    two = found.nonlinear.two_stage
+    groups = {"level": found.friction.levels, "two-stage": two.curves if two is not None else ()}
     for label, rows in groups.items():
         for name in ("Ts", "tau1", "tau2"):
-            own = [row["ci95"][name] for row in rows if row["ci95"][name] is not None]
+            own = [ends for row in rows if (ends := getattr(row.ci95, name)) is not None]
             result[f"{label} {name}"] = float(np.mean([50 * np.log(b / a) for a, b in own])) if own else np.nan
     return result
 
 
-def both_ways(seed: int, variant: Variant) -> tuple[Fit, Intervals, Intervals]:
+def both_ways(seed: int, variant: Variant) -> tuple[Fit, Fit, Fit]:
     """A set fitted, with our intervals and the textbook's."""
     made = one_set(seed, variant)
     fitted = fit(made, FitOptions(weights=variant.weights))
-    ours = intervals(made, fitted, IntervalOptions(ci="robust", study_models=False))
-    return fitted, ours, intervals(made, fitted, IntervalOptions(ci="white", study_models=False))
+    ways = (IntervalOptions(ci=ci, estimator="joint", study_models=False) for ci in ("robust", "white"))
+    ours, textbook = (with_intervals(made, fitted, way) for way in ways)
+    return fitted, ours, textbook
 
 
 @dataclass(frozen=True)

@@ -47,9 +47,13 @@ def missed(found: Nonlinear, stepset: StepSet) -> Array:
 def errors(stepset: StepSet) -> dict[str, Array]:
     """The misses of the three estimates, (L, 3) each."""
     part = fit(stepset, FitOptions(models=("nonlinear",))).nonlinear
-    assert part is not None and part.other is not None
+    assert part is not None and part.other_weights is not None
     two = estimates(part, statistics_at_share(stepset.levels, 0.85)).two_stage
-    plants = {"equal": part.parameters, "sd": part.other.parameters, **({"two-stage": two.plant()} if two else {})}
+    plants = {
+        "equal": part.parameters,
+        "sd": part.other_weights.parameters,
+        **({"two-stage": two.plant()} if two else {}),
+    }
     return {name: missed(found, stepset) for name, found in plants.items()}
 
 

@@ -93,7 +93,6 @@ NONLINEAR = Part(
         **_polynomials(Many(KNOWN, 3, known=True), Many(KNOWN, 3, known=True), Many(KNOWN, 4, known=True)),
         "C": Number(known=True, least=0.0, most=1.0), "u_range": Many(Number(known=True, least=0.0), 2, known=True),
         **ESTIMATE, **VERDICT, "two_stage": OTHER_ESTIMATE, "joint": OTHER_ESTIMATE, "estimator": TEXT,
-        "agreement": Part({"believe": TEXT, "because": TEXT, "disagreements": Many(Part())}),
     },
     needs=("tau1", "tau2", "Ts", "u_range"),
 )  # fmt: skip

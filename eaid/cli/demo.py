@@ -82,7 +82,7 @@ def _filled(lines: tuple[tuple[str, ...], ...], data: dict[str, str]) -> list[tu
 
 def _both(first: list[tuple[str, ...]], second: list[tuple[str, ...]], folder: Path, done: Callable[[], None]) -> None:
     """Run both lists, the second one in a process of its own where there is a processor for it."""
-    from eaid.cli.fit import processors
+    from eaid.cli.fit_options import processors
 
     if processors() < 2:
         for line in [*first, *second]:

@@ -108,7 +108,7 @@ def planned(
     source: dict[str, Any], name: str, rig: "Rig"
 ) -> "tuple[Callable[[Sequence[Wanted]], Plan], Plant, Noise, list[str]]":
     """What makes a plan for the model that a fit.json holds, its plant, the noise taken, and words on these."""
-    from eaid.fitting.stored import nonlinear_from_json
+    from eaid.fitting.stored import nonlinear_from_json, not_identifiable_because
     from eaid.synth.plants import clutch, of_fit
     from eaid.uncertainty.design import level_sets, plan
     from eaid.uncertainty.noise import noise_from_json
@@ -119,11 +119,8 @@ def planned(
     words += [f"the fit says: {text}; a plan for that model cannot mend it" for text in judged.get("warnings") or []]
     if source.get("nonlinear"):
         part = source["nonlinear"]
-        if part.get("two_stage") and (part.get("agreement") or {}).get("believe") != "joint":
-            # the estimate that is not bent by run-to-run scatter
-            source = {**source, "nonlinear": {**part, **part["two_stage"]}}
         if part.get("identifiable") is False:
-            why = "; ".join(str(one) for one in part.get("not_identifiable_because") or ["no reason given"])
+            why = "; ".join(not_identifiable_because(source, "nonlinear"))
             words.append(
                 f"the fit itself is not identifiable ({why}): the plan rests on a guess; record a few levels by it, "
                 "fit, and plan again"

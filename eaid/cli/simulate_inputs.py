@@ -24,13 +24,15 @@ def files(fit: Path, gains: Path | None) -> tuple[dict[str, Any], dict[str, Any]
 
 def unidentified(fitted: dict[str, Any], given: dict[str, Any]) -> dict[str, str]:
     """What of a replay stands on a fit that its data do not determine, and why; each told."""
+    from eaid.fitting.stored import not_identifiable_because
+
     said: dict[str, str] = {}
     if given.get("unidentified"):
         said["gains"] = str(given["unidentified"])
         console.warn(f"gains made with --allow-unidentified ({said['gains']}): the replay is marked")
     part = fitted["nonlinear"]
     if part.get("identifiable") is False:
-        said["plant"] = "; ".join(str(why) for why in part.get("not_identifiable_because") or ["no reason given"])
+        said["plant"] = "; ".join(not_identifiable_because(fitted, "nonlinear"))
         console.warn(
             f"the nonlinear model is not identifiable ({said['plant']}): the replay shows that model, not the clutch; "
             "it is marked"

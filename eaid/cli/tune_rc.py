@@ -369,7 +369,9 @@ def _unidentified(fitted: dict[str, Any]) -> str:
     linear = fitted.get("linear")
     if not isinstance(linear, dict) or linear.get("identifiable") is not False:
         return ""
-    return "; ".join(str(reason) for reason in linear.get("not_identifiable_because") or ["no reason given"])
+    from eaid.fitting.stored import not_identifiable_because
+
+    return "; ".join(not_identifiable_because(fitted, "linear"))
 
 
 def _refuse_unidentified(fitted: dict[str, Any], fit: Path, allowed: bool) -> None:

@@ -4,6 +4,7 @@ from typing import Any
 
 from eaid.errors import DataError
 from eaid.models.parameters import SHARE, Linear, Nonlinear
+from eaid.results.fit import NOT_IDENTIFIABLE
 
 
 def _number(part: dict[str, Any], key: str, name: str) -> float:
@@ -63,3 +64,11 @@ def bounds_from_json(result: dict[str, Any]) -> tuple[float, float] | None:
     if not isinstance(bounds, dict) or bounds.get("B_m") is None or bounds.get("B_M") is None:
         return None
     return _number(bounds, "B_m", "linear.bounds"), _number(bounds, "B_M", "linear.bounds")
+
+
+def not_identifiable_because(result: dict[str, Any], name: str) -> list[str]:
+    """Why the data do not determine a model of a fit.json, as sentences."""
+    found = [one for one in result.get("findings") or [] if isinstance(one, dict)]
+    told = [one for one in found if one.get("subject") == name and one.get("code") in NOT_IDENTIFIABLE]
+    older = (result.get(name) or {}).get("not_identifiable_because") or []
+    return [str(one.get("text")) for one in told] or [str(one) for one in older] or ["no reason given"]

@@ -519,6 +519,18 @@ class FitOptionsRecord(Result, frozen=True):
     reading: dict[str, str | float | bool | None] = {}
 
 
+NOT_IDENTIFIABLE = (
+    "one-level-has-no-curve",
+    "one-level-leaves-c0",
+    "no-level-determines-all",
+    "most-levels-leave-open",
+    "a0-may-be-zero",
+    "b0-may-be-zero",
+    "no-bounds-of-B",
+)
+"""Codes of the findings that make a model not identifiable."""
+
+
 class Fit(Result, frozen=True):
     """All that one call fitted; what its kind does not allow is None."""
 
@@ -543,6 +555,10 @@ class Fit(Result, frozen=True):
             raise DataError("this fit holds no nonlinear model; fit clutch logs with «model» nonlinear")
         constants = None if self.release is None else (self.release.tau1, self.release.tau2)
         return replace(self.nonlinear.parameters, release=constants)
+
+    def not_identifiable_because(self, subject: str) -> tuple[Finding, ...]:
+        """Why the data do not determine a model: friction, nonlinear or linear."""
+        return tuple(one for one in self.findings if one.subject == subject and one.code in NOT_IDENTIFIABLE)
 
     @property
     def linear_model(self) -> LinearModel:

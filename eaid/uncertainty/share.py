@@ -243,7 +243,8 @@ def share_part(share: Share | None, stats: LevelStatistics, sensitivity: dict[st
     if share is None:
         return ShareEstimate(stats.estimates[0].curve.C, sensitivity)
     rows = []
-    for level, theta, slope in zip(share.levels, share.log_theta, share.slope, strict=True):
+    speaking = share.levels if share.estimate is not None else ()
+    for level, theta, slope in zip(speaking, share.log_theta, share.slope, strict=True):
         i = next(i for i, one in enumerate(stats.levels) if one.level == level)
         own, more = stats.variance[i], (slope * share.sd) ** 2
         degrees = (own + more) ** 2 / (own**2 / stats.degrees[i] + more**2 / share.degrees)
@@ -260,5 +261,5 @@ def share_part(share: Share | None, stats: LevelStatistics, sensitivity: dict[st
         share.rejected,
         share.matters,
         share.differ,
-        tuple(rows) if share.estimate is not None else (),
+        tuple(rows),
     )

@@ -62,7 +62,7 @@ def test_it_ends_by_naming_the_page(
 ):
     ran: list[str] = []
     monkeypatch.setattr(demo, "_run", lambda line, _folder: ran.append(line[0]))
-    monkeypatch.setattr("eaid.cli.fit.processors", lambda: 1)
+    monkeypatch.setattr("eaid.cli.fit_options.processors", lambda: 1)
     monkeypatch.chdir(tmp_path)
     assert run(["demo"]) == 0
     assert capsys.readouterr().err.splitlines()[-1] == "done: open demo/report.html in a browser"

@@ -80,7 +80,7 @@ ROWS: dict[str, Row] = {
     "trend-rates-merge": Row(
         "note",
         _trend(
-            "the two rates of the trend of {parameter} merge: its limit (p + q x) e^(r x) is given, for a pair would be "
+            "the two rates of the trend of {parameter} merge: its limit (p + q x) e^(r x) is given; a pair would be "
             "two huge weights that cancel"
         ),
     ),

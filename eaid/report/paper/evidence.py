@@ -14,8 +14,6 @@ from eaid.control.pi_design import StepMetrics, step_metrics
 from eaid.control.rc import RCGains
 from eaid.fitting.fit import fit
 from eaid.fitting.options import FitOptions
-from eaid.fitting.result import LinearFit
-from eaid.fitting.to_json import to_json
 from eaid.logs.options import ReadOptions
 from eaid.logs.read import read_runs
 from eaid.logs.run import INPUT_UNITS
@@ -31,6 +29,8 @@ from eaid.replay.rehab import Rehabilitation, rehabilitate
 from eaid.replay.rehab_statistics import statistics
 from eaid.replay.rig import Rig
 from eaid.replay.scenarios import measure
+from eaid.results.codec import to_plain
+from eaid.results.fit import Linear
 from eaid.steps.build import StepOptions, build_stepset
 from eaid.steps.stepset import Level, StepSet
 from eaid.synth.datasets import shipped
@@ -52,9 +52,9 @@ class Evidence:
     clutch: Mapping[str, Any]
     exact: Mapping[str, Mapping[str, Any]]
     """Fits of noise-free steps: friction-force by Table I, friction-speed by Table II, clutch of the plant."""
-    pooled_20s: LinearFit
+    pooled_20s: Linear
     """Linear model of the noise-free reference plant, levels 10…100 %, 20 s at 1 kHz."""
-    pooled_60s: LinearFit
+    pooled_60s: Linear
     """The same with levels 30…100 % and 60 s, as the paper's Fig. 7 leaves the lowest out."""
     pi_printed: StepMetrics
     """Overshoot [%] and settling time [s] of K_P = 21, K_I = 360 on the published linear model."""
@@ -71,7 +71,7 @@ def evidence(done: Callable[[], None] = lambda: None) -> Evidence:
     fits = {}
     for kind, path in shipped().items():
         stepset = build_stepset(read_runs([path], ReadOptions()), StepOptions())
-        fits[kind] = to_json(fit(stepset, FitOptions()), stepset)
+        fits[kind] = to_plain(fit(stepset, FitOptions()))
         done()
     rc, pi = paper_gains()
     tuned = PIGains(*TUNED_PI)
@@ -116,10 +116,10 @@ def noise_free(kind: str) -> dict[str, Any]:
     rows = tuple(Level(u, t, curve.step_response(plant.at(u), t)[None], (f"{u:g}",)) for u in plant.levels)
     rig = Apparatus(surfaces=2 if kind == "clutch" else 1)
     stepset = StepSet(kind, INPUT_UNITS[kind], "N·m", rig, rows, synthetic=plant.made_of)
-    return to_json(fit(stepset, FitOptions()), stepset)
+    return to_plain(fit(stepset, FitOptions()))
 
 
-def pooled(levels: tuple[int, ...], hold_s: float) -> LinearFit:
+def pooled(levels: tuple[int, ...], hold_s: float) -> Linear:
     """The paper's linear procedure on noise-free steps of the reference plant at 1 kHz."""
     t = read_only(np.arange(round(hold_s / DT_S)) * DT_S)
     rows = tuple(
