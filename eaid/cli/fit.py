@@ -2,14 +2,10 @@
 
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from eaid.cli import console, inputs
 from eaid.cli import fit_options as options_
 from eaid.cli.options import Force, Json, Output, Quiet, Seed
-
-if TYPE_CHECKING:
-    from eaid.steps.stepset import StepSet
 
 NOT_TO_BE_USED = 4
 """Exit code of a fit that did not converge, or that a stop-finding speaks against; it is written, marked."""
@@ -81,7 +77,6 @@ def command(
         from eaid.cli.fit_tables import tables
 
         tables(result, verbose)
-    tell_doubts(stepset)
     console.tell(result.findings, verbose)
     parts = ("friction", "nonlinear", "linear", "release")
     console.say(f"{output}: {', '.join(name for name in parts if getattr(result, name) is not None)}")
@@ -89,12 +84,3 @@ def command(
         return 0
     console.fail(f"{output}: is written and marked; do not use its numbers")
     return NOT_TO_BE_USED
-
-
-def tell_doubts(stepset: "StepSet") -> None:
-    """The doubts about the logs on stderr, one line a run; the rest by `eaid ingest`."""
-    told = [*stepset.warnings, *(f"{run.name}: {one}" for run in stepset.runs for one in run.warnings)]
-    for warning in told[:3]:
-        console.warn(warning)
-    if len(told) > 3:
-        console.say(f"and {len(told) - 3} more about the logs: see eaid ingest")

@@ -13,7 +13,7 @@ SAME_COST = 1e-6
 
 
 def nonlinear_findings(
-    data: Data, p: Nonlinear, solver: Solver, held_at: Mapping[str, Sequence[float]], held_out: Sequence[float]
+    p: Nonlinear, solver: Solver, held_at: Mapping[str, Sequence[float]], held_out: Sequence[float]
 ) -> list[Finding]:
     """Doubts about the ten coefficients; `held_at`: the constraints that hold them, and where."""
     found = []

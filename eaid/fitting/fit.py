@@ -178,7 +178,7 @@ def nonlinear_fit(
     )
     p, left = solution.parameters, residuals(solution, data)
     one = msgspec.structs.replace(estimate(p, data, left, solution.solver, held), C_free=options.share is None)
-    found = nonlinear_findings(data, p, solution.solver, solution.held, [level.level for level in held])
+    found = nonlinear_findings(p, solution.solver, solution.held, [level.level for level in held])
     found += robust.huber_findings("nonlinear", huber)
     if metrics.explains_little([record.y for record in data.records], left):
         found.append(finding("model-explains-little", "nonlinear", R2=one.R2, fit_pct=one.fit_pct))

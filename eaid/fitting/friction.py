@@ -104,6 +104,7 @@ def _together(fits: Sequence[FrictionLevel]) -> Solver:
 
 def level_findings(stepset: StepSet, fits: Sequence[FrictionLevel]) -> list[Finding]:
     """What the levels' own curves cannot tell."""
+
     def where(holds: Callable[[FrictionLevel], bool]) -> list[float]:
         return [fit.level for fit in fits if holds(fit)]
 

@@ -520,13 +520,13 @@ class FitOptionsRecord(Result, frozen=True):
 
 
 NOT_IDENTIFIABLE = (
-    "one-level-has-no-curve",
-    "one-level-leaves-c0",
+    "one-level-nonlinear",
+    "one-level-linear",
     "no-level-determines-all",
-    "most-levels-leave-open",
+    "parameter-open-at-most-levels",
     "a0-may-be-zero",
     "b0-may-be-zero",
-    "no-bounds-of-B",
+    "no-B",
 )
 """Codes of the findings that make a model not identifiable."""
 

@@ -75,9 +75,7 @@ def chosen(estimator: str, says: Agreement, two_stage: Estimate | None) -> tuple
     return ("two-stage" if says.believe == "two-stage" else "joint"), says.because
 
 
-def _findings(
-    estimator: str, taken: str, says: Agreement, base: LevelStatistics, weak: Sequence[str]
-) -> list[Finding]:
+def _findings(estimator: str, taken: str, says: Agreement, base: LevelStatistics, weak: Sequence[str]) -> list[Finding]:
     """What is to be said of the two estimates: nothing where they agree, or where what is believed was asked for."""
     if estimator == "two-stage" and taken == "joint":
         return [finding("no-two-stage-estimate", "nonlinear")]

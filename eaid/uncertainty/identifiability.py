@@ -180,7 +180,9 @@ def linear_verdict(fit: Linear, stats: LevelStatistics, ci95: PooledIntervals) -
             reasons.append(finding(f"{name}-may-be-zero", "linear", low=ends[0], high=ends[1]))
     if fit.bounds is None or fit.bounds.B_m is None:
         reasons.append(finding("no-B", "linear"))
-    convention = finding("b0-by-convention", "linear", convention=fit.bounds.convention if fit.bounds else "", several=several)
+    convention = finding(
+        "b0-by-convention", "linear", convention=fit.bounds.convention if fit.bounds else "", several=several
+    )
     return Verdict(tuple(reasons), (convention,))
 
 

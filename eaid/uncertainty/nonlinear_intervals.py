@@ -228,11 +228,13 @@ def two_stage_part(
         at_bounds=tuple(f"{name}-held" for name in both.constrained),
     )
     part = estimate(p, stats.data, left, solver, held)
-    doubts = nonlinear_findings(stats.data, p, solver, {}, [one.level for one in held])
+    doubts = nonlinear_findings(p, solver, {}, [one.level for one in held])
     doubts += [finding("two-stage-held", "nonlinear", parameter=name) for name in both.constrained]
     if explains_little([record.y for record in stats.data.records], left):
         doubts.append(finding("model-explains-little", "nonlinear", R2=part.R2, fit_pct=part.fit_pct))
-    part = msgspec.structs.replace(part, misfit={name: curve.misfit for name, curve in found.curves.items()})
+    part = msgspec.structs.replace(
+        part, C_free=found.joint.share_free, misfit={name: curve.misfit for name, curve in found.curves.items()}
+    )
     if source != "none":
         part = with_intervals(part, both, found.degrees, stats.levels)
         part = msgspec.structs.replace(part, covariance=covariance_part(both, found.degrees, source))

@@ -8,6 +8,7 @@ from typing import Any, cast
 
 import msgspec
 
+from eaid.findings import ranked
 from eaid.fitting.fit import converged, fit
 from eaid.fitting.options import FitOptions
 from eaid.results.fit import Fit, FitOptionsRecord
@@ -42,8 +43,13 @@ def fit_steps(stepset: StepSet, options: FitOptions | None = None, progress: Cal
     options = options or FitOptions()
     how = IntervalOptions(options.ci, options.seed, options.draws, options.workers, options.estimator)
     found = with_intervals(stepset, fit(stepset, options), how, progress)
-    record = record_of(options, stepset)
-    return msgspec.structs.replace(found, options=record, seed=options.seed, converged=converged(found))
+    return msgspec.structs.replace(
+        found,
+        options=record_of(options, stepset),
+        seed=options.seed,
+        converged=converged(found),
+        findings=ranked((*stepset.all_findings, *found.findings)),
+    )
 
 
 def record_of(options: FitOptions, stepset: StepSet) -> FitOptionsRecord:

@@ -9,23 +9,49 @@ import pytest
 
 from eaid.apparatus import Apparatus
 from eaid.errors import DataError, UsageError
-from eaid.fitting.fit import fit, level_error, overall
+from eaid.fitting.fit import fit
+from eaid.fitting.metrics import errors, explains_little, quality
 from eaid.fitting.options import FitOptions
 from eaid.fitting.stored import bounds_from_json, linear_from_json, nonlinear_from_json
-from eaid.fitting.to_json import to_json
 from eaid.models.parameters import REFERENCE_PLANT, Friction
+from eaid.results import codec
+from eaid.results.fit import Fit
 from eaid.steps.stepset import Level, StepSet
-from eaid.store import dumps
 
 Maker = Callable[..., StepSet]
 
 
 def test_metrics_by_hand() -> None:
-    error = level_error(10.0, np.array([3.0, -4.0, 0.0, 0.0]))
-    assert error.sse == 25 and error.rmse == 2.5 and error.abs_mean == 1.75
-    assert error.abs_sd == pytest.approx(np.std([3, 4, 0, 0]))
-    total = overall([np.array([1.0, -1.0]), np.array([3.0])])
-    assert total.sse == 11 and total.abs_mean == pytest.approx(5 / 3)
+    y, r = np.array([1.0, 3.0, 5.0, 7.0]), np.array([3.0, -4.0, 0.0, 0.0])
+    found = errors([y], [r])
+    assert found.sse == 25 and found.rmse == 2.5 and found.abs_error.mean == 1.75
+    assert found.abs_error.sd == pytest.approx(np.std([3, 4, 0, 0]))
+    assert pytest.approx(1 - 25 / 20) == found.R2 and found.fit_pct == pytest.approx(100 * (1 - np.sqrt(25 / 20)))
+    both = [np.array([1.0, 1.0]), np.array([4.0])]  # their common mean is 2, Σ(y − 2)² is 6
+    total = errors(both, [np.array([1.0, -1.0]), np.array([1.0])])
+    assert total.sse == 3 and total.abs_error.mean == pytest.approx(1.0) and pytest.approx(0.5) == total.R2
+    assert quality(1.0, [np.ones(4)]) == (None, None)
+
+
+def test_little_is_explained_of_a_wave_much_of_a_flat_or_noisy_step() -> None:
+    t = np.linspace(0, 10, 2000)
+    noise = np.random.default_rng(0).normal(size=len(t))
+    step = 1 - np.exp(-t)
+    assert not explains_little([step + 0.5 * noise], [-0.5 * noise])  # R² is 0.1, and all that is missed is noise
+    assert not explains_little([np.ones_like(t) + 0.1 * np.sin(t)], [-0.1 * np.sin(t)])  # no R² either, but close
+    wave = 1 + np.sin(2 * np.pi * t / 5)
+    assert explains_little([wave], [np.ones_like(t) - wave])
+
+
+def test_a_closed_loop_is_not_explained(clutch_set: Maker) -> None:
+    """A square wave under a level that was taken for one step: converged, and of severity stop."""
+    steps = clutch_set(levels=[40], duration_s=20.0, rate_hz=50.0)
+    (level,) = steps.levels
+    wave = 1.0 + np.sign(np.sin(2 * np.pi * level.time_s / 8.0))
+    found = fit(replace(steps, levels=(replace(level, runs=wave[None]),)))
+    assert found.converged
+    stops = {(one.code, one.subject) for one in found.findings if one.severity == "stop"}
+    assert ("curve-explains-little", "friction") in stops and ("model-explains-little", "nonlinear") in stops
 
 
 def test_a_clutch_set_gets_all_three_models_and_its_metrics_are_those_of_its_curves(clutch_set: Maker) -> None:
@@ -40,9 +66,14 @@ def test_a_clutch_set_gets_all_three_models_and_its_metrics_are_those_of_its_cur
     )
     assert found.nonlinear.sse == pytest.approx(left @ left, rel=1e-9)
     assert found.nonlinear.rmse == pytest.approx(np.sqrt(np.mean(left**2)), rel=1e-9)
-    assert (found.nonlinear.abs_mean, found.nonlinear.abs_sd) == pytest.approx(
+    assert found.nonlinear.abs_error is not None
+    assert (found.nonlinear.abs_error.mean, found.nonlinear.abs_error.sd) == pytest.approx(
         (np.abs(left).mean(), np.abs(left).std()), rel=1e-9
     )
+    y = np.concatenate([level.mean for level in steps.levels])
+    assert pytest.approx(1 - left @ left / ((y - y.mean()) ** 2).sum(), rel=1e-9) == found.nonlinear.R2
+    for part in (found.friction.levels, found.nonlinear.per_level, found.linear.per_level):
+        assert all(one.fit_pct is not None and 0 < one.fit_pct <= 100 for one in part[3:])
     assert sum(one.sse for one in found.nonlinear.per_level) == pytest.approx(found.nonlinear.sse)
 
 
@@ -61,17 +92,17 @@ def test_kinds_and_models_that_do_not_go_together(clutch_set: Maker, friction_se
 @pytest.mark.parametrize(
     ("options", "sentence"),
     [
-        (FitOptions(weights="var"), "--weights var: must be one of equal, sd"),
-        (FitOptions(loss="l1"), "--loss l1: must be one of squares, huber"),
-        (FitOptions(bounds="x"), "--bounds x: must be one of zero-offset, pooled-offset, pooled-dynamics"),
-        (FitOptions(share=1.5), "--share 1.5: the share of the fast part lies between 0 and 1; or say free"),
+        (FitOptions(weights="var"), "weights= var: must be one of equal, sd"),
+        (FitOptions(loss="l1"), "loss= l1: must be one of squares, huber"),
+        (FitOptions(bounds="x"), "bounds= x: must be one of zero-offset, pooled-offset, pooled-dynamics"),
+        (FitOptions(share=1.5), "share= 1.5: the share of the fast part lies between 0 and 1; or say free"),
         (
             FitOptions(hold_out=(45.0,)),
-            "--hold-out 45: no such level; there are 10, 20, 30, 40, 50, 60, 70, 80, 90, 100",
+            "hold_out= 45: no such level; there are 10, 20, 30, 40, 50, 60, 70, 80, 90, 100",
         ),
         (
             FitOptions(hold_out=tuple(range(10, 101, 10))),
-            "--hold-out: every level is held out; leave some to be fitted",
+            "hold_out=: every level is held out; leave some to be fitted",
         ),
     ],
 )
@@ -94,7 +125,7 @@ def test_held_out_levels_are_predicted_not_fitted(clutch_set: Maker) -> None:
     found = fit(steps, FitOptions(hold_out=(40.0, 70.0)))
     assert found.nonlinear and found.linear and found.nonlinear.hold_out and found.linear.hold_out
     assert found.nonlinear.rmse == pytest.approx(0.01, rel=0.05)
-    rows = {row["level"]: row["rmse"] for row in found.nonlinear.hold_out["levels"]}
+    rows = {row.level: row.rmse for row in found.nonlinear.hold_out.levels}
     assert rows.keys() == {40.0, 70.0} and rows[70.0] == pytest.approx(0.01, rel=0.1) and rows[40.0] > 0.2
     assert [one.level for one in found.nonlinear.per_level] == [10, 20, 30, 50, 60, 80, 90, 100]
 
@@ -105,7 +136,7 @@ def test_held_out_friction_levels_are_predicted_by_the_trends(friction_set: Make
     }
     found = fit(friction_set("friction-force", "N", curves), FitOptions(hold_out=(100.0,)))
     assert found.friction and found.friction.hold_out
-    assert found.friction.hold_out["rmse"] < 1e-3 * curves[100.0].Ts
+    assert found.friction.hold_out.rmse < 1e-3 * curves[100.0].Ts
 
 
 def test_weights_by_spread_follow_the_quiet_levels(clutch_set: Maker) -> None:
@@ -114,14 +145,14 @@ def test_weights_by_spread_follow_the_quiet_levels(clutch_set: Maker) -> None:
     steps = replace(steps, levels=(*steps.levels[:9], loud))
     weighted = fit(steps, FitOptions(weights="sd")).nonlinear
     plain = fit(steps).nonlinear
-    assert weighted and plain and weighted.weights and plain.weights is None
-    assert weighted.weights[9] < 1e-3 * min(weighted.weights[:9])
-    assert sum(weighted.weights) == pytest.approx(10)
+    assert weighted and plain and weighted.level_weights and plain.level_weights is None
+    assert weighted.level_weights[9] < 1e-3 * min(weighted.level_weights[:9])
+    assert sum(weighted.level_weights) == pytest.approx(10)
     assert weighted.per_level[8].rmse < plain.per_level[8].rmse
 
 
 def test_weights_by_spread_need_repeats_that_differ(clutch_set: Maker) -> None:
-    with pytest.raises(DataError, match="--weights sd: level 10, 20, .* has one run only"):
+    with pytest.raises(DataError, match="weights= sd: level 10, 20, .* has one run only"):
         fit(clutch_set(rate_hz=10.0), FitOptions(weights="sd"))
     with pytest.raises(DataError, match="repeats of level 10, .* are identical"):
         fit(clutch_set(rate_hz=10.0, repeats=2), FitOptions(weights="sd"))
@@ -133,16 +164,16 @@ def test_huber_sees_past_spikes_and_shows_its_weights(clutch_set: Maker) -> None
     spiked[0, 100:160] = 0.0  # a drop-out
     steps = replace(steps, levels=(*steps.levels[:6], replace(steps.levels[6], runs=spiked), *steps.levels[7:]))
     huber, squares = fit(steps, FitOptions(loss="huber")).nonlinear, fit(steps).nonlinear
-    assert huber and squares and huber.robust and squares.robust is None and huber.robust["settled"]
+    assert huber and squares and huber.robust and squares.robust is None and huber.robust.settled
 
     def off(p: object) -> float:
         return float(np.abs(_curve(p, TIME, 70.0) - _curve(REFERENCE_PLANT, TIME, 70.0)).max())
 
     TIME = steps.levels[6].time_s
     assert off(huber.parameters) < 0.1 * off(squares.parameters)
-    rows = {row["level"]: row for row in huber.robust["weights"]}
-    assert rows[70.0]["least"] < 0.01 and rows[70.0]["mean"] < rows[60.0]["mean"] and rows[60.0]["least"] > 0.2
-    assert huber.robust["sigma"] == pytest.approx(0.005, rel=0.05)
+    rows = {row.level: row for row in huber.robust.weights}
+    assert rows[70.0].least < 0.01 and rows[70.0].mean < rows[60.0].mean and rows[60.0].least > 0.2
+    assert huber.robust.sigma == pytest.approx(0.005, rel=0.05)
 
 
 def test_huber_is_at_the_minimum_of_its_own_loss(clutch_set: Maker) -> None:
@@ -154,78 +185,64 @@ def test_huber_is_at_the_minimum_of_its_own_loss(clutch_set: Maker) -> None:
     assert found and found.robust
     from eaid.models import friction
 
-    p, cut = found.levels[0].curve, 1.345 * found.robust["sigma"]
+    p, cut = found.levels[0].curve, 1.345 * found.robust.sigma
     r = friction.step_response(p, steps.levels[0].time_s) - y[0]
     slope = friction.gradient(p, steps.levels[0].time_s)[:3] @ np.clip(r, -cut, cut)
     size = np.abs(friction.gradient(p, steps.levels[0].time_s)[:3]) @ np.abs(np.clip(r, -cut, cut))
     assert np.abs(slope / size).max() < 1e-5
 
 
-def _warnings(found: object) -> str:
-    parts = (found.friction, found.nonlinear, found.linear)  # type: ignore[attr-defined]
-    return "\n".join(warning for part in parts if part for warning in part.warnings)
+def codes(found: Fit) -> set[str]:
+    return {one.code for one in found.findings}
 
 
-def test_what_the_data_cannot_tell_is_said(clutch_set: Maker) -> None:
-    short = _warnings(fit(clutch_set(duration_s=3.0, rate_hz=100.0)))
-    assert "τ2 is longer than the record at level 10, 20" in short and "record longer" in short
-    one = _warnings(fit(clutch_set(levels=[60], rate_hz=50.0)))
-    assert "one level only: τ1, τ2 and T_s are known at this level" in one
-    assert "one level only: one step cannot tell b0 from c0" in one
-    few = _warnings(fit(clutch_set(levels=[40, 70, 100], rate_hz=50.0)))
-    assert "3 levels cannot tell a cubic T_s(u)" in few
-    outside = _warnings(fit(clutch_set(rate_hz=50.0), FitOptions(hold_out=(100.0,))))
-    assert "held-out level 100 lies outside the fitted ones" in outside
-
-
-def test_a_free_share_that_runs_away_is_said(clutch_set: Maker) -> None:
-    found = fit(clutch_set(levels=[90], duration_s=2.0, rate_hz=100.0, noise_nm=0.05), FitOptions(share=None))
-    assert "a free C is not determined at level 90 %" in _warnings(found)
+def test_what_the_data_cannot_tell_is_found(clutch_set: Maker) -> None:
+    outside = fit(clutch_set(rate_hz=50.0), FitOptions(hold_out=(100.0,)))
+    (one,) = [one for one in outside.findings if one.code == "held-out-beyond-the-levels"]
+    assert one.levels == (100.0,) and one.subject == "nonlinear"
+    low = fit(clutch_set(rate_hz=50.0))
+    (one,) = [one for one in low.findings if one.code == "linear-output-negative"]
+    assert one.levels == (10.0,) and one.severity == "caution"
 
 
 def test_trends_need_levels_and_units(friction_set: Maker) -> None:
     curves = {p: Friction(10.0 + p, 0.1, 1.0) for p in (1.0, 3.0, 5.0, 7.0)}
-    found = fit(friction_set("friction-force", "bar", curves)).friction
+    whole = fit(friction_set("friction-force", "bar", curves))
+    found = whole.friction
     assert found and found.over == "stress_kpa" and found.x == (100.0, 300.0, 500.0, 700.0)
     assert found.trends.keys() == {"Ts"} and found.trends["Ts"].coefficients == pytest.approx((0.01, 10.0))
-    assert any("no trend of tau1 over stress_kpa" in w and "there are 4" in w for w in found.warnings)
-    volts = fit(friction_set("friction-force", "V", curves)).friction
-    assert volts and volts.over == "level_V" and all(c is None for c in volts.C_f)
-    assert any("neither a force nor a stress" in w for w in volts.warnings)
+    (one,) = [one for one in whole.findings if one.code == "trend-needs-levels" and one.values["parameter"] == "tau1"]
+    assert one.values["over"] == "stress_kpa" and one.values["count"] == 4
+    told = fit(friction_set("friction-force", "V", curves))
+    assert told.friction and told.friction.over == "level_V" and all(one.C_f is None for one in told.friction.levels)
+    assert "level-is-no-stress" in codes(told)
 
 
 def test_coefficient_of_friction_by_hand(friction_set: Maker) -> None:
     # T_s = 2.459 N·m at 170 N with one surface: C_f = 0.286, SPEC §1
     found = fit(friction_set("friction-force", "N", {170.0: Friction(2.459, 0.3, 4.0)})).friction
-    assert found and found.C_f[0] == pytest.approx(0.2855, abs=5e-4)
+    assert found and found.levels[0].C_f == pytest.approx(0.2855, abs=5e-4)
 
 
 def test_fit_json_has_the_contract_s_keys_and_reads_back(clutch_set: Maker) -> None:
     steps = clutch_set(duration_s=5.0, rate_hz=50.0, noise_nm=0.01)
-    result = json.loads(dumps(to_json(fit(steps), steps)))
+    fitted = fit(steps)
+    result = json.loads(codec.dumps(fitted, "fit"))
     assert result["data"]["kind"] == "clutch" and result["data"]["levels"][0] == 10.0
-    assert {
-        "C",
-        "tau1",
-        "tau2",
-        "Ts",
-        "u_range",
-        "rmse",
-        "sse",
-        "abs_error",
-        "per_level",
-        "solver",
-        "warnings",
-    } <= result["nonlinear"].keys()
-    assert {"a0", "b0", "c0", "rmse", "sse", "per_level", "bounds", "solver", "warnings"} <= result["linear"].keys()
-    assert {"level", "a0", "gain", "b0", "c0", "B", "rmse", "sse"} <= result["linear"]["per_level"][0].keys()
+    keys = "C tau1 tau2 Ts u_range rmse sse fit_pct R2 abs_error per_level solver warnings estimator"
+    assert set(keys.split()) <= result["nonlinear"].keys()
+    assert {"a0", "b0", "c0", "rmse", "sse", "fit_pct", "R2", "bounds", "solver"} <= result["linear"].keys()
+    row = result["linear"]["per_level"][0]
+    assert {"level", "a0", "gain", "b0", "c0", "B", "rmse", "sse", "fit_pct", "R2"} <= row.keys()
     assert {"convention", "levels", "B_m", "B_M"} <= result["linear"]["bounds"].keys()
-    assert {"level", "Ts", "tau1", "tau2", "rmse", "sse"} <= result["friction"]["levels"][0].keys()
+    own = "level Ts tau1 tau2 rmse sse fit_pct R2 from start"
+    assert set(own.split()) <= result["friction"]["levels"][0].keys()
     solver = result["nonlinear"]["solver"]
-    assert {"method", "converged", "message", "evaluations", "starts", "at_bounds"} <= solver.keys()
+    assert {"method", "converged", "message", "predicted_decrease", "evaluations", "starts"} <= solver.keys()
     assert solver["method"] == "SLSQP" and all(start["cost"] > 0 for start in solver["starts"])
-    assert nonlinear_from_json(result).Ts == tuple(result["nonlinear"]["Ts"])
-    assert linear_from_json(result).a0 == result["linear"]["a0"]
+    back = codec.from_plain(result, Fit, "fit.json")
+    assert back.plant == fitted.plant and back.linear_model == fitted.linear_model
+    assert nonlinear_from_json(result) == back.plant and linear_from_json(result) == back.linear_model
     assert bounds_from_json(result) == (result["linear"]["bounds"]["B_m"], result["linear"]["bounds"]["B_M"])
 
 
@@ -279,8 +296,7 @@ def test_weights_change_nothing_where_levels_are_fitted_alone() -> None:
         for f in (20.0, 60.0, 120.0)
     )
     stepset = StepSet("friction-force", "N", "N·m", Apparatus(), levels)
-    equal, sd = (fit(stepset, FitOptions(weights=how)).friction for how in ("equal", "sd"))
-    assert equal is not None and sd is not None
-    assert [one.curve for one in sd.levels] == [one.curve for one in equal.levels]
-    assert any("--weights sd changes nothing here" in word for word in sd.warnings)
-    assert not any("--weights" in word for word in equal.warnings)
+    equal, sd = (fit(stepset, FitOptions(weights=how)) for how in ("equal", "sd"))
+    assert equal.friction is not None and sd.friction is not None
+    assert [one.curve for one in sd.friction.levels] == [one.curve for one in equal.friction.levels]
+    assert "weights-change-nothing" in codes(sd) - codes(equal)

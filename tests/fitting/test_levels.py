@@ -95,14 +95,14 @@ def test_metrics_by_hand() -> None:
     found = fit_level(Data(np.array([1.0]), (Record(t, y, True),), np.ones(1)), 0.85)
     assert found.curve.Ts == pytest.approx(0, abs=1e-12)
     assert found.sse == pytest.approx(25.0) and found.rmse == pytest.approx(np.sqrt(25 / 3)) and found.samples == 3
-    assert "T_s at 0" in found.solver.at_bounds
+    assert "Ts-zero" in found.solver.at_bounds
 
 
 def test_a_single_exponential_is_held_where_both_constants_meet() -> None:
     t = np.arange(2000) / 200
     y = 1 - np.exp(-2 * t) * (np.cos(6 * t) + np.sin(6 * t) / 3)  # an overshoot: no such curve falls again
     found = fit_level(Data(np.array([1.0]), (Record(t, y, True),), np.ones(1)), 0.85)
-    assert "τ2 at τ1" in found.solver.at_bounds and found.solver.converged
+    assert "tau2-meets-tau1" in found.solver.at_bounds and found.solver.converged
     assert found.curve.tau1 == pytest.approx(found.curve.tau2, rel=1e-9)
 
 

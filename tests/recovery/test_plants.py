@@ -14,12 +14,11 @@ from eaid.fitting.fit import fit
 from eaid.fitting.kernel import Record
 from eaid.fitting.nonlinear import fit_nonlinear
 from eaid.fitting.options import FitOptions
-from eaid.fitting.to_json import to_json
 from eaid.models import friction
 from eaid.models.nonlinear import steady_torque, time_constants
 from eaid.models.parameters import REFERENCE_PLANT, Friction, Nonlinear
+from eaid.results import codec
 from eaid.steps.stepset import Level, StepSet
-from eaid.store import dumps
 
 Maker = Callable[..., StepSet]
 
@@ -104,7 +103,7 @@ def test_tables_one_and_two_return(friction_set: Maker) -> None:
 
 def test_the_same_input_gives_the_same_bytes(clutch_set: Maker) -> None:
     made = [clutch_set(duration_s=4.0, rate_hz=100.0, noise_nm=0.05, repeats=2) for _ in range(2)]
-    first, second = (dumps(to_json(fit(steps), steps)) for steps in made)
+    first, second = (codec.dumps(fit(steps), "fit") for steps in made)
     assert first == second
 
 

@@ -8,9 +8,10 @@ from eaid.fitting.data import data_of
 from eaid.fitting.fit import fit
 from eaid.models import friction
 from eaid.models.parameters import Friction
+from eaid.results.fit import Fit
 from eaid.steps.stepset import Level, StepSet
 from eaid.uncertainty.adequacy import effective_samples, lack_of_fit, spectral_degrees
-from eaid.uncertainty.intervals import intervals
+from eaid.uncertainty.intervals import with_intervals
 from eaid.uncertainty.levels import log_theta
 from eaid.uncertainty.profile import least, least_of_all
 
@@ -33,6 +34,10 @@ def stepset(shape: Any, seed: int = 0, gain: float = 0.02) -> StepSet:
         runs = clean * (1 + gain * random.standard_normal((3, 1))) + 0.004 * random.standard_normal((3, len(T)))
         levels.append(Level(float(duty), T, runs, ("a", "b", "c")))
     return StepSet("clutch", "%", "N·m", Apparatus(), tuple(levels))
+
+
+def codes(found: Fit) -> set[str]:
+    return {one.code for one in found.findings}
 
 
 def usual(duty: float) -> np.ndarray:
@@ -59,28 +64,28 @@ def test_lack_of_fit_is_what_the_runs_share() -> None:
     alone = lack_of_fit(level, noise)
     shared = lack_of_fit(level, noise + 0.5 * np.sin(T))
     assert alone is not None and shared is not None
-    assert not alone["beyond"] and alone["ratio"] == pytest.approx(1, abs=0.15)
-    assert shared["beyond"] and shared["systematic_nm"] == pytest.approx(0.5 / np.sqrt(2), rel=0.1)
+    assert not alone.beyond and alone.ratio == pytest.approx(1, abs=0.15)
+    assert shared.beyond and shared.systematic_nm == pytest.approx(0.5 / np.sqrt(2), rel=0.1)
     assert lack_of_fit(level, noise[:1]) is None
 
 
 def test_the_right_model_is_kept() -> None:
     made = stepset(usual)
-    said = intervals(made, fit(made)).uncertainty["adequacy"]
-    assert said["recommended"].startswith("keep two exponentials, C = 0.85")
-    assert "the paper's polynomials follow the levels" in said["recommended"]
-    shapes = {one["name"]: one for one in said["shapes"]}
-    assert shapes["two exponentials, C = 0.85"]["bic"] < shapes["one exponential"]["bic"] - 100
-    assert {(one["parameter"], one["order"]) for one in said["orders"]} == {
+    found = with_intervals(made, fit(made))
+    said = found.uncertainty.adequacy
+    assert {"shape-fits", "polynomials-fit"} <= codes(found)
+    shapes = {one.name: one for one in said.shapes}
+    assert shapes["two exponentials, C = 0.85"].bic < shapes["one exponential"].bic - 100
+    assert {(one.parameter, one.order) for one in said.orders} == {
         (name, order) for name in ("Ts", "tau1", "tau2") for order in (1, 2, 3, 4)
     }
-    assert said["leave_one_level_out_nm"] < 0.1
+    assert said.leave_one_level_out_nm < 0.1
 
 
 def test_another_share_is_recommended() -> None:
     made = stepset(lambda duty: friction.step_response(Friction(0.04 * duty, 0.3, 4.0, C=0.5), T))
-    said = intervals(made, fit(made)).uncertainty["adequacy"]
-    assert said["recommended"].startswith("use two exponentials, C = 0.500 at all levels: the runs reject C = 0.85")
+    (one,) = [one for one in with_intervals(made, fit(made)).findings if one.code == "shape-needs-the-share"]
+    assert one.values["estimate"] == pytest.approx(0.5, abs=1e-3) and one.values["held"] == 0.85
 
 
 def test_a_higher_order_is_recommended() -> None:
@@ -88,8 +93,8 @@ def test_a_higher_order_is_recommended() -> None:
         return friction.step_response(Friction(0.04 * duty, 0.5 + 0.25 * np.sin(duty / 12), 4.0), T)
 
     made = stepset(wavy, gain=0.005)
-    said = intervals(made, fit(made)).uncertainty["adequacy"]
-    assert "order 4 for tau1" in said["recommended"]
+    (one,) = [one for one in with_intervals(made, fit(made)).findings if one.code == "polynomials-too-low"]
+    assert one.values["tau1"] == 4
 
 
 @pytest.mark.parametrize("lengths", [(600, 600, 600), (600, 500, 400)], ids=["one grid", "three grids"])

@@ -4,6 +4,7 @@ import pytest
 from eaid.errors import UsageError
 from eaid.models.nonlinear import at_duty
 from eaid.models.parameters import REFERENCE_PLANT, Friction
+from eaid.results import codec
 from eaid.uncertainty.design import (
     Plan,
     Rig,
@@ -15,7 +16,7 @@ from eaid.uncertainty.design import (
     run_order,
     wanted_of,
 )
-from eaid.uncertainty.noise import ASSUMED, Noise, inverse_information, noise_from_json, noise_json
+from eaid.uncertainty.noise import ASSUMED, Noise, inverse_information, noise_from_json, noise_part
 from eaid.uncertainty.student_t import t_quantile
 
 SMALL = Plan((10.0, 50.0), (20.0, 30.0), 3, {}, 0.0, True)
@@ -101,6 +102,6 @@ def test_wishes() -> None:
 
 def test_noise_survives_the_file_and_is_assumed_aloud_without_one() -> None:
     noise = Noise(1e-6, 2e-5, (0.02, 0.03, 0.04))
-    assert noise_from_json({"uncertainty": {"noise": noise_json(noise)}}) == (noise, None)
+    assert noise_from_json({"uncertainty": {"noise": codec.to_plain(noise_part(noise))}}) == (noise, None)
     found, word = noise_from_json({"nonlinear": {}})
     assert found == ASSUMED and word is not None and "assumed" in word

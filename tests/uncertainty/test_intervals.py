@@ -8,13 +8,19 @@ import pytest
 from eaid.errors import UsageError
 from eaid.fitting.fit import fit
 from eaid.fitting.options import FitOptions
-from eaid.fitting.to_json import to_json
 from eaid.models import friction
 from eaid.models.parameters import Friction
+from eaid.results import codec
+from eaid.results.fit import Fit
 from eaid.steps.stepset import Level, StepSet
-from eaid.store import dumps
 from eaid.uncertainty.draw import draw_plants
-from eaid.uncertainty.intervals import METHODS, IntervalOptions, attach, intervals
+from eaid.uncertainty.intervals import METHODS, IntervalOptions, with_intervals
+
+JOINT = IntervalOptions(estimator="joint")
+
+
+def codes(found: Fit) -> set[str]:
+    return {one.code for one in found.findings}
 
 
 @pytest.fixture(scope="module")
@@ -29,110 +35,117 @@ def fitted(made: StepSet) -> Any:
 
 
 @pytest.fixture(scope="module")
-def body(made: StepSet, fitted: Any) -> dict[str, Any]:
-    return attach(to_json(fitted, made), intervals(made, fitted))
+def body(made: StepSet, fitted: Any) -> Fit:
+    return with_intervals(made, fitted, JOINT)
 
 
-def test_every_parameter_of_the_contract_has_its_interval(body: dict[str, Any]) -> None:
-    for row in body["friction"]["levels"]:
+def test_every_parameter_of_the_contract_has_its_interval(body: Fit) -> None:
+    assert body.friction and body.nonlinear and body.linear and body.nonlinear.two_stage and body.linear.bounds
+    for row in body.friction.levels:
         for name in ("Ts", "tau1", "tau2"):
-            low, high = row["ci95"][name]
-            assert low < row[name] < high
+            low, high = getattr(row.ci95, name)
+            assert low < getattr(row, name) < high
+    two = body.nonlinear.two_stage
     for name, values in (("tau1", 3), ("tau2", 3), ("Ts", 4)):
-        assert len(body["nonlinear"]["ci95"][name]) == values
-        for value, (low, high) in zip(
-            body["nonlinear"]["two_stage"][name], body["nonlinear"]["two_stage"]["ci95"][name], strict=True
-        ):
+        assert len(getattr(body.nonlinear.ci95, name)) == values
+        for value, (low, high) in zip(getattr(two, name), getattr(two.ci95, name), strict=True):
             assert low < value < high
     for name in ("a0", "b0", "c0"):
-        low, high = body["linear"]["ci95"][name]
-        assert low < body["linear"][name] < high
-    for row in body["linear"]["per_level"]:
-        assert row["ci95"]["B"][0] < row["B"] < row["ci95"]["B"][1]
-    bounds = body["linear"]["bounds"]
+        low, high = getattr(body.linear.ci95, name)
+        assert low < getattr(body.linear, name) < high
+    for row in body.linear.per_level:
+        assert row.ci95.B[0] < row.B < row.ci95.B[1]
     for name in ("B_m", "B_M"):
-        assert bounds["ci95"][name][0] < bounds[name] < bounds["ci95"][name][1]
-    assert bounds["convention"] == "zero-offset"
-    assert body["linear"]["identifiable"] and body["nonlinear"]["identifiable"]
-    assert [row["level"] for row in body["nonlinear"]["curves"]] == body["data"]["levels"]
+        low, high = getattr(body.linear.bounds.ci95, name)
+        assert low < getattr(body.linear.bounds, name) < high
+    assert body.linear.bounds.convention == "zero-offset"
+    assert body.linear.identifiable and body.nonlinear.identifiable
+    assert tuple(row.level for row in body.nonlinear.curves) == body.data.levels
 
 
-def test_the_result_says_which_way_and_why(body: dict[str, Any]) -> None:
-    said = body["uncertainty"]
-    assert said["ci"] == "robust" and said["scatter_from"] == "repeats"
-    assert "pooled over the levels" in said["why"]
-    assert said["run_to_run_pct"]["Ts"] == pytest.approx(3, rel=0.5)
-    assert said["adequacy"]["recommended"].startswith("keep two exponentials")
+def test_the_result_says_which_way_and_why(body: Fit) -> None:
+    said = body.uncertainty
+    assert said is not None and said.ci == "robust" and said.scatter_from == "repeats"
+    assert said.run_to_run_pct["Ts"] == pytest.approx(3, rel=0.5)
+    assert "shape-fits" in codes(body)
 
 
-def test_same_input_same_bytes(made: StepSet, fitted: Any, body: dict[str, Any]) -> None:
-    again = attach(to_json(fitted, made), intervals(made, fitted))
-    assert dumps(again) == dumps(body)
-    json.loads(dumps(body))
+def test_same_input_same_bytes(made: StepSet, fitted: Any, body: Fit) -> None:
+    again = with_intervals(made, fitted, JOINT)
+    assert codec.dumps(again, "fit") == codec.dumps(body, "fit")
+    assert codec.from_plain(json.loads(codec.dumps(body, "fit")), Fit, "fit.json").nonlinear == body.nonlinear
 
 
-def test_plants_are_drawn_from_what_is_kept(body: dict[str, Any]) -> None:
-    plants = draw_plants({**body, "nonlinear": {**body["nonlinear"], **body["nonlinear"]["two_stage"]}}, 400, 0)
+def test_plants_are_drawn_from_what_is_kept(made: StepSet, fitted: Any) -> None:
+    found = with_intervals(made, fitted, IntervalOptions(estimator="two-stage"))
+    plants = draw_plants(codec.to_plain(found), 400, 0)
     at = 50.0 ** np.arange(4)
     values = np.array([np.array(p.Ts) @ at for p in plants])
-    row = body["nonlinear"]["two_stage"]["curves"][4]
+    row = found.nonlinear.curves[4]
     low, high = np.quantile(values, [0.025, 0.975])
-    assert low == pytest.approx(row["ci95"]["Ts"][0], rel=0.01)
-    assert high == pytest.approx(row["ci95"]["Ts"][1], rel=0.01)
+    assert low == pytest.approx(row.ci95.Ts[0], rel=0.01)
+    assert high == pytest.approx(row.ci95.Ts[1], rel=0.01)
 
 
-def test_two_stage_estimator_takes_the_models_place(made: StepSet, fitted: Any, body: dict[str, Any]) -> None:
-    found = attach(to_json(fitted, made), intervals(made, fitted), "two-stage")
-    assert found["nonlinear"]["estimator"] == "two-stage"
-    assert found["nonlinear"]["tau2"] == body["nonlinear"]["two_stage"]["tau2"]
-    assert found["nonlinear"]["joint"]["tau2"] == body["nonlinear"]["tau2"]
-    assert found["nonlinear"]["covariance"] == body["nonlinear"]["two_stage"]["covariance"]
-    assert "two_stage" not in found["nonlinear"]
+def test_two_stage_estimator_takes_the_models_place(made: StepSet, fitted: Any, body: Fit) -> None:
+    found = with_intervals(made, fitted, IntervalOptions(estimator="two-stage"))
+    assert found.nonlinear.estimator == "two-stage" and found.nonlinear.because == "asked"
+    assert found.plant.tau2 == found.nonlinear.tau2
+    assert found.nonlinear.tau2 == body.nonlinear.two_stage.tau2
+    assert found.nonlinear.joint.tau2 == body.nonlinear.tau2
+    assert found.nonlinear.covariance == body.nonlinear.two_stage.covariance
+    assert found.nonlinear.two_stage is None
 
 
-def test_disagreement_is_told_with_which_to_believe(sets: Any) -> None:
-    """In this set the joint fit's τ2 runs away (the page's finding); the plant has 4.8 s at 10 %."""
+def test_the_evidence_chooses_the_estimate(sets: Any) -> None:
+    """In this set the joint fit's τ2 runs away; the plant has 4.8 s at 10 %. What was obeyed is not said again."""
     for seed in range(30):
         found = sets.one_set(seed, sets.VARIANTS["base"], samples=400)
-        sure = intervals(found, fit(found), IntervalOptions(study_models=False))
-        says = sure.nonlinear["agreement"]
-        apart = {one["parameter"]: one for one in says["disagreements"]}
-        if "tau2" in apart:
+        fitted = fit(found)
+        ways = {e: IntervalOptions(estimator=e, study_models=False) for e in ("auto", "joint", "two-stage")}
+        auto = with_intervals(found, fitted, ways["auto"])
+        says = auto.nonlinear.agreement[0]
+        if "tau2" in {one.parameter for one in says.disagreements}:
             break
-    assert says["believe"] == "two-stage" and "T_s" in says["because"]
-    assert any("two-stage" in word and "τ2" in word for word in sure.warnings)
-    low, high = sure.nonlinear["two_stage"]["curves"][0]["ci95"]["tau2"]
+    assert says.believe == "two-stage" == auto.nonlinear.estimator and auto.nonlinear.because == "apart"
+    assert auto.nonlinear.joint is not None and auto.nonlinear.two_stage is None
+    low, high = auto.nonlinear.curves[0].ci95.tau2
     assert low < 4.766 < high
+    joint, two = (with_intervals(found, fitted, ways[e]) for e in ("joint", "two-stage"))
+    assert "two-stage-estimate-taken" in codes(auto)
+    assert "two-stage-estimate-is-better" in codes(joint) and joint.nonlinear.tau2 == fitted.nonlinear.tau2
+    assert not {"two-stage-estimate-taken", "two-stage-estimate-is-better"} & codes(two)
+    assert two.nonlinear.tau2 == auto.nonlinear.tau2
 
 
 @pytest.mark.parametrize("ci", ["bootstrap", "profile"])
-def test_the_other_ways_agree(made: StepSet, fitted: Any, body: dict[str, Any], ci: str) -> None:
+def test_the_other_ways_agree(made: StepSet, fitted: Any, body: Fit, ci: str) -> None:
     """Within a third of the width: 60 refits know a standard deviation to 9 %, three runs a level to 16 %."""
-    other = intervals(made, fitted, IntervalOptions(ci=ci, draws=60, study_models=False))
+    other = with_intervals(made, fitted, IntervalOptions(ci=ci, draws=60, study_models=False))
     ratio = []
-    for row, second in zip(body["friction"]["levels"], other.friction["levels"], strict=True):
+    for row, second in zip(body.friction.levels, other.friction.levels, strict=True):
         for name in ("Ts", "tau1", "tau2"):
-            first, again = np.diff(np.log(row["ci95"][name])), np.diff(np.log(second["ci95"][name]))
+            first, again = (np.diff(np.log(getattr(one.ci95, name))) for one in (row, second))
             ratio.append(float(again[0] / first[0]))
     assert np.median(ratio) == pytest.approx(1, abs=0.2)
     assert np.abs(np.log(ratio)).max() < np.log(1.6)
     for name in ("a0", "b0", "c0"):
-        assert np.diff(other.linear["ci95"][name]) == pytest.approx(np.diff(body["linear"]["ci95"][name]), rel=0.5)
+        assert np.diff(getattr(other.linear.ci95, name)) == pytest.approx(
+            np.diff(getattr(body.linear.ci95, name)), rel=0.5
+        )
 
 
 def test_bootstrap_does_not_depend_on_the_processes(made: StepSet, fitted: Any) -> None:
     few = replace(made, levels=made.levels[-3:])
     small = fit(few, FitOptions(models=("friction",)))
     ways = [IntervalOptions(ci="bootstrap", draws=6, workers=n, study_models=False, seed=3) for n in (1, 2)]
-    first, second = (intervals(few, small, way).friction for way in ways)
+    first, second = (with_intervals(few, small, way).friction for way in ways)
     assert first == second
 
 
-def test_white_is_the_textbook_and_far_narrower(made: StepSet, fitted: Any, body: dict[str, Any]) -> None:
-    white = intervals(made, fitted, IntervalOptions(ci="white", study_models=False))
-    own, textbook = (
-        np.diff(rows[4]["ci95"]["Ts"])[0] for rows in (body["friction"]["levels"], white.friction["levels"])
-    )
+def test_white_is_the_textbook_and_far_narrower(made: StepSet, fitted: Any, body: Fit) -> None:
+    white = with_intervals(made, fitted, IntervalOptions(ci="white", study_models=False))
+    own, textbook = (np.diff(rows[4].ci95.Ts)[0] for rows in (body.friction.levels, white.friction.levels))
     assert textbook < own / 4
     level, curve = made.levels[4], fitted.friction.levels[4].curve
     J = friction.gradient(curve, level.time_s)[:3].T
@@ -142,24 +155,24 @@ def test_white_is_the_textbook_and_far_narrower(made: StepSet, fitted: Any, body
 
 
 def test_none_gives_no_intervals_but_keeps_the_words(made: StepSet, fitted: Any) -> None:
-    found = attach(to_json(fitted, made), intervals(made, fitted, IntervalOptions(ci="none")))
-    assert "ci95" not in found["nonlinear"] and "ci95" not in found["linear"]
-    assert found["linear"]["identifiable"] is True
+    found = with_intervals(made, fitted, IntervalOptions(ci="none"))
+    assert found.nonlinear.ci95 is None and found.linear.ci95 is None
+    assert found.linear.identifiable is True
 
 
 def test_an_unknown_way_is_refused(made: StepSet, fitted: Any) -> None:
-    with pytest.raises(UsageError, match="--ci magic: must be one of robust, bootstrap, profile, white, none"):
-        intervals(made, fitted, IntervalOptions(ci="magic"))
+    with pytest.raises(UsageError, match="ci= magic: must be one of robust, bootstrap, profile, white, none"):
+        with_intervals(made, fitted, IntervalOptions(ci="magic"))
     assert set(METHODS) == {"robust", "bootstrap", "profile", "white", "none"}
 
 
 @pytest.mark.parametrize("convention", ["pooled-offset", "pooled-dynamics"])
 def test_other_conventions_have_intervals_too(made: StepSet, convention: str) -> None:
     found = fit(made, FitOptions(models=("friction", "linear"), bounds=convention))
-    sure = intervals(made, found, IntervalOptions(study_models=False))
-    for row, ci in zip(found.linear.per_level, sure.linear["per_level"], strict=True):
-        if row.B is not None and ci["ci95"]["B"] is not None:
-            assert ci["ci95"]["B"][0] < row.B < ci["ci95"]["B"][1]
+    sure = with_intervals(made, found, IntervalOptions(study_models=False))
+    for row, ci in zip(found.linear.per_level, sure.linear.per_level, strict=True):
+        if row.B is not None and ci.ci95.B is not None:
+            assert ci.ci95.B[0] < row.B < ci.ci95.B[1]
 
 
 def steps(
@@ -177,29 +190,27 @@ def steps(
     return StepSet("clutch", "%", "N·m", Apparatus(), tuple(levels))
 
 
-def test_a_short_record_leaves_tau2_open_in_words() -> None:
+def test_a_short_record_leaves_tau2_open() -> None:
     short = steps([Friction(1.0 + i, 0.2, 12.0) for i in range(5)], record_s=2.0, sd=0.02, runs=3, gain=0.01)
-    sure = intervals(short, fit(short))
-    assert sure.nonlinear["identifiable"] is False
-    assert any("τ2 is not determined at" in reason for reason in sure.nonlinear["not_identifiable_because"])
-    words = [word for word in sure.friction["open"] if "τ2" in word]
-    assert words and all("the curve itself is known to" in word for word in words)
-    assert any(word.startswith("at 10 % τ2 is ") for word in words)
-    assert sure.friction["levels"][0]["ci95"]["tau2"] is None
-    profiled = intervals(short, fit(short), IntervalOptions(ci="profile", study_models=False))
-    for row in profiled.friction["levels"]:
-        word = row["words"].get("tau2", "")
-        assert (row["ci95"]["tau2"] is None) == (word == "open"), word
-    assert sure.friction["levels"][0]["ci95"]["tau1"] is not None
+    sure = with_intervals(short, fit(short))
+    assert sure.nonlinear.identifiable is False
+    (reason,) = [one for one in sure.not_identifiable_because("nonlinear") if one.values["parameter"] == "tau2"]
+    assert reason.values["cause"] == "short-record" and reason.values["record_s"] == pytest.approx(1.99)
+    left = [one for one in sure.findings if one.code == "tau2-open"]
+    assert left and all(one.values["curve_half_width"] < 1 for one in left) and (10.0,) in [one.levels for one in left]
+    assert sure.friction.levels[0].ci95.tau2 is None
+    profiled = with_intervals(short, fit(short), IntervalOptions(ci="profile", study_models=False))
+    assert all(row.ci95.tau2 is None for row in profiled.friction.levels if (row.level,) in [o.levels for o in left])
+    assert sure.friction.levels[0].ci95.tau1 is not None
 
 
 def test_one_level_cannot_tell_b0_from_c0() -> None:
     one = steps([Friction(1.0, 0.2, 3.0)], record_s=20.0, sd=0.01, runs=3, gain=0.02)
-    sure = intervals(one, fit(one))
-    assert sure.linear["identifiable"] is False
-    assert "one step cannot tell b0 from c0" in sure.linear["not_identifiable_because"][0]
-    assert sure.nonlinear["identifiable"] is False
-    assert "c0" not in sure.linear["ci95"]
+    sure = with_intervals(one, fit(one))
+    assert sure.linear.identifiable is False
+    assert [one.code for one in sure.not_identifiable_because("linear")] == ["one-level-linear"]
+    assert sure.nonlinear.identifiable is False
+    assert sure.linear.ci95.c0 is None
 
 
 def test_a_parameter_at_its_constraint_is_not_estimable() -> None:
@@ -210,32 +221,31 @@ def test_a_parameter_at_its_constraint_is_not_estimable() -> None:
         replace(one, runs=one.runs + 0.02 * one.level * (np.exp(-t / 1.0) - np.exp(-t / 0.2))) for one in made.levels
     )
     same = replace(made, levels=bent)
-    sure = intervals(same, fit(same, FitOptions(models=("friction",))))
-    held = [row for row in sure.friction["levels"] if row["words"].get("tau2") == "constrained"]
-    assert len(held) == 4 and all(row["ci95"]["tau2"] is None for row in held)
-    assert any("τ1 and τ2 meet, neither is estimable by itself" in word for word in sure.friction["open"])
+    sure = with_intervals(same, fit(same, FitOptions(models=("friction",))))
+    assert all(row.ci95.tau1 is None and row.ci95.tau2 is None for row in sure.friction.levels)
+    (one,) = [one for one in sure.findings if one.code == "taus-meet"]
+    assert len(one.levels) == 4
 
 
 def test_overshoot_under_hold_is_named() -> None:
     made = steps([Friction(1.0 + i, 0.1, 0.5) for i in range(4)], record_s=10.0, sd=0.002, runs=2)
     bent = tuple(replace(one, runs=one.runs * (1 - 0.02 * one.time_s)) for one in made.levels)
-    sure = intervals(replace(made, levels=bent), fit(replace(made, levels=bent), FitOptions(models=("friction",))))
-    word = next(word for word in sure.warnings if "overshoots and decays under hold" in word)
-    assert "at 3 more levels" in word and "no sum of rising exponentials shows that" in word
-    advice = sure.uncertainty["adequacy"]["recommended"]
-    assert advice.startswith("none of these models: the output decays under hold at 4 of 4 levels")
+    sure = with_intervals(replace(made, levels=bent), fit(replace(made, levels=bent), FitOptions(models=("friction",))))
+    (one,) = [one for one in sure.findings if one.code == "output-decays-under-hold"]
+    assert len(one.levels) == 4 == one.values["of"] and one.severity == "caution"
+    assert not {"shape-fits", "shape-of-another-kind"} & codes(sure)
 
 
 def test_a_free_share_is_told_to_trade_against_tau2() -> None:
     short = steps([Friction(1.0 + i, 0.2, 6.0) for i in range(4)], record_s=3.0, sd=0.02, runs=3)
-    sure = intervals(short, fit(short, FitOptions(share=None, models=("friction",))))
-    assert any("free C is anywhere between" in word for word in sure.friction["open"])
+    sure = with_intervals(short, fit(short, FitOptions(share=None, models=("friction",))))
+    assert "free-share-open" in codes(sure)
 
 
 def test_what_another_share_would_change_is_told() -> None:
     """Against refits with C held 0.002 higher and lower."""
     made = steps([Friction(1.0 + i, 0.2, 3.0) for i in range(3)], record_s=20.0, sd=0.001, runs=2)
-    told = intervals(made, fit(made, FitOptions(models=("friction",)))).uncertainty["share"]["per_0.01_pct"]
+    told = with_intervals(made, fit(made, FitOptions(models=("friction",)))).uncertainty.share.change_per_001_pct
     low, high = (fit(made, FitOptions(models=("friction",), share=c)).friction.levels for c in (0.848, 0.852))
     for name in ("Ts", "tau1", "tau2"):
         moved = [
@@ -246,6 +256,7 @@ def test_what_another_share_would_change_is_told() -> None:
 
 def test_single_runs_say_what_they_rest_on() -> None:
     few = steps([Friction(1.0 + i, 0.2, 3.0) for i in range(3)], record_s=20.0, sd=0.01)
-    assert "a lower bound" in intervals(few, fit(few)).uncertainty["why"]
+    sure = with_intervals(few, fit(few))
+    assert sure.uncertainty.scatter_from == "within" and "single-runs-few-levels" in codes(sure)
     many = steps([Friction(1.0 + i, 0.2, 3.0) for i in range(9)], record_s=20.0, sd=0.01)
-    assert intervals(many, fit(many)).uncertainty["scatter_from"] == "curve"
+    assert with_intervals(many, fit(many)).uncertainty.scatter_from == "curve"

@@ -10,7 +10,8 @@ from eaid.apparatus import Apparatus
 from eaid.fitting.fit import fit
 from eaid.fitting.options import FitOptions
 from eaid.steps.stepset import Level, StepSet
-from eaid.uncertainty.intervals import IntervalOptions, intervals
+from eaid.uncertainty.intervals import IntervalOptions, with_intervals
+from eaid.uncertainty.student_t import t_quantile
 
 BOXBOD = ([1, 2, 3, 5, 7, 10], [109, 149, 149, 191, 213, 224])
 MISRA1A = (
@@ -32,7 +33,9 @@ def test_certified_standard_deviations(name: str) -> None:
     assert found.linear is not None
     row = found.linear.per_level[0]
     assert (row.gain, row.a0) == (pytest.approx(gain, rel=1e-7), pytest.approx(rate, rel=1e-7))
-    white = intervals(stepset, found, IntervalOptions(ci="white"))
+    white = with_intervals(stepset, found, IntervalOptions(ci="white"))
     assert white.linear is not None
-    sd = white.linear["per_level"][0]["sd"]
-    assert (sd["gain"], sd["a0"]) == (pytest.approx(gain_sd, rel=1e-6), pytest.approx(rate_sd, rel=1e-6))
+    ends, t = white.linear.per_level[0].ci95, t_quantile(len(x) - 2)
+    assert ends is not None and ends.gain is not None and ends.a0 is not None
+    sd = [float(high - low) / 2 / t for low, high in (ends.gain, ends.a0)]
+    assert tuple(sd) == (pytest.approx(gain_sd, rel=1e-6), pytest.approx(rate_sd, rel=1e-6))

@@ -7,7 +7,7 @@ import pytest
 from eaid.cli.inputs import stepset_from
 from eaid.fitting.fit import fit
 from eaid.fitting.options import FitOptions
-from eaid.uncertainty.intervals import intervals
+from eaid.uncertainty.intervals import with_intervals
 
 REAL = Path(__file__).parents[2] / "../shared/realdata"
 pytestmark = pytest.mark.skipif(not REAL.is_dir(), reason="the recorded logs are not beside this checkout")
@@ -23,27 +23,22 @@ def test_clutch_of_three_seconds_overshoots_and_hides_tau2() -> None:
         step_at=2.0, until=5.0, kind="clutch", repair=True,
     )  # fmt: skip
     found = fit(stepset, FitOptions(models=("friction", "nonlinear")))
-    sure = intervals(stepset, found)
+    sure = with_intervals(stepset, found)
     assert sure.nonlinear is not None and sure.friction is not None
-    assert sure.nonlinear["identifiable"] is False
-    assert any(
-        "τ2 is not determined at 3 of 3 levels" in reason for reason in sure.nonlinear["not_identifiable_because"]
-    )
-    assert all(row["ci95"]["tau2"] is None and row["ci95"]["Ts"] is not None for row in sure.friction["levels"])
-    assert any(
-        "overshoots and decays under hold" in word and "τ2 means nothing there" in word for word in sure.warnings
-    )
-    assert not any("believe the joint" in word for word in sure.warnings)
+    assert sure.nonlinear.identifiable is False
+    reasons = [one.values for one in sure.not_identifiable_because("nonlinear")]
+    assert any(one["parameter"] == "tau2" and one["count"] == 3 == one["of"] for one in reasons)
+    assert all(row.ci95.tau2 is None and row.ci95.Ts is not None for row in sure.friction.levels)
+    assert "output-decays-under-hold" in {one.code for one in sure.findings}
 
 
 def test_seal_friction_shows_a_free_share() -> None:
     """README of the logs: a free C comes out at 0.4 to 0.8 there, not at 0.85; four sweeps know it to ±0.1."""
     stepset = stepset_from([REAL / "friction-steps"], kind="friction-force")
     found = fit(stepset, FitOptions(models=("friction",)))
-    sure = intervals(stepset, found)
-    said = sure.uncertainty["adequacy"]["recommended"]
-    assert said.startswith("use two exponentials, C = 0.") and "the runs reject C = 0.85" in said, said
-    share = sure.uncertainty["share"]
-    assert share["rejected"] and 0.5 < share["ci95"][0] < share["ci95"][1] < 0.85
+    sure = with_intervals(stepset, found)
+    assert {"shape-needs-the-share", "runs-reject-the-share"} <= {one.code for one in sure.findings}
+    share = sure.uncertainty.share
+    assert share.rejected and 0.5 < share.ci95[0] < share.ci95[1] < 0.85
     assert sure.friction is not None
-    assert any("at 5 bar τ2" in word for word in sure.friction["open"])
+    assert 5.0 in {u for one in sure.findings if one.code in ("tau2-open", "parameter-open") for u in one.levels}

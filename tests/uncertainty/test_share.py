@@ -12,11 +12,12 @@ from eaid.fitting.options import FitOptions
 from eaid.models import friction
 from eaid.models.parameters import Friction
 from eaid.steps.stepset import Level, StepSet
-from eaid.uncertainty.intervals import IntervalOptions, intervals
+from eaid.uncertainty.intervals import IntervalOptions, with_intervals
 from eaid.uncertainty.level_statistics import LevelStatistics, level_statistics
 from eaid.uncertainty.share import share_of
 
 FRICTION = FitOptions(models=("friction",))
+TOLD = {"runs-give-no-share", "runs-leave-the-share-open", "runs-reject-the-share"}
 
 
 def statistics_of(made: StepSet) -> LevelStatistics:
@@ -46,39 +47,36 @@ def test_the_plants_own_share_is_found(sets: Any) -> None:
 
 
 def test_it_is_told_in_one_sentence_with_numbers(other: StepSet) -> None:
-    sure = intervals(other, fit(other, FRICTION), IntervalOptions(study_models=False))
-    said = sure.uncertainty["share"]
-    assert said["rejected"] and said["matters"] and said["ci95"][0] < 0.88 < said["ci95"][1]
-    word = next(word for word in sure.warnings if "the runs ask for C" in word)
-    assert word == said["words"]
-    assert "it was held at 0.85" in word and f"refit with --share {said['estimate']:.3f}" in word
-    advice = intervals(other, fit(other, FRICTION)).uncertainty["adequacy"]["recommended"]
-    assert advice.startswith(f"use two exponentials, C = {said['estimate']:.3f} at all levels")
+    sure = with_intervals(other, fit(other, FRICTION), IntervalOptions(study_models=False))
+    said = sure.uncertainty.share
+    assert said.rejected and said.matters and said.ci95[0] < 0.88 < said.ci95[1]
+    (one,) = [one for one in sure.findings if one.code == "runs-reject-the-share"]
+    assert one.severity == "caution" and one.values["held"] == 0.85 and one.values["estimate"] == said.estimate
+    assert "shape-needs-the-share" in {one.code for one in with_intervals(other, fit(other, FRICTION)).findings}
 
 
 def test_intervals_that_count_it_hold_the_plant(other: StepSet, sets: Any) -> None:
     """At the estimate the plant's T_s and τ2 are held, which at the C of 0.85 they are not; a refit gives the same."""
     true = sets.truth(sets.VARIANTS["share"])
     fitted = fit(other, FRICTION)
-    sure = intervals(other, fitted, IntervalOptions(study_models=False))
-    share = sure.uncertainty["share"]
-    again = fit(other, replace(FRICTION, share=share["estimate"])).friction
+    sure = with_intervals(other, fitted, IntervalOptions(study_models=False))
+    share = sure.uncertainty.share
+    again = fit(other, replace(FRICTION, share=share.estimate)).friction
     assert again is not None and sure.friction is not None
     hits = {"there": 0, "held": 0}
     for row, level, value, curve in zip(
-        share["at_estimate"], sure.friction["levels"], true["tau2"], again.levels, strict=True
+        share.at_estimate, sure.friction.levels, true["tau2"], again.levels, strict=True
     ):
-        assert row["tau2"] == pytest.approx(curve.curve.tau2, rel=1e-3)
-        hits["there"] += row["ci95"]["tau2"][0] <= value <= row["ci95"]["tau2"][1]
-        hits["held"] += bool(level["ci95"]["tau2"]) and level["ci95"]["tau2"][0] <= value <= level["ci95"]["tau2"][1]
+        assert row.tau2 == pytest.approx(curve.curve.tau2, rel=1e-3)
+        hits["there"] += row.ci95.tau2[0] <= value <= row.ci95.tau2[1]
+        hits["held"] += bool(level.ci95.tau2) and level.ci95.tau2[0] <= value <= level.ci95.tau2[1]
     assert hits["there"] >= 8 > 3 >= hits["held"]
 
 
 def test_a_share_that_agrees_needs_no_warning(sets: Any) -> None:
     made = sets.one_set(3, sets.VARIANTS["base"])
-    sure = intervals(made, fit(made, FRICTION), IntervalOptions(study_models=False))
-    assert "the C of 0.85 that was held agrees" in sure.uncertainty["share"]["words"]
-    assert not any("the runs ask for C" in word for word in sure.warnings)
+    sure = with_intervals(made, fit(made, FRICTION), IntervalOptions(study_models=False))
+    assert not sure.uncertainty.share.rejected and not TOLD & {one.code for one in sure.findings}
 
 
 def test_short_records_cannot_tell_it() -> None:
@@ -90,11 +88,10 @@ def test_short_records_cannot_tell_it() -> None:
         for i in range(5)
     )  # fmt: skip
     made = StepSet("clutch", "%", "N·m", Apparatus(), levels)
-    sure = intervals(made, fit(made, FRICTION), IntervalOptions(study_models=False))
-    said = sure.uncertainty["share"]
-    assert not said["rejected"]
-    assert "give no C of their own" in said["words"] or "leave C anywhere between" in said["words"]
-    assert said["words"] in sure.warnings
+    sure = with_intervals(made, fit(made, FRICTION), IntervalOptions(study_models=False))
+    said = sure.uncertainty.share
+    assert not said.rejected
+    assert {"runs-give-no-share", "runs-leave-the-share-open"} & {one.code for one in sure.findings}
 
 
 def test_levels_that_differ_in_it_are_told_apart() -> None:

@@ -9,18 +9,19 @@ import pytest
 from eaid.cli.inputs import stepset_from
 from eaid.fitting.fit import fit
 from eaid.synth.datasets import shipped
-from eaid.uncertainty.intervals import IntervalOptions, intervals
+from eaid.uncertainty.intervals import IntervalOptions, with_intervals
 
 
-def log_widths(rows: list[dict[str, Any]], name: str) -> np.ndarray:
-    return np.array([np.diff(np.log(row["ci95"][name]))[0] for row in rows])
+def log_widths(rows: Any, name: str) -> np.ndarray:
+    return np.array([np.diff(np.log(getattr(row.ci95, name)))[0] for row in rows])
 
 
 def both(kind: str) -> Any:
     stepset = stepset_from([Path(shipped()[kind])])
     found = fit(stepset)
-    ours = intervals(stepset, found, IntervalOptions(study_models=False))
-    return ours, intervals(stepset, found, IntervalOptions(ci="bootstrap", draws=100, study_models=False))
+    ours = with_intervals(stepset, found, IntervalOptions(estimator="joint", study_models=False))
+    other = IntervalOptions(ci="bootstrap", draws=100, estimator="joint", study_models=False)
+    return ours, with_intervals(stepset, found, other)
 
 
 @pytest.mark.parametrize("kind", ["friction-force", "friction-speed"])
@@ -31,7 +32,7 @@ def test_two_ways_agree(kind: str) -> None:
 def agree_at_levels(ours: Any, other: Any) -> None:
     """A standard deviation from 100 refits is known to 7 %, that of a few runs of a level to 30 %."""
     for name in ("Ts", "tau1", "tau2"):
-        ratio = log_widths(other.friction["levels"], name) / log_widths(ours.friction["levels"], name)
+        ratio = log_widths(other.friction.levels, name) / log_widths(ours.friction.levels, name)
         assert np.median(ratio) == pytest.approx(1, abs=0.12), name
         assert np.abs(np.log(ratio)).max() < np.log(1.3), name
 
@@ -46,12 +47,12 @@ def test_two_ways_agree_on_the_clutch() -> None:
     agree_at_levels(ours, other)
     first, second = (sure.nonlinear for sure in (ours, other))
     for name in ("Ts", "tau1", "tau2"):
-        curves = log_widths(second["two_stage"]["curves"], name) / log_widths(first["two_stage"]["curves"], name)
+        curves = log_widths(second.two_stage.curves, name) / log_widths(first.two_stage.curves, name)
         assert np.median(curves) == pytest.approx(1, abs=0.12), name
         assert np.abs(np.log(curves)).max() < np.log(1.2), name
-        joint = log_widths(second["curves"], name) / log_widths(first["curves"], name)
+        joint = log_widths(second.curves, name) / log_widths(first.curves, name)
         assert np.median(joint) == pytest.approx(1, abs=0.15), name
         assert joint.min() > 0.8 and joint.max() < 2.2, name
     for name in ("a0", "b0", "c0"):
-        widths = [np.diff(sure.linear["ci95"][name])[0] for sure in (ours, other)]
+        widths = [np.diff(getattr(sure.linear.ci95, name))[0] for sure in (ours, other)]
         assert widths[1] == pytest.approx(widths[0], rel=0.3)

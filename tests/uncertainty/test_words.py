@@ -9,20 +9,28 @@ import pytest
 
 from eaid.apparatus import Apparatus
 from eaid.cli import main
+from eaid.errors import on_command_line
+from eaid.findings import merged, say, sentences
 from eaid.fitting.fit import fit
 from eaid.fitting.options import FitOptions
 from eaid.models import friction
 from eaid.models.parameters import Friction
 from eaid.report.page.known import known, sentence
 from eaid.report.results import read_results
+from eaid.results import codec
+from eaid.results.fit import Fit
 from eaid.steps.stepset import Level, StepSet
-from eaid.uncertainty.intervals import IntervalOptions, Intervals, intervals
+from eaid.uncertainty.intervals import IntervalOptions, with_intervals
 
 QUICK = IntervalOptions(study_models=False)
 
 
-def judged(stepset: StepSet, **options: Any) -> Intervals:
-    return intervals(stepset, fit(stepset, FitOptions(**options)), QUICK)
+def codes(found: Fit) -> set[str]:
+    return {one.code for one in found.findings}
+
+
+def judged(stepset: StepSet, **options: Any) -> Fit:
+    return with_intervals(stepset, fit(stepset, FitOptions(**options)), QUICK)
 
 
 def noisy(kind: str, unit: str, curves: dict[float, Friction], end_s: float, noise: float = 0.002) -> StepSet:
@@ -42,48 +50,47 @@ def test_a_window_too_short_for_tau2(sets: Any) -> None:
     curves = {float(u): sets.plant(float(u), sets.VARIANTS["base"]) for u in range(10, 101, 10)}
     sure = judged(noisy("clutch", "%", curves, 3.0))
     assert sure.nonlinear is not None
-    told = "\n".join(sure.warnings)
-    assert sure.nonlinear["identifiable"] is False
-    assert "hold each level longer than 3 s" in sure.nonlinear["not_identifiable_because"][0]
-    assert "% τ2 is " in told and "N·m within the record of 3 s" in told
-    assert sure.nonlinear["agreement"]["believe"] in ("neither", "either", "joint")
-    assert sure.friction is not None
-    known = any(row["ci95"]["tau2"] for row in sure.friction["levels"])
-    assert known == ("do not quote it" in told)
+    assert sure.nonlinear.identifiable is False
+    (reason,) = [one for one in sure.not_identifiable_because("nonlinear") if one.values["parameter"] == "tau2"]
+    assert reason.values["cause"] == "short-record" and reason.values["record_s"] == pytest.approx(3.0)
+    left = [one for one in sure.findings if one.code == "tau2-open"]
+    assert left and all(one.values["record_s"] == pytest.approx(3.0) for one in left)
+    assert sure.nonlinear.agreement[0].believe in ("neither", "either", "joint")
+    assert sure.friction is not None and not any(row.ci95.tau2 for row in sure.friction.levels if row.ci95)
 
 
 def test_one_level_leaves_b0_and_c0_together(sets: Any) -> None:
     sure = judged(noisy("clutch", "%", {50.0: sets.plant(50.0, sets.VARIANTS["base"])}, 20.0))
     assert sure.nonlinear is not None and sure.linear is not None
-    assert sure.nonlinear["identifiable"] is False and sure.linear["identifiable"] is False
-    assert "nothing says how T_s, τ1 and τ2 change with the duty" in sure.nonlinear["not_identifiable_because"][0]
-    assert "cannot tell b0 from c0, only b0 u + c0 is known; record a second level" in "\n".join(sure.warnings)
-    assert "c0" not in sure.linear["ci95"]
+    assert sure.nonlinear.identifiable is False and sure.linear.identifiable is False
+    assert sure.not_identifiable_because("nonlinear")[0].code == "one-level-nonlinear"
+    assert [one.code for one in sure.not_identifiable_because("linear")] == ["one-level-linear"]
+    assert sure.linear.ci95 is not None and sure.linear.ci95.c0 is None
 
 
 def test_every_level_of_many_leaves_b0_to_the_convention(sets: Any) -> None:
     curves = {float(u): sets.plant(float(u), sets.VARIANTS["base"]) for u in (20, 60, 100)}
     sure = judged(noisy("clutch", "%", curves, 20.0))
-    assert sure.linear is not None and sure.linear["identifiable"] is True
-    assert sure.linear["open"] == ["one level's step gives b0 u + c0 only; its b0 rests on the convention zero-offset"]
+    assert sure.linear is not None and sure.linear.identifiable is True
+    (note,) = [one for one in sure.findings if one.code == "b0-by-convention"]
+    assert note.values == {"convention": "zero-offset", "several": True} and note.severity == "note"
 
 
 def test_a_free_share_is_told_to_trade_against_tau2(sets: Any) -> None:
     curves = {float(u): sets.plant(float(u), sets.VARIANTS["base"]) for u in (20, 40, 60, 80, 100)}
     sure = judged(noisy("clutch", "%", curves, 20.0), share=None)
-    (line,) = [text for text in sure.warnings if text.startswith("C is free (0.8")]
-    assert "trades against τ2" in line and "T_s and τ2 are less sure for it" in line
+    (one,) = [one for one in sure.findings if one.code == "share-free"]
+    assert 0.8 < one.values["C"] < 0.9
 
 
 def test_merged_friction_rates() -> None:
     """τ2 = (5 + 0.6 Ω) e^(−0.06 Ω): two equal rates, of which only the limit is known."""
     curves = {float(rpm): Friction(1.0, 0.05, float((5 + 0.6 * rpm) * np.exp(-0.06 * rpm))) for rpm in range(5, 41, 5)}
     found = fit(noisy("friction-speed", "RPM", curves, 40.0, 1e-6))
-    sure = intervals(noisy("friction-speed", "RPM", curves, 40.0, 1e-6), found, QUICK)
+    sure = with_intervals(noisy("friction-speed", "RPM", curves, 40.0, 1e-6), found, QUICK)
     assert found.friction is not None and sure.friction is not None
     assert found.friction.trends["tau2"].form == "merged-exponential"
-    said = "the two rates of τ2's trend cannot be told apart: only their limit (p + q x) e^(r x) is known"
-    assert said in sure.friction["open"] and said in sure.warnings
+    assert {one.values["parameter"] for one in sure.findings if one.code == "trend-rates-merge"} >= {"tau2"}
 
 
 def test_at_a_constraint_nothing_is_estimable() -> None:
@@ -91,10 +98,8 @@ def test_at_a_constraint_nothing_is_estimable() -> None:
     curves = {float(u): Friction(u / 25, 0.4, 0.4 + 1e-9) for u in (20, 40, 60, 80, 100)}
     sure = judged(noisy("clutch", "%", curves, 6.0))
     assert sure.friction is not None and sure.nonlinear is not None
-    told = "\n".join(sure.warnings)
-    met = [row for row in sure.friction["levels"] if row["ci95"]["tau1"] is None]
-    assert "τ1 and τ2 meet, neither is estimable by itself: all that the records show is one exponential" in told
-    assert met and all(row["ci95"]["tau2"] is None and row["words"]["tau2"] for row in met)
+    met = [row for row in sure.friction.levels if row.ci95.tau1 is None]
+    assert "taus-meet" in codes(sure) and met and all(row.ci95.tau2 is None for row in met)
 
 
 @pytest.fixture(scope="module")
@@ -122,12 +127,12 @@ def test_the_sentences_stand_in_the_file_on_the_terminal_and_on_the_page(
     short: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     out = tmp_path / "fit.json"
-    assert main.run(["fit", str(short), "-o", str(out)]) == 0
+    assert main.run(["fit", str(short), "-o", str(out), "--verbose"]) == 0
     told = capsys.readouterr().err
-    result = json.loads(out.read_text())
-    said = [*result["nonlinear"]["open"], *result["nonlinear"]["not_identifiable_because"]]
-    assert any("N·m within the record of" in text for text in said)
+    found, _ = codec.read(out, "fit", Fit)
+    said = [one for one in found.findings if one.code == "tau2-open"]
+    texts = json.loads(out.read_text())["friction"]["warnings"]
+    assert said and all(text in texts for text in sentences(said))
+    assert any(on_command_line(say(one)) in told for one in merged(said))
     page = "\n".join(sentence(one) for one in known(read_results([out])).of("model"))
-    for text in said:
-        assert text in told, text
-        assert text[1:].rstrip(".") in page, text
+    assert any(text[1:].rstrip(".") in page for text in sentences(said))
