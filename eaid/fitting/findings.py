@@ -45,7 +45,7 @@ def linear_findings(
         "linear-level-beyond-record": [
             row.level for row, r in zip(rows, data.records, strict=True) if row.a0 * r.t_s[-1] < 1
         ],
-        "level-without-B": [row.level for row in rows if row.B is None and row.level in bounds.levels],
+        "level-without-b": [row.level for row in rows if row.B is None and row.level in bounds.levels],
     }
     found += [finding(code, "linear", at, convention=bounds.convention) for code, at in levels.items() if at]
     return found

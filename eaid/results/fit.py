@@ -526,7 +526,7 @@ NOT_IDENTIFIABLE = (
     "parameter-open-at-most-levels",
     "a0-may-be-zero",
     "b0-may-be-zero",
-    "no-B",
+    "no-b-bounds",
 )
 """Codes of the findings that make a model not identifiable."""
 

@@ -179,7 +179,7 @@ def linear_verdict(fit: Linear, stats: LevelStatistics, ci95: PooledIntervals) -
         if ends is not None and ends[0] <= 0:
             reasons.append(finding(f"{name}-may-be-zero", "linear", low=ends[0], high=ends[1]))
     if fit.bounds is None or fit.bounds.B_m is None:
-        reasons.append(finding("no-B", "linear"))
+        reasons.append(finding("no-b-bounds", "linear"))
     convention = finding(
         "b0-by-convention", "linear", convention=fit.bounds.convention if fit.bounds else "", several=several
     )

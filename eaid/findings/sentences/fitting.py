@@ -116,7 +116,7 @@ ROWS: dict[str, Row] = {
         "caution",
         "1/a0 is longer than the record at level {levels}: gain and B of these levels are extrapolated",
     ),
-    "level-without-B": Row(
+    "level-without-b": Row(
         "caution", "b0 is not positive at level {levels} under {convention}: left out of B_m and B_M"
     ),
     "release-beyond-record": Row(

@@ -167,7 +167,7 @@ ROWS: dict[str, Row] = {
         "caution",
         "b0 may be zero or negative (95 % interval {low:.3g} to {high:.3g}): the duty's effect is not seen",
     ),
-    "no-B": Row("caution", "no level has a positive b0, so B has no bounds"),
+    "no-b-bounds": Row("caution", "no level has a positive b0, so B has no bounds"),
     "b0-by-convention": Row("note", _convention),
     "single-runs-few-levels": Row(
         "caution",
