@@ -9,7 +9,6 @@ from eaid.arrays import Array
 from eaid.fitting.data import data_of
 from eaid.fitting.linear import bounds_of, by_convention, fit_own_levels
 from eaid.fitting.options import CONVENTIONS
-from eaid.fitting.result import Solver as Outcome
 from eaid.logs.run import Run
 from eaid.models import nonlinear as curve
 from eaid.models.parameters import Linear as Eq8
@@ -17,9 +16,8 @@ from eaid.recorded.closed_loop import idle_of, model_of
 from eaid.recorded.intervals import CurveSpread, Spread
 from eaid.recorded.log import RecordedLog
 from eaid.recorded.solve import Solved
-from eaid.results.common import AbsError, Input, Interval, LevelError, Solver, Source, StartCost
+from eaid.results.common import AbsError, Input, Interval, LevelError, Source
 from eaid.results.fit import (
-    Bounds,
     CoefficientIntervals,
     Covariance,
     CurveLevel,
@@ -28,7 +26,6 @@ from eaid.results.fit import (
     FrictionLevel,
     LevelIntervals,
     Linear,
-    LinearLevel,
     Noise,
     Nonlinear,
     Uncertainty,
@@ -45,19 +42,6 @@ WIDEST = 10.0
 """An interval wider than this factor says nothing."""
 NOISE_WINDOW_S = 2.0
 """Stretch over which the density of the noise is taken [s]."""
-
-
-def solver_part(outcome: Outcome) -> Solver:
-    """How it was found, and the verdict."""
-    return Solver(
-        method=outcome.method,
-        converged=outcome.converged,
-        message=outcome.message,
-        promise=outcome.promise,
-        evaluations=outcome.evaluations,
-        starts=tuple(StartCost(float(cost)) for cost in outcome.starts),
-        at_bounds=tuple(outcome.at_bounds),
-    )
 
 
 def data_part(
@@ -114,7 +98,7 @@ def nonlinear_part(solved: Solved, sure: Spread | None, known: CurveSpread | Non
         fit_pct=100 * (1 - float(np.sqrt(sse / spread_y))),
         R2=1 - sse / spread_y,
         per_level=_level_errors(solved, shown),
-        solver=solver_part(solved.solver),
+        solver=solved.solver,
         curves=_curves(known),
         ci95=intervals,
         covariance=covariance,
@@ -250,10 +234,7 @@ def linear_part(solved: Solved, base: Solved, levels: Array) -> Linear:
     own = _own_steps(base, levels)
     data = data_of(own)
     rows = {name: by_convention(data, fit_own_levels(data), pooled, name) for name in CONVENTIONS}
-    bounds = {name: bounds_of(row, name, None) for name, row in rows.items()}
-    conventions = {
-        name: Bounds(one.convention, CONVENTIONS[name], one.levels, one.B_m, one.B_M) for name, one in bounds.items()
-    }
+    conventions = {name: bounds_of(row, name, None) for name, row in rows.items()}
     return Linear(
         a0=pooled.a0,
         b0=pooled.b0,
@@ -262,14 +243,8 @@ def linear_part(solved: Solved, base: Solved, levels: Array) -> Linear:
         sse=sse,
         fit_pct=100 * (1 - float(np.sqrt(sse / about))),
         R2=1 - sse / about,
-        solver=solver_part(solved.solver),
-        per_level=tuple(
-            LinearLevel(
-                level=row.level, a0=row.a0, gain=row.gain, b0=row.b0, c0=row.c0, B=row.B,
-                rmse=row.rmse, sse=row.sse, converged=row.solver.converged,
-            )
-            for row in rows["zero-offset"]
-        ),
+        solver=solved.solver,
+        per_level=rows["zero-offset"],
         bounds=conventions["zero-offset"],
         conventions=conventions,
     )  # fmt: skip
@@ -299,7 +274,7 @@ def friction_part(solved: Solved) -> Friction:
             )
             for (level, Ts, tau1, tau2), error in zip(values, errors, strict=True)
         ),
-        solver=solver_part(solved.solver),
+        solver=solved.solver,
     )  # fmt: skip
 
 

@@ -174,7 +174,7 @@ def _release(base: Solved, falls: Falls | None) -> Release | None:
 def _verdicts(base: Solved, known: CurveSpread | None) -> list[Finding]:
     found = []
     if not base.solver.converged:
-        found.append(finding("recorded-not-converged", "nonlinear", promise=base.solver.promise))
+        found.append(finding("recorded-not-converged", "nonlinear", predicted_decrease=base.solver.predicted_decrease))
     if known is not None:
         for name, half in zip(LIMITS_PCT, known.half_width, strict=True):
             wide = known.duty[~(100 * half <= LIMITS_PCT[name])]

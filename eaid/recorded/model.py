@@ -15,7 +15,8 @@ import numpy as np
 
 from eaid.arrays import Array
 from eaid.fitting.basis import Basis, basis_of, constraints
-from eaid.fitting.starts import RECORDS, TAU1_LEAST_S
+from eaid.fitting.starts import RECORDS
+from eaid.models.parameters import TAU_FLOOR_S
 
 LEAST_TAU_S = 1e-4
 """A τ is kept off zero by this much [s]: between the 101 duties a quadratic may dip below its floor."""
@@ -142,7 +143,7 @@ def friction(levels: Array, share: float, longest_s: float) -> Model:
     A = np.vstack(
         [np.hstack(row) for row in ([zero, eye, zero], [zero, -eye, eye], [eye, zero, zero], [zero, zero, -eye])]
     )
-    b = np.repeat([TAU1_LEAST_S, 0.0, 0.0, -RECORDS * longest_s], count)
+    b = np.repeat([TAU_FLOOR_S, 0.0, 0.0, -RECORDS * longest_s], count)
     said = ("τ1 = 1 ms", "τ2 = τ1", "T_s = 0", "τ2 endless")
     low, high = float(levels[0]), float(levels[-1])
     sizes = (count, count, count)

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from eaid.arrays import Array
 from eaid.fitting.solver import ROUNDING, Problem
-from eaid.fitting.starts import TAU1_LEAST_S
+from eaid.models.parameters import TAU_FLOOR_S
 from eaid.recorded.drive import Drive
 from eaid.recorded.kernel import products, rows
 from eaid.recorded.model import Model, Rows
@@ -166,8 +166,8 @@ class Setup:
             said.append(name)
 
         if (at := self.at("rest")) >= 0:
-            bound("τ1 of the release = 1 ms", at, TAU1_LEAST_S)
-            bound("τ2 of the release = 1 ms", at + 1, TAU1_LEAST_S)
+            bound("τ1 of the release = 1 ms", at, TAU_FLOOR_S)
+            bound("τ2 of the release = 1 ms", at + 1, TAU_FLOOR_S)
             more[-1][at] = -1.0
             least[-1], said[-1] = 0.0, "τ2 = τ1 of the release"
         if (at := self.at("fall")) >= 0:

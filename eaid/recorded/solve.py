@@ -1,7 +1,7 @@
 """From starts to the least cost: compared on a coarse copy of the logs, ended on every sample, with our own verdict.
 
 SLSQP works on whitened unknowns, a Gauss–Newton matrix at each round; the end is polished by constrained Newton steps
-on every sample, and what one more of them promises is the verdict, as with the step fits.
+on every sample, and what one more of them would gain is the verdict, as with the step fits.
 """
 
 from collections.abc import Sequence
@@ -10,12 +10,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from eaid.arrays import Array
-from eaid.fitting.levels import verdict
-from eaid.fitting.result import Solver
-from eaid.fitting.solver import PROMISE, EndPoint, Problem, approach, ended, polish
+from eaid.fitting.solver import EndPoint, Problem, approach, ended, judged, polish
 from eaid.recorded.drive import Drive
 from eaid.recorded.problem import Setup
 from eaid.recorded.starts import starts
+from eaid.results.common import Solver
 
 RIVALS = 3
 """Ends on the coarse copy that go on to every sample."""
@@ -85,17 +84,11 @@ def finished(
     def full(x: Array) -> tuple[float, Array]:
         return problem.value(x)
 
-    end, promise, active = polish(exact, best, full)
-    converged = promise <= PROMISE
+    end, predicted, active = polish(exact, best, full)
     shift = end.cost - best.cost
-    solver = Solver(
-        converged=converged,
-        message=verdict(converged, promise),
-        evaluations=tried + sum(one.evaluations for one in found) + end.evaluations - best.evaluations,
-        starts=tuple(costs) or tuple(one.cost + shift for one in found),
-        at_bounds=tuple(problem.names(i) for i in active),
-        promise=promise,
-    )
+    ended_at = tuple(costs) or tuple(one.cost + shift for one in found)
+    evaluations = tried + sum(one.evaluations for one in found) + end.evaluations - best.evaluations
+    solver = judged(predicted, evaluations, ended_at, [problem.names(i) for i in active])
     others = tuple((one.x, one.cost + shift) for one in found if one.cost > best.cost * (1 + 1e-6) + problem.floor)
     return Solved(setup, end.x, end.cost, solver, others)
 

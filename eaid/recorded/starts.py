@@ -12,7 +12,7 @@ import numpy as np
 
 from eaid.arrays import Array
 from eaid.fitting.solver import Problem, approach, bring_in, draw_in
-from eaid.fitting.starts import TAU1_LEAST_S
+from eaid.models.parameters import TAU_FLOOR_S
 from eaid.recorded.problem import Setup
 
 FAST = 17
@@ -37,7 +37,7 @@ def starts(setup: Setup, problem: Problem) -> list[Array]:
     """Feasible starts, the most promising first, and a plain one with constant τ last."""
     model = setup.model
     shortest, longest = spans(setup)
-    fast = np.geomspace(max(0.5 * shortest, 2 * TAU1_LEAST_S), longest, FAST)
+    fast = np.geomspace(max(0.5 * shortest, 2 * TAU_FLOOR_S), longest, FAST)
     slow = fast if model.sizes[2] else fast[-1:] * 2
     shares = [0.85] if model.share is not None else [0.5, 0.7, 0.85, 0.95]
     found: list[tuple[tuple[float, Array], float, float, float]] = []
@@ -84,7 +84,7 @@ def slow_shapes(setup: Setup, x: Array, longest: float) -> list[Array]:
     at = np.array([basis.lowest, 0.5 * (basis.lowest + basis.highest), basis.highest])
     rows = setup.model.rows_of(at)
     a, b, c = setup.model.sizes
-    typical = max(float(rows.tau1[1] @ x[a : a + b]), 2 * TAU1_LEAST_S)
+    typical = max(float(rows.tau1[1] @ x[a : a + b]), 2 * TAU_FLOOR_S)
     values = np.geomspace(3 * typical, max(3 * longest, 30 * typical), SHAPES)
     found = []
     for three in itertools.product(values, repeat=3):
@@ -143,7 +143,7 @@ def inner(setup: Setup, x: Array, problem: Problem) -> Array:
     flat = x.copy()
     one = x[a : a + b].mean() if model.name == "friction" else x[a]
     two = x[a + b : a + b + c].mean() if model.name == "friction" else (x[a + b] if c else 1.0)
-    one = max(float(one), 2 * TAU1_LEAST_S)
+    one = max(float(one), 2 * TAU_FLOOR_S)
     two = max(float(two), 1.5 * one)
     keep = _shaped(setup, one, two, float(x[model.size - 1]))
     flat[a : a + b + c] = keep[a : a + b + c]

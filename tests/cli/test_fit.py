@@ -58,7 +58,9 @@ def test_options_reach_the_fit(small: Path, tmp_path: Path) -> None:
                  "--hold-out", "60", "--bounds", "pooled-dynamics", "--bounds-levels", "40:100"]  # fmt: skip
     assert main.run(["fit", str(small), "-o", str(out), *arguments, *QUICK]) == 0
     result = json.loads(out.read_text())
-    assert "friction" not in result and result["nonlinear"]["C"] == 0.8 and len(result["nonlinear"]["weights"]) == 4
+    assert (
+        "friction" not in result and result["nonlinear"]["C"] == 0.8 and len(result["nonlinear"]["level_weights"]) == 4
+    )
     assert result["nonlinear"]["robust"]["loss"] == "huber"
     assert [row["level"] for row in result["nonlinear"]["hold_out"]["levels"]] == [60.0]
     assert result["linear"]["bounds"]["convention"] == "pooled-dynamics"
@@ -83,7 +85,7 @@ def test_a_free_share_and_chosen_levels(small: Path, tmp_path: Path) -> None:
         (["--hold-out", "45"], 2, "error: --hold-out 45: no such level; there are 20, 40, 60, 80, 100\n"),
         (["--bounds-levels", "1:5"], 2, "error: --bounds-levels 1:5: holds none of the levels 20, 40, 60, 80, 100\n"),
         (["--model", "cubic"], 2, "error: --model cubic: clutch logs can be fitted with friction, nonlinear, linear\n"),
-        (["--estimator", "both"], 2, "error: --estimator both: must be one of joint, two-stage\n"),
+        (["--estimator", "both"], 2, "error: --estimator both: must be one of auto, joint, two-stage\n"),
     ],
 )
 def test_wrong_usage_is_one_sentence_and_writes_nothing(
@@ -114,15 +116,14 @@ def test_a_fit_that_does_not_converge_is_written_marked_and_exits_with_4(
     monkeypatch.setattr(nonlinear, "approach", stops_at_once)
     monkeypatch.setattr(nonlinear, "ended", lambda ends, _: ends)
     monkeypatch.setattr(nonlinear, "broad_starts", lambda *_: [])
-    monkeypatch.setattr(nonlinear, "polish", lambda *problem: solver.polish(*problem, steps=0))
+    polish = solver.polish
+    monkeypatch.setattr(solver, "polish", lambda *problem: polish(*problem, steps=0))
     out = tmp_path / "fit.json"
-    assert main.run(["fit", str(small), "-o", str(out), *QUICK]) == 4
-    assert capsys.readouterr().err == (
-        f"error: {out}: a fit did not converge; the result is written and marked, do not use its numbers\n"
-    )
+    assert main.run(["fit", str(small), "-o", str(out), "--estimator", "joint", *QUICK]) == 4
+    assert capsys.readouterr().err == f"error: {out}: is written and marked; do not use its numbers\n"
     result = json.loads(out.read_text())
     assert result["converged"] is False and result["nonlinear"]["solver"]["converged"] is False
-    assert any("not to be used" in warning for warning in result["nonlinear"]["warnings"])
+    assert result["findings"][0]["code"] == "fit-not-converged" and result["findings"][0]["severity"] == "stop"
 
 
 def test_the_shipped_sets_fit(tmp_path: Path) -> None:

@@ -4,10 +4,11 @@ import json
 import re
 from pathlib import Path
 
+import msgspec
 import pytest
 
 from eaid.cli import main
-from eaid.fitting.side_by_side import nonlinear_estimates
+from eaid.results.fit import Nonlinear
 
 
 @pytest.fixture(scope="module")
@@ -32,8 +33,8 @@ def table(text: str, title: str) -> list[list[str]]:
 @pytest.mark.parametrize(
     ("arguments", "first"),
     [
-        ([], "joint, equal weights"),
-        (["--weights", "sd"], "joint, sd weights"),
+        (["--estimator", "joint"], "joint, equal weights"),
+        (["--weights", "sd", "--estimator", "joint"], "joint, sd weights"),
         (["--estimator", "two-stage"], "two-st"),
     ],
 )
@@ -41,7 +42,7 @@ def test_the_first_column_is_the_model_of_the_file(
     arguments: list[str], first: str, noisy: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     out = tmp_path / "fit.json"
-    assert main.run(["fit", str(noisy), "-o", str(out), "--hold-out", "60", *arguments]) == 0
+    assert main.run(["fit", str(noisy), "-o", str(out), "--hold-out", "60", "--verbose", *arguments]) == 0
     told, part = capsys.readouterr().out, json.loads(out.read_text())["nonlinear"]
     rows = table(told, "Nonlinear model")
     assert [head.startswith(first) and head.endswith("(used)") for head in rows[0][2:]] == [True, False, False]
@@ -50,16 +51,15 @@ def test_the_first_column_is_the_model_of_the_file(
     assert shown["RMSE"] == f"{part['rmse']:.6g}"
     assert shown["RMSE on held-out levels"] == f"{part['hold_out']['rmse']:.6g}"
     assert shown["verdict"] == "converged" and part["solver"]["converged"]
-    curves = next(line for line in told.splitlines() if "the curves of both estimates" in line)
-    assert curves and "the curves under both weights" in told
+    assert "the nonlinear model's curves" in told and shown["fit %"] == f"{part['fit_pct']:.6g}"
 
 
-def test_single_runs_print_why_no_other_weights_stand_there(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_single_runs_print_why_no_other_weights_stand_there(tmp_path: Path) -> None:
     single = ["synth", "--levels", "20,60,100", "--repeats", "1", "--hold", "8", "--idle", "1", "--rate", "50", "-q"]
     assert main.run([*single, "-o", str(tmp_path / "data.h5")]) == 0
     assert main.run(["fit", str(tmp_path / "data.h5"), "-o", str(tmp_path / "fit.json")]) == 0
-    told = capsys.readouterr().out
-    assert told.count("the other weights: no sd weights: level 20, 60, 100 has one run only") == 2
+    codes = [one["code"] for one in json.loads((tmp_path / "fit.json").read_text())["findings"]]
+    assert codes.count("no-weights-for-single-runs") == 2
 
 
 def test_huber_shows_the_run_and_the_part_it_weighs_down(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -74,7 +74,9 @@ def test_huber_shows_the_run_and_the_part_it_weighs_down(tmp_path: Path, capsys:
         lines.append(",".join([*cells[:-1], "0.0"]) if fallen else line)
     log.write_text("\n".join(lines) + "\n")
     out = tmp_path / "fit.json"
-    assert main.run(["fit", str(tmp_path / "logs"), "-o", str(out), "--loss", "huber", "--ci", "none"]) == 0
+    assert (
+        main.run(["fit", str(tmp_path / "logs"), "-o", str(out), "--loss", "huber", "--ci", "none"]) == 4
+    )  # steps say that it stood still
     told = capsys.readouterr().out
     part = json.loads(out.read_text())["nonlinear"]["robust"]["weights"][2]
     assert part["level"] == 60
@@ -85,5 +87,7 @@ def test_huber_shows_the_run_and_the_part_it_weighs_down(tmp_path: Path, capsys:
 
 
 def test_a_fit_of_one_estimate_has_one_column() -> None:
-    alone = {"tau1": [1.0], "other_weights": {"absent": "one run"}}
-    assert list(nonlinear_estimates(alone)) == ["joint, equal weights"]
+    alone = Nonlinear((1.0, 0.0, 0.0), (2.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0), (0.0, 1.0))
+    assert list(alone.estimates) == ["joint, equal weights"]
+    both = msgspec.structs.replace(alone, estimator="two-stage", joint=alone.estimate)
+    assert list(both.estimates) == ["two-stage", "joint, equal weights"]

@@ -34,7 +34,7 @@ def _falls(v: Mapping[str, Any]) -> str:
 
 ROWS: dict[str, Row] = {
     "recorded-not-converged": Row(
-        "stop", "the fit of the recorded logs did not converge: one more step would gain {promise:.2g} of the cost"
+        "stop", "the fit of the logs did not converge: one more step would gain {predicted_decrease:.2g} of the cost"
     ),
     "input-faster-than-sampled": Row(
         "caution",
