@@ -120,7 +120,7 @@ def test_the_sketch_compiles_against_a_board_that_has_its_functions(exported, la
     int analogRead(int); void analogWrite(int, int); int digitalRead(int); void pinMode(int, int);
     unsigned long micros();
     struct Port { void begin(long); void println(const char *); void println(double, int); void print(double, int);
-                  void print(char); int available(); float parseFloat(); } Serial;
+                  void print(char); int available(); int read(); } Serial;
     """
     text = board + sketch.read_text()
     command = ["g++", "-std=c++11", "-Wall", "-Wextra", "-Werror", "-I.", "-fsyntax-only", "-x", "c++", "-"]
