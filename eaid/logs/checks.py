@@ -2,36 +2,34 @@
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from eaid.arrays import Array
 from eaid.errors import DataError
-from eaid.logs.spool import pieces
 
 MOST_DROPPED = 0.01
-"""`--repair` drops up to this share of a log's rows (CONTRACT.md)."""
+"""`repair` drops up to this share of a log's rows."""
 SHOWN = 5
 """Bad rows told one by one; the rest of a kind are counted."""
 
 
 def checked(
     source: str,
-    columns: Mapping[str, Array],
+    columns: Mapping[str, NDArray[Any]],
     said: Sequence[tuple[int, str, str]],
     row_of: Callable[[int], int],
     word: str,
     repair: bool,
-    labels: Mapping[str, str] | None = None,
     time_factor: float = 1.0,
-) -> tuple[NDArray[np.intp] | None, tuple[str, ...]]:
-    """Samples to keep (None: all), and what was dropped in words; raises DataError where rows are bad.
+) -> NDArray[np.intp] | None:
+    """Samples to keep (None: all); raises DataError where rows are bad, all its faults at once.
 
-    `said` lists cells that could not be read: (sample, column label or empty for the whole row, what stands there).
+    `columns` by their label, the first of them the time. `said` lists cells that could not be read: (sample, column
+    label or empty for the whole row, what stands there).
     """
-    labels = labels or {}
-    time = columns["time"]
+    time = next(iter(columns.values()))
     count = len(time)
     lengths = {len(values) for values in columns.values()}
     if len(lengths) > 1:
@@ -40,15 +38,14 @@ def checked(
         )
     if count == 0:
         raise DataError(f"{source}: has a header but no rows; record the log again")
-    if not said and _all_good(columns):
-        return None, ()
+    if not said and all(np.isfinite(values).all() for values in columns.values()) and (np.diff(time) > 0).all():
+        return None
     bad = np.zeros(count, dtype=bool)
-    faults: list[str] = []
-    told: dict[tuple[int, str], None] = {}
+    told: set[tuple[int, str]] = set()
     cells = []
     for sample, label, text in said:
         bad[sample] = True
-        told[sample, label] = None
+        told.add((sample, label))
         if not label:
             cells.append(f"{word} {row_of(sample)} has {text} cells, unlike the others")
         elif not text:
@@ -57,50 +54,37 @@ def checked(
             finite = "is not finite" if _overflows(text) else "is no number"
             cells.append(f"{word} {row_of(sample)}, column {label}, holds {text!r}, which {finite}")
     whole = {sample for sample, label, _ in said if not label}
-    for role, values in columns.items():
-        label = labels.get(role) or role
+    for label, values in columns.items():
         for sample in np.flatnonzero(~np.isfinite(values)).tolist():
             if (sample, label) not in told and sample not in whole:
                 value = "empty or not a number" if np.isnan(values[sample]) else "infinite"
                 cells.append(f"{word} {row_of(sample)}, column {label}, is {value}")
             bad[sample] = True
-    faults.extend(_listed(source, cells, "mend the cell, or drop such rows with --repair"))
+    drop = "" if repair else ", or drop such rows with «repair»"
+    faults = _listed(source, cells, f"mend the cell{drop}")
 
     fine = np.flatnonzero(~bad)
-    steps = np.diff(time[fine])
+    rising = time[fine]
     falls: list[str] = []
-    if len(fine) > 1 and not (steps > 0).all():
+    if len(fine) > 1 and not (np.diff(rising) > 0).all():
         # a row is bad where its time is not above all times before it: dropping those leaves a rising time
-        highest = np.maximum.accumulate(time[fine])
-        late = np.flatnonzero(time[fine][1:] <= highest[:-1]) + 1
+        highest = np.maximum.accumulate(rising)
+        late = np.flatnonzero(rising[1:] <= highest[:-1]) + 1
         for k in late.tolist():
-            now, before = time[fine[k]] * time_factor, highest[k - 1] * time_factor
-            how = "is repeated" if now == before else "falls"
-            falls.append(f"time {how} at {word} {row_of(int(fine[k]))} ({now:.9g} s after {before:.9g} s)")
+            now, before = float(rising[k]) * time_factor, float(highest[k - 1]) * time_factor
+            how = "is repeated" if rising[k] == highest[k - 1] else "falls"
+            falls.append(f"time {how} at {word} {row_of(int(fine[k]))} ({now:.12g} s after {before:.12g} s)")
         bad[fine[late]] = True
-        faults.extend(_listed(source, falls, "sort the rows, or drop such rows with --repair"))
-    if not faults:
-        return None, ()
+        faults.extend(_listed(source, falls, f"sort the rows{drop}"))
     dropped = int(bad.sum())
     if not repair:
         raise DataError(*faults)
     if dropped > MOST_DROPPED * count:
         raise DataError(
-            f"{source}: {dropped} of {count} rows are bad, more than --repair drops (1 % of a log); record it again",
+            f"{source}: {dropped} of {count} rows are bad, more than «repair» drops (1 % of a log); record it again",
             *faults,
         )
-    return np.flatnonzero(~bad), (f"--repair dropped {dropped} of {count} rows",)
-
-
-def _all_good(columns: Mapping[str, Array]) -> bool:
-    """True where every value is finite and the time rises, found piece by piece."""
-    for _, found in pieces(*columns.values(), overlap=1):
-        if not all(np.isfinite(piece).all() for piece in found):
-            return False
-        time = found[list(columns).index("time")]
-        if not (np.diff(time) > 0).all():
-            return False
-    return True
+    return np.flatnonzero(~bad)
 
 
 def _overflows(text: str) -> bool:

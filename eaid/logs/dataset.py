@@ -5,13 +5,13 @@ No time stamps, names in order: the same runs give the same bytes.
 """
 
 import dataclasses
-import json
+import hashlib
 import math
-from collections.abc import Callable, Sequence
-from functools import partial
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import numpy as np
 
 from eaid import __version__
@@ -19,16 +19,16 @@ from eaid.apparatus import Apparatus
 from eaid.arrays import Array, read_only
 from eaid.errors import DataError
 from eaid.files import hdf5_written_whole
-from eaid.logs.chunks import check_chunks
+from eaid.findings import Finding
 from eaid.logs.digest import check_digest, digest_of
-from eaid.logs.extras import damage_told
-from eaid.logs.hdf import check_safe, open_hdf5
+from eaid.logs.hdf import open_hdf5
 from eaid.logs.run import INPUT_UNITS, Kind, Run
-from eaid.logs.spool import LONG, pieces, release, room
-from eaid.logs.walk import Item, Unpacked, item_at, root_of, unpacked, walk, walked
+from eaid.logs.walk import Item, root_of, walk
 
 SCHEMA = "eaid/data/1"
 COLUMNS = ("time_s", "input", "torque_nm")
+LARGEST_START_S = 1e6
+"""First time beyond which a run is counted from its own start [s]."""
 
 
 def is_dataset(path: Path) -> bool:
@@ -68,7 +68,7 @@ def write_dataset(
         folder = file.create_group("runs")
         for run in runs:
             _write_run(folder, run)
-        file.attrs["digest"] = digest_of(walked(file))
+        file.attrs["digest"] = digest_of(walk(file))
 
 
 def _write_run(folder: Any, run: Run) -> None:
@@ -77,42 +77,38 @@ def _write_run(folder: Any, run: Run) -> None:
     if run.reference_nm is not None:
         columns["reference_nm"] = run.reference_nm
     for name, values in columns.items():
-        stored = group.create_dataset(
-            name, values.shape, np.float64, chunks=(min(len(values), 1 << 17),), compression="gzip",
+        group.create_dataset(
+            name, data=np.asarray(values, dtype=np.float64), chunks=(min(len(values), 1 << 17),), compression="gzip",
             compression_opts=4, shuffle=True, track_times=False,
         )  # fmt: skip
-        for place, (piece,) in pieces(values):
-            stored[place] = piece
-        release(values)
     facts = {
         "level": run.level, "repeat": run.repeat, "step_s": run.step_s, "baseline_nm": run.baseline,
         "until_s": run.until_s, "before_nm": run.held, "source": run.source, "sha256": run.sha256,
-        "edge": run.edge, "from_level": run.from_level,
+        "edge": run.edge, "from_level": run.from_level, "start_s": run.start_s or None,
     }  # fmt: skip
     for name, value in facts.items():
         if value is not None:
             group.attrs[name] = value
-    if run.notes:
-        group.attrs["notes"] = json.dumps(run.notes, ensure_ascii=False)
+    if run.findings:
+        group.attrs["findings"] = msgspec.json.encode(run.findings).decode()
 
 
 def read_dataset(path: Path, source: str, sha256: str) -> tuple[list[Run], list[str]]:
     """Runs of a data.h5, in the order of their names, and what is wrong with the others, a sentence each."""
-    with open_hdf5(path, source) as file, damage_told(source, "HDF5"):
-        items = walk(file)
-        check_safe(items, source, path.stat().st_size)
-        root = items[0].facts
+    with open_hdf5(path, source) as file:
+        items = {item.name: item for item in walk(file, source)}
+        root = items[""].facts
         schema = _text(root.get("schema", ""))
         if schema != SCHEMA:
             raise DataError(
                 f"{source}: its schema is {schema!r}, and this eaid reads {SCHEMA!r}; ingest the logs again"
             )
-        check_digest(items, source, "ingest the logs again")
+        check_digest(list(items.values()), source, "ingest the logs again")
         kind = _text(root.get("kind", "clutch"))
         if kind not in INPUT_UNITS:
             raise DataError(f"{source}: its kind is {kind!r}; it must be one of {', '.join(INPUT_UNITS)}")
-        folder = file.get("runs")
-        if folder is None or not hasattr(folder, "items") or not len(folder):
+        names = [name[5:] for name in items if name.startswith("runs/") and "/" not in name[5:]]
+        if not names:
             raise DataError(f"{source}: holds no runs; ingest the logs again")
         synthetic = root.get("synthetic")
         shared: dict[str, Any] = {
@@ -123,24 +119,12 @@ def read_dataset(path: Path, source: str, sha256: str) -> tuple[list[Run], list[
             "synthetic": None if synthetic is None else _text(synthetic),
             "dataset": source,
         }
-        below = {item.name: item for item in items}
-
-        def found(name: str, part: str = "") -> Item | None:
-            path = f"runs/{name}/{part}".rstrip("/")
-            if path in below:
-                return below[path]
-            run = below.get(f"runs/{name}")
-            if run is not None and not run.links(part):
-                return None
-            # an object with several names was walked under one of them
-            return item_at(file, path) if path in file else None
-
-        known: Unpacked = {}
+        known: dict[bytes, Array] = {}
         runs: list[Run] = []
         faults: list[str] = []
-        for name in folder:
+        for name in names:
             try:
-                runs.append(_read_run(partial(found, name), name, sha256, known, shared))
+                runs.append(_read_run(items, name, sha256, known, shared))
             except DataError as fault:
                 faults.extend(fault.sentences)
         return runs, faults
@@ -155,8 +139,8 @@ def _apparatus(attributes: Any, source: str) -> Apparatus | None:
     said: dict[str, Any] = {}
     if "apparatus" in attributes:
         try:
-            said = dict(json.loads(_text(attributes["apparatus"])))
-        except (ValueError, TypeError):
+            said = dict(msgspec.json.decode(_text(attributes["apparatus"])))
+        except (msgspec.MsgspecError, ValueError, TypeError):
             raise DataError(f"{source}: its apparatus is not a JSON object; ingest the logs again") from None
     fields = {field.name: field.type for field in dataclasses.fields(Apparatus)}
     said |= {name: attributes[name] for name in fields if name in attributes}
@@ -170,45 +154,29 @@ def _apparatus(attributes: Any, source: str) -> Apparatus | None:
         raise DataError(f"{source}: its apparatus holds what is no number; ingest the logs again") from None
 
 
-def _column(item: Item, known: Unpacked) -> Array:
-    """A column of a run, kept on disk where it is long."""
-    import h5py
-
-    if len(item.shape or ()) == 1 and item.shape and item.shape[0] >= LONG:
-        check_chunks(item.node, unpack=False)
-        stored = h5py.Dataset(item.node)
-        values = room(item.shape[0])
-        for place, _ in pieces(values):
-            values[place] = stored[place]
-            release(values)
-        return read_only(values)
-    found = unpacked(item.node, known)
-    if found is not None:
-        return found
-    check_chunks(item.node)
-    return read_only(np.asarray(h5py.Dataset(item.node)[()], dtype=np.float64))
+def _column(item: Item, known: dict[bytes, Array]) -> Array:
+    """A column of a run; repeats that have one time axis share it in memory."""
+    values = read_only(item.values)
+    return known.setdefault(hashlib.sha256(values.data).digest(), values)
 
 
 def _read_run(
-    found: Callable[..., Item | None], name: str, sha256: str, known: Unpacked, shared: dict[str, Any]
+    items: Mapping[str, Item], name: str, sha256: str, known: dict[bytes, Array], shared: dict[str, Any]
 ) -> Run:
     source = shared["dataset"]
-    group = found()
-    items = {column: found(column) for column in (*COLUMNS, "reference_nm")}
-    stored = {column: item for column, item in items.items() if item is not None and item.is_array}
-    missing = [column for column in COLUMNS if column not in stored]
-    if group is None or missing:
+    stored = {column: items.get(f"runs/{name}/{column}") for column in (*COLUMNS, "reference_nm")}
+    held = {column: item for column, item in stored.items() if item is not None and item.is_array}
+    missing = [column for column in COLUMNS if column not in held]
+    if missing:
         raise DataError(f"{source}: run {name} has no {' and no '.join(missing)}; ingest the logs again")
-    columns = {}
     try:
-        for column, item in stored.items():
-            columns[column] = _column(item, known)
+        columns = {column: _column(item, known) for column, item in held.items()}
     except (OSError, RuntimeError, ValueError, TypeError):
         raise DataError(f"{source}: run {name} is damaged and cannot be read; ingest the logs again") from None
     shapes = {values.shape for values in columns.values()}
     if len(shapes) > 1 or len(next(iter(shapes))) != 1:
         raise DataError(f"{source}: run {name} has columns of different shape; ingest the logs again")
-    said = group.facts
+    said = items[f"runs/{name}"].facts
 
     def amount(key: str) -> float | None:
         if key not in said:
@@ -219,24 +187,38 @@ def _read_run(
             raise DataError(f"{source}: run {name}: its {key} is no number; ingest the logs again") from None
         return value if math.isfinite(value) else None
 
+    time_s, first = columns["time_s"], float(columns["time_s"][0]) if len(columns["time_s"]) else 0.0
+    if abs(first) > LARGEST_START_S:  # a dataset of a script, on a clock since 1970
+        time_s = read_only(time_s - first)
+    else:
+        first = 0.0
+
+    def since(key: str) -> float | None:
+        at = amount(key)
+        return None if at is None else at - first
+
     repeat = amount("repeat")
     edge = _text(said.get("edge", "rising"))
-    notes = json.loads(_text(said["notes"])) if "notes" in said else ()
+    try:
+        findings = msgspec.json.decode(_text(said.get("findings", "[]")), type=tuple[Finding, ...])
+    except msgspec.MsgspecError:
+        raise DataError(f"{source}: run {name}: its findings cannot be read; ingest the logs again") from None
     return Run(
         name=name,
-        time_s=columns["time_s"],
+        time_s=time_s,
         input=columns["input"],
         output=columns["torque_nm"],
         source=_text(said.get("source", source)),
         sha256=_text(said.get("sha256", sha256)),
         level=amount("level"),
         repeat=None if repeat is None else int(repeat),
-        step_s=amount("step_s"),
-        until_s=amount("until_s"),
+        step_s=since("step_s"),
+        until_s=since("until_s"),
         baseline=amount("baseline_nm"),
         edge="falling" if edge == "falling" else "rising",
         reference_nm=columns.get("reference_nm"),
-        notes=tuple(str(note) for note in notes),
+        findings=findings,
+        start_s=(amount("start_s") or 0.0) + first,
         from_level=amount("from_level") or 0.0,
         held=amount("before_nm"),
         cut="edge" in said,

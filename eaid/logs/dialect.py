@@ -9,7 +9,7 @@ from eaid.logs.units import unit_of
 
 COMMENT = ("#", "%", "//")
 _DELIMITERS = ("\t", ";", "|", ",", None)  # None: any white space
-_MARKS = ((".", ""), (",", ""), (".", ","), (",", "."), (".", "'"), (".", " "), (",", " "))
+MARKS = ((".", ""), (",", ""), (".", ","), (",", "."), (".", "'"), (".", " "), (",", " "))
 
 _PLAIN = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eEdD][+-]?\d+)?$")
 _WORDS = re.compile(r"[+-]?(nan|inf(inity)?|na|n/a|null|none|-)$", re.IGNORECASE)
@@ -124,8 +124,8 @@ def _marks(sample: list[str]) -> tuple[tuple[str | None, str, str], int]:
     for delimiter in _DELIMITERS:
         if delimiter is not None and delimiter not in text:
             continue
-        for decimal, thousands in _MARKS:
-            if delimiter in (decimal, thousands) or (delimiter is None and thousands == " "):
+        for decimal, thousands in MARKS:
+            if (delimiter in (decimal, thousands) and '"' not in text) or (delimiter is None and thousands == " "):
                 continue
             if (decimal == "," and "," not in text) or (thousands and thousands not in text):
                 continue
@@ -162,12 +162,19 @@ def _facts(lines: list[str], delimiter: str | None) -> dict[str, str]:
             )
         if found:
             said[found.group(1).strip().lower()] = found.group(2).strip().strip('"')
+        elif bare and line.lstrip().startswith(COMMENT):
+            said[""] = f"{said.get('', '')} {bare}".strip()
     return said
 
 
 def rate_said(said: dict[str, str]) -> float | None:
-    """Sample rate told in a comment [Hz]: `sampling rate: 1 kHz`, `dt = 0.001 s`; None where none is."""
+    """Sample rate told in a comment [Hz]: `sampling rate: 1 kHz`, `dt = 0.001 s`, `sampled at 500 Hz`; else None."""
     for key, value in said.items():
+        free = re.search(r"([\d.,]+(?:[eE][+-]?\d+)?)\s*(k|m)?(hz|s/s|sps|samples)\b", value, re.IGNORECASE)
+        if not key and free and re.search(r"sampl|abtast|rate|fs\b|daq|acqui", value, re.IGNORECASE):
+            amount = number(free.group(1).replace(",", "."), ".", "")
+            if amount and amount > 0:
+                return amount * {"k": 1e3, "m": 1e6}.get((free.group(2) or "").lower(), 1.0)
         found = re.match(r"([\d.,]+(?:[eE][+-]?\d+)?)\s*([a-zA-Zµμ/]*)", value)
         amount = number(found.group(1).replace(",", "."), ".", "") if found else None
         if not found or not amount or amount <= 0:
@@ -188,8 +195,7 @@ def sniff(path: str, head: bytes, whole: bool) -> Dialect:
     if not encoding:
         raise DataError(f"{path}: is a binary file of no format that eaid knows; export it as CSV, MAT or HDF5")
     text = head[: len(head) // 2 * 2 if "16" in encoding else None].decode(encoding, errors="replace")
-    text = text.replace("\r\n", "\n")
-    lines = text.split("\n") if "\n" in text else text.split("\r")  # a lone return ends no line beside others that do
+    lines = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
     if not whole and len(lines) > 1:
         lines.pop()
     if not any(line.strip() for line in lines):
@@ -205,6 +211,7 @@ def sniff(path: str, head: bytes, whole: bool) -> Dialect:
     cells = split(lines[start].strip("\r\n "), delimiter)
     ragged = len(cells) == count + 1 and not cells[-1].strip()
     start -= _broken_rows(lines[:start], delimiter, decimal, thousands)
+    _refuse_another_table(path, lines[:start], delimiter, decimal, thousands)
     names, units, header_lines = _header(lines[:start], delimiter, count)
     stamps = tuple(
         i
@@ -228,6 +235,20 @@ def _broken_rows(above: list[str], delimiter: str | None, decimal: str, thousand
             break  # a first line that says how many rows follow
         count += 1
     return count
+
+
+def _refuse_another_table(path: str, above: list[str], delimiter: str | None, decimal: str, thousands: str) -> None:
+    """Refuse a file with rows of numbers above the table that is read: two tables, of which one would be lost."""
+    held = 0
+    for i, line in enumerate(above):
+        cells = split(line.strip("\r\n "), delimiter)
+        numbers = sum(number(cell, decimal, thousands) is not None for cell in cells)
+        held = held + 1 if numbers > 1 and 2 * numbers > len(cells) and not line.lstrip().startswith(COMMENT) else 0
+        if held == 3:
+            raise DataError(
+                f"{path}: holds two tables, one from row {i - 1} and another from row {len(above) + 1}; "
+                f"save each in a file of its own"
+            )
 
 
 def _first_row(lines: list[str], delimiter: str | None, decimal: str, thousands: str, count: int) -> int | None:

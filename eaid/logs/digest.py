@@ -1,32 +1,42 @@
-"""The digest of an HDF5 file of eaid: its attributes and shapes, which carry no checksum of their own."""
+"""The digest of an HDF5 file of eaid: its attributes, shapes and values."""
 
 import hashlib
 from collections.abc import Iterable, Sequence
 from typing import Any
 
+import numpy as np
+
 from eaid.errors import DataError
 from eaid.logs.walk import Item
 
+WITH_VALUES = "values:"
+"""Before a digest that covers the values; those of earlier files cover attributes and shapes."""
 
-def digest_of(items: Iterable[Item]) -> str:
-    """SHA-256 of all attributes and shapes, in hex; the columns themselves carry the checksum of their compression."""
+
+def digest_of(items: Iterable[Item], with_values: bool = True) -> str:
+    """SHA-256 of all attributes, shapes and values, in hex behind `WITH_VALUES`."""
     seen = hashlib.sha256()
     for item in items:
+        shape = item.node.shape if item.is_array else None
         facts = sorted((key, _text(value)) for key, value in item.facts.items() if key != "digest")
-        seen.update(repr((item.name or "/", item.shape, facts)).encode("utf-8", errors="replace"))
-    return seen.hexdigest()
+        seen.update(repr((item.name or "/", shape, facts)).encode("utf-8", errors="replace"))
+        if with_values and item.is_array:
+            seen.update(str(item.values.dtype).encode())
+            plain = item.values.dtype.kind in "fiub"
+            seen.update(np.ascontiguousarray(item.values).data if plain else repr(item.values.tolist()).encode())
+    return f"{WITH_VALUES}{seen.hexdigest()}" if with_values else seen.hexdigest()
 
 
 def check_digest(items: Sequence[Item], source: str, remedy: str) -> None:
-    """Refuse a file whose facts are no longer those that were written; one without a digest is taken as it is."""
+    """Refuse a file that no longer holds what was written; one without a digest is taken as it is."""
     try:
-        root = items[0].facts
-        same = "digest" not in root or _text(root["digest"]) == digest_of(items)
-    except (OSError, RuntimeError, ValueError, KeyError):
+        said = items[0].fact("digest")
+        same = said is None or _text(said) == digest_of(items, _text(said).startswith(WITH_VALUES))
+    except (OSError, RuntimeError, ValueError, KeyError, TypeError):
         same = False
     if not same:
         raise DataError(
-            f"{source}: is damaged, or its attributes were changed after eaid wrote it; {remedy}, "
+            f"{source}: is damaged, or was changed after eaid wrote it; {remedy}, "
             f"or delete the attribute digest if the change is yours"
         )
 

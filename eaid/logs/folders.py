@@ -11,8 +11,8 @@ from pathlib import Path
 
 from eaid.errors import DataError, UsageError
 from eaid.logs.columns import INPUTS, OUTPUTS, TIME
-from eaid.logs.formats import format_of
-from eaid.logs.hdf import is_hdf5
+from eaid.logs.formats import format_of, is_hdf5
+from eaid.logs.hdf import is_old_layout
 from eaid.logs.units import split_name
 
 SKIPPED = (
@@ -86,8 +86,9 @@ def _made_by_eaid(path: Path) -> str | None:
     """data or replay, for a file that eaid wrote; None for any other."""
     try:
         with path.open("rb") as file:
-            if not is_hdf5(file.read(4096)):
-                return None
+            head = file.read(4096)
+        if not is_hdf5(head) or is_old_layout(head):
+            return None
         import h5py
 
         with h5py.File(path, "r", locking=False) as stored:

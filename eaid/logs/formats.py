@@ -1,13 +1,26 @@
 """The formats that logs come in, each told by its first bytes, never by the ending of its name."""
 
 from collections.abc import Callable
-from importlib import import_module
-from pathlib import Path
 from typing import NamedTuple
 
-from eaid.logs.hdf import is_hdf5
-from eaid.logs.sheet import Sheet
-from eaid.logs.unread import is_unread
+UNREAD: tuple[tuple[bytes, str], ...] = (
+    (b"PK\x03\x04", "a ZIP archive or an Excel workbook; unpack it, or save its sheet as CSV"),
+    (b"\xd0\xcf\x11\xe0", "an old Excel workbook; save its sheet as CSV"),
+    (b"\x80\x02", "a Python pickle, which can run code; export the log as CSV or HDF5"),
+    (b"\x80\x03", "a Python pickle, which can run code; export the log as CSV or HDF5"),
+    (b"\x80\x04", "a Python pickle, which can run code; export the log as CSV or HDF5"),
+    (b"\x80\x05", "a Python pickle, which can run code; export the log as CSV or HDF5"),
+    (b"\x93NUMPY", "a NumPy file; export the log as CSV or HDF5"),
+    (b"BZh", "packed with bzip2; unpack it, or pack it with gzip"),
+    (b"\xfd7zXZ", "packed with xz; unpack it, or pack it with gzip"),
+    (b"\x28\xb5\x2f\xfd", "packed with zstd; unpack it, or pack it with gzip"),
+    (b"7z\xbc\xaf", "a 7-Zip archive; unpack it"),
+    (b"%PDF", "a PDF; export the log as CSV"),
+    (b"\x89PNG", "a picture; export the log as CSV"),
+    (b"RIFF", "a sound file; export the log as CSV"),
+    (b"\xff\xd8\xff", "a picture; export the log as CSV"),
+)
+"""First bytes of a file that is not read, what it is, and the remedy."""
 
 
 class Format(NamedTuple):
@@ -16,14 +29,20 @@ class Format(NamedTuple):
     name: str
     is_it: Callable[[bytes], bool]
     """Tells it by the first 4 KiB of a file."""
-    reader: str
-    """Module and function that read it, imported when such a log comes."""
+    reader: str = ""
+    """Row of `foreign.answer.READERS`; empty: read, or refused, in this process."""
+    library: str = ""
+    """Library that it takes, where eaid itself does not need it."""
 
-    def read(self, path: Path, source: str) -> list[Sheet]:
-        """Sheets of a log of this format."""
-        module, _, function = self.reader.partition(":")
-        sheets: list[Sheet] = getattr(import_module(f"eaid.logs.{module}"), function)(path, source)
-        return sheets
+
+def is_hdf5(head: bytes) -> bool:
+    """True for the first bytes of an HDF5 file, a MAT v7.3 file among them."""
+    return head.startswith(b"\x89HDF\r\n\x1a\n") or head[512:520] == b"\x89HDF\r\n\x1a\n"
+
+
+def unread(head: bytes) -> str | None:
+    """What a file is that is not read, and the remedy; None for any other."""
+    return next((said for mark, said in UNREAD if head.startswith(mark)), None)
 
 
 def _begins(*marks: bytes) -> Callable[[bytes], bool]:
@@ -46,15 +65,15 @@ def _is_mat(head: bytes) -> bool:
 
 
 FORMATS: tuple[Format, ...] = (
-    Format("HDF5 or MAT v7.3", is_hdf5, "hdf:read_hdf5"),
-    Format("LabVIEW LVM", _begins(b"LabVIEW Measurement", b"\xef\xbb\xbfLabVIEW Measurement"), "lvm:read_lvm"),
-    Format("TDMS", _begins(b"TDSm"), "tdms:read_tdms"),
-    Format("Parquet", _begins(b"PAR1"), "parquet:read_parquet"),
-    Format("MDF", _begins(b"MDF     ", b"UnFinMF "), "mdf:read_mdf"),
-    Format("ROS bag", _begins(b"#ROSBAG V", b"\x89MCAP0\r\n", b"SQLite format 3\0"), "ros:read_ros"),
-    Format("MAT v4 or v5", _is_mat, "mat:read_mat"),
-    Format("not read", is_unread, "unread:refuse"),
-    Format("text", lambda _: True, "text:read_text"),
+    Format("HDF5", is_hdf5, "hdf5"),
+    Format("LVM", _begins(b"LabVIEW Measurement", b"\xef\xbb\xbfLabVIEW Measurement"), "lvm", "lvm_read"),
+    Format("TDMS", _begins(b"TDSm"), "tdms", "nptdms"),
+    Format("Parquet", _begins(b"PAR1"), "parquet", "pyarrow"),
+    Format("MDF", _begins(b"MDF     ", b"UnFinMF "), "mdf", "asammdf"),
+    Format("ROS bag", _begins(b"#ROSBAG V", b"\x89MCAP0\r\n", b"SQLite format 3\0"), "ros", "rosbags"),
+    Format("MAT", _is_mat, "mat"),
+    Format("not read", lambda head: unread(head) is not None),
+    Format("text", lambda _: True),
 )
 
 

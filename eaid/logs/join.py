@@ -9,6 +9,7 @@ import numpy as np
 
 from eaid.arrays import read_only
 from eaid.errors import DataError
+from eaid.findings import Finding, finding
 from eaid.logs.run import Run
 
 
@@ -20,7 +21,7 @@ def joined(runs: Sequence[Run]) -> list[Run]:
     groups: dict[tuple[float | None, int | None], list[Run]] = {}
     for run in runs:
         groups.setdefault((run.level, run.repeat), []).append(run)
-    return [_one(sorted(members, key=lambda run: float(run.time_s[0]))) for members in groups.values()]
+    return [_one(sorted(members, key=lambda run: run.start_s)) for members in groups.values()]
 
 
 def _one(parts: list[Run]) -> Run:
@@ -28,9 +29,9 @@ def _one(parts: list[Run]) -> Run:
     if len(parts) == 1:
         return first
     for before, after in itertools.pairwise(parts):
-        end, start = float(before.time_s[-1]), float(after.time_s[0])
+        end, start = before.start_s + float(before.time_s[-1]), after.start_s
         if start <= end:
-            again = "; each begins its clock anew" if start == float(before.time_s[0]) else ""
+            again = "; each begins its clock anew" if start == before.start_s else ""
             raise DataError(
                 f"{after.where}: begins at {start:.6g} s, before {before.where} ends ({end:.6g} s){again}; "
                 f"logs of one run must follow each other in time to be joined"
@@ -44,17 +45,24 @@ def _one(parts: list[Run]) -> Run:
     return replace(
         first,
         name=re.sub(r"[-_. ]?(part)?[-_. ]?0*1$", "", first.name) or first.name,
-        time_s=read_only(np.concatenate([part.time_s for part in parts])),
+        time_s=read_only(np.concatenate([part.time_s + (part.start_s - first.start_s) for part in parts])),
         input=read_only(np.concatenate([part.input for part in parts])),
         output=read_only(np.concatenate([part.output for part in parts])),
         reference_nm=None
         if any(reference is None for reference in references)
         else read_only(np.concatenate([reference for reference in references if reference is not None])),
-        notes=(*dict.fromkeys(note for part in parts for note in part.notes), _told(parts)),
+        findings=(*_each(parts), finding("logs-joined", first.name, others=_listed(parts[1:]))),
     )
 
 
-def _told(parts: Sequence[Run]) -> str:
-    others = ", ".join(f"{part.source} ({part.sha256[:12]})" for part in parts[1:4])
-    more = f" and {len(parts) - 4} more" if len(parts) > 4 else ""
-    return f"joined with {others}{more}"
+def _each(parts: Sequence[Run]) -> list[Finding]:
+    """The findings of all parts, each once."""
+    found: list[Finding] = []
+    for part in parts:
+        found.extend(one for one in part.findings if one not in found)
+    return found
+
+
+def _listed(parts: Sequence[Run]) -> str:
+    others = ", ".join(f"{part.source} ({part.sha256[:12]})" for part in parts[:3])
+    return f"{others} and {len(parts) - 3} more" if len(parts) > 3 else others

@@ -12,6 +12,7 @@ from typing import Any
 
 from eaid.errors import DataError, UsageError
 from eaid.files import sha256_of, written_whole
+from eaid.findings import finding
 from eaid.logs.run import Run
 
 NAME = "dataset.toml"
@@ -69,7 +70,7 @@ def read_manifest(path: Path) -> Manifest:
     import tomllib
 
     try:
-        content = tomllib.loads(path.read_text(encoding="utf-8"))
+        content = tomllib.loads(path.read_text(encoding="utf-8-sig"))
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as fault:
         raise DataError(f"{path}: is no TOML ({fault}); write it again with eaid ingest --write-manifest") from None
     if content.get("schema") != SCHEMA:
@@ -116,9 +117,9 @@ def apply(entry: Entry, run: Run) -> Run:
     """A run with what the manifest says of its log where the log does not say it itself."""
     from dataclasses import replace
 
-    changed: dict[str, Any] = {"notes": run.notes}
+    changed: dict[str, Any] = {}
     if entry.sha256 and run.sha256 != entry.sha256:
-        changed["notes"] = (*run.notes, "the log has changed since its manifest was written")
+        changed["findings"] = (*run.findings, finding("log-changed", run.name))
     if run.input.size and run.input[0] != run.input[0] and entry.level is not None:  # NaN: no input column
         changed["level"] = entry.level
     said = {"repeat": entry.repeat, "step_s": entry.step_s, "until_s": entry.until_s}

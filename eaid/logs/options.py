@@ -13,13 +13,13 @@ class ReadOptions:
     columns: Mapping[str, str] = field(default_factory=dict)
     """Role (time, input, output, reference) → column name, or its number from 1."""
     units: Mapping[str, str] = field(default_factory=dict)
-    """Role (time, input, output) → unit the column is in."""
+    """Role (time, input, output) → unit the column is in; `/255`: counts, of which 255 are the full scale."""
     name_pattern: str | None = None
     """Found anywhere in the file name, with `{level}` and `{repeat}` in it: `_V={level}_`."""
     step_at_s: float | None = None
-    """Step instant on the log's clock [s]."""
+    """Step instant on the log's own clock [s]; since its first sample where that lies outside the log."""
     until_s: float | None = None
-    """End of the active window on the log's clock [s]."""
+    """End of the active window, on the same clock [s]."""
     repair: bool = False
     """Drop bad rows, up to 1 % of a log, and say how many."""
     kind: Kind | None = None

@@ -1,4 +1,4 @@
-"""A run: one recorded step, as read from a file and put into the units of SPEC §1."""
+"""A run: one recorded step, as read from a file, in the units that `logs/units.py` turns into."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -17,7 +17,7 @@ class Run:
 
     name: str
     time_s: Array
-    """Time of the log [s]; it may start anywhere."""
+    """Time since the log's first sample [s]: 0 first, so that a stamp of 1.7e9 s costs no digit."""
     input: Array
     """Duty, force or speed, in `input_unit`; all NaN where the log has no input column."""
     output: Array
@@ -39,10 +39,8 @@ class Run:
     edge: Literal["rising", "falling"] = "rising"
     reference_nm: Array | None = None
     """Torque reference of a closed-loop log [N·m], shape (n,); None: the log has none."""
-    notes: tuple[str, ...] = ()
-    """What reading had to do, in words (rows dropped by `--repair`, …)."""
     findings: tuple[Finding, ...] = ()
-    """What finding its step brought up."""
+    """What reading it and finding its step brought up."""
     kind: Kind | None = None
     """Experiment, as its columns or its dataset say; None: nothing says it."""
     apparatus: Apparatus | None = None
@@ -55,6 +53,12 @@ class Run:
     """Output just before the edge, at the end of the hold or of the idle time, in `output_unit`."""
     dataset: str = ""
     """The dataset it was read from, as the user gave it; empty: read from `source` itself."""
+    start_s: float = 0.0
+    """The log's own clock at `time_s` = 0 [s]."""
+    taken: tuple[tuple[str, str], ...] = ()
+    """(role, column) that were read, in the order time, input, output, reference."""
+    left: tuple[str, ...] = ()
+    """Columns of the log that were not read."""
     cut: bool = False
     """True for one step cut out of a log (or stored so); False: steps are still to be found in it."""
 

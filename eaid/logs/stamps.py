@@ -1,4 +1,4 @@
-"""Wall-clock stamps (`2024-10-29 16:18:17.123`, `16:18:17,5`) → seconds since the first."""
+"""Wall-clock stamps (`2024-10-29 16:18:17.123`, `16:18:17,5`) → seconds since the first; an offset from UTC counts."""
 
 import re
 from collections.abc import Sequence
@@ -8,7 +8,9 @@ import numpy as np
 
 from eaid.arrays import Array
 
-_CLOCK = re.compile(r"(?:(\S+?)[T ]+)?(\d{1,2}):(\d{2})(?::(\d{2})(?:[.,](\d+))?)?\s*(AM|PM)?(?:Z|[+-]\d{2}:?\d{2})?$")
+_CLOCK = re.compile(
+    r"(?:(\S+?)[T ]+)?(\d{1,2}):(\d{2})(?::(\d{2})(?:[.,](\d+))?)?\s*(AM|PM)?(Z|([+-])(\d{2}):?(\d{2}))?$"
+)
 _DATES = ("%Y-%m-%d", "%Y/%m/%d", "%Y.%m.%d", "%d.%m.%Y", "%d/%m/%Y", "%m/%d/%Y", "%d-%m-%Y")
 
 
@@ -51,6 +53,8 @@ def seconds_of(texts: Sequence[str]) -> tuple[Array, list[int]]:
         if not date and clock - last < -43200:
             added += 1
         last = clock
+        if found.group(8):  # a stamp of 14:00+02:00 is one of 12:00 UTC
+            clock -= int(f"{found.group(8)}1") * (3600 * int(found.group(9)) + 60 * int(found.group(10)))
         # whole seconds and their fraction apart: a day number times 86,400 would cost the last digits
         whole = (day + added) * 86400 + clock
         first = whole if first is None else first

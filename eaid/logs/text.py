@@ -1,313 +1,256 @@
-"""Text logs: CSV and its many dialects, plain or gzipped.
+"""Text logs: CSV and its many dialects, plain or gzipped, read piece by piece by the C parser of pandas.
 
-Numbers with a fixed count of decimals are read by `ruled`; others by the C parser of NumPy or, where much is to be
-read, of pandas. All give correctly rounded numbers. Whatever they stumble over (a word in a column of numbers, an empty
-cell, a row too long) is read again cell by cell, so that every bad cell is told by its row and column; small logs are
-read so from the start.
+Its numbers are correctly rounded. A piece that it stumbles over (a word in a column of numbers, an empty cell, a
+comment, a row too long) is taken apart cell by cell, so that every bad cell is told by its row and column.
 """
 
+import codecs
+import contextlib
 import gzip
 import io
+import math
 import re
-import sys
-import warnings
 import zlib
-from array import array
+from bisect import bisect_right
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
-from itertools import islice
 from pathlib import Path
 from typing import IO, Any, cast
 
 import numpy as np
+from numpy.typing import NDArray
 
-from eaid.arrays import Array, read_only
+from eaid.arrays import read_only
 from eaid.errors import DataError
-from eaid.logs.dialect import COMMENT, Dialect, encoding_of, number, rate_said, sniff, split
-from eaid.logs.longtext import load_long
-from eaid.logs.ruled import ruled
-from eaid.logs.sheet import BadCell, Cells, Sheet
+from eaid.logs.dialect import COMMENT, MARKS, Dialect, encoding_of, number, rate_said, sniff, split
 from eaid.logs.stamps import seconds_of
+from eaid.logs.table import BadCell, Cells, Table
 
 HEAD_BYTES = 1 << 16
-SMALL_BYTES = 1 << 18
-"""Below this size the cell-by-cell way is quicker than importing pandas."""
-TINY_BYTES = 1 << 12
-"""Below this size it is quicker than anything."""
-PANDAS_BYTES = 1 << 26
-"""Bytes read by NumPy from which on the import of pandas, 0.3 s, is won back."""
-CHUNK_BYTES = 1 << 24
-LONG_BYTES = 1 << 26
-"""Size above which a log is read piece by piece; an eighth of it for gzip."""
+PIECE_BYTES = 1 << 22
 MOST_RATIO = 200
 """A gzip that unpacks to more than this many times its size is taken for a bomb (recorded logs: about 10)."""
-
-_read_bytes = 0
-"""What NumPy has read so far, in this process."""
-
-
-def is_gzip(head: bytes) -> bool:
-    """True for the first bytes of a gzip file."""
-    return head.startswith(b"\x1f\x8b")
+MOST_BAD = 10_000
+"""Bad cells that are listed; a log with more is refused whatever they are."""
+BLANK = b"\r\n \t\x00\x1a"
+_DECIMAL = re.compile(rb"(?<![\d.,])0+,\d|\d,\d{1,2}(?!\d)|\d,\d{4}")
+"""A comma that is a decimal mark and cannot be one between thousands."""
 
 
-def _opened(path: Path, zipped: bool) -> IO[bytes]:
-    return cast(IO[bytes], gzip.open(path, "rb")) if zipped else path.open("rb")
-
-
-def _limit(path: Path, zipped: bool) -> int:
-    size = path.stat().st_size
-    return max(MOST_RATIO * size, 1 << 22) if zipped else size
-
-
-def read_text(path: Path, source: str) -> list[Sheet]:
-    """The one sheet of a text log; raises DataError where it holds no table."""
+def read_text(path: Path, source: str, tell: Callable[[float], None] = lambda _: None) -> list[Table]:
+    """The one table of a text log; raises DataError where it holds none. `tell` hears the share of it that is read."""
     with path.open("rb") as raw:
-        zipped = is_gzip(raw.read(4))
-    try:
-        with _opened(path, zipped) as file:
-            head = file.read(HEAD_BYTES)
-            whole = not file.read(1)
-    except (OSError, EOFError, zlib.error) as fault:
-        if not zipped:
-            raise
-        raise DataError(f"{source}: is no whole gzip file ({_plain(fault)}); copy it again") from None
+        zipped = raw.read(2) == b"\x1f\x8b"
+    with _unpacked(path, source, zipped) as file:
+        head = file.read(HEAD_BYTES)
+        whole = not file.read(1)
     if zipped and not encoding_of(head):
         raise DataError(f"{source}: is gzip around a file that is no text; unpack it and give what is inside")
     dialect = sniff(source, head, whole)
 
     def load(columns: Sequence[int]) -> Cells:
-        return _load(path, source, zipped, dialect, columns)
-
-    def load_in_pieces(columns: Sequence[int], told: Callable[[float], None]) -> Cells:
-        return load_long(path, source, zipped, _limit(path, zipped), dialect, columns, _parse, told)
+        return _load(path, source, zipped, dialect, columns, tell)
 
     said = dict(dialect.said)
-    plain = not dialect.encoding.startswith("utf-16") and not dialect.stamps and b"\n" in head
-    long = path.stat().st_size > (LONG_BYTES // 8 if zipped else LONG_BYTES)
-    return [
-        Sheet(
-            "", dialect.columns, load, dialect.units, rate_said(said), 0.0, said,
-            load_long=load_in_pieces if plain and long else None,
-        )
-    ]  # fmt: skip
+    units = tuple("s" if i in dialect.stamps else unit for i, unit in enumerate(dialect.units))
+    return [Table("", dialect.columns, load, units, rate_said(said), 0.0, said)]
 
 
-def _parse(piece: bytes, dialect: Dialect, columns: Sequence[int], line: int) -> Cells:
-    """Cells of some whole lines of a log, the first of which is `line`."""
-    here = replace(dialect, first_line=line)
-    end = len(piece.rstrip(b"\r\n \t\x00\x1a"))
-    fast = (_load_ruled(piece, 0, end, here, columns) or _load_fast(piece, 0, end, here, columns)) if end else None
-    return fast if fast is not None else _load_slow(piece[:end], here, columns)
-
-
-def _plain(fault: BaseException) -> str:
-    return re.sub(r"\s+", " ", str(fault)).strip().rstrip(".") or type(fault).__name__
-
-
-def _bytes(path: Path, source: str, zipped: bool) -> bytes:
-    """All bytes of a log, unpacked; a gzip bomb is refused before it fills the memory."""
-    if not zipped:
-        return path.read_bytes()
-    limit = _limit(path, zipped)
+@contextlib.contextmanager
+def _unpacked(path: Path, source: str, zipped: bool) -> Iterator[IO[bytes]]:
+    """A file's bytes, unpacked; raises DataError where the gzip is damaged."""
     try:
-        with gzip.open(path, "rb") as file:
-            data = file.read(limit + 1)
-    except (OSError, EOFError, zlib.error) as fault:
-        raise DataError(f"{source}: is no whole gzip file ({_plain(fault)}); copy it again") from None
-    if len(data) > limit:
+        with cast(IO[bytes], gzip.open(path, "rb")) if zipped else path.open("rb") as file:
+            yield file
+    except (EOFError, zlib.error, gzip.BadGzipFile) as fault:
+        reason = re.sub(r"\s+", " ", str(fault)).strip().rstrip(".")
+        raise DataError(f"{source}: is no whole gzip file ({reason}); copy it again") from None
+
+
+def _load(
+    path: Path, source: str, zipped: bool, dialect: Dialect, columns: Sequence[int], tell: Callable[[float], None]
+) -> Cells:
+    """The columns by the marks of the first rows, or by others where later rows show that those were wrong."""
+    cells, decimal = _read(path, source, zipped, dialect, columns, tell)
+    texts = [bad.text for bad in cells.bad if bad.column >= 0]
+    for mark, thousands in MARKS:
+        fits = texts and any(number(text, mark, thousands) is not None for text in texts)
+        if fits and (mark, thousands) != (dialect.decimal, dialect.thousands):
+            again, _ = _read(path, source, zipped, replace(dialect, decimal=mark, thousands=thousands), columns, tell)
+            if len(again.bad) < len(cells.bad):
+                return again
+    if dialect.decimal == "," and not decimal:
         raise DataError(
-            f"{source}: unpacks to more than {MOST_RATIO} times its size, as no recorded log does; unpack it yourself"
+            f"{source}: its commas may be decimal marks or stand between thousands, as three digits follow every one; "
+            f"save it with decimal points"
         )
-    return data
+    return cells
 
 
-def _load(path: Path, source: str, zipped: bool, dialect: Dialect, columns: Sequence[int]) -> Cells:
-    data = _bytes(path, source, zipped)
+def _read(
+    path: Path, source: str, zipped: bool, dialect: Dialect, columns: Sequence[int], tell: Callable[[float], None]
+) -> tuple[Cells, bool]:
+    """The columns, and whether a comma in them is surely a decimal mark."""
+    size = path.stat().st_size
+    limit = max(MOST_RATIO * size, 1 << 22) if zipped else math.inf
+    parts: list[Cells] = []
+    bad: list[BadCell] = []
+    line, count, seen, decimal = dialect.first_line, 0, 0, False
+    with _unpacked(path, source, zipped) as file:
+        for piece in _pieces(file, dialect):
+            seen += len(piece)
+            if seen > limit:
+                raise DataError(
+                    f"{source}: unpacks to more than {MOST_RATIO} times its size, as no recorded log does; "
+                    f"unpack it yourself"
+                )
+            body = piece.rstrip(BLANK)
+            if not body:
+                continue
+            decimal = decimal or (dialect.decimal == "," and _DECIMAL.search(body) is not None)
+            cells = _by_pandas(body, dialect, columns, line) or _cell_by_cell(body, dialect, columns, line)
+            bad.extend(BadCell(one.row + count, one.column, one.text) for one in cells.bad)
+            count += len(cells.values[0])
+            line += _lines(piece)
+            parts.append(cells)
+            tell(min(1.0, seen / size))
+            if len(bad) > MOST_BAD:
+                raise DataError(f"{source}: more than {MOST_BAD:,} cells are bad up to row {line - 1}; record it again")
+    if not parts:
+        return Cells(tuple(np.empty(0) for _ in columns)), decimal
+    values = [np.concatenate([cells.values[k] for cells in parts]) for k in range(len(columns))]
+    for k, column in enumerate(columns):
+        if column in dialect.stamps:
+            texts = [str(text) for text in values[k]]
+            values[k], wrong = seconds_of(texts)
+            bad.extend(BadCell(i, column, texts[i].strip()[:40]) for i in wrong if texts[i])
+    return Cells(tuple(read_only_(v) for v in values), tuple(bad), _Rows(parts)), decimal
+
+
+def read_only_(values: NDArray[Any]) -> NDArray[Any]:
+    """Whole numbers keep their type: a stamp of 1.7e18 ns has more digits than a float."""
+    return values if values.dtype.kind in "iu" else read_only(values)
+
+
+class _Rows(Sequence[int]):
+    """Line of the file of every sample, kept as the lines that each piece begins with."""
+
+    def __init__(self, pieces: Sequence[Cells]) -> None:
+        self._pieces = [Cells((), rows=cells.rows, first_row=cells.first_row) for cells in pieces]
+        self._starts = np.cumsum([0, *(len(cells.values[0]) for cells in pieces)]).tolist()
+
+    def __len__(self) -> int:
+        return int(self._starts[-1])
+
+    def __getitem__(self, index: int) -> int:  # type: ignore[override]
+        k = bisect_right(self._starts, index) - 1
+        return self._pieces[k].row(index - self._starts[k])
+
+
+def _lines(piece: bytes) -> int:
+    """Line ends in a piece: \\n, \\r\\n, or \\r alone."""
+    marks = np.frombuffer(piece, dtype=np.uint8)
+    returns = np.count_nonzero(marks == 13) if b"\r" in piece else 0
+    return int(np.count_nonzero(marks == 10) + (returns - piece.count(b"\r\n") if returns else 0))
+
+
+def _pieces(file: IO[bytes], dialect: Dialect) -> Iterator[bytes]:
+    """Whole lines from the first row of the table on, in UTF-8 or what the file has, about `PIECE_BYTES` at a time."""
     if dialect.encoding.startswith("utf-16"):
-        data = data.decode(dialect.encoding, errors="replace").encode("utf-8")
-    if b"\r" in data[:HEAD_BYTES] and b"\n" not in data[:HEAD_BYTES]:
-        data = data.replace(b"\r", b"\n")
-    start = 0
-    for _ in range(dialect.first_line - 1):
-        start = data.find(b"\n", start) + 1
-        if not start:
-            raise DataError(f"{source}: its lines end in different ways; save it with line ends of one kind")
-    end = len(data)
-    while end > start and data[end - 1] in b"\r\n \t\x00\x1a":
-        end -= 1
-    if end - start > TINY_BYTES and not dialect.stamps:
-        plain = _load_ruled(data, start, end, dialect, columns)
-        if plain is not None:
-            return plain
-    if end - start > SMALL_BYTES and not dialect.stamps:
-        fast = _load_fast(data, start, end, dialect, columns)
-        if fast is not None:
-            return fast
-    return _load_slow(data[start:end], dialect, columns)
+        file = cast(IO[bytes], codecs.EncodedFile(file, "utf-8", dialect.encoding, errors="replace"))
+    rest, skip = b"", dialect.first_line - 1
+    while block := file.read(PIECE_BYTES):
+        block = rest + block
+        if skip:
+            ends = re.finditer(rb"\r\n|\n|\r", block)
+            block = block[next(end for i, end in enumerate(ends, start=1) if i == skip).end() :]
+            skip = 0
+        end = max(block.rfind(b"\n"), -1 if b"\n" in block else block.rfind(b"\r", 0, -1)) + 1
+        if end:
+            yield block[:end]
+        rest = block[end:]
+    if rest:
+        yield rest
 
 
-def _load_ruled(data: bytes, start: int, end: int, dialect: Dialect, columns: Sequence[int]) -> Cells | None:
-    """The columns of a log with a fixed count of decimals; None for any other."""
-    delimiter = dialect.delimiter
-    if delimiter is None or dialect.decimal != "." or dialect.thousands or dialect.ragged or delimiter in "+-.":
-        return None
-    found = ruled(np.frombuffer(data, dtype=np.uint8)[start:end], len(dialect.columns), delimiter, columns)
-    return None if found is None else Cells(tuple(map(read_only, found)), first_row=dialect.first_line)
-
-
-def _load_fast(data: bytes, start: int, end: int, dialect: Dialect, columns: Sequence[int]) -> Cells | None:
-    """The columns by a C parser; None where anything in them is not a plain finite number.
-
-    NumPy's needs no import; pandas' is taken where it is there already, and once much has been read.
-    """
-    global _read_bytes
-    plain = dialect.decimal == "." and not dialect.thousands and not dialect.ragged
-    if plain and "pandas" not in sys.modules and _read_bytes + (end - start) < PANDAS_BYTES:
-        _read_bytes += end - start
-        return _load_numpy(data, start, end, dialect, columns)
-    return _load_pandas(data, start, end, dialect, columns)
-
-
-def _load_numpy(data: bytes, start: int, end: int, dialect: Dialect, columns: Sequence[int]) -> Cells | None:
-    """The columns by `numpy.loadtxt`, whose numbers are those of `float()`; a blank line or a short row gives None."""
-    count, rows = len(dialect.columns), _count(data, "\n", start, end) + 1
-    file = io.BytesIO(data)  # which copies nothing
-    file.seek(start)
-    with_last = list(dict.fromkeys((*columns, count - 1))) if dialect.delimiter else None
-    try:
-        table = np.loadtxt(islice(file, rows), comments=None, delimiter=dialect.delimiter, usecols=with_last, ndmin=2)
-    except ValueError:
-        return None
-    marks = _count(data, dialect.delimiter, start, end) if dialect.delimiter else rows * (count - 1)
-    if table.shape != (rows, count if with_last is None else len(with_last)) or marks != rows * (count - 1):
-        return None
-    places = columns if with_last is None else range(len(columns))
-    values = [np.ascontiguousarray(table[:, place]) for place in places]
-    if not all(np.isfinite(column).all() for column in values):
-        return None
-    return Cells(tuple(map(read_only, values)), first_row=dialect.first_line)
-
-
-def _count(data: bytes, mark: str, start: int, end: int) -> int:
-    """How often a mark stands in a part of a text; five times as quick as `bytes.count`."""
-    part = np.frombuffer(data, dtype=np.uint8)[start:end]
-    return sum(int(np.count_nonzero(part[i : i + CHUNK_BYTES] == ord(mark))) for i in range(0, len(part), CHUNK_BYTES))
-
-
-def _load_pandas(data: bytes, start: int, end: int, dialect: Dialect, columns: Sequence[int]) -> Cells | None:
-    """The columns by pandas' C parser; None where anything in them is not a plain finite number."""
+def _by_pandas(body: bytes, dialect: Dialect, columns: Sequence[int], line: int) -> Cells | None:
+    """The columns of a piece by pandas' C parser; None where anything in them is not a plain finite number."""
     import pandas as pd
-    from pandas.errors import DtypeWarning, ParserError
+    from pandas.errors import ParserError
 
-    count = len(dialect.columns)
-    options: dict[str, Any] = {}
-    if tuple(int(part) for part in pd.__version__.split(".")[:2]) < (3, 1):
-        options["float_precision"] = "round_trip"  # correctly rounded by itself from 3.1 on
+    count, delimiter = len(dialect.columns), dialect.delimiter
+    options: dict[str, Any] = {"dtype": {column: str for column in dialect.stamps if column in columns}}
     if dialect.thousands:
         options["thousands"] = dialect.thousands
-    wanted = sorted({*columns, count - 1}) if dialect.delimiter else list(range(count))
-    body = memoryview(data)[start:end]
-    # the last column comes along to show short rows; making texts of numbers would take longer than all the rest
-    first = data[start : start + 4096].split(b"\n", 1)[0].decode("latin-1").strip("\r ")
-    last = split(first, dialect.delimiter)[-1 - dialect.ragged]
-    warnings.simplefilter("ignore", DtypeWarning)  # words among numbers are told below, cell by cell
-    numbers = count - 1 in columns or number(last, dialect.decimal, dialect.thousands) is not None
+    if tuple(int(part) for part in pd.__version__.split(".")[:2]) < (3, 1):
+        options["float_precision"] = "round_trip"  # correctly rounded by itself from 3.1 on
+    if count - 1 not in columns:  # it comes along to show short rows; texts of numbers would take longer than the rest
+        first = split(body[:4096].splitlines()[0].decode("latin-1").strip(), delimiter)
+        if number(first[min(count, len(first)) - 1], dialect.decimal, dialect.thousands) is None:
+            options["dtype"][count - 1] = str
     try:
         frame = pd.read_csv(
-            _Window(body),
-            sep=dialect.delimiter or r"\s+",
-            decimal=dialect.decimal,
-            header=None,
-            names=list(range(count + dialect.ragged)),
-            usecols=wanted,
-            index_col=False,
-            skip_blank_lines=False,
-            encoding_errors="replace",
-            low_memory=True,  # in pieces, which takes a third less memory
-            dtype=None if numbers else {count - 1: str},
-            **options,
-        )
+            io.BytesIO(body), sep=delimiter or r"\s+", decimal=dialect.decimal, header=None, index_col=False,
+            names=list(range(count + dialect.ragged)), usecols=sorted({*columns, count - 1}) if delimiter else None,
+            skip_blank_lines=False, encoding_errors="replace", low_memory=False, **options,
+        )  # fmt: skip
     except (ParserError, ValueError, OverflowError):
         return None
-    values = []
-    for column in columns:
-        cells = frame[column]
-        if cells.dtype.kind not in "fiu":
+    values = [frame[column].to_numpy(object if column in dialect.stamps else None) for column in columns]
+    for column, one in zip(columns, values, strict=True):
+        if column in dialect.stamps:
+            if frame[column].isna().any():
+                return None
+        elif one.dtype.kind not in "fiu" or (one.dtype.kind == "f" and not np.isfinite(one).all()):
             return None
-        array_ = cells.to_numpy(dtype=np.float64)
-        if not np.isfinite(array_).all():
+    if delimiter:  # a row too long is cut in silence
+        marks = np.count_nonzero(np.frombuffer(body, dtype=np.uint8) == ord(delimiter))
+        if marks != len(frame) * (count - 1 + dialect.ragged):
             return None
-        values.append(read_only(array_))
-    marks = len(frame) * (count - 1 + dialect.ragged)
-    if dialect.delimiter and _count(data, dialect.delimiter, start, end) != marks:
-        return None
-    return Cells(tuple(values), first_row=dialect.first_line)
+    return Cells(tuple(values), first_row=line)
 
 
-class _Window(io.RawIOBase):
-    """A part of a buffer as a file, without copying it."""
+def _cell_by_cell(body: bytes, dialect: Dialect, columns: Sequence[int], line: int) -> Cells:
+    """The columns of a piece cell by cell, every bad cell listed; comment and blank lines are passed over.
 
-    def __init__(self, view: memoryview) -> None:
-        self._view = view
-        self._at = 0
-
-    def readable(self) -> bool:
-        return True
-
-    def read(self, size: int = -1) -> bytes:
-        stop = len(self._view) if size is None or size < 0 else self._at + size
-        piece = bytes(self._view[self._at : stop])
-        self._at += len(piece)
-        return piece
-
-    def __iter__(self) -> "Iterator[bytes]":
-        while piece := self.read(CHUNK_BYTES):
-            yield piece
-
-
-def _load_slow(body: bytes, dialect: Dialect, columns: Sequence[int]) -> Cells:
-    """The columns cell by cell, every bad cell listed; comment and blank lines are passed over."""
+    Stamps stay texts: what they mean depends on those before them.
+    """
     encoding = "cp1252" if dialect.encoding == "cp1252" else "utf-8"
     count, decimal, thousands = len(dialect.columns), dialect.decimal, dialect.thousands
-    values = [array("d") for _ in columns]
-    stamps: dict[int, list[str]] = {k: [] for k, column in enumerate(columns) if column in dialect.stamps}
-    rows = array("q")
+    values: list[list[Any]] = [[] for _ in columns]
+    rows: list[int] = []
     bad: list[BadCell] = []
     plain = decimal == "." and not thousands
-    for line_number, raw in enumerate(body.split(b"\n"), start=dialect.first_line):
-        line = raw.decode(encoding, errors="replace").strip("\r\n ")
-        if not line or line.startswith(COMMENT):
+    for row, raw in enumerate(re.split(rb"\r\n|\n|\r", body), start=line):
+        text = raw.decode(encoding, errors="replace").strip("\r\n \x00\x1a")
+        if not text or text.startswith(COMMENT):
             continue
-        cells = split(line, dialect.delimiter)
+        cells = split(text, dialect.delimiter)
         if len(cells) == count + 1 and not cells[-1].strip():
             cells.pop()
-        index = len(rows)
-        rows.append(line_number)
+        here = len(rows)
+        rows.append(row)
         if len(cells) != count:
-            bad.append(BadCell(index, -1, str(len(cells))))
-            for column_values in values:
-                column_values.append(np.nan)
-            for texts in stamps.values():
-                texts.append("")
-            continue
+            bad.append(BadCell(here, -1, str(len(cells))))
         for k, column in enumerate(columns):
-            text = cells[column]
-            if k in stamps:
-                stamps[k].append(text)
-                values[k].append(0.0)
+            if column in dialect.stamps:
+                values[k].append(cells[column] if len(cells) == count else "")
                 continue
-            value: float | None
-            try:
-                value = float(text) if plain and "_" not in text else number(text, decimal, thousands)
-            except ValueError:
-                value = number(text, decimal, thousands)
-            if value is None or not -1.8e308 < value < 1.8e308:
-                bad.append(BadCell(index, column, text.strip()[:40]))
-                value = np.nan
+            value = _value(cells[column], plain, decimal, thousands) if len(cells) == count else math.nan
+            if len(cells) == count and not math.isfinite(value):
+                bad.append(BadCell(here, column, cells[column].strip()[:40]))
+                value = math.nan
             values[k].append(value)
-    arrays: list[Array] = [np.frombuffer(v, dtype=np.float64) if len(v) else np.empty(0) for v in values]
-    for k, texts in stamps.items():
-        arrays[k], wrong = seconds_of(texts)
-        bad.extend(BadCell(i, columns[k], texts[i].strip()[:40]) for i in wrong if texts[i])
-    return Cells(tuple(read_only(a) for a in arrays), tuple(bad), rows)
+    arrays = [
+        np.array(one, dtype=object if column in dialect.stamps else np.float64)
+        for one, column in zip(values, columns, strict=True)
+    ]
+    return Cells(tuple(arrays), tuple(bad), rows)
+
+
+def _value(text: str, plain: bool, decimal: str, thousands: str) -> float:
+    if plain and "_" not in text:
+        with contextlib.suppress(ValueError):
+            return float(text)
+    value = number(text, decimal, thousands)
+    return math.nan if value is None else value

@@ -1,4 +1,7 @@
-"""Units of logs: how they are spelled, what they measure, and their factor to the units of SPEC §1."""
+"""Units of logs: how they are spelled, what they measure, and their factor to the unit that eaid computes in.
+
+Torque becomes N·m, force N, speed RPM, duty %, pressure bar, voltage V, time s; any other unit stays as it is.
+"""
 
 import math
 import re
@@ -28,8 +31,9 @@ _define("time", "s", 1.0, "s", "sec", "secs", "second", "seconds", "sek", "seg")
 _define("time", "s", 1e-3, "ms", "msec", "millisecond", "milliseconds", "millis")
 _define("time", "s", 1e-6, "us", "usec", "microsecond", "microseconds", "micros")
 _define("time", "s", 1e-9, "ns", "nsec", "nanosecond", "nanoseconds")
-_define("time", "s", 60.0, "min", "minute", "minutes")
-_define("time", "s", 3600.0, "h", "hour", "hours")
+_define("time", "s", 60.0, "min", "mins", "minute", "minutes")
+_define("time", "s", 3600.0, "h", "hr", "hrs", "hour", "hours")
+_define("time", "s", 86400.0, "d", "day", "days")
 _define("torque", "N·m", 1.0, "nm", "newtonmeter", "newtonmetre", "newtonmeters", "newtonmetres")
 _define("torque", "N·m", 1e-3, "mnm")
 _define("torque", "N·m", 1e-2, "ncm")
@@ -57,6 +61,8 @@ _define("duty", "%", 100.0, "fraction", "1", "ratio", "-")
 _define("voltage", "V", 1.0, "v", "volt", "volts", "vdc")
 _define("voltage", "V", 1e-3, "mv")
 _define("voltage", "V", 1e3, "kv")
+_define("current", "A", 1.0, "a", "amp", "amps", "ampere", "amperes")
+_define("current", "A", 1e-3, "ma")
 _define("pressure", "bar", 1.0, "bar", "bars")
 _define("pressure", "bar", 1e-3, "mbar", "hpa")
 _define("pressure", "bar", 1e-5, "pa")
@@ -64,8 +70,11 @@ _define("pressure", "bar", 1e-2, "kpa")
 _define("pressure", "bar", 10.0, "mpa")
 _define("pressure", "bar", 0.0689475729317831, "psi")
 
-TIME_UNITS = "s, ms, us, ns, min or h"
-_CASE_SENSITIVE = {"MPa": "mpa", "mPa": ""}  # the one pair of prefixes that case alone tells apart
+TIME_UNITS = "s, ms, us, ns, min, h or d"
+_CASE_SENSITIVE = {"MPa": "mpa", "mPa": "", "MNm": "", "MN·m": ""}  # prefixes that case alone tells apart
+_WEIGHED = {"force", "load", "loadcell", "weight", "weighing", "scale", "friction", "tension", "pull", "push", "shear",
+            "kraft", "kracht", "fuerza", "last", "cell", "fn", "ft", "thrust"}  # fmt: skip
+_SHAKEN = {"acc", "accel", "acceleration", "accelerometer", "vibration", "vib", "imu", "shock", "ax", "ay", "az"}
 
 
 def unit_of(text: str) -> Unit | None:
@@ -79,16 +88,41 @@ def unit_of(text: str) -> Unit | None:
     return _SPELLINGS.get(re.sub(r"[\s·*.⋅×_-]", "", key))
 
 
+def likely_time_unit(usual: float) -> str:
+    """Unit of a clock whose stamps are so far apart, if it is not s: the coarsest that makes half a second or less."""
+    return next((unit for unit in ("ms", "us", "ns") if usual * _SPELLINGS[unit].factor <= 0.5), "ns")
+
+
+def words_of(name: str) -> set[str]:
+    """The words of a column's name, in lower case: `shearForce_N` → shear, force, n."""
+    spaced = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", name)
+    return set(re.findall(r"[a-z0-9]+", spaced.lower()))
+
+
+def is_weight(name: str, said: bool) -> bool:
+    """Whether a column in g or kg is a force: by its name; where that tells nothing, only if the user says the unit."""
+    words = words_of(name)
+    return not words & _SHAKEN and (said or bool(words & _WEIGHED))
+
+
 _BRACKETED = re.compile(r"^(.*?)\s*[\[({]\s*([^\])}]*?)\s*[\])}]\s*$")
-_SUFFIX = re.compile(r"^(.*?)(?:_|\s*/\s*|\s+in\s+|,\s*|\s+)([^\s_/,]+)$")
+_SUFFIX = re.compile(r"^(.*?)(?:_|\.|\s*/\s*|\s+in\s+|,\s*|\s+)([^\s_/,.]+)$")
+_CAMEL = re.compile(r"^(.*[a-z])((?:[A-Z][a-z]*)+|%)$")
 
 
 def split_name(name: str) -> tuple[str, str]:
     """A column's bare name and the unit its name carries: `Torque (mNm)` → (`Torque`, `mNm`); unit empty where none."""
-    found = _BRACKETED.match(name.strip())
+    name = name.strip()
+    found = _BRACKETED.match(name)
     if found and found.group(1):
         return found.group(1).strip(), found.group(2)
-    found = _SUFFIX.match(name.strip())
+    found = _SUFFIX.match(name)
     if found and found.group(1) and unit_of(found.group(2)) is not None and found.group(2) not in ("1", "-"):
-        return found.group(1).strip(" _/"), found.group(2)
-    return name.strip(), ""
+        return found.group(1).strip(" _/."), found.group(2)
+    found = _CAMEL.match(name)  # TorqueMnm, dutyPct, ForceN
+    if found:
+        for cut in range(1, len(name)):
+            unit = name[cut:]
+            if unit[0].isupper() and unit_of(unit) is not None and (len(unit) > 1 or unit in "NV"):
+                return name[:cut], unit
+    return name, ""

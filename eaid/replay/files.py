@@ -19,7 +19,6 @@ import numpy as np
 from eaid.arrays import Array, read_only
 from eaid.errors import DataError
 from eaid.files import hdf5_written_whole
-from eaid.logs.chunks import check_chunks
 from eaid.logs.digest import check_digest, digest_of
 from eaid.logs.walk import walk
 from eaid.schema import METRICS, REPLAY
@@ -65,17 +64,16 @@ def read_replay(path: Path, tell: Callable[[str], None] = lambda _: None) -> tup
 
     What they hold has the shapes of eaid/schema.py; `tell` gets a sentence about each part that is left out.
     """
-    from eaid.logs.hdf import check_safe, open_hdf5  # with them come the readers of logs, which writing does not need
+    from eaid.logs.hdf import open_hdf5  # with them come the readers of logs, which writing does not need
 
     if not path.is_file():
         raise DataError(f"{path}: no such file; give the replay.h5 that eaid simulate wrote")
     if not h5py.is_hdf5(path):
         raise DataError(f"{path}: is no HDF5 file; give the replay.h5 that eaid simulate wrote")
     with open_hdf5(path, str(path)) as file:
-        items = walk(file)
+        items = walk(file, str(path))
         if items[0].fact("schema") != SCHEMA:
             raise DataError(f"{path}: is no {SCHEMA} file; make it again with eaid simulate")
-        check_safe(items, str(path), path.stat().st_size)
         check_digest(items, str(path), "make it again with eaid simulate")
         held = {key: _plain(value, path, key) for key, value in file.attrs.items() if key != "digest"}
         options = _checked(held, REPLAY, path, "", tell)
@@ -121,7 +119,6 @@ def _checked(value: Any, shape: Part, path: Path, name: str, tell: Callable[[str
 def _keep(name: str, item: Any, kept: dict[str, Any]) -> None:
     """Every array of a group, those of its inner groups too, under its path."""
     if isinstance(item, h5py.Dataset):
-        check_chunks(item.id)
         kept[name] = item[...]
 
 

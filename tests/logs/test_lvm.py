@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from eaid.errors import DataError
-from eaid.logs.lvm import read_lvm
+from eaid.logs.foreign.lvm import read_lvm
 from eaid.logs.options import ReadOptions
 from eaid.logs.read import read_runs
 
@@ -44,7 +44,6 @@ def test_a_column_of_times(tmp_path):
     assert time.tolist() == [0.5, 0.75, 1.0]
     assert duty.tolist() == [0, 50, 50]
     assert torque.tolist() == [1e-3, 2, 3]
-    assert [cells.row(i) for i in range(3)] == [17, 18, 19]
 
 
 def test_without_a_column_of_times_and_with_decimal_comma(tmp_path):
@@ -64,7 +63,7 @@ def test_a_time_of_its_own_for_each_channel(tmp_path):
     sheet, cells = read(tmp_path / "a", lvm([(HEAD, names, ["0|1|0|2", "1|3|1|4"])], own="Multi"))
     assert sheet.columns == ("time", "Duty", "Torque")
     assert [v.tolist() for v in cells.values] == [[0, 1], [1, 3], [2, 4]]
-    with pytest.raises(DataError, match="the channels of line 18 have different times; export them on one X column"):
+    with pytest.raises(DataError, match="its channels have different times; export them on one X column"):
         read(tmp_path / "a", lvm([(HEAD, names, ["0|1|0|2", "1|3|1.5|4"])], own="Multi"))
 
 
@@ -89,15 +88,15 @@ def test_segments_that_start_anew_are_put_apart_by_the_clock(tmp_path):
     ("text", "sentence"),
     [
         ("LabVIEW Measurement\nSeparator\tTab\n1\t2\n", r"its header has no end \(\*\*\*End_of_Header\*\*\*\)"),
-        (lvm([]), "has a header but no channels; record the log again"),
-        (lvm([(HEAD, "Duty|Torque", ["0|1"])]), r"line 16 does not name the columns \(X_Value first\)"),
-        (lvm([(HEAD, "X_Value|Comment", ["0"])]), "line 16 names no channels"),
-        (lvm([(["X_Dimension|Frequency"], "X_Value|A", ["0|1"])]), "its X is Frequency, not Time: no log"),
-        (lvm([(["X0|0"], "X_Value|A", ["|1"])], own="No"), "neither a column of times nor a Delta_X above 0"),
-        (lvm([(["Delta_X|fast"], "X_Value|A", ["0|1"])]), "the Delta_X above line 11 is 'fast', which is no number"),
+        (lvm([]), "its header cannot be followed"),
+        (lvm([(HEAD, "Duty|Torque", ["0|1"])]), "its header cannot be followed"),
+        (lvm([(HEAD, "X_Value|Comment", ["0"])]), "names no channels; record the log again"),
+        (lvm([(["Channels|1", "X_Dimension|Frequency"], "X_Value|A", ["0|1"])]), "its X is Frequency, not Time: no log"),
+        (lvm([(["Channels|1", "X0|0"], "X_Value|A", ["|1"])], own="No"), "neither a column of times nor a Delta_X"),
+        (lvm([(["Channels|1", "Delta_X|fast"], "X_Value|A", ["0|1"])]), "its header cannot be followed"),
         (lvm([(HEAD, "X_Value|A", ["0|1"])], own="Two"), "its X_Columns is 'Two', not No, One or Multi"),
-        (lvm([(HEAD, "X_Value|A", ["0|1"]), (["Channels|1", *HEAD], "X_Value|B", ["0|1"])]),
-         r"the channels change at line 26 \(B, before: A\); split the file there"),
+        (lvm([(HEAD, "X_Value|A", ["0|1"]), (["Channels|1", *HEAD[1:]], "X_Value|B", ["0|1"])]),
+         r"its channels change \(B, before: A\); split the file there"),
     ],
 )  # fmt: skip
 def test_what_cannot_be_followed_is_refused(tmp_path, text, sentence):
@@ -107,14 +106,13 @@ def test_what_cannot_be_followed_is_refused(tmp_path, text, sentence):
 
 def test_bad_cells_are_told_by_row_and_column(tmp_path):
     rows = [f"{i / 100}|{50 * (i > 20)}|{i}" for i in range(60)]
-    rows[30], rows[40] = "0.3|50|x", "0.4|50|1|2|3"
+    rows[30] = "0.3|50|x"
     path = tmp_path / "a.lvm"
     path.write_text(lvm([(HEAD, "X_Value|Duty|Torque|Comment", rows)]))
     with pytest.raises(DataError) as caught:
         read_runs([path])
     told = "\n".join(caught.value.sentences)
-    assert "row 47, column Torque, holds 'x', which is no number" in told
-    assert "row 57 has 5 cells, unlike the others" in told
+    assert "row 31, column Torque, is empty" in told  # lvm_read gives NaN for what it cannot read
 
 
 @pytest.mark.skipif(not REAL.is_dir(), reason="the recorded logs are not here")

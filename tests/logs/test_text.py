@@ -129,17 +129,22 @@ def read_one(path: Path, content: bytes, **options: object) -> Run:
     return found
 
 
-@pytest.mark.parametrize("small", [True, False], ids=["cell by cell", "quick"])
+UNKNOWN = {"no header", "columns by number"}
+"""Dialects whose columns say no unit; those of a torque alone are unknown, too."""
+
+
 @pytest.mark.parametrize("name", DIALECTS)
-def test_dialect(name: str, small: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("eaid.logs.text.SMALL_BYTES", 1 << 18 if small else -1)
+@pytest.mark.parametrize("quick", [True, False], ids=["quick", "cell by cell"])
+def test_dialect(name: str, quick: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    if not quick:
+        monkeypatch.setattr("eaid.logs.text._by_pandas", lambda *_: None)
     content, options = DIALECTS[name]
     run = read_one(tmp_path / "log.dat", content, **options)
     np.testing.assert_allclose(run.time_s - run.time_s[0], T, rtol=0, atol=1e-9)
     np.testing.assert_allclose(run.input, U, rtol=1e-12)
     np.testing.assert_allclose(run.output, Y, rtol=1e-9, atol=1e-15)
-    assert run.input_unit == "%"
-    assert run.output_unit == "N·m"
+    assert run.input_unit == ("" if name in UNKNOWN else "%")
+    assert run.output_unit == ("" if name in UNKNOWN | {"microseconds", "time said to be in ms", "dates"} else "N·m")
 
 
 @pytest.mark.parametrize(
@@ -151,6 +156,16 @@ def test_dialect(name: str, small: bool, tmp_path: Path, monkeypatch: pytest.Mon
         ("Torque [ozf·in]", {}, 0.00706155181422604, "N·m"),
         ("Torque (kgf.cm)", {}, 0.0980665, "N·m"),
         ("torque", {"output": "mm/s^2"}, 1.0, "mm/s^2"),
+        ("torque", {}, 1.0, ""),
+        ("torque.mNm", {}, 1e-3, "N·m"),
+        ("TorqueMnm", {}, 1e-3, "N·m"),
+        ("torqueNcm", {}, 1e-2, "N·m"),
+        ("Load Cell", {}, 1.0, "N"),
+        ("Load Cell (g)", {}, 9.80665e-3, "N"),
+        ("response (g)", {}, 1.0, "g"),
+        ("accel output [g]", {"output": "g"}, 1.0, "g"),
+        ("output", {"output": "/1000"}, 1e-3, ""),
+        ("Torque [MNm]", {}, 1.0, "MNm"),
     ],
 )
 def test_output_units(header: str, units: dict[str, str], factor: float, unit: str, tmp_path: Path) -> None:
@@ -171,8 +186,9 @@ def test_numbers_are_correctly_rounded(tmp_path: Path, monkeypatch: pytest.Monke
     ]
     texts = [repr(x) for x in numbers] + hard
     content = "time_s,torque_nm\n" + "".join(f"{i},{text}\n" for i, text in enumerate(texts))
-    for small in (1 << 30, -1):
-        monkeypatch.setattr("eaid.logs.text.SMALL_BYTES", small)
+    for quick in (True, False):
+        if not quick:
+            monkeypatch.setattr("eaid.logs.text._by_pandas", lambda *_: None)
         run = read_one(tmp_path / "a.csv", content.encode())
         assert run.output.tolist() == [float(text) for text in texts]
 
@@ -203,7 +219,7 @@ def test_repair_drops_and_says_so(tmp_path: Path) -> None:
     lines[100], lines[201] = "0.99,0,", "0.1,40,1.0"
     run = read_one(tmp_path / "a.csv", "\n".join(lines).encode(), repair=True)
     assert len(run.time_s) == N - 2
-    assert run.notes == ("--repair dropped 2 of 300 rows",)
+    assert [(one.code, one.values) for one in run.findings] == [("rows-dropped", {"dropped": 2, "count": 300})]
     assert (np.diff(run.time_s) > 0).all()
     np.testing.assert_array_equal(run.output, np.delete(Y, [99, 200]))
 
@@ -215,13 +231,13 @@ def test_names_tell_level_and_repeat(tmp_path: Path) -> None:
         name_pattern="_V={level}_r{repeat}.",
         units={"input": "V"},
     )
-    assert (run.level, run.repeat, run.input_unit, run.output_unit) == (-12.5, 3, "V", "N·m")
+    assert (run.level, run.repeat, run.input_unit, run.output_unit) == (-12.5, 3, "V", "")
     assert np.isnan(run.input).all()
 
 
 def test_a_folder_is_read_by_name_and_a_log_counts_once(tmp_path: Path) -> None:
     for name in ("b.csv", "a.csv", ".hidden.csv", "notes.md"):
-        (tmp_path / name).write_bytes(table().encode())
+        (tmp_path / name).write_bytes(f"# {name}\n{table()}".encode())
     assert [run.name for run in read_runs([tmp_path])] == ["a", "b"]
     with pytest.raises(Exception, match="is given twice; a log counts once"):
         read_runs([tmp_path, tmp_path / "a.csv"])
@@ -230,7 +246,7 @@ def test_a_folder_is_read_by_name_and_a_log_counts_once(tmp_path: Path) -> None:
 def test_equal_names_are_told_apart(tmp_path: Path) -> None:
     for folder in ("x", "y"):
         (tmp_path / folder).mkdir()
-        (tmp_path / folder / "a.csv").write_bytes(table().encode())
+        (tmp_path / folder / "a.csv").write_bytes(f"# {folder}\n{table()}".encode())
     assert [run.name for run in read_runs([tmp_path / "x", tmp_path / "y"])] == ["x-a", "y-a"]
 
 
@@ -264,7 +280,6 @@ def test_plain_logs_take_the_quick_way(name: str, tmp_path: Path, monkeypatch: p
     def never(*_: object) -> None:
         raise AssertionError("read cell by cell")
 
-    monkeypatch.setattr("eaid.logs.text.SMALL_BYTES", -1)
-    monkeypatch.setattr("eaid.logs.text._load_slow", never)
+    monkeypatch.setattr("eaid.logs.text._cell_by_cell", never)
     content, options = DIALECTS[name]
     assert len(read_one(tmp_path / "log.dat", content, **options).time_s) == N

@@ -1,5 +1,74 @@
-"""Sentences about logs."""
+"""Sentences about logs: what reading had to do, and what is doubtful in what was read."""
+
+from collections.abc import Mapping
+from typing import Any
 
 from eaid.findings.row import Row
 
-ROWS: dict[str, Row] = {}
+
+def _held(values: Mapping[str, Any]) -> str:
+    left = f"; {values['left_out']} samples before the first left out" if values["left_out"] else ""
+    return f"{values['columns']} recorded at other times than the output: held between samples{left}"
+
+
+ROWS: dict[str, Row] = {
+    "rows-dropped": Row("caution", "«repair» dropped {dropped} of {count} rows", size="dropped"),
+    "columns-by-place": Row("caution", "its columns have no names: taken as {order}"),
+    "columns-without-numbers": Row("note", "{columns} hold no real numbers and are left out"),
+    "input-by-its-steps": Row(
+        "caution", "{column} is taken as the input, since {still} never steps; say it with «columns» input=NAME"
+    ),
+    "input-unnamed": Row(
+        "caution", "{column} is taken as the input, the only column that steps; say it with «columns» input=NAME"
+    ),
+    "level-times-trigger": Row("note", "{column} says when the input is on, the file name that it is {level:g}"),
+    "level-contradicted": Row(
+        "caution",
+        "its name says level {level:g}, its input column goes to {found:g} {unit}: the column counts",
+    ),
+    "unit-assumed": Row(
+        "note", "no unit is given for {role} {column}: {unit} assumed; say it with «units» {role}=UNIT"
+    ),
+    "unit-unknown": Row(
+        "caution", "no unit is given for {role} {column}: its numbers stay as they are; say it with «units» {role}=UNIT"
+    ),
+    "unit-g-unclear": Row(
+        "caution",
+        "{role} {column} is in {unit}, an acceleration or a weight: its numbers stay as they are; a weight is said by "
+        "«units» {role}=gf or kgf",
+    ),
+    "time-since-1970": Row("note", "{column} counts {unit} since 1970, as its first stamp tells"),
+    "time-in-days": Row(
+        "caution",
+        "{column} counts days, as Excel and MATLAB do, by its first stamp and its sample time; else say its unit with "
+        "«units» time=UNIT",
+    ),
+    "time-too-fast": Row(
+        "stop",
+        "no unit fits {column}: in seconds its rate would be {rate_hz:.3g} Hz; say it with «units» time={likely} or "
+        "what it is",
+    ),
+    "time-too-long": Row(
+        "stop",
+        "no unit is given for {column}, whole numbers {usual_s:g} apart: in seconds the log would take {span_s:.4g} s; "
+        "say it with «units» time={likely} or time=s",
+    ),
+    "time-in-whole-numbers": Row(
+        "caution",
+        "no unit is given for {column}, whole numbers {usual_s:g} apart: seconds assumed; if they are ms or samples, "
+        "say «units» time={likely} or «rate» HZ",
+    ),
+    "torque-too-large": Row(
+        "stop",
+        "the torque reaches {largest:.4g} N·m, beyond any clutch: counts, or another unit; say «units» output=UNIT",
+    ),
+    "input-in-fractions": Row(
+        "stop",
+        "its input stays within 1 while that of other logs goes to {other:g} %: if it is a fraction, say so apart with "
+        "«units» input=fraction",
+    ),
+    "log-given-twice": Row("caution", "{path} is the same log as {first} (equal SHA-256): it counts once"),
+    "signals-held": Row("caution", _held),
+    "logs-joined": Row("note", "joined with {others}"),
+    "log-changed": Row("caution", "the log has changed since its manifest was written"),
+}

@@ -1,9 +1,9 @@
-"""Signals, each recorded on a clock of its own → sheets.
+"""Signals, each recorded on a clock of its own → tables.
 
-Measuring systems write channels at different rates, and robots write topics whenever they come. A sheet of such signals
+Measuring systems write channels at different rates, and robots write topics whenever they come. A table of such signals
 has one column `time`; what is read goes by the clock of the output, whose samples are taken as they are. A signal of
 another clock is held: its value at a time is the last one before. Samples before the first value of any signal are left
-out. Both are told in a note.
+out. Both are a finding.
 """
 
 from collections import Counter
@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 
 from eaid.arrays import Array, read_only
 from eaid.errors import DataError
-from eaid.logs.sheet import Cells, Sheet
+from eaid.findings import Finding, finding
+from eaid.logs.table import Cells, Table
 
 TIME = "time"
 
@@ -35,23 +36,23 @@ class Signal:
     """Times [s] and values, shape (n,) each."""
 
 
-def sheets_of_signals(source: str, signals: Sequence[Signal]) -> list[Sheet]:
-    """One sheet of all signals where their names tell them apart, else one a group."""
+def tables_of_signals(source: str, signals: Sequence[Signal]) -> list[Table]:
+    """One table of all signals where their names tell them apart, else one a group."""
     counts = Counter(signal.name for signal in signals)
     if max(counts.values(), default=0) <= 1:
-        return [_sheet(source, "", signals)] if signals else []
+        return [_table(source, "", signals)] if signals else []
     groups: dict[str, list[Signal]] = {}
     for signal in signals:
         groups.setdefault(signal.group, []).append(signal)
-    return [_sheet(source, group, members) for group, members in groups.items()]
+    return [_table(source, group, members) for group, members in groups.items()]
 
 
-def _sheet(source: str, name: str, signals: Sequence[Signal]) -> Sheet:
+def _table(source: str, name: str, signals: Sequence[Signal]) -> Table:
     def load(wanted: Sequence[int]) -> Cells:
         return _on_one_clock(source, [signals[i - 1] if i else None for i in wanted])
 
     columns = (TIME, *(signal.name for signal in signals))
-    return Sheet(name, columns, load, ("s", *(signal.unit for signal in signals)))
+    return Table(name, columns, load, ("s", *(signal.unit for signal in signals)))
 
 
 def _on_one_clock(source: str, wanted: Sequence[Signal | None]) -> Cells:
@@ -91,15 +92,14 @@ def _on_one_clock(source: str, wanted: Sequence[Signal | None]) -> Cells:
         elif not whole:
             values = values[begun]
         columns.append(read_only(values))
-    return Cells(tuple(columns), notes=_notes(wanted, places, len(base) - int(begun.sum())))
+    return Cells(tuple(columns), findings=_told(source, wanted, places, len(base) - int(begun.sum())))
 
 
-def _notes(wanted: Sequence[Signal | None], places: Collection[Hashable], left_out: int) -> tuple[str, ...]:
+def _told(
+    source: str, wanted: Sequence[Signal | None], places: Collection[Hashable], left_out: int
+) -> tuple[Finding, ...]:
     held = [signal.name for signal in wanted if signal is not None and signal.clock in places]
-    if not held:
-        return ()
-    note = f"{' and '.join(held)} recorded at other times than the output: held between samples"
-    return (f"{note}; {left_out} samples before the first left out" if left_out else note,)
+    return (finding("signals-held", source, columns=" and ".join(held), left_out=left_out),) if held else ()
 
 
 def seconds(stamps: NDArray[Any], start: Any = None) -> Array:

@@ -3,84 +3,45 @@
 Only numbers are taken; objects, function handles and cells are left where they are and nothing in them is run.
 """
 
-import zlib
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from eaid.arrays import read_only
 from eaid.errors import DataError
-from eaid.logs.mat_elements import check_elements
-from eaid.logs.sheet import Cells, Sheet
+from eaid.logs.foreign.ask import named
+from eaid.logs.table import Cells, Table
 
 FEWEST = 10
 """Rows below which a matrix is no record."""
-MOST_RATIO = 200
-"""A variable that unpacks to more than this many times the size of its file is a bomb (records: about 10)."""
-_COMPRESSED = 15  # miCOMPRESSED
 SAVE_AS = (
     "in MATLAB, save it as plain arrays: t = S.Time; y = squeeze(S.Data); save('log.mat', 't', 'y', '-v7') "
     "for each signal S of the Dataset"
 )
 
 
-def read_mat(path: Path, source: str) -> list[Sheet]:
-    """Sheets of a MAT-file v4 or v5; raises DataError where it holds no numbers."""
-    check_size(path, source)
-    check_elements(path, source)
+def read_mat(path: Path, source: str) -> list[Table]:
+    """Tables of a MAT-file v4 or v5; raises DataError where it holds no numbers."""
     from scipy.io import loadmat
 
     try:
         content: Mapping[str, Any] = loadmat(str(path), struct_as_record=True, squeeze_me=False)
     except NotImplementedError:
         raise DataError(f"{source}: is a MAT-file of a version that eaid cannot read; save it with -v7") from None
-    except Exception as fault:  # SciPy has no common type for what it stumbles over
-        reason = " ".join(str(fault).split())[:120] or type(fault).__name__
-        raise DataError(f"{source}: is a damaged MAT-file ({reason}); save it again") from None
     variables = {name: value for name, value in content.items() if not name.startswith("__")}
-    sheets = sheets_of(variables)
-    if not sheets:
+    tables = tables_of(variables)
+    if not tables:
         opaque = any("function" in name.lower() or "None" in name for name in content) or any(
             type(value).__name__ in ("MatlabOpaque", "MatlabFunction") for value in content.values()
         )
         if opaque:
             raise DataError(f"{source}: holds MATLAB objects (a Simulink Dataset or timeseries) only; {SAVE_AS}")
         raise DataError(f"{source}: holds no table of numbers; save time and torque as arrays")
-    return sheets
-
-
-def check_size(path: Path, source: str) -> None:
-    """Refuse a MAT-file whose variables claim to be far larger than the file, before anything is unpacked."""
-    size = path.stat().st_size
-    limit = max(MOST_RATIO * size, 1 << 25)
-    with path.open("rb") as file:
-        head = file.read(128)
-        order: Literal["little", "big"] = "big" if head[126:128] == b"MI" else "little"
-        if head[126:128] not in (b"MI", b"IM"):
-            rows, columns = (int.from_bytes(head[i : i + 4], "little", signed=True) for i in (4, 8))
-            claimed = 8 * rows * columns if rows > 0 and columns > 0 else 0
-            if claimed > limit and rows < 1 << 24 and columns < 1 << 24:
-                raise DataError(f"{source}: claims {claimed:,} bytes in a file of {size:,} bytes; no log does")
-            return
-        while len(tag := file.read(8)) == 8:
-            kind, length = (int.from_bytes(tag[i : i + 4], order) for i in (0, 4))
-            here = file.tell()
-            if kind == _COMPRESSED:
-                try:
-                    inner = zlib.decompressobj().decompress(file.read(min(length, 4096)), 8)
-                except zlib.error:
-                    inner = b""
-                claimed = int.from_bytes(inner[4:8], order)
-            else:
-                claimed = length
-            if claimed > limit:
-                raise DataError(f"{source}: claims {claimed:,} bytes in a file of {size:,} bytes; no log does")
-            file.seek(here + length)
+    return tables
 
 
 def _number(value: Any) -> NDArray[Any] | None:
@@ -90,47 +51,51 @@ def _number(value: Any) -> NDArray[Any] | None:
     return None
 
 
-def sheets_of(variables: Mapping[str, Any]) -> list[Sheet]:
-    """Sheets of named values: vectors of one length together, each matrix and each structure by itself."""
-    sheets: list[Sheet] = []
+def tables_of(variables: Mapping[str, Any]) -> list[Table]:
+    """Tables of named values: vectors of one length together, with the matrices of that length, column by column.
+
+    A matrix without vectors beside it, and every structure, is a table by itself.
+    """
+    tables: list[Table] = []
     vectors: dict[int, list[tuple[str, NDArray[Any]]]] = {}
+    matrices: list[tuple[str, NDArray[Any]]] = []
+    dropped: list[str] = []
     for name, value in variables.items():
         if isinstance(value, np.ndarray) and value.dtype.names and value.size == 1:
-            sheets.extend(_structure(name, value.reshape(-1)[0]))
+            tables.extend(_structure(name, value.reshape(-1)[0]))
             continue
         array = _number(value)
-        if array is None or array.size < 2 or array.ndim > 2:
-            continue
-        if array.ndim == 2 and min(array.shape) > 1 and max(array.shape) < FEWEST:
+        if array is None or array.ndim > 2:
+            dropped.extend([name] if isinstance(value, np.ndarray) and value.size > 1 else [])
+        elif array.size < 2 or (array.ndim == 2 and min(array.shape) > 1 and max(array.shape) < FEWEST):
             continue  # gains and other settings, no record
-        if array.ndim == 1 or 1 in array.shape:
+        elif array.ndim == 1 or 1 in array.shape:
             vectors.setdefault(array.size, []).append((name, array.reshape(-1)))
         else:
-            sheets.append(_matrix(name, array))
-    sheets.extend(_sheet("" if len(vectors) == 1 else columns[0][0], columns) for columns in vectors.values())
-    return sheets
+            matrices.append((name, array if array.shape[0] >= array.shape[1] else array.T))
+    for name, matrix in matrices:
+        if len(matrix) in vectors:
+            vectors[len(matrix)].extend((f"{name}[{k + 1}]", column) for k, column in enumerate(matrix.T))
+        else:
+            labels = labels_of_matrix(matrix[:, 0], matrix.shape[1])
+            tables.append(_table(name, list(zip(labels, matrix.T, strict=True))))
+    tables.extend(_table("" if len(vectors) == 1 else columns[0][0], columns) for columns in vectors.values())
+    return [replace(table, dropped=tuple(dropped)) for table in tables]
 
 
-def _sheet(name: str, columns: Sequence[tuple[str, NDArray[Any]]]) -> Sheet:
-    """A sheet of arrays that are in memory already."""
+def _table(name: str, columns: Sequence[tuple[str, NDArray[Any]]]) -> Table:
+    """A table of arrays that are in memory already."""
 
     def load(wanted: Sequence[int]) -> Cells:
-        return Cells(tuple(read_only(columns[i][1]) for i in wanted))
+        return Cells(tuple(columns[i][1] for i in wanted))
 
-    return Sheet(name, tuple(column for column, _ in columns), load)
+    return Table(name, tuple(column for column, _ in columns), load)
 
 
 def labels_of_matrix(first: NDArray[Any], count: int) -> tuple[str, ...]:
     """Names of a matrix's columns: none where the first is a time (they go by their place), else their numbers."""
     rising = len(first) > 2 and bool(np.mean(np.diff(first.astype(np.float64)) > 0) > 0.9)
     return ("",) * count if rising else tuple(f"column {i + 1}" for i in range(count))
-
-
-def _matrix(name: str, array: NDArray[Any]) -> Sheet:
-    """A matrix, samples along its longer side."""
-    table = array if array.shape[0] >= array.shape[1] else array.T
-    labels = labels_of_matrix(table[:, 0], table.shape[1])
-    return _sheet(name, [(label, table[:, i]) for i, label in enumerate(labels)])
 
 
 def _texts(value: Any) -> list[str]:
@@ -168,7 +133,7 @@ def _signal(k: int, signal: Any, fields: Sequence[str], length: int, alone: bool
     return [(f"{label} {j + 1}", table[:, j]) for j in range(table.shape[1])]
 
 
-def _structure(name: str, record: Any) -> list[Sheet]:
+def _structure(name: str, record: Any) -> list[Table]:
     """Structure with time (`time`, `signals.values`, `signals.label`), or any structure of vectors."""
     fields = record.dtype.names
     if "signals" in fields:
@@ -188,8 +153,6 @@ def _structure(name: str, record: Any) -> list[Sheet]:
             columns = [column for column in columns if len(column[1]) == len(columns[0][1])]
             if not columns:
                 return []
-            return [replace(_sheet(name, _apart(columns)), clock=None if time is None else 0)]
+            return [replace(_table(name, _apart(columns)), clock=None if time is None else 0)]
     inside = {field: record[field] for field in fields}
-    return [
-        Sheet(f"{name}.{sheet.name}".rstrip("."), sheet.columns, sheet.load, sheet.units) for sheet in sheets_of(inside)
-    ]
+    return named(tables_of(inside), name)

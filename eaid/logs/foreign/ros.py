@@ -2,7 +2,7 @@
 
 rosbags opens the containers and parses the message definitions in them; messages are taken apart by `rosmsg`, so that
 no code made from a file is run. A message counts at the stamp of its header where that is within a minute of the bag's
-own time, else at the bag's time. Chunks that unpack to more than `MOST_RATIO` times their size are refused.
+own time, else at the bag's time.
 """
 
 import struct
@@ -15,33 +15,33 @@ import numpy as np
 
 from eaid.arrays import Array
 from eaid.errors import DataError
-from eaid.logs.extras import damage_told, library
-from eaid.logs.rosmsg import Definitions, Layout, layout_of
-from eaid.logs.sheet import Sheet
-from eaid.logs.signals import Signal, sheets_of_signals
+from eaid.logs.foreign.rosmsg import Definitions, Layout, layout_of
+from eaid.logs.foreign.signals import Signal, tables_of_signals
+from eaid.logs.table import Table
 
-WHAT = "ROS bag"
-MOST_RATIO = 200
 NEAR_NS = 60_000_000_000
 UNITS = {"torque": "N·m", "force": "N"}
 """Units of geometry_msgs/Wrench, which every ROS message keeps."""
 
 
 @contextmanager
-def _opened(path: Path, source: str) -> Iterator[Any]:
+def _opened(path: Path) -> Iterator[Any]:
     """The reader of rosbags that fits the first bytes, open."""
     with path.open("rb") as raw:
         head = raw.read(16)
+    reader: Any
     if head.startswith(b"#ROSBAG"):
-        module = library("rosbags.rosbag1.reader", source, WHAT)
-        module.decompressors.update(bz2=_unpack_bz2, lz4=_unpack_lz4)
-        reader = module.Reader(path)
+        from rosbags.rosbag1.reader import Reader
+
+        reader = Reader(path)
     elif head.startswith(b"\x89MCAP"):
-        module = library("rosbags.rosbag2.storage_mcap", source, WHAT)
-        module.DECOMPRESSORS.update(lz4=lambda data, _: _unpack_lz4(data), zstd=lambda data, _: _unpack_zstd(data))
-        reader = module.McapReader(path)
+        from rosbags.rosbag2.storage_mcap import McapReader
+
+        reader = McapReader(path)
     else:
-        reader = library("rosbags.rosbag2.storage_sqlite3", source, WHAT).Sqlite3Reader(path)
+        from rosbags.rosbag2.storage_sqlite3 import Sqlite3Reader
+
+        reader = Sqlite3Reader(path)
     reader.open()
     try:
         yield reader
@@ -49,41 +49,11 @@ def _opened(path: Path, source: str) -> Iterator[Any]:
         reader.close()
 
 
-def _bounded(unpacker: Any, data: bytes, what: str) -> bytes:
-    most = max(MOST_RATIO * len(data), 1 << 22)
-    unpacked = bytes(unpacker.decompress(data, max_length=most))
-    if not unpacker.eof:
-        raise ValueError(f"a {what} chunk is cut short, or unpacks to more than {MOST_RATIO} times its size")
-    return unpacked
-
-
-def _unpack_bz2(data: bytes) -> bytes:
-    import bz2
-
-    return _bounded(bz2.BZ2Decompressor(), data, "bz2")
-
-
-def _unpack_lz4(data: bytes) -> bytes:
-    from importlib import import_module
-
-    return _bounded(import_module("lz4.frame").LZ4FrameDecompressor(), data, "lz4")
-
-
-def _unpack_zstd(data: bytes) -> bytes:
-    import sys
-
-    if sys.version_info >= (3, 14):
-        from compression import zstd
-    else:
-        from backports import zstd
-    return _bounded(zstd.ZstdDecompressor(), data, "zstd")
-
-
-def read_ros(path: Path, source: str) -> list[Sheet]:
-    """Sheets of a ROS bag; raises DataError where no topic in it holds numbers."""
+def read_ros(path: Path, source: str) -> list[Table]:
+    """Tables of a ROS bag; raises DataError where no topic in it holds numbers."""
     signals: list[Signal] = []
     unknown: set[str] = set()
-    with damage_told(source, WHAT), _opened(path, source) as reader:
+    with _opened(path) as reader:
         big = path.stat().st_size
         for connection in sorted(reader.connections, key=lambda one: (one.topic, one.id)):
             if connection.msgcount > big:
@@ -93,7 +63,7 @@ def read_ros(path: Path, source: str) -> list[Sheet]:
                 continue
             stamp, raw = first
             try:
-                layout = layout_of(_definitions(connection, source), connection.msgtype, raw, ros1=_is_ros1(reader))
+                layout = layout_of(_definitions(connection), connection.msgtype, raw, ros1=_is_ros1(reader))
             except (ValueError, struct.error, AssertionError, RecursionError):
                 unknown.add(f"{connection.topic} ({connection.msgtype})")
                 continue
@@ -110,7 +80,7 @@ def read_ros(path: Path, source: str) -> list[Sheet]:
     if not signals:
         more = f" that can be read ({', '.join(sorted(unknown)[:6])} cannot)" if unknown else ""
         raise DataError(f"{source}: no topic in it holds numbers{more}; export the topics as CSV")
-    return sheets_of_signals(source, signals)
+    return tables_of_signals(source, signals)
 
 
 def _unit(msgtype: str, field: str) -> str:
@@ -128,9 +98,10 @@ def _messages(reader: Any, connection: Any) -> Iterator[tuple[int, bytes]]:
         yield int(stamp), bytes(raw)
 
 
-def _definitions(connection: Any, source: str) -> Definitions:
+def _definitions(connection: Any) -> Definitions:
     """Message definitions behind a topic: those in the bag, else the standard ones; ValueError where they are wrong."""
-    typesys = library("rosbags.typesys", source, WHAT)
+    from rosbags import typesys
+
     form, text = connection.msgdef.format.name, connection.msgdef.data
     if form not in ("MSG", "IDL"):
         return Definitions(typesys.get_typestore(typesys.Stores.ROS2_HUMBLE).fielddefs)
@@ -153,7 +124,7 @@ def _loader(
     def load() -> tuple[Array, Array]:
         stamps: list[int] = []
         values: list[float] = []
-        with damage_told(source, WHAT), _opened(path, source) as reader:
+        with _opened(path) as reader:
             connection = next(one for one in reader.connections if (one.id, one.topic) == which)
             start = int(reader.start_time if _is_ros1(reader) else reader.metadata.start_time)
             for stamp, raw in _messages(reader, connection):

@@ -1,9 +1,12 @@
-"""A sheet: one table of a file, with its columns named before they are read."""
+"""A table of a file: its columns are named before they are read."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
-from eaid.arrays import Array
+from numpy.typing import NDArray
+
+from eaid.findings import Finding
 
 
 @dataclass(frozen=True)
@@ -13,22 +16,22 @@ class BadCell:
     row: int
     """Index into the arrays, from 0."""
     column: int
-    """Index into `Sheet.columns`; −1: the whole row (too few or too many cells)."""
+    """Index into `Table.columns`; −1: the whole row (too few or too many cells)."""
     text: str
     """What stands there, shortened; empty where nothing does."""
 
 
 @dataclass(frozen=True)
 class Cells:
-    """Columns as read: float64, shape (n,) each; bad cells are NaN and listed."""
+    """Columns as read, shape (n,) each, numbers of any type; bad cells are NaN and listed."""
 
-    values: tuple[Array, ...]
+    values: tuple[NDArray[Any], ...]
     bad: tuple[BadCell, ...] = ()
     rows: Sequence[int] | None = None
     """Row of the file for each sample; None: counted from `first_row`."""
     first_row: int = 1
-    notes: tuple[str, ...] = ()
-    """What reading had to do, in words."""
+    findings: tuple[Finding, ...] = ()
+    """What reading had to do."""
 
     def row(self, index: int) -> int:
         """Row of the file, counted as an editor counts lines, of one sample."""
@@ -36,8 +39,8 @@ class Cells:
 
 
 @dataclass(frozen=True)
-class Sheet:
-    """One table: what its columns are called, and how to read some of them."""
+class Table:
+    """What the columns of a table are called, and how to read some of them."""
 
     name: str
     """Variable, group or channel group; empty where a file is one table."""
@@ -53,11 +56,15 @@ class Sheet:
     """First time of a table without a time column [s]."""
     said: Mapping[str, str] = field(default_factory=dict)
     """Facts told in comment lines or properties (`synthetic`, `level`, …)."""
-    load_long: Callable[[Sequence[int], Callable[[float], None]], Cells] | None = None
-    """Reads a table that is too long to be held, columns on disk, and tells how far it is; None: it is short."""
     clock: int | None = None
     """Column of the time, where the format itself says which it is."""
+    dropped: tuple[str, ...] = ()
+    """Columns that hold no numbers (texts, complex numbers, cells), and so cannot be chosen."""
 
     def unit(self, column: int) -> str:
         """Unit of a column as the file says it apart from its name; empty where it does not."""
         return self.units[column] if self.units else ""
+
+    def label(self, column: int) -> str:
+        """How a sentence names a column."""
+        return self.columns[column] or f"column {column + 1}"

@@ -1,0 +1,98 @@
+"""DataFrames → runs, by the same column finding and checks as logs."""
+
+import hashlib
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from eaid.errors import DataError
+from eaid.logs.options import ReadOptions
+from eaid.logs.read import NOTHING_SAID, _together, checked_options
+from eaid.logs.run import Run
+from eaid.logs.table import Cells, Table
+from eaid.logs.to_run import Origin, run_of
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+RUN = "run"
+"""Column of a DataFrame with several runs that tells them apart."""
+
+
+def runs_from_frames(
+    frames: "pd.DataFrame | Mapping[str, pd.DataFrame]", options: ReadOptions = NOTHING_SAID
+) -> list[Run]:
+    """Runs of a DataFrame with a column `run` (without one: a single run), or of {name: DataFrame}.
+
+    Parameters
+    ----------
+    frames
+        Columns are found by name, as in logs; stamps (datetime, timedelta) count as times; `frame.attrs["units"]`, a
+        mapping of column to unit, says units that the names do not. An index that has a name is a column, too.
+    options
+        As for logs; the name pattern is looked for in the names of the runs.
+
+    Raises
+    ------
+    DataError
+        With a sentence for every fault of every run.
+    """
+    pattern = checked_options(options)
+    runs: list[Run] = []
+    faults: list[str] = []
+    for name, frame in _parted(frames).items():
+        try:
+            table = _table(name, frame)
+            runs.append(run_of(Origin(name, name, _sha256(table), name), [table], options, pattern))
+        except DataError as fault:
+            faults.extend(fault.sentences)
+    found, faults = _together(runs, faults, options.join)
+    if faults:
+        raise DataError(*faults)
+    return found
+
+
+def _parted(frames: "pd.DataFrame | Mapping[str, pd.DataFrame]") -> "dict[str, pd.DataFrame]":
+    if isinstance(frames, Mapping):
+        return {str(name): _with_index(frame) for name, frame in frames.items()}
+    frame = _with_index(frames)
+    if RUN not in frame.columns:
+        return {RUN: frame}
+    return {str(name): part.drop(columns=RUN) for name, part in frame.groupby(RUN, sort=False)}
+
+
+def _with_index(frame: "pd.DataFrame") -> "pd.DataFrame":
+    return frame.reset_index() if any(name is not None for name in frame.index.names) else frame
+
+
+def _table(name: str, frame: "pd.DataFrame") -> Table:
+    columns = {str(label): np.asarray(frame[label]) for label in frame.columns if frame[label].ndim == 1}
+    if len(columns) < len(frame.columns):
+        raise DataError(f"{name}: several columns have one name; give each a name of its own")
+    units = dict(frame.attrs.get("units", {}))
+    numbers = {label: values for label, values in columns.items() if values.dtype.kind in "fiubmM"}
+
+    def load(wanted: Sequence[int]) -> Cells:
+        values = list(numbers.values())
+        return Cells(tuple(_plain(values[i]) for i in wanted))
+
+    said = tuple("s" if values.dtype.kind in "mM" else str(units.get(label, "")) for label, values in numbers.items())
+    dropped = tuple(label for label in columns if label not in numbers)
+    return Table("", tuple(numbers), load, said, dropped=dropped)
+
+
+def _plain(values: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
+    """Numbers; stamps as seconds since the first."""
+    if values.dtype.kind not in "mM":
+        return values
+    gone = (values - values[0]).astype("timedelta64[ns]")
+    return np.where(np.isnat(values), np.nan, gone.astype(np.int64) / 1e9)
+
+
+def _sha256(table: Table) -> str:
+    """Fingerprint of a table's names and numbers."""
+    seen = hashlib.sha256(repr((table.columns, table.units)).encode())
+    for values in table.load(range(len(table.columns))).values:
+        seen.update(np.ascontiguousarray(values).data)
+    return seen.hexdigest()

@@ -1,0 +1,67 @@
+"""What several logs show only together: one of them given twice, one on another scale than the rest; names apart."""
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from eaid.findings import finding
+from eaid.logs.run import Run
+
+
+def counted_once(runs: Sequence[Run]) -> list[Run]:
+    """Runs without those of a log that was read already, from a copy or a dataset; the one that stays says so."""
+    first: dict[str, str] = {}
+    again: dict[str, set[str]] = {}
+    kept = []
+    for run in runs:
+        holder = run.dataset or run.source
+        if run.sha256 and first.setdefault(run.sha256, holder) != holder:
+            again.setdefault(run.sha256, set()).add(holder)
+        else:
+            kept.append(run)
+    for i, run in enumerate(kept):
+        if others := again.pop(run.sha256, None):
+            said = finding("log-given-twice", run.name, path=", ".join(sorted(others)), first=first[run.sha256])
+            kept[i] = replace(run, findings=(*run.findings, said))
+    return kept
+
+
+def scales_compared(runs: Sequence[Run]) -> list[Run]:
+    """Runs in %; one that stays within 1 while others go to 100 is a fraction, and says so."""
+    largest = [
+        float(np.abs(run.input).max()) if run.input_unit == "%" and len(run.input) and run.input[0] == run.input[0]
+        else np.nan
+        for run in runs
+    ]  # fmt: skip
+    most = np.nanmax(largest) if not np.isnan(largest).all() else 0.0
+    if not most > 1.5:
+        return list(runs)
+    others = {round(one, 3) for one in largest if one > 1.5}
+    told = []
+    for run, own in zip(runs, largest, strict=True):
+        if 0 < own < 1 or (own == 1 and 100.0 in others):
+            run = replace(run, findings=(*run.findings, finding("input-in-fractions", run.name, other=float(most))))
+        told.append(run)
+    return told
+
+
+def named_apart(runs: Sequence[Run]) -> list[Run]:
+    """Runs with names of their own: the folder's name before a name that comes twice, then a number behind it."""
+    counts = Counter(run.name for run in runs)
+    apart = [
+        _named(run, f"{Path(run.source).resolve().parent.name}-{run.name}") if counts[run.name] > 1 else run
+        for run in runs
+    ]
+    seen: Counter[str] = Counter()
+    for i, run in enumerate(apart):
+        seen[run.name] += 1
+        if seen[run.name] > 1:
+            apart[i] = _named(run, f"{run.name}-{seen[run.name]}")
+    return apart
+
+
+def _named(run: Run, name: str) -> Run:
+    return replace(run, name=name)
