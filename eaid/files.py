@@ -16,6 +16,8 @@ from typing import Any
 from eaid.errors import UsageError
 
 IN_MEMORY = 1 << 28
+SEAL = b"eaid-sha256:"
+"""What stands behind an HDF5 file of eaid, before the SHA-256 of it."""
 _NO_ROOM = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO}
 """Failures of writing that more room, or another disk, mends."""
 
@@ -28,6 +30,27 @@ def sha256_of(path: Path) -> str:
 
 LOGS = (".csv", ".tsv", ".txt", ".dat", ".lvm", ".mat", ".tdms", ".mf4", ".parquet", ".gz", ".bag", ".mcap")
 """Endings of recordings; one that lies in a folder given as input is never an output."""
+
+
+def is_as_written(path: Path) -> bool | None:
+    """Whether an HDF5 file holds, to the byte, what eaid wrote; None where it has no seal (h5py takes it off).
+
+    Only one that does is safe to open in this process.
+    """
+    size = path.stat().st_size - len(SEAL) - 32
+    if size <= 0:
+        return None
+    with path.open("rb") as file:
+        file.seek(size)
+        mark = file.read()
+        if not mark.startswith(SEAL):
+            return None
+        file.seek(0)
+        seen, left = hashlib.sha256(), size
+        while left and (block := file.read(min(left, 1 << 20))):
+            seen.update(block)
+            left -= len(block)
+    return mark[len(SEAL) :] == seen.digest()
 
 
 def refuse_to_overwrite(path: Path, force: bool, inputs: Iterable[Path] = ()) -> None:
@@ -198,6 +221,8 @@ def _exchanged(one: Path, other: Path) -> bool:
 def hdf5_written_whole(path: Path, force: bool = False, raw_bytes: int = 0) -> Iterator[Any]:
     """An HDF5 file, built in memory and written whole when the block ends well; the same content, the same bytes.
 
+    Behind its end stand `SEAL` and the SHA-256 of all before it, which the HDF5 library passes over.
+
     On a full disk the HDF5 library itself prints tracebacks and may crash; plain bytes give a plain OSError. Content of
     more than `IN_MEMORY` raw bytes goes to the disk directly, once there is room for all of it.
     """
@@ -212,12 +237,16 @@ def hdf5_written_whole(path: Path, force: bool = False, raw_bytes: int = 0) -> I
                 f"{path}: takes up to {raw_bytes / 1e6:,.0f} MB, and {free / 1e6:,.0f} MB are free; "
                 f"make room, or choose another «output»"
             )
-        with written_whole(path, force) as part, h5py.File(part, "w", **settings) as file:
-            yield file
+        with written_whole(path, force) as part:
+            with h5py.File(part, "w", **settings) as file:
+                yield file
+            seal = bytes.fromhex(sha256_of(part))
+            with part.open("ab") as raw:
+                raw.write(SEAL + seal)
         return
     with h5py.File(path.name, "w", driver="core", backing_store=False, **settings) as file:
         yield file
         file.flush()
         image = file.id.get_file_image()
     with written_whole(path, force) as part:
-        part.write_bytes(image)
+        part.write_bytes(image + SEAL + hashlib.sha256(image).digest())

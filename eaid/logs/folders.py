@@ -10,9 +10,9 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 
 from eaid.errors import DataError, UsageError
+from eaid.files import is_as_written
 from eaid.logs.columns import INPUTS, OUTPUTS, TIME
 from eaid.logs.formats import format_of, is_hdf5
-from eaid.logs.hdf import is_old_layout
 from eaid.logs.units import split_name
 
 SKIPPED = (
@@ -87,7 +87,7 @@ def _made_by_eaid(path: Path) -> str | None:
     try:
         with path.open("rb") as file:
             head = file.read(4096)
-        if not is_hdf5(head) or is_old_layout(head):
+        if not is_hdf5(head) or not is_as_written(path):
             return None
         import h5py
 

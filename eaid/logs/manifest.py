@@ -122,7 +122,8 @@ def apply(entry: Entry, run: Run) -> Run:
         changed["findings"] = (*run.findings, finding("log-changed", run.name))
     if run.input.size and run.input[0] != run.input[0] and entry.level is not None:  # NaN: no input column
         changed["level"] = entry.level
-    said = {"repeat": entry.repeat, "step_s": entry.step_s, "until_s": entry.until_s}
+    instants = {"step_s": entry.step_s, "until_s": entry.until_s}
+    said = {"repeat": entry.repeat, **{k: None if at is None else at - run.start_s for k, at in instants.items()}}
     if not run.cut:
         changed |= {name: value for name, value in said.items() if value is not None}
     return replace(run, **changed)
@@ -160,7 +161,7 @@ def write_manifest(files: Sequence[Path], runs: Sequence[Run], options: Mapping[
         if found is not None and not several and not found.dataset:
             lines.append(f"repeat = {found.repeat}")
             if found.input.size and found.input[0] != found.input[0]:
-                lines += [f"level = {_toml(found.level)}", f"step_s = {_toml(found.step_s)}"]
+                lines.append(f"level = {_toml(found.level)}")  # its instant is found anew: it may be wrong
     with written_whole(path, force) as part:
         part.write_text("\n".join(lines) + "\n", encoding="utf-8")
     return path

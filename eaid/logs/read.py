@@ -12,7 +12,7 @@ import numpy as np
 
 from eaid.arrays import read_only
 from eaid.errors import DataError, UsageError
-from eaid.files import sha256_of
+from eaid.files import is_as_written, sha256_of
 from eaid.findings import finding
 from eaid.logs.checks import checked
 from eaid.logs.columns import ROLES
@@ -20,7 +20,6 @@ from eaid.logs.dataset import is_dataset, read_dataset
 from eaid.logs.folders import files_of
 from eaid.logs.foreign.ask import ForeignReader
 from eaid.logs.formats import format_of, unread
-from eaid.logs.hdf import is_old_layout
 from eaid.logs.join import joined
 from eaid.logs.options import ReadOptions
 from eaid.logs.run import Run
@@ -61,7 +60,7 @@ def read_what_can_be(
 
     def one(path: Path) -> tuple[list[Run], list[str]]:
         try:
-            return _read_file(path, options, pattern, foreign)
+            return read_file(path, options, pattern, foreign)
         except DataError as fault:
             return [], list(fault.sentences)
         except OSError as fault:
@@ -117,7 +116,7 @@ def _refuse_what_does_nothing(runs: Sequence[Run], options: ReadOptions) -> None
         raise UsageError(f"«{useless}»: does nothing on {where}, a dataset, which says all itself; leave it out")
 
 
-def _read_file(
+def read_file(
     path: Path, options: ReadOptions, pattern: re.Pattern[str] | None, foreign: ForeignReader
 ) -> tuple[list[Run], list[str]]:
     """Runs of one file (a dataset holds many), and the faults of its other runs."""
@@ -136,20 +135,19 @@ def _read_file(
     if not form.reader:
         return [run_of(origin, read_text(path, source, partial(options.tell, source)), options, pattern)], []
     with foreign.alone:
-        if form.reader == "hdf5" and _is_dataset(path, source, head, foreign):
+        if form.reader == "hdf5" and _is_dataset(path, source, foreign):
             return _of_dataset(path, source, sha256, options)
         tables = foreign.tables(form.reader, form.library, form.name, path, source)
         return [run_of(origin, tables, options, pattern)], []
 
 
-def _is_dataset(path: Path, source: str, head: bytes, foreign: ForeignReader) -> bool:
-    """Whether an HDF5 file is a dataset of eaid; one without checksums is opened elsewhere first, and read through."""
-    if not head.startswith(b"\x89HDF") or not is_old_layout(head):
-        return is_dataset(path)
-    if not foreign.tables("is_dataset", "", "HDF5", path, source):
-        return False
-    foreign.check(path, source)
-    return True
+def _is_dataset(path: Path, source: str, foreign: ForeignReader) -> bool:
+    """Whether an HDF5 file is a dataset of eaid; asked of the isolated reader where eaid did not write its bytes."""
+    return (
+        is_dataset(path)
+        if is_as_written(path) is not None
+        else bool(foreign.tables("is_dataset", "", "HDF5", path, source))
+    )
 
 
 def _of_dataset(path: Path, source: str, sha256: str, options: ReadOptions) -> tuple[list[Run], list[str]]:

@@ -74,7 +74,7 @@ def _load(
     cells, decimal = _read(path, source, zipped, dialect, columns, tell)
     texts = [bad.text for bad in cells.bad if bad.column >= 0]
     for mark, thousands in MARKS:
-        fits = texts and any(number(text, mark, thousands) is not None for text in texts)
+        fits = any(math.isfinite(_value(text, False, mark, thousands)) for text in texts)
         if fits and (mark, thousands) != (dialect.decimal, dialect.thousands):
             again, _ = _read(path, source, zipped, replace(dialect, decimal=mark, thousands=thousands), columns, tell)
             if len(again.bad) < len(cells.bad):
@@ -116,6 +116,7 @@ def _read(
             tell(min(1.0, seen / size))
             if len(bad) > MOST_BAD:
                 raise DataError(f"{source}: more than {MOST_BAD:,} cells are bad up to row {line - 1}; record it again")
+    tell(1.0)
     if not parts:
         return Cells(tuple(np.empty(0) for _ in columns)), decimal
     values = [np.concatenate([cells.values[k] for cells in parts]) for k in range(len(columns))]

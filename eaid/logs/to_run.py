@@ -107,7 +107,7 @@ def run_of(origin: Origin, tables: Sequence[Table], options: ReadOptions, patter
     others = [column for column in (clock, roles.reference, roles.trigger) if column is not None]
     inputs = [column for _, column in roles.inputs]
     columns = _Columns(table, list(dict.fromkeys([roles.output, *others, *inputs])))  # the output's own times are kept
-    told = level is not None or options.step_at_s is not None
+    told = pattern is not None or options.step_at_s is not None
     kind, which, findings = the_input(source, table, roles, columns.__getitem__, told)
     trigger = roles.trigger if which is None and level is not None and _is_trigger(columns, roles.trigger) else None
     if which is None and trigger is None and pattern is not None and level is None:

@@ -125,7 +125,7 @@ def _record(step: Step, said: Sequence[Finding]) -> RunRecord:
         level=abs(run.level or 0.0),
         repeat=run.repeat or 1,
         baseline_nm=run.baseline or 0.0,
-        step_s=run.step_s or 0.0,
+        step_s=run.start_s + (run.step_s or 0.0),
         samples=len(step.time_s),
         rate_hz=1.0 / step.clock.usual_s,
         edge=run.edge,
@@ -183,7 +183,7 @@ def stepset_of(cut_steps: Sequence[Run], options: StepOptions = NOTHING_SAID) ->
     records: list[RunRecord] = []
     for run in runs:
         step = Step(run, way.of(run), clocks)
-        found = [finding("reader-note", run.name, note=note) for note in run.notes] + list(run.findings)
+        found = list(run.findings)
         if (run.level or 0.0) < 0:
             found.append(finding("input-negative", run.name))
         found += [own[run.name]] if run.name in own else []

@@ -188,8 +188,7 @@ def _cut_by_input(run: Run, where: str) -> list[Run]:
         start, end = end, now.stop
         steps.append(
             _part(
-                run, start, end, name=name, step_s=float(run.time_s[now.start]), until_s=None,
-                notes=run.notes if i == 0 else (), **facts,
+                run, start, end, name=name, step_s=float(run.time_s[now.start]), until_s=None, **facts,
             )
         )  # fmt: skip
     return steps
@@ -266,7 +265,7 @@ def _cut_at(run: Run, where: str, known: bool) -> list[Run]:
         steps.append(
             _part(
                 run, until, len(time), name=f"{run.name}-release", level=level, step_s=float(time[until]), until_s=None,
-                edge="falling", from_level=left if abs(left) > zero else 0.0, held=_end_of(output, now), notes=(),
+                edge="falling", from_level=left if abs(left) > zero else 0.0, held=_end_of(output, now),
                 findings=(),
             )
         )  # fmt: skip

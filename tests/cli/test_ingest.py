@@ -200,7 +200,7 @@ def test_a_thousand_runs_in_one_call(tmp_path: Path) -> None:
     text = write_log(tmp_path / "a.csv", rows=600).read_text()
     (tmp_path / "logs").mkdir()
     for k in range(1000):
-        (tmp_path / "logs" / f"r{k:04d}.csv").write_text(text)
+        (tmp_path / "logs" / f"r{k:04d}.csv").write_text(f"# run {k}\n{text}")
     stepset = stepset_from([tmp_path / "logs"])
     assert len(stepset.runs) == 1000
     assert stepset.levels[0].runs.shape == (1000, 100)

@@ -197,7 +197,8 @@ BAD = [
     Bad(
         "five-nameless.csv",
         csv([f"{line},1,2" for line in rows()], None),
-        "{f}: its 5 columns have no names; say what they are by number: --columns time=1,input=2,output=3",
+        "{f}: its 5 columns have no names; only column 1 rises all the way; say by number, from 1 to 5, what they "
+        "are: --columns time=1,input=2,output=5",
     ),
     Bad(
         "wrong-column.csv",
@@ -230,7 +231,7 @@ BAD = [
     Bad(
         "bad-time-unit.csv",
         csv(rows()),
-        "--units time=N: is no unit of time; use s, ms, us, ns, min or h",
+        "--units time=N: is no unit of time; use s, ms, us, ns, min, h or d",
         ("--units", "time=N"),
         2,
     ),
@@ -244,7 +245,7 @@ BAD = [
     Bad(
         "name.csv",
         column(1, lambda i, u: u, "time_s,ignored,torque_nm"),
-        "{f}: its name does not match the --name-pattern; rename it or mend the pattern",
+        "{f}: its name does not match --name-pattern; rename it or mend the pattern",
         ("--name-pattern", "_V={level}_"),
     ),
     Bad(
@@ -291,7 +292,7 @@ BAD = [
     Bad(
         "damaged.mat",
         b"MATLAB 5.0 MAT-file, Platform: x".ljust(124) + b"\x00\x01IM" + b"\x0e\0\0\0\x40\0\0\0" + b"\xff" * 64,
-        "{f}: is a damaged MAT-file (",
+        "{f}: is a damaged MAT file (",
     ),
     Bad(
         "damaged.h5",
@@ -326,12 +327,6 @@ BAD = [
         "wave.csv",
         column(1, lambda i, u: 50 + 40 * np.sin(i / 15)),
         "{f}: the input moves most of the time, so it holds no steps; record one level at a time",
-    ),
-    Bad(
-        "from-forty.csv",
-        column(1, lambda i, u: 40 + u),
-        "no log holds a step from rest (the input goes from 40 to 90 %); record one from zero, "
-        "or give the input at rest with --rest",
     ),
     Bad("one-row.csv", csv(rows()[:1]), "{f}: holds 1 samples, and a step takes at least 10; record it longer"),
     Bad("nine-rows.csv", csv(rows()[45:54]), "{f}: holds 9 samples, and a step takes at least 10; record it longer"),

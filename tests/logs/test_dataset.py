@@ -11,6 +11,7 @@ import pytest
 from eaid.apparatus import Apparatus
 from eaid.cli.inputs import runs_from
 from eaid.cli.main import run
+from eaid.findings import finding
 from eaid.logs.dataset import write_dataset
 from eaid.logs.read import read_runs
 from eaid.logs.run import Run
@@ -167,14 +168,13 @@ def test_reading_a_dataset_imports_neither_pandas_nor_scipy(tmp_path: Path) -> N
     assert done.stdout.strip() == "[]"
 
 
-def test_reference_and_notes_survive(tmp_path: Path) -> None:
+def test_reference_and_findings_survive(tmp_path: Path) -> None:
     (first, *_) = build_runs = read_runs([by_hand(tmp_path / "d.h5")])
-    changed: list[Run] = [
-        dataclasses.replace(r, reference_nm=r.output, notes=("--repair dropped 1 of 3 rows",)) for r in build_runs
-    ]
+    said = (finding("rows-dropped", "a", dropped=1, count=3),)
+    changed: list[Run] = [dataclasses.replace(r, reference_nm=r.output, findings=said) for r in build_runs]
     write_dataset(tmp_path / "e.h5", changed, kind="clutch", apparatus=Apparatus(surfaces=1))
     again = read_runs([tmp_path / "e.h5"])[0]
-    assert again.notes == ("--repair dropped 1 of 3 rows",)
+    assert again.findings == said
     assert again.reference_nm is not None
     np.testing.assert_array_equal(again.reference_nm, first.output)
     assert again.apparatus == Apparatus(surfaces=1)
@@ -185,7 +185,7 @@ def test_bytes_that_look_like_a_mention_of_a_text_refuse_no_dataset(tmp_path: Pa
     path = tmp_path / "data.h5"
     runs = [replace(one, level=30.0, repeat=1) for one in read_runs([write_logs(tmp_path / "logs") / "u30_1.csv"])]
     write_dataset(path, runs, kind="clutch", apparatus=Apparatus())
-    with h5py.File(path, "a") as file:
+    with h5py.File(path, "a") as file:  # which takes the seal off
         file.attrs["texts"] = ["of", "free", "length"]
         del file.attrs["digest"]
     data = path.read_bytes()

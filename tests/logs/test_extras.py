@@ -173,7 +173,9 @@ def test_the_next_file_is_read_after_one_that_broke_the_reader(tmp_path):
     """One process for all files of a call: what one of them does to it, the next does not feel."""
     pytest.importorskip("nptdms")
     t, duty, torque = step()
-    (tmp_path / "a.mat").write_bytes(b"MATLAB 5.0 MAT-file".ljust(124) + b"\x00\x01IM" + b"\x0e\0\0\0\x40\0\0\0" + b"\xff" * 64)
+    (tmp_path / "a.mat").write_bytes(
+        b"MATLAB 5.0 MAT-file".ljust(124) + b"\x00\x01IM" + b"\x0e\0\0\0\x40\0\0\0" + b"\xff" * 64
+    )
     tdms(tmp_path / "b.tdms", t, duty, torque)
     runs, faults = read_what_can_be([tmp_path / "a.mat", tmp_path / "b.tdms"], NOTHING)
     assert len(faults) == 1 and "a.mat: is a damaged MAT file" in faults[0]

@@ -169,7 +169,12 @@ def test_memory_is_a_few_times_the_file(tmp_path):
             path = tmp_path / f"{name}-{count}"
             _plain(name, path, *written.step(count))  # the small one warms up whatever the reader imports
             given.append(str(path))
-    done = subprocess.run([sys.executable, "-c", MEASURED, str(Path(__file__).parent), *given], capture_output=True, text=True, check=False)
+    done = subprocess.run(
+        [sys.executable, "-c", MEASURED, str(Path(__file__).parent), *given],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
     assert done.returncode == 0, done.stderr
     for name, taken in json.loads(done.stdout).items():
         size = (tmp_path / name).stat().st_size

@@ -91,7 +91,7 @@ def test_segments_that_start_anew_are_put_apart_by_the_clock(tmp_path):
         (lvm([]), "its header cannot be followed"),
         (lvm([(HEAD, "Duty|Torque", ["0|1"])]), "its header cannot be followed"),
         (lvm([(HEAD, "X_Value|Comment", ["0"])]), "names no channels; record the log again"),
-        (lvm([(["Channels|1", "X_Dimension|Frequency"], "X_Value|A", ["0|1"])]), "its X is Frequency, not Time: no log"),
+        (lvm([(["Channels|1", "X_Dimension|Frequency"], "X_Value|A", ["0|1"])]), "its X is Frequency, not Time"),
         (lvm([(["Channels|1", "X0|0"], "X_Value|A", ["|1"])], own="No"), "neither a column of times nor a Delta_X"),
         (lvm([(["Channels|1", "Delta_X|fast"], "X_Value|A", ["0|1"])]), "its header cannot be followed"),
         (lvm([(HEAD, "X_Value|A", ["0|1"])], own="Two"), "its X_Columns is 'Two', not No, One or Multi"),

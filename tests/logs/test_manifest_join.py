@@ -72,9 +72,9 @@ def test_options_typed_win_and_what_changed_is_told(
     steps, stepset = runs_from([folder], levels="100,300")
     assert [level.level for level in stepset.levels] == [100.0, 300.0]
     assert "does not list later_V=400_n1.csv, which is left out" in capsys.readouterr().err
-    told = {step.name: step.notes for step in steps}
-    assert "the log has changed since its manifest was written" in told["x_V=100_n1"]
-    assert told["x_V=100_n2"] == ()
+    told = {step.name: {one.code for one in step.findings} for step in steps}
+    assert "log-changed" in told["x_V=100_n1"]
+    assert "log-changed" not in told["x_V=100_n2"]
 
 
 def test_levels_and_steps_of_single_logs(tmp_path: Path) -> None:
@@ -149,7 +149,8 @@ def test_logs_of_one_run_are_joined_by_time(tmp_path: Path) -> None:
         ("run-release", 50.0, 7.0, "falling"),
     ]
     assert stepset.levels[0].runs.shape == (1, 500)
-    assert steps[0].notes[0].startswith(f"joined with {files[1]} (")
+    (said,) = [one for one in steps[0].findings if one.code == "logs-joined"]
+    assert str(said.values["others"]).startswith(f"{files[1]} (")
 
 
 def test_logs_whose_clocks_begin_anew_cannot_be_joined(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
