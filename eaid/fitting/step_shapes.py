@@ -10,13 +10,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
-import msgspec
 import numpy as np
 
 from eaid.arrays import Array
 from eaid.errors import UsageError
 from eaid.findings import Finding, finding
-from eaid.results.common import Number, Result
+from eaid.results.steps import StepShape
 from eaid.steps.noise import block_means
 from eaid.steps.stepset import LevelStep
 
@@ -48,45 +47,6 @@ class ShapeOptions:
     """Dead time [s]; None: free where the evidence asks for one, 0: none."""
     share: float = 0.85
     """C of the form with C held."""
-
-
-class StepShape(Result, frozen=True):
-    """The response of one step, in the units of its step set."""
-
-    run: str
-    from_level: Number = msgspec.field(name="from")
-    """Input before the step."""
-    level: Number
-    """Input after it."""
-    edge: str
-    """up or down."""
-    start: Number
-    """Output before the step."""
-    change: Number
-    """Steady output less the start."""
-    gain: Number | None
-    """Change of output over change of input."""
-    shape: str
-    tau1: Number
-    """Fast time constant [s]; the only one of the shape "one"."""
-    tau2: Number | None
-    """Slow time constant [s]."""
-    C: Number
-    """Fast share; 1 of the shape "one", above 1 of "overshoot"."""
-    dead_time_s: Number
-    rmse: Number
-    fit_pct: Number | None
-    """100 (1 − ‖y − ŷ‖/‖y − mean y‖)"""
-    R2: Number | None
-    samples: int
-    evidence: dict[str, Number | None]
-    """AICc of each shape less that of the best; shapes with a dead time are named `one+dead` and so on."""
-    findings: tuple[Finding, ...] = ()
-
-    def predict(self, time_s: Array) -> Array:
-        """Output at times since the step [s]."""
-        rest = math.inf if self.tau2 is None else math.log(self.tau2 / self.tau1)
-        return self.start + curve(np.array([self.change, math.log(self.tau1), rest, self.C, self.dead_time_s]), time_s)
 
 
 def curve(p: Array, time_s: Array) -> Array:
@@ -363,7 +323,7 @@ def _result(step: LevelStep, one: _Candidate, scores: dict[str, float], y: Array
     single = one.shape == "one"
     return StepShape(
         run=step.name,
-        from_level=step.from_level,
+        from_=step.from_level,
         level=step.level,
         edge=step.edge,
         start=step.start,

@@ -30,6 +30,7 @@ from eaid.results.common import (
     Source,
 )
 from eaid.results.recorded import Recorded
+from eaid.results.steps import StepShape
 
 Three = tuple[Number, Number, Number]
 Four = tuple[Number, Number, Number, Number]
@@ -543,6 +544,8 @@ class Fit(Result, frozen=True):
     linear: Linear | None = None
     release: Release | None = None
     uncertainty: Uncertainty | None = None
+    steps: tuple[StepShape, ...] = ()
+    """Each change of input between two holds by itself, where a log goes from level to level."""
     recorded: Recorded | None = None
     """Of logs that were fitted as they were recorded."""
     findings: tuple[Finding, ...] = ()

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from eaid.errors import UsageError
-from eaid.fitting.step_shapes import ShapeOptions, StepShape, curve, fit_step, fit_steps, slopes
+from eaid.fitting.step_shapes import ShapeOptions, curve, fit_step, fit_steps, slopes
+from eaid.results.steps import StepShape
 from eaid.steps.stepset import LevelStep
 
 REALDATA = Path(__file__).parents[2] / "../shared/realdata"
@@ -76,7 +77,7 @@ def test_quality_by_hand() -> None:
     assert found.fit_pct == pytest.approx(100 * (1 - np.linalg.norm(left) / np.linalg.norm(y - y.mean())))
     assert pytest.approx(1 - float(left @ left) / float(((y - y.mean()) ** 2).sum())) == found.R2
     assert found.gain == pytest.approx(found.change / 30.0)
-    assert (found.from_level, found.level, found.edge, found.start) == (20.0, 50.0, "up", 1.5)
+    assert (found.from_, found.level, found.edge, found.start) == (20.0, 50.0, "up", 1.5)
 
 
 def test_options() -> None:
@@ -119,7 +120,7 @@ def _read(name: str, **options: object) -> tuple[StepShape, ...]:
 @needs_realdata
 def test_lamp_staircase() -> None:
     rows = _read("light_staircase.csv", columns="time=2,input=3,output=1", units="time=us,output=mV,input=PWM")
-    assert [(row.from_level, row.level) for row in rows] == [(0, 50), (50, 100), (100, 150), (150, 200), (200, 0)]
+    assert [(row.from_, row.level) for row in rows] == [(0, 50), (50, 100), (100, 150), (150, 200), (200, 0)]
     first = rows[0]
     assert (first.shape, first.dead_time_s) == ("two", 0)
     assert first.change == pytest.approx(1.844, abs=0.001)
