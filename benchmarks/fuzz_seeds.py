@@ -377,15 +377,16 @@ def _manifest(folder: Path, *step: Any) -> Iterator[str]:
 
 
 def _results(folder: Path, t: Any, duty: Any, torque: Any) -> Iterator[bytes]:
-    from eaid.replay.files import Record, write_replay
+    from eaid.replay.files import write_replay
+    from eaid.results.replay import Head, Metrics, Record, Replay
 
     for name in ("gains.json", "friction-force.json", "fit.json"):
         content = json.loads((ROOT / "reports" / "demo" / name).read_text(encoding="utf-8"))
         yield json.dumps(_shorter(content)).encode()
     columns = {"time_s": t, "reference_nm": torque, "torque_nm": torque, "duty_pct": duty}
-    records = {name: Record(columns, {"rmse_nm": 0.1}, {"band/low": torque[:9]}) for name in ("rc", "pi")}
+    records = {name: Record(columns, Metrics(rms_error_nm=0.1), {"band/low": torque[:9]}) for name in ("rc", "pi")}
     path = folder / "making.h5"
-    write_replay(path, records, {"scenario": "sine", "rate_hz": 200.0, "plant": {"a0": 1.0}}, force=True)
+    write_replay(path, Replay(Head("sine"), records), force=True)
     yield path.read_bytes()
     import h5py
 

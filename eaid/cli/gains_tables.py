@@ -1,128 +1,152 @@
-"""The tables of `eaid tune-rc`, for people."""
-
-from typing import Any
+"""What `eaid tune-rc` prints: one verdict and one table; margins and the readings of ρ on request."""
 
 from eaid.cli import console
+from eaid.results.gains import Gains, Margin, MarginPoint, Optimized
+
+CONDITIONS = {
+    "rho": "ρ covers Eq. (15)", "phi": "φ covers |η − η̂|", "Q_M": "Q_M covers the slope",
+    "duty-limit": "the actuator delivers B̂ρ",
+}  # fmt: skip
+SHORT = {"rho": "ρ", "phi": "φ", "Q_M": "Q_M", "duty-limit": "duty limit"}
+YES = {True: "yes", False: "NO", None: "not known"}
 
 
-def show(result: dict[str, Any]) -> None:
-    """Robust controller, PI, margins; one table each on stdout."""
-    rc, pi, rho = result["rc"], result["pi"], result["rc"]["rho"]
-    terms = rho["terms"]
-    yes = {True: "yes", False: "NO", None: "not known"}
-    console.table(
-        "Robust controller",
-        ["", "value", "unit", "what it is"],
-        [
-            ["B_m … B_M", f"{rc['B_m']:.5g} … {rc['B_M']:.5g}", "%·s/(N·m)", rc["bounds"]["convention"]],
-            ["B̂", f"{rc['B_hat']:.5g}", "%·s/(N·m)", rc["B_hat_convention"]],
-            ["K_P, K_D", f"{rc['K_P']:.5g}, {rc['K_D']:.5g}", "1/s², 1/s",
-             f"natural frequency {rc['natural_frequency_rad_s']:.5g} rad/s, damping {rc['damping']:.4g}"],
-            ["α", f"{rc['alpha']:.6g}", "1", f"by the formula; really reached with this B̂: {rc['alpha_reached']:.6g}"],
-            ["Q_M", f"{rc['Q_M']:.5g}", "N·m/s", f"holds for the reference: {yes[rc['Q_M_holds']]}"],
-            ["φ", f"{rc['phi']:.4g}", "", f"means {rc['phi_honest_pct']:.4g} % duty; holds: {yes[rc['phi_holds']]}"],
-            ["ρ(ξ)", f"{rho['constant']:.6g} + {rho['slope']:.6g}·‖ξ‖", "N·m/s",
-             f"{rho['convention']}; {terms['reference_nm_s']:.4g} for Q_M, {terms['phi_nm_s']:.4g} for φ"],
-            *([f"  read as {name}", f"{row['constant']:.6g} + {row['slope']:.6g}·‖ξ‖", "N·m/s",
-               f"φ = {row['phi']:.4g} then means {row['phi_honest_pct']:.4g} % duty"]
-              for name, row in rho["readings"].items()),
-            ["guaranteed", yes[rc["guaranteed"]], "", _needed(rho)],
-            ["ε, γ", f"{rc['epsilon']:.4g}, {rc['gamma']:.4g}", "", "boundary layer and switch, in units of z"],
-            ["z", f"{rc['Q'][1][0]:.5g} q̃ + {rc['Q'][1][1]:.5g} e", "", f"P = {rc['P'][0][0]:g}·I"],
-            ["inside the layer", f"PI {rc['equal_pi']['K_P']:.4g}, {rc['equal_pi']['K_I']:.4g}",
-             "%/(N·m), %/(N·m·s)", "plus feedforward"],
-            ["outside it", f"{result['actuator']['robust_term_pct']:.4g}", "% duty",
-             f"asked by the robust term; the actuator spans {result['actuator']['span_pct']:.4g}"],
-            ["left at half torque", _left(result["actuator"]["points"][1]), "% of it", "by the duty limits"],
-            ["error in the end", _bound(rc["ultimate_bound"]["torque_error_nm"]), "N·m", _replayed(result)],
-        ],
-    )  # fmt: skip
-    settling = pi["settling_s"]
-    console.table(
-        "PI controller",
-        ["", "value", "unit", "what it is"],
-        [
-            ["K_P, K_I", f"{pi['K_P']:.5g}, {pi['K_I']:.5g}", "%/(N·m), %/(N·m·s)",
-             "from overshoot and settling" if pi["asked"] else "given"],
-            ["overshoot", f"{pi['overshoot_pct']:.4g}", "%", "on the linear model, zero included"],
-            ["settling", f"{settling:.4g}" if settling < float("inf") else "never", "s", "2 % band"],
-        ],
-    )  # fmt: skip
-    if "optimized" in result:
-        _optimized(result["optimized"])
-    timing = result["margins"]["timing"]
-    latch = f"duty latched at {timing['pwm_hz']:g} Hz" if timing["pwm_hz"] else "duty not latched"
-    console.table(
-        f"Margins around held duties, {timing['rate_hz']:g} Hz, {latch}",
-        [
-            "duty [%]",
-            "torque [N·m]",
-            "RC gain [dB]",
-            "phase [°]",
-            "delay [ms]",
-            "PI gain [dB]",
-            "phase [°]",
-            "delay [ms]",
-        ],
-        [
-            [f"{row['duty_pct']:.4g}", f"{row['torque_nm']:.3g}", *_margin(row["rc"]), *_margin(row["pi"])]
-            for row in result["margins"]["points"]
-        ],
-    )
+def show(gains: Gains, all_of_it: bool = False) -> None:
+    """The verdict and the gains; with `all_of_it` what they were made of, and every margin."""
+    console.line(verdict(gains))
+    console.table("Gains", ["", "value", "unit", "what it is"], [*_robust(gains), *_pi(gains), *_replayed(gains)])
+    if gains.optimized is not None:
+        _optimized(gains.optimized, gains)
+    if all_of_it:
+        _readings(gains)
+        _margins(gains)
 
 
-def _optimized(told: dict[str, Any]) -> None:
+def verdict(gains: Gains) -> str:
+    """`guarantee: NO (φ, duty limit)`."""
+    judged = gains.guarantee
+    if judged is None:
+        return "guarantee: not known"
+    missing = [SHORT[name] for name in judged.missing]
+    open_ones = [SHORT[one.name] for one in judged.conditions if one.holds is None]
+    why = ", ".join(missing) or (f"{', '.join(open_ones)} cannot be told" if open_ones else "")
+    return f"guarantee: {YES[judged.holds]}{f' ({why})' if why else ''}"
+
+
+def _robust(gains: Gains) -> list[list[str]]:
+    rc, (i, o) = gains.rc, (gains.input_unit, gains.output_unit)
+    if rc is None:
+        return []
     rows = [
-        ("RMS error", "rms_error_nm", "N·m"),
-        ("  of the worst plant", "worst_plant_rms_error_nm", "N·m"),
-        ("largest error", "max_abs_error_nm", "N·m"),
-        ("chattering", "mean_abs_duty_step_pct", "% duty per sample"),
-        ("at a limit", "saturated_fraction", "of the time"),
-        ("P's scale", "p_scale", ""),
-        ("ε", "epsilon", ""),
-        ("φ", "phi_honest_pct", "% duty"),
-        ("B̂", "B_hat", "%·s/(N·m)"),
-        ("K_P", "K_P", "1/s²"),
-        ("K_D", "K_D", "1/s"),
+        ["RC K_P, K_D", f"{rc.K_P:.5g}, {rc.K_D:.5g}", "1/s², 1/s",
+         f"natural frequency {rc.natural_frequency_rad_s:.4g} rad/s, damping {rc.damping:.3g}"],
+        ["   B̂", f"{rc.B_hat:.5g}", f"{i}·s/({o})", f"{rc.B_hat_convention}; B {_number(rc.B_m)} … {_number(rc.B_M)}"],
+        ["   ρ(ξ)", f"{rc.rho.constant:.6g} + {rc.rho.slope:.6g}·‖ξ‖", f"{o}/s",
+         f"{rc.rho.convention}; α {_number(rc.alpha)}, really reached {_number(rc.alpha_reached)}"],
+        ["   ε, γ", f"{rc.epsilon:.4g}, {rc.gamma:.4g}", "", f"z = {rc.Q[1][0]:.4g} q̃ + {rc.Q[1][1]:.4g} e"],
+    ]  # fmt: skip
+    for one in gains.guarantee.conditions if gains.guarantee is not None else ():
+        told = f"{_number(one.needed)} needed, {_number(one.available)} there"
+        rows.append([f"   {CONDITIONS[one.name]}", YES[one.holds], one.unit, told])
+    return [*rows, *_least(gains, "rc")]
+
+
+def _pi(gains: Gains) -> list[list[str]]:
+    pi, (i, o) = gains.pi, (gains.input_unit, gains.output_unit)
+    if pi is None:
+        return []
+    settles = "never settles" if pi.settling_s is None else f"settles in {pi.settling_s:.4g} s"
+    reached = f"{_number(pi.overshoot_pct)} % overshoot, {settles}"
+    how = "designed" if pi.asked is not None else "given"
+    return [
+        ["PI K_P, K_I", f"{pi.K_P:.5g}, {pi.K_I:.5g}", f"{i}/({o}), {i}/({o}·s)", f"{how}; {reached}"],
+        *_least(gains, "pi"),
     ]
-    before, after = told["before"], told["after"]
+
+
+def _least(gains: Gains, name: str) -> list[list[str]]:
+    worst = getattr(gains.margins.worst, name) if gains.margins is not None and gains.margins.worst else None
+    if worst is None:
+        return []
+    gain, phase, delay = _margin(worst)
+    return [["   least margins", f"{gain}, {phase}", "dB, °", f"delay {delay} ms"]]
+
+
+def _replayed(gains: Gains) -> list[list[str]]:
+    told, rc = gains.replayed, gains.rc
+    bound = rc.ultimate_bound.torque_error_nm if rc is not None and rc.ultimate_bound is not None else None
+    rows = [["ultimate bound", "none" if bound is None else f"{bound:.4g}", gains.output_unit, "error in the end"]]
+    if told is None or told.rc is None or told.pi is None:
+        return rows
+    errors = f"{_number(told.rc.max_abs_error_nm)} RC, {_number(told.pi.max_abs_error_nm)} PI"
+    return [*rows, ["largest error", errors, gains.output_unit, f"replayed on the fitted plant, {told.reference}"]]
+
+
+def _readings(gains: Gains) -> None:
+    rc = gains.rc
+    if rc is None or rc.rho.readings is None:
+        return
+    rows = [
+        [name, _number(row.phi), f"{_number(row.phi_honest_pct)} {gains.input_unit}",
+         f"{_number(row.constant)} + {_number(row.slope)}·‖ξ‖"]
+        for name, row in (("paper", rc.rho.readings.paper), ("textbook", rc.rho.readings.textbook)) if row is not None
+    ]  # fmt: skip
+    console.table("Readings of Eq. (15)", ["reading", "φ", "means", "ρ(ξ)"], rows)
+    if rc.equal_pi is not None and rc.equal_pi.K_P is not None:
+        console.line(f"inside the layer the RC is a PI of {rc.equal_pi.K_P:.4g}, {_number(rc.equal_pi.K_I)}")
+
+
+def _margins(gains: Gains) -> None:
+    found = gains.margins
+    if found is None:
+        return
+    timing = found.timing
+    latch = f"duty latched at {timing.pwm_hz:g} Hz" if timing.pwm_hz else "duty not latched"
     console.table(
-        f"Optimised on the {told['reference']}, {told['plants']} plants, noise {told['noise_nm']:.3g} N·m "
-        f"({told['noise_source']}), chattering up to {told['limit_pct']:.3g} %",
-        ["", "before", "after", "unit"],
-        [[name, f"{before[key]:.5g}", f"{after[key]:.5g}", unit] for name, key, unit in rows],
+        f"Margins around held inputs, {timing.rate_hz:g} Hz, {latch}",
+        [gains.input_unit, gains.output_unit, "RC dB", "°", "ms", "PI dB", "°", "ms"],
+        [_point(row) for row in found.points],
     )
 
 
-def _needed(rho: dict[str, Any]) -> str:
-    need = rho["needed"]
-    if need is None:
-        return "the α reached is 1 or more: no ρ covers it"
-    return f"Eq. (15) with the α reached asks for {need['constant']:.6g} + {need['slope']:.6g}·‖ξ‖"
+def _point(row: MarginPoint) -> list[str]:
+    none = ["-", "-", "-"]
+    loops = [_margin(one) if one is not None else none for one in (row.rc, row.pi)]
+    return [f"{row.duty_pct:.4g}", _number(row.torque_nm), *loops[0], *loops[1]]
 
 
-def _left(point: dict[str, float]) -> str:
-    return f"{100 * point['share_up']:.3g} up, {100 * point['share_down']:.3g} down"
-
-
-def _bound(value: float) -> str:
-    return f"{value:.4g}" if value < float("inf") else "no bound"
-
-
-def _replayed(result: dict[str, Any]) -> str:
-    told = result.get("replayed")
-    if told is None:
-        return "ultimate bound"
-    worst, pi = told["rc"]["max_abs_error_nm"], told["pi"]["max_abs_error_nm"]
-    return f"ultimate bound; replayed {told['reference']}: {worst:.3g} (PI {pi:.3g})"
-
-
-def _margin(found: dict[str, float]) -> list[str]:
-    if not found["stable"]:
+def _margin(found: Margin) -> list[str]:
+    if found.stable is False:
         return ["unstable", "-", "-"]
-    delay = found["delay_s"]
     return [
-        f"{found['gain_db']:.3g}" if found["gain_db"] < float("inf") else "> 80",
-        f"{found['phase_deg']:.3g}" if found["phase_deg"] < float("inf") else "gain below 1",
-        f"{1e3 * delay:.3g}" if delay < float("inf") else "> 200",
+        f"{found.gain_db:.3g}" if found.gain_db is not None else "> 80",
+        f"{found.phase_deg:.3g}" if found.phase_deg is not None else "gain below 1",
+        f"{1e3 * found.delay_s:.3g}" if found.delay_s is not None else "> 200",
     ]
+
+
+SOURCES = {"given": "given", "logs": "white part of what the logs show", "fit": "as the fit tells it",
+           "supposed": "supposed"}  # fmt: skip
+
+
+def _optimized(told: Optimized, gains: Gains) -> None:
+    i, o = gains.input_unit, gains.output_unit
+    rows = [
+        ("RMS error", "rms_error_nm", o), ("  of the worst plant", "worst_plant_rms_error_nm", o),
+        ("largest error", "max_abs_error_nm", o), ("chattering", "mean_abs_duty_step_pct", f"{i} per sample"),
+        ("at a limit", "saturated_fraction", "of the time"), ("P's scale", "p_scale", ""), ("ε", "epsilon", ""),
+        ("φ", "phi_honest_pct", i), ("B̂", "B_hat", f"{i}·s/({o})"), ("K_P", "K_P", "1/s²"), ("K_D", "K_D", "1/s"),
+    ]  # fmt: skip
+    console.table(
+        f"Optimised on the {told.reference}, {told.plants} plants, noise {told.noise_nm:.3g} {o} "
+        f"({SOURCES[told.noise_source]}), chattering up to {told.limit_pct:.3g} {i}",
+        ["", "before", "after", "unit"],
+        [
+            [name, f"{getattr(told.before, key):.5g}", f"{getattr(told.after, key):.5g}", unit]
+            for name, key, unit in rows
+        ],
+    )
+
+
+def _number(value: float | None) -> str:
+    return "?" if value is None else f"{value:.4g}"

@@ -1,4 +1,4 @@
-"""The linear part of a fit.json → the model and the range of B that a design rests on.
+"""The linear part of a fit → the model and the range of B that a design rests on.
 
 B_i of a level is 1/b0_i. One step cannot tell b0 from c0, so three conventions (`linear.bounds` names the fit's own):
 
@@ -8,15 +8,33 @@ B_i of a level is 1/b0_i. One step cannot tell b0 from c0, so three conventions 
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import NamedTuple
 
 from eaid.errors import DataError, GainsError, UsageError
 from eaid.models.parameters import Linear
+from eaid.results.fit import Fit, LinearLevel
+from eaid.results.fit import Linear as LinearFit
 from eaid.steps.levels import wanted_levels
 
 CONVENTIONS = ("zero-offset", "pooled-offset", "pooled-dynamics")
+SLOWEST, FASTEST = 1e-6, 1e6
+"""a0 of anything that is controlled by samples [1/s]."""
+
+
+class LevelB(NamedTuple):
+    """The first-order model of one level under a convention."""
+
+    level: float
+    a0: float
+    """[1/s]"""
+    c0: float
+    """[output/s]"""
+    gain: float
+    """Output in the end."""
+    B: float
+    """[input·s/output]"""
 
 
 @dataclass(frozen=True)
@@ -29,118 +47,107 @@ class Bounds:
     """[%·s/(N·m)]"""
     B_M: float
     """[%·s/(N·m)]"""
-    rows: tuple[dict[str, float], ...]
-    """level, a0, c0, gain, B of the levels kept; empty where the fit holds none."""
+    rows: tuple[LevelB, ...]
+    """The levels kept; empty where the fit holds none."""
+    widened: bool = False
 
 
-def model_of(fit: Mapping[str, Any], source: str) -> Linear:
+def model_of(fit: Fit) -> Linear:
     """The pooled linear model; DataError where it is missing, GainsError where it is not physical."""
-    linear = fit.get("linear")
-    if not isinstance(linear, Mapping):
-        raise DataError(f"{source}: holds no linear model; fit clutch data with --model linear (or all models)")
-    a0, b0, c0 = (_number(linear, key, f"{source}: linear") for key in ("a0", "b0", "c0"))
-    if not a0 > 0:
+    linear = _part(fit)
+    if not linear.a0 > 0:
         raise GainsError(
-            f"{source}: a0 is {a0:.4g} 1/s; a clutch whose torque does not settle by itself is not physical"
+            f"the fit's a0 is {linear.a0:.4g} 1/s; a clutch whose torque does not settle by itself is not physical"
         )
-    if not b0 > 0:
+    if not linear.b0 > 0:
         raise GainsError(
-            f"{source}: b0 is {b0:.4g} N·m/(s·%); more duty has to give more torque, check the sign of the data"
+            f"the fit's b0 is {linear.b0:.4g}; more duty has to give more torque, check the sign of the data"
         )
-    return Linear(a0, b0, c0)
+    if not SLOWEST <= linear.a0 <= FASTEST:
+        raise GainsError(
+            f"the fit's a0 is {linear.a0:.4g} 1/s; a plant with a time constant of {1 / linear.a0:.3g} s is none that "
+            f"samples control ({1 / FASTEST:g} to {1 / SLOWEST:g} s); check the time column"
+        )
+    return Linear(linear.a0, linear.b0, linear.c0)
 
 
-def bounds_of(
-    fit: Mapping[str, Any], source: str, convention: str | None, levels: str | None, widen: bool = False
-) -> Bounds:
+def _part(fit: Fit) -> LinearFit:
+    if fit.linear is None:
+        raise DataError("the fit holds no linear model; fit clutch data with «model» linear (or all models)")
+    return fit.linear
+
+
+def bounds_of(fit: Fit, convention: str | None = None, levels: str | None = None, widen: bool = False) -> Bounds:
     """B_m and B_M as fitted, or over other levels (`30:100`, `30,40`) or by another convention from the single levels.
 
     `widen` takes the far ends of the levels' 95 % intervals. A range that is not positive is refused (GainsError).
     """
-    model = model_of(fit, source)
-    linear = fit["linear"]
-    stored = linear.get("bounds") or {}
-    own = str(stored.get("convention", "zero-offset"))
+    model, linear = model_of(fit), _part(fit)
+    stored = linear.bounds
+    own = stored.convention if stored is not None else "zero-offset"
     wanted = convention or own
     if wanted not in CONVENTIONS:
-        raise UsageError(f"--bounds {wanted}: must be one of {', '.join(CONVENTIONS)}")
-    rows = [row for row in linear.get("per_level") or [] if isinstance(row, Mapping)]
-    ready = (linear.get("conventions") or {}).get(wanted)
-    if wanted != own and levels is None and not widen and isinstance(ready, Mapping):
-        kept, found = [float(level) for level in ready.get("levels") or []], []
-        if "pooled-dynamics" not in (own, wanted):
-            found = [row for row in _under(rows, model, own, wanted, source) if row["level"] in kept]
-        B_m, B_M = ready.get("B_m"), ready.get("B_M")
-    elif wanted == own and levels is None and not widen and "B_m" in stored:
-        kept = [float(level) for level in stored.get("levels") or [row["level"] for row in rows]]
-        found = [row for row in _under(rows, model, own, own, source) if row["level"] in kept]
-        B_m, B_M = stored["B_m"], stored.get("B_M")
+        raise UsageError(f"«bounds» {wanted}: must be one of {', '.join(CONVENTIONS)}")
+    rows = linear.per_level
+    ready = stored if wanted == own else linear.conventions.get(wanted)
+    if levels is None and not widen and ready is not None:
+        kept = ready.levels or tuple(row.level for row in rows)
+        comparable = wanted == own or "pooled-dynamics" not in (own, wanted)
+        found = [row for row in _under(rows, model, own, wanted) if row.level in kept] if comparable else []
+        ends = ready.B_m, ready.B_M
     else:
         if not rows:
             raise UsageError(
-                f"{source}: holds no fits of single levels, so --bounds, --levels and --widen-bounds have nothing to "
+                "the fit holds no fits of single levels, so «bounds», «levels» and «widen_bounds» have nothing to "
                 "work on; fit again with this version of eaid"
             )
-        found = _under(rows, model, own, wanted, source)
-        kept = wanted_levels(levels, [row["level"] for row in found]) if levels else list(stored.get("levels") or [])
-        kept = kept or [row["level"] for row in found]
-        found = [row for row in found if row["level"] in kept]
-        ends = [_interval(row, rows, source) if widen else (row["B"], row["B"]) for row in found]
-        B_m, B_M = min(low for low, _ in ends), max(high for _, high in ends)
-    checked = [_positive(value, name, source) for value, name in ((B_m, "B_m"), (B_M, "B_M"))]
-    if checked[1] < checked[0]:
-        raise GainsError(f"{source}: B_m {checked[0]:.4g} lies above B_M {checked[1]:.4g}; check linear.bounds")
-    if any(not (row["B"] > 0 and math.isfinite(row["B"])) for row in found):
-        raise GainsError(
-            f"{source}: a level has no positive b0, so the range of B touches 0; leave it out with --levels"
-        )
-    return Bounds(wanted, tuple(kept), checked[0], checked[1], tuple(found))
+        found = _under(rows, model, own, wanted)
+        chosen = wanted_levels(levels, [row.level for row in found]) if levels else ()
+        kept = tuple(chosen) or (stored.levels if stored is not None else ()) or tuple(row.level for row in found)
+        found = [row for row in found if row.level in kept]
+        each = [_interval(row, rows) if widen else (row.B, row.B) for row in found]
+        ends = min(low for low, _ in each), max(high for _, high in each)
+    B_m, B_M = (_positive(value, name) for value, name in zip(ends, ("B_m", "B_M"), strict=True))
+    if B_m > B_M:
+        raise GainsError(f"B_m {B_m:.4g} lies above B_M {B_M:.4g}; check linear.bounds of the fit")
+    if any(not (row.B > 0 and math.isfinite(row.B)) for row in found):
+        raise GainsError("a level has no positive b0, so the range of B touches 0; leave it out with «levels»")
+    return Bounds(wanted, kept, B_m, B_M, tuple(found), widen)
 
 
-def _under(
-    rows: Sequence[Mapping[str, Any]], model: Linear, own: str, wanted: str, source: str
-) -> list[dict[str, float]]:
+def _under(rows: Sequence[LinearLevel], model: Linear, own: str, wanted: str) -> list[LevelB]:
     if wanted != own and "pooled-dynamics" in (own, wanted):
         raise UsageError(
-            f"{source}: was fitted with --bounds {own}; {wanted} needs other fits of the single levels, "
-            f"so fit again with --bounds {wanted}"
+            f"the fit was made with «bounds» {own}; {wanted} needs other fits of the single levels, "
+            f"so fit again with «bounds» {wanted}"
         )
     found = []
     for row in rows:
-        level, a0, gain = (_number(row, key, f"{source}: linear.per_level") for key in ("level", "a0", "gain"))
-        c0 = 0.0 if wanted == "zero-offset" else model.c0
-        if level == 0:
+        if row.level == 0:
             continue
-        b0 = (a0 * gain - c0) / level
-        found.append({"level": level, "a0": a0, "c0": c0, "gain": gain, "B": 1 / b0 if b0 else math.inf})
+        c0 = 0.0 if wanted == "zero-offset" else model.c0
+        b0 = (row.a0 * row.gain - c0) / row.level
+        found.append(LevelB(row.level, row.a0, c0, row.gain, 1 / b0 if b0 else math.inf))
     return found
 
 
-def _interval(row: Mapping[str, float], rows: Sequence[Mapping[str, Any]], source: str) -> tuple[float, float]:
+def _interval(row: LevelB, rows: Sequence[LinearLevel]) -> tuple[float, float]:
     """The 95 % interval of a level's B, scaled where the convention is another than the fit's."""
-    stored = next(r for r in rows if r["level"] == row["level"])
-    ends = (stored.get("ci95") or {}).get("B")
-    value = stored.get("B")
-    if not isinstance(ends, list | tuple) or len(ends) != 2 or None in ends or not value:
+    stored = next(r for r in rows if r.level == row.level)
+    ends = stored.ci95.B if stored.ci95 is not None else None
+    if ends is None or not stored.B:
         raise UsageError(
-            f"{source}: level {row['level']:g} has no interval of B, so --widen-bounds has nothing to widen by; "
-            "fit again with --ci robust, or leave the level out with --levels"
+            f"level {row.level:g} has no interval of B, so «widen_bounds» has nothing to widen by; "
+            "fit again with «ci» robust, or leave the level out with «levels»"
         )
-    return row["B"] * float(ends[0]) / float(value), row["B"] * float(ends[1]) / float(value)
+    return row.B * ends[0] / stored.B, row.B * ends[1] / stored.B
 
 
-def _positive(value: Any, name: str, source: str) -> float:
-    if isinstance(value, int | float) and math.isfinite(value) and value > 0:
+def _positive(value: float | None, name: str) -> float:
+    if value is not None and math.isfinite(value) and value > 0:
         return float(value)
-    shown = f"{value:.4g}" if isinstance(value, int | float) else "missing"
+    shown = f"{value:.4g}" if value is not None else "missing"
     raise GainsError(
-        f"{source}: {name} is {shown}, so the range of B touches 0 and no gain is robust over it; "
-        "leave out the levels without a positive b0 (--levels)"
+        f"{name} is {shown}, so the range of B touches 0 and no gain is robust over it; "
+        "leave out the levels without a positive b0 («levels»)"
     )
-
-
-def _number(part: Mapping[str, Any], key: str, source: str) -> float:
-    value = part.get(key)
-    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-        raise DataError(f"{source}: {key} is {value!r}, not a finite number; fit again")
-    return float(value)

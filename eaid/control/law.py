@@ -67,7 +67,7 @@ def law_of(model: Linear, bounds: Bounds, options: DesignOptions) -> Law:
     if alpha >= 1:
         raise GainsError(
             f"α is {alpha:.4g} with B̂ = {B_hat:.4g}: 1 or more, no ρ covers that; choose B̂ below {2 * B_m:.4g} "
-            "(--b-hat minimax)"
+            "(«b_hat» minimax)"
         )
     phi = options.phi
     if options.phi_honest_pct is not None:

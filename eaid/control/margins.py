@@ -39,7 +39,7 @@ class Timing:
 
     rate_hz: float = 1000.0
     pwm_hz: float | None = 300.0
-    """None: the duty takes effect at once, as in a replay without `--pwm-hz`."""
+    """None: the duty takes effect at once, as in a replay without `pwm_hz`."""
 
 
 @dataclass(frozen=True)
@@ -181,7 +181,7 @@ def _pattern(timing: Timing) -> tuple[int, int]:
     if not 0.05 <= ratio <= 100:
         raise UsageError(
             f"a PWM of {timing.pwm_hz:g} Hz under control at {timing.rate_hz:g} Hz is outside what margins are worked "
-            "out for (0.05 to 100 samples a period); check --pwm-hz"
+            "out for (0.05 to 100 samples a period); check «pwm_hz»"
         )
     return ratio.numerator, ratio.denominator
 

@@ -11,15 +11,15 @@ B in [B_m, B_M].
 """
 
 import itertools
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Sequence
 
 import numpy as np
 
 from eaid.arrays import Array
+from eaid.control.bounds import LevelB
 from eaid.models.nonlinear import steady_torque, time_constants
 from eaid.models.parameters import Linear, Nonlinear
+from eaid.results.gains import Mismatch
 from eaid.steps.stepset import StepSet
 
 WINDOW_S = 0.1
@@ -28,25 +28,13 @@ DUTIES = 19
 INSTANTS = 200
 
 
-@dataclass(frozen=True)
-class Mismatch:
-    """The largest |η − η̂| found, and where."""
-
-    pct: float
-    """[% duty]"""
-    signed_pct: float
-    """η − η̂ there [% duty]"""
-    where: str
-    """In words."""
-
-
 def distance(left_pct: Array, slope: Array, B_m: float, B_M: float) -> Array:
     """Signed distance of u − η̂(T) [% duty] from B Ṫ over B in [B_m, B_M]; slope in N·m/s, shapes alike."""
     low, high = np.minimum(B_m * slope, B_M * slope), np.maximum(B_m * slope, B_M * slope)
     return np.maximum(left_pct - high, 0.0) + np.minimum(left_pct - low, 0.0)
 
 
-def shown_by_model(plant: Nonlinear, model: Linear, B_m: float, B_M: float) -> Mismatch:
+def shown_by_model(plant: Nonlinear, model: Linear, B_m: float, B_M: float, unit: str = "%") -> Mismatch:
     """Over the nonlinear model's steps between identified duties and from rest."""
     duties = np.linspace(*plant.u_range, DUTIES)
     tau1, tau2 = time_constants(plant, duties)
@@ -61,8 +49,8 @@ def shown_by_model(plant: Nonlinear, model: Linear, B_m: float, B_M: float) -> M
         found = distance(duty - (model.a0 * torque - model.c0) / model.b0, slope, B_m, B_M)
         i, k = np.unravel_index(np.abs(found).argmax(), found.shape)
         if abs(found[i, k]) > worst.pct:
-            origin = "rest" if i == 0 else f"{duties[i - 1]:.3g} %"
-            where = f"{t[k]:.3g} s after a step from {origin} to {duty:.3g} %"
+            origin = "rest" if i == 0 else f"{duties[i - 1]:.3g} {unit}"
+            where = f"{t[k]:.3g} s after a step from {origin} to {duty:.3g} {unit}"
             worst = Mismatch(float(abs(found[i, k])), float(found[i, k]), where)
     return worst
 
@@ -75,7 +63,7 @@ def shown_by_logs(stepset: StepSet, model: Linear, B_m: float, B_M: float) -> Mi
         found = distance(level.level - (model.a0 * torque - model.c0) / model.b0, slope, B_m, B_M)
         k = int(np.abs(found).argmax())
         if abs(found[k]) > worst.pct:
-            where = f"{t[k]:.3g} s after the step to {level.level:.4g} %"
+            where = f"{t[k]:.3g} s after the step to {level.level:.4g} {stepset.input_unit}"
             worst = Mismatch(float(abs(found[k])), float(found[k]), where)
     return worst
 
@@ -95,14 +83,14 @@ def _smoothed(time_s: Array, torque_nm: Array) -> tuple[Array, Array, Array]:
     return table[:, 0], table[:, 1], table[:, 2]
 
 
-def shown_by_levels(per_level: Sequence[Mapping[str, Any]], model: Linear, torque_max_nm: float) -> Mismatch:
+def shown_by_levels(per_level: Sequence[LevelB], model: Linear, torque_max_nm: float, unit: str = "%") -> Mismatch:
     """Over the single levels' first-order models from 0 to a torque [N·m]; linear in T, so one end is the worst."""
     worst = Mismatch(0.0, 0.0, "")
     for row in per_level:
         for torque in (0.0, torque_max_nm):
-            eta = (row["a0"] * torque - row["c0"]) * row["B"]
+            eta = (row.a0 * torque - row.c0) * row.B
             left = eta - (model.a0 * torque - model.c0) / model.b0
             if abs(left) > worst.pct:
-                where = f"at {torque:.3g} N·m on the model of {row['level']:.4g} % alone"
+                where = f"at an output of {torque:.3g} on the model of {row.level:.4g} {unit} alone"
                 worst = Mismatch(abs(left), left, where)
     return worst

@@ -1,12 +1,12 @@
-"""The choices of a design, with the paper's values as defaults (Table IV, §V)."""
+"""The numbers of a design, all of them settled; the paper's where nothing is said (Table IV, §V)."""
 
-import math
 from dataclasses import dataclass, field
 from typing import Literal
 
 from eaid.control.margins import Timing
 from eaid.control.robust import Reading
-from eaid.errors import GainsError, UsageError
+from eaid.errors import GainsError
+from eaid.limits import check_all
 
 RIG = Timing()
 """Control at 1 kHz, the duty latched at 300 Hz (§IV)."""
@@ -22,16 +22,10 @@ class PIOptions:
     settling_s: float | None = None
     """2 % band [s]"""
 
-    def __post_init__(self) -> None:
-        if (self.overshoot_pct is None) != (self.settling_s is None):
-            raise UsageError("--pi-overshoot and --pi-settling belong together: give both or neither")
-        if self.gains is not None and self.overshoot_pct is not None:
-            raise UsageError("give either --pi-gains or --pi-overshoot with --pi-settling, not both")
-
 
 @dataclass(frozen=True)
 class DesignOptions:
-    """Everything `design` may be told."""
+    """Everything `design` needs beside the fit; inputs and outputs in the rig's units."""
 
     convention: str | None = None
     """Convention for b0 of a single level; None: the fit's."""
@@ -47,7 +41,7 @@ class DesignOptions:
     phi: float = 0.05
     """φ in the reading's own number."""
     phi_honest_pct: float | None = None
-    """Bound on |η − η̂| in % duty; where given, φ is worked out from it."""
+    """Bound on |η − η̂| in the input's unit; where given, φ is worked out from it."""
     epsilon: float = 0.5
     gamma: float = 50.0
     p_scale: float = 5.0
@@ -58,21 +52,14 @@ class DesignOptions:
     pi: PIOptions = field(default_factory=PIOptions)
     anti_windup: Literal["conditional", "back-calculation"] = "conditional"
     duty_limits_pct: tuple[float, float] = (0.0, 100.0)
-    """[%], or the input's unit where that is another."""
+    """In the input's unit."""
     timing: Timing = RIG
 
     def __post_init__(self) -> None:
-        positive = {"--epsilon": self.epsilon, "--gamma": self.gamma, "--p-scale": self.p_scale}
-        for name, value in positive.items():
-            if not (value > 0 and math.isfinite(value)):
-                raise UsageError(f"{name} {value:g}: must be above 0")
-        zero_or_more = {"--q-max": self.Q_M, "--phi": self.phi, "--phi data": self.phi_honest_pct or 0.0}
-        for name, value in zero_or_more.items():
-            if not (value >= 0 and math.isfinite(value)):
-                raise UsageError(f"{name} {value:g}: must be 0 or above")
-        low, high = self.duty_limits_pct
-        if not (0 <= low < high and math.isfinite(high)):
-            raise UsageError(f"--duty-limits {low:g},{high:g}: must rise from 0 or above")
+        check_all(
+            epsilon=self.epsilon, gamma=self.gamma, p_scale=self.p_scale, q_max=self.Q_M, phi=self.phi,
+            kp=self.K_P, kd=self.K_D, b_hat=None if isinstance(self.B_hat, str) else self.B_hat,
+        )  # fmt: skip
         if not (self.K_P > 0 and self.K_D > 0):
             raise GainsError(
                 f"K_P {self.K_P:g} and K_D {self.K_D:g} make the error dynamics s² + K_D s + K_P unstable; "

@@ -58,7 +58,7 @@ def rc_constants(gains: RCGains, timing: Timing) -> law.RCConstants:
 
 def plant_constants(plant: Nonlinear, timing: Timing) -> law.PlantConstants:
     """Constants of the plant."""
-    return law.PlantConstants(*plant_parameters(plant), TAU_FLOOR_S, timing.dt_s, series(timing.precision))
+    return law.PlantConstants(*plant_parameters(plant)[:-1], TAU_FLOOR_S, timing.dt_s, series(timing.precision))
 
 
 def inverse_constants(

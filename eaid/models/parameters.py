@@ -36,6 +36,8 @@ class Nonlinear:
     C: float = SHARE
     release: tuple[float, float] | None = None
     """(τ1, τ2) of the release [s], where falling edges were fitted; for falls to rest only."""
+    falls_as_release: bool = False
+    """Falls between identified duties were recorded too, and have the release's time constants."""
 
 
 @dataclass(frozen=True)

@@ -26,7 +26,7 @@ from eaid.arrays import Array, read_only
 from eaid.errors import UsageError
 from eaid.replay import descent
 from eaid.replay.compiled import kernel
-from eaid.replay.loop import Replay
+from eaid.replay.loop import Trace
 from eaid.replay.plant import PlantParameters, falling_taus, plant_terms
 from eaid.replay.references import Reference
 from eaid.replay.taut import taut_path
@@ -59,30 +59,10 @@ class Best:
     max_abs_error_nm: float
     """Largest error of the duty found; another duty may have a smaller one."""
 
-    def replay(self, limits_pct: tuple[float, float]) -> Replay:
+    def trace(self, limits_pct: tuple[float, float]) -> Trace:
         """The best as a replay, to be measured and kept as the controllers' are."""
         dt_s = float(self.time_s[1] - self.time_s[0])
-        return Replay(
-            "best", dt_s, self.time_s, self.reference_nm, self.torque_nm, self.duty_pct, limits_pct=limits_pct
-        )
-
-    def numbers(self) -> dict[str, float | str]:
-        """What a result says of it."""
-        return {
-            "rms_error_nm": self.rms_error_nm,
-            "bound_rms_nm": self.bound_nm,
-            "steady_rms_nm": self.steady_rms_nm,
-            "verdict": self.verdict(),
-        }
-
-    def verdict(self) -> str:
-        """How good the bound is, in words."""
-        if self.rms_error_nm <= 1e-9:
-            return "the reference is within the plant's reach: the least error is 0"
-        if self.bound_nm <= 0:
-            return "found by local search; nothing is known about how much better one could do"
-        share = 100 * self.bound_nm / self.rms_error_nm
-        return f"a duty with this error exists, and none has less than {self.bound_nm:.4g} N·m, {share:.0f} % of it"
+        return Trace("best", dt_s, self.time_s, self.reference_nm, self.torque_nm, self.duty_pct, limits_pct=limits_pct)
 
 
 def best(
@@ -93,8 +73,8 @@ def best(
 ) -> Best:
     """The best duty for a reference [N·m] from rest; `starts` are further duties [%] to begin from, shape (n,) each."""
     low, high = limits_pct
-    if not 0 <= low < high <= 100:
-        raise UsageError(f"best: duty limits {low:g} to {high:g} % do not rise within 0 to 100 %")
+    if not 0 <= low < high:
+        raise UsageError(f"best: duty limits {low:g} to {high:g} do not rise from 0 or above")
     wanted = np.array(reference.torque_nm, dtype=float)
     weight = np.ones(len(wanted))
     weight[: round(reference.counted_from_s / reference.dt_s)] = 0.0

@@ -50,6 +50,8 @@ class Knowledge:
     """Where it is missing, the open loop takes the straight line through the plant's steady torque."""
     rc: RCGains | None
     pi: PIGains | None
+    limits: tuple[float, float] = (0.0, 100.0)
+    """Range of the actuator [%], for the controllers that have no gains of their own."""
 
 
 class OpenLoopGains(NamedTuple):
@@ -78,13 +80,13 @@ def open_loop_step(
 
 def _rc(known: Knowledge) -> Controller:
     if known.rc is None:
-        raise UsageError("controller rc needs gains: give --gains gains.json (eaid tune-rc writes it)")
+        raise UsageError("controller rc needs gains: give «gains», which eaid tune-rc writes")
     return Controller("rc", rc_step, known.rc, rc_start())
 
 
 def _pi(known: Knowledge) -> Controller:
     if known.pi is None:
-        raise UsageError("controller pi needs gains: give --gains gains.json (eaid tune-rc writes it)")
+        raise UsageError("controller pi needs gains: give «gains», which eaid tune-rc writes")
     return Controller("pi", pi_step, known.pi, pi_start())
 
 
@@ -99,11 +101,12 @@ def _straight_line(plant: Nonlinear) -> Linear:
 
 def _open_loop(known: Knowledge) -> Controller:
     linear = known.linear or _straight_line(known.plant)
-    return Controller("open-loop", open_loop_step, OpenLoopGains(linear.a0, linear.b0, linear.c0), OpenLoopState(0.0))
+    gains = OpenLoopGains(linear.a0, linear.b0, linear.c0, *known.limits)
+    return Controller("open-loop", open_loop_step, gains, OpenLoopState(0.0))
 
 
 def _inverse(known: Knowledge) -> Controller:
-    gains = inverse_gains(known.plant)
+    gains = inverse_gains(known.plant, limits=known.limits)
     return Controller("inverse", inverse_step, gains, inverse_start(), looks_ahead=True)
 
 

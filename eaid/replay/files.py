@@ -1,68 +1,91 @@
-"""replay.h5: `/<controller>/{time_s, reference_nm, torque_nm, duty_pct}` at the control rate, written whole or not
-at all.
+"""replay.h5: `/<name>/{time_s, reference_nm, torque_nm, duty_pct}` at the control rate, written whole or not at all.
 
-Beside them, where they differ: `measured_nm` (what the controller read), `applied_pct` (mean duty on the clutch
-until the next sample); and what
-a scenario adds (`extra`). The options and inputs are root attributes, the metrics of a controller the attribute
-`metrics` (JSON) of its group.
+Beside them, where they differ: `measured_nm` (what the controller read), `applied_pct` (mean duty on the clutch until
+the next sample); and what a scenario adds. What the replay says of itself are root attributes, the metrics of a group
+its attribute `metrics` (JSON), what it is its attribute `role`.
 """
 
 import json
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import h5py
 import numpy as np
 
+from eaid import __version__
 from eaid.arrays import Array, read_only
 from eaid.errors import DataError
 from eaid.files import hdf5_written_whole
+from eaid.findings import Finding
 from eaid.logs.digest import check_digest, digest_of
 from eaid.logs.walk import walk
-from eaid.schema import METRICS, REPLAY
-from eaid.shapes import Misshapen, Part, shaped
+from eaid.results.codec import digest_of as json_digest_of
+from eaid.results.codec import from_plain, to_plain
+from eaid.results.replay import Exercise, Head, Metrics, Record, Replay
 
 SCHEMA = "eaid/replay/1"
 LARGEST = 1e30
 """Size from which no value of a column is believed: figures are drawn in single precision."""
+AGAIN = "make it again with eaid simulate"
 
 
-@dataclass(frozen=True, eq=False)
-class Record:
-    """One group of replay.h5: columns of one length by name, and what was measured on them."""
+def plain_head(head: Head) -> dict[str, Any]:
+    """What a replay says of itself, as files have it: the exercise's numbers stand beside the others."""
+    content = {key: value for key, value in to_plain(head).items() if value is not None and key != "exercise"}
+    if not content["band_quantiles"]:
+        del content["band_quantiles"]
+    if not content["unidentified"]:
+        del content["unidentified"]
+    found = content.pop("findings")
+    exercise = to_plain(head.exercise) if head.exercise is not None else {}
+    told = {"findings": found, "warnings": [one["text"] for one in found]} if found else {}
+    return {"eaid": __version__, **content, **exercise, **told}
 
-    columns: Mapping[str, Array]
-    """`time_s` and others, each of shape (n,)."""
-    metrics: Mapping[str, Any] = field(default_factory=dict)
-    """JSON-able."""
-    tables: Mapping[str, Array] = field(default_factory=dict)
-    """Further arrays of any length, as `plants/band_nm`, in inner groups named before the slash."""
+
+def plain_metrics(metrics: Metrics) -> dict[str, Any]:
+    """The metrics that a group has; inside steps and tones a number that is never reached stays null."""
+    kept = {key: value for key, value in to_plain(metrics).items() if value not in (None, [], {})}
+    if "guarantee_holds_fraction" in kept:  # null where nothing failed
+        for key in ("guarantee_failures_at_limit", "guarantee_failures_by_saturation"):
+            kept.setdefault(key, None)
+    return kept
 
 
-def write_replay(path: Path, records: Mapping[str, Record], attributes: Mapping[str, Any], force: bool = False) -> None:
-    """Write records under their names; attributes that are no number or text are kept as JSON. The same input gives
-    the same bytes."""
+def as_json(replay: Replay) -> dict[str, Any]:
+    """What `simulate --json` prints: the head, and every group's metrics under the part it plays."""
+    groups = {name: (one.role, plain_metrics(one.metrics)) for name, one in replay.records.items()}
+    controllers = {name: numbers for name, (role, numbers) in groups.items() if role in ("controller", "recorded-loop")}
+    best = {name: numbers for name, (role, numbers) in groups.items() if role == "best"}
+    log = {name: numbers for name, (role, numbers) in groups.items() if role == "recorded-input"}
+    content = {"schema": SCHEMA, **plain_head(replay.head), "controllers": controllers, **best}
+    if log:
+        content["log"] = log
+    heading = {key: content.pop(key) for key in ("schema", "eaid")}
+    return {**heading, "digest": json_digest_of({**heading, **content}), **content}
+
+
+def write_replay(path: Path, replay: Replay, force: bool = False) -> None:
+    """Write a replay; attributes that are no number or text are kept as JSON. The same input gives the same bytes."""
     with hdf5_written_whole(path, force) as file:
         file.attrs["schema"] = SCHEMA
-        for name, value in attributes.items():
+        for name, value in plain_head(replay.head).items():
             file.attrs[name] = value if isinstance(value, str | int | float) else _json(value)
-        for name, record in records.items():
+        for name, record in replay.records.items():
             group = file.create_group(name)
             for column, values in {**record.columns, **record.tables}.items():
                 array = np.asarray(values)
                 squeezed = {"compression": "gzip", "compression_opts": 1, "shuffle": True} if array.ndim else {}
                 group.create_dataset(column, data=array, track_times=False, **squeezed)
-            if record.metrics:
-                group.attrs["metrics"] = _json(record.metrics)
+            group.attrs["role"] = record.role
+            group.attrs["metrics"] = _json(plain_metrics(record.metrics))
         file.attrs["digest"] = digest_of(walk(file))
 
 
-def read_replay(path: Path, tell: Callable[[str], None] = lambda _: None) -> tuple[dict[str, Record], dict[str, Any]]:
-    """Records by name, in the file's order of names, and the root attributes; `DataError` where it is no replay.h5.
+def read(path: Path) -> tuple[Replay, tuple[Finding, ...]]:
+    """A replay.h5, groups in the file's order, and findings about what of it was left out.
 
-    What they hold has the shapes of eaid/schema.py; `tell` gets a sentence about each part that is left out.
+    Raises `DataError` where it is no replay.h5, or a value has another type than its key.
     """
     from eaid.logs.hdf import open_hdf5  # with them come the readers of logs, which writing does not need
 
@@ -70,13 +93,13 @@ def read_replay(path: Path, tell: Callable[[str], None] = lambda _: None) -> tup
         raise DataError(f"{path}: no such file; give the replay.h5 that eaid simulate wrote")
     if not h5py.is_hdf5(path):
         raise DataError(f"{path}: is no HDF5 file; give the replay.h5 that eaid simulate wrote")
+    told: list[Finding] = []
     with open_hdf5(path, str(path)) as file:
         items = walk(file, str(path))
         if items[0].fact("schema") != SCHEMA:
-            raise DataError(f"{path}: is no {SCHEMA} file; make it again with eaid simulate")
-        check_digest(items, str(path), "make it again with eaid simulate")
-        held = {key: _plain(value, path, key) for key, value in file.attrs.items() if key != "digest"}
-        options = _checked(held, REPLAY, path, "", tell)
+            raise DataError(f"{path}: is no {SCHEMA} file; {AGAIN}")
+        check_digest(items, str(path), AGAIN)
+        content = {key: _plain(value, path, key) for key, value in file.attrs.items()}
         records = {}
         for name, group in file.items():
             if not isinstance(group, h5py.Group) or "time_s" not in group:
@@ -85,35 +108,30 @@ def read_replay(path: Path, tell: Callable[[str], None] = lambda _: None) -> tup
             group.visititems(lambda key, item, kept=arrays: _keep(key, item, kept))
             columns = _columns(arrays, f"{path}: {name}")
             tables = {key: array for key, array in arrays.items() if key not in columns}
-            told = _plain(group.attrs.get("metrics", "{}"), path, "metrics")
-            records[name] = Record(columns, _checked(told, METRICS, path, f"{name}.metrics", tell), tables)
-        return records, options
+            numbers = _plain(group.attrs.get("metrics", "{}"), path, "metrics")
+            role = _plain(group.attrs.get("role", "controller"), path, "role")
+            records[name] = Record(columns, from_plain(numbers, Metrics, f"{path}: {name}", told), tables, role)
+        names = set(Exercise.__struct_fields__)
+        exercise = {key: content.pop(key) for key in list(content) if key in names}
+        if names <= exercise.keys():
+            content["exercise"] = exercise
+        content.setdefault("scenario", "")
+        return Replay(from_plain(content, Head, str(path), told), records), tuple(told)
 
 
 def _columns(arrays: Mapping[str, Any], where: str) -> dict[str, Array]:
     """The arrays that are as long as the time, as numbers; raises DataError where they are none."""
     time = arrays["time_s"] if "time_s" in arrays else np.empty(0)
     if time.ndim != 1 or len(time) < 2:
-        raise DataError(f"{where}: its time_s is no column of two samples or more; make it again with eaid simulate")
+        raise DataError(f"{where}: its time_s is no column of two samples or more; {AGAIN}")
     columns = {}
     for key, array in arrays.items():
         if array.shape != time.shape or "/" in key:
             continue
         if array.dtype.kind not in "fiub" or not (np.abs(array.astype(np.float64)) < LARGEST).all():
-            raise DataError(f"{where}: its {key} holds what is no number; make it again with eaid simulate")
+            raise DataError(f"{where}: its {key} holds what is no number; {AGAIN}")
         columns[key] = read_only(array)
     return columns
-
-
-def _checked(value: Any, shape: Part, path: Path, name: str, tell: Callable[[str], None]) -> dict[str, Any]:
-    left_out: list[str] = []
-    try:
-        found: dict[str, Any] = shaped(value, shape, name, left_out) or {}
-    except Misshapen as fault:
-        raise DataError(f"{path}: {fault}; make it again with eaid simulate") from None
-    for sentence in left_out:
-        tell(f"{path}: {sentence}")
-    return found
 
 
 def _keep(name: str, item: Any, kept: dict[str, Any]) -> None:
@@ -126,13 +144,17 @@ def _json(value: Any) -> str:
     return json.dumps(value, ensure_ascii=False, allow_nan=False)
 
 
+def _not_json(word: str) -> float:
+    raise ValueError(word)
+
+
 def _plain(value: Any, path: Path, name: str) -> Any:
     """An attribute as Python has it; what was kept as JSON is read again."""
     if isinstance(value, bytes):
         value = value.decode("utf-8", errors="replace")
     if isinstance(value, str) and value[:1] in "{[":
         try:
-            return json.loads(value)
+            return json.loads(value, parse_constant=_not_json)
         except (ValueError, RecursionError):
-            raise DataError(f"{path}: its {name} is no JSON; make it again with eaid simulate") from None
+            raise DataError(f"{path}: its {name} is no JSON; {AGAIN}") from None
     return value.tolist() if hasattr(value, "tolist") else value

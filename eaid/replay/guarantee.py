@@ -15,15 +15,17 @@ the duty gone on to the u* that the law asked for, the slope of the torque growi
 
 from dataclasses import dataclass
 
+import msgspec
 import numpy as np
 
 from eaid.arrays import Array, read_only
 from eaid.control.rc import RCGains
-from eaid.replay.loop import Replay, reference_rate
+from eaid.replay.loop import Trace, reference_rate
 from eaid.replay.plant import PlantParameters, plant_slope
+from eaid.results.replay import Metrics
 
-NEAR_PCT = 1.0
-"""∂Ṫ/∂u at a limit is a difference over so much duty inside it [%]."""
+NEAR = 0.01
+"""∂Ṫ/∂u at a limit is a difference over so much of the actuator's span inside it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,23 +39,24 @@ class Watch:
     chi_unlimited_nm_s: Array
     """χ had the duty gone on beyond its limit; χ itself elsewhere."""
 
-    def numbers(self, begin: int = 0) -> dict[str, float | None]:
-        """Shares of the samples from `begin` on: where it holds, where it fails, and of these how many at a limit
-        and because of it."""
+    def measured(self, metrics: Metrics, begin: int = 0) -> Metrics:
+        """The metrics with the shares of the samples from `begin` on at which it holds and fails, and of the latter
+        how many at a limit and because of it."""
         rho = self.rho_nm_s[begin:]
         fails = np.abs(self.chi_nm_s[begin:]) > rho
         at_limit = fails & (self.limited[begin:] > 0)
         by_limit = at_limit & (np.abs(self.chi_unlimited_nm_s[begin:]) <= rho)
         count = int(fails.sum())
-        return {
-            "guarantee_holds_fraction": 1.0 - count / len(rho),
-            "guarantee_largest_chi_over_rho": float((np.abs(self.chi_nm_s[begin:]) / rho).max()),
-            "guarantee_failures_at_limit": int(at_limit.sum()) / count if count else None,
-            "guarantee_failures_by_saturation": int(by_limit.sum()) / count if count else None,
-        }
+        return msgspec.structs.replace(
+            metrics,
+            guarantee_holds_fraction=1.0 - count / len(rho),
+            guarantee_largest_chi_over_rho=float((np.abs(self.chi_nm_s[begin:]) / rho).max()),
+            guarantee_failures_at_limit=int(at_limit.sum()) / count if count else None,
+            guarantee_failures_by_saturation=int(by_limit.sum()) / count if count else None,
+        )
 
 
-def watch(gains: RCGains, plant: PlantParameters, replay: Replay) -> Watch:
+def watch(gains: RCGains, plant: PlantParameters, replay: Trace) -> Watch:
     """χ and ρ along a replay of the robust controller on a plant; the duty limits are the replay's."""
     assert replay.fast_nm is not None and replay.state is not None
     low, high = replay.limits_pct
@@ -71,7 +74,7 @@ def watch(gains: RCGains, plant: PlantParameters, replay: Replay) -> Watch:
     for k in np.flatnonzero(limited).tolist():
         x1 = float(replay.fast_nm[k])
         x2 = float(replay.torque_nm[k]) - x1
-        limit, inside = (high, -NEAR_PCT) if wanted[k] > high else (low, NEAR_PCT)
+        limit, inside = (high, -NEAR * (high - low)) if wanted[k] > high else (low, NEAR * (high - low))
         steepness = (plant_slope(plant, x1, x2, limit + inside) - plant_slope(plant, x1, x2, limit)) / inside
         unlimited[k] -= (wanted[k] - limit) * steepness
     return Watch(read_only(chi), read_only(rho), read_only(limited), read_only(unlimited))

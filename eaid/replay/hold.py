@@ -26,9 +26,9 @@ class Hold:
 
     def advance(self, k: int, duty_pct: float) -> tuple[float, float]:
         """Apply what the controller gave at sample k; the duty after rounding, and the mean duty applied [%]."""
-        _, levels, delay, period = self._rig
-        if levels > 0.0:
-            duty_pct = math.floor(duty_pct * levels / 100.0 + 0.5) * 100.0 / levels
+        _, resolution, delay, period = self._rig
+        if resolution > 0.0:
+            duty_pct = math.floor(duty_pct / resolution + 0.5) * resolution
         u = duty_pct
         if delay > 0:
             self._given.append(duty_pct)

@@ -5,16 +5,13 @@ The torque after one sample of a held duty u, from the states x1, x2, is
     T⁺(u) = x1 + (1 − e^(−dt/τ1(u))) (C T_s(u) − x1) + x2 + (1 − e^(−dt/τ2(u))) ((1 − C) T_s(u) − x2) + d dt
 
 and the controller plays the u with T⁺(u) = T_d(t_{k+1}), found between the duty limits by a secant kept inside a
-bracket. Where no duty
-reaches it, it plays the limit on whose side the reference lies.
-The states are not measured: an observer runs the model with the duty played, corrects both states with the
-innovation e = T − x1 − x2,
-shared C to 1 − C, and learns what the model lacks as a rate of torque d [N·m/s]. Both its poles lie at e^(−w dt):
-with the correction L1 = 1 − e^(−2 w dt) and the learning L2 = (1 − e^(−w dt))²/dt, the error of an integrating plant
-has the
-characteristic polynomial (λ − e^(−w dt))². A noise of σ on the torque then moves the duty about as much as a PD of
-that speed would,
-not as a deadbeat one; and a wrong plant leaves no steady error.
+bracket. Where no duty reaches it, it plays the limit on whose side the reference lies.
+
+The states are not measured: an observer runs the model with the duty played, corrects both states with the innovation
+e = T − x1 − x2, shared C to 1 − C, and learns what the model lacks as a rate of torque d [N·m/s]. Both its poles lie
+at e^(−w dt): with the correction L1 = 1 − e^(−2 w dt) and the learning L2 = (1 − e^(−w dt))²/dt, the error of an
+integrating plant has the characteristic polynomial (λ − e^(−w dt))². A noise of σ on the torque then moves the duty
+about as much as a PD of that speed would, not as a deadbeat one; and a wrong plant leaves no steady error.
 """
 
 import math
@@ -54,9 +51,11 @@ class InverseState(NamedTuple):
     """Duty played last [%], where the next search begins."""
 
 
-def inverse_gains(p: Nonlinear, observer_per_s: float = OBSERVER_PER_S) -> InverseGains:
-    """The controller for a fitted model."""
-    return InverseGains(plant_parameters(p), observer_per_s)
+def inverse_gains(
+    p: Nonlinear, observer_per_s: float = OBSERVER_PER_S, limits: tuple[float, float] = (0.0, 100.0)
+) -> InverseGains:
+    """The controller for a fitted model and the range of its actuator [%]."""
+    return InverseGains(plant_parameters(p), observer_per_s, *limits)
 
 
 def inverse_start() -> InverseState:

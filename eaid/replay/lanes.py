@@ -1,17 +1,12 @@
-"""Sixteen plants at once: the loop of `eaid.replay.loop` with time outermost, in a form that compilers turn into
-vector instructions.
+"""Sixteen plants at once: the loop of `eaid.replay.loop` with time outermost, in a form that becomes vectors.
 
-The same `plant_step` and controller steps are called; three things make them vectors (measured; docs/replay.md):
+The same controller steps and `plant_pull` are called; two things make them vector instructions (docs/replay.md):
 
-1. All that a block remembers lies in one flat array, row after row of sixteen; every distance between two accesses
-is then a constant,
-   and the compiler sees without a test at run time that no row overlaps another.
-2. 1 − e^(−x) on 0 ≤ x ≤ 1 is x·P13(x), P13 the Taylor series of (1 − e^(−x))/x telescoped to degree 13 by Chebyshev
-polynomials:
-   relative error 2e-16, thirteen multiply-adds, no call. It holds for dt ≤ τ, and τ is never below 1 ms.
-3. tanh is needed only where the soft switch is neither 0 nor 1. In its place stands a NaN; a lane whose duty comes
-out NaN is done again
-   with the true function.
+1. All that a block remembers lies in one flat array, row after row of sixteen; every distance between two accesses is
+   then a constant, and the compiler sees without a test at run time that no row overlaps another.
+2. No call is left. 1 − e^(−x) on 0 ≤ x ≤ 1 is x·P13(x), P13 the Taylor series of (1 − e^(−x))/x telescoped to degree 13
+   by Chebyshev polynomials: relative error 2e-16, thirteen multiply-adds. It holds for dt ≤ τ, and τ is never below
+   1 ms. tanh is made of it: e^y − 1 for −64 ≤ y ≤ 0 from y/64 by doubling it six times.
 """
 
 import math
@@ -23,7 +18,7 @@ import numpy as np
 
 from eaid.arrays import Array
 from eaid.replay.controllers import Step
-from eaid.replay.plant import PlantParameters, plant_step
+from eaid.replay.plant import PlantParameters, plant_pull
 
 LANES = 16
 """Plants in a block."""
@@ -68,31 +63,27 @@ def expm1_to_minus_one(y: float) -> float:
     return -x * (P0 + x * (P1 + x * (P2 + x * (P3 + x * (P4 + x * (P5 + x * (P6 + x * p)))))))
 
 
-def no_tanh(_x: float) -> float:
-    """NaN, in place of a tanh that is rarely needed."""
-    return math.nan
+def tanh_within(x: float) -> float:
+    """tanh x for |x| ≤ 32, without a call: −m/(2 + m), m = e^(−2|x|) − 1, with the sign of x."""
+    m = expm1_to_minus_one(-abs(x) / 32.0)
+    # e^(2y) − 1 = (e^y − 1)(e^y + 1)
+    m = m * (m + 2.0)
+    m = m * (m + 2.0)
+    m = m * (m + 2.0)
+    m = m * (m + 2.0)
+    m = m * (m + 2.0)
+    m = m * (m + 2.0)
+    return math.copysign(-m / (2.0 + m), x)
 
 
-Block = Callable[..., None]
+def short_step(parameters: PlantParameters, x1: float, x2: float, duty: float, dt: float) -> tuple[float, float]:
+    """`plant_step` for dt ≤ τ, without a call."""
+    fast, slow, tau1, tau2 = plant_pull(parameters, x1, x2, duty)
+    return x1 - expm1_to_minus_one(-dt / tau1) * fast, x2 - expm1_to_minus_one(-dt / tau2) * slow
 
 
-def again_of(law: Step, State: Any) -> Block:
-    """The second try of a law as it is; State makes its state from one float."""
-
-    def again(gains: Any, lanes: Array, reference: float, rate: float, disturbance: float, dt: float) -> None:
-        """The controller's step once more, in the lanes whose duty is NaN."""
-        for i in range(LANES):
-            if lanes[_DUTY * LANES + i] != lanes[_DUTY * LANES + i]:
-                seen = lanes[_SEEN * LANES + i] + disturbance
-                state, duty = law(gains, State(lanes[_STATE * LANES + i]), reference, rate, seen, dt)
-                lanes[_NEXT * LANES + i] = state[0]
-                lanes[_DUTY * LANES + i] = duty
-
-    return again
-
-
-def block_of(law: Step, again: Block, State: Any) -> Block:
-    """The block's loop around one law with `no_tanh` in it, and its second try."""
+def block_of(law: Step, State: Any, sources: str = "") -> Callable[..., None]:
+    """The block's loop around one law whose state, made by `State`, is a tuple of one float."""
 
     def block(
         gains: Any,
@@ -107,8 +98,8 @@ def block_of(law: Step, again: Block, State: Any) -> Block:
         torque: Array,
         duty: Array,
     ) -> None:
-        """Fill torque and duty, shapes (n, 16), for plants (15, 16): the loop of a rig with no delay, latch or
-        resolution."""
+        """Fill torque and duty, shapes (n, 16), for plants (16 numbers, 16): a rig with no delay, latch, resolution."""
+        sources  # noqa: B018 - what a closure holds is part of numba's key
         lanes = np.zeros(ROWS * LANES)
         for row in range(_PLANT):
             for i in range(LANES):
@@ -127,11 +118,6 @@ def block_of(law: Step, again: Block, State: Any) -> Block:
                 lanes[_SEEN * LANES + i] = filtered
                 lanes[_NEXT * LANES + i] = state[0]
                 lanes[_DUTY * LANES + i] = u
-            missing = 0
-            for i in range(LANES):
-                missing += 1 if lanes[_DUTY * LANES + i] != lanes[_DUTY * LANES + i] else 0
-            if missing > 0:
-                again(gains, lanes, r, v, d, dt)
             for i in range(LANES):
                 parameters = PlantParameters(
                     lanes[i],
@@ -149,13 +135,14 @@ def block_of(law: Step, again: Block, State: Any) -> Block:
                     lanes[12 * LANES + i],
                     lanes[13 * LANES + i],
                     lanes[14 * LANES + i],
+                    lanes[15 * LANES + i],
                 )
                 u = lanes[_DUTY * LANES + i]
                 x1 = lanes[_X1 * LANES + i]
                 x2 = lanes[_X2 * LANES + i]
                 torque[k, i] = (x1 + x2) * f
                 duty[k, i] = u
-                x1, x2 = plant_step(parameters, x1, x2, u, dt)
+                x1, x2 = short_step(parameters, x1, x2, u, dt)
                 lanes[_X1 * LANES + i] = x1
                 lanes[_X2 * LANES + i] = x2
                 lanes[_STATE * LANES + i] = lanes[_NEXT * LANES + i]

@@ -1,8 +1,8 @@
 """The control loop of the rig, sample by sample, exact in time: no solver, no tolerance.
 
-At t_k the controller reads the torque and gives a duty, which acts until t_{k+1} (SPEC §6), from rest. The function
-`closed_loop` is written
-once: plain Python runs it as it stands, and `eaid.replay.compiled` hands the same function to numba.
+At t_k the controller reads the torque and gives a duty, which acts until t_{k+1}, from rest. The function
+`closed_loop` is written once: plain Python runs it as it stands, and `eaid.replay.compiled` hands the same function to
+numba.
 """
 
 import math
@@ -23,7 +23,7 @@ INSTANT = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
-class Replay:
+class Trace:
     """What one controller did on the plant; arrays of shape (n,), read-only."""
 
     controller: str
@@ -55,8 +55,8 @@ class Replay:
 Loop = Callable[..., tuple[float, float]]
 
 
-def loop_of(law: Step) -> Loop:
-    """The control loop around one law."""
+def loop_of(law: Step, sources: str = "") -> Loop:
+    """The control loop around one law; `sources` is part of the key under which machine code of it is kept."""
 
     def closed_loop(
         gains: Any,
@@ -79,8 +79,9 @@ def loop_of(law: Step) -> Loop:
 
         `fast` is the plant's fast part [N·m], `kept` the first number of the controller's state, before each sample.
         """
+        sources  # noqa: B018 - what a closure holds is part of numba's key
         state = start
-        memory, levels, delay, period = rig
+        memory, resolution, delay, period = rig
         x1 = 0.0
         x2 = 0.0
         filtered = 0.0
@@ -93,8 +94,8 @@ def loop_of(law: Step) -> Loop:
             filtered = true + memory * (filtered - true) if memory > 0.0 else true
             seen = filtered + disturbance[k]
             state, u = law(gains, state, reference[k], rate[k], seen, dt)
-            if levels > 0.0:
-                u = math.floor(u * levels / 100.0 + 0.5) * 100.0 / levels
+            if resolution > 0.0:
+                u = math.floor(u / resolution + 0.5) * resolution
             torque[k] = true
             measured[k] = seen
             duty[k] = u
@@ -102,8 +103,7 @@ def loop_of(law: Step) -> Loop:
                 u = duty[k - delay] if k >= delay else 0.0
             if period > 0.0:
                 # Exact also where the period is no whole number of samples: the interval is cut where the new duty
-                # takes
-                # over.
+                # takes over.
                 wait = pulse * period - k
                 if wait >= 1.0 - INSTANT:
                     x1, x2 = plant_step(plant, x1, x2, latched, dt)
@@ -133,8 +133,8 @@ def reference_rate(reference_nm: Array, dt_s: float, looks_ahead: bool) -> Array
 
 def replay(
     plant: PlantParameters, controller: Controller, reference_nm: Array, rig: Rig, dt_s: float, seed: int = 0
-) -> Replay:
-    """Replay one controller on one plant, from rest; reference in N·m at intervals of dt_s [s], shape (n,), n ≥ 2."""
+) -> Trace:
+    """Trace one controller on one plant, from rest; reference in N·m at intervals of dt_s [s], shape (n,), n ≥ 2."""
     reference_nm = read_only(reference_nm)
     n = len(reference_nm)
     if n < 2 or not np.isfinite(reference_nm).all():
@@ -145,7 +145,7 @@ def replay(
         acting.gains,
         acting.start,
         plant,
-        rig_numbers(rig, dt_s),
+        rig_numbers(rig, dt_s, controller.gains.duty_max),
         dt_s,
         reference_nm.tolist(),
         reference_rate(reference_nm, dt_s, acting.looks_ahead).tolist(),
@@ -170,12 +170,12 @@ def as_replay(
     reference_nm: Array,
     columns: Sequence[Sequence[float]],
     limits_pct: tuple[float, float] = (0.0, 100.0),
-) -> Replay:
+) -> Trace:
     """What the loop filled, as a result; what repeats another column is left out."""
     torque, measured, duty, applied = columns
     reads_otherwise = rig.noise_nm > 0 or rig.sensor_hz > 0
     acts_otherwise = rig.delay_samples > 0 or rig.pwm_hz > 0
-    return Replay(
+    return Trace(
         controller=name,
         dt_s=dt_s,
         time_s=read_only(np.arange(len(reference_nm)) * dt_s),

@@ -1,8 +1,7 @@
 """Many plants under one controller and one reference: blocks of sixteen over threads, in machine code.
 
-Every plant meets the same noise, so that plants differ by their parameters alone. What a plant does depends on no
-other plant and on no
-thread: the same seed gives the same numbers on one thread and on many.
+Every plant meets the same noise, so that plants differ by their parameters alone. What a plant does depends on no other
+plant and on no thread: the same seed gives the same numbers on one thread and on many.
 """
 
 import os
@@ -41,11 +40,11 @@ def replay_many(
     seed: int = 0,
     threads: int | None = None,
 ) -> None:
-    """Replay each plant from rest and show what it did to `visit`, block by block, in no fixed order, one call at a
+    """Trace each plant from rest and show what it did to `visit`, block by block, in no fixed order, one call at a
     time a thread."""
     acting = controller if rig.saturation else controller.without_limits()
     gains = _floats(acting.gains)
-    numbers = rig_numbers(rig, dt_s)
+    numbers = rig_numbers(rig, dt_s, controller.gains.duty_max)
     reference = np.array(reference_nm, dtype=np.float64)
     n = len(reference)
     inputs = (

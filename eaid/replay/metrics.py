@@ -13,19 +13,17 @@ A step of the reference from r0 to r1, y = (T − r0)/(r1 − r0), watched until
     settling    time after the step beyond which |y − 1| stays within 2 % (5 %) until the next step
 
 What is never reached is None. A tone A sin(2πft) of the reference over whole periods: gain and phase of the
-least-squares
-fundamental of the torque (a constant fitted beside it) against that of the reference.
+least-squares fundamental of the torque (a constant fitted beside it) against that of the reference.
 """
 
 import math
 from functools import lru_cache
-from typing import TypeAlias
 
 import numpy as np
 
 from eaid.arrays import Array
-
-Metrics: TypeAlias = dict[str, float | None]
+from eaid.results.gains import Tracking
+from eaid.results.replay import StepMetrics, ToneMetrics
 
 
 def tracking(
@@ -34,7 +32,7 @@ def tracking(
     duty_pct: Array,
     dt_s: float,
     limits_pct: tuple[float, float] = (0.0, 100.0),
-) -> Metrics:
+) -> Tracking:
     """Errors [N·m], IAE [N·m·s], duty activity [%] and saturation [1] over all samples given, shapes (n,)."""
     # in place: long columns are sooner overwritten than memory is had for more of them
     error = reference_nm - torque_nm
@@ -44,29 +42,29 @@ def tracking(
     steps = duty_pct[1:] - duty_pct[:-1]
     np.abs(steps, out=steps)
     saturated = (duty_pct <= limits_pct[0]) | (duty_pct >= limits_pct[1])
-    return {
-        "max_abs_error_nm": largest,
-        "rms_error_nm": math.sqrt(float(error.mean())),
-        "mean_abs_error_nm": total / len(error),
-        "iae_nm_s": total * dt_s,
-        "mean_abs_duty_step_pct": float(steps.mean()) if len(steps) else 0.0,
-        "saturated_fraction": int(np.count_nonzero(saturated)) / len(saturated),
-    }
+    return Tracking(
+        max_abs_error_nm=largest,
+        rms_error_nm=math.sqrt(float(error.mean())),
+        mean_abs_error_nm=total / len(error),
+        iae_nm_s=total * dt_s,
+        mean_abs_duty_step_pct=float(steps.mean()) if len(steps) else 0.0,
+        saturated_fraction=int(np.count_nonzero(saturated)) / len(saturated),
+    )
 
 
-def step(torque_nm: Array, from_nm: float, to_nm: float, dt_s: float) -> Metrics:
+def step(torque_nm: Array, from_nm: float, to_nm: float, dt_s: float) -> StepMetrics:
     """Rise time [s], overshoot [%] and settling times [s] of one step; torque from the step's sample on, shape (n,)."""
     y = (torque_nm - from_nm) / (to_nm - from_nm)
     away = np.abs(y - 1.0)
     low, high = _first_crossing(y, 0.1), _first_crossing(y, 0.9)
-    return {
-        "from_nm": from_nm,
-        "to_nm": to_nm,
-        "rise_time_s": (high - low) * dt_s if low is not None and high is not None else None,
-        "overshoot_pct": max(0.0, float(y.max()) - 1.0) * 100,
-        "settling_s": _settling(away, 0.02, dt_s),
-        "settling_5pct_s": _settling(away, 0.05, dt_s),
-    }
+    return StepMetrics(
+        from_nm=from_nm,
+        to_nm=to_nm,
+        rise_time_s=(high - low) * dt_s if low is not None and high is not None else None,
+        overshoot_pct=max(0.0, float(y.max()) - 1.0) * 100,
+        settling_s=_settling(away, 0.02, dt_s),
+        settling_5pct_s=_settling(away, 0.05, dt_s),
+    )
 
 
 def _first_crossing(y: Array, level: float) -> float | None:
@@ -104,12 +102,12 @@ def _weights(samples: int, frequency_hz: float, dt_s: float) -> Array:
     return np.linalg.pinv(columns, rcond=samples * np.finfo(np.float64).eps)[:2]
 
 
-def tone(reference_nm: Array, torque_nm: Array, frequency_hz: float, dt_s: float) -> Metrics:
+def tone(reference_nm: Array, torque_nm: Array, frequency_hz: float, dt_s: float) -> ToneMetrics:
     """Gain [dB], phase [°] and mean absolute error [N·m] at one frequency, over whole periods, shapes (n,)."""
     ratio = fundamental(torque_nm, frequency_hz, dt_s) / fundamental(reference_nm, frequency_hz, dt_s)
-    return {
-        "frequency_hz": frequency_hz,
-        "gain_db": 20 * math.log10(abs(ratio)) if ratio != 0 else None,
-        "phase_deg": math.degrees(math.atan2(ratio.imag, ratio.real)),
-        "mean_abs_error_nm": float(np.abs(reference_nm - torque_nm).mean()),
-    }
+    return ToneMetrics(
+        frequency_hz=frequency_hz,
+        gain_db=20 * math.log10(abs(ratio)) if ratio != 0 else None,
+        phase_deg=math.degrees(math.atan2(ratio.imag, ratio.real)),
+        mean_abs_error_nm=float(np.abs(reference_nm - torque_nm).mean()),
+    )

@@ -1,37 +1,37 @@
-"""`--plants N`: every metric over the plants that the fit's data allow, the band of the torque, and the worst plant
-of each metric.
+"""Every metric over the plants that the fit's data allow, the band of the torque, and each metric's worst plant.
 
 A band is the quantiles over the plants, instant by instant (numpy's linear interpolation), at no more than 1,000
-instants. Worst means
-largest; for the gain of a tone, farthest from 0 dB; for a phase, farthest from 0°; "never" (a step that does not
-settle) is worse than
-any number. Mean, quantiles and standard deviation are over the plants that have the number; `never` counts the others.
+instants. Worst means largest; for the gain of a tone, farthest from 0 dB; for a phase, farthest from 0°; "never" (a
+step that does not settle) is worse than any number. Mean, quantiles and standard deviation are over the plants that
+have the number; `never` counts the others.
 """
 
 import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from typing import Any
 
+import msgspec
 import numpy as np
 
 from eaid.arrays import Array
 from eaid.models.parameters import Nonlinear
 from eaid.replay.controllers import Controller
 from eaid.replay.lanes import LANES
-from eaid.replay.loop import Replay
+from eaid.replay.loop import Trace
 from eaid.replay.many import available_threads, replay_many
 from eaid.replay.plant import plant_parameters
 from eaid.replay.references import Reference
 from eaid.replay.rig import Rig
 from eaid.replay.scenarios import measure
+from eaid.results.gains import Tracking
+from eaid.results.replay import Distribution, Metrics, PlantSpread, Worst
 
 QUANTILES = (0.0, 0.025, 0.25, 0.5, 0.75, 0.975, 1.0)
 BAND_INSTANTS = 1000
 TILE = 512
 """Samples that are transposed at a time."""
-GIVEN = ("from_nm", "to_nm", "frequency_hz", "counted_from_s")
+GIVEN = ("from_nm", "to_nm", "frequency_hz")
 """What a measurement repeats from its reference; no metric."""
 
 
@@ -46,9 +46,9 @@ class Spread:
     band_nm: Array
     """Torque at `QUANTILES` over the plants [N·m], shape (7, m)."""
 
-    def summary(self, plants: Sequence[Nonlinear]) -> dict[str, Any]:
-        """JSON-able: of each metric its distribution, and the worst plant with its parameters."""
-        return {name: _summary(name, values, plants) for name, values in self.values.items()}
+    def summary(self, plants: Sequence[Nonlinear]) -> PlantSpread:
+        """Of each metric its distribution, and the worst plant with its parameters."""
+        return PlantSpread(len(plants), {name: _summary(name, values, plants) for name, values in self.values.items()})
 
 
 def montecarlo(
@@ -60,7 +60,7 @@ def montecarlo(
     threads: int | None = None,
     tick: Callable[[], None] = lambda: None,
 ) -> Spread:
-    """Replay a controller on every plant and measure each; `tick` is called once a plant."""
+    """Trace a controller on every plant and measure each; `tick` is called once a plant."""
     n = len(reference.torque_nm)
     stride = -(-n // BAND_INSTANTS)
     kept = np.empty((len(range(0, n, stride)), len(plants)))
@@ -75,7 +75,7 @@ def montecarlo(
         kept[:, first : first + torques.shape[1]] = torques[::stride]
         pairs = zip(_rows(torques, rows.torque), _rows(duties, rows.duty), strict=True)
         for index, (torque, duty) in enumerate(pairs, first):
-            done = Replay(controller.name, reference.dt_s, time_s, reference.torque_nm, torque, duty, limits)
+            done = Trace(controller.name, reference.dt_s, time_s, reference.torque_nm, torque, duty, limits)
             found = dict(flattened(measure(done, reference)))
             names[:] = found
             measured[index] = np.array([*found.values()])
@@ -127,38 +127,44 @@ def _rows(columns: Array, rows: Array) -> Array:
     return rows
 
 
-def flattened(measured: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, float]]:
+def flattened(measured: Metrics) -> Iterator[tuple[str, float]]:
     """Metrics as name and number: `steps[3].overshoot_pct`, `frequencies[0.2 Hz].gain_db`; NaN for never."""
-    for name, value in measured.items():
-        if isinstance(value, list):
-            for k, part in enumerate(value, 1):
-                place = f"{part['frequency_hz']:g} Hz" if "frequency_hz" in part else str(k)
-                yield from flattened(part, f"{name}[{place}].")
-        elif name not in GIVEN:
-            yield prefix + name, float("nan") if value is None else float(value)
+    for name in Tracking.__struct_fields__:
+        yield name, _number(getattr(measured, name))
+    for k, step in enumerate(measured.steps, 1):
+        yield from _inner(f"steps[{k}].", step)
+    for tone in measured.frequencies:
+        yield from _inner(f"frequencies[{tone.frequency_hz:g} Hz].", tone)
 
 
-def _summary(name: str, values: Array, plants: Sequence[Nonlinear]) -> dict[str, Any]:
+def _inner(prefix: str, part: msgspec.Struct) -> Iterator[tuple[str, float]]:
+    for name in part.__struct_fields__:
+        if name not in GIVEN:
+            yield prefix + name, _number(getattr(part, name))
+
+
+def _number(value: float | None) -> float:
+    return float("nan") if value is None else float(value)
+
+
+def _summary(name: str, values: Array, plants: Sequence[Nonlinear]) -> Distribution:
     reached = values[np.isfinite(values)]
-    never = len(values) - len(reached)
     signed = name.endswith(("gain_db", "phase_deg"))
     worst = int(np.argmax(np.where(np.isfinite(values), np.abs(values) if signed else values, np.inf)))
     plant = plants[worst]
-    result: dict[str, Any] = {"never": never} if never else {}
-    if len(reached):
-        low, middle, high = np.quantile(reached, (0.025, 0.5, 0.975))
-        result |= {
-            "mean": float(reached.mean()),
-            "sd": float(reached.std(ddof=1)) if len(reached) > 1 else 0.0,
-            "p2.5": float(low),
-            "median": float(middle),
-            "p97.5": float(high),
-        }
-    result["worst"] = {
-        "value": float(values[worst]) if np.isfinite(values[worst]) else None,
-        "plant": worst,
-        "tau1": [float(value) for value in plant.tau1],
-        "tau2": [float(value) for value in plant.tau2],
-        "Ts": [float(value) for value in plant.Ts],
-    }
-    return result
+    low, middle, high = np.quantile(reached, (0.025, 0.5, 0.975)).tolist() if len(reached) else (None,) * 3
+    return Distribution(
+        worst=Worst(
+            value=float(values[worst]) if np.isfinite(values[worst]) else None,
+            plant=worst,
+            tau1=plant.tau1,
+            tau2=plant.tau2,
+            Ts=plant.Ts,
+        ),
+        mean=float(reached.mean()) if len(reached) else None,
+        sd=None if not len(reached) else float(reached.std(ddof=1)) if len(reached) > 1 else 0.0,
+        low=low,
+        median=middle,
+        high=high,
+        never=len(values) - len(reached),
+    )

@@ -17,7 +17,6 @@ P's scale and ε enter the law as p/ε and γε only: along a line on which both
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
@@ -35,21 +34,21 @@ from eaid.replay.plant import plant_parameters
 from eaid.replay.references import Reference
 from eaid.replay.rig import Rig
 from eaid.replay.standard import rc_controller
+from eaid.results.gains import Candidate
+from eaid.results.tuning import ALSO
 
 Points = Sequence[tuple[float, float, tuple[Lag, ...]]]
 """Duty [%], torque [N·m] and lags of each operating point."""
 RANGES = {"p_scale": 30.0, "epsilon": 10.0, "phi_honest_pct": 10.0, "frequency": 5.0, "b-hat": 3.0}
 """Each parameter is scattered over the start's value times and through this factor."""
-ALSO = ("frequency", "b-hat")
-"""What may be chosen too, if asked: ω_n at the damping of the start, and B̂."""
 LOWERINGS = 6
 """Runs to find the P's scale at which a candidate chatters just as much as it may."""
 NEARLY = 0.998
 """… to this share of the limit, so that rounding does not lift it above."""
 NEAR = 2e-4
 """Where the cost is flat the candidate near the start is taken: at the edge of a range it counts as this share more."""
-LEAST_PHI_PCT = 0.1
-"""φ below a tenth of a percent duty is none; the search needs a logarithm."""
+LEAST_PHI = 1e-3
+"""φ below a thousandth of the actuator's span is none; the search needs a logarithm."""
 
 
 @dataclass(frozen=True)
@@ -90,15 +89,15 @@ class Trial:
     saturated: float
     """Share of samples at a limit."""
 
-    def as_dict(self) -> dict[str, Any]:
+    def candidate(self) -> Candidate:
         """For gains.json."""
         o, gains = self.law.options, self.law.gains
-        return {
-            "p_scale": o.p_scale, "epsilon": o.epsilon, "phi_honest_pct": self.law.phi_honest_pct, "B_hat": gains.B_hat,
-            "K_P": o.K_P, "K_D": o.K_D, "equal_pi": list(self.law.equal_pi),
-            "rms_error_nm": self.rms_nm, "worst_plant_rms_error_nm": self.worst_rms_nm, "max_abs_error_nm": self.max_nm,
-            "mean_abs_duty_step_pct": self.chatter_pct, "saturated_fraction": self.saturated,
-        }  # fmt: skip
+        return Candidate(
+            p_scale=o.p_scale, epsilon=o.epsilon, phi_honest_pct=self.law.phi_honest_pct, B_hat=gains.B_hat,
+            K_P=o.K_P, K_D=o.K_D, equal_pi=self.law.equal_pi, rms_error_nm=self.rms_nm,
+            worst_plant_rms_error_nm=self.worst_rms_nm, max_abs_error_nm=self.max_nm,
+            mean_abs_duty_step_pct=self.chatter_pct, saturated_fraction=self.saturated,
+        )  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -162,10 +161,11 @@ def optimize(
     bench = Bench(plants, reference, search)
     first_law = law_of(model, bounds, start)
     natural, damping = frequency_and_damping(start.K_P, start.K_D)
+    span = start.duty_limits_pct[1] - start.duty_limits_pct[0]
     origin = {
         "p_scale": start.p_scale,
         "epsilon": start.epsilon,
-        "phi_honest_pct": max(first_law.phi_honest_pct, LEAST_PHI_PCT),
+        "phi_honest_pct": max(first_law.phi_honest_pct, LEAST_PHI * span),
         "frequency": natural,
         "b-hat": first_law.gains.B_hat,
     }

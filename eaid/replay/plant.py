@@ -8,7 +8,8 @@ u = 0; above the highest, all keep their edge value.
 
 Release constants were fitted to falls from a level to rest, so they hold for falls to rest. A part that falls towards
 a duty u below u_low has τ = s τ(u_low) + (1 − s) τ_release, s = u/u_low, the line that T_s follows there; a part that
-falls towards an identified duty has that duty's own τ(u), as one that rises to it.
+falls towards an identified duty has that duty's own τ(u), as one that rises to it. Where falls between identified
+duties were recorded and are as quick as the release, every fall has its constants (`falls_as_release`).
 
 Floors, for plants drawn from an uncertain fit: τ1 ≥ 1 ms, τ2 ≥ τ1, T_s ≥ 0, as the fit's constraints have them.
 
@@ -21,6 +22,7 @@ from dataclasses import replace
 from typing import NamedTuple
 
 from eaid.errors import DataError, UsageError
+from eaid.limits import check
 from eaid.models.parameters import Nonlinear
 
 TAU_FLOOR_S = 1e-3
@@ -49,6 +51,8 @@ class PlantParameters(NamedTuple):
     """τ1 of a fall to rest [s]; 0: no release was fitted."""
     release2: float
     """τ2 of a fall to rest [s]; 0: no release was fitted."""
+    release_below: float
+    """Duty [%] below which a fall goes over to them; infinite: every fall has them."""
 
 
 def plant_parameters(p: Nonlinear) -> PlantParameters:
@@ -65,21 +69,17 @@ def plant_parameters(p: Nonlinear) -> PlantParameters:
     tau1 = [*p.tau1, 0.0, 0.0][:3]
     tau2 = [*p.tau2, 0.0, 0.0][:3]
     steady = [*p.Ts, 0.0, 0.0, 0.0][:4]
-    values = [p.C, *tau1, *tau2, *steady, low, high, *(p.release or (0.0, 0.0))]
+    below = math.inf if p.falls_as_release else low
+    values = [p.C, *tau1, *tau2, *steady, low, high, *(p.release or (0.0, 0.0)), below]
     return PlantParameters(*(float(value) for value in values))
-
-
-MOST = 1e6
-"""Largest factor on a plant: far beyond any rig, and no torque overflows with it."""
 
 
 def perturbed(p: Nonlinear, factors: Mapping[str, float]) -> Nonlinear:
     """The model with tau1, tau2 or Ts multiplied by a factor above 0: a plant that its controllers do not know."""
     for name, factor in factors.items():
         if name not in ("tau1", "tau2", "Ts"):
-            raise UsageError(f"perturb: no {name!r} in the plant; give factors of tau1, tau2 or Ts, as Ts=0.9,tau1=1.2")
-        if not 0.0 < factor <= MOST:
-            raise UsageError(f"perturb: the factor of {name} is {factor:g}; it must be above 0, and {MOST:g} at most")
+            raise UsageError(f"«perturb»: no {name!r} in the plant; give factors of tau1, tau2 or Ts, as Ts=0.9")
+        check("perturb", factor)
     if not factors:
         return p
 
@@ -92,7 +92,7 @@ def perturbed(p: Nonlinear, factors: Mapping[str, float]) -> Nonlinear:
 
 def plant_terms(parameters: PlantParameters, duty: float) -> tuple[float, float, float]:
     """τ1 [s], τ2 [s] and T_s [N·m] at a duty [%], as a rising torque has them."""
-    _, a0, a1, a2, b0, b1, b2, c0, c1, c2, c3, low, high, _, _ = parameters
+    _, a0, a1, a2, b0, b1, b2, c0, c1, c2, c3, low, high, _, _, _ = parameters
     share = 1.0
     u = duty
     if u < low:
@@ -118,8 +118,8 @@ def plant_pull(parameters: PlantParameters, x1: float, x2: float, duty: float) -
     target = parameters.C * steady
     fast = target - x1
     slow = steady - target - x2
-    if duty < parameters.u_low:
-        share = duty / parameters.u_low if duty > 0.0 else 0.0
+    if duty < parameters.release_below:
+        share = duty / parameters.release_below if duty > 0.0 else 0.0
         if fast < 0.0 and parameters.release1 > 0.0:
             tau1 = share * tau1 + (1.0 - share) * parameters.release1
         if slow < 0.0 and parameters.release2 > 0.0:

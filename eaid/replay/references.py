@@ -9,6 +9,7 @@ import numpy as np
 
 from eaid.arrays import Array, read_only
 from eaid.errors import DataError, UsageError
+from eaid.limits import MOST_SAMPLES
 
 STEP_LEVELS_NM = (0.0, 1.0, 2.0, 3.0, 4.0, 3.0, 2.0, 1.0, 0.0)
 """Fig. 11: 0…4 N·m up and down."""
@@ -50,8 +51,11 @@ class Reference:
     tones: tuple[Tone, ...] = ()
 
 
-def steps(dt_s: float, levels_nm: tuple[float, ...] = STEP_LEVELS_NM, hold_s: float = STEP_HOLD_S) -> Reference:
-    """A staircase of levels [N·m], each held for hold_s seconds."""
+def steps(
+    dt_s: float, levels_nm: tuple[float, ...] = STEP_LEVELS_NM, hold_s: float = STEP_HOLD_S, top: float = 1.0
+) -> Reference:
+    """A staircase of levels [N·m] times `top`, each held for hold_s seconds."""
+    levels_nm = tuple(top * level for level in levels_nm)
     if len(levels_nm) < 2 or min(levels_nm) < 0:
         raise UsageError("steps: give two levels or more, none below 0 N·m")
     hold = samples_of(hold_s, dt_s)
@@ -60,31 +64,38 @@ def steps(dt_s: float, levels_nm: tuple[float, ...] = STEP_LEVELS_NM, hold_s: fl
     return Reference(read_only(torque), dt_s, steps=changes)
 
 
-def multisine(dt_s: float, duration_s: float = MULTISINE_S, mean_nm: float = 2.0, each_nm: float = 0.2) -> Reference:
-    """mean + each·Σ sin(2πft + φ) [N·m], f = 0.2, 0.5, 1, 2, 4 Hz, φ = 1.7·(0, 1, 4, 9, 16); errors count after 5 s."""
-    t = np.arange(samples_of(duration_s, dt_s)) * dt_s
-    torque = np.full_like(t, mean_nm)
+def multisine(dt_s: float, duration_s: float | None = None, top: float = 1.0, pace: float = 1.0) -> Reference:
+    """2 + 0.2 Σ sin(2πft + φ) N·m, f = 0.2, 0.5, 1, 2, 4 Hz, φ = 1.7·(0, 1, 4, 9, 16), 12 s; errors count after 5 s.
+
+    `top` is a factor on the torque, `pace` on the frequencies; times are divided by it.
+    """
+    length = MULTISINE_S / pace if duration_s is None else duration_s
+    t = np.arange(samples_of(length, dt_s)) * dt_s
+    torque = np.full_like(t, 2.0 * top)
     for frequency, phase in zip(MULTISINE_HZ, MULTISINE_PHASES, strict=True):
-        torque += each_nm * np.sin(2 * math.pi * frequency * t + phase)
-    return Reference(read_only(torque), dt_s, counted_from_s=SETTLED_S if duration_s > SETTLED_S else 0.0)
+        torque += 0.2 * top * np.sin(2 * math.pi * (pace * frequency) * t + phase)
+    settled = SETTLED_S / pace
+    return Reference(read_only(torque), dt_s, counted_from_s=settled if length > settled else 0.0)
 
 
-def sweep(
-    dt_s: float, frequencies_hz: tuple[float, ...] = SWEEP_HZ, mean_nm: float = 2.0, amplitude_nm: float = 1.0
-) -> Reference:
-    """Sines of rising frequency one after another [N·m], each from phase 0 for whole periods."""
+def sweep(dt_s: float, frequencies_hz: tuple[float, ...] = SWEEP_HZ, top: float = 1.0, pace: float = 1.0) -> Reference:
+    """Sines 2 ± 1 N·m of rising frequency one after another, each from phase 0 for whole periods.
+
+    `top` is a factor on the torque, `pace` on the frequencies; times are divided by it.
+    """
+    frequencies_hz = tuple(pace * frequency for frequency in frequencies_hz)
     if not frequencies_hz or min(frequencies_hz) <= 0 or max(frequencies_hz) > 0.25 / dt_s:
         raise UsageError(
             f"sweep: frequencies must lie above 0 and up to a quarter of the control rate, {0.25 / dt_s:g} Hz"
         )
     pieces, tones, begin = [], [], 0
     for frequency in frequencies_hz:
-        periods_before = math.ceil(TONE_SETTLING_S * frequency)
-        periods = max(TONE_PERIODS, math.ceil(TONE_MEASURED_S * frequency))
+        periods_before = math.ceil(TONE_SETTLING_S / pace * frequency)
+        periods = max(TONE_PERIODS, math.ceil(TONE_MEASURED_S / pace * frequency))
         measured_from = begin + round(periods_before / frequency / dt_s)
         end = begin + round((periods_before + periods) / frequency / dt_s)
         t = np.arange(end - begin) * dt_s
-        pieces.append(mean_nm + amplitude_nm * np.sin(2 * math.pi * frequency * t))
+        pieces.append(2.0 * top + top * np.sin(2 * math.pi * frequency * t))
         tones.append(Tone(frequency, measured_from, end))
         begin = end
     torque = np.concatenate(pieces)
@@ -96,11 +107,20 @@ def from_file(path: Path, dt_s: float) -> Reference:
 
     Raises `DataError` with the row where time does not rise or a cell is no finite number.
     """
-    time_s, torque_nm = read_reference(path)
-    n = math.floor((time_s[-1] - time_s[0]) / dt_s + 1e-6) + 1
+    return sampled(*read_reference(path), dt_s, str(path))
+
+
+def sampled(time_s: Array, torque_nm: Array, dt_s: float, name: str = "the reference") -> Reference:
+    """A reference of the user's own on the control grid, by straight lines between its points, shapes (n,)."""
+    n = math.floor(min((time_s[-1] - time_s[0]) / dt_s, 1e15) + 1e-6) + 1
     if n < 2:
         raise DataError(
-            f"{path}: lasts {time_s[-1] - time_s[0]:g} s, less than one control interval; give a longer reference"
+            f"{name}: lasts {time_s[-1] - time_s[0]:g} s, less than one control interval; give a longer reference"
+        )
+    if n > MOST_SAMPLES:
+        raise UsageError(
+            f"{name}: lasts {time_s[-1] - time_s[0]:g} s, which is {n:,} control samples of {dt_s:g} s, and a "
+            f"replay takes {MOST_SAMPLES:,}; give a lower «rate_hz»"
         )
     grid = time_s[0] + np.arange(n) * dt_s
     return Reference(read_only(np.interp(grid, time_s, torque_nm)), dt_s)
@@ -152,4 +172,9 @@ def samples_of(duration_s: float, dt_s: float) -> int:
     n = round(duration_s / dt_s)
     if n < 2:
         raise UsageError(f"a duration of {duration_s:g} s holds fewer than two control samples of {dt_s:g} s")
+    if n > MOST_SAMPLES:
+        raise UsageError(
+            f"a duration of {duration_s:g} s holds {n:,} control samples of {dt_s:g} s, and a replay takes "
+            f"{MOST_SAMPLES:,}; give a shorter «duration» or a lower «rate_hz»"
+        )
     return n

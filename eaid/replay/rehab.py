@@ -21,7 +21,7 @@ from eaid.arrays import Array, read_only
 from eaid.errors import GainsError, UsageError
 from eaid.replay.controllers import Controller
 from eaid.replay.hold import Hold
-from eaid.replay.loop import Replay, as_replay
+from eaid.replay.loop import Trace, as_replay
 from eaid.replay.plant import PlantParameters, plant_terms
 from eaid.replay.rig import Rig, noise, rig_numbers, ripple
 
@@ -90,7 +90,7 @@ RESISTED_FROM_DEG = 10.0
 class Session:
     """One controller's session, soft, hard, assisted; arrays of shape (n,), read-only."""
 
-    replay: Replay
+    replay: Trace
     """The torque loop: reference and torque without sign [N·m], duty."""
     exercise: Rehabilitation
     target_deg: Array
@@ -159,13 +159,13 @@ class Drawn:
 def rehabilitate(
     plant: PlantParameters, controller: Controller, exercise: Rehabilitation, rig: Rig, dt_s: float, seed: int = 0
 ) -> Session:
-    """Replay the session of one controller on one plant; `GainsError` where the limb leaves an elbow's range."""
+    """Trace the session of one controller on one plant; `GainsError` where the limb leaves an elbow's range."""
     n = round(len(MODES) * exercise.mode_s / dt_s)
     if exercise.mode_s < 10 * dt_s:
         raise UsageError(f"rehab: a mode of {exercise.mode_s:g} s is too short for a control interval of {dt_s:g} s")
     acting = controller if rig.saturation else controller.without_limits()
     drawn = _draw(exercise, rig, n, dt_s, seed)
-    columns = _run(plant, acting, exercise, rig, dt_s, drawn)
+    columns = _run(plant, acting, exercise, rig, (dt_s, controller.gains.duty_max), drawn)
     reference, torque, measured, duty, applied, *limb = columns
     angle, desired, sign = (np.array(column) for column in limb)
     limits = (acting.gains.duty_min, acting.gains.duty_max)
@@ -206,9 +206,18 @@ def _own_seed(seed: int) -> int:
 
 
 def _run(
-    plant: PlantParameters, controller: Controller, exercise: Rehabilitation, rig: Rig, dt: float, drawn: Drawn
+    plant: PlantParameters,
+    controller: Controller,
+    exercise: Rehabilitation,
+    rig: Rig,
+    interval: tuple[float, float],
+    drawn: Drawn,
 ) -> tuple[list[float], ...]:
-    """The session, sample by sample: reference, torque, measured, duty, applied, angle, desired, sign."""
+    """The session, sample by sample: reference, torque, measured, duty, applied, angle, desired, sign.
+
+    `interval` is the control interval [s] and the highest duty [%].
+    """
+    dt, highest_pct = interval
     law: Callable[..., tuple[object, float]] = controller.step
     gains, state = controller.gains, controller.start
     soft, hard, k_p, k_i = (
@@ -220,11 +229,11 @@ def _run(
     stiffness, damping, weight = exercise.user_stiffness, exercise.user_damping, exercise.gravity_nm
     free = math.radians(RESISTED_FROM_DEG)
     low, high = (math.radians(limit) for limit in RANGE_DEG)
-    most_nm = plant_terms(plant, 100.0)[2]
+    most_nm = plant_terms(plant, plant.u_high)[2]
     fastest = exercise.slope_nm_s * dt
     turn, late = exercise.mode_s * (len(MODES) - 1), round(exercise.user_delay_s / dt)
     keep, push, drift, lift = limb_steps(exercise, dt)
-    numbers = rig_numbers(rig, dt)
+    numbers = rig_numbers(rig, dt, highest_pct)
     hold = Hold(plant, numbers, dt)
     columns: tuple[list[float], ...] = tuple([] for _ in range(8))
     angle, speed = drawn.target[0], 0.0

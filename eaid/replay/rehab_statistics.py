@@ -8,34 +8,40 @@ means of whole movement cycles: Welch's t, and the exact rank test of Mann and W
 
 import itertools
 import math
-from typing import Any
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
+from scipy import stats
 
 from eaid.arrays import Array
 from eaid.replay import metrics, scenarios
-from eaid.replay.files import Record
 from eaid.replay.rehab import MODES, Session
+from eaid.results.gains import Tracking
+from eaid.results.replay import Box, CycleTest, Metrics, ModeMetrics, ModesTest, Normality, Record, SampleTest
 
 
-def statistics(session: Session) -> dict[str, Any]:
+def statistics(session: Session) -> Metrics:
     """Errors of the torque loop over all counted samples; boxes, normality and tests by mode, |position error| in °."""
     dt_s = session.replay.dt_s
     error_deg = {mode: np.abs(session.position_error_deg[session.counted(mode)]) for mode in MODES}
     cycle = round(1 / session.exercise.movement_hz / dt_s)
     means = {mode: cycle_means(values, cycle) for mode, values in error_deg.items()}
-    return {
-        **_tracking(session, np.concatenate([np.arange(len(session.mode))[session.counted(mode)] for mode in MODES])),
-        "modes": {mode: _mode(session, mode, error_deg[mode], means[mode]) for mode in MODES},
-        "turn_step_nm": session.turn_step_nm,
-        "normality": {mode: normality(values) for mode, values in error_deg.items()},
-        "tests": [
-            {"modes": list(pair), "samples": by_samples(*(error_deg[mode] for mode in pair)),
-             "cycles": by_cycles(*(means[mode] for mode in pair))}
-            for pair in itertools.combinations(MODES, 2)
-        ],
-    }  # fmt: skip
+    counted = np.concatenate([np.arange(len(session.mode))[session.counted(mode)] for mode in MODES])
+    return Metrics(
+        **msgspec.structs.asdict(_tracking(session, counted)),
+        modes={mode: _mode(session, mode, error_deg[mode], means[mode]) for mode in MODES},
+        turn_step_nm=session.turn_step_nm,
+        normality={mode: normality(values) for mode, values in error_deg.items()},
+        tests=tuple(
+            ModesTest(
+                (one, other),
+                by_samples(error_deg[one], error_deg[other]),
+                by_cycles(means[one], means[other]),
+            )
+            for one, other in itertools.combinations(MODES, 2)
+        ),
+    )
 
 
 def record(session: Session) -> Record:
@@ -45,42 +51,38 @@ def record(session: Session) -> Record:
     return Record({**loop.columns, **session.columns()}, found)
 
 
-def _mode(session: Session, mode: str, error_deg: Array, means: Array) -> dict[str, Any]:
+def _mode(session: Session, mode: str, error_deg: Array, means: Array) -> ModeMetrics:
     part = session.counted(mode)
     torque = np.abs(session.torque_error_nm[part])
-    return {
-        "abs_position_error_deg": box(error_deg),
-        "cycle_means_deg": means.tolist(),
-        "mean_abs_torque_error_nm": float(torque.mean()),
-        "max_abs_torque_error_nm": float(torque.max()),
-        "torque_loop": _tracking(session, part),
-    }
+    return ModeMetrics(
+        box(error_deg), tuple(means.tolist()), float(torque.mean()), float(torque.max()), _tracking(session, part)
+    )
 
 
-def _tracking(session: Session, part: slice | NDArray[np.int64]) -> metrics.Metrics:
+def _tracking(session: Session, part: slice | NDArray[np.int64]) -> Tracking:
     replay = session.replay
     return metrics.tracking(
         replay.reference_nm[part], replay.torque_nm[part], replay.duty_pct[part], replay.dt_s, replay.limits_pct
     )
 
 
-def box(values: Array) -> dict[str, float]:
+def box(values: Array) -> Box:
     """The numbers of a box plot: quartiles (linear), whiskers within 1.5 quartile ranges, outliers."""
     q1, median, q3 = (float(q) for q in np.percentile(values, [25, 50, 75]))
     reach = 1.5 * (q3 - q1)
     inside = values[(values >= q1 - reach) & (values <= q3 + reach)]
-    return {
-        "n": values.size,
-        "independent": independent(values),
-        "mean": float(values.mean()),
-        "sd": float(values.std(ddof=1)),
-        "q1": q1,
-        "median": median,
-        "q3": q3,
-        "whisker_low": float(inside.min()),
-        "whisker_high": float(inside.max()),
-        "outliers": values.size - inside.size,
-    }
+    return Box(
+        n=values.size,
+        independent=independent(values),
+        mean=float(values.mean()),
+        sd=float(values.std(ddof=1)),
+        q1=q1,
+        median=median,
+        q3=q3,
+        whisker_low=float(inside.min()),
+        whisker_high=float(inside.max()),
+        outliers=values.size - inside.size,
+    )
 
 
 def independent(values: Array) -> float:
@@ -104,40 +106,32 @@ def cycle_means(values: Array, cycle: int) -> Array:
     return means
 
 
-def normality(values: Array) -> dict[str, Any]:
+def normality(values: Array) -> Normality:
     """D'Agostino and Pearson's K² on all samples; a small p says that they are not normal."""
-    from scipy import stats
-
     found = stats.normaltest(values)
-    return {"test": "D'Agostino-Pearson", "statistic": float(found.statistic), "p": float(found.pvalue),
-            "rejected": bool(found.pvalue < 0.05)}  # fmt: skip
+    return Normality("D'Agostino-Pearson", float(found.statistic), float(found.pvalue), bool(found.pvalue < 0.05))
 
 
-def by_samples(first: Array, second: Array) -> dict[str, Any]:
+def by_samples(first: Array, second: Array) -> SampleTest:
     """The paper's test: Student's t with pooled variance on all samples, as if they were independent."""
-    from scipy import stats
-
     found = stats.ttest_ind(first, second)
-    return {"test": "Student, samples taken as independent", "n": [first.size, second.size],
-            "t": float(found.statistic), "p": float(found.pvalue)}  # fmt: skip
+    name = "Student, samples taken as independent"
+    return SampleTest(name, (first.size, second.size), float(found.statistic), float(found.pvalue))
 
 
-def by_cycles(first: Array, second: Array) -> dict[str, Any]:
+def by_cycles(first: Array, second: Array) -> CycleTest:
     """Welch's t and the exact rank test on the means of movement cycles; None where too few cycles are whole."""
-    from scipy import stats
-
     n, m = first.size, second.size
-    result: dict[str, Any] = {"n": [n, m], "t": None, "df": None, "p_welch": None, "U": None, "p_rank": None,
-                              "least_p_rank": 2 / math.comb(n + m, n) if min(n, m) else None}  # fmt: skip
     if min(n, m) == 0:
-        return result
+        return CycleTest((n, m))
     rank = stats.mannwhitneyu(first, second, method="exact")
-    result |= {"U": float(rank.statistic), "p_rank": float(rank.pvalue)}
-    if min(n, m) >= 2:
-        of_means = np.var(first, ddof=1) / n, np.var(second, ddof=1) / m
-        spread = float(sum(of_means))
-        if spread > 0:
-            t = float(first.mean() - second.mean()) / math.sqrt(spread)
-            df = spread**2 / float(of_means[0] ** 2 / (n - 1) + of_means[1] ** 2 / (m - 1))
-            result |= {"t": t, "df": df, "p_welch": 2 * float(stats.t.sf(abs(t), df))}
-    return result
+    found = CycleTest((n, m), U=float(rank.statistic), p_rank=float(rank.pvalue), least_p_rank=2 / math.comb(n + m, n))
+    if min(n, m) < 2:
+        return found
+    of_means = np.var(first, ddof=1) / n, np.var(second, ddof=1) / m
+    spread = float(sum(of_means))
+    if not spread > 0:
+        return found
+    t = float(first.mean() - second.mean()) / math.sqrt(spread)
+    df = spread**2 / float(of_means[0] ** 2 / (n - 1) + of_means[1] ** 2 / (m - 1))
+    return msgspec.structs.replace(found, t=t, df=df, p_welch=2 * float(stats.t.sf(abs(t), df)))

@@ -1,20 +1,19 @@
 """What a rig adds to the model, each effect off unless it is asked for.
 
 In the order a sample meets them: rotor ripple is torque that is really there, T = (x1 + x2)(1 + r sin 2πft); the
-torque sensor's first-order
-low-pass sees that torque; noise is added to what the sensor gives; the controller reads the sum at t_k; its duty is
-rounded to the
-resolution of the output, waits `delay_samples`, and is latched at the next start of a PWM period.
+torque sensor's first-order low-pass sees that torque; noise is added to what the sensor gives; the controller reads
+the sum at t_k; its duty is rounded to the resolution of the output, waits `delay_samples`, and is latched at the next
+start of a PWM period.
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import NamedTuple
 
 import numpy as np
 
 from eaid.arrays import Array
-from eaid.errors import UsageError
+from eaid.limits import check_all
 
 
 @dataclass(frozen=True)
@@ -38,21 +37,12 @@ class Rig:
     pwm_hz: float = 0.0
     """Rate at which the duty is latched [Hz], once per PWM period; 0: at every control sample."""
     duty_bits: int = 0
-    """Resolution of the duty [bit], 2^bits values from 0 to 100 %; 0: unlimited."""
+    """Resolution of the duty [bit], 2^bits values from 0 to the highest duty; 0: unlimited."""
     saturation: bool = True
-    """Duty limited to 0…100 %. Without it the controllers ask for more, and the plant keeps its edge values."""
+    """Duty kept within its limits. Without, the controllers ask for more, and the plant keeps its edge values."""
 
     def __post_init__(self) -> None:
-        for name in ("noise_nm", "noise_correlation_s", "ripple_pct", "ripple_hz", "sensor_hz", "pwm_hz"):
-            value = getattr(self, name)
-            if not (math.isfinite(value) and value >= 0):
-                raise UsageError(f"rig: {name} is {value:g}; it must be 0 or above")
-        if not 0 <= self.noise_coloured_share <= 1:
-            raise UsageError(f"rig: noise_coloured_share is {self.noise_coloured_share:g}; it must be 0 to 1")
-        if self.delay_samples < 0:
-            raise UsageError(f"rig: delay_samples is {self.delay_samples}; it must be 0 or above")
-        if not 0 <= self.duty_bits <= 32:
-            raise UsageError(f"rig: duty_bits is {self.duty_bits}; it must be 0 (unlimited) to 32")
+        check_all(**{field.name: getattr(self, field.name) for field in fields(self) if field.name != "saturation"})
 
 
 class RigNumbers(NamedTuple):
@@ -60,20 +50,20 @@ class RigNumbers(NamedTuple):
 
     memory: float
     """Share of its old value that the sensor's low-pass keeps in a sample; 0: no low-pass."""
-    duty_levels: float
-    """Steps between 0 and 100 % duty; 0: unlimited."""
+    duty_step: float
+    """Resolution of the duty [%]; 0: unlimited."""
     delay: int
     """[samples]"""
     pwm_period: float
     """[samples]; 0: no latching."""
 
 
-def rig_numbers(rig: Rig, dt_s: float) -> RigNumbers:
-    """The rig at a control interval of dt_s seconds."""
+def rig_numbers(rig: Rig, dt_s: float, highest_pct: float = 100.0) -> RigNumbers:
+    """The rig at a control interval of dt_s seconds, its duty ending at `highest_pct`."""
     memory = math.exp(-2 * math.pi * rig.sensor_hz * dt_s) if rig.sensor_hz > 0 else 0.0
-    levels = float(2**rig.duty_bits - 1) if rig.duty_bits > 0 else 0.0
+    step = highest_pct / (2**rig.duty_bits - 1) if rig.duty_bits > 0 else 0.0
     period = 1.0 / (rig.pwm_hz * dt_s) if rig.pwm_hz > 0 else 0.0
-    return RigNumbers(memory, levels, rig.delay_samples, period)
+    return RigNumbers(memory, step, rig.delay_samples, period)
 
 
 def noise(rig: Rig, samples: int, dt_s: float, seed: int) -> Array:

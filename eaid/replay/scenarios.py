@@ -2,42 +2,51 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from types import MappingProxyType
-from typing import Any
+
+import msgspec
 
 from eaid.arrays import Array
 from eaid.errors import UsageError
 from eaid.replay import metrics, references
-from eaid.replay.files import Record
-from eaid.replay.loop import Replay
+from eaid.replay.loop import Trace
 from eaid.replay.references import Reference
+from eaid.results.replay import NONE, Metrics, Record
 
-NOTHING: Mapping[str, Array] = MappingProxyType({})
+
+@dataclass(frozen=True)
+class Wish:
+    """How long a scenario is to be, and on which rig."""
+
+    duration_s: float | None = None
+    """None: the scenario's own."""
+    top: float = 1.0
+    """Factor on the paper's torque."""
+    pace: float = 1.0
+    """Factor on the paper's frequencies; its times are divided by it."""
 
 
 @dataclass(frozen=True)
 class Scenario:
-    """A row of the table: what is shown, and the reference at an interval [s] and a length [s], None for the
-    scenario's own."""
+    """A row of the table: what is shown, and the reference at an interval [s]."""
 
     shows: str
-    reference: Callable[[float, float | None], Reference]
+    reference: Callable[[float, Wish], Reference]
 
 
-def _steps(dt_s: float, duration_s: float | None) -> Reference:
-    if duration_s is None:
-        return references.steps(dt_s)
-    return references.steps(dt_s, hold_s=duration_s / len(references.STEP_LEVELS_NM))
+def _steps(dt_s: float, wish: Wish) -> Reference:
+    own = references.STEP_HOLD_S / wish.pace
+    hold_s = own if wish.duration_s is None else wish.duration_s / len(references.STEP_LEVELS_NM)
+    return references.steps(dt_s, hold_s=hold_s, top=wish.top)
 
 
-def _multisine(dt_s: float, duration_s: float | None) -> Reference:
-    return references.multisine(dt_s, references.MULTISINE_S if duration_s is None else duration_s)
+def _multisine(dt_s: float, wish: Wish) -> Reference:
+    return references.multisine(dt_s, wish.duration_s, wish.top, wish.pace)
 
 
-def _sweep(dt_s: float, duration_s: float | None) -> Reference:
-    if duration_s is not None:
-        raise UsageError("the sweep's length follows from its frequencies; leave --duration out")
-    return references.sweep(dt_s)
+def _sweep(dt_s: float, wish: Wish) -> Reference:
+    if wish.duration_s is not None:
+        raise UsageError("the sweep's length follows from its frequencies; leave «duration» out")
+    return references.sweep(dt_s, top=wish.top, pace=wish.pace)
 
 
 SCENARIOS: dict[str, Scenario] = {
@@ -47,51 +56,45 @@ SCENARIOS: dict[str, Scenario] = {
 }
 
 
-def measure(replay: Replay, reference: Reference) -> dict[str, Any]:
+def measure(trace: Trace, reference: Reference) -> Metrics:
     """All metrics of a replay on its reference: tracking from `counted_from_s` on, then per step and per tone where
     there are any."""
-    begin = round(reference.counted_from_s / replay.dt_s)
-    result: dict[str, Any] = dict(
-        metrics.tracking(
-            replay.reference_nm[begin:],
-            replay.torque_nm[begin:],
-            replay.duty_pct[begin:],
-            replay.dt_s,
-            replay.limits_pct,
-        )
+    begin = round(reference.counted_from_s / trace.dt_s)
+    found = metrics.tracking(
+        trace.reference_nm[begin:], trace.torque_nm[begin:], trace.duty_pct[begin:], trace.dt_s, trace.limits_pct
     )
-    result["counted_from_s"] = reference.counted_from_s
-    if reference.steps:
-        ends = [*reference.steps[1:], len(replay.torque_nm)]
-        result["steps"] = [
-            metrics.step(
-                replay.torque_nm[a:b], float(replay.reference_nm[a - 1]), float(replay.reference_nm[a]), replay.dt_s
-            )
-            for a, b in zip(reference.steps, ends, strict=True)
-        ]
-    if reference.tones:
-        result["frequencies"] = [
-            metrics.tone(
-                replay.reference_nm[tone.begin : tone.end],
-                replay.torque_nm[tone.begin : tone.end],
-                tone.frequency_hz,
-                replay.dt_s,
-            )
-            for tone in reference.tones
-        ]
-    return result
+    ends = [*reference.steps[1:], len(trace.torque_nm)]
+    steps = [
+        metrics.step(trace.torque_nm[a:b], float(trace.reference_nm[a - 1]), float(trace.reference_nm[a]), trace.dt_s)
+        for a, b in zip(reference.steps, ends, strict=False)
+    ]
+    tones = [
+        metrics.tone(
+            trace.reference_nm[tone.begin : tone.end],
+            trace.torque_nm[tone.begin : tone.end],
+            tone.frequency_hz,
+            trace.dt_s,
+        )
+        for tone in reference.tones
+    ]
+    return Metrics(
+        **msgspec.structs.asdict(found),
+        counted_from_s=reference.counted_from_s,
+        steps=tuple(steps),
+        frequencies=tuple(tones),
+    )
 
 
-def record(replay: Replay, measured: dict[str, Any], further: Mapping[str, Array] = NOTHING) -> Record:
+def record(trace: Trace, measured: Metrics, further: Mapping[str, Array] = NONE) -> Record:
     """A replay as a group of replay.h5, with further columns of its length."""
     columns = {
-        "time_s": replay.time_s,
-        "reference_nm": replay.reference_nm,
-        "torque_nm": replay.torque_nm,
-        "duty_pct": replay.duty_pct,
+        "time_s": trace.time_s,
+        "reference_nm": trace.reference_nm,
+        "torque_nm": trace.torque_nm,
+        "duty_pct": trace.duty_pct,
     }
-    if replay.measured_nm is not None:
-        columns["measured_nm"] = replay.measured_nm
-    if replay.applied_pct is not None:
-        columns["applied_pct"] = replay.applied_pct
+    if trace.measured_nm is not None:
+        columns["measured_nm"] = trace.measured_nm
+    if trace.applied_pct is not None:
+        columns["applied_pct"] = trace.applied_pct
     return Record({**columns, **further}, measured)

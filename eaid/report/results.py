@@ -219,7 +219,9 @@ def _read_data(path: Path, _tell: Callable[[str], None]) -> StepSet:
 
 def read_replay(path: Path, tell: Callable[[str], None] = lambda _: None) -> Replay:
     """Traces, options and measured numbers of a replay.h5; a controller without its four columns is refused."""
-    records, options = replay_files.read_replay(path, tell)
+    replay, left_out = replay_files.read(path)
+    _told(left_out, tell)
+    records, options = replay.records, replay_files.plain_head(replay.head)
     traces = {name: one.columns for name, one in records.items() if set(NEEDED) & set(one.columns) != {"time_s"}}
     missing = {name: [key for key in NEEDED if key not in columns] for name, columns in traces.items()}
     faults = [
@@ -239,7 +241,7 @@ def read_replay(path: Path, tell: Callable[[str], None] = lambda _: None) -> Rep
         raise DataError(f"{path}: holds no controller; make it again with eaid simulate")
     known = list(CONTROLLERS)
     traces = dict(sorted(traces.items(), key=lambda item: known.index(item[0]) if item[0] in known else len(known)))
-    summary = {name: records[name].metrics for name in traces}
+    summary = {name: replay_files.plain_metrics(records[name].metrics) for name in traces}
     more = {name: records[name].tables for name in traces}
     return Replay(str(options.get("scenario", "")), options, traces, summary, more)
 

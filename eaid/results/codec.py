@@ -56,10 +56,10 @@ def content_of(result: msgspec.Struct, kind: str) -> dict[str, Any]:
     """The content of a result file: schema, version, digest, the result, and the older `warnings` as texts."""
     content: dict[str, Any] = {"schema": f"eaid/{kind}/1", "eaid": __version__, **to_plain(result)}
     found: tuple[Finding, ...] = getattr(result, "findings", ())
-    for name, part in content.items():
-        if isinstance(part, dict) and name in KINDS.get(kind, ()):
-            part["warnings"] = sentences(one for one in found if one.subject == name)
-    content["warnings"] = sentences(one for one in found if not isinstance(content.get(one.subject), dict))
+    parts = [name for name in KINDS[kind] if isinstance(content.get(name), dict)] if kind == "fit" else []
+    for name in parts:
+        content[name]["warnings"] = sentences(one for one in found if one.subject == name)
+    content["warnings"] = sentences(one for one in found if one.subject not in parts)
     heading = {key: content.pop(key) for key in ("schema", "eaid")}
     return {**heading, "digest": digest_of({**heading, **content}), **content}
 

@@ -5,7 +5,8 @@ the paper's rig.
 """
 
 from eaid.findings import Finding
-from eaid.results.common import Input, Number, Positive, Result
+from eaid.results.common import Count, Input, Number, Positive, Result
+from eaid.results.tuning import TuneOptions
 
 
 class LinearModel(Result, frozen=True):
@@ -256,6 +257,39 @@ class Tracking(Result, frozen=True):
     saturated_fraction: Number | None = None
 
 
+class Candidate(Result, frozen=True):
+    """One candidate of the search, and what it did on the drawn plants."""
+
+    p_scale: Number
+    epsilon: Number
+    phi_honest_pct: Number
+    B_hat: Number
+    K_P: Number
+    K_D: Number
+    equal_pi: tuple[Number, Number]
+    rms_error_nm: Number
+    """Over all plants and counted samples."""
+    worst_plant_rms_error_nm: Number
+    max_abs_error_nm: Number
+    mean_abs_duty_step_pct: Number
+    saturated_fraction: Number
+
+
+class Optimized(Result, frozen=True):
+    """What the search began with, and what it ended at."""
+
+    reference: str
+    plants: Count
+    noise_nm: Number
+    noise_source: str
+    """given, logs, fit, or supposed."""
+    limit_pct: Number
+    """Most chattering allowed, in the input's unit per sample."""
+    before: Candidate
+    after: Candidate
+    also: tuple[str, ...] = ()
+
+
 class Replayed(Result, frozen=True):
     """Errors on the standard reference."""
 
@@ -280,6 +314,7 @@ class Gains(Result, frozen=True):
     rc: Robust | None = None
     pi: PI | None = None
     inputs: GainsInputs = GainsInputs()
+    options: TuneOptions | None = None
     seed: int = 0
     input_unit: str = "%"
     output_unit: str = "N·m"
@@ -290,6 +325,7 @@ class Gains(Result, frozen=True):
     phi_from_data: PhiFromData | None = None
     margins: Margins | None = None
     replayed: Replayed | None = None
+    optimized: Optimized | None = None
     unidentified: str | None = None
     """Why a fit marked not identifiable was used all the same; None: it was not."""
     findings: tuple[Finding, ...] = ()

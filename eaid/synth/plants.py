@@ -8,7 +8,7 @@ Friction, speed: Table II's T_s and τ1 as printed, and τ2 = 5.4 e^(−0.0101 �
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from math import exp
+from math import exp, inf
 from typing import Any
 
 from eaid.apparatus import Apparatus
@@ -57,8 +57,9 @@ def clutch(p: Nonlinear = REFERENCE_PLANT, made_of: str = "the reference plant (
         tau1, tau2, steady = plant_terms(parameters, duty_pct)
         return Friction(steady, tau1, tau2, p.C)
 
+    below = inf if p.falls_as_release else p.u_range[0]
     levels = tuple(u for u in LEVELS["clutch"] if p.u_range[0] <= u <= p.u_range[1]) or p.u_range
-    return Plant("clutch", at, ROTOR_RPM["clutch"], levels, made_of, p.release, p.u_range[0], p)
+    return Plant("clutch", at, ROTOR_RPM["clutch"], levels, made_of, p.release, below, p)
 
 
 def table_i(force_n: float) -> Friction:

@@ -24,10 +24,10 @@ def warm() -> None:
     import matplotlib as mpl
 
     mpl.use("Agg")
+    import eaid.cli.simulate_work
     import eaid.report.build
 
     import eaid.cli.main
-    import eaid.cli.simulate_work
     import eaid.control.design
     import eaid.fitting.fit
     import eaid.logs.dataset

@@ -7,7 +7,15 @@ import numpy as np
 import pytest
 
 from eaid.cli import main
-from eaid.replay.files import read_replay
+from eaid.replay import files
+from eaid.results.replay import RigRecord
+
+
+def read_replay(path):
+    """Groups by name, and what the file says of itself."""
+    found, _ = files.read(path)
+    return found.records, found.head
+
 
 FIT = {
     "schema": "eaid/fit/1",
@@ -47,14 +55,14 @@ def call(*arguments: str) -> int:
 def test_the_multisine_is_the_default_and_replay_h5_the_output(capsys):
     assert call("--gains", "gains.json") == 0
     out, err = capsys.readouterr()
-    assert "rc          0.1157 N·m" in out and "pi          0.797 N·m" in out and "Guarantee, rc" in out
+    assert "0.1157" in out and "0.797" in out and "Guarantee along this replay, rc" in out
     assert "wrote replay.h5" in err
-    assert "warning: the reference is as steep as 9.28 N·m/s; the gains were made for Q_M = 5 N·m/s" in err
+    assert "warning: the reference is as steep as 9.28 per second; the gains were made for Q_M = 5" in err
     records, head = read_replay(Path("replay.h5"))
     assert list(records) == ["pi", "rc"]
     assert set(records["pi"].columns) == {"time_s", "reference_nm", "torque_nm", "duty_pct"}
     assert set(records["rc"].columns) == {"time_s", "reference_nm", "torque_nm", "duty_pct", "chi_nm_s", "rho_nm_s"}
-    assert head["scenario"] == "multisine" and head["inputs"]["fit"]["path"] == "fit.json"
+    assert head.scenario == "multisine" and head.inputs.fit.path == "fit.json"
     assert len(records["rc"].columns["time_s"]) == 12_000
 
 
@@ -80,16 +88,15 @@ def test_the_sweep_adds_open_loop(capsys):
 def test_without_gains_the_controllers_that_need_none_are_replayed(capsys):
     assert call("--duration", "6") == 0
     out, err = capsys.readouterr()
-    assert "warning: no --gains, so rc and pi are left out" in err and "inverse" in out
-    assert "cost of a step in plain Python, plant and rig included: inverse" in err
+    assert "note: no --gains, so rc and pi are left out" in err and "inverse" in out
 
 
 def test_a_reference_of_the_users_own(capsys):
     Path("r.csv").write_text("time_s,reference_nm\n0,0\n1,1\n2,5\n")
     assert call("--gains", "gains.json", "--reference", "r.csv", "--controller", "pi", "--noise-nm", "0.02") == 0
-    assert "warning: the reference goes to 5 N·m, the plant at its highest duty to 4.37 N·m" in capsys.readouterr().err
+    assert "warning: the reference goes to 5 N·m, the plant at its highest input to 4.37 N·m" in capsys.readouterr().err
     records, head = read_replay(Path("replay.h5"))
-    assert head["scenario"] == "reference" and head["inputs"]["reference"]["path"] == "r.csv"
+    assert head.scenario == "reference" and head.inputs.reference.path == "r.csv"
     assert records["pi"].columns["reference_nm"][1500] == pytest.approx(3.0)
     assert np.std(records["pi"].columns["measured_nm"] - records["pi"].columns["torque_nm"]) == pytest.approx(0.02, 0.1)
 
@@ -114,12 +121,12 @@ def test_drawn_plants_give_the_same_bytes_on_one_thread_and_on_many(capsys):
     assert "rc on drawn plants: 1000 to do" in err
     assert Path("1.h5").read_bytes() == Path("3.h5").read_bytes()
     records, head = read_replay(Path("1.h5"))
-    assert head["plants"] == 1000 and len(head["band_quantiles"]) == 7
+    assert head.plants == 1000 and head.plants_from == "covariance" and len(head.band_quantiles) == 7
     assert records["rc"].tables["plants/parameters/Ts"].shape == (1000, 4)
-    worst = records["rc"].metrics["plants"]["metrics"]["rms_error_nm"]["worst"]
+    worst = records["rc"].metrics.plants.metrics["rms_error_nm"].worst
     values = records["rc"].tables["plants/metrics/rms_error_nm"]
-    assert values.argmax() == worst["plant"] and values.max() == worst["value"] and values.std() > 1e-4
-    assert worst["Ts"] == records["rc"].tables["plants/parameters/Ts"][worst["plant"]].tolist()
+    assert values.argmax() == worst.plant and values.max() == worst.value and values.std() > 1e-4
+    assert list(worst.Ts) == records["rc"].tables["plants/parameters/Ts"][worst.plant].tolist()
 
 
 def test_plants_of_a_fit_without_uncertainty_are_a_word(capsys):
@@ -148,18 +155,18 @@ def test_a_recorded_duty_through_the_plant_and_a_closed_loop_run_laid_over(capsy
     assert call("--gains", "gains.json", "--log", "closed.csv", "-o", "log.h5", "--json") == 0
     told = json.loads(capsys.readouterr().out)
     assert told["log"]["closed"]["rms_difference_nm"] == pytest.approx(0.01, rel=0.1)
-    assert told["log"]["closed"]["explained_variance"] > 0.99
+    assert told["log"]["closed"]["R2"] > 0.99
     assert set(told["controllers"]) == {"recorded", "rc", "pi"}
     recorded, replayed = told["controllers"]["recorded"], told["controllers"]["rc"]
     assert replayed["rms_error_nm"] == pytest.approx(recorded["rms_error_nm"], rel=0.01)
     assert replayed["rms_from_recorded_nm"] == pytest.approx(0.01, rel=0.3)
     records, head = read_replay(Path("log.h5"))
-    assert set(records) == {"closed", "recorded", "rc", "pi"} and head["scenario"] == "log"
-    assert head["inputs"]["log"][0]["path"] == "closed.csv"
+    assert set(records) == {"closed", "recorded", "rc", "pi"} and head.scenario == "log"
+    assert head.inputs.log[0].path == "closed.csv"
 
 
 def test_noise_as_the_residuals(capsys):
-    levels = [{"level": 50.0, "sse": 10_000 * 0.02**2, "rmse": 0.02}]
+    levels = [{"level": 50.0, "Ts": 1.0, "tau1": 0.5, "tau2": 5.0, "sse": 10_000 * 0.02**2, "rmse": 0.02}]
     adequacy = {"residual_autocorrelation": 0.6, "effective_samples": 100.0}
     more = {
         "data": {"sample_rate_hz": 1000.0, "sources": [{"level": 50.0}]},
@@ -168,9 +175,8 @@ def test_noise_as_the_residuals(capsys):
     }
     Path("fit.json").write_text(json.dumps({**FIT, **more}))
     assert call("--gains", "gains.json", "--duration", "3", "--noise", "residuals") == 0
-    assert "noise as the fit's residuals: 0.02 N·m" in capsys.readouterr().err
-    rig = read_replay(Path("replay.h5"))[1]["rig"]
-    assert rig["noise_nm"] == pytest.approx(0.02) and rig["noise_correlation_s"] > 0.05
+    rig = read_replay(Path("replay.h5"))[1].rig
+    assert rig.noise_nm == pytest.approx(0.02) and rig.noise_correlation_s > 0.05
 
 
 def test_every_effect_of_the_rig_is_an_option(capsys):
@@ -180,11 +186,8 @@ def test_every_effect_of_the_rig_is_an_option(capsys):
     )
     assert call("--gains", "gains.json", "--duration", "2", *effects.split()) == 0
     records, head = read_replay(Path("replay.h5"))
-    assert head["rig"] == {
-        "noise_nm": 0.01, "noise_correlation_s": 0.05, "noise_coloured_share": 1.0, "ripple_pct": 2.0, "ripple_hz": 3.0,
-        "sensor_hz": 100.0, "delay_samples": 2, "pwm_hz": 300.0, "duty_bits": 8, "saturation": False,
-    }  # fmt: skip
-    assert head["perturb"] == {"Ts": 0.9, "tau1": 1.2}
+    assert head.rig == RigRecord(0.01, 0.05, 1.0, 2.0, 3.0, 100.0, 2, 300.0, 8, False)
+    assert head.perturb == {"Ts": 0.9, "tau1": 1.2}
     assert {"measured_nm", "applied_pct"} <= set(records["rc"].columns)
 
 
@@ -192,7 +195,7 @@ def test_open_loop_needs_no_more_than_the_nonlinear_model(capsys):
     Path("fit.json").write_text(json.dumps({"nonlinear": FIT["nonlinear"]}))
     assert call("--controller", "open-loop", "--json") == 0
     _, err = capsys.readouterr()
-    assert "warning: no linear model, so open-loop takes the straight line through the plant's steady torque" in err
+    assert "note: no linear model, so open-loop takes the straight line through the plant's steady torque" in err
     duty = np.linspace(10, 100, 101)
     slope, offset = np.polyfit(duty, np.polyval(FIT["nonlinear"]["Ts"][::-1], duty), 1)
     columns = read_replay(Path("replay.h5"))[0]["open-loop"].columns
@@ -205,23 +208,42 @@ def test_open_loop_needs_no_more_than_the_nonlinear_model(capsys):
     [
         (["--scenario", "jumps"], 2, "no scenario 'jumps'; there are steps, multisine, sweep, rehab"),
         (["--controller", "pid"], 2, "no controller 'pid'; there are rc, pi, open-loop, inverse"),
-        (["--controller", "rc"], 2, "controller rc needs gains: give --gains gains.json"),
+        (["--controller", "rc"], 2, "controller rc needs gains: give --gains"),
         (["--controller", "pi,pi", "--gains", "gains.json"], 2, "name each controller once"),
         (["--scenario", "steps", "--reference", "r.csv"], 2, "exclude each other"),
         (["--scenario", "sweep", "--duration", "3"], 2, "leave --duration out"),
         (["--reference", "none.csv"], 3, "none.csv: no such file"),
         (["--gains", "none.json"], 3, "none.json: no such file"),
-        (["--rate-hz", "0"], 2, "--rate-hz is 0; it must be above 0"),
+        (["--rate-hz", "0"], 2, "--rate-hz 0: give a number from 0.001"),
         (["--perturb", "Ts"], 2, "write factors as Ts=0.9,tau1=1.2"),
-        (["--duty-bits", "-1"], 2, "duty_bits is -1"),
-        (["--noise", "pink"], 2, "--noise is 'pink'"),
-        (["--noise", "residuals"], 3, "fit.json: does not say how its residuals are coloured"),
+        (["--duty-bits", "-1"], 2, "--duty-bits -1: give"),
+        (["--noise", "pink"], 2, "--noise pink: there is residuals"),
+        (["--noise", "residuals"], 3, "the fit does not say how its residuals are coloured"),
         (["--noise", "residuals", "--noise-nm", "1"], 2, "leave out --noise-nm"),
-        (["--plants", "0"], 2, "--plants takes a number from 1 on"),
-        (["--plants", "5", "--threads", "-1"], 2, "--threads is -1; it takes a number from 1 on"),
-        (["--plants", "5", "--scenario", "rehab"], 2, "goes with steps, multisine, sweep"),
+        (["--plants", "0"], 2, "--plants 0: give a whole number from 1"),
+        (["--plants", "5", "--threads", "-1"], 2, "--threads -1: give a whole number from 1"),
+        (["--plants", "5", "--scenario", "rehab"], 2, "--plants: goes with steps, multisine, sweep"),
         (["--limb-damping", "1"], 2, "belong to --scenario rehab"),
         (["--log", "none.csv"], 3, "none.csv"),
+        (["--seed", "-1"], 2, "--seed -1: give a whole number from 0"),
+        (["--seed", "1" * 26], 2, "--seed 1111"),
+        (["--pwm-hz", "nan"], 2, "--pwm-hz nan: give a number from 0"),
+        (["--duration", "nan"], 2, "--duration nan"),
+        (["--duration", "inf"], 2, "--duration inf"),
+        (["--duration", "1e12"], 2, "--duration 1e+12"),
+        (["--duration", "1e6"], 2, "give a shorter --duration or a lower --rate-hz"),
+        (["--rate-hz", "inf"], 2, "--rate-hz inf"),
+        (["--rate-hz", "1e9"], 2, "--rate-hz 1e+09"),
+        (["--noise-nm", "1e308"], 2, "--noise-nm 1e+308"),
+        (["--plants", "1000000000"], 2, "--plants 1000000000: give a whole number from 1 to 100000"),
+        (["--plants", "100000", "--duration", "100"], 2, "ask for 10,000 at most"),
+        (["--threads", "2"], 2, "--threads: does nothing without --plants"),
+        (["--noise-correlation-s", "2"], 2, "--noise-correlation-s: does nothing without --noise-nm"),
+        (["--ripple-hz", "2"], 2, "--ripple-hz: does nothing without --ripple-pct"),
+        (["--columns", "time=t"], 2, "belong to --log"),
+        (["--keep-baseline"], 2, "--keep-baseline: belongs to --log"),
+        (["--perturb", "Ts=1,Ts=2"], 2, "says Ts twice"),
+        (["--limb-inertia", "0", "--scenario", "rehab"], 2, "--limb-inertia 0: give"),
     ],
 )
 def test_what_is_refused(capsys, arguments, code, said):
@@ -240,4 +262,4 @@ def test_an_earlier_replay_is_left_alone(capsys):
 def test_a_fit_without_a_plant_is_refused(capsys):
     Path("fit.json").write_text(json.dumps({"schema": "eaid/fit/1", "friction": {}}))
     assert call("--gains", "gains.json") == 3
-    assert "fit.json: holds no nonlinear model" in capsys.readouterr().err
+    assert "the fit holds no nonlinear model" in capsys.readouterr().err

@@ -7,7 +7,14 @@ import numpy as np
 import pytest
 
 from eaid.cli import main
-from eaid.replay.files import read_replay
+from eaid.replay import files
+
+
+def read_replay(path):
+    """Groups by name, and what the file says of itself."""
+    found, _ = files.read(path)
+    return found.records, found.head
+
 
 FIT = {
     "schema": "eaid/fit/1",
@@ -47,7 +54,7 @@ def test_a_session_its_file_and_its_json(call: list[str], capsys: pytest.Capture
     assert rc["max_abs_error_nm"] >= rc["rms_error_nm"] > 0 and len(rc["tests"]) == 3
     records, head = read_replay(Path("replay.h5"))
     columns = records["rc"].columns
-    assert head["scenario"] == "rehab" and len(columns["time_s"]) == 90_000
+    assert head.scenario == "rehab" and len(columns["time_s"]) == 90_000
     assert {"angle_deg", "target_deg", "desired_nm", "rendered_nm", "mode", "position_error_deg"} <= set(columns)
     np.testing.assert_array_equal(np.abs(columns["rendered_nm"]), columns["torque_nm"])
     assert sorted(set(columns["mode"])) == [0, 1, 2]

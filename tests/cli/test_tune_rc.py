@@ -8,8 +8,12 @@ from pathlib import Path
 import pytest
 
 from eaid.cli.main import run
-from eaid.control.gains import pi_from_json, rc_from_json
+from eaid.control.gains import pi_gains, rc_gains
 from eaid.models.parameters import REFERENCE_PLANT
+from eaid.results.codec import from_plain
+from eaid.results.fit import Fit
+from eaid.results.gains import Gains
+from eaid.results.tuning import TuneOptions
 
 PAPER = {"a0": 1.36, "b0": 0.08, "c0": -2.42, "bounds": {"convention": "zero-offset", "B_m": 12.4, "B_M": 42.6}}
 PLANT = {
@@ -35,6 +39,14 @@ def made(*arguments, **parts):
     return json.loads(Path("gains.json").read_text())
 
 
+def typed(gains) -> Gains:
+    return from_plain(gains, Gains, "gains.json")
+
+
+def codes(gains):
+    return [one["code"] for one in gains["findings"]]
+
+
 def test_gains_file_of_a_minimal_fit(capsys):
     assert run(["tune-rc", fit_file(), "-o", "g.json"]) == 0
     out, err = capsys.readouterr()
@@ -45,12 +57,24 @@ def test_gains_file_of_a_minimal_fit(capsys):
     contract = "K_P K_D B_hat B_m B_M alpha alpha_reached guaranteed phi_holds Q_M phi rho epsilon gamma P Q"
     assert set(contract.split()) <= set(gains["rc"])
     assert {"K_P", "K_I", "overshoot_pct", "settling_s"} <= set(gains["pi"])
-    assert rc_from_json(gains).B_hat == 12.5 and pi_from_json(gains) == (21.0, 360.0, 0.0, 100.0, 0.0)
-    assert out.splitlines()[0] == "Robust controller" and "Margins around held duties" in out
-    assert "10.8125 + 6.58595·‖ξ‖" in out and "means 26.41 % duty" in out
-    assert "warning: ρ does not cover the uncertainty: with B̂ = 12.5 the α really reached is 0.7066" in err
-    assert "21 and 360, gives 41.7 % overshoot and 2.52 s" in err
+    assert rc_gains(typed(gains)).B_hat == 12.5 and pi_gains(typed(gains)) == (21.0, 360.0, 0.0, 100.0, 0.0)
+    assert out.splitlines()[:2] == ["guarantee: NO (ρ, duty limit)", "Gains"]
+    assert "10.8125 + 6.58595·‖ξ‖" in out and "Margins" not in out and len(out.splitlines()) <= 18
     assert err.splitlines()[-1] == "wrote g.json"
+    assert set(codes(gains)) == {
+        "rho-not-covered", "robust-term-beyond-actuator", "paper-pi-misses", "nothing-to-replay-on", "margin-missed",
+    }  # fmt: skip
+    assert gains["guarantee"]["holds"] is False
+    assert {one["name"]: one["holds"] for one in gains["guarantee"]["conditions"]} == {
+        "rho": False, "phi": None, "Q_M": None, "duty-limit": False,
+    }  # fmt: skip
+
+
+def test_verbose_shows_what_they_were_made_of(capsys):
+    assert run(["tune-rc", fit_file(nonlinear=PLANT), "-v"]) == 0
+    out, err = capsys.readouterr()
+    assert "Margins around held inputs, 1000 Hz, duty latched at 300 Hz" in out and "textbook" in out
+    assert "and 3 more" not in err
 
 
 def test_json_is_the_file(capsys):
@@ -87,7 +111,7 @@ def test_every_option_reaches_the_gains():
     assert (pi["K_P"], pi["K_I"]) == pytest.approx((156.6, 252.9), abs=0.1)
     assert made("--pi-gains", "30,100")["pi"]["K_I"] == 100.0
     back = made("--anti-windup", "back-calculation", "--duty-limits", "5,90")
-    assert back["duty_limits_pct"] == [5.0, 90.0] and rc_from_json(back).back_calculation > 0
+    assert back["duty_limits_pct"] == [5.0, 90.0] and rc_gains(typed(back)).back_calculation > 0
     assert made("--pwm-hz", "0", "--rate-hz", "500")["margins"]["timing"] == {"rate_hz": 500.0, "pwm_hz": None}
 
 
@@ -96,7 +120,9 @@ def test_replayed_error_beside_the_bound():
     assert gains["replayed"]["reference"] == "multisine"
     assert gains["rc"]["ultimate_bound"]["replayed_nm"] == pytest.approx(0.1157, abs=1e-3)
     assert gains["replayed"]["pi"]["max_abs_error_nm"] == pytest.approx(0.80, abs=0.01)
-    assert any("Q_M does not hold for the multisine" in warning for warning in gains["warnings"])
+    assert "slope-above-q-max" in codes(gains)
+    needs = {one["name"]: one for one in gains["guarantee"]["conditions"]}
+    assert needs["Q_M"]["needed"] == pytest.approx(9.28, abs=0.01) and needs["Q_M"]["available"] == 5.0
     assert gains["rc"]["phi_holds"] is False
 
 
@@ -129,8 +155,8 @@ def test_phi_from_data(capsys):
 @pytest.mark.parametrize(
     ("linear", "arguments", "words"),
     [
-        ({"b0": -0.08}, [], "fit.json: b0 is -0.08"),
-        ({"a0": 0.0}, [], "fit.json: a0 is 0 "),
+        ({"b0": -0.08}, [], "the fit's b0 is -0.08"),
+        ({"a0": 0.0}, [], "the fit's a0 is 0 "),
         ({"bounds": {"B_m": 0.0, "B_M": 42.6}}, [], "the range of B touches 0"),
         ({}, ["--pi-overshoot", "120", "--pi-settling", "1"], "out of reach"),
         ({}, ["--pi-overshoot", "1", "--pi-settling", "60"], "out of reach"),
@@ -157,20 +183,35 @@ def test_refused_gains_exit_with_5(linear, arguments, words, capsys):
         (["--rho", "both"], 2, "--rho both: must be one of"),
         (["--alpha", "x"], 2, "--alpha x: must be one of"),
         (["--anti-windup", "none"], 2, "--anti-windup none: must be one of"),
-        (["--phi", "much"], 2, "--phi much: is no number"),
+        (["--phi", "much"], 2, "--phi much: must be data or a number"),
         (["--kp", "4", "--damping", "1"], 2, "not both"),
         (["--damping", "0.7"], 2, "belong together"),
         (["--levels", "30:100"], 2, "no fits of single levels"),
         (["--bounds", "x"], 2, "--bounds x: must be one of"),
-        (["--epsilon", "0"], 2, "--epsilon 0: must be above 0"),
+        (["--epsilon", "0"], 2, "--epsilon 0: give a number above 0"),
         (["--reference", "none.csv"], 3, "none.csv: no such file"),
         (["--optimize"], 3, "holds no nonlinear model"),
-        (["--optimize-also", "colour"], 2, "--optimize-also colour: must be of"),
+        (["--optimize-also", "colour"], 2, "--optimize-also colour: must be one of"),
         (["--optimize", "--noise-nm", "-1"], 2, "--noise-nm -1"),
         (["--optimize", "--evaluations", "0"], 2, "--evaluations 0"),
         (["--rate-hz", "0"], 2, "--rate-hz 0"),
-        (["--duty-limits", "0,120"], 2, "a duty ends at 100 %"),
+        (["--duty-limits", "0,120"], 2, "--duty-limits 0,120: a duty ends at 100 %"),
         (["--duty-limits", "50,20"], 2, "--duty-limits 50,20: must rise"),
+        (["--seed", "-1"], 2, "--seed -1: give a whole number from 0"),
+        (["--seed", "9" * 26], 2, "--seed 9999"),
+        (["--b-hat", "1e400"], 2, "--b-hat inf: give"),
+        (["--kp", "inf"], 2, "--kp inf"),
+        (["--kd", "nan"], 2, "--kd nan"),
+        (["--phi", "1e308"], 2, "--phi 1e+308"),
+        (["--q-max", "1e308"], 2, "--q-max 1e+308"),
+        (["--pi-gains", "1e300,1"], 2, "--pi-gains 1e+300"),
+        (["--natural-frequency", "1e200", "--damping", "1"], 2, "--natural-frequency 1e+200"),
+        (["--pwm-hz", "nan"], 2, "--pwm-hz nan"),
+        (["--rate-hz", "1e9"], 2, "--rate-hz 1e+09"),
+        (["--plants", "20"], 2, "--plants: does nothing without --optimize"),
+        (["--noise-nm", "0.1"], 2, "--noise-nm: does nothing without --optimize"),
+        (["--optimize", "--plants", "1000000000"], 2, "--plants 1000000000"),
+        (["--data", "x.csv"], 2, "--data: does nothing without --phi data or --optimize"),
     ],
 )
 def test_wrong_usage_gets_its_sentence(arguments, code, words, capsys):
@@ -188,37 +229,103 @@ def test_a_broken_fit_is_a_data_error(capsys):
 
 
 def test_an_unidentified_fit_needs_a_word(capsys):
-    linear = {**PAPER, "identifiable": False, "not_identifiable_because": ["one level only"]}
-    assert run(["tune-rc", fit_file(linear=linear)]) == 3
-    assert "is not identifiable (one level only); --allow-unidentified uses it, marked" in capsys.readouterr().err
-    gains = made("--allow-unidentified", linear=linear)
-    assert gains["unidentified"] == "one level only" and "not identifiable: one level only" in gains["warnings"][0]
+    linear = {**PAPER, "identifiable": False}
+    why = [{"code": "one level only", "severity": "stop", "subject": "linear"}]  # no row: said by its code
+    assert run(["tune-rc", fit_file(linear=linear, findings=why)]) == 3
+    assert (
+        "the linear model is not identifiable (one level only); --allow-unidentified uses it, marked"
+        in capsys.readouterr().err
+    )
+    gains = made("--allow-unidentified", linear=linear, findings=why)
+    assert gains["unidentified"] == "one level only" and "fit-not-identifiable" in codes(gains)
 
 
-def test_another_input_and_output_are_told(capsys):
-    data = {"input_unit": "V", "output_unit": "N", "levels": [100.0, 300.0]}
-    weak = {**PLANT, "Ts": [0.0, 2e-3, 0.0, 0.0], "u_range": [100.0, 300.0], "tau1": [0.3, 0.0, 0.0]}
-    weak["tau2"] = [5.0, 0.0, 0.0]
-    gains = made(data=data, nonlinear=weak)
-    assert gains["duty_limits_pct"] == [0.0, 300.0]
-    assert gains["warnings"][0] == "input in V, output in N: read them wherever this says % duty and N·m"
-    assert any("the fitted plant makes 0.6 N·m at most" in warning for warning in gains["warnings"])
-    beyond = made(data={"levels": [100.0, 300.0]}, nonlinear=weak)
+VOLTS = {"input_unit": "V", "output_unit": "N", "levels": [100.0, 300.0]}
+
+
+def volts(k=3.0, y=0.5, pace=1.0):
+    """The paper's fit and the reference plant in V and N: inputs k times, outputs y times, pace times as fast."""
+    linear = {
+        "a0": 1.36 * pace, "b0": 0.08 * pace * y / k, "c0": -2.42 * pace * y,
+        "bounds": {"convention": "zero-offset", "B_m": 12.4 * k / y / pace, "B_M": 42.6 * k / y / pace},
+    }  # fmt: skip
+    scaled = {name: [c / k**power for power, c in enumerate(PLANT[name])] for name in ("tau1", "tau2", "Ts")}
+    plant = {
+        **PLANT, "tau1": [c / pace for c in scaled["tau1"]], "tau2": [c / pace for c in scaled["tau2"]],
+        "Ts": [c * y for c in scaled["Ts"]], "u_range": [10.0 * k, 100.0 * k],
+    }  # fmt: skip
+    data = {"input_unit": "V", "output_unit": "N", "levels": [10.0 * k, 100.0 * k], "sample_rate_hz": 1000.0}
+    return {"linear": linear, "nonlinear": plant, "data": data}
+
+
+def test_a_rig_in_other_units_gets_the_same_design_in_its_own(capsys):
+    """Nothing but the units differs: the gains are the paper's in them, the errors are the same share."""
+    common = ["--phi", "data", "--reference", "multisine", "--pi-overshoot", "1"]
+    paper = made(*common, "--pi-settling", "0.27", "--pwm-hz", "0", nonlinear=PLANT)
+    k, y, pace = 3.0, 0.5, 1.0
+    rig = made("--reference", "multisine", **volts(k, y, pace))
+    assert rig["input_unit"] == "V" and rig["output_unit"] == "N" and rig["duty_limits_pct"] == [0.0, 300.0]
+    assert (rig["rc"]["K_P"], rig["rc"]["K_D"]) == pytest.approx((paper["rc"]["K_P"], paper["rc"]["K_D"]), rel=1e-12)
+    assert rig["rc"]["B_hat"] == pytest.approx(paper["rc"]["B_hat"] * k / y)
+    assert rig["rc"]["Q_M"] == pytest.approx(paper["rc"]["Q_M"] * y)
+    assert rig["rc"]["phi_honest_pct"] == pytest.approx(paper["rc"]["phi_honest_pct"] * k)
+    assert rig["rc"]["phi_holds"] is True and paper["rc"]["phi_holds"] is True
+    assert rig["rc"]["rho"]["constant"] == pytest.approx(paper["rc"]["rho"]["constant"] * y)
+    assert rig["rc"]["epsilon"] == pytest.approx(paper["rc"]["epsilon"] * y, rel=0.03)
+    assert (rig["pi"]["K_P"], rig["pi"]["K_I"]) == pytest.approx(
+        (paper["pi"]["K_P"] * k / y, paper["pi"]["K_I"] * k / y), rel=1e-9
+    )
+    assert rig["replayed"]["pi"]["rms_error_nm"] == pytest.approx(paper["replayed"]["pi"]["rms_error_nm"] * y, rel=1e-9)
+    assert rig["replayed"]["rc"]["rms_error_nm"] == pytest.approx(paper["replayed"]["rc"]["rms_error_nm"] * y, rel=0.05)
+    assert codes(rig).count("designed-for-rig") == 1 and "designed-for-rig" not in codes(paper)
+    capsys.readouterr()
+    assert run(["tune-rc", fit_file(**volts()), "--force"]) == 0
+    out = capsys.readouterr().out
+    assert "V·s/(N)" in out and "%·s" not in out and "N·m" not in out
+
+
+def test_a_slow_rig_gets_a_slow_design():
+    rig = made(**volts(pace=0.01))
+    assert rig["rc"]["natural_frequency_rad_s"] == pytest.approx(0.021213, rel=1e-4)
+    assert rig["pi"]["settling_s"] == pytest.approx(27.0) and rig["pi"]["overshoot_pct"] == pytest.approx(1.0)
+    assert rig["replayed"]["counted_from_s"] == pytest.approx(500.0)
+
+
+def test_limits_of_another_input_are_what_was_identified():
+    beyond = made(**{**volts(), "data": {"levels": [100.0, 300.0]}})  # a "duty" above 100 is none
     assert beyond["duty_limits_pct"] == [0.0, 300.0]
-    assert made("--duty-limits", "0,250", data=data)["duty_limits_pct"] == [0.0, 250.0]
+    assert made("--duty-limits", "0,250", **volts())["duty_limits_pct"] == [0.0, 250.0]
 
 
 def test_noise_is_what_the_logs_show():
     from eaid.cli.inputs import stepset_from
-    from eaid.cli.tune_search import noise_of
     from eaid.control.noise import white_noise_nm
+    from eaid.replay.tune import noise_of
     from eaid.synth.datasets import shipped
 
     shown = white_noise_nm(stepset_from([shipped()["clutch"]]))  # made with 0.01 N·m of white noise
     assert shown == pytest.approx(0.01, rel=0.05)
     told = {"uncertainty": {"noise": {"sensor_nm2_s": 1e-7}}, "data": {"sample_rate_hz": 1000.0}}
-    assert noise_of(told, None) == (pytest.approx(0.01), "as the fit tells it")
-    assert noise_of({}, None) == (0.01, "supposed")
+    assert noise_of(from_plain(told, Fit, "f"), TuneOptions(), None) == (pytest.approx(0.01), "fit")
+    assert noise_of(Fit(), TuneOptions(), None) == (0.01, "supposed")
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"tau1": [0.5, -0.01, 0.0]}, "nonlinear.tau1 is"),
+        ({"tau2": [0.0, 0.0, 0.0]}, "nonlinear.tau2 is 0 s"),
+        ({"Ts": [0.0, 1e50, 0.0, 0.0]}, "nonlinear.Ts is"),
+    ],
+)
+def test_a_plant_that_cannot_be_is_refused(changes, words, capsys):
+    assert run(["tune-rc", fit_file(nonlinear={**PLANT, **changes})]) == 3
+    assert words in capsys.readouterr().err
+
+
+def test_a_model_slower_than_any_rig_is_refused_at_once(capsys):
+    assert run(["tune-rc", fit_file(linear={**PAPER, "a0": 1e-59})]) == 5
+    assert "a0 is 1e-59 1/s" in capsys.readouterr().err
 
 
 def test_optimize_trades_in_the_open(capsys):

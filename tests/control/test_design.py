@@ -6,16 +6,37 @@ import numpy as np
 import pytest
 
 from eaid.apparatus import Apparatus
-from eaid.control.bounds import bounds_of
-from eaid.control.design import design
-from eaid.control.gains import paper_gains, pi_from_json, rc_from_json
+from eaid.control.bounds import LevelB, bounds_of
+from eaid.control.design import design as typed_design
+from eaid.control.gains import paper_gains, pi_gains, rc_gains
 from eaid.control.margins import Timing
 from eaid.control.mismatch import distance, shown_by_levels, shown_by_logs, shown_by_model
 from eaid.control.options import DesignOptions, PIOptions
 from eaid.errors import DataError, GainsError, UsageError
 from eaid.models.nonlinear import step_response
 from eaid.models.parameters import PAPER_LINEAR, REFERENCE_PLANT, Linear, Nonlinear
+from eaid.results.codec import from_plain, to_plain
+from eaid.results.fit import Fit
+from eaid.results.gains import Gains
+from eaid.results.tuning import TuneOptions
 from eaid.steps.stepset import Level, StepSet
+
+
+def fit_of(plain):
+    return from_plain(plain, Fit, "f")
+
+
+def gains_of(plain, *options, **more) -> Gains:
+    return typed_design(fit_of(plain), *options, **more)
+
+
+def design(plain, *options, **more):
+    return to_plain(gains_of(plain, *options, **more))
+
+
+def codes(found):
+    return [one["code"] for one in found["findings"]]
+
 
 PAPER_FIT = {"linear": {"a0": 1.36, "b0": 0.08, "c0": -2.42, "bounds": {"B_m": 12.4, "B_M": 42.6}}}
 B = {10: 23.044, 20: 36.505, 30: 41.142, 40: 40.831, 50: 37.706, 60: 32.974, 70: 27.340, 80: 21.221, 90: 14.854}
@@ -37,6 +58,11 @@ def level_row(u):
     return {"level": float(u), "a0": u / (B[u] * gain), "gain": gain, "c0": 0.0, "b0": 1 / B[u], "B": B[u]}
 
 
+def level_b(u):
+    row = level_row(u)
+    return LevelB(row["level"], row["a0"], row["c0"], row["gain"], row["B"])
+
+
 REFERENCE_FIT = {
     "nonlinear": PLANT,
     "linear": {
@@ -56,7 +82,8 @@ def with_linear(**changes):
 def test_the_papers_fit_gives_table_iv():
     found = design(PAPER_FIT)
     rc = found["rc"]
-    assert rc_from_json(found) == pytest.approx(paper_gains()[0]) and pi_from_json(found) == paper_gains()[1]
+    assert rc_gains(gains_of(PAPER_FIT)) == pytest.approx(paper_gains()[0])
+    assert pi_gains(gains_of(PAPER_FIT)) == paper_gains()[1]
     assert f"{rc['alpha']:.6f}" == "0.549091" and f"{rc['rho']['constant']:.4f}" == "10.8125"
     assert f"{rc['rho']['slope']:.5f}" == "6.58595" and rc["rho"]["convention"] == "paper"
     assert rc["natural_frequency_rad_s"] == pytest.approx(2.1213, abs=5e-5)
@@ -91,7 +118,7 @@ def test_one_honest_phi_gives_one_rho_in_both_readings(reading):
 def test_phi_is_held_against_the_data():
     found = design(REFERENCE_FIT)
     assert found["rc"]["phi_holds"] is False
-    assert any("φ does not hold" in warning for warning in found["warnings"])
+    assert "phi-exceeded" in codes(found)
     enough = design(REFERENCE_FIT, DesignOptions(phi_honest_pct=found["rc"]["phi_needed_pct"]))
     assert enough["rc"]["phi_holds"] is True
     assert design(PAPER_FIT)["rc"]["phi_holds"] is None
@@ -103,14 +130,14 @@ def test_with_single_levels_alone_phi_holds_in_no_reading():
         found = design(fit, DesignOptions(reading=reading))
         assert found["rc"]["phi_holds"] is False and found["rc"]["phi_needed_pct"] > 100
     # SPEC §4.7: −30 % already at T = 0 on the published model.
-    at_rest = shown_by_levels([level_row(40)], PAPER_LINEAR, 0.0)
+    at_rest = shown_by_levels([level_b(40)], PAPER_LINEAR, 0.0)
     assert at_rest.signed_pct == pytest.approx(-30.25)
 
 
 def test_Q_M_is_held_against_the_reference():
     assert design(PAPER_FIT)["rc"]["Q_M_holds"] is None
     steep = design(PAPER_FIT, slope_nm_s=9.3)
-    assert steep["rc"]["Q_M_holds"] is False and any("Q_M does not hold" in w for w in steep["warnings"])
+    assert steep["rc"]["Q_M_holds"] is False and "slope-above-q-max" in codes(steep)
     assert design(PAPER_FIT, slope_nm_s=4.9)["rc"]["Q_M_holds"] is True
 
 
@@ -119,21 +146,25 @@ def test_margins_of_the_reference_plant():
     points = found["margins"]["points"]
     assert [point["duty_pct"] for point in points] == pytest.approx([10 * k for k in range(1, 11)])
     assert found["margins"]["worst"]["rc"]["gain_db"] == min(point["rc"]["gain_db"] for point in points)
-    assert any(w.startswith("PI: less than 6 dB or 45°") for w in found["warnings"])
-    assert not any(w.startswith("RC: less") for w in found["warnings"])
+    missed = [one for one in found["findings"] if one["code"] == "margin-missed"]
+    assert [one["subject"] for one in missed] == ["pi"] and list(missed[0]["levels"]) == [30, 40, 50, 60, 70, 80, 90]
+    assert missed[0]["values"]["phase_deg"] < 45 <= missed[0]["values"]["enough_deg"]
     sharp = design(REFERENCE_FIT, DesignOptions(epsilon=0.06, gamma=400.0))
-    assert any(w.startswith("RC: less than 6 dB") or "RC: unstable" in w for w in sharp["warnings"])
+    assert {"rc"} & {
+        one["subject"] for one in sharp["findings"] if one["code"] in ("margin-missed", "loop-unstable-on-plant")
+    }
 
 
 def test_below_sharpness_five_the_jump_is_told():
-    assert any("jumps by 0.24 ρ" in w for w in design(PAPER_FIT, DesignOptions(gamma=2.0))["warnings"])
-    assert not any("jumps" in w for w in design(PAPER_FIT, DesignOptions(gamma=10.0))["warnings"])
+    (jump,) = (one for one in design(PAPER_FIT, DesignOptions(gamma=2.0))["findings"] if one["code"] == "switch-jumps")
+    assert jump["values"]["jump"] == pytest.approx(1 - math.tanh(1.0))
+    assert "switch-jumps" not in codes(design(PAPER_FIT, DesignOptions(gamma=10.0)))
 
 
 def test_back_calculation_gains_are_the_inverse_of_the_slopes():
-    found = design(PAPER_FIT, DesignOptions(anti_windup="back-calculation"))
-    assert rc_from_json(found).back_calculation == pytest.approx(1 / 312.818, rel=1e-5)
-    assert pi_from_json(found).back_calculation == pytest.approx(1 / 21)
+    found = gains_of(PAPER_FIT, DesignOptions(anti_windup="back-calculation"))
+    assert rc_gains(found).back_calculation == pytest.approx(1 / 312.818, rel=1e-5)
+    assert pi_gains(found).back_calculation == pytest.approx(1 / 21)
 
 
 def test_pi_from_wishes():
@@ -146,7 +177,7 @@ def test_pi_from_wishes():
     ("fit", "options", "words"),
     [
         (with_linear(b0=-0.08), {}, "b0 is -0.08"),
-        (with_linear(b0=0.0), {}, "b0 is 0 "),
+        (with_linear(b0=0.0), {}, "b0 is 0;"),
         (with_linear(a0=-1.0), {}, "a0 is -1"),
         (with_linear(bounds={"B_m": 0.0, "B_M": 42.6}), {}, "B_m is 0, so the range of B touches 0"),
         (with_linear(bounds={"B_m": None, "B_M": None}), {}, "B_m is missing"),
@@ -171,11 +202,10 @@ def test_what_is_not_physical_is_refused(fit, options, words):
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        ({"epsilon": 0.0}, "--epsilon 0"),
-        ({"gamma": math.inf}, "--gamma inf"),
-        ({"phi": -1.0}, "--phi -1"),
-        ({"Q_M": math.nan}, "--q-max nan"),
-        ({"duty_limits_pct": (80.0, 20.0)}, "--duty-limits 80,20"),
+        ({"epsilon": 0.0}, "epsilon= 0"),
+        ({"gamma": math.inf}, "gamma= inf"),
+        ({"phi": -1.0}, "phi= -1"),
+        ({"Q_M": math.nan}, "q_max= nan"),
     ],
 )
 def test_nonsense_is_wrong_usage(options, words):
@@ -184,48 +214,65 @@ def test_nonsense_is_wrong_usage(options, words):
     assert words in str(refusal.value)
 
 
-def test_half_a_wish_is_wrong_usage():
-    with pytest.raises(UsageError, match="belong together"):
-        PIOptions(overshoot_pct=1.0)
-    with pytest.raises(UsageError, match="not both"):
-        PIOptions(gains=(1.0, 2.0), overshoot_pct=1.0, settling_s=0.3)
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"pi_overshoot": 1.0}, "belong together"),
+        ({"pi_gains": (1.0, 2.0), "pi_overshoot": 1.0, "pi_settling": 0.3}, "not both"),
+        ({"duty_limits": (80.0, 20.0)}, "duty_limits= 80,20: must rise"),
+        ({"natural_frequency": 2.0}, "belong together"),
+        ({"natural_frequency": 2.0, "damping": 1.0, "kp": 3.0}, "not both"),
+        ({"plants": 20}, "plants=: does nothing without optimize="),
+        ({"rho": "other"}, "must be one of paper, textbook"),
+        ({"optimize_also": ("gamma",)}, "must be one of frequency, b-hat"),
+        ({"phi": "much"}, "must be data or a number"),
+        ({"seed": -1}, "seed= -1: give a whole number"),
+        ({"kp": math.inf}, "kp= inf"),
+        ({"q_max": 1e308}, "q_max= 1e"),
+        ({"pi_gains": (1e300, 1.0)}, "pi_gains= 1e"),
+    ],
+)
+def test_wishes_that_contradict_each_other_or_any_rig_are_wrong_usage(options, words):
+    with pytest.raises(UsageError) as refusal:
+        TuneOptions(**options)
+    assert words in str(refusal.value)
 
 
 def test_bounds_over_chosen_levels():
-    found = bounds_of(REFERENCE_FIT, "f", None, "30:100")
+    found = bounds_of(fit_of(REFERENCE_FIT), None, "30:100")
     assert (found.B_m, found.B_M) == pytest.approx((8.349, 41.142)) and found.levels == tuple(range(30, 101, 10))
-    assert bounds_of(REFERENCE_FIT, "f", None, "50,70").B_m == pytest.approx(27.340)
+    assert bounds_of(fit_of(REFERENCE_FIT), None, "50,70").B_m == pytest.approx(27.340)
     with pytest.raises(DataError, match="no log holds 35"):
-        bounds_of(REFERENCE_FIT, "f", None, "35")
+        bounds_of(fit_of(REFERENCE_FIT), None, "35")
 
 
 def test_bounds_by_another_convention():
-    found = bounds_of(REFERENCE_FIT, "f", "pooled-offset", None)
+    found = bounds_of(fit_of(REFERENCE_FIT), "pooled-offset", None)
     row = level_row(100)
-    assert found.rows[-1]["B"] == pytest.approx(100 / (row["a0"] * row["gain"] + 1.343124))
-    with pytest.raises(UsageError, match="fit again with --bounds pooled-dynamics"):
-        bounds_of(REFERENCE_FIT, "f", "pooled-dynamics", None)
+    assert pytest.approx(100 / (row["a0"] * row["gain"] + 1.343124)) == found.rows[-1].B
+    with pytest.raises(UsageError, match="fit again with bounds= pooled-dynamics"):
+        bounds_of(fit_of(REFERENCE_FIT), "pooled-dynamics", None)
     ready = {"linear": {**REFERENCE_FIT["linear"], "conventions": {"pooled-dynamics": {"B_m": 9.0, "B_M": 40.0}}}}
-    assert bounds_of(ready, "f", "pooled-dynamics", None).B_M == 40.0
+    assert bounds_of(fit_of(ready), "pooled-dynamics", None).B_M == 40.0
     with pytest.raises(UsageError, match="must be one of"):
-        bounds_of(REFERENCE_FIT, "f", "pooled", None)
+        bounds_of(fit_of(REFERENCE_FIT), "pooled", None)
     with pytest.raises(UsageError, match="no fits of single levels"):
-        bounds_of(PAPER_FIT, "f", None, "30:100")
+        bounds_of(fit_of(PAPER_FIT), None, "30:100")
 
 
 def test_widened_bounds_take_the_far_ends():
     rows = [{**row, "ci95": {"B": [0.9 * row["B"], 1.2 * row["B"]]}} for row in REFERENCE_FIT["linear"]["per_level"]]
     fit = {"linear": {**REFERENCE_FIT["linear"], "per_level": rows}}
-    found = bounds_of(fit, "f", None, None, widen=True)
+    found = bounds_of(fit_of(fit), None, None, widen=True)
     assert (found.B_m, found.B_M) == pytest.approx((0.9 * 8.349, 1.2 * 41.142))
     with pytest.raises(UsageError, match="no interval of B"):
-        bounds_of(REFERENCE_FIT, "f", None, None, widen=True)
+        bounds_of(fit_of(REFERENCE_FIT), None, None, widen=True)
 
 
 def test_no_linear_model_is_a_data_error():
     with pytest.raises(DataError, match="holds no linear model"):
         design({"nonlinear": PLANT})
-    with pytest.raises(DataError, match="a0 is 'x'"):
+    with pytest.raises(DataError, match='linear.a0 is "x"'):
         design(with_linear(a0="x"))
 
 
@@ -254,10 +301,9 @@ def test_logs_show_what_the_model_behind_them_shows():
     t = np.arange(20000) * 1e-3
     random = np.random.default_rng(1)
     levels = tuple(
-        Level(float(u), t, (step_response(REFERENCE_PLANT, t, u) + 0.01 * random.standard_normal(len(t)))[None],
-              ("r1",), True)
+        Level(float(u), t, step_response(REFERENCE_PLANT, t, u)[None] + 0.01 * random.standard_normal(t.size), ("r",))
         for u in range(10, 101, 10)
-    )  # fmt: skip
+    )
     stepset = StepSet("clutch", "%", "N·m", Apparatus(), levels)
     logs, plant = shown_by_logs(stepset, model, 8.349, 41.142), shown_by_model(REFERENCE_PLANT, model, 8.349, 41.142)
     assert plant.pct == pytest.approx(33.8, abs=0.05)

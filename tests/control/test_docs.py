@@ -23,10 +23,11 @@ from eaid.replay.plant import plant_parameters
 from eaid.replay.rig import Rig
 from eaid.replay.scenarios import measure
 from eaid.replay.standard import pi_controller, rc_controller, replayed, steepest_nm_s
+from eaid.results.fit import Fit
 
 TEXT = re.sub(r"\s+", " ", (Path(__file__).parents[2] / "docs/robust-control.md").read_text(encoding="utf-8"))
 BOUNDS = Bounds("zero-offset", (), 12.4, 42.6, ())
-POINTS = operating_points({}, PAPER_LINEAR, REFERENCE_PLANT, BOUNDS)
+POINTS = operating_points(Fit(), PAPER_LINEAR, REFERENCE_PLANT, BOUNDS)
 MULTISINE = references.multisine(1e-3, 12.0)
 THREE_HZ = references.sweep(1e-3, (3.0,))
 RC, PI = paper_gains()
@@ -49,7 +50,7 @@ def test_row_of_the_comparison(name):
     quiet = replayed(REFERENCE_PLANT, controller, MULTISINE)
     noisy = replayed(REFERENCE_PLANT, controller, MULTISINE, Rig(noise_nm=0.01))
     tone = replay(plant_parameters(REFERENCE_PLANT), controller, THREE_HZ.torque_nm, Rig(), 1e-3, 0)
-    gain = measure(tone, THREE_HZ)["frequencies"][0]["gain_db"]
+    gain = measure(tone, THREE_HZ).frequencies[0].gain_db
     found = [
         margins(
             rc_feedback(controller.gains, torque, duty) if controller.name == "rc" else pi_feedback(controller.gains),
@@ -58,15 +59,15 @@ def test_row_of_the_comparison(name):
         for duty, torque, lags in POINTS
     ]  # fmt: skip
     row = (
-        f"| {name} | {quiet['max_abs_error_nm']:.3f} N·m | {quiet['rms_error_nm']:.4f} N·m "
-        f"| {noisy['mean_abs_duty_step_pct']:.2f} % | {gain:.1f} dB | {min(m.gain_db for m in found):.1f} dB "
+        f"| {name} | {quiet.max_abs_error_nm:.3f} N·m | {quiet.rms_error_nm:.4f} N·m "
+        f"| {noisy.mean_abs_duty_step_pct:.2f} % | {gain:.1f} dB | {min(m.gain_db for m in found):.1f} dB "
         f"| {min(m.phase_deg for m in found):.1f}° |"
     )
     assert row.replace("-", "−") in TEXT.replace("-", "−")
 
 
 def test_shares_in_words():
-    errors = {name: replayed(REFERENCE_PLANT, row, MULTISINE)["max_abs_error_nm"] for name, row in ROWS.items()}
+    errors = {name: replayed(REFERENCE_PLANT, row, MULTISINE).max_abs_error_nm for name, row in ROWS.items()}
     rc, paper, meets, alike, bare = errors.values()
     assert f"{100 * (1 - rc / paper):.0f}" == "85" and "85 % less" in TEXT
     assert f"{100 * (1 - rc / meets):.0f}" == "68" and "RC is 68 % better" in TEXT
@@ -99,7 +100,7 @@ def test_noise_over_seeds():
 )
 def test_row_of_B_hat(start, options):
     law = law_of(PAPER_LINEAR, BOUNDS, options)
-    worst = replayed(REFERENCE_PLANT, rc_controller(law.gains), MULTISINE)["max_abs_error_nm"]
+    worst = replayed(REFERENCE_PLANT, rc_controller(law.gains), MULTISINE).max_abs_error_nm
     row = (
         f"| {start} | {law.gains.B_hat:.1f} | {law.alpha:.4f} | {law.alpha_reached:.4f} "
         f"| {'yes' if law.guaranteed else 'no'} | {law.ultimate_bound_nm():.3g} N·m | {worst:.3f} N·m |"

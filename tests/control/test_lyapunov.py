@@ -7,10 +7,12 @@ import pytest
 
 from eaid.control import robust
 from eaid.control.design import design
-from eaid.control.gains import rc_from_json
+from eaid.control.gains import rc_gains
 from eaid.control.lyapunov import Disturbance, error_bound, solve_Q, ultimate_level
 from eaid.control.options import DesignOptions
 from eaid.control.rc import RCState, rc_step, rc_terms
+from eaid.results.codec import from_plain, to_plain
+from eaid.results.fit import Fit
 
 FIT = {"linear": {"a0": 1.36, "b0": 0.08, "c0": -2.42, "bounds": {"B_m": 12.4, "B_M": 42.6}}}
 DT = 1e-3
@@ -62,9 +64,10 @@ def random_plant(random, phi_pct):
 
 
 def free_design(**changes):
-    found = design(FIT, DesignOptions(B_hat="minimax", **changes))
+    made = design(from_plain(FIT, Fit, "f"), DesignOptions(B_hat="minimax", **changes))
+    found = to_plain(made)
     assert found["rc"]["guaranteed"]
-    return found, rc_from_json(found)._replace(duty_min=-math.inf, duty_max=math.inf)
+    return found, rc_gains(made)._replace(duty_min=-math.inf, duty_max=math.inf)
 
 
 @pytest.mark.parametrize("changes", [{}, {"reading": "textbook", "phi": 20.0}, {"epsilon": 0.2, "p_scale": 2.0}])
@@ -95,7 +98,7 @@ def test_with_the_real_limits_V_rises():
     """The stated counter-example: b at its least, η above η̂ by φ, a ramp of Q_M from 2 N·m at 0…100 % duty."""
     found, free = free_design()
     rc = found["rc"]
-    limited = rc_from_json(found)
+    limited = free._replace(duty_min=0.0, duty_max=100.0)
     Q = np.array(rc["Q"])
     reference = 2 + rc["Q_M"] * np.arange(0, 0.4, DT)
     ramp = (lambda _: 1 / 42.6, lambda _t, _z: rc["phi_honest_pct"], reference, 2.0)

@@ -54,7 +54,6 @@ def test_a_reference_within_reach_costs_nothing() -> None:
     found = best(PLANT, of(played(PLANT, duty)))
     assert found.rms_error_nm < 1e-9 and found.bound_nm < 1e-9
     np.testing.assert_allclose(found.duty_pct[:-1], duty[:-1], atol=1e-5)
-    assert found.verdict() == "the reference is within the plant's reach: the least error is 0"
 
 
 @pytest.mark.parametrize(("low", "high"), [(0.0, 100.0), (0.0, 60.0), (20.0, 80.0)])
@@ -99,7 +98,7 @@ def test_no_controller_does_better_on_the_multisine(multisine: tuple[Reference, 
     # the exact inverse does not look beyond a sample; the best begins before the duty runs out
     assert errors["inverse"] > 1.5 * found.rms_error_nm
     assert found.bound_nm > 0.6 * found.rms_error_nm
-    assert "and none has less than 0.004877 N·m, 68 % of it" in found.verdict()
+    assert found.bound_nm == pytest.approx(0.004877, abs=5e-7)
 
 
 def test_the_error_is_that_of_the_duty_given(multisine: tuple[Reference, Best]) -> None:
@@ -166,5 +165,5 @@ def test_follow_lands_on_the_path_or_plays_the_limit() -> None:
 
 
 def test_limits_that_do_not_rise_are_refused() -> None:
-    with pytest.raises(UsageError, match="duty limits 50 to 50 % do not rise"):
+    with pytest.raises(UsageError, match="duty limits 50 to 50 do not rise"):
         best(PLANT, of(np.ones(10)), (50.0, 50.0))

@@ -9,6 +9,7 @@ from eaid.replay.guarantee import Watch, robust_terms, watch
 from eaid.replay.loop import replay
 from eaid.replay.plant import plant_slope, plant_step
 from eaid.replay.rig import Rig
+from eaid.results.replay import Metrics
 
 DT = 1e-3
 
@@ -43,11 +44,11 @@ def test_chi_is_the_two_terms_of_the_book_where_the_duty_is_free(plant, law):
 def test_on_steps_it_fails_at_the_limits_alone(plant, law):
     reference = references.steps(DT)
     done = replay(plant, law("rc"), reference.torque_nm, Rig(), DT)
-    numbers = watch(law("rc").gains, plant, done).numbers()
-    assert 0.98 < numbers["guarantee_holds_fraction"] < 1.0
-    assert numbers["guarantee_failures_at_limit"] == 1.0
-    assert 0.5 < numbers["guarantee_failures_by_saturation"] < 1.0
-    assert numbers["guarantee_largest_chi_over_rho"] > 10
+    numbers = watch(law("rc").gains, plant, done).measured(Metrics())
+    assert 0.98 < numbers.guarantee_holds_fraction < 1.0
+    assert numbers.guarantee_failures_at_limit == 1.0
+    assert 0.5 < numbers.guarantee_failures_by_saturation < 1.0
+    assert numbers.guarantee_largest_chi_over_rho > 10
 
 
 def test_without_limits_it_is_the_reference_steps_that_fail_no_more(plant, law):
@@ -63,15 +64,16 @@ def test_shares_by_hand():
     seen = Watch(
         np.array([1.0, -3.0, 5.0, -4.0]), rho, np.array([0.0, 0.0, 1.0, 1.0]), np.array([1.0, -3.0, 0.5, -4.0])
     )
-    assert seen.numbers() == {
-        "guarantee_holds_fraction": 0.25,
-        "guarantee_largest_chi_over_rho": 2.5,
-        "guarantee_failures_at_limit": pytest.approx(2 / 3),
-        "guarantee_failures_by_saturation": pytest.approx(1 / 3),
-    }
-    assert seen.numbers(3)["guarantee_failures_at_limit"] == 1.0
+    assert seen.measured(Metrics(rms_error_nm=0.5)) == Metrics(
+        rms_error_nm=0.5,
+        guarantee_holds_fraction=0.25,
+        guarantee_largest_chi_over_rho=2.5,
+        guarantee_failures_at_limit=pytest.approx(2 / 3),
+        guarantee_failures_by_saturation=pytest.approx(1 / 3),
+    )
+    assert seen.measured(Metrics(), 3).guarantee_failures_at_limit == 1.0
     held = Watch(rho / 4, rho, np.zeros(4), rho / 4)
-    assert held.numbers()["guarantee_failures_at_limit"] is None
+    assert held.measured(Metrics()).guarantee_failures_at_limit is None
 
 
 def test_the_columns_of_the_robust_term_are_the_laws(law):

@@ -21,7 +21,7 @@ def test_the_multisine_of_spec_6(plant, law):
     for name in ("rc", "pi"):
         for noise in (0.0, 0.01):
             done = replay(plant, law(name), reference.torque_nm, Rig(noise_nm=noise), DT, 1)
-            error[name, noise] = measure(done, reference)["max_abs_error_nm"]
+            error[name, noise] = measure(done, reference).max_abs_error_nm
     assert error["rc", 0.0] == pytest.approx(0.116, rel=0.01)
     assert error["pi", 0.0] == pytest.approx(0.797, rel=0.01)
     assert 1 - error["rc", 0.0] / error["pi", 0.0] == pytest.approx(0.85, abs=0.01)
@@ -34,7 +34,7 @@ def test_against_a_pi_that_meets_its_specification_the_gap_is_smaller(plant, law
     reference = references.multisine(DT)
     proper = Controller("pi", pi_step, PIGains(156.6, 252.9), pi_start())
     error = [
-        measure(replay(plant, each, reference.torque_nm, Rig(), DT), reference)["max_abs_error_nm"]
+        measure(replay(plant, each, reference.torque_nm, Rig(), DT), reference).max_abs_error_nm
         for each in (law("rc"), proper)
     ]
     assert 1 - error[0] / error[1] == pytest.approx(0.69, abs=0.01)
@@ -45,8 +45,8 @@ def test_the_sweep_of_spec_6(plant, law):
     gain = {}
     for name in ("rc", "pi", "open-loop"):
         done = replay(plant, law(name), reference.torque_nm, Rig(), DT)
-        for tone in measure(done, reference)["frequencies"]:
-            gain[name, tone["frequency_hz"]] = tone["gain_db"]
+        for tone in measure(done, reference).frequencies:
+            gain[name, tone.frequency_hz] = tone.gain_db
     assert all(abs(gain["rc", f]) <= 0.105 for f in (0.2, 0.3, 0.4, 0.6, 0.8, 1.0))
     assert gain["rc", 1.5] == pytest.approx(-0.9, abs=0.05) and gain["rc", 3.0] == pytest.approx(-6, abs=0.1)
     assert gain["pi", 0.6] == pytest.approx(2.1, abs=0.1) and gain["pi", 3.0] == pytest.approx(-17, abs=0.5)
@@ -174,11 +174,11 @@ def test_references_that_cannot_be_followed_are_refused(plant, law):
 @pytest.mark.parametrize(
     ("settings", "said"),
     [
-        ({"noise_nm": -1.0}, "noise_nm is -1"),
-        ({"delay_samples": -1}, "delay_samples is -1"),
-        ({"duty_bits": 40}, "duty_bits is 40"),
-        ({"pwm_hz": float("nan")}, "pwm_hz is nan"),
-        ({"noise_coloured_share": 2.0}, "noise_coloured_share is 2"),
+        ({"noise_nm": -1.0}, "noise_nm= -1: give"),
+        ({"delay_samples": -1}, "delay_samples= -1: give"),
+        ({"duty_bits": 40}, "duty_bits= 40: give"),
+        ({"pwm_hz": float("nan")}, "pwm_hz= nan: give"),
+        ({"noise_coloured_share": 2.0}, "noise_coloured_share= 2: give"),
     ],
 )
 def test_a_rig_that_cannot_be_is_refused(settings, said):

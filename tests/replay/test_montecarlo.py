@@ -12,6 +12,7 @@ from eaid.replay.montecarlo import QUANTILES, _quantiles, flattened, montecarlo
 from eaid.replay.plant import plant_parameters
 from eaid.replay.rig import Rig
 from eaid.replay.scenarios import measure
+from eaid.results.replay import Worst
 
 DT = 1e-3
 SCALES = (0.8, 0.9, 1.0, 1.05, 1.1)
@@ -34,18 +35,15 @@ def test_the_worst_plant_is_named_with_its_parameters_and_never_is_worse_than_la
     reference = references.steps(DT, (0.0, 2.0, 4.0), 2.0)
     found = montecarlo(PLANTS, law("pi"), reference, Rig())
     summary = found.summary(PLANTS)
-    error = summary["rms_error_nm"]
+    error = summary.metrics["rms_error_nm"]
     worst = int(np.argmax(found.values["rms_error_nm"]))
-    assert error["worst"] == {
-        "value": pytest.approx(found.values["rms_error_nm"][worst]),
-        "plant": worst,
-        "tau1": list(PLANTS[worst].tau1),
-        "tau2": list(PLANTS[worst].tau2),
-        "Ts": list(PLANTS[worst].Ts),
-    }
-    assert error["p2.5"] <= error["median"] <= error["p97.5"] <= error["worst"]["value"] * (1 + 1e-12)
-    late = summary["steps[2].settling_s"]
-    assert late["never"] >= 1 and late["worst"]["value"] is None and late["worst"]["plant"] == 0
+    assert error.worst == Worst(
+        pytest.approx(found.values["rms_error_nm"][worst]), worst, PLANTS[worst].tau1, PLANTS[worst].tau2,
+        PLANTS[worst].Ts,
+    )  # fmt: skip
+    assert error.low <= error.median <= error.high <= error.worst.value * (1 + 1e-12)
+    late = summary.metrics["steps[2].settling_s"]
+    assert late.never >= 1 and late.worst.value is None and late.worst.plant == 0
 
 
 def test_bands_are_quantiles_over_the_plants(law):
@@ -75,5 +73,5 @@ def test_quantiles_are_numpys_to_the_bit(plants):
 def test_a_tone_is_worst_where_it_is_farthest_from_zero_decibels(law):
     reference = references.sweep(DT, (1.0,))
     summary = montecarlo(PLANTS, law("open-loop"), reference, Rig()).summary(PLANTS)
-    gains = summary["frequencies[1 Hz].gain_db"]
-    assert gains["worst"]["plant"] == 0 and gains["worst"]["value"] < gains["p2.5"] < 0
+    gains = summary.metrics["frequencies[1 Hz].gain_db"]
+    assert gains.worst.plant == 0 and gains.worst.value < gains.low < 0

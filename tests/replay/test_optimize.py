@@ -15,9 +15,10 @@ from eaid.replay import references
 from eaid.replay.optimize import Bench, Search, keeps_margins, optimize, simplex
 from eaid.replay.rig import Rig
 from eaid.replay.standard import beside_the_bound, pi_controller, rc_controller, replayed, steepest_nm_s
+from eaid.results.fit import Fit
 
 BOUNDS = Bounds("zero-offset", (), 12.4, 42.6, ())
-POINTS = operating_points({}, PAPER_LINEAR, REFERENCE_PLANT, BOUNDS)
+POINTS = operating_points(Fit(), PAPER_LINEAR, REFERENCE_PLANT, BOUNDS)
 MULTISINE = references.multisine(1e-3, 12.0)
 RC, PI = paper_gains()
 
@@ -40,11 +41,11 @@ def measured(gains, seed=0):
 def test_figures_of_the_reference_plant():
     """SPEC §6: 0.116 and 0.797 N·m, 85 % less."""
     told = beside_the_bound(REFERENCE_PLANT, RC, PI, MULTISINE, "multisine")
-    assert told["rc"]["max_abs_error_nm"] == pytest.approx(0.116, abs=5e-4)
-    assert told["pi"]["max_abs_error_nm"] == pytest.approx(0.797, abs=5e-4)
-    assert told["slope_nm_s"] == pytest.approx(9.3, abs=0.05)
+    assert told.rc.max_abs_error_nm == pytest.approx(0.116, abs=5e-4)
+    assert told.pi.max_abs_error_nm == pytest.approx(0.797, abs=5e-4)
+    assert told.slope_nm_s == pytest.approx(9.3, abs=0.05)
     meets_spec = replayed(REFERENCE_PLANT, pi_controller(PI._replace(K_P=156.6, K_I=252.9)), MULTISINE)
-    less = 1 - told["rc"]["max_abs_error_nm"] / meets_spec["max_abs_error_nm"]
+    less = 1 - told.rc.max_abs_error_nm / meets_spec.max_abs_error_nm
     assert less == pytest.approx(0.69, abs=0.01)
 
 
@@ -52,7 +53,7 @@ def test_the_replayed_error_lies_below_the_ultimate_bound():
     from eaid.control.law import law_of
 
     law = law_of(PAPER_LINEAR, BOUNDS, DesignOptions(B_hat="minimax", Q_M=steepest_nm_s(MULTISINE)))
-    worst = replayed(REFERENCE_PLANT, rc_controller(law.gains), MULTISINE)["max_abs_error_nm"]
+    worst = replayed(REFERENCE_PLANT, rc_controller(law.gains), MULTISINE).max_abs_error_nm
     assert worst < law.ultimate_bound_nm()
 
 
@@ -60,17 +61,17 @@ def test_with_B_hat_it_halves_the_error_of_the_papers_gains_at_no_more_chatterin
     """P's scale, ε and φ alone gain 0.1 %: tests/control/test_docs.py has that search at its full length."""
     found = search(("b-hat",), MULTISINE)
     paper, best = measured(RC), measured(found.best.law.gains)
-    assert found.start.rms_nm == pytest.approx(paper["rms_error_nm"], rel=1e-9)
-    assert best["rms_error_nm"] < 0.5 * paper["rms_error_nm"]
-    assert best["mean_abs_duty_step_pct"] <= paper["mean_abs_duty_step_pct"]
+    assert found.start.rms_nm == pytest.approx(paper.rms_error_nm, rel=1e-9)
+    assert best.rms_error_nm < 0.5 * paper.rms_error_nm
+    assert best.mean_abs_duty_step_pct <= paper.mean_abs_duty_step_pct
     assert keeps_margins(found.best.law.gains, POINTS, DesignOptions().timing)
     # … and with noise that it has not met.
     fresh, before = measured(found.best.law.gains, seed=7), measured(RC, seed=7)
-    assert fresh["rms_error_nm"] < before["rms_error_nm"]
+    assert fresh.rms_error_nm < before.rms_error_nm
 
 
 def test_the_same_seed_gives_the_same_gains():
-    assert search(seed=3, evaluations=8).best.as_dict() == search(seed=3, evaluations=8).best.as_dict()
+    assert search(seed=3, evaluations=8).best.candidate() == search(seed=3, evaluations=8).best.candidate()
 
 
 def test_a_tighter_limit_is_kept():
@@ -96,10 +97,10 @@ def test_candidates_are_counted():
 def test_bench_measures_what_the_single_replay_does():
     square, largest, chatter, saturated = Bench([REFERENCE_PLANT], MULTISINE, Search(noise_nm=0.01)).run(RC)
     alone = measured(RC)
-    assert math.sqrt(square[0]) == pytest.approx(alone["rms_error_nm"], rel=1e-9)
-    assert largest[0] == pytest.approx(alone["max_abs_error_nm"], rel=1e-9)
-    assert chatter[0] == pytest.approx(alone["mean_abs_duty_step_pct"], rel=1e-9)
-    assert saturated[0] == pytest.approx(alone["saturated_fraction"], abs=1e-9)
+    assert math.sqrt(square[0]) == pytest.approx(alone.rms_error_nm, rel=1e-9)
+    assert largest[0] == pytest.approx(alone.max_abs_error_nm, rel=1e-9)
+    assert chatter[0] == pytest.approx(alone.mean_abs_duty_step_pct, rel=1e-9)
+    assert saturated[0] == pytest.approx(alone.saturated_fraction, abs=1e-9)
 
 
 def test_margins_are_asked_for():

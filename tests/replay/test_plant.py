@@ -100,9 +100,9 @@ def test_perturbed_multiplies_the_polynomials_and_the_release():
     ("factors", "said"),
     [
         ({"C": 1.0}, "no 'C' in the plant"),
-        ({"Ts": 0.0}, "factor of Ts is 0"),
-        ({"Ts": math.nan}, "factor of Ts is nan"),
-        ({"tau1": 1e307}, "tau1 is 1e\\+307; it must be above 0, and 1e\\+06 at most"),
+        ({"Ts": 0.0}, "perturb= 0: give a number above 0"),
+        ({"Ts": math.nan}, "perturb= nan: give a number above 0"),
+        ({"tau1": 1e307}, "perturb= 1e\\+307: give a number above 0, 1e\\+06 at most"),
     ],
 )
 def test_perturbed_refuses(factors, said):

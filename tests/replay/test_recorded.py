@@ -10,6 +10,7 @@ from eaid.models.parameters import REFERENCE_PLANT
 from eaid.replay import recorded, references
 from eaid.replay.loop import replay
 from eaid.replay.rig import Rig
+from eaid.results.replay import Metrics
 
 DT = 1e-3
 
@@ -28,11 +29,11 @@ def idle_then_step(offset=0.03):
 
 def test_the_models_own_step_is_explained_and_idle_torque_is_taken_off(plant):
     found = recorded.difference(recorded.recorded(idle_then_step(), plant))
-    assert found["idle_nm"] == pytest.approx(0.03)
-    assert found["max_abs_difference_nm"] < 1e-12
-    assert found["explained_variance"] == pytest.approx(1.0)
+    assert found.idle_nm == pytest.approx(0.03)
+    assert found.max_abs_difference_nm < 1e-12
+    assert pytest.approx(1.0) == found.R2
     kept = recorded.difference(recorded.recorded(idle_then_step(), plant, keep_baseline=True))
-    assert kept["mean_difference_nm"] == pytest.approx(0.03) and kept["rms_difference_nm"] == pytest.approx(0.03)
+    assert kept.mean_difference_nm == pytest.approx(0.03) and kept.rms_difference_nm == pytest.approx(0.03)
 
 
 def test_any_clock_is_exact(plant):
@@ -46,7 +47,37 @@ def test_a_release_starts_loaded(plant):
     tau1, tau2 = (6.74e-3 + 0.239 - 0.0213), (0.93 + 4.1 - 0.264)
     torque = 2.0 * (0.85 * np.exp(-t / tau1) + 0.15 * np.exp(-t / tau2))
     found = recorded.difference(recorded.recorded(run(t, np.zeros(2000), torque, edge="falling"), plant))
-    assert found["explained_variance"] > 0.999 and found["idle_nm"] == 0.0
+    assert found.R2 > 1 - 1e-12 and found.idle_nm == 0.0 and found.start_nm == pytest.approx(2.0)
+
+
+def loaded(plant, noise_nm, start=(1.4, 0.5), hold=20.0, seed=4):
+    """A run that begins with its two parts at any place, its duty held for 6 s and then at 70 %."""
+    t = np.arange(9000) * DT
+    duty = np.where(t < 6.0, hold, 70.0)
+    torque = recorded.driven(plant, t, duty, start) + noise_nm * np.random.default_rng(seed).standard_normal(t.size)
+    return run(t, duty, torque)
+
+
+@pytest.mark.parametrize("hold", [20.0, 80.0, 5.0])
+def test_a_run_that_begins_under_duty_starts_at_its_own_two_parts(plant, hold):
+    """Falling and rising parts alike, with release constants of their own below the lowest identified duty."""
+    for model in (plant, plant._replace(release1=0.6, release2=3.0)):
+        found = recorded.difference(recorded.recorded(loaded(model, 0.0, hold=hold), model))
+        assert found.max_abs_difference_nm < 1e-9 and found.start_nm == pytest.approx(1.9, abs=1e-9)
+
+
+def test_a_noisy_first_sample_does_not_decide_where_a_run_starts(plant):
+    starts = [recorded.recorded(loaded(plant, 0.1, seed=k), plant).start_nm for k in range(20)]
+    assert abs(np.mean(starts) - 1.9) < 0.01 and np.std(starts) < 0.03  # the first sample alone: 0.1
+
+
+def test_a_stretch_too_short_for_two_parts_starts_as_after_a_long_hold(plant):
+    t = np.arange(400) * DT
+    duty = np.where(t < 0.02, 60.0, 30.0)
+    torque = recorded.driven(plant, t, duty, (0.85 * 1.5, 0.15 * 1.5))
+    found = recorded.recorded(run(t, duty, torque), plant)
+    assert found.start_nm == pytest.approx(1.5, rel=1e-6)
+    assert recorded.difference(found).max_abs_difference_nm < 1e-6
 
 
 def test_a_closed_loop_run_is_measured_and_laid_over(plant, law):
@@ -54,23 +85,23 @@ def test_a_closed_loop_run_is_measured_and_laid_over(plant, law):
     rig = replay(plant, law("rc"), reference, Rig(), DT)
     log = run(rig.time_s, rig.duty_pct, rig.torque_nm, reference_nm=np.array(reference))
     kept = recorded.recorded(log, plant)
-    assert recorded.difference(kept)["max_abs_difference_nm"] < 1e-12
-    assert recorded.closed_loop_metrics(kept)["max_abs_error_nm"] == pytest.approx(np.abs(rig.error_nm).max())
+    assert recorded.difference(kept).max_abs_difference_nm < 1e-12
+    assert recorded.closed_loop_metrics(kept).max_abs_error_nm == pytest.approx(np.abs(rig.error_nm).max())
     again = recorded.laid_over(kept, plant, law("rc"), Rig())
     # the clock's own rounding moves the reference by 1e-13; the loop is the same
-    assert recorded.against(kept, again)["rms_from_recorded_nm"] < 1e-9
+    assert recorded.against(kept, again, Metrics()).rms_from_recorded_nm < 1e-9
 
 
 def test_a_run_without_duty_or_torque_is_refused(plant):
     t = np.arange(100) * DT
-    with pytest.raises(DataError, match="no duty in %"):
+    with pytest.raises(DataError, match="no input in %, which the fit has"):
         recorded.recorded(run(t, np.full(100, np.nan), t), plant)
-    with pytest.raises(DataError, match="no duty in %"):
+    with pytest.raises(DataError, match="no input in %, which the fit has"):
         recorded.recorded(run(t, t, t, input_unit="N"), plant)
-    with pytest.raises(DataError, match="in N; --log compares torque"):
+    with pytest.raises(DataError, match="an output in N, the fit one in N·m"):
         recorded.recorded(run(t, t, t, output_unit="N"), plant)
 
 
 def test_a_constant_torque_has_no_variance_to_explain(plant):
     found = recorded.difference(recorded.recorded(run(np.arange(50) * DT, np.zeros(50), np.ones(50)), plant))
-    assert found["explained_variance"] is None
+    assert found.R2 is None

@@ -5,7 +5,7 @@ import pytest
 
 from eaid.errors import DataError, UsageError
 from eaid.replay import references
-from eaid.replay.scenarios import SCENARIOS
+from eaid.replay.scenarios import SCENARIOS, Wish
 
 
 def test_steps_go_up_and_down():
@@ -37,7 +37,7 @@ def test_a_sweep_is_measured_over_whole_periods():
 
 @pytest.mark.parametrize("name", SCENARIOS)
 def test_every_scenario_says_what_it_shows_and_starts(name):
-    made = SCENARIOS[name].reference(1e-2, None)
+    made = SCENARIOS[name].reference(1e-2, Wish())
     assert SCENARIOS[name].shows and len(made.torque_nm) > 100 and made.torque_nm.min() >= 0
 
 
@@ -84,5 +84,5 @@ def test_references_that_make_no_sense_are_refused():
         references.sweep(1e-3, (400.0,))
     with pytest.raises(UsageError, match="fewer than two control samples"):
         references.multisine(1e-3, 1e-4)
-    with pytest.raises(UsageError, match="leave --duration out"):
-        SCENARIOS["sweep"].reference(1e-3, 5.0)
+    with pytest.raises(UsageError, match="leave duration= out"):
+        SCENARIOS["sweep"].reference(1e-3, Wish(5.0))

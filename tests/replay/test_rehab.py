@@ -164,9 +164,9 @@ def test_exercises_that_mean_nothing_are_refused(change: dict[str, float], sente
 def test_box_by_hand() -> None:
     found = box(np.array([1.0, 2.0, 3.0, 4.0, 5.0, 20.0]))
     # quartiles by linear interpolation: 2.25, 3.5, 4.75; whiskers reach to 2.25 − 3.75 and 4.75 + 3.75
-    assert (found["q1"], found["median"], found["q3"]) == (2.25, 3.5, 4.75)
-    assert (found["whisker_low"], found["whisker_high"], found["outliers"], found["n"]) == (1.0, 5.0, 1, 6)
-    assert found["mean"] == pytest.approx(35 / 6)
+    assert (found.q1, found.median, found.q3) == (2.25, 3.5, 4.75)
+    assert (found.whisker_low, found.whisker_high, found.outliers, found.n) == (1.0, 5.0, 1, 6)
+    assert found.mean == pytest.approx(35 / 6)
 
 
 def test_samples_of_a_slow_series_are_worth_few_observations() -> None:
@@ -183,22 +183,22 @@ def test_tests_on_cycles_by_hand_and_against_scipy() -> None:
     first, second = np.array([1.0, 2.0, 3.0]), np.array([7.0, 9.0, 8.5])
     found = by_cycles(first, second)
     own = stats.ttest_ind(first, second, equal_var=False)
-    assert found["t"] == pytest.approx(own.statistic) and found["p_welch"] == pytest.approx(own.pvalue)
-    assert found["U"] == 0.0 and found["p_rank"] == pytest.approx(0.1)  # 2 of the 20 orders of three against three
-    assert found["least_p_rank"] == pytest.approx(0.1)
-    assert by_cycles(first, np.array([]))["p_rank"] is None
-    assert by_cycles(np.ones(2), np.ones(2))["p_welch"] is None
+    assert found.t == pytest.approx(own.statistic) and found.p_welch == pytest.approx(own.pvalue)
+    assert found.U == 0.0 and found.p_rank == pytest.approx(0.1)  # 2 of the 20 orders of three against three
+    assert found.least_p_rank == pytest.approx(0.1)
+    assert by_cycles(first, np.array([])).p_rank is None
+    assert by_cycles(np.ones(2), np.ones(2)).p_welch is None
     assert cycle_means(np.arange(7.0), 3).tolist() == [1.0, 4.0]
-    assert by_samples(first, second)["p"] == pytest.approx(stats.ttest_ind(first, second).pvalue)
+    assert by_samples(first, second).p == pytest.approx(stats.ttest_ind(first, second).pvalue)
 
 
 def test_the_statistics_of_a_session(ten: list[Session]) -> None:
     found = statistics(ten[0])
-    assert found["modes"]["soft"]["abs_position_error_deg"]["n"] == 25_000
-    assert found["modes"]["soft"]["abs_position_error_deg"]["independent"] < 500
-    assert len(found["modes"]["hard"]["cycle_means_deg"]) == 3  # 25 s hold three whole cycles of 6.67 s
-    assert all(found["normality"][mode]["rejected"] for mode in MODES)  # as the paper's p < 0.001 says, too
-    pairs = {tuple(test["modes"]): test for test in found["tests"]}
+    assert found.modes["soft"].abs_position_error_deg.n == 25_000
+    assert found.modes["soft"].abs_position_error_deg.independent < 500
+    assert len(found.modes["hard"].cycle_means_deg) == 3  # 25 s hold three whole cycles of 6.67 s
+    assert all(found.normality[mode].rejected for mode in MODES)  # as the paper's p < 0.001 says, too
+    pairs = {tuple(test.modes): test for test in found.tests}
     assert set(pairs) == {("soft", "hard"), ("soft", "assisted"), ("hard", "assisted")}
-    assert pairs["soft", "hard"]["samples"]["p"] < 1e-10 and pairs["soft", "hard"]["cycles"]["p_welch"] < 0.05
-    assert pairs["soft", "hard"]["cycles"]["p_rank"] == pytest.approx(0.1)
+    assert pairs["soft", "hard"].samples.p < 1e-10 and pairs["soft", "hard"].cycles.p_welch < 0.05
+    assert pairs["soft", "hard"].cycles.p_rank == pytest.approx(0.1)

@@ -11,7 +11,7 @@ import pytest
 from PIL import Image
 
 from eaid.cli import main
-from eaid.replay.files import read_replay
+from eaid.replay import files as replay_files
 from eaid.report.mark import GAINS, PLANT, mark_of
 from eaid.report.results import read_results
 
@@ -50,13 +50,13 @@ def test_gains_and_replays_carry_it_on(
     one_level: dict[str, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert WHY in json.loads(one_level["gains.json"].read_text())["unidentified"]
-    said = read_replay(one_level["steps.h5"])[1]["unidentified"]
+    said = replay_files.read(one_level["steps.h5"])[0].head.unidentified
     assert WHY in said["gains"] and "one level only" in said["plant"]
     out = ["-o", str(tmp_path / "r.h5"), "--duration", "9", "--scenario", "steps", "--json"]
     assert main.run(["simulate", str(one_level["fit.json"]), "--gains", str(one_level["gains.json"]), *out]) == 0
     told = capsys.readouterr()
     assert json.loads(told.out)["unidentified"] == said
-    assert "warning: gains made with --allow-unidentified (one level only" in told.err
+    assert "warning: the gains were made from a fit that is not identifiable (one level only" in told.err
     assert "it is marked" in told.err
 
 
@@ -77,7 +77,7 @@ def test_sound_results_have_no_mark(files: dict[str, Path], page: Path) -> None:
     assert mark_of(read_results(list(files.values()))) is None
     text = page.read_text(encoding="utf-8")
     assert GAINS not in text and 'class="mark"' not in text and "@top-left" not in text
-    assert "unidentified" not in read_replay(files["steps.h5"])[1]
+    assert not replay_files.read(files["steps.h5"])[0].head.unidentified
 
 
 def test_every_section_and_every_figure_of_the_fit_is_marked(marked_page: Path, files: dict[str, Path]) -> None:

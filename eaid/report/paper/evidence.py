@@ -99,7 +99,7 @@ def evidence(done: Callable[[], None] = lambda: None) -> Evidence:
         multisine=multisine,
         steps=steps,
         sweep=sweep,
-        rehab=statistics(session),
+        rehab=to_plain(statistics(session)),
     )
     done()
     return found
@@ -141,6 +141,6 @@ def _replays(
         acting["open-loop"] = controller("open-loop", known)
     plant = plant_parameters(REFERENCE_PLANT)
     return {
-        name: measure(replay(plant, one, reference.torque_nm, Rig(), DT_S, SEED), reference)
+        name: to_plain(measure(replay(plant, one, reference.torque_nm, Rig(), DT_S, SEED), reference))
         for name, one in acting.items()
     }

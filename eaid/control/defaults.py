@@ -1,0 +1,149 @@
+"""What a design takes where nothing is said, in the rig's own units.
+
+On a rig in % duty and N·m the paper's numbers stand (Table IV, §V). On any other rig the same design is made for the
+rig's own scales: its pace s = a0/1.36, 1.36 1/s being the paper's a0, and its top y, the output at the highest input:
+
+    K_P = 4.5 s²,  K_D = 3 s                      the same error dynamics on the rig's own clock
+    ε = 0.11 y Q22,  γ = 25/ε                     the boundary layer spans the same share of the output; γε as printed
+    Q_M                                           the largest slope of the rig's own multisine, or of the reference
+    φ                                             what the model and the logs show
+    PI                                            1 % overshoot, 0.27 s/s settling
+"""
+
+from dataclasses import replace
+from typing import NamedTuple
+
+from eaid.control.bounds import model_of
+from eaid.control.margins import Timing, is_stable, linear_lags, pi_feedback
+from eaid.control.options import DesignOptions, PIOptions
+from eaid.control.pi import PIGains
+from eaid.control.pi_design import pi_gains
+from eaid.control.robust import damping_gains
+from eaid.errors import DataError, UsageError
+from eaid.models.nonlinear import steady_torque
+from eaid.models.parameters import PAPER_LINEAR, Linear, Nonlinear
+from eaid.results.fit import Fit
+from eaid.results.tuning import TuneOptions
+
+PAPER_TOP = 4.372
+"""Output of the reference plant at 100 % [N·m]."""
+LAYER = 0.11
+"""Half width of the paper's boundary layer over the torque at 100 %: ε/(Q22 · 4.37)."""
+OVERSHOOT_PCT, SETTLING_S = 1.0, 0.27
+"""What the paper's PI was meant to reach (§V-B)."""
+SLOWER = 1.5
+"""Factor on a settling time that the sampled loop cannot have."""
+
+
+class Scales(NamedTuple):
+    """A rig's own sizes, beside the paper's."""
+
+    paper: bool
+    """% duty and N·m: the paper's numbers stand."""
+    input_unit: str
+    output_unit: str
+    pace: float
+    """a0 over the paper's; 1 on the paper's rig."""
+    top: float
+    """Output at the highest input, over the reference plant's; 1 on the paper's rig."""
+
+
+def scales_of(fit: Fit, plant: Nonlinear | None = None) -> Scales:
+    """What the rig's clock and output are scaled by."""
+    data = fit.data
+    if is_duty(fit) and data.output_unit in ("N·m", "Nm"):
+        return Scales(True, "%", "N·m", 1.0, 1.0)
+    pace = fit.linear.a0 / PAPER_LINEAR.a0 if fit.linear is not None and fit.linear.a0 > 0 else 1.0
+    return Scales(False, data.input_unit, data.output_unit, pace, _top(fit, plant) / PAPER_TOP)
+
+
+def is_duty(fit: Fit) -> bool:
+    """Whether the input is a duty cycle in %."""
+    return fit.data.input_unit == "%" and max(fit.data.levels, default=0.0) <= 100.0
+
+
+def input_limits(fit: Fit) -> tuple[float, float]:
+    """Range of the actuator: 0…100 % of a duty, of another input 0 to what was identified."""
+    if is_duty(fit):
+        return 0.0, 100.0
+    highest = fit.nonlinear.u_range[1] if fit.nonlinear is not None else max(fit.data.levels, default=0.0)
+    if not highest > 0:
+        raise UsageError(f"the fit tells no highest input in {fit.data.input_unit}; give «duty_limits»")
+    return 0.0, highest
+
+
+def _top(fit: Fit, plant: Nonlinear | None) -> float:
+    if plant is not None:
+        return float(steady_torque(plant, plant.u_range[1]))
+    rows = fit.linear.per_level if fit.linear is not None else ()
+    return max((row.gain for row in rows), default=PAPER_TOP)
+
+
+def timing_of(fit: Fit, options: TuneOptions) -> Timing:
+    """When the loop samples and latches: as given, else as the fit's rig does; no PWM where the input is no duty."""
+    rig = fit.data.apparatus
+    paper = is_duty(fit)
+    rate = options.rate_hz or (rig.sample_rate_hz if paper else fit.data.sample_rate_hz or 1000.0)
+    pwm = options.pwm_hz if options.pwm_hz is not None else (rig.pwm_hz if paper else 0.0)
+    return Timing(rate, pwm or None)
+
+
+def design_options(
+    fit: Fit, options: TuneOptions, scales: Scales, slope: float | None, phi_shown: float | None
+) -> DesignOptions:
+    """The numbers of a design, from what was said and, where nothing was, from the rig.
+
+    `slope` is the largest of the reference [output/s], `phi_shown` what the data show of |η − η̂| [input].
+    """
+    K_P, K_D = _proportional(options, scales.pace)
+    if options.phi == "data" or (options.phi is None and not scales.paper):
+        if phi_shown is None:
+            raise DataError(
+                "the fit holds neither a nonlinear model nor fits of single levels, so there is nothing to take φ "
+                "from; give «phi»"
+            )
+        phi, honest = 0.05, phi_shown
+    else:
+        phi, honest = (0.05 if options.phi is None else float(options.phi)), None
+    if options.duty_limits is not None and is_duty(fit) and options.duty_limits[1] > 100:
+        low, high = options.duty_limits
+        raise UsageError(f"«duty_limits» {low:g},{high:g}: a duty ends at 100 %")
+    Q22 = (options.p_scale + options.p_scale / K_P) / (2 * K_D) if K_P > 0 and K_D > 0 else 1.0
+    own_epsilon = 0.5 if scales.paper else LAYER * PAPER_TOP * scales.top * Q22
+    epsilon = own_epsilon if options.epsilon is None else options.epsilon
+    own_gamma = 50.0 if scales.paper else 25.0 / epsilon if epsilon > 0 else 50.0
+    return DesignOptions(
+        convention=options.bounds, levels=options.levels, widen=options.widen_bounds, B_hat=options.b_hat,
+        K_P=K_P, K_D=K_D,
+        Q_M=options.q_max if options.q_max is not None else 5.0 if slope is None else slope,
+        phi=phi, phi_honest_pct=honest, epsilon=epsilon,
+        gamma=own_gamma if options.gamma is None else options.gamma,
+        p_scale=options.p_scale, reading=options.rho, alpha=options.alpha,
+        pi=PIOptions(options.pi_gains, options.pi_overshoot, options.pi_settling), anti_windup=options.anti_windup,
+        duty_limits_pct=options.duty_limits or input_limits(fit), timing=timing_of(fit, options),
+    )  # fmt: skip
+
+
+def _proportional(options: TuneOptions, pace: float) -> tuple[float, float]:
+    if options.natural_frequency is not None and options.damping is not None:
+        return damping_gains(options.natural_frequency, options.damping)
+    K_P = 4.5 * pace * pace if options.kp is None else options.kp
+    return K_P, 3.0 * pace if options.kd is None else options.kd
+
+
+def with_own_pi(fit: Fit, design: DesignOptions, scales: Scales) -> DesignOptions:
+    """The design with a PI for a rig that is not the paper's: slower, where the sampled loop cannot follow."""
+    asked = design.pi
+    if scales.paper or asked.gains is not None or asked.overshoot_pct is not None:
+        return design
+    model = model_of(fit)
+    settling = SETTLING_S / scales.pace
+    while not _runs(model, settling, design.timing):
+        settling *= SLOWER
+    return replace(design, pi=PIOptions(overshoot_pct=OVERSHOOT_PCT, settling_s=settling))
+
+
+def _runs(model: Linear, settling_s: float, timing: Timing) -> bool:
+    """Whether the sampled loop is stable with a PI of this settling time; GainsError where none is slow enough."""
+    K_P, K_I = pi_gains(model, OVERSHOOT_PCT, settling_s)
+    return is_stable(pi_feedback(PIGains(K_P, K_I)), linear_lags(model.b0, model.a0), timing)

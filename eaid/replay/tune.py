@@ -1,0 +1,211 @@
+"""Gains for a fit, and what they do on its plant: design, search, replay beside the ultimate bound.
+
+One pure function: everything that it reads is handed to it.
+"""
+
+import msgspec
+
+from eaid.control.bounds import bounds_of, model_of
+from eaid.control.defaults import OVERSHOOT_PCT, Scales, design_options, scales_of, timing_of, with_own_pi
+from eaid.control.design import design, least_phi, mismatches
+from eaid.control.gains import pi_gains, rc_gains
+from eaid.control.noise import white_noise_nm
+from eaid.control.operating import operating_points
+from eaid.control.options import DesignOptions
+from eaid.control.plant import plant_of, why_not
+from eaid.control.verdict import condition, guarantee
+from eaid.errors import DataError, UsageError
+from eaid.findings import Finding, finding, ranked
+from eaid.models.nonlinear import steady_torque
+from eaid.models.parameters import Nonlinear
+from eaid.replay.optimize import Search, optimize
+from eaid.replay.references import Reference, sampled
+from eaid.replay.scenarios import SCENARIOS, Wish
+from eaid.replay.simulate import Progress, Signal, no_progress
+from eaid.replay.standard import beside_the_bound, steepest_nm_s
+from eaid.results.codec import to_plain
+from eaid.results.fit import Fit
+from eaid.results.gains import Gains, Guarantee, Optimized
+from eaid.results.tuning import TuneOptions
+from eaid.steps.stepset import StepSet
+from eaid.uncertainty.draw import covariance_word, draw_plants
+
+USUAL_NOISE_NM = 0.01
+"""Torque noise where no log tells it [N·m], over the paper's torque at 100 %."""
+
+
+def tune(
+    fit: Fit,
+    options: TuneOptions = TuneOptions(),  # noqa: B008 - frozen
+    logs: StepSet | None = None,
+    reference: str | Signal | None = None,
+    reference_name: str = "",
+    progress: Progress = no_progress,
+) -> Gains:
+    """Gains of the robust controller and of a PI for a fit, with one verdict on the guarantee.
+
+    Parameters
+    ----------
+    fit
+        A fit with a linear model; its nonlinear one, where it has one, is what the gains are replayed on.
+    options
+        What is asked for; what is left out is the paper's on a rig in % duty and N·m, else the rig's own.
+    logs
+        Logs of the same rig: they speak about φ (`phi="data"`) and about the noise of a search.
+    reference
+        What Q_M is taken from or judged by: multisine, steps or sweep, at the rig's scale, or time [s] and output of
+        the user's own. None: the gains are replayed on the multisine, which Q_M need not cover.
+    reference_name
+        What the result calls a reference of the user's own.
+
+    Raises
+    ------
+    GainsError
+        The fit or the wishes are not physical, out of reach, or unstable on the linear model.
+    DataError
+        The fit lacks what is asked for.
+    """
+    _refuse_unidentified(fit, options)
+    model, plant = model_of(fit), plant_of(fit)
+    scales = scales_of(fit, plant)
+    given = reference is not None
+    dt_s = 1 / timing_of(fit, options).rate_hz
+    reference_name = reference_name or (reference if isinstance(reference, str) else "multisine")
+    wanted = _reference(reference or "multisine", dt_s, scales)
+    slope = steepest_nm_s(wanted)
+    bounds = bounds_of(fit, options.bounds, options.levels, options.widen_bounds)
+    shown = least_phi(mismatches(model, bounds, plant, logs, fit.data.input_unit))
+    settled = design_options(
+        fit, options, scales, slope if given or not scales.paper else None, shown and shown.pct
+    )  # fmt: skip
+    settled = with_own_pi(fit, settled, scales)
+    told: list[Finding] = _of_the_rig(scales, settled)
+    found = None
+    if options.searches:
+        settled, found, more = _searched(fit, options, settled, plant, logs, wanted, reference_name, progress)
+        told += more
+    gains = design(fit, settled, logs, slope if given else None)
+    gains, more = _replayed(gains, plant, wanted, reference_name, given)
+    told += more
+    why = not_identifiable(fit)
+    if why:
+        told.insert(0, finding("fit-not-identifiable", "model", why=why))
+    return msgspec.structs.replace(
+        gains, options=options, seed=options.seed, optimized=found, unidentified=why or None,
+        findings=ranked([*told, *gains.findings]),
+    )  # fmt: skip
+
+
+def _reference(reference: str | Signal, dt_s: float, scales: Scales) -> Reference:
+    if not isinstance(reference, str):
+        return sampled(*reference, dt_s)
+    if reference not in SCENARIOS:
+        raise UsageError(f"«reference» {reference}: is neither a file nor one of {', '.join(SCENARIOS)}")
+    return SCENARIOS[reference].reference(dt_s, Wish(top=scales.top, pace=scales.pace))
+
+
+def not_identifiable(fit: Fit) -> str:
+    """Why the fit's linear model, which gains rest on, is not identifiable; empty where it is."""
+    return why_not(fit, "linear")
+
+
+def _refuse_unidentified(fit: Fit, options: TuneOptions) -> None:
+    why = not_identifiable(fit)
+    if why and not options.allow_unidentified:
+        raise DataError(f"the linear model is not identifiable ({why}); «allow_unidentified» uses it, marked")
+
+
+def _of_the_rig(scales: Scales, settled: DesignOptions) -> list[Finding]:
+    if scales.paper:
+        return []
+    return [
+        finding(
+            "designed-for-rig", "model", input_unit=scales.input_unit, output_unit=scales.output_unit,
+            pace=scales.pace, highest=settled.duty_limits_pct[1],
+            overshoot_pct=settled.pi.overshoot_pct or OVERSHOOT_PCT, settling_s=settled.pi.settling_s or 0.0,
+        )
+    ]  # fmt: skip
+
+
+def _searched(
+    fit: Fit, options: TuneOptions, settled: DesignOptions, plant: Nonlinear | None, logs: StepSet | None,
+    wanted: Reference, name: str, progress: Progress,
+) -> tuple[DesignOptions, Optimized, list[Finding]]:  # fmt: skip
+    """The options that the search ends at, and what it traded."""
+    if plant is None:
+        raise DataError("the fit holds no nonlinear model, which «optimize» replays on; fit clutch data with it")
+    told = []
+    noise, source = noise_of(fit, options, logs)
+    if source == "supposed":
+        told.append(finding("noise-supposed", "rc", noise=noise))
+    plain = to_plain(fit)
+    drawn = [plant]
+    if covariance_word(plain):
+        told.append(finding("search-on-fitted-plant", "rc"))
+    else:
+        drawn = draw_plants(plain, options.plants or 16, options.seed)
+    search = Search(
+        noise_nm=noise, limit_pct=options.chatter_limit, also=options.optimize_also,
+        evaluations=options.evaluations or 160, seed=options.seed,
+    )  # fmt: skip
+    model = model_of(fit)
+    bounds = bounds_of(fit, settled.convention, settled.levels, settled.widen)
+    points = operating_points(fit, model, plant, bounds, settled.duty_limits_pct)
+    with progress("candidates", search.candidates) as tick:
+        found = optimize(model, bounds, settled, drawn, points, wanted, search, tick)
+    result = Optimized(
+        reference=name, plants=len(drawn), noise_nm=noise, noise_source=source, limit_pct=found.limit_pct,
+        before=found.start.candidate(), after=found.best.candidate(), also=search.also,
+    )  # fmt: skip
+    return found.best.law.options, result, told
+
+
+def noise_of(fit: Fit, options: TuneOptions, logs: StepSet | None) -> tuple[float, str]:
+    """Noise for the search in the output's unit, and where it comes from."""
+    if options.noise_nm is not None:
+        return options.noise_nm, "given"
+    if logs is not None and logs.output_unit == fit.data.output_unit:
+        return white_noise_nm(logs), "logs"
+    # The fit keeps a density of the noise at low frequency: an upper bound of what white noise alone would have.
+    noise = fit.uncertainty.noise if fit.uncertainty is not None else None
+    if noise is not None and noise.sensor_nm2_s and fit.data.sample_rate_hz:
+        return float((noise.sensor_nm2_s * fit.data.sample_rate_hz) ** 0.5), "fit"
+    return USUAL_NOISE_NM * scales_of(fit, plant_of(fit)).top, "supposed"
+
+
+def _replayed(
+    gains: Gains, plant: Nonlinear | None, wanted: Reference, name: str, given: bool
+) -> tuple[Gains, list[Finding]]:
+    """The replayed errors beside the ultimate bound, and the verdict with the slope of what was replayed."""
+    if plant is None:
+        return gains, [finding("nothing-to-replay-on", "model")]
+    rc, pi, part = rc_gains(gains), pi_gains(gains), gains.rc
+    assert rc is not None and pi is not None and part is not None and part.ultimate_bound is not None
+    told = []
+    most, highest = float(wanted.torque_nm.max()), float(steady_torque(plant, plant.u_range[1]))
+    if most > highest:
+        told.append(
+            finding("reference-beyond-plant", "model", reference=name, asked=most, highest=highest,
+                    unit=gains.output_unit)
+        )  # fmt: skip
+    replayed = beside_the_bound(plant, rc, pi, wanted, name)
+    slope, Q_M = replayed.slope_nm_s, part.Q_M
+    assert replayed.rc is not None and slope is not None and Q_M is not None
+    if not given and slope > Q_M * (1 + 1e-9):
+        told.append(finding("slope-above-q-max", "rc", slope=slope, Q_M=Q_M, reference=name))
+    bound = msgspec.structs.replace(part.ultimate_bound, replayed_nm=replayed.rc.max_abs_error_nm)
+    return msgspec.structs.replace(
+        gains, rc=msgspec.structs.replace(part, ultimate_bound=bound), replayed=replayed,
+        guarantee=_judged(gains.guarantee, slope),
+    ), told  # fmt: skip
+
+
+def _judged(verdict: Guarantee | None, slope: float) -> Guarantee | None:
+    if verdict is None:
+        return None
+    return guarantee(
+        [
+            condition(one.name, slope, one.available, one.unit) if one.name == "Q_M" else one
+            for one in verdict.conditions
+        ]
+    )

@@ -1,0 +1,289 @@
+"""replay.h5 as types: what each controller did, column by column, and every number measured on it.
+
+Units are the rig's: `input_unit` for duties, `output_unit` for torques; `_nm` and `_pct` in a name say what they are on
+the paper's rig. Errors are reference − true output.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Literal
+
+import msgspec
+
+from eaid.arrays import Array
+from eaid.findings import Finding
+from eaid.results.common import Count, Input, Number, Positive, Result
+from eaid.results.gains import Tracking
+
+if TYPE_CHECKING:
+    import pandas
+
+NONE: Mapping[str, Array] = MappingProxyType({})
+
+
+class StepMetrics(Result, frozen=True):
+    """One step of the reference, watched until the next; None: never reached."""
+
+    from_nm: Number
+    to_nm: Number
+    rise_time_s: Number | None = None
+    """10 to 90 %."""
+    overshoot_pct: Number | None = None
+    settling_s: Number | None = None
+    """2 % band."""
+    settling_5pct_s: Number | None = None
+
+
+class ToneMetrics(Result, frozen=True):
+    """One frequency of a sweep."""
+
+    frequency_hz: Positive
+    gain_db: Number | None = None
+    """Least-squares fundamental of the output over that of the reference, over whole periods."""
+    phase_deg: Number | None = None
+    mean_abs_error_nm: Number | None = None
+
+
+class Worst(Result, frozen=True):
+    """The plant on which a metric is worst, and its coefficients."""
+
+    value: Number | None = None
+    plant: Count = 0
+    tau1: tuple[Number, ...] = ()
+    tau2: tuple[Number, ...] = ()
+    Ts: tuple[Number, ...] = ()
+
+
+class Distribution(Result, frozen=True):
+    """One metric over the drawn plants that reach it."""
+
+    worst: Worst = Worst()
+    mean: Number | None = None
+    sd: Number | None = None
+    low: Number | None = msgspec.field(default=None, name="p2.5")
+    median: Number | None = None
+    high: Number | None = msgspec.field(default=None, name="p97.5")
+    never: Count = 0
+    """Plants that never reach it."""
+
+
+class PlantSpread(Result, frozen=True):
+    """All metrics over the drawn plants."""
+
+    count: Count
+    metrics: dict[str, Distribution] = {}
+
+
+class Box(Result, frozen=True):
+    """The numbers of a box plot."""
+
+    n: Count
+    independent: Number
+    """How many independent observations the samples are worth."""
+    mean: Number
+    sd: Number
+    q1: Number
+    median: Number
+    q3: Number
+    whisker_low: Number
+    whisker_high: Number
+    outliers: Count
+
+
+class ModeMetrics(Result, frozen=True):
+    """One mode of the rehabilitation."""
+
+    abs_position_error_deg: Box
+    cycle_means_deg: tuple[Number, ...] = ()
+    mean_abs_torque_error_nm: Number | None = None
+    max_abs_torque_error_nm: Number | None = None
+    torque_loop: Tracking | None = None
+
+
+class Normality(Result, frozen=True):
+    """A test of normality; a small p rejects it."""
+
+    test: str
+    statistic: Number
+    p: Number
+    rejected: bool
+
+
+class SampleTest(Result, frozen=True):
+    """The paper's test, on samples taken as independent."""
+
+    test: str
+    n: tuple[Count, Count]
+    t: Number
+    p: Number
+
+
+class CycleTest(Result, frozen=True):
+    """Tests on the means of whole movement cycles; None where too few are whole."""
+
+    n: tuple[Count, Count]
+    t: Number | None = None
+    df: Number | None = None
+    p_welch: Number | None = None
+    U: Number | None = None
+    p_rank: Number | None = None
+    least_p_rank: Number | None = None
+
+
+class ModesTest(Result, frozen=True):
+    """Whether two modes differ."""
+
+    modes: tuple[str, str]
+    samples: SampleTest
+    cycles: CycleTest
+
+
+class Metrics(Tracking, frozen=True):
+    """Everything measured on one group; a field that the group does not have is None or empty."""
+
+    counted_from_s: Number | None = None
+    """Samples before this instant do not count."""
+    steps: tuple[StepMetrics, ...] = ()
+    frequencies: tuple[ToneMetrics, ...] = ()
+    guarantee_holds_fraction: Number | None = None
+    """Share of the samples at which |χ| ≤ ρ."""
+    guarantee_largest_chi_over_rho: Number | None = None
+    guarantee_failures_at_limit: Number | None = None
+    guarantee_failures_by_saturation: Number | None = None
+    plants: PlantSpread | None = None
+    modes: dict[str, ModeMetrics] = {}
+    turn_step_nm: Number | None = None
+    normality: dict[str, Normality] = {}
+    tests: tuple[ModesTest, ...] = ()
+    rms_over_best: Number | None = None
+    """RMS error over the least one."""
+    rms_above_best_nm: Number | None = None
+    bound_rms_nm: Number | None = None
+    """Of the best: no input has a smaller RMS error; 0: nothing is known."""
+    steady_rms_nm: Number | None = None
+    """Of the best: least RMS error without switching from sample to sample."""
+    max_abs_difference_nm: Number | None = None
+    """Of a recorded input: recorded − model."""
+    rms_difference_nm: Number | None = None
+    mean_difference_nm: Number | None = None
+    R2: Number | None = None
+    """1 − Σ (recorded − model)²/Σ (recorded − mean recorded)²"""
+    idle_nm: Number | None = None
+    """What was subtracted from the recorded output."""
+    start_nm: Number | None = None
+    """Output from which the model starts."""
+    reference_is: str | None = None
+    rms_from_recorded_nm: Number | None = None
+    rms_duty_from_recorded_pct: Number | None = None
+
+
+Role = Literal["controller", "best", "recorded-input", "recorded-loop"]
+"""A controller; the best input found; a recorded input through the model; a recorded closed loop itself."""
+
+
+@dataclass(frozen=True, eq=False)
+class Record:
+    """One group of replay.h5: columns of one length by name, and what was measured on them."""
+
+    columns: Mapping[str, Array]
+    """`time_s`, `reference_nm`, `torque_nm`, `duty_pct` and others, each of shape (n,)."""
+    metrics: Metrics = Metrics()  # noqa: RUF009 - frozen
+    tables: Mapping[str, Array] = field(default_factory=lambda: NONE)
+    """Further arrays of any length, as `plants/band_nm`, in inner groups named before the slash."""
+    role: Role = "controller"
+
+
+class Exercise(Result, frozen=True):
+    """The rehabilitation's numbers, as `eaid.replay.rehab.Rehabilitation` has them."""
+
+    mode_s: Number
+    uncounted_s: Number
+    centre_deg: Number
+    amplitude_deg: Number
+    movement_hz: Number
+    soft_nm_rad: Number
+    hard_nm_rad: Number
+    assist_proportional: Number
+    assist_integral: Number
+    blend_s: Number
+    slope_nm_s: Number
+    inertia_kgm2: Number
+    damping_nms: Number
+    gravity_nm: Number
+    user_stiffness: Number
+    user_damping: Number
+    user_delay_s: Number
+    tremor_nm: Number
+    tremor_s: Number
+
+
+class RigRecord(Result, frozen=True):
+    """The rig's own effects, as `eaid.replay.rig.Rig` has them."""
+
+    noise_nm: Number = 0.0
+    noise_correlation_s: Number = 0.0
+    noise_coloured_share: Number = 1.0
+    ripple_pct: Number = 0.0
+    ripple_hz: Number = 0.0
+    sensor_hz: Number = 0.0
+    delay_samples: Count = 0
+    pwm_hz: Number = 0.0
+    duty_bits: Count = 0
+    saturation: bool = True
+
+
+class ReplayInputs(Result, frozen=True):
+    """The files that a replay was made from."""
+
+    fit: Input | None = None
+    gains: Input | None = None
+    reference: Input | None = None
+    log: tuple[Input, ...] = ()
+
+
+class Head(Result, frozen=True):
+    """What a replay says of itself: the root attributes of replay.h5."""
+
+    scenario: str
+    seed: int = 0
+    input_unit: str = "%"
+    output_unit: str = "N·m"
+    dt_s: Positive | None = None
+    counted_from_s: Number | None = None
+    exercise: Exercise | None = None
+    plants: Count | None = None
+    plants_from: str | None = None
+    """covariance, or fitted-plant where the fit holds none."""
+    band_quantiles: tuple[Number, ...] = ()
+    rig: RigRecord = RigRecord()
+    perturb: dict[str, Number] = {}
+    unidentified: dict[str, str] = {}
+    synthetic: str | None = None
+    inputs: ReplayInputs = ReplayInputs()
+    findings: tuple[Finding, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class Replay:
+    """Controllers replayed on a fitted plant, or recorded runs laid beside it."""
+
+    head: Head
+    records: Mapping[str, Record] = field(default_factory=dict)
+
+    @property
+    def findings(self) -> tuple[Finding, ...]:
+        """What is to be known before the numbers are used."""
+        return self.head.findings
+
+    def metrics(self, *roles: Role) -> dict[str, Metrics]:
+        """Metrics by name of the groups that play these parts; of the controllers unless others are named."""
+        wanted = roles or ("controller", "recorded-loop")
+        return {name: one.metrics for name, one in self.records.items() if one.role in wanted}
+
+    def to_frame(self) -> "pandas.DataFrame":
+        """All columns as one table, the group's name in `name`."""
+        import pandas
+
+        frames = [pandas.DataFrame({"name": name, **one.columns}) for name, one in self.records.items()]
+        return pandas.concat(frames, ignore_index=True) if frames else pandas.DataFrame({"name": []})
