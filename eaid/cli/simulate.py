@@ -99,5 +99,5 @@ def command(
         console.print_json(content_of(replay))
     else:
         tables.show(replay)
-    console.tell([*told, *more, *replay.findings])
+    console.tell([*replay.findings, *told, *more])
     console.say(f"wrote {path}")

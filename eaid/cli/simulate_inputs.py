@@ -5,7 +5,6 @@ from typing import TYPE_CHECKING
 
 from eaid.cli import console
 from eaid.errors import UsageError
-from eaid.reading import pairs
 
 if TYPE_CHECKING:
     from eaid.logs.run import Run
@@ -33,6 +32,7 @@ def runs_of(log: list[Path], columns: str | None, units: str | None, repair: boo
     from eaid.logs.folders import files_of
     from eaid.logs.options import ReadOptions
     from eaid.logs.read import read_runs
+    from eaid.reading import pairs
 
     reading = ReadOptions(
         columns=pairs("--columns", columns), units=pairs("--units", units), repair=repair, variable=variable

@@ -105,7 +105,7 @@ def command(
         print(codec.dumps(gains, "gains"), end="")
     else:
         gains_tables.show(gains, verbose)
-    console.tell([*told, *gains.findings], verbose)
+    console.tell([*gains.findings, *told], verbose)
     console.say(f"wrote {path}")
 
 

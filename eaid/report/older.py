@@ -18,6 +18,8 @@ def read_fit(path: Path) -> tuple[Fit, tuple[Finding, ...]]:
         fit, left = codec.read(path, "fit", Fit)
         found += left
     except DataError:
+        if not path.is_file():
+            raise
         content = json.loads(path.read_text(encoding="utf-8"))
         parts = [content.get(name) for name in ("nonlinear", "linear")] if isinstance(content, dict) else []
         old = [part for part in parts if isinstance(part, dict) and isinstance(part.get("agreement"), dict)]
