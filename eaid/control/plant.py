@@ -50,9 +50,8 @@ def why_not(fit: Fit, part: Literal["linear", "nonlinear"]) -> str:
     model = fit.linear if part == "linear" else fit.nonlinear
     if model is None or model.identifiable is not False:
         return ""
-    said = [
-        one for one in fit.findings if one.subject == part and (one.severity == "stop" or one.code == "not-settled")
-    ]
+    told = fit.not_identifiable_because(part)
+    said = told or [one for one in fit.findings if one.subject == part and one.severity == "stop"]
     return "; ".join(sentences(said)) or "its data do not determine it"
 
 
