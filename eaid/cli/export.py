@@ -83,10 +83,12 @@ def _read(paths: list[Path]) -> "tuple[Gains | None, Fit | None, list[Path]]":
     if len(set(kinds)) < len(kinds):
         raise UsageError(f"{paths[-1]}: a second {kinds[-1]}.json; give one gains.json and one fit.json at most")
     found = dict(zip(kinds, paths, strict=True))
-    gains = read_gains(found["gains"]) if "gains" in found else None
+    gains, told = read_gains(found["gains"]) if "gains" in found else (None, ())
     if gains is not None and "fit" not in found:
         beside = fit_beside(gains, found["gains"])
         if beside is not None:
             found["fit"] = beside
             console.say(f"with {beside}, which the gains were made from")
-    return gains, read_fit(found["fit"]) if "fit" in found else None, list(found.values())
+    fit, more = read_fit(found["fit"]) if "fit" in found else (None, ())
+    console.tell((*told, *more))
+    return gains, fit, list(found.values())

@@ -46,6 +46,8 @@ def _gains(source: Source, laws: tuple[str, ...], rate_hz: float) -> Iterator[Fi
     if gains.unidentified:
         yield finding("export-unidentified", "gains", why=gains.unidentified)
     yield from stops(gains.findings)
+    if source.fit is not None:
+        yield from (one for one in stops(source.fit.findings) if one.subject == "linear")
     if "rc" in laws and gains.rc is not None:
         holds = gains.guarantee.holds if gains.guarantee else _holds(gains.rc.guaranteed, gains.rc.phi_holds)
         if holds is None:
@@ -81,16 +83,18 @@ def _unstable(source: Source, laws: tuple[str, ...], rate_hz: float) -> Iterator
     points = _points(source)
     if not points:
         yield finding("export-margins-unknown", "gains")
-        return
     timing = Timing(rate_hz, source.pwm_hz)
     for law in laws:
         if law not in ("pi", "rc"):
             continue
-        bad = [
+        bad = {
             duty for duty, torque, lags in points if not is_stable(_feedback(source, law, torque, duty), lags, timing)
-        ]
+        }
+        if source.margins is not None and abs(rate_hz - source.rate_hz) <= 1e-6 * source.rate_hz:
+            told = ((one.duty_pct, getattr(one, law)) for one in source.margins.points)
+            bad |= {duty for duty, margin in told if margin is not None and margin.stable is False}
         if bad:
-            yield finding("export-unstable", law.upper(), bad, rate_hz=rate_hz, unit=source.units[0])
+            yield finding("export-unstable", law.upper(), sorted(bad), rate_hz=rate_hz, unit=source.units[0])
 
 
 def _feedback(source: Source, law: str, torque: float, duty: float) -> Feedback:

@@ -6,10 +6,10 @@ from typing import Any
 
 from eaid.errors import DataError
 from eaid.files import sha256_of
+from eaid.findings import Finding
 from eaid.results import codec
 from eaid.results.fit import Fit
 from eaid.results.gains import Gains
-from eaid.store import read_json
 
 
 def kind_of(path: Path) -> str:
@@ -35,32 +35,17 @@ def _content(path: Path) -> dict[str, Any]:
     return content if isinstance(content, dict) else {}
 
 
-def read_gains(path: Path) -> Gains:
-    """gains.json as its type."""
-    return codec.read(path, "gains", Gains)[0]
+def read_gains(path: Path) -> tuple[Gains, tuple[Finding, ...]]:
+    """gains.json as its type, and what was left out of it."""
+    return codec.read(path, "gains", Gains)
 
 
-def read_fit(path: Path) -> Fit:
-    """The plant of a fit.json, with its units; DataError where it holds no nonlinear model."""
-    content = read_json(path, "fit")
-    plain = {name: _kept(content.get(name), keys) for name, keys in OF_THE_PLANT.items() if content.get(name)}
-    findings = [one for one in content.get("findings") or [] if isinstance(one, dict)]
-    fit = codec.from_plain({**plain, "findings": findings}, Fit, str(path))
+def read_fit(path: Path) -> tuple[Fit, tuple[Finding, ...]]:
+    """fit.json as its type, and what was left out of it; DataError where it holds no nonlinear model."""
+    fit, left_out = codec.read(path, "fit", Fit)
     if fit.nonlinear is None:
         raise DataError(f"{path}: holds no nonlinear model, which plant and inverse are; fit clutch data with it")
-    return fit
-
-
-OF_THE_PLANT = {
-    "data": ("kind", "input_unit", "output_unit", "levels", "sample_rate_hz"),
-    "nonlinear": ("tau1", "tau2", "Ts", "u_range", "C", "identifiable", "solver"),
-    "release": ("tau1", "tau2"),
-}
-"""What an export takes of a fit.json."""
-
-
-def _kept(part: Any, keys: tuple[str, ...]) -> Any:
-    return {key: part[key] for key in keys if key in part}
+    return fit, left_out
 
 
 def fit_beside(gains: Gains, path: Path) -> Path | None:

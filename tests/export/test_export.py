@@ -84,6 +84,13 @@ def test_gains_that_are_stable_at_their_rate_are_refused_at_one_that_is_too_slow
     assert "export-other-rate" in codes(made) and made.dt_s == 0.002
 
 
+def test_what_the_gains_themselves_call_unstable_is_refused(tmp_path):
+    margins = {"points": [{"duty_pct": 30.0, "rc": {"stable": True}, "pi": {"stable": False}}]}
+    with pytest.raises(GainsError, match=r"PI: the loop is unstable at 1000 Hz around 30 %"):
+        export(gains_of(margins=margins), None, ExportOptions(folder=tmp_path / "rig"))
+    assert export(gains_of(margins=margins), None, ExportOptions(folder=tmp_path / "rig", laws=("rc",))).laws == ("rc",)
+
+
 def test_what_is_marked_stop_is_refused(tmp_path):
     options = ExportOptions(folder=tmp_path / "rig")
     stop = {"code": "some-stop", "severity": "stop", "subject": "nonlinear", "levels": [], "values": {}}
@@ -100,6 +107,10 @@ def test_what_is_marked_stop_is_refused(tmp_path):
         export(None, fit, options)
     assert not (tmp_path / "rig").exists()
     export(gains_of(), fit, ExportOptions(folder=tmp_path / "rig", laws=("rc",)))  # the plant is not in it
+    linear = msgspec.structs.replace(fit_of(), findings=gains_of(findings=[{**stop, "subject": "linear"}]).findings)
+    with pytest.raises(GainsError, match="some-stop"):
+        export(gains_of(), linear, ExportOptions(folder=tmp_path / "other", laws=("rc",)))
+    export(gains_of(), linear, ExportOptions(folder=tmp_path / "other", laws=("plant",)))
 
 
 @pytest.mark.parametrize(

@@ -102,7 +102,7 @@ def test_the_observer_learns_what_the_replays_learns():
 NUMBERS = st.floats(-5.0, 5.0)
 
 
-@settings(max_examples=400, deadline=None)
+@settings(max_examples=150, deadline=None)
 @given(
     st.floats(0.01, 50), st.floats(0.01, 20), st.floats(0.1, 50), st.floats(0.01, 2), st.floats(0.1, 100),
     st.floats(0, 20), st.floats(0, 20), NUMBERS, NUMBERS, NUMBERS, NUMBERS, st.floats(1e-4, 0.1), st.booleans(),
@@ -123,7 +123,7 @@ def test_any_gains_at_any_rate_give_the_replays_duty(
     assert mine.integral == pytest.approx(theirs.integral, abs=1e-13 * scale)
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=150, deadline=None)
 @given(st.floats(-20, 130), st.floats(0, 4), st.floats(0, 1), st.floats(1e-5, 1.0))
 def test_any_plant_step_is_the_replays(duty, x1, x2, dt):
     theirs = plant_step(plant_parameters(PLANT), x1, x2, duty, dt)
