@@ -78,7 +78,7 @@ def edges(time_s: Array, output: Array) -> tuple[Edge, ...]:
     found: list[Edge] = []
     for start, stop in itertools.pairwise(turns(means, BACK * span)):
         if abs(means[stop] - means[start]) >= MOVES * span:
-            found += [_edge(times[a:b], means[a:b]) for a, b in _parts(means, start, stop + 1, span)]
+            found += [_edge(times, means, a, b) for a, b in _parts(means, start, stop + 1, span)]
     found = [edge for edge in found if abs(edge.after - edge.before) >= MOVES * span]
     window = float(times[-1] - times[0])
     return (*found[:1], *(edge for edge in found[1:] if edge.rise_s < QUICK * window))
@@ -103,20 +103,29 @@ def _parts(means: Array, start: int, stop: int, span: float) -> list[tuple[int, 
     return list(itertools.pairwise([*cuts, stop]))
 
 
-def _edge(times: Array, means: Array) -> Edge:
-    few = max(1, min(3, len(means) // 10))
-    before, after = float(np.median(means[:few])), float(np.median(means[-max(1, len(means) // 10) :]))
-    change = after - before
-    share = (means - before) / change if change != 0 else np.zeros(len(means))
-    tenth = int(np.argmax(share >= 0.1))
-    most = int(np.argmax(share >= 0.9))
-    outside = np.flatnonzero(np.abs(share - 1) > 0.05)
+def _edge(times: Array, means: Array, start: int, stop: int) -> Edge:
+    """The edge between two extremes, with the stretch behind it that stays nearer to the second."""
+    low, high = float(means[start]), float(means[stop - 1])
+    share = (means - low) / (high - low)
+    tenth = start + int(np.argmax(share[start:stop] >= 0.1))
+    most = start + int(np.argmax(share[start:stop] >= 0.9))
+    away = np.flatnonzero(share[most:] < 0.5)
+    end = most + int(away[0]) if len(away) else len(means)
+    before = float(np.median(means[start : max(tenth, start + 1)]))
+    after = float(np.median(means[(most + end) // 2 : end]))
+    share = (means - before) / (after - before) if after != before else share
+    tenth = start + int(np.argmax(share[start:end] >= 0.1))
+    most = start + int(np.argmax(share[start:end] >= 0.9))
+    near = np.abs(share[tenth:end] - 1) <= 0.05
+    # what follows the last sample within 5 % is the next edge
+    rest = int(np.flatnonzero(near)[-1]) if near.any() else 0
+    outside = np.flatnonzero(~near[:rest])
     settled = int(outside[-1]) + 1 if len(outside) else 0
     return Edge(
         at_s=float(times[tenth]),
         before=before,
         after=after,
         rise_s=float(times[most] - times[tenth]),
-        overshoot_pct=max(0.0, 100 * (float(share.max()) - 1)),
-        settling_s=float(times[settled] - times[tenth]) if settled < len(times) - 1 else None,
+        overshoot_pct=max(0.0, 100 * (float(share[tenth:end].max()) - 1)),
+        settling_s=float(times[tenth + settled] - times[tenth]) if rest > settled else None,
     )

@@ -1,0 +1,147 @@
+"""Both sides of each threshold: what lies just below says nothing, what lies just above does."""
+
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from eaid.arrays import read_only
+from eaid.logs.run import Run
+from eaid.steps.average import common
+from eaid.steps.baseline import BaselineRule
+from eaid.steps.build import StepOptions, build_stepset
+from eaid.steps.clock import clock_of, uniform_step
+from eaid.steps.cut import cut
+from eaid.steps.direction import direction
+from eaid.steps.edges import edges, turns
+from eaid.steps.plateaus import bridge, plateaus, stands_still, tolerance
+from eaid.steps.step import Step
+
+sys.path.insert(0, str(Path(__file__).parent))
+from make import curve, log
+
+PLAN = [(0.0, 4.0), (50.0, 8.0)]
+
+
+def codes(run: Run, rule: BaselineRule | None = None) -> list[str]:
+    stepset = build_stepset([run], StepOptions(baseline=rule or BaselineRule()))
+    return [one.code for one in stepset.runs[0].findings]
+
+
+@pytest.mark.parametrize(("share", "said"), [(0.045, None), (0.055, "nearly-at-rest"), (0.09, "not-at-rest")])
+def test_how_far_from_rest(share: float, said: str | None) -> None:
+    """The last 0.1 s before the step are off by a share of the swing."""
+    run = log(PLAN)
+    swing = 2.0 * float(curve(np.array([7.8])).item())
+    y = run.output + np.where((run.time_s >= 3.9) & (run.time_s < 4), share * swing, 0.0)
+    found = [code for code in codes(replace(run, output=read_only(y))) if code.endswith("at-rest")]
+    assert found == ([] if said is None else [said])
+
+
+@pytest.mark.parametrize(("sample_s", "said"), [(0.9, False), (1.1, True)])
+def test_slow_clock(sample_s: float, said: bool) -> None:
+    run = log(PLAN)
+    assert ("slow-clock" in codes(replace(run, time_s=read_only(np.arange(1200) * sample_s)))) is said
+
+
+@pytest.mark.parametrize(("gap_s", "said"), [(0.045, False), (0.055, True)])
+def test_gap(gap_s: float, said: bool) -> None:
+    run = log(PLAN)
+    time = np.where(np.arange(1200) >= 900, run.time_s + gap_s - 0.01, run.time_s)
+    assert ("gap" in codes(replace(run, time_s=read_only(time)))) is said
+
+
+@pytest.mark.parametrize(("off", "uniform"), [(1.8e-3, True), (2.2e-3, False)])
+def test_uniform_within_two_thousandths(off: float, uniform: bool) -> None:
+    time = np.arange(100) * 0.01
+    time[50] += off * 0.01
+    assert (uniform_step(time) is not None) is uniform
+
+
+@pytest.mark.parametrize(("spread", "said"), [(0.19, False), (0.24, True)])
+def test_jitter(spread: float, said: bool) -> None:
+    gaps = 1e-3 * (1 + spread * np.tile([0.0, 1.0, 0.5, 0.5], 500))
+    assert (clock_of(np.cumsum(gaps)).spread_s is not None) is said
+
+
+@pytest.mark.parametrize(("drift", "said"), [(0.036, False), (0.048, True)])
+def test_idle_drift(drift: float, said: bool) -> None:
+    run = log(PLAN)
+    y = run.output + np.where(run.time_s < 4, drift * (run.time_s / 4 - 1), 0.0)
+    assert ("idle-drifts" in codes(replace(run, output=read_only(y)))) is said
+
+
+@pytest.mark.parametrize(("wiggle", "count"), [(0.9, 2), (1.1, 3)])
+def test_plateaus_within_one_percent_of_the_range(wiggle: float, count: int) -> None:
+    u = np.concatenate([np.zeros(100), np.full(100, 100.0), np.full(100, 100.0 - wiggle)])
+    assert tolerance(u) == 1.0
+    assert len(plateaus(u)) == count
+
+
+def test_tolerance_is_six_times_the_noise() -> None:
+    u = np.where(np.arange(4000) < 2000, 0.0, 1.0) + 0.05 * np.random.default_rng(0).normal(size=4000)
+    assert tolerance(u) == pytest.approx(0.3, rel=0.1)
+
+
+@pytest.mark.parametrize(("samples", "passed"), [(3, 3), (4, 0)])
+def test_glitches_up_to_three_samples(samples: int, passed: int) -> None:
+    u = np.full(300, 50.0)
+    u[100 : 100 + samples] = 0.0
+    assert bridge(plateaus(u))[1] == passed
+
+
+def test_a_ramp_with_noise_stands_not_still() -> None:
+    u = np.linspace(0, 100, 20_000) + np.random.default_rng(0).normal(size=20_000)
+    assert not stands_still(plateaus(u), u)
+    held = np.repeat([0.0, 50.0], 10_000) + np.random.default_rng(0).normal(size=20_000)
+    assert stands_still(plateaus(held), held)
+
+
+def test_behind_a_hold_the_last_quarter_and_one_sample_is_the_rest() -> None:
+    run = log([(0, 3), (30, 4), (0, 8), (60, 4)])
+    late = replace(run, output=read_only(run.output + np.where(run.time_s < 12.9, 0.004 * (run.time_s > 7), 0.0)))
+    rising = [step for step in cut(late) if step.edge == "rising"]
+    assert rising[1].baseline == pytest.approx(float(late.output[1500 - 201 : 1500].mean()), abs=1e-15)
+
+
+def test_the_grid_ends_with_the_shortest_record() -> None:
+    """Its last sample is the last that all records reach, and it has no more samples than the longest record."""
+    runs = [log([(0, 2), (50, 6)], rate_hz=rate, name=f"r{rate}") for rate in (100.0, 250.0)]
+    way = direction([step for run in runs for step in cut(run)])
+    level = common(50.0, [Step(step, way.of(step)) for run in runs for step in cut(run)])
+    assert level.time_s[-1] == pytest.approx(5.988, abs=1e-9)  # 0.004 s · 1497 ≤ 5.99 s < 0.004 s · 1498
+    assert len(level.time_s) == 1498
+    uneven = log([(0, 2), (50, 6)])
+    time = uneven.time_s.copy()
+    time[300:] = np.linspace(3.0, 3000.0, 500)  # most of it slow: its usual sample time fits it badly
+    other = replace(uneven, name="b", time_s=read_only(time))
+    both = [Step(step) for run in (replace(uneven, name="a"), other) for step in cut(run)]
+    assert len(common(50.0, both).time_s) <= 600
+
+
+@pytest.mark.parametrize(("back", "count"), [(0.13, 1), (0.2, 2), (0.6, 2)])
+def test_an_edge_that_comes_back(back: float, count: int) -> None:
+    t = np.arange(2000) / 100
+    y = np.where(t < 2, 0.0, 1.0) - np.where(t > 12, back, 0.0)
+    assert len(edges(t, y)) == count
+
+
+def test_edges_by_hand() -> None:
+    t = np.arange(8000) / 1000
+    up = np.where(t >= 2, 1 - np.exp(-(t - 2).clip(0) / 0.1) * np.cos(20 * (t - 2).clip(0)), 0.0)
+    down = np.where(t >= 5, 1 - np.exp(-(t - 5).clip(0) / 0.05), 0.0)
+    first, second = edges(t, up - down)
+    assert (first.before, first.after) == pytest.approx((0.0, 1.0), abs=1e-3)
+    assert first.overshoot_pct == pytest.approx(100 * np.exp(-0.1345 / 0.1) * -np.cos(20 * 0.1345), abs=2)
+    assert second.rise_s == pytest.approx(0.05 * np.log(9), abs=0.025)
+    assert second.settling_s == pytest.approx(0.05 * np.log(0.9 / 0.05), abs=0.025)
+    assert second.at_s == pytest.approx(5.0, abs=0.03)
+
+
+def test_turns() -> None:
+    values = np.array([0.0, 3.0, 1.0, 4.0, 0.0, 0.5, 0.0, 4.0])
+    assert turns(values, 2.5) == [0, 3, 4, 7]
+    assert turns(values, 1.5) == [0, 1, 2, 3, 4, 7]
+    assert turns(np.array([0.0, 1.0, 2.0]), 1.0) == [0, 2]
