@@ -1,11 +1,12 @@
 """Is the model right? Lack of fit against the spread of the repeats, and the alternatives side by side.
 
-Shape of one level's curve: one or two exponentials, C held or free, by AICc and BIC with the effective sample size
-n_e = n / (1 + 2 Σ ρ) that the residuals' autocorrelation ρ leaves. Curves over the duty: polynomials of one to four
-powers for τ1, τ2, T_s, by χ² against the levels' own scatter and by leaving one level out.
+Shape of one level's curve: one or two exponentials, C held or free, and where repeats miss these alike stretched and
+three exponentials, by AICc and BIC with the effective sample size n_e = n / (1 + 2 Σ ρ) that the residuals'
+autocorrelation ρ leaves. Curves over the duty: polynomials of one to four powers for τ1, τ2, T_s, by χ² against the
+levels' own scatter and by leaving one level out.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from scipy.special import fdtri
@@ -19,17 +20,33 @@ from eaid.models.parameters import Friction
 from eaid.results.fit import Adequacy, Fit, LackOfFit, OrderScore, ShapeScore
 from eaid.steps.stepset import Level, StepSet
 from eaid.uncertainty.curve import Curve, curve_with_repeats
+from eaid.uncertainty.decay import decays
 from eaid.uncertainty.level_statistics import TERMS, LevelStatistics
 from eaid.uncertainty.levels import log_theta
 from eaid.uncertainty.linear_intervals import convention
 from eaid.uncertainty.profile import least_of_all
+from eaid.uncertainty.run_statistics import own_residuals
+from eaid.uncertainty.shapes import (
+    Shape,
+    best_fit,
+    stretched,
+    stretched_starts,
+    three_exponentials,
+    three_starts,
+)
 from eaid.uncertainty.share import Share
 
-OVERSHOOT = 0.05
-"""Torque lost under hold beyond which no monotone curve is right."""
 STRONG = 6.0
 """Difference of BIC that counts as strong evidence (Kass and Raftery)."""
+CLOSER = 0.1
+"""Part of the RMSE that a free C has to save to be worth it."""
 ORDERS = (1, 2, 3, 4)
+THREE = "three exponentials"
+OTHERS: tuple[tuple[str, int, Shape, Callable[[Friction], list[Array]]], ...] = (
+    ("a stretched exponential", 3, stretched, stretched_starts),
+    (THREE, 6, three_exponentials, three_starts),
+)
+"""Shapes that are tried where two exponentials fail: name, parameters, curve, starts."""
 
 
 def effective_samples(residual: Array) -> tuple[float, float]:
@@ -58,17 +75,6 @@ def spectral_degrees(residual: Array) -> float:
     power = _spectrum(residual)
     total = float((power**2).sum())
     return float(2 * power.sum() ** 2 / total) if total > 0 else float(len(residual))
-
-
-def overshoot(level: Level) -> float:
-    """Share of its peak that the mean torque loses while the input is held, smoothed over a fiftieth of the record."""
-    width = max(1, len(level.time_s) // 50)
-    sums = np.cumsum(np.concatenate(([0.0], level.mean)))
-    smooth = (sums[width:] - sums[:-width]) / width
-    peak = float(smooth.max())
-    if peak <= 0:
-        return 0.0
-    return float((peak - smooth[-1]) / peak)
 
 
 def lack_of_fit(level: Level, noise_nm: Array) -> LackOfFit | None:
@@ -100,18 +106,18 @@ def adequacy(
     ]
     sizes = [effective_samples(r) for r in residuals]
     counts = np.array([size for size, _ in sizes])
-    shapes = _shapes(base, fit, residuals, counts)
     rows = [row for level, one in zip(levels, base.estimates, strict=True) if (row := lack_of_fit(level, one.noise_nm))]
+    shapes, missed = _shapes(base, fit, residuals, counts, rows)
     polynomial = fit.nonlinear is not None and base.source == "repeats" and len(levels) >= 4
     orders = _orders(base) if polynomial else ()
-    falling = [(level.level, lost) for level in levels if (lost := overshoot(level)) > OVERSHOOT]
+    falling = decays(levels)
     found = []
     if falling:
         worst, lost = max(falling, key=lambda pair: pair[1])
         places, values = [u for u, _ in falling], {"worst": worst, "lost_pct": 100 * lost, "of": len(levels)}
         found.append(finding("output-decays-under-hold", "friction", places, unit=stepset.input_unit, **values))
     if 2 * len(falling) <= len(levels):
-        found += _recommended(shapes, orders, rows, asked)
+        found += _recommended(shapes, missed, orders, rows, asked)
     return Adequacy(
         shapes=shapes,
         orders=orders,
@@ -122,9 +128,33 @@ def adequacy(
     ), found
 
 
-def _shapes(base: LevelStatistics, fit: Fit, residuals: Sequence[Array], counts: Array) -> tuple[ShapeScore, ...]:
+def _shapes(
+    base: LevelStatistics, fit: Fit, residuals: Sequence[Array], counts: Array, rows: Sequence[LackOfFit]
+) -> tuple[tuple[ShapeScore, ...], dict[str, int]]:
+    """All shapes that were tried, over all levels together, and the levels at which repeats miss the new ones alike.
+
+    Stretched and three exponentials are tried where repeats miss the two exponentials alike, or nothing can tell. The
+    samples that count are then those that the memory of the closest shape leaves.
+    """
     levels, share = base.levels, base.estimates[0].curve.C
     samples = np.array([len(level.time_s) for level in levels], dtype=float)
+    two = np.array([float(r @ r) for r in residuals])
+    if fit.linear is not None and convention(fit.linear) != "pooled-dynamics":
+        single = np.array([row.sse for row in fit.linear.per_level])
+    else:
+        single = np.array([one.cost for one in fit_own_levels(base.data)])
+    found = [
+        ("one exponential", 2, np.maximum(single, two)),
+        (f"two exponentials, C = {share:g}", 3, two),
+        ("two exponentials, C free", 4, _free_share(base, two)),
+    ]
+    missed: dict[str, int] = {}
+    if not rows or any(row.beyond for row in rows):
+        for name, parameters, shape, starts in OTHERS:
+            left, missed[name] = _other(base, shape, starts)
+            found.append((name, parameters, np.array([float(r @ r) for r in left])))
+            if name == THREE:
+                counts = np.array([effective_samples(r)[0] for r in left])
 
     def judged(name: str, parameters: int, sse: Array) -> ShapeScore:
         p = parameters + 1  # the noise's own size is a parameter too
@@ -134,15 +164,19 @@ def _shapes(base: LevelStatistics, fit: Fit, residuals: Sequence[Array], counts:
         bic = float((score + p * np.log(counts)).sum())
         return ShapeScore(name, parameters, float(np.sqrt(sse.sum() / samples.sum())), aicc, bic)
 
-    two = np.array([float(r @ r) for r in residuals])
-    if fit.linear is not None and convention(fit.linear) != "pooled-dynamics":
-        single = np.array([row.sse for row in fit.linear.per_level])
-    else:
-        single = np.array([one.cost for one in fit_own_levels(base.data)])
-    found = [judged("one exponential", 2, np.maximum(single, two))]
-    found.append(judged(f"two exponentials, C = {share:g}", 3, two))
-    found.append(judged("two exponentials, C free", 4, _free_share(base, two)))
-    return tuple(found)
+    return tuple(judged(*one) for one in found), missed
+
+
+def _other(base: LevelStatistics, shape: Shape, starts: Callable[[Friction], list[Array]]) -> tuple[list[Array], int]:
+    """Residuals of the levels' means about another shape, and at how many levels all repeats miss it alike."""
+    left, missed = [], 0
+    for i, (level, one) in enumerate(zip(base.levels, base.estimates, strict=True)):
+        _, theta = best_fit(shape, starts(one.curve), base.data.one(i).points)
+        fitted, slopes = shape(theta, level.time_s)
+        left.append(level.mean - fitted)
+        row = lack_of_fit(level, own_residuals(level.runs, fitted, slopes))
+        missed += row is not None and row.beyond
+    return left, missed
 
 
 def _free_share(base: LevelStatistics, two: Array) -> Array:
@@ -183,7 +217,7 @@ def left_out(curve: Curve, duty_pct: Array, log_values: Array) -> Array:
     return np.asarray((np.log(curve.at(duty_pct)) - log_values) / np.maximum(1 - own, 1e-9))
 
 
-def _leave_one_out(base: LevelStatistics) -> float:
+def _leave_one_out(base: LevelStatistics) -> float | None:
     """RMS torque error of inner levels that the curves of all others predict [output unit]."""
     inner = slice(1, -1)
     values = []
@@ -191,7 +225,7 @@ def _leave_one_out(base: LevelStatistics) -> float:
         row = base.determined[:, k]
         count = int(row.sum())
         if count < 3:
-            return float("nan")
+            return None
         duty, theta = base.duty_pct[row], base.log_theta[row, k]
         curve = curve_with_repeats(duty, theta, base.expected[row, k], 10.0, min(TERMS[name], count - 1))
         said = np.log(np.maximum(curve.at(base.duty_pct), 1e-6))
@@ -207,30 +241,39 @@ def _leave_one_out(base: LevelStatistics) -> float:
 
 
 def _recommended(
-    shapes: Sequence[ShapeScore], orders: Sequence[OrderScore], rows: Sequence[LackOfFit], asked: Share | None
+    shapes: Sequence[ShapeScore],
+    missed: dict[str, int],
+    orders: Sequence[OrderScore],
+    rows: Sequence[LackOfFit],
+    asked: Share | None,
 ) -> list[Finding]:
-    """Which shape and which polynomials the levels ask for."""
+    """Which shape and which polynomials the levels ask for; `missed`: where repeats miss other shapes alike."""
     best, usual = min(shapes, key=lambda shape: shape.bic or 0.0), shapes[1]
-    if asked is not None and asked.matters and not asked.differ and best is not shapes[0]:
-        return [finding("shape-needs-the-share", "friction", held=asked.held, estimate=asked.estimate)]
+    beyond = [row for row in rows if row.beyond]
+    strong = (usual.bic or 0.0) - (best.bic or 0.0) >= STRONG
     values = {"shape": best.name, "usual": usual.name, "rmse": best.rmse, "usual_rmse": usual.rmse}
     closer = 1 - (best.rmse or 0.0) / usual.rmse if usual.rmse else 0.0
-    if best is usual or (usual.bic or 0.0) - (best.bic or 0.0) < STRONG:
-        found = [finding("shape-fits", "friction", **values)]
-    elif best is shapes[2] and closer < 0.1:
-        found = [finding("shape-fits", "friction", closer_pct=100 * closer, **values)]
+    if best.name in missed and strong and 2 * missed[best.name] > len(beyond):
+        found = [finding("no-shape-fits", "friction", (), shape=best.name, count=missed[best.name], of=len(rows))]
+    elif best.name in missed and strong:
+        found = [finding("shape-of-another-kind", "friction", (), **values)]
+    elif asked is not None and asked.matters and not asked.differ and best is not shapes[0]:
+        return [finding("shape-needs-the-share", "friction", held=asked.held, estimate=asked.estimate)]
+    elif best is usual or not strong:
+        found = [finding("shape-fits", "friction", (), **values)]
+    elif best is shapes[2] and closer < CLOSER:
+        found = [finding("shape-fits", "friction", (), closer_pct=100 * closer, **values)]
     else:
-        found = [finding("shape-of-another-kind", "friction", **values)]
+        found = [finding("shape-of-another-kind", "friction", (), **values)]
     raised = _raised(orders)
     if raised:
         found.append(finding("polynomials-too-low", "nonlinear", **raised))
     elif orders:
         found.append(finding("polynomials-fit", "nonlinear"))
-    missed = [row for row in rows if row.beyond]
-    if missed:
-        worst = max(missed, key=lambda row: row.systematic_nm or 0.0)
+    if beyond:
+        worst = max(beyond, key=lambda row: row.systematic_nm or 0.0)
         size = {"systematic": worst.systematic_nm, "worst": worst.level, "of": len(rows)}
-        found.append(finding("repeats-miss-alike", "friction", [row.level for row in missed], **size))
+        found.append(finding("repeats-miss-alike", "friction", [row.level for row in beyond], **size))
     return found
 
 

@@ -248,6 +248,10 @@ ROWS: dict[str, Row] = {
     "output-decays-under-hold": Row("caution", _decays),
     "shape-fits": Row("note", _fits),
     "shape-of-another-kind": Row("note", "use {shape}: RMSE {rmse:.3g} against {usual_rmse:.3g} of {usual}"),
+    "no-shape-fits": Row(
+        "caution",
+        "none of the shapes tried: even the closest, {shape}, is missed alike by all repeats at {count} of {of} levels",
+    ),
     "shape-needs-the-share": Row(
         "note",
         "use two exponentials, C = {estimate:.3f} at all levels: the runs reject C = {held:g}; fit again with «share» "
