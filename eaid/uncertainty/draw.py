@@ -1,23 +1,58 @@
 """Plants drawn from a fit's uncertainty: other models that the same data would allow.
 
-Coefficients are drawn from a normal distribution with the covariance kept in fit.json (`nonlinear.covariance`). The
-constraints of the fit (τ1 ≥ 1 ms, τ2 ≥ τ1, T_s ≥ 0 over the identified duties) are linear in the coefficients: a draw
-that breaks one is drawn again, and after many refusals pulled back along the line to the fit until it keeps them.
+A deviation δc of the coefficients is drawn with the covariance kept in fit.json. At the levels it moves each curve's
+logarithm by d_l = g_l'δc. The scatter behind that covariance is known from a few runs only, fewest at the ends, so d_l
+is stretched by √(ν_l/χ²(ν_l)), which makes it Student's t with the ν_l degrees of freedom of the level's own interval.
+A polynomial is then put through p(u_l) e^(d_l) by least squares of the relative error.
+
+The constraints of the fit (τ1 ≥ 1 ms, τ2 ≥ τ1, T_s ≥ 0 over the identified duties) are linear in the coefficients: a
+draw
+that breaks one is drawn again and counted, and after many refusals pulled back along the line to the fit.
 """
 
+from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
+from scipy.special import chdtri
 
 from eaid.arrays import Array
 from eaid.errors import DataError
+from eaid.findings import Finding, finding
 from eaid.fitting.stored import nonlinear_from_json
 from eaid.models.parameters import Nonlinear
-from eaid.uncertainty.joint import constraints
+from eaid.uncertainty.curve import powers
+from eaid.uncertainty.joint import BLOCKS, constraints
+from eaid.uncertainty.student_t import t_quantile
 
-PARAMETRISATION = "coefficients of (u/100 %)^k, lowest power first: tau1 [s], tau2 [s], Ts [N·m]"
-"""What the rows and columns of `nonlinear.covariance.matrix` are, in this order."""
 TRIES = 200
+DEGREES = np.append(np.geomspace(1.5, 300.0, 120), np.inf)
+"""Degrees of freedom that a level's interval is read as."""
+FARTHEST = 4.0
+"""Logarithm beyond which no draw goes: a factor of 55."""
+MANY_REJECTED = 0.05
+"""Share of rejected draws from which the reader has to know of it."""
+
+
+@dataclass(frozen=True, eq=False)
+class Drawn:
+    """Plants, and how many draws were rejected on the way because they broke a constraint."""
+
+    plants: tuple[Nonlinear, ...]
+    rejected: int
+
+    @property
+    def rejected_share(self) -> float:
+        """Rejected draws, as a share of all."""
+        return self.rejected / max(self.rejected + len(self.plants), 1)
+
+    @property
+    def findings(self) -> tuple[Finding, ...]:
+        """Told where constraints have cut a good part of the draws away: the ranges are then narrower than the data."""
+        if self.rejected_share <= MANY_REJECTED:
+            return ()
+        return (finding("draws-rejected", "plants", (), pct=100 * self.rejected_share, plants=len(self.plants)),)
 
 
 def covariance_word(fit: dict[str, Any]) -> str | None:
@@ -26,7 +61,7 @@ def covariance_word(fit: dict[str, Any]) -> str | None:
     if not isinstance(stored, dict) or not stored.get("matrix"):
         return (
             "this fit holds no covariance of the nonlinear model, so every drawn plant is the fitted one; "
-            "fit again with --ci robust to carry the uncertainty on"
+            "fit again with «ci» robust to carry the uncertainty on"
         )
     return None
 
@@ -34,14 +69,21 @@ def covariance_word(fit: dict[str, Any]) -> str | None:
 def draw_plants(fit: dict[str, Any], n: int, seed: int) -> list[Nonlinear]:
     """`n` plants that the data of a fit.json allow; the same seed gives the same plants.
 
-    Without a covariance in the file all of them are the fitted plant (`covariance_word` says so).
+    Without a covariance in the file all of them are the fitted plant (`covariance_word` says so). `draw` also tells how
+    many draws were rejected.
     """
+    return list(draw(fit, n, seed).plants)
+
+
+def draw(fit: dict[str, Any], n: int, seed: int) -> Drawn:
+    """`n` plants that the data of a fit.json allow, and how many draws broke a constraint."""
     centre = nonlinear_from_json(fit)
     if covariance_word(fit) is not None:
-        return [centre] * n
+        return Drawn((centre,) * n, 0)
     counts = (len(centre.tau1), len(centre.tau2), len(centre.Ts))
     total = sum(counts)
-    stored = fit["nonlinear"]["covariance"]
+    part = fit["nonlinear"]
+    stored = part["covariance"]
     free = (stored.get("order") or [""])[-1] == "C"
     matrix = np.array(stored["matrix"], dtype=np.float64)
     if matrix.shape != (total + free,) * 2 or not np.isfinite(matrix).all():
@@ -51,29 +93,63 @@ def draw_plants(fit: dict[str, Any], n: int, seed: int) -> list[Nonlinear]:
         )
     scale = np.concatenate([100.0 ** np.arange(count) for count in counts] + [np.ones(int(free))])
     mean = np.concatenate([centre.tau1, centre.tau2, centre.Ts, [centre.C] * free]) * scale
+    ends = np.cumsum((0, *counts)).tolist()
+    blocks = [
+        _Block(slice(a, b), name, mean[a:b], matrix[a:b, a:b], part, centre.u_range)
+        for name, (a, b) in zip(BLOCKS, pairwise(ends), strict=True)
+    ]
     root = _root(matrix)
     slack, offset = constraints(counts, centre.u_range)
     if free:  # C between 0 and 1 as well
         slack = np.block([[slack, np.zeros((len(slack), 1))], [np.zeros((2, total)), np.array([[1.0], [-1.0]])]])
         offset = np.append(offset, [0.0, -1.0])
-    random = np.random.default_rng(seed)
-    plants = []
-    first, second, third = np.cumsum(counts).tolist()
     at_fit = slack @ mean - offset
     allowed = np.minimum(at_fit, 0.0) - 1e-12  # every constraint, as far as the fit itself keeps it
+    random = np.random.default_rng(seed)
+    plants, rejected = [], 0
     for _ in range(n):
-        drawn = (_feasible(mean, root, slack, at_fit, allowed, random) / scale).tolist()
-        plants.append(
-            Nonlinear(
-                tau1=tuple(drawn[:first]),
-                tau2=tuple(drawn[first:second]),
-                Ts=tuple(drawn[second:third]),
-                u_range=centre.u_range,
-                C=drawn[third] if free else centre.C,
-                release=centre.release,
-            )
-        )
-    return plants
+        step, refused = _feasible(root, blocks, slack, at_fit, allowed, random)
+        rejected += refused
+        values = ((mean + step) / scale).tolist()
+        tau1, tau2, steady = (tuple(values[a:b]) for a, b in pairwise(ends))
+        C = min(max(values[total], 0.0), 1.0) if free else centre.C
+        plants.append(Nonlinear(tau1, tau2, steady, centre.u_range, C, centre.release))
+    return Drawn(tuple(plants), rejected)
+
+
+class _Block:
+    """How deviations of one parameter's coefficients get the tails of its intervals at the levels."""
+
+    def __init__(
+        self, own: slice, name: str, values: Array, matrix: Array, part: dict[str, Any], u_range: tuple[float, float]
+    ) -> None:
+        self.own, self.values = own, values
+        rows = [(row["level"], (row.get("ci95") or {}).get(name)) for row in part.get("curves") or []]
+        known = [(float(level), ends) for level, ends in rows if ends and ends[0] > 0]
+        duty = np.array([level for level, _ in known] if len(known) >= len(values) else np.linspace(*u_range, 11))
+        design = powers(duty, len(values))
+        curve = design @ values
+        self.usable = bool((curve > 0).all())
+        if not self.usable:
+            return
+        self.slopes = design / curve[:, None]
+        self.back = np.linalg.pinv(self.slopes)
+        sd = np.sqrt(np.maximum(((self.slopes @ matrix) * self.slopes).sum(axis=1), 0.0))
+        if len(known) == len(duty):
+            reach = np.array([0.5 * np.log(ends[1] / ends[0]) for _, ends in known])
+        else:
+            usual = (part["covariance"].get("degrees_of_freedom") or {}).get(name)
+            reach = sd * t_quantile(float(usual) if usual else np.inf)
+        ratio = np.divide(reach, sd, out=np.full(len(sd), t_quantile(np.inf)), where=sd > 0)
+        quantiles = t_quantile(DEGREES)
+        self.degrees = np.interp(-ratio, -quantiles, np.append(DEGREES[:-1], 1e6))
+
+    def with_tails(self, step: Array, at: float) -> Array:
+        """The deviation `step`, shape (p,), with tails; `at`: where in its distribution the scatter lies, 0 to 1."""
+        if not self.usable:
+            return step
+        moved = self.slopes @ step * np.sqrt(self.degrees / chdtri(self.degrees, at))
+        return np.asarray(self.back @ np.exp(np.clip(moved, -FARTHEST, FARTHEST)) - self.values)
 
 
 def _root(matrix: Array) -> Array:
@@ -87,15 +163,17 @@ def _root(matrix: Array) -> Array:
 
 
 def _feasible(
-    mean: Array, root: Array, slack: Array, at_fit: Array, allowed: Array, random: "np.random.Generator"
-) -> Array:
-    """One draw whose slack, `at_fit` at the mean, is nowhere below what is allowed."""
-    step = np.zeros_like(mean)
-    for _ in range(TRIES):
-        step = root @ random.standard_normal(len(mean))
+    root: Array, blocks: list[_Block], slack: Array, at_fit: Array, allowed: Array, random: "np.random.Generator"
+) -> tuple[Array, int]:
+    """One deviation whose slack, `at_fit` at the fit, is nowhere below what is allowed; and how many were refused."""
+    step = np.zeros(len(root))
+    for refused in range(TRIES):
+        step = root @ random.standard_normal(len(root))
+        for block, at in zip(blocks, random.random(len(blocks)), strict=True):
+            step[block.own] = block.with_tails(step[block.own], at)
         if (at_fit + slack @ step >= allowed).all():
-            return mean + step
+            return step, refused
     change = slack @ step
     falling = change < 0
     reach = float(np.min((allowed[falling] - at_fit[falling]) / change[falling]))
-    return np.asarray(mean + 0.999 * max(0.0, min(1.0, reach)) * step)
+    return np.asarray(0.999 * max(0.0, min(1.0, reach)) * step), TRIES

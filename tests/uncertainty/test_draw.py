@@ -4,8 +4,9 @@ import pytest
 from eaid.errors import DataError
 from eaid.models import nonlinear
 from eaid.models.parameters import REFERENCE_PLANT
-from eaid.uncertainty.draw import covariance_word, draw_plants
+from eaid.uncertainty.draw import covariance_word, draw, draw_plants
 from eaid.uncertainty.joint import coefficients_of
+from eaid.uncertainty.student_t import t_quantile
 
 P = REFERENCE_PLANT
 
@@ -34,7 +35,7 @@ def test_spread_is_the_covariance() -> None:
 def test_every_plant_keeps_the_constraints(sd: float) -> None:
     duty = np.linspace(*P.u_range, 101)
     plants = draw_plants(fit_json(sd), 50, 3)
-    assert len({p.tau2 for p in plants}) == 50
+    assert len({p.tau2 for p in plants}) == 50 or sd > 1  # what is far out ends at the same farthest curves
     for p in plants:
         tau1, tau2 = nonlinear.time_constants(p, duty)
         assert tau1.min() >= 1e-3 - 1e-9
@@ -65,3 +66,35 @@ def test_a_broken_covariance_is_refused() -> None:
     broken["nonlinear"]["covariance"]["matrix"] = [[1.0, 2.0]]
     with pytest.raises(DataError, match="expected 10 x 10"):
         draw_plants(broken, 1, 0)
+
+
+def test_tails_are_those_of_the_levels_own_intervals() -> None:
+    """Half-widths of t(3) at every level, where the covariance has σ = 5 %: 95 % of the plants reach as far."""
+    fit = fit_json(None)
+    counts, sd = (3, 3, 4), 0.05
+    matrix = np.zeros((10, 10))
+    part = fit["nonlinear"]
+    for k, (start, count) in enumerate(zip((0, 3, 6), counts, strict=True)):
+        c = coefficients_of(P).values[start : start + count]
+        matrix[start : start + count, start : start + count] = sd**2 * np.outer(c, c)
+        assert k < 3
+    duty = np.arange(10.0, 101.0, 10.0)
+    reach = t_quantile(3.0) * sd
+    curves = coefficients_of(P)
+    rows = [{"level": u, "ci95": {}} for u in duty]
+    for name in ("tau1", "tau2", "Ts"):
+        for row, value in zip(rows, curves.at(name, duty), strict=True):
+            row["ci95"][name] = [value * np.exp(-reach), value * np.exp(reach)]
+    part |= {"covariance": {"matrix": matrix.tolist()}, "curves": rows}
+    drawn = draw(fit, 3000, 0)
+    assert drawn.rejected < 10 and drawn.findings == ()
+    steady = np.array([nonlinear.steady_torque(p, duty) for p in drawn.plants])
+    low, high = np.quantile(np.log(steady / curves.at("Ts", duty)), [0.025, 0.975], axis=0)
+    assert low == pytest.approx(-reach, rel=0.12) and high == pytest.approx(reach, rel=0.12)
+
+
+def test_the_share_of_rejected_draws_is_told() -> None:
+    drawn = draw(fit_json(0.5), 40, 3)
+    assert drawn.rejected_share > 0.05
+    (told,) = drawn.findings
+    assert told.code == "draws-rejected" and told.values["pct"] == pytest.approx(100 * drawn.rejected_share)

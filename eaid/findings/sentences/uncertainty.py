@@ -266,4 +266,9 @@ ROWS: dict[str, Row] = {
             f"alike (by {v['systematic']:.2g} at {v['worst']:g}): the shape is not quite right"
         ),
     ),
+    "draws-rejected": Row(
+        "caution",
+        "{pct:.0f} % of the draws broke a constraint (τ2 below τ1, or T_s below 0) and were drawn again: the ranges "
+        "over the {plants} plants are cut there",
+    ),
 }
