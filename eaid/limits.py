@@ -98,6 +98,9 @@ LIMITS: dict[str, Limit] = {
     "offset_nm": Limit(-1e6, 1e6),
     "jitter_s": Limit(0, 1e3),
     "resolution_nm": Limit(0, 1e6),
+    # plan
+    "longest_hold": Limit(5, 1e6),
+    "most_levels": Limit(4, 100, whole=True),
 }  # fmt: skip
 
 

@@ -28,6 +28,7 @@ KINDS: dict[str, tuple[str, ...]] = {
     "fit": ("data", "friction", "nonlinear", "linear", "release"),
     "gains": ("model", "rc", "pi"),
     "couple": (),
+    "plan": (),
 }
 """Kind of a JSON result → parts by which a file that names no schema is known."""
 

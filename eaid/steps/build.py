@@ -18,6 +18,7 @@ from eaid.steps.clock import Clocks
 from eaid.steps.cut import AUTO, cut, has_input
 from eaid.steps.direction import Direction, direction
 from eaid.steps.doubts import disagreement, doubts
+from eaid.steps.idle_noise import idle_density
 from eaid.steps.level_steps import level_steps
 from eaid.steps.levels import grouped, same_level, wanted_levels
 from eaid.steps.plateaus import FEWEST, tolerance
@@ -116,6 +117,12 @@ def _counted(steps: list[Run]) -> list[Run]:
     return counted
 
 
+def _idle_density(step: Step) -> float | None:
+    if step.run.edge != "rising" or step.run.from_level != 0:
+        return None
+    return idle_density(step.run.time_s[: step.start], step.idle)
+
+
 def _record(step: Step, said: Sequence[Finding]) -> RunRecord:
     run = step.run
     return RunRecord(
@@ -133,6 +140,7 @@ def _record(step: Step, said: Sequence[Finding]) -> RunRecord:
         lost_pct=lost_pct(step) if run.edge == "rising" else None,
         left_pct=left_pct(step) if run.edge == "falling" else None,
         from_level=run.from_level,
+        idle_density=_idle_density(step),
         slip=slip_of(step.time_s, step.rise) if run.edge == "rising" and run.from_level == 0 else None,
     )
 

@@ -113,6 +113,8 @@ class RunRecord:
     """Torque left at the end of a release [% of the held torque] (Fig. 6); None for a rising step."""
     from_level: float = 0.0
     """Input before a rising step, or where a falling one goes; 0: rest."""
+    idle_density: float | None = None
+    """Density of the output's noise while idle [output²·s]; None where the idle record is too short to tell."""
     slip: SlipTest | None = None
     """Where the output peaks and slips under a held input."""
 

@@ -28,7 +28,7 @@ from eaid.uncertainty.friction_intervals import Parameter
 from eaid.uncertainty.identifiability import friction_verdict, linear_verdict, scatter_findings
 from eaid.uncertainty.level_statistics import LevelStatistics, level_statistics, pooled_statistics, statistics_at_share
 from eaid.uncertainty.levels import share_sensitivity
-from eaid.uncertainty.noise import noise_of, noise_part
+from eaid.uncertainty.noise import idle_of, noise_of, noise_part
 from eaid.uncertainty.profile import profile_interval
 from eaid.uncertainty.share import Share, share_findings, share_of, share_part
 from eaid.uncertainty.student_t import t_quantile
@@ -101,7 +101,7 @@ def _with_intervals(stepset: StepSet, fit: Fit, options: IntervalOptions, advanc
     if options.study_models and fit.friction is not None:
         judged, more = adequacy(stepset, fit, base, asked)
         found += more
-    result = msgspec.structs.replace(fit, uncertainty=_summary(curves, options, judged, asked))
+    result = msgspec.structs.replace(fit, uncertainty=_summary(curves, options, judged, asked, idle_of(stepset.runs)))
     if fit.friction is not None:
         part, more = _friction(fit.friction, curves, options, stepset)
         result, found = msgspec.structs.replace(result, friction=part), found + more
@@ -218,7 +218,7 @@ def _linear(
 
 
 def _summary(
-    curves: LevelStatistics, options: IntervalOptions, judged: Adequacy | None, asked: Share | None
+    curves: LevelStatistics, options: IntervalOptions, judged: Adequacy | None, asked: Share | None, idle: float | None
 ) -> Uncertainty:
     share = None
     if curves.variance.shape[1] == 3:
@@ -234,7 +234,7 @@ def _summary(
             name: 100 * float(np.sqrt(a)) if np.isfinite(a) else None
             for name, a in zip(("Ts", "tau1", "tau2", "C"), curves.between, strict=False)
         },
-        noise=noise_part(noise_of(curves)),
+        noise=noise_part(noise_of(curves, idle)),
         draws=options.draws if options.ci == "bootstrap" else None,
         share=share,
         adequacy=judged,

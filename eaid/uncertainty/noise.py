@@ -4,14 +4,16 @@ A parameter's within-run variance is h = S [(∫ J J' dt)⁻¹]_kk with a noise 
 the sensor [N²m²·s], s1 from ripple that goes with the torque [s].
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
+from scipy.special import chdtri
 
 from eaid.arrays import Array
 from eaid.models.parameters import Friction
 from eaid.results import fit as results
+from eaid.steps.stepset import RunRecord
 from eaid.uncertainty.level_statistics import LevelStatistics
 from eaid.uncertainty.levels import log_jacobian
 
@@ -44,8 +46,12 @@ def inverse_information(curve: Friction, hold_s: float) -> Array:
     return np.asarray(np.linalg.pinv((jacobian.T * width) @ jacobian, rcond=1e-14, hermitian=True))
 
 
-def noise_of(stats: LevelStatistics) -> Noise:
-    """The noise that the levels show; parameters that a level does not determine are left out."""
+def noise_of(stats: LevelStatistics, idle: float | None = None) -> Noise:
+    """The noise that the levels show; parameters that a level does not determine are left out.
+
+    `idle` is the density of the sensor's noise while the rig idles, where it is known: only the ripple is then left to
+    be found in the levels.
+    """
     density, square = [], []
     for one, known in zip(stats.estimates, stats.determined, strict=True):
         if not known[:3].all():
@@ -54,16 +60,25 @@ def noise_of(stats: LevelStatistics) -> Noise:
         ratio = one.runs.within[:3] / np.maximum(per_second, 1e-300)
         density.append(float(np.exp(np.mean(np.log(np.maximum(ratio, 1e-300))))))
         square.append(one.curve.Ts**2)
-    sensor, ripple = _line(np.array(square), np.array(density))
+    sensor, ripple = _line(np.array(square), np.array(density), idle)
     pairs = zip(stats.between, ASSUMED.scatter, strict=False)
     sizes = [float(np.sqrt(a)) if np.isfinite(a) else assumed for a, assumed in pairs]
     return Noise(sensor, ripple, (sizes[0], sizes[1], sizes[2]))
 
 
-def _line(x: Array, y: Array) -> tuple[float, float]:
-    """s0, s1 ≥ 0 of y = s0 + s1 x, relative errors alike."""
+def idle_of(runs: Sequence[RunRecord]) -> float | None:
+    """Median density of the idle noise over the runs; None where none has idled long enough."""
+    found = [run.idle_density for run in runs if run.idle_density is not None]
+    return float(np.median(found)) if found else None
+
+
+def _line(x: Array, y: Array, s0: float | None) -> tuple[float, float]:
+    """s0, s1 ≥ 0 of y = s0 + s1 x, relative errors alike; s0 may be known."""
     if not len(x):
-        return ASSUMED.sensor_nm2_s, ASSUMED.ripple_s
+        return ASSUMED.sensor_nm2_s if s0 is None else s0, ASSUMED.ripple_s
+    if s0 is not None:
+        y = np.maximum(y, 1e-300)
+        return s0, max(0.0, float((x / y) @ (1 - s0 / y) / max(float((x / y) @ (x / y)), 1e-300)))
     if len(x) == 1 or np.ptp(x) == 0:
         return float(y.mean()), 0.0
     design = np.stack([1 / np.maximum(y, 1e-300), x / np.maximum(y, 1e-300)], axis=1)
@@ -83,19 +98,17 @@ def noise_part(noise: Noise) -> results.Noise:
     )
 
 
-def noise_from_json(fit: dict[str, Any]) -> tuple[Noise, str | None]:
-    """The noise that a fit.json holds; else an assumed one, and a word that says so."""
-    stored: Any = (fit.get("uncertainty") or {}).get("noise")
-    try:
-        scatter = stored["scatter"]
-        noise = Noise(
-            float(stored["sensor_nm2_s"]),
-            float(stored["ripple_s"]),
-            (float(scatter["Ts"]), float(scatter["tau1"]), float(scatter["tau2"])),
-        )
-    except (TypeError, KeyError, ValueError):
-        return ASSUMED, (
-            "this fit.json does not say how noisy the rig is; assumed: 3 % scatter of T_s, 5 % of τ1 from run to run, "
-            "1 % ripple and 0.03 N·m of sensor noise at 1 kHz; fit again with this version to use the rig's own"
-        )
-    return noise, None
+def noise_of_fit(fit: results.Fit) -> Noise | None:
+    """The noise that a fit holds; None where it does not say."""
+    stored = fit.uncertainty.noise if fit.uncertainty is not None else None
+    if stored is None or not {"Ts", "tau1", "tau2"} <= set(stored.scatter):
+        return None
+    scatter = stored.scatter
+    return Noise(stored.sensor_nm2_s, stored.ripple_s, (scatter["Ts"], scatter["tau1"], scatter["tau2"]))
+
+
+def cautious(noise: Noise, degrees: float) -> Noise:
+    """The same with the scatter that only one rig in five exceeds, known by so many `degrees` of freedom."""
+    factor = float(np.sqrt(degrees / chdtri(degrees, 0.8))) if degrees > 0 else 1.0
+    Ts, tau1, tau2 = noise.scatter
+    return Noise(noise.sensor_nm2_s, noise.ripple_s, (factor * Ts, factor * tau1, factor * tau2))

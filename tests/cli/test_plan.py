@@ -31,9 +31,9 @@ def test_plan_and_its_duty_file(fit: Path, tmp_path: Path, capsys: pytest.Captur
     result = json.loads(told.out)
     assert result["schema"] == "eaid/plan/1" and result["met"] is True
     assert result["half_width_pct"]["tau2"] <= 12 and result["half_width_pct"]["Ts"] <= 4
-    # the median of five experiments whose scatter is known to √(2/20) each
+    # the eighth of ten recordings whose scatter is known to √(2/20) each
     for name, width in result["half_width_pct"].items():
-        assert result["measured_half_width_pct"][name] == pytest.approx(width, rel=0.3), name
+        assert 0.8 < result["measured_half_width_pct"][name] / width < 1.7, name
     assert result["measured_half_width_pct"]["tau2"] <= 12 and result["measured_half_width_pct"]["Ts"] <= 4
     rows = list(csv.DictReader(output.open()))
     assert len(rows) == len(result["levels"]) * result["repeats"]
@@ -66,12 +66,14 @@ def test_levels_in_volts_are_planned_in_volts(fit: Path, tmp_path: Path, capsys:
     part |= {
         "u_range": [3 * u for u in part["u_range"]],
         "identifiable": False,
-        "not_identifiable_because": ["too short"],
     }
     source["data"] = {"kind": "clutch", "input_unit": "V", "output_unit": "N"}
-    source["uncertainty"]["adequacy"] = {"warnings": ["the output decays under hold"]}
+    decays = {"code": "output-decays-under-hold", "severity": "caution", "subject": "friction", "levels": [300.0]}
+    source["findings"] = [{**decays, "values": {}}]
     volts = tmp_path / "volts.json"
-    write_json(volts, stamped("eaid/fit/1", {key: source[key] for key in ("data", "nonlinear", "uncertainty")}))
+    write_json(
+        volts, stamped("eaid/fit/1", {key: source[key] for key in ("data", "nonlinear", "uncertainty", "findings")})
+    )
     found = []
     for path in (fit, volts):
         out = tmp_path / f"{path.stem}.csv"
@@ -84,8 +86,9 @@ def test_levels_in_volts_are_planned_in_volts(fit: Path, tmp_path: Path, capsys:
         found[0]["measured_half_width_pct"]["Ts"], rel=0.05
     )
     assert (tmp_path / "volts.duty.csv").read_text().startswith("time_s,input_v\n0,0\n10,")
-    assert "the fit itself is not identifiable (too short): the plan rests on a guess" in told.err
-    assert "the fit says: the output decays under hold; a plan for that model cannot mend it" in told.err
+    codes = [one["code"] for one in found[1]["findings"]]
+    assert codes == ["plan-of-decaying-output", "plan-rests-on-a-guess"]
+    assert "the plan rests on a guess" in told.err and "decays under hold at 300" in told.err
 
 
 def test_an_existing_plan_is_left_alone(fit: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -114,9 +117,11 @@ def test_a_fit_without_noise_says_what_is_assumed(tmp_path: Path, capsys: pytest
 @pytest.mark.parametrize(
     ("options", "code", "sentence"),
     [
-        (["--want", "tau9=3"], 2, "--want tau9=3: write"),
-        (["--idle", "-1"], 2, "--idle -1: give 0 or more"),
-        (["--most-levels", "2"], 2, "--most-levels 2: give 4 or more"),
+        (["--want", "tau9=3"], 2, "--want tau9: give a parameter of Ts, tau1, tau2"),
+        (["--want", "tau2"], 2, "--want tau2: write tau2=10,Ts=2"),
+        (["--want", "Ts=150"], 2, "--want Ts: give"),
+        (["--idle", "-1"], 2, "--idle -1: give a number from 0"),
+        (["--most-levels", "2"], 2, "--most-levels 2: give a whole number from 4 to 100"),
     ],
 )
 def test_wrong_usage(

@@ -5,13 +5,12 @@ g'(Σ g g'/V)⁻¹g, Student's t with L(R − 1) degrees of freedom. Of all expe
 levels and repeats, the one that takes the least time on the rig is taken.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from eaid.arrays import Array
-from eaid.errors import UsageError
 from eaid.models.parameters import Friction
 from eaid.uncertainty.curve import powers
 from eaid.uncertainty.level_statistics import TERMS
@@ -27,16 +26,8 @@ LEAST_REPEATS, MOST_REPEATS = 3, 20
 
 
 @dataclass(frozen=True)
-class Wanted:
-    """A half-width of a 95 % interval [%] that is not to be exceeded at any level."""
-
-    parameter: str
-    half_width_pct: float
-
-
-@dataclass(frozen=True)
-class Rig:
-    """What each run costs beside its hold."""
+class Session:
+    """What the rig allows, and what each run costs beside its hold."""
 
     idle_s: float = 10.0
     release_s: float = 10.0
@@ -45,50 +36,35 @@ class Rig:
 
 
 @dataclass(frozen=True)
-class Plan:
-    """One experiment and what it is predicted to give."""
+class Experiment:
+    """Levels, holds and repeats, and what they are predicted to give."""
 
     levels: tuple[float, ...]
     hold_s: tuple[float, ...]
     repeats: int
     half_width_pct: dict[str, float]
-    """At the worst level, of every parameter."""
+    """At the worst level, of every parameter; infinite where it is not determined."""
     time_s: float
     """Time on the rig [s]."""
     met: bool
     """Whether every wanted width is reached."""
 
 
-def wanted_of(text: str) -> list[Wanted]:
-    """`tau2=10,Ts=2` as widths in percent; raises UsageError."""
-    found = []
-    for part in text.split(","):
-        name, _, number = part.partition("=")
-        name = name.strip()
-        try:
-            width = float(number.strip().removesuffix("%"))
-        except ValueError:
-            width = 0.0
-        if name not in PARAMETERS or not 0 < width < 100:
-            raise UsageError(
-                f"--want {text}: write {'='.join(['tau2', '10'])},Ts=2: a parameter of {', '.join(PARAMETERS)} and a "
-                "half-width in percent, above 0 and below 100"
-            )
-        found.append(Wanted(name, width))
-    return found
-
-
 def half_widths(
     curves: Sequence[Friction], levels: Array, hold_s: Array, repeats: int, noise: Noise, polynomial: bool = True
 ) -> dict[str, float]:
     """Predicted half-width of each parameter at the worst level [%]; of the curve, or of single levels."""
-    within = np.array(
+    return _half_widths(_within(curves, hold_s, noise), curves, levels, repeats, noise, polynomial)
+
+
+def _within(curves: Sequence[Friction], hold_s: Array, noise: Noise) -> Array:
+    """Within-run variance h of (log T_s, log τ1, log τ2) of one run of each level, shape (L, 3)."""
+    return np.array(
         [
             noise.density(curve.Ts) * np.diag(inverse_information(curve, float(hold)))
             for curve, hold in zip(curves, hold_s, strict=True)
         ]
     )
-    return _half_widths(within, curves, levels, repeats, noise, polynomial)
 
 
 def _half_widths(
@@ -112,38 +88,33 @@ def _half_widths(
     return result
 
 
-def plan(
+def quickest(
     curve_at: Callable[[float], Friction],
     candidates: Sequence[Sequence[float]],
-    wanted: Sequence[Wanted],
+    wanted: Mapping[str, float],
     noise: Noise,
-    rig: Rig,
+    session: Session,
     polynomial: bool = True,
-) -> Plan:
+) -> Experiment:
     """The quickest experiment that reaches every wanted width; where none does, the one that comes nearest.
 
     `candidates` are the sets of levels to choose from.
     """
-    best: tuple[float, Plan] | None = None
+    best: tuple[float, Experiment] | None = None
     for levels in candidates:
         curves = [curve_at(level) for level in levels]
         duty = np.array(levels)
         for factor in HOLDS:
-            hold = np.array([_round(factor * curve.tau2, rig) for curve in curves])
-            within = np.array(
-                [
-                    noise.density(c.Ts) * np.diag(inverse_information(c, float(h)))
-                    for c, h in zip(curves, hold, strict=True)
-                ]
-            )
+            hold = np.array([_hold(factor * curve.tau2, session) for curve in curves])
+            within = _within(curves, hold, noise)
             for repeats in range(LEAST_REPEATS, MOST_REPEATS + 1):
-                widths = _half_widths(within, curves, duty, repeats, noise, polynomial)
-                time_s = repeats * float((hold + rig.idle_s + rig.release_s).sum())
-                over = max(widths[w.parameter] / w.half_width_pct for w in wanted)
+                widths = _half_widths(within, curves, duty, repeats, noise, polynomial and len(levels) > 1)
+                time_s = repeats * float((hold + session.idle_s + session.release_s).sum())
+                over = max(widths[name] / width for name, width in wanted.items())
                 # an experiment that falls short costs more than any that does not
                 price = time_s if over <= 1 else 1e9 * over + time_s
                 if best is None or price < best[0]:
-                    found = Plan(tuple(levels), tuple(hold.tolist()), repeats, widths, time_s, over <= 1)
+                    found = Experiment(tuple(levels), tuple(hold.tolist()), repeats, widths, time_s, over <= 1)
                     best = (price, found)
                 if over <= 1:
                     break
@@ -151,49 +122,22 @@ def plan(
     return best[1]
 
 
-def _round(hold_s: float, rig: Rig) -> float:
+def _hold(hold_s: float, session: Session) -> float:
     """Whole seconds, within what the rig and the least record allow."""
-    return float(np.ceil(min(max(hold_s, LEAST_HOLD_S), rig.longest_hold_s)))
+    return float(np.ceil(min(max(hold_s, LEAST_HOLD_S), session.longest_hold_s)))
 
 
-def level_sets(u_range: tuple[float, float], most: int) -> list[list[float]]:
-    """Equally spaced levels over the identified duties, from eight (four more than T_s(u) has terms) to `most`."""
-    low, high = u_range
-    digits = 0 if high - low >= 3 * most else 1
-    return [np.round(np.linspace(low, high, count), digits).tolist() for count in range(min(8, most), most + 1)]
+def level_sets(known: Sequence[float], most: int) -> list[list[float]]:
+    """Equally spaced levels over the identified range, from eight (four more than T_s(u) has terms) to `most`.
 
-
-@dataclass(frozen=True)
-class Step:
-    """One run of the plan."""
-
-    order: int
-    level: float
-    repeat: int
-    idle_s: float
-    hold_s: float
-    release_s: float
-
-
-def run_order(found: Plan, rig: Rig, seed: int) -> list[Step]:
-    """One block a repeat, each with all levels in an order of its own: no drift or sweep hides in the levels."""
-    random = np.random.default_rng(seed)
-    steps: list[Step] = []
-    for repeat in range(1, found.repeats + 1):
-        for i in random.permutation(len(found.levels)):
-            steps.append(Step(len(steps) + 1, found.levels[i], repeat, rig.idle_s, found.hold_s[i], rig.release_s))
-    return steps
-
-
-def duty_breaks(steps: Sequence[Step]) -> list[tuple[float, float]]:
-    """The whole session as (from when [s], duty [%]), held until the next; the last entry ends it."""
-    breaks, now = [], 0.0
-    for step in steps:
-        breaks.append((now, 0.0))
-        breaks.append((now + step.idle_s, step.level))
-        breaks.append((now + step.idle_s + step.hold_s, 0.0))
-        now += step.idle_s + step.hold_s + step.release_s
-    merged = [
-        one for one, before in zip(breaks, [None, *breaks], strict=False) if before is None or one[1] != before[1]
-    ]
-    return [*merged, (now, 0.0)]
+    They are rounded to a sixteenth of their distance or less; of a single known level there is one set.
+    """
+    low, high = float(min(known)), float(max(known))
+    if low == high:
+        return [[low]]
+    sets = []
+    for count in range(min(8, most), most + 1):
+        digits = int(np.floor(1.9 - np.log10((high - low) / (count - 1))))
+        inner = [round(level, digits) for level in np.linspace(low, high, count).tolist()]
+        sets.append(sorted({min(max(level, low), high) for level in inner}))
+    return sets

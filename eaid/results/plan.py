@@ -1,0 +1,39 @@
+"""plan.json as a type: what to record next, and the interval widths that it is simulated to give."""
+
+from eaid.findings import Finding
+from eaid.results.common import Count, Input, Number, Result
+
+
+class PlannedRun(Result, frozen=True):
+    """One run of the session: idle, hold at the level, release."""
+
+    order: Count
+    level: Number
+    """In the input's unit."""
+    repeat: Count
+    idle_s: Number
+    hold_s: Number
+    release_s: Number
+
+
+class Plan(Result, frozen=True):
+    """One experiment: levels, holds, repeats, order, and what it gives."""
+
+    inputs: tuple[Input, ...] = ()
+    seed: int = 0
+    wanted: dict[str, Number] = {}
+    """Half-widths of 95 % intervals that are wanted at the worst level [%]."""
+    met: bool = False
+    """Whether every wanted width is reached."""
+    levels: tuple[Number, ...] = ()
+    hold_s: tuple[Number, ...] = ()
+    """Hold of each level [s]."""
+    repeats: Count = 0
+    time_on_rig_s: Number = 0.0
+    half_width_pct: dict[str, Number | None] = {}
+    """Predicted half-width at the worst level [%]; None: undetermined."""
+    measured_half_width_pct: dict[str, Number | None] | None = None
+    """What four of five simulated recordings keep at the worst level [%]; None where none was simulated."""
+    input_unit: str = "%"
+    runs: tuple[PlannedRun, ...] = ()
+    findings: tuple[Finding, ...] = ()
