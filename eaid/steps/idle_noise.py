@@ -1,7 +1,7 @@
 """How noisy the sensor is while the rig idles, in a form that does not depend on the sample rate.
 
-The density S of slow noise is b var(block means), blocks of b = 0.25 s: white noise of standard deviation σ at a rate f has
-S = σ²/f. A drift of the idle output is taken out first as a straight line.
+The density S of slow noise is b var(block means), blocks of b = 0.25 s: white noise of standard deviation σ at a rate f
+has S = σ²/f. A drift of the idle output is taken out first as a straight line.
 """
 
 import numpy as np
