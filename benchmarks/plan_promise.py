@@ -1,9 +1,8 @@
 """Does a planned recording give what was planned? `python -m benchmarks.plan_promise [PLANTS]`.
 
-Each plant has T_s, τ1 and τ2 of the reference plant times e^(0.2 N), is recorded once (ten levels, three runs of
-20 s,
-the noise of benchmarks/coverage.py, its idle noise known), fitted and planned; two recordings are then made of the plant
-itself as planned. Counted is how many keep, at the worst level, what the plan stated, and what was wanted.
+Each plant has T_s, τ1 and τ2 of the reference plant times e^(0.2 N). It is recorded once (ten levels, three runs of
+20 s, the noise of benchmarks/coverage.py, its idle noise known), fitted and planned; then it is recorded twice as
+planned. Counted is how many recordings keep, at the worst level, what the plan stated, and what was wanted.
 """
 
 import sys

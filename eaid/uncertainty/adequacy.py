@@ -40,6 +40,8 @@ STRONG = 6.0
 """Difference of BIC that counts as strong evidence (Kass and Raftery)."""
 CLOSER = 0.1
 """Part of the RMSE that a free C has to save to be worth it."""
+FEW = 2
+"""Levels that repeats may miss alike by chance."""
 ORDERS = (1, 2, 3, 4)
 THREE = "three exponentials"
 OTHERS: tuple[tuple[str, int, Shape, Callable[[Friction], list[Array]]], ...] = (
@@ -253,8 +255,9 @@ def _recommended(
     strong = (usual.bic or 0.0) - (best.bic or 0.0) >= STRONG
     values = {"shape": best.name, "usual": usual.name, "rmse": best.rmse, "usual_rmse": usual.rmse}
     closer = 1 - (best.rmse or 0.0) / usual.rmse if usual.rmse else 0.0
-    if best.name in missed and strong and 2 * missed[best.name] > len(beyond):
-        found = [finding("no-shape-fits", "friction", (), shape=best.name, count=missed[best.name], of=len(rows))]
+    if missed and min(missed.values()) > max(FEW, len(rows) / 4):
+        name = min(missed, key=missed.__getitem__)
+        found = [finding("no-shape-fits", "friction", (), shape=name, count=missed[name], of=len(rows))]
     elif best.name in missed and strong:
         found = [finding("shape-of-another-kind", "friction", (), **values)]
     elif asked is not None and asked.matters and not asked.differ and best is not shapes[0]:

@@ -12,6 +12,8 @@ OVERSHOOT = 0.05
 """Output lost under hold beyond which no monotone curve is right."""
 CHANCE = 0.01
 """Probability at which noise alone would be told to be a decay under hold."""
+SINGLE_CHANCE = 0.001
+"""The same for a single run, whose peak the same noise has chosen."""
 SINGLE_DEGREES = 4.0
 """Degrees of freedom given to the scatter of a single smoothed run."""
 
@@ -35,7 +37,7 @@ def decays(levels: Sequence[Level]) -> list[tuple[float, float]]:
 
     The peak of a run is looked for in the other runs, so that noise does not make one. The falls of the runs of a level
     are then compared with what they scatter, pooled over the levels (t test, one in a hundred); the fall of a single
-    run with what its own smoothed output scatters about a straight line after the peak.
+    run with what its own smoothed output scatters about a straight line after the peak (one in a thousand).
     """
     falls = [_falls(level) for level in levels]
     spare = sum(len(fall) - 1 for fall in falls)
@@ -44,8 +46,8 @@ def decays(levels: Sequence[Level]) -> list[tuple[float, float]]:
     for level, fall in zip(levels, falls, strict=True):
         lost = overshoot(level)
         error = np.sqrt(pooled / len(fall)) if len(fall) > 1 else _single_error(level)
-        degrees = float(spare) if len(fall) > 1 else SINGLE_DEGREES
-        if lost > OVERSHOOT and fall.mean() > t_quantile(degrees, 1 - 2 * CHANCE) * error:
+        degrees, chance = (float(spare), CHANCE) if len(fall) > 1 else (SINGLE_DEGREES, SINGLE_CHANCE)
+        if lost > OVERSHOOT and fall.mean() > t_quantile(degrees, 1 - 2 * chance) * error:
             found.append((level.level, lost))
     return found
 

@@ -26,6 +26,7 @@ def warm() -> None:
     mpl.use("Agg")
     import eaid.cli.simulate_work
     import eaid.report.build
+    import eaid.uncertainty.design
 
     import eaid.cli.main
     import eaid.control.design
@@ -36,7 +37,6 @@ def warm() -> None:
     import eaid.report.paper.table
     import eaid.steps.build
     import eaid.synth.logs
-    import eaid.uncertainty.design
     import eaid.uncertainty.intervals  # noqa: F401
 
 
