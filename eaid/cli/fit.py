@@ -22,6 +22,7 @@ def command(
     hold_out: options_.HoldOut = None,
     bounds: options_.BoundsOption = "zero-offset",
     bounds_levels: options_.BoundsLevels = None,
+    shape: options_.Shape = "auto",
     ci: options_.Ci = "robust",
     columns: inputs.Columns = None,
     units: inputs.Units = None,
@@ -59,7 +60,7 @@ def command(
     refuse_to_overwrite(output, force)
     options = FitOptions(
         options_.models_of(model), options_.share_of(share), weights, loss, options_.numbers("hold_out", hold_out),
-        bounds,        estimator=estimator, ci=ci, seed=seed, workers=options_.processors(),
+        bounds,        estimator=estimator, shape=shape, ci=ci, seed=seed, workers=options_.processors(),
     )  # fmt: skip
     check(options)
     stepset = inputs.stepset_from(

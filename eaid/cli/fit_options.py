@@ -29,6 +29,7 @@ Estimator = Annotated[
     str,
     typer.Option(help="Nonlinear model: auto (the one that the evidence supports), joint (the paper's) or two-stage."),
 ]
+Shape = Annotated[str, typer.Option(help="Steps between levels: auto (by the evidence), one, two, free or overshoot.")]
 Ci = Annotated[str, typer.Option(help="Intervals: robust, bootstrap, profile, white or none.")]
 Verbose = Annotated[bool, typer.Option("--verbose", help="Tell all findings and show all tables.")]
 

@@ -5,7 +5,7 @@ from collections.abc import Iterable, Mapping, Sequence
 
 from eaid.cli import console
 from eaid.results.common import Huber, HuberPart, Interval, Solver
-from eaid.results.fit import Estimate, Fit, Friction, Linear, Nonlinear, Pooled, Release
+from eaid.results.fit import Estimate, Fit, Friction, FrictionLevel, Linear, Nonlinear, Pooled, Release
 
 
 def tables(fit: Fit, verbose: bool = False) -> None:
@@ -26,7 +26,9 @@ def tables(fit: Fit, verbose: bool = False) -> None:
 
 def verdict_cell(solver: Solver | None) -> str:
     """The verdict for a table."""
-    if solver is None or not solver.converged:
+    if solver is None:
+        return "-"
+    if not solver.converged:
         return "NOT CONVERGED"
     return "converged, at a constraint" if solver.at_bounds else "converged"
 
@@ -35,11 +37,13 @@ def friction_tables(part: Friction, unit: str, out: str, way: str) -> None:
     """T_s, τ1, τ2 of each level, their intervals, and the trends."""
     rows = [
         [
-            f"{row.level:g}", f"{row.Ts:.5g}", f"{row.tau1:.4g}", f"{row.tau2:.4g}", f"{row.C:.3g}", _number(row.C_f),
+            _place(row), f"{row.Ts:.5g}", f"{row.tau1:.4g}", f"{row.tau2:.4g}", f"{row.C:.3g}", _number(row.C_f),
             _number(row.rmse, 3), _number(row.fit_pct), verdict_cell(row.solver),
         ]
         for row in part.levels
     ]  # fmt: skip
+    if not rows:
+        return
     columns = [f"level [{unit}]", f"T_s [{out}]", "τ1 [s]", "τ2 [s]", "C", "C_f", f"RMSE [{out}]", "fit %", "verdict"]
     console.table("Friction curve of each level, Eq. (3)", columns, rows)
     sure = [row for row in part.levels if row.ci95 is not None]
@@ -173,6 +177,11 @@ def release_table(part: Release, unit: str, out: str) -> None:
         f"RMSE [{out}]",
     ]  # fmt: skip
     console.table("Release, beside the rise", columns, rows)
+
+
+def _place(row: FrictionLevel) -> str:
+    """A level, or the two that a step lies between."""
+    return f"{row.level:g}" if row.from_ == 0 else f"{row.from_:g} → {row.level:g}"
 
 
 def _number(value: float | None, digits: int = 4) -> str:

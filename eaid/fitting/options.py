@@ -20,6 +20,7 @@ CONVENTIONS: dict[str, str] = {
 """What each convention for b0 of a single level assumes, SPEC §4.3."""
 WEIGHTS = ("equal", "sd")
 LOSSES = ("squares", "huber")
+SHAPES = ("auto", "one", "two", "free", "overshoot")
 ESTIMATORS = ("auto", "joint", "two-stage")
 INTERVALS = ("robust", "bootstrap", "profile", "white", "none")
 
@@ -45,6 +46,8 @@ class FitOptions:
     estimator: str = "auto"
     """joint: all coefficients together, as in the paper. two-stage: each level, then the polynomials through them.
     auto: the one that the evidence supports."""
+    shape: str = "auto"
+    """Shape of steps between levels: auto (by the evidence), one, two, free or overshoot."""
     ci: str = "robust"
     """How 95 % intervals are found: robust, bootstrap, profile, white or none."""
     seed: int = 0
@@ -63,6 +66,7 @@ def check(options: FitOptions) -> None:
         ("«bounds»", options.bounds, tuple(CONVENTIONS)),
         ("«estimator»", options.estimator, ESTIMATORS),
         ("«ci»", options.ci, INTERVALS),
+        ("«shape»", options.shape, SHAPES),
     ):
         if value not in table:
             raise UsageError(f"{name} {value}: must be one of {', '.join(table)}")

@@ -22,7 +22,7 @@ def data_part(stepset: StepSet) -> Data:
         repeats=tuple(len(level.runs) for level in stepset.levels),
         samples=tuple(len(level.time_s) for level in stepset.levels),
         record_s=tuple(float(level.time_s[-1]) for level in stepset.levels),
-        sample_rate_hz=max(rates),
+        sample_rate_hz=max(rates, default=None),
         apparatus=Rig(**asdict(stepset.apparatus)),
         sources=tuple(
             Source(

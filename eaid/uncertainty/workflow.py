@@ -8,10 +8,13 @@ from typing import Any, cast
 
 import msgspec
 
-from eaid.findings import ranked
+from eaid.findings import finding, ranked
+from eaid.fitting.between import between_rows
 from eaid.fitting.fit import converged, fit
-from eaid.fitting.options import FitOptions
-from eaid.results.fit import Fit, FitOptionsRecord
+from eaid.fitting.options import FitOptions, check
+from eaid.fitting.sources import data_part
+from eaid.results.fit import Fit, FitOptionsRecord, Friction, Uncertainty
+from eaid.results.quotable import quotable
 from eaid.steps.stepset import StepSet
 from eaid.uncertainty.intervals import IntervalOptions, with_intervals
 
@@ -41,14 +44,25 @@ def fit_steps(stepset: StepSet, options: FitOptions | None = None, progress: Cal
         No rising step, or weights that the repeats do not give.
     """
     options = options or FitOptions()
-    how = IntervalOptions(options.ci, options.seed, options.draws, options.workers, options.estimator)
-    found = with_intervals(stepset, fit(stepset, options), how, progress)
+    check(options)
+    rows, doubts = between_rows(stepset, options) if "friction" in (options.models or ("friction",)) else ((), ())
+    if stepset.levels or not rows:
+        how = IntervalOptions(options.ci, options.seed, options.draws, options.workers, options.estimator)
+        found = with_intervals(stepset, fit(stepset, options), how, progress)
+    else:  # a staircase that never rests: no model of steps from rest
+        found = Fit(data=data_part(stepset), uncertainty=Uncertainty("none"))
+    if rows:
+        part = found.friction or Friction(options.share)
+        found = msgspec.structs.replace(found, friction=msgspec.structs.replace(part, levels=(*part.levels, *rows)))
+    found, unknown = quotable(found)
+    if unknown:
+        doubts = (*doubts, finding("numbers-beyond-measure", "data", keys=unknown))
     return msgspec.structs.replace(
         found,
         options=record_of(options, stepset),
         seed=options.seed,
         converged=converged(found),
-        findings=ranked((*stepset.all_findings, *found.findings)),
+        findings=ranked((*stepset.all_findings, *found.findings, *doubts)),
     )
 
 
@@ -64,5 +78,6 @@ def record_of(options: FitOptions, stepset: StepSet) -> FitOptionsRecord:
         bounds_levels=options.bounds_levels,
         estimator=options.estimator,
         ci=options.ci,
+        shape=options.shape,
         reading=cast("dict[str, Any]", stepset.extra.get("reading", {})),
     )

@@ -141,6 +141,12 @@ def _falls_short(v: Values) -> str:
 
 
 ROWS: dict[str, Row] = {
+    "numbers-beyond-measure": Row(
+        "caution",
+        lambda v: (
+            f"some numbers are beyond any measure and are left out ({', '.join(v['keys'])}): the data do not tell them"
+        ),
+    ),
     "taus-meet": Row("caution", _taus_meet),
     "parameter-constrained": Row("caution", _named("{at} {parameter} is not estimable: a constraint holds it")),
     "tau2-open": Row("caution", _tau2_open),

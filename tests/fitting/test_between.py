@@ -1,0 +1,53 @@
+"""Steps between levels stand in the fit with what they go from, and a set of nothing else is a fit all the same."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from eaid.apparatus import Apparatus
+from eaid.fitting.options import FitOptions
+from eaid.models import friction
+from eaid.models.parameters import Friction
+from eaid.results import codec
+from eaid.results.fit import Fit, FrictionLevel, LevelIntervals
+from eaid.results.quotable import quotable
+from eaid.steps.stepset import LevelStep, StepSet
+from eaid.uncertainty.workflow import fit_steps
+
+TIME = np.arange(2000) * 0.01
+TRUTH = ((20.0, 50.0, 0.4, 1.6, Friction(1.2, 0.3, 4.0)), (50.0, 30.0, 1.6, 0.9, Friction(-0.7, 0.2, 3.0)))
+
+
+def staircase() -> StepSet:
+    random = np.random.default_rng(0)
+    steps = []
+    for i, (before, after, start, _, curve) in enumerate(TRUTH):
+        y = start + friction.step_response(curve, TIME) + 0.002 * random.standard_normal(len(TIME))
+        steps.append(LevelStep(f"run{i}", "", before, after, start, TIME, y, np.full(len(TIME), after)))
+    return StepSet("clutch", "%", "N·m", Apparatus(), (), level_steps=tuple(steps))
+
+
+def test_a_staircase_without_rest_is_fitted_step_by_step(tmp_path: Path) -> None:
+    found = fit_steps(staircase(), FitOptions(shape="two"))
+    assert found.friction is not None and found.nonlinear is None and found.converged
+    for row, (before, after, start, _, curve) in zip(found.friction.levels, TRUTH, strict=True):
+        assert (row.from_, row.level, row.start, row.shape) == (before, after, start, "two")
+        assert (row.Ts, row.tau1, row.tau2) == pytest.approx((curve.Ts, curve.tau1, curve.tau2), rel=0.03)
+        assert row.fit_pct is not None and row.fit_pct > 95
+    codec.write(tmp_path / "fit.json", found, "fit")
+    rows = json.loads((tmp_path / "fit.json").read_text())["friction"]["levels"]
+    assert [(row["from"], row["level"]) for row in rows] == [(20.0, 50.0), (50.0, 30.0)]
+    assert codec.read(tmp_path / "fit.json", "fit", Fit)[0].friction == found.friction
+
+
+def test_what_no_file_can_hold_is_left_out_and_named() -> None:
+    kept, keys = quotable(FrictionLevel(10.0, 1.0, 0.1, 1.0, rmse=float("nan")))
+    assert kept.rmse is None and kept.Ts == 1.0 and keys == ("rmse",)
+
+
+@pytest.mark.parametrize("end", [float("inf"), 1e257, float("nan")])
+def test_an_interval_without_an_end_is_none(end: float) -> None:
+    kept, keys = quotable(LevelIntervals(Ts=(1.0, 2.0), tau2=(1.0, end)))
+    assert kept == LevelIntervals(Ts=(1.0, 2.0)) and keys == ("tau2",)
