@@ -17,7 +17,7 @@ from eaid.export.constants import Timing, inverse_constants, pi_constants, plant
 from eaid.export.export import export
 from eaid.export.options import ExportOptions
 from eaid.export.series import rounded
-from eaid.models.parameters import PAPER_LINEAR, REFERENCE_PLANT
+from eaid.models.parameters import PAPER_LINEAR, REFERENCE_PLANT, Nonlinear
 from eaid.replay import references
 from eaid.replay.controllers import Knowledge, controller
 from eaid.replay.loop import reference_rate, replay
@@ -65,6 +65,15 @@ def fit_of(plant: Any = PLANT, data: dict[str, Any] | None = None, **further: An
     nonlinear = {"tau1": plant.tau1, "tau2": plant.tau2, "Ts": plant.Ts, "u_range": plant.u_range, "C": plant.C}
     plain = {key: list(value) if isinstance(value, tuple) else value for key, value in nonlinear.items()}
     return from_plain({"nonlinear": {**plain, **further}, **release, **({"data": data} if data else {})}, Fit, "test")
+
+
+STRANGE = Nonlinear(
+    tau1=(-0.05, 2e-3, 0.0), tau2=(0.1, 0.0, 0.0), Ts=(-0.5, 0.02, 0.0, 1e-6), u_range=(20.0, 90.0), C=0.6, release=None
+)
+"""A plant at every floor: τ1 below 1 ms, τ2 below τ1, T_s below 0, no release."""
+STRANGE_RC = KNOWN.rc._replace(gamma=2.0, epsilon=0.4, back_calculation=0.03, duty_min=5.0, duty_max=95.0)
+"""A soft switch that is never 0 nor 1, back-calculation, narrower limits."""
+STRANGE_PI = KNOWN.pi._replace(K_I=0.0, back_calculation=0.05, duty_min=5.0, duty_max=95.0)
 
 
 Exporter = Callable[..., Path]

@@ -5,6 +5,7 @@ import re
 import shutil
 import subprocess
 import sys
+from dataclasses import replace
 
 import msgspec
 import numpy as np
@@ -17,7 +18,19 @@ from eaid.export.export import export
 from eaid.export.options import ExportOptions
 from eaid.results.common import Input
 
-from .conftest import COMPILERS, LAWS, STRICT, closed_loop, compiled, fit_of, gains_of, logged
+from .conftest import (
+    COMPILERS,
+    LAWS,
+    STRANGE,
+    STRANGE_PI,
+    STRANGE_RC,
+    STRICT,
+    closed_loop,
+    compiled,
+    fit_of,
+    gains_of,
+    logged,
+)
 
 WAYS = [(compiler, level) for compiler in COMPILERS for level in ("-O0", "-O2")]
 
@@ -35,6 +48,22 @@ def test_every_row_of_the_vectors_comes_back_to_the_bit(exported, compiler, leve
     rows = re.findall(r"^(\w+) +(\d+) rows, +(\d+) to the bit, .* ok$", done.stdout, re.MULTILINE)
     assert {name for name, _, _ in rows} == {*LAWS, "plant", "rate"}
     assert all(int(count) == int(exact) > 50 for _, count, exact in rows)
+
+
+@pytest.mark.parametrize("precision", ["double", "single"])
+def test_so_does_every_row_of_a_rig_that_is_at_every_floor(tmp_path, precision):
+    options = ExportOptions(precision=precision, folder=tmp_path / "c", anyway=True)
+    export(gains_of(STRANGE_RC, STRANGE_PI), fit_of(STRANGE), options)
+    done = subprocess.run([compiled(tmp_path / "c", COMPILERS[0])], capture_output=True, text=True, check=True)
+    rows = re.findall(r"^\w+ +(\d+) rows, +(\d+) to the bit, .* ok$", done.stdout, re.MULTILINE)
+    assert len(rows) == 5 and all(count == exact for count, exact in rows)
+    if shutil.which("octave"):
+        export(
+            gains_of(STRANGE_RC, STRANGE_PI), fit_of(STRANGE), replace(options, target="matlab", folder=tmp_path / "m")
+        )
+        command = ["octave", "--no-gui", "-q", "--norc", "--eval", "check();"]
+        done = subprocess.run(command, cwd=tmp_path / "m", capture_output=True, text=True, check=False)
+        assert "largest difference 0, wrong status 0" in done.stdout
 
 
 def test_a_wrong_number_in_the_vectors_is_seen(exported, tmp_path):

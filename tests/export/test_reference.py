@@ -14,7 +14,7 @@ from eaid.export.series import rounded, series
 from eaid.replay.inverse import inverse_gains, inverse_start, inverse_step
 from eaid.replay.plant import plant_parameters, plant_step
 
-from .conftest import DT, KNOWN, LAWS, PLANT, closed_loop, constants
+from .conftest import DT, KNOWN, LAWS, PLANT, STRANGE, closed_loop, constants
 
 
 @pytest.mark.parametrize(("precision", "bound"), [("double", 6e-16), ("single", 3e-7)])
@@ -124,8 +124,10 @@ def test_any_gains_at_any_rate_give_the_replays_duty(
 
 
 @settings(max_examples=150, deadline=None)
-@given(st.floats(-20, 130), st.floats(0, 4), st.floats(0, 1), st.floats(1e-5, 1.0))
-def test_any_plant_step_is_the_replays(duty, x1, x2, dt):
-    theirs = plant_step(plant_parameters(PLANT), x1, x2, duty, dt)
-    change = law.plant_change(plant_constants(PLANT, Timing(dt)), x1, x2, duty)
+@given(
+    st.sampled_from([PLANT, STRANGE]), st.floats(-20, 130), st.floats(0, 4), st.floats(0, 1), st.floats(1e-5, 1.0)
+)  # fmt: skip
+def test_any_plant_step_is_the_replays(plant, duty, x1, x2, dt):
+    theirs = plant_step(plant_parameters(plant), x1, x2, duty, dt)
+    change = law.plant_change(plant_constants(plant, Timing(dt)), x1, x2, duty)
     assert (x1 + change[0], x2 + change[1]) == pytest.approx(theirs, abs=1e-14)
