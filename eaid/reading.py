@@ -14,6 +14,7 @@ from eaid.errors import DataError, UsageError
 from eaid.files import sha256_of
 from eaid.logs.folders import files_of
 from eaid.logs.manifest import apply, manifest_of
+from eaid.logs.moves import is_recorded
 from eaid.logs.options import ReadOptions
 from eaid.logs.read import read_what_can_be
 from eaid.logs.run import Kind, Run
@@ -151,8 +152,12 @@ def read_steps(
     progress: Progress = no_progress,
     warn: Callable[[str], None] = lambda _: None,
     tell: Callable[[str, float], None] = lambda _source, _share: None,
+    whole: str = "steps",
 ) -> tuple[list[Run], StepSet]:
     """The cut runs behind logs, datasets, folders or a manifest, and their step set.
+
+    `whole` says which logs are not cut and stand in `StepSet.recorded`: none (steps), those whose input does more than
+    step from rest (auto), all (recorded).
 
     Raises
     ------
@@ -174,18 +179,29 @@ def read_steps(
     if manifest is not None:
         entries = {str(entry.path): entry for entry in manifest.logs}
         runs = [apply(entries[run.source], run) if run.source in entries else run for run in runs]
-    return steps_of(runs, options, faults, [path for path in paths if path.is_file()])
+    return steps_of(runs, options, faults, [path for path in paths if path.is_file()], whole)
 
 
 def steps_of(
-    runs: Sequence[Run], options: InputOptions, faults: Sequence[str] = (), paths: Sequence[Path] = ()
+    runs: Sequence[Run],
+    options: InputOptions,
+    faults: Sequence[str] = (),
+    paths: Sequence[Path] = (),
+    whole: str = "steps",
 ) -> tuple[list[Run], StepSet]:
     """The same from runs that are read already; `faults` of reading are raised with those of finding steps."""
     stepping = options.stepping()
-    steps, more = cut_runs(runs, stepping)
+    uncut = [run for run in runs if whole == "recorded" or (whole == "auto" and is_recorded(run, options.rest))]
+    steps, more = cut_runs([run for run in runs if not any(run is one for one in uncut)], stepping)
     if faults or more:
         raise DataError(*faults, *more)
-    stepset = stepset_of(steps, stepping)
+    if uncut and not steps:
+        first = uncut[0]
+        rig = stepping.apparatus or first.apparatus or Apparatus()
+        stepset = StepSet(options.kind or first.kind or "clutch", first.input_unit, first.output_unit, rig, ())
+    else:
+        stepset = stepset_of(steps, stepping)
+    stepset = replace(stepset, recorded=tuple(uncut))
     if options.levels is not None:
         kept = {run.name for run in stepset.runs}
         steps = [step for step in steps if step.name in kept]

@@ -24,6 +24,9 @@ def command(
     bounds_levels: options_.BoundsLevels = None,
     shape: options_.Shape = "auto",
     ci: options_.Ci = "robust",
+    logs_as: options_.LogsAs = "auto",
+    duty: options_.Duty = None,
+    instrument: options_.Instrument = False,
     columns: inputs.Columns = None,
     units: inputs.Units = None,
     name_pattern: inputs.NamePattern = None,
@@ -64,13 +67,18 @@ def command(
     )  # fmt: skip
     check(options)
     stepset = inputs.stepset_from(
-        data, columns=columns, units=units, name_pattern=name_pattern, step_at=step_at, until=until, repair=repair,
+        data, options_.logs_as(logs_as), columns=columns, units=units, name_pattern=name_pattern, step_at=step_at, until=until, repair=repair,
         kind=kind, levels=levels, baseline=baseline, sign=sign, variable=variable, rate=rate, rest=rest,
         apparatus=apparatus, join=join,
     )  # fmt: skip
-    options = options_.with_bounds_levels(options, bounds_levels, stepset)
-    with console.progress("bootstrap refits", options.draws if ci == "bootstrap" else 0) as advance:
-        result = fit_steps(stepset, options, advance)
+    if stepset.recorded:
+        from eaid.cli.fit_recorded import as_recorded
+
+        result = as_recorded(stepset, options, rest, duty, instrument)
+    else:
+        options = options_.with_bounds_levels(options, bounds_levels, stepset)
+        with console.progress("bootstrap refits", options.draws if ci == "bootstrap" else 0) as advance:
+            result = fit_steps(stepset, options, advance)
     codec.write(output, result, "fit", force)
     if json:
         sys.stdout.write(codec.dumps(result, "fit"))
@@ -78,6 +86,10 @@ def command(
         from eaid.cli.fit_tables import tables
 
         tables(result, verbose)
+        if result.recorded is not None:
+            from eaid.cli.fit_recorded import recorded_tables
+
+            recorded_tables(result)
     console.tell(result.findings, verbose)
     parts = ("friction", "nonlinear", "linear", "release")
     console.say(f"{output}: {', '.join(name for name in parts if getattr(result, name) is not None)}")

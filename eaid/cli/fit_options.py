@@ -84,3 +84,23 @@ def with_bounds_levels(options: "FitOptions", text: str | None, stepset: "StepSe
 def processors() -> int:
     """Processors that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+LogsAs = Annotated[
+    str,
+    typer.Option(
+        "--logs-as",
+        help="auto: logs whose input does more than step from rest are fitted as recorded; steps, or recorded: all.",
+    ),
+]
+Duty = Annotated[str | None, typer.Option("--duty", help="Recorded logs: identified inputs, as 10:100.")]
+Instrument = Annotated[
+    bool, typer.Option("--instrument", help="Recorded closed loops: the simulated duty as an instrument.")
+]
+
+
+def logs_as(text: str) -> str:
+    """How logs are taken."""
+    if text not in ("auto", "steps", "recorded"):
+        raise UsageError(f"«logs_as» {text}: must be auto, steps or recorded")
+    return text

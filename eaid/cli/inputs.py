@@ -64,13 +64,13 @@ def _tenths() -> "Callable[[str, float], None]":
     return tell
 
 
-def stepset_from(paths: Sequence[Path], **options: Any) -> "StepSet":
+def stepset_from(paths: Sequence[Path], whole: str = "steps", **options: Any) -> "StepSet":
     """The step set behind logs, datasets or a manifest; takes the fields of `eaid.reading.InputOptions`."""
-    return runs_from(paths, **options)[1]
+    return runs_from(paths, whole, **options)[1]
 
 
-def runs_from(paths: Sequence[Path], **options: Any) -> "tuple[list[Run], StepSet]":
-    """Cut runs and their step set; takes the fields of `eaid.reading.InputOptions`."""
+def runs_from(paths: Sequence[Path], whole: str = "steps", **options: Any) -> "tuple[list[Run], StepSet]":
+    """Cut runs and their step set; takes the fields of `eaid.reading.InputOptions`, `whole` as its `read_steps`."""
     from eaid.reading import InputOptions, read_steps
 
     long = any(path.is_file() and path.stat().st_size > LONG_LOG for path in paths)
@@ -80,4 +80,5 @@ def runs_from(paths: Sequence[Path], **options: Any) -> "tuple[list[Run], StepSe
         console.progress,
         console.warn,
         _tenths() if long else lambda _source, _share: None,
+        whole,
     )

@@ -36,6 +36,24 @@ def command(
     plan: Annotated[
         Path | None, typer.Option("--plan", help="The run table of eaid plan: its levels, repeats, times and order.")
     ] = None,
+    excitation: Annotated[
+        str | None,
+        typer.Option(
+            "--excitation", help="staircase, random, prbs, multisine, chirp or closed-loop."
+        ),
+    ] = None,
+    shape: Annotated[
+        str | None,
+        typer.Option(
+            "--shape",
+            help="Of the excitation: duration_s=240,hold_s=0.5:20,duty=10:100,levels=10,rest_s=5,idle_s=2,"
+            "frequency_hz=0.05:5,reference_nm=0.6:3.6,gains=21:360.",
+        ),
+    ] = None,
+    gains: Annotated[
+        Path | None, typer.Option("--gains", help="Closed loop: a gains.json, whose controller drives it.")
+    ] = None,
+    controller: Annotated[str, typer.Option("--controller", help="Of the gains.json: pi or rc.")] = "pi",
     clean: Annotated[
         bool, typer.Option("--clean", help="The plant alone: no noise, scatter, offset or digits.")
     ] = False,
@@ -94,7 +112,14 @@ def command(
         "release_s": release,
         "rate_hz": rate,
     }
-    runs = _runs(recorded, disturbance, said, duty_file, plan, seed)
+    if excitation is not None:
+        if duty_file is not None or plan is not None or _is_dataset(output):
+            raise UsageError("--excitation: writes a folder of CSV (-o FOLDER), and excludes --duty-file and --plan")
+        from eaid.cli.synth_excitation import excited
+
+        runs = excited(recorded, excitation, shape, gains, controller, repeats, rate, disturbance, seed)
+    else:
+        runs = _runs(recorded, disturbance, said, duty_file, plan, seed)
     _write(output, runs, force)
     summary = _summary(output, runs, recorded, disturbance, inputs, seed)
     console.say(f"{output}: {len(runs)} synthetic runs of {recorded.made_of}, seed {seed}")

@@ -267,7 +267,9 @@ def bias_of(base: Solved, logs: Sequence[RecordedLog], laws: Sequence[Law | None
     """Refits on simulated logs of the same loops: their mean error and their scatter."""
     draw = np.random.default_rng(seed)
     model = base.setup.model
-    shown = inputs_shown((), model.low, model.high)
+    used = np.concatenate([log.input[log.input > 0] for log in logs])
+    low, high = np.clip(np.quantile(used, [0.1, 0.9]), model.low, model.high).tolist()
+    shown = inputs_shown((), low, high)
     truth = _logs_of_curves(base, shown)
     rows = []
     left = [base.setup.jacobian(base.x, k)[1] for k in range(len(base.setup.drives))]

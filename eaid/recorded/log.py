@@ -1,4 +1,4 @@
-"""A recorded log as the fits of this package take it, and the rule that says which logs come here.
+"""A recorded log as the fits of this package take it.
 
 The input of a row acts until the next row's time. A log that begins with ten rows at rest, or says so, begins with both
 states at 0; any other begins loaded, and its two start states are unknowns.
@@ -21,10 +21,6 @@ ALIKE = 1e-3
 """Inputs that differ by less than this part of the largest are one level."""
 QUIET = 5e-3
 """A measured input this part of its largest, from the first row on, is at rest."""
-CHATTER = 0.02
-"""A change of the input by less than this part of the largest is no step."""
-RETURNS = 4
-"""So many falls to rest make a recording of its own, where the rests are too short to forget the load before."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,32 +87,6 @@ def recorded_log(run: Run, rest: float = 0.0) -> RecordedLog:
         source=run.source,
         sha256=run.sha256,
     )
-
-
-def is_recorded(run: Run, rest: float = 0.0) -> bool:
-    """Whether a log goes the way of this package: its input does more than step from rest, and is held or moves as it
-    likes.
-
-    It does where it goes from one level to another with no rest between, or falls to rest again and again with rests
-    shorter than the holds. Runs whose level or step instant was said, and steps cut out of a log, are steps.
-    """
-    if run.cut or run.level is not None or run.step_s is not None or not np.isfinite(run.input).all():
-        return False
-    level = np.abs(run.input - rest)
-    top = float(level.max(initial=0.0))
-    if top == 0.0:
-        return False
-    loaded = level > CHATTER * top
-    moved = np.abs(np.diff(level)) > CHATTER * top
-    if (moved & loaded[1:] & loaded[:-1]).any():
-        return True
-    falls, rises = np.flatnonzero(loaded[:-1] & ~loaded[1:]), np.flatnonzero(~loaded[:-1] & loaded[1:])
-    if len(falls) <= RETURNS or len(rises) < 2:
-        return False
-    pairs = [(rise, falls[falls > rise][:1]) for rise in rises]
-    holds = [run.time_s[fall[0]] - run.time_s[rise] for rise, fall in pairs if len(fall)]
-    rests = [run.time_s[rise] - run.time_s[fall] for fall in falls for rise in rises[rises > fall][:1]]
-    return float(np.median(rests)) < float(np.median(holds)) and len(run.time_s) > 20 * len(rises)
 
 
 def logs_of_steps(steps: StepSet) -> list[RecordedLog]:

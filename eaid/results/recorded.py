@@ -62,14 +62,14 @@ class Falls(Result, frozen=True):
 
 
 class Bias(Result, frozen=True):
-    """Mean relative error of refits on simulated loops like the recorded one, rms over the range [%]."""
+    """Mean relative error of refits on simulated loops like the recorded one, rms over the middle of the inputs [%]."""
 
     refits: Count = 0
     Ts_pct: Number | None = None
     tau1_pct: Number | None = None
     tau2_pct: Number | None = None
     scatter_Ts_pct: Number | None = None
-    """Standard deviation of the refits, rms over the range [%]."""
+    """Standard deviation of the refits, rms over the same inputs [%]."""
     scatter_tau1_pct: Number | None = None
     scatter_tau2_pct: Number | None = None
 

@@ -8,6 +8,7 @@ import numpy as np
 from eaid.apparatus import Apparatus
 from eaid.arrays import Array
 from eaid.findings import Finding, merged, ranked, sentences
+from eaid.logs.run import Run
 from eaid.steps.slip import SlipTest
 
 
@@ -140,6 +141,8 @@ class StepSet:
     runs: tuple[RunRecord, ...] = ()
     findings: tuple[Finding, ...] = ()
     """What is to be known of the set as a whole; each run has its own."""
+    recorded: tuple[Run, ...] = ()
+    """Logs whose input does more than step from rest: fitted as they were recorded."""
     synthetic: str | None = None
     """What made the data, where they are not recorded; None: a rig."""
     extra: dict[str, object] = field(default_factory=dict)

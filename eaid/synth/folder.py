@@ -46,7 +46,9 @@ def write_folder(folder: Path, runs: Sequence[Run], force: bool) -> None:
 
 def as_csv(run: Run) -> str:
     """The text of one file: every number with the digits that give it back exactly."""
-    rows = zip(run.time_s.tolist(), run.input.tolist(), run.output.tolist(), strict=True)
-    lines = [f"# synthetic: {run.synthetic}", HEADERS[run.kind or "clutch"]]
-    lines += [f"{time!r},{value!r},{torque!r}" for time, value, torque in rows]
+    columns, header = [run.time_s, run.input, run.output], HEADERS[run.kind or "clutch"]
+    if run.reference_nm is not None:
+        columns, header = [*columns, run.reference_nm], f"{header},reference_nm"
+    lines = [f"# synthetic: {run.synthetic}", header]
+    lines += [",".join(map(repr, row)) for row in zip(*(column.tolist() for column in columns), strict=True)]
     return "\n".join(lines) + "\n"

@@ -10,11 +10,12 @@ from eaid.errors import DataError
 from eaid.fitting.data import data_of
 from eaid.fitting.linear import fit_linear
 from eaid.fitting.nonlinear import fit_nonlinear
+from eaid.logs.moves import is_recorded
 from eaid.models.parameters import REFERENCE_PLANT, Nonlinear
 from eaid.recorded import model
 from eaid.recorded.drive import drive_of
 from eaid.recorded.fit import fit_recorded, inputs_of
-from eaid.recorded.log import RecordedLog, is_recorded, logs_of_steps, recorded_log
+from eaid.recorded.log import RecordedLog, logs_of_steps, recorded_log
 from eaid.recorded.options import RecordedOptions
 from eaid.recorded.problem import Setup
 from eaid.recorded.solve import solve

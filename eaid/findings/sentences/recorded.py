@@ -98,8 +98,8 @@ ROWS: dict[str, Row] = {
     "loop-bias": Row(
         "caution",
         "closed loop: {refits} refits on simulated loops like this one miss the truth by {Ts_pct:.2g} % in T_s, "
-        "{tau1_pct:.2g} % in τ1 and {tau2_pct:.2g} % in τ2 (mean error, rms over the range), because the duty carries "
-        "the noise; «instrument» removes it",
+        "{tau1_pct:.2g} % in τ1 and {tau2_pct:.2g} % in τ2 (mean error over the inputs it used), because the duty "
+        "carries the noise; «instrument» removes it",
     ),
     "loop-bias-small": Row(
         "note",

@@ -1,0 +1,85 @@
+"""`eaid synth --excitation`: what `--shape` says, and the controller that drives a closed loop."""
+
+from dataclasses import fields, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from eaid.cli import console
+from eaid.errors import UsageError
+
+if TYPE_CHECKING:
+    from eaid.logs.run import Run
+    from eaid.replay.controllers import Controller
+    from eaid.synth.disturbance import Disturbance
+    from eaid.synth.excitation import Excitation
+    from eaid.synth.plants import Plant
+
+PAIRS = ("hold_s", "frequency_hz", "reference_nm", "gains", "duty")
+
+
+def excited(
+    plant: "Plant",
+    kind: str,
+    shape: str | None,
+    gains: Path | None,
+    controller: str,
+    repeats: int | None,
+    rate_hz: float | None,
+    disturbance: "Disturbance",
+    seed: int,
+) -> "list[Run]":
+    """Logs of one excitation."""
+    from eaid.synth.excitation import synthesise_excitation
+
+    e = excitation_of(kind, shape)
+    if rate_hz is not None:
+        e = replace(e, rate_hz=rate_hz)
+    if plant.kind != "clutch":
+        raise UsageError("--excitation: is of the clutch; leave out --kind")
+    return synthesise_excitation(plant, e, disturbance, seed, repeats or 1, _controller(gains, controller))
+
+
+def excitation_of(kind: str, shape: str | None) -> "Excitation":
+    """`duration_s=240,hold_s=0.5:20` as an excitation."""
+    from eaid.control.pi import PIGains
+    from eaid.reading import pairs
+    from eaid.synth.excitation import Excitation
+
+    plain = Excitation(kind)
+    known = {one.name for one in fields(Excitation)} - {"kind", "low_pct", "high_pct"} | {"duty"}
+    given: dict[str, Any] = {}
+    for name, text in pairs("--shape", shape).items():
+        if name not in known:
+            raise UsageError(f"--shape: knows {', '.join(sorted(known))}, not {name}")
+        try:
+            values = [float(part) for part in text.split(":")]
+        except ValueError:
+            raise UsageError(f"--shape {name}={text}: give a number, or two with a colon between") from None
+        if len(values) != (2 if name in PAIRS else 1):
+            raise UsageError(f"--shape {name}={text}: give {'two numbers, as 1:2' if name in PAIRS else 'one number'}")
+        if name == "duty":
+            given["low_pct"], given["high_pct"] = values
+        elif name == "gains":
+            given["gains"] = PIGains(*values)
+        elif name in PAIRS:
+            given[name] = (values[0], values[1])
+        else:
+            given[name] = int(values[0]) if isinstance(getattr(plain, name), int) else values[0]
+    return replace(plain, **given)
+
+
+def _controller(gains: Path | None, name: str) -> "Controller | None":
+    if gains is None:
+        return None
+    from eaid.control.gains import pi_from_json, rc_from_json
+    from eaid.control.pi import pi_start, pi_step
+    from eaid.control.rc import rc_start, rc_step
+    from eaid.replay.controllers import Controller
+    from eaid.store import read_json
+
+    stored = read_json(gains, "gains", console.warn)
+    if name == "rc":
+        return Controller("rc", rc_step, rc_from_json(stored, str(gains)), rc_start())
+    if name == "pi":
+        return Controller("pi", pi_step, pi_from_json(stored, str(gains)), pi_start())
+    raise UsageError(f"--controller {name}: a recorded loop has pi or rc")
