@@ -67,7 +67,8 @@ def command(
     )  # fmt: skip
     check(options)
     stepset = inputs.stepset_from(
-        data, options_.logs_as(logs_as), columns=columns, units=units, name_pattern=name_pattern, step_at=step_at, until=until, repair=repair,
+        data, options_.logs_as(logs_as),
+        columns=columns, units=units, name_pattern=name_pattern, step_at=step_at, until=until, repair=repair,
         kind=kind, levels=levels, baseline=baseline, sign=sign, variable=variable, rate=rate, rest=rest,
         apparatus=apparatus, join=join,
     )  # fmt: skip

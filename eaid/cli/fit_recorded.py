@@ -11,9 +11,7 @@ if TYPE_CHECKING:
     from eaid.steps.stepset import StepSet
 
 
-def as_recorded(
-    stepset: "StepSet", options: "FitOptions", rest: float, duty: str | None, instrument: bool
-) -> "Fit":
+def as_recorded(stepset: "StepSet", options: "FitOptions", rest: float, duty: str | None, instrument: bool) -> "Fit":
     """The fit of a set's recorded logs, with its steps."""
     from eaid.recorded.fit import fit_recorded
     from eaid.recorded.options import RecordedOptions
@@ -54,10 +52,15 @@ def recorded_tables(fit: "Fit") -> None:
         "Logs as recorded",
         ["log", "input", "samples", "idle", f"RMSE [{unit}]", "free run [%]", "one step [%]"],
         [
-            [log.name, log.input_kind, str(log.samples), *map(_number, (log.idle, log.rmse, log.fit_pct, log.one_step_pct))]
+            [
+                log.name,
+                log.input_kind,
+                str(log.samples),
+                *map(_number, (log.idle, log.rmse, log.fit_pct, log.one_step_pct)),
+            ]
             for log in fit.recorded.logs
         ],
-    )
+    )  # fmt: skip
     if fit.recorded.loops:
         console.table(
             "Closed loops",

@@ -38,9 +38,7 @@ def command(
     ] = None,
     excitation: Annotated[
         str | None,
-        typer.Option(
-            "--excitation", help="staircase, random, prbs, multisine, chirp or closed-loop."
-        ),
+        typer.Option("--excitation", help="staircase, random, prbs, multisine, chirp or closed-loop."),
     ] = None,
     shape: Annotated[
         str | None,

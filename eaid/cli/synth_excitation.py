@@ -4,7 +4,6 @@ from dataclasses import fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from eaid.cli import console
 from eaid.errors import UsageError
 
 if TYPE_CHECKING:
@@ -71,15 +70,16 @@ def excitation_of(kind: str, shape: str | None) -> "Excitation":
 def _controller(gains: Path | None, name: str) -> "Controller | None":
     if gains is None:
         return None
-    from eaid.control.gains import pi_from_json, rc_from_json
+    from eaid.control.gains import pi_gains, rc_gains
     from eaid.control.pi import pi_start, pi_step
     from eaid.control.rc import rc_start, rc_step
     from eaid.replay.controllers import Controller
-    from eaid.store import read_json
+    from eaid.results import codec
+    from eaid.results.gains import Gains
 
-    stored = read_json(gains, "gains", console.warn)
-    if name == "rc":
-        return Controller("rc", rc_step, rc_from_json(stored, str(gains)), rc_start())
-    if name == "pi":
-        return Controller("pi", pi_step, pi_from_json(stored, str(gains)), pi_start())
-    raise UsageError(f"--controller {name}: a recorded loop has pi or rc")
+    stored, _ = codec.read(gains, "gains", Gains)
+    if name == "rc" and (rc := rc_gains(stored)) is not None:
+        return Controller("rc", rc_step, rc, rc_start())
+    if name == "pi" and (pi := pi_gains(stored)) is not None:
+        return Controller("pi", pi_step, pi, pi_start())
+    raise UsageError(f"--controller {name}: {gains} holds no such gains; a recorded loop has pi or rc")
