@@ -271,7 +271,7 @@ def friction_part(solved: Solved) -> Friction:
             FrictionLevel(
                 level=level, Ts=Ts, tau1=tau1, tau2=tau2, C=model.share or 0.85,
                 rmse=error.rmse, sse=error.sse, fit_pct=error.fit_pct, R2=error.R2,
-                solver=solver_part(solved.solver),
+                solver=solved.solver,
             )
             for (level, Ts, tau1, tau2), error in zip(values, errors, strict=True)
         ),
