@@ -67,7 +67,7 @@ def _with_index(frame: "pd.DataFrame") -> "pd.DataFrame":
 
 
 def _table(name: str, frame: "pd.DataFrame") -> Table:
-    columns = {str(label): np.asarray(frame[label]) for label in frame.columns if frame[label].ndim == 1}
+    columns = {str(label): _array(frame[label]) for label in frame.columns if frame[label].ndim == 1}
     if len(columns) < len(frame.columns):
         raise DataError(f"{name}: several columns have one name; give each a name of its own")
     units = dict(frame.attrs.get("units", {}))
@@ -80,6 +80,11 @@ def _table(name: str, frame: "pd.DataFrame") -> Table:
     said = tuple("s" if values.dtype.kind in "mM" else str(units.get(label, "")) for label, values in numbers.items())
     dropped = tuple(label for label in columns if label not in numbers)
     return Table("", tuple(numbers), load, said, dropped=dropped)
+
+
+def _array(column: "pd.Series[Any]") -> np.ndarray[Any, Any]:
+    zoned = getattr(column.dtype, "tz", None) is not None
+    return column.to_numpy(dtype="datetime64[ns]") if zoned else np.asarray(column)
 
 
 def _plain(values: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:

@@ -27,9 +27,11 @@ from eaid.logs.stamps import seconds_of
 from eaid.logs.table import BadCell, Cells, Table
 
 HEAD_BYTES = 1 << 16
-PIECE_BYTES = 1 << 22
+PIECE_BYTES = 1 << 24
 MOST_RATIO = 200
 """A gzip that unpacks to more than this many times its size is taken for a bomb (recorded logs: about 10)."""
+MOST_DIGITS = 15
+"""Digits of a whole number that a float surely holds; stamps in ns have more, and stay whole."""
 MOST_BAD = 10_000
 """Bad cells that are listed; a log with more is refused whatever they are."""
 BLANK = b"\r\n \t\x00\x1a"
@@ -106,6 +108,7 @@ def _read(
                 )
             body = piece.rstrip(BLANK)
             if not body:
+                line += _lines(piece)
                 continue
             decimal = decimal or (dialect.decimal == "," and _DECIMAL.search(body) is not None)
             cells = _by_pandas(body, dialect, columns, line) or _cell_by_cell(body, dialect, columns, line)
@@ -180,27 +183,34 @@ def _by_pandas(body: bytes, dialect: Dialect, columns: Sequence[int], line: int)
     from pandas.errors import ParserError
 
     count, delimiter = len(dialect.columns), dialect.delimiter
-    options: dict[str, Any] = {"dtype": {column: str for column in dialect.stamps if column in columns}}
+    head = split(body[:4096].splitlines()[0].decode("latin-1").strip(), delimiter)
+    kinds: dict[int, type] = {}
+    for column in {*columns, count - 1}:  # the last comes along to show short rows
+        cell = head[min(column, len(head) - 1)]
+        if column in dialect.stamps or (
+            column not in columns and number(cell, dialect.decimal, dialect.thousands) is None
+        ):
+            kinds[column] = str
+        elif not (cell.isdigit() and len(cell) > MOST_DIGITS):
+            kinds[column] = np.float64
+    options: dict[str, Any] = {}
     if dialect.thousands:
         options["thousands"] = dialect.thousands
     if tuple(int(part) for part in pd.__version__.split(".")[:2]) < (3, 1):
         options["float_precision"] = "round_trip"  # correctly rounded by itself from 3.1 on
-    if count - 1 not in columns:  # it comes along to show short rows; texts of numbers would take longer than the rest
-        first = split(body[:4096].splitlines()[0].decode("latin-1").strip(), delimiter)
-        if number(first[min(count, len(first)) - 1], dialect.decimal, dialect.thousands) is None:
-            options["dtype"][count - 1] = str
     try:
         frame = pd.read_csv(
             io.BytesIO(body), sep=delimiter or r"\s+", decimal=dialect.decimal, header=None, index_col=False,
             names=list(range(count + dialect.ragged)), usecols=sorted({*columns, count - 1}) if delimiter else None,
-            skip_blank_lines=False, encoding_errors="replace", low_memory=False, **options,
+            skip_blank_lines=False, encoding_errors="replace", na_filter=False,
+            dtype=kinds, **options,
         )  # fmt: skip
     except (ParserError, ValueError, OverflowError):
         return None
     values = [frame[column].to_numpy(object if column in dialect.stamps else None) for column in columns]
     for column, one in zip(columns, values, strict=True):
         if column in dialect.stamps:
-            if frame[column].isna().any():
+            if not all(one):
                 return None
         elif one.dtype.kind not in "fiu" or (one.dtype.kind == "f" and not np.isfinite(one).all()):
             return None

@@ -1,0 +1,355 @@
+"""Good logs written oddly, in one table: each comes out right, with a stop-finding, or is refused by its cause."""
+
+import gzip
+import re
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+import pytest
+from scipy.io import savemat
+
+from eaid.cli.inputs import runs_from
+from eaid.errors import DataError, UsageError
+from eaid.logs.frames import runs_from_frames
+from eaid.logs.options import ReadOptions
+from eaid.logs.read import read_runs
+from eaid.logs.run import Run
+from eaid.steps.build import build_stepset
+
+RATE = 200
+T = np.arange(800) / RATE
+U = np.where(T >= 1, 60.0, 0.0)
+Y = np.round(np.where(T >= 1, -2.0 * np.expm1(-(T - 1) / 0.3), 0.0) + 2e-3 * np.sin(1e4 * T), 6)
+
+
+def csv(
+    time: Any = T, duty: Any = U, torque: Any = Y, header: str = "time,duty_pct,torque_nm", form: str = "{}"
+) -> str:
+    rows = zip(time, duty, torque, strict=True)
+    return "\n".join([header, *(f"{form.format(a)},{b:g},{c:.6f}" for a, b, c in rows)]) + "\n"
+
+
+def text(content: str) -> Callable[[Path], None]:
+    return lambda path: path.write_text(content)  # type: ignore[return-value]
+
+
+def hdf5(path: Path) -> None:
+    """CF attributes: counts of 0.5 mN·m from −1 N·m on, one of them never written."""
+    with h5py.File(path, "w") as file:
+        file["time"], file["duty"] = T * 1e3, U
+        file["time"].attrs["units"], file["duty"].attrs["units"] = "ms", "%"
+        file["torque"] = np.round((Y * 1e3 + 1000) / 0.5).astype("i4")
+        file["torque"].attrs.update(units="mN.m", scale_factor=0.5, add_offset=-1000.0, _FillValue=np.int32(-9999))
+
+
+def posixtime(path: Path) -> None:
+    savemat(path, {"time": 1.7e9 + T, "duty": U, "torque_nm": Y}, appendmat=False)
+
+
+def matrices(path: Path) -> None:
+    savemat(path, {"t": T, "u": np.stack([0 * T, U], 1), "y": np.stack([0 * T, Y, 0 * T])}, appendmat=False)
+
+
+def stamps_ns(path: Path) -> None:
+    pa = pytest.importorskip("pyarrow")
+    import pyarrow.parquet as pq
+
+    at = np.datetime64("2023-11-14T22:13:20", "ns") + np.round(T * 1e9).astype("timedelta64[ns]")
+    pq.write_table(pa.table({"time": at, "duty_pct": U, "torque_nm": Y, "note": ["x"] * len(T)}), path)
+
+
+def whole_ns(path: Path) -> None:
+    pa = pytest.importorskip("pyarrow")
+    import pyarrow.parquet as pq
+
+    at = 1_700_000_000_000_000_000 + np.round(T * 1e9).astype("i8")
+    pq.write_table(pa.table({"time": at, "duty_pct": U, "torque_nm": Y}), path)
+
+
+def offsets(path: Path) -> None:
+    """Summer time ends in the middle of the log: the clock falls by an hour, the time does not."""
+    stamps = [
+        f"2024-10-27 02:59:{58 + int(a):02d}.{round(a % 1 * 1000):03d}+02:00" if a < 2 else
+        f"2024-10-27 02:00:{int(a) - 2:02d}.{round(a % 1 * 1000):03d}+01:00" for a in T.tolist()
+    ]  # fmt: skip
+    path.write_text(csv(stamps))
+
+
+@dataclass(frozen=True)
+class Odd:
+    """One oddity: how it is written, what is said to it, and what has to come out."""
+
+    name: str
+    write: Callable[[Path], Any]
+    options: dict[str, Any] = field(default_factory=dict)
+    code: str = ""
+    """Code of a finding; its severity tells whether the numbers are right."""
+    refused: str = ""
+    """What the refusal says; empty: it is read."""
+    factor: float = 1.0
+    """Of the output."""
+    atol_s: float = 1e-9
+
+
+ODD = [
+    Odd("seconds since 1970", text(csv(1.7e9 + T, form="{:.4f}")), atol_s=1e-6),
+    Odd("seconds since 1e7", text(csv(1e7 + T, form="{:.4f}")), atol_s=1e-8),
+    Odd("ms since 1970", text(csv(1.7e12 + 1e3 * T, form="{:.0f}")), code="time-since-1970"),
+    Odd("µs since 1970", text(csv(1.7e15 + 1e6 * T, form="{:.0f}")), code="time-since-1970"),
+    Odd("ns since 1970", text(csv([1_700_000_000_000_000_000 + round(1e9 * a) for a in T])), code="time-since-1970"),
+    Odd("ms since 1970 said to be s", text(csv(1.7e12 + 1e3 * T, header="time_s,duty_pct,torque_nm", form="{:.0f}")),
+        refused="counts ms since 1970; say which with units= time="),
+    Odd("MAT posixtime", posixtime, atol_s=1e-6),
+    Odd("Parquet stamps in ns", stamps_ns, code="columns-without-numbers"),
+    Odd("Parquet whole ns", whole_ns, code="time-since-1970"),
+    Odd("Excel days", text(csv(45_000 + T / 86400, form="{:.12f}")), code="time-in-days", atol_s=1e-6),
+    Odd("datenum days", text(csv(738_000 + T / 86400, form="{:.12f}")), code="time-in-days", atol_s=2e-5),
+    Odd("days named", text(csv(T / 86400, header="time [days],duty_pct,torque_nm", form="{:.15f}"))),
+    Odd("days named s", text(csv(45_000 + T / 86400, header="time_s,duty_pct,torque_nm", form="{:.12f}")),
+        code="time-too-fast"),
+    Odd("minutes named", text(csv(T / 60, header="minutes,duty_pct,torque_nm", form="{:.15f}"))),
+    Odd("minutes unnamed", text(csv(T / 60 / 10, form="{:.15f}")), code="time-too-fast"),
+    Odd("hours named", text(csv(T / 3600, header="Time (h),duty_pct,torque_nm", form="{:.15f}"))),
+    Odd("ms by name alone", text(csv(1e3 * T, header="ms,duty_pct,torque_nm", form="{:.0f}"))),
+    Odd("camel case", text(csv(1e3 * T, header="timeMs,dutyPct,TorqueNm", form="{:.0f}"))),
+    Odd("µs unnamed", text(csv(1e6 * T, form="{:.0f}")), code="time-too-long"),
+    Odd("ms unnamed", text(csv(1e3 * T, form="{:.0f}")), code="time-too-long"),
+    Odd("sample counts", text(csv(range(800), header="sample,duty_pct,torque_nm")),
+        {"columns": {"time": "sample"}}, refused="numbers the samples and is no time; give the sample rate with rate="),
+    Odd("sample counts as time", text(csv(range(800))), code="time-in-whole-numbers"),
+    Odd("sample counts and their rate", text(csv(range(800), header="sample,duty_pct,torque_nm")),
+        {"columns": {"time": "sample"}, "rate_hz": 200.0}),
+    Odd("samples a second", text(csv(range(800))), {"units": {"time": "/200"}}),
+    Odd("unknown unit of time", text(csv(header="time (m),duty_pct,torque_nm")),
+        refused="is in m, which is no unit of time that eaid knows"),
+    Odd("rate beside a time", text(csv()), {"rate_hz": 200.0}, refused="so rate= does nothing; leave it out"),
+    Odd("UTC offsets", offsets, atol_s=1e-9),
+    Odd("mixed line ends", lambda path: path.write_bytes(
+        b"".join(line.encode() + (b"\n", b"\r\n", b"\r")[i % 3] for i, line in enumerate(csv().splitlines())))),
+    Odd("CF attributes of HDF5", hdf5, atol_s=1e-9),
+    Odd("thousands comma in quotes", text(csv([f'"{1e3 * a:,.0f}"' for a in T], header="time_ms,duty_pct,torque_nm"))),
+    Odd("thousands comma from a later row on", text(
+        csv([f"{1e3 * a:,.1f}" for a in T], header="time_ms,duty_pct,torque_nm").replace(",", ";").replace(
+            ";0;", "|0|").replace(";60;", "|60|").replace("time_ms;duty_pct;torque_nm", "time_ms|duty_pct|torque_nm")
+        .replace(";", ","))),
+    Odd("commas that may be either", text("time_ms;duty_pct;torque_nm\n" + "".join(
+        f"{1000 + 5 * i:,};{0 if i < 200 else 60};{1000 + 5 * i:,}\n" for i in range(800))),
+        refused="its commas may be decimal marks or stand between thousands"),
+    Odd("two tables", text("a,b\n" + "".join(f"{i},{i * i}\n" for i in range(30)) + "\n" + csv()),
+        refused="holds two tables, one from row 2 and another from row 34"),
+    Odd("two tables of one width", text(csv(T[:30], U[:30]) + csv()),
+        refused="row 32, column time, holds 'time', which is no number"),
+    Odd("torque of counts", text(csv(torque=16000 * Y)), code="torque-too-large", factor=16000.0),
+    Odd("torque.mNm", text(csv(torque=1e3 * Y, header="time,duty_pct,torque.mNm"))),
+    Odd("TorqueMnm", text(csv(torque=1e3 * Y, header="time,duty_pct,TorqueMnm"))),
+    Odd("no unit of torque", text(csv(header="time,duty_pct,torque")), code="unit-unknown"),
+    Odd("an acceleration in g", text(csv(header="time,duty_pct,response acc (g)")), code="unit-g-unclear"),
+    Odd("PWM counts", text(csv(duty=255 * U / 100)), {"units": {"input": "/255"}}),
+    Odd("matrices of MAT by column", matrices, {"columns": {"time": "t", "input": "u[2]", "output": "y[2]"}}),
+    Odd("a constant speed beside a current", text(
+        "time,speed_rpm,I_set,torque_nm\n"
+        + "".join(f"{a},15,{b:g},{c:.6f}\n" for a, b, c in zip(T, U, Y, strict=True))),
+        code="input-by-its-steps"),
+    Odd("an input of no known name", text(csv(header="time,Q1,torque_nm")), code="input-unnamed"),
+    Odd("a trigger and the level in the name", text(csv(duty=U / 60, header="time,trigger,torque_nm")),
+        {"name_pattern": "_u{level}_"}, code="level-times-trigger"),
+    Odd("a name that contradicts", text(csv(duty=U / 2)), {"name_pattern": "_u{level}_"}, code="level-contradicted"),
+    Odd("a rate in a comment", text("# sampled at 0.2 kHz by the DAQ\nduty_pct,torque_nm\n" + "".join(
+        f"{b:g},{c:.6f}\n" for b, c in zip(U, Y, strict=True)))),
+    Odd("no header, times in the second column", text("".join(
+        f"{c:.6f},{1e6 * a:.0f},{b:g}\n" for a, b, c in zip(T, U, Y, strict=True))),
+        refused=r"only column 2 rises all the way; say by number, from 1 to 3, what they are: "
+                r"columns= time=2,input=3,output=1; and the unit of time if it is not s, perhaps units= time=us"),
+]  # fmt: skip
+NUMBERS_DIFFER = {"sample counts as time", "µs unnamed", "ms unnamed", "days named s", "minutes unnamed"}
+"""The clock is not what it was: their findings say so."""
+
+
+@pytest.mark.parametrize("odd", ODD, ids=[odd.name for odd in ODD])
+def test_odd_log(odd: Odd, tmp_path: Path) -> None:
+    path = tmp_path / "log_u60_.dat"
+    odd.write(path)
+    options = ReadOptions(**odd.options)
+    if odd.refused:
+        with pytest.raises(DataError, match=re.escape(odd.refused).replace("\\ ", " ")):
+            read_runs([path], options)
+        return
+    (run,) = read_runs([path], options)
+    if odd.code:
+        assert odd.code in {one.code for one in run.findings}
+    assert all(one.subject == run.name for one in run.findings)
+    if odd.name in NUMBERS_DIFFER:
+        said = next(one for one in run.findings if one.code == odd.code)
+        assert said.severity == ("caution" if odd.code == "time-in-whole-numbers" else "stop")
+        return
+    assert run.time_s[0] == 0.0
+    np.testing.assert_allclose(run.time_s, T, rtol=0, atol=odd.atol_s)
+    np.testing.assert_allclose(
+        run.output, odd.factor * Y, rtol=0, atol=(3e-4 if odd.write is hdf5 else 1e-9) * odd.factor
+    )
+    if odd.code not in ("level-contradicted",):
+        np.testing.assert_allclose(run.input, U, atol=1e-9)
+
+
+def fitted_levels(path: Path, **options: Any) -> Any:
+    return build_stepset(read_runs([path], ReadOptions(**options))).levels
+
+
+def test_stamps_since_1970_give_the_steps_of_a_clock_that_starts_at_0(tmp_path: Path) -> None:
+    """A tolerance of 1e-9 of the stamp is 1.7 s there: τ1 came out ten times too long, and nothing was said."""
+    (tmp_path / "a.csv").write_text(csv())
+    (tmp_path / "b.csv").write_text(csv(1_700_000_000 + T, form="{:.4f}"))
+    (zero,), (epoch,) = fitted_levels(tmp_path / "a.csv"), fitted_levels(tmp_path / "b.csv")
+    np.testing.assert_allclose(epoch.time_s, zero.time_s, atol=1e-6)
+    np.testing.assert_array_equal(epoch.runs, zero.runs)
+
+
+def test_an_instant_is_given_on_the_clock_of_the_log_or_since_its_start(tmp_path: Path) -> None:
+    (tmp_path / "a_u60_.csv").write_text(csv(25 + T, header="time_s,x,torque_nm", form="{:.4f}").replace(",60,", ",0,"))
+    for said in (26.0, 1.0):
+        (run,) = read_runs([tmp_path / "a_u60_.csv"], ReadOptions(step_at_s=said, name_pattern="_u{level}_"))
+        assert run.step_s == pytest.approx(1.0)
+    steps, stepset = runs_from([tmp_path / "a_u60_.csv"], step_at=26.0, name_pattern="_u{level}_")
+    assert stepset.runs[0].step_s == pytest.approx(26.0)  # told as the log tells it
+    assert steps[0].time_s[0] == 0.0
+
+
+def test_a_log_and_its_copy_count_once(tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_text(csv())
+    (tmp_path / "b.csv").write_text(csv())
+    (run,) = read_runs([tmp_path / "a.csv", tmp_path / "b.csv"])
+    (said,) = run.findings[-1:]
+    assert (said.code, said.severity) == ("log-given-twice", "caution")
+    assert said.values == {"path": str(tmp_path / "b.csv"), "first": str(tmp_path / "a.csv")}
+
+
+def test_a_dataset_and_the_logs_it_was_made_of_count_once(tmp_path: Path) -> None:
+    from eaid.cli.main import run as command
+
+    (tmp_path / "a.csv").write_text(csv())
+    assert command(["ingest", str(tmp_path / "a.csv"), "-q", "-o", str(tmp_path / "d.h5")]) == 0
+    (run,) = read_runs([tmp_path / "d.h5", tmp_path / "a.csv"])
+    assert run.dataset
+    assert "log-given-twice" in {one.code for one in run.findings}
+
+
+def test_one_log_in_fractions_among_percent(tmp_path: Path) -> None:
+    for name, scale in (("a", 1.0), ("b", 0.5), ("c", 0.01)):
+        (tmp_path / f"{name}.csv").write_text(csv(duty=scale * U))
+    found = {run.name: [(one.code, one.severity) for one in run.findings] for run in read_runs([tmp_path])}
+    assert found == {"a": [], "b": [], "c": [("input-in-fractions", "stop")]}
+
+
+def test_a_stored_level_that_its_own_input_contradicts(tmp_path: Path) -> None:
+    from eaid.cli.main import run as command
+
+    (tmp_path / "a.csv").write_text(csv())
+    assert command(["ingest", str(tmp_path / "a.csv"), "-q", "-o", str(tmp_path / "d.h5")]) == 0
+    with h5py.File(tmp_path / "d.h5", "a") as file:
+        file["runs/a"].attrs["level"] = 40.0
+        del file.attrs["digest"]
+    with pytest.raises(DataError, match="run a: its level is 40, its input goes to 60 %; ingest the logs again"):
+        read_runs([tmp_path / "d.h5"])
+
+
+def test_options_of_columns_on_a_dataset_are_refused(tmp_path: Path) -> None:
+    from eaid.cli.main import run as command
+
+    (tmp_path / "a.csv").write_text(csv())
+    assert command(["ingest", str(tmp_path / "a.csv"), "-q", "-o", str(tmp_path / "d.h5")]) == 0
+    for options in ({"units": {"output": "mNm"}}, {"rate_hz": 100.0}, {"step_at_s": 1.0}, {"columns": {"time": "1"}}):
+        with pytest.raises(UsageError, match="does nothing on .*d.h5, a dataset"):
+            read_runs([tmp_path / "d.h5"], ReadOptions(**options))
+
+
+def test_columns_taken_and_left_are_known(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv.gz"
+    path.write_bytes(gzip.compress(csv(header="time (ms),Load,Torque mNm").replace(",60,", ",60,").encode()))
+    (run,) = read_runs([path], ReadOptions(columns={"input": "Load"}, units={"input": "N"}))
+    assert run.taken == (("time", "time (ms)"), ("input", "Load"), ("output", "Torque mNm"))
+    assert run.left == ()
+
+
+def test_three_thousand_nested_groups_take_no_time(tmp_path: Path) -> None:
+    path = tmp_path / "deep.h5"
+    with h5py.File(path, "w") as file:
+        file["time"], file["duty"], file["torque"] = T, U, Y
+        group = file
+        for _ in range(3000):
+            group = group.create_group("g")
+    import time
+
+    began = time.process_time()
+    (run,) = read_runs([path])
+    assert len(run.time_s) == len(T)
+    assert time.process_time() - began < 2.0
+
+
+def test_a_manifest_with_a_byte_order_mark(tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_text(csv())
+    (tmp_path / "dataset.toml").write_bytes(
+        b'\xef\xbb\xbfschema = "eaid/manifest/1"\n[options]\n[[log]]\nfile = "a.csv"\n'
+    )
+    steps, _ = runs_from([tmp_path])
+    assert [step.name for step in steps] == ["a"]
+
+
+def frame(level: float = 60.0) -> Any:
+    import pandas as pd
+
+    return pd.DataFrame({"time_s": T, "duty_pct": U * level / 60, "torque_nm": Y * level / 60})
+
+
+def same_run(one: Run, other: Run) -> None:
+    for name in ("time_s", "input", "output"):
+        np.testing.assert_allclose(getattr(one, name), getattr(other, name), atol=1e-9)
+    assert (one.input_unit, one.output_unit, one.kind) == (other.input_unit, other.output_unit, other.kind)
+
+
+def test_frames_go_the_way_of_logs(tmp_path: Path) -> None:
+    import pandas as pd
+
+    (tmp_path / "a.csv").write_text(csv())
+    (log,) = read_runs([tmp_path / "a.csv"])
+    runs = runs_from_frames({"x": frame(), "y": frame(30.0)})
+    assert [run.name for run in runs] == ["x", "y"]
+    same_run(runs[0], log)
+    tall = pd.concat([frame().assign(run="x"), frame(30.0).assign(run="y")])
+    for one, other in zip(runs_from_frames(tall), runs, strict=True):
+        assert one.name == other.name
+        same_run(one, other)
+    (alone,) = runs_from_frames(frame())
+    same_run(alone, log)
+
+
+def test_frames_with_stamps_units_and_an_index(tmp_path: Path) -> None:
+    import pandas as pd
+
+    at = pd.Timestamp("2024-01-01", tz="Europe/Berlin") + pd.to_timedelta(T, unit="s")
+    given = pd.DataFrame({"duty": U, "torque": 1e3 * Y, "note": "x"}, index=pd.Index(at, name="time"))
+    given.attrs["units"] = {"torque": "mN·m"}
+    (run,) = runs_from_frames({"a_u60_": given}, ReadOptions(units={"input": "%"}))
+    np.testing.assert_allclose(run.time_s, T, atol=1e-9)
+    np.testing.assert_allclose(run.output, Y, atol=1e-12)
+    assert run.output_unit == "N·m"
+    assert run.left == ("note",)
+
+
+def test_bad_frames_are_told_all_at_once() -> None:
+    bad = frame()
+    bad.loc[7, "torque_nm"] = np.nan
+    with pytest.raises(DataError) as caught:
+        runs_from_frames({"x": bad, "y": frame().drop(columns="torque_nm"), "z": frame()})
+    assert [said.split(";")[0] for said in caught.value.sentences] == [
+        "x: row 8, column torque_nm, is empty or not a number",
+        "y: no column is called torque (columns: time_s, duty_pct)",
+    ]
+
+
+def test_the_same_frame_twice_counts_once() -> None:
+    (run,) = runs_from_frames({"x": frame(), "y": frame()})
+    assert "log-given-twice" in {one.code for one in run.findings}
