@@ -141,7 +141,7 @@ ODD = [
         refused="its commas may be decimal marks or stand between thousands"),
     Odd("two tables", text("a,b\n" + "".join(f"{i},{i * i}\n" for i in range(30)) + "\n" + csv()),
         refused="holds two tables, one from row 2 and another from row 34"),
-    Odd("two tables of one width", text(csv(T[:30], U[:30]) + csv()),
+    Odd("two tables of one width", text(csv(T[:30], U[:30], Y[:30]) + csv()),
         refused="row 32, column time, holds 'time', which is no number"),
     Odd("torque of counts", text(csv(torque=16000 * Y)), code="torque-too-large", factor=16000.0),
     Odd("torque.mNm", text(csv(torque=1e3 * Y, header="time,duty_pct,torque.mNm"))),
