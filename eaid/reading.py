@@ -18,6 +18,7 @@ from eaid.logs.moves import is_recorded
 from eaid.logs.options import ReadOptions
 from eaid.logs.read import read_what_can_be
 from eaid.logs.run import Kind, Run
+from eaid.logs.together import columns_told
 from eaid.steps.baseline import baseline_rule
 from eaid.steps.build import StepOptions, cut_runs, stepset_of
 from eaid.steps.stepset import StepSet
@@ -60,7 +61,11 @@ def pairs(option: str, text: str | Mapping[str, Any] | None) -> dict[str, str]:
     found: dict[str, str] = {}
     # a quote may open after the equals sign: move it in front of the pair, where csv expects it
     moved = re.sub(r'(^|,)\s*(\w+)\s*=\s*"', r'\1"\2=', text)
-    for pair in next(csv.reader([moved], skipinitialspace=True)):
+    try:
+        cells = next(csv.reader([moved], skipinitialspace=True))
+    except (csv.Error, StopIteration):
+        raise UsageError(f"{option} {text!r}: holds a line break; write all pairs on one line") from None
+    for pair in cells:
         role, equals, name = pair.partition("=")
         role, name = role.strip(), name.strip()
         if not equals or not role or not name:
@@ -153,8 +158,11 @@ def read_steps(
     warn: Callable[[str], None] = lambda _: None,
     tell: Callable[[str, float], None] = lambda _source, _share: None,
     whole: str = "steps",
+    seen: Callable[[str], None] = lambda _: None,
 ) -> tuple[list[Run], StepSet]:
     """The cut runs behind logs, datasets, folders or a manifest, and their step set.
+
+    `seen` hears which columns were taken and which were left, before anything else is done with them.
 
     `whole` says which logs are not cut and stand in `StepSet.recorded`: none (steps), those whose input does more than
     step from rest (auto), all (recorded).
@@ -174,8 +182,11 @@ def read_steps(
         options = replace(options, **said)
         for name in manifest.unlisted()[:5]:
             warn(f"{manifest.path}: does not list {name}, which is left out")
+    options.stepping()  # what is wrong in the options is told before anything is read
     with progress("reading logs", len(files)) as advance:
         runs, faults = read_what_can_be(files, replace(options.reading(), tell=tell), advance)
+    for sentence in columns_told(runs):
+        seen(sentence)
     if manifest is not None:
         entries = {str(entry.path): entry for entry in manifest.logs}
         runs = [apply(entries[run.source], run) if run.source in entries else run for run in runs]

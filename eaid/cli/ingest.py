@@ -52,7 +52,7 @@ def command(
         "repair": repair, "kind": kind, "levels": levels, "baseline": baseline, "sign": sign, "variable": variable,
         "rate": rate, "rest": rest, "apparatus": apparatus, "join": join,
     }  # fmt: skip
-    runs, stepset = inputs.runs_from(logs, **options)
+    runs, stepset = inputs.runs_from(logs, columns_told=True, **options)
     if write_manifest:
         from eaid.logs import manifest
         from eaid.logs.folders import files_of

@@ -69,7 +69,9 @@ def stepset_from(paths: Sequence[Path], whole: str = "steps", **options: Any) ->
     return runs_from(paths, whole, **options)[1]
 
 
-def runs_from(paths: Sequence[Path], whole: str = "steps", **options: Any) -> "tuple[list[Run], StepSet]":
+def runs_from(
+    paths: Sequence[Path], whole: str = "steps", columns_told: bool = False, **options: Any
+) -> "tuple[list[Run], StepSet]":
     """Cut runs and their step set; takes the fields of `eaid.reading.InputOptions`, `whole` as its `read_steps`."""
     from eaid.reading import InputOptions, read_steps
 
@@ -81,4 +83,5 @@ def runs_from(paths: Sequence[Path], whole: str = "steps", **options: Any) -> "t
         console.warn,
         _tenths() if long else lambda _source, _share: None,
         whole,
+        console.say if columns_told else lambda _: None,
     )

@@ -48,6 +48,17 @@ def scales_compared(runs: Sequence[Run]) -> list[Run]:
     return told
 
 
+def columns_told(runs: Sequence[Run]) -> list[str]:
+    """Which columns were taken of logs, and which were left, a sentence for all logs that are alike."""
+    alike: Counter[tuple[str, str]] = Counter()
+    for run in runs:
+        if run.taken:
+            units = {"time": "s", "input": run.input_unit, "output": run.output_unit}
+            taken = [f"{role} = {name} [{units.get(role) or '?'}]" for role, name in run.taken]
+            alike[", ".join(taken), ", ".join(run.left) or "none"] += 1
+    return [f"columns of {n} log{'s' if n > 1 else ''}: {taken}; left: {left}" for (taken, left), n in alike.items()]
+
+
 def named_apart(runs: Sequence[Run]) -> list[Run]:
     """Runs with names of their own: the folder's name before a name that comes twice, then a number behind it."""
     counts = Counter(run.name for run in runs)

@@ -38,7 +38,11 @@ def test_table_and_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> N
     assert out.splitlines()[0] == "clutch: 2 levels, 2 runs"
     assert out.splitlines()[2].split() == ["30", "1", "0.1", "1.2", "0", "%", "14.99", "100", "0"]
     assert len(out.splitlines()) == 4  # a line a level, and no doubts
-    assert err.splitlines() == ["reading logs: 2 to do", f"{tmp_path / 'd.h5'}: 2 runs, 2 levels"]
+    assert err.splitlines() == [
+        "reading logs: 2 to do",
+        "columns of 2 logs: time = time_s [s], input = duty_pct [%], output = torque_nm [N·m]; left: none",
+        f"{tmp_path / 'd.h5'}: 2 runs, 2 levels",
+    ]
     with h5py.File(tmp_path / "d.h5") as file:
         assert list(file["runs"]) == ["u30", "u60"]
 

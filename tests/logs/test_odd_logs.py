@@ -353,3 +353,36 @@ def test_bad_frames_are_told_all_at_once() -> None:
 def test_the_same_frame_twice_counts_once() -> None:
     (run,) = runs_from_frames({"x": frame(), "y": frame()})
     assert "log-given-twice" in {one.code for one in run.findings}
+
+
+def test_ingest_tells_the_columns_before_anything_else(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    from eaid.cli.main import run as command
+
+    for k in (1, 2):
+        header = f"time (ms),duty_pct,Torque_mNm,T{k}"
+        (tmp_path / f"a{k}.csv").write_text(
+            csv(1e3 * T, header=header, form="{:.0f}").replace("\n", ",21\n").replace(f"T{k},21", f"T{k}")
+        )
+    assert command(["ingest", str(tmp_path), "-o", str(tmp_path / "d.h5")]) == 0
+    said = [line for line in capsys.readouterr().err.splitlines() if "to do" not in line]
+    assert said[0] == (
+        "columns of 1 log: time = time (ms) [s], input = duty_pct [%], output = Torque_mNm [N·m]; left: T1"
+    )
+    assert said[1].endswith("left: T2")
+
+
+def test_a_line_break_in_columns_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    from eaid.cli.main import run as command
+
+    (tmp_path / "a.csv").write_text(csv())
+    arguments = ["ingest", str(tmp_path / "a.csv"), "-o", str(tmp_path / "d.h5"), "--columns", "time=1\n,output=3"]
+    assert command(arguments) == 2
+    assert "holds a line break; write all pairs on one line" in capsys.readouterr().err
+
+
+def test_reading_options_are_kept_for_doing_it_again(tmp_path: Path) -> None:
+    (tmp_path / "log_u60_.csv").write_text(csv(1e3 * T, header="Zeit,x,Moment", form="{:.0f}"))
+    options = {"columns": "time=Zeit,output=Moment", "units": "time=ms,output=Nm,input=%", "name_pattern": "_u{level}_",
+               "step_at": 1.0}  # fmt: skip
+    _, stepset = runs_from([tmp_path / "log_u60_.csv"], **options)
+    assert stepset.extra["reading"] == options
