@@ -4,6 +4,7 @@ import subprocess
 import zipfile
 
 import fmpy
+import numpy as np
 import pytest
 from fmpy.fmi1 import FMICallException
 from fmpy.fmi2 import FMU2Slave
@@ -12,8 +13,9 @@ from fmpy.validation import validate_fmu
 from eaid.export import fmu
 from eaid.export.export import export
 from eaid.export.options import ExportOptions
+from eaid.models import nonlinear
 
-from .conftest import COMPILERS, DT, LAWS, STRICT, fit_of, gains_of
+from .conftest import COMPILERS, DT, LAWS, PLANT, STRICT, fit_of, gains_of
 
 
 class Unit:
@@ -79,6 +81,14 @@ def test_controller_and_plant_in_fmpy_are_the_replay(unit, played, law, name):
         duty = control.step(k, "duty", reference=run.reference[k], reference_rate=run.rate[k], torque=torque)
         torque = plant.step(k, "torque", duty=duty)
     assert worst <= 1e-12
+
+
+def test_the_plant_as_a_user_simulates_it_is_the_models_step_response(exported):
+    sent = np.zeros(1001, dtype=[("time", float), ("duty", float)])
+    sent["time"], sent["duty"] = np.arange(1001) * DT, 60.0
+    path = str(exported("fmu") / "eaid_plant.fmu")
+    got = fmpy.simulate_fmu(path, stop_time=1.0, step_size=DT, output_interval=DT, input=sent, output=["torque"])
+    assert got["torque"] == pytest.approx(nonlinear.step_response(PLANT, got["time"], 60.0), abs=1e-12)
 
 
 def test_in_single_precision_it_keeps_within_a_hundred_thousandth(unit, played):
