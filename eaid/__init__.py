@@ -1,3 +1,35 @@
-"""eaid: the workbench for electroadhesive clutches."""
+"""eaid: the workbench for electroadhesive clutches.
+
+steps = eaid.read("bench/")          fit = eaid.fit(steps)          gains = eaid.tune_rc(fit)
+run = eaid.simulate(fit, gains)      eaid.report([fit, gains, run], "report/")
+"""
+
+from typing import TYPE_CHECKING, Any
 
 __version__ = "0.1.0"
+
+if TYPE_CHECKING:
+    from eaid.api import couple, export, fit, load, plan, read, report, simulate, synth, tune_rc
+    from eaid.fitting.options import FitOptions
+
+FUNCTIONS = ("read", "fit", "tune_rc", "simulate", "report", "plan", "synth", "load", "export", "couple")
+__all__ = [
+    "FitOptions", "couple", "export", "fit", "load", "plan", "read", "report", "simulate", "synth", "tune_rc",
+]  # fmt: skip
+
+
+def __getattr__(name: str) -> Any:
+    """The public names, whose libraries are loaded when one is first asked for: `eaid --help` needs none."""
+    if name in FUNCTIONS:
+        from eaid import api
+
+        return getattr(api, name)
+    if name == "FitOptions":
+        from eaid.fitting.options import FitOptions
+
+        return FitOptions
+    raise AttributeError(f"module 'eaid' has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return [*__all__, "__version__"]

@@ -217,4 +217,6 @@ def steps_of(
         kept = {run.name for run in stepset.runs}
         steps = [step for step in steps if step.name in kept]
     inputs = [{"path": str(path), "sha256": sha256_of(path)} for path in paths]
-    return steps, replace(stepset, extra={**stepset.extra, "inputs": inputs, "reading": options.given()})
+    return steps, replace(
+        stepset, extra={**stepset.extra, "inputs": inputs, "reading": options.given()}, steps=tuple(steps)
+    )

@@ -4,16 +4,21 @@ Keys are the paper's symbols, polynomials lowest power first, units those of the
 `data.output_unit`); time constants in s.
 """
 
+import os
+from collections.abc import Sequence
 from dataclasses import replace
-from typing import Annotated, Any, Literal, Self
+from html import escape
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 
 import msgspec
 
-from eaid.errors import DataError
+from eaid.errors import DataError, in_python
 from eaid.findings import Finding
 from eaid.models.parameters import Friction as FrictionCurve
 from eaid.models.parameters import Linear as LinearModel
 from eaid.models.parameters import Nonlinear as NonlinearModel
+from eaid.results import codec
 from eaid.results.common import (
     AbsError,
     Count,
@@ -31,6 +36,9 @@ from eaid.results.common import (
 )
 from eaid.results.recorded import Recorded
 from eaid.results.steps import StepShape
+
+if TYPE_CHECKING:
+    import pandas
 
 Three = tuple[Number, Number, Number]
 Four = tuple[Number, Number, Number, Number]
@@ -377,6 +385,12 @@ class Linear(Pooled, frozen=True):
     other_weights: Pooled | None = None
     agreement: tuple[Agreement, ...] = ()
 
+    def to_control(self) -> Any:
+        """The transfer function b0/(s + a0) from input to output, by python-control, where that is installed."""
+        import control
+
+        return control.tf([self.b0], [1.0, self.a0])
+
     @classmethod
     def of(cls, pooled: Pooled, **more: Any) -> Self:
         """A pooled model with each level's own beside it."""
@@ -552,6 +566,48 @@ class Fit(Result, frozen=True):
     """Worst first."""
 
     @property
+    def params(self) -> "pandas.Series[float]":
+        """All fitted parameters, indexed by (model, parameter)."""
+        return _frames().parameters(self)
+
+    def conf_int(self) -> "pandas.DataFrame":
+        """95 % intervals of `params`, columns low and high; NaN where the data say nothing of use."""
+        return _frames().intervals(self)
+
+    def to_frame(self) -> "pandas.DataFrame":
+        """One row a level, or a step between two: its curve with intervals, and the error of each model."""
+        return _frames().levels(self)
+
+    def predict(
+        self, duty: float | Sequence[float], t: Sequence[float], model: str | None = None
+    ) -> "pandas.DataFrame":
+        """The output after a step from rest to each input [input's unit] at times t [s]; inputs are the columns.
+
+        `model` is nonlinear, linear or friction; by default the first of these that was fitted.
+        """
+        return _frames().predict(self, duty, t, model)
+
+    def summary(self) -> str:
+        """The fit in a few lines: fit %, T_s, τ1, τ2 with intervals, which estimate was taken, what is doubtful."""
+        from eaid.results.summary import fit_summary
+
+        return in_python("\n".join(fit_summary(self)))
+
+    def _repr_html_(self) -> str:
+        table = self.to_frame().to_html(max_rows=30, float_format="{:.4g}".format)
+        return f"<pre>{escape(self.summary())}</pre>{table}"
+
+    def plot(self, ax: Any = None) -> Any:
+        """The step responses of the fitted models, on matplotlib Axes."""
+        from eaid.report.plots import plot_fit
+
+        return plot_fit(self, ax)
+
+    def save(self, path: str | os.PathLike[str], force: bool = False) -> None:
+        """Write fit.json, whole or not at all; an existing file is left alone unless `force`."""
+        codec.write(Path(path), self, "fit", force)
+
+    @property
     def plant(self) -> NonlinearModel:
         """The believed nonlinear model, with the release constants where falls to rest were fitted."""
         if self.nonlinear is None:
@@ -569,3 +625,10 @@ class Fit(Result, frozen=True):
         if self.linear is None:
             raise DataError("this fit holds no linear model; fit clutch logs with «model» linear")
         return self.linear.parameters
+
+
+def _frames() -> Any:
+    """pandas is loaded when a frame is asked for."""
+    from eaid.results import frames
+
+    return frames

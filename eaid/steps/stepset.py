@@ -1,15 +1,24 @@
 """What the fits take: levels of averaged repeats, on a time axis that starts at the step."""
 
-from dataclasses import dataclass, field
+import os
+from dataclasses import asdict, dataclass, field
 from functools import cached_property
+from html import escape
+from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from eaid.apparatus import Apparatus
 from eaid.arrays import Array
+from eaid.errors import DataError
 from eaid.findings import Finding, merged, ranked, sentences
+from eaid.logs.dataset import write_dataset
 from eaid.logs.run import Run
 from eaid.steps.slip import SlipTest
+
+if TYPE_CHECKING:
+    import pandas
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,6 +155,8 @@ class StepSet:
     synthetic: str | None = None
     """What made the data, where they are not recorded; None: a rig."""
     extra: dict[str, object] = field(default_factory=dict)
+    steps: tuple[Run, ...] = ()
+    """The recorded runs behind the levels, cut at their steps, where the set was read from logs."""
     level_steps: tuple[LevelStep, ...] = ()
     """Every change of input between two holds, from rest and to rest too, in the order of levels."""
 
@@ -158,3 +169,25 @@ class StepSet:
     def all_findings(self) -> tuple[Finding, ...]:
         """Those of the set and of its runs, the worst run of each kind named, the gravest first."""
         return ranked(merged((*self.findings, *(one for run in self.runs for one in run.findings))))
+
+    def to_frame(self) -> "pandas.DataFrame":
+        """One row a run: level, repeat, edge, step instant, baseline, samples, and the codes of its findings."""
+        import pandas
+
+        rows = [{**asdict(run), "findings": ", ".join(one.code for one in run.findings)} for run in self.runs]
+        return pandas.DataFrame(rows).set_index("name") if rows else pandas.DataFrame()
+
+    def summary(self) -> str:
+        """What was found in a few lines, and the gravest findings."""
+        levels = ", ".join(f"{one.level:g}" for one in self.levels)
+        head = f"{self.kind}: {len(self.levels)} levels ({levels} {self.input_unit}), {len(self.runs)} runs"
+        return "\n".join([head, *sentences(self.all_findings[:3])])
+
+    def _repr_html_(self) -> str:
+        return f"<pre>{escape(self.summary())}</pre>{self.to_frame().to_html(max_rows=30)}"
+
+    def save(self, path: str | os.PathLike[str], force: bool = False) -> None:
+        """Write data.h5, whole or not at all; DataError for a set that was not read from logs."""
+        if not self.steps:
+            raise DataError(f"{path}: this set holds averaged levels only; save the one that was read from logs")
+        write_dataset(Path(path), self.steps, kind=self.kind, apparatus=self.apparatus, force=force)  # type: ignore[arg-type]

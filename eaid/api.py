@@ -1,0 +1,284 @@
+"""The public functions: logs → steps → fit → gains → replay → page, each a plain call that prints nothing.
+
+>>> import eaid
+>>> logs = eaid.synth(levels="20:100", repeats=2, rate_hz=100.0, seed=1)
+>>> fit = eaid.fit(logs)
+>>> fit.converged
+True
+"""
+
+import os
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import fields, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import h5py
+
+from eaid.errors import DataError, UsageError
+from eaid.files import sha256_of
+from eaid.fitting.options import FitOptions
+from eaid.logs.frames import runs_from_frames
+from eaid.reading import InputOptions, Progress, no_progress, read_steps, steps_of
+from eaid.results import codec
+from eaid.results.common import Input
+from eaid.results.coupling import Coupling
+from eaid.results.fit import Fit
+from eaid.results.gains import Gains
+from eaid.results.replay import Replay
+from eaid.results.tuning import TuneOptions
+from eaid.steps.stepset import StepSet
+from eaid.uncertainty.workflow import fit_steps
+
+if TYPE_CHECKING:
+    import pandas
+
+Paths = str | os.PathLike[str] | Iterable[str | os.PathLike[str]]
+Frames = "pandas.DataFrame | Mapping[str, pandas.DataFrame]"
+
+
+def read(
+    source: "Paths | pandas.DataFrame | Mapping[str, pandas.DataFrame]",
+    *,
+    time: str | int | None = None,
+    input: str | int | None = None,
+    output: str | int | None = None,
+    progress: Progress = no_progress,
+    **options: Any,
+) -> StepSet:
+    """Read recorded logs and find their steps, levels and repeats.
+
+    Parameters
+    ----------
+    source
+        Files or folders of logs, a data.h5, a DataFrame (with a column `run` where it holds several), or a mapping of
+        run name to DataFrame.
+    time, input, output
+        Columns by name or number from 1, where they are not found by themselves.
+    progress
+        `progress(what, how_many)` gives a context with a function to call once a piece.
+    **options
+        Fields of `eaid.reading.InputOptions`: units, name_pattern, step_at, until, baseline, rest, repair, kind, …
+
+    Returns
+    -------
+    StepSet
+        With `to_frame()`, `findings` and `save("data.h5")`.
+
+    Raises
+    ------
+    DataError
+        With one sentence for every fault of every log.
+    UsageError
+        An option that means nothing.
+    """
+    columns = {
+        role: str(name) for role, name in (("time", time), ("input", input), ("output", output)) if name is not None
+    }
+    chosen = InputOptions(**{**({"columns": columns} if columns else {}), **_known(InputOptions, options)})
+    if _is_frames(source):
+        return steps_of(runs_from_frames(source, chosen.reading()), chosen)[1]  # type: ignore[arg-type]
+    return read_steps(_paths(source), chosen, progress)[1]  # type: ignore[arg-type]
+
+
+def fit(
+    data: "StepSet | Paths | pandas.DataFrame | Mapping[str, pandas.DataFrame]",
+    options: FitOptions | None = None,
+    *,
+    progress: Progress = no_progress,
+    **keywords: Any,
+) -> Fit:
+    """Fit the models of the paper to recorded steps, with intervals and a verdict.
+
+    Parameters
+    ----------
+    data
+        What `read` returns, or anything that `read` takes.
+    options
+        All choices at once; single ones as keywords: models, share, weights, loss, hold_out, bounds, estimator, ci, …
+    progress
+        As in `read`.
+
+    Returns
+    -------
+    Fit
+        With `summary()`, `params`, `conf_int()`, `to_frame()`, `predict()`, `plot()`, `findings`, `save("fit.json")`.
+    """
+    chosen = replace(options or FitOptions(), **_known(FitOptions, keywords))
+    steps = data if isinstance(data, StepSet) else read(data, progress=progress)
+    with progress("bootstrap refits", chosen.draws if chosen.ci == "bootstrap" else 0) as advance:
+        return fit_steps(steps, chosen, advance)
+
+
+def tune_rc(
+    fit: Fit,
+    options: TuneOptions | None = None,
+    *,
+    reference: Any = None,
+    logs: StepSet | None = None,
+    progress: Progress = no_progress,
+    **keywords: Any,
+) -> Gains:
+    """Gains of the robust controller and of a PI, with one verdict on the guarantee.
+
+    Parameters
+    ----------
+    fit
+        A fit with a linear model.
+    options
+        All choices at once; single ones as keywords: kp, kd, b_hat, rho, phi, pi_overshoot, …
+    reference
+        "multisine", "steps", or a file `time_s,reference_nm`, which Q_M is judged by.
+    logs
+        Steps of the same rig, which speak about φ and the noise.
+
+    Returns
+    -------
+    Gains
+        With `guarantee`, `findings`, `to_control()`, `save("gains.json")`.
+    """
+    from eaid.replay.references import read_reference
+    from eaid.replay.tune import tune
+
+    chosen = _with(options or TuneOptions(), keywords)
+    named = reference is None or str(reference) in ("multisine", "steps")
+    signal = reference if named else read_reference(Path(reference))
+    return tune(fit, chosen, logs, signal, "" if named else str(reference), progress)
+
+
+def simulate(
+    fit: Fit,
+    gains: Gains | None = None,
+    scenario: str | None = None,
+    *,
+    reference: "str | os.PathLike[str] | None" = None,
+    log: "Paths | None" = None,
+    progress: Progress = no_progress,
+    **keywords: Any,
+) -> Replay:
+    """Replay controllers on the fitted plant, or a log's own input.
+
+    Parameters
+    ----------
+    fit
+        A fit with a nonlinear model.
+    gains
+        Gains of `tune_rc`; controllers that need them are left out without.
+    scenario : {"steps", "multisine", "sweep", "rehab"}, optional
+    reference
+        A file `time_s,reference_nm` in place of a scenario.
+    log
+        Logs whose recorded input is replayed and compared.
+    **keywords
+        Fields of `SimulateOptions` and of `Rig` (noise_nm, pwm_hz, delay_samples, …).
+
+    Returns
+    -------
+    Replay
+        With `to_frame()`, `plot()`, `findings`, `save("replay.h5")`.
+    """
+    from eaid.logs.read import read_runs
+    from eaid.replay.references import read_reference
+    from eaid.replay.rig import Rig
+    from eaid.replay.simulate import SimulateOptions
+    from eaid.replay.simulate import simulate as replayed
+
+    of_rig = {field.name for field in fields(Rig)}
+    rig = Rig(**{name: value for name, value in keywords.items() if name in of_rig})
+    rest = {name: value for name, value in keywords.items() if name not in of_rig}
+    options = SimulateOptions(scenario=scenario, rig=rig, **_known(SimulateOptions, rest))
+    signal = None if reference is None else read_reference(Path(reference))
+    runs = None if log is None else read_runs(_paths(log), InputOptions().reading())
+    return replayed(fit, gains, options, signal, runs, progress)
+
+
+def report(
+    results: "Sequence[Fit | Gains | Replay | StepSet]",
+    output_dir: str | os.PathLike[str],
+    **options: Any,
+) -> Path:
+    """Write one self-contained page, and the figures, of any results; returns the page's path."""
+    from eaid.report.options import ReportOptions
+    from eaid.report.write import write_report
+
+    return write_report(list(results), output_dir, ReportOptions(**_known(ReportOptions, options))).page
+
+
+def plan(fit: Fit, **options: Any) -> Any:
+    """What to record next, for intervals of wanted widths; fields of `PlanOptions` as keywords."""
+    from eaid.uncertainty.plan import PlanOptions, plan_recordings
+
+    return plan_recordings(fit, PlanOptions(**_known(PlanOptions, options)))
+
+
+def synth(**options: Any) -> StepSet:
+    """Synthetic logs of a plant as steps; fields of `SynthOptions` as keywords."""
+    from eaid.synth.synthesize import SynthOptions, synthesize
+
+    return steps_of(synthesize(SynthOptions(**_known(SynthOptions, options))), InputOptions())[1]
+
+
+def export(gains: Gains, output_dir: str | os.PathLike[str], fit: Fit | None = None, **options: Any) -> Any:
+    """Controllers and plant as source for a rig, with test vectors and a check program."""
+    from eaid.export.export import export as exported
+    from eaid.export.options import ExportOptions
+
+    return exported(gains, fit, Path(output_dir), ExportOptions(**_known(ExportOptions, options)))
+
+
+def couple(fit: Fit, gains: Gains | None = None, **options: Any) -> Coupling:
+    """How stiff a virtual wall each loop may render on a limb; fields of `CoupleOptions` as keywords."""
+    from eaid.coupling.couple import couple as coupled
+    from eaid.coupling.options import CoupleOptions
+
+    return coupled(fit, gains, CoupleOptions(**_known(CoupleOptions, options)))
+
+
+def load(path: str | os.PathLike[str]) -> "Fit | Gains | Coupling | Replay | StepSet":
+    """A result of any kind from its file, by what the file says of itself."""
+    file = Path(path)
+    if not file.is_file():
+        raise DataError(f"{file}: no such file; give a fit.json, gains.json, couple.json, replay.h5 or data.h5")
+    if h5py.is_hdf5(file):
+        from eaid.replay.files import SCHEMA
+        from eaid.replay.files import read as read_replay
+
+        with h5py.File(file) as held:
+            schema = held.attrs.get("schema", "")
+        return read_replay(file)[0] if schema == SCHEMA else read(file)
+    kinds: dict[str, type[Any]] = {"fit": Fit, "gains": Gains, "couple": Coupling}
+    kind = codec.kind_of(file)
+    result: Fit | Gains | Coupling = codec.read(file, kind, kinds[kind])[0]
+    return result
+
+
+def source_of(path: Path) -> Input:
+    """How a result names one of its inputs."""
+    return Input(str(path), sha256_of(path))
+
+
+def _known(options: type, given: Mapping[str, Any]) -> dict[str, Any]:
+    """The keywords, held against the fields of an options type."""
+    names = getattr(options, "__struct_fields__", None) or [field.name for field in fields(options)]
+    for name in given:
+        if name not in names:
+            raise UsageError(f"{name}: no such option; there are {', '.join(names)}")
+    return dict(given)
+
+
+def _with(options: TuneOptions, keywords: Mapping[str, Any]) -> TuneOptions:
+    import msgspec
+
+    return msgspec.structs.replace(options, **_known(TuneOptions, keywords))
+
+
+def _is_frames(source: Any) -> bool:
+    return hasattr(source, "columns") or isinstance(source, Mapping)
+
+
+def _paths(source: Paths) -> list[Path]:
+    given = [source] if isinstance(source, str | os.PathLike) else list(source)
+    paths = [Path(one) for one in given]
+    if any(str(one) == "" for one in given):
+        raise UsageError("an empty path: give a file or a folder")
+    return paths
