@@ -6,7 +6,7 @@ run = eaid.simulate(fit, gains)      eaid.report([fit, gains, run], "report/")
 
 from typing import TYPE_CHECKING, Any
 
-__version__ = "0.1.0"
+from eaid.version import __version__
 
 if TYPE_CHECKING:
     from eaid.api import couple, export, fit, load, plan, read, report, simulate, synth, tune_rc
@@ -14,7 +14,8 @@ if TYPE_CHECKING:
 
 FUNCTIONS = ("read", "fit", "tune_rc", "simulate", "report", "plan", "synth", "load", "export", "couple")
 __all__ = [
-    "FitOptions", "couple", "export", "fit", "load", "plan", "read", "report", "simulate", "synth", "tune_rc",
+    "FitOptions", "__version__",
+    "couple", "export", "fit", "load", "plan", "read", "report", "simulate", "synth", "tune_rc",
 ]  # fmt: skip
 
 
@@ -32,4 +33,4 @@ def __getattr__(name: str) -> Any:
 
 
 def __dir__() -> list[str]:
-    return [*__all__, "__version__"]
+    return list(__all__)

@@ -1,7 +1,7 @@
 """The public functions: logs → steps → fit → gains → replay → page, each a plain call that prints nothing.
 
 >>> import eaid
->>> logs = eaid.synth(levels="20:100", repeats=2, rate_hz=100.0, seed=1)
+>>> logs = eaid.synth(levels=(20.0, 40.0, 60.0, 80.0, 100.0), repeats=2, rate_hz=100.0, seed=1)
 >>> fit = eaid.fit(logs)
 >>> fit.converged
 True
@@ -19,7 +19,8 @@ from eaid.errors import DataError, UsageError
 from eaid.files import sha256_of
 from eaid.fitting.options import FitOptions
 from eaid.logs.frames import runs_from_frames
-from eaid.reading import InputOptions, Progress, no_progress, read_steps, steps_of
+from eaid.progress import Progress, no_progress
+from eaid.reading import InputOptions, read_steps, steps_of
 from eaid.results import codec
 from eaid.results.common import Input
 from eaid.results.coupling import Coupling
@@ -211,27 +212,42 @@ def plan(fit: Fit, **options: Any) -> Any:
     return plan_recordings(fit, PlanOptions(**_known(PlanOptions, options)))
 
 
-def synth(**options: Any) -> StepSet:
-    """Synthetic logs of a plant as steps; fields of `SynthOptions` as keywords."""
+def synth(plant: Fit | None = None, **options: Any) -> StepSet:
+    """Synthetic logs of the reference plant, or of a fitted clutch, as steps; fields of `SynthOptions` as keywords."""
     from eaid.synth.synthesize import SynthOptions, synthesize
 
-    return steps_of(synthesize(SynthOptions(**_known(SynthOptions, options))), InputOptions())[1]
+    runs = synthesize(SynthOptions(**_known(SynthOptions, options)), None if plant is None else plant.plant)
+    return steps_of(runs, InputOptions())[1]
 
 
-def export(gains: Gains, output_dir: str | os.PathLike[str], fit: Fit | None = None, **options: Any) -> Any:
-    """Controllers and plant as source for a rig, with test vectors and a check program."""
+def export(gains: Gains | None, output_dir: str | os.PathLike[str], fit: Fit | None = None, **options: Any) -> Any:
+    """Controllers and plant as source for a rig, with test vectors and a check program; fields of `ExportOptions`."""
     from eaid.export.export import export as exported
     from eaid.export.options import ExportOptions
 
-    return exported(gains, fit, Path(output_dir), ExportOptions(**_known(ExportOptions, options)))
+    return exported(gains, fit, ExportOptions(folder=Path(output_dir), **_known(ExportOptions, options)))
 
 
-def couple(fit: Fit, gains: Gains | None = None, **options: Any) -> Coupling:
-    """How stiff a virtual wall each loop may render on a limb; fields of `CoupleOptions` as keywords."""
-    from eaid.coupling.couple import couple as coupled
-    from eaid.coupling.options import CoupleOptions
+def couple(fit: Fit, gains: Gains | None = None, *, progress: Progress = no_progress, **options: Any) -> Coupling:
+    """How stiff a virtual wall each loop may render on a limb.
 
-    return coupled(fit, gains, CoupleOptions(**_known(CoupleOptions, options)))
+    Parameters
+    ----------
+    fit
+        A fit with a nonlinear model, which is the plant.
+    gains
+        Gains of the loops rc and pi; without them the open loop and the inverse remain.
+    **options
+        Fields of `CoupleOptions`: limb_inertia, limb_damping, torques, pwm_hz, plants, …
+
+    Returns
+    -------
+    Coupling
+        With `walls`, `pair`, `regions`, `to_frame()`, `findings`, `save("couple.json")`.
+    """
+    from eaid.coupling.entry import CoupleOptions, couple_fit
+
+    return couple_fit(fit, gains, CoupleOptions(**_known(CoupleOptions, options)), progress)
 
 
 def load(path: str | os.PathLike[str]) -> "Fit | Gains | Coupling | Replay | StepSet":

@@ -3,7 +3,6 @@
 import csv
 import re
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, fields, replace
 from math import isfinite
 from pathlib import Path
@@ -19,18 +18,12 @@ from eaid.logs.options import ReadOptions
 from eaid.logs.read import read_what_can_be
 from eaid.logs.run import Kind, Run
 from eaid.logs.together import columns_told
+from eaid.progress import Progress, no_progress
 from eaid.steps.baseline import baseline_rule
 from eaid.steps.build import StepOptions, cut_runs, stepset_of
 from eaid.steps.stepset import StepSet
 
 KINDS = ("clutch", "friction-force", "friction-speed")
-Progress = Callable[[str, int], AbstractContextManager[Callable[[], None]]]
-"""progress(what, how many) → a context that gives a function to call once a piece is done."""
-
-
-def no_progress(_what: str, _count: int) -> AbstractContextManager[Callable[[], None]]:
-    """Nothing is told."""
-    return nullcontext(lambda: None)
 
 
 def apparatus_from(text: str | Apparatus | None, kind: str | None) -> Apparatus | None:

@@ -12,9 +12,9 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from eaid import __version__
 from eaid.errors import DataError
 from eaid.files import sha256_of, written_whole
+from eaid.version import __version__
 
 
 def jsonable(value: Any) -> Any:

@@ -13,10 +13,10 @@ from typing import Annotated, Any
 
 import typer
 
-from eaid import __version__
 from eaid.cli import console
 from eaid.cli.streams import patient_streams
 from eaid.errors import EaidError, on_command_line
+from eaid.version import __version__
 
 COMMANDS = {
     "ingest": "Logs → what is in them and what is doubtful, data.h5",

@@ -4,7 +4,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from eaid import __version__
 from eaid.errors import UsageError, in_python
 from eaid.export.constants import (
     Timing,
@@ -20,6 +19,7 @@ from eaid.export.source import Source
 from eaid.export.text import decimal, harmless, unit_name
 from eaid.export.vectors import Vector, vectors
 from eaid.findings import Finding, say
+from eaid.version import __version__
 
 TITLES = {
     "pi": "PI of §V-B: u = K_P e + K_I ∫e",

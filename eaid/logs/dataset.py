@@ -14,7 +14,6 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from eaid import __version__
 from eaid.apparatus import Apparatus
 from eaid.arrays import Array, read_only
 from eaid.errors import DataError
@@ -24,6 +23,7 @@ from eaid.logs.digest import check_digest, digest_of
 from eaid.logs.hdf import open_hdf5
 from eaid.logs.run import INPUT_UNITS, Kind, Run
 from eaid.logs.walk import Item, root_of, walk
+from eaid.version import __version__
 
 SCHEMA = "eaid/data/1"
 COLUMNS = ("time_s", "input", "torque_nm")

@@ -13,7 +13,6 @@ from typing import Any
 import h5py
 import numpy as np
 
-from eaid import __version__
 from eaid.arrays import Array, read_only
 from eaid.errors import DataError
 from eaid.files import hdf5_written_whole
@@ -23,6 +22,7 @@ from eaid.logs.walk import walk
 from eaid.results.codec import digest_of as json_digest_of
 from eaid.results.codec import from_plain, to_plain
 from eaid.results.replay import Exercise, Head, Metrics, Record, Replay
+from eaid.version import __version__
 
 SCHEMA = "eaid/replay/1"
 LARGEST = 1e30

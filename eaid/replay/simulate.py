@@ -1,7 +1,6 @@
 """Controllers on the fitted plant: a scenario, a reference, the rehabilitation, or recorded runs; one function."""
 
-from collections.abc import Callable, Mapping, Sequence
-from contextlib import AbstractContextManager, nullcontext
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields
 
 import msgspec
@@ -16,6 +15,7 @@ from eaid.findings import Finding, finding, ranked
 from eaid.limits import MOST_STEPS, check_all
 from eaid.logs.run import Run
 from eaid.models.parameters import Linear, Nonlinear
+from eaid.progress import Progress, no_progress
 from eaid.replay import recorded as log
 from eaid.replay.best import best as best_of
 from eaid.replay.controllers import Controller, Knowledge, controller
@@ -35,17 +35,10 @@ from eaid.results.gains import Gains
 from eaid.results.replay import Exercise, Head, Record, Replay, RigRecord
 from eaid.uncertainty.draw import covariance_word, draw_plants
 
-Progress = Callable[[str, int], AbstractContextManager[Callable[[], None]]]
-"""progress(what, how many) → a context whose value is called once a piece."""
 Signal = tuple[Array, Array]
 """Time [s] and output, shapes (n,) each."""
 UNSEEN = 0.01
 """Share of the samples that may lie outside what was identified without a word."""
-
-
-def no_progress(_what: str, _count: int) -> AbstractContextManager[Callable[[], None]]:
-    """Nothing is told."""
-    return nullcontext(lambda: None)
 
 
 @dataclass(frozen=True)

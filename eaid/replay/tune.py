@@ -18,10 +18,11 @@ from eaid.errors import DataError, UsageError
 from eaid.findings import Finding, finding, ranked
 from eaid.models.nonlinear import steady_torque
 from eaid.models.parameters import Nonlinear
+from eaid.progress import Progress, no_progress
 from eaid.replay.optimize import Search, optimize
 from eaid.replay.references import Reference, sampled
 from eaid.replay.scenarios import SCENARIOS, Wish
-from eaid.replay.simulate import Progress, Signal, no_progress
+from eaid.replay.simulate import Signal
 from eaid.replay.standard import beside_the_bound, steepest_nm_s
 from eaid.results.codec import to_plain
 from eaid.results.fit import Fit

@@ -18,10 +18,10 @@ from typing import Any, TypeVar
 
 import msgspec
 
-from eaid import __version__
 from eaid.errors import DataError
 from eaid.files import written_whole
 from eaid.findings import Finding, finding, sentences
+from eaid.version import __version__
 
 R = TypeVar("R", bound=msgspec.Struct)
 KINDS: dict[str, tuple[str, ...]] = {
@@ -74,6 +74,19 @@ def write(path: Path, result: msgspec.Struct, kind: str, force: bool = False) ->
     """Write a result whole or not at all."""
     with written_whole(path, force) as part:
         part.write_text(dumps(result, kind), encoding="utf-8", errors="surrogatepass")
+
+
+def kind_of(path: Path) -> str:
+    """fit, gains or couple, by the schema of a JSON result, else by the parts that a script's own file holds."""
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+    except (ValueError, RecursionError) as fault:
+        raise DataError(f"{path}: is not a JSON file ({fault}); give a result that eaid wrote") from None
+    schema = content.get("schema") if isinstance(content, dict) else ""
+    for kind, parts in KINDS.items():
+        if schema == f"eaid/{kind}/1" or (schema is None and any(part in content for part in parts)):
+            return kind
+    raise DataError(f"{path}: is no result of eaid; give a fit.json, gains.json or couple.json")
 
 
 def digest_of(content: dict[str, Any]) -> str:

@@ -1,7 +1,15 @@
 """couple.json as types: how stiff a wall each loop may render at each torque."""
 
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING
+
 from eaid.findings import Finding
+from eaid.results import codec
 from eaid.results.common import Count, Input, Number, Positive, Result
+
+if TYPE_CHECKING:
+    import pandas
 
 
 class CoupleRecord(Result, frozen=True):
@@ -112,3 +120,13 @@ class Coupling(Result, frozen=True):
     kept: tuple[Kept, ...] = ()
     impedance: Impedance = Impedance()
     findings: tuple[Finding, ...] = ()
+
+    def to_frame(self) -> "pandas.DataFrame":
+        """One row a wall: loop, torque, K passive, stable and replayed, and the frequencies that limit them."""
+        import pandas
+
+        return pandas.DataFrame([{name: getattr(wall, name) for name in wall.__struct_fields__} for wall in self.walls])
+
+    def save(self, path: str | os.PathLike[str], force: bool = False) -> None:
+        """Write couple.json, whole or not at all."""
+        codec.write(Path(path), self, "couple", force)

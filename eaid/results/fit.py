@@ -568,15 +568,21 @@ class Fit(Result, frozen=True):
     @property
     def params(self) -> "pandas.Series[float]":
         """All fitted parameters, indexed by (model, parameter)."""
-        return _frames().parameters(self)
+        from eaid.results import frames
+
+        return frames.parameters(self)
 
     def conf_int(self) -> "pandas.DataFrame":
         """95 % intervals of `params`, columns low and high; NaN where the data say nothing of use."""
-        return _frames().intervals(self)
+        from eaid.results import frames
+
+        return frames.intervals(self)
 
     def to_frame(self) -> "pandas.DataFrame":
         """One row a level, or a step between two: its curve with intervals, and the error of each model."""
-        return _frames().levels(self)
+        from eaid.results import frames
+
+        return frames.levels(self)
 
     def predict(
         self, duty: float | Sequence[float], t: Sequence[float], model: str | None = None
@@ -585,7 +591,9 @@ class Fit(Result, frozen=True):
 
         `model` is nonlinear, linear or friction; by default the first of these that was fitted.
         """
-        return _frames().predict(self, duty, t, model)
+        from eaid.results import frames
+
+        return frames.predict(self, duty, t, model)
 
     def summary(self) -> str:
         """The fit in a few lines: fit %, T_s, τ1, τ2 with intervals, which estimate was taken, what is doubtful."""
@@ -625,10 +633,3 @@ class Fit(Result, frozen=True):
         if self.linear is None:
             raise DataError("this fit holds no linear model; fit clutch logs with «model» linear")
         return self.linear.parameters
-
-
-def _frames() -> Any:
-    """pandas is loaded when a frame is asked for."""
-    from eaid.results import frames
-
-    return frames

@@ -4,7 +4,13 @@ Units are the rig's: `input_unit` for duties, `output_unit` for torques; `_nm` a
 the paper's rig.
 """
 
-from eaid.findings import Finding
+import os
+from html import escape
+from pathlib import Path
+from typing import Any
+
+from eaid.findings import Finding, sentences
+from eaid.results import codec
 from eaid.results.common import Count, Input, Number, Positive, Result
 from eaid.results.tuning import TuneOptions
 
@@ -334,3 +340,37 @@ class Gains(Result, frozen=True):
         low, high = self.duty_limits_pct
         if not 0 <= low < high:
             raise ValueError(f"duty_limits_pct {low:g} to {high:g}, which has to rise from 0 or above")
+
+    def to_control(self) -> dict[str, Any]:
+        """By python-control, where it is installed: the PI, and the PI of equal slope inside the layer of RC.
+
+        Transfer functions from torque error to input.
+        """
+        import control
+
+        found = {}
+        if self.pi is not None:
+            found["pi"] = control.tf([self.pi.K_P, self.pi.K_I], [1.0, 0.0])
+        equal = self.rc.equal_pi if self.rc is not None else None
+        if equal is not None and equal.K_P is not None and equal.K_I is not None:
+            found["rc"] = control.tf([equal.K_P, equal.K_I], [1.0, 0.0])
+        return found
+
+    def summary(self) -> str:
+        """Gains, the one verdict on the guarantee, and the gravest findings."""
+        lines = []
+        if self.rc is not None:
+            lines.append(f"rc  K_P {self.rc.K_P:g}, K_D {self.rc.K_D:g}, B̂ {self.rc.B_hat:.4g}")
+        if self.pi is not None:
+            lines.append(f"pi  K_P {self.pi.K_P:.4g}, K_I {self.pi.K_I:.4g}")
+        if self.guarantee is not None:
+            missing = ", ".join(self.guarantee.missing)
+            lines.append("guarantee: yes" if self.guarantee.holds else f"guarantee: NO ({missing})")
+        return "\n".join([*lines, *sentences(self.findings[:3])])
+
+    def _repr_html_(self) -> str:
+        return f"<pre>{escape(self.summary())}</pre>"
+
+    def save(self, path: str | os.PathLike[str], force: bool = False) -> None:
+        """Write gains.json, whole or not at all."""
+        codec.write(Path(path), self, "gains", force)

@@ -4,10 +4,12 @@ Units are the rig's: `input_unit` for duties, `output_unit` for torques; `_nm` a
 the paper's rig. Errors are reference − true output.
 """
 
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import msgspec
 
@@ -287,3 +289,15 @@ class Replay:
 
         frames = [pandas.DataFrame({"name": name, **one.columns}) for name, one in self.records.items()]
         return pandas.concat(frames, ignore_index=True) if frames else pandas.DataFrame({"name": []})
+
+    def plot(self, ax: Any = None) -> Any:
+        """Reference and outputs over time, on matplotlib Axes."""
+        from eaid.report.plots import plot_replay
+
+        return plot_replay(self, ax)
+
+    def save(self, path: str | os.PathLike[str], force: bool = False) -> None:
+        """Write replay.h5, whole or not at all."""
+        from eaid.replay.files import write_replay
+
+        write_replay(Path(path), self, force)

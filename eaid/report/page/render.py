@@ -10,7 +10,6 @@ from importlib import resources
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup, escape
 
-from eaid import __version__
 from eaid.report.catalogue import Row
 from eaid.report.draw import Drawn, Picture
 from eaid.report.mark import mark_of
@@ -21,6 +20,7 @@ from eaid.report.page.parts import fold_names, parts
 from eaid.report.page.shown import shown, source_of
 from eaid.report.results import Results
 from eaid.report.tables.table import Cell, Name, text
+from eaid.version import __version__
 
 WORDS = {"good": "Good", "care": "Mind", "bad": "Stop", "none": "–"}
 SEVERITIES = {"stop": "bad", "caution": "care", "note": "good"}
