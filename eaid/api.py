@@ -26,6 +26,7 @@ from eaid.results.common import Input
 from eaid.results.coupling import Coupling
 from eaid.results.fit import Fit
 from eaid.results.gains import Gains
+from eaid.results.plan import Plan
 from eaid.results.replay import Replay
 from eaid.results.tuning import TuneOptions
 from eaid.steps.stepset import StepSet
@@ -205,11 +206,18 @@ def report(
     return write_report(list(results), output_dir, ReportOptions(**_known(ReportOptions, options))).page
 
 
-def plan(fit: Fit, **options: Any) -> Any:
-    """What to record next, for intervals of wanted widths; fields of `PlanOptions` as keywords."""
-    from eaid.uncertainty.plan import PlanOptions, plan_recordings
+def plan(fit: Fit, *, progress: Progress = no_progress, **options: Any) -> Plan:
+    """What to record next, for intervals of wanted widths; fields of `PlanOptions` (want, idle_s, …) as keywords.
 
-    return plan_recordings(fit, PlanOptions(**_known(PlanOptions, options)))
+    Returns
+    -------
+    Plan
+        With `runs`, `to_frame()`, `findings`.
+    """
+    from eaid.planning.recordings import PlanOptions, plan_recordings
+
+    with progress("simulated recordings", 0) as advance:
+        return plan_recordings(fit, PlanOptions(**_known(PlanOptions, options)), advance)
 
 
 def synth(plant: Fit | None = None, **options: Any) -> StepSet:

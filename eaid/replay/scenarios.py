@@ -10,7 +10,7 @@ from eaid.errors import UsageError
 from eaid.replay import metrics, references
 from eaid.replay.loop import Trace
 from eaid.replay.references import Reference
-from eaid.results.replay import NONE, Metrics, Record
+from eaid.results.replay import Metrics, Record
 
 
 @dataclass(frozen=True)
@@ -85,7 +85,7 @@ def measure(trace: Trace, reference: Reference) -> Metrics:
     )
 
 
-def record(trace: Trace, measured: Metrics, further: Mapping[str, Array] = NONE) -> Record:
+def record(trace: Trace, measured: Metrics, further: Mapping[str, Array] | None = None) -> Record:
     """A replay as a group of replay.h5, with further columns of its length."""
     columns = {
         "time_s": trace.time_s,
@@ -97,4 +97,4 @@ def record(trace: Trace, measured: Metrics, further: Mapping[str, Array] = NONE)
         columns["measured_nm"] = trace.measured_nm
     if trace.applied_pct is not None:
         columns["applied_pct"] = trace.applied_pct
-    return Record({**columns, **further}, measured)
+    return Record({**columns, **(further or {})}, measured)

@@ -1,7 +1,12 @@
 """plan.json as a type: what to record next, and the interval widths that it is simulated to give."""
 
+from typing import TYPE_CHECKING
+
 from eaid.findings import Finding
 from eaid.results.common import Count, Input, Number, Result
+
+if TYPE_CHECKING:
+    import pandas
 
 
 class PlannedRun(Result, frozen=True):
@@ -37,3 +42,10 @@ class Plan(Result, frozen=True):
     input_unit: str = "%"
     runs: tuple[PlannedRun, ...] = ()
     findings: tuple[Finding, ...] = ()
+
+    def to_frame(self) -> "pandas.DataFrame":
+        """One row a run, in the order of recording."""
+        import pandas
+
+        names = PlannedRun.__struct_fields__
+        return pandas.DataFrame([{name: getattr(run, name) for name in names} for run in self.runs])

@@ -8,7 +8,6 @@ import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Literal
 
 import msgspec
@@ -20,8 +19,6 @@ from eaid.results.gains import Tracking
 
 if TYPE_CHECKING:
     import pandas
-
-NONE: Mapping[str, Array] = MappingProxyType({})
 
 
 class StepMetrics(Result, frozen=True):
@@ -191,7 +188,7 @@ class Record:
     columns: Mapping[str, Array]
     """`time_s`, `reference_nm`, `torque_nm`, `duty_pct` and others, each of shape (n,)."""
     metrics: Metrics = Metrics()  # noqa: RUF009 - frozen
-    tables: Mapping[str, Array] = field(default_factory=lambda: NONE)
+    tables: Mapping[str, Array] = field(default_factory=dict)
     """Further arrays of any length, as `plants/band_nm`, in inner groups named before the slash."""
     role: Role = "controller"
 

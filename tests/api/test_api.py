@@ -120,6 +120,12 @@ def test_results_are_saved_loaded_and_pickled(logs: StepSet, fit: Fit, gains: Ga
     assert pickle.loads(pickle.dumps(logs)).to_frame().equals(logs.to_frame())
 
 
+def test_a_plan_is_a_table_of_runs(fit: Fit):
+    made = eaid.plan(fit, want={"Ts": 20.0, "tau1": 20.0, "tau2": 40.0}, check=False)
+    assert made.met
+    assert len(made.to_frame()) == len(made.levels) * made.repeats
+
+
 def test_plots_are_axes(fit: Fit, gains: Gains):
     axes = fit.plot()
     assert len(axes.lines) == len(LEVELS)
