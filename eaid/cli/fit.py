@@ -23,6 +23,7 @@ def command(
     bounds: options_.BoundsOption = "zero-offset",
     bounds_levels: options_.BoundsLevels = None,
     shape: options_.Shape = "auto",
+    dead_time: options_.DeadTime = "auto",
     ci: options_.Ci = "robust",
     logs_as: options_.LogsAs = "auto",
     duty: options_.Duty = None,
@@ -63,7 +64,8 @@ def command(
     refuse_to_overwrite(output, force)
     options = FitOptions(
         options_.models_of(model), options_.share_of(share), weights, loss, options_.numbers("hold_out", hold_out),
-        bounds,        estimator=estimator, shape=shape, ci=ci, seed=seed, workers=options_.processors(),
+        bounds, estimator=estimator, shape=shape, dead_time_s=options_.dead_time_of(dead_time), ci=ci, seed=seed,
+        workers=options_.processors(),
     )  # fmt: skip
     check(options)
     stepset = inputs.stepset_from(
@@ -92,8 +94,8 @@ def command(
 
             recorded_tables(result)
     console.tell(result.findings, verbose)
-    parts = ("friction", "nonlinear", "linear", "release")
-    console.say(f"{output}: {', '.join(name for name in parts if getattr(result, name) is not None)}")
+    parts = ("friction", "nonlinear", "linear", "release", "steps")
+    console.say(f"{output}: {', '.join(name for name in parts if getattr(result, name))}")
     if result.converged and not stops(result.findings):
         return 0
     console.fail(f"{output}: is written and marked; do not use its numbers")

@@ -31,6 +31,9 @@ Estimator = Annotated[
 ]
 Shape = Annotated[str, typer.Option(help="Steps between levels: auto (by the evidence), one, two, free or overshoot.")]
 Ci = Annotated[str, typer.Option(help="Intervals: robust, bootstrap, profile, white or none.")]
+DeadTime = Annotated[
+    str, typer.Option(help="Dead time of each single step in seconds: auto (by the evidence), 0 or another number.")
+]
 Verbose = Annotated[bool, typer.Option("--verbose", help="Tell all findings and show all tables.")]
 
 
@@ -42,6 +45,16 @@ def share_of(text: str) -> float | None:
         return float(text)
     except ValueError:
         raise UsageError(f"«share» {text}: give a number between 0 and 1, or free") from None
+
+
+def dead_time_of(text: str) -> float | None:
+    """θ of `--dead-time`: a number of seconds, or None for auto."""
+    if text == "auto":
+        return None
+    try:
+        return float(text)
+    except ValueError:
+        raise UsageError(f"«dead_time» {text}: give auto, or a time in seconds") from None
 
 
 def models_of(text: str | None) -> tuple[str, ...] | None:

@@ -6,6 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from eaid.cli import console
 from eaid.results.common import Huber, HuberPart, Interval, Solver
 from eaid.results.fit import Estimate, Fit, Friction, FrictionLevel, Linear, Nonlinear, Pooled, Release
+from eaid.results.steps import StepShape
 
 
 def tables(fit: Fit, verbose: bool = False) -> None:
@@ -22,6 +23,8 @@ def tables(fit: Fit, verbose: bool = False) -> None:
         linear_tables(fit.linear, unit, out)
     if fit.release is not None:
         release_table(fit.release, unit, out)
+    if fit.steps:
+        step_table(fit.steps, unit, out)
 
 
 def verdict_cell(solver: Solver | None) -> str:
@@ -190,3 +193,20 @@ def _number(value: float | None, digits: int = 4) -> str:
 
 def _span(interval: Interval) -> str:
     return "not determined" if not interval else f"{interval[0]:.4g} … {interval[1]:.4g}"
+
+
+def step_table(steps: Sequence[StepShape], unit: str, out: str) -> None:
+    """Each change of input by itself: gain, shape and time constants."""
+    rows = [
+        [
+            f"{row.from_:g}", f"{row.level:g}", f"{row.start:.4g}", f"{row.change:+.5g}", _number(row.gain), row.shape,
+            f"{row.tau1:.4g}", _number(row.tau2), f"{row.C:.3g}", f"{row.dead_time_s:.3g}", _number(row.rmse, 3),
+            _number(row.fit_pct),
+        ]
+        for row in steps
+    ]  # fmt: skip
+    columns = [
+        f"from [{unit}]", "to", f"start [{out}]", f"change [{out}]", f"gain [{out}/{unit}]", "shape", "τ1 [s]",
+        "τ2 [s]", "C", "dead [s]", f"RMSE [{out}]", "fit %",
+    ]  # fmt: skip
+    console.table("Steps, each from its own start", columns, rows)

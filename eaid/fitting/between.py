@@ -1,20 +1,35 @@
 """Steps between two levels as rows of the friction model: change, time constants, shape, each from its own start."""
 
-from eaid.findings import Finding
+from collections.abc import Sequence
+
 from eaid.fitting.options import FitOptions
-from eaid.fitting.step_shapes import ShapeOptions, fit_step
+from eaid.fitting.step_shapes import ShapeOptions, fit_steps
 from eaid.models.parameters import SHARE
 from eaid.results.fit import FrictionLevel
 from eaid.results.steps import StepShape
 from eaid.steps.stepset import StepSet
 
+FEW = 3
+"""Steps up to which each is shown by itself, too."""
 
-def between_rows(stepset: StepSet, options: FitOptions) -> tuple[tuple[FrictionLevel, ...], tuple[Finding, ...]]:
-    """The steps that neither begin nor end at rest, in the order of the set, and what is to be doubted of them."""
-    steps = [step for step in stepset.level_steps if step.from_level != 0 and step.level != 0]
-    how = ShapeOptions(options.shape, share=options.share or SHARE)  # type: ignore[arg-type]  # checked
-    found = [fit_step(step, how) for step in steps]
-    return tuple(row_of(one) for one in found), tuple(said for one in found for said in one.findings)
+
+def single_steps(stepset: StepSet, options: FitOptions) -> tuple[StepShape, ...]:
+    """The shape of each change of input, where some go from level to level, where they are few, or where it is asked.
+
+    Steps from rest are fitted together, as levels, too; these are beside them.
+    """
+    steps = stepset.level_steps
+    between = any(0.0 not in (step.from_level, step.level) for step in steps)
+    asked = options.shape != "auto" or options.dead_time_s is not None
+    if not (between or asked or len(steps) <= FEW):
+        return ()
+    how = ShapeOptions(options.shape, options.dead_time_s, options.share or SHARE)  # type: ignore[arg-type]  # checked
+    return fit_steps(steps, how)
+
+
+def between_rows(shapes: Sequence[StepShape]) -> tuple[FrictionLevel, ...]:
+    """Those that neither begin nor end at rest as rows of the friction model."""
+    return tuple(row_of(one) for one in shapes if one.from_ != 0 and one.level != 0)
 
 
 def row_of(one: StepShape) -> FrictionLevel:

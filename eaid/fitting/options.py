@@ -1,6 +1,7 @@
 """The choices of a fit, as one frozen type, with their tables of names."""
 
 from dataclasses import dataclass
+from math import inf
 
 from eaid.errors import UsageError
 from eaid.models.parameters import SHARE
@@ -56,6 +57,8 @@ class FitOptions:
     """Refits of the bootstrap."""
     workers: int = 1
     """Processes that share the refits; the result is the same for any number."""
+    dead_time_s: float | None = None
+    """Dead time of each single step [s]; None: where the evidence asks for one; 0: none."""
 
 
 def check(options: FitOptions) -> None:
@@ -70,5 +73,7 @@ def check(options: FitOptions) -> None:
     ):
         if value not in table:
             raise UsageError(f"{name} {value}: must be one of {', '.join(table)}")
+    if options.dead_time_s is not None and not 0 <= options.dead_time_s < inf:
+        raise UsageError(f"«dead_time» {options.dead_time_s:g}: must be auto, or a time in seconds from 0 on")
     if options.share is not None and not 0 < options.share < 1:
         raise UsageError(f"«share» {options.share:g}: the share of the fast part lies between 0 and 1; or say free")

@@ -132,7 +132,7 @@ def fit_step(step: LevelStep, options: ShapeOptions | None = None) -> StepShape:
     chosen = _chosen(tried, scores)
     if len(points.time_s) < len(y):
         chosen = _refined(chosen, _Points(step.time_s, y, np.ones(len(y))), step)
-    return _result(step, chosen, scores, y)
+    return _result(step, chosen, scores, y, _plain_rmse(tried, chosen, len(y)))
 
 
 def _dead(options: ShapeOptions) -> tuple[bool, ...]:
@@ -311,7 +311,17 @@ def _chosen(tried: list[_Candidate], scores: dict[str, float]) -> _Candidate:
     return named[chosen]
 
 
-def _result(step: LevelStep, one: _Candidate, scores: dict[str, float], y: Array) -> StepShape:
+def _plain_rmse(tried: list[_Candidate], chosen: _Candidate, count: int) -> float | None:
+    """RMSE of the paper's form, or of one exponential, without a dead time, where another was chosen; else None."""
+    plain = [one.sse for one in tried if one.shape in ("one", "two") and not one.dead]
+    if not plain or (chosen.shape in ("one", "two") and chosen.p[4] == 0):
+        return None
+    return math.sqrt(min(plain) / count)
+
+
+def _result(
+    step: LevelStep, one: _Candidate, scores: dict[str, float], y: Array, plain_rmse: float | None
+) -> StepShape:
     p = one.p
     left = y - curve(p, step.time_s)
     sse, total = float(left @ left), float(((y - y.mean()) ** 2).sum())
@@ -319,6 +329,11 @@ def _result(step: LevelStep, one: _Candidate, scores: dict[str, float], y: Array
     found: list[Finding] = []
     if r2 is not None and r2 < LITTLE and independent(left) < len(left) / 4:
         found.append(finding("shape-explains-little", step.name, (step.level,), R2=r2, shape=one.shape))
+    if plain_rmse is not None:
+        rmse = math.sqrt(sse / len(left))
+        said = {"shape": one.shape, "dead_time_s": float(p[4]), "rmse": rmse, "plain_rmse": plain_rmse}
+        saved = 100 * (1 - rmse / plain_rmse)
+        found.append(finding("other-shape-fits-better", step.name, (step.level,), **said, saved_pct=saved))
     best = min(scores.values())
     single = one.shape == "one"
     return StepShape(

@@ -210,7 +210,10 @@ def stepset_of(cut_steps: Sequence[Run], options: StepOptions = NOTHING_SAID) ->
         levels=levels,
         releases=releases,
         runs=tuple(records),
-        findings=(*(one for one in way.findings if one.subject == "data"), *_of_the_set(levels, runs, input_unit)),
+        findings=(
+            *(one for one in way.findings if one.subject == "data"),
+            *_of_the_set(levels, runs, input_unit, output_unit),
+        ),
         synthetic="; ".join(made) or None,
         level_steps=level_steps(runs, {name: tuple(found) for name, found in said.items()}),
     )
@@ -231,7 +234,7 @@ def _contradiction(step: Step) -> list[Finding]:
     return [finding("level-contradicts-input", run.name, said=run.level, held=held, unit=run.input_unit)]
 
 
-def _of_the_set(levels: Sequence[Level], runs: Sequence[Run], input_unit: str) -> list[Finding]:
+def _of_the_set(levels: Sequence[Level], runs: Sequence[Run], input_unit: str, output_unit: str) -> list[Finding]:
     found = []
     if input_unit == "%" and levels and levels[-1].level <= 1:
         found.append(finding("duty-may-be-fraction", "data"))
@@ -243,7 +246,7 @@ def _of_the_set(levels: Sequence[Level], runs: Sequence[Run], input_unit: str) -
     stairs = sum(run.from_level != 0 for run in runs)
     if stairs:
         found.append(finding("level-to-level", "data", steps=stairs, of=len(runs)))
-    return [*found, *same_ceiling(levels)]
+    return [*found, *same_ceiling(levels, output_unit)]
 
 
 def _level(runs: list[Run], way: Direction, clocks: Clocks, said: dict[str, list[Finding]] | None) -> Level:

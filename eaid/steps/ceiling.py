@@ -15,7 +15,7 @@ SHARP = 0.35
 """Slope just below the ceiling, relative to ceiling over rise time, from which a rise is cut off and not settling."""
 
 
-def same_ceiling(levels: Sequence[Level]) -> list[Finding]:
+def same_ceiling(levels: Sequence[Level], unit: str) -> list[Finding]:
     """A finding where two or more of the highest levels end at one value, and reach it at full slope."""
     if len(levels) < 3:
         return []
@@ -30,7 +30,7 @@ def same_ceiling(levels: Sequence[Level]) -> list[Finding]:
     sharp = [i for i in capped if sharpness(levels[i].mean, levels[i].time_s, top) > SHARP]
     if len(capped) < 2 or len(sharp) < 2 or top <= 0:
         return []
-    return [finding("same-ceiling", "data", [levels[i].level for i in capped], ceiling=top)]
+    return [finding("same-ceiling", "data", [levels[i].level for i in capped], ceiling=top, unit=unit)]
 
 
 def sharpness(output: Array, time_s: Array, ceiling: float) -> float:

@@ -9,7 +9,7 @@ from typing import Any, cast
 import msgspec
 
 from eaid.findings import finding, ranked
-from eaid.fitting.between import between_rows
+from eaid.fitting.between import between_rows, single_steps
 from eaid.fitting.fit import converged, fit
 from eaid.fitting.options import FitOptions, check
 from eaid.fitting.sources import data_part
@@ -45,8 +45,10 @@ def fit_steps(stepset: StepSet, options: FitOptions | None = None, progress: Cal
     """
     options = options or FitOptions()
     check(options)
-    rows, doubts = between_rows(stepset, options) if "friction" in (options.models or ("friction",)) else ((), ())
-    if stepset.levels or not rows:
+    shapes = single_steps(stepset, options)
+    rows = between_rows(shapes) if "friction" in (options.models or ("friction",)) else ()
+    doubts = tuple(said for one in shapes for said in one.findings)
+    if stepset.levels or not shapes:
         how = IntervalOptions(options.ci, options.seed, options.draws, options.workers, options.estimator)
         found = with_intervals(stepset, fit(stepset, options), how, progress)
     else:  # a staircase that never rests: no model of steps from rest
@@ -59,6 +61,7 @@ def fit_steps(stepset: StepSet, options: FitOptions | None = None, progress: Cal
         doubts = (*doubts, finding("numbers-beyond-measure", "data", keys=unknown))
     return msgspec.structs.replace(
         found,
+        steps=shapes,
         options=record_of(options, stepset),
         seed=options.seed,
         converged=converged(found),

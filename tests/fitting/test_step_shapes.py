@@ -139,3 +139,18 @@ def test_heaters() -> None:
     (row,) = _read("heater_on_from_first_row.csv", columns="time=Time,input=Q1,output=T1", units="output=degC")
     assert row.start == pytest.approx(20.63, abs=0.01)
     assert (row.shape, row.rmse < 0.2) == ("one", True)
+
+
+def test_a_staircase_without_rest_is_fitted_all_the_same() -> None:
+    from eaid.apparatus import Apparatus
+    from eaid.steps.stepset import StepSet
+    from eaid.uncertainty.workflow import fit_steps as whole_fit
+
+    step = made(TRUTHS["one"] + np.array([0, 0, 0, 0, 0.5]), 0.01)
+    result = whole_fit(StepSet("clutch", "%", "N·m", Apparatus(), (), level_steps=(step,)))
+    (row,) = result.steps
+    assert (row.from_, row.level, row.shape) == (20.0, 50.0, "one")
+    assert (result.converged, result.linear, result.friction) == (True, None, None)
+    (said,) = result.findings
+    assert (said.code, said.severity) == ("other-shape-fits-better", "caution")
+    assert said.values["dead_time_s"] == pytest.approx(0.5, abs=0.01)

@@ -32,7 +32,17 @@ def _edges(v: Mapping[str, Any]) -> str:
     )
 
 
+def _other_shape(v: Mapping[str, Any]) -> str:
+    name = {"one": "one exponential", "two": "two exponentials", "free": "another C", "overshoot": "an overshoot"}
+    dead = f" behind a dead time of {v['dead_time_s']:.3g} s" if v["dead_time_s"] > 0 else ""
+    return (
+        f"the step to {v['levels']} asks for {name[v['shape']]}{dead}: RMSE {v['rmse']:.3g} instead of "
+        f"{v['plain_rmse']:.3g}"
+    )
+
+
 ROWS: dict[str, Row] = {
+    "other-shape-fits-better": Row("caution", _other_shape, "saved_pct"),
     "several-edges": Row("stop", _edges, "edges"),
     "input-reverses": Row(
         "stop",
