@@ -150,7 +150,8 @@ def test_a_staircase_without_rest_is_fitted_all_the_same() -> None:
     result = whole_fit(StepSet("clutch", "%", "N·m", Apparatus(), (), level_steps=(step,)))
     (row,) = result.steps
     assert (row.from_, row.level, row.shape) == (20.0, 50.0, "one")
-    assert (result.converged, result.linear, result.friction) == (True, None, None)
+    assert result.converged and result.linear is None and result.friction is not None
+    assert [(one.from_, one.level, one.delay_s) for one in result.friction.levels] == [(20.0, 50.0, row.dead_time_s)]
     (said,) = result.findings
     assert (said.code, said.severity) == ("other-shape-fits-better", "caution")
     assert said.values["dead_time_s"] == pytest.approx(0.5, abs=0.01)
