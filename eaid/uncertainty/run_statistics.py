@@ -56,8 +56,10 @@ def bartlett_variance(time_s: Array, scores: Array, windows_s: Sequence[float] =
     Σ_|j|<m (1 − |j|/m) Γ_j equals the mean square of all sums over m neighbours (zeros beyond the ends), so running
     sums give it in O(n). Windows longer than half the record are cut to it.
     """
-    bin_s = min(windows_s) / BINS_PER_WINDOW
     duration_s = float(time_s[-1] - time_s[0])
+    bin_s = min(windows_s) / BINS_PER_WINDOW
+    if duration_s > 4 * len(time_s) * bin_s:  # a slow clock, or one in another unit: no more bins than data
+        bin_s = duration_s / len(time_s)
     bins = np.floor((time_s - time_s[0]) / bin_s + 1e-6).astype(np.int64)
     sums = np.zeros((scores.shape[1], int(bins[-1]) + 1))
     starts = np.flatnonzero(np.r_[True, bins[1:] != bins[:-1]])
