@@ -79,7 +79,7 @@ def data_of(levels: Sequence[Level], weights: Array | None = None) -> Data:
     if first.uniform and n > SMALL:
         pieces = np.empty((len(levels), piece_count(n), POINTS_PER_BLOCK))
     for i, level in enumerate(levels):
-        row, runs = together[i : i + 1], level.runs
+        row, runs = together[i : i + 1], level.ordered_runs
         mean = np.full((1, len(runs)), 1 / len(runs))
         for start in range(0, n, CHUNK):
             part, before = slice(start, min(start + CHUNK, n)), max(start - PIECE, 0)
@@ -97,7 +97,7 @@ def _variance(level: Level) -> float:
     """Mean over samples of the variance of the repeats (n − 1); NaN for a single run."""
     if len(level.runs) < 2:
         return np.nan
-    off = (level.runs - level.mean).ravel()
+    off = (level.ordered_runs - level.mean).ravel()
     return float(off @ off) / (len(off) - len(level.time_s))
 
 

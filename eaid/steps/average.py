@@ -30,10 +30,11 @@ def common(level: float, members: Sequence[Step]) -> Level:
     times = [member.time_s for member in members]
     outputs = [member.rise for member in members]
     steps = [member.window.step_s for member in members]
-    first = steps[0]
+    known = [step for step in steps if step is not None]
     shortest = min(len(time) for time in times)
-    if first is not None and all(step is not None and abs(step - first) <= 1e-6 * first for step in steps):
-        return Level(level, _grid(shortest, first), _stacked(outputs, shortest), names)
+    # the shortest sample time, not that of the first run: the order of the logs decides nothing
+    if len(known) == len(steps) and max(known) - min(known) <= 1e-6 * min(known):
+        return Level(level, _grid(shortest, min(known)), _stacked(outputs, shortest), names)
     if len(members) == 1 or all(np.array_equal(time[:shortest], times[0][:shortest]) for time in times):
         return Level(level, read_only(times[0][:shortest]), _stacked(outputs, shortest), names)
     dt = min(

@@ -70,7 +70,7 @@ def level_estimate(
     jacobian = log_jacobian(curve, level.time_s, share_free)
     noise = own_residuals(level.runs, jacobian[:, 0], jacobian)  # ∂f/∂log T_s is f itself
     theta = log_theta(curve, share_free)
-    found = run_statistics(level.level, level.time_s, level.runs, jacobian, theta, noise_nm=noise)
+    found = run_statistics(level.level, level.time_s, level.runs, jacobian, theta, noise_nm=noise, mean_nm=level.mean)
     return LevelEstimate(curve, found, noise, tuple(constrained))
 
 

@@ -98,7 +98,9 @@ def level_run_statistics(level: Level, a0: float, gain: float, noise_nm: Array) 
     jacobian, hessian = own_terms(level, a0, gain)
     theta = np.log([a0, gain])
     runs = level.runs
-    return run_statistics(level.level, level.time_s, runs, jacobian, theta, noise_nm=noise_nm, hessian=hessian)
+    return run_statistics(
+        level.level, level.time_s, runs, jacobian, theta, noise_nm=noise_nm, mean_nm=level.mean, hessian=hessian
+    )
 
 
 def with_log_B(levels: Sequence[RunStatistics]) -> list[RunStatistics]:

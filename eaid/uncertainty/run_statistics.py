@@ -47,7 +47,7 @@ class RunStatistics:
         """v = Σ d²/(R − 1): variance between runs, shape (k,); NaN for a single run."""
         if self.repeats < 2:
             return np.full(len(self.log_theta), np.nan)
-        return np.asarray((self.influence**2).sum(axis=0) / (self.repeats - 1))
+        return np.asarray(np.sort(self.influence**2, axis=0).sum(axis=0) / (self.repeats - 1))
 
 
 def bartlett_variance(time_s: Array, scores: Array, windows_s: Sequence[float] = WINDOWS_S) -> Array:
@@ -83,22 +83,25 @@ def run_statistics(
     log_theta: Array,
     *,
     noise_nm: Array,
+    mean_nm: Array,
     hessian: Array | None = None,
 ) -> RunStatistics:
     """The statistics of one level from its runs (R, n) and ∂f/∂log θ (n, k).
 
-    `noise_nm`, shape (R, n), are the residuals of each run about its own best curve (`own_residuals`). A model that is
-    wrong by design gives its full `hessian` Σ (J'J − e ∇²f), shape (k, k), in place of J'J.
+    `noise_nm`, shape (R, n), are the residuals of each run about its own best curve (`own_residuals`); `mean_nm` is the
+    mean of the runs. A model that is wrong by design gives its full `hessian` Σ (J'J − e ∇²f), shape (k, k), in place
+    of J'J.
     """
     information = jacobian.T @ jacobian if hessian is None else hessian
     directions = jacobian @ np.linalg.pinv(information, rcond=1e-14, hermitian=True)
     scores = (noise_nm[:, None] * np.ascontiguousarray(directions.T)).reshape(-1, len(time_s)).T
-    within = bartlett_variance(time_s, scores).reshape(len(WINDOWS_S), len(runs_nm), -1).mean(axis=1)
+    variances = bartlett_variance(time_s, scores).reshape(len(WINDOWS_S), len(runs_nm), -1)
+    within = np.sort(variances, axis=1).mean(axis=1)  # sorted: the order of the runs changes no rounding
     return RunStatistics(
         level=level,
         log_theta=log_theta,
         information=information,
-        influence=(runs_nm - runs_nm.mean(axis=0)) @ directions,
+        influence=(runs_nm - mean_nm) @ directions,
         within=within.max(axis=0),
         duration_s=float(time_s[-1] - time_s[0]),
     )

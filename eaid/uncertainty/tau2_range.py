@@ -68,7 +68,7 @@ def _test(
     one: LevelEstimate, time_s: Array, runs: Array, weight: Array, tau2_s: float, start: Array
 ) -> tuple[Array, RunStatistics]:
     """(log T_s, log τ1) at a held τ2, and along both directions the mean shift d̄ and what the runs scatter about it."""
-    root, mean, share = np.sqrt(weight), runs.mean(axis=0), one.curve.C
+    root, mean, share = np.sqrt(weight), np.sort(runs, axis=0).mean(axis=0), one.curve.C
     theta = start
     for _ in range(STEPS):
         fastest, slowest = np.log(1e-6 * tau2_s), np.log(tau2_s / 1.2)  # the fast part stays the fast one

@@ -35,8 +35,8 @@ def test_mean_and_spread_of_equal_repeats() -> None:
     assert level.runs.shape == (3, 600)
     assert level.uniform
     stack = np.stack([r.output[200:] - r.output[:200].mean() for r in runs])
-    np.testing.assert_array_equal(level.mean, stack.mean(axis=0))
-    np.testing.assert_array_equal(level.sd, stack.std(axis=0, ddof=1))
+    np.testing.assert_allclose(level.mean, stack.mean(axis=0), rtol=1e-14)
+    np.testing.assert_allclose(level.sd, stack.std(axis=0, ddof=1), rtol=1e-14)
     np.testing.assert_array_equal(level.time_s, np.arange(600) * 0.01)
 
 
