@@ -98,8 +98,8 @@ class Results:
         return next((one.result for one in self.fits if one.result.data.kind == kind), None)
 
     def data_of(self, kind: str) -> StepSet | None:
-        """The first dataset of a kind."""
-        return next((one.result for one in self.data if one.result.kind == kind), None)
+        """The first dataset of a kind that holds steps from rest, which is what figures of levels show."""
+        return next((one.result for one in self.data if one.result.kind == kind and one.result.levels), None)
 
     def replay(self, scenario: str) -> Replay | None:
         """The first replay of a scenario."""
