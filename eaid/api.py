@@ -224,7 +224,7 @@ def synth(plant: Fit | None = None, **options: Any) -> StepSet:
     """Synthetic logs of the reference plant, or of a fitted clutch, as steps; fields of `SynthOptions` as keywords."""
     from eaid.synth.synthesize import SynthOptions, synthesize
 
-    runs = synthesize(SynthOptions(**_known(SynthOptions, options)), None if plant is None else plant.plant)
+    runs = synthesize(SynthOptions(**_known(SynthOptions, options)), plant)
     return steps_of(runs, InputOptions())[1]
 
 

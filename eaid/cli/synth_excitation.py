@@ -7,35 +7,10 @@ from typing import TYPE_CHECKING, Any
 from eaid.errors import UsageError
 
 if TYPE_CHECKING:
-    from eaid.logs.run import Run
     from eaid.replay.controllers import Controller
-    from eaid.synth.disturbance import Disturbance
     from eaid.synth.excitation import Excitation
-    from eaid.synth.plants import Plant
 
 PAIRS = ("hold_s", "frequency_hz", "reference_nm", "gains", "duty")
-
-
-def excited(
-    plant: "Plant",
-    kind: str,
-    shape: str | None,
-    gains: Path | None,
-    controller: str,
-    repeats: int | None,
-    rate_hz: float | None,
-    disturbance: "Disturbance",
-    seed: int,
-) -> "list[Run]":
-    """Logs of one excitation."""
-    from eaid.synth.excitation import synthesise_excitation
-
-    e = excitation_of(kind, shape)
-    if rate_hz is not None:
-        e = replace(e, rate_hz=rate_hz)
-    if plant.kind != "clutch":
-        raise UsageError("--excitation: is of the clutch; leave out --kind")
-    return synthesise_excitation(plant, e, disturbance, seed, repeats or 1, _controller(gains, controller))
 
 
 def excitation_of(kind: str, shape: str | None) -> "Excitation":
@@ -67,7 +42,7 @@ def excitation_of(kind: str, shape: str | None) -> "Excitation":
     return replace(plain, **given)
 
 
-def _controller(gains: Path | None, name: str) -> "Controller | None":
+def controller_of(gains: Path | None, name: str) -> "Controller | None":
     if gains is None:
         return None
     from eaid.control.gains import pi_gains, rc_gains

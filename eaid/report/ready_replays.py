@@ -17,6 +17,7 @@ from eaid.report.results import Replay, Results
 from eaid.report.style import controller_name
 from eaid.report.tables.replays import metric
 from eaid.report.tables.table import listed, number
+from eaid.results.codec import to_plain
 
 
 def units_of(replay: Replay) -> tuple[str, str]:
@@ -147,7 +148,8 @@ def _tones(trace: Mapping[str, Array]) -> list[dict[str, Any]]:
     if len(default.torque_nm) != len(t) or not np.allclose(default.torque_nm, trace["reference_nm"], atol=1e-6):
         return []
     wanted, y = trace["reference_nm"], trace["torque_nm"]
-    return [tone(wanted[p.begin : p.end], y[p.begin : p.end], p.frequency_hz, dt) for p in default.tones]
+    tones = [tone(wanted[p.begin : p.end], y[p.begin : p.end], p.frequency_hz, dt) for p in default.tones]
+    return [to_plain(one) for one in tones]
 
 
 def sweep_ready(results: Results, _asked: bool | None) -> Ready | None:

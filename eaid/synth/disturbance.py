@@ -13,6 +13,7 @@ import numpy as np
 
 from eaid.arrays import Array
 from eaid.errors import UsageError
+from eaid.limits import check_all
 from eaid.models.parameters import Friction
 
 
@@ -48,16 +49,10 @@ NONE = Disturbance(**{field.name: 0.0 for field in fields(Disturbance) if field.
 
 def check(disturbance: Disturbance) -> None:
     """Refuse sizes that mean nothing."""
-    for field in fields(disturbance):
-        value = getattr(disturbance, field.name)
-        if field.name != "offset_nm" and not 0 <= value < float("inf"):
-            raise UsageError(f"--{field.name.replace('_', '-')} {value:g}: give a number of 0 or more")
-    if not abs(disturbance.offset_nm) < float("inf"):
-        raise UsageError(f"--offset-nm {disturbance.offset_nm:g}: give a finite number")
+    sizes = {one.name: getattr(disturbance, one.name) for one in fields(disturbance)}
+    check_all(noise_nm=sizes.pop("white_nm"), **sizes)
     if disturbance.coloured > 0 and disturbance.coloured_s == 0:
-        raise UsageError("--coloured-s 0: coloured noise needs a time constant above 0; white noise is --white-nm")
-    if disturbance.gain_scatter > 0.3:
-        raise UsageError(f"--gain-scatter {disturbance.gain_scatter:g}: is a share, at most 0.3")
+        raise UsageError("«coloured_s» 0: coloured noise needs a time constant above 0; white noise is «noise_nm»")
 
 
 @dataclass(frozen=True)
@@ -98,7 +93,7 @@ def sample_times(duration_s: float, rate_hz: float, jitter_s: float, draw: np.ra
     times: Array = np.round(ticks + shift, 6)
     if not np.all(np.diff(times) > 0):
         raise UsageError(
-            f"--jitter-s {jitter_s:g}: at {rate_hz:g} Hz whole microseconds cannot hold it; lower the rate"
+            f"«jitter_s» {jitter_s:g}: at {rate_hz:g} Hz whole microseconds cannot hold it; lower the rate"
         )
     return times
 

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from eaid.errors import UsageError
 from eaid.files import folder_written_whole
-from eaid.logs.run import Run
+from eaid.logs.run import INPUT_UNITS, Run
 
 HEADERS = {
     "clutch": "time_s,duty_pct,torque_nm",
@@ -44,9 +44,18 @@ def write_folder(folder: Path, runs: Sequence[Run], force: bool) -> None:
         refuse_folder(folder, force)
 
 
+def header_of(run: Run) -> str:
+    """The header of a run's file: plain eaid CSV, or columns that say the rig's own units."""
+    kind = run.kind or "clutch"
+    if run.input_unit == INPUT_UNITS[kind] and run.output_unit == "N·m":
+        return HEADERS[kind]
+    names = {"friction-force": "force", "friction-speed": "speed"}
+    return f"time_s,{names.get(kind, 'input')} ({run.input_unit}),output ({run.output_unit})"
+
+
 def as_csv(run: Run) -> str:
     """The text of one file: every number with the digits that give it back exactly."""
-    columns, header = [run.time_s, run.input, run.output], HEADERS[run.kind or "clutch"]
+    columns, header = [run.time_s, run.input, run.output], header_of(run)
     if run.reference_nm is not None:
         columns, header = [*columns, run.reference_nm], f"{header},reference_nm"
     lines = [f"# synthetic: {run.synthetic}", header]

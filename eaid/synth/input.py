@@ -15,15 +15,16 @@ from eaid.synth.logs import Input, PlannedRun
 RUN_TABLE = ("order", "level", "repeat", "idle_s", "hold_s", "release_s")
 
 
-def read_input(path: Path, kind: str = "clutch") -> tuple[Input, float]:
+def read_input(path: Path, kind: str = "clutch", unit: str = "%") -> tuple[Input, float]:
     """The changes of the input (from when [s], value) and the length of the log [s]; `DataError` with the bad rows."""
-    column = HEADERS[kind].split(",")[1]
+    column = HEADERS[kind].split(",")[1] if unit in ("%", "N", "RPM") else "input"
     rows = _numbers(path, ("time_s", column))
-    most = 100.0 if kind == "clutch" else math.inf
+    duty = kind == "clutch" and unit == "%"
+    most = 100.0 if duty else math.inf
     faults, before = [], -math.inf
     for number, (time_s, value) in rows:
         if not 0 <= value <= most:
-            range_said = "0 to 100 %" if kind == "clutch" else "0 and above"
+            range_said = "0 to 100 %" if duty else "0 and above"
             faults.append(f"{path}: row {number} holds {column} {value:g}, outside {range_said}; mend it")
         if time_s <= before:
             faults.append(f"{path}: time falls or stands still at row {number} ({time_s:g} s); sort the rows")

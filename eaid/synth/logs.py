@@ -12,7 +12,8 @@ import numpy as np
 
 from eaid.arrays import Array, read_only
 from eaid.errors import UsageError
-from eaid.logs.run import INPUT_UNITS, Run
+from eaid.limits import fault
+from eaid.logs.run import Run
 from eaid.models.parameters import Friction
 from eaid.synth.disturbance import Disturbance, Scatter, check, measured, sample_times, scatter
 from eaid.synth.plants import Plant
@@ -188,8 +189,8 @@ def record(
         time_s=read_only(time_s),
         input=read_only(value),
         output=read_only(torque_nm),
-        input_unit=INPUT_UNITS[plant.kind],
-        output_unit="N·m",
+        input_unit=plant.input_unit,
+        output_unit=plant.output_unit,
         source="eaid synth",
         sha256=hashlib.sha256(np.stack([time_s, value, torque_nm]).tobytes()).hexdigest(),
         kind=plant.kind,
@@ -198,31 +199,26 @@ def record(
 
 def check_protocol(plant: Plant, protocol: Protocol, seed: int) -> None:
     """Refuse what cannot be recorded."""
-    around = {"--idle": protocol.idle_s, "--release": protocol.release_s}
-    faults = [f"{name} {value:g}: give 0 s or more" for name, value in around.items() if not 0 <= value < float("inf")]
-    if not 0 < protocol.hold_s < float("inf"):
-        faults.append(f"--hold {protocol.hold_s:g}: give more than 0 s")
-    if not 0 < protocol.rate_hz < float("inf"):
-        faults.append(f"--rate {protocol.rate_hz:g}: give more than 0 Hz")
-    if protocol.repeats < 1:
-        faults.append(f"--repeats {protocol.repeats}: give at least 1")
+    named = {
+        "idle": protocol.idle_s, "release": protocol.release_s, "hold": protocol.hold_s, "rate": protocol.rate_hz,
+        "repeats": protocol.repeats, "seed": seed,
+    }  # fmt: skip
+    faults = [found for name, value in named.items() if (found := fault(name, value))]
+    faults += [found for level in protocol.levels if (found := fault("levels", level))]
     if not protocol.levels:
-        faults.append("--levels: give at least one level")
+        faults.append("«levels»: give at least one level")
     if len(set(protocol.levels)) < len(protocol.levels):
-        faults.append("--levels: a level stands there twice; give each once and raise --repeats")
-    faults += [f"--levels {level:g}: a level is above 0" for level in protocol.levels if not 0 < level < float("inf")]
-    if plant.kind == "clutch":
-        faults += [f"--levels {level:g}: a duty is at most 100 %" for level in protocol.levels if level > 100]
-    elif protocol.release_s > 0:
-        faults.append("--release: nobody has published how friction falls when weights are lifted; leave it at 0")
-    if seed < 0:
-        faults.append(f"--seed {seed}: give 0 or more")
+        faults.append("«levels»: a level stands there twice; give each once and raise «repeats»")
+    if plant.kind == "clutch" and plant.input_unit == "%" and max(plant.levels, default=0.0) <= 100:
+        faults += [f"«levels» {level:g}: a duty is at most 100 %" for level in protocol.levels if level > 100]
+    if plant.kind != "clutch" and protocol.release_s > 0:
+        faults.append("«release»: nobody has published how friction falls when weights are lifted; leave it at 0")
     if faults:
         raise UsageError(*faults)
     samples = (protocol.idle_s + protocol.hold_s + protocol.release_s) * protocol.rate_hz
     if protocol.hold_s * protocol.rate_hz < 10:
         raise UsageError(
-            f"--hold {protocol.hold_s:g}: fewer than 10 samples at {protocol.rate_hz:g} Hz; hold longer or raise --rate"
+            f"«hold» {protocol.hold_s:g}: fewer than 10 samples at {protocol.rate_hz:g} Hz; hold longer or raise «rate»"
         )
     if samples * protocol.repeats * len(protocol.levels) > 2e8:
-        raise UsageError("the set would hold more than 200 million samples; lower --rate, --hold or --repeats")
+        raise UsageError("the set would hold more than 200 million samples; lower «rate», «hold» or «repeats»")

@@ -6,16 +6,17 @@ Friction, speed: Table II's T_s and τ1 as printed, and τ2 = 5.4 e^(−0.0101 �
                  (the printed τ2 of Table II has nothing left at its own digits, SPEC §5).
 """
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from math import exp, inf
-from typing import Any
 
 from eaid.apparatus import Apparatus
+from eaid.control.plant import plant_of
 from eaid.errors import DataError, UsageError
-from eaid.logs.run import Kind
+from eaid.logs.run import INPUT_UNITS, Kind
 from eaid.models.parameters import REFERENCE_PLANT, SHARE, Friction, Nonlinear
 from eaid.replay.plant import plant_parameters, plant_terms
+from eaid.results.fit import Fit
 
 ROTOR_RPM: dict[str, float | None] = {"clutch": 10.0, "friction-force": 15.0, "friction-speed": None}
 """Rotor speed of each experiment [RPM] (§III, §IV-A); None: the input is the speed."""
@@ -47,6 +48,13 @@ class Plant:
     """Lowest identified input: a fall to an input below it goes over to `release`, as in `eaid.replay.plant`."""
     model: Nonlinear | None = None
     """The clutch's own model, which a closed loop needs."""
+    input_unit: str = ""
+    """Unit of the input; empty: that of the kind."""
+    output_unit: str = "N·m"
+
+    def __post_init__(self) -> None:
+        if not self.input_unit:
+            object.__setattr__(self, "input_unit", INPUT_UNITS[self.kind])
 
 
 def clutch(p: Nonlinear = REFERENCE_PLANT, made_of: str = "the reference plant (docs/synthetic.md)") -> Plant:
@@ -100,23 +108,23 @@ REFERENCE: dict[str, Callable[[], Plant]] = {
 """`--plant reference`, by kind."""
 
 
-def of_fit(fit: Mapping[str, Any], kind: Kind, named: str) -> Plant:
-    """The plant that a fit.json found; of friction only the fitted levels can be recorded, nothing is interpolated."""
+def of_fit(fit: Fit, kind: Kind, named: str) -> Plant:
+    """The plant that a fit found, in its units; of friction only the fitted levels can be recorded."""
+    data = fit.data
     if kind == "clutch":
-        from eaid.fitting.stored import nonlinear_from_json
-
-        return clutch(nonlinear_from_json(dict(fit)), named)
-    fitted = fit.get("data", {}).get("kind")
-    if fitted != kind:
-        raise UsageError(f"{named}: is a fit of {fitted} logs; ask for --kind {fitted}")
-    friction = fit.get("friction") or {}
-    levels = {
-        float(row["level"]): Friction(
-            float(row["Ts"]), float(row["tau1"]), float(row["tau2"]), float(friction.get("C") or SHARE)
-        )
-        for row in friction.get("levels") or ()
-        if all(row.get(key) is not None for key in ("level", "Ts", "tau1", "tau2"))
-    }
+        model = plant_of(fit)
+        if model is None:
+            raise DataError(f"{named}: holds no nonlinear model, which is the plant; fit clutch logs with it")
+        made = clutch(model, named)
+        own = tuple(u for u in data.levels if model.u_range[0] <= u <= model.u_range[1])
+        if data.input_unit == "%" and model.u_range[1] <= 100:
+            own = made.levels if not data.levels or set(made.levels) >= set(own) else own
+        return replace(made, levels=own or model.u_range, input_unit=data.input_unit, output_unit=data.output_unit)
+    if data.kind != kind:
+        raise UsageError(f"{named}: is a fit of {data.kind} logs; ask for «kind» {data.kind}")
+    share = fit.friction.C if fit.friction is not None and fit.friction.C else SHARE
+    rows = [row for row in (fit.friction.levels if fit.friction is not None else ()) if row.from_ == 0]
+    levels = {row.level: Friction(row.Ts, row.tau1, row.tau2, share) for row in rows}
     if not levels:
         raise DataError(f"{named}: holds no friction levels; fit the friction model first")
 
@@ -125,7 +133,10 @@ def of_fit(fit: Mapping[str, Any], kind: Kind, named: str) -> Plant:
             return Friction(Ts=0.0, tau1=1.0, tau2=1.0)
         if value not in levels:
             known = ", ".join(f"{level:g}" for level in sorted(levels))
-            raise UsageError(f"--levels {value:g}: is not in {named}, which holds {known}")
+            raise UsageError(f"«levels» {value:g}: is not in {named}, which holds {known}")
         return levels[value]
 
-    return Plant(kind, at, ROTOR_RPM[kind], tuple(sorted(levels)), named)
+    return Plant(
+        kind, at, ROTOR_RPM[kind], tuple(sorted(levels)), named, input_unit=data.input_unit,
+        output_unit=data.output_unit,
+    )  # fmt: skip

@@ -1,53 +1,141 @@
-"""`synthesize`: logs of the reference plant, or of a fitted one, as if a rig had recorded them."""
+"""Synthetic logs of a plant, from options alone: protocol, run table, given input or excitation; one function."""
 
-from dataclasses import dataclass, fields, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields, replace
+from pathlib import Path
 
+from eaid.control.defaults import PAPER_TOP
 from eaid.errors import UsageError
-from eaid.logs.run import Run
-from eaid.models.parameters import Nonlinear
+from eaid.limits import check_all
+from eaid.logs.run import Kind, Run
+from eaid.replay.controllers import Controller
+from eaid.results.fit import Fit
 from eaid.synth.disturbance import NONE, Disturbance
-from eaid.synth.logs import PROTOCOLS, Protocol, synthesise
-from eaid.synth.plants import REFERENCE, clutch
+from eaid.synth.excitation import Excitation, synthesise_excitation
+from eaid.synth.input import read_input, read_plan
+from eaid.synth.logs import KINDS, PROTOCOLS, synthesise, synthesise_input, synthesise_plan
+from eaid.synth.plants import REFERENCE, Plant, of_fit
+
+ABSOLUTE = ("white_nm", "offset_nm", "resolution_nm")
+"""Disturbances in the output's unit: their defaults are scaled to the rig."""
+OPTION = {"white_nm": "noise_nm"}
+"""Disturbances whose option has another name."""
 
 
 @dataclass(frozen=True)
 class SynthOptions:
-    """Which experiment is made, and how it is disturbed; None: as usual for its kind."""
+    """What `synthesize` may be told; a field that is out of its limits raises `UsageError`. None: the kind's own."""
 
-    kind: str = "clutch"
-    """clutch, friction-force or friction-speed."""
+    kind: Kind | None = None
+    """None: the fit's, else clutch."""
     levels: tuple[float, ...] | None = None
+    """In the input's unit."""
     repeats: int | None = None
     idle_s: float | None = None
+    """Input 0 before the step [s]."""
     hold_s: float | None = None
+    """Input at its level [s]."""
     release_s: float | None = None
+    """Input 0 after the step [s]."""
     rate_hz: float | None = None
+    """Samples a second [Hz]."""
+    duty_file: Path | None = None
+    """CSV of an input in place of steps."""
+    plan: Path | None = None
+    """Run table of `plan`."""
+    excitation: Excitation | None = None
+    """A staircase, random steps, a PRBS, multisine, chirp or closed loop, in place of steps."""
     clean: bool = False
-    """Without noise, ripple and scatter."""
-    disturbance: Disturbance | None = None
+    """The plant alone: no noise, scatter, offset or digits."""
+    sizes: Mapping[str, float] = field(default_factory=dict)
+    """Disturbances that differ from their defaults, by the names of `Disturbance`."""
     seed: int = 0
 
+    def __post_init__(self) -> None:
+        if self.kind is not None and self.kind not in KINDS:
+            raise UsageError(f"«kind» {self.kind}: is not one of {', '.join(KINDS)}")
+        known = [one.name for one in fields(Disturbance)]
+        for name in self.sizes:
+            if name not in known:
+                raise UsageError(f"no disturbance {name!r}; there are {', '.join(known)}")
+        check_all(
+            repeats=self.repeats, idle=self.idle_s, hold=self.hold_s, release=self.release_s, rate=self.rate_hz, seed=self.seed,
+            **{OPTION.get(name, name): value for name, value in self.sizes.items()},
+        )  # fmt: skip
+        for level in self.levels or ():
+            check_all(levels=level)
+        instead = {"«duty_file»": self.duty_file, "«plan»": self.plan, "«excitation»": self.excitation}
+        said = [name for name, value in instead.items() if value is not None]
+        if len(said) > 1:
+            raise UsageError(f"{' and '.join(said[:2])} exclude each other; give one of them")
+        if not said:
+            return
+        own = {"levels": self.levels, "idle": self.idle_s, "hold": self.hold_s, "release": self.release_s}
+        if self.plan is not None:
+            own["repeats"] = None if self.repeats is None else float(self.repeats)
+        if any(value is not None for value in own.values()):
+            raise UsageError(f"{said[0]}: says levels and times itself; leave out «levels», «idle», «hold», «release»")
 
-def synthesize(options: SynthOptions = SynthOptions(), plant: Nonlinear | None = None) -> list[Run]:
-    """Synthetic logs.
+
+def synthesize(options: SynthOptions = SynthOptions(), fit: Fit | None = None, named: str = "a fit") -> list[Run]:
+    """Logs of a plant, as a rig would have recorded them.
 
     Parameters
     ----------
     options
-        The experiment.
-    plant
-        A clutch in place of the reference plant.
+        Levels, times, disturbances, or an input of the user's own.
+    fit
+        The plant; None: the reference plant of the kind (docs/synthetic.md).
+    named
+        What the logs call the fit.
+    controller
+        What drives a closed loop; None: the PI of the excitation.
 
     Raises
     ------
     UsageError
-        A kind that there is none of.
+        What is asked for cannot be recorded.
+    DataError
+        The fit holds no plant, or a file is no such table.
     """
-    if options.kind not in REFERENCE:
-        raise UsageError(f"«kind» {options.kind}: must be one of {', '.join(REFERENCE)}")
-    made = REFERENCE[options.kind]() if plant is None else clutch(plant, "a fitted plant")
-    said = {name: getattr(options, name) for name in (field.name for field in fields(Protocol))}
-    chosen = {name: value for name, value in said.items() if value is not None}
-    protocol = replace(PROTOCOLS[made.kind], **{"levels": made.levels, **chosen})
-    usual = NONE if options.clean else Disturbance()
-    return synthesise(made, protocol, options.disturbance or usual, options.seed)
+    plant = plant_of(options, fit, named)
+    disturbance = disturbance_of(options, plant)
+    given = {
+        "levels": options.levels, "repeats": options.repeats, "idle_s": options.idle_s, "hold_s": options.hold_s,
+        "release_s": options.release_s, "rate_hz": options.rate_hz,
+    }  # fmt: skip
+    said = {name: value for name, value in given.items() if value is not None}
+    protocol = replace(PROTOCOLS[plant.kind], **{"levels": plant.levels, **said})  # type: ignore[arg-type]
+    if options.plan is not None:
+        return synthesise_plan(plant, read_plan(options.plan), protocol.rate_hz, disturbance, options.seed)
+    if options.duty_file is not None:
+        changes, duration_s = read_input(options.duty_file, plant.kind, plant.input_unit)
+        timing = replace(protocol, idle_s=0.0, hold_s=duration_s, release_s=0.0)
+        return synthesise_input(plant, changes, timing, disturbance, options.seed)
+    if options.excitation is not None:
+        return _excited(options, plant, disturbance, controller)
+    return synthesise(plant, protocol, disturbance, options.seed)
+
+
+def _excited(options: SynthOptions, plant: Plant, disturbance: Disturbance, controller: Controller | None) -> list[Run]:
+    if plant.kind != "clutch" or plant.input_unit != "%":
+        raise UsageError("«excitation»: drives a clutch by its duty in %; leave it out for this plant")
+    assert options.excitation is not None
+    made = options.excitation if options.rate_hz is None else replace(options.excitation, rate_hz=options.rate_hz)
+    return synthesise_excitation(plant, made, disturbance, options.seed, options.repeats or 1, controller)
+
+
+def plant_of(options: SynthOptions, fit: Fit | None, named: str) -> Plant:
+    """What is recorded."""
+    if fit is None:
+        return REFERENCE[options.kind or "clutch"]()
+    return of_fit(fit, options.kind or fit.data.kind, named)
+
+
+def disturbance_of(options: SynthOptions, plant: Plant) -> Disturbance:
+    """What is not the plant: the defaults, in the output's own size where that is no torque in N·m."""
+    base = NONE if options.clean else Disturbance()
+    if plant.output_unit not in ("N·m", "Nm") and not options.clean:
+        top = plant.at(max(plant.levels)).Ts / PAPER_TOP
+        base = replace(base, **{name: getattr(base, name) * top for name in ABSOLUTE})
+    return replace(base, **dict(options.sizes))

@@ -11,9 +11,12 @@ from eaid.errors import UsageError
 from eaid.models.nonlinear import step_response
 from eaid.models.parameters import REFERENCE_PLANT, Friction
 from eaid.replay.plant import plant_parameters, plant_step
+from eaid.results.codec import from_plain
+from eaid.results.fit import Fit
 from eaid.synth import plants
 from eaid.synth.disturbance import NONE, Disturbance, coloured, measured, sample_times
 from eaid.synth.logs import PROTOCOLS, Protocol, response, synthesise, synthesise_input
+from eaid.synth.synthesize import SynthOptions, synthesize
 
 SHORT = Protocol(levels=(40.0, 90.0), repeats=2, idle_s=0.5, hold_s=2.0, release_s=1.0, rate_hz=200.0)
 
@@ -178,16 +181,37 @@ def test_a_fits_release_constants_are_used_when_the_duty_falls() -> None:
     assert after[100] / after[0] == pytest.approx(np.exp(-0.5), rel=1e-12)
 
 
+VOLTS = {
+    "data": {"input_unit": "V", "output_unit": "N", "levels": [30.0, 150.0, 300.0]},
+    "nonlinear": {"tau1": [0.2, 1e-3, 0.0], "tau2": [3.0, 0.0, 0.0], "Ts": [0.0, 0.01, 0.0, 0.0], "u_range": [30, 300]},
+    "release": {"tau1": 0.5, "tau2": 4.0},
+}
+
+
+def test_a_plant_in_volts_and_newtons_is_recorded_in_them() -> None:
+    fit = from_plain(VOLTS, Fit, "f.json")
+    runs = synthesize(SynthOptions(clean=True, repeats=1, idle_s=1.0, hold_s=20.0, release_s=5.0, rate_hz=100.0), fit, "f.json")
+    assert [run.level for run in runs] == [30.0, 150.0, 300.0]
+    assert {(run.input_unit, run.output_unit) for run in runs} == {("V", "N")}
+    held = runs[2].output[(runs[2].time_s >= 1.0) & (runs[2].time_s < 21.0)]
+    t = np.arange(held.size) / 100
+    np.testing.assert_allclose(held, 3.0 * (1 - 0.85 * np.exp(-t / 0.5) - 0.15 * np.exp(-t / 3.0)), atol=1e-12)
+    rough = synthesize(SynthOptions(repeats=1, hold_s=1.0), fit, "f.json")[0]
+    assert "white_nm 0.00686" in (rough.synthetic or "")  # 0.01 N·m of 4.372 N·m, for 3 N at the top
+    assert len(synthesize(SynthOptions(levels=(200.0,), repeats=1, hold_s=1.0), fit, "f")) == 1  # no limit of 100
+
+
 def test_friction_levels_of_a_fit_and_of_none_other() -> None:
     fit = {
         "data": {"kind": "friction-force"},
         "friction": {"C": 0.8, "levels": [{"level": 50, "Ts": 1, "tau1": 0.1, "tau2": 2}]},
     }
+    fit = from_plain(fit, Fit, "my.json")
     plant = plants.of_fit(fit, "friction-force", "my.json")
     assert plant.at(50.0) == Friction(1.0, 0.1, 2.0, 0.8) and plant.levels == (50.0,)
-    with pytest.raises(UsageError, match=r"--levels 60: is not in my.json, which holds 50"):
+    with pytest.raises(UsageError, match=r"levels= 60: is not in my.json, which holds 50"):
         plant.at(60.0)
-    with pytest.raises(UsageError, match="ask for --kind friction-force"):
+    with pytest.raises(UsageError, match="ask for kind= friction-force"):
         plants.of_fit(fit, "friction-speed", "my.json")
 
 
@@ -196,15 +220,15 @@ def test_friction_levels_of_a_fit_and_of_none_other() -> None:
     [
         ({"levels": ()}, "give at least one level"),
         ({"levels": (10.0, 10.0)}, "stands there twice"),
-        ({"levels": (0.0,)}, "a level is above 0"),
+        ({"levels": (0.0,)}, "levels= 0: give a number above 0"),
         ({"levels": (120.0,)}, "a duty is at most 100 %"),
-        ({"repeats": 0}, "--repeats 0: give at least 1"),
-        ({"hold_s": 0.0}, "--hold 0: give more than 0 s"),
+        ({"repeats": 0}, "repeats= 0: give a whole number from 1"),
+        ({"hold_s": 0.0}, "hold= 0: give a number above 0"),
         ({"hold_s": 0.01}, "fewer than 10 samples"),
-        ({"idle_s": -1.0}, "--idle -1: give 0 s or more"),
-        ({"release_s": float("nan")}, "--release nan: give 0 s or more"),
-        ({"rate_hz": 0.0}, "--rate 0: give more than 0 Hz"),
-        ({"rate_hz": 1e9}, "more than 200 million samples"),
+        ({"idle_s": -1.0}, "idle= -1: give a number from 0"),
+        ({"release_s": float("nan")}, "release= nan: give a number"),
+        ({"rate_hz": 0.0}, "rate= 0: give a number above 0"),
+        ({"rate_hz": 1e7, "hold_s": 20.0}, "more than 200 million samples"),
     ],
 )
 def test_what_cannot_be_recorded_is_refused(change: dict[str, object], sentence: str) -> None:
@@ -215,10 +239,10 @@ def test_what_cannot_be_recorded_is_refused(change: dict[str, object], sentence:
 @pytest.mark.parametrize(
     ("change", "sentence"),
     [
-        ({"white_nm": -1.0}, "--white-nm -1: give a number of 0 or more"),
-        ({"coloured_s": 0.0}, "--coloured-s 0: coloured noise needs"),
-        ({"gain_scatter": 0.5}, "--gain-scatter 0.5: is a share"),
-        ({"offset_nm": float("inf")}, "--offset-nm inf: give a finite number"),
+        ({"white_nm": -1.0}, "noise_nm= -1: give a number from 0"),
+        ({"coloured_s": 0.0}, "coloured_s= 0: coloured noise needs"),
+        ({"gain_scatter": 0.5}, "gain_scatter= 0.5: give a number from 0 to 0.3"),
+        ({"offset_nm": float("inf")}, "offset_nm= inf: give a number from"),
     ],
 )
 def test_disturbances_that_mean_nothing_are_refused(change: dict[str, float], sentence: str) -> None:
@@ -229,5 +253,5 @@ def test_disturbances_that_mean_nothing_are_refused(change: dict[str, float], se
 def test_friction_has_no_release_and_a_seed_no_sign() -> None:
     with pytest.raises(UsageError, match="leave it at 0"):
         synthesise(plants.friction_force(), replace(SHORT, levels=(17.0,)), NONE, seed=0)
-    with pytest.raises(UsageError, match="--seed -1: give 0 or more"):
+    with pytest.raises(UsageError, match="seed= -1: give a whole number from 0"):
         synthesise(plants.clutch(), SHORT, NONE, seed=-1)
