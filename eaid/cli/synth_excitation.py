@@ -43,6 +43,7 @@ def excitation_of(kind: str, shape: str | None) -> "Excitation":
 
 
 def controller_of(gains: Path | None, name: str) -> "Controller | None":
+    """The controller of a gains.json that drives a closed loop."""
     if gains is None:
         return None
     from eaid.control.gains import pi_gains, rc_gains

@@ -77,7 +77,12 @@ class SynthOptions:
             raise UsageError(f"{said[0]}: says levels and times itself; leave out «levels», «idle», «hold», «release»")
 
 
-def synthesize(options: SynthOptions = SynthOptions(), fit: Fit | None = None, named: str = "a fit") -> list[Run]:
+def synthesize(
+    options: SynthOptions = SynthOptions(),
+    fit: Fit | None = None,
+    named: str = "a fit",
+    controller: Controller | None = None,
+) -> list[Run]:
     """Logs of a plant, as a rig would have recorded them.
 
     Parameters
