@@ -190,7 +190,9 @@ VOLTS = {
 
 def test_a_plant_in_volts_and_newtons_is_recorded_in_them() -> None:
     fit = from_plain(VOLTS, Fit, "f.json")
-    runs = synthesize(SynthOptions(clean=True, repeats=1, idle_s=1.0, hold_s=20.0, release_s=5.0, rate_hz=100.0), fit, "f.json")
+    runs = synthesize(
+        SynthOptions(clean=True, repeats=1, idle_s=1.0, hold_s=20.0, release_s=5.0, rate_hz=100.0), fit, "f.json"
+    )
     assert [run.level for run in runs] == [30.0, 150.0, 300.0]
     assert {(run.input_unit, run.output_unit) for run in runs} == {("V", "N")}
     held = runs[2].output[(runs[2].time_s >= 1.0) & (runs[2].time_s < 21.0)]
