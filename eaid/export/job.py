@@ -41,7 +41,6 @@ class Job:
     """Law, and `rate` where there is a controller → its constants of `eaid.export.reference`, rounded."""
     vectors: tuple[Vector, ...]
     head: tuple[str, ...]
-    findings: tuple[Finding, ...]
     name: str
     """The folder's name."""
     top: float
@@ -118,7 +117,6 @@ def job_of(
         constants=constants,
         vectors=tuple(vectors(constants, source.top, timing.precision)),
         head=tuple(_head(source, laws, timing, found, options)),
-        findings=found,
         name=options.folder.resolve().name,
         top=source.top,
     )

@@ -9,6 +9,8 @@ from pathlib import Path
 
 import pytest
 
+from .conftest import closed_loop
+
 ROOT = Path(__file__).parents[2]
 sys.path.insert(0, str(ROOT))
 spec = importlib.util.spec_from_file_location("export_matrix", ROOT / "benchmarks" / "export_matrix.py")
@@ -32,6 +34,25 @@ def test_other_processors_give_the_bits_too(tmp_path, board, law, precision):
     assert check.warnings == 0 and check.ok
     if "AVR" not in board.name or precision == "single":
         assert check.exact == check.rows > 100
+
+
+@pytest.mark.parametrize("board", matrix.BOARDS_HERE[2:4], ids=lambda board: board.name)
+@pytest.mark.parametrize(("law", "precision"), [("rc", "double"), ("inverse", "single")])
+def test_the_closed_loop_on_other_processors_has_the_bits_of_the_plain_python(
+    exported, played, tmp_path, board, law, precision
+):
+    if not matrix.there(board):
+        pytest.skip(f"no {board.compiler}, or nothing that runs what it makes")
+    run = played("multisine", law)
+    folder = exported("c", precision)
+    out = tmp_path / "check"
+    command = [board.compiler, *matrix.STRICT, *board.flags, "-o", str(out), "check.c", "eaid_control.c", "-lm"]
+    subprocess.run(command, cwd=folder, check=True)
+    lines = "\n".join(f"{reference!r} {rate!r}" for reference, rate in zip(run.reference, run.rate, strict=True))
+    command = [*board.run, str(out), "log", law, "-"]
+    done = subprocess.run(command, input=lines, capture_output=True, text=True, check=True)
+    found = [tuple(map(float, line.split(",")[1:3])) for line in done.stdout.splitlines()[1:]]
+    assert found == [(float(duty), float(torque)) for duty, torque in closed_loop(run, precision)]
 
 
 @pytest.mark.skipif(not shutil.which("cppcheck"), reason="no cppcheck")
