@@ -33,7 +33,9 @@ class Direction:
     findings: tuple[Finding, ...] = ()
 
     def of(self, run: Run) -> float:
-        """The sign of one run."""
+        """The sign of one run: of a step from level to level its own, whichever way the input goes."""
+        if run.from_level != 0.0:
+            return -1.0 if float(Step(run).rise.mean()) < 0 else 1.0
         return self.signs[(run.level or 0.0) < 0]
 
 
@@ -42,7 +44,7 @@ def direction(runs: Sequence[Run], keep: bool = False) -> Direction:
     found: list[Finding] = []
     signs = {False: 1.0, True: 1.0}
     for negative in signs:
-        rising = [r for r in runs if r.edge == "rising" and ((r.level or 0.0) < 0) is negative]
+        rising = [r for r in runs if r.edge == "rising" and r.from_level == 0 and ((r.level or 0.0) < 0) is negative]
         changes = [(run, *_change(Step(run))) for run in rising]
         sure = [(run, change) for run, change, evident in changes if evident]
         if not sure:

@@ -129,7 +129,7 @@ def test_bad_apparatus(text: str, sentence: str, tmp_path: Path, capsys: pytest.
 def test_ea_clutch_by_one_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     folder = str(REALDATA / "ea-clutch")
     assert run(["ingest", folder, *EA_CLUTCH, "-o", str(tmp_path / "d.h5")]) == 3  # one log needs --repair
-    said = capsys.readouterr().err.splitlines()[1:]
+    said = [line for line in capsys.readouterr().err.splitlines() if line.startswith("error: ")]
     assert len(said) == 6
     assert all("20241103_17_15_12" in line for line in said)
     assert "time falls at row 89589 (0 s after 6.999961 s); sort the rows, or drop such rows" in said[0]
@@ -158,11 +158,12 @@ def test_friction_steps_by_one_command(tmp_path: Path, capsys: pytest.CaptureFix
 
 FORMATS = [
     ("quarc_matrix*", ["--units", "input=V,output=V", "--rest", "-5"], 0, "2 runs, 1 levels"),
-    ("quarc_matrix*", [], 3, "the input is -5 % at 25.013 s, below 0; if it is not in %, say its unit with --units"),
+    ("quarc_matrix*", ["--units", "input=%"], 3, "the input is -5 % at 25.013 s, below 0; if it is not in %, say"),
+    ("quarc_matrix*", [], 0, "2 runs, 0 levels"),
     ("simulink_dataset*", [], 3, "holds MATLAB objects (a Simulink Dataset or timeseries) only; in MATLAB, save it as"),
     ("simulink_structure*", [], 3, "no column is called torque (columns: time, Time (s), FORWARD VELOCITY (m/s), "),
     ("csv_semicolon*", [], 3, "no column is called torque (columns: Tijd (s), Test 1, Test 2, Test 3, 0 Meting, "),
-    ("tsv_no_header*", [], 3, "its 7 columns have no names; say what they are by number: --columns time=1,input=2"),
+    ("tsv_no_header*", [], 3, "its 7 columns have no names; "),
     ("lvm_decimal*", [], 3, "nothing tells its level; give the input column, or --name-pattern with {level}"),
     ("lvm_x_column*", [], 3, "no column is called torque (columns: time, Pressão ABS. (MPa), Temperatura (°C), Vol"),
 ]

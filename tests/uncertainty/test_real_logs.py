@@ -37,7 +37,9 @@ def test_seal_friction_shows_a_free_share() -> None:
     stepset = stepset_from([REAL / "friction-steps"], kind="friction-force")
     found = fit(stepset, FitOptions(models=("friction",)))
     sure = with_intervals(stepset, found)
-    assert {"shape-needs-the-share", "runs-reject-the-share"} <= {one.code for one in sure.findings}
+    codes = {one.code for one in sure.findings}
+    assert "runs-reject-the-share" in codes
+    assert codes & {"shape-needs-the-share", "no-shape-fits"}  # counted from each run's own start, no shape is right
     share = sure.uncertainty.share
     assert share.rejected and 0.5 < share.ci95[0] < share.ci95[1] < 0.85
     assert sure.friction is not None
