@@ -179,6 +179,7 @@ def simulate(
     Replay
         With `to_frame()`, `plot()`, `findings`, `save("replay.h5")`.
     """
+    from eaid.coupling.entry import with_wall_findings
     from eaid.logs.read import read_runs
     from eaid.replay.references import read_reference
     from eaid.replay.rig import Rig
@@ -191,7 +192,7 @@ def simulate(
     options = SimulateOptions(scenario=scenario, rig=rig, **_known(SimulateOptions, rest))
     signal = None if reference is None else read_reference(Path(reference))
     runs = None if log is None else read_runs(_paths(log), InputOptions().reading())
-    return replayed(fit, gains, options, signal, runs, progress)
+    return with_wall_findings(replayed(fit, gains, options, signal, runs, progress), fit, gains)
 
 
 def report(

@@ -26,6 +26,7 @@ COMMANDS = {
     "export": "gains.json → source for a rig: C, Arduino, MATLAB, FMU, YAML",
     "report": "Result files → one HTML page and figures",
     "synth": "A plant → synthetic logs",
+    "couple": "fit.json and gains.json → how stiff a virtual wall, couple.json",
     "plan": "fit.json → what to record next, plan.csv",
     "reproduce": "The paper, number by number, recomputed",
     "demo": "All of the above on the three shipped datasets",

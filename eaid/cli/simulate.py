@@ -55,6 +55,7 @@ def command(
     from dataclasses import replace
 
     from eaid.cli import simulate_tables as tables
+    from eaid.coupling.entry import with_wall_findings
     from eaid.files import refuse_to_overwrite
     from eaid.replay.files import as_json as content_of
     from eaid.replay.files import write_replay
@@ -92,7 +93,7 @@ def command(
     tuned, more = codec.read(gains, "gains", Gains) if gains else (None, ())
     signal = read_reference(reference) if reference else None
     runs = given_as.runs_of(log, columns, units, repair, variable) if log else None
-    replay = simulate(fitted, tuned, options, signal, runs, console.progress)
+    replay = with_wall_findings(simulate(fitted, tuned, options, signal, runs, console.progress), fitted, tuned)
     replay = replace(replay, head=given_as.with_inputs(replay.head, fit, gains, reference, log))
     write_replay(path, replay, force)
     if as_json:

@@ -34,3 +34,8 @@ def word_or_number(text: str | None, words: tuple[str, ...], option: str) -> str
         return float(text)
     except ValueError:
         raise UsageError(f"{option} {text}: must be {', '.join(words)} or a number") from None
+
+
+def numbers(option: str, text: str | None) -> tuple[float, ...]:
+    """Numbers with commas between them."""
+    return tuple(number(option, part) for part in names(text))

@@ -155,8 +155,9 @@ def _wall(
     K_passive, limit = passive_stiffness(needed, limb.damping_nms, damping)
     K_stable = stable_stiffness(coupled, damping)
     lost = _lost_hz(coupled, K_stable, damping)
+    limit_hz = 0.0 if limit <= needed.omega[0] else limit / (2 * math.pi)  # the slowest looked at stands for rest
     chosen = np.unique(np.linspace(0, len(needed.omega) - 1, SHOWN_POINTS).astype(int))
-    wall = parts.Wall(loop, torque, duty, _known(K_passive), limit / (2 * math.pi), _known(K_stable), lost)
+    wall = parts.Wall(loop, torque, duty, _known(K_passive), limit_hz, _known(K_stable), lost)
     curve = parts.Curve(
         loop, torque,
         tuple((needed.omega[chosen] / (2 * math.pi)).tolist()),

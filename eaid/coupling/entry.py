@@ -1,20 +1,30 @@
 """A fit and gains → walls: what `eaid couple` and `eaid.couple` call."""
 
+import math
+from dataclasses import replace
+
+import msgspec
 import numpy as np
 
 from eaid.control.gains import pi_gains, rc_gains
 from eaid.control.plant import plant_of
-from eaid.coupling.couple import couple, default_torques
+from eaid.coupling.couple import couple, default_torques, stable_wall
+from eaid.coupling.linear import LOOPS
 from eaid.coupling.options import CoupleOptions
+from eaid.coupling.sampled import Limb, Timing
 from eaid.errors import DataError
+from eaid.findings import finding, ranked
+from eaid.models.nonlinear import steady_torque
 from eaid.progress import Progress
+from eaid.replay.rehab import RESISTED_FROM_DEG
 from eaid.results.codec import to_plain
 from eaid.results.coupling import Coupling
 from eaid.results.fit import Fit
 from eaid.results.gains import Gains
+from eaid.results.replay import Replay
 from eaid.uncertainty.draw import draw_plants
 
-__all__ = ["CoupleOptions", "couple_fit"]
+__all__ = ["CoupleOptions", "couple_fit", "with_wall_findings"]
 
 
 def couple_fit(fit: Fit, gains: Gains | None, options: CoupleOptions, progress: Progress) -> Coupling:
@@ -28,6 +38,38 @@ def couple_fit(fit: Fit, gains: Gains | None, options: CoupleOptions, progress: 
     torques = options.torques or default_torques(plant)
     with progress("walls", len(torques) * len(options.loops)) as tick:
         return couple(plant, rc, pi, options, drawn, idle_drag_nm(fit), fit.data.output_unit, tick)
+
+
+def with_wall_findings(replay: Replay, fit: Fit, gains: Gains | None) -> Replay:
+    """A rehabilitation's replay with a finding for each loop whose springs lie beyond what it keeps stable.
+
+    Looked at where the spring is pushed half and fully, on the exercise's limb alone, without what the user adds.
+    """
+    exercise, plant = replay.head.exercise, plant_of(fit)
+    if exercise is None or plant is None:
+        return replay
+    rc = rc_gains(gains) if gains is not None else None
+    pi = pi_gains(gains) if gains is not None else None
+    timing = Timing(1 / (replay.head.dt_s or 1e-3), replay.head.rig.pwm_hz or 0.0, replay.head.rig.delay_samples or 0)
+    limb = Limb(exercise.inertia_kgm2, exercise.damping_nms)
+    pushed = math.radians(exercise.centre_deg + exercise.amplitude_deg - RESISTED_FROM_DEG)
+    low, high = (float(steady_torque(plant, u)) for u in plant.u_range)
+    told = []
+    for loop in (name for name in replay.records if name in LOOPS):
+        for stiffness in (exercise.soft_nm_rad, exercise.hard_nm_rad):
+            for torque in (0.5 * stiffness * pushed, stiffness * pushed):
+                if not low <= torque <= high:
+                    continue
+                stable = stable_wall(loop, plant, torque, rc, pi, limb, timing)
+                if stable < stiffness:
+                    unit = fit.data.output_unit
+                    told.append(
+                        finding(
+                            "wall-beyond-stable", loop, wanted=stiffness, stable=stable, torque_nm=torque, unit=unit
+                        )
+                    )
+    head = msgspec.structs.replace(replay.head, findings=ranked((*replay.findings, *told)))
+    return replace(replay, head=head)
 
 
 def idle_drag_nm(fit: Fit) -> float | None:
