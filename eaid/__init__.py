@@ -4,6 +4,8 @@ steps = eaid.read("bench/")          fit = eaid.fit(steps)          gains = eaid
 run = eaid.simulate(fit, gains)      eaid.report([fit, gains, run], "report/")
 """
 
+import sys
+from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 from eaid.version import __version__
@@ -34,3 +36,14 @@ def __getattr__(name: str) -> Any:
 
 def __dir__() -> list[str]:
     return list(__all__)
+
+
+class _Package(ModuleType):
+    """Keeps `eaid.synth`, `eaid.report` and `eaid.export` functions, though packages of these names are imported."""
+
+    def __setattr__(self, name: str, value: object) -> None:
+        if not (name in FUNCTIONS and isinstance(value, ModuleType)):
+            super().__setattr__(name, value)
+
+
+sys.modules[__name__].__class__ = _Package

@@ -49,6 +49,15 @@ def test_the_public_names_are_there():
         eaid.no_such_name  # noqa: B018
 
 
+def test_a_function_stays_one_when_the_package_of_its_name_is_imported():
+    import importlib
+
+    for name in ("synth", "report", "export"):
+        package = importlib.import_module(f"eaid.{name}")
+        assert package.__name__ == f"eaid.{name}"
+        assert callable(getattr(eaid, name))
+
+
 def test_tables_and_files_give_the_same_fit(logs: StepSet, fit: Fit, tmp_path: Path):
     logs.save(tmp_path / "data.h5")
     from_file = eaid.fit(tmp_path / "data.h5")
