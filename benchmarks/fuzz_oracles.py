@@ -25,9 +25,9 @@ def text(data: bytes, answer: Any) -> str:
     if any(len(row) != 3 or not all(PLAIN.fullmatch(cell) for cell in row) for row in rows):
         return ""
     wanted = np.array([[float(cell) for cell in row] for row in rows]).T
-    ((sheet, cells),) = answer
-    if sheet.columns != ("time_s", "duty_pct", "torque_nm") or cells.bad:
-        return f"plain cells not taken as such: {sheet.columns}, {cells.bad[:3]}"
+    ((table, cells),) = answer
+    if table.columns != ("time_s", "duty_pct", "torque_nm") or cells.bad:
+        return f"plain cells not taken as such: {table.columns}, {cells.bad[:3]}"
     same = all(np.array_equal(a, b) for a, b in zip(cells.values, wanted, strict=True))
     return "" if same else "plain cells read as other numbers"
 

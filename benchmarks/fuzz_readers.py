@@ -25,11 +25,10 @@ from typing import Any
 
 ROOT = Path(__file__).parent.parent
 FORMS = {
-    "text": "text", "gzip": "text", "lvm": "LabVIEW LVM", "mat": "MAT v4 or v5", "hdf5": "HDF5 or MAT v7.3",
-    "dataset": "", "tdms": "TDMS", "parquet": "Parquet", "mdf": "MDF", "ros1": "ROS bag", "mcap": "ROS bag",
-    "sqlite": "ROS bag", "manifest": "", "results": "",
+    "text": "text", "gzip": "text", "lvm": "lvm", "mat": "mat", "hdf5": "hdf5", "dataset": "", "tdms": "tdms",
+    "parquet": "parquet", "mdf": "mdf", "ros1": "ros", "mcap": "ros", "sqlite": "ros", "manifest": "", "results": "",
 }  # fmt: skip
-"""Reader → its row of `formats.FORMATS`; empty where it is no reader of foreign logs."""
+"""Target → its row of `foreign.answer.READERS`, or text; empty where it is no reader of foreign logs."""
 LIBRARIES = {
     "tdms": ("nptdms.tdms",), "mdf": ("asammdf.blocks.mdf_v4", "asammdf.blocks.mdf_v3", "asammdf"),
     "parquet": ("pyarrow.parquet",), "mat": ("scipy.io.matlab",), "hdf5": ("h5py",), "dataset": ("h5py",),
@@ -109,10 +108,8 @@ def target(name: str, watch: Watch) -> Callable[[bytes], None]:
 
     readers = [f"eaid.logs.{module.name}" for module in pkgutil.iter_modules(eaid.logs.__path__)]
     for module in (*LIBRARIES.get(name, ()), *readers):
-        if module != "eaid.logs.mdf_apart" or name == "mdf":
-            import_module(module)
+        import_module(module)
     from eaid.errors import EaidError
-    from eaid.logs import formats
     from eaid.logs.options import ReadOptions
     from eaid.logs.read import read_what_can_be
 
@@ -120,19 +117,17 @@ def target(name: str, watch: Watch) -> Callable[[bytes], None]:
     path = folder / ("dataset.toml" if name == "manifest" else "log")
     if name == "manifest":
         (folder / "a.csv").write_text("time_s,duty_pct,torque_nm\n" + "".join(f"{i},{i // 9},{i}\n" for i in range(30)))
-    if name == "mdf":
-        _within_this_process()
     oracle: Callable[[bytes, Any], str] | None
     from benchmarks import fuzz_oracles
 
     oracle = fuzz_oracles.ORACLES.get(name)
-    read = next((row.read for row in formats.FORMATS if row.name == FORMS[name]), None)
+    read = reader_of(FORMS[name]) if FORMS[name] else None
 
     turn = itertools.count()
 
     def tried() -> Any:
         if read is not None:
-            answer = [(sheet, sheet.load(range(len(sheet.columns)))) for sheet in read(path, "log")]
+            answer = [(table, table.load(range(len(table.columns)))) for table in _refused_or(read, path)]
             if name in ("text", "gzip") and next(turn) % 4 == 0:  # steps take longer to find than numbers to read
                 _to_steps(path)
             return answer
@@ -169,19 +164,28 @@ def _to_steps(path: Path) -> Any:
     return runs_from([path])
 
 
-def _within_this_process() -> None:
-    """Let the reading process of MDF be this one, so that coverage and memory are seen."""
+def reader_of(name: str) -> Callable[[Path, str], list[Any]]:
+    """The function that reads a format, in this process, so that coverage and memory are seen."""
+    from importlib import import_module
+
+    from eaid.logs.foreign.answer import READERS
+    from eaid.logs.text import read_text
+
+    if name == "text":
+        return read_text
+    module, _, function = READERS[name].partition(":")
+    found: Callable[[Path, str], list[Any]] = getattr(import_module(f"eaid.logs.foreign.{module}"), function)
+    return found
+
+
+def _refused_or(read: Callable[[Path, str], list[Any]], path: Path) -> list[Any]:
+    """Tables of a file; whatever a library raises is a refusal, as the isolated reader makes it one."""
     from eaid.errors import DataError
-    from eaid.logs import mdf, mdf_apart
 
-    def asked(path: Path, source: str, *question: str) -> Any:
-        try:
-            return mdf_apart.contents(path, int(question[0]) if question else None)
-        except Exception as fault:
-            raise DataError(f"{source}: {fault}") from None
-
-    mdf_apart.SLOWEST_S = 2.0  # a hang there is a refusal: the sooner the more tries
-    mdf._asked = asked
+    try:
+        return read(path, "log")
+    except Exception as fault:
+        raise DataError(f"log: {fault}") from None
 
 
 def _mutated_inside(data: bytes, most: int, seed: int) -> bytes:

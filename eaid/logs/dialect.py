@@ -5,14 +5,12 @@ from collections import Counter
 from dataclasses import dataclass, field
 
 from eaid.errors import DataError
+from eaid.logs.facts import COMMENT, facts_of, number
 from eaid.logs.units import unit_of
 
-COMMENT = ("#", "%", "//")
 _DELIMITERS = ("\t", ";", "|", ",", None)  # None: any white space
 MARKS = ((".", ""), (",", ""), (".", ","), (",", "."), (".", "'"), (".", " "), (",", " "))
 
-_PLAIN = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eEdD][+-]?\d+)?$")
-_WORDS = re.compile(r"[+-]?(nan|inf(inity)?|na|n/a|null|none|-)$", re.IGNORECASE)
 STAMP = re.compile(
     r"(\d{1,4}[-/.]\d{1,2}[-/.]\d{1,4}[T ]+)?\d{1,2}:\d{2}(:\d{2}([.,]\d+)?)?\s*(Z|[+-]\d{2}:?\d{2}|AM|PM)?$"
 )
@@ -58,25 +56,6 @@ def encoding_of(head: bytes) -> str:
         if fault.start < len(head) - 4:
             return "cp1252"
     return "utf-8"
-
-
-def number(text: str, decimal: str, thousands: str) -> float | None:
-    """Value of a cell, correctly rounded; None where it is no number."""
-    text = text.strip().strip('"').strip()
-    if thousands and thousands in text:
-        whole = re.escape(thousands).join((r"[+-]?[1-9]\d{0,2}(", r"\d{3})+"))
-        if not re.fullmatch(f"{whole}({re.escape(decimal)}\\d*)?", text):
-            return None
-        text = text.replace(thousands, "")
-    if decimal != ".":
-        if "." in text:
-            return None
-        text = text.replace(decimal, ".")
-    if _PLAIN.match(text):
-        return float(text.replace("d", "e").replace("D", "e"))
-    if _WORDS.match(text):
-        return float("inf") if "inf" in text.lower() else float("nan")
-    return None
 
 
 def split(line: str, delimiter: str | None) -> list[str]:
@@ -150,45 +129,6 @@ def _body(lines: list[str]) -> list[str]:
     return rest[:: max(1, len(rest) // 50)]
 
 
-def _facts(lines: list[str], delimiter: str | None) -> dict[str, str]:
-    """Facts in the lines above the table: `key: value`, `key = value`, `key<delimiter>value`."""
-    said = {}
-    for line in lines:
-        bare = line.strip().lstrip("#%/ ").strip()
-        found = re.match(r"([^:=]{1,60}?)\s*[:=]\s*(\S.*)$", bare)
-        if not found and delimiter and bare.count(delimiter):
-            found = re.match(
-                rf"([^{re.escape(delimiter)}]{{1,60}}){re.escape(delimiter)}+([^{re.escape(delimiter)}]+)", bare
-            )
-        if found:
-            said[found.group(1).strip().lower()] = found.group(2).strip().strip('"')
-        elif bare and line.lstrip().startswith(COMMENT):
-            said[""] = f"{said.get('', '')} {bare}".strip()
-    return said
-
-
-def rate_said(said: dict[str, str]) -> float | None:
-    """Sample rate told in a comment [Hz]: `sampling rate: 1 kHz`, `dt = 0.001 s`, `sampled at 500 Hz`; else None."""
-    for key, value in said.items():
-        free = re.search(r"([\d.,]+(?:[eE][+-]?\d+)?)\s*(k|m)?(hz|s/s|sps|samples)\b", value, re.IGNORECASE)
-        if not key and free and re.search(r"sampl|abtast|rate|fs\b|daq|acqui", value, re.IGNORECASE):
-            amount = number(free.group(1).replace(",", "."), ".", "")
-            if amount and amount > 0:
-                return amount * {"k": 1e3, "m": 1e6}.get((free.group(2) or "").lower(), 1.0)
-        found = re.match(r"([\d.,]+(?:[eE][+-]?\d+)?)\s*([a-zA-Zµμ/]*)", value)
-        amount = number(found.group(1).replace(",", "."), ".", "") if found else None
-        if not found or not amount or amount <= 0:
-            continue
-        unit = found.group(2) or "".join(re.findall(r"[\[(]\s*([a-zA-Zµμ]+)\s*[\])]", key))
-        if re.search(r"(sampl|abtast|acquisition|scan).*(rate|freq|hz)|^(fs|f_s|rate|frequency)\b", key):
-            factor = {"khz": 1e3, "mhz": 1e6}.get(unit.lower(), 1.0)
-            return amount * factor
-        if re.search(r"(sampl|scan).*(time|interval|period|step)|^(dt|delta[_ ]?[xt])\b", key):
-            known = unit_of(unit) if unit else None
-            return 1.0 / (amount * (known.factor if known and known.quantity == "time" else 1.0))
-    return None
-
-
 def sniff(path: str, head: bytes, whole: bool) -> Dialect:
     """Dialect of a text log by its first bytes; raises DataError where there is no table of numbers in them."""
     encoding = encoding_of(head)
@@ -218,7 +158,7 @@ def sniff(path: str, head: bytes, whole: bool) -> Dialect:
         for i, cell in enumerate(cells[:count])
         if number(cell, decimal, thousands) is None and STAMP.match(cell.strip().strip('"'))
     )
-    said = _facts([line for i, line in enumerate(lines[:start]) if i not in header_lines], delimiter)
+    said = facts_of([line for i, line in enumerate(lines[:start]) if i not in header_lines], delimiter)
     return Dialect(encoding, delimiter, decimal, thousands, names, units, start + 1, stamps, said, ragged)
 
 

@@ -23,7 +23,6 @@ from eaid.logs.formats import format_of, unread
 from eaid.logs.join import joined
 from eaid.logs.options import ReadOptions
 from eaid.logs.run import Run
-from eaid.logs.table import Table
 from eaid.logs.text import read_text
 from eaid.logs.to_run import Origin, name_regex, run_of
 from eaid.logs.together import counted_once, named_apart, scales_compared
@@ -131,22 +130,15 @@ def read_file(
     if (remedy := unread(head)) is not None:
         raise DataError(f"{source}: is {remedy}")
     form = format_of(head)
-    if not form.reader:
-        with ThreadPoolExecutor(1) as beside:  # neither the fingerprint nor the parser holds the interpreter's lock
-            fingerprint = beside.submit(sha256_of, path)
-            run = run_of(Origin(_stem(path), source, "", path.name), _text(path, source, options), options, pattern)
-            return [replace(run, sha256=fingerprint.result())], []
     sha256 = sha256_of(path)
     origin = Origin(_stem(path), source, sha256, path.name)
+    if not form.reader:
+        return [run_of(origin, read_text(path, source, partial(options.tell, source)), options, pattern)], []
     with foreign.alone:
         if form.reader == "hdf5" and _is_dataset(path, source, foreign):
             return _of_dataset(path, source, sha256, options)
         tables = foreign.tables(form.reader, form.library, form.name, path, source)
         return [run_of(origin, tables, options, pattern)], []
-
-
-def _text(path: Path, source: str, options: ReadOptions) -> list[Table]:
-    return read_text(path, source, partial(options.tell, source))
 
 
 def _is_dataset(path: Path, source: str, foreign: ForeignReader) -> bool:

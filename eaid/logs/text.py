@@ -22,7 +22,8 @@ from numpy.typing import NDArray
 
 from eaid.arrays import read_only
 from eaid.errors import DataError
-from eaid.logs.dialect import COMMENT, MARKS, Dialect, encoding_of, number, rate_said, sniff, split
+from eaid.logs.dialect import MARKS, Dialect, encoding_of, sniff, split
+from eaid.logs.facts import COMMENT, number, rate_said
 from eaid.logs.stamps import seconds_of
 from eaid.logs.table import BadCell, Cells, Table
 

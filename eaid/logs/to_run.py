@@ -12,9 +12,10 @@ from numpy.typing import NDArray
 from eaid.arrays import Array, read_only
 from eaid.errors import DataError, UsageError
 from eaid.findings import Finding, finding
+from eaid.logs.by_values import by_place, steps, the_input
 from eaid.logs.checks import checked
 from eaid.logs.clock import TimeScale, seconds_since_start, time_scale
-from eaid.logs.columns import COUNTERS, Roles, input_default, match_columns, output_default, steps, the_input
+from eaid.logs.columns import COUNTERS, Roles, input_default, match_columns, output_default
 from eaid.logs.options import ReadOptions
 from eaid.logs.run import INPUT_UNITS, Kind, Run
 from eaid.logs.scale import LARGEST_NM, Scale, scale_of
@@ -53,12 +54,12 @@ def choose(source: str, tables: Sequence[Table], options: ReadOptions) -> tuple[
         if not named:
             names = ", ".join(table.name or "(no name)" for table in tables[:12])
             raise DataError(f"{source}: holds no table {options.variable} for «variable»; it holds {names}")
-        return named[0], match_columns(source, named[0], options)
+        return named[0], _roles(source, named[0], options)
     good: list[tuple[Table, Roles]] = []
     faults: list[DataError] = []
     for table in tables:
         try:
-            good.append((table, match_columns(source, table, options)))
+            good.append((table, _roles(source, table, options)))
         except DataError as fault:
             faults.append(fault)
     if not good:
@@ -77,6 +78,11 @@ def choose(source: str, tables: Sequence[Table], options: ReadOptions) -> tuple[
             f"{source}: holds several tables that may be the log ({names}); choose one with «variable» NAME"
         )
     return full[0]
+
+
+def _roles(source: str, table: Table, options: ReadOptions) -> Roles:
+    named = any(table.columns) or "output" in options.columns
+    return match_columns(source, table, options) if named else by_place(source, table, options)
 
 
 class _Columns:

@@ -120,7 +120,7 @@ def main() -> None:
             told = {"refused": _refusal(question, fault)}
         out.write(json.dumps(told).encode() + b"\n")
         for one in values:
-            out.write(memoryview(one).cast("B") if len(one) else b"")
+            out.write(memoryview(one.data).cast("B") if len(one) else b"")
         out.flush()
 
 

@@ -93,7 +93,12 @@ class ForeignReader:
         assert process.stdin is not None and process.stdout is not None
         longest_s = LONGEST_S + path.stat().st_size / 1e6
         late = threading.Event()
-        bell = threading.Timer(longest_s, lambda: (late.set(), process.kill()))
+
+        def stop() -> None:
+            late.set()
+            process.kill()
+
+        bell = threading.Timer(longest_s, stop)
         bell.daemon = True
         bell.start()
         try:
@@ -133,7 +138,7 @@ class ForeignReader:
 
 def _column(file: IO[bytes], kind: str, count: int) -> np.ndarray[Any, Any]:
     values = np.empty(count, dtype=np.dtype(kind))
-    room = memoryview(values).cast("B") if count else memoryview(b"")
+    room = memoryview(values.data).cast("B") if count else memoryview(b"")
     at = 0
     while at < len(room):
         got = file.readinto(room[at:])  # type: ignore[attr-defined]

@@ -113,7 +113,7 @@ def _segment(source: str, segment: Mapping[str, Any], own: str, count: int) -> t
         start = next((float(one) for one in segment.get("X0", []) if math.isfinite(one)), 0.0)
         if not step > 0:
             raise DataError(f"{source}: has neither a column of times nor a Delta_X above 0; save it again")
-        return start + np.arange(len(table)) * step, table[:, :count]
+        return np.asarray(start + np.arange(len(table)) * step, dtype=np.float64), table[:, :count]
     times = [i for i, name in enumerate(names) if name == "X_Value"]
     places = [i for i, name in enumerate(names) if name not in ("", "X_Value", "Comment")]
     if any(not np.array_equal(table[:, i], table[:, times[0]], equal_nan=True) for i in times[1:]):

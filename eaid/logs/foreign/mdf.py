@@ -30,7 +30,7 @@ def read_mdf(path: Path, source: str) -> list[Table]:
     if raw.read(8) == b"UnFinMF ":
         raise DataError(f"{source}: was not closed by its recorder; open it there and save it again")
     raw.seek(0)
-    file = asammdf.MDF(raw)
+    file: Any = asammdf.MDF(raw)
     version = 4 if str(file.version) >= "4" else 3
     signals: list[Signal] = []
     for g, group in enumerate(file.groups):

@@ -1,0 +1,108 @@
+"""Which column is what, by its numbers: a time rises all the way, a commanded input stands still but for jumps."""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eaid.errors import DataError
+from eaid.findings import Finding, finding
+from eaid.logs.columns import Roles, kind_of, shown
+from eaid.logs.options import ReadOptions
+from eaid.logs.run import Kind
+from eaid.logs.table import Table
+from eaid.logs.units import likely_time_unit
+
+FEWEST = 20
+"""Samples below which a column is not said to step."""
+
+
+def by_place(path: str, table: Table, options: ReadOptions) -> Roles:
+    """Columns without names: time, input, output where there are three; time, output where there are two.
+
+    The first has to be the only one that rises all the way; where another one does, it is proposed.
+    """
+    count, rate = len(table.columns), bool(options.rate_hz or table.rate_hz)
+    places = {(3, False): (0, 1, 2), (2, False): (0, None, 1), (2, True): (None, 0, 1), (1, True): (None, None, 0)}
+    columns: tuple[NDArray[Any], ...] = ()
+    rising: tuple[int, ...] = ()
+    stepping: tuple[int, ...] = ()
+    if count <= 64:
+        columns = table.load(range(count)).values
+        rising = tuple(i + 1 for i, values in enumerate(columns) if rises(values))
+        stepping = tuple(i + 1 for i, values in enumerate(columns) if steps(values))
+    if options.columns or (count, rate) not in places or (not rate and rising and 1 not in rising):
+        time = rising[0] if len(rising) == 1 else 1
+        input_ = next((i for i in stepping if i != time), None)
+        output = next((i for i in range(count, 0, -1) if i not in (time, input_)), count)
+        proposed = ",".join(
+            f"{role}={place}" for role, place in (("time", time), ("input", input_), ("output", output)) if place
+        )
+        only = f"; only column {time} rises all the way" if len(rising) == 1 else ""
+        usual = float(np.median(np.diff(columns[time - 1]))) if only else 0.0
+        units = (
+            f"; and the unit of time if it is not s, perhaps «units» time={likely_time_unit(usual)}"
+            if usual >= 1
+            else ""
+        )
+        raise DataError(
+            f"{path}: its {count} columns have no names{only}; say by number, from 1 to {count}, what they are: "
+            f"«columns» {proposed}{units}"
+        )
+    time_at, input_at, output_at = places[count, rate]
+    order = [name for name, at in (("time", time_at), ("input", input_at), ("output", output_at)) if at is not None]
+    inputs = ((options.kind or "clutch", input_at),) if input_at is not None else ()
+    told = finding("columns-by-place", path, order=", ".join(order))
+    return Roles(time_at, inputs, output_at, None, findings=(told,))
+
+
+def rises(values: NDArray[Any]) -> bool:
+    """Whether a column rises all the way but for 1 % of its rows, as a time does."""
+    kept = values[np.isfinite(values)]
+    return len(kept) > 2 and bool(np.mean(np.diff(kept) > 0) > 0.99)
+
+
+def steps(values: NDArray[Any]) -> bool:
+    """Whether a column stands still but for a few jumps, each from one sample to the next, as a commanded input."""
+    kept = values[np.isfinite(values)].astype(np.float64)
+    span = float(np.ptp(kept)) if len(kept) >= FEWEST else 0.0
+    if span == 0.0:
+        return False
+    jumps = np.abs(np.diff(kept)) > 0.01 * span
+    alone = jumps.copy()
+    alone[1:] &= ~jumps[:-1]
+    alone[:-1] &= ~jumps[1:]
+    return 1 <= int(jumps.sum()) <= max(3, len(kept) // 20) and int(alone.sum()) >= 0.8 * int(jumps.sum())
+
+
+def the_input(
+    path: str, table: Table, roles: Roles, column: Callable[[int], NDArray[Any]], told: bool
+) -> tuple[Kind | None, int | None, tuple[Finding, ...]]:
+    """The input among the columns that may be it: the one that moves, where the names leave a choice.
+
+    Where none that is called like an input moves, the only other column that steps is taken, and said; not where
+    options say level and instant (`told`).
+    """
+    if roles.said or (len(roles.inputs) == 1 and not roles.others):
+        return (*roles.inputs[0], ())
+    moving = [(kind, which) for kind, which in roles.inputs if _moves(column(which))]
+    if len(moving) == 1:
+        return (*moving[0], ())
+    if not moving and not told:
+        stepping = [which for which in roles.others[:64] if steps(column(which))]
+        if len(stepping) == 1:
+            name = table.label(stepping[0])
+            still = shown([table.label(which) for _, which in roles.inputs])
+            code = "input-by-its-steps" if still else "input-unnamed"
+            return kind_of(name, ""), stepping[0], (finding(code, path, column=name, still=still),)
+    if len(roles.inputs) <= 1 or roles.inputs[0][0] == "clutch":  # a duty beside the constant speed and force
+        return (*roles.inputs[0], ()) if roles.inputs else (None, None, ())
+    kinds = " and ".join(kind for kind, _ in roles.inputs)
+    raise DataError(f"{path}: may be {kinds}, as it has a column of each; say which with «kind»")
+
+
+def _moves(values: NDArray[Any]) -> bool:
+    kept = values[np.isfinite(values)]
+    low, high = (float(kept.min()), float(kept.max())) if len(kept) else (0.0, 0.0)
+    return high - low > 0.2 * max(abs(low), abs(high))
