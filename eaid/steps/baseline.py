@@ -119,9 +119,16 @@ def _left_early(part: Array, change: float, left_out: int) -> Rest:
 def _lead(hold: Array, rest: Array, change: float) -> int:
     """Samples of a hold since its output was last at its rest, within its noise or 2 % of the change."""
     middle = median(rest)
-    band = max(SURE * 1.4826 * median(np.abs(rest - middle)), 0.02 * abs(change))
-    inside = np.flatnonzero(np.abs(hold - middle) <= band)
-    return len(hold) - 1 - int(inside[-1]) if len(inside) else 0
+    noise = 1.4826 * median(np.abs(rest - middle))
+    inside = np.flatnonzero(np.abs(hold - middle) <= max(SURE * noise, 0.02 * abs(change)))
+    lead = len(hold) - 1 - int(inside[-1]) if len(inside) else 0
+    # in much noise the last few samples tell it together
+    few = [
+        k
+        for k in (2, 3, 4, 6, 8)
+        if abs(float(hold[-k:].mean()) - middle) > max(5 * noise / k**0.5, 0.05 * abs(change))
+    ]
+    return max(lead, *few) if few else lead
 
 
 def _departed(hold: Array, lead: int, left_out: int) -> Rest:

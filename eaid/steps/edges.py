@@ -106,7 +106,7 @@ def _parts(means: Array, start: int, stop: int, span: float) -> list[tuple[int, 
 def _edge(times: Array, means: Array, start: int, stop: int) -> Edge:
     """The edge between two extremes, with the stretch behind it that stays nearer to the second."""
     low, high = float(means[start]), float(means[stop - 1])
-    share = (means - low) / (high - low)
+    share = (means - low) / (high - low) if high != low else np.zeros(len(means))
     tenth = start + int(np.argmax(share[start:stop] >= 0.1))
     most = start + int(np.argmax(share[start:stop] >= 0.9))
     away = np.flatnonzero(share[most:] < 0.5)

@@ -140,7 +140,7 @@ def test_ea_clutch_by_one_command(tmp_path: Path, capsys: pytest.CaptureFixture[
     assert [level["repeats"] for level in result["releases"]] == [3] * 9
     assert (result["output_unit"], result["input_unit"]) == ("N", "")
     told = {run["name"][:17]: run["warnings"] for run in result["runs"] if run["edge"] == "rising"}
-    assert "--repair dropped 14 of 89601 rows" in told["20241103_17_15_12"]
+    assert any("dropped 14 of 89601 rows" in said for said in told["20241103_17_15_12"])
     over = [run for run in result["runs"] if run["name"].startswith("20241103_14_59_10") and run["edge"] == "rising"]
     assert "decays-under-hold" in [one["code"] for one in over[0]["findings"]]  # 275 V: the force overshoots
     assert over[0]["slip"]["peak_s"] == pytest.approx(0.85, abs=0.02)
@@ -158,7 +158,7 @@ def test_friction_steps_by_one_command(tmp_path: Path, capsys: pytest.CaptureFix
 
 FORMATS = [
     ("quarc_matrix*", ["--units", "input=V,output=V", "--rest", "-5"], 0, "2 runs, 1 levels"),
-    ("quarc_matrix*", ["--units", "input=%"], 3, "the input is -5 % at 25.013 s, below 0; if it is not in %, say"),
+    ("quarc_matrix*", ["--units", "input=%"], 3, "the input is -5 % at 0 s, below 0; if it is not in %, say"),
     ("quarc_matrix*", [], 0, "2 runs, 0 levels"),
     ("simulink_dataset*", [], 3, "holds MATLAB objects (a Simulink Dataset or timeseries) only; in MATLAB, save it as"),
     ("simulink_structure*", [], 3, "no column is called torque (columns: time, Time (s), FORWARD VELOCITY (m/s), "),
