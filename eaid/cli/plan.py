@@ -26,6 +26,17 @@ def command(
     check: Annotated[
         bool, typer.Option("--check/--no-check", help="Simulate the experiment and measure the widths it gives.")
     ] = True,
+    excitation: Annotated[
+        bool,
+        typer.Option("--excitation", help="One sequence of duties for one recording, in place of steps."),
+    ] = False,
+    limits: Annotated[
+        str | None,
+        typer.Option(
+            "--limits",
+            help="Of the excitation: duty=10:100,hold=0.3:30,rate=200,rest=5,work=60,engagements=4 (%, s, %/s).",
+        ),
+    ] = None,
     output: Output = Path("plan.csv"),
     seed: Seed = 0,
     json: Json = False,
@@ -48,6 +59,10 @@ def command(
     from eaid.store import input_record
 
     assert output is not None
+    if excitation:
+        from eaid.cli.plan_excitation import plan_one_recording
+
+        return plan_one_recording(fit, widths_of(want), limits, check, output, seed, json, force)
     duty_file = output.with_suffix(".duty.csv")
     for path in (output, duty_file):
         refuse_to_overwrite(path, force, inputs=(fit,))

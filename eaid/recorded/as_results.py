@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
+from scipy.stats import chi2
 
 from eaid.arrays import Array
 from eaid.fitting.data import data_of
@@ -13,7 +14,7 @@ from eaid.logs.run import Run
 from eaid.models import nonlinear as curve
 from eaid.models.parameters import Linear as Eq8
 from eaid.recorded.closed_loop import idle_of, model_of
-from eaid.recorded.intervals import CurveSpread, Spread
+from eaid.recorded.intervals import ENGAGEMENTS, CurveSpread, Spread, engagements
 from eaid.recorded.log import RecordedLog
 from eaid.recorded.solve import Solved
 from eaid.results.common import AbsError, Input, Interval, LevelError, Source
@@ -340,4 +341,30 @@ def noise_part(solved: Solved) -> Noise:
     if (s < 0).any():
         alone = [float(S.mean()), float((S * weight).sum() / max((x * weight).sum(), 1e-300))]
         s = np.array([alone[0], 0.0]) if s[1] < 0 else np.array([0.0, alone[1]])
-    return Noise(float(s[0]), float(s[1]), {})
+    scatter, _, _ = engagement_scatter(solved, float(s[0]), float(s[1]))
+    return Noise(float(s[0]), float(s[1]), {"Ts": scatter, "tau1": 0.0, "tau2": 0.0})
+
+
+def engagement_scatter(solved: Solved, s0: float, s1: float) -> tuple[float, int, float]:
+    """Standard deviation of the output's gain between engagements beyond what noise makes, their number, the chance.
+
+    γ = Σ T r/Σ T² of each engagement; noise alone gives it the variance ∫ (s0 + s1 T²) T² dt/(∫ T² dt)².
+    """
+    gains, own = [], []
+    for k, drive in enumerate(solved.setup.drives):
+        counted = drive.w > 0
+        r = solved.setup.jacobian(solved.x, k)[1] / np.sqrt(drive.w[counted])
+        T = drive.y[counted] - idle_of(solved, k) + r
+        dt_s = float(drive.dt_s.sum()) / len(r)
+        which = engagements(drive)[counted]
+        squares, fourths = np.bincount(which, T**2), np.bincount(which, T**4)
+        loaded = squares > 0.02 * squares.mean()
+        gains += list((np.bincount(which, T * r)[loaded] / squares[loaded]).tolist())
+        own += list(((s0 * squares + s1 * fourths)[loaded] / squares[loaded] ** 2 / dt_s).tolist())
+    count = len(gains)
+    if count < ENGAGEMENTS:
+        return 0.0, count, 1.0
+    gamma, h = np.array(gains), np.maximum(np.array(own), 1e-300)
+    mean = float((gamma / h).sum() / (1 / h).sum())
+    chance = float(chi2.sf(float(((gamma - mean) ** 2 / h).sum()), count - 1))
+    return max(float(gamma.var(ddof=1)) - float(h.mean()), 0.0) ** 0.5, count, chance

@@ -34,7 +34,9 @@ FOLLOWS = 0.1
 """Correlation of the duty's changes with the residual's from which a log counts as a loop."""
 OTHERWISE = 1.5
 """A loop that misses its reference by so many times what is predicted has something that is not in the model."""
-ROUNDS = 12
+ROUNDS = 20
+RENEWED = 2
+"""Instruments one after another."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,29 +129,38 @@ def with_instrument(base: Solved, logs: Sequence[RecordedLog]) -> Solved:
     if not any(law is not None and log.starts_idle for law, log in zip(laws, logs, strict=True)):
         return base
     x, drives = base.x.copy(), list(base.setup.drives)
-    for _ in range(ROUNDS):
+    for _ in range(RENEWED):  # any duty without noise serves; the second is that of a better model
         now = replace(base, x=x)
         for k, (log, law) in enumerate(zip(logs, laws, strict=True)):
             if law is not None and log.starts_idle:
                 drives[k] = drive_of(simulated(now, k, log, law, None))
-        clean = replace(base.setup, drives=tuple(drives))
+        found = _solved(base, x, tuple(drives))
+        if found is None:
+            return base
+        x = found
+    problem = base.setup.problem()
+    if (problem.A @ x - problem.b < -1e-9).any():
+        return base
+    return replace(base, x=x, cost=problem.value(x)[0], instruments=tuple(drives))
+
+
+def _solved(base: Solved, x: Array, drives: tuple[Drive, ...]) -> Array | None:
+    """Where Σ Z' r is 0, by Newton's steps from x; None where they do not settle."""
+    clean = replace(base.setup, drives=drives)
+    slopes = [clean.jacobian(x, k)[0] for k in range(len(drives))]
+    for _ in range(ROUNDS):
         A, score = np.zeros((len(x), len(x))), np.zeros(len(x))
         for k in range(len(drives)):
             J, r = base.setup.jacobian(x, k)
-            Z, at = clean.jacobian(x, k)[0], base.setup.columns(k)
+            Z, at = slopes[k], base.setup.columns(k)
             A[np.ix_(at, at)] += Z.T @ J
             score[at] += Z.T @ r
         scale = np.sqrt(np.maximum(np.abs(np.diagonal(A)), 1e-300))
         move = -np.linalg.solve(A / np.outer(scale, scale), score / scale) / scale
         x = x + move
         if float(np.abs(move * scale).max()) < 1e-7 * np.sqrt(base.cost):
-            break
-    else:
-        return base
-    problem = base.setup.problem()
-    if (problem.A @ x - problem.b < -1e-9).any():
-        return base
-    return replace(base, x=x, cost=problem.value(x)[0], instruments=tuple(drives))
+            return x
+    return None
 
 
 def judged_loops(

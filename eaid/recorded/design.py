@@ -4,9 +4,9 @@ A sequence is levels with holds, and returns to rest between its engagements. Wh
 
     H = ∫ J J' dt,   Ω = ∫ J J' S(T) dt,   V = H⁻¹ Ω H⁻¹,   S(T) = s0 + s1 T² the density of the noise
 
-with J from the sensitivities of the model itself. The half-width of log T_s, log τ1, log τ2 at a duty is t √(g'Vg), of
-T_s with the scatter between E engagements, s²/E. Levels and holds are exchanged one by one for what lowers T φ², φ the
-worst ratio of a width to the wanted one: the time that repeating the sequence would take to reach them all.
+with J from the sensitivities of the model itself. The half-width of log T_s, log τ1, log τ2 at a duty is t √(g'Vg),
+with the scatter between E engagements, s²/E, beside it. Levels and holds are exchanged one by one for what lowers T φ²,
+φ the worst ratio of a width to the wanted one: the time that repeating the sequence would take to reach them all.
 """
 
 from collections.abc import Mapping
@@ -23,7 +23,7 @@ from eaid.recorded import model
 from eaid.recorded.drive import Drive
 from eaid.recorded.intervals import PRIOR
 from eaid.recorded.problem import Setup
-from eaid.results.fit import Noise
+from eaid.uncertainty.noise import Noise
 
 PARAMETERS = ("Ts", "tau1", "tau2")
 DUTIES = 10
@@ -34,12 +34,12 @@ HOLDS = 9
 """Holds that it chooses from, log-spaced."""
 POWER = 8
 """Of the mean that stands for the worst ratio while levels and holds are exchanged."""
-SWEEPS = 3
-ROUNDS = 6
+SWEEPS = 2
+ROUNDS = 5
 MARGIN = 0.9
 """Widths are planned to this part of the wanted ones: those of a recording scatter about the planned."""
 MOST_ENGAGEMENTS = 60
-BLOCKS = 14
+BLOCKS = 12
 """Instants of each hold at which the sensitivities are taken."""
 RAMP_S = 0.05
 """A duty whose rate is limited goes in steps this long [s]."""
@@ -169,13 +169,11 @@ class Judge:
         count = self.limits.engagements
         if self.limits.work_s > 0:
             count = max(count, int(np.ceil(sequence.time_s / self.limits.work_s)))
-        scatter = float(self.noise.scatter.get("Ts", 0.0))
-        if scatter > 0 and "Ts" in self.wanted:
-            while (
-                count < 60
-                and 100 * float(student.ppf(0.975, count - 1 or 1)) * scatter / count**0.5 > 0.8 * self.wanted["Ts"]
-            ):
-                count += 1
+        for name, scatter in zip(PARAMETERS, self.noise.scatter, strict=True):
+            if scatter > 0 and name in self.wanted:
+                enough = 0.8 * self.wanted[name] / (100 * scatter)
+                while count < MOST_ENGAGEMENTS and float(student.ppf(0.975, count - 1 or 1)) / count**0.5 > enough:
+                    count += 1
         return min(count, len(sequence.hold_s))
 
     def whole(self, sequence: Holds) -> Holds:
@@ -213,11 +211,9 @@ class Judge:
             variance = np.einsum("di,ij,dj->d", row, V[part, part], row) / (row @ x[part]) ** 2
             found.append(np.sqrt(np.maximum(variance, 0.0)))
         half = np.array(found)
-        scatter = float(self.noise.scatter.get("Ts", 0.0))
         count = self.engagements(sequence)
-        own = t * half
-        if scatter > 0:
-            own[0] = np.hypot(own[0], float(student.ppf(0.975, max(count - 1, 1))) * scatter / count**0.5)
+        between = float(student.ppf(0.975, max(count - 1, 1))) * np.array(self.noise.scatter) / count**0.5
+        own = np.hypot(t * half, between[:, None])
         return np.asarray(100 * np.expm1(np.minimum(own, 50.0)))
 
     @cached_property

@@ -15,11 +15,20 @@ from eaid.arrays import Array
 from eaid.findings import Finding, finding, ranked
 from eaid.logs.run import Run
 from eaid.recorded import checks, model
-from eaid.recorded.as_results import data_part, friction_part, linear_part, log_parts, nonlinear_part, uncertainty_part
+from eaid.recorded.as_results import (
+    data_part,
+    engagement_scatter,
+    friction_part,
+    linear_part,
+    log_parts,
+    noise_part,
+    nonlinear_part,
+    uncertainty_part,
+)
 from eaid.recorded.closed_loop import judged_loops, with_instrument
 from eaid.recorded.drive import coarse, drive_of
-from eaid.recorded.falls import tested
-from eaid.recorded.intervals import CurveSpread, curves, inputs_shown, spread
+from eaid.recorded.falls import CHANCE, tested
+from eaid.recorded.intervals import ENGAGEMENTS, CurveSpread, curves, inputs_shown, spread
 from eaid.recorded.log import RecordedLog, levels_of, logs_of_steps, recorded_log
 from eaid.recorded.options import RecordedOptions, check
 from eaid.recorded.problem import Setup
@@ -99,9 +108,11 @@ def fit_recorded(
     if options.instrument and loops:
         base = with_instrument(base, logs)
     sure = spread(base) if options.ci != "none" else None
-    shown = inputs_shown(inputs.levels if inputs.stepwise else (), inputs.low, inputs.high)
+    shown = inputs_shown(_basis_levels(inputs) if inputs.stepwise else (), inputs.low, inputs.high)
     known = None if sure is None else curves(base, sure, shown)
     found += _verdicts(base, known)
+    if sure is not None:
+        found += _scatter(base)
     linear, friction = None, None
     if "linear" in wanted:
         on = _basis_levels(inputs)
@@ -181,6 +192,17 @@ def _verdicts(base: Solved, known: CurveSpread | None) -> list[Finding]:
             if len(wide):
                 found.append(finding("never-asked", "nonlinear", wide, parameter=name, limit_pct=LIMITS_PCT[name]))
     return found
+
+
+def _scatter(base: Solved) -> list[Finding]:
+    """Whether the output differs between engagements, where there are enough to see it."""
+    noise = noise_part(base)
+    scatter, count, chance = engagement_scatter(base, noise.sensor_nm2_s, noise.ripple_s)
+    if count < ENGAGEMENTS:
+        return [finding("engagements-few", "data", count=count)]
+    if chance < CHANCE and scatter > 0:
+        return [finding("engagements-scatter", "data", scatter_pct=100 * scatter, count=count)]
+    return []
 
 
 def _asked(known: CurveSpread | None, logs: Sequence[RecordedLog]) -> tuple[Asked, ...]:

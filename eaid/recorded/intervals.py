@@ -38,6 +38,7 @@ ENGAGEMENTS = 4
 """Fewest engagements whose scatter counts."""
 SMOOTH = 0.25
 """Half-width over which the noise's spectrum is smoothed, as a part of its corner frequency …"""
+CURVES = ("Ts", "tau1", "tau2")
 RIVAL = 4.0
 """A minimum above the best by less than so many times the noise's own unit of cost is not ruled out."""
 FEWEST = 8
@@ -73,6 +74,10 @@ class Spread:
 
     def variance(self, gradient: Array) -> tuple[float, float]:
         """Variance of a function with that gradient, and its degrees of freedom."""
+        with np.errstate(over="ignore", invalid="ignore"):  # what nothing determines has no bound
+            return self._variance(gradient)
+
+    def _variance(self, gradient: Array) -> tuple[float, float]:
         along = self.pull.T @ gradient
         squares = [(slopes @ along) ** 2 for slopes in self.slopes]
         own = max(float(gradient @ self.noise @ gradient), 0.0)
@@ -106,7 +111,8 @@ def _mixed(own: float, prior: float, other: float, degrees: float, most: float =
 def _degrees(squares: Sequence[Array], groups: Sequence[NDArray[np.intp]]) -> float:
     """How many groups decide a function: (Σ a)²/Σ a², a its squared influence in each group."""
     parts = [np.bincount(which, one) for one, which in zip(squares, groups, strict=True)]
-    a = np.concatenate(parts)
+    a = np.concatenate(parts).astype(np.float64)
+    a = a / max(float(a.max()), 1e-300)
     square = float((a * a).sum())
     return max(float(a.sum()) ** 2 / square - 1.0, 0.5) if square > 0 else 0.5
 
@@ -289,6 +295,16 @@ def directions(solved: Solved) -> Array:
     return np.asarray(ways[rank:].T)
 
 
+def held(solved: Solved) -> set[str]:
+    """Which of T_s, τ1, τ2 an active constraint holds at some input."""
+    model = solved.setup.model
+    if model.basis is None:
+        return set()
+    count = len(model.basis.duties)
+    active = np.flatnonzero(model.A @ solved.coefficients - model.b < 1e-9 * (1 + np.abs(model.b)))
+    return {("tau1", "tau2", "Ts", "tau2")[i // count] for i in active.tolist() if i < 4 * count}
+
+
 @dataclass(frozen=True, eq=False)
 class CurveSpread:
     """T_s, τ1, τ2 at some inputs with their 95 % intervals; shapes (3, L)."""
@@ -317,11 +333,15 @@ def curves(solved: Solved, sure: Spread, duty: Array) -> CurveSpread:
             values[k, i] = value
             if value > 0:
                 half[k, i] = min(sure.of(gradient) / value, 50.0)
-    low, high = values * np.exp(-half), values * np.exp(half)
+    for k, name in enumerate(CURVES):  # what a constraint holds is not estimated
+        if name in held(solved):
+            half[k] = np.inf
+    half = np.minimum(half, 700.0)
+    low, high = values * np.exp(-half), values * np.exp(np.minimum(half, 50.0))
     for x in sure.rivals:
         other = np.stack([rows.steady @ x[:a], rows.tau1 @ x[a : a + b], rows.tau2 @ x[a + b : a + b + c]])
-        low, high = np.minimum(low, other * np.exp(-half)), np.maximum(high, other * np.exp(half))
-    with np.errstate(invalid="ignore", divide="ignore"):
+        low, high = np.minimum(low, other * np.exp(-half)), np.maximum(high, other * np.exp(np.minimum(half, 50.0)))
+    with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
         wide = np.where(low > 0, np.sqrt(high / low) - 1, np.inf)
     return CurveSpread(duty, values, low, high, wide)
 

@@ -2,7 +2,8 @@
 
 from typing import Literal
 
-from eaid.results.common import Count, Interval, Number, Result
+from eaid.findings import Finding
+from eaid.results.common import Count, Input, Interval, Number, Result
 
 
 class LogFit(Result, frozen=True):
@@ -111,6 +112,30 @@ class Recorded(Result, frozen=True):
     engagements: Count = 0
     correlation_s: Number | None = None
     """Integrated correlation time of the residuals [s], the longest of all logs."""
+
+
+class Excitation(Result, frozen=True):
+    """plan.json of one sequence for one recording: when which duty acts, and what it is to give."""
+
+    inputs: tuple[Input, ...] = ()
+    seed: int = 0
+    wanted: dict[str, Number] = {}
+    """Half-widths of 95 % intervals that are wanted at the worst duty [%]."""
+    met: bool = False
+    time_on_rig_s: Number = 0.0
+    engagements: Count = 0
+    """Stretches under load, each after a rest."""
+    half_width_pct: dict[str, Number] = {}
+    """Predicted half-width at the worst duty [%]."""
+    measured_half_width_pct: dict[str, Number | None] | None = None
+    """What nine of ten simulated recordings keep at the worst duty [%]; None where none was simulated."""
+    kept_pct: Number | None = None
+    """Part of the simulated recordings that keep all wanted widths [%]."""
+    classic_time_on_rig_s: Number | None = None
+    """What steps from rest to levels, with repeats, take for the same widths [s]; None: they never reach them."""
+    duty: tuple[tuple[Number, Number], ...] = ()
+    """(from when [s], duty [%]), each held until the next; the last entry ends it."""
+    findings: tuple[Finding, ...] = ()
 
 
 class Response(Result, frozen=True):

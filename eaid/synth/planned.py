@@ -10,10 +10,11 @@ from eaid.models.parameters import Nonlinear
 from eaid.recorded.design import PARAMETERS, ExcitationPlan
 from eaid.recorded.fit import fit_recorded
 from eaid.recorded.options import RecordedOptions
-from eaid.results.fit import Noise
+from eaid.results.fit import Nonlinear as Nonlinear_
 from eaid.synth.disturbance import NONE, Disturbance
 from eaid.synth.logs import Protocol, synthesise_input
 from eaid.synth.plants import clutch
+from eaid.uncertainty.noise import Noise
 
 RATE_HZ = 100.0
 MEMORY_S = 0.05
@@ -53,10 +54,11 @@ def measured(
     return rows
 
 
-def widths(part: object) -> dict[str, float]:
+def widths(part: Nonlinear_ | None) -> dict[str, float]:
     """Half-widths at the worst shown duty [%]; infinite where one is not known."""
+    assert part is not None
     found = dict.fromkeys(PARAMETERS, 0.0)
-    for one in part.curves:  # type: ignore[attr-defined]
+    for one in part.curves:
         for name in PARAMETERS:
             ends = getattr(one.ci95, name)
             wide = float("inf") if ends is None or ends[0] <= 0 else 100 * ((ends[1] / ends[0]) ** 0.5 - 1)

@@ -90,6 +90,11 @@ ROWS: dict[str, Row] = {
         "note",
         "the output differs between engagements by {scatter_pct:.2g} % (sd of {count}); the intervals hold it",
     ),
+    "engagements-few": Row(
+        "note",
+        "the logs hold {count} stretches under load between rests: how much the output differs from one to the next is "
+        "not seen; let the recording return to rest four times or more",
+    ),
     "duty-follows-output": Row(
         "caution",
         "{subject}: the input answers the noise of the output (correlation {correlation:.2f}): the log comes from a "

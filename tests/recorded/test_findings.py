@@ -1,0 +1,174 @@
+"""What is said of recorded logs: bad inputs, falls, hysteresis, scatter, closed loops."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from eaid.findings import say, sentences
+from eaid.findings.finding import finding
+from eaid.logs.moves import is_recorded
+from eaid.logs.run import Run
+from eaid.models.parameters import REFERENCE_PLANT
+from eaid.recorded.closed_loop import law_of
+from eaid.recorded.fit import fit_recorded
+from eaid.recorded.log import RecordedLog, recorded_log
+from eaid.recorded.options import RecordedOptions
+from eaid.synth.disturbance import NONE
+from eaid.synth.excitation import Excitation, synthesise_excitation
+from eaid.synth.plants import clutch
+
+NOISE = replace(NONE, white_nm=0.006, coloured=0.01, coloured_s=0.3)
+PLAIN = RecordedOptions(models=("nonlinear",), loop_refits=0)
+
+
+def codes(fit) -> dict:  # type: ignore[no-untyped-def,type-arg]
+    return {one.code: one for one in fit.findings}
+
+
+def run_of(t: np.ndarray, u: np.ndarray, y: np.ndarray, unit: str = "%") -> Run:
+    return Run("log", t, u, y, unit, "N·m", "log.csv", "")
+
+
+def random_log(seed: int = 1, duration_s: float = 120.0, **changes: float) -> RecordedLog:
+    e = Excitation("random", duration_s, rate_hz=100.0, hold_s=(0.5, 8.0), rest_s=6.0)
+    return recorded_log(synthesise_excitation(clutch(), replace(e, **changes), NOISE, seed)[0])
+
+
+def test_the_rule_that_says_which_logs_come_here() -> None:
+    t = np.arange(2000) / 100
+    step = np.where((t > 2) & (t < 15), 40.0, 0.0)
+    ramp = np.clip((t - 2) * 200, 0, 40.0) * (t < 15)
+    between = np.where(t > 8, 70.0, step)
+    three = np.where((t % 6) > 2, 50.0, 0.0)
+    chatter = np.where((t % 1) > 0.3, 50.0, 0.0)
+    wander = np.where(t > 2, 40 + 2 * np.sin(t), 0.0)
+    for u, whole in ((step, False), (ramp, False), (between, True), (three, False), (chatter, True), (wander, True)):
+        assert is_recorded(run_of(t, u, u)) is whole
+    assert not is_recorded(run_of(t, wander, wander, "N"))  # a measured load wanders
+    assert not is_recorded(replace(run_of(t, between, between), level=40.0))
+    assert not is_recorded(replace(run_of(t, between, between), kind="friction-force"))
+
+
+def test_a_fast_input_a_limit_and_a_single_level_are_told() -> None:
+    draw = np.random.default_rng(0)
+    t = np.arange(4000) / 100
+    fast = np.where(t > 1, draw.choice([20.0, 80.0], 4000), 0.0)
+    log = RecordedLog("log", t, fast, 1 - np.exp(-t) + 0.01 * draw.standard_normal(4000))
+    assert codes(fit_recorded([log], PLAIN))["input-faster-than-sampled"].values["share_pct"] > 20
+    single = np.where((t % 8) > 3, 50.0, 0.0)
+    y = np.where(single > 0, 1.0, 0.1) + 0.01 * draw.standard_normal(4000)
+    assert codes(fit_recorded([RecordedLog("log", t, single, y)], PLAIN))["one-input-only"].levels == (50.0,)
+    stuck = np.where(t > 1, np.minimum(40 + 80 * np.abs(np.sin(t)), 100), 0.0)
+    stuck += np.where((stuck > 0) & (stuck < 100), 1e-3 * draw.random(4000), 0)
+    assert codes(fit_recorded([RecordedLog("log", t, stuck, y)], PLAIN))["input-saturates"].values["limit"] == 100
+    never = np.where(t > 0, 30.0 + 20.0 * (t > 20), 30.0)
+    assert "idle-not-seen" in codes(fit_recorded([RecordedLog("log", t, never, y)], PLAIN))
+
+
+def test_inputs_that_were_never_asked_about() -> None:
+    e = Excitation("random", 60.0, 60.0, 70.0, rate_hz=100.0, hold_s=(0.3, 2.0))
+    fit = fit_recorded(synthesise_excitation(clutch(), e, NOISE, 1), replace(PLAIN, u_range=(20.0, 100.0)))
+    told = [one for one in fit.findings if one.code == "never-asked"]
+    assert {one.values["parameter"] for one in told} >= {"Ts", "tau2"}
+    assert any(20.0 in one.levels for one in told)
+    assert fit.recorded is not None
+    assert any(row.tau2 is None or row.tau2 > 50 for row in fit.recorded.asked)
+
+
+def test_a_release_of_its_own_is_found_and_fitted() -> None:
+    plant = clutch(replace(REFERENCE_PLANT, release=(0.6, 12.0)))
+    e = Excitation("random", 200.0, rate_hz=100.0, hold_s=(0.5, 6.0), rest_s=8.0)
+    fit = fit_recorded(synthesise_excitation(plant, e, NOISE, 2), PLAIN)
+    assert fit.release is not None and fit.recorded is not None and fit.recorded.falls is not None
+    assert fit.release.tau1 == pytest.approx(0.6, rel=0.1)
+    assert fit.release.tau2 == pytest.approx(12.0, rel=0.3)
+    assert "release-differs" in codes(fit) and not fit.recorded.falls.fall_fitted
+    same = fit_recorded([random_log(3, 200.0)], PLAIN)
+    assert same.release is None and "release-alike" in codes(same)
+
+
+def test_falls_and_hysteresis_that_are_in_the_data() -> None:
+    """A kernel of its own made these: falls between levels 1.6 times slower, 3 % more torque after falls."""
+    from eaid.recorded import model
+    from eaid.recorded.drive import drive_of
+    from eaid.recorded.problem import Setup
+
+    log = random_log(4, 240.0, rest_s=0.0)
+    levels = np.linspace(10, 100, 10)
+    one = model.nonlinear(levels, 0.85, 240.0)
+    assert one.basis is not None
+    drive = drive_of(replace(log, output=np.zeros_like(log.output)))
+    x = np.concatenate([one.basis.unknowns(REFERENCE_PLANT), [1.6, 1.6, 0.03, 0.0]])
+    clean = Setup(one, (drive,), ("fall", "excess")).jacobian(x, 0)[1]
+    noisy = clean * (1 + 0.002 * np.random.default_rng(1).standard_normal(len(clean)))
+    fit = fit_recorded([replace(log, output=noisy)], PLAIN)
+    assert fit.recorded is not None and fit.recorded.falls is not None
+    falls = fit.recorded.falls
+    assert falls.fall_tau1 == pytest.approx(1.6, rel=0.03) and falls.fall_fitted
+    assert falls.hysteresis_pct == pytest.approx(3.0, abs=0.3) and falls.hysteresis_fitted
+    assert {"falls-differ", "hysteresis"} <= codes(fit).keys()
+    assert fit.nonlinear is not None
+    assert fit.nonlinear.tau1[1] == pytest.approx(REFERENCE_PLANT.tau1[1], rel=0.1)
+    plain = fit_recorded([log], PLAIN)
+    assert not {"falls-differ", "hysteresis"} & codes(plain).keys()
+
+
+def test_scatter_between_engagements_is_seen() -> None:
+    log = random_log(5, 300.0)
+    loaded = np.concatenate([[0], np.cumsum((log.input[1:] > 0) & (log.input[:-1] == 0))])
+    gain = 1 + 0.05 * np.random.default_rng(2).standard_normal(int(loaded.max()) + 1)
+    fit = fit_recorded([replace(log, output=log.output * gain[loaded])], PLAIN)
+    told = codes(fit)["engagements-scatter"].values
+    assert told["scatter_pct"] == pytest.approx(100 * gain[1:].std(ddof=1), rel=0.5)
+    assert "engagements-scatter" not in codes(fit_recorded([log], PLAIN))
+
+
+LOOP = Excitation("closed-loop", 120.0, rate_hz=200.0, hold_s=(0.5, 8.0))
+
+
+def test_a_loops_law_is_found_and_its_tracking_predicted() -> None:
+    run = synthesise_excitation(clutch(), LOOP, NOISE, 3)[0]
+    law = law_of(recorded_log(run))
+    assert law is not None
+    assert (pytest.approx(21.0, rel=1e-6), pytest.approx(360.0, rel=1e-6)) == (law.gains.K_P, law.gains.K_I)
+    fit = fit_recorded([run], replace(PLAIN, u_range=(10.0, 100.0), loop_refits=4))
+    assert fit.recorded is not None
+    (loop,) = fit.recorded.loops
+    assert loop.rms_error == pytest.approx(loop.predicted_rms_error, rel=0.1)
+    assert loop.phase_margin_deg is not None and 20 < loop.phase_margin_deg < 60
+    assert loop.bias is not None and loop.bias.refits == 4
+    assert {"loop-bias", "loop-bias-small"} & codes(fit).keys()
+    blind = fit_recorded([replace(recorded_log(run), reference=None)], replace(PLAIN, u_range=(10.0, 100.0)))
+    assert {"duty-follows-output", "loop-bias-unknown"} <= codes(blind).keys()
+    free = synthesise_excitation(clutch(), replace(LOOP, kind="multisine"), NOISE, 3)
+    assert "duty-follows-output" not in codes(fit_recorded(free, PLAIN))
+
+
+def test_the_instrument_takes_the_bias_out() -> None:
+    """Three times the noise: the mean error of τ1 over some logs, direct and by the instrument."""
+    noise = replace(NONE, white_nm=0.02, coloured=0.03, coloured_s=0.3)
+    errors = {}
+    for instrument in (False, True):
+        found = []
+        for seed in range(6):
+            run = synthesise_excitation(clutch(), LOOP, noise, seed)[0]
+            fit = fit_recorded([run], replace(PLAIN, u_range=(10.0, 100.0), instrument=instrument))
+            assert fit.nonlinear is not None
+            middle = fit.nonlinear.curves[5]
+            assert middle.tau1 is not None
+            found.append(np.log(middle.tau1 / 0.67693))
+        errors[instrument] = float(np.mean(found))
+    assert abs(errors[True]) < 0.5 * abs(errors[False])
+
+
+def test_the_words() -> None:
+    one = finding("never-asked", "nonlinear", (10, 20), parameter="tau2", limit_pct=50.0)
+    assert say(one) == (
+        "the input never asked about τ2 at 10 and 20: its interval there is wider than ± 50 %; hold these inputs for "
+        "longer than τ2, coming from a lower input"
+    )
+    assert (
+        "instrument="
+        in sentences([finding("loop-bias", "nonlinear", refits=12, Ts_pct=1.0, tau1_pct=2.0, tau2_pct=3.0)])[0]
+    )
