@@ -4,7 +4,7 @@ each other, and how well each level is followed."""
 from collections.abc import Iterable, Mapping, Sequence
 
 from eaid.cli import console
-from eaid.results.common import Huber, HuberPart, Interval, Solver
+from eaid.results.common import AbsError, Huber, HuberPart, Interval, Solver
 from eaid.results.fit import Estimate, Fit, Friction, FrictionLevel, Linear, Nonlinear, Pooled, Release
 from eaid.results.steps import StepShape
 
@@ -73,11 +73,11 @@ def nonlinear_tables(part: Nonlinear, unit: str, out: str, way: str, verbose: bo
         _row("u", unit, (one.u_range for one in estimates.values())),
         _row("RMSE", out, ([one.rmse] for one in estimates.values())),
         _row("fit %", "%", ([one.fit_pct] for one in estimates.values())),
-        _row("|error|, mean and sd", out, ([one.abs_error and one.abs_error.mean, one.abs_error and one.abs_error.sd]
+        _row("|error|, mean and sd", out, (_mean_sd(one.abs_error)
                                            for one in estimates.values())),
     ]  # fmt: skip
     if part.hold_out is not None:
-        held = ([one.hold_out and one.hold_out.rmse] for one in estimates.values())
+        held = ([None if one.hold_out is None else one.hold_out.rmse] for one in estimates.values())
         rows.append(_row("RMSE on held-out levels", out, held))
     rows.append(["verdict", "", *(verdict_cell(one.solver) for one in estimates.values())])
     title = "Nonlinear model, Eqs. (4)–(7); polynomials lowest power first"
@@ -96,7 +96,7 @@ def linear_tables(part: Linear, unit: str, out: str) -> None:
     for name, what in (("a0", "1/s"), ("b0", f"{out}/(s·{unit})"), ("c0", f"{out}/s")):
         rows.append(_row(name, what, ([getattr(one, name)] for one in models.values())))
         if part.ci95 is not None:
-            rows.append(["", "", *(_span(one.ci95 and getattr(one.ci95, name)) for one in models.values())])
+            rows.append(["", "", *(_span(getattr(one.ci95, name, None)) for one in models.values())])
     rows.append(_row("RMSE", out, ([one.rmse] for one in models.values())))
     rows.append(_row("fit %", "%", ([one.fit_pct] for one in models.values())))
     blank = [""] * (len(models) - 1)
@@ -125,6 +125,10 @@ def heads(found: Iterable[str]) -> list[str]:
     return [f"{name} (used)" if k == 0 else name for k, name in enumerate(found)]
 
 
+def _mean_sd(error: AbsError | None) -> list[float | None]:
+    return [None, None] if error is None else [error.mean, error.sd]
+
+
 def _row(name: str, unit: str, values: Iterable[Sequence[float | None]]) -> list[str]:
     return [name, unit, *(", ".join(_number(value, 6) for value in own) for own in values)]
 
@@ -137,7 +141,7 @@ def _curves(title: str, estimates: Mapping[str, Estimate], unit: str) -> None:
     rows = [
         [
             f"{same[0].level:g}",
-            *(_span(row.ci95 and getattr(row.ci95, k)) for k in ("Ts", "tau1", "tau2") for row in same),
+            *(_span(getattr(row.ci95, k, None)) for k in ("Ts", "tau1", "tau2") for row in same),
         ]
         for same in zip(*curves, strict=True)
     ]

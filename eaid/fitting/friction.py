@@ -65,8 +65,17 @@ def friction_fit(
         if any(value is None for value in values):
             continue
         if len(fits) < LEAST[form]:
-            values_there = {"parameter": name, "over": over, "form": form, "least": LEAST[form], "count": len(fits)}
-            found.append(finding("trend-needs-levels", "friction", **values_there))
+            found.append(
+                finding(
+                    "trend-needs-levels",
+                    "friction",
+                    parameter=name,
+                    over=over,
+                    form=form,
+                    least=LEAST[form],
+                    count=len(fits),
+                )
+            )
             continue
         trends[name] = fit_trend(x, np.array(values, dtype=np.float64), over, form)
         found += _trend_findings(name, trends[name])

@@ -68,7 +68,9 @@ def _solved(
     best = min(ends, key=lambda end: end.cost)
     end, predicted, active = polish(problem, best, full)
     evaluations = len(begin) + sum(e.evaluations for e in ends) + end.evaluations - best.evaluations
-    solver = judged(predicted, evaluations, costs + (end.cost - best.cost), [problem.names(i) for i in active])
+    solver = judged(
+        predicted, evaluations, (costs + (end.cost - best.cost)).tolist(), [problem.names(i) for i in active]
+    )
     return _row(float(data.u[0]), theta_at(end.x).tolist(), end.cost, data.samples, solver)
 
 

@@ -88,8 +88,8 @@ def _findings(data: Data, rows: Sequence[ReleaseLevel], pooled: "_Solved") -> li
     if not pooled.solver.converged:
         found.append(finding("fit-not-converged", "release", predicted_decrease=pooled.solver.predicted_decrease))
     if pooled.tau[1] > data.longest_s:
-        values = {"tau2_s": float(pooled.tau[1]), "record_s": data.longest_s}
-        found.append(finding("release-beyond-record", "release", **values))
+        tau2_s = float(pooled.tau[1])
+        found.append(finding("release-beyond-record", "release", tau2_s=tau2_s, record_s=data.longest_s))
     if "tau1-floor" in pooled.solver.at_bounds:
         found.append(finding("release-too-fast", "release"))
     if "tau2-meets-tau1" in pooled.solver.at_bounds:
@@ -288,9 +288,3 @@ def _projected(x: Array, points: Points, shares: Array) -> _Sums:
     cross[:, :, 0] += left
     exact = own - cross @ np.linalg.solve(inner, cross.transpose(0, 2, 1))
     return _Sums((wr * r).sum(axis=1), 2 * amplitude[:, None] * left, 2 * curvature, 2 * exact)
-
-
-def release_curve(row: ReleaseLevel, time_s: Array) -> Array:
-    """The fitted release of one level [N·m] at times since the release, shape of `time_s`."""
-    e1, e2 = np.exp(-time_s / row.tau1), np.exp(-time_s / row.tau2)
-    return np.asarray(row.residual + row.amplitude * (row.share * e1 + (1 - row.share) * e2))

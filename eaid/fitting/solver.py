@@ -194,7 +194,7 @@ def _one_round(
         rows /= size[:, None]
         slack = (problem.A[held] @ x - problem.b[held]) / size
     constraints = {"type": "ineq", "fun": lambda z: rows @ z + slack, "jac": lambda _: rows}
-    end = minimize(
+    end = minimize(  # type: ignore[call-overload]  # the stubs know no vector-valued constraint
         scaled,
         np.zeros(len(x)),
         jac=True,

@@ -270,7 +270,7 @@ def _recommended(
         found = [finding("shape-of-another-kind", "friction", (), **values)]
     raised = _raised(orders)
     if raised:
-        found.append(finding("polynomials-too-low", "nonlinear", **raised))
+        found.append(finding("polynomials-too-low", "nonlinear", (), **raised))
     elif orders:
         found.append(finding("polynomials-fit", "nonlinear"))
     if beyond:

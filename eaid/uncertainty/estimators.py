@@ -11,7 +11,7 @@ from dataclasses import replace
 import msgspec
 
 from eaid.arrays import Array
-from eaid.findings import Finding, finding
+from eaid.findings import Finding, Value, finding
 from eaid.results.fit import Agreement, Disagreement, Estimate, Fit, Nonlinear
 from eaid.steps.stepset import Level
 from eaid.uncertainty import nonlinear_intervals, weightings
@@ -82,10 +82,16 @@ def _findings(estimator: str, taken: str, says: Agreement, base: LevelStatistics
     if not says.disagreements or (estimator == taken == says.believe):
         return []
     worst = max(says.disagreements, key=_distance)
-    values = {"parameter": worst.parameter, "worst": worst.worst, "joint": worst.one, "two_stage": worst.other}
+    values: dict[str, Value] = {
+        "parameter": worst.parameter,
+        "worst": worst.worst,
+        "joint": worst.one,
+        "two_stage": worst.other,
+    }
     low, high = worst.ci95_other or (None, None)
     if says.believe == "neither":
-        code, extra = "estimates-part-and-neither-holds", {"weak": tuple(weak)}
+        code = "estimates-part-and-neither-holds"
+        extra: dict[str, Value] = {"weak": tuple(weak)}
     else:
         gain = base.between[0]
         code = "two-stage-estimate-taken" if taken == "two-stage" else "two-stage-estimate-is-better"

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from scipy.special import fdtrc
 
 from eaid.arrays import Array
-from eaid.findings import Finding, finding
+from eaid.findings import Finding, Value, finding
 from eaid.fitting.compress import Points, compress
 from eaid.results.fit import CurveLevel, LevelIntervals, ShareEstimate
 from eaid.steps.stepset import Level
@@ -232,10 +232,16 @@ def share_findings(share: Share) -> list[Finding]:
     ends = share.interval
     if ends is None or share.estimate is None:
         return [finding("runs-give-no-share", "friction", held=share.held)]
-    values = {"held": share.held, "estimate": share.estimate, "low": ends[0], "high": ends[1], "differ": share.differ}
+    values: dict[str, Value] = {
+        "held": share.held,
+        "estimate": share.estimate,
+        "low": ends[0],
+        "high": ends[1],
+        "differ": share.differ,
+    }
     if share.matters:
-        return [finding("runs-reject-the-share", "friction", **values)]
-    return [finding("runs-leave-the-share-open", "friction", **values)] if share.vague else []
+        return [finding("runs-reject-the-share", "friction", (), **values)]
+    return [finding("runs-leave-the-share-open", "friction", (), **values)] if share.vague else []
 
 
 def share_part(share: Share | None, stats: LevelStatistics, sensitivity: dict[str, float]) -> ShareEstimate:
@@ -251,7 +257,8 @@ def share_part(share: Share | None, stats: LevelStatistics, sensitivity: dict[st
         reach = t_quantile(degrees) * np.sqrt(own + more)
         low, high = np.exp(theta - reach).tolist(), np.exp(theta + reach).tolist()
         ends = [pair if np.isfinite(pair).all() else None for pair in zip(low, high, strict=True)]
-        rows.append(CurveLevel(level, *np.exp(theta).tolist(), ci95=LevelIntervals(*ends)))
+        Ts, tau1, tau2 = np.exp(theta).tolist()
+        rows.append(CurveLevel(level, Ts, tau1, tau2, LevelIntervals(*ends)))
     return ShareEstimate(
         share.held,
         sensitivity,

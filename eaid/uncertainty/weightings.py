@@ -9,7 +9,7 @@ import numpy as np
 from scipy.special import chdtri, polygamma
 
 from eaid.arrays import Array
-from eaid.findings import Finding, finding
+from eaid.findings import Finding, Value, finding
 from eaid.results.fit import Agreement, Disagreement, Estimate, Linear, Nonlinear, Pooled, PooledIntervals
 from eaid.uncertainty.joint import Coefficients
 from eaid.uncertainty.level_statistics import LevelStatistics
@@ -120,6 +120,17 @@ def findings(subject: str, fit: Estimate | Pooled, says: Agreement, stats: Level
         return []
     worst = says.disagreements[0]
     repeats, low, high = known_within(stats)
-    values = {"parameter": worst.parameter, "equal": worst.one, "sd": worst.other, "worst": worst.worst}
-    spread = {"believe": says.believe, "because": says.because, "repeats": repeats, "low": low, "high": high}
+    values: dict[str, Value] = {
+        "parameter": worst.parameter,
+        "equal": worst.one,
+        "sd": worst.other,
+        "worst": worst.worst,
+    }
+    spread: dict[str, Value] = {
+        "believe": says.believe,
+        "because": says.because,
+        "repeats": repeats,
+        "low": low,
+        "high": high,
+    }
     return [finding("weights-part", subject, worst.levels, **values, **spread)]

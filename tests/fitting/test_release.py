@@ -6,14 +6,20 @@ import pytest
 from eaid.fitting import release
 from eaid.fitting.data import data_of
 from eaid.fitting.levels import fit_levels
-from eaid.fitting.release import release_curve, release_fit, share_reached
+from eaid.fitting.release import release_fit, share_reached
 from eaid.models import friction
 from eaid.models.parameters import Friction
+from eaid.results.fit import ReleaseLevel
 from eaid.steps.stepset import Level
 
 TIME = np.arange(1000) / 100
 HELD_S = 8.0
 RISES = {40.0: Friction(0.8, 0.6, 12.0), 80.0: Friction(2.8, 0.55, 17.0)}
+
+
+def release_curve(row: ReleaseLevel, time_s: np.ndarray) -> np.ndarray:
+    e1, e2 = np.exp(-time_s / row.tau1), np.exp(-time_s / row.tau2)
+    return row.residual + row.amplitude * (row.share * e1 + (1 - row.share) * e2)
 
 
 def _fall(rise: Friction, tau1: float, tau2: float, left: float = 0.0) -> np.ndarray:
