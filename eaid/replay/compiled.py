@@ -40,7 +40,7 @@ for _function in CALLED:
     register_jitable(**VECTOR)(_function)
 
 
-@overload(rc.tanh, jit_options=VECTOR)
+@overload(rc.tanh, jit_options=VECTOR)  # type: ignore[arg-type]  # flags by name
 def _tanh(x: float) -> Callable[[float], float]:  # noqa: ARG001 - numba wants the name
     def without_a_call(x: float) -> float:
         return lanes.tanh_within(x)

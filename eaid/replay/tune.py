@@ -77,7 +77,7 @@ def tune(
     bounds = bounds_of(fit, options.bounds, options.levels, options.widen_bounds)
     shown = least_phi(mismatches(model, bounds, plant, logs, fit.data.input_unit))
     settled = design_options(
-        fit, options, scales, slope if given or not scales.paper else None, shown and shown.pct
+        fit, options, scales, slope if given or not scales.paper else None, None if shown is None else shown.pct
     )  # fmt: skip
     settled = with_own_pi(fit, settled, scales)
     told: list[Finding] = _of_the_rig(scales, settled)

@@ -263,3 +263,93 @@ def test_a_fit_without_a_plant_is_refused(capsys):
     Path("fit.json").write_text(json.dumps({"schema": "eaid/fit/1", "friction": {}}))
     assert call("--gains", "gains.json") == 3
     assert "the fit holds no nonlinear model" in capsys.readouterr().err
+
+
+def volts(k=3.0, y=0.5):
+    """The same plant with its input in V and its output in N."""
+    n = FIT["nonlinear"]
+    scaled = {name: [c / k**power for power, c in enumerate(n[name])] for name in ("tau1", "tau2", "Ts")}
+    plant = {**n, **scaled, "Ts": [c * y for c in scaled["Ts"]], "u_range": [10 * k, 100 * k]}
+    linear = {"a0": 1.36, "b0": 0.08 * y / k, "c0": -2.42 * y}
+    data = {"input_unit": "V", "output_unit": "N", "levels": [10 * k, 100 * k], "sample_rate_hz": 1000.0}
+    return {"schema": "eaid/fit/1", "nonlinear": plant, "linear": linear, "data": data}
+
+
+def test_in_volts_every_controller_and_the_best_use_the_whole_range(capsys):
+    """Nothing but the units differs: duties are three times those in %, errors half as large."""
+    linear = {"a0": 1.36, "b0": 0.08, "c0": -2.42}
+    Path("fit.json").write_text(json.dumps({**FIT, "linear": linear}))
+    options = ("--controller", "open-loop,inverse", "--best", "--json", "-q", "--force")
+    Path("high.csv").write_text("time_s,reference_nm\n0,0\n2,4.2\n3,4.2\n4,2\n")
+    Path("half.csv").write_text("time_s,reference_nm\n0,0\n2,2.1\n3,2.1\n4,1\n")
+    assert call(*options, "--reference", "high.csv") == 0
+    percent = json.loads(capsys.readouterr().out)
+    in_percent = {name: dict(one.columns) for name, one in read_replay(Path("replay.h5"))[0].items()}
+    Path("fit.json").write_text(json.dumps(volts()))
+    assert call(*options, "--reference", "half.csv") == 0
+    told = json.loads(capsys.readouterr().out)
+    assert (told["input_unit"], told["output_unit"]) == ("V", "N")
+    groups, _ = read_replay(Path("replay.h5"))
+    for name in ("open-loop", "inverse"):
+        assert groups[name].columns["duty_pct"].max() > 250
+        np.testing.assert_allclose(groups[name].columns["duty_pct"], 3 * in_percent[name]["duty_pct"], atol=1e-5)
+        now, then = told["controllers"][name], percent["controllers"][name]
+        assert now["rms_error_nm"] == pytest.approx(then["rms_error_nm"] / 2, rel=1e-9)
+        assert now["saturated_fraction"] == pytest.approx(then["saturated_fraction"], abs=1e-3)
+    assert told["best"]["rms_error_nm"] == pytest.approx(percent["best"]["rms_error_nm"] / 2, rel=0.02)
+    assert told["best"]["bound_rms_nm"] == pytest.approx(percent["best"]["bound_rms_nm"] / 2, rel=1e-6)
+
+
+def test_in_volts_scenarios_are_as_large_as_the_range_and_bits_divide_it(capsys):
+    Path("fit.json").write_text(json.dumps(volts()))
+    assert call("--controller", "inverse", "--duty-bits", "6", "--scenario", "steps", "--duration", "9", "-q") == 0
+    (one,) = read_replay(Path("replay.h5"))[0].values()
+    assert one.columns["reference_nm"].max() == pytest.approx(2.0, rel=1e-3)  # 4 N·m of 4.372, for 2.186 N
+    counts = one.columns["duty_pct"] * 63 / 300
+    assert np.abs(counts - np.round(counts)).max() < 1e-9 and counts.max() == 63
+    capsys.readouterr()
+    assert call("--controller", "inverse", "--duration", "2", "--force") == 0
+    assert "[N]" in capsys.readouterr().out
+
+
+def test_gains_of_another_rig_and_logs_in_other_units_are_refused(capsys):
+    Path("fit.json").write_text(json.dumps(volts()))
+    assert call("--gains", "gains.json") == 3
+    assert "the gains are for an input in % and an output in N·m, the fit has V and N" in capsys.readouterr().err
+    rows = "\n".join(f"{0.01 * k},{80.0 * (k > 20)},{0.4 * (k > 20)}" for k in range(200))
+    Path("a.csv").write_text("time_s,duty_pct,torque_nm\n" + rows)
+    assert call("--log", "a.csv") == 3
+    assert "holds no input in V, which the fit has" in capsys.readouterr().err
+    Path("b.csv").write_text("time_s,input (V),output (N)\n" + rows)
+    assert call("--log", "b.csv", "--json", "-q") == 0
+    assert json.loads(capsys.readouterr().out)["log"]["b"]["R2"] is not None
+
+
+def test_a_plant_whose_time_constant_crosses_zero_is_refused(capsys):
+    broken = {**FIT["nonlinear"], "tau1": [0.5, -0.01, 0.0]}
+    Path("fit.json").write_text(json.dumps({**FIT, "nonlinear": broken}))
+    assert call("--controller", "inverse") == 3
+    assert "nonlinear.tau1 is" in capsys.readouterr().err
+
+
+def test_what_no_log_showed_is_told(capsys):
+    assert call("--controller", "inverse", "--duration", "6", "--json") == 0
+    told = json.loads(capsys.readouterr().out)
+    (found,) = (one for one in told["findings"] if one["code"] == "replay-leaves-identified")
+    assert found["values"]["falling_pct"] > 10 and found["values"]["low"] == 10
+    recorded = [{"level": 50.0, "from": 80.0, "Ts": -1.0, "tau1": 0.3, "tau2": 5.0}]
+    Path("fit.json").write_text(json.dumps({**FIT, "friction": {"levels": recorded}}))
+    assert call("--controller", "inverse", "--duration", "6", "--json", "--force") == 0
+    again = json.loads(capsys.readouterr().out).get("findings", [])
+    assert all(one["values"].get("falling_pct") is None for one in again)
+
+
+@pytest.mark.parametrize(("tau1", "as_release"), [(0.21, True), (0.61, False)])
+def test_recorded_falls_between_levels_say_which_constants_they_have(tau1, as_release):
+    from eaid.control.plant import plant_of
+    from eaid.results.codec import from_plain
+    from eaid.results.fit import Fit
+
+    falls = [{"level": 50.0, "from": 80.0, "Ts": -1.0, "tau1": tau1, "tau2": 5.0 if as_release else 14.0}]
+    fit = {**FIT, "friction": {"levels": falls}, "release": {"tau1": 0.2, "tau2": 4.8}}
+    assert plant_of(from_plain(fit, Fit, "f")).falls_as_release is as_release

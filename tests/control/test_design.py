@@ -314,3 +314,45 @@ def test_logs_show_what_the_model_behind_them_shows():
 def test_unlatched_timing_is_reported():
     found = design(PAPER_FIT, DesignOptions(timing=Timing(1000.0, None)))
     assert found["margins"]["timing"] == {"rate_hz": 1000.0, "pwm_hz": None}
+
+
+def test_the_alpha_that_rho_is_made_with_is_the_one_reached_to_the_last_digits():
+    made = design(PAPER_FIT, DesignOptions(alpha="reached"))["rc"]
+    reached = max(abs(1 - 12.5 / 42.6), abs(1 - 12.5 / 12.4))
+    assert made["alpha_reached"] == pytest.approx(reached, rel=1e-14) == made["rho"]["alpha"]
+    assert made["rho"]["constant"] == pytest.approx((reached * 5.0 + 42.6 * 0.05) / (1 - reached), rel=1e-13)
+    assert made["rho"]["needed"] == {"constant": made["rho"]["constant"], "slope": made["rho"]["slope"]}
+
+
+def test_one_verdict_with_a_row_for_each_thing_it_needs():
+    found = gains_of(REFERENCE_FIT, DesignOptions(B_hat="minimax"), slope_nm_s=4.0).guarantee
+    rows = {one.name: one for one in found.conditions}
+    assert found.holds is False and set(found.missing) == {"phi", "duty-limit"}
+    assert rows["rho"].holds is True and rows["Q_M"].holds is True
+    assert rows["Q_M"].needed == 4.0 and rows["Q_M"].available == 5.0
+    assert rows["phi"].needed > rows["phi"].available > 0
+    assert rows["duty-limit"].available == 100.0 and rows["duty-limit"].unit == "%"
+    open_end = gains_of(PAPER_FIT, DesignOptions(B_hat="minimax", duty_limits_pct=(0.0, 1e4))).guarantee
+    assert open_end.holds is None and open_end.missing == ()
+
+
+def test_every_row_of_the_table_of_sentences_can_be_said():
+    from eaid.findings import finding, say
+    from eaid.findings.sentences.control import ROWS as OURS
+    from eaid.findings.sentences.replay import ROWS as REPLAYS
+
+    numbers = "allowed needed slope Q_M B_hat reached made asked span enough_db enough_deg gain_db overshoot_pct "
+    numbers += "settling_s sharpness least jump pace highest noise below_pct above_pct falling_pct low high"
+    words = "where reference input_unit output_unit why source wanted"
+    values = dict.fromkeys(numbers.split(), 5.0) | dict.fromkeys(words.split(), "there")
+    values |= {"unit": "%", "phase_deg": None, "allowed": 1.0, "needed": 2.0, "falling_pct": 40.0}
+    for code in [*OURS, *REPLAYS]:
+        said = say(finding(code, "rc", (10.0, 20.0), **values))
+        assert said and "{" not in said and said != code
+    assert say(finding("phi-exceeded", "rc", **values)) == (
+        "φ does not hold: ρ allows |η − η̂| up to 1 %, the data ask for 2 % (there); «phi» data takes it from there"
+    )
+    assert say(finding("replay-leaves-identified", "nonlinear", **values)) == (
+        "replays leave what was identified: 5 % of the time below 5 %, 5 % above 5 %, 40 % falling from level to "
+        "level with the time constants of rising steps; record steps down to levels there to know"
+    )

@@ -110,3 +110,9 @@ def test_equal_pi_of_the_paper():
     Q = solve_Q(4.5, 3.0, 5 * np.eye(2))
     K_P, K_I = robust.equal_pi(4.5, 3.0, 12.5, 10.8125, 0.5, Q[0, 1], Q[1, 1])
     assert (round(K_P), round(K_I)) == (313, 206)
+
+
+@pytest.mark.parametrize("B_hat", [5.0, 12.5, 19.2, 23.0])
+def test_alpha_reached_is_the_worst_over_the_range_to_the_last_digits(B_hat):
+    worst = max(abs(1 - b * B_hat) for b in (1 / 42.6, 1 / 12.4))  # linear in b: at an end
+    assert robust.alpha_reached(B_hat, 12.4, 42.6) == pytest.approx(worst, rel=1e-15)
