@@ -165,7 +165,7 @@ def _read_run(
 ) -> Run:
     source = shared["dataset"]
     stored = {column: items.get(f"runs/{name}/{column}") for column in (*COLUMNS, "reference_nm")}
-    held = {column: item for column, item in stored.items() if item is not None and item.is_array}
+    held = {column: item for column, item in stored.items() if item is not None and item.values is not None}
     missing = [column for column in COLUMNS if column not in held]
     if missing:
         raise DataError(f"{source}: run {name} has no {' and no '.join(missing)}; ingest the logs again")

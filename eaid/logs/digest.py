@@ -17,10 +17,10 @@ def digest_of(items: Iterable[Item], with_values: bool = True) -> str:
     """SHA-256 of all attributes, shapes and values, in hex behind `WITH_VALUES`."""
     seen = hashlib.sha256()
     for item in items:
-        shape = item.node.shape if item.is_array else None
+        shape = None if item.values is None else item.values.shape
         facts = sorted((key, _text(value)) for key, value in item.facts.items() if key != "digest")
         seen.update(repr((item.name or "/", shape, facts)).encode("utf-8", errors="replace"))
-        if with_values and item.is_array:
+        if with_values and item.values is not None:
             seen.update(str(item.values.dtype).encode())
             plain = item.values.dtype.kind in "fiub"
             seen.update(np.ascontiguousarray(item.values).data if plain else repr(item.values.tolist()).encode())

@@ -1,8 +1,7 @@
 """Every object of an HDF5 file of eaid's own, each once: its attributes as Python values, and its array."""
 
 from collections.abc import Iterator
-from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import h5py
 import numpy as np
@@ -10,45 +9,38 @@ import numpy as np
 from eaid.errors import DataError
 
 
-class Item:
-    """One object of an HDF5 file."""
+class Item(NamedTuple):
+    """One object of an HDF5 file, read and closed: thousands of open ones take half a gigabyte."""
 
-    def __init__(self, name: str, node: Any) -> None:
-        self.name = name
-        """Path from the root, without a slash before it; empty for the root."""
-        self.node = node
-
-    @property
-    def is_array(self) -> bool:
-        """Whether it is an array that holds something."""
-        return isinstance(self.node, h5py.Dataset) and self.node.shape is not None
+    name: str
+    """Path from the root, without a slash before it; empty for the root."""
+    facts: dict[str, Any]
+    """Its attributes."""
+    values: np.ndarray[Any, Any] | None = None
+    """The whole array; None where it is none, or holds nothing."""
 
     def fact(self, key: str) -> Any:
         """One attribute; None where there is none."""
-        return self.node.attrs.get(key)
-
-    @cached_property
-    def facts(self) -> dict[str, Any]:
-        """Its attributes."""
-        return dict(self.node.attrs.items())
-
-    @cached_property
-    def values(self) -> np.ndarray[Any, Any]:
-        """The whole array, read once."""
-        values = np.asarray(self.node[()])
-        values.flags.writeable = False
-        return values
+        return self.facts.get(key)
 
 
 def walk(file: h5py.File, source: str = "") -> list[Item]:
     """The root and every object below it, by name."""
-    below = sorted(nodes(file, source), key=lambda one: one[0].split("/"))
-    return [Item("", file), *(Item(name, node) for name, node in below)]
+    below = [_item(name, node) for name, node in nodes(file, source)]
+    return [root_of(file), *sorted(below, key=lambda item: item.name.split("/"))]
 
 
 def root_of(file: h5py.File) -> Item:
     """The root alone."""
-    return Item("", file)
+    return Item("", dict(file.attrs.items()))
+
+
+def _item(name: str, node: Any) -> Item:
+    holds = isinstance(node, h5py.Dataset) and node.shape is not None
+    values = np.asarray(node[()]) if holds else None
+    if values is not None:
+        values.flags.writeable = False
+    return Item(name, dict(node.attrs.items()), values)
 
 
 def nodes(file: h5py.File, source: str) -> Iterator[tuple[str, Any]]:

@@ -173,3 +173,12 @@ def test_parts_by_level_in_their_names(tmp_path: Path) -> None:
             (tmp_path / f"u{level}_{part}.csv").write_text("\n".join(lines) + "\n")
     stepset = stepset_from([tmp_path], join=True, name_pattern="u{level}_", step_at=2.0)
     assert [(level.level, len(level.time_s)) for level in stepset.levels] == [(40.0, 800), (80.0, 800)]
+
+
+def test_a_manifest_freezes_no_instant_that_was_found(tmp_path: Path) -> None:
+    """An instant that the output told may be wrong; only what the user says is kept."""
+    write(tmp_path / "x_V=100_n1.csv", 100)
+    options = ["--columns", "time=Zeit,output=Kraft", "--name-pattern", "_V={level}_n{repeat}", "--units", "output=N"]
+    assert run(["ingest", str(tmp_path), *options, "-q", "--write-manifest", "-o", str(tmp_path / "d.h5")]) == 0
+    assert "step_s" not in (tmp_path / "dataset.toml").read_text()
+    assert "level = 100.0" in (tmp_path / "dataset.toml").read_text()

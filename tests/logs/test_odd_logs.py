@@ -394,3 +394,12 @@ def test_a_clock_in_another_unit_makes_no_grid_larger_than_the_data() -> None:
 
     variances = bartlett_variance(5e6 * np.arange(4000.0), np.ones((4000, 6)))
     assert variances.shape == (4, 6) and np.isfinite(variances).all()
+
+
+def test_repair_is_not_advised_to_who_gave_it(tmp_path: Path) -> None:
+    rows = csv().splitlines()
+    rows[100:110] = ["0.1,0,x"] * 10
+    (tmp_path / "a.csv").write_text("\n".join(rows))
+    with pytest.raises(DataError) as caught:
+        read_runs([tmp_path / "a.csv"], ReadOptions(repair=True))
+    assert not any("drop such rows" in said for said in caught.value.sentences)
