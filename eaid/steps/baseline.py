@@ -122,13 +122,18 @@ def _lead(hold: Array, rest: Array, change: float) -> int:
     noise = 1.4826 * median(np.abs(rest - middle))
     inside = np.flatnonzero(np.abs(hold - middle) <= max(SURE * noise, 0.02 * abs(change)))
     lead = len(hold) - 1 - int(inside[-1]) if len(inside) else 0
-    # in much noise the last few samples tell it together
-    few = [
-        k
-        for k in (2, 3, 4, 6, 8)
-        if abs(float(hold[-k:].mean()) - middle) > max(5 * noise / k**0.5, 0.05 * abs(change))
-    ]
+    # in much noise the last few samples tell it together, where no such group of the rest before lies as far off
+    few = [k for k in (2, 3, 4, 6, 8) if _stands_out(hold, rest, k, middle, noise, change)]
     return max(lead, *few) if few else lead
+
+
+def _stands_out(hold: Array, rest: Array, k: int, middle: float, noise: float, change: float) -> bool:
+    off = abs(float(hold[-k:].mean()) - middle)
+    if off <= max(5 * noise / math.sqrt(k), 0.05 * abs(change)):
+        return False
+    before = rest[: len(rest) - 2 * k]
+    groups = before[len(before) % k :].reshape(-1, k).mean(axis=1)
+    return not len(groups) or off > 1.2 * float(np.abs(groups - middle).max())
 
 
 def _departed(hold: Array, lead: int, left_out: int) -> Rest:
