@@ -17,7 +17,6 @@ from eaid.findings import finding, ranked
 from eaid.models.nonlinear import steady_torque
 from eaid.progress import Progress
 from eaid.replay.rehab import RESISTED_FROM_DEG
-from eaid.results.codec import to_plain
 from eaid.results.coupling import Coupling
 from eaid.results.fit import Fit
 from eaid.results.gains import Gains
@@ -34,7 +33,7 @@ def couple_fit(fit: Fit, gains: Gains | None, options: CoupleOptions, progress: 
         raise DataError("the fit holds no nonlinear model, which walls are worked out on; fit clutch logs with it")
     rc = rc_gains(gains) if gains is not None else None
     pi = pi_gains(gains) if gains is not None else None
-    drawn = draw_plants(to_plain(fit), options.plants, options.seed) if options.plants else []
+    drawn = draw_plants(fit, options.plants, options.seed) if options.plants else []
     torques = options.torques or default_torques(plant)
     with progress("walls", len(torques) * len(options.loops)) as tick:
         return couple(plant, rc, pi, options, drawn, idle_drag_nm(fit), fit.data.output_unit, tick)

@@ -29,11 +29,10 @@ from eaid.replay.rehab_statistics import record as record_session
 from eaid.replay.residual_noise import residual_noise
 from eaid.replay.rig import Rig
 from eaid.replay.scenarios import SCENARIOS, Wish, measure, record
-from eaid.results.codec import to_plain
 from eaid.results.fit import Fit
 from eaid.results.gains import Gains
 from eaid.results.replay import Exercise, Head, Record, Replay, RigRecord
-from eaid.uncertainty.draw import covariance_word, draw_plants
+from eaid.uncertainty.draw import draw, drawable
 
 Signal = tuple[Array, Array]
 """Time [s] and output, shapes (n,) each."""
@@ -307,9 +306,9 @@ def _spread(
             f"«plants» {count}: over {len(wanted.torque_nm):,} samples each, more than {MOST_STEPS:,} in all; ask for "
             f"{MOST_STEPS // len(wanted.torque_nm):,} at most, or a shorter «duration»"
         )
-    plain = to_plain(setup.fit)
-    without = covariance_word(plain) is not None
-    plants = [perturbed(plant, options.perturb) for plant in draw_plants(plain, count, options.seed)]
+    without = not drawable(setup.fit)
+    drawn = draw(setup.fit, count, options.seed)
+    plants = [perturbed(plant, options.perturb) for plant in drawn.plants]
     for each in setup.controllers:
         with progress(f"{each.name} on drawn plants", count) as tick:
             found = montecarlo(plants, each, wanted, setup.rig, options.seed, options.threads, tick)
@@ -328,7 +327,7 @@ def _spread(
     head = msgspec.structs.replace(
         head, plants=count, plants_from="fitted-plant" if without else "covariance", band_quantiles=QUANTILES
     )
-    return head, [finding("plants-all-alike", "nonlinear")] if without else []
+    return head, [finding("plants-all-alike", "nonlinear")] if without else list(drawn.findings)
 
 
 def _best(setup: _Setup, wanted: Reference, records: dict[str, Record]) -> list[Finding]:

@@ -24,12 +24,11 @@ from eaid.replay.references import Reference, sampled
 from eaid.replay.scenarios import SCENARIOS, Wish
 from eaid.replay.simulate import Signal
 from eaid.replay.standard import beside_the_bound, steepest_nm_s
-from eaid.results.codec import to_plain
 from eaid.results.fit import Fit
 from eaid.results.gains import Gains, Guarantee, Optimized
 from eaid.results.tuning import TuneOptions
 from eaid.steps.stepset import StepSet
-from eaid.uncertainty.draw import covariance_word, draw_plants
+from eaid.uncertainty.draw import draw, drawable
 
 USUAL_NOISE_NM = 0.01
 """Torque noise where no log tells it [N·m], over the paper's torque at 100 %."""
@@ -139,12 +138,13 @@ def _searched(
     noise, source = noise_of(fit, options, logs)
     if source == "supposed":
         told.append(finding("noise-supposed", "rc", noise=noise))
-    plain = to_plain(fit)
     drawn = [plant]
-    if covariance_word(plain):
+    if not drawable(fit):
         told.append(finding("search-on-fitted-plant", "rc"))
     else:
-        drawn = draw_plants(plain, options.plants or 16, options.seed)
+        several = draw(fit, options.plants or 16, options.seed)
+        drawn = list(several.plants)
+        told += several.findings
     search = Search(
         noise_nm=noise, limit_pct=options.chatter_limit, also=options.optimize_also,
         evaluations=options.evaluations or 160, seed=options.seed,

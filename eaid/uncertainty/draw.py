@@ -1,6 +1,6 @@
 """Plants drawn from a fit's uncertainty: other models that the same data would allow.
 
-A deviation δc of the coefficients is drawn with the covariance kept in fit.json. At the levels it moves each curve's
+A deviation δc of the coefficients is drawn with the covariance kept in the fit. At the levels it moves each curve's
 logarithm by d_l = g_l'δc. The scatter behind that covariance is known from a few runs only, fewest at the ends, so d_l
 is stretched by √(ν_l/χ²(ν_l)), which makes it Student's t with the ν_l degrees of freedom of the level's own interval.
 A polynomial is then put through p(u_l) e^(d_l) by least squares of the relative error.
@@ -12,7 +12,6 @@ that breaks one is drawn again and counted, and after many refusals pulled back 
 
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 from scipy.special import chdtri
@@ -20,8 +19,8 @@ from scipy.special import chdtri
 from eaid.arrays import Array
 from eaid.errors import DataError
 from eaid.findings import Finding, finding
-from eaid.fitting.stored import nonlinear_from_json
 from eaid.models.parameters import Nonlinear
+from eaid.results.fit import Estimate, Fit
 from eaid.uncertainty.curve import powers
 from eaid.uncertainty.joint import BLOCKS, constraints
 from eaid.uncertainty.student_t import t_quantile
@@ -55,37 +54,42 @@ class Drawn:
         return (finding("draws-rejected", "plants", (), pct=100 * self.rejected_share, plants=len(self.plants)),)
 
 
-def covariance_word(fit: dict[str, Any]) -> str | None:
-    """Why no plants can be drawn from this fit.json, in a sentence; None where they can."""
-    stored = (fit.get("nonlinear") or {}).get("covariance")
-    if not isinstance(stored, dict) or not stored.get("matrix"):
-        return (
-            "this fit holds no covariance of the nonlinear model, so every drawn plant is the fitted one; "
-            "fit again with «ci» robust to carry the uncertainty on"
-        )
-    return None
+def drawable(fit: Fit) -> bool:
+    """Whether a fit holds the covariance that plants are drawn with; without it all of them are the fitted plant."""
+    model = fit.nonlinear
+    return model is not None and model.covariance is not None and bool(model.covariance.matrix)
 
 
-def draw_plants(fit: dict[str, Any], n: int, seed: int) -> list[Nonlinear]:
-    """`n` plants that the data of a fit.json allow; the same seed gives the same plants.
-
-    Without a covariance in the file all of them are the fitted plant (`covariance_word` says so). `draw` also tells how
-    many draws were rejected.
-    """
+def draw_plants(fit: Fit, n: int, seed: int) -> list[Nonlinear]:
+    """`n` plants that the data of a fit allow; the same seed gives the same plants (`draw` also tells the rejected)."""
     return list(draw(fit, n, seed).plants)
 
 
-def draw(fit: dict[str, Any], n: int, seed: int) -> Drawn:
-    """`n` plants that the data of a fit.json allow, and how many draws broke a constraint."""
-    centre = nonlinear_from_json(fit)
-    if covariance_word(fit) is not None:
+def draw(fit: Fit, n: int, seed: int) -> Drawn:
+    """`n` plants that the data of a fit allow, and how many draws broke a constraint.
+
+    Parameters
+    ----------
+    fit : Fit
+        A fit with a nonlinear model; without its covariance (`drawable`) all plants are the fitted one.
+    n : int
+        How many plants.
+    seed : int
+        The same seed gives the same plants.
+
+    Raises
+    ------
+    DataError
+        No nonlinear model, or a covariance of another shape than its coefficients.
+    """
+    centre = fit.plant
+    if not drawable(fit) or fit.nonlinear is None or fit.nonlinear.covariance is None:
         return Drawn((centre,) * n, 0)
+    model, stored = fit.nonlinear, fit.nonlinear.covariance
     counts = (len(centre.tau1), len(centre.tau2), len(centre.Ts))
     total = sum(counts)
-    part = fit["nonlinear"]
-    stored = part["covariance"]
-    free = (stored.get("order") or [""])[-1] == "C"
-    matrix = np.array(stored["matrix"], dtype=np.float64)
+    free = (stored.order or ("",))[-1] == "C"
+    matrix = np.array(stored.matrix, dtype=np.float64)
     if matrix.shape != (total + free,) * 2 or not np.isfinite(matrix).all():
         raise DataError(
             f"nonlinear.covariance.matrix: shape {matrix.shape}, expected {total + free} x {total + free} finite "
@@ -95,7 +99,7 @@ def draw(fit: dict[str, Any], n: int, seed: int) -> Drawn:
     mean = np.concatenate([centre.tau1, centre.tau2, centre.Ts, [centre.C] * free]) * scale
     ends = np.cumsum((0, *counts)).tolist()
     blocks = [
-        _Block(slice(a, b), name, mean[a:b], matrix[a:b, a:b], part, centre.u_range)
+        _Block(slice(a, b), name, mean[a:b], matrix[a:b, a:b], model, centre.u_range)
         for name, (a, b) in zip(BLOCKS, pairwise(ends), strict=True)
     ]
     root = _root(matrix)
@@ -121,11 +125,11 @@ class _Block:
     """How deviations of one parameter's coefficients get the tails of its intervals at the levels."""
 
     def __init__(
-        self, own: slice, name: str, values: Array, matrix: Array, part: dict[str, Any], u_range: tuple[float, float]
+        self, own: slice, name: str, values: Array, matrix: Array, model: Estimate, u_range: tuple[float, float]
     ) -> None:
         self.own, self.values = own, values
-        rows = [(row["level"], (row.get("ci95") or {}).get(name)) for row in part.get("curves") or []]
-        known = [(float(level), ends) for level, ends in rows if ends and ends[0] > 0]
+        rows = [(row.level, getattr(row.ci95, name)) for row in model.curves if row.ci95 is not None]
+        known = [(level, ends) for level, ends in rows if ends is not None and ends[0] > 0]
         duty = np.array([level for level, _ in known] if len(known) >= len(values) else np.linspace(*u_range, 11))
         design = powers(duty, len(values))
         curve = design @ values
@@ -138,7 +142,7 @@ class _Block:
         if len(known) == len(duty):
             reach = np.array([0.5 * np.log(ends[1] / ends[0]) for _, ends in known])
         else:
-            usual = (part["covariance"].get("degrees_of_freedom") or {}).get(name)
+            usual = None if model.covariance is None else model.covariance.degrees_of_freedom.get(name)
             reach = sd * t_quantile(float(usual) if usual else np.inf)
         ratio = np.divide(reach, sd, out=np.full(len(sd), t_quantile(np.inf)), where=sd > 0)
         quantiles = t_quantile(DEGREES)

@@ -4,19 +4,29 @@ import pytest
 from eaid.errors import DataError
 from eaid.models import nonlinear
 from eaid.models.parameters import REFERENCE_PLANT
-from eaid.uncertainty.draw import covariance_word, draw, draw_plants
+from eaid.results import codec
+from eaid.results.fit import Fit
+from eaid.uncertainty.draw import draw, draw_plants, drawable
 from eaid.uncertainty.joint import coefficients_of
 from eaid.uncertainty.student_t import t_quantile
 
 P = REFERENCE_PLANT
 
 
-def fit_json(sd: float | None) -> dict:
+def fit_of(part: dict) -> Fit:
+    return codec.from_plain({"schema": "eaid/fit/1", "nonlinear": part}, Fit, "a test")
+
+
+def part_json(sd: float | None) -> dict:
     part = {"C": P.C, "tau1": list(P.tau1), "tau2": list(P.tau2), "Ts": list(P.Ts), "u_range": list(P.u_range)}
     if sd is not None:
         values = coefficients_of(P).values
         part["covariance"] = {"matrix": np.diag((sd * values) ** 2).tolist()}
-    return {"nonlinear": part}
+    return part
+
+
+def fit_json(sd: float | None) -> Fit:
+    return fit_of(part_json(sd))
 
 
 def test_same_seed_same_plants() -> None:
@@ -43,37 +53,35 @@ def test_every_plant_keeps_the_constraints(sd: float) -> None:
         assert nonlinear.steady_torque(p, duty).min() >= -1e-9
 
 
-def test_a_minimal_fit_gives_the_plant_itself_and_a_word() -> None:
-    minimal = {"nonlinear": {"tau1": list(P.tau1), "tau2": list(P.tau2), "Ts": list(P.Ts), "u_range": [10, 100]}}
+def test_a_minimal_fit_gives_the_plant_itself() -> None:
+    minimal = fit_of({"tau1": list(P.tau1), "tau2": list(P.tau2), "Ts": list(P.Ts), "u_range": [10, 100]})
     plants = draw_plants(minimal, 3, 0)
     assert len(plants) == 3 and len(set(plants)) == 1
-    assert "no covariance" in (covariance_word(minimal) or "")
-    assert covariance_word(fit_json(0.1)) is None
+    assert not drawable(minimal) and drawable(fit_json(0.1))
 
 
 def test_a_free_share_is_drawn_too_and_stays_a_share() -> None:
-    free = fit_json(0.01)
+    free = part_json(0.01)
     matrix = np.zeros((11, 11))
-    matrix[:10, :10] = free["nonlinear"]["covariance"]["matrix"]
+    matrix[:10, :10] = free["covariance"]["matrix"]
     matrix[10, 10] = 0.1**2
-    free["nonlinear"]["covariance"] = {"matrix": matrix.tolist(), "order": ["…"] * 10 + ["C"]}
-    shares = [p.C for p in draw_plants(free, 200, 0)]
+    free["covariance"] = {"matrix": matrix.tolist(), "order": ["…"] * 10 + ["C"]}
+    shares = [p.C for p in draw_plants(fit_of(free), 200, 0)]
     assert np.std(shares) == pytest.approx(0.08, abs=0.03) and min(shares) >= 0 and max(shares) <= 1
 
 
 def test_a_broken_covariance_is_refused() -> None:
-    broken = fit_json(0.1)
-    broken["nonlinear"]["covariance"]["matrix"] = [[1.0, 2.0]]
+    broken = part_json(0.1)
+    broken["covariance"]["matrix"] = [[1.0, 2.0]]
     with pytest.raises(DataError, match="expected 10 x 10"):
-        draw_plants(broken, 1, 0)
+        draw_plants(fit_of(broken), 1, 0)
 
 
 def test_tails_are_those_of_the_levels_own_intervals() -> None:
     """Half-widths of t(3) at every level, where the covariance has σ = 5 %: 95 % of the plants reach as far."""
-    fit = fit_json(None)
+    part = part_json(None)
     counts, sd = (3, 3, 4), 0.05
     matrix = np.zeros((10, 10))
-    part = fit["nonlinear"]
     for k, (start, count) in enumerate(zip((0, 3, 6), counts, strict=True)):
         c = coefficients_of(P).values[start : start + count]
         matrix[start : start + count, start : start + count] = sd**2 * np.outer(c, c)
@@ -81,12 +89,12 @@ def test_tails_are_those_of_the_levels_own_intervals() -> None:
     duty = np.arange(10.0, 101.0, 10.0)
     reach = t_quantile(3.0) * sd
     curves = coefficients_of(P)
-    rows = [{"level": u, "ci95": {}} for u in duty]
+    rows = [{"level": u, "ci95": {}} for u in duty.tolist()]
     for name in ("tau1", "tau2", "Ts"):
-        for row, value in zip(rows, curves.at(name, duty), strict=True):
-            row["ci95"][name] = [value * np.exp(-reach), value * np.exp(reach)]
+        for row, value in zip(rows, curves.at(name, duty).tolist(), strict=True):
+            row["ci95"][name] = [float(value * np.exp(-reach)), float(value * np.exp(reach))]
     part |= {"covariance": {"matrix": matrix.tolist()}, "curves": rows}
-    drawn = draw(fit, 3000, 0)
+    drawn = draw(fit_of(part), 3000, 0)
     assert drawn.rejected < 10 and drawn.findings == ()
     steady = np.array([nonlinear.steady_torque(p, duty) for p in drawn.plants])
     low, high = np.quantile(np.log(steady / curves.at("Ts", duty)), [0.025, 0.975], axis=0)

@@ -78,7 +78,7 @@ def test_same_input_same_bytes(made: StepSet, fitted: Any, body: Fit) -> None:
 
 def test_plants_are_drawn_from_what_is_kept(made: StepSet, fitted: Any) -> None:
     found = with_intervals(made, fitted, IntervalOptions(estimator="two-stage"))
-    plants = draw_plants(codec.to_plain(found), 400, 0)
+    plants = draw_plants(found, 400, 0)
     at = 50.0 ** np.arange(4)
     values = np.array([np.array(p.Ts) @ at for p in plants])
     row = found.nonlinear.curves[4]
