@@ -49,7 +49,8 @@ def slip_of(time_s: Array, rise: Array) -> SlipTest | None:
     if count < 80:
         return None
     width = max(1, count // 200)
-    smooth = np.convolve(rise, np.full(width, 1.0 / width), mode="valid")
+    sums = np.concatenate(([0.0], np.cumsum(rise)))
+    smooth = (sums[width:] - sums[:-width]) / width
     at = int(smooth.argmax())
     after = float(rise[-(count // 4) :].mean())
     peak, error = float(smooth[at]), block_error(rise) * np.sqrt(10)
