@@ -9,6 +9,7 @@ own baseline, else the mean over the leading rows at zero duty where there are t
     R2                               1 − Σ (recorded − model)² / Σ (recorded − mean recorded)²
 """
 
+import itertools
 import math
 from dataclasses import dataclass
 
@@ -21,7 +22,7 @@ from eaid.logs.run import Run
 from eaid.replay.controllers import Controller
 from eaid.replay.loop import Trace, replay
 from eaid.replay.metrics import tracking
-from eaid.replay.plant import PlantParameters, plant_pull, plant_step
+from eaid.replay.plant import PlantParameters, falling_taus, plant_step, plant_terms
 from eaid.replay.references import Reference
 from eaid.replay.rig import Rig
 from eaid.results.replay import Metrics
@@ -76,19 +77,28 @@ def start_of(plant: PlantParameters, time_s: Array, duty_pct: Array, torque_nm: 
     changed = np.flatnonzero(duty_pct != duty_pct[0])
     last = min(int(changed[0]) + 1 if len(changed) else len(duty_pct), START_ROWS)
     since, duty = time_s[:last] - time_s[0], float(duty_pct[0])
-    x1 = x2 = float(torque_nm[0]) / 2
-    for _ in range(2):  # a part that turns out to fall may have other time constants than one that rises
-        fast, slow, tau1, tau2 = plant_pull(plant, x1, x2, duty)
-        ends = x1 + fast, x2 + slow
-        decays = np.stack([np.exp(-since / tau1), np.exp(-since / tau2)])
-        left = torque_nm[:last] - ends[0] * (1 - decays[0]) - ends[1] * (1 - decays[1])
-        if last >= LEAST_ROWS and np.linalg.cond(decays) < TELLS_APART:
-            x1, x2 = np.linalg.lstsq(decays.T, left)[0].tolist()
-        else:
-            together = plant.C * decays[0] + (1 - plant.C) * decays[1]
-            whole = float(together @ left / (together @ together))
-            x1, x2 = plant.C * whole, (1 - plant.C) * whole
-    return x1, x2
+    tau1, tau2, steady = plant_terms(plant, duty)
+    ends = plant.C * steady, (1 - plant.C) * steady
+    each = zip((tau1, tau2), falling_taus(plant, duty), strict=True)
+    # a part that falls may have another time constant than one that rises: what fits best tells which it does
+    tries = [_start(plant.C, ends, taus, since, torque_nm[:last]) for taus in itertools.product(*map(set, each))]
+    return min(tries, key=lambda one: one[0])[1]
+
+
+def _start(
+    share: float, ends: tuple[float, float], taus: tuple[float, ...], since: Array, torque_nm: Array
+) -> tuple[float, tuple[float, float]]:
+    """Square sum of what is left, and the two parts [N·m], for these time constants."""
+    decays = np.stack([np.exp(-since / tau) for tau in taus])
+    left = torque_nm - ends[0] * (1 - decays[0]) - ends[1] * (1 - decays[1])
+    if len(since) >= LEAST_ROWS and np.linalg.cond(decays) < TELLS_APART:
+        x1, x2 = np.linalg.lstsq(decays.T, left)[0].tolist()
+    else:
+        together = share * decays[0] + (1 - share) * decays[1]
+        whole = float(together @ left / (together @ together))
+        x1, x2 = share * whole, (1 - share) * whole
+    apart = left - x1 * decays[0] - x2 * decays[1]
+    return float(apart @ apart), (x1, x2)
 
 
 def recorded(

@@ -334,6 +334,9 @@ def test_one_verdict_with_a_row_for_each_thing_it_needs():
     assert rows["duty-limit"].available == 100.0 and rows["duty-limit"].unit == "%"
     open_end = gains_of(PAPER_FIT, DesignOptions(B_hat="minimax", duty_limits_pct=(0.0, 1e4))).guarantee
     assert open_end.holds is None and open_end.missing == ()
+    assert gains_of(PAPER_FIT).guarantee.holds is False  # ρ fails, φ and Q_M cannot be told
+    assert gains_of(REFERENCE_FIT, DesignOptions(B_hat="minimax", phi_honest_pct=50.0, duty_limits_pct=(0.0, 1e4)),
+                    slope_nm_s=4.0).guarantee.holds is True  # fmt: skip
 
 
 def test_every_row_of_the_table_of_sentences_can_be_said():

@@ -66,6 +66,12 @@ def test_a_run_that_begins_under_duty_starts_at_its_own_two_parts(plant, hold):
         assert found.max_abs_difference_nm < 1e-9 and found.start_nm == pytest.approx(1.9, abs=1e-9)
 
 
+def test_a_part_that_rises_beside_one_that_falls_is_found_by_its_own_constant(plant):
+    model = plant._replace(release1=0.6, release2=3.0)
+    found = recorded.recorded(loaded(model, 0.0, start=(0.0, 0.9), hold=5.0), model)
+    assert recorded.difference(found).max_abs_difference_nm < 1e-9
+
+
 def test_a_noisy_first_sample_does_not_decide_where_a_run_starts(plant):
     starts = [recorded.recorded(loaded(plant, 0.1, seed=k), plant).start_nm for k in range(20)]
     assert abs(np.mean(starts) - 1.9) < 0.01 and np.std(starts) < 0.03  # the first sample alone: 0.1
