@@ -95,7 +95,7 @@ def _made(files: list[Path], folder: Path, options: "ReportOptions") -> "Report"
     ready, _missing = ready_figures(results, options.paper, options.figures)
     with console.progress("drawing figures", len(ready)) as done:
         made = write_report(results, folder, options, done)
-    for name, made_by in made.missing if not options.figures else ():
-        console.say(f"left out {name}: {made_by}")
+    if made.missing and not options.figures:
+        console.say(f"{len(made.missing)} figures want more results; the page's appendix names the commands")
     console.say(f"{made.page}: {len(made.figures)} figures; open it in a browser")
     return made

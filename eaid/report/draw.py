@@ -45,18 +45,23 @@ class Picture:
     size_px: tuple[int, int]
 
 
-def png_of(figure: Figure, dpi: float = style.DPI) -> bytes:
-    """A figure as PNG, without date or program name."""
+def pngs_of(figure: Figure, *dpis: float) -> tuple[bytes, ...]:
+    """A figure as PNG, drawn once and made smaller for each further sharpness; without date or program name."""
     from PIL import Image
 
-    figure.set_dpi(dpi)
+    figure.set_dpi(dpis[0])
     figure.canvas.draw()
     canvas = figure.canvas
-    image = Image.frombuffer("RGBA", canvas.get_width_height(), canvas.buffer_rgba())  # type: ignore[attr-defined]
-    few = image.convert("RGB").quantize(COLOURS, method=Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE)
-    out = io.BytesIO()
-    few.save(out, format="PNG", dpi=(dpi, dpi), compress_level=7)
-    return out.getvalue()
+    drawn = Image.frombuffer("RGBA", canvas.get_width_height(), canvas.buffer_rgba()).convert("RGB")  # type: ignore[attr-defined]
+    found = []
+    for dpi in dpis:
+        width, height = (round(side * dpi / dpis[0]) for side in drawn.size)
+        image = drawn if dpi == dpis[0] else drawn.resize((width, height), Image.Resampling.LANCZOS)
+        out = io.BytesIO()
+        few = image.quantize(COLOURS, method=Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE)
+        few.save(out, format="PNG", dpi=(dpi, dpi), compress_level=7)
+        found.append(out.getvalue())
+    return tuple(found)
 
 
 def vector_of(figure: Figure, kind: str) -> bytes:
@@ -120,9 +125,10 @@ def draw_all(
             figure = found.draw()
             if mark is not None and row.of_the_fit:
                 marked(figure, mark)
-            files = tuple((kind, png_of(figure) if kind == "png" else vector_of(figure, kind)) for kind in formats)
+            png, preview = pngs_of(figure, style.DPI, PAGE_DPI)
+            files = tuple((kind, png if kind == "png" else vector_of(figure, kind)) for kind in formats)
             width, height = figure.get_size_inches()
-            drawn.append(Drawn(row, found, files, png_of(figure, PAGE_DPI), (float(width), float(height))))
+            drawn.append(Drawn(row, found, files, preview, (float(width), float(height))))
         done()
     return drawn
 
@@ -152,5 +158,5 @@ def summary_pictures(results: Results, mark: str | None = None) -> list[Picture]
             if mark is not None:
                 marked(figure, mark)
             size = figure.get_size_inches()
-            pictures.append(Picture(title, part, png_of(figure, 200), (round(96 * size[0]), round(96 * size[1]))))
+            pictures.append(Picture(title, part, *pngs_of(figure, 200), (round(96 * size[0]), round(96 * size[1]))))
     return pictures

@@ -29,6 +29,8 @@ class Ready:
     sees: str
     """What is to be seen in it; every claim computed."""
     live: Live | None = None
+    title: str = ""
+    """What it is called on this rig; empty: as in the catalogue, without the paper's number on another rig."""
     """Its live plots, side by side."""
 
 
@@ -42,7 +44,7 @@ def models_for(results: Results, kind: str) -> dict[float, Model]:
     data, fit = results.data_of(kind), results.fit(kind)
     if data is None or fit is None:
         return {}
-    return clutch.models_of(fit, data) or frictions.curves_of(fit)
+    return clutch.any_models_of(fit, data)
 
 
 def pwm_ready(results: Results, asked: bool | None) -> Ready | None:
@@ -104,7 +106,8 @@ def trends_ready(kind: str, draw: Callable[[Fit, bool | None], Figure]) -> Calla
             for name, per in (("Ts", out), ("tau1", "s"), ("tau2", "s"))
         ]
         said = f"From {level_text(rows[0].level, unit)} to {level_text(rows[-1].level, unit)}, {listed(ends)} each."
-        return Ready(lambda: draw(fit, asked), said)
+        title = "" if of_the_paper(fit.data, asked) else "Fitted values over the level"
+        return Ready(lambda: draw(fit, asked), said, title=title)
 
     return ready
 
@@ -131,7 +134,7 @@ def nonlinear_ready(results: Results, _asked: bool | None) -> Ready | None:
 def over_duty_ready(results: Results, asked: bool | None) -> Ready | None:
     """Parameters over the level, with the estimates beside the one that is used."""
     fit = results.fit("clutch")
-    if fit is None or fit.nonlinear is None:
+    if fit is None or fit.nonlinear is None or (fit.friction is not None and len(fit.friction.levels) == 1):
         return None
     counts = []
     for name in ("Ts", "tau1", "tau2"):
@@ -222,6 +225,10 @@ def gain_ready(results: Results, asked: bool | None) -> Ready | None:
         said = f"The input gain B (1/b0: input per rate of output) lies between {number(low, 3)} at "
         said += f"{level_text(at_low, unit)} and {number(high, 3)} at {level_text(at_high, unit)}, a factor of "
         said += f"{number(high / low, 2)}." if low > 0 else "any size."
+        if len(known) == 1:
+            said = (
+                f"The input gain B (1/b0: input per rate of output) is {number(low, 3)} at {level_text(at_low, unit)}."
+            )
     return Ready(lambda: clutch.input_gain(fit, asked), said)
 
 

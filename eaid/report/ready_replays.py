@@ -30,7 +30,7 @@ def errors_say(replay: Replay) -> str:
     found = sorted((value, name) for name in replay.traces if (value := metric(replay, name, "max_abs_error_nm")))
     each = [f"{controller_name(name)} {number(value, 2)}" for value, name in found]
     said = f"Largest error in {replay.output_unit}: {listed(each)}." if each else ""
-    if len(found) > 1:
+    if len(found) > 1 and found[1][0] > 1.05 * found[0][0]:
         said += f" {controller_name(found[0][1])}'s is {number(found[1][0] / found[0][0], 2)} times smaller than "
         said += f"{controller_name(found[1][1])}'s."
     return said

@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Generic, TypeVar
 
@@ -19,6 +19,7 @@ from eaid.logs.walk import root_of
 from eaid.replay import files as replay_files
 from eaid.replay.controllers import CONTROLLERS
 from eaid.report import older
+from eaid.report.long_runs import as_recorded, shortened
 from eaid.results import codec
 from eaid.results.fit import Fit
 from eaid.results.gains import Gains
@@ -146,6 +147,11 @@ def gathered(items: Iterable["Fit | Gains | Replay | StepSet | Given[Any]"]) -> 
         else:
             count = len(found[kind])
             found[kind].append(Given(Source(f"{kind} {count + 1}" if count else kind, "", kind), result))
+    about = next((one.result.data for one in found["fit"] if one.result.data.kind == "clutch"), None)
+    for k, one in enumerate(found["replay"]):  # older files do not name their units
+        if about is not None and "output_unit" not in one.result.options:
+            options = {**one.result.options, "input_unit": about.input_unit, "output_unit": about.output_unit}
+            found["replay"][k] = replace(one, result=replace(one.result, options=options))
     order = {name: i for i, name in enumerate(SCENARIOS)}
     found["replay"].sort(key=lambda one: order.get(one.result.scenario, len(order)))
     return Results(*(tuple(found[kind]) for kind in ("fit", "gains", "replay", "data")))
@@ -214,7 +220,9 @@ def _read_gains(path: Path, tell: Callable[[str], None]) -> Gains:
 
 
 def _read_data(path: Path, _tell: Callable[[str], None]) -> StepSet:
-    return build_stepset(read_runs([path], ReadOptions()), StepOptions())
+    runs = [shortened(run) for run in read_runs([path], ReadOptions())]
+    every = {run.name: k for run, k in runs if k > 1}
+    return as_recorded(build_stepset([run for run, _ in runs], StepOptions()), every)
 
 
 def read_replay(path: Path, tell: Callable[[str], None] = lambda _: None) -> Replay:

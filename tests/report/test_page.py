@@ -178,7 +178,7 @@ def test_a_fit_alone_is_shown_and_the_rest_named_with_its_command(tmp_path: Path
     assert "Linear model, Eq. (8)" in outline.text
     line = "Fig. 13 · Sines of rising frequency: eaid simulate fit.json --gains gains.json --scenario sweep"
     assert line in outline.text
-    assert "left out fig12_multisine" in capsys.readouterr().err
+    assert "figures want more results; the page's appendix names the commands" in capsys.readouterr().err
 
 
 def test_two_fits_of_one_kind_stand_side_by_side(files: dict[str, Path], tmp_path: Path):

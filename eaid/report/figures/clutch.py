@@ -10,7 +10,7 @@ from eaid.arrays import Array
 from eaid.models import linear, nonlinear
 from eaid.models.parameters import Linear, Nonlinear
 from eaid.report import published, style
-from eaid.report.figures.friction import axis_label, intervals_of, reach
+from eaid.report.figures.friction import axis_label, curves_of, intervals_of, reach
 from eaid.report.figures.steps import MODEL, Model, draw_steps, fine_times, label_ends, some_levels
 from eaid.report.rig import gain, level_text, of_the_paper, over, quantity
 from eaid.report.tables.fits import estimates_of
@@ -40,6 +40,11 @@ def models_of(fit: Fit | None, data: StepSet) -> dict[float, Model]:
         return {}
     model = nonlinear_of(fit.nonlinear)
     return {one.level: partial(nonlinear.step_response, model, duty_pct=one.level) for one in data.levels}
+
+
+def any_models_of(fit: Fit | None, data: StepSet) -> dict[float, Model]:
+    """Level → the nonlinear model's curve; where there is none, the curve of the level itself."""
+    return models_of(fit, data) or curves_of(fit)
 
 
 def nonlinear_model(data: StepSet, fit: Fit | None) -> Figure:

@@ -95,13 +95,14 @@ def _panel(axes: Axes, fit: Fit, name: str, x: Array, paper: Callable[[Array], A
     else:
         values, ends = np.array([getattr(row, name) for row in rows]), intervals_of(rows, name)
     far = reach(values, ends)
+    stress = fit.data.kind == "friction-force" and of_the_paper(fit.data)
     axes.errorbar(
         x, values, yerr=far, fmt="o", color=style.BLACK, capsize=1.6, elinewidth=0.7, label="each level, 95 %"
     )
     fine = np.linspace(x.min(), x.max(), 200)
     top = float(np.max(np.minimum(values + far[1], 2 * np.abs(values))))
     trend = trends.get(name)
-    if trend is not None and trend.coefficients:
+    if trend is not None and trend.coefficients and (trend.over == "stress_kpa") == stress:
         axes.plot(fine, trend_values(trend, fine), color=style.BLUE, label="trend")
         top = max(top, float(np.max(trend_values(trend, fine))))
     if paper is not None:

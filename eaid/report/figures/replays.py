@@ -127,8 +127,8 @@ def recorded_duty(traces: Mapping[str, Mapping[str, Array]], units: tuple[str, s
         _draw(panel, trace, trace["reference_nm"], color=style.SKY, label="recorded", linewidth=2.2)
         _draw(panel, trace, trace["torque_nm"], color=style.BLACK, label="model, same input", linestyle=(0, (4, 2)))
         rms = float(np.sqrt(np.mean((trace["reference_nm"] - trace["torque_nm"]) ** 2)))
-        head = f"RMS {rms:.2g} {units[1]}"
-        style.letter(panel, mark, f"{name if len(name) < 20 else f'…{name[-16:]}'}, {head}".replace("$", r"\$"))
+        shown = name if len(name) < 16 else f"…{name[-14:]}"
+        style.letter(panel, mark, f"{shown}: RMS {rms:.2g}".replace("$", r"\$"))
     for i, panel in enumerate(panels):
         if i % columns == 0:
             panel.set_ylabel(quantity(units[1]))

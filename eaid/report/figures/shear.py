@@ -32,8 +32,8 @@ def shear_per_field(fit: Fit) -> Figure:
         )  # fmt: skip
     axes.plot([field], [shear], "s", color=style.BLUE, markerfacecolor="white", markeredgewidth=1.4, markersize=7)
     axes.annotate(
-        f"this clutch:\n{shear:.2f} kPa\nat {field:.2f} V/µm", (field, shear), (10, -10), textcoords="offset points",
-        va="top",
+        f"this clutch,\n{shear:.2f} kPa", (field, shear), (12, -4), textcoords="offset points", va="top",
+        bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.5},
     )  # fmt: skip
     axes.set(xlabel="Electric field (V/µm)", ylabel="Shear stress (kPa)", xlim=(0, 2 * field), ylim=(0, 2 * shear))
     axes.text(1.01, 0.86, "kPa/\n(V/µm)", transform=axes.transAxes, va="top")

@@ -36,6 +36,8 @@ class Plot:
     """One live plot under construction: its panels, and which of their colours change in the dark."""
 
     panels: list[Any] = field(default_factory=list)
+    wide: bool = True
+    """Whether it has the page's whole width; else its legend has two columns."""
     themed: list[tuple[str, str, str, str]] = field(default_factory=list)
     """(model id, property, light, dark)"""
 
@@ -118,6 +120,8 @@ class Plot:
                 p.add_layout(legend, "above")
                 legend.border_line_color = None
                 legend.orientation = "horizontal"
+                legend.ncols = 5 if self.wide else 2
+                legend.spacing, legend.padding, legend.margin = 0, 2, 0
                 legend.background_fill_alpha = 0.8
                 legend.label_text_font_size = "12px"
                 self.themed.append((legend.id, "background_fill_color", *PAPER))

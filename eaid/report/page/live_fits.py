@@ -64,15 +64,11 @@ def parameters(fit: Fit) -> tuple[Mapping[str, Any], ...]:
     rows = fit.friction.levels if fit.friction is not None else ()
     found = []
     for name, head in HEADS.items():
-        plot = Plot()
+        plot = Plot(wide=False)
         unit = fit.data.output_unit if name == "Ts" else "s"
         p = plot.panel(over(fit.data.input_unit), f"{head} ({unit})", 300, unit, ("level", fit.data.input_unit))
-        estimates = estimates_of(fit.nonlinear).items()
-        top = 0.0
-        for (said, one), (colour, dash) in zip(estimates, LINES, strict=False):
-            y = values_over(one, u)[name]
-            plot.line(p, u, y, said, pair(colour), dash, width=2.0 if not top else 1.3)
-            top = top or float(np.max(y))
+        curves = {said: values_over(one, u)[name] for said, one in estimates_of(fit.nonlinear).items()}
+        top = float(np.max(next(iter(curves.values()))))
         if rows:
             values = np.array([getattr(row, name) for row in rows])
             ends = [getattr(row.ci95, name) if row.ci95 else None for row in rows]
@@ -90,6 +86,8 @@ def parameters(fit: Fit) -> tuple[Mapping[str, Any], ...]:
             plot.themed += [(one.id, "line_color", *INK) for one in (whisker, whisker.upper_head, whisker.lower_head)]
             seen = float(np.max(np.minimum(high, 1.6 * values)))
             top = min(max(top, seen), 3.0 * seen)
+        for (said, y), (colour, dash), width in zip(curves.items(), LINES, (2.0, 1.3, 1.3, 1.3), strict=False):
+            plot.line(p, u, np.where(y < 1.3 * top, y, np.nan), said, pair(colour), dash, said, width)
         p.y_range = Range1d(start=0, end=1.1 * top or 1.0)
         found.append(plot.finish())
     return tuple(found)

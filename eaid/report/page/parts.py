@@ -1,7 +1,7 @@
 """The parts of the page after the first screen: a picture first, one table, and the rest folded with a count."""
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from eaid.report.page.again import commands
 from eaid.report.page.glossary import Terms
@@ -58,7 +58,7 @@ def parts(results: Results, known: Known, drawn: dict[str, Shown], asked: bool |
     """The parts that have anything to show, in the order of the page."""
     found = [
         _data(results, known, drawn), _model(results, known, drawn, asked), _controller(results, known, drawn, asked),
-        _replay(results, known, drawn), _rehabilitation(results, drawn), _appendix(results, drawn),
+        _replay(results, known, drawn), _rehabilitation(results, drawn), _appendix(results),
     ]  # fmt: skip
     return [_explained(part, terms) for part in found if part is not None]
 
@@ -69,8 +69,8 @@ def _explained(part: Part, terms: Terms) -> Part:
     folds = []
     for fold in part.folds:
         new = terms.first_in((*fold.texts, *_texts(fold.figures, fold.tables)))
-        folds.append(Fold(fold.title, fold.figures, fold.tables, fold.texts, fold.lines, new))
-    return Part(part.id, part.title, part.findings, part.figures, part.tables, tuple(folds), part.verdict, first)
+        folds.append(replace(fold, terms=new))
+    return replace(part, folds=tuple(folds), terms=first)
 
 
 def _texts(figures: Sequence[Shown], tables: Sequence[Table]) -> Iterable[str]:
@@ -109,8 +109,8 @@ def _data(results: Results, known: Known, drawn: dict[str, Shown]) -> Part | Non
         doubtful, fine = data.runs_tables(one.result)
         of = KINDS[one.result.kind] if len(results.data) > 1 else ""
         if one.result is own:
-            tables += [doubtful if doubtful.rows else data.levels_recorded(one.result)]
-            more = [data.levels_recorded(one.result)] if doubtful.rows else []
+            tables += [first_rows(doubtful) if doubtful.rows else data.levels_recorded(one.result)]
+            more = [rest_rows(doubtful), data.levels_recorded(one.result)] if doubtful.rows else []
         else:
             more = [doubtful, data.levels_recorded(one.result)]
         folds += _fold(f"{of}: every run".lstrip(": ").capitalize(), drawn, (), [*more, fine])
@@ -118,7 +118,43 @@ def _data(results: Results, known: Known, drawn: dict[str, Shown]) -> Part | Non
     if not figures and kind == "clutch" and "model_over_duty" not in drawn and "fig07_nonlinear_model" in drawn:
         figures = (drawn["fig07_nonlinear_model"],)
     folds += _fold("How the clutch is driven", drawn, ("fig02_pwm",))
-    return Part("data", "Data", first, figures, _few(tables), tuple(folds))
+    shown, whole = opened(_few(tables))
+    return Part("data", "Data", first, figures, shown, (*whole, *folds))
+
+
+DOUBTFUL = 12
+"""Doubtful runs that are shown; the rest are folded."""
+
+
+OPEN_ROWS = 24
+"""Most rows of a table that stands open; a longer one stands folded, whole, beside some of its rows."""
+
+
+def first_rows(table: Table) -> Table:
+    """The first rows of a table."""
+    more = len(table.rows) - DOUBTFUL
+    said = f" {more} more are folded below." if more > 0 else ""
+    return replace(table, caption=f"{table.caption}{said}", rows=table.rows[:DOUBTFUL])
+
+
+def rest_rows(table: Table) -> Table:
+    """The other rows."""
+    return replace(table, heading=f"More {table.heading[:1].lower()}{table.heading[1:]}", rows=table.rows[DOUBTFUL:])
+
+
+def opened(tables: Sequence[Table]) -> tuple[tuple[Table, ...], tuple[Fold, ...]]:
+    """Tables to stand open, and the long ones among them whole, folded."""
+    shown, folds = [], []
+    for table in tables:
+        count = len(table.rows)
+        if count <= OPEN_ROWS:
+            shown.append(table)
+            continue
+        some = tuple(table.rows[round(k * (count - 1) / (OPEN_ROWS - 1))] for k in range(OPEN_ROWS))
+        said = f"{table.caption} {OPEN_ROWS} of {count} rows; all of them are folded below."
+        shown.append(replace(table, caption=said, rows=some))
+        folds.append(Fold(f"{table.heading}, whole", tables=(table,)))
+    return tuple(shown), tuple(folds)
 
 
 _KIND_FIGURES = {
@@ -161,7 +197,8 @@ def _model(results: Results, known: Known, drawn: dict[str, Shown], asked: bool 
             folds.append(Fold(_called(results, one), tuple(beside), tuple(everything)))
     shown = ([drawn["compare"]] if "compare" in drawn else []) + figures[:OPEN]
     kept = tuple(fold for fold in folds if fold.count)
-    return Part("model", "Model", first, tuple(shown), tuple(tables), kept)
+    few, whole = opened(tables)
+    return Part("model", "Model", first, tuple(shown), few, (*whole, *kept))
 
 
 def _called(results: Results, fit: Given[Fit]) -> str:
@@ -221,7 +258,8 @@ def _replay(results: Results, known: Known, drawn: dict[str, Shown]) -> Part | N
         more += [replays.plants_table(one.result), replays.steps_table(one.result), replays.tones_table(one.result)]
     fold = Fold("More replays", tuple(figures[1:]), _few(more))
     folds = (*rest, *((fold,) if fold.count else ()))
-    return Part("replay", "Replay", first, tuple(figures[:1]), _few(main), folds)
+    few, whole = opened(_few(main))
+    return Part("replay", "Replay", first, tuple(figures[:1]), few, (*whole, *folds))
 
 
 def _rehabilitation(results: Results, drawn: dict[str, Shown]) -> Part | None:
@@ -234,9 +272,7 @@ def _rehabilitation(results: Results, drawn: dict[str, Shown]) -> Part | None:
     return Part("rehabilitation", "Rehabilitation", (), figures, tuple(tables[:1]), folds)
 
 
-def _appendix(results: Results, drawn: dict[str, Shown]) -> Part:
-    used = {name for names in _KIND_FIGURES.values() for name in names}
-    del used, drawn
+def _appendix(results: Results) -> Part:
     lines = Fold("How to do it again", lines=tuple(commands(results)))
     return Part("appendix", "Appendix", folds=(lines, Fold("Files", tables=(data.files_table(results),))))
 

@@ -36,7 +36,8 @@ def page(
     """The whole page as text."""
     found, terms = known(results), Terms()
     tiles = summary.tiles(results)
-    figures = {one.row.name: shown(one) for one in drawn}
+    paper = summary.of_paper(results, asked)
+    figures = {one.row.name: shown(one, paper) for one in drawn}
     library = live.script() if any(one.live for one in figures.values()) else ""
     starter = _asset("page.js")
     told = tuple(f"{one.label} {one.note}" for one in tiles)

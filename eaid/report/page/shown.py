@@ -30,12 +30,13 @@ class Shown:
         return f"{self.title}. {self.sees}"
 
 
-def shown(one: Drawn) -> Shown:
-    """A drawn figure."""
+def shown(one: Drawn, paper: bool) -> Shown:
+    """A drawn figure; numbers of the paper's figures only on the paper's rig."""
     width, height = one.size_in
+    title = one.ready.title or (one.row.title if paper else one.row.title.split(" · ")[-1])
     live = one.ready.live() if one.ready.live else ()
     return Shown(
-        one.row.name, one.row.title, one.ready.sees, source_of(one.preview), round(width * 96), round(height * 96),
+        one.row.name, title, one.ready.sees, source_of(one.preview), round(width * 96), round(height * 96),
         width < 5, tuple(Markup(script_safe(data)) for data in live),
     )  # fmt: skip
 

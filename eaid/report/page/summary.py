@@ -64,6 +64,13 @@ def title(results: Results, asked: bool | None) -> str:
     return f"{what}: two fits side by side" if results.pair else what
 
 
+def of_paper(results: Results, asked: bool | None) -> bool:
+    """Whether the page's own kind was recorded as the paper's was."""
+    kind = main_kind(results)
+    fit = results.fit(kind) if kind else None
+    return kind is None or of_the_paper(fit.data if fit is not None else results.data_of(kind), asked)
+
+
 def chips(results: Results) -> tuple[str, ...]:
     """Where the numbers come from: synthetic or a rig, what was stepped and measured, levels, date of the logs."""
     found = ["synthetic data"] if results.synthetic else []
@@ -98,7 +105,7 @@ def _grade(found: Sequence[Finding]) -> str:
 def _counted(found: Sequence[Finding]) -> str:
     stops, cautions = (sum(one.severity == severity for one in found) for severity in ("stop", "caution"))
     said = [f"{n} {word}{'s' if n > 1 else ''}" for n, word in ((stops, "stop"), (cautions, "reservation")) if n]
-    return " and ".join(said) or "no reservation"
+    return ", ".join(said) or "no reservation"
 
 
 def _data(results: Results, known: Known) -> Light:
@@ -235,7 +242,7 @@ def next_steps(results: Results, known: Known) -> tuple[Step, ...]:
     stopped = any(one.severity == "stop" for one in known.of("model"))
     if clutch is not None and gains is None and clutch.result.linear is not None and not stopped:
         found.append(Step("Design the controllers", f"eaid tune-rc {name} -o gains.json"))
-    if gains is not None:
+    if gains is not None and not stopped:
         given = shlex.quote(gains.path)
         missing = {row.name for row in conditions_of(gains.result) if row.holds is False}
         mended = " ".join(

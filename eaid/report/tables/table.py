@@ -3,6 +3,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 from eaid.results.common import Interval
 
@@ -37,12 +38,12 @@ class Table:
     columns: tuple[Column, ...]
     rows: tuple[tuple[Cell, ...], ...]
 
-    @property
+    @cached_property
     def heads(self) -> tuple[str, ...]:
         """What stands above the columns, units in brackets."""
         return tuple(f"{one.head} ({one.unit})" if one.unit else one.head for one in self.columns)
 
-    @property
+    @cached_property
     def texts(self) -> tuple[tuple[str, ...], ...]:
         """The rows as texts."""
         return tuple(
@@ -50,7 +51,7 @@ class Table:
             for row in self.rows
         )
 
-    @property
+    @cached_property
     def numeric(self) -> tuple[bool, ...]:
         """Which columns hold numbers only: those are set flush right."""
         return tuple(

@@ -1,0 +1,109 @@
+"""One entry for files and for memory; all of a report or nothing; nothing overwritten unasked; rebuilt on a change."""
+
+import threading
+import time
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from eaid.cli.main import run
+from eaid.errors import UsageError
+from eaid.report import write
+from eaid.report.options import ReportOptions
+from eaid.report.results import read_results
+from eaid.report.watch import changes
+from eaid.report.write import write_report
+
+
+def names_in(folder: Path) -> list[str]:
+    return sorted(str(path.relative_to(folder)) for path in folder.rglob("*") if path.is_file())
+
+
+ONE = ReportOptions(figures=("input_gain",))
+
+
+def test_results_in_memory_make_the_page_of_their_files(files: dict[str, Path], tmp_path: Path):
+    given = read_results([files["clutch.json"]])
+    made = write_report([given.fits[0].result], tmp_path / "memory", ONE)
+    write_report(given, tmp_path / "files", ONE)
+    assert made.figures == ("input_gain",)
+    assert names_in(tmp_path / "memory") == ["figures/input_gain.png", "report.html"]
+    held = [(tmp_path / name / "figures/input_gain.png").read_bytes() for name in ("memory", "files")]
+    assert held[0] == held[1]
+    with pytest.raises(UsageError, match="a dict is no result"):
+        write_report([{}], tmp_path / "other")  # type: ignore[list-item]
+
+
+@pytest.mark.parametrize("held", ["report.html", "figures/input_gain.png", "figures/fig07_nonlinear_model.svg"])
+def test_without_force_nothing_is_written_over(files: dict[str, Path], tmp_path: Path, held: str):
+    (tmp_path / "out" / held).parent.mkdir(parents=True)
+    (tmp_path / "out" / held).write_text("mine")
+    arguments = ["report", str(files["clutch.json"]), "-o", str(tmp_path / "out"), "--figures", "input_gain", "-q"]
+    assert run(arguments) == 2
+    assert names_in(tmp_path / "out") == [held] and (tmp_path / "out" / held).read_text() == "mine"
+    (tmp_path / "out/figures").mkdir(exist_ok=True)
+    (tmp_path / "out/figures/notes.txt").write_text("mine too")
+    assert run([*arguments, "--force"]) == 0
+    # Old figures of a report go with the old page; what is not of a report stays.
+    assert names_in(tmp_path / "out") == ["figures/input_gain.png", "figures/notes.txt", "report.html"]
+
+
+def test_a_report_that_breaks_off_leaves_what_was_there(
+    files: dict[str, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    def broken(*_: Any) -> str:
+        raise RuntimeError("broken")
+
+    given = read_results([files["clutch.json"]])
+    write_report(given, tmp_path / "old", ONE)
+    before = {name: (tmp_path / "old" / name).read_bytes() for name in names_in(tmp_path / "old")}
+    monkeypatch.setattr(write, "page", broken)
+    for name in ("old", "new"):
+        with pytest.raises(RuntimeError):
+            write_report(given, tmp_path / name, ReportOptions(force=True))
+    assert {name: (tmp_path / "old" / name).read_bytes() for name in names_in(tmp_path / "old")} == before
+    assert not (tmp_path / "new").exists()
+
+
+@pytest.mark.parametrize(
+    ("options", "says"),
+    [
+        (["--figures", "fig99"], "--figures fig99: no such figure"),
+        (["--format", "gif"], "--format gif: figures are written as png, pdf, svg"),
+        (["--width", "3.5"], "--width 3.5: give the widths of one and of two columns"),
+        (["--width", "1,7"], "figures are between 2 and 40 in wide"),
+        (["--font", "No Such Font"], "--font No Such Font: no such font is installed"),
+    ],
+)
+def test_options_that_name_nothing_are_refused(
+    files: dict[str, Path], tmp_path: Path, options: list[str], says: str, capsys: pytest.CaptureFixture[str]
+):
+    assert run(["report", str(files["clutch.json"]), "-o", str(tmp_path / "out"), *options]) == 2
+    assert says in capsys.readouterr().err and not (tmp_path / "out").exists()
+
+
+def test_a_change_is_told_once_and_only_when_the_files_have_come_to_rest(tmp_path: Path):
+    path = tmp_path / "fit.json"
+    path.write_text("1")
+    told: list[float] = []
+
+    def look() -> None:
+        for _ in changes([path], 0.05):
+            told.append(time.monotonic())
+            if len(told) == 2:
+                return
+
+    watcher = threading.Thread(target=look, daemon=True)
+    watcher.start()
+    time.sleep(0.15)
+    assert told == []
+    path.unlink()  # as a writer replaces it: gone, then there
+    time.sleep(0.2)
+    assert told == []
+    path.write_text("22")
+    time.sleep(0.4)
+    assert len(told) == 1
+    path.write_text("333")
+    watcher.join(2)
+    assert len(told) == 2
