@@ -62,8 +62,8 @@ def command(
     from eaid.replay.references import read_reference
     from eaid.replay.rig import Rig
     from eaid.replay.simulate import SimulateOptions, simulate
-    from eaid.report.older import read_fit
     from eaid.results import codec
+    from eaid.results.fit import Fit
     from eaid.results.gains import Gains
 
     path = cast("Path", output)
@@ -89,7 +89,7 @@ def command(
     options.check_for("log" if log else "reference" if reference else scenario or "multisine")
     if not log and (columns or units or repair or variable):
         raise UsageError("--columns, --units, --repair and --variable belong to --log; leave them out")
-    fitted, told = read_fit(fit)
+    fitted, told = codec.read(fit, "fit", Fit)
     tuned, more = codec.read(gains, "gains", Gains) if gains else (None, ())
     signal = read_reference(reference) if reference else None
     runs = given_as.runs_of(log, columns, units, repair, variable) if log else None

@@ -69,9 +69,9 @@ def command(
     from eaid.replay.references import read_reference
     from eaid.replay.scenarios import SCENARIOS
     from eaid.replay.tune import tune
-    from eaid.report.older import read_fit
     from eaid.results import codec
     from eaid.results.common import Input
+    from eaid.results.fit import Fit
     from eaid.results.gains import GainsInputs
     from eaid.results.tuning import TuneOptions
     from eaid.store import input_record
@@ -93,7 +93,7 @@ def command(
         optimize_also=names(optimize_also), plants=plants, noise_nm=noise_nm, chatter_limit=chatter_limit,
         evaluations=evaluations, allow_unidentified=allow_unidentified, seed=seed,
     )  # fmt: skip
-    fitted, told = read_fit(fit)
+    fitted, told = codec.read(fit, "fit", Fit)
     logs = _logs(fitted, fit, data, options)
     signal = read_reference(own) if own is not None else reference
     gains = tune(fitted, options, logs, signal, reference or "", console.progress)

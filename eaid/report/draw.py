@@ -13,7 +13,7 @@ from eaid.report.catalogue import FIGURES, Row
 from eaid.report.figures import summary
 from eaid.report.mark import marked
 from eaid.report.ready_fits import Ready, main_kind, models_for
-from eaid.report.ready_replays import counted_from
+from eaid.report.ready_replays import counted_from, traces_of
 from eaid.report.results import Results
 
 FORMATS = ("png", "pdf", "svg")
@@ -145,11 +145,11 @@ def summary_pictures(results: Results, mark: str | None = None) -> list[Picture]
     elif kind and (fit := results.fit(kind)) is not None and fit.friction is not None and fit.friction.levels:
         found.append(("Fitted values over the level", "model", lambda: summary.values_over_level(fit)))
     order = {"multisine": 0, "reference": 1, "steps": 2}
-    replays = sorted((one.result for one in results.replays), key=lambda one: order.get(one.scenario, 9))
-    if replays and replays[0].scenario in order:
+    replays = sorted((one.result for one in results.replays), key=lambda one: order.get(one.head.scenario, 9))
+    if replays and replays[0].head.scenario in order:
         one = replays[0]
-        units = one.output_unit
-        draw = lambda: summary.controllers(one.traces, counted_from(one), units)  # noqa: E731
+        unit = one.head.output_unit
+        draw = lambda: summary.controllers(traces_of(one), counted_from(one), unit)  # noqa: E731
         found.append(("Controllers against the reference", "replay", draw))
     pictures = []
     for title, part, make in found:

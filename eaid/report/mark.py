@@ -19,10 +19,8 @@ def mark_of(results: Results) -> tuple[str, list[str]] | None:
     gains = [one.result.unidentified or "" for one in results.gains]
     plants = []
     for replay in results.replays:
-        said = replay.result.options.get("unidentified")
-        if isinstance(said, dict):
-            gains.append(str(said.get("gains") or ""))
-            plants.append(str(said.get("plant") or ""))
+        gains.append(replay.result.head.unidentified.get("gains", ""))
+        plants.append(replay.result.head.unidentified.get("plant", ""))
     gains, plants = [why for why in gains if why], [why for why in plants if why]
     if not gains and not plants:
         return None

@@ -1,8 +1,7 @@
 """Figures of replays that the given results allow: how each is drawn, and what is to be seen in it, computed."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
-from typing import Any
 
 import numpy as np
 
@@ -13,23 +12,28 @@ from eaid.replay.rehab import MODES
 from eaid.report.figures import rehab, replays
 from eaid.report.page import live_replays
 from eaid.report.ready_fits import Ready
-from eaid.report.results import Replay, Results
+from eaid.report.results import Results
 from eaid.report.style import controller_name
 from eaid.report.tables.replays import metric
 from eaid.report.tables.table import listed, number
-from eaid.results.codec import to_plain
+from eaid.results.replay import Replay, ToneMetrics
 
 
 def units_of(replay: Replay) -> tuple[str, str]:
     """Units of input and output."""
-    return replay.input_unit, replay.output_unit
+    return replay.head.input_unit, replay.head.output_unit
+
+
+def traces_of(replay: Replay) -> dict[str, Mapping[str, Array]]:
+    """Controller → its columns."""
+    return {name: one.columns for name, one in replay.records.items()}
 
 
 def errors_say(replay: Replay) -> str:
     """The largest error of each controller, and by how much the best of them is better."""
-    found = sorted((value, name) for name in replay.traces if (value := metric(replay, name, "max_abs_error_nm")))
+    found = sorted((value, name) for name in replay.records if (value := metric(replay, name, "max_abs_error_nm")))
     each = [f"{controller_name(name)} {number(value, 2)}" for value, name in found]
-    said = f"Largest error in {replay.output_unit}: {listed(each)}." if each else ""
+    said = f"Largest error in {replay.head.output_unit}: {listed(each)}." if each else ""
     if len(found) > 1 and found[1][0] > 1.05 * found[0][0]:
         said += f" {controller_name(found[0][1])}'s is {number(found[1][0] / found[0][0], 2)} times smaller than "
         said += f"{controller_name(found[1][1])}'s."
@@ -42,16 +46,15 @@ def steps_ready(results: Results, _asked: bool | None) -> Ready | None:
     if found is None:
         return None
     each = []
-    for name in found.traces:
-        known = [step.get("overshoot_pct") for step in (found.summary.get(name) or {}).get("steps") or []]
-        shares = [value for value in known if isinstance(value, int | float)]
+    for name, one in found.records.items():
+        shares = [step.overshoot_pct for step in one.metrics.steps if step.overshoot_pct is not None]
         if shares:
             each.append(f"{controller_name(name)} {number(max(shares), 2)} %")
     said = f"Largest overshoot of a step: {listed(each)}. " if each else ""
     return Ready(
-        lambda: replays.steps(found.traces, units_of(found)),
+        lambda: replays.steps(traces_of(found), units_of(found)),
         said + errors_say(found),
-        lambda: (live_replays.tracking(found.traces, units_of(found), with_error=False),),
+        lambda: (live_replays.tracking(traces_of(found), units_of(found), with_error=False),),
     )
 
 
@@ -64,9 +67,9 @@ def tracking_ready(scenario: str) -> Callable[..., Ready | None]:
             return None
         units = units_of(found)
         return Ready(
-            lambda: replays.tracking(found.traces, counted_from(found), bands(found), units),
+            lambda: replays.tracking(traces_of(found), counted_from(found), bands(found), units),
             errors_say(found),
-            lambda: (live_replays.tracking(found.traces, units),),
+            lambda: (live_replays.tracking(traces_of(found), units),),
         )
 
     return ready
@@ -74,23 +77,22 @@ def tracking_ready(scenario: str) -> Callable[..., Ready | None]:
 
 def bands(replay: Replay) -> dict[str, tuple[Array, Array, Array]]:
     """Time [s] and the 2.5 % and 97.5 % outputs of each controller over drawn plants, where there are any."""
-    quantiles = [float(q) for q in replay.options.get("band_quantiles") or []]
+    quantiles = replay.head.band_quantiles
     if 0.025 not in quantiles or 0.975 not in quantiles:
         return {}
     low, high = quantiles.index(0.025), quantiles.index(0.975)
     return {
-        name: (table["plants/band_time_s"], table["plants/band_nm"][low], table["plants/band_nm"][high])
-        for name, table in replay.tables.items()
-        if "plants/band_nm" in table
+        name: (one.tables["plants/band_time_s"], one.tables["plants/band_nm"][low], one.tables["plants/band_nm"][high])
+        for name, one in replay.records.items()
+        if "plants/band_nm" in one.tables
     }
 
 
 def counted_from(replay: Replay) -> float:
     """Instant from which a replay's errors count [s]."""
-    for numbers in replay.summary.values():
-        if isinstance(value := numbers.get("counted_from_s"), int | float):
-            return float(value)
-    return 5.0 if replay.scenario == "multisine" else 0.0
+    said = [one.metrics.counted_from_s for one in replay.records.values()] + [replay.head.counted_from_s]
+    usual = 5.0 if replay.head.scenario == "multisine" else 0.0
+    return next((value for value in said if value is not None), usual)
 
 
 def log_ready(results: Results, _asked: bool | None) -> Ready | None:
@@ -98,11 +100,7 @@ def log_ready(results: Results, _asked: bool | None) -> Ready | None:
     found = results.replay("log")
     if found is None:
         return None
-    compared = {
-        name: trace
-        for name, trace in found.traces.items()
-        if (found.summary.get(name) or {}).get("reference_is") == "recorded torque"
-    }
+    compared = {name: one.columns for name, one in found.records.items() if one.role == "recorded-input"}
     by_output = sorted(compared, key=lambda name: float(np.max(compared[name]["reference_nm"])))
     places = sorted({round(k * (len(by_output) - 1) / 5) for k in range(6)}) if by_output else []
     chosen = {by_output[place]: compared[by_output[place]] for place in places}
@@ -110,37 +108,35 @@ def log_ready(results: Results, _asked: bool | None) -> Ready | None:
         return None
     rms = sorted((float(np.sqrt(np.mean((t["reference_nm"] - t["torque_nm"]) ** 2))), n) for n, t in compared.items())
     said = f"{len(chosen)} of {len(compared)} runs. The model driven by the recorded input is off by "
-    said += f"{number(rms[0][0], 2)} to {number(rms[-1][0], 2)} {found.output_unit} (RMS), most in {rms[-1][1]}."
+    said += f"{number(rms[0][0], 2)} to {number(rms[-1][0], 2)} {found.head.output_unit} (RMS), most in {rms[-1][1]}."
     return Ready(lambda: replays.recorded_duty(chosen, units_of(found)), said)
 
 
 def guarantee_ready(results: Results, _asked: bool | None) -> Ready | None:
     """The guarantee watched in a replay with the robust controller."""
-    order = sorted((one.result for one in results.replays), key=lambda replay: replay.scenario != "multisine")
+    order = sorted((one.result for one in results.replays), key=lambda replay: replay.head.scenario != "multisine")
     for replay in order:
-        trace = replay.traces.get("rc")
-        if trace is not None and {"chi_nm_s", "rho_nm_s"} <= set(trace) and replay.scenario != "rehab":
-            share = (replay.summary.get("rc") or {}).get("guarantee_holds_fraction")
+        one = replay.records.get("rc")
+        if one is not None and {"chi_nm_s", "rho_nm_s"} <= set(one.columns) and replay.head.scenario != "rehab":
+            share = one.metrics.guarantee_holds_fraction
             said = "What the robust term would have to cover, and its size."
             said += f" It covers the need {100 * share:.1f} % of the time in this replay." if share is not None else ""
-            return Ready(partial(replays.guarantee, trace, replay.output_unit), said)
+            return Ready(partial(replays.guarantee, one.columns, replay.head.output_unit), said)
     return None
 
 
 def frequencies(replay: Replay) -> dict[str, dict[str, Array]]:
     """Frequency [Hz], gain [dB] and mean absolute error of each controller of a sweep, each of shape (F,)."""
     found = {}
-    for name, trace in replay.traces.items():
-        rows = (replay.summary.get(name) or {}).get("frequencies") or _tones(trace)
-        rows = [row for row in rows if row.get("gain_db") is not None]
+    for name, one in replay.records.items():
+        rows = [row for row in one.metrics.frequencies or _tones(one.columns) if row.gain_db is not None]
         if rows:
-            found[name] = {
-                key: np.array([row[key] for row in rows]) for key in ("frequency_hz", "gain_db", "mean_abs_error_nm")
-            }
+            keys = ("frequency_hz", "gain_db", "mean_abs_error_nm")
+            found[name] = {key: np.array([getattr(row, key) for row in rows]) for key in keys}
     return found
 
 
-def _tones(trace: Mapping[str, Array]) -> list[dict[str, Any]]:
+def _tones(trace: Mapping[str, Array]) -> Sequence[ToneMetrics]:
     """The sweep measured on its trace, where a file holds no numbers but the reference is the default one."""
     t = trace["time_s"]
     dt = float(t[1] - t[0])
@@ -149,7 +145,7 @@ def _tones(trace: Mapping[str, Array]) -> list[dict[str, Any]]:
         return []
     wanted, y = trace["reference_nm"], trace["torque_nm"]
     tones = [tone(wanted[p.begin : p.end], y[p.begin : p.end], p.frequency_hz, dt) for p in default.tones]
-    return [to_plain(one) for one in tones]
+    return tones
 
 
 def sweep_ready(results: Results, _asked: bool | None) -> Ready | None:
@@ -164,13 +160,14 @@ def sweep_ready(results: Results, _asked: bool | None) -> Ready | None:
         at = int(np.argmax(row["gain_db"]))
         reached = f"−3 dB by {number(float(below[0]), 2)} Hz" if len(below) else "above −3 dB throughout"
         each.append(f"{controller_name(name)} {reached}, at most {row['gain_db'][at]:+.1f} dB".replace("-", "−"))
-    return Ready(lambda: replays.sweep(rows, found.output_unit), f"{'; '.join(each)}.")
+    return Ready(lambda: replays.sweep(rows, found.head.output_unit), f"{'; '.join(each)}.")
 
 
 def rehab_trace(replay: Replay) -> Mapping[str, Array] | None:
     """The first controller's trace that holds angle and target; RC where it is there."""
-    order = sorted(replay.traces, key=lambda name: name != "rc")
-    return next((replay.traces[name] for name in order if "angle_deg" in replay.traces[name]), None)
+    traces = traces_of(replay)
+    order = sorted(traces, key=lambda name: name != "rc")
+    return next((traces[name] for name in order if "angle_deg" in traces[name]), None)
 
 
 def mode_names(trace: Mapping[str, Array]) -> list[str]:
@@ -187,7 +184,9 @@ def training_ready(results: Results, _asked: bool | None) -> Ready | None:
     spans = rehab.mode_spans(trace["time_s"], mode_names(trace))
     gap = np.abs(trace["desired_nm"] - trace["rendered_nm"])
     top = float(np.max(np.abs(trace["desired_nm"])))
-    said = f"The rendered torque is off the desired one by {number(float(np.mean(gap)), 2)} {found.output_unit} on "
+    said = (
+        f"The rendered torque is off the desired one by {number(float(np.mean(gap)), 2)} {found.head.output_unit} on "
+    )
     said += f"average, of at most {number(top, 2)}."
     return Ready(lambda: rehab.training(trace, spans), said, lambda: (live_replays.training(trace),))
 
@@ -197,7 +196,7 @@ def position_errors(replay: Replay) -> dict[str, Array]:
     trace = rehab_trace(replay)
     if trace is None:
         return {}
-    skip = float(replay.options.get("uncounted_s", 5.0))
+    skip = replay.head.exercise.uncounted_s if replay.head.exercise is not None else 5.0
     found = {}
     t = trace["time_s"]
     for name, start, end in rehab.mode_spans(t, mode_names(trace)):

@@ -2,7 +2,8 @@
 
 import json
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any, Generic, TypeVar
 
@@ -18,11 +19,11 @@ from eaid.logs.read import read_runs
 from eaid.logs.walk import root_of
 from eaid.replay import files as replay_files
 from eaid.replay.controllers import CONTROLLERS
-from eaid.report import older
 from eaid.report.long_runs import as_recorded, shortened
 from eaid.results import codec
 from eaid.results.fit import Fit
 from eaid.results.gains import Gains
+from eaid.results.replay import Replay
 from eaid.steps.build import StepOptions, build_stepset
 from eaid.steps.stepset import StepSet
 
@@ -40,30 +41,6 @@ class Source:
     sha256: str
     kind: str
     """fit, gains, replay or data."""
-
-
-@dataclass(frozen=True, eq=False)
-class Replay:
-    """One replay.h5."""
-
-    scenario: str
-    options: Mapping[str, Any]
-    traces: Mapping[str, Mapping[str, Array]]
-    """Controller → column → values; every column has the controller's own length."""
-    summary: Mapping[str, Any] = field(default_factory=dict)
-    """Controller → its numbers, where the file holds them."""
-    tables: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
-    """Controller → further arrays by name, as the band over drawn plants."""
-
-    @property
-    def input_unit(self) -> str:
-        """Unit of the duty."""
-        return str(self.options.get("input_unit", "%"))
-
-    @property
-    def output_unit(self) -> str:
-        """Unit of the torque."""
-        return str(self.options.get("output_unit", "N·m"))
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,7 +81,7 @@ class Results:
 
     def replay(self, scenario: str) -> Replay | None:
         """The first replay of a scenario."""
-        return next((one.result for one in self.replays if one.result.scenario == scenario), None)
+        return next((one.result for one in self.replays if one.result.head.scenario == scenario), None)
 
     @property
     def kinds(self) -> tuple[str, ...]:
@@ -125,7 +102,7 @@ class Results:
     def synthetic(self) -> str | None:
         """What made the data, where any of them are not recorded; None where all come from a rig."""
         said = [one.result.data.synthetic for one in self.fits] + [one.result.synthetic for one in self.data]
-        said += [one.result.options.get("synthetic") for one in self.replays]
+        said += [one.result.head.synthetic for one in self.replays]
         return next((str(one) for one in said if one), None)
 
 
@@ -147,13 +124,8 @@ def gathered(items: Iterable["Fit | Gains | Replay | StepSet | Given[Any]"]) -> 
         else:
             count = len(found[kind])
             found[kind].append(Given(Source(f"{kind} {count + 1}" if count else kind, "", kind), result))
-    about = next((one.result.data for one in found["fit"] if one.result.data.kind == "clutch"), None)
-    for k, one in enumerate(found["replay"]):  # older files do not name their units
-        if about is not None and "output_unit" not in one.result.options:
-            options = {**one.result.options, "input_unit": about.input_unit, "output_unit": about.output_unit}
-            found["replay"][k] = replace(one, result=replace(one.result, options=options))
     order = {name: i for i, name in enumerate(SCENARIOS)}
-    found["replay"].sort(key=lambda one: order.get(one.result.scenario, len(order)))
+    found["replay"].sort(key=lambda one: order.get(one.result.head.scenario, len(order)))
     return Results(*(tuple(found[kind]) for kind in ("fit", "gains", "replay", "data")))
 
 
@@ -167,7 +139,10 @@ def read_results(paths: Sequence[Path], tell: Callable[[str], None] = lambda _: 
     for path in paths:
         try:
             kind = kind_of(path)
-            items.append(Given(Source(str(path), sha256_of(path), kind), _READERS[kind](path, tell)))
+            result, found = _READERS[kind](path)
+            items.append(Given(Source(str(path), sha256_of(path), kind), result))
+            for one in found:
+                tell(say(one))
         except DataError as fault:
             faults.extend(fault.sentences)
     if faults:
@@ -202,69 +177,48 @@ def _by_its_parts(content: Mapping[str, object]) -> str:
     return next((f"eaid/{kind}/1" for kind, parts in codec.KINDS.items() if any(part in content for part in parts)), "")
 
 
-def _told(found: Sequence[Finding], tell: Callable[[str], None]) -> None:
-    for one in found:
-        tell(say(one))
-
-
-def _read_fit(path: Path, tell: Callable[[str], None]) -> Fit:
-    fit, found = older.read_fit(path)
-    _told(found, tell)
-    return fit
-
-
-def _read_gains(path: Path, tell: Callable[[str], None]) -> Gains:
-    gains, found = older.read_gains(path)
-    _told(found, tell)
-    return gains
-
-
-def _read_data(path: Path, _tell: Callable[[str], None]) -> StepSet:
+def _read_data(path: Path) -> tuple[StepSet, tuple[Finding, ...]]:
     runs = [shortened(run) for run in read_runs([path], ReadOptions())]
     every = {run.name: k for run, k in runs if k > 1}
-    return as_recorded(build_stepset([run for run, _ in runs], StepOptions()), every)
+    return as_recorded(build_stepset([run for run, _ in runs], StepOptions()), every), ()
 
 
-def read_replay(path: Path, tell: Callable[[str], None] = lambda _: None) -> Replay:
-    """Traces, options and measured numbers of a replay.h5; a controller without its four columns is refused."""
-    replay, left_out = replay_files.read(path)
-    _told(left_out, tell)
-    records, options = replay.records, replay_files.plain_head(replay.head)
-    traces = {name: one.columns for name, one in records.items() if set(NEEDED) & set(one.columns) != {"time_s"}}
-    missing = {name: [key for key in NEEDED if key not in columns] for name, columns in traces.items()}
-    faults = [
-        f"{path}: controller {name!r} has no {', '.join(keys)}; make the replay again"
-        for name, keys in missing.items()
-        if keys
-    ]
-    faults += [
-        f"{path}: {name}: its time_s does not rise from sample to sample; make the replay again"
-        for name, columns in traces.items()
-        if not (columns["time_s"][1:] > columns["time_s"][:-1]).all()
-    ]
-    faults += [f"{path}: {name}: {fault}" for name in traces if (fault := _band_fault(records[name].tables, options))]
+def _read_replay(path: Path) -> tuple[Replay, tuple[Finding, ...]]:
+    """A replay.h5 whose groups can be drawn; one without its columns, or with a time that does not rise, is refused."""
+    replay, found = replay_files.read(path)
+    drawn = {name: one for name, one in replay.records.items() if set(NEEDED) & set(one.columns) != {"time_s"}}
+    faults = []
+    for name, one in drawn.items():
+        t = one.columns["time_s"]
+        if missing := [key for key in NEEDED if key not in one.columns]:
+            faults.append(f"{path}: controller {name!r} has no {', '.join(missing)}; make the replay again")
+        elif not (t[1:] > t[:-1]).all():
+            faults.append(f"{path}: {name}: its time_s does not rise from sample to sample; make the replay again")
+        elif fault := _band_fault(one.tables, len(replay.head.band_quantiles)):
+            faults.append(f"{path}: {name}: {fault}")
     if faults:
         raise DataError(*faults)
-    if not traces:
+    if not drawn:
         raise DataError(f"{path}: holds no controller; make it again with eaid simulate")
-    known = list(CONTROLLERS)
-    traces = dict(sorted(traces.items(), key=lambda item: known.index(item[0]) if item[0] in known else len(known)))
-    summary = {name: replay_files.plain_metrics(records[name].metrics) for name in traces}
-    more = {name: records[name].tables for name in traces}
-    return Replay(str(options.get("scenario", "")), options, traces, summary, more)
+    known = {name: i for i, name in enumerate(CONTROLLERS)}
+    ordered = dict(sorted(drawn.items(), key=lambda item: known.get(item[0], len(known))))
+    return replace(replay, records=ordered), found
 
 
-def _band_fault(tables: Mapping[str, Array], options: Mapping[str, Any]) -> str | None:
-    """What is wrong with the torques of drawn plants: they have a row a quantile and a column an instant."""
+def _band_fault(tables: Mapping[str, Array], quantiles: int) -> str | None:
+    """What is wrong with the outputs of drawn plants: they have a row a quantile and a column an instant."""
     if "plants/band_nm" not in tables:
         return None
     band, time = tables["plants/band_nm"], tables.get("plants/band_time_s")
-    wanted = None if time is None else (len(options.get("band_quantiles") or []), *time.shape)
+    wanted = None if time is None else (quantiles, *time.shape)
     if band.shape == wanted and all(part.dtype.kind in "fiu" for part in (band, time) if part is not None):
         return None
     return "its plants/band_nm has not a number for every quantile and instant; make the replay again"
 
 
-_READERS: Mapping[str, Callable[[Path, Callable[[str], None]], Any]] = {
-    "fit": _read_fit, "gains": _read_gains, "replay": read_replay, "data": _read_data,
-}  # fmt: skip
+_READERS: Mapping[str, Callable[[Path], tuple[Any, tuple[Finding, ...]]]] = {
+    "fit": partial(codec.read, kind="fit", type_=Fit),
+    "gains": partial(codec.read, kind="gains", type_=Gains),
+    "replay": _read_replay,
+    "data": _read_data,
+}

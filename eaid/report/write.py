@@ -12,10 +12,11 @@ from eaid.report.draw import draw_all, font_of, formats_of, ready_figures, summa
 from eaid.report.mark import mark_of
 from eaid.report.options import FIGURES, PAGE, USUAL, ReportOptions, figures_in, refuse_to_overwrite_report
 from eaid.report.page.render import page
-from eaid.report.results import Given, Replay, Results, gathered
+from eaid.report.results import Given, Results, gathered
 from eaid.report.style import Look
 from eaid.results.fit import Fit
 from eaid.results.gains import Gains
+from eaid.results.replay import Replay
 from eaid.steps.stepset import StepSet
 
 

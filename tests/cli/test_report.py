@@ -32,7 +32,7 @@ def test_page_and_figures_are_written_and_named(fit: Path, tmp_path: Path, capsy
     said = capsys.readouterr()
     assert said.out == ""
     assert f"{out}/report.html: 1 figures" in said.err
-    assert "left out fig11_steps: eaid simulate fit.json --gains gains.json --scenario steps -o steps.h5" in said.err
+    assert "figures want more results; the page's appendix names the commands" in said.err
     assert sorted(path.name for path in out.rglob("*") if path.is_file()) == [
         "fig04_friction_over_stress.png",
         "report.html",
@@ -44,7 +44,7 @@ def test_json_lists_what_was_made(fit: Path, tmp_path: Path, capsys: pytest.Capt
     said = capsys.readouterr()
     told = json.loads(said.out)
     assert told["figures"] == ["fig04_friction_over_stress"] and said.err == ""
-    assert ["fig02_pwm", "eaid fit clutch.h5"] in told["missing"]
+    assert ["fig08_linear_model", "eaid fit clutch.h5 -o fit.json"] in told["missing"]
 
 
 def test_an_earlier_page_is_left_alone(fit: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]):
@@ -53,7 +53,7 @@ def test_an_earlier_page_is_left_alone(fit: Path, tmp_path: Path, capsys: pytest
     (out / "report.html").write_text("mine")
     assert run(["report", str(fit), "-o", str(out)]) == 2
     assert (
-        f"error: {out}/report.html: exists already; give --force to overwrite it, or another --output\n"
+        f"error: {out}/report.html: exists already; give --force to overwrite the report, or another --output\n"
         in capsys.readouterr().err
     )
     assert (out / "report.html").read_text() == "mine"

@@ -49,10 +49,10 @@ def clutch_set(factor: float = 1.0) -> StepSet:
     return StepSet("clutch", "%", "N·m", Apparatus(), tuple(rows), tuple(falls))
 
 
-def levels_of(rows: dict[float, Friction]) -> tuple[FrictionLevel, ...]:
+def levels_of(rows: dict[float, Friction], force: bool = False) -> tuple[FrictionLevel, ...]:
     return tuple(
         FrictionLevel(
-            u, p.Ts, p.tau1, p.tau2, rmse=0.01,
+            u, p.Ts, p.tau1, p.tau2, rmse=0.01, stress_kpa=u / (np.pi * 2e-3) / 1e3 if force else None, speed_rpm=u,
             ci95=LevelIntervals((0.95 * p.Ts, 1.05 * p.Ts), (0.9 * p.tau1, 1.1 * p.tau1), None),
         )
         for u, p in rows.items()
@@ -69,7 +69,7 @@ def clutch_fit(factor: float = 1.0) -> Fit:
         for u, B in zip(LEVELS, (36.5, 33.0, 8.3), strict=True)
     )
     return Fit(
-        friction=fits.Friction(0.85, levels_of(curves)),
+        friction=fits.Friction(0.85, levels=levels_of(curves)),
         nonlinear=fits.Nonlinear(p.tau1, p.tau2, steady, (10.0, 100.0), per_level=per_level),
         linear=fits.Linear(1.84, 0.0783, -1.34, bounds=fits.Bounds(B_m=8.3, B_M=41.1), per_level=each),
     )
@@ -87,7 +87,9 @@ def friction_fit(kind: str) -> Fit:
     forms = {2: "linear", 4: "double-exponential"}
     trends = {k: fits.Trend(forms[len(c)], c) for k, (_t, c, _r) in table.items()}
     data = fits.Data(kind, "N" if force else "RPM", apparatus=fits.Rig(surfaces=1))
-    return Fit(data=data, friction=fits.Friction(0.85, levels_of(rows), trends))
+    return Fit(
+        data=data, friction=fits.Friction(0.85, "stress_kpa" if force else "speed_rpm", levels_of(rows, force), trends)
+    )
 
 
 def force_set() -> StepSet:

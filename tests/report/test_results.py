@@ -8,7 +8,7 @@ import pytest
 from eaid.errors import DataError, UsageError
 from eaid.replay.files import write_replay
 from eaid.report.results import kind_of, read_results
-from eaid.results.replay import Head, Record, Replay
+from eaid.results.replay import Head, Metrics, Record, Replay
 
 
 def test_files_are_told_apart_by_what_they_say(files: dict[str, Path]):
@@ -16,11 +16,11 @@ def test_files_are_told_apart_by_what_they_say(files: dict[str, Path]):
         [files["multisine.h5"], files["gains.json"], files["clutch.h5"], files["clutch.json"], files["steps.h5"]]
     )
     assert [len(part) for part in (results.data, results.fits, results.gains, results.replays)] == [1, 1, 1, 2]
-    assert [replay.result.scenario for replay in results.replays] == [
+    assert [replay.result.head.scenario for replay in results.replays] == [
         "steps",
         "multisine",
     ]  # the paper's order, not the call's
-    assert list(results.replays[0].result.traces) == ["rc", "pi"]
+    assert list(results.replays[0].result.records) == ["rc", "pi"]
 
 
 def test_a_script_s_own_json_is_known_by_its_parts(tmp_path: Path):
@@ -64,7 +64,7 @@ def test_a_replay_by_the_contract_alone_is_enough(tmp_path: Path):
         for name in ("time_s", "reference_nm", "torque_nm", "duty_pct"):
             file[f"rc/{name}"] = np.linspace(0, 1, 50)
     replay = read_results([tmp_path / "replay.h5"]).replays[0].result
-    assert replay.scenario == "multisine" and replay.summary["rc"] == {}
+    assert replay.head.scenario == "multisine" and replay.records["rc"].metrics == Metrics()
 
 
 def _record() -> dict[str, np.ndarray]:

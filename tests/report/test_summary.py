@@ -4,7 +4,7 @@ from typing import Any
 
 import pytest
 
-from eaid.findings import Finding
+from eaid.findings import Finding, finding
 from eaid.report.page import summary
 from eaid.report.page.known import known, sentence
 from eaid.report.results import Results, gathered
@@ -17,7 +17,7 @@ CLEAN: dict[str, Any] = {"linear": results.Linear(1.8, 0.08, -1.3), "converged":
 
 
 def found(severity: str, subject: str = "nonlinear", **values: Any) -> Finding:
-    return Finding("said-by-the-file", severity, subject, values={"text": "x", **values})  # type: ignore[arg-type]
+    return Finding(f"test-{severity}", severity, subject, values=values)  # type: ignore[arg-type]
 
 
 def grades(given: Results) -> list[str]:
@@ -87,7 +87,7 @@ def test_tiles_are_the_top_level_and_the_worst_margin():
     data = results.Data("clutch", "V", "N")
     worst = WorstMargins(Margin(gain_db=16.2, phase_deg=78.1), Margin(gain_db=42.7, phase_deg=31.5))
     gains = Gains(LinearModel(1.0, 1.0, 0.0), margins=Margins(worst=worst))
-    tiles = summary.tiles(gathered([Fit(data=data, friction=results.Friction(0.85, levels)), gains]))
+    tiles = summary.tiles(gathered([Fit(data=data, friction=results.Friction(0.85, levels=levels)), gains]))
     assert len(tiles) == 6
     assert (tiles[1].label, tiles[1].value) == ("T_s at 300 V", "2.00 N") and tiles[1].note.startswith("1.90 … 2.10")
     assert (tiles[5].value, tiles[5].note) == ("78° | 32°", "phase; gain 16 | 43 dB")
@@ -109,5 +109,5 @@ def test_only_such_a_clutch_is_called_one(units: tuple[str, str], title: str):
 
 
 def test_a_sentence_has_a_capital_and_a_stop():
-    said = sentence(Finding("said-by-the-file", "caution", "nonlinear", values={"text": "give «phi» data"}))
-    assert said == "Nonlinear model: give --phi data."
+    said = sentence(finding("part-left-out", "nonlinear", part="linear", key="a0"))
+    assert said == "Nonlinear model: nonlinear: its linear has no a0 and is left out."

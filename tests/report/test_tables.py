@@ -121,6 +121,6 @@ def test_what_is_absent_costs_only_its_table():
 def test_an_interval_that_says_nothing_is_a_dash():
     ends = LevelIntervals(Ts=(0.09, 0.11), tau2=None)
     rows = (FrictionLevel(150.0, 0.1, 0.01, 9.0, ci95=ends),)
-    table = fits.levels_table(Fit(data=results.Data("clutch", "", "N"), friction=results.Friction(0.85, rows)))
+    table = fits.levels_table(Fit(data=results.Data("clutch", "", "N"), friction=results.Friction(0.85, levels=rows)))
     assert table.heads[:2] == ("level", "T_s (N)") and table.texts[0][1:3] == ("0.1000", "0.0900 … 0.110")
     assert table.texts[0][6] == "–"

@@ -7,6 +7,4 @@ ROWS: dict[str, Row] = {
         "note", "{subject}: another program has written it anew: its digest no longer fits and is passed over"
     ),
     "part-left-out": Row("caution", "{subject}: its {part} has no {key} and is left out"),
-    "said-by-the-file": Row("caution", "{text}"),
-    "not-settled": Row("stop", "these data cannot settle it: {text}"),
 }

@@ -57,12 +57,19 @@ def trend_values(trend: Trend, x: Array) -> Array:
 
 
 def trend_x(fit: Fit) -> tuple[Array, str]:
-    """What the trends run over, and its label: stress [kPa] of the paper's force rig, else the level itself."""
-    levels = [row.level for row in fit.friction.levels] if fit.friction else []
-    if fit.data.kind == "friction-force" and of_the_paper(fit.data):
-        rig = apparatus_of(fit.data)
-        return np.array([rig.stress_kpa(level) for level in levels]), "Normal stress (kPa)"
-    return np.array(levels), over(fit.data.input_unit)
+    """What the trends run over, and its label: stress [kPa], speed [RPM] or the level itself."""
+    part = fit.friction
+    if part is None:
+        return np.empty(0), over(fit.data.input_unit)
+    if over_stress(fit):
+        return np.array(part.x), "Normal stress (kPa)"
+    return np.array([row.level for row in part.levels]), over(fit.data.input_unit)
+
+
+def over_stress(fit: Fit) -> bool:
+    """Whether the fitted values run over the normal stress."""
+    part = fit.friction
+    return part is not None and part.over == "stress_kpa" and all(row.stress_kpa is not None for row in part.levels)
 
 
 def reach(values: Array, ends: Sequence[Interval]) -> Array:
@@ -95,14 +102,13 @@ def _panel(axes: Axes, fit: Fit, name: str, x: Array, paper: Callable[[Array], A
     else:
         values, ends = np.array([getattr(row, name) for row in rows]), intervals_of(rows, name)
     far = reach(values, ends)
-    stress = fit.data.kind == "friction-force" and of_the_paper(fit.data)
     axes.errorbar(
         x, values, yerr=far, fmt="o", color=style.BLACK, capsize=1.6, elinewidth=0.7, label="each level, 95 %"
     )
     fine = np.linspace(x.min(), x.max(), 200)
     top = float(np.max(np.minimum(values + far[1], 2 * np.abs(values))))
     trend = trends.get(name)
-    if trend is not None and trend.coefficients and (trend.over == "stress_kpa") == stress:
+    if trend is not None and trend.coefficients:
         axes.plot(fine, trend_values(trend, fine), color=style.BLUE, label="trend")
         top = max(top, float(np.max(trend_values(trend, fine))))
     if paper is not None:
@@ -115,13 +121,13 @@ def _panel(axes: Axes, fit: Fit, name: str, x: Array, paper: Callable[[Array], A
 def friction_over_stress(fit: Fit, asked: bool | None = None) -> Figure:
     """Fig. 4: T_s, τ1, C_f and τ2 over the normal stress [kPa] with their trends; over the level on another rig."""
     x, label = trend_x(fit)
-    ours = of_the_paper(fit.data)
-    names = ("Ts", "tau1", "C_f", "tau2") if ours else ("Ts", "tau1", "tau2")
-    figure, axes = style.page(4.2, 2, 2, sharex=True) if ours else style.page(2.4, 1, 3)
+    four = over_stress(fit)
+    names = ("Ts", "tau1", "C_f", "tau2") if four else ("Ts", "tau1", "tau2")
+    figure, axes = style.page(4.2, 2, 2, sharex=True) if four else style.page(2.4, 1, 3)
     for mark, name, panel in zip("abcd", names, axes, strict=False):
         _panel(panel, fit, name, x, published.OVER_STRESS[name] if of_the_paper(fit.data, asked) else None)
         style.letter(panel, mark)
-    for panel in axes[2:] if ours else axes:
+    for panel in axes[2:] if four else axes:
         panel.set_xlabel(label)
     style.legend_over(figure, axes[0])
     return figure

@@ -2,9 +2,10 @@
 
 import shlex
 
-from eaid.report.results import Replay, Results
+from eaid.report.results import Results
 from eaid.results.fit import Fit, FitOptionsRecord
 from eaid.results.gains import Gains
+from eaid.results.replay import Replay
 
 FIT = {
     "models": "--model", "share": "--share", "weights": "--weights", "loss": "--loss", "hold_out": "--hold-out",
@@ -36,13 +37,14 @@ def commands(results: Results) -> list[str]:
 
 
 def _simulate(model: str, with_gains: str, replay: Replay, path: str) -> str:
-    if replay.scenario == "log":
+    head = replay.head
+    if head.scenario == "log":
         return f"eaid simulate {model} --log LOGS -o {path}"
-    names = ",".join(name for name in replay.traces if name != "best")
-    more = " --best" if "best" in replay.traces else ""
-    for key in ("plants", "seed"):
-        more += f" --{key} {replay.options[key]}" if isinstance(replay.options.get(key), int) else ""
-    scenario = "--reference FILE" if replay.scenario == "reference" else f"--scenario {shlex.quote(replay.scenario)}"
+    names = ",".join(name for name, one in replay.records.items() if one.role == "controller")
+    more = " --best" if any(one.role == "best" for one in replay.records.values()) else ""
+    more += f" --plants {head.plants}" if head.plants else ""
+    more += f" --seed {head.seed}" if head.seed else ""
+    scenario = "--reference FILE" if head.scenario == "reference" else f"--scenario {shlex.quote(head.scenario)}"
     return f"eaid simulate {model}{with_gains} {scenario} --controller {shlex.quote(names)}{more} -o {path}"
 
 

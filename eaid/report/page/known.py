@@ -8,8 +8,6 @@ from eaid.findings import Finding, merged, ranked, say
 from eaid.report.results import Results
 
 MODELS = {"friction": "friction curves", "nonlinear": "nonlinear model", "linear": "linear model", "release": "release"}
-TEXTS = ("said-by-the-file", "not-settled")
-"""Codes of texts in older files."""
 MOST = 3
 """Findings of a part that are shown; the rest are folded."""
 
@@ -29,28 +27,20 @@ def known(results: Results) -> Known:
     """All findings of the results, sorted."""
     found: dict[str, list[Finding]] = {"data": [], "model": [], "controller": [], "replay": []}
     for data in results.data:
-        found["data"] += getattr(data.result, "findings", ())
+        found["data"] += data.result.all_findings
     for fit in results.fits:
         for one in fit.result.findings:
             found["model" if one.subject in MODELS or one.subject == "fit" else "data"].append(one)
     for gains in results.gains:
         found["controller"] += gains.result.findings
     for replay in results.replays:
-        found["replay"] += getattr(replay.result, "findings", ())
-    return Known({part: _fewest(_once(group)) for part, group in found.items()})
-
-
-def _fewest(found: list[Finding]) -> tuple[Finding, ...]:
-    """The gravest first, those of one code once; texts of older files share a code and are kept apart."""
-    texts = [one for one in found if one.code in TEXTS]
-    return ranked((*merged([one for one in found if one.code not in TEXTS]), *texts))
+        found["replay"] += replay.result.findings
+    return Known({part: merged(ranked(_once(group))) for part, group in found.items()})
 
 
 def _once(found: Iterable[Finding]) -> list[Finding]:
     """Each finding once: a fit repeats what its data already said."""
-    return list(
-        {(one.code, one.severity, one.subject, one.levels, str(one.values.get("text"))): one for one in found}.values()
-    )
+    return list({(one.code, one.subject, one.levels): one for one in found}.values())
 
 
 def sentence(one: Finding) -> str:

@@ -244,12 +244,12 @@ def _controller(results: Results, known: Known, drawn: dict[str, Shown], asked: 
 
 
 def _replay(results: Results, known: Known, drawn: dict[str, Shown]) -> Part | None:
-    shown = [one for one in results.replays if one.result.scenario != "rehab"]
+    shown = [one for one in results.replays if one.result.head.scenario != "rehab"]
     if not shown:
         return None
     first, rest = _told(known, "replay")
-    own = [one for one in shown if one.result.scenario != "log"]
-    logs = [one.result for one in shown if one.result.scenario == "log"]
+    own = [one for one in shown if one.result.head.scenario != "log"]
+    logs = [one.result for one in shown if one.result.head.scenario == "log"]
     names = ["fig12_multisine", "own_reference", "fig11_steps", "fig13_sweep", "log_replay"]
     figures = [drawn[name] for name in names if name in drawn]
     main = [replays.replays_table(own)] if own else [replays.log_table(one) for one in logs]

@@ -202,12 +202,13 @@ def _values(fit: Fit | None) -> list[Tile]:
 
 def _errors(results: Results) -> Tile:
     replay = results.replay("multisine") or next(
-        (one.result for one in results.replays if "rc" in one.result.traces), None
+        (one.result for one in results.replays if "rc" in one.result.records), None
     )
     values, unit, where = {}, "", "no replay given"
     if replay is not None:
-        values = {name: metric(replay, name, "max_abs_error_nm") for name in ("rc", "pi") if name in replay.traces}
-        unit, where = replay.output_unit, SCENARIO_NAMES.get(replay.scenario, replay.scenario)
+        values = {name: metric(replay, name, "max_abs_error_nm") for name in ("rc", "pi") if name in replay.records}
+        scenario = replay.head.scenario
+        unit, where = replay.head.output_unit, SCENARIO_NAMES.get(scenario, scenario)
     elif results.gains and (told := results.gains[0].result.replayed) is not None:
         known = {"rc": told.rc, "pi": told.pi}
         values = {name: one.max_abs_error_nm for name, one in known.items() if one is not None}
@@ -256,7 +257,7 @@ def next_steps(results: Results, known: Known) -> tuple[Step, ...]:
                     f"Ask for gains whose guarantee holds ({words})", f"eaid tune-rc {name} {mended} -o {given} --force"
                 )
             )
-        if not any(one.result.scenario == "multisine" for one in results.replays):
+        if not any(one.result.head.scenario == "multisine" for one in results.replays):
             line = f"eaid simulate {name} --gains {given} --scenario multisine -o multisine.h5"
             found.append(Step("Try the controllers on the fitted model", line))
     found.append(Step("Record what narrows the intervals most", f"eaid plan {name} -o plan.csv"))

@@ -2,6 +2,8 @@
 
 from collections import Counter
 
+from eaid.errors import on_command_line
+from eaid.findings import say
 from eaid.report.results import KINDS, Results
 from eaid.report.style import controller_name
 from eaid.report.tables.table import Cell, Name, Table, columns, level
@@ -10,13 +12,8 @@ from eaid.steps.stepset import RunRecord, StepSet
 
 
 def doubts_of(run: RunRecord) -> tuple[str, ...]:
-    """What is doubtful in a run, as sentences."""
-    from eaid.findings import Finding, sentences
-
-    found = getattr(run, "findings", ())
-    if found and isinstance(found[0], Finding):
-        return tuple(sentences(found))
-    return tuple(getattr(run, "warnings", ()))
+    """What is doubtful in a run, as sentences; notes are no doubts."""
+    return tuple(on_command_line(say(one)) for one in run.findings if one.severity != "note")
 
 
 def runs_tables(data: StepSet) -> tuple[Table, Table]:
@@ -63,9 +60,9 @@ def files_table(results: Results) -> Table:
         *((Name(one.path), "gains", "robust and PI gains", Name(one.source.sha256)) for one in results.gains),
     ]
     for replay in results.replays:
-        names = [controller_name(name) for name in replay.result.traces]
+        names = [controller_name(name) for name in replay.result.records]
         said = ", ".join(names) if len(names) < 6 else f"{len(names)} runs"
-        rows.append((Name(replay.path), "replay", Name(f"{replay.result.scenario or 'replay'}: {said}"),
+        rows.append((Name(replay.path), "replay", Name(f"{replay.result.head.scenario or 'replay'}: {said}"),
                      Name(replay.source.sha256)))  # fmt: skip
     for data in results.data:
         counts = Counter(one.level for one in data.result.levels for _ in one.names)
