@@ -52,7 +52,8 @@ def command(
     console.be_quiet(quiet)
     from eaid.cli.synth_excitation import controller_of, excitation_of
     from eaid.files import refuse_to_overwrite
-    from eaid.report.older import read_fit
+    from eaid.results import codec
+    from eaid.results.fit import Fit
     from eaid.store import input_record
     from eaid.synth.folder import refuse_folder, write_folder
     from eaid.synth.synthesize import SynthOptions, plant_of, synthesize
@@ -80,7 +81,7 @@ def command(
         excitation=None if excitation is None else excitation_of(excitation, shape), clean=clean,
         sizes={name: value for name, value in sizes.items() if value is not None}, seed=seed,
     )  # fmt: skip
-    fit, told = read_fit(fit_file) if fit_file is not None else (None, ())
+    fit, told = codec.read(fit_file, "fit", Fit) if fit_file is not None else (None, ())
     named = "" if fit_file is None else f"{fit_file} (sha256 {input_record(fit_file)['sha256'][:12]})"
     runs = synthesize(options, fit, named, controller_of(gains, controller))
     if is_dataset:

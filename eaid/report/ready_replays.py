@@ -144,8 +144,7 @@ def _tones(trace: Mapping[str, Array]) -> Sequence[ToneMetrics]:
     if len(default.torque_nm) != len(t) or not np.allclose(default.torque_nm, trace["reference_nm"], atol=1e-6):
         return []
     wanted, y = trace["reference_nm"], trace["torque_nm"]
-    tones = [tone(wanted[p.begin : p.end], y[p.begin : p.end], p.frequency_hz, dt) for p in default.tones]
-    return tones
+    return [tone(wanted[p.begin : p.end], y[p.begin : p.end], p.frequency_hz, dt) for p in default.tones]
 
 
 def sweep_ready(results: Results, _asked: bool | None) -> Ready | None:
