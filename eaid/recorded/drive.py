@@ -17,6 +17,8 @@ GROWTH = 0.05
 """Part of the time since a change that a block may last."""
 MOVING_ROWS = 6_000
 """Blocks of an input that moves all the time, at most."""
+SKETCH = (0.2, 2_000)
+"""Both, of a copy on which many starts are looked at."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,12 +72,12 @@ def directions(log: RecordedLog) -> NDArray[np.int64]:
     return np.repeat(np.where(down, -1, 1), np.diff(np.append(at, len(held))))
 
 
-def coarse(log: RecordedLog) -> Drive:
+def coarse(log: RecordedLog, growth: float = GROWTH, moving: int = MOVING_ROWS) -> Drive:
     """A log of some thousand rows that costs nearly what the log costs, but for a constant."""
     n = len(log.input)
-    if n <= MOVING_ROWS // 4 or not np.isfinite(log.output).all():
+    if n <= moving // 4 or not np.isfinite(log.output).all():
         return drive_of(log)
-    starts = _growing(log.changes, n) if log.stepwise else np.arange(0, n, -(-n // MOVING_ROWS))
+    starts = _growing(log.changes, n, growth) if log.stepwise else np.arange(0, n, -(-n // moving))
     size = np.diff(np.append(starts, n))
     t, y = log.time_s, log.output - (log.baseline or 0.0)
     middle = np.add.reduceat(t, starts) / size
@@ -106,12 +108,12 @@ def coarse(log: RecordedLog) -> Drive:
     )
 
 
-def _growing(changes: NDArray[np.intp], n: int) -> NDArray[np.intp]:
+def _growing(changes: NDArray[np.intp], n: int, growth: float) -> NDArray[np.intp]:
     """First rows of blocks that grow from each change to the next."""
     holds = np.diff(np.append(changes, n))
     cuts, at = [0], 0
     while at < holds.max():
-        at += max(1, int(GROWTH * at))
+        at += max(1, int(growth * at))
         cuts.append(at)
     grid = np.array(cuts)
     return np.concatenate(

@@ -26,7 +26,7 @@ from eaid.recorded.as_results import (
     uncertainty_part,
 )
 from eaid.recorded.closed_loop import judged_loops, with_instrument
-from eaid.recorded.drive import coarse, drive_of
+from eaid.recorded.drive import SKETCH, coarse, drive_of
 from eaid.recorded.falls import CHANCE, tested
 from eaid.recorded.intervals import ENGAGEMENTS, CurveSpread, curves, inputs_shown, spread
 from eaid.recorded.log import RecordedLog, levels_of, logs_of_steps, recorded_log
@@ -90,13 +90,14 @@ def fit_recorded(
     if not rests:
         found += [finding("idle-not-seen", log.name) for log in logs]
     drives, small = tuple(map(drive_of, every)), tuple(map(coarse, every))
+    sketch = tuple(coarse(log, *SKETCH) for log in every)
     spans = [drive.dt_s[drive.dt_s > 0] for drive in drives]
     longest, shortest = max(float(one.sum()) for one in spans), float(np.median(np.concatenate(spans)))
     wanted = options.models or ("friction", "nonlinear", "linear")
 
     def solved_for(one: model.Model) -> tuple[Solved, Setup]:
         rough = Setup(one, small, idle_free=rests)
-        return solve(Setup(one, drives, idle_free=rests), small), rough
+        return solve(Setup(one, drives, idle_free=rests), small, sketch), rough
 
     base, rough = solved_for(model.nonlinear(_basis_levels(inputs), options.share, longest))
     falls: Falls | None = None

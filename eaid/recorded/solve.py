@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from eaid.arrays import Array
-from eaid.fitting.solver import EndPoint, Problem, approach, ended, judged, polish
+from eaid.fitting.solver import CONVERGED, EndPoint, Problem, approach, ended, judged, polish, slsqp
 from eaid.recorded.drive import Drive
 from eaid.recorded.problem import Setup
 from eaid.recorded.starts import starts
@@ -43,19 +43,30 @@ class Solved:
         return self.x[: self.setup.model.size]
 
 
-def solve(setup: Setup, small: Sequence[Drive] | None = None, given: Sequence[Array] = ()) -> Solved:
-    """The least-squares unknowns; `small` is a coarse copy of the logs, `given` are starts besides our own."""
+def solve(
+    setup: Setup,
+    small: Sequence[Drive] | None = None,
+    sketch: Sequence[Drive] | None = None,
+    given: Sequence[Array] = (),
+) -> Solved:
+    """The least-squares unknowns, from our own starts and any given ones.
+
+    `sketch` is a copy of the logs on which many starts are looked at, `small` a finer one on which the best are solved.
+    """
     problem = setup.problem()
     rough = setup if small is None else replace(setup, drives=tuple(small))
-    sketch = problem if small is None else rough.problem()
-    begin = starts(rough, sketch)
-    ends = [approach(sketch, x) for x in [*given, *begin]]
+    near = problem if small is None else rough.problem()
+    drawn = rough if sketch is None else replace(setup, drives=tuple(sketch))
+    begin = starts(drawn, near if sketch is None else drawn.problem())
+    ends = [approach(near, x) for x in [*given, *begin]]
     tried = sum(end.evaluations for end in ends)
+    if min(end.cost for end in ends) > near.floor:  # beneath it lies rounding, in which a line search finds no way
+        ends = ended(ends, near)
     distinct: list[EndPoint] = []
     for end in sorted(ends, key=lambda one: one.cost):
-        if all(abs(end.cost - other.cost) > 1e-6 * other.cost + sketch.floor for other in distinct):
+        if all(abs(end.cost - other.cost) > 1e-6 * other.cost + near.floor for other in distinct):
             distinct.append(end)
-    kept = [end for end in distinct[:RIVALS] if end.cost <= (1 + NEAR) * distinct[0].cost + sketch.floor]
+    kept = [end for end in distinct[:RIVALS] if end.cost <= (1 + NEAR) * distinct[0].cost + near.floor]
     return finished(setup, problem, [end.x for end in kept], tried, rough, [end.cost for end in ends])
 
 
@@ -76,15 +87,14 @@ def finished(
     """From near ends on every sample to the verdict."""
     found = [approach(problem, x) for x in begin]
     best = min(found, key=lambda end: end.cost)
-    if best.cost > problem.floor:  # beneath it lies rounding, in which a line search finds no way
-        found = ended(found, problem)
-        best = min(found, key=lambda end: end.cost)
     exact = with_second_derivatives(problem, rough or setup)
 
     def full(x: Array) -> tuple[float, Array]:
         return problem.value(x)
 
     end, predicted, active = polish(exact, best, full)
+    if predicted > CONVERGED and end.cost > problem.floor:
+        end, predicted, active = polish(exact, slsqp(problem, end.x), full)
     shift = end.cost - best.cost
     ended_at = tuple(costs) or tuple(one.cost + shift for one in found)
     evaluations = tried + sum(one.evaluations for one in found) + end.evaluations - best.evaluations
