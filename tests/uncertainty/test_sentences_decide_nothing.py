@@ -44,8 +44,8 @@ V = {
     2.0, "convention": "zero", "several": True, "C": 0.85, "estimate": 0.88, "held": 0.85, "differ": False,
     "worst": 10.0, "joint": 1.0, "two_stage": 2.0, "gain_pct": 3.0, "weak": ("tau2",), "equal": 1.0, "sd": 2.0,
     "repeats": 3, "because": "spread-rises", "believe": "sd", "lost_pct": 26.0, "shape": "a shape",
-    "usual": "two exponentials", "rmse": 0.1, "usual_rmse": 0.2, "closer_pct": 3.0, "systematic": 0.01, "Ts": 4, "fault":
-    "singular", "pct": 7.0, "plants": 100, "width_pct": 6.0, "wanted_pct": 5.0, "scatter_pct": 3.0, "open": 6,
+    "usual": "two exponentials", "rmse": 0.1, "usual_rmse": 0.2, "closer_pct": 3.0, "systematic": 0.01, "Ts": 4,
+    "fault": "singular", "pct": 7.0, "plants": 100, "width_pct": 6.0, "wanted_pct": 5.0, "scatter_pct": 3.0, "open": 6,
     "why": "record", "half_width": 0.1, "rising": True, "keys": ("nonlinear.Ts",), "names": ("Ts",),
 }  # fmt: skip
 

@@ -71,7 +71,7 @@ def _convention(v: Values) -> str:
 
 def symbol(values: Values) -> str:
     """T_s, τ1 … for the parameter of a finding."""
-    return SYMBOLS.get(values["parameter"], values["parameter"])
+    return str(SYMBOLS.get(values["parameter"], values["parameter"]))
 
 
 def _of(text: str) -> Callable[[Values], str]:
