@@ -152,7 +152,7 @@ def sniff(path: str, head: bytes, whole: bool) -> Dialect:
     ragged = len(cells) == count + 1 and not cells[-1].strip()
     start -= _broken_rows(lines[:start], delimiter, decimal, thousands)
     _refuse_another_table(path, lines[:start], delimiter, decimal, thousands)
-    names, units, header_lines = _header(lines[:start], delimiter, count)
+    names, units, header_lines = _header(lines[:start], delimiter, count, ragged)
     stamps = tuple(
         i
         for i, cell in enumerate(cells[:count])
@@ -207,15 +207,20 @@ def _first_row(lines: list[str], delimiter: str | None, decimal: str, thousands:
     return next((i for i, line in enumerate(lines) if is_row(line)), None)
 
 
-def _header(above: list[str], delimiter: str | None, count: int) -> tuple[tuple[str, ...], tuple[str, ...], set[int]]:
-    """Names and units of the columns from the lines above the first row, and which lines those are."""
+def _header(
+    above: list[str], delimiter: str | None, count: int, ragged: bool
+) -> tuple[tuple[str, ...], tuple[str, ...], set[int]]:
+    """Names and units of the columns from the lines above the first row, and which lines those are.
+
+    `ragged`: the rows end with a delimiter, and a name behind it is that of an empty column.
+    """
     rows: list[tuple[int, list[str]]] = []
     for i in reversed(range(len(above))):
         bare = above[i].strip("\r\n ")
         if bare.lstrip().startswith(COMMENT):
             bare = bare.lstrip("#%/ ")
         cells = [cell.strip().strip('"').strip() for cell in split(bare, delimiter)]
-        if len(cells) == count + 1 and not cells[-1]:
+        if len(cells) == count + 1 and (ragged or not cells[-1]):
             cells = cells[:-1]
         if len(cells) == count and any(cells) and (count > 1 or len(rows) == 0):
             rows.append((i, cells))

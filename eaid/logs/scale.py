@@ -22,7 +22,7 @@ class Scale:
     findings: tuple[Finding, ...] = ()
 
 
-def scale_of(path: str, role: str, said: str | None, column: str, file_unit: str, default: str) -> Scale:
+def scale_of(path: str, role: str, said: str | None, column: str, file_unit: str, default: str, label: str) -> Scale:
     """Unit and factor of a column: what the user says, else the file, else the column's name, else the default.
 
     A unit that eaid does not know is kept as it is. `/255` says that 255 counts are the full scale: an input in %.
@@ -40,12 +40,12 @@ def scale_of(path: str, role: str, said: str | None, column: str, file_unit: str
         if default == "%":  # a share: the levels tell whether it is one of 1 or of 100
             return Scale("%", 1.0)
         if default:
-            return Scale(default, 1.0, (finding("unit-assumed", path, role=role, column=column, unit=default),))
-        return Scale("", 1.0, (finding("unit-unknown", path, role=role, column=column),))
+            return Scale(default, 1.0, (finding("unit-assumed", path, role=role, column=label, unit=default),))
+        return Scale("", 1.0, (finding("unit-unknown", path, role=role, column=label),))
     if known is None:
         return Scale(text, 1.0)
     if text.strip("[]() ").lower() in ("g", "kg") and not is_weight(split_name(column)[0], said is not None):
-        return Scale(text, 1.0, (finding("unit-g-unclear", path, role=role, column=column, unit=text),))
+        return Scale(text, 1.0, (finding("unit-g-unclear", path, role=role, column=label, unit=text),))
     return Scale(known.to, known.factor)
 
 

@@ -211,7 +211,8 @@ def _is_trigger(columns: _Columns, trigger: int | None) -> bool:
 
 
 def _scaled(source: str, role: str, table: Table, column: int, options: ReadOptions, default: str) -> Scale:
-    return scale_of(source, role, options.units.get(role), table.columns[column], table.unit(column), default)
+    name, said = table.columns[column], options.units.get(role)
+    return scale_of(source, role, said, name, table.unit(column), default, table.label(column))
 
 
 def _input(

@@ -69,6 +69,8 @@ DIALECTS: dict[str, tuple[bytes, dict[str, object]]] = {
     "millinewton metres": (table(factor=(1, 1, 1e3), header="t,u,Torque (mNm)").encode(), {}),
     "duty as a fraction": (table(factor=(1, 0.01, 1)).encode(), {"units": {"input": "fraction"}}),
     "time said to be in ms": (table(factor=(1e3, 1, 1), header="t,u,torque").encode(), {"units": {"time": "ms"}}),
+    "an empty last column": (table(header="time_s,duty_pct,torque_nm,note").replace("\n", ",\n").replace(
+        "note,", "note").encode(), {}),
     "quoted": (table(lambda v: f'"{v!r}"', header='"time_s","duty_pct","torque_nm"').encode(), {}),
     "quoted names with commas": (
         table(header='"Time, s","Duty, %","Torque, Nm"').replace('"Time, s","Duty, %"', '"Time, s","Duty, %"').encode(),

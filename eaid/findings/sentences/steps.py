@@ -65,7 +65,6 @@ ROWS: dict[str, Row] = {
         "sequence (PRBS) holds no settled steps; fit the whole record, or record one level at a time",
     ),
     "input-moves": Row("stop", "the input moves most of the time, so it holds no steps; record one level at a time"),
-    "reader-note": Row("note", "{note}"),
     "counted-from-rest": Row("note", "levels counted from rest at {rest:g}"),
     "input-negative": Row("note", "the input is negative: its size is taken"),
     "input-glitch": Row("note", "the input leaves its level for {samples} samples and comes back: passed over"),
