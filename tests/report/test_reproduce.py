@@ -85,7 +85,7 @@ def test_verdicts_are_the_four_and_failures_say_why(rows: dict[tuple[str, str], 
         assert why or verdict in VERDICTS[:2]
         assert re.match(r"`eaid \w", row[4])
     with pytest.raises(AssertionError):
-        Claim("§", "printed", "ours", "eaid", VERDICTS[3])
+        Claim("§", "printed", "ours", "eaid", VERDICTS[-1])
 
 
 @pytest.mark.parametrize(
@@ -125,3 +125,25 @@ def test_known_answers(rows: dict[tuple[str, str], list[str]], where: str, print
 def test_bars_inside_a_cell_do_not_break_the_table():
     line = markdown([Claim("§", "|e|", "a\nb", "eaid", VERDICTS[0])]).splitlines()[-1]
     assert line == "| § | \\|e\\| | a b | holds | `eaid` |"
+
+
+def test_what_data_were_made_of_is_counted_apart_and_absence_of_evidence_refutes_nothing(
+    rows: dict[tuple[str, str], list[str]],
+):
+    verdicts = {key: row[3].partition(": ")[0] for key, row in rows.items()}
+    for table, terms in (
+        ("Table I", ("T_s, slope", "τ2, q")),
+        ("Table II", ("T_s, p", "T_s, r")),
+        ("Table III", ("b_1",)),
+    ):
+        for term in terms:
+            assert [v for (where, said), v in verdicts.items() if where == table and said.startswith(term)] == [
+                "circular"
+            ]
+    gone = next(row for (where, said), row in rows.items() if where == "Table II" and said.startswith("T_s, r"))
+    assert "does NOT come back" in gone[3]
+    differ = {said: row for (where, said), row in rows.items() if where == "Fig. 17" and "differ" in said}
+    assert len(differ) == 3
+    for row in differ.values():
+        assert row[3].startswith(("holds on", "not decided"))
+        assert "by 10" in row[2]

@@ -4,9 +4,12 @@ from dataclasses import dataclass
 
 HOLDS = "holds"
 ON_PLANT = "holds on the reference plant"
+CIRCULAR = "circular"
+"""What it is computed from was made of it: that it comes back says nothing about the paper."""
+UNDECIDED = "not decided"
 NO_RIG = "cannot be checked without the rig"
 FAILS = "does not hold"
-VERDICTS = (HOLDS, ON_PLANT, NO_RIG, FAILS)
+VERDICTS = (HOLDS, ON_PLANT, CIRCULAR, UNDECIDED, NO_RIG, FAILS)
 
 FIT_FORCE = "eaid fit friction-force.h5"
 FIT_SPEED = "eaid fit friction-speed.h5"
