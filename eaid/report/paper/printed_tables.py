@@ -162,7 +162,7 @@ def table_iii(found: Evidence) -> list[Claim]:
         for power, value in enumerate(printed):
             back = "comes back" if near(part[name][power], value, COMES_BACK) else "does NOT come back"
             why = (
-                f"the plant has it and noise-free logs return it; from the shipped ones, whose runs scatter, it {back}: "
+                f"the plant has it and noise-free logs return it; from the shipped, whose runs scatter, it {back}: "
                 f"{SYMBOLS[name]} of single levels is within {single:.0f} %, of the {part['estimator']} one within "
                 f"{believed:.0f} %"
             )
