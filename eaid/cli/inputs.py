@@ -19,7 +19,10 @@ Columns = Annotated[
     str | None,
     typer.Option(help='Column of each role, by name or number: time=Time,input=Volts,output="Load Cell".'),
 ]
-Units = Annotated[str | None, typer.Option(help="Unit that a column is in: time=us,output=g.")]
+Units = Annotated[
+    str | None,
+    typer.Option(help="Unit that a column is in: time=us,output=g; input=/255: 255 counts are the full scale."),
+]
 NamePattern = Annotated[
     str | None,
     typer.Option(help="Level and repeat from file names, found anywhere in them: '_V={level}_', 'run{repeat}'."),

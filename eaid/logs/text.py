@@ -28,7 +28,7 @@ from eaid.logs.stamps import seconds_of
 from eaid.logs.table import BadCell, Cells, Table
 
 HEAD_BYTES = 1 << 16
-PIECE_BYTES = 1 << 24
+PIECE_BYTES = 1 << 22
 MOST_RATIO = 200
 """A gzip that unpacks to more than this many times its size is taken for a bomb (recorded logs: about 10)."""
 MOST_DIGITS = 15

@@ -117,7 +117,7 @@ def main() -> None:
         try:
             told, values = _answer(question, opened)
         except Exception as fault:  # what a library raises on bytes that it did not expect has no common type
-            told = {"refused": _refusal(question, fault)}
+            told = {"refused": _refusal(question, fault), "worn": isinstance(fault, MemoryError)}
         out.write(json.dumps(told).encode() + b"\n")
         for one in values:
             out.write(memoryview(one.data).cast("B") if len(one) else b"")

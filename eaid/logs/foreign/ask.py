@@ -115,6 +115,8 @@ class ForeignReader:
             ) from None
         finally:
             bell.cancel()
+        if told.get("worn"):  # what it still holds is not known
+            self._end()
         if "refused" in told:
             raise DataError(*told["refused"])
         return told, values
