@@ -181,9 +181,9 @@ def simulate(
     """
     from eaid.coupling.entry import with_wall_findings
     from eaid.logs.read import read_runs
+    from eaid.replay.options import SimulateOptions
     from eaid.replay.references import read_reference
     from eaid.replay.rig import Rig
-    from eaid.replay.simulate import SimulateOptions
     from eaid.replay.simulate import simulate as replayed
 
     of_rig = {field.name for field in fields(Rig)}

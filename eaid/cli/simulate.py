@@ -59,9 +59,10 @@ def command(
     from eaid.files import refuse_to_overwrite
     from eaid.replay.files import as_json as content_of
     from eaid.replay.files import write_replay
+    from eaid.replay.options import SimulateOptions
     from eaid.replay.references import read_reference
     from eaid.replay.rig import Rig
-    from eaid.replay.simulate import SimulateOptions, simulate
+    from eaid.replay.simulate import simulate
     from eaid.results import codec
     from eaid.results.fit import Fit
     from eaid.results.gains import Gains
