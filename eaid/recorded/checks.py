@@ -29,11 +29,6 @@ def refuse(logs: Sequence[RecordedLog]) -> None:
             faults.append(f"{where}: the input is not known at every row; a fit needs it whole")
         elif top == 0.0:
             faults.append(f"{where}: its input never leaves rest; there is nothing to fit")
-        elif np.ptp(log.input) == 0 and log.idle_start is not True and log.baseline is None:
-            faults.append(
-                f"{where}: its input never moves (it stays at {top:g}) and no idle output is known; record the step "
-                "that leads there, or give «baseline»"
-            )
         elif (log.input < 0).any():
             faults.append(f"{where}: its input is both above and below rest; say where rest is («rest»)")
         elif known < LEAST_ROWS:
@@ -49,6 +44,11 @@ def refuse(logs: Sequence[RecordedLog]) -> None:
 def input_findings(logs: Sequence[RecordedLog], levels: Array, stepwise: bool) -> list[Finding]:
     """What is doubtful in the inputs, log by log and together."""
     found = [one for log in logs for one in (_fast(log), _saturated(log), _clipped(log)) if one is not None]
+    found += [
+        finding("input-never-moves", log.name, level=float(log.input[0]))
+        for log in logs
+        if np.ptp(log.input) == 0 and log.idle_start is not True
+    ]
     if len(levels) == 1:
         found.append(finding("one-input-only", "data", levels))
     elif stepwise and len(levels) < 4:

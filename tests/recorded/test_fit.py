@@ -126,12 +126,18 @@ def test_no_independent_least_squares_does_better() -> None:
         assert float(np.sum(missed(ours) ** 2)) == pytest.approx(found.nonlinear.sse, rel=1e-9)
 
 
+def test_an_input_that_never_moves_is_told() -> None:
+    t = np.arange(400) / 100
+    y = 0.7 + 0.5 * np.exp(-t / 0.3) + 0.01 * np.random.default_rng(0).standard_normal(400)
+    found = fit_recorded([RecordedLog("log", t, np.full(400, 40.0), y)], replace(PLAIN, ci="robust"))
+    assert {"input-never-moves", "idle-not-seen", "one-input-only"} <= {one.code for one in found.findings}
+
+
 def test_what_cannot_be_fitted_is_refused_in_a_sentence() -> None:
     t = np.arange(200) / 100
     y = 1 - np.exp(-t)
     for u, said in (
         (np.zeros(200), "never leaves rest"),
-        (np.full(200, 40.0), "never moves"),
         (np.where(t > 1, np.nan, 20.0), "not known at every row"),
         (np.where(t > 1, -20.0, 20.0), "above and below rest"),
     ):

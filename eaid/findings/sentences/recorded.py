@@ -42,6 +42,11 @@ ROWS: dict[str, Row] = {
         "is sampled, and what acted between the rows is not known; log it faster, or log its mean",
         "share_pct",
     ),
+    "input-never-moves": Row(
+        "caution",
+        "{subject}: the input never moves (it stays at {level:g}): what is left of the state before it and the way to "
+        "its steady value are one curve; record the step that leads there, from rest",
+    ),
     "input-saturates": Row(
         "caution",
         "{subject}: the input stands at its limit ({limit:g}) for {share_pct:.0f} % of the acting time: it tells "

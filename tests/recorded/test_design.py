@@ -1,0 +1,59 @@
+"""Planned sequences: limits kept, widths as predicted, shorter than random."""
+
+import numpy as np
+import pytest
+
+from eaid.errors import UsageError
+from eaid.models.parameters import REFERENCE_PLANT
+from eaid.recorded.design import Judge, Limits, plan_excitation
+from eaid.synth.planned import disturbance_of, measured
+from eaid.uncertainty.noise import Noise
+
+NOISE = Noise(1.8e-7, 6e-5, (0.0, 0.0, 0.0))
+WANT = {"tau1": 8.0, "tau2": 25.0, "Ts": 3.0}
+
+
+def test_a_plan_keeps_its_limits_and_its_widths() -> None:
+    limits = Limits(duty_pct=(20.0, 90.0), rate_pct_s=200.0, hold_s=(0.5, 12.0), rest_s=3.0, engagements=3)
+    p = REFERENCE_PLANT
+    found = plan_excitation(p, NOISE, WANT, limits)
+    assert found.met and found.engagements >= 3
+    at, duty = np.array(found.breaks).T
+    assert at[0] == 0.0 and duty[0] == 0.0 and duty.max() <= 90.0
+    assert set(duty[duty > 0]) and duty[duty > 0].min() > 0
+    rests = np.flatnonzero(duty[:-1] == 0)
+    assert np.diff(at)[rests].min() >= 3.0 - 0.06  # a rest begins where its ramp ends
+    jumps = np.abs(np.diff(duty[:-1]))
+    assert jumps.max() <= 200.0 * 0.05 + 1e-9  # in steps of 50 ms
+    assert found.time_s == at[-1]
+
+
+def test_measured_widths_are_the_predicted_ones() -> None:
+    found = plan_excitation(REFERENCE_PLANT, NOISE, WANT)
+    rows = measured(found, REFERENCE_PLANT, disturbance_of(NOISE), 5)
+    for name, predicted in found.half_width_pct.items():
+        # a prediction takes the noise at its lowest frequencies, and no width is known better than to a third
+        assert 0.35 * predicted < np.median([row[name] for row in rows]) < 1.35 * predicted
+
+
+def test_a_planned_sequence_is_worth_more_than_a_random_one() -> None:
+    judge = Judge(REFERENCE_PLANT, NOISE, WANT, Limits())
+    start = judge.random(20, np.random.default_rng(3))
+    assert judge.price(judge.improved(start)) < 0.5 * judge.price(start)
+
+
+def test_scatter_between_engagements_asks_for_more_of_them() -> None:
+    start = Judge(REFERENCE_PLANT, NOISE, {"Ts": 3.0}, Limits()).random(20, np.random.default_rng(3))
+    few = Judge(REFERENCE_PLANT, NOISE, {"Ts": 3.0}, Limits()).engagements(start)
+    many = Judge(REFERENCE_PLANT, Noise(1.8e-7, 6e-5, (0.03, 0.0, 0.0)), {"Ts": 3.0}, Limits()).engagements(start)
+    assert few == 4 < many
+
+
+def test_limits_that_mean_nothing_are_refused() -> None:
+    for limits, want in (
+        (Limits(duty_pct=(50.0, 20.0)), WANT),
+        (Limits(hold_s=(3.0, 1.0)), WANT),
+        (Limits(), {"x": 1}),
+    ):
+        with pytest.raises(UsageError):
+            plan_excitation(REFERENCE_PLANT, NOISE, want, limits)
