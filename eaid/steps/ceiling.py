@@ -36,7 +36,7 @@ def same_ceiling(levels: Sequence[Level], unit: str) -> list[Finding]:
 def sharpness(output: Array, time_s: Array, ceiling: float) -> float:
     """Slope of a rise as it comes within 5 % of a ceiling, times the time that took, over the ceiling.
 
-    An exponential has 0.15 there, a straight rise that is cut off 1.
+    An exponential has 0.15 to 0.2 there, a straight rise that is cut off 0.95.
     """
     near = np.flatnonzero(output >= 0.95 * ceiling)
     if not len(near) or near[0] < 4:

@@ -99,7 +99,7 @@ def _falls_while_held(step: Step) -> Finding | None:
     alike = float(left[1:] @ left[:-1] / max(float(left @ left), 1e-300))
     widen = (1 + max(alike, 0.0)) / max(1 - max(alike, 0.0), 0.05)
     error = float(np.sqrt((left @ left) / (len(tail) - 2) / (at @ at) * widen))
-    if -slope <= 3.0 * error:
+    if -slope <= SURE * error:
         return None
     return finding("decays-under-hold", step.run.name, (abs(step.run.level or 0.0),), lost_pct=lost)
 

@@ -78,7 +78,11 @@ def edges(time_s: Array, output: Array) -> tuple[Edge, ...]:
     found: list[Edge] = []
     for start, stop in itertools.pairwise(turns(means, BACK * span)):
         if abs(means[stop] - means[start]) >= MOVES * span:
-            found += [_edge(times, means, a, b) for a, b in _parts(means, start, stop + 1, span)]
+            parts = _parts(means, start, stop + 1, span)
+            if found and len(parts) > 1 and abs(means[parts[0][1] - 1] - means[start]) < BACK * span:
+                parts = parts[1:]  # what comes back from an overshoot belongs to the edge before
+            # the hold behind the last edge of a leg goes on behind the turn
+            found += [_edge(times, means, a, b, b if b <= stop else len(means)) for a, b in parts]
     found = [edge for edge in found if abs(edge.after - edge.before) >= MOVES * span]
     window = float(times[-1] - times[0])
     return (*found[:1], *(edge for edge in found[1:] if edge.rise_s < QUICK * window))
@@ -103,14 +107,14 @@ def _parts(means: Array, start: int, stop: int, span: float) -> list[tuple[int, 
     return list(itertools.pairwise([*cuts, stop]))
 
 
-def _edge(times: Array, means: Array, start: int, stop: int) -> Edge:
+def _edge(times: Array, means: Array, start: int, stop: int, limit: int) -> Edge:
     """The edge between two extremes, with the stretch behind it that stays nearer to the second."""
     low, high = float(means[start]), float(means[stop - 1])
     share = (means - low) / (high - low) if high != low else np.zeros(len(means))
     tenth = start + int(np.argmax(share[start:stop] >= 0.1))
     most = start + int(np.argmax(share[start:stop] >= 0.9))
-    away = np.flatnonzero(share[most:] < 0.5)
-    end = most + int(away[0]) if len(away) else len(means)
+    away = np.flatnonzero(share[most:limit] < 0.5)
+    end = most + int(away[0]) if len(away) else limit
     before = float(np.median(means[start : max(tenth, start + 1)]))
     after = float(np.median(means[(most + end) // 2 : end]))
     share = (means - before) / (after - before) if after != before else share
