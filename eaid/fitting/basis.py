@@ -14,10 +14,9 @@ from numpy.polynomial.polynomial import polyval
 from eaid.arrays import Array, read_only
 from eaid.fitting.levels import RECORDS_FREE
 from eaid.fitting.starts import RECORDS
+from eaid.models.nonlinear import CHECKED_DUTIES, ordered
 from eaid.models.parameters import TAU_FLOOR_S, Nonlinear
 
-DUTIES = 101
-"""Duties at which the constraints hold."""
 DEGREES = (3, 2, 2)
 """Degrees of T_s, τ1, τ2."""
 HELD = ("tau1-floor", "tau2-meets-tau1", "Ts-zero", "tau2-endless")
@@ -54,13 +53,13 @@ class Basis:
     @cached_property
     def duties(self) -> Array:
         """Where the constraints hold, shape (101,)."""
-        return np.linspace(self.lowest, self.highest, DUTIES if self.highest > self.lowest else 1)
+        return np.linspace(self.lowest, self.highest, CHECKED_DUTIES if self.highest > self.lowest else 1)
 
     @cached_property
     def A(self) -> Array:
         """Constraints A x ≥ b, (m, n): the duties' τ1, τ2 − τ1, T_s, −τ2, and where C is free, C and −C."""
         M = self.rows(self.duties)
-        A = np.concatenate([M[1], M[2] - M[1], M[0], -M[2]])
+        A = np.concatenate([ordered(M[1], M[2], M[0])[0], -M[2]])
         if self.free_share:
             share = np.zeros((2, self.size))
             share[0, -1], share[1, -1] = 1.0, -1.0

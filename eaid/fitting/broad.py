@@ -10,10 +10,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from eaid.arrays import Array
-from eaid.fitting.basis import DUTIES, Basis
+from eaid.fitting.basis import Basis
 from eaid.fitting.data import Data
 from eaid.fitting.laplace import Transforms, transforms
 from eaid.fitting.solver import Problem, bring_in
+from eaid.models.nonlinear import CHECKED_DUTIES
 from eaid.models.parameters import TAU_FLOOR_S
 
 VALUES = 5
@@ -75,7 +76,7 @@ def wall_of(x: Array, cost: float, least: float, basis: Basis, problem: Problem)
 
     Its largest counts as `least` [N·m] or more.
     """
-    at = DUTIES if basis.highest > basis.lowest else 1
+    at = CHECKED_DUTIES if basis.highest > basis.lowest else 1
     rows = np.concatenate([np.arange(block * at, (block + 1) * at, 10) for block in range(3)])
     ends = basis.rows(np.linspace(basis.lowest, basis.highest, 5))
     fast, torque = max(np.median(ends[1] @ x), TAU_FLOOR_S), max(float(np.max(ends[0] @ x)), least)

@@ -18,8 +18,6 @@ from eaid.steps.stepset import Level
 from eaid.uncertainty.curve import powers
 from eaid.uncertainty.levels import log_jacobian
 
-TAU_FLOOR_S = 1e-3
-CHECKED_DUTIES = 101
 ACTIVE = 1e-7
 """A constraint counts as active within this part of its own terms."""
 BLOCKS = ("tau1", "tau2", "Ts")
@@ -89,10 +87,11 @@ def coefficients_of(p: Nonlinear, share_free: bool = False) -> Coefficients:
 
 def constraints(counts: tuple[int, int, int], u_range: tuple[float, float]) -> tuple[Array, Array]:
     """Rows G and offsets d of G c − d ≥ 0 at 101 duties: τ1 − 1 ms, τ2 − τ1 and T_s, SPEC §3; shape (303, Σcounts)."""
-    first, second, third = (powers(np.linspace(*u_range, CHECKED_DUTIES), count) for count in counts)
-    zero = [np.zeros_like(block) for block in (first, second, third)]
-    rows = np.block([[first, zero[1], zero[2]], [-first, second, zero[2]], [zero[0], zero[1], third]])
-    return rows, np.repeat([TAU_FLOOR_S, 0.0, 0.0], CHECKED_DUTIES)
+    duty, stops = np.linspace(*u_range, nonlinear.CHECKED_DUTIES), np.cumsum(counts)
+    rows = np.zeros((3, len(duty), stops[-1]))
+    for row, count, stop in zip(rows, counts, stops, strict=True):
+        row[:, stop - count : stop] = powers(duty, count)
+    return nonlinear.ordered(*rows)
 
 
 def _active(values: Array, counts: tuple[int, int, int], u_range: tuple[float, float]) -> list[tuple[str, Array]]:
@@ -100,7 +99,7 @@ def _active(values: Array, counts: tuple[int, int, int], u_range: tuple[float, f
     rows, offset = constraints(counts, u_range)
     own = values[: rows.shape[1]]
     size = np.abs(rows) @ np.abs(own) + offset
-    names = np.repeat(["tau1", "tau2", "Ts"], CHECKED_DUTIES)
+    names = np.repeat(["tau1", "tau2", "Ts"], nonlinear.CHECKED_DUTIES)
     return [(str(names[i]), rows[i]) for i in np.flatnonzero(rows @ own - offset <= ACTIVE * size)]
 
 
