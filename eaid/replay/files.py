@@ -152,7 +152,7 @@ def _plain(value: Any, path: Path, name: str) -> Any:
     """An attribute as Python has it; what was kept as JSON is read again."""
     if isinstance(value, bytes):
         value = value.decode("utf-8", errors="replace")
-    if isinstance(value, str) and value[:1] in "{[":
+    if isinstance(value, str) and value.startswith(("{", "[")):
         try:
             return json.loads(value, parse_constant=_not_json)
         except (ValueError, RecursionError):

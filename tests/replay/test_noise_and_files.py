@@ -86,6 +86,12 @@ def test_what_is_written_comes_back(tmp_path):
     assert list(frame["name"]) == ["best"] * 3 + ["rc"] * 3 and frame["torque_nm"].eq(1.0).all()
 
 
+def test_a_unit_that_nobody_knows_comes_back_as_none(tmp_path):
+    path = tmp_path / "r.h5"
+    write_replay(path, Replay(Head("steps", seed=3, input_unit="", rig=RigRecord()), {"rc": RECORD}))
+    assert read(path)[0].head.input_unit == ""
+
+
 def test_json_has_what_is_known_and_null_where_a_step_never_arrives():
     told = as_json(Replay(HEAD, {"rc": RECORD}))
     assert told["controllers"]["rc"]["rms_error_nm"] == 0.5 and "R2" not in told["controllers"]["rc"]
