@@ -1,6 +1,7 @@
 """The gains on the plant they will meet: what the actuator can deliver, and margins around its operating points."""
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -13,8 +14,10 @@ from eaid.control.margins import (
     Timing,
     linear_lags,
     margins,
+    phase_margin,
     pi_feedback,
     rc_feedback,
+    spectral_radius,
 )
 from eaid.control.pi import PIGains
 from eaid.control.rc import RCGains
@@ -24,6 +27,8 @@ from eaid.models.parameters import Linear, Nonlinear
 from eaid.results import gains as parts
 from eaid.results.fit import Fit
 
+Points = Sequence[tuple[float, float, tuple[Lag, ...]]]
+"""Duty [%], torque [N·m] and lags of each operating point."""
 POINTS = 10
 """Operating points of the margins where the fit names no levels."""
 
@@ -70,6 +75,19 @@ def operating_points(
         return [(row.level, row.gain, linear_lags(1 / row.B, row.a0)) for row in bounds.rows]
     middle = sum(limits) / 2
     return [(middle, (model.b0 * middle + model.c0) / model.a0, linear_lags(model.b0, model.a0))]
+
+
+def keeps_margins(gains: RCGains, points: Points, timing: Timing) -> bool:
+    """Whether the loop has 6 dB and 45° around every operating point, the duty latched."""
+    twice = 10 ** (ENOUGH_DB / 20)
+    for duty, torque, lags in points:
+        feedback = rc_feedback(gains, torque, duty)
+        # Half-way up as well: a loop that is unstable at its own gain may not slip through by being stable at twice it.
+        if any(spectral_radius(feedback, lags, timing, f, 0.0) >= 1 for f in (1.0, math.sqrt(twice), twice)):
+            return False
+        if phase_margin(feedback, lags, timing)[0] < ENOUGH_DEG:
+            return False
+    return True
 
 
 def loop_margins(

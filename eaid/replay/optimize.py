@@ -1,4 +1,4 @@
-"""`tune-rc --optimize`: P's scale, ε and φ (ω_n and B̂ too, if asked) of least RMS torque error under a limit on
+"""Gains by search: P's scale, ε and φ (ω_n and B̂ too, if asked) of least RMS torque error under a limit on
 chattering.
 
 A candidate is replayed on plants drawn from the fit's uncertainty, with the torque noise that the logs show:
@@ -23,7 +23,8 @@ import numpy as np
 from eaid.arrays import Array
 from eaid.control.bounds import Bounds
 from eaid.control.law import Law, law_of
-from eaid.control.margins import ENOUGH_DB, ENOUGH_DEG, Lag, Timing, phase_margin, rc_feedback, spectral_radius
+from eaid.control.margins import ENOUGH_DB, ENOUGH_DEG
+from eaid.control.operating import Points, keeps_margins
 from eaid.control.options import DesignOptions
 from eaid.control.rc import RCGains
 from eaid.control.robust import damping_gains, frequency_and_damping
@@ -37,8 +38,6 @@ from eaid.replay.standard import rc_controller
 from eaid.results.gains import Candidate
 from eaid.results.tuning import ALSO
 
-Points = Sequence[tuple[float, float, tuple[Lag, ...]]]
-"""Duty [%], torque [N·m] and lags of each operating point."""
 RANGES = {"p_scale": 30.0, "epsilon": 10.0, "phi_honest_pct": 10.0, "frequency": 5.0, "b-hat": 3.0}
 """Each parameter is scattered over the start's value times and through this factor."""
 LOWERINGS = 6
@@ -137,19 +136,6 @@ class Bench:
         return table[0], table[1], table[2], table[3]
 
 
-def keeps_margins(gains: RCGains, points: Points, timing: Timing) -> bool:
-    """Whether the loop has 6 dB and 45° around every operating point, the duty latched."""
-    twice = 10 ** (ENOUGH_DB / 20)
-    for duty, torque, lags in points:
-        feedback = rc_feedback(gains, torque, duty)
-        # Half-way up as well: a loop that is unstable at its own gain may not slip through by being stable at twice it.
-        if any(spectral_radius(feedback, lags, timing, f, 0.0) >= 1 for f in (1.0, math.sqrt(twice), twice)):
-            return False
-        if phase_margin(feedback, lags, timing)[0] < ENOUGH_DEG:
-            return False
-    return True
-
-
 def optimize(
     model: Linear, bounds: Bounds, start: DesignOptions, plants: Sequence[Nonlinear], points: Points,
     reference: Reference, search: Search, tick: Callable[[], None] = lambda: None,
@@ -236,7 +222,7 @@ def optimize(
     if not allowed:
         raise GainsError(
             f"nothing that was tried chatters less than {limit:.3g} % duty per sample and keeps {ENOUGH_DB:g} dB and "
-            f"{ENOUGH_DEG:g}°; allow more with --chatter-limit"
+            f"{ENOUGH_DEG:g}°; allow more with «chatter_limit»"
         )
     best = min(allowed, key=lambda judged: judged[0])[1]
     return Found(first, best, limit)

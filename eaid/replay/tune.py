@@ -6,7 +6,15 @@ One pure function: everything that it reads is handed to it.
 import msgspec
 
 from eaid.control.bounds import bounds_of, model_of
-from eaid.control.defaults import OVERSHOOT_PCT, Scales, design_options, scales_of, timing_of, with_own_pi
+from eaid.control.defaults import (
+    OVERSHOOT_PCT,
+    Scales,
+    design_options,
+    scales_of,
+    timing_of,
+    with_own_layer,
+    with_own_pi,
+)
 from eaid.control.design import design, least_phi, mismatches
 from eaid.control.gains import pi_gains, rc_gains
 from eaid.control.noise import white_noise_nm
@@ -79,6 +87,8 @@ def tune(
         fit, options, scales, slope if given or not scales.paper else None, None if shown is None else shown.pct
     )  # fmt: skip
     settled = with_own_pi(fit, settled, scales)
+    if options.epsilon is None and options.gamma is None:
+        settled = with_own_layer(fit, settled, scales, bounds, plant)
     told: list[Finding] = _of_the_rig(scales, settled)
     found = None
     if options.searches:

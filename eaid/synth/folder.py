@@ -29,10 +29,10 @@ def refuse_folder(folder: Path, force: bool) -> None:
     if not folder.is_dir():
         raise UsageError(f"{folder}: is a file; give a folder, or a name that ends in .h5")
     if not force:
-        raise UsageError(f"{folder}: exists already; give --force to overwrite it, or another -o")
+        raise UsageError(f"{folder}: exists already; give «force» to overwrite it, or another «output»")
     others = sorted(path.name for path in folder.iterdir() if not (path.match(PATTERN) or path.match(LEFT_OVER)))
     if others:
-        raise UsageError(f"{folder}: holds {others[0]}, which eaid synth did not make; give another -o")
+        raise UsageError(f"{folder}: holds {others[0]}, which eaid synth did not make; give another «output»")
 
 
 def write_folder(folder: Path, runs: Sequence[Run], force: bool) -> None:

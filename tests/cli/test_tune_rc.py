@@ -291,6 +291,18 @@ def test_a_slow_rig_gets_a_slow_design():
     assert rig["replayed"]["counted_from_s"] == pytest.approx(500.0)
 
 
+def test_a_loop_that_is_sampled_slowly_gets_a_softer_layer_and_keeps_its_margins():
+    given = volts()
+    fast = made(**given)
+    slow = made(**{**given, "data": {**given["data"], "sample_rate_hz": 60.0}})
+    assert slow["margins"]["timing"]["rate_hz"] == 60.0
+    assert slow["rc"]["epsilon"] > 1.4 * fast["rc"]["epsilon"]
+    assert slow["rc"]["gamma"] * slow["rc"]["epsilon"] == pytest.approx(25.0)
+    worst = slow["margins"]["worst"]["rc"]
+    assert worst["stable"] and worst["gain_db"] >= 6 and worst["phase_deg"] >= 45
+    assert slow["pi"]["settling_s"] >= fast["pi"]["settling_s"]
+
+
 def test_limits_of_another_input_are_what_was_identified():
     beyond = made(**{**volts(), "data": {"levels": [100.0, 300.0]}})  # a "duty" above 100 is none
     assert beyond["duty_limits_pct"] == [0.0, 300.0]

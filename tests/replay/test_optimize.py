@@ -7,12 +7,12 @@ import pytest
 
 from eaid.control.bounds import Bounds
 from eaid.control.gains import paper_gains
-from eaid.control.operating import operating_points
+from eaid.control.operating import keeps_margins, operating_points
 from eaid.control.options import DesignOptions
 from eaid.errors import GainsError
 from eaid.models.parameters import PAPER_LINEAR, REFERENCE_PLANT
 from eaid.replay import references
-from eaid.replay.optimize import Bench, Search, keeps_margins, optimize, simplex
+from eaid.replay.optimize import Bench, Search, optimize, simplex
 from eaid.replay.rig import Rig
 from eaid.replay.standard import beside_the_bound, pi_controller, rc_controller, replayed, steepest_nm_s
 from eaid.results.fit import Fit
@@ -81,7 +81,7 @@ def test_a_tighter_limit_is_kept():
 
 
 def test_an_impossible_limit_is_refused():
-    with pytest.raises(GainsError, match="allow more with --chatter-limit"):
+    with pytest.raises(GainsError, match="allow more with chatter_limit="):
         search(limit_pct=1e-6, evaluations=4)
 
 
