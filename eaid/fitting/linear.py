@@ -180,13 +180,13 @@ def fit_own_levels(data: Data) -> list[FirstOrder]:
     cost, gradient = data.sums(theta)
     H, tau = level_curvature(theta, data.points)[:, :2, :2], theta[1]
     slope = np.stack([gradient[0], gradient[1] * tau], axis=1)
-    H[:, 0, 1] *= tau
-    H[:, 1, 1] = H[:, 1, 1] * tau**2 + slope[:, 1]  # d²/d(ln τ)² = τ² d²/dτ² + τ d/dτ
-    determinant = H[:, 0, 0] * H[:, 1, 1] - H[:, 0, 1] ** 2
+    H *= _by_log(tau)
+    H[:, 1, 1] += slope[:, 1]  # d²/d(ln τ)² = τ² d²/dτ² + τ d/dτ
     whole = (_is_minimum(costs).sum(axis=1) == 1) & (tau > 1.001 * low) & (tau < 0.999 * high) & (cost > 0)
-    whole &= determinant > CLOSE * H[:, 0, 0] * np.abs(H[:, 1, 1])
-    twice = H[:, 1, 1] * slope[:, 0] ** 2 - 2 * H[:, 0, 1] * slope[:, 0] * slope[:, 1] + H[:, 0, 0] * slope[:, 1] ** 2
-    predicted = np.where(whole, 0.5 * twice / np.where(whole, determinant * cost, 1.0), np.inf)
+    whole &= np.linalg.det(H) > CLOSE * H[:, 0, 0] * np.abs(H[:, 1, 1])
+    H[~whole] = np.eye(2)
+    step = np.linalg.solve(H, slope[:, :, None])[:, :, 0]
+    predicted = np.where(whole, 0.5 * (slope * step).sum(axis=1) / np.where(whole, cost, 1.0), np.inf)
     found = []
     for i, decrease in enumerate(predicted.tolist()):
         if decrease > SETTLED:
@@ -204,12 +204,12 @@ def _refined(theta: Array, points: Points, low: float, high: float, steps: int =
     damping = np.full(len(cost), 1e-6)
     for _ in range(steps):
         tau = theta[1]
-        a, b, c = H[:, 0, 0] * (1 + damping), H[:, 0, 1] * tau, H[:, 1, 1] * tau**2 * (1 + damping)
-        g, h = gradient[0], gradient[1] * tau
-        determinant = np.maximum(a * c - b * b, 1e-300)
+        normal = H[:, :2, :2] * _by_log(tau) * (1.0 + damping[:, None, None] * np.eye(2))
+        slope = np.stack([gradient[0], gradient[1] * tau], axis=1)
+        step = np.linalg.solve(normal + 1e-300 * np.eye(2), slope[:, :, None])[:, :, 0]
         tried = theta.copy()
-        tried[0] -= (c * g - b * h) / determinant
-        tried[1] = np.clip(tau * np.exp(np.clip((b * g - a * h) / determinant, -2.0, 2.0)), low, high)
+        tried[0] -= step[:, 0]
+        tried[1] = np.clip(tau * np.exp(np.clip(-step[:, 1], -2.0, 2.0)), low, high)
         found, slope, bent = level_normal(tried, points)
         better = found < cost
         gained = np.max((cost - found)[better] / cost[better], initial=0.0)
@@ -219,6 +219,12 @@ def _refined(theta: Array, points: Points, low: float, high: float, steps: int =
         if gained < 1e-9 and better.any():
             break
     return theta
+
+
+def _by_log(tau: Array) -> Array:
+    """What takes second derivatives by (gain, τ) to those by (gain, ln τ), (L, 2, 2)."""
+    scale = np.stack([np.ones_like(tau), tau], axis=1)
+    return np.asarray(scale[:, :, None] * scale[:, None, :])
 
 
 def by_convention(data: Data, own: Sequence[FirstOrder], pooled: Linear, convention: str) -> tuple[LinearLevel, ...]:

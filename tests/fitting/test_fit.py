@@ -12,7 +12,6 @@ from eaid.errors import DataError, UsageError
 from eaid.fitting.fit import fit
 from eaid.fitting.metrics import errors, explains_little, quality
 from eaid.fitting.options import FitOptions
-from eaid.fitting.stored import bounds_from_json, linear_from_json, nonlinear_from_json
 from eaid.models.parameters import REFERENCE_PLANT, Friction
 from eaid.results import codec
 from eaid.results.fit import Fit
@@ -242,40 +241,14 @@ def test_fit_json_has_the_contract_s_keys_and_reads_back(clutch_set: Maker) -> N
     assert solver["method"] == "SLSQP" and all(start["cost"] > 0 for start in solver["starts"])
     back = codec.from_plain(result, Fit, "fit.json")
     assert back.plant == fitted.plant and back.linear_model == fitted.linear_model
-    assert nonlinear_from_json(result) == back.plant and linear_from_json(result) == back.linear_model
-    assert bounds_from_json(result) == (result["linear"]["bounds"]["B_m"], result["linear"]["bounds"]["B_M"])
 
 
 def test_a_minimal_fit_json_is_enough() -> None:
-    p = nonlinear_from_json({"nonlinear": {"tau1": [0.3], "tau2": [4], "Ts": [0, 0.04], "u_range": [10, 100]}})
-    assert p.C == 0.85 and p.Ts == (0.0, 0.04) and p.release is None
-    assert linear_from_json({"linear": {"a0": 1.36, "b0": 0.08, "c0": -2.42}}).b0 == 0.08
-    assert bounds_from_json({"linear": {"a0": 1, "b0": 1, "c0": 0}}) is None
-
-
-@pytest.mark.parametrize(
-    ("result", "sentence"),
-    [
-        ({}, "fit.json: it holds no nonlinear model; run eaid fit on clutch logs with --model nonlinear"),
-        (
-            {"nonlinear": {"tau1": "x"}},
-            "fit.json: nonlinear.u_range is no list of 2 or more numbers; run eaid fit again",
-        ),
-        (
-            {"nonlinear": {"tau1": [1], "tau2": [1], "Ts": [1], "u_range": [50, 10]}},
-            "fit.json: nonlinear.u_range is [50, 10]; it has to rise from 0 or above",
-        ),
-    ],
-)
-def test_a_broken_fit_json_is_told_in_a_sentence(result: dict, sentence: str) -> None:
-    with pytest.raises(DataError) as caught:
-        nonlinear_from_json(result)
-    assert str(caught.value) == sentence
-
-
-def test_a_linear_number_that_is_missing() -> None:
-    with pytest.raises(DataError, match=r"fit.json: linear.b0 is missing; run eaid fit again"):
-        linear_from_json({"linear": {"a0": 1.0, "c0": 0.0}})
+    part = {"tau1": [0.3, 0, 0], "tau2": [4, 0, 0], "Ts": [0, 0.04, 0, 0], "u_range": [10, 100]}
+    p = codec.from_plain({"nonlinear": part}, Fit, "fit.json").plant
+    assert p.C == 0.85 and p.Ts == (0.0, 0.04, 0.0, 0.0) and p.release is None
+    with pytest.raises(DataError, match="this fit holds no linear model"):
+        _ = Fit().linear_model
 
 
 def test_unequal_levels_are_fitted_as_well(clutch_set: Maker) -> None:
