@@ -3,7 +3,7 @@
 Shape of one level's curve: one or two exponentials, C held or free, and where repeats miss these alike stretched and
 three exponentials, by AICc and BIC with the effective sample size n_e = n / (1 + 2 Σ ρ) that the residuals'
 autocorrelation ρ leaves. Curves over the duty: polynomials of one to four powers for τ1, τ2, T_s, by χ² against the
-levels' own scatter and by leaving one level out.
+levels' own scatter and by leaving one level out (`orders`).
 """
 
 from collections.abc import Callable, Sequence
@@ -19,11 +19,11 @@ from eaid.models import friction
 from eaid.models.parameters import Friction
 from eaid.results.fit import Adequacy, Fit, LackOfFit, OrderScore, ShapeScore
 from eaid.steps.stepset import Level, StepSet
-from eaid.uncertainty.curve import Curve, curve_with_repeats
 from eaid.uncertainty.decay import decays
-from eaid.uncertainty.level_statistics import TERMS, LevelStatistics
+from eaid.uncertainty.level_statistics import LevelStatistics
 from eaid.uncertainty.levels import log_theta
 from eaid.uncertainty.linear_intervals import convention
+from eaid.uncertainty.orders import leave_one_level_out, orders_of, raised_orders
 from eaid.uncertainty.profile import least_of_all
 from eaid.uncertainty.run_statistics import own_residuals
 from eaid.uncertainty.shapes import (
@@ -42,7 +42,6 @@ CLOSER = 0.1
 """Part of the RMSE that a free C has to save to be worth it."""
 FEW = 2
 """Levels that repeats may miss alike by chance."""
-ORDERS = (1, 2, 3, 4)
 THREE = "three exponentials"
 OTHERS: tuple[tuple[str, int, Shape, Callable[[Friction], list[Array]]], ...] = (
     ("a stretched exponential", 3, stretched, stretched_starts),
@@ -111,7 +110,7 @@ def adequacy(
     rows = [row for level, one in zip(levels, base.estimates, strict=True) if (row := lack_of_fit(level, one.noise_nm))]
     shapes, missed = _shapes(base, fit, residuals, counts, rows)
     polynomial = fit.nonlinear is not None and base.source == "repeats" and len(levels) >= 4
-    orders = _orders(base) if polynomial else ()
+    orders = orders_of(base) if polynomial else ()
     falling = decays(levels)
     found = []
     if falling:
@@ -126,7 +125,7 @@ def adequacy(
         lack_of_fit=tuple(rows),
         residual_autocorrelation=float(np.median([rho for _, rho in sizes])),
         effective_samples=float(counts.sum()),
-        leave_one_level_out_nm=_leave_one_out(base) if polynomial and len(levels) > 4 else None,
+        leave_one_level_out_nm=leave_one_level_out(base) if polynomial and len(levels) > 4 else None,
     ), found
 
 
@@ -194,54 +193,6 @@ def _free_share(base: LevelStatistics, two: Array) -> Array:
     return np.asarray(np.minimum(two, np.maximum(above + costs.min(axis=0), 0.0)))
 
 
-def _orders(base: LevelStatistics) -> tuple[OrderScore, ...]:
-    rows = []
-    for k, name in enumerate(("Ts", "tau1", "tau2")):
-        row = base.determined[:, k]
-        duty, theta, variance = base.duty_pct[row], base.log_theta[row, k], base.expected[row, k]
-        for order in ORDERS:
-            p = order + 1
-            if len(duty) < p + 1:
-                continue
-            curve = curve_with_repeats(duty, theta, variance, base.total_degrees, p)
-            chi = float(curve.misfit) * (len(duty) - p)
-            spare = max(len(duty) - p - 1, 1)
-            errors = left_out(curve, duty, theta)
-            inner = errors[1:-1] if len(errors) > 4 else errors  # the ends would be extrapolation
-            error = 100 * float(np.sqrt(np.mean(inner**2)))
-            rows.append(OrderScore(name, order, chi, chi + 2 * p + 2 * p * (p + 1) / spare, error))
-    return tuple(rows)
-
-
-def left_out(curve: Curve, duty_pct: Array, log_values: Array) -> Array:
-    """log p(u) − θ̂ at each level if it were left out, residual/(1 − h) with h its own say in the curve, shape (L,)."""
-    own = np.einsum("ij,ji->i", curve.slopes(duty_pct), curve.gains)
-    return np.asarray((np.log(curve.at(duty_pct)) - log_values) / np.maximum(1 - own, 1e-9))
-
-
-def _leave_one_out(base: LevelStatistics) -> float | None:
-    """RMS torque error of inner levels that the curves of all others predict [output unit]."""
-    inner = slice(1, -1)
-    values = []
-    for k, name in enumerate(("Ts", "tau1", "tau2")):
-        row = base.determined[:, k]
-        count = int(row.sum())
-        if count < 3:
-            return None
-        duty, theta = base.duty_pct[row], base.log_theta[row, k]
-        curve = curve_with_repeats(duty, theta, base.expected[row, k], 10.0, min(TERMS[name], count - 1))
-        said = np.log(np.maximum(curve.at(base.duty_pct), 1e-6))
-        said[row] = theta + left_out(curve, duty, theta)
-        values.append(np.exp(np.clip(said, np.log(1e-6), 50.0)))
-    total, samples = 0.0, 0
-    shares = [one.curve.C for one in base.estimates]
-    for level, Ts, tau1, tau2, C in list(zip(base.levels, *values, shares, strict=True))[inner]:
-        left = level.mean - friction.step_response(Friction(float(Ts), float(tau1), float(tau2), C), level.time_s)
-        total += float(left @ left)
-        samples += len(left)
-    return float(np.sqrt(total / samples))
-
-
 def _recommended(
     shapes: Sequence[ShapeScore],
     missed: dict[str, int],
@@ -268,7 +219,7 @@ def _recommended(
         found = [finding("shape-fits", "friction", (), closer_pct=100 * closer, **values)]
     else:
         found = [finding("shape-of-another-kind", "friction", (), **values)]
-    raised = _raised(orders)
+    raised = raised_orders(orders)
     if raised:
         found.append(finding("polynomials-too-low", "nonlinear", (), **raised))
     elif orders:
@@ -277,18 +228,4 @@ def _recommended(
         worst = max(beyond, key=lambda row: row.systematic_nm or 0.0)
         size = {"systematic": worst.systematic_nm, "worst": worst.level, "of": len(rows)}
         found.append(finding("repeats-miss-alike", "friction", [row.level for row in beyond], **size))
-    return found
-
-
-def _raised(orders: Sequence[OrderScore]) -> dict[str, int]:
-    """Parameters whose levels ask for a higher order than the paper's, and which."""
-    found = {}
-    for name, paper in (("Ts", 3), ("tau1", 2), ("tau2", 2)):
-        own = [order for order in orders if order.parameter == name]
-        there = next((order for order in own if order.order == paper), None)
-        if there is None:
-            continue
-        better = min(own, key=lambda order: order.aicc or 0.0)
-        if better.order > paper and (better.aicc or 0.0) < (there.aicc or 0.0) - 4:
-            found[name] = better.order
     return found
