@@ -86,12 +86,14 @@ def stepset(levels: tuple[Level, ...]) -> StepSet:
     return StepSet("clutch", "%", "N·m", Apparatus(), levels)
 
 
-def one_set(seed: int, variant: Variant, samples: int = SAMPLES, levels: Array = LEVELS) -> StepSet:
+def one_set(
+    seed: int, variant: Variant, samples: int = SAMPLES, levels: Array = LEVELS, record_s: float = RECORD_S
+) -> StepSet:
     """One simulated set; the same seed gives the same set."""
     random = np.random.default_rng([seed, 20260])
-    t = np.arange(samples) * (RECORD_S / samples)
+    t = np.arange(samples) * (record_s / samples)
     sweep = random.standard_normal(variant.runs)
-    colour = coloured(random, variant.runs * len(levels), samples, RECORD_S / samples).reshape(
+    colour = coloured(random, variant.runs * len(levels), samples, record_s / samples).reshape(
         len(levels), variant.runs, -1
     )
     made = []

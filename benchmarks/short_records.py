@@ -21,8 +21,7 @@ NAMES = ("Ts", "tau1", "tau2")
 
 
 def one(seed: int, record_s: float) -> Fit:
-    coverage.RECORD_S = record_s
-    made = coverage.one_set(seed, coverage.VARIANTS["base"], samples=round(100 * record_s))
+    made = coverage.one_set(seed, coverage.VARIANTS["base"], samples=round(100 * record_s), record_s=record_s)
     return with_intervals(made, fit(made), IntervalOptions(estimator="two-stage", study_models=False))
 
 
@@ -48,11 +47,15 @@ def counted(found: Fit, true: dict[str, np.ndarray], record_s: float) -> dict[st
     return result
 
 
+def truth() -> dict[str, np.ndarray]:
+    """T_s, τ1, τ2 of the plant at the levels."""
+    curves = [coverage.plant(float(u), coverage.VARIANTS["base"]) for u in coverage.LEVELS]
+    return {name: np.array([getattr(curve, name) for curve in curves]) for name in NAMES}
+
+
 def row(record_s: float, sets: int) -> dict[str, str]:
     """Coverage [%] and, in brackets, how often something is quoted [%]."""
-    curves = [coverage.plant(float(u), coverage.VARIANTS["base"]) for u in coverage.LEVELS]
-    true = {name: np.array([getattr(curve, name) for curve in curves]) for name in NAMES}
-    rows = [counted(one(seed, record_s), true, record_s) for seed in range(sets)]
+    rows = [counted(one(seed, record_s), truth(), record_s) for seed in range(sets)]
     cells = {}
     for key in rows[0]:
         values = np.array([r[key] for r in rows])
