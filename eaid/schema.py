@@ -201,7 +201,7 @@ SAMPLE = Part(_alike("n independent mean sd q1 median q3 whisker_low whisker_hig
 METRICS = Part(
     {
         **TRACKING, "counted_from_s": NUMBER, "reference_is": TEXT, "guarantee_holds_fraction": NUMBER,
-        **_alike("rms_difference_nm max_abs_difference_nm mean_difference_nm R2", NUMBER),
+        **_alike("rms_difference_nm max_abs_difference_nm mean_difference_nm R2 fit_pct one_step_pct", NUMBER),
         "steps": Many(Part(_alike("from_nm to_nm rise_time_s overshoot_pct settling_s settling_5pct_s", NUMBER))),
         "frequencies": Many(
             Part(

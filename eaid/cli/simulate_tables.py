@@ -186,9 +186,19 @@ def recorded(replay: Replay) -> None:
             _number(m.max_abs_difference_nm),
             "-" if m.mean_difference_nm is None else f"{m.mean_difference_nm:+.4g}",
             f"{100 * m.R2:.2f} %" if m.R2 is not None else "output is constant",
+            _number(m.fit_pct),
+            _number(m.one_step_pct),
         ]
         for name, m in runs.items()
     ]
     if rows:
-        columns = ["run", f"RMS difference [{o}]", "largest", "mean (recorded − model)", "R²"]
+        columns = [
+            "run",
+            f"RMS difference [{o}]",
+            "largest",
+            "mean (recorded − model)",
+            "R²",
+            "free run fit [%]",
+            "one step [%]",
+        ]
         console.table("The recorded input through the plant", columns, rows)

@@ -143,6 +143,8 @@ def difference(run: Recorded) -> Metrics:
         rms_difference_nm=math.sqrt(float(np.mean(apart * apart))),
         mean_difference_nm=float(apart.mean()),
         R2=1.0 - float(np.sum(apart * apart)) / power if power > 0 else None,
+        fit_pct=100 * (1 - float(np.linalg.norm(apart)) / power**0.5) if power > 0 else None,
+        one_step_pct=100 * (1 - float(np.linalg.norm(np.diff(apart))) / power**0.5) if power > 0 else None,
         idle_nm=run.idle_nm,
         start_nm=run.start_nm,
         reference_is="recorded torque",

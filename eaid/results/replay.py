@@ -168,6 +168,10 @@ class Metrics(Tracking, frozen=True):
     mean_difference_nm: Number | None = None
     R2: Number | None = None
     """1 − Σ (recorded − model)²/Σ (recorded − mean recorded)²"""
+    fit_pct: Number | None = None
+    """Free run: 100 (1 − ‖recorded − model‖/‖recorded − mean recorded‖)"""
+    one_step_pct: Number | None = None
+    """The same for recorded_k + (model_k+1 − model_k) as the prediction of row k + 1."""
     idle_nm: Number | None = None
     """What was subtracted from the recorded output."""
     start_nm: Number | None = None

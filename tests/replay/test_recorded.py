@@ -32,8 +32,10 @@ def test_the_models_own_step_is_explained_and_idle_torque_is_taken_off(plant):
     assert found.idle_nm == pytest.approx(0.03)
     assert found.max_abs_difference_nm < 1e-12
     assert pytest.approx(1.0) == found.R2
+    assert found.fit_pct == pytest.approx(100.0) and found.one_step_pct == pytest.approx(100.0)
     kept = recorded.difference(recorded.recorded(idle_then_step(), plant, keep_baseline=True))
     assert kept.mean_difference_nm == pytest.approx(0.03) and kept.rms_difference_nm == pytest.approx(0.03)
+    assert kept.one_step_pct == pytest.approx(100.0) and kept.fit_pct is not None and kept.fit_pct < 99.0
 
 
 def test_any_clock_is_exact(plant):
