@@ -158,5 +158,6 @@ def summary_pictures(results: Results, mark: str | None = None) -> list[Picture]
             if mark is not None:
                 marked(figure, mark)
             size = figure.get_size_inches()
-            pictures.append(Picture(title, part, *pngs_of(figure, 200), (round(96 * size[0]), round(96 * size[1]))))
+            (png,) = pngs_of(figure, 200)
+            pictures.append(Picture(title, part, png, (round(96 * size[0]), round(96 * size[1]))))
     return pictures

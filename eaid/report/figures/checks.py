@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from matplotlib.collections import PolyCollection
@@ -13,6 +14,7 @@ from eaid.models import linear
 from eaid.report import style
 from eaid.report.figures.clutch import linear_of, models_of
 from eaid.report.figures.friction import curves_of
+from eaid.report.figures.steps import Model
 from eaid.report.rig import over
 from eaid.results.fit import Fit
 from eaid.steps.stepset import StepSet
@@ -27,7 +29,9 @@ def residuals_of(data: StepSet, fit: Fit, model: str) -> list[tuple[float, Array
     """Level, time [s] and measured mean − model of each level that the model covers."""
     if model == "linear" and fit.linear is not None:
         one = linear_of(fit.linear)
-        curves = {row.level: (lambda t, u=row.level: linear.step_response(one, t, u)) for row in data.levels}
+        curves: dict[float, Model] = {
+            row.level: partial(linear.step_response, one, duty_pct=row.level) for row in data.levels
+        }
     else:
         curves = models_of(fit, data) if model == "nonlinear" else curves_of(fit)
     return [

@@ -15,7 +15,8 @@ from eaid.report.figures.steps import MODEL, Model, draw_steps, fine_times, labe
 from eaid.report.rig import gain, level_text, of_the_paper, over, quantity
 from eaid.report.tables.fits import estimates_of
 from eaid.report.thin import thinned
-from eaid.results.fit import Estimate, Fit, LevelError, Pooled
+from eaid.results.common import LevelError
+from eaid.results.fit import Estimate, Fit, Pooled
 from eaid.steps.stepset import StepSet
 
 

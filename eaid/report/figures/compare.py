@@ -17,8 +17,9 @@ def two_fits(first: Fit, second: Fit, names: tuple[str, str]) -> Figure:
     for fit, name, (colour, line, marker) in zip((first, second), map(_short, names), LOOKS, strict=True):
         rows = fit.friction.levels if fit.friction is not None else ()
         x, _label = trend_x(fit)
-        u = np.linspace(*fit.nonlinear.u_range, 150) if fit.nonlinear is not None else None
-        curves = values_over(fit.nonlinear, u) if fit.nonlinear is not None and u is not None else {}
+        low, high = fit.nonlinear.u_range if fit.nonlinear is not None else (0.0, 1.0)
+        u = np.linspace(low, high, 150)
+        curves = values_over(fit.nonlinear, u) if fit.nonlinear is not None else {}
         for key, panel in zip(("Ts", "tau1", "tau2"), axes, strict=True):
             if rows:
                 values = np.array([getattr(row, key) for row in rows])

@@ -1,6 +1,7 @@
 """Step responses on one pair of axes: the mean of each level, ± sd, its model, and the level at the curve's end."""
 
 from collections.abc import Callable, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -14,7 +15,7 @@ from eaid.report.thin import thinned
 from eaid.steps.stepset import Level, StepSet
 
 Model = Callable[[Array], Array]
-MODEL = {"color": style.BLACK, "linestyle": (0, (4, 2)), "linewidth": 0.8}
+MODEL: dict[str, Any] = {"color": style.BLACK, "linestyle": (0, (4, 2)), "linewidth": 0.8}
 """A model is a thin dark dashed line over the broader, paler line of what was measured: both stay to be seen."""
 LABELLED = 14
 """Most levels that are named at the ends of their curves; beyond, a colour bar names them."""
@@ -83,7 +84,7 @@ def level_bar(axes: Axes, levels: Sequence[float], unit: str) -> None:
 def label_ends(axes: Axes, ends: Sequence[tuple[float, str, str]], x: float) -> None:
     """Write a text at the right end of each curve, moved apart where curves end close together."""
     low, high = axes.get_ylim()
-    height_in = axes.get_position().height * axes.figure.get_figheight()
+    height_in = axes.get_window_extent().height / axes.figure.dpi
     gap = (high - low) * 1.15 * style.SMALLEST_PT / 72 / height_in
     ordered = sorted(ends)
     placed = [value for value, _text, _colour in ordered]

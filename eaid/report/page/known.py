@@ -43,9 +43,11 @@ def _once(found: Iterable[Finding]) -> list[Finding]:
     return list({(one.code, one.subject, one.levels): one for one in found}.values())
 
 
-def sentence(one: Finding) -> str:
+def sentence(one: Finding, of_data: bool = False) -> str:
     """A finding in words, with a capital and a full stop, options as the command line has them."""
     said = on_command_line(say(one)).rstrip(".")
     about = f"{MODELS[one.subject]}: " if one.subject in MODELS else ""
+    if of_data and one.subject != "data" and one.subject not in said:
+        about = f"{one.subject}: "  # a run
     text = f"{about}{said}"
     return f"{text[:1].upper() if text[:1] not in 'τφρα' else text[:1]}{text[1:]}."

@@ -4,7 +4,8 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from bokeh.models import ColorBar, ColumnDataSource, HoverTool, LinearColorMapper, Range1d, Whisker
+from bokeh.models import ColumnDataSource, HoverTool, LinearColorMapper, Range1d
+from bokeh.models.annotations import ColorBar, TeeHead, Whisker
 
 from eaid.report import style
 from eaid.report.figures.checks import ResidualMap
@@ -79,11 +80,13 @@ def parameters(fit: Fit) -> tuple[Mapping[str, Any], ...]:
             drawn = p.scatter("x", "y", source=points, size=7, name="level by itself")
             drawn.nonselection_glyph = drawn.selection_glyph = drawn.muted_glyph = drawn.hover_glyph = None
             p.select_one(HoverTool).renderers.append(drawn)
-            whisker = Whisker(base="x", lower="low", upper="high", source=points)
-            whisker.upper_head.size = whisker.lower_head.size = 6
+            heads = TeeHead(size=6), TeeHead(size=6)
+            whisker = Whisker(
+                base="x", lower="low", upper="high", source=points, lower_head=heads[0], upper_head=heads[1]
+            )
             p.add_layout(whisker)
             plot.themed += [(drawn.glyph.id, key, *INK) for key in ("fill_color", "line_color")]
-            plot.themed += [(one.id, "line_color", *INK) for one in (whisker, whisker.upper_head, whisker.lower_head)]
+            plot.themed += [(one.id, "line_color", *INK) for one in (whisker, *heads)]
             seen = float(np.max(np.minimum(high, 1.6 * values)))
             top = min(max(top, seen), 3.0 * seen)
         for (said, y), (colour, dash), width in zip(curves.items(), LINES, (2.0, 1.3, 1.3, 1.3), strict=False):

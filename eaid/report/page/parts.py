@@ -92,8 +92,8 @@ def _fold(title: str, drawn: dict[str, Shown], names: Sequence[str], found: Sequ
 def _told(known: Known, part: str) -> tuple[tuple[tuple[str, str], ...], tuple[Fold, ...]]:
     """The gravest findings of a part, and a fold of the rest."""
     found = known.of(part)
-    first = tuple((one.severity, sentence(one)) for one in found[:MOST])
-    rest = tuple(sentence(one) for one in found[MOST:])
+    first = tuple((one.severity, sentence(one, part == "data")) for one in found[:MOST])
+    rest = tuple(sentence(one, part == "data") for one in found[MOST:])
     return first, (Fold("More to know", texts=rest),) if rest else ()
 
 

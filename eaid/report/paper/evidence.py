@@ -128,7 +128,8 @@ def noise_free(kind: str) -> dict[str, Any]:
     rows = tuple(Level(u, t, curve.step_response(plant.at(u), t)[None], (f"{u:g}",)) for u in plant.levels)
     rig = Apparatus(surfaces=2 if kind == "clutch" else 1)
     stepset = StepSet(kind, INPUT_UNITS[kind], "N·m", rig, rows, synthetic=plant.made_of)
-    return to_plain(fit(stepset, FitOptions()))
+    content: dict[str, Any] = to_plain(fit(stepset, FitOptions()))
+    return content
 
 
 def pooled(levels: tuple[int, ...], hold_s: float) -> Linear:

@@ -208,6 +208,7 @@ def table_iv(found: Evidence) -> list[Claim]:
     """The robust controller's parameters, and what they give."""
     rc, _pi = paper_gains()
     bounds_20, bounds_60 = found.pooled_20s.bounds, found.pooled_60s.bounds
+    assert bounds_20 is not None and bounds_60 is not None
     both = "{} (10…100 %, 20 s), {} (30…100 %, 60 s)"
     claims = [
         Claim(
