@@ -139,13 +139,15 @@ def tune_rc(
     Gains
         With `guarantee`, `findings`, `to_control()`, `save("gains.json")`.
     """
+    from eaid.coupling.judge import stiffness_judge
     from eaid.replay.references import read_reference
     from eaid.replay.tune import tune
 
     chosen = _with(options or TuneOptions(), keywords)
+    judge = stiffness_judge(fit) if chosen.optimize_for == "stiffness" else None
     named = reference is None or str(reference) in ("multisine", "steps")
     signal = reference if named else read_reference(Path(reference))
-    return tune(fit, chosen, logs, signal, "" if named else str(reference), progress)
+    return tune(fit, chosen, logs, signal, "" if named else str(reference), progress, judge)
 
 
 def simulate(

@@ -142,11 +142,21 @@ def _optimized(told: Optimized, gains: Gains) -> None:
         f"({SOURCES[told.noise_source]}), chattering up to {told.limit_pct:.3g} {i}",
         ["", "before", "after", "unit"],
         [
-            [name, f"{getattr(told.before, key):.5g}", f"{getattr(told.after, key):.5g}", unit]
-            for name, key, unit in rows
+            *_walls(told),
+            *(
+                [name, f"{getattr(told.before, key):.5g}", f"{getattr(told.after, key):.5g}", unit]
+                for name, key, unit in rows
+            ),
         ],
     )
 
 
 def _number(value: float | None) -> str:
     return "?" if value is None else f"{value:.4g}"
+
+
+def _walls(told: Optimized) -> list[list[str]]:
+    """The stiffest passive wall, where the search was for it."""
+    if told.optimized_for != "stiffness" or not told.before_cost or not told.after_cost:
+        return []
+    return [["stiffest passive wall", f"{1 / told.before_cost:.5g}", f"{1 / told.after_cost:.5g}", "N·m/rad"]]

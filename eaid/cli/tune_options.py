@@ -107,6 +107,14 @@ Optimize = Annotated[
     bool,
     typer.Option("--optimize", help="Choose P's scale, ε and φ for the least RMS error.", rich_help_panel=SEARCH),
 ]
+OptimizeFor = Annotated[
+    str,
+    typer.Option(
+        "--optimize-for",
+        help="tracking: least RMS error; stiffness: stiffest passive wall. Implies --optimize.",
+        rich_help_panel=SEARCH,
+    ),
+]
 Also = Annotated[
     str | None,
     typer.Option(

@@ -42,6 +42,7 @@ def command(
     rate_hz: o.RateHz = None,
     pwm_hz: o.PwmHz = None,
     optimize: o.Optimize = False,
+    optimize_for: o.OptimizeFor = "tracking",
     optimize_also: o.Also = None,
     plants: o.Plants = None,
     noise_nm: o.NoiseNm = None,
@@ -65,6 +66,7 @@ def command(
     import msgspec
 
     from eaid.cli import gains_tables
+    from eaid.coupling.judge import stiffness_judge
     from eaid.files import refuse_to_overwrite
     from eaid.replay.references import read_reference
     from eaid.replay.scenarios import SCENARIOS
@@ -90,13 +92,15 @@ def command(
         pi_overshoot=pi_overshoot, pi_settling=pi_settling, pi_gains=pair("--pi-gains", pi_gains, "21,360"),
         anti_windup=anti_windup,  # type: ignore[arg-type]
         duty_limits=pair("--duty-limits", duty_limits, "0,100"), rate_hz=rate_hz, pwm_hz=pwm_hz, optimize=optimize,
+        optimize_for=optimize_for,  # type: ignore[arg-type]
         optimize_also=names(optimize_also), plants=plants, noise_nm=noise_nm, chatter_limit=chatter_limit,
         evaluations=evaluations, allow_unidentified=allow_unidentified, seed=seed,
     )  # fmt: skip
     fitted, told = codec.read(fit, "fit", Fit)
+    judge = stiffness_judge(fitted) if optimize_for == "stiffness" else None
     logs = _logs(fitted, fit, data, options)
     signal = read_reference(own) if own is not None else reference
-    gains = tune(fitted, options, logs, signal, reference or "", console.progress)
+    gains = tune(fitted, options, logs, signal, reference or "", console.progress, judge)
     sources = {"fit": fit, **({"reference": own} if own else {})}
     kept = GainsInputs(**{role: Input(**input_record(each)) for role, each in sources.items()})
     gains = msgspec.structs.replace(gains, inputs=kept)

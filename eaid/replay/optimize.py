@@ -6,6 +6,8 @@ A candidate is replayed on plants drawn from the fit's uncertainty, with the tor
     cost          √(mean over plants and counted samples of e²)                       [N·m]
     chattering    mean over plants and counted samples of |u_k − u_{k−1}|             [% duty]
 
+`Search.judge` puts another cost in the place of the first, as the stiffness of a wall (`eaid.coupling.judge`).
+
 One that chatters more than the limit has P's scale lowered until it does not; one that misses 6 dB or 45° around an
 operating point, the duty latched, does not count. The search is in the logarithms of the parameters: a scatter of
 points around the start (seeded), then Nelder and Mead's simplex from the best two. Every replay meets the same noise,
@@ -65,6 +67,8 @@ class Search:
     evaluations: int = 160
     """Candidates replayed after the scatter."""
     seed: int = 0
+    judge: Callable[[RCGains], float] | None = None
+    """What is made least in place of the RMS error: a function of the gains, above 0."""
 
     @property
     def candidates(self) -> int:
@@ -87,6 +91,8 @@ class Trial:
     """Mean |Δu| per sample [% duty]."""
     saturated: float
     """Share of samples at a limit."""
+    cost: float
+    """What the search makes least."""
 
     def candidate(self) -> Candidate:
         """For gains.json."""
@@ -172,9 +178,10 @@ def optimize(
     def trial_of(options: DesignOptions) -> Trial:
         law = law_of(model, bounds, options)
         square, largest, chatter, saturated = bench.run(law.gains)
+        rms = math.sqrt(float(square.mean()))
         return Trial(
-            law, math.sqrt(float(square.mean())), math.sqrt(float(square.max())), float(largest.max()),
-            float(chatter.mean()), float(saturated.mean()),
+            law, rms, math.sqrt(float(square.max())), float(largest.max()), float(chatter.mean()),
+            float(saturated.mean()), rms if search.judge is None else search.judge(law.gains),
         )  # fmt: skip
 
     def within_limit(options: DesignOptions) -> Trial:
@@ -196,23 +203,23 @@ def optimize(
     limit = first.chatter_pct if search.limit_pct is None else search.limit_pct
     allowed: list[tuple[float, Trial]] = []
     if first.chatter_pct <= limit and keeps_margins(first_law.gains, points, start.timing):
-        allowed.append((first.rms_nm, first))
+        allowed.append((first.cost, first))
 
     def cost(x: Array) -> float:
-        """RMS error; more than that of the start where the limit cannot be kept or a margin is missed."""
+        """The cost; more than that of the start where the limit cannot be kept or a margin is missed."""
         tick()
         try:
             trial = within_limit(options_at(x))
         except GainsError:  # no ρ covers this B̂
-            return 100 * first.rms_nm
+            return 100 * first.cost
         refused = trial.chatter_pct > limit
-        if trial.rms_nm < first.rms_nm or not allowed:
+        if trial.cost < first.cost or not allowed:
             refused = refused or not keeps_margins(trial.law.gains, points, start.timing)
         far = NEAR * float(x @ x) + float(np.maximum(np.abs(x) - 1.0, 0.0).sum())
-        judged = trial.rms_nm * (1 + far)
-        if not refused and (trial.rms_nm < first.rms_nm or not allowed):
+        judged = trial.cost * (1 + far)
+        if not refused and (trial.cost < first.cost or not allowed):
             allowed.append((judged, trial))
-        return judged + (10 * first.rms_nm if refused else 0.0)
+        return judged + (10 * first.cost if refused else 0.0)
 
     random = np.random.default_rng(search.seed)
     scattered = [np.zeros(len(names)), *random.uniform(-1, 1, (search.scatter - 1, len(names)))]

@@ -3,6 +3,8 @@
 One pure function: everything that it reads is handed to it.
 """
 
+from collections.abc import Callable
+
 import msgspec
 
 from eaid.control.bounds import bounds_of, model_of
@@ -21,6 +23,7 @@ from eaid.control.noise import white_noise_nm
 from eaid.control.operating import operating_points
 from eaid.control.options import DesignOptions
 from eaid.control.plant import plant_of, why_not
+from eaid.control.rc import RCGains
 from eaid.control.verdict import condition, guarantee
 from eaid.errors import DataError, UsageError
 from eaid.findings import Finding, finding, ranked
@@ -49,6 +52,7 @@ def tune(
     reference: str | Signal | None = None,
     reference_name: str = "",
     progress: Progress = no_progress,
+    judge: Callable[[RCGains], float] | None = None,
 ) -> Gains:
     """Gains of the robust controller and of a PI for a fit, with one verdict on the guarantee.
 
@@ -65,6 +69,8 @@ def tune(
         the user's own. None: the gains are replayed on the multisine, which Q_M need not cover.
     reference_name
         What the result calls a reference of the user's own.
+    judge
+        What a search makes least in place of the RMS error, a function of the gains above 0.
 
     Raises
     ------
@@ -92,7 +98,7 @@ def tune(
     told: list[Finding] = _of_the_rig(scales, settled)
     found = None
     if options.searches:
-        settled, found, more = _searched(fit, options, settled, plant, logs, wanted, reference_name, progress)
+        settled, found, more = _searched(fit, options, settled, plant, logs, wanted, reference_name, progress, judge)
         told += more
     gains = design(fit, settled, logs, slope if given else None)
     gains, more = _replayed(gains, plant, wanted, reference_name, given)
@@ -139,7 +145,7 @@ def _of_the_rig(scales: Scales, settled: DesignOptions) -> list[Finding]:
 
 def _searched(
     fit: Fit, options: TuneOptions, settled: DesignOptions, plant: Nonlinear | None, logs: StepSet | None,
-    wanted: Reference, name: str, progress: Progress,
+    wanted: Reference, name: str, progress: Progress, judge: Callable[[RCGains], float] | None,
 ) -> tuple[DesignOptions, Optimized, list[Finding]]:  # fmt: skip
     """The options that the search ends at, and what it traded."""
     if plant is None:
@@ -157,7 +163,7 @@ def _searched(
         told += several.findings
     search = Search(
         noise_nm=noise, limit_pct=options.chatter_limit, also=options.optimize_also,
-        evaluations=options.evaluations or 160, seed=options.seed,
+        evaluations=options.evaluations or 160, seed=options.seed, judge=judge,
     )  # fmt: skip
     model = model_of(fit)
     bounds = bounds_of(fit, settled.convention, settled.levels, settled.widen)
@@ -167,6 +173,7 @@ def _searched(
     result = Optimized(
         reference=name, plants=len(drawn), noise_nm=noise, noise_source=source, limit_pct=found.limit_pct,
         before=found.start.candidate(), after=found.best.candidate(), also=search.also,
+        optimized_for=options.optimize_for, before_cost=found.start.cost, after_cost=found.best.cost,
     )  # fmt: skip
     return found.best.law.options, result, told
 

@@ -56,6 +56,8 @@ class TuneOptions(Result, frozen=True):
     pwm_hz: Number | None = None
     """0: not latched."""
     optimize: bool = False
+    optimize_for: Literal["tracking", "stiffness"] = "tracking"
+    """tracking: the least RMS error. stiffness: the stiffest passive wall on a limb, reported against that error."""
     optimize_also: tuple[str, ...] = ()
     plants: int | None = None
     """Plants drawn for the search; None: 16."""
@@ -72,6 +74,7 @@ class TuneOptions(Result, frozen=True):
         _one_of("rho", self.rho, ("paper", "textbook"))
         _one_of("alpha", self.alpha, ("formula", "reached"))
         _one_of("anti_windup", self.anti_windup, ("conditional", "back-calculation"))
+        _one_of("optimize_for", self.optimize_for, ("tracking", "stiffness"))
         for name in self.optimize_also:
             _one_of("optimize_also", name, ALSO)
         check_all(
@@ -108,7 +111,7 @@ class TuneOptions(Result, frozen=True):
     @property
     def searches(self) -> bool:
         """Whether gains are searched for."""
-        return self.optimize or bool(self.optimize_also)
+        return self.optimize or bool(self.optimize_also) or self.optimize_for != "tracking"
 
 
 def _one_of(name: str, value: object, known: tuple[str, ...]) -> None:

@@ -1,0 +1,42 @@
+"""Gains chosen for stiff walls: what a search of `tune` makes least.
+
+The cost of gains is 1/K, K the stiffest wall that the robust controller without its reference rate renders passively at
+the least favourable of four torques. With the rate a wall rests on fractions of a sample (docs/coupling.md).
+"""
+
+import math
+from collections.abc import Callable
+
+from eaid.control.plant import plant_of
+from eaid.control.rc import RCGains
+from eaid.coupling.couple import default_torques
+from eaid.coupling.linear import linearised, operating_point, step_of
+from eaid.coupling.options import CoupleOptions
+from eaid.coupling.sampled import Channel, Coupled, Limb
+from eaid.coupling.stiffness import needed_damping, passive_stiffness
+from eaid.errors import DataError
+from eaid.results.fit import Fit
+
+UNSTABLE = 1e3
+"""Cost of gains whose loop is unstable without any wall [rad/(N·m)]."""
+
+
+def stiffness_judge(fit: Fit, options: CoupleOptions = CoupleOptions()) -> Callable[[RCGains], float]:  # noqa: B008
+    """1/K of the stiffest passive wall of the robust controller [rad/(N·m)]; DataError without a nonlinear model."""
+    plant = plant_of(fit)
+    if plant is None:
+        raise DataError("the fit holds no nonlinear model, which walls are worked out on; fit clutch logs with it")
+    points = [operating_point(plant, torque) for torque in options.torques or default_torques(plant)]
+    timing, damping = options.timing, options.limb_damping
+
+    def cost(gains: RCGains) -> float:
+        worst = math.inf
+        for point in points:
+            step, start = step_of("rc-no-rate", plant, point, gains, None, timing.step_s)
+            channel = Channel(point, linearised(step, start, point))
+            if abs(Coupled([channel], Limb(), timing).poles(0.0)).max() > 1 + 1e-9:
+                return UNSTABLE
+            worst = min(worst, passive_stiffness(needed_damping([channel], timing), damping)[0])
+        return 1 / worst if worst > 1 / UNSTABLE else UNSTABLE
+
+    return cost
