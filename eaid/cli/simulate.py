@@ -42,6 +42,7 @@ def command(
     limb_damping: o.LimbDamping = None,
     limb_inertia: o.LimbInertia = None,
     output: Output = Path("replay.h5"),
+    verbose: o.Verbose = False,
     as_json: Json = False,
     quiet: Quiet = False,
     force: Force = False,
@@ -101,5 +102,5 @@ def command(
         console.print_json(content_of(replay))
     else:
         tables.show(replay)
-    console.tell([*replay.findings, *told, *more])
+    console.tell([*replay.findings, *told, *more], verbose)
     console.say(f"wrote {path}")

@@ -74,6 +74,7 @@ Threads = Annotated[
 Best = Annotated[
     bool, typer.Option("--best", help="The least error this plant allows, the future known; how far each is from it.")
 ]
+Verbose = Annotated[bool, typer.Option("--verbose", "-v", help="Show all findings.")]
 LimbDamping = Annotated[
     float | None,
     typer.Option("--limb-damping", help="Damping of the limb [N·m·s/rad].", rich_help_panel=REHAB),

@@ -90,7 +90,7 @@ def command(
         write(path, runs, force)
     else:
         write_folder(path, runs, force)
-    console.tell(told)
+    console.tell(told, verbose=True)
     made_of = plant_of(options, fit, named).made_of
     console.say(f"{path}: {len(runs)} synthetic runs of {made_of}, seed {seed}")
     if as_json:

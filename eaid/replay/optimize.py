@@ -1,5 +1,4 @@
-"""Gains by search: P's scale, ε and φ (ω_n and B̂ too, if asked) of least RMS torque error under a limit on
-chattering.
+"""Gains by search: P's scale, ε and φ (ω_n and B̂ too, if asked) of least RMS torque error and limited chattering.
 
 A candidate is replayed on plants drawn from the fit's uncertainty, with the torque noise that the logs show:
 

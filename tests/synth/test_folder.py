@@ -43,7 +43,7 @@ def test_friction_columns_have_their_own_name(kind: str, column: str) -> None:
 def test_force_replaces_earlier_synthetic_runs_and_nothing_else(tmp_path: Path) -> None:
     folder = tmp_path / "logs"
     write_folder(folder, synthesise(plants.clutch(), SHORT, Disturbance(), seed=0), force=False)
-    with pytest.raises(UsageError, match="exists already; give --force"):
+    with pytest.raises(UsageError, match="exists already; give force="):
         write_folder(folder, [], force=False)
     fewer = synthesise(plants.clutch(), replace(SHORT, levels=(70.0,), repeats=1), Disturbance(), seed=0)
     write_folder(folder, fewer, force=True)
