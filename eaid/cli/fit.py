@@ -61,7 +61,7 @@ def command(
     from eaid.uncertainty.workflow import fit_steps
 
     assert output is not None
-    refuse_to_overwrite(output, force)
+    refuse_to_overwrite(output, force, data)
     options = FitOptions(
         options_.models_of(model), options_.share_of(share), weights, loss, options_.numbers("hold_out", hold_out),
         bounds, estimator=estimator, shape=shape, dead_time_s=options_.dead_time_of(dead_time), ci=ci, seed=seed,

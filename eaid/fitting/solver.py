@@ -194,14 +194,15 @@ def _one_round(
         rows /= size[:, None]
         slack = (problem.A[held] @ x - problem.b[held]) / size
     constraints = {"type": "ineq", "fun": lambda z: rows @ z + slack, "jac": lambda _: rows}
-    end = minimize(  # type: ignore[call-overload]  # the stubs know no vector-valued constraint
-        scaled,
-        np.zeros(len(x)),
-        jac=True,
-        method="SLSQP",
-        constraints=constraints if len(slack) else (),
-        options={"ftol": FTOL, "maxiter": maximum},
-    )
+    with np.errstate(over="ignore", invalid="ignore"):  # SLSQP may look far outside before it comes back
+        end = minimize(  # type: ignore[call-overload]  # the stubs know no vector-valued constraint
+            scaled,
+            np.zeros(len(x)),
+            jac=True,
+            method="SLSQP",
+            constraints=constraints if len(slack) else (),
+            options={"ftol": FTOL, "maxiter": maximum},
+        )
     return x + back @ end.x, end.nfev
 
 

@@ -167,3 +167,9 @@ def test_real_friction_with_one_command(tmp_path: Path, capsys: pytest.CaptureFi
     assert result["friction"]["levels"][0]["stress_kpa"] == 100 and result["friction"]["trends"].keys() == {"Ts"}
     told = capsys.readouterr().err
     assert "Eq. (1) takes a torque in N·m" in told and "there are 4" in told
+
+
+def test_a_log_is_never_the_output(small: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    before = small.read_bytes()
+    assert main.run(["fit", str(small), "-o", str(small), "--force", "-q"]) == 2
+    assert small.read_bytes() == before and str(small) in capsys.readouterr().err
