@@ -1,0 +1,33 @@
+"""The reference of the commands, made from their own help while the site is built."""
+
+import inspect
+from typing import Any
+
+import typer
+from mkdocs.structure.files import File, Files
+
+
+def on_files(files: Files, config: Any) -> Files:
+    """Add reference/commands.md."""
+    files.append(File.generated(config, "reference/commands.md", content=commands()))
+    return files
+
+
+def commands() -> str:
+    """One section a command: what it does, its arguments and options with their defaults."""
+    from eaid.cli.main import app
+
+    group = typer.main.get_command(app)
+    parts = ["# Commands", "Every option of every command, made from `eaid COMMAND --help`."]
+    for name, command in group.commands.items():  # type: ignore[attr-defined]
+        parts += [f"## eaid {name}", inspect.cleandoc(command.help or "").replace("\f", "")]
+        rows = ["| option | meaning | default |", "|---|---|---|"]
+        for option in command.params:
+            if getattr(option, "hidden", False) or option.name == "help":
+                continue
+            spelled = ", ".join(f"`{text}`" for text in option.opts) if option.param_type_name == "option" else f"`{option.human_readable_name}`"
+            default = option.default if option.default not in (None, False, (), []) and not callable(option.default) else ""
+            words = (getattr(option, "help", None) or "").replace("|", "\\|").replace("<", "&lt;")
+            rows.append(f"| {spelled} | {words} | {f'`{default}`' if default != '' else ''} |")
+        parts.append("\n".join(rows))
+    return "\n\n".join(parts) + "\n"
