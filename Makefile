@@ -7,7 +7,7 @@ BIN := .venv/bin
 endif
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
-.PHONY: demo test check bench datasets wheel clean
+.PHONY: demo test check bench docs datasets wheel clean
 
 demo: .venv/.run  ## the main job: three shipped datasets to one report
 	$(BIN)/eaid demo -o demo --force
@@ -23,6 +23,9 @@ check: .venv/.dev
 
 bench: .venv/.bench  ## speed and quality against other tools, in one run
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m benchmarks
+
+docs: .venv/.docs  ## the site: site/index.html; a warning or a dead link is an error
+	$(BIN)/python -m mkdocs build --strict
 
 datasets: .venv/.run  ## the shipped synthetic logs again, byte for byte
 	$(BIN)/python datasets/make.py
@@ -45,5 +48,10 @@ wheel: .venv/.dev
 	$(BIN)/python -m pip install -q -c constraints.txt -e ".[dev,bench]"
 	@touch .venv/.run $@
 
+.venv/.docs: pyproject.toml constraints.txt
+	$(PYTHON) -m venv .venv
+	$(BIN)/python -m pip install -q -c constraints.txt -e ".[docs]"
+	@touch .venv/.run $@
+
 clean:
-	rm -rf .venv build dist demo .mypy_cache .pytest_cache .ruff_cache .import_linter_cache
+	rm -rf .venv build dist demo site .mypy_cache .pytest_cache .ruff_cache .import_linter_cache

@@ -25,8 +25,10 @@ def commands() -> str:
         for option in command.params:
             if getattr(option, "hidden", False) or option.name == "help":
                 continue
-            spelled = ", ".join(f"`{text}`" for text in option.opts) if option.param_type_name == "option" else f"`{option.human_readable_name}`"
-            default = option.default if option.default not in (None, False, (), []) and not callable(option.default) else ""
+            names = option.opts if option.param_type_name == "option" else [option.metavar or option.name.upper()]
+            spelled = ", ".join(f"`{text}`" for text in names)
+            shown = option.default not in (None, False, (), []) and not callable(option.default)
+            default = option.default if shown else ""
             words = (getattr(option, "help", None) or "").replace("|", "\\|").replace("<", "&lt;")
             rows.append(f"| {spelled} | {words} | {f'`{default}`' if default != '' else ''} |")
         parts.append("\n".join(rows))
