@@ -20,7 +20,7 @@ from eaid.logs.run import Kind, Run
 from eaid.logs.together import columns_told
 from eaid.progress import Progress, no_progress
 from eaid.steps.baseline import baseline_rule
-from eaid.steps.build import StepOptions, cut_runs, stepset_of
+from eaid.steps.build import StepOptions, cut_runs, settled_steps, stepset_of
 from eaid.steps.stepset import StepSet
 
 KINDS = ("clutch", "friction-force", "friction-speed")
@@ -205,7 +205,8 @@ def steps_of(
         stepset = StepSet(options.kind or first.kind or "clutch", first.input_unit, first.output_unit, rig, ())
     else:
         stepset = stepset_of(steps, stepping)
-    stepset = replace(stepset, recorded=tuple(uncut))
+    each = (*stepset.level_steps, *settled_steps(uncut, stepping))
+    stepset = replace(stepset, recorded=tuple(uncut), level_steps=each)
     if options.levels is not None:
         kept = {run.name for run in stepset.runs}
         steps = [step for step in steps if step.name in kept]

@@ -13,6 +13,10 @@ if TYPE_CHECKING:
 
 def as_recorded(stepset: "StepSet", options: "FitOptions", rest: float, duty: str | None, instrument: bool) -> "Fit":
     """The fit of a set's recorded logs, with its steps."""
+    import msgspec
+
+    from eaid.findings import ranked
+    from eaid.fitting.between import single_steps
     from eaid.recorded.fit import fit_recorded
     from eaid.recorded.options import RecordedOptions
 
@@ -30,7 +34,10 @@ def as_recorded(stepset: "StepSet", options: "FitOptions", rest: float, duty: st
         ci="none" if options.ci == "none" else "robust",
         seed=options.seed,
     )
-    return fit_recorded(stepset.recorded, how, stepset if stepset.levels else None)
+    found = fit_recorded(stepset.recorded, how, stepset if stepset.levels else None)
+    shapes = single_steps(stepset, options)
+    told = (said for one in shapes for said in one.findings)
+    return msgspec.structs.replace(found, steps=shapes, findings=ranked((*found.findings, *told)))
 
 
 def duty_of(text: str | None) -> tuple[float, float] | None:

@@ -9,7 +9,7 @@ import numpy as np
 from eaid.apparatus import Apparatus
 from eaid.arrays import median, read_only
 from eaid.errors import DataError
-from eaid.findings import Finding, finding
+from eaid.findings import Finding, finding, stops
 from eaid.logs.run import Kind, Run
 from eaid.steps.average import common
 from eaid.steps.baseline import BaselineRule
@@ -24,8 +24,10 @@ from eaid.steps.levels import grouped, same_level, wanted_levels
 from eaid.steps.plateaus import FEWEST, tolerance
 from eaid.steps.slip import slip_of
 from eaid.steps.step import Step, left_pct, lost_pct
-from eaid.steps.stepset import Level, RunRecord, StepSet
+from eaid.steps.stepset import Level, LevelStep, RunRecord, StepSet
 
+MOST_SETTLED = 60
+"""Steps up to which a log that is fitted as it was recorded has each step fitted by itself, too."""
 DISAGREE = 0.10
 """Repeats whose torque at the end differs by more than this share are told."""
 
@@ -73,6 +75,18 @@ def cut_runs(runs: Sequence[Run], options: StepOptions) -> tuple[list[Run], list
         except DataError as fault:
             faults.extend(fault.sentences)
     return _counted(steps), faults
+
+
+def settled_steps(runs: Sequence[Run], options: StepOptions) -> tuple[LevelStep, ...]:
+    """The changes of input between settled holds in logs that are not cut otherwise; none of a log without steps."""
+    found: list[Run] = []
+    for run in runs:
+        try:
+            found += cut(from_rest(run, options.rest), options.baseline)
+        except DataError:
+            continue
+    settled = [step for step in found if _samples(step) >= FEWEST and not stops(step.findings)]
+    return level_steps(settled) if len(settled) <= MOST_SETTLED else ()
 
 
 def _samples(run: Run) -> int:

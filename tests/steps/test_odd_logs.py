@@ -239,3 +239,16 @@ def test_steps_from_rest_stand_beside_steps_between_levels() -> None:
     assert sorted((s.from_level, s.level) for s in stepset.level_steps) == [(0, 50), (0, 50), (50, 0), (50, 80)]
     t = np.arange(800) / 100
     np.testing.assert_allclose(stepset.level_steps[-2].output[:700], 2 + 1.2 * curve(t)[:700], atol=0.02)
+
+
+def test_settled_steps_of_a_log_that_is_not_cut() -> None:
+    from eaid.steps.build import settled_steps
+
+    stairs = log([(0, 2), (20, 8), (60, 8), (40, 8)])
+    found = settled_steps([stairs], StepOptions())
+    assert [(one.from_level, one.level) for one in found] == [(0, 20), (20, 60), (60, 40)]
+    hasty = log([(0, 2), (20, 0.8), (60, 0.8), (40, 8)])
+    # 7 % of the rise to 60 are still to come when it falls to 40: 13 % of that fall
+    assert [(one.from_level, one.level) for one in settled_steps([hasty], StepOptions())] == [(0, 20), (20, 60)]
+    wave = replace(stairs, input=read_only(50 + 40 * np.sin(stairs.time_s)))
+    assert settled_steps([wave], StepOptions()) == ()

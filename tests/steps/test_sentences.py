@@ -25,7 +25,6 @@ VALUES: dict[str, dict[str, object]] = {
     "input-is-periodic": {"turns": 8, "hz": 0.5},
     "input-is-binary": {"switches": 31, "clock_s": 0.2},
     "input-moves": {},
-    "reader-note": {"note": "2 rows dropped"},
     "counted-from-rest": {"rest": -5.0},
     "input-negative": {},
     "input-glitch": {"samples": 2},

@@ -52,19 +52,24 @@ ROWS: dict[str, Row] = {
     "input-sweeps": Row(
         "stop",
         "the input sweeps from {from_hz:.3g} to {to_hz:.3g} Hz: a chirp holds no steps; record one level at a time, or "
-        "fit the whole record",
+        "fit the whole record with «logs_as» recorded",
     ),
     "input-is-periodic": Row(
         "stop",
         "the input turns {turns} times at {hz:.3g} Hz: a periodic excitation holds no steps; record one level at a "
-        "time, or fit the whole record",
+        "time, or fit the whole record with «logs_as» recorded",
     ),
     "input-is-binary": Row(
         "stop",
         "the input switches {switches} times between two levels, held for multiples of {clock_s:.3g} s: a binary "
-        "sequence (PRBS) holds no settled steps; fit the whole record, or record one level at a time",
+        "sequence (PRBS) holds no settled steps; fit the whole record with «logs_as» recorded, or record one level at "
+        "a time",
     ),
-    "input-moves": Row("stop", "the input moves most of the time, so it holds no steps; record one level at a time"),
+    "input-moves": Row(
+        "stop",
+        "the input moves most of the time, so it holds no steps; record one level at a time, or fit the whole record "
+        "with «logs_as» recorded",
+    ),
     "counted-from-rest": Row("note", "levels counted from rest at {rest:g}"),
     "input-negative": Row("note", "the input is negative: its size is taken"),
     "input-glitch": Row("note", "the input leaves its level for {samples} samples and comes back: passed over"),
