@@ -8,7 +8,7 @@ import numpy as np
 
 from eaid.errors import DataError
 from eaid.logs.options import ReadOptions
-from eaid.logs.read import NOTHING_SAID, _together, checked_options
+from eaid.logs.read import NOTHING_SAID, checked_options, together
 from eaid.logs.run import Run
 from eaid.logs.table import Cells, Table
 from eaid.logs.to_run import Origin, run_of
@@ -47,7 +47,7 @@ def runs_from_frames(
             runs.append(run_of(Origin(name, name, _sha256(table), name), [table], options, pattern))
         except DataError as fault:
             faults.extend(fault.sentences)
-    found, faults = _together(runs, faults, options.join)
+    found, faults = together(runs, faults, options)
     if faults:
         raise DataError(*faults)
     return found

@@ -87,18 +87,18 @@ def read_what_can_be(
                     pool.shutdown(cancel_futures=True)
                     raise
     _refuse_what_does_nothing(runs, options)
-    return _together(runs, faults, options.join)
+    return together(runs, faults, options)
 
 
-def _together(runs: Sequence[Run], faults: list[str], join: bool) -> tuple[list[Run], list[str]]:
+def together(runs: Sequence[Run], faults: list[str], options: ReadOptions) -> tuple[list[Run], list[str]]:
     """Runs of one call: none counted twice, joined where that is wanted, compared, named apart."""
     once = counted_once(runs)
-    if join and not faults:
+    if options.join and not faults:
         try:
             once = joined(once)
         except DataError as fault:
             return [], list(fault.sentences)
-    return named_apart(scales_compared(once)), faults
+    return named_apart(once if "input" in options.units else scales_compared(once)), faults
 
 
 def _refuse_what_does_nothing(runs: Sequence[Run], options: ReadOptions) -> None:

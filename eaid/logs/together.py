@@ -30,9 +30,12 @@ def counted_once(runs: Sequence[Run]) -> list[Run]:
 
 
 def scales_compared(runs: Sequence[Run]) -> list[Run]:
-    """Runs in %; one that stays within 1 while others go to 100 is a fraction, and says so."""
+    """Runs in %; one that stays within 1 while others go to 100 is a fraction, and says so.
+
+    Those of datasets were compared when they were ingested.
+    """
     largest = [
-        float(np.abs(run.input).max()) if run.input_unit == "%" and len(run.input) and run.input[0] == run.input[0]
+        float(np.abs(run.input).max()) if run.input_unit == "%" and not run.dataset and len(run.input) and run.input[0] == run.input[0]
         else np.nan
         for run in runs
     ]  # fmt: skip

@@ -242,6 +242,7 @@ def test_one_log_in_fractions_among_percent(tmp_path: Path) -> None:
         (tmp_path / f"{name}.csv").write_text(csv(duty=scale * U))
     found = {run.name: [(one.code, one.severity) for one in run.findings] for run in read_runs([tmp_path])}
     assert found == {"a": [], "b": [], "c": [("input-in-fractions", "stop")]}
+    assert not any(run.findings for run in read_runs([tmp_path], ReadOptions(units={"input": "%"})))
 
 
 def test_a_stored_level_that_its_own_input_contradicts(tmp_path: Path) -> None:

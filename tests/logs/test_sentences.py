@@ -26,8 +26,8 @@ SAID = {
     ),
     "input-in-fractions": (
         {"other": 90.0},
-        "its input stays within 1 while that of other logs goes to 90 %: if it is a fraction, say so apart with "
-        "«units» input=fraction",
+        "its input stays within 1 while that of other logs goes to 90 %: a fraction is read apart with «units» "
+        "input=fraction; if all are in %, say «units» input=%",
     ),
 }  # fmt: skip
 

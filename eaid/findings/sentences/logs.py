@@ -64,8 +64,8 @@ ROWS: dict[str, Row] = {
     ),
     "input-in-fractions": Row(
         "stop",
-        "its input stays within 1 while that of other logs goes to {other:g} %: if it is a fraction, say so apart with "
-        "«units» input=fraction",
+        "its input stays within 1 while that of other logs goes to {other:g} %: a fraction is read apart with «units» "
+        "input=fraction; if all are in %, say «units» input=%",
     ),
     "log-given-twice": Row("caution", "{path} is the same log as {first} (equal SHA-256): it counts once"),
     "signals-held": Row("caution", _held),
