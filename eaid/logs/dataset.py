@@ -156,6 +156,7 @@ def _apparatus(attributes: Any, source: str) -> Apparatus | None:
 
 def _column(item: Item, known: dict[bytes, Array]) -> Array:
     """A column of a run; repeats that have one time axis share it in memory."""
+    assert item.values is not None
     values = read_only(item.values)
     return known.setdefault(hashlib.sha256(values.data).digest(), values)
 

@@ -34,11 +34,7 @@ def scales_compared(runs: Sequence[Run]) -> list[Run]:
 
     Those of datasets were compared when they were ingested.
     """
-    largest = [
-        float(np.abs(run.input).max()) if run.input_unit == "%" and not run.dataset and len(run.input) and run.input[0] == run.input[0]
-        else np.nan
-        for run in runs
-    ]  # fmt: skip
+    largest = [_largest_pct(run) for run in runs]
     most = np.nanmax(largest) if not np.isnan(largest).all() else 0.0
     if not most > 1.5:
         return list(runs)
@@ -49,6 +45,12 @@ def scales_compared(runs: Sequence[Run]) -> list[Run]:
             run = replace(run, findings=(*run.findings, finding("input-in-fractions", run.name, other=float(most))))
         told.append(run)
     return told
+
+
+def _largest_pct(run: Run) -> float:
+    """The largest input of a log in %; NaN for any other."""
+    in_pct = run.input_unit == "%" and not run.dataset and len(run.input) > 0
+    return float(np.abs(run.input).max()) if in_pct else np.nan
 
 
 def columns_told(runs: Sequence[Run]) -> list[str]:
