@@ -16,6 +16,9 @@ if TYPE_CHECKING:
 MOST = 20
 """Steps from level to level that are listed; all are in the file and in --json."""
 
+LONGEST = 30
+"""Letters of a run's name in a table."""
+
 
 def as_json(stepset: "StepSet") -> dict[str, Any]:
     """The levels, runs and findings, machine-readable."""
@@ -73,13 +76,13 @@ def _finding_json(one: "Finding") -> dict[str, Any]:
 def print_tables(stepset: "StepSet") -> None:
     """The tables on stdout."""
     made = f", synthetic: {stepset.synthetic}" if stepset.synthetic else ""
-    title = f"{stepset.kind}: {_count(stepset.levels, 'level')}, {_count(stepset.runs, 'run')}{made}"
+    title = f"{stepset.kind}: {_count(stepset.levels, 'level')}, {_count(stepset.runs, 'run')}, {_rates(stepset)}{made}"
     unit, out = stepset.input_unit or "input", stepset.output_unit or "output"
     if stepset.levels:
         rows = [_level_row(level, stepset) for level in stepset.levels]
         console.table(
             title,
-            [f"level [{unit}]", "runs", f"start [{out}]", f"rise [{out}]", "lost", "hold [s]", "rate [Hz]", "falls"],
+            [f"level [{unit}]", "runs", f"start [{out}]", f"rise [{out}]", "lost", "hold [s]", "falls"],
             rows,
         )
     else:
@@ -114,8 +117,19 @@ def print_tables(stepset: "StepSet") -> None:
         console.table(
             "doubts",
             ["", "run", "what"],
-            [[console.PREFIX[one.severity], one.subject, on_command_line(say(one))] for one in told],
+            [[console.PREFIX[one.severity], _short(one.subject), on_command_line(say(one))] for one in told],
         )
+
+
+def _rates(stepset: "StepSet") -> str:
+    rates = sorted(f"{run.rate_hz:.4g}" for run in stepset.runs)
+    low, high = min(rates, key=float, default="0"), max(rates, key=float, default="0")
+    return f"{low} Hz" if low == high else f"{low} to {high} Hz"
+
+
+def _short(name: str) -> str:
+    """A run's name for a table: the middle of a long one is left out."""
+    return name if len(name) <= LONGEST else f"{name[: LONGEST - 12]}…{name[-11:]}"
 
 
 def _count(items: "Sequence[object]", what: str) -> str:
@@ -129,10 +143,9 @@ def _level_row(level: "Level", stepset: "StepSet") -> list[str]:
     falls = sum(len(one.names) for one in stepset.releases if one.level == level.level)
     near = f"{starts[0]:.4g}" if len(starts) == 1 else f"{min(starts):.4g} … {max(starts):.4g}"
     end = float(level.mean[-max(1, len(level.mean) // 10) :].mean())
-    rate = min(run.rate_hz for run in runs)
     return [
         f"{level.level:g}", str(len(level.names)), near, f"{end:.4g}", f"{lost:.0f} %", f"{level.time_s[-1]:.4g}",
-        f"{rate:.4g}", str(falls),
+        str(falls),
     ]  # fmt: skip
 
 

@@ -35,8 +35,8 @@ def test_table_and_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> N
     logs = [str(write_log(tmp_path / f"u{level}.csv", level)) for level in (30, 60)]
     assert run(["ingest", *logs, "-o", str(tmp_path / "d.h5")]) == 0
     out, err = capsys.readouterr()
-    assert out.splitlines()[0] == "clutch: 2 levels, 2 runs"
-    assert out.splitlines()[2].split() == ["30", "1", "0.1", "1.2", "0", "%", "14.99", "100", "0"]
+    assert out.splitlines()[0] == "clutch: 2 levels, 2 runs, 100 Hz"
+    assert out.splitlines()[2].split() == ["30", "1", "0.1", "1.2", "0", "%", "14.99", "0"]
     assert len(out.splitlines()) == 4  # a line a level, and no doubts
     assert err.splitlines() == [
         "reading logs: 2 to do",
