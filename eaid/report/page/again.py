@@ -2,10 +2,13 @@
 
 import shlex
 
+import msgspec
+
 from eaid.report.results import Results
 from eaid.results.fit import Fit, FitOptionsRecord
 from eaid.results.gains import Gains
-from eaid.results.replay import Replay
+from eaid.results.replay import Replay, RigRecord
+from eaid.results.tuning import TuneOptions
 
 FIT = {
     "models": "--model", "share": "--share", "weights": "--weights", "loss": "--loss", "hold_out": "--hold-out",
@@ -13,9 +16,6 @@ FIT = {
     "shape": "--shape",
 }  # fmt: skip
 """Option of a fit → its flag; left out where it is the default."""
-TUNE = {"K_P": ("--kp", 4.5), "K_D": ("--kd", 3.0), "Q_M": ("--q-max", 5.0), "phi": ("--phi", 0.05),
-        "epsilon": ("--epsilon", 0.5), "gamma": ("--gamma", 50.0)}  # fmt: skip
-"""Choice of the robust controller → flag and default of `eaid tune-rc`."""
 
 
 def commands(results: Results) -> list[str]:
@@ -39,13 +39,32 @@ def commands(results: Results) -> list[str]:
 def _simulate(model: str, with_gains: str, replay: Replay, path: str) -> str:
     head = replay.head
     if head.scenario == "log":
-        return f"eaid simulate {model} --log LOGS -o {path}"
+        logs = " ".join(shlex.quote(one.path) for one in head.inputs.log) or "LOGS"
+        return f"eaid simulate {model} --log {logs} -o {path}"
     names = ",".join(name for name, one in replay.records.items() if one.role == "controller")
     more = " --best" if any(one.role == "best" for one in replay.records.values()) else ""
     more += f" --plants {head.plants}" if head.plants else ""
+    more += _rig(head.rig)
+    if head.perturb:
+        more += " --perturb " + ",".join(f"{name}={value:g}" for name, value in head.perturb.items())
     more += f" --seed {head.seed}" if head.seed else ""
-    scenario = "--reference FILE" if head.scenario == "reference" else f"--scenario {shlex.quote(head.scenario)}"
+    own = shlex.quote(head.inputs.reference.path) if head.inputs.reference is not None else "FILE"
+    scenario = f"--reference {own}" if head.scenario == "reference" else f"--scenario {shlex.quote(head.scenario)}"
     return f"eaid simulate {model}{with_gains} {scenario} --controller {shlex.quote(names)}{more} -o {path}"
+
+
+def _rig(rig: RigRecord) -> str:
+    """The rig's own effects, as typed."""
+    if rig.noise_coloured_share < 1:  # only residuals have noise of two kinds
+        rig = msgspec.structs.replace(rig, noise_nm=0.0, noise_correlation_s=0.0)
+        said = " --noise residuals"
+    else:
+        said = ""
+    for name in ("noise_nm", "noise_correlation_s", "ripple_pct", "sensor_hz", "delay_samples", "pwm_hz", "duty_bits"):
+        value = getattr(rig, name)
+        said += f" --{name.replace('_', '-')} {value:g}" if value else ""
+    said += f" --ripple-hz {rig.ripple_hz:.9g}" if rig.ripple_pct else ""
+    return said if rig.saturation else f"{said} --no-saturation"
 
 
 def _fit_options(fit: Fit) -> str:
@@ -71,12 +90,17 @@ def _text(value: object) -> str:
 
 
 def _tune_options(gains: Gains) -> str:
-    said = ""
-    for key, (flag, usual) in TUNE.items():
-        value = getattr(gains.rc, key) if gains.rc is not None else None
-        if value is not None and abs(value - usual) > 1e-12:
-            said += f" {flag} {value:.6g}"
-    if gains.pi is not None and gains.pi.asked is not None:
-        for flag, asked in (("overshoot", gains.pi.asked.overshoot_pct), ("settling", gains.pi.asked.settling_s)):
-            said += f" --pi-{flag} {asked:g}" if asked is not None else ""
+    """The options that differ from their defaults, as typed, with the reference and the seed."""
+    said, options = "", gains.options or TuneOptions()
+    for one in msgspec.structs.fields(TuneOptions):
+        value = getattr(options, one.name)
+        flag = f" --{one.name.replace('_', '-')}"
+        if value is True:
+            said += flag
+        elif value is not None and value is not False and value != one.default and one.name != "seed":
+            said += f"{flag} {shlex.quote(_text(value))}"
+    if gains.inputs.reference is not None:
+        said += f" --reference {shlex.quote(gains.inputs.reference.path)}"
+    elif gains.rc is not None and gains.rc.reference_slope_nm_s is not None and gains.replayed is not None:
+        said += f" --reference {shlex.quote(gains.replayed.reference)}"
     return f"{said} --seed {gains.seed}" if gains.seed else said
