@@ -14,7 +14,8 @@ from eaid.results.gains import Gains
 TUNED = ["--b-hat", "minimax", "--kp", "5", "--phi", "0.02", "--pi-overshoot", "1", "--pi-settling", "0.3",
          "--duty-limits", "5,95", "--reference", "multisine", "--levels", "40:100", "--pwm-hz", "0"]  # fmt: skip
 REPLAYED = ["--controller", "pi,inverse", "--scenario", "steps", "--duration", "9", "--noise-nm", "0.01",
-            "--ripple-pct", "2", "--duty-bits", "8", "--perturb", "Ts=0.9", "--no-saturation", "--seed", "5"]  # fmt: skip
+            "--ripple-pct", "2", "--duty-bits", "8", "--perturb", "Ts=0.9", "--no-saturation",
+            "--seed", "5"]  # fmt: skip
 
 
 def test_gains_and_replay_are_made_again_by_what_the_page_says(
