@@ -13,7 +13,7 @@ from eaid.arrays import Array
 from eaid.fitting.basis import Basis
 from eaid.fitting.data import Data
 from eaid.fitting.laplace import Transforms, transforms
-from eaid.fitting.solver import Problem, bring_in
+from eaid.fitting.problem import Problem, bring_in
 from eaid.models.nonlinear import CHECKED_DUTIES
 from eaid.models.parameters import TAU_FLOOR_S
 

@@ -9,7 +9,7 @@ import numpy as np
 from eaid.arrays import Array
 from eaid.fitting.compress import Points
 from eaid.fitting.data import Data
-from eaid.fitting.solver import ROUNDING, Problem
+from eaid.fitting.problem import ROUNDING, Problem
 from eaid.fitting.starts import start_grid
 
 GRID = 24

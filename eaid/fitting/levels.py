@@ -10,7 +10,8 @@ from eaid.arrays import Array
 from eaid.fitting.data import Data
 from eaid.fitting.free_share import free_problem, free_starts, full_value, theta_of
 from eaid.fitting.kernel import level_curvature, level_normal, level_sums, log_curvature, weighted_shares
-from eaid.fitting.solver import ROUNDING, SETTLED, EndPoint, Problem, judged, polish, slsqp
+from eaid.fitting.problem import ROUNDING, Problem
+from eaid.fitting.solver import SETTLED, EndPoint, judged, polish, slsqp
 from eaid.fitting.starts import RECORDS, STEPS, moved_by, solved_for, starting_curves
 from eaid.models.parameters import TAU_FLOOR_S
 from eaid.results.common import Solver

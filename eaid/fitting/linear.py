@@ -17,7 +17,8 @@ from eaid.fitting.kernel import decay, level_curvature, level_normal, level_sums
 from eaid.fitting.levels import LEAST_LOG, MOST_LOG
 from eaid.fitting.metrics import quality
 from eaid.fitting.options import CONVENTIONS
-from eaid.fitting.solver import ROUNDING, SETTLED, Problem, approach, concluded, ended, judged
+from eaid.fitting.problem import ROUNDING, Problem
+from eaid.fitting.solver import SETTLED, approach, concluded, ended, judged
 from eaid.models.parameters import Linear
 from eaid.results.common import Solver
 from eaid.results.fit import Bounds, LinearLevel

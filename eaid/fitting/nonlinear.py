@@ -25,7 +25,8 @@ from eaid.fitting.kernel import (
     weighted_shares,
 )
 from eaid.fitting.levels import SHARES
-from eaid.fitting.solver import ROUNDING, EndPoint, Problem, approach, bring_in, concluded, draw_in, ended, slsqp
+from eaid.fitting.problem import ROUNDING, Problem, bring_in, draw_in
+from eaid.fitting.solver import EndPoint, approach, concluded, ended, slsqp
 from eaid.fitting.starts import quick_curves
 from eaid.models.parameters import TAU_FLOOR_S, Nonlinear
 from eaid.results.common import Solver

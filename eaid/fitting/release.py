@@ -18,7 +18,8 @@ from eaid.fitting.data import Data, data_of
 from eaid.fitting.kernel import decay
 from eaid.fitting.levels import CLEAR, SAME, TRUST
 from eaid.fitting.metrics import quality
-from eaid.fitting.solver import FINISHED, ROUNDING, SETTLED, Problem, approach, concluded, ended, judged
+from eaid.fitting.problem import ROUNDING, Problem
+from eaid.fitting.solver import FINISHED, SETTLED, approach, concluded, ended, judged
 from eaid.fitting.starts import RECORDS, Indices, grid_bowls, grid_fits, start_grid
 from eaid.models.parameters import SHARE, TAU_FLOOR_S, Friction
 from eaid.results.common import Solver

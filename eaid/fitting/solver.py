@@ -11,9 +11,10 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import minimize, nnls
+from scipy.optimize import minimize
 
 from eaid.arrays import Array
+from eaid.fitting.problem import TINY, Problem, Value, at, inside, newton_step, rounding, whiten
 from eaid.results.common import Solver, StartCost
 
 FTOL = 1e-13
@@ -38,35 +39,6 @@ CONVERGED = 1e-9
 
 TRIES = 12
 """How often a round is begun again with more rows of A."""
-NEAR = 1e-9
-"""Slack of a row of A at which it counts as active, beside those that hold the Newton step."""
-TINY = 1e-280
-"""Curvature below which nothing determines an unknown: its square root can still be squared and divided by."""
-ROUNDING = 1e-15
-"""A predicted is judged against at least this part of the sum of squared data: beneath it lies rounding."""
-
-
-Value = Callable[[Array], tuple[float, Array]]
-"""x → cost, gradient (n,)."""
-
-
-@dataclass(frozen=True, eq=False)
-class Problem:
-    """Minimise a sum of squares under A x ≥ b."""
-
-    value: Value
-    curvature: Callable[[Array], Array]
-    """x → positive semidefinite Gauss–Newton matrix of the cost, (n, n)."""
-    A: Array
-    b: Array
-    names: Callable[[int], str]
-    """The code of the constraint that a row of A is part of, as in `Solver.at_bounds`."""
-    exact: Callable[[Array], Array] | None = None
-    """x → true second derivatives, (n, n), where they are known."""
-    together: Callable[[Array], tuple[float, Array, Array]] | None = None
-    """x → cost, gradient and Gauss–Newton matrix, where all three cost less together."""
-    floor: float = 0.0
-    """Cost below which differences are rounding: `ROUNDING` times the sum of squared data."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,28 +64,6 @@ class Local:
     """By how much a constrained Newton step would lower the cost."""
 
 
-@dataclass(frozen=True, eq=False)
-class Step:
-    """A constrained Newton step: where it goes, what it predicts, and the rows of A that hold it."""
-
-    d: Array
-    decrease: float
-    active: tuple[int, ...]
-
-
-def whiten(curvature: Array) -> Array:
-    """L with LL' = curvature, a trace of its diagonal added where it is singular, (n, n) lower triangular."""
-    scale = np.sqrt(np.maximum(np.diagonal(curvature), TINY))
-    scaled = curvature / (scale * scale[:, None])
-    ridge = 0.0
-    while True:
-        try:
-            return np.asarray(scale[:, None] * np.linalg.cholesky(scaled))
-        except np.linalg.LinAlgError:
-            ridge = 10 * ridge if ridge else 1e-13
-            scaled = curvature / (scale * scale[:, None]) + ridge * np.eye(len(scale))
-
-
 def slsqp(
     problem: Problem,
     start: Array,
@@ -130,7 +80,7 @@ def slsqp(
     x, evaluations = start, 1
     held = np.zeros(len(problem.b), dtype=bool)
     if local is None:
-        cost, gradient, curvature = _at(problem, x)
+        cost, gradient, curvature = at(problem, x)
         predicted = newton_step(problem, x, gradient, curvature).decrease
     else:
         cost, gradient, curvature, predicted = local.cost, local.gradient, local.curvature, local.predicted
@@ -141,11 +91,11 @@ def slsqp(
         for _ in range(TRIES):
             reached, used = _one_round(problem, x, value, cost, curvature, held, maximum)
             evaluations += used
-            outside = problem.A @ reached - problem.b < -_rounding(problem)
+            outside = problem.A @ reached - problem.b < -rounding(problem)
             if not (outside & ~held).any():
                 break
             held |= outside
-        reached = _inside(problem, x, reached)
+        reached = inside(problem, x, reached)
         found, slope = value(reached)
         if not found < cost:
             break
@@ -156,11 +106,6 @@ def slsqp(
         curvature = problem.curvature(x)
         predicted = newton_step(problem, x, gradient, curvature).decrease
     return EndPoint(x, cost, evaluations)
-
-
-def _at(problem: Problem, x: Array) -> tuple[float, Array, Array]:
-    """Cost, gradient and Gauss–Newton matrix."""
-    return problem.together(x) if problem.together else (*problem.value(x), problem.curvature(x))
 
 
 def _once(value: Value, x: Array, there: tuple[float, Array]) -> Value:
@@ -206,100 +151,21 @@ def _one_round(
     return x + back @ end.x, end.nfev
 
 
-def _inside(problem: Problem, feasible: Array, x: Array) -> Array:
-    """`x`, drawn back towards a feasible point by as much as rounding left it outside."""
-    if not len(problem.b):
-        return x
-    slack, own = problem.A @ x - problem.b, problem.A @ feasible - problem.b
-    room = np.where(own > 0, own, _rounding(problem))
-    out = slack < own - room
-    if not out.any():
-        return x
-    kept = float(np.min(room[out] / (own[out] - slack[out])))
-    return feasible + kept * (x - feasible)  # from the feasible end: `x` may lie where nothing is determined, at 1e100
-
-
-def _rounding(problem: Problem) -> Array:
-    """How far outside each row of A a point counts as on it."""
-    return np.asarray(NEAR * (1.0 + np.abs(problem.b)))
-
-
-def draw_in(x: Array, inner: Array, problem: Problem) -> Array:
-    """The point nearest to `x` on the line to a feasible `inner`, a little inside."""
-    slack, own = problem.A @ x - problem.b, problem.A @ inner - problem.b
-    out = slack < 0
-    if not out.any():
-        return x
-    room = np.maximum(own[out], 1e-300)
-    kept = float(np.min(room / (room - slack[out])))
-    return inner + max(0.0, kept - 0.001 * (1.0 - kept)) * (x - inner)
-
-
-def bring_in(x: Array, inner: Array, problem: Problem) -> Array:
-    """A feasible point for `x`: by the constrained Newton step, then along the line to a feasible `inner`."""
-    if (problem.A @ x - problem.b).min(initial=0.0) >= 0:
-        return x
-    step = newton_step(problem, x, *_at(problem, x)[1:])
-    return draw_in(x + step.d, inner, problem)
-
-
-def newton_step(problem: Problem, x: Array, gradient: Array, curvature: Array) -> Step:
-    """The step d that minimises g'd + d'Hd/2 with A (x + d) ≥ b, by least distance programming (Lawson and Hanson)."""
-    lower = whiten(curvature)
-    back = np.linalg.inv(lower)
-    q = back @ gradient
-    free = -(q @ back)
-    slack = problem.A @ x - problem.b
-    moved = slack + problem.A @ free
-    if not len(slack) or moved.min() >= 0:
-        return Step(free, 0.5 * float(q @ q), ())
-    G = problem.A @ back.T
-    h = -slack + G @ q
-    size = max(float(np.abs(h).max()), 1e-300)
-    E = np.vstack([G.T, h / size])
-    f = np.zeros(len(E))
-    f[-1] = 1.0
-    multipliers = nnls(E, f)[0]
-    r = E @ multipliers - f
-    if r[-1] == 0.0:
-        return Step(np.zeros_like(x), 0.0, tuple(np.flatnonzero(multipliers > 0).tolist()))
-    z = -r[:-1] / r[-1] * size - q
-    d, held = z @ back, np.flatnonzero(multipliers > 0)
-    off, little = slack + problem.A @ d, _rounding(problem)
-    if (off < -little).any() or (off > little)[held].any():  # where next to nothing determines d, rounding leads off
-        back_on = _along(problem.A[held], -slack[held], gradient, curvature)
-        if (slack + problem.A @ back_on >= -little).all():
-            d, z = back_on, back_on @ lower
-        else:
-            d = _inside(problem, x, x + d) - x
-    decrease = -float(q @ z + 0.5 * z @ z)
-    return Step(d, max(decrease, 0.0), tuple(held.tolist()))
-
-
-def _along(A: Array, b: Array, gradient: Array, curvature: Array) -> Array:
-    """The d that minimises g'd + d'Hd/2 with A d = b, shape (n,), by the directions that A leaves free."""
-    d = np.linalg.lstsq(A, b, rcond=None)[0]
-    _, size, ways = np.linalg.svd(A)
-    free = ways[int((size > 1e-12 * size.max(initial=0.0)).sum()) :]
-    back = np.linalg.inv(whiten(free @ curvature @ free.T))
-    return np.asarray(d - free.T @ (back.T @ (back @ (free @ (gradient + curvature @ d)))))
-
-
 def approach(problem: Problem, start: Array, steps: int = 40) -> EndPoint:
     """Go down from a feasible start until a step predicts next to nothing: where the solver may then end the fit.
 
     Steps are constrained Newton steps with Levenberg's and Marquardt's damping, which grows where a step gains nothing.
     """
     x, evaluations, damping, local = start, 1, 1e-6, None
-    cost, gradient, curvature = _at(problem, x)
+    cost, gradient, curvature = at(problem, x)
     for _ in range(steps):
         step = newton_step(problem, x, gradient, curvature + damping * np.diag(np.diagonal(curvature)))
         if step.decrease <= NEAR_END * max(cost, problem.floor):
             if damping <= LIGHT:
                 local = Local(cost, gradient, curvature, step.decrease)
             break
-        reached = _inside(problem, x, x + step.d) if step.active else x + step.d
-        found, slope, bent = _at(problem, reached)
+        reached = inside(problem, x, x + step.d) if step.active else x + step.d
+        found, slope, bent = at(problem, reached)
         evaluations += 1
         if found < cost:
             x, cost, gradient, curvature = reached, found, slope, bent
@@ -340,7 +206,7 @@ def polish(
         if step.decrease <= FINISHED * cost:
             break
         for length in (1.0, 0.5, 0.25, 0.1, 0.01):
-            reached = _inside(problem, x, x + length * step.d)
+            reached = inside(problem, x, x + length * step.d)
             found, slope = full(reached)
             evaluations += 1
             if found < cost:
@@ -350,7 +216,7 @@ def polish(
         x, cost, gradient = reached, found, slope
         step = newton_step(problem, x, gradient, _curvature(problem, x))
     predicted = step.decrease / max(cost, problem.floor) if step.decrease > 0 else 0.0
-    near = np.flatnonzero(problem.A @ x - problem.b < _rounding(problem))
+    near = np.flatnonzero(problem.A @ x - problem.b < rounding(problem))
     return EndPoint(x, cost, evaluations), predicted, tuple(sorted({*step.active, *near.tolist()}))
 
 

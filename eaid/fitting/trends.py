@@ -10,7 +10,8 @@ from typing import Literal, TypeAlias
 import numpy as np
 
 from eaid.arrays import Array
-from eaid.fitting.solver import CONVERGED, ROUNDING, Problem, polish, slsqp
+from eaid.fitting.problem import ROUNDING, Problem
+from eaid.fitting.solver import CONVERGED, polish, slsqp
 from eaid.models.trends import FORMS
 from eaid.results.fit import Trend
 

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eaid.arrays import Array
-from eaid.fitting.solver import ROUNDING, Problem
+from eaid.fitting.problem import ROUNDING, Problem
 from eaid.models.parameters import TAU_FLOOR_S
 from eaid.recorded.drive import Drive
 from eaid.recorded.kernel import products, rows

@@ -10,7 +10,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from eaid.arrays import Array
-from eaid.fitting.solver import CONVERGED, EndPoint, Problem, approach, ended, judged, polish, slsqp
+from eaid.fitting.problem import Problem
+from eaid.fitting.solver import CONVERGED, EndPoint, approach, ended, judged, polish, slsqp
 from eaid.recorded.drive import Drive
 from eaid.recorded.problem import Setup
 from eaid.recorded.starts import starts

@@ -11,7 +11,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from eaid.arrays import Array
-from eaid.fitting.solver import Problem, approach, bring_in, draw_in
+from eaid.fitting.problem import Problem, bring_in, draw_in
+from eaid.fitting.solver import approach
 from eaid.models.parameters import TAU_FLOOR_S
 from eaid.recorded.problem import Setup
 

@@ -9,7 +9,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from eaid.arrays import Array
-from eaid.fitting.solver import Problem, slsqp
+from eaid.fitting.problem import Problem
+from eaid.fitting.solver import slsqp
 from eaid.models.parameters import Nonlinear
 from eaid.uncertainty.curve import Curve, covariance_between, powers
 from eaid.uncertainty.joint import BLOCKS, Coefficients, coefficients_of, constraints, free_inverse, with_covariance

@@ -9,7 +9,7 @@ from eaid.fitting.data import Data
 from eaid.fitting.free_share import free_problem, non_negative
 from eaid.fitting.kernel import Record
 from eaid.fitting.levels import fit_level, fit_levels, level_problem
-from eaid.fitting.solver import Problem
+from eaid.fitting.problem import Problem
 from eaid.fitting.starts import grid_bowls, refine
 from eaid.models import friction
 from eaid.models.parameters import Friction
