@@ -12,6 +12,7 @@ of the cost, as it often does in records no longer than τ2 (docs/uncertainty.md
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 
@@ -44,57 +45,100 @@ class Tau2Sets:
 
 def tau2_sets(levels: Sequence[Level], estimates: Sequence[LevelEstimate], variance: Array, degrees: Array) -> Tau2Sets:
     """The sets of levels whose C was held; `variance` and `degrees` of log τ2, shape (L,), serve single runs."""
-    points = [compress([level.time_s] * len(level.runs), list(level.runs)) for level in levels]
+    means = _Means.of(levels, estimates)
     supposed = np.array([one.runs.duration_s for one in estimates])[:, None] * SUPPOSED
     t = np.zeros((2, *supposed.shape))
     theta = np.zeros((*supposed.shape, 2))
     count = np.zeros(supposed.shape)
+    start = np.array([one.runs.log_theta[:2] for one in estimates])
     for j in reversed(range(len(SUPPOSED))):  # from τ2 without end, where T_s and τ1 are plain
-        tests = []
-        for i, (one, p) in enumerate(zip(estimates, points, strict=True)):
-            start = one.runs.log_theta[:2] if j + 1 == len(SUPPOSED) else theta[i, j + 1]
-            theta[i, j], test = _test(one, p.t_s[0], p.y, p.w[0], supposed[i, j], start)
-            tests.append(test)
+        start, tests = means.tested(supposed[:, j], start)
+        theta[:, j] = start
         t[:, :, j], count[:, j] = _statistics(tests, estimates, variance, degrees)
     allowed = (np.abs(t[0]) <= t_quantile(count)) & (np.abs(t[1]) <= t_quantile(count, FAR_NOMINAL))
-    ends = [
-        _ends(supposed[i], t[0, i], allowed[i], float(np.exp(one.runs.log_theta[2]))) for i, one in enumerate(estimates)
-    ]
+    best = np.exp([one.runs.log_theta[2] for one in estimates]).tolist()
+    ends = [_ends(*row) for row in zip(supposed, t[0], allowed, best, strict=True)]
     low, high = (np.where(allowed[:, :, None], theta, side).T for side in (np.inf, -np.inf))
     return Tau2Sets(np.array(ends), np.stack([low.min(axis=1), high.max(axis=1)], axis=-1).transpose(1, 0, 2))
 
 
-def _test(
-    one: LevelEstimate, time_s: Array, runs: Array, weight: Array, tau2_s: float, start: Array
-) -> tuple[Array, RunStatistics]:
-    """(log T_s, log τ1) at a held τ2, and along both directions the mean shift d̄ and what the runs scatter about it."""
-    root, mean, share = np.sqrt(weight), np.sort(runs, axis=0).mean(axis=0), one.curve.C
-    theta = start
-    for _ in range(STEPS):
+@dataclass(frozen=True, eq=False)
+class _Means:
+    """The levels' means and best curves on their compressed points, padded with weight 0, shape (L, P); their runs."""
+
+    estimates: Sequence[LevelEstimate]
+    time_s: Array
+    weight: Array
+    mean: Array
+    best: Array
+    share: Array
+    """C of each level, shape (L, 1)."""
+    off: list[Array]
+    """Runs of each level less their mean, shape (R, P)."""
+
+    @classmethod
+    def of(cls, levels: Sequence[Level], estimates: Sequence[LevelEstimate]) -> Self:
+        """The means of these levels."""
+        points = [compress([level.time_s] * len(level.runs), list(level.runs)) for level in levels]
+        width = max(p.y.shape[1] for p in points)
+
+        def padded(rows: Sequence[Array]) -> Array:
+            return np.array([np.pad(row, (0, width - len(row))) for row in rows])
+
+        means = [np.sort(p.y, axis=0).mean(axis=0) for p in points]  # sorted: the order of runs changes no rounding
+        best = [friction.step_response(one.curve, p.t_s[0]) for one, p in zip(estimates, points, strict=True)]
+        off = [np.pad(p.y - mean, ((0, 0), (0, width - len(mean)))) for p, mean in zip(points, means, strict=True)]
+        shares = np.array([[one.curve.C] for one in estimates])
+        time_s, weight = padded([p.t_s[0] for p in points]), padded([p.w[0] for p in points])
+        return cls(estimates, time_s, weight, padded(means), padded(best), shares, off)
+
+    def tested(self, tau2_s: Array, theta: Array) -> tuple[Array, list[RunStatistics]]:
+        """(log T_s, log τ1) at held τ2, shape (L, 2), and along both directions d̄ and the scatter of the runs."""
         fastest, slowest = np.log(1e-6 * tau2_s), np.log(tau2_s / 1.2)  # the fast part stays the fast one
-        theta = np.array([theta[0], np.clip(theta[1], fastest, slowest)])
-        J = _log_slopes(theta, tau2_s, share, time_s)
-        left = mean - J[:, 0]
-        step = np.linalg.lstsq(J[:, :2] * root[:, None], left * root, rcond=None)[0]
-        if np.abs(step).max() < 1e-8:
-            break
-        theta = theta + np.clip(step, -0.7, 0.7)
-    basis = np.linalg.qr(J[:, :2] * root[:, None])[0]
-    ways = np.stack([J[:, 2], friction.step_response(one.curve, time_s) - J[:, 0]]) * root
-    ways -= (ways @ basis) @ basis.T
-    size = np.maximum((ways**2).sum(axis=1), 1e-300)
-    along = ways * root / size[:, None]
-    white = float(np.mean(one.noise_nm**2)) / size
-    influence = (runs - mean) @ along.T
-    return theta, RunStatistics(one.level, along @ left, np.eye(2), influence, white, one.runs.duration_s)
+        slow = np.exp(-self.time_s / tau2_s[:, None])
+        for _ in range(STEPS):
+            theta = np.stack([theta[:, 0], np.clip(theta[:, 1], fastest, slowest)], axis=1)
+            steady, a = np.exp(theta[:, :1]), self.time_s / np.exp(theta[:, 1:])
+            fast = self.share * np.exp(-a)
+            f, bent = steady * (1 - fast - (1 - self.share) * slow), -steady * a * fast
+            left = self.mean - f
+            step = self._within(f, bent, left)
+            if np.abs(step).max() < 1e-8:
+                break
+            theta = theta + np.clip(step, -0.7, 0.7)
+        scores = -steady * (1 - self.share) * self.time_s / tau2_s[:, None] * slow
+        ways = []
+        for way in (scores, self.best - f):
+            own = self._within(f, bent, way)
+            ways.append(way - own[:, :1] * f - own[:, 1:] * bent)
+        size = np.maximum([(self.weight * way**2).sum(axis=1) for way in ways], 1e-300)
+        along = np.array(ways) * self.weight / size[:, :, None]
+        shift = (along * left).sum(axis=2)
+        tests = [
+            RunStatistics(
+                one.level,
+                shift[:, i],
+                np.eye(2),
+                off @ along[:, i].T,
+                float(np.mean(one.noise_nm**2)) / size[:, i],
+                one.runs.duration_s,
+            )
+            for i, (one, off) in enumerate(zip(self.estimates, self.off, strict=True))
+        ]
+        return theta, tests
 
-
-def _log_slopes(theta: Array, tau2_s: float, share: float, time_s: Array) -> Array:
-    """∂f/∂(log T_s, log τ1, log τ2), shape (n, 3); the first column is f itself."""
-    steady, tau1 = np.exp(theta)
-    a, b = time_s / tau1, time_s / tau2_s
-    fast, slow = share * np.exp(-a), (1 - share) * np.exp(-b)
-    return np.asarray(steady * np.stack([1 - fast - slow, -a * fast, -b * slow], axis=1))
+    def _within(self, f: Array, bent: Array, what: Array) -> Array:
+        """Coefficients of f and ∂f/∂log τ1 that come nearest to `what` at each level, shape (L, 2)."""
+        w = self.weight
+        ff, fb, bb = ((w * x * y).sum(axis=1) for x, y in ((f, f), (f, bent), (bent, bent)))
+        fy, by = (w * f * what).sum(axis=1), (w * bent * what).sum(axis=1)
+        det = ff * bb - fb * fb
+        fine = det > 1e-14 * ff * bb
+        det = np.where(fine, det, 1.0)
+        alone = fy / np.maximum(ff, 1e-300)
+        return np.stack(
+            [np.where(fine, (bb * fy - fb * by) / det, alone), np.where(fine, (ff * by - fb * fy) / det, 0.0)], axis=1
+        )
 
 
 def _statistics(
