@@ -7,7 +7,7 @@ BIN := .venv/bin
 endif
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
-.PHONY: demo test check bench docs datasets wheel clean
+.PHONY: demo test check bench docs screenshot datasets wheel clean
 
 demo: .venv/.run  ## the main job: three shipped datasets to one report
 	$(BIN)/eaid demo -o demo --force
@@ -26,6 +26,11 @@ bench: .venv/.bench  ## speed and quality against other tools, in one run
 
 docs: .venv/.docs  ## the site: site/index.html; a warning or a dead link is an error
 	$(BIN)/python -m mkdocs build --strict
+
+CHROMIUM ?= chromium
+screenshot: demo  ## docs/figures/page.png, the first screen of the demo's page
+	$(CHROMIUM) --headless --no-sandbox --hide-scrollbars --window-size=1280,900 --virtual-time-budget=8000 \
+		--screenshot=docs/figures/page.png "file://$(CURDIR)/demo/report.html"
 
 datasets: .venv/.run  ## the shipped synthetic logs again, byte for byte
 	$(BIN)/python datasets/make.py
