@@ -7,7 +7,10 @@ from eaid.errors import UsageError
 
 PAGE = "report.html"
 FIGURES = "figures"
-NAMES = ("fig", "compare", "model_over_duty", "residuals_", "input_gain", "own_reference", "guarantee_in", "log_replay")
+NAMES = (
+    "fig", "compare", "model_over_duty", "residuals_", "input_gain", "own_reference", "level_steps", "guarantee_in",
+    "log_replay",
+)  # fmt: skip
 """How the names of a report's figures begin."""
 COLUMN_IN = 3.5
 """Width of one IEEE column [in]."""

@@ -8,12 +8,12 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from eaid.models import linear
-from eaid.report.figures import checks, clutch, compare, hold, pwm, shear
+from eaid.report.figures import checks, clutch, compare, hold, level_steps, pwm, shear
 from eaid.report.figures import friction as frictions
 from eaid.report.figures.steps import Model
 from eaid.report.page import live_fits
 from eaid.report.results import Results
-from eaid.report.rig import apparatus_of, level_text, of_the_paper
+from eaid.report.rig import apparatus_of, from_rest, level_text, of_the_paper
 from eaid.report.tables.table import SYMBOLS, listed, number, with_unit
 from eaid.results.fit import Fit
 from eaid.steps.stepset import StepSet
@@ -93,6 +93,19 @@ def _steps_say(data: StepSet, fit: Fit | None, models: Mapping[float, Model]) ->
     return f"{said}, by {100 * worst:.2g} % of T_s (RMSE)."
 
 
+def level_steps_ready(results: Results, _asked: bool | None) -> Ready | None:
+    """Steps from level to level, where some were recorded and fitted."""
+    for one in results.data:
+        data, fit = one.result, results.fit(one.result.kind)
+        if fit is None or not (pairs := level_steps.paired(data, fit.steps)):
+            continue
+        worst = min((shape.fit_pct, level_steps.step_text(shape)) for _, shape in pairs if shape.fit_pct is not None)
+        said = f"{len(pairs)} steps, each from its own start. The fitted curve explains least of {worst[1]}: "
+        said += f"{number(worst[0], 3)} %."
+        return Ready(lambda data=data, fit=fit: level_steps.level_steps(data, fit.steps), said)  # type: ignore[misc]
+    return None
+
+
 def trends_ready(kind: str, draw: Callable[[Fit, bool | None], Figure]) -> Callable[..., Ready | None]:
     """Figs. 4 and 5, from a fit of their kind."""
 
@@ -134,13 +147,11 @@ def nonlinear_ready(results: Results, _asked: bool | None) -> Ready | None:
 def over_duty_ready(results: Results, asked: bool | None) -> Ready | None:
     """Parameters over the level, with the estimates beside the one that is used."""
     fit = results.fit("clutch")
-    if fit is None or fit.nonlinear is None or (fit.friction is not None and len(fit.friction.levels) == 1):
+    if fit is None or fit.nonlinear is None or len(from_rest(fit)) == 1:
         return None
     counts = []
     for name in ("Ts", "tau1", "tau2"):
-        rows = [
-            (row.level, getattr(row.ci95, name)) for row in (fit.friction.levels if fit.friction else ()) if row.ci95
-        ]
+        rows = [(row.level, getattr(row.ci95, name)) for row in from_rest(fit) if row.ci95]
         known = [(level, ends) for level, ends in rows if ends is not None]
         if known:
             curve = clutch.values_over(fit.nonlinear, np.array([level for level, _ in known]))[name]

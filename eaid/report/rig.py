@@ -2,7 +2,7 @@
 
 from eaid.apparatus import Apparatus
 from eaid.results.common import Source
-from eaid.results.fit import Data
+from eaid.results.fit import Data, Fit, FrictionLevel
 from eaid.steps.stepset import StepSet
 
 QUANTITIES = {"N·m": "Torque", "N": "Force", "RPM": "Speed", "kPa": "Stress", "°C": "Temperature"}
@@ -49,6 +49,11 @@ def rate(input_unit: str, output_unit: str) -> str:
 def gain(input_unit: str, output_unit: str) -> str:
     """Unit of B = 1/b0."""
     return f"{input_unit or 'input'}·s/({output_unit or 'output'})"
+
+
+def from_rest(fit: Fit) -> tuple[FrictionLevel, ...]:
+    """The fitted levels that were stepped to from rest."""
+    return tuple(row for row in (fit.friction.levels if fit.friction is not None else ()) if row.from_ == 0)
 
 
 def rising(sources: tuple[Source, ...]) -> tuple[Source, ...]:

@@ -21,12 +21,13 @@ from eaid.models import friction, nonlinear
 from eaid.models.parameters import REFERENCE_PLANT, Friction
 from eaid.report import published, style
 from eaid.report.draw import vector_of
-from eaid.report.figures import checks, clutch, compare, hold, pwm, rehab, replays, shear
+from eaid.report.figures import checks, clutch, compare, hold, level_steps, pwm, rehab, replays, shear
 from eaid.report.figures import friction as frictions
 from eaid.results import fit as fits
 from eaid.results.common import LevelError
 from eaid.results.fit import Fit, FrictionLevel, LevelIntervals, LinearLevel, LinearLevelIntervals
-from eaid.steps.stepset import Level, StepSet
+from eaid.results.steps import StepShape
+from eaid.steps.stepset import Level, LevelStep, StepSet
 
 BASELINE = Path(__file__).parent / "baseline"
 TOLERANCE = 0.75
@@ -100,6 +101,23 @@ def force_set() -> StepSet:
     return StepSet("friction-force", "N", "N·m", Apparatus(surfaces=1), tuple(rows))
 
 
+def staircase() -> tuple[StepSet, tuple[StepShape, ...]]:
+    shapes = tuple(
+        StepShape(
+            f"s{k}", 50.0 * k, 50.0 * (k + 1), "up", 1.0 * k, 1.0 / (k + 1), 0.02, "two", 0.3, 4.0, 0.85, 0.5, 0.01, 95.0,
+            0.9, 9,
+        )
+        for k in range(3)
+    )  # fmt: skip
+    steps = tuple(
+        LevelStep(
+            one.run, "a.csv", one.from_, one.level, one.start, T, one.predict(T) + 0.05, np.full_like(T, one.level)
+        )
+        for one in shapes
+    )
+    return StepSet("clutch", "%", "N·m", Apparatus(), (), level_steps=steps), shapes
+
+
 def traces() -> dict[str, dict[str, Any]]:
     t = np.linspace(0, 10, 1001)
     reference = 2 + np.sin(t)
@@ -146,6 +164,7 @@ DRAWN: dict[str, Callable[[], Figure]] = {
     "fig12_multisine": lambda: replays.tracking(traces(), 3.0),
     "fig13_sweep": lambda: replays.sweep(tones()),
     "fig16_rehab": lambda: rehab.training(*session()),
+    "level_steps": lambda: level_steps.level_steps(*staircase()),
     "log_replay": lambda: replays.recorded_duty(traces()),
     "guarantee_in_replay": lambda: replays.guarantee(robust_term()),
     "fig17_rehab_errors": lambda: rehab.errors({"soft": np.arange(9.0), "hard": 2 * np.arange(9.0)}),
@@ -288,6 +307,13 @@ def test_the_linear_model_is_not_drawn_below_zero():
     below = msgspec.structs.replace(fit, linear=msgspec.structs.replace(fit.linear, c0=-2.0))
     drawn = [len(clutch.linear_model(clutch_set(), one).axes[1].lines) for one in (fit, below)]
     assert drawn == [3, 2]
+
+
+def test_a_step_is_drawn_with_the_curve_that_was_fitted_to_it():
+    data, shapes = staircase()
+    assert [(step.name, one.run) for step, one in level_steps.paired(data, shapes[1:])] == [("s1", "s1"), ("s2", "s2")]
+    lines = [line for line in level_steps.level_steps(data, shapes).axes[0].lines if len(line.get_xdata()) > 2]
+    assert lines[0].get_ydata()[-1] == pytest.approx(lines[1].get_ydata()[-1] + 0.05, abs=1e-6)
 
 
 def test_modes_become_spans():

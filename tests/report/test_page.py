@@ -205,6 +205,15 @@ def test_two_fits_of_one_kind_stand_side_by_side(files: dict[str, Path], tmp_pat
 HOSTILE = "<script>alert(1)</script><img src=x onerror=alert(2)>&\"'{{7*7}}"
 
 
+def test_data_alone_are_shown_once(files: dict[str, Path], tmp_path: Path):
+    for given in ([files["clutch.h5"]], [files["clutch.h5"], files["clutch.json"]]):
+        out = tmp_path / str(len(given))
+        assert run(["report", *map(str, given), "-o", str(out), "-q"]) == 0
+        strict(text := (out / "report.html").read_text(encoding="utf-8"))
+        ids = re.findall(r' id="([^"]+)"', text)
+        assert len(ids) == len(set(ids)) and "fig07_nonlinear_model" in ids
+
+
 def test_hostile_text_is_shown_and_never_run(files: dict[str, Path], tmp_path: Path):
     fit = json.loads(files["clutch.json"].read_text(encoding="utf-8"))
     fit["data"]["synthetic"] = HOSTILE

@@ -1,7 +1,7 @@
 """Step responses on one pair of axes: the mean of each level, ± sd, its model, and the level at the curve's end."""
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -12,9 +12,10 @@ from eaid.arrays import Array
 from eaid.report import style
 from eaid.report.rig import level_text, over, quantity
 from eaid.report.thin import thinned
-from eaid.steps.stepset import Level, StepSet
+from eaid.steps.stepset import StepSet
 
 Model = Callable[[Array], Array]
+T = TypeVar("T")
 MODEL: dict[str, Any] = {"color": style.BLACK, "linestyle": (0, (4, 2)), "linewidth": 0.8}
 """A model is a thin dark dashed line over the broader, paler line of what was measured: both stay to be seen."""
 LABELLED = 14
@@ -23,7 +24,7 @@ DRAWN = 40
 """Most levels that are drawn: more hide each other."""
 
 
-def some_levels(levels: Sequence[Level], most: int = DRAWN) -> list[Level]:
+def some_levels(levels: Sequence[T], most: int = DRAWN) -> list[T]:
     """All levels, or so many of them spread evenly, the first and the last among them."""
     if len(levels) <= most:
         return list(levels)

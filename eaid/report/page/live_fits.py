@@ -12,7 +12,7 @@ from eaid.report.figures.checks import ResidualMap
 from eaid.report.figures.clutch import values_over
 from eaid.report.figures.steps import Model, fine_times, some_levels
 from eaid.report.page.live import INK, Plot, level_pairs, pair
-from eaid.report.rig import level_text, over, quantity
+from eaid.report.rig import from_rest, level_text, over, quantity
 from eaid.report.tables.fits import estimates_of
 from eaid.results.fit import Fit
 from eaid.steps.stepset import StepSet
@@ -62,7 +62,7 @@ def parameters(fit: Fit) -> tuple[Mapping[str, Any], ...]:
     """T_s, τ1 and τ2 over the level, a plot each: every estimate, the single levels with their intervals."""
     assert fit.nonlinear is not None
     u = np.linspace(*fit.nonlinear.u_range, 120)
-    rows = fit.friction.levels if fit.friction is not None else ()
+    rows = from_rest(fit)
     found = []
     for name, head in HEADS.items():
         plot = Plot(wide=False)

@@ -114,9 +114,10 @@ def _data(results: Results, known: Known, drawn: dict[str, Shown]) -> Part | Non
         else:
             more = [doubtful, data.levels_recorded(one.result)]
         folds += _fold(f"{of}: every run".lstrip(": ").capitalize(), drawn, (), [*more, fine])
-    figures = tuple(drawn[name] for name in ("fig06_hold_and_release",) if name in drawn)
-    if not figures and kind == "clutch" and "model_over_duty" not in drawn and "fig07_nonlinear_model" in drawn:
-        figures = (drawn["fig07_nonlinear_model"],)
+    names = ("fig06_hold_and_release",)
+    if not results.fits:
+        names = ("fig07_nonlinear_model", "fig03_friction_steps", *names)
+    figures = tuple(drawn[name] for name in names if name in drawn)
     folds += _fold("How the clutch is driven", drawn, ("fig02_pwm",))
     shown, whole = opened(_few(tables))
     return Part("data", "Data", first, figures, shown, (*whole, *folds))
@@ -170,6 +171,8 @@ OPEN = 3
 def _figures_of(kind: str, drawn: dict[str, Shown], results: Results) -> list[Shown]:
     shows_steps = "friction-force" if results.data_of("friction-force") is not None else "friction-speed"
     names = (("fig03_friction_steps",) if kind == shows_steps else ()) + _KIND_FIGURES[kind]
+    if main_kind(results) == kind:
+        names = (*names[:1], "level_steps", *names[1:])
     return [drawn[name] for name in names if name in drawn]
 
 
@@ -215,6 +218,7 @@ def _tables_of(fit: Fit, asked: bool | None) -> list[Table]:
         found.append(fits.levels_table(fit))
         if fit.data.kind != "clutch":
             found.append(fits.trends_table(fit, asked))
+    found.append(fits.level_steps_table(fit))
     if fit.nonlinear is not None:
         found += [fits.table_iii(fit, asked), checks.estimates_table(fit)]
     if fit.linear is not None:

@@ -23,7 +23,7 @@ from eaid.report.tables.table import Cell, Name, text
 from eaid.version import __version__
 
 WORDS = {"good": "Good", "care": "Mind", "bad": "Stop", "none": "–"}
-SEVERITIES = {"stop": "bad", "caution": "care", "note": "good"}
+SEVERITIES = {"stop": ("bad", "Stop"), "caution": ("care", "Mind"), "note": ("good", "Note")}
 
 
 def page(

@@ -11,7 +11,7 @@ from eaid.findings import Finding
 from eaid.report.page.known import Known
 from eaid.report.ready_fits import main_kind, models_for
 from eaid.report.results import KINDS, Results
-from eaid.report.rig import level_text, of_the_paper, rising
+from eaid.report.rig import from_rest, level_text, of_the_paper, rising
 from eaid.report.style import controller_name
 from eaid.report.tables.data import doubts_of
 from eaid.report.tables.gains import CONDITIONS, conditions_of
@@ -186,7 +186,7 @@ def tiles(results: Results) -> tuple[Tile, ...]:
 
 def _values(fit: Fit | None) -> list[Tile]:
     words = {"Ts": ("T_s", "steady output"), "tau1": ("τ1", "fast time constant"), "tau2": ("τ2", "slow time constant")}
-    rows = fit.friction.levels if fit is not None and fit.friction is not None else ()
+    rows = from_rest(fit) if fit is not None else ()
     if fit is None or not rows:
         return [Tile(label, "–", meaning) for label, meaning in words.values()]
     top = max(rows, key=lambda row: row.level)

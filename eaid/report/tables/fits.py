@@ -171,6 +171,24 @@ def release_table(fit: Fit) -> Table:
     return Table("Release", "How the output falls after the input returns to zero.", heads, tuple(rows))
 
 
+def level_steps_table(fit: Fit) -> Table:
+    """Each change of input between two holds: start, change, gain and the shape that the evidence asked for."""
+    unit, out = fit.data.input_unit, fit.data.output_unit
+    rows = tuple(
+        (
+            Name(f"{level(one.from_)} → {level(one.level)}"), one.start, one.change, one.gain, one.shape, one.tau1,
+            one.tau2, one.C, one.dead_time_s, one.rmse, one.fit_pct,
+        )
+        for one in fit.steps
+    )  # fmt: skip
+    heads = columns(
+        ("step", unit), ("start", out), ("change", out), ("gain", f"{out or 'output'}/{unit or 'input'}"), "shape",
+        ("τ1", "s"), ("τ2", "s"), ("C", "", 3), ("dead time", "s", 3), ("RMSE", out, 3), ("fit", "%", 3),
+    )  # fmt: skip
+    caption = "Each change of input between two holds, from its own start; the shape is what the evidence asks for."
+    return Table("Steps from level to level", caption, heads, rows)
+
+
 def held_out_table(fit: Fit) -> Table:
     """Errors on levels that were not fitted; no rows where none was held out."""
     rows: list[tuple[Cell, ...]] = []
