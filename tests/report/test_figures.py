@@ -104,8 +104,8 @@ def force_set() -> StepSet:
 def staircase() -> tuple[StepSet, tuple[StepShape, ...]]:
     shapes = tuple(
         StepShape(
-            f"s{k}", 50.0 * k, 50.0 * (k + 1), "up", 1.0 * k, 1.0 / (k + 1), 0.02, "two", 0.3, 4.0, 0.85, 0.5, 0.01, 95.0,
-            0.9, 9,
+            f"s{k}", 50.0 * k, 50.0 * (k + 1), "up", 1.0 * k, 1.0 / (k + 1), 0.02, "two", 0.3, 4.0, 0.85, 0.5, 0.01,
+            95.0, 0.9, 9,
         )
         for k in range(3)
     )  # fmt: skip
