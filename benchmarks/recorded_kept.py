@@ -12,9 +12,9 @@ from scipy.optimize import least_squares
 from benchmarks.recorded_plan import DENSITY, NOISE, plant
 from benchmarks.recorded_speed import missed_by, setups
 from eaid.planning.excitation import ExcitationOptions, sequence_for
-from eaid.recorded.design import Limits
 from eaid.recorded.drive import SKETCH, coarse
 from eaid.recorded.log import recorded_log
+from eaid.recorded.sequence import Limits
 from eaid.recorded.solve import solve
 from eaid.synth.excitation import Excitation, synthesise_excitation
 from eaid.synth.planned import disturbance_of, kept, measured

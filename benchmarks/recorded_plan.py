@@ -14,9 +14,10 @@ from eaid.fitting.data import data_of
 from eaid.fitting.nonlinear import fit_nonlinear
 from eaid.models import nonlinear
 from eaid.models.parameters import REFERENCE_PLANT, Nonlinear
-from eaid.recorded.design import Limits, plan_excitation
+from eaid.recorded.design import plan_excitation
 from eaid.recorded.fit import fit_recorded
 from eaid.recorded.options import RecordedOptions
+from eaid.recorded.sequence import Limits
 from eaid.steps.build import StepOptions, build_stepset
 from eaid.synth.disturbance import NONE
 from eaid.synth.logs import Protocol, synthesise

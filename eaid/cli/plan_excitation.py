@@ -8,7 +8,7 @@ from eaid.cli import console
 from eaid.errors import UsageError
 
 if TYPE_CHECKING:
-    from eaid.recorded.design import Limits
+    from eaid.recorded.sequence import Limits
     from eaid.results.recorded import Excitation
 
 
@@ -48,7 +48,7 @@ def plan_one_recording(
 def limits_of(text: str | None, duty_pct: tuple[float, float]) -> "Limits":
     """`duty=10:100,hold=0.3:30,rate=200,rest=5,work=60,engagements=4` as limits."""
     from eaid.reading import pairs
-    from eaid.recorded.design import Limits
+    from eaid.recorded.sequence import Limits
 
     names = {"rate": "rate_pct_s", "rest": "rest_s", "work": "work_s", "longest": "longest_s"}
     given: dict[str, float | int | tuple[float, float]] = {"duty_pct": duty_pct}

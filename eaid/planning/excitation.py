@@ -8,7 +8,8 @@ import numpy as np
 from eaid.findings import finding
 from eaid.models.parameters import Nonlinear
 from eaid.planning.design import Session, level_sets, quickest
-from eaid.recorded.design import ExcitationPlan, Limits, check, plan_excitation
+from eaid.recorded.design import ExcitationPlan, plan_excitation
+from eaid.recorded.sequence import Limits, check
 from eaid.results.fit import Fit
 from eaid.results.recorded import Excitation
 from eaid.synth.planned import disturbance_of, kept, measured
@@ -19,7 +20,9 @@ SETS = 10
 """Recordings that are simulated in each round."""
 KEEP = 0.9
 """Part of the recordings that are to keep the widths."""
-ROUNDS = 4
+ROUNDS = 5
+DAMPED = 0.6
+"""Power of the excess by which a width is asked for narrower: widths fall faster than their prediction."""
 LEAST = 1.04
 """Least factor by which a width that was not kept is asked for narrower."""
 
@@ -104,7 +107,8 @@ def sequence_for(
         if max(over.values()) <= 1 or not found.met:
             break
         asked = {
-            name: width / max(LEAST, min(over[name], 3.0)) if over[name] > 1 else width for name, width in asked.items()
+            name: width / max(LEAST, min(over[name], 3.0) ** DAMPED) if over[name] > 1 else width
+            for name, width in asked.items()
         }
         found = plan_excitation(p, noise, asked, limits, options.seed + k + 1)
         rows = measured(found, p, disturbance_of(noise), SETS, options.seed, progress)

@@ -4,7 +4,6 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from scipy.stats import chi2
 
 from eaid.arrays import Array
 from eaid.fitting.data import data_of
@@ -13,10 +12,11 @@ from eaid.fitting.options import CONVENTIONS
 from eaid.logs.run import Run
 from eaid.models import nonlinear as curve
 from eaid.models.parameters import Linear as Eq8
-from eaid.recorded.closed_loop import idle_of, model_of
-from eaid.recorded.intervals import ENGAGEMENTS, CurveSpread, Spread, engagements
+from eaid.recorded.curve_intervals import CurveSpread
+from eaid.recorded.intervals import Spread
 from eaid.recorded.log import RecordedLog
-from eaid.recorded.solve import Solved
+from eaid.recorded.noise_results import degrees_of
+from eaid.recorded.solve import Solved, idle_of, model_of
 from eaid.results.common import AbsError, Input, Interval, LevelError, Source
 from eaid.results.fit import (
     CoefficientIntervals,
@@ -27,9 +27,7 @@ from eaid.results.fit import (
     FrictionLevel,
     LevelIntervals,
     Linear,
-    Noise,
     Nonlinear,
-    Uncertainty,
 )
 from eaid.results.recorded import LogFit
 from eaid.steps.stepset import Level, StepSet
@@ -41,8 +39,6 @@ LONGEST_OWN_S = 60.0
 OWN_SAMPLES = 2000
 WIDEST = 10.0
 """An interval wider than this factor says nothing."""
-NOISE_WINDOW_S = 2.0
-"""Stretch over which the density of the noise is taken [s]."""
 
 
 def data_part(
@@ -198,26 +194,9 @@ def _coefficients(solved: Solved, sure: Spread) -> tuple[CoefficientIntervals, C
         parametrisation="coefficients of (u/100 %)^k, lowest power first: tau1 [s], tau2 [s], Ts [N·m]",
         order=tuple(order + ["C"] * (model.share is None)),
         matrix=tuple(tuple(row) for row in V.tolist()),
-        degrees_of_freedom={**_degrees(solved, sure)},
+        degrees_of_freedom={**degrees_of(solved, sure)},
         from_="robust",
     )
-
-
-def _degrees(solved: Solved, sure: Spread) -> dict[str, float]:
-    """Degrees of freedom of T_s, τ1, τ2 at the middle of the range."""
-    model = solved.setup.model
-    rows = model.rows_of(np.array([0.5 * (model.low + model.high)]))
-    a, b, c = model.sizes
-    found: dict[str, float] = {}
-    for name, row, first, count in (
-        ("tau1", rows.tau1, a, b),
-        ("tau2", rows.tau2, a + b, c),
-        ("Ts", rows.steady, 0, a),
-    ):
-        gradient = np.zeros(solved.setup.size)
-        gradient[first : first + count] = row[0]
-        found[name] = sure.variance(gradient)[1]
-    return found
 
 
 def linear_part(solved: Solved, base: Solved, levels: Array) -> Linear:
@@ -309,62 +288,3 @@ def log_parts(solved: Solved, logs: Sequence[RecordedLog]) -> tuple[LogFit, ...]
             )
         )
     return tuple(found)
-
-
-def uncertainty_part(solved: Solved, sure: Spread) -> Uncertainty:
-    """Where the intervals come from, and the noise that further recordings can be planned with."""
-    return Uncertainty(
-        ci="robust",
-        scatter_from="engagements" if sure.engagements >= 4 else "within",
-        degrees_of_freedom=min(_degrees(solved, sure).values()),
-        noise=noise_part(solved),
-    )
-
-
-def noise_part(solved: Solved) -> Noise:
-    """Density of the noise, S = s0 + s1 T², from squared sums of the residuals over short stretches."""
-    squares, densities = [], []
-    for k, drive in enumerate(solved.setup.drives):
-        counted = drive.w > 0
-        r = solved.setup.jacobian(solved.x, k)[1] / np.sqrt(drive.w[counted])
-        y = drive.y[counted] - idle_of(solved, k)
-        dt_s = float(drive.dt_s.sum()) / len(r)
-        width = max(1, round(NOISE_WINDOW_S / dt_s))
-        count = len(r) // width
-        if count:
-            squares.append(np.mean((y[: count * width] + r[: count * width]).reshape(count, width) ** 2, axis=1))
-            densities.append(r[: count * width].reshape(count, width).sum(axis=1) ** 2 * dt_s / width)
-    x, S = np.concatenate(squares), np.concatenate(densities)
-    design = np.column_stack([np.ones_like(x), x])
-    weight = 1 / np.maximum(S.mean() * (0.1 + x / max(x.mean(), 1e-300)), 1e-300)
-    s = np.linalg.lstsq(design * weight[:, None], S * weight, rcond=None)[0]
-    if (s < 0).any():
-        alone = [float(S.mean()), float((S * weight).sum() / max((x * weight).sum(), 1e-300))]
-        s = np.array([alone[0], 0.0]) if s[1] < 0 else np.array([0.0, alone[1]])
-    scatter, _, _ = engagement_scatter(solved, float(s[0]), float(s[1]))
-    return Noise(float(s[0]), float(s[1]), {"Ts": scatter, "tau1": 0.0, "tau2": 0.0})
-
-
-def engagement_scatter(solved: Solved, s0: float, s1: float) -> tuple[float, int, float]:
-    """Standard deviation of the output's gain between engagements beyond what noise makes, their number, the chance.
-
-    γ = Σ T r/Σ T² of each engagement; noise alone gives it the variance ∫ (s0 + s1 T²) T² dt/(∫ T² dt)².
-    """
-    gains, own = [], []
-    for k, drive in enumerate(solved.setup.drives):
-        counted = drive.w > 0
-        r = solved.setup.jacobian(solved.x, k)[1] / np.sqrt(drive.w[counted])
-        T = drive.y[counted] - idle_of(solved, k) + r
-        dt_s = float(drive.dt_s.sum()) / len(r)
-        which = engagements(drive)[counted]
-        squares, fourths = np.bincount(which, T**2), np.bincount(which, T**4)
-        loaded = squares > 0.02 * squares.mean()
-        gains += list((np.bincount(which, T * r)[loaded] / squares[loaded]).tolist())
-        own += list(((s0 * squares + s1 * fourths)[loaded] / squares[loaded] ** 2 / dt_s).tolist())
-    count = len(gains)
-    if count < ENGAGEMENTS:
-        return 0.0, count, 1.0
-    gamma, h = np.array(gains), np.maximum(np.array(own), 1e-300)
-    mean = float((gamma / h).sum() / (1 / h).sum())
-    chance = float(chi2.sf(float(((gamma - mean) ** 2 / h).sum()), count - 1))
-    return max(float(gamma.var(ddof=1)) - float(h.mean()), 0.0) ** 0.5, count, chance

@@ -9,158 +9,23 @@ that bias out:
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
 
 import numpy as np
 
-from eaid.arrays import Array
-from eaid.control.pi import PIGains, pi_start, pi_step
+from eaid.control.pi import PIGains
 from eaid.findings import Finding, finding
 from eaid.models.parameters import Nonlinear
-from eaid.recorded.drive import Drive, drive_of
-from eaid.recorded.intervals import inputs_shown
+from eaid.recorded.bias import bias_finding, bias_of
+from eaid.recorded.law import Law, law_of, simulated
 from eaid.recorded.log import RecordedLog
 from eaid.recorded.options import RecordedOptions
-from eaid.recorded.solve import Solved, refit
-from eaid.replay.controllers import Controller
-from eaid.replay.loop import loop_of, reference_rate
-from eaid.replay.plant import plant_parameters
-from eaid.replay.rig import Rig, rig_numbers
+from eaid.recorded.solve import Solved, model_of
 from eaid.results.recorded import Bias, Loop
 
-LAW_PCT = 80.0
-"""A law that explains less of the duty's changes is none."""
 FOLLOWS = 0.1
 """Correlation of the duty's changes with the residual's from which a log counts as a loop."""
 OTHERWISE = 1.5
 """A loop that misses its reference by so many times what is predicted has something that is not in the model."""
-ROUNDS = 20
-RENEWED = 2
-"""Instruments one after another."""
-
-
-@dataclass(frozen=True, eq=False)
-class Law:
-    """A PI that explains a recorded duty."""
-
-    gains: PIGains
-    fit_pct: float
-    first: int
-    """Row at which the loop was closed."""
-
-
-def run_loop(
-    model: Nonlinear, controller: Controller, reference: Array, dt_s: float, share: Array, added: Array
-) -> tuple[Array, Array]:
-    """Duty [%] and read torque [N·m] of a loop, from rest, whose reading is T (1 + share) + added; shapes (n,)."""
-    n = len(reference)
-    columns = [[0.0] * n for _ in range(6)]
-    loop_of(controller.step)(
-        controller.gains, controller.start, plant_parameters(model), rig_numbers(Rig(), dt_s), dt_s,
-        reference.tolist(), reference_rate(reference, dt_s, controller.looks_ahead).tolist(),
-        added.tolist(), (1.0 + share).tolist(), *columns,
-    )  # fmt: skip
-    return np.array(columns[2]), np.array(columns[1])
-
-
-def law_of(log: RecordedLog) -> Law | None:
-    """The PI law behind a log with a reference; None where none explains its duty."""
-    if log.reference is None:
-        return None
-    u, e = log.input, log.reference - log.output
-    acting = np.flatnonzero(u > 0)
-    if len(acting) < 50:
-        return None
-    top = float(u.max())
-    off = (u > 0) & (u < top * (1 - 1e-9))
-    rows = np.flatnonzero(off[1:] & off[:-1]) + 1
-    if len(rows) < 50:
-        return None
-    design = np.column_stack([e[rows] - e[rows - 1], log.dt_s[rows - 1] * e[rows - 1]])
-    wanted = u[rows] - u[rows - 1]
-    found = np.linalg.lstsq(design, wanted, rcond=None)[0]
-    size = float(np.linalg.norm(wanted))
-    fit_pct = 100 * (1 - float(np.linalg.norm(wanted - design @ found)) / size) if size > 0 else 0.0
-    if fit_pct < LAW_PCT or found[0] <= 0 or found[1] <= 0:
-        return None
-    return Law(PIGains(float(found[0]), float(found[1]), 0.0, top), fit_pct, int(acting[0]))
-
-
-def model_of(solved: Solved) -> Nonlinear:
-    """The fitted model, with its release where that was fitted."""
-    setup = solved.setup
-    assert setup.model.basis is not None
-    parameters = setup.model.basis.parameters(solved.coefficients)
-    at = setup.at("rest")
-    return parameters if at < 0 else replace(parameters, release=(float(solved.x[at]), float(solved.x[at + 1])))
-
-
-def idle_of(solved: Solved, log: int) -> float:
-    """Idle output of a log, fitted or known to be 0 after its baseline."""
-    at = int(solved.setup.own[log][0])
-    return float(solved.x[at]) if at >= 0 else 0.0
-
-
-def simulated(solved: Solved, index: int, log: RecordedLog, law: Law, noise: Array | None) -> RecordedLog:
-    """The log that the loop of a law gives on the fitted model, `noise` added to what is read, (n,)."""
-    assert log.reference is not None
-    n = len(log.input)
-    dt_s = float(log.time_s[-1] - log.time_s[0]) / (n - 1)
-    added = np.full(n, idle_of(solved, index) + (log.baseline or 0.0)) + (0.0 if noise is None else noise)
-    duty, seen = np.zeros(n), added.copy()
-    controller = Controller("pi", pi_step, law.gains, pi_start())
-    part = slice(law.first, n)
-    duty[part], seen[part] = run_loop(
-        model_of(solved), controller, np.asarray(log.reference[part]), dt_s, np.zeros(n - law.first), added[part]
-    )
-    return replace(log, input=duty, output=seen, idle_start=log.starts_idle)
-
-
-def like_residuals(r: Array, draw: np.random.Generator) -> Array:
-    """Noise of the residuals' own spectrum, with phases of its own, (n,)."""
-    spectrum = np.fft.rfft(r)
-    turned = np.abs(spectrum) * np.exp(2j * np.pi * draw.uniform(size=len(spectrum)))
-    return np.asarray(np.fft.irfft(turned, len(r)))
-
-
-def with_instrument(base: Solved, logs: Sequence[RecordedLog]) -> Solved:
-    """The fit by instruments, begun at the direct one; the direct one where no law is known or it does not settle."""
-    laws = [law_of(log) for log in logs]
-    if not any(law is not None and log.starts_idle for law, log in zip(laws, logs, strict=True)):
-        return base
-    x, drives = base.x.copy(), list(base.setup.drives)
-    for _ in range(RENEWED):  # any duty without noise serves; the second is that of a better model
-        now = replace(base, x=x)
-        for k, (log, law) in enumerate(zip(logs, laws, strict=True)):
-            if law is not None and log.starts_idle:
-                drives[k] = drive_of(simulated(now, k, log, law, None))
-        found = _solved(base, x, tuple(drives))
-        if found is None:
-            return base
-        x = found
-    problem = base.setup.problem()
-    if (problem.A @ x - problem.b < -1e-9).any():
-        return base
-    return replace(base, x=x, cost=problem.value(x)[0], instruments=tuple(drives))
-
-
-def _solved(base: Solved, x: Array, drives: tuple[Drive, ...]) -> Array | None:
-    """Where Σ Z' r is 0, by Newton's steps from x; None where they do not settle."""
-    clean = replace(base.setup, drives=drives)
-    slopes = [clean.jacobian(x, k)[0] for k in range(len(drives))]
-    for _ in range(ROUNDS):
-        A, score = np.zeros((len(x), len(x))), np.zeros(len(x))
-        for k in range(len(drives)):
-            J, r = base.setup.jacobian(x, k)
-            Z, at = slopes[k], base.setup.columns(k)
-            A[np.ix_(at, at)] += Z.T @ J
-            score[at] += Z.T @ r
-        scale = np.sqrt(np.maximum(np.abs(np.diagonal(A)), 1e-300))
-        move = -np.linalg.solve(A / np.outer(scale, scale), score / scale) / scale
-        x = x + move
-        if float(np.abs(move * scale).max()) < 1e-7 * np.sqrt(base.cost):
-            return x
-    return None
 
 
 def judged_loops(
@@ -173,7 +38,7 @@ def judged_loops(
     bias = None
     if base.instruments is None and options.loop_refits > 0 and any(law is not None for law in laws):
         bias = bias_of(base, logs, laws, options.loop_refits, options.seed)
-        found.append(_bias_finding(bias))
+        found.append(bias_finding(bias))
     for k, (log, law) in enumerate(zip(logs, laws, strict=True)):
         if log.reference is None:
             follows = 0.0 if log.stepwise else answers(base, k, log)
@@ -272,53 +137,3 @@ def margins(model: Nonlinear, gains: PIGains, log: RecordedLog) -> tuple[float |
         least_gain if np.isfinite(least_gain) else None,
         least_phase if np.isfinite(least_phase) else None,
     )
-
-
-def bias_of(base: Solved, logs: Sequence[RecordedLog], laws: Sequence[Law | None], refits: int, seed: int) -> Bias:
-    """Refits on simulated logs of the same loops: their mean error and their scatter."""
-    draw = np.random.default_rng(seed)
-    model = base.setup.model
-    used = np.concatenate([log.input[log.input > 0] for log in logs])
-    low, high = np.clip(np.quantile(used, [0.1, 0.9]), model.low, model.high).tolist()
-    shown = inputs_shown((), low, high)
-    truth = _logs_of_curves(base, shown)
-    rows = []
-    left = [base.setup.jacobian(base.x, k)[1] for k in range(len(base.setup.drives))]
-    for _ in range(refits):
-        drives: list[Drive] = []
-        for k, drive in enumerate(base.setup.drives):
-            noise = like_residuals(left[k], draw)
-            law = laws[k] if k < len(laws) else None
-            if law is not None and logs[k].starts_idle and len(noise) == len(logs[k].input):
-                drives.append(drive_of(simulated(base, k, logs[k], law, noise)))
-                continue
-            again = drive.y.copy()
-            counted = drive.w > 0
-            again[counted] += (left[k] + noise) / np.sqrt(drive.w[counted])
-            drives.append(replace(drive, y=again))
-        rows.append(_logs_of_curves(refit(base, drives), shown) - truth)
-    errors = np.array(rows)
-    mean, sd = errors.mean(axis=0), errors.std(axis=0, ddof=1) if refits > 1 else np.zeros_like(errors[0])
-    off = [100 * float(np.sqrt(np.mean(one**2))) for one in mean]
-    wide = [100 * float(np.sqrt(np.mean(one**2))) for one in sd]
-    return Bias(refits, off[0], off[1], off[2], wide[0], wide[1], wide[2])
-
-
-def _logs_of_curves(solved: Solved, duty: Array) -> Array:
-    """log T_s, log τ1, log τ2, (3, L)."""
-    tables = solved.setup.model.tables(solved.setup.model.rows_of(duty), solved.coefficients)
-    return np.asarray(np.log(np.maximum(np.array([tables.steady, tables.tau1, tables.tau2]), 1e-9)))
-
-
-def _bias_finding(bias: Bias) -> Finding:
-    pairs = (
-        (bias.Ts_pct, bias.scatter_Ts_pct),
-        (bias.tau1_pct, bias.scatter_tau1_pct),
-        (bias.tau2_pct, bias.scatter_tau2_pct),
-    )
-    few = max(bias.refits, 1) ** 0.5
-    beyond = any(off is not None and sd is not None and off > max(0.5, 3 * sd / few) for off, sd in pairs)
-    return finding(
-        "loop-bias" if beyond else "loop-bias-small", "nonlinear",
-        refits=bias.refits, Ts_pct=bias.Ts_pct, tau1_pct=bias.tau1_pct, tau2_pct=bias.tau2_pct,
-    )  # fmt: skip

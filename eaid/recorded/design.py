@@ -17,15 +17,13 @@ import numpy as np
 from scipy.stats import t as student
 
 from eaid.arrays import Array
-from eaid.errors import UsageError
 from eaid.models.parameters import Nonlinear
 from eaid.recorded import model
-from eaid.recorded.drive import Drive
 from eaid.recorded.intervals import PRIOR
 from eaid.recorded.problem import Setup
+from eaid.recorded.sequence import PARAMETERS, Holds, Limits, breaks_of, check, drive_of_sequence
 from eaid.uncertainty.noise import Noise
 
-PARAMETERS = ("Ts", "tau1", "tau2")
 DUTIES = 10
 """Duties at which the widths are wanted, from the lowest to the highest."""
 LEVELS = 13
@@ -39,42 +37,6 @@ ROUNDS = 5
 MARGIN = 0.9
 """Widths are planned to this part of the wanted ones: those of a recording scatter about the planned."""
 MOST_ENGAGEMENTS = 60
-BLOCKS = 12
-"""Instants of each hold at which the sensitivities are taken."""
-RAMP_S = 0.05
-"""A duty whose rate is limited goes in steps this long [s]."""
-
-
-@dataclass(frozen=True)
-class Limits:
-    """What the rig allows."""
-
-    duty_pct: tuple[float, float] = (10.0, 100.0)
-    rate_pct_s: float = 0.0
-    """Fastest change of the duty [%/s]; 0: any."""
-    hold_s: tuple[float, float] = (0.3, 30.0)
-    """Shortest and longest hold."""
-    rest_s: float = 5.0
-    """Length of a return to rest, and of the rest before the first level."""
-    engagements: int = 4
-    """Stretches under load between rests, at least: their scatter is to be seen."""
-    work_s: float = 0.0
-    """Longest stretch under load [s]; 0: any."""
-    longest_s: float = 3600.0
-    """Longest sequence that is looked for."""
-
-
-@dataclass(frozen=True, eq=False)
-class Holds:
-    """Levels and holds, 0 for a rest."""
-
-    duty_pct: Array
-    hold_s: Array
-
-    @property
-    def time_s(self) -> float:
-        """Rig time, without ramps."""
-        return float(self.hold_s.sum())
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,23 +50,6 @@ class ExcitationPlan:
     half_width_pct: dict[str, float]
     """At the worst duty."""
     met: bool
-
-
-def check(limits: Limits, wanted: Mapping[str, float]) -> None:
-    """Refuse limits and widths that mean nothing."""
-    faults = []
-    low, high = limits.duty_pct
-    if not 0 < low < high <= 100:
-        faults.append(f"«duty» {low:g}:{high:g}: give two duties that rise, above 0 and up to 100 %")
-    if not 0 < limits.hold_s[0] < limits.hold_s[1]:
-        faults.append(f"«hold» {limits.hold_s[0]:g}:{limits.hold_s[1]:g}: give the shortest and the longest hold")
-    if limits.rest_s < 0 or limits.rate_pct_s < 0 or limits.work_s < 0 or limits.engagements < 1:
-        faults.append("«rest», «rate» and «work» are 0 or more, and there is one engagement at least")
-    for name, width in wanted.items():
-        if name not in PARAMETERS or not 0 < width < 100:
-            faults.append(f"«want» {name}={width:g}: write a parameter of {', '.join(PARAMETERS)} and a percentage")
-    if faults or not wanted:
-        raise UsageError(*(faults or ["«want»: say at least one width, as tau2=6"]))
 
 
 def plan_excitation(
@@ -261,53 +206,3 @@ class Judge:
             if price > 0.99 * before:
                 break
         return sequence
-
-
-def drive_of_sequence(whole: Holds, limits: Limits) -> Drive:
-    """A sequence for the kernel: some instants of each hold, each with the time that it stands for as its weight."""
-    changes = breaks_of(whole, limits)
-    starts = np.array([at for at, _ in changes[:-1]])
-    level = np.array([duty for _, duty in changes[:-1]])
-    hold = np.diff([at for at, _ in changes])
-    grid = (np.linspace(0, 1, BLOCKS + 1) ** 2)[None, :] * hold[:, None]
-    if limits.rate_pct_s > 0:  # a ramp's steps are short: one instant each
-        short = hold <= 1.5 * RAMP_S
-    else:
-        short = np.zeros(len(hold), dtype=bool)
-    times, weights, index = [], [], []
-    for k in range(len(hold)):
-        edges = np.array([0.0, hold[k]]) if short[k] else grid[k]
-        middle = 0.5 * (edges[1:] + edges[:-1])
-        times += [starts[k], *(starts[k] + middle)]
-        weights += [0.0, *np.diff(edges)]
-        index += [k] * (len(middle) + 1)
-    t = np.array(times)
-    duty, at = np.unique(level, return_inverse=True)
-    return Drive(
-        np.append(np.diff(t), 0.0),
-        at[np.array(index)].astype(np.int64),
-        duty,
-        np.ones(len(t), dtype=np.int64),
-        np.zeros(len(t)),
-        np.array(weights),
-        False,
-        True,
-    )
-
-
-def breaks_of(whole: Holds, limits: Limits) -> tuple[tuple[float, float], ...]:
-    """(from when [s], duty [%]) with ramps where the rate is limited, in milliseconds; the last entry ends it."""
-    found: list[tuple[float, float]] = []
-    now, before = 0.0, 0.0
-    for duty, hold in zip(whole.duty_pct.tolist(), whole.hold_s.tolist(), strict=True):
-        if limits.rate_pct_s > 0 and duty != before:
-            step = limits.rate_pct_s * RAMP_S
-            count = int(np.ceil(abs(duty - before) / step))
-            for k in range(1, count):
-                found.append((now, before + (duty - before) * k / count))
-                now += RAMP_S
-        found.append((now, duty))
-        now = round(now + max(hold, 1e-3), 3)
-        before = duty
-    merged = [one for k, one in enumerate(found) if k == 0 or one[1] != found[k - 1][1]]
-    return (*merged, (now, 0.0))

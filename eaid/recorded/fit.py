@@ -15,21 +15,15 @@ from eaid.arrays import Array
 from eaid.findings import Finding, finding, ranked
 from eaid.logs.run import Run
 from eaid.recorded import checks, model
-from eaid.recorded.as_results import (
-    data_part,
-    engagement_scatter,
-    friction_part,
-    linear_part,
-    log_parts,
-    noise_part,
-    nonlinear_part,
-    uncertainty_part,
-)
-from eaid.recorded.closed_loop import judged_loops, with_instrument
+from eaid.recorded.as_results import data_part, friction_part, linear_part, log_parts, nonlinear_part
+from eaid.recorded.closed_loop import judged_loops
+from eaid.recorded.curve_intervals import CurveSpread, curves, inputs_shown
 from eaid.recorded.drive import SKETCH, coarse, drive_of
 from eaid.recorded.falls import CHANCE, tested
-from eaid.recorded.intervals import ENGAGEMENTS, CurveSpread, curves, inputs_shown, spread
+from eaid.recorded.instrument import with_instrument
+from eaid.recorded.intervals import ENGAGEMENTS, spread
 from eaid.recorded.log import RecordedLog, levels_of, logs_of_steps, recorded_log
+from eaid.recorded.noise_results import engagement_scatter, noise_part, uncertainty_part
 from eaid.recorded.options import RecordedOptions, check
 from eaid.recorded.problem import Setup
 from eaid.recorded.solve import Solved, solve

@@ -12,6 +12,7 @@ import numpy as np
 from eaid.arrays import Array
 from eaid.fitting.problem import Problem
 from eaid.fitting.solver import CONVERGED, EndPoint, approach, ended, judged, polish, slsqp
+from eaid.models.parameters import Nonlinear
 from eaid.recorded.drive import Drive
 from eaid.recorded.problem import Setup
 from eaid.recorded.starts import starts
@@ -126,3 +127,18 @@ def with_second_derivatives(problem: Problem, rough: Setup) -> Problem:
         return np.asarray(whole + 0.5 * (added + added.T))
 
     return replace(problem, exact=exact)
+
+
+def model_of(solved: Solved) -> Nonlinear:
+    """The fitted model, with its release where that was fitted."""
+    setup = solved.setup
+    assert setup.model.basis is not None
+    parameters = setup.model.basis.parameters(solved.coefficients)
+    at = setup.at("rest")
+    return parameters if at < 0 else replace(parameters, release=(float(solved.x[at]), float(solved.x[at + 1])))
+
+
+def idle_of(solved: Solved, log: int) -> float:
+    """Idle output of a log, fitted or known to be 0 after its baseline."""
+    at = int(solved.setup.own[log][0])
+    return float(solved.x[at]) if at >= 0 else 0.0

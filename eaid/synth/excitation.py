@@ -20,8 +20,8 @@ from eaid.arrays import Array, read_only
 from eaid.control.pi import PIGains, pi_start, pi_step
 from eaid.errors import UsageError
 from eaid.logs.run import Run
-from eaid.recorded.closed_loop import run_loop
 from eaid.recorded.kernel import response
+from eaid.recorded.law import run_loop
 from eaid.replay.controllers import Controller
 from eaid.replay.plant import perturbed
 from eaid.synth.disturbance import Disturbance, check, coloured, measured, scatter

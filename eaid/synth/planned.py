@@ -7,9 +7,10 @@ import numpy as np
 
 from eaid.logs.run import Run
 from eaid.models.parameters import Nonlinear
-from eaid.recorded.design import PARAMETERS, ExcitationPlan
+from eaid.recorded.design import ExcitationPlan
 from eaid.recorded.fit import fit_recorded
 from eaid.recorded.options import RecordedOptions
+from eaid.recorded.sequence import PARAMETERS
 from eaid.results.fit import Nonlinear as Nonlinear_
 from eaid.synth.disturbance import NONE, Disturbance
 from eaid.synth.logs import Protocol, synthesise_input

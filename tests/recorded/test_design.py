@@ -5,7 +5,8 @@ import pytest
 
 from eaid.errors import UsageError
 from eaid.models.parameters import REFERENCE_PLANT
-from eaid.recorded.design import Judge, Limits, plan_excitation
+from eaid.recorded.design import Judge, plan_excitation
+from eaid.recorded.sequence import Limits
 from eaid.synth.planned import disturbance_of, measured
 from eaid.uncertainty.noise import Noise
 

@@ -10,8 +10,8 @@ from eaid.findings.finding import finding
 from eaid.logs.moves import is_recorded
 from eaid.logs.run import Run
 from eaid.models.parameters import REFERENCE_PLANT
-from eaid.recorded.closed_loop import law_of
 from eaid.recorded.fit import fit_recorded
+from eaid.recorded.law import law_of
 from eaid.recorded.log import RecordedLog, recorded_log
 from eaid.recorded.options import RecordedOptions
 from eaid.synth.disturbance import NONE

@@ -1,0 +1,68 @@
+"""Intervals of the curves T_s(u), τ1(u), τ2(u) of a recorded fit, in logarithms."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from eaid.arrays import Array
+from eaid.recorded.intervals import Spread
+from eaid.recorded.solve import Solved
+
+CURVES = ("Ts", "tau1", "tau2")
+
+
+def held(solved: Solved) -> set[str]:
+    """Which of T_s, τ1, τ2 an active constraint holds at some input."""
+    model = solved.setup.model
+    if model.basis is None:
+        return set()
+    count = len(model.basis.duties)
+    active = np.flatnonzero(model.A @ solved.coefficients - model.b < 1e-9 * (1 + np.abs(model.b)))
+    return {("tau1", "tau2", "Ts", "tau2")[i // count] for i in active.tolist() if i < 4 * count}
+
+
+@dataclass(frozen=True, eq=False)
+class CurveSpread:
+    """T_s, τ1, τ2 at some inputs with their 95 % intervals; shapes (3, L)."""
+
+    duty: Array
+    values: Array
+    low: Array
+    high: Array
+    half_width: Array
+    """Relative half-widths, e^h − 1; infinite where nothing is known."""
+
+
+def curves(solved: Solved, sure: Spread, duty: Array) -> CurveSpread:
+    """Intervals of log T_s, log τ1, log τ2 at some inputs within the range."""
+    model = solved.setup.model
+    rows = model.rows_of(duty)
+    a, b, c = model.sizes
+    values, half = np.full((3, len(duty)), np.nan), np.full((3, len(duty)), np.inf)
+    for k, (part, first, count) in enumerate(((rows.steady, 0, a), (rows.tau1, a, b), (rows.tau2, a + b, c))):
+        for i in range(len(duty)):
+            if not count:
+                continue
+            gradient = np.zeros(solved.setup.size)
+            gradient[first : first + count] = part[i]
+            value = float(part[i] @ solved.x[first : first + count])
+            values[k, i] = value
+            if value > 0:
+                half[k, i] = min(sure.of(gradient) / value, 50.0)
+    for k, name in enumerate(CURVES):  # what a constraint holds is not estimated
+        if name in held(solved):
+            half[k] = np.inf
+    half = np.minimum(half, 700.0)
+    low, high = values * np.exp(-half), values * np.exp(np.minimum(half, 50.0))
+    for x in sure.rivals:
+        other = np.stack([rows.steady @ x[:a], rows.tau1 @ x[a : a + b], rows.tau2 @ x[a + b : a + b + c]])
+        low, high = np.minimum(low, other * np.exp(-half)), np.maximum(high, other * np.exp(np.minimum(half, 50.0)))
+    with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+        wide = np.where(low > 0, np.sqrt(high / low) - 1, np.inf)
+    return CurveSpread(duty, values, low, high, wide)
+
+
+def inputs_shown(levels: Sequence[float] | Array, low: float, high: float) -> Array:
+    """The levels themselves where they are few, else eleven inputs from the lowest to the highest."""
+    return np.asarray(levels, dtype=np.float64) if 0 < len(levels) <= 12 else np.linspace(low, high, 11)

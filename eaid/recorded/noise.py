@@ -1,0 +1,136 @@
+"""The noise of recorded logs: residuals in bins, their two spectra, sums over moving stretches, engagements.
+
+r = noise of the sensor + noise that goes with the output T:   S(f) = S0(f) + T² S1(f)
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eaid.arrays import Array
+from eaid.recorded.drive import Drive
+
+BINS = 16_384
+"""Derivatives and residuals are first added up over so many short bins of a log, at most."""
+SMOOTH = 0.25
+"""Half-width over which the noise's spectrum is smoothed, as a part of its corner frequency …"""
+FEWEST = 8
+"""… and at least so many lines."""
+
+
+@dataclass(frozen=True, eq=False)
+class Piece:
+    """One log in bins, (n, …)."""
+
+    r: Array
+    """Mean residual."""
+    size: Array
+    """Mean output above idle."""
+    scores: Array
+    """Σ Z r of each bin, (n, p)."""
+    plain: Array
+    """Σ Z, (n, p)."""
+    scaled: Array
+    """Σ Z T, (n, p)."""
+    bin_s: float
+    memory_s: float
+    """Integrated correlation time of the residuals [s]."""
+    engaged: NDArray[np.intp]
+
+
+def piece_of(Z: Array, r: Array, at: NDArray[np.intp], n: int, drive: Drive, idle: float) -> Piece:
+    """A log whose derivatives by the unknowns `at`, of n in all, are Z."""
+    dt_s = float(drive.dt_s.sum()) / max(len(r), 1)
+    step = -(-len(r) // BINS)
+    starts = np.arange(0, len(r), step)
+    count = np.diff(np.append(starts, len(r)))
+    output = drive.y[drive.w > 0] - idle
+
+    def binned(values: Array) -> Array:
+        found = np.zeros((len(starts), n))
+        found[:, at] = np.add.reduceat(values, starts)
+        return found
+
+    mean = np.add.reduceat(r, starts) / count
+    return Piece(
+        mean,
+        np.add.reduceat(output, starts) / count,
+        binned(Z * r[:, None]),
+        binned(Z),
+        binned(Z * output[:, None]),
+        step * dt_s,
+        correlation_s(mean, step * dt_s),
+        engagements(drive)[drive.w > 0][starts],
+    )
+
+
+def by_spectrum(piece: Piece) -> Array:
+    """Variance of Σ Z r for noise S0(f) + T² S1(f), (p, p).
+
+    The residuals are looked at through two windows, one that is wide where T is small and one that is T itself; the
+    power of each is S0 Σ w² + S1 Σ w² T², two equations for two spectra.
+    """
+    n = len(piece.r)
+    size = 2 ** int(np.ceil(np.log2(2 * n)))
+    half = int(
+        max(SMOOTH * size * piece.bin_s / (2 * np.pi * max(piece.memory_s, 0.5 * piece.bin_s)), FEWEST * size / n)
+    )
+    half = min(half, size // 2)
+    T2 = piece.size**2
+    middle = max(float(T2.mean()), 1e-300)
+    windows = np.stack([1 / (1 + 9 * T2 / middle), np.sqrt(T2 / middle)])
+    power = np.array([_smoothed(np.abs(np.fft.rfft(w * piece.r, size)) ** 2, half) for w in windows])
+    A = np.array([[float((w * w).sum()), float((w * w * T2).sum())] for w in windows])
+    if abs(np.linalg.det(A)) < 1e-3 * A[0, 0] * A[1, 1]:  # the output hardly changes: one spectrum
+        spectra = np.stack([power.sum(axis=0) / A[:, 0].sum(), np.zeros(power.shape[1])])
+    else:
+        spectra = np.linalg.solve(A, power)
+        alone = power.sum(axis=0) / A.sum(axis=0)[:, None]
+        spectra[0] = np.where(spectra[1] < 0, alone[0], spectra[0])
+        spectra[1] = np.where(spectra[0] < 0, alone[1], spectra[1])
+        spectra = np.maximum(spectra, 0.0)
+    twice = np.full(power.shape[1], 2.0)
+    twice[0] = twice[-1] = 1.0
+    total = np.zeros((piece.plain.shape[1],) * 2)
+    for S, slopes in zip(spectra, (piece.plain, piece.scaled), strict=True):
+        F = np.fft.rfft(slopes, size, axis=0)
+        total += (F.conj().T @ (F * (twice * S)[:, None])).real / size
+    return total
+
+
+def _smoothed(values: Array, half: int) -> Array:
+    """Mean over `half` lines to both sides, the spectrum mirrored at its ends."""
+    mirrored = np.concatenate([values[half:0:-1], values, values[-2 : -half - 2 : -1]])
+    total = np.append(0.0, np.cumsum(mirrored))
+    return np.asarray((total[2 * half + 1 :] - total[: -2 * half - 1]) / (2 * half + 1))
+
+
+def moving(sums: Array, width: int) -> Array:
+    """Σ over moving stretches of `width` bins of s s', over the width: Bartlett weights, (p, p)."""
+    width = min(width, len(sums))
+    total = np.vstack([np.zeros(sums.shape[1]), np.cumsum(sums, axis=0)])
+    padded = np.vstack([np.repeat(total[:1], width - 1, axis=0), total, np.repeat(total[-1:], width - 1, axis=0)])
+    stretches = padded[width:] - padded[:-width]
+    return np.asarray(stretches.T @ stretches / width)
+
+
+def correlation_s(r: Array, dt_s: float) -> float:
+    """Integrated correlation time of residuals [s]: half of what one independent sample takes."""
+    n = len(r)
+    if n < 8 or not r.any():
+        return 0.5 * dt_s
+    rho = np.fft.irfft(np.abs(np.fft.rfft(r - r.mean(), 2 * n)) ** 2)[:n]
+    if rho[0] <= 0:
+        return 0.5 * dt_s
+    rho /= rho[0]
+    below = np.flatnonzero(rho < 0.05)
+    end = int(below[0]) if len(below) else n
+    return float((0.5 + rho[1:end].sum()) * dt_s)
+
+
+def engagements(drive: Drive) -> NDArray[np.intp]:
+    """Number of the engagement that a row belongs to, (n,): each begins where the input leaves rest."""
+    loaded = drive.duty[drive.index] > 0
+    begins = np.append(loaded[0], loaded[1:] & ~loaded[:-1])
+    return np.asarray(np.maximum(np.cumsum(begins) - 1, 0))
