@@ -97,9 +97,9 @@ def lack_of_fit(level: Level, noise_nm: Array) -> LackOfFit | None:
 
 
 def adequacy(
-    stepset: StepSet, fit: Fit, base: LevelStatistics, asked: Share | None = None
+    stepset: StepSet, fit: Fit, base: LevelStatistics, runs_share: Share | None = None
 ) -> tuple[Adequacy, list[Finding]]:
-    """Judge the models of a fit, on the levels that it rests on; `asked` is the C that its runs ask for."""
+    """Judge the models of a fit, on the levels that it rests on; `runs_share` is the C that its runs ask for."""
     levels = base.levels
     residuals = [
         level.mean - friction.step_response(one.curve, level.time_s)
@@ -118,7 +118,7 @@ def adequacy(
         places, values = [u for u, _ in falling], {"worst": worst, "lost_pct": 100 * lost, "of": len(levels)}
         found.append(finding("output-decays-under-hold", "friction", places, unit=stepset.input_unit, **values))
     if 2 * len(falling) <= len(levels):
-        found += _recommended(shapes, missed, orders, rows, asked)
+        found += _recommended(shapes, missed, orders, rows, runs_share)
     return Adequacy(
         shapes=shapes,
         orders=orders,
@@ -198,7 +198,7 @@ def _recommended(
     missed: dict[str, int],
     orders: Sequence[OrderScore],
     rows: Sequence[LackOfFit],
-    asked: Share | None,
+    runs_share: Share | None,
 ) -> list[Finding]:
     """Which shape and which polynomials the levels ask for; `missed`: where repeats miss other shapes alike."""
     best, usual = min(shapes, key=lambda shape: shape.bic or 0.0), shapes[1]
@@ -211,8 +211,8 @@ def _recommended(
         found = [finding("no-shape-fits", "friction", (), shape=name, count=missed[name], of=len(rows))]
     elif best.name in missed and strong:
         found = [finding("shape-of-another-kind", "friction", (), **values)]
-    elif asked is not None and asked.matters and not asked.differ and best is not shapes[0]:
-        return [finding("shape-needs-the-share", "friction", held=asked.held, estimate=asked.estimate)]
+    elif runs_share is not None and runs_share.matters and not runs_share.differ and best is not shapes[0]:
+        return [finding("shape-needs-the-share", "friction", held=runs_share.held, estimate=runs_share.estimate)]
     elif best is usual or not strong:
         found = [finding("shape-fits", "friction", (), **values)]
     elif best is shapes[2] and closer < CLOSER:

@@ -82,28 +82,30 @@ def _with_intervals(stepset: StepSet, fit: Fit, options: IntervalOptions, advanc
     fitted = fitted_levels(fit)
     held = tuple(level for level in stepset.levels if level.level not in fitted)
     stepset = replace(stepset, levels=tuple(level for level in stepset.levels if level.level in fitted))
-    curves = _statistics(stepset, fit)
+    stats = _statistics(stepset, fit)
     free = fit.friction is not None and fit.friction.C is None
     draws = None
     if options.ci == "bootstrap":
         whole = fit if fit.friction is not None else _with_levels(stepset, fit)
         draws = bootstrap(stepset.levels, whole, options.seed, options.draws, options.workers, advance)
-        curves = _with_draws(curves, draws)
-    base = curves
+        stats = _with_draws(stats, draws)
+    base = stats
     if free and fit.nonlinear is not None:
         base = statistics_at_share(stepset.levels, fit.nonlinear.C)
         base = base if draws is None else _with_draws(base, draws)
-    asked = share_of(curves) if options.ci != "none" else None
-    found = scatter_findings(curves)
-    if asked is not None:
-        found += share_findings(asked)
+    runs_share = share_of(stats) if options.ci != "none" else None
+    found = scatter_findings(stats)
+    if runs_share is not None:
+        found += share_findings(runs_share)
     judged = None
     if options.study_models and fit.friction is not None:
-        judged, more = adequacy(stepset, fit, base, asked)
+        judged, more = adequacy(stepset, fit, base, runs_share)
         found += more
-    result = msgspec.structs.replace(fit, uncertainty=_summary(curves, options, judged, asked, idle_of(stepset.runs)))
+    result = msgspec.structs.replace(
+        fit, uncertainty=_summary(stats, options, judged, runs_share, idle_of(stepset.runs))
+    )
     if fit.friction is not None:
-        part, more = _friction(fit.friction, curves, options, stepset)
+        part, more = _friction(fit.friction, stats, options, stepset)
         result, found = msgspec.structs.replace(result, friction=part), found + more
     if fit.linear is not None:
         linear, more = _linear(fit.linear, stepset, base, options, draws)
@@ -152,26 +154,26 @@ def _with_draws(base: LevelStatistics, draws: Draws) -> LevelStatistics:
 
 
 def _friction(
-    part: Friction, curves: LevelStatistics, options: IntervalOptions, stepset: StepSet
+    part: Friction, stats: LevelStatistics, options: IntervalOptions, stepset: StepSet
 ) -> tuple[Friction, list[Finding]]:
-    verdict = friction_verdict(part, curves, stepset.input_unit, stepset.output_unit)
+    verdict = friction_verdict(part, stats, stepset.input_unit, stepset.output_unit)
     found = list(verdict.findings)
     part = msgspec.structs.replace(part, identifiable=verdict.identifiable)
     if options.ci == "none":
         return part, found
-    rows = friction_intervals.level_rows(curves, white=options.ci == "white")
+    rows = friction_intervals.level_rows(stats, white=options.ci == "white")
     if options.ci == "profile":
-        rows = [[_profiled(curves, i, k, p) for k, p in enumerate(own)] for i, own in enumerate(rows)]
-    repeats = curves.source == "repeats" and options.ci != "white"
-    trends, more = friction_intervals.trend_ci95(part, rows, repeats, curves.total_degrees)
+        rows = [[_profiled(stats, i, k, p) for k, p in enumerate(own)] for i, own in enumerate(rows)]
+    repeats = stats.source == "repeats" and options.ci != "white"
+    trends, more = friction_intervals.trend_ci95(part, rows, repeats, stats.total_degrees)
     return msgspec.structs.replace(part, levels=friction_intervals.level_ci95(part, rows), trends=trends), found + more
 
 
-def _profiled(curves: LevelStatistics, i: int, k: int, p: Parameter) -> Parameter:
+def _profiled(stats: LevelStatistics, i: int, k: int, p: Parameter) -> Parameter:
     """One level's parameter with the interval of its profile; as it was where scatter, not noise, makes its width."""
-    one = curves.estimates[i]
+    one = stats.estimates[i]
     within = float(one.runs.within[k]) / one.runs.repeats
-    if p.name in one.constrained or within < 0.5 * float(curves.variance[i, k]):
+    if p.name in one.constrained or within < 0.5 * float(stats.variance[i, k]):
         # scatter from run to run (a gain, a τ1) knows nothing of the cost's shape: logs are its own scale
         return p
     if p.state == "open":
@@ -179,10 +181,10 @@ def _profiled(curves: LevelStatistics, i: int, k: int, p: Parameter) -> Paramete
     inverse = np.linalg.pinv(one.runs.information, rcond=1e-14, hermitian=True)
     if not inverse[k, k] > 0:
         return p
-    t = t_quantile(float(curves.degrees[i, k]))
-    rise = t**2 * float(curves.variance[i, k]) / float(inverse[k, k])
-    points = data_of([curves.levels[i]]).points
-    low, high = np.exp(profile_interval(points, one.curve, k, rise, curves.variance.shape[1] == 4))
+    t = t_quantile(float(stats.degrees[i, k]))
+    rise = t**2 * float(stats.variance[i, k]) / float(inverse[k, k])
+    points = data_of([stats.levels[i]]).points
+    low, high = np.exp(profile_interval(points, one.curve, k, rise, stats.variance.shape[1] == 4))
     if p.name == "C":
         low, high = low / (1 + low), high / (1 + high) if np.isfinite(high) else 1.0
     if not np.isfinite(high) or low <= 0:
@@ -218,23 +220,27 @@ def _linear(
 
 
 def _summary(
-    curves: LevelStatistics, options: IntervalOptions, judged: Adequacy | None, asked: Share | None, idle: float | None
+    stats: LevelStatistics,
+    options: IntervalOptions,
+    judged: Adequacy | None,
+    runs_share: Share | None,
+    idle: float | None,
 ) -> Uncertainty:
     share = None
-    if curves.variance.shape[1] == 3:
-        there = curves
-        if asked is not None and asked.matters and asked.estimate is not None:
-            there = statistics_at_share(curves.levels, asked.estimate)
-        share = share_part(asked, there, share_sensitivity(curves.levels, curves.estimates))
+    if stats.variance.shape[1] == 3:
+        there = stats
+        if runs_share is not None and runs_share.matters and runs_share.estimate is not None:
+            there = statistics_at_share(stats.levels, runs_share.estimate)
+        share = share_part(runs_share, there, share_sensitivity(stats.levels, stats.estimates))
     return Uncertainty(
         ci=options.ci,
-        scatter_from=curves.source,
-        degrees_of_freedom=curves.total_degrees,
+        scatter_from=stats.source,
+        degrees_of_freedom=stats.total_degrees,
         run_to_run_pct={
             name: 100 * float(np.sqrt(a)) if np.isfinite(a) else None
-            for name, a in zip(("Ts", "tau1", "tau2", "C"), curves.between, strict=False)
+            for name, a in zip(("Ts", "tau1", "tau2", "C"), stats.between, strict=False)
         },
-        noise=noise_part(noise_of(curves, idle)),
+        noise=noise_part(noise_of(stats, idle)),
         draws=options.draws if options.ci == "bootstrap" else None,
         share=share,
         adequacy=judged,
