@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from eaid.apparatus import Apparatus
+from eaid.findings import finding
 from eaid.fitting.options import FitOptions
 from eaid.models import friction
 from eaid.models.parameters import Friction
@@ -14,7 +15,7 @@ from eaid.results import codec
 from eaid.results.fit import Fit, FrictionLevel, LevelIntervals
 from eaid.results.quotable import quotable
 from eaid.steps.stepset import LevelStep, StepSet
-from eaid.uncertainty.workflow import fit_steps
+from eaid.uncertainty.workflow import fit_steps, ordered
 
 TIME = np.arange(2000) * 0.01
 TRUTH = ((20.0, 50.0, 0.4, 1.6, Friction(1.2, 0.3, 4.0)), (50.0, 30.0, 1.6, 0.9, Friction(-0.7, 0.2, 3.0)))
@@ -51,3 +52,11 @@ def test_what_no_file_can_hold_is_left_out_and_named() -> None:
 def test_an_interval_without_an_end_is_none(end: float) -> None:
     kept, keys = quotable(LevelIntervals(Ts=(1.0, 2.0), tau2=(1.0, end)))
     assert kept == LevelIntervals(Ts=(1.0, 2.0)) and keys == ("tau2",)
+
+
+def test_what_decides_whether_a_model_is_of_use_comes_first_among_alike() -> None:
+    codes = ("fast-rise-not-resolved", "output-decays-under-hold", "starts-end-apart", "curve-explains-little")
+    values = {"unit": "%", "worst": 1.0, "lost_pct": 9.0, "of": 1, "higher": 1, "starts": 2}
+    found = ordered(finding(code, "friction", (1.0,), **values) for code in codes)
+    order = ["curve-explains-little", "output-decays-under-hold", "fast-rise-not-resolved", "starts-end-apart"]
+    assert [one.code for one in found] == order
