@@ -350,14 +350,17 @@ def _inverse(case: Case, plant: PlantParameters) -> Iterator[Row]:
 
 def _cold(folder: Path) -> Row:
     """A whole `eaid simulate` of two controllers for 12 s, from the Enter key on, against its imports alone."""
-    from eaid import store
+    from eaid.results import codec
 
     p, rc, pi = REFERENCE_PLANT, *paper_gains()
-    store.write_json(
-        folder / "fit.json",
-        store.stamped(
-            "eaid/fit/1", {"nonlinear": {"C": p.C, "tau1": p.tau1, "tau2": p.tau2, "Ts": p.Ts, "u_range": p.u_range}}
+    (folder / "fit.json").write_text(
+        codec.text_of(
+            codec.stamped(
+                "eaid/fit/1",
+                {"nonlinear": {"C": p.C, "tau1": p.tau1, "tau2": p.tau2, "Ts": p.Ts, "u_range": p.u_range}},
+            )
         ),
+        encoding="utf-8",
     )
     model = {"a0": rc.a0, "b0": rc.b0, "c0": rc.c0}
     law = {
@@ -369,10 +372,8 @@ def _cold(folder: Path) -> Row:
         "gamma": rc.gamma,
         "Q": [[1.0, rc.Q12], [rc.Q12, rc.Q22]],
     }
-    store.write_json(
-        folder / "gains.json",
-        store.stamped("eaid/gains/1", {"model": model, "rc": law, "pi": {"K_P": pi.K_P, "K_I": pi.K_I}}),
-    )
+    gains = codec.stamped("eaid/gains/1", {"model": model, "rc": law, "pi": {"K_P": pi.K_P, "K_I": pi.K_I}})
+    (folder / "gains.json").write_text(codec.text_of(gains), encoding="utf-8")
     arguments = (
         "simulate",
         "fit.json",

@@ -16,13 +16,11 @@ from typing import TYPE_CHECKING, Any
 import h5py
 
 from eaid.errors import DataError, UsageError
-from eaid.files import sha256_of
 from eaid.fitting.options import FitOptions
 from eaid.logs.frames import runs_from_frames
 from eaid.progress import Progress, no_progress
 from eaid.reading import InputOptions, read_steps, steps_of
 from eaid.results import codec
-from eaid.results.common import Input
 from eaid.results.coupling import Coupling
 from eaid.results.fit import Fit
 from eaid.results.gains import Gains
@@ -277,11 +275,6 @@ def load(path: str | os.PathLike[str]) -> "Fit | Gains | Coupling | Replay | Ste
     kind = codec.kind_of(file)
     result: Fit | Gains | Coupling = codec.read(file, kind, kinds[kind])[0]
     return result
-
-
-def source_of(path: Path) -> Input:
-    """How a result names one of its inputs."""
-    return Input(str(path), sha256_of(path))
 
 
 def _known(options: type, given: Mapping[str, Any]) -> dict[str, Any]:

@@ -1,5 +1,6 @@
 """The docs keep up with the code: every key of a result file is explained, every shown command is a real one."""
 
+import json
 import re
 import shlex
 from collections.abc import Iterator
@@ -9,7 +10,6 @@ from typing import Any
 import pytest
 
 from eaid.cli import main
-from eaid.store import read_json
 
 ROOT = Path(__file__).parents[1]
 FILES = (ROOT / "docs" / "files.md").read_text(encoding="utf-8")
@@ -53,7 +53,7 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_every_key_of_a_result_is_explained(results: Path, name: str) -> None:
     kind = "gains" if name == "gains.json" else "fit"
     known = explained(f"{kind}.json")
-    found = dict.fromkeys(keys(read_json(results / name, kind)))
+    found = dict.fromkeys(keys(json.loads((results / name).read_text(encoding="utf-8"))))
     assert len(found) > 50
     assert [key for key in found if not any(p.fullmatch(key) or p.fullmatch(f"{key}[]") for p in known)] == []
 

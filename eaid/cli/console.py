@@ -183,6 +183,6 @@ def line(text: str) -> None:
 
 def print_json(result: dict[str, object]) -> None:
     """Print a result, machine-readable, on stdout."""
-    from eaid.store import dumps
+    from eaid.results.codec import text_of
 
-    sys.stdout.write(dumps(result))
+    sys.stdout.write(text_of(result))

@@ -64,10 +64,10 @@ def command(
     console.be_quiet(quiet)
     import msgspec
 
-    from eaid.api import source_of
     from eaid.coupling.entry import CoupleOptions, couple_fit
     from eaid.files import refuse_to_overwrite
     from eaid.results import codec
+    from eaid.results.common import Input
     from eaid.results.coupling import CoupleInputs
     from eaid.results.fit import Fit as FitResult
     from eaid.results.gains import Gains as GainsResult
@@ -85,7 +85,7 @@ def command(
     fitted, told = codec.read(fit, "fit", FitResult)
     tuned, more = codec.read(gains, "gains", GainsResult) if gains else (None, ())
     found = couple_fit(fitted, tuned, options, console.progress)
-    inputs = CoupleInputs(source_of(fit), source_of(gains) if gains else None)
+    inputs = CoupleInputs(Input.of(fit), Input.of(gains) if gains else None)
     found = msgspec.structs.replace(found, inputs=inputs)
     codec.write(path, found, "couple", force)
     if json:

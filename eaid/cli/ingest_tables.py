@@ -24,7 +24,7 @@ def as_json(stepset: "StepSet") -> dict[str, Any]:
     """The levels, runs and findings, machine-readable."""
     import dataclasses
 
-    from eaid.store import stamped
+    from eaid.results.codec import stamped
 
     return stamped(
         "eaid/ingest/1",

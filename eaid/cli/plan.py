@@ -56,7 +56,6 @@ def command(
     from eaid.results import codec
     from eaid.results.common import Input
     from eaid.results.fit import Fit
-    from eaid.store import input_record
 
     assert output is not None
     if excitation:
@@ -70,7 +69,7 @@ def command(
     options = PlanOptions(widths_of(want), idle, release, longest, most, check, seed)
     with console.progress("simulating the recordings", 0) as advance:
         found = plan_recordings(source, options, advance)
-    found = msgspec.structs.replace(found, inputs=(Input(**input_record(fit)),))
+    found = msgspec.structs.replace(found, inputs=(Input.of(fit),))
     write(output, duty_file, found, force)
     if json:
         sys.stdout.write(codec.dumps(found, "plan"))

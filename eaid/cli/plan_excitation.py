@@ -23,14 +23,13 @@ def plan_one_recording(
     from eaid.results import codec
     from eaid.results.common import Input
     from eaid.results.fit import Fit
-    from eaid.store import input_record
 
     refuse_to_overwrite(output, force, inputs=(fit,))
     source, doubts = codec.read(fit, "fit", Fit)
     options = ExcitationOptions(want, limits_of(limits, source.plant.u_range), check, seed)
     with console.progress("simulating the recording", 0) as advance:
         found = shortest_recording(source, options, advance)
-    found = msgspec.structs.replace(found, inputs=(Input(**input_record(fit)),))
+    found = msgspec.structs.replace(found, inputs=(Input.of(fit),))
     with written_whole(output, force) as part:
         rows = ["time_s,duty_pct", *(f"{at:.9g},{duty:.9g}" for at, duty in found.duty)]
         part.write_text("\n".join(rows) + "\n", encoding="utf-8")

@@ -46,10 +46,9 @@ def with_inputs(head: "Head", fit: Path, gains: Path | None, reference: Path | N
 
     from eaid.results.common import Input
     from eaid.results.replay import ReplayInputs
-    from eaid.store import input_record
 
     def one(path: Path | None) -> Input | None:
-        return None if path is None else Input(**input_record(path))
+        return None if path is None else Input.of(path)
 
-    logs = tuple(Input(**input_record(each)) for each in log or () if each.is_file())
+    logs = tuple(Input.of(each) for each in log or () if each.is_file())
     return msgspec.structs.replace(head, inputs=ReplayInputs(one(fit), one(gains), one(reference), logs))

@@ -53,8 +53,8 @@ def command(
     from eaid.cli.synth_excitation import controller_of, excitation_of
     from eaid.files import refuse_to_overwrite
     from eaid.results import codec
+    from eaid.results.common import Input
     from eaid.results.fit import Fit
-    from eaid.store import input_record
     from eaid.synth.folder import refuse_folder, write_folder
     from eaid.synth.synthesize import SynthOptions, plant_of, synthesize
 
@@ -82,7 +82,7 @@ def command(
         sizes={name: value for name, value in sizes.items() if value is not None}, seed=seed,
     )  # fmt: skip
     fit, told = codec.read(fit_file, "fit", Fit) if fit_file is not None else (None, ())
-    named = "" if fit_file is None else f"{fit_file} (sha256 {input_record(fit_file)['sha256'][:12]})"
+    named = "" if fit_file is None else f"{fit_file} (sha256 {Input.of(fit_file).sha256[:12]})"
     runs = synthesize(options, fit, named, controller_of(gains, controller))
     if is_dataset:
         from eaid.synth.datasets import write
@@ -114,7 +114,8 @@ def levels_of(text: str) -> tuple[float, ...]:
 def _summary(
     path: Path, runs: "list[Run]", made_of: str, options: "SynthOptions", inputs: list[Path]
 ) -> dict[str, object]:
-    from eaid.store import input_record, stamped
+    from eaid.results.codec import stamped
+    from eaid.results.common import Input
 
     rows = [{"name": run.name, "level": run.level, "repeat": run.repeat, "samples": run.time_s.size} for run in runs]
     return stamped(
@@ -126,7 +127,7 @@ def _summary(
             "plant": made_of,
             "input_unit": runs[0].input_unit,
             "output_unit": runs[0].output_unit,
-            "inputs": [input_record(each) for each in inputs],
+            "inputs": [Input.of(each) for each in inputs],
             "seed": options.seed,
             "runs": rows,
         },

@@ -76,7 +76,6 @@ def command(
     from eaid.results.fit import Fit
     from eaid.results.gains import GainsInputs
     from eaid.results.tuning import TuneOptions
-    from eaid.store import input_record
 
     path = cast("Path", output)
     if data and phi != "data" and not optimize and optimize_also is None:
@@ -102,7 +101,7 @@ def command(
     signal = read_reference(own) if own is not None else reference
     gains = tune(fitted, options, logs, signal, reference or "", console.progress, judge)
     sources = {"fit": fit, **({"reference": own} if own else {})}
-    kept = GainsInputs(**{role: Input(**input_record(each)) for role, each in sources.items()})
+    kept = GainsInputs(**{role: Input.of(each) for role, each in sources.items()})
     gains = msgspec.structs.replace(gains, inputs=kept)
     codec.write(path, gains, "gains", force)
     if json:

@@ -12,6 +12,7 @@ import math
 import re
 import types
 import typing
+from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
 from typing import Any, TypeVar
@@ -54,20 +55,33 @@ def to_plain(value: Any) -> Any:
 
 
 def content_of(result: msgspec.Struct, kind: str) -> dict[str, Any]:
-    """The content of a result file: schema, version, digest, the result, and the older `warnings` as texts."""
+    """The content of a result file: schema, version, the result, and the older `warnings` as texts."""
     content: dict[str, Any] = {"schema": f"eaid/{kind}/1", "eaid": __version__, **to_plain(result)}
     found: tuple[Finding, ...] = getattr(result, "findings", ())
     parts = [name for name in KINDS[kind] if isinstance(content.get(name), dict)] if kind == "fit" else []
     for name in parts:
         content[name]["warnings"] = sentences(one for one in found if one.subject == name)
     content["warnings"] = sentences(one for one in found if one.subject not in parts)
-    heading = {key: content.pop(key) for key in ("schema", "eaid")}
-    return {**heading, "digest": digest_of({**heading, **content}), **content}
+    return content
+
+
+def stamped(schema: str, content: Mapping[str, Any]) -> dict[str, Any]:
+    """Plain content headed by its schema and the version that made it."""
+    return {"schema": schema, "eaid": __version__, **to_plain(dict(content))}
+
+
+def text_of(content: Mapping[str, Any]) -> str:
+    """The text of plain content; one with a schema gets its digest behind the version."""
+    plain = to_plain(dict(content))
+    if "schema" in plain:
+        heading = {key: plain[key] for key in ("schema", "eaid") if key in plain}
+        plain = {**heading, "digest": digest_of(plain), **plain}
+    return json.dumps(plain, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
 
 
 def dumps(result: msgspec.Struct, kind: str) -> str:
     """The text of a result file."""
-    return json.dumps(content_of(result, kind), indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+    return text_of(content_of(result, kind))
 
 
 def write(path: Path, result: msgspec.Struct, kind: str, force: bool = False) -> None:

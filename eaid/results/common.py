@@ -1,9 +1,12 @@
 """Types that several results share: intervals, sources, solver, errors."""
 
 import math
-from typing import Annotated
+from pathlib import Path
+from typing import Annotated, Self
 
 import msgspec
+
+from eaid.files import sha256_of
 
 Number = Annotated[float, msgspec.Meta(ge=-1e60, le=1e60)]
 """A finite number of a size that a rig can have; its cube is still a number."""
@@ -23,6 +26,11 @@ class Input(Result, frozen=True):
 
     path: str
     sha256: str = ""
+
+    @classmethod
+    def of(cls, path: Path) -> Self:
+        """A file as it is now."""
+        return cls(str(path), sha256_of(path))
 
 
 class Source(Result, frozen=True):
