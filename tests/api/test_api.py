@@ -140,7 +140,7 @@ def test_plots_are_axes(fit: Fit, gains: Gains):
     assert len(axes.lines) == len(LEVELS)
     assert "N·m" in axes.get_ylabel()
     lines = eaid.simulate(fit, gains, "multisine", duration=6.0).plot().lines
-    assert {line.get_label() for line in lines} == {"reference", "rc", "pi"}
+    assert {line.get_label() for line in lines} == {"reference", "RC", "PI"}
 
 
 def test_python_control_where_it_is_installed(fit: Fit, gains: Gains):
