@@ -7,9 +7,6 @@ from eaid.cli import console, inputs
 from eaid.cli import fit_options as options_
 from eaid.cli.options import Force, Json, Output, Quiet, Seed
 
-NOT_TO_BE_USED = 4
-"""Exit code of a fit that did not converge, or that a stop-finding speaks against; it is written, marked."""
-
 
 def command(
     data: options_.Data,
@@ -94,9 +91,8 @@ def command(
 
             recorded_tables(result)
     console.tell(result.findings, verbose)
-    parts = ("friction", "nonlinear", "linear", "release", "steps")
-    console.say(f"{output}: {', '.join(name for name in parts if getattr(result, name))}")
+    console.say(f"{output}: {', '.join(name for name in options_.PARTS if getattr(result, name))}")
     if result.converged and not stops(result.findings):
         return 0
     console.fail(f"{output}: is written and marked; do not use its numbers")
-    return NOT_TO_BE_USED
+    return options_.NOT_TO_BE_USED

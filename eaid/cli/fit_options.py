@@ -12,6 +12,10 @@ if TYPE_CHECKING:
     from eaid.fitting.options import FitOptions
     from eaid.steps.stepset import StepSet
 
+PARTS = ("friction", "nonlinear", "linear", "release", "steps")
+NOT_TO_BE_USED = 4
+"""Exit code of a fit that did not converge, or that a stop-finding speaks against; it is written, marked."""
+
 Data = Annotated[list[Path], typer.Argument(metavar="DATA…", help="A data.h5, log files, or folders of them.")]
 Model = Annotated[
     str | None,

@@ -15,6 +15,7 @@ from eaid.results.fit import Fit
 from eaid.steps.stepset import Level, StepSet
 from eaid.uncertainty.draw import draw_plants
 from eaid.uncertainty.intervals import METHODS, IntervalOptions, with_intervals
+from eaid.uncertainty.workflow import fit_steps
 
 JOINT = IntervalOptions(estimator="joint")
 
@@ -260,3 +261,13 @@ def test_single_runs_say_what_they_rest_on() -> None:
     assert sure.uncertainty.scatter_from == "within" and "single-runs-few-levels" in codes(sure)
     many = steps([Friction(1.0 + i, 0.2, 3.0) for i in range(9)], record_s=20.0, sd=0.01)
     assert with_intervals(many, fit(many)).uncertainty.scatter_from == "curve"
+
+
+def test_typed_options_and_results_agree(made: StepSet) -> None:
+    """What is asked for is what stands in the result of the one entry, its parameters and its plant."""
+    joint, two = (fit_steps(made, FitOptions(estimator=name, ci="none")) for name in ("joint", "two-stage"))
+    assert joint.nonlinear and two.nonlinear and joint.nonlinear.two_stage and two.nonlinear.joint
+    assert (joint.options.estimator, two.options.estimator) == ("joint", "two-stage")
+    assert two.nonlinear.parameters == joint.nonlinear.two_stage.parameters == two.plant
+    assert joint.nonlinear.parameters == two.nonlinear.joint.parameters == joint.plant
+    assert joint.nonlinear.rmse < two.nonlinear.rmse  # the joint fit has the least squares, not the best curves
