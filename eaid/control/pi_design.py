@@ -17,6 +17,8 @@ from eaid.models.parameters import Linear
 
 BAND = 0.02
 """Settling band, share of the step."""
+MOST_OVERSHOOT_PCT = 95.0
+"""Beyond it a loop swings for hundreds of periods."""
 NONE = 1e-9
 """An overshoot below this share of the step is none."""
 INWARD = 1e-12
@@ -153,11 +155,13 @@ def _q_of_overshoot(a0: float, p: float, overshoot: float) -> float:
 def pi_gains(model: Linear, overshoot_pct: float, settling_s: float) -> tuple[float, float]:
     """The least PI gains (K_P, K_I) with this overshoot [%] that settle within this time [s] (2 % band).
 
-    Refused (GainsError) where no non-negative K_P does it: overshoot outside 0…100 %, or a settling time longer than
+    Refused (GainsError) where no non-negative K_P does it: overshoot outside 0…95 %, or a settling time longer than
     pure integral control has.
     """
-    if not 0 <= overshoot_pct < 100:
-        raise GainsError(f"an overshoot of {overshoot_pct:g} % is out of reach; give one from 0 to below 100 %")
+    if not 0 <= overshoot_pct <= MOST_OVERSHOOT_PCT:
+        raise GainsError(
+            f"an overshoot of {overshoot_pct:g} % is out of reach; give one from 0 to {MOST_OVERSHOOT_PCT:g} %"
+        )
     if not settling_s > 0:
         raise GainsError(f"a settling time of {settling_s:g} s is out of reach; give one above 0 s")
     a0, share = model.a0, overshoot_pct / 100
