@@ -246,3 +246,52 @@ def test_a_slip_is_five_percent(over: float, slips: bool) -> None:
     t = np.arange(4000) / 1000
     y = np.where(t < 1, t * (1 + over), 1 + over * np.exp(-(t - 1) / 0.3))
     assert (slip_of(t, y) is not None) is slips
+
+
+# what the last samples before a step tell in much noise
+
+
+def test_a_late_input_behind_much_noise() -> None:
+    """Six samples that are 0.3 off in noise of 0.06: no single one of them is beyond four deviations for certain."""
+    told = 0
+    for k in range(20):
+        hold = 0.06 * np.random.default_rng(k).normal(size=400)
+        assert last_rest(hold, 1.0).rests
+        hold[-6:] += 0.3
+        rest = last_rest(hold, 1.0)
+        told += not rest.rests and rest.lead >= 4
+    assert told >= 18
+
+
+def test_a_rest_with_bursts_is_no_late_input() -> None:
+    """The same six samples, where such groups came before."""
+    told = 0
+    for k in range(20):
+        hold = 0.06 * np.random.default_rng(k).normal(size=400)
+        for at in (50, 160, 270, 394):
+            hold[at : at + 6] += 0.3
+        told += last_rest(hold, 1.0).lead >= 4
+    assert told <= 6
+
+
+@pytest.mark.parametrize(("size", "left_out"), [(0.04, 0), (0.08, 1)])
+def test_a_spike_before_a_step_is_a_twentieth_of_its_change(size: float, left_out: int) -> None:
+    hold = 1e-4 * np.random.default_rng(0).normal(size=200)
+    hold[100] = size
+    assert last_rest(hold, 1.0).left_out == left_out
+
+
+def test_what_is_left_is_that_of_the_last_block() -> None:
+    run = log([(0, 2), (50, 9), (0, 10)])
+    y = run.output + np.where(run.time_s >= 20.5, 0.4, 0.0)  # the last block of 0.5 s
+    (release,) = (row for row in build_stepset([replace(run, output=read_only(y))]).runs if row.edge == "falling")
+    assert release.left_pct == pytest.approx(20.0, rel=0.02)
+
+
+@pytest.mark.parametrize(("errors", "said"), [(3.0, False), (8.0, True)])
+def test_a_start_within_the_noise_is_no_start_of_its_own(errors: float, said: bool) -> None:
+    """The start is off by 6 % of the swing, which is so many standard errors of a block mean, σ/√40."""
+    noise = 2.0 * 0.06 * np.sqrt(40) / errors
+    stored = replace(cut(log([(0, 8), (50, 8)], noise=noise, seed=3))[0], held=0.12, baseline=0.0)
+    found = [one.code for row in build_stepset([stored]).runs for one in row.findings]
+    assert ("nearly-at-rest" in found) is said

@@ -10,7 +10,7 @@ from eaid.report.page.shown import Shown
 from eaid.report.page.summary import guarantee_words
 from eaid.report.ready_fits import main_kind
 from eaid.report.results import KINDS, Given, Results
-from eaid.report.tables import checks, data, fits, gains, replays
+from eaid.report.tables import checks, data, fits, gains, replays, steps
 from eaid.report.tables.table import Table, listed
 from eaid.results.fit import Fit
 
@@ -113,6 +113,7 @@ def _data(results: Results, known: Known, drawn: dict[str, Shown]) -> Part | Non
             more = [rest_rows(doubtful), data.levels_recorded(one.result)] if doubtful.rows else []
         else:
             more = [doubtful, data.levels_recorded(one.result)]
+        more.append(steps.slips_table(one.result))
         folds += _fold(f"{of}: every run".lstrip(": ").capitalize(), drawn, (), [*more, fine])
     names = ("fig06_hold_and_release",)
     if not results.fits:
@@ -216,6 +217,7 @@ def _tables_of(fit: Fit, asked: bool | None) -> list[Table]:
     found = []
     if fit.friction is not None:
         found.append(fits.levels_table(fit))
+        found += [steps.steps_table(fit)] if fit.steps else []
         if fit.data.kind != "clutch":
             found.append(fits.trends_table(fit, asked))
     found.append(fits.level_steps_table(fit))
