@@ -44,6 +44,7 @@ def read(
     input: str | int | None = None,
     output: str | int | None = None,
     progress: Progress = no_progress,
+    logs_as: str = "auto",
     **options: Any,
 ) -> StepSet:
     """Read recorded logs and find their steps, levels and repeats.
@@ -57,6 +58,8 @@ def read(
         Columns by name or number from 1, where they are not found by themselves.
     progress
         `progress(what, how_many)` gives a context with a function to call once a piece.
+    logs_as
+        auto: logs whose input does more than step from rest stand uncut in `recorded`; steps: none do; recorded: all.
     **options
         Fields of `eaid.reading.InputOptions`: units, name_pattern, step_at, until, baseline, rest, repair, kind, …
 
@@ -77,8 +80,8 @@ def read(
     }
     chosen = InputOptions(**{**({"columns": columns} if columns else {}), **_known(InputOptions, options)})
     if _is_frames(source):
-        return steps_of(runs_from_frames(source, chosen.reading()), chosen)[1]  # type: ignore[arg-type]
-    return read_steps(_paths(source), chosen, progress)[1]  # type: ignore[arg-type]
+        return steps_of(runs_from_frames(source, chosen.reading()), chosen, whole=logs_as)[1]  # type: ignore[arg-type]
+    return read_steps(_paths(source), chosen, progress, whole=logs_as)[1]  # type: ignore[arg-type]
 
 
 def fit(
@@ -86,6 +89,8 @@ def fit(
     options: FitOptions | None = None,
     *,
     progress: Progress = no_progress,
+    duty: tuple[float, float] | None = None,
+    instrument: bool = False,
     **keywords: Any,
 ) -> Fit:
     """Fit the models of the paper to recorded steps, with intervals and a verdict.
@@ -98,6 +103,8 @@ def fit(
         All choices at once; single ones as keywords: models, share, weights, loss, hold_out, bounds, estimator, ci, …
     progress
         As in `read`.
+    duty, instrument
+        Of logs that are fitted as they were recorded: identified inputs, and the simulated duty as an instrument.
 
     Returns
     -------
@@ -106,6 +113,10 @@ def fit(
     """
     chosen = replace(options or FitOptions(), **_known(FitOptions, keywords))
     steps = data if isinstance(data, StepSet) else read(data, progress=progress)
+    if steps.recorded:
+        from eaid.recorded.entry import fit_whole
+
+        return fit_whole(steps, chosen, duty, instrument)
     with progress("bootstrap refits", chosen.draws if chosen.ci == "bootstrap" else 0) as advance:
         return fit_steps(steps, chosen, advance)
 

@@ -72,9 +72,10 @@ def command(
         apparatus=apparatus, join=join,
     )  # fmt: skip
     if stepset.recorded:
-        from eaid.cli.fit_recorded import as_recorded
+        from eaid.cli.fit_recorded import duty_of
+        from eaid.recorded.entry import fit_whole
 
-        result = as_recorded(stepset, options, rest, duty, instrument)
+        result = fit_whole(stepset, options, duty_of(duty), instrument)
     else:
         options = options_.with_bounds_levels(options, bounds_levels, stepset)
         with console.progress("bootstrap refits", options.draws if ci == "bootstrap" else 0) as advance:

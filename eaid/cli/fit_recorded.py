@@ -1,4 +1,4 @@
-"""`eaid fit` of logs that are fitted as they were recorded: their options, and the tables that only they have."""
+"""`eaid fit` of logs that are fitted as they were recorded: the tables that only they have."""
 
 from typing import TYPE_CHECKING
 
@@ -6,38 +6,7 @@ from eaid.cli import console
 from eaid.errors import UsageError
 
 if TYPE_CHECKING:
-    from eaid.fitting.options import FitOptions
     from eaid.results.fit import Fit
-    from eaid.steps.stepset import StepSet
-
-
-def as_recorded(stepset: "StepSet", options: "FitOptions", rest: float, duty: str | None, instrument: bool) -> "Fit":
-    """The fit of a set's recorded logs, with its steps."""
-    import msgspec
-
-    from eaid.findings import ranked
-    from eaid.fitting.between import single_steps
-    from eaid.recorded.fit import fit_recorded
-    from eaid.recorded.options import RecordedOptions
-
-    for name, value, plain in (("weights", options.weights, "equal"), ("loss", options.loss, "squares")):
-        if value != plain:
-            raise UsageError(f"«{name}» {value}: logs fitted as recorded take {plain}; or say «logs_as» steps")
-    if options.hold_out:
-        raise UsageError("«hold_out»: logs fitted as recorded hold no single levels; or say «logs_as» steps")
-    how = RecordedOptions(
-        models=options.models,
-        share=options.share,
-        u_range=duty_of(duty),
-        rest=rest,
-        instrument=instrument,
-        ci="none" if options.ci == "none" else "robust",
-        seed=options.seed,
-    )
-    found = fit_recorded(stepset.recorded, how, stepset if stepset.levels else None)
-    shapes = single_steps(stepset, options)
-    told = (said for one in shapes for said in one.findings)
-    return msgspec.structs.replace(found, steps=shapes, findings=ranked((*found.findings, *told)))
 
 
 def duty_of(text: str | None) -> tuple[float, float] | None:

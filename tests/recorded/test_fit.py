@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+import pandas as pd
 import pytest
 from scipy.optimize import least_squares
 
@@ -145,3 +146,16 @@ def test_what_cannot_be_fitted_is_refused_in_a_sentence() -> None:
             fit_recorded([RecordedLog("log", t, u, y, source="a.csv")])
     with pytest.raises(DataError, match="never changes"):
         fit_recorded([RecordedLog("log", t, np.where(t > 1, 20.0, 30.0), np.ones(200))])
+
+
+def test_the_public_functions_take_such_logs_too() -> None:
+    import eaid
+
+    e = Excitation("random", 60.0, rate_hz=50.0, hold_s=(0.5, 6.0))
+    run = synthesise_excitation(clutch(), e, NOISE, 1)[0]
+    frame = pd.DataFrame({"time_s": run.time_s, "duty_pct": run.input, "torque_nm": run.output})
+    steps = eaid.read(frame)
+    assert len(steps.recorded) == 1 and not steps.levels
+    found = eaid.fit(steps, models=("nonlinear",), duty=(10.0, 100.0))
+    assert found.converged and found.recorded is not None
+    assert len(eaid.read(frame, logs_as="recorded").recorded) == 1

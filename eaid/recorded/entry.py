@@ -1,0 +1,39 @@
+"""A step set with recorded logs, and the options of step fits → the fit of its recorded logs, with its steps."""
+
+from eaid.errors import UsageError
+from eaid.fitting.options import FitOptions
+from eaid.recorded.fit import fit_recorded
+from eaid.recorded.options import RecordedOptions
+from eaid.results.fit import Fit
+from eaid.steps.stepset import StepSet
+
+
+def fit_whole(
+    stepset: StepSet, options: FitOptions, duty: tuple[float, float] | None = None, instrument: bool = False
+) -> Fit:
+    """Fit the recorded logs of a set with its steps.
+
+    Raises
+    ------
+    UsageError
+        Options that only steps have: weights, a loss, held-out levels.
+    DataError
+        A log that no model can be fitted to.
+    """
+    for name, value, plain in (("weights", options.weights, "equal"), ("loss", options.loss, "squares")):
+        if value != plain:
+            raise UsageError(f"«{name}» {value}: logs fitted as recorded take {plain}; or say «logs_as» steps")
+    if options.hold_out:
+        raise UsageError("«hold_out»: logs fitted as recorded hold no single levels; or say «logs_as» steps")
+    reading = stepset.extra.get("reading")
+    rest = reading.get("rest", 0.0) if isinstance(reading, dict) else 0.0
+    how = RecordedOptions(
+        models=options.models,
+        share=options.share,
+        u_range=duty,
+        rest=float(rest),
+        instrument=instrument,
+        ci="none" if options.ci == "none" else "robust",
+        seed=options.seed,
+    )
+    return fit_recorded(stepset.recorded, how, stepset if stepset.levels else None)
