@@ -16,6 +16,10 @@ from eaid.uncertainty.scatter import Mask, paule_mandel
 from eaid.uncertainty.student_t import VarianceComponents, t_quantile
 
 
+SETTLED = 1e-13
+"""Relative step at which a curve has settled: its place then does not depend on the rounding of the levels."""
+
+
 @dataclass(frozen=True, eq=False)
 class Curve:
     """One polynomial of u/100 through the logarithms of the levels' values."""
@@ -105,9 +109,8 @@ def through(duty_pct: Array, log_values: Array, variance: Array, p: int) -> Arra
                 break
         else:
             break
-        gained = left @ left - trial @ trial
         coefficients, left = coefficients + step / 2**halving, trial
-        if gained <= 1e-14 * (trial @ trial):
+        if np.abs(step).max() <= SETTLED * np.abs(coefficients).max():
             break
     return np.asarray(coefficients)
 
