@@ -8,7 +8,7 @@ from eaid.errors import UsageError
 from eaid.findings import Finding
 from eaid.models.parameters import SHARE, Nonlinear
 from eaid.replay.plant import plant_parameters, plant_terms
-from eaid.results.codec import content_of
+from eaid.results.codec import content_of, digest_of
 from eaid.results.fit import Fit
 from eaid.results.gains import AntiWindup, Gains, Margins
 
@@ -91,7 +91,7 @@ def _with_gains(gains: Gains | RCGains | PIGains | None) -> Source:
         rc=rc, pi=pi, linear=(model.a0, model.b0, model.c0), limits=(low, high),
         units=(gains.input_unit, gains.output_unit), rate_hz=timing.rate_hz if timing else 1000.0,
         pwm_hz=timing.pwm_hz if timing else None, gains=gains,
-        origins=(f"gains: digest {content_of(gains, 'gains')['digest']}",),
+        origins=(f"gains: digest {digest_of(content_of(gains, 'gains'))}",),
     )  # fmt: skip
 
 
@@ -117,7 +117,7 @@ def _with_fit(source: Source, fit: Fit) -> Source:
             rate = fit.data.sample_rate_hz or rate
             highest = max(fit.data.levels, default=100.0)
             limits = (0.0, 100.0 if own[0] == "%" and highest <= 100 else highest)
-    origin = f"fit: digest {content_of(fit, 'fit')['digest']}"
+    origin = f"fit: digest {digest_of(content_of(fit, 'fit'))}"
     return replace(
         source, plant=plant, fit=fit, units=units, limits=limits, rate_hz=rate, origins=(*source.origins, origin)
     )
