@@ -74,6 +74,16 @@ def read(
         With one sentence for every fault of every log.
     UsageError
         An option that means nothing.
+
+    Examples
+    --------
+    >>> import eaid, numpy, pandas
+    >>> time = numpy.arange(0.0, 25.0, 0.02)
+    >>> torque = 2.0 * (1.0 - numpy.exp(-(time - 5.0).clip(0.0) / 0.3))
+    >>> frame = pandas.DataFrame({"time_s": time, "duty_pct": 60.0 * (time >= 5.0), "torque_nm": torque})
+    >>> steps = eaid.read({"first": frame})
+    >>> [level.level for level in steps.levels]
+    [60.0]
     """
     columns = {
         role: str(name) for role, name in (("time", time), ("input", input), ("output", output)) if name is not None
@@ -110,6 +120,17 @@ def fit(
     -------
     Fit
         With `summary()`, `params`, `conf_int()`, `to_frame()`, `predict()`, `plot()`, `findings`, `save("fit.json")`.
+
+    Examples
+    --------
+    >>> import eaid
+    >>> logs = eaid.synth(levels=(20.0, 60.0, 100.0), repeats=2, rate_hz=50.0, seed=1)
+    >>> fit = eaid.fit(logs)
+    >>> fit.to_frame()["Ts"].round(1).tolist()
+    [0.3, 1.6, 4.1]
+    >>> low, high = fit.conf_int().loc[("friction", "tau1(100)")]
+    >>> bool(low < fit.params[("friction", "tau1(100)")] < high)
+    True
     """
     chosen = replace(options or FitOptions(), **_known(FitOptions, keywords))
     steps = data if isinstance(data, StepSet) else read(data, progress=progress)
@@ -147,6 +168,17 @@ def tune_rc(
     -------
     Gains
         With `guarantee`, `findings`, `to_control()`, `save("gains.json")`.
+
+    Examples
+    --------
+    >>> import eaid
+    >>> logs = eaid.synth(levels=(20.0, 60.0, 100.0), repeats=2, rate_hz=50.0, seed=1)
+    >>> fit = eaid.fit(logs)
+    >>> gains = eaid.tune_rc(fit)
+    >>> gains.rc.K_P, gains.rc.K_D
+    (4.5, 3.0)
+    >>> gains.guarantee.holds, "duty-limit" in gains.guarantee.missing
+    (False, True)
     """
     from eaid.coupling.judge import stiffness_judge
     from eaid.replay.references import read_reference
@@ -189,6 +221,16 @@ def simulate(
     -------
     Replay
         With `to_frame()`, `plot()`, `findings`, `save("replay.h5")`.
+
+    Examples
+    --------
+    >>> import eaid
+    >>> logs = eaid.synth(levels=(20.0, 60.0, 100.0), repeats=2, rate_hz=50.0, seed=1)
+    >>> fit = eaid.fit(logs)
+    >>> gains = eaid.tune_rc(fit)
+    >>> run = eaid.simulate(fit, gains, "multisine", noise_nm=0.01)
+    >>> sorted(set(run.to_frame()["name"]))
+    ['pi', 'rc']
     """
     from eaid.coupling.entry import with_wall_findings
     from eaid.logs.read import read_runs
@@ -211,7 +253,18 @@ def report(
     output_dir: str | os.PathLike[str],
     **options: Any,
 ) -> Path:
-    """Write one self-contained page, and the figures, of any results; returns the page's path."""
+    """Write one self-contained page, and the figures, of any results; returns the page's path.
+
+    Examples
+    --------
+    >>> import eaid
+    >>> logs = eaid.synth(levels=(20.0, 60.0, 100.0), repeats=2, rate_hz=50.0, seed=1)
+    >>> fit = eaid.fit(logs)
+    >>> import pathlib, tempfile
+    >>> page = eaid.report([fit], pathlib.Path(tempfile.mkdtemp()) / "report")
+    >>> page.name
+    'report.html'
+    """
     from eaid.report.options import ReportOptions
     from eaid.report.write import write_report
 
@@ -225,6 +278,15 @@ def plan(fit: Fit, *, progress: Progress = no_progress, **options: Any) -> Plan:
     -------
     Plan
         With `runs`, `to_frame()`, `findings`.
+
+    Examples
+    --------
+    >>> import eaid
+    >>> logs = eaid.synth(levels=(20.0, 60.0, 100.0), repeats=2, rate_hz=50.0, seed=1)
+    >>> fit = eaid.fit(logs)
+    >>> made = eaid.plan(fit, want={"Ts": 10.0}, check=False)
+    >>> len(made.runs) == len(made.to_frame())
+    True
     """
     from eaid.planning.recordings import PlanOptions, plan_recordings
 
@@ -233,7 +295,15 @@ def plan(fit: Fit, *, progress: Progress = no_progress, **options: Any) -> Plan:
 
 
 def synth(plant: Fit | None = None, **options: Any) -> StepSet:
-    """Synthetic logs of the reference plant, or of a fitted clutch, as steps; fields of `SynthOptions` as keywords."""
+    """Synthetic logs of the reference plant, or of a fitted clutch, as steps; fields of `SynthOptions` as keywords.
+
+    Examples
+    --------
+    >>> import eaid
+    >>> logs = eaid.synth(levels=(20.0, 60.0), repeats=2, rate_hz=50.0, seed=1)
+    >>> [level.level for level in logs.levels]
+    [20.0, 60.0]
+    """
     from eaid.synth.synthesize import SynthOptions, synthesize
 
     runs = synthesize(SynthOptions(**_known(SynthOptions, options)), plant)
@@ -241,7 +311,19 @@ def synth(plant: Fit | None = None, **options: Any) -> StepSet:
 
 
 def export(gains: Gains | None, output_dir: str | os.PathLike[str], fit: Fit | None = None, **options: Any) -> Any:
-    """Controllers and plant as source for a rig, with test vectors and a check program; fields of `ExportOptions`."""
+    """Controllers and plant as source for a rig, with test vectors and a check program; fields of `ExportOptions`.
+
+    Examples
+    --------
+    >>> import eaid
+    >>> logs = eaid.synth(levels=(20.0, 60.0, 100.0), repeats=2, rate_hz=50.0, seed=1)
+    >>> fit = eaid.fit(logs)
+    >>> gains = eaid.tune_rc(fit)
+    >>> import pathlib, tempfile
+    >>> made = eaid.export(gains, pathlib.Path(tempfile.mkdtemp()) / "rig", target="yaml")
+    >>> made.laws, "parameters.yaml" in made.files
+    (('pi', 'rc'), True)
+    """
     from eaid.export.export import export as exported
     from eaid.export.options import ExportOptions
 
@@ -264,6 +346,16 @@ def couple(fit: Fit, gains: Gains | None = None, *, progress: Progress = no_prog
     -------
     Coupling
         With `walls`, `pair`, `regions`, `to_frame()`, `findings`, `save("couple.json")`.
+
+    Examples
+    --------
+    >>> import eaid
+    >>> logs = eaid.synth(levels=(20.0, 60.0, 100.0), repeats=2, rate_hz=50.0, seed=1)
+    >>> fit = eaid.fit(logs)
+    >>> gains = eaid.tune_rc(fit)
+    >>> found = eaid.couple(fit, gains, torques=(1.0,), loops=("pi", "rc"), replay=False)
+    >>> [wall.loop for wall in found.walls]
+    ['pi', 'rc']
     """
     from eaid.coupling.entry import CoupleOptions, couple_fit
 
@@ -271,7 +363,19 @@ def couple(fit: Fit, gains: Gains | None = None, *, progress: Progress = no_prog
 
 
 def load(path: str | os.PathLike[str]) -> "Fit | Gains | Coupling | Replay | StepSet":
-    """A result of any kind from its file, by what the file says of itself."""
+    """A result of any kind from its file, by what the file says of itself.
+
+    Examples
+    --------
+    >>> import eaid
+    >>> logs = eaid.synth(levels=(20.0, 60.0, 100.0), repeats=2, rate_hz=50.0, seed=1)
+    >>> fit = eaid.fit(logs)
+    >>> import pathlib, tempfile
+    >>> file = pathlib.Path(tempfile.mkdtemp()) / "fit.json"
+    >>> fit.save(file)
+    >>> eaid.load(file).params.equals(fit.params)
+    True
+    """
     file = Path(path)
     if not file.is_file():
         raise DataError(f"{file}: no such file; give a fit.json, gains.json, couple.json, replay.h5 or data.h5")

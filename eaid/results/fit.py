@@ -547,7 +547,17 @@ NOT_IDENTIFIABLE = (
 
 
 class Fit(Result, frozen=True):
-    """All that one call fitted; what its kind does not allow is None."""
+    """All that one call fitted; what its kind does not allow is None.
+
+    Examples
+    --------
+    >>> import eaid
+    >>> fit = eaid.fit(eaid.synth(levels=(20.0, 60.0, 100.0), repeats=2, rate_hz=50.0, seed=1))
+    >>> fit.predict(duty=[60.0, 100.0], t=[0.0, 1.0, 10.0]).shape
+    (3, 2)
+    >>> fit.linear.bounds.B_m < fit.linear.bounds.B_M
+    True
+    """
 
     options: FitOptionsRecord = FitOptionsRecord()
     seed: int = 0

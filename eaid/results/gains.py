@@ -95,7 +95,13 @@ class Condition(Result, frozen=True):
 
 
 class Guarantee(Result, frozen=True):
-    """One verdict: whether the Lyapunov guarantee holds on this rig, with a row for each thing it needs."""
+    """One verdict: whether the Lyapunov guarantee holds on this rig, with a row for each thing it needs.
+
+    Examples
+    --------
+    >>> Guarantee(False, (Condition("phi", False, 32.0, 18.0, "%"), Condition("rho", True))).missing
+    ('phi',)
+    """
 
     holds: bool | None = None
     conditions: tuple[Condition, ...] = ()

@@ -1,0 +1,54 @@
+"""The examples of the public docstrings run, and the tutorial's outputs are those of today's code."""
+
+import ast
+import doctest
+import importlib
+import re
+from pathlib import Path
+from typing import Any
+
+import matplotlib
+import nbformat
+import numpy as np
+import pytest
+
+TUTORIAL = Path(__file__).parents[2] / "docs" / "tutorial.ipynb"
+FUNCTIONS = ("read", "fit", "tune_rc", "simulate", "report", "plan", "synth", "export", "couple", "load")
+
+
+@pytest.mark.parametrize("name", ["eaid.api", "eaid.results.fit", "eaid.results.gains"])
+def test_the_examples_of_the_docstrings_run(name: str) -> None:
+    found = doctest.testmod(importlib.import_module(name), optionflags=doctest.ELLIPSIS)
+    assert found.failed == 0 and found.attempted > 0
+
+
+def test_every_public_function_has_an_example() -> None:
+    module = importlib.import_module("eaid.api")
+    assert [name for name in FUNCTIONS if ">>> " not in getattr(module, name).__doc__] == []
+
+
+def value_of(source: str, names: dict[str, Any]) -> Any:
+    """What a notebook would show below the cell: the value of its last expression."""
+    tree = ast.parse(re.sub(r"^%.*$", "", source, flags=re.MULTILINE))
+    last = ast.Expression(tree.body.pop().value) if isinstance(tree.body[-1], ast.Expr) else None
+    exec(compile(tree, "tutorial", "exec"), names)
+    return None if last is None else eval(compile(last, "tutorial", "eval"), names)
+
+
+def numbers(text: str) -> list[float]:
+    return [float(word) for word in re.findall(r"-?\d+\.\d+(?:e-?\d+)?", text)]
+
+
+def test_the_tutorial_shows_what_its_code_gives(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    matplotlib.use("Agg")
+    monkeypatch.setenv("TMPDIR", str(tmp_path))
+    cells = [cell for cell in nbformat.read(TUTORIAL, 4).cells if cell.cell_type == "code"]
+    names: dict[str, Any] = {}
+    for cell in cells:
+        value = value_of(cell.source, names)
+        kept = [out["data"]["text/plain"] for out in cell.outputs if "text/plain" in out.get("data", {})]
+        if kept and "Figure" not in kept[-1] and "say(" not in cell.source:  # sentences may be reworded
+            assert numbers(repr(value)) == pytest.approx(numbers(kept[-1]), rel=1e-3, abs=1e-4), cell.source
+    truth = names["fit"].to_frame()
+    assert truth["tau1"].to_numpy() == pytest.approx(np.full(5, 0.4), rel=0.02)
+    assert (folder := names["folder"]).is_dir() and (folder / "report" / "report.html").is_file()
