@@ -14,23 +14,27 @@ import numpy as np
 from eaid.arrays import Array
 from eaid.findings import Finding, finding, ranked
 from eaid.logs.run import Run
+from eaid.models.parameters import Linear as Eq8
 from eaid.recorded import checks, model
 from eaid.recorded.as_results import data_part, friction_part, linear_part, log_parts, nonlinear_part
 from eaid.recorded.closed_loop import judged_loops
 from eaid.recorded.curve_intervals import CurveSpread, curves, inputs_shown
 from eaid.recorded.drive import SKETCH, coarse, drive_of
 from eaid.recorded.falls import CHANCE, tested
+from eaid.recorded.frequency import LEAST_ROWS, frequency_response
 from eaid.recorded.instrument import with_instrument
 from eaid.recorded.intervals import ENGAGEMENTS, spread
 from eaid.recorded.log import RecordedLog, levels_of, logs_of_steps, recorded_log
 from eaid.recorded.noise_results import engagement_scatter, noise_part, uncertainty_part
 from eaid.recorded.options import RecordedOptions, check
 from eaid.recorded.problem import Setup
-from eaid.recorded.solve import Solved, solve
-from eaid.results.fit import Fit, Release
-from eaid.results.recorded import Asked, Falls, Recorded
+from eaid.recorded.solve import Solved, model_of, solve
+from eaid.results.fit import Fit, Linear, Release
+from eaid.results.recorded import Asked, Falls, Recorded, Response
 from eaid.steps.stepset import StepSet
 
+SWITCHES = 50
+"""Changes of a two-level input that make a binary sequence of it."""
 MANY = 60
 """Levels beyond which inputs count as moving."""
 FRICTION_LEVELS = 20
@@ -132,6 +136,7 @@ def fit_recorded(
             asked=_asked(known, every),
             falls=falls,
             loops=judged,
+            responses=_responses(base, linear, logs),
             engagements=0 if sure is None else sure.engagements,
             correlation_s=None if sure is None else sure.correlation_s,
         ),
@@ -198,6 +203,18 @@ def _scatter(base: Solved) -> list[Finding]:
     if chance < CHANCE and scatter > 0:
         return [finding("engagements-scatter", "data", scatter_pct=100 * scatter, count=count)]
     return []
+
+
+def _responses(base: Solved, linear: Linear | None, logs: Sequence[RecordedLog]) -> tuple[Response, ...]:
+    """Of logs whose input moves all the time or switches often; a loop's duty answers the output and has none."""
+    line = None if linear is None else Eq8(linear.a0, linear.b0, linear.c0)
+    found = []
+    for log in logs:
+        switches = log.stepwise and len(log.changes) >= SWITCHES and len(np.unique(log.input)) <= 3
+        if log.reference is not None or (log.stepwise and not switches) or len(log.input) < 4 * LEAST_ROWS:
+            continue
+        found.append(frequency_response(log, model_of(base), line))
+    return tuple(found)
 
 
 def _asked(known: CurveSpread | None, logs: Sequence[RecordedLog]) -> tuple[Asked, ...]:

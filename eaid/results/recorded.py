@@ -99,6 +99,33 @@ class Loop(Result, frozen=True):
     bias: Bias | None = None
 
 
+class Response(Result, frozen=True):
+    """Frequency response of a log: recorded, and of the models on the same input; all of one length."""
+
+    name: str
+    frequency_hz: tuple[Number, ...] = ()
+    gain: tuple[Number, ...] = ()
+    """Output's unit over the input's."""
+    gain_low: tuple[Number, ...] = ()
+    """Ends of the 95 % band."""
+    gain_high: tuple[Number, ...] = ()
+    phase_deg: tuple[Number, ...] = ()
+    phase_half_width_deg: tuple[Number, ...] = ()
+    coherence: tuple[Number, ...] = ()
+    nonlinear_gain: tuple[Number, ...] = ()
+    nonlinear_phase_deg: tuple[Number, ...] = ()
+    linear_gain: tuple[Number, ...] = ()
+    linear_phase_deg: tuple[Number, ...] = ()
+    harmonics_pct: Number | None = None
+    """Output beyond what any linear system makes of the input, rms over the linear part, the noise taken off [%]."""
+    model_harmonics_pct: Number | None = None
+    """The same of the nonlinear model's output, which has no noise."""
+    periodic: bool = False
+    """Whether the input repeats, so that the tones it lacks are told from those it has."""
+    averages: Number = 0.0
+    """Independent stretches behind each value."""
+
+
 class Recorded(Result, frozen=True):
     """The part `recorded` of a fit."""
 
@@ -109,6 +136,8 @@ class Recorded(Result, frozen=True):
     asked: tuple[Asked, ...] = ()
     falls: Falls | None = None
     loops: tuple[Loop, ...] = ()
+    responses: tuple[Response, ...] = ()
+    """Frequency responses of logs whose input moves all the time or switches often, and is no loop's."""
     engagements: Count = 0
     correlation_s: Number | None = None
     """Integrated correlation time of the residuals [s], the longest of all logs."""
@@ -136,30 +165,3 @@ class Excitation(Result, frozen=True):
     duty: tuple[tuple[Number, Number], ...] = ()
     """(from when [s], duty [%]), each held until the next; the last entry ends it."""
     findings: tuple[Finding, ...] = ()
-
-
-class Response(Result, frozen=True):
-    """Frequency response of a log: recorded, and of the models on the same input; all of one length."""
-
-    name: str
-    frequency_hz: tuple[Number, ...] = ()
-    gain: tuple[Number, ...] = ()
-    """Output's unit over the input's."""
-    gain_low: tuple[Number, ...] = ()
-    """Ends of the 95 % band."""
-    gain_high: tuple[Number, ...] = ()
-    phase_deg: tuple[Number, ...] = ()
-    phase_half_width_deg: tuple[Number, ...] = ()
-    coherence: tuple[Number, ...] = ()
-    nonlinear_gain: tuple[Number, ...] = ()
-    nonlinear_phase_deg: tuple[Number, ...] = ()
-    linear_gain: tuple[Number, ...] = ()
-    linear_phase_deg: tuple[Number, ...] = ()
-    harmonics_pct: Number | None = None
-    """Output beyond what any linear system makes of the input, rms over the linear part, the noise taken off [%]."""
-    model_harmonics_pct: Number | None = None
-    """The same of the nonlinear model's output, which has no noise."""
-    periodic: bool = False
-    """Whether the input repeats, so that the tones it lacks are told from those it has."""
-    averages: Number = 0.0
-    """Independent stretches behind each value."""

@@ -7,8 +7,10 @@ import pytest
 
 from eaid.errors import DataError
 from eaid.models.parameters import REFERENCE_PLANT, Linear
+from eaid.recorded.fit import fit_recorded
 from eaid.recorded.frequency import frequency_response, on_input
 from eaid.recorded.log import RecordedLog, recorded_log
+from eaid.recorded.options import RecordedOptions
 from eaid.synth.disturbance import NONE
 from eaid.synth.excitation import Excitation, synthesise_excitation
 from eaid.synth.plants import clutch
@@ -62,6 +64,15 @@ def test_harmonics_of_the_clutch_are_those_of_its_model() -> None:
             assert found.harmonics_pct == pytest.approx(found.model_harmonics_pct, rel=0.2)
         else:
             assert found.model_harmonics_pct < 5.0
+
+
+def test_a_fit_holds_the_responses_of_its_moving_logs() -> None:
+    e = Excitation("chirp", 60.0, rate_hz=100.0, frequency_hz=(0.1, 2.0))
+    fit = fit_recorded(synthesise_excitation(clutch(), e, NONE, 1), RecordedOptions(u_range=(10.0, 100.0)))
+    assert fit.recorded is not None
+    (found,) = fit.recorded.responses
+    assert len(found.gain) == len(found.nonlinear_gain) == len(found.linear_gain) > 20
+    np.testing.assert_allclose(found.gain, found.nonlinear_gain, rtol=0.02)  # no noise, the model itself
 
 
 def test_an_input_that_does_not_move_has_no_response() -> None:
