@@ -23,6 +23,7 @@ from eaid.replay.controllers import Controller
 from eaid.replay.hold import Hold
 from eaid.replay.loop import Trace, as_replay
 from eaid.replay.plant import PlantParameters, plant_terms
+from eaid.replay.references import samples_of
 from eaid.replay.rig import Rig, noise, rig_numbers, ripple
 
 MODES = ("soft", "hard", "assisted")
@@ -160,7 +161,7 @@ def rehabilitate(
     plant: PlantParameters, controller: Controller, exercise: Rehabilitation, rig: Rig, dt_s: float, seed: int = 0
 ) -> Session:
     """Trace the session of one controller on one plant; `GainsError` where the limb leaves an elbow's range."""
-    n = round(len(MODES) * exercise.mode_s / dt_s)
+    n = samples_of(len(MODES) * exercise.mode_s, dt_s)
     if exercise.mode_s < 10 * dt_s:
         raise UsageError(f"rehab: a mode of {exercise.mode_s:g} s is too short for a control interval of {dt_s:g} s")
     acting = controller if rig.saturation else controller.without_limits()

@@ -244,6 +244,7 @@ def test_open_loop_needs_no_more_than_the_nonlinear_model(capsys):
         (["--keep-baseline"], 2, "--keep-baseline: belongs to --log"),
         (["--perturb", "Ts=1,Ts=2"], 2, "says Ts twice"),
         (["--limb-inertia", "0", "--scenario", "rehab"], 2, "--limb-inertia 0: give"),
+        (["--scenario", "rehab", "--duration", "1e6"], 2, "give a shorter --duration or a lower --rate-hz"),
     ],
 )
 def test_what_is_refused(capsys, arguments, code, said):
