@@ -295,3 +295,18 @@ def test_a_start_within_the_noise_is_no_start_of_its_own(errors: float, said: bo
     stored = replace(cut(log([(0, 8), (50, 8)], noise=noise, seed=3))[0], held=0.12, baseline=0.0)
     found = [one.code for row in build_stepset([stored]).runs for one in row.findings]
     assert ("nearly-at-rest" in found) is said
+
+
+@pytest.mark.parametrize(("rest", "starts"), [(0.045, 1), (0.06, 0)])
+def test_a_measured_input_counts_as_zero_within_a_twentieth(rest: float, starts: int) -> None:
+    run = log([(80.0 * rest, 4), (80.0, 8)], input_unit="N", kind="friction-force")
+    stepset = build_stepset([run])
+    assert len(stepset.levels) == starts
+    assert [one.code for one in stepset.findings] == ([] if starts else ["level-to-level"])
+
+
+def test_a_step_between_levels_goes_its_own_way() -> None:
+    up, down = cut(log([(30, 6), (60, 6), (20, 6)]))
+    way = direction([up, down])
+    assert (way.of(up), way.of(down)) == (1.0, -1.0)
+    assert way.findings == ()
