@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable
 from typing import Any, cast
 
 import msgspec
+from threadpoolctl import threadpool_limits
 
 from eaid.findings import Finding, finding, ranked
 from eaid.fitting.between import between_rows, single_steps
@@ -45,6 +46,12 @@ def fit_steps(stepset: StepSet, options: FitOptions | None = None, progress: Cal
     """
     options = options or FitOptions()
     check(options)
+    # the products here are small: threads of BLAS would wait for each other, and round otherwise than one does
+    with threadpool_limits(1, user_api="blas"):
+        return _fit_steps(stepset, options, progress)
+
+
+def _fit_steps(stepset: StepSet, options: FitOptions, progress: Callable[[], None] | None) -> Fit:
     shapes = single_steps(stepset, options)
     rows = between_rows(shapes) if "friction" in (options.models or ("friction",)) else ()
     doubts = tuple(said for one in shapes for said in one.findings)

@@ -1,6 +1,9 @@
 """`eaid fit` through its runner: exit codes, files, tables, sentences; real logs with one command each."""
 
 import json
+import os
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -171,3 +174,10 @@ def test_a_log_is_never_the_output(small: Path, capsys: pytest.CaptureFixture[st
     before = small.read_bytes()
     assert main.run(["fit", str(small), "-o", str(small), "--force", "-q"]) == 2
     assert small.read_bytes() == before and str(small) in capsys.readouterr().err
+
+
+def test_the_threads_of_blas_change_no_byte(small: Path, tmp_path: Path) -> None:
+    for count in ("1", "2"):
+        command = [sys.executable, "-m", "eaid", "fit", str(small), "-o", str(tmp_path / f"{count}.json"), "-q"]
+        subprocess.run(command, check=True, env={**os.environ, "OPENBLAS_NUM_THREADS": count, "OMP_NUM_THREADS": count})
+    assert (tmp_path / "1.json").read_bytes() == (tmp_path / "2.json").read_bytes()
