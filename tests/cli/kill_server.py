@@ -24,20 +24,15 @@ def warm() -> None:
     import matplotlib as mpl
 
     mpl.use("Agg")
-    import eaid.cli.simulate_work
-    import eaid.report.build
-    import eaid.uncertainty.design
-
+    import eaid.api
     import eaid.cli.main
-    import eaid.control.design
-    import eaid.fitting.fit
-    import eaid.logs.dataset
-    import eaid.logs.read
-    import eaid.replay.standard
+    import eaid.planning.recordings
+    import eaid.replay.simulate
+    import eaid.replay.tune
     import eaid.report.paper.table
-    import eaid.steps.build
-    import eaid.synth.logs
-    import eaid.uncertainty.intervals  # noqa: F401
+    import eaid.report.write
+    import eaid.synth.folder
+    import eaid.synth.synthesize  # noqa: F401
 
 
 class Watch:
