@@ -20,7 +20,7 @@ NUMBERS = np.array([*REFERENCE_PLANT.tau1, *REFERENCE_PLANT.tau2, *REFERENCE_PLA
 
 @numba.njit
 def terms(p: Any, u: float) -> Any:
-    """τ1, τ2, T_s and their slopes over the duty, written anew from SPEC's equations."""
+    """τ1, τ2, T_s and their slopes over the duty, written anew from the specification's equations."""
     share, share_slope, v, inside = 1.0, 0.0, u, 1.0
     if u < p[10]:
         share, share_slope, v, inside = u / p[10], 1.0 / p[10], p[10], 0.0

@@ -57,7 +57,7 @@ class Case:
 
 
 REFERENCE = np.array([0.00674, 2.39, -2.13, 0.93, 41.0, -26.4, 0.032, 0.92, 2.1, 1.32])
-"""The reference plant, SPEC §6, in powers of u/100."""
+"""The reference plant, specification 6, in powers of u/100."""
 
 
 def random_plant(rng: np.random.Generator, tight: bool = False) -> Array:

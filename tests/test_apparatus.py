@@ -1,4 +1,4 @@
-"""Eq. (1) and the numbers that SPEC §1 gives for it."""
+"""Eq. (1) and the numbers that specification 1 gives for it."""
 
 import pytest
 

@@ -1,6 +1,6 @@
 """The unknowns of the joint fit: Legendre coefficients of τ1(u), τ2(u), T_s(u) over the levels, and their limits.
 
-Constraints, SPEC §3, at 101 equally spaced duties from the lowest to the highest level: τ1 ≥ 1 ms, τ2 ≥ τ1, T_s ≥ 0.
+Constraints, specification 3, at 101 equally spaced duties over the levels: τ1 ≥ 1 ms, τ2 ≥ τ1, T_s ≥ 0.
 """
 
 from collections.abc import Callable, Sequence

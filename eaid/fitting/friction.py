@@ -1,4 +1,4 @@
-"""The friction model: the curve of every level, the coefficient of friction by Eq. (1), and trends, SPEC §3."""
+"""The friction model: the curve of every level, the coefficient of friction by Eq. (1), and trends, specification 3."""
 
 from collections.abc import Callable, Sequence
 

@@ -1,4 +1,4 @@
-"""The linear model, Eq. (8), pooled over all levels and for each level; B = 1/b0 under three conventions, SPEC §4.3.
+"""The linear model, Eq. (8), pooled and for each level; B = 1/b0 under three conventions, specification 4.3.
 
 Its step response is the friction curve with C = 1, τ1 = 1/a0 and T_s = (b0 u + c0)/a0, so the same sums serve.
 The cost is linear in the gains for a given a0: the start is a search over a0 alone.
@@ -229,7 +229,7 @@ def _by_log(tau: Array) -> Array:
 
 
 def by_convention(data: Data, own: Sequence[FirstOrder], pooled: Linear, convention: str) -> tuple[LinearLevel, ...]:
-    """b0, c0 and B of each level under one convention, SPEC §4.3."""
+    """b0, c0 and B of each level under one convention, specification 4.3."""
     rows = []
     for fit, u, record in zip(own, data.u.tolist(), data.records, strict=True):
         a0, gain, sse, converged = 1 / fit.tau, float(fit.gains[0]), fit.cost, fit.solver.converged

@@ -146,7 +146,7 @@ class Solution:
 
     @property
     def parameters(self) -> Nonlinear:
-        """The model in the units of SPEC §1."""
+        """The model in the units of specification 1."""
         return self.basis.parameters(self.x)
 
 

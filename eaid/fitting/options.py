@@ -18,7 +18,7 @@ CONVENTIONS: dict[str, str] = {
     "pooled-offset": "c0 from the pooled fit, a0 free per level",
     "pooled-dynamics": "a0 and c0 from the pooled fit, only b0 per level",
 }
-"""What each convention for b0 of a single level assumes, SPEC §4.3."""
+"""What each convention for b0 of a single level assumes, specification 4.3."""
 WEIGHTS = ("equal", "sd")
 LOSSES = ("squares", "huber")
 SHAPES = ("auto", "one", "two", "free", "overshoot")

@@ -1,6 +1,6 @@
 """Falling edges: one τ1 and τ2 for all, and of each level.
 
-T(t) = residual + amplitude (s e^(−t/τ1) + (1 − s) e^(−t/τ2)), amplitude ≥ 0, the two states of SPEC §4.1 let go. Their
+T(t) = residual + amplitude (s e^(−t/τ1) + (1 − s) e^(−t/τ2)), amplitude ≥ 0, specification 4.1 let go. Their
 share s is what they had reached when the input left: with the rising curve and the time H that it was held,
 s = C (1 − e^(−H/τ1↑)) / (C (1 − e^(−H/τ1↑)) + (1 − C)(1 − e^(−H/τ2↑))); C itself where the rise is not known.
 The cost is linear in amplitude and residual, which are solved for; SLSQP sees ln τ1 and ln τ2.

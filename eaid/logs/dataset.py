@@ -1,4 +1,4 @@
-"""data.h5: the tidy dataset, `/runs/<name>/{time_s,input,torque_nm}` with its facts as attributes (CONTRACT.md).
+"""data.h5: the tidy dataset, `/runs/<name>/{time_s,input,torque_nm}` with its facts as attributes (docs/contract.md).
 
 Columns are compressed by gzip after shuffling: on recorded torque 0.31 of the raw size, read as fast as lzf (0.34).
 No time stamps, names in order: the same runs give the same bytes.

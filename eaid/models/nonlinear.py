@@ -1,7 +1,7 @@
 """The nonlinear clutch model, Eqs. (4)–(7): the friction curve with τ1(u), τ2(u) and T_s(u) polynomials of the duty.
 
-Outside the identified duties SPEC §4.2 rules: below the lowest τ1, τ2 keep their edge value and T_s goes linearly to 0
-at u = 0; above the highest all keep their edge value.
+Outside the identified duties specification 4.2 rules: below the lowest τ1, τ2 keep their edge value, T_s goes linearly
+to 0 at u = 0; above the highest all keep their edge value.
 """
 
 import numpy as np
@@ -16,7 +16,7 @@ CHECKED_DUTIES = 101
 
 
 def ordered(tau1: Array, tau2: Array, Ts: Array) -> tuple[Array, Array]:
-    """A and b of A c ≥ b: τ1 ≥ 1 ms, τ2 ≥ τ1 and T_s ≥ 0, SPEC §3.
+    """A and b of A c ≥ b: τ1 ≥ 1 ms, τ2 ≥ τ1 and T_s ≥ 0, specification 3.
 
     The rows of each, shape (n, P), give its values at n duties from the coefficients c, shape (P,).
     """

@@ -1,11 +1,11 @@
-"""The parameters of the three models, in the units of SPEC §1, polynomials lowest power first."""
+"""The parameters of the three models, in the units of specification 1, polynomials lowest power first."""
 
 from dataclasses import dataclass
 
 SHARE = 0.85
 """C: share of the fast part, held at the paper's value unless the user sets or frees it."""
 TAU_FLOOR_S = 1e-3
-"""Least τ1 of a fit and of a replay [s], SPEC §3."""
+"""Least τ1 of a fit and of a replay [s], specification 3."""
 
 
 @dataclass(frozen=True)
@@ -32,7 +32,7 @@ class Nonlinear:
     Ts: tuple[float, ...]
     """T_s(u) [N·m], four by default."""
     u_range: tuple[float, float]
-    """Lowest and highest identified duty [%]; outside, SPEC §4.2 rules."""
+    """Lowest and highest identified duty [%]; outside, specification 4.2 rules."""
     C: float = SHARE
     release: tuple[float, float] | None = None
     """(τ1, τ2) of the release [s], where falling edges were fitted; for falls to rest only."""
@@ -58,7 +58,7 @@ REFERENCE_PLANT = Nonlinear(
     Ts=(0.032, 9.2e-3, 2.1e-4, 1.32e-6),
     u_range=(10.0, 100.0),
 )
-"""SPEC §6: Table III's time constants, and a T_s(u) that gives back the paper's linear model. Synthetic."""
+"""Specification 6: Table III's time constants, and a T_s(u) that gives back the paper's linear model. Synthetic."""
 
 PAPER_LINEAR = Linear(a0=1.36, b0=0.08, c0=-2.42)
 """Eq. (8) as published."""

@@ -1,4 +1,4 @@
-"""Trends of fitted values over stress or speed, SPEC §3: a line, a sum of two exponentials, and what it becomes
+"""Trends of fitted values over stress or speed, specification 3: a line, a sum of two exponentials, and what it becomes
 when its two rates merge.
 
 linear: slope·x + offset. double-exponential: p e^(r1 x) + q e^(r2 x). merged-exponential: (p + q x) e^(r x), the limit

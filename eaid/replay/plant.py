@@ -26,7 +26,7 @@ from eaid.limits import check
 from eaid.models.parameters import Nonlinear
 
 TAU_FLOOR_S = 1e-3
-"""Shortest time constant [s], the fit's own constraint (SPEC §3)."""
+"""Shortest time constant [s], the fit's own constraint (specification 3)."""
 
 
 class PlantParameters(NamedTuple):

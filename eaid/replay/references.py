@@ -16,7 +16,7 @@ STEP_LEVELS_NM = (0.0, 1.0, 2.0, 3.0, 4.0, 3.0, 2.0, 1.0, 0.0)
 STEP_HOLD_S = 5.0
 MULTISINE_HZ = (0.2, 0.5, 1.0, 2.0, 4.0)
 MULTISINE_PHASES = tuple(1.7 * k * k for k in range(len(MULTISINE_HZ)))
-"""Fig. 12, SPEC §6 [rad]."""
+"""Fig. 12, specification 6 [rad]."""
 MULTISINE_S = 12.0
 """Default length: 5 s to settle, and 7 s that count."""
 SETTLED_S = 5.0

@@ -1,8 +1,8 @@
-"""Elbow rehabilitation on the clutch (§VII, SPEC §7): outer loops command the torque that the controller renders.
+"""Elbow rehabilitation on the clutch (§VII, specification 7): outer loops command the torque that is rendered.
 
     resistive   T_des = −K (θ − 10°) for θ ≥ 10°, else 0                      Eqs. (17); K = 1 (soft), 3 N·m/rad (hard)
     assisted    T_des = K_I ∫ (θ_des − θ) dt + K_P (θ_des − θ)                Eq. (18)
-    limb        I θ'' = M_user + s T − d θ' − g sin θ                         no limb was published: SPEC §7's defaults
+    limb        I θ'' = M_user + s T − d θ' − g sin θ                         defaults: specification 7
     user        M_user = k (θ_des − θ) + b (θ_des' − θ'), 0.12 s late, + g sin θ + a slow random moment; else passive
 
 One mode fades into the next as (1 + tanh((t − t_switch)/0.5 s))/2, the user's effort with it. The rotor's direction s
@@ -32,7 +32,7 @@ MODES = ("soft", "hard", "assisted")
 
 @dataclass(frozen=True)
 class Rehabilitation:
-    """The exercise, the limb and its owner; SPEC §7's defaults."""
+    """The exercise, the limb and its owner; specification 7's defaults."""
 
     mode_s: float = 30.0
     """Length of each mode [s]."""

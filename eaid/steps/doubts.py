@@ -1,4 +1,4 @@
-"""What is doubtful in a recorded step, as findings; each check is a row of a table (SPEC §2, Fig. 6).
+"""What is doubtful in a recorded step, as findings; each check is a row of a table (specification 2, Fig. 6).
 
 Levels of torque are compared by means of blocks, so that noise and rotor ripple do not count as change.
 """

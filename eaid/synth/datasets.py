@@ -1,6 +1,6 @@
 """The three synthetic datasets that ship with eaid, and how each was made.
 
-All are the reference plant (SPEC §6) recorded at the paper's 1 kHz with the default disturbance and seed 0; the same
+All are the reference plant (specification 6) at the paper's 1 kHz with the default disturbance and seed 0; the same
 call makes the same bytes again, as long as HDF5's own compressor is the same version. Torques are rounded to the
 sensor's 1/1024 N·m, so the numbers themselves do not depend on the last digit of a machine's exponential.
 """
@@ -33,7 +33,7 @@ def runs_of(kind: str) -> list[Run]:
 def write(path: Path, runs: Sequence[Run], force: bool = False) -> None:
     """Write logs as data.h5: cut into their steps, rising and falling, as `eaid ingest` would have found them."""
     kind = runs[0].kind or "clutch"
-    # one surface in the friction rig, two in the clutch (SPEC §1)
+    # one surface in the friction rig, two in the clutch (specification 1)
     apparatus = Apparatus(surfaces=2 if kind == "clutch" else 1)
     write_dataset(path, [step for run in runs for step in cut(run)], kind=kind, apparatus=apparatus, force=force)
 

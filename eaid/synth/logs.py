@@ -1,7 +1,7 @@
 """Logs of a plant, as a rig would have recorded them.
 
 A run idles, holds its level, and is released; between two changes of the input the states move exactly,
-x_i ← target_i + (x_i − target_i) e^(−t/τ_i), x_1 and x_2 towards C T_s and (1 − C) T_s (SPEC §4.1).
+x_i ← target_i + (x_i − target_i) e^(−t/τ_i), x_1 and x_2 towards C T_s and (1 − C) T_s (specification 4.1).
 """
 
 import hashlib

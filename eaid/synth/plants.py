@@ -1,9 +1,9 @@
 """What is recorded synthetically: for each kind of experiment, the two exponentials that one input gives.
 
-Clutch:          T_s(u), τ1(u), τ2(u) of the reference plant or of a fit, with the edges of SPEC §4.2.
+Clutch:          T_s(u), τ1(u), τ2(u) of the reference plant or of a fit, with the edges of specification 4.2.
 Friction, force: Table I as printed, over σ = f / A, at 15 RPM.
 Friction, speed: Table II's T_s and τ1 as printed, and τ2 = 5.4 e^(−0.0101 Ω) s, which agrees with Table I at 15 RPM
-                 (the printed τ2 of Table II has nothing left at its own digits, SPEC §5).
+                 (the printed τ2 of Table II has nothing left at its own digits, specification 5).
 """
 
 from collections.abc import Callable

@@ -86,7 +86,7 @@ def coefficients_of(p: Nonlinear, share_free: bool = False) -> Coefficients:
 
 
 def constraints(counts: tuple[int, int, int], u_range: tuple[float, float]) -> tuple[Array, Array]:
-    """Rows G and offsets d of G c − d ≥ 0 at 101 duties: τ1 − 1 ms, τ2 − τ1 and T_s, SPEC §3; shape (303, Σcounts)."""
+    """G and d of G c − d ≥ 0 at 101 duties: τ1 − 1 ms, τ2 − τ1 and T_s, specification 3; shape (303, Σcounts)."""
     duty, stops = np.linspace(*u_range, nonlinear.CHECKED_DUTIES), np.cumsum(counts)
     rows = np.zeros((3, len(duty), stops[-1]))
     for row, count, stop in zip(rows, counts, stops, strict=True):

@@ -51,7 +51,7 @@ PLANT = {
 
 
 def level_row(u):
-    """A level of the reference plant as a fit has it: its own gain, and the a0 that gives SPEC's B."""
+    """A level of the reference plant as a fit has it: its own gain, and the a0 that gives the specification's B."""
     from eaid.models.nonlinear import steady_torque
 
     gain = float(steady_torque(REFERENCE_PLANT, u)) * 0.97
@@ -129,7 +129,7 @@ def test_with_single_levels_alone_phi_holds_in_no_reading():
     for reading in ("paper", "textbook"):
         found = design(fit, DesignOptions(reading=reading))
         assert found["rc"]["phi_holds"] is False and found["rc"]["phi_needed_pct"] > 100
-    # SPEC §4.7: −30 % already at T = 0 on the published model.
+    # specification 4.7: −30 % already at T = 0 on the published model.
     at_rest = shown_by_levels([level_b(40)], PAPER_LINEAR, 0.0)
     assert at_rest.signed_pct == pytest.approx(-30.25)
 

@@ -218,7 +218,7 @@ def test_trends_need_levels_and_units(friction_set: Maker) -> None:
 
 
 def test_coefficient_of_friction_by_hand(friction_set: Maker) -> None:
-    # T_s = 2.459 N·m at 170 N with one surface: C_f = 0.286, SPEC §1
+    # T_s = 2.459 N·m at 170 N with one surface: C_f = 0.286, specification 1
     found = fit(friction_set("friction-force", "N", {170.0: Friction(2.459, 0.3, 4.0)})).friction
     assert found and found.levels[0].C_f == pytest.approx(0.2855, abs=5e-4)
 

@@ -1,4 +1,4 @@
-"""The linear model: SPEC §6 to its digits, NIST's certified values, the three conventions, bounds of B."""
+"""The linear model: specification 6 to its digits, NIST's certified values, the three conventions, bounds of B."""
 
 from collections.abc import Callable
 
@@ -13,7 +13,7 @@ from eaid.models.parameters import PAPER_LINEAR, Nonlinear
 from eaid.steps.stepset import StepSet
 
 Maker = Callable[..., StepSet]
-SPEC_B = [23.044, 36.505, 41.142, 40.831, 37.706, 32.974, 27.340, 21.221, 14.854, 8.349]
+PUBLISHED_B = [23.044, 36.505, 41.142, 40.831, 37.706, 32.974, 27.340, 21.221, 14.854, 8.349]
 
 # NIST StRD, public domain: y = b1 (1 − e^(−b2 x)); certified b1, b2, residual sum of squares.
 NIST = {
@@ -48,7 +48,7 @@ def test_reference_plant_twenty_seconds(clutch_set: Maker) -> None:
     assert (round(p.a0, 5), round(p.b0, 7), round(p.c0, 6)) == (1.84393, 0.0782825, -1.343124)
     assert np.sqrt(pooled.cost / data.samples) == pytest.approx(0.300604, abs=5e-7)
     rows = by_convention(data, fit_own_levels(data), p, "zero-offset")
-    assert [row.B for row in rows] == pytest.approx(SPEC_B, abs=5e-4)
+    assert [row.B for row in rows] == pytest.approx(PUBLISHED_B, abs=5e-4)
     bounds = bounds_of(rows, "zero-offset", None)
     assert (bounds.B_m, bounds.B_M) == pytest.approx((8.349, 41.142), abs=5e-4)
 

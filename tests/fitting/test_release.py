@@ -23,7 +23,7 @@ def release_curve(row: ReleaseLevel, time_s: np.ndarray) -> np.ndarray:
 
 
 def _fall(rise: Friction, tau1: float, tau2: float, left: float = 0.0) -> np.ndarray:
-    """The states of SPEC §4.1 after HELD_S at the level, let go to zero."""
+    """The states of specification 4.1 after HELD_S at the level, let go to zero."""
     x1 = rise.C * rise.Ts * -np.expm1(-HELD_S / rise.tau1)
     x2 = (1 - rise.C) * rise.Ts * -np.expm1(-HELD_S / rise.tau2)
     return left + x1 * np.exp(-TIME / tau1) + x2 * np.exp(-TIME / tau2)

@@ -1,4 +1,4 @@
-"""The three models: closed forms, gradients against complex steps, the edges of SPEC §4.2, first guesses."""
+"""The three models: closed forms, gradients against complex steps, the edges of specification 4.2, first guesses."""
 
 from dataclasses import astuple, replace
 

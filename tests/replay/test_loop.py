@@ -1,4 +1,4 @@
-"""The loop: SPEC §6's figures, the order of first-order time, each effect of the rig, and the exact PWM latch."""
+"""The loop: specification 6's figures, the order of first-order time, each effect of the rig, the exact PWM latch."""
 
 import numpy as np
 import pytest
@@ -30,7 +30,7 @@ def test_the_multisine_of_spec_6(plant, law):
 
 
 def test_against_a_pi_that_meets_its_specification_the_gap_is_smaller(plant, law):
-    """SPEC §5: with 156.6 and 252.9 the robust controller is 69 % better, not 83 %."""
+    """Specification 5: with 156.6 and 252.9 the robust controller is 69 % better, not 83 %."""
     reference = references.multisine(DT)
     proper = Controller("pi", pi_step, PIGains(156.6, 252.9), pi_start())
     error = [

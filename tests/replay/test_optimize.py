@@ -39,7 +39,7 @@ def measured(gains, seed=0):
 
 
 def test_figures_of_the_reference_plant():
-    """SPEC §6: 0.116 and 0.797 N·m, 85 % less."""
+    """Specification 6: 0.116 and 0.797 N·m, 85 % less."""
     told = beside_the_bound(REFERENCE_PLANT, RC, PI, MULTISINE, "multisine")
     assert told.rc.max_abs_error_nm == pytest.approx(0.116, abs=5e-4)
     assert told.pi.max_abs_error_nm == pytest.approx(0.797, abs=5e-4)

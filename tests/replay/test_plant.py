@@ -1,4 +1,4 @@
-"""The plant: Eq. (4) from rest, the edges of SPEC §4.2, exact holds, and what it refuses."""
+"""The plant: Eq. (4) from rest, the edges of specification 4.2, exact holds, and what it refuses."""
 
 import math
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""The rehabilitation of §VII: SPEC §7's numbers over ten seeds, the limb by closed form, the statistics by hand."""
+"""The rehabilitation of §VII: specification 7's numbers over ten seeds, the limb in closed form, statistics by hand."""
 
 from dataclasses import replace
 

@@ -55,7 +55,7 @@ def test_the_release_of_the_log_falls_with_the_plants_own_constants_at_zero_duty
     after = run.time_s >= 20.5
     share = step_response(REFERENCE_PLANT, np.array([20.0]), 40.0)[0]
     assert run.output[after][0] == pytest.approx(share, rel=1e-12)
-    # SPEC §4.2: below 10 % the time constants keep the values they have there
+    # specification 4.2: below 10 % the time constants keep the values they have there
     tau1, tau2 = 6.74e-3 + 2.39e-1 - 2.13e-2, 0.93 + 4.1 - 0.264
     u = np.array([0.032 + 9.2e-3 * 40 + 2.1e-4 * 1600 + 1.32e-6 * 64000])[0]
     a = 6.74e-3 + 2.39e-2 * 40 - 2.13e-4 * 1600, 0.93 + 0.41 * 40 - 2.64e-3 * 1600
@@ -72,7 +72,7 @@ def test_tables_one_and_two_by_hand() -> None:
     at = plants.table_ii(15.0)
     assert at.Ts == pytest.approx(0.349 * 0.031746 + 1.042 * 1.095488, rel=1e-5)
     assert at.tau1 == pytest.approx(0.04383, abs=1e-5)
-    assert at.tau2 == pytest.approx(4.641, abs=1e-3)  # SPEC §5: Table I has 4.64 s at 15 RPM and 86 N
+    assert at.tau2 == pytest.approx(4.641, abs=1e-3)  # specification 5: Table I has 4.64 s at 15 RPM and 86 N
     assert plants.table_i(86.0).tau2 == pytest.approx(4.64, abs=5e-3)
     assert plants.table_i(0.0).Ts == 0.0 and plants.table_ii(0.0).Ts == 0.0
 

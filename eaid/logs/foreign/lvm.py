@@ -19,7 +19,7 @@ from eaid.errors import DataError
 from eaid.logs.table import BadCell, Cells, Table
 
 END = "***End_of_Header***"
-SPECIAL = ("***Start_Special***", "***End_Special***")
+MARKED = ("***Start_Special***", "***End_Special***")
 
 
 def read_lvm(path: Path, source: str) -> list[Table]:
@@ -71,10 +71,10 @@ def _without_special(lines: list[str]) -> list[str]:
     """The lines without the blocks that other programs put between the headers."""
     kept, inside = [], False
     for line in lines:
-        inside = inside or line.startswith(SPECIAL[0])
+        inside = inside or line.startswith(MARKED[0])
         if not inside:
             kept.append(line)
-        inside = inside and not line.startswith(SPECIAL[1])
+        inside = inside and not line.startswith(MARKED[1])
     return kept
 
 
