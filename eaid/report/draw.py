@@ -15,6 +15,7 @@ from eaid.report.mark import marked
 from eaid.report.ready_fits import Ready, main_kind, models_for
 from eaid.report.ready_replays import counted_from, traces_of
 from eaid.report.results import Results
+from eaid.report.rig import from_rest
 
 FORMATS = ("png", "pdf", "svg")
 COLOURS = 128
@@ -138,12 +139,15 @@ def summary_pictures(results: Results, mark: str | None = None) -> list[Picture]
     found: list[tuple[str, str, Callable[[], Figure]]] = []
     kind = main_kind(results)
     data = results.data_of(kind) if kind else None
-    if data is not None and data.levels:
+    pair = [(name, one.result) for name, one in zip("AB", results.pair or (), strict=False) if from_rest(one.result)]
+    if len(pair) == 2:
+        found.append(("Both fits over the level", "model", lambda: summary.values_over_level(pair)))
+    elif data is not None and data.levels:
         models = models_for(results, kind or "")
         said = "Measured against model" if models else "Measured"
         found.append((said, "model" if models else "data", lambda: summary.measured_and_model(data, models)))
-    elif kind and (fit := results.fit(kind)) is not None and fit.friction is not None and fit.friction.levels:
-        found.append(("Fitted values over the level", "model", lambda: summary.values_over_level(fit)))
+    elif kind and (fit := results.fit(kind)) is not None and from_rest(fit):
+        found.append(("Fitted values over the level", "model", lambda: summary.values_over_level([("", fit)])))
     order = {"multisine": 0, "reference": 1, "steps": 2}
     replays = sorted((one.result for one in results.replays), key=lambda one: order.get(one.head.scenario, 9))
     if replays and replays[0].head.scenario in order:

@@ -52,9 +52,9 @@ def level_steps(data: StepSet, shapes: Sequence[StepShape]) -> Figure:
     figure, (responses, gains) = style.page(3.0, 1, 2, width_ratios=(2.2, 1))
     draw_level_steps(responses, data, shapes)
     for edge, marker, colour in (("up", "^", style.BLUE), ("down", "v", style.VERMILLION)):
-        rows = [one for one in shapes if one.edge == edge and one.gain is not None]
+        rows = [(one.level, one.gain) for one in shapes if one.edge == edge and one.gain is not None]
         if rows:
-            gains.plot([one.level for one in rows], [one.gain for one in rows], marker, color=colour, label=edge)
+            gains.plot(*zip(*rows, strict=True), marker, color=colour, label=edge)
     unit = f"{data.output_unit or 'output'}/{data.input_unit or 'input'}"
     gains.set(xlabel=over(data.input_unit), ylabel=f"Gain ({unit})")
     style.legend_above(gains, 2)

@@ -1,15 +1,16 @@
 """The two pictures at the top of the page: measured against model, and the controllers against their reference."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from matplotlib.figure import Figure
 
 from eaid.arrays import Array
 from eaid.report import style
+from eaid.report.figures.compare import LOOKS
 from eaid.report.figures.friction import axis_label, intervals_of, reach
 from eaid.report.figures.steps import Model, draw_steps, some_levels
-from eaid.report.rig import over, quantity
+from eaid.report.rig import from_rest, over, quantity
 from eaid.report.thin import thinned_at
 from eaid.results.fit import Fit
 from eaid.steps.stepset import StepSet
@@ -50,14 +51,19 @@ def controllers(traces: Mapping[str, Mapping[str, Array]], from_s: float, unit: 
     return figure
 
 
-def values_over_level(fit: Fit) -> Figure:
-    """T_s, τ1 and τ2 of the single levels with their intervals, where the data themselves were not given."""
+def values_over_level(fits: Sequence[tuple[str, Fit]]) -> Figure:
+    """T_s, τ1 and τ2 of the levels with their intervals, of one fit where no data were given, or of two to compare."""
     figure, axes = style.sheet(WIDTH_IN, HEIGHT_IN, 1, 3)
-    rows = fit.friction.levels if fit.friction is not None else ()
-    for name, panel in zip(("Ts", "tau1", "tau2"), axes, strict=True):
-        values = np.array([getattr(row, name) for row in rows])
-        far = reach(values, intervals_of(rows, name))
-        panel.errorbar([row.level for row in rows], values, yerr=far, fmt="o-", color=style.BLUE, elinewidth=0.7)
-        panel.set(xlabel=over(fit.data.input_unit), title=axis_label(name, fit.data.output_unit))
-        panel.set_ylim(0, 1.1 * float(np.max(np.minimum(values + far[1], 2 * values))))
+    for (said, fit), (colour, line, marker) in zip(fits, LOOKS, strict=False):
+        rows = from_rest(fit)
+        for name, panel in zip(("Ts", "tau1", "tau2"), axes, strict=True):
+            values = np.array([getattr(row, name) for row in rows])
+            panel.errorbar(
+                [row.level for row in rows], values, yerr=reach(values, intervals_of(rows, name)), color=colour,
+                linestyle=line, marker=marker, elinewidth=0.7, label=said,
+            )  # fmt: skip
+            panel.set(xlabel=over(fit.data.input_unit), title=axis_label(name, fit.data.output_unit))
+            panel.set_ylim(0, max(panel.get_ylim()[1] if said != fits[0][0] else 0.0, 1.3 * float(np.max(values))))
+    if len(fits) > 1:
+        style.legend_over(figure, axes[0])
     return figure

@@ -115,9 +115,8 @@ def _data(results: Results, known: Known, drawn: dict[str, Shown]) -> Part | Non
             more = [doubtful, data.levels_recorded(one.result)]
         more.append(steps.slips_table(one.result))
         folds += _fold(f"{of}: every run".lstrip(": ").capitalize(), drawn, (), [*more, fine])
-    names = ("fig06_hold_and_release",)
-    if not results.fits:
-        names = ("fig07_nonlinear_model", "fig03_friction_steps", *names)
+    alone = () if results.fits else ("fig07_nonlinear_model", "fig03_friction_steps")
+    names = (*alone, "fig06_hold_and_release")
     figures = tuple(drawn[name] for name in names if name in drawn)
     folds += _fold("How the clutch is driven", drawn, ("fig02_pwm",))
     shown, whole = opened(_few(tables))
@@ -193,8 +192,8 @@ def _model(results: Results, known: Known, drawn: dict[str, Shown], asked: bool 
     for one in results.fits:
         everything = list(_few(_tables_of(one.result, asked)))
         if one.result is own:
-            tables += everything[:1]
-            everything = everything[1:]
+            if results.pair is None:  # else the comparison is the one that stands open
+                tables, everything = everything[:1], everything[1:]
             folds += [Fold("More on the model", tuple(figures[OPEN:]), tuple(everything))]
         else:
             beside = _figures_of(one.result.data.kind, drawn, results) if one.result.data.kind != kind else []
