@@ -3,7 +3,7 @@
 The one entry that the command line and a notebook share.
 """
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any, cast
 
 import msgspec
@@ -72,7 +72,7 @@ def _fit_steps(stepset: StepSet, options: FitOptions, progress: Callable[[], Non
         options=record_of(options, stepset),
         seed=options.seed,
         converged=converged(found),
-        findings=ordered((*stepset.all_findings, *found.findings, *doubts)),
+        findings=ordered((*_beside(stepset.all_findings, found.findings), *found.findings, *doubts)),
     )
 
 
@@ -83,6 +83,16 @@ FIRST = ("output-decays-under-hold", *NOT_IDENTIFIABLE)
 def ordered(found: Iterable[Finding]) -> tuple[Finding, ...]:
     """The gravest first, and among alike those that decide whether the models can be used."""
     return ranked(sorted(found, key=lambda one: one.code not in FIRST))
+
+
+SAID_BY = {"decays-under-hold": "output-decays-under-hold", "window-too-short": "tau2-outlasts-record"}
+"""What is said of a run, and the finding of a fit that says it of levels."""
+
+
+def _beside(of_runs: Sequence[Finding], of_the_fit: Sequence[Finding]) -> tuple[Finding, ...]:
+    """Findings of runs that the fit does not say again of its levels."""
+    said = {one.code for one in of_the_fit}
+    return tuple(one for one in of_runs if SAID_BY.get(one.code) not in said)
 
 
 def record_of(options: FitOptions, stepset: StepSet) -> FitOptionsRecord:
