@@ -29,7 +29,8 @@ from eaid.control.operating import Points, keeps_margins
 from eaid.control.options import DesignOptions
 from eaid.control.rc import RCGains
 from eaid.control.robust import damping_gains, frequency_and_damping
-from eaid.errors import GainsError
+from eaid.errors import GainsError, UsageError
+from eaid.limits import LIMITS
 from eaid.models.parameters import Linear, Nonlinear
 from eaid.replay.many import replay_many
 from eaid.replay.plant import plant_parameters
@@ -191,9 +192,12 @@ def optimize(
             if trial.chatter_pct <= limit:
                 break
             goal = math.log(NEARLY * limit / trial.chatter_pct)
-            lower = trial_of(replace(options, p_scale=trial.law.options.p_scale * math.exp(goal / slope)))
+            scale = max(trial.law.options.p_scale * math.exp(goal / slope), LIMITS["p_scale"].least)
+            if scale >= trial.law.options.p_scale:
+                break
+            lower = trial_of(replace(options, p_scale=scale))
             fell = math.log(lower.chatter_pct / trial.chatter_pct)
-            slope = min(max(fell / (goal / slope), 0.2), 1.0)
+            slope = min(max(fell / math.log(scale / trial.law.options.p_scale), 0.2), 1.0)
             trial = lower
         return trial
 
@@ -209,7 +213,7 @@ def optimize(
         tick()
         try:
             trial = within_limit(options_at(x))
-        except GainsError:  # no ρ covers this B̂
+        except (GainsError, UsageError):  # no ρ covers this B̂, or it lies beyond any rig
             return 100 * first.cost
         refused = trial.chatter_pct > limit
         if trial.cost < first.cost or not allowed:
