@@ -209,7 +209,7 @@ def simulate(
         A fit with a nonlinear model.
     gains
         Gains of `tune_rc`; controllers that need them are left out without.
-    scenario : {"steps", "multisine", "sweep", "rehab"}, optional
+    scenario : {"steps", "multisine", "sweep", "ramp", "rehab"}, optional
     reference
         A file `time_s,reference_nm` in place of a scenario.
     log

@@ -14,7 +14,7 @@ Controllers = Annotated[
         "--controller", help="Comma-separated: rc, pi, open-loop, inverse. Default: rc,pi; sweep adds open-loop."
     ),
 ]
-Scenario = Annotated[str | None, typer.Option("--scenario", help="steps, multisine (default), sweep or rehab.")]
+Scenario = Annotated[str | None, typer.Option("--scenario", help="steps, multisine (default), sweep, ramp or rehab.")]
 Reference = Annotated[
     Path | None, typer.Option("--reference", help="A reference of your own: CSV time_s,reference_nm.")
 ]

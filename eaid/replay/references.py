@@ -14,6 +14,9 @@ from eaid.limits import MOST_SAMPLES
 STEP_LEVELS_NM = (0.0, 1.0, 2.0, 3.0, 4.0, 3.0, 2.0, 1.0, 0.0)
 """Fig. 11: 0…4 N·m up and down."""
 STEP_HOLD_S = 5.0
+RAMP_NM = 4.0
+RAMP_S = 10.0
+"""Peak of the triangle [N·m] and its length [s]."""
 MULTISINE_HZ = (0.2, 0.5, 1.0, 2.0, 4.0)
 MULTISINE_PHASES = tuple(1.7 * k * k for k in range(len(MULTISINE_HZ)))
 """Fig. 12, specification 6 [rad]."""
@@ -62,6 +65,16 @@ def steps(
     torque = np.repeat(np.asarray(levels_nm, dtype=float), hold)
     changes = tuple(k * hold for k in range(1, len(levels_nm)) if levels_nm[k] != levels_nm[k - 1])
     return Reference(read_only(torque), dt_s, steps=changes)
+
+
+def ramp(dt_s: float, duration_s: float | None = None, top: float = 1.0, pace: float = 1.0) -> Reference:
+    """A triangle 0 → 4 → 0 N·m at one slope, 10 s by default: 0.8 N·m/s up and down.
+
+    `top` is a factor on the torque; times are divided by `pace`.
+    """
+    n = samples_of(RAMP_S / pace if duration_s is None else duration_s, dt_s)
+    share = np.arange(n) / (n - 1)
+    return Reference(read_only(RAMP_NM * top * (1.0 - np.abs(2.0 * share - 1.0))), dt_s)
 
 
 def multisine(dt_s: float, duration_s: float | None = None, top: float = 1.0, pace: float = 1.0) -> Reference:

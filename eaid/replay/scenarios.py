@@ -49,10 +49,15 @@ def _sweep(dt_s: float, wish: Wish) -> Reference:
     return references.sweep(dt_s, top=wish.top, pace=wish.pace)
 
 
+def _ramp(dt_s: float, wish: Wish) -> Reference:
+    return references.ramp(dt_s, wish.duration_s, wish.top, wish.pace)
+
+
 SCENARIOS: dict[str, Scenario] = {
     "steps": Scenario("0…4 N·m up and down (Fig. 11)", _steps),
     "multisine": Scenario("2 N·m and five sines of 0.2 N·m from 0.2 to 4 Hz (Fig. 12)", _multisine),
     "sweep": Scenario("2 ± 1 N·m at 0.2…3 Hz, one frequency after another (Fig. 13)", _sweep),
+    "ramp": Scenario("0 → 4 → 0 N·m at one slope", _ramp),
 }
 
 

@@ -27,7 +27,7 @@ from eaid.results.replay import Replay
 from eaid.steps.build import StepOptions, build_stepset
 from eaid.steps.stepset import StepSet
 
-SCENARIOS = ("steps", "multisine", "sweep", "reference", "log", "rehab")
+SCENARIOS = ("steps", "multisine", "sweep", "ramp", "reference", "log", "rehab")
 """The order of the paper, and of the page."""
 NEEDED = ("time_s", "reference_nm", "torque_nm", "duty_pct")
 T = TypeVar("T")

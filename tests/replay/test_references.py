@@ -35,6 +35,14 @@ def test_a_sweep_is_measured_over_whole_periods():
     assert made.tones[-1].end == len(made.torque_nm)
 
 
+def test_the_ramp_rises_and_falls_at_one_slope():
+    made = references.ramp(1e-2, top=0.5, pace=2.0)
+    slopes = np.diff(made.torque_nm) / 1e-2
+    assert len(made.torque_nm) == 500 and made.torque_nm[[0, -1]].tolist() == [0.0, 0.0]
+    assert made.torque_nm.max() == pytest.approx(2.0, rel=5e-3)
+    np.testing.assert_allclose(np.abs(np.delete(slopes, 249)), 0.8 * 500 / 499, rtol=1e-9)
+
+
 @pytest.mark.parametrize("name", SCENARIOS)
 def test_every_scenario_says_what_it_shows_and_starts(name):
     made = SCENARIOS[name].reference(1e-2, Wish())

@@ -15,8 +15,8 @@ METRICS = {
     "saturated_fraction": ("share at a limit", ""),
 }
 SCENARIO_NAMES = {
-    "steps": "steps", "multisine": "sum of sines", "sweep": "sines of rising frequency", "reference": "own reference",
-    "log": "recorded input", "rehab": "rehabilitation",
+    "steps": "steps", "multisine": "sum of sines", "sweep": "sines of rising frequency", "ramp": "ramp up and down",
+    "reference": "own reference", "log": "recorded input", "rehab": "rehabilitation",
 }  # fmt: skip
 
 
