@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 Read = Annotated[
     list[Path], typer.Argument(metavar="GAINS [FIT]", help="gains.json, and fit.json for inverse and plant.")
 ]
-As = Annotated[str, typer.Option("--as", help="c, arduino, matlab, fmu, yaml, python or modelica.")]
+As = Annotated[str, typer.Option("--as", help="c, arduino, matlab, fmu, yaml, json, python or modelica.")]
 Law = Annotated[str | None, typer.Option("--law", help="pi,rc,inverse,plant; default: all that the files hold.")]
 Precision = Annotated[str, typer.Option("--precision", help="double or single.")]
 RateHz = Annotated[float | None, typer.Option("--rate-hz", help="Control rate, baked in [Hz]; default: the gains'.")]

@@ -17,7 +17,7 @@ from eaid.models.parameters import Nonlinear
 from eaid.results.fit import Fit
 from eaid.results.gains import Gains
 
-OURS = ("eaid_*", "EaidPlant.mo", "vectors.*", "check*", "Makefile", "README.md", "parameters.yaml", "*.ino", "*.o")
+OURS = ("eaid_*", "EaidPlant.mo", "vectors.*", "check*", "Makefile", "README.md", "parameters.*", "*.ino", "*.o")
 """Names of an export's files and of what its Makefile builds; a folder with any other in it is never replaced."""
 
 

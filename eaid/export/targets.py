@@ -1,13 +1,16 @@
 """The table of targets: which laws each takes, and the files it makes."""
 
+import json
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from typing import Any
 
+from eaid.export.entries import Entry
 from eaid.export.fmu import fmus
 from eaid.export.job import Job
 from eaid.export.options import LAWS
 from eaid.export.python_text import python_files
-from eaid.export.render import rendered
+from eaid.export.render import context, rendered
 from eaid.export.text import decimal
 
 Files = Iterator[tuple[str, str | bytes]]
@@ -72,6 +75,19 @@ def _yaml(job: Job) -> Files:
     yield from _common(job)
 
 
+def _json(job: Job) -> Files:
+    def values(entries: tuple[Entry, ...]) -> dict[str, Any]:
+        return {
+            e.name: values(e.value) if isinstance(e.value, tuple) else json.loads(decimal(e.value)) for e in entries
+        }
+
+    constants = {law.name: values(law.entries) for law in context(job)["laws"]}
+    heading = {"head": list(job.head), "sample_time_s": job.timing.dt_s, "input_unit": job.units[0]}
+    text = json.dumps({**heading, "output_unit": job.units[1], **constants}, indent=1, ensure_ascii=False)
+    yield "parameters.json", text + "\n"
+    yield from _common(job)
+
+
 def _python(job: Job) -> Files:
     yield from python_files(job)
     yield from _common(job)
@@ -88,6 +104,7 @@ TARGETS: dict[str, Target] = {
     "matlab": Target("MATLAB and Octave functions, blocks for Simulink", LAWS, _matlab),
     "fmu": Target("FMI 2.0 co-simulation, one FMU a law, with sources", LAWS, _fmu),
     "yaml": Target("a plain parameter file, ROS 2 style", LAWS, _yaml),
+    "json": Target("every constant as JSON, for a program of your own", LAWS, _json),
     "python": Target("plain Python, nothing else needed", LAWS, _python),
     "modelica": Target("the plant as a Modelica model", ("plant",), _modelica),
 }

@@ -1,9 +1,11 @@
 """The one entry: what is refused, what is marked, what is written, and that it is written whole."""
 
+import json
 import math
 from dataclasses import replace
 
 import msgspec
+import numpy as np
 import pytest
 
 from eaid.errors import GainsError, UsageError
@@ -42,6 +44,16 @@ def test_every_file_but_vectors_names_what_it_is_made_of(tmp_path, target):
         for part in ("made by eaid", "my gains.json, sha256 abc123", "eaid export x --as y", "sample time 0.001 s"):
             assert part in text, name
         assert ("RC 12.5 dB" in text) == (target != "modelica"), name
+
+
+@pytest.mark.parametrize("precision", ["double", "single"])
+def test_json_holds_the_gains_to_the_digit(tmp_path, precision):
+    options = ExportOptions(target="json", folder=tmp_path / "rig", precision=precision)
+    export(gains_of(), fit_of(), options)
+    told = json.loads((tmp_path / "rig" / "parameters.json").read_text(encoding="utf-8"))
+    assert told["pi"]["K_I"] == KNOWN.pi.K_I and set(told) >= {"pi", "rc", "inverse", "plant"}
+    width = np.float32 if precision == "single" else float
+    assert width(told["plant"]["C"] if "C" in told["plant"] else told["plant"]["plant"]["C"]) == width(PLANT.C)
 
 
 def test_without_files_the_results_digests_stand_at_the_head(tmp_path):
