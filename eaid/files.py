@@ -28,7 +28,10 @@ def sha256_of(path: Path) -> str:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
-LOGS = (".csv", ".tsv", ".txt", ".dat", ".lvm", ".mat", ".tdms", ".mf4", ".parquet", ".gz", ".bag", ".mcap")
+LOGS = (
+    ".csv", ".tsv", ".txt", ".dat", ".lvm", ".mat", ".tdms", ".mf4", ".parquet", ".feather", ".arrow", ".gz", ".bag",
+    ".mcap",
+)  # fmt: skip
 """Endings of recordings; one that lies in a folder given as input is never an output."""
 
 

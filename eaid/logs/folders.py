@@ -21,8 +21,8 @@ SKIPPED = (
 )  # fmt: skip
 """Endings that a folder of logs also holds and that are no logs: passed over in silence."""
 RECORDED = (
-    ".csv", ".tsv", ".dat", ".asc", ".mat", ".h5", ".hdf5", ".tdms", ".lvm", ".parquet", ".mf4", ".mdf", ".bag",
-    ".mcap", ".db3", ".gz",
+    ".csv", ".tsv", ".dat", ".asc", ".mat", ".h5", ".hdf5", ".tdms", ".lvm", ".parquet", ".feather", ".arrow",
+    ".mf4", ".mdf", ".bag", ".mcap", ".db3", ".gz",
 )  # fmt: skip
 """Endings of logs: a file with one of them is left out for no other reason than that eaid wrote it itself."""
 HEAD = 1 << 16

@@ -69,6 +69,7 @@ FORMATS: tuple[Format, ...] = (
     Format("LVM", _begins(b"LabVIEW Measurement", b"\xef\xbb\xbfLabVIEW Measurement"), "lvm", "lvm_read"),
     Format("TDMS", _begins(b"TDSm"), "tdms", "nptdms"),
     Format("Parquet", _begins(b"PAR1"), "parquet", "pyarrow"),
+    Format("Arrow", _begins(b"ARROW1"), "arrow", "pyarrow"),
     Format("MDF", _begins(b"MDF     ", b"UnFinMF "), "mdf", "asammdf"),
     Format("ROS bag", _begins(b"#ROSBAG V", b"\x89MCAP0\r\n", b"SQLite format 3\0"), "ros", "rosbags"),
     Format("MAT", _is_mat, "mat"),

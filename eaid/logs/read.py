@@ -28,8 +28,8 @@ from eaid.logs.to_run import Origin, name_regex, run_of
 from eaid.logs.together import counted_once, named_apart, scales_compared
 
 NOTHING_SAID = ReadOptions()
-ENDINGS = (".gz", ".csv", ".tsv", ".txt", ".dat", ".mat", ".h5", ".hdf5", ".tdms", ".lvm", ".parquet", ".mf4", ".bag",
-           ".mcap")  # fmt: skip
+ENDINGS = (".gz", ".csv", ".tsv", ".txt", ".dat", ".mat", ".h5", ".hdf5", ".tdms", ".lvm", ".parquet", ".feather",
+           ".arrow", ".mf4", ".bag", ".mcap")  # fmt: skip
 """Endings that do not belong to a run's name."""
 
 

@@ -96,6 +96,20 @@ def test_tdms_of_a_rig_comes_scaled():
     np.testing.assert_allclose(run.time_s[-1], 1999 * 2e-5, rtol=1e-12)
 
 
+@pytest.mark.parametrize("compression", ["uncompressed", "lz4"])
+def test_feather_is_read_as_parquet_is(tmp_path, compression):
+    pytest.importorskip("pyarrow")
+    from pyarrow import feather
+    from pyarrow import parquet as pq
+
+    known = one(parquet(tmp_path / "log", *step()))
+    feather.write_feather(pq.read_table(tmp_path / "log"), tmp_path / "log.feather", compression=compression)
+    run = one(tmp_path / "log.feather")
+    assert (run.name, run.output_unit, run.input_unit) == ("log", "N·m", "%")
+    for name in ("time_s", "input", "output"):
+        np.testing.assert_array_equal(getattr(run, name), getattr(known, name))
+
+
 def test_parquet_with_units_stamps_and_empty_cells(tmp_path):
     pa = pytest.importorskip("pyarrow")
     import pyarrow.parquet as pq
@@ -248,6 +262,7 @@ def test_ros_joints_are_named_and_blobs_passed_over(tmp_path):
     [
         (b"TDSm", "TDMS", "tdms", "nptdms"),
         (b"PAR1", "Parquet", "parquet", "pyarrow"),
+        (b"ARROW1", "Arrow", "parquet", "pyarrow"),
         (b"MDF     4.10", "MDF", "mdf", "asammdf"),
         (b"#ROSBAG V2.0\n", "ROS bag", "ros", "rosbags"),
         (b"\x89MCAP0\r\n", "ROS bag", "ros", "rosbags"),

@@ -18,7 +18,8 @@ from eaid.logs.table import Table
 
 READERS = {
     "hdf5": "hdf5:read_hdf5", "lvm": "lvm:read_lvm", "mat": "mat:read_mat", "mdf": "mdf:read_mdf",
-    "parquet": "parquet:read_parquet", "ros": "ros:read_ros", "tdms": "tdms:read_tdms", "through": "hdf5:read_through",
+    "parquet": "parquet:read_parquet", "arrow": "parquet:read_arrow",
+    "ros": "ros:read_ros", "tdms": "tdms:read_tdms", "through": "hdf5:read_through",
     "is_dataset": "hdf5:read_schema",
 }  # fmt: skip
 """Name of a reader → module here and function: (path, source) → tables."""

@@ -1,6 +1,9 @@
-"""Parquet: one table of numeric columns; units from the metadata of a column; stamps become seconds since the first."""
+"""Parquet, and Arrow files (Feather v2): one table of numeric columns; units from the metadata of a column.
 
-from collections.abc import Sequence
+Time stamps become seconds since the first.
+"""
+
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -13,10 +16,33 @@ from eaid.logs.table import BadCell, Cells, Table
 
 def read_parquet(path: Path, source: str) -> list[Table]:
     """The one table of a Parquet file; raises DataError where it holds no columns of numbers."""
-    from pyarrow import parquet, types
+    from pyarrow import parquet
+
+    def column(name: str) -> Any:
+        with parquet.ParquetFile(str(path), page_checksum_verification=True) as file:
+            return file.read(columns=[name], use_threads=False).column(0)
 
     with parquet.ParquetFile(str(path)) as file:
-        schema = file.schema_arrow
+        return [_table(file.schema_arrow, column, source)]
+
+
+def read_arrow(path: Path, source: str) -> list[Table]:
+    """The one table of an Arrow file; raises DataError as for Parquet."""
+    from pyarrow import OSFile, ipc
+
+    def column(name: str) -> Any:
+        with OSFile(str(path)) as held:
+            table = ipc.open_file(held).read_all()
+        table.validate(full=True)
+        return table.column(name)
+
+    with OSFile(str(path)) as held:
+        return [_table(ipc.open_file(held).schema, column, source)]
+
+
+def _table(schema: Any, column: Callable[[str], Any], source: str) -> Table:
+    from pyarrow import types
+
     kinds = (types.is_integer, types.is_floating, types.is_decimal, types.is_boolean, types.is_timestamp,
              types.is_duration)  # fmt: skip
     numeric = [field for field in schema if any(is_it(field.type) for is_it in kinds)]
@@ -31,16 +57,15 @@ def read_parquet(path: Path, source: str) -> list[Table]:
 
     def load(wanted: Sequence[int]) -> Cells:
         columns, bad = [], list[BadCell]()
-        with parquet.ParquetFile(str(path), page_checksum_verification=True) as file:
-            for i in wanted:
-                values, empty = _column(file.read(columns=[names[i]], use_threads=False).column(0))
-                bad.extend(BadCell(int(row), i, "") for row in empty)
-                columns.append(values)
+        for i in wanted:
+            values, empty = _column(column(names[i]))
+            bad.extend(BadCell(int(row), i, "") for row in empty)
+            columns.append(values)
         return Cells(tuple(columns), tuple(bad))
 
     units = tuple(_unit(field, types) for field in numeric)
     dropped = tuple(field.name for field in schema if field.name not in names)
-    return [Table("", names, load, units, said=facts, dropped=dropped)]
+    return Table("", names, load, units, said=facts, dropped=dropped)
 
 
 def _text(value: bytes) -> str:
