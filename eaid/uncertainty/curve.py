@@ -15,7 +15,7 @@ from eaid.arrays import Array
 from eaid.uncertainty.scatter import Mask, paule_mandel
 from eaid.uncertainty.student_t import VarianceComponents, t_quantile
 
-SETTLED = 1e-13
+SETTLED = 1e-10
 """Relative step at which a curve has settled: its place then does not depend on the rounding of the levels."""
 
 

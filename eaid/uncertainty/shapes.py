@@ -16,7 +16,8 @@ from eaid.models.parameters import Friction
 
 Shape = Callable[[Array, Array], tuple[Array, Array]]
 """(θ, t) → the curve (n,) and its slopes by θ (n, k)."""
-STEPS = 60
+FIRST_STEPS, STEPS = 8, 30
+"""Steps of every start, and then of the best."""
 BETAS = (0.5, 0.8)
 
 
@@ -58,10 +59,11 @@ def three_starts(curve: Friction) -> list[Array]:
 
 def best_fit(shape: Shape, starts: Sequence[Array], points: Points) -> tuple[float, Array]:
     """Least cost of a shape over its starts on one level's points (1, P), and where it lies."""
-    return min((_descended(shape, start, points) for start in starts), key=lambda found: found[0])
+    _, theta = min((_descended(shape, start, points, FIRST_STEPS) for start in starts), key=lambda found: found[0])
+    return _descended(shape, theta, points, STEPS)
 
 
-def _descended(shape: Shape, theta: Array, points: Points) -> tuple[float, Array]:
+def _descended(shape: Shape, theta: Array, points: Points, steps: int) -> tuple[float, Array]:
     time_s, root, y = points.t_s[0], np.sqrt(points.w[0]), points.y[0]
 
     def look(x: Array) -> tuple[float, Array, Array]:
@@ -72,13 +74,13 @@ def _descended(shape: Shape, theta: Array, points: Points) -> tuple[float, Array
 
     cost, left, J = look(theta)
     damping = 1e-3
-    for _ in range(STEPS):
+    for _ in range(steps):
         H = J.T @ J
         step = np.linalg.lstsq(H + damping * np.diag(np.diag(H) + 1e-300), J.T @ left, rcond=None)[0]
         tried = theta + np.clip(step, -1.0, 1.0)
         found = look(tried)
         if found[0] <= cost:
-            done = cost - found[0] <= 1e-8 * cost
+            done = cost - found[0] <= 1e-6 * cost
             theta, (cost, left, J) = tried, found
             damping = max(damping / 10, 1e-9)
             if done:
