@@ -11,7 +11,8 @@ Gains = Annotated[Path | None, typer.Option("--gains", help="gains.json of eaid 
 Controllers = Annotated[
     str | None,
     typer.Option(
-        "--controller", help="Comma-separated: rc, pi, open-loop, inverse. Default: rc,pi; sweep adds open-loop."
+        "--controller",
+        help="Comma-separated: rc, pi, pi-feedforward, open-loop, inverse. Default: rc,pi; sweep adds open-loop.",
     ),
 ]
 Scenario = Annotated[str | None, typer.Option("--scenario", help="steps, multisine (default), sweep, ramp or rehab.")]

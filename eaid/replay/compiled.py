@@ -33,6 +33,7 @@ VECTOR: dict[str, Any] = {**ALONE, "forceinline": True}
 
 CALLED = (
     plant.plant_terms, plant.plant_pull, plant.plant_step, rc.rc_step, pi.pi_step, controllers.open_loop_step,
+    controllers.feedforward_step,
     inverse.duty_for, inverse.inverse_step, lanes.expm1_to_minus_one, lanes.tanh_within, lanes.short_step,
     descent.follow, descent.rolled, descent.improvement, descent.slow_reach, taut.taut_path,
 )  # fmt: skip

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.polynomial import polynomial
 
-from eaid.control.pi import PIGains, pi_start, pi_step
+from eaid.control.pi import PIGains, PIState, pi_start, pi_step
 from eaid.control.rc import RCGains, rc_start, rc_step
 from eaid.errors import UsageError
 from eaid.models.nonlinear import steady_torque
@@ -78,6 +78,30 @@ def open_loop_step(
     return OpenLoopState(duty), duty
 
 
+class FeedforwardGains(NamedTuple):
+    """A PI on top of the open loop's duty."""
+
+    K_P: float
+    K_I: float
+    a0: float
+    b0: float
+    c0: float
+    duty_min: float = 0.0
+    duty_max: float = 100.0
+    back_calculation: float = 0.0
+
+
+def feedforward_step(
+    gains: FeedforwardGains, state: PIState, reference: float, reference_rate: float, torque: float, dt: float
+) -> tuple[PIState, float]:
+    """u = (T_d' + a0 T_d − c0)/b0 + K_P e + K_I ∫ e dt: the linear model's own duty, and a PI for what it lacks."""
+    K_P, K_I, a0, b0, c0, low, high, back_calculation = gains
+    ahead = (reference_rate + a0 * reference - c0) / b0
+    within = PIGains(K_P, K_I, low - ahead, high - ahead, back_calculation)
+    state, correction = pi_step(within, state, reference, reference_rate, torque, dt)
+    return state, min(max(ahead + correction, low), high)
+
+
 def _rc(known: Knowledge) -> Controller:
     if known.rc is None:
         raise UsageError("controller rc needs gains: give «gains», which eaid tune-rc writes")
@@ -88,6 +112,13 @@ def _pi(known: Knowledge) -> Controller:
     if known.pi is None:
         raise UsageError("controller pi needs gains: give «gains», which eaid tune-rc writes")
     return Controller("pi", pi_step, known.pi, pi_start())
+
+
+def _pi_feedforward(known: Knowledge) -> Controller:
+    pi, linear = _pi(known).gains, known.linear or _straight_line(known.plant)
+    model = (linear.a0, linear.b0, linear.c0)
+    gains = FeedforwardGains(pi.K_P, pi.K_I, *model, pi.duty_min, pi.duty_max, pi.back_calculation)
+    return Controller("pi-feedforward", feedforward_step, gains, pi_start())
 
 
 def _straight_line(plant: Nonlinear) -> Linear:
@@ -113,6 +144,7 @@ def _inverse(known: Knowledge) -> Controller:
 CONTROLLERS: dict[str, tuple[str, Callable[[Knowledge], Controller]]] = {
     "rc": ("robust control, Eqs. (11)-(15)", _rc),
     "pi": ("PI of §V-B with conditional integration", _pi),
+    "pi-feedforward": ("the linear model's duty for reference and rate, and the PI", _pi_feedforward),
     "open-loop": ("duty of the linear model's steady state", _open_loop),
     "inverse": ("feedback linearisation with the nonlinear model, exact inverse of each sample", _inverse),
 }
