@@ -20,8 +20,6 @@ from eaid.arrays import Array, read_only
 from eaid.control.pi import PIGains, pi_start, pi_step
 from eaid.errors import UsageError
 from eaid.logs.run import Run
-from eaid.recorded.kernel import response
-from eaid.recorded.law import run_loop
 from eaid.replay.controllers import Controller
 from eaid.replay.plant import perturbed
 from eaid.synth.disturbance import Disturbance, check, coloured, measured, scatter
@@ -176,6 +174,8 @@ def duty_of(e: Excitation, draw: np.random.Generator) -> Array:
 
 def driven(plant: Plant, e: Excitation, disturbance: Disturbance, draw: np.random.Generator) -> Run:
     """One log of an input that knows nothing of the torque."""
+    from eaid.recorded.kernel import response  # numba, which steps from rest do without
+
     own = scatter(disturbance, draw)
     duty = duty_of(e, draw)
     values, index = np.unique(duty, return_inverse=True)
@@ -202,6 +202,8 @@ def looped(
     controller: Controller | None = None,
 ) -> Run:
     """One log of a loop: steps and tones of torque between the two given ones; the controller reads what is logged."""
+    from eaid.recorded.law import run_loop
+
     if plant.model is None:
         raise UsageError("a closed loop needs the clutch's own model; give a plant of the clutch")
     own = scatter(disturbance, draw)
