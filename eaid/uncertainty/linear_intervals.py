@@ -81,9 +81,10 @@ def level_intervals(fit: Linear, stats: LevelStatistics) -> list[LinearLevelInte
             return _with_pooled_terms(fit, stats, own)
         rows = []
         for i, row in enumerate(fit.per_level):
-            takes = {"a0": own[i][0], "gain": own[i][1], "B": -own[i].sum(axis=0)}
-            ends = {k: _log(_value(row, k), *spread(_only(i, g, stats), stats)) for k, g in takes.items()}
-            rows.append(LinearLevelIntervals(**ends))
+            variance = _own_variance(i, np.vstack([own[i], -own[i].sum(axis=0)]), stats).tolist()
+            names = ("a0", "gain", "B")
+            ends = [_log(_value(row, k), v, stats.total_degrees) for k, v in zip(names, variance, strict=True)]
+            rows.append(LinearLevelIntervals(*ends))
         return rows
     linear_runs = with_log_B(
         [
@@ -143,8 +144,11 @@ def _gain_at(level: Level, a0: float) -> tuple[Array, float]:
     return rise / (rise @ rise), (gain(a0 + step) - gain(a0 - step)) / (2 * step)
 
 
-def _only(i: int, g: Array, stats: LevelStatistics) -> list[Array]:
-    return [g if j == i else np.zeros(len(level.time_s)) for j, level in enumerate(stats.levels)]
+def _own_variance(i: int, gains: Array, stats: LevelStatistics) -> Array:
+    """Variance of numbers that answer to the mean of single runs of level i alone, shape (m,) for gains (m, n)."""
+    moved = gains @ log_jacobian(stats.estimates[i].curve, stats.levels[i].time_s)
+    variance = stats.variance[i, :3]
+    return np.asarray(moved**2 @ np.where(np.isfinite(variance), variance, 0.0))
 
 
 def _value(row: LinearLevel, name: str) -> float | None:
