@@ -150,16 +150,16 @@ def test_vanished_input(
     """A log that goes away between the listing of its folder and its reading."""
     mine = tmp_path / "logs"
     shutil.copytree(logs, mine)
-    from eaid.logs import folders
+    from eaid import reading
 
-    listed = folders.files_of
+    listed = reading.files_of
 
     def then_gone(paths: list[Path], tell: Callable[[str], None]) -> list[Path]:
         found = listed(paths, tell)
         (mine / "u040.csv").unlink()
         return found
 
-    monkeypatch.setattr(folders, "files_of", then_gone)
+    monkeypatch.setattr(reading, "files_of", then_gone)
     assert run(["ingest", str(mine), "-q", "-o", str(tmp_path / "d.h5")]) == 3
     assert capsys.readouterr().err == f"error: {mine / 'u040.csv'}: no such file or folder; check the path\n"
     assert not (tmp_path / "d.h5").exists()

@@ -100,7 +100,9 @@ def test_signals_at_any_moment(tmp_path: Path, number: int) -> None:
         process.send_signal(number)
         _, said = process.communicate(timeout=60)
         of_python = process.returncode in (1, -number) and "eaid/" not in said
-        assert (process.returncode, said) in ((130, INTERRUPTED), (0, "")) or of_python, said
+        # where Ctrl-C broke off a text inside exec(), CPython ends itself with the signal: a shell shows 130 as well
+        told = (130 if process.returncode == -signal.SIGINT else process.returncode, said)
+        assert told in ((130, INTERRUPTED), (0, "")) or of_python, said
         answered += said == INTERRUPTED
         if process.returncode == 0:
             assert output.read_bytes() == (tmp_path / "whole.h5").read_bytes()
