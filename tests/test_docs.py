@@ -92,3 +92,22 @@ def test_links_lead_somewhere(page: Path) -> None:
     for target in re.findall(r"\]\(([^)#]+)\)", page.read_text(encoding="utf-8")):
         if not target.startswith("http") and target != "reference/commands.md":  # made while the site is built
             assert (page.parent / target).exists(), target
+
+
+def test_contributing_names_files_that_exist() -> None:
+    text = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8") + (ROOT / "docs" / "architecture.md").read_text(
+        encoding="utf-8"
+    )
+    named = set(re.findall(r"`([\w./-]+/[\w./-]+\.(?:py|md|yml|txt))`", text))
+    assert len(named) > 30
+    assert [name for name in sorted(named) if not any((at / name).exists() for at in (ROOT, ROOT / "eaid"))] == []
+
+
+def test_every_room_stands_in_the_list_of_rooms_in_the_order_of_the_layers() -> None:
+    project = (ROOT / "pyproject.toml").read_text(encoding="utf-8")
+    layers = re.findall(r'"eaid\.(\w+)"', project.split("layers = [")[1].split("]")[0])[::-1]
+    rows = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8").split("|---|---|---|\n")[1].split("\n\n")[0]
+    rooms = [name.strip("/") for row in rows.splitlines() for name in re.findall(r"`([\w/]+)`", row.split("|")[1])]
+    assert sorted(rooms) == sorted(layers)
+    packages = [room for room in rooms if (ROOT / "eaid" / room).is_dir()]
+    assert packages == [layer for layer in layers if layer in packages]
