@@ -1,7 +1,7 @@
 """`eaid ingest`: logs → a table of levels, what is doubtful in their runs, and data.h5."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -46,8 +46,8 @@ def command(
     from eaid.logs.dataset import write_dataset
 
     assert output is not None
-    refuse_to_overwrite(output, force)
-    options = {
+    refuse_to_overwrite(output, force, logs)
+    options: dict[str, Any] = {
         "columns": columns, "units": units, "name_pattern": name_pattern, "step_at": step_at, "until": until,
         "repair": repair, "kind": kind, "levels": levels, "baseline": baseline, "sign": sign, "variable": variable,
         "rate": rate, "rest": rest, "apparatus": apparatus, "join": join,
