@@ -1,5 +1,7 @@
 """The public functions: logs → steps → fit → gains → replay → page, each a plain call that prints nothing.
 
+Examples
+--------
 >>> import eaid
 >>> logs = eaid.synth(levels=(20.0, 40.0, 60.0, 80.0, 100.0), repeats=2, rate_hz=100.0, seed=1)
 >>> fit = eaid.fit(logs)
