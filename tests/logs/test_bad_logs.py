@@ -327,7 +327,7 @@ BAD = [
         "wave.csv",
         column(1, lambda i, u: 50 + 40 * np.sin(i / 15)),
         "{f}: the input turns 4 times at 1.06 Hz: a periodic excitation holds no steps; record one level at a time, or "
-        "fit the whole record",
+        "fit the whole record with --logs-as recorded",
     ),
     Bad("one-row.csv", csv(rows()[:1]), "{f}: holds 1 samples, and a step takes at least 10; record it longer"),
     Bad("nine-rows.csv", csv(rows()[45:54]), "{f}: holds 9 samples, and a step takes at least 10; record it longer"),
