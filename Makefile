@@ -29,7 +29,7 @@ docs: .venv/.docs  ## the site: site/index.html; a warning or a dead link is an 
 
 CHROMIUM ?= chromium
 screenshot: demo  ## docs/figures/page.png, the first screen of the demo's page
-	$(CHROMIUM) --headless --no-sandbox --hide-scrollbars --window-size=1280,900 --virtual-time-budget=8000 \
+	$(CHROMIUM) --headless --no-sandbox --hide-scrollbars --window-size=1280,830 --virtual-time-budget=8000 \
 		--screenshot=docs/figures/page.png "file://$(CURDIR)/demo/report.html"
 
 datasets: .venv/.run  ## the shipped synthetic logs again, byte for byte
