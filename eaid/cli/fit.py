@@ -43,6 +43,7 @@ def command(
     seed: Seed = 0,
     json: Json = False,
     quiet: Quiet = False,
+    tables: options_.Tables = False,
     verbose: options_.Verbose = False,
     force: Force = False,
 ) -> int:
@@ -84,15 +85,11 @@ def command(
     if json:
         sys.stdout.write(codec.dumps(result, "fit"))
     else:
-        from eaid.cli.fit_tables import tables
-
-        tables(result, verbose)
-        if result.recorded is not None:
-            from eaid.cli.fit_recorded import recorded_tables
-
-            recorded_tables(result)
+        options_.show(result, tables or verbose, verbose)
     console.tell(result.findings, verbose)
-    console.say(f"{output}: {', '.join(name for name in options_.PARTS if getattr(result, name))}")
+    parts = ", ".join(name for name in options_.PARTS if getattr(result, name))
+    after = f"; next: eaid tune-rc {output}" if result.linear is not None else ""
+    console.say(f"{output}: {parts}{after}; --tables shows all numbers")
     if result.converged and not stops(result.findings):
         return 0
     console.fail(f"{output}: is written and marked; do not use its numbers")

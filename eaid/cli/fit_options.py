@@ -6,10 +6,12 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from eaid.cli import console
 from eaid.errors import UsageError
 
 if TYPE_CHECKING:
     from eaid.fitting.options import FitOptions
+    from eaid.results.fit import Fit
     from eaid.steps.stepset import StepSet
 
 PARTS = ("friction", "nonlinear", "linear", "release", "steps")
@@ -38,7 +40,27 @@ Ci = Annotated[str, typer.Option(help="Intervals: robust, bootstrap, profile, wh
 DeadTime = Annotated[
     str, typer.Option(help="Dead time of each single step in seconds: auto (by the evidence), 0 or another number.")
 ]
-Verbose = Annotated[bool, typer.Option("--verbose", help="Tell all findings and show all tables.")]
+Verbose = Annotated[bool, typer.Option("--verbose", "-v", help="Tell all findings and show all tables.")]
+
+
+Tables = Annotated[bool, typer.Option("--tables", help="Show all numbers as tables.")]
+
+
+def show(result: "Fit", tables: bool, verbose: bool) -> None:
+    """The fit in a few lines, or all of its tables."""
+    from eaid.results.summary import fit_summary
+
+    for line in fit_summary(result, findings=0):
+        console.line(line)
+    if not tables:
+        return
+    from eaid.cli.fit_tables import tables as show_tables
+
+    show_tables(result, verbose)
+    if result.recorded is not None:
+        from eaid.cli.fit_recorded import recorded_tables
+
+        recorded_tables(result)
 
 
 def share_of(text: str) -> float | None:

@@ -9,24 +9,36 @@ if TYPE_CHECKING:
     from eaid.results.fit import CurveLevel, Fit, FrictionLevel
 
 SYMBOLS = {"Ts": "T_s", "tau1": "τ1", "tau2": "τ2"}
+BECAUSE = {
+    "asked": ", as asked for",
+    "agree": ": the two agree within their intervals",
+    "apart": ": the joint one lies outside its intervals",
+    "weak": ": too few levels determine their own curve for the two-stage one",
+    "alone": ": there is no other",
+}
+"""Why an estimate stands as the nonlinear model."""
 
 
 def fit_summary(fit: "Fit", findings: int = 3) -> list[str]:
     """The lines that answer first: what was fitted, fit %, values with 95 % intervals, the gravest findings."""
     data = fit.data
-    runs = sum(data.repeats)
+    runs = sum(data.repeats) or len(data.sources)
     span = f" {data.levels[0]:g} … {data.levels[-1]:g}" if data.levels else ""
     made = ", synthetic" if data.synthetic else ""
     lines = [f"{data.kind}: {len(data.levels)} levels{span} {data.input_unit}, {runs} runs{made}"]
     lines.append(f"fit    {_fit_pct(fit)}")
     rows = _rows(fit)
-    units = {"Ts": data.output_unit, "tau1": "s", "tau2": "s"}
-    for name, symbol in SYMBOLS.items():
-        cells = [f"{_value(row, name)} at {row.level:g}" for row in rows]
-        if cells:
-            lines.append(f"{symbol:<6} {'; '.join(cells)}  [{units[name]}]")
+    if rows:
+        units = {"Ts": data.output_unit, "tau1": "s", "tau2": "s"}
+        heading = [
+            f"level [{data.input_unit}]" if data.input_unit else "level",
+            *(f"{symbol} [{units[name]}]" for name, symbol in SYMBOLS.items()),
+        ]
+        cells = [heading, *([f"{row.level:g}", *(_value(row, name) for name in SYMBOLS)] for row in rows)]
+        widths = [max(len(row[i]) for row in cells) for i in range(len(heading))]
+        lines += ["  ".join(cell.ljust(w) for cell, w in zip(row, widths, strict=True)).rstrip() for row in cells]
     if fit.nonlinear is not None:
-        lines.append(f"taken  the {fit.nonlinear.estimator} estimate")
+        lines.append(f"taken  the {fit.nonlinear.estimator} estimate{BECAUSE.get(fit.nonlinear.because, '')}")
     worst = ranked(merged(fit.findings))[:findings]
     lines += [f"{one.severity}: {say(one)}" for one in worst]
     return lines

@@ -30,7 +30,7 @@ def small(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_a_dataset_becomes_a_fit(small: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = tmp_path / "fit.json"
-    assert main.run(["fit", str(small), "-o", str(out), "--ci", "none"]) == 0
+    assert main.run(["fit", str(small), "-o", str(out), "--ci", "none", "--tables"]) == 0
     told = capsys.readouterr()
     result = json.loads(out.read_text())
     assert result["schema"] == "eaid/fit/1" and result["converged"] is True
@@ -39,7 +39,7 @@ def test_a_dataset_becomes_a_fit(small: Path, tmp_path: Path, capsys: pytest.Cap
     assert len(result["data"]["sources"]) == 20 and len(result["data"]["sources"][0]["sha256"]) == 64
     assert "Nonlinear model, Eqs. (4)–(7)" in told.out and "B_m … B_M" in told.out and "converged" in told.out
     assert "Release, beside the rise" in told.out
-    assert told.err.rstrip().endswith(f"{out}: friction, nonlinear, linear, release")
+    assert f"{out}: friction, nonlinear, linear, release" in told.err.splitlines()[-1]
     assert "synthetic" in result["data"]
 
 
@@ -182,3 +182,13 @@ def test_the_threads_of_blas_change_no_byte(small: Path, tmp_path: Path) -> None
         command = [sys.executable, "-m", "eaid", "fit", str(small), "-o", str(tmp_path / f"{count}.json"), "-q"]
         subprocess.run(command, check=True, env={**os.environ, "OPENBLAS_NUM_THREADS": count, "OMP_NUM_THREADS": count})
     assert (tmp_path / "1.json").read_bytes() == (tmp_path / "2.json").read_bytes()
+
+
+def test_a_fit_answers_in_eight_lines(small: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main.run(["fit", str(small), "-o", str(tmp_path / "fit.json")]) == 0
+    told = capsys.readouterr()
+    assert len(told.out.splitlines()) <= 8
+    assert told.out.splitlines()[0].startswith("clutch: 5 levels 20 … 100 %, 10 runs")
+    assert all(len(line) <= 80 for line in told.out.splitlines())
+    assert len([line for line in told.err.splitlines() if line.startswith(("stop", "warning", "note"))]) <= 3
+    assert "next: eaid tune-rc" in told.err.splitlines()[-1]

@@ -57,7 +57,7 @@ def test_the_first_column_is_the_model_of_the_file(
 def test_single_runs_print_why_no_other_weights_stand_there(tmp_path: Path) -> None:
     single = ["synth", "--levels", "20,60,100", "--repeats", "1", "--hold", "8", "--idle", "1", "--rate", "50", "-q"]
     assert main.run([*single, "-o", str(tmp_path / "data.h5")]) == 0
-    assert main.run(["fit", str(tmp_path / "data.h5"), "-o", str(tmp_path / "fit.json")]) == 0
+    assert main.run(["fit", str(tmp_path / "data.h5"), "-o", str(tmp_path / "fit.json"), "--tables"]) == 0
     codes = [one["code"] for one in json.loads((tmp_path / "fit.json").read_text())["findings"]]
     assert codes.count("no-weights-for-single-runs") == 2
 
@@ -75,7 +75,7 @@ def test_huber_shows_the_run_and_the_part_it_weighs_down(tmp_path: Path, capsys:
     log.write_text("\n".join(lines) + "\n")
     out = tmp_path / "fit.json"
     assert (
-        main.run(["fit", str(tmp_path / "logs"), "-o", str(out), "--loss", "huber", "--ci", "none"]) == 4
+        main.run(["fit", str(tmp_path / "logs"), "-o", str(out), "--loss", "huber", "--ci", "none", "--tables"]) == 4
     )  # steps say that it stood still
     told = capsys.readouterr().out
     part = json.loads(out.read_text())["nonlinear"]["robust"]["weights"][2]

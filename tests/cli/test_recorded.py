@@ -19,7 +19,7 @@ def log(tmp_path: Path) -> Path:
 
 def test_a_log_of_random_steps_is_fitted_whole(log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = tmp_path / "fit.json"
-    assert main.run(["fit", str(log), "-o", str(out)]) == 0
+    assert main.run(["fit", str(log), "-o", str(out), "--tables"]) == 0
     told = capsys.readouterr()
     assert "Logs as recorded" in told.out and "free run [%]" in told.out
     fit = json.loads(out.read_text(encoding="utf-8"))
