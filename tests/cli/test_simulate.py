@@ -206,8 +206,8 @@ def test_open_loop_needs_no_more_than_the_nonlinear_model(capsys):
 @pytest.mark.parametrize(
     ("arguments", "code", "said"),
     [
-        (["--scenario", "jumps"], 2, "no scenario 'jumps'; there are steps, multisine, sweep, rehab"),
-        (["--controller", "pid"], 2, "no controller 'pid'; there are rc, pi, open-loop, inverse"),
+        (["--scenario", "jumps"], 2, "no scenario 'jumps'; there are steps, multisine, sweep, ramp, rehab"),
+        (["--controller", "pid"], 2, "no controller 'pid'; there are rc, pi, pi-feedforward, open-loop, inverse"),
         (["--controller", "rc"], 2, "controller rc needs gains: give --gains"),
         (["--controller", "pi,pi", "--gains", "gains.json"], 2, "name each controller once"),
         (["--scenario", "steps", "--reference", "r.csv"], 2, "exclude each other"),
