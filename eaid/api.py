@@ -251,7 +251,7 @@ def simulate(
 
 
 def report(
-    results: "Sequence[Fit | Gains | Replay | StepSet]",
+    results: "Sequence[Fit | Gains | Replay | StepSet | Coupling]",
     output_dir: str | os.PathLike[str],
     **options: Any,
 ) -> Path:

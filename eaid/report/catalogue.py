@@ -27,6 +27,7 @@ from eaid.report.ready_replays import (
     sweep_ready,
     tracking_ready,
     training_ready,
+    walls_ready,
 )
 from eaid.report.results import Results
 
@@ -79,6 +80,7 @@ FIGURES: tuple[Row, ...] = (
     Row("fig11_steps", "Fig. 11 · Steps", steps_ready, _REPLAY.format("steps")),
     Row("fig13_sweep", "Fig. 13 · Sines of rising frequency", sweep_ready, _REPLAY.format("sweep")),
     Row("guarantee_in_replay", "What the robust term has to cover", guarantee_ready, _REPLAY.format("multisine")),
+    Row("walls", "How stiff a virtual wall may be", walls_ready),
     Row("log_replay", "Recorded input through the model", log_ready, "eaid simulate fit.json --log LOG -o log.h5"),
     Row("fig16_rehab", "Fig. 16 · Elbow rehabilitation", training_ready, _REPLAY.format("rehab")),
     Row("fig17_rehab_errors", "Fig. 17 · Position error by mode", errors_ready, _REPLAY.format("rehab")),

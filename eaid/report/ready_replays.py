@@ -9,7 +9,7 @@ from eaid.arrays import Array
 from eaid.replay import references
 from eaid.replay.metrics import tone
 from eaid.replay.rehab import MODES
-from eaid.report.figures import rehab, replays
+from eaid.report.figures import coupling, rehab, replays
 from eaid.report.page import live_replays
 from eaid.report.ready_fits import Ready
 from eaid.report.results import Results
@@ -38,6 +38,18 @@ def errors_say(replay: Replay) -> str:
         said += f" {controller_name(found[0][1])}'s is {number(found[1][0] / found[0][0], 2)} times smaller than "
         said += f"{controller_name(found[1][1])}'s."
     return said
+
+
+def walls_ready(results: Results, _asked: bool | None) -> Ready | None:
+    """How stiff a virtual wall each loop may render."""
+    if not results.couplings or not results.couplings[0].result.walls:
+        return None
+    found = results.couplings[0].result
+    at = coupling.middle_torque(found)
+    own = [wall for wall in found.walls if wall.torque_nm == at and wall.loop in coupling.SHOWN]
+    held = listed([f"{controller_name(wall.loop)} {number(wall.K_passive, 3)}" for wall in own])
+    said = f"Around {number(at, 3)} {found.output_unit}. Stiffest passive wall in N·m/rad: {held}."
+    return Ready(lambda: coupling.walls(found), said)
 
 
 def steps_ready(results: Results, _asked: bool | None) -> Ready | None:

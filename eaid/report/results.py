@@ -21,6 +21,7 @@ from eaid.replay import files as replay_files
 from eaid.replay.controllers import CONTROLLERS
 from eaid.report.long_runs import as_recorded, shortened
 from eaid.results import codec
+from eaid.results.coupling import Coupling
 from eaid.results.fit import Fit
 from eaid.results.gains import Gains
 from eaid.results.replay import Replay
@@ -64,11 +65,14 @@ class Results:
     gains: tuple[Given[Gains], ...] = ()
     replays: tuple[Given[Replay], ...] = ()
     data: tuple[Given[StepSet], ...] = ()
+    couplings: tuple[Given[Coupling], ...] = ()
 
     @property
     def sources(self) -> tuple[Source, ...]:
         """Every file that was given."""
-        parts: tuple[Sequence[Given[Any]], ...] = (self.data, self.fits, self.gains, self.replays)
+        parts: tuple[Sequence[Given[Any]], ...] = (
+            self.data, self.fits, self.gains, self.replays, self.couplings,
+        )  # fmt: skip
         return tuple(part.source for group in parts for part in group)
 
     def fit(self, kind: str) -> Fit | None:
@@ -110,10 +114,12 @@ KINDS = {"clutch": "clutch", "friction-force": "friction over force", "friction-
 """Kind of experiment → how it is called."""
 
 
-def gathered(items: Iterable["Fit | Gains | Replay | StepSet | Given[Any]"]) -> Results:
+def gathered(items: Iterable["Fit | Gains | Replay | StepSet | Coupling | Given[Any]"]) -> Results:
     """Results in memory as a report takes them: each gets a name by its kind, replays the order of the paper."""
-    found: dict[str, list[Given[Any]]] = {"fit": [], "gains": [], "replay": [], "data": []}
-    kinds: tuple[tuple[type, str], ...] = ((Fit, "fit"), (Gains, "gains"), (Replay, "replay"), (StepSet, "data"))
+    found: dict[str, list[Given[Any]]] = {"fit": [], "gains": [], "replay": [], "data": [], "couple": []}
+    kinds: tuple[tuple[type, str], ...] = (
+        (Fit, "fit"), (Gains, "gains"), (Replay, "replay"), (StepSet, "data"), (Coupling, "couple"),
+    )  # fmt: skip
     for item in items:
         result = item.result if isinstance(item, Given) else item
         kind = next((name for type_, name in kinds if isinstance(result, type_)), None)
@@ -126,7 +132,7 @@ def gathered(items: Iterable["Fit | Gains | Replay | StepSet | Given[Any]"]) -> 
             found[kind].append(Given(Source(f"{kind} {count + 1}" if count else kind, "", kind), result))
     order = {name: i for i, name in enumerate(SCENARIOS)}
     found["replay"].sort(key=lambda one: order.get(one.result.head.scenario, len(order)))
-    return Results(*(tuple(found[kind]) for kind in ("fit", "gains", "replay", "data")))
+    return Results(*(tuple(found[kind]) for kind in ("fit", "gains", "replay", "data", "couple")))
 
 
 def read_results(paths: Sequence[Path], tell: Callable[[str], None] = lambda _: None) -> Results:
@@ -151,7 +157,7 @@ def read_results(paths: Sequence[Path], tell: Callable[[str], None] = lambda _: 
 
 
 def kind_of(path: Path) -> str:
-    """fit, gains, replay or data, by what the file says of itself; anything else is refused."""
+    """fit, gains, replay, data or couple, by what the file says of itself; anything else is refused."""
     if path.is_dir():
         raise UsageError(f"{path}: is a folder; give the files in it that eaid wrote")
     if not path.is_file():
@@ -166,7 +172,7 @@ def kind_of(path: Path) -> str:
         except (ValueError, RecursionError):  # no UTF-8, no JSON, or numbers and nesting beyond all reason
             content = None
         schema = str(content.get("schema", _by_its_parts(content))) if isinstance(content, dict) else ""
-    known = {"eaid/fit/1": "fit", "eaid/gains/1": "gains", "eaid/replay/1": "replay", "eaid/data/1": "data"}
+    known = {f"eaid/{kind}/1": kind for kind in ("fit", "gains", "replay", "data", "couple")}
     if schema not in known:
         raise DataError(f"{path}: is no result of eaid; give a fit.json, gains.json, replay.h5 or data.h5")
     return known[schema]
@@ -219,6 +225,7 @@ def _band_fault(tables: Mapping[str, Array], quantiles: int) -> str | None:
 _READERS: Mapping[str, Callable[[Path], tuple[Any, tuple[Finding, ...]]]] = {
     "fit": partial(codec.read, kind="fit", type_=Fit),
     "gains": partial(codec.read, kind="gains", type_=Gains),
+    "couple": partial(codec.read, kind="couple", type_=Coupling),
     "replay": _read_replay,
     "data": _read_data,
 }

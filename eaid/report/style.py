@@ -149,6 +149,7 @@ def controller_marker(name: str, position: int = 0) -> str:
 def controller_name(name: str) -> str:
     """A controller's name as a reader knows it."""
     known = {"rc": "RC", "pi": "PI", "open-loop": "open loop", "inverse": "model inverse", "best": "best possible"}
+    known["rc-no-rate"] = "RC without rate"
     return known.get(name, name)
 
 

@@ -14,6 +14,7 @@ from eaid.report.options import FIGURES, PAGE, USUAL, ReportOptions, figures_in,
 from eaid.report.page.render import page
 from eaid.report.results import Given, Results, gathered
 from eaid.report.style import Look
+from eaid.results.coupling import Coupling
 from eaid.results.fit import Fit
 from eaid.results.gains import Gains
 from eaid.results.replay import Replay
@@ -34,7 +35,7 @@ class Report:
 
 
 def write_report(
-    results: "Results | Sequence[Fit | Gains | Replay | StepSet | Given[object]]",
+    results: "Results | Sequence[Fit | Gains | Replay | StepSet | Coupling | Given[object]]",
     output_dir: str | os.PathLike[str],
     options: ReportOptions = USUAL,
     done: Callable[[], None] = lambda: None,

@@ -10,7 +10,7 @@ from eaid.report.page.shown import Shown
 from eaid.report.page.summary import guarantee_words
 from eaid.report.ready_fits import main_kind
 from eaid.report.results import KINDS, Given, Results
-from eaid.report.tables import checks, data, fits, gains, replays, steps
+from eaid.report.tables import checks, data, fits, gains, replays, steps, walls
 from eaid.report.tables.table import Table, listed
 from eaid.results.fit import Fit
 
@@ -231,9 +231,10 @@ def _tables_of(fit: Fit, asked: bool | None) -> list[Table]:
 
 
 def _controller(results: Results, known: Known, drawn: dict[str, Shown], asked: bool | None) -> Part | None:
-    figures = tuple(drawn[name] for name in ("guarantee_in_replay", "input_gain") if name in drawn)
+    figures = tuple(drawn[name] for name in ("guarantee_in_replay", "input_gain", "walls") if name in drawn)
+    stiff = [walls.walls_table(one.result) for one in results.couplings]
     if not results.gains:
-        return Part("controller", "Controller", figures=figures) if figures else None
+        return Part("controller", "Controller", figures=figures, tables=_few(stiff)) if figures or stiff else None
     first, rest = _told(known, "controller")
     folds = [*rest]
     for k, one in enumerate(results.gains):
@@ -244,8 +245,9 @@ def _controller(results: Results, known: Known, drawn: dict[str, Shown], asked: 
     judged = results.gains[0].result
     holds = judged.guarantee.holds if judged.guarantee is not None else None
     words = f"Guarantee: {guarantee_words(judged)}."
-    tables = _few([gains.checklist(judged)])
-    return Part("controller", "Controller", first, figures, tables, tuple(folds), ("good" if holds else "care", words))
+    few, whole = opened(_few([gains.checklist(judged), *stiff]))
+    verdict = "good" if holds else "care", words
+    return Part("controller", "Controller", first, figures, few, (*whole, *folds), verdict)
 
 
 def _replay(results: Results, known: Known, drawn: dict[str, Shown]) -> Part | None:
