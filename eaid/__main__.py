@@ -2,13 +2,16 @@
 
 import sys
 
+from eaid.cli.signals import breaking_off
+
 
 def main() -> None:
     """Entry point of the `eaid` script."""
     try:
-        from eaid.cli.main import run
+        with breaking_off():
+            from eaid.cli.main import run
 
-        code = run()
+            code = run()
     except KeyboardInterrupt:  # while modules were still being imported
         print("error: interrupted; nothing half-written is left", file=sys.stderr)
         code = 130

@@ -1,19 +1,16 @@
 """`eaid`: the table of commands, and what a failure looks like."""
 
-import contextlib
 import importlib
 import os
-import signal
 import sys
-import threading
-import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from difflib import get_close_matches
 from typing import Annotated, Any
 
 import typer
 
 from eaid.cli import console
+from eaid.cli.signals import breaking_off
 from eaid.cli.streams import patient_streams
 from eaid.errors import EaidError, on_command_line
 from eaid.version import __version__
@@ -68,7 +65,7 @@ def run(arguments: Sequence[str] | None = None) -> int:
     """Run one command and return its exit code; every expected failure is one plain sentence."""
     given = list(sys.argv[1:] if arguments is None else arguments)
     try:
-        with _signals() as interrupted, patient_streams():
+        with breaking_off() as interrupted, patient_streams():
             code, sentences = _outcome(given or ["--help"])
             if code and interrupted:  # a library may make another failure of a KeyboardInterrupt
                 code, sentences = 130, (INTERRUPTED,)
@@ -78,30 +75,6 @@ def run(arguments: Sequence[str] | None = None) -> int:
         code = fault.exit_code
         console.fail(str(fault))
     return code
-
-
-@contextlib.contextmanager
-def _signals() -> Iterator[list[float]]:
-    """A polite kill and a terminal that closes break a command off as Ctrl-C does; yields when signals came."""
-    came: list[float] = []
-
-    def interrupt(_number: int, _frame: object) -> None:
-        came.append(time.monotonic())
-        if len(came) == 1 or came[-1] - came[-2] > 1.0:  # a second one at once does not break off the clearing away
-            raise KeyboardInterrupt
-
-    numbers = [getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)]
-    if threading.current_thread() is not threading.main_thread():
-        numbers = []
-    before = {number: signal.getsignal(number) for number in numbers}
-    before = {number: handler for number, handler in before.items() if handler not in (None, signal.SIG_IGN)}
-    for number in before:
-        signal.signal(number, interrupt)
-    try:
-        yield came
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
 
 
 def _outcome(arguments: list[str]) -> tuple[int, tuple[str, ...]]:

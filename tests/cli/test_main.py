@@ -196,3 +196,22 @@ def test_streams_that_know_few_letters_or_are_closed(tmp_path: Path) -> None:
         words = script.format(python=sys.executable, output=tmp_path / "d.h5", redirect=redirect)
         assert subprocess.run(["sh", "-c", words], capture_output=True, check=False).returncode == 0
         assert (tmp_path / "d.h5").exists()
+
+
+def test_an_interrupt_inside_a_destructor_is_not_lost(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    class Dying:
+        def __del__(self) -> None:
+            signal.raise_signal(signal.SIGINT)
+            time.sleep(0)
+
+    def command(**_: object) -> int:
+        Dying()
+        for _ in range(100):
+            time.sleep(0.05)
+        return 0
+
+    monkeypatch.setattr(main, "app", command)
+    assert main.run([]) == 130
+    assert capsys.readouterr().err == INTERRUPTED
