@@ -72,7 +72,39 @@ def command(
                 "files": sorted(str(path.relative_to(output)) for path in output.rglob("*") if path.is_file()),
             }
         )
+    for line in five_numbers(output):
+        console.line(line)
     console.say(f"done: open {page} in a browser")
+
+
+def five_numbers(folder: Path) -> list[str]:
+    """What the demo found, in five lines: fit %, T_s with its interval, errors, the worst margins, the guarantee."""
+    from eaid.results import codec
+    from eaid.results.fit import Fit
+    from eaid.results.gains import Gains
+
+    if not (folder / "gains.json").is_file():
+        return []
+    fit = codec.read(folder / "fit.json", "fit", Fit)[0]
+    gains = codec.read(folder / "gains.json", "gains", Gains)[0]
+    if fit.nonlinear is None or gains.replayed is None or gains.margins is None or gains.guarantee is None:
+        return []
+    top, worst, errors = fit.nonlinear.curves[-1], gains.margins.worst, gains.replayed
+    ends = top.ci95.Ts if top.ci95 is not None else None
+    interval = f" ({ends[0]:.3g} … {ends[1]:.3g})" if ends is not None else ""
+    rc, pi = (worst.rc, worst.pi) if worst is not None else (None, None)
+    rows = (
+        ("fit of the nonlinear model", f"{fit.nonlinear.fit_pct or 0.0:.1f} %"),
+        (f"T_s at {top.level:g} {fit.data.input_unit}", f"{top.Ts:.3g}{interval} {fit.data.output_unit}"),
+        ("largest error, RC | PI", _two(*(getattr(one, "max_abs_error_nm", None) for one in (errors.rc, errors.pi)))),
+        ("worst phase margin, RC | PI", _two(*(getattr(one, "phase_deg", None) for one in (rc, pi)))),
+        ("guarantee", "holds" if gains.guarantee.holds else f"NO: {', '.join(gains.guarantee.missing)}"),
+    )
+    return [f"{name:<28}  {value}" for name, value in rows]
+
+
+def _two(*values: float | None) -> str:
+    return " | ".join("–" if value is None else f"{value:.3g}" for value in values)
 
 
 def _filled(lines: tuple[tuple[str, ...], ...], data: dict[str, str]) -> list[tuple[str, ...]]:

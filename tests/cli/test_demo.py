@@ -75,3 +75,15 @@ def test_a_failing_command_ends_the_demo_with_its_line(tmp_path: Path, capsys: p
         demo._run(("fit", "gone.h5"), tmp_path)
     assert stopped.value.exit_code == 3
     assert "gone.h5" in capsys.readouterr().err
+
+
+def test_it_ends_with_five_numbers_of_its_own_files(made: Path):
+    lines = demo.five_numbers(made)
+    fit = json.loads((made / "fit.json").read_text(encoding="utf-8"))
+    gains = json.loads((made / "gains.json").read_text(encoding="utf-8"))
+    assert len(lines) == 5
+    assert f"{fit['nonlinear']['fit_pct']:.1f} %" in lines[0]
+    assert (
+        f"{gains['replayed']['rc']['max_abs_error_nm']:.3g} | {gains['replayed']['pi']['max_abs_error_nm']:.3g}"
+        in lines[2]
+    )
