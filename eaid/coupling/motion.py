@@ -17,7 +17,7 @@ from eaid.replay.plant import plant_parameters, plant_step
 
 BESIDE_RAD = 1e-4
 """Where the limb is let go."""
-PERIODS = 24
+PERIODS = 20
 """Oscillations that are replayed."""
 
 
