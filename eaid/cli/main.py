@@ -12,7 +12,7 @@ import typer
 from eaid.cli import console
 from eaid.cli.signals import breaking_off
 from eaid.cli.streams import patient_streams
-from eaid.errors import EaidError, on_command_line
+from eaid.errors import EaidError, UsageError, on_command_line
 from eaid.version import __version__
 
 COMMANDS = {
@@ -80,6 +80,8 @@ def run(arguments: Sequence[str] | None = None) -> int:
 def _outcome(arguments: list[str]) -> tuple[int, tuple[str, ...]]:
     """Exit code of one command, and the sentences that say why it failed."""
     try:
+        if "" in arguments:  # pathlib takes it for the current folder
+            raise UsageError("an empty word stands among the arguments; give a file or a folder in its place")
         code = app(args=arguments, prog_name="eaid", standalone_mode=False)
         if code == 130:  # typer turns Ctrl-C into this code, without a word
             raise KeyboardInterrupt

@@ -215,3 +215,9 @@ def test_an_interrupt_inside_a_destructor_is_not_lost(
     monkeypatch.setattr(main, "app", command)
     assert main.run([]) == 130
     assert capsys.readouterr().err == INTERRUPTED
+
+
+@pytest.mark.parametrize("words", [["fit", ""], ["ingest", ""], ["report", "fit.json", "-o", ""]])
+def test_an_empty_word_is_not_the_current_folder(words: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    assert main.run(words) == 2
+    assert "an empty word stands among the arguments" in capsys.readouterr().err
