@@ -73,6 +73,11 @@ def export(
     source = source_of(gains, plant_or_fit)
     target = TARGETS[options.target]
     laws = laws_of(source, options, target.laws)
+    if {"inverse", "plant"} & set(laws) and source.plant is not None and source.plant.falls_as_release:
+        raise UsageError(
+            "the fit's falls between levels are as quick as its release, which an exported plant does not know; "
+            "export the controllers alone, «law» pi,rc"
+        )
     timing = timing_of(source, options)
     constants = constants_of(source, laws, timing)
     found = judged(source, laws, 1.0 / timing.dt_s, options)

@@ -3,6 +3,7 @@
 from dataclasses import dataclass, replace
 
 from eaid.control.pi import PIGains
+from eaid.control.plant import falls_as_release
 from eaid.control.rc import RCGains
 from eaid.errors import UsageError
 from eaid.findings import Finding
@@ -108,6 +109,7 @@ def _with_fit(source: Source, fit: Fit) -> Source:
             release = (fit.release.tau1, fit.release.tau2)
         share = SHARE if n.C is None else n.C
         plant = Nonlinear(tuple(n.tau1), tuple(n.tau2), tuple(n.Ts), (n.u_range[0], n.u_range[1]), share, release)
+        plant = replace(plant, falls_as_release=falls_as_release(fit, plant))
     units, limits, rate = source.units, source.limits, source.rate_hz
     if fit.data is not None:
         own = (fit.data.input_unit, fit.data.output_unit)

@@ -3,6 +3,7 @@
 import json
 import math
 from dataclasses import replace
+from pathlib import Path
 
 import msgspec
 import numpy as np
@@ -243,3 +244,10 @@ def test_every_sentence_is_said():
 def test_numbers_that_no_rig_can_hold_are_refused(tmp_path, gains, precision):
     with pytest.raises(UsageError, match="precision cannot hold safely"):
         export(gains, None, ExportOptions(folder=tmp_path / "rig", precision=precision, anyway=True))
+
+
+def test_a_plant_whose_falls_are_all_as_quick_as_its_release_is_not_exported_as_another(tmp_path: Path) -> None:
+    quick = replace(REFERENCE_PLANT, release=(0.1, 1.0), falls_as_release=True)
+    with pytest.raises(UsageError, match="as quick as its release"):
+        export(None, quick, ExportOptions(folder=tmp_path / "rig", laws=("plant",)))
+    assert not (tmp_path / "rig").exists()
