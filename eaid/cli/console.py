@@ -60,14 +60,19 @@ def fail(message: str) -> None:
 
 
 def tell(findings: "Iterable[Finding]", verbose: bool = False) -> None:
-    """The findings as sentences, the gravest first and those of one code as one; three of them unless `verbose`."""
+    """The findings as sentences, the gravest first and those of one code as one.
+
+    Three of them unless `verbose`, and all that say how data were changed: nothing is mended in silence.
+    """
     if _quiet:
         return
     from eaid.findings import merged, ranked
     from eaid.findings import say as sentence
+    from eaid.findings.sentences import SENTENCES
 
     found = ranked(merged(tuple(findings)))
-    shown = found if verbose else found[:MOST_FINDINGS]
+    always = {code for code, row in SENTENCES.items() if row.always}
+    shown = [one for k, one in enumerate(found) if verbose or k < MOST_FINDINGS or one.code in always]
     for one in shown:
         _mark(PREFIX[one.severity], on_command_line(sentence(one)))
     if len(found) > len(shown):

@@ -21,7 +21,7 @@ from eaid.results.coupling import Coupling
 from eaid.results.fit import Fit
 from eaid.results.gains import Gains
 from eaid.results.replay import Replay
-from eaid.uncertainty.draw import draw_plants
+from eaid.uncertainty.draw import draw
 
 __all__ = ["CoupleOptions", "couple_fit", "with_wall_findings"]
 
@@ -33,10 +33,13 @@ def couple_fit(fit: Fit, gains: Gains | None, options: CoupleOptions, progress: 
         raise DataError("the fit holds no nonlinear model, which walls are worked out on; fit clutch logs with it")
     rc = rc_gains(gains) if gains is not None else None
     pi = pi_gains(gains) if gains is not None else None
-    drawn = draw_plants(fit, options.plants, options.seed) if options.plants else []
+    drawn = draw(fit, options.plants, options.seed) if options.plants else None
+    plants = drawn.plants if drawn is not None else ()
     torques = options.torques or default_torques(plant)
     with progress("walls", len(torques) * len(options.loops)) as tick:
-        return couple(plant, rc, pi, options, drawn, idle_drag_nm(fit), fit.data.output_unit, tick)
+        found = couple(plant, rc, pi, options, plants, idle_drag_nm(fit), fit.data.output_unit, tick)
+    told = drawn.findings if drawn is not None else ()
+    return msgspec.structs.replace(found, findings=ranked((*found.findings, *told)))
 
 
 def with_wall_findings(replay: Replay, fit: Fit, gains: Gains | None) -> Replay:

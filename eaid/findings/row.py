@@ -20,3 +20,5 @@ class Row:
     """
     size: str = ""
     """The value by which the worst of several findings of this code is known; empty: the first of them."""
+    always: bool = False
+    """Told even where only the gravest few are: data were changed."""

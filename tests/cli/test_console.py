@@ -64,6 +64,15 @@ def test_the_three_gravest_findings_come_first_and_the_rest_is_counted(capsys: p
     ]
 
 
+def test_rows_that_were_dropped_are_told_however_much_else_there_is(capsys: pytest.CaptureFixture[str]):
+    console.be_quiet(False)
+    grave = [finding(code, "x", part="p", key="k") for code in ("part-left-out",)]
+    others = [finding("input-by-its-steps", "x", column="a", still="b"), finding("columns-by-place", "x", order="t, u")]
+    repaired = finding("rows-dropped", "a.csv", dropped=14, count=100)
+    console.tell([*grave, *others, repaired])
+    assert "warning: --repair dropped 14 of 100 rows" in capsys.readouterr().err.splitlines()
+
+
 def test_colour_is_for_terminals_and_no_color_is_kept(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ):

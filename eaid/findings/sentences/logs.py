@@ -12,7 +12,7 @@ def _held(values: Mapping[str, Any]) -> str:
 
 
 ROWS: dict[str, Row] = {
-    "rows-dropped": Row("caution", "«repair» dropped {dropped} of {count} rows", size="dropped"),
+    "rows-dropped": Row("caution", "«repair» dropped {dropped} of {count} rows", size="dropped", always=True),
     "columns-by-place": Row("caution", "its columns have no names: taken as {order}"),
     "columns-without-numbers": Row("note", "{columns} hold no real numbers and are left out"),
     "input-by-its-steps": Row(
