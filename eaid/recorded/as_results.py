@@ -16,7 +16,7 @@ from eaid.recorded.curve_intervals import CurveSpread
 from eaid.recorded.intervals import Spread
 from eaid.recorded.log import RecordedLog
 from eaid.recorded.noise_results import degrees_of
-from eaid.recorded.solve import Solved, idle_of, model_of
+from eaid.recorded.solve import Solved, model_of
 from eaid.results.common import AbsError, Input, Interval, LevelError, Source
 from eaid.results.fit import (
     CoefficientIntervals,
@@ -29,7 +29,6 @@ from eaid.results.fit import (
     Linear,
     Nonlinear,
 )
-from eaid.results.recorded import LogFit
 from eaid.steps.stepset import Level, StepSet
 
 OWN_RECORDS = 3.0
@@ -257,34 +256,3 @@ def friction_part(solved: Solved) -> Friction:
         ),
         solver=solved.solver,
     )  # fmt: skip
-
-
-def log_parts(solved: Solved, logs: Sequence[RecordedLog]) -> tuple[LogFit, ...]:
-    """Every log against the model: free run and one step."""
-    found = []
-    for k, log in enumerate(logs):
-        drive = solved.setup.drives[k]
-        counted = drive.w > 0
-        r = solved.setup.jacobian(solved.x, k)[1] / np.sqrt(drive.w[counted])
-        y = drive.y[counted]
-        about = float(np.linalg.norm(y - y.mean()))
-        own = solved.setup.own[k]
-        span = float(log.time_s[-1] - log.time_s[0])
-        found.append(
-            LogFit(
-                name=log.name,
-                path=log.source,
-                sha256=log.sha256,
-                samples=len(r),
-                duration_s=span,
-                rate_hz=(len(log.time_s) - 1) / span,
-                input_kind="stepwise" if log.stepwise else "moving",
-                idle=idle_of(solved, k) + (log.baseline or 0.0),
-                idle_fitted=bool(own[0] >= 0),
-                start=tuple(float(solved.x[at]) if at >= 0 else 0.0 for at in own[1:]),  # type: ignore[arg-type]
-                rmse=float(np.sqrt(np.mean(r * r))),
-                fit_pct=100 * (1 - float(np.linalg.norm(r)) / about) if about > 0 else None,
-                one_step_pct=100 * (1 - float(np.linalg.norm(np.diff(r))) / about) if about > 0 else None,
-            )
-        )
-    return tuple(found)

@@ -16,7 +16,7 @@ from eaid.findings import Finding, finding, ranked
 from eaid.logs.run import Run
 from eaid.models.parameters import Linear as Eq8
 from eaid.recorded import checks, model
-from eaid.recorded.as_results import data_part, friction_part, linear_part, log_parts, nonlinear_part
+from eaid.recorded.as_results import data_part, friction_part, linear_part, nonlinear_part
 from eaid.recorded.closed_loop import judged_loops
 from eaid.recorded.curve_intervals import CurveSpread, curves, inputs_shown
 from eaid.recorded.drive import SKETCH, coarse, drive_of
@@ -25,6 +25,7 @@ from eaid.recorded.frequency import LEAST_ROWS, frequency_response
 from eaid.recorded.instrument import with_instrument
 from eaid.recorded.intervals import ENGAGEMENTS, spread
 from eaid.recorded.log import RecordedLog, levels_of, logs_of_steps, recorded_log
+from eaid.recorded.log_results import log_parts
 from eaid.recorded.noise_results import engagement_scatter, noise_part, uncertainty_part
 from eaid.recorded.options import RecordedOptions, check
 from eaid.recorded.problem import Setup
@@ -130,7 +131,7 @@ def fit_recorded(
         release=_release(base, falls),
         uncertainty=None if sure is None else uncertainty_part(base, sure),
         recorded=Recorded(
-            logs=log_parts(base, every)[: len(logs)],
+            logs=log_parts(base, logs),
             steps=len(every) - len(logs),
             u_range=(inputs.low, inputs.high),
             asked=_asked(known, every),

@@ -6,6 +6,24 @@ from eaid.findings import Finding
 from eaid.results.common import Count, Input, Interval, Number, Result
 
 
+class LogCurve(Result, frozen=True):
+    """A log beside the model, to be drawn: tuples of one length, in the units of input and output.
+
+    Of a long log these are the rows with the least and the greatest input, output and residual of each of equal
+    stretches, so that a line through them touches every extreme of all three.
+    """
+
+    time_s: tuple[Number, ...] = ()
+    """The log's own clock [s]."""
+    input: tuple[Number, ...] = ()
+    """Counted from rest."""
+    measured: tuple[Number, ...] = ()
+    model: tuple[Number, ...] = ()
+    """The free run, idle output included."""
+    residual: tuple[Number, ...] = ()
+    """Measured less model."""
+
+
 class LogFit(Result, frozen=True):
     """One log against the nonlinear model (the linear one, where that alone was fitted), in the output's unit."""
 
@@ -26,6 +44,7 @@ class LogFit(Result, frozen=True):
     """Free run: 100 (1 − ‖y − ŷ‖/‖y − mean y‖), the model driven by the input alone."""
     one_step_pct: Number | None = None
     """The same for the prediction y_k + (ŷ_k+1 − ŷ_k) of row k + 1."""
+    curve: LogCurve = LogCurve()
 
 
 class Asked(Result, frozen=True):

@@ -159,3 +159,22 @@ def test_the_public_functions_take_such_logs_too() -> None:
     found = eaid.fit(steps, models=("nonlinear",), duty=(10.0, 100.0))
     assert found.converged and found.recorded is not None
     assert len(eaid.read(frame, logs_as="recorded").recorded) == 1
+
+
+def test_a_log_can_be_drawn_from_the_fit_alone() -> None:
+    e = Excitation("random", 60.0, rate_hz=100.0, hold_s=(0.5, 6.0))
+    run = synthesise_excitation(clutch(), e, NOISE, 1)[0]
+    spiked = run.output.copy()
+    spiked[4321] += 3.0  # one row of 6000
+    found = fit_recorded([replace(run, output=spiked)], replace(PLAIN, u_range=(10.0, 100.0)))
+    assert found.recorded is not None
+    curve = found.recorded.logs[0].curve
+    assert len(curve.time_s) == len(curve.input) == len(curve.measured) == len(curve.model) == len(curve.residual)
+    assert 300 < len(curve.time_s) < 1000
+    at = np.searchsorted(run.time_s, curve.time_s)
+    np.testing.assert_allclose(curve.measured, spiked[at], rtol=1e-5)
+    np.testing.assert_allclose(curve.input, run.input[at], rtol=1e-5)
+    np.testing.assert_allclose(np.subtract(curve.measured, curve.model), curve.residual, atol=2e-5)
+    assert 4321 in at and max(curve.measured) == pytest.approx(spiked.max(), rel=1e-5)
+    changes = np.flatnonzero(np.diff(run.input))
+    assert {run.input[k] for k in changes} == set(curve.input)
