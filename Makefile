@@ -7,7 +7,7 @@ BIN := .venv/bin
 endif
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
-.PHONY: demo test check bench docs screenshot datasets wheel clean
+.PHONY: demo test check bench mutants docs screenshot datasets wheel clean
 
 demo: .venv/.run  ## the main job: three shipped datasets to one report
 	$(BIN)/eaid demo -o demo --force
@@ -23,6 +23,11 @@ check: .venv/.dev
 
 bench: .venv/.bench  ## speed and quality against other tools, in one run
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m benchmarks
+
+ROOMS ?= logs steps control replay fitting uncertainty
+N ?= 60
+mutants: .venv/.dev  ## small wrong changes, one at a time: how many do the tests see?
+	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m benchmarks.mutants $(ROOMS) -n $(N)
 
 docs: .venv/.docs  ## the site: site/index.html; a warning or a dead link is an error
 	$(BIN)/python -m mkdocs build --strict
