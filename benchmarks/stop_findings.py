@@ -11,6 +11,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
+from scipy.signal import lfilter
 
 from eaid.arrays import Array, read_only
 from eaid.errors import DataError
@@ -27,6 +28,13 @@ def rise(t: Array, tau1: float, tau2: float, share: float) -> Array:
     return np.asarray(1 - share * np.exp(-t / tau1) - (1 - share) * np.exp(-t / tau2))
 
 
+def wander(random: np.random.Generator, count: int, samples: float) -> Array:
+    """Noise of unit variance whose autocorrelation falls to 1/e within so many samples."""
+    rho = float(np.exp(-1 / samples))
+    white = np.sqrt(1 - rho**2) * random.normal(size=count)
+    return np.asarray(lfilter([1.0], [1.0, -rho], white))
+
+
 def good(random: np.random.Generator) -> Run:
     """A log that can be used: one step, of any shape, rate, noise, offset, drift that a sound rig has."""
     rate = float(random.choice([50.0, 100.0, 200.0, 1000.0]))
@@ -40,6 +48,8 @@ def good(random: np.random.Generator) -> Run:
     if random.uniform() < 0.3:
         y = y + random.uniform(-0.03, 0.03) * t / t[-1]
     y = y + float(random.choice([0.0, 0.002, 0.01, 0.03])) * random.normal(size=len(t))
+    if random.uniform() < 0.3:
+        y = y + 0.01 * random.uniform() * wander(random, len(t), random.uniform(2, 100))
     if random.uniform() < 0.3:
         y = np.round(y * 500) / 500
     level = float(random.uniform(10.0, 100.0))
@@ -68,14 +78,19 @@ def _span(run: Run) -> float:
 
 
 def not_at_rest(random: np.random.Generator, run: Run) -> list[Run]:
-    """The input logged late: by 15 to 40 % of the rise."""
+    """The input logged late, by two samples or more, and by 3 to 40 % of the rise: what its idle noise lets be seen.
+
+    Seen is a mean of the late samples that lies eight standard deviations of as many idle samples off.
+    """
     start, y = _step(run), run.output
-    base = float(np.median(y[:start]))
-    end = float(np.median(y[start + (len(y) - start) // 3 : start + 2 * (len(y) - start) // 3]))
-    away = np.abs(y[start:] - base) / abs(end - base)
-    below = np.flatnonzero(away[: int(np.argmax(away > 0.6))] <= random.uniform(0.15, 0.4))
-    late = int(below[-1]) + 1 if len(below) else 2
-    late = min(max(late, 2), start // 3)
+    idle = y[:start]
+    swing = abs(float(np.median(y[start + (len(y) - start) // 3 : start + 2 * (len(y) - start) // 3])) - float(idle.mean()))
+    least = random.uniform(0.03, 0.4) * swing
+    for late in range(2, start // 3):
+        off = abs(y[start : start + late] - idle.mean())
+        groups = idle[start % late :].reshape(-1, late).mean(axis=1)
+        if off[-1] > least and off.mean() > max(8 * float(groups.std()), 0.03 * swing):
+            break
     u = np.where(np.arange(len(y)) < start + late, 0.0, run.input[start])
     return [replace(run, input=read_only(np.where(run.input == 0, 0.0, u)))]
 

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
+from scipy.special import stdtrit
 
 from eaid.arrays import Array, median
 from eaid.errors import UsageError
@@ -20,6 +21,16 @@ STEADY = 0.01
 """Share of a step's change by which the last quarter of a rest may differ from the whole of it."""
 SURE = 4.0
 """Standard errors beyond which a rest is said to move."""
+FLOOR = 0.02
+"""Share of a step's change by which a start may be off its rest: it shifts τ1 by as much, which is within the interval
+of τ1 that a good record gives (2 to 5 %), and it is a step of a coarse sensor."""
+CHANCE = 1e-5
+"""Probability at which a rest that lasts until its step is said to be left before it."""
+GROUPS = 6
+"""Groups of samples, at least, that tell how far means of so many samples lie apart."""
+BURST = 1.2
+"""Times the farthest of those groups that the last one has to be off."""
+SIZES = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128, 192, 256, 512, 1024)
 
 
 @dataclass(frozen=True)
@@ -91,16 +102,15 @@ def last_rest(hold: Array, change: float) -> Rest:
     while size >= max(FEWEST, count // 8):
         part = hold[-size:]
         if moves(part, change) == 0.0:
-            return _left_early(part, change, left_out)
+            return _from(part, part, change, left_out)
         size //= 2
     if count < FEWEST:
-        return Rest(float(hold.mean()), _end(hold), left_out=left_out)
+        return _from(hold, hold, change, left_out)
     lead = 2
     while count - lead >= max(2 * FEWEST, count // 2):
         part = hold[: count - lead]
         if moves(part, change) == 0.0:
-            lead = max(2, _lead(hold, part, change))
-            return _departed(hold, lead, left_out)
+            return _from(hold, part, change, left_out)
         lead *= 2
     tail = hold[-max(FEWEST, count // 8) :]
     at = np.arange(len(tail)) - (len(tail) - 1) / 2
@@ -108,42 +118,41 @@ def last_rest(hold: Array, change: float) -> Rest:
     return Rest(start, start, False, 0, left_out)
 
 
-def _left_early(part: Array, change: float, left_out: int) -> Rest:
-    """A rest that lasts until the step, or until the few samples before it with which the output leaves it."""
-    lead = _lead(part, part, change)
-    if lead < 2 or len(part) - lead < FEWEST:
-        return Rest(float(part.mean()), _end(part), left_out=left_out)
-    return _departed(part, lead, left_out)
-
-
-def _lead(hold: Array, rest: Array, change: float) -> int:
-    """Samples of a hold since its output was last at its rest, within its noise or 2 % of the change."""
-    middle = median(rest)
-    noise = 1.4826 * median(np.abs(rest - middle))
-    inside = np.flatnonzero(np.abs(hold - middle) <= max(SURE * noise, 0.02 * abs(change)))
-    lead = len(hold) - 1 - int(inside[-1]) if len(inside) else 0
-    # in much noise the last few samples tell it together, where no such group of the rest before lies as far off
-    few = [k for k in (2, 3, 4, 6, 8) if _stands_out(hold, rest, k, middle, noise, change)]
-    return max(lead, *few) if few else lead
-
-
-def _stands_out(hold: Array, rest: Array, k: int, middle: float, noise: float, change: float) -> bool:
-    off = abs(float(hold[-k:].mean()) - middle)
-    if off <= max(5 * noise / math.sqrt(k), 0.05 * abs(change)):
-        return False
-    before = rest[: len(rest) - 2 * k]
-    groups = before[len(before) % k :].reshape(-1, k).mean(axis=1)
-    return not len(groups) or off > 1.2 * float(np.abs(groups - middle).max())
-
-
-def _departed(hold: Array, lead: int, left_out: int) -> Rest:
-    """A rest that the output leaves some samples before the step."""
-    start = float(hold[-max(1, lead // 6) :].mean())
+def _from(hold: Array, rest: Array, change: float, left_out: int) -> Rest:
+    """A rest that lasts until the step, or until the samples before it with which the output leaves it."""
+    lead = left_early(hold, rest, change)
+    if not lead:
+        value = float(rest.mean())
+        return Rest(value, value, left_out=left_out)
+    start = float(hold[-max(1, lead // 4) :].mean())
     return Rest(float(hold[: len(hold) - lead].mean()), start, False, lead, left_out)
 
 
-def _end(part: Array) -> float:
-    return float(part[-max(1, len(part) // 20) :].mean())
+def left_early(hold: Array, rest: Array, change: float) -> int:
+    """Samples at the end of a hold that lie off its rest, by more than as many samples anywhere in it do; 0: none.
+
+    The mean of the last k samples is held against the means of groups of k before them: their spread honours whatever
+    autocorrelation the noise has. A t test for each k, at `CHANCE` in all.
+    """
+    sizes = [k for k in SIZES if len(rest) >= GROUPS * k + 2 * k]
+    found, most = 0, 1.0
+    for k in sizes:
+        before = rest[: len(hold) - 2 * k]
+        groups = before[len(before) % k :].reshape(-1, k).mean(axis=1)
+        off = abs(float(hold[-k:].mean() - groups.mean()))
+        error = float(groups.std(ddof=1)) * math.sqrt(1 + 1 / len(groups))
+        limit = error * float(stdtrit(len(groups) - 1, 1 - CHANCE / 2 / len(sizes)))
+        # bursts as far off as this are no chance of a normal distribution
+        limit = max(limit, BURST * float(np.abs(groups - groups.mean()).max()), FLOOR * abs(change))
+        if off > most * limit:
+            found, most = k, off / limit if limit > 0 else math.inf
+    if not found:
+        return 0
+    # from where the output is last within its noise, where that is longer ago
+    middle = median(rest)
+    noise = 1.4826 * median(np.abs(rest - middle))
+    inside = np.flatnonzero(np.abs(hold - middle) <= max(SURE * noise, FLOOR * abs(change)))
+    return max(found, len(hold) - 1 - int(inside[-1]) if len(inside) else 0)
 
 
 def without_spikes(hold: Array, change: float) -> tuple[Array, int]:

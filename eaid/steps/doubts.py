@@ -9,19 +9,18 @@ import numpy as np
 
 from eaid.arrays import Array
 from eaid.findings import Finding, finding
-from eaid.steps.baseline import without_spikes
+from eaid.steps.baseline import FLOOR, last_rest, without_spikes
 from eaid.steps.instead import several_edges
 from eaid.steps.noise import BLOCKS, LONG, block_error, block_means, sample_noise, spikes
+from eaid.steps.plateaus import FEWEST
 from eaid.steps.slow import slow_constant
 from eaid.steps.step import Step, left_pct, lost_pct
 
 FEW = 2 * BLOCKS
 SLOW_CLOCK_S = 1.0
 """Sample time from which its unit is asked about."""
-NOT_IDLE = 0.05
-"""Share of the swing by which the output may be off its idle value when the step begins."""
-NOT_AT_REST = 0.08
-"""Share of the swing from which such a start must not be used."""
+MOVED = 0.05
+"""Share of the swing by which the output may have moved behind a gap that the step falls into."""
 SURE = 5.0
 """Standard errors beyond which a difference is told."""
 
@@ -47,7 +46,7 @@ def _gap_at_step(step: Step) -> Finding | None:
         return None
     gap = float(step.run.time_s[step.start] - step.run.time_s[step.start - 1])
     first = abs(float(step.rise[0]) - (step.before if step.run.edge == "falling" and step.before else 0.0))
-    if gap <= 5 * step.clock.usual_s or first <= max(NOT_IDLE * step.swing, SURE * sample_noise(step.rise)):
+    if gap <= 5 * step.clock.usual_s or first <= max(MOVED * step.swing, SURE * sample_noise(step.rise)):
         return None
     at = float(step.run.time_s[step.start - 1])
     return finding("step-in-gap", step.run.name, gap_s=gap, at_s=at, moved_pct=100 * first / step.swing)
@@ -69,17 +68,22 @@ def _drift(step: Step) -> Finding | None:
 
 
 def _not_idle(step: Step) -> Finding | None:
+    """A start that left its rest before the step: off by more than the noise allows (`baseline.left_early`).
+
+    An instant is known to one sample: what the output moves in one is told, and no stop.
+    """
     before = step.before
     if step.run.edge == "falling" or before is None or step.run.from_level != 0 or not step.swing > 0:
         return None
-    # spikes and steps apart, the noise of the idle time is that of the rise
-    if abs(before) > NOT_IDLE * step.swing and abs(before) > SURE * block_error(step.rise):
-        code = "not-at-rest" if abs(before) > NOT_AT_REST * step.swing else "nearly-at-rest"
-        return finding(
-            code, step.run.name, (step.run.level or 0.0,), off=before, unit=step.unit,
-            share_pct=100 * abs(before) / step.swing,
-        )  # fmt: skip
-    return None
+    off = abs(before)
+    known = len(step.idle) >= FEWEST and last_rest(step.idle, step.swing).rests
+    if off <= FLOOR * step.swing or known:
+        return None
+    within_one = off <= 0.75 * abs(float(step.rise[:3].mean()) - before)  # a sample and a half: one, and not two
+    return finding(
+        "nearly-at-rest" if within_one else "not-at-rest", step.run.name, (step.run.level or 0.0,), off=before,
+        unit=step.unit, share_pct=100 * off / step.swing,
+    )  # fmt: skip
 
 
 def _falls_while_held(step: Step) -> Finding | None:

@@ -30,7 +30,7 @@ def codes(run: Run, rule: BaselineRule | None = None) -> list[str]:
     return [one.code for one in stepset.runs[0].findings]
 
 
-@pytest.mark.parametrize(("share", "said"), [(0.045, None), (0.055, "nearly-at-rest"), (0.09, "not-at-rest")])
+@pytest.mark.parametrize(("share", "said"), [(0.019, None), (0.021, "not-at-rest")])
 def test_how_far_from_rest(share: float, said: str | None) -> None:
     """The last 0.1 s before the step are off by a share of the swing."""
     run = log(PLAN)
