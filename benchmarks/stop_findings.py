@@ -84,7 +84,8 @@ def not_at_rest(random: np.random.Generator, run: Run) -> list[Run]:
     """
     start, y = _step(run), run.output
     idle = y[:start]
-    swing = abs(float(np.median(y[start + (len(y) - start) // 3 : start + 2 * (len(y) - start) // 3])) - float(idle.mean()))
+    held = y[start + (len(y) - start) // 3 : start + 2 * (len(y) - start) // 3]
+    swing = abs(float(np.median(held)) - float(idle.mean()))
     least = random.uniform(0.03, 0.4) * swing
     for late in range(2, start // 3):
         off = abs(y[start : start + late] - idle.mean())
