@@ -4,7 +4,7 @@ from collections.abc import Iterable, Sequence
 
 import msgspec
 
-from eaid.findings.row import Severity
+from eaid.findings.row import Row, Severity
 from eaid.findings.sentences import SENTENCES
 
 Value = float | int | str | bool | None | tuple[float | str, ...]
@@ -31,21 +31,29 @@ def finding(code: str, subject: str, levels: Iterable[float] = (), **values: Val
 
 
 def ranked(findings: Iterable[Finding]) -> tuple[Finding, ...]:
-    """The gravest first; those of one severity keep their order."""
-    return tuple(sorted(findings, key=lambda one: GRAVITY[one.severity]))
+    """The gravest first, and of one severity by the table's `rank`; those alike keep their order."""
+    return tuple(sorted(findings, key=lambda one: (GRAVITY[one.severity], _row(one.code).rank)))
 
 
 def merged(findings: Sequence[Finding]) -> tuple[Finding, ...]:
-    """One finding for all of one code: the worst by the table's `size`, with the number of the `others`."""
+    """One finding for all of one code: the worst by the table's `size`, with the number of the `others`.
+
+    Codes that another one `covers` are left out.
+    """
     groups: dict[str, list[Finding]] = {}
     for one in findings:
         groups.setdefault(one.code, []).append(one)
-    return tuple(_worst(code, group) for code, group in groups.items())
+    covered = {less for code in groups for less in _row(code).covers}
+    return tuple(_worst(code, group) for code, group in groups.items() if code not in covered)
+
+
+def _row(code: str) -> Row:
+    """The table's row of a code; one that says nothing where a later version made the finding."""
+    return SENTENCES.get(code, Row("note", code))
 
 
 def _worst(code: str, group: list[Finding]) -> Finding:
-    row = SENTENCES.get(code)
-    size = row.size if row is not None else ""
+    size = _row(code).size
     worst = max(group, key=lambda one: _number(one.values.get(size))) if size else group[0]
     if len(group) == 1:
         return worst

@@ -22,3 +22,8 @@ class Row:
     """The value by which the worst of several findings of this code is known; empty: the first of them."""
     always: bool = False
     """Told even where only the gravest few are: data were changed."""
+    rank: int = 2
+    """Its place among those of one severity: 0 the data ask for another model, 1 a model is not identifiable or a unit
+    is unknown, 3 what follows from others."""
+    covers: tuple[str, ...] = ()
+    """Codes that say less of the same thing: they are not told beside this one."""

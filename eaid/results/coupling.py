@@ -4,9 +4,10 @@ import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from eaid.findings import Finding
+from eaid.findings import Finding, sentences
 from eaid.results import codec
 from eaid.results.common import Count, Input, Number, Positive, Result
+from eaid.shown import Shown
 
 if TYPE_CHECKING:
     import pandas
@@ -103,7 +104,7 @@ class CoupleInputs(Result, frozen=True):
     gains: Input | None = None
 
 
-class Coupling(Result, frozen=True):
+class Coupling(Shown, Result, frozen=True):
     """Walls of every loop at every torque, one clutch and an antagonistic pair."""
 
     inputs: CoupleInputs = CoupleInputs()
@@ -120,6 +121,17 @@ class Coupling(Result, frozen=True):
     kept: tuple[Kept, ...] = ()
     impedance: Impedance = Impedance()
     findings: tuple[Finding, ...] = ()
+
+    def summary(self) -> str:
+        """The stiffest passive and stable wall of each loop at each torque, and the gravest findings."""
+        rows = [
+            f"{wall.loop} at {wall.torque_nm:g} {self.output_unit}: passive {wall.K_passive:.4g}, stable "
+            f"{wall.K_stable:.4g} N·m/rad"
+            if wall.K_passive is not None and wall.K_stable is not None
+            else f"{wall.loop} at {wall.torque_nm:g} {self.output_unit}: no limit below 1e6 N·m/rad"
+            for wall in self.walls
+        ]
+        return "\n".join([*rows, *sentences(self.findings[:3])])
 
     def to_frame(self) -> "pandas.DataFrame":
         """One row a wall: loop, torque, K passive, stable and replayed, and the frequencies that limit them."""

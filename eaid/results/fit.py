@@ -7,7 +7,6 @@ Keys are the paper's symbols, polynomials lowest power first, units those of the
 import os
 from collections.abc import Sequence
 from dataclasses import replace
-from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 
@@ -36,6 +35,7 @@ from eaid.results.common import (
 )
 from eaid.results.recorded import Recorded
 from eaid.results.steps import StepShape
+from eaid.shown import Shown
 
 if TYPE_CHECKING:
     import pandas
@@ -546,7 +546,7 @@ NOT_IDENTIFIABLE = (
 """Codes of the findings that make a model not identifiable."""
 
 
-class Fit(Result, frozen=True):
+class Fit(Shown, Result, frozen=True):
     """All that one call fitted; what its kind does not allow is None.
 
     Examples
@@ -610,10 +610,6 @@ class Fit(Result, frozen=True):
         from eaid.results.summary import fit_summary
 
         return in_python("\n".join(fit_summary(self)))
-
-    def _repr_html_(self) -> str:
-        table = self.to_frame().to_html(max_rows=30, float_format="{:.4g}".format)
-        return f"<pre>{escape(self.summary())}</pre>{table}"
 
     def plot(self, ax: Any = None) -> Any:
         """The step responses of the fitted models, on matplotlib Axes."""

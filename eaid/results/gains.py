@@ -5,14 +5,17 @@ the paper's rig.
 """
 
 import os
-from html import escape
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from eaid.findings import Finding, sentences
 from eaid.results import codec
 from eaid.results.common import Count, Input, Number, Positive, Result
 from eaid.results.tuning import TuneOptions
+from eaid.shown import Shown
+
+if TYPE_CHECKING:
+    import pandas
 
 
 class LinearModel(Result, frozen=True):
@@ -324,7 +327,7 @@ class GainsInputs(Result, frozen=True):
     reference: Input | None = None
 
 
-class Gains(Result, frozen=True):
+class Gains(Shown, Result, frozen=True):
     """Gains of both controllers, and what is known of them."""
 
     model: LinearModel
@@ -379,8 +382,15 @@ class Gains(Result, frozen=True):
             lines.append("guarantee: yes" if self.guarantee.holds else f"guarantee: NO ({missing})")
         return "\n".join([*lines, *sentences(self.findings[:3])])
 
-    def _repr_html_(self) -> str:
-        return f"<pre>{escape(self.summary())}</pre>"
+    def to_frame(self) -> "pandas.DataFrame":
+        """One row a law: its gains, in input per output."""
+        import pandas
+
+        laws = {"rc": self.rc, "pi": self.pi}
+        rows = {
+            name: {key: getattr(law, key, None) for key in ("K_P", "K_D", "K_I")} for name, law in laws.items() if law
+        }
+        return pandas.DataFrame.from_dict(rows, orient="index", dtype=float)
 
     def save(self, path: str | os.PathLike[str], force: bool = False) -> None:
         """Write gains.json, whole or not at all."""

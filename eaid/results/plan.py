@@ -2,8 +2,9 @@
 
 from typing import TYPE_CHECKING
 
-from eaid.findings import Finding
+from eaid.findings import Finding, ranked, sentences
 from eaid.results.common import Count, Input, Number, Result
+from eaid.shown import Shown, counted, span
 
 if TYPE_CHECKING:
     import pandas
@@ -21,7 +22,7 @@ class PlannedRun(Result, frozen=True):
     release_s: Number
 
 
-class Plan(Result, frozen=True):
+class Plan(Shown, Result, frozen=True):
     """One experiment: levels, holds, repeats, order, and what it gives."""
 
     inputs: tuple[Input, ...] = ()
@@ -42,6 +43,19 @@ class Plan(Result, frozen=True):
     input_unit: str = "%"
     runs: tuple[PlannedRun, ...] = ()
     findings: tuple[Finding, ...] = ()
+
+    def summary(self) -> str:
+        """Levels, runs and time on the rig, the widths that it gives, and the gravest findings."""
+        head = (
+            f"{span(self.levels, self.input_unit)}; {counted(len(self.runs), 'run')}, {self.time_on_rig_s / 60:.0f} min"
+        )
+        given = self.measured_half_width_pct or self.half_width_pct
+        rows = [
+            f"{name}: ± {'undetermined' if width is None else f'{width:.3g} %'}"
+            + (f", wanted ± {self.wanted[name]:g} %" if name in self.wanted else "")
+            for name, width in given.items()
+        ]
+        return "\n".join([head, *rows, *sentences(ranked(self.findings)[:3])])
 
     def to_frame(self) -> "pandas.DataFrame":
         """One row a run, in the order of recording."""

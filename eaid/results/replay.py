@@ -13,9 +13,10 @@ from typing import TYPE_CHECKING, Any, Literal
 import msgspec
 
 from eaid.arrays import Array
-from eaid.findings import Finding
+from eaid.findings import Finding, sentences
 from eaid.results.common import Count, Input, Number, Positive, Result
 from eaid.results.gains import Tracking
+from eaid.shown import Shown
 
 if TYPE_CHECKING:
     import pandas
@@ -185,7 +186,7 @@ Role = Literal["controller", "best", "recorded-input", "recorded-loop"]
 """A controller; the best input found; a recorded input through the model; a recorded closed loop itself."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Record:
     """One group of replay.h5: columns of one length by name, and what was measured on them."""
 
@@ -267,8 +268,8 @@ class Head(Result, frozen=True):
     findings: tuple[Finding, ...] = ()
 
 
-@dataclass(frozen=True, eq=False)
-class Replay:
+@dataclass(frozen=True, eq=False, repr=False)
+class Replay(Shown):
     """Controllers replayed on a fitted plant, or recorded runs laid beside it."""
 
     head: Head
@@ -283,6 +284,17 @@ class Replay:
         """Metrics by name of the groups that play these parts; of the controllers unless others are named."""
         wanted = roles or ("controller", "recorded-loop")
         return {name: one.metrics for name, one in self.records.items() if one.role in wanted}
+
+    def summary(self) -> str:
+        """Scenario, the largest and the RMS error of each controller, and the gravest findings."""
+        head = f"{self.head.scenario}: {', '.join(self.records) or 'nothing replayed'}"
+        unit = self.head.output_unit
+        rows = [
+            f"{name}: largest error {one.max_abs_error_nm:.3g}, RMS {one.rms_error_nm:.3g} {unit}"
+            for name, one in self.metrics().items()
+            if one.max_abs_error_nm is not None and one.rms_error_nm is not None
+        ]
+        return "\n".join([head, *rows, *sentences(self.findings[:3])])
 
     def to_frame(self) -> "pandas.DataFrame":
         """All columns as one table, the group's name in `name`."""

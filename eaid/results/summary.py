@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from eaid.findings import merged, ranked, say
+from eaid.shown import counted, span
 
 if TYPE_CHECKING:
     from eaid.results.fit import CurveLevel, Fit, FrictionLevel
@@ -23,13 +24,12 @@ def fit_summary(fit: "Fit", findings: int = 3) -> list[str]:
     """The lines that answer first: what was fitted, fit %, values with 95 % intervals, the gravest findings."""
     data = fit.data
     runs = sum(data.repeats) or len(data.sources)
-    span = f" {data.levels[0]:g} … {data.levels[-1]:g}" if data.levels else ""
     made = ", synthetic" if data.synthetic else ""
-    lines = [f"{data.kind}: {len(data.levels)} levels{span} {data.input_unit}, {runs} runs{made}"]
+    lines = [f"{data.kind}: {span(data.levels, data.input_unit)}; {counted(runs, 'run')}{made}"]
     lines.append(f"fit    {_fit_pct(fit)}")
     rows = _rows(fit)
     if rows:
-        units = {"Ts": data.output_unit, "tau1": "s", "tau2": "s"}
+        units = {"Ts": data.output_unit or "unit unknown", "tau1": "s", "tau2": "s"}
         heading = [
             f"level [{data.input_unit}]" if data.input_unit else "level",
             *(f"{symbol} [{units[name]}]" for name, symbol in SYMBOLS.items()),
@@ -52,7 +52,7 @@ def _fit_pct(fit: "Fit") -> str:
             said.append(f"{name} {part.fit_pct:.1f} %")
     own = [row.fit_pct for row in (fit.friction.levels if fit.friction is not None else ()) if row.fit_pct is not None]
     if own:
-        said.append(f"single levels {min(own):.1f} … {max(own):.1f} %")
+        said.append(f"single levels {' … '.join(f'{one:.1f}' for one in sorted({min(own), max(own)}))} %")
     return ", ".join(said) or "not known"
 
 

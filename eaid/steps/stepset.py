@@ -3,7 +3,6 @@
 import os
 from dataclasses import asdict, dataclass, field
 from functools import cached_property
-from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -15,13 +14,14 @@ from eaid.errors import DataError
 from eaid.findings import Finding, merged, ranked, sentences
 from eaid.logs.dataset import write_dataset
 from eaid.logs.run import Run
+from eaid.shown import Shown, counted, span
 from eaid.steps.slip import SlipTest
 
 if TYPE_CHECKING:
     import pandas
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Level:
     """The repeats of one level on their common grid; baseline subtracted, inverted inputs made positive."""
 
@@ -142,8 +142,8 @@ class RunRecord:
         return tuple(sentences(self.findings))
 
 
-@dataclass(frozen=True, eq=False)
-class StepSet:
+@dataclass(frozen=True, eq=False, repr=False)
+class StepSet(Shown):
     """All steps of one experiment."""
 
     kind: str
@@ -187,12 +187,11 @@ class StepSet:
 
     def summary(self) -> str:
         """What was found in a few lines, and the gravest findings."""
-        levels = ", ".join(f"{one.level:g}" for one in self.levels)
-        head = f"{self.kind}: {len(self.levels)} levels ({levels} {self.input_unit}), {len(self.runs)} runs"
+        levels = span([one.level for one in self.levels], self.input_unit)
+        head = f"{self.kind}: {levels}, {counted(len(self.runs), 'run')}"
+        if self.recorded:
+            head += f", {counted(len(self.recorded), 'log')} as recorded"
         return "\n".join([head, *sentences(self.all_findings[:3])])
-
-    def _repr_html_(self) -> str:
-        return f"<pre>{escape(self.summary())}</pre>{self.to_frame().to_html(max_rows=30)}"
 
     def save(self, path: str | os.PathLike[str], force: bool = False) -> None:
         """Write data.h5, whole or not at all; DataError for a set that was not read from logs."""

@@ -3,7 +3,7 @@
 The one entry that the command line and a notebook share.
 """
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, cast
 
 import msgspec
@@ -14,7 +14,7 @@ from eaid.fitting.between import between_rows, single_steps
 from eaid.fitting.fit import converged, fit
 from eaid.fitting.options import FitOptions, check
 from eaid.fitting.sources import data_part
-from eaid.results.fit import NOT_IDENTIFIABLE, Fit, FitOptionsRecord, Friction, Uncertainty
+from eaid.results.fit import Fit, FitOptionsRecord, Friction, Uncertainty
 from eaid.results.quotable import quotable
 from eaid.steps.stepset import StepSet
 from eaid.uncertainty.intervals import IntervalOptions, with_intervals
@@ -72,17 +72,8 @@ def _fit_steps(stepset: StepSet, options: FitOptions, progress: Callable[[], Non
         options=record_of(options, stepset),
         seed=options.seed,
         converged=converged(found),
-        findings=ordered((*_beside(stepset.all_findings, found.findings), *found.findings, *doubts)),
+        findings=ranked((*_beside(stepset.all_findings, found.findings), *found.findings, *doubts)),
     )
-
-
-FIRST = ("output-decays-under-hold", *NOT_IDENTIFIABLE)
-"""What a reader has to know before all else of the same severity: whether the models mean anything at all."""
-
-
-def ordered(found: Iterable[Finding]) -> tuple[Finding, ...]:
-    """The gravest first, and among alike those that decide whether the models can be used."""
-    return ranked(sorted(found, key=lambda one: one.code not in FIRST))
 
 
 SAID_BY = {"decays-under-hold": "output-decays-under-hold", "window-too-short": "tau2-outlasts-record"}

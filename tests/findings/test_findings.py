@@ -65,3 +65,18 @@ def test_every_row_is_well_formed(code: str):
 
 def test_listed():
     assert [listed(x) for x in ((), (1.0,), (1.0, 2.5), ("a", "b", "c"))] == ["", "1", "1 and 2.5", "a, b and c"]
+
+
+def test_what_the_numbers_mean_is_told_first_and_what_it_covers_is_not_told_again():
+    found = [
+        finding("one-level-linear", "linear", levels=(50,)),
+        finding("one-level-nonlinear", "nonlinear"),
+        finding("shape-of-another-kind", "friction", shape="x", rmse=1.0, usual_rmse=2.0, usual="y"),
+        finding("other-shape-fits-better", "run", (50,), shape="one", dead_time_s=15.0, rmse=0.3, plain_rmse=0.7),
+    ]
+    assert [one.code for one in ranked(merged(found))] == ["other-shape-fits-better", "one-level-nonlinear"]
+
+
+@pytest.mark.parametrize("code", [code for code, row in SENTENCES.items() if row.covers])
+def test_a_row_covers_codes_that_there_are(code: str):
+    assert set(SENTENCES[code].covers) <= SENTENCES.keys()

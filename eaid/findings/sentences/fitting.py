@@ -104,7 +104,7 @@ ROWS: dict[str, Row] = {
         "Huber's loss holds back more than {most_pct:.0f} % of the samples at level {levels}: that is wider scatter or "
         "another shape there, not spikes; these levels count less, compare with «loss» squares",
     ),
-    "constraint-holds": Row("caution", _constraint),
+    "constraint-holds": Row("caution", _constraint, rank=3),
     "starts-end-apart": Row("note", "{higher} of {starts} starts ended at a higher cost; the least is given"),
     "held-out-beyond-the-levels": Row(
         "note",

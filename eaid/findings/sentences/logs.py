@@ -30,7 +30,9 @@ ROWS: dict[str, Row] = {
         "note", "no unit is given for {role} {column}: {unit} assumed; say it with «units» {role}=UNIT"
     ),
     "unit-unknown": Row(
-        "caution", "no unit is given for {role} {column}: its numbers stay as they are; say it with «units» {role}=UNIT"
+        "caution",
+        "no unit is given for {role} {column}: its numbers stay as they are; say it with «units» {role}=UNIT",
+        rank=1,
     ),
     "unit-g-unclear": Row(
         "caution",

@@ -153,7 +153,7 @@ ROWS: dict[str, Row] = {
     "tau2-outlasts-record": Row(
         "caution", lambda v: f"{at(v)} τ2 is longer than the record of {v['record_s']:.3g} s; record longer"
     ),
-    "no-level-determines-all": Row("caution", "no level determines all of T_s, τ1 and τ2"),
+    "no-level-determines-all": Row("caution", "no level determines all of T_s, τ1 and τ2", rank=1),
     "free-share-open": Row(
         "caution",
         lambda v: (
@@ -163,28 +163,34 @@ ROWS: dict[str, Row] = {
     ),
     "coefficients-together": Row("note", _together),
     "one-level-nonlinear": Row(
-        "caution", "one level only: nothing says how T_s, τ1 and τ2 change with the duty; record more levels"
+        "caution",
+        "one level only: nothing says how T_s, τ1 and τ2 change with the duty; record more levels",
+        rank=1,
+        covers=("one-level-linear", "no-weights-for-one-level", "b0-by-convention"),
     ),
     "few-levels-for-polynomials": Row(
         "caution", "{count} levels pin the polynomials of T_s, τ1, τ2 exactly or not at all: nothing checks their shape"
     ),
-    "parameter-open-at-most-levels": Row("caution", _open_at_most),
+    "parameter-open-at-most-levels": Row("caution", _open_at_most, rank=1, covers=("no-level-determines-all",)),
     "share-free": Row(
         "caution",
         "C is free ({C:.3g}): it trades against τ2 wherever the record is not several τ2 long, and T_s and τ2 are less "
         "sure for it; hold C unless the data ask for another",
     ),
     "one-level-linear": Row(
-        "caution", "one level only: one step cannot tell b0 from c0, only b0 u + c0 is known; record a second level"
+        "caution",
+        "one level only: one step cannot tell b0 from c0, only b0 u + c0 is known; record a second level",
+        rank=1,
     ),
     "a0-may-be-zero": Row(
-        "caution", "a0 may be zero (95 % interval {low:.3g} to {high:.3g} 1/s): the records are too short"
+        "caution", "a0 may be zero (95 % interval {low:.3g} to {high:.3g} 1/s): the records are too short", rank=1
     ),
     "b0-may-be-zero": Row(
         "caution",
         "b0 may be zero or negative (95 % interval {low:.3g} to {high:.3g}): the duty's effect is not seen",
+        rank=1,
     ),
-    "no-b-bounds": Row("caution", "no level has a positive b0, so B has no bounds"),
+    "no-b-bounds": Row("caution", "no level has a positive b0, so B has no bounds", rank=1),
     "b0-by-convention": Row("note", _convention),
     "single-runs-few-levels": Row(
         "caution",
@@ -262,7 +268,7 @@ ROWS: dict[str, Row] = {
     ),
     "two-stage-held": Row("caution", _of("a constraint holds {symbol} of the two-stage estimate")),
     "weights-part": Row("caution", _weights),
-    "output-decays-under-hold": Row("caution", _decays),
+    "output-decays-under-hold": Row("caution", _decays, rank=0, covers=("decays-under-hold",)),
     "shape-fits": Row("note", _fits),
     "shape-of-another-kind": Row("note", "use {shape}: RMSE {rmse:.3g} against {usual_rmse:.3g} of {usual}"),
     "no-shape-fits": Row(

@@ -1,0 +1,45 @@
+"""How a result shows itself: one line at a prompt, its summary when printed, summary and table in a notebook."""
+
+from collections.abc import Sequence
+from html import escape
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    import pandas
+
+
+def counted(count: int, noun: str) -> str:
+    """`1 run`, `27 runs`."""
+    return f"{count} {noun}{'' if count == 1 else 's'}"
+
+
+def span(levels: Sequence[float], unit: str) -> str:
+    """`1 level, 50 %`, `10 levels, 10 … 100 %`."""
+    if not levels:
+        return "no levels"
+    ends = f"{levels[0]:g}" if len(levels) == 1 else f"{levels[0]:g} … {levels[-1]:g}"
+    return f"{counted(len(levels), 'level')}, {ends} {unit}".rstrip()
+
+
+class Shown:
+    """What every public result inherits; it has a `summary()` and a `to_frame()`."""
+
+    __slots__ = ()
+
+    def summary(self) -> str:
+        """The result in a few lines, the gravest findings last."""
+        raise NotImplementedError
+
+    def to_frame(self) -> "pandas.DataFrame":
+        """The result as one table."""
+        raise NotImplementedError
+
+    def __repr__(self) -> str:
+        return f"<{type(self).__name__}: {self.summary().partition(chr(10))[0]}>"
+
+    def __str__(self) -> str:
+        return self.summary()
+
+    def _repr_html_(self) -> str:
+        table = self.to_frame().to_html(max_rows=30, float_format="{:.4g}".format)
+        return f"<pre>{escape(self.summary())}</pre>{table}"
