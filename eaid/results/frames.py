@@ -85,7 +85,7 @@ def predict(fit: "Fit", duty: float | Sequence[float], t: Sequence[float], model
     duty : float or sequence of floats
         Inputs, in the input's unit.
     t : sequence of floats, shape (n,)
-        Times since the step [s].
+        Times since the step [s]; before it the output is at rest.
     model : {"nonlinear", "linear", "friction"}, optional
         By default the nonlinear model, else the first that was fitted. The friction model knows its own levels only.
 
@@ -93,6 +93,11 @@ def predict(fit: "Fit", duty: float | Sequence[float], t: Sequence[float], model
     -------
     DataFrame, shape (n, inputs)
         The output in its own unit, time as the index, inputs as columns.
+
+    Raises
+    ------
+    UsageError
+        An input outside the fitted range, of which the data say nothing.
     """
     chosen = model or next((name for name in MODELS if getattr(fit, name) is not None), None)
     if chosen not in MODELS:
@@ -102,7 +107,11 @@ def predict(fit: "Fit", duty: float | Sequence[float], t: Sequence[float], model
         raise DataError(f"the fit holds no {chosen} model; fit one, or choose another «model»")
     time = np.asarray(t, dtype=np.float64)
     inputs = [float(u) for u in np.atleast_1d(np.asarray(duty, dtype=np.float64))]
-    columns = [_curve(fit, chosen, u, time) for u in inputs]
+    low, high = min(fit.data.levels, default=-np.inf), max(fit.data.levels, default=np.inf)
+    for u in inputs:
+        if not low <= u <= high:
+            raise UsageError(f"«duty» {u:g}: the fit knows {low:g} … {high:g} {fit.data.input_unit}".rstrip() + " only")
+    columns = [_curve(fit, chosen, u, np.maximum(time, 0.0)) for u in inputs]
     return pd.DataFrame(
         np.column_stack(columns),
         index=pd.Index(time, name="time_s"),

@@ -99,6 +99,9 @@ def test_a_fit_offers_pandas(fit: Fit):
     assert shown.iloc[2, 0] == pytest.approx(fit.predict([40, 60], [5]).loc[5, 60.0])
     with pytest.raises(UsageError, match="knows the levels 20, 40"):
         fit.predict(55, [1], "friction")
+    with pytest.raises(UsageError, match="duty= 101: the fit knows 20 … 100 % only"):
+        fit.predict(101, [1])
+    assert (fit.predict(60, [-1.0, 0.0]) == 0).all(axis=None)
     assert len(fit.summary().splitlines()) <= 10  # seven lines and three findings
     assert "<table" in fit._repr_html_()
 
