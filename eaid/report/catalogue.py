@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from eaid.report.figures import friction as frictions
 from eaid.report.ready_fits import (
     Ready,
+    bode_ready,
     compare_ready,
     friction_steps_ready,
     gain_ready,
@@ -15,8 +16,10 @@ from eaid.report.ready_fits import (
     nonlinear_ready,
     over_duty_ready,
     pwm_ready,
+    recorded_ready,
     residuals_ready,
     shear_ready,
+    steps_over_level_ready,
     trends_ready,
 )
 from eaid.report.ready_replays import (
@@ -57,10 +60,13 @@ FIGURES: tuple[Row, ...] = (
     Row("fig02_pwm", "Fig. 2 · One PWM period", pwm_ready, of_the_fit=False),
     Row("fig06_hold_and_release", "Fig. 6 · Output while held and after release", hold_ready,
         "eaid ingest LOGS (with the release recorded) -o data.h5", of_the_fit=False),
+    Row("recorded_logs", "Logs as recorded", recorded_ready),
     Row("fig07_nonlinear_model", "Fig. 7 · Nonlinear model", nonlinear_ready, "eaid ingest LOGS -o clutch.h5"),
     Row("model_over_duty", "Parameters over the level", over_duty_ready, _FIT),
     Row("residuals_nonlinear", "What the nonlinear model leaves", residuals_ready("nonlinear", "clutch", True), _FIT),
+    Row("bode", "Frequency response", bode_ready),
     Row("level_steps", "Steps from level to level", level_steps_ready, of_the_fit=False),
+    Row("steps_over_level", "Gain and time constants of steps", steps_over_level_ready, of_the_fit=False),
     Row("fig08_linear_model", "Fig. 8 · Linear model", linear_ready, _FIT),
     Row("residuals_linear", "What the linear model leaves", residuals_ready("linear", "clutch"), _FIT),
     Row("fig09_shear_per_field", "Fig. 9 · Shear stress over the electric field", shear_ready),

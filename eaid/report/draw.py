@@ -11,11 +11,12 @@ from eaid.errors import UsageError
 from eaid.report import style
 from eaid.report.catalogue import FIGURES, Row
 from eaid.report.figures import summary
+from eaid.report.figures.recorded import drawn_logs
 from eaid.report.mark import marked
 from eaid.report.ready_fits import Ready, main_kind, models_for
 from eaid.report.ready_replays import counted_from, traces_of
 from eaid.report.results import Results
-from eaid.report.rig import from_rest
+from eaid.report.rig import level_values
 
 FORMATS = ("png", "pdf", "svg")
 COLOURS = 128
@@ -135,28 +136,9 @@ def draw_all(
 
 
 def summary_pictures(results: Results, mark: str | None = None) -> list[Picture]:
-    """The two pictures of the first screen, as far as their data are given."""
-    found: list[tuple[str, str, Callable[[], Figure]]] = []
-    kind = main_kind(results)
-    data = results.data_of(kind) if kind else None
-    pair = [(name, one.result) for name, one in zip("AB", results.pair or (), strict=False) if from_rest(one.result)]
-    if len(pair) == 2:
-        found.append(("Both fits over the level", "model", lambda: summary.values_over_level(pair)))
-    elif data is not None and data.levels:
-        models = models_for(results, kind or "")
-        said = "Measured against model" if models else "Measured"
-        found.append((said, "model" if models else "data", lambda: summary.measured_and_model(data, models)))
-    elif kind and (fit := results.fit(kind)) is not None and from_rest(fit):
-        found.append(("Fitted values over the level", "model", lambda: summary.values_over_level([("", fit)])))
-    order = {"multisine": 0, "reference": 1, "steps": 2}
-    replays = sorted((one.result for one in results.replays), key=lambda one: order.get(one.head.scenario, 9))
-    if replays and replays[0].head.scenario in order:
-        one = replays[0]
-        unit = one.head.output_unit
-        draw = lambda: summary.controllers(traces_of(one), counted_from(one), unit)  # noqa: E731
-        found.append(("Controllers against the reference", "replay", draw))
+    """The first screen: the model against its data, and the controllers or the fitted values."""
     pictures = []
-    for title, part, make in found:
+    for title, part, make in _pictures(results)[:2]:
         with style.look():
             figure = make()
             if mark is not None:
@@ -165,3 +147,30 @@ def summary_pictures(results: Results, mark: str | None = None) -> list[Picture]
             (png,) = pngs_of(figure, 200)
             pictures.append(Picture(title, part, png, (round(96 * size[0]), round(96 * size[1]))))
     return pictures
+
+
+def _pictures(results: Results) -> list[tuple[str, str, Callable[[], Figure]]]:
+    """Title, part of the page and drawing of each candidate, the best first."""
+    found: list[tuple[str, str, Callable[[], Figure]]] = []
+    kind = main_kind(results)
+    data, fit = (results.data_of(kind), results.fit(kind)) if kind else (None, None)
+    pair = [(name, one.result) for name, one in zip("AB", results.pair or (), strict=False) if level_values(one.result)]
+    logs = drawn_logs(fit.recorded.logs) if fit is not None and fit.recorded is not None else []
+    if len(pair) == 2:
+        found.append(("Both fits over the level", "model", lambda: summary.values_over_level(pair)))
+    elif fit is not None and logs:
+        units = fit.data.input_unit, fit.data.output_unit
+        found.append(("Measured against model", "model", lambda: summary.log_and_model(logs[-1], units)))
+    elif data is not None and data.levels:
+        models = models_for(results, kind or "")
+        said = "Measured against model" if models else "Measured"
+        found.append((said, "model" if models else "data", lambda: summary.measured_and_model(data, models)))
+    order = {"multisine": 0, "reference": 1, "steps": 2}
+    replays = sorted((one.result for one in results.replays), key=lambda one: order.get(one.head.scenario, 9))
+    if replays and (one := replays[0]).head.scenario in order:
+        unit = one.head.output_unit
+        draw = lambda: summary.controllers(traces_of(one), counted_from(one), unit)  # noqa: E731
+        found.append(("Controllers against the reference", "replay", draw))
+    if len(pair) < 2 and fit is not None and level_values(fit):
+        found.append(("Fitted values over the level", "model", lambda: summary.values_over_level([("", fit)])))
+    return found

@@ -8,12 +8,12 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from eaid.models import linear
-from eaid.report.figures import checks, clutch, compare, hold, level_steps, pwm, shear
+from eaid.report.figures import checks, clutch, compare, hold, level_steps, pwm, recorded, shear
 from eaid.report.figures import friction as frictions
 from eaid.report.figures.steps import Model
-from eaid.report.page import live_fits
+from eaid.report.page import live_fits, live_replays
 from eaid.report.results import Results
-from eaid.report.rig import apparatus_of, from_rest, level_text, of_the_paper
+from eaid.report.rig import apparatus_of, level_text, level_values, of_the_paper
 from eaid.report.tables.table import SYMBOLS, listed, number, with_unit
 from eaid.results.fit import Fit
 from eaid.steps.stepset import StepSet
@@ -106,6 +106,23 @@ def level_steps_ready(results: Results, _asked: bool | None) -> Ready | None:
     return None
 
 
+def steps_over_level_ready(results: Results, _asked: bool | None) -> Ready | None:
+    """Gain and time constants of steps from level to level over the level."""
+    fit = next((one.result for one in results.fits if one.result.steps), None)
+    if fit is None:
+        return None
+    units = fit.data.input_unit, fit.data.output_unit
+    each = []
+    for edge in ("up", "down"):
+        rows = [one for one in fit.steps if one.edge == edge]
+        gains = [one.gain for one in rows if one.gain is not None]
+        if gains:
+            each.append(f"{len(rows)} {edge}, gain {number(min(gains), 3)} to {number(max(gains), 3)}")
+    said = f"Each change of input by itself, over the level that it goes to: {'; '.join(each)} "
+    said += f"{units[1] or 'output'}/{units[0] or 'input'}."
+    return Ready(lambda: level_steps.over_level(fit.steps, units), said)
+
+
 def trends_ready(kind: str, draw: Callable[[Fit, bool | None], Figure]) -> Callable[..., Ready | None]:
     """Figs. 4 and 5, from a fit of their kind."""
 
@@ -147,17 +164,19 @@ def nonlinear_ready(results: Results, _asked: bool | None) -> Ready | None:
 def over_duty_ready(results: Results, asked: bool | None) -> Ready | None:
     """Parameters over the level, with the estimates beside the one that is used."""
     fit = results.fit("clutch")
-    if fit is None or fit.nonlinear is None or len(from_rest(fit)) == 1:
+    if fit is None or fit.nonlinear is None or len(level_values(fit)) == 1:
         return None
     counts = []
-    for name in ("Ts", "tau1", "tau2"):
-        rows = [(row.level, getattr(row.ci95, name)) for row in from_rest(fit) if row.ci95]
+    for name in ("Ts", "tau1", "tau2") if fit.recorded is None else ():
+        rows = [(row.level, getattr(row.ci95, name)) for row in level_values(fit) if row.ci95]
         known = [(level, ends) for level, ends in rows if ends is not None]
         if known:
             curve = clutch.values_over(fit.nonlinear, np.array([level for level, _ in known]))[name]
             met = sum(ends[0] <= value <= ends[1] for (_, ends), value in zip(known, curve, strict=True))
             counts.append(f"{SYMBOLS[name]} through {met} of {len(known)}")
     said = "Points: each level by itself; line: the model over the level."
+    if fit.recorded is not None:
+        said = "The model over the level, with its 95 % intervals at some levels."
     said += f" It passes inside the 95 % intervals: {listed(counts)}." if counts else ""
     return Ready(lambda: clutch.polynomials(fit, asked), said, lambda: live_fits.parameters(fit))
 
@@ -241,6 +260,48 @@ def gain_ready(results: Results, asked: bool | None) -> Ready | None:
                 f"The input gain B (1/b0: input per rate of output) is {number(low, 3)} at {level_text(at_low, unit)}."
             )
     return Ready(lambda: clutch.input_gain(fit, asked), said)
+
+
+def _recorded_fit(results: Results) -> Fit | None:
+    return next((one.result for one in results.fits if one.result.recorded is not None), None)
+
+
+def recorded_ready(results: Results, _asked: bool | None) -> Ready | None:
+    """Logs fitted as recorded: input, measured, model, residual."""
+    fit = _recorded_fit(results)
+    logs = recorded.drawn_logs(fit.recorded.logs) if fit is not None and fit.recorded is not None else []
+    if fit is None or fit.recorded is None or not logs:
+        return None
+    units, count = (fit.data.input_unit, fit.data.output_unit), len(fit.recorded.logs)
+    said = "The model is driven by the recorded input alone (free run)."
+    if count > len(logs):
+        said = f"{len(logs)} of {count} logs: the best, the middle and the worst followed. {said}"
+    worst = max((one for one in logs if one.rmse is not None), key=lambda one: one.rmse or 0.0, default=None)
+    if worst is not None and worst.fit_pct is not None and worst.one_step_pct is not None:
+        said += f" {'Worst followed: ' + worst.name + ', ' if count > 1 else 'It is off by '}"
+        said += f"{number(worst.rmse, 2)} {units[1]} (RMS); free-run fit {number(worst.fit_pct, 3)} %, from sample to "
+        said += f"sample {number(worst.one_step_pct, 3)} %."
+    return Ready(
+        lambda: recorded.recorded_logs(logs, units), said,
+        lambda: (live_replays.recorded(logs[-1].curve, units),) if len(logs) == 1 else (),
+    )  # fmt: skip
+
+
+def bode_ready(results: Results, _asked: bool | None) -> Ready | None:
+    """Frequency responses of recorded logs whose input moves."""
+    fit = _recorded_fit(results)
+    known = [one for one in fit.recorded.responses if one.frequency_hz] if fit and fit.recorded else []
+    if fit is None or not known:
+        return None
+    shown = known[: recorded.MOST]
+    first = shown[0]
+    said = f"{len(shown)} of {len(known)} logs. " if len(known) > len(shown) else ""
+    said += "Dots: output over input as recorded, grey: 95 %; lines: the models on the same input."
+    if first.harmonics_pct is not None and first.model_harmonics_pct is not None:
+        which = "" if len(known) == 1 else f" ({first.name})"
+        said += f" Beyond any linear answer{which}: {number(first.harmonics_pct, 2)} % of the output, "
+        said += f"{number(first.model_harmonics_pct, 2)} % of the nonlinear model's."
+    return Ready(lambda: recorded.bode(shown, (fit.data.input_unit, fit.data.output_unit)), said)
 
 
 def compare_ready(results: Results, _asked: bool | None) -> Ready | None:

@@ -2,7 +2,7 @@
 
 from eaid.apparatus import Apparatus
 from eaid.results.common import Source
-from eaid.results.fit import Data, Fit, FrictionLevel
+from eaid.results.fit import CurveLevel, Data, Fit, FrictionLevel
 from eaid.steps.stepset import StepSet
 
 QUANTITIES = {"N·m": "Torque", "N": "Force", "RPM": "Speed", "kPa": "Stress", "°C": "Temperature"}
@@ -51,8 +51,11 @@ def gain(input_unit: str, output_unit: str) -> str:
     return f"{input_unit or 'input'}·s/({output_unit or 'output'})"
 
 
-def from_rest(fit: Fit) -> tuple[FrictionLevel, ...]:
-    """The fitted levels that were stepped to from rest."""
+def level_values(fit: Fit) -> tuple[FrictionLevel, ...] | tuple[CurveLevel, ...]:
+    """T_s, τ1 and τ2 with their intervals over the level: of the levels stepped to from rest, each by itself; of logs
+    fitted as recorded, those of the model's curves."""
+    if fit.recorded is not None and fit.nonlinear is not None and fit.nonlinear.curves:
+        return fit.nonlinear.curves
     return tuple(row for row in (fit.friction.levels if fit.friction is not None else ()) if row.from_ == 0)
 
 

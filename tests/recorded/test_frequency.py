@@ -82,12 +82,12 @@ def test_an_input_that_does_not_move_has_no_response() -> None:
 
 
 def test_the_figure_shows_what_the_response_says() -> None:
-    from eaid.report.figures.bode import bode
+    from eaid.report.figures.recorded import bode
 
     e = Excitation("chirp", 60.0, rate_hz=50.0, frequency_hz=(0.1, 2.0))
     log = recorded_log(synthesise_excitation(clutch(), e, replace(NONE, white_nm=0.01), 1)[0])
     found = frequency_response(log, REFERENCE_PLANT, Linear(1.8, 0.078, -1.34))
-    gain, phase, coherence = bode(found).axes
+    gain, phase, coherence = bode([found], ("%", "N·m")).axes
     np.testing.assert_array_equal(gain.lines[0].get_ydata(), found.gain)
-    assert [line.get_label() for line in gain.lines] == ["recorded", "nonlinear model", "linear model"]
+    assert [line.get_label() for line in gain.lines] == ["recorded", "nonlinear", "linear"]
     assert len(phase.lines) == 3 and len(coherence.lines) == 1

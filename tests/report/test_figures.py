@@ -21,11 +21,12 @@ from eaid.models import friction, nonlinear
 from eaid.models.parameters import REFERENCE_PLANT, Friction
 from eaid.report import published, style
 from eaid.report.draw import vector_of
-from eaid.report.figures import checks, clutch, compare, hold, level_steps, pwm, rehab, replays, shear
+from eaid.report.figures import checks, clutch, compare, hold, level_steps, pwm, recorded, rehab, replays, shear
 from eaid.report.figures import friction as frictions
 from eaid.results import fit as fits
 from eaid.results.common import LevelError
 from eaid.results.fit import Fit, FrictionLevel, LevelIntervals, LinearLevel, LinearLevelIntervals
+from eaid.results.recorded import LogCurve, LogFit, Response
 from eaid.results.steps import StepShape
 from eaid.steps.stepset import Level, LevelStep, StepSet
 
@@ -118,6 +119,15 @@ def staircase() -> tuple[StepSet, tuple[StepShape, ...]]:
     return StepSet("clutch", "%", "N·m", Apparatus(), (), level_steps=steps), shapes
 
 
+def up_and_down() -> tuple[StepShape, ...]:
+    _data, up = staircase()
+    down = tuple(
+        msgspec.structs.replace(one, from_=one.level, level=one.from_, edge="down", gain=0.8 * one.gain, tau2=None)
+        for one in up
+    )
+    return (*up, *down)
+
+
 def traces() -> dict[str, dict[str, Any]]:
     t = np.linspace(0, 10, 1001)
     reference = 2 + np.sin(t)
@@ -148,6 +158,26 @@ def session() -> tuple[dict[str, Any], list[tuple[str, float, float]]]:
     return trace, [("soft", 0.0, 30.0), ("hard", 30.0, 60.0), ("assisted", 60.0, 90.0)]
 
 
+def as_recorded() -> list[LogFit]:
+    t = np.linspace(0, 60, 301)
+    made = []
+    for k, name in enumerate(("rig-day-up", "rig-day-down")):
+        u, left = 50 + 40 * np.sin((k + 1) * 0.2 * t), 0.02 * np.sin(5 * t)
+        curve = LogCurve(*(tuple(part.tolist()) for part in (t, u, u / 20 + left, u / 20, left)))
+        made.append(LogFit(name, fit_pct=98.0 - k, one_step_pct=99.0, curve=curve))
+    return made
+
+
+def response(with_models: bool = True) -> Response:
+    """1/(1 + j f): half power at 1 Hz, 45° behind."""
+    f = np.geomspace(0.05, 10, 40)
+    h = 0.04 / (1 + 1j * f)
+    size, angle = np.abs(h), np.degrees(np.angle(h))
+    rows = (f, size, 0.8 * size, 1.2 * size, angle, 3 + 12 * f, 1 / (1 + 0.02 * f**2))
+    models = (1.05 * size, angle - 2, 0.9 * size, angle + 8) if with_models else ()
+    return Response("chirp", *(tuple(one.tolist()) for one in (*rows, *models)))
+
+
 DRAWN: dict[str, Callable[[], Figure]] = {
     "fig02_pwm": lambda: pwm.pwm_period(Apparatus()),
     "fig03_friction_steps": lambda: frictions.friction_steps(force_set(), friction_fit("friction-force")),
@@ -165,6 +195,9 @@ DRAWN: dict[str, Callable[[], Figure]] = {
     "fig13_sweep": lambda: replays.sweep(tones()),
     "fig16_rehab": lambda: rehab.training(*session()),
     "level_steps": lambda: level_steps.level_steps(*staircase()),
+    "steps_over_level": lambda: level_steps.over_level(up_and_down(), ("%", "N·m")),
+    "recorded_logs": lambda: recorded.recorded_logs(as_recorded(), ("%", "N·m")),
+    "bode": lambda: recorded.bode([response()], ("%", "N·m")),
     "log_replay": lambda: replays.recorded_duty(traces()),
     "guarantee_in_replay": lambda: replays.guarantee(robust_term()),
     "fig17_rehab_errors": lambda: rehab.errors({"soft": np.arange(9.0), "hard": 2 * np.arange(9.0)}),
@@ -323,3 +356,32 @@ def test_modes_become_spans():
         ("hard", 2, 4),
         ("soft", 5, 5),
     ]
+
+
+def test_gains_and_time_constants_stand_over_the_level_up_and_down_apart():
+    shapes = up_and_down()
+    gain, tau1, tau2 = level_steps.over_level(shapes, ("V", "N")).axes
+    up, down = gain.lines
+    assert up.get_xdata() == pytest.approx([50, 100, 150]) and down.get_xdata() == pytest.approx([0, 50, 100])
+    assert down.get_ydata() == pytest.approx([0.8 * one.gain for one in shapes[:3]])
+    assert tau1.lines[1].get_ydata() == pytest.approx([one.tau1 for one in shapes[3:]])
+    assert np.isnan(tau2.lines[1].get_ydata()).all() and gain.get_ylabel() == "Gain (N/V)"
+
+
+def test_many_logs_are_drawn_as_the_best_the_middle_and_the_worst():
+    logs = [msgspec.structs.replace(as_recorded()[0], name=f"log-{k}", fit_pct=90.0 - k) for k in range(7)]
+    assert [one.name for one in recorded.drawn_logs(logs)] == ["log-0", "log-3", "log-6"]
+    assert recorded.drawn_logs([LogFit("none")]) == []
+    assert recorded.titles(["rig-day-up", "rig-day-down"]) == ["up", "down"]
+
+
+def test_the_bode_plot_shows_the_response_its_band_and_the_models_where_there_are_any():
+    known = response()
+    gain, phase, coherence = recorded.bode([known], ("V", "N")).axes
+    assert gain.lines[0].get_ydata() == pytest.approx(known.gain) and gain.get_ylabel() == "Gain (N/V)"
+    (band,) = gain.collections
+    low = band.get_paths()[0].vertices[:, 1].min()
+    assert low == pytest.approx(min(known.gain_low))
+    assert phase.lines[1].get_ydata() == pytest.approx(known.nonlinear_phase_deg)
+    assert coherence.lines[0].get_ydata() == pytest.approx(known.coherence)
+    assert len(recorded.bode([response(with_models=False)], ("V", "N")).axes[0].lines) == 1

@@ -12,7 +12,7 @@ from eaid.models.parameters import Linear, Nonlinear
 from eaid.report import published, style
 from eaid.report.figures.friction import axis_label, curves_of, intervals_of, reach
 from eaid.report.figures.steps import MODEL, Model, draw_steps, fine_times, label_ends, some_levels
-from eaid.report.rig import from_rest, gain, level_text, of_the_paper, over, quantity
+from eaid.report.rig import gain, level_text, level_values, of_the_paper, over, quantity
 from eaid.report.tables.fits import estimates_of
 from eaid.report.thin import thinned
 from eaid.results.common import LevelError
@@ -103,7 +103,7 @@ def polynomials(fit: Fit, asked: bool | None = None) -> Figure:
     part, unit = fit.nonlinear, fit.data.input_unit
     assert part is not None
     u = np.linspace(*part.u_range, 200)
-    rows = from_rest(fit)
+    rows = level_values(fit)
     (own, used), *others = estimates_of(part).items()
     curves = values_over(used, u)
     for mark, name, panel in zip("abc", ("Ts", "tau1", "tau2"), axes, strict=True):
@@ -114,7 +114,7 @@ def polynomials(fit: Fit, asked: bool | None = None) -> Figure:
             far = reach(values, intervals_of(rows, name))
             panel.errorbar(
                 [row.level for row in rows], values, yerr=far, fmt="o", color=style.BLACK, capsize=1.6,
-                elinewidth=0.7, label="each level, 95 %",
+                elinewidth=0.7, label="each level, 95 %" if fit.recorded is None else "95 %",
             )  # fmt: skip
             seen = float(np.max(np.minimum(values + far[1], 1.6 * values)))
             top = min(max(top, seen), BEYOND * seen)

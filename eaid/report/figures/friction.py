@@ -14,7 +14,7 @@ from eaid.report import published, style
 from eaid.report.figures.steps import Model, draw_steps
 from eaid.report.rig import apparatus_of, of_the_paper, over
 from eaid.results.common import Interval
-from eaid.results.fit import Fit, FrictionLevel, Trend
+from eaid.results.fit import CurveLevel, Fit, FrictionLevel, Trend
 from eaid.steps.stepset import StepSet
 
 NAMES = {"Ts": "Steady value $T_s$", "tau1": r"Fast constant $\tau_1$", "tau2": r"Slow constant $\tau_2$"}
@@ -79,7 +79,7 @@ def reach(values: Array, ends: Sequence[Interval]) -> Array:
     return np.array([low, high])
 
 
-def intervals_of(rows: Sequence[FrictionLevel], name: str) -> list[Interval]:
+def intervals_of(rows: Sequence[FrictionLevel | CurveLevel], name: str) -> list[Interval]:
     """The 95 % intervals of one value at the levels."""
     return [getattr(row.ci95, name) if row.ci95 else None for row in rows]
 

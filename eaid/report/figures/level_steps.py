@@ -1,12 +1,12 @@
-"""Steps from level to level: each change of input from its own start with its fitted curve, and gain over level."""
+"""Steps from level to level: each from its own start with its fitted curve; gain and time constants over the level."""
 
 from collections.abc import Sequence
 
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from eaid.report import style
+from eaid.report.figures.friction import axis_label
 from eaid.report.figures.steps import MODEL, fine_times, label_ends, some_levels
 from eaid.report.rig import over
 from eaid.report.thin import thinned
@@ -30,8 +30,9 @@ def paired(data: StepSet, shapes: Sequence[StepShape]) -> list[tuple[LevelStep, 
     return [(step, known[key]) for key, step in keys if key in known]
 
 
-def draw_level_steps(axes: Axes, data: StepSet, shapes: Sequence[StepShape]) -> None:
+def level_steps(data: StepSet, shapes: Sequence[StepShape]) -> Figure:
     """Change of output over time since each step, and the fitted curves (dashed)."""
+    figure, (axes,) = style.page(3.0)
     pairs = some_levels(paired(data, shapes), MOST)
     ends = []
     longest = max(float(step.time_s[-1]) for step, _ in pairs)
@@ -44,20 +45,30 @@ def draw_level_steps(axes: Axes, data: StepSet, shapes: Sequence[StepShape]) -> 
     axes.set(
         xlabel="Time since the step (s)", ylabel=f"Change of output ({data.output_unit or '1'})", xlim=(0, longest)
     )
+    axes.plot([], [], color=style.GREY, linewidth=1.5, label="measured")
+    axes.plot([], [], label="fitted", **MODEL)
+    style.legend_above(axes, 2)
     label_ends(axes, ends, longest)
+    return figure
 
 
-def level_steps(data: StepSet, shapes: Sequence[StepShape]) -> Figure:
-    """(a) each change of output and its curve, (b) the gain Δy/Δu over the level, up and down apart."""
-    figure, (responses, gains) = style.page(3.0, 1, 2, width_ratios=(2.2, 1))
-    draw_level_steps(responses, data, shapes)
-    for edge, marker, colour in (("up", "^", style.BLUE), ("down", "v", style.VERMILLION)):
-        rows = [(one.level, one.gain) for one in shapes if one.edge == edge and one.gain is not None]
-        if rows:
-            gains.plot(*zip(*rows, strict=True), marker, color=colour, label=edge)
-    unit = f"{data.output_unit or 'output'}/{data.input_unit or 'input'}"
-    gains.set(xlabel=over(data.input_unit), ylabel=f"Gain ({unit})")
-    style.legend_above(gains, 2)
-    style.letter(responses, "a", "dashed: fitted")
-    style.letter(gains, "b")
+EDGES = (("up", "^", style.BLUE), ("down", "v", style.VERMILLION))
+"""Edge, marker and colour."""
+
+
+def over_level(shapes: Sequence[StepShape], units: tuple[str, str]) -> Figure:
+    """(a) gain Δy/Δu, (b) τ1 and (c) τ2 of each step over the level that it goes to, up and down apart."""
+    figure, axes = style.page(2.5, 1, 3)
+    unit = f"{units[1] or 'output'}/{units[0] or 'input'}"
+    labels = {"gain": f"Gain ({unit})", "tau1": axis_label("tau1", "s"), "tau2": axis_label("tau2", "s")}
+    for mark, (name, label), panel in zip("abc", labels.items(), axes, strict=True):
+        for edge, marker, colour in EDGES:
+            rows = [one for one in shapes if one.edge == edge]
+            values = np.array([getattr(one, name) for one in rows], dtype=float)
+            panel.plot([one.level for one in rows], values, marker, color=colour, label=edge, markersize=5, alpha=0.8)
+        panel.set(xlabel=over(units[0]), ylabel=label)
+        if panel.get_ylim()[0] > 0:
+            panel.set_ylim(0, None)
+        style.letter(panel, mark)
+    style.legend_over(figure, axes[0])
     return figure

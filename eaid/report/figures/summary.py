@@ -9,10 +9,11 @@ from eaid.arrays import Array
 from eaid.report import style
 from eaid.report.figures.compare import LOOKS
 from eaid.report.figures.friction import axis_label, intervals_of, reach
-from eaid.report.figures.steps import Model, draw_steps, some_levels
-from eaid.report.rig import from_rest, over, quantity
+from eaid.report.figures.steps import MODEL, Model, draw_steps, some_levels
+from eaid.report.rig import level_values, over, quantity
 from eaid.report.thin import thinned_at
 from eaid.results.fit import Fit
+from eaid.results.recorded import LogFit
 from eaid.steps.stepset import StepSet
 
 WIDTH_IN, HEIGHT_IN = 5.0, 2.75
@@ -25,6 +26,19 @@ def measured_and_model(data: StepSet, fitted: Mapping[float, Model]) -> Figure:
     figure, (axes,) = style.sheet(WIDTH_IN, HEIGHT_IN)
     few = StepSet(data.kind, data.input_unit, data.output_unit, data.apparatus, tuple(some_levels(data.levels, 6)))
     draw_steps(axes, few, fitted)
+    return figure
+
+
+def log_and_model(log: LogFit, units: tuple[str, str]) -> Figure:
+    """(top) the input, (bottom) the measured output and the model driven by that input alone."""
+    figure, (acting, output) = style.sheet(WIDTH_IN, HEIGHT_IN, 2, 1, sharex=True, height_ratios=(1, 2))
+    acting.plot(log.curve.time_s, log.curve.input, color=style.GREEN, linewidth=0.7, drawstyle="steps-post")
+    output.plot(log.curve.time_s, log.curve.measured, color=style.SKY, linewidth=2.0, label="measured")
+    output.plot(log.curve.time_s, log.curve.model, label="model", **MODEL)
+    acting.set(ylabel=over(units[0]))
+    output.set(ylabel=quantity(units[1]), xlabel="Time of the log (s)")
+    output.margins(x=0)
+    style.legend_over(figure, output)
     return figure
 
 
@@ -55,7 +69,7 @@ def values_over_level(fits: Sequence[tuple[str, Fit]]) -> Figure:
     """T_s, τ1 and τ2 of the levels with their intervals, of one fit where no data were given, or of two to compare."""
     figure, axes = style.sheet(WIDTH_IN, HEIGHT_IN, 1, 3)
     for (said, fit), (colour, line, marker) in zip(fits, LOOKS, strict=False):
-        rows = from_rest(fit)
+        rows = level_values(fit)
         for name, panel in zip(("Ts", "tau1", "tau2"), axes, strict=True):
             values = np.array([getattr(row, name) for row in rows])
             panel.errorbar(

@@ -121,7 +121,7 @@ class Plot:
                 legend.border_line_color = None
                 legend.orientation = "horizontal"
                 legend.ncols = 5 if self.wide else 2
-                legend.spacing, legend.padding, legend.margin = 0, 2, 0
+                legend.spacing, legend.padding, legend.margin = 8, 2, 0
                 legend.background_fill_alpha = 0.8
                 legend.label_text_font_size = "12px"
                 self.themed.append((legend.id, "background_fill_color", *PAPER))

@@ -12,7 +12,7 @@ from eaid.report.figures.checks import ResidualMap
 from eaid.report.figures.clutch import values_over
 from eaid.report.figures.steps import Model, fine_times, some_levels
 from eaid.report.page.live import INK, Plot, level_pairs, pair
-from eaid.report.rig import from_rest, level_text, over, quantity
+from eaid.report.rig import level_text, level_values, over, quantity
 from eaid.report.tables.fits import estimates_of
 from eaid.results.fit import Fit
 from eaid.steps.stepset import StepSet
@@ -62,7 +62,7 @@ def parameters(fit: Fit) -> tuple[Mapping[str, Any], ...]:
     """T_s, τ1 and τ2 over the level, a plot each: every estimate, the single levels with their intervals."""
     assert fit.nonlinear is not None
     u = np.linspace(*fit.nonlinear.u_range, 120)
-    rows = from_rest(fit)
+    rows = level_values(fit)
     found = []
     for name, head in HEADS.items():
         plot = Plot(wide=False)
@@ -77,7 +77,9 @@ def parameters(fit: Fit) -> tuple[Mapping[str, Any], ...]:
                 np.array([v if e is None else e[k] for v, e in zip(values, ends, strict=True)]) for k in (0, 1)
             )
             points = ColumnDataSource({"x": [row.level for row in rows], "y": values, "low": low, "high": high})
-            drawn = p.scatter("x", "y", source=points, size=7, name="level by itself")
+            drawn = p.scatter(
+                "x", "y", source=points, size=7, name="level by itself" if fit.recorded is None else "95 %"
+            )
             drawn.nonselection_glyph = drawn.selection_glyph = drawn.muted_glyph = drawn.hover_glyph = None
             p.select_one(HoverTool).renderers.append(drawn)
             heads = TeeHead(size=6), TeeHead(size=6)

@@ -1,51 +1,100 @@
-"""Live plots of replays: tracking, and the rehabilitation session."""
+"""Live plots over time, panel above panel: tracking, the rehabilitation session, logs as recorded."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
+
+import numpy as np
 
 from eaid.arrays import Array
 from eaid.report import style
 from eaid.report.page.live import Plot, pair
 from eaid.report.rig import over, quantity
+from eaid.results.recorded import LogCurve
+
+INK, BLUE, RED, GREEN = (pair(colour) for colour in (style.BLACK, style.BLUE, style.VERMILLION, style.GREEN))
+
+
+@dataclass(frozen=True, eq=False)
+class Line:
+    """A curve of a panel."""
+
+    t: Array
+    y: Array
+    name: str
+    colours: tuple[str, str]
+    dash: str = "solid"
+
+
+@dataclass(frozen=True, eq=False)
+class Panel:
+    """One of the panels: its label, its unit, and its curves; `named` puts them into a legend that hides by click."""
+
+    label: str
+    unit: str
+    height: int
+    lines: Sequence[Line]
+    named: bool = False
+
+
+def stack(panels: Sequence[Panel], time: str = "Time (s)") -> Mapping[str, Any]:
+    """Panels that share their time, as plain data."""
+    plot = Plot()
+    for one in panels:
+        drawn = plot.panel(time if one is panels[-1] else "", one.label, one.height, one.unit)
+        for line in one.lines:
+            legend = line.name if one.named else None
+            plot.line(drawn, line.t, line.y, line.name, line.colours, line.dash, legend)
+    return plot.finish()
 
 
 def tracking(
     traces: Mapping[str, Mapping[str, Array]], units: tuple[str, str], with_error: bool = True
 ) -> Mapping[str, Any]:
-    """Output, error and input of each controller over time; clicking a name in the legend hides it."""
-    plot = Plot()
+    """Output, error and input of each controller over time."""
     unit, out = units
-    output = plot.panel("", quantity(out), 300, out)
-    error = plot.panel("", f"Error ({out})", 190, out) if with_error else None
-    duty = plot.panel("Time (s)", over(unit), 190, unit)
+    output, error, acting = [], [], []
     for i, (name, trace) in enumerate(traces.items()):
         look = style.controller_look(name, i)
-        colours = pair(look["color"])
         dash = {"-": "solid", "--": "dashed", "-.": "dashdot"}.get(look["linestyle"], "dotted")
-        said = style.controller_name(name)
+        more = (style.controller_name(name), pair(look["color"]), dash)
         t = trace["time_s"]
-        plot.line(output, t, trace["torque_nm"], said, colours, dash, legend=said)
-        if error is not None:
-            plot.line(error, t, trace["reference_nm"] - trace["torque_nm"], said, colours, dash)
-        plot.line(duty, t, trace["duty_pct"], said, colours, dash)
+        output.append(Line(t, trace["torque_nm"], *more))
+        error.append(Line(t, trace["reference_nm"] - trace["torque_nm"], *more))
+        acting.append(Line(t, trace["duty_pct"], *more))
     first = next(iter(traces.values()))
-    plot.line(output, first["time_s"], first["reference_nm"], "reference", pair(style.BLACK), "dotted", "reference")
-    return plot.finish()
+    output.append(Line(first["time_s"], first["reference_nm"], "reference", INK, "dotted"))
+    panels = [Panel(quantity(out), out, 300, output, named=True), Panel(f"Error ({out})", out, 190, error)]
+    return stack([*panels[: 1 + with_error], Panel(over(unit), unit, 190, acting)])
 
 
-def training(trace: Mapping[str, Array]) -> Mapping[str, Any]:
-    """Angle, position error, torque and torque error of the rehabilitation replay over time."""
-    plot = Plot()
-    ink, blue, red = (pair(c) for c in (style.BLACK, style.BLUE, style.VERMILLION))
+def training(trace: Mapping[str, Array], unit: str = "N·m") -> Mapping[str, Any]:
+    """Angle, position error, output and its error of the rehabilitation replay over time."""
     t = trace["time_s"]
-    angle = plot.panel("", "Angle (°)", 210, "°")
-    plot.line(angle, t, trace["target_deg"], "target", ink, "dashed", legend="target")
-    plot.line(angle, t, trace["angle_deg"], "angle", blue, legend="angle")
-    position = plot.panel("", "Position error (°)", 150, "°")
-    plot.line(position, t, trace["target_deg"] - trace["angle_deg"], "position error", blue)
-    torque = plot.panel("", "Torque (N·m)", 210, "N·m")
-    plot.line(torque, t, trace["desired_nm"], "desired", ink, "dashed", legend="desired")
-    plot.line(torque, t, trace["rendered_nm"], "rendered", red, legend="rendered")
-    error = plot.panel("Time (s)", "Torque error (N·m)", 170, "N·m")
-    plot.line(error, t, trace["desired_nm"] - trace["rendered_nm"], "torque error", red)
-    return plot.finish()
+    angle = [Line(t, trace["target_deg"], "target", INK, "dashed"), Line(t, trace["angle_deg"], "angle", BLUE)]
+    output = [Line(t, trace["desired_nm"], "desired", INK, "dashed"), Line(t, trace["rendered_nm"], "rendered", RED)]
+    off = Line(t, trace["target_deg"] - trace["angle_deg"], "position error", BLUE)
+    missed = Line(t, trace["desired_nm"] - trace["rendered_nm"], "error", RED)
+    panels = [
+        Panel("Angle (°)", "°", 210, angle, named=True),
+        Panel("Position error (°)", "°", 150, [off]),
+        Panel(quantity(unit), unit, 210, output, named=True),
+        Panel(f"Error ({unit})", unit, 170, [missed]),
+    ]
+    return stack(panels)
+
+
+def recorded(curve: LogCurve, units: tuple[str, str]) -> Mapping[str, Any]:
+    """Input, measured and model, residual of one log over its own time."""
+    t, (unit, out) = np.array(curve.time_s), units
+    output = [
+        Line(t, np.array(curve.measured), "measured", pair(style.SKY)),
+        Line(t, np.array(curve.model), "model", INK, "dashed"),
+    ]
+    held = Line(np.repeat(t, 2)[1:], np.repeat(curve.input, 2)[:-1], "input", GREEN)
+    panels = [
+        Panel(over(unit), unit, 150, [held]),
+        Panel(quantity(out), out, 280, output, named=True),
+        Panel(f"Residual ({out})", out, 150, [Line(t, np.array(curve.residual), "residual", RED)]),
+    ]
+    return stack(panels, "Time of the log (s)")

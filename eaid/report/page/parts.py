@@ -10,7 +10,7 @@ from eaid.report.page.shown import Shown
 from eaid.report.page.summary import guarantee_words
 from eaid.report.ready_fits import main_kind
 from eaid.report.results import KINDS, Given, Results
-from eaid.report.tables import checks, data, fits, gains, replays, steps, walls
+from eaid.report.tables import checks, data, fits, gains, recorded, replays, walls
 from eaid.report.tables.table import Table, listed
 from eaid.results.fit import Fit
 
@@ -113,7 +113,7 @@ def _data(results: Results, known: Known, drawn: dict[str, Shown]) -> Part | Non
             more = [rest_rows(doubtful), data.levels_recorded(one.result)] if doubtful.rows else []
         else:
             more = [doubtful, data.levels_recorded(one.result)]
-        more.append(steps.slips_table(one.result))
+        more.append(data.slips_table(one.result))
         folds += _fold(f"{of}: every run".lstrip(": ").capitalize(), drawn, (), [*more, fine])
     alone = () if results.fits else ("fig07_nonlinear_model", "fig03_friction_steps")
     names = (*alone, "fig06_hold_and_release")
@@ -159,10 +159,11 @@ def opened(tables: Sequence[Table]) -> tuple[tuple[Table, ...], tuple[Fold, ...]
 
 
 _KIND_FIGURES = {
-    "clutch": ("fig07_nonlinear_model", "model_over_duty", "residuals_nonlinear", "fig08_linear_model",
-               "residuals_linear", "fig09_shear_per_field"),
-    "friction-force": ("fig04_friction_over_stress", "residuals_friction_force"),
-    "friction-speed": ("fig05_friction_over_speed", "residuals_friction_speed"),
+    "clutch": ("recorded_logs", "fig07_nonlinear_model", "level_steps", "steps_over_level",
+               "model_over_duty", "bode",
+               "residuals_nonlinear", "fig08_linear_model", "residuals_linear", "fig09_shear_per_field"),
+    "friction-force": ("level_steps", "steps_over_level", "fig04_friction_over_stress", "residuals_friction_force"),
+    "friction-speed": ("level_steps", "steps_over_level", "fig05_friction_over_speed", "residuals_friction_speed"),
 }  # fmt: skip
 OPEN = 3
 """Figures of the page's own kind that stand open."""
@@ -171,9 +172,8 @@ OPEN = 3
 def _figures_of(kind: str, drawn: dict[str, Shown], results: Results) -> list[Shown]:
     shows_steps = "friction-force" if results.data_of("friction-force") is not None else "friction-speed"
     names = (("fig03_friction_steps",) if kind == shows_steps else ()) + _KIND_FIGURES[kind]
-    if main_kind(results) == kind:
-        names = (*names[:1], "level_steps", *names[1:])
-    return [drawn[name] for name in names if name in drawn]
+    own = main_kind(results) == kind
+    return [drawn[name] for name in names if name in drawn and (own or "level" not in name)]
 
 
 def _model(results: Results, known: Known, drawn: dict[str, Shown], asked: bool | None) -> Part | None:
@@ -213,10 +213,9 @@ def _called(results: Results, fit: Given[Fit]) -> str:
 
 def _tables_of(fit: Fit, asked: bool | None) -> list[Table]:
     """Every table of a fit, the single levels first."""
-    found = []
+    found = recorded.recorded_tables(fit)
     if fit.friction is not None:
         found.append(fits.levels_table(fit))
-        found += [steps.steps_table(fit)] if fit.steps else []
         if fit.data.kind != "clutch":
             found.append(fits.trends_table(fit, asked))
     found.append(fits.level_steps_table(fit))

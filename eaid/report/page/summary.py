@@ -11,7 +11,7 @@ from eaid.findings import Finding
 from eaid.report.page.known import Known
 from eaid.report.ready_fits import main_kind, models_for
 from eaid.report.results import KINDS, Results
-from eaid.report.rig import from_rest, level_text, of_the_paper, rising
+from eaid.report.rig import level_text, level_values, of_the_paper, rising
 from eaid.report.style import controller_name
 from eaid.report.tables.data import doubts_of
 from eaid.report.tables.gains import CONDITIONS, conditions_of
@@ -80,6 +80,11 @@ def chips(results: Results) -> tuple[str, ...]:
     if about is not None:
         found.append(f"{about.input_unit or 'level'} → {about.output_unit or 'output'}")
     levels = sorted(row.level for row in data.levels) if data is not None else sorted(fit.data.levels) if fit else []
+    if fit is not None and fit.recorded is not None and fit.recorded.logs:
+        logs = fit.recorded.logs
+        found.append(
+            f"{len(logs)} log{'s' if len(logs) > 1 else ''} as recorded, {sum(o.duration_s for o in logs):.4g} s"
+        )
     if levels and about is not None:
         span = f"{levels[0]:.4g} to {level_text(levels[-1], about.input_unit)}"
         found.append(f"{len(levels)} levels, {span}" if len(levels) > 1 else level_text(levels[0], about.input_unit))
@@ -186,7 +191,7 @@ def tiles(results: Results) -> tuple[Tile, ...]:
 
 def _values(fit: Fit | None) -> list[Tile]:
     words = {"Ts": ("T_s", "steady output"), "tau1": ("τ1", "fast time constant"), "tau2": ("τ2", "slow time constant")}
-    rows = from_rest(fit) if fit is not None else ()
+    rows = level_values(fit) if fit is not None else ()
     if fit is None or not rows:
         return [Tile(label, "–", meaning) for label, meaning in words.values()]
     top = max(rows, key=lambda row: row.level)

@@ -53,6 +53,25 @@ def levels_recorded(data: StepSet) -> Table:
     return Table("Levels", "The output is the mean of the repeats, idle subtracted.", heads, tuple(rows))
 
 
+def slips_table(data: StepSet) -> Table:
+    """One row a run whose output peaks and slips while its input is held."""
+    out = data.output_unit
+    rows: list[tuple[Cell, ...]] = []
+    for run in data.runs:
+        if run.slip is not None:
+            one = run.slip
+            stick: tuple[Cell, ...] = (one.stick_slip, one.stick_slip_hz)
+            rows.append(
+                (Name(run.name), level(run.level), one.peak, one.peak_s, one.after, one.stiffness_per_s, *stick)
+            )
+    heads = columns(
+        "run", ("level", data.input_unit), ("peak", out, 3), ("at", "s", 3), ("after it", out, 3),
+        ("loading", f"{out}/s", 3), ("stick-slip", out, 3), ("at", "Hz", 3),
+    )  # fmt: skip
+    said = "Peak, level after the slip, slope of the loading, and what sticks and slips behind it, peak to peak."
+    return Table("Slips", f"{said} At a constant speed v the displacement is v times the time.", heads, tuple(rows))
+
+
 def files_table(results: Results) -> Table:
     """The files given to the report and, for each fit, the logs behind it."""
     rows: list[tuple[Cell, ...]] = [

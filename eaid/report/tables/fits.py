@@ -171,22 +171,23 @@ def release_table(fit: Fit) -> Table:
     return Table("Release", "How the output falls after the input returns to zero.", heads, tuple(rows))
 
 
+SHAPES = {"one": "one exponential", "two": "two exponentials", "free": "two, C free", "overshoot": "overshoot"}
+
+
 def level_steps_table(fit: Fit) -> Table:
     """Each change of input between two holds: start, change, gain and the shape that the evidence asked for."""
     unit, out = fit.data.input_unit, fit.data.output_unit
-    rows = tuple(
-        (
-            Name(f"{level(one.from_)} → {level(one.level)}"), one.start, one.change, one.gain, one.shape, one.tau1,
-            one.tau2, one.C, one.dead_time_s, one.rmse, one.fit_pct,
-        )
-        for one in fit.steps
-    )  # fmt: skip
+    rows: list[tuple[Cell, ...]] = []
+    for one in fit.steps:
+        step = Name(f"{level(one.from_)} → {level(one.level)}")
+        shape = (SHAPES.get(one.shape, one.shape), one.tau1, one.tau2, one.C, one.dead_time_s)
+        rows.append((step, one.start, one.change, one.gain, *shape, one.rmse, one.fit_pct))
     heads = columns(
         ("step", unit), ("start", out), ("change", out), ("gain", f"{out or 'output'}/{unit or 'input'}"), "shape",
         ("τ1", "s"), ("τ2", "s"), ("C", "", 3), ("dead time", "s", 3), ("RMSE", out, 3), ("fit", "%", 3),
     )  # fmt: skip
     caption = "Each change of input between two holds, from its own start; the shape is what the evidence asks for."
-    return Table("Steps from level to level", caption, heads, rows)
+    return Table("Steps from level to level", caption, heads, tuple(rows))
 
 
 def held_out_table(fit: Fit) -> Table:

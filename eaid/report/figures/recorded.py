@@ -1,0 +1,97 @@
+"""Logs fitted as they were recorded: input, output and residual over time, and the frequency response (Bode plot)."""
+
+import os
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+from eaid.report import style
+from eaid.report.figures.steps import some_levels
+from eaid.report.rig import over, quantity
+from eaid.results.recorded import LogFit, Response
+
+MOST = 3
+"""Most logs, and most frequency responses, that are drawn."""
+BAND = "#BDBDBD"
+MARKS = "abcdefghi"
+
+
+def drawn_logs(logs: Sequence[LogFit]) -> list[LogFit]:
+    """The logs that are drawn: all, or the best, the middle and the worst followed."""
+    known = [one for one in logs if one.curve.time_s]
+    if len(known) <= MOST:
+        return known
+    return some_levels(sorted(known, key=lambda one: -(one.fit_pct or 0.0)), MOST)
+
+
+def titles(names: Sequence[str], letters: int = 44) -> list[str]:
+    """Names without the beginning that all share, and at most so many letters, as matplotlib text."""
+    shared = os.path.commonprefix(list(names)) if len(names) > 1 else ""  # noqa: RUF071 (letters are meant)
+    cut = max(shared.rfind("-"), shared.rfind("_")) + 1
+    most = letters // len(names)
+    tails = [name[cut:] or name for name in names]
+    return [(one if len(one) <= most else f"…{one[1 - most :]}").replace("$", r"\$") for one in tails]
+
+
+def recorded_logs(logs: Sequence[LogFit], units: tuple[str, str]) -> Figure:
+    """A column a log: (top) input, (middle) measured and the model driven by the input alone, (bottom) residual."""
+    n, heads = len(logs), titles([one.name for one in logs])
+    figure, axes = style.page(4.2, 3, n, sharex="col", height_ratios=(1, 1.6, 1))
+    for k, log in enumerate(logs):
+        acting, output, left = axes[k], axes[n + k], axes[2 * n + k]
+        t = np.array(log.curve.time_s)
+        acting.plot(t, log.curve.input, color=style.GREEN, linewidth=0.7, drawstyle="steps-post")
+        output.plot(t, log.curve.measured, color=style.SKY, linewidth=1.8, label="measured")
+        output.plot(t, log.curve.model, color=style.BLACK, linewidth=0.8, linestyle=(0, (4, 2)), label="model")
+        left.plot(t, log.curve.residual, color=style.VERMILLION, linewidth=0.6)
+        left.axhline(0, color=style.BLACK, linewidth=0.5)
+        left.set(xlabel="Time of the log (s)", xlim=(t[0], t[-1]))
+        fit = "" if log.fit_pct is None else f"fit {log.fit_pct:.3g} %"
+        for row, panel, said in ((0, acting, heads[k]), (1, output, fit), (2, left, "")):
+            style.letter(panel, MARKS[n * row + k], said)
+    axes[0].set_ylabel(over(units[0]))
+    axes[n].set_ylabel(quantity(units[1]))
+    axes[2 * n].set_ylabel(f"Residual ({units[1] or 'output'})")
+    style.legend_over(figure, axes[n])
+    return figure
+
+
+def bode(responses: Sequence[Response], units: tuple[str, str]) -> Figure:
+    """A column a log: gain and phase with 95 % bands, the models' on the same input over them, and coherence."""
+    n, heads = len(responses), titles([one.name for one in responses])
+    make = style.column if n == 1 else style.page
+    figure, axes = make(4.6, 3, n, sharex="col", sharey="row", height_ratios=(1.5, 1.3, 0.8))
+    for k, one in enumerate(responses):
+        gain, phase, coherence = axes[k], axes[n + k], axes[2 * n + k]
+        f = np.array(one.frequency_hz)
+        angle, half = np.array(one.phase_deg), np.array(one.phase_half_width_deg)
+        gain.fill_between(f, one.gain_low, one.gain_high, color=BAND, linewidth=0, label="95 % band")
+        gain.plot(f, one.gain, "o", color=style.BLACK, markersize=2, label="recorded")
+        known = half < 90  # beyond, the region holds the origin and says nothing of the phase
+        phase.fill_between(f, angle - half, angle + half, where=known, color=BAND, linewidth=0)
+        phase.plot(f, angle, "o", color=style.BLACK, markersize=2)
+        models = (
+            ("nonlinear", style.BLUE, "-", one.nonlinear_gain, one.nonlinear_phase_deg),
+            ("linear", style.VERMILLION, "--", one.linear_gain, one.linear_phase_deg),
+        )
+        for name, colour, line, size, turned in models:
+            if size:
+                gain.plot(f, size, line, color=colour, label=name)
+                phase.plot(f, turned, line, color=colour)
+        coherence.plot(f, one.coherence, color=style.BLACK, linewidth=0.9)
+        gain.set(xscale="log", yscale="log")
+        gain.set_ylim(0.5 * min(one.gain), 1.6 * max(one.gain))
+        coherence.set(xlabel="Frequency (Hz)", ylim=(0, 1.05))
+        for axis in (gain.yaxis, coherence.xaxis):
+            axis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+            axis.set_major_formatter(FuncFormatter(lambda value, _place: f"{value:g}"))
+            axis.set_minor_formatter(NullFormatter())
+        for row, panel, said in ((0, gain, heads[k]), (1, phase, ""), (2, coherence, "")):
+            style.letter(panel, MARKS[n * row + k], said)
+    axes[0].set_ylabel(f"Gain ({units[1] or 'output'}/{units[0] or 'input'})")
+    axes[n].set_ylabel("Phase (°)")
+    axes[2 * n].set_ylabel("Coherence (1)")
+    style.legend_over(figure, axes[0], 2 if n == 1 else 4)
+    return figure
