@@ -9,8 +9,9 @@ if TYPE_CHECKING:
 
 
 def counted(count: int, noun: str) -> str:
-    """`1 run`, `27 runs`."""
-    return f"{count} {noun}{'' if count == 1 else 's'}"
+    """`1 run`, `27 runs`, `2 stretches`."""
+    ending = "" if count == 1 else "es" if noun.endswith(("ch", "sh", "s")) else "s"
+    return f"{count} {noun}{ending}"
 
 
 def span(levels: Sequence[float], unit: str) -> str:

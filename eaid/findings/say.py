@@ -1,10 +1,21 @@
 """Findings → sentences, rendered last: nothing else in the program reads them."""
 
+import string
 from collections.abc import Iterable, Sequence
+from typing import Any
 
 from eaid.errors import in_python
 from eaid.findings.finding import Finding
 from eaid.findings.sentences import SENTENCES
+from eaid.shown import counted
+
+
+class Words(string.Formatter):
+    """`str.format` that also counts: `{runs:#run}` is `1 run`, or `3 runs`."""
+
+    def format_field(self, value: Any, spec: str) -> Any:
+        """The field, counted where its format begins with `#`."""
+        return counted(value, spec[1:]) if spec.startswith("#") else super().format_field(value, spec)
 
 
 def say(finding: Finding) -> str:
@@ -13,7 +24,7 @@ def say(finding: Finding) -> str:
     if row is None:
         return finding.code
     fields = {**finding.values, "levels": listed(finding.levels), "subject": finding.subject}
-    said = row.template(fields) if callable(row.template) else row.template.format(**fields)
+    said = row.template(fields) if callable(row.template) else Words().vformat(row.template, (), fields)
     others = finding.values.get("others")
     return f"{said} (and {others} more)" if others else said
 

@@ -80,3 +80,8 @@ def test_what_the_numbers_mean_is_told_first_and_what_it_covers_is_not_told_agai
 @pytest.mark.parametrize("code", [code for code, row in SENTENCES.items() if row.covers])
 def test_a_row_covers_codes_that_there_are(code: str):
     assert set(SENTENCES[code].covers) <= SENTENCES.keys()
+
+
+@pytest.mark.parametrize(("runs", "said"), [(1, "in 1 run:"), (3, "in 3 runs:")])
+def test_sentences_count(runs: int, said: str):
+    assert said in say(finding("signs-turned", "data", runs=runs))

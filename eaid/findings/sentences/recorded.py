@@ -64,7 +64,7 @@ ROWS: dict[str, Row] = {
         "the logs excite one input only ({levels}): T_s, τ1 and τ2 are known there; how they go with the input is not",
     ),
     "few-inputs": Row(
-        "note", "the logs hold {count} inputs only ({levels}): the polynomials have no more terms than that"
+        "note", "the logs hold {count:#input} only ({levels}): the polynomials have no more terms than that"
     ),
     "idle-not-seen": Row(
         "caution",
@@ -97,7 +97,7 @@ ROWS: dict[str, Row] = {
     ),
     "engagements-few": Row(
         "note",
-        "the logs hold {count} stretches under load between rests: how much the output differs from one to the next is "
+        "between rests the logs hold {count:#stretch} under load: how much the output differs from one to the next is "
         "not seen; let the recording return to rest four times or more",
     ),
     "duty-follows-output": Row(

@@ -72,8 +72,8 @@ ROWS: dict[str, Row] = {
     ),
     "counted-from-rest": Row("note", "levels counted from rest at {rest:g}"),
     "input-negative": Row("note", "the input is negative: its size is taken"),
-    "input-glitch": Row("note", "the input leaves its level for {samples} samples and comes back: passed over"),
-    "short-pieces": Row("note", "{pieces} shorter pieces of fewer than {fewest} samples left out"),
+    "input-glitch": Row("note", "the input leaves its level for {samples:#sample} and comes back: passed over"),
+    "short-pieces": Row("note", "{pieces:#shorter piece} of fewer than {fewest} samples left out"),
     "step-from-output": Row(
         "note", "step instant {step_s:.6g} s found from the output alone: late by a sample or more"
     ),
@@ -87,7 +87,7 @@ ROWS: dict[str, Row] = {
         "nothing is recorded before the step: its first samples, {start:.4g} {unit}, are taken for its start; if it is "
         "another, say «baseline»",
     ),
-    "spikes-before-step": Row("caution", "{samples} spikes before the step are left out of its baseline", "samples"),
+    "spikes-before-step": Row("caution", "{samples:#spike} before the step left out of its baseline", "samples"),
     "spikes": Row(
         "stop",
         "{samples} single samples stand far out of the record, the largest {value:.4g} {unit} at {at_s:.6g} s: no fit "
@@ -126,7 +126,7 @@ ROWS: dict[str, Row] = {
         "hold each level until it rests",
         "share_pct",
     ),
-    "saturated": Row("stop", "sensor saturated? {samples} samples stand at {limit:.4g} {unit}", "samples"),
+    "saturated": Row("stop", "sensor saturated? {samples:#sample} at {limit:.4g} {unit}", "samples"),
     "same-ceiling": Row(
         "stop",
         "the highest levels, {levels}, all stop at {ceiling:.4g} {unit} in mid-rise: the sensor or its amplifier is "
@@ -183,6 +183,6 @@ ROWS: dict[str, Row] = {
     ),
     "signs-turned": Row(
         "note",
-        "the output falls at the step in {runs} runs: recorded inverted, their sign is turned; «sign» keep forbids it",
+        "the output falls at the step in {runs:#run}: recorded inverted, their sign is turned; «sign» keep forbids it",
     ),
 }

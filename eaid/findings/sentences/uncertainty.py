@@ -169,7 +169,7 @@ ROWS: dict[str, Row] = {
         covers=("one-level-linear", "no-weights-for-one-level", "b0-by-convention"),
     ),
     "few-levels-for-polynomials": Row(
-        "caution", "{count} levels pin the polynomials of T_s, τ1, τ2 exactly or not at all: nothing checks their shape"
+        "caution", "{count:#level} pin the polynomials of T_s, τ1, τ2 exactly or not at all: nothing checks their shape"
     ),
     "parameter-open-at-most-levels": Row("caution", _open_at_most, rank=1, covers=("no-level-determines-all",)),
     "share-free": Row(
