@@ -18,8 +18,8 @@ from scipy.linalg import null_space
 from scipy.optimize import least_squares
 
 from eaid.fitting.data import Data
-from eaid.fitting.kernel import Record
 from eaid.fitting.nonlinear import fit_nonlinear
+from eaid.fitting.samples import Record
 from eaid.models.parameters import Nonlinear
 
 Array = NDArray[np.float64]

@@ -37,11 +37,6 @@ class Points:
     w: Array
     """Weight: how many samples a point stands for, shape (L, P) or (1, P)."""
 
-    @cached_property
-    def moments(self) -> Array:
-        """1 and t at the points, (P, 2), where all levels share their times: sums with both are one product."""
-        return np.stack([np.ones_like(self.t_s[0]), self.t_s[0]], axis=1)
-
     def rows(self, which: "slice | NDArray[np.intp]") -> "Points":
         """The points of some levels."""
         t, w = self.t_s, self.w

@@ -8,7 +8,7 @@ import numpy as np
 
 from eaid.arrays import Array
 from eaid.fitting.compress import PIECE, POINTS_PER_BLOCK, SMALL, Points, compress, piece_count, to_pieces
-from eaid.fitting.kernel import CHUNK, Record, full_sums
+from eaid.fitting.samples import CHUNK, Record, full_sums
 from eaid.steps.stepset import Level
 
 

@@ -12,12 +12,13 @@ import numpy as np
 from eaid.arrays import Array
 from eaid.errors import UsageError
 from eaid.findings import Finding, finding, ranked
-from eaid.fitting import kernel, metrics, robust
+from eaid.fitting import metrics, robust, samples
 from eaid.fitting.data import Data, data_of
 from eaid.fitting.findings import linear_findings, nonlinear_findings
+from eaid.fitting.first_order import fit_own_levels
 from eaid.fitting.friction import friction_fit, refuse_empty, trend_axis
 from eaid.fitting.levels import fit_levels
-from eaid.fitting.linear import LinearSolution, bounds_of, by_convention, fit_linear, fit_own_levels, linear_residuals
+from eaid.fitting.linear import LinearSolution, bounds_of, by_convention, fit_linear, linear_residuals
 from eaid.fitting.nonlinear import Solution, fit_nonlinear, full_residuals, refit_nonlinear
 from eaid.fitting.options import ALLOWED, CONVENTIONS, FitOptions, check
 from eaid.fitting.release import release_fit
@@ -103,7 +104,7 @@ def split(levels: Sequence[Level], hold_out: Sequence[float]) -> tuple[tuple[Lev
 
 def curve_residuals(fits: Sequence[FrictionLevel], on: Data) -> list[Array]:
     """f − y of each level's own curve at every sample."""
-    return kernel.residuals(np.array([[f.Ts, f.tau1, f.tau2, f.C] for f in fits]).T, on.records)
+    return samples.residuals(np.array([[f.Ts, f.tau1, f.tau2, f.C] for f in fits]).T, on.records)
 
 
 def fit_curves(data: Data, options: FitOptions) -> tuple[list[FrictionLevel], Huber | None]:

@@ -26,15 +26,7 @@ def free_problem(data: Data, least_s: float, most_s: float) -> Problem:
     A = np.array([[1.0, 0.0], [-1.0, 1.0], [0.0, -1.0]])
     b = np.array([np.log(least_s), 0.0, -np.log(most_s)])
     names = ("tau1-floor", "tau2-meets-tau1", "tau2-endless")
-    return Problem(
-        lambda x: projected(x, points)[:2],
-        lambda x: projected(x, points)[2],
-        A,
-        b,
-        names.__getitem__,
-        None,
-        floor=ROUNDING * data.energy,
-    )
+    return Problem(lambda x: projected(x, points)[:3], A, b, names.__getitem__, floor=ROUNDING * data.energy)
 
 
 def full_value(x: Array, data: Data) -> tuple[float, Array]:

@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 from eaid.arrays import Array
 from eaid.fitting.data import Data
 from eaid.fitting.free_share import free_problem, free_starts, full_value, theta_of
-from eaid.fitting.kernel import level_curvature, level_normal, level_sums, log_curvature, weighted_shares
-from eaid.fitting.problem import ROUNDING, Problem
+from eaid.fitting.kernel import by_log, log_curvature, log_products, weighted_shares
+from eaid.fitting.problem import ROUNDING, TINY, Problem
 from eaid.fitting.solver import SETTLED, EndPoint, judged, polish, slsqp
-from eaid.fitting.starts import RECORDS, STEPS, moved_by, solved_for, starting_curves
+from eaid.fitting.starts import RECORDS, STEPS, starting_curves, theta_at, within
 from eaid.models.parameters import TAU_FLOOR_S
 from eaid.results.common import Solver
 from eaid.results.fit import FrictionLevel
@@ -83,30 +83,21 @@ def _row(level: float, theta: Sequence[float], sse: float, samples: int, solver:
 
 def level_problem(data: Data, share: float, limit: float) -> Problem:
     """Eq. (3) for one level in x = (T_s, ln τ1, ln τ2) on the compressed points."""
+    points = data.points
+    shares = weighted_shares(np.array([share]), points)
 
-    def value(x: Array) -> tuple[float, Array]:
-        theta = _theta(x, share)
-        cost, gradient = level_sums(theta[:, None], data.points)
-        return float(cost[0]), gradient[:3, 0] * _scale(theta)
-
-    def curvature(x: Array) -> Array:
-        theta = _theta(x, share)
-        scale = _scale(theta)
-        return np.asarray(level_normal(theta[:, None], data.points)[2][0, :3, :3] * np.outer(scale, scale))
+    def normal(x: Array) -> tuple[float, Array, Array]:
+        theta = _theta(x, share)[:, None]
+        cost, gradient, curvature = by_log(theta, log_products(theta, shares, points))
+        return float(cost[0]), gradient[:, 0], curvature[0]
 
     def exact(x: Array) -> Array:
-        theta = _theta(x, share)
-        scale = _scale(theta)
-        own = level_curvature(theta[:, None], data.points)[0, :3, :3] * np.outer(scale, scale)
-        gradient = level_sums(theta[:, None], data.points)[1][:, 0]
-        own[1, 1] += gradient[1] * theta[1]  # d²/d(ln τ)² = τ² d²/dτ² + τ d/dτ
-        own[2, 2] += gradient[2] * theta[2]
-        return np.asarray(own)
+        return log_curvature(_theta(x, share)[:, None], shares, points)[1][0]
 
     A = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, -1.0, 1.0], [0.0, 0.0, -1.0]])
     b = np.array([0.0, np.log(TAU_FLOOR_S), 0.0, -np.log(limit)])
     names = ("Ts-zero", "tau1-floor", "tau2-meets-tau1", "tau2-endless")
-    return Problem(value, curvature, A, b, names.__getitem__, exact, floor=ROUNDING * data.energy)
+    return Problem(normal, A, b, names.__getitem__, exact, ROUNDING * data.energy)
 
 
 def _unknowns(theta: Array, limit: float) -> Array:
@@ -119,15 +110,10 @@ def _theta(x: Array, share: float) -> Array:
     return np.array([x[0], tau1, tau2, share])
 
 
-def _scale(theta: Array) -> Array:
-    """∂(T_s, τ1, τ2)/∂(T_s, ln τ1, ln τ2)."""
-    return np.array([1.0, theta[1], theta[2]])
-
-
 def _full(x: Array, data: Data, share: float) -> tuple[float, Array]:
     theta = _theta(x, share)
     cost, gradient = data.sums(theta[:, None])
-    return float(cost[0]), gradient[:3, 0] * _scale(theta)
+    return float(cost[0]), gradient[:3, 0] * np.array([1.0, *theta[1:3]])
 
 
 def fit_levels(data: Data, share: float | None) -> list[FrictionLevel]:
@@ -138,10 +124,10 @@ def fit_levels(data: Data, share: float | None) -> list[FrictionLevel]:
     if share is None:
         return [fit_level(data.one(i), None) for i in range(len(data.u))]
     starts = starting_curves(data, share)
-    order = np.lexsort((starts.cost, starts.level))  # by level, and within a level the lowest first
+    order = np.lexsort((starts.end.cost, starts.level))  # by level, and within a level the lowest first
     bounds = [*np.searchsorted(starts.level, np.arange(len(data.u))).tolist(), len(order)]
-    theta, full, decreases = _last_step(starts.theta[:, order[bounds[:-1]]], data)
-    costs, least = starts.cost[order].tolist(), (starts.cost - TRUST * starts.predicted)[order].tolist()
+    theta, full, decreases = _last_step(starts.end.x[order[bounds[:-1]]], share, data)
+    costs, least = starts.end.cost[order].tolist(), (starts.end.cost - TRUST * starts.end.predicted)[order].tolist()
     found = []
     for i, (decrease, sse, row) in enumerate(zip(decreases.tolist(), full.tolist(), theta.T.tolist(), strict=True)):
         ends = costs[bounds[i] : bounds[i + 1]]
@@ -155,29 +141,31 @@ def fit_levels(data: Data, share: float | None) -> list[FrictionLevel]:
     return found
 
 
-def _last_step(theta: Array, data: Data) -> tuple[Array, Array, Array]:
-    """θ of each level a Newton step on, (4, L), its cost over every sample, (L,), and what another step predicts.
+def _last_step(x: Array, share: float, data: Data) -> tuple[Array, Array, Array]:
+    """θ of each level a Newton step on from x, (4, L), its cost over every sample, (L,), and what another predicts.
 
     That is relative to the cost, (L,); infinite at a limit or off a bowl, where no step is taken either.
     """
     limit = RECORDS * data.longest_s
-    some = np.where(theta[0] > 0, theta, 1.0)
-    slope, H = log_curvature(some, weighted_shares(some[3], data.points), data.points)
+    theta = theta_at(x, share)
+    slope, H = log_curvature(theta, weighted_shares(theta[3], data.points), data.points)
     bowl = (theta[0] > 0) & _definite(H)
     H[~bowl] = np.eye(3)
     slope[~bowl] = 0.0
-    theta = moved_by(theta, solved_for(H, slope), limit)
+    theta = theta_at(within(limit)(x, np.linalg.solve(H, slope[:, :, None])[:, :, 0]), share)
     cost, gradient = data.sums(theta)
     Ts, tau1, tau2, _ = theta
     bowl &= (tau1 > 1.001 * TAU_FLOOR_S) & (1.001 * tau1 < tau2) & (tau2 < 0.5 * limit) & (Ts > 0) & (cost > 0)
-    slope = 0.5 * gradient[:3].T
-    slope[:, 1:] *= theta[1:3].T / np.where(bowl, Ts, 1.0)[:, None]
-    predicted = (slope * solved_for(H, slope)).sum(axis=1)
+    slope = gradient[:3].T.copy()
+    slope[:, 1:] *= theta[1:3].T
+    predicted = 0.5 * (slope * np.linalg.solve(H, slope[:, :, None])[:, :, 0]).sum(axis=1)
     return theta, cost, np.where(bowl, predicted / np.where(bowl, cost, 1.0), np.inf)
 
 
 def _definite(H: Array) -> NDArray[np.bool_]:
-    """Which of some symmetric matrices, (L, n, n), are positive definite, (L,)."""
+    """Which of some symmetric matrices, (L, n, n), are positive definite in any units, (L,)."""
+    scale = np.sqrt(np.maximum(np.einsum("lii->li", H), TINY))
+    H = H / (scale[:, :, None] * scale[:, None, :])
     try:
         np.linalg.cholesky(H)
     except np.linalg.LinAlgError:

@@ -14,20 +14,12 @@ from eaid.arrays import Array
 from eaid.fitting.basis import Basis, basis_of, constraints, held_at
 from eaid.fitting.broad import broad_starts
 from eaid.fitting.data import Data
-from eaid.fitting.kernel import (
-    by_tau,
-    level_costs,
-    level_curvature,
-    level_normal,
-    level_sums,
-    log_products,
-    residuals,
-    weighted_shares,
-)
+from eaid.fitting.kernel import by_tau, level_costs, level_normal, log_curvature, log_products, weighted_shares
 from eaid.fitting.levels import SHARES
 from eaid.fitting.problem import ROUNDING, Problem, bring_in, draw_in
+from eaid.fitting.samples import residuals
 from eaid.fitting.solver import EndPoint, approach, concluded, ended, slsqp
-from eaid.fitting.starts import quick_curves
+from eaid.fitting.starts import starting_curves
 from eaid.models.parameters import TAU_FLOOR_S, Nonlinear
 from eaid.results.common import Solver
 
@@ -47,27 +39,26 @@ def nonlinear_problem(data: Data, basis: Basis) -> Problem:
         theta = basis.theta(x, M)
         return level_normal(theta, points) if basis.free_share else by_tau(theta, log_products(theta, shares, points))
 
-    def value(x: Array) -> tuple[float, Array]:
-        # far outside, where SLSQP may look, products of the slopes overflow
-        cost, gradient = level_sums(basis.theta(x, M), points) if basis.free_share else sums(x)[:2]
-        return float(weights @ cost), (gradient * weights).ravel() @ flat
-
     def chained(curvature: Array) -> Array:
         half = (curvature * weights[:, None, None]) @ by_level
         return np.asarray(by_level.reshape(-1, basis.size).T @ half.reshape(-1, basis.size))
 
-    def gauss_newton(x: Array) -> Array:
-        return chained(sums(x)[2])
-
     def exact(x: Array) -> Array:
-        return chained(level_curvature(basis.theta(x, M), points)[:, :known, :known])
+        theta = basis.theta(x, M)
+        slope, H = log_curvature(theta, shares, points)
+        by_tau = 1 / theta[1:3].T
+        H[:, 1, 1] -= slope[:, 1]  # d²/dτ² = (d²/d(ln τ)² − d/d ln τ)/τ²
+        H[:, 2, 2] -= slope[:, 2]
+        H[:, 1:] *= by_tau[:, :, None]
+        H[:, :, 1:] *= by_tau[:, None, :]
+        return chained(H)
 
-    def together(x: Array) -> tuple[float, Array, Array]:
+    def normal(x: Array) -> tuple[float, Array, Array]:
         cost, gradient, curvature = sums(x)
         return float(weights @ cost), (gradient * weights).ravel() @ flat, chained(curvature)
 
     A, b, names = constraints(basis, data.longest_s)
-    return Problem(value, gauss_newton, A, b, names, exact, together, ROUNDING * data.energy)
+    return Problem(normal, A, b, names, None if basis.free_share else exact, ROUNDING * data.energy)
 
 
 def full_residuals(x: Array, data: Data, basis: Basis) -> list[Array]:
@@ -91,11 +82,13 @@ class OwnCurves:
 
 def own_curves(data: Data, share: float) -> OwnCurves:
     """Best curves of single levels with C held at `share`."""
-    theta, cost, curvature = quick_curves(data, share)
-    normal = curvature * (0.5 * data.weights[:, None, None])
+    found = starting_curves(data, share, most=1, enough=1e-4)
+    theta, end = found.theta, found.end
+    by_tau = np.stack([np.ones_like(theta[0]), 1 / theta[1], 1 / theta[2]], axis=1)
+    normal = end.curvature * (0.5 * data.weights[:, None, None]) * (by_tau[:, :, None] * by_tau[:, None, :])
     scale = np.sqrt(np.maximum(np.einsum("lii->li", normal), 1e-200))
     outer = scale[:, :, None] * scale[:, None, :]
-    return OwnCurves(theta, data.weights * cost, normal, np.linalg.inv(normal / outer + 1e-9 * np.eye(3)) / outer)
+    return OwnCurves(theta, data.weights * end.cost, normal, np.linalg.inv(normal / outer + 1e-9 * np.eye(3)) / outer)
 
 
 def polynomial_starts(own: OwnCurves, basis: Basis, problem: Problem) -> list[Array]:

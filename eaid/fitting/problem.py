@@ -28,19 +28,20 @@ Value = Callable[[Array], tuple[float, Array]]
 class Problem:
     """Minimise a sum of squares under A x ≥ b."""
 
-    value: Value
-    curvature: Callable[[Array], Array]
-    """x → positive semidefinite Gauss–Newton matrix of the cost, (n, n)."""
+    normal: Callable[[Array], tuple[float, Array, Array]]
+    """x → cost, gradient (n,) and its Gauss–Newton matrix, positive semidefinite, (n, n)."""
     A: Array
     b: Array
     names: Callable[[int], str]
     """The code of the constraint that a row of A is part of, as in `Solver.at_bounds`."""
     exact: Callable[[Array], Array] | None = None
     """x → true second derivatives, (n, n), where they are known."""
-    together: Callable[[Array], tuple[float, Array, Array]] | None = None
-    """x → cost, gradient and Gauss–Newton matrix, where all three cost less together."""
     floor: float = 0.0
     """Cost below which differences are rounding: `ROUNDING` times the sum of squared data."""
+
+    def value(self, x: Array) -> tuple[float, Array]:
+        """Cost and gradient."""
+        return self.normal(x)[:2]
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,11 +64,6 @@ def whiten(curvature: Array) -> Array:
         except np.linalg.LinAlgError:
             ridge = 10 * ridge if ridge else 1e-13
             scaled = curvature / (scale * scale[:, None]) + ridge * np.eye(len(scale))
-
-
-def at(problem: Problem, x: Array) -> tuple[float, Array, Array]:
-    """Cost, gradient and Gauss–Newton matrix."""
-    return problem.together(x) if problem.together else (*problem.value(x), problem.curvature(x))
 
 
 def inside(problem: Problem, feasible: Array, x: Array) -> Array:
@@ -103,7 +99,7 @@ def bring_in(x: Array, inner: Array, problem: Problem) -> Array:
     """A feasible point for `x`: by the constrained Newton step, then along the line to a feasible `inner`."""
     if (problem.A @ x - problem.b).min(initial=0.0) >= 0:
         return x
-    step = newton_step(problem, x, *at(problem, x)[1:])
+    step = newton_step(problem, x, *problem.normal(x)[1:])
     return draw_in(x + step.d, inner, problem)
 
 

@@ -15,10 +15,10 @@ from eaid.arrays import Array
 from eaid.findings import Finding, finding
 from eaid.fitting.compress import Points
 from eaid.fitting.data import Data, data_of
-from eaid.fitting.kernel import decay
 from eaid.fitting.levels import CLEAR, SAME, TRUST
 from eaid.fitting.metrics import quality
 from eaid.fitting.problem import ROUNDING, Problem
+from eaid.fitting.samples import decay
 from eaid.fitting.solver import FINISHED, SETTLED, approach, concluded, ended, judged
 from eaid.fitting.starts import RECORDS, Indices, grid_bowls, grid_fits, start_grid
 from eaid.models.parameters import SHARE, TAU_FLOOR_S, Friction
@@ -221,7 +221,7 @@ def _solve(data: Data, shares: Array, starts: Array) -> _Solved:
     def sums(x: Array) -> _Sums:
         return _projected(np.tile(x, (len(shares), 1)), data.points, shares)
 
-    def together(x: Array) -> tuple[float, Array, Array]:
+    def normal(x: Array) -> tuple[float, Array, Array]:
         now = sums(x)
         return float(now.cost.sum()), now.gradient.sum(axis=0), now.curvature.sum(axis=0)
 
@@ -229,10 +229,8 @@ def _solve(data: Data, shares: Array, starts: Array) -> _Solved:
         cost, gradient, _ = _on_every_sample(np.tile(x, (len(shares), 1)), data, shares)
         return float(cost.sum()), gradient.sum(axis=0)
 
-    problem = Problem(
-        lambda x: together(x)[:2], lambda x: together(x)[2], A, b, names.__getitem__,
-        lambda x: sums(x).exact.sum(axis=0), together, ROUNDING * data.energy,
-    )  # fmt: skip
+    floor = ROUNDING * data.energy
+    problem = Problem(normal, A, b, names.__getitem__, lambda x: sums(x).exact.sum(axis=0), floor)
     starts = np.clip(starts, b[0], -b[2])
     order = np.argsort([problem.value(start)[0] for start in starts], kind="stable")[:MOST]
     end, solver, _ = concluded(problem, ended([approach(problem, starts[k]) for k in order], problem), on_all)

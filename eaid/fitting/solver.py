@@ -14,7 +14,7 @@ import numpy as np
 from scipy.optimize import minimize
 
 from eaid.arrays import Array
-from eaid.fitting.problem import TINY, Problem, Value, at, inside, newton_step, rounding, whiten
+from eaid.fitting.problem import TINY, Problem, Value, inside, newton_step, rounding, whiten
 from eaid.results.common import Solver, StartCost
 
 FTOL = 1e-13
@@ -80,7 +80,7 @@ def slsqp(
     x, evaluations = start, 1
     held = np.zeros(len(problem.b), dtype=bool)
     if local is None:
-        cost, gradient, curvature = at(problem, x)
+        cost, gradient, curvature = problem.normal(x)
         predicted = newton_step(problem, x, gradient, curvature).decrease
     else:
         cost, gradient, curvature, predicted = local.cost, local.gradient, local.curvature, local.predicted
@@ -103,7 +103,7 @@ def slsqp(
         x, cost, gradient = reached, found, slope
         if kept:  # the start lay next to the minimum, and what there was to gain there has been gained
             break
-        curvature = problem.curvature(x)
+        curvature = problem.normal(x)[2]
         predicted = newton_step(problem, x, gradient, curvature).decrease
     return EndPoint(x, cost, evaluations)
 
@@ -157,7 +157,7 @@ def approach(problem: Problem, start: Array, steps: int = 40) -> EndPoint:
     Steps are constrained Newton steps with Levenberg's and Marquardt's damping, which grows where a step gains nothing.
     """
     x, evaluations, damping, local = start, 1, 1e-6, None
-    cost, gradient, curvature = at(problem, x)
+    cost, gradient, curvature = problem.normal(x)
     for _ in range(steps):
         step = newton_step(problem, x, gradient, curvature + damping * np.diag(np.diagonal(curvature)))
         if step.decrease <= NEAR_END * max(cost, problem.floor):
@@ -165,7 +165,7 @@ def approach(problem: Problem, start: Array, steps: int = 40) -> EndPoint:
                 local = Local(cost, gradient, curvature, step.decrease)
             break
         reached = inside(problem, x, x + step.d) if step.active else x + step.d
-        found, slope, bent = at(problem, reached)
+        found, slope, bent = problem.normal(reached)
         evaluations += 1
         if found < cost:
             x, cost, gradient, curvature = reached, found, slope, bent
@@ -199,7 +199,7 @@ def polish(
     """
     x, evaluations = end.x, end.evaluations + 1
     cost, gradient = full(x)
-    step = newton_step(problem, x, gradient, problem.curvature(x))
+    step = newton_step(problem, x, gradient, problem.normal(x)[2])
     if step.decrease > FINISHED * cost:
         step = newton_step(problem, x, gradient, _curvature(problem, x))
     for _ in range(steps):
@@ -251,11 +251,11 @@ def _curvature(problem: Problem, x: Array) -> Array:
     if problem.exact is not None:
         exact = problem.exact(x)
         if np.diagonal(exact).min() <= TINY:
-            return problem.curvature(x)
+            return problem.normal(x)[2]
         scale = np.sqrt(np.diagonal(exact))
         try:
             np.linalg.cholesky(exact / np.outer(scale, scale))
             return exact
         except np.linalg.LinAlgError:
             pass
-    return problem.curvature(x)
+    return problem.normal(x)[2]

@@ -1,5 +1,6 @@
 """Where the fits of single levels start: the best pairs of τ over a log grid, then a few damped Newton steps."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import TypeAlias
@@ -10,7 +11,8 @@ from numpy.typing import NDArray
 from eaid.arrays import Array
 from eaid.fitting.compress import Points
 from eaid.fitting.data import Data
-from eaid.fitting.kernel import by_tau, log_products, weighted_shares
+from eaid.fitting.descent import Descent, descend
+from eaid.fitting.kernel import by_log, log_products, weighted_shares
 from eaid.models.parameters import TAU_FLOOR_S
 
 Indices: TypeAlias = NDArray[np.intp]
@@ -30,16 +32,17 @@ ENOUGH = 1e-7
 class Starts:
     """Curves that single levels may start from, N in all."""
 
-    theta: Array
-    """(4, N)."""
-    cost: Array
-    """On the compressed points, (N,)."""
-    curvature: Array
-    """Gauss–Newton, by (T_s, τ1, τ2), (N, 3, 3)."""
-    predicted: Array
-    """By how much one more of the steps would lower the cost, (N,)."""
+    end: Descent
+    """In (T_s, ln τ1, ln τ2)."""
+    share: Array
+    """C of each, (N,)."""
     level: Indices
     """Index of the level of each, (N,), rising."""
+
+    @property
+    def theta(self) -> Array:
+        """(T_s, τ1, τ2, C) of each, (4, N)."""
+        return theta_at(self.end.x, self.share)
 
 
 def starting_curves(data: Data, share: float, most: int = BOWLS, enough: float = ENOUGH) -> Starts:
@@ -61,7 +64,7 @@ def starting_curves(data: Data, share: float, most: int = BOWLS, enough: float =
     theta = np.stack([steady, grid[first], grid[second], np.full_like(steady, share)])
     if len(level) > len(points.y):
         points = points.rows(level)
-    return Starts(*refine(theta, points, RECORDS * data.longest_s, enough=enough), level)
+    return Starts(refine(theta, points, RECORDS * data.longest_s, enough=enough), theta[3], level)
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,63 +141,42 @@ def _bowls(gain: Array, most: int) -> tuple[Indices, Indices, Indices]:
     return level[order], first[order] - 1, second[order] - 1
 
 
-def quick_curves(data: Data, share: float) -> tuple[Array, Array, Array]:
-    """θ (4, L), cost (L,) and curvature (L, 3, 3) of every level from its best pair of τ on the grid."""
-    found = starting_curves(data, share, most=1, enough=1e-4)
-    return found.theta, found.cost, found.curvature
+def refine(theta: Array, points: Points, limit: float, steps: int = STEPS, enough: float = ENOUGH) -> Descent:
+    """Damped steps in (T_s, ln τ1, ln τ2) on every row of points at once, from θ of shape (4, N).
 
-
-def refine(
-    theta: Array, points: Points, limit: float, steps: int = STEPS, enough: float = ENOUGH
-) -> tuple[Array, Array, Array, Array]:
-    """Damped Gauss–Newton in (T_s, ln τ1, ln τ2) on every row of points at once.
-
-    Returns θ (4, N), cost (N,), curvature by (T_s, τ1, τ2), (N, 3, 3), and what one more step predicts, (N,). A row
-    moves only where its cost falls; τ stays within 1 ms and `limit` [s]. Ends when a step predicts no row that still
-    moves more than `enough` of its cost.
+    τ stays within 1 ms and `limit` [s]; ln τ moves by 2 at most.
     """
-    shares = weighted_shares(theta[3], points)
-    P = log_products(theta, shares, points)
-    damping, moved = np.full(len(P), 1e-3), np.full(len(P), True)
-    for step in range(steps + 1):
-        cost, slope = P[:, 3, 3], P[:, 3, :3]
-        normal = P[:, :3, :3].copy()
-        diagonal = np.einsum("lii->li", normal)
-        diagonal += damping[:, None] * diagonal + 1e-300
-        move = solved_for(normal, slope)
-        predicted = (slope * move).sum(axis=1)
-        if step == steps or (moved.any() and (predicted <= enough * cost)[moved].all()):
-            break
-        tried = moved_by(theta, move, limit)
-        found = log_products(tried, shares, points)
-        moved = found[:, 3, 3] < cost
-        if moved.all():
-            theta, P = tried, found
-        else:
-            theta, P = np.where(moved, tried, theta), np.where(moved[:, None, None], found, P)
-        # where τ1 and τ2 have met, two rows are one, and only damping keeps them from being singular
-        damping = np.where(moved, np.maximum(damping / 10, 1e-12), damping * 10)
-    cost, _, curvature = by_tau(theta, P)
-    return theta, cost, curvature, predicted
+    share = theta[3]
+    shares = weighted_shares(share, points)
+
+    def look(x: Array) -> tuple[Array, Array, Array]:
+        theta = theta_at(x, share)
+        cost, gradient, curvature = by_log(theta, log_products(theta, shares, points))
+        return cost, gradient.T, curvature
+
+    return descend(look, np.stack([theta[0], *np.log(theta[1:3])], axis=1), steps, enough, within(limit))
 
 
-def solved_for(H: Array, slope: Array) -> Array:
-    """The step of each level that H and its slope ask for, (L, 3)."""
-    return np.asarray(np.linalg.solve(H, slope[:, :, None])[:, :, 0], dtype=np.float64)
+def theta_at(x: Array, share: Array | float) -> Array:
+    """θ (4, N) at x = (T_s, ln τ1, ln τ2), (N, 3)."""
+    theta = np.empty((4, len(x)))
+    theta[0], theta[3] = x[:, 0], share
+    np.exp(x[:, 1:].T, out=theta[1:3])
+    return theta
 
 
-def moved_by(theta: Array, move: Array, limit: float) -> Array:
-    """θ less a step in T_s, and in ln τ1 and ln τ2 over T_s, (L, 3); τ stays within 1 ms and `limit` [s].
+def within(limit: float) -> Callable[[Array, Array], Array]:
+    """x less a step in (T_s, ln τ1, ln τ2), (N, 3); T_s stays above 0, τ within 1 ms and `limit` [s], τ2 above τ1."""
+    least, most = np.log(TAU_FLOOR_S), np.log(limit)
 
-    ln τ moves by 2 at most, and not at all where T_s is 0.
-    """
-    moved = theta.copy()
-    moved[0] = np.maximum(theta[0] - move[:, 0], 0.0)
-    most = 2.0 * theta[0]
-    away = np.minimum(np.maximum(move[:, 1:].T, -most), most) / np.maximum(theta[0], 1e-300)
-    moved[1:3] *= np.exp(-away)
-    moved[1] = np.minimum(np.maximum(moved[1], TAU_FLOOR_S), limit)
-    moved[2] = np.minimum(np.maximum(moved[2], moved[1]), limit)
+    def moved(x: Array, step: Array) -> Array:
+        tried = x - step
+        tried[:, 0] = np.maximum(tried[:, 0], 0.0)
+        away = np.minimum(np.maximum(step[:, 1:], -2.0), 2.0)
+        tried[:, 1:] = np.minimum(np.maximum(x[:, 1:] - away, least), most)
+        tried[:, 2] = np.maximum(tried[:, 2], tried[:, 1])
+        return tried
+
     return moved
 
 

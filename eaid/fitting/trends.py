@@ -63,15 +63,8 @@ def _fit(form: str, s: Array, y: Array, starts: list[Array]) -> tuple[Array, boo
         A, b = np.array([[-1.0], [1.0]]), np.array([-STEEPEST, -1.5 * STEEPEST])
         names = ("r-steepest-rise", "r-steepest-fall")
         order = [0, 1, 2]
-    problem = Problem(
-        lambda rates: _projected(rates, s, y)[:2],
-        lambda rates: _projected(rates, s, y)[2],
-        A,
-        b,
-        names.__getitem__,
-        None,
-        floor=ROUNDING * float(y @ y),
-    )
+    floor = ROUNDING * float(y @ y)
+    problem = Problem(lambda rates: _projected(rates, s, y)[:3], A, b, names.__getitem__, floor=floor)
     ends = [slsqp(problem, _apart(start)) for start in starts]
     best = min(ends, key=lambda end: end.cost)
     end, predicted, active = polish(problem, best, problem.value)

@@ -7,7 +7,8 @@ import numpy as np
 
 from eaid.arrays import Array
 from eaid.fitting.data import data_of
-from eaid.fitting.linear import bounds_of, by_convention, fit_own_levels
+from eaid.fitting.first_order import fit_own_levels
+from eaid.fitting.linear import bounds_of, by_convention
 from eaid.fitting.options import CONVENTIONS
 from eaid.logs.run import Run
 from eaid.models import nonlinear as curve

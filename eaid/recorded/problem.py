@@ -182,11 +182,7 @@ class Setup:
         def names(i: int) -> str:
             return model.names(i) if i < len(model.b) else said[i - len(model.b)]
 
-        def value(x: Array) -> tuple[float, Array]:
-            cost, gradient, _ = self.together(x)
-            return cost, gradient
-
-        return Problem(value, lambda x: self.together(x)[2], A, b, names, None, self.together, ROUNDING * self.energy)
+        return Problem(self.together, A, b, names, floor=ROUNDING * self.energy)
 
 
 def with_extras(setup: Setup, extras: Sequence[str], x: Array, values: Sequence[float] | Array) -> tuple[Setup, Array]:

@@ -112,7 +112,7 @@ def with_second_derivatives(problem: Problem, rough: Setup) -> Problem:
     """
 
     def exact(x: Array) -> Array:
-        whole = problem.curvature(x)
+        whole = problem.normal(x)[2]
         own = rough.together(x)[2]
         scale = np.sqrt(np.maximum(np.diagonal(own), 1e-300))
         size = np.sqrt(max(problem.value(x)[0], problem.floor))

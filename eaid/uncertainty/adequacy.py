@@ -13,8 +13,8 @@ from scipy.special import fdtri
 
 from eaid.arrays import Array
 from eaid.findings import Finding, finding
-from eaid.fitting.kernel import level_sums
-from eaid.fitting.linear import fit_own_levels
+from eaid.fitting.first_order import fit_own_levels
+from eaid.fitting.kernel import level_costs
 from eaid.models import friction
 from eaid.models.parameters import Friction
 from eaid.results.fit import Adequacy, Fit, LackOfFit, OrderScore, ShapeScore
@@ -189,7 +189,7 @@ def _free_share(base: LevelStatistics, two: Array) -> Array:
     held = np.array([log_theta(curve, True) for curve in curves])
     half = np.where(np.arange(4) == 3, 0.0, held)
     costs = least_of_all(points, np.stack([held, half]))
-    above = two - level_sums(np.array([[c.Ts, c.tau1, c.tau2, c.C] for c in curves]).T, points)[0]
+    above = two - level_costs(np.array([[c.Ts, c.tau1, c.tau2, c.C] for c in curves]).T, points)
     return np.asarray(np.minimum(two, np.maximum(above + costs.min(axis=0), 0.0)))
 
 

@@ -110,5 +110,7 @@ def run_statistics(
 def own_residuals(runs_nm: Array, fitted_nm: Array, jacobian: Array) -> Array:
     """Residuals of each run about its own fit [output], one linear step from the level's fit, shape (R, n)."""
     left = runs_nm - fitted_nm
-    basis = np.linalg.qr(jacobian)[0]
+    basis, triangle = np.linalg.qr(jacobian)
+    turn, size, _ = np.linalg.svd(triangle)
+    basis = basis @ turn[:, size > 1e-10 * size[0]]  # where τ1 meets τ2 two columns are one, and the third is rounding
     return np.asarray(left - (left @ basis) @ basis.T)

@@ -62,18 +62,15 @@ def _constrained(
     aim = np.concatenate([log_values[name] for name in BLOCKS])
     weight = 1 / np.sqrt(np.concatenate([np.maximum(variance[name], 1e-18) for name in BLOCKS]))
 
-    def value(c: Array) -> tuple[float, Array]:
+    def normal(c: Array) -> tuple[float, Array, Array]:
         now = np.maximum(design @ c, 1e-9)
         left = weight * (np.log(now) - aim)
-        return float(left @ left), np.asarray(2 * design.T @ (weight * left / now))
-
-    def curvature(c: Array) -> Array:
-        g = design * (weight / np.maximum(design @ c, 1e-9))[:, None]
-        return np.asarray(2 * g.T @ g)
+        J = design * (weight / now)[:, None]
+        return float(left @ left), 2 * J.T @ left, 2 * J.T @ J
 
     begin = np.zeros(sum(counts))
     for k, name in enumerate(BLOCKS):
         begin[sum(counts[:k])] = np.exp(np.average(log_values[name], weights=1 / np.maximum(variance[name], 1e-18)))
     begin[0] = max(begin[0], 2e-3)
     begin[counts[0]] = max(begin[counts[0]], 1.5 * begin[0])
-    return slsqp(Problem(value, curvature, rows, offset, str), begin).x
+    return slsqp(Problem(normal, rows, offset, str), begin).x

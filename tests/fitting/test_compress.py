@@ -8,8 +8,8 @@ import pytest
 from eaid.fitting import compress as module
 from eaid.fitting.compress import HEAD, POINTS_PER_BLOCK, SMALL, blocks, compress, orthonormal, piece_count, to_pieces
 from eaid.fitting.data import Data, data_of
-from eaid.fitting.kernel import Record
 from eaid.fitting.levels import fit_levels
+from eaid.fitting.samples import Record
 from eaid.models import friction
 from eaid.models.parameters import Friction
 from eaid.steps.stepset import Level

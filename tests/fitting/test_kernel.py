@@ -5,20 +5,15 @@ import pytest
 
 from eaid.fitting.compress import Points
 from eaid.fitting.kernel import (
-    Record,
+    by_log,
     by_tau,
-    decay,
-    full_sums,
     level_costs,
-    level_curvature,
     level_normal,
-    level_sums,
     log_curvature,
     log_products,
-    residuals,
-    stretch,
     weighted_shares,
 )
+from eaid.fitting.samples import Record, decay, full_sums, residuals, stretch
 
 RNG = np.random.default_rng(3)
 TIMES = np.sort(RNG.uniform(0, 10, (1, 40)))
@@ -26,63 +21,67 @@ POINTS = Points(TIMES, RNG.normal(1, 0.3, (3, 40)), RNG.uniform(0.5, 3, (1, 40))
 THETA = np.array([[1.0, 2.0, 0.5], [0.2, 0.5, 1.0], [4.0, 9.0, 2.0], [0.85, 0.6, 0.9]])
 
 
+ALIKE = Points(np.tile(TIMES, (3, 1)), POINTS.y, np.tile(POINTS.w, (3, 1)))
+
+
+def _curve(theta: np.ndarray, t: np.ndarray) -> np.ndarray:
+    """Eq. (3) in plain words, of complex θ too."""
+    Ts, tau1, tau2, share = theta[:, :, None]
+    return np.asarray(Ts * (1 - share * np.exp(-t / tau1) - (1 - share) * np.exp(-t / tau2)))
+
+
+def _cost(theta: np.ndarray, points: Points = POINTS) -> np.ndarray:
+    return np.asarray((points.w * (_curve(theta, points.t_s) - points.y) ** 2).sum(axis=1))
+
+
+def _slopes(theta: np.ndarray, points: Points = POINTS) -> np.ndarray:
+    """∂f/∂θ at the points by complex steps, (L, 4, P)."""
+    steps = [_curve(theta + 1e-30j * np.eye(4)[k][:, None], points.t_s).imag / 1e-30 for k in range(4)]
+    return np.stack(steps, axis=1)
+
+
 def test_cost_by_hand() -> None:
     points = Points(np.array([[0.0, 1.0]]), np.array([[0.5, 1.0]]), np.array([[2.0, 3.0]]))
-    cost, _ = level_sums(np.array([[2.0], [1.0], [2.0], [0.5]]), points)
+    cost, *_ = level_normal(np.array([[2.0], [1.0], [2.0], [0.5]]), points)
     curve = 2 * (1 - 0.5 * np.exp(-1) - 0.5 * np.exp(-0.5))
     assert cost[0] == pytest.approx(2 * 0.25 + 3 * (curve - 1) ** 2, rel=1e-14)
 
 
-@pytest.mark.parametrize("k", range(4))
-def test_gradient_and_curvature(k: int) -> None:
-    shifted = THETA.astype(complex)
-    shifted[k] += 1e-30j
-    cost, gradient = level_sums(shifted, POINTS)
-    assert level_sums(THETA, POINTS)[1][k] == pytest.approx(cost.imag / 1e-30, rel=1e-11)
-    exact = level_curvature(THETA, POINTS)
-    assert pytest.approx(gradient.imag / 1e-30, rel=1e-10, abs=1e-9) == exact[:, :, k].T
+@pytest.mark.parametrize("points", [POINTS, ALIKE])
+def test_cost_gradient_and_gauss_newton(points: Points) -> None:
+    cost, gradient, curvature = level_normal(THETA, points)
+    J, left = _slopes(THETA, points), _curve(THETA, points.t_s) - points.y
+    assert cost == pytest.approx(_cost(THETA, points), rel=1e-13)
+    assert gradient == pytest.approx(2 * np.einsum("lkp,lp->kl", J, points.w * left), rel=1e-11)
+    assert curvature == pytest.approx(2 * (J * points.w[:, None]) @ J.transpose(0, 2, 1), rel=1e-12)
 
 
-def test_gauss_newton_is_the_exact_curvature_where_nothing_is_left() -> None:
-    theta = THETA[:, :1]
-    curve = residuals(theta, [Record(TIMES[0], np.zeros(40), False)])[0]
-    points = Points(TIMES, curve[None], POINTS.w)
-    assert level_normal(theta, points)[2] == pytest.approx(level_curvature(theta, points), rel=1e-12)
-
-
-@pytest.mark.parametrize("points", [POINTS, Points(np.tile(TIMES, (3, 1)), POINTS.y, np.tile(POINTS.w, (3, 1)))])
-def test_one_product_gives_the_same_sums(points: Points) -> None:
-    cost, gradient, _ = level_normal(THETA, points)
-    assert cost == pytest.approx(level_sums(THETA, points)[0], rel=1e-13)
-    assert gradient == pytest.approx(level_sums(THETA, points)[1], rel=1e-11)
-    assert level_curvature(THETA, points) == pytest.approx(level_curvature(THETA, POINTS), rel=1e-12)
-
-
-@pytest.mark.parametrize("points", [POINTS, Points(np.tile(TIMES, (3, 1)), POINTS.y, np.tile(POINTS.w, (3, 1)))])
+@pytest.mark.parametrize("points", [POINTS, ALIKE])
 def test_sums_in_ln_tau_are_those_by_tau(points: Points) -> None:
-    cost, gradient, curvature = by_tau(THETA, log_products(THETA, weighted_shares(THETA[3], points), points))
-    want = level_normal(THETA, points)
-    assert cost == pytest.approx(want[0], rel=1e-12)
-    assert gradient == pytest.approx(want[1][:3], rel=1e-11)
-    assert curvature == pytest.approx(want[2][:, :3, :3], rel=1e-12)
+    products, want = log_products(THETA, weighted_shares(THETA[3], points), points), level_normal(THETA, points)
+    for (cost, gradient, curvature), scale in ((by_tau(THETA, products), 1.0), (by_log(THETA, products), THETA[1:3])):
+        by = np.concatenate([np.ones((1, 3)), scale * np.ones((2, 3))])
+        assert cost == pytest.approx(want[0], rel=1e-12)
+        assert gradient == pytest.approx(want[1][:3] * by, rel=1e-11)
+        assert curvature == pytest.approx(want[2][:, :3, :3] * (by.T[:, :, None] * by.T[:, None, :]), rel=1e-12)
 
 
 def test_curvature_in_ln_tau_by_complex_steps() -> None:
     slope, H = log_curvature(THETA, weighted_shares(THETA[3], POINTS), POINTS)
-    scale = np.stack([np.ones(3), THETA[0], THETA[0]])  # the steps in ln τ are over T_s
     for k in range(3):
         shifted = THETA.astype(complex)
         shifted[k] = shifted[k] + 1e-30j if k == 0 else shifted[k] * np.exp(1e-30j)
-        cost, gradient = level_sums(shifted, POINTS)
-        by_log = gradient[:3] * np.stack([np.ones(3), *shifted[1:3]])
-        assert 2 * slope[:, k] == pytest.approx(cost.imag / 1e-30 / scale[k], rel=1e-10)
-        want = by_log.imag / 1e-30 / scale / scale[k]
-        assert pytest.approx(want, rel=1e-9, abs=1e-9) == 2 * H[:, :, k].T
+        assert slope[:, k] == pytest.approx(_cost(shifted).imag / 1e-30, rel=1e-10)
+        curve = _curve(shifted, TIMES)  # the gradient by T_s, ln τ1, ln τ2 at the shifted place
+        e = np.exp(-TIMES / shifted[1:3, :, None]) * TIMES / shifted[1:3, :, None] * shifted[0, :, None]
+        by = (curve / shifted[0, :, None], -shifted[3, :, None] * e[0], -(1 - shifted[3, :, None]) * e[1])
+        want = [2 * (POINTS.w * (curve - POINTS.y) * one).sum(axis=1).imag / 1e-30 for one in by]
+        assert pytest.approx(np.array(want), rel=1e-9, abs=1e-9) == H[:, :, k].T
 
 
 def test_costs_alone() -> None:
     two = np.stack([THETA, 1.1 * THETA], axis=1)
-    want = [level_sums(theta, POINTS)[0] for theta in (THETA, 1.1 * THETA)]
+    want = [_cost(theta) for theta in (THETA, 1.1 * THETA)]
     assert level_costs(two, POINTS) == pytest.approx(np.array(want), rel=1e-12)
 
 
@@ -91,7 +90,7 @@ def test_full_sums_are_the_plain_sums(n: int) -> None:
     t = 0.002 + np.arange(n) / 500
     y = RNG.normal(1, 0.3, (3, n))
     records = [Record(t, row, True) for row in y]
-    want = level_sums(THETA, Points(t[None], y, np.ones((1, n))))
+    want = level_normal(THETA, Points(t[None], y, np.ones((1, n))))
     for got in (full_sums(THETA, records), full_sums(THETA, records, y)):
         assert got[0] == pytest.approx(want[0], rel=1e-12)
         assert got[1] == pytest.approx(want[1], rel=1e-10, abs=1e-9)

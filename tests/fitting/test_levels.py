@@ -7,9 +7,9 @@ from numpy.typing import NDArray
 from eaid.fitting.compress import Points
 from eaid.fitting.data import Data
 from eaid.fitting.free_share import free_problem, non_negative
-from eaid.fitting.kernel import Record
 from eaid.fitting.levels import fit_level, fit_levels, level_problem
 from eaid.fitting.problem import Problem
+from eaid.fitting.samples import Record
 from eaid.fitting.starts import grid_bowls, refine
 from eaid.models import friction
 from eaid.models.parameters import Friction
@@ -72,7 +72,7 @@ def test_gradient_and_curvature_with_the_share_free() -> None:
     x = np.log([0.3, 4.0])
     assert problem.value(x)[1] == pytest.approx(_by_differences(problem, x)[0], rel=1e-5)
     truth = np.log([TRUTH.tau1, TRUTH.tau2])  # nothing left: Gauss–Newton is exact
-    assert problem.curvature(truth) == pytest.approx(_by_differences(problem, truth)[1], rel=1e-4)
+    assert problem.normal(truth)[2] == pytest.approx(_by_differences(problem, truth)[1], rel=1e-4)
 
 
 @pytest.mark.parametrize(
@@ -128,8 +128,8 @@ def test_rates_that_meet_keep_their_step(seed: int) -> None:
     points = Points(t[None], -np.expm1(-t / 0.5)[None], np.ones((1, 10)))
     tau1 = rng.uniform(0.05, 0.5)
     start = np.array([[rng.uniform(0.3, 2.0)], [tau1], [tau1 * rng.uniform(1.0, 1.5)], [0.85]])
-    theta, cost, *_ = refine(start, points, limit=100.0, steps=200, enough=-1.0)
-    assert cost[0] < 1e-3 * points.y.size and np.isfinite(theta).all()
+    end = refine(start, points, limit=100.0, steps=200, enough=-1.0)
+    assert end.cost[0] < 1e-3 * points.y.size and np.isfinite(end.x).all()
 
 
 def test_starts_are_the_bowls_of_the_grid() -> None:

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from eaid.fitting.data import Data, data_of
-from eaid.fitting.kernel import Record
-from eaid.fitting.linear import bounds_of, by_convention, fit_first_order, fit_linear, fit_own_levels
+from eaid.fitting.first_order import fit_first_order, fit_own_levels
+from eaid.fitting.linear import bounds_of, by_convention, fit_linear
+from eaid.fitting.samples import Record
 from eaid.models import linear
 from eaid.models.parameters import PAPER_LINEAR, Nonlinear
 from eaid.steps.stepset import StepSet

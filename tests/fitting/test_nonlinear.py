@@ -9,9 +9,9 @@ import pytest
 from eaid.fitting.basis import HELD, basis_of, constraints, held_at
 from eaid.fitting.broad import descend, slow_shapes, steadied
 from eaid.fitting.data import Data, data_of
-from eaid.fitting.kernel import Record
 from eaid.fitting.laplace import transforms
 from eaid.fitting.nonlinear import alone, fit_nonlinear, nonlinear_problem, own_curves, polynomial_starts
+from eaid.fitting.samples import Record
 from eaid.fitting.solver import approach
 from eaid.models.nonlinear import steady_torque, time_constants
 from eaid.models.parameters import REFERENCE_PLANT, Nonlinear
@@ -51,8 +51,8 @@ def test_gradient_and_curvatures(share: float | None, clutch_set: Maker) -> None
     problem = nonlinear_problem(data, basis)
     x = basis.unknowns(REFERENCE_PLANT) * 1.03
     _, gradient = problem.value(x)
-    assert problem.exact is not None
-    exact = problem.exact(x)
+    exact = problem.exact(x) if problem.exact is not None else None
+    assert (exact is None) == (share is None)  # with C free Gauss–Newton has to do
     for k in range(basis.size):
         step = 1e-6 * max(abs(x[k]), 1e-2)
         up, down = x.copy(), x.copy()
@@ -60,7 +60,8 @@ def test_gradient_and_curvatures(share: float | None, clutch_set: Maker) -> None
         down[k] -= step
         (above, slope_above), (below, slope_below) = problem.value(up), problem.value(down)
         assert (above - below) / (2 * step) == pytest.approx(gradient[k], rel=1e-5, abs=1e-5)
-        assert (slope_above - slope_below) / (2 * step) == pytest.approx(exact[:, k], rel=1e-4, abs=1e-2)
+        if exact is not None:
+            assert (slope_above - slope_below) / (2 * step) == pytest.approx(exact[:, k], rel=1e-4, abs=1e-2)
 
 
 def test_starts_are_feasible(clutch_set: Maker) -> None:

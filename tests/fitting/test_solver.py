@@ -14,11 +14,12 @@ CENTRE = np.array([2.0, 3e-4, -4e5])
 def _bowl(A: np.ndarray, b: np.ndarray, left: float = 1.0) -> Problem:
     """A badly scaled sum of squares about CENTRE, with something left at its minimum."""
 
-    def value(x: np.ndarray) -> tuple[float, np.ndarray]:
+    def normal(x: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
         r = (x - CENTRE) / SCALES
-        return float(r @ r + r[0] ** 4 + left), 2 * r / SCALES + np.array([4 * r[0] ** 3, 0, 0])
+        slope = 2 * r / SCALES + np.array([4 * r[0] ** 3, 0, 0])
+        return float(r @ r + r[0] ** 4 + left), slope, np.diag(2 / SCALES**2)
 
-    return Problem(value, lambda _: np.diag(2 / SCALES**2), A, b, "row {}".format)
+    return Problem(normal, A, b, "row {}".format)
 
 
 FREE = np.zeros((0, 3)), np.zeros(0)
@@ -50,7 +51,7 @@ def test_a_constraint_holds_where_the_minimum_lies_beyond_it() -> None:
 def test_newton_step_is_the_constrained_minimum_of_its_parabola() -> None:
     H, g = np.array([[2.0, 0.5], [0.5, 1.0]]), np.array([-4.0, -3.0])
     A, b = np.array([[-1.0, 0.0], [0.0, -1.0]]), np.array([-1.0, -5.0])  # x ≤ 1, y ≤ 5
-    problem = Problem(lambda _: (0.0, g), lambda _: H, A, b, "row {}".format)
+    problem = Problem(lambda _: (0.0, g, H), A, b, "row {}".format)
     step = newton_step(problem, np.zeros(2), g, H)
     assert step.d == pytest.approx([1.0, 2.5])  # x held at 1, then y = 3 − 0.5 x
     assert step.decrease == pytest.approx(-(g @ step.d + 0.5 * step.d @ H @ step.d))
@@ -105,17 +106,17 @@ def test_a_solver_that_stops_at_once_is_not_believed(monkeypatch: pytest.MonkeyP
 def test_a_step_stays_inside_where_nothing_determines_it() -> None:
     A, b = np.array([[1.0, 0.0], [-1.0, 1.0]]), np.zeros(2)  # 0 ≤ x ≤ y
     H, g = np.array([[1e-83, 3e-42], [3e-42, 1.0]]), np.array([3e-42, -5.0])
-    problem = Problem(lambda _: (1.0, g), lambda _: H, A, b, "row {}".format)
+    problem = Problem(lambda _: (1.0, g, H), A, b, "row {}".format)
     step = newton_step(problem, np.zeros(2), g, H)
     assert step.d == pytest.approx([0.0, 5.0]) and step.active == (0,)
     assert step.decrease == pytest.approx(12.5)
 
 
 def test_a_step_held_short_by_damping_is_not_taken_for_the_end() -> None:
-    def value(x: np.ndarray) -> tuple[float, np.ndarray]:
-        return float(1 + x[0] ** 2 + 1e9 * x[1] ** 2), np.array([2 * x[0], 2e9 * x[1]])
+    def normal(x: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
+        return float(1 + x[0] ** 2 + 1e9 * x[1] ** 2), np.array([2 * x[0], 2e9 * x[1]]), 2 * np.eye(2)
 
-    problem = Problem(value, lambda _: 2 * np.eye(2), np.zeros((0, 2)), np.zeros(0), "row {}".format)
+    problem = Problem(normal, np.zeros((0, 2)), np.zeros(0), "row {}".format)
     near = approach(problem, np.array([1.0, 1e-9]))  # steps along y are 1e9 times too long, and only damping helps
     assert near.cost == pytest.approx(2.0, rel=1e-6) and near.local is None
     (end,) = ended([near], problem)
@@ -127,7 +128,7 @@ def test_a_step_held_short_by_damping_is_not_taken_for_the_end() -> None:
 def test_a_held_unknown_that_another_can_stand_in_for(size: float, g: tuple[float, float]) -> None:
     scale = np.diag([1.0, size])
     H, gradient = scale @ np.array([[1.0, 1.0], [1.0, 1.0 + 1e-15]]) @ scale, scale @ np.array(g)
-    problem = Problem(lambda _: (1.0, gradient), lambda _: H, np.array([[1.0, 0.0]]), np.zeros(1), "row {}".format)
+    problem = Problem(lambda _: (1.0, gradient, H), np.array([[1.0, 0.0]]), np.zeros(1), "row {}".format)
     step = newton_step(problem, np.zeros(2), gradient, H)
     assert step.d * [1.0, size] == pytest.approx([0.0, -g[1]], abs=1e-9) and step.active == (0,)
     assert step.decrease == pytest.approx(0.5)
