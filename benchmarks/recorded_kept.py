@@ -10,9 +10,8 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from benchmarks.recorded_plan import DENSITY, NOISE, plant
-from benchmarks.recorded_speed import missed_by, setups
+from benchmarks.recorded_speed import missed_by, setup_for
 from eaid.planning.excitation import ExcitationOptions, sequence_for
-from eaid.recorded.drive import SKETCH, coarse
 from eaid.recorded.log import recorded_log
 from eaid.recorded.sequence import Limits
 from eaid.recorded.solve import solve
@@ -37,8 +36,8 @@ def least(plants: int) -> str:
         p = plant(k)
         e = Excitation("random", 90.0, rate_hz=50.0, hold_s=(0.5, 8.0))
         log = recorded_log(synthesise_excitation(clutch(p), e, replace(NOISE, white_nm=0.01), k)[0])
-        setup, rough = setups(log)
-        found = solve(setup, rough.drives, (coarse(log, *SKETCH),))
+        setup = setup_for(log)
+        found = solve(setup)
         assert setup.model.basis is not None
         truth = np.append(setup.model.basis.unknowns(p), 0.0)
         best = least_squares(missed_by(setup), truth, x_scale="jac", ftol=1e-14, xtol=1e-14, gtol=1e-14)

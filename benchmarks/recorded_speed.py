@@ -12,12 +12,11 @@ from scipy.optimize import least_squares
 
 from benchmarks.table import Row
 from eaid.recorded import model
-from eaid.recorded.drive import SKETCH, coarse, drive_of
 from eaid.recorded.fit import fit_recorded
 from eaid.recorded.kernel import response
 from eaid.recorded.log import RecordedLog, levels_of, recorded_log
 from eaid.recorded.options import RecordedOptions
-from eaid.recorded.problem import Setup
+from eaid.recorded.problem import Setup, setup_of
 from eaid.recorded.solve import Solved, solve
 from eaid.recorded.starts import starts
 from eaid.synth.disturbance import NONE
@@ -32,15 +31,13 @@ def log_of(duration_s: float, seed: int = 0, kind: str = "random") -> RecordedLo
     return recorded_log(synthesise_excitation(clutch(), e, NOISE, seed)[0])
 
 
-def setups(log: RecordedLog) -> tuple[Setup, Setup]:
-    one = model.nonlinear(levels_of([log]), 0.85, float(log.time_s[-1]))
-    return Setup(one, (drive_of(log),)), Setup(one, (coarse(log),))
+def setup_for(log: RecordedLog) -> Setup:
+    return setup_of(model.nonlinear(levels_of([log]), 0.85, float(log.time_s[-1])), [log])
 
 
 def solved(log: RecordedLog) -> Solved:
     """The nonlinear model of a log, copies and starts included."""
-    setup, rough = setups(log)
-    return solve(setup, rough.drives, (coarse(log, *SKETCH),))
+    return solve(setup_for(log))
 
 
 def timed(task) -> tuple[float, object]:  # type: ignore[no-untyped-def]
@@ -84,10 +81,10 @@ def by_lmfit(setup: Setup, start: np.ndarray) -> float:
 
 def rows() -> list[Row]:
     log = log_of(240.0)
-    setup, rough = setups(log)
+    setup = setup_for(log)
     solved(log)  # compiled
     ours_s, found = min((timed(lambda: solved(log)) for _ in range(3)), key=lambda one: one[0])
-    begin = starts(rough, rough.problem())[0]
+    begin = starts(setup.drawn, setup.drawn.problem())[0]
     made = []
     for name, task in (("SciPy least_squares", by_scipy), ("lmfit", by_lmfit)):
         other_s, cost = min((timed(lambda task=task: task(setup, begin)) for _ in range(2)), key=lambda one: one[0])

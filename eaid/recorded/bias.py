@@ -8,7 +8,6 @@ import numpy as np
 from eaid.arrays import Array
 from eaid.findings import Finding, finding
 from eaid.recorded.curve_intervals import inputs_shown
-from eaid.recorded.drive import Drive, drive_of
 from eaid.recorded.law import Law, simulated
 from eaid.recorded.log import RecordedLog
 from eaid.recorded.solve import Solved, refit
@@ -22,29 +21,28 @@ def like_residuals(r: Array, draw: np.random.Generator) -> Array:
     return np.asarray(np.fft.irfft(turned, len(r)))
 
 
-def bias_of(base: Solved, logs: Sequence[RecordedLog], laws: Sequence[Law | None], refits: int, seed: int) -> Bias:
+def bias_of(base: Solved, laws: Sequence[Law | None], refits: int, seed: int) -> Bias:
     """Refits on simulated logs of the same loops: their mean error and their scatter."""
     draw = np.random.default_rng(seed)
-    model = base.setup.model
-    used = np.concatenate([log.input[log.input > 0] for log in logs])
+    model, logs = base.setup.model, base.setup.logs
+    used = np.concatenate([log.input[log.input > 0] for log in logs[: len(laws)]])
     low, high = np.clip(np.quantile(used, [0.1, 0.9]), model.low, model.high).tolist()
     shown = inputs_shown((), low, high)
     truth = _logs_of_curves(base, shown)
     rows = []
     left = [base.setup.jacobian(base.x, k)[1] for k in range(len(base.setup.drives))]
     for _ in range(refits):
-        drives: list[Drive] = []
-        for k, drive in enumerate(base.setup.drives):
+        again: list[RecordedLog] = []
+        for k, log in enumerate(logs):
             noise = like_residuals(left[k], draw)
             law = laws[k] if k < len(laws) else None
-            if law is not None and logs[k].starts_idle and len(noise) == len(logs[k].input):
-                drives.append(drive_of(simulated(base, k, logs[k], law, noise)))
+            if law is not None and log.starts_idle and len(noise) == len(log.input):
+                again.append(simulated(base, k, log, law, noise))
                 continue
-            again = drive.y.copy()
-            counted = drive.w > 0
-            again[counted] += (left[k] + noise) / np.sqrt(drive.w[counted])
-            drives.append(replace(drive, y=again))
-        rows.append(_logs_of_curves(refit(base, drives), shown) - truth)
+            output, counted = log.output.copy(), base.setup.drives[k].w > 0
+            output[counted] += (left[k] + noise) / log.weight**0.5
+            again.append(replace(log, output=output))
+        rows.append(_logs_of_curves(refit(base, again), shown) - truth)
     errors = np.array(rows)
     mean, sd = errors.mean(axis=0), errors.std(axis=0, ddof=1) if refits > 1 else np.zeros_like(errors[0])
     off = [100 * float(np.sqrt(np.mean(one**2))) for one in mean]

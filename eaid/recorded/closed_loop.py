@@ -37,7 +37,7 @@ def judged_loops(
     laws = [law_of(log) for log in logs]
     bias = None
     if base.instruments is None and options.loop_refits > 0 and any(law is not None for law in laws):
-        bias = bias_of(base, logs, laws, options.loop_refits, options.seed)
+        bias = bias_of(base, laws, options.loop_refits, options.seed)
         found.append(bias_finding(bias))
     for k, (log, law) in enumerate(zip(logs, laws, strict=True)):
         if log.reference is None:

@@ -1,24 +1,24 @@
 """A log in numbers for the kernel: time steps, an index into its different inputs, outputs and their weights.
 
-`coarse` stands a few thousand rows in for a long log while starts are compared: each block of samples becomes one row
-at its middle, with the mean output and the block's weight. Blocks grow by a twentieth of the time since the last change
-of a stepwise input; an input that moves all the time is averaged over equal blocks.
+A few thousand rows stand in for a long log while its fit is looked for. Where the input is held they are Gauss nodes
+of blocks on which the response is a polynomial, and the sum of squares is the log's own (`compressed`, as with the
+step fits); where it moves all the time, samples are averaged over equal blocks.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
 from eaid.arrays import Array
+from eaid.fitting.compress import HEAD, LONGEST_BLOCK, POINTS_PER_BLOCK, orthonormal
 from eaid.recorded.log import RecordedLog
 
-GROWTH = 0.05
-"""Part of the time since a change that a block may last."""
 MOVING_ROWS = 6_000
 """Blocks of an input that moves all the time, at most."""
-SKETCH = (0.2, 2_000)
-"""Both, of a copy on which many starts are looked at."""
+SKETCH_ROWS = 2_000
+"""The same of a copy on which many starts are looked at."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,6 +38,8 @@ class Drive:
     """Weights; 0: a row that is not compared."""
     idle_known: bool
     starts_idle: bool
+    left: float = 0.0
+    """Squares that no response of these rows can take away."""
 
     @property
     def samples(self) -> int:
@@ -47,11 +49,11 @@ class Drive:
 
 def drive_of(log: RecordedLog) -> Drive:
     """Every row of a log; one whose output is not finite is passed through and not compared."""
-    duty, index = np.unique(log.input, return_inverse=True)
+    duty, index = _duties(log)
     known = np.isfinite(log.output)
     return Drive(
         np.array(log.dt_s),
-        index.astype(np.int64),
+        index,
         duty,
         directions(log),
         np.where(known, log.output - (log.baseline or 0.0), 0.0),
@@ -59,6 +61,13 @@ def drive_of(log: RecordedLog) -> Drive:
         log.baseline is not None,
         log.starts_idle,
     )
+
+
+def _duties(log: RecordedLog) -> tuple[Array, NDArray[np.int64]]:
+    """The different inputs, and which of them each row has."""
+    at = log.changes
+    duty, index = np.unique(log.input[at], return_inverse=True)
+    return duty, np.repeat(index.astype(np.int64), np.diff(np.append(at, len(log.input))))
 
 
 def directions(log: RecordedLog) -> NDArray[np.int64]:
@@ -72,50 +81,152 @@ def directions(log: RecordedLog) -> NDArray[np.int64]:
     return np.repeat(np.where(down, -1, 1), np.diff(np.append(at, len(held))))
 
 
-def coarse(log: RecordedLog, growth: float = GROWTH, moving: int = MOVING_ROWS) -> Drive:
-    """A log of some thousand rows that costs nearly what the log costs, but for a constant."""
+def compressed(log: RecordedLog) -> Drive:
+    """A log whose input is held, in Gauss nodes of blocks that double in length from each change on.
+
+    What it costs is what the log costs, as far as the response is a polynomial on each block; the first rows of each
+    hold stay as they are, and so do blocks with an output that is not known.
+    """
+    t, y, changes = log.time_s, log.output - (log.baseline or 0.0), log.changes
+    sizes = [block_sizes(n) for n in np.diff(np.append(changes, len(t))).tolist()]
+    size = np.concatenate(sizes)
+    first = np.cumsum(size) - size
+    finite = np.isfinite(y)
+    if not finite.all():
+        known = np.logical_and.reduceat(finite, first)
+        size = np.concatenate([[n] if all_known else [1] * n for n, all_known in zip(size, known, strict=True)])
+        first = np.cumsum(size) - size
+    raw = first[size == 1]
+    when, found, weights = [t[raw]], [np.nan_to_num(y[raw])], [finite[raw] * log.weight]
+    even = bool(np.ptp(log.dt_s[:-1]) == 0.0)
+    for n in np.unique(size[size > 1]).tolist():
+        rows = first[size == n][:, None] + np.arange(n)
+        if even:
+            nodes, w, projection = gauss(n)
+            when.append((t[rows[:, :1]] + log.dt_s[0] * nodes).ravel())
+            found.append(((y[rows] @ projection) / np.sqrt(w)).ravel())
+            weights.append(np.tile(w, len(rows)) * log.weight)
+            continue
+        for row in rows:
+            nodes, w, projection = orthonormal(t[row], POINTS_PER_BLOCK)
+            when.append(nodes)
+            found.append(y[row] @ projection / np.sqrt(w))
+            weights.append(w * log.weight)
+    at = np.concatenate(when)
+    order = np.argsort(at)
+    at, y_at, w = at[order], np.concatenate(found)[order], np.concatenate(weights)[order]
+    duty, index = np.unique(log.input[changes], return_inverse=True)
+    hold = np.searchsorted(t[changes], at, side="right") - 1
+    left = log.weight * float(y[finite] @ y[finite]) - float(w @ (y_at * y_at))
+    return Drive(
+        np.append(np.diff(at), t[-1] - at[-1]),
+        index[hold].astype(np.int64),
+        duty,
+        directions(log)[changes][hold],
+        y_at,
+        w,
+        log.baseline is not None,
+        log.starts_idle,
+        max(left, 0.0),
+    )
+
+
+@lru_cache(maxsize=4096)
+def block_sizes(n: int) -> NDArray[np.int64]:
+    """How a hold of n rows is cut: single rows, blocks that double, and what is left in halves down to single rows."""
+    sizes, size = [1] * min(n, HEAD), HEAD
+    left = n - len(sizes)
+    while left >= size:
+        sizes.append(size)
+        left -= size
+        size = min(2 * size, LONGEST_BLOCK)
+    while size > HEAD:
+        size //= 2
+        if left >= size:
+            sizes.append(size)
+            left -= size
+    return np.array(sizes + [1] * left, dtype=np.int64)
+
+
+@lru_cache(maxsize=64)
+def gauss(n: int) -> tuple[Array, Array, Array]:
+    """Nodes and weights of n equal steps, and the projection to √w ŷ."""
+    return orthonormal(np.arange(n, dtype=np.float64), POINTS_PER_BLOCK)
+
+
+def sketched(small: Drive) -> Drive:
+    """A log whose input is held, in two Gauss nodes of each stretch that doubles the time since the last change.
+
+    Of the rows t of a stretch with weights w, v the variance and s the third moment about the mean t̄, the nodes are
+    t̄ + λ, λ = (s/v ± √(s²/v² + 4 v))/2, their weights Σ w v/(v + λ²), and the outputs there those of a straight line.
+    """
+    t = np.cumsum(small.dt_s) - small.dt_s
+    changed = np.append(True, np.diff(small.index) != 0)
+    hold = np.cumsum(changed) - 1
+    age = t - t[changed][hold]
+    cell = np.floor(np.log2(1 + age / small.dt_s[small.dt_s > 0].min())) + 64 * hold
+    first = np.flatnonzero(np.append(True, np.diff(cell) != 0))
+    count = np.diff(np.append(first, len(t)))
+    which = np.repeat(np.arange(len(first)), count)
+
+    def mean(values: Array) -> Array:
+        return np.asarray(np.add.reduceat(small.w * values, first) / np.maximum(total, 1e-300))
+
+    total = np.add.reduceat(small.w, first)
+    middle, level = mean(t), mean(small.y)
+    off = t - middle[which]
+    v = mean(off**2)
+    merged = (count > 2) & (v > 0) & (age[first] > 0)
+    kept = ~merged[which]
+    total, middle, level, v, slope, third = (
+        one[merged] for one in (total, middle, level, v, mean(off * small.y), mean(off**3))
+    )
+    skew = third / v
+    turn = 0.5 * (skew + np.multiply.outer([-1.0, 1.0], np.sqrt(skew**2 + 4 * v)))
+    at = np.concatenate([t[kept], (middle + turn).ravel()])
+    y = np.concatenate([small.y[kept], (level + slope / v * turn).ravel()])
+    w = np.concatenate([small.w[kept], (total * v / (v + turn**2)).ravel()])
+    row = np.concatenate([np.flatnonzero(kept), np.tile(first[merged], 2)])
+    order = np.argsort(at, kind="stable")
+    left = small.left + float(small.w @ small.y**2) - float(w @ y**2)
+    return replace(
+        small, dt_s=np.diff(at[order], append=t[-1] + small.dt_s[-1]), index=small.index[row][order],
+        rising=small.rising[row][order], y=y[order], w=w[order], left=max(left, 0.0),
+    )  # fmt: skip
+
+
+def averaged(log: RecordedLog, rows: int) -> Drive:
+    """A log whose input moves all the time, over equal blocks: each the mean output at its middle, the mean input."""
     n = len(log.input)
-    if n <= moving // 4 or not np.isfinite(log.output).all():
+    if n <= rows or not np.isfinite(log.output).all():
         return drive_of(log)
-    starts = _growing(log.changes, n, growth) if log.stepwise else np.arange(0, n, -(-n // moving))
+    starts = np.arange(0, n, -(-n // rows))
     size = np.diff(np.append(starts, n))
     t, y = log.time_s, log.output - (log.baseline or 0.0)
+    span = np.append(np.diff(t[starts]), t[-1] - t[starts[-1]])
+    acted = np.add.reduceat(log.input * log.dt_s, starts)
+    level = np.where(span > 0, acted / np.where(span > 0, span, 1.0), log.input[starts])
     middle = np.add.reduceat(t, starts) / size
-    mean = np.add.reduceat(y, starts) / size
-    if log.stepwise:
-        level, way = log.input[starts], directions(log)[starts]
-    else:
-        ends = np.append(t[starts[1:]], t[-1])
-        acted = np.add.reduceat(log.input * log.dt_s, starts)
-        span = np.where(ends > t[starts], ends - t[starts], 1.0)
-        level = np.where(ends > t[starts], acted / span, log.input[starts])
-        way = np.ones(len(starts), dtype=np.int64)
     alone = size == 1
     at = np.stack([t[starts], middle], axis=1).ravel()
     weight = np.stack([np.where(alone, log.weight, 0.0), np.where(alone, 0.0, log.weight * size)], axis=1).ravel()
     kept = np.stack([np.ones_like(alone), ~alone], axis=1).ravel()
-    at, weight = at[kept], weight[kept]
     duty, index = np.unique(level, return_inverse=True)
     return Drive(
-        np.append(np.diff(at), 0.0),
+        np.append(np.diff(at[kept]), 0.0),
         np.repeat(index, 2)[kept].astype(np.int64),
         duty,
-        np.repeat(way, 2)[kept],
-        np.repeat(mean, 2)[kept],
-        weight,
+        np.ones(int(kept.sum()), dtype=np.int64),
+        np.repeat(np.add.reduceat(y, starts) / size, 2)[kept],
+        weight[kept],
         log.baseline is not None,
         log.starts_idle,
     )
 
 
-def _growing(changes: NDArray[np.intp], n: int, growth: float) -> NDArray[np.intp]:
-    """First rows of blocks that grow from each change to the next."""
-    holds = np.diff(np.append(changes, n))
-    cuts, at = [0], 0
-    while at < holds.max():
-        at += max(1, int(growth * at))
-        cuts.append(at)
-    grid = np.array(cuts)
-    return np.concatenate(
-        [first + grid[: np.searchsorted(grid, hold)] for first, hold in zip(changes, holds, strict=True)]
-    )
+def copies_of(log: RecordedLog) -> tuple[Drive, Drive]:
+    """A log in some thousand rows that cost what the log costs, exactly where its input is held; and in fewer."""
+    if not log.stepwise:
+        return averaged(log, MOVING_ROWS), averaged(log, SKETCH_ROWS)
+    small = compressed(log)
+    return small, sketched(small)

@@ -16,7 +16,7 @@ from eaid.arrays import Array
 from eaid.findings import Finding, finding
 from eaid.recorded.drive import Drive
 from eaid.recorded.intervals import Spread, spread
-from eaid.recorded.problem import EXTRAS, Setup, with_extras
+from eaid.recorded.problem import EXTRAS, with_extras
 from eaid.recorded.solve import Solved, finished
 from eaid.results.common import Interval
 from eaid.results.recorded import Falls
@@ -58,19 +58,19 @@ def _level_falls(drive: Drive, low: float) -> int:
     return int(((level[1:] < level[:-1]) & (level[1:] >= low)).sum())
 
 
-def tested(base: Solved, rough: Setup | None, stepwise: bool) -> Tested:
+def tested(base: Solved, stepwise: bool) -> Tested:
     """Test all that the inputs can tell together, then fit again with those that differ."""
     setup = base.setup
     low = setup.model.low
     names = seen(setup.drives, low, stepwise)
     if not names:
         return Tested(base, Falls(), (finding("release-not-seen", "release"),))
-    whole = _with(base, names, rough)
+    whole = _with(base, names)
     sure = spread(whole)
     found, kept = _judged(whole, sure, names)
     solved = base
     if kept:
-        solved = whole if kept == names else _with(base, kept, rough)
+        solved = whole if kept == names else _with(base, kept)
         if kept != names:
             found = {**_judged(solved, spread(solved), kept)[0], **{k: v for k, v in found.items() if k not in kept}}
     return Tested(solved, _as_result(found, kept), _told(solved, found, kept))
@@ -94,12 +94,11 @@ def edges(solved: Solved) -> Array:
     return np.array([tables.tau1[0], tables.tau2[0]])
 
 
-def _with(base: Solved, names: tuple[str, ...], rough: Setup | None) -> Solved:
+def _with(base: Solved, names: tuple[str, ...]) -> Solved:
     values = {"rest": edges(base), "fall": np.ones(2), "excess": np.zeros(1)}
     begin = np.concatenate([values[name] for name in names])
     setup, x = with_extras(base.setup, names, base.x, begin)
-    small = None if rough is None else with_extras(rough, names, base.x, begin)[0]
-    return finished(setup, setup.problem(), [x], rough=small)
+    return finished(setup, [x])
 
 
 def _judged(solved: Solved, sure: Spread, names: tuple[str, ...]) -> tuple[dict[str, Judged], tuple[str, ...]]:

@@ -6,7 +6,7 @@ with them as their mean curves, each sample of each repeat alike.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import msgspec
 import numpy as np
@@ -19,7 +19,6 @@ from eaid.recorded import checks, model
 from eaid.recorded.as_results import data_part, friction_part, linear_part, nonlinear_part
 from eaid.recorded.closed_loop import judged_loops
 from eaid.recorded.curve_intervals import CurveSpread, curves, inputs_shown
-from eaid.recorded.drive import SKETCH, coarse, drive_of
 from eaid.recorded.falls import CHANCE, tested
 from eaid.recorded.frequency import LEAST_ROWS, frequency_response
 from eaid.recorded.instrument import with_instrument
@@ -28,7 +27,7 @@ from eaid.recorded.log import RecordedLog, levels_of, logs_of_steps, recorded_lo
 from eaid.recorded.log_results import log_parts
 from eaid.recorded.noise_results import engagement_scatter, noise_part, uncertainty_part
 from eaid.recorded.options import RecordedOptions, check
-from eaid.recorded.problem import Setup
+from eaid.recorded.problem import setup_of
 from eaid.recorded.solve import Solved, model_of, solve
 from eaid.results.fit import Fit, Linear, Release
 from eaid.results.recorded import Asked, Falls, Recorded, Response
@@ -88,20 +87,19 @@ def fit_recorded(
     rests = any(log.starts_idle or bool((log.input == 0).any()) or log.baseline is not None for log in every)
     if not rests:
         found += [finding("idle-not-seen", log.name) for log in logs]
-    drives, small = tuple(map(drive_of, every)), tuple(map(coarse, every))
-    sketch = tuple(coarse(log, *SKETCH) for log in every)
-    spans = [drive.dt_s[drive.dt_s > 0] for drive in drives]
+    spans = [log.dt_s[:-1] for log in every]
     longest, shortest = max(float(one.sum()) for one in spans), float(np.median(np.concatenate(spans)))
     wanted = options.models or ("friction", "nonlinear", "linear")
 
-    def solved_for(one: model.Model) -> tuple[Solved, Setup]:
-        rough = Setup(one, small, idle_free=rests)
-        return solve(Setup(one, drives, idle_free=rests), small, sketch), rough
+    setup = setup_of(model.nonlinear(_basis_levels(inputs), options.share, longest), every, rests)
 
-    base, rough = solved_for(model.nonlinear(_basis_levels(inputs), options.share, longest))
+    def solved_for(one: model.Model) -> Solved:
+        return solve(replace(setup, model=one))
+
+    base = solve(setup)
     falls: Falls | None = None
     if options.falls == "auto":
-        outcome = tested(base, rough, inputs.stepwise)
+        outcome = tested(base, inputs.stepwise)
         base, falls = outcome.solved, outcome.falls
         found += outcome.findings
     loops = [k for k, log in enumerate(logs) if log.reference is not None]
@@ -116,9 +114,9 @@ def fit_recorded(
     linear, friction = None, None
     if "linear" in wanted:
         on = _basis_levels(inputs)
-        linear = linear_part(solved_for(model.linear(on, shortest, longest))[0], base, on)
+        linear = linear_part(solved_for(model.linear(on, shortest, longest)), base, on)
     if "friction" in wanted and inputs.stepwise and len(inputs.levels) <= FRICTION_LEVELS and options.share is not None:
-        friction = friction_part(solved_for(model.friction(inputs.levels, options.share, longest))[0])
+        friction = friction_part(solved_for(model.friction(inputs.levels, options.share, longest)))
     judged, more = judged_loops(base, logs, options)
     found += more
     result = Fit(

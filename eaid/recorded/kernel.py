@@ -20,7 +20,7 @@ CHUNK = 256
 """Rows that are multiplied together."""
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@numba.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
 def rows(
     first: int, last: int, dt: Array, index: Array, rising: Array, y: Array, w: Array,
     steady: Array, tau1: Array, tau2: Array, rest: Array, by_steady: Array, by_tau1: Array, by_tau2: Array,
@@ -28,91 +28,77 @@ def rows(
 ) -> int:  # fmt: skip
     """Advance from row `first` to `last`, write one row of `out` for each sample that counts, and return how many.
 
-    `scalars`: C, τ1 and τ2 of a fall to rest (0: none), factors of a fall between levels, excess of T_s, idle, last dt.
+    `scalars`: C, τ1 and τ2 of a fall to rest (0: none), factors of a fall between levels, excess of T_s, idle.
     `place`: column of C, rest 1, rest 2, fall 1, fall 2, excess, idle, start 1, start 2; −1 where it is no unknown.
-    `state`: x1, x2; `sens`: rows 0 and 1, derivatives of x1 and x2 by every column. Both are carried on.
+    `state`: x1, x2; `sens`: rows 0 and 1, derivatives of x1 and x2 by every column, 0 beyond (whole vectors of the
+    processor are quicker), the residual last. Both are carried on. While an input is held, derivatives go as
+    s ← e^(−dt/τ) s + add + (x − target) turn: `moves` holds add and turn of both states.
     """
-    share, rest1, rest2, fall1, fall2, excess, idle = scalars[:7]
     n_s, n_1, n_2 = by_steady.shape[1], by_tau1.shape[1], by_tau2.shape[1]
-    p = sens.shape[1]
+    share, idle, width = scalars[0], scalars[6], sens.shape[1]
+    moves = np.zeros((4, width))
     x1, x2 = state[0], state[1]
-    before, before_dt = -1, -1.0
-    g1 = g2 = e1 = e2 = slope1 = slope2 = target1 = target2 = 0.0
-    down1 = down2 = before_down1 = before_down2 = False
+    before, before_dt, before_way = -1, -1.0, -1
+    g1 = g2 = 0.0
     written = 0
     for k in range(first, last):
         if w[k] > 0.0:
             root = np.sqrt(w[k])
-            for j in range(p):
+            for j in range(width):
                 out[written, j] = root * (sens[0, j] + sens[1, j])
             if place[6] >= 0:
                 out[written, place[6]] = root
-            out[written, p] = root * (x1 + x2 + idle - y[k])
+            out[written, width] = root * (x1 + x2 + idle - y[k])
             written += 1
         i, step = index[k], dt[k]
         if step <= 0.0:
             continue
-        up = rising[k]
-        total = steady[i] * (1.0 + excess) if up < 0 else steady[i]
-        target1 = share * total
-        target2 = total - target1
-        down1, down2 = target1 < x1, target2 < x2
-        if i != before or step != before_dt or down1 != before_down1 or down2 != before_down2:
-            t1, t2 = tau1[i], tau2[i]
-            if down1:
-                if rest[i] < 1.0:
-                    if rest1 > 0.0:
-                        t1 = rest[i] * t1 + (1.0 - rest[i]) * rest1
+        lower = rising[k] < 0
+        excess = 1.0 + scalars[5] if lower else 1.0
+        total = steady[i] * excess
+        off1, off2 = x1 - share * total, x2 - (total - share * total)
+        way = 4 * lower + 2 * (off1 > 0.0) + (off2 > 0.0)
+        if rest[i] < 1.0:
+            way += 8
+        if i != before or step != before_dt or way != before_way:
+            if way != before_way:
+                moves[:, :] = 0.0
+            for slow in range(2):
+                own, by_own, part = (tau2[i], 1.0, 1.0 - share) if slow else (tau1[i], 1.0, share)
+                down = (off2 if slow else off1) > 0.0
+                let_go = down and rest[i] < 1.0 and scalars[1 + slow] > 0.0
+                fell = down and rest[i] >= 1.0
+                as_risen = own
+                if let_go:
+                    own, by_own = rest[i] * own + (1.0 - rest[i]) * scalars[1 + slow], rest[i]
+                elif fell:
+                    own, by_own = own * scalars[3 + slow], scalars[3 + slow]
+                g = -np.expm1(-step / own)
+                slope = (1.0 - g) * step / (own * own)
+                if slow:
+                    g2 = g
+                    for j in range(n_2):
+                        moves[3, n_s + n_1 + j] = slope * by_own * by_tau2[i, j]
                 else:
-                    t1 *= fall1
-            if down2:
-                if rest[i] < 1.0:
-                    if rest2 > 0.0:
-                        t2 = rest[i] * t2 + (1.0 - rest[i]) * rest2
-                else:
-                    t2 *= fall2
-            g1, g2 = -np.expm1(-step / t1), -np.expm1(-step / t2)
-            e1, e2 = 1.0 - g1, 1.0 - g2
-            slope1, slope2 = e1 * step / (t1 * t1), e2 * step / (t2 * t2)
-            before, before_dt, before_down1, before_down2 = i, step, down1, down2
-        off1, off2 = x1 - target1, x2 - target2
-        for j in range(p):
-            sens[0, j] *= e1
-            sens[1, j] *= e2
-        scale = 1.0 + excess if up < 0 else 1.0
-        h1, h2 = g1 * share * scale, g2 * (1.0 - share) * scale
-        for j in range(n_s):
-            sens[0, j] += h1 * by_steady[i, j]
-            sens[1, j] += h2 * by_steady[i, j]
-        d1, d2 = off1 * slope1, off2 * slope2
-        if down1:
-            if rest[i] >= 1.0:
-                if place[3] >= 0:
-                    sens[0, place[3]] += d1 * tau1[i]
-                d1 *= fall1
-            elif rest1 > 0.0:
-                if place[1] >= 0:
-                    sens[0, place[1]] += d1 * (1.0 - rest[i])
-                d1 *= rest[i]
-        if down2:
-            if rest[i] >= 1.0:
-                if place[4] >= 0:
-                    sens[1, place[4]] += d2 * tau2[i]
-                d2 *= fall2
-            elif rest2 > 0.0:
-                if place[2] >= 0:
-                    sens[1, place[2]] += d2 * (1.0 - rest[i])
-                d2 *= rest[i]
-        for j in range(n_1):
-            sens[0, n_s + j] += d1 * by_tau1[i, j]
-        for j in range(n_2):
-            sens[1, n_s + n_1 + j] += d2 * by_tau2[i, j]
-        if place[0] >= 0:
-            sens[0, place[0]] += g1 * total
-            sens[1, place[0]] -= g2 * total
-        if place[5] >= 0 and up < 0:
-            sens[0, place[5]] += g1 * share * steady[i]
-            sens[1, place[5]] += g2 * (1.0 - share) * steady[i]
+                    g1 = g
+                    for j in range(n_1):
+                        moves[1, n_s + j] = slope * by_own * by_tau1[i, j]
+                add = 2 * slow
+                for j in range(n_s):
+                    moves[add, j] = g * part * excess * by_steady[i, j]
+                if place[0] >= 0:
+                    moves[add, place[0]] = -g * total if slow else g * total
+                if lower and place[5] >= 0:
+                    moves[add, place[5]] = g * part * steady[i]
+                if fell and place[3 + slow] >= 0:
+                    moves[add + 1, place[3 + slow]] = slope * as_risen
+                if let_go and place[1 + slow] >= 0:
+                    moves[add + 1, place[1 + slow]] = slope * (1.0 - rest[i])
+            before, before_dt, before_way = i, step, way
+        e1, e2 = 1.0 - g1, 1.0 - g2
+        for j in range(width):
+            sens[0, j] = e1 * sens[0, j] + moves[0, j] + off1 * moves[1, j]
+            sens[1, j] = e2 * sens[1, j] + moves[2, j] + off2 * moves[3, j]
         x1 -= g1 * off1
         x2 -= g2 * off2
     state[0], state[1] = x1, x2
@@ -135,12 +121,12 @@ def add_squares(columns: Array, written: int, total: Array) -> None:
 def products(
     dt: Array, index: Array, rising: Array, y: Array, w: Array,
     steady: Array, tau1: Array, tau2: Array, rest: Array, by_steady: Array, by_tau1: Array, by_tau2: Array,
-    scalars: Array, place: Array, state: Array, sens: Array,
+    scalars: Array, place: Array, state: Array, sens: Array, unknowns: int,
 ) -> Array:  # fmt: skip
     """Σ w s s' over all rows, (p + 1, p + 1): s the derivatives of the response by p unknowns, then the residual."""
-    p = sens.shape[1]
+    p = unknowns
     total = np.zeros((p + 1, p + 1))
-    buffer = np.zeros((CHUNK, p + 1))
+    buffer = np.zeros((CHUNK, sens.shape[1] + 1))
     columns = np.zeros((p + 1, CHUNK))
     n = len(dt)
     for first in range(0, n, CHUNK):
@@ -149,8 +135,9 @@ def products(
             by_steady, by_tau1, by_tau2, scalars, place, state, sens, buffer,
         )  # fmt: skip
         for j in range(p + 1):
+            at = j if j < p else sens.shape[1]
             for k in range(written):
-                columns[j, k] = buffer[k, j]
+                columns[j, k] = buffer[k, at]
         add_squares(columns, written, total)
     for i in range(p + 1):
         for j in range(i):
@@ -187,3 +174,46 @@ def response(
                 t2 = rest[i] * t2 + (1.0 - rest[i]) * rest2
         x1 -= np.expm1(-step / t1) * (target1 - x1)
         x2 -= np.expm1(-step / t2) * (target2 - x2)
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
+def looks(
+    dt: Array, index: Array, y: Array, w: Array, by_steady: Array, tau1: Array, tau2: Array, share: Array
+) -> Array:  # fmt: skip
+    """Σ w s s' of K looks at once, (K, n + 4, n + 4), for τ1 and τ2 of every input, (K, m), and C, (K,).
+
+    s holds everything that the response is linear in: the n coefficients of T_s, idle output, x1 and x2 at the first
+    row; then y.
+    """
+    n = by_steady.shape[1]
+    c = n + 4
+    found = np.zeros((len(tau1), c, c))
+    columns = np.zeros((c, CHUNK))
+    for k in range(len(tau1)):
+        s1, s2 = np.zeros(n), np.zeros(n)
+        start1 = start2 = 1.0
+        written = 0
+        for row in range(len(dt)):
+            if w[row] > 0.0:
+                root = np.sqrt(w[row])
+                for j in range(n):
+                    columns[j, written] = root * (s1[j] + s2[j])
+                columns[n, written], columns[n + 1, written] = root, root * start1
+                columns[n + 2, written], columns[n + 3, written] = root * start2, root * y[row]
+                written += 1
+            if written == CHUNK or row == len(dt) - 1:
+                add_squares(columns, written, found[k])
+                written = 0
+            i, step = index[row], dt[row]
+            if step <= 0.0:
+                continue
+            g1, g2 = -np.expm1(-step / tau1[k, i]), -np.expm1(-step / tau2[k, i])
+            for j in range(n):
+                s1[j] += g1 * (share[k] * by_steady[i, j] - s1[j])
+                s2[j] += g2 * ((1.0 - share[k]) * by_steady[i, j] - s2[j])
+            start1 -= g1 * start1
+            start2 -= g2 * start2
+        for i in range(c):
+            for j in range(i):
+                found[k, j, i] = found[k, i, j]
+    return found

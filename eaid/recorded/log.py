@@ -19,6 +19,8 @@ IDLE_ROWS = 10
 """Fewest rows at rest before the first other one that make an idle start."""
 ALIKE = 1e-3
 """Inputs that differ by less than this part of the largest are one level."""
+ROUNDED = 1e-8
+"""Steps of time that differ by less than this part are alike."""
 QUIET = 5e-3
 """A measured input this part of its largest, from the first row on, is at rest."""
 
@@ -54,8 +56,11 @@ class RecordedLog:
 
     @cached_property
     def dt_s(self) -> Array:
-        """How long each row's input acts [s]; 0 after the last."""
-        return read_only(np.append(np.diff(self.time_s), 0.0))
+        """How long each row's input acts [s]; 0 after the last. Steps that only rounding tells apart are one."""
+        steps = np.diff(self.time_s)
+        usual = float(np.median(steps))
+        alike = np.abs(steps - usual) <= ROUNDED * usual
+        return read_only(np.append(np.where(alike, steps[alike].mean() if alike.any() else usual, steps), 0.0))
 
     @cached_property
     def changes(self) -> NDArray[np.intp]:

@@ -6,7 +6,7 @@ where they are not known.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -16,12 +16,15 @@ from numpy.typing import NDArray
 from eaid.arrays import Array
 from eaid.fitting.problem import ROUNDING, Problem
 from eaid.models.parameters import TAU_FLOOR_S
-from eaid.recorded.drive import Drive
+from eaid.recorded.drive import Drive, copies_of, drive_of
 from eaid.recorded.kernel import products, rows
+from eaid.recorded.log import RecordedLog
 from eaid.recorded.model import Model, Rows
 
 EXTRAS = {"rest": 2, "fall": 2, "excess": 1}
 """What a model can have besides its coefficients, and how many unknowns each is."""
+VECTOR = 16
+"""Columns that the kernel takes at once."""
 NOTHING = {"rest": 0.0, "fall": 1.0, "excess": 0.0}
 """Value of each where it is no unknown."""
 
@@ -32,9 +35,26 @@ class Setup:
 
     model: Model
     drives: tuple[Drive, ...]
+    """Every sample of every log."""
     extras: tuple[str, ...] = ()
     idle_free: bool = True
     """Whether idle outputs that are not known are unknowns; else they are 0."""
+    small: tuple[Drive, ...] = ()
+    """The logs in fewer rows, on which the fit is looked for; none: every sample."""
+    sketch: tuple[Drive, ...] = ()
+    """Still fewer rows, on which many starts are looked at; none: as `small`."""
+    logs: tuple[RecordedLog, ...] = ()
+    """What they were made of."""
+
+    @cached_property
+    def quick(self) -> "Setup":
+        """The same on `small`."""
+        return replace(self, drives=self.small, small=()) if self.small else self
+
+    @cached_property
+    def drawn(self) -> "Setup":
+        """The same on `sketch`."""
+        return replace(self, drives=self.sketch, small=(), sketch=()) if self.sketch else self.quick
 
     @cached_property
     def maps(self) -> tuple[Rows, ...]:
@@ -118,7 +138,7 @@ class Setup:
                 *local,
             ]
         )
-        sens = np.zeros((2, self.shared + int((own >= 0).sum())))
+        sens = np.zeros((2, -(-(self.shared + int((own >= 0).sum())) // VECTOR) * VECTOR))
         for state, column in enumerate(local[1:]):
             if column >= 0:
                 sens[state, column] = 1.0
@@ -132,9 +152,9 @@ class Setup:
         """Cost, gradient and Gauss–Newton matrix."""
         cost, gradient, curvature = 0.0, np.zeros(self.size), np.zeros((self.size, self.size))
         for log in range(len(self.drives)):
-            P = 2.0 * products(*self.arguments(x, log))
             at = self.columns(log)
-            cost += 0.5 * float(P[-1, -1])
+            P = 2.0 * products(*self.arguments(x, log), len(at))
+            cost += 0.5 * float(P[-1, -1]) + self.drives[log].left
             gradient[at] += P[-1, :-1]
             curvature[np.ix_(at, at)] += P[:-1, :-1]
         return cost, gradient, curvature
@@ -143,9 +163,9 @@ class Setup:
         """√w ∂f/∂x of a log's own columns, (N, p), and √w (f − y), (N,), for its samples that count."""
         arguments = self.arguments(x, log)
         drive = self.drives[log]
-        out = np.zeros((drive.samples, len(self.columns(log)) + 1))
+        out = np.zeros((drive.samples, arguments[-1].shape[1] + 1))
         rows(0, len(drive.dt_s), *arguments, out)  # type: ignore[call-arg]
-        return out[:, :-1], out[:, -1]
+        return np.ascontiguousarray(out[:, : len(self.columns(log))]), out[:, -1].copy()
 
     def residuals(self, x: Array) -> list[Array]:
         """√w (f − y) of every log."""
@@ -185,7 +205,13 @@ class Setup:
         return Problem(self.together, A, b, names, floor=ROUNDING * self.energy)
 
 
+def setup_of(model: Model, logs: Sequence[RecordedLog], idle_free: bool = True) -> Setup:
+    """Logs and a model, with the copies on which its fit is looked for."""
+    small, sketch = zip(*map(copies_of, logs), strict=True)
+    return Setup(model, tuple(map(drive_of, logs)), (), idle_free, small, sketch, tuple(logs))
+
+
 def with_extras(setup: Setup, extras: Sequence[str], x: Array, values: Sequence[float] | Array) -> tuple[Setup, Array]:
     """The same logs with other extras, and x with `values` for all of them in the place of the old ones."""
-    fresh = Setup(setup.model, setup.drives, tuple(extras), setup.idle_free)
+    fresh = replace(setup, extras=tuple(extras))
     return fresh, np.concatenate([x[: setup.model.size], np.asarray(values, dtype=float), x[setup.shared :]])

@@ -14,13 +14,16 @@ from eaid.fitting.problem import Problem
 from eaid.fitting.solver import CONVERGED, EndPoint, approach, ended, judged, polish, slsqp
 from eaid.models.parameters import Nonlinear
 from eaid.recorded.drive import Drive
-from eaid.recorded.problem import Setup
+from eaid.recorded.log import RecordedLog
+from eaid.recorded.problem import Setup, setup_of
 from eaid.recorded.starts import starts
 from eaid.results.common import Solver
 
 RIVALS = 3
 """Ends on the coarse copy that go on to every sample."""
-NEAR = 0.02
+SAME = 1e-6
+"""Ends whose costs differ by less than this part are one."""
+NEAR = 0.05
 """An end this part of the cost above the best is no rival."""
 SHIFT = 1e-5
 """Relative step of the difference that second derivatives come from."""
@@ -45,86 +48,67 @@ class Solved:
         return self.x[: self.setup.model.size]
 
 
-def solve(
-    setup: Setup,
-    small: Sequence[Drive] | None = None,
-    sketch: Sequence[Drive] | None = None,
-    given: Sequence[Array] = (),
-) -> Solved:
-    """The least-squares unknowns, from our own starts and any given ones.
-
-    `sketch` is a copy of the logs on which many starts are looked at, `small` a finer one on which the best are solved.
-    """
-    problem = setup.problem()
-    rough = setup if small is None else replace(setup, drives=tuple(small))
-    near = problem if small is None else rough.problem()
-    drawn = rough if sketch is None else replace(setup, drives=tuple(sketch))
-    begin = starts(drawn, near if sketch is None else drawn.problem())
-    ends = [approach(near, x) for x in [*given, *begin]]
+def solve(setup: Setup, given: Sequence[Array] = ()) -> Solved:
+    """The least-squares unknowns, from our own starts and any given ones."""
+    sketch = setup.drawn.problem()
+    ends = [approach(sketch, x) for x in [*given, *starts(setup.drawn, sketch)]]
+    kept = apart(ends, sketch.floor)
+    kept = [end for end in kept[:RIVALS] if end.cost <= (1 + NEAR) * kept[0].cost + sketch.floor]
     tried = sum(end.evaluations for end in ends)
+    return finished(setup, [end.x for end in kept], tried, [end.cost for end in ends])
+
+
+def apart(ends: Sequence[EndPoint], floor: float) -> list[EndPoint]:
+    """Ends of different costs, the best first."""
+    found: list[EndPoint] = []
+    for end in sorted(ends, key=lambda one: one.cost):
+        if all(abs(end.cost - other.cost) > SAME * other.cost + floor for other in found):
+            found.append(end)
+    return found
+
+
+def refit(near: Solved, logs: Sequence[RecordedLog]) -> Solved:
+    """The minimum next to an earlier one, on other logs of the same kind."""
+    setup = setup_of(near.setup.model, logs, near.setup.idle_free)
+    return finished(replace(setup, extras=near.setup.extras), [near.x])
+
+
+def finished(setup: Setup, begin: Sequence[Array], tried: int = 0, costs: Sequence[float] = ()) -> Solved:
+    """From near ends to the verdict: solved on the small copy, confirmed, or taken to its end, on every sample."""
+    near = setup.quick.problem()
+    ends = [approach(near, x) for x in begin]
     if min(end.cost for end in ends) > near.floor:  # beneath it lies rounding, in which a line search finds no way
         ends = ended(ends, near)
-    distinct: list[EndPoint] = []
-    for end in sorted(ends, key=lambda one: one.cost):
-        if all(abs(end.cost - other.cost) > 1e-6 * other.cost + near.floor for other in distinct):
-            distinct.append(end)
-    kept = [end for end in distinct[:RIVALS] if end.cost <= (1 + NEAR) * distinct[0].cost + near.floor]
-    return finished(setup, problem, [end.x for end in kept], tried, rough, [end.cost for end in ends])
-
-
-def refit(near: Solved, drives: Sequence[Drive]) -> Solved:
-    """The minimum next to an earlier one, on other outputs of the same inputs."""
-    setup = replace(near.setup, drives=tuple(drives))
-    return finished(setup, setup.problem(), [near.x])
-
-
-def finished(
-    setup: Setup,
-    problem: Problem,
-    begin: Sequence[Array],
-    tried: int = 0,
-    rough: Setup | None = None,
-    costs: Sequence[float] = (),
-) -> Solved:
-    """From near ends on every sample to the verdict."""
-    found = [approach(problem, x) for x in begin]
-    best = min(found, key=lambda end: end.cost)
-    exact = with_second_derivatives(problem, rough or setup)
-
-    def full(x: Array) -> tuple[float, Array]:
-        return problem.value(x)
-
-    end, predicted, active = polish(exact, best, full)
-    if predicted > CONVERGED and end.cost > problem.floor:
-        end, predicted, active = polish(exact, slsqp(problem, end.x), full)
-    shift = end.cost - best.cost
-    ended_at = tuple(costs) or tuple(one.cost + shift for one in found)
-    evaluations = tried + sum(one.evaluations for one in found) + end.evaluations - best.evaluations
-    solver = judged(predicted, evaluations, ended_at, [problem.names(i) for i in active])
-    others = tuple((one.x, one.cost + shift) for one in found if one.cost > best.cost * (1 + 1e-6) + problem.floor)
+    whole = setup.problem()
+    if not all(log.stepwise for log in setup.logs):  # their copies are averages, and their ends near ones
+        near, ends = whole, [approach(whole, end.x) for end in ends]
+    end, predicted, active = polish(near, min(ends, key=lambda one: one.cost), near.value)
+    if predicted > CONVERGED:  # far from a parabola
+        near = with_second_derivatives(setup.quick)
+        end, predicted, active = polish(near, slsqp(near, end.x), near.value)
+    if near is not whole:
+        whole = replace(whole, curvature=near.curvature, exact=near.exact)
+        end, predicted, active = polish(whole, end, whole.value)
+    evaluations = tried + sum(one.evaluations for one in ends) + end.evaluations
+    solver = judged(predicted, evaluations, costs or [one.cost for one in ends], [near.names(i) for i in active])
+    others = tuple((one.x, one.cost) for one in ends if one.cost > end.cost * (1 + SAME) + near.floor)
     return Solved(setup, end.x, end.cost, solver, others)
 
 
-def with_second_derivatives(problem: Problem, rough: Setup) -> Problem:
-    """The same problem, its true curvature known: Gauss–Newton of every sample, and what the residuals add to it.
-
-    The latter comes from differences of the exact gradient on the coarse copy.
-    """
+def with_second_derivatives(setup: Setup) -> Problem:
+    """Its problem with the true curvature, by differences of the exact gradient."""
+    problem = setup.problem()
 
     def exact(x: Array) -> Array:
-        whole = problem.normal(x)[2]
-        own = rough.together(x)[2]
+        cost, _, own = setup.together(x)
         scale = np.sqrt(np.maximum(np.diagonal(own), 1e-300))
-        size = np.sqrt(max(problem.value(x)[0], problem.floor))
-        added = np.empty_like(own)
+        size = np.sqrt(max(cost, problem.floor))
+        found = np.empty_like(own)
         for j in range(len(x)):
-            step = min(SHIFT * max(abs(x[j]), 1e-3), 0.1 * size / scale[j] + 1e-12)
-            ahead = x.copy()
-            ahead[j] += step
-            behind = x.copy()
-            behind[j] -= step
-            added[j] = (rough.together(ahead)[1] - rough.together(behind)[1]) / (2 * step) - own[j]
-        return np.asarray(whole + 0.5 * (added + added.T))
+            step = np.zeros_like(x)
+            step[j] = min(SHIFT * max(abs(x[j]), 1e-3), 0.1 * size / scale[j] + 1e-12)
+            found[j] = (setup.together(x + step)[1] - setup.together(x - step)[1]) / (2 * step[j])
+        return np.asarray(0.5 * (found + found.T))
 
     return replace(problem, exact=exact)
 

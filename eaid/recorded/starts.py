@@ -14,6 +14,8 @@ from eaid.arrays import Array
 from eaid.fitting.problem import Problem, bring_in, draw_in
 from eaid.fitting.solver import approach
 from eaid.models.parameters import TAU_FLOOR_S
+from eaid.recorded.kernel import looks
+from eaid.recorded.model import LEAST_TAU_S
 from eaid.recorded.problem import Setup
 
 FAST = 17
@@ -41,40 +43,38 @@ def starts(setup: Setup, problem: Problem) -> list[Array]:
     fast = np.geomspace(max(0.5 * shortest, 2 * TAU_FLOOR_S), longest, FAST)
     slow = fast if model.sizes[2] else fast[-1:] * 2
     shares = [0.85] if model.share is not None else [0.5, 0.7, 0.85, 0.95]
-    found: list[tuple[tuple[float, Array], float, float, float]] = []
-    for share in shares:
-        costs = np.full((len(fast) + 2, len(slow) + 2), np.inf)
-        place: dict[tuple[int, int], Array] = {}
-        for i, j in itertools.product(range(len(fast)), range(len(slow))):
-            if slow[j] > 1.5 * fast[i]:
-                least, place[i, j] = _solved(setup, _shaped(setup, fast[i], slow[j], share))
-                costs[i + 1, j + 1] = least
-        for (i, j), x in place.items():
-            here = float(costs[i + 1, j + 1])
-            if here <= costs[i : i + 3, j : j + 3].min():
-                found.append(((here, x), float(fast[i]), float(slow[j]), share))
-    found.sort(key=lambda row: row[0][0])
-    places = [row[0] for row in found[:MOST]]
+    pairs = [
+        (h, i, j) for h in range(len(shares)) for i in range(FAST) for j in range(len(slow)) if slow[j] > 1.5 * fast[i]
+    ]
+    cost, x = linear_parts(setup, [_shaped(setup, fast[i], slow[j], shares[h]) for h, i, j in pairs])
+    grid = np.full((len(shares), FAST + 2, len(slow) + 2), np.inf)
+    for (h, i, j), one in zip(pairs, cost.tolist(), strict=True):
+        grid[h, i + 1, j + 1] = one
+    least = [k for k, (h, i, j) in enumerate(pairs) if cost[k] <= grid[h, i : i + 3, j : j + 3].min()]
+    least.sort(key=lambda k: float(cost[k]))
+    flat = inner(setup, x[least[0]], problem)
+    places = [(float(cost[k]), x[k]) for k in least[:MOST]]
     if model.name == "nonlinear" and min(model.sizes) > 1:
-        for (_, one, two, share), bend1, bend2 in itertools.product(found[:BENT], BENDS, BENDS):
-            places.append(_solved(setup, _shaped(setup, one, two, share, bend1, bend2)))
-    flat = inner(setup, found[0][0][1], problem)
+        bent = [
+            _shaped(setup, fast[i], slow[j], shares[h], *bends)
+            for h, i, j in (pairs[k] for k in least[:BENT])
+            for bends in itertools.product(BENDS, repeat=2)
+        ]
+        places += zip(*linear_parts(setup, bent), strict=True)
     places.sort(key=lambda row: row[0])
     if model.name == "nonlinear" and model.sizes[2] > 1:
-        typical = places[0][1]
-        broad = [_solved(setup, x) for x in slow_shapes(setup, typical, longest)]
-        broad.sort(key=lambda row: row[0])
-        for _, x in broad[:SIEVED]:
-            end = approach(problem, bring_in(x, flat, problem), steps=SIEVE_STEPS)
+        cost, x = linear_parts(setup, slow_shapes(setup, places[0][1], longest))
+        for k in np.argsort(cost)[:SIEVED]:
+            end = approach(problem, bring_in(x[k], flat, problem), steps=SIEVE_STEPS)
             places.append((end.cost, end.x))
         places.sort(key=lambda row: row[0])
     chosen: list[tuple[float, Array]] = []
-    for cost, x in places:
-        if all(abs(cost - other) > DISTINCT * other for other, _ in chosen):
-            chosen.append((cost, x))
+    for one, place in places:
+        if all(abs(one - other) > DISTINCT * other for other, _ in chosen):
+            chosen.append((one, place))
         if len(chosen) == MOST:
             break
-    return [bring_in(x, flat, problem) for _, x in chosen] + [flat]
+    return [bring_in(place, flat, problem) for _, place in chosen] + [flat]
 
 
 def slow_shapes(setup: Setup, x: Array, longest: float) -> list[Array]:
@@ -116,25 +116,31 @@ def _shaped(setup: Setup, tau1: float, tau2: float, share: float, bend1: float =
                 x[at + 1] = 0.5 * tau * (bend**0.5 - bend**-0.5)
     if model.share is None:
         x[model.size - 1] = share
-    for name, values in (("rest", (tau1, tau2)), ("fall", (1.0, 1.0))):
-        if (at := setup.at(name)) >= 0:
-            x[at : at + 2] = values
     return x
 
 
-def _solved(setup: Setup, x: Array) -> tuple[float, Array]:
-    """Cost and place with T_s, idle outputs and start states solved for; they enter linearly."""
-    a = setup.model.sizes[0]
-    own = np.concatenate([one[one >= 0] for one in setup.own] or [np.zeros(0, dtype=np.intp)])
+def linear_parts(setup: Setup, shapes: Sequence[Array]) -> tuple[Array, Array]:
+    """Costs (K,) and places (K, n) with T_s, idle outputs and start states solved for: they enter linearly."""
+    model, x = setup.model, np.array(shapes)
+    a, b, c = model.sizes
+    own = np.concatenate([one[one >= 0] for one in setup.own]).astype(np.intp)
     free = np.concatenate([np.arange(a), own]).astype(np.intp)
-    cost, gradient, H = setup.together(x)
-    part = H[np.ix_(free, free)]
-    scale = np.sqrt(np.maximum(np.diagonal(part), 1e-300))
-    normal = part / np.outer(scale, scale) + 1e-10 * np.eye(len(free))
-    move = -np.linalg.solve(normal, gradient[free] / scale) / scale
-    x = x.copy()
-    x[free] += move
-    return float(cost + gradient[free] @ move + 0.5 * move @ part @ move), x
+    share = x[:, model.size - 1] if model.share is None else np.full(len(x), model.share)
+    size = len(free)
+    sums = np.zeros((len(x), size + 1, size + 1))
+    for drive, rows, local in zip(setup.drives, setup.maps, setup.own, strict=True):
+        tau1 = np.maximum(x[:, a : a + b] @ rows.tau1.T, LEAST_TAU_S)
+        tau2 = np.maximum(x[:, a + b : a + b + c] @ rows.tau2.T, LEAST_TAU_S) if c else np.ones_like(tau1)
+        found = looks(drive.dt_s, drive.index, drive.y, drive.w, rows.steady, tau1, tau2, share)
+        known = np.concatenate([np.arange(a), np.where(local >= 0, np.searchsorted(free, local), -1), [size]])
+        at = np.flatnonzero(known >= 0)
+        sums[np.ix_(range(len(x)), known[at], known[at])] += found[np.ix_(range(len(x)), at, at)]
+    scale = np.sqrt(np.maximum(np.diagonal(sums, axis1=1, axis2=2)[:, :size], 1e-300))
+    A = sums[:, :size, :size] / (scale[:, :, None] * scale[:, None, :])
+    v = sums[:, :size, size] / scale
+    z = np.linalg.solve(A + 1e-10 * np.eye(size), v[:, :, None])[:, :, 0]
+    x[:, free] = z / scale
+    return sums[:, size, size] + np.einsum("kij,ki,kj->k", A, z, z) - 2 * (v * z).sum(axis=1), x
 
 
 def inner(setup: Setup, x: Array, problem: Problem) -> Array:
@@ -154,12 +160,4 @@ def inner(setup: Setup, x: Array, problem: Problem) -> Array:
     elif model.name == "nonlinear":
         calm[:a] = 0.0
         calm[0] = max(float(x[0]), 1e-12)
-    for name, at in (("rest", setup.at("rest")), ("fall", setup.at("fall"))):
-        if at >= 0:
-            flat[at : at + 2] = calm[at : at + 2] = (one, two) if name == "rest" else (1.0, 1.0)
     return draw_in(flat, calm, problem)
-
-
-def moved_over(given: Sequence[Array], problem: Problem, flat: Array) -> list[Array]:
-    """Starts of the caller's, brought inside the constraints."""
-    return [draw_in(x, flat, problem) for x in given]

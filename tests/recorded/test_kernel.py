@@ -5,7 +5,7 @@ import pytest
 
 from eaid.models.parameters import REFERENCE_PLANT
 from eaid.recorded import model
-from eaid.recorded.drive import coarse, drive_of
+from eaid.recorded.drive import copies_of, drive_of
 from eaid.recorded.kernel import response as fast_response
 from eaid.recorded.log import RecordedLog
 from eaid.recorded.problem import Setup
@@ -111,10 +111,33 @@ def test_a_coarse_copy_costs_what_the_log_costs_but_for_a_constant(moving: bool)
     x = one.basis.unknowns(REFERENCE_PLANT)
     clean = Setup(one, (drive_of(log),)).jacobian(x, 0)[1]
     log = RecordedLog("log", log.time_s, duty, clean + draw.normal(0, 0.05, n), baseline=0.0, idle_start=True)
-    small = coarse(log)
+    whole = Setup(one, (drive_of(log),))
+    small, sketch = copies_of(log)
+    for copy, rows, rel in ((small, n / 4, 0.02 if moving else 1e-7), (sketch, n / 14, 0.05)):
+        assert len(copy.dt_s) < rows
+        assert copy.w.sum() == pytest.approx(n)
+        rough = Setup(one, (copy,))
+        moved = x * (1 + 0.05 * draw.normal(size=len(x)))
+        exact = whole.together(moved)[0] - whole.together(x)[0]
+        assert rough.together(moved)[0] - rough.together(x)[0] == pytest.approx(exact, rel=rel)
+        if not moving:  # the sum of squares itself, and its gradient
+            assert rough.together(x)[0] == pytest.approx(whole.together(x)[0], rel=rel)
+            size = np.sqrt(np.diagonal(whole.together(x)[2]) * whole.together(x)[0])
+            assert np.abs((rough.together(x)[1] - whole.together(x)[1]) / size).max() < rel
+
+
+def test_a_held_input_with_uneven_times_and_gaps_is_compressed_exactly() -> None:
+    draw = np.random.default_rng(7)
+    n = 6000
+    t = np.cumsum(draw.uniform(0.005, 0.015, n))
+    y = draw.normal(1, 0.3, n)
+    y[[0, 700, 701, 4000]] = np.nan
+    log = RecordedLog("log", t, np.repeat([20.0, 80.0, 0.0, 50.0], n // 4), y, idle_start=True, weight=3.0)
+    one = model.nonlinear(np.array([20.0, 50.0, 80.0]), 0.85, 60.0)
+    assert one.basis is not None
+    x = np.append(one.basis.unknowns(REFERENCE_PLANT), 0.1)
+    small = copies_of(log)[0]
+    whole, quick = (Setup(one, (drive,)).together(x) for drive in (drive_of(log), small))
     assert len(small.dt_s) < n / 4
-    assert small.w.sum() == pytest.approx(n)
-    whole, rough = Setup(one, (drive_of(log),)), Setup(one, (small,))
-    moved = x * (1 + 0.05 * draw.normal(size=len(x)))
-    exact = whole.together(moved)[0] - whole.together(x)[0]
-    assert rough.together(moved)[0] - rough.together(x)[0] == pytest.approx(exact, rel=0.02)
+    assert quick[0] == pytest.approx(whole[0], rel=1e-8)
+    np.testing.assert_allclose(quick[1], whole[1], rtol=1e-6, atol=1e-6 * np.abs(whole[1]).max())
