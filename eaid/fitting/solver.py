@@ -191,19 +191,23 @@ def ended(ends: Sequence[EndPoint], problem: Problem) -> list[EndPoint]:
 
 
 def polish(
-    problem: Problem, end: EndPoint, full: Callable[[Array], tuple[float, Array]], steps: int = 40
+    problem: Problem,
+    end: EndPoint,
+    full: Callable[[Array], tuple[float, Array]],
+    steps: int = 40,
+    finished: float = FINISHED,
 ) -> tuple[EndPoint, float, tuple[int, ...]]:
-    """Confirm an end point on the full data and take constrained Newton steps there while they gain anything.
+    """Confirm an end point on the full data and take constrained Newton steps while one predicts to gain `finished`.
 
     Returns the point with its full-data cost, what a further step predicts relative to the cost, and the active rows.
     """
     x, evaluations = end.x, end.evaluations + 1
     cost, gradient = full(x)
     step = newton_step(problem, x, gradient, problem.normal(x)[2])
-    if step.decrease > FINISHED * cost:
+    if step.decrease > finished * cost:
         step = newton_step(problem, x, gradient, _curvature(problem, x))
     for _ in range(steps):
-        if step.decrease <= FINISHED * cost:
+        if step.decrease <= finished * cost:
             break
         for length in (1.0, 0.5, 0.25, 0.1, 0.01):
             reached = inside(problem, x, x + length * step.d)

@@ -178,13 +178,11 @@ def sketched(small: Drive) -> Drive:
     v = mean(off**2)
     merged = (count > 2) & (v > 0) & (age[first] > 0)
     kept = ~merged[which]
-    total, middle, level, v, slope, third = (
-        one[merged] for one in (total, middle, level, v, mean(off * small.y), mean(off**3))
-    )
-    skew = third / v
+    skew, slope = (mean(one)[merged] / v[merged] for one in (off**3, off * small.y))
+    total, middle, level, v = (one[merged] for one in (total, middle, level, v))
     turn = 0.5 * (skew + np.multiply.outer([-1.0, 1.0], np.sqrt(skew**2 + 4 * v)))
     at = np.concatenate([t[kept], (middle + turn).ravel()])
-    y = np.concatenate([small.y[kept], (level + slope / v * turn).ravel()])
+    y = np.concatenate([small.y[kept], (level + slope * turn).ravel()])
     w = np.concatenate([small.w[kept], (total * v / (v + turn**2)).ravel()])
     row = np.concatenate([np.flatnonzero(kept), np.tile(first[merged], 2)])
     order = np.argsort(at, kind="stable")

@@ -153,7 +153,7 @@ class Setup:
         cost, gradient, curvature = 0.0, np.zeros(self.size), np.zeros((self.size, self.size))
         for log in range(len(self.drives)):
             at = self.columns(log)
-            P = 2.0 * products(*self.arguments(x, log), len(at))
+            P = 2.0 * products(*self.arguments(x, log), len(at))  # type: ignore[call-arg]
             cost += 0.5 * float(P[-1, -1]) + self.drives[log].left
             gradient[at] += P[-1, :-1]
             curvature[np.ix_(at, at)] += P[:-1, :-1]

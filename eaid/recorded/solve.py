@@ -11,7 +11,7 @@ import numpy as np
 
 from eaid.arrays import Array
 from eaid.fitting.problem import Problem
-from eaid.fitting.solver import CONVERGED, EndPoint, approach, ended, judged, polish, slsqp
+from eaid.fitting.solver import CONVERGED, SETTLED, EndPoint, approach, ended, judged, polish, slsqp
 from eaid.models.parameters import Nonlinear
 from eaid.recorded.drive import Drive
 from eaid.recorded.log import RecordedLog
@@ -81,14 +81,14 @@ def finished(setup: Setup, begin: Sequence[Array], tried: int = 0, costs: Sequen
         ends = ended(ends, near)
     whole = setup.problem()
     if not all(log.stepwise for log in setup.logs):  # their copies are averages, and their ends near ones
-        near, ends = whole, [approach(whole, end.x) for end in ends]
+        ends = [approach(whole, end.x) for end in ends]
+        near = whole
     end, predicted, active = polish(near, min(ends, key=lambda one: one.cost), near.value)
     if predicted > CONVERGED:  # far from a parabola
         near = with_second_derivatives(setup.quick)
         end, predicted, active = polish(near, slsqp(near, end.x), near.value)
     if near is not whole:
-        whole = replace(whole, curvature=near.curvature, exact=near.exact)
-        end, predicted, active = polish(whole, end, whole.value)
+        end, predicted, active = polish(near, end, whole.value, finished=SETTLED)
     evaluations = tried + sum(one.evaluations for one in ends) + end.evaluations
     solver = judged(predicted, evaluations, costs or [one.cost for one in ends], [near.names(i) for i in active])
     others = tuple((one.x, one.cost) for one in ends if one.cost > end.cost * (1 + SAME) + near.floor)

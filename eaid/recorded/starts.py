@@ -24,11 +24,11 @@ BENT = 3
 """Minima over the grid that are bent."""
 BENDS = (0.2, 1.0, 5.0)
 """Ratio of a bent τ at the highest input to that at the lowest."""
-SHAPES = 5
+SHAPES = 4
 """Values of τ2 tried at each of three inputs."""
-SIEVED = 16
+SIEVED = 8
 """Best of those shapes that go a few steps down …"""
-SIEVE_STEPS = 4
+SIEVE_STEPS = 3
 """… so many."""
 MOST = 5
 """Starts handed on."""
@@ -43,9 +43,8 @@ def starts(setup: Setup, problem: Problem) -> list[Array]:
     fast = np.geomspace(max(0.5 * shortest, 2 * TAU_FLOOR_S), longest, FAST)
     slow = fast if model.sizes[2] else fast[-1:] * 2
     shares = [0.85] if model.share is not None else [0.5, 0.7, 0.85, 0.95]
-    pairs = [
-        (h, i, j) for h in range(len(shares)) for i in range(FAST) for j in range(len(slow)) if slow[j] > 1.5 * fast[i]
-    ]
+    every = itertools.product(range(len(shares)), range(FAST), range(len(slow)))
+    pairs = [(h, i, j) for h, i, j in every if slow[j] > 1.5 * fast[i]]
     cost, x = linear_parts(setup, [_shaped(setup, fast[i], slow[j], shares[h]) for h, i, j in pairs])
     grid = np.full((len(shares), FAST + 2, len(slow) + 2), np.inf)
     for (h, i, j), one in zip(pairs, cost.tolist(), strict=True):
@@ -77,7 +76,7 @@ def starts(setup: Setup, problem: Problem) -> list[Array]:
     return [bring_in(place, flat, problem) for _, place in chosen] + [flat]
 
 
-def slow_shapes(setup: Setup, x: Array, longest: float) -> list[Array]:
+def slow_shapes(setup: Setup, x: Array, longest: float) -> Array:
     """x with every τ2(u) through a few values at the lowest, middle and highest input: joint costs have several minima
     far apart in τ2, where holds are short."""
     basis = setup.model.basis
@@ -87,11 +86,9 @@ def slow_shapes(setup: Setup, x: Array, longest: float) -> list[Array]:
     a, b, c = setup.model.sizes
     typical = max(float(rows.tau1[1] @ x[a : a + b]), 2 * TAU_FLOOR_S)
     values = np.geomspace(3 * typical, max(3 * longest, 30 * typical), SHAPES)
-    found = []
-    for three in itertools.product(values, repeat=3):
-        shape = x.copy()
-        shape[a + b : a + b + c] = np.linalg.lstsq(rows.tau2, np.array(three), rcond=None)[0]
-        found.append(shape)
+    threes = np.array(list(itertools.product(values, repeat=3)))
+    found = np.tile(x, (len(threes), 1))
+    found[:, a + b : a + b + c] = threes @ np.linalg.pinv(rows.tau2).T
     return found
 
 
@@ -119,7 +116,7 @@ def _shaped(setup: Setup, tau1: float, tau2: float, share: float, bend1: float =
     return x
 
 
-def linear_parts(setup: Setup, shapes: Sequence[Array]) -> tuple[Array, Array]:
+def linear_parts(setup: Setup, shapes: Sequence[Array] | Array) -> tuple[Array, Array]:
     """Costs (K,) and places (K, n) with T_s, idle outputs and start states solved for: they enter linearly."""
     model, x = setup.model, np.array(shapes)
     a, b, c = model.sizes
@@ -131,10 +128,10 @@ def linear_parts(setup: Setup, shapes: Sequence[Array]) -> tuple[Array, Array]:
     for drive, rows, local in zip(setup.drives, setup.maps, setup.own, strict=True):
         tau1 = np.maximum(x[:, a : a + b] @ rows.tau1.T, LEAST_TAU_S)
         tau2 = np.maximum(x[:, a + b : a + b + c] @ rows.tau2.T, LEAST_TAU_S) if c else np.ones_like(tau1)
-        found = looks(drive.dt_s, drive.index, drive.y, drive.w, rows.steady, tau1, tau2, share)
+        found = looks(drive.dt_s, drive.index, drive.y, drive.w, rows.steady, tau1, tau2, share)  # type: ignore[arg-type]
         known = np.concatenate([np.arange(a), np.where(local >= 0, np.searchsorted(free, local), -1), [size]])
         at = np.flatnonzero(known >= 0)
-        sums[np.ix_(range(len(x)), known[at], known[at])] += found[np.ix_(range(len(x)), at, at)]
+        sums[:, known[at][:, None], known[at]] += found[:, at[:, None], at]
     scale = np.sqrt(np.maximum(np.diagonal(sums, axis1=1, axis2=2)[:, :size], 1e-300))
     A = sums[:, :size, :size] / (scale[:, :, None] * scale[:, None, :])
     v = sums[:, :size, size] / scale
