@@ -17,7 +17,7 @@ from numba.extending import overload, register_jitable
 
 from eaid.arrays import Array
 from eaid.control import pi, rc
-from eaid.replay import controllers, descent, inverse, lanes, loop, plant, taut
+from eaid.replay import adjoint, controllers, inverse, lanes, loop, plant, taut
 from eaid.replay.controllers import Controller, Step
 from eaid.replay.plant import PlantParameters
 from eaid.replay.rig import RigNumbers
@@ -35,7 +35,7 @@ CALLED = (
     plant.plant_terms, plant.plant_pull, plant.plant_step, rc.rc_step, pi.pi_step, controllers.open_loop_step,
     controllers.feedforward_step,
     inverse.duty_for, inverse.inverse_step, lanes.expm1_to_minus_one, lanes.tanh_within, lanes.short_step,
-    descent.follow, descent.rolled, descent.improvement, descent.slow_reach, taut.taut_path,
+    inverse.follow, adjoint.cost_and_gradient, taut.slow_reach, taut.taut_path,
 )  # fmt: skip
 for _function in CALLED:
     register_jitable(**VECTOR)(_function)
@@ -53,7 +53,7 @@ def _tanh(x: float) -> Callable[[float], float]:  # noqa: ARG001 - numba wants t
 def fingerprint() -> str:
     """Of every source that machine code is made of."""
     digest = hashlib.sha256()
-    for module in (plant, rc, pi, inverse, controllers, loop, lanes, descent, taut):
+    for module in (plant, rc, pi, inverse, controllers, loop, lanes, adjoint, taut):
         digest.update(Path(str(module.__file__)).read_bytes())
     digest.update(Path(__file__).read_bytes())
     return digest.hexdigest()[:12]

@@ -112,3 +112,14 @@ def taut_path(
         path[k + 1] = min(max(wanted, fall[k] * path[k] + fall0[k]), rise[k] * path[k] + rise0[k])
         cost += weight[k + 1] * (path[k + 1] - reference[k + 1]) ** 2
     return float(cost)
+
+
+def slow_reach(decay: Array, gain: Array, reach: Array) -> None:
+    """Largest slow part [N·m] that any duty can have made by each sample, from rest: the most of decay x + gain."""
+    x = 0.0
+    for k in range(len(reach)):
+        reach[k] = x
+        most = 0.0
+        for j in range(len(decay)):
+            most = max(most, decay[j] * x + gain[j])
+        x = most
