@@ -84,8 +84,11 @@ def the_input(
     Where none that is called like an input moves, the only other column that steps is taken, and said; not where
     options say level and instant (`told`).
     """
-    if roles.said or (len(roles.inputs) == 1 and not roles.others):
-        return (*roles.inputs[0], ())
+    first = roles.inputs[0] if roles.inputs else None
+    if first and (roles.said or (len(roles.inputs) == 1 and not roles.others)):
+        return (*first, ())
+    if first and first[0] == "clutch" and _moves(column(first[1])):  # a duty beside the constant speed and force
+        return (*first, ())
     moving = [(kind, which) for kind, which in roles.inputs if _moves(column(which))]
     if len(moving) == 1:
         return (*moving[0], ())
@@ -96,8 +99,10 @@ def the_input(
             still = shown([table.label(which) for _, which in roles.inputs])
             code = "input-by-its-steps" if still else "input-unnamed"
             return kind_of(name, ""), stepping[0], (finding(code, path, column=name, still=still),)
-    if len(roles.inputs) <= 1 or roles.inputs[0][0] == "clutch":  # a duty beside the constant speed and force
-        return (*roles.inputs[0], ()) if roles.inputs else (None, None, ())
+    if first is None:
+        return None, None, ()
+    if len(roles.inputs) == 1 or first[0] == "clutch":
+        return (*first, ())
     kinds = " and ".join(kind for kind, _ in roles.inputs)
     raise DataError(f"{path}: may be {kinds}, as it has a column of each; say which with «kind»")
 

@@ -83,7 +83,7 @@ def seconds_since_start(
         return np.empty(0), 0.0, ()
     first = raw[0]
     gone = read_only(raw - first)
-    usual = float(np.median(np.diff(gone[:100_000]))) if len(gone) > 1 else 0.0
+    usual = float(np.median(np.diff(gone[:10_000]))) if len(gone) > 1 else 0.0
     factor, findings = scale.factor, list[Finding]()
     counted = _epoch(float(first))
     if not scale.stated:

@@ -86,15 +86,16 @@ def _roles(source: str, table: Table, options: ReadOptions) -> Roles:
 
 
 class _Columns:
-    """The columns of a table that have been read, and those that are read when somebody asks."""
+    """The columns of a table that have been read, the first of which keeps its own times, and others on demand."""
 
-    def __init__(self, table: Table, first: Sequence[int]) -> None:
+    def __init__(self, table: Table, wanted: Sequence[int]) -> None:
+        first = list(dict.fromkeys(wanted))
         self._table, self._first = table, first[0]
         self.cells: Cells = table.load(first)
         self._held = dict(zip(first, map(_signed, self.cells.values), strict=True))
 
     def __getitem__(self, column: int) -> NDArray[Any]:
-        if column not in self._held:  # beside the first one, whose clock counts
+        if column not in self._held:
             self._held[column] = _signed(self._table.load([self._first, column]).values[1])
         return self._held[column]
 
@@ -110,11 +111,15 @@ def run_of(origin: Origin, tables: Sequence[Table], options: ReadOptions, patter
     table, roles = choose(source, tables, options)
     clock = _clock_column(source, table, roles, options)
     level, repeat = _from_name(origin, pattern)
-    others = [column for column in (clock, roles.reference, roles.trigger) if column is not None]
-    inputs = [column for _, column in roles.inputs]
-    columns = _Columns(table, list(dict.fromkeys([roles.output, *others, *inputs])))  # the output's own times are kept
+    taken = [one for one in (roles.output, clock, roles.reference, roles.trigger) if one is not None]
+    likely = [column for _, column in roles.inputs]
+    if roles.inputs and roles.inputs[0][0] == "clutch":
+        del likely[1:]  # the others count only where it stands still
+    columns = _Columns(table, [*taken, *likely])
     told = pattern is not None or options.step_at_s is not None
     kind, which, findings = the_input(source, table, roles, columns.__getitem__, told)
+    if which is not None and which not in likely:
+        columns = _Columns(table, [*taken, which])
     trigger = roles.trigger if which is None and level is not None and _is_trigger(columns, roles.trigger) else None
     if which is None and trigger is None and pattern is not None and level is None:
         raise DataError(f"{source}: its name does not match «name_pattern»; rename it or mend the pattern")
@@ -145,9 +150,9 @@ def run_of(origin: Origin, tables: Sequence[Table], options: ReadOptions, patter
     findings += _of_values(source, table, out, output, options, None if keep is None else (len(raw), len(keep)))
     if level is not None and which is not None:
         findings += _contradiction(source, level, input_, unit)
-    taken = {"time": clock, "input": which if which is not None else trigger, "output": roles.output,
+    named = {"time": clock, "input": which if which is not None else trigger, "output": roles.output,
              "reference": roles.reference}  # fmt: skip
-    roled = {column for column in taken.values() if column is not None}
+    roled = {column for column in named.values() if column is not None}
     return Run(
         name=origin.name,
         time_s=time_s,
@@ -166,7 +171,7 @@ def run_of(origin: Origin, tables: Sequence[Table], options: ReadOptions, patter
         kind=options.kind or kind,
         synthetic=table.said.get("synthetic"),
         start_s=start_s,
-        taken=tuple((role, table.label(column)) for role, column in taken.items() if column is not None),
+        taken=tuple((role, table.label(column)) for role, column in named.items() if column is not None),
         left=(*(table.label(i) for i in range(len(table.columns)) if i not in roled), *table.dropped),
     )
 

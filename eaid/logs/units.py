@@ -5,6 +5,7 @@ Torque becomes N·m, force N, speed RPM, duty %, pressure bar, voltage V, time s
 
 import math
 import re
+from functools import lru_cache
 from typing import NamedTuple
 
 
@@ -93,10 +94,11 @@ def likely_time_unit(usual: float) -> str:
     return next((unit for unit in ("ms", "us", "ns") if usual * _SPELLINGS[unit].factor <= 0.5), "ns")
 
 
-def words_of(name: str) -> set[str]:
+@lru_cache(1024)
+def words_of(name: str) -> frozenset[str]:
     """The words of a column's name, in lower case: `shearForce_N` → shear, force, n."""
     spaced = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", name)
-    return set(re.findall(r"[a-z0-9]+", spaced.lower()))
+    return frozenset(re.findall(r"[a-z0-9]+", spaced.lower()))
 
 
 def is_weight(name: str, said: bool) -> bool:
@@ -110,6 +112,7 @@ _SUFFIX = re.compile(r"^(.*?)(?:_|\.|\s*/\s*|\s+in\s+|,\s*|\s+)([^\s_/,.]+)$")
 _CAMEL = re.compile(r"^(.*[a-z])((?:[A-Z][a-z]*)+|%)$")
 
 
+@lru_cache(1024)
 def split_name(name: str) -> tuple[str, str]:
     """A column's bare name and the unit its name carries: `Torque (mNm)` → (`Torque`, `mNm`); unit empty where none."""
     name = name.strip()

@@ -139,7 +139,7 @@ UNKNOWN = {"no header", "columns by number"}
 @pytest.mark.parametrize("quick", [True, False], ids=["quick", "cell by cell"])
 def test_dialect(name: str, quick: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     if not quick:
-        monkeypatch.setattr("eaid.logs.text._by_pandas", lambda *_: None)
+        monkeypatch.setattr("eaid.logs.text.by_pandas", lambda *_: None)
     content, options = DIALECTS[name]
     run = read_one(tmp_path / "log.dat", content, **options)
     np.testing.assert_allclose(run.time_s - run.time_s[0], T, rtol=0, atol=1e-9)
@@ -190,7 +190,7 @@ def test_numbers_are_correctly_rounded(tmp_path: Path, monkeypatch: pytest.Monke
     content = "time_s,torque_nm\n" + "".join(f"{i},{text}\n" for i, text in enumerate(texts))
     for quick in (True, False):
         if not quick:
-            monkeypatch.setattr("eaid.logs.text._by_pandas", lambda *_: None)
+            monkeypatch.setattr("eaid.logs.text.by_pandas", lambda *_: None)
         run = read_one(tmp_path / "a.csv", content.encode())
         assert run.output.tolist() == [float(text) for text in texts]
 
@@ -282,6 +282,6 @@ def test_plain_logs_take_the_quick_way(name: str, tmp_path: Path, monkeypatch: p
     def never(*_: object) -> None:
         raise AssertionError("read cell by cell")
 
-    monkeypatch.setattr("eaid.logs.text._cell_by_cell", never)
+    monkeypatch.setattr("eaid.logs.text.cell_by_cell", never)
     content, options = DIALECTS[name]
     assert len(read_one(tmp_path / "log.dat", content, **options).time_s) == N
