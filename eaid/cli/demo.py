@@ -82,6 +82,7 @@ def five_numbers(folder: Path) -> list[str]:
     from eaid.results import codec
     from eaid.results.fit import Fit
     from eaid.results.gains import Gains
+    from eaid.results.summary import believed_levels
 
     if not (folder / "gains.json").is_file():
         return []
@@ -89,7 +90,7 @@ def five_numbers(folder: Path) -> list[str]:
     gains = codec.read(folder / "gains.json", "gains", Gains)[0]
     if fit.nonlinear is None or gains.replayed is None or gains.margins is None or gains.guarantee is None:
         return []
-    top, worst, errors = fit.nonlinear.curves[-1], gains.margins.worst, gains.replayed
+    top, worst, errors = believed_levels(fit)[-1], gains.margins.worst, gains.replayed
     ends = top.ci95.Ts if top.ci95 is not None else None
     interval = f" ({ends[0]:.3g} … {ends[1]:.3g})" if ends is not None else ""
     rc, pi = (worst.rc, worst.pi) if worst is not None else (None, None)

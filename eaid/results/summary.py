@@ -1,6 +1,5 @@
 """A fit in eight lines: how well it follows, T_s, τ1 and τ2 where it matters, which estimate, what is doubtful."""
 
-from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from eaid.findings import merged, ranked, say
@@ -27,7 +26,8 @@ def fit_summary(fit: "Fit", findings: int = 3) -> list[str]:
     made = ", synthetic" if data.synthetic else ""
     lines = [f"{data.kind}: {span(data.levels, data.input_unit)}; {counted(runs, 'run')}{made}"]
     lines.append(f"fit    {_fit_pct(fit)}")
-    rows = _rows(fit)
+    levels = believed_levels(fit)
+    rows = [levels[k] for k in sorted({0, len(levels) // 2, len(levels) - 1})] if levels else []
     if rows:
         units = {"Ts": data.output_unit or "unit unknown", "tau1": "s", "tau2": "s"}
         heading = [
@@ -37,7 +37,9 @@ def fit_summary(fit: "Fit", findings: int = 3) -> list[str]:
         cells = [heading, *([f"{row.level:g}", *(_value(row, name) for name in SYMBOLS)] for row in rows)]
         widths = [max(len(row[i]) for row in cells) for i in range(len(heading))]
         lines += ["  ".join(cell.ljust(w) for cell, w in zip(row, widths, strict=True)).rstrip() for row in cells]
-    if fit.nonlinear is not None:
+    if fit.nonlinear is not None and levels is not fit.nonlinear.curves:
+        lines.append("shown  each level's own curve: the nonlinear model's are not estimable")
+    elif fit.nonlinear is not None:
         lines.append(f"taken  the {fit.nonlinear.estimator} estimate{BECAUSE.get(fit.nonlinear.because, '')}")
     worst = ranked(merged(fit.findings))[:findings]
     lines += [f"{one.severity}: {say(one)}" for one in worst]
@@ -56,13 +58,17 @@ def _fit_pct(fit: "Fit") -> str:
     return ", ".join(said) or "not known"
 
 
-def _rows(fit: "Fit") -> "list[CurveLevel | FrictionLevel]":
-    """The lowest, the middle and the highest level: of the nonlinear model's curves, else of the single levels."""
-    found: Sequence[CurveLevel | FrictionLevel] = fit.nonlinear.curves if fit.nonlinear is not None else ()
-    if not found:
-        found = fit.friction.levels if fit.friction is not None else ()
-    kept = sorted({0, len(found) // 2, len(found) - 1}) if found else []
-    return [found[i] for i in kept]
+def believed_levels(fit: "Fit") -> "tuple[CurveLevel, ...] | tuple[FrictionLevel, ...]":
+    """T_s, τ1 and τ2 by level: the nonlinear model's curves, where any has an interval, else each level's own."""
+    curves = fit.nonlinear.curves if fit.nonlinear is not None else ()
+    own = tuple(row for row in (fit.friction.levels if fit.friction is not None else ()) if row.from_ == 0)
+    return (
+        own if own and not any(_quoted(row) for row in curves) and any(_quoted(row) for row in own) else curves or own
+    )
+
+
+def _quoted(row: "CurveLevel | FrictionLevel") -> bool:
+    return row.ci95 is not None and any(getattr(row.ci95, name) is not None for name in SYMBOLS)
 
 
 def _value(row: "CurveLevel | FrictionLevel", name: str) -> str:

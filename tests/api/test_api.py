@@ -4,6 +4,7 @@ import json
 import pickle
 from pathlib import Path
 
+import msgspec
 import numpy as np
 import pandas as pd
 import pytest
@@ -180,3 +181,14 @@ def test_a_sentence_may_be_reworded_without_any_number_changing(
     texts = [one["text"] for one in json.loads((tmp_path / "fit.json").read_text(encoding="utf-8"))["findings"]]
     assert texts
     assert all(text in SENTENCES or text.split(" (and ")[0] in SENTENCES for text in texts)
+
+
+def test_where_the_model_has_no_interval_the_levels_speak_for_themselves(logs: StepSet):
+    fit = eaid.fit(logs)
+    assert fit.nonlinear is not None
+    silent = [msgspec.structs.replace(row, ci95=None) for row in fit.nonlinear.curves]
+    bare = msgspec.structs.replace(fit, nonlinear=msgspec.structs.replace(fit.nonlinear, curves=tuple(silent)))
+    assert "taken  the" in fit.summary()
+    assert "shown  each level's own curve" in bare.summary()
+    own = bare.friction.levels[-1]
+    assert f"{own.Ts:.3g} ({own.ci95.Ts[0]:.3g}" in bare.summary()

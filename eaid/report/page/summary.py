@@ -11,7 +11,7 @@ from eaid.findings import Finding
 from eaid.report.page.known import Known
 from eaid.report.ready_fits import main_kind, models_for
 from eaid.report.results import KINDS, Results
-from eaid.report.rig import level_text, level_values, of_the_paper, rising
+from eaid.report.rig import level_text, of_the_paper, rising
 from eaid.report.style import controller_name
 from eaid.report.tables.data import doubts_of
 from eaid.report.tables.gains import CONDITIONS, conditions_of
@@ -19,6 +19,7 @@ from eaid.report.tables.replays import SCENARIO_NAMES, metric
 from eaid.report.tables.table import interval, number
 from eaid.results.fit import Fit
 from eaid.results.gains import Gains
+from eaid.results.summary import believed_levels
 
 GRADES = {"stop": "bad", "caution": "care", "note": "good"}
 _DATE = re.compile(r"(?<!\d)(20\d\d)[-_.]?(0[1-9]|1[0-2])[-_.]?(0[1-9]|[12]\d|3[01])(?!\d)")
@@ -191,7 +192,7 @@ def tiles(results: Results) -> tuple[Tile, ...]:
 
 def _values(fit: Fit | None) -> list[Tile]:
     words = {"Ts": ("T_s", "steady output"), "tau1": ("τ1", "fast time constant"), "tau2": ("τ2", "slow time constant")}
-    rows = level_values(fit) if fit is not None else ()
+    rows = believed_levels(fit) if fit is not None else ()
     if fit is None or not rows:
         return [Tile(label, "–", meaning) for label, meaning in words.values()]
     top = max(rows, key=lambda row: row.level)
