@@ -21,6 +21,9 @@ from eaid.logs.together import columns_told
 from eaid.progress import Progress, no_progress
 from eaid.steps.baseline import baseline_rule
 from eaid.steps.build import StepOptions, cut_runs, settled_steps, stepset_of
+from eaid.steps.edges import Edge, edges
+from eaid.steps.instead import looks_like
+from eaid.steps.part import has_input
 from eaid.steps.stepset import StepSet
 
 KINDS = ("clutch", "friction-force", "friction-speed")
@@ -186,6 +189,24 @@ def read_steps(
     return steps_of(runs, options, faults, [path for path in paths if path.is_file()], whole)
 
 
+def _is_whole(run: Run, rest: float) -> bool:
+    """Whether a log is fitted as it was recorded: its input does more than step from rest, or does it too fast."""
+    if is_recorded(run, rest):
+        return True
+    may_be = run.kind in (None, "clutch") and not run.cut and {run.level, run.step_s, run.until_s} == {None}
+    return may_be and run.position is None and has_input(run) and looks_like(run) is not None
+
+
+def read_edges(
+    paths: Sequence[Path], options: InputOptions, warn: Callable[[str], None] = lambda _: None
+) -> list[tuple[Run, tuple[Edge, ...]]]:
+    """Logs and the edges of their outputs, whatever their inputs do: rise, overshoot and settling of each."""
+    runs, faults = read_what_can_be(files_of(paths, warn), options.reading())
+    if faults:
+        raise DataError(*faults)
+    return [(run, edges(run.time_s, run.output)) for run in runs]
+
+
 def steps_of(
     runs: Sequence[Run],
     options: InputOptions,
@@ -195,7 +216,7 @@ def steps_of(
 ) -> tuple[list[Run], StepSet]:
     """The same from runs that are read already; `faults` of reading are raised with those of finding steps."""
     stepping = options.stepping()
-    uncut = [run for run in runs if whole == "recorded" or (whole == "auto" and is_recorded(run, options.rest))]
+    uncut = [run for run in runs if whole == "recorded" or (whole == "auto" and _is_whole(run, options.rest))]
     steps, more = cut_runs([run for run in runs if not any(run is one for one in uncut)], stepping)
     if faults or more:
         raise DataError(*faults, *more)

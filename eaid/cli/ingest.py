@@ -33,6 +33,10 @@ def command(
             "--write-manifest", help="Also write dataset.toml beside the logs: the next call needs no options."
         ),
     ] = False,
+    edges: Annotated[
+        bool,
+        typer.Option("--edges", help="List the edges of the output instead, as of a closed loop; writes nothing."),
+    ] = False,
     json: Json = False,
     quiet: Quiet = False,
     force: Force = False,
@@ -46,12 +50,15 @@ def command(
     from eaid.logs.dataset import write_dataset
 
     assert output is not None
-    refuse_to_overwrite(output, force, logs)
     options: dict[str, Any] = {
         "columns": columns, "units": units, "name_pattern": name_pattern, "step_at": step_at, "until": until,
         "repair": repair, "kind": kind, "levels": levels, "baseline": baseline, "sign": sign, "variable": variable,
         "rate": rate, "rest": rest, "apparatus": apparatus, "join": join,
     }  # fmt: skip
+    if edges:
+        ingest_tables.print_edges(inputs.edges_from(logs, **options), json)
+        return
+    refuse_to_overwrite(output, force, logs)
     runs, stepset = inputs.runs_from(logs, columns_told=True, **options)
     if write_manifest:
         from eaid.logs import manifest

@@ -11,6 +11,8 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from eaid.findings import Finding
+    from eaid.logs.run import Run
+    from eaid.steps.edges import Edge
     from eaid.steps.stepset import Level, LevelStep, RunRecord, StepSet
 
 MOST = 20
@@ -106,8 +108,8 @@ def print_tables(stepset: "StepSet") -> None:
     if slips:
         console.table(
             "slip, of the run with the highest peak at each level",
-            [f"level [{unit}]", f"peak [{out}]", "at [s]", f"after [{out}]", f"loading [{out}/s]", "stick-slip"],
-            [_slip_row(run) for run in _highest(stepset.runs)],
+            [f"level [{unit}]", f"peak [{out}]", "at", f"after [{out}]", "loading", "stick-slip"],
+            [_slip_row(level.level, run, out) for level, run in _highest(stepset)],
         )
     told = stepset.all_findings
     if told:
@@ -119,6 +121,27 @@ def print_tables(stepset: "StepSet") -> None:
             ["", "run", "what"],
             [[console.PREFIX[one.severity], _short(one.subject), on_command_line(say(one))] for one in told],
         )
+
+
+def print_edges(found: "list[tuple[Run, tuple[Edge, ...]]]", json: bool) -> None:
+    """A table of the edges of each log, or JSON, on stdout."""
+    if json:
+        import dataclasses
+
+        logs = [{"run": run.name, "edges": [dataclasses.asdict(one) for one in each]} for run, each in found]
+        console.print_json({"logs": logs})
+        return
+    for run, each in found:
+        unit = run.output_unit or "output"
+        rows = [
+            [
+                f"{run.start_s + one.at_s:.4g}", f"{one.before:.4g}", f"{one.after:.4g}", f"{one.rise_s:.3g}",
+                f"{one.overshoot_pct:.1f}", "–" if one.settling_s is None else f"{one.settling_s:.3g}",
+            ]
+            for one in each
+        ]  # fmt: skip
+        heads = ["at [s]", f"from [{unit}]", "to", "rise [s]", "overshoot [%]", "settled in [s]"]
+        console.table(f"{run.name}: {_count(each, 'edge')} of its output", heads, rows)
 
 
 def _rates(stepset: "StepSet") -> str:
@@ -149,19 +172,21 @@ def _level_row(level: "Level", stepset: "StepSet") -> list[str]:
     ]  # fmt: skip
 
 
-def _highest(runs: "Sequence[RunRecord]") -> "list[RunRecord]":
-    best: dict[float, RunRecord] = {}
-    for run in runs:
-        if run.slip is not None and (run.level not in best or run.slip.peak > best[run.level].slip.peak):  # type: ignore[union-attr]
-            best[run.level] = run
-    return [best[level] for level in sorted(best)]
+def _highest(stepset: "StepSet") -> "list[tuple[Level, RunRecord]]":
+    found = []
+    for level in stepset.levels:
+        runs = [run for run in stepset.runs if run.slip is not None and run.name in level.names]
+        found += [(level, max(runs, key=lambda run: run.slip.peak if run.slip else 0.0))] if runs else []
+    return found
 
 
-def _slip_row(run: "RunRecord") -> list[str]:
+def _slip_row(level: float, run: "RunRecord", out: str) -> list[str]:
     slip = run.slip
     assert slip is not None
     stick = "–" if slip.stick_slip is None else f"{slip.stick_slip:.3g} at {slip.stick_slip_hz:.3g} Hz"
-    return [
-        f"{run.level:g}", f"{slip.peak:.4g}", f"{slip.peak_s:.3g}", f"{slip.after:.4g}", f"{slip.stiffness_per_s:.3g}",
-        stick,
-    ]  # fmt: skip
+    at, loading = f"{slip.peak_s:.3g} s", f"{slip.stiffness_per_s:.3g} {out}/s"
+    if slip.moved is not None:
+        at += f", {slip.moved:.3g} {slip.unit}"
+    if slip.stiffness is not None:
+        loading = f"{slip.stiffness:.3g} {out}/{slip.unit}"
+    return [f"{level:g}", f"{slip.peak:.4g}", at, f"{slip.after:.4g}", loading, stick]

@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from eaid.logs.run import Run
+    from eaid.steps.edges import Edge
     from eaid.steps.stepset import StepSet
 
 Logs = Annotated[list[Path], typer.Argument(metavar="LOG…", help="Log files, folders of them, or a data.h5.")]
@@ -70,6 +71,13 @@ def _tenths() -> "Callable[[str, float], None]":
 def stepset_from(paths: Sequence[Path], whole: str = "steps", **options: Any) -> "StepSet":
     """The step set behind logs, datasets or a manifest; takes the fields of `eaid.reading.InputOptions`."""
     return runs_from(paths, whole, **options)[1]
+
+
+def edges_from(paths: Sequence[Path], **options: Any) -> "list[tuple[Run, tuple[Edge, ...]]]":
+    """Logs and the edges of their outputs; takes the fields of `eaid.reading.InputOptions`."""
+    from eaid.reading import InputOptions, read_edges
+
+    return read_edges(paths, InputOptions(**options), console.warn)
 
 
 def runs_from(

@@ -11,7 +11,7 @@ from eaid.logs.run import Kind
 from eaid.logs.table import Table
 from eaid.logs.units import split_name, unit_of, words_of
 
-ROLES = ("time", "input", "output", "reference")
+ROLES = ("time", "input", "output", "reference", "position")
 
 TIME: tuple[tuple[str, ...], ...] = (
     ("time", "t", "zeit", "tijd", "temps", "tiempo", "tempo", "elapsed", "elapsedtime", "xvalue"),
@@ -65,6 +65,8 @@ class Roles:
     """Whether the user named the input."""
     trigger: int | None = None
     """A column that says when the input is on, where none says how much."""
+    position: int | None = None
+    """A displacement that goes to and fro, where the user names one."""
     others: tuple[int, ...] = ()
     """Columns without a role."""
     findings: tuple[Finding, ...] = ()
@@ -167,7 +169,7 @@ def match_columns(path: str, table: Table, options: ReadOptions) -> Roles:
     triggers = [] if inputs else _alike(names, TRIGGERS, roled)
     others = tuple(i for i in range(len(names)) if i not in roled)
     trigger = triggers[0] if len(triggers) == 1 else None
-    return Roles(time, tuple(inputs), output, reference, "input" in said, trigger, others)
+    return Roles(time, tuple(inputs), output, reference, "input" in said, trigger, said.get("position"), others)
 
 
 def _inputs(path: str, names: Sequence[str], shut: set[int], kind: Kind | None) -> list[tuple[Kind, int]]:

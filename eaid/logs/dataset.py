@@ -76,6 +76,8 @@ def _write_run(folder: Any, run: Run) -> None:
     columns = {"time_s": run.time_s, "input": run.input, "torque_nm": run.output}
     if run.reference_nm is not None:
         columns["reference_nm"] = run.reference_nm
+    if run.position is not None:
+        columns["position"] = run.position
     for name, values in columns.items():
         group.create_dataset(
             name, data=np.asarray(values, dtype=np.float64), chunks=(min(len(values), 1 << 17),), compression="gzip",
@@ -85,6 +87,7 @@ def _write_run(folder: Any, run: Run) -> None:
         "level": run.level, "repeat": run.repeat, "step_s": run.step_s, "baseline_nm": run.baseline,
         "until_s": run.until_s, "before_nm": run.held, "source": run.source, "sha256": run.sha256,
         "edge": run.edge, "from_level": run.from_level, "start_s": run.start_s or None,
+        "position_unit": run.position_unit or None,
     }  # fmt: skip
     for name, value in facts.items():
         if value is not None:
@@ -165,7 +168,7 @@ def _read_run(
     items: Mapping[str, Item], name: str, sha256: str, known: dict[bytes, Array], shared: dict[str, Any]
 ) -> Run:
     source = shared["dataset"]
-    stored = {column: items.get(f"runs/{name}/{column}") for column in (*COLUMNS, "reference_nm")}
+    stored = {column: items.get(f"runs/{name}/{column}") for column in (*COLUMNS, "reference_nm", "position")}
     held = {column: item for column, item in stored.items() if item is not None and item.values is not None}
     missing = [column for column in COLUMNS if column not in held]
     if missing:
@@ -218,6 +221,8 @@ def _read_run(
         baseline=amount("baseline_nm"),
         edge="falling" if edge == "falling" else "rising",
         reference_nm=columns.get("reference_nm"),
+        position=columns.get("position"),
+        position_unit=_text(said.get("position_unit", "")),
         findings=findings,
         start_s=(amount("start_s") or 0.0) + first,
         from_level=amount("from_level") or 0.0,

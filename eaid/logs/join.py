@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from eaid.arrays import read_only
+from eaid.arrays import Array, read_only
 from eaid.errors import DataError
 from eaid.findings import Finding, finding
 from eaid.logs.run import Run
@@ -41,18 +41,22 @@ def _one(parts: list[Run]) -> Run:
                 raise DataError(
                     f"{after.where}: its {what.replace('_', ' ')} is not that of {before.where}; join like logs"
                 )
-    references = [part.reference_nm for part in parts]
     return replace(
         first,
         name=re.sub(r"[-_. ]?(part)?[-_. ]?0*1$", "", first.name) or first.name,
         time_s=read_only(np.concatenate([part.time_s + (part.start_s - first.start_s) for part in parts])),
         input=read_only(np.concatenate([part.input for part in parts])),
         output=read_only(np.concatenate([part.output for part in parts])),
-        reference_nm=None
-        if any(reference is None for reference in references)
-        else read_only(np.concatenate([reference for reference in references if reference is not None])),
+        reference_nm=_beside([part.reference_nm for part in parts]),
+        position=_beside([part.position for part in parts]),
         findings=(*_each(parts), finding("logs-joined", first.name, others=_listed(parts[1:]))),
     )
+
+
+def _beside(columns: Sequence[Array | None]) -> Array | None:
+    """A column that not every log has, joined where all do."""
+    held = [column for column in columns if column is not None]
+    return read_only(np.concatenate(held)) if len(held) == len(columns) else None
 
 
 def _each(parts: Sequence[Run]) -> list[Finding]:

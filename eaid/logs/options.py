@@ -11,9 +11,9 @@ class ReadOptions:
     """Settings of `read_runs`; every one of them may be left out."""
 
     columns: Mapping[str, str] = field(default_factory=dict)
-    """Role (time, input, output, reference) → column name, or its number from 1."""
+    """Role (time, input, output, reference, position) → column name, or its number from 1."""
     units: Mapping[str, str] = field(default_factory=dict)
-    """Role (time, input, output) → unit the column is in; `/255`: counts, of which 255 are the full scale."""
+    """Role (time, input, output, position) → unit the column is in; `/255`: counts, of which 255 are the full scale."""
     name_pattern: str | None = None
     """Found anywhere in the file name, with `{level}` and `{repeat}` in it: `_V={level}_`."""
     step_at_s: float | None = None

@@ -47,7 +47,7 @@ def checked_options(options: ReadOptions) -> re.Pattern[str] | None:
     """The name pattern of some options; raises UsageError where they name a role that there is not."""
     unknown = [role for role in (*options.columns, *options.units) if role not in ROLES]
     if unknown:
-        raise UsageError(f"«columns» and «units» know time, input, output and reference, not {unknown[0]}")
+        raise UsageError(f"«columns» and «units» know {', '.join(ROLES[:-1])} and {ROLES[-1]}, not {unknown[0]}")
     return name_regex(options.name_pattern) if options.name_pattern else None
 
 
@@ -177,6 +177,7 @@ def _checked_run(run: Run, options: ReadOptions) -> Run:
         input=read_only(run.input[keep]),
         output=read_only(run.output[keep]),
         reference_nm=None if run.reference_nm is None else read_only(run.reference_nm[keep]),
+        position=None if run.position is None else read_only(run.position[keep]),
         findings=(*run.findings, said),
     )
 

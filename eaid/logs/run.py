@@ -39,6 +39,9 @@ class Run:
     edge: Literal["rising", "falling"] = "rising"
     reference_nm: Array | None = None
     """Torque reference of a closed-loop log [N·m], shape (n,); None: the log has none."""
+    position: Array | None = None
+    """Displacement of a contact that goes to and fro, shape (n,), in `position_unit`; None: the log has none."""
+    position_unit: str = ""
     findings: tuple[Finding, ...] = ()
     """What reading it and finding its step brought up."""
     kind: Kind | None = None

@@ -111,7 +111,8 @@ def run_of(origin: Origin, tables: Sequence[Table], options: ReadOptions, patter
     table, roles = choose(source, tables, options)
     clock = _clock_column(source, table, roles, options)
     level, repeat = _from_name(origin, pattern)
-    taken = [one for one in (roles.output, clock, roles.reference, roles.trigger) if one is not None]
+    beside = (clock, roles.reference, roles.trigger, roles.position)
+    taken = [one for one in (roles.output, *beside) if one is not None]
     likely = [column for _, column in roles.inputs]
     if roles.inputs and roles.inputs[0][0] == "clutch":
         del likely[1:]  # the others count only where it stands still
@@ -126,7 +127,7 @@ def run_of(origin: Origin, tables: Sequence[Table], options: ReadOptions, patter
 
     scale = _time_scale(source, table, clock, options)
     raw = columns[clock] if clock is not None else np.arange(len(columns[roles.output]))
-    keep = _kept(source, table, columns, raw, (clock, which, roles.output, trigger), options, scale)
+    keep = _kept(source, table, columns, raw, (clock, which, roles.output, trigger, roles.position), options, scale)
 
     def kept(values: NDArray[Any]) -> NDArray[Any]:
         return values if keep is None else values[keep]
@@ -151,7 +152,7 @@ def run_of(origin: Origin, tables: Sequence[Table], options: ReadOptions, patter
     if level is not None and which is not None:
         findings += _contradiction(source, level, input_, unit)
     named = {"time": clock, "input": which if which is not None else trigger, "output": roles.output,
-             "reference": roles.reference}  # fmt: skip
+             "reference": roles.reference, "position": roles.position}  # fmt: skip
     roled = {column for column in named.values() if column is not None}
     return Run(
         name=origin.name,
@@ -167,6 +168,8 @@ def run_of(origin: Origin, tables: Sequence[Table], options: ReadOptions, patter
         step_s=_on_clock(options.step_at_s, time_s, start_s),
         until_s=_on_clock(options.until_s, time_s, start_s),
         reference_nm=read_only(kept(columns[roles.reference])) if roles.reference is not None else None,
+        position=read_only(kept(columns[roles.position])) if roles.position is not None else None,
+        position_unit="" if roles.position is None else _position_unit(table, roles.position, options),
         findings=tuple(msgspec.structs.replace(one, subject=origin.name) for one in findings),
         kind=options.kind or kind,
         synthetic=table.said.get("synthetic"),
@@ -174,6 +177,11 @@ def run_of(origin: Origin, tables: Sequence[Table], options: ReadOptions, patter
         taken=tuple((role, table.label(column)) for role, column in named.items() if column is not None),
         left=(*(table.label(i) for i in range(len(table.columns)) if i not in roled), *table.dropped),
     )
+
+
+def _position_unit(table: Table, column: int, options: ReadOptions) -> str:
+    """Unit of a position, as it is called: nothing is turned into it."""
+    return options.units.get("position") or table.unit(column) or split_name(table.columns[column])[1]
 
 
 def _clock_column(source: str, table: Table, roles: Roles, options: ReadOptions) -> int | None:

@@ -58,7 +58,7 @@ def columns_told(runs: Sequence[Run]) -> list[str]:
     alike: Counter[tuple[str, str]] = Counter()
     for run in runs:
         if run.taken:
-            units = {"time": "s", "input": run.input_unit, "output": run.output_unit}
+            units = {"time": "s", "input": run.input_unit, "output": run.output_unit, "position": run.position_unit}
             taken = [f"{role} = {name} [{units.get(role) or '?'}]" for role, name in run.taken]
             alike[", ".join(taken), ", ".join(run.left) or "none"] += 1
     return [f"columns of {n} log{'s' if n > 1 else ''}: {taken}; left: {left}" for (taken, left), n in alike.items()]

@@ -10,10 +10,10 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from scipy.special import stdtrit
 
 from eaid.arrays import Array, median
 from eaid.errors import UsageError
+from eaid.findings import Finding, finding
 from eaid.steps.noise import block_means, block_noise, sample_noise, spikes
 from eaid.steps.plateaus import FEWEST
 
@@ -83,6 +83,10 @@ class Rest:
     left_out: int = 0
     """Spikes that were left out of the mean."""
 
+    def said(self, run: str) -> tuple[Finding, ...]:
+        """What is to be told of it."""
+        return (finding("spikes-before-step", run, samples=self.left_out),) if self.left_out else ()
+
 
 def moves(part: Array, change: float) -> float:
     """How far the last quarter of a stretch lies from its mean; 0 where that is nothing beside noise or the change."""
@@ -134,6 +138,8 @@ def left_early(hold: Array, rest: Array, change: float) -> int:
     The mean of the last k samples is held against the means of groups of k before them: their spread honours whatever
     autocorrelation the noise has. A t test for each k, at `CHANCE` in all.
     """
+    from scipy.special import stdtrit  # only where a step is looked for: reading a dataset needs none of it
+
     sizes = [k for k in SIZES if len(rest) >= GROUPS * k + 2 * k]
     found, most = 0, 1.0
     for k in sizes:

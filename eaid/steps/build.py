@@ -15,14 +15,15 @@ from eaid.steps.average import common
 from eaid.steps.baseline import BaselineRule
 from eaid.steps.ceiling import same_ceiling
 from eaid.steps.clock import Clocks
-from eaid.steps.cut import AUTO, cut, has_input
+from eaid.steps.cut import AUTO, cut
 from eaid.steps.direction import Direction, direction
 from eaid.steps.doubts import disagreement, doubts
 from eaid.steps.idle_noise import idle_density
 from eaid.steps.level_steps import level_steps
 from eaid.steps.levels import grouped, same_level, wanted_levels
+from eaid.steps.part import has_input
 from eaid.steps.plateaus import FEWEST, tolerance
-from eaid.steps.slip import slip_of
+from eaid.steps.slip import slip_of_step
 from eaid.steps.step import Step, left_pct, lost_pct
 from eaid.steps.stepset import Level, LevelStep, RunRecord, StepSet
 
@@ -155,7 +156,7 @@ def _record(step: Step, said: Sequence[Finding]) -> RunRecord:
         left_pct=left_pct(step) if run.edge == "falling" else None,
         from_level=run.from_level,
         idle_density=_idle_density(step),
-        slip=slip_of(step.time_s, step.rise) if run.edge == "rising" and run.from_level == 0 else None,
+        slip=slip_of_step(step),
     )
 
 
@@ -206,7 +207,7 @@ def stepset_of(cut_steps: Sequence[Run], options: StepOptions = NOTHING_SAID) ->
     for run in runs:
         step = Step(run, way.of(run), clocks)
         found = list(run.findings)
-        if (run.level or 0.0) < 0:
+        if (run.level or 0.0) < 0 and run.position is None:
             found.append(finding("input-negative", run.name))
         found += [own[run.name]] if run.name in own else []
         said[run.name] = [*found, *_contradiction(step), *doubts(step)]

@@ -216,7 +216,7 @@ def _spikes(step: Step) -> Finding | None:
 
 def _several_edges(step: Step) -> Finding | None:
     """More edges than the one that the input, or the file name, tells of."""
-    if step.run.edge == "falling":
+    if step.run.edge == "falling" or step.run.position is not None:
         return None
     idle = max(1, len(step.rise) // 50)
     before = np.arange(-idle, 0) * step.clock.usual_s

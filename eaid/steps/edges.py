@@ -39,6 +39,8 @@ class Edge:
     """How far it goes beyond its end value [% of the change]."""
     settling_s: float | None
     """Time until it stays within 5 % of the change about its end value [s]; None where it does not."""
+    swings: int = 1
+    """Swings by half of the range before it rests: 2 are an overshoot by more than that."""
 
 
 def turns(values: Array, back: float) -> list[int]:
@@ -75,17 +77,43 @@ def edges(time_s: Array, output: Array) -> tuple[Edge, ...]:
     noise = max(sample_noise(output) / np.sqrt(len(output) / len(means)), block_noise(means), block_noise(means[::3]))
     if span <= CLEAR * noise or span <= 0:
         return ()
-    found: list[Edge] = []
+    pieces: list[tuple[int, int, int]] = []
     for start, stop in itertools.pairwise(turns(means, BACK * span)):
         if abs(means[stop] - means[start]) >= MOVES * span:
             parts = _parts(means, start, stop + 1, span)
-            if found and len(parts) > 1 and abs(means[parts[0][1] - 1] - means[start]) < BACK * span:
+            if pieces and len(parts) > 1 and abs(means[parts[0][1] - 1] - means[start]) < BACK * span:
                 parts = parts[1:]  # what comes back from an overshoot belongs to the edge before
             # the hold behind the last edge of a leg goes on behind the turn
-            found += [_edge(times, means, a, b, b if b <= stop else len(means)) for a, b in parts]
-    found = [edge for edge in found if abs(edge.after - edge.before) >= MOVES * span]
+            pieces += [(a, b, b if b <= stop else len(means)) for a, b in parts]
+    every = [_edge(times, means, *piece) for piece in pieces]
+    every = [one for one in every if abs(one.edge.after - one.edge.before) >= MOVES * span]
     window = float(times[-1] - times[0])
-    return (*found[:1], *(edge for edge in found[1:] if edge.rise_s < QUICK * window))
+    return _merged(times, means, [*every[:1], *(one for one in every[1:] if one.edge.rise_s < QUICK * window)])
+
+
+@dataclass(frozen=True)
+class _Leg:
+    """An edge in blocks start … end − 1, and whether it ends in a rest."""
+
+    edge: Edge
+    start: int
+    end: int
+    rests: bool
+
+
+def _merged(times: Array, means: Array, legs: list[_Leg]) -> tuple[Edge, ...]:
+    """Edges, where what swings to and fro before it rests is one of them with its overshoot."""
+    done: list[Edge] = []
+    swings: list[_Leg] = []
+    for leg in legs:
+        swings.append(leg)
+        if leg.rests:
+            before, after = swings[0].edge.before, leg.edge.after
+            one = len(swings) == 1 or abs(after - before) < 0.1 * np.ptp(means)
+            within = (swings[0].start, leg.end)
+            done.append(leg.edge if one else _measured(times, means, within, before, after, len(swings)))
+            swings = []
+    return (*done, *(leg.edge for leg in swings))
 
 
 def _parts(means: Array, start: int, stop: int, span: float) -> list[tuple[int, int]]:
@@ -107,17 +135,27 @@ def _parts(means: Array, start: int, stop: int, span: float) -> list[tuple[int, 
     return list(itertools.pairwise([*cuts, stop]))
 
 
-def _edge(times: Array, means: Array, start: int, stop: int, limit: int) -> Edge:
+def _edge(times: Array, means: Array, start: int, stop: int, limit: int) -> _Leg:
     """The edge between two extremes, with the stretch behind it that stays nearer to the second."""
     low, high = float(means[start]), float(means[stop - 1])
     share = (means - low) / (high - low) if high != low else np.zeros(len(means))
     tenth = start + int(np.argmax(share[start:stop] >= 0.1))
     most = start + int(np.argmax(share[start:stop] >= 0.9))
     away = np.flatnonzero(share[most:limit] < 0.5)
-    end = most + int(away[0]) if len(away) else limit
+    end = most + max(1, int(away[0])) if len(away) else limit
     before = float(np.median(means[start : max(tenth, start + 1)]))
     after = float(np.median(means[(most + end) // 2 : end]))
-    share = (means - before) / (after - before) if after != before else share
+    near = np.abs(means[most:end] - after) <= 0.05 * abs(after - before)
+    rests = int(near.sum()) >= max(4, len(means) // 50, 0.4 * (end - most))
+    return _Leg(_measured(times, means, (start, end), before, after), start, end, rests)
+
+
+def _measured(
+    times: Array, means: Array, within: tuple[int, int], before: float, after: float, swings: int = 1
+) -> Edge:
+    """Rise, overshoot and settling of an edge between two values, in blocks start … end − 1."""
+    start, end = within
+    share = (means - before) / (after - before) if after != before else np.zeros(len(means))
     tenth = start + int(np.argmax(share[start:end] >= 0.1))
     most = start + int(np.argmax(share[start:end] >= 0.9))
     near = np.abs(share[tenth:end] - 1) <= 0.05
@@ -132,4 +170,5 @@ def _edge(times: Array, means: Array, start: int, stop: int, limit: int) -> Edge
         rise_s=float(times[most] - times[tenth]),
         overshoot_pct=max(0.0, 100 * (float(share[tenth:end].max()) - 1)),
         settling_s=float(times[tenth + settled] - times[tenth]) if rest > settled else None,
+        swings=swings,
     )

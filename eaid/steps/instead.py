@@ -35,7 +35,7 @@ def looks_like(run: Run) -> Finding | None:
 
 def refuse_to_cut(run: Run, found: Finding | None = None) -> DataError:
     """Why a log is no record of steps, with what it looks like instead."""
-    return DataError(f"{run.where}: {say(found or moving(run.name, run.time_s, run.input))}")
+    return DataError(f"{run.where}: {say(found or looks_like(run) or moving(run.name, run.time_s, run.input))}")
 
 
 def moving(name: str, time_s: Array, values: Array) -> Finding:
@@ -47,7 +47,7 @@ def moving(name: str, time_s: Array, values: Array) -> Finding:
     if len(at) < 2:
         return finding("input-moves", name)
     gaps = np.diff(times[at])
-    if len(gaps) >= 4:
+    if len(gaps) >= 4 and gaps.std() > 1e-9 * gaps.mean():
         order = float(np.corrcoef(np.arange(len(gaps)), np.log(gaps))[0, 1])
         ends = float(np.median(gaps[: max(1, len(gaps) // 4)]) / np.median(gaps[-max(1, len(gaps) // 4) :]))
         if abs(order) > 0.7 and not 1 / 1.8 < ends < 1.8:
@@ -105,7 +105,7 @@ def several_edges(name: str, time_s: Array, output: Array, first_s: float = 0.0)
     # the end of a window given by hand may hold the first samples of the release
     until = len(output) - len(output) // 50
     found = edges(time_s[:until], output[:until])
-    if len(found) < 2:
+    if sum(one.swings for one in found) < 2:
         return None
     return finding(
         "several-edges", name, edges=len(found), at_s=tuple(one.at_s + first_s for one in found), **_each(found)

@@ -1,14 +1,16 @@
 """A test in which a loaded contact slips: peak, level after slip, loading stiffness, stick-slip.
 
-At constant speed v the displacement is v·t, so a stiffness per second over v is one per metre.
+At constant speed v the displacement is v·t, so a stiffness per second over v is one per metre; where the position was
+recorded, both are given over the displacement.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from eaid.arrays import Array
 from eaid.steps.noise import block_error, block_means
+from eaid.steps.step import Step
 
 OVER = 0.05
 """Share by which a peak has to exceed the level after it to be a slip."""
@@ -34,17 +36,28 @@ class SlipTest:
     """Peak-to-peak amplitude of the oscillation after the slip; None where none stands out."""
     stick_slip_hz: float | None = None
 
-    def peak_m(self, speed_m_s: float) -> float:
-        """Displacement of the peak [m] at a speed."""
-        return self.peak_s * speed_m_s
+    moved: float | None = None
+    """Displacement from the step to the peak [unit of the position]; None where no position was recorded."""
+    stiffness: float | None = None
+    """Slope of the loading over the displacement [output unit per unit of the position]."""
+    unit: str = ""
+    """Unit of the position."""
 
-    def stiffness_per_m(self, speed_m_s: float) -> float:
-        """Loading stiffness [output unit per m] at a speed."""
-        return self.stiffness_per_s / speed_m_s
+
+def slip_of_step(step: Step) -> SlipTest | None:
+    """The slip of a cut run that rises from rest; None where it has none."""
+    if step.run.edge != "rising" or step.run.from_level != 0:
+        return None
+    position = None if step.run.position is None else step.run.position[step.start :]
+    found = slip_of(step.time_s, step.rise, position)
+    return None if found is None else replace(found, unit=step.run.position_unit)
 
 
-def slip_of(time_s: Array, rise: Array) -> SlipTest | None:
-    """The slip in a rise from its own start, shapes (n,); None where its peak does not stand out of what follows."""
+def slip_of(time_s: Array, rise: Array, position: Array | None = None) -> SlipTest | None:
+    """The slip in a rise from its own start, shapes (n,); None where its peak does not stand out of what follows.
+
+    Where the position is known each stroke slips, whether it peaks or not: its displacement says when.
+    """
     count = len(rise)
     if count < 80:
         return None
@@ -54,7 +67,8 @@ def slip_of(time_s: Array, rise: Array) -> SlipTest | None:
     at = int(smooth.argmax())
     after = float(rise[-(count // 4) :].mean())
     peak, error = float(smooth[at]), block_error(rise) * np.sqrt(10)
-    if not 0 < at < 0.9 * count or peak - after < max(OVER * peak, SURE * error) or peak <= 0 or after <= 0:
+    peaks = 0 < at < 0.9 * count and peak - after >= max(OVER * peak, SURE * error)
+    if not (peaks or position is not None) or peak <= 0 or after <= 0:
         return None
     middle = at + width // 2
     low = int(np.argmax(smooth >= 0.2 * peak))
@@ -65,7 +79,12 @@ def slip_of(time_s: Array, rise: Array) -> SlipTest | None:
     amplitude, frequency = _stick_slip(time_s[late:], rise[late:])
     if amplitude is not None and amplitude < LEAST * after:
         amplitude = frequency = None
-    return SlipTest(peak, float(time_s[middle]), after, stiffness, amplitude, frequency)
+    moved = over = None
+    if position is not None:
+        moved = abs(float(position[middle] - position[0]))
+        loaded = abs(float(position[high] - position[low]))
+        over = stiffness * float(time_s[high] - time_s[low]) / loaded if loaded > 0 else None
+    return SlipTest(peak, float(time_s[middle]), after, stiffness, amplitude, frequency, moved, over)
 
 
 def _stick_slip(time_s: Array, output: Array) -> tuple[float | None, float | None]:

@@ -217,7 +217,7 @@ BAD = [
     Bad(
         "bad-role.csv",
         csv(rows()),
-        "--columns and --units know time, input, output and reference, not torque",
+        "--columns and --units know time, input, output, reference and position, not torque",
         ("--columns", "torque=3"),
         2,
     ),
@@ -326,8 +326,8 @@ BAD = [
     Bad(
         "wave.csv",
         column(1, lambda i, u: 50 + 40 * np.sin(i / 15)),
-        "{f}: the input turns 4 times at 1.06 Hz: a periodic excitation holds no steps; record one level at a time, or "
-        "fit the whole record with --logs-as recorded",
+        "{f}: the input turns 4 times at 1.06 Hz: a periodic excitation holds no steps; eaid fit takes such a "
+        "log whole, as it was recorded (--logs-as recorded asks for it); for steps, hold each level",
     ),
     Bad("one-row.csv", csv(rows()[:1]), "{f}: holds 1 samples, and a step takes at least 10; record it longer"),
     Bad("nine-rows.csv", csv(rows()[45:54]), "{f}: holds 9 samples, and a step takes at least 10; record it longer"),
@@ -364,7 +364,7 @@ BAD = [
     Bad(
         "same-unit.csv",
         csv(rows()),
-        "--columns and --units know time, input, output and reference, not speed",
+        "--columns and --units know time, input, output, reference and position, not speed",
         ("--units", "speed=rpm"),
         2,
     ),

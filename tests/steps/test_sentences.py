@@ -27,6 +27,7 @@ VALUES: dict[str, dict[str, object]] = {
     "input-moves": {},
     "counted-from-rest": {"rest": -5.0},
     "input-negative": {},
+    "cut-at-reversals": {"reversals": 19},
     "input-glitch": {"samples": 2},
     "short-pieces": {"pieces": 1, "fewest": 10},
     "step-from-output": {"step_s": 2.0},

@@ -22,8 +22,11 @@ def test_peak_level_and_stiffness(noise: float) -> None:
     assert slip.peak_s == pytest.approx(0.5, abs=0.03)
     assert slip.after == pytest.approx(0.3, rel=0.01)
     assert slip.stiffness_per_s == pytest.approx(0.8, rel=0.03)
-    assert slip.peak_m(0.5e-3) == pytest.approx(0.25e-3, rel=0.06)
-    assert slip.stiffness_per_m(0.5e-3) == pytest.approx(1600, rel=0.03)
+    assert slip.moved is None and slip.stiffness is None
+    pulled = slip_of(T, loaded(noise), 7.0 + 0.5 * T)  # at 0.5 mm/s
+    assert pulled is not None and pulled.moved is not None
+    assert pulled.moved == pytest.approx(0.25, rel=0.06)
+    assert pulled.stiffness == pytest.approx(1.6, rel=0.03)
     assert slip.stick_slip is None and slip.stick_slip_hz is None
 
 

@@ -16,6 +16,7 @@ from eaid.steps.clock import clock_of, uniform_step
 from eaid.steps.cut import cut
 from eaid.steps.direction import direction
 from eaid.steps.edges import edges, turns
+from eaid.steps.instead import several_edges
 from eaid.steps.plateaus import bridge, plateaus, stands_still, tolerance
 from eaid.steps.step import Step
 
@@ -138,6 +139,23 @@ def test_edges_by_hand() -> None:
     assert second.rise_s == pytest.approx(0.05 * np.log(9), abs=0.025)
     assert second.settling_s == pytest.approx(0.05 * np.log(0.9 / 0.05), abs=0.025)
     assert second.at_s == pytest.approx(5.0, abs=0.03)
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.01])
+def test_a_swing_by_more_than_half_is_an_overshoot_of_one_edge(noise: float) -> None:
+    """From 2.2 down to 0.75 and back up to 1.5, as a loop whose integrator wound up: 107 % beyond its end."""
+    t = np.arange(3500) / 1000
+    y = 1.5 + 0.7 * (1 + np.tanh((1.45 - t) / 0.03)) / 2 - 0.75 * np.exp(-(((t - 1.55) / 0.05) ** 2))
+    (one,) = edges(t, y + noise * np.random.default_rng(0).normal(size=len(t)))
+    assert (one.before, one.after, one.swings) == (pytest.approx(2.2, abs=0.02), pytest.approx(1.5, abs=0.02), 2)
+    assert one.overshoot_pct == pytest.approx(100 * 0.75 / 0.7, abs=6)
+    assert one.settling_s == pytest.approx(1.55 + 0.05 * np.sqrt(np.log(0.75 / 0.035)) - 1.41, abs=0.04)
+    assert several_edges("a", t, y) is not None
+
+
+def test_a_wave_that_never_rests_is_no_overshoot() -> None:
+    t = np.arange(4000) / 1000
+    assert len(edges(t, np.sin(2 * np.pi * t))) >= 6
 
 
 def test_turns() -> None:

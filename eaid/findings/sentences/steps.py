@@ -5,6 +5,10 @@ from typing import Any
 
 from eaid.findings.row import Row
 
+_AS_RECORDED = (
+    "eaid fit takes such a log whole, as it was recorded («logs_as» recorded asks for it); for steps, hold each level"
+)
+
 
 def _drift(v: Mapping[str, Any]) -> str:
     share = v.get("share_pct")
@@ -26,9 +30,10 @@ def _edges(v: Mapping[str, Any]) -> str:
         for at, rise, over, settled in list(rows)[:4]
     ]
     more = ", …" if v["edges"] > len(each) else ""
+    many = "an edge" if v["edges"] == 1 else f"{v['edges']} edges"
     return (
-        f"the output has {v['edges']} edges, {', '.join(each)}{more}: several steps, or a closed loop, and not one "
-        "step; give the input column, or one edge with «step_at» and «until»"
+        f"the output has {many}, {', '.join(each)}{more}: several steps, or a closed loop, and not one step; «edges» "
+        "lists all; give the input column, a «columns» position= that reverses, or one edge with «step_at» and «until»"
     )
 
 
@@ -47,29 +52,25 @@ ROWS: dict[str, Row] = {
     "input-reverses": Row(
         "stop",
         "the input goes to and fro at constant speed and turns {turns} times ({upwards} upwards), as a position does: "
-        "each reversal is a step of its own; give one with «step_at» and «until», and its level with «name_pattern»",
+        "say «columns» position= for this column, input= for the load (or «name_pattern»), and each reversal is cut",
+    ),
+    "cut-at-reversals": Row(
+        "note",
+        "cut at the {reversals} turns of its position, each a step from the output at the turn; strokes back count as "
+        "negative inputs",
     ),
     "input-sweeps": Row(
-        "stop",
-        "the input sweeps from {from_hz:.3g} to {to_hz:.3g} Hz: a chirp holds no steps; record one level at a time, or "
-        "fit the whole record with «logs_as» recorded",
+        "stop", "the input sweeps from {from_hz:.3g} to {to_hz:.3g} Hz: a chirp holds no steps; " + _AS_RECORDED
     ),
     "input-is-periodic": Row(
-        "stop",
-        "the input turns {turns} times at {hz:.3g} Hz: a periodic excitation holds no steps; record one level at a "
-        "time, or fit the whole record with «logs_as» recorded",
+        "stop", "the input turns {turns} times at {hz:.3g} Hz: a periodic excitation holds no steps; " + _AS_RECORDED
     ),
     "input-is-binary": Row(
         "stop",
         "the input switches {switches} times between two levels, held for multiples of {clock_s:.3g} s: a binary "
-        "sequence (PRBS) holds no settled steps; fit the whole record with «logs_as» recorded, or record one level at "
-        "a time",
+        "sequence (PRBS) holds no settled steps; " + _AS_RECORDED,
     ),
-    "input-moves": Row(
-        "stop",
-        "the input moves most of the time, so it holds no steps; record one level at a time, or fit the whole record "
-        "with «logs_as» recorded",
-    ),
+    "input-moves": Row("stop", "the input moves most of the time, so it holds no steps; " + _AS_RECORDED),
     "counted-from-rest": Row("note", "levels counted from rest at {rest:g}"),
     "input-negative": Row("note", "the input is negative: its size is taken"),
     "input-glitch": Row("note", "the input leaves its level for {samples:#sample} and comes back: passed over"),

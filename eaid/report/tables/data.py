@@ -56,16 +56,15 @@ def levels_recorded(data: StepSet) -> Table:
 def slips_table(data: StepSet) -> Table:
     """One row a run whose output peaks and slips while its input is held."""
     out = data.output_unit
+    moved = next((run.slip.unit for run in data.runs if run.slip is not None and run.slip.unit), "displacement")
     rows: list[tuple[Cell, ...]] = []
     for run in data.runs:
         if run.slip is not None:
             one = run.slip
-            stick: tuple[Cell, ...] = (one.stick_slip, one.stick_slip_hz)
-            rows.append(
-                (Name(run.name), level(run.level), one.peak, one.peak_s, one.after, one.stiffness_per_s, *stick)
-            )
+            slip = (one.peak, one.peak_s, one.moved, one.after, one.stiffness_per_s)
+            rows.append((Name(run.name), level(run.level), *slip, one.stick_slip, one.stick_slip_hz))
     heads = columns(
-        "run", ("level", data.input_unit), ("peak", out, 3), ("at", "s", 3), ("after it", out, 3),
+        "run", ("level", data.input_unit), ("peak", out, 3), ("at", "s", 3), ("at", moved, 3), ("after it", out, 3),
         ("loading", f"{out}/s", 3), ("stick-slip", out, 3), ("at", "Hz", 3),
     )  # fmt: skip
     said = "Peak, level after the slip, slope of the loading, and what sticks and slips behind it, peak to peak."

@@ -1,0 +1,109 @@
+"""A log whose step instant is given, or shows in its output alone → its step, and the release behind its window."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from eaid.arrays import median
+from eaid.errors import DataError
+from eaid.findings import finding
+from eaid.logs.run import Run
+from eaid.steps.baseline import first_samples, last_rest
+from eaid.steps.by_input import NO_STEP, edge_between
+from eaid.steps.instead import refuse_to_cut, several_edges
+from eaid.steps.onset import onset, rises_at_once
+from eaid.steps.part import end_of, has_input, part_of, zero_of
+from eaid.steps.plateaus import FEWEST, Plateau, plateaus, tolerance
+
+NO_LEVEL = "nothing tells its level; give the input column, or «name_pattern» with {level}"
+
+
+def sample_at(run: Run, at_s: float) -> int:
+    """First sample at or behind an instant of a log, but for rounding."""
+    return int(np.searchsorted(run.time_s, at_s - 1e-9 * max(1.0, abs(at_s))))
+
+
+def cut_at(run: Run, at_s: float) -> list[Run]:
+    """The step at an instant that the user, the dataset or the output gives, and the release behind its window."""
+    until, level = _window(run, at_s)
+    start = sample_at(run, at_s)
+    now, zero, known = Plateau(start, until, level), zero_of(run), has_input(run)
+    step = replace(run, level=level)
+    earlier = [p for p in plateaus(run.input[:start]) if p.count >= FEWEST] if known and start else []
+    if earlier and abs(earlier[-1].level) > zero:
+        step = edge_between(run, earlier[-1], now, zero, run.baseline)
+    elif start and until > start and run.baseline is None:
+        idle = run.output[:start]
+        rest = last_rest(idle, end_of(run.output, now) - float(idle.mean()))
+        findings = (*run.findings, *rest.said(run.name))
+        step = replace(step, baseline=rest.value, held=None if rest.rests else rest.start, findings=findings)
+    steps = [part_of(step, 0, until, step_s=float(run.time_s[start]), until_s=None)]
+    left = float(median(run.input[until:])) if known and until < len(run.time_s) else 0.0
+    falls = abs(left) < abs(level) if known else run.until_s is not None and _falls(run, now)
+    if len(run.time_s) - until >= FEWEST and step.edge == "rising" and falls:
+        release = replace(run, level=level, edge="falling", findings=(), baseline=step.baseline)
+        steps.append(
+            part_of(
+                release, until, len(run.time_s), name=f"{run.name}-release", step_s=float(run.time_s[until]),
+                until_s=None, from_level=left if abs(left) > zero else 0.0, held=end_of(run.output, now),
+            )
+        )  # fmt: skip
+    return steps
+
+
+def _window(run: Run, step: float) -> tuple[int, float]:
+    """First sample behind the window of a step at an instant, and its level."""
+    time, close = run.time_s, 1e-9 * max(1.0, abs(step))
+    if not time[0] - close <= step <= time[-1]:
+        raise DataError(
+            f"{run.where}: the step at {step:g} s lies outside the log ({time[0]:.6g} to {time[-1]:.6g} s); "
+            "mend «step_at»"
+        )
+    if run.until_s is not None and run.until_s <= step:
+        raise DataError(f"{run.where}: the window ends ({run.until_s:g} s) before it begins ({step:g} s); mend «until»")
+    start = sample_at(run, step)
+    until = len(time) if run.until_s is None else sample_at(run, run.until_s)
+    level = run.level
+    if has_input(run) and until > start:
+        held = run.input[start:until]
+        if level is None:
+            found = [plateau for plateau in plateaus(held) if plateau.count >= FEWEST]
+            level = found[0].level if found else median(held)
+        near = np.abs(held - level) <= max(tolerance(run.input), 0.01 * abs(level))
+        if near.any():  # the window ends where the input leaves its level, once it has reached it
+            reached = int(near.argmax())
+            left = np.flatnonzero(~near[reached:])
+            until = start + reached + int(left[0]) if len(left) else until
+    if level is None:
+        raise DataError(f"{run.where}: {NO_LEVEL}")
+    return until, level
+
+
+def _falls(run: Run, now: Plateau) -> bool:
+    """Whether the output comes back, by a hundredth of its rise or more, behind a window that only the user ended."""
+    idle = median(run.output[: now.start]) if now.start else 0.0
+    rise = end_of(run.output, now) - idle
+    left = median(run.output[now.stop :]) - idle
+    return bool(left * np.sign(rise) < 0.99 * abs(rise))
+
+
+def cut_by_output(run: Run) -> list[Run]:
+    """The step of a log without a moving input: where the output leaves its idle value for good."""
+    constant = median(run.input) if has_input(run) else None
+    level = constant if run.level is None else run.level
+    rig = run.kind in ("friction-force", "friction-speed")  # its input is held while something else makes it slip
+    from_start = rises_at_once(run.output, first_samples(run.output)) and bool(level)
+    if constant is not None and not rig and not from_start:
+        raise DataError(f"{run.where}: the input stays at {constant:g} {run.input_unit}: no step; {NO_STEP}")
+    at = 0 if rises_at_once(run.output) or (from_start and not rig) else onset(run.output)
+    if level is None or at is None:
+        odd = several_edges(run.name, run.time_s - run.time_s[0], run.output, float(run.time_s[0]))
+        if odd is not None:
+            raise refuse_to_cut(run, odd)
+        no_step = "no step stands out of the output's noise; give its instant with «step_at»"
+        raise DataError(f"{run.where}: {NO_LEVEL if level is None else no_step}")
+    if at == 0:
+        said = finding("step-at-first-sample", run.name, start=first_samples(run.output), unit=run.output_unit)
+    else:
+        said = finding("step-from-output", run.name, step_s=float(run.time_s[at]))
+    return cut_at(replace(run, level=level, findings=(*run.findings, said)), float(run.time_s[at]))
