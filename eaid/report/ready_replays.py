@@ -196,10 +196,11 @@ def training_ready(results: Results, _asked: bool | None) -> Ready | None:
     gap = np.abs(trace["desired_nm"] - trace["rendered_nm"])
     top = float(np.max(np.abs(trace["desired_nm"])))
     said = (
-        f"The rendered torque is off the desired one by {number(float(np.mean(gap)), 2)} {found.head.output_unit} on "
+        f"The rendered output is off the desired one by {number(float(np.mean(gap)), 2)} {found.head.output_unit} on "
     )
     said += f"average, of at most {number(top, 2)}."
-    return Ready(lambda: rehab.training(trace, spans), said, lambda: (live_replays.training(trace),))
+    unit = found.head.output_unit
+    return Ready(lambda: rehab.training(trace, spans, unit), said, lambda: (live_replays.training(trace, unit),))
 
 
 def position_errors(replay: Replay) -> dict[str, Array]:

@@ -24,6 +24,19 @@ def of_the_paper(data: Data | StepSet | None, asked: bool | None = None) -> bool
     return (data.input_unit, data.output_unit) == PAPER[data.kind] if asked is None else asked
 
 
+def printed_head(kind: str, units: tuple[str, str], asked: bool | None = None) -> str:
+    """Head of the column of published values: empty where they do not belong; with their units beside other ones."""
+    paper = PAPER[kind]
+    if asked is False or (asked is None and units != paper):
+        return ""
+    return "published" if units == paper else f"published ({', '.join(paper)})"
+
+
+def overlaid(data: Data, asked: bool | None = None) -> bool:
+    """Whether published curves may be drawn over ours: only in the same units."""
+    return asked is not False and of_the_paper(data)
+
+
 def quantity(unit: str) -> str:
     """Axis label of an output, by its unit."""
     name = QUANTITIES.get(unit, "Output")
@@ -51,7 +64,7 @@ def gain(input_unit: str, output_unit: str) -> str:
     return f"{input_unit or 'input'}·s/({output_unit or 'output'})"
 
 
-def level_values(fit: Fit) -> tuple[FrictionLevel, ...] | tuple[CurveLevel, ...]:
+def level_values(fit: Fit) -> tuple[FrictionLevel | CurveLevel, ...]:
     """T_s, τ1 and τ2 with their intervals over the level: of the levels stepped to from rest, each by itself; of logs
     fitted as recorded, those of the model's curves."""
     if fit.recorded is not None and fit.nonlinear is not None and fit.nonlinear.curves:

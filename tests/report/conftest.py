@@ -56,6 +56,40 @@ def page(files: dict[str, Path], tmp_path_factory: pytest.TempPathFactory) -> Pa
 
 
 @pytest.fixture(scope="session")
+def others(files: dict[str, Path], tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    """Name → page: a log as recorded, steps from level to level, two fits, a marked fit of runs with long names."""
+    folder = tmp_path_factory.mktemp("others")
+    reading = {"random": (), "staircase": ("--logs-as", "steps")}
+    made: dict[str, list[Path]] = {}
+    for kind, more in reading.items():
+        logs, fit = folder / kind, folder / f"{kind}.json"
+        shape = ["--shape", "duration_s=120", "--rate", "50", "--seed", "1"]
+        assert call("synth", "--excitation", kind, *shape, "-o", logs, "-q") == 0
+        assert call("fit", logs, *more, "-o", fit, "-q") in (0, 4)
+        made[kind] = [fit]
+    assert call("ingest", folder / "staircase", "-o", folder / "staircase.h5", "-q") == 0
+    made["staircase"].append(folder / "staircase.h5")
+    logs = folder / "long"
+    levels = ["--levels", "20,60,100", "--repeats", "1", "--hold", "3", "--rate", "50", "--seed", "8"]
+    assert call("synth", *levels, "-o", logs, "-q") == 0
+    for path in sorted(logs.iterdir()):
+        words = path.read_text(encoding="utf-8").replace("duty_pct", "voltage_V")
+        path.with_name(f"20241103_14_51_30_bts_dx=1.5_Fpre=-1g_f=1000_brass_{path.name}").write_text(words)
+        path.unlink()
+    made["long"] = [folder / name for name in ("long.json", "long.h5", "long-gains.json", "long-steps.h5")]
+    fit, data, gains, replay = made["long"]
+    assert call("ingest", logs, "-o", data, "-q") == 0 and call("fit", data, "-o", fit, "-q") in (0, 4)
+    assert call("tune-rc", fit, "--allow-unidentified", "-o", gains, "-q") == 0
+    assert call("simulate", fit, "--gains", gains, "--scenario", "steps", "--duration", "9", "-o", replay, "-q") == 0
+    made["two"] = [files["clutch.json"], folder / "day2.json"]
+    assert call("synth", "--levels", "20:100:20", "--seed", "9", "--rate", "50", "-o", folder / "day2.h5", "-q") == 0
+    assert call("fit", folder / "day2.h5", "-o", folder / "day2.json", "-q") == 0
+    for name, given in made.items():
+        assert call("report", *given, "-o", folder / f"page-{name}", "-q") == 0
+    return {name: folder / f"page-{name}/report.html" for name in made}
+
+
+@pytest.fixture(scope="session")
 def browser() -> Iterator[Any]:
     """Headless Chromium through Playwright; the tests that want it are skipped where it is not installed."""
     playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")

@@ -113,32 +113,67 @@ def test_hovering_reads_a_value_off(browser: Any, page: Path):
     tab.context.close()
 
 
-def test_assistive_technology_finds_nothing_wrong(browser: Any, page: Path):
+def wrong_for_assistive_technology(browser: Any, page: Path, scheme: str, width: int) -> list[tuple[str, Any]]:
+    """Rules of axe that the unfolded page breaks, and where."""
     axe = pytest.importorskip("axe_playwright_python.sync_playwright", reason="axe is not installed")
-    for scheme, width in (("light", 1280), ("dark", 380)):
-        # bypass_csp only lets the checker itself in; the page's policy is tested above.
-        context = browser.new_context(viewport={"width": width, "height": 900}, color_scheme=scheme, bypass_csp=True)
-        tab = context.new_page()
-        tab.goto(page.as_uri())
-        tab.locator("html[data-ready=true]").wait_for(state="attached", timeout=60_000)
-        tab.evaluate(OPEN)
-        tab.wait_for_timeout(1500)
-        found = axe.Axe().run(tab).response["violations"]
-        assert [(rule["id"], [node["target"] for node in rule["nodes"]]) for rule in found] == []
-        context.close()
+    # bypass_csp only lets the checker itself in; the page's policy is tested above.
+    context = browser.new_context(viewport={"width": width, "height": 900}, color_scheme=scheme, bypass_csp=True)
+    tab = context.new_page()
+    tab.goto(page.as_uri())
+    tab.locator("html[data-ready=true]").wait_for(state="attached", timeout=60_000)
+    tab.evaluate(OPEN)
+    tab.wait_for_timeout(1500)
+    found = axe.Axe().run(tab).response["violations"]
+    context.close()
+    return [(rule["id"], [node["target"] for node in rule["nodes"]]) for rule in found]
 
 
-@pytest.mark.parametrize(("width", "height", "tallest"), [(1280, 900, 12_000), (380, 800, 18_000)])
+@pytest.mark.parametrize(("scheme", "width"), [("light", 1280), ("dark", 380)])
+def test_assistive_technology_finds_nothing_wrong(browser: Any, page: Path, scheme: str, width: int):
+    assert wrong_for_assistive_technology(browser, page, scheme, width) == []
+
+
+OTHERS = ("random", "staircase", "two", "long")
+SIZES = [(1280, 900, 12_000), (380, 800, 18_000)]
+
+
+@pytest.mark.parametrize(("width", "height", "tallest"), SIZES)
+@pytest.mark.parametrize("name", OTHERS)
+def test_other_pages_keep_to_the_same_bars(
+    browser: Any, others: dict[str, Path], name: str, width: int, height: int, tallest: int, tmp_path: Path
+):
+    page = others[name]
+    assert page.stat().st_size < 4e6
+    tab, faults, _requests = opened(browser, page, viewport={"width": width, "height": height})
+    assert tab.evaluate("document.documentElement.scrollHeight") <= tallest
+    assert tab.evaluate("document.documentElement.scrollWidth <= window.innerWidth")
+    assert tab.evaluate(TABLES) <= 10
+    assert len(tab.query_selector_all(".lights a")) == 3 and len(tab.query_selector_all(".tiles > div")) == 6
+    assert tab.evaluate(BOTTOM, ".picture") <= height
+    if width == 1280:
+        assert tab.evaluate(BOTTOM, ".next") <= height
+        assert len(tab.query_selector_all(".pictures img")) == (1 if name == "two" else 2)  # two fits share theirs
+        assert len(printed(tab, tmp_path)) <= 8
+    assert faults == []
+    tab.context.close()
+    assert wrong_for_assistive_technology(browser, page, "light", width) == []
+
+
+TABLES = "[...document.querySelectorAll('table')].filter(one => one.checkVisibility()).length"
+"""Tables that are shown."""
+BOTTOM = "one => document.querySelector(one).getBoundingClientRect().bottom"
+"""Where an element ends on the first screen."""
+
+
+@pytest.mark.parametrize(("width", "height", "tallest"), SIZES)
 def test_the_page_is_short_and_answers_first(browser: Any, page: Path, width: int, height: int, tallest: int):
     tab, faults, _requests = opened(browser, page, viewport={"width": width, "height": height})
     assert faults == []
     assert tab.evaluate("document.documentElement.scrollHeight") <= tallest
-    tables = "[...document.querySelectorAll('table')].filter(one => one.checkVisibility()).length"
-    assert tab.evaluate(tables) <= 10
-    bottom = "one => document.querySelector(one).getBoundingClientRect().bottom"
+    assert tab.evaluate(TABLES) <= 10
     first = ["h1", ".chips", ".lights", ".picture"] + [".pictures", ".tiles", ".next"] * (width == 1280)
     for part in first:
-        assert tab.evaluate(bottom, part) <= height, part
+        assert tab.evaluate(BOTTOM, part) <= height, part
     assert len(tab.query_selector_all(".lights a")) == 3 and len(tab.query_selector_all(".tiles > div")) == 6
     assert len(tab.query_selector_all(".next li")) <= 3
     heights = tab.evaluate("[...document.querySelectorAll('.lights a')].map(one => one.getBoundingClientRect().height)")
@@ -160,19 +195,25 @@ def test_a_command_is_copied(browser: Any, page: Path):
     tab.context.close()
 
 
+def printed(tab: Any, folder: Path) -> list[str]:
+    """The text of each printed page."""
+    if shutil.which("pdftotext") is None:
+        pytest.skip("no pdftotext, so the printed pages are not read")
+    tab.emulate_media(media="print")
+    tab.pdf(path=folder / "page.pdf", prefer_css_page_size=True, print_background=True)
+    command = ["pdftotext", "-layout", folder / "page.pdf", "-"]
+    return subprocess.run(command, capture_output=True, text=True, check=True).stdout.split("\f")[:-1]
+
+
 def test_print_is_summary_and_figures_on_eight_pages(browser: Any, page: Path, tmp_path: Path):
     tab, _faults, _requests = opened(browser, page)
     tab.emulate_media(media="print")
     assert tab.evaluate("getComputedStyle(document.querySelector('.lights .care')).backgroundColor") != "rgb(0, 0, 0)"
     assert tab.evaluate("getComputedStyle(document.querySelector('img')).filter") == "none"
-    tab.pdf(path=tmp_path / "page.pdf", prefer_css_page_size=True, print_background=True)
+    pages = printed(tab, tmp_path)
     titles = tab.evaluate("[...document.querySelectorAll('.figure figcaption b')].map(one => one.textContent)")
     heads = tab.evaluate("[...document.querySelectorAll('h1, h2, h3')].map(one => one.textContent)")
     tab.context.close()
-    if shutil.which("pdftotext") is None:
-        pytest.skip("no pdftotext, so the printed pages are not read")
-    command = ["pdftotext", "-layout", tmp_path / "page.pdf", "-"]
-    pages = subprocess.run(command, capture_output=True, text=True, check=True).stdout.split("\f")[:-1]
     assert len(pages) <= 8
     told = re.sub(r"\s+", " ", " ".join(pages))
     assert [title for title in titles if title not in told] == []

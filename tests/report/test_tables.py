@@ -2,11 +2,15 @@ import math
 
 import pytest
 
-from eaid.report.tables import checks, fits, gains, interval, number
+from eaid.apparatus import Apparatus
+from eaid.findings import Finding
+from eaid.report.rig import overlaid
+from eaid.report.tables import checks, data, fits, gains, interval, number
 from eaid.report.tables.table import Name, Table, columns
 from eaid.results import fit as results
 from eaid.results.fit import CoefficientIntervals, Fit, FrictionLevel, LevelIntervals
 from eaid.results.gains import Condition, Gains, Guarantee, LinearModel, Rho, Robust
+from eaid.steps.stepset import RunRecord, StepSet
 
 
 @pytest.mark.parametrize(
@@ -86,7 +90,7 @@ def test_another_rig_has_its_own_units_and_no_published_column():
         assert not any("published" in text.lower() for text in (*table.heads, table.caption)), table.heading
     assert [row[-1] for row in fits.linear_table(fit).rows][:3] == ["1/s", "N/(s·V)", "N/s"]
     assert "B (V·s/(N))" in fits.input_gain_table(fit).heads
-    assert "published" in fits.linear_table(fit, asked=True).heads
+    assert "published (%, N·m)" in fits.linear_table(fit, asked=True).heads
     assert fits.linear_table(Fit(linear=linear)).texts[0] == ("a0", "1.36", "1.800", "–", "1/s")
 
 
@@ -96,6 +100,29 @@ CONDITIONS = (
     Condition("Q_M", None, None, 5.0, "N·m/s"),
     Condition("rho", True),
 )
+
+
+def test_published_values_that_are_asked_for_beside_other_units_say_their_own():
+    fit = Fit(data=results.Data("clutch", "V", "N"), nonlinear=NONLINEAR, linear=results.Linear(1.8, 0.03, -1.3))
+    heads = [fits.table_iii(fit, True).heads[2], fits.linear_table(fit, True).heads[1]]
+    gain = Gains(LinearModel(1.0, 1.0, 0.0), input_unit="V", output_unit="N")
+    heads += [gains.table_iv(gain, True).heads[1], gains.gains_table(gain, True).heads[1]]
+    assert heads == ["published (%, N·m)"] * 4
+    assert "published" not in " ".join(fits.table_iii(fit, None).heads + gains.table_iv(gain, None).heads)
+    assert overlaid(Fit().data) and overlaid(Fit().data, True) and not overlaid(fit.data, True)
+
+
+def test_only_a_duty_has_a_duty_limit():
+    assert gains.called(Condition("duty-limit", False, unit="%")) == "duty limit"
+    assert gains.called(Condition("duty-limit", False, unit="V")) == "input limit"
+
+
+def test_a_stop_is_told_before_the_doubts_of_its_run():
+    found = (Finding("clipped", "stop", "a"), Finding("drift", "caution", "a"), Finding("said", "note", "a"))
+    run = RunRecord("a", "a.csv", "", 10.0, 1, 0.0, 1.0, 100, 10.0, "rising", found)
+    doubtful, fine = data.runs_tables(StepSet("clutch", "V", "N", Apparatus(), (), runs=(run,)))
+    assert str(doubtful.rows[0][-1]).startswith("stop: ") and str(doubtful.rows[0][-1]).count("; ") == 1
+    assert fine.rows == ()
 
 
 def test_table_iv_and_the_checklist():

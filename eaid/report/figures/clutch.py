@@ -12,7 +12,7 @@ from eaid.models.parameters import Linear, Nonlinear
 from eaid.report import published, style
 from eaid.report.figures.friction import axis_label, curves_of, intervals_of, reach
 from eaid.report.figures.steps import MODEL, Model, draw_steps, fine_times, label_ends, some_levels
-from eaid.report.rig import gain, level_text, level_values, of_the_paper, over, quantity
+from eaid.report.rig import gain, level_text, level_values, over, overlaid, quantity
 from eaid.report.tables.fits import estimates_of
 from eaid.report.thin import thinned
 from eaid.results.common import LevelError
@@ -120,7 +120,7 @@ def polynomials(fit: Fit, asked: bool | None = None) -> Figure:
             top = min(max(top, seen), BEYOND * seen)
         for (said, other), (colour, line) in zip(others, OTHERS, strict=False):
             panel.plot(u, values_over(other, u)[name], color=colour, linestyle=line, linewidth=0.9, label=said)
-        if name != "Ts" and of_the_paper(fit.data, asked):
+        if name != "Ts" and overlaid(fit.data, asked):
             # Table III's T_s gives 0.06 N·m at full duty: a line on the floor.
             paper = np.polynomial.polynomial.polyval(u, published.TABLE_III[name])
             panel.plot(u, paper, color=style.GREY, linestyle=":", label="published")
@@ -149,7 +149,7 @@ def input_gain(fit: Fit, asked: bool | None = None) -> Figure:
         if value is not None:
             axes.axhline(value, **{**MODEL, "color": style.VERMILLION})
             ends.append((value, f"{name} = {value:.3g}", style.VERMILLION))
-    if of_the_paper(fit.data, asked):
+    if overlaid(fit.data, asked):
         low, high = published.TABLE_IV["B_m"], published.TABLE_IV["B_M"]
         axes.axhspan(low, high, facecolor="#EDEDED", edgecolor="#C8C8C8", hatch="...", lw=0, zorder=0)
         axes.text(0.02, (low + high) / 2, "published", transform=axes.get_yaxis_transform(), va="center",

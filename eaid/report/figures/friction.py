@@ -12,7 +12,7 @@ from eaid.models import friction
 from eaid.models.parameters import Friction
 from eaid.report import published, style
 from eaid.report.figures.steps import Model, draw_steps
-from eaid.report.rig import apparatus_of, of_the_paper, over
+from eaid.report.rig import apparatus_of, over, overlaid
 from eaid.results.common import Interval
 from eaid.results.fit import CurveLevel, Fit, FrictionLevel, Trend
 from eaid.steps.stepset import StepSet
@@ -125,7 +125,7 @@ def friction_over_stress(fit: Fit, asked: bool | None = None) -> Figure:
     names = ("Ts", "tau1", "C_f", "tau2") if four else ("Ts", "tau1", "tau2")
     figure, axes = style.page(4.2, 2, 2, sharex=True) if four else style.page(2.4, 1, 3)
     for mark, name, panel in zip("abcd", names, axes, strict=False):
-        _panel(panel, fit, name, x, published.OVER_STRESS[name] if of_the_paper(fit.data, asked) else None)
+        _panel(panel, fit, name, x, published.OVER_STRESS[name] if overlaid(fit.data, asked) else None)
         style.letter(panel, mark)
     for panel in axes[2:] if four else axes:
         panel.set_xlabel(label)
@@ -139,7 +139,7 @@ def friction_over_speed(fit: Fit, asked: bool | None = None) -> Figure:
     x, label = trend_x(fit)
     for mark, name, panel in zip("abc", ("tau1", "Ts", "tau2"), axes, strict=True):
         # Table II's tau2 is two equal rates of opposite weight: at the printed digits no curve is left to draw.
-        known = name != "tau2" and of_the_paper(fit.data, asked)
+        known = name != "tau2" and overlaid(fit.data, asked)
         _panel(panel, fit, name, x, published.OVER_SPEED[name] if known else None)
         panel.set_xlabel(label)
         style.letter(panel, mark)

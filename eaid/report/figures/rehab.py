@@ -7,6 +7,7 @@ from matplotlib.figure import Figure
 
 from eaid.arrays import Array
 from eaid.report import style
+from eaid.report.rig import quantity
 from eaid.report.thin import thinned_at
 
 MODES = {
@@ -28,8 +29,8 @@ def mode_spans(time_s: Array, modes: list[str]) -> list[tuple[str, float, float]
     return spans
 
 
-def training(trace: Mapping[str, Array], spans: list[tuple[str, float, float]]) -> Figure:
-    """(a) target and angle, (b) position error [°], (c) desired and rendered torque, (d) torque error [N·m]."""
+def training(trace: Mapping[str, Array], spans: list[tuple[str, float, float]], unit: str = "N·m") -> Figure:
+    """(a) target and angle, (b) position error [°], (c) desired and rendered output, (d) its error, in `unit`."""
     figure, axes = style.page(5.0, 4, 1, sharex=True)
     angle, position, torque, error = axes
     t = trace["time_s"]
@@ -56,8 +57,8 @@ def training(trace: Mapping[str, Array], spans: list[tuple[str, float, float]]) 
         )  # fmt: skip
     angle.set(ylabel="Angle (°)", xlim=(t[0], t[-1]))
     position.set(ylabel="Position\nerror (°)")
-    torque.set(ylabel="Torque (N·m)")
-    error.set(ylabel="Torque\nerror (N·m)", xlabel="Time (s)")
+    torque.set(ylabel=quantity(unit))
+    error.set(ylabel=f"Error\n({unit})", xlabel="Time (s)")
     for panel in (angle, torque):  # beside the axes, off the data
         panel.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), handlelength=1.6)
     return figure

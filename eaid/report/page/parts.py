@@ -1,6 +1,6 @@
 """The parts of the page after the first screen: a picture first, one table, and the rest folded with a count."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Container, Iterable, Sequence
 from dataclasses import dataclass, replace
 
 from eaid.report.page.again import commands
@@ -89,9 +89,11 @@ def _fold(title: str, drawn: dict[str, Shown], names: Sequence[str], found: Sequ
     return (Fold(title, figures, given),) if figures or given else ()
 
 
-def _told(known: Known, part: str) -> tuple[tuple[tuple[str, str], ...], tuple[Fold, ...]]:
-    """The gravest findings of a part, and a fold of the rest."""
-    found = known.of(part)
+def _told(
+    known: Known, part: str, besides: Container[str] = ()
+) -> tuple[tuple[tuple[str, str], ...], tuple[Fold, ...]]:
+    """The gravest findings of a part, and a fold of the rest; those about `besides` stand elsewhere."""
+    found = [one for one in known.of(part) if one.subject not in besides]
     first = tuple((one.severity, sentence(one, part == "data")) for one in found[:MOST])
     rest = tuple(sentence(one, part == "data") for one in found[MOST:])
     return first, (Fold("More to know", texts=rest),) if rest else ()
@@ -100,7 +102,7 @@ def _told(known: Known, part: str) -> tuple[tuple[tuple[str, str], ...], tuple[F
 def _data(results: Results, known: Known, drawn: dict[str, Shown]) -> Part | None:
     if not results.data and not known.of("data"):
         return None
-    first, rest = _told(known, "data")
+    first, rest = _told(known, "data", {run.name for one in results.data for run in one.result.runs})
     kind = main_kind(results)
     own = results.data_of(kind) if kind else None
     tables: list[Table] = []

@@ -14,7 +14,7 @@ from eaid.report.results import KINDS, Results
 from eaid.report.rig import level_text, of_the_paper, rising
 from eaid.report.style import controller_name
 from eaid.report.tables.data import doubts_of
-from eaid.report.tables.gains import CONDITIONS, conditions_of
+from eaid.report.tables.gains import called, conditions_of
 from eaid.report.tables.replays import SCENARIO_NAMES, metric
 from eaid.report.tables.table import interval, number
 from eaid.results.fit import Fit
@@ -156,8 +156,8 @@ def _controller(results: Results, known: Known) -> Light:
 def guarantee_words(gains: Gains) -> str:
     """The one verdict on the guarantee: yes, NO with what is missing, or what is not known."""
     rows = conditions_of(gains)
-    missing = [CONDITIONS.get(row.name, (row.name,))[0] for row in rows if row.holds is False]
-    unknown = [CONDITIONS.get(row.name, (row.name,))[0] for row in rows if row.holds is None]
+    missing = [called(row) for row in rows if row.holds is False]
+    unknown = [called(row) for row in rows if row.holds is None]
     if missing:
         return f"NO ({', '.join(missing)})"
     if unknown or not rows:
@@ -257,7 +257,7 @@ def next_steps(results: Results, known: Known) -> tuple[Step, ...]:
             if key in missing
         )  # fmt: skip
         if mended:
-            words = ", ".join(CONDITIONS[row.name][0] for row in conditions_of(gains.result) if row.name in missing)
+            words = ", ".join(called(row) for row in conditions_of(gains.result) if row.name in missing)
             found.append(
                 Step(
                     f"Ask for gains whose guarantee holds ({words})", f"eaid tune-rc {name} {mended} -o {given} --force"

@@ -13,7 +13,8 @@ from eaid.steps.stepset import RunRecord, StepSet
 
 def doubts_of(run: RunRecord) -> tuple[str, ...]:
     """What is doubtful in a run, as sentences; notes are no doubts."""
-    return tuple(on_command_line(say(one)) for one in run.findings if one.severity != "note")
+    stop = {"stop": "stop: "}
+    return tuple(stop.get(o.severity, "") + on_command_line(say(o)) for o in run.findings if o.severity != "note")
 
 
 def runs_tables(data: StepSet) -> tuple[Table, Table]:

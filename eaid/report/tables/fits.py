@@ -1,7 +1,7 @@
 """Tables of one fit: the single levels, Tables I–III, the linear model, release, held-out levels, Huber's weights."""
 
 from eaid.report import published
-from eaid.report.rig import apparatus_of, gain, of_the_paper, rate
+from eaid.report.rig import apparatus_of, gain, of_the_paper, printed_head, rate
 from eaid.report.tables.table import SYMBOLS, Cell, Column, Name, Table, columns, level, number, with_unit
 from eaid.results.fit import Estimate, Fit, Trend
 
@@ -11,6 +11,11 @@ PARAMETERS = ("Ts", "tau1", "tau2")
 def unit_of(fit: Fit, name: str) -> str:
     """Unit of a fitted value."""
     return {"Ts": fit.data.output_unit, "C_f": "1", "tau1": "s", "tau2": "s"}[name]
+
+
+def _printed(fit: Fit, asked: bool | None) -> str:
+    """Head of the column of published values; empty where they do not belong."""
+    return printed_head(fit.data.kind, (fit.data.input_unit, fit.data.output_unit), asked)
 
 
 def estimates_of(part: Estimate) -> dict[str, Estimate]:
@@ -62,7 +67,7 @@ def formula(trend: Trend, variable: str) -> str:
 
 def trends_table(fit: Fit, asked: bool | None = None) -> Table:
     """Tables I and II: fitted values over normal stress, or over speed; published ones where they belong."""
-    force, paper = fit.data.kind == "friction-force", of_the_paper(fit.data, asked)
+    force, paper = fit.data.kind == "friction-force", _printed(fit, asked)
     printed = published.TABLE_I if force else published.TABLE_II
     variable = "σ" if force else "Ω"
     rows: list[tuple[Cell, ...]] = []
@@ -72,7 +77,7 @@ def trends_table(fit: Fit, asked: bool | None = None) -> Table:
         shown = formula(ours, variable) if ours is not None and ours.coefficients else "not fitted"
         beside: tuple[Cell, ...] = (said, rmse) if paper else ()
         rows.append((SYMBOLS[name], unit_of(fit, name), *beside, shown, ours.rmse if ours else None))
-    published_heads = ("published", ("published RMSE", "", 3)) if paper else ()
+    published_heads = (paper, ("published RMSE", "", 3)) if paper else ()
     heads = columns("parameter", "unit", *published_heads, "ours", ("our RMSE", "", 3))
     if not paper:
         return Table("Trends over the level", f"{variable} is the level in its own unit.", heads, tuple(rows))
@@ -88,7 +93,7 @@ def table_iii(fit: Fit, asked: bool | None = None) -> Table:
     part = fit.nonlinear
     assert part is not None
     shown = {name: one for name, one in estimates_of(part).items() if name in ("joint", "two-stage")}
-    paper = of_the_paper(fit.data, asked)
+    paper = _printed(fit, asked)
     rows: list[tuple[Cell, ...]] = []
     for letter, name in (("a", "tau1"), ("b", "tau2"), ("c", "Ts")):
         unit, per = unit_of(fit, name), fit.data.input_unit or "input"
@@ -105,7 +110,7 @@ def table_iii(fit: Fit, asked: bool | None = None) -> Table:
     for one in shown.values():
         last += [number(one.C, 2), one.ci95.C if one.ci95 else None]
     rows.append((*last, "1"))
-    heads = ["symbol", "belongs to", *(["published"] if paper else [])]
+    heads = ["symbol", "belongs to", *([paper] if paper else [])]
     for k, name in enumerate(shown):
         heads += [f"ours, {name}{' (used)' if k == 0 and len(shown) > 1 else ''}", "95 % interval"]
     caption = "The nonlinear model: τ1(u), τ2(u) and T_s(u) as polynomials of the input u."
@@ -118,7 +123,7 @@ def linear_table(fit: Fit, asked: bool | None = None) -> Table:
     """Eq. (8): a0, b0, c0 under both weights."""
     part = fit.linear
     assert part is not None
-    paper, out = of_the_paper(fit.data, asked), fit.data.output_unit
+    paper, out = _printed(fit, asked), fit.data.output_unit
     units = {"a0": "1/s", "b0": rate(fit.data.input_unit, out), "c0": f"{out}/s"}
     both = {f"{part.weights} weights": part, **({"": part.other_weights} if part.other_weights else {})}
     rows: list[tuple[Cell, ...]] = []
@@ -129,7 +134,7 @@ def linear_table(fit: Fit, asked: bool | None = None) -> Table:
         rows.append((*cells, unit))
     gaps: list[Cell] = [cell for one in both.values() for cell in (one.rmse, None)]
     rows.append(("RMSE", *(["–"] if paper else []), *gaps, out))
-    heads = ["symbol", *(["published"] if paper else []), "ours", "95 % interval"]
+    heads = ["symbol", *([paper] if paper else []), "ours", "95 % interval"]
     if part.other_weights:
         heads += [f"with {part.other_weights.weights} weights", "95 % interval"]
     said = "dT/dt = −a0 T + b0 u + c0, fitted to all levels at once."
@@ -144,8 +149,8 @@ def input_gain_table(fit: Fit, asked: bool | None = None) -> Table:
     if (bounds := part.bounds) is not None:
         caption += f" Convention {bounds.convention}: B_m = {number(bounds.B_m)} and B_M = {number(bounds.B_M)} are "
         caption += "the least and the largest B of the levels kept."
-    if of_the_paper(fit.data, asked):
-        caption += " Published: 12.4 and 42.6."
+    if paper := _printed(fit, asked):
+        caption += f" {paper.capitalize()}: 12.4 and 42.6."
     heads = columns(
         ("level", unit), ("a0", "1/s"), ("steady value", out), "b0", ("c0", f"{out}/s"), ("B", gain(unit, out)),
         ("95 % interval", "", 3), ("RMSE", out, 3),

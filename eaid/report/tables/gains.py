@@ -1,7 +1,7 @@
 """Tables of gains: what the guarantee needs and what is there, Table IV, what follows from it, margins."""
 
 from eaid.report import published
-from eaid.report.rig import gain
+from eaid.report.rig import gain, printed_head
 from eaid.report.tables.table import Cell, Table, columns, level, number
 from eaid.results.gains import Condition, Gains, Margin
 
@@ -14,20 +14,27 @@ CONDITIONS = {
 """Condition of the guarantee → how it is called, and what it says."""
 
 
+def called(condition: Condition) -> str:
+    """How a condition is called; only the paper's input is a duty."""
+    if condition.name == "duty-limit" and condition.unit not in ("%", ""):
+        return "input limit"
+    return CONDITIONS.get(condition.name, (condition.name,))[0]
+
+
 def conditions_of(gains: Gains) -> tuple[Condition, ...]:
     """The rows of the checklist."""
     return gains.guarantee.conditions if gains.guarantee is not None else ()
 
 
-def paper(gains: Gains, asked: bool | None = None) -> bool:
-    """Whether the published controller belongs beside this one."""
-    return (gains.input_unit, gains.output_unit) == ("%", "N·m") if asked is None else asked
+def printed(gains: Gains, asked: bool | None = None) -> str:
+    """Head of the published controller's column; empty where it does not belong beside this one."""
+    return printed_head("clutch", (gains.input_unit, gains.output_unit), asked)
 
 
 def checklist(gains: Gains) -> Table:
     """What the guarantee needs, and what is there."""
     rows = tuple(
-        (CONDITIONS.get(one.name, (one.name, ""))[0], CONDITIONS.get(one.name, ("", one.name))[1], one.needed,
+        (called(one), CONDITIONS.get(one.name, ("", one.name))[1], one.needed,
          one.available, one.unit, {True: "holds", False: "does not hold", None: "not known"}[one.holds])
         for one in conditions_of(gains)
     )  # fmt: skip
@@ -39,7 +46,7 @@ def checklist(gains: Gains) -> Table:
 def table_iv(gains: Gains, asked: bool | None = None) -> Table:
     """The robust controller's parameters."""
     rc, out = gains.rc, gains.output_unit
-    per, beside = gain(gains.input_unit, out), paper(gains, asked)
+    per, beside = gain(gains.input_unit, out), printed(gains, asked)
     meaning = {
         "B_m": (per, "least input gain B that the design allows for"),
         "B_M": (per, "largest input gain B that the design allows for"),
@@ -55,13 +62,13 @@ def table_iv(gains: Gains, asked: bool | None = None) -> Table:
     for key, (unit, said) in meaning.items():
         ours = getattr(rc, key) if rc is not None else None
         rows.append((names.get(key, key), *([published.TABLE_IV[key]] if beside else []), ours, unit, said))
-    heads = columns("symbol", *([("published", "", 3)] if beside else []), "ours", "unit", "what it does")
+    heads = columns("symbol", *([(beside, "", 3)] if beside else []), "ours", "unit", "what it does")
     return Table("Table IV" if beside else "Robust controller", "The robust controller's choices.", heads, tuple(rows))
 
 
 def gains_table(gains: Gains, asked: bool | None = None) -> Table:
     """What follows from Table IV's parameters: B̂, α, ρ, Q; and the PI."""
-    rc, pi, beside = gains.rc, gains.pi, paper(gains, asked)
+    rc, pi, beside = gains.rc, gains.pi, printed(gains, asked)
     unit, out = gains.input_unit or "input", gains.output_unit
     rows: list[tuple[str, str, Cell, str, str]] = []
     if rc is not None:
@@ -85,7 +92,7 @@ def gains_table(gains: Gains, asked: bool | None = None) -> Table:
             ("PI: settling time", "0.27", pi.settling_s, "s", f"to within 2 %, {said}"),
         ]
     shown = tuple(row if beside else (row[0], *row[2:]) for row in rows)
-    heads = columns("symbol", *(["published"] if beside else []), "ours", "unit", "what it is")
+    heads = columns("symbol", *([beside] if beside else []), "ours", "unit", "what it is")
     return Table("Gains that follow", "What the choices above and the linear model give.", heads, shown)
 
 

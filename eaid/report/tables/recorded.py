@@ -83,15 +83,14 @@ def falls_table(fit: Fit) -> Table:
     one = fit.recorded.falls if fit.recorded else None
     rows: list[tuple[Cell, ...]] = []
     if one is not None:
-        tested: tuple[tuple[str, float | None, object, float | None, bool], ...] = (
+        slip = (one.hysteresis_pct, one.hysteresis_ci95, one.hysteresis_chance, one.hysteresis_fitted)
+        rows = [
             ("τ1 of falls to rest (s)", one.release_tau1, None, one.release_chance, one.release_fitted),
             ("τ2 of falls to rest (s)", one.release_tau2, None, one.release_chance, one.release_fitted),
             ("τ1 of partial falls, times", one.fall_tau1, one.fall_tau1_ci95, one.fall_chance, one.fall_fitted),
             ("τ2 of partial falls, times", one.fall_tau2, one.fall_tau2_ci95, one.fall_chance, one.fall_fitted),
-            ("T_s after a fall, more by (%)", one.hysteresis_pct, one.hysteresis_ci95, one.hysteresis_chance,
-             one.hysteresis_fitted),
-        )  # fmt: skip
-        rows = [(said, *cells) for said, *cells in tested if cells[0] is not None]  # type: ignore[misc]
+            ("T_s after a fall, more by (%)", *slip),
+        ]
     heads = columns("value", ("found", "", 3), ("95 % interval", "", 3), ("p", "", 2), "fitted apart")
     said = "A small p, the probability of such a difference by chance, says that falls go otherwise than rises."
-    return Table("Falls against rises", said, heads, tuple(rows))
+    return Table("Falls against rises", said, heads, tuple(row for row in rows if row[1] is not None))

@@ -53,14 +53,15 @@ def log_table(replay: Replay) -> Table:
     """How far the model is from each recorded run when it gets the recorded input."""
     rows: list[tuple[Cell, ...]] = []
     for name, known in replay.metrics("recorded-input").items():
-        share = None if known.R2 is None else 100 * known.R2
         differences = (known.rms_difference_nm, known.max_abs_difference_nm, known.mean_difference_nm)
-        rows.append((Name(name), *differences, share))
+        rows.append((Name(name), *differences, known.R2, known.fit_pct, known.one_step_pct))
     out = replay.head.output_unit
     heads = columns(
-        "run", ("RMS difference", out, 3), ("largest", out, 3), ("mean, recorded − model", out, 3), ("R²", "%", 4)
+        "run", ("RMS difference", out, 3), ("largest", out, 3), ("mean, recorded − model", out, 3), "R²",
+        ("free-run fit", "%", 3), ("one-step fit", "%", 3),
     )  # fmt: skip
-    return Table("Recorded input through the model", "Each log's own input drives the model.", heads, tuple(rows))
+    said = "Each log's own input drives the model: free run, and from each measured sample to the next."
+    return Table("Recorded input through the model", said, heads, tuple(rows))
 
 
 def plants_table(replay: Replay) -> Table:
@@ -121,7 +122,7 @@ def rehab_tables(replay: Replay) -> list[Table]:
     if rows:
         heads = columns(
             "mode", ("median", "°", 3), "middle half (°)", ("mean", "°", 3),
-            ("mean torque error", replay.head.output_unit, 2), "independent observations",
+            ("mean error of the output", replay.head.output_unit, 2), "independent observations",
         )  # fmt: skip
         caption = "Absolute position error; the last column says how many independent observations the samples are "
         found.append(Table("Errors by mode", f"{caption}worth.", heads, tuple(rows)))
