@@ -14,7 +14,8 @@ class Row:
 
     severity: Severity
     template: str | Callable[[Mapping[str, Any]], str]
-    """A `str.format` text over the finding's values, `levels` (listed in words) and `subject`, or a function of these.
+    """A `str.format` text over the finding's values, `levels` (in words) and `subject`, or a function of these and of
+    `each`, the levels as numbers.
 
     An option stands in guillemets, `«rest»`: the command line says `--rest`, Python `rest=`.
     """

@@ -18,12 +18,16 @@ class Words(string.Formatter):
         return counted(value, spec[1:]) if spec.startswith("#") else super().format_field(value, spec)
 
 
+MOST_LISTED = 6
+"""Numbers that a sentence lists one by one."""
+
+
 def say(finding: Finding) -> str:
     """The sentence of a finding, options still in guillemets; its code where the table has no row for it."""
     row = SENTENCES.get(finding.code)
     if row is None:
         return finding.code
-    fields = {**finding.values, "levels": listed(finding.levels), "subject": finding.subject}
+    fields = {**finding.values, "levels": listed(finding.levels), "each": finding.levels, "subject": finding.subject}
     said = row.template(fields) if callable(row.template) else Words().vformat(row.template, (), fields)
     others = finding.values.get("others")
     return f"{said} (and {others} more)" if others else said
@@ -35,6 +39,8 @@ def sentences(findings: Iterable[Finding]) -> list[str]:
 
 
 def listed(items: Sequence[float | str]) -> str:
-    """`10, 20 and 30`."""
-    texts = [item if isinstance(item, str) else f"{item:g}" for item in items]
+    """`10, 20 and 30`; of many numbers the first and the last."""
+    texts = [item if isinstance(item, str) else f"{item:.4g}" for item in items]
+    if len(texts) > MOST_LISTED and not isinstance(items[0], str):
+        return f"{texts[0]} … {texts[-1]} ({len(texts)} of them)"
     return ", ".join(texts[:-1]) + f" and {texts[-1]}" if len(texts) > 1 else "".join(texts)

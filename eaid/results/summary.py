@@ -34,7 +34,7 @@ def fit_summary(fit: "Fit", findings: int = 3) -> list[str]:
             f"level [{data.input_unit}]" if data.input_unit else "level",
             *(f"{symbol} [{units[name]}]" for name, symbol in SYMBOLS.items()),
         ]
-        cells = [heading, *([f"{row.level:g}", *(_value(row, name) for name in SYMBOLS)] for row in rows)]
+        cells = [heading, *([f"{row.level:.4g}", *(_value(row, name) for name in SYMBOLS)] for row in rows)]
         widths = [max(len(row[i]) for row in cells) for i in range(len(heading))]
         lines += ["  ".join(cell.ljust(w) for cell, w in zip(row, widths, strict=True)).rstrip() for row in cells]
     if fit.nonlinear is not None and levels is not fit.nonlinear.curves:

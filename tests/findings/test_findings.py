@@ -65,6 +65,7 @@ def test_every_row_is_well_formed(code: str):
 
 def test_listed():
     assert [listed(x) for x in ((), (1.0,), (1.0, 2.5), ("a", "b", "c"))] == ["", "1", "1 and 2.5", "a, b and c"]
+    assert listed([float(u) for u in range(10, 101, 10)]) == "10 … 100 (10 of them)"
 
 
 def test_what_the_numbers_mean_is_told_first_and_what_it_covers_is_not_told_again():

@@ -25,7 +25,7 @@ def at(values: Mapping[str, Any]) -> str:
 
 
 def _constraint(values: Mapping[str, Any]) -> str:
-    where = f" (from {values['levels'].replace(' and ', ' to ')})" if values["levels"] else ""
+    where = f" (from {' to '.join(f'{u:.4g}' for u in values['each'])})" if values["each"] else ""
     said = CONSTRAINTS.get(values["constraint"], values["constraint"])
     return f"a constraint holds the fit: {said}{where}; what it holds is not estimated there"
 
@@ -93,7 +93,7 @@ ROWS: dict[str, Row] = {
         "note", "«weights» sd changes nothing here: each level is fitted by itself, and trends take all levels alike"
     ),
     "no-weights-for-single-runs": Row(
-        "note", "level {levels} has one run only, so no weights follow from the spread of its repeats"
+        "note", "one run only at {levels}: no weights follow from the spread of repeats there"
     ),
     "no-weights-for-identical-runs": Row(
         "note", "the repeats of level {levels} are identical, so their spread is no weight"

@@ -56,7 +56,7 @@ def _open_at_most(v: Values) -> str:
 
 
 def _scatter_changes(v: Values) -> str:
-    last, first = v["levels"].split(" and ")
+    last, first = (f"{u:.4g}" for u in v["each"])
     here = f"up to {last} than above" if v["ratio"] > 1 else f"from {first} on than below"
     return (
         f"the runs' scatter of {SYMBOLS[v['parameter']]} is {max(v['ratio'], 1 / v['ratio']):.2g} times larger {here}: "
@@ -106,7 +106,7 @@ def _weights(v: Values) -> str:
 
 
 def _decays(v: Values) -> str:
-    count = len(v["levels"].replace(" and ", ", ").split(", "))
+    count = len(v["each"])
     more = f" and at {count - 1} more levels" if count > 1 else ""
     where = f"{v['worst']:g} {v.get('unit') or ''}".rstrip()
     most = 2 * count > v["of"]
@@ -285,7 +285,7 @@ ROWS: dict[str, Row] = {
     "repeats-miss-alike": Row(
         "note",
         lambda v: (
-            f"at {len(v['levels'].replace(' and ', ', ').split(', '))} of {v['of']} levels all repeats miss the curve "
+            f"at {len(v['each'])} of {v['of']} levels all repeats miss the curve "
             f"alike (by {v['systematic']:.2g} at {v['worst']:g}): the shape is not quite right"
         ),
     ),
