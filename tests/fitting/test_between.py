@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from eaid.apparatus import Apparatus
-from eaid.findings import finding
+from eaid.findings import finding, ranked
 from eaid.fitting.options import FitOptions
 from eaid.models import friction
 from eaid.models.parameters import Friction
@@ -15,7 +15,7 @@ from eaid.results import codec
 from eaid.results.fit import Fit, FrictionLevel, LevelIntervals
 from eaid.results.quotable import quotable
 from eaid.steps.stepset import LevelStep, StepSet
-from eaid.uncertainty.workflow import fit_steps, ordered
+from eaid.uncertainty.workflow import fit_steps
 
 TIME = np.arange(2000) * 0.01
 TRUTH = ((20.0, 50.0, 0.4, 1.6, Friction(1.2, 0.3, 4.0)), (50.0, 30.0, 1.6, 0.9, Friction(-0.7, 0.2, 3.0)))
@@ -57,6 +57,6 @@ def test_an_interval_without_an_end_is_none(end: float) -> None:
 def test_what_decides_whether_a_model_is_of_use_comes_first_among_alike() -> None:
     codes = ("fast-rise-not-resolved", "output-decays-under-hold", "starts-end-apart", "curve-explains-little")
     values = {"unit": "%", "worst": 1.0, "lost_pct": 9.0, "of": 1, "higher": 1, "starts": 2}
-    found = ordered(finding(code, "friction", (1.0,), **values) for code in codes)
+    found = ranked(finding(code, "friction", (1.0,), **values) for code in codes)
     order = ["curve-explains-little", "output-decays-under-hold", "fast-rise-not-resolved", "starts-end-apart"]
     assert [one.code for one in found] == order
