@@ -14,7 +14,7 @@ from eaid.arrays import Array
 from eaid.models.parameters import Friction
 from eaid.uncertainty.curve import powers
 from eaid.uncertainty.level_statistics import TERMS
-from eaid.uncertainty.noise import Noise, inverse_information
+from eaid.uncertainty.noise import Noise
 from eaid.uncertainty.student_t import t_quantile
 
 PARAMETERS = {"Ts": 0, "tau1": 1, "tau2": 2}
@@ -59,12 +59,7 @@ def half_widths(
 
 def _within(curves: Sequence[Friction], hold_s: Array, noise: Noise) -> Array:
     """Within-run variance h of (log T_s, log τ1, log τ2) of one run of each level, shape (L, 3)."""
-    return np.array(
-        [
-            noise.density(curve.Ts) * np.diag(inverse_information(curve, float(hold)))
-            for curve, hold in zip(curves, hold_s, strict=True)
-        ]
-    )
+    return np.array([noise.within(curve, float(hold)) for curve, hold in zip(curves, hold_s, strict=True)])
 
 
 def _half_widths(

@@ -10,7 +10,8 @@ from eaid.findings import Finding, Value, finding
 from eaid.limits import check
 from eaid.models.parameters import SHARE, Friction
 from eaid.planning.design import PARAMETERS, Experiment, Session, level_sets, quickest
-from eaid.planning.simulated import enlarged
+from eaid.planning.rigs import rigs
+from eaid.planning.simulated import SETS, enlarged
 from eaid.results.fit import Fit
 from eaid.results.plan import Plan, PlannedRun
 from eaid.synth.plants import Plant, clutch
@@ -66,7 +67,7 @@ def plan_recordings(fit: Fit, options: PlanOptions | None = None, progress: Call
     _checked(options)
     plant, sets, share = _plant(fit)
     session = Session(options.idle_s, options.release_s, options.most_levels, options.longest_hold_s)
-    known = noise_of_fit(fit)
+    known = noise_of_fit(fit, apart=True)
     degrees = fit.uncertainty.degrees_of_freedom if fit.uncertainty is not None else None
     noise = ASSUMED if known is None else cautious(known, degrees or 0.0)
     polynomial = plant.kind == "clutch"
@@ -77,7 +78,8 @@ def plan_recordings(fit: Fit, options: PlanOptions | None = None, progress: Call
 
     measured = None
     if options.check:
-        found, measured = enlarged(make, options.want, plant, noise, share, options.seed, progress)
+        allowed = rigs(fit, plant, known or ASSUMED, SETS, options.seed)
+        found, measured = enlarged(make, options.want, allowed, share, options.seed, progress)
     else:
         found = make(options.want)
     within = {**found.half_width_pct, **(measured or {})}

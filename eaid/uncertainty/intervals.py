@@ -28,7 +28,7 @@ from eaid.uncertainty.friction_intervals import Parameter
 from eaid.uncertainty.identifiability import friction_verdict, linear_verdict, scatter_findings
 from eaid.uncertainty.level_statistics import LevelStatistics, level_statistics, pooled_statistics, statistics_at_share
 from eaid.uncertainty.levels import share_sensitivity
-from eaid.uncertainty.noise import idle_of, noise_of, noise_part
+from eaid.uncertainty.noise import idle_of, noise_of
 from eaid.uncertainty.profile import profile_interval
 from eaid.uncertainty.share import Share, share_findings, share_of, share_part
 from eaid.uncertainty.student_t import t_quantile
@@ -240,7 +240,7 @@ def _summary(
             name: 100 * float(np.sqrt(a)) if np.isfinite(a) else None
             for name, a in zip(("Ts", "tau1", "tau2", "C"), stats.between, strict=False)
         },
-        noise=noise_part(noise_of(stats, idle)),
+        noise=noise_of(stats, idle),
         draws=options.draws if options.ci == "bootstrap" else None,
         share=share,
         adequacy=judged,

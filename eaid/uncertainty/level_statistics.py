@@ -83,6 +83,11 @@ class LevelStatistics:
         pooled = self.scatter.pooled + self.scatter.common
         return np.where(np.isfinite(pooled), pooled, self.variance)
 
+    @property
+    def repeats(self) -> Array:
+        """Runs of each level, shape (L,)."""
+        return np.array([one.runs.repeats for one in self.estimates])
+
     @cached_property
     def data(self) -> Data:
         """The levels' mean curves."""

@@ -42,6 +42,11 @@ class LevelEstimate:
         return self.runs.level
 
     @property
+    def share_free(self) -> bool:
+        """Whether C is a parameter too."""
+        return len(self.runs.log_theta) == 4
+
+    @property
     def memory(self) -> float:
         """How many times larger than under white noise the within-run variance is, at most over the parameters."""
         inverse = np.linalg.pinv(self.runs.information, rcond=1e-14, hermitian=True)

@@ -1,13 +1,16 @@
 """What the residuals of a fit say about the rig's noise, in a form that another experiment can be planned with.
 
-A parameter's within-run variance is h = S [(∫ J J' dt)⁻¹]_kk with a noise density S, taken as S = s0 + s1 T_s²: s0 from
-the sensor [N²m²·s], s1 from ripple that goes with the torque [s].
+With A = ∫ J J' dt the within-run variances are the diagonal of A⁻¹ (∫ J J' (s0 + s1 f²) dt) A⁻¹: s0 [N²m²·s] from the
+sensor, s1 [s] from ripple that goes with the torque f. Ripple that is periodic may be counted apart (`periodic`), for
+its weight falls faster with the hold.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
+import msgspec
 import numpy as np
+from scipy.optimize import nnls
 from scipy.special import chdtri
 
 from eaid.arrays import Array
@@ -16,6 +19,7 @@ from eaid.results import fit as results
 from eaid.steps.stepset import RunRecord
 from eaid.uncertainty.level_statistics import LevelStatistics
 from eaid.uncertainty.levels import log_jacobian
+from eaid.uncertainty.periodic import Periodic, periodic_part
 
 
 @dataclass(frozen=True)
@@ -28,42 +32,60 @@ class Noise:
     """s1: density of noise that goes with the torque, as a share of it [s]."""
     scatter: tuple[float, float, float]
     """Run-to-run standard deviation of log T_s, log τ1, log τ2."""
+    periodic: Periodic | None = None
+    """Ripple that is periodic and that `ripple_s` and `scatter` do not count; None: they count all."""
 
-    def density(self, steady_nm: float) -> float:
-        """S at a steady torque [N²m²·s]."""
-        return self.sensor_nm2_s + self.ripple_s * steady_nm**2
+    def within(self, curve: Friction, hold_s: float) -> Array:
+        """Within-run variance of (log T_s, log τ1, log τ2) of a run that is held so long, shape (3,)."""
+        white = unit_variances(curve, hold_s) @ [self.sensor_nm2_s, self.ripple_s]
+        return np.asarray(white if self.periodic is None else white + self.periodic.variance(curve, hold_s))
 
 
 ASSUMED = Noise(sensor_nm2_s=1e-6, ripple_s=1e-5, scatter=(0.03, 0.05, 0.0))
 """Where a fit says nothing: 0.03 N·m of white noise at 1 kHz, ripple of 1 % with a memory of 0.05 s, 3 % and 5 %."""
 
 
-def inverse_information(curve: Friction, hold_s: float) -> Array:
-    """(∫ J J' dt)⁻¹ over a hold, J = ∂f/∂(log T_s, log τ1, log τ2), shape (3, 3) [1/(N²m²·s)]."""
+def unit_variances(curve: Friction, hold_s: float) -> Array:
+    """Variance of (log T_s, log τ1, log τ2) of a run under s0 = 1, and under s1 = 1, shape (3, 2)."""
     edges = np.concatenate([[0.0], np.geomspace(hold_s * 1e-5, hold_s, 400)])
     middle, width = 0.5 * (edges[1:] + edges[:-1]), np.diff(edges)
     jacobian = log_jacobian(curve, middle)
-    return np.asarray(np.linalg.pinv((jacobian.T * width) @ jacobian, rcond=1e-14, hermitian=True))
+    weighed = jacobian.T * width
+    inverse = np.linalg.pinv(weighed @ jacobian, rcond=1e-14, hermitian=True)
+    ripple = inverse @ (weighed * jacobian[:, 0] ** 2) @ jacobian @ inverse  # ∂f/∂log T_s is f itself
+    return np.stack([np.diag(inverse), np.diag(ripple)], axis=1)
 
 
-def noise_of(stats: LevelStatistics, idle: float | None = None) -> Noise:
-    """The noise that the levels show; parameters that a level does not determine are left out.
+def noise_of(stats: LevelStatistics, idle: float | None = None) -> results.Noise:
+    """`uncertainty.noise` of a fit: the noise that the levels show, and what is left of it beside a periodic ripple.
 
     `idle` is the density of the sensor's noise while the rig idles, where it is known: only the ripple is then left to
-    be found in the levels.
+    be found in the levels. Parameters that a level does not determine are left out.
     """
-    density, square = [], []
-    for one, known in zip(stats.estimates, stats.determined, strict=True):
-        if not known[:3].all():
-            continue
-        per_second = np.diag(inverse_information(one.curve, one.runs.duration_s))
-        ratio = one.runs.within[:3] / np.maximum(per_second, 1e-300)
-        density.append(float(np.exp(np.mean(np.log(np.maximum(ratio, 1e-300))))))
-        square.append(one.curve.Ts**2)
-    sensor, ripple = _line(np.array(square), np.array(density), idle)
-    pairs = zip(stats.between, ASSUMED.scatter, strict=False)
-    sizes = [float(np.sqrt(a)) if np.isfinite(a) else assumed for a, assumed in pairs]
-    return Noise(sensor, ripple, (sizes[0], sizes[1], sizes[2]))
+    known = np.flatnonzero(stats.determined[:, :3].all(axis=1)).tolist()
+    records = [(stats.estimates[i].curve, stats.estimates[i].runs.duration_s) for i in known]
+    units = np.reshape([unit_variances(*one) for one in records], (-1, 2))
+    within = np.ravel([stats.estimates[i].runs.within[:3] for i in known])
+    whole = Noise(*_densities(units, within, idle), _scatter(stats.between[:3]))
+    found = periodic_part([stats.levels[i] for i in known], [stats.estimates[i] for i in known]) if known else None
+    if found is None:
+        return _part(whole)
+    wave, density, square = found
+    left = Noise(*_densities(np.stack([np.ones(len(square)), square], axis=1), density, idle), whole.scatter, wave)
+    counted = np.array([left.within(*one) for one in records])
+    total = (stats.expected[:, :3] * stats.repeats[:, None])[known]
+    between = np.fmin(stats.between[:3], np.maximum(np.median(total - counted, axis=0), 0.0))
+    beside = _part(replace(left, scatter=_scatter(np.where(np.isfinite(stats.between[:3]), between, np.nan))))
+    return msgspec.structs.replace(
+        _part(whole), periodic=results.PeriodicRipple(wave.period_s, 100 * wave.amplitude, beside)
+    )
+
+
+def _scatter(between: Array) -> tuple[float, float, float]:
+    """Standard deviations of variances between runs, shape (3,); what is assumed where one cannot be seen."""
+    pairs = zip(between.tolist(), ASSUMED.scatter, strict=True)
+    Ts, tau1, tau2 = (float(np.sqrt(a)) if np.isfinite(a) else assumed for a, assumed in pairs)
+    return Ts, tau1, tau2
 
 
 def idle_of(runs: Sequence[RunRecord]) -> float | None:
@@ -72,43 +94,43 @@ def idle_of(runs: Sequence[RunRecord]) -> float | None:
     return float(np.median(found)) if found else None
 
 
-def _line(x: Array, y: Array, s0: float | None) -> tuple[float, float]:
-    """s0, s1 ≥ 0 of y = s0 + s1 x, relative errors alike; s0 may be known."""
-    if not len(x):
-        return ASSUMED.sensor_nm2_s if s0 is None else s0, ASSUMED.ripple_s
-    if s0 is not None:
-        y = np.maximum(y, 1e-300)
-        return s0, max(0.0, float((x / y) @ (1 - s0 / y) / max(float((x / y) @ (x / y)), 1e-300)))
-    if len(x) == 1 or np.ptp(x) == 0:
-        return float(y.mean()), 0.0
-    design = np.stack([1 / np.maximum(y, 1e-300), x / np.maximum(y, 1e-300)], axis=1)
+def _densities(units: Array, variance: Array, sensor: float | None) -> tuple[float, float]:
+    """s0, s1 ≥ 0 of `variance` = `units` (s0, s1), relative errors alike; s0 may be known."""
+    if not len(variance):
+        return ASSUMED.sensor_nm2_s if sensor is None else sensor, ASSUMED.ripple_s
+    design = units / np.maximum(variance, 1e-300)[:, None]
+    if sensor is not None:
+        return sensor, max(0.0, float(design[:, 1] @ (1 - sensor * design[:, 0]) / (design[:, 1] @ design[:, 1])))
     scale = np.sqrt((design**2).sum(axis=0))
-    s = np.linalg.lstsq(design / scale, np.ones(len(y)), rcond=None)[0] / scale
-    if (s >= 0).all():
-        return float(s[0]), float(s[1])
-    alone = [float(design[:, k].sum() / (design[:, k] ** 2).sum()) for k in (0, 1)]
-    left = [float(((1 - design[:, k] * alone[k]) ** 2).sum()) for k in (0, 1)]
-    return (alone[0], 0.0) if left[0] <= left[1] else (0.0, alone[1])
+    found = nnls(design / scale, np.ones(len(design)))[0] / scale
+    return float(found[0]), float(found[1])
 
 
-def noise_part(noise: Noise) -> results.Noise:
-    """For `uncertainty.noise` of a fit."""
+def _part(noise: Noise) -> results.Noise:
     return results.Noise(
         noise.sensor_nm2_s, noise.ripple_s, dict(zip(("Ts", "tau1", "tau2"), noise.scatter, strict=True))
     )
 
 
-def noise_of_fit(fit: results.Fit) -> Noise | None:
-    """The noise that a fit holds; None where it does not say."""
+def noise_of_fit(fit: results.Fit, apart: bool = False) -> Noise | None:
+    """The noise that a fit holds, periodic ripple counted in or, where it is asked for, `apart`; None: it says none."""
     stored = fit.uncertainty.noise if fit.uncertainty is not None else None
-    if stored is None or not {"Ts", "tau1", "tau2"} <= set(stored.scatter):
+    wave = stored.periodic if stored is not None and apart else None
+    held = stored if wave is None else wave.beside
+    if held is None or not {"Ts", "tau1", "tau2"} <= set(held.scatter):
         return None
-    scatter = stored.scatter
-    return Noise(stored.sensor_nm2_s, stored.ripple_s, (scatter["Ts"], scatter["tau1"], scatter["tau2"]))
+    scatter = (held.scatter["Ts"], held.scatter["tau1"], held.scatter["tau2"])
+    periodic = None if wave is None else Periodic(wave.period_s, wave.amplitude_pct / 100)
+    return Noise(held.sensor_nm2_s, held.ripple_s, scatter, periodic)
 
 
 def cautious(noise: Noise, degrees: float) -> Noise:
     """The same with the scatter that only one rig in five exceeds, known by so many `degrees` of freedom."""
     factor = float(np.sqrt(degrees / chdtri(degrees, 0.8))) if degrees > 0 else 1.0
-    Ts, tau1, tau2 = noise.scatter
-    return Noise(noise.sensor_nm2_s, noise.ripple_s, (factor * Ts, factor * tau1, factor * tau2))
+    return scattered(noise, np.full(3, factor))
+
+
+def scattered(noise: Noise, factors: Array) -> Noise:
+    """The same with other scatter of (T_s, τ1, τ2), by factors of shape (3,)."""
+    Ts, tau1, tau2 = (np.array(noise.scatter) * factors).tolist()
+    return replace(noise, scatter=(Ts, tau1, tau2))

@@ -94,17 +94,22 @@ def run_statistics(
     """
     information = jacobian.T @ jacobian if hessian is None else hessian
     directions = jacobian @ np.linalg.pinv(information, rcond=1e-14, hermitian=True)
-    scores = (noise_nm[:, None] * np.ascontiguousarray(directions.T)).reshape(-1, len(time_s)).T
-    variances = bartlett_variance(time_s, scores).reshape(len(WINDOWS_S), len(runs_nm), -1)
-    within = np.sort(variances, axis=1).mean(axis=1)  # sorted: the order of the runs changes no rounding
     return RunStatistics(
         level=level,
         log_theta=log_theta,
         information=information,
         influence=(runs_nm - mean_nm) @ directions,
-        within=within.max(axis=0),
+        within=within_variance(time_s, noise_nm, directions),
         duration_s=float(time_s[-1] - time_s[0]),
     )
+
+
+def within_variance(time_s: Array, noise_nm: Array, directions: Array) -> Array:
+    """h, shape (k,), from residuals (R, n) and how the parameters answer to the samples, J A⁻¹, shape (n, k)."""
+    scores = (noise_nm[:, None] * np.ascontiguousarray(directions.T)).reshape(-1, len(time_s)).T
+    variances = bartlett_variance(time_s, scores).reshape(len(WINDOWS_S), len(noise_nm), -1)
+    # sorted: the order of the runs changes no rounding
+    return np.asarray(np.sort(variances, axis=1).mean(axis=1).max(axis=0))
 
 
 def own_residuals(runs_nm: Array, fitted_nm: Array, jacobian: Array) -> Array:

@@ -35,7 +35,7 @@ def test_plan_and_its_duty_file(fit: Path, tmp_path: Path, capsys: pytest.Captur
     result = json.loads(told.out)
     assert result["schema"] == "eaid/plan/1" and result["met"] is True
     assert result["half_width_pct"]["tau2"] <= 12 and result["half_width_pct"]["Ts"] <= 4
-    # the eighth of ten recordings whose scatter is known to √(2/20) each
+    # the twelfth of fourteen recordings whose scatter is known to √(2/20) each
     for name, width in result["half_width_pct"].items():
         assert 0.8 < result["measured_half_width_pct"][name] / width < 1.7, name
     assert result["measured_half_width_pct"]["tau2"] <= 12 and result["measured_half_width_pct"]["Ts"] <= 4
@@ -81,14 +81,17 @@ def test_levels_in_volts_are_planned_in_volts(fit: Path, tmp_path: Path, capsys:
     found = []
     for path in (fit, volts):
         out = tmp_path / f"{path.stem}.csv"
-        assert main.run(["plan", str(path), "--want", "Ts=4", "--most-levels", "10", "-o", str(out), "--json"]) == 0
+        assert (
+            main.run(
+                ["plan", str(path), "--want", "Ts=4", "--most-levels", "10", "--no-check", "-o", str(out), "--json"]
+            )
+            == 0
+        )
         told = capsys.readouterr()
         found.append(json.loads(told.out))
     assert found[1]["levels"][-1] == pytest.approx(3 * found[0]["levels"][-1])
     assert found[1]["repeats"] == found[0]["repeats"]
-    assert found[1]["measured_half_width_pct"]["Ts"] == pytest.approx(
-        found[0]["measured_half_width_pct"]["Ts"], rel=0.05
-    )
+    assert found[1]["half_width_pct"]["Ts"] == pytest.approx(found[0]["half_width_pct"]["Ts"], rel=0.05)
     assert (tmp_path / "volts.duty.csv").read_text().startswith("time_s,input_v\n0,0\n10,")
     codes = [one["code"] for one in found[1]["findings"]]
     assert codes == ["plan-of-decaying-output", "plan-rests-on-a-guess"]

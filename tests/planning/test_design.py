@@ -5,7 +5,7 @@ from eaid.models.nonlinear import at_duty
 from eaid.models.parameters import REFERENCE_PLANT, Friction
 from eaid.planning.design import Experiment, Session, half_widths, level_sets, quickest
 from eaid.planning.recordings import input_changes, run_order
-from eaid.uncertainty.noise import ASSUMED, Noise, cautious, inverse_information
+from eaid.uncertainty.noise import ASSUMED, Noise, cautious, unit_variances
 from eaid.uncertainty.student_t import t_quantile
 
 SMALL = Experiment((10.0, 50.0), (20.0, 30.0), 3, {}, 0.0, True)
@@ -27,7 +27,7 @@ def test_widths_of_pure_scatter_by_hand() -> None:
 
 
 def test_information_grows_with_the_hold() -> None:
-    short, long = (np.diag(inverse_information(curve_at(50.0), hold)) for hold in (5.0, 60.0))
+    short, long = (unit_variances(curve_at(50.0), hold)[:, 0] for hold in (5.0, 60.0))
     assert (long < short).all() and long[2] < short[2] / 50
 
 
@@ -36,7 +36,11 @@ def test_information_is_the_sum_over_samples() -> None:
 
     t = (np.arange(40_000) + 0.5) * 1e-3
     J = log_jacobian(curve_at(50.0), t)
-    assert inverse_information(curve_at(50.0), 40.0) == pytest.approx(np.linalg.inv(J.T @ J * 1e-3), rel=1e-2)
+    inverse = np.linalg.inv(J.T @ J * 1e-3)
+    found = unit_variances(curve_at(50.0), 40.0)
+    assert found[:, 0] == pytest.approx(np.diag(inverse), rel=1e-2)
+    scores = inverse @ (J.T * J[:, 0]) * np.sqrt(1e-3)  # noise of density 1 times the torque itself
+    assert found[:, 1] == pytest.approx((scores**2).sum(axis=1), rel=1e-2)
 
 
 def test_the_plan_reaches_what_is_wanted_and_no_cheaper_one_does() -> None:
