@@ -64,14 +64,17 @@ def by_tau(theta: Array, products: Array) -> tuple[Array, Array, Array]:
 
 def by_log(theta: Array, products: Array) -> tuple[Array, Array, Array]:
     """The same by (T_s, ln τ1, ln τ2)."""
-    return _scaled(products, np.stack([np.ones_like(theta[0]), theta[0], theta[0]], axis=1))
+    scale = np.ones((len(products), 3))
+    scale[:, 1:] = theta[0][:, None]
+    return _scaled(products, scale)
 
 
 def _scaled(products: Array, scale: Array) -> tuple[Array, Array, Array]:
     """Cost, gradient and curvature from the products of k slopes, each yet to be scaled, and the residual."""
     k = scale.shape[1]
     scaled = scale + scale
-    curvature = products[:, :k, :k] * (scaled[:, :, None] * scale[:, None, :])
+    curvature = products[:, :k, :k] * scaled[:, :, None]
+    curvature *= scale[:, None, :]
     return products[:, k, k], (products[:, k, :k] * scaled).T, curvature
 
 

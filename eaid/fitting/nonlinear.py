@@ -5,7 +5,7 @@ levels. Where no other minimum can lie as low as its end (`alone`), that is all;
 data still leave room, many more are looked at together (`broad`).
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,7 +15,7 @@ from eaid.fitting.basis import Basis, basis_of, constraints, held_at
 from eaid.fitting.broad import broad_starts
 from eaid.fitting.data import Data
 from eaid.fitting.kernel import by_tau, level_costs, level_normal, log_curvature, log_products, weighted_shares
-from eaid.fitting.levels import SHARES
+from eaid.fitting.levels import SHARES, TRUST
 from eaid.fitting.problem import ROUNDING, Problem, bring_in, draw_in
 from eaid.fitting.samples import residuals
 from eaid.fitting.solver import EndPoint, approach, concluded, ended, slsqp
@@ -25,6 +25,9 @@ from eaid.results.common import Solver
 
 NARROW = 0.3
 """Reach of a level's ln τ within which its cost is taken for a bowl."""
+
+ROUGH = 0.1
+"""Steps to the curve of a level end where another predicts less than this part of its cost."""
 
 
 def nonlinear_problem(data: Data, basis: Basis) -> Problem:
@@ -73,7 +76,7 @@ class OwnCurves:
     theta: Array
     """(4, L)."""
     cost: Array
-    """Weighted least costs on the compressed points, (L,): their sum is a lower bound of the joint cost."""
+    """What the weighted least costs on the compressed points are at least, (L,), and all together the joint cost is."""
     normal: Array
     """J'WJ in (T_s, τ1, τ2), (L, 3, 3)."""
     covariance: Array
@@ -82,37 +85,48 @@ class OwnCurves:
 
 def own_curves(data: Data, share: float) -> OwnCurves:
     """Best curves of single levels with C held at `share`."""
-    found = starting_curves(data, share, most=1, enough=1e-4)
+    found = starting_curves(data, share, most=1, enough=ROUGH)
     theta, end = found.theta, found.end
     by_tau = np.stack([np.ones_like(theta[0]), 1 / theta[1], 1 / theta[2]], axis=1)
     normal = end.curvature * (0.5 * data.weights[:, None, None]) * (by_tau[:, :, None] * by_tau[:, None, :])
     scale = np.sqrt(np.maximum(np.einsum("lii->li", normal), 1e-200))
     outer = scale[:, :, None] * scale[:, None, :]
-    return OwnCurves(theta, data.weights * end.cost, normal, np.linalg.inv(normal / outer + 1e-9 * np.eye(3)) / outer)
+    return OwnCurves(
+        theta,
+        data.weights * (end.cost - TRUST * end.predicted),
+        normal,
+        np.linalg.inv(normal / outer + 1e-9 * np.eye(3)) / outer,
+    )
 
 
-def polynomial_starts(own: OwnCurves, basis: Basis, problem: Problem) -> list[Array]:
-    """Feasible starts from the curves of single levels, the most promising first.
+def polynomial_starts(own: OwnCurves, basis: Basis, problem: Problem) -> Iterator[Array]:
+    """Feasible starts from the curves of single levels, the most promising first, made as they are asked for.
 
     Polynomials pass through τ1, τ2, T_s of the levels: weighted by their own precision, then each level alike. The last
     start has the weighted means of τ1 and τ2 at every level; it lies inside the constraints, and the others are brought
     there from outside.
     """
     theta, precision, M = own.theta, 1 / np.sqrt(np.einsum("lii->li", own.covariance)), basis.M
-    shaped, alike, level_means = np.zeros(basis.size), np.zeros(basis.size), np.zeros(basis.size)
+    shaped, alike, level_means = np.zeros((3, basis.size))
+    if basis.free_share:
+        shaped[-1] = alike[-1] = level_means[-1] = theta[3, 0]
     for k, part in enumerate(basis.slices):
         p = precision[:, k]
         shaped[part] = np.linalg.lstsq(M[k, :, part] * p[:, None], theta[k] * p, rcond=None)[0]
+    if feasible := bool((problem.A @ shaped >= problem.b).all()):
+        yield shaped
+    for k, part in enumerate(basis.slices):
         alike[part] = basis.inverses[k] @ theta[k]
-        level_means[part.start] = float(p**2 @ theta[k] / (p**2).sum())
+        level_means[part.start] = np.average(theta[k], weights=precision[:, k] ** 2)
     level_means[basis.slices[0]] = shaped[basis.slices[0]]
-    if basis.free_share:
-        shaped[-1] = alike[-1] = level_means[-1] = theta[3, 0]
     tau1, tau2 = basis.slices[1].start, basis.slices[2].start
     level_means[tau1] = max(level_means[tau1], 2 * TAU_FLOOR_S)
     level_means[tau2] = max(level_means[tau2], 1.5 * level_means[tau1])
     flat = _above_zero(level_means, basis, problem)
-    return [bring_in(shaped, flat, problem), bring_in(alike, flat, problem), flat]
+    if not feasible:
+        yield bring_in(shaped, flat, problem)
+    yield bring_in(alike, flat, problem)
+    yield flat
 
 
 def _above_zero(x: Array, basis: Basis, problem: Problem) -> Array:
@@ -149,19 +163,20 @@ def fit_nonlinear(data: Data, share: float | None, starts: Sequence[Nonlinear] =
     problem = nonlinear_problem(data, basis)
     own = [own_curves(data, c) for c in (SHARES if share is None else (share,))]
     begin = [polynomial_starts(curves, basis, problem) for curves in own]
-    flat = begin[0][-1]
-    near = [start for starts in begin for start in starts[:-1]] + [
-        draw_in(basis.unknowns(p), flat, problem) for p in starts
-    ]
+    first = next(begin[0])
 
     def proven() -> bool:
         return share is not None and alone(own[0], min(end.cost for end in ends), data, basis, problem)
 
-    ends = [approach(problem, near[0])]
+    ends = [approach(problem, first)]
     if starts or not proven():
-        ends += [approach(problem, start) for start in near[1:]]
+        *near, flat = begin[0]
+        others = [list(more) for more in begin[1:]]
+        near += [start for more in others for start in more[:-1]]
+        near += [draw_in(basis.unknowns(p), flat, problem) for p in starts]
+        ends += [approach(problem, start) for start in near]
         if not proven():
-            far = [starts[-1] for starts in begin] + broad_starts(near[0], flat, data, basis, problem)
+            far = [flat, *(more[-1] for more in others), *broad_starts(first, flat, data, basis, problem)]
             ends += [approach(problem, start) for start in far]
     return _confirmed(ended(ends, problem), data, basis, problem)
 

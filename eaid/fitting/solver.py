@@ -8,7 +8,7 @@ min g'd + d'Hd/2 with A (x + d) ≥ b, and the decrease that it predicts, relati
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.optimize import minimize
@@ -19,6 +19,8 @@ from eaid.results.common import Solver, StartCost
 
 FTOL = 1e-13
 """SLSQP's own stopping rule, relative to the cost at the start of the round."""
+ENDS = 1.5
+"""The same next to the minimum, times what a Newton step predicts: a step that gains about that much is the last."""
 FINISHED = 1e-15
 """Polishing ends where the Newton step predicts less than this part of the cost."""
 SETTLED = 1e-12
@@ -64,48 +66,45 @@ class Local:
     """By how much a constrained Newton step would lower the cost."""
 
 
-def slsqp(
-    problem: Problem,
-    start: Array,
-    local: Local | None = None,
-    rounds: int = 8,
-    maximum: int = 40,
-) -> EndPoint:
+def slsqp(problem: Problem, start: Array, near: Local | None = None, rounds: int = 8) -> EndPoint:
     """Solve from one feasible start, whitened anew each round, until a Newton step predicts nothing more.
 
     A round leaves the constraints out at first; where it ends outside some, it is begun again with those, until it ends
     inside: a handful of rows instead of hundreds, which the solver's own least squares would go through every time.
-    `local` is what is known of the start, where it is at hand.
+    `near` is what is known of a start next to the minimum: one step gains all that is to be had there, and the first
+    round ends with it.
     """
     x, evaluations = start, 1
     held = np.zeros(len(problem.b), dtype=bool)
-    if local is None:
-        cost, gradient, curvature = problem.normal(x)
-        predicted = newton_step(problem, x, gradient, curvature).decrease
-    else:
-        cost, gradient, curvature, predicted = local.cost, local.gradient, local.curvature, local.predicted
-    value = _once(problem.value, x, (cost, gradient))
+    now = near or _local(problem, x)
+    value = _once(problem.value, x, (now.cost, now.gradient))
+    ftol = FTOL
+    if near is not None:
+        now, ftol = replace(near, curvature=_curvature(problem, x)), ENDS * near.predicted / max(near.cost, TINY)
     for _ in range(rounds):
-        if cost == 0.0 or predicted <= SETTLED * cost:
+        if now.cost == 0.0 or now.predicted <= SETTLED * now.cost:
             break
         for _ in range(TRIES):
-            reached, used = _one_round(problem, x, value, cost, curvature, held, maximum)
+            reached, used = _one_round(problem, x, value, now, held, ftol)
             evaluations += used
             outside = problem.A @ reached - problem.b < -rounding(problem)
             if not (outside & ~held).any():
                 break
             held |= outside
         reached = inside(problem, x, reached)
-        found, slope = value(reached)
-        if not found < cost:
+        found, _ = value(reached)
+        if not found < now.cost:
             break
-        kept = predicted <= LITTLE * cost and cost - found >= 0.5 * predicted
-        x, cost, gradient = reached, found, slope
-        if kept:  # the start lay next to the minimum, and what there was to gain there has been gained
-            break
-        curvature = problem.normal(x)[2]
-        predicted = newton_step(problem, x, gradient, curvature).decrease
-    return EndPoint(x, cost, evaluations)
+        x, ftol = reached, FTOL
+        if now.predicted <= LITTLE * now.cost and now.cost - found >= 0.5 * now.predicted:
+            return EndPoint(x, found, evaluations)  # what there was to gain next to the minimum has been gained
+        now = _local(problem, x)
+    return EndPoint(x, now.cost, evaluations)
+
+
+def _local(problem: Problem, x: Array) -> Local:
+    cost, gradient, curvature = problem.normal(x)
+    return Local(cost, gradient, curvature, newton_step(problem, x, gradient, curvature).decrease)
 
 
 def _once(value: Value, x: Array, there: tuple[float, Array]) -> Value:
@@ -122,14 +121,14 @@ def _once(value: Value, x: Array, there: tuple[float, Array]) -> Value:
 
 
 def _one_round(
-    problem: Problem, x: Array, value: Value, cost: float, curvature: Array, held: Array, maximum: int
+    problem: Problem, x: Array, value: Value, now: Local, held: Array, ftol: float, most: int = 40
 ) -> tuple[Array, int]:
     # x − x0 = L'^(-1) z √cost: cost/cost(x0) then has curvature 1 in z, which is what SLSQP assumes at first.
-    back = np.linalg.inv(whiten(curvature)).T * np.sqrt(cost)
+    back = np.linalg.inv(whiten(now.curvature)).T * np.sqrt(now.cost)
 
     def scaled(z: Array) -> tuple[float, Array]:
         found, gradient = value(x + back @ z)
-        return found / cost, gradient @ back / cost
+        return found / now.cost, gradient @ back / now.cost
 
     rows, slack = problem.A[:0], problem.b[:0]
     if held.any():
@@ -146,7 +145,7 @@ def _one_round(
             jac=True,
             method="SLSQP",
             constraints=constraints if len(slack) else (),
-            options={"ftol": FTOL, "maxiter": maximum},
+            options={"ftol": ftol, "maxiter": most},
         )
     return x + back @ end.x, end.nfev
 

@@ -96,7 +96,7 @@ def _proof(case: Any) -> tuple[bool, float]:
     basis = basis_of(data.u, 0.85)
     problem = nonlinear_problem(data, basis)
     own = own_curves(data, 0.85)
-    best = min(approach(problem, x).cost for x in polynomial_starts(own, basis, problem)[:2])
+    best = min(approach(problem, x).cost for x in list(polynomial_starts(own, basis, problem))[:2])
     return alone(own, best, data, basis, problem), best
 
 
@@ -117,7 +117,7 @@ def test_the_proof_holds_for_many_levels_of_the_right_model(count: int, clutch_s
     basis = basis_of(data.u, 0.85)
     problem = nonlinear_problem(data, basis)
     own = own_curves(data, 0.85)
-    best = min(approach(problem, x).cost for x in polynomial_starts(own, basis, problem)[:2])
+    best = min(approach(problem, x).cost for x in list(polynomial_starts(own, basis, problem))[:2])
     assert alone(own, best, data, basis, problem)
     # a cost far above the levels' own leaves room, and one below them is none of these data's
     assert not alone(own, 3 * best, data, basis, problem)
