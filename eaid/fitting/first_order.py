@@ -179,6 +179,7 @@ def fit_own_levels(data: Data) -> list[FirstOrder]:
         if decrease > SETTLED:
             found.append(fit_first_order(data.one(i), np.ones((1, 1))))
             continue
-        gain, sse = x[i, :1], float(cost[i])
-        found.append(FirstOrder(float(tau[i]), gain, gain, sse, judged(decrease, A0_GRID, (sse,))))
+        (gain, log_tau), sse = x[i] - step[i], float(cost[i])  # the last step is too small for the cost to show
+        gains = np.array([gain])
+        found.append(FirstOrder(float(np.exp(log_tau)), gains, gains, sse, judged(decrease, A0_GRID, (sse,))))
     return found

@@ -142,9 +142,10 @@ def fit_levels(data: Data, share: float | None) -> list[FrictionLevel]:
 
 
 def _last_step(x: Array, share: float, data: Data) -> tuple[Array, Array, Array]:
-    """θ of each level a Newton step on from x, (4, L), its cost over every sample, (L,), and what another predicts.
+    """θ two Newton steps on from x, (4, L), its cost over every sample, (L,), and what the last step predicts.
 
-    That is relative to the cost, (L,); infinite at a limit or off a bowl, where no step is taken either.
+    That is relative to the cost, (L,), which it is too small to show; infinite at a limit or off a bowl, where no steps
+    are taken either.
     """
     limit = RECORDS * data.longest_s
     theta = theta_at(x, share)
@@ -152,13 +153,16 @@ def _last_step(x: Array, share: float, data: Data) -> tuple[Array, Array, Array]
     bowl = (theta[0] > 0) & _definite(H)
     H[~bowl] = np.eye(3)
     slope[~bowl] = 0.0
-    theta = theta_at(within(limit)(x, np.linalg.solve(H, slope[:, :, None])[:, :, 0]), share)
+    x = within(limit)(x, np.linalg.solve(H, slope[:, :, None])[:, :, 0])
+    theta = theta_at(x, share)
     cost, gradient = data.sums(theta)
     Ts, tau1, tau2, _ = theta
     bowl &= (tau1 > 1.001 * TAU_FLOOR_S) & (1.001 * tau1 < tau2) & (tau2 < 0.5 * limit) & (Ts > 0) & (cost > 0)
     slope = gradient[:3].T.copy()
     slope[:, 1:] *= theta[1:3].T
-    predicted = 0.5 * (slope * np.linalg.solve(H, slope[:, :, None])[:, :, 0]).sum(axis=1)
+    step = np.linalg.solve(H, slope[:, :, None])[:, :, 0]
+    predicted = 0.5 * (slope * step).sum(axis=1)
+    theta = theta_at(within(limit)(x, np.where(bowl[:, None], step, 0.0)), share)
     return theta, cost, np.where(bowl, predicted / np.where(bowl, cost, 1.0), np.inf)
 
 

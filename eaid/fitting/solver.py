@@ -23,6 +23,8 @@ ENDS = 1.5
 """The same next to the minimum, times what a Newton step predicts: a step that gains about that much is the last."""
 FINISHED = 1e-15
 """Polishing ends where the Newton step predicts less than this part of the cost."""
+UNSEEN = 1e-4
+"""The last step, too small to be seen in the cost, is taken where it changes no unknown by more than this part."""
 SETTLED = 1e-12
 """A start has ended where the Newton step predicts less than this part of the cost."""
 NEAR_END = 1e-7
@@ -202,9 +204,7 @@ def polish(
     """
     x, evaluations = end.x, end.evaluations + 1
     cost, gradient = full(x)
-    step = newton_step(problem, x, gradient, problem.normal(x)[2])
-    if step.decrease > finished * cost:
-        step = newton_step(problem, x, gradient, _curvature(problem, x))
+    step = newton_step(problem, x, gradient, _curvature(problem, x))
     for _ in range(steps):
         if step.decrease <= finished * cost:
             break
@@ -219,6 +219,8 @@ def polish(
         x, cost, gradient = reached, found, slope
         step = newton_step(problem, x, gradient, _curvature(problem, x))
     predicted = step.decrease / max(cost, problem.floor) if step.decrease > 0 else 0.0
+    if step.decrease <= SETTLED * cost and (np.abs(step.d) <= UNSEEN * np.abs(x)).all():
+        x = inside(problem, x, x + step.d)  # the cost shows no difference any more, the unknowns do
     near = np.flatnonzero(problem.A @ x - problem.b < rounding(problem))
     return EndPoint(x, cost, evaluations), predicted, tuple(sorted({*step.active, *near.tolist()}))
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from eaid.fitting import release
+from eaid.fitting import falling
 from eaid.fitting.data import data_of
 from eaid.fitting.levels import fit_levels
 from eaid.fitting.release import release_fit, share_reached
@@ -88,7 +88,7 @@ def test_levels_together_end_where_the_solver_takes_each(times: list[np.ndarray]
     together, _ = release_fit(levels, [], {})
     for level, own in zip(levels, together.levels, strict=True):
         data = data_of([level])
-        solved = release._solve(data, np.array([0.85]), np.log([[0.1, 1.0], [0.4, 9.0]]))
+        solved = falling.solve(data, np.array([0.85]), np.log([[0.1, 1.0], [0.4, 9.0]]))
         assert own.sse == pytest.approx(solved.solver.costs[0], rel=1e-12)
         assert (own.tau1, own.tau2) == pytest.approx(tuple(solved.tau), rel=1e-6)
         left = level.mean - release_curve(own, level.time_s)
@@ -98,12 +98,12 @@ def test_levels_together_end_where_the_solver_takes_each(times: list[np.ndarray]
 def test_gradient_and_second_derivatives_against_differences() -> None:
     data, shares = data_of(_noisy([TIME] * 3)), np.array([0.7, 0.8, 0.9])
     x = np.log([[0.2, 3.0], [0.4, 2.0], [0.3, 9.0]])
-    now = release._projected(x, data.points, shares)
-    full = release._on_every_sample(x, data, shares)
+    now = falling._projected(x, data.points, shares)
+    full = falling._on_every_sample(x, data, shares)
     assert full[1] == pytest.approx(now.gradient, rel=1e-6)
     for k in (0, 1):
         step = 1e-5 * np.eye(2)[k]
-        up, down = (release._projected(x + sign * step, data.points, shares) for sign in (1, -1))
+        up, down = (falling._projected(x + sign * step, data.points, shares) for sign in (1, -1))
         assert now.gradient[:, k] == pytest.approx((up.cost - down.cost) / 2e-5, rel=1e-5)
         assert now.exact[:, k] == pytest.approx((up.gradient - down.gradient) / 2e-5, rel=1e-4)
 
@@ -120,7 +120,7 @@ def test_a_release_faster_than_the_samples_stays_within_the_limits() -> None:
     for row, fall in zip(found.levels, falls, strict=True):
         assert row.solver.converged and 0.001 - 1e-10 <= row.tau1 <= row.tau2 + 1e-10
         points = data_of([fall]).points.rows(np.zeros(len(pairs), dtype=np.intp))
-        assert row.sse <= (1 + 1e-9) * release._projected(pairs, points, np.full(len(pairs), 0.85)).cost.min()
+        assert row.sse <= (1 + 1e-9) * falling._projected(pairs, points, np.full(len(pairs), 0.85)).cost.min()
 
 
 @pytest.mark.parametrize(("tau1", "tau2", "fast"), [(87.2, 58781.0, 0.65), (86.7, 21114.0, 0.77)])

@@ -67,6 +67,14 @@ def test_the_verdict_sees_a_point_that_is_no_minimum() -> None:
     assert promise < 1e-12 and end.cost == pytest.approx(1.0)
 
 
+def test_the_last_step_is_taken_where_the_cost_no_longer_shows_it() -> None:
+    problem = _bowl(*FREE)
+    x = CENTRE + SCALES * np.array([1e-9, -1e-9, 1e-9])
+    assert problem.value(x)[0] == 1.0
+    end, _, _ = polish(problem, EndPoint(x, 1.0, 1), problem.value)
+    assert (end.x - CENTRE) / SCALES == pytest.approx(0, abs=1e-13)
+
+
 def test_nothing_left_is_not_divided_by() -> None:
     problem = _bowl(*FREE, left=0.0)
     end = slsqp(problem, CENTRE.copy())

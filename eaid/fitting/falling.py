@@ -1,0 +1,207 @@
+"""Falling curves, T(t) = residual + amplitude (s e^(−t/τ1) + (1 − s) e^(−t/τ2)), amplitude ≥ 0, of one or more levels.
+
+The cost is linear in amplitude and residual, which are solved for; SLSQP sees ln τ1 and ln τ2.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from eaid.arrays import Array
+from eaid.fitting.compress import Points
+from eaid.fitting.data import Data
+from eaid.fitting.descent import Descent, descend
+from eaid.fitting.levels import CLEAR, SAME, TRUST
+from eaid.fitting.problem import ROUNDING, Problem
+from eaid.fitting.samples import decay
+from eaid.fitting.solver import FINISHED, SETTLED, approach, concluded, ended, judged
+from eaid.fitting.starts import RECORDS, Indices, grid_bowls, grid_fits, start_grid
+from eaid.models.parameters import TAU_FLOOR_S
+from eaid.results.common import Solver
+
+MOST = 3
+"""Starts of every solve."""
+STEPS = 20
+"""Damped Newton steps from the starts of single levels, at most."""
+
+
+@dataclass(frozen=True, eq=False)
+class Solved:
+    """Time constants of one or of all levels, the verdict on them, and what was solved for."""
+
+    tau: Array
+    """τ1 and τ2 [s], (2,)."""
+    solver: Solver
+    parts: Array
+    """Amplitude and residual of each level, (L, 2)."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Sums:
+    """Cost and more of N rows of points at (ln τ1, ln τ2) of their own, amplitude and residual solved for."""
+
+    cost: Array
+    """(N,)."""
+    gradient: Array
+    """(N, 2)."""
+    curvature: Array
+    """Gauss–Newton, (N, 2, 2)."""
+    exact: Array
+    """Second derivatives, (N, 2, 2)."""
+
+    @property
+    def bowl(self) -> Array:
+        """The second derivatives where they are those of a bowl, else Gauss–Newton, (N, 2, 2)."""
+        positive = np.linalg.eigvalsh(self.exact)[:, 0] > 0
+        return np.where(positive[:, None, None], self.exact, self.curvature)
+
+
+def each_alone(data: Data, shares: Array) -> list[Solved]:
+    """Every level by itself; the starts of all are found, and judged on every sample, together.
+
+    Where the best start of a level is at its minimum already and no other comes near it, the solver has nothing to add.
+    """
+    level, x = _starts(data, shares)
+    ends = _refined(x, data.points.rows(level), shares[level], data)
+    found = []
+    for i in range(len(shares)):
+        rows = np.flatnonzero(level == i)
+        rows = rows[np.argsort(ends.cost[rows], kind="stable")]
+        best, costs = ends.x[rows[:1]], ends.cost[rows]
+        one, share = data.one(i), shares[i : i + 1]
+        sse, gradient, _ = _on_every_sample(best, one, share)
+        decrease, step = _newton(best, sse, gradient, _projected(best, one.points, share).exact, data)
+        low = costs - TRUST * ends.predicted[rows]
+        rival = ((costs > (1 + SAME) * costs[0]) & (low < (1 + CLEAR) * costs[0])).any()
+        if decrease[0] > SETTLED or rival:
+            found.append(solve(one, share, ends.x[rows]))
+            continue
+        solver = judged(float(decrease[0]), len(rows) * STEPS, (costs + (sse[0] - costs[0])).tolist())
+        x = best - step  # the last step is too small for the cost to show
+        found.append(Solved(np.exp(x[0]), solver, _on_every_sample(x, one, share)[2]))
+    return found
+
+
+def _starts(data: Data, shares: Array) -> tuple[Indices, Array]:
+    """Level and (ln τ1, ln τ2) of what single levels begin from: minima over a grid for −y above an offset, (N, 2)."""
+    points = data.points
+    times = points.t_s if len(points.t_s) == len(points.y) else points.t_s[:1]
+    grid = start_grid(times[points.w[: len(times)] > 0])
+    fits = []
+    for i, share in enumerate(shares.tolist()):
+        one = points.rows(slice(i, i + 1))
+        fits.append(grid_fits(one.t_s, -one.y, one.w, grid, share, offset=True))
+    inner, square = (np.concatenate(part) for part in zip(*fits, strict=True))
+    level, first, second = grid_bowls(inner, square, MOST)
+    return level, np.log(np.stack([grid[first], grid[second]], axis=1))
+
+
+def _refined(x: Array, points: Points, shares: Array, data: Data) -> Descent:
+    """Where damped Newton steps lead every row of x, (N, 2)."""
+    least, most = np.log(TAU_FLOOR_S), np.log(RECORDS * data.longest_s)
+
+    def look(x: Array) -> tuple[Array, Array, Array]:
+        now = _projected(x, points, shares)
+        return now.cost, now.gradient, now.bowl
+
+    def within(x: Array, step: Array) -> Array:
+        tried = np.clip(x - np.clip(step, -2.0, 2.0), least, most)
+        tried[:, 1] = np.maximum(tried[:, 1], tried[:, 0])
+        return tried
+
+    return descend(look, x, STEPS, FINISHED, within)
+
+
+def _newton(x: Array, cost: Array, gradient: Array, curvature: Array, data: Data) -> tuple[Array, Array]:
+    """What a Newton step predicts of each row, relative to its cost, (N,), and the step, (N, 2).
+
+    Infinite and none at a limit or off a bowl.
+    """
+    first, second = x.T
+    inside = (first > np.log(1.001 * TAU_FLOOR_S)) & (second > first + 1e-3) & (cost > 0)
+    inside &= (second < np.log(0.5 * RECORDS * data.longest_s)) & (np.linalg.eigvalsh(curvature)[:, 0] > 0)
+    H = np.where(inside[:, None, None], curvature, np.eye(2))
+    step = np.linalg.solve(H, gradient[:, :, None])[:, :, 0]
+    decrease = 0.5 * (gradient * step).sum(axis=1) / np.where(inside, cost, 1.0)
+    return np.where(inside, decrease, np.inf), np.where(inside[:, None], step, 0.0)
+
+
+def solve(data: Data, shares: Array, starts: Array) -> Solved:
+    """One τ1 and τ2 for all levels of `data`, from the `MOST` best of `starts`, rows of (ln τ1, ln τ2).
+
+    SLSQP ends the fit from the best of what they lead to; costs are of the full data.
+    """
+    limit = RECORDS * data.longest_s
+    A = np.array([[1.0, 0.0], [-1.0, 1.0], [0.0, -1.0]])
+    b = np.array([np.log(TAU_FLOOR_S), 0.0, -np.log(limit)])
+    names = ("tau1-floor", "tau2-meets-tau1", "tau2-endless")
+
+    def sums(x: Array) -> _Sums:
+        return _projected(np.tile(x, (len(shares), 1)), data.points, shares)
+
+    def normal(x: Array) -> tuple[float, Array, Array]:
+        now = sums(x)
+        return float(now.cost.sum()), now.gradient.sum(axis=0), now.curvature.sum(axis=0)
+
+    def on_all(x: Array) -> tuple[float, Array]:
+        cost, gradient, _ = _on_every_sample(np.tile(x, (len(shares), 1)), data, shares)
+        return float(cost.sum()), gradient.sum(axis=0)
+
+    floor = ROUNDING * data.energy
+    problem = Problem(normal, A, b, names.__getitem__, lambda x: sums(x).exact.sum(axis=0), floor)
+    starts = np.clip(starts, b[0], -b[2])
+    order = np.argsort([problem.value(start)[0] for start in starts], kind="stable")[:MOST]
+    end, solver, _ = concluded(problem, ended([approach(problem, starts[k]) for k in order], problem), on_all)
+    parts = _on_every_sample(np.tile(end.x, (len(shares), 1)), data, shares)[2]
+    return Solved(np.exp(end.x), solver, parts)
+
+
+def _on_every_sample(x: Array, data: Data, shares: Array) -> tuple[Array, Array, Array]:
+    """Cost (L,), gradient by (ln τ1, ln τ2), and amplitude and residual of each level at its x, (L, 2) each."""
+    found = []
+    for (tau1, tau2), share, record in zip(np.exp(x), shares, data.records, strict=True):
+        t, y = record.t_s, record.y
+        e1, e2 = share * decay(record, tau1), (1 - share) * decay(record, tau2)
+        shape = e1 + e2
+        sums = np.array([len(y), shape.sum(), shape @ shape, y.sum(), shape @ y])
+        amplitude, residual = _solved_for(*sums[:, None])
+        r = amplitude * shape
+        r += residual - y
+        rt = r * t
+        twice = 2 * amplitude[0]
+        found.append((r @ r, twice * (rt @ e1) / tau1, twice * (rt @ e2) / tau2, amplitude[0], residual[0]))
+    cost, *rest = np.array(found).T
+    return cost, np.stack(rest[:2], axis=1), np.stack(rest[2:], axis=1)
+
+
+def _solved_for(n: Array, s1: Array, s2: Array, sy: Array, sf: Array) -> tuple[Array, Array]:
+    """Amplitude ≥ 0 and residual of least squares, from Σ 1, Σ φ, Σ φ², Σ y and Σ φ y of each level, (L,) each."""
+    determinant = n * s2 - s1**2
+    amplitude = (n * sf - s1 * sy) / np.where(determinant > 1e-12 * n * s2, determinant, np.inf)
+    amplitude = np.maximum(amplitude, 0.0)
+    return amplitude, (sy - amplitude * s1) / n
+
+
+def _projected(x: Array, points: Points, shares: Array) -> _Sums:
+    """Sums over the points; `x` and `shares` have a row for each row of them, (N, 2) and (N,)."""
+    tau1, tau2 = np.exp(np.clip(x, -8.0, 25.0)).T[:, :, None]  # SLSQP may look far outside before it comes back
+    t, s, y = points.t_s, shares[:, None], points.y
+    z1, z2 = t / tau1, t / tau2
+    e1, e2 = s * np.exp(-z1), (1 - s) * np.exp(-z2)
+    slopes = np.empty((len(y), 5, y.shape[1]))  # by ln τ1, ln τ2 for amplitude 1, by amplitude, by residual; the data
+    slopes[:, 0], slopes[:, 1], slopes[:, 2], slopes[:, 3], slopes[:, 4] = z1 * e1, z2 * e2, e1 + e2, 1.0, y
+    product = (slopes * points.w[:, None, :]) @ slopes.transpose(0, 2, 1)
+    n, s1, s2, sy, sf = (product[:, i, j] for i, j in ((3, 3), (2, 3), (2, 2), (3, 4), (2, 4)))
+    amplitude, residual = _solved_for(n, s1, s2, sy, sf)
+    r = residual[:, None] + amplitude[:, None] * slopes[:, 2] - y
+    wr = points.w * r
+    left = residual[:, None] * product[:, :2, 3] + amplitude[:, None] * product[:, :2, 2] - product[:, :2, 4]
+    own, cross = product[:, :2, :2] * amplitude[:, None, None] ** 2, product[:, :2, 2:4] * amplitude[:, None, None]
+    inner = product[:, 2:4, 2:4] + (1e-12 * (n + s2)[:, None, None] + 1e-300) * np.eye(2)
+    curvature = own - cross @ np.linalg.solve(inner, cross.transpose(0, 2, 1))
+    # ∂²f/∂(ln τ)² = A z (z − 1) e, and ∂²f/∂A ∂ln τ = z e, with z = t/τ
+    for k, z in enumerate((z1, z2)):
+        own[:, k, k] += amplitude * (wr * slopes[:, k] * (z - 1)).sum(axis=1)
+    cross[:, :, 0] += left
+    exact = own - cross @ np.linalg.solve(inner, cross.transpose(0, 2, 1))
+    return _Sums((wr * r).sum(axis=1), 2 * amplitude[:, None] * left, 2 * curvature, 2 * exact)
