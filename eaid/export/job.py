@@ -128,6 +128,7 @@ def _head(
     origins = [f"{one.path}, sha256 {one.sha256}" for one in options.inputs] or list(source.origins)
     lines = [
         f"{', '.join(laws)} for an electroadhesive clutch, made by eaid {__version__}",
+        "SPDX-License-Identifier: MIT",
         *(f"from {origin}" for origin in origins),
         *([f"by {options.command}"] if options.command else []),
         f"sample time {decimal(timing.dt_s)} s, {timing.precision} precision;"

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: MIT
 """The exported laws and the plant in plain Python: what the C, MATLAB and FMU texts are held against, bit by bit.
 
     1 − e^(−x) = x P(x) on 0…1; beyond, x is halved until it lies there, and E ← E (2 − E) undoes each halving

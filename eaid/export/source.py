@@ -2,16 +2,18 @@
 
 from dataclasses import dataclass, replace
 
+from eaid.control.defaults import input_limits
+from eaid.control.gains import pi_gains, rc_gains
 from eaid.control.pi import PIGains
-from eaid.control.plant import falls_as_release
+from eaid.control.plant import plant_of
 from eaid.control.rc import RCGains
 from eaid.errors import UsageError
 from eaid.findings import Finding
-from eaid.models.parameters import SHARE, Nonlinear
+from eaid.models.parameters import Nonlinear
 from eaid.replay.plant import plant_parameters, plant_terms
 from eaid.results.codec import content_of, digest_of
 from eaid.results.fit import Fit
-from eaid.results.gains import AntiWindup, Gains, Margins
+from eaid.results.gains import Gains, Margins
 
 
 @dataclass(frozen=True)
@@ -77,49 +79,22 @@ def _with_gains(gains: Gains | RCGains | PIGains | None) -> Source:
         return Source(pi=gains, limits=(gains.duty_min, gains.duty_max))
     if gains is None:
         return Source()
-    model, low, high = gains.model, *gains.duty_limits_pct
-    rc = pi = None
-    if gains.rc is not None:
-        r = gains.rc
-        rc = RCGains(
-            r.K_P, r.K_D, r.B_hat, model.a0, model.b0, model.c0, r.rho.constant, r.rho.slope, r.epsilon, r.gamma,
-            r.Q[1][0], r.Q[1][1], low, high, _back_calculation(r.anti_windup),
-        )  # fmt: skip
-    if gains.pi is not None:
-        pi = PIGains(gains.pi.K_P, gains.pi.K_I, low, high, _back_calculation(gains.pi.anti_windup))
+    model = gains.model
     timing = gains.margins.timing if gains.margins else None
     return Source(
-        rc=rc, pi=pi, linear=(model.a0, model.b0, model.c0), limits=(low, high),
+        rc=rc_gains(gains), pi=pi_gains(gains), linear=(model.a0, model.b0, model.c0), limits=gains.duty_limits_pct,
         units=(gains.input_unit, gains.output_unit), rate_hz=timing.rate_hz if timing else 1000.0,
         pwm_hz=timing.pwm_hz if timing else None, gains=gains,
         origins=(f"gains: digest {digest_of(content_of(gains, 'gains'))}",),
     )  # fmt: skip
 
 
-def _back_calculation(wound: AntiWindup) -> float:
-    return wound.gain if wound.method == "back-calculation" else 0.0
-
-
 def _with_fit(source: Source, fit: Fit) -> Source:
-    plant = None
-    if fit.nonlinear is not None:
-        n = fit.nonlinear
-        release = None
-        if fit.release is not None and fit.release.tau1 is not None and fit.release.tau2 is not None:
-            release = (fit.release.tau1, fit.release.tau2)
-        share = SHARE if n.C is None else n.C
-        plant = Nonlinear(tuple(n.tau1), tuple(n.tau2), tuple(n.Ts), (n.u_range[0], n.u_range[1]), share, release)
-        plant = replace(plant, falls_as_release=falls_as_release(fit, plant))
     units, limits, rate = source.units, source.limits, source.rate_hz
-    if fit.data is not None:
-        own = (fit.data.input_unit, fit.data.output_unit)
-        if source.gains is None or units == ("%", "N·m"):
-            units = own
-        if source.gains is None:
-            rate = fit.data.sample_rate_hz or rate
-            highest = max(fit.data.levels, default=100.0)
-            limits = (0.0, 100.0 if own[0] == "%" and highest <= 100 else highest)
-    origin = f"fit: digest {digest_of(content_of(fit, 'fit'))}"
-    return replace(
-        source, plant=plant, fit=fit, units=units, limits=limits, rate_hz=rate, origins=(*source.origins, origin)
-    )
+    if source.gains is None or units == ("%", "N·m"):
+        units = (fit.data.input_unit, fit.data.output_unit)
+    if source.gains is None:
+        rate = fit.data.sample_rate_hz or rate
+        limits = input_limits(fit)
+    origins = (*source.origins, f"fit: digest {digest_of(content_of(fit, 'fit'))}")
+    return replace(source, plant=plant_of(fit), fit=fit, units=units, limits=limits, rate_hz=rate, origins=origins)

@@ -1,12 +1,10 @@
 """Controllers on a reference: the guarantee watched, what no log showed, drawn plants, and the least error."""
 
 from collections.abc import Mapping
-from dataclasses import replace
 
 import msgspec
 import numpy as np
 
-from eaid.control.plant import recorded_falls
 from eaid.errors import UsageError
 from eaid.findings import Finding, finding
 from eaid.limits import MOST_STEPS
@@ -78,7 +76,7 @@ def _unseen(setup: Setup, records: Mapping[str, Record]) -> list[Finding]:
         below = max(below, float(((duty > 0) & (duty < low)).mean()))
         above = max(above, float((duty > high).mean()))
         falling = max(falling, float(falls.mean()))
-    seen = bool(recorded_falls(setup.fit))
+    seen = bool(setup.fit.recorded_falls)
     if max(below, above, 0.0 if seen else falling) <= UNSEEN:
         return []
     return [
@@ -102,8 +100,7 @@ def _spread(
         )
     without = not drawable(setup.fit)
     drawn = draw(setup.fit, count, options.seed)
-    falls = setup.model.falls_as_release
-    plants = [perturbed(replace(plant, falls_as_release=falls), options.perturb) for plant in drawn.plants]
+    plants = [perturbed(plant, options.perturb) for plant in drawn.plants]
     for each in setup.controllers:
         with progress(f"{each.name} on drawn plants", count) as tick:
             found = montecarlo(plants, each, wanted, setup.rig, options.seed, options.threads, tick)

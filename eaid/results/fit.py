@@ -4,6 +4,7 @@ Keys are the paper's symbols, polynomials lowest power first, units those of the
 `data.output_unit`); time constants in s.
 """
 
+import math
 import os
 from collections.abc import Sequence
 from dataclasses import replace
@@ -14,6 +15,8 @@ import msgspec
 
 from eaid.errors import DataError, in_python
 from eaid.findings import Finding
+from eaid.models.nonlinear import time_constants
+from eaid.models.parameters import TAU_FLOOR_S
 from eaid.models.parameters import Friction as FrictionCurve
 from eaid.models.parameters import Linear as LinearModel
 from eaid.models.parameters import Nonlinear as NonlinearModel
@@ -635,11 +638,28 @@ class Fit(Shown, Result, frozen=True):
 
     @property
     def plant(self) -> NonlinearModel:
-        """The believed nonlinear model, with the release constants where falls to rest were fitted."""
+        """The believed nonlinear model, with the release constants where falls to rest were fitted.
+
+        Recorded falls between levels have them too where they are nearer to the release than to the rise, in
+        log τ1 + log τ2.
+        """
         if self.nonlinear is None:
             raise DataError("this fit holds no nonlinear model; fit clutch logs with «model» nonlinear")
-        constants = None if self.release is None else (self.release.tau1, self.release.tau2)
-        return replace(self.nonlinear.parameters, release=constants)
+        if self.release is None:
+            return self.nonlinear.parameters
+        release = (self.release.tau1, self.release.tau2)
+        model = replace(self.nonlinear.parameters, release=release)
+        nearer = 0.0
+        for row in self.recorded_falls:
+            for own, up, down in zip((row.tau1, row.tau2), time_constants(model, row.level), release, strict=True):
+                nearer += abs(math.log(own / max(float(up), TAU_FLOOR_S))) - abs(math.log(own / down))
+        return replace(model, falls_as_release=nearer > 0)
+
+    @property
+    def recorded_falls(self) -> tuple["FrictionLevel", ...]:
+        """The fitted steps that fall from one level to another, not to rest."""
+        levels = self.friction.levels if self.friction is not None else ()
+        return tuple(row for row in levels if row.from_ > row.level > 0)
 
     def not_identifiable_because(self, subject: str) -> tuple[Finding, ...]:
         """Why the data do not determine a model: friction, nonlinear or linear."""

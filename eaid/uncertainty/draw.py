@@ -10,7 +10,7 @@ draw
 that breaks one is drawn again and counted, and after many refusals pulled back along the line to the fit.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -117,7 +117,7 @@ def draw(fit: Fit, n: int, seed: int) -> Drawn:
         values = ((mean + step) / scale).tolist()
         tau1, tau2, steady = (tuple(values[a:b]) for a, b in pairwise(ends))
         C = min(max(values[total], 0.0), 1.0) if free else centre.C
-        plants.append(Nonlinear(tau1, tau2, steady, centre.u_range, C, centre.release))
+        plants.append(replace(centre, tau1=tau1, tau2=tau2, Ts=steady, C=C))
     return Drawn(tuple(plants), rejected)
 
 

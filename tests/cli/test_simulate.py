@@ -348,9 +348,14 @@ def test_what_no_log_showed_is_told(capsys):
 @pytest.mark.parametrize(("tau1", "as_release"), [(0.21, True), (0.61, False)])
 def test_recorded_falls_between_levels_say_which_constants_they_have(tau1, as_release):
     from eaid.control.plant import plant_of
+    from eaid.export.source import source_of
     from eaid.results.codec import from_plain
     from eaid.results.fit import Fit
+    from eaid.uncertainty.draw import draw
 
     falls = [{"level": 50.0, "from": 80.0, "Ts": -1.0, "tau1": tau1, "tau2": 5.0 if as_release else 14.0}]
     fit = {**FIT, "friction": {"levels": falls}, "release": {"tau1": 0.2, "tau2": 4.8}}
-    assert plant_of(from_plain(fit, Fit, "f")).falls_as_release is as_release
+    read = from_plain(fit, Fit, "f")
+    assert plant_of(read).falls_as_release is as_release
+    # one plant, whoever asks for it: planning and drawing take the fit's, export its source's
+    assert plant_of(read) == read.plant == source_of(None, read).plant == draw(read, 2, 0).plants[1]

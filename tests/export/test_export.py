@@ -39,9 +39,12 @@ def test_every_file_but_vectors_names_what_it_is_made_of(tmp_path, target):
     options = ExportOptions(target=target, folder=tmp_path / "rig", inputs=inputs, command="eaid export x --as y")
     made = export(gains_of(margins={"worst": {"rc": {"gain_db": 12.5}}}), fit_of(), options)
     for name in made.files:
+        if name.endswith((".py", ".h", ".m")):
+            assert "SPDX-License-Identifier: MIT" in (tmp_path / "rig" / name).read_text(), name
         if name in ("vectors.csv", "vectors.h", "check.py", "eaid_laws.py") or name.endswith((".fmu", "_block.m")):
             continue
         text = (tmp_path / "rig" / name).read_text()
+        assert "SPDX-License-Identifier: MIT" in text, name
         for part in ("made by eaid", "my gains.json, sha256 abc123", "eaid export x --as y", "sample time 0.001 s"):
             assert part in text, name
         assert ("RC 12.5 dB" in text) == (target != "modelica"), name
@@ -144,7 +147,8 @@ def test_a_plant_without_release_says_so(tmp_path):
 
 def test_the_rigs_own_units_stand_everywhere(tmp_path):
     data = {"input_unit": "V", "output_unit": "N", "levels": [100.0, 300.0], "sample_rate_hz": 2000.0}
-    made = export(None, fit_of(data=data), ExportOptions(folder=tmp_path / "rig"))
+    plant = replace(PLANT, tau1=(0.3, 0, 0), tau2=(5.0, 0, 0), Ts=(0, 0.02, 0, 0), u_range=(100.0, 300.0))
+    made = export(None, fit_of(plant, data=data), ExportOptions(folder=tmp_path / "rig"))
     assert made.dt_s == 0.0005
     text = (tmp_path / "rig" / "eaid_control.h").read_text()
     assert "[N/V]" in text and "duty in V, torque in N" in text and "N·m" not in text and "%" not in text
