@@ -11,16 +11,9 @@ NO_RIG = "cannot be checked without the rig"
 FAILS = "does not hold"
 VERDICTS = (HOLDS, ON_PLANT, CIRCULAR, UNDECIDED, NO_RIG, FAILS)
 
-FIT_FORCE = "eaid fit friction-force.h5"
-FIT_SPEED = "eaid fit friction-speed.h5"
-FIT_CLUTCH = "eaid fit clutch.h5"
-TUNE = "eaid tune-rc fit.json"
-SYNTH = "eaid synth --plant reference"
-SIMULATE = "eaid simulate fit.json --gains gains.json --scenario"
+FIT = "eaid fit {}.h5"
 HERE = "eaid reproduce"
 """Published gains on the reference plant, or arithmetic on printed numbers: this command itself."""
-INGEST = "eaid ingest LOGS"
-REPORT = "eaid report fit.json"
 
 
 @dataclass(frozen=True)
@@ -38,6 +31,19 @@ class Claim:
     def __post_init__(self) -> None:
         assert self.verdict in VERDICTS, self.verdict
         assert self.verdict in (HOLDS, ON_PLANT) or self.why, self.printed
+
+    @classmethod
+    def of_row(cls, row: str) -> "Claim":
+        """A claim from its row of a Markdown table: where, printed, ours, verdict and reason, command."""
+        where, printed, ours, judged, command = (cell.strip() for cell in row.strip().strip("|").split(" | "))
+        verdict, _, why = judged.partition(": ")
+        return cls(where, printed, ours, command.strip("`"), verdict, why)
+
+    def row(self) -> str:
+        """The claim as such a row."""
+        verdict = f"{self.verdict}: {self.why}" if self.why else self.verdict
+        cells = (self.where, self.printed, self.ours, verdict, f"`{self.command}`")
+        return "| " + " | ".join(cell.replace("|", "\\|").replace("\n", " ") for cell in cells) + " |"
 
 
 def near(ours: float, printed: float, share: float) -> bool:

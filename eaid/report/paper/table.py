@@ -4,7 +4,6 @@ from collections import Counter
 from collections.abc import Sequence
 
 from eaid.report.paper.claim import VERDICTS, Claim
-from eaid.report.paper.control_statements import control, rehabilitation
 from eaid.report.paper.evidence import Evidence
 from eaid.report.paper.printed_tables import tables
 from eaid.report.paper.statements import statements
@@ -15,20 +14,12 @@ BEGIN, END = "<!-- eaid reproduce: begin -->", "<!-- eaid reproduce: end -->"
 
 def claims(found: Evidence) -> list[Claim]:
     """Every checkable number of the paper: the tables, then the text and the figures."""
-    return [*tables(found), *statements(found), *control(found), *rehabilitation(found)]
+    return [*tables(found), *statements(found)]
 
 
 def markdown(rows: Sequence[Claim]) -> str:
     """The table, with a count of the verdicts before it."""
     counts = Counter(row.verdict for row in rows)
-    lines = [
-        f"{len(rows)} entries: " + ", ".join(f"{counts[verdict]} × {verdict}" for verdict in VERDICTS) + ".",
-        "",
-        "| where | the paper | ours | verdict | command |",
-        "|---|---|---|---|---|",
-    ]
-    for row in rows:
-        verdict = f"{row.verdict}: {row.why}" if row.why else row.verdict
-        cells = (row.where, row.printed, row.ours, verdict, f"`{row.command}`")
-        lines.append("| " + " | ".join(cell.replace("|", "\\|").replace("\n", " ") for cell in cells) + " |")
-    return "\n".join(lines) + "\n"
+    head = f"{len(rows)} entries: " + ", ".join(f"{counts[verdict]} × {verdict}" for verdict in VERDICTS) + "."
+    lines = [head, "", "| where | the paper | ours | verdict | command |", "|---|---|---|---|---|"]
+    return "\n".join([*lines, *(row.row() for row in rows)]) + "\n"
