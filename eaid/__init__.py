@@ -14,10 +14,12 @@ if TYPE_CHECKING:
     from eaid.api import couple, export, fit, load, plan, read, report, simulate, synth, tune_rc
     from eaid.fitting.options import FitOptions
 
-FUNCTIONS = ("read", "fit", "tune_rc", "simulate", "report", "plan", "synth", "load", "export", "couple")
+FUNCTIONS = (
+    "read", "fit", "tune_rc", "simulate", "report", "plan", "plan_excitation", "synth", "load", "export", "couple",
+)  # fmt: skip
 __all__ = [
     "FitOptions", "__version__",
-    "couple", "export", "fit", "load", "plan", "read", "report", "simulate", "synth", "tune_rc",
+    "couple", "export", "fit", "load", "plan", "plan_excitation", "read", "report", "simulate", "synth", "tune_rc",
 ]  # fmt: skip
 
 

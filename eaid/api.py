@@ -13,11 +13,11 @@ import os
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import fields, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import h5py
 
-from eaid.errors import DataError, UsageError
+from eaid.errors import DataError, UsageError, unknown
 from eaid.fitting.options import FitOptions
 from eaid.logs.frames import runs_from_frames
 from eaid.progress import Progress, no_progress
@@ -27,13 +27,24 @@ from eaid.results.coupling import Coupling
 from eaid.results.fit import Fit
 from eaid.results.gains import Gains
 from eaid.results.plan import Plan
+from eaid.results.recorded import Excitation
 from eaid.results.replay import Replay
 from eaid.results.tuning import TuneOptions
+from eaid.steps.levels import wanted_levels
 from eaid.steps.stepset import StepSet
 from eaid.uncertainty.workflow import fit_steps
 
 if TYPE_CHECKING:
     import pandas
+
+    from eaid.coupling.options import CoupleOptions
+    from eaid.export.export import ExportFolder
+    from eaid.export.options import ExportOptions
+    from eaid.planning.excitation import ExcitationOptions
+    from eaid.planning.recordings import PlanOptions
+    from eaid.replay.options import SimulateOptions
+
+K = TypeVar("K")
 
 Paths = str | os.PathLike[str] | Iterable[str | os.PathLike[str]]
 Frames = "pandas.DataFrame | Mapping[str, pandas.DataFrame]"
@@ -101,6 +112,7 @@ def fit(
     options: FitOptions | None = None,
     *,
     progress: Progress = no_progress,
+    bounds_levels: "str | Sequence[float] | None" = None,
     duty: tuple[float, float] | None = None,
     instrument: bool = False,
     **keywords: Any,
@@ -115,6 +127,8 @@ def fit(
         All choices at once; single ones as keywords: models, share, weights, loss, hold_out, bounds, estimator, ci, …
     progress
         As in `read`.
+    bounds_levels
+        Levels over which B_m and B_M are taken, as numbers or as "20:100".
     duty, instrument
         Of logs that are fitted as they were recorded: identified inputs, and the simulated duty as an instrument.
 
@@ -134,8 +148,12 @@ def fit(
     >>> bool(low < fit.params[("friction", "tau1(100)")] < high)
     True
     """
-    chosen = replace(options or FitOptions(), **_known(FitOptions, keywords))
+    chosen = _chosen(FitOptions, options, keywords)
     steps = data if isinstance(data, StepSet) else read(data, progress=progress)
+    if bounds_levels is not None:
+        text = bounds_levels if isinstance(bounds_levels, str) else ",".join(f"{u:.17g}" for u in bounds_levels)
+        kept = wanted_levels(text, [level.level for level in steps.levels], "bounds_levels")
+        chosen = replace(chosen, bounds_levels=tuple(kept))
     if steps.recorded:
         from eaid.recorded.entry import fit_whole
 
@@ -148,7 +166,7 @@ def tune_rc(
     fit: Fit,
     options: TuneOptions | None = None,
     *,
-    reference: Any = None,
+    reference: "str | os.PathLike[str] | None" = None,
     logs: StepSet | None = None,
     progress: Progress = no_progress,
     **keywords: Any,
@@ -162,7 +180,7 @@ def tune_rc(
     options
         All choices at once; single ones as keywords: kp, kd, b_hat, rho, phi, pi_overshoot, …
     reference
-        "multisine", "steps", or a file `time_s,reference_nm`, which Q_M is judged by.
+        A scenario (multisine, steps, sweep, ramp), or a file `time_s,reference_nm`, which Q_M is judged by.
     logs
         Steps of the same rig, which speak about φ and the noise.
 
@@ -184,13 +202,14 @@ def tune_rc(
     """
     from eaid.coupling.judge import stiffness_judge
     from eaid.replay.references import read_reference
+    from eaid.replay.scenarios import SCENARIOS
     from eaid.replay.tune import tune
 
-    chosen = _with(options or TuneOptions(), keywords)
+    chosen = _chosen(TuneOptions, options, keywords)
     judge = stiffness_judge(fit) if chosen.optimize_for == "stiffness" else None
-    named = reference is None or str(reference) in ("multisine", "steps")
-    signal = reference if named else read_reference(Path(reference))
-    return tune(fit, chosen, logs, signal, "" if named else str(reference), progress, judge)
+    named = "" if reference is None else str(reference)
+    signal = (named or None) if reference is None or named in SCENARIOS else read_reference(Path(reference))
+    return tune(fit, chosen, logs, signal, named, progress, judge)
 
 
 def simulate(
@@ -198,8 +217,10 @@ def simulate(
     gains: Gains | None = None,
     scenario: str | None = None,
     *,
+    options: "SimulateOptions | None" = None,
     reference: "str | os.PathLike[str] | None" = None,
     log: "Paths | None" = None,
+    reading: InputOptions | None = None,
     progress: Progress = no_progress,
     **keywords: Any,
 ) -> Replay:
@@ -212,10 +233,12 @@ def simulate(
     gains
         Gains of `tune_rc`; controllers that need them are left out without.
     scenario : {"steps", "multisine", "sweep", "ramp", "rehab"}, optional
+    options
+        All choices at once.
     reference
         A file `time_s,reference_nm` in place of a scenario.
-    log
-        Logs whose recorded input is replayed and compared.
+    log, reading
+        Logs whose recorded input is replayed and compared, and how they are read.
     **keywords
         Fields of `SimulateOptions` and of `Rig` (noise_nm, pwm_hz, delay_samples, …).
 
@@ -236,7 +259,7 @@ def simulate(
     """
     from eaid.coupling.entry import with_wall_findings
     from eaid.logs.read import read_runs
-    from eaid.replay.options import SimulateOptions
+    from eaid.replay.options import SimulateOptions, refuse_several
     from eaid.replay.references import read_reference
     from eaid.replay.rig import Rig
     from eaid.replay.simulate import simulate as replayed
@@ -244,10 +267,13 @@ def simulate(
     of_rig = {field.name for field in fields(Rig)}
     rig = Rig(**{name: value for name, value in keywords.items() if name in of_rig})
     rest = {name: value for name, value in keywords.items() if name not in of_rig}
-    options = SimulateOptions(scenario=scenario, rig=rig, **_known(SimulateOptions, rest))
+    chosen = options or SimulateOptions(scenario=scenario, rig=rig, **_known(SimulateOptions, rest))
+    refuse_several(chosen.scenario, reference, log)
     signal = None if reference is None else read_reference(Path(reference))
-    runs = None if log is None else read_runs(_paths(log), InputOptions().reading())
-    return with_wall_findings(replayed(fit, gains, options, signal, runs, progress), fit, gains)
+    if log is not None:
+        chosen.check_for("log")
+    runs = None if log is None else read_runs(_paths(log), (reading or InputOptions()).reading())
+    return with_wall_findings(replayed(fit, gains, chosen, signal, runs, progress), fit, gains)
 
 
 def report(
@@ -273,7 +299,7 @@ def report(
     return write_report(list(results), output_dir, ReportOptions(**_known(ReportOptions, options))).page
 
 
-def plan(fit: Fit, *, progress: Progress = no_progress, **options: Any) -> Plan:
+def plan(fit: Fit, options: "PlanOptions | None" = None, *, progress: Progress = no_progress, **keywords: Any) -> Plan:
     """What to record next, for intervals of wanted widths; fields of `PlanOptions` (want, idle_s, …) as keywords.
 
     Returns
@@ -293,7 +319,31 @@ def plan(fit: Fit, *, progress: Progress = no_progress, **options: Any) -> Plan:
     from eaid.planning.recordings import PlanOptions, plan_recordings
 
     with progress("simulated recordings", 0) as advance:
-        return plan_recordings(fit, PlanOptions(**_known(PlanOptions, options)), advance)
+        return plan_recordings(fit, _chosen(PlanOptions, options, keywords), advance)
+
+
+def plan_excitation(
+    fit: Fit, options: "ExcitationOptions | None" = None, *, progress: Progress = no_progress, **keywords: Any
+) -> Excitation:
+    """The shortest sequence of duties for one recording; fields of `ExcitationOptions` (want, limits, …) as keywords.
+
+    Returns
+    -------
+    Excitation
+        With `duty` (from when [s], value), the widths it gives, and `findings`.
+
+    Examples
+    --------
+    >>> import eaid
+    >>> fit = eaid.fit(eaid.synth(levels=(20.0, 60.0, 100.0), repeats=2, rate_hz=50.0, seed=1))
+    >>> made = eaid.plan_excitation(fit, want={"Ts": 5.0}, check=False)
+    >>> made.duty[0]
+    (0.0, 0.0)
+    """
+    from eaid.planning.excitation import ExcitationOptions, shortest_recording
+
+    with progress("simulated recordings", 0) as advance:
+        return shortest_recording(fit, _chosen(ExcitationOptions, options, keywords), advance)
 
 
 def synth(plant: Fit | None = None, **options: Any) -> StepSet:
@@ -312,7 +362,13 @@ def synth(plant: Fit | None = None, **options: Any) -> StepSet:
     return steps_of(runs, InputOptions())[1]
 
 
-def export(gains: Gains | None, output_dir: str | os.PathLike[str], fit: Fit | None = None, **options: Any) -> Any:
+def export(
+    gains: Gains | None,
+    output_dir: "str | os.PathLike[str] | None" = None,
+    fit: Fit | None = None,
+    options: "ExportOptions | None" = None,
+    **keywords: Any,
+) -> "ExportFolder":
     """Controllers and plant as source for a rig, with test vectors and a check program; fields of `ExportOptions`.
 
     Examples
@@ -329,10 +385,18 @@ def export(gains: Gains | None, output_dir: str | os.PathLike[str], fit: Fit | N
     from eaid.export.export import export as exported
     from eaid.export.options import ExportOptions
 
-    return exported(gains, fit, ExportOptions(folder=Path(output_dir), **_known(ExportOptions, options)))
+    where = {} if output_dir is None else {"folder": Path(output_dir)}
+    return exported(gains, fit, _chosen(ExportOptions, options, {**keywords, **where}))
 
 
-def couple(fit: Fit, gains: Gains | None = None, *, progress: Progress = no_progress, **options: Any) -> Coupling:
+def couple(
+    fit: Fit,
+    gains: Gains | None = None,
+    options: "CoupleOptions | None" = None,
+    *,
+    progress: Progress = no_progress,
+    **keywords: Any,
+) -> Coupling:
     """How stiff a virtual wall each loop may render on a limb.
 
     Parameters
@@ -341,8 +405,8 @@ def couple(fit: Fit, gains: Gains | None = None, *, progress: Progress = no_prog
         A fit with a nonlinear model, which is the plant.
     gains
         Gains of the loops rc and pi; without them the open loop and the inverse remain.
-    **options
-        Fields of `CoupleOptions`: limb_inertia, limb_damping, torques, pwm_hz, plants, …
+    options
+        All choices at once; single ones as keywords: limb_inertia, limb_damping, torques, pwm_hz, plants, …
 
     Returns
     -------
@@ -361,7 +425,7 @@ def couple(fit: Fit, gains: Gains | None = None, *, progress: Progress = no_prog
     """
     from eaid.coupling.entry import CoupleOptions, couple_fit
 
-    return couple_fit(fit, gains, CoupleOptions(**_known(CoupleOptions, options)), progress)
+    return couple_fit(fit, gains, _chosen(CoupleOptions, options, keywords), progress)
 
 
 def load(path: str | os.PathLike[str]) -> "Fit | Gains | Coupling | Replay | StepSet":
@@ -396,17 +460,21 @@ def load(path: str | os.PathLike[str]) -> "Fit | Gains | Coupling | Replay | Ste
 
 def _known(options: type, given: Mapping[str, Any]) -> dict[str, Any]:
     """The keywords, held against the fields of an options type."""
-    names = getattr(options, "__struct_fields__", None) or [field.name for field in fields(options)]
     for name in given:
-        if name not in names:
-            raise UsageError(f"{name}: no such option; there are {', '.join(names)}")
+        if name not in _names(options):
+            raise UsageError(unknown("no such option", name, _names(options)))
     return dict(given)
 
 
-def _with(options: TuneOptions, keywords: Mapping[str, Any]) -> TuneOptions:
-    import msgspec
+def _names(options: type) -> Sequence[str]:
+    return getattr(options, "__struct_fields__", None) or [field.name for field in fields(options)]
 
-    return msgspec.structs.replace(options, **_known(TuneOptions, keywords))
+
+def _chosen(kind: type[K], options: K | None, keywords: Mapping[str, Any]) -> K:
+    """Options given whole, or the defaults, with single ones changed."""
+    known = _known(kind, keywords)
+    told = {} if options is None else {name: getattr(options, name) for name in _names(kind)}
+    return kind(**{**told, **known})
 
 
 def _is_frames(source: Any) -> bool:

@@ -4,6 +4,8 @@ A sentence names an option in guillemets, `«step_at»`: Python then says `step_
 """
 
 import re
+from collections.abc import Iterable
+from difflib import get_close_matches
 
 _OPTION = re.compile("«([^»]+)»")
 
@@ -16,6 +18,13 @@ def in_python(sentence: str) -> str:
 def on_command_line(sentence: str) -> str:
     """A sentence with its options as the command line writes them, `--step-at`."""
     return _OPTION.sub(lambda found: "--" + found[1].replace("_", "-"), sentence)
+
+
+def unknown(name: str, value: object, known: Iterable[object]) -> str:
+    """`«kind» clutc: must be one of clutch, friction-force; did you mean clutch?`"""
+    words = [str(word) for word in known]
+    meant = get_close_matches(str(value), words, 1)
+    return f"{name} {value}: must be one of {', '.join(words)}" + (f"; did you mean {meant[0]}?" if meant else "")
 
 
 class EaidError(Exception):

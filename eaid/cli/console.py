@@ -16,7 +16,10 @@ from typing import TYPE_CHECKING
 from eaid.errors import on_command_line
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from eaid.findings import Finding
+    from eaid.report.tables.table import Table
 
 MOST_FINDINGS = 3
 """Findings that are told by default; `--verbose` tells all."""
@@ -127,6 +130,11 @@ def table(title: str, columns: Sequence[str], rows: Sequence[Sequence[str]]) -> 
         print("\n".join([safe(title), *aligned([[safe(cell) for cell in row] for row in [columns, *rows]], width)]))
 
 
+def show(made: "Table") -> None:
+    """Print a table of the report, its caption behind the heading."""
+    table(f"{made.heading}. {made.caption}".rstrip(), made.heads, made.texts)
+
+
 def aligned(rows: Sequence[Sequence[str]], width: int | None = None) -> list[str]:
     """The lines of a table, its first row the heading; None: as wide as it is."""
     right = [all(_is_number(row[i]) for row in rows[1:]) and i > 0 for i in range(len(rows[0]))]
@@ -178,6 +186,16 @@ def _is_number(text: str) -> bool:
     except ValueError:
         return False
     return True
+
+
+def done(path: "Path", what: str, after: str) -> None:
+    """The closing line: the file, what it holds, and what to do next."""
+    say(f"{path}: {what}; next: {after}")
+
+
+def number(value: float | None, digits: int = 4) -> str:
+    """A number for a table; a dash where there is none."""
+    return "–" if value is None else f"{value:.{digits}g}".replace("-", "−")
 
 
 def line(text: str) -> None:

@@ -1,113 +1,89 @@
 """`eaid couple`: how stiff a virtual wall each loop may render."""
 
+import sys
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, cast
-
-import typer
+from typing import TYPE_CHECKING
 
 from eaid.cli import console
-from eaid.cli.options import Force, Json, Output, Quiet, Seed
-from eaid.cli.words import names, numbers
+from eaid.cli.form import Common, Seeded, Verbose, argument, option, taken, takes, written
+from eaid.cli.words import numbers
 
 if TYPE_CHECKING:
     from eaid.results.coupling import Wall
 
-Fit = Annotated[Path, typer.Argument(metavar="FIT", help="fit.json with a nonlinear model.")]
-Gains = Annotated[Path | None, typer.Option("--gains", help="gains.json; without it only open loop and inverse.")]
 LIMB, LOOP, DRAWN = "The limb and the wall", "The loop as it runs", "Populations"
+LOOPS = ("open-loop", "pi", "rc-no-rate", "rc", "inverse")
 
 
-def command(
-    fit: Fit,
-    gains: Gains = None,
-    torque: Annotated[
-        str | None, typer.Option("--torque", help="Torques held: 1,2,3; default: four.", rich_help_panel=LIMB)
-    ] = None,
-    loops: Annotated[
-        str | None,
-        typer.Option("--loops", help="Of open-loop,pi,rc-no-rate,rc,inverse; default: all.", rich_help_panel=LOOP),
-    ] = None,
-    limb_inertia: Annotated[float, typer.Option(help="[kg·m²]", rich_help_panel=LIMB)] = 0.1,
-    limb_damping: Annotated[float, typer.Option(help="[N·m·s/rad]", rich_help_panel=LIMB)] = 0.8,
-    virtual_damping: Annotated[float, typer.Option(help="B_v of the wall [N·m·s/rad].", rich_help_panel=LIMB)] = 0.0,
-    wall: Annotated[
-        float | None, typer.Option(help="A stiffness that has to be rendered [N·m/rad].", rich_help_panel=LIMB)
-    ] = None,
-    rate_hz: Annotated[float, typer.Option(help="Control rate.", rich_help_panel=LOOP)] = 1000.0,
-    pwm_hz: Annotated[float, typer.Option(help="Duty latched at; 0: at once.", rich_help_panel=LOOP)] = 0.0,
-    delay_samples: Annotated[int, typer.Option(help="From reading to duty.", rich_help_panel=LOOP)] = 0,
-    sensor_hz: Annotated[float, typer.Option(help="Torque sensor's corner; 0: none.", rich_help_panel=LOOP)] = 0.0,
-    encoder_counts: Annotated[int | None, typer.Option(help="Counts a turn of the limb.", rich_help_panel=LIMB)] = None,
-    idle_drag_nm: Annotated[
-        float | None, typer.Option(help="Torque of the idle clutch; default: the fit's idle.", rich_help_panel=LIMB)
-    ] = None,
-    rotor_rpm: Annotated[float, typer.Option(help="Speed of the rotor.", rich_help_panel=LIMB)] = 10.0,
-    pair_bias_nm: Annotated[
-        float | None, typer.Option(help="Bias of an antagonistic pair.", rich_help_panel=LIMB)
-    ] = None,
-    plants: Annotated[int, typer.Option(help="Plants drawn, each with a limb.", rich_help_panel=DRAWN)] = 0,
-    limb_spread: Annotated[float, typer.Option(help="J and b of drawn limbs: ± share.", rich_help_panel=DRAWN)] = 0.3,
-    replay: Annotated[bool, typer.Option(help="Also bisect replays.", rich_help_panel=LOOP)] = True,
-    output: Output = Path("couple.json"),
-    verbose: Annotated[bool, typer.Option("--verbose", "-v", help="Tell all findings.")] = False,
-    json: Json = False,
-    quiet: Quiet = False,
-    force: Force = False,
-    seed: Seed = 0,
-) -> None:
+@dataclass(frozen=True, kw_only=True)
+class Arguments(Common, Seeded, Verbose):
+    """What `eaid couple` is told."""
+
+    fit: Path = argument("FIT", "fit.json with a nonlinear model.")
+    gains: Path | None = option(None, "gains.json; without it only open loop and inverse.", LOOP, shown="FILE")
+    loops: tuple[str, ...] = option(LOOPS, "Loops that are judged.", LOOP, words=LOOPS, several=True, shown="NAME,…")
+    rate_hz: float = option(1000.0, "Control rate [Hz].", LOOP)
+    pwm_hz: float = option(0.0, "Duty latched at [Hz]; 0: at once.", LOOP)
+    delay_samples: int = option(0, "From reading to duty [samples].", LOOP)
+    sensor_hz: float = option(0.0, "Torque sensor's corner [Hz]; 0: none.", LOOP)
+    replay: bool = option(True, "Also bisect replays of the nonlinear plant.", LOOP)
+    torques: tuple[float, ...] = option(
+        (), "Torques held; by itself four over the fitted range.", LIMB, "--torque", read=numbers, shown="1,2,3"
+    )
+    wall: float | None = option(None, "A stiffness that has to be rendered [N·m/rad].", LIMB)
+    virtual_damping: float = option(0.0, "B_v of the wall [N·m·s/rad].", LIMB)
+    limb_inertia: float = option(0.1, "[kg·m²]", LIMB)
+    limb_damping: float = option(0.8, "[N·m·s/rad]", LIMB)
+    encoder_counts: int | None = option(None, "Counts a turn of the limb.", LIMB)
+    idle_drag_nm: float | None = option(None, "Torque of the idle clutch; by itself the fit's idle.", LIMB)
+    rotor_rpm: float = option(10.0, "Speed of the rotor.", LIMB)
+    pair_bias_nm: float | None = option(None, "Bias of an antagonistic pair; by itself mid-range.", LIMB)
+    plants: int = option(0, "Plants drawn from the fit's uncertainty, each with a limb.", DRAWN)
+    limb_spread: float = option(0.3, "Inertia and damping of drawn limbs: ± share.", DRAWN)
+    output: Path = written("couple.json")
+
+
+@takes(Arguments)
+def command(given: Arguments) -> None:
     """How stiff a virtual wall each loop may render on a limb: passive on any limb, stable on this one, replayed.
 
     Exit code 5: a loop is unstable without any wall.
 
     Example: eaid couple fit.json --gains gains.json --torque 1,2,3 --wall 3
     """
-    console.be_quiet(quiet)
-    import msgspec
-
-    from eaid.coupling.entry import CoupleOptions, couple_fit
+    from eaid import api
+    from eaid.cli import inputs
+    from eaid.coupling.options import CoupleOptions
     from eaid.files import refuse_to_overwrite
     from eaid.results import codec
-    from eaid.results.common import Input
     from eaid.results.coupling import CoupleInputs
-    from eaid.results.fit import Fit as FitResult
-    from eaid.results.gains import Gains as GainsResult
+    from eaid.results.fit import Fit
+    from eaid.results.gains import Gains
 
-    path = cast("Path", output)
-    refuse_to_overwrite(path, force, [fit, *([gains] if gains else [])])
-    plain = CoupleOptions()
-    options = CoupleOptions(
-        torques=numbers("--torque", torque), loops=names(loops) or plain.loops, limb_inertia=limb_inertia,
-        limb_damping=limb_damping, virtual_damping=virtual_damping, wall=wall, rate_hz=rate_hz, pwm_hz=pwm_hz,
-        delay_samples=delay_samples, sensor_hz=sensor_hz, encoder_counts=encoder_counts, idle_drag_nm=idle_drag_nm,
-        rotor_rpm=rotor_rpm, pair_bias_nm=pair_bias_nm, plants=plants, limb_spread=limb_spread, seed=seed,
-        replay=replay,
-    )  # fmt: skip
-    fitted, told = codec.read(fit, "fit", FitResult)
-    tuned, more = codec.read(gains, "gains", GainsResult) if gains else (None, ())
-    found = couple_fit(fitted, tuned, options, console.progress)
-    inputs = CoupleInputs(Input.of(fit), Input.of(gains) if gains else None)
-    found = msgspec.structs.replace(found, inputs=inputs)
-    codec.write(path, found, "couple", force)
-    if json:
-        print(codec.dumps(found, "couple"), end="")
+    refuse_to_overwrite(given.output, given.force, [given.fit, *([given.gains] if given.gains else [])])
+    options = taken(CoupleOptions, given)
+    fitted, told = codec.read(given.fit, "fit", Fit)
+    tuned, more = codec.read(given.gains, "gains", Gains) if given.gains else (None, ())
+    found = api.couple(fitted, tuned, options, progress=console.progress)
+    found = inputs.with_files(found, CoupleInputs, fit=given.fit, gains=given.gains)
+    codec.write(given.output, found, "couple", given.force)
+    if given.json:
+        sys.stdout.write(codec.dumps(found, "couple"))
     else:
         _show(found.walls, "Stiffest wall, one clutch [N·m/rad]", found.output_unit)
         _show(found.pair, f"An antagonistic pair, each held at {found.pair_bias_nm:.3g} {found.output_unit}", "")
-    console.tell([*told, *more, *found.findings], verbose)
-    console.say(f"wrote {path}")
+    console.tell([*told, *more, *found.findings], given.verbose)
+    console.done(given.output, f"{len(found.walls)} walls", f"eaid report {given.fit} {given.output}")
 
 
 def _show(walls: "tuple[Wall, ...]", title: str, unit: str) -> None:
     torque = f"torque [{unit}]" if unit else "torque"
     heading = ["loop", torque, "passive", "limited at [Hz]", "stable", "lost at [Hz]", "replayed"]
+    names = ("K_passive", "passive_hz", "K_stable", "lost_hz", "K_replayed")
     rows = [
-        [wall.loop, f"{wall.torque_nm:g}", *(_number(v) for v in (wall.K_passive, wall.passive_hz, wall.K_stable,
-                                                                     wall.lost_hz, wall.K_replayed))]
+        [wall.loop, f"{wall.torque_nm:g}", *(console.number(getattr(wall, name), 3) for name in names)]
         for wall in walls
-    ]  # fmt: skip
+    ]
     if rows:
         console.table(title, heading, rows)
-
-
-def _number(value: float | None) -> str:
-    return "–" if value is None else f"{value:.3g}"

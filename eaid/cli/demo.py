@@ -3,13 +3,11 @@
 import contextlib
 import io
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
-
-import typer
 
 from eaid.cli import console
-from eaid.cli.options import Force, Json, Quiet
+from eaid.cli.form import Common, takes, written
 from eaid.errors import EaidError, UsageError
 
 CLUTCH: tuple[tuple[str, ...], ...] = (
@@ -39,42 +37,42 @@ REPORTED = (
 )  # fmt: skip
 
 
-def command(
-    output: Annotated[Path, typer.Option("-o", "--output", help="Folder that the demo fills.")] = Path("demo"),
-    json: Json = False,
-    quiet: Quiet = False,
-    force: Force = False,
-) -> None:
+@dataclass(frozen=True, kw_only=True)
+class Arguments(Common):
+    """What `eaid demo` is told."""
+
+    output: Path = written("demo", "Folder that the demo fills.")
+
+
+@takes(Arguments)
+def command(given: Arguments) -> None:
     """Ingest, fit, tune, simulate and report the three datasets that ship with eaid, into one folder.
 
     Needs no network and no rig. The data are synthetic; the page says so.
+
+    Example: eaid demo -o demo
     """
-    console.be_quiet(quiet)
-    if output.exists() and not output.is_dir():
-        raise UsageError(f"{output}: is a file; give the demo a folder with -o")
-    if not force and output.is_dir() and any(output.iterdir()):
-        raise UsageError(f"{output}: is not empty; give --force to write over it, or another -o")
+    folder = given.output
+    if folder.exists() and not folder.is_dir():
+        raise UsageError(f"{folder}: is a file; give the demo a folder with -o")
+    if not given.force and folder.is_dir() and any(folder.iterdir()):
+        raise UsageError(f"{folder}: is not empty; give --force to write over it, or another -o")
     from eaid.synth.datasets import shipped
 
     data = {kind: str(path.resolve()) for kind, path in shipped().items()}
-    output.mkdir(parents=True, exist_ok=True)
-    report = ("report", *REPORTED, "-o", ".")
+    folder.mkdir(parents=True, exist_ok=True)
     with console.progress("eaid demo", len(CLUTCH) + len(FRICTION) + 1) as done:
-        _both(_filled(CLUTCH, data), _filled(FRICTION, data), output, done)
-        _run(report, output)
+        _both(_filled(CLUTCH, data), _filled(FRICTION, data), folder, done)
+        _run(("report", *REPORTED, "-o", "."), folder)
         done()
-    console.be_quiet(quiet)
-    page = output / "report.html"
-    if json:
-        console.print_json(
-            {
-                "page": str(page),
-                "files": sorted(str(path.relative_to(output)) for path in output.rglob("*") if path.is_file()),
-            }
-        )
-    for line in five_numbers(output):
+    console.be_quiet(given.quiet)
+    page = folder / "report.html"
+    if given.json:
+        files = sorted(str(path.relative_to(folder)) for path in folder.rglob("*") if path.is_file())
+        console.print_json({"page": str(page), "files": files})
+    for line in five_numbers(folder):
         console.line(line)
-    console.say(f"done: open {page} in a browser")
+    console.done(page, f"{len(CLUTCH) + len(FRICTION) + 1} commands", "open it in a browser")
 
 
 def five_numbers(folder: Path) -> list[str]:
@@ -115,7 +113,7 @@ def _filled(lines: tuple[tuple[str, ...], ...], data: dict[str, str]) -> list[tu
 
 def _both(first: list[tuple[str, ...]], second: list[tuple[str, ...]], folder: Path, done: Callable[[], None]) -> None:
     """Run both lists, the second one in a process of its own where there is a processor for it."""
-    from eaid.cli.fit_options import processors
+    from eaid.processes import processors
 
     if processors() < 2:
         for line in [*first, *second]:

@@ -2,77 +2,68 @@
 
 import shlex
 import sys
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal, cast
-
-import typer
+from typing import TYPE_CHECKING
 
 from eaid.cli import console
-from eaid.cli.options import Force, Json, Output, Quiet
+from eaid.cli.form import Common, Verbose, argument, option, taken, takes, written
 from eaid.errors import UsageError
 
 if TYPE_CHECKING:
     from eaid.results.fit import Fit
     from eaid.results.gains import Gains
 
-Read = Annotated[
-    list[Path], typer.Argument(metavar="GAINS [FIT]", help="gains.json, and fit.json for inverse and plant.")
-]
-As = Annotated[str, typer.Option("--as", help="c, arduino, matlab, fmu, yaml, json, python or modelica.")]
-Law = Annotated[str | None, typer.Option("--law", help="pi,rc,inverse,plant; default: all that the files hold.")]
-Precision = Annotated[str, typer.Option("--precision", help="double or single.")]
-RateHz = Annotated[float | None, typer.Option("--rate-hz", help="Control rate, baked in [Hz]; default: the gains'.")]
-Corner = Annotated[
-    float | None,
-    typer.Option("--rate-filter-hz", help="Corner of the reference's filtered derivative [Hz]; default 25."),
-]
-OnFault = Annotated[float, typer.Option("--duty-on-fault", help="Duty while an input is no number.")]
-Stuck = Annotated[float, typer.Option("--stuck-s", help="The status tells of a reading unchanged for so long [s].")]
-Anyway = Annotated[bool, typer.Option("--anyway", help="Export what would be refused; its files are marked.")]
-Verbose = Annotated[bool, typer.Option("--verbose", help="Tell all findings.")]
+WHAT, RIG, ADVANCED = "What is exported", "Rig", "Advanced"
 
 
-def command(
-    read: Read,
-    target: As = "c",
-    law: Law = None,
-    precision: Precision = "double",
-    rate_hz: RateHz = None,
-    rate_filter_hz: Corner = None,
-    duty_on_fault: OnFault = 0.0,
-    stuck_s: Stuck = 0.5,
-    anyway: Anyway = False,
-    output: Output = None,
-    json: Json = False,
-    quiet: Quiet = False,
-    force: Force = False,
-    verbose: Verbose = False,
-) -> None:
+@dataclass(frozen=True, kw_only=True)
+class Arguments(Common, Verbose):
+    """What `eaid export` is told."""
+
+    files: list[Path] = argument("GAINS [FIT]", "gains.json, and fit.json for inverse and plant.")
+    target: str = option(
+        "c", "Language or format.", WHAT, "--as",
+        words=("c", "arduino", "matlab", "fmu", "yaml", "json", "python", "modelica"),
+    )  # fmt: skip
+    laws: tuple[str, ...] | None = option(
+        None, "By itself all that the files hold.", WHAT, "--law", words=("pi", "rc", "inverse", "plant"), several=True
+    )
+    precision: str = option("double", "Of the numbers.", WHAT, words=("double", "single"))
+    rate_hz: float | None = option(None, "Control rate, baked in [Hz]; by itself the gains'.", RIG)
+    duty_on_fault: float = option(0.0, "Duty while an input is no number.", RIG)
+    stuck_s: float = option(0.5, "The status tells of a reading unchanged for so long [s].", RIG)
+    rate_filter_hz: float | None = option(
+        None, "Corner of the reference's filtered derivative [Hz]; by itself 25.", ADVANCED
+    )
+    anyway: bool = option(False, "Export what would be refused; its files are marked.", ADVANCED)
+    output: Path = written("export", "Folder that is written.")
+
+
+@takes(Arguments)
+def command(given: Arguments) -> None:
     """Controllers and plant as source for a rig: a folder with test vectors, a check program and a page how to begin.
 
     Exit code 5: a loop is unstable at the rate, or a result marked stop is behind it; --anyway exports it, marked.
+
+    Example: eaid export gains.json fit.json --as arduino --precision single --rate-hz 500
     """
-    console.be_quiet(quiet)
-    from eaid.export.export import export
+    from eaid import api
     from eaid.export.options import ExportOptions
-    from eaid.files import sha256_of
     from eaid.results.common import Input
 
-    gains, fit, paths = _read(read)
-    options = ExportOptions(
-        target=target, folder=output or Path("export"), force=force,
-        laws=tuple(name.strip() for name in law.split(",")) if law is not None else None,
-        precision=cast(Literal["double", "single"], precision), rate_hz=rate_hz, rate_filter_hz=rate_filter_hz,
-        duty_on_fault=duty_on_fault, stuck_s=stuck_s, anyway=anyway,
+    gains, fit, paths = _read(given.files)
+    options = taken(
+        ExportOptions, given, folder=given.output, inputs=tuple(Input.of(path) for path in paths),
         command=shlex.join(["eaid", *sys.argv[1:]]) if sys.argv[1:2] == ["export"] else "",
-        inputs=tuple(Input(str(path), sha256_of(path)) for path in paths),
     )  # fmt: skip
-    made = export(gains, fit, options)
-    console.tell(made.findings, verbose)
-    if json:
+    made = api.export(gains, fit=fit, options=options)
+    console.tell(made.findings, given.verbose)
+    if given.json:
         named = {"target": made.target, "laws": list(made.laws), "files": list(made.files), "dt_s": made.dt_s}
         console.print_json({"folder": str(made.path), **named, "findings": [one.code for one in made.findings]})
-    console.say(f"{made.path}: {', '.join(made.laws)} as {made.target}, {len(made.files)} files; begin with README.md")
+    said = f"{', '.join(made.laws)} as {made.target}, {len(made.files)} files"
+    console.done(made.path, said, f"read {made.path / 'README.md'}")
 
 
 def _read(paths: list[Path]) -> "tuple[Gains | None, Fit | None, list[Path]]":

@@ -1,96 +1,120 @@
-"""`eaid fit`: logs or a dataset → fit.json, its tables, and what is to be doubted of it."""
+"""`eaid fit`: logs or a dataset → fit.json, what it says in a few lines, and what is to be doubted of it."""
 
 import sys
+from dataclasses import dataclass
 from pathlib import Path
 
-from eaid.cli import console, inputs
-from eaid.cli import fit_options as options_
-from eaid.cli.options import Force, Json, Output, Quiet, Seed
+from eaid.cli import console
+from eaid.cli.form import Common, Seeded, Verbose, argument, option, taken, takes, written
+from eaid.cli.inputs import Reading
+from eaid.cli.words import numbers, pair, word_or_number
+
+PARTS = ("friction", "nonlinear", "linear", "release", "steps")
+NOT_TO_BE_USED = 4
+"""Exit code of a fit that did not converge, or that a stop-finding speaks against; it is written, marked."""
+MODEL, RECORDED, ADVANCED, SHOWN = "Model", "Logs fitted as recorded", "Advanced", "What is shown"
 
 
-def command(
-    data: options_.Data,
-    output: Output = Path("fit.json"),
-    model: options_.Model = None,
-    share: options_.Share = "0.85",
-    estimator: options_.Estimator = "auto",
-    weights: options_.Weights = "equal",
-    loss: options_.Loss = "squares",
-    hold_out: options_.HoldOut = None,
-    bounds: options_.BoundsOption = "zero-offset",
-    bounds_levels: options_.BoundsLevels = None,
-    shape: options_.Shape = "auto",
-    dead_time: options_.DeadTime = "auto",
-    ci: options_.Ci = "robust",
-    logs_as: options_.LogsAs = "auto",
-    duty: options_.Duty = None,
-    instrument: options_.Instrument = False,
-    columns: inputs.Columns = None,
-    units: inputs.Units = None,
-    name_pattern: inputs.NamePattern = None,
-    step_at: inputs.StepAt = None,
-    until: inputs.Until = None,
-    repair: inputs.Repair = False,
-    kind: inputs.KindOption = None,
-    levels: inputs.Levels = None,
-    baseline: inputs.Baseline = "auto",
-    sign: inputs.Sign = "auto",
-    variable: inputs.Variable = None,
-    rate: inputs.Rate = None,
-    rest: inputs.Rest = 0.0,
-    join: inputs.Join = False,
-    apparatus: inputs.ApparatusOption = None,
-    seed: Seed = 0,
-    json: Json = False,
-    quiet: Quiet = False,
-    tables: options_.Tables = False,
-    verbose: options_.Verbose = False,
-    force: Force = False,
-) -> int:
+@dataclass(frozen=True, kw_only=True)
+class Arguments(Common, Reading, Seeded, Verbose):
+    """What `eaid fit` is told."""
+
+    data: list[Path] = argument("DATA…", "A data.h5, log files, or folders of them.")
+    models: tuple[str, ...] | None = option(
+        None, "By itself all that the kind allows.", MODEL, "--model", words=("friction", "nonlinear", "linear"),
+        several=True,
+    )  # fmt: skip
+    share: float | str = option(
+        0.85,
+        "C, share of the fast part, held or free.",
+        MODEL,
+        words=("free",),
+        read=word_or_number("free"),
+    )
+    estimator: str = option(
+        "auto", "Nonlinear model: what the evidence supports, the paper's joint fit, or level by level.", MODEL,
+        words=("auto", "joint", "two-stage"),
+    )  # fmt: skip
+    ci: str = option(
+        "robust", "How 95 % intervals are found.", MODEL, words=("robust", "bootstrap", "profile", "white", "none")
+    )
+    hold_out: tuple[float, ...] = option(
+        (), "Levels not fitted, on which the error is reported: 40,70.", MODEL, read=numbers, levels=True,
+        shown="LEVELS",
+    )  # fmt: skip
+    weights: str = option(
+        "equal", "Every sample alike, or each level by the spread of its repeats.", MODEL, words=("equal", "sd")
+    )
+    loss: str = option("squares", "Huber for logs with spikes and drop-outs.", MODEL, words=("squares", "huber"))
+    logs_as: str = option(
+        "auto", "Logs whose input does more than step from rest are fitted as recorded; or all as steps, or all "
+        "as recorded.", RECORDED, words=("auto", "steps", "recorded"),
+    )  # fmt: skip
+    duty: tuple[float, float] | None = option(
+        None, "Identified inputs.", RECORDED, read=pair("10:100"), shown="LOW:HIGH"
+    )
+    instrument: bool = option(False, "Closed loops: the simulated duty as an instrument.", RECORDED)
+    bounds: str = option(
+        "zero-offset", "How b0 of one level is found.", ADVANCED,
+        words=("zero-offset", "pooled-offset", "pooled-dynamics"),
+    )  # fmt: skip
+    bounds_levels: str | None = option(
+        None, "Levels over which B_m and B_M are taken: 20:100 or 30,40,90.", ADVANCED, levels=True, shown="LEVELS"
+    )
+    shape: str = option(
+        "auto", "Of steps between levels; auto: by the evidence.", ADVANCED,
+        words=("auto", "one", "two", "free", "overshoot"),
+    )  # fmt: skip
+    dead_time: float | str = option(
+        "auto", "Of each single step [s]; auto: by the evidence.", ADVANCED, words=("auto",),
+        read=word_or_number("auto"),
+    )  # fmt: skip
+    tables: bool = option(False, "Show all numbers as tables.", SHOWN)
+    plot: bool = option(False, "Draw the levels with the model in the terminal.", SHOWN)
+    output: Path = written("fit.json")
+
+
+@takes(Arguments)
+def command(given: Arguments) -> int:
     """Fit the models of the paper to recorded steps, and say how far they are to be trusted.
 
     Exit code 4: a fit did not converge, or explains little; the result is written, marked.
+
+    Example: eaid fit bench/ --levels 20:100 --hold-out 60 -o fit.json
     """
-    console.be_quiet(quiet)
+    from eaid import api
+    from eaid.cli import fit_tables, inputs
     from eaid.files import refuse_to_overwrite
     from eaid.findings import stops
     from eaid.fitting.options import FitOptions, check
+    from eaid.processes import processors
     from eaid.results import codec
-    from eaid.uncertainty.workflow import fit_steps
 
-    assert output is not None
-    refuse_to_overwrite(output, force, data)
-    options = FitOptions(
-        options_.models_of(model), options_.share_of(share), weights, loss, options_.numbers("hold_out", hold_out),
-        bounds, estimator=estimator, shape=shape, dead_time_s=options_.dead_time_of(dead_time), ci=ci, seed=seed,
-        workers=options_.processors(),
+    refuse_to_overwrite(given.output, given.force, given.data)
+    options = taken(
+        FitOptions, given, share=None if given.share == "free" else given.share, bounds_levels=None,
+        dead_time_s=None if given.dead_time == "auto" else given.dead_time, workers=processors(),
     )  # fmt: skip
     check(options)
-    stepset = inputs.stepset_from(
-        data, options_.logs_as(logs_as),
-        columns=columns, units=units, name_pattern=name_pattern, step_at=step_at, until=until, repair=repair,
-        kind=kind, levels=levels, baseline=baseline, sign=sign, variable=variable, rate=rate, rest=rest,
-        apparatus=apparatus, join=join,
+    stepset = inputs.runs_from(given.data, inputs.reading_of(given), given.logs_as)[1]
+    result = api.fit(
+        stepset, options, bounds_levels=given.bounds_levels, duty=given.duty, instrument=given.instrument,
+        progress=console.progress,
     )  # fmt: skip
-    if stepset.recorded:
-        from eaid.cli.fit_recorded import duty_of
-        from eaid.recorded.entry import fit_whole
-
-        result = fit_whole(stepset, options, duty_of(duty), instrument)
-    else:
-        options = options_.with_bounds_levels(options, bounds_levels, stepset)
-        with console.progress("bootstrap refits", options.draws if ci == "bootstrap" else 0) as advance:
-            result = fit_steps(stepset, options, advance)
-    codec.write(output, result, "fit", force)
-    if json:
+    codec.write(given.output, result, "fit", given.force)
+    if given.json:
         sys.stdout.write(codec.dumps(result, "fit"))
     else:
-        options_.show(result, tables or verbose, verbose)
-    console.tell(result.findings, verbose)
-    parts = ", ".join(name for name in options_.PARTS if getattr(result, name))
-    after = f"; next: eaid tune-rc {output}" if result.linear is not None else ""
-    console.say(f"{output}: {parts}{after}; --tables shows all numbers")
-    if result.converged and not stops(result.findings):
-        return 0
-    console.fail(f"{output}: is written and marked; do not use its numbers")
-    return options_.NOT_TO_BE_USED
+        fit_tables.show(result, given.tables or given.verbose, given.verbose)
+        if given.plot:
+            from eaid.cli import plots
+
+            plots.levels(result, stepset)
+    console.tell(result.findings, given.verbose)
+    if stops(result.findings) or not result.converged:
+        console.fail(f"{given.output}: is written and marked; do not use its numbers")
+        return NOT_TO_BE_USED
+    parts = ", ".join(name for name in PARTS if getattr(result, name))
+    after = "tune-rc" if result.linear is not None else "report"
+    console.done(given.output, parts, f"eaid {after} {given.output}")
+    return 0

@@ -1,74 +1,54 @@
 """`eaid ingest`: logs → a table of levels, what is doubtful in their runs, and data.h5."""
 
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any
 
-import typer
-
-from eaid.cli import console, ingest_tables, inputs
-from eaid.cli.options import Force, Json, Output, Quiet
+from eaid.cli import console
+from eaid.cli.form import OUTPUT, Common, argument, option, takes, written
+from eaid.cli.inputs import Reading
 
 
-def command(
-    logs: inputs.Logs,
-    output: Output = Path("data.h5"),
-    columns: inputs.Columns = None,
-    units: inputs.Units = None,
-    name_pattern: inputs.NamePattern = None,
-    step_at: inputs.StepAt = None,
-    until: inputs.Until = None,
-    repair: inputs.Repair = False,
-    kind: inputs.KindOption = None,
-    levels: inputs.Levels = None,
-    baseline: inputs.Baseline = "auto",
-    sign: inputs.Sign = "auto",
-    variable: inputs.Variable = None,
-    rate: inputs.Rate = None,
-    rest: inputs.Rest = 0.0,
-    join: inputs.Join = False,
-    apparatus: inputs.ApparatusOption = None,
-    write_manifest: Annotated[
-        bool,
-        typer.Option(
-            "--write-manifest", help="Also write dataset.toml beside the logs: the next call needs no options."
-        ),
-    ] = False,
-    edges: Annotated[
-        bool,
-        typer.Option("--edges", help="List the edges of the output instead, as of a closed loop; writes nothing."),
-    ] = False,
-    json: Json = False,
-    quiet: Quiet = False,
-    force: Force = False,
-) -> None:
+@dataclass(frozen=True, kw_only=True)
+class Arguments(Common, Reading):
+    """What `eaid ingest` is told."""
+
+    logs: list[Path] = argument("LOG…", "Log files, folders of them, or a data.h5.")
+    output: Path = written("data.h5")
+    write_manifest: bool = option(
+        False, "Also write dataset.toml beside the logs: the next call needs no options.", OUTPUT
+    )
+    edges: bool = option(False, "List the edges of the output instead, as of a closed loop; writes nothing.", OUTPUT)
+
+
+@takes(Arguments)
+def command(given: Arguments) -> None:
     """Read logs in any supported format, find steps, levels and repeats, and write one tidy dataset.
 
     Prints a line for each level and each step between levels, and what is wrong or doubtful.
+
+    Example: eaid ingest bench/ --columns input=Volts --units output=mNm -o data.h5
     """
-    console.be_quiet(quiet)
+    from eaid.cli import ingest_tables, inputs
     from eaid.files import refuse_to_overwrite
     from eaid.logs.dataset import write_dataset
+    from eaid.reading import read_edges
 
-    assert output is not None
-    options: dict[str, Any] = {
-        "columns": columns, "units": units, "name_pattern": name_pattern, "step_at": step_at, "until": until,
-        "repair": repair, "kind": kind, "levels": levels, "baseline": baseline, "sign": sign, "variable": variable,
-        "rate": rate, "rest": rest, "apparatus": apparatus, "join": join,
-    }  # fmt: skip
-    if edges:
-        ingest_tables.print_edges(inputs.edges_from(logs, **options), json)
+    options = inputs.reading_of(given)
+    if given.edges:
+        ingest_tables.print_edges(read_edges(given.logs, options, console.warn), given.json)
         return
-    refuse_to_overwrite(output, force, logs)
-    runs, stepset = inputs.runs_from(logs, columns_told=True, **options)
-    if write_manifest:
+    refuse_to_overwrite(given.output, given.force, given.logs)
+    runs, stepset = inputs.runs_from(given.logs, options, seen=console.say)
+    if given.write_manifest:
         from eaid.logs import manifest
         from eaid.logs.folders import files_of
 
-        written = manifest.write_manifest(files_of(logs), runs, {**options, "kind": stepset.kind}, force)
-        console.say(f"{written}: written; eaid ingest {written.parent} needs no options now")
-    write_dataset(output, runs, kind=stepset.kind, apparatus=stepset.apparatus, force=force)  # type: ignore[arg-type]
-    if json:
+        said = {**options.given(), "kind": stepset.kind}
+        at = manifest.write_manifest(files_of(given.logs), runs, said, given.force)
+        console.say(f"{at}: written; eaid ingest {at.parent} needs no options now")
+    write_dataset(given.output, runs, kind=stepset.kind, apparatus=stepset.apparatus, force=given.force)  # type: ignore[arg-type]
+    if given.json:
         console.print_json(ingest_tables.as_json(stepset))
     else:
         ingest_tables.print_tables(stepset)
-    console.say(f"{output}: {len(runs)} runs, {len(stepset.levels)} levels")
+    console.done(given.output, f"{len(runs)} runs, {len(stepset.levels)} levels", f"eaid fit {given.output}")

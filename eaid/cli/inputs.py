@@ -1,61 +1,100 @@
-"""Logs as every command takes them: the input options, under the same names, and the one function that reads."""
+"""Logs as every command takes them: the reading options, declared once, and the one function that reads."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
-
-import typer
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from eaid.cli import console
+from eaid.cli.form import option, taken
+from eaid.cli.words import as_typed
+from eaid.errors import EaidError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     from eaid.logs.run import Run
-    from eaid.steps.edges import Edge
+    from eaid.reading import InputOptions
+    from eaid.results.fit import Fit
+    from eaid.results.tuning import TuneOptions
     from eaid.steps.stepset import StepSet
 
-Logs = Annotated[list[Path], typer.Argument(metavar="LOG…", help="Log files, folders of them, or a data.h5.")]
-Columns = Annotated[
-    str | None,
-    typer.Option(help='Column of each role, by name or number: time=Time,input=Volts,output="Load Cell".'),
-]
-Units = Annotated[
-    str | None,
-    typer.Option(help="Unit that a column is in: time=us,output=g; input=/255: 255 counts are the full scale."),
-]
-NamePattern = Annotated[
-    str | None,
-    typer.Option(help="Level and repeat from file names, found anywhere in them: '_V={level}_', 'run{repeat}'."),
-]
-StepAt = Annotated[float | None, typer.Option(help="Step instant, in seconds of the log.")]
-Until = Annotated[float | None, typer.Option(help="End of the active window, in seconds of the log.")]
-Repair = Annotated[bool, typer.Option("--repair", help="Drop bad rows, up to 1 % of a log, and say how many.")]
-KindOption = Annotated[str | None, typer.Option("--kind", help="Experiment: clutch, friction-force or friction-speed.")]
-Levels = Annotated[str | None, typer.Option(help="Levels to keep: 30:100 or 30,40,90.")]
-KeepBaseline = Annotated[bool, typer.Option("--keep-baseline", help="Do not subtract the idle output.")]
-Baseline = Annotated[
-    str,
-    typer.Option(help="Value before each step: auto (its last rest), first, none, VALUE, or FROM:TO in s to the step."),
-]
-Sign = Annotated[str, typer.Option(help="auto: an output recorded inverted is turned; keep: never.")]
-Variable = Annotated[
-    str | None, typer.Option(help="Table of a file with several: a MAT variable, an HDF5 path, a TDMS group.")
-]
-Rate = Annotated[float | None, typer.Option(help="Sample rate of logs without a time column, in Hz.")]
-Join = Annotated[bool, typer.Option("--join", help="The logs are one run that the logger cut: join them by time.")]
-Rest = Annotated[float, typer.Option(help="Input at rest, in its own unit; levels are counted from it.")]
-ApparatusOption = Annotated[
-    str | None,
-    typer.Option("--apparatus", help="The rig, where it is not the paper's: inner_radius_m=0.03,surfaces=1."),
-]
-
-
+R = TypeVar("R")
+READING, STEPS = "Reading logs", "Finding steps"
+KINDS = ("clutch", "friction-force", "friction-speed")
 LONG_LOG = 1 << 26
 """Size of a log [bytes] above which its reading is told tenth by tenth."""
 
 
-def _tenths() -> "Callable[[str, float], None]":
+@dataclass(frozen=True, kw_only=True)
+class Columns:
+    """Which columns of a log are which."""
+
+    columns: str | None = option(
+        None, 'Column of each role, by name or number: time=Time,input=Volts,output="Load Cell".', READING,
+        shown="ROLE=NAME,…",
+    )  # fmt: skip
+    units: str | None = option(
+        None, "Unit of a column: time=us,output=g; input=/255: 255 counts are the full scale.", READING,
+        shown="ROLE=UNIT,…",
+    )  # fmt: skip
+    variable: str | None = option(
+        None, "Table of a file with several: a MAT variable, an HDF5 path, a TDMS group.", READING, shown="NAME"
+    )
+    repair: bool = option(False, "Drop bad rows, up to 1 % of a log, and say how many.", READING)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Reading(Columns):
+    """All that may be said about logs: the fields of `eaid.reading.InputOptions`."""
+
+    name_pattern: str | None = option(
+        None, "Level and repeat from file names, anywhere in them: '_V={level}_', 'run{repeat}'.", READING,
+        shown="PATTERN",
+    )  # fmt: skip
+    rate: float | None = option(None, "Samples a second of logs without a time column [Hz].", READING)
+    join: bool = option(False, "The logs are one run that the logger cut: join them by time.", READING)
+    sign: str = option("auto", "Turn an output that was recorded inverted, or never.", READING, words=("auto", "keep"))
+    kind: str | None = option(None, "Experiment; by itself from the columns.", STEPS, words=KINDS)
+    levels: str | None = option(None, "Levels to keep: 30:100 or 30,40,90.", STEPS, levels=True, shown="LEVELS")
+    baseline: str = option(
+        "auto", "Value before each step: its last rest, the first samples, none, a value, or a window in s to it.",
+        STEPS, words=("auto", "first", "none"), read=as_typed, shown="WORD|VALUE|FROM:TO",
+    )  # fmt: skip
+    rest: float = option(0.0, "Input at rest, in its own unit; levels are counted from it.", STEPS)
+    step_at: float | None = option(None, "Step instant, in seconds of the log.", STEPS)
+    until: float | None = option(None, "End of the active window, in seconds of the log.", STEPS)
+    apparatus: str | None = option(
+        None, "The rig, where it is not the paper's: surfaces=1,inner_radius_m=0.03.", STEPS, shown="NAME=VALUE,…"
+    )
+
+
+def reading_of(given: Columns) -> "InputOptions":
+    """The reading options that were typed."""
+    from eaid.reading import InputOptions
+
+    return taken(InputOptions, given)
+
+
+def stepset_from(paths: Sequence[Path], **said: Any) -> "StepSet":
+    """The step set behind logs, datasets or a manifest; takes the fields of `eaid.reading.InputOptions`."""
+    return runs_from(paths, **said)[1]
+
+
+def runs_from(
+    paths: Sequence[Path],
+    options: "InputOptions | None" = None,
+    whole: str = "steps",
+    seen: Callable[[str], None] = lambda _: None,
+    **said: Any,
+) -> "tuple[list[Run], StepSet]":
+    """Cut runs and their step set, with progress on stderr; `whole` and `seen` as in `eaid.reading.read_steps`."""
+    from eaid.reading import InputOptions, read_steps
+
+    long = any(path.is_file() and path.stat().st_size > LONG_LOG for path in paths)
+    tell = _tenths() if long else lambda _source, _share: None
+    return read_steps(paths, options or InputOptions(**said), console.progress, console.warn, tell, whole, seen)
+
+
+def _tenths() -> Callable[[str, float], None]:
     """Tells how much of each long log is read, once a tenth."""
     done: dict[str, int] = {}
 
@@ -68,31 +107,63 @@ def _tenths() -> "Callable[[str, float], None]":
     return tell
 
 
-def stepset_from(paths: Sequence[Path], whole: str = "steps", **options: Any) -> "StepSet":
-    """The step set behind logs, datasets or a manifest; takes the fields of `eaid.reading.InputOptions`."""
-    return runs_from(paths, whole, **options)[1]
+def logs_of(fitted: "Fit", fit: Path, data: list[Path] | None, options: "TuneOptions") -> "StepSet | None":
+    """The logs given, or those that the fit names, where they are wanted, still there and unchanged."""
+    from eaid.files import sha256_of
+
+    if data:
+        return stepset_from(data)
+    wants = {"φ": options.phi == "data", "the noise": options.searches and options.noise_nm is None}
+    wanted = " and ".join(name for name, asked in wants.items() if asked)
+    if not wanted:
+        return None
+    instead = f"so {wanted} cannot be read off them; give the logs with --data"
+    if not fitted.data.inputs:
+        console.warn(f"{fit}: names no logs, {instead}")
+        return None
+    paths = []
+    for record in fitted.data.inputs:
+        told = Path(record.path)
+        found = next((path for path in (told, fit.parent / told.name) if path.is_file()), None)
+        if found is None or sha256_of(found) != record.sha256:
+            console.warn(f"{told}: is gone or has changed, {instead}")
+            return None
+        paths.append(found)
+    try:
+        return stepset_from(paths)
+    except EaidError as fault:
+        console.warn(f"{fault.sentences[0]}: {instead}")
+        return None
 
 
-def edges_from(paths: Sequence[Path], **options: Any) -> "list[tuple[Run, tuple[Edge, ...]]]":
-    """Logs and the edges of their outputs; takes the fields of `eaid.reading.InputOptions`."""
-    from eaid.reading import InputOptions, read_edges
+def with_files(result: R, kind: type, **files: Path | list[Path] | None) -> R:
+    """A result that names the files it was made from, by their roles in `kind`."""
+    import msgspec
 
-    return read_edges(paths, InputOptions(**options), console.warn)
+    from eaid.results.common import Input
+
+    named = {
+        role: tuple(Input.of(one) for one in given if one.is_file()) if isinstance(given, list) else Input.of(given)
+        for role, given in files.items()
+        if given
+    }
+    return msgspec.structs.replace(result, inputs=kind(**named))  # type: ignore[type-var]
 
 
-def runs_from(
-    paths: Sequence[Path], whole: str = "steps", columns_told: bool = False, **options: Any
-) -> "tuple[list[Run], StepSet]":
-    """Cut runs and their step set; takes the fields of `eaid.reading.InputOptions`, `whole` as its `read_steps`."""
-    from eaid.reading import InputOptions, read_steps
+def levels_in(paths: Sequence[Path]) -> list[str]:
+    """The levels of a fit.json or a data.h5, for the shell; none of anything else."""
+    import json
 
-    long = any(path.is_file() and path.stat().st_size > LONG_LOG for path in paths)
-    return read_steps(
-        paths,
-        InputOptions(**options),
-        console.progress,
-        console.warn,
-        _tenths() if long else lambda _source, _share: None,
-        whole,
-        console.say if columns_told else lambda _: None,
-    )
+    import h5py
+
+    found: set[float] = set()
+    for path in paths:
+        try:
+            if path.suffix == ".json":
+                found |= set(json.loads(path.read_text(encoding="utf-8"))["data"]["levels"])
+            else:
+                with h5py.File(path) as file:
+                    found |= {float(run.attrs["level"]) for run in file["runs"].values() if "level" in run.attrs}
+        except (OSError, ValueError, KeyError, TypeError):
+            continue
+    return [f"{level:g}" for level in sorted(found)]

@@ -1,29 +1,37 @@
 """`eaid reproduce`: the paper, number by number, computed anew."""
 
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from eaid.cli import console
-from eaid.cli.options import Force, Json, Output, Quiet
+from eaid.cli.form import Common, takes, written
 
 
-def command(output: Output = None, json: Json = False, quiet: Quiet = False, force: Force = False) -> None:
+@dataclass(frozen=True, kw_only=True)
+class Arguments(Common):
+    """What `eaid reproduce` is told."""
+
+    output: Path = written("table.md")
+
+
+@takes(Arguments)
+def command(given: Arguments) -> None:
     """Compute every checkable number of the paper anew, from the shipped data and the reference plant.
 
-    Writes a Markdown table (default table.md): what is printed, ours beside it, the command that gives it, a verdict.
+    Writes a Markdown table: what is printed, ours beside it, the command that gives it, a verdict.
+
+    Example: eaid reproduce -o table.md
     """
-    console.be_quiet(quiet)
     from eaid.files import refuse_to_overwrite, written_whole
 
-    path = output or Path("table.md")
-    refuse_to_overwrite(path, force)
+    refuse_to_overwrite(given.output, given.force)
     from eaid.report.paper.evidence import PARTS, evidence
     from eaid.report.paper.table import claims, markdown
 
     with console.progress("eaid reproduce", PARTS) as done:
         rows = claims(evidence(done))
-    with written_whole(path, force) as part:
+    with written_whole(given.output, given.force) as part:
         part.write_text(markdown(rows), encoding="utf-8", newline="\n")
-    if json:
+    if given.json:
         console.print_json({"claims": [asdict(row) for row in rows]})
-    console.say(f"{path}: {len(rows)} entries")
+    console.done(given.output, f"{len(rows)} entries", "read it beside docs/paper.md")

@@ -1,106 +1,105 @@
 """`eaid simulate`: controllers replayed on the fitted plant."""
 
+from dataclasses import dataclass
 from pathlib import Path
-from typing import cast
 
-from eaid.cli import console, inputs
-from eaid.cli import simulate_inputs as given_as
-from eaid.cli import simulate_options as o
-from eaid.cli.options import Force, Json, Output, Quiet, Seed
-from eaid.cli.words import names
+from eaid.cli import console
+from eaid.cli.form import Common, Seeded, Verbose, argument, option, taken, takes, written
+from eaid.cli.inputs import Columns
+from eaid.cli.words import factors
 from eaid.errors import UsageError
 
+WHAT, RIG, MORE, REHAB = "What is replayed", "Rig", "More plants", "Rehabilitation"
 
-def command(
-    fit: o.FitFile,
-    gains: o.Gains = None,
-    controllers: o.Controllers = None,
-    scenario: o.Scenario = None,
-    reference: o.Reference = None,
-    log: o.Log = None,
-    columns: inputs.Columns = None,
-    units: inputs.Units = None,
-    repair: inputs.Repair = False,
-    variable: inputs.Variable = None,
-    keep_baseline: inputs.KeepBaseline = False,
-    duration: o.Duration = None,
-    rate: o.Rate = None,
-    noise_nm: o.NoiseNm = 0.0,
-    noise_time: o.NoiseTime = 0.0,
-    noise: o.Noise = None,
-    ripple_pct: o.RipplePct = 0.0,
-    ripple_hz: o.RippleHz = None,
-    sensor_hz: o.SensorHz = 0.0,
-    delay: o.Delay = 0,
-    pwm_hz: o.PwmHz = 0.0,
-    duty_bits: o.DutyBits = 0,
-    saturation: o.Saturation = True,
-    perturb: o.Perturb = None,
-    plants: o.Plants = None,
-    threads: o.Threads = None,
-    with_best: o.Best = False,
-    limb_damping: o.LimbDamping = None,
-    limb_inertia: o.LimbInertia = None,
-    output: Output = Path("replay.h5"),
-    verbose: o.Verbose = False,
-    as_json: Json = False,
-    quiet: Quiet = False,
-    force: Force = False,
-    seed: Seed = 0,
-) -> None:
+
+@dataclass(frozen=True, kw_only=True)
+class Arguments(Common, Columns, Seeded, Verbose):
+    """What `eaid simulate` is told."""
+
+    fit: Path = argument("FIT", "fit.json of eaid fit.")
+    gains: Path | None = option(None, "gains.json of eaid tune-rc; rc and pi need it.", WHAT, shown="FILE")
+    controllers: tuple[str, ...] | None = option(
+        None, "By itself rc,pi; sweep adds open-loop.", WHAT, "--controller", several=True,
+        words=("rc", "pi", "pi-feedforward", "open-loop", "inverse"),
+    )  # fmt: skip
+    scenario: str | None = option(
+        None, "By itself multisine.", WHAT, words=("steps", "multisine", "sweep", "ramp", "rehab")
+    )
+    reference: Path | None = option(None, "A reference of your own: CSV time_s,reference_nm.", WHAT, shown="FILE")
+    log: list[Path] | None = option(
+        None, "Recorded runs: their input through the plant; closed-loop ones compared.", WHAT, shown="FILE"
+    )
+    keep_baseline: bool = option(False, "Do not subtract the idle output of recorded runs.", WHAT)
+    duration: float | None = option(None, "Length of steps, multisine or rehab [s].", WHAT)
+    best: bool = option(False, "The least error this plant allows, the future known; how far each is from it.", WHAT)
+    plot: bool = option(False, "Draw the replay in the terminal.", WHAT)
+    rate_hz: float | None = option(None, "Control rate [Hz]; by itself 1000.", RIG)
+    noise_nm: float = option(0.0, "Noise on the measured torque, sd [N·m].", RIG)
+    noise_correlation_s: float = option(0.0, "Correlation time of the noise [s]; 0: white.", RIG)
+    noise: str | None = option(
+        None, "As large and as coloured as the fit's residuals of one run.", RIG, words=("residuals",)
+    )
+    ripple_pct: float = option(0.0, "Rotor ripple, amplitude in % of the torque.", RIG)
+    ripple_hz: float | None = option(None, "Its frequency [Hz]; by itself 1/6.", RIG)
+    sensor_hz: float = option(0.0, "Corner of the torque sensor's low-pass [Hz]; 0: none.", RIG)
+    delay_samples: int = option(0, "Control delay [samples].", RIG)
+    pwm_hz: float = option(0.0, "Duty latched once a PWM period [Hz]; 0: off.", RIG)
+    duty_bits: int = option(0, "Resolution of the duty [bit]; 0: unlimited.", RIG)
+    saturation: bool = option(True, "Keep the duty within its limits.", RIG)
+    perturb: dict[str, float] | None = option(
+        None, "Factors on the plant, unknown to controllers: Ts=0.9,tau1=1.2.", MORE, read=factors, shown="NAME=FACTOR"
+    )
+    plants: int | None = option(None, "Also on so many plants drawn from the fit's uncertainty.", MORE)
+    threads: int | None = option(None, "Of the drawn plants; by itself all processors.", MORE)
+    limb_damping: float | None = option(None, "Damping of the limb [N·m·s/rad].", REHAB)
+    limb_inertia: float | None = option(None, "Its inertia [kg·m²].", REHAB)
+    output: Path = written("replay.h5")
+
+
+@takes(Arguments)
+def command(given: Arguments) -> None:
     """Replay controllers on the fitted plant, from rest, and measure how well they track.
 
     Example: eaid simulate fit.json --gains gains.json --scenario sweep --noise-nm 0.01
     """
-    console.be_quiet(quiet)
     from dataclasses import replace
 
-    from eaid.cli import simulate_tables as tables
-    from eaid.coupling.entry import with_wall_findings
+    from eaid import api
+    from eaid.cli import inputs, simulate_tables
     from eaid.files import refuse_to_overwrite
-    from eaid.replay.files import as_json as content_of
-    from eaid.replay.files import write_replay
+    from eaid.replay.files import as_json, write_replay
     from eaid.replay.options import SimulateOptions
-    from eaid.replay.references import read_reference
     from eaid.replay.rig import Rig
-    from eaid.replay.simulate import simulate
     from eaid.results import codec
     from eaid.results.fit import Fit
     from eaid.results.gains import Gains
+    from eaid.results.replay import ReplayInputs
 
-    path = cast("Path", output)
-    given = [each for each in (fit, gains, reference) if each is not None]
-    refuse_to_overwrite(path, force, [*given, *(log or [])])
-    if noise not in (None, "residuals"):
-        raise UsageError(f"--noise {noise}: there is residuals (coloured as the fit's), and --noise-nm for white")
-    if sum(each is not None for each in (scenario, reference, log)) > 1:
-        raise UsageError("--scenario, --reference and --log exclude each other; give one of them")
-    if ripple_hz is not None and not ripple_pct:
+    given_files = [each for each in (given.fit, given.gains, given.reference) if each is not None]
+    refuse_to_overwrite(given.output, given.force, [*given_files, *(given.log or [])])
+    if given.ripple_hz is not None and not given.ripple_pct:
         raise UsageError("--ripple-hz: does nothing without --ripple-pct; give both or neither")
-    rig = Rig(
-        noise_nm=noise_nm, noise_correlation_s=noise_time, ripple_pct=ripple_pct, sensor_hz=sensor_hz,
-        delay_samples=delay, pwm_hz=pwm_hz, duty_bits=duty_bits, saturation=saturation,
-        **({} if ripple_hz is None else {"ripple_hz": ripple_hz}),
-    )  # fmt: skip
-    options = SimulateOptions(
-        scenario=scenario, controllers=None if controllers is None else names(controllers), duration=duration,
-        rate_hz=rate, rig=rig, residual_noise=noise is not None, perturb=given_as.factors(perturb), plants=plants,
-        threads=threads, best=with_best, limb_damping=limb_damping, limb_inertia=limb_inertia,
-        keep_baseline=keep_baseline, seed=seed,
-    )  # fmt: skip
-    options.check_for("log" if log else "reference" if reference else scenario or "multisine")
-    if not log and (columns or units or repair or variable):
+    if not given.log and any((given.columns, given.units, given.repair, given.variable)):
         raise UsageError("--columns, --units, --repair and --variable belong to --log; leave them out")
-    fitted, told = codec.read(fit, "fit", Fit)
-    tuned, more = codec.read(gains, "gains", Gains) if gains else (None, ())
-    signal = read_reference(reference) if reference else None
-    runs = given_as.runs_of(log, columns, units, repair, variable) if log else None
-    replay = with_wall_findings(simulate(fitted, tuned, options, signal, runs, console.progress), fitted, tuned)
-    replay = replace(replay, head=given_as.with_inputs(replay.head, fit, gains, reference, log))
-    write_replay(path, replay, force)
-    if as_json:
-        console.print_json(content_of(replay))
+    options = taken(SimulateOptions, given, rig=taken(Rig, given), residual_noise=given.noise is not None)
+    fitted, told = codec.read(given.fit, "fit", Fit)
+    tuned, more = codec.read(given.gains, "gains", Gains) if given.gains else (None, ())
+    replay = api.simulate(
+        fitted, tuned, options=options, reference=given.reference, log=given.log, reading=inputs.reading_of(given),
+        progress=console.progress,
+    )  # fmt: skip
+    files = {"fit": given.fit, "gains": given.gains, "reference": given.reference, "log": given.log}
+    replay = replace(replay, head=inputs.with_files(replay.head, ReplayInputs, **files))
+    write_replay(given.output, replay, given.force)
+    if given.json:
+        console.print_json(as_json(replay))
     else:
-        tables.show(replay)
-    console.tell([*replay.findings, *told, *more], verbose)
-    console.say(f"wrote {path}")
+        simulate_tables.show(replay)
+        if given.plot:
+            from eaid.cli import plots
+
+            plots.replay(replay)
+    console.tell([*replay.findings, *told, *more], given.verbose)
+    console.done(
+        given.output, f"{len(replay.records)} of {replay.head.scenario}", f"eaid report {given.fit} {given.output}"
+    )

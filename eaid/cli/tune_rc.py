@@ -1,143 +1,115 @@
 """`eaid tune-rc`: a fit → gains of both controllers, and what may be expected of them."""
 
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, cast
 
 from eaid.cli import console
-from eaid.cli import tune_options as o
-from eaid.cli.options import Force, Json, Output, Quiet, Seed
-from eaid.cli.words import names, pair, word_or_number
+from eaid.cli.form import Common, Seeded, Verbose, argument, option, taken, takes, written
+from eaid.cli.words import as_typed, pair, word_or_number
 from eaid.errors import UsageError
 
-if TYPE_CHECKING:
-    from eaid.results.fit import Fit
-    from eaid.results.tuning import TuneOptions
-    from eaid.steps.stepset import StepSet
+ROBUST, PI, RIG, SEARCH, ADVANCED = "Robust controller", "PI controller", "Rig", "Search", "Advanced"
 
 
-def command(
-    fit: o.FitFile,
-    bounds: o.Bounds = None,
-    levels: o.Levels = None,
-    widen_bounds: o.Widen = False,
-    b_hat: o.BHat = "pooled",
-    kp: o.Kp = None,
-    kd: o.Kd = None,
-    natural_frequency: o.Frequency = None,
-    damping: o.Damping = None,
-    q_max: o.QMax = None,
-    reference: o.Reference = None,
-    phi: o.Phi = None,
-    data: o.Data = None,
-    epsilon: o.Epsilon = None,
-    gamma: o.Gamma = None,
-    p_scale: o.PScale = 5.0,
-    rho: o.Rho = "paper",
-    alpha: o.Alpha = "formula",
-    pi_overshoot: o.Overshoot = None,
-    pi_settling: o.Settling = None,
-    pi_gains: o.PIGains = None,
-    anti_windup: o.AntiWindup = "conditional",
-    duty_limits: o.Limits = None,
-    rate_hz: o.RateHz = None,
-    pwm_hz: o.PwmHz = None,
-    optimize: o.Optimize = False,
-    optimize_for: o.OptimizeFor = "tracking",
-    optimize_also: o.Also = None,
-    plants: o.Plants = None,
-    noise_nm: o.NoiseNm = None,
-    chatter_limit: o.ChatterLimit = None,
-    evaluations: o.Evaluations = None,
-    allow_unidentified: o.Unidentified = False,
-    output: Output = Path("gains.json"),
-    verbose: o.Verbose = False,
-    json: Json = False,
-    quiet: Quiet = False,
-    force: Force = False,
-    seed: Seed = 0,
-) -> None:
+@dataclass(frozen=True, kw_only=True)
+class Arguments(Common, Seeded, Verbose):
+    """What `eaid tune-rc` is told."""
+
+    fit: Path = argument("FIT", "fit.json of eaid fit; only its linear part is needed.")
+    kp: float | None = option(None, "K_P [1/s²]; by itself 4.5.", ROBUST)
+    kd: float | None = option(None, "K_D [1/s]; by itself 3.", ROBUST)
+    natural_frequency: float | None = option(None, "ω_n [rad/s], in place of K_P and K_D.", ROBUST)
+    damping: float | None = option(None, "Damping ratio, with the natural frequency.", ROBUST)
+    b_hat: str | float = option(
+        "pooled", "B̂: 1/b0, the middle of B_m and B_M, or a value.", ROBUST,
+        words=("pooled", "minimax"), read=word_or_number("pooled", "minimax"),
+    )  # fmt: skip
+    q_max: float | None = option(None, "Q_M, largest slope of the reference; by itself 5 N·m/s.", ROBUST)
+    phi: str | float | None = option(
+        None, "φ in the reading's own number (by itself 0.05), or what model and logs show.", ROBUST,
+        words=("data",), read=word_or_number("data"),
+    )  # fmt: skip
+    reference: str | None = option(
+        None, "CSV time_s,reference_nm, or a scenario: Q_M is taken from it, or judged by it.", ROBUST,
+        words=("multisine", "steps", "sweep", "ramp"), read=as_typed, shown="FILE|WORD",
+    )  # fmt: skip
+    data: list[Path] | None = option(
+        None, "Logs or data.h5 for --phi data and --optimize; by itself those the fit names.", ROBUST
+    )
+    pi_gains: tuple[float, float] | None = option(
+        None, "Its gains; by itself 21,360.", PI, read=pair("21,360"), shown="K_P,K_I"
+    )
+    pi_overshoot: float | None = option(None, "Or designed: overshoot on the linear model [%].", PI)
+    pi_settling: float | None = option(None, "And settling time, 2 % band [s].", PI)
+    duty_limits: tuple[float, float] | None = option(
+        None, "Input range of the actuator; by itself 0,100 %, else what was identified.", RIG,
+        read=pair("0,100"), shown="LOW,HIGH",
+    )  # fmt: skip
+    rate_hz: float | None = option(None, "Control rate [Hz]; by itself the fit's, else 1000.", RIG)
+    pwm_hz: float | None = option(None, "Duty latched at [Hz]; 0: off; by itself the fit's, else 300.", RIG)
+    optimize: bool = option(False, "Choose P's scale, ε and φ for the least RMS error.", SEARCH)
+    optimize_for: str = option(
+        "tracking", "Least RMS error, or the stiffest passive wall. Implies --optimize.", SEARCH,
+        words=("tracking", "stiffness"),
+    )  # fmt: skip
+    optimize_also: tuple[str, ...] = option(
+        (), "Chosen too: ω_n, B̂. Implies --optimize.", SEARCH, words=("frequency", "b-hat"), several=True
+    )
+    plants: int | None = option(None, "Plants drawn from the fit's uncertainty; by itself 16.", SEARCH)
+    noise_nm: float | None = option(None, "Torque noise, sd [N·m]; by itself what the logs show.", SEARCH)
+    chatter_limit: float | None = option(None, "Most mean |Δu| per sample; by itself that of the start.", SEARCH)
+    evaluations: int | None = option(None, "Candidates after the first scatter; by itself 160.", SEARCH)
+    bounds: str | None = option(
+        None, "How b0 of one level is found; by itself as in the fit.", ADVANCED,
+        words=("zero-offset", "pooled-offset", "pooled-dynamics"),
+    )  # fmt: skip
+    bounds_levels: str | None = option(
+        None, "Levels that B_m, B_M are taken over: 30:100 or 30,40.", ADVANCED, levels=True
+    )
+    widen_bounds: bool = option(False, "Take the far ends of the 95 % intervals of B.", ADVANCED)
+    epsilon: float | None = option(None, "ε, half width of the boundary layer; by itself 0.5.", ADVANCED)
+    gamma: float | None = option(None, "γ, sharpness of the soft switch; by itself 50.", ADVANCED)
+    p_scale: float = option(5.0, "p of P = p·I in the Lyapunov equation.", ADVANCED)
+    rho: str = option("paper", "Eq. (15) read as B_M φ, or as φ/B_m.", ADVANCED, words=("paper", "textbook"))
+    alpha: str = option("formula", "α that ρ is made with.", ADVANCED, words=("formula", "reached"))
+    anti_windup: str = option(
+        "conditional", "Of the PI: conditional integration, or back-calculation.", ADVANCED,
+        words=("conditional", "back-calculation"),
+    )  # fmt: skip
+    allow_unidentified: bool = option(False, "Use a fit that is marked not identifiable; marked.", ADVANCED)
+    output: Path = written("gains.json")
+
+
+@takes(Arguments)
+def command(given: Arguments) -> None:
     """Gains of the robust controller and of a PI from a fit, with one verdict on the guarantee.
 
     Exit code 5: the fit or the wishes are not physical, out of reach, or unstable on the linear model.
 
     Example: eaid tune-rc fit.json --b-hat minimax --phi data -o gains.json
     """
-    console.be_quiet(quiet)
-    import msgspec
-
-    from eaid.cli import gains_tables
-    from eaid.coupling.judge import stiffness_judge
+    from eaid import api
+    from eaid.cli import gains_tables, inputs
     from eaid.files import refuse_to_overwrite
-    from eaid.replay.references import read_reference
     from eaid.replay.scenarios import SCENARIOS
-    from eaid.replay.tune import tune
     from eaid.results import codec
-    from eaid.results.common import Input
     from eaid.results.fit import Fit
     from eaid.results.gains import GainsInputs
     from eaid.results.tuning import TuneOptions
 
-    path = cast("Path", output)
-    if data and phi != "data" and not optimize and optimize_also is None:
+    own = None if given.reference is None or given.reference in SCENARIOS else Path(given.reference)
+    refuse_to_overwrite(given.output, given.force, [given.fit, *([own] if own else []), *(given.data or [])])
+    options = taken(TuneOptions, given)
+    if given.data and options.phi != "data" and not options.searches:
         raise UsageError("--data: does nothing without --phi data or --optimize; leave it out")
-    own = None if reference is None or reference in SCENARIOS else Path(reference)
-    refuse_to_overwrite(path, force, [fit, *([own] if own else []), *(data or [])])
-    options = TuneOptions(
-        bounds=bounds, levels=levels, widen_bounds=widen_bounds,
-        b_hat=word_or_number(b_hat, ("pooled", "minimax"), "--b-hat"),  # type: ignore[arg-type]
-        kp=kp, kd=kd, natural_frequency=natural_frequency, damping=damping, q_max=q_max,
-        phi=word_or_number(phi, ("data",), "--phi"),  # type: ignore[arg-type]
-        epsilon=epsilon, gamma=gamma, p_scale=p_scale, rho=rho, alpha=alpha,  # type: ignore[arg-type]
-        pi_overshoot=pi_overshoot, pi_settling=pi_settling, pi_gains=pair("--pi-gains", pi_gains, "21,360"),
-        anti_windup=anti_windup,  # type: ignore[arg-type]
-        duty_limits=pair("--duty-limits", duty_limits, "0,100"), rate_hz=rate_hz, pwm_hz=pwm_hz, optimize=optimize,
-        optimize_for=optimize_for,  # type: ignore[arg-type]
-        optimize_also=names(optimize_also), plants=plants, noise_nm=noise_nm, chatter_limit=chatter_limit,
-        evaluations=evaluations, allow_unidentified=allow_unidentified, seed=seed,
-    )  # fmt: skip
-    fitted, told = codec.read(fit, "fit", Fit)
-    judge = stiffness_judge(fitted) if optimize_for == "stiffness" else None
-    logs = _logs(fitted, fit, data, options)
-    signal = read_reference(own) if own is not None else reference
-    gains = tune(fitted, options, logs, signal, reference or "", console.progress, judge)
-    sources = {"fit": fit, **({"reference": own} if own else {})}
-    kept = GainsInputs(**{role: Input.of(each) for role, each in sources.items()})
-    gains = msgspec.structs.replace(gains, inputs=kept)
-    codec.write(path, gains, "gains", force)
-    if json:
+    fitted, told = codec.read(given.fit, "fit", Fit)
+    logs = inputs.logs_of(fitted, given.fit, given.data, options)
+    gains = api.tune_rc(fitted, options, reference=given.reference, logs=logs, progress=console.progress)
+    gains = inputs.with_files(gains, GainsInputs, fit=given.fit, reference=own)
+    codec.write(given.output, gains, "gains", given.force)
+    if given.json:
         print(codec.dumps(gains, "gains"), end="")
     else:
-        gains_tables.show(gains, verbose)
-    console.tell([*gains.findings, *told], verbose)
-    console.say(f"wrote {path}")
-
-
-def _logs(fitted: "Fit", fit: Path, data: list[Path] | None, options: "TuneOptions") -> "StepSet | None":
-    """The logs given, or those that the fit names, where they are still there and unchanged."""
-    from eaid.cli import inputs
-    from eaid.errors import EaidError
-    from eaid.files import sha256_of
-
-    if data:
-        return inputs.stepset_from(data)
-    wants = {"φ": options.phi == "data", "the noise": options.searches and options.noise_nm is None}
-    wanted = " and ".join(name for name, asked in wants.items() if asked)
-    if not wanted:
-        return None
-    instead = f"so {wanted} cannot be read off them; give the logs with --data"
-    if not fitted.data.inputs:
-        console.warn(f"{fit}: names no logs, {instead}")
-        return None
-    paths = []
-    for record in fitted.data.inputs:
-        told = Path(record.path)
-        found = next((path for path in (told, fit.parent / told.name) if path.is_file()), None)
-        if found is None or sha256_of(found) != record.sha256:
-            console.warn(f"{told}: is gone or has changed, {instead}")
-            return None
-        paths.append(found)
-    try:
-        return inputs.stepset_from(paths)
-    except EaidError as fault:
-        console.warn(f"{fault.sentences[0]}: {instead}")
-        return None
+        gains_tables.show(gains, given.verbose)
+    console.tell([*gains.findings, *told], given.verbose)
+    console.done(given.output, "gains of rc and pi", f"eaid simulate {given.fit} --gains {given.output}")

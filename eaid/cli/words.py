@@ -1,6 +1,13 @@
-"""Option values that are written as text: numbers, pairs, lists, or a word."""
+"""Option values that are written as text: numbers, pairs, lists, or a word in place of a number."""
+
+from collections.abc import Callable
 
 from eaid.errors import UsageError
+
+
+def as_typed(_option: str, text: str) -> str:
+    """Any text."""
+    return text
 
 
 def number(option: str, text: str) -> float:
@@ -11,31 +18,73 @@ def number(option: str, text: str) -> float:
         raise UsageError(f"{option} {text}: is no number") from None
 
 
-def pair(option: str, text: str | None, example: str) -> tuple[float, float] | None:
-    """Two numbers with a comma between them."""
-    if text is None:
-        return None
-    numbers = [number(option, part) for part in text.split(",")]
-    if len(numbers) != 2:
-        raise UsageError(f"{option} {text}: write two numbers with a comma between them, as {example}")
-    return numbers[0], numbers[1]
+def pair(example: str) -> Callable[[str, str], tuple[float, float]]:
+    """Reads two numbers, with what stands between them in the example."""
+    between = ":" if ":" in example else ","
+
+    def read(option: str, text: str) -> tuple[float, float]:
+        parts = text.split(between)
+        if len(parts) != 2:
+            raise UsageError(f"{option} {text}: write two numbers with a {_NAME[between]} between them, as {example}")
+        return number(option, parts[0]), number(option, parts[1])
+
+    return read
 
 
-def names(text: str | None) -> tuple[str, ...]:
-    """Names with commas between them."""
-    return tuple(name.strip() for name in (text or "").split(",") if name.strip())
+_NAME = {":": "colon", ",": "comma"}
 
 
-def word_or_number(text: str | None, words: tuple[str, ...], option: str) -> str | float | None:
-    """One of some words, or a number."""
-    if text is None or text in words:
-        return text
-    try:
-        return float(text)
-    except ValueError:
-        raise UsageError(f"{option} {text}: must be {', '.join(words)} or a number") from None
-
-
-def numbers(option: str, text: str | None) -> tuple[float, ...]:
+def numbers(option: str, text: str) -> tuple[float, ...]:
     """Numbers with commas between them."""
-    return tuple(number(option, part) for part in names(text))
+    try:
+        return tuple(float(part) for part in names(option, text))
+    except ValueError:
+        raise UsageError(f"{option} {text}: write numbers with commas between them, as 40,70") from None
+
+
+def spaced(option: str, text: str) -> tuple[float, ...]:
+    """`30,40,90`, or `from:to:step` with both ends."""
+    try:
+        if ":" not in text:
+            return tuple(float(part) for part in text.split(","))
+        start, end, step = (float(part) for part in text.split(":"))
+        count = round((end - start) / step)
+    except (ValueError, ZeroDivisionError, OverflowError):
+        raise UsageError(f"{option} {text}: give levels as 30,40,90 or as from:to:step") from None
+    if not 0 <= count <= 10_000 or abs(start + count * step - end) > 1e-9 * abs(step):
+        raise UsageError(f"{option} {text}: the step does not lead from {start:g} to {end:g}")
+    return tuple(start + k * step for k in range(count + 1))
+
+
+def names(option: str, text: str) -> tuple[str, ...]:
+    """Names with commas between them."""
+    found = tuple(name.strip() for name in text.split(",") if name.strip())
+    if not found:
+        raise UsageError(f"{option} {text!r}: names nothing; leave it out, or give names with commas between them")
+    return found
+
+
+def word_or_number(*words: str) -> Callable[[str, str], float]:
+    """Reads a number where none of some words stands."""
+
+    def read(option: str, text: str) -> float:
+        try:
+            return float(text)
+        except ValueError:
+            raise UsageError(f"{option} {text}: must be {', '.join(words)} or a number") from None
+
+    return read
+
+
+def factors(option: str, text: str) -> dict[str, float]:
+    """`Ts=0.9,tau1=1.2`, or widths in percent: names with numbers."""
+    found: dict[str, float] = {}
+    for part in names(option, text):
+        name, _, value = (piece.strip() for piece in part.partition("="))
+        if name in found:
+            raise UsageError(f"{option} {text}: says {name} twice; give each name once")
+        try:
+            found[name] = float(value.removesuffix("%"))
+        except ValueError:
+            raise UsageError(f"{option} {text}: {part!r} is no name=number; write it as Ts=0.9,tau1=1.2") from None
+    return found

@@ -98,11 +98,11 @@ def bounds_of(fit: Fit, convention: str | None = None, levels: str | None = None
     else:
         if not rows:
             raise UsageError(
-                "the fit holds no fits of single levels, so «bounds», «levels» and «widen_bounds» have nothing to "
-                "work on; fit again with this version of eaid"
+                "the fit holds no fits of single levels, so «bounds», «bounds_levels» and «widen_bounds» have nothing "
+                "to work on; fit again with this version of eaid"
             )
         found = _under(rows, model, own, wanted)
-        chosen = wanted_levels(levels, [row.level for row in found]) if levels else ()
+        chosen = wanted_levels(levels, [row.level for row in found], "bounds_levels") if levels else ()
         kept = tuple(chosen) or (stored.levels if stored is not None else ()) or tuple(row.level for row in found)
         found = [row for row in found if row.level in kept]
         each = [_interval(row, rows) if widen else (row.B, row.B) for row in found]
@@ -111,7 +111,7 @@ def bounds_of(fit: Fit, convention: str | None = None, levels: str | None = None
     if B_m > B_M:
         raise GainsError(f"B_m {B_m:.4g} lies above B_M {B_M:.4g}; check linear.bounds of the fit")
     if any(not (row.B > 0 and math.isfinite(row.B)) for row in found):
-        raise GainsError("a level has no positive b0, so the range of B touches 0; leave it out with «levels»")
+        raise GainsError("a level has no positive b0, so the range of B touches 0; leave it out with «bounds_levels»")
     return Bounds(wanted, kept, B_m, B_M, tuple(found), widen)
 
 

@@ -8,6 +8,12 @@ from eaid.limits import check_all
 from eaid.replay.rig import Rig
 
 
+def refuse_several(scenario: object, reference: object, log: object) -> None:
+    """Refuse more than one of what may be replayed."""
+    if sum(given is not None for given in (scenario, reference, log)) > 1:
+        raise UsageError("«scenario», «reference» and «log» exclude each other; give one of them")
+
+
 @dataclass(frozen=True)
 class SimulateOptions:
     """What `simulate` may be told; a field that is out of its limits raises `UsageError`."""

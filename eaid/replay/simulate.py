@@ -13,7 +13,7 @@ from eaid.findings import ranked
 from eaid.logs.run import Run
 from eaid.progress import Progress, no_progress
 from eaid.replay import recorded as log
-from eaid.replay.options import SimulateOptions
+from eaid.replay.options import SimulateOptions, refuse_several
 from eaid.replay.references import Reference, sampled
 from eaid.replay.rehab import MODES, Rehabilitation, rehabilitate
 from eaid.replay.rehab_statistics import record as record_session
@@ -58,8 +58,7 @@ def simulate(
     UsageError
         Options that do nothing here, or contradict each other.
     """
-    if sum(given is not None for given in (options.scenario, reference, runs)) > 1:
-        raise UsageError("«scenario», «reference» and «log» exclude each other; give one of them")
+    refuse_several(options.scenario, reference, runs)
     what = "log" if runs is not None else "reference" if reference is not None else options.scenario or "multisine"
     options.check_for(what)
     scales = scales_of(fit, plant_of(fit))

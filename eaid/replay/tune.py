@@ -87,7 +87,7 @@ def tune(
     reference_name = reference_name or (reference if isinstance(reference, str) else "multisine")
     wanted = _reference(reference or "multisine", dt_s, scales)
     slope = steepest_nm_s(wanted)
-    bounds = bounds_of(fit, options.bounds, options.levels, options.widen_bounds)
+    bounds = bounds_of(fit, options.bounds, options.bounds_levels, options.widen_bounds)
     shown = least_phi(mismatches(model, bounds, plant, logs, fit.data.input_unit))
     settled = design_options(
         fit, options, scales, slope if given or not scales.paper else None, None if shown is None else shown.pct

@@ -19,7 +19,7 @@ class TuneOptions(Result, frozen=True):
 
     bounds: str | None = None
     """Convention for b0 of a single level; None: the fit's."""
-    levels: str | None = None
+    bounds_levels: str | None = None
     """Levels that B_m, B_M are taken over, `30:100` or `30,40`; None: the fit's."""
     widen_bounds: bool = False
     """Take the far ends of the levels' 95 % intervals."""

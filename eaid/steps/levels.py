@@ -42,7 +42,7 @@ def grouped(runs: Sequence[Run]) -> list[tuple[float, list[Run]]]:
     return [(level, members) for level, _, members in groups]
 
 
-def wanted_levels(text: str, levels: Sequence[float]) -> list[float]:
+def wanted_levels(text: str, levels: Sequence[float], option: str = "levels") -> list[float]:
     """Those of `levels` that a text as `30:100` or `30,40` keeps; raises DataError where it names one not there."""
     chosen: set[float] = set()
     for part in text.split(","):
@@ -59,9 +59,9 @@ def wanted_levels(text: str, levels: Sequence[float]) -> list[float]:
             )
             found = [level for level in near if same_level(level, near[0], 0.0)]
         else:
-            raise UsageError(f"«levels» {text}: write 30:100 or 30,40,90")
+            raise UsageError(f"«{option}» {text}: write 30:100 or 30,40,90")
         if not found:
             held = ", ".join(f"{level:g}" for level in levels)
-            raise DataError(f"«levels» {text}: no log holds {part.strip()}; levels found: {held}")
+            raise DataError(f"«{option}» {text}: no log holds {part.strip()}; levels found: {held}")
         chosen.update(found)
     return sorted(chosen)

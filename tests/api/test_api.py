@@ -156,7 +156,7 @@ def test_python_control_where_it_is_installed(fit: Fit, gains: Gains):
 
 
 def test_wrong_calls_are_told_in_words():
-    with pytest.raises(UsageError, match="no such option; there are"):
+    with pytest.raises(UsageError, match="no such option robust: must be one of models"):
         eaid.fit({"a": pd.DataFrame()}, robust=True)
     with pytest.raises(DataError, match="no such file"):
         eaid.load("nowhere.json")

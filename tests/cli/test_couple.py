@@ -51,7 +51,7 @@ def test_json_is_the_file(folder: Path, capsys: pytest.CaptureFixture[str]):
         (("--limb-damping", "0"), 2, "--limb-damping 0: must be above 0"),
         (("--wall", "-1"), 2, "--wall -1: a stiffness must be above 0"),
         (("--loops", "pid"), 2, "--loops pid: must be one of"),
-        (("--torque", "one"), 2, "--torque one: is no number"),
+        (("--torque", "one"), 2, "--torque one: write numbers with commas"),
     ],
 )
 def test_what_means_nothing_is_refused(

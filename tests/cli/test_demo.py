@@ -62,10 +62,10 @@ def test_it_ends_by_naming_the_page(
 ):
     ran: list[str] = []
     monkeypatch.setattr(demo, "_run", lambda line, _folder: ran.append(line[0]))
-    monkeypatch.setattr("eaid.cli.fit_options.processors", lambda: 1)
+    monkeypatch.setattr("eaid.processes.processors", lambda: 1)
     monkeypatch.chdir(tmp_path)
     assert run(["demo"]) == 0
-    assert capsys.readouterr().err.splitlines()[-1] == "done: open demo/report.html in a browser"
+    assert capsys.readouterr().err.splitlines()[-1] == "demo/report.html: 15 commands; next: open it in a browser"
     assert ran[-1] == "report"
     assert set(ran) == {"ingest", "fit", "tune-rc", "simulate", "plan", "reproduce", "report"}
 

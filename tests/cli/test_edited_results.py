@@ -28,7 +28,7 @@ READERS: dict[str, list[str]] = {
     "fit.json": [
         "report {fit.json} -o {out}/page",
         "tune-rc {fit.json} -o {out}/gains.json",
-        "tune-rc {fit.json} --widen-bounds --levels 30:100 -o {out}/gains.json",
+        "tune-rc {fit.json} --widen-bounds --bounds-levels 30:100 -o {out}/gains.json",
         "simulate {fit.json} --gains {gains.json} --scenario steps --duration 2 -o {out}/replay.h5",
         "simulate {fit.json} --controller inverse --plants 2 --noise residuals --duration 2 -o {out}/replay.h5",
         "plan {fit.json} --no-check -o {out}/plan.csv",

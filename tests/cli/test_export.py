@@ -33,7 +33,7 @@ def test_gains_alone_give_their_controllers(files, capsys):
     assert main.run(["export", "gains.json"]) == 0
     told = capsys.readouterr()
     assert told.out == ""
-    assert "export: pi, rc as c, 7 files; begin with README.md" in told.err
+    assert "export: pi, rc as c, 7 files; next: read export/README.md" in told.err
     assert "warning: RC: these gains do not say whether the guarantee holds" in told.err
     assert (files / "export" / "eaid_control.c").is_file()
 
@@ -93,9 +93,9 @@ def test_unstable_gains_are_refused_with_code_5_and_handed_on_anyway(files, caps
         (["other.json"], 3, "other.json: is neither gains.json nor fit.json"),
         (["friction.json"], 3, "friction.json: holds no nonlinear model"),
         (["gains.json", "gains.json"], 2, "a second gains.json"),
-        (["gains.json", "--as", "cobol"], 2, "--as is 'cobol'; there are c, arduino"),
-        (["gains.json", "--law", "pid"], 2, "--law holds 'pid'; there are pi, rc, inverse, plant"),
-        (["gains.json", "--precision", "half"], 2, "--precision is 'half'"),
+        (["gains.json", "--as", "cobol"], 2, "--as cobol: must be one of c, arduino"),
+        (["gains.json", "--law", "pid"], 2, "--law pid: must be one of pi, rc, inverse, plant; did you mean pi?"),
+        (["gains.json", "--precision", "half"], 2, "--precision half: must be one of double, single"),
         (["gains.json", "--rate-hz", "-1"], 2, "--rate-hz -1: give a number"),
         (["gains.json", "--rate-hz", "nan"], 2, "--rate-hz nan: give a number"),
         (["gains.json", "-o", "no/where"], 2, "does not exist; make it first"),

@@ -37,8 +37,8 @@ def test_a_dataset_becomes_a_fit(small: Path, tmp_path: Path, capsys: pytest.Cap
     assert {"friction", "nonlinear", "linear", "release"} <= result.keys()
     assert result["options"]["share"] == 0.85 and result["options"]["ci"] == "none" and result["seed"] == 0
     assert len(result["data"]["sources"]) == 20 and len(result["data"]["sources"][0]["sha256"]) == 64
-    assert "Nonlinear model, Eqs. (4)–(7)" in told.out and "B_m … B_M" in told.out and "converged" in told.out
-    assert "Release, beside the rise" in told.out
+    assert "Nonlinear model. " in told.out and "B_m = " in told.out
+    assert "Release. How the output falls" in told.out
     assert f"{out}: friction, nonlinear, linear, release" in told.err.splitlines()[-1]
     assert "synthetic" in result["data"]
 
@@ -82,12 +82,16 @@ def test_a_free_share_and_chosen_levels(small: Path, tmp_path: Path) -> None:
     ("arguments", "code", "sentence"),
     [
         (["--ci", "maybe"], 2, "error: --ci maybe: must be one of robust, bootstrap, profile, white, none\n"),
-        (["--share", "most"], 2, "error: --share most: give a number between 0 and 1, or free\n"),
+        (["--share", "most"], 2, "error: --share most: must be free or a number\n"),
         (["--share", "1"], 2, "error: --share 1: the share of the fast part lies between 0 and 1; or say free\n"),
-        (["--hold-out", "a"], 2, "error: --hold-out a: write levels with commas between them, as 40,70\n"),
+        (["--hold-out", "a"], 2, "error: --hold-out a: write numbers with commas between them, as 40,70\n"),
         (["--hold-out", "45"], 2, "error: --hold-out 45: no such level; there are 20, 40, 60, 80, 100\n"),
-        (["--bounds-levels", "1:5"], 2, "error: --bounds-levels 1:5: holds none of the levels 20, 40, 60, 80, 100\n"),
-        (["--model", "cubic"], 2, "error: --model cubic: clutch logs can be fitted with friction, nonlinear, linear\n"),
+        (
+            ["--bounds-levels", "1:5"],
+            3,
+            "error: --bounds-levels 1:5: no log holds 1:5; levels found: 20, 40, 60, 80, 100\n",
+        ),
+        (["--model", "cubic"], 2, "error: --model cubic: must be one of friction, nonlinear, linear\n"),
         (["--estimator", "both"], 2, "error: --estimator both: must be one of auto, joint, two-stage\n"),
     ],
 )
@@ -188,7 +192,7 @@ def test_a_fit_answers_in_eight_lines(small: Path, tmp_path: Path, capsys: pytes
     assert main.run(["fit", str(small), "-o", str(tmp_path / "fit.json")]) == 0
     told = capsys.readouterr()
     assert len(told.out.splitlines()) <= 8
-    assert told.out.splitlines()[0].startswith("clutch: 5 levels 20 … 100 %, 10 runs")
+    assert told.out.splitlines()[0].startswith("clutch: 5 levels, 20 … 100 %; 10 runs")
     assert all(len(line) <= 80 for line in told.out.splitlines())
     assert len([line for line in told.err.splitlines() if line.startswith(("stop", "warning", "note"))]) <= 3
     assert "next: eaid tune-rc" in told.err.splitlines()[-1]

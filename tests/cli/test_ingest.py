@@ -41,7 +41,7 @@ def test_table_and_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> N
     assert err.splitlines() == [
         "reading logs: 2 to do",
         "columns of 2 logs: time = time_s [s], input = duty_pct [%], output = torque_nm [N·m]; left: none",
-        f"{tmp_path / 'd.h5'}: 2 runs, 2 levels",
+        f"{tmp_path / 'd.h5'}: 2 runs, 2 levels; next: eaid fit {tmp_path / 'd.h5'}",
     ]
     with h5py.File(tmp_path / "d.h5") as file:
         assert list(file["runs"]) == ["u30", "u60"]

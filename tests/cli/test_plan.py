@@ -125,7 +125,7 @@ def test_a_fit_without_noise_says_what_is_assumed(tmp_path: Path, capsys: pytest
     ("options", "code", "sentence"),
     [
         (["--want", "tau9=3"], 2, "--want tau9: give a parameter of Ts, tau1, tau2"),
-        (["--want", "tau2"], 2, "--want tau2: write tau2=10,Ts=2"),
+        (["--want", "tau2"], 2, "--want tau2: 'tau2' is no name=number"),
         (["--want", "Ts=150"], 2, "--want Ts: give"),
         (["--idle", "-1"], 2, "--idle -1: give a number from 0"),
         (["--most-levels", "2"], 2, "--most-levels 2: give a whole number from 4 to 100"),

@@ -21,7 +21,7 @@ def test_a_log_of_random_steps_is_fitted_whole(log: Path, tmp_path: Path, capsys
     out = tmp_path / "fit.json"
     assert main.run(["fit", str(log), "-o", str(out), "--tables"]) == 0
     told = capsys.readouterr()
-    assert "Logs as recorded" in told.out and "free run [%]" in told.out
+    assert "Logs fitted as recorded" in told.out and "free-run fit (%)" in told.out
     fit = json.loads(out.read_text(encoding="utf-8"))
     assert fit["converged"] is True and fit["recorded"]["logs"][0]["fit_pct"] > 90
     assert fit["recorded"]["logs"][0]["sha256"] and len(fit["nonlinear"]["tau1"]) == 3

@@ -76,7 +76,7 @@ def test_figures_for_papers_hold_their_fonts(fit: Path, tmp_path: Path):
 
 def test_an_unknown_format_is_refused(fit: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]):
     assert run(["report", str(fit), "-o", str(tmp_path / "r"), "--format", "jpg"]) == 2
-    assert "error: --format jpg: figures are written as png, pdf, svg\n" in capsys.readouterr().err
+    assert "error: --format jpg: must be one of pdf, svg, png; did you mean png?\n" in capsys.readouterr().err
     assert not (tmp_path / "r").exists()
 
 

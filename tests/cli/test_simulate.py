@@ -56,7 +56,7 @@ def test_the_multisine_is_the_default_and_replay_h5_the_output(capsys):
     assert call("--gains", "gains.json") == 0
     out, err = capsys.readouterr()
     assert "0.1157" in out and "0.797" in out and "Guarantee along this replay, rc" in out
-    assert "wrote replay.h5" in err
+    assert "replay.h5: multisine with pi, rc; next: eaid report " in err
     assert "warning: the reference is as steep as 9.28 per second; the gains were made for Q_M = 5" in err
     records, head = read_replay(Path("replay.h5"))
     assert list(records) == ["pi", "rc"]
@@ -206,8 +206,12 @@ def test_open_loop_needs_no_more_than_the_nonlinear_model(capsys):
 @pytest.mark.parametrize(
     ("arguments", "code", "said"),
     [
-        (["--scenario", "jumps"], 2, "no scenario 'jumps'; there are steps, multisine, sweep, ramp, rehab"),
-        (["--controller", "pid"], 2, "no controller 'pid'; there are rc, pi, pi-feedforward, open-loop, inverse"),
+        (["--scenario", "jumps"], 2, "--scenario jumps: must be one of steps, multisine, sweep, ramp, rehab"),
+        (
+            ["--controller", "pid"],
+            2,
+            "--controller pid: must be one of rc, pi, pi-feedforward, open-loop, inverse; did",
+        ),
         (["--controller", "rc"], 2, "controller rc needs gains: give --gains"),
         (["--controller", "pi,pi", "--gains", "gains.json"], 2, "name each controller once"),
         (["--scenario", "steps", "--reference", "r.csv"], 2, "exclude each other"),
@@ -215,9 +219,9 @@ def test_open_loop_needs_no_more_than_the_nonlinear_model(capsys):
         (["--reference", "none.csv"], 3, "none.csv: no such file"),
         (["--gains", "none.json"], 3, "none.json: no such file"),
         (["--rate-hz", "0"], 2, "--rate-hz 0: give a number from 0.001"),
-        (["--perturb", "Ts"], 2, "write factors as Ts=0.9,tau1=1.2"),
+        (["--perturb", "Ts"], 2, "write it as Ts=0.9,tau1=1.2"),
         (["--duty-bits", "-1"], 2, "--duty-bits -1: give"),
-        (["--noise", "pink"], 2, "--noise pink: there is residuals"),
+        (["--noise", "pink"], 2, "--noise pink: must be one of residuals"),
         (["--noise", "residuals"], 3, "the fit does not say how its residuals are coloured"),
         (["--noise", "residuals", "--noise-nm", "1"], 2, "leave out --noise-nm"),
         (["--plants", "0"], 2, "--plants 0: give a whole number from 1"),

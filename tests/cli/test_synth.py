@@ -17,7 +17,10 @@ def test_a_dataset_its_summary_and_the_same_bytes_twice(tmp_path: Path, capsys: 
     assert main.run(["synth", *QUICK, "-o", str(first), "--json"]) == 0
     told = capsys.readouterr()
     summary = json.loads(told.out)
-    assert told.err == f"{first}: 4 synthetic runs of the reference plant (docs/synthetic.md), seed 0\n"
+    assert (
+        told.err
+        == f"{first}: 4 synthetic runs of the reference plant (docs/synthetic.md), seed 0; next: eaid fit {first}\n"
+    )
     assert summary["schema"] == "eaid/synth/1" and summary["kind"] == "clutch" and summary["seed"] == 0
     assert [row["level"] for row in summary["runs"]] == [40, 40, 90, 90] and summary["runs"][0]["samples"] == 400
     assert main.run(["synth", *QUICK, "-o", str(again), "-q"]) == 0
@@ -76,12 +79,12 @@ def test_from_a_fit_and_along_a_duty_file(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("arguments", "code", "sentence"),
     [
-        (["--kind", "gearbox"], 2, "--kind gearbox: is not one of clutch, friction-force, friction-speed"),
+        (["--kind", "gearbox"], 2, "--kind gearbox: must be one of clutch, friction-force, friction-speed"),
         (["--levels", "ten"], 2, "--levels ten: give levels as 30,40,90 or as from:to:step"),
         (["--levels", "10:100:7"], 2, "--levels 10:100:7: the step does not lead from 10 to 100"),
         (["--levels", "10,200"], 2, "--levels 200: a duty is at most 100 %"),
         (["--hold", "0"], 2, "--hold 0: give a number above 0, 1e+07 at most"),
-        (["--white-nm", "-1"], 2, "--noise-nm -1: give a number from 0 to 1e+06"),
+        (["--noise-nm", "-1"], 2, "--noise-nm -1: give a number from 0 to 1e+06"),
         (["--plant", "none.json"], 3, "none.json: no such file; give the fit.json that eaid wrote"),
         (["--kind", "friction-force", "--release", "3"], 2, "--release: nobody has published"),
         (["--seed", "-3"], 2, "--seed -3: give a whole number from 0 to 9007199254740991"),
@@ -95,7 +98,7 @@ def test_from_a_fit_and_along_a_duty_file(tmp_path: Path) -> None:
         (["--hold", "inf"], 2, "--hold inf: give a number"),
         (["--rate", "1e9"], 2, "--rate 1e+09: give a number"),
         (["--repeats", "1000000000"], 2, "--repeats 1000000000: give a whole number"),
-        (["--excitation", "jumps", "-o", "logs"], 2, "--excitation jumps: is not one of staircase, random, prbs"),
+        (["--excitation", "jumps", "-o", "logs"], 2, "--excitation jumps: must be one of staircase, random, prbs"),
         (["--excitation", "prbs", "--plan", "p.csv", "-o", "logs"], 2, "--plan and --excitation exclude each other"),
         (["--plan", "p.csv"], 3, "p.csv: no such file; give a CSV order,level,repeat,idle_s,hold_s,release_s"),
         (["-o", "none/d.h5"], 2, "none/d.h5: the folder none does not exist; make it first"),

@@ -60,7 +60,7 @@ def test_gains_file_of_a_minimal_fit(capsys):
     assert rc_gains(typed(gains)).B_hat == 12.5 and pi_gains(typed(gains)) == (21.0, 360.0, 0.0, 100.0, 0.0)
     assert out.splitlines()[:2] == ["guarantee: NO (ρ, duty limit)", "Gains"]
     assert "10.8125 + 6.58595·‖ξ‖" in out and "Margins" not in out and len(out.splitlines()) <= 18
-    assert err.splitlines()[-1] == "wrote g.json"
+    assert err.splitlines()[-1] == "g.json: gains of rc and pi; next: eaid simulate fit.json --gains g.json"
     assert set(codes(gains)) == {
         "rho-not-covered", "robust-term-beyond-actuator", "paper-pi-misses", "nothing-to-replay-on", "margin-missed",
     }  # fmt: skip
@@ -186,7 +186,7 @@ def test_refused_gains_exit_with_5(linear, arguments, words, capsys):
         (["--phi", "much"], 2, "--phi much: must be data or a number"),
         (["--kp", "4", "--damping", "1"], 2, "not both"),
         (["--damping", "0.7"], 2, "belong together"),
-        (["--levels", "30:100"], 2, "no fits of single levels"),
+        (["--bounds-levels", "30:100"], 2, "no fits of single levels"),
         (["--bounds", "x"], 2, "--bounds x: must be one of"),
         (["--epsilon", "0"], 2, "--epsilon 0: give a number from 1e-09"),
         (["--reference", "none.csv"], 3, "none.csv: no such file"),
@@ -373,7 +373,7 @@ def test_on_a_real_fit(capsys):
     assert bounds() == (stored["B_m"], stored["B_M"])
     rows = {row["level"]: row for row in fit["linear"]["per_level"]}
     kept = [rows[level]["B"] for level in rows if 30 <= level <= 90]
-    assert bounds("--levels", "30:90") == pytest.approx((min(kept), max(kept)))
+    assert bounds("--bounds-levels", "30:90") == pytest.approx((min(kept), max(kept)))
     assert bounds("--widen-bounds") == pytest.approx((stored["ci95"]["B_m"][0], stored["ci95"]["B_M"][1]), rel=1e-6)
     for convention in ("pooled-offset", "pooled-dynamics"):
         told = fit["linear"]["conventions"][convention]

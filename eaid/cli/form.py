@@ -1,0 +1,222 @@
+"""A command's options, declared once: a frozen dataclass whose fields say default, help and group.
+
+    @dataclass(frozen=True, kw_only=True)
+    class Arguments(Common):
+        fit: Path = argument("FIT", "A fit.json.")
+        rho: str = option("paper", "Reading of Eq. (15).", "Robust controller", words=("paper", "textbook"))
+
+    @takes(Arguments)
+    def command(given: Arguments) -> int: ...
+
+Typer gets a plain function with these parameters; what is typed becomes a value here, by `words` and `read`.
+"""
+
+import inspect
+import re
+from collections.abc import Callable, Sequence
+from dataclasses import MISSING, Field, dataclass, field, fields
+from pathlib import Path
+from typing import Any, TypeVar, get_type_hints
+
+import typer
+
+from eaid.cli import console
+from eaid.errors import UsageError, unknown
+
+A = TypeVar("A", bound="Common")
+T = TypeVar("T")
+
+
+@dataclass(frozen=True)
+class Told:
+    """What is told of one option or argument."""
+
+    help: str
+    group: str | None = None
+    flags: tuple[str, ...] = ()
+    """Empty: the field's name with dashes."""
+    words: tuple[str, ...] = ()
+    """What may be typed; with `read` also."""
+    several: bool = False
+    """Several of the words, with commas between them."""
+    read: Callable[[str, str], Any] | None = None
+    """(option, text) → value."""
+    shown: str | None = None
+    """What stands behind the option in the help."""
+    levels: bool = False
+    """Levels of the data, which the shell completes."""
+    positional: bool = False
+
+
+def argument(shown: str, help: str, default: Any = MISSING) -> Any:
+    """A field that is given by its place."""
+    return field(default=default, metadata={"told": Told(help, shown=shown, positional=True)})
+
+
+def option(default: Any, help: str, group: str, *flags: str, **more: Any) -> Any:
+    """A field that is given by its name; `more` are fields of `Told`."""
+    return field(default=default, metadata={"told": Told(help, group, flags, **more)})
+
+
+OUTPUT = "Output"
+SHORT = 20
+"""Letters of a list of words that stand behind an option; longer ones stand in its help."""
+
+
+def written(default: str, help: str = "Where the result is written.") -> Any:
+    """The field of the output."""
+    return option(Path(default), help, OUTPUT, "-o", "--output")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Common:
+    """Options of every command."""
+
+    force: bool = option(False, "Overwrite an existing output.", OUTPUT)
+    json: bool = option(False, "Print the result, machine-readable, on stdout.", OUTPUT)
+    quiet: bool = option(False, "No messages, tables or progress; errors are still told.", OUTPUT, "-q", "--quiet")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Verbose:
+    """Of commands that have more to tell."""
+
+    verbose: bool = option(False, "Tell all findings and show all tables.", OUTPUT, "-v", "--verbose")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Seeded:
+    """Of commands that draw."""
+
+    seed: int = option(0, "Of everything random; the same seed gives the same bytes.", OUTPUT)
+
+
+COMMON = [one.name for kind in (Seeded, Common, Verbose) for one in fields(kind)]
+
+
+def takes(arguments: type[A]) -> Callable[[Callable[[A], int | None]], Callable[..., int | None]]:
+    """Make of a function of `arguments` one that Typer takes as a command."""
+    own = set(arguments.__annotations__) - {"output"}
+    # first the command's own, then what it shares with others, last what all have
+    shown = sorted(fields(arguments), key=lambda one: (one.name in COMMON, one.name == "output", one.name not in own))
+    hints = get_type_hints(arguments)
+
+    def made(body: Callable[[A], int | None]) -> Callable[..., int | None]:
+        def command(**typed: Any) -> int | None:
+            console.be_quiet(typed["quiet"])
+            return body(arguments(**{one.name: _value(one, typed[one.name]) for one in shown}))
+
+        command.__doc__ = body.__doc__
+        command.__signature__ = inspect.Signature([_parameter(one, hints[one.name]) for one in shown])  # type: ignore[attr-defined]
+        return command
+
+    return made
+
+
+def taken(kind: Callable[..., T], given: object, **more: Any) -> T:
+    """An options type of the library, from the fields that bear the same names and from `more`; None: not given."""
+    same = {name: getattr(given, name, None) for name in inspect.signature(kind).parameters if name not in more}
+    return kind(**{name: value for name, value in same.items() if value is not None}, **more)
+
+
+def refuse_idle(given: object, names: Sequence[str], because: str) -> None:
+    """Refuse options that were given and do nothing; `because` says why, `without --optimize`."""
+    told = [one for one in fields(given) if one.name in names]  # type: ignore[arg-type]
+    idle = [flag_of(one) for one in told if getattr(given, one.name) != one.default]
+    if idle:
+        raise UsageError(f"{idle[0]}: does nothing {because}; leave it out")
+
+
+def flag_of(one: "Field[Any]") -> str:
+    """The option as it is typed, `--pi-gains`."""
+    told: Told = one.metadata["told"]
+    return next((flag for flag in told.flags if flag.startswith("--")), "--" + one.name.replace("_", "-"))
+
+
+def _parameter(one: "Field[Any]", hint: Any) -> inspect.Parameter:
+    """One parameter as Typer wants it: what is read or chosen here is a text there."""
+    told: Told = one.metadata["told"]
+    text = bool(told.words or told.read)
+    default = ... if one.default is MISSING else _typed(one.default) if text else one.default
+    kind = typer.Argument if told.positional else typer.Option
+    flags = () if told.positional else told.flags or (_flags(one),)
+    complete = _completion(told)
+    info = kind(
+        default, *flags, help=_help(told), metavar=_metavar(told, hint), autocompletion=complete,
+        show_default=default is not None and default is not False, rich_help_panel=told.group,
+    )  # fmt: skip
+    return inspect.Parameter(
+        one.name, inspect.Parameter.KEYWORD_ONLY, default=info, annotation=(str | None) if text else hint
+    )
+
+
+def _flags(one: "Field[Any]") -> str:
+    flag = flag_of(one)
+    return f"{flag}/--no-{flag[2:]}" if one.default is True else flag
+
+
+def _metavar(told: Told, hint: Any) -> str | None:
+    """What stands behind the option: the words where they are few, else WORD; nothing behind a switch."""
+    if told.shown or not told.words:
+        return told.shown or {bool: "", bool | None: "", list[Path] | None: "FILE"}.get(hint)
+    words = "|".join(told.words) + (",…" if told.several else "|NUMBER" if told.read else "")
+    return words if len(words) <= SHORT else "WORD,…" if told.several else "WORD|NUMBER" if told.read else "WORD"
+
+
+def _help(told: Told) -> str:
+    """The help, with the words where they do not stand behind the option, in the Markdown that Typer shows."""
+    said, behind = told.help, _metavar(told, None) or ""
+    if any(word not in behind for word in told.words):
+        said = f"{said} {'Of' if told.several else 'One of'} {', '.join(told.words)}."
+    return re.sub(r"([_*<`])", r"\\\1", said)
+
+
+def _typed(value: Any) -> str | None:
+    """A default as it would be typed."""
+    if isinstance(value, tuple):
+        return ",".join(_typed(part) or "" for part in value) or None
+    return None if value is None else f"{value:g}" if isinstance(value, float) else str(value)
+
+
+def _value(one: "Field[Any]", typed: Any) -> Any:
+    """What was typed, as a value; `UsageError` where it is none of the words, or cannot be read."""
+    told: Told = one.metadata["told"]
+    if not isinstance(typed, str) or not (told.words or told.read):
+        return one.default if typed is None and one.default is not MISSING else typed
+    if typed == _typed(one.default):
+        return one.default
+    option_, parts = flag_of(one), [part.strip() for part in typed.split(",") if part.strip()]
+    if told.several:
+        for part in parts or [typed]:
+            if part not in told.words:
+                raise UsageError(unknown(option_, part, told.words))
+        return tuple(parts)
+    if typed in told.words or told.read is None:
+        if typed not in told.words:
+            raise UsageError(unknown(option_, typed, told.words))
+        return typed
+    return told.read(option_, typed)
+
+
+def _completion(told: Told) -> Callable[..., list[str]] | None:
+    """What the shell offers: the words, or the levels that the data hold; nothing where it offers files."""
+    if told.levels:
+        return _levels
+    if not told.words:
+        return None
+
+    def words(incomplete: str) -> list[str]:
+        before, comma, last = incomplete.rpartition(",") if told.several else ("", "", incomplete)
+        return [before + comma + word for word in told.words if word.startswith(last)]
+
+    return words
+
+
+def _levels(ctx: typer.Context, incomplete: str) -> list[str]:
+    """The levels of the fit or the dataset that stands on the line already."""
+    from eaid.cli.inputs import levels_in
+
+    given = next((ctx.params[name] for name in ("data", "logs", "fit", "plant") if ctx.params.get(name)), [])
+    before, comma, last = incomplete.rpartition(",")
+    paths = [Path(path) for path in (given if isinstance(given, list | tuple) else [given])]
+    return [before + comma + level for level in levels_in(paths) if level.startswith(last)]

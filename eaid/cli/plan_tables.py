@@ -1,0 +1,90 @@
+"""What `eaid plan` writes and prints, of a session of steps and of one sequence."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from eaid.cli import console
+from eaid.cli.words import number, pair
+from eaid.errors import UsageError, unknown
+from eaid.files import all_written_whole
+from eaid.planning.recordings import input_changes
+from eaid.reading import pairs
+from eaid.results.plan import Plan
+from eaid.results.recorded import Excitation
+
+if TYPE_CHECKING:
+    from eaid.recorded.sequence import Limits
+
+LIMITS = {
+    "duty": "duty_pct", "hold": "hold_s", "rate": "rate_pct_s", "rest": "rest_s", "work": "work_s",
+    "longest": "longest_s", "engagements": "engagements",
+}  # fmt: skip
+"""Names of `--limits` → fields of `Limits`."""
+
+
+def limits_of(text: str | None, duty_pct: tuple[float, float]) -> "Limits":
+    """`duty=10:100,hold=0.3:30,rate=200,rest=5,work=60,engagements=4` as limits."""
+    from eaid.recorded.sequence import Limits
+
+    given: dict[str, float | int | tuple[float, float]] = {"duty_pct": duty_pct}
+    for name, value in pairs("«limits»", text).items():
+        if name not in LIMITS:
+            raise UsageError(unknown("«limits»", name, LIMITS))
+        read = pair("0.3:30") if name in ("duty", "hold") else number
+        made = read(f"--limits {name}", value)
+        given[LIMITS[name]] = int(made) if name == "engagements" and not isinstance(made, tuple) else made
+    return Limits(**given)  # type: ignore[arg-type]
+
+
+def write(files: Sequence[Path], found: Plan | Excitation, force: bool) -> None:
+    """The run table and the duty file, both whole or neither; of a sequence the duty file alone."""
+    if isinstance(found, Excitation):
+        contents = [["time_s,duty_pct", *(f"{at:.9g},{duty:.9g}" for at, duty in found.duty)]]
+    else:
+        unit = found.input_unit
+        known = {"%": "duty_pct", "N": "force_n", "RPM": "speed_rpm"}
+        column = known.get(unit) or (f"input_{unit.lower()}" if unit.isalnum() else "input")
+        rows = [f"{r.order},{r.level:.9g},{r.repeat},{r.idle_s:g},{r.hold_s:g},{r.release_s:g}" for r in found.runs]
+        changes = [f"{at:.9g},{level:.9g}" for at, level in input_changes(found.runs)]
+        contents = [["order,level,repeat,idle_s,hold_s,release_s", *rows], [f"time_s,{column}", *changes]]
+    with all_written_whole(files, force) as parts:
+        for part, lines in zip(parts, contents, strict=True):
+            part.write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+def show(found: Plan | Excitation, idle_s: float, release_s: float) -> None:
+    """The plan for people."""
+    if isinstance(found, Excitation):
+        _widths(found.half_width_pct, found, "nine of ten")
+        return
+    console.table(
+        f"What to record: {found.repeats} repeats of each level, in the order of the run table; each run idles for "
+        f"{idle_s:g} s before its step and is recorded for {release_s:g} s after its release",
+        [f"level [{found.input_unit}]" if found.input_unit else "level", "hold [s]"],
+        [[f"{level:g}", f"{hold:g}"] for level, hold in zip(found.levels, found.hold_s, strict=True)],
+    )
+    _widths(found.half_width_pct, found, "four of five")
+
+
+def _widths(predicted: Mapping[str, float | None], found: Plan | Excitation, of: str) -> None:
+    measured = found.measured_half_width_pct or {}
+    rows = [
+        [name, *("–" if w is None else f"{w:.3g}" for w in (found.wanted.get(name), width, measured.get(name)))]
+        for name, width in predicted.items()
+    ]
+    console.table(
+        f"Half-width of the 95 % intervals at the worst level [%]; kept: by {of} simulated recordings",
+        ["parameter", "wanted", "predicted", "kept"], rows,
+    )  # fmt: skip
+
+
+def cost(found: Plan | Excitation) -> str:
+    """What a plan costs on the rig, and what is to be minded."""
+    if isinstance(found, Excitation):
+        classic = found.classic_time_on_rig_s
+        beside = "never reach these widths" if classic is None else f"take {classic:.0f} s"
+        engaged = f"{found.time_on_rig_s:.0f} s on the rig in {found.engagements} engagements"
+        return f"{engaged}; steps from rest {beside}; next: record it, then eaid fit"
+    minutes = f"{len(found.runs)} runs, {found.time_on_rig_s / 60:.0f} minutes on the rig"
+    return f"{minutes}; next: record whole blocks in this order, not sweeps, then eaid fit"
