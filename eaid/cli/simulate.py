@@ -100,6 +100,5 @@ def command(given: Arguments) -> None:
 
             plots.replay(replay)
     console.tell([*replay.findings, *told, *more], given.verbose)
-    console.done(
-        given.output, f"{len(replay.records)} of {replay.head.scenario}", f"eaid report {given.fit} {given.output}"
-    )
+    said = f"{replay.head.scenario} with {', '.join(sorted(replay.records)[:5])}"
+    console.done(given.output, said, f"eaid report {given.fit} {given.output}")
