@@ -90,15 +90,18 @@ def the_input(
     if first and first[0] == "clutch" and _moves(column(first[1])):  # a duty beside the constant speed and force
         return (*first, ())
     moving = [(kind, which) for kind, which in roles.inputs if _moves(column(which))]
-    if len(moving) == 1:
-        return (*moving[0], ())
-    if not moving and not told:
+    jumping = [one for one in moving if steps(column(one[1]))]
+    if not jumping and not told:  # a speed that follows a throttle moves, but steps nowhere
         stepping = [which for which in roles.others[:64] if steps(column(which))]
+        if moving:
+            stepping = [which for which in stepping if len(np.unique(column(which))) > 2]  # more than on and off
         if len(stepping) == 1:
             name = table.label(stepping[0])
             still = shown([table.label(which) for _, which in roles.inputs])
             code = "input-by-its-steps" if still else "input-unnamed"
             return kind_of(name, ""), stepping[0], (finding(code, path, column=name, still=still),)
+    if len(moving) == 1:
+        return (*moving[0], ())
     if first is None:
         return None, None, ()
     if len(roles.inputs) == 1 or first[0] == "clutch":

@@ -20,7 +20,7 @@ TIME: tuple[tuple[str, ...], ...] = (
 )  # fmt: skip
 INPUTS: dict[Kind, tuple[tuple[str, ...], ...]] = {
     "clutch": (
-        ("duty", "dutycycle", "pwm", "tastgrad"),
+        ("duty", "dutycycle", "pwm", "throttle", "tastgrad"),
         ("control", "controlsignal", "command", "cmd", "input", "u"),
         ("voltage", "volts", "volt", "spannung", "v"),
         ("current", "strom", "stroom", "courant", "corriente", "ampere", "amps"),
@@ -86,6 +86,13 @@ def _alike(names: Sequence[str], spellings: Iterable[str], taken: set[int]) -> l
     return [i for i, name in enumerate(names) if i not in taken and words_of(split_name(name)[0]) & long]
 
 
+def _may_be_time(name: str) -> bool:
+    """Whether a column's unit does not say that it is something else: `T [degC]` is a temperature."""
+    unit = split_name(name)[1]
+    known = unit_of(unit) if unit else None
+    return not unit or (known is not None and known.quantity == "time")
+
+
 def shown(names: Sequence[str]) -> str:
     """Columns as a sentence lists them."""
     listed = ", ".join(name if name else f"column {i + 1}" for i, name in enumerate(names[:12]))
@@ -136,7 +143,10 @@ def match_columns(path: str, table: Table, options: ReadOptions) -> Roles:
     time = said.get("time")
     for group in TIME:
         if time is None:
-            time = table.clock if table.clock is not None else _only(path, "time", _alike(names, group, taken), names)
+            clocks = _alike(names, group, taken)
+            if len(clocks) > 1:
+                clocks = [i for i in clocks if _may_be_time(names[i])]
+            time = table.clock if table.clock is not None else _only(path, "time", clocks, names)
     if time is None and not rate:
         raise DataError(
             f"{path}: no column is called time (columns: {shown(names)}); name it with «columns» time=NAME, "
@@ -155,9 +165,13 @@ def match_columns(path: str, table: Table, options: ReadOptions) -> Roles:
         if output is None:
             output = _only(path, "output", _alike(names, group, shut), names)
     if output is None:
+        driven = set(_alike(names, {word for group in INPUTS["clutch"] for word in group}, shut))
+        driven |= {i for i, name in enumerate(names) if split_name(name)[1] in ("%", "V", "A")}
+        left = [i for i in range(len(names)) if i not in shut and i not in driven]
+        name = f'"{names[left[0]]}"' if len(left) == 1 and names[left[0]] else "NAME"
         raise DataError(
             f"{path}: no column is called torque (columns: {shown(names)}); name what was measured with "
-            f"«columns» output=NAME"
+            f"«columns» output={name}"
         )
     shut = shut | {output}
     if "input" in said:

@@ -25,7 +25,7 @@ from eaid.logs.options import ReadOptions
 from eaid.logs.run import Run
 from eaid.logs.text import read_text
 from eaid.logs.to_run import Origin, name_regex, run_of
-from eaid.logs.together import counted_once, named_apart, scales_compared
+from eaid.logs.together import counted_once, levels_in_names, named_apart, scales_compared
 
 NOTHING_SAID = ReadOptions()
 ENDINGS = (".gz", ".csv", ".tsv", ".txt", ".dat", ".mat", ".h5", ".hdf5", ".tdms", ".lvm", ".parquet", ".feather",
@@ -93,9 +93,11 @@ def read_what_can_be(
 def together(runs: Sequence[Run], faults: list[str], options: ReadOptions) -> tuple[list[Run], list[str]]:
     """Runs of one call: none counted twice, joined where that is wanted, compared, named apart."""
     once = counted_once(runs)
-    if options.join and not faults:
+    if not faults:
         try:
-            once = joined(once)
+            levels_in_names(once)
+            if options.join:
+                once = joined(once)
         except DataError as fault:
             return [], list(fault.sentences)
     return named_apart(once if "input" in options.units else scales_compared(once)), faults

@@ -1,5 +1,6 @@
 """What several logs show only together: one of them given twice, one on another scale than the rest; names apart."""
 
+import re
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
@@ -7,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from eaid.errors import DataError
 from eaid.findings import finding
 from eaid.logs.run import Run
 
@@ -27,6 +29,48 @@ def counted_once(runs: Sequence[Run]) -> list[Run]:
             said = finding("log-given-twice", run.name, path=", ".join(sorted(others)), first=first[run.sha256])
             kept[i] = replace(run, findings=(*run.findings, said))
     return kept
+
+
+UNLIKE = 1.5
+"""Ratio of swings beyond which outputs are no repeats."""
+
+
+def levels_in_names(runs: Sequence[Run]) -> None:
+    """Raise DataError where the inputs say only on or off, but outputs and numbers in the logs' names differ.
+
+    Taken as they are, logs of different levels would count as repeats of one.
+    """
+    switched = [run for run in runs if _switched(run)]
+    swings = [float(np.ptp(np.nanquantile(run.output, (0.02, 0.98)))) for run in switched]
+    if len(switched) < 2 or max(swings) < UNLIKE * min(swings):
+        return
+    if (pattern := differing_number([run.name for run in switched])) is None:
+        return
+    taken = dict(switched[0].taken)["input"]
+    raise DataError(
+        f"{switched[0].source} and {len(switched) - 1} more: {taken} says only on or off, and the names of the logs "
+        f'differ in a number; say that it is the level with «name_pattern» "{pattern}", or that 1 is the level of all '
+        f'with «columns» input="{taken}"'
+    )
+
+
+def _switched(run: Run) -> bool:
+    guessed = any(one.code in ("input-unnamed", "input-by-its-steps") for one in run.findings)
+    return guessed and not run.dataset and run.level is None and set(np.unique(run.input)) <= {0.0, 1.0}
+
+
+def differing_number(names: Sequence[str]) -> str | None:
+    """The first number in which some names differ as a pattern: `test_{level}V_`; None where they are not alike.
+
+    Names count as alike where they differ in their numbers only.
+    """
+    parts = [re.split(r"(\d+(?:\.\d+)?)", name) for name in names]
+    if len({tuple(one[::2]) for one in parts}) != 1:
+        return None
+    for k in range(1, len(parts[0]), 2):
+        if len({one[k] for one in parts}) > 1:
+            return f"{parts[0][k - 1]}{{level}}{parts[0][k + 1]}"
+    return None
 
 
 def scales_compared(runs: Sequence[Run]) -> list[Run]:

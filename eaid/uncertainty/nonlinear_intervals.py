@@ -47,6 +47,9 @@ PARAMETRISATION = "coefficients of (u/100 %)^k, lowest power first: tau1 [s], ta
 ROW = {"tau1": 1, "tau2": 2, "Ts": 0}
 """Where the parameters of the curves stand among a level's (T_s, τ1, τ2)."""
 
+SAYS_NOTHING = 100.0
+"""Factor up and down from which the interval of a curve is left out."""
+
 
 @dataclass(frozen=True, eq=False)
 class Estimates:
@@ -147,7 +150,7 @@ def level_curves(
         with np.errstate(over="ignore"):
             reach = quantiles[name] * sd
             low, high = at * np.exp(-reach), at * np.exp(reach)
-        fine = (at > 0) & np.isfinite(low) & np.isfinite(high) & (name not in (*c.constrained, *c.open))
+        fine = (at > 0) & (reach < np.log(SAYS_NOTHING)) & (name not in (*c.constrained, *c.open))
         values[name] = at.tolist()
         ends[name] = [(float(a), float(b)) if ok else None for a, b, ok in zip(low, high, fine, strict=True)]
     widest = np.max(list(quantiles.values()), axis=0).tolist()

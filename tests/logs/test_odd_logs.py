@@ -18,6 +18,7 @@ from eaid.logs.frames import runs_from_frames
 from eaid.logs.options import ReadOptions
 from eaid.logs.read import read_runs
 from eaid.logs.run import Run
+from eaid.logs.together import differing_number
 from eaid.steps.build import build_stepset
 
 RATE = 200
@@ -92,6 +93,8 @@ class Odd:
     """What the refusal says; empty: it is read."""
     factor: float = 1.0
     """Of the output."""
+    input: Any = None
+    """What the input has to be; None: 60 % from 1 s on."""
     atol_s: float = 1e-9
 
 
@@ -154,6 +157,13 @@ ODD = [
         "time,speed_rpm,I_set,torque_nm\n"
         + "".join(f"{a},15,{b:g},{c:.6f}\n" for a, b, c in zip(T, U, Y, strict=True))),
         code="input-by-its-steps"),
+    Odd("a temperature called T", text(csv(header="Time [s],duty_pct,T [degC]")), {"columns": {"output": "T"}}),
+    Odd("a speed that follows the throttle", text(
+        "time,speed_rpm,servo,thrust_N\n" + "".join(
+            f"{a},{900 * c:.3f},{b:g},{c:.6f}\n" for a, b, c in zip(T, U * np.where(T < 3, 1, 0.5), Y, strict=True))),
+        {"columns": {"output": "thrust_N"}}, code="input-by-its-steps", input=U * np.where(T < 3, 1, 0.5)),
+    Odd("one column left for the output", text(csv(header="time,fan [%],T [degC]")),
+        refused='name what was measured with columns= output="T [degC]"'),
     Odd("an input of no known name", text(csv(header="time,Q1,torque_nm")), code="input-unnamed"),
     Odd("a trigger and the level in the name", text(csv(duty=U / 60, header="time,trigger,torque_nm")),
         {"name_pattern": "_u{level}_"}, code="level-times-trigger"),
@@ -192,7 +202,34 @@ def test_odd_log(odd: Odd, tmp_path: Path) -> None:
         run.output, odd.factor * Y, rtol=0, atol=(3e-4 if odd.write is hdf5 else 1e-9) * odd.factor
     )
     if odd.code not in ("level-contradicted",):
-        np.testing.assert_allclose(run.input, U, atol=1e-9)
+        np.testing.assert_allclose(run.input, U if odd.input is None else odd.input, atol=1e-9)
+
+
+def test_logs_that_say_only_on_or_off_are_no_repeats_where_their_names_differ(tmp_path: Path) -> None:
+    for level in (100, 200):
+        for repeat in (1, 2):
+            torque = Y * level / 100 + 1e-3 * repeat
+            (tmp_path / f"t_{level}V_{repeat}.csv").write_text(
+                csv(duty=U / 60, torque=torque, header="time,enable,torque_nm")
+            )
+    with pytest.raises(DataError, match='say that it is the level with name_pattern= "t_{level}V_"'):
+        read_runs([tmp_path], ReadOptions())
+    assert [one.level for one in fitted_levels(tmp_path, name_pattern="t_{level}V_")] == [100.0, 200.0]
+    assert [one.level for one in fitted_levels(tmp_path, columns={"input": "enable"})] == [1.0]
+
+
+@pytest.mark.parametrize(
+    ("names", "pattern"),
+    [
+        (["a_100V_1", "a_100V_2", "a_150V_1"], "a_{level}V_"),
+        (["run1", "run2"], "run{level}"),
+        (["run1", "step2"], None),
+        (["run1", "run1b"], None),
+        (["s-2.5bar", "s-5bar"], "s-{level}bar"),
+    ],
+)
+def test_the_number_in_which_names_differ(names: list[str], pattern: str | None) -> None:
+    assert differing_number(names) == pattern
 
 
 def fitted_levels(path: Path, **options: Any) -> Any:
