@@ -112,7 +112,7 @@ def residuals(data: StepSet, fit: Fit, model: str) -> Figure:
     levels = [level for level, _, _ in rows]
     per_level.plot(rms, levels, "o-", color=style.BLUE, linewidth=0.8)
     per_level.set(xlabel=f"RMSE ({data.output_unit})", ylabel=over(data.input_unit))
-    per_level.set_xlim(0, None)
+    per_level.set_xlim(0, 1.1 * max(rms))
     style.letter(over_time, "a", "(hatched: model above)")
     style.letter(per_level, "b")
     return figure

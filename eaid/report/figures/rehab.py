@@ -37,6 +37,7 @@ def training(trace: Mapping[str, Array], spans: list[tuple[str, float, float]], 
     for mark, panel in zip("abcd", axes, strict=True):
         for name, start, end in spans:
             panel.axvspan(start, end, color=MODES.get(name, ("#EEEEEE", name))[0], lw=0)
+            panel.axvline(start, color=style.BLACK, linewidth=0.6)  # told apart in grey, too
         panel.grid(color="white")
         style.letter(panel, mark)
 

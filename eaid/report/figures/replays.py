@@ -9,6 +9,7 @@ from matplotlib.figure import Figure
 
 from eaid.arrays import Array
 from eaid.report import style
+from eaid.report.figures.recorded import titles
 from eaid.report.rig import over, quantity
 from eaid.report.thin import thinned_at
 
@@ -59,7 +60,6 @@ def tracking(
     if from_s > 0:
         for axes in panels:
             axes.axvspan(0, from_s, color="#EEEEEE", lw=0)
-        error.annotate("not counted", (from_s / 2, 0.04), xycoords=("data", "axes fraction"), ha="center")
     first = next(iter(traces.values()))["time_s"]
     output.set_xlim(first[0], first[-1])
     if len(traces) > 1:
@@ -68,7 +68,7 @@ def tracking(
         error.set_ylim(-1.25 * top - 1e-9, 1.25 * top + 1e-9)
     _units([(output, ""), (error, f"Error ({units[1]})"), (duty, "input")], units)
     for mark, axes in zip("abc", panels, strict=True):
-        style.letter(axes, mark)
+        style.letter(axes, mark, "grey: not counted" if axes is error and from_s > 0 else "")
     style.legend_above(output)
     return figure
 
@@ -123,12 +123,12 @@ def recorded_duty(traces: Mapping[str, Mapping[str, Array]], units: tuple[str, s
     figure, panels = style.page(0.5 + 1.35 * rows, rows, columns)
     for panel in panels[len(traces) :]:
         panel.set_visible(False)
-    for mark, (name, trace), panel in zip("abcdef", traces.items(), panels, strict=False):
+    heads = titles(list(traces), 16 * len(traces))
+    for mark, head, trace, panel in zip("abcdef", heads, traces.values(), panels, strict=False):
         _draw(panel, trace, trace["reference_nm"], color=style.SKY, label="recorded", linewidth=2.2)
         _draw(panel, trace, trace["torque_nm"], color=style.BLACK, label="model, same input", linestyle=(0, (4, 2)))
         rms = float(np.sqrt(np.mean((trace["reference_nm"] - trace["torque_nm"]) ** 2)))
-        shown = name if len(name) < 16 else f"…{name[-14:]}"
-        style.letter(panel, mark, f"{shown}: RMS {rms:.2g}".replace("$", r"\$"))
+        style.letter(panel, mark, f"{head}: RMS {rms:.2g}")
     for i, panel in enumerate(panels):
         if i % columns == 0:
             panel.set_ylabel(quantity(units[1]))

@@ -1,7 +1,7 @@
 """Plots that can be zoomed and read off by hovering: Bokeh documents as JSON, drawn by the script inside the page.
 
-Bokeh, because its script (1.27 MB) is a quarter of plotly's (4.8 MB) and lies in the package that pip installs. A plot
-is a JSON document; beside it stand the colours that change between light and dark.
+Bokeh, because its script (1.27 MB) is a quarter of plotly's (4.8 MB) and lies in the package that pip installs. On a
+dark ground the page's style inverts their lightness, at the same hue.
 """
 
 from dataclasses import dataclass, field
@@ -16,30 +16,21 @@ from bokeh.models.layouts import Column
 from bokeh.plotting import figure
 
 from eaid.arrays import Array
-from eaid.report import style
 from eaid.report.thin import thinned_at
 
 BAND_POINTS = 300
 """Points of one band on the page."""
 LINE_POINTS = 800
 """Points of one line on the page; extremes survive."""
-DARK = {
-    style.BLUE: "#7FBBE8", style.VERMILLION: "#FF9A4D", style.GREEN: "#4FD0A5", style.PURPLE: "#E3A6C8",
-    style.BLACK: "#F2F2F2", style.ORANGE: "#F0B840", style.SKY: "#8FD0F5", style.GREY: "#B5B5B5",
-}  # fmt: skip
-"""Colour on white → colour on the dark ground, at the same hue."""
-INK, PAPER, RULE = ("#1A1A1A", "#E8E8E8"), ("#FFFFFF", "#1B1E23"), ("#DDDDDD", "#3A3F47")
 
 
 @dataclass
 class Plot:
-    """One live plot under construction: its panels, and which of their colours change in the dark."""
+    """One live plot under construction."""
 
     panels: list[Any] = field(default_factory=list)
     wide: bool = True
     """Whether it has the page's whole width; else its legend has two columns."""
-    themed: list[tuple[str, str, str, str]] = field(default_factory=list)
-    """(model id, property, light, dark)"""
 
     def panel(
         self, x: str, y: str, height: int, unit: str, across: tuple[str, str] = ("time", "s"), **more: Any
@@ -48,30 +39,16 @@ class Plot:
         shared = {"x_range": self.panels[0].x_range} if self.panels else {}
         p = figure(
             height=height, sizing_mode="stretch_width", tools="pan,box_zoom,reset,save", toolbar_location="right",
-            active_drag="box_zoom",
+            active_drag="box_zoom", background_fill_color=None, border_fill_color=None,
             x_axis_label=x, y_axis_label=y, output_backend="canvas", min_border_left=58, **shared, **more,
         )  # fmt: skip
         p.toolbar.logo = None
         p.toolbar.autohide = True
-        p.add_tools(
-            HoverTool(
-                renderers=[],
-                tooltips=[
-                    ("", "$name"),
-                    (across[0], f"$x{{0.000}} {plain(across[1])}"),
-                    ("value", f"$y{{0.000}} {plain(unit)}"),
-                ],
-            )
-        )
-        for axis in p.axis:
-            axis.axis_label_text_font_style = "normal"
-            for prop in ("axis_label_text_color", "major_label_text_color", "axis_line_color", "major_tick_line_color"):
-                self.themed.append((axis.id, prop, *INK))
-            axis.minor_tick_line_color = None
-        for grid in p.grid:
-            self.themed.append((grid.id, "grid_line_color", *RULE))
-        self.themed += [(p.id, "background_fill_color", *PAPER), (p.id, "border_fill_color", *PAPER)]
-        self.themed.append((p.id, "outline_line_color", *RULE))
+        where, value = (across[0], f"$x{{0.000}} {plain(across[1])}"), ("value", f"$y{{0.000}} {plain(unit)}")
+        p.add_tools(HoverTool(renderers=[], tooltips=[("", "$name"), where, value]))
+        p.axis.axis_label_text_font_style = "normal"
+        p.axis.minor_tick_line_color = None
+        p.grid.grid_line_color = "#D0D0D0"
         self.panels.append(p)
         return p
 
@@ -81,7 +58,7 @@ class Plot:
         t: Array,
         y: Array,
         name: str,
-        colours: tuple[str, str],
+        colour: str,
         dash: str = "solid",
         legend: str | None = None,
         width: float = 1.6,
@@ -91,57 +68,45 @@ class Plot:
         keep = thinned_at(y, LINE_POINTS)
         # Text once for the whole line: a column of names would weigh more than the numbers.
         source = ColumnDataSource({"x": t[keep].astype(np.float32), "y": y[keep].astype(np.float32)}, name=name)
-        drawn = p.line(
-            "x", "y", source=source, line_width=width, line_dash=dash, **({"legend_label": legend} if legend else {})
-        )
+        named = {"legend_label": legend} if legend else {}
+        bare(p.line("x", "y", source=source, line_width=width, line_dash=dash, line_color=colour, **named))
         # A pointer hits a line only within half its width: a broad one that nobody sees catches it.
         reach = p.line("x", "y", source=source, line_width=14, line_alpha=0, name=name)
         p.select_one(HoverTool).renderers.append(reach)
-        drawn.nonselection_glyph = None
-        drawn.selection_glyph = None
-        drawn.muted_glyph = None
-        drawn.hover_glyph = None
-        self.themed.append((drawn.glyph.id, "line_color", *colours))
 
-    def band(self, p: Any, t: Array, low: Array, high: Array, colours: tuple[str, str]) -> None:
+    def band(self, p: Any, t: Array, low: Array, high: Array, colour: str) -> None:
         """Shade between two curves, behind the lines."""
         keep = slice(None, None, max(1, len(t) // BAND_POINTS))
         columns = {"x": t[keep], "low": low[keep], "high": high[keep]}
         source = ColumnDataSource({name: values.astype(np.float32) for name, values in columns.items()})
-        drawn = p.varea("x", "low", "high", source=source, fill_alpha=0.25, level="underlay")
-        drawn.nonselection_glyph = drawn.selection_glyph = drawn.muted_glyph = drawn.hover_glyph = None
-        self.themed.append((drawn.glyph.id, "fill_color", *colours))
+        bare(p.varea("x", "low", "high", source=source, fill_color=colour, fill_alpha=0.25, level="underlay"))
 
     def finish(self) -> dict[str, Any]:
-        """The plot as plain data: the document, its root, and the colours of both grounds."""
+        """The plot as plain data: the document and its root."""
         for p in self.panels:
             for legend in p.select({"type": Legend}):
                 legend.click_policy = "hide"
                 p.add_layout(legend, "above")
-                legend.border_line_color = None
+                legend.border_line_color = legend.background_fill_color = None
                 legend.orientation = "horizontal"
                 legend.ncols = 5 if self.wide else 2
                 legend.spacing, legend.padding, legend.margin = 8, 2, 0
-                legend.background_fill_alpha = 0.8
                 legend.label_text_font_size = "12px"
-                self.themed.append((legend.id, "background_fill_color", *PAPER))
-                self.themed.append((legend.id, "label_text_color", *INK))
         document = Document()
         root = self.panels[0] if len(self.panels) == 1 else Column(children=self.panels, sizing_mode="stretch_width")
         document.add_root(root)
-        return _renumbered(
-            {"doc": document.to_json(deferred=False), "root": root.id, "themed": [list(item) for item in self.themed]}
-        )
+        return _renumbered({"doc": document.to_json(deferred=False), "root": root.id})
 
 
-_SIGNS = str.maketrans("<>&@${}", "‹›＆＠＄()")
+def bare(drawn: Any) -> Any:
+    """What is drawn, without the looks of being selected, muted or hovered, which the page does not use."""
+    drawn.nonselection_glyph = drawn.selection_glyph = drawn.muted_glyph = drawn.hover_glyph = None
+    return drawn
 
 
 def plain(text: str) -> str:
     """A text of the user's own without the signs by which a tooltip would read HTML or a column's name in it."""
-    return text.translate(
-        {ord("<"): "‹", ord(">"): "›", ord("&"): "＆", ord("@"): "＠", ord("$"): "＄", ord("{"): "(", ord("}"): ")"}
-    )
+    return text.translate(str.maketrans("<>&@${}", "‹›＆＠＄()"))
 
 
 def _renumbered(plot: dict[str, Any]) -> dict[str, Any]:
@@ -167,25 +132,7 @@ def _renumbered(plot: dict[str, Any]) -> dict[str, Any]:
         return [rename(item) for item in value] if isinstance(value, list) else value
 
     learn(plot["doc"])
-    return {
-        "doc": rename(plot["doc"]),
-        "root": names[plot["root"]],
-        "themed": [[names[item[0]], *item[1:]] for item in plot["themed"]],
-    }
-
-
-def level_pairs(n: int) -> list[tuple[str, str]]:
-    """Colours of n rising levels on white and on the dark ground: contrast grows with the level on both."""
-    import matplotlib as mpl
-
-    table = mpl.colormaps["cividis"]
-    dark = [mpl.colors.to_hex(table(0.38 + 0.62 * i / max(n - 1, 1))) for i in range(n)]
-    return list(zip(style.level_colours(n), dark, strict=True))
-
-
-def pair(colour: str) -> tuple[str, str]:
-    """A colour on white, and on the dark ground."""
-    return colour, DARK.get(colour, colour)
+    return {"doc": rename(plot["doc"]), "root": names[plot["root"]]}
 
 
 def script() -> str:

@@ -11,13 +11,12 @@ from eaid.report import style
 from eaid.report.figures.checks import ResidualMap
 from eaid.report.figures.clutch import values_over
 from eaid.report.figures.steps import Model, fine_times, some_levels
-from eaid.report.page.live import INK, Plot, level_pairs, pair
+from eaid.report.page.live import Plot, bare
 from eaid.report.rig import level_text, level_values, over, quantity
 from eaid.report.tables.fits import estimates_of
 from eaid.results.fit import Fit
 from eaid.steps.stepset import StepSet
 
-MODEL = (style.BLACK, "#F2F2F2")
 MOST = 24
 """Most levels of a live overlay."""
 
@@ -28,19 +27,19 @@ def steps(data: StepSet, fitted: Mapping[float, Model], notes: Mapping[float, st
     out = data.output_unit
     p = plot.panel("Time since the step (s)", quantity(out), 420, out)
     levels = some_levels(data.levels, MOST)
-    pairs = level_pairs(len(levels))
-    for level, colours in zip(levels, pairs, strict=True):
+    colours = style.level_colours(len(levels))
+    for level, colour in zip(levels, colours, strict=True):
         if len(level.runs) > 1:
-            plot.band(p, level.time_s, level.mean - level.sd, level.mean + level.sd, colours)
+            plot.band(p, level.time_s, level.mean - level.sd, level.mean + level.sd, colour)
     ends = []
-    for level, colours in zip(levels, pairs, strict=True):
+    for level, colour in zip(levels, colours, strict=True):
         name = level_text(level.level, data.input_unit)
-        plot.line(p, level.time_s, level.mean, f"{name}, measured", colours, width=2.4)
+        plot.line(p, level.time_s, level.mean, f"{name}, measured", colour, width=2.4)
         ends.append((float(np.mean(level.mean[-max(1, len(level.mean) // 50) :])), name))
         if (model := fitted.get(level.level)) is not None:
             fine = fine_times(float(level.time_s[-1]))
             note = f", RMSE {notes[level.level]}" if notes and level.level in notes else ""
-            plot.line(p, fine, model(fine), f"{name}, model{note}", MODEL, "dashed", width=1.2)
+            plot.line(p, fine, model(fine), f"{name}, model{note}", style.BLACK, "dashed", width=1.2)
     longest = float(max(level.time_s[-1] for level in levels))
     ends.sort()
     gap = 0.045 * max(abs(value) for value, _ in ends)
@@ -48,8 +47,7 @@ def steps(data: StepSet, fitted: Mapping[float, Model], notes: Mapping[float, st
     for value, _name in ends:
         placed.append(max(value, placed[-1] + gap) if placed else value)
     words = ColumnDataSource({"x": [1.01 * longest] * len(ends), "y": placed, "text": [name for _, name in ends]})
-    text = p.text("x", "y", text="text", source=words, text_font_size="12px", text_baseline="middle")
-    plot.themed.append((text.glyph.id, "text_color", *INK))
+    p.text("x", "y", text="text", source=words, text_font_size="12px", text_baseline="middle")
     p.x_range = Range1d(start=0, end=1.13 * longest)
     return plot.finish()
 
@@ -77,22 +75,15 @@ def parameters(fit: Fit) -> tuple[Mapping[str, Any], ...]:
                 np.array([v if e is None else e[k] for v, e in zip(values, ends, strict=True)]) for k in (0, 1)
             )
             points = ColumnDataSource({"x": [row.level for row in rows], "y": values, "low": low, "high": high})
-            drawn = p.scatter(
-                "x", "y", source=points, size=7, name="level by itself" if fit.recorded is None else "95 %"
-            )
-            drawn.nonselection_glyph = drawn.selection_glyph = drawn.muted_glyph = drawn.hover_glyph = None
+            said = "level by itself" if fit.recorded is None else "95 %"
+            drawn = bare(p.scatter("x", "y", source=points, size=7, name=said, color=style.BLACK))
             p.select_one(HoverTool).renderers.append(drawn)
-            heads = TeeHead(size=6), TeeHead(size=6)
-            whisker = Whisker(
-                base="x", lower="low", upper="high", source=points, lower_head=heads[0], upper_head=heads[1]
-            )
-            p.add_layout(whisker)
-            plot.themed += [(drawn.glyph.id, key, *INK) for key in ("fill_color", "line_color")]
-            plot.themed += [(one.id, "line_color", *INK) for one in (whisker, *heads)]
+            ends_by = {"lower_head": TeeHead(size=6), "upper_head": TeeHead(size=6)}
+            p.add_layout(Whisker(base="x", lower="low", upper="high", source=points, **ends_by))
             seen = float(np.max(np.minimum(high, 1.6 * values)))
             top = min(max(top, seen), 3.0 * seen)
         for (said, y), (colour, dash), width in zip(curves.items(), LINES, (2.0, 1.3, 1.3, 1.3), strict=False):
-            plot.line(p, u, np.where(y < 1.3 * top, y, np.nan), said, pair(colour), dash, said, width)
+            plot.line(p, u, np.where(y < 1.3 * top, y, np.nan), said, colour, dash, said, width)
         p.y_range = Range1d(start=0, end=1.1 * top or 1.0)
         found.append(plot.finish())
     return tuple(found)
@@ -113,19 +104,15 @@ def residuals(found: ResidualMap, input_unit: str, output_unit: str) -> Mapping[
     table = mpl.colormaps["PuOr_r"]
     palette = [mpl.colors.to_hex(table(n / 20)) for n in range(21)]
     mapper = LinearColorMapper(palette=palette, low=-found.size, high=found.size)
-    drawn = p.quad("left", "right", "top", "bottom", source=source, line_color=None,
-                   fill_color={"field": "z", "transform": mapper})  # fmt: skip
-    drawn.nonselection_glyph = drawn.selection_glyph = drawn.muted_glyph = drawn.hover_glyph = None
+    fill = {"field": "z", "transform": mapper}
+    drawn = bare(p.quad("left", "right", "top", "bottom", source=source, line_color=None, fill_color=fill))
     hover = p.select_one(HoverTool)
     hover.renderers = [drawn]
     hover.tooltips = [("time", "@left{0.000} to @right{0.000} s"), ("measured − model", "@z{0.0000}")]
     shown = np.unique(np.linspace(0, len(found.levels) - 1, 16).round().astype(int))
     p.yaxis.ticker = [int(n) for n in shown]
     p.yaxis.major_label_overrides = {int(n): level_text(found.levels[n], input_unit) for n in shown}
-    bar = ColorBar(color_mapper=mapper, width=10, title=output_unit)
-    p.add_layout(bar, "right")
-    plot.themed += [(bar.id, "background_fill_color", "#FFFFFF", "#1B1E23")]
-    plot.themed += [(bar.id, key, *INK) for key in ("major_label_text_color", "title_text_color")]
+    p.add_layout(ColorBar(color_mapper=mapper, width=10, title=output_unit, background_fill_color=None), "right")
     p.x_range = Range1d(start=float(first), end=float(found.edges_s[-1]))
     p.y_range = Range1d(start=-0.5, end=len(found.levels) - 0.5)
     return plot.finish()

@@ -8,11 +8,11 @@ import numpy as np
 
 from eaid.arrays import Array
 from eaid.report import style
-from eaid.report.page.live import Plot, pair
+from eaid.report.page.live import Plot
 from eaid.report.rig import over, quantity
 from eaid.results.recorded import LogCurve
 
-INK, BLUE, RED, GREEN = (pair(colour) for colour in (style.BLACK, style.BLUE, style.VERMILLION, style.GREEN))
+INK, BLUE, RED = style.BLACK, style.BLUE, style.VERMILLION
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,7 +22,7 @@ class Line:
     t: Array
     y: Array
     name: str
-    colours: tuple[str, str]
+    colour: str
     dash: str = "solid"
 
 
@@ -44,7 +44,7 @@ def stack(panels: Sequence[Panel], time: str = "Time (s)") -> Mapping[str, Any]:
         drawn = plot.panel(time if one is panels[-1] else "", one.label, one.height, one.unit)
         for line in one.lines:
             legend = line.name if one.named else None
-            plot.line(drawn, line.t, line.y, line.name, line.colours, line.dash, legend)
+            plot.line(drawn, line.t, line.y, line.name, line.colour, line.dash, legend)
     return plot.finish()
 
 
@@ -57,7 +57,7 @@ def tracking(
     for i, (name, trace) in enumerate(traces.items()):
         look = style.controller_look(name, i)
         dash = {"-": "solid", "--": "dashed", "-.": "dashdot"}.get(look["linestyle"], "dotted")
-        more = (style.controller_name(name), pair(look["color"]), dash)
+        more = (style.controller_name(name), look["color"], dash)
         t = trace["time_s"]
         output.append(Line(t, trace["torque_nm"], *more))
         error.append(Line(t, trace["reference_nm"] - trace["torque_nm"], *more))
@@ -88,10 +88,10 @@ def recorded(curve: LogCurve, units: tuple[str, str]) -> Mapping[str, Any]:
     """Input, measured and model, residual of one log over its own time."""
     t, (unit, out) = np.array(curve.time_s), units
     output = [
-        Line(t, np.array(curve.measured), "measured", pair(style.SKY)),
+        Line(t, np.array(curve.measured), "measured", style.SKY),
         Line(t, np.array(curve.model), "model", INK, "dashed"),
     ]
-    held = Line(np.repeat(t, 2)[1:], np.repeat(curve.input, 2)[:-1], "input", GREEN)
+    held = Line(np.repeat(t, 2)[1:], np.repeat(curve.input, 2)[:-1], "input", style.GREEN)
     panels = [
         Panel(over(unit), unit, 150, [held]),
         Panel(quantity(out), out, 280, output, named=True),

@@ -1,24 +1,11 @@
-// Draws the live plots that stand as JSON in the page when they come into view, keeps their colours with the page's
-// ground, and copies commands.
+// Draws the live plots that stand as JSON in the page when they come into view, and copies commands.
 "use strict";
 (function () {
-  const dark = window.matchMedia("(prefers-color-scheme: dark)");
   const finger = window.matchMedia("(pointer: coarse)");
-  const plots = [];
-  function colour(plot) {
-    for (const [id, property, light, night] of plot.themed) {
-      const model = plot.document.get_model_by_id(id);
-      const value = dark.matches ? night : light;
-      if (model) model[property] = property.includes("_alpha") || !model.type.match(/^(Line|Text|Scatter|VArea|TeeHead|Whisker)$/) ? value : { value: value };
-    }
-  }
-  function calm(plot) {
+  function calm(root) {
     // A finger that scrolls the page must not be caught by a plot.
-    for (const [id] of plot.themed) {
-      const model = plot.document.get_model_by_id(id);
-      for (const tool of (model && model.toolbar && model.toolbar.tools) || [])
-        if (["PanTool", "BoxZoomTool"].includes(tool.type)) tool.active = false;
-    }
+    for (const panel of root.children || [root])
+      for (const tool of panel.toolbar.tools) if (["PanTool", "BoxZoomTool"].includes(tool.type)) tool.active = false;
   }
   async function draw(holder) {
     if (holder.dataset.begun) return;
@@ -30,10 +17,7 @@
     try {
       const views = await Bokeh.embed.embed_item({ target_id: place.id, root_id: data.root, doc: data.doc });
       const view = Array.isArray(views) ? views[0] : (views.roots || [...views])[0];
-      const plot = { document: view.model.document, themed: data.themed };
-      plots.push(plot);
-      colour(plot);
-      if (finger.matches) calm(plot);
+      if (finger.matches) calm(view.model);
       figure.classList.add("drawn");
     } catch (fault) {
       console.error("live plot " + place.id + ": " + fault);
@@ -70,7 +54,6 @@
     for (let fold = aim && aim.closest("details"); fold; fold = fold.parentElement.closest("details")) fold.open = true;
   }
   for (const fold of document.querySelectorAll("details")) fold.addEventListener("toggle", function () { if (fold.open) within(fold); });
-  dark.addEventListener("change", function () { plots.forEach(colour); });
   window.addEventListener("hashchange", unfold);
   copying();
   unfold();
