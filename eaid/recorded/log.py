@@ -58,9 +58,10 @@ class RecordedLog:
     def dt_s(self) -> Array:
         """How long each row's input acts [s]; 0 after the last. Steps that only rounding tells apart are one."""
         steps = np.diff(self.time_s)
-        usual = float(np.median(steps))
-        alike = np.abs(steps - usual) <= ROUNDED * usual
-        return read_only(np.append(np.where(alike, steps[alike].mean() if alike.any() else usual, steps), 0.0))
+        usual = float(steps.mean())
+        if np.abs(steps - usual).max() > ROUNDED * usual:
+            usual = float(np.median(steps))
+        return read_only(np.append(np.where(np.abs(steps - usual) <= ROUNDED * usual, usual, steps), 0.0))
 
     @cached_property
     def changes(self) -> NDArray[np.intp]:
