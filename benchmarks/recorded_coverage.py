@@ -63,8 +63,7 @@ def row(name: str, sets: int) -> str:
                 if ends is None:
                     continue
                 width[k, p, i] = np.sqrt(ends[1] / ends[0]) - 1
-                if 100 * width[k, p, i] <= LIMITS_PCT[name_p]:
-                    held[k, p, i] = ends[0] <= true <= ends[1]
+                held[k, p, i] = ends[0] <= true <= ends[1]
     cells = []
     for p in range(3):
         counted = np.isfinite(held[:, p]).sum(axis=0) > sets // 4

@@ -130,21 +130,30 @@ def spread(solved: Solved) -> Spread:
     middle = free.T @ H @ free
     scale = np.sqrt(np.maximum(np.abs(np.diagonal(middle)), 1e-300))
     pull = free @ (np.linalg.pinv(middle / np.outer(scale, scale), rcond=1e-13) / np.outer(scale, scale)) @ free.T
+    white = _root(pull)
     worth = span / max(2 * memory, span / setup.samples)
     lost = worth / max(worth - free.shape[1], 0.25 * worth)
-    noise = lost * pull @ sum((by_spectrum(one) for one in pieces), np.zeros((n, n))) @ pull.T
+    noise = pull @ sum((by_spectrum(one, pull) for one in pieces), np.zeros((n, n))) @ pull.T
     stretches: list[Scores] = []
     for window in WINDOWS_S:
         if window > LONGEST * span and stretches:
             break
         wide = [max(1, round(window / one.bin_s)) for one in pieces]
-        omega = sum((moving(one.scores, k) for one, k in zip(pieces, wide, strict=True)), np.zeros((n, n)))
+        omega = sum(moving(one, white, k) for one, k in zip(pieces, wide, strict=True))
         where = tuple(np.arange(len(one.r)) // k for one, k in zip(pieces, wide, strict=True))
-        stretches.append(Scores(lost * pull @ omega @ pull.T, where))
+        stretches.append(Scores(white @ omega @ white.T, where))
     engaged, count = _engaged(pieces, pull, lost)
     unit = solved.cost / setup.samples * max(1.0, 2 * memory * setup.samples / span)
     rivals = tuple(x for x, cost in solved.rivals if cost - solved.cost <= RIVAL * unit)
     return Spread(noise, tuple(stretches), engaged, pull, tuple(one.plain for one in pieces), count, memory, rivals)
+
+
+def _root(pull: Array) -> Array:
+    """L with L L' = H⁻¹ where the data and the constraints leave anything to know, (p, k)."""
+    scale = np.sqrt(np.maximum(np.diagonal(pull), 1e-300))
+    size, ways = np.linalg.eigh(0.5 * (pull + pull.T) / np.outer(scale, scale))
+    known = size > 1e-14 * size.max(initial=0.0)
+    return np.asarray(scale[:, None] * ways[:, known] * np.sqrt(size[known]))
 
 
 def _engaged(pieces: Sequence[Piece], pull: Array, lost: float) -> tuple[Scores | None, int]:

@@ -15,6 +15,10 @@ BINS = 16_384
 """Derivatives and residuals are first added up over so many short bins of a log, at most."""
 SMOOTH = 0.25
 """Half-width over which the noise's spectrum is smoothed, as a part of its corner frequency …"""
+LEAST_LEFT = 0.25
+"""A line keeps at least this part of its power."""
+QUARTERS = 4
+"""Stretches begin at every quarter of their length."""
 FEWEST = 8
 """… and at least so many lines."""
 
@@ -33,6 +37,8 @@ class Piece:
     """Σ Z, (n, p)."""
     scaled: Array
     """Σ Z T, (n, p)."""
+    rows: int
+    """Samples of a bin."""
     bin_s: float
     memory_s: float
     """Integrated correlation time of the residuals [s]."""
@@ -59,17 +65,19 @@ def piece_of(Z: Array, r: Array, at: NDArray[np.intp], n: int, drive: Drive, idl
         binned(Z * r[:, None]),
         binned(Z),
         binned(Z * output[:, None]),
+        step,
         step * dt_s,
         correlation_s(mean, step * dt_s),
         engagements(drive)[drive.w > 0][starts],
     )
 
 
-def by_spectrum(piece: Piece) -> Array:
-    """Variance of Σ Z r for noise S0(f) + T² S1(f), (p, p).
+def by_spectrum(piece: Piece, pull: Array) -> Array:
+    """Variance of Σ Z r for noise S0(f) + T² S1(f), (p, p); `pull` is H⁻¹.
 
-    The residuals are looked at through two windows, one that is wide where T is small and one that is T itself; the
-    power of each is S0 Σ w² + S1 Σ w² T², two equations for two spectra.
+    The residuals are looked at through two windows w, one that is wide where T is small and one that is T itself; the
+    power of each is S0 Σ w² + S1 Σ w² T², two equations for two spectra. The fit takes power out of the residuals where
+    its unknowns act, mostly at low frequencies: of each line Σ w² − F(w Z)* H⁻¹ F(w Z) of Σ w² is left.
     """
     n = len(piece.r)
     size = 2 ** int(np.ceil(np.log2(2 * n)))
@@ -80,7 +88,12 @@ def by_spectrum(piece: Piece) -> Array:
     T2 = piece.size**2
     middle = max(float(T2.mean()), 1e-300)
     windows = np.stack([1 / (1 + 9 * T2 / middle), np.sqrt(T2 / middle)])
-    power = np.array([_smoothed(np.abs(np.fft.rfft(w * piece.r, size)) ** 2, half) for w in windows])
+    power = np.empty((2, size // 2 + 1))
+    for k, w in enumerate(windows):
+        F = np.fft.rfft(w[:, None] * piece.plain, size, axis=0)
+        taken = ((F.conj() @ pull) * F).sum(axis=1).real / piece.rows / float(w @ w)
+        left = np.maximum(1 - _smoothed(taken, half), LEAST_LEFT)
+        power[k] = _smoothed(np.abs(np.fft.rfft(w * piece.r, size)) ** 2, half) / left
     A = np.array([[float((w * w).sum()), float((w * w * T2).sum())] for w in windows])
     if abs(np.linalg.det(A)) < 1e-3 * A[0, 0] * A[1, 1]:  # the output hardly changes: one spectrum
         spectra = np.stack([power.sum(axis=0) / A[:, 0].sum(), np.zeros(power.shape[1])])
@@ -106,13 +119,32 @@ def _smoothed(values: Array, half: int) -> Array:
     return np.asarray((total[2 * half + 1 :] - total[: -2 * half - 1]) / (2 * half + 1))
 
 
-def moving(sums: Array, width: int) -> Array:
-    """Σ over moving stretches of `width` bins of s s', over the width: Bartlett weights, (p, p)."""
-    width = min(width, len(sums))
-    total = np.vstack([np.zeros(sums.shape[1]), np.cumsum(sums, axis=0)])
-    padded = np.vstack([np.repeat(total[:1], width - 1, axis=0), total, np.repeat(total[-1:], width - 1, axis=0)])
-    stretches = padded[width:] - padded[:-width]
-    return np.asarray(stretches.T @ stretches / width)
+def moving(piece: Piece, white: Array, width: int) -> Array:
+    """Σ over moving stretches of `width` bins of s s', over the width (Bartlett weights), of whitened unknowns, (k, k).
+
+    `white` is L, (p, k), with L L' = H⁻¹. A stretch draws the fit towards itself: what its scores s would have been of
+    a fit without it is (I − L' H_s L)⁻¹ s, the jackknife's.
+    """
+    stride = max(1, width // QUARTERS)
+    count = min(-(-width // stride), -(-len(piece.r) // stride))
+    starts = np.arange(0, len(piece.r), stride)
+    slopes = piece.plain @ white
+    pairs = np.array([part.T @ part for part in np.split(slopes, starts[1:])]) / piece.rows
+    return without(_sums(np.add.reduceat(piece.scores @ white, starts), count), _sums(pairs, count)) / count
+
+
+def _sums(values: Array, count: int) -> Array:
+    """Sums of `count` values one after another, and of those fewer at both ends; shape (n + count − 1, …)."""
+    total = np.concatenate([np.zeros((1, *values.shape[1:])), np.cumsum(values, axis=0)])
+    at = np.arange(len(values) + count - 1)
+    return np.asarray(total[np.minimum(at + 1, len(values))] - total[np.maximum(at + 1 - count, 0)])
+
+
+def without(scores: Array, own: Array) -> Array:
+    """Σ s s' of the jackknife's scores, (k, k), from scores (n, k) and each stretch's part of I, (n, k, k)."""
+    left = (1 + LEAST_LEFT**2) * np.eye(scores.shape[1]) - own
+    s = np.linalg.solve(left, scores[:, :, None])[:, :, 0]
+    return np.asarray(s.T @ s)
 
 
 def correlation_s(r: Array, dt_s: float) -> float:
