@@ -1,13 +1,12 @@
 """What the noise in a loop's duty does to a direct fit: refits on simulated loops like the recorded one."""
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from eaid.arrays import Array
 from eaid.findings import Finding, finding
-from eaid.recorded.curve_intervals import inputs_shown
 from eaid.recorded.law import Law, simulated
 from eaid.recorded.log import RecordedLog
 from eaid.recorded.solve import Solved, refit
@@ -21,13 +20,22 @@ def like_residuals(r: Array, draw: np.random.Generator) -> Array:
     return np.asarray(np.fft.irfft(turned, len(r)))
 
 
-def bias_of(base: Solved, laws: Sequence[Law | None], refits: int, seed: int) -> Bias:
+@dataclass(frozen=True, eq=False)
+class CurveBias:
+    """Size of the mean error of the refits in log T_s, log τ1, log τ2, (3, L), chance taken off, at inputs (L,)."""
+
+    duty: Array
+    off: Array
+    mean: Bias
+
+
+def bias_of(base: Solved, laws: Sequence[Law | None], refits: int, seed: int) -> CurveBias:
     """Refits on simulated logs of the same loops: their mean error and their scatter."""
     draw = np.random.default_rng(seed)
     model, logs = base.setup.model, base.setup.logs
     used = np.concatenate([log.input[log.input > 0] for log in logs[: len(laws)]])
     low, high = np.clip(np.quantile(used, [0.1, 0.9]), model.low, model.high).tolist()
-    shown = inputs_shown((), low, high)
+    shown = np.linspace(low, high, 11)
     truth = _logs_of_curves(base, shown)
     rows = []
     left = [base.setup.jacobian(base.x, k)[1] for k in range(len(base.setup.drives))]
@@ -47,7 +55,8 @@ def bias_of(base: Solved, laws: Sequence[Law | None], refits: int, seed: int) ->
     mean, sd = errors.mean(axis=0), errors.std(axis=0, ddof=1) if refits > 1 else np.zeros_like(errors[0])
     off = [100 * float(np.sqrt(np.mean(one**2))) for one in mean]
     wide = [100 * float(np.sqrt(np.mean(one**2))) for one in sd]
-    return Bias(refits, off[0], off[1], off[2], wide[0], wide[1], wide[2])
+    sure = np.sqrt(np.maximum(mean**2 - sd**2 / refits, 0.0))
+    return CurveBias(shown, sure, Bias(refits, off[0], off[1], off[2], wide[0], wide[1], wide[2]))
 
 
 def _logs_of_curves(solved: Solved, duty: Array) -> Array:

@@ -15,8 +15,8 @@ import numpy as np
 from eaid.control.pi import PIGains
 from eaid.findings import Finding, finding
 from eaid.models.parameters import Nonlinear
-from eaid.recorded.bias import bias_finding, bias_of
-from eaid.recorded.law import Law, law_of, simulated
+from eaid.recorded.bias import CurveBias, bias_finding, bias_of
+from eaid.recorded.law import Law, law_of, nearest_law, simulated
 from eaid.recorded.log import RecordedLog
 from eaid.recorded.options import RecordedOptions
 from eaid.recorded.solve import Solved, model_of
@@ -30,15 +30,15 @@ OTHERWISE = 1.5
 
 def judged_loops(
     base: Solved, logs: Sequence[RecordedLog], options: RecordedOptions
-) -> tuple[tuple[Loop, ...], list[Finding]]:
-    """Every log of a closed loop, and what is to be said of it."""
+) -> tuple[tuple[Loop, ...], list[Finding], CurveBias | None]:
+    """Every log of a closed loop, what is to be said of it, and the bias of a direct fit."""
     loops: list[Loop] = []
     found: list[Finding] = []
     laws = [law_of(log) for log in logs]
     bias = None
     if base.instruments is None and options.loop_refits > 0 and any(law is not None for law in laws):
         bias = bias_of(base, laws, options.loop_refits, options.seed)
-        found.append(bias_finding(bias))
+        found.append(bias_finding(bias.mean))
     for k, (log, law) in enumerate(zip(logs, laws, strict=True)):
         if log.reference is None:
             follows = 0.0 if log.stepwise else answers(base, k, log)
@@ -48,16 +48,31 @@ def judged_loops(
                 loops.append(Loop(log.name, saturated_fraction=saturated(log)))
             continue
         if law is None:
-            found.append(finding("loop-bias-unknown", log.name))
+            found += [_of_another_law(log), finding("loop-bias-unknown", log.name)]
         elif base.instruments is not None:
             found.append(finding("loop-instrument", log.name))
-        loops.append(_loop(base, k, log, law, bias))
+        loops.append(_loop(base, k, log, law, None if bias is None else bias.mean))
         rms, predicted = loops[-1].rms_error, loops[-1].predicted_rms_error
         if rms is not None and predicted is not None:
             noise = float(np.std(base.setup.jacobian(base.x, k)[1]))
             if rms > OTHERWISE * float(np.hypot(predicted, noise)):
                 found.append(finding("loop-tracks-otherwise", log.name, rms=rms, predicted=predicted))
-    return tuple(loops), found
+    return tuple(loops), found, bias
+
+
+def _of_another_law(log: RecordedLog) -> Finding:
+    """What is seen of a loop that no PI explains: how it tracks, and how long it stands at its limit."""
+    assert log.reference is not None
+    law = nearest_law(log)
+    acting = log.input > 0
+    error = (log.reference - log.output)[acting]
+    return finding(
+        "loop-law-unknown", log.name,
+        fit_pct=None if law is None else law.fit_pct,
+        rms=float(np.sqrt(np.nanmean(error**2))),
+        largest=float(log.reference[acting].max()),
+        saturated_pct=100 * saturated(log),
+    )  # fmt: skip
 
 
 def saturated(log: RecordedLog) -> float:

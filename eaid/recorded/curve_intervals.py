@@ -1,11 +1,12 @@
 """Intervals of the curves T_s(u), τ1(u), τ2(u) of a recorded fit, in logarithms."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from eaid.arrays import Array
+from eaid.recorded.bias import CurveBias
 from eaid.recorded.intervals import Spread
 from eaid.recorded.solve import Solved
 
@@ -61,6 +62,14 @@ def curves(solved: Solved, sure: Spread, duty: Array) -> CurveSpread:
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
         wide = np.where(low > 0, np.sqrt(high / low) - 1, np.inf)
     return CurveSpread(duty, values, low, high, wide)
+
+
+def widened(known: CurveSpread, bias: CurveBias) -> CurveSpread:
+    """Intervals that hold the bias of a direct fit to a closed loop: wider by it, to both sides."""
+    off = np.array([np.interp(known.duty, bias.duty, row) for row in bias.off])
+    with np.errstate(over="ignore", invalid="ignore"):
+        wide = (1 + known.half_width) * np.exp(off) - 1
+    return replace(known, low=known.low * np.exp(-off), high=known.high * np.exp(off), half_width=wide)
 
 
 def inputs_shown(levels: Sequence[float] | Array, low: float, high: float) -> Array:

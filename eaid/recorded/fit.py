@@ -18,7 +18,7 @@ from eaid.models.parameters import Linear as Eq8
 from eaid.recorded import checks, model
 from eaid.recorded.as_results import data_part, friction_part, linear_part, nonlinear_part
 from eaid.recorded.closed_loop import judged_loops
-from eaid.recorded.curve_intervals import CurveSpread, curves, inputs_shown
+from eaid.recorded.curve_intervals import CurveSpread, curves, inputs_shown, widened
 from eaid.recorded.falls import CHANCE, tested
 from eaid.recorded.frequency import LEAST_ROWS, frequency_response
 from eaid.recorded.instrument import with_instrument
@@ -107,7 +107,11 @@ def fit_recorded(
         base = with_instrument(base, logs)
     sure = spread(base) if options.ci != "none" else None
     shown = inputs_shown(_basis_levels(inputs) if inputs.stepwise else (), inputs.low, inputs.high)
+    judged, more, bias = judged_loops(base, logs, options)
+    found += more
     known = None if sure is None else curves(base, sure, shown)
+    if known is not None and bias is not None:
+        known = widened(known, bias)
     found += _verdicts(base, known)
     if sure is not None:
         found += _scatter(base)
@@ -117,8 +121,6 @@ def fit_recorded(
         linear = linear_part(solved_for(model.linear(on, shortest, longest)), base, on)
     if "friction" in wanted and inputs.stepwise and len(inputs.levels) <= FRICTION_LEVELS and options.share is not None:
         friction = friction_part(solved_for(model.friction(inputs.levels, options.share, longest)))
-    judged, more = judged_loops(base, logs, options)
-    found += more
     result = Fit(
         seed=options.seed,
         data=data_part(every, runs, steps, inputs.levels if inputs.stepwise else np.zeros(0)),

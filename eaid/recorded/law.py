@@ -47,6 +47,13 @@ def run_loop(
 
 def law_of(log: RecordedLog) -> Law | None:
     """The PI law behind a log with a reference; None where none explains its duty."""
+    law = nearest_law(log)
+    explains = law is not None and law.fit_pct >= LAW_PCT and law.gains.K_P > 0 and law.gains.K_I > 0
+    return law if explains else None
+
+
+def nearest_law(log: RecordedLog) -> Law | None:
+    """The PI that comes nearest to a log's duty; None without a reference or with too few rows off the limits."""
     if log.reference is None:
         return None
     u, e = log.input, log.reference - log.output
@@ -63,8 +70,6 @@ def law_of(log: RecordedLog) -> Law | None:
     found = np.linalg.lstsq(design, wanted, rcond=None)[0]
     size = float(np.linalg.norm(wanted))
     fit_pct = 100 * (1 - float(np.linalg.norm(wanted - design @ found)) / size) if size > 0 else 0.0
-    if fit_pct < LAW_PCT or found[0] <= 0 or found[1] <= 0:
-        return None
     return Law(PIGains(float(found[0]), float(found[1]), 0.0, top), fit_pct, int(acting[0]))
 
 

@@ -32,6 +32,15 @@ def _falls(v: Mapping[str, Any]) -> str:
     )
 
 
+def _other_law(v: Mapping[str, Any]) -> str:
+    nearest = "" if v["fit_pct"] is None else f" (the nearest explains {max(v['fit_pct'], 0):.0f} % of its changes)"
+    return (
+        f"{v['subject']}: no PI law explains the duty of this loop{nearest}, so its margins and the tracking it should "
+        f"have are not given; it misses its reference, {v['largest']:.3g} at most, by {v['rms']:.3g} (rms) and stands "
+        f"at its limit for {v['saturated_pct']:.0f} % of the acting time"
+    )
+
+
 ROWS: dict[str, Row] = {
     "recorded-not-converged": Row(
         "stop", "the fit of the logs did not converge: one more step would gain {predicted_decrease:.2g} of the cost"
@@ -109,7 +118,7 @@ ROWS: dict[str, Row] = {
         "caution",
         "closed loop: {refits} refits on simulated loops like this one miss the truth by {Ts_pct:.2g} % in T_s, "
         "{tau1_pct:.2g} % in τ1 and {tau2_pct:.2g} % in τ2 (mean error over the inputs it used), because the duty "
-        "carries the noise; «instrument» removes it",
+        "carries the noise; the intervals of the curves are wider by that, «instrument» removes it",
     ),
     "loop-bias-small": Row(
         "note",
@@ -118,9 +127,10 @@ ROWS: dict[str, Row] = {
     ),
     "loop-bias-unknown": Row(
         "caution",
-        "{subject}: a closed loop whose law is not known: the bias of the direct fit cannot be told; log the reference "
-        "too",
+        "{subject}: a closed loop whose law is not known: the bias of the direct fit cannot be told, and the intervals "
+        "leave it out; log the reference of a PI loop, or play a duty of your own",
     ),
+    "loop-law-unknown": Row("note", _other_law),
     "loop-instrument": Row(
         "note", "{subject}: fitted with the simulated duty as an instrument: the noise that the duty carries has no say"
     ),
