@@ -13,7 +13,9 @@ from eaid.uncertainty.intervals import IntervalOptions, with_intervals
 
 
 def log_widths(rows: Any, name: str) -> np.ndarray:
-    return np.array([np.diff(np.log(getattr(row.ci95, name)))[0] for row in rows])
+    """Logs of high over low; NaN where an interval says nothing and is left out."""
+    ends = [getattr(row.ci95, name) for row in rows]
+    return np.array([np.nan if one is None else np.diff(np.log(one))[0] for one in ends])
 
 
 def both(kind: str) -> Any:
@@ -51,8 +53,9 @@ def test_two_ways_agree_on_the_clutch() -> None:
         assert np.median(curves) == pytest.approx(1, abs=0.12), name
         assert np.abs(np.log(curves)).max() < np.log(1.2), name
         joint = log_widths(second.curves, name) / log_widths(first.curves, name)
-        assert np.median(joint) == pytest.approx(1, abs=0.15), name
-        assert joint.min() > 0.8 and joint.max() < 2.2, name
+        assert np.isnan(joint).sum() <= 2, name  # where it says nothing, at the lowest levels
+        assert np.nanmedian(joint) == pytest.approx(1, abs=0.15), name
+        assert np.nanmin(joint) > 0.8 and np.nanmax(joint) < 2.2, name
     for name in ("a0", "b0", "c0"):
         widths = [np.diff(getattr(sure.linear.ci95, name))[0] for sure in (ours, other)]
         assert widths[1] == pytest.approx(widths[0], rel=0.3)
