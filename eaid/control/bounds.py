@@ -14,8 +14,9 @@ from typing import NamedTuple
 
 from eaid.errors import DataError, GainsError, UsageError
 from eaid.models.parameters import Linear
-from eaid.results.fit import Fit, LinearLevel
-from eaid.results.fit import Linear as LinearFit
+from eaid.results.fit import Fit
+from eaid.results.linear import Linear as LinearFit
+from eaid.results.linear import LinearLevel
 from eaid.steps.levels import wanted_levels
 
 CONVENTIONS = ("zero-offset", "pooled-offset", "pooled-dynamics")

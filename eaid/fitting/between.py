@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from eaid.fitting.options import FitOptions
 from eaid.fitting.step_shapes import ShapeOptions, fit_steps
 from eaid.models.parameters import SHARE
-from eaid.results.fit import FrictionLevel
+from eaid.results.friction import FrictionLevel
 from eaid.results.steps import StepShape
 from eaid.steps.stepset import StepSet
 

@@ -12,6 +12,7 @@ import numpy as np
 from eaid.arrays import Array
 from eaid.fitting.basis import Basis
 from eaid.fitting.data import Data
+from eaid.fitting.descent import Look, descend, solved
 from eaid.fitting.laplace import Transforms, transforms
 from eaid.fitting.problem import Problem, bring_in
 from eaid.models.nonlinear import CHECKED_DUTIES
@@ -44,9 +45,11 @@ def broad_starts(x: Array, inner: Array, data: Data, basis: Basis, problem: Prob
     cost, found = steadied(slow_shapes(x, data, basis), sums, M, basis, data.weights)
     least = 1e-9 * float(np.abs(data.points.y).max())  # rounding may take the cost below 0, and T_s may be 0
     wall = wall_of(x, max(float(cost.min()), problem.floor), least, basis, problem)
+    look = looked_at(sums, M, basis, data.weights, wall)
     for steps, most in SIEVE:
         best = np.argsort(cost, kind="stable")[:most]
-        cost, found = descend(found[best], sums, M, basis, data.weights, steps, wall)
+        end = descend(look, found[best], steps, enough=0.0)
+        cost, found = end.cost, end.x
     chosen: list[int] = []
     for k in np.argsort(cost, kind="stable"):
         if all(abs(cost[k] - cost[other]) > SAME * cost[other] for other in chosen):
@@ -107,10 +110,8 @@ def slow_shapes(x: Array, data: Data, basis: Basis) -> Array:
     return shapes
 
 
-def descend(
-    x: Array, sums: Transforms, M: Array, basis: Basis, weights: Array, steps: int, wall: Wall | None = None
-) -> tuple[Array, Array]:
-    """Cost (N,) and place (N, n) a few damped Gauss–Newton steps on from N places; `wall` is added to the cost."""
+def looked_at(sums: Transforms, M: Array, basis: Basis, weights: Array, wall: Wall | None = None) -> Look:
+    """Cost (N,), gradient (N, n) and curvature (N, n, n) of N places; `wall` is added to the cost."""
     flat = M.transpose(1, 0, 2)  # (L, 4, n)
     chain = flat.reshape(-1, basis.size)
 
@@ -123,19 +124,7 @@ def descend(
         price, rise, bent = wall.price(x)
         return cost @ weights + price, slope + rise, H + bent
 
-    cost, gradient, H = look(x)
-    damping = np.full(len(x), 1e-3)
-    for _ in range(steps):
-        scale = np.sqrt(np.maximum(np.einsum("cnn->cn", H), 1e-300))
-        normal = H / (scale[:, :, None] * scale[:, None, :]) + damping[:, None, None] * np.eye(x.shape[1])
-        tried = x - np.linalg.solve(normal, (gradient / scale)[:, :, None])[:, :, 0] / scale
-        found, slope, bent = look(tried)
-        better = found < cost
-        x = np.where(better[:, None], tried, x)
-        cost, gradient = np.where(better, found, cost), np.where(better[:, None], slope, gradient)
-        H = np.where(better[:, None, None], bent, H)
-        damping = np.where(better, damping / 5, damping * 10)
-    return cost, x
+    return look
 
 
 def steadied(x: Array, sums: Transforms, M: Array, basis: Basis, weights: Array) -> tuple[Array, Array]:
@@ -150,7 +139,7 @@ def steadied(x: Array, sums: Transforms, M: Array, basis: Basis, weights: Array)
     normal = (P.T * (square * weights)[:, None, :]) @ P
     right = (along * weights) @ P
     trace = np.einsum("cnn->c", normal)[:, None, None] * np.eye(part.stop)
-    steady = np.linalg.solve(normal + 1e-12 * trace, right[:, :, None])[:, :, 0]
+    steady = solved(normal + 1e-12 * trace, right)
     x = x.copy()
     x[:, part] = steady
     return float(sums.squares @ weights) - (right * steady).sum(axis=1), x

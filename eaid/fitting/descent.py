@@ -32,6 +32,11 @@ class Descent:
     """By how much one more step would lower the cost, (N,)."""
 
 
+def solved(H: Array, right: Array) -> Array:
+    """x of H x = right for each of N rows, (N, n)."""
+    return np.asarray(np.linalg.solve(H, right[:, :, None])[:, :, 0], dtype=np.float64)
+
+
 def descend(
     look: Look, x: Array, steps: int, enough: float, within: Callable[[Array, Array], Array] = np.subtract
 ) -> Descent:
@@ -46,7 +51,7 @@ def descend(
         normal = curvature.copy()
         diagonal = np.einsum("nii->ni", normal)
         diagonal += damping[:, None] * diagonal + 1e-300
-        move = np.linalg.solve(normal, gradient[:, :, None])[:, :, 0]
+        move = solved(normal, gradient)
         predicted = 0.5 * (gradient * move).sum(axis=1)
         if step == steps or (moved.any() and (predicted <= enough * cost)[moved].all()):
             break

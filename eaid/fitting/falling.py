@@ -10,7 +10,7 @@ import numpy as np
 from eaid.arrays import Array
 from eaid.fitting.compress import Points
 from eaid.fitting.data import Data
-from eaid.fitting.descent import Descent, descend
+from eaid.fitting.descent import Descent, descend, solved
 from eaid.fitting.levels import CLEAR, SAME, TRUST
 from eaid.fitting.problem import ROUNDING, Problem
 from eaid.fitting.samples import decay
@@ -121,7 +121,7 @@ def _newton(x: Array, cost: Array, gradient: Array, curvature: Array, data: Data
     inside = (first > np.log(1.001 * TAU_FLOOR_S)) & (second > first + 1e-3) & (cost > 0)
     inside &= (second < np.log(0.5 * RECORDS * data.longest_s)) & (np.linalg.eigvalsh(curvature)[:, 0] > 0)
     H = np.where(inside[:, None, None], curvature, np.eye(2))
-    step = np.linalg.solve(H, gradient[:, :, None])[:, :, 0]
+    step = solved(H, gradient)
     decrease = 0.5 * (gradient * step).sum(axis=1) / np.where(inside, cost, 1.0)
     return np.where(inside, decrease, np.inf), np.where(inside[:, None], step, 0.0)
 

@@ -6,7 +6,7 @@ from eaid.findings import Finding, finding
 from eaid.fitting.data import Data
 from eaid.models.parameters import Linear, Nonlinear
 from eaid.results.common import Solver
-from eaid.results.fit import Bounds, LinearLevel
+from eaid.results.linear import Bounds, LinearLevel
 
 SAME_COST = 1e-6
 """Starts whose costs differ by less than this part have found the same minimum."""

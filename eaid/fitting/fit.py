@@ -31,7 +31,10 @@ from eaid.models import parameters
 from eaid.models.parameters import SHARE
 from eaid.models.trends import evaluate
 from eaid.results.common import HoldOut, Huber, Solver
-from eaid.results.fit import Estimate, Fit, Friction, FrictionLevel, Linear, Nonlinear, Pooled
+from eaid.results.fit import Fit
+from eaid.results.friction import Friction, FrictionLevel
+from eaid.results.linear import Linear, Pooled
+from eaid.results.nonlinear import Estimate, Nonlinear
 from eaid.steps.stepset import Level, StepSet
 
 

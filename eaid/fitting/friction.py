@@ -12,7 +12,7 @@ from eaid.findings import Finding, finding
 from eaid.fitting.solver import judged
 from eaid.fitting.trends import LEAST, Form, fit_trend
 from eaid.results.common import Solver
-from eaid.results.fit import Friction, FrictionLevel, Trend
+from eaid.results.friction import Friction, FrictionLevel, Trend
 from eaid.steps.stepset import StepSet
 
 PRESSURE_KPA: dict[str, float] = {"Pa": 1e-3, "kPa": 1.0, "MPa": 1e3, "bar": 100.0, "mbar": 0.1}

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from eaid.arrays import Array
 from eaid.fitting.data import Data
+from eaid.fitting.descent import solved
 from eaid.fitting.free_share import free_problem, free_starts, full_value, theta_of
 from eaid.fitting.kernel import by_log, log_curvature, log_products, weighted_shares
 from eaid.fitting.problem import ROUNDING, TINY, Problem
@@ -15,7 +16,7 @@ from eaid.fitting.solver import SETTLED, EndPoint, judged, polish, slsqp
 from eaid.fitting.starts import RECORDS, STEPS, starting_curves, theta_at, within
 from eaid.models.parameters import TAU_FLOOR_S
 from eaid.results.common import Solver
-from eaid.results.fit import FrictionLevel
+from eaid.results.friction import FrictionLevel
 
 RECORDS_FREE = 100.0
 """τ2 is looked for up to this many record lengths where C is free: T_s then grows with τ2, all but straight."""
@@ -92,7 +93,7 @@ def level_problem(data: Data, share: float, limit: float) -> Problem:
         return float(cost[0]), gradient[:, 0], curvature[0]
 
     def exact(x: Array) -> Array:
-        return log_curvature(_theta(x, share)[:, None], shares, points)[1][0]
+        return np.asarray(log_curvature(_theta(x, share)[:, None], shares, points)[1][0])
 
     A = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, -1.0, 1.0], [0.0, 0.0, -1.0]])
     b = np.array([0.0, np.log(TAU_FLOOR_S), 0.0, -np.log(limit)])
@@ -153,14 +154,14 @@ def _last_step(x: Array, share: float, data: Data) -> tuple[Array, Array, Array]
     bowl = (theta[0] > 0) & _definite(H)
     H[~bowl] = np.eye(3)
     slope[~bowl] = 0.0
-    x = within(limit)(x, np.linalg.solve(H, slope[:, :, None])[:, :, 0])
+    x = within(limit)(x, solved(H, slope))
     theta = theta_at(x, share)
     cost, gradient = data.sums(theta)
     Ts, tau1, tau2, _ = theta
     bowl &= (tau1 > 1.001 * TAU_FLOOR_S) & (1.001 * tau1 < tau2) & (tau2 < 0.5 * limit) & (Ts > 0) & (cost > 0)
     slope = gradient[:3].T.copy()
     slope[:, 1:] *= theta[1:3].T
-    step = np.linalg.solve(H, slope[:, :, None])[:, :, 0]
+    step = solved(H, slope)
     predicted = 0.5 * (slope * step).sum(axis=1)
     theta = theta_at(within(limit)(x, np.where(bowl[:, None], step, 0.0)), share)
     return theta, cost, np.where(bowl, predicted / np.where(bowl, cost, 1.0), np.inf)

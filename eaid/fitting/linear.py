@@ -16,7 +16,7 @@ from eaid.fitting.options import CONVENTIONS
 from eaid.fitting.samples import decay
 from eaid.models.parameters import Linear
 from eaid.results.common import Solver
-from eaid.results.fit import Bounds, LinearLevel
+from eaid.results.linear import Bounds, LinearLevel
 
 
 @dataclass(frozen=True, eq=False)

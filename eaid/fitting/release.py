@@ -14,7 +14,7 @@ from eaid.fitting.data import Data, data_of
 from eaid.fitting.falling import Solved, each_alone, solve
 from eaid.fitting.metrics import quality
 from eaid.models.parameters import SHARE, Friction
-from eaid.results.fit import FrictionLevel, Release, ReleaseLevel
+from eaid.results.friction import FrictionLevel, Release, ReleaseLevel
 from eaid.steps.stepset import Level
 
 

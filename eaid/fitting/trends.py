@@ -13,7 +13,7 @@ from eaid.arrays import Array
 from eaid.fitting.problem import ROUNDING, Problem
 from eaid.fitting.solver import CONVERGED, polish, slsqp
 from eaid.models.trends import FORMS
-from eaid.results.fit import Trend
+from eaid.results.friction import Trend
 
 STEEPEST = 40.0
 """Rates are looked for up to this many e-folds over the range of x; steeper ones live between two points."""

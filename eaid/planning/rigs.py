@@ -9,7 +9,8 @@ from typing import TypeAlias
 import numpy as np
 
 from eaid.models.parameters import Friction
-from eaid.results.fit import Fit, FrictionLevel
+from eaid.results.fit import Fit
+from eaid.results.friction import FrictionLevel
 from eaid.synth.plants import Plant, clutch
 from eaid.uncertainty.draw import draw
 from eaid.uncertainty.noise import Noise, scattered

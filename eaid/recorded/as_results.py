@@ -19,17 +19,10 @@ from eaid.recorded.log import RecordedLog
 from eaid.recorded.noise_results import degrees_of
 from eaid.recorded.solve import Solved, model_of
 from eaid.results.common import AbsError, Input, Interval, LevelError, Source
-from eaid.results.fit import (
-    CoefficientIntervals,
-    Covariance,
-    CurveLevel,
-    Data,
-    Friction,
-    FrictionLevel,
-    LevelIntervals,
-    Linear,
-    Nonlinear,
-)
+from eaid.results.fit import Data
+from eaid.results.friction import Friction, FrictionLevel, LevelIntervals
+from eaid.results.linear import Linear
+from eaid.results.nonlinear import CoefficientIntervals, Covariance, CurveLevel, Nonlinear
 from eaid.steps.stepset import Level, StepSet
 
 OWN_RECORDS = 3.0

@@ -29,7 +29,9 @@ from eaid.recorded.noise_results import engagement_scatter, noise_part, uncertai
 from eaid.recorded.options import RecordedOptions, check
 from eaid.recorded.problem import setup_of
 from eaid.recorded.solve import Solved, model_of, solve
-from eaid.results.fit import Fit, Linear, Release
+from eaid.results.fit import Fit
+from eaid.results.friction import Release
+from eaid.results.linear import Linear
 from eaid.results.recorded import Asked, Falls, Recorded, Response
 from eaid.steps.stepset import StepSet
 

@@ -6,10 +6,7 @@ from scipy.stats import chi2
 from eaid.recorded.intervals import ENGAGEMENTS, Spread
 from eaid.recorded.noise import engagements
 from eaid.recorded.solve import Solved, idle_of
-from eaid.results.fit import (
-    Noise,
-    Uncertainty,
-)
+from eaid.results.uncertainty import Noise, Uncertainty
 
 NOISE_WINDOW_S = 2.0
 """Stretch over which the density of the noise is taken [s]."""

@@ -2,7 +2,9 @@
 
 from eaid.apparatus import Apparatus
 from eaid.results.common import Source
-from eaid.results.fit import CurveLevel, Data, Fit, FrictionLevel
+from eaid.results.fit import Data, Fit
+from eaid.results.friction import FrictionLevel
+from eaid.results.nonlinear import CurveLevel
 from eaid.steps.stepset import StepSet
 
 QUANTITIES = {"N·m": "Torque", "N": "Force", "RPM": "Speed", "kPa": "Stress", "°C": "Temperature"}

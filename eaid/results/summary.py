@@ -6,7 +6,9 @@ from eaid.findings import merged, ranked, say
 from eaid.shown import counted, span
 
 if TYPE_CHECKING:
-    from eaid.results.fit import CurveLevel, Fit, FrictionLevel
+    from eaid.results.fit import Fit
+    from eaid.results.friction import FrictionLevel
+    from eaid.results.nonlinear import CurveLevel
 
 SYMBOLS = {"Ts": "T_s", "tau1": "τ1", "tau2": "τ2"}
 BECAUSE = {

@@ -11,7 +11,7 @@ from eaid.recorded.design import ExcitationPlan
 from eaid.recorded.fit import fit_recorded
 from eaid.recorded.options import RecordedOptions
 from eaid.recorded.sequence import PARAMETERS
-from eaid.results.fit import Nonlinear as Nonlinear_
+from eaid.results.nonlinear import Nonlinear as Nonlinear_
 from eaid.synth.disturbance import NONE, Disturbance
 from eaid.synth.logs import Protocol, synthesise_input
 from eaid.synth.plants import clutch

@@ -17,7 +17,8 @@ from eaid.fitting.first_order import fit_own_levels
 from eaid.fitting.kernel import level_costs
 from eaid.models import friction
 from eaid.models.parameters import Friction
-from eaid.results.fit import Adequacy, Fit, LackOfFit, OrderScore, ShapeScore
+from eaid.results.fit import Fit
+from eaid.results.uncertainty import Adequacy, LackOfFit, OrderScore, ShapeScore
 from eaid.steps.stepset import Level, StepSet
 from eaid.uncertainty.decay import decays
 from eaid.uncertainty.level_statistics import LevelStatistics

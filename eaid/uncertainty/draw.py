@@ -20,7 +20,8 @@ from eaid.arrays import Array
 from eaid.errors import DataError
 from eaid.findings import Finding, finding
 from eaid.models.parameters import Nonlinear
-from eaid.results.fit import Estimate, Fit
+from eaid.results.fit import Fit
+from eaid.results.nonlinear import Estimate
 from eaid.uncertainty.curve import powers
 from eaid.uncertainty.joint import BLOCKS, constraints
 from eaid.uncertainty.student_t import t_quantile

@@ -12,7 +12,8 @@ import msgspec
 
 from eaid.arrays import Array
 from eaid.findings import Finding, Value, finding
-from eaid.results.fit import Agreement, Disagreement, Estimate, Fit, Nonlinear
+from eaid.results.fit import Fit
+from eaid.results.nonlinear import Agreement, Disagreement, Estimate, Nonlinear
 from eaid.steps.stepset import Level
 from eaid.uncertainty import nonlinear_intervals, weightings
 from eaid.uncertainty.identifiability import nonlinear_verdict

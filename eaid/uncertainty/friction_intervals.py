@@ -11,7 +11,7 @@ from eaid.arrays import Array
 from eaid.findings import Finding, finding
 from eaid.models.trends import FORMS
 from eaid.results.common import Interval
-from eaid.results.fit import Friction, FrictionLevel, LevelIntervals, Trend
+from eaid.results.friction import Friction, FrictionLevel, LevelIntervals, Trend
 from eaid.uncertainty.level_statistics import LevelStatistics
 from eaid.uncertainty.levels import NAMES, UNDETERMINED, WIDE, white_variance
 from eaid.uncertainty.student_t import t_quantile

@@ -12,7 +12,9 @@ import numpy as np
 from eaid.arrays import Array
 from eaid.findings import Finding, Value, finding
 from eaid.models.trends import FORMS
-from eaid.results.fit import Estimate, Friction, Linear, PooledIntervals
+from eaid.results.friction import Friction
+from eaid.results.linear import Linear, PooledIntervals
+from eaid.results.nonlinear import Estimate
 from eaid.uncertainty.level_statistics import LevelStatistics
 from eaid.uncertainty.levels import LevelEstimate, log_jacobian
 from eaid.uncertainty.student_t import t_quantile

@@ -18,7 +18,10 @@ from eaid.findings import Finding, finding, ranked
 from eaid.fitting.data import data_of
 from eaid.fitting.levels import fit_levels
 from eaid.models.parameters import SHARE
-from eaid.results.fit import Adequacy, Fit, Friction, Linear, Uncertainty
+from eaid.results.fit import Fit
+from eaid.results.friction import Friction
+from eaid.results.linear import Linear
+from eaid.results.uncertainty import Adequacy, Uncertainty
 from eaid.steps.stepset import StepSet
 from eaid.uncertainty import friction_intervals, linear_intervals, weightings
 from eaid.uncertainty.adequacy import adequacy

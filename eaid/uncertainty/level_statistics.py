@@ -14,7 +14,7 @@ import numpy as np
 from eaid.arrays import Array, median
 from eaid.fitting.data import Data, data_of
 from eaid.fitting.levels import fit_levels
-from eaid.results.fit import FrictionLevel
+from eaid.results.friction import FrictionLevel
 from eaid.steps.stepset import Level
 from eaid.uncertainty.curve import Curve, at_levels, curve_of_single_runs, curve_with_repeats
 from eaid.uncertainty.levels import (

@@ -10,7 +10,7 @@ from eaid.fitting.levels import RECORDS_FREE
 from eaid.fitting.starts import RECORDS
 from eaid.models import friction
 from eaid.models.parameters import TAU_FLOOR_S, Friction
-from eaid.results.fit import FrictionLevel
+from eaid.results.friction import FrictionLevel
 from eaid.steps.stepset import Level
 from eaid.uncertainty.run_statistics import RunStatistics, own_residuals, run_statistics
 from eaid.uncertainty.scatter import Mask, PooledScatter, pooled_scatter

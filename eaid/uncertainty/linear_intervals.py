@@ -12,7 +12,7 @@ import numpy as np
 from eaid.arrays import Array
 from eaid.models import linear as model
 from eaid.results.common import Interval
-from eaid.results.fit import BoundsIntervals, Linear, LinearLevel, LinearLevelIntervals, Pooled, PooledIntervals
+from eaid.results.linear import BoundsIntervals, Linear, LinearLevel, LinearLevelIntervals, Pooled, PooledIntervals
 from eaid.steps.stepset import Level
 from eaid.uncertainty.level_statistics import LevelStatistics
 from eaid.uncertainty.levels import log_jacobian

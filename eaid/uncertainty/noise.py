@@ -15,7 +15,8 @@ from scipy.special import chdtri
 
 from eaid.arrays import Array
 from eaid.models.parameters import Friction
-from eaid.results import fit as results
+from eaid.results import uncertainty as results
+from eaid.results.fit import Fit
 from eaid.steps.stepset import RunRecord
 from eaid.uncertainty.level_statistics import LevelStatistics
 from eaid.uncertainty.levels import log_jacobian
@@ -112,7 +113,7 @@ def _part(noise: Noise) -> results.Noise:
     )
 
 
-def noise_of_fit(fit: results.Fit, apart: bool = False) -> Noise | None:
+def noise_of_fit(fit: Fit, apart: bool = False) -> Noise | None:
     """The noise that a fit holds, periodic ripple counted in or, where it is asked for, `apart`; None: it says none."""
     stored = fit.uncertainty.noise if fit.uncertainty is not None else None
     wave = stored.periodic if stored is not None and apart else None

@@ -17,14 +17,14 @@ from eaid.fitting.fit import estimate
 from eaid.fitting.metrics import explains_little
 from eaid.models import nonlinear
 from eaid.results.common import Interval, Solver, StartCost
-from eaid.results.fit import (
+from eaid.results.friction import LevelIntervals
+from eaid.results.nonlinear import (
     Agreement,
     CoefficientIntervals,
     Covariance,
     CurveLevel,
     Disagreement,
     Estimate,
-    LevelIntervals,
     Nonlinear,
 )
 from eaid.steps.stepset import Level

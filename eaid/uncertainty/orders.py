@@ -11,7 +11,7 @@ import numpy as np
 from eaid.arrays import Array
 from eaid.models import friction
 from eaid.models.parameters import Friction
-from eaid.results.fit import OrderScore
+from eaid.results.uncertainty import OrderScore
 from eaid.uncertainty.curve import Curve, curve_with_repeats
 from eaid.uncertainty.level_statistics import TERMS, LevelStatistics
 

@@ -20,7 +20,9 @@ from scipy.special import fdtrc
 from eaid.arrays import Array
 from eaid.findings import Finding, Value, finding
 from eaid.fitting.compress import Points, compress
-from eaid.results.fit import CurveLevel, LevelIntervals, ShareEstimate
+from eaid.results.friction import LevelIntervals
+from eaid.results.nonlinear import CurveLevel
+from eaid.results.uncertainty import ShareEstimate
 from eaid.steps.stepset import Level
 from eaid.uncertainty.level_statistics import LevelStatistics
 from eaid.uncertainty.levels import usable

@@ -10,7 +10,8 @@ from scipy.special import chdtri, polygamma
 
 from eaid.arrays import Array
 from eaid.findings import Finding, Value, finding
-from eaid.results.fit import Agreement, Disagreement, Estimate, Linear, Nonlinear, Pooled, PooledIntervals
+from eaid.results.linear import Linear, Pooled, PooledIntervals
+from eaid.results.nonlinear import Agreement, Disagreement, Estimate, Nonlinear
 from eaid.uncertainty.joint import Coefficients
 from eaid.uncertainty.level_statistics import LevelStatistics
 from eaid.uncertainty.student_t import Degrees, t_quantile

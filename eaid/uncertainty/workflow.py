@@ -14,8 +14,10 @@ from eaid.fitting.between import between_rows, single_steps
 from eaid.fitting.fit import converged, fit
 from eaid.fitting.options import FitOptions, check
 from eaid.fitting.sources import data_part
-from eaid.results.fit import Fit, FitOptionsRecord, Friction, Uncertainty
+from eaid.results.fit import Fit, FitOptionsRecord
+from eaid.results.friction import Friction
 from eaid.results.quotable import quotable
+from eaid.results.uncertainty import Uncertainty
 from eaid.steps.stepset import StepSet
 from eaid.uncertainty.intervals import IntervalOptions, with_intervals
 

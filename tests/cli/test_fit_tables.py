@@ -9,7 +9,7 @@ import pytest
 
 from eaid.cli import main
 from eaid.report.tables.table import number
-from eaid.results.fit import Nonlinear
+from eaid.results.nonlinear import Nonlinear
 
 
 @pytest.fixture(scope="module")

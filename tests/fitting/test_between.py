@@ -12,7 +12,8 @@ from eaid.fitting.options import FitOptions
 from eaid.models import friction
 from eaid.models.parameters import Friction
 from eaid.results import codec
-from eaid.results.fit import Fit, FrictionLevel, LevelIntervals
+from eaid.results.fit import Fit
+from eaid.results.friction import FrictionLevel, LevelIntervals
 from eaid.results.quotable import quotable
 from eaid.steps.stepset import LevelStep, StepSet
 from eaid.uncertainty.workflow import fit_steps

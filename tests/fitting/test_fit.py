@@ -151,9 +151,9 @@ def test_weights_by_spread_follow_the_quiet_levels(clutch_set: Maker) -> None:
 
 
 def test_weights_by_spread_need_repeats_that_differ(clutch_set: Maker) -> None:
-    with pytest.raises(DataError, match="weights= sd: level 10, 20, .* has one run only"):
+    with pytest.raises(DataError, match="weights= sd: one run only"):
         fit(clutch_set(rate_hz=10.0), FitOptions(weights="sd"))
-    with pytest.raises(DataError, match="repeats of level 10, .* are identical"):
+    with pytest.raises(DataError, match="are identical"):
         fit(clutch_set(rate_hz=10.0, repeats=2), FitOptions(weights="sd"))
 
 

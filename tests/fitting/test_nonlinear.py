@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 from eaid.fitting.basis import HELD, basis_of, constraints, held_at
-from eaid.fitting.broad import descend, slow_shapes, steadied
+from eaid.fitting.broad import looked_at, slow_shapes, steadied
 from eaid.fitting.data import Data, data_of
+from eaid.fitting.descent import descend
 from eaid.fitting.laplace import transforms
 from eaid.fitting.nonlinear import alone, fit_nonlinear, nonlinear_problem, own_curves, polynomial_starts
 from eaid.fitting.samples import Record
@@ -80,7 +81,8 @@ def test_a_descent_goes_down_from_every_shape(clutch_set: Maker) -> None:
     before, shapes = steadied(
         slow_shapes(basis.unknowns(REFERENCE_PLANT), data, basis)[:20], sums, M, basis, data.weights
     )
-    after, ends = descend(shapes, sums, M, basis, data.weights, 4)
+    end = descend(looked_at(sums, M, basis, data.weights), shapes, 4, enough=0.0)
+    after, ends = end.cost, end.x
     assert (after <= before).all() and np.median(after) < 0.9 * np.median(before)
     problem = nonlinear_problem(data, basis)
     assert after == pytest.approx([problem.value(x)[0] for x in ends], rel=1e-4)

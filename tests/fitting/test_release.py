@@ -9,7 +9,7 @@ from eaid.fitting.levels import fit_levels
 from eaid.fitting.release import release_fit, share_reached
 from eaid.models import friction
 from eaid.models.parameters import Friction
-from eaid.results.fit import ReleaseLevel
+from eaid.results.friction import ReleaseLevel
 from eaid.steps.stepset import Level
 
 TIME = np.arange(1000) / 100

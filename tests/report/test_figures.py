@@ -18,14 +18,18 @@ from matplotlib.text import Text
 
 from eaid.apparatus import Apparatus
 from eaid.models import friction, nonlinear
-from eaid.models.parameters import REFERENCE_PLANT, Friction
+from eaid.models.parameters import REFERENCE_PLANT
+from eaid.models.parameters import Friction as Curve
 from eaid.report import published, style
 from eaid.report.draw import vector_of
 from eaid.report.figures import checks, clutch, compare, hold, level_steps, pwm, recorded, rehab, replays, shear
 from eaid.report.figures import friction as frictions
 from eaid.results import fit as fits
 from eaid.results.common import LevelError
-from eaid.results.fit import Fit, FrictionLevel, LevelIntervals, LinearLevel, LinearLevelIntervals
+from eaid.results.fit import Fit
+from eaid.results.friction import Friction, FrictionLevel, LevelIntervals, Trend
+from eaid.results.linear import Bounds, Linear, LinearLevel, LinearLevelIntervals
+from eaid.results.nonlinear import Nonlinear
 from eaid.results.recorded import LogCurve, LogFit, Response
 from eaid.results.steps import StepShape
 from eaid.steps.stepset import Level, LevelStep, StepSet
@@ -51,7 +55,7 @@ def clutch_set(factor: float = 1.0) -> StepSet:
     return StepSet("clutch", "%", "N·m", Apparatus(), tuple(rows), tuple(falls))
 
 
-def levels_of(rows: dict[float, Friction], force: bool = False) -> tuple[FrictionLevel, ...]:
+def levels_of(rows: dict[float, Curve], force: bool = False) -> tuple[FrictionLevel, ...]:
     return tuple(
         FrictionLevel(
             u, p.Ts, p.tau1, p.tau2, rmse=0.01, stress_kpa=u / (np.pi * 2e-3) / 1e3 if force else None, speed_rpm=u,
@@ -71,9 +75,9 @@ def clutch_fit(factor: float = 1.0) -> Fit:
         for u, B in zip(LEVELS, (36.5, 33.0, 8.3), strict=True)
     )
     return Fit(
-        friction=fits.Friction(0.85, levels=levels_of(curves)),
-        nonlinear=fits.Nonlinear(p.tau1, p.tau2, steady, (10.0, 100.0), per_level=per_level),
-        linear=fits.Linear(1.84, 0.0783, -1.34, bounds=fits.Bounds(B_m=8.3, B_M=41.1), per_level=each),
+        friction=Friction(0.85, levels=levels_of(curves)),
+        nonlinear=Nonlinear(p.tau1, p.tau2, steady, (10.0, 100.0), per_level=per_level),
+        linear=Linear(1.84, 0.0783, -1.34, bounds=Bounds(B_m=8.3, B_M=41.1), per_level=each),
     )
 
 
@@ -82,22 +86,21 @@ def friction_fit(kind: str) -> Fit:
     levels = np.array([17.0, 51.0, 102.0, 170.0]) if force else np.array([5.0, 15.0, 25.0, 40.0])
     x = levels / (np.pi * 2e-3) / 1e3 if force else levels
     curves = published.OVER_STRESS if force else {**published.OVER_SPEED, "tau2": lambda w: 5.4 * np.exp(-0.0101 * w)}
-    rows = {
-        u: Friction(*(float(curves[k](xi)) for k in ("Ts", "tau1", "tau2"))) for u, xi in zip(levels, x, strict=True)
-    }
+    rows = {u: Curve(*(float(curves[k](xi)) for k in ("Ts", "tau1", "tau2"))) for u, xi in zip(levels, x, strict=True)}
     table = published.TABLE_I if force else {k: published.TABLE_II[k] for k in ("Ts", "tau1")}
     forms = {2: "linear", 4: "double-exponential"}
-    trends = {k: fits.Trend(forms[len(c)], c) for k, (_t, c, _r) in table.items()}
+    trends = {k: Trend(forms[len(c)], c) for k, (_t, c, _r) in table.items()}
     data = fits.Data(kind, "N" if force else "RPM", apparatus=fits.Rig(surfaces=1))
     return Fit(
-        data=data, friction=fits.Friction(0.85, "stress_kpa" if force else "speed_rpm", levels_of(rows, force), trends)
+        data=data,
+        friction=Friction(0.85, "stress_kpa" if force else "speed_rpm", levels_of(rows, force), trends),
     )
 
 
 def force_set() -> StepSet:
     rows = []
     for row in friction_fit("friction-force").friction.levels:
-        y = friction.step_response(Friction(row.Ts, row.tau1, row.tau2), T)
+        y = friction.step_response(Curve(row.Ts, row.tau1, row.tau2), T)
         rows.append(Level(row.level, T, 1.02 * y[None], ("a",)))
     return StepSet("friction-force", "N", "N·m", Apparatus(surfaces=1), tuple(rows))
 

@@ -13,8 +13,10 @@ from eaid.models.parameters import REFERENCE_PLANT
 from eaid.report.page.parts import OPEN_ROWS, opened
 from eaid.report.tables.table import Table, columns
 from eaid.report.write import write_report
-from eaid.results import fit as fits
-from eaid.results.fit import Fit, FrictionLevel
+from eaid.results.fit import Fit
+from eaid.results.friction import Friction, FrictionLevel
+from eaid.results.linear import Bounds, Linear
+from eaid.results.nonlinear import Nonlinear
 from eaid.steps.stepset import Level, StepSet
 
 
@@ -36,9 +38,9 @@ def test_three_hundred_levels_in_twenty_seconds(tmp_path: Path):
     )
     rows = tuple(FrictionLevel(one.level, *_curve(one.level), rmse=0.01) for one in levels)
     fit = Fit(
-        friction=fits.Friction(0.85, levels=rows),
-        nonlinear=fits.Nonlinear(p.tau1, p.tau2, p.Ts, (10.0, 100.0)),
-        linear=fits.Linear(1.84, 0.0783, -1.34, bounds=fits.Bounds(B_m=8.3, B_M=41.1)),
+        friction=Friction(0.85, levels=rows),
+        nonlinear=Nonlinear(p.tau1, p.tau2, p.Ts, (10.0, 100.0)),
+        linear=Linear(1.84, 0.0783, -1.34, bounds=Bounds(B_m=8.3, B_M=41.1)),
     )
     begun = time.process_time()
     made = write_report([StepSet("clutch", "%", "N·m", Apparatus(), levels), fit], tmp_path / "out")

@@ -11,9 +11,11 @@ from eaid.report.results import Results, gathered
 from eaid.results import fit as results
 from eaid.results.common import Source
 from eaid.results.fit import Fit
+from eaid.results.friction import Friction, FrictionLevel, LevelIntervals
 from eaid.results.gains import Condition, Gains, Guarantee, LinearModel, Margin, Margins, WorstMargins
+from eaid.results.linear import Linear
 
-CLEAN: dict[str, Any] = {"linear": results.Linear(1.8, 0.08, -1.3), "converged": True}
+CLEAN: dict[str, Any] = {"linear": Linear(1.8, 0.08, -1.3), "converged": True}
 
 
 def found(severity: str, subject: str = "nonlinear", **values: Any) -> Finding:
@@ -82,12 +84,15 @@ def test_what_to_do_next_follows_what_is_missing():
 
 
 def test_tiles_are_the_top_level_and_the_worst_margin():
-    ends = results.LevelIntervals(Ts=(1.9, 2.1))
-    levels = (results.FrictionLevel(10.0, 1.0, 0.1, 5.0), results.FrictionLevel(300.0, 2.0, 0.2, 6.0, ci95=ends))
+    ends = LevelIntervals(Ts=(1.9, 2.1))
+    levels = (
+        FrictionLevel(10.0, 1.0, 0.1, 5.0),
+        FrictionLevel(300.0, 2.0, 0.2, 6.0, ci95=ends),
+    )
     data = results.Data("clutch", "V", "N")
     worst = WorstMargins(Margin(gain_db=16.2, phase_deg=78.1), Margin(gain_db=42.7, phase_deg=31.5))
     gains = Gains(LinearModel(1.0, 1.0, 0.0), margins=Margins(worst=worst))
-    tiles = summary.tiles(gathered([Fit(data=data, friction=results.Friction(0.85, levels=levels)), gains]))
+    tiles = summary.tiles(gathered([Fit(data=data, friction=Friction(0.85, levels=levels)), gains]))
     assert len(tiles) == 6
     assert (tiles[1].label, tiles[1].value) == ("T_s at 300 V", "2.00 N") and tiles[1].note.startswith("1.90 … 2.10")
     assert (tiles[5].value, tiles[5].note) == ("78° | 32°", "phase; gain 16 | 43 dB")

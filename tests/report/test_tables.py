@@ -8,8 +8,11 @@ from eaid.report.rig import overlaid
 from eaid.report.tables import checks, data, fits, gains, interval, number
 from eaid.report.tables.table import Name, Table, columns
 from eaid.results import fit as results
-from eaid.results.fit import CoefficientIntervals, Fit, FrictionLevel, LevelIntervals
+from eaid.results.fit import Fit
+from eaid.results.friction import Friction, FrictionLevel, LevelIntervals, Trend
 from eaid.results.gains import Condition, Gains, Guarantee, LinearModel, Rho, Robust
+from eaid.results.linear import Linear, LinearLevel
+from eaid.results.nonlinear import CoefficientIntervals, Estimate, Nonlinear
 from eaid.steps.stepset import RunRecord, StepSet
 
 
@@ -51,14 +54,14 @@ def test_a_table_knows_its_heads_texts_and_numbers():
 
 
 def test_formulas_by_their_form():
-    assert fits.formula(results.Trend("linear", (0.0944, -0.0896)), "σ") == "0.09440 σ − 0.08960"
-    merged = results.Trend("merged-exponential", (5.4, 0.1, -0.0101))
+    assert fits.formula(Trend("linear", (0.0944, -0.0896)), "σ") == "0.09440 σ − 0.08960"
+    merged = Trend("merged-exponential", (5.4, 0.1, -0.0101))
     assert fits.formula(merged, "Ω") == "(5.400 + 0.1000 Ω) e^(−0.01010 Ω)"
-    double = results.Trend("double-exponential", (6.01, -0.431, -0.11, 0.0492))
+    double = Trend("double-exponential", (6.01, -0.431, -0.11, 0.0492))
     assert fits.formula(double, "σ") == "6.010 e^(−0.4310 σ) − 0.1100 e^(0.04920 σ)"
 
 
-NONLINEAR = results.Nonlinear(
+NONLINEAR = Nonlinear(
     (0.007, 0.024, -2e-4), (1.0, 0.4, -3e-3), (0.03, 0.01, 2e-4, 1e-6), (10.0, 100.0),
     ci95=CoefficientIntervals(tau1=((0.005, 0.009), (0.02, 0.03), None)),
 )  # fmt: skip
@@ -73,10 +76,8 @@ def test_table_iii_puts_the_published_value_beside_ours():
 
 
 def test_the_estimate_that_is_used_leads_and_the_other_stands_beside_it():
-    other = results.Estimate((0.1, 0.0, 0.0), (2.0, 0.0, 0.0), (0.5, 0.0, 0.0, 0.0), (10.0, 100.0))
-    part = results.Nonlinear(
-        NONLINEAR.tau1, NONLINEAR.tau2, NONLINEAR.Ts, (10.0, 100.0), estimator="two-stage", joint=other
-    )
+    other = Estimate((0.1, 0.0, 0.0), (2.0, 0.0, 0.0), (0.5, 0.0, 0.0, 0.0), (10.0, 100.0))
+    part = Nonlinear(NONLINEAR.tau1, NONLINEAR.tau2, NONLINEAR.Ts, (10.0, 100.0), estimator="two-stage", joint=other)
     heads = fits.table_iii(Fit(nonlinear=part)).heads
     assert heads[3] == "ours, two-stage (used)" and heads[5] == "ours, joint"
     assert fits.table_iii(Fit(nonlinear=part)).rows[3][5] == 2.0
@@ -84,7 +85,7 @@ def test_the_estimate_that_is_used_leads_and_the_other_stands_beside_it():
 
 def test_another_rig_has_its_own_units_and_no_published_column():
     volts = results.Data("clutch", "V", "N")
-    linear = results.Linear(1.8, 0.078, -1.3, per_level=(results.LinearLevel(100.0, 1.0, 2.0, B=3.0),))
+    linear = Linear(1.8, 0.078, -1.3, per_level=(LinearLevel(100.0, 1.0, 2.0, B=3.0),))
     fit = Fit(data=volts, nonlinear=NONLINEAR, linear=linear)
     for table in (fits.table_iii(fit), fits.linear_table(fit), fits.input_gain_table(fit)):
         assert not any("published" in text.lower() for text in (*table.heads, table.caption)), table.heading
@@ -103,7 +104,7 @@ CONDITIONS = (
 
 
 def test_published_values_that_are_asked_for_beside_other_units_say_their_own():
-    fit = Fit(data=results.Data("clutch", "V", "N"), nonlinear=NONLINEAR, linear=results.Linear(1.8, 0.03, -1.3))
+    fit = Fit(data=results.Data("clutch", "V", "N"), nonlinear=NONLINEAR, linear=Linear(1.8, 0.03, -1.3))
     heads = [fits.table_iii(fit, True).heads[2], fits.linear_table(fit, True).heads[1]]
     gain = Gains(LinearModel(1.0, 1.0, 0.0), input_unit="V", output_unit="N")
     heads += [gains.table_iv(gain, True).heads[1], gains.gains_table(gain, True).heads[1]]
@@ -148,6 +149,6 @@ def test_what_is_absent_costs_only_its_table():
 def test_an_interval_that_says_nothing_is_a_dash():
     ends = LevelIntervals(Ts=(0.09, 0.11), tau2=None)
     rows = (FrictionLevel(150.0, 0.1, 0.01, 9.0, ci95=ends),)
-    table = fits.levels_table(Fit(data=results.Data("clutch", "", "N"), friction=results.Friction(0.85, levels=rows)))
+    table = fits.levels_table(Fit(data=results.Data("clutch", "", "N"), friction=Friction(0.85, levels=rows)))
     assert table.heads[:2] == ("level", "T_s (N)") and table.texts[0][1:3] == ("0.1000", "0.0900 … 0.110")
     assert table.texts[0][6] == "–"

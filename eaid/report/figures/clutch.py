@@ -16,7 +16,9 @@ from eaid.report.rig import gain, level_text, level_values, over, overlaid, quan
 from eaid.report.tables.fits import estimates_of
 from eaid.report.thin import thinned
 from eaid.results.common import LevelError
-from eaid.results.fit import Estimate, Fit, Pooled
+from eaid.results.fit import Fit
+from eaid.results.linear import Pooled
+from eaid.results.nonlinear import Estimate
 from eaid.steps.stepset import StepSet
 
 

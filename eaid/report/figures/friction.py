@@ -14,7 +14,9 @@ from eaid.report import published, style
 from eaid.report.figures.steps import Model, draw_steps
 from eaid.report.rig import apparatus_of, over, overlaid
 from eaid.results.common import Interval
-from eaid.results.fit import CurveLevel, Fit, FrictionLevel, Trend
+from eaid.results.fit import Fit
+from eaid.results.friction import FrictionLevel, Trend
+from eaid.results.nonlinear import CurveLevel
 from eaid.steps.stepset import StepSet
 
 NAMES = {"Ts": "Steady value $T_s$", "tau1": r"Fast constant $\tau_1$", "tau2": r"Slow constant $\tau_2$"}

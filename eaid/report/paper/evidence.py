@@ -30,7 +30,7 @@ from eaid.replay.rehab_statistics import statistics
 from eaid.replay.rig import Rig
 from eaid.replay.scenarios import measure
 from eaid.results.codec import to_plain
-from eaid.results.fit import Linear
+from eaid.results.linear import Linear
 from eaid.steps.build import StepOptions, build_stepset
 from eaid.steps.stepset import Level, StepSet
 from eaid.synth.datasets import shipped

@@ -13,7 +13,7 @@ from eaid.report.paper.claim import CIRCULAR, FAILS, FIT, HERE, HOLDS, NO_RIG, C
 from eaid.report.paper.evidence import Evidence
 from eaid.report.tables import SYMBOLS, number
 from eaid.report.tables.fits import formula
-from eaid.results.fit import Trend
+from eaid.results.friction import Trend
 
 TREND_TERMS = ("p in p e^(r x) + q e^(s x)", "r", "q", "s")
 COMES_BACK = 0.3

@@ -3,7 +3,9 @@
 from eaid.report import published
 from eaid.report.rig import apparatus_of, gain, of_the_paper, printed_head, rate
 from eaid.report.tables.table import SYMBOLS, Cell, Column, Name, Table, columns, level, number, with_unit
-from eaid.results.fit import Estimate, Fit, Trend
+from eaid.results.fit import Fit
+from eaid.results.friction import Trend
+from eaid.results.nonlinear import Estimate
 
 PARAMETERS = ("Ts", "tau1", "tau2")
 
