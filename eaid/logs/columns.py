@@ -86,11 +86,14 @@ def _alike(names: Sequence[str], spellings: Iterable[str], taken: set[int]) -> l
     return [i for i, name in enumerate(names) if i not in taken and words_of(split_name(name)[0]) & long]
 
 
+def _quantity(name: str) -> str:
+    known = unit_of(split_name(name)[1]) if split_name(name)[1] else None
+    return known.quantity if known else ""
+
+
 def _may_be_time(name: str) -> bool:
     """Whether a column's unit does not say that it is something else: `T [degC]` is a temperature."""
-    unit = split_name(name)[1]
-    known = unit_of(unit) if unit else None
-    return not unit or (known is not None and known.quantity == "time")
+    return not split_name(name)[1] or _quantity(name) == "time"
 
 
 def shown(names: Sequence[str]) -> str:
@@ -173,7 +176,11 @@ def match_columns(path: str, table: Table, options: ReadOptions) -> Roles:
             f"{path}: no column is called torque (columns: {shown(names)}); name what was measured with "
             f"«columns» output={name}"
         )
-    shut = shut | {output}
+    quantity = _quantity(names[output])
+    asked = [i for i in references if i not in shut and i != output and quantity and _quantity(names[i]) == quantity]
+    if reference is None and len(asked) == 1:  # asked for in the output's own unit: no input
+        reference = asked[0]
+    shut = shut | {output, *asked} - {said.get("input")}
     if "input" in said:
         kind = options.kind or kind_of(names[said["input"]], options.units.get("input", ""))
         inputs = [(kind, said["input"])]

@@ -182,7 +182,7 @@ BAD = [
         "no-torque.csv",
         csv(rows(), "time_s,duty_pct,temperature"),
         "{f}: no column is called torque (columns: time_s, duty_pct, temperature); name what was measured with "
-        "--columns output=NAME",
+        "--columns output=\"temperature\"",
     ),
     Bad(
         "two-torques.csv",

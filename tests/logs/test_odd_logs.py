@@ -441,3 +441,12 @@ def test_repair_is_not_advised_to_who_gave_it(tmp_path: Path) -> None:
     with pytest.raises(DataError) as caught:
         read_runs([tmp_path / "a.csv"], ReadOptions(repair=True))
     assert not any("drop such rows" in said for said in caught.value.sentences)
+
+
+def test_what_was_asked_for_in_the_output_s_unit_is_no_input(tmp_path: Path) -> None:
+    path = tmp_path / "loop.csv"
+    path.write_text(csv(duty=2.0 * (U > 0), header="time_s,setpoint_nm,torque_nm"))
+    (run,) = read_runs([path], ReadOptions())
+    assert dict(run.taken)["reference"] == "setpoint_nm" and np.isnan(run.input).all()
+    (run,) = read_runs([path], ReadOptions(columns={"input": "setpoint_nm"}))
+    assert run.input.max() == 2.0
