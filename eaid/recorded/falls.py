@@ -7,13 +7,13 @@
 Each is an unknown (or two) beside the coefficients; Wald's test with the covariance of the coloured residuals.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.stats import f as f_distribution
 
 from eaid.arrays import Array
-from eaid.findings import Finding, finding
+from eaid.findings import Finding, Value, finding
 from eaid.recorded.drive import Drive
 from eaid.recorded.intervals import Spread, spread
 from eaid.recorded.problem import EXTRAS, with_extras
@@ -34,6 +34,8 @@ class Tested:
     solved: Solved
     falls: Falls
     findings: tuple[Finding, ...]
+    kept: tuple[str, ...] = ()
+    """Which of rest, fall and excess differ, and are fitted."""
 
 
 def seen(drives: tuple[Drive, ...], low: float, stepwise: bool) -> tuple[str, ...]:
@@ -65,6 +67,11 @@ def tested(base: Solved, stepwise: bool) -> Tested:
     names = seen(setup.drives, low, stepwise)
     if not names:
         return Tested(base, Falls(), (finding("release-not-seen", "release"),))
+    return _outcome(base, names)
+
+
+def _outcome(base: Solved, names: tuple[str, ...]) -> Tested:
+    """Fitted with all of them, judged, and fitted again with those that differ."""
     whole = _with(base, names)
     sure = spread(whole)
     found, kept = _judged(whole, sure, names)
@@ -73,7 +80,16 @@ def tested(base: Solved, stepwise: bool) -> Tested:
         solved = whole if kept == names else _with(base, kept)
         if kept != names:
             found = {**_judged(solved, spread(solved), kept)[0], **{k: v for k, v in found.items() if k not in kept}}
-    return Tested(solved, _as_result(found, kept), _told(solved, found, kept))
+    return Tested(solved, _as_result(found, kept), _told(solved, found, kept), kept)
+
+
+def tested_by_level(friction: Solved, asked: tuple[str, ...]) -> Tested:
+    """Levels by themselves: what differs with the nonlinear model, `asked`, is tested on them too."""
+    if not asked:
+        return Tested(friction, Falls(), (finding("friction-falls-alike", "friction"),))
+    outcome = _outcome(friction, asked)
+    values: dict[str, Value] = {name: name in outcome.kept for name in EXTRAS}
+    return replace(outcome, findings=(finding("friction-falls", "friction", (), **values),))
 
 
 @dataclass(frozen=True, eq=False)

@@ -19,7 +19,7 @@ from eaid.recorded import checks, model
 from eaid.recorded.as_results import data_part, friction_part, linear_part, nonlinear_part
 from eaid.recorded.closed_loop import judged_loops
 from eaid.recorded.curve_intervals import CurveSpread, curves, inputs_shown, widened
-from eaid.recorded.falls import CHANCE, tested
+from eaid.recorded.falls import CHANCE, tested, tested_by_level
 from eaid.recorded.frequency import LEAST_ROWS, frequency_response
 from eaid.recorded.instrument import with_instrument
 from eaid.recorded.intervals import ENGAGEMENTS, spread
@@ -100,9 +100,10 @@ def fit_recorded(
 
     base = solve(setup)
     falls: Falls | None = None
+    differs: tuple[str, ...] = ()
     if options.falls == "auto":
         outcome = tested(base, inputs.stepwise)
-        base, falls = outcome.solved, outcome.falls
+        base, falls, differs = outcome.solved, outcome.falls, outcome.kept
         found += outcome.findings
     loops = [k for k, log in enumerate(logs) if log.reference is not None]
     if options.instrument and loops:
@@ -117,12 +118,14 @@ def fit_recorded(
     found += _verdicts(base, known)
     if sure is not None:
         found += _scatter(base)
-    linear, friction = None, None
+    linear, friction, by_level = None, None, None
     if "linear" in wanted:
         on = _basis_levels(inputs)
         linear = linear_part(solved_for(model.linear(on, shortest, longest)), base, on)
     if "friction" in wanted and inputs.stepwise and len(inputs.levels) <= FRICTION_LEVELS and options.share is not None:
-        friction = friction_part(solved_for(model.friction(inputs.levels, options.share, longest)))
+        by_level = tested_by_level(solved_for(model.friction(inputs.levels, options.share, longest)), differs)
+        friction = friction_part(by_level.solved)
+        found += by_level.findings if options.falls == "auto" else ()
     result = Fit(
         seed=options.seed,
         data=data_part(every, runs, steps, inputs.levels if inputs.stepwise else np.zeros(0)),
@@ -138,6 +141,7 @@ def fit_recorded(
             u_range=(inputs.low, inputs.high),
             asked=_asked(known, every),
             falls=falls,
+            friction_falls=None if by_level is None else by_level.falls,
             loops=judged,
             responses=_responses(base, linear, logs),
             engagements=0 if sure is None else sure.engagements,

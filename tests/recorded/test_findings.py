@@ -9,6 +9,7 @@ from eaid.findings import say, sentences
 from eaid.findings.finding import finding
 from eaid.logs.moves import is_recorded
 from eaid.logs.run import Run
+from eaid.models import nonlinear
 from eaid.models.parameters import REFERENCE_PLANT
 from eaid.recorded.fit import fit_recorded
 from eaid.recorded.law import law_of
@@ -86,6 +87,27 @@ def test_a_release_of_its_own_is_found_and_fitted() -> None:
     assert "release-differs" in codes(fit) and not fit.recorded.falls.fall_fitted
     same = fit_recorded([random_log(3, 200.0)], PLAIN)
     assert same.release is None and "release-alike" in codes(same)
+
+
+def test_a_release_of_its_own_does_not_bend_the_levels_of_the_friction_model() -> None:
+    plant = clutch(replace(REFERENCE_PLANT, release=(0.15, 1.0)))
+    e = Excitation("random", 200.0, rate_hz=100.0, hold_s=(1.0, 8.0), rest_s=8.0)
+    run = synthesise_excitation(plant, e, NOISE, 2)
+    both = RecordedOptions(models=("nonlinear", "friction"))
+    fit, bent = (fit_recorded(run, replace(both, falls=falls)) for falls in ("auto", "as-rises"))
+    assert codes(fit)["friction-falls"].values["rest"] is True
+    assert fit.recorded is not None and fit.recorded.friction_falls is not None
+    assert fit.recorded.friction_falls.release_tau1 == pytest.approx(0.15, rel=0.1)
+
+    def off(one) -> float:  # type: ignore[no-untyped-def]
+        """Worst log τ2 of the levels over the truth."""
+        return max(abs(np.log(row.tau2 / nonlinear.time_constants(REFERENCE_PLANT, row.level)[1])) for row in one)
+
+    assert fit.friction is not None and bent.friction is not None
+    assert off(fit.friction.levels) < 0.5 < 1 < off(bent.friction.levels)
+    assert "friction-falls" not in codes(bent)
+    alike = fit_recorded([random_log(3, 120.0)], both)
+    assert "friction-falls-alike" in codes(alike)
 
 
 def test_falls_and_hysteresis_that_are_in_the_data() -> None:

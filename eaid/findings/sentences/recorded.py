@@ -41,6 +41,20 @@ def _other_law(v: Mapping[str, Any]) -> str:
     )
 
 
+def _by_level(v: Mapping[str, Any]) -> str:
+    names = {"rest": "falls to rest", "fall": "falls between levels", "excess": "T_s after a fall"}
+    own = [said for name, said in names.items() if v[name]]
+    if not own:
+        return (
+            "the friction model's levels do not confirm what the nonlinear model says of falls: their T_s, τ1 and τ2 "
+            "are those of rises and falls together"
+        )
+    return (
+        f"the friction model's T_s, τ1 and τ2 of each level are those of rises: {' and '.join(own)} differ there too, "
+        "and have values of their own (recorded.friction_falls)"
+    )
+
+
 ROWS: dict[str, Row] = {
     "recorded-not-converged": Row(
         "stop", "the fit of the logs did not converge: one more step would gain {predicted_decrease:.2g} of the cost"
@@ -99,6 +113,12 @@ ROWS: dict[str, Row] = {
         "caution",
         "the steady output depends on where the input came from: {excess_pct:+.2g} % after a fall of the input "
         "(chance {chance:.2g}); T_s here is that after rises",
+    ),
+    "friction-falls": Row("note", _by_level),
+    "friction-falls-alike": Row(
+        "note",
+        "the friction model's T_s, τ1 and τ2 of each level hold for rises and falls alike: the test on all levels "
+        "together shows no difference, and none is asked of single ones",
     ),
     "engagements-scatter": Row(
         "note",
