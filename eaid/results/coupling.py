@@ -105,7 +105,14 @@ class CoupleInputs(Result, frozen=True):
 
 
 class Coupling(Shown, Result, frozen=True):
-    """Walls of every loop at every torque, one clutch and an antagonistic pair."""
+    """Walls of every loop at every torque, one clutch and an antagonistic pair.
+
+    Examples
+    --------
+    >>> found = Coupling(walls=(Wall("rc", 1.0, K_passive=12.0, K_stable=40.0), Wall("pi", 1.0)))
+    >>> found.to_frame().set_index("loop")["K_stable"].tolist()
+    [40.0, nan]
+    """
 
     inputs: CoupleInputs = CoupleInputs()
     options: CoupleRecord = CoupleRecord()

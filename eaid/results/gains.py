@@ -328,7 +328,17 @@ class GainsInputs(Result, frozen=True):
 
 
 class Gains(Shown, Result, frozen=True):
-    """Gains of both controllers, and what is known of them."""
+    """Gains of both controllers, and what is known of them.
+
+    Examples
+    --------
+    >>> import eaid
+    >>> gains = eaid.tune_rc(eaid.fit(eaid.synth(levels=(20.0, 60.0, 100.0), repeats=2, rate_hz=50.0, seed=1)))
+    >>> gains
+    <Gains: rc  K_P 4.5, K_D 3, B̂ 9.223>
+    >>> gains.guarantee.holds, gains.guarantee.missing[0]
+    (False, 'rho')
+    """
 
     model: LinearModel
     rc: Robust | None = None

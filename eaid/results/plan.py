@@ -23,7 +23,15 @@ class PlannedRun(Result, frozen=True):
 
 
 class Plan(Shown, Result, frozen=True):
-    """One experiment: levels, holds, repeats, order, and what it gives."""
+    """One experiment: levels, holds, repeats, order, and what it gives.
+
+    Examples
+    --------
+    >>> run = PlannedRun(order=1, level=60.0, repeat=1, idle_s=2.0, hold_s=20.0, release_s=5.0)
+    >>> plan = Plan(levels=(60.0,), hold_s=(20.0,), repeats=1, time_on_rig_s=27.0, runs=(run,))
+    >>> plan.to_frame()[["level", "hold_s"]].values.tolist()
+    [[60.0, 20.0]]
+    """
 
     inputs: tuple[Input, ...] = ()
     seed: int = 0

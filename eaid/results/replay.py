@@ -270,7 +270,20 @@ class Head(Result, frozen=True):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Replay(Shown):
-    """Controllers replayed on a fitted plant, or recorded runs laid beside it."""
+    """Controllers replayed on a fitted plant, or recorded runs laid beside it.
+
+    Examples
+    --------
+    >>> import eaid
+    >>> fit = eaid.fit(eaid.synth(levels=(20.0, 60.0, 100.0), repeats=2, rate_hz=50.0, seed=1))
+    >>> run = eaid.simulate(fit, scenario="steps", controllers=("open-loop",))
+    >>> run
+    <Replay: steps: open-loop>
+    >>> run.metrics()["open-loop"].rms_error_nm < 1
+    True
+    >>> run.to_frame().columns[:4].tolist()
+    ['name', 'time_s', 'reference_nm', 'torque_nm']
+    """
 
     head: Head
     records: Mapping[str, Record] = field(default_factory=dict)

@@ -144,7 +144,17 @@ class RunRecord:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class StepSet(Shown):
-    """All steps of one experiment."""
+    """All steps of one experiment.
+
+    Examples
+    --------
+    >>> import eaid
+    >>> steps = eaid.synth(levels=(20.0, 60.0), repeats=2, rate_hz=50.0, seed=1)
+    >>> steps
+    <StepSet: clutch: 2 levels, 20 … 60 %, 8 runs>
+    >>> steps.levels[0].runs.shape  # repeats, samples
+    (2, 1000)
+    """
 
     kind: str
     """clutch, friction-force or friction-speed."""

@@ -16,7 +16,20 @@ TUTORIAL = Path(__file__).parents[2] / "docs" / "tutorial.ipynb"
 FUNCTIONS = ("read", "fit", "tune_rc", "simulate", "report", "plan", "synth", "export", "couple", "load")
 
 
-@pytest.mark.parametrize("name", ["eaid.api", "eaid.results.fit", "eaid.results.gains"])
+WITH_EXAMPLES = (
+    "eaid.api",
+    "eaid.export.export",
+    "eaid.results.coupling",
+    "eaid.results.fit",
+    "eaid.results.gains",
+    "eaid.results.plan",
+    "eaid.results.replay",
+    "eaid.steps.stepset",
+)
+PUBLIC = ("Coupling", "Fit", "Gains", "Guarantee", "Plan", "Replay", "StepSet")
+
+
+@pytest.mark.parametrize("name", WITH_EXAMPLES)
 def test_the_examples_of_the_docstrings_run(name: str) -> None:
     found = doctest.testmod(importlib.import_module(name), optionflags=doctest.ELLIPSIS)
     assert found.failed == 0 and found.attempted > 0
@@ -25,6 +38,12 @@ def test_the_examples_of_the_docstrings_run(name: str) -> None:
 def test_every_public_function_has_an_example() -> None:
     module = importlib.import_module("eaid.api")
     assert [name for name in FUNCTIONS if ">>> " not in getattr(module, name).__doc__] == []
+
+
+def test_every_public_result_has_an_example() -> None:
+    modules = [importlib.import_module(name) for name in WITH_EXAMPLES]
+    found = {name for module in modules for name in PUBLIC if ">>> " in (getattr(module, name, None).__doc__ or "")}
+    assert sorted(found) == sorted(PUBLIC)
 
 
 def value_of(source: str, names: dict[str, Any]) -> Any:
