@@ -11,6 +11,8 @@ if TYPE_CHECKING:
     from eaid.results.nonlinear import CurveLevel
 
 SYMBOLS = {"Ts": "T_s", "tau1": "τ1", "tau2": "τ2"}
+ENDLESS_S = 1e4
+"""A time constant above this [s] that no interval bounds is no number worth showing."""
 BECAUSE = {
     "asked": ", as asked for",
     "agree": ": the two agree within their intervals",
@@ -78,4 +80,6 @@ def _value(row: "CurveLevel | FrictionLevel", name: str) -> str:
     ends = getattr(row.ci95, name) if row.ci95 is not None else None
     if value is None:
         return "not known"
+    if ends is None and name != "Ts" and value > ENDLESS_S:
+        return "not estimable"
     return f"{value:.3g} ({ends[0]:.3g} … {ends[1]:.3g})" if ends is not None else f"{value:.3g} (not estimable)"
