@@ -41,15 +41,6 @@ class ReportOptions:
 USUAL = ReportOptions()
 
 
-def widths_of(text: str) -> tuple[float, float]:
-    """Widths of one and of two columns [in] from `3.5,7.16`."""
-    try:
-        column, page = (float(part) for part in text.split(","))
-    except ValueError:
-        raise UsageError(f"«width» {text}: give the widths of one and of two columns in inches, as 3.5,7.16") from None
-    return column, page
-
-
 def refuse_to_overwrite_report(folder: Path, force: bool) -> None:
     """Leave an existing report alone, its figures too, unless the user says otherwise."""
     if folder.exists() and not folder.is_dir():

@@ -7,21 +7,6 @@ import numpy as np
 from eaid.arrays import Array
 from eaid.models.parameters import PAPER_LINEAR, SHARE
 
-OVER_STRESS: dict[str, Callable[[Array], Array]] = {
-    "Ts": lambda s: 0.0944 * s - 0.0896,
-    "C_f": lambda s: 0.29 * np.exp(-0.000725 * s) - 0.42 * np.exp(-0.337 * s),
-    "tau1": lambda s: 6.01 * np.exp(-0.431 * s) + 0.11 * np.exp(0.0492 * s),
-    "tau2": lambda s: 40.25 * np.exp(-0.219 * s) + 1.37 * np.exp(0.0476 * s),
-}
-"""Table I over the normal stress [kPa]."""
-
-OVER_SPEED: dict[str, Callable[[Array], Array]] = {
-    "Ts": lambda w: 0.349 * np.exp(-0.230 * w) + 1.042 * np.exp(0.00608 * w),
-    "tau1": lambda w: 0.425 * np.exp(-0.310 * w) + 0.0498 * np.exp(-0.0150 * w),
-    "tau2": lambda w: 5.375e5 * np.exp(-0.0507 * w) - 5.374e5 * np.exp(-0.0507 * w),
-}
-"""Table II over the rotation speed [RPM]; its τ2 keeps 100 e^(−0.0507 Ω) only, all other digits cancel."""
-
 TABLE_I = {
     "Ts": ("0.0944 σ − 0.0896", (0.0944, -0.0896), 0.323),
     "C_f": ("0.29 e^(−0.000725 σ) − 0.42 e^(−0.337 σ)", (0.29, -0.000725, -0.42, -0.337), 0.0127),
@@ -37,6 +22,20 @@ TABLE_II = {
 }
 """Parameter → formula as printed (Ω in RPM), coefficients, RMSE of the trend."""
 
+
+def _curve(coefficients: tuple[float, ...]) -> Callable[[Array], Array]:
+    """A line from its slope and offset, else p e^(r x) + q e^(s x)."""
+    if len(coefficients) == 2:
+        return lambda x: coefficients[0] * x + coefficients[1]
+    p, r, q, s = coefficients
+    return lambda x: p * np.exp(r * x) + q * np.exp(s * x)
+
+
+OVER_STRESS = {name: _curve(coefficients) for name, (_text, coefficients, _rmse) in TABLE_I.items()}
+"""Table I over the normal stress [kPa]."""
+OVER_SPEED = {name: _curve(coefficients) for name, (_text, coefficients, _rmse) in TABLE_II.items()}
+"""Table II over the rotation speed [RPM]; its τ2 keeps 100 e^(−0.0507 Ω) only, all other digits cancel."""
+
 TABLE_III = {
     "tau1": (6.74e-3, 2.39e-2, -2.13e-4),
     "tau2": (0.93, 0.41, -2.64e-3),
@@ -51,5 +50,3 @@ LINEAR = {"a0": PAPER_LINEAR.a0, "b0": PAPER_LINEAR.b0, "c0": PAPER_LINEAR.c0}
 """Eq. (8) as printed in §IV-B."""
 
 PI = {"K_P": 21.0, "K_I": 360.0}
-ABS_ERROR_NM = (0.065, 0.059)
-"""Overall absolute error of the nonlinear model, mean and sd [N·m]."""

@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from eaid.models import linear
-from eaid.report.figures import checks, clutch, compare, hold, level_steps, pwm, recorded, shear
+from eaid.report.figures import checks, clutch, hold, level_steps, pwm, recorded, shear, values
 from eaid.report.figures import friction as frictions
 from eaid.report.figures.steps import Model
 from eaid.report.page import live_fits, live_replays
@@ -171,7 +171,7 @@ def over_duty_ready(results: Results, asked: bool | None) -> Ready | None:
         rows = [(row.level, getattr(row.ci95, name)) for row in level_values(fit) if row.ci95]
         known = [(level, ends) for level, ends in rows if ends is not None]
         if known:
-            curve = clutch.values_over(fit.nonlinear, np.array([level for level, _ in known]))[name]
+            curve = values.values_over(fit.nonlinear, np.array([level for level, _ in known]))[name]
             met = sum(ends[0] <= value <= ends[1] for (_, ends), value in zip(known, curve, strict=True))
             counts.append(f"{SYMBOLS[name]} through {met} of {len(known)}")
     said = "Points: each level by itself; line: the model over the level."
@@ -323,4 +323,4 @@ def compare_ready(results: Results, _asked: bool | None) -> Ready | None:
     said = "Their 95 % intervals part at no level."
     if parted:
         said = f"Their 95 % intervals part for {'; '.join(parted)}: more than repeats explain."
-    return Ready(lambda: compare.two_fits(first.result, second.result, (first.path, second.path)), said)
+    return Ready(lambda: values.two_fits([(one.path, one.result) for one in (first, second)]), said)

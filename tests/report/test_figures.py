@@ -22,7 +22,7 @@ from eaid.models.parameters import REFERENCE_PLANT
 from eaid.models.parameters import Friction as Curve
 from eaid.report import published, style
 from eaid.report.draw import vector_of
-from eaid.report.figures import checks, clutch, compare, hold, level_steps, pwm, recorded, rehab, replays, shear
+from eaid.report.figures import checks, clutch, hold, level_steps, pwm, recorded, rehab, replays, shear, values
 from eaid.report.figures import friction as frictions
 from eaid.results import fit as fits
 from eaid.results.common import LevelError
@@ -204,7 +204,7 @@ DRAWN: dict[str, Callable[[], Figure]] = {
     "log_replay": lambda: replays.recorded_duty(traces()),
     "guarantee_in_replay": lambda: replays.guarantee(robust_term()),
     "fig17_rehab_errors": lambda: rehab.errors({"soft": np.arange(9.0), "hard": 2 * np.arange(9.0)}),
-    "compare": lambda: compare.two_fits(clutch_fit(), clutch_fit(1.3), ("before", "after")),
+    "compare": lambda: values.two_fits([("before", clutch_fit()), ("after", clutch_fit(1.3))]),
 }
 
 
@@ -308,13 +308,6 @@ def test_lost_and_left_by_hand():
     torque = np.where(t <= 10, np.where(t < 5, 2.0, 1.5), 0.3)
     held = hold.Held(100.0, t, torque, 10.0)
     assert held.lost_pct == pytest.approx(25) and held.left_pct == pytest.approx(20)
-
-
-def test_autocorrelation_by_hand():
-    """An alternating series is its own opposite one sample later, and itself two samples later."""
-    r = np.tile([1.0, -1.0], 500)
-    assert checks.autocorrelation(r, [0, 1, 2]) == pytest.approx([1, -0.999, 0.998])
-    assert checks.autocorrelation(np.ones(10), [0, 1]) == pytest.approx([0, 0])
 
 
 def test_residuals_of_the_truth_are_nothing():

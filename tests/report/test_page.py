@@ -288,7 +288,7 @@ def test_words_are_explained_where_they_first_appear(text: str):
 
 def test_the_summary_says_what_the_files_say(files: dict[str, Path], outline: Outline):
     fit = json.loads(files["clutch.json"].read_text(encoding="utf-8"))
-    top = fit["friction"]["levels"][-1]
+    top = fit["nonlinear"]["curves"][-1]  # of the estimate that is used, with its interval
     assert f"{top['Ts']:.2f} N·m" in outline.text and f"{top['tau1']:.3f} s" in outline.text
     gains = json.loads(files["gains.json"].read_text(encoding="utf-8"))
     worst = gains["margins"]["worst"]

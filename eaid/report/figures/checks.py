@@ -76,18 +76,6 @@ def residual_map(rows: Sequence[tuple[float, Array, Array]]) -> ResidualMap:
     return ResidualMap(tuple(level for level, _t, _r in rows), edges, mean)
 
 
-def autocorrelation(residual: Array, lags: Sequence[int]) -> Array:
-    """Autocorrelation of a residual at given lags [1], shape of `lags`, by FFT; 1 at lag 0."""
-    centred = residual - residual.mean()
-    n = len(centred)
-    size = 1 << (2 * n - 1).bit_length()
-    power = np.abs(np.fft.rfft(centred, size)) ** 2
-    every = np.fft.irfft(power, size)[:n]
-    if every[0] <= 0:
-        return np.zeros(len(lags))
-    return np.asarray(every[np.asarray(lags)] / every[0])
-
-
 def residuals(data: StepSet, fit: Fit, model: str) -> Figure:
     """(a) residuals over time and level, hatched where the model lies above the data, (b) RMSE of each level."""
     figure, (over_time, per_level) = style.page(2.7, 1, 2, width_ratios=(2.4, 1))

@@ -6,25 +6,19 @@ from functools import partial
 import numpy as np
 from matplotlib.figure import Figure
 
-from eaid.arrays import Array
 from eaid.models import linear, nonlinear
-from eaid.models.parameters import Linear, Nonlinear
+from eaid.models.parameters import Linear
 from eaid.report import published, style
-from eaid.report.figures.friction import axis_label, curves_of, intervals_of, reach
+from eaid.report.figures.friction import curves_of
 from eaid.report.figures.steps import MODEL, Model, draw_steps, fine_times, label_ends, some_levels
+from eaid.report.figures.values import axis_label, intervals_of, nonlinear_of, points, values_over
 from eaid.report.rig import gain, level_text, level_values, over, overlaid, quantity
 from eaid.report.tables.fits import estimates_of
 from eaid.report.thin import thinned
 from eaid.results.common import LevelError
 from eaid.results.fit import Fit
 from eaid.results.linear import Pooled
-from eaid.results.nonlinear import Estimate
 from eaid.steps.stepset import StepSet
-
-
-def nonlinear_of(part: Estimate) -> Nonlinear:
-    """The nonlinear model of an estimate."""
-    return Nonlinear(part.tau1, part.tau2, part.Ts, part.u_range, part.C)
 
 
 def linear_of(part: Pooled) -> Linear:
@@ -92,33 +86,22 @@ OTHERS = ((style.VERMILLION, "-."), (style.GREEN, (0, (4, 1, 1, 1, 1, 1))), (sty
 """Colour and line of the estimates beside the one that is used."""
 
 
-def values_over(part: Estimate, u: Array) -> dict[str, Array]:
-    """T_s, τ1 and τ2 of an estimate over the input."""
-    model = nonlinear_of(part)
-    tau1, tau2 = nonlinear.time_constants(model, u)
-    return {"Ts": nonlinear.steady_torque(model, u), "tau1": tau1, "tau2": tau2}
-
-
 def polynomials(fit: Fit, asked: bool | None = None) -> Figure:
     """T_s, τ1 and τ2 over the level: every estimate, the single levels with their intervals, and Table III."""
     figure, axes = style.page(2.5, 1, 3)
     part, unit = fit.nonlinear, fit.data.input_unit
     assert part is not None
     u = np.linspace(*part.u_range, 200)
-    rows = level_values(fit)
+    rows, alone = level_values(fit), fit.recorded is None
     (own, used), *others = estimates_of(part).items()
     curves = values_over(used, u)
     for mark, name, panel in zip("abc", ("Ts", "tau1", "tau2"), axes, strict=True):
         panel.plot(u, curves[name], color=style.BLUE, label=f"{own} (used)")
         top = float(np.max(curves[name]))
         if rows:
-            values = np.array([getattr(row, name) for row in rows])
-            far = reach(values, intervals_of(rows, name))
-            panel.errorbar(
-                [row.level for row in rows], values, yerr=far, fmt="o", color=style.BLACK, capsize=1.6,
-                elinewidth=0.7, label="each level, 95 %" if fit.recorded is None else "95 %",
-            )  # fmt: skip
-            seen = float(np.max(np.minimum(values + far[1], 1.6 * values)))
+            values, said = np.array([getattr(row, name) for row in rows]), "each level, 95 %" if alone else "95 %"
+            at = [row.level for row in rows]
+            seen = points(panel, at, values, intervals_of(rows, name), color=style.BLACK, label=said)
             top = min(max(top, seen), BEYOND * seen)
         for (said, other), (colour, line) in zip(others, OTHERS, strict=False):
             panel.plot(u, values_over(other, u)[name], color=colour, linestyle=line, linewidth=0.9, label=said)
@@ -139,12 +122,8 @@ def input_gain(fit: Fit, asked: bool | None = None) -> Figure:
     assert part is not None
     rows = [(row.level, row.B, row.ci95.B if row.ci95 else None) for row in part.per_level if row.B is not None]
     if rows:
-        values = np.array([B for _level, B, _ends in rows])
-        far = reach(values, [ends for _level, _B, ends in rows])
-        axes.errorbar(
-            [level for level, _B, _ends in rows], values, yerr=far, fmt="o-", color=style.BLUE, capsize=1.6,
-            elinewidth=0.7, linewidth=0.9,
-        )  # fmt: skip
+        at, values, intervals = zip(*rows, strict=True)
+        points(axes, at, np.array(values), intervals, fmt="o-", color=style.BLUE, linewidth=0.9)
     bounds = part.bounds
     ends = []
     for name, value in (("$B_m$", bounds.B_m if bounds else None), ("$B_M$", bounds.B_M if bounds else None)):

@@ -1,6 +1,6 @@
 """Figs. 3–5: friction steps with their fitted curves, Eq. (3), and what was fitted over stress and over speed."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from functools import partial
 
 import numpy as np
@@ -12,21 +12,12 @@ from eaid.models import friction
 from eaid.models.parameters import Friction
 from eaid.report import published, style
 from eaid.report.figures.steps import Model, draw_steps
+from eaid.report.figures.values import axis_label, intervals_of, points
 from eaid.report.rig import apparatus_of, over, overlaid
 from eaid.results.common import Interval
 from eaid.results.fit import Fit
 from eaid.results.friction import FrictionLevel, Trend
-from eaid.results.nonlinear import CurveLevel
 from eaid.steps.stepset import StepSet
-
-NAMES = {"Ts": "Steady value $T_s$", "tau1": r"Fast constant $\tau_1$", "tau2": r"Slow constant $\tau_2$"}
-
-
-def axis_label(name: str, unit: str) -> str:
-    """Label of an axis along which a fitted value runs."""
-    if name == "C_f":
-        return "Friction coefficient $C_f$ (1)"
-    return f"{NAMES[name]} ({unit if name == 'Ts' else 's'})"
 
 
 def curve(row: FrictionLevel, t_s: Array) -> Array:
@@ -74,18 +65,6 @@ def over_stress(fit: Fit) -> bool:
     return part is not None and part.over == "stress_kpa" and all(row.stress_kpa is not None for row in part.levels)
 
 
-def reach(values: Array, ends: Sequence[Interval]) -> Array:
-    """Distances from values to the ends of their intervals, shape (2, n); 0 where an interval is not known."""
-    low = [0.0 if e is None else max(v - e[0], 0.0) for v, e in zip(values, ends, strict=True)]
-    high = [0.0 if e is None else max(e[1] - v, 0.0) for v, e in zip(values, ends, strict=True)]
-    return np.array([low, high])
-
-
-def intervals_of(rows: Sequence[FrictionLevel | CurveLevel], name: str) -> list[Interval]:
-    """The 95 % intervals of one value at the levels."""
-    return [getattr(row.ci95, name) if row.ci95 else None for row in rows]
-
-
 def friction_coefficients(fit: Fit, x_kpa: Array) -> tuple[Array, list[Interval]]:
     """C_f of each level [1], shape (L,), and its intervals, from the steady torques by Eq. (1)."""
     rig, rows = apparatus_of(fit.data), fit.friction.levels if fit.friction else ()
@@ -103,12 +82,8 @@ def _panel(axes: Axes, fit: Fit, name: str, x: Array, paper: Callable[[Array], A
         values, ends = friction_coefficients(fit, x)
     else:
         values, ends = np.array([getattr(row, name) for row in rows]), intervals_of(rows, name)
-    far = reach(values, ends)
-    axes.errorbar(
-        x, values, yerr=far, fmt="o", color=style.BLACK, capsize=1.6, elinewidth=0.7, label="each level, 95 %"
-    )
+    top = points(axes, x.tolist(), values, ends, color=style.BLACK, label="each level, 95 %")
     fine = np.linspace(x.min(), x.max(), 200)
-    top = float(np.max(np.minimum(values + far[1], 2 * np.abs(values))))
     trend = trends.get(name)
     if trend is not None and trend.coefficients:
         axes.plot(fine, trend_values(trend, fine), color=style.BLUE, label="trend")

@@ -6,8 +6,8 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from eaid.report import style
-from eaid.report.figures.friction import axis_label
 from eaid.report.figures.steps import MODEL, fine_times, label_ends, some_levels
+from eaid.report.figures.values import axis_label
 from eaid.report.rig import over
 from eaid.report.thin import thinned
 from eaid.results.steps import StepShape

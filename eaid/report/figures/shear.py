@@ -5,7 +5,7 @@ from matplotlib.figure import Figure
 
 from eaid.models import nonlinear
 from eaid.report import style
-from eaid.report.figures.clutch import nonlinear_of
+from eaid.report.figures.values import nonlinear_of
 from eaid.report.rig import apparatus_of
 from eaid.results.fit import Fit
 

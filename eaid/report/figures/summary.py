@@ -7,10 +7,9 @@ from matplotlib.figure import Figure
 
 from eaid.arrays import Array
 from eaid.report import style
-from eaid.report.figures.compare import LOOKS
-from eaid.report.figures.friction import axis_label, intervals_of, reach
 from eaid.report.figures.steps import MODEL, Model, draw_steps, some_levels
-from eaid.report.rig import level_values, over, quantity
+from eaid.report.figures.values import NAMES, axis_label, draw_values
+from eaid.report.rig import over, quantity
 from eaid.report.thin import thinned_at
 from eaid.results.fit import Fit
 from eaid.results.recorded import LogFit
@@ -66,18 +65,11 @@ def controllers(traces: Mapping[str, Mapping[str, Array]], from_s: float, unit: 
 
 
 def values_over_level(fits: Sequence[tuple[str, Fit]]) -> Figure:
-    """T_s, τ1 and τ2 of the levels with their intervals, of one fit where no data were given, or of two to compare."""
+    """T_s, τ1 and τ2 of the levels with their intervals, of one fit or of two to compare."""
     figure, axes = style.sheet(WIDTH_IN, HEIGHT_IN, 1, 3)
-    for (said, fit), (colour, line, marker) in zip(fits, LOOKS, strict=False):
-        rows = level_values(fit)
-        for name, panel in zip(("Ts", "tau1", "tau2"), axes, strict=True):
-            values = np.array([getattr(row, name) for row in rows])
-            panel.errorbar(
-                [row.level for row in rows], values, yerr=reach(values, intervals_of(rows, name)), color=colour,
-                linestyle=line, marker=marker, elinewidth=0.7, label=said,
-            )  # fmt: skip
-            panel.set(xlabel=over(fit.data.input_unit), title=axis_label(name, fit.data.output_unit))
-            panel.set_ylim(0, max(panel.get_ylim()[1] if said != fits[0][0] else 0.0, 1.3 * float(np.max(values))))
+    draw_values(axes, fits)
+    for name, panel in zip(NAMES, axes, strict=True):
+        panel.set_title(axis_label(name, fits[0][1].data.output_unit))
     if len(fits) > 1:
         style.legend_over(figure, axes[0])
     return figure

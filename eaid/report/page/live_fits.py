@@ -9,8 +9,8 @@ from bokeh.models.annotations import ColorBar, TeeHead, Whisker
 
 from eaid.report import style
 from eaid.report.figures.checks import ResidualMap
-from eaid.report.figures.clutch import values_over
 from eaid.report.figures.steps import Model, fine_times, some_levels
+from eaid.report.figures.values import values_over
 from eaid.report.page.live import Plot, bare
 from eaid.report.rig import level_text, level_values, over, quantity
 from eaid.report.tables.fits import estimates_of

@@ -1,0 +1,88 @@
+"""Fitted values over the level, with their 95 % intervals: one fit, or two over each other (two days, two rigs)."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from eaid.arrays import Array
+from eaid.models import nonlinear
+from eaid.models.parameters import Nonlinear
+from eaid.report import style
+from eaid.report.rig import level_values, over
+from eaid.results.common import Interval
+from eaid.results.fit import Fit
+from eaid.results.friction import FrictionLevel
+from eaid.results.nonlinear import CurveLevel, Estimate
+
+NAMES = {"Ts": "Steady value $T_s$", "tau1": r"Fast constant $\tau_1$", "tau2": r"Slow constant $\tau_2$"}
+LOOKS = ((style.BLUE, "-", "o"), (style.VERMILLION, "--", "s"))
+"""Colour, line and marker of the first fit and of the second."""
+TALL = 1.6
+"""An interval that reaches beyond so many times its value does not set the axis."""
+
+
+def axis_label(name: str, unit: str) -> str:
+    """Label of an axis along which a fitted value runs."""
+    if name == "C_f":
+        return "Friction coefficient $C_f$ (1)"
+    return f"{NAMES[name]} ({unit if name == 'Ts' else 's'})"
+
+
+def intervals_of(rows: Sequence[FrictionLevel | CurveLevel], name: str) -> list[Interval]:
+    """The 95 % intervals of one value at the levels."""
+    return [getattr(row.ci95, name) if row.ci95 else None for row in rows]
+
+
+def points(axes: Axes, x: Sequence[float], values: Array, ends: Sequence[Interval], **look: object) -> float:
+    """Values with their 95 % intervals where there are any; the highest end that is to be seen."""
+    low, high = (
+        np.array([value if one is None else one[k] for value, one in zip(values, ends, strict=True)]) for k in (0, 1)
+    )
+    far = [np.maximum(values - low, 0), np.maximum(high - values, 0)]
+    axes.errorbar(x, values, yerr=far, **{"fmt": "o", "capsize": 1.6, "elinewidth": 0.7, **look})  # type: ignore[arg-type]
+    return float(np.max(np.minimum(values + far[1], TALL * np.abs(values))))
+
+
+def nonlinear_of(part: Estimate) -> Nonlinear:
+    """The nonlinear model of an estimate."""
+    return Nonlinear(part.tau1, part.tau2, part.Ts, part.u_range, part.C)
+
+
+def values_over(part: Estimate, u: Array) -> dict[str, Array]:
+    """T_s, τ1 and τ2 of an estimate over the input."""
+    model = nonlinear_of(part)
+    tau1, tau2 = nonlinear.time_constants(model, u)
+    return {"Ts": nonlinear.steady_torque(model, u), "tau1": tau1, "tau2": tau2}
+
+
+def draw_values(panels: Sequence[Axes], fits: Sequence[tuple[str, Fit]]) -> None:
+    """T_s, τ1 and τ2, a panel each: the levels of each fit, and its model where there is one."""
+    for (said, fit), (colour, line, marker) in zip(fits, LOOKS, strict=False):
+        rows, part = level_values(fit), fit.nonlinear
+        u = np.linspace(*part.u_range, 150) if part is not None else np.empty(0)
+        curves = values_over(part, u) if part is not None else {}
+        for name, panel in zip(NAMES, panels, strict=True):
+            values = np.array([getattr(row, name) for row in rows], dtype=float)
+            top = float(np.max(curves[name])) if curves else 0.0
+            if rows:
+                look = {"fmt": marker, "color": colour, "label": said}
+                seen = points(panel, [row.level for row in rows], values, intervals_of(rows, name), **look)
+                top = min(max(top, seen), 3 * seen)
+            if curves:
+                panel.plot(u, curves[name], color=colour, linestyle=line, label=None if rows else said)
+            panel.set_ylim(0, max(1.1 * top, panel.get_ylim()[1] if said != fits[0][0] else 0.0))
+    for panel in panels:
+        panel.set_xlabel(over(fits[0][1].data.input_unit))
+
+
+def two_fits(fits: Sequence[tuple[str, Fit]]) -> Figure:
+    """T_s, τ1 and τ2 of both fits over the level."""
+    figure, axes = style.page(2.5, 1, 3)
+    draw_values(axes, [(name if len(name) <= 48 else f"…{name[-47:]}", fit) for name, fit in fits])
+    for mark, name, panel in zip("abc", NAMES, axes, strict=True):
+        panel.set_ylabel(axis_label(name, fits[0][1].data.output_unit))
+        style.letter(panel, mark)
+    style.legend_over(figure, axes[0])
+    return figure
