@@ -48,4 +48,3 @@ TABLE_IV = {"B_m": 12.4, "B_M": 42.6, "Q_M": 5.0, "phi": 0.05, "epsilon": 0.5, "
 
 LINEAR = {"a0": PAPER_LINEAR.a0, "b0": PAPER_LINEAR.b0, "c0": PAPER_LINEAR.c0}
 """Eq. (8) as printed in §IV-B."""
-
