@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from eaid.fitting.options import FitOptions
 from eaid.fitting.step_shapes import ShapeOptions, fit_steps
 from eaid.models.parameters import SHARE
-from eaid.results.friction import FrictionLevel
+from eaid.results.friction import FrictionLevel, LevelIntervals
 from eaid.results.steps import StepShape
 from eaid.steps.stepset import StepSet
 
@@ -48,4 +48,5 @@ def row_of(one: StepShape) -> FrictionLevel:
         samples=one.samples,
         fit_pct=one.fit_pct,
         R2=one.R2,
+        ci95=LevelIntervals(Ts=one.ci95.change, tau1=one.ci95.tau1, tau2=one.ci95.tau2, C=one.ci95.C),
     )

@@ -26,6 +26,9 @@ BETTER = 10.0
 FEW = 800
 """Points to which a record is averaged for the choice of a shape; the chosen one is fitted to all samples."""
 GRID = 28
+STARTS = 3
+FAR = 1.0
+"""Distance in ln τ2 from which a start is another."""
 MOST = 3.0
 """Largest C of an overshoot: beyond, two nearly equal parts of opposite sign imitate other shapes."""
 APART = 2.0
@@ -91,6 +94,8 @@ class _Points:
     time_s: Array
     output: Array
     weight: Array
+    within: float = 0.0
+    """Sum of squares of the samples about the means that stand for them: no shape takes it away."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,7 +155,9 @@ def _averaged(time_s: Array, y: Array) -> _Points:
     edges = np.unique(np.concatenate((edges, fine[:-1], [0])))
     edges = edges[edges < count]
     weight = np.diff(np.append(edges, count)).astype(np.float64)
-    return _Points(np.add.reduceat(time_s, edges) / weight, np.add.reduceat(y, edges) / weight, weight)
+    means = np.add.reduceat(y, edges) / weight
+    within = max(0.0, float(y @ y - weight @ means**2))
+    return _Points(np.add.reduceat(time_s, edges) / weight, means, weight, within)
 
 
 def _candidates(points: _Points, step: LevelStep, options: ShapeOptions, dead: bool) -> list[_Candidate]:
@@ -168,7 +175,7 @@ def _candidates(points: _Points, step: LevelStep, options: ShapeOptions, dead: b
             fits = [one for one in fits if overshoots(one[0], window)]
         if fits:
             p, sse = min(fits, key=lambda one: one[1])
-            found.append(_Candidate(shape, dead, p, sse, len(free) + 1))
+            found.append(_Candidate(shape, dead, p, sse + points.within, len(free) + 1))
     return found
 
 
@@ -182,7 +189,7 @@ def _delays(points: _Points, window: float) -> list[float]:
 def _starts(
     points: _Points, window: float, delays: Sequence[float], share: float, wanted: Sequence[Shape]
 ) -> dict[Shape, list[Array]]:
-    """The best two places on a grid of time constants and dead times, for each shape; amplitudes are linear there."""
+    """The best places on a grid of time constants and dead times, for each shape; amplitudes are linear there."""
     stride = max(1, len(points.time_s) // 300)
     t, y, w = points.time_s[::stride], points.output[::stride], points.weight[::stride]
     shortest = max(window / 3000, float(np.diff(points.time_s[: max(2, len(t))]).min()) / 3)
@@ -216,11 +223,18 @@ def _starts(
                 cost = total - a * right[i] - b * right[j]
                 inside = (C > 0) & (C < 1) if shape == "free" else (C > 1) & (C < MOST) & (tau[j] > APART * tau[i])
                 cost = np.where(inside, cost, np.inf)
-            for m in cost.argsort()[:2]:
+            for m in _apart(cost, np.log(tau[j])):
                 if np.isfinite(cost[m]):
                     start = np.array([change[m], np.log(tau[i[m]]), np.log(tau[j[m]] / tau[i[m]]), C[m], delay])
                     places[shape].append((float(cost[m]), start))
-    return {shape: [p for _, p in sorted(some, key=lambda one: one[0])[:2]] for shape, some in places.items()}
+    return {shape: [p for _, p in sorted(some, key=lambda one: one[0])[:STARTS]] for shape, some in places.items()}
+
+
+def _apart(cost: Array, slow: Array) -> list[int]:
+    """The best place, and the best of those whose ln τ2 is far from it, on either side: a grid is coarse for τ1."""
+    best = int(cost.argmin())
+    far = [np.where(side * (slow - slow[best]) > FAR, cost, np.inf) for side in (1, -1)]
+    return [best, *(int(one.argmin()) for one in far if np.isfinite(one.min(initial=np.inf)))]
 
 
 def _fitted(

@@ -87,7 +87,8 @@ def _write_run(folder: Any, run: Run) -> None:
         "level": run.level, "repeat": run.repeat, "step_s": run.step_s, "baseline_nm": run.baseline,
         "until_s": run.until_s, "before_nm": run.held, "source": run.source, "sha256": run.sha256,
         "edge": run.edge, "from_level": run.from_level, "start_s": run.start_s or None,
-        "position_unit": run.position_unit or None,
+        "position_unit": run.position_unit or None, "rest_s": run.rest_s,
+        "rest_moved": run.rest_moved or None,
     }  # fmt: skip
     for name, value in facts.items():
         if value is not None:
@@ -227,6 +228,8 @@ def _read_run(
         start_s=(amount("start_s") or 0.0) + first,
         from_level=amount("from_level") or 0.0,
         held=amount("before_nm"),
+        rest_s=amount("rest_s"),
+        rest_moved=amount("rest_moved") or 0.0,
         cut="edge" in said,
         **shared,
     )

@@ -37,6 +37,10 @@ class Run:
     baseline: float | None = None
     """Idle output, where it was stored; None: the mean before the step."""
     edge: Literal["rising", "falling"] = "rising"
+    rest_s: float | None = None
+    """Duration of the rest before the step whose mean its start is [s]; None: not known."""
+    rest_moved: float = 0.0
+    """How far that rest moved, mean of its second half less that of its first, in `output_unit`."""
     reference_nm: Array | None = None
     """Torque reference of a closed-loop log [N·m], shape (n,); None: the log has none."""
     position: Array | None = None

@@ -5,7 +5,18 @@ import numpy as np
 
 from eaid.arrays import Array
 from eaid.findings import Finding
-from eaid.results.common import Count, Number, Positive, Result
+from eaid.results.common import Count, Interval, Number, Positive, Result
+
+
+class StepIntervals(Result, frozen=True):
+    """95 % intervals of one step; null where the record says nothing of use, or where it was given."""
+
+    change: Interval = None
+    gain: Interval = None
+    tau1: Interval = None
+    tau2: Interval = None
+    C: Interval = None
+    dead_time_s: Interval = None
 
 
 class StepShape(Result, frozen=True):
@@ -37,6 +48,8 @@ class StepShape(Result, frozen=True):
     """100 (1 − ‖y − ŷ‖/‖y − mean y‖)"""
     R2: Number | None
     samples: Count
+    ci95: StepIntervals = StepIntervals()
+    """From the noise of this one record: how much steps differ from one another is not in it."""
     evidence: dict[str, Number | None] = {}
     """AICc of each shape less that of the best; shapes with a dead time are named `one+dead` and so on."""
     findings: tuple[Finding, ...] = ()

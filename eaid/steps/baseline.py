@@ -82,6 +82,10 @@ class Rest:
     """Samples by which the output leaves its rest before the step."""
     left_out: int = 0
     """Spikes that were left out of the mean."""
+    count: int = 1
+    """Samples of the mean."""
+    moved: float = 0.0
+    """Mean of its second half less that of its first."""
 
     def said(self, run: str) -> tuple[Finding, ...]:
         """What is to be told of it."""
@@ -126,10 +130,11 @@ def _from(hold: Array, rest: Array, change: float, left_out: int) -> Rest:
     """A rest that lasts until the step, or until the samples before it with which the output leaves it."""
     lead = left_early(hold, rest, change)
     if not lead:
-        value = float(rest.mean())
-        return Rest(value, value, left_out=left_out)
+        value, half = float(rest.mean()), len(rest) // 2
+        moved = float(rest[half:].mean() - rest[:half].mean()) if half else 0.0
+        return Rest(value, value, left_out=left_out, count=len(rest), moved=moved)
     start = float(hold[-max(1, lead // 4) :].mean())
-    return Rest(float(hold[: len(hold) - lead].mean()), start, False, lead, left_out)
+    return Rest(float(hold[: len(hold) - lead].mean()), start, False, lead, left_out, len(hold) - lead)
 
 
 def left_early(hold: Array, rest: Array, change: float) -> int:

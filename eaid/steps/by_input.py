@@ -12,7 +12,7 @@ from eaid.findings import finding
 from eaid.logs.run import Run
 from eaid.steps.baseline import last_rest
 from eaid.steps.instead import looks_like, refuse_to_cut
-from eaid.steps.part import end_of, part_of, zero_of
+from eaid.steps.part import end_of, part_of, sample_s, zero_of
 from eaid.steps.plateaus import Plateau, bridge, plateaus, stands_still
 
 UNSETTLED = 0.05
@@ -59,13 +59,14 @@ def edge_between(run: Run, before: Plateau, now: Plateau, zero: float, fallback:
     first = before.start == 0
     hold = run.output[before.start if first else before.stop - before.count // 4 - 1 : before.stop]
     rest = last_rest(hold, change)
-    found = rest.said(run.name)
+    found, rests = rest.said(run.name), rest.count
     if from_rest:
         # a rest that still moves after an earlier step is no rest of its own: counted from the one before
         baseline = rest.value if rest.rests or first or fallback is None else fallback
     elif down and abs(now.level) <= zero:
         released = last_rest(run.output[now.stop - now.count // 4 - 1 : now.stop], 0.0)
         baseline = released.value if fallback is None else fallback
+        rests = max(1, before.count // 20)  # the output held before it is its start
     else:
         baseline = rest.value
         off = 0.0 if rest.rests else abs(rest.start - float(hold[: max(1, len(hold) // 4)].mean()))
@@ -79,5 +80,7 @@ def edge_between(run: Run, before: Plateau, now: Plateau, zero: float, fallback:
         edge="falling" if down else "rising",
         held=rest.start if from_rest else end_of(run.output, before),
         baseline=baseline,
+        rest_s=rests * sample_s(run),
+        rest_moved=rest.moved,
         findings=(*run.findings, *found),
     )

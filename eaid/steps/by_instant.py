@@ -12,7 +12,7 @@ from eaid.steps.baseline import first_samples, last_rest
 from eaid.steps.by_input import NO_STEP, edge_between
 from eaid.steps.instead import refuse_to_cut, several_edges
 from eaid.steps.onset import onset, rises_at_once
-from eaid.steps.part import end_of, has_input, part_of, zero_of
+from eaid.steps.part import end_of, has_input, part_of, sample_s, zero_of
 from eaid.steps.plateaus import FEWEST, Plateau, plateaus, tolerance
 
 NO_LEVEL = "nothing tells its level; give the input column, or «name_pattern» with {level}"
@@ -37,6 +37,7 @@ def cut_at(run: Run, at_s: float) -> list[Run]:
         rest = last_rest(idle, end_of(run.output, now) - float(idle.mean()))
         findings = (*run.findings, *rest.said(run.name))
         step = replace(step, baseline=rest.value, held=None if rest.rests else rest.start, findings=findings)
+        step = replace(step, rest_s=rest.count * sample_s(run), rest_moved=rest.moved)
     steps = [part_of(step, 0, until, step_s=float(run.time_s[start]), until_s=None)]
     left = float(median(run.input[until:])) if known and until < len(run.time_s) else 0.0
     falls = abs(left) < abs(level) if known else run.until_s is not None and _falls(run, now)

@@ -33,6 +33,8 @@ def level_step(run: Run, findings: tuple[Finding, ...] = ()) -> LevelStep:
         output=read_only(run.output[step.start :]),
         input=read_only(run.input[step.start :]),
         start_known=not any(one.code in START_ASSUMED for one in run.findings),
+        rest_s=run.rest_s,
+        rest_moved=run.rest_moved,
         findings=findings,
     )
 

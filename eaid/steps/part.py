@@ -30,6 +30,11 @@ def part_of(run: Run, start: int, stop: int, **changes: object) -> Run:
     )
 
 
+def sample_s(run: Run) -> float:
+    """Mean sample time of a log [s]."""
+    return float(run.time_s[-1] - run.time_s[0]) / (len(run.time_s) - 1)
+
+
 def end_of(output: Array, hold: Plateau) -> float:
     """Output at the end of a hold: mean of its last twentieth."""
     return float(output[hold.stop - max(1, hold.count // 20) : hold.stop].mean())

@@ -88,6 +88,10 @@ class LevelStep:
     """Input as recorded, shape (n,); NaN where the log has none."""
     start_known: bool = True
     """False where nothing is recorded before the step: the start is that of its first samples."""
+    rest_s: float | None = None
+    """Duration of the rest whose mean the start is [s]; None: not known, a sample or so."""
+    rest_moved: float = 0.0
+    """How far that rest still moved from its first half to its second, in the set's output unit."""
     findings: tuple[Finding, ...] = ()
 
     @property

@@ -20,6 +20,7 @@ from eaid.results.quotable import quotable
 from eaid.results.uncertainty import Uncertainty
 from eaid.steps.stepset import StepSet
 from eaid.uncertainty.intervals import IntervalOptions, with_intervals
+from eaid.uncertainty.step_intervals import with_intervals as with_step_intervals
 
 
 def fit_steps(stepset: StepSet, options: FitOptions | None = None, progress: Callable[[], None] | None = None) -> Fit:
@@ -54,7 +55,9 @@ def fit_steps(stepset: StepSet, options: FitOptions | None = None, progress: Cal
 
 
 def _fit_steps(stepset: StepSet, options: FitOptions, progress: Callable[[], None] | None) -> Fit:
-    shapes = single_steps(stepset, options)
+    shapes = with_step_intervals(
+        stepset.level_steps, single_steps(stepset, options), options.ci, options.dead_time_s is None
+    )
     rows = between_rows(shapes) if "friction" in (options.models or ("friction",)) else ()
     doubts = tuple(said for one in shapes for said in one.findings)
     if stepset.levels or not shapes:

@@ -68,6 +68,22 @@ def test_the_right_shape_is_chosen_under_noise(name: str, dead: float) -> None:
     assert np.mean([one.rmse for one in found]) == pytest.approx(0.03, rel=0.02)
 
 
+def test_the_evidence_is_that_of_all_samples() -> None:
+    """A second exponential that is not there is better by chance, χ² with one degree, not by five times that."""
+    found = [fit_step(made(TRUTHS["one"], 0.03, seed)).evidence for seed in range(10)]
+    gains = [float((one["one"] or 0.0) - (one["two"] or 0.0)) + 2 for one in found]
+    assert np.mean(gains) == pytest.approx(1.0, abs=1.0)
+    assert max(gains) < 9
+
+
+def test_a_slow_part_far_beyond_the_record_is_found() -> None:
+    """Its slope is all that is seen of it: a start from the grid's best place alone ends in another valley."""
+    p = np.array([1.0, math.log(0.3), math.log(200.0 / 0.3), 0.85, 0.0])
+    found = fit_step(made(p, 0.001), ShapeOptions("two", 0.0))
+    assert found.tau2 == pytest.approx(200.0, rel=0.2)
+    assert found.rmse == pytest.approx(0.001, rel=0.05)
+
+
 def test_quality_by_hand() -> None:
     step = made(TRUTHS["two"], 0.1)
     found = fit_step(step)

@@ -164,8 +164,8 @@ def test_a_release_is_counted_from_the_rise_before_it() -> None:
 
 def test_what_the_last_rest_says() -> None:
     flat = np.full(100, 2.0)
-    assert last_rest(flat, 1.0) == Rest(2.0, 2.0)
-    assert last_rest(flat[:3], 1.0) == Rest(2.0, 2.0)
+    assert last_rest(flat, 1.0) == Rest(2.0, 2.0, count=100)
+    assert last_rest(flat[:3], 1.0) == Rest(2.0, 2.0, count=3)
     early = np.where(np.arange(100) < 90, 2.0, 2.0 + 0.05 * (np.arange(100) - 89))
     rest = last_rest(early, 1.0)
     assert (rest.rests, rest.value) == (False, pytest.approx(2.0, abs=5e-3))

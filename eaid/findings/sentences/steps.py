@@ -48,6 +48,7 @@ def _other_shape(v: Mapping[str, Any]) -> str:
 
 ROWS: dict[str, Row] = {
     "other-shape-fits-better": Row("caution", _other_shape, "saved_pct", rank=0, covers=("shape-of-another-kind",)),
+    "step-leaves-open": Row("note", "the step to {levels} leaves open: {open}"),
     "several-edges": Row("stop", _edges, "edges"),
     "input-reverses": Row(
         "stop",

@@ -1,0 +1,85 @@
+"""Intervals of single steps: they cover on staircases, are those of the textbook in white noise, and null says why."""
+
+import math
+
+import numpy as np
+import pytest
+
+from benchmarks.step_coverage import coverage
+from benchmarks.stop_findings import wander
+from eaid.fitting.step_shapes import ShapeOptions, fit_step
+from eaid.results.steps import StepShape
+from eaid.steps.stepset import LevelStep
+from eaid.uncertainty.step_intervals import stationary_variance, with_interval
+
+T = np.arange(3000) / 100
+
+
+def made(noise: float = 0.01, tau2: float = 2.0, samples: float = 0.1, seed: int = 0, **more: float) -> LevelStep:
+    y = 1.0 - 0.85 * np.exp(-T / 0.3) - 0.15 * np.exp(-T / tau2)
+    y = y + noise * wander(np.random.default_rng(seed), len(T), samples)
+    return LevelStep("a", "a", 20.0, 50.0, 0.0, T, y, np.full(len(T), 50.0), rest_s=more.get("rest_s", 1e9),
+                     rest_moved=more.get("rest_moved", 0.0))  # fmt: skip
+
+
+def fitted(step: LevelStep, ci: str = "robust") -> StepShape:
+    return with_interval(step, fit_step(step, ShapeOptions("two", 0.0)), ci)
+
+
+def half(interval: tuple[float, float] | None) -> float:
+    assert interval is not None
+    return (interval[1] - interval[0]) / 2
+
+
+@pytest.mark.parametrize("kind", ["two", "overshoot"])
+def test_they_hold_the_truth(kind: str) -> None:
+    for name, (share, told, untold) in coverage(kind, 12).items():
+        assert share >= 0.8, name  # 36 of them, three of a staircase alike; the benchmark has 201
+        assert told > 2 * untold
+
+
+def test_the_textbook_in_white_noise() -> None:
+    """scipy.optimize.curve_fit's covariance of the same three parameters."""
+    from scipy.optimize import curve_fit
+
+    step = made()
+    found = fitted(step, "white")
+    best, covariance = curve_fit(
+        lambda t, c, a, b: c * (1 - 0.85 * np.exp(-t / a) - 0.15 * np.exp(-t / b)), T, step.output, (1.0, 0.3, 2.0)
+    )
+    errors = 1.961 * np.sqrt(np.diag(covariance))
+    assert half(found.ci95.change) == pytest.approx(errors[0], rel=0.01)
+    for interval, value, error in zip((found.ci95.tau1, found.ci95.tau2), best[1:], errors[1:], strict=True):
+        assert interval is not None
+        assert math.log(interval[1] / interval[0]) / 2 == pytest.approx(error / value, rel=0.01)
+    assert half(found.ci95.gain) == pytest.approx(half(found.ci95.change) / 30.0)
+    robust = fitted(step)
+    assert 1.0 < half(robust.ci95.change) / half(found.ci95.change) < 1.6
+
+
+def test_noise_with_a_memory_widens_them() -> None:
+    white, coloured = fitted(made()), fitted(made(samples=20.0))
+    assert half(coloured.ci95.change) > 3 * half(white.ci95.change)
+
+
+def test_the_start_counts() -> None:
+    known, short, moving = (fitted(made(rest_s=s, rest_moved=m)) for s, m in ((1e9, 0.0), (0.1, 0.0), (1e9, 0.05)))
+    assert half(short.ci95.change) > 3 * half(known.ci95.change)
+    assert half(moving.ci95.change) > 0.05
+
+
+def test_a_slow_constant_beyond_the_record_is_not_quoted() -> None:
+    found = fitted(made(tau2=200.0, noise=0.001))
+    assert found.tau2 is not None and found.tau2 > 30
+    assert found.ci95.tau2 is None and found.ci95.change is None and found.ci95.gain is None
+    assert found.ci95.tau1 is not None
+    (said,) = (one for one in found.findings if one.code == "step-leaves-open")
+    assert said.values == {"open": "change, tau2"}
+
+
+def test_stationary_variance_of_a_mean() -> None:
+    random = np.random.default_rng(0)
+    noise = np.stack([wander(random, 4000, 10.0) for _ in range(60)])
+    ones = np.ones((4000, 1)) / 4000
+    told = np.mean([float(stationary_variance(one - one.mean(), ones)[0]) for one in noise])
+    assert told == pytest.approx(float(noise.mean(axis=1).var()), rel=0.35)
