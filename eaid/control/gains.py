@@ -1,32 +1,18 @@
 """Gains as the steps take them, from a `Gains`; and the paper's own, Table IV and §V-B."""
 
-import math
-
+from eaid.control.bounds import Bounds
+from eaid.control.law import law_of
+from eaid.control.options import DesignOptions
 from eaid.control.pi import PIGains
 from eaid.control.rc import RCGains
 from eaid.errors import DataError
+from eaid.models.parameters import PAPER_LINEAR
 from eaid.results.gains import AntiWindup, Gains
 
 
 def paper_gains() -> tuple[RCGains, PIGains]:
     """Table IV (ρ with B_M φ as printed, P = 5·I, B̂ = 12.5) and the PI of 21 and 360."""
-    B_m, B_M, Q_M, phi, K_P, K_D, p = 12.4, 42.6, 5.0, 0.05, 4.5, 3.0, 5.0
-    alpha = (B_M - B_m) / (B_M + B_m)
-    rc = RCGains(
-        K_P=K_P,
-        K_D=K_D,
-        B_hat=12.5,
-        a0=1.36,
-        b0=0.08,
-        c0=-2.42,
-        rho_constant=(alpha * Q_M + B_M * phi) / (1 - alpha),
-        rho_slope=alpha * math.hypot(K_P, K_D) / (1 - alpha),
-        epsilon=0.5,
-        gamma=50.0,
-        Q12=p / (2 * K_P),
-        Q22=(p + p / K_P) / (2 * K_D),
-    )
-    return rc, PIGains(K_P=21.0, K_I=360.0)
+    return law_of(PAPER_LINEAR, Bounds("zero-offset", (), 12.4, 42.6, ()), DesignOptions()).gains, PIGains(21.0, 360.0)
 
 
 def rc_gains(gains: Gains) -> RCGains | None:

@@ -15,31 +15,21 @@ import cmath
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from fractions import Fraction
-from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import brentq
 
 from eaid.arrays import Array
 from eaid.control.pi import PIGains
 from eaid.control.rc import RCGains, RCState, rc_step
-from eaid.errors import UsageError
+from eaid.control.timing import Timing, latch_response
 
 Lag = tuple[float, float]
 """Gain g [N·m/%] and time constant τ [s] of x' = (g u − x)/τ."""
 ENOUGH_DB, ENOUGH_DEG = 6.0, 45.0
 LONGEST_DELAY_S = 0.2
 """Delay margins are sought up to here; beyond, they are no worry."""
-
-
-@dataclass(frozen=True)
-class Timing:
-    """When the loop samples and when the duty takes effect."""
-
-    rate_hz: float = 1000.0
-    pwm_hz: float | None = 300.0
-    """None: the duty takes effect at once, as in a replay without `pwm_hz`."""
 
 
 @dataclass(frozen=True)
@@ -77,24 +67,29 @@ def rc_feedback(gains: RCGains, torque_nm: float, duty_pct: float) -> Feedback:
 
     At rest e = 0 and the integral stands where the law gives that duty; far from the layer's middle the slope differs.
     """
+    rest, step = integral_at_rest(gains, torque_nm, duty_pct), 1e-6
     free = gains._replace(duty_min=-math.inf, duty_max=math.inf)
 
     def duty(integral: float, torque: float) -> float:
         return rc_step(free, RCState(integral), torque_nm, 0.0, torque, 0.0)[1]
 
-    low, high = -1.0, 1.0
-    while duty(low, torque_nm) > duty_pct:
-        low *= 2
-    while duty(high, torque_nm) < duty_pct:
-        high *= 2
-    for _ in range(100):
-        middle = (low + high) / 2
-        low, high = (middle, high) if duty(middle, torque_nm) < duty_pct else (low, middle)
-    rest, step = (low + high) / 2, 1e-6
     return Feedback(
         k_T=-(duty(rest, torque_nm + step) - duty(rest, torque_nm - step)) / (2 * step),
         k_q=(duty(rest + step, torque_nm) - duty(rest - step, torque_nm)) / (2 * step),
     )
+
+
+def integral_at_rest(gains: RCGains, torque_nm: float, duty_pct: float) -> float:
+    """Integral of the error [N·m·s] with which the robust controller holds a torque [N·m] with a duty [%]."""
+    free = gains._replace(duty_min=-math.inf, duty_max=math.inf)
+
+    def short(integral: float) -> float:
+        return rc_step(free, RCState(integral), torque_nm, 0.0, torque_nm, 0.0)[1] - duty_pct
+
+    reach = 1.0
+    while short(-reach) > 0 or short(reach) < 0:
+        reach *= 2
+    return float(brentq(short, -reach, reach, xtol=1e-15))
 
 
 def linear_lags(b: float, a: float) -> tuple[Lag, ...]:
@@ -121,22 +116,19 @@ def is_stable(feedback: Feedback, lags: tuple[Lag, ...], timing: Timing) -> bool
 
 
 def _edge(radius: Callable[[float], float], step: float, limit: float) -> float:
-    """First value at which the radius reaches 1: steps to bracket it, then bisection; infinite beyond the limit."""
+    """First value at which the radius reaches 1: steps to bracket it, then Brent; infinite beyond the limit."""
     low, high = 0.0, step
     while radius(high) < 1:
         low, high = high, high + step
         if low >= limit:
             return math.inf
-    for _ in range(24):
-        middle = (low + high) / 2
-        low, high = (middle, high) if radius(middle) < 1 else (low, middle)
-    return high
+    return float(brentq(lambda x: radius(x) - 1, low, high, xtol=1e-9 * high))
 
 
 def spectral_radius(feedback: Feedback, lags: tuple[Lag, ...], timing: Timing, factor: float, delay_s: float) -> float:
     """Spectral radius of the loop's map over one common period of sampling and latching, duty times `factor`, late by
     `delay_s` [s]."""
-    samples, latches = _pattern(timing)
+    samples, latches = timing.pattern
     h, hold = 1 / timing.rate_hz, samples / timing.rate_hz / latches
     late = int(delay_s / hold + 1e-9)  # whole holds that the delay spans
     rest = max(delay_s - late * hold, 0.0)
@@ -172,20 +164,6 @@ def _in_order(event: tuple[float, int, int]) -> tuple[float, int]:
     return round(event[0], 12), event[1]
 
 
-@lru_cache
-def _pattern(timing: Timing) -> tuple[int, int]:
-    """Samples and latches in their common period."""
-    if timing.pwm_hz is None:
-        return 1, 1
-    ratio = Fraction(timing.rate_hz / timing.pwm_hz).limit_denominator(20)
-    if not 0.05 <= ratio <= 100:
-        raise UsageError(
-            f"a PWM of {timing.pwm_hz:g} Hz under control at {timing.rate_hz:g} Hz is outside what margins are worked "
-            "out for (0.05 to 100 samples a period); check «pwm_hz»"
-        )
-    return ratio.numerator, ratio.denominator
-
-
 def loop_response(feedback: Feedback, lags: tuple[Lag, ...], timing: Timing, omega: Array) -> NDArray[np.complex128]:
     """Response of the loop opened at the duty, over angular frequency [rad/s], shape of `omega`.
 
@@ -195,37 +173,20 @@ def loop_response(feedback: Feedback, lags: tuple[Lag, ...], timing: Timing, ome
     z = np.exp(1j * omega * h)
     controller = feedback.k_T + feedback.k_q * h / (z - 1)
     plant = np.sum([g * -math.expm1(-h / tau) / (z - math.exp(-h / tau)) for g, tau in lags], axis=0)
-    return np.asarray(controller * plant * _latch_response(timing, omega), dtype=np.complex128)
-
-
-def _latch_response(timing: Timing, omega: Array) -> NDArray[np.complex128]:
-    """Mean response of the latch over that of the plain hold at the control rate: 1 where there is no latch."""
-    samples, latches = _pattern(timing)
-    h = 1 / timing.rate_hz
-    hold = samples * h / latches
-    # Latch j holds the duty of sample ⌊j hold/h⌋; its age is what the sum carries.
-    ages = [j * hold - math.floor(j * hold / h + 1e-9) * h for j in range(latches)]
-    mean = np.mean([np.exp(-1j * omega * age) for age in ages], axis=0)
-    return np.asarray(mean * _hold_response(omega, hold) / _hold_response(omega, h), dtype=np.complex128)
-
-
-def _hold_response(omega: Array, hold_s: float) -> NDArray[np.complex128]:
-    return np.asarray(np.sinc(omega * hold_s / (2 * math.pi)) * np.exp(-0.5j * omega * hold_s))
+    return np.asarray(controller * plant * latch_response(timing, omega), dtype=np.complex128)
 
 
 def phase_margin(feedback: Feedback, lags: tuple[Lag, ...], timing: Timing) -> tuple[float, float]:
     """Least phase margin [deg] over the crossovers, and that crossover [Hz]."""
     top = math.pi * min(timing.rate_hz, timing.pwm_hz or timing.rate_hz)
     omega = np.geomspace(1e-3, top, 1500)
-    size = np.abs(loop_response(feedback, lags, timing, omega))
+
+    def response(omega: float) -> complex:
+        return complex(loop_response(feedback, lags, timing, np.array([omega]))[0])
+
+    above = np.abs(loop_response(feedback, lags, timing, omega)) >= 1
     found = (math.inf, 0.0)
-    for k in np.flatnonzero((size[:-1] >= 1) != (size[1:] >= 1)):
-        low, high = omega[k], omega[k + 1]
-        for _ in range(3):  # each narrows the bracket 64 times
-            finer = np.geomspace(low, high, 65)
-            above = np.abs(loop_response(feedback, lags, timing, finer)) >= 1
-            turn = int(np.flatnonzero(above[1:] != above[:-1])[0]) if above[0] != above[-1] else 0
-            low, high = finer[turn], finer[turn + 1]
-        phase = cmath.phase(complex(-loop_response(feedback, lags, timing, np.array([low]))[0]))
-        found = min(found, (math.degrees(phase), float(low) / (2 * math.pi)))
+    for k in np.flatnonzero(above[:-1] != above[1:]):
+        crossover = float(brentq(lambda x: abs(response(x)) - 1, omega[k], omega[k + 1]))
+        found = min(found, (math.degrees(cmath.phase(-response(crossover))), crossover / (2 * math.pi)))
     return found

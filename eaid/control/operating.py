@@ -11,7 +11,6 @@ from eaid.control.margins import (
     ENOUGH_DEG,
     Lag,
     Margins,
-    Timing,
     linear_lags,
     margins,
     phase_margin,
@@ -21,6 +20,7 @@ from eaid.control.margins import (
 )
 from eaid.control.pi import PIGains
 from eaid.control.rc import RCGains
+from eaid.control.timing import Timing
 from eaid.findings import Finding, finding
 from eaid.models.nonlinear import steady_torque, time_constants
 from eaid.models.parameters import Linear, Nonlinear

@@ -3,13 +3,10 @@
 from dataclasses import dataclass, field
 from typing import Literal
 
-from eaid.control.margins import Timing
 from eaid.control.robust import Reading
+from eaid.control.timing import RIG, Timing
 from eaid.errors import GainsError
 from eaid.limits import check_all
-
-RIG = Timing()
-"""Control at 1 kHz, the duty latched at 300 Hz (§IV)."""
 
 
 @dataclass(frozen=True)

@@ -12,6 +12,8 @@ Overshoot is −min e, settling the last time |e| leaves the 2 % band. c0 only s
 import math
 from dataclasses import dataclass
 
+from scipy.optimize import brentq
+
 from eaid.errors import GainsError
 from eaid.models.parameters import Linear
 
@@ -21,6 +23,8 @@ MOST_OVERSHOOT_PCT = 95.0
 """Beyond it a loop swings for hundreds of periods."""
 NONE = 1e-9
 """An overshoot below this share of the step is none."""
+CLOSE = 1e-15
+"""Share of itself to which a root is found."""
 INWARD = 1e-12
 """By what share of itself p is drawn inward: where the settling time jumps, rounding must not undo it."""
 
@@ -100,7 +104,8 @@ def _metrics(a0: float, p: float, q: float) -> StepMetrics:
     start = outside[-1] if outside else 0.0
     later = [t for t in turns if t > start and math.isfinite(t)]
     end = later[0] if later else _decayed(a0, p, q, start)
-    return StepMetrics(100 * overshoot, _leaves_band(a0, p, q, start, end))
+    settling = brentq(lambda t: abs(error(a0, p, q, t)) - BAND, start, end, xtol=CLOSE * end)
+    return StepMetrics(100 * overshoot, float(settling))
 
 
 def _decayed(a0: float, p: float, q: float, start: float) -> float:
@@ -110,19 +115,6 @@ def _decayed(a0: float, p: float, q: float, start: float) -> float:
     return end
 
 
-def _leaves_band(a0: float, p: float, q: float, low: float, high: float) -> float:
-    """Time in (low, high) where the monotone stretch of e enters the band, by bisection."""
-    for _ in range(64):
-        middle = (low + high) / 2
-        if middle in (low, high):
-            break
-        if abs(error(a0, p, q, middle)) > BAND:
-            low = middle
-        else:
-            high = middle
-    return high
-
-
 def _q_of_overshoot(a0: float, p: float, overshoot: float) -> float:
     """q that gives an overshoot (share of the step) at a given p; overshoot rises with q from q = a0 (p − a0)."""
     low = a0 * (p - a0)  # there zero and pole cancel: first order, no overshoot
@@ -130,26 +122,12 @@ def _q_of_overshoot(a0: float, p: float, overshoot: float) -> float:
         return low
 
     def above(q: float) -> float:
-        return _metrics(a0, p, q).overshoot_pct / 100 - overshoot
+        return _metrics(a0, p, q).overshoot_pct / 100 - overshoot if q > low else -overshoot
 
     high = max(low, p * p, a0 * a0)
     while above(high) < 0:
         high *= 2
-    # Regula falsi after Illinois (an end that stays gets half its weight), every third step a halving: the overshoot is
-    # flat near its foot.
-    at_low, at_high = -overshoot, above(high)
-    for k in range(120):
-        if high - low <= 4e-16 * high:
-            break
-        middle = (low + high) / 2 if k % 3 == 2 else high - at_high * (high - low) / (at_high - at_low)
-        found = above(middle)
-        if found < 0:
-            low, at_low, at_high = middle, found, at_high / 2
-        elif found > 0:
-            high, at_high, at_low = middle, found, at_low / 2
-        else:
-            return middle
-    return high
+    return float(brentq(above, low, high, xtol=CLOSE * high))
 
 
 def pi_gains(model: Linear, overshoot_pct: float, settling_s: float) -> tuple[float, float]:
@@ -179,13 +157,6 @@ def pi_gains(model: Linear, overshoot_pct: float, settling_s: float) -> tuple[fl
     high = low
     while settles(high) > settling_s:
         low, high = high, high * 1.05
-    for _ in range(64):
-        middle = (low + high) / 2
-        if middle in (low, high):
-            break
-        if settles(middle) > settling_s:
-            low = middle
-        else:
-            high = middle
+    high = float(brentq(lambda p: settles(p) - settling_s, low, high, xtol=CLOSE * high))
     high *= 1 + INWARD
     return (high - a0) / model.b0, _q_of_overshoot(a0, high, share) / model.b0

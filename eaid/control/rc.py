@@ -85,17 +85,17 @@ def rc_terms(gains: RCGains, integral: float, error: float) -> RCTerms:
     """z, ρ and ω for an integrated error [N·m·s] and an error [N·m], Eqs. (13)-(15)."""
     z = gains.Q12 * integral + gains.Q22 * error
     rho = gains.rho_constant + gains.rho_slope * math.sqrt(integral * integral + error * error)
-    size = abs(z)
-    distance = gains.gamma * (size - gains.epsilon)
+    distance = gains.gamma * (abs(z) - gains.epsilon)
     if distance > TANH_IS_ONE:
-        return RCTerms(z, rho, math.copysign(rho, z))
-    linear = rho * z / gains.epsilon
-    if distance < -TANH_IS_ONE:
-        return RCTerms(z, rho, linear)
-    # (S − S(0))/(1 − S(0)) with S(0) = (1 − tanh γε)/2; exactly (14) where tanh γε is 1.
-    at_zero = math.tanh(gains.gamma * gains.epsilon)
-    share = (math.tanh(distance) + at_zero) / (1.0 + at_zero)
-    return RCTerms(z, rho, share * math.copysign(rho, z) + (1.0 - share) * linear)
+        omega = math.copysign(rho, z)
+    else:
+        omega = rho * z / gains.epsilon
+        if distance >= -TANH_IS_ONE:
+            # (S − S(0))/(1 − S(0)) with S(0) = (1 − tanh γε)/2; exactly (14) where tanh γε is 1.
+            at_zero = tanh(gains.gamma * gains.epsilon)
+            share = (tanh(distance) + at_zero) / (1.0 + at_zero)
+            omega = share * math.copysign(rho, z) + (1.0 - share) * omega
+    return RCTerms(z, rho, omega)
 
 
 def rc_step(
@@ -105,26 +105,14 @@ def rc_step(
 
     Reference and torque in N·m, its rate in N·m/s, dt in s.
     """
-    K_P, K_D, B_hat, a0, b0, c0, constant, slope, epsilon, gamma, Q12, Q22, low, high, back_calculation = gains
     integral = state.integral
     error = reference - torque
-    # The lines of rc_terms again, without its tuple. A test holds the two together.
-    z = Q12 * integral + Q22 * error
-    rho = constant + slope * math.sqrt(integral * integral + error * error)
-    distance = gamma * (abs(z) - epsilon)
-    if distance > TANH_IS_ONE:
-        omega = math.copysign(rho, z)
-    else:
-        omega = rho * z / epsilon
-        if distance >= -TANH_IS_ONE:
-            at_zero = tanh(gamma * epsilon)
-            share = (tanh(distance) + at_zero) / (1.0 + at_zero)
-            omega = share * math.copysign(rho, z) + (1.0 - share) * omega
-    y = reference_rate + K_D * error + K_P * integral + omega
-    wanted = B_hat * y + (a0 * torque - c0) / b0
-    duty = min(max(wanted, low), high)
-    if back_calculation > 0.0:
-        return RCState(integral + dt * (error + back_calculation * (duty - wanted))), duty
+    omega = rc_terms(gains, integral, error).omega
+    y = reference_rate + gains.K_D * error + gains.K_P * integral + omega
+    wanted = gains.B_hat * y + (gains.a0 * torque - gains.c0) / gains.b0
+    duty = min(max(wanted, gains.duty_min), gains.duty_max)
+    if gains.back_calculation > 0.0:
+        return RCState(integral + dt * (error + gains.back_calculation * (duty - wanted))), duty
     if (wanted - duty) * error > 0.0:  # beyond a limit, and the error would drive it further
         return state, duty
     return RCState(integral + dt * error), duty

@@ -9,10 +9,11 @@ import numpy as np
 
 from eaid.control.pi import PIGains
 from eaid.control.rc import RCGains
+from eaid.control.timing import Timing
 from eaid.coupling.linear import Law, Point, linearised, operating_point, step_of
 from eaid.coupling.motion import Drive, replayed_stiffness
 from eaid.coupling.options import CoupleOptions
-from eaid.coupling.sampled import Channel, Coupled, Limb, Timing
+from eaid.coupling.sampled import Channel, Coupled, Limb
 from eaid.coupling.stiffness import (
     needed_damping,
     passive_stiffness,

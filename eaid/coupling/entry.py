@@ -8,10 +8,11 @@ import numpy as np
 
 from eaid.control.gains import pi_gains, rc_gains
 from eaid.control.plant import plant_of
+from eaid.control.timing import Timing
 from eaid.coupling.couple import couple, default_torques, stable_wall
 from eaid.coupling.linear import LOOPS
 from eaid.coupling.options import CoupleOptions
-from eaid.coupling.sampled import Limb, Timing
+from eaid.coupling.sampled import Limb
 from eaid.errors import DataError
 from eaid.findings import finding, ranked
 from eaid.models.nonlinear import steady_torque
@@ -52,7 +53,7 @@ def with_wall_findings(replay: Replay, fit: Fit, gains: Gains | None) -> Replay:
         return replay
     rc = rc_gains(gains) if gains is not None else None
     pi = pi_gains(gains) if gains is not None else None
-    timing = Timing(1 / (replay.head.dt_s or 1e-3), replay.head.rig.pwm_hz or 0.0, replay.head.rig.delay_samples or 0)
+    timing = Timing(1 / (replay.head.dt_s or 1e-3), replay.head.rig.pwm_hz or None, replay.head.rig.delay_samples)
     limb = Limb(exercise.inertia_kgm2, exercise.damping_nms)
     pushed = math.radians(exercise.centre_deg + exercise.amplitude_deg - RESISTED_FROM_DEG)
     low, high = (float(steady_torque(plant, u)) for u in plant.u_range)

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 from eaid.arrays import Array
+from eaid.control.margins import integral_at_rest
 from eaid.control.pi import PIGains, PIState, pi_step
 from eaid.control.rc import RCGains, RCState, rc_step
 from eaid.errors import UsageError
@@ -114,13 +115,7 @@ def step_of(
     def step(s: tuple[float, ...], r: float, v: float, t: float) -> tuple[Any, float]:
         return rc_step(open_ended, RCState(*s), r, share * v, t, dt_s)
 
-    def short(integral: float) -> float:
-        return step((integral,), point.torque_nm, 0.0, point.torque_nm)[1] - point.duty_pct
-
-    reach = 1.0
-    while short(-reach) > 0 or short(reach) < 0:
-        reach *= 2
-    return step, (float(brentq(short, -reach, reach, xtol=1e-15)),)
+    return step, (integral_at_rest(rc, point.torque_nm, point.duty_pct),)
 
 
 def duty_of(plant: Nonlinear, torque_nm: float) -> float:

@@ -10,8 +10,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from eaid.arrays import Array
+from eaid.control.timing import Timing
 from eaid.coupling.linear import Point, Step
-from eaid.coupling.sampled import Limb, Timing
+from eaid.coupling.sampled import Limb
 from eaid.models.parameters import Nonlinear
 from eaid.replay.plant import plant_parameters, plant_step
 
@@ -38,7 +39,7 @@ def swing(drive: Drive, limb: Limb, timing: Timing, stiffness: float, time_s: fl
     state, angle, speed, before = drive.start, BESIDE_RAD, 0.0, point.torque_nm
     memory, seen = timing.memory, point.torque_nm
     waiting = [point.duty_pct] * timing.delay_samples
-    latched, next_latch, period = point.duty_pct, 0.0, timing.rate_hz / timing.pwm_hz if timing.pwm_hz > 0 else 0.0
+    latched, next_latch, period = point.duty_pct, 0.0, timing.rate_hz / timing.pwm_hz if timing.pwm_hz else 0.0
     keep = math.exp(-limb.damping_nms * h / limb.inertia_kgm2)
     reach = (1 - keep) / limb.damping_nms
     angles = []

@@ -3,8 +3,9 @@
 import math
 from dataclasses import dataclass
 
+from eaid.control.timing import Timing
 from eaid.coupling.linear import LOOPS
-from eaid.coupling.sampled import Limb, Timing
+from eaid.coupling.sampled import Limb
 from eaid.errors import UsageError
 
 
@@ -74,4 +75,4 @@ class CoupleOptions:
     @property
     def timing(self) -> Timing:
         """When the loop samples and its duty takes effect."""
-        return Timing(self.rate_hz, self.pwm_hz, self.delay_samples, self.sensor_hz)
+        return Timing(self.rate_hz, self.pwm_hz or None, self.delay_samples, self.sensor_hz)

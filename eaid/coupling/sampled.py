@@ -18,40 +18,9 @@ import numpy as np
 from scipy.linalg import expm
 
 from eaid.arrays import Array
+from eaid.control.timing import Timing, latch_response
 from eaid.coupling.linear import Complex, Law, Point
 from eaid.errors import UsageError
-
-
-@dataclass(frozen=True)
-class Timing:
-    """When the loop samples and when its duty takes effect."""
-
-    rate_hz: float = 1000.0
-    pwm_hz: float = 0.0
-    """Rate at which the duty is latched [Hz]; 0: at once."""
-    delay_samples: int = 0
-    sensor_hz: float = 0.0
-    """Corner of the torque sensor's low-pass [Hz]; 0: none."""
-
-    @property
-    def step_s(self) -> float:
-        """Control interval [s]."""
-        return 1 / self.rate_hz
-
-    @property
-    def memory(self) -> float:
-        """Share of its old value that the sensor's low-pass keeps in a sample."""
-        return math.exp(-2 * math.pi * self.sensor_hz / self.rate_hz) if self.sensor_hz > 0 else 0.0
-
-    @property
-    def pattern(self) -> tuple[int, int]:
-        """Samples and latches in their common period."""
-        if self.pwm_hz <= 0:
-            return 1, 1
-        ratio = Fraction(self.rate_hz / self.pwm_hz).limit_denominator(20)
-        if not 0.05 <= ratio <= 100:
-            raise UsageError(f"«pwm_hz» {self.pwm_hz:g}: give 0.01 to 20 times the control rate, {self.rate_hz:g} Hz")
-        return ratio.numerator, ratio.denominator
 
 
 @dataclass(frozen=True)
@@ -199,18 +168,3 @@ def duty_response(channel: Channel, timing: Timing, omega: Array) -> Complex:
     seen = plant * (1 - memory) / (1 - memory / z)
     by_reference, by_rate, by_torque = channel.law.response(z).T
     return np.asarray((by_reference + by_rate * (1 - 1 / z) / h) / (1 - by_torque * seen))
-
-
-def latch_response(timing: Timing, omega: Array) -> Complex:
-    """Mean response of the PWM's latch over that of the plain hold at the control rate: 1 where there is no latch."""
-    samples, latches = timing.pattern
-    h = timing.step_s
-    hold = samples * h / latches
-    ages = [j * hold - math.floor(j * hold / h + 1e-9) * h for j in range(latches)]
-    mean = np.mean([np.exp(-1j * omega * age) for age in ages], axis=0)
-    return np.asarray(mean * hold_response(omega, hold) / hold_response(omega, h))
-
-
-def hold_response(omega: Array, hold_s: float) -> Complex:
-    """Response of a zero-order hold of unit gain."""
-    return np.asarray(np.sinc(omega * hold_s / (2 * math.pi)) * np.exp(-0.5j * omega * hold_s))

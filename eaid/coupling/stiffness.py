@@ -18,8 +18,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from eaid.arrays import Array
+from eaid.control.timing import Timing, hold_response, latch_response
 from eaid.coupling.linear import Complex
-from eaid.coupling.sampled import Channel, Coupled, Timing, duty_response, hold_response, latch_response
+from eaid.coupling.sampled import Channel, Coupled, duty_response
 
 ALIASES = 12
 """Aliases on either side: W falls with 1/ω², so the rest weighs less than 1e-5 of the sum."""

@@ -4,7 +4,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from eaid.control.margins import Feedback, Lag, Timing, is_stable, linear_lags, pi_feedback, rc_feedback
+from eaid.control.margins import Feedback, Lag, is_stable, linear_lags, pi_feedback, rc_feedback
+from eaid.control.timing import Timing
 from eaid.errors import GainsError
 from eaid.export.options import ExportOptions
 from eaid.export.source import Source

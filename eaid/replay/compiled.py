@@ -32,8 +32,8 @@ VECTOR: dict[str, Any] = {**ALONE, "forceinline": True}
 """Every call inlined, without which no loop becomes vectors."""
 
 CALLED = (
-    plant.plant_terms, plant.plant_pull, plant.plant_step, rc.rc_step, pi.pi_step, controllers.open_loop_step,
-    controllers.feedforward_step,
+    plant.plant_terms, plant.plant_pull, plant.plant_step, rc.rc_terms, rc.rc_step, pi.pi_step,
+    controllers.open_loop_step, controllers.feedforward_step,
     inverse.duty_for, inverse.inverse_step, lanes.expm1_to_minus_one, lanes.tanh_within, lanes.short_step,
     inverse.follow, adjoint.cost_and_gradient, taut.slow_reach, taut.taut_path,
 )  # fmt: skip

@@ -19,7 +19,7 @@ import msgspec
 import numpy as np
 
 from eaid.arrays import Array, read_only
-from eaid.control.rc import RCGains
+from eaid.control.rc import RCGains, rc_terms
 from eaid.replay.loop import Trace, reference_rate
 from eaid.replay.plant import PlantParameters, plant_slope
 from eaid.results.replay import Metrics
@@ -62,7 +62,8 @@ def watch(gains: RCGains, plant: PlantParameters, replay: Trace) -> Watch:
     low, high = replay.limits_pct
     measured = replay.torque_nm if replay.measured_nm is None else replay.measured_nm
     integral, error = replay.state, replay.reference_nm - measured
-    rho, omega = robust_terms(gains, integral, error)
+    terms = [rc_terms(gains, *at) for at in zip(integral.tolist(), error.tolist(), strict=True)]
+    rho, omega = np.array([(one.rho, one.omega) for one in terms]).T
     rate = reference_rate(replay.reference_nm, replay.dt_s, False)
     y = rate + gains.K_D * error + gains.K_P * integral + omega
     slope = np.diff(replay.torque_nm, append=np.nan) / replay.dt_s
@@ -78,13 +79,3 @@ def watch(gains: RCGains, plant: PlantParameters, replay: Trace) -> Watch:
         steepness = (plant_slope(plant, x1, x2, limit + inside) - plant_slope(plant, x1, x2, limit)) / inside
         unlimited[k] -= (wanted[k] - limit) * steepness
     return Watch(read_only(chi), read_only(rho), read_only(limited), read_only(unlimited))
-
-
-def robust_terms(gains: RCGains, integral: Array, error: Array) -> tuple[Array, Array]:
-    """ρ and ω [N·m/s] over whole columns, Eqs. (13)-(15): `eaid.control.rc.rc_terms`; a test holds the two together."""
-    z = gains.Q12 * integral + gains.Q22 * error
-    rho: Array = gains.rho_constant + gains.rho_slope * np.sqrt(integral * integral + error * error)
-    at_zero = np.tanh(gains.gamma * gains.epsilon)
-    share = (np.tanh(gains.gamma * (np.abs(z) - gains.epsilon)) + at_zero) / (1.0 + at_zero)
-    omega: Array = share * np.copysign(rho, z) + (1.0 - share) * rho * z / gains.epsilon
-    return rho, omega

@@ -9,9 +9,9 @@ from eaid.apparatus import Apparatus
 from eaid.control.bounds import LevelB, bounds_of
 from eaid.control.design import design as typed_design
 from eaid.control.gains import paper_gains, pi_gains, rc_gains
-from eaid.control.margins import Timing
 from eaid.control.mismatch import distance, shown_by_levels, shown_by_logs, shown_by_model
 from eaid.control.options import DesignOptions, PIOptions
+from eaid.control.timing import Timing
 from eaid.errors import DataError, GainsError, UsageError
 from eaid.models.nonlinear import step_response
 from eaid.models.parameters import PAPER_LINEAR, REFERENCE_PLANT, Linear, Nonlinear

@@ -9,12 +9,13 @@ import pytest
 from eaid.control.bounds import Bounds
 from eaid.control.gains import paper_gains
 from eaid.control.law import law_of
-from eaid.control.margins import Timing, margins, pi_feedback, rc_feedback
+from eaid.control.margins import margins, pi_feedback, rc_feedback
 from eaid.control.mismatch import shown_by_model
 from eaid.control.operating import operating_points
 from eaid.control.options import DesignOptions
 from eaid.control.pi_design import pi_gains, step_metrics
 from eaid.control.robust import equal_pi
+from eaid.control.timing import RIG
 from eaid.models.parameters import PAPER_LINEAR, REFERENCE_PLANT, Linear
 from eaid.replay import references
 from eaid.replay.loop import replay
@@ -54,7 +55,7 @@ def test_row_of_the_comparison(name):
     found = [
         margins(
             rc_feedback(controller.gains, torque, duty) if controller.name == "rc" else pi_feedback(controller.gains),
-            lags, Timing(),
+            lags, RIG,
         )
         for duty, torque, lags in POINTS
     ]  # fmt: skip

@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from eaid.control.rc import rc_terms
 from eaid.replay import references
-from eaid.replay.guarantee import Watch, robust_terms, watch
+from eaid.replay.guarantee import Watch, watch
 from eaid.replay.loop import replay
 from eaid.replay.plant import plant_slope, plant_step
 from eaid.replay.rig import Rig
@@ -74,12 +73,3 @@ def test_shares_by_hand():
     assert seen.measured(Metrics(), 3).guarantee_failures_at_limit == 1.0
     held = Watch(rho / 4, rho, np.zeros(4), rho / 4)
     assert held.measured(Metrics()).guarantee_failures_at_limit is None
-
-
-def test_the_columns_of_the_robust_term_are_the_laws(law):
-    random = np.random.default_rng(2)
-    integral, error = random.normal(0, 0.5, 500), random.normal(0, 0.7, 500)
-    rho, omega = robust_terms(law("rc").gains, integral, error)
-    for k in range(500):
-        exact = rc_terms(law("rc").gains, integral[k], error[k])
-        assert (rho[k], omega[k]) == pytest.approx((exact.rho, exact.omega), rel=1e-12)
