@@ -19,7 +19,7 @@ from eaid.models.parameters import REFERENCE_PLANT
 from eaid.replay.compiled import one
 from eaid.replay.controllers import Controller, Knowledge, controller
 from eaid.replay.lanes import LANES, telescoped
-from eaid.replay.loop import reference_rate, replay
+from eaid.replay.loop import Inputs, reference_rate, replay
 from eaid.replay.many import available_threads, replay_many
 from eaid.replay.plant import PlantParameters, plant_parameters
 from eaid.replay.references import multisine
@@ -91,8 +91,9 @@ def c_single(library: ctypes.CDLL, case: Case, plant: PlantParameters) -> Callab
 def our_single(case: Case, plant: PlantParameters) -> Callable[[], None]:
     run = one(rc_step)
     numbers, ones = rig_numbers(RIG, DT_S), np.ones(case.n)
-    columns = (case.torque, *case.others)
-    return lambda: run(GAINS, rc_start(), plant, numbers, DT_S, case.reference, case.rate, case.noise, ones, *columns)  # type: ignore[return-value]
+    filled = (case.torque, *case.others)
+    inputs = Inputs(case.reference, case.rate, case.noise, ones)
+    return lambda: run(GAINS, rc_start(), plant, numbers, DT_S, inputs, filled)  # type: ignore[return-value]
 
 
 def drawn_plants() -> list[PlantParameters]:
@@ -328,11 +329,13 @@ def _inverse(case: Case, plant: PlantParameters) -> Iterator[Row]:
     law = one(rc_step)
     compiled = [
         processor_seconds(
-            lambda: run(inverse.gains, inverse.start, plant, numbers, DT_S, case.reference, ahead, zeros, ones, *filled)
+            lambda: run(
+                inverse.gains, inverse.start, plant, numbers, DT_S, Inputs(case.reference, ahead, zeros, ones), filled
+            )
         )
         / case.n,
         processor_seconds(
-            lambda: law(GAINS, RC.start, plant, numbers, DT_S, case.reference, case.rate, zeros, ones, *filled)
+            lambda: law(GAINS, RC.start, plant, numbers, DT_S, Inputs(case.reference, case.rate, zeros, ones), filled)
         )
         / case.n,
     ]

@@ -13,7 +13,7 @@ from eaid.models.parameters import Nonlinear
 from eaid.recorded.log import RecordedLog
 from eaid.recorded.solve import Solved, idle_of, model_of
 from eaid.replay.controllers import Controller
-from eaid.replay.loop import loop_of, reference_rate
+from eaid.replay.loop import Inputs, loop_of, reference_rate
 from eaid.replay.plant import plant_parameters
 from eaid.replay.rig import Rig, rig_numbers
 
@@ -37,11 +37,12 @@ def run_loop(
     """Duty [%] and read torque [N·m] of a loop, from rest, whose reading is T (1 + share) + added; shapes (n,)."""
     n = len(reference)
     columns = [[0.0] * n for _ in range(6)]
+    rate = reference_rate(reference, dt_s, controller.looks_ahead)
+    inputs = Inputs(*(column.tolist() for column in (reference, rate, added, 1.0 + share)))
+    numbers = rig_numbers(Rig(), dt_s)
     loop_of(controller.step)(
-        controller.gains, controller.start, plant_parameters(model), rig_numbers(Rig(), dt_s), dt_s,
-        reference.tolist(), reference_rate(reference, dt_s, controller.looks_ahead).tolist(),
-        added.tolist(), (1.0 + share).tolist(), *columns,
-    )  # fmt: skip
+        controller.gains, controller.start, plant_parameters(model), numbers, dt_s, inputs, columns
+    )
     return np.array(columns[2]), np.array(columns[1])
 
 

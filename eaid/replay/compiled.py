@@ -12,12 +12,10 @@ from pathlib import Path
 from typing import Any
 
 import numba
-import numpy as np
 from numba.extending import overload, register_jitable
 
-from eaid.arrays import Array
 from eaid.control import pi, rc
-from eaid.replay import adjoint, controllers, inverse, lanes, loop, plant, taut
+from eaid.replay import adjoint, controllers, hold, inverse, lanes, loop, plant, taut
 from eaid.replay.controllers import Controller, Step
 from eaid.replay.plant import PlantParameters
 from eaid.replay.rig import RigNumbers
@@ -34,6 +32,7 @@ VECTOR: dict[str, Any] = {**ALONE, "forceinline": True}
 CALLED = (
     plant.plant_terms, plant.plant_pull, plant.plant_step, rc.rc_terms, rc.rc_step, pi.pi_step,
     controllers.open_loop_step, controllers.feedforward_step,
+    hold.rest, hold.rounded, hold.hold_step,
     inverse.duty_for, inverse.inverse_step, lanes.expm1_to_minus_one, lanes.tanh_within, lanes.short_step,
     inverse.follow, adjoint.cost_and_gradient, taut.slow_reach, taut.taut_path,
 )  # fmt: skip
@@ -53,7 +52,7 @@ def _tanh(x: float) -> Callable[[float], float]:  # noqa: ARG001 - numba wants t
 def fingerprint() -> str:
     """Of every source that machine code is made of."""
     digest = hashlib.sha256()
-    for module in (plant, rc, pi, inverse, controllers, loop, lanes, adjoint, taut):
+    for module in (plant, rc, pi, hold, inverse, controllers, loop, lanes, adjoint, taut):
         digest.update(Path(str(module.__file__)).read_bytes())
     digest.update(Path(__file__).read_bytes())
     return digest.hexdigest()[:12]
@@ -97,8 +96,3 @@ def fits_lanes(controller: Controller, plants: Sequence[PlantParameters], rig: R
     shortest = min([plant.TAU_FLOOR_S, *(t for p in plants for t in (p.release1, p.release2) if t > 0.0)])
     plain = rig.duty_step == 0 and rig.delay == 0 and rig.pwm_period == 0
     return plain and len(controller.start) == 1 and dt_s <= shortest * (1 + 1e-9)
-
-
-def columns(samples: int, count: int) -> tuple[Array, ...]:
-    """Empty arrays for a replay's columns."""
-    return tuple(np.empty(samples) for _ in range(count))

@@ -1,52 +1,52 @@
-"""From one control sample to the next, where the reference is not known beforehand: output, delay, plant.
+"""From one control sample to the next: the output's resolution, the PWM's latch, and the plant behind it.
 
-The lines of `eaid.replay.loop.closed_loop` that follow the controller, with a memory of their own; a test holds the two
-together.
+Exact also where a PWM period is no whole number of samples: the interval is cut where the new duty takes over. Floats
+and `math` only: numba compiles these functions as they stand.
 """
 
 import math
+from typing import NamedTuple
 
-from eaid.replay.loop import INSTANT
 from eaid.replay.plant import PlantParameters, plant_step
-from eaid.replay.rig import RigNumbers
+
+INSTANT = 1e-9
+"""Two instants nearer than this share of a sample are one."""
 
 
-class Hold:
-    """The clutch behind the controller's output, from rest."""
+class Held(NamedTuple):
+    """Where plant and latch are."""
 
-    def __init__(self, plant: PlantParameters, rig: RigNumbers, dt_s: float) -> None:
-        self._plant, self._rig, self._dt = plant, rig, dt_s
-        self._x1 = self._x2 = self._latched = 0.0
-        self._pulse = 0
-        self._given: list[float] = []
+    x1: float
+    """Fast part of the torque [N·m]."""
+    x2: float
+    """Slow part [N·m]."""
+    latched: float
+    """Duty that acts [%]."""
+    pulse: int
+    """The next PWM period to begin, at pulse·period samples."""
 
-    def torque(self) -> float:
-        """Torque of the plant now [N·m], without rotor ripple."""
-        return self._x1 + self._x2
 
-    def advance(self, k: int, duty_pct: float) -> tuple[float, float]:
-        """Apply what the controller gave at sample k; the duty after rounding, and the mean duty applied [%]."""
-        _, resolution, delay, period = self._rig
-        if resolution > 0.0:
-            duty_pct = math.floor(duty_pct / resolution + 0.5) * resolution
-        u = duty_pct
-        if delay > 0:
-            self._given.append(duty_pct)
-            u = self._given[k - delay] if k >= delay else 0.0
-        if period == 0.0:
-            self._move(u, self._dt)
-            return duty_pct, u
-        wait = self._pulse * period - k
-        if wait >= 1.0 - INSTANT:
-            self._move(self._latched, self._dt)
-            return duty_pct, self._latched
-        wait = max(wait, 0.0)
-        self._move(self._latched, wait * self._dt)
-        self._move(u, (1.0 - wait) * self._dt)
-        mean = wait * self._latched + (1.0 - wait) * u
-        self._latched = u
-        self._pulse = math.ceil((k + 1 - INSTANT) / period)
-        return duty_pct, mean
+def rest() -> Held:
+    """At rest, before the first pulse."""
+    return Held(0.0, 0.0, 0.0, 0)
 
-    def _move(self, duty_pct: float, seconds: float) -> None:
-        self._x1, self._x2 = plant_step(self._plant, self._x1, self._x2, duty_pct, seconds)
+
+def rounded(duty: float, resolution: float) -> float:
+    """The duty [%] as an output of this resolution [%] gives it; 0: any."""
+    return math.floor(duty / resolution + 0.5) * resolution if resolution > 0.0 else duty
+
+
+def hold_step(plant: PlantParameters, period: float, dt: float, k: int, duty: float, held: Held) -> tuple[Held, float]:
+    """From sample k to the next with a duty [%], latched once a PWM period [samples; 0: at once]; and the mean duty."""
+    x1, x2, latched, pulse = held
+    if period == 0.0:
+        x1, x2 = plant_step(plant, x1, x2, duty, dt)
+        return Held(x1, x2, duty, pulse), duty
+    wait = pulse * period - k
+    if wait >= 1.0 - INSTANT:
+        x1, x2 = plant_step(plant, x1, x2, latched, dt)
+        return Held(x1, x2, latched, pulse), latched
+    wait = max(wait, 0.0)
+    x1, x2 = plant_step(plant, x1, x2, latched, wait * dt)
+    x1, x2 = plant_step(plant, x1, x2, duty, (1.0 - wait) * dt)
+    return Held(x1, x2, duty, math.ceil((k + 1 - INSTANT) / period)), wait * latched + (1.0 - wait) * duty

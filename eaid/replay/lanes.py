@@ -18,6 +18,7 @@ import numpy as np
 
 from eaid.arrays import Array
 from eaid.replay.controllers import Step
+from eaid.replay.loop import Inputs
 from eaid.replay.plant import PlantParameters, plant_pull
 
 LANES = 16
@@ -86,20 +87,11 @@ def block_of(law: Step, State: Any, sources: str = "") -> Callable[..., None]:
     """The block's loop around one law whose state, made by `State`, is a tuple of one float."""
 
     def block(
-        gains: Any,
-        start: Any,
-        plants: Array,
-        memory: float,
-        dt: float,
-        reference: Array,
-        rate: Array,
-        disturbance: Array,
-        factor: Array,
-        torque: Array,
-        duty: Array,
+        gains: Any, start: Any, plants: Array, memory: float, dt: float, inputs: Inputs, torque: Array, duty: Array
     ) -> None:
         """Fill torque and duty, shapes (n, 16), for plants (16 numbers, 16): a rig with no delay, latch, resolution."""
         sources  # noqa: B018 - what a closure holds is part of numba's key
+        reference, rate, disturbance, factor = inputs
         lanes = np.zeros(ROWS * LANES)
         for row in range(_PLANT):
             for i in range(LANES):
@@ -120,23 +112,11 @@ def block_of(law: Step, State: Any, sources: str = "") -> Callable[..., None]:
                 lanes[_DUTY * LANES + i] = u
             for i in range(LANES):
                 parameters = PlantParameters(
-                    lanes[i],
-                    lanes[1 * LANES + i],
-                    lanes[2 * LANES + i],
-                    lanes[3 * LANES + i],
-                    lanes[4 * LANES + i],
-                    lanes[5 * LANES + i],
-                    lanes[6 * LANES + i],
-                    lanes[7 * LANES + i],
-                    lanes[8 * LANES + i],
-                    lanes[9 * LANES + i],
-                    lanes[10 * LANES + i],
-                    lanes[11 * LANES + i],
-                    lanes[12 * LANES + i],
-                    lanes[13 * LANES + i],
-                    lanes[14 * LANES + i],
-                    lanes[15 * LANES + i],
-                )
+                    lanes[i], lanes[1 * LANES + i], lanes[2 * LANES + i], lanes[3 * LANES + i],
+                    lanes[4 * LANES + i], lanes[5 * LANES + i], lanes[6 * LANES + i], lanes[7 * LANES + i],
+                    lanes[8 * LANES + i], lanes[9 * LANES + i], lanes[10 * LANES + i], lanes[11 * LANES + i],
+                    lanes[12 * LANES + i], lanes[13 * LANES + i], lanes[14 * LANES + i], lanes[15 * LANES + i],
+                )  # fmt: skip
                 u = lanes[_DUTY * LANES + i]
                 x1 = lanes[_X1 * LANES + i]
                 x2 = lanes[_X2 * LANES + i]

@@ -5,21 +5,18 @@ At t_k the controller reads the torque and gives a duty, which acts until t_{k+1
 numba.
 """
 
-import math
-from collections.abc import Callable, MutableSequence, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from eaid.arrays import Array, read_only
 from eaid.errors import UsageError
 from eaid.replay.controllers import Controller, Step
-from eaid.replay.plant import PlantParameters, plant_step
+from eaid.replay.hold import hold_step, rest, rounded
+from eaid.replay.plant import PlantParameters
 from eaid.replay.rig import Rig, RigNumbers, noise, rig_numbers, ripple
-
-INSTANT = 1e-9
-"""Two instants nearer than this share of a sample are one."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,6 +49,19 @@ class Trace:
         return self.reference_nm - self.torque_nm
 
 
+class Inputs(NamedTuple):
+    """What a loop meets at each sample; columns of one length."""
+
+    reference: Any
+    """[N·m]"""
+    rate: Any
+    """Slope of the reference [N·m/s]."""
+    disturbance: Any
+    """Noise on what the sensor gives [N·m]."""
+    factor: Any
+    """Rotor ripple on the torque."""
+
+
 Loop = Callable[..., tuple[float, float]]
 
 
@@ -59,68 +69,41 @@ def loop_of(law: Step, sources: str = "") -> Loop:
     """The control loop around one law; `sources` is part of the key under which machine code of it is kept."""
 
     def closed_loop(
-        gains: Any,
-        start: Any,
-        plant: PlantParameters,
-        rig: RigNumbers,
-        dt: float,
-        reference: Sequence[float],
-        rate: Sequence[float],
-        disturbance: Sequence[float],
-        factor: Sequence[float],
-        torque: MutableSequence[float],
-        measured: MutableSequence[float],
-        duty: MutableSequence[float],
-        applied: MutableSequence[float],
-        fast: MutableSequence[float],
-        kept: MutableSequence[float],
+        gains: Any, start: Any, plant: PlantParameters, rig: RigNumbers, dt: float, inputs: Inputs, filled: Any
     ) -> tuple[float, float]:
-        """Fill the last six, each as long as the reference; return the plant's states at the end [N·m].
+        """Fill six columns as long as the inputs; return the plant's states at the end [N·m].
 
-        `fast` is the plant's fast part [N·m], `kept` the first number of the controller's state, before each sample.
+        They are the true and the read torque, the duty given and the mean duty applied, the plant's fast part, and the
+        first number of the controller's state before each sample.
         """
         sources  # noqa: B018 - what a closure holds is part of numba's key
+        reference, rate, disturbance, factor = inputs
+        torque, measured, duty, applied, fast, kept = filled
         state = start
         memory, resolution, delay, period = rig
-        x1 = 0.0
-        x2 = 0.0
+        held = rest()
         filtered = 0.0
-        latched = 0.0
-        pulse = 0  # the next PWM period to begin, at pulse·period samples
         for k in range(len(reference)):
-            fast[k] = x1
+            fast[k] = held.x1
             kept[k] = state[0]
-            true = (x1 + x2) * factor[k]
+            true = (held.x1 + held.x2) * factor[k]
             filtered = true + memory * (filtered - true) if memory > 0.0 else true
-            seen = filtered + disturbance[k]
-            state, u = law(gains, state, reference[k], rate[k], seen, dt)
-            if resolution > 0.0:
-                u = math.floor(u / resolution + 0.5) * resolution
+            measured[k] = filtered + disturbance[k]
+            state, u = law(gains, state, reference[k], rate[k], measured[k], dt)
             torque[k] = true
-            measured[k] = seen
-            duty[k] = u
-            if delay > 0:
-                u = duty[k - delay] if k >= delay else 0.0
-            if period > 0.0:
-                # Exact also where the period is no whole number of samples: the interval is cut where the new duty
-                # takes over.
-                wait = pulse * period - k
-                if wait >= 1.0 - INSTANT:
-                    x1, x2 = plant_step(plant, x1, x2, latched, dt)
-                    applied[k] = latched
-                else:
-                    wait = max(wait, 0.0)
-                    x1, x2 = plant_step(plant, x1, x2, latched, wait * dt)
-                    x1, x2 = plant_step(plant, x1, x2, u, (1.0 - wait) * dt)
-                    applied[k] = wait * latched + (1.0 - wait) * u
-                    latched = u
-                    pulse = math.ceil((k + 1 - INSTANT) / period)
-            else:
-                x1, x2 = plant_step(plant, x1, x2, u, dt)
-                applied[k] = u
-        return x1, x2
+            duty[k] = rounded(u, resolution)
+            late = 0.0 if k < delay else duty[k - delay]
+            held, applied[k] = hold_step(plant, period, dt, k, late, held)
+        return held.x1, held.x2
 
     return closed_loop
+
+
+def inputs_of(acting: Controller, reference_nm: Array, rig: Rig, dt_s: float, seed: int) -> Inputs:
+    """The columns that a controller meets on a reference [N·m], shape (n,)."""
+    n = len(reference_nm)
+    rate = reference_rate(reference_nm, dt_s, acting.looks_ahead)
+    return Inputs(reference_nm, np.ascontiguousarray(rate), noise(rig, n, dt_s, seed), ripple(rig, n, dt_s))
 
 
 def reference_rate(reference_nm: Array, dt_s: float, looks_ahead: bool) -> Array:
@@ -140,26 +123,13 @@ def replay(
     if n < 2 or not np.isfinite(reference_nm).all():
         raise UsageError("the reference must hold two samples or more, all of them finite")
     acting = controller if rig.saturation else controller.without_limits()
-    torque, measured, duty, applied, fast, kept = ([0.0] * n for _ in range(6))
-    loop_of(acting.step)(
-        acting.gains,
-        acting.start,
-        plant,
-        rig_numbers(rig, dt_s, controller.gains.duty_max),
-        dt_s,
-        reference_nm.tolist(),
-        reference_rate(reference_nm, dt_s, acting.looks_ahead).tolist(),
-        noise(rig, n, dt_s, seed).tolist(),
-        ripple(rig, n, dt_s).tolist(),
-        torque,
-        measured,
-        duty,
-        applied,
-        fast,
-        kept,
-    )
+    columns = [[0.0] * n for _ in range(6)]
+    inputs = Inputs(*(column.tolist() for column in inputs_of(acting, reference_nm, rig, dt_s, seed)))
+    numbers = rig_numbers(rig, dt_s, controller.gains.duty_max)
+    loop_of(acting.step)(acting.gains, acting.start, plant, numbers, dt_s, inputs, columns)
+    *found, fast, kept = columns
     limits = (acting.gains.duty_min, acting.gains.duty_max)
-    done = as_replay(controller.name, rig, dt_s, reference_nm, (torque, measured, duty, applied), limits)
+    done = as_replay(controller.name, rig, dt_s, reference_nm, found, limits)
     return replace(done, fast_nm=read_only(fast), state=read_only(kept))
 
 

@@ -13,12 +13,12 @@ from typing import Any
 import numpy as np
 
 from eaid.arrays import Array
-from eaid.replay.compiled import columns, fits_lanes, one, sixteen
+from eaid.replay.compiled import fits_lanes, one, sixteen
 from eaid.replay.controllers import Controller
 from eaid.replay.lanes import LANES
-from eaid.replay.loop import reference_rate
+from eaid.replay.loop import inputs_of
 from eaid.replay.plant import PlantParameters
-from eaid.replay.rig import Rig, noise, rig_numbers, ripple
+from eaid.replay.rig import Rig, rig_numbers
 
 Visit = Callable[[int, Array, Array], None]
 """visit(first, torque [N·m], duty [%]) for plants first, first + 1, …: arrays of shape (n, plants), to be copied
@@ -47,12 +47,7 @@ def replay_many(
     numbers = rig_numbers(rig, dt_s, controller.gains.duty_max)
     reference = np.array(reference_nm, dtype=np.float64)
     n = len(reference)
-    inputs = (
-        reference,
-        np.ascontiguousarray(reference_rate(reference, dt_s, acting.looks_ahead)),
-        noise(rig, n, dt_s, seed),
-        ripple(rig, n, dt_s),
-    )
+    inputs = inputs_of(acting, reference, rig, dt_s, seed)
     in_lanes = fits_lanes(acting, plants, numbers, dt_s)
     spare: SimpleQueue[tuple[Array, Array]] = SimpleQueue()
 
@@ -66,7 +61,7 @@ def replay_many(
             torque, duty = np.empty((n, LANES)), np.empty((n, LANES))
         chosen = [plants[min(begin + i, len(plants) - 1)] for i in range(LANES)]
         parameters = np.ascontiguousarray(np.array(chosen, dtype=np.float64).T)
-        run(gains, acting.start, parameters, numbers.memory, dt_s, *inputs, torque, duty)
+        run(gains, acting.start, parameters, numbers.memory, dt_s, inputs, torque, duty)
         count = min(LANES, len(plants) - begin)
         visit(begin, torque[:, :count], duty[:, :count])
         spare.put((torque, duty))
@@ -75,8 +70,8 @@ def replay_many(
         """The same number of plants, one after another."""
         run = one(acting.step)
         for i in range(begin, min(begin + LANES, len(plants))):
-            filled = columns(n, 6)
-            run(gains, acting.start, plants[i], numbers, dt_s, *inputs, *filled)
+            filled = tuple(np.empty((6, n)))
+            run(gains, acting.start, plants[i], numbers, dt_s, inputs, filled)
             visit(i, filled[0][:, None], filled[2][:, None])
 
     if len(plants) == 0:

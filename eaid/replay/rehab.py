@@ -20,7 +20,7 @@ import numpy as np
 from eaid.arrays import Array, read_only
 from eaid.errors import GainsError, UsageError
 from eaid.replay.controllers import Controller
-from eaid.replay.hold import Hold
+from eaid.replay.hold import hold_step, rest, rounded
 from eaid.replay.loop import Trace, as_replay
 from eaid.replay.plant import PlantParameters, plant_terms
 from eaid.replay.references import samples_of
@@ -235,11 +235,12 @@ def _run(
     turn, late = exercise.mode_s * (len(MODES) - 1), round(exercise.user_delay_s / dt)
     keep, push, drift, lift = limb_steps(exercise, dt)
     numbers = rig_numbers(rig, dt, highest_pct)
-    hold = Hold(plant, numbers, dt)
+    held = rest()
     columns: tuple[list[float], ...] = tuple([] for _ in range(8))
     angle, speed = drawn.target[0], 0.0
     reference = filtered = wound = 0.0
     effort: list[float] = []
+    given: list[float] = []
     for k in range(len(drawn.target)):
         error = drawn.target[k] - angle
         assisted, harder = drawn.to_assisted[k], drawn.to_hard[k]
@@ -259,12 +260,14 @@ def _run(
         before = reference
         reference += min(max(wanted - reference, -fastest), fastest)
         # what the clutch gives
-        true = hold.torque() * drawn.factor[k]
+        true = (held.x1 + held.x2) * drawn.factor[k]
         filtered = true + numbers.memory * (filtered - true)
         seen = filtered + drawn.noise[k]
         state, duty = law(gains, state, reference, (reference - before) / dt, seen, dt)
-        duty, applied = hold.advance(k, duty)
-        row = (reference, true, seen, duty, applied, angle, desired, sign)
+        given.append(rounded(duty, numbers.duty_step))
+        acting = given[k - numbers.delay] if k >= numbers.delay else 0.0
+        held, applied = hold_step(plant, numbers.pwm_period, dt, k, acting, held)
+        row = (reference, true, seen, given[k], applied, angle, desired, sign)
         for column, value in zip(columns, row, strict=True):
             column.append(value)
         # what the limb does, its moment held over the sample

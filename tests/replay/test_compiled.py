@@ -10,10 +10,10 @@ import pytest
 from eaid.models.parameters import REFERENCE_PLANT
 from eaid.replay import compiled, lanes, references
 from eaid.replay.controllers import CONTROLLERS
-from eaid.replay.loop import reference_rate, replay
+from eaid.replay.loop import inputs_of, reference_rate, replay
 from eaid.replay.many import replay_many
 from eaid.replay.plant import plant_parameters
-from eaid.replay.rig import Rig, noise, rig_numbers, ripple
+from eaid.replay.rig import Rig, rig_numbers
 
 DT = 1e-3
 REFERENCE = references.multisine(DT, 3.0).torque_nm
@@ -97,12 +97,11 @@ def test_every_controller_is_the_same_in_machine_code(law, plant, name, rig):
     controller = law(name)
     plain = replay(plant, controller, REFERENCE, rig, DT, 3)
     n = len(REFERENCE)
-    torque, _, duty, *_ = filled = compiled.columns(n, 6)
+    torque, _, duty, *_ = filled = tuple(np.empty((6, n)))
     gains = controller.gains._make(float(v) if isinstance(v, int) else v for v in controller.gains)
     compiled.one(controller.step)(
-        gains, controller.start, plant, rig_numbers(rig, DT), DT, np.array(REFERENCE),
-        reference_rate(np.array(REFERENCE), DT, controller.looks_ahead), noise(rig, n, DT, 3), ripple(rig, n, DT),
-        *filled,
+        gains, controller.start, plant, rig_numbers(rig, DT), DT,
+        inputs_of(controller, np.array(REFERENCE), rig, DT, 3), filled,
     )  # fmt: skip
     if (
         rig.duty_bits

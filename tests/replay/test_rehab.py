@@ -10,12 +10,10 @@ from eaid.control.gains import paper_gains
 from eaid.errors import GainsError, UsageError
 from eaid.models.parameters import PAPER_LINEAR, REFERENCE_PLANT
 from eaid.replay.controllers import Knowledge, controller
-from eaid.replay.hold import Hold
-from eaid.replay.loop import replay
 from eaid.replay.plant import plant_parameters
 from eaid.replay.rehab import MODES, Rehabilitation, Session, limb_steps, rehabilitate
 from eaid.replay.rehab_statistics import box, by_cycles, by_samples, cycle_means, independent, statistics
-from eaid.replay.rig import Rig, noise, rig_numbers, ripple
+from eaid.replay.rig import Rig, noise
 
 PLANT = plant_parameters(REFERENCE_PLANT)
 KNOWN = Knowledge(REFERENCE_PLANT, PAPER_LINEAR, *paper_gains())
@@ -127,24 +125,6 @@ def test_the_limb_moves_exactly_under_a_held_moment(damping: float) -> None:
         rate, final = damping / 0.2, 0.7 / damping
         expected = final + (0.3 - final) * (1 - np.exp(-rate)) / rate, final + (0.3 - final) * np.exp(-rate)
     np.testing.assert_allclose((angle, speed), expected, rtol=2e-7)
-
-
-@pytest.mark.parametrize(
-    "rig", [Rig(), Rig(pwm_hz=300.0), Rig(pwm_hz=250.0, duty_bits=8), Rig(delay_samples=3, duty_bits=6)]
-)
-def test_the_hold_is_the_replays_own(rig: Rig) -> None:
-    time_s = np.arange(3000) * 1e-3
-    reference = 2.0 + np.sin(2 * np.pi * time_s)
-    expected = replay(PLANT, RC, reference, rig, 1e-3)
-    hold, state = Hold(PLANT, rig_numbers(rig, 1e-3), 1e-3), RC.start
-    rate = np.gradient(reference, 1e-3)
-    for k in range(3000):
-        torque = hold.torque()
-        assert torque == expected.torque_nm[k]
-        state, duty = RC.step(RC.gains, state, reference[k], rate[k], torque, 1e-3)
-        duty, _ = hold.advance(k, duty)
-        assert duty == expected.duty_pct[k]
-    assert ripple(rig, 3, 1e-3)[0] == 1.0
 
 
 @pytest.mark.parametrize(
