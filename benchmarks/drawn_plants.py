@@ -14,8 +14,9 @@ from eaid.control.pi import PIGains
 from eaid.fitting.fit import fit
 from eaid.models import nonlinear
 from eaid.models.parameters import REFERENCE_PLANT, Nonlinear
+from eaid.replay.controllers import pi_controller
 from eaid.replay.references import multisine
-from eaid.replay.standard import pi_controller, replayed
+from eaid.replay.standard import replayed
 from eaid.uncertainty.draw import draw
 from eaid.uncertainty.intervals import IntervalOptions, with_intervals
 

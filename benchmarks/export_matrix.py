@@ -24,8 +24,9 @@ from eaid.replay import references
 from eaid.replay.controllers import Knowledge, controller
 from eaid.replay.loop import reference_rate, replay
 from eaid.replay.plant import plant_parameters
-from eaid.replay.rehab import Rehabilitation, rehabilitate
+from eaid.replay.rehab import rehabilitate
 from eaid.replay.rig import Rig
+from eaid.results.replay import Exercise
 
 PAGE = Path(__file__).parent.parent / "docs" / "export.md"
 BOARDS = Path(__file__).parent / "boards"
@@ -254,7 +255,7 @@ def _scenarios() -> Iterator[str]:
 def _played(name: str, law: str, known: Knowledge) -> tuple[np.ndarray, str]:
     chosen = controller(law, known)
     if name == "rehab":
-        done = rehabilitate(plant_parameters(PLANT), chosen, Rehabilitation(), Rig(), DT).replay
+        done = rehabilitate(plant_parameters(PLANT), chosen, Exercise(), Rig(), DT).replay
         rate = np.diff(done.reference_nm, prepend=0.0) / DT
     else:
         wanted = {"steps": references.steps, "multisine": references.multisine, "sweep": references.sweep}[name](DT)

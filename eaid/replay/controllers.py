@@ -14,6 +14,7 @@ from eaid.models.nonlinear import steady_torque
 from eaid.models.parameters import Linear, Nonlinear
 from eaid.replay.inverse import InverseGains, inverse_gains, inverse_start, inverse_step
 
+NEEDS_GAINS = "controller {} needs gains: give «gains», which eaid tune-rc writes"
 Step = Callable[[Any, Any, float, float, float, float], tuple[Any, float]]
 """step(gains, state, reference, reference_rate, torque, dt) → (next state, duty)."""
 
@@ -102,16 +103,26 @@ def feedforward_step(
     return state, min(max(ahead + correction, low), high)
 
 
+def rc_controller(gains: RCGains) -> Controller:
+    """The robust controller, ready to replay."""
+    return Controller("rc", rc_step, gains, rc_start())
+
+
+def pi_controller(gains: PIGains) -> Controller:
+    """The PI controller, ready to replay."""
+    return Controller("pi", pi_step, gains, pi_start())
+
+
 def _rc(known: Knowledge) -> Controller:
     if known.rc is None:
-        raise UsageError("controller rc needs gains: give «gains», which eaid tune-rc writes")
-    return Controller("rc", rc_step, known.rc, rc_start())
+        raise UsageError(NEEDS_GAINS.format("rc"))
+    return rc_controller(known.rc)
 
 
 def _pi(known: Knowledge) -> Controller:
     if known.pi is None:
-        raise UsageError("controller pi needs gains: give «gains», which eaid tune-rc writes")
-    return Controller("pi", pi_step, known.pi, pi_start())
+        raise UsageError(NEEDS_GAINS.format("pi"))
+    return pi_controller(known.pi)
 
 
 def _pi_feedforward(known: Knowledge) -> Controller:

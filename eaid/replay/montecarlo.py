@@ -6,9 +6,7 @@ step that does not settle) is worse than any number. Mean, quantiles and standar
 have the number; `never` counts the others.
 """
 
-import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import msgspec
@@ -17,9 +15,8 @@ import numpy as np
 from eaid.arrays import Array
 from eaid.models.parameters import Nonlinear
 from eaid.replay.controllers import Controller
-from eaid.replay.lanes import LANES
 from eaid.replay.loop import Trace
-from eaid.replay.many import available_threads, replay_many
+from eaid.replay.many import replay_many
 from eaid.replay.plant import plant_parameters
 from eaid.replay.references import Reference
 from eaid.replay.rig import Rig
@@ -29,8 +26,6 @@ from eaid.results.replay import Distribution, Metrics, PlantSpread, Worst
 
 QUANTILES = (0.0, 0.025, 0.25, 0.5, 0.75, 0.975, 1.0)
 BAND_INSTANTS = 1000
-TILE = 512
-"""Samples that are transposed at a time."""
 GIVEN = ("from_nm", "to_nm", "frequency_hz")
 """What a measurement repeats from its reference; no metric."""
 
@@ -64,7 +59,6 @@ def montecarlo(
     n = len(reference.torque_nm)
     stride = -(-n // BAND_INSTANTS)
     kept = np.empty((len(range(0, n, stride)), len(plants)))
-    rows = _Rows(n)
     names: list[str] = []
     measured: dict[int, Array] = {}
     time_s: Array = np.arange(n, dtype=np.float64) * reference.dt_s
@@ -73,7 +67,7 @@ def montecarlo(
 
     def visit(first: int, torques: Array, duties: Array) -> None:
         kept[:, first : first + torques.shape[1]] = torques[::stride]
-        pairs = zip(_rows(torques, rows.torque), _rows(duties, rows.duty), strict=True)
+        pairs = zip(np.ascontiguousarray(torques.T), np.ascontiguousarray(duties.T), strict=True)
         for index, (torque, duty) in enumerate(pairs, first):
             done = Trace(controller.name, reference.dt_s, time_s, reference.torque_nm, torque, duty, limits)
             found = dict(flattened(measure(done, reference)))
@@ -92,39 +86,7 @@ def montecarlo(
         threads,
     )
     values = dict(zip(names, np.array([measured[i] for i in range(len(plants))]).T.copy(), strict=True))
-    shares = np.array_split(kept, min(threads or available_threads(), len(kept)))
-    with ThreadPoolExecutor(max_workers=len(shares)) as pool:
-        band = np.concatenate([*pool.map(_quantiles, shares)], axis=1)
-    return Spread(values, time_s[::stride], band)
-
-
-def _quantiles(rows: Array) -> Array:
-    """`QUANTILES` of each row of numbers, shape (7, rows), as np.quantile has them, to the bit; the rows are sorted.
-
-    A sort by vector instructions is sooner done than np.quantile's partition, and needs no copy.
-    """
-    rows.sort(axis=1)
-    place = np.array(QUANTILES) * (rows.shape[1] - 1)
-    below = place.astype(int)
-    low, high = rows[:, below], rows[:, np.minimum(below + 1, rows.shape[1] - 1)]
-    share = place - below
-    found: Array = np.where(share < 0.5, low + (high - low) * share, high - (high - low) * (1.0 - share))
-    return found.T
-
-
-class _Rows(threading.local):
-    """Where a thread lays the samples of each plant side by side; memory asked for anew would be cleared anew."""
-
-    def __init__(self, samples: int) -> None:
-        self.torque, self.duty = np.empty((LANES, samples)), np.empty((LANES, samples))
-
-
-def _rows(columns: Array, rows: Array) -> Array:
-    """The transpose of (n, plants), laid into rows, in tiles that stay in the cache."""
-    rows = rows[: columns.shape[1]]
-    for begin in range(0, len(columns), TILE):
-        rows[:, begin : begin + TILE] = columns[begin : begin + TILE].T
-    return rows
+    return Spread(values, time_s[::stride], np.quantile(kept, QUANTILES, axis=1))
 
 
 def flattened(measured: Metrics) -> Iterator[tuple[str, float]]:

@@ -20,6 +20,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.optimize import minimize
 
 from eaid.arrays import Array
 from eaid.control.bounds import Bounds
@@ -32,11 +33,11 @@ from eaid.control.robust import damping_gains, frequency_and_damping
 from eaid.errors import GainsError, UsageError
 from eaid.limits import LIMITS
 from eaid.models.parameters import Linear, Nonlinear
+from eaid.replay.controllers import rc_controller
 from eaid.replay.many import replay_many
 from eaid.replay.plant import plant_parameters
 from eaid.replay.references import Reference
 from eaid.replay.rig import Rig
-from eaid.replay.standard import rc_controller
 from eaid.results.gains import Candidate
 from eaid.results.tuning import ALSO
 
@@ -46,6 +47,8 @@ LOWERINGS = 6
 """Runs to find the P's scale at which a candidate chatters just as much as it may."""
 NEARLY = 0.998
 """… to this share of the limit, so that rounding does not lift it above."""
+EDGE = 0.15
+"""Edge of the first simplex, in shares of each parameter's range."""
 NEAR = 2e-4
 """Where the cost is flat the candidate near the start is taken: at the edge of a range it counts as this share more."""
 LEAST_PHI = 1e-3
@@ -228,7 +231,11 @@ def optimize(
     scattered = [np.zeros(len(names)), *random.uniform(-1, 1, (search.scatter - 1, len(names)))]
     costs = [cost(x) for x in scattered]
     for k in np.argsort(costs, kind="stable")[:2]:
-        simplex(cost, scattered[k], costs[k], 0.15, search.evaluations // 2)
+        corners = scattered[k] + EDGE * np.vstack([np.zeros(len(names)), np.eye(len(names))])
+        minimize(
+            cost, scattered[k], method="Nelder-Mead",
+            options={"maxfev": search.evaluations // 2, "initial_simplex": corners, "xatol": 0.0, "fatol": 0.0},
+        )  # fmt: skip
     if not allowed:
         raise GainsError(
             f"nothing that was tried chatters less than {limit:.3g} % duty per sample and keeps {ENOUGH_DB:g} dB and "
@@ -236,39 +243,3 @@ def optimize(
         )
     best = min(allowed, key=lambda judged: judged[0])[1]
     return Found(first, best, limit)
-
-
-def simplex(cost: Callable[[Array], float], start: Array, start_cost: float, size: float, evaluations: int) -> None:
-    """Nelder and Mead's search for `evaluations` calls; what it finds is what `cost` has seen."""
-    n = len(start)
-    points = [start, *(start + size * np.eye(n)[k] for k in range(n))]
-    costs = [start_cost, *(cost(x) for x in points[1:])]
-    left = evaluations - n
-    while left > 0:
-        order = np.argsort(costs, kind="stable")
-        points, costs = [points[k] for k in order], [costs[k] for k in order]
-        middle = np.mean(points[:-1], axis=0)
-        away = middle - points[-1]
-        reflected = middle + away
-        found = cost(reflected)
-        left -= 1
-        if found < costs[0] and left > 0:
-            further = middle + 2 * away
-            beyond = cost(further)
-            left -= 1
-            points[-1], costs[-1] = (further, beyond) if beyond < found else (reflected, found)
-        elif found < costs[-2]:
-            points[-1], costs[-1] = reflected, found
-        elif left > 0:
-            inner = middle + (0.5 if found < costs[-1] else -0.5) * away
-            within = cost(inner)
-            left -= 1
-            if within < min(found, costs[-1]):
-                points[-1], costs[-1] = inner, within
-            else:
-                for k in range(1, n + 1):
-                    if left <= 0:
-                        return
-                    points[k] = points[0] + 0.5 * (points[k] - points[0])
-                    costs[k] = cost(points[k])
-                    left -= 1

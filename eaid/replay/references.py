@@ -1,11 +1,11 @@
 """Torque references of the paper's experiments, at the control rate, and what is to be measured on each."""
 
-import csv
 import math
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+import pandas
 
 from eaid.arrays import Array, read_only
 from eaid.errors import DataError, UsageError
@@ -115,14 +115,6 @@ def sweep(dt_s: float, frequencies_hz: tuple[float, ...] = SWEEP_HZ, top: float 
     return Reference(read_only(torque), dt_s, counted_from_s=tones[0].begin * dt_s, tones=tuple(tones))
 
 
-def from_file(path: Path, dt_s: float) -> Reference:
-    """A reference of the user's own: CSV `time_s,reference_nm`, interpolated linearly to the control rate.
-
-    Raises `DataError` with the row where time does not rise or a cell is no finite number.
-    """
-    return sampled(*read_reference(path), dt_s, str(path))
-
-
 def sampled(time_s: Array, torque_nm: Array, dt_s: float, name: str = "the reference") -> Reference:
     """A reference of the user's own on the control grid, by straight lines between its points, shapes (n,)."""
     n = math.floor(min((time_s[-1] - time_s[0]) / dt_s, 1e15) + 1e-6) + 1
@@ -144,40 +136,30 @@ def read_reference(path: Path) -> tuple[Array, Array]:
     if not path.is_file():
         raise DataError(f"{path}: no such file; give a CSV with the columns time_s,reference_nm")
     try:
-        with path.open(newline="", encoding="utf-8-sig") as file:
-            rows = [
-                (file_row, cells) for file_row, cells in enumerate(csv.reader(file), 1) if any(map(str.strip, cells))
-            ]
-    except (UnicodeDecodeError, csv.Error):
+        table = pandas.read_csv(path, dtype=str, keep_default_na=False, skip_blank_lines=False, encoding="utf-8-sig")
+    except pandas.errors.EmptyDataError:
+        table = pandas.DataFrame()
+    except (UnicodeDecodeError, pandas.errors.ParserError):
         raise DataError(f"{path}: is no text file; give a CSV with the columns time_s,reference_nm") from None
-    names = [name.strip() for name in rows[0][1]] if rows else []
-    if "time_s" not in names or "reference_nm" not in names:
+    table = table.rename(columns=str.strip).fillna("")
+    if not {"time_s", "reference_nm"} <= set(table.columns):
+        names = ",".join(map(str, table.columns)) or "nothing"
+        raise DataError(f"{path}: its first row must name the columns time_s,reference_nm; it has {names}")
+    table = table[(table != "").any(axis=1)]
+    numbers = table[["time_s", "reference_nm"]].apply(pandas.to_numeric, errors="coerce").astype(float)
+    finite = np.isfinite(numbers)
+    for row, name in [(row, name) for row in table.index for name in numbers if not finite.at[row, name]][:1]:
+        cell = table.at[row, name].strip()
+        raise DataError(f"{path}: {name} in row {row + 2} is {cell!r}, not a finite number; mend or drop the row")
+    if len(table) < 2:
+        raise DataError(f"{path}: holds {len(table)} row(s) of data; a reference needs two or more")
+    time_s, torque_nm = (numbers[name].to_numpy() for name in numbers)
+    for k in np.flatnonzero(np.diff(time_s) <= 0)[:1]:
         raise DataError(
-            f"{path}: its first row must name the columns time_s,reference_nm; it has {','.join(names) or 'nothing'}"
+            f"{path}: time does not rise at row {table.index[k + 1] + 2} ({time_s[k + 1]:g} s after {time_s[k]:g} s); "
+            "sort it or drop the row"
         )
-    columns = names.index("time_s"), names.index("reference_nm")
-    values: list[tuple[float, float]] = []
-    for row, cells in rows[1:]:
-        pair = []
-        for name, column in zip(("time_s", "reference_nm"), columns, strict=True):
-            cell = cells[column].strip() if column < len(cells) else ""
-            try:
-                number = float(cell)
-            except ValueError:
-                number = math.nan
-            if not math.isfinite(number):
-                raise DataError(f"{path}: {name} in row {row} is {cell!r}, not a finite number; mend or drop the row")
-            pair.append(number)
-        if values and pair[0] <= values[-1][0]:
-            raise DataError(
-                f"{path}: time does not rise at row {row} ({pair[0]:g} s after {values[-1][0]:g} s); "
-                "sort it or drop the row"
-            )
-        values.append((pair[0], pair[1]))
-    if len(values) < 2:
-        raise DataError(f"{path}: holds {len(values)} row(s) of data; a reference needs two or more")
-    table = np.array(values)
-    return table[:, 0], table[:, 1]
+    return time_s, torque_nm
 
 
 def samples_of(duration_s: float, dt_s: float) -> int:

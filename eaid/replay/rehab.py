@@ -15,6 +15,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
+import msgspec
 import numpy as np
 
 from eaid.arrays import Array, read_only
@@ -25,61 +26,10 @@ from eaid.replay.loop import Trace, as_replay
 from eaid.replay.plant import PlantParameters, plant_terms
 from eaid.replay.references import samples_of
 from eaid.replay.rig import Rig, noise, rig_numbers, ripple
+from eaid.results.replay import Exercise
 
 MODES = ("soft", "hard", "assisted")
 """In the order of Fig. 16."""
-
-
-@dataclass(frozen=True)
-class Rehabilitation:
-    """The exercise, the limb and its owner; specification 7's defaults."""
-
-    mode_s: float = 30.0
-    """Length of each mode [s]."""
-    uncounted_s: float = 5.0
-    """Start of each mode that the statistics leave out [s]."""
-    centre_deg: float = 35.0
-    amplitude_deg: float = 25.0
-    """Target: centre − amplitude cos(2π f t) [°]."""
-    movement_hz: float = 0.15
-    soft_nm_rad: float = 1.0
-    hard_nm_rad: float = 3.0
-    """Stiffness of the resistive modes, from 10° on."""
-    assist_proportional: float = 3.0
-    """K_P [N·m/rad]"""
-    assist_integral: float = 10.0
-    """K_I [N·m/(rad·s)]"""
-    blend_s: float = 0.5
-    """Scale of the tanh that blends the modes [s]."""
-    slope_nm_s: float = 20.0
-    """Fastest change of the torque reference."""
-    inertia_kgm2: float = 0.1
-    damping_nms: float = 0.8
-    """[N·m·s/rad]"""
-    gravity_nm: float = 1.5
-    """Moment of the forearm's weight, times sin θ."""
-    user_stiffness: float = 8.0
-    """[N·m/rad]"""
-    user_damping: float = 1.0
-    """[N·m·s/rad]"""
-    user_delay_s: float = 0.12
-    tremor_nm: float = 0.3
-    """Standard deviation of the user's random moment."""
-    tremor_s: float = 0.5
-    """Time in which it forgets itself."""
-
-    def __post_init__(self) -> None:
-        for name in vars(self):
-            value = getattr(self, name)
-            if not (math.isfinite(value) and value >= 0):
-                raise UsageError(f"rehab: {name} is {value:g}; it must be 0 or above")
-        for name in ("mode_s", "movement_hz", "blend_s", "slope_nm_s", "inertia_kgm2", "tremor_s"):
-            if getattr(self, name) == 0:
-                raise UsageError(f"rehab: {name} is 0; it must be above 0")
-        if self.mode_s <= self.uncounted_s:
-            raise UsageError(
-                f"rehab: a mode of {self.mode_s:g} s leaves nothing after the first {self.uncounted_s:g} s"
-            )
 
 
 RANGE_DEG = (-10.0, 150.0)
@@ -93,7 +43,7 @@ class Session:
 
     replay: Trace
     """The torque loop: reference and torque without sign [N·m], duty."""
-    exercise: Rehabilitation
+    exercise: Exercise
     target_deg: Array
     angle_deg: Array
     desired_nm: Array
@@ -158,9 +108,10 @@ class Drawn:
 
 
 def rehabilitate(
-    plant: PlantParameters, controller: Controller, exercise: Rehabilitation, rig: Rig, dt_s: float, seed: int = 0
+    plant: PlantParameters, controller: Controller, exercise: Exercise, rig: Rig, dt_s: float, seed: int = 0
 ) -> Session:
     """Trace the session of one controller on one plant; `GainsError` where the limb leaves an elbow's range."""
+    check(exercise)
     n = samples_of(len(MODES) * exercise.mode_s, dt_s)
     if exercise.mode_s < 10 * dt_s:
         raise UsageError(f"rehab: a mode of {exercise.mode_s:g} s is too short for a control interval of {dt_s:g} s")
@@ -181,7 +132,20 @@ def rehabilitate(
     )
 
 
-def _draw(exercise: Rehabilitation, rig: Rig, n: int, dt_s: float, seed: int) -> Drawn:
+def check(exercise: Exercise) -> None:
+    """Refuse an exercise that means nothing (`UsageError`)."""
+    for name, value in msgspec.structs.asdict(exercise).items():
+        if not (math.isfinite(value) and value >= 0):
+            raise UsageError(f"rehab: {name} is {value:g}; it must be 0 or above")
+        if value == 0 and name in ("mode_s", "movement_hz", "blend_s", "slope_nm_s", "inertia_kgm2", "tremor_s"):
+            raise UsageError(f"rehab: {name} is 0; it must be above 0")
+    if exercise.mode_s <= exercise.uncounted_s:
+        raise UsageError(
+            f"rehab: a mode of {exercise.mode_s:g} s leaves nothing after the first {exercise.uncounted_s:g} s"
+        )
+
+
+def _draw(exercise: Exercise, rig: Rig, n: int, dt_s: float, seed: int) -> Drawn:
     t = np.arange(n) * dt_s
     angle = 2 * math.pi * exercise.movement_hz * t
     swing = math.radians(exercise.amplitude_deg)
@@ -209,7 +173,7 @@ def _own_seed(seed: int) -> int:
 def _run(
     plant: PlantParameters,
     controller: Controller,
-    exercise: Rehabilitation,
+    exercise: Exercise,
     rig: Rig,
     interval: tuple[float, float],
     drawn: Drawn,
@@ -279,7 +243,7 @@ def _run(
     return columns
 
 
-def limb_steps(exercise: Rehabilitation, dt_s: float) -> tuple[float, float, float, float]:
+def limb_steps(exercise: Exercise, dt_s: float) -> tuple[float, float, float, float]:
     """Exact step of I θ'' + d θ' = M for a held M: θ' ← keep θ' + push M, θ ← θ + drift θ' + lift M."""
     x = exercise.damping_nms * dt_s / exercise.inertia_kgm2
     once = -math.expm1(-x) / x if x > 0 else 1.0
@@ -288,7 +252,7 @@ def limb_steps(exercise: Rehabilitation, dt_s: float) -> tuple[float, float, flo
     return math.exp(-x), once * dt_s / exercise.inertia_kgm2, once * dt_s, twice * dt_s**2 / exercise.inertia_kgm2
 
 
-def _diverged(controller: str, exercise: Rehabilitation, time_s: float, angle: float) -> str:
+def _diverged(controller: str, exercise: Exercise, time_s: float, angle: float) -> str:
     mode = MODES[min(int(time_s / exercise.mode_s), len(MODES) - 1)]
     return (
         f"rehab with {controller}: the {mode} mode diverges, the forearm passes {math.degrees(angle):.0f}° "

@@ -128,10 +128,7 @@ def by_cycles(first: Array, second: Array) -> CycleTest:
     found = CycleTest((n, m), U=float(rank.statistic), p_rank=float(rank.pvalue), least_p_rank=2 / math.comb(n + m, n))
     if min(n, m) < 2:
         return found
-    of_means = np.var(first, ddof=1) / n, np.var(second, ddof=1) / m
-    spread = float(sum(of_means))
-    if not spread > 0:
+    if not first.std() + second.std() > 0:
         return found
-    t = float(first.mean() - second.mean()) / math.sqrt(spread)
-    df = spread**2 / float(of_means[0] ** 2 / (n - 1) + of_means[1] ** 2 / (m - 1))
-    return msgspec.structs.replace(found, t=t, df=df, p_welch=2 * float(stats.t.sf(abs(t), df)))
+    welch = stats.ttest_ind(first, second, equal_var=False)
+    return msgspec.structs.replace(found, t=float(welch.statistic), df=float(welch.df), p_welch=float(welch.pvalue))

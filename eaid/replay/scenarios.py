@@ -10,64 +10,52 @@ from eaid.errors import UsageError
 from eaid.replay import metrics, references
 from eaid.replay.loop import Trace
 from eaid.replay.references import Reference
+from eaid.results.gains import Tracking
 from eaid.results.replay import Metrics, Record
 
 
 @dataclass(frozen=True)
-class Wish:
-    """How long a scenario is to be, and on which rig."""
-
-    duration_s: float | None = None
-    """None: the scenario's own."""
-    top: float = 1.0
-    """Factor on the paper's torque."""
-    pace: float = 1.0
-    """Factor on the paper's frequencies; its times are divided by it."""
-
-
-@dataclass(frozen=True)
 class Scenario:
-    """A row of the table: what is shown, and the reference at an interval [s]."""
+    """A row of the table: what is shown, and its reference."""
 
     shows: str
-    reference: Callable[[float, Wish], Reference]
+    make: Callable[[float, float | None, float, float], Reference]
+
+    def reference(self, dt_s: float, duration_s: float | None = None, top: float = 1.0, pace: float = 1.0) -> Reference:
+        """At an interval and of a length [s]; `top` is a factor on the paper's torque, `pace` on its frequencies."""
+        return self.make(dt_s, duration_s, top, pace)
 
 
-def _steps(dt_s: float, wish: Wish) -> Reference:
-    own = references.STEP_HOLD_S / wish.pace
-    hold_s = own if wish.duration_s is None else wish.duration_s / len(references.STEP_LEVELS_NM)
-    return references.steps(dt_s, hold_s=hold_s, top=wish.top)
+def _steps(dt_s: float, duration_s: float | None, top: float, pace: float) -> Reference:
+    levels = references.STEP_LEVELS_NM
+    hold_s = references.STEP_HOLD_S / pace if duration_s is None else duration_s / len(levels)
+    return references.steps(dt_s, levels, hold_s, top)
 
 
-def _multisine(dt_s: float, wish: Wish) -> Reference:
-    return references.multisine(dt_s, wish.duration_s, wish.top, wish.pace)
-
-
-def _sweep(dt_s: float, wish: Wish) -> Reference:
-    if wish.duration_s is not None:
+def _sweep(dt_s: float, duration_s: float | None, top: float, pace: float) -> Reference:
+    if duration_s is not None:
         raise UsageError("the sweep's length follows from its frequencies; leave «duration» out")
-    return references.sweep(dt_s, top=wish.top, pace=wish.pace)
-
-
-def _ramp(dt_s: float, wish: Wish) -> Reference:
-    return references.ramp(dt_s, wish.duration_s, wish.top, wish.pace)
+    return references.sweep(dt_s, top=top, pace=pace)
 
 
 SCENARIOS: dict[str, Scenario] = {
     "steps": Scenario("0…4 N·m up and down (Fig. 11)", _steps),
-    "multisine": Scenario("2 N·m and five sines of 0.2 N·m from 0.2 to 4 Hz (Fig. 12)", _multisine),
+    "multisine": Scenario("2 N·m and five sines of 0.2 N·m from 0.2 to 4 Hz (Fig. 12)", references.multisine),
     "sweep": Scenario("2 ± 1 N·m at 0.2…3 Hz, one frequency after another (Fig. 13)", _sweep),
-    "ramp": Scenario("0 → 4 → 0 N·m at one slope", _ramp),
+    "ramp": Scenario("0 → 4 → 0 N·m at one slope", references.ramp),
 }
 
 
-def measure(trace: Trace, reference: Reference) -> Metrics:
-    """All metrics of a replay on its reference: tracking from `counted_from_s` on, then per step and per tone where
-    there are any."""
-    begin = round(reference.counted_from_s / trace.dt_s)
-    found = metrics.tracking(
-        trace.reference_nm[begin:], trace.torque_nm[begin:], trace.duty_pct[begin:], trace.dt_s, trace.limits_pct
+def tracked(trace: Trace, reference: Reference) -> Tracking:
+    """How well a replay tracks, from the reference's `counted_from_s` on."""
+    part = slice(round(reference.counted_from_s / trace.dt_s), None)
+    return metrics.tracking(
+        trace.reference_nm[part], trace.torque_nm[part], trace.duty_pct[part], trace.dt_s, trace.limits_pct
     )
+
+
+def measure(trace: Trace, reference: Reference) -> Metrics:
+    """All metrics of a replay on its reference: tracking, then per step and per tone where there are any."""
     ends = [*reference.steps[1:], len(trace.torque_nm)]
     steps = [
         metrics.step(trace.torque_nm[a:b], float(trace.reference_nm[a - 1]), float(trace.reference_nm[a]), trace.dt_s)
@@ -83,7 +71,7 @@ def measure(trace: Trace, reference: Reference) -> Metrics:
         for tone in reference.tones
     ]
     return Metrics(
-        **msgspec.structs.asdict(found),
+        **msgspec.structs.asdict(tracked(trace, reference)),
         counted_from_s=reference.counted_from_s,
         steps=tuple(steps),
         frequencies=tuple(tones),

@@ -1,7 +1,7 @@
 """Controllers on the fitted plant: a scenario, a reference, the rehabilitation, or recorded runs; one function."""
 
 from collections.abc import Sequence
-from dataclasses import asdict, fields
+from dataclasses import asdict
 
 import msgspec
 
@@ -15,9 +15,9 @@ from eaid.progress import Progress, no_progress
 from eaid.replay import recorded as log
 from eaid.replay.options import SimulateOptions, refuse_several
 from eaid.replay.references import Reference, sampled
-from eaid.replay.rehab import MODES, Rehabilitation, rehabilitate
+from eaid.replay.rehab import MODES, rehabilitate
 from eaid.replay.rehab_statistics import record as record_session
-from eaid.replay.scenarios import SCENARIOS, Wish, measure, record
+from eaid.replay.scenarios import SCENARIOS, measure, record
 from eaid.replay.setup import Setup, set_up
 from eaid.replay.tracked import Outcome, tracked
 from eaid.results.fit import Fit
@@ -90,7 +90,7 @@ def _reference(setup: Setup, what: str, signal: Signal | None, scales: Scales) -
         return sampled(*signal, setup.dt_s)
     if what not in SCENARIOS:
         raise UsageError(f"no scenario {what!r}; there are {', '.join(SCENARIOS)}, rehab")
-    return SCENARIOS[what].reference(setup.dt_s, Wish(setup.options.duration, scales.top, scales.pace))
+    return SCENARIOS[what].reference(setup.dt_s, setup.options.duration, scales.top, scales.pace)
 
 
 def _rehab(setup: Setup) -> Outcome:
@@ -103,13 +103,12 @@ def _rehab(setup: Setup) -> Outcome:
         "damping_nms": options.limb_damping,
         "inertia_kgm2": options.limb_inertia,
     }
-    exercise = Rehabilitation(**{key: value for key, value in said.items() if value is not None})
+    exercise = Exercise(**{key: value for key, value in said.items() if value is not None})
     records = {
         each.name: record_session(rehabilitate(setup.plant, each, exercise, setup.rig, setup.dt_s, options.seed))
         for each in setup.controllers
     }
-    kept = {one.name: getattr(exercise, one.name) for one in fields(exercise)}
-    return records, Head("", dt_s=setup.dt_s, counted_from_s=exercise.uncounted_s, exercise=Exercise(**kept)), []
+    return records, Head("", dt_s=setup.dt_s, counted_from_s=exercise.uncounted_s, exercise=exercise), []
 
 
 def _logs(setup: Setup, runs: Sequence[Run]) -> Outcome:

@@ -32,7 +32,7 @@ from eaid.models.parameters import Nonlinear
 from eaid.progress import Progress, no_progress
 from eaid.replay.optimize import Search, optimize
 from eaid.replay.references import Reference, sampled
-from eaid.replay.scenarios import SCENARIOS, Wish
+from eaid.replay.scenarios import SCENARIOS
 from eaid.replay.simulate import Signal
 from eaid.replay.standard import beside_the_bound, steepest_nm_s
 from eaid.results.fit import Fit
@@ -117,7 +117,7 @@ def _reference(reference: str | Signal, dt_s: float, scales: Scales) -> Referenc
         return sampled(*reference, dt_s)
     if reference not in SCENARIOS:
         raise UsageError(f"«reference» {reference}: is neither a file nor one of {', '.join(SCENARIOS)}")
-    return SCENARIOS[reference].reference(dt_s, Wish(top=scales.top, pace=scales.pace))
+    return SCENARIOS[reference].reference(dt_s, None, scales.top, scales.pace)
 
 
 def not_identifiable(fit: Fit) -> str:

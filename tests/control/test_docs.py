@@ -18,12 +18,13 @@ from eaid.control.robust import equal_pi
 from eaid.control.timing import RIG
 from eaid.models.parameters import PAPER_LINEAR, REFERENCE_PLANT, Linear
 from eaid.replay import references
+from eaid.replay.controllers import pi_controller, rc_controller
 from eaid.replay.loop import replay
 from eaid.replay.optimize import Search, optimize
 from eaid.replay.plant import plant_parameters
 from eaid.replay.rig import Rig
 from eaid.replay.scenarios import measure
-from eaid.replay.standard import pi_controller, rc_controller, replayed, steepest_nm_s
+from eaid.replay.standard import replayed, steepest_nm_s
 from eaid.results.fit import Fit
 
 TEXT = re.sub(r"\s+", " ", (Path(__file__).parents[2] / "docs/robust-control.md").read_text(encoding="utf-8"))

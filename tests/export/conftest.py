@@ -22,11 +22,12 @@ from eaid.replay import references
 from eaid.replay.controllers import Knowledge, controller
 from eaid.replay.loop import reference_rate, replay
 from eaid.replay.plant import PlantParameters, plant_parameters
-from eaid.replay.rehab import Rehabilitation, rehabilitate
+from eaid.replay.rehab import rehabilitate
 from eaid.replay.rig import Rig
 from eaid.results.codec import from_plain
 from eaid.results.fit import Fit
 from eaid.results.gains import Gains
+from eaid.results.replay import Exercise
 
 DT = 1e-3
 LAWS = ("pi", "rc", "inverse")
@@ -113,7 +114,7 @@ def scenario(name: str, law_name: str, plant: PlantParameters | None = None) -> 
     plant = plant_parameters(PLANT) if plant is None else plant
     chosen = controller(law_name, KNOWN)
     if name == "rehab":
-        done = rehabilitate(plant, chosen, Rehabilitation(mode_s=6.0, uncounted_s=2.0), Rig(), DT).replay
+        done = rehabilitate(plant, chosen, Exercise(mode_s=6.0, uncounted_s=2.0), Rig(), DT).replay
         values = done.reference_nm
         # as the rehabilitation gives it: the difference to the reference of before, which is 0 at first
         rate = ((values - np.concatenate([[0.0], values[:-1]])) / DT).tolist()

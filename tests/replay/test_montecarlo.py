@@ -8,7 +8,7 @@ import pytest
 from eaid.models.parameters import REFERENCE_PLANT
 from eaid.replay import references
 from eaid.replay.loop import replay
-from eaid.replay.montecarlo import QUANTILES, _quantiles, flattened, montecarlo
+from eaid.replay.montecarlo import QUANTILES, flattened, montecarlo
 from eaid.replay.plant import plant_parameters
 from eaid.replay.rig import Rig
 from eaid.replay.scenarios import measure
@@ -62,12 +62,6 @@ def test_more_threads_than_there_is_work_for_are_not_begun(law):
     reference = references.multisine(DT, 0.1)
     one, many = (montecarlo(PLANTS * 10, law("pi"), reference, Rig(), 0, threads) for threads in (1, 10**12))
     assert one.band_nm.tobytes() == many.band_nm.tobytes()
-
-
-@pytest.mark.parametrize("plants", [1, 2, 3, 6, 7, 41, 1000])
-def test_quantiles_are_numpys_to_the_bit(plants):
-    rows = np.random.default_rng(plants).standard_normal((5, plants)).round(1 if plants < 10 else 9)
-    assert np.array_equal(_quantiles(rows.copy()), np.quantile(rows, QUANTILES, axis=1))
 
 
 def test_a_tone_is_worst_where_it_is_farthest_from_zero_decibels(law):

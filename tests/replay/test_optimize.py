@@ -12,9 +12,10 @@ from eaid.control.options import DesignOptions
 from eaid.errors import GainsError
 from eaid.models.parameters import PAPER_LINEAR, REFERENCE_PLANT
 from eaid.replay import references
-from eaid.replay.optimize import Bench, Search, optimize, simplex
+from eaid.replay.controllers import pi_controller, rc_controller
+from eaid.replay.optimize import Bench, Search, optimize
 from eaid.replay.rig import Rig
-from eaid.replay.standard import beside_the_bound, pi_controller, rc_controller, replayed, steepest_nm_s
+from eaid.replay.standard import beside_the_bound, replayed, steepest_nm_s
 from eaid.results.fit import Fit
 
 BOUNDS = Bounds("zero-offset", (), 12.4, 42.6, ())
@@ -106,18 +107,6 @@ def test_bench_measures_what_the_single_replay_does():
 def test_margins_are_asked_for():
     assert keeps_margins(RC, POINTS, DesignOptions().timing)
     assert not keeps_margins(RC._replace(rho_constant=12 * RC.rho_constant), POINTS, DesignOptions().timing)
-
-
-def test_simplex_finds_a_valley():
-    seen = []
-
-    def rosenbrock(x):
-        seen.append((1 - x[0]) ** 2 + 100 * (x[1] - x[0] ** 2) ** 2)
-        return seen[-1]
-
-    start = np.array([-0.5, 0.5])
-    simplex(rosenbrock, start, rosenbrock(start), 0.3, 200)
-    assert min(seen) < 1e-8 and len(seen) == 201
 
 
 def test_steepest_is_by_central_differences():

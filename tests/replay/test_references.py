@@ -5,7 +5,7 @@ import pytest
 
 from eaid.errors import DataError, UsageError
 from eaid.replay import references
-from eaid.replay.scenarios import SCENARIOS, Wish
+from eaid.replay.scenarios import SCENARIOS
 
 
 def test_steps_go_up_and_down():
@@ -45,14 +45,14 @@ def test_the_ramp_rises_and_falls_at_one_slope():
 
 @pytest.mark.parametrize("name", SCENARIOS)
 def test_every_scenario_says_what_it_shows_and_starts(name):
-    made = SCENARIOS[name].reference(1e-2, Wish())
+    made = SCENARIOS[name].reference(1e-2)
     assert SCENARIOS[name].shows and len(made.torque_nm) > 100 and made.torque_nm.min() >= 0
 
 
 def test_a_file_is_interpolated(tmp_path):
     path = tmp_path / "r.csv"
     path.write_text("reference_nm,time_s\n0,1.0\n2,2.0\n\n1,2.5\n")
-    made = references.from_file(path, 0.25)
+    made = references.sampled(*references.read_reference(path), 0.25, str(path))
     assert made.torque_nm.tolist() == [0.0, 0.5, 1.0, 1.5, 2.0, 1.5, 1.0]
 
 
@@ -73,16 +73,16 @@ def test_bad_files_are_refused(tmp_path, text, said):
     path = tmp_path / "r.csv"
     path.write_text(text)
     with pytest.raises(DataError, match=said) as refusal:
-        references.from_file(path, 1e-3)
+        references.sampled(*references.read_reference(path), 1e-3, str(path))
     assert str(refusal.value).startswith(str(path))
 
 
 def test_a_missing_or_binary_file_is_refused(tmp_path):
     with pytest.raises(DataError, match="no such file"):
-        references.from_file(tmp_path / "none.csv", 1e-3)
+        references.sampled(*references.read_reference(tmp_path / "none.csv"), 1e-3, str(tmp_path / "none.csv"))
     (tmp_path / "b.csv").write_bytes(b"\xff\xfe\x00\x81")
     with pytest.raises(DataError, match="no text file"):
-        references.from_file(tmp_path / "b.csv", 1e-3)
+        references.sampled(*references.read_reference(tmp_path / "b.csv"), 1e-3, str(tmp_path / "b.csv"))
 
 
 def test_references_that_make_no_sense_are_refused():
@@ -93,4 +93,4 @@ def test_references_that_make_no_sense_are_refused():
     with pytest.raises(UsageError, match="fewer than two control samples"):
         references.multisine(1e-3, 1e-4)
     with pytest.raises(UsageError, match="leave duration= out"):
-        SCENARIOS["sweep"].reference(1e-3, Wish(5.0))
+        SCENARIOS["sweep"].reference(1e-3, 5.0)

@@ -1,7 +1,6 @@
 """The rehabilitation of §VII: specification 7's numbers over ten seeds, the limb in closed form, statistics by hand."""
 
-from dataclasses import replace
-
+import msgspec
 import numpy as np
 import pytest
 from scipy import stats
@@ -11,9 +10,10 @@ from eaid.errors import GainsError, UsageError
 from eaid.models.parameters import PAPER_LINEAR, REFERENCE_PLANT
 from eaid.replay.controllers import Knowledge, controller
 from eaid.replay.plant import plant_parameters
-from eaid.replay.rehab import MODES, Rehabilitation, Session, limb_steps, rehabilitate
+from eaid.replay.rehab import MODES, Session, limb_steps, rehabilitate
 from eaid.replay.rehab_statistics import box, by_cycles, by_samples, cycle_means, independent, statistics
 from eaid.replay.rig import Rig, noise
+from eaid.results.replay import Exercise
 
 PLANT = plant_parameters(REFERENCE_PLANT)
 KNOWN = Knowledge(REFERENCE_PLANT, PAPER_LINEAR, *paper_gains())
@@ -21,7 +21,7 @@ RC = controller("rc", KNOWN)
 
 
 def session(seed: int = 0, rig: Rig | None = None, **changes: float) -> Session:
-    return rehabilitate(PLANT, RC, replace(Rehabilitation(), **changes), rig or Rig(), 1e-3, seed)
+    return rehabilitate(PLANT, RC, msgspec.structs.replace(Exercise(), **changes), rig or Rig(), 1e-3, seed)
 
 
 @pytest.fixture(scope="module")
@@ -108,13 +108,13 @@ def test_the_same_seed_gives_the_same_session_and_noise_of_its_own(ten: list[Ses
 
 def test_a_finer_control_interval_changes_little() -> None:
     coarse = session(0, tremor_nm=0.0, mode_s=8.0)
-    fine = rehabilitate(PLANT, RC, Rehabilitation(tremor_nm=0.0, mode_s=8.0), Rig(), 2e-4, 0)
+    fine = rehabilitate(PLANT, RC, Exercise(tremor_nm=0.0, mode_s=8.0), Rig(), 2e-4, 0)
     np.testing.assert_allclose(coarse.angle_deg, fine.angle_deg[::5], atol=0.15)
 
 
 @pytest.mark.parametrize("damping", [0.0, 1e-9, 0.05, 0.8])
 def test_the_limb_moves_exactly_under_a_held_moment(damping: float) -> None:
-    limb = Rehabilitation(damping_nms=damping, inertia_kgm2=0.2)
+    limb = Exercise(damping_nms=damping, inertia_kgm2=0.2)
     keep, push, drift, lift = limb_steps(limb, 0.01)
     angle, speed = 0.0, 0.3
     for _ in range(100):
@@ -138,7 +138,7 @@ def test_the_limb_moves_exactly_under_a_held_moment(damping: float) -> None:
 )
 def test_exercises_that_mean_nothing_are_refused(change: dict[str, float], sentence: str) -> None:
     with pytest.raises(UsageError, match=sentence):
-        replace(Rehabilitation(), **change)
+        rehabilitate(PLANT, RC, msgspec.structs.replace(Exercise(), **change), Rig(), 1e-3)
 
 
 def test_box_by_hand() -> None:

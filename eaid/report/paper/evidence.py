@@ -25,12 +25,13 @@ from eaid.replay.controllers import Controller, Knowledge, controller
 from eaid.replay.loop import replay
 from eaid.replay.plant import plant_parameters
 from eaid.replay.references import Reference
-from eaid.replay.rehab import Rehabilitation, rehabilitate
+from eaid.replay.rehab import rehabilitate
 from eaid.replay.rehab_statistics import statistics
 from eaid.replay.rig import Rig
 from eaid.replay.scenarios import measure
 from eaid.results.codec import to_plain
 from eaid.results.linear import Linear
+from eaid.results.replay import Exercise
 from eaid.steps.build import StepOptions, build_stepset
 from eaid.steps.stepset import Level, StepSet
 from eaid.synth.datasets import shipped
@@ -96,7 +97,7 @@ def evidence(done: Callable[[], None] = lambda: None) -> Evidence:
         statistics(
             rehabilitate(plant_parameters(REFERENCE_PLANT), controller("rc", known), exercise, Rig(), DT_S, SEED)
         )
-        for exercise in (Rehabilitation(), Rehabilitation(mode_s=LONGER_S))
+        for exercise in (Exercise(), Exercise(mode_s=LONGER_S))
     ]
     found = Evidence(
         force=fits["friction-force"],
