@@ -18,7 +18,7 @@ def span(levels: Sequence[float], unit: str) -> str:
     """`1 level, 50 %`, `10 levels, 10 … 100 %`."""
     if not levels:
         return "no levels"
-    ends = f"{levels[0]:g}" if len(levels) == 1 else f"{levels[0]:g} … {levels[-1]:g}"
+    ends = " … ".join(f"{one:.4g}" for one in dict.fromkeys((levels[0], levels[-1])))
     return f"{counted(len(levels), 'level')}, {ends} {unit}".rstrip()
 
 

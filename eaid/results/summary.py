@@ -1,6 +1,7 @@
 """A fit in eight lines: how well it follows, T_s, τ1 and τ2 where it matters, which estimate, what is doubtful."""
 
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, TypeVar
 
 from eaid.findings import merged, ranked, say
 from eaid.shown import counted, span
@@ -9,6 +10,9 @@ if TYPE_CHECKING:
     from eaid.results.fit import Fit
     from eaid.results.friction import FrictionLevel
     from eaid.results.nonlinear import CurveLevel
+    from eaid.results.steps import StepShape
+
+T = TypeVar("T")
 
 SYMBOLS = {"Ts": "T_s", "tau1": "τ1", "tau2": "τ2"}
 ENDLESS_S = 1e4
@@ -30,24 +34,62 @@ def fit_summary(fit: "Fit", findings: int = 3) -> list[str]:
     made = ", synthetic" if data.synthetic else ""
     lines = [f"{data.kind}: {span(data.levels, data.input_unit)}; {counted(runs, 'run')}{made}"]
     lines.append(f"fit    {_fit_pct(fit)}")
-    levels = believed_levels(fit)
-    rows = [levels[k] for k in sorted({0, len(levels) // 2, len(levels) - 1})] if levels else []
-    if rows:
-        units = {"Ts": data.output_unit or "unit unknown", "tau1": "s", "tau2": "s"}
-        heading = [
-            f"level [{data.input_unit}]" if data.input_unit else "level",
-            *(f"{symbol} [{units[name]}]" for name, symbol in SYMBOLS.items()),
-        ]
-        cells = [heading, *([f"{row.level:.4g}", *(_value(row, name) for name in SYMBOLS)] for row in rows)]
-        widths = [max(len(row[i]) for row in cells) for i in range(len(heading))]
-        lines += ["  ".join(cell.ljust(w) for cell, w in zip(row, widths, strict=True)).rstrip() for row in cells]
-    if fit.nonlinear is not None and levels is not fit.nonlinear.curves:
-        lines.append("shown  each level's own curve: the nonlinear model's are not estimable")
-    elif fit.nonlinear is not None:
-        lines.append(f"taken  the {fit.nonlinear.estimator} estimate{BECAUSE.get(fit.nonlinear.because, '')}")
+    asked = _steps_of_other_shapes(fit)
+    if asked:
+        lines += _step_rows(asked, data.output_unit)
+        if fit.nonlinear is not None:
+            lines.append("shown  single steps by the shape that they ask for; the models keep the paper's form")
+    else:
+        levels = believed_levels(fit)
+        lines += _level_rows(levels, data.input_unit, data.output_unit)
+        if fit.nonlinear is not None and levels is not fit.nonlinear.curves:
+            lines.append("shown  each level's own curve: the nonlinear model's are not estimable")
+        elif fit.nonlinear is not None:
+            lines.append(f"taken  the {fit.nonlinear.estimator} estimate{BECAUSE.get(fit.nonlinear.because, '')}")
     worst = ranked(merged(fit.findings))[:findings]
     lines += [f"{one.severity}: {say(one)}" for one in worst]
     return lines
+
+
+def _level_rows(levels: "Sequence[CurveLevel | FrictionLevel]", input_unit: str, output_unit: str) -> list[str]:
+    """T_s, τ1 and τ2 at the lowest, the middle and the highest level."""
+    units = {"Ts": output_unit or "unit unknown", "tau1": "s", "tau2": "s"}
+    heading = [f"level [{input_unit}]" if input_unit else "level"]
+    heading += [f"{symbol} [{units[name]}]" for name, symbol in SYMBOLS.items()]
+    return _lines(heading, [[f"{row.level:.4g}", *(_value(row, name) for name in SYMBOLS)] for row in _three(levels)])
+
+
+def _steps_of_other_shapes(fit: "Fit") -> "list[StepShape]":
+    """The single steps, where no level is fitted, or where most of them ask for another shape than the paper's."""
+    asking = sum(any(one.code == "other-shape-fits-better" for one in step.findings) for step in fit.steps)
+    alone = not believed_levels(fit)
+    return list(fit.steps) if fit.steps and (alone or 2 * asking > len(fit.steps)) else []
+
+
+def _step_rows(steps: "Sequence[StepShape]", output_unit: str) -> list[str]:
+    """Change, time constants and dead time of the first, the middle and the last step."""
+    heading = ["step", f"change [{output_unit or 'unit unknown'}]", "τ1 [s]", "τ2 [s]", "dead time [s]", "fit [%]"]
+    rows = [
+        [
+            f"{one.from_:.4g} → {one.level:.4g}", f"{one.change:.3g}", f"{one.tau1:.3g}",
+            "–" if one.tau2 is None else f"{one.tau2:.3g}", f"{one.dead_time_s:.3g}",
+            "–" if one.fit_pct is None else f"{one.fit_pct:.1f}",
+        ]
+        for one in _three(steps)
+    ]  # fmt: skip
+    return _lines(heading, rows)
+
+
+def _three(rows: Sequence[T]) -> list[T]:
+    """The first, the middle and the last."""
+    return [rows[k] for k in sorted({0, len(rows) // 2, len(rows) - 1})] if rows else []
+
+
+def _lines(heading: list[str], rows: list[list[str]]) -> list[str]:
+    """Rows of cells as lines, the columns left-aligned; none without rows."""
+    cells = [heading, *rows] if rows else []
+    widths = [max(len(row[i]) for row in cells) for i in range(len(heading))] if cells else []
+    return ["  ".join(cell.ljust(w) for cell, w in zip(row, widths, strict=True)).rstrip() for row in cells]
 
 
 def _fit_pct(fit: "Fit") -> str:
@@ -59,6 +101,8 @@ def _fit_pct(fit: "Fit") -> str:
     own = [row.fit_pct for row in (fit.friction.levels if fit.friction is not None else ()) if row.fit_pct is not None]
     if own:
         said.append(f"single levels {' … '.join(f'{one:.1f}' for one in sorted({min(own), max(own)}))} %")
+    if not said and fit.steps:
+        return f"single steps {min(one.fit_pct or 0.0 for one in fit.steps):.1f} % or more"
     return ", ".join(said) or "not known"
 
 

@@ -192,3 +192,24 @@ def test_where_the_model_has_no_interval_the_levels_speak_for_themselves(logs: S
     assert "shown  each level's own curve" in bare.summary()
     own = bare.friction.levels[-1]
     assert f"{own.Ts:.3g} ({own.ci95.Ts[0]:.3g}" in bare.summary()
+
+
+def test_steps_that_ask_for_a_dead_time_are_shown_with_it(tmp_path: Path):
+    t = np.arange(0.0, 20.0, 0.02)
+    rng = np.random.default_rng(1)
+    logs = {
+        f"u{u}": pd.DataFrame(
+            {
+                "time_s": t,
+                "duty_pct": np.where(t >= 5, u, 0.0),
+                "torque_nm": 0.03 * u * -np.expm1(-np.maximum(t - 5.5, 0) / 0.4) + 0.003 * rng.normal(size=t.size),
+            }
+        )
+        for u in (20.0, 60.0, 100.0)
+    }
+    fit = eaid.fit(logs)
+    assert [step.dead_time_s for step in fit.steps] == pytest.approx([0.5] * 3, abs=0.03)
+    assert "shown  single steps by the shape that they ask for" in fit.summary()
+    row = next(line for line in fit.summary().splitlines() if line.startswith("0 → 100"))
+    assert [float(cell) for cell in row.split()[3:5]] == pytest.approx([3.0, 0.4], rel=0.03)
+    assert fit.findings[0].code == "other-shape-fits-better"
