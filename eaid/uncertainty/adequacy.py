@@ -25,11 +25,11 @@ from eaid.uncertainty.level_statistics import LevelStatistics
 from eaid.uncertainty.levels import log_theta
 from eaid.uncertainty.linear_intervals import convention
 from eaid.uncertainty.orders import leave_one_level_out, orders_of, raised_orders
-from eaid.uncertainty.profile import least_of_all
+from eaid.uncertainty.refit import free_parameters, refit
 from eaid.uncertainty.run_statistics import own_residuals
 from eaid.uncertainty.shapes import (
     Shape,
-    best_fit,
+    best_fits,
     stretched,
     stretched_starts,
     three_exponentials,
@@ -44,7 +44,7 @@ CLOSER = 0.1
 FEW = 2
 """Levels that repeats may miss alike by chance."""
 THREE = "three exponentials"
-OTHERS: tuple[tuple[str, int, Shape, Callable[[Friction], list[Array]]], ...] = (
+OTHERS: tuple[tuple[str, int, Shape, Callable[[Friction], Array]], ...] = (
     ("a stretched exponential", 3, stretched, stretched_starts),
     (THREE, 6, three_exponentials, three_starts),
 )
@@ -169,12 +169,12 @@ def _shapes(
     return tuple(judged(*one) for one in found), missed
 
 
-def _other(base: LevelStatistics, shape: Shape, starts: Callable[[Friction], list[Array]]) -> tuple[list[Array], int]:
+def _other(base: LevelStatistics, shape: Shape, starts: Callable[[Friction], Array]) -> tuple[list[Array], int]:
     """Residuals of the levels' means about another shape, and at how many levels all repeats miss it alike."""
     left, missed = [], 0
-    for i, (level, one) in enumerate(zip(base.levels, base.estimates, strict=True)):
-        _, theta = best_fit(shape, starts(one.curve), base.data.one(i).points)
-        fitted, slopes = shape(theta, level.time_s)
+    best = best_fits(shape, np.array([starts(one.curve) for one in base.estimates]), base.data.points)
+    for level, theta in zip(base.levels, best, strict=True):
+        fitted, slopes = (found[0] for found in shape(theta[None], level.time_s))
         left.append(level.mean - fitted)
         row = lack_of_fit(level, own_residuals(level.runs, fitted, slopes))
         missed += row is not None and row.beyond
@@ -189,7 +189,8 @@ def _free_share(base: LevelStatistics, two: Array) -> Array:
     points, curves = base.data.points, [one.curve for one in base.estimates]
     held = np.array([log_theta(curve, True) for curve in curves])
     half = np.where(np.arange(4) == 3, 0.0, held)
-    costs = least_of_all(points, np.stack([held, half]))
+    twice = points.rows(np.tile(np.arange(len(curves)), 2))
+    costs = refit(twice, np.concatenate([held, half]), free_parameters(True)).cost.reshape(2, -1)
     above = two - level_costs(np.array([[c.Ts, c.tau1, c.tau2, c.C] for c in curves]).T, points)
     return np.asarray(np.minimum(two, np.maximum(above + costs.min(axis=0), 0.0)))
 

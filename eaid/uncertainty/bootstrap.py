@@ -14,6 +14,7 @@ from eaid.arrays import Array
 from eaid.fitting.basis import basis_of
 from eaid.fitting.compress import Points, compress
 from eaid.fitting.data import Data, data_of
+from eaid.fitting.descent import descend
 from eaid.fitting.nonlinear import nonlinear_problem
 from eaid.fitting.solver import slsqp
 from eaid.models import friction, linear
@@ -22,7 +23,7 @@ from eaid.results.fit import Fit
 from eaid.steps.stepset import Level
 from eaid.uncertainty.joint import coefficients_of
 from eaid.uncertainty.levels import log_theta
-from eaid.uncertainty.profile import least
+from eaid.uncertainty.refit import ENOUGH, free_parameters, refit
 from eaid.uncertainty.weightings import weights_array
 
 BLOCK_S = 2.0
@@ -60,8 +61,9 @@ def bootstrap(
         tuple(levels),
         data,
         tuple(_compressed(level, len(data.points.y[0])) for level in levels),
-        np.array([log_theta(one.curve, free) for one in fit.friction.levels]),
-        tuple(one.curve.C for one in fit.friction.levels),
+        tuple(one.curve for one in fit.friction.levels),
+        np.array([log_theta(one.curve, True) for one in fit.friction.levels]),
+        free,
         None if fit.nonlinear is None else fit.nonlinear.parameters,
         fit.nonlinear is not None and fit.nonlinear.C_free,
         None if fit.linear is None else np.log([[row.a0, row.gain] for row in fit.linear.per_level]),
@@ -107,8 +109,10 @@ class _Job:
     """The means as they were fitted; a refit replaces its compressed curves."""
     runs: tuple[Array, ...]
     """Compressed runs of each level, shape (R, P)."""
+    curves: tuple[Friction, ...]
     theta: Array
-    shares: tuple[float, ...]
+    """Their (log T_s, log τ1, log τ2, logit C), shape (L, 4)."""
+    levels_share_free: bool
     model: Nonlinear | None
     share_free: bool
     own: Array | None
@@ -161,24 +165,20 @@ def _refit(job: _Job, i: int) -> tuple[Array, Array, Array, Array]:
         if len(runs) > 1:
             y[k] = resampled_mean(runs, random)
             continue
-        Ts, tau1, tau2 = np.exp(job.theta[k, :3]).tolist()
-        fitted = friction.step_response(Friction(Ts, tau1, tau2, job.shares[k]), level.time_s)
+        fitted = friction.step_response(job.curves[k], level.time_s)
         drawn = replace(level, runs=resampled_blocks(level, fitted, random)[None])
         y[k] = _compressed(drawn, len(y[k]))[0]
     data = replace(job.data)
     data.__dict__["points"] = Points(base.t_s, y, base.w)
-    points = [data.one(k).points for k in range(len(y))]
-    theta = np.array([least(p, start, c)[1] for p, start, c in zip(points, job.theta, job.shares, strict=True)])
-    none = np.zeros(0)
-    joint = pooled = own = none
+    theta = refit(data.points, job.theta, free_parameters(job.levels_share_free)).x
+    joint = pooled = own = np.zeros(0)
     if job.model is not None:
         joint = _joint(job, data)
-    if job.own is not None:
-        assert job.pooled is not None
-        own = np.array([_first_order(p, start) for p, start in zip(points, job.own, strict=True)])
+    if job.own is not None and job.pooled is not None:
+        own = _first_order(data.points, job.own)
         own = np.column_stack([own, own.sum(axis=1)])
-        pooled = _pooled(points, data.u, job.pooled)
-    return theta, joint, pooled, own
+        pooled = _pooled(data.points, data.u, job.pooled)
+    return theta[:, : 4 if job.levels_share_free else 3], joint, pooled, own
 
 
 def _joint(job: _Job, data: Data) -> Array:
@@ -194,35 +194,34 @@ def _joint(job: _Job, data: Data) -> Array:
 
 
 def _first_order(points: Points, start: Array) -> Array:
-    """(log a0, log gain) of one level's first-order curve, by Gauss–Newton, shape (2,)."""
-    t, root = points.t_s[0], np.sqrt(points.w[0])
-    theta = start
-    for _ in range(30):
-        a0, gain = np.exp(theta)
-        rise = -np.expm1(-a0 * t)
-        J = np.stack([gain * a0 * t * np.exp(-a0 * t), gain * rise], axis=1) * root[:, None]
-        if not np.isfinite(J).all():
-            break
-        step = np.linalg.lstsq(J, root * (points.y[0] - gain * rise), rcond=None)[0]
-        theta = theta + np.clip(step, -0.5, 0.5)
-        if np.abs(step).max() < 1e-8:
-            break
-    return theta
+    """(log a0, log gain) of the levels' first-order curves, from `start`, shape (L, 2)."""
+
+    def look(x: Array) -> tuple[Array, Array, Array]:
+        a0, gain = np.exp(x).T[:, :, None]
+        rise = -np.expm1(-a0 * points.t_s)
+        J = points.root_w[:, None] * np.stack([gain * a0 * points.t_s * (1 - rise), gain * rise], axis=1)
+        left = J[:, 1] - points.root_y
+        return (left**2).sum(axis=1), 2 * (J @ left[:, :, None])[:, :, 0], 2 * J @ J.transpose(0, 2, 1)
+
+    return descend(look, start, 30, ENOUGH, lambda x, move: x - np.clip(move, -0.5, 0.5)).x
 
 
-def _pooled(points: Sequence[Points], duty: Array, start: Linear) -> Array:
-    """(a0, b0, c0) of the pooled linear model, by Gauss–Newton, shape (3,)."""
-    found = np.array([start.a0, start.b0, start.c0])
+def _pooled(points: Points, duty: Array, start: Linear) -> Array:
+    """(a0, b0, c0) of the pooled linear model, shape (3,)."""
     free = 3 if np.ptp(duty) > 0 else 2
-    for _ in range(30):
-        p = Linear(*found.tolist())
-        J, left = [], []
-        for one, u in zip(points, duty, strict=True):
-            root = np.sqrt(one.w[0])
-            J.append((linear.gradient(p, one.t_s[0], float(u)) * root)[:free].T)
-            left.append(root * (one.y[0] - linear.step_response(p, one.t_s[0], float(u))))
-        step = np.linalg.lstsq(np.concatenate(J), np.concatenate(left), rcond=None)[0]
-        found[:free] += np.clip(step, -0.5 * np.abs(found[:free]) - 1e-3, 0.5 * np.abs(found[:free]) + 1e-3)
-        if np.abs(step).max() < 1e-9:
-            break
-    return found
+    first = np.array([[start.a0, start.b0, start.c0]])
+
+    def look(x: Array) -> tuple[Array, Array, Array]:
+        p = Linear(*np.append(x[0], first[0, free:]).tolist())
+        each = [points.rows(slice(i, i + 1)) for i in range(len(duty))]
+        J = np.hstack([linear.gradient(p, one.t_s[0], u) * one.root_w[0] for one, u in zip(each, duty, strict=True)])
+        f = [linear.step_response(p, one.t_s[0], u) * one.root_w[0] for one, u in zip(each, duty, strict=True)]
+        left = np.concatenate(f) - points.root_y.ravel()
+        return np.array([left @ left]), 2 * (J[:free] @ left)[None], 2 * (J[:free] @ J[:free].T)[None]
+
+    def within(x: Array, move: Array) -> Array:
+        reach = 0.5 * np.abs(x) + 1e-3
+        return np.asarray(x - np.clip(move, -reach, reach))
+
+    found = descend(look, first[:, :free], 30, ENOUGH, within).x[0]
+    return np.append(found, first[0, free:])

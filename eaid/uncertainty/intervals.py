@@ -27,14 +27,12 @@ from eaid.uncertainty import friction_intervals, linear_intervals, weightings
 from eaid.uncertainty.adequacy import adequacy
 from eaid.uncertainty.bootstrap import Draws, bootstrap
 from eaid.uncertainty.estimators import believed
-from eaid.uncertainty.friction_intervals import Parameter
 from eaid.uncertainty.identifiability import friction_verdict, linear_verdict, scatter_findings
 from eaid.uncertainty.level_statistics import LevelStatistics, level_statistics, pooled_statistics, statistics_at_share
 from eaid.uncertainty.levels import share_sensitivity
 from eaid.uncertainty.noise import idle_of, noise_of
-from eaid.uncertainty.profile import profile_interval
+from eaid.uncertainty.profile import profiled
 from eaid.uncertainty.share import Share, share_findings, share_of, share_part
-from eaid.uncertainty.student_t import t_quantile
 
 METHODS: dict[str, str] = {
     "robust": "scatter of whole runs pooled over levels, coloured residuals allowed for",
@@ -166,33 +164,10 @@ def _friction(
         return part, found
     rows = friction_intervals.level_rows(stats, white=options.ci == "white")
     if options.ci == "profile":
-        rows = [[_profiled(stats, i, k, p) for k, p in enumerate(own)] for i, own in enumerate(rows)]
+        rows = [[profiled(stats, i, k, p) for k, p in enumerate(own)] for i, own in enumerate(rows)]
     repeats = stats.source == "repeats" and options.ci != "white"
     trends, more = friction_intervals.trend_ci95(part, rows, repeats, stats.total_degrees)
     return msgspec.structs.replace(part, levels=friction_intervals.level_ci95(part, rows), trends=trends), found + more
-
-
-def _profiled(stats: LevelStatistics, i: int, k: int, p: Parameter) -> Parameter:
-    """One level's parameter with the interval of its profile; as it was where scatter, not noise, makes its width."""
-    one = stats.estimates[i]
-    within = float(one.runs.within[k]) / one.runs.repeats
-    if p.name in one.constrained or within < 0.5 * float(stats.variance[i, k]):
-        # scatter from run to run (a gain, a τ1) knows nothing of the cost's shape: logs are its own scale
-        return p
-    if p.state == "open":
-        return p  # not quoted, however its profile looks
-    inverse = np.linalg.pinv(one.runs.information, rcond=1e-14, hermitian=True)
-    if not inverse[k, k] > 0:
-        return p
-    t = t_quantile(float(stats.degrees[i, k]))
-    rise = t**2 * float(stats.variance[i, k]) / float(inverse[k, k])
-    points = data_of([stats.levels[i]]).points
-    low, high = np.exp(profile_interval(points, one.curve, k, rise, stats.variance.shape[1] == 4))
-    if p.name == "C":
-        low, high = low / (1 + low), high / (1 + high) if np.isfinite(high) else 1.0
-    if not np.isfinite(high) or low <= 0:
-        return replace(p, interval=None, state="open")
-    return replace(p, interval=(float(low), float(high)), state="fine" if p.interval is None else p.state)
 
 
 def _linear(

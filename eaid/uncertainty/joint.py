@@ -14,9 +14,11 @@ from eaid.arrays import Array
 from eaid.fitting.data import Data
 from eaid.models import nonlinear
 from eaid.models.parameters import Nonlinear
+from eaid.results.fit import Disagreement
 from eaid.steps.stepset import Level
 from eaid.uncertainty.curve import powers
 from eaid.uncertainty.levels import log_jacobian
+from eaid.uncertainty.student_t import Degrees, t_quantile
 
 ACTIVE = 1e-7
 """A constraint counts as active within this part of its own terms."""
@@ -183,3 +185,26 @@ def free_inverse(c: Coefficients, M: Array, levels: int) -> Array:
         directions = directions @ right[rank:].T
     inner = np.linalg.pinv(directions.T @ M @ directions, rcond=1e-13, hermitian=True)
     return np.asarray(directions @ inner @ directions.T)
+
+
+def curves_apart(
+    one: Coefficients, other: Coefficients, degrees: Degrees, duty_pct: Array, one_counts: bool = True
+) -> tuple[Disagreement, ...]:
+    """Parameters whose two curves part by more than either's interval, or the `other`'s alone; the worst level each."""
+    found = []
+    for name in ("Ts", "tau1", "tau2"):
+        first, second = one.at(name, duty_pct), other.at(name, duty_pct)
+        reaches = [t_quantile(np.asarray(degrees[name])) * c.log_sd(name, duty_pct) for c in (one, other)]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            ratio = np.abs(np.log(first / second)) / (np.maximum(*reaches) if one_counts else reaches[1])
+        out = np.flatnonzero(~(ratio <= 1))
+        if not len(out):
+            continue
+        i = int(out[np.nan_to_num(ratio[out], nan=np.inf).argmax()])
+        ends = [
+            (float(v[i] * np.exp(-r[i])), float(v[i] * np.exp(min(r[i], 138.0))))
+            for v, r in zip((first, second), reaches, strict=True)
+        ]
+        places = tuple(duty_pct[out].tolist())
+        found.append(Disagreement(name, places, float(duty_pct[i]), float(first[i]), float(second[i]), *ends))
+    return tuple(found)

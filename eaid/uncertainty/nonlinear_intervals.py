@@ -23,7 +23,6 @@ from eaid.results.nonlinear import (
     CoefficientIntervals,
     Covariance,
     CurveLevel,
-    Disagreement,
     Estimate,
     Nonlinear,
 )
@@ -33,6 +32,7 @@ from eaid.uncertainty.joint import (
     BLOCKS,
     Coefficients,
     coefficients_of,
+    curves_apart,
     with_covariance,
     with_draws,
     with_joint_covariance,
@@ -249,28 +249,12 @@ def agreement(found: Estimates, stats: LevelStatistics) -> Agreement:
     between = ("joint", "two-stage")
     if found.two_stage is None:
         return Agreement(between, "joint", "alone")
-    rows = [_apart(found.joint, found.two_stage, found.degrees[name], name, stats) for name in ROW]
-    beyond = tuple(one for one in rows if one is not None)
+    beyond = tuple(
+        msgspec.structs.replace(one, ci95=None, ci95_other=None if held else one.ci95_other)
+        for one in curves_apart(found.joint, found.two_stage, found.degrees, stats.duty_pct, one_counts=False)
+        for held in [one.parameter in found.two_stage.constrained]
+    )
     if not beyond:
         return Agreement(between, "either", "agree")
     weak = found.joint.open
     return Agreement(between, "neither" if weak else "two-stage", "weak" if weak else "apart", beyond)
-
-
-def _apart(
-    joint: Coefficients, both: Coefficients, degrees: float | Array, name: str, stats: LevelStatistics
-) -> Disagreement | None:
-    """Where one parameter's two curves part by more than the two-stage interval; the worst level in numbers."""
-    duty = stats.duty_pct
-    one, other = joint.at(name, duty), both.at(name, duty)
-    reach = t_quantile(np.asarray(degrees)) * both.log_sd(name, duty)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        ratio = np.abs(np.log(one / other)) / reach
-    out = np.flatnonzero(~(ratio <= 1))
-    if not len(out):
-        return None
-    i = int(out[np.nan_to_num(ratio[out], nan=np.inf).argmax()])
-    low, high = (float(other[i] * np.exp(sign * reach[i])) for sign in (-1, 1))
-    levels = tuple(duty[out].tolist())
-    ends = None if name in both.constrained else (low, high)
-    return Disagreement(name, levels, float(duty[i]), float(one[i]), float(other[i]), None, ends)

@@ -4,135 +4,65 @@ With the other parameters refitted, the cost S rises by t² V/[A⁻¹]_kk at the
 parabola in log θ this is θ̂ exp(±t √V) again; where it is not (τ2 of a short record) the interval leans as the data do.
 """
 
+from dataclasses import replace
+
 import numpy as np
+from scipy.optimize import brentq
 
 from eaid.arrays import Array
 from eaid.fitting.compress import Points
-from eaid.fitting.kernel import level_normal
-from eaid.models import friction
-from eaid.models.parameters import Friction
-from eaid.uncertainty.levels import log_jacobian, log_theta
+from eaid.fitting.data import data_of
+from eaid.uncertainty.friction_intervals import Parameter
+from eaid.uncertainty.level_statistics import LevelStatistics
+from eaid.uncertainty.levels import log_theta
+from eaid.uncertainty.refit import free_parameters, refit
+from eaid.uncertainty.student_t import t_quantile
 
 FARTHEST = np.log(1000.0)
 """An end more than a factor of 1000 away counts as none."""
-MOST_STEPS = 25
-"""Damped Gauss–Newton steps to a least cost."""
+FIRST_STEP, GROWTH = 0.02, 1.6
 
 
-def profile_interval(
-    points: Points, curve: Friction, k: int, rise: float, share_free: bool = False
-) -> tuple[float, float]:
-    """Ends of the interval of parameter k on its log (logit) scale, −inf or inf where the cost never rises by `rise`.
+def profiled(stats: LevelStatistics, i: int, k: int, p: Parameter) -> Parameter:
+    """One level's parameter with the interval of its profile; as it was where scatter, not noise, makes its width."""
+    one = stats.estimates[i]
+    within = float(one.runs.within[k]) / one.runs.repeats
+    inverse = np.linalg.pinv(one.runs.information, rcond=1e-14, hermitian=True)
+    # scatter from run to run (a gain, a τ1) knows nothing of the cost's shape: logs are its own scale; and what is open
+    # is not quoted, however its profile looks
+    noisy = within >= 0.5 * float(stats.variance[i, k])
+    if p.name in one.constrained or not noisy or p.state == "open" or not inverse[k, k] > 0:
+        return p
+    rise = t_quantile(float(stats.degrees[i, k])) ** 2 * float(stats.variance[i, k]) / float(inverse[k, k])
+    theta, points = log_theta(one.curve, True), data_of([stats.levels[i]]).points
+    low, high = np.exp([_end(points, theta, k, one.share_free, rise, side) for side in (-1.0, 1.0)])
+    if p.name == "C":
+        low, high = low / (1 + low), high / (1 + high) if np.isfinite(high) else 1.0
+    if not np.isfinite(high) or low <= 0:
+        return replace(p, interval=None, state="open")
+    return replace(p, interval=(float(low), float(high)), state="fine" if p.interval is None else p.state)
 
-    `points` is one level (1, P); `rise` is in the cost's own unit, above the least cost.
+
+def _end(points: Points, start: Array, k: int, share_free: bool, rise: float, side: float) -> float:
+    """Where the profile of one level's parameter k crosses `rise` above its least cost, on the log (logit) scale.
+
+    −inf or inf where it never does.
     """
-    start = log_theta(curve, share_free)
-    least = _cost(points, start, curve.C)[0]
-    return _end(points, start, curve.C, k, least + rise, -1.0), _end(points, start, curve.C, k, least + rise, 1.0)
+    free = free_parameters(share_free)
+    theta = refit(points, start[None], free).x.copy()
+    wanted = float(refit(points, theta, free).cost[0]) + rise
+    free = free & (np.arange(4) != k)
 
+    def above(distance: float) -> float:
+        nonlocal theta
+        theta[0, k] = start[k] + side * distance
+        found = refit(points, theta, free)
+        theta = found.x.copy()
+        return float(found.cost[0]) - wanted
 
-def _cost(points: Points, theta: Array, share: float) -> tuple[float, Array, Array]:
-    """Cost, weighted residuals and weighted Jacobian at log θ."""
-    free = len(theta) == 4
-    c = float(1 / (1 + np.exp(-theta[3]))) if free else share
-    Ts, tau1, tau2 = np.exp(np.clip(theta[:3], -60, 60)).tolist()
-    curve = Friction(Ts, tau1, tau2, c)
-    root = np.sqrt(points.w[0])
-    left = root * (points.y[0] - friction.step_response(curve, points.t_s[0]))
-    return float(left @ left), left, log_jacobian(curve, points.t_s[0], free) * root[:, None]
-
-
-def least(points: Points, theta: Array, share: float, k: int | None = None) -> tuple[float, Array]:
-    """Least cost over the parameters, k held where `theta` has it (damped Gauss–Newton), and where it lies."""
-    others = [i for i in range(len(theta)) if i != k]
-    cost, left, jacobian = _cost(points, theta, share)
-    damping = 1e-6
-    for _ in range(MOST_STEPS):
-        J = jacobian[:, others]
-        H = J.T @ J
-        if not np.isfinite(H).all():
-            break
-        step = np.linalg.lstsq(H + damping * np.diag(np.diag(H) + 1e-300), J.T @ left, rcond=None)[0]
-        tried = theta.copy()
-        tried[others] += np.clip(step, -1.0, 1.0)
-        tried[1:3] = np.sort(tried[1:3]) if k not in (1, 2) else tried[1:3]
-        tried[3:] = np.clip(tried[3:], -7.0, 7.0)
-        found = _cost(points, tried, share)
-        if found[0] <= cost:
-            done = cost - found[0] <= 1e-9 * cost
-            theta, (cost, left, jacobian) = tried, found
-            damping = max(damping / 10, 1e-9)
-            if done:
-                break
-        else:
-            damping *= 10
-            if damping > 1e6:
-                break
-    return cost, theta
-
-
-def least_of_all(points: Points, theta: Array) -> Array:
-    """Least costs of L levels over all four parameters, from K starts (K, L, 4) at once, (K, L)."""
-    starts, levels = theta.shape[:2]
-    shared = len(points.t_s) == 1
-    rows = np.tile(np.arange(levels), starts)
-    points = Points(
-        points.t_s if shared else points.t_s[rows], points.y[rows], points.w if len(points.w) == 1 else points.w[rows]
-    )
-
-    def look(x: Array) -> tuple[Array, Array, Array]:
-        """Cost (N,), gradient by log θ (N, 4), Gauss–Newton curvature (N, 4, 4)."""
-        natural = np.exp(np.clip(x, -60, 60)).T
-        share = 1 / (1 + 1 / natural[3])
-        natural[3] = share
-        cost, gradient, H = level_normal(natural, points)
-        scale = natural.T.copy()
-        scale[:, 3] *= 1 - share
-        return cost, gradient.T * scale, H * (scale[:, :, None] * scale[:, None, :])
-
-    x = theta.reshape(-1, 4)
-    cost, gradient, H = look(x)
-    damping, going = np.full(len(x), 1e-6), np.full(len(x), True)
-    for _ in range(MOST_STEPS):
-        size = np.sqrt(np.maximum(np.einsum("nii->ni", H), 1e-300))
-        normal = H / (size[:, :, None] * size[:, None, :]) + damping[:, None, None] * np.eye(4)
-        step = np.linalg.solve(normal, (gradient / size)[:, :, None])[:, :, 0] / size
-        tried = x - np.clip(step, -1.0, 1.0)
-        tried[:, 1:3] = np.sort(tried[:, 1:3], axis=1)
-        tried[:, 3] = np.clip(tried[:, 3], -7.0, 7.0)
-        found, slope, bent = look(tried)
-        better = going & (found <= cost)
-        going &= ~(better & (cost - found <= 1e-9 * cost))
-        x, cost = np.where(better[:, None], tried, x), np.where(better, found, cost)
-        gradient, H = np.where(better[:, None], slope, gradient), np.where(better[:, None, None], bent, H)
-        damping = np.where(better, np.maximum(damping / 10, 1e-9), damping * 10)
-        if not going.any():
-            break
-    return cost.reshape(starts, levels)
-
-
-def _end(points: Points, start: Array, share: float, k: int, wanted: float, side: float) -> float:
-    """Where the profile crosses `wanted`, going one way in growing steps, then halving."""
-    inside, theta, step = 0.0, start, 0.02
-    while True:
-        outside = inside + step
-        if outside > FARTHEST:
+    inside, step = 0.0, FIRST_STEP
+    while above(inside + step) < 0:
+        inside, step = inside + step, GROWTH * step
+        if inside + step > FARTHEST:
             return side * np.inf
-        tried = theta.copy()
-        tried[k] = start[k] + side * outside
-        cost, found = least(points, tried, share, k)
-        if cost >= wanted:
-            break
-        inside, theta, step = outside, found, 1.6 * step
-    for _ in range(20):
-        middle = 0.5 * (inside + outside)
-        tried = theta.copy()
-        tried[k] = start[k] + side * middle
-        cost, found = least(points, tried, share, k)
-        if cost >= wanted:
-            outside = middle
-        else:
-            inside, theta = middle, found
-        if outside - inside < 1e-3 * outside:
-            break
-    return float(start[k] + side * 0.5 * (inside + outside))
+    return float(start[k] + side * brentq(above, inside, inside + step, xtol=1e-6, rtol=1e-4))

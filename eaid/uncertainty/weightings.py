@@ -12,12 +12,11 @@ from eaid.arrays import Array
 from eaid.findings import Finding, Value, finding
 from eaid.results.linear import Linear, Pooled, PooledIntervals
 from eaid.results.nonlinear import Agreement, Disagreement, Estimate, Nonlinear
-from eaid.uncertainty.joint import Coefficients
+from eaid.uncertainty.joint import Coefficients, curves_apart
 from eaid.uncertainty.level_statistics import LevelStatistics
-from eaid.uncertainty.student_t import Degrees, t_quantile
+from eaid.uncertainty.student_t import Degrees
 
 BETWEEN = ("equal", "sd")
-SYMBOLS = {"Ts": "T_s", "tau1": "τ1", "tau2": "τ2"}
 RISES = 2.0
 """Standard errors by which the spread has to rise with the torque."""
 
@@ -32,34 +31,13 @@ def agreement(
     if other is None:
         return Agreement(BETWEEN, fit.weights, "alone")
     equal, sd = (own, other) if fit.weights == "equal" else (other, own)
-    apart = [one for name in SYMBOLS if (one := _apart(equal, sd, degrees[name], name, stats)) is not None]
+    held = {*equal.constrained, *sd.constrained}
+    apart = tuple(one for one in curves_apart(equal, sd, degrees, stats.duty_pct) if one.parameter not in held)
     if not apart:
         return Agreement(BETWEEN, "either", "agree")
-    believe, because = _judged(stats)
-    return Agreement(BETWEEN, believe, because, tuple(apart))
-
-
-def _apart(
-    equal: Coefficients, sd: Coefficients, degrees: float | Array, name: str, stats: LevelStatistics
-) -> Disagreement | None:
-    """One parameter at the levels where each fit lies outside the other's interval; the worst level in numbers."""
-    duty, t = stats.duty_pct, t_quantile(np.asarray(degrees))
-    one, other = equal.at(name, duty), sd.at(name, duty)
-    reach = [t * c.log_sd(name, duty) for c in (equal, sd)]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        ratio = np.abs(np.log(one / other)) / np.maximum(*reach)
-    estimable = name not in equal.constrained and name not in sd.constrained
-    out = np.flatnonzero(ratio > 1) if estimable else np.array([], dtype=int)
-    if not len(out):
-        return None
-    i = int(out[ratio[out].argmax()])
-    with np.errstate(over="ignore"):
-        first, second = (
-            (float(v[i] * np.exp(-r[i])), float(min(v[i] * np.exp(r[i]), 1e60)))
-            for v, r in zip((one, other), reach, strict=True)
-        )
-    levels = tuple(duty[out].tolist())
-    return Disagreement(name, levels, float(duty[i]), float(one[i]), float(other[i]), first, second)
+    if spread_rises(stats)[1] > RISES:
+        return Agreement(BETWEEN, "sd", "spread-rises", apart)
+    return Agreement(BETWEEN, "equal", "spread-is-chance", apart)
 
 
 def spread_rises(stats: LevelStatistics) -> tuple[float, float]:
@@ -76,13 +54,6 @@ def spread_rises(stats: LevelStatistics) -> tuple[float, float]:
     slope = float(x @ y / (x @ x))
     error = float(np.sqrt(x**2 @ (polygamma(1, spare / 2) / 4)) / (x @ x))
     return slope, slope / error
-
-
-def _judged(stats: LevelStatistics) -> tuple[str, str]:
-    """Which weights to believe, and why."""
-    if spread_rises(stats)[1] > RISES:
-        return "sd", "spread-rises"
-    return "equal", "spread-is-chance"
 
 
 def known_within(stats: LevelStatistics) -> tuple[int, float, float]:

@@ -2,6 +2,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.optimize import least_squares
 
 from eaid.apparatus import Apparatus
 from eaid.fitting.data import data_of
@@ -15,7 +16,7 @@ from eaid.uncertainty.decay import decays, overshoot
 from eaid.uncertainty.intervals import with_intervals
 from eaid.uncertainty.level_statistics import statistics_at_share
 from eaid.uncertainty.levels import log_theta
-from eaid.uncertainty.profile import least, least_of_all
+from eaid.uncertainty.refit import free_parameters, refit
 from eaid.uncertainty.share import share_of
 
 T = np.arange(1500) * 0.02
@@ -110,10 +111,30 @@ def test_least_costs_of_all_levels_are_those_of_each(lengths: tuple[int, ...]) -
         levels.append(Level(u, T[:n], y[None], ("one",)))
     starts = np.tile(log_theta(held, True), (2, 3, 1))
     starts[1, :, 3] = 0.0
-    together = least_of_all(data_of(levels).points, starts)
+    free = free_parameters(True)
+    together = [refit(data_of(levels).points, start, free).cost for start in starts]
     for i, level in enumerate(levels):
-        own = [least(data_of([level]).points, starts[k, i], 0.85)[0] for k in (0, 1)]
-        assert together[:, i] == pytest.approx(own, rel=1e-6)
+        own = [refit(data_of([level]).points, start[i : i + 1], free).cost[0] for start in starts]
+        assert [costs[i] for costs in together] == pytest.approx(own, rel=1e-6)
+
+
+def test_refits_hold_what_is_held_and_find_the_least() -> None:
+    """Against SciPy's least_squares; τ1 is held at another place, C free."""
+    y = friction.step_response(Friction(2.0, 0.25, 3.0, 0.7), T) + 0.01 * np.random.default_rng(8).standard_normal(
+        len(T)
+    )
+    points = data_of([Level(20.0, T, y[None], ("one",))]).points
+    start = log_theta(Friction(1.5, 0.4, 4.0, 0.85), True)
+    found = refit(points, start[None], np.array([True, False, True, True]))
+    assert found.x[0, 1] == start[1]
+
+    def left(x: np.ndarray) -> np.ndarray:
+        Ts, tau2 = np.exp(x[:2])
+        curve = Friction(Ts, 0.4, tau2, 1 / (1 + np.exp(-x[2])))
+        return (friction.step_response(curve, points.t_s[0]) - points.y[0]) * points.root_w[0]
+
+    other = least_squares(left, start[[0, 2, 3]], xtol=1e-12, ftol=1e-12)
+    assert found.x[0, [0, 2, 3]] == pytest.approx(other.x, abs=1e-4) and found.cost[0] == pytest.approx(2 * other.cost)
 
 
 T_LONG = np.arange(1000) * 0.02

@@ -89,8 +89,8 @@ def test_quoted_intervals_and_alarms_of_a_few_sets(record_s: float) -> None:
 )
 def test_slopes_of_other_shapes_against_differences(shape: Any, theta: np.ndarray) -> None:
     t = np.linspace(0.0, 10.0, 40)
-    _, slopes = shape(theta, t)
+    _, slopes = shape(theta[None], t)
     for k in range(len(theta)):
         step = 1e-6 * np.eye(len(theta))[k]
-        difference = (shape(theta + step, t)[0] - shape(theta - step, t)[0]) / 2e-6
-        assert slopes[:, k] == pytest.approx(difference, abs=1e-8)
+        difference = (shape((theta + step)[None], t)[0] - shape((theta - step)[None], t)[0])[0] / 2e-6
+        assert slopes[0, :, k] == pytest.approx(difference, abs=1e-8)
