@@ -1,9 +1,9 @@
 """Is the model right? Lack of fit against the spread of the repeats, and the alternatives side by side.
 
-Shape of one level's curve: one or two exponentials, C held or free, and where repeats miss these alike stretched and
-three exponentials, by AICc and BIC with the effective sample size n_e = n / (1 + 2 Σ ρ) that the residuals'
-autocorrelation ρ leaves. Curves over the duty: polynomials of one to four powers for τ1, τ2, T_s, by χ² against the
-levels' own scatter and by leaving one level out (`orders`).
+Shape of one level's curve: one or two exponentials, C held or free, and where repeats miss these alike a stretched
+exponential, a logarithm and three exponentials, by AICc and BIC with the effective sample size n_e = n / (1 + 2 Σ ρ)
+that the residuals' autocorrelation ρ leaves. Curves over the duty: polynomials of one to four powers for τ1, τ2, T_s,
+by χ² against the levels' own scatter and by leaving one level out (`orders`).
 """
 
 from collections.abc import Callable, Sequence
@@ -30,6 +30,8 @@ from eaid.uncertainty.run_statistics import own_residuals
 from eaid.uncertainty.shapes import (
     Shape,
     best_fits,
+    logarithm,
+    logarithm_starts,
     stretched,
     stretched_starts,
     three_exponentials,
@@ -46,6 +48,7 @@ FEW = 2
 THREE = "three exponentials"
 OTHERS: tuple[tuple[str, int, Shape, Callable[[Friction], Array]], ...] = (
     ("a stretched exponential", 3, stretched, stretched_starts),
+    ("a logarithm of time", 2, logarithm, logarithm_starts),
     (THREE, 6, three_exponentials, three_starts),
 )
 """Shapes that are tried where two exponentials fail: name, parameters, curve, starts."""
@@ -135,7 +138,7 @@ def _shapes(
 ) -> tuple[tuple[ShapeScore, ...], dict[str, int]]:
     """All shapes that were tried, over all levels together, and the levels at which repeats miss the new ones alike.
 
-    Stretched and three exponentials are tried where repeats miss the two exponentials alike, or nothing can tell. The
+    The other shapes are tried where repeats miss the two exponentials alike, or nothing can tell. The
     samples that count are then those that the memory of the closest shape leaves.
     """
     levels, share = base.levels, base.estimates[0].curve.C

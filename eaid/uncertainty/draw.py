@@ -61,11 +61,6 @@ def drawable(fit: Fit) -> bool:
     return model is not None and model.covariance is not None and bool(model.covariance.matrix)
 
 
-def draw_plants(fit: Fit, n: int, seed: int) -> list[Nonlinear]:
-    """`n` plants that the data of a fit allow; the same seed gives the same plants (`draw` also tells the rejected)."""
-    return list(draw(fit, n, seed).plants)
-
-
 def draw(fit: Fit, n: int, seed: int) -> Drawn:
     """`n` plants that the data of a fit allow, and how many draws broke a constraint.
 

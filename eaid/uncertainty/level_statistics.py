@@ -26,7 +26,7 @@ from eaid.uncertainty.levels import (
     usable,
 )
 from eaid.uncertainty.scatter import Mask, PooledScatter
-from eaid.uncertainty.student_t import t_quantile
+from eaid.uncertainty.student_t import satterthwaite, t_quantile
 from eaid.uncertainty.tau2_range import Tau2Sets, tau2_sets
 
 TERMS = {"Ts": 4, "tau1": 3, "tau2": 3}
@@ -254,4 +254,4 @@ def curve_degrees(stats: LevelStatistics, curve: Curve, name: str) -> Array:
         return degrees
     common = float(stats.scatter.common[("Ts", "tau1", "tau2").index(name)])
     own = curve.log_sd(stats.duty_pct) ** 2
-    return np.asarray((own + common) ** 2 / (own**2 / degrees + common**2 / stats.scatter.common_degrees))
+    return satterthwaite((own, common), (degrees, stats.scatter.common_degrees))

@@ -6,6 +6,7 @@ H = Σ J'J − Σ e ∇²f is the full Hessian; V = Σ_l R/(R − 1) Σ_r ψψ',
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -13,6 +14,10 @@ from eaid.arrays import Array
 from eaid.models.parameters import Linear
 from eaid.steps.stepset import Level
 from eaid.uncertainty.run_statistics import RunStatistics, run_statistics
+from eaid.uncertainty.student_t import satterthwaite
+
+TO_LOG_B = np.array([[1.0, 0.0], [0.0, 1.0], [-1.0, -1.0]])
+"""(log a0, log gain) → (log a0, log gain, log B) less log u."""
 
 
 def _rise(a0: float, t_s: Array) -> tuple[Array, Array, Array]:
@@ -62,9 +67,9 @@ def scaled_inverse(matrix: Array) -> Array:
 
 
 def own_gain(level: Level, a0: float, gain: float) -> Array:
-    """How a change of a level's mean moves its own (log a0, log gain), shape (2, n)."""
+    """How a change of a level's mean moves its own (log a0, log gain, log B), B = u/(a0 gain), shape (3, n)."""
     jacobian, hessian = own_terms(level, a0, gain)
-    return np.asarray(scaled_inverse(hessian) @ jacobian.T)
+    return np.asarray(TO_LOG_B @ scaled_inverse(hessian) @ jacobian.T)
 
 
 def own_terms(level: Level, a0: float, gain: float) -> tuple[Array, Array]:
@@ -80,45 +85,27 @@ def own_terms(level: Level, a0: float, gain: float) -> tuple[Array, Array]:
 
 def combined_variance(influence: Sequence[Array]) -> tuple[float, float]:
     """Variance and Welch–Satterthwaite degrees of freedom of one number, from its influences (R,) of each level."""
-    parts, spare = [], []
-    for psi in influence:
-        repeats = len(psi)
-        if repeats > 1:
-            parts.append(repeats / (repeats - 1) * float(((psi - psi.mean()) ** 2).sum()))
-            spare.append(repeats - 1)
+    several = [psi for psi in influence if len(psi) > 1]
+    spare = [float(len(psi) - 1) for psi in several]
+    parts = [len(psi) / (len(psi) - 1) * float(((psi - psi.mean()) ** 2).sum()) for psi in several]
     variance = float(np.sum(parts))
     if variance == 0:
         return 0.0, float(np.sum(spare))
-    degrees = variance**2 / float(np.sum(np.square(parts) / spare))
-    return variance, max(degrees, float(min(spare)))
+    return variance, max(float(satterthwaite(parts, spare)), min(spare))
 
 
 def level_run_statistics(level: Level, a0: float, gain: float, noise_nm: Array) -> RunStatistics:
-    """Statistics of the runs for (log a0, log gain) of one level's own fit, gain [N·m] · (1 − e^(−a0 t))."""
+    """Statistics of the runs for (log a0, log gain, log B) of one level's own fit, gain [N·m] · (1 − e^(−a0 t))."""
     jacobian, hessian = own_terms(level, a0, gain)
     theta = np.log([a0, gain])
-    runs = level.runs
-    return run_statistics(
-        level.level, level.time_s, runs, jacobian, theta, noise_nm=noise_nm, mean_nm=level.mean, hessian=hessian
-    )
-
-
-def with_log_B(levels: Sequence[RunStatistics]) -> list[RunStatistics]:
-    """The same statistics on (log a0, log gain, log B), B = u/(a0 gain): zero-offset."""
-    take = np.array([[1.0, 0.0], [0.0, 1.0], [-1.0, -1.0]])
-    result = []
-    for one in levels:
+    one = run_statistics(
+        level.level, level.time_s, level.runs, jacobian, theta,
+        noise_nm=noise_nm, mean_nm=level.mean, hessian=hessian,
+    )  # fmt: skip
+    return replace(
+        one,
+        log_theta=np.append(theta, np.log(level.level) - theta.sum()),
+        influence=one.influence @ TO_LOG_B.T,
         # both parts of B come from the same samples: their within-run errors are taken as additive, the wider reading
-        log_B = np.log(one.level) - one.log_theta.sum()
-        within = np.append(one.within, np.sqrt(one.within).sum() ** 2)
-        result.append(
-            RunStatistics(
-                level=one.level,
-                log_theta=np.append(one.log_theta, log_B),
-                information=one.information,
-                influence=one.influence @ take.T,
-                within=within,
-                duration_s=one.duration_s,
-            )
-        )
-    return result
+        within=np.append(one.within, np.sqrt(one.within).sum() ** 2),
+    )

@@ -5,40 +5,32 @@ themselves say how the means scatter; with one run a level the scatter of (T_s, 
 """
 
 from collections.abc import Sequence
-from typing import TypeAlias
 
 import numpy as np
 
 from eaid.arrays import Array
 from eaid.models import linear as model
-from eaid.results.common import Interval
 from eaid.results.linear import BoundsIntervals, Linear, LinearLevel, LinearLevelIntervals, Pooled, PooledIntervals
 from eaid.steps.stepset import Level
 from eaid.uncertainty.level_statistics import LevelStatistics
 from eaid.uncertainty.levels import log_jacobian
 from eaid.uncertainty.linear_influence import (
+    TO_LOG_B,
     Gain,
     combined_variance,
     level_run_statistics,
     own_gain,
+    own_terms,
     pooled_gain,
     scaled_inverse,
-    with_log_B,
 )
 from eaid.uncertainty.scatter import pooled_scatter
-from eaid.uncertainty.student_t import t_quantile
+from eaid.uncertainty.student_t import interval_of, log_interval_of
 from eaid.uncertainty.weightings import weights_array
-
-Ends: TypeAlias = tuple[float, float]
-
-
-def spread(gains: Sequence[Array], stats: LevelStatistics) -> tuple[float, float]:
-    """Variance and degrees of freedom of q with δq = Σ_l g_l δȳ_l, g_l of shape (n_l,)."""
-    return spreads([(np.ones((1, 1)), g[None]) for g in gains], stats)[0]
 
 
 def spreads(gains: Sequence[Gain], stats: LevelStatistics) -> list[tuple[float, float]]:
-    """The same of m numbers at once."""
+    """Variance and degrees of freedom of m numbers q with δq = Σ_l g_l δȳ_l, g_l of shape (m, n_l)."""
     if stats.source == "repeats":
         psi = [
             (level.runs @ along.T - level.mean @ along.T) @ take.T / len(level.runs)
@@ -50,124 +42,82 @@ def spreads(gains: Sequence[Gain], stats: LevelStatistics) -> list[tuple[float, 
             return [(float(own @ own * count / (count - 1)), count - 1.0) for own in together.T]
         return [combined_variance([one[:, k] for one in psi]) for k in range(psi[0].shape[1])]
     total = np.zeros(len(gains[0][0]))
-    for level, one, (take, along), variance in zip(stats.levels, stats.estimates, gains, stats.variance, strict=True):
-        moved = take @ (along @ log_jacobian(one.curve, level.time_s))
-        total += moved**2 @ np.where(np.isfinite(variance[:3]), variance[:3], 0.0)
+    for i, (take, along) in enumerate(gains):
+        total += _own_variance(i, along, stats, take)
     return [(float(variance), stats.total_degrees) for variance in total]
 
 
-def pooled_intervals(fit: Pooled, stats: LevelStatistics) -> PooledIntervals:
-    """95 % intervals of the pooled a0, b0, c0; one level leaves c0 to b0."""
-    gains = pooled_gain(stats.levels, fit.parameters, weights_array(fit))
-    ends = [
-        around(getattr(fit, name), np.sqrt(variance), degrees)
-        for name, (variance, degrees) in zip(("a0", "b0", "c0"), spreads(gains, stats), strict=True)
-    ]
-    return PooledIntervals(ends[0], ends[1], ends[2] if len(stats.levels) > 1 else None)
-
-
-def around(value: float, sd: float, degrees: float) -> Ends:
-    """value ± t sd."""
-    reach = t_quantile(degrees) * float(sd)
-    return value - reach, value + reach
-
-
-def level_intervals(fit: Linear, stats: LevelStatistics) -> list[LinearLevelIntervals]:
-    """95 % intervals of a0, gain and B of every level, B under the fit's convention."""
-    zero = convention(fit) == "zero-offset"
-    if not zero or stats.source != "repeats":
-        own = [own_gain(level, row.a0, row.gain) for level, row in zip(stats.levels, fit.per_level, strict=True)]
-        if not zero:
-            return _with_pooled_terms(fit, stats, own)
-        rows = []
-        for i, row in enumerate(fit.per_level):
-            variance = _own_variance(i, np.vstack([own[i], -own[i].sum(axis=0)]), stats).tolist()
-            names = ("a0", "gain", "B")
-            ends = [_log(_value(row, k), v, stats.total_degrees) for k, v in zip(names, variance, strict=True)]
-            rows.append(LinearLevelIntervals(*ends))
-        return rows
-    linear_runs = with_log_B(
-        [
-            level_run_statistics(level, row.a0, row.gain, one.noise_nm)
-            for level, row, one in zip(stats.levels, fit.per_level, stats.estimates, strict=True)
-        ]
-    )
-    scatter = pooled_scatter(linear_runs)
-    return [
-        LinearLevelIntervals(
-            *(
-                _log(_value(row, name), float(scatter.variance[i, k]), float(scatter.degrees[i, k]))
-                for k, name in enumerate(("a0", "gain", "B"))
-            )
-        )
-        for i, row in enumerate(fit.per_level)
-    ]
-
-
-def _with_pooled_terms(fit: Linear, stats: LevelStatistics, own: Sequence[Array]) -> list[LinearLevelIntervals]:
-    """The conventions that take c0, or a0 and c0, from the pooled fit: b0 = (a0 gain − c0)/u."""
-    pooled = [take @ along for take, along in pooled_gain(stats.levels, fit.parameters)]
-    rows: list[LinearLevelIntervals] = []
-    for i, (level, row) in enumerate(zip(stats.levels, fit.per_level, strict=True)):
-        gains = [-g[2] / row.level for g in pooled]
-        if convention(fit) == "pooled-offset":
-            gains[i] = gains[i] + row.a0 * row.gain * own[i].sum(axis=0) / row.level
-            a0, gain = ([own[i][k] if j == i else np.zeros_like(g) for j, g in enumerate(gains)] for k in (0, 1))
-            ends = _log(row.a0, *spread(a0, stats)), _log(row.gain, *spread(gain, stats))
-        else:
-            along, slope = _gain_at(level, row.a0)
-            moved = (row.gain + row.a0 * slope) / row.level
-            gains = [g + moved * p[0] for g, p in zip(gains, pooled, strict=True)]
-            gains[i] = gains[i] + row.a0 * along / row.level
-            steady = [slope * p[0] for p in pooled]
-            steady[i] = steady[i] + along
-            variance, degrees = spread([p[0] for p in pooled], stats)
-            ends = around(row.a0, np.sqrt(variance), degrees), around(row.gain, *_sd(spread(steady, stats)))
-        variance, degrees = spread(gains, stats)
-        rows.append(LinearLevelIntervals(*ends, _inverse(around(row.b0 or 0.0, np.sqrt(variance), degrees))))
-    return rows
-
-
-def _sd(spread_of: tuple[float, float]) -> tuple[float, float]:
-    return float(np.sqrt(spread_of[0])), spread_of[1]
-
-
-def _gain_at(level: Level, a0: float) -> tuple[Array, float]:
-    """∂gain/∂ȳ at a held a0, shape (n,), and ∂gain/∂a0."""
-
-    def gain(rate: float) -> float:
-        rise = -np.expm1(-rate * level.time_s)
-        return float(rise @ level.mean / (rise @ rise))
-
-    rise = -np.expm1(-a0 * level.time_s)
-    step = 1e-5 * a0
-    return rise / (rise @ rise), (gain(a0 + step) - gain(a0 - step)) / (2 * step)
-
-
-def _own_variance(i: int, gains: Array, stats: LevelStatistics) -> Array:
-    """Variance of numbers that answer to the mean of single runs of level i alone, shape (m,) for gains (m, n)."""
-    moved = gains @ log_jacobian(stats.estimates[i].curve, stats.levels[i].time_s)
+def _own_variance(i: int, along: Array, stats: LevelStatistics, take: Array | None = None) -> Array:
+    """Variance of numbers that answer to the mean of level i as `along`, (m, n), or as `take` @ `along`; shape (m,)."""
+    moved = along @ log_jacobian(stats.estimates[i].curve, stats.levels[i].time_s)
+    moved = moved if take is None else take @ moved
     variance = stats.variance[i, :3]
     return np.asarray(moved**2 @ np.where(np.isfinite(variance), variance, 0.0))
 
 
-def _value(row: LinearLevel, name: str) -> float | None:
-    return {"a0": row.a0, "gain": row.gain, "B": row.B}[name]
+def pooled_intervals(fit: Pooled, stats: LevelStatistics) -> PooledIntervals:
+    """95 % intervals of the pooled a0, b0, c0; one level leaves c0 to b0."""
+    found = spreads(pooled_gain(stats.levels, fit.parameters, weights_array(fit)), stats)
+    return _pooled(fit, found if len(stats.levels) > 1 else found[:2])
 
 
-def _log(value: float | None, variance: float, degrees: float) -> Interval:
-    """value · exp(±t √V); None for a B that does not exist, or where the interval has no end."""
-    if value is None or value <= 0:
-        return None
-    reach = t_quantile(degrees) * float(np.sqrt(variance))
-    if not reach < 50:
-        return None
-    return value * float(np.exp(-reach)), value * float(np.exp(reach))
+def _pooled(fit: Pooled, found: Sequence[tuple[float, float]]) -> PooledIntervals:
+    """From the variance and degrees of freedom of a0, b0 and, with several levels, c0."""
+    pairs = zip((fit.a0, fit.b0, fit.c0), found, strict=False)
+    return PooledIntervals(*(interval_of(value, variance, degrees) for value, (variance, degrees) in pairs))
 
 
-def _inverse(b0: Ends) -> Interval:
-    """The interval of B = 1/b0; None where b0 may be zero."""
-    return (1 / b0[1], 1 / b0[0]) if b0[0] > 0 else None
+def level_intervals(fit: Linear, stats: LevelStatistics) -> list[LinearLevelIntervals]:
+    """95 % intervals of a0, gain and B of every level, B under the fit's convention."""
+    if convention(fit) != "zero-offset":
+        return _with_pooled_terms(fit, stats)
+    each = list(zip(stats.levels, fit.per_level, stats.estimates, strict=True))
+    if stats.source == "repeats":
+        runs = [level_run_statistics(level, row.a0, row.gain, one.noise_nm) for level, row, one in each]
+        scatter = pooled_scatter(runs)
+        return [
+            _logs(row, *found) for row, *found in zip(fit.per_level, scatter.variance, scatter.degrees, strict=True)
+        ]
+    own = [_own_variance(i, own_gain(level, row.a0, row.gain), stats) for i, (level, row, _) in enumerate(each)]
+    return [_logs(row, v, np.full(3, stats.total_degrees)) for row, v in zip(fit.per_level, own, strict=True)]
+
+
+def _logs(row: LinearLevel, variance: Array, degrees: Array) -> LinearLevelIntervals:
+    """Intervals of a0, gain and B from the variances of their logarithms, shape (3,)."""
+    values = zip((row.a0, row.gain, row.B), variance.tolist(), degrees.tolist(), strict=True)
+    return LinearLevelIntervals(*(log_interval_of(*one) for one in values))
+
+
+def _with_pooled_terms(fit: Linear, stats: LevelStatistics) -> list[LinearLevelIntervals]:
+    """The conventions that take c0, or a0 and c0, from the pooled fit: b0 = (a0 gain − c0)/u."""
+    pooled = [take @ along for take, along in pooled_gain(stats.levels, fit.parameters)]
+    rows: list[LinearLevelIntervals] = []
+    for i, (level, row) in enumerate(zip(stats.levels, fit.per_level, strict=True)):
+        if convention(fit) == "pooled-offset":
+            own = own_gain(level, row.a0, row.gain)
+            answers = [np.stack([0 * p[0], 0 * p[0], -p[2] / level.level]) for p in pooled]
+            answers[i] += np.stack([own[0], own[1], -row.a0 * row.gain * own[2] / level.level])
+        else:
+            along, slope = _gain_at(level, row.a0, row.gain)
+            answers = [
+                np.stack([p[0], slope * p[0], ((row.gain + row.a0 * slope) * p[0] - p[2]) / level.level])
+                for p in pooled
+            ]
+            answers[i] += np.stack([0 * along, along, row.a0 * along / level.level])
+        a0, gain, b0 = spreads([(np.eye(3), one) for one in answers], stats)
+        quoted = log_interval_of if convention(fit) == "pooled-offset" else interval_of
+        ends = interval_of(row.b0 or 0.0, *b0)
+        B = (1 / ends[1], 1 / ends[0]) if ends[0] > 0 else None  # b0 may be zero
+        rows.append(LinearLevelIntervals(quoted(row.a0, *a0), quoted(row.gain, *gain), B))
+    return rows
+
+
+def _gain_at(level: Level, a0: float, gain: float) -> tuple[Array, float]:
+    """∂gain/∂ȳ at a held a0, shape (n,), and ∂gain/∂a0, for gain = r'ȳ/r'r with r = 1 − e^(−a0 t)."""
+    rise = -np.expm1(-a0 * level.time_s)
+    bent = level.time_s * (1 - rise)
+    square = float(rise @ rise)
+    return rise / square, float(bent @ (level.mean - 2 * gain * rise)) / square
 
 
 def convention(fit: Linear) -> str:
@@ -195,23 +145,16 @@ def white(fit: Linear, levels: Sequence[Level]) -> tuple[PooledIntervals, list[L
         M += jacobian @ jacobian.T
         cost, samples = cost + float(left @ left), samples + len(left)
     terms = 3 if len(levels) > 1 else 2
-    sd = np.sqrt(np.maximum(np.diag(scaled_inverse(M)) * cost / (samples - terms), 0)).tolist()
-    pooled = PooledIntervals(
-        *(around(getattr(fit, k), s, samples - terms) for k, s in zip(("a0", "b0", "c0"), sd, strict=True))
-    )
+    variance = np.maximum(np.diag(scaled_inverse(M)) * cost / (samples - terms), 0).tolist()
+    pooled = _pooled(fit, [(v, float(samples - terms)) for v in variance])
     rows = []
     for level, row in zip(levels, fit.per_level, strict=True):
-        decay = np.exp(-row.a0 * level.time_s)
-        J = np.stack([row.gain * level.time_s * decay, -np.expm1(-row.a0 * level.time_s)], axis=1)
-        left = level.mean - row.gain * J[:, 1]
+        J = own_terms(level, row.a0, row.gain)[0]
+        left = level.mean - J[:, 1]
         spare = len(left) - 2
-        covariance = scaled_inverse(J.T @ J) * float(left @ left) / spare
-        a0_sd, gain_sd = np.sqrt(np.diag(covariance)).tolist()
-        B = None
-        if row.B is not None:
-            g = np.array([-1 / row.a0, -1 / row.gain])
-            B = around(row.B, row.B * float(np.sqrt(g @ covariance @ g)), spare)
-        rows.append(LinearLevelIntervals(around(row.a0, a0_sd, spare), around(row.gain, gain_sd, spare), B))
+        logs = TO_LOG_B @ scaled_inverse(J.T @ J) @ TO_LOG_B.T * float(left @ left) / spare
+        each = zip((row.a0, row.gain, row.B), np.diag(logs).tolist(), strict=True)
+        rows.append(LinearLevelIntervals(*(None if x is None else interval_of(x, x * x * v, spare) for x, v in each)))
     return pooled, rows
 
 
@@ -223,21 +166,12 @@ def from_draws(
     B of the levels is that of zero-offset; the other conventions keep the linear way for B.
     """
     assert pooled is not None and own is not None
-    sd = np.sqrt(np.diag(pooled)).tolist()
-    gains = pooled_gain(stats.levels, fit.parameters)
-    ends = [
-        around(getattr(fit, name), s, degrees)
-        for name, s, (_, degrees) in zip(("a0", "b0", "c0"), sd, spreads(gains, stats), strict=True)
-    ]
-    found = PooledIntervals(ends[0], ends[1], ends[2] if len(stats.levels) > 1 else None)
-    rows = level_intervals(fit, stats)
+    count = 3 if len(stats.levels) > 1 else 2
+    degrees = [degrees for _, degrees in spreads(pooled_gain(stats.levels, fit.parameters), stats)]
+    found = _pooled(fit, list(zip(np.diag(pooled).tolist(), degrees, strict=True))[:count])
     if convention(fit) != "zero-offset":
-        return found, rows
+        return found, level_intervals(fit, stats)
     # a level's own few draws count as much as its runs; what all levels share counts for the rest
     variance = 0.25 * own + 0.75 * own.mean(axis=0) if stats.source == "repeats" else own
-    return found, [
-        LinearLevelIntervals(
-            *(_log(_value(row, name), float(v[k]), stats.total_degrees) for k, name in enumerate(("a0", "gain", "B")))
-        )
-        for row, v in zip(fit.per_level, variance, strict=True)
-    ]
+    df = np.full(3, stats.total_degrees)
+    return found, [_logs(row, v, df) for row, v in zip(fit.per_level, variance, strict=True)]

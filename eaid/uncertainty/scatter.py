@@ -16,7 +16,7 @@ from scipy.special import fdtrc
 
 from eaid.arrays import Array, median
 from eaid.uncertainty.run_statistics import RunStatistics
-from eaid.uncertainty.student_t import VarianceComponents
+from eaid.uncertainty.student_t import VarianceComponents, satterthwaite
 from eaid.uncertainty.sweeps import common_shifts
 
 Mask: TypeAlias = NDArray[np.bool_]
@@ -124,7 +124,7 @@ def pooled_scatter(levels: Sequence[RunStatistics], usable: Mask | None = None) 
         jumps.append(jump(relative, own))
     most = float(repeats.max() - 1)
     with np.errstate(divide="ignore", invalid="ignore"):
-        together = (variance + common) ** 2 / (variance**2 / degrees + common**2 / most)
+        together = satterthwaite((variance, common), (degrees, most))
     return PooledScatter(
         between=between,
         variance=variance + common,

@@ -1,9 +1,10 @@
-"""Other shapes for the step response of one level, fitted to its mean: stretched and three exponentials.
+"""Other shapes for the step response of one level, fitted to its mean.
 
 stretched           T_s (1 − e^(−(t/τ)^β))
+logarithm           A ln(1 + t/τ)
 three exponentials  Σ A_k (1 − e^(−t/τ_k)), A_k > 0
 
-Both in logarithms, by damped Gauss–Newton from starts about the level's two exponentials of Eq. (3).
+Their parameters in logarithms, by damped Gauss–Newton from starts about the level's two exponentials of Eq. (3).
 """
 
 from collections.abc import Callable
@@ -32,6 +33,13 @@ def stretched(theta: Array, time_s: Array) -> tuple[Array, Array]:
     return f, np.stack([f, -beta * bent, bent * np.where(a > 0, log_a, 0.0)], axis=-1)
 
 
+def logarithm(theta: Array, time_s: Array) -> tuple[Array, Array]:
+    """A ln(1 + t/τ), by (log A, log τ): it grows for ever, as a contact that ages may."""
+    size, tau = np.exp(theta).T[:, :, None]
+    f = size * np.log1p(time_s / tau)
+    return f, np.stack([f, -size * time_s / (tau + time_s)], axis=-1)
+
+
 def three_exponentials(theta: Array, time_s: Array) -> tuple[Array, Array]:
     """Σ A_k (1 − e^(−t/τ_k)), by (log A_1..3, log τ_1..3)."""
     size, tau = np.exp(theta[:, None, :3]), np.exp(theta[:, None, 3:])
@@ -44,6 +52,11 @@ def stretched_starts(curve: Friction) -> Array:
     """About the level's two exponentials, shape (2, 3)."""
     middle = curve.tau1 ** (curve.C) * curve.tau2 ** (1 - curve.C)
     return np.log([[curve.Ts, middle, beta] for beta in BETAS])
+
+
+def logarithm_starts(curve: Friction) -> Array:
+    """Through T_s at the level's τ2, shape (2, 2)."""
+    return np.log([[curve.Ts / np.log1p(curve.tau2 / tau), tau] for tau in (curve.tau1, curve.tau1 / 5)])
 
 
 def three_starts(curve: Friction) -> Array:

@@ -26,7 +26,7 @@ from eaid.results.uncertainty import ShareEstimate
 from eaid.steps.stepset import Level
 from eaid.uncertainty.level_statistics import LevelStatistics
 from eaid.uncertainty.levels import usable
-from eaid.uncertainty.student_t import t_quantile
+from eaid.uncertainty.student_t import satterthwaite, t_quantile
 
 Counts: TypeAlias = NDArray[np.int64]
 
@@ -255,7 +255,7 @@ def share_part(share: Share | None, stats: LevelStatistics, sensitivity: dict[st
     for level, theta, slope in zip(speaking, share.log_theta, share.slope, strict=True):
         i = next(i for i, one in enumerate(stats.levels) if one.level == level)
         own, more = stats.variance[i], (slope * share.sd) ** 2
-        degrees = (own + more) ** 2 / (own**2 / stats.degrees[i] + more**2 / share.degrees)
+        degrees = satterthwaite((own, more), (stats.degrees[i], share.degrees))
         reach = t_quantile(degrees) * np.sqrt(own + more)
         low, high = np.exp(theta - reach).tolist(), np.exp(theta + reach).tolist()
         ends = [pair if np.isfinite(pair).all() else None for pair in zip(low, high, strict=True)]

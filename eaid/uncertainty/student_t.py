@@ -1,5 +1,6 @@
-"""Quantiles of Student's t, and how many degrees of freedom a sum of variances has (Satterthwaite)."""
+"""Intervals by Student's t, and how many degrees of freedom a sum of variances has (Satterthwaite)."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TypeAlias, overload
 
@@ -7,9 +8,13 @@ import numpy as np
 from scipy.special import stdtrit
 
 from eaid.arrays import Array, median
+from eaid.results.common import Interval
 
 NOMINAL = 0.95
 """Coverage that every interval of eaid claims."""
+
+FARTHEST = 50.0
+"""Logarithm beyond which an end is none."""
 
 Degrees: TypeAlias = dict[str, "float | Array"]
 """Degrees of freedom by parameter; arrays have one entry a level."""
@@ -24,6 +29,27 @@ def t_quantile(degrees: float | Array, nominal: float = NOMINAL) -> float | Arra
     many = np.asarray(degrees, dtype=np.float64)
     t = np.where(many > 0, stdtrit(np.clip(many, 1e-3, 1e12), (1 + nominal) / 2), np.inf)
     return t if isinstance(degrees, np.ndarray) else float(t)
+
+
+def interval_of(value: float, variance: float, degrees: float) -> tuple[float, float]:
+    """value ± t √V."""
+    reach = t_quantile(degrees) * float(np.sqrt(variance))
+    return value - reach, value + reach
+
+
+def log_interval_of(value: float | None, variance: float, degrees: float) -> Interval:
+    """value · exp(±t √V), V of the logarithm; None of what is not above 0, or where the interval has no end."""
+    if value is None or value <= 0:
+        return None
+    reach = t_quantile(degrees) * float(np.sqrt(variance))
+    return (value * float(np.exp(-reach)), value * float(np.exp(reach))) if reach < FARTHEST else None
+
+
+def satterthwaite(parts: Sequence[Array | float], degrees: Sequence[Array | float]) -> Array:
+    """Degrees of freedom of the sum of independent variances: (Σ v)²/Σ(v²/ν), elementwise."""
+    spread = sum(np.square(v) / df for v, df in zip(parts, degrees, strict=True))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.asarray(np.square(sum(parts)) / spread)
 
 
 def middle(degrees: float | Array) -> float:

@@ -6,7 +6,7 @@ from eaid.models import nonlinear
 from eaid.models.parameters import REFERENCE_PLANT
 from eaid.results import codec
 from eaid.results.fit import Fit
-from eaid.uncertainty.draw import draw, draw_plants, drawable
+from eaid.uncertainty.draw import draw, drawable
 from eaid.uncertainty.joint import coefficients_of
 from eaid.uncertainty.student_t import t_quantile
 
@@ -30,13 +30,13 @@ def fit_json(sd: float | None) -> Fit:
 
 
 def test_same_seed_same_plants() -> None:
-    assert draw_plants(fit_json(0.02), 5, 1) == draw_plants(fit_json(0.02), 5, 1)
-    assert draw_plants(fit_json(0.02), 5, 1) != draw_plants(fit_json(0.02), 5, 2)
-    assert draw_plants(fit_json(0.02), 5, 1)[:3] == draw_plants(fit_json(0.02), 3, 1)
+    assert draw(fit_json(0.02), 5, 1).plants == draw(fit_json(0.02), 5, 1).plants
+    assert draw(fit_json(0.02), 5, 1).plants != draw(fit_json(0.02), 5, 2).plants
+    assert draw(fit_json(0.02), 5, 1).plants[:3] == draw(fit_json(0.02), 3, 1).plants
 
 
 def test_spread_is_the_covariance() -> None:
-    drawn = np.array([p.tau2 for p in draw_plants(fit_json(0.02), 2000, 0)])
+    drawn = np.array([p.tau2 for p in draw(fit_json(0.02), 2000, 0).plants])
     assert drawn.std(axis=0) == pytest.approx(0.02 * np.abs(P.tau2), rel=0.06)
     assert drawn.mean(axis=0) == pytest.approx(P.tau2, rel=0.01)
 
@@ -44,7 +44,7 @@ def test_spread_is_the_covariance() -> None:
 @pytest.mark.parametrize("sd", [0.05, 0.5, 5.0])
 def test_every_plant_keeps_the_constraints(sd: float) -> None:
     duty = np.linspace(*P.u_range, 101)
-    plants = draw_plants(fit_json(sd), 50, 3)
+    plants = draw(fit_json(sd), 50, 3).plants
     assert len({p.tau2 for p in plants}) == 50 or sd > 1  # what is far out ends at the same farthest curves
     for p in plants:
         tau1, tau2 = nonlinear.time_constants(p, duty)
@@ -55,7 +55,7 @@ def test_every_plant_keeps_the_constraints(sd: float) -> None:
 
 def test_a_minimal_fit_gives_the_plant_itself() -> None:
     minimal = fit_of({"tau1": list(P.tau1), "tau2": list(P.tau2), "Ts": list(P.Ts), "u_range": [10, 100]})
-    plants = draw_plants(minimal, 3, 0)
+    plants = draw(minimal, 3, 0).plants
     assert len(plants) == 3 and len(set(plants)) == 1
     assert not drawable(minimal) and drawable(fit_json(0.1))
 
@@ -66,7 +66,7 @@ def test_a_free_share_is_drawn_too_and_stays_a_share() -> None:
     matrix[:10, :10] = free["covariance"]["matrix"]
     matrix[10, 10] = 0.1**2
     free["covariance"] = {"matrix": matrix.tolist(), "order": ["…"] * 10 + ["C"]}
-    shares = [p.C for p in draw_plants(fit_of(free), 200, 0)]
+    shares = [p.C for p in draw(fit_of(free), 200, 0).plants]
     assert np.std(shares) == pytest.approx(0.08, abs=0.03) and min(shares) >= 0 and max(shares) <= 1
 
 
@@ -74,7 +74,7 @@ def test_a_broken_covariance_is_refused() -> None:
     broken = part_json(0.1)
     broken["covariance"]["matrix"] = [[1.0, 2.0]]
     with pytest.raises(DataError, match="expected 10 x 10"):
-        draw_plants(fit_of(broken), 1, 0)
+        draw(fit_of(broken), 1, 0).plants
 
 
 def test_tails_are_those_of_the_levels_own_intervals() -> None:

@@ -13,7 +13,7 @@ from eaid.models.parameters import Friction
 from eaid.results import codec
 from eaid.results.fit import Fit
 from eaid.steps.stepset import Level, StepSet
-from eaid.uncertainty.draw import draw_plants
+from eaid.uncertainty.draw import draw
 from eaid.uncertainty.intervals import METHODS, IntervalOptions, with_intervals
 from eaid.uncertainty.workflow import fit_steps
 
@@ -79,7 +79,7 @@ def test_same_input_same_bytes(made: StepSet, fitted: Any, body: Fit) -> None:
 
 def test_plants_are_drawn_from_what_is_kept(made: StepSet, fitted: Any) -> None:
     found = with_intervals(made, fitted, IntervalOptions(estimator="two-stage"))
-    plants = draw_plants(found, 400, 0)
+    plants = draw(found, 400, 0).plants
     at = 50.0 ** np.arange(4)
     values = np.array([np.array(p.Ts) @ at for p in plants])
     row = found.nonlinear.curves[4]
