@@ -14,7 +14,7 @@ from eaid.arrays import Array
 from eaid.fitting.data import Data
 from eaid.models import nonlinear
 from eaid.models.parameters import Nonlinear
-from eaid.results.fit import Disagreement
+from eaid.results.nonlinear import Disagreement
 from eaid.steps.stepset import Level
 from eaid.uncertainty.curve import powers
 from eaid.uncertainty.levels import log_jacobian

@@ -74,7 +74,7 @@ def test_a_broken_covariance_is_refused() -> None:
     broken = part_json(0.1)
     broken["covariance"]["matrix"] = [[1.0, 2.0]]
     with pytest.raises(DataError, match="expected 10 x 10"):
-        draw(fit_of(broken), 1, 0).plants
+        draw(fit_of(broken), 1, 0)
 
 
 def test_tails_are_those_of_the_levels_own_intervals() -> None:
