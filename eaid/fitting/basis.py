@@ -46,11 +46,6 @@ class Basis:
         return read_only(self.rows(self.u))
 
     @cached_property
-    def inverses(self) -> list[Array]:
-        """What takes T_s, τ1, τ2 of the levels to the coefficients nearest to them, three of shape (n_k, L)."""
-        return [np.asarray(np.linalg.pinv(self.M[k, :, part]), dtype=np.float64) for k, part in enumerate(self.slices)]
-
-    @cached_property
     def duties(self) -> Array:
         """Where the constraints hold, shape (101,)."""
         return np.linspace(self.lowest, self.highest, CHECKED_DUTIES if self.highest > self.lowest else 1)

@@ -1,7 +1,7 @@
 """Starts from all over: where curves scatter from run to run, the joint cost has minima that lie far apart in τ2(u).
 
 Every shape of τ2(u) through five values at the lowest, middle and highest level is tried, all of them together by a
-few damped Gauss–Newton steps on tabulated sums (`laplace`); the best that differ go on to the solver.
+few damped Gauss–Newton steps; the best that differ go on to the solver.
 """
 
 import itertools
@@ -13,7 +13,6 @@ from eaid.arrays import Array
 from eaid.fitting.basis import Basis
 from eaid.fitting.data import Data
 from eaid.fitting.descent import Look, descend, solved
-from eaid.fitting.laplace import Transforms, transforms
 from eaid.fitting.problem import Problem, bring_in
 from eaid.models.nonlinear import CHECKED_DUTIES
 from eaid.models.parameters import TAU_FLOOR_S
@@ -41,11 +40,10 @@ def broad_starts(x: Array, inner: Array, data: Data, basis: Basis, problem: Prob
     """
     if problem.floor == 0.0:
         return []
-    sums, M = transforms(data.points), basis.M
-    cost, found = steadied(slow_shapes(x, data, basis), sums, M, basis, data.weights)
+    cost, found = steadied(slow_shapes(x, data, basis), basis, looked_at(problem))
     least = 1e-9 * float(np.abs(data.points.y).max())  # rounding may take the cost below 0, and T_s may be 0
     wall = wall_of(x, max(float(cost.min()), problem.floor), least, basis, problem)
-    look = looked_at(sums, M, basis, data.weights, wall)
+    look = looked_at(problem, wall)
     for steps, most in SIEVE:
         best = np.argsort(cost, kind="stable")[:most]
         end = descend(look, found[best], steps, enough=0.0)
@@ -110,41 +108,26 @@ def slow_shapes(x: Array, data: Data, basis: Basis) -> Array:
     return shapes
 
 
-def looked_at(sums: Transforms, M: Array, basis: Basis, weights: Array, wall: Wall | None = None) -> Look:
-    """Cost (N,), gradient (N, n) and curvature (N, n, n) of N places; `wall` is added to the cost."""
-    flat = M.transpose(1, 0, 2)  # (L, 4, n)
-    chain = flat.reshape(-1, basis.size)
+def looked_at(problem: Problem, wall: Wall | None = None) -> Look:
+    """The problem's cost, gradient and curvature at N places, `wall` added to the cost."""
 
     def look(x: Array) -> tuple[Array, Array, Array]:
-        cost, gradient, curvature = sums.normal(thetas(x, M, basis))
-        slope = np.moveaxis(gradient * weights, 0, 2).reshape(len(x), -1) @ chain
-        H = chain.T @ ((curvature * weights[:, None, None]) @ flat).reshape(len(x), -1, basis.size)
+        cost, slope, H = (np.array(part) for part in zip(*map(problem.normal, x), strict=True))
         if wall is None:
-            return cost @ weights, slope, H
+            return cost, slope, H
         price, rise, bent = wall.price(x)
-        return cost @ weights + price, slope + rise, H + bent
+        return cost + price, slope + rise, H + bent
 
     return look
 
 
-def steadied(x: Array, sums: Transforms, M: Array, basis: Basis, weights: Array) -> tuple[Array, Array]:
+def steadied(x: Array, basis: Basis, look: Look) -> tuple[Array, Array]:
     """Cost (N,) and place (N, n) with T_s solved for: the cost is a parabola in it."""
     part = basis.slices[0]
-    theta = thetas(x, M, basis)
-    theta[0] = 1.0
-    _, gradient, curvature = sums.normal(theta)
-    square = 0.5 * curvature[..., 0, 0]  # φ'φ, and φ'y = φ'φ − (half the slope at T_s = 1)
-    along = square - 0.5 * gradient[0]
-    P = M[0][:, part]
-    normal = (P.T * (square * weights)[:, None, :]) @ P
-    right = (along * weights) @ P
+    cost, gradient, curvature = look(x)
+    normal, slope = curvature[:, part, part], gradient[:, part]
     trace = np.einsum("cnn->c", normal)[:, None, None] * np.eye(part.stop)
-    steady = solved(normal + 1e-12 * trace, right)
+    step = solved(normal + 1e-12 * trace, slope)
     x = x.copy()
-    x[:, part] = steady
-    return float(sums.squares @ weights) - (right * steady).sum(axis=1), x
-
-
-def thetas(x: Array, M: Array, basis: Basis) -> Array:
-    """θ of every level at N places, shape (4, N, L)."""
-    return np.moveaxis(basis.theta(x.T, M), 2, 1).copy()
+    x[:, part] -= step
+    return cost - 0.5 * (slope * step).sum(axis=1), x

@@ -27,6 +27,11 @@ class Data:
     """`together` after `to_pieces`, made while the means were in the cache."""
 
     @property
+    def unequal_weights(self) -> tuple[float, ...] | None:
+        """The levels' weights; None where all are alike."""
+        return None if (self.weights == 1).all() else tuple(self.weights.tolist())
+
+    @property
     def samples(self) -> int:
         """Samples of all mean curves together."""
         return sum(len(record.y) for record in self.records)

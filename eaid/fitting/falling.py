@@ -15,7 +15,7 @@ from eaid.fitting.levels import CLEAR, SAME, TRUST
 from eaid.fitting.problem import ROUNDING, Problem
 from eaid.fitting.samples import decay
 from eaid.fitting.solver import FINISHED, SETTLED, approach, concluded, ended, judged
-from eaid.fitting.starts import RECORDS, Indices, grid_bowls, grid_fits, start_grid
+from eaid.fitting.starts import RECORDS, Indices, grid_bowls, grid_fits, start_grid, tau_limits
 from eaid.models.parameters import TAU_FLOOR_S
 from eaid.results.common import Solver
 
@@ -131,10 +131,7 @@ def solve(data: Data, shares: Array, starts: Array) -> Solved:
 
     SLSQP ends the fit from the best of what they lead to; costs are of the full data.
     """
-    limit = RECORDS * data.longest_s
-    A = np.array([[1.0, 0.0], [-1.0, 1.0], [0.0, -1.0]])
-    b = np.array([np.log(TAU_FLOOR_S), 0.0, -np.log(limit)])
-    names = ("tau1-floor", "tau2-meets-tau1", "tau2-endless")
+    A, b, names = tau_limits(RECORDS * data.longest_s)
 
     def sums(x: Array) -> _Sums:
         return _projected(np.tile(x, (len(shares), 1)), data.points, shares)

@@ -10,7 +10,7 @@ from eaid.arrays import Array
 from eaid.fitting.compress import Points
 from eaid.fitting.data import Data
 from eaid.fitting.problem import ROUNDING, Problem
-from eaid.fitting.starts import start_grid
+from eaid.fitting.starts import start_grid, tau_limits
 
 GRID = 24
 """Time constants on the starting grid."""
@@ -20,27 +20,17 @@ CLOSE = 1e-9
 """Part of the product of two squared lengths below which two curves are one."""
 
 
-def free_problem(data: Data, least_s: float, most_s: float) -> Problem:
+def free_problem(data: Data, limit: float) -> Problem:
     """Eq. (3) for one level in x = (ln τ1, ln τ2) on the compressed points."""
-    points = data.points
-    A = np.array([[1.0, 0.0], [-1.0, 1.0], [0.0, -1.0]])
-    b = np.array([np.log(least_s), 0.0, -np.log(most_s)])
-    names = ("tau1-floor", "tau2-meets-tau1", "tau2-endless")
-    return Problem(lambda x: projected(x, points)[:3], A, b, names.__getitem__, floor=ROUNDING * data.energy)
+    A, b, names = tau_limits(limit)
+    floor = ROUNDING * data.energy
+    return Problem(lambda x: projected(x, data.points)[:3], A, b, names.__getitem__, floor=floor)
 
 
-def full_value(x: Array, data: Data) -> tuple[float, Array]:
-    """Cost and gradient over every sample."""
+def every_sample(x: Array, data: Data) -> tuple[float, Array, Array, Array]:
+    """`projected` of every sample of one level."""
     record = data.records[0]
-    return projected(x, Points(record.t_s[None], record.y[None], np.ones((1, len(record.y)))))[:2]
-
-
-def theta_of(x: Array, data: Data) -> Array:
-    """(T_s, τ1, τ2, C) on every sample, shape (4,)."""
-    record = data.records[0]
-    fast, slow = projected(x, Points(record.t_s[None], record.y[None], np.ones((1, len(record.y)))))[3]
-    whole = fast + slow
-    return np.array([whole, np.exp(x[0]), np.exp(x[1]), fast / whole if whole > 0 else 1.0])
+    return projected(x, Points(record.t_s[None], record.y[None], np.ones((1, len(record.y)))))
 
 
 def free_starts(data: Data) -> list[Array]:

@@ -9,11 +9,19 @@ from eaid.apparatus import Apparatus
 from eaid.arrays import Array
 from eaid.errors import DataError
 from eaid.findings import Finding, finding
+from eaid.fitting import metrics, robust, samples
+from eaid.fitting.data import Data
+from eaid.fitting.levels import fit_levels
+from eaid.fitting.options import FitOptions
 from eaid.fitting.solver import judged
 from eaid.fitting.trends import LEAST, Form, fit_trend
-from eaid.results.common import Solver
+from eaid.models import friction as model
+from eaid.models.parameters import SHARE, TAU_FLOOR_S
+from eaid.models.parameters import Friction as FrictionCurve
+from eaid.models.trends import evaluate
+from eaid.results.common import HoldOut, Huber, Solver
 from eaid.results.friction import Friction, FrictionLevel, Trend
-from eaid.steps.stepset import StepSet
+from eaid.steps.stepset import Level, StepSet
 
 PRESSURE_KPA: dict[str, float] = {"Pa": 1e-3, "kPa": 1.0, "MPa": 1e3, "bar": 100.0, "mbar": 0.1}
 """Units of an input that is a stress already."""
@@ -132,3 +140,51 @@ def refuse_empty(stepset: StepSet) -> None:
     """A set without a rising step cannot be fitted."""
     if not stepset.levels:
         raise DataError("no rising step was found in the logs; give «step_at», or check the input column")
+
+
+def fit_curves(data: Data, options: FitOptions) -> tuple[list[FrictionLevel], Huber | None]:
+    """The friction curve of each level, under the loss that was asked for; errors are of the data themselves."""
+    fits, huber = robust.minimise(
+        data,
+        options.loss,
+        lambda d: fit_levels(d, options.share),
+        lambda d, _: fit_levels(d, options.share),
+        curve_residuals,
+    )
+    rows = []
+    for one, record, r in zip(fits, data.records, curve_residuals(fits, data), strict=True):
+        sse = one.sse if huber is None and one.sse is not None else float(r @ r)
+        fit_pct, R2 = metrics.quality(sse, [record.y])
+        rmse = float(np.sqrt(sse / len(r)))
+        rows.append(msgspec.structs.replace(one, sse=sse, rmse=rmse, fit_pct=fit_pct, R2=R2))
+    return rows, huber
+
+
+def curve_residuals(fits: Sequence[FrictionLevel], on: Data) -> list[Array]:
+    """f − y of each level's own curve at every sample."""
+    return samples.residuals(np.array([[f.Ts, f.tau1, f.tau2, f.C] for f in fits]).T, on.records)
+
+
+def missed_levels(fits: Sequence[FrictionLevel], data: Data) -> list[float]:
+    """Levels whose own curve explains little of their output."""
+    pairs = zip(fits, data.records, curve_residuals(fits, data), strict=True)
+    return [one.level for one, record, r in pairs if metrics.explains_little([record.y], [r])]
+
+
+def friction_hold_out(part: Friction, stepset: StepSet, held: Sequence[Level]) -> HoldOut | None:
+    """Held-out levels against the curve whose T_s, τ1, τ2 the trends give; None where a trend is missing."""
+    if not held or not all(name in part.trends for name in ("Ts", "tau1", "tau2")):
+        return None
+    axis = trend_axis(stepset, np.array([one.level for one in held]))[1]
+    missed = []
+    for one, x in zip(held, axis, strict=True):
+        Ts, tau1, tau2 = (
+            float(evaluate(part.trends[k].form, part.trends[k].coefficients, np.array([x]))[0])
+            for k in ("Ts", "tau1", "tau2")
+        )
+        share = SHARE if part.C is None else part.C
+        curve = FrictionCurve(Ts, max(tau1, TAU_FLOOR_S), max(tau2, TAU_FLOOR_S), share)
+        missed.append(model.step_response(curve, one.time_s) - one.mean)
+    samples, sse = sum(f.samples or 0 for f in part.levels), sum(f.sse or 0.0 for f in part.levels)
+    fitted_rmse = float(np.sqrt(sse / samples))
+    return metrics.hold_out([one.level for one in held], [one.mean for one in held], missed, fitted_rmse)

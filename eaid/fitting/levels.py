@@ -1,7 +1,7 @@
 """The friction curve of one level, Eq. (3), fitted in (T_s, ln τ1, ln τ2); with C free see `free_share`."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,11 +9,11 @@ from numpy.typing import NDArray
 from eaid.arrays import Array
 from eaid.fitting.data import Data
 from eaid.fitting.descent import solved
-from eaid.fitting.free_share import free_problem, free_starts, full_value, theta_of
+from eaid.fitting.free_share import every_sample, free_problem, free_starts
 from eaid.fitting.kernel import by_log, log_curvature, log_products, weighted_shares
 from eaid.fitting.problem import ROUNDING, TINY, Problem
-from eaid.fitting.solver import SETTLED, EndPoint, judged, polish, slsqp
-from eaid.fitting.starts import RECORDS, STEPS, starting_curves, theta_at, within
+from eaid.fitting.solver import SETTLED, EndPoint, approach, concluded, ended, judged
+from eaid.fitting.starts import RECORDS, STEPS, starting_curves, tau_limits, theta_at, within
 from eaid.models.parameters import TAU_FLOOR_S
 from eaid.results.common import Solver
 from eaid.results.friction import FrictionLevel
@@ -38,42 +38,23 @@ def fit_level(data: Data, share: float | None, starts: Array | None = None) -> F
     """
     if share is None:
         limit = RECORDS_FREE * data.longest_s
-        problem = free_problem(data, TAU_FLOOR_S, limit)
-        begin = (
-            free_starts(data)
-            if starts is None
-            else [np.log(np.clip(pair, TAU_FLOOR_S, limit)) for pair in starts[1:3].T]
-        )
-        return _solved(data, problem, begin, lambda x: full_value(x, data), lambda x: theta_of(x, data))
-    limit = RECORDS * data.longest_s
-    problem = level_problem(data, share, limit)
-    if starts is None:
-        starts = starting_curves(data, share).theta
-    begin = [_unknowns(theta, limit) for theta in starts.T]
-    return _solved(data, problem, begin, lambda x: _full(x, data, share), lambda x: _theta(x, share))
+        problem = free_problem(data, limit)
+        begin = free_starts(data) if starts is None else [np.log(np.clip(x, TAU_FLOOR_S, limit)) for x in starts[1:3].T]
+        end, solver, _ = concluded(problem, _ends(problem, begin), lambda x: every_sample(x, data)[:2])
+        fast, slow = every_sample(end.x, data)[3]
+        theta = np.array([fast + slow, *np.exp(end.x), fast / (fast + slow) if fast + slow > 0 else 1.0])
+    else:
+        limit = RECORDS * data.longest_s
+        problem = level_problem(data, share, limit)
+        starts = starting_curves(data, share).theta if starts is None else starts
+        begin = [_unknowns(theta, limit) for theta in starts.T]
+        end, solver, _ = concluded(problem, _ends(problem, begin), lambda x: _full(x, data, share))
+        theta = _theta(end.x, share)
+    return _row(float(data.u[0]), [float(value) for value in theta], end.cost, data.samples, solver)
 
 
-def _solved(
-    data: Data,
-    problem: Problem,
-    begin: list[Array],
-    full: Callable[[Array], tuple[float, Array]],
-    theta_at: Callable[[Array], Array],
-) -> FrictionLevel:
-    costs = np.array([problem.value(x)[0] for x in begin])
-    # Starts that have reached the same cost lie in one bowl: the solver goes once into each.
-    ends: list[EndPoint] = []
-    for k in np.argsort(costs, kind="stable"):
-        if all(abs(costs[k] - end.cost) > SAME * costs[k] for end in ends):
-            ends.append(slsqp(problem, begin[k]))
-            costs[k] = ends[-1].cost
-    best = min(ends, key=lambda end: end.cost)
-    end, predicted, active = polish(problem, best, full)
-    evaluations = len(begin) + sum(e.evaluations for e in ends) + end.evaluations - best.evaluations
-    solver = judged(
-        predicted, evaluations, (costs + (end.cost - best.cost)).tolist(), [problem.names(i) for i in active]
-    )
-    return _row(float(data.u[0]), theta_at(end.x).tolist(), end.cost, data.samples, solver)
+def _ends(problem: Problem, begin: Sequence[Array]) -> list[EndPoint]:
+    return ended([approach(problem, x) for x in begin], problem)
 
 
 def _row(level: float, theta: Sequence[float], sse: float, samples: int, solver: Solver) -> FrictionLevel:
@@ -95,9 +76,9 @@ def level_problem(data: Data, share: float, limit: float) -> Problem:
     def exact(x: Array) -> Array:
         return np.asarray(log_curvature(_theta(x, share)[:, None], shares, points)[1][0])
 
-    A = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, -1.0, 1.0], [0.0, 0.0, -1.0]])
-    b = np.array([0.0, np.log(TAU_FLOOR_S), 0.0, -np.log(limit)])
-    names = ("Ts-zero", "tau1-floor", "tau2-meets-tau1", "tau2-endless")
+    rows, least, names = tau_limits(limit)
+    A = np.block([[np.eye(1, 3)], [np.zeros((len(rows), 1)), rows]])
+    b, names = np.append(0.0, least), ("Ts-zero", *names)
     return Problem(normal, A, b, names.__getitem__, exact, ROUNDING * data.energy)
 
 

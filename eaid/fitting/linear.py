@@ -6,24 +6,29 @@ Its step response is one exponential with τ = 1/a0 and the gain (b0 u + c0)/a0.
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import msgspec
 import numpy as np
 
 from eaid.arrays import Array
+from eaid.findings import Finding, finding
+from eaid.fitting import metrics, robust
 from eaid.fitting.data import Data
-from eaid.fitting.first_order import FirstOrder, fit_first_order
-from eaid.fitting.metrics import quality
-from eaid.fitting.options import CONVENTIONS
+from eaid.fitting.findings import linear_findings
+from eaid.fitting.first_order import FirstOrder, fit_first_order, fit_own_levels
+from eaid.fitting.options import CONVENTIONS, FitOptions
 from eaid.fitting.samples import decay
-from eaid.models.parameters import Linear
-from eaid.results.common import Solver
-from eaid.results.linear import Bounds, LinearLevel
+from eaid.models import linear as model
+from eaid.models.parameters import Linear as LinearModel
+from eaid.results.common import Huber, Solver
+from eaid.results.linear import Bounds, Linear, LinearLevel, Pooled
+from eaid.steps.stepset import Level
 
 
 @dataclass(frozen=True, eq=False)
 class LinearSolution:
     """The pooled fit of Eq. (8)."""
 
-    parameters: Linear
+    parameters: LinearModel
     cost: float
     solver: Solver
 
@@ -40,17 +45,19 @@ def fit_linear(data: Data) -> LinearSolution:
         found = fit_first_order(data, data.u[:, None] / middle)
         slope, offset = found.coefficients[0] / middle, 0.0
     a0 = 1.0 / found.tau
-    return LinearSolution(Linear(a0, float(a0 * slope), float(a0 * offset)), found.cost, found.solver)
+    return LinearSolution(LinearModel(a0, float(a0 * slope), float(a0 * offset)), found.cost, found.solver)
 
 
-def linear_residuals(p: Linear, data: Data) -> list[Array]:
+def linear_residuals(p: LinearModel, data: Data) -> list[Array]:
     """f − y at every sample of every level, shapes (n_l,)."""
     return [
         (p.b0 * u + p.c0) / p.a0 * (1 - decay(r, 1 / p.a0)) - r.y for u, r in zip(data.u, data.records, strict=True)
     ]
 
 
-def by_convention(data: Data, own: Sequence[FirstOrder], pooled: Linear, convention: str) -> tuple[LinearLevel, ...]:
+def by_convention(
+    data: Data, own: Sequence[FirstOrder], pooled: LinearModel, convention: str
+) -> tuple[LinearLevel, ...]:
     """b0, c0 and B of each level under one convention, specification 4.3."""
     rows = []
     for fit, u, record in zip(own, data.u.tolist(), data.records, strict=True):
@@ -64,7 +71,7 @@ def by_convention(data: Data, own: Sequence[FirstOrder], pooled: Linear, convent
             sse, converged = float(left @ left), True  # a linear solve
         b0 = (a0 * gain - c0) / u if u else 0.0
         B = 1 / b0 if b0 > 0 else None
-        fit_pct, R2 = quality(sse, [record.y])
+        fit_pct, R2 = metrics.quality(sse, [record.y])
         rmse = float(np.sqrt(sse / len(record.y)))
         rows.append(LinearLevel(u, a0, gain, b0, c0, B, rmse, sse, fit_pct, R2, converged))
     return tuple(rows)
@@ -81,3 +88,57 @@ def bounds_of(rows: Sequence[LinearLevel], convention: str, kept: Sequence[float
         min(known, default=None),
         max(known, default=None),
     )
+
+
+def linear_fit(
+    data: Data, options: FitOptions, held: Sequence[Level] = (), other: Data | Finding | None = None
+) -> tuple[Linear, list[Finding]]:
+    """The linear model, pooled and per level, with the bounds of B; under `other` weights the pooled model alone."""
+    one, left, huber = pooled_linear(data, options)
+    p = one.parameters
+    own = fit_own_levels(data)
+    rows = {name: by_convention(data, own, p, name) for name in CONVENTIONS}
+    bounds = {name: bounds_of(row, name, options.bounds_levels) for name, row in rows.items()}
+    missed = [model.step_response(p, level.time_s, level.level) - level.mean for level in held]
+    found = linear_findings(data, p, one.solver, rows[options.bounds], bounds[options.bounds])
+    found += robust.huber_findings("linear", huber)
+    if metrics.explains_little([record.y for record in data.records], left):
+        found.append(finding("model-explains-little", "linear", R2=one.R2, fit_pct=one.fit_pct))
+    linear = Linear.of(
+        one,
+        per_level=rows[options.bounds],
+        bounds=bounds[options.bounds],
+        conventions=bounds,
+        robust=huber,
+        hold_out=metrics.hold_out(
+            [level.level for level in held], [level.mean for level in held], missed, one.rmse or 0.0
+        ),
+        other_weights=pooled_linear(other, options)[0] if isinstance(other, Data) else None,
+    )
+    if isinstance(other, Finding):
+        found.append(msgspec.structs.replace(other, subject="linear"))
+    return linear, found
+
+
+def pooled_linear(data: Data, options: FitOptions) -> tuple[Pooled, list[Array], Huber | None]:
+    """Eq. (8) on all levels at once, under the loss that was asked for, with its residuals."""
+
+    def residuals(solved: LinearSolution, on: Data) -> list[Array]:
+        return linear_residuals(solved.parameters, on)
+
+    solved, huber = robust.minimise(data, options.loss, fit_linear, lambda d, _: fit_linear(d), residuals)
+    p, left, weights = solved.parameters, residuals(solved, data), data.unequal_weights
+    total = metrics.errors([record.y for record in data.records], left)
+    pooled = Pooled(
+        p.a0,
+        p.b0,
+        p.c0,
+        total.rmse,
+        total.sse,
+        total.fit_pct,
+        total.R2,
+        solved.solver,
+        weights="equal" if weights is None else "sd",
+        level_weights=weights,
+    )
+    return pooled, left, huber

@@ -165,6 +165,12 @@ def theta_at(x: Array, share: Array | float) -> Array:
     return theta
 
 
+def tau_limits(limit: float) -> tuple[Array, Array, tuple[str, ...]]:
+    """A, b and the codes of A x ≥ b for x = (ln τ1, ln τ2): τ1 ≥ 1 ms, τ2 ≥ τ1, τ2 ≤ `limit` [s]."""
+    A = np.array([[1.0, 0.0], [-1.0, 1.0], [0.0, -1.0]])
+    return A, np.array([np.log(TAU_FLOOR_S), 0.0, -np.log(limit)]), ("tau1-floor", "tau2-meets-tau1", "tau2-endless")
+
+
 def within(limit: float) -> Callable[[Array, Array], Array]:
     """x less a step in (T_s, ln τ1, ln τ2), (N, 3); T_s stays above 0, τ within 1 ms and `limit` [s], τ2 above τ1."""
     least, most = np.log(TAU_FLOOR_S), np.log(limit)

@@ -13,8 +13,8 @@ import numpy as np
 from eaid.arrays import Array
 from eaid.findings import Finding, finding
 from eaid.fitting.findings import nonlinear_findings
-from eaid.fitting.fit import estimate
 from eaid.fitting.metrics import explains_little
+from eaid.fitting.nonlinear import estimate
 from eaid.models import nonlinear
 from eaid.results.common import Interval, Solver, StartCost
 from eaid.results.friction import LevelIntervals

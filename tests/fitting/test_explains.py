@@ -5,7 +5,7 @@ import pytest
 
 from eaid.arrays import Array
 from eaid.fitting.data import Data
-from eaid.fitting.fit import curve_residuals
+from eaid.fitting.friction import curve_residuals
 from eaid.fitting.levels import fit_levels
 from eaid.fitting.metrics import explains_little
 from eaid.fitting.samples import Record

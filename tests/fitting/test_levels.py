@@ -68,7 +68,7 @@ def test_gradient_and_curvature_in_the_fit_s_own_unknowns() -> None:
 
 
 def test_gradient_and_curvature_with_the_share_free() -> None:
-    problem = free_problem(_data(TRUTH), 1e-3, 1e4)
+    problem = free_problem(_data(TRUTH), 1e4)
     x = np.log([0.3, 4.0])
     assert problem.value(x)[1] == pytest.approx(_by_differences(problem, x)[0], rel=1e-5)
     truth = np.log([TRUTH.tau1, TRUTH.tau2])  # nothing left: Gauss–Newton is exact

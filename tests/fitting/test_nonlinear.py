@@ -10,8 +10,8 @@ from eaid.fitting.basis import HELD, basis_of, constraints, held_at
 from eaid.fitting.broad import looked_at, slow_shapes, steadied
 from eaid.fitting.data import Data, data_of
 from eaid.fitting.descent import descend
-from eaid.fitting.laplace import transforms
-from eaid.fitting.nonlinear import alone, fit_nonlinear, nonlinear_problem, own_curves, polynomial_starts
+from eaid.fitting.nonlinear import fit_nonlinear, nonlinear_problem
+from eaid.fitting.own_curves import alone, own_curves, polynomial_starts
 from eaid.fitting.samples import Record
 from eaid.fitting.solver import approach
 from eaid.models.nonlinear import steady_torque, time_constants
@@ -77,15 +77,13 @@ def test_starts_are_feasible(clutch_set: Maker) -> None:
 def test_a_descent_goes_down_from_every_shape(clutch_set: Maker) -> None:
     data = data_of(clutch_set(duration_s=5.0, rate_hz=50.0, noise_nm=0.05).levels)
     basis = basis_of(data.u, 0.85)
-    sums, M = transforms(data.points), basis.rows(data.u)
-    before, shapes = steadied(
-        slow_shapes(basis.unknowns(REFERENCE_PLANT), data, basis)[:20], sums, M, basis, data.weights
-    )
-    end = descend(looked_at(sums, M, basis, data.weights), shapes, 4, enough=0.0)
+    problem = nonlinear_problem(data, basis)
+    before, shapes = steadied(slow_shapes(basis.unknowns(REFERENCE_PLANT), data, basis)[:20], basis, looked_at(problem))
+    assert before == pytest.approx([problem.value(x)[0] for x in shapes], rel=1e-6)
+    end = descend(looked_at(problem), shapes, 4, enough=0.0)
     after, ends = end.cost, end.x
     assert (after <= before).all() and np.median(after) < 0.9 * np.median(before)
-    problem = nonlinear_problem(data, basis)
-    assert after == pytest.approx([problem.value(x)[0] for x in ends], rel=1e-4)
+    assert after == pytest.approx([problem.value(x)[0] for x in ends], rel=1e-9)
     # T_s solved for: nothing is left of the gradient along it
     for x in shapes[:3]:
         cost, gradient = problem.value(x)
