@@ -14,7 +14,6 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy.stats import t as student
 
 from eaid.arrays import Array
 from eaid.models.parameters import Nonlinear
@@ -23,6 +22,7 @@ from eaid.recorded.intervals import PRIOR
 from eaid.recorded.problem import Setup
 from eaid.recorded.sequence import PARAMETERS, Holds, Limits, breaks_of, check, drive_of_sequence
 from eaid.uncertainty.noise import Noise
+from eaid.uncertainty.student_t import t_quantile
 
 DUTIES = 10
 """Duties at which the widths are wanted, from the lowest to the highest."""
@@ -111,15 +111,21 @@ class Judge:
 
     def engagements(self, sequence: Holds) -> int:
         """Stretches under load: as many as asked for, as the longest allows, and as the scatter between them needs."""
-        count = self.limits.engagements
+        count = self.least_engagements
         if self.limits.work_s > 0:
             count = max(count, int(np.ceil(sequence.time_s / self.limits.work_s)))
+        return min(count, len(sequence.hold_s))
+
+    @cached_property
+    def least_engagements(self) -> int:
+        """As many as asked for, and as the scatter between them needs."""
+        count = self.limits.engagements
         for name, scatter in zip(PARAMETERS, self.noise.scatter, strict=True):
             if scatter > 0 and name in self.wanted:
                 enough = 0.8 * self.wanted[name] / (100 * scatter)
-                while count < MOST_ENGAGEMENTS and float(student.ppf(0.975, count - 1 or 1)) / count**0.5 > enough:
+                while count < MOST_ENGAGEMENTS and t_quantile(count - 1 or 1) / count**0.5 > enough:
                     count += 1
-        return min(count, len(sequence.hold_s))
+        return count
 
     def whole(self, sequence: Holds) -> Holds:
         """The sequence with a rest before each engagement."""
@@ -130,13 +136,9 @@ class Judge:
 
     def half_widths(self, sequence: Holds) -> Array:
         """Half-widths of log T_s, log τ1, log τ2 at the duties [%], (3, DUTIES); infinite where nothing is known."""
-        whole = self.whole(sequence)
         one = self.model
-        drive = drive_of_sequence(whole, self.limits)
-        setup = Setup(one, (drive,))
-        assert one.basis is not None
-        x = np.append(one.basis.unknowns(self.p), 0.0)
-        J, r = setup.jacobian(x, 0)
+        drive = drive_of_sequence(self.whole(sequence), self.limits)
+        J, r = Setup(one, (drive,)).jacobian(self.unknowns, 0)
         T2 = r * r / np.maximum(drive.w[drive.w > 0], 1e-300)
         H = J.T @ J
         omega = (J * (self.noise.sensor_nm2_s + self.noise.ripple_s * T2)[:, None]).T @ J
@@ -146,20 +148,28 @@ class Judge:
         except np.linalg.LinAlgError:
             return np.full((3, DUTIES), np.inf)
         V = back @ omega @ back
-        a, b, c = one.sizes
-        duty = np.linspace(*self.limits.duty_pct, DUTIES)
-        rows = one.rows_of(duty)
-        t = float(student.ppf(0.975, PRIOR))
-        found = []
-        for row, first, count in ((rows.steady, 0, a), (rows.tau1, a, b), (rows.tau2, a + b, c)):
-            part = slice(first, first + count)
-            variance = np.einsum("di,ij,dj->d", row, V[part, part], row) / (row @ x[part]) ** 2
-            found.append(np.sqrt(np.maximum(variance, 0.0)))
-        half = np.array(found)
+        variance = np.einsum("kdi,ij,kdj->kd", self.slopes, V, self.slopes)
         count = self.engagements(sequence)
-        between = float(student.ppf(0.975, max(count - 1, 1))) * np.array(self.noise.scatter) / count**0.5
-        own = np.hypot(t * half, between[:, None])
+        between = t_quantile(max(count - 1, 1)) * np.array(self.noise.scatter) / count**0.5
+        own = np.hypot(t_quantile(PRIOR) * np.sqrt(np.maximum(variance, 0.0)), between[:, None])
         return np.asarray(100 * np.expm1(np.minimum(own, 50.0)))
+
+    @cached_property
+    def slopes(self) -> Array:
+        """Derivatives of log T_s, log τ1, log τ2 at the duties by the unknowns, (3, DUTIES, n)."""
+        rows, x = self.model.rows_of(np.linspace(*self.limits.duty_pct, DUTIES)), self.unknowns
+        found, first = np.zeros((3, DUTIES, len(x))), 0
+        for k, (row, count) in enumerate(zip((rows.steady, rows.tau1, rows.tau2), self.model.sizes, strict=True)):
+            part = slice(first, first + count)
+            found[k, :, part] = row / (row @ x[part])[:, None]
+            first += count
+        return found
+
+    @cached_property
+    def unknowns(self) -> Array:
+        """The plant's coefficients, and an idle output of 0."""
+        assert self.model.basis is not None
+        return np.append(self.model.basis.unknowns(self.p), 0.0)
 
     @cached_property
     def model(self) -> model.Model:

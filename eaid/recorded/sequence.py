@@ -68,30 +68,23 @@ def check(limits: Limits, wanted: Mapping[str, float]) -> None:
 def drive_of_sequence(whole: Holds, limits: Limits) -> Drive:
     """A sequence for the kernel: some instants of each hold, each with the time that it stands for as its weight."""
     changes = breaks_of(whole, limits)
-    starts = np.array([at for at, _ in changes[:-1]])
-    level = np.array([duty for _, duty in changes[:-1]])
-    hold = np.diff([at for at, _ in changes])
-    grid = (np.linspace(0, 1, BLOCKS + 1) ** 2)[None, :] * hold[:, None]
-    if limits.rate_pct_s > 0:  # a ramp's steps are short: one instant each
-        short = hold <= 1.5 * RAMP_S
-    else:
-        short = np.zeros(len(hold), dtype=bool)
-    times, weights, index = [], [], []
-    for k in range(len(hold)):
-        edges = np.array([0.0, hold[k]]) if short[k] else grid[k]
-        middle = 0.5 * (edges[1:] + edges[:-1])
-        times += [starts[k], *(starts[k] + middle)]
-        weights += [0.0, *np.diff(edges)]
-        index += [k] * (len(middle) + 1)
-    t = np.array(times)
+    starts, level = np.array(changes[:-1]).T
+    hold = np.diff(np.append(starts, changes[-1][0]))
+    count = np.where((limits.rate_pct_s > 0) & (hold <= 1.5 * RAMP_S), 1, BLOCKS)  # a ramp's steps are short
+    of = np.repeat(np.arange(len(hold)), count)
+    place = np.arange(len(of)) - np.repeat(np.cumsum(count) - count, count)
+    edges = [(k / count[of]) ** 2 * hold[of] for k in (place, place + 1)]
+    middle, weight = 0.5 * (edges[0] + edges[1]), edges[1] - edges[0]
+    t = np.concatenate([starts, starts[of] + middle])
+    order = np.argsort(t, kind="stable")
     duty, at = np.unique(level, return_inverse=True)
     return Drive(
-        np.append(np.diff(t), 0.0),
-        at[np.array(index)].astype(np.int64),
+        np.append(np.diff(t[order]), 0.0),
+        at[np.concatenate([np.arange(len(hold)), of])[order]].astype(np.int64),
         duty,
         np.ones(len(t), dtype=np.int64),
         np.zeros(len(t)),
-        np.array(weights),
+        np.concatenate([np.zeros(len(hold)), weight])[order],
         False,
         True,
     )

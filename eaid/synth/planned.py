@@ -12,8 +12,9 @@ from eaid.recorded.fit import fit_recorded
 from eaid.recorded.options import RecordedOptions
 from eaid.recorded.sequence import PARAMETERS
 from eaid.results.nonlinear import Nonlinear as Nonlinear_
-from eaid.synth.disturbance import NONE, Disturbance
-from eaid.synth.logs import Protocol, synthesise_input
+from eaid.synth.disturbance import NONE, Disturbance, sample_times, scatter
+from eaid.synth.disturbance import measured as measured_torque
+from eaid.synth.logs import response
 from eaid.synth.plants import clutch
 from eaid.uncertainty.noise import Noise
 
@@ -22,9 +23,13 @@ MEMORY_S = 0.05
 
 
 def disturbance_of(noise: Noise, rate_hz: float = RATE_HZ, memory_s: float = MEMORY_S) -> Disturbance:
-    """White and coloured noise of these densities."""
+    """White and coloured noise of these densities, and the scatter, here between engagements."""
+    gain, tau1, tau2 = noise.scatter
     return replace(
         NONE,
+        gain_scatter=min(gain, 0.3),
+        tau1_scatter=tau1,
+        tau2_scatter=tau2,
         white_nm=(noise.sensor_nm2_s * rate_hz) ** 0.5,
         coloured=(noise.ripple_s / (2 * memory_s)) ** 0.5,
         coloured_s=memory_s,
@@ -32,9 +37,18 @@ def disturbance_of(noise: Noise, rate_hz: float = RATE_HZ, memory_s: float = MEM
 
 
 def recording(found: ExcitationPlan, p: Nonlinear, noise: Disturbance, seed: int, rate_hz: float = RATE_HZ) -> Run:
-    """One log of the sequence."""
-    timing = Protocol((1.0,), 1, 0.0, found.time_s, 0.0, rate_hz)
-    return synthesise_input(clutch(p), found.breaks[:-1], timing, noise, seed)[0]
+    """One log of the sequence; each engagement, from its rest on, has a scatter of its own."""
+    draw, plant, changes = np.random.default_rng(seed), clutch(p), found.breaks[:-1]
+    time_s = sample_times(found.time_s, rate_hz, 0.0, draw)
+    start, duty = np.array(changes).T
+    held = np.searchsorted(start, time_s, side="right") - 1
+    engagement = np.cumsum(duty == 0)[held]
+    torque = np.empty_like(time_s)
+    for one in np.unique(engagement):
+        own = engagement == one
+        torque[own] = response(plant, changes, time_s, scatter(noise, draw))[own]
+    seen = measured_torque(torque, time_s, np.zeros_like(time_s), noise, draw)
+    return Run("planned", time_s, duty[held], seen, "%", "N·m", "eaid synth", "")
 
 
 def measured(

@@ -7,7 +7,7 @@ from eaid.errors import UsageError
 from eaid.models.parameters import REFERENCE_PLANT
 from eaid.recorded.design import Judge, plan_excitation
 from eaid.recorded.sequence import Limits
-from eaid.synth.planned import disturbance_of, measured
+from eaid.synth.planned import disturbance_of, measured, recording
 from eaid.uncertainty.noise import Noise
 
 NOISE = Noise(1.8e-7, 6e-5, (0.0, 0.0, 0.0))
@@ -48,6 +48,24 @@ def test_scatter_between_engagements_asks_for_more_of_them() -> None:
     few = Judge(REFERENCE_PLANT, NOISE, {"Ts": 3.0}, Limits()).engagements(start)
     many = Judge(REFERENCE_PLANT, Noise(1.8e-7, 6e-5, (0.03, 0.0, 0.0)), {"Ts": 3.0}, Limits()).engagements(start)
     assert few == 4 < many
+
+
+def test_simulated_recordings_scatter_from_engagement_to_engagement() -> None:
+    """The gain of each engagement is its own, and the widths of a fit hold it."""
+    calm, wild = (Noise(1.8e-7, 6e-5, (scatter, 0.0, 0.0)) for scatter in (0.0, 0.03))
+    found = plan_excitation(REFERENCE_PLANT, wild, {"Ts": 4.0, "tau1": 8.0})
+    assert found.engagements > 4
+    gains = []
+    for seed in range(3):
+        run, same = (recording(found, REFERENCE_PLANT, disturbance_of(noise), seed) for noise in (wild, calm))
+        starts = np.flatnonzero((run.input[1:] > 0) & (run.input[:-1] == 0))
+        for first, last in zip(starts, [*starts[1:], len(run.input)], strict=True):
+            part = slice(first, last)
+            gains.append(float(run.output[part] @ same.output[part] / (same.output[part] @ same.output[part])))
+    assert np.std(gains) == pytest.approx(0.03, rel=0.4)
+    widths = [np.median([row["Ts"] for row in measured(found, REFERENCE_PLANT, disturbance_of(noise), 5)])
+              for noise in (calm, wild)]  # fmt: skip
+    assert widths[1] > 1.5 * widths[0]
 
 
 def test_limits_that_mean_nothing_are_refused() -> None:
