@@ -7,10 +7,13 @@ No time stamps, names in order: the same runs give the same bytes.
 import dataclasses
 import hashlib
 import math
-from collections.abc import Mapping, Sequence
+import re
+from collections.abc import Callable, Mapping, MutableMapping, Sequence
 from pathlib import Path
 from typing import Any
+from weakref import WeakValueDictionary
 
+import h5py
 import msgspec
 import numpy as np
 
@@ -19,28 +22,16 @@ from eaid.arrays import Array, read_only
 from eaid.errors import DataError
 from eaid.files import hdf5_written_whole
 from eaid.findings import Finding
-from eaid.logs.digest import check_digest, digest_of
-from eaid.logs.hdf import open_hdf5
+from eaid.logs.hdf import digest_of, open_hdf5, text
 from eaid.logs.run import INPUT_UNITS, Kind, Run
-from eaid.logs.walk import Item, root_of, walk
 from eaid.version import __version__
 
 SCHEMA = "eaid/data/1"
 COLUMNS = ("time_s", "input", "torque_nm")
+MORE = ("reference_nm", "position")
+"""Columns that not every run has."""
 LARGEST_START_S = 1e6
 """First time beyond which a run is counted from its own start [s]."""
-
-
-def is_dataset(path: Path) -> bool:
-    """True for an HDF5 file that says it is a dataset of eaid, of any version; raises DataError where it is damaged.
-
-    One that is sealed and holds runs is a dataset whatever its schema: a changed letter there makes it no plain log.
-    """
-    with open_hdf5(path, str(path)) as file:
-        root = root_of(file)
-        if _text(root.fact("schema")).startswith("eaid/data/"):
-            return True
-        return root.fact("digest") is not None and "runs" in file
 
 
 def write_dataset(
@@ -68,7 +59,7 @@ def write_dataset(
         folder = file.create_group("runs")
         for run in runs:
             _write_run(folder, run)
-        file.attrs["digest"] = digest_of(walk(file))
+        file.attrs["digest"] = digest_of(file)
 
 
 def _write_run(folder: Any, run: Run) -> None:
@@ -97,139 +88,147 @@ def _write_run(folder: Any, run: Run) -> None:
         group.attrs["findings"] = msgspec.json.encode(run.findings).decode()
 
 
-def read_dataset(path: Path, source: str, sha256: str) -> tuple[list[Run], list[str]]:
-    """Runs of a data.h5, in the order of their names, and what is wrong with the others, a sentence each."""
+class _Facts(msgspec.Struct):
+    """Attributes of a run, all of which may be missing."""
+
+    level: float | None = None
+    repeat: int | None = None
+    step_s: float | None = None
+    until_s: float | None = None
+    baseline_nm: float | None = None
+    before_nm: float | None = None
+    from_level: float | None = None
+    start_s: float | None = None
+    rest_s: float | None = None
+    rest_moved: float | None = None
+    position_unit: str = ""
+    edge: str | None = None
+    source: str = ""
+    sha256: str = ""
+    findings: str = "[]"
+
+    def __post_init__(self) -> None:
+        for field in self.__struct_fields__:
+            value = getattr(self, field)
+            if isinstance(value, float) and not math.isfinite(value):
+                setattr(self, field, None)
+
+
+def read_dataset(
+    path: Path, source: str, sha256: str, each: Callable[[Run], Run] = lambda run: run
+) -> tuple[list[Run], list[str]]:
+    """Runs of a data.h5, in the order of their names, and what is wrong with the others, a sentence each.
+
+    `each` is applied to every run before the next is read: what it shortens never lies in memory all at once.
+    """
     with open_hdf5(path, source) as file:
-        items = {item.name: item for item in walk(file, source)}
-        root = items[""].facts
-        schema = _text(root.get("schema", ""))
+        root = dict(file.attrs.items())
+        schema = text(root.get("schema", ""))
         if schema != SCHEMA:
             raise DataError(
                 f"{source}: its schema is {schema!r}, and this eaid reads {SCHEMA!r}; ingest the logs again"
             )
-        check_digest(list(items.values()), source, "ingest the logs again")
-        kind = _text(root.get("kind", "clutch"))
+        kind = text(root.get("kind", "clutch"))
         if kind not in INPUT_UNITS:
             raise DataError(f"{source}: its kind is {kind!r}; it must be one of {', '.join(INPUT_UNITS)}")
-        names = [name[5:] for name in items if name.startswith("runs/") and "/" not in name[5:]]
+        names = sorted(file["runs"]) if isinstance(file.get("runs"), h5py.Group) else []
         if not names:
             raise DataError(f"{source}: holds no runs; ingest the logs again")
-        synthetic = root.get("synthetic")
         shared: dict[str, Any] = {
             "kind": kind,
-            "input_unit": _text(root.get("input_unit", INPUT_UNITS[kind])),
-            "output_unit": _text(root.get("output_unit", "N·m")),
+            "input_unit": text(root.get("input_unit", INPUT_UNITS[kind])),
+            "output_unit": text(root.get("output_unit", "N·m")),
             "apparatus": _apparatus(root, source),
-            "synthetic": None if synthetic is None else _text(synthetic),
+            "synthetic": text(root["synthetic"]) if "synthetic" in root else None,
             "dataset": source,
         }
-        known: dict[bytes, Array] = {}
+        known: WeakValueDictionary[bytes, Array] = WeakValueDictionary()
         runs: list[Run] = []
         faults: list[str] = []
         for name in names:
             try:
-                runs.append(_read_run(items, name, sha256, known, shared))
+                runs.append(each(_read_run(file["runs"][name], name, sha256, known, shared)))
             except DataError as fault:
                 faults.extend(fault.sentences)
         return runs, faults
 
 
-def _text(value: Any) -> str:
-    return value.decode("utf-8", errors="replace") if isinstance(value, bytes) else str(value)
+def _plain(value: Any) -> Any:
+    """An attribute as Python has it."""
+    if isinstance(value, np.generic) or (isinstance(value, np.ndarray) and value.size == 1):
+        value = value.item()
+    return text(value) if isinstance(value, bytes) else value
 
 
-def _apparatus(attributes: Any, source: str) -> Apparatus | None:
+def _apparatus(attributes: Mapping[str, Any], source: str) -> Apparatus | None:
     """The rig of a dataset: one attribute a field, or all as JSON in one attribute `apparatus`."""
     said: dict[str, Any] = {}
     if "apparatus" in attributes:
         try:
-            said = dict(msgspec.json.decode(_text(attributes["apparatus"])))
-        except (msgspec.MsgspecError, ValueError, TypeError):
+            said = msgspec.json.decode(text(attributes["apparatus"]), type=dict[str, Any])
+        except (msgspec.MsgspecError, ValueError):
             raise DataError(f"{source}: its apparatus is not a JSON object; ingest the logs again") from None
-    fields = {field.name: field.type for field in dataclasses.fields(Apparatus)}
-    said |= {name: attributes[name] for name in fields if name in attributes}
-    known = {name: value for name, value in said.items() if name in fields}
-    if not known:
-        return None
+    names = {field.name for field in dataclasses.fields(Apparatus)}
+    said = {name: _plain(value) for name, value in {**said, **attributes}.items() if name in names}
     try:
-        numbers: dict[str, Any] = {k: int(v) if k == "surfaces" else float(v) for k, v in known.items()}
-        return Apparatus(**numbers)
-    except (TypeError, ValueError):
+        return msgspec.convert(said, Apparatus, strict=False) if said else None
+    except msgspec.ValidationError:
         raise DataError(f"{source}: its apparatus holds what is no number; ingest the logs again") from None
 
 
-def _column(item: Item, known: dict[bytes, Array]) -> Array:
-    """A column of a run; repeats that have one time axis share it in memory."""
-    assert item.values is not None
-    values = read_only(item.values)
-    return known.setdefault(hashlib.sha256(values.data).digest(), values)
-
-
 def _read_run(
-    items: Mapping[str, Item], name: str, sha256: str, known: dict[bytes, Array], shared: dict[str, Any]
+    group: h5py.Group, name: str, sha256: str, known: MutableMapping[bytes, Array], shared: dict[str, Any]
 ) -> Run:
-    source = shared["dataset"]
-    stored = {column: items.get(f"runs/{name}/{column}") for column in (*COLUMNS, "reference_nm", "position")}
-    held = {column: item for column, item in stored.items() if item is not None and item.values is not None}
-    missing = [column for column in COLUMNS if column not in held]
-    if missing:
-        raise DataError(f"{source}: run {name} has no {' and no '.join(missing)}; ingest the logs again")
+    """One run. Columns that runs have in common (`known`, by their SHA-256) are shared in memory."""
+    where = f"{shared['dataset']}: run {name}"
     try:
-        columns = {column: _column(item, known) for column, item in held.items()}
+        columns = {column: read_only(group[column][()]) for column in (*COLUMNS, *MORE) if column in group}
+        said = {key: _plain(value) for key, value in group.attrs.items()}
     except (OSError, RuntimeError, ValueError, TypeError):
-        raise DataError(f"{source}: run {name} is damaged and cannot be read; ingest the logs again") from None
-    shapes = {values.shape for values in columns.values()}
-    if len(shapes) > 1 or len(next(iter(shapes))) != 1:
-        raise DataError(f"{source}: run {name} has columns of different shape; ingest the logs again")
-    said = items[f"runs/{name}"].facts
-
-    def amount(key: str) -> float | None:
-        if key not in said:
-            return None
-        try:
-            value = float(said[key])
-        except (TypeError, ValueError):
-            raise DataError(f"{source}: run {name}: its {key} is no number; ingest the logs again") from None
-        return value if math.isfinite(value) else None
+        raise DataError(f"{where} is damaged and cannot be read; ingest the logs again") from None
+    missing = [column for column in COLUMNS if column not in columns]
+    if missing:
+        raise DataError(f"{where} has no {' and no '.join(missing)}; ingest the logs again")
+    if len({values.shape for values in columns.values()}) > 1 or columns["time_s"].ndim != 1:
+        raise DataError(f"{where} has columns of different shape; ingest the logs again")
+    for column in ("time_s", "input"):
+        digest = hashlib.sha256(columns[column].data).digest()
+        columns[column] = known.setdefault(digest, columns[column])
+    try:
+        facts = msgspec.convert(said, _Facts, strict=False)
+        findings = msgspec.json.decode(facts.findings, type=tuple[Finding, ...])
+    except msgspec.MsgspecError as fault:
+        found = re.search(r"`\$\.(\w+)`$", str(fault))
+        what = f"its {found[1]} is no number" if found else "its findings cannot be read"
+        raise DataError(f"{where}: {what}; ingest the logs again") from None
 
     time_s, first = columns["time_s"], float(columns["time_s"][0]) if len(columns["time_s"]) else 0.0
     if abs(first) > LARGEST_START_S:  # a dataset of a script, on a clock since 1970
         time_s = read_only(time_s - first)
     else:
         first = 0.0
-
-    def since(key: str) -> float | None:
-        at = amount(key)
-        return None if at is None else at - first
-
-    repeat = amount("repeat")
-    edge = _text(said.get("edge", "rising"))
-    try:
-        findings = msgspec.json.decode(_text(said.get("findings", "[]")), type=tuple[Finding, ...])
-    except msgspec.MsgspecError:
-        raise DataError(f"{source}: run {name}: its findings cannot be read; ingest the logs again") from None
     return Run(
         name=name,
         time_s=time_s,
         input=columns["input"],
         output=columns["torque_nm"],
-        source=_text(said.get("source", source)),
-        sha256=_text(said.get("sha256", sha256)),
-        level=amount("level"),
-        repeat=None if repeat is None else int(repeat),
-        step_s=since("step_s"),
-        until_s=since("until_s"),
-        baseline=amount("baseline_nm"),
-        edge="falling" if edge == "falling" else "rising",
+        source=facts.source or shared["dataset"],
+        sha256=facts.sha256 or sha256,
+        level=facts.level,
+        repeat=facts.repeat,
+        step_s=None if facts.step_s is None else facts.step_s - first,
+        until_s=None if facts.until_s is None else facts.until_s - first,
+        baseline=facts.baseline_nm,
+        edge="falling" if facts.edge == "falling" else "rising",
         reference_nm=columns.get("reference_nm"),
         position=columns.get("position"),
-        position_unit=_text(said.get("position_unit", "")),
+        position_unit=facts.position_unit,
         findings=findings,
-        start_s=(amount("start_s") or 0.0) + first,
-        from_level=amount("from_level") or 0.0,
-        held=amount("before_nm"),
-        rest_s=amount("rest_s"),
-        rest_moved=amount("rest_moved") or 0.0,
-        cut="edge" in said,
+        start_s=(facts.start_s or 0.0) + first,
+        from_level=facts.from_level or 0.0,
+        held=facts.before_nm,
+        rest_s=facts.rest_s,
+        rest_moved=facts.rest_moved or 0.0,
+        cut=facts.edge is not None,
         **shared,
     )

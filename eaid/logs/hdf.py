@@ -1,23 +1,29 @@
-"""HDF5 files of eaid's own (data.h5, replay.h5): opened in this process only where they are what eaid wrote.
+"""HDF5 files of eaid's own (data.h5, replay.h5): opened in this process only where they hold what eaid wrote.
 
-Any other is read to its end by the isolated reader first: the HDF5 library goes round for ever on some damaged files,
-and ends the process on others.
+One that carries eaid's seal does, to the byte. Any other, such as one that h5py changed since, is read to its end by
+the isolated reader first (the HDF5 library goes round for ever on some damaged files, and ends the process on others),
+and is held to its digest: SHA-256 of all attributes, shapes and values.
 """
 
 import contextlib
+import hashlib
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
+
+import h5py
+import numpy as np
 
 from eaid.errors import DataError
 from eaid.files import is_as_written
 
 
 @contextlib.contextmanager
-def open_hdf5(path: Path, source: str) -> Iterator[Any]:
-    """The file, open for reading; raises DataError where it, or what is read of it in the block, is damaged."""
-    import h5py
+def open_hdf5(path: Path, source: str) -> Iterator[h5py.File]:
+    """The file, open for reading; raises DataError where it, or what is read of it in the block, is damaged.
 
+    One without a seal or a digest is taken as it is.
+    """
     as_written = is_as_written(path)
     if as_written is False:
         raise DataError(f"{source}: is a damaged HDF5 file (not the bytes that eaid wrote); copy it again")
@@ -28,9 +34,63 @@ def open_hdf5(path: Path, source: str) -> Iterator[Any]:
             foreign.check(path, source)
     try:
         with h5py.File(path, "r", locking=False) as file:
+            if as_written is None and "digest" in file.attrs and text(file.attrs["digest"]) != digest_of(file):
+                raise DataError(
+                    f"{source}: is damaged, or was changed after eaid wrote it; make it again, or delete the attribute "
+                    f"digest if the change is yours"
+                )
             yield file
     except DataError:
         raise
     except Exception as fault:  # what h5py raises on bytes that it did not expect has no common type
         reason = " ".join(str(fault).split())[:120].rstrip(".") or type(fault).__name__
         raise DataError(f"{source}: is a damaged HDF5 file ({reason}); copy or save it again") from None
+
+
+def digest_of(file: h5py.File) -> str:
+    """SHA-256 of all attributes, shapes and values, one object after the other; the attribute `digest` is left out."""
+    seen = hashlib.sha256()
+    for name, node in (("/", file), *nodes(file)):
+        held = isinstance(node, h5py.Dataset) and node.shape is not None
+        facts = sorted((key, text(value)) for key, value in node.attrs.items() if key != "digest")
+        seen.update(repr((name, node.shape if held else None, facts)).encode("utf-8", errors="replace"))
+        if held:
+            values = np.asarray(node[()])
+            seen.update(str(values.dtype).encode())
+            plain = values.dtype.kind in "fiub"
+            seen.update(np.ascontiguousarray(values).data if plain else repr(values.tolist()).encode())
+    return f"values:{seen.hexdigest()}"
+
+
+def nodes(file: h5py.File, source: str = "") -> Iterator[tuple[str, Any]]:
+    """Every object below the root under its path, by name; raises DataError where one lies in another file.
+
+    Groups are opened one from the other, not each from the root: thousands of nested ones take no time. None stays
+    open: thousands of them take half a gigabyte.
+    """
+    known = {h5py.h5o.get_info(file.id).addr}
+    waiting: list[tuple[str, h5py.Group, list[str]]] = [("", file, sorted(file, reverse=True))]
+    while waiting:
+        path, group, keys = waiting[-1]
+        if not keys:
+            waiting.pop()
+            continue
+        key = keys.pop()
+        name = f"{path}/{key}" if path else key
+        if isinstance(group.get(key, getlink=True), h5py.ExternalLink):
+            raise DataError(f"{source}: {name} is a link to another file; copy the data into this one")
+        try:
+            node = group[key]
+        except KeyError:
+            continue  # a link to nothing
+        if isinstance(node, h5py.Dataset) and (node.is_virtual or node.external):
+            raise DataError(f"{source}: {name} keeps its data in another file; copy the data into this one")
+        yield name, node
+        if isinstance(node, h5py.Group) and (address := h5py.h5o.get_info(node.id).addr) not in known:
+            known.add(address)
+            waiting.append((name, node, sorted(node, reverse=True)))
+
+
+def text(value: Any) -> str:
+    """An attribute as text."""
+    return value.decode("utf-8", errors="replace") if isinstance(value, bytes) else str(value)

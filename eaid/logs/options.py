@@ -3,7 +3,7 @@
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
-from eaid.logs.run import Kind
+from eaid.logs.run import Kind, Run
 
 
 @dataclass(frozen=True)
@@ -29,5 +29,7 @@ class ReadOptions:
     """Sample rate of logs without a time column [Hz]."""
     tell: Callable[[str, float], None] = lambda _source, _share: None
     """Hears how much of a long log is read, from 0 to 1."""
+    each: Callable[[Run], Run] = lambda run: run
+    """Applied to every run of a dataset before the next is read, so that long ones need not lie in memory together."""
     join: bool = False
     """All logs of the call are one run, cut by the logger: join them by time."""

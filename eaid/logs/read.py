@@ -16,7 +16,7 @@ from eaid.files import is_as_written, sha256_of
 from eaid.findings import finding
 from eaid.logs.checks import checked
 from eaid.logs.columns import ROLES
-from eaid.logs.dataset import is_dataset, read_dataset
+from eaid.logs.dataset import read_dataset
 from eaid.logs.folders import files_of
 from eaid.logs.foreign.ask import ForeignReader
 from eaid.logs.formats import format_of, unread
@@ -137,31 +137,17 @@ def read_file(
     if not form.reader:
         return [run_of(origin, read_text(path, source, partial(options.tell, source)), options, pattern)], []
     with foreign.alone:
-        if form.reader == "hdf5" and _is_dataset(path, source, foreign):
-            return _of_dataset(path, source, sha256, options)
+        if form.reader == "hdf5" and (
+            is_as_written(path) is not None or foreign.tables("is_dataset", "", "HDF5", path, source)
+        ):
+            return read_dataset(path, source, sha256, partial(_of_dataset, options))
         tables = foreign.tables(form.reader, form.library, form.name, path, source)
         return [run_of(origin, tables, options, pattern)], []
 
 
-def _is_dataset(path: Path, source: str, foreign: ForeignReader) -> bool:
-    """Whether an HDF5 file is a dataset of eaid; asked of the isolated reader where eaid did not write its bytes."""
-    return (
-        is_dataset(path)
-        if is_as_written(path) is not None
-        else bool(foreign.tables("is_dataset", "", "HDF5", path, source))
-    )
-
-
-def _of_dataset(path: Path, source: str, sha256: str, options: ReadOptions) -> tuple[list[Run], list[str]]:
-    runs, faults = read_dataset(path, source, sha256)
-    good = []
-    for run in runs:
-        try:
-            _check_level(run)
-            good.append(_checked_run(run, options))
-        except DataError as fault:
-            faults.extend(fault.sentences)
-    return good, faults
+def _of_dataset(options: ReadOptions, run: Run) -> Run:
+    _check_level(run)
+    return options.each(_checked_run(run, options))
 
 
 def _checked_run(run: Run, options: ReadOptions) -> Run:

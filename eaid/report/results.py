@@ -16,7 +16,7 @@ from eaid.findings import Finding, say
 from eaid.logs.hdf import open_hdf5
 from eaid.logs.options import ReadOptions
 from eaid.logs.read import read_runs
-from eaid.logs.walk import root_of
+from eaid.logs.run import Run
 from eaid.replay import files as replay_files
 from eaid.replay.controllers import CONTROLLERS
 from eaid.report.long_runs import as_recorded, shortened
@@ -164,7 +164,7 @@ def kind_of(path: Path) -> str:
         raise DataError(f"{path}: no such file; give a fit.json, gains.json, replay.h5 or data.h5 that eaid wrote")
     if h5py.is_hdf5(path):
         with open_hdf5(path, str(path)) as file:
-            said = root_of(file).fact("schema")
+            said = file.attrs.get("schema")
             schema = str(said if said is not None else "eaid/data/1" if "runs" in file else "")
     else:
         try:
@@ -184,9 +184,13 @@ def _by_its_parts(content: Mapping[str, object]) -> str:
 
 
 def _read_data(path: Path) -> tuple[StepSet, tuple[Finding, ...]]:
-    runs = [shortened(run) for run in read_runs([path], ReadOptions())]
-    every = {run.name: k for run, k in runs if k > 1}
-    return as_recorded(build_stepset([run for run, _ in runs], StepOptions()), every), ()
+    every: dict[str, int] = {}
+
+    def short(run: Run) -> Run:
+        run, every[run.name] = shortened(run)
+        return run
+
+    return as_recorded(build_stepset(read_runs([path], ReadOptions(each=short)), StepOptions()), every), ()
 
 
 def _read_replay(path: Path) -> tuple[Replay, tuple[Finding, ...]]:

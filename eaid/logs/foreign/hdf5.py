@@ -13,8 +13,8 @@ import numpy as np
 
 from eaid.errors import DataError
 from eaid.logs.foreign.mat import FEWEST, SAVE_AS, labels_of_matrix
+from eaid.logs.hdf import nodes
 from eaid.logs.table import BadCell, Cells, Table
-from eaid.logs.walk import nodes
 
 _NUMBERS = {"", "double", "single", "logical", *(f"{u}int{n}" for u in ("", "u") for n in (8, 16, 32, 64))}
 """Classes of MATLAB that are numbers; a file of another program says none."""
