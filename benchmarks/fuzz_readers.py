@@ -25,10 +25,11 @@ from typing import Any
 
 ROOT = Path(__file__).parent.parent
 FORMS = {
-    "text": "text", "gzip": "text", "lvm": "lvm", "mat": "mat", "hdf5": "hdf5", "dataset": "", "tdms": "tdms",
-    "parquet": "parquet", "mdf": "mdf", "ros1": "ros", "mcap": "ros", "sqlite": "ros", "manifest": "", "results": "",
+    "text": "text", "gzip": "text", "lvm": "lvm.read_lvm", "mat": "mat.read_mat", "hdf5": "hdf5.read_hdf5",
+    "dataset": "", "tdms": "tdms.read_tdms", "parquet": "parquet.read_parquet", "mdf": "mdf.read_mdf",
+    "ros1": "ros.read_ros", "mcap": "ros.read_ros", "sqlite": "ros.read_ros", "manifest": "", "results": "",
 }  # fmt: skip
-"""Target → its row of `foreign.answer.READERS`, or text; empty where it is no reader of foreign logs."""
+"""Target → its reader in `eaid.logs.foreign`, or text; empty where it is no reader of foreign logs."""
 LIBRARIES = {
     "tdms": ("nptdms.tdms",), "mdf": ("asammdf.blocks.mdf_v4", "asammdf.blocks.mdf_v3", "asammdf"),
     "parquet": ("pyarrow.parquet",), "mat": ("scipy.io.matlab",), "hdf5": ("h5py",), "dataset": ("h5py",),
@@ -121,7 +122,7 @@ def target(name: str, watch: Watch) -> Callable[[bytes], None]:
     from benchmarks import fuzz_oracles
 
     oracle = fuzz_oracles.ORACLES.get(name)
-    read = reader_of(FORMS[name]) if FORMS[name] else None
+    read = reader(FORMS[name]) if FORMS[name] else None
 
     turn = itertools.count()
 
@@ -164,18 +165,12 @@ def _to_steps(path: Path) -> Any:
     return runs_from([path])
 
 
-def reader_of(name: str) -> Callable[[Path, str], list[Any]]:
+def reader(name: str) -> Callable[[Path, str], list[Any]]:
     """The function that reads a format, in this process, so that coverage and memory are seen."""
-    from importlib import import_module
-
-    from eaid.logs.foreign.answer import READERS
+    from eaid.logs.foreign.answer import reader_of
     from eaid.logs.text import read_text
 
-    if name == "text":
-        return read_text
-    module, _, function = READERS[name].partition(":")
-    found: Callable[[Path, str], list[Any]] = getattr(import_module(f"eaid.logs.foreign.{module}"), function)
-    return found
+    return read_text if name == "text" else reader_of(name)
 
 
 def _refused_or(read: Callable[[Path, str], list[Any]], path: Path) -> list[Any]:

@@ -8,7 +8,8 @@ import dataclasses
 import hashlib
 import math
 import re
-from collections.abc import Callable, Mapping, MutableMapping, Sequence
+from collections import deque
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 from weakref import WeakValueDictionary
@@ -142,15 +143,38 @@ def read_dataset(
             "synthetic": text(root["synthetic"]) if "synthetic" in root else None,
             "dataset": source,
         }
-        known: WeakValueDictionary[bytes, Array] = WeakValueDictionary()
+        unpacked = _Unpacked()
         runs: list[Run] = []
         faults: list[str] = []
         for name in names:
             try:
-                runs.append(each(_read_run(file["runs"][name], name, sha256, known, shared)))
+                runs.append(each(_read_run(file["runs"][name], name, sha256, unpacked, shared)))
             except DataError as fault:
                 faults.extend(fault.sentences)
         return runs, faults
+
+
+class _Unpacked:
+    """Columns by their packed bytes: what runs have in common, such as a time axis, is unpacked once and shared."""
+
+    def __init__(self) -> None:
+        self._known: WeakValueDictionary[bytes, Array] = WeakValueDictionary()
+        self._last: deque[Array] = deque(maxlen=6)
+        """Kept for the next run, whatever becomes of the runs before."""
+
+    def __getitem__(self, stored: h5py.Dataset) -> Array:
+        if stored.chunks is None:
+            return read_only(stored[()])
+        packed = hashlib.sha256(
+            repr((stored.shape, stored.dtype, stored.chunks, stored.compression, stored.shuffle)).encode()
+        )
+        for k in range(stored.id.get_num_chunks()):
+            packed.update(stored.id.read_direct_chunk(stored.id.get_chunk_info(k).chunk_offset)[1])
+        key = packed.digest()
+        if (values := self._known.get(key)) is None:
+            values = self._known[key] = read_only(stored[()])
+        self._last.append(values)
+        return values
 
 
 def _plain(value: Any) -> Any:
@@ -176,13 +200,10 @@ def _apparatus(attributes: Mapping[str, Any], source: str) -> Apparatus | None:
         raise DataError(f"{source}: its apparatus holds what is no number; ingest the logs again") from None
 
 
-def _read_run(
-    group: h5py.Group, name: str, sha256: str, known: MutableMapping[bytes, Array], shared: dict[str, Any]
-) -> Run:
-    """One run. Columns that runs have in common (`known`, by their SHA-256) are shared in memory."""
+def _read_run(group: h5py.Group, name: str, sha256: str, unpacked: "_Unpacked", shared: dict[str, Any]) -> Run:
     where = f"{shared['dataset']}: run {name}"
     try:
-        columns = {column: read_only(group[column][()]) for column in (*COLUMNS, *MORE) if column in group}
+        columns = {column: unpacked[group[column]] for column in (*COLUMNS, *MORE) if column in group}
         said = {key: _plain(value) for key, value in group.attrs.items()}
     except (OSError, RuntimeError, ValueError, TypeError):
         raise DataError(f"{where} is damaged and cannot be read; ingest the logs again") from None
@@ -191,9 +212,6 @@ def _read_run(
         raise DataError(f"{where} has no {' and no '.join(missing)}; ingest the logs again")
     if len({values.shape for values in columns.values()}) > 1 or columns["time_s"].ndim != 1:
         raise DataError(f"{where} has columns of different shape; ingest the logs again")
-    for column in ("time_s", "input"):
-        digest = hashlib.sha256(columns[column].data).digest()
-        columns[column] = known.setdefault(digest, columns[column])
     try:
         facts = msgspec.convert(said, _Facts, strict=False)
         findings = msgspec.json.decode(facts.findings, type=tuple[Finding, ...])

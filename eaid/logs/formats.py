@@ -6,10 +6,7 @@ from typing import NamedTuple
 UNREAD: tuple[tuple[bytes, str], ...] = (
     (b"PK\x03\x04", "a ZIP archive or an Excel workbook; unpack it, or save its sheet as CSV"),
     (b"\xd0\xcf\x11\xe0", "an old Excel workbook; save its sheet as CSV"),
-    (b"\x80\x02", "a Python pickle, which can run code; export the log as CSV or HDF5"),
-    (b"\x80\x03", "a Python pickle, which can run code; export the log as CSV or HDF5"),
-    (b"\x80\x04", "a Python pickle, which can run code; export the log as CSV or HDF5"),
-    (b"\x80\x05", "a Python pickle, which can run code; export the log as CSV or HDF5"),
+    *((bytes((0x80, n)), "a Python pickle, which can run code; export the log as CSV or HDF5") for n in (2, 3, 4, 5)),
     (b"\x93NUMPY", "a NumPy file; export the log as CSV or HDF5"),
     (b"BZh", "packed with bzip2; unpack it, or pack it with gzip"),
     (b"\xfd7zXZ", "packed with xz; unpack it, or pack it with gzip"),
@@ -30,7 +27,7 @@ class Format(NamedTuple):
     is_it: Callable[[bytes], bool]
     """Tells it by the first 4 KiB of a file."""
     reader: str = ""
-    """Row of `foreign.answer.READERS`; empty: read, or refused, in this process."""
+    """`module.function` in `foreign`; empty: read, or refused, in this process."""
     library: str = ""
     """Library that it takes, where eaid itself does not need it."""
 
@@ -65,17 +62,23 @@ def _is_mat(head: bytes) -> bool:
 
 
 FORMATS: tuple[Format, ...] = (
-    Format("HDF5", is_hdf5, "hdf5"),
-    Format("LVM", _begins(b"LabVIEW Measurement", b"\xef\xbb\xbfLabVIEW Measurement"), "lvm", "lvm_read"),
-    Format("TDMS", _begins(b"TDSm"), "tdms", "nptdms"),
-    Format("Parquet", _begins(b"PAR1"), "parquet", "pyarrow"),
-    Format("Arrow", _begins(b"ARROW1"), "arrow", "pyarrow"),
-    Format("MDF", _begins(b"MDF     ", b"UnFinMF "), "mdf", "asammdf"),
-    Format("ROS bag", _begins(b"#ROSBAG V", b"\x89MCAP0\r\n", b"SQLite format 3\0"), "ros", "rosbags"),
-    Format("MAT", _is_mat, "mat"),
+    Format("HDF5", is_hdf5, "hdf5.read_hdf5"),
+    Format("LVM", _begins(b"LabVIEW Measurement", b"\xef\xbb\xbfLabVIEW Measurement"), "lvm.read_lvm", "lvm_read"),
+    Format("TDMS", _begins(b"TDSm"), "tdms.read_tdms", "nptdms"),
+    Format("Parquet", _begins(b"PAR1"), "parquet.read_parquet", "pyarrow"),
+    Format("Arrow", _begins(b"ARROW1"), "parquet.read_arrow", "pyarrow"),
+    Format("MDF", _begins(b"MDF     ", b"UnFinMF "), "mdf.read_mdf", "asammdf"),
+    Format("ROS bag", _begins(b"#ROSBAG V", b"\x89MCAP0\r\n", b"SQLite format 3\0"), "ros.read_ros", "rosbags"),
+    Format("MAT", _is_mat, "mat.read_mat"),
     Format("not read", lambda head: unread(head) is not None),
     Format("text", lambda _: True),
 )
+
+
+CHECKED = Format("HDF5", is_hdf5, "hdf5.read_through")
+"""An HDF5 file read to its end, so that what breaks the HDF5 library does not break this process."""
+DATASET = Format("HDF5", is_hdf5, "hdf5.read_schema")
+"""One table for a dataset of eaid, none for any other HDF5 file."""
 
 
 def format_of(head: bytes) -> Format:

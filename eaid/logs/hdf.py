@@ -29,9 +29,10 @@ def open_hdf5(path: Path, source: str) -> Iterator[h5py.File]:
         raise DataError(f"{source}: is a damaged HDF5 file (not the bytes that eaid wrote); copy it again")
     if as_written is None:
         from eaid.logs.foreign.ask import ForeignReader
+        from eaid.logs.formats import CHECKED
 
         with ForeignReader() as foreign:
-            foreign.check(path, source)
+            foreign.tables(CHECKED, path, source)
     try:
         with h5py.File(path, "r", locking=False) as file:
             if as_written is None and "digest" in file.attrs and text(file.attrs["digest"]) != digest_of(file):

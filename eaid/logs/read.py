@@ -19,7 +19,7 @@ from eaid.logs.columns import ROLES
 from eaid.logs.dataset import read_dataset
 from eaid.logs.folders import files_of
 from eaid.logs.foreign.ask import ForeignReader
-from eaid.logs.formats import format_of, unread
+from eaid.logs.formats import DATASET, format_of, unread
 from eaid.logs.join import joined
 from eaid.logs.options import ReadOptions
 from eaid.logs.run import Run
@@ -137,11 +137,9 @@ def read_file(
     if not form.reader:
         return [run_of(origin, read_text(path, source, partial(options.tell, source)), options, pattern)], []
     with foreign.alone:
-        if form.reader == "hdf5" and (
-            is_as_written(path) is not None or foreign.tables("is_dataset", "", "HDF5", path, source)
-        ):
+        if form.name == "HDF5" and (is_as_written(path) is not None or foreign.tables(DATASET, path, source)):
             return read_dataset(path, source, sha256, partial(_of_dataset, options))
-        tables = foreign.tables(form.reader, form.library, form.name, path, source)
+        tables = foreign.tables(form, path, source)
         return [run_of(origin, tables, options, pattern)], []
 
 

@@ -10,16 +10,18 @@ from eaid.steps.stepset import StepSet
 
 MOST = 400_000
 """Samples of a run from which on blocks of it are averaged: the page draws a hundredth of them."""
+MOST_OF_ALL = 20_000_000
+"""The same for all runs of a dataset."""
 PIECE = 1 << 20
 
 
-def shortened(run: Run) -> tuple[Run, int]:
-    """A run of at most about `MOST` samples, and how many samples each of its values is the mean of.
+def shortened(run: Run, runs: int = 1) -> tuple[Run, int]:
+    """A run, one of so many, of at most about `MOST` samples, and how many samples each of its values is the mean of.
 
     Blocks begin at the step, so that none holds samples from before and after it; of the input each block keeps its
     first value.
     """
-    every = -(-len(run.time_s) // MOST)
+    every = -(-len(run.time_s) // min(MOST, MOST_OF_ALL // runs))
     if every == 1 or run.step_s is None:
         return run, 1
     offset = int(np.searchsorted(run.time_s, run.step_s)) % every

@@ -185,9 +185,11 @@ def _by_its_parts(content: Mapping[str, object]) -> str:
 
 def _read_data(path: Path) -> tuple[StepSet, tuple[Finding, ...]]:
     every: dict[str, int] = {}
+    with open_hdf5(path, str(path)) as file:
+        count = max(1, len(file.get("runs", ())))
 
     def short(run: Run) -> Run:
-        run, every[run.name] = shortened(run)
+        run, every[run.name] = shortened(run, count)
         return run
 
     return as_recorded(build_stepset(read_runs([path], ReadOptions(each=short)), StepOptions()), every), ()

@@ -1,10 +1,8 @@
 """One step log in every format that needs a library of its own, written by those libraries."""
 
-from importlib import import_module
-
 import numpy as np
 
-from eaid.logs.foreign.answer import READERS
+from eaid.logs.foreign.answer import reader_of
 from eaid.logs.formats import format_of
 from eaid.logs.text import read_text
 
@@ -16,8 +14,7 @@ def tables(path):
     reader = format_of(path.read_bytes()[:4096]).reader
     if not reader:
         return read_text(path, path.name)
-    module, _, name = READERS[reader].partition(":")
-    return getattr(import_module(f"eaid.logs.foreign.{module}"), name)(path, path.name)
+    return reader_of(reader)(path, path.name)
 
 
 def step(count=600):

@@ -13,6 +13,7 @@ from eaid.cli.inputs import runs_from
 from eaid.cli.main import run
 from eaid.findings import finding
 from eaid.logs.dataset import write_dataset
+from eaid.logs.options import ReadOptions
 from eaid.logs.read import read_runs
 from eaid.logs.run import Run
 from eaid.steps.build import build_stepset
@@ -193,3 +194,27 @@ def test_bytes_that_look_like_a_mention_of_a_text_refuse_no_dataset(tmp_path: Pa
     path.write_bytes(data + mention)
     (run,) = read_runs([path])
     assert np.array_equal(run.output, runs[0].output)
+
+
+def test_runs_are_shortened_one_by_one(tmp_path: Path) -> None:
+    """Hours at 10 kHz: the page needs a hundredth of each run, and never all of them at once."""
+    import tracemalloc
+
+    t = np.arange(100_000) / 100.0
+    runs = [
+        Run(f"r{k}", t, np.where(t >= 5, 50.0 + k, 0.0), t * (k + 1), "%", "N·m", "x", f"{k:064d}", level=50.0 + k,
+            step_s=5.0, cut=True)
+        for k in range(10)
+    ]  # fmt: skip
+    write_dataset(tmp_path / "d.h5", runs, kind="clutch", apparatus=Apparatus())
+    read_runs([tmp_path / "d.h5"], ReadOptions(each=lambda run: run))  # with all that is imported
+
+    def short(run: Run) -> Run:
+        return replace(run, **{name: getattr(run, name)[:10].copy() for name in ("time_s", "input", "output")})
+
+    tracemalloc.start()
+    found = read_runs([tmp_path / "d.h5"], ReadOptions(each=short))
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert [len(run.output) for run in found] == [10] * 10
+    assert peak < 3 * 24 * len(t)  # a run takes 24 bytes a sample, all of them 240

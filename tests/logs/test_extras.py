@@ -174,7 +174,7 @@ def test_a_reader_that_breaks_down_takes_nothing_with_it(tmp_path, monkeypatch):
     path.write_bytes(b"MDF     4.10    " + bytes(200))
     with pytest.raises(DataError, match=r"is a damaged MDF file .*; copy or save it again"):
         one(path)
-    monkeypatch.setattr("eaid.logs.foreign.ask.READER", (sys.executable, "-c", "import os; input(); os.abort()"))
+    monkeypatch.setattr("eaid.logs.foreign.ask.READER", (sys.executable, "-c", "import os; os.read(0, 1); os.abort()"))
     with pytest.raises(DataError, match=r"is a damaged MDF file \(its reader broke down on it\); copy or"):
         one(path)
     monkeypatch.setattr("eaid.logs.foreign.ask.READER", (sys.executable, "-c", "import time; time.sleep(60)"))

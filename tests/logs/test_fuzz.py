@@ -58,7 +58,7 @@ def load_all(path: Path, foreign: ForeignReader) -> None:
     head = path.read_bytes()[:4096]
     form = format_of(head)
     try:
-        tables = foreign.tables(form.reader, "", form.name, path, "log") if form.reader else read_text(path, "log")
+        tables = foreign.tables(form, path, "log") if form.reader else read_text(path, "log")
         for table in tables if unread(head) is None else []:
             table.load(range(len(table.columns)))
     except (DataError, UsageError) as refusal:

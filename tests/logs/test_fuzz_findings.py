@@ -2,6 +2,7 @@
 
 import io
 import sys
+import zlib
 from collections.abc import Callable
 from itertools import pairwise
 from pathlib import Path
@@ -236,3 +237,27 @@ def test_a_dataset_whose_schema_is_damaged_is_no_plain_log(tmp_path: Path) -> No
             continue
         assert (run.level, run.step_s) == (whole[0].level, whole[0].step_s)
     assert damaged > 20
+
+
+FULL = np.arange(1000.0).tobytes()
+CHUNKS = {
+    "deflated short": (zlib.compress(FULL[:800]), 0, {"compression": "gzip"}),
+    "deflated long": (zlib.compress(FULL * 2), 0, {"compression": "gzip"}),
+    "no deflate": (b"nothing of the kind", 0, {"compression": "gzip"}),
+    "filter passed over": (FULL[:800], 1, {"compression": "gzip"}),
+    "plain short": (FULL[:800], 0, {}),
+    "checksum alone": (b"12", 0, {"fletcher32": True}),
+}
+
+
+@pytest.mark.parametrize("how", CHUNKS)
+def test_an_hdf5_chunk_of_a_wrong_length(tmp_path: Path, how: str) -> None:
+    """The HDF5 library gives out what lies behind a short chunk in memory as numbers, or ends the process."""
+    payload, passed_over, settings = CHUNKS[how]
+    path = tmp_path / "log.h5"
+    with h5py.File(path, "w") as file:
+        file["time"] = np.arange(1000.0)
+        column = file.create_dataset("torque", (1000,), "f8", chunks=(1000,), **settings)
+        column.id.write_direct_chunk((0,), payload, passed_over)
+    with pytest.raises(DataError, match="is a damaged HDF5 file"):
+        read_runs([path])
