@@ -78,7 +78,7 @@ def couple(
         for loop in loops:
             channel, drive = _loop(loop, plant, point, rc, pi, timing)
             wall, curve = _wall(loop, [channel], limb, timing, options.virtual_damping, torque, point.duty_pct)
-            if options.replay and wall.K_stable is not None:
+            if options.replay and wall.K_stable:
                 found = replayed_stiffness(drive, limb, timing, wall.K_stable)
                 wall = msgspec.structs.replace(wall, K_replayed=found)
             walls.append(wall)

@@ -95,7 +95,7 @@ def step_of(
         inverse = static_inverse(plant)
         return lambda s, r, _v, _t: (s, inverse(r)), ()
     if loop == "inverse":
-        gains = inverse_gains(plant)
+        gains = inverse_gains(plant, limits=(0.0, plant.u_range[1]))
         start = (point.C * point.torque_nm, (1 - point.C) * point.torque_nm, 0.0, point.duty_pct)
         return lambda s, r, v, t: inverse_step(gains, InverseState(*s), r, v, t, dt_s), start
     if loop == "pi":

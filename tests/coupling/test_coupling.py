@@ -1,5 +1,6 @@
 """How stiff a wall: closed forms, published check values, python-control as a second way, replays, random limbs."""
 
+import dataclasses
 import math
 
 import control
@@ -190,3 +191,23 @@ def test_gains_are_judged_by_the_wall_they_render_and_a_search_makes_it_stiffer_
     ).optimized
     assert found.after_cost <= found.before_cost == pytest.approx(judge(rc_gains(gains)))
     assert found.after.mean_abs_duty_step_pct <= found.limit_pct * (1 + 1e-9)
+
+
+def test_walls_do_not_depend_on_the_unit_of_the_input():
+    """The reference plant driven by 0 … 300 V in place of 0 … 100 %: the same torque, the same walls."""
+    p = REFERENCE_PLANT
+
+    def stretched(coefficients: tuple[float, ...]) -> tuple[float, ...]:
+        return tuple(c / 3.0**k for k, c in enumerate(coefficients))
+
+    volts = dataclasses.replace(
+        p,
+        tau1=stretched(p.tau1),
+        tau2=stretched(p.tau2),
+        Ts=stretched(p.Ts),
+        u_range=(3 * p.u_range[0], 3 * p.u_range[1]),
+    )
+    options = CoupleOptions(torques=(1.0, 3.0), loops=("open-loop", "inverse"), replay=False)
+    for wall, same in zip(couple(p, None, None, options).walls, couple(volts, None, None, options).walls, strict=True):
+        assert same.duty == pytest.approx(3 * wall.duty)
+        assert (same.K_passive, same.K_stable) == pytest.approx((wall.K_passive, wall.K_stable), rel=1e-5)
