@@ -17,7 +17,7 @@ from eaid.results.nonlinear import Agreement, Disagreement, Estimate, Nonlinear
 from eaid.steps.stepset import Level
 from eaid.uncertainty import nonlinear_intervals, weightings
 from eaid.uncertainty.identifiability import nonlinear_verdict
-from eaid.uncertainty.joint import BLOCKS, with_white_covariance
+from eaid.uncertainty.joint import BLOCKS, curves_apart, with_white_covariance
 from eaid.uncertainty.level_statistics import LevelStatistics
 from eaid.uncertainty.weightings import weights_array
 
@@ -40,7 +40,7 @@ def believed(
         found = replace(found, joint=white, joint_alone=white, degrees=dict.fromkeys(BLOCKS, spare))
     wanted = held if joint.hold_out is not None else ()
     beside = nonlinear_intervals.two_stage_part(found, base, "none" if ci == "none" else "robust", wanted)
-    says = nonlinear_intervals.agreement(found, base)
+    says = agreement(found, base)
     other = joint.other_weights
     reweighted = None if other is None else nonlinear_intervals.scattered(other, base)
     weighted = weightings.agreement(joint, alone, reweighted, degrees, base)
@@ -65,6 +65,22 @@ def believed(
         model, because=because, identifiable=verdict.identifiable, other_weights=other, agreement=(says, weighted)
     )
     return msgspec.structs.replace(fit, nonlinear=model, findings=(*kept, *verdict.findings, *more))
+
+
+def agreement(found: nonlinear_intervals.Estimates, stats: LevelStatistics) -> Agreement:
+    """Where the joint estimate lies outside the two-stage intervals, and which to believe."""
+    between = ("joint", "two-stage")
+    if found.two_stage is None:
+        return Agreement(between, "joint", "alone")
+    beyond = tuple(
+        msgspec.structs.replace(one, ci95=None, ci95_other=None if held else one.ci95_other)
+        for one in curves_apart(found.joint, found.two_stage, found.degrees, stats.duty_pct, one_counts=False)
+        for held in [one.parameter in found.two_stage.constrained]
+    )
+    if not beyond:
+        return Agreement(between, "either", "agree")
+    weak = found.joint.open
+    return Agreement(between, "neither" if weak else "two-stage", "weak" if weak else "apart", beyond)
 
 
 def chosen(estimator: str, says: Agreement, two_stage: Estimate | None) -> tuple[str, str]:

@@ -53,7 +53,7 @@ def torque_half_width(stats: LevelStatistics, i: int) -> float:
         along = jacobian @ one.runs.influence.T  # what the runs do together, not one parameter after another
         sd = np.sqrt((along**2).sum(axis=1) / (one.runs.repeats - 1) / one.runs.repeats)
         return float(t * sd.max())
-    inverse = np.linalg.pinv(one.runs.information, rcond=1e-14, hermitian=True)
+    inverse = one.runs.inverse
     noise = float(np.mean(one.noise_nm**2)) * one.memory
     sd = np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", jacobian, inverse * noise, jacobian), 0))
     return float(t * sd.max())

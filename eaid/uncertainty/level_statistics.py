@@ -182,19 +182,9 @@ def pooled_statistics(levels: Sequence[Level], found: Sequence[LevelEstimate]) -
                 variance[:, k] = curve.between + within[:, k]
                 degrees[:, k] = curve.degrees
                 source = "curve"
-    sets = _tau2_sets(levels, found, variance[:, 2], degrees[:, 2])
+    sets = tau2_sets(levels, found, variance[:, 2], degrees[:, 2])
     determined = _determined(found, counted, variance, degrees, sets)
     return LevelStatistics(tuple(levels), tuple(found), variance, degrees, determined, source, scatter, between, sets)
-
-
-def _tau2_sets(levels: Sequence[Level], found: Sequence[LevelEstimate], variance: Array, degrees: Array) -> Tau2Sets:
-    """The sets of τ2 of all levels; NaN where a constraint holds it, or C is free."""
-    sets = Tau2Sets(np.full((len(found), 2), np.nan), np.full((len(found), 2, 2), np.nan))
-    free = [i for i, one in enumerate(found) if "tau2" not in one.constrained and len(one.runs.log_theta) == 3]
-    if free:
-        own = tau2_sets([levels[i] for i in free], [found[i] for i in free], variance[free], degrees[free])
-        sets.tau2_s[free], sets.log_theta[free] = own.tau2_s, own.log_theta
-    return sets
 
 
 def _free_tau2(estimates: Sequence[LevelEstimate]) -> Mask:

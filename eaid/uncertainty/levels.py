@@ -49,8 +49,7 @@ class LevelEstimate:
     @property
     def memory(self) -> float:
         """How many times larger than under white noise the within-run variance is, at most over the parameters."""
-        inverse = np.linalg.pinv(self.runs.information, rcond=1e-14, hermitian=True)
-        white = np.diag(inverse) * float(np.mean(self.noise_nm**2))
+        white = np.diag(self.runs.inverse) * float(np.mean(self.noise_nm**2))
         return float(max(1.0, np.max(self.runs.within / np.maximum(white, 1e-300))))
 
 
@@ -97,8 +96,7 @@ def white_variance(level: Level, found: LevelEstimate) -> tuple[Array, float]:
     """Textbook variance s² A⁻¹ of (log T_s, log τ1, log τ2), for the mean of the repeats, and n − k."""
     left = level.mean - friction.step_response(found.curve, level.time_s)
     spare = len(left) - len(found.runs.log_theta)
-    inverse = np.linalg.pinv(found.runs.information, rcond=1e-14, hermitian=True)
-    return np.asarray(np.diag(inverse) * float(left @ left) / spare), float(spare)
+    return np.asarray(np.diag(found.runs.inverse) * float(left @ left) / spare), float(spare)
 
 
 def usable(levels: Sequence[LevelEstimate]) -> Mask:

@@ -19,7 +19,6 @@ from eaid.models import nonlinear
 from eaid.results.common import Interval, Solver, StartCost
 from eaid.results.friction import LevelIntervals
 from eaid.results.nonlinear import (
-    Agreement,
     CoefficientIntervals,
     Covariance,
     CurveLevel,
@@ -32,7 +31,6 @@ from eaid.uncertainty.joint import (
     BLOCKS,
     Coefficients,
     coefficients_of,
-    curves_apart,
     with_covariance,
     with_draws,
     with_joint_covariance,
@@ -192,10 +190,14 @@ def with_joint(found: Estimates, draws: Array) -> Estimates:
 
 def with_joint_intervals(model: Nonlinear, found: Estimates, levels: tuple[Level, ...], ci: str) -> Nonlinear:
     """The joint estimate with intervals of its coefficients and curves, and its covariance."""
-    curves = level_curves(found.joint_alone, found.degrees, levels, None if ci == "white" else found.two_stage)
-    ci95 = coefficient_intervals(found.joint, found.degrees)
-    covariance = covariance_part(found.joint, found.degrees, ci)
-    return msgspec.structs.replace(model, ci95=ci95, curves=curves, covariance=covariance)
+    other = None if ci == "white" else found.two_stage
+    curves = level_curves(found.joint_alone, found.degrees, levels, other)
+    return msgspec.structs.replace(
+        model,
+        ci95=coefficient_intervals(found.joint, found.degrees),
+        curves=curves,
+        covariance=covariance_part(found.joint, found.degrees, ci),
+    )
 
 
 def with_intervals(estimate: Estimate, c: Coefficients, degrees: Degrees, levels: tuple[Level, ...]) -> Estimate:
@@ -242,19 +244,3 @@ def two_stage_part(
         part = with_intervals(part, both, found.degrees, stats.levels)
         part = msgspec.structs.replace(part, covariance=covariance_part(both, found.degrees, source))
     return part, doubts
-
-
-def agreement(found: Estimates, stats: LevelStatistics) -> Agreement:
-    """Where the joint estimate lies outside the two-stage intervals, and which to believe."""
-    between = ("joint", "two-stage")
-    if found.two_stage is None:
-        return Agreement(between, "joint", "alone")
-    beyond = tuple(
-        msgspec.structs.replace(one, ci95=None, ci95_other=None if held else one.ci95_other)
-        for one in curves_apart(found.joint, found.two_stage, found.degrees, stats.duty_pct, one_counts=False)
-        for held in [one.parameter in found.two_stage.constrained]
-    )
-    if not beyond:
-        return Agreement(between, "either", "agree")
-    weak = found.joint.open
-    return Agreement(between, "neither" if weak else "two-stage", "weak" if weak else "apart", beyond)

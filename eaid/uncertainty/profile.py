@@ -27,7 +27,7 @@ def profiled(stats: LevelStatistics, i: int, k: int, p: Parameter) -> Parameter:
     """One level's parameter with the interval of its profile; as it was where scatter, not noise, makes its width."""
     one = stats.estimates[i]
     within = float(one.runs.within[k]) / one.runs.repeats
-    inverse = np.linalg.pinv(one.runs.information, rcond=1e-14, hermitian=True)
+    inverse = one.runs.inverse
     # scatter from run to run (a gain, a τ1) knows nothing of the cost's shape: logs are its own scale; and what is open
     # is not quoted, however its profile looks
     noisy = within >= 0.5 * float(stats.variance[i, k])

@@ -43,6 +43,11 @@ class RunStatistics:
         return len(self.influence)
 
     @property
+    def inverse(self) -> Array:
+        """A⁻¹, the covariance of the parameters under noise of variance 1 without memory, shape (k, k)."""
+        return np.asarray(np.linalg.pinv(self.information, rcond=1e-14, hermitian=True))
+
+    @property
     def scatter(self) -> Array:
         """v = Σ d²/(R − 1): variance between runs, shape (k,); NaN for a single run."""
         if self.repeats < 2:

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from scipy.special import fdtrc
 
 from eaid.arrays import Array
-from eaid.findings import Finding, Value, finding
+from eaid.findings import Finding, finding
 from eaid.fitting.compress import Points, compress
 from eaid.results.friction import LevelIntervals
 from eaid.results.nonlinear import CurveLevel
@@ -107,7 +107,7 @@ def share_of(stats: LevelStatistics) -> Share | None:
     repeats = np.array([len(level.runs) for level in levels], dtype=np.int64)
     if not len(levels) or repeats.sum() < 3:
         return nothing
-    points = _runs_and_means(levels, repeats)
+    points = _runs_and_means(levels)
     theta = np.array([stats.estimates[i].runs.log_theta for i in speak])
     theta = np.concatenate([np.repeat(theta, repeats, axis=0), theta])
     which = np.repeat(np.arange(len(levels)), repeats)
@@ -135,19 +135,12 @@ def share_of(stats: LevelStatistics) -> Share | None:
     return Share(held, share, sd, degrees, places, differ, theta[runs:], -now.slope[runs:], half_width)
 
 
-def _runs_and_means(levels: Sequence[Level], repeats: Counts) -> Points:
+def _runs_and_means(levels: Sequence[Level]) -> Points:
     """All runs, one row each, and after them the mean of each level."""
-    first = levels[0].time_s
-    alike = all(level.time_s is first or np.array_equal(level.time_s, first) for level in levels)
-    rows = [run for level in levels for run in level.runs]
-    times = [level.time_s for level in levels for _ in level.runs]
-    points = compress(times, rows, np.concatenate([level.runs for level in levels]) if alike else None)
-    starts = np.cumsum(repeats) - repeats
-    means = np.add.reduceat(points.y, starts, axis=0) / repeats[:, None]
-    if len(points.t_s) == 1:
-        return Points(points.t_s, np.concatenate([points.y, means]), points.w)
-    take = np.concatenate([np.arange(len(points.y)), starts])
-    return Points(points.t_s[take], np.concatenate([points.y, means]), points.w[take])
+    rows = [(level.time_s, run) for level in levels for run in level.runs]
+    times, values = zip(*rows, *((level.time_s, level.mean) for level in levels), strict=True)
+    alike = all(time_s is times[0] or np.array_equal(time_s, times[0]) for time_s in times)
+    return compress(times, values, np.array(values) if alike else None)
 
 
 @dataclass(frozen=True, eq=False)
@@ -206,26 +199,25 @@ def _variance(u: Array, repeats: Counts) -> tuple[float, float, bool]:
     Where levels, or sweeps (the first run of every level, and so on), differ beyond chance, they are what is counted.
     """
 
-    def counted(parts: Array) -> tuple[float, float]:
+    def spread(parts: Array) -> tuple[float, float]:
         square = parts**2
         total = float(square.sum())
-        many = len(parts)
-        return total * many / (many - 1), max(total**2 / max(float((square**2).sum()), 1e-300) - 1, 1.0)
+        return total, max(total**2 / max(float((square**2).sum()), 1e-300) - 1, 1.0)
 
-    total = float((u**2).sum())
-    variance, degrees = total, max(total**2 / max(float((u**4).sum()), 1e-300) - 1, 1.0)
-    if len(set(repeats.tolist())) > 1 or repeats[0] == 1 or total == 0:
+    variance, degrees = spread(u)
+    if len(set(repeats.tolist())) > 1 or repeats[0] == 1 or variance == 0:
         return variance, degrees, False
     grid = u.reshape(len(repeats), -1)
-    by_sweep, by_level = grid.sum(axis=0), grid.sum(axis=1)
-    sweeps, ways = counted(by_sweep), grid.shape[1]
-    if fdtrc(ways - 1, degrees, sweeps[0] / variance) < CHANCE:
-        return sweeps[0], float(ways - 1), False
-    if len(repeats) > 2:
+    count, ways = grid.shape
+    sweeps = spread(grid.sum(axis=0))[0] * ways / (ways - 1)
+    if fdtrc(ways - 1, degrees, sweeps / variance) < CHANCE:
+        return sweeps, float(ways - 1), False
+    if count > 2:
         within = float(((grid - grid.mean(axis=1, keepdims=True)) ** 2).sum()) * ways / (ways - 1)
-        between = counted(by_level)
-        if within > 0 and fdtrc(between[1] + 1, degrees, between[0] / within) < CHANCE:
-            return between[0], between[1], True
+        between, spare = spread(grid.sum(axis=1))
+        between *= count / (count - 1)
+        if within > 0 and fdtrc(spare + 1, degrees, between / within) < CHANCE:
+            return between, spare, True
     return variance, degrees, False
 
 
@@ -234,16 +226,11 @@ def share_findings(share: Share) -> list[Finding]:
     ends = share.interval
     if ends is None or share.estimate is None:
         return [finding("runs-give-no-share", "friction", held=share.held)]
-    values: dict[str, Value] = {
-        "held": share.held,
-        "estimate": share.estimate,
-        "low": ends[0],
-        "high": ends[1],
-        "differ": share.differ,
-    }
-    if share.matters:
-        return [finding("runs-reject-the-share", "friction", (), **values)]
-    return [finding("runs-leave-the-share-open", "friction", (), **values)] if share.vague else []
+    if not (share.matters or share.vague):
+        return []
+    code = "runs-reject-the-share" if share.matters else "runs-leave-the-share-open"
+    values = {"estimate": share.estimate, "low": ends[0], "high": ends[1], "differ": share.differ}
+    return [finding(code, "friction", (), held=share.held, **values)]
 
 
 def share_part(share: Share | None, stats: LevelStatistics, sensitivity: dict[str, float]) -> ShareEstimate:
@@ -261,14 +248,5 @@ def share_part(share: Share | None, stats: LevelStatistics, sensitivity: dict[st
         ends = [pair if np.isfinite(pair).all() else None for pair in zip(low, high, strict=True)]
         Ts, tau1, tau2 = np.exp(theta).tolist()
         rows.append(CurveLevel(level, Ts, tau1, tau2, LevelIntervals(*ends)))
-    return ShareEstimate(
-        share.held,
-        sensitivity,
-        share.estimate,
-        share.interval,
-        share.degrees,
-        share.rejected,
-        share.matters,
-        share.differ,
-        tuple(rows),
-    )
+    verdict = (share.rejected, share.matters, share.differ)
+    return ShareEstimate(share.held, sensitivity, share.estimate, share.interval, share.degrees, *verdict, tuple(rows))

@@ -38,13 +38,28 @@ class Tau2Sets:
     """95 % confidence sets of the levels' τ2, and the T_s and τ1 that go with them."""
 
     tau2_s: Array
-    """Least and largest τ2 allowed [s], shape (L, 2); 0 and ∞ where no end is seen."""
+    """Least and largest τ2 allowed [s], shape (L, 2); 0 and ∞ where no end is seen, NaN where none is asked for."""
     log_theta: Array
     """Least and largest log T_s and log τ1 over the allowed τ2, shape (L, 2, 2)."""
 
 
 def tau2_sets(levels: Sequence[Level], estimates: Sequence[LevelEstimate], variance: Array, degrees: Array) -> Tau2Sets:
-    """The sets of levels whose C was held; `variance` and `degrees` of log τ2, shape (L,), serve single runs."""
+    """The sets of the levels whose C was held and whose τ2 no constraint holds.
+
+    `variance` and `degrees` of log τ2, shape (L,), serve single runs.
+    """
+    sets = Tau2Sets(np.full((len(estimates), 2), np.nan), np.full((len(estimates), 2, 2), np.nan))
+    free = [i for i, one in enumerate(estimates) if "tau2" not in one.constrained and not one.share_free]
+    if free:
+        asked = [levels[i] for i in free], [estimates[i] for i in free]
+        sets.tau2_s[free], sets.log_theta[free] = _sets(*asked, variance[free], degrees[free])
+    return sets
+
+
+def _sets(
+    levels: Sequence[Level], estimates: Sequence[LevelEstimate], variance: Array, degrees: Array
+) -> tuple[Array, Array]:
+    """The ends of τ2, shape (L, 2), and those of log T_s and log τ1, shape (L, 2, 2)."""
     means = _Means.of(levels, estimates)
     supposed = np.array([one.runs.duration_s for one in estimates])[:, None] * SUPPOSED
     t = np.zeros((2, *supposed.shape))
@@ -59,7 +74,7 @@ def tau2_sets(levels: Sequence[Level], estimates: Sequence[LevelEstimate], varia
     best = np.exp([one.runs.log_theta[2] for one in estimates]).tolist()
     ends = [_ends(*row) for row in zip(supposed, t[0], allowed, best, strict=True)]
     low, high = (np.where(allowed[:, :, None], theta, side).T for side in (np.inf, -np.inf))
-    return Tau2Sets(np.array(ends), np.stack([low.min(axis=1), high.max(axis=1)], axis=-1).transpose(1, 0, 2))
+    return np.array(ends), np.stack([low.min(axis=1), high.max(axis=1)], axis=-1).transpose(1, 0, 2)
 
 
 @dataclass(frozen=True, eq=False)
