@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from scipy.optimize import curve_fit, least_squares
 
 from benchmarks.table import Row
-from eaid.fitting.compress import _layout, _uniform
+from eaid.fitting.compress import _even, _steps
 from eaid.fitting.data import data_of
 from eaid.fitting.levels import fit_levels
 from eaid.fitting.linear import fit_linear
@@ -117,8 +117,8 @@ def rows() -> Iterator[Row]:
     def ours() -> Nonlinear:
         return fit_nonlinear(data_of(made), 0.85).parameters
 
-    _uniform.cache_clear()
-    _layout.cache_clear()
+    _steps.cache_clear()
+    _even.cache_clear()
     cold, _ = once(ours)
     mine = packed(ours())
     others: dict[str, tuple[float, float, str]] = {}

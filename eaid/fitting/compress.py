@@ -7,7 +7,7 @@ and weights w_j (Golub–Welsch). With ŷ_j the projection at the nodes,
 exact where f is a polynomial of degree < m on the block.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 
@@ -19,8 +19,6 @@ from eaid.arrays import Array
 POINTS_PER_BLOCK = 8
 HEAD = 16
 """First samples, kept as they are: the fast rise may be over within them. A block is never shorter."""
-PIECE = 64
-"""Samples of a piece, see `_Layout`; blocks begin at 0, 16, 32 and then at whole pieces."""
 LONGEST_BLOCK = 16384
 SMALL = 256
 """Records up to this length keep every sample: nothing would be gained."""
@@ -99,68 +97,48 @@ def _uniform(n: int) -> tuple[Array, Array, Array]:
 
 @dataclass(frozen=True, eq=False)
 class _Layout:
-    """How a uniform grid is compressed: the nodes, their weights, and the blocks with their projections.
-
-    Blocks from `PIECE` on go in two stages: whole pieces of `PIECE` samples to polynomials of the same degree, and
-    those to the block's. It is the same projection, for a polynomial on a block is one on each piece; and its matrices
-    stay in the cache, which the long ones would not.
-    """
+    """How a grid is compressed: nodes, their weights (P,), and the blocks with the projections that give ŷ."""
 
     nodes: Array
-    """In steps from the first sample, (P,)."""
     weights: Array
-    short: tuple[tuple[slice, Array], ...]
-    """Samples and projection of the blocks before the pieces."""
-    long: tuple[tuple[slice, Array], ...]
-    """Pieces and projection of the blocks made of them."""
-    rest: Array
-    """Projection of what the pieces leave over at the end, added to the last block."""
+    blocks: tuple[tuple[slice, Array], ...]
 
-    def outputs(self, y: Array, pieces: Array | None) -> Array:
+    def outputs(self, y: Array) -> Array:
         """ŷ at the nodes for L records, (L, P)."""
-        values = [y[:, :HEAD], *(y[:, where] @ projection for where, projection in self.short)]
-        if self.long:
-            pieces = to_pieces(y) if pieces is None else pieces
-            values += [pieces[:, where].reshape(len(y), -1) @ projection for where, projection in self.long]
-            values[-1] = values[-1] + y[:, y.shape[1] - len(self.rest) :] @ self.rest
-        return np.concatenate(values, axis=1)
+        return np.concatenate([y[:, :HEAD], *(y[:, where] @ projection for where, projection in self.blocks)], axis=1)
 
 
-@lru_cache(maxsize=1)
-def _piece() -> Array:
-    """Orthonormal polynomials on a piece, shape (PIECE, m)."""
-    return orthonormal(np.arange(PIECE, dtype=np.float64), POINTS_PER_BLOCK)[2]
+def _layout(t: Array, of_block: Callable[[Array], tuple[Array, Array, Array]]) -> _Layout:
+    nodes, weights, parts = [t[:HEAD]], [np.ones(HEAD)], []
+    for start, stop in list(blocks(len(t)))[1:]:
+        at, w, projection = of_block(t[start:stop])
+        nodes.append(at)
+        weights.append(w)
+        parts.append((slice(start, stop), projection))
+    return _Layout(np.concatenate(nodes), np.concatenate(weights), tuple(parts))
 
 
-def piece_count(n: int) -> int:
-    """Whole pieces of a record of n samples, the first left out."""
-    return n // PIECE - 1
-
-
-def to_pieces(y: Array, out: Array | None = None) -> Array:
-    """Every whole piece but the first of records on a uniform grid as a polynomial, (L, pieces, m); y is (L, n)."""
-    count = piece_count(y.shape[1])
-    return np.matmul(y[:, PIECE : PIECE * (1 + count)].reshape(len(y), count, PIECE), _piece(), out=out)
+def _of_block(t: Array) -> tuple[Array, Array, Array]:
+    """Nodes and weights of a block, and the projection that gives ŷ at the nodes."""
+    nodes, weights, projection = orthonormal(t, POINTS_PER_BLOCK)
+    return nodes, weights, projection / np.sqrt(weights)
 
 
 @lru_cache(maxsize=32)
-def _layout(n: int) -> _Layout:
-    """The layout for n samples."""
-    nodes, weights, short, long = [np.arange(HEAD, dtype=np.float64)], [np.ones(HEAD)], [], []
-    pieces, rest = piece_count(n), np.empty((0, POINTS_PER_BLOCK))
-    for start, stop in list(blocks(n))[1:]:
-        at, w, projection = _uniform(stop - start)
-        nodes.append(start + at)
-        weights.append(w)
-        if start < PIECE:
-            short.append((slice(start, stop), projection))
-            continue
-        first, last = start // PIECE - 1, min(stop // PIECE - 1, pieces)
-        inside = PIECE * (last - first)
-        local = _piece().T @ projection[:inside].reshape(-1, PIECE, POINTS_PER_BLOCK)
-        long.append((slice(first, last), local.reshape(-1, POINTS_PER_BLOCK)))
-        rest = projection[inside:]
-    return _Layout(np.concatenate(nodes), np.concatenate(weights), tuple(short), tuple(long), rest)
+def _steps(n: int) -> tuple[Array, Array, Array]:
+    """The same for n equal steps from 0."""
+    return _of_block(np.arange(n, dtype=np.float64))
+
+
+@lru_cache(maxsize=32)
+def _even(n: int) -> _Layout:
+    """The layout of n equal steps from 0."""
+
+    def of_block(t: Array) -> tuple[Array, Array, Array]:
+        nodes, weights, projection = _steps(len(t))
+        return t[0] + nodes, weights, projection
+
+    return _layout(np.arange(n, dtype=np.float64), of_block)
 
 
 def compress(
@@ -168,16 +146,14 @@ def compress(
     outputs: Sequence[Array],
     together: Array | None = None,
     uniform: Sequence[bool] | None = None,
-    pieces: Array | None = None,
 ) -> Points:
     """Points of all levels; times and outputs of shape (n_l,) each, times rising, `uniform` where that is known.
 
-    Levels on one grid share their nodes: `together` then holds the outputs as one array, (L, n), and `pieces` what
-    `to_pieces` makes of them, where that is known.
+    Levels on one grid share their nodes: `together` then holds the outputs as one array, (L, n).
     """
     known = [False] * len(times_s) if uniform is None else uniform
     if together is not None:
-        t, y, w = _compress_grid(times_s[0], together, known[0], pieces)
+        t, y, w = _compress_grid(times_s[0], together, known[0])
         return Points(t[None], y, w[None])
     parts = [_compress_grid(t, y[None], k) for t, y, k in zip(times_s, outputs, known, strict=True)]
     longest = max(len(t) for t, _, _ in parts)
@@ -191,19 +167,14 @@ def compress(
     )
 
 
-def _compress_grid(t_s: Array, y: Array, uniform: bool, pieces: Array | None = None) -> tuple[Array, Array, Array]:
+def _compress_grid(t_s: Array, y: Array, uniform: bool) -> tuple[Array, Array, Array]:
     """Nodes (P,), outputs (L, P) and weights (P,) for L records on one grid."""
     n = len(t_s)
     if n <= SMALL:
         return t_s, y, np.ones(n)
     dt = (t_s[-1] - t_s[0]) / (n - 1)
     if uniform or np.abs(t_s - (t_s[0] + dt * np.arange(n))).max() <= 1e-6 * dt:
-        layout = _layout(n)
-        return t_s[0] + dt * layout.nodes, layout.outputs(y, pieces), layout.weights
-    nodes, values, each = [t_s[:HEAD]], [y[:, :HEAD]], [np.ones(HEAD)]
-    for start, stop in list(blocks(n))[1:]:
-        at, w, projection = orthonormal(t_s[start:stop], POINTS_PER_BLOCK)
-        nodes.append(at)
-        values.append(y[:, start:stop] @ projection / np.sqrt(w))
-        each.append(w)
-    return np.concatenate(nodes), np.concatenate(values, axis=1), np.concatenate(each)
+        layout = _even(n)
+        return t_s[0] + dt * layout.nodes, layout.outputs(y), layout.weights
+    layout = _layout(t_s, _of_block)
+    return layout.nodes, layout.outputs(y), layout.weights

@@ -7,8 +7,8 @@ from functools import cached_property
 import numpy as np
 
 from eaid.arrays import Array
-from eaid.fitting.compress import PIECE, POINTS_PER_BLOCK, SMALL, Points, compress, piece_count, to_pieces
-from eaid.fitting.samples import CHUNK, Record, full_sums
+from eaid.fitting.compress import Points, compress
+from eaid.fitting.samples import Record, full_sums
 from eaid.steps.stepset import Level
 
 
@@ -23,8 +23,6 @@ class Data:
     """Weight of each level's squared residuals, shape (L,); ones unless the user weights by spread."""
     together: Array | None = None
     """The curves as one array, (L, n), where all share one grid; `records` are its rows then."""
-    pieces: Array | None = None
-    """`together` after `to_pieces`, made while the means were in the cache."""
 
     @property
     def unequal_weights(self) -> tuple[float, ...] | None:
@@ -51,9 +49,7 @@ class Data:
     def points(self) -> Points:
         """The compressed curves."""
         records = self.records
-        return compress(
-            [r.t_s for r in records], [r.y for r in records], self.together, [r.uniform for r in records], self.pieces
-        )
+        return compress([r.t_s for r in records], [r.y for r in records], self.together, [r.uniform for r in records])
 
     def sums(self, theta: Array) -> tuple[Array, Array]:
         """Squared residuals of each level over every sample, (L,), and their gradient by θ, (4, L)."""
@@ -79,23 +75,12 @@ def data_of(levels: Sequence[Level], weights: Array | None = None) -> Data:
     )
     if not alike:
         return Data(u, tuple(Record(one.time_s, one.mean, one.uniform) for one in levels), weights)
-    n = len(first.time_s)
-    together, pieces = np.empty((len(levels), n)), None
-    if first.uniform and n > SMALL:
-        pieces = np.empty((len(levels), piece_count(n), POINTS_PER_BLOCK))
-    for i, level in enumerate(levels):
-        row, runs = together[i : i + 1], level.ordered_runs
-        mean = np.full((1, len(runs)), 1 / len(runs))
-        for start in range(0, n, CHUNK):
-            part, before = slice(start, min(start + CHUNK, n)), max(start - PIECE, 0)
-            if len(runs) == 1:
-                row[:, part] = runs[:, part]
-            else:
-                np.matmul(mean, runs[:, part], out=row[:, part])
-            if pieces is not None:
-                to_pieces(row[:, before : part.stop], pieces[i : i + 1, before // PIECE : part.stop // PIECE - 1])
+    together = np.empty((len(levels), len(first.time_s)))
+    for row, level in zip(together, levels, strict=True):
+        runs = level.ordered_runs
+        np.matmul(np.full(len(runs), 1 / len(runs)), runs, out=row)
     records = tuple(Record(first.time_s, row, first.uniform) for row in together)
-    return Data(u, records, weights, together, pieces)
+    return Data(u, records, weights, together)
 
 
 def _variance(level: Level) -> float:
