@@ -8,10 +8,11 @@ import contextlib
 import os
 import shutil
 import sys
+import textwrap
 import time
 import unicodedata
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TextIO
 
 from eaid.errors import on_command_line
 
@@ -45,10 +46,23 @@ def safe(text: str) -> str:
     )
 
 
+def wrapped(text: str, stream: TextIO) -> str:
+    """A text in lines as wide as its terminal, broken between words only; as it is where there is none."""
+    said = safe(text)
+    width = _columns(stream)
+    if width is None or len(said) <= width:
+        return said
+    return "\n".join(textwrap.wrap(said, width, subsequent_indent="  ", break_long_words=False, break_on_hyphens=False))
+
+
+def _columns(stream: TextIO) -> int | None:
+    return shutil.get_terminal_size().columns if stream.isatty() else None
+
+
 def say(message: str) -> None:
     """Tell the user something, on stderr."""
     if not _quiet:
-        print(safe(message), file=sys.stderr)
+        print(wrapped(message, sys.stderr), file=sys.stderr)
 
 
 def warn(message: str) -> None:
@@ -83,9 +97,10 @@ def tell(findings: "Iterable[Finding]", verbose: bool = False) -> None:
 
 
 def _mark(kind: str, message: str) -> None:
-    colour = COLOUR[kind] if sys.stderr.isatty() and not os.environ.get("NO_COLOR") else ""
-    head = f"\x1b[{colour}m{kind}:\x1b[0m" if colour else f"{kind}:"
-    print(head, safe(message), file=sys.stderr)
+    said = wrapped(f"{kind}: {message}", sys.stderr)
+    if sys.stderr.isatty() and not os.environ.get("NO_COLOR"):
+        said = f"\x1b[{COLOUR[kind]}m{kind}:\x1b[0m" + said.removeprefix(f"{kind}:")
+    print(said, file=sys.stderr)
 
 
 @contextlib.contextmanager
@@ -126,8 +141,8 @@ def table(title: str, columns: Sequence[str], rows: Sequence[Sequence[str]]) -> 
     long text in the last column is wrapped between words.
     """
     if not _quiet:
-        width = shutil.get_terminal_size().columns if sys.stdout.isatty() else None
-        print("\n".join([safe(title), *aligned([[safe(cell) for cell in row] for row in [columns, *rows]], width)]))
+        cells = [[safe(cell) for cell in row] for row in [columns, *rows]]
+        print("\n".join([wrapped(title, sys.stdout), *aligned(cells, _columns(sys.stdout))]))
 
 
 def show(made: "Table") -> None:
@@ -147,7 +162,7 @@ def aligned(rows: Sequence[Sequence[str]], width: int | None = None) -> list[str
 
 def _blocks(rows: Sequence[Sequence[str]], width: int | None) -> list[list[int]]:
     """Which columns stand together, the first in every block."""
-    widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
+    widths = [max(_width(row[i]) for row in rows) for i in range(len(rows[0]))]
     blocks: list[list[int]] = [[0]]
     for i in range(1, len(widths)):
         least = min(widths[i], 24) if i == len(widths) - 1 else widths[i]  # the last one may be wrapped
@@ -158,28 +173,32 @@ def _blocks(rows: Sequence[Sequence[str]], width: int | None) -> list[list[int]]
 
 
 def _block(rows: list[list[str]], right: list[bool], width: int | None) -> list[str]:
-    import textwrap
-
-    widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
+    widths = [max(_width(row[i]) for row in rows) for i in range(len(rows[0]))]
     before = sum(w + 2 for w in widths[:-1])
-    room = None if width is None or len(widths) == 1 else max(width - before, 16)
+    room = None if width is None or len(widths) == 1 or right[-1] else max(width - before, 16)
     lines: list[str] = []
     for row in rows:
-        cells = [
-            cell.rjust(w) if to_right else cell.ljust(w) for cell, w, to_right in zip(row, widths, right, strict=True)
-        ]
-        last = (
-            [cells[-1]] if room is None or right[-1] else textwrap.wrap(row[-1], room, break_long_words=False) or [""]
-        )
+        gaps = [" " * (w - _width(cell)) for cell, w in zip(row, widths, strict=True)]
+        cells = [gap + cell if to_right else cell + gap for cell, gap, to_right in zip(row, gaps, right, strict=True)]
+        last = [cells[-1]] if room is None else textwrap.wrap(row[-1], room, break_long_words=False) or [""]
         lines.append("  ".join([*cells[:-1], last[0]]).rstrip())
         lines += [" " * before + more for more in last[1:]]
     return lines
 
 
+def _width(text: str) -> int:
+    """Places that a text takes: an accent above a letter takes none."""
+    return len(text) - sum(unicodedata.combining(c) > 0 for c in text)
+
+
+NO_NUMBERS = ("", "-", "–", "…", "<", ">", "never", "no", "none", "not", "unstable", "infinite")
+"""How cells begin that stand in a column of numbers without being one."""
+
+
 def _is_number(text: str) -> bool:
     """Whether a cell counts as a number for its column: a number, with a unit or % behind it, an interval or a dash."""
-    head = text.split(" ")[0].rstrip("%").replace("−", "-")
-    if head in ("", "-", "–", "…"):
+    head = text.split(" ")[0].rstrip("%°").replace("−", "-").partition("…")[0]
+    if head in NO_NUMBERS:
         return True
     try:
         float(head)
@@ -201,7 +220,7 @@ def number(value: float | None, digits: int = 4) -> str:
 def line(text: str) -> None:
     """Print one line of a result on stdout, under its table."""
     if not _quiet:
-        print(safe(text))
+        print(wrapped(text, sys.stdout))
 
 
 def print_json(result: dict[str, object]) -> None:

@@ -78,11 +78,11 @@ def command(given: Arguments) -> None:
 
 
 def _show(walls: "tuple[Wall, ...]", title: str, unit: str) -> None:
-    torque = f"torque [{unit}]" if unit else "torque"
-    heading = ["loop", torque, "passive", "limited at [Hz]", "stable", "lost at [Hz]", "replayed"]
-    names = ("K_passive", "passive_hz", "K_stable", "lost_hz", "K_replayed")
+    names = ["K_passive", "passive_hz", "K_stable", "lost_hz", "K_replayed"]
+    heading = ["loop", f"torque [{unit}]" if unit else "torque", "passive", "to [Hz]", "stable", "lost at [Hz]"]
+    heading += ["replayed"] if any(wall.K_replayed is not None for wall in walls) else []
     rows = [
-        [wall.loop, f"{wall.torque_nm:g}", *(console.number(getattr(wall, name), 3) for name in names)]
+        [wall.loop, f"{wall.torque_nm:g}", *(console.number(getattr(wall, name), 3) for name in names)][: len(heading)]
         for wall in walls
     ]
     if rows:

@@ -1,25 +1,24 @@
 """What `eaid tune-rc` prints: one verdict and one table; margins and the readings of ρ on request."""
 
 from eaid.cli import console
-from eaid.results.gains import Gains, Margin, MarginPoint, Optimized
+from eaid.report.tables.gains import margins_table
+from eaid.results.gains import Gains, Optimized
 
-CONDITIONS = {
-    "rho": "ρ covers Eq. (15)", "phi": "φ covers |η − η̂|", "Q_M": "Q_M covers the slope",
-    "duty-limit": "the actuator delivers B̂ρ",
-}  # fmt: skip
 SHORT = {"rho": "ρ", "phi": "φ", "Q_M": "Q_M", "duty-limit": "duty limit"}
+"""Conditions of the guarantee."""
 YES = {True: "yes", False: "NO", None: "not known"}
 
 
 def show(gains: Gains, all_of_it: bool = False) -> None:
     """The verdict and the gains; with `all_of_it` what they were made of, and every margin."""
     console.line(verdict(gains))
-    console.table("Gains", ["", "value", "unit", "what it is"], [*_robust(gains), *_pi(gains), *_replayed(gains)])
+    console.table("Gains", ["", "value", "unit; what it is"], [*_robust(gains), *_pi(gains), *_replayed(gains)])
     if gains.optimized is not None:
         _optimized(gains.optimized, gains)
     if all_of_it:
         _readings(gains)
-        _margins(gains)
+        if gains.margins is not None:
+            console.show(margins_table(gains))
 
 
 def verdict(gains: Gains) -> str:
@@ -37,17 +36,17 @@ def _robust(gains: Gains) -> list[list[str]]:
     rc, (i, o) = gains.rc, (gains.input_unit, gains.output_unit)
     if rc is None:
         return []
+    motion = f"natural frequency {rc.natural_frequency_rad_s:.4g} rad/s, damping {rc.damping:.3g}"
+    reached = f"{rc.rho.convention}; α {_number(rc.alpha)}, really reached {_number(rc.alpha_reached)}"
     rows = [
-        ["RC K_P, K_D", f"{rc.K_P:.5g}, {rc.K_D:.5g}", "1/s², 1/s",
-         f"natural frequency {rc.natural_frequency_rad_s:.4g} rad/s, damping {rc.damping:.3g}"],
-        ["   B̂", f"{rc.B_hat:.5g}", f"{i}·s/({o})", f"{rc.B_hat_convention}; B {_number(rc.B_m)} … {_number(rc.B_M)}"],
-        ["   ρ(ξ)", f"{rc.rho.constant:.6g} + {rc.rho.slope:.6g}·‖ξ‖", f"{o}/s",
-         f"{rc.rho.convention}; α {_number(rc.alpha)}, really reached {_number(rc.alpha_reached)}"],
-        ["   ε, γ", f"{rc.epsilon:.4g}, {rc.gamma:.4g}", "", f"z = {rc.Q[1][0]:.4g} q̃ + {rc.Q[1][1]:.4g} e"],
-    ]  # fmt: skip
+        ["RC K_P, K_D", f"{rc.K_P:.5g}, {rc.K_D:.5g}", f"1/s², 1/s; {motion}"],
+        ["  B̂", f"{rc.B_hat:.5g}", f"{i}·s/({o}); {rc.B_hat_convention}, B {_number(rc.B_m)} … {_number(rc.B_M)}"],
+        ["  ρ(ξ)", f"{rc.rho.constant:.4g} + {rc.rho.slope:.4g} ‖ξ‖", f"{o}/s; {reached}"],
+        ["  ε, γ", f"{rc.epsilon:.4g}, {rc.gamma:.4g}", f"z = {rc.Q[1][0]:.4g} q̃ + {rc.Q[1][1]:.4g} e"],
+    ]
     for one in gains.guarantee.conditions if gains.guarantee is not None else ():
-        told = f"{_number(one.needed)} needed, {_number(one.available)} there"
-        rows.append([f"   {CONDITIONS[one.name]}", YES[one.holds], one.unit, told])
+        told = f"{_number(one.needed)} needed, {_number(one.available)} there, {one.unit}"
+        rows.append([f"  {SHORT[one.name]} holds", YES[one.holds], told])
     return [*rows, *_least(gains, "rc")]
 
 
@@ -56,10 +55,10 @@ def _pi(gains: Gains) -> list[list[str]]:
     if pi is None:
         return []
     settles = "never settles" if pi.settling_s is None else f"settles in {pi.settling_s:.4g} s"
-    reached = f"{_number(pi.overshoot_pct)} % overshoot, {settles}"
     how = "designed" if pi.asked is not None else "given"
+    reached = f"{how}; {_number(pi.overshoot_pct)} % overshoot, {settles}"
     return [
-        ["PI K_P, K_I", f"{pi.K_P:.5g}, {pi.K_I:.5g}", f"{i}/({o}), {i}/({o}·s)", f"{how}; {reached}"],
+        ["PI K_P, K_I", f"{pi.K_P:.5g}, {pi.K_I:.5g}", f"{i}/({o}), {i}/({o}·s); {reached}"],
         *_least(gains, "pi"),
     ]
 
@@ -68,18 +67,23 @@ def _least(gains: Gains, name: str) -> list[list[str]]:
     worst = getattr(gains.margins.worst, name) if gains.margins is not None and gains.margins.worst else None
     if worst is None:
         return []
-    gain, phase, delay = _margin(worst)
-    return [["   least margins", f"{gain}, {phase}", "dB, °", f"delay {delay} ms"]]
+    if worst.stable is False:
+        return [["  least margins", "unstable", ""]]
+    gain = "> 80" if worst.gain_db is None else f"{worst.gain_db:.3g}"
+    phase = "none" if worst.phase_deg is None else f"{worst.phase_deg:.3g}"
+    delay = "> 200" if worst.delay_s is None else f"{1e3 * worst.delay_s:.3g}"
+    return [["  least margins", f"{gain}, {phase}", f"dB, °; delay {delay} ms"]]
 
 
 def _replayed(gains: Gains) -> list[list[str]]:
     told, rc = gains.replayed, gains.rc
     bound = rc.ultimate_bound.torque_error_nm if rc is not None and rc.ultimate_bound is not None else None
-    rows = [["ultimate bound", "none" if bound is None else f"{bound:.4g}", gains.output_unit, "error in the end"]]
-    if told is None or told.rc is None or told.pi is None:
-        return rows
-    errors = f"{_number(told.rc.max_abs_error_nm)} RC, {_number(told.pi.max_abs_error_nm)} PI"
-    return [*rows, ["largest error", errors, gains.output_unit, f"replayed on the fitted plant, {told.reference}"]]
+    rows = [["ultimate bound", "none" if bound is None else f"{bound:.4g}", f"{gains.output_unit}; error in the end"]]
+    for name, one in (("RC", told.rc), ("PI", told.pi)) if told is not None else ():
+        if told is not None and one is not None:
+            what = f"{gains.output_unit}; replayed on the fitted plant, {told.reference}"
+            rows.append([f"{name} largest error", _number(one.max_abs_error_nm), what])
+    return rows
 
 
 def _readings(gains: Gains) -> None:
@@ -94,35 +98,6 @@ def _readings(gains: Gains) -> None:
     console.table("Readings of Eq. (15)", ["reading", "φ", "means", "ρ(ξ)"], rows)
     if rc.equal_pi is not None and rc.equal_pi.K_P is not None:
         console.line(f"inside the layer the RC is a PI of {rc.equal_pi.K_P:.4g}, {_number(rc.equal_pi.K_I)}")
-
-
-def _margins(gains: Gains) -> None:
-    found = gains.margins
-    if found is None:
-        return
-    timing = found.timing
-    latch = f"duty latched at {timing.pwm_hz:g} Hz" if timing.pwm_hz else "duty not latched"
-    console.table(
-        f"Margins around held inputs, {timing.rate_hz:g} Hz, {latch}",
-        [gains.input_unit, gains.output_unit, "RC dB", "°", "ms", "PI dB", "°", "ms"],
-        [_point(row) for row in found.points],
-    )
-
-
-def _point(row: MarginPoint) -> list[str]:
-    none = ["-", "-", "-"]
-    loops = [_margin(one) if one is not None else none for one in (row.rc, row.pi)]
-    return [f"{row.duty_pct:.4g}", _number(row.torque_nm), *loops[0], *loops[1]]
-
-
-def _margin(found: Margin) -> list[str]:
-    if found.stable is False:
-        return ["unstable", "-", "-"]
-    return [
-        f"{found.gain_db:.3g}" if found.gain_db is not None else "> 80",
-        f"{found.phase_deg:.3g}" if found.phase_deg is not None else "gain below 1",
-        f"{1e3 * found.delay_s:.3g}" if found.delay_s is not None else "> 200",
-    ]
 
 
 SOURCES = {"given": "given", "logs": "white part of what the logs show", "fit": "as the fit tells it",

@@ -16,7 +16,7 @@ def show(replay: Replay) -> None:
 def tracking(replay: Replay, tracked: dict[str, Metrics]) -> None:
     """The metrics of each controller."""
     i, o = replay.head.input_unit, replay.head.output_unit
-    columns = ["controller", f"largest error [{o}]", "RMS", "mean", f"IAE [{o}·s]", f"mean |Δu| [{i}]", "saturated"]
+    columns = ["controller", f"max |error| [{o}]", "RMS", "mean", f"IAE [{o}·s]", f"|Δu| [{i}]", "at limit"]
     rows = [
         [
             name,

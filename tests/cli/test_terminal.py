@@ -1,0 +1,118 @@
+"""What a user sees on a terminal: every line within its width, broken between words only, numbers to the right."""
+
+import os
+import re
+import struct
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+pty = pytest.importorskip("pty")
+fcntl, termios = pytest.importorskip("fcntl"), pytest.importorskip("termios")
+
+COMMANDS = [
+    ["ingest", "logs", "-o", "data.h5", "--force"],
+    ["fit", "data.h5", "--force"],
+    ["fit", "data.h5", "--force", "--tables"],
+    ["tune-rc", "fit.json", "--force", "-v"],
+    ["simulate", "fit.json", "--gains", "gains.json", "--scenario", "steps", "--duration", "8", "--force"],
+    ["plan", "fit.json", "--no-check", "--force"],
+    ["couple", "fit.json", "--gains", "gains.json", "--torque", "1", "--no-replay", "--force"],
+]
+SCRIPT = """
+import json, sys
+from eaid.cli.main import run
+for words in json.loads(sys.argv[1]):
+    print("$", *words, flush=True)
+    run(words)
+"""
+
+
+def told(where: Path, commands: list[list[str]], width: int, **environment: str) -> str:
+    """What stands on a terminal of this width, both streams together."""
+    import json
+
+    pid, end = pty.fork()
+    if pid == 0:
+        os.chdir(where)
+        os.environ.update({"TERM": "xterm-256color", **environment})
+        os.environ.pop("COLUMNS", None)
+        fcntl.ioctl(1, termios.TIOCSWINSZ, struct.pack("HHHH", 50, width, 0, 0))
+        os.execv(sys.executable, [sys.executable, "-c", SCRIPT, json.dumps(commands)])
+    seen = b""
+    while True:
+        try:
+            part = os.read(end, 1 << 16)
+        except OSError:  # the other end is closed
+            break
+        if not part:
+            break
+        seen += part
+    os.waitpid(pid, 0)
+    os.close(end)
+    return seen.decode().replace("\r\n", "\n")
+
+
+def plain(text: str) -> str:
+    """Without colours, and without the bars of progress, which are drawn over one line."""
+    return re.sub(r"\x1b\[[0-9;?]*[A-Za-z]", "", "\n".join(line for line in text.split("\n") if "\r" not in line))
+
+
+@pytest.fixture(scope="module")
+def rig(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder of thirty logs, gains and a fit."""
+    where = tmp_path_factory.mktemp("terminal")
+    made = ["--repeats", "3", "--rate", "50", "--idle", "1", "--hold", "8", "--release", "3", "-q"]
+    for words in (["synth", *made, "-o", "logs"], ["fit", "logs", "-q"], ["tune-rc", "fit.json", "-q"]):
+        subprocess.run([sys.executable, "-m", "eaid", *words], cwd=where, check=True)
+    return where
+
+
+@pytest.mark.parametrize("width", [80, 120])
+def test_nothing_is_wider_than_the_terminal_or_broken_within_a_word(rig: Path, width: int) -> None:
+    shown = plain(told(rig, COMMANDS, width))
+    assert "bug of eaid" not in shown
+    lines = shown.splitlines()
+    assert [line for line in lines if len(line) > width + line.count("\u0302")] == []
+    import json
+
+    piped = subprocess.run(
+        [sys.executable, "-c", SCRIPT, json.dumps(COMMANDS)], cwd=rig, capture_output=True, text=True, check=False
+    )
+    words = set(f"{piped.stdout} {piped.stderr}".split())
+    assert {word for word in shown.split() if word not in words} == set()
+
+
+def test_thirty_logs_are_told_in_sixty_lines(rig: Path) -> None:
+    shown = plain(told(rig, [["ingest", "logs", "-o", "d.h5"], ["fit", "d.h5", "-o", "f.json"]], 80)).split("$ fit")
+    assert len(shown) == 2
+    for part in shown:
+        assert len(part.splitlines()) <= 60
+        assert "next: eaid" in part.splitlines()[-1]
+    first = shown[1].splitlines()[1:9]
+    assert any("%" in line and line.startswith("fit") for line in first)
+    assert sum("…" in line and line.split()[0].isdigit() for line in first) == 3
+    assert any(line.startswith(("taken", "shown")) for line in first)
+
+
+def test_a_bar_moves_and_says_what_is_left(rig: Path) -> None:
+    shown = told(rig, [["ingest", "logs", "-o", "e.h5"]], 80)
+    counts = re.findall(r"(\d+)/30", re.sub(r"\x1b\[[0-9;?]*[A-Za-z]", "", shown))
+    assert counts and int(counts[-1]) == 30 and len(set(counts)) > 1
+
+
+def test_colour_marks_severity_unless_it_is_not_wanted(rig: Path) -> None:
+    call = [["fit", "data.h5", "-o", "g.json", "--force"]]
+    assert "\x1b[33mwarning:\x1b[0m" in told(rig, call, 80)
+    assert "warning:" in (bare := told(rig, call, 80, NO_COLOR="1")) and "\x1b[33m" not in bare
+
+
+def test_a_plot_of_levels_with_the_model(rig: Path) -> None:
+    shown = plain(told(rig, [["fit", "data.h5", "-o", "p.json", "--force", "--plot"]], 80))
+    assert "o measured" in shown and "┌──" in shown and shown.count("o") > 60
+    assert max(len(line) for line in shown.splitlines()) <= 80
+    call = [sys.executable, "-m", "eaid", "fit", "data.h5", "-o", "q.json", "--plot"]
+    ascii_only = subprocess.run(call, cwd=rig, capture_output=True, env={**os.environ, "PYTHONIOENCODING": "ascii"})
+    assert b"+---" in ascii_only.stdout and "┌".encode() not in ascii_only.stdout
