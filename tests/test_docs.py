@@ -13,7 +13,7 @@ from eaid.cli import main
 
 ROOT = Path(__file__).parents[1]
 FILES = (ROOT / "docs" / "files.md").read_text(encoding="utf-8")
-ALWAYS = ("schema", "eaid", "digest", "seed", "inputs…", "data.inputs…", "options…")
+ALWAYS = ("schema", "eaid", "digest", "seed", "command", "inputs…", "data.inputs…", "options…")
 
 
 def keys(value: Any, at: str = "") -> Iterator[str]:

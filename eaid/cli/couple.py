@@ -66,7 +66,7 @@ def command(given: Arguments) -> None:
     fitted, told = codec.read(given.fit, "fit", Fit)
     tuned, more = codec.read(given.gains, "gains", Gains) if given.gains else (None, ())
     found = api.couple(fitted, tuned, options, progress=console.progress)
-    found = inputs.with_files(found, CoupleInputs, fit=given.fit, gains=given.gains)
+    found = inputs.stamped(found, given, CoupleInputs, fit=given.fit, gains=given.gains)
     codec.write(given.output, found, "couple", given.force)
     if given.json:
         sys.stdout.write(codec.dumps(found, "couple"))

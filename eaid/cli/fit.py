@@ -5,14 +5,14 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from eaid.cli import console
-from eaid.cli.form import Common, Seeded, Verbose, argument, option, taken, takes, written
+from eaid.cli.form import OUTPUT, Common, Seeded, Verbose, argument, option, taken, takes, written
 from eaid.cli.inputs import Reading
 from eaid.cli.words import numbers, pair, word_or_number
 
 PARTS = ("friction", "nonlinear", "linear", "release", "steps")
 NOT_TO_BE_USED = 4
 """Exit code of a fit that did not converge, or that a stop-finding speaks against; it is written, marked."""
-MODEL, RECORDED, ADVANCED, SHOWN = "Model", "Logs fitted as recorded", "Advanced", "What is shown"
+MODEL, RECORDED, ADVANCED = "Model", "Logs fitted as recorded", "Advanced"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -69,8 +69,8 @@ class Arguments(Common, Reading, Seeded, Verbose):
         "auto", "Of each single step [s]; auto: by the evidence.", ADVANCED, words=("auto",),
         read=word_or_number("auto"),
     )  # fmt: skip
-    tables: bool = option(False, "Show all numbers as tables.", SHOWN)
-    plot: bool = option(False, "Draw the levels with the model in the terminal.", SHOWN)
+    tables: bool = option(False, "Show all numbers as tables.", OUTPUT)
+    plot: bool = option(False, "Draw the levels with the model in the terminal.", OUTPUT)
     output: Path = written("fit.json")
 
 
@@ -82,6 +82,8 @@ def command(given: Arguments) -> int:
 
     Example: eaid fit bench/ --levels 20:100 --hold-out 60 -o fit.json
     """
+    import msgspec
+
     from eaid import api
     from eaid.cli import fit_tables, inputs
     from eaid.files import refuse_to_overwrite
@@ -101,6 +103,7 @@ def command(given: Arguments) -> int:
         stepset, options, bounds_levels=given.bounds_levels, duty=given.duty, instrument=given.instrument,
         progress=console.progress,
     )  # fmt: skip
+    result = msgspec.structs.replace(result, command=given.words)
     codec.write(given.output, result, "fit", given.force)
     if given.json:
         sys.stdout.write(codec.dumps(result, "fit"))

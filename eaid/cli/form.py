@@ -13,7 +13,7 @@ Typer gets a plain function with these parameters; what is typed becomes a value
 
 import inspect
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import MISSING, Field, dataclass, field, fields
 from pathlib import Path
 from typing import Any, TypeVar, get_type_hints
@@ -74,6 +74,8 @@ class Common:
 
     force: bool = option(False, "Overwrite an existing output.", OUTPUT)
     json: bool = option(False, "Print the result, machine-readable, on stdout.", OUTPUT)
+    words: tuple[str, ...] = ()
+    """What was typed, but for what only says where the result goes and how it is shown."""
     quiet: bool = option(False, "No messages, tables or progress; errors are still told.", OUTPUT, "-q", "--quiet")
 
 
@@ -88,23 +90,25 @@ class Verbose:
 class Seeded:
     """Of commands that draw."""
 
-    seed: int = option(0, "Of everything random; the same seed gives the same bytes.", OUTPUT)
+    seed: int = option(0, "Of everything random; the same seed gives the same bytes.", "Chance")
 
 
-COMMON = [one.name for kind in (Seeded, Common, Verbose) for one in fields(kind)]
+COMMON = ["output", *(one.name for kind in (Seeded, Common, Verbose) for one in fields(kind))]
 
 
 def takes(arguments: type[A]) -> Callable[[Callable[[A], int | None]], Callable[..., int | None]]:
     """Make of a function of `arguments` one that Typer takes as a command."""
     own = set(arguments.__annotations__) - {"output"}
     # first the command's own, then what it shares with others, last what all have
-    shown = sorted(fields(arguments), key=lambda one: (one.name in COMMON, one.name == "output", one.name not in own))
+    told = [one for one in fields(arguments) if one.metadata]
+    shown = sorted(told, key=lambda one: (one.name in COMMON, one.name not in own and one.name != "output"))
     hints = get_type_hints(arguments)
 
     def made(body: Callable[[A], int | None]) -> Callable[..., int | None]:
         def command(**typed: Any) -> int | None:
             console.be_quiet(typed["quiet"])
-            return body(arguments(**{one.name: _value(one, typed[one.name]) for one in shown}))
+            values = {one.name: _value(one, typed[one.name]) for one in shown}
+            return body(arguments(**values, words=_words(shown, typed)))
 
         command.__doc__ = body.__doc__
         command.__signature__ = inspect.Signature([_parameter(one, hints[one.name]) for one in shown])  # type: ignore[attr-defined]
@@ -130,7 +134,8 @@ def refuse_idle(given: object, names: Sequence[str], because: str) -> None:
 def flag_of(one: "Field[Any]") -> str:
     """The option as it is typed, `--pi-gains`."""
     told: Told = one.metadata["told"]
-    return next((flag for flag in told.flags if flag.startswith("--")), "--" + one.name.replace("_", "-"))
+    flag = next((flag for flag in told.flags if flag.startswith("--")), "--" + one.name.replace("_", "-"))
+    return flag.partition("/")[0]
 
 
 def _parameter(one: "Field[Any]", hint: Any) -> inspect.Parameter:
@@ -178,6 +183,11 @@ def _typed(value: Any) -> str | None:
     return None if value is None else f"{value:g}" if isinstance(value, float) else str(value)
 
 
+def _exactly(value: Any) -> str:
+    """A value as the shortest text that gives it back."""
+    return f"{value:g}" if isinstance(value, float) and float(f"{value:g}") == value else str(value)
+
+
 def _value(one: "Field[Any]", typed: Any) -> Any:
     """What was typed, as a value; `UsageError` where it is none of the words, or cannot be read."""
     told: Told = one.metadata["told"]
@@ -198,6 +208,26 @@ def _value(one: "Field[Any]", typed: Any) -> Any:
     return told.read(option_, typed)
 
 
+def _words(shown: "Sequence[Field[Any]]", typed: Mapping[str, Any]) -> tuple[str, ...]:
+    """The arguments and options as they were typed, those left at their defaults not."""
+    placed: list[str] = []
+    named: list[str] = []
+    for one in shown:
+        told: Told = one.metadata["told"]
+        value, flag = typed[one.name], flag_of(one)
+        default = _typed(one.default) if told.words or told.read else one.default
+        if told.group == OUTPUT or value in (None, [], default):
+            continue
+        each = value if isinstance(value, list) else [value]
+        if told.positional:
+            placed += map(str, each)
+        elif isinstance(value, bool):
+            named.append(flag if value else f"--no-{flag[2:]}")
+        else:
+            named += [word for part in each for word in (flag, _exactly(part))]
+    return *placed, *named
+
+
 def _completion(told: Told) -> Callable[..., list[str]] | None:
     """What the shell offers: the words, or the levels that the data hold; nothing where it offers files."""
     if told.levels:
@@ -216,7 +246,8 @@ def _levels(ctx: typer.Context, incomplete: str) -> list[str]:
     """The levels of the fit or the dataset that stands on the line already."""
     from eaid.cli.inputs import levels_in
 
-    given = next((ctx.params[name] for name in ("data", "logs", "fit", "plant") if ctx.params.get(name)), [])
+    placed = [ctx.params.get(name) or () for name in ("data", "logs", "fit", "plant")]
+    words = [word for each in placed for word in (each if isinstance(each, list | tuple) else [each])]
+    paths = [Path(word) for word in (*words, *ctx.args)]  # what Typer has not yet given a name stands in `args`
     before, comma, last = incomplete.rpartition(",")
-    paths = [Path(path) for path in (given if isinstance(given, list | tuple) else [given])]
     return [before + comma + level for level in levels_in(paths) if level.startswith(last)]

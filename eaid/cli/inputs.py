@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from eaid.cli import console
-from eaid.cli.form import option, taken
+from eaid.cli.form import Common, option, taken
 from eaid.cli.words import as_typed
 from eaid.errors import EaidError
 
@@ -136,8 +136,8 @@ def logs_of(fitted: "Fit", fit: Path, data: list[Path] | None, options: "TuneOpt
         return None
 
 
-def with_files(result: R, kind: type, **files: Path | list[Path] | None) -> R:
-    """A result that names the files it was made from, by their roles in `kind`."""
+def stamped(result: R, given: Common, kind: type, **files: Path | list[Path] | None) -> R:
+    """A result that says what was typed, and names the files it was made from by their roles in `kind`."""
     import msgspec
 
     from eaid.results.common import Input
@@ -147,7 +147,7 @@ def with_files(result: R, kind: type, **files: Path | list[Path] | None) -> R:
         for role, given in files.items()
         if given
     }
-    return msgspec.structs.replace(result, inputs=kind(**named))  # type: ignore[type-var]
+    return msgspec.structs.replace(result, inputs=kind(**named), command=given.words)  # type: ignore[type-var]
 
 
 def levels_in(paths: Sequence[Path]) -> list[str]:

@@ -73,7 +73,7 @@ def command(given: Arguments) -> None:
         found: Plan | Excitation = api.plan_excitation(fit, options, progress=console.progress)
     else:
         found = api.plan(fit, taken(PlanOptions, given), progress=console.progress)
-    found = msgspec.structs.replace(found, inputs=(Input.of(given.fit),))
+    found = msgspec.structs.replace(found, inputs=(Input.of(given.fit),), command=given.words)
     plan_tables.write(files, found, given.force)
     if given.json:
         sys.stdout.write(codec.dumps(found, "plan"))

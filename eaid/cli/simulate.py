@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from eaid.cli import console
-from eaid.cli.form import Common, Seeded, Verbose, argument, option, taken, takes, written
+from eaid.cli.form import OUTPUT, Common, Seeded, Verbose, argument, option, taken, takes, written
 from eaid.cli.inputs import Columns
 from eaid.cli.words import factors
 from eaid.errors import UsageError
@@ -32,7 +32,7 @@ class Arguments(Common, Columns, Seeded, Verbose):
     keep_baseline: bool = option(False, "Do not subtract the idle output of recorded runs.", WHAT)
     duration: float | None = option(None, "Length of steps, multisine or rehab [s].", WHAT)
     best: bool = option(False, "The least error this plant allows, the future known; how far each is from it.", WHAT)
-    plot: bool = option(False, "Draw the replay in the terminal.", WHAT)
+    plot: bool = option(False, "Draw the replay in the terminal.", OUTPUT)
     rate_hz: float | None = option(None, "Control rate [Hz]; by itself 1000.", RIG)
     noise_nm: float = option(0.0, "Noise on the measured torque, sd [N·m].", RIG)
     noise_correlation_s: float = option(0.0, "Correlation time of the noise [s]; 0: white.", RIG)
@@ -89,7 +89,7 @@ def command(given: Arguments) -> None:
         progress=console.progress,
     )  # fmt: skip
     files = {"fit": given.fit, "gains": given.gains, "reference": given.reference, "log": given.log}
-    replay = replace(replay, head=inputs.with_files(replay.head, ReplayInputs, **files))
+    replay = replace(replay, head=inputs.stamped(replay.head, given, ReplayInputs, **files))
     write_replay(given.output, replay, given.force)
     if given.json:
         console.print_json(as_json(replay))

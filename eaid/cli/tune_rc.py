@@ -105,7 +105,7 @@ def command(given: Arguments) -> None:
     fitted, told = codec.read(given.fit, "fit", Fit)
     logs = inputs.logs_of(fitted, given.fit, given.data, options)
     gains = api.tune_rc(fitted, options, reference=given.reference, logs=logs, progress=console.progress)
-    gains = inputs.with_files(gains, GainsInputs, fit=given.fit, reference=own)
+    gains = inputs.stamped(gains, given, GainsInputs, fit=given.fit, reference=own)
     codec.write(given.output, gains, "gains", given.force)
     if given.json:
         print(codec.dumps(gains, "gains"), end="")

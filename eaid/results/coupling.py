@@ -115,6 +115,8 @@ class Coupling(Shown, Result, frozen=True):
     """
 
     inputs: CoupleInputs = CoupleInputs()
+    command: tuple[str, ...] = ()
+    """What was typed to make it, without the output; empty where Python did."""
     options: CoupleRecord = CoupleRecord()
     seed: int = 0
     plants: Count = 0

@@ -113,6 +113,8 @@ class Fit(Shown, Result, frozen=True):
     """
 
     options: FitOptionsRecord = FitOptionsRecord()
+    command: tuple[str, ...] = ()
+    """What was typed to make it, without the output; empty where Python did."""
     seed: int = 0
     data: Data = Data()
     converged: bool | None = None

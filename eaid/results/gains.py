@@ -345,6 +345,8 @@ class Gains(Shown, Result, frozen=True):
     pi: PI | None = None
     inputs: GainsInputs = GainsInputs()
     options: TuneOptions | None = None
+    command: tuple[str, ...] = ()
+    """What was typed to make it, without the output; empty where Python did."""
     seed: int = 0
     input_unit: str = "%"
     output_unit: str = "N·m"

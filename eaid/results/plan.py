@@ -34,6 +34,8 @@ class Plan(Shown, Result, frozen=True):
     """
 
     inputs: tuple[Input, ...] = ()
+    command: tuple[str, ...] = ()
+    """What was typed to make it, without the output; empty where Python did."""
     seed: int = 0
     wanted: dict[str, Number] = {}
     """Half-widths of 95 % intervals that are wanted at the worst level [%]."""

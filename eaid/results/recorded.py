@@ -168,6 +168,8 @@ class Excitation(Result, frozen=True):
     """plan.json of one sequence for one recording: when which duty acts, and what it is to give."""
 
     inputs: tuple[Input, ...] = ()
+    command: tuple[str, ...] = ()
+    """What was typed to make it, without the output; empty where Python did."""
     seed: int = 0
     wanted: dict[str, Number] = {}
     """Half-widths of 95 % intervals that are wanted at the worst duty [%]."""

@@ -279,6 +279,8 @@ class Head(Result, frozen=True):
     unidentified: dict[str, str] = {}
     synthetic: str | None = None
     inputs: ReplayInputs = ReplayInputs()
+    command: tuple[str, ...] = ()
+    """What was typed to make it, without the output; empty where Python did."""
     findings: tuple[Finding, ...] = ()
 
 
