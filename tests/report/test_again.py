@@ -34,4 +34,3 @@ def test_gains_and_replay_are_made_again_by_what_the_page_says(
     assert main.run([*shlex.split(replay)[1:], "--force", "-q"]) == 0
     assert Path("r.h5").read_bytes() == first
     assert "--duration 9" in replay and "--rate-hz 500" in replay
-
