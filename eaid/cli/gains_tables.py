@@ -44,7 +44,7 @@ def _robust(gains: Gains) -> list[list[str]]:
     rows = [
         ["RC K_P, K_D", f"{rc.K_P:.5g}, {rc.K_D:.5g}", f"1/s², 1/s; {motion}"],
         ["  B̂", f"{rc.B_hat:.5g}", f"{i}·s/({o}); {rc.B_hat_convention}, B {_number(rc.B_m)} … {_number(rc.B_M)}"],
-        ["  ρ(ξ)", f"{rc.rho.constant:.5g} + {rc.rho.slope:.5g} ‖ξ‖", f"{o}/s; {reached}"],
+        ["  ρ(ξ)", f"{rc.rho.constant:.5g} + {rc.rho.slope:.4g} ‖ξ‖", f"{o}/s; {reached}"],
         ["  ε, γ", f"{rc.epsilon:.4g}, {rc.gamma:.4g}", f"z = {rc.Q[1][0]:.4g} q̃ + {rc.Q[1][1]:.4g} e"],
     ]
     for one in gains.guarantee.conditions if gains.guarantee is not None else ():

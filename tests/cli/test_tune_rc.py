@@ -59,7 +59,7 @@ def test_gains_file_of_a_minimal_fit(capsys):
     assert {"K_P", "K_I", "overshoot_pct", "settling_s"} <= set(gains["pi"])
     assert rc_gains(typed(gains)).B_hat == 12.5 and pi_gains(typed(gains)) == (21.0, 360.0, 0.0, 100.0, 0.0)
     assert out.splitlines()[:2] == ["guarantee: NO (ρ, duty limit)", "Gains"]
-    assert "10.812 + 6.5" in out and "Margins" not in out and len(out.splitlines()) <= 18
+    assert "10.813 + 6.586 ‖ξ‖" in out and "Margins" not in out and len(out.splitlines()) <= 18
     assert err.splitlines()[-1] == "g.json: gains of rc and pi; next: eaid simulate fit.json --gains g.json"
     assert set(codes(gains)) == {
         "rho-not-covered", "robust-term-beyond-actuator", "paper-pi-misses", "nothing-to-replay-on", "margin-missed",
