@@ -1,4 +1,8 @@
-"""A saturated sensor behind noise: the highest levels stop at one value, each in the middle of its rise."""
+"""A saturated sensor behind noise: a rise that stops at full slope, at one value for the highest levels.
+
+One run alone may as well be a contact that slips: its loading stops as sharply. Where its noise then is less than half
+of the idle's, the sensor has stopped.
+"""
 
 from collections.abc import Sequence
 
@@ -6,13 +10,23 @@ import numpy as np
 
 from eaid.arrays import Array
 from eaid.findings import Finding, finding
-from eaid.steps.noise import block_error
+from eaid.steps.noise import block_error, block_means, sample_noise
+from eaid.steps.plateaus import FEWEST
+from eaid.steps.step import Step
 from eaid.steps.stepset import Level
 
 ALIKE = 0.005
 """Share within which two levels end at one value."""
 SHARP = 0.35
 """Slope just below the ceiling, relative to ceiling over rise time, from which a rise is cut off and not settling."""
+
+
+FLAT = 0.45
+"""The same of one run alone."""
+CREEP = 0.002
+"""Share of its top by which a flat one may still creep over its last quarter."""
+SMOOTH = 400
+FEW = 100
 
 
 def same_ceiling(levels: Sequence[Level], unit: str) -> list[Finding]:
@@ -31,6 +45,35 @@ def same_ceiling(levels: Sequence[Level], unit: str) -> list[Finding]:
     if len(capped) < 2 or len(sharp) < 2 or top <= 0:
         return []
     return [finding("same-ceiling", "data", [levels[i].level for i in capped], ceiling=top, unit=unit)]
+
+
+def flat_top(step: Step) -> Finding | None:
+    """A finding where one run stops at full slope and stays there, within its noise."""
+    rise = step.rise
+    if step.run.edge == "falling" or len(rise) < 200 or not step.swing > 0:
+        return None
+    half, quarter = len(rise) // 2, len(rise) // 4
+    top = float(np.median(rise[half:]))
+    creep = abs(float(rise[-quarter:].mean() - rise[half:-quarter].mean()))
+    slack = max(CREEP * top, 3 * block_error(rise))
+    if top <= 0 or creep > slack or block_means(rise).max() > top + 3 * slack or _rise_of(step, top) < FLAT:
+        return None
+    idle, held = sample_noise(step.idle) if len(step.idle) >= 20 else 0.0, sample_noise(rise[half:])
+    code = "saturated-behind-noise" if 0 < held < 0.5 * idle else "flat-topped"
+    return finding(code, step.run.name, (abs(step.run.level or 0.0),), limit=top, unit=step.unit)
+
+
+def _rise_of(step: Step, top: float) -> float:
+    """Sharpness of a rise, averaged to a hundred blocks or more until it is near its top; 0 of a few samples."""
+    count = len(step.rise)
+    while True:
+        means = block_means(step.rise[:count], SMOOTH)
+        near = np.flatnonzero(means >= 0.95 * top)
+        wanted = int(count * 4 * int(near[0] + 1) / len(means)) if len(near) else count
+        if wanted >= count or count <= SMOOTH:
+            judged = len(near) and near[0] >= FEWEST
+            return sharpness(means, block_means(step.time_s[:count], SMOOTH), top) if judged else 0.0
+        count = max(wanted, FEW)
 
 
 def sharpness(output: Array, time_s: Array, ceiling: float) -> float:

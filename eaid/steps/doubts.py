@@ -10,6 +10,7 @@ import numpy as np
 from eaid.arrays import Array
 from eaid.findings import Finding, finding
 from eaid.steps.baseline import FLOOR, last_rest, without_spikes
+from eaid.steps.ceiling import flat_top
 from eaid.steps.instead import several_edges
 from eaid.steps.noise import BLOCKS, LONG, block_error, block_means, sample_noise, spikes
 from eaid.steps.plateaus import FEWEST
@@ -243,6 +244,7 @@ CHECKS: tuple[Callable[[Step], Finding | None], ...] = (
     _drift,
     _not_idle,
     _saturated,
+    flat_top,
     _stuck,
     _coarse,
     _spikes,

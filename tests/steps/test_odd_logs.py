@@ -98,6 +98,29 @@ def test_a_stop(kind: str) -> None:
     assert code in [one.code for one in stops(make())]
 
 
+@pytest.mark.parametrize("noise", [0.005, 0.02])
+@pytest.mark.parametrize("share", [0.4, 0.55, 0.7])
+def test_one_run_alone_that_is_saturated_behind_noise(noise: float, share: float) -> None:
+    """Cut off in mid-rise, noise behind it: told; a stop where the noise is less than the idle's."""
+    clean = log(PLAN, tau1=1.0, tau2=3.0)
+    random = np.random.default_rng(0)
+    cut_off = np.minimum(clean.output, share * 2.0)
+    same = build_stepset(changed(cut_off + noise * random.normal(size=len(cut_off)), clean))
+    assert "flat-topped" in [one.code for one in same.runs[0].findings]
+    quiet = np.where(cut_off < share * 2.0, noise, 0.2 * noise)
+    found = stops(changed(cut_off + quiet * random.normal(size=1200), clean))
+    assert "saturated-behind-noise" in [one.code for one in found]
+
+
+@pytest.mark.parametrize("tau1", [0.05, 0.2, 1.0])
+@pytest.mark.parametrize("noise", [0.0, 0.005, 0.05])
+def test_a_settled_step_is_not_flat_topped(tau1: float, noise: float) -> None:
+    for seed in range(10):
+        run = log([(0.0, 2.0), (50.0, 20.0)], tau1=tau1, tau2=4 * tau1, noise=noise, seed=seed)
+        found = {one.code for one in build_stepset([run]).runs[0].findings}
+        assert not {"flat-topped", "saturated-behind-noise"} & found
+
+
 def test_the_odd_one_is_named_and_no_other() -> None:
     (said,) = stops(_one_sign())
     assert (said.code, said.subject, said.values) == ("sign-differs", "r3", {"siblings": 3})

@@ -45,6 +45,8 @@ VALUES: dict[str, dict[str, object]] = {
     "nearly-at-rest": {"off": 0.1, "unit": "N·m", "share_pct": 6.0},
     "unsettled-before-step": {"share_pct": 20.0},
     "saturated": {"samples": 300, "limit": 1.7, "unit": "N·m"},
+    "saturated-behind-noise": {"limit": 1.3, "unit": "N·m"},
+    "flat-topped": {"limit": 1.3, "unit": "N·m"},
     "same-ceiling": {"ceiling": 1.3, "unit": "N·m"},
     "sensor-stuck": {"for_s": 3.7, "at_s": 4.0, "value": 1.5, "unit": "N·m"},
     "sensor-stuck-briefly": {"for_s": 0.02, "at_s": 4.0, "value": 1.5, "unit": "N·m"},

@@ -129,6 +129,16 @@ ROWS: dict[str, Row] = {
         "share_pct",
     ),
     "saturated": Row("stop", "sensor saturated? {samples:#sample} at {limit:.4g} {unit}", "samples"),
+    "saturated-behind-noise": Row(
+        "stop",
+        "the output stops at {limit:.4g} {unit} at full slope, with less than half of its idle noise: the sensor or its "
+        "amplifier is saturated; record it with more range",
+    ),
+    "flat-topped": Row(
+        "caution",
+        "the output stops at {limit:.4g} {unit} at full slope and stays there: a saturated sensor, or a contact that "
+        "slips; either way its time constants are those of the loading",
+    ),
     "same-ceiling": Row(
         "stop",
         "the highest levels, {levels}, all stop at {ceiling:.4g} {unit} in mid-rise: the sensor or its amplifier is "
