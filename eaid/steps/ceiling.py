@@ -11,7 +11,6 @@ import numpy as np
 from eaid.arrays import Array
 from eaid.findings import Finding, finding
 from eaid.steps.noise import block_error, block_means, sample_noise
-from eaid.steps.plateaus import FEWEST
 from eaid.steps.step import Step
 from eaid.steps.stepset import Level
 
@@ -21,7 +20,7 @@ SHARP = 0.35
 """Slope just below the ceiling, relative to ceiling over rise time, from which a rise is cut off and not settling."""
 
 
-FLAT = 0.45
+FLAT = 0.4
 """The same of one run alone."""
 CREEP = 0.002
 """Share of its top by which a flat one may still creep over its last quarter."""
@@ -64,15 +63,19 @@ def flat_top(step: Step) -> Finding | None:
 
 
 def _rise_of(step: Step, top: float) -> float:
-    """Sharpness of a rise, averaged to a hundred blocks or more until it is near its top; 0 of a few samples."""
+    """Sharpness of a rise, less its error, averaged to a hundred blocks or more; 0 of a few samples."""
     count = len(step.rise)
     while True:
         means = block_means(step.rise[:count], SMOOTH)
         near = np.flatnonzero(means >= 0.95 * top)
         wanted = int(count * 4 * int(near[0] + 1) / len(means)) if len(near) else count
         if wanted >= count or count <= SMOOTH:
-            judged = len(near) and near[0] >= FEWEST
-            return sharpness(means, block_means(step.time_s[:count], SMOOTH), top) if judged else 0.0
+            if not len(near) or near[0] < 5:
+                return 0.0
+            at, few = int(near[0]), max(2, int(near[0]) // 5)
+            noise = sample_noise(step.rise) / np.sqrt(count / len(means))
+            error = noise * at / top / np.sqrt(few * (few + 1) * (few + 2) / 12)
+            return sharpness(means, block_means(step.time_s[:count], SMOOTH), top) - float(error)
         count = max(wanted, FEW)
 
 

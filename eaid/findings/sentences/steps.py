@@ -131,8 +131,8 @@ ROWS: dict[str, Row] = {
     "saturated": Row("stop", "sensor saturated? {samples:#sample} at {limit:.4g} {unit}", "samples"),
     "saturated-behind-noise": Row(
         "stop",
-        "the output stops at {limit:.4g} {unit} at full slope, with less than half of its idle noise: the sensor or its "
-        "amplifier is saturated; record it with more range",
+        "the output stops at {limit:.4g} {unit} at full slope, with less than half of its idle noise: the sensor is "
+        "saturated; record it with more range",
     ),
     "flat-topped": Row(
         "caution",
