@@ -38,17 +38,16 @@ def bias_of(base: Solved, laws: Sequence[Law | None], refits: int, seed: int) ->
     shown = np.linspace(low, high, 11)
     truth = _logs_of_curves(base, shown)
     rows = []
-    left = [base.setup.jacobian(base.x, k)[1] for k in range(len(base.setup.drives))]
     for _ in range(refits):
         again: list[RecordedLog] = []
         for k, log in enumerate(logs):
-            noise = like_residuals(left[k], draw)
+            noise = like_residuals(base.missed[k], draw)
             law = laws[k] if k < len(laws) else None
             if law is not None and log.starts_idle and len(noise) == len(log.input):
                 again.append(simulated(base, k, log, law, noise))
                 continue
             output, counted = log.output.copy(), base.setup.drives[k].w > 0
-            output[counted] += (left[k] + noise) / log.weight**0.5
+            output[counted] += base.missed[k] + noise
             again.append(replace(log, output=output))
         rows.append(_logs_of_curves(refit(base, again), shown) - truth)
     errors = np.array(rows)

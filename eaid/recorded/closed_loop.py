@@ -54,7 +54,7 @@ def judged_loops(
         loops.append(_loop(base, k, log, law, None if bias is None else bias.mean))
         rms, predicted = loops[-1].rms_error, loops[-1].predicted_rms_error
         if rms is not None and predicted is not None:
-            noise = float(np.std(base.setup.jacobian(base.x, k)[1]))
+            noise = float(np.std(base.missed[k]))
             if rms > OTHERWISE * float(np.hypot(predicted, noise)):
                 found.append(finding("loop-tracks-otherwise", log.name, rms=rms, predicted=predicted))
     return tuple(loops), found, bias
@@ -85,7 +85,7 @@ def saturated(log: RecordedLog) -> float:
 
 def answers(base: Solved, index: int, log: RecordedLog) -> float:
     """Correlation of the duty's changes with the residual's: a free input knows nothing of the noise."""
-    r = base.setup.jacobian(base.x, index)[1]
+    r = base.missed[index]
     if len(r) != len(log.input):
         return 0.0
     off = (log.input > 0) & (log.input < log.input.max())

@@ -25,8 +25,7 @@ def log_parts(solved: Solved, logs: Sequence[RecordedLog]) -> tuple[LogFit, ...]
 def _log_part(solved: Solved, k: int, log: RecordedLog) -> LogFit:
     drive, own = solved.setup.drives[k], solved.setup.own[k]
     counted = drive.w > 0
-    missed = solved.setup.jacobian(solved.x, k)[1] / np.sqrt(drive.w[counted])
-    y = drive.y[counted]
+    missed, y = solved.missed[k], solved.outputs[k]
     about = float(np.linalg.norm(y - y.mean()))
     span = float(log.time_s[-1] - log.time_s[0])
     return LogFit(

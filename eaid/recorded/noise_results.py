@@ -43,9 +43,7 @@ def noise_part(solved: Solved) -> Noise:
     """Density of the noise, S = s0 + s1 T², from squared sums of the residuals over short stretches."""
     squares, densities = [], []
     for k, drive in enumerate(solved.setup.drives):
-        counted = drive.w > 0
-        r = solved.setup.jacobian(solved.x, k)[1] / np.sqrt(drive.w[counted])
-        y = drive.y[counted] - idle_of(solved, k)
+        r, y = solved.missed[k], solved.outputs[k] - idle_of(solved, k)
         dt_s = float(drive.dt_s.sum()) / len(r)
         width = max(1, round(NOISE_WINDOW_S / dt_s))
         count = len(r) // width
@@ -70,11 +68,10 @@ def engagement_scatter(solved: Solved, s0: float, s1: float) -> tuple[float, int
     """
     gains, own = [], []
     for k, drive in enumerate(solved.setup.drives):
-        counted = drive.w > 0
-        r = solved.setup.jacobian(solved.x, k)[1] / np.sqrt(drive.w[counted])
-        T = drive.y[counted] - idle_of(solved, k) + r
+        r = solved.missed[k]
+        T = solved.outputs[k] - idle_of(solved, k) + r
         dt_s = float(drive.dt_s.sum()) / len(r)
-        which = engagements(drive)[counted]
+        which = engagements(drive)[drive.w > 0]
         squares, fourths = np.bincount(which, T**2), np.bincount(which, T**4)
         loaded = squares > 0.02 * squares.mean()
         gains += list((np.bincount(which, T * r)[loaded] / squares[loaded]).tolist())

@@ -167,10 +167,6 @@ class Setup:
         rows(0, len(drive.dt_s), *arguments, out)  # type: ignore[call-arg]
         return np.ascontiguousarray(out[:, : len(self.columns(log))]), out[:, -1].copy()
 
-    def residuals(self, x: Array) -> list[Array]:
-        """√w (f − y) of every log."""
-        return [self.jacobian(x, log)[1] for log in range(len(self.drives))]
-
     def problem(self) -> Problem:
         """For the solver: constraints of the model, and of the extras."""
         model, n = self.model, self.size

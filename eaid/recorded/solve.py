@@ -6,6 +6,7 @@ on every sample, and what one more of them would gain is the verdict, as with th
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -41,6 +42,17 @@ class Solved:
     """Other minima that were found, with their costs."""
     instruments: tuple[Drive, ...] | None = None
     """Inputs without the noise of the outputs, where they stood in for the recorded ones in the derivatives."""
+
+    @cached_property
+    def outputs(self) -> tuple[Array, ...]:
+        """What was recorded in the rows that are compared, less a known baseline, of each log."""
+        return tuple(drive.y[drive.w > 0] for drive in self.setup.drives)
+
+    @cached_property
+    def missed(self) -> tuple[Array, ...]:
+        """Model less recorded in those rows."""
+        drives = enumerate(self.setup.drives)
+        return tuple(self.setup.jacobian(self.x, k)[1] / np.sqrt(one.w[one.w > 0]) for k, one in drives)
 
     @property
     def coefficients(self) -> Array:
