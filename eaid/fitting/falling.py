@@ -6,16 +6,18 @@ The cost is linear in amplitude and residual, which are solved for; SLSQP sees l
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from eaid.arrays import Array
 from eaid.fitting.compress import Points
 from eaid.fitting.data import Data
-from eaid.fitting.descent import Descent, descend, solved
+from eaid.fitting.descent import Descent, descend, last_step
 from eaid.fitting.levels import CLEAR, SAME, TRUST
 from eaid.fitting.problem import ROUNDING, Problem
 from eaid.fitting.samples import decay
-from eaid.fitting.solver import FINISHED, SETTLED, approach, concluded, ended, judged
+from eaid.fitting.solver import SETTLED, approach, ended
 from eaid.fitting.starts import RECORDS, Indices, grid_bowls, grid_fits, start_grid, tau_limits
+from eaid.fitting.verdict import FINISHED, concluded, judged
 from eaid.models.parameters import TAU_FLOOR_S
 from eaid.results.common import Solver
 
@@ -70,7 +72,8 @@ def each_alone(data: Data, shares: Array) -> list[Solved]:
         best, costs = ends.x[rows[:1]], ends.cost[rows]
         one, share = data.one(i), shares[i : i + 1]
         sse, gradient, _ = _on_every_sample(best, one, share)
-        decrease, step = _newton(best, sse, gradient, _projected(best, one.points, share).exact, data)
+        H = _projected(best, one.points, share).exact
+        step, decrease = last_step(sse, gradient, H, _inside(best, H, data) & (sse > 0))
         low = costs - TRUST * ends.predicted[rows]
         rival = ((costs > (1 + SAME) * costs[0]) & (low < (1 + CLEAR) * costs[0])).any()
         if decrease[0] > SETTLED or rival:
@@ -112,18 +115,12 @@ def _refined(x: Array, points: Points, shares: Array, data: Data) -> Descent:
     return descend(look, x, STEPS, FINISHED, within)
 
 
-def _newton(x: Array, cost: Array, gradient: Array, curvature: Array, data: Data) -> tuple[Array, Array]:
-    """What a Newton step predicts of each row, relative to its cost, (N,), and the step, (N, 2).
-
-    Infinite and none at a limit or off a bowl.
-    """
+def _inside(x: Array, curvature: Array, data: Data) -> NDArray[np.bool_]:
+    """Which rows lie off the limits, in a bowl, (N,)."""
     first, second = x.T
-    inside = (first > np.log(1.001 * TAU_FLOOR_S)) & (second > first + 1e-3) & (cost > 0)
-    inside &= (second < np.log(0.5 * RECORDS * data.longest_s)) & (np.linalg.eigvalsh(curvature)[:, 0] > 0)
-    H = np.where(inside[:, None, None], curvature, np.eye(2))
-    step = solved(H, gradient)
-    decrease = 0.5 * (gradient * step).sum(axis=1) / np.where(inside, cost, 1.0)
-    return np.where(inside, decrease, np.inf), np.where(inside[:, None], step, 0.0)
+    inside = (first > np.log(1.001 * TAU_FLOOR_S)) & (second > first + 1e-3)
+    inside &= second < np.log(0.5 * RECORDS * data.longest_s)
+    return np.asarray(inside & (np.linalg.eigvalsh(curvature)[:, 0] > 0))
 
 
 def solve(data: Data, shares: Array, starts: Array) -> Solved:

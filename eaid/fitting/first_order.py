@@ -13,11 +13,12 @@ from numpy.typing import NDArray
 from eaid.arrays import Array
 from eaid.fitting.compress import Points
 from eaid.fitting.data import Data
-from eaid.fitting.descent import descend, solved
+from eaid.fitting.descent import descend, last_step
 from eaid.fitting.kernel import by_log, log_curvature, log_products, weighted_shares
 from eaid.fitting.levels import LEAST_LOG, MOST_LOG
 from eaid.fitting.problem import ROUNDING, Problem
-from eaid.fitting.solver import SETTLED, approach, concluded, ended, judged
+from eaid.fitting.solver import SETTLED, approach, ended
+from eaid.fitting.verdict import concluded, judged
 from eaid.results.common import Solver
 
 A0_GRID = 40
@@ -171,9 +172,7 @@ def fit_own_levels(data: Data) -> list[FirstOrder]:
     H, tau = sums.exact(x), np.exp(x[:, 1])
     whole = (_is_minimum(costs).sum(axis=1) == 1) & (tau > 1.001 * low) & (tau < 0.999 * high) & (cost > 0)
     whole &= np.linalg.det(H) > CLOSE * H[:, 0, 0] * np.abs(H[:, 1, 1])
-    H[~whole] = np.eye(2)
-    step = solved(H, slope)
-    predicted = np.where(whole, 0.5 * (slope * step).sum(axis=1) / np.where(whole, cost, 1.0), np.inf)
+    step, predicted = last_step(cost, slope, H, whole)
     found = []
     for i, decrease in enumerate(predicted.tolist()):
         if decrease > SETTLED:

@@ -13,8 +13,8 @@ from eaid.fitting import metrics, robust, samples
 from eaid.fitting.data import Data
 from eaid.fitting.levels import fit_levels
 from eaid.fitting.options import FitOptions
-from eaid.fitting.solver import judged
 from eaid.fitting.trends import LEAST, Form, fit_trend
+from eaid.fitting.verdict import judged
 from eaid.models import friction as model
 from eaid.models.parameters import SHARE, TAU_FLOOR_S
 from eaid.models.parameters import Friction as FrictionCurve

@@ -8,12 +8,13 @@ from numpy.typing import NDArray
 
 from eaid.arrays import Array
 from eaid.fitting.data import Data
-from eaid.fitting.descent import solved
+from eaid.fitting.descent import last_step, solved
 from eaid.fitting.free_share import every_sample, free_problem, free_starts
 from eaid.fitting.kernel import by_log, log_curvature, log_products, weighted_shares
 from eaid.fitting.problem import ROUNDING, TINY, Problem
-from eaid.fitting.solver import SETTLED, EndPoint, approach, concluded, ended, judged
+from eaid.fitting.solver import SETTLED, EndPoint, approach, ended
 from eaid.fitting.starts import RECORDS, STEPS, starting_curves, tau_limits, theta_at, within
+from eaid.fitting.verdict import concluded, judged
 from eaid.models.parameters import TAU_FLOOR_S
 from eaid.results.common import Solver
 from eaid.results.friction import FrictionLevel
@@ -142,10 +143,8 @@ def _last_step(x: Array, share: float, data: Data) -> tuple[Array, Array, Array]
     bowl &= (tau1 > 1.001 * TAU_FLOOR_S) & (1.001 * tau1 < tau2) & (tau2 < 0.5 * limit) & (Ts > 0) & (cost > 0)
     slope = gradient[:3].T.copy()
     slope[:, 1:] *= theta[1:3].T
-    step = solved(H, slope)
-    predicted = 0.5 * (slope * step).sum(axis=1)
-    theta = theta_at(within(limit)(x, np.where(bowl[:, None], step, 0.0)), share)
-    return theta, cost, np.where(bowl, predicted / np.where(bowl, cost, 1.0), np.inf)
+    step, predicted = last_step(cost, slope, H, bowl)
+    return theta_at(within(limit)(x, step), share), cost, predicted
 
 
 def _definite(H: Array) -> NDArray[np.bool_]:

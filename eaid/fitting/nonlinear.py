@@ -24,7 +24,8 @@ from eaid.fitting.options import FitOptions
 from eaid.fitting.own_curves import alone, own_curves, polynomial_starts
 from eaid.fitting.problem import ROUNDING, Problem, draw_in
 from eaid.fitting.samples import residuals
-from eaid.fitting.solver import EndPoint, approach, concluded, ended, slsqp
+from eaid.fitting.solver import EndPoint, approach, ended, slsqp
+from eaid.fitting.verdict import concluded
 from eaid.models import nonlinear as model
 from eaid.models.parameters import Nonlinear as NonlinearModel
 from eaid.results.common import Solver

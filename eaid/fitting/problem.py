@@ -43,6 +43,18 @@ class Problem:
         """Cost and gradient."""
         return self.normal(x)[:2]
 
+    def curvature(self, x: Array) -> Array:
+        """The true second derivatives where they are known and positive, else Gauss–Newton."""
+        if self.exact is not None:
+            exact = self.exact(x)
+            scale = np.sqrt(np.maximum(np.diagonal(exact), TINY))
+            try:
+                np.linalg.cholesky(exact / np.outer(scale, scale))
+                return exact
+            except np.linalg.LinAlgError:
+                pass
+        return self.normal(x)[2]
+
 
 @dataclass(frozen=True, eq=False)
 class Step:

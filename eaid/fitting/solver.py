@@ -1,13 +1,10 @@
-"""The one SLSQP call of every fit, on whitened unknowns, and our own verdict on where it ends.
+"""The one SLSQP call of every fit, on whitened unknowns, and the damped Newton steps that lead next to its end.
 
 The cost is a sum of squares with gradient g and curvature H. With H = LL' at the start, SLSQP works in z = L'(x − x0),
 where the cost is nearly |z|²: it then needs a dozen evaluations and cannot stop early. Constraints are A x ≥ b.
-
-The verdict does not trust the solver: at the end point the constrained Newton step d solves
-min g'd + d'Hd/2 with A (x + d) ≥ b, and the decrease that it predicts, relative to the cost, has to be nothing.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,16 +12,11 @@ from scipy.optimize import minimize
 
 from eaid.arrays import Array
 from eaid.fitting.problem import TINY, Problem, Value, inside, newton_step, rounding, whiten
-from eaid.results.common import Solver, StartCost
 
 FTOL = 1e-13
 """SLSQP's own stopping rule, relative to the cost at the start of the round."""
 ENDS = 1.5
 """The same next to the minimum, times what a Newton step predicts: a step that gains about that much is the last."""
-FINISHED = 1e-15
-"""Polishing ends where the Newton step predicts less than this part of the cost."""
-UNSEEN = 1e-4
-"""The last step, too small to be seen in the cost, is taken where it changes no unknown by more than this part."""
 SETTLED = 1e-12
 """A start has ended where the Newton step predicts less than this part of the cost."""
 NEAR_END = 1e-7
@@ -37,10 +29,6 @@ RIVAL = 1e-2
 """An end this part of the cost above the best is no rival: SLSQP does not go on from it."""
 SAME = 1e-6
 """Ends whose costs differ by less than this part have found the same minimum."""
-CONVERGED = 1e-9
-"""A fit has converged where the Newton step would lower the cost by less than this part of it."""
-
-
 TRIES = 12
 """How often a round is begun again with more rows of A."""
 
@@ -82,7 +70,7 @@ def slsqp(problem: Problem, start: Array, near: Local | None = None, rounds: int
     value = _once(problem.value, x, (now.cost, now.gradient))
     ftol = FTOL
     if near is not None:
-        now, ftol = replace(near, curvature=_curvature(problem, x)), ENDS * near.predicted / max(near.cost, TINY)
+        now, ftol = replace(near, curvature=problem.curvature(x)), ENDS * near.predicted / max(near.cost, TINY)
     for _ in range(rounds):
         if now.cost == 0.0 or now.predicted <= SETTLED * now.cost:
             break
@@ -189,78 +177,3 @@ def ended(ends: Sequence[EndPoint], problem: Problem) -> list[EndPoint]:
             solved = end = slsqp(problem, end.x, end.local)
         found.append(end)
     return found
-
-
-def polish(
-    problem: Problem,
-    end: EndPoint,
-    full: Callable[[Array], tuple[float, Array]],
-    steps: int = 40,
-    finished: float = FINISHED,
-) -> tuple[EndPoint, float, tuple[int, ...]]:
-    """Confirm an end point on the full data and take constrained Newton steps while one predicts to gain `finished`.
-
-    Returns the point with its full-data cost, what a further step predicts relative to the cost, and the active rows.
-    """
-    x, evaluations = end.x, end.evaluations + 1
-    cost, gradient = full(x)
-    step = newton_step(problem, x, gradient, _curvature(problem, x))
-    for _ in range(steps):
-        if step.decrease <= finished * cost:
-            break
-        for length in (1.0, 0.5, 0.25, 0.1, 0.01):
-            reached = inside(problem, x, x + length * step.d)
-            found, slope = full(reached)
-            evaluations += 1
-            if found < cost:
-                break
-        else:
-            break
-        x, cost, gradient = reached, found, slope
-        step = newton_step(problem, x, gradient, _curvature(problem, x))
-    predicted = step.decrease / max(cost, problem.floor) if step.decrease > 0 else 0.0
-    if step.decrease <= SETTLED * cost and (np.abs(step.d) <= UNSEEN * np.abs(x)).all():
-        x = inside(problem, x, x + step.d)  # the cost shows no difference any more, the unknowns do
-    near = np.flatnonzero(problem.A @ x - problem.b < rounding(problem))
-    return EndPoint(x, cost, evaluations), predicted, tuple(sorted({*step.active, *near.tolist()}))
-
-
-def judged(predicted: float, evaluations: int, costs: Sequence[float], at_bounds: Sequence[str] = ()) -> Solver:
-    """Our verdict on a fit, from the decrease that a further step predicts, relative to the cost."""
-    converged = predicted <= CONVERGED
-    said = f"a further constrained Newton step on the full data would lower the cost by {predicted:.0e} of it"
-    return Solver(
-        converged=converged,
-        message=f"{'converged' if converged else 'not converged'}: {said}",
-        predicted_decrease=predicted,
-        evaluations=evaluations,
-        starts=tuple(StartCost(float(cost)) for cost in costs),
-        at_bounds=tuple(dict.fromkeys(at_bounds)),
-    )
-
-
-def concluded(
-    problem: Problem, ends: Sequence[EndPoint], full: Callable[[Array], tuple[float, Array]]
-) -> tuple[EndPoint, Solver, tuple[int, ...]]:
-    """The best end, polished on the full data, with our verdict and the active rows."""
-    best = min(ends, key=lambda end: end.cost)
-    end, predicted, active = polish(problem, best, full)
-    evaluations = sum(one.evaluations for one in ends) + end.evaluations - best.evaluations
-    offset = end.cost - best.cost  # what compression leaves out of every start's cost alike
-    costs = [one.cost + offset for one in ends]
-    return end, judged(predicted, evaluations, costs, [problem.names(i) for i in active]), active
-
-
-def _curvature(problem: Problem, x: Array) -> Array:
-    """The true second derivatives where they are known and positive, else Gauss–Newton."""
-    if problem.exact is not None:
-        exact = problem.exact(x)
-        if np.diagonal(exact).min() <= TINY:
-            return problem.normal(x)[2]
-        scale = np.sqrt(np.diagonal(exact))
-        try:
-            np.linalg.cholesky(exact / np.outer(scale, scale))
-            return exact
-        except np.linalg.LinAlgError:
-            pass
-    return problem.normal(x)[2]

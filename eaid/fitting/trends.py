@@ -11,7 +11,8 @@ import numpy as np
 
 from eaid.arrays import Array
 from eaid.fitting.problem import ROUNDING, Problem
-from eaid.fitting.solver import CONVERGED, polish, slsqp
+from eaid.fitting.solver import slsqp
+from eaid.fitting.verdict import CONVERGED, polish
 from eaid.models.trends import FORMS
 from eaid.results.friction import Trend
 

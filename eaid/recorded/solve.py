@@ -12,7 +12,8 @@ import numpy as np
 
 from eaid.arrays import Array
 from eaid.fitting.problem import Problem
-from eaid.fitting.solver import CONVERGED, SETTLED, EndPoint, approach, ended, judged, polish, slsqp
+from eaid.fitting.solver import SETTLED, EndPoint, approach, ended, slsqp
+from eaid.fitting.verdict import CONVERGED, judged, polish
 from eaid.models.parameters import Nonlinear
 from eaid.recorded.drive import Drive
 from eaid.recorded.log import RecordedLog
