@@ -4,8 +4,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from eaid.report.figures import friction as frictions
+from eaid.report.ready import Ready
 from eaid.report.ready_fits import (
-    Ready,
     bode_ready,
     compare_ready,
     friction_steps_ready,

@@ -13,7 +13,8 @@ from eaid.report.catalogue import FIGURES, Row
 from eaid.report.figures import summary
 from eaid.report.figures.recorded import drawn_logs
 from eaid.report.mark import marked
-from eaid.report.ready_fits import Ready, main_kind, models_for
+from eaid.report.ready import Ready
+from eaid.report.ready_fits import main_kind, models_for
 from eaid.report.ready_replays import counted_from, traces_of
 from eaid.report.results import Results
 from eaid.report.rig import level_values

@@ -1,8 +1,6 @@
-"""Figures of data and fits that the given results allow: how each is drawn, and what is to be seen in it, computed."""
+"""Figures of data and fits that the given results allow: how each is drawn, and the numbers of its caption."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -12,26 +10,11 @@ from eaid.report.figures import checks, clutch, hold, level_steps, pwm, recorded
 from eaid.report.figures import friction as frictions
 from eaid.report.figures.steps import Model
 from eaid.report.page import live_fits, live_replays
+from eaid.report.ready import Ready, caption
 from eaid.report.results import Results
 from eaid.report.rig import apparatus_of, level_text, level_values, of_the_paper
-from eaid.report.tables.table import SYMBOLS, listed, number, with_unit
+from eaid.report.tables.table import SYMBOLS
 from eaid.results.fit import Fit
-from eaid.steps.stepset import StepSet
-
-Live = Callable[[], tuple[Mapping[str, Any], ...]]
-
-
-@dataclass(frozen=True)
-class Ready:
-    """A figure whose data are at hand."""
-
-    draw: Callable[[], Figure]
-    sees: str
-    """What is to be seen in it; every claim computed."""
-    live: Live | None = None
-    title: str = ""
-    """What it is called on this rig; empty: as in the catalogue, without the paper's number on another rig."""
-    """Its live plots, side by side."""
 
 
 def main_kind(results: Results) -> str | None:
@@ -44,17 +27,16 @@ def models_for(results: Results, kind: str) -> dict[float, Model]:
     data, fit = results.data_of(kind), results.fit(kind)
     if data is None or fit is None:
         return {}
-    return clutch.any_models_of(fit, data)
+    return clutch.models_of(fit, data) or frictions.curves_of(fit)
 
 
 def pwm_ready(results: Results, asked: bool | None) -> Ready | None:
     """Fig. 2, from the rig that a clutch fit or dataset names."""
     fit, data = results.fit("clutch"), results.data_of("clutch")
-    if not (of_the_paper(fit.data, asked) if fit is not None else of_the_paper(data, asked)):
+    if not of_the_paper(fit.data if fit is not None else data, asked):
         return None
     rig = apparatus_of(fit.data) if fit is not None else data.apparatus if data is not None else None
-    said = "The voltage alternates in sign, so that no charge builds up; the ideal torque does not depend on the sign."
-    return Ready(lambda: pwm.pwm_period(rig), said) if rig is not None else None
+    return Ready(lambda: pwm.pwm_period(rig), caption("pwm")) if rig is not None else None
 
 
 def hold_ready(results: Results, _asked: bool | None) -> Ready | None:
@@ -64,33 +46,24 @@ def hold_ready(results: Results, _asked: bool | None) -> Ready | None:
     held = hold.held_levels(data) if data is not None else []
     if data is None or not held:
         return None
-    top, unit, out = held[0], data.input_unit, data.output_unit
-    said = f"At {level_text(top.level, unit)}, {top.lost_pct:.1f} % is lost while held and {top.left_pct:.1f} % is left"
-    return Ready(lambda: hold.hold_and_release(held, unit, out), f"{said} at the end of the record.")
+    unit, out = data.input_unit, data.output_unit
+    return Ready(lambda: hold.hold_and_release(held, unit, out), caption("held", top=held[0], unit=unit))
 
 
 def friction_steps_ready(results: Results, _asked: bool | None) -> Ready | None:
     """Fig. 3, from the force dataset, else the speed dataset; the fitted curves where there are any."""
-    for kind in ("friction-force", "friction-speed"):
-        data, fit = results.data_of(kind), results.fit(kind)
-        if data is not None:
-            models = frictions.curves_of(fit)
-            return Ready(
-                lambda data=data, fit=fit: frictions.friction_steps(data, fit),  # type: ignore[misc]
-                _steps_say(data, fit, models),
-                lambda data=data, models=models: (live_fits.steps(data, models),),  # type: ignore[misc]
-            )
-    return None
-
-
-def _steps_say(data: StepSet, fit: Fit | None, models: Mapping[float, Model]) -> str:
+    kind = "friction-force" if results.data_of("friction-force") is not None else "friction-speed"
+    data, fit = results.data_of(kind), results.fit(kind)
+    if data is None:
+        return None
+    models = frictions.curves_of(fit)
     rows = fit.friction.levels if fit is not None and fit.friction is not None else ()
-    known = [(row.rmse / row.Ts, row.level) for row in rows if row.rmse is not None and row.Ts > 0]
-    if not models or not known:
-        return "Mean of the repeats at each level."
-    worst, at = max(known)
-    said = f"Broad: mean of the repeats; dashed: Eq. (3). The curve misses most at {level_text(at, data.input_unit)}"
-    return f"{said}, by {100 * worst:.2g} % of T_s (RMSE)."
+    worst = max(((row.rmse / row.Ts, row.level) for row in rows if row.rmse is not None and row.Ts > 0), default=None)
+    return Ready(
+        lambda: frictions.friction_steps(data, fit),
+        caption("friction_steps", worst=worst, unit=data.input_unit),
+        lambda: (live_fits.steps(data, models),),
+    )
 
 
 def level_steps_ready(results: Results, _asked: bool | None) -> Ready | None:
@@ -100,8 +73,7 @@ def level_steps_ready(results: Results, _asked: bool | None) -> Ready | None:
         if fit is None or not (pairs := level_steps.paired(data, fit.steps)):
             continue
         worst = min((shape.fit_pct, level_steps.step_text(shape)) for _, shape in pairs if shape.fit_pct is not None)
-        said = f"{len(pairs)} steps, each from its own start. The fitted curve explains least of {worst[1]}: "
-        said += f"{number(worst[0], 3)} %."
+        said = caption("level_steps", count=len(pairs), worst=worst)
         return Ready(lambda data=data, fit=fit: level_steps.level_steps(data, fit.steps), said)  # type: ignore[misc]
     return None
 
@@ -112,14 +84,8 @@ def steps_over_level_ready(results: Results, _asked: bool | None) -> Ready | Non
     if fit is None:
         return None
     units = fit.data.input_unit, fit.data.output_unit
-    each = []
-    for edge in ("up", "down"):
-        rows = [one for one in fit.steps if one.edge == edge]
-        gains = [one.gain for one in rows if one.gain is not None]
-        if gains:
-            each.append(f"{len(rows)} {edge}, gain {number(min(gains), 3)} to {number(max(gains), 3)}")
-    said = f"Each change of input by itself, over the level that it goes to: {'; '.join(each)} "
-    said += f"{units[1] or 'output'}/{units[0] or 'input'}."
+    edges = {edge: [s.gain for s in fit.steps if s.edge == edge and s.gain is not None] for edge in ("up", "down")}
+    said = caption("steps_over_level", edges=edges, units=units)
     return Ready(lambda: level_steps.over_level(fit.steps, units), said)
 
 
@@ -130,12 +96,7 @@ def trends_ready(kind: str, draw: Callable[[Fit, bool | None], Figure]) -> Calla
         fit = results.fit(kind)
         if fit is None or fit.friction is None or len(fit.friction.levels) < 2:
             return None
-        rows, unit, out = fit.friction.levels, fit.data.input_unit, fit.data.output_unit
-        ends = [
-            f"{SYMBOLS[name]} from {number(getattr(rows[0], name), 3)} to {number(getattr(rows[-1], name), 3)} {per}"
-            for name, per in (("Ts", out), ("tau1", "s"), ("tau2", "s"))
-        ]
-        said = f"From {level_text(rows[0].level, unit)} to {level_text(rows[-1].level, unit)}, {listed(ends)} each."
+        said = caption("trends", rows=fit.friction.levels, unit=fit.data.input_unit, out=fit.data.output_unit)
         title = "" if of_the_paper(fit.data, asked) else "Fitted values over the level"
         return Ready(lambda: draw(fit, asked), said, title=title)
 
@@ -149,15 +110,10 @@ def nonlinear_ready(results: Results, _asked: bool | None) -> Ready | None:
         return None
     models = clutch.models_of(fit, data)
     notes = clutch.rmse_notes(fit.nonlinear.per_level) if fit is not None and fit.nonlinear is not None else {}
-    said = "Mean of the repeats and ± one standard deviation (sd) at each level."
-    if models:
-        inside = [
-            np.abs(row.mean - models[row.level](row.time_s)) <= row.sd for row in data.levels if len(row.runs) > 1
-        ]
-        said = f"Broad: mean of the repeats, shaded ± sd; dashed: Eq. (4), with its RMSE in {data.output_unit} behind "
-        said += "each level."
-        if inside:
-            said += f" The model stays within ± sd {100 * np.mean(np.concatenate(inside)):.0f} % of the time."
+    several = [row for row in data.levels if len(row.runs) > 1 and models]
+    inside = [np.abs(row.mean - models[row.level](row.time_s)) <= row.sd for row in several]
+    share = 100 * float(np.mean(np.concatenate(inside))) if inside else None
+    said = caption("nonlinear", fitted=bool(models), inside_pct=share, out=data.output_unit)
     return Ready(lambda: clutch.nonlinear_model(data, fit), said, lambda: (live_fits.steps(data, models, notes),))
 
 
@@ -167,17 +123,14 @@ def over_duty_ready(results: Results, asked: bool | None) -> Ready | None:
     if fit is None or fit.nonlinear is None or len(level_values(fit)) == 1:
         return None
     counts = []
-    for name in ("Ts", "tau1", "tau2") if fit.recorded is None else ():
+    for name in ("Ts", "tau1", "tau2"):
         rows = [(row.level, getattr(row.ci95, name)) for row in level_values(fit) if row.ci95]
         known = [(level, ends) for level, ends in rows if ends is not None]
         if known:
             curve = values.values_over(fit.nonlinear, np.array([level for level, _ in known]))[name]
             met = sum(ends[0] <= value <= ends[1] for (_, ends), value in zip(known, curve, strict=True))
             counts.append(f"{SYMBOLS[name]} through {met} of {len(known)}")
-    said = "Points: each level by itself; line: the model over the level."
-    if fit.recorded is not None:
-        said = "The model over the level, with its 95 % intervals at some levels."
-    said += f" It passes inside the 95 % intervals: {listed(counts)}." if counts else ""
+    said = caption("over_duty", recorded=fit.recorded is not None, met=counts)
     return Ready(lambda: clutch.polynomials(fit, asked), said, lambda: live_fits.parameters(fit))
 
 
@@ -187,17 +140,12 @@ def linear_ready(results: Results, _asked: bool | None) -> Ready | None:
     if data is None or fit is None or fit.linear is None:
         return None
     model = clutch.linear_of(fit.linear)
+    goals = {row.level: linear.steady_torque(model, row.level) for row in data.levels}
     ends = {row.level: float(np.mean(row.mean[-max(1, len(row.mean) // 50) :])) for row in data.levels}
-    miss = {level: linear.steady_torque(model, level) - end for level, end in ends.items()}
-    near, far = (pick(miss, key=lambda level: abs(miss[level])) for pick in (min, max))
-    unit, out = data.input_unit, data.output_unit
-    said = (
-        f"In the end the one linear model is nearest at {level_text(near, unit)} ({number(abs(miss[near]), 2)} {out} "
-    )
-    said += f"off) and furthest at {level_text(far, unit)} ({number(abs(miss[far]), 2)} {out})."
-    below = [level for level in ends if linear.steady_torque(model, level) <= 0]
-    if below:
-        said += f" At {listed([level_text(level, unit) for level in below])} it ends below zero and is not drawn."
+    missed = [(abs(goals[level] - end), level) for level, end in ends.items()]
+    below = [level_text(level, data.input_unit) for level, goal in goals.items() if goal <= 0]
+    units = {"unit": data.input_unit, "out": data.output_unit}
+    said = caption("linear", near=min(missed), far=max(missed), below=below, **units)
     return Ready(lambda: clutch.linear_model(data, fit), said)
 
 
@@ -213,15 +161,11 @@ def residuals_ready(model: str, kind: str, with_live: bool = False) -> Callable[
             return None
         found = checks.residual_map(rows)
         i, k = np.unravel_index(np.nanargmax(np.abs(found.mean)), found.mean.shape)
-        said = "Mean of measured − model in stretches of time, a row a level. Furthest: "
-        said += f"{number(float(found.mean[i, k]), 2)} {data.output_unit} at "
-        said += f"{level_text(found.levels[i], data.input_unit)}, {number(float(found.edges_s[k]), 2)} to "
-        said += f"{number(float(found.edges_s[k + 1]), 2)} s after the step."
-        return Ready(
-            lambda: checks.residuals(data, fit, model),
-            said,
-            (lambda: (live_fits.residuals(found, data.input_unit, data.output_unit),)) if with_live else None,
-        )
+        times = found.edges_s[k : k + 2].tolist()
+        units = {"unit": data.input_unit, "out": data.output_unit}
+        said = caption("residuals", value=float(found.mean[i, k]), level=found.levels[i], times=times, **units)
+        live = lambda: (live_fits.residuals(found, data.input_unit, data.output_unit),)  # noqa: E731
+        return Ready(lambda: checks.residuals(data, fit, model), said, live if with_live else None)
 
     return ready
 
@@ -232,11 +176,8 @@ def shear_ready(results: Results, asked: bool | None) -> Ready | None:
     if fit is None or fit.nonlinear is None or not of_the_paper(fit.data, asked):
         return None
     field, stress = shear.shear_point(fit)
-    said = f"The square is this clutch at {level_text(fit.nonlinear.u_range[1], fit.data.input_unit)}: "
-    said += (
-        f"{stress:.2f} kPa at {field:.2f} V/µm, {stress / field:.2f} kPa per V/µm; lines of half, equal and twice that."
-    )
-    return Ready(lambda: shear.shear_per_field(fit), said)
+    top, unit = fit.nonlinear.u_range[1], fit.data.input_unit
+    return Ready(lambda: shear.shear_per_field(fit), caption("shear", field=field, stress=stress, level=top, unit=unit))
 
 
 def gain_ready(results: Results, asked: bool | None) -> Ready | None:
@@ -248,18 +189,7 @@ def gain_ready(results: Results, asked: bool | None) -> Ready | None:
     bounds = fit.linear.bounds
     if not known and (bounds is None or bounds.B_m is None):
         return None
-    said = "Bounds of the input gain B (input per rate of output, 1/b0) that the robust gains are made for."
-    if known:
-        (low, at_low), (high, at_high) = min(known), max(known)
-        unit = fit.data.input_unit
-        said = f"The input gain B (1/b0: input per rate of output) lies between {number(low, 3)} at "
-        said += f"{level_text(at_low, unit)} and {number(high, 3)} at {level_text(at_high, unit)}, a factor of "
-        said += f"{number(high / low, 2)}." if low > 0 else "any size."
-        if len(known) == 1:
-            said = (
-                f"The input gain B (1/b0: input per rate of output) is {number(low, 3)} at {level_text(at_low, unit)}."
-            )
-    return Ready(lambda: clutch.input_gain(fit, asked), said)
+    return Ready(lambda: clutch.input_gain(fit, asked), caption("gain", known=known, unit=fit.data.input_unit))
 
 
 def _recorded_fit(results: Results) -> Fit | None:
@@ -272,19 +202,12 @@ def recorded_ready(results: Results, _asked: bool | None) -> Ready | None:
     logs = recorded.drawn_logs(fit.recorded.logs) if fit is not None and fit.recorded is not None else []
     if fit is None or fit.recorded is None or not logs:
         return None
-    units, count = (fit.data.input_unit, fit.data.output_unit), len(fit.recorded.logs)
-    said = "The model is driven by the recorded input alone (free run)."
-    if count > len(logs):
-        said = f"{len(logs)} of {count} logs: the best, the middle and the worst followed. {said}"
-    worst = max((one for one in logs if one.rmse is not None), key=lambda one: one.rmse or 0.0, default=None)
-    if worst is not None and worst.fit_pct is not None and worst.one_step_pct is not None:
-        said += f" {'Worst followed: ' + worst.name + ', ' if count > 1 else 'It is off by '}"
-        said += f"{number(worst.rmse, 2)} {units[1]} (RMS); free-run fit {number(worst.fit_pct, 3)} %, from sample to "
-        said += f"sample {number(worst.one_step_pct, 3)} %."
-    return Ready(
-        lambda: recorded.recorded_logs(logs, units), said,
-        lambda: (live_replays.recorded(logs[-1].curve, units),) if len(logs) == 1 else (),
-    )  # fmt: skip
+    units = fit.data.input_unit, fit.data.output_unit
+    known = [one for one in logs if None not in (one.rmse, one.fit_pct, one.one_step_pct)]
+    worst = min(known, key=lambda one: one.fit_pct or 0.0, default=None)
+    said = caption("recorded", shown=len(logs), count=len(fit.recorded.logs), worst=worst, unit=units[1])
+    live = lambda: (live_replays.recorded(logs[0].curve, units),)  # noqa: E731
+    return Ready(lambda: recorded.recorded_logs(logs, units), said, live if len(logs) == 1 else None)
 
 
 def bode_ready(results: Results, _asked: bool | None) -> Ready | None:
@@ -294,13 +217,8 @@ def bode_ready(results: Results, _asked: bool | None) -> Ready | None:
     if fit is None or not known:
         return None
     shown = known[: recorded.MOST]
-    first = shown[0]
-    said = f"{len(shown)} of {len(known)} logs. " if len(known) > len(shown) else ""
-    said += "Dots: output over input as recorded, grey: 95 %; lines: the models on the same input."
-    if first.harmonics_pct is not None and first.model_harmonics_pct is not None:
-        which = "" if len(known) == 1 else f" ({first.name})"
-        said += f" Beyond any linear answer{which}: {number(first.harmonics_pct, 2)} % of the output, "
-        said += f"{number(first.model_harmonics_pct, 2)} % of the nonlinear model's."
+    told = next((one for one in shown if one.harmonics_pct is not None), shown[0])
+    said = caption("bode", shown=len(shown), count=len(known), first=told)
     return Ready(lambda: recorded.bode(shown, (fit.data.input_unit, fit.data.output_unit)), said)
 
 
@@ -309,18 +227,14 @@ def compare_ready(results: Results, _asked: bool | None) -> Ready | None:
     if results.pair is None:
         return None
     first, second = results.pair
-    rows = [
-        {row.level: row for row in (one.result.friction.levels if one.result.friction else ())} for one in results.pair
+    rows: list[Mapping[float, object]] = [
+        {row.level: row.ci95 for row in level_values(one.result)} for one in results.pair
     ]
-    parted = []
+    parted: dict[str, list[str]] = {}
     for name in ("Ts", "tau1", "tau2"):
-        pairs = [(rows[0][u].ci95, rows[1][u].ci95, u) for u in rows[0] if u in rows[1]]
-        ends = [(getattr(a, name), getattr(b, name), u) for a, b, u in pairs if a is not None and b is not None]
-        apart = [u for a, b, u in ends if a is not None and b is not None and (a[1] < b[0] or b[1] < a[0])]
-        if apart:
-            unit = first.result.data.input_unit
-            parted.append(f"{SYMBOLS[name]} at {with_unit(listed([f'{u:.4g}' for u in apart]), unit)}")
-    said = "Their 95 % intervals part at no level."
-    if parted:
-        said = f"Their 95 % intervals part for {'; '.join(parted)}: more than repeats explain."
+        for level in rows[0]:
+            a, b = (getattr(one.get(level), name, None) for one in rows)
+            if a is not None and b is not None and (a[1] < b[0] or b[1] < a[0]):
+                parted.setdefault(SYMBOLS[name], []).append(f"{level:.4g}")
+    said = caption("compare", parted=parted, unit=first.result.data.input_unit)
     return Ready(lambda: values.two_fits([(one.path, one.result) for one in (first, second)]), said)

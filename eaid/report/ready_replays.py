@@ -11,11 +11,11 @@ from eaid.replay.metrics import tone
 from eaid.replay.rehab import MODES
 from eaid.report.figures import coupling, rehab, replays
 from eaid.report.page import live_replays
-from eaid.report.ready_fits import Ready
+from eaid.report.ready import Ready, caption
 from eaid.report.results import Results
 from eaid.report.style import controller_name
 from eaid.report.tables.replays import metric
-from eaid.report.tables.table import listed, number
+from eaid.report.tables.table import number
 from eaid.results.replay import Replay, ToneMetrics
 
 
@@ -31,13 +31,10 @@ def traces_of(replay: Replay) -> dict[str, Mapping[str, Array]]:
 
 def errors_say(replay: Replay) -> str:
     """The largest error of each controller, and by how much the best of them is better."""
-    found = sorted((value, name) for name in replay.records if (value := metric(replay, name, "max_abs_error_nm")))
-    each = [f"{controller_name(name)} {number(value, 2)}" for value, name in found]
-    said = f"Largest error in {replay.head.output_unit}: {listed(each)}." if each else ""
-    if len(found) > 1 and found[1][0] > 1.05 * found[0][0]:
-        said += f" {controller_name(found[0][1])}'s is {number(found[1][0] / found[0][0], 2)} times smaller than "
-        said += f"{controller_name(found[1][1])}'s."
-    return said
+    known = ((metric(replay, name, "max_abs_error_nm"), name) for name in replay.records)
+    found = sorted((value, name) for value, name in known if value)
+    named = [(value, controller_name(name)) for value, name in found]
+    return caption("errors", found=named, unit=replay.head.output_unit)
 
 
 def walls_ready(results: Results, _asked: bool | None) -> Ready | None:
@@ -47,9 +44,8 @@ def walls_ready(results: Results, _asked: bool | None) -> Ready | None:
     found = results.couplings[0].result
     at = coupling.middle_torque(found)
     own = [wall for wall in found.walls if wall.torque_nm == at and wall.loop in coupling.SHOWN]
-    held = listed([f"{controller_name(wall.loop)} {number(wall.K_passive, 3)}" for wall in own])
-    said = f"Around {number(at, 3)} {found.output_unit}. Stiffest passive wall in N·m/rad: {held}."
-    return Ready(lambda: coupling.walls(found), said)
+    held = [f"{controller_name(wall.loop)} {number(wall.K_passive, 3)}" for wall in own]
+    return Ready(lambda: coupling.walls(found), caption("walls", at=at, unit=found.output_unit, walls=held))
 
 
 def steps_ready(results: Results, _asked: bool | None) -> Ready | None:
@@ -62,10 +58,9 @@ def steps_ready(results: Results, _asked: bool | None) -> Ready | None:
         shares = [step.overshoot_pct for step in one.metrics.steps if step.overshoot_pct is not None]
         if shares:
             each.append(f"{controller_name(name)} {number(max(shares), 2)} %")
-    said = f"Largest overshoot of a step: {listed(each)}. " if each else ""
     return Ready(
         lambda: replays.steps(traces_of(found), units_of(found)),
-        said + errors_say(found),
+        caption("steps", overshoots=each, errors=errors_say(found)),
         lambda: (live_replays.tracking(traces_of(found), units_of(found), with_error=False),),
     )
 
@@ -119,8 +114,7 @@ def log_ready(results: Results, _asked: bool | None) -> Ready | None:
     if not chosen:
         return None
     rms = sorted((float(np.sqrt(np.mean((t["reference_nm"] - t["torque_nm"]) ** 2))), n) for n, t in compared.items())
-    said = f"{len(chosen)} of {len(compared)} runs. The model driven by the recorded input is off by "
-    said += f"{number(rms[0][0], 2)} to {number(rms[-1][0], 2)} {found.head.output_unit} (RMS), most in {rms[-1][1]}."
+    said = caption("log", shown=len(chosen), rms=rms, unit=found.head.output_unit)
     return Ready(lambda: replays.recorded_duty(chosen, units_of(found)), said)
 
 
@@ -130,9 +124,7 @@ def guarantee_ready(results: Results, _asked: bool | None) -> Ready | None:
     for replay in order:
         one = replay.records.get("rc")
         if one is not None and {"chi_nm_s", "rho_nm_s"} <= set(one.columns) and replay.head.scenario != "rehab":
-            share = one.metrics.guarantee_holds_fraction
-            said = "What the robust term would have to cover, and its size."
-            said += f" It covers the need {100 * share:.1f} % of the time in this replay." if share is not None else ""
+            said = caption("guarantee", share=one.metrics.guarantee_holds_fraction)
             return Ready(partial(replays.guarantee, one.columns, replay.head.output_unit), said)
     return None
 
@@ -167,11 +159,9 @@ def sweep_ready(results: Results, _asked: bool | None) -> Ready | None:
         return None
     each = []
     for name, row in rows.items():
-        below = row["frequency_hz"][row["gain_db"] < -3]
-        at = int(np.argmax(row["gain_db"]))
-        reached = f"−3 dB by {number(float(below[0]), 2)} Hz" if len(below) else "above −3 dB throughout"
-        each.append(f"{controller_name(name)} {reached}, at most {row['gain_db'][at]:+.1f} dB".replace("-", "−"))
-    return Ready(lambda: replays.sweep(rows, found.head.output_unit), f"{'; '.join(each)}.")
+        below = row["frequency_hz"][row["gain_db"] < -3].tolist()
+        each.append((controller_name(name), below[0] if below else None, float(np.max(row["gain_db"]))))
+    return Ready(lambda: replays.sweep(rows, found.head.output_unit), caption("sweep", rows=each))
 
 
 def rehab_trace(replay: Replay) -> Mapping[str, Array] | None:
@@ -195,11 +185,8 @@ def training_ready(results: Results, _asked: bool | None) -> Ready | None:
     spans = rehab.mode_spans(trace["time_s"], mode_names(trace))
     gap = np.abs(trace["desired_nm"] - trace["rendered_nm"])
     top = float(np.max(np.abs(trace["desired_nm"])))
-    said = (
-        f"The rendered output is off the desired one by {number(float(np.mean(gap)), 2)} {found.head.output_unit} on "
-    )
-    said += f"average, of at most {number(top, 2)}."
     unit = found.head.output_unit
+    said = caption("training", gap=float(np.mean(gap)), top=top, unit=unit)
     return Ready(lambda: rehab.training(trace, spans, unit), said, lambda: (live_replays.training(trace, unit),))
 
 
@@ -225,4 +212,4 @@ def errors_ready(results: Results, _asked: bool | None) -> Ready | None:
     if not values:
         return None
     each = [f"{name} {number(float(np.median(of)), 2)}°" for name, of in values.items()]
-    return Ready(lambda: rehab.errors(values), f"Median of the position error: {listed(each)}.")
+    return Ready(lambda: rehab.errors(values), caption("position", medians=each))

@@ -9,7 +9,6 @@ from matplotlib.figure import Figure
 from eaid.models import linear, nonlinear
 from eaid.models.parameters import Linear
 from eaid.report import published, style
-from eaid.report.figures.friction import curves_of
 from eaid.report.figures.steps import MODEL, Model, draw_steps, fine_times, label_ends, some_levels
 from eaid.report.figures.values import axis_label, intervals_of, nonlinear_of, points, values_over
 from eaid.report.rig import gain, level_text, level_values, over, overlaid, quantity
@@ -37,11 +36,6 @@ def models_of(fit: Fit | None, data: StepSet) -> dict[float, Model]:
         return {}
     model = nonlinear_of(fit.nonlinear)
     return {one.level: partial(nonlinear.step_response, model, duty_pct=one.level) for one in data.levels}
-
-
-def any_models_of(fit: Fit | None, data: StepSet) -> dict[float, Model]:
-    """Level → the nonlinear model's curve; where there is none, the curve of the level itself."""
-    return models_of(fit, data) or curves_of(fit)
 
 
 def nonlinear_model(data: StepSet, fit: Fit | None) -> Figure:

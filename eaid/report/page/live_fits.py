@@ -62,10 +62,10 @@ def parameters(fit: Fit) -> tuple[Mapping[str, Any], ...]:
     u = np.linspace(*fit.nonlinear.u_range, 120)
     rows = level_values(fit)
     found = []
-    for name, head in HEADS.items():
+    for name, sign in HEADS.items():
         plot = Plot(wide=False)
         unit = fit.data.output_unit if name == "Ts" else "s"
-        p = plot.panel(over(fit.data.input_unit), f"{head} ({unit})", 300, unit, ("level", fit.data.input_unit))
+        p = plot.panel(over(fit.data.input_unit), f"{sign} ({unit})", 300, unit, ("level", fit.data.input_unit))
         curves = {said: values_over(one, u)[name] for said, one in estimates_of(fit.nonlinear).items()}
         top = float(np.max(next(iter(curves.values()))))
         if rows:
@@ -78,8 +78,9 @@ def parameters(fit: Fit) -> tuple[Mapping[str, Any], ...]:
             said = "level by itself" if fit.recorded is None else "95 %"
             drawn = bare(p.scatter("x", "y", source=points, size=7, name=said, color=style.BLACK))
             p.select_one(HoverTool).renderers.append(drawn)
-            ends_by = {"lower_head": TeeHead(size=6), "upper_head": TeeHead(size=6)}
-            p.add_layout(Whisker(base="x", lower="low", upper="high", source=points, **ends_by))
+            foot, head = TeeHead(size=6), TeeHead(size=6)
+            span = {"base": "x", "lower": "low", "upper": "high"}
+            p.add_layout(Whisker(**span, source=points, lower_head=foot, upper_head=head))  # type: ignore[arg-type]
             seen = float(np.max(np.minimum(high, 1.6 * values)))
             top = min(max(top, seen), 3.0 * seen)
         for (said, y), (colour, dash), width in zip(curves.items(), LINES, (2.0, 1.3, 1.3, 1.3), strict=False):
