@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from eaid.models import linear
-from eaid.report.figures import checks, clutch, hold, level_steps, pwm, recorded, shear, values
+from eaid.report.figures import apparatus, checks, clutch, hold, level_steps, recorded, values
 from eaid.report.figures import friction as frictions
 from eaid.report.figures.steps import Model
 from eaid.report.page import live_fits, live_replays
@@ -36,7 +36,7 @@ def pwm_ready(results: Results, asked: bool | None) -> Ready | None:
     if not of_the_paper(fit.data if fit is not None else data, asked):
         return None
     rig = apparatus_of(fit.data) if fit is not None else data.apparatus if data is not None else None
-    return Ready(lambda: pwm.pwm_period(rig), caption("pwm")) if rig is not None else None
+    return Ready(lambda: apparatus.pwm_period(rig), caption("pwm")) if rig is not None else None
 
 
 def hold_ready(results: Results, _asked: bool | None) -> Ready | None:
@@ -175,9 +175,11 @@ def shear_ready(results: Results, asked: bool | None) -> Ready | None:
     fit = results.fit("clutch")
     if fit is None or fit.nonlinear is None or not of_the_paper(fit.data, asked):
         return None
-    field, stress = shear.shear_point(fit)
+    field, stress = apparatus.shear_point(fit)
     top, unit = fit.nonlinear.u_range[1], fit.data.input_unit
-    return Ready(lambda: shear.shear_per_field(fit), caption("shear", field=field, stress=stress, level=top, unit=unit))
+    return Ready(
+        lambda: apparatus.shear_per_field(fit), caption("shear", field=field, stress=stress, level=top, unit=unit)
+    )
 
 
 def gain_ready(results: Results, asked: bool | None) -> Ready | None:

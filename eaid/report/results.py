@@ -19,7 +19,7 @@ from eaid.logs.read import read_runs
 from eaid.logs.run import Run
 from eaid.replay import files as replay_files
 from eaid.replay.controllers import CONTROLLERS
-from eaid.report.long_runs import as_recorded, shortened
+from eaid.report.thin import as_recorded, shortened
 from eaid.results import codec
 from eaid.results.coupling import Coupling
 from eaid.results.fit import Fit

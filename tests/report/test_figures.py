@@ -22,7 +22,7 @@ from eaid.models.parameters import REFERENCE_PLANT
 from eaid.models.parameters import Friction as Curve
 from eaid.report import published, style
 from eaid.report.draw import vector_of
-from eaid.report.figures import checks, clutch, hold, level_steps, pwm, recorded, rehab, replays, shear, values
+from eaid.report.figures import apparatus, checks, clutch, hold, level_steps, recorded, rehab, replays, values
 from eaid.report.figures import friction as frictions
 from eaid.results import fit as fits
 from eaid.results.common import LevelError
@@ -182,7 +182,7 @@ def response(with_models: bool = True) -> Response:
 
 
 DRAWN: dict[str, Callable[[], Figure]] = {
-    "fig02_pwm": lambda: pwm.pwm_period(Apparatus()),
+    "fig02_pwm": lambda: apparatus.pwm_period(Apparatus()),
     "fig03_friction_steps": lambda: frictions.friction_steps(force_set(), friction_fit("friction-force")),
     "fig04_friction_over_stress": lambda: frictions.friction_over_stress(friction_fit("friction-force")),
     "fig05_friction_over_speed": lambda: frictions.friction_over_speed(friction_fit("friction-speed")),
@@ -191,7 +191,7 @@ DRAWN: dict[str, Callable[[], Figure]] = {
     "fig08_linear_model": lambda: clutch.linear_model(clutch_set(), clutch_fit()),
     "model_over_duty": lambda: clutch.polynomials(clutch_fit()),
     "input_gain": lambda: clutch.input_gain(clutch_fit()),
-    "fig09_shear_per_field": lambda: shear.shear_per_field(clutch_fit()),
+    "fig09_shear_per_field": lambda: apparatus.shear_per_field(clutch_fit()),
     "residuals_nonlinear": lambda: checks.residuals(clutch_set(1.05), clutch_fit(), "nonlinear"),
     "fig11_steps": lambda: replays.steps(traces()),
     "fig12_multisine": lambda: replays.tracking(traces(), 3.0),
@@ -297,7 +297,7 @@ def test_fonts_are_inside_the_file(kind: str):
 
 def test_shear_point_by_hand():
     """4.372 N·m over 2·2π(0.06³ − 0.04³)/3 = 6.367e-4 m³ is 6.867 kPa; 300 V over 95 µm is 3.158 V/µm."""
-    field, stress = shear.shear_point(clutch_fit())
+    field, stress = apparatus.shear_point(clutch_fit())
     assert field == pytest.approx(3.1579, rel=1e-4)
     assert stress == pytest.approx(4.372 / 6.36696e-4 / 1e3, rel=1e-4)
 

@@ -8,19 +8,19 @@ import pytest
 
 from eaid.logs.options import ReadOptions
 from eaid.logs.read import read_runs
-from eaid.report import long_runs
+from eaid.report import thin
 from eaid.report.results import read_results
 
 
 def test_a_short_run_stays_as_it_is(files: dict[str, Path]):
     run = read_runs([files["clutch.h5"]], ReadOptions())[0]
-    assert long_runs.shortened(run) == (run, 1)
+    assert thin.shortened(run) == (run, 1)
 
 
 def test_blocks_are_means_and_begin_at_the_step(files: dict[str, Path], monkeypatch: pytest.MonkeyPatch):
     run = read_runs([files["clutch.h5"]], ReadOptions())[0]
-    monkeypatch.setattr(long_runs, "MOST", 150)
-    short, every = long_runs.shortened(run)
+    monkeypatch.setattr(thin, "MOST", 150)
+    short, every = thin.shortened(run)
     start = int(np.searchsorted(run.time_s, run.step_s))
     assert every == -(-len(run.time_s) // 150) and len(short.time_s) <= 150
     first = int(np.searchsorted(short.time_s, run.step_s))
@@ -30,15 +30,15 @@ def test_blocks_are_means_and_begin_at_the_step(files: dict[str, Path], monkeypa
         assert short.time_s[k] == pytest.approx(np.mean(run.time_s[block]), rel=1e-12)
         assert short.input[k] == run.input[block][0]
     assert short.input[first - 1] == run.input[start - 1] != short.input[first]
-    assert long_runs.shortened(replace(run, step_s=None))[1] == 1
+    assert thin.shortened(replace(run, step_s=None))[1] == 1
 
 
 def test_rates_and_counts_are_those_that_were_recorded(files: dict[str, Path], monkeypatch: pytest.MonkeyPatch):
     whole = read_results([files["clutch.h5"]]).data[0].result
-    monkeypatch.setattr(long_runs, "MOST", 400)
-    thin = read_results([files["clutch.h5"]]).data[0].result
-    assert [one.level for one in thin.levels] == [one.level for one in whole.levels]
-    for one, other in zip(thin.runs, whole.runs, strict=True):
+    monkeypatch.setattr(thin, "MOST", 400)
+    short = read_results([files["clutch.h5"]]).data[0].result
+    assert [one.level for one in short.levels] == [one.level for one in whole.levels]
+    for one, other in zip(short.runs, whole.runs, strict=True):
         assert one.rate_hz == pytest.approx(other.rate_hz, rel=0.01)
         assert one.samples == pytest.approx(other.samples, rel=0.02)
-    assert thin.levels[-1].mean[-1] == pytest.approx(whole.levels[-1].mean[-5:].mean(), rel=0.02)
+    assert short.levels[-1].mean[-1] == pytest.approx(whole.levels[-1].mean[-5:].mean(), rel=0.02)

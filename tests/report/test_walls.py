@@ -8,7 +8,7 @@ import eaid
 from eaid.cli.main import run
 from eaid.report.figures import coupling as figures
 from eaid.report.results import read_results
-from eaid.report.tables.walls import walls_table
+from eaid.report.tables.gains import walls_table
 
 
 @pytest.fixture(scope="module")

@@ -10,7 +10,7 @@ from eaid.report.page.shown import Shown
 from eaid.report.page.summary import guarantee_words
 from eaid.report.ready_fits import main_kind
 from eaid.report.results import KINDS, Given, Results
-from eaid.report.tables import checks, data, fits, gains, recorded, replays, walls
+from eaid.report.tables import checks, data, fits, gains, recorded, replays
 from eaid.report.tables.table import Table, listed
 from eaid.results.fit import Fit
 
@@ -233,7 +233,7 @@ def _tables_of(fit: Fit, asked: bool | None) -> list[Table]:
 
 def _controller(results: Results, known: Known, drawn: dict[str, Shown], asked: bool | None) -> Part | None:
     figures = tuple(drawn[name] for name in ("guarantee_in_replay", "input_gain", "walls") if name in drawn)
-    stiff = [walls.walls_table(one.result) for one in results.couplings]
+    stiff = [gains.walls_table(one.result) for one in results.couplings]
     if not results.gains:
         return Part("controller", "Controller", figures=figures, tables=_few(stiff)) if figures or stiff else None
     first, rest = _told(known, "controller")

@@ -18,7 +18,9 @@ from eaid.report.tables.gains import called, conditions_of
 from eaid.report.tables.replays import SCENARIO_NAMES, metric
 from eaid.report.tables.table import interval, number
 from eaid.results.fit import Fit
+from eaid.results.friction import FrictionLevel
 from eaid.results.gains import Gains
+from eaid.results.nonlinear import CurveLevel
 from eaid.results.summary import believed_levels
 
 GRADES = {"stop": "bad", "caution": "care", "note": "good"}
@@ -192,7 +194,7 @@ def tiles(results: Results) -> tuple[Tile, ...]:
 
 def _values(fit: Fit | None) -> list[Tile]:
     words = {"Ts": ("T_s", "steady output"), "tau1": ("τ1", "fast time constant"), "tau2": ("τ2", "slow time constant")}
-    rows = believed_levels(fit) if fit is not None else ()
+    rows: Sequence[CurveLevel | FrictionLevel] = believed_levels(fit) if fit is not None else ()
     if fit is None or not rows:
         return [Tile(label, "–", meaning) for label, meaning in words.values()]
     top = max(rows, key=lambda row: row.level)
