@@ -35,15 +35,25 @@ def verdict(gains: Gains) -> str:
     return f"guarantee: {YES[judged.holds]}{f' ({why})' if why else ''}"
 
 
+def units(given: str, measured: str) -> tuple[str, str]:
+    """Units of input and output as tables name them; one that nobody gave is called by what it is of."""
+    return given or "input", measured or "output"
+
+
+def per(unit: str) -> str:
+    """A unit behind a fraction's line."""
+    return f"({unit})" if "·" in unit or "/" in unit else unit
+
+
 def _robust(gains: Gains) -> list[list[str]]:
-    rc, (i, o) = gains.rc, (gains.input_unit, gains.output_unit)
+    rc, (i, o) = gains.rc, units(gains.input_unit, gains.output_unit)
     if rc is None:
         return []
     motion = f"natural frequency {rc.natural_frequency_rad_s:.4g} rad/s, damping {rc.damping:.3g}"
     reached = f"{rc.rho.convention}; α {_number(rc.alpha)}, really reached {_number(rc.alpha_reached)}"
     rows = [
         ["RC K_P, K_D", f"{rc.K_P:.5g}, {rc.K_D:.5g}", f"1/s², 1/s; {motion}"],
-        ["  B̂", f"{rc.B_hat:.5g}", f"{i}·s/({o}); {rc.B_hat_convention}, B {_number(rc.B_m)} … {_number(rc.B_M)}"],
+        ["  B̂", f"{rc.B_hat:.5g}", f"{i}·s/{per(o)}; {rc.B_hat_convention}, B {_number(rc.B_m)} … {_number(rc.B_M)}"],
         ["  ρ(ξ)", f"{rc.rho.constant:.5g} + {rc.rho.slope:.4g} ‖ξ‖", f"{o}/s; {reached}"],
         ["  ε, γ", f"{rc.epsilon:.4g}, {rc.gamma:.4g}", f"z = {rc.Q[1][0]:.4g} q̃ + {rc.Q[1][1]:.4g} e"],
     ]
@@ -54,14 +64,14 @@ def _robust(gains: Gains) -> list[list[str]]:
 
 
 def _pi(gains: Gains) -> list[list[str]]:
-    pi, (i, o) = gains.pi, (gains.input_unit, gains.output_unit)
+    pi, (i, o) = gains.pi, units(gains.input_unit, gains.output_unit)
     if pi is None:
         return []
     settles = "never settles" if pi.settling_s is None else f"settles in {pi.settling_s:.4g} s"
     how = "designed" if pi.asked is not None else "given"
     reached = f"{how}; {_number(pi.overshoot_pct)} % overshoot, {settles}"
     return [
-        ["PI K_P, K_I", f"{pi.K_P:.5g}, {pi.K_I:.5g}", f"{i}/({o}), {i}/({o}·s); {reached}"],
+        ["PI K_P, K_I", f"{pi.K_P:.5g}, {pi.K_I:.5g}", f"{i}/{per(o)}, {i}/({o}·s); {reached}"],
         *_least(gains, "pi"),
     ]
 
@@ -108,12 +118,12 @@ SOURCES = {"given": "given", "logs": "white part of what the logs show", "fit": 
 
 
 def _optimized(told: Optimized, gains: Gains) -> None:
-    i, o = gains.input_unit, gains.output_unit
+    i, o = units(gains.input_unit, gains.output_unit)
     rows = [
         ("RMS error", "rms_error_nm", o), ("  of the worst plant", "worst_plant_rms_error_nm", o),
         ("largest error", "max_abs_error_nm", o), ("chattering", "mean_abs_duty_step_pct", f"{i} per sample"),
         ("at a limit", "saturated_fraction", "of the time"), ("P's scale", "p_scale", ""), ("ε", "epsilon", ""),
-        ("φ", "phi_honest_pct", i), ("B̂", "B_hat", f"{i}·s/({o})"), ("K_P", "K_P", "1/s²"), ("K_D", "K_D", "1/s"),
+        ("φ", "phi_honest_pct", i), ("B̂", "B_hat", f"{i}·s/{per(o)}"), ("K_P", "K_P", "1/s²"), ("K_D", "K_D", "1/s"),
     ]  # fmt: skip
     console.table(
         f"Optimised on the {told.reference}, {told.plants} plants, noise {told.noise_nm:.3g} {o} "

@@ -1,6 +1,7 @@
 """What `eaid simulate` prints: metrics as tables on stdout, in the rig's units."""
 
 from eaid.cli import console
+from eaid.cli.gains_tables import units
 from eaid.results.replay import Metrics, Replay
 
 
@@ -15,7 +16,7 @@ def show(replay: Replay) -> None:
 
 def tracking(replay: Replay, tracked: dict[str, Metrics]) -> None:
     """The metrics of each controller."""
-    i, o = replay.head.input_unit, replay.head.output_unit
+    i, o = units(replay.head.input_unit, replay.head.output_unit)
     columns = ["controller", f"max |error| [{o}]", "RMS", "mean", f"IAE [{o}·s]", f"|Δu| [{i}]", "at limit"]
     rows = [
         [
@@ -74,7 +75,7 @@ def best_found(replay: Replay) -> None:
     found = replay.metrics("best").get("best")
     if found is None:
         return
-    o = replay.head.output_unit
+    _, o = units("", replay.head.output_unit)
     rows = [["best found", _number(found.rms_error_nm), "", _number(found.max_abs_error_nm)]]
     for name, m in replay.metrics("controller").items():
         times = m.rms_over_best
@@ -178,7 +179,7 @@ def _plants(name: str, m: Metrics) -> None:
 
 def recorded(replay: Replay) -> None:
     """How far the model is from each recorded run."""
-    runs, o = replay.metrics("recorded-input"), replay.head.output_unit
+    runs, (_, o) = replay.metrics("recorded-input"), units("", replay.head.output_unit)
     rows = [
         [
             name,

@@ -65,8 +65,8 @@ def scales_of(fit: Fit, plant: Nonlinear | None = None) -> Scales:
 
 
 def is_duty(fit: Fit) -> bool:
-    """Whether the input is a duty cycle in %."""
-    return fit.data.input_unit == "%" and max(fit.data.levels, default=0.0) <= 100.0
+    """Whether the input is a duty cycle in %; levels of up to 1 are rather shares that nobody called so."""
+    return fit.data.input_unit == "%" and 1.0 < max(fit.data.levels, default=100.0) <= 100.0
 
 
 def input_limits(fit: Fit) -> tuple[float, float]:

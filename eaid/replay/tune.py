@@ -136,7 +136,8 @@ def _of_the_rig(scales: Scales, settled: DesignOptions) -> list[Finding]:
         return []
     return [
         finding(
-            "designed-for-rig", "model", input_unit=scales.input_unit, output_unit=scales.output_unit,
+            "designed-for-rig", "model", input_unit=scales.input_unit or "no unit",
+            output_unit=scales.output_unit or "no unit",
             pace=scales.pace, highest=settled.duty_limits_pct[1],
             overshoot_pct=settled.pi.overshoot_pct or OVERSHOOT_PCT, settling_s=settled.pi.settling_s or 0.0,
         )
