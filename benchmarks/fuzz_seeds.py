@@ -378,7 +378,8 @@ def _manifest(folder: Path, *step: Any) -> Iterator[str]:
 
 def _results(folder: Path, t: Any, duty: Any, torque: Any) -> Iterator[bytes]:
     from eaid.replay.files import write_replay
-    from eaid.results.replay import Head, Metrics, Record, Replay
+    from eaid.results.metrics import Metrics
+    from eaid.results.replay import Head, Record, Replay
 
     for name in ("gains.json", "friction-force.json", "fit.json"):
         content = json.loads((ROOT / "reports" / "demo" / name).read_text(encoding="utf-8"))

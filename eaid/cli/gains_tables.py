@@ -2,7 +2,8 @@
 
 from eaid.cli import console
 from eaid.report.tables.gains import margins_table
-from eaid.results.gains import Gains, Optimized
+from eaid.results.gain_checks import Optimized
+from eaid.results.gains import Gains
 
 SHORT = {"rho": "ρ", "phi": "φ", "Q_M": "Q_M", "duty-limit": "duty limit"}
 """Conditions of the guarantee."""

@@ -2,7 +2,8 @@
 
 from eaid.cli import console
 from eaid.cli.gains_tables import units
-from eaid.results.replay import Metrics, Replay
+from eaid.results.metrics import Metrics
+from eaid.results.replay import Replay
 
 
 def show(replay: Replay) -> None:

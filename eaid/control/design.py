@@ -21,6 +21,7 @@ from eaid.errors import GainsError
 from eaid.findings import Finding, finding, ranked
 from eaid.models.parameters import Linear, Nonlinear
 from eaid.results.fit import Fit
+from eaid.results.gain_checks import Mismatch, PhiFromData
 from eaid.results.gains import (
     PI,
     AntiWindup,
@@ -31,8 +32,6 @@ from eaid.results.gains import (
     Gains,
     Guarantee,
     LinearModel,
-    Mismatch,
-    PhiFromData,
     Rho,
     RhoLine,
     RhoReading,

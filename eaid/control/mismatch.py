@@ -19,7 +19,7 @@ from eaid.arrays import Array
 from eaid.control.bounds import LevelB
 from eaid.models.nonlinear import steady_torque, time_constants
 from eaid.models.parameters import Linear, Nonlinear
-from eaid.results.gains import Mismatch
+from eaid.results.gain_checks import Mismatch
 from eaid.steps.stepset import StepSet
 
 WINDOW_S = 0.1

@@ -13,7 +13,8 @@ from eaid.models.parameters import Nonlinear
 from eaid.replay.plant import plant_parameters, plant_terms
 from eaid.results.codec import content_of, digest_of
 from eaid.results.fit import Fit
-from eaid.results.gains import Gains, Margins
+from eaid.results.gain_checks import Margins
+from eaid.results.gains import Gains
 
 
 @dataclass(frozen=True)

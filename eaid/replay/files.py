@@ -20,7 +20,8 @@ from eaid.findings import Finding
 from eaid.logs.hdf import digest_of, open_hdf5
 from eaid.results.codec import digest_of as json_digest_of
 from eaid.results.codec import from_plain, to_plain
-from eaid.results.replay import Exercise, Head, Metrics, Record, Replay
+from eaid.results.metrics import Metrics
+from eaid.results.replay import Exercise, Head, Record, Replay
 from eaid.version import __version__
 
 SCHEMA = "eaid/replay/1"

@@ -22,7 +22,7 @@ from eaid.arrays import Array, read_only
 from eaid.control.rc import RCGains, rc_terms
 from eaid.replay.loop import Trace, reference_rate
 from eaid.replay.plant import PlantParameters, plant_slope
-from eaid.results.replay import Metrics
+from eaid.results.metrics import Metrics
 
 NEAR = 0.01
 """∂Ṫ/∂u at a limit is a difference over so much of the actuator's span inside it."""

@@ -21,8 +21,8 @@ from eaid.replay.plant import plant_parameters
 from eaid.replay.references import Reference
 from eaid.replay.rig import Rig
 from eaid.replay.scenarios import measure
-from eaid.results.gains import Tracking
-from eaid.results.replay import Distribution, Metrics, PlantSpread, Worst
+from eaid.results.gain_checks import Tracking
+from eaid.results.metrics import Distribution, Metrics, PlantSpread, Worst
 
 QUANTILES = (0.0, 0.025, 0.25, 0.5, 0.75, 0.975, 1.0)
 BAND_INSTANTS = 1000

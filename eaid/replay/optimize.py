@@ -38,7 +38,7 @@ from eaid.replay.many import replay_many
 from eaid.replay.plant import plant_parameters
 from eaid.replay.references import Reference
 from eaid.replay.rig import Rig
-from eaid.results.gains import Candidate
+from eaid.results.gain_checks import Candidate
 from eaid.results.tuning import ALSO
 
 RANGES = {"p_scale": 30.0, "epsilon": 10.0, "phi_honest_pct": 10.0, "frequency": 5.0, "b-hat": 3.0}

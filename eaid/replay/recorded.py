@@ -25,7 +25,7 @@ from eaid.replay.metrics import tracking
 from eaid.replay.plant import PlantParameters, falling_taus, plant_step, plant_terms
 from eaid.replay.references import Reference
 from eaid.replay.rig import Rig
-from eaid.results.replay import Metrics
+from eaid.results.metrics import Metrics
 
 IDLE_ROWS = 10
 """Fewest rows at zero duty before the first other one that make an idle value."""

@@ -17,8 +17,9 @@ from scipy import stats
 from eaid.arrays import Array
 from eaid.replay import metrics, scenarios
 from eaid.replay.rehab import MODES, Session
-from eaid.results.gains import Tracking
-from eaid.results.replay import Box, CycleTest, Metrics, ModeMetrics, ModesTest, Normality, Record, SampleTest
+from eaid.results.gain_checks import Tracking
+from eaid.results.metrics import Box, CycleTest, Metrics, ModeMetrics, ModesTest, Normality, SampleTest
+from eaid.results.replay import Record
 
 
 def statistics(session: Session) -> Metrics:

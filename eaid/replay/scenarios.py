@@ -10,8 +10,9 @@ from eaid.errors import UsageError
 from eaid.replay import metrics, references
 from eaid.replay.loop import Trace
 from eaid.replay.references import Reference
-from eaid.results.gains import Tracking
-from eaid.results.replay import Metrics, Record
+from eaid.results.gain_checks import Tracking
+from eaid.results.metrics import Metrics
+from eaid.results.replay import Record
 
 
 @dataclass(frozen=True)

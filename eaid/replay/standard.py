@@ -11,7 +11,7 @@ from eaid.replay.plant import plant_parameters
 from eaid.replay.references import Reference
 from eaid.replay.rig import Rig
 from eaid.replay.scenarios import tracked
-from eaid.results.gains import Replayed, Tracking
+from eaid.results.gain_checks import Replayed, Tracking
 
 
 def steepest_nm_s(reference: Reference) -> float:

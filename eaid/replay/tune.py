@@ -36,7 +36,8 @@ from eaid.replay.scenarios import SCENARIOS
 from eaid.replay.simulate import Signal
 from eaid.replay.standard import beside_the_bound, steepest_nm_s
 from eaid.results.fit import Fit
-from eaid.results.gains import Gains, Guarantee, Optimized
+from eaid.results.gain_checks import Optimized
+from eaid.results.gains import Gains, Guarantee
 from eaid.results.tuning import TuneOptions
 from eaid.steps.stepset import StepSet
 from eaid.uncertainty.draw import draw, drawable

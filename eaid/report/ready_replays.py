@@ -16,7 +16,8 @@ from eaid.report.results import Results
 from eaid.report.style import controller_name
 from eaid.report.tables.replays import metric
 from eaid.report.tables.table import number
-from eaid.results.replay import Replay, ToneMetrics
+from eaid.results.metrics import ToneMetrics
+from eaid.results.replay import Replay
 
 
 def units_of(replay: Replay) -> tuple[str, str]:

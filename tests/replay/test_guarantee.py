@@ -8,7 +8,7 @@ from eaid.replay.guarantee import Watch, watch
 from eaid.replay.loop import replay
 from eaid.replay.plant import plant_slope, plant_step
 from eaid.replay.rig import Rig
-from eaid.results.replay import Metrics
+from eaid.results.metrics import Metrics
 
 DT = 1e-3
 

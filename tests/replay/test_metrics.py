@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from eaid.replay import metrics
-from eaid.results.gains import Tracking
+from eaid.results.gain_checks import Tracking
 
 
 def test_tracking_by_hand():

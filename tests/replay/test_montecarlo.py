@@ -12,7 +12,7 @@ from eaid.replay.montecarlo import QUANTILES, flattened, montecarlo
 from eaid.replay.plant import plant_parameters
 from eaid.replay.rig import Rig
 from eaid.replay.scenarios import measure
-from eaid.results.replay import Worst
+from eaid.results.metrics import Worst
 
 DT = 1e-3
 SCALES = (0.8, 0.9, 1.0, 1.05, 1.1)

@@ -11,7 +11,8 @@ from eaid.replay.residual_noise import residual_noise
 from eaid.replay.rig import Rig, noise
 from eaid.results.codec import from_plain
 from eaid.results.fit import Fit
-from eaid.results.replay import Head, Metrics, Record, Replay, RigRecord, StepMetrics
+from eaid.results.metrics import Metrics, StepMetrics
+from eaid.results.replay import Head, Record, Replay, RigRecord
 
 
 def fit_of(plain):

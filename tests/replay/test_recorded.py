@@ -10,7 +10,7 @@ from eaid.models.parameters import REFERENCE_PLANT
 from eaid.replay import recorded, references
 from eaid.replay.loop import replay
 from eaid.replay.rig import Rig
-from eaid.results.replay import Metrics
+from eaid.results.metrics import Metrics
 
 DT = 1e-3
 

@@ -8,7 +8,8 @@ import pytest
 from eaid.errors import DataError, UsageError
 from eaid.replay.files import write_replay
 from eaid.report.results import kind_of, read_results
-from eaid.results.replay import Head, Metrics, Record, Replay
+from eaid.results.metrics import Metrics
+from eaid.results.replay import Head, Record, Replay
 
 
 def test_files_are_told_apart_by_what_they_say(files: dict[str, Path]):

@@ -12,7 +12,8 @@ from eaid.results import fit as results
 from eaid.results.common import Source
 from eaid.results.fit import Fit
 from eaid.results.friction import Friction, FrictionLevel, LevelIntervals
-from eaid.results.gains import Condition, Gains, Guarantee, LinearModel, Margin, Margins, WorstMargins
+from eaid.results.gain_checks import Margin, Margins, WorstMargins
+from eaid.results.gains import Condition, Gains, Guarantee, LinearModel
 from eaid.results.linear import Linear
 
 CLEAN: dict[str, Any] = {"linear": Linear(1.8, 0.08, -1.3), "converged": True}

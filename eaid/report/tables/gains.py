@@ -5,7 +5,8 @@ from eaid.report.rig import gain, printed_head
 from eaid.report.style import controller_name
 from eaid.report.tables.table import Cell, Table, columns, level, number
 from eaid.results.coupling import Coupling
-from eaid.results.gains import Condition, Gains, Margin
+from eaid.results.gain_checks import Margin
+from eaid.results.gains import Condition, Gains
 
 CONDITIONS = {
     "rho": ("ρ", "the robust term covers the model's error, inequality (15)"),

@@ -5,7 +5,8 @@ from collections.abc import Sequence
 from eaid.report.results import Given
 from eaid.report.style import controller_name
 from eaid.report.tables.table import Cell, Column, Name, Table, columns, level, number
-from eaid.results.replay import Metrics, Replay
+from eaid.results.metrics import Metrics
+from eaid.results.replay import Replay
 
 METRICS = {
     "max_abs_error_nm": ("largest |error|", "out"),
