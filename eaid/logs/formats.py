@@ -63,7 +63,7 @@ def _is_mat(head: bytes) -> bool:
 
 FORMATS: tuple[Format, ...] = (
     Format("HDF5", is_hdf5, "hdf5.read_hdf5"),
-    Format("LVM", _begins(b"LabVIEW Measurement", b"\xef\xbb\xbfLabVIEW Measurement"), "lvm.read_lvm", "lvm_read"),
+    Format("LVM", _begins(b"LabVIEW Measurement", b"\xef\xbb\xbfLabVIEW Measurement"), "lvm.read_lvm"),
     Format("TDMS", _begins(b"TDSm"), "tdms.read_tdms", "nptdms"),
     Format("Parquet", _begins(b"PAR1"), "parquet.read_parquet", "pyarrow"),
     Format("Arrow", _begins(b"ARROW1"), "parquet.read_arrow", "pyarrow"),

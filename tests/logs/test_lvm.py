@@ -93,7 +93,7 @@ def test_segments_that_start_anew_are_put_apart_by_the_clock(tmp_path):
         (lvm([(HEAD, "X_Value|Comment", ["0"])]), "names no channels; record the log again"),
         (lvm([(["Channels|1", "X_Dimension|Frequency"], "X_Value|A", ["0|1"])]), "its X is Frequency, not Time"),
         (lvm([(["Channels|1", "X0|0"], "X_Value|A", ["|1"])], own="No"), "neither a column of times nor a Delta_X"),
-        (lvm([(["Channels|1", "Delta_X|fast"], "X_Value|A", ["0|1"])]), "its header cannot be followed"),
+        (lvm([(["Channels|1", "Delta_X|fast"], "X_Value|A", ["0|1"])], own="No"), "its header cannot be followed"),
         (lvm([(HEAD, "X_Value|A", ["0|1"])], own="Two"), "its X_Columns is 'Two', not No, One or Multi"),
         (lvm([(HEAD, "X_Value|A", ["0|1"]), (["Channels|1", *HEAD[1:]], "X_Value|B", ["0|1"])]),
          r"its channels change \(B, before: A\); split the file there"),
@@ -112,7 +112,29 @@ def test_bad_cells_are_told_by_row_and_column(tmp_path):
     with pytest.raises(DataError) as caught:
         read_runs([path])
     told = "\n".join(caught.value.sentences)
-    assert "row 31, column Torque, is empty" in told  # lvm_read gives NaN for what it cannot read
+    assert "row 47, column Torque, holds 'x', which is no number" in told
+
+
+ODD_ROWS = {
+    "a word": ("0.3|50|x", "row 47, column Torque, holds 'x', which is no number"),
+    "no time": ("|50|1", "row 47, column time, is empty"),
+    "too short": ("0.3|50", "row 47 has 2 cells, unlike the others"),
+    "separators only": ("||", "row 47, column time, is empty"),
+    "a mark": (END, "row 47 has 1 cells, unlike the others"),
+    "a block that does not end": ("***Start_Special***", "row 47 begins a special block that does not end"),
+    "half a header": ("Channels|2", "its header cannot be followed"),
+}
+
+
+@pytest.mark.parametrize("odd", ODD_ROWS)
+def test_no_row_is_lost_in_silence(tmp_path, odd):
+    rows = [f"{i / 100}|{50 * (i > 20)}|{i}" for i in range(60)]
+    rows[30], sentence = ODD_ROWS[odd]
+    path = tmp_path / "a.lvm"
+    path.write_text(lvm([(HEAD, "X_Value|Duty|Torque|Comment", rows)]))
+    with pytest.raises(DataError) as caught:
+        read_runs([path])
+    assert sentence in "\n".join(caught.value.sentences)
 
 
 @pytest.mark.skipif(not REAL.is_dir(), reason="the recorded logs are not here")

@@ -1,4 +1,4 @@
-"""LabVIEW measurement files (.lvm), read by lvm_read: text with a header, and one or more segments with a header each.
+"""LabVIEW measurement files (.lvm): text with a header, and one or more segments with a header each.
 
 The column of times is made here, whatever the file has: X_Columns One (a column of its own), Multi (one a channel, all
 alike) or No (X0 + i Delta_X). Segments follow each other: where their times start anew, the clock times in their
@@ -7,130 +7,158 @@ headers tell how far apart they are.
 
 import itertools
 import math
+import re
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from eaid.arrays import Array
 from eaid.errors import DataError
+from eaid.logs.dialect import Marks
+from eaid.logs.rows import plain_value
 from eaid.logs.table import BadCell, Cells, Table
 
 END = "***End_of_Header***"
 MARKED = ("***Start_Special***", "***End_Special***")
+Header = Mapping[str, Sequence[str]]
+
+
+@dataclass
+class _Segment:
+    header: Header
+    names: list[str]
+    """Of all columns, `X_Value` and `Comment` among them."""
+    rows: list[tuple[int, list[str]]]
+    """Line of the file and cells."""
+
+    @property
+    def channels(self) -> list[str]:
+        return [name for name in self.names if name not in ("", "X_Value", "Comment")]
 
 
 def read_lvm(path: Path, source: str) -> list[Table]:
     """The one table of a LabVIEW measurement file; raises DataError where its header cannot be followed."""
-    import lvm_read
-
     raw = path.read_bytes()
     try:
         text = raw.decode("utf-8-sig")
     except UnicodeDecodeError:
         text = raw.decode("cp1252", errors="replace")
-    lines = _without_special([line + "\n" for line in text.splitlines()])
-    if not any(line.startswith(END) for line in lines[:100]):
+    lines = _without_special(source, re.split(r"\r\n|\n|\r", text))
+    separator = next((line[9:10] for _, line in lines[:100] if line.startswith("Separator")), "\t") or "\t"
+    cells = [(k, [cell.strip().strip('"') for cell in line.split(separator)]) for k, line in lines]
+    end = next((i for i, (_, row) in enumerate(cells[:100]) if row[0] == END), None)
+    if end is None:
         raise DataError(f"{source}: its header has no end ({END}); copy or save it again")
-    separator = next((line[9:10] for line in lines[:100] if line.startswith("Separator")), "\t") or "\t"
-    try:
-        said: Mapping[Any, Any] = lvm_read.read_lines(_joined(lines, separator), separator=separator)
-        segments = [said[k] for k in range(int(said["Segments"]))]
-        names = [_channels(one) for one in segments]
-    except Exception as fault:  # lvm_read has no type of its own for a header that it cannot follow
-        reason = " ".join(str(fault).split())[:100] or type(fault).__name__
-        raise DataError(f"{source}: its header cannot be followed ({reason}); save it again") from None
-    own = str(said.get("X_Columns", "One")).strip()
+    said = {row[0]: row[1:] for _, row in cells[:end]}
+    segments = _segments(source, cells[end + 1 :])
+    own = next(iter(said.get("X_Columns", ())), "One")
     if own not in ("No", "One", "Multi"):
         raise DataError(f"{source}: its X_Columns is {own!r}, not No, One or Multi; save it again")
-    if not names or not names[0]:
+    names = segments[0].channels
+    if not names:
         raise DataError(f"{source}: names no channels; record the log again")
-    for others in names:
-        if others != names[0]:
-            raise DataError(f"{source}: its channels change ({', '.join(others[:8])}, before: "
-                            f"{', '.join(names[0][:8])}); split the file there")  # fmt: skip
-    dimension = next((one for one in segments[0].get("X_Dimension", []) if one), "Time")
+    for segment in segments:
+        if segment.channels != names:
+            raise DataError(f"{source}: its channels change ({', '.join(segment.channels[:8])}, before: "
+                            f"{', '.join(names[:8])}); split the file there")  # fmt: skip
+    dimension = next((one for one in segments[0].header.get("X_Dimension", ()) if one), "Time")
     if dimension != "Time":
         raise DataError(f"{source}: its X is {dimension}, not Time: no log; save the signal itself")
-    parts = [_segment(source, one, own, len(names[0])) for one in segments]
-    time = [times for times, _ in parts]
-    _put_apart(time, [_clock(one, str(said.get("Decimal_Separator", "."))) for one in segments])
-    columns = [np.concatenate(time), *np.concatenate([values for _, values in parts]).T]
+    marks = Marks(separator, next(iter(said.get("Decimal_Separator", ())), "."), "")
+    bad: list[BadCell] = []
+    rows = [line for segment in segments for line, _ in segment.rows]
+    tables: list[Array] = []
+    for segment in segments:
+        tables.append(_table(source, segment, own, marks, bad, sum(map(len, tables))))
+    times = [table[:, 0] for table in tables]
+    _put_apart(times, [_clock(segment.header, marks.decimal) for segment in segments])
+    columns = [np.concatenate(times), *np.concatenate([table[:, 1:] for table in tables]).T]
 
     def load(wanted: Sequence[int]) -> Cells:
-        bad = [BadCell(int(row), i, "") for i in wanted for row in np.flatnonzero(~np.isfinite(columns[i]))]
-        return Cells(tuple(columns[i] for i in wanted), tuple(bad))
+        return Cells(tuple(columns[i] for i in wanted), tuple(one for one in bad if one.column in (-1, *wanted)), rows)
 
-    units = [str(unit).strip() for unit in segments[0].get("Y_Unit_Label", [])][: len(names[0])]
-    return [Table("", ("time", *names[0]), load, ("s", *units, *[""] * (len(names[0]) - len(units))))]
+    units = [*segments[0].header.get("Y_Unit_Label", ()), *[""] * len(names)][: len(names)]
+    return [Table("", ("time", *names), load, ("s", *units))]
 
 
-def _without_special(lines: list[str]) -> list[str]:
-    """The lines without the blocks that other programs put between the headers."""
-    kept, inside = [], False
-    for line in lines:
-        inside = inside or line.startswith(MARKED[0])
-        if not inside:
-            kept.append(line)
-        inside = inside and not line.startswith(MARKED[1])
+def _without_special(source: str, lines: list[str]) -> list[tuple[int, str]]:
+    """The lines and their numbers, without the blocks that other programs put between the headers."""
+    kept, begun = [], 0
+    for number, line in enumerate(lines, start=1):
+        begun = begun or number * line.startswith(MARKED[0])
+        if not begun:
+            kept.append((number, line))
+        if line.startswith(MARKED[1]):
+            begun = 0
+    if begun:
+        raise DataError(f"{source}: row {begun} begins a special block that does not end; copy or save it again")
     return kept
 
 
-def _joined(lines: list[str], separator: str) -> list[str]:
-    """The lines as lvm_read needs them: a blank one before each segment and nowhere else, `Channels` as wide as names.
-
-    It takes any blank line for the next segment, and counts columns by the cells behind `Channels`.
-    """
-    kept = []
-    for i, line in enumerate(lines):
-        if not line.strip(" \t\r\n" + separator):
-            continue
-        if line.startswith("Channels"):
-            names = next((one for one in lines[i:] if one.startswith("X_Value")), "")
-            count = line.split(separator)[1].strip() if separator in line else ""
-            line = separator.join(["Channels", count, *[""] * (names.count(separator) - 1)]) + "\n"
-            kept.append("\n")
-        kept.append(line)
-    return kept
-
-
-def _channels(segment: Mapping[str, Any]) -> list[str]:
-    """Channels of a segment, without the times and the comment."""
-    names = [str(name).strip().strip('"') for name in segment["Channel names"]]
-    return [name for name in names if name and name not in ("X_Value", "Comment")]
+def _segments(source: str, cells: list[tuple[int, list[str]]]) -> list[_Segment]:
+    """Headers and rows, segment by segment, each begun by the line `Channels`; blank lines count nowhere."""
+    full = [(number, row) for number, row in cells if len(row) > 2 or any(row)]
+    begins = [i for i, (_, row) in enumerate(full) if row[0] == "Channels"]
+    segments = []
+    for begin, end in itertools.pairwise([*begins, len(full)]):
+        part = full[begin:end]
+        names = next((i for i, (_, row) in enumerate(part) if row[0] == "X_Value"), None)
+        if names is None:
+            raise DataError(f"{source}: its header cannot be followed (no line X_Value); save it again")
+        header = {row[0]: row[1:] for _, row in part[:names]}
+        segments.append(_Segment(header, part[names][1], part[names + 1 :]))
+    if not segments or begins[0] > 0:
+        raise DataError(f"{source}: its header cannot be followed (no line Channels); save it again")
+    return segments
 
 
-def _segment(source: str, segment: Mapping[str, Any], own: str, count: int) -> tuple[Array, Array]:
-    """Times [s] and values, shape (n, channels), of one segment."""
-    table = np.asarray(segment["data"], dtype=np.float64)
-    if table.ndim != 2 or not len(table):
+def _table(source: str, segment: _Segment, own: str, marks: Marks, bad: list[BadCell], before: int) -> Array:
+    """Times [s] and values of one segment, shape (n, 1 + channels); its bad cells, `before` rows on, go to `bad`."""
+    if not segment.rows:
         raise DataError(f"{source}: holds a segment without rows; record the log again")
-    names = [str(name).strip().strip('"') for name in segment["Channel names"]]
-    if own == "No":
-        step = next((float(one) for one in segment.get("Delta_X", []) if math.isfinite(one)), math.nan)
-        start = next((float(one) for one in segment.get("X0", []) if math.isfinite(one)), 0.0)
-        if not step > 0:
-            raise DataError(f"{source}: has neither a column of times nor a Delta_X above 0; save it again")
-        return np.asarray(start + np.arange(len(table)) * step, dtype=np.float64), table[:, :count]
-    times = [i for i, name in enumerate(names) if name == "X_Value"]
-    places = [i for i, name in enumerate(names) if name not in ("", "X_Value", "Comment")]
-    if any(not np.array_equal(table[:, i], table[:, times[0]], equal_nan=True) for i in times[1:]):
-        raise DataError(f"{source}: its channels have different times; export them on one X column")
-    return table[:, times[0]], table[:, places]
+    clocks = [i for i, name in enumerate(segment.names) if name == "X_Value"]
+    places = [i for i, name in enumerate(segment.names) if name not in ("", "X_Value", "Comment")]
+    taken = [*(clocks if own != "No" else ()), *places]
+    table = np.full((len(segment.rows), len(taken)), np.nan)
+    free = "Comment" in segment.names
+    for k, (_, row) in enumerate(segment.rows):
+        if len(row) <= places[-1] or (not free and any(row[len(segment.names) :])):
+            bad.append(BadCell(before + k, -1, str(len(row))))
+            continue
+        for j, place in enumerate(taken):
+            table[k, j] = plain_value(row[place], marks)
+            if not math.isfinite(table[k, j]):
+                column = 0 if place in clocks else 1 + places.index(place)
+                bad.append(BadCell(before + k, column, row[place][:40]))
+                table[k, j] = np.nan
+    if own != "No":
+        if any(not np.array_equal(table[:, j], table[:, 0], equal_nan=True) for j in range(1, len(clocks))):
+            raise DataError(f"{source}: its channels have different times; export them on one X column")
+        return np.column_stack([table[:, 0], table[:, len(clocks) :]])
+    step, start = (_first_number(source, segment.header.get(key, ()), marks) for key in ("Delta_X", "X0"))
+    if not step > 0:
+        raise DataError(f"{source}: has neither a column of times nor a Delta_X above 0; save it again")
+    begin = start if math.isfinite(start) else 0.0
+    return np.column_stack([begin + np.arange(len(table)) * step, table])
 
 
-def _clock(segment: Mapping[str, Any], decimal: str) -> float:
+def _first_number(source: str, cells: Sequence[str], marks: Marks) -> float:
+    said = next((cell for cell in cells if cell), "nan")
+    value = marks.value(said)
+    if value is None:
+        raise DataError(f"{source}: its header cannot be followed ({said!r} is no number); save it again")
+    return value
+
+
+def _clock(header: Header, decimal: str) -> float:
     """Clock time of a segment [s], counted from a fixed day; NaN where the header has none that can be read."""
-
-    def first(key: str) -> str:
-        value = segment.get(key, "")
-        return next((str(one) for one in ([value] if isinstance(value, str) else value) if one), "")
-
-    whole, _, fraction = first("Time").replace(decimal, ".").partition(".")
+    day, clock = (next((cell for cell in header.get(key, ()) if cell), "") for key in ("Date", "Time"))
+    whole, _, fraction = clock.replace(decimal, ".").partition(".")
     try:
-        at = datetime.strptime(f"{first('Date')} {whole}", "%Y/%m/%d %H:%M:%S")
+        at = datetime.strptime(f"{day} {whole}", "%Y/%m/%d %H:%M:%S")
         return (at - datetime(2000, 1, 1)).total_seconds() + float(f"0.{fraction or 0}")
     except ValueError:
         return math.nan
