@@ -267,7 +267,7 @@ def test_a_mutated_cell_of_an_lvm_is_read_or_told(tmp_path, cell, row):
         assert [bad.row for bad in cells.bad] == [row]
         return
     wanted = [float(i) for i in range(30)]
-    wanted[row] = float(cell.partition("\t")[0].strip(" \"").upper().replace("D", "E"))
+    wanted[row] = float(cell.partition("\t")[0].strip(' "').upper().replace("D", "E"))
     np.testing.assert_array_equal(cells.values[1], wanted)
 
 
