@@ -98,7 +98,7 @@ def command(given: Arguments) -> int:
         dead_time_s=None if given.dead_time == "auto" else given.dead_time, workers=processors(),
     )  # fmt: skip
     check(options)
-    stepset = inputs.runs_from(given.data, inputs.reading_of(given), given.logs_as)[1]
+    stepset = inputs.runs_from(given.data, inputs.reading_of(given), given.logs_as, console.say)[1]
     result = api.fit(
         stepset, options, bounds_levels=given.bounds_levels, duty=given.duty, instrument=given.instrument,
         progress=console.progress,

@@ -62,7 +62,7 @@ class Arguments(Common, Seeded):
 def command(given: Arguments) -> None:
     """Make a synthetic dataset of a plant: a data.h5, or a folder of CSV when -o has no .h5 ending.
 
-    Example: eaid synth --levels 20:100:20 --repeats 2 --hold 8 -o logs
+    Example: eaid synth --levels 20,60,100 --repeats 2 --hold 8 -o logs
     """
     from eaid.files import refuse_to_overwrite
     from eaid.results import codec

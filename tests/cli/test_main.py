@@ -221,3 +221,10 @@ def test_an_interrupt_inside_a_destructor_is_not_lost(
 def test_an_empty_word_is_not_the_current_folder(words: list[str], capsys: pytest.CaptureFixture[str]) -> None:
     assert main.run(words) == 2
     assert "an empty word stands among the arguments" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("name", [name.replace("_", "-") for name in main.COMMANDS])
+def test_no_example_is_read_as_an_emoji(name: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """In Markdown 20:100:20 is 20, a hundred-points sign, and 20."""
+    main.run([name, "--help"])
+    assert max(map(ord, capsys.readouterr().out)) < 0x1F000
