@@ -114,7 +114,8 @@ def _curves(known: CurveSpread) -> tuple[CurveLevel, ...]:
             (float(known.low[k, i]), float(known.high[k, i])) if known.half_width[k, i] < WIDEST else None
             for k in range(3)
         ]
-        rows.append(CurveLevel(level, *known.values[:, i].tolist(), LevelIntervals(*ends)))
+        Ts, tau1, tau2 = known.values[:, i].tolist()
+        rows.append(CurveLevel(level, Ts, tau1, tau2, LevelIntervals(*ends)))
     return tuple(rows)
 
 
