@@ -81,7 +81,7 @@ def row(k: int, sets: int) -> tuple[str, bool]:
 def main() -> None:
     """Print the table."""
     plants = int(sys.argv[1]) if len(sys.argv) > 1 else 11
-    sets = int(sys.argv[2]) if len(sys.argv) > 2 else 5
+    sets = int(sys.argv[2]) if len(sys.argv) > 2 else 20
     print("| plant | planned | of 1200 s | T_s, planned / classic [%] | τ1 [%] | τ2 [%] | kept |")
     print("|---|---|---|---|---|---|---|")
     for k in range(plants):

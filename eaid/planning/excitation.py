@@ -88,10 +88,6 @@ def shortest_recording(
     )
 
 
-def _finite(value: float) -> float | None:
-    return value if np.isfinite(value) else None
-
-
 def sequence_for(
     p: Nonlinear, noise: Noise, options: ExcitationOptions, limits: Limits, progress: Callable[[], None] = lambda: None
 ) -> tuple[ExcitationPlan, list[dict[str, float]] | None]:

@@ -37,27 +37,20 @@ class CurveSpread:
 
 def curves(solved: Solved, sure: Spread, duty: Array) -> CurveSpread:
     """Intervals of log T_s, log τ1, log τ2 at some inputs within the range."""
-    model = solved.setup.model
-    rows = model.rows_of(duty)
-    a, b, c = model.sizes
-    values, half = np.full((3, len(duty)), np.nan), np.full((3, len(duty)), np.inf)
-    for k, (part, first, count) in enumerate(((rows.steady, 0, a), (rows.tau1, a, b), (rows.tau2, a + b, c))):
-        for i in range(len(duty)):
-            if not count:
-                continue
-            gradient = np.zeros(solved.setup.size)
-            gradient[first : first + count] = part[i]
-            value = float(part[i] @ solved.x[first : first + count])
-            values[k, i] = value
-            if value > 0:
-                half[k, i] = min(sure.of(gradient) / value, 50.0)
+    slopes = solved.setup.model.slopes(duty, solved.setup.size)
+    values = slopes @ solved.x
+    half = np.full_like(values, np.inf)
+    for at in np.argwhere(values > 0):
+        k, i = at.tolist()
+        half[k, i] = min(sure.of(slopes[k, i]) / values[k, i], 50.0)
     for k, name in enumerate(CURVES):  # what a constraint holds is not estimated
         if name in held(solved):
             half[k] = np.inf
+    values = np.where(slopes.any(axis=2), values, np.nan)
     half = np.minimum(half, 700.0)
     low, high = values * np.exp(-half), values * np.exp(np.minimum(half, 50.0))
     for x in sure.rivals:
-        other = np.stack([rows.steady @ x[:a], rows.tau1 @ x[a : a + b], rows.tau2 @ x[a + b : a + b + c]])
+        other = slopes @ x
         low, high = np.minimum(low, other * np.exp(-half)), np.maximum(high, other * np.exp(np.minimum(half, 50.0)))
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
         wide = np.where(low > 0, np.sqrt(high / low) - 1, np.inf)

@@ -157,13 +157,8 @@ class Judge:
     @cached_property
     def slopes(self) -> Array:
         """Derivatives of log T_s, log τ1, log τ2 at the duties by the unknowns, (3, DUTIES, n)."""
-        rows, x = self.model.rows_of(np.linspace(*self.limits.duty_pct, DUTIES)), self.unknowns
-        found, first = np.zeros((3, DUTIES, len(x))), 0
-        for k, (row, count) in enumerate(zip((rows.steady, rows.tau1, rows.tau2), self.model.sizes, strict=True)):
-            part = slice(first, first + count)
-            found[k, :, part] = row / (row @ x[part])[:, None]
-            first += count
-        return found
+        slopes = self.model.slopes(np.linspace(*self.limits.duty_pct, DUTIES), len(self.unknowns))
+        return slopes / (slopes @ self.unknowns)[:, :, None]
 
     @cached_property
     def unknowns(self) -> Array:

@@ -120,8 +120,6 @@ def _with(base: Solved, names: tuple[str, ...]) -> Solved:
 def _judged(solved: Solved, sure: Spread, names: tuple[str, ...]) -> tuple[dict[str, Judged], tuple[str, ...]]:
     found, kept = {}, []
     model = solved.setup.model
-    rows = model.rows_of(np.array([model.low]))
-    a, b, _ = model.sizes
     for name in names:
         at, count = solved.setup.at(name), EXTRAS[name]
         G = np.zeros((count, solved.setup.size))
@@ -129,8 +127,7 @@ def _judged(solved: Solved, sure: Spread, names: tuple[str, ...]) -> tuple[dict[
         values = solved.x[at : at + count]
         against = {"rest": edges(solved), "fall": np.ones(2), "excess": np.zeros(1)}[name]
         if name == "rest":  # the edge values are estimates too
-            G[0, a : a + b] -= rows.tau1[0]
-            G[1, a + b : a + b + model.sizes[2]] -= rows.tau2[0]
+            G -= model.slopes(np.array([model.low]), solved.setup.size)[1:, 0]
         off = values - against
         chance = _chance(off, G, sure)
         half = np.array([sure.of(np.eye(solved.setup.size)[at + k]) for k in range(count)])

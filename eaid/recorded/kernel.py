@@ -8,7 +8,7 @@ exact while the input is held (Eqs. (4)–(7)). The derivatives obey the same re
 
 Columns, in this order: coefficients of T_s, τ1, τ2; C; τ1 and τ2 of a fall to rest; factors on τ1 and τ2 of a fall
 between levels; relative excess of T_s after a fall of the input; idle output; x1 and x2 at the first row; and last the
-residual. `reference` holds the same in plain Python, without derivatives.
+residual.
 """
 
 import numba

@@ -69,6 +69,14 @@ class Model:
         tau2, by_tau2 = _floored(rows.tau2, x[a + b : a + b + c])
         return Tables(rows.steady @ x[:a], tau1, tau2, rows.rest, rows.steady, by_tau1, by_tau2)
 
+    def slopes(self, duty: Array, size: int) -> Array:
+        """Derivatives of T_s, τ1, τ2 at some inputs by `size` unknowns, the coefficients first; (3, L, size)."""
+        rows, found, first = self.rows_of(duty), np.zeros((3, len(duty), size)), 0
+        for k, part in enumerate((rows.steady, rows.tau1, rows.tau2)):
+            found[k, :, first : first + part.shape[1]] = part
+            first += part.shape[1]
+        return found
+
     def rows_of(self, duty: Array) -> "Rows":
         """Rows for any inputs, edges included."""
         rest = np.clip(duty / self.low, 0.0, 1.0) if self.low > 0 else np.ones_like(duty)

@@ -15,18 +15,8 @@ NOISE_WINDOW_S = 2.0
 def degrees_of(solved: Solved, sure: Spread) -> dict[str, float]:
     """Degrees of freedom of T_s, τ1, τ2 at the middle of the range."""
     model = solved.setup.model
-    rows = model.rows_of(np.array([0.5 * (model.low + model.high)]))
-    a, b, c = model.sizes
-    found: dict[str, float] = {}
-    for name, row, first, count in (
-        ("tau1", rows.tau1, a, b),
-        ("tau2", rows.tau2, a + b, c),
-        ("Ts", rows.steady, 0, a),
-    ):
-        gradient = np.zeros(solved.setup.size)
-        gradient[first : first + count] = row[0]
-        found[name] = sure.variance(gradient)[1]
-    return found
+    slopes = model.slopes(np.array([0.5 * (model.low + model.high)]), solved.setup.size)
+    return {name: sure.variance(slopes[k, 0])[1] for name, k in (("tau1", 1), ("tau2", 2), ("Ts", 0))}
 
 
 def uncertainty_part(solved: Solved, sure: Spread) -> Uncertainty:
