@@ -6,6 +6,7 @@ from pathlib import Path
 from eaid.cli import console
 from eaid.cli.form import OUTPUT, Common, argument, option, takes, written
 from eaid.cli.inputs import Reading
+from eaid.shown import counted
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -51,4 +52,8 @@ def command(given: Arguments) -> None:
         console.print_json(ingest_tables.as_json(stepset))
     else:
         ingest_tables.print_tables(stepset)
-    console.done(given.output, f"{len(runs)} runs, {len(stepset.levels)} levels", f"eaid fit {given.output}")
+    console.done(
+        given.output,
+        f"{counted(len(runs), 'run')}, {counted(len(stepset.levels), 'level')}",
+        f"eaid fit {given.output}",
+    )

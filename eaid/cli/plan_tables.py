@@ -12,6 +12,7 @@ from eaid.planning.recordings import input_changes
 from eaid.reading import pairs
 from eaid.results.plan import Plan
 from eaid.results.recorded import Excitation
+from eaid.shown import counted
 
 if TYPE_CHECKING:
     from eaid.recorded.sequence import Limits
@@ -86,5 +87,5 @@ def cost(found: Plan | Excitation) -> str:
         beside = "never reach these widths" if classic is None else f"take {classic:.0f} s"
         engaged = f"{found.time_on_rig_s:.0f} s on the rig in {found.engagements} engagements"
         return f"{engaged}; steps from rest {beside}; next: record it, then eaid fit"
-    minutes = f"{len(found.runs)} runs, {found.time_on_rig_s / 60:.0f} minutes on the rig"
+    minutes = f"{counted(len(found.runs), 'run')}, {found.time_on_rig_s / 60:.0f} minutes on the rig"
     return f"{minutes}; next: record whole blocks in this order, not sweeps, then eaid fit"

@@ -43,6 +43,8 @@ def runs_from_frames(
     faults: list[str] = []
     for name, frame in _parted(frames).items():
         try:
+            if frame.empty:
+                raise DataError(f"{name}: the DataFrame is empty; give rows with columns of time, input and output")
             table = _table(name, frame)
             runs.append(run_of(Origin(name, name, _sha256(table), name), [table], options, pattern))
         except DataError as fault:

@@ -213,3 +213,8 @@ def test_steps_that_ask_for_a_dead_time_are_shown_with_it(tmp_path: Path):
     row = next(line for line in fit.summary().splitlines() if line.startswith("0 → 100"))
     assert [float(cell) for cell in row.split()[3:5]] == pytest.approx([3.0, 0.4], rel=0.03)
     assert fit.findings[0].code == "other-shape-fits-better"
+
+
+def test_an_empty_table_is_refused_by_its_cause():
+    with pytest.raises(DataError, match="run: the DataFrame is empty"):
+        eaid.fit(pd.DataFrame())

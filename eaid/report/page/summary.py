@@ -22,6 +22,7 @@ from eaid.results.friction import FrictionLevel
 from eaid.results.gains import Gains
 from eaid.results.nonlinear import CurveLevel
 from eaid.results.summary import believed_levels
+from eaid.shown import counted
 
 GRADES = {"stop": "bad", "caution": "care", "note": "good"}
 _DATE = re.compile(r"(?<!\d)(20\d\d)[-_.]?(0[1-9]|1[0-2])[-_.]?(0[1-9]|[12]\d|3[01])(?!\d)")
@@ -122,11 +123,17 @@ def _data(results: Results, known: Known) -> Light:
     found = known.of("data")
     if data is not None:
         doubtful = sum(1 for run in data.runs if doubts_of(run))
-        said = f"{doubtful} of {len(data.runs)} runs doubtful" if doubtful else f"{len(data.runs)} runs, none doubtful"
+        said = (
+            f"{doubtful} of {len(data.runs)} runs doubtful"
+            if doubtful
+            else f"{counted(len(data.runs), 'run')}, none doubtful"
+        )
         grade = min(_grade(found), "care" if doubtful else "good", key=("bad", "care", "good").index)
         return Light("Data", grade, said, "data")
     if fit is not None and fit.data.sources:
-        return Light("Data", _grade(found), f"{len(rising(fit.data.sources))} runs; {_counted(found)}", "data")
+        return Light(
+            "Data", _grade(found), f"{counted(len(rising(fit.data.sources)), 'run')}; {_counted(found)}", "data"
+        )
     return Light("Data", "none", "no data given", "appendix")
 
 
