@@ -157,7 +157,7 @@ def test_friction_steps_by_one_command(tmp_path: Path, capsys: pytest.CaptureFix
 
 
 FORMATS = [
-    ("quarc_matrix*", ["--units", "input=V,output=V", "--rest", "-5"], 0, "2 runs, 1 levels"),
+    ("quarc_matrix*", ["--units", "input=V,output=V", "--rest", "-5"], 0, "2 runs, 1 level"),
     ("quarc_matrix*", ["--units", "input=%"], 3, "the input is -5 % at 0 s, below 0; if it is not in %, say"),
     ("quarc_matrix*", [], 0, "2 runs, 0 levels"),
     ("simulink_dataset*", [], 3, "holds MATLAB objects (a Simulink Dataset or timeseries) only; in MATLAB, save it as"),
