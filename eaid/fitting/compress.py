@@ -88,13 +88,6 @@ def orthonormal(x: Array, m: int) -> tuple[Array, Array, Array]:
     return centre + half * nodes, len(x) * vectors[0] ** 2, np.ascontiguousarray(basis.T @ vectors)
 
 
-@lru_cache(maxsize=32)
-def _uniform(n: int) -> tuple[Array, Array, Array]:
-    """Nodes and weights of n equal steps, and the projection that gives ŷ at the nodes."""
-    nodes, weights, projection = orthonormal(np.arange(n, dtype=np.float64), POINTS_PER_BLOCK)
-    return nodes, weights, projection / np.sqrt(weights)
-
-
 @dataclass(frozen=True, eq=False)
 class _Layout:
     """How a grid is compressed: nodes, their weights (P,), and the blocks with the projections that give ŷ."""

@@ -81,22 +81,3 @@ def data_of(levels: Sequence[Level], weights: Array | None = None) -> Data:
         np.matmul(np.full(len(runs), 1 / len(runs)), runs, out=row)
     records = tuple(Record(first.time_s, row, first.uniform) for row in together)
     return Data(u, records, weights, together)
-
-
-def _variance(level: Level) -> float:
-    """Mean over samples of the variance of the repeats (n − 1); NaN for a single run."""
-    if len(level.runs) < 2:
-        return np.nan
-    off = (level.ordered_runs - level.mean).ravel()
-    return float(off @ off) / (len(off) - len(level.time_s))
-
-
-def spread_weights(levels: Sequence[Level]) -> Array:
-    """1/s² of each level, s the rms spread of its repeats about their mean, scaled to a mean of 1; shape (L,).
-
-    Levels of a single run have no spread: the result is NaN there.
-    """
-    variance = np.array([_variance(level) for level in levels])
-    with np.errstate(divide="ignore", invalid="ignore"):
-        weights = 1.0 / variance
-        return np.asarray(weights / weights.mean())

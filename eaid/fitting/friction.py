@@ -187,4 +187,4 @@ def friction_hold_out(part: Friction, stepset: StepSet, held: Sequence[Level]) -
         missed.append(model.step_response(curve, one.time_s) - one.mean)
     samples, sse = sum(f.samples or 0 for f in part.levels), sum(f.sse or 0.0 for f in part.levels)
     fitted_rmse = float(np.sqrt(sse / samples))
-    return metrics.hold_out([one.level for one in held], [one.mean for one in held], missed, fitted_rmse)
+    return metrics.hold_out(held, missed, fitted_rmse)

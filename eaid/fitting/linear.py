@@ -110,9 +110,7 @@ def linear_fit(
         bounds=bounds[options.bounds],
         conventions=bounds,
         robust=huber,
-        hold_out=metrics.hold_out(
-            [level.level for level in held], [level.mean for level in held], missed, one.rmse or 0.0
-        ),
+        hold_out=metrics.hold_out(held, missed, one.rmse or 0.0),
         other_weights=pooled_linear(other, options)[0] if isinstance(other, Data) else None,
     )
     if isinstance(other, Finding):

@@ -10,6 +10,7 @@ import numpy as np
 
 from eaid.arrays import Array
 from eaid.results.common import AbsError, HoldOut, LevelError
+from eaid.steps.stepset import Level
 
 BLOCKS = 50
 """Block means of a record that noise is averaged out in, before a model is said to miss the curve."""
@@ -51,14 +52,13 @@ def errors(outputs: Sequence[Array], residuals: Sequence[Array]) -> Errors:
     return Errors(float(np.sqrt(square)), sse, AbsError(mean, sd), *quality(sse, outputs))
 
 
-def hold_out(
-    levels: Sequence[float], outputs: Sequence[Array], residuals: Sequence[Array], fitted_rmse: float
-) -> HoldOut | None:
+def hold_out(held: Sequence[Level], residuals: Sequence[Array], fitted_rmse: float) -> HoldOut | None:
     """What held-out levels say, beside the error on the fitted ones; None where none was held out."""
-    if not levels:
+    if not held:
         return None
+    outputs = [level.mean for level in held]
     total = errors(outputs, residuals)
-    rows = [errors([y], [r]).at(u) for u, y, r in zip(levels, outputs, residuals, strict=True)]
+    rows = [errors([y], [r]).at(level.level) for level, y, r in zip(held, outputs, residuals, strict=True)]
     return HoldOut(tuple(rows), total.rmse, fitted_rmse, total.abs_error)
 
 

@@ -187,5 +187,5 @@ def estimate(
         solver=solver,
         weights="equal" if weights is None else "sd",
         level_weights=weights,
-        hold_out=metrics.hold_out([one.level for one in held], [one.mean for one in held], missed, total.rmse),
+        hold_out=metrics.hold_out(held, missed, total.rmse),
     )

@@ -123,22 +123,14 @@ def _bowls(gain: Array, most: int) -> tuple[Indices, Indices, Indices]:
         best[best == 0] = wide + 2  # nothing gains: the first pair
         first, second = np.divmod(best, wide)
         return np.arange(levels), first - 1, second - 1
-    flat, places = gain.ravel(), np.arange(wide)
-    pairs = (places > 0) & (places < wide - 1) & (places[:, None] > 0) & (places > places[:, None])
-    peak = np.zeros(gain.shape, dtype=bool)
-    along = peak.ravel()[1:-1]
-    np.greater_equal(flat[1:-1], flat[:-2], out=along)
-    along &= flat[1:-1] >= flat[2:]
-    peak &= pairs
-    at = np.flatnonzero(peak)  # peaks along τ2: a few, whose other neighbours are looked at one by one
-    beside = np.array([-wide - 1, -wide, -wide + 1, wide - 1, wide, wide + 1])
-    at = at[(flat[at][:, None] >= flat[at[:, None] + beside]).all(axis=1)]
-    level, rest = np.divmod(at, wide * wide)
-    first, second = np.divmod(rest, wide)
-    order = np.lexsort((-flat[at], level))
+    inner, places = gain[:, 1:-1, 1:-1], np.arange(1, wide - 1)
+    beside = [gain[:, a : a + wide - 2, b : b + wide - 2] for a in range(3) for b in range(3)]
+    peak = (inner >= np.maximum.reduce(beside)) & (places > places[:, None])
+    level, first, second = np.nonzero(peak)
+    order = np.lexsort((-inner[peak], level))
     rank = np.arange(len(order)) - np.searchsorted(level, level)
     order = order[rank < most]
-    return level[order], first[order] - 1, second[order] - 1
+    return level[order], first[order], second[order]
 
 
 def refine(theta: Array, points: Points, limit: float, steps: int = STEPS, enough: float = ENOUGH) -> Descent:

@@ -8,7 +8,7 @@ import numpy as np
 from eaid.arrays import Array
 from eaid.errors import DataError
 from eaid.findings import Finding, finding, say
-from eaid.fitting.data import Data, spread_weights
+from eaid.fitting.data import Data
 from eaid.steps.stepset import Level
 
 
@@ -47,3 +47,22 @@ def with_other_weights(data: Data, levels: Sequence[Level]) -> Data | Finding:
     other = replace(data, weights=weights)
     other.__dict__["points"] = data.points  # the compressed curves know nothing of weights
     return other
+
+
+def _variance(level: Level) -> float:
+    """Mean over samples of the variance of the repeats (n − 1); NaN for a single run."""
+    if len(level.runs) < 2:
+        return np.nan
+    off = (level.ordered_runs - level.mean).ravel()
+    return float(off @ off) / (len(off) - len(level.time_s))
+
+
+def spread_weights(levels: Sequence[Level]) -> Array:
+    """1/s² of each level, s the rms spread of its repeats about their mean, scaled to a mean of 1; shape (L,).
+
+    Levels of a single run have no spread: the result is NaN there.
+    """
+    variance = np.array([_variance(level) for level in levels])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        weights = 1.0 / variance
+        return np.asarray(weights / weights.mean())

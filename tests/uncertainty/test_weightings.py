@@ -7,10 +7,11 @@ import msgspec
 import numpy as np
 import pytest
 
-from eaid.fitting.data import data_of, spread_weights
+from eaid.fitting.data import data_of
 from eaid.fitting.fit import fit
 from eaid.fitting.nonlinear import fit_nonlinear
 from eaid.fitting.options import FitOptions
+from eaid.fitting.weights import spread_weights
 from eaid.models import friction
 from eaid.steps.stepset import StepSet
 from eaid.uncertainty.intervals import IntervalOptions, with_intervals
