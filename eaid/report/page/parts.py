@@ -1,6 +1,6 @@
 """The parts of the page after the first screen: a picture first, one table, and the rest folded with a count."""
 
-from collections.abc import Container, Iterable, Sequence
+from collections.abc import Container, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from eaid.report.page.again import commands
@@ -9,27 +9,52 @@ from eaid.report.page.known import MOST, Known, sentence
 from eaid.report.page.shown import Shown
 from eaid.report.page.summary import guarantee_words
 from eaid.report.ready_fits import main_kind
-from eaid.report.results import KINDS, Given, Results
-from eaid.report.tables import checks, data, fits, gains, recorded, replays
+from eaid.report.results import KINDS, Results
+from eaid.report.tables import checks, data, gains, replays
+from eaid.report.tables.every import judging_tables, model_tables
 from eaid.report.tables.table import Table, listed
-from eaid.results.fit import Fit
+
+DOUBTFUL = 12
+"""Doubtful runs that are shown; the rest are folded."""
+OPEN_ROWS = 24
+"""Most rows of a table that stands open; a longer one stands folded, whole, beside some of its rows."""
+OPEN_FIGURES = 3
+"""Figures of the page's own kind that stand open."""
+KIND_FIGURES = {
+    "clutch": ("recorded_logs", "fig07_nonlinear_model", "level_steps", "steps_over_level", "model_over_duty", "bode",
+               "residuals_nonlinear", "fig08_linear_model", "residuals_linear", "fig09_shear_per_field"),
+    "friction-force": ("level_steps", "steps_over_level", "fig04_friction_over_stress", "residuals_friction_force"),
+    "friction-speed": ("level_steps", "steps_over_level", "fig05_friction_over_speed", "residuals_friction_speed"),
+}  # fmt: skip
+Drawn = Mapping[str, Shown]
 
 
 @dataclass(frozen=True)
-class Fold:
-    """Figures and tables that stand closed under a line that counts and names them."""
+class Block:
+    """A part of the page, or what stands closed in it under a line that counts and names it."""
 
     title: str
     figures: tuple[Shown, ...] = ()
     tables: tuple[Table, ...] = ()
-    texts: tuple[str, ...] = ()
+    findings: tuple[tuple[str, str], ...] = ()
+    """Severity and sentence of each."""
     lines: tuple[str, ...] = ()
+    """Command lines."""
+    verdict: tuple[str, str] | None = None
+    """Grade and words of a verdict that heads it."""
+    folds: "tuple[Block, ...]" = ()
     terms: tuple[tuple[str, str], ...] = ()
+    """Words that appear here first, with their meaning."""
+
+    @property
+    def id(self) -> str:
+        """Where links lead."""
+        return self.title.lower()
 
     @property
     def count(self) -> str:
-        """How much is folded."""
-        parts = ((len(self.figures), "figure"), (len(self.tables), "table"), (len(self.texts), "finding"))
+        """How much there is."""
+        parts = ((len(self.figures), "figure"), (len(self.tables), "table"), (len(self.findings), "finding"))
         return " and ".join(f"{n} {word}{'s' if n > 1 else ''}" for n, word in parts if n)
 
     @property
@@ -37,255 +62,177 @@ class Fold:
         """Rows of its tables."""
         return sum(len(table.rows) for table in self.tables)
 
+    @property
+    def names(self) -> str:
+        """What there is, by name."""
+        return listed([one.title.split(" · ")[-1] for one in self.figures] + [one.heading for one in self.tables])
 
-@dataclass(frozen=True)
-class Part:
-    """A part of the page."""
-
-    id: str
-    title: str
-    findings: tuple[tuple[str, str], ...] = ()
-    """Severity and sentence of the gravest findings."""
-    figures: tuple[Shown, ...] = ()
-    tables: tuple[Table, ...] = ()
-    folds: tuple[Fold, ...] = ()
-    verdict: tuple[str, str] | None = None
-    """Grade and words of a verdict that heads the part."""
-    terms: tuple[tuple[str, str], ...] = ()
+    @property
+    def texts(self) -> Iterable[str]:
+        """What is read in it, without its folds."""
+        yield from (said for _, said in self.findings)
+        yield from (f"{one.title} {one.sees}" for one in self.figures)
+        for one in self.tables:
+            yield f"{one.heading} {one.caption} {' '.join(one.heads)} {' '.join(row[0] for row in one.texts)}"
 
 
-def parts(results: Results, known: Known, drawn: dict[str, Shown], asked: bool | None, terms: Terms) -> list[Part]:
-    """The parts that have anything to show, in the order of the page."""
+def parts(results: Results, known: Known, drawn: Drawn, asked: bool | None, terms: Terms) -> list[Block]:
+    """The parts that have anything to show, in the order of the page, their words explained where they come first."""
     found = [
         _data(results, known, drawn), _model(results, known, drawn, asked), _controller(results, known, drawn, asked),
         _replay(results, known, drawn), _rehabilitation(results, drawn), _appendix(results),
     ]  # fmt: skip
-    return [_explained(part, terms) for part in found if part is not None]
+    explained = []
+    for part in found:
+        if part is not None:
+            first = terms.first_in(part.texts)
+            folds = tuple(replace(fold, terms=terms.first_in(fold.texts)) for fold in part.folds)
+            explained.append(replace(part, folds=folds, terms=first))
+    return explained
 
 
-def _explained(part: Part, terms: Terms) -> Part:
-    """A part whose words are explained where they first appear."""
-    first = terms.first_in((*(said for _, said in part.findings), *_texts(part.figures, part.tables)))
-    folds = []
-    for fold in part.folds:
-        new = terms.first_in((*fold.texts, *_texts(fold.figures, fold.tables)))
-        folds.append(replace(fold, terms=new))
-    return replace(part, folds=tuple(folds), terms=first)
+def _of(drawn: Drawn, *names: str) -> tuple[Shown, ...]:
+    return tuple(drawn[name] for name in names if name in drawn)
 
 
-def _texts(figures: Sequence[Shown], tables: Sequence[Table]) -> Iterable[str]:
-    for figure in figures:
-        yield f"{figure.title} {figure.sees}"
-    for table in tables:
-        yield f"{table.heading} {table.caption} {' '.join(table.heads)} {' '.join(row[0] for row in table.texts)}"
+def _block(title: str, figures: Sequence[Shown] = (), tables: Iterable[Table] = ()) -> list[Block]:
+    """Figures and tables that have rows under one title; none where there are neither."""
+    one = Block(title, tuple(figures), tuple(table for table in tables if table.rows))
+    return [one] if one.figures or one.tables else []
 
 
-def _few(found: Sequence[Table | None]) -> tuple[Table, ...]:
-    return tuple(one for one in found if one is not None and one.rows)
+def _part(
+    title: str, known: Known, figures: Sequence[Shown], tables: Iterable[Table], folds: Sequence[Block],
+    besides: Container[str] = (),
+) -> Block:  # fmt: skip
+    """A part with its gravest findings, those about `besides` left out, the others and long tables folded."""
+    told = [
+        (one.severity, sentence(one, title == "Data")) for one in known.of(title.lower()) if one.subject not in besides
+    ]
+    more = [Block("More to know", findings=tuple(told[MOST:]))] if len(told) > MOST else []
+    shown, whole = opened(tables)
+    return Block(title, tuple(figures), shown, tuple(told[:MOST]), folds=(*whole, *more, *folds))
 
 
-def _fold(title: str, drawn: dict[str, Shown], names: Sequence[str], found: Sequence[Table] = ()) -> tuple[Fold, ...]:
-    figures, given = tuple(drawn[name] for name in names if name in drawn), _few(found)
-    return (Fold(title, figures, given),) if figures or given else ()
-
-
-def _told(
-    known: Known, part: str, besides: Container[str] = ()
-) -> tuple[tuple[tuple[str, str], ...], tuple[Fold, ...]]:
-    """The gravest findings of a part, and a fold of the rest; those about `besides` stand elsewhere."""
-    found = [one for one in known.of(part) if one.subject not in besides]
-    first = tuple((one.severity, sentence(one, part == "data")) for one in found[:MOST])
-    rest = tuple(sentence(one, part == "data") for one in found[MOST:])
-    return first, (Fold("More to know", texts=rest),) if rest else ()
-
-
-def _data(results: Results, known: Known, drawn: dict[str, Shown]) -> Part | None:
-    if not results.data and not known.of("data"):
-        return None
-    first, rest = _told(known, "data", {run.name for one in results.data for run in one.result.runs})
-    kind = main_kind(results)
-    own = results.data_of(kind) if kind else None
-    tables: list[Table] = []
-    folds = [*rest]
-    for one in results.data:
-        doubtful, fine = data.runs_tables(one.result)
-        of = KINDS[one.result.kind] if len(results.data) > 1 else ""
-        if one.result is own:
-            tables += [first_rows(doubtful) if doubtful.rows else data.levels_recorded(one.result)]
-            more = [rest_rows(doubtful), data.levels_recorded(one.result)] if doubtful.rows else []
-        else:
-            more = [doubtful, data.levels_recorded(one.result)]
-        more.append(data.slips_table(one.result))
-        folds += _fold(f"{of}: every run".lstrip(": ").capitalize(), drawn, (), [*more, fine])
-    alone = () if results.fits else ("fig07_nonlinear_model", "fig03_friction_steps")
-    names = (*alone, "fig06_hold_and_release")
-    figures = tuple(drawn[name] for name in names if name in drawn)
-    folds += _fold("How the clutch is driven", drawn, ("fig02_pwm",))
-    shown, whole = opened(_few(tables))
-    return Part("data", "Data", first, figures, shown, (*whole, *folds))
-
-
-DOUBTFUL = 12
-"""Doubtful runs that are shown; the rest are folded."""
-
-
-OPEN_ROWS = 24
-"""Most rows of a table that stands open; a longer one stands folded, whole, beside some of its rows."""
-
-
-def first_rows(table: Table) -> Table:
-    """The first rows of a table."""
-    more = len(table.rows) - DOUBTFUL
-    said = f" {more} more are folded below." if more > 0 else ""
-    return replace(table, caption=f"{table.caption}{said}", rows=table.rows[:DOUBTFUL])
-
-
-def rest_rows(table: Table) -> Table:
-    """The other rows."""
-    return replace(table, heading=f"More {table.heading[:1].lower()}{table.heading[1:]}", rows=table.rows[DOUBTFUL:])
-
-
-def opened(tables: Sequence[Table]) -> tuple[tuple[Table, ...], tuple[Fold, ...]]:
-    """Tables to stand open, and the long ones among them whole, folded."""
+def opened(tables: Iterable[Table]) -> tuple[tuple[Table, ...], tuple[Block, ...]]:
+    """Tables that stand open, and the long ones among them whole, folded; those without rows are left out."""
     shown, folds = [], []
     for table in tables:
         count = len(table.rows)
-        if count <= OPEN_ROWS:
+        if count > OPEN_ROWS:
+            folds.append(Block(f"{table.heading}, whole", tables=(table,)))
+            some = tuple(table.rows[round(k * (count - 1) / (OPEN_ROWS - 1))] for k in range(OPEN_ROWS))
+            said = f"{table.caption} {OPEN_ROWS} of {count} rows; all of them are folded below."
+            table = replace(table, caption=said, rows=some)
+        if count:
             shown.append(table)
-            continue
-        some = tuple(table.rows[round(k * (count - 1) / (OPEN_ROWS - 1))] for k in range(OPEN_ROWS))
-        said = f"{table.caption} {OPEN_ROWS} of {count} rows; all of them are folded below."
-        shown.append(replace(table, caption=said, rows=some))
-        folds.append(Fold(f"{table.heading}, whole", tables=(table,)))
     return tuple(shown), tuple(folds)
 
 
-_KIND_FIGURES = {
-    "clutch": ("recorded_logs", "fig07_nonlinear_model", "level_steps", "steps_over_level",
-               "model_over_duty", "bode",
-               "residuals_nonlinear", "fig08_linear_model", "residuals_linear", "fig09_shear_per_field"),
-    "friction-force": ("level_steps", "steps_over_level", "fig04_friction_over_stress", "residuals_friction_force"),
-    "friction-speed": ("level_steps", "steps_over_level", "fig05_friction_over_speed", "residuals_friction_speed"),
-}  # fmt: skip
-OPEN = 3
-"""Figures of the page's own kind that stand open."""
-
-
-def _figures_of(kind: str, drawn: dict[str, Shown], results: Results) -> list[Shown]:
-    shows_steps = "friction-force" if results.data_of("friction-force") is not None else "friction-speed"
-    names = (("fig03_friction_steps",) if kind == shows_steps else ()) + _KIND_FIGURES[kind]
-    own = main_kind(results) == kind
-    return [drawn[name] for name in names if name in drawn and (own or "level" not in name)]
-
-
-def _model(results: Results, known: Known, drawn: dict[str, Shown], asked: bool | None) -> Part | None:
-    if not results.fits:
+def _data(results: Results, known: Known, drawn: Drawn) -> Block | None:
+    if not results.data and not known.of("data"):
         return None
-    first, rest = _told(known, "model")
     kind = main_kind(results)
-    assert kind is not None
-    figures = _figures_of(kind, drawn, results)
+    own = results.data_of(kind) if kind else None
     tables: list[Table] = []
-    folds = [*rest]
-    own = results.fit(kind)
-    if results.pair is not None:
-        tables.append(checks.comparison_table(results.pair[0].result, results.pair[1].result,
-                                              (results.pair[0].path, results.pair[1].path)))  # fmt: skip
-    for one in results.fits:
-        everything = list(_few(_tables_of(one.result, asked)))
+    folds: list[Block] = []
+    for one in results.data:
+        doubtful, fine = data.runs_tables(one.result)
+        levels, slips = data.levels_recorded(one.result), data.slips_table(one.result)
+        of = f"{KINDS[one.result.kind]}: every run" if len(results.data) > 1 else "every run"
         if one.result is own:
-            if results.pair is None:  # else the comparison is the one that stands open
-                tables, everything = everything[:1], everything[1:]
-            folds += [Fold("More on the model", tuple(figures[OPEN:]), tuple(everything))]
+            first, rest = _parted(doubtful)
+            tables = [first if first.rows else levels]
+            more = [rest, levels] if first.rows else []
         else:
-            beside = _figures_of(one.result.data.kind, drawn, results) if one.result.data.kind != kind else []
-            folds.append(Fold(_called(results, one), tuple(beside), tuple(everything)))
-    shown = ([drawn["compare"]] if "compare" in drawn else []) + figures[:OPEN]
-    kept = tuple(fold for fold in folds if fold.count)
-    few, whole = opened(tables)
-    return Part("model", "Model", first, tuple(shown), few, (*whole, *kept))
+            more = [doubtful, levels]
+        folds += _block(of.capitalize(), (), [*more, slips, fine])
+    alone = () if results.fits else ("fig07_nonlinear_model", "fig03_friction_steps")
+    figures = _of(drawn, *alone, "fig06_hold_and_release")
+    folds += _block("How the clutch is driven", _of(drawn, "fig02_pwm"))
+    return _part("Data", known, figures, tables, folds, {run.name for one in results.data for run in one.result.runs})
 
 
-def _called(results: Results, fit: Given[Fit]) -> str:
-    """What a fit is called in headings: its kind, and its file where there are several of that kind."""
-    kind = KINDS[fit.result.data.kind].capitalize()
-    several = sum(1 for other in results.fits if other.result.data.kind == fit.result.data.kind) > 1
-    return f"{kind}, {fit.path}" if several else kind
+def _parted(table: Table) -> tuple[Table, Table]:
+    """The first rows of a table, and the others under a heading of their own."""
+    more = len(table.rows) - DOUBTFUL
+    said = f"{table.caption} {more} more are folded below." if more > 0 else table.caption
+    heading = f"More {table.heading[:1].lower()}{table.heading[1:]}"
+    first = replace(table, caption=said, rows=table.rows[:DOUBTFUL])
+    return first, replace(table, heading=heading, rows=table.rows[DOUBTFUL:])
 
 
-def _tables_of(fit: Fit, asked: bool | None) -> list[Table]:
-    """Every table of a fit, the single levels first."""
-    found = recorded.recorded_tables(fit)
-    if fit.friction is not None:
-        found.append(fits.levels_table(fit))
-        if fit.data.kind != "clutch":
-            found.append(fits.trends_table(fit, asked))
-    found.append(fits.level_steps_table(fit))
-    if fit.nonlinear is not None:
-        found += [fits.table_iii(fit, asked), checks.estimates_table(fit)]
-    if fit.linear is not None:
-        found += [fits.linear_table(fit, asked), fits.input_gain_table(fit, asked)]
-    if fit.release is not None:
-        found.append(fits.release_table(fit))
-    found += [fits.held_out_table(fit), checks.lack_of_fit_table(fit), checks.shapes_table(fit)]
-    return [*found, checks.degrees_table(fit), *fits.huber_tables(fit)]
+def _figures_of(kind: str, drawn: Drawn, results: Results) -> tuple[Shown, ...]:
+    shows_steps = "friction-force" if results.data_of("friction-force") is not None else "friction-speed"
+    own = main_kind(results) == kind
+    names = (("fig03_friction_steps",) if kind == shows_steps else ()) + KIND_FIGURES[kind]
+    return _of(drawn, *(name for name in names if own or "level" not in name))
 
 
-def _controller(results: Results, known: Known, drawn: dict[str, Shown], asked: bool | None) -> Part | None:
-    figures = tuple(drawn[name] for name in ("guarantee_in_replay", "input_gain", "walls") if name in drawn)
+def _model(results: Results, known: Known, drawn: Drawn, asked: bool | None) -> Block | None:
+    kind = main_kind(results)
+    if not results.fits or kind is None:
+        return None
+    figures = _figures_of(kind, drawn, results)
+    own, pair = results.fit(kind), results.pair
+    tables: list[Table] = []
+    folds: list[Block] = []
+    if pair is not None:  # then the comparison is the one table that stands open
+        tables = [checks.comparison_table(pair[0].result, pair[1].result, (pair[0].path, pair[1].path))]
+    for one in results.fits:
+        fit, of = one.result, one.result.data.kind
+        every = [*model_tables(fit, asked), *judging_tables(fit)]
+        if fit is own:
+            if pair is None:
+                tables, every = every[:1], every[1:]
+            folds += _block("More on the model", figures[OPEN_FIGURES:], every)
+        else:
+            several = sum(other.result.data.kind == of for other in results.fits) > 1
+            called = f"{KINDS[of].capitalize()}, {one.path}" if several else KINDS[of].capitalize()
+            folds += _block(called, _figures_of(of, drawn, results) if of != kind else (), every)
+    return _part("Model", known, (*_of(drawn, "compare"), *figures[:OPEN_FIGURES]), tables, folds)
+
+
+def _controller(results: Results, known: Known, drawn: Drawn, asked: bool | None) -> Block | None:
+    figures = _of(drawn, "guarantee_in_replay", "input_gain", "walls")
     stiff = [gains.walls_table(one.result) for one in results.couplings]
     if not results.gains:
-        return Part("controller", "Controller", figures=figures, tables=_few(stiff)) if figures or stiff else None
-    first, rest = _told(known, "controller")
-    folds = [*rest]
+        return _part("Controller", known, figures, stiff, ()) if figures or stiff else None
+    folds = []
     for k, one in enumerate(results.gains):
-        title = "Gains and margins" if k == 0 else f"Gains and margins, {one.path}"
-        everything = [gains.table_iv(one.result, asked), gains.gains_table(one.result, asked)]
+        title = f"Gains and margins, {one.path}" if k else "Gains and margins"
+        every = [gains.table_iv(one.result, asked), gains.gains_table(one.result, asked)]
         beside = [gains.checklist(one.result)] if k else []
-        folds += _fold(title, {}, (), [*beside, *everything, gains.margins_table(one.result)])
+        folds += _block(title, (), [*beside, *every, gains.margins_table(one.result)])
     judged = results.gains[0].result
     holds = judged.guarantee.holds if judged.guarantee is not None else None
-    words = f"Guarantee: {guarantee_words(judged)}."
-    few, whole = opened(_few([gains.checklist(judged), *stiff]))
-    verdict = "good" if holds else "care", words
-    return Part("controller", "Controller", first, figures, few, (*whole, *folds), verdict)
+    part = _part("Controller", known, figures, [gains.checklist(judged), *stiff], folds)
+    return replace(part, verdict=("good" if holds else "care", f"Guarantee: {guarantee_words(judged)}."))
 
 
-def _replay(results: Results, known: Known, drawn: dict[str, Shown]) -> Part | None:
+def _replay(results: Results, known: Known, drawn: Drawn) -> Block | None:
     shown = [one for one in results.replays if one.result.head.scenario != "rehab"]
     if not shown:
         return None
-    first, rest = _told(known, "replay")
     own = [one for one in shown if one.result.head.scenario != "log"]
-    logs = [one.result for one in shown if one.result.head.scenario == "log"]
-    names = ["fig12_multisine", "own_reference", "fig11_steps", "fig13_sweep", "log_replay"]
-    figures = [drawn[name] for name in names if name in drawn]
-    main = [replays.replays_table(own)] if own else [replays.log_table(one) for one in logs]
-    more = [replays.log_table(one) for one in logs] if own else []
+    logs = [replays.log_table(one.result) for one in shown if one.result.head.scenario == "log"]
+    figures = _of(drawn, "fig12_multisine", "own_reference", "fig11_steps", "fig13_sweep", "log_replay")
+    more = list(logs) if own else []
     for one in own:
         more += [replays.plants_table(one.result), replays.steps_table(one.result), replays.tones_table(one.result)]
-    fold = Fold("More replays", tuple(figures[1:]), _few(more))
-    folds = (*rest, *((fold,) if fold.count else ()))
-    few, whole = opened(_few(main))
-    return Part("replay", "Replay", first, tuple(figures[:1]), few, (*whole, *folds))
+    tables = [replays.replays_table(own)] if own else logs
+    return _part("Replay", known, figures[:1], tables, _block("More replays", figures[1:], more))
 
 
-def _rehabilitation(results: Results, drawn: dict[str, Shown]) -> Part | None:
+def _rehabilitation(results: Results, drawn: Drawn) -> Block | None:
     found = results.replay("rehab")
     if found is None:
         return None
     tables = replays.rehab_tables(found)
-    figures = tuple(drawn[name] for name in ("fig16_rehab",) if name in drawn)
-    folds = _fold("Errors by mode, and whether they differ", drawn, ("fig17_rehab_errors",), tables[1:])
-    return Part("rehabilitation", "Rehabilitation", (), figures, tuple(tables[:1]), folds)
+    folds = _block("Errors by mode, and whether they differ", _of(drawn, "fig17_rehab_errors"), tables[1:])
+    return Block("Rehabilitation", _of(drawn, "fig16_rehab"), tuple(tables[:1]), folds=tuple(folds))
 
 
-def _appendix(results: Results) -> Part:
-    lines = Fold("How to do it again", lines=tuple(commands(results)))
-    return Part("appendix", "Appendix", folds=(lines, Fold("Files", tables=(data.files_table(results),))))
-
-
-def fold_names(fold: Fold) -> str:
-    """What is in a fold, by name."""
-    names = [one.title.split(" · ")[-1] for one in fold.figures] + [one.heading for one in fold.tables]
-    return listed(names)
+def _appendix(results: Results) -> Block:
+    again = Block("How to do it again", lines=tuple(commands(results)))
+    return Block("Appendix", folds=(again, Block("Files", tables=(data.files_table(results),))))

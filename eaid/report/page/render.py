@@ -16,7 +16,7 @@ from eaid.report.mark import mark_of
 from eaid.report.page import live, summary
 from eaid.report.page.glossary import Terms
 from eaid.report.page.known import known
-from eaid.report.page.parts import fold_names, parts
+from eaid.report.page.parts import parts
 from eaid.report.page.shown import shown, source_of
 from eaid.report.results import Results
 from eaid.report.tables.table import Cell, Name, text
@@ -76,7 +76,7 @@ def _environment() -> Environment:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    made.filters |= {"sign": signs, "names": fold_names}
+    made.filters["sign"] = signs
     made.globals |= {"words": WORDS, "severities": SEVERITIES, "cell": _cell}
     return made
 
