@@ -91,6 +91,8 @@ def test_the_papers_fit_gives_table_iv():
     assert rc["phi_honest_pct"] == pytest.approx(26.4, abs=0.05)
     assert rc["rho"]["readings"]["textbook"]["phi_honest_pct"] == pytest.approx(0.05)
     assert found["actuator"]["robust_term_pct"] == pytest.approx(135, abs=0.5)
+    assert "robust-term-beyond-actuator" in codes(found)
+    assert "robust-term-beyond-actuator" not in codes(design(PAPER_FIT, DesignOptions(Q_M=0.5, phi=0.01)))
     assert (round(rc["equal_pi"]["K_P"]), round(rc["equal_pi"]["K_I"])) == (313, 206)
     assert found["pi"]["overshoot_pct"] == pytest.approx(41.7, abs=0.05)
     assert found["pi"]["settling_s"] == pytest.approx(2.52, abs=0.005)

@@ -1,0 +1,158 @@
+"""What a design takes where nothing is said; the plant and the operating points that it is judged on."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from eaid.control.bounds import Bounds, bounds_of
+from eaid.control.defaults import design_options, is_duty, scales_of, timing_of, with_own_layer, with_own_pi
+from eaid.control.gains import paper_gains
+from eaid.control.law import law_of
+from eaid.control.margins import margins, rc_feedback
+from eaid.control.mismatch import shown_by_levels, shown_by_model
+from eaid.control.noise import white_noise_nm
+from eaid.control.operating import actuator, keeps_margins, operating_points
+from eaid.control.plant import plant_of, why_not
+from eaid.control.timing import Timing
+from eaid.errors import DataError, GainsError
+from eaid.models.parameters import PAPER_LINEAR, REFERENCE_PLANT, Linear, Nonlinear
+from eaid.results.codec import from_plain
+from eaid.results.fit import Fit
+from eaid.results.tuning import TuneOptions
+
+BOUNDS = Bounds("zero-offset", (), 12.4, 42.6, ())
+
+
+def rig(**data: object) -> Fit:
+    """The paper's linear model as the fit of a rig in V and N, at 200 Hz."""
+    told = {"input_unit": "V", "output_unit": "N", "levels": [1.0, 5.0], "sample_rate_hz": 200.0, **data}
+    linear = {
+        "a0": 1.36, "b0": 1.6, "c0": -2.42, "bounds": {"B_m": 0.62, "B_M": 2.13},
+        "per_level": [{"level": 5.0, "a0": 1.5, "gain": 4.0, "b0": 1.2, "c0": 0.0, "B": 5.0 / 6.0}],
+    }  # fmt: skip
+    return from_plain({"data": told, "linear": linear}, Fit, "rig")
+
+
+def test_the_loop_samples_as_the_rig_does() -> None:
+    nothing = TuneOptions()
+    assert timing_of(rig(), nothing) == Timing(200.0, None)
+    assert timing_of(rig(sample_rate_hz=None), nothing) == Timing(1000.0, None)
+    assert timing_of(rig(), TuneOptions(rate_hz=500.0, pwm_hz=100.0)) == Timing(500.0, 100.0)
+    paper = rig(input_unit="%", output_unit="N·m", levels=[20.0, 80.0])
+    assert timing_of(paper, nothing) == Timing(1000.0, 300.0)
+    assert timing_of(paper, TuneOptions(pwm_hz=0.0)) == Timing(1000.0, None)
+
+
+@pytest.mark.parametrize(
+    ("unit", "levels", "duty"),
+    [
+        ("%", [20.0, 100.0], True),
+        ("%", [], True),
+        ("%", [0.2, 1.0], False),
+        ("%", [120.0], False),
+        ("V", [20.0], False),
+    ],
+)
+def test_what_is_a_duty(unit: str, levels: list[float], duty: bool) -> None:
+    fit = rig(input_unit=unit, output_unit="N·m", levels=levels)
+    assert is_duty(fit) is duty and scales_of(fit).paper is duty
+
+
+def test_another_rig_gets_a_pi_and_a_layer_that_its_sampled_loop_can_have() -> None:
+    fit, options = rig(), TuneOptions()
+    scales = scales_of(fit)
+    start = with_own_pi(fit, design_options(fit, options, scales, 4.0, 0.5), scales)
+    assert start.pi.overshoot_pct == 1.0 and start.pi.settling_s == pytest.approx(0.27 / scales.pace)
+    bounds = bounds_of(fit)
+    points = operating_points(fit, Linear(1.36, 1.6, -2.42), None, bounds, start.duty_limits_pct)
+
+    def keeps(design: object) -> bool:
+        return keeps_margins(law_of(Linear(1.36, 1.6, -2.42), bounds, design).gains, points, start.timing)  # type: ignore[arg-type]
+
+    # so thin a layer that no loop at 200 Hz has it: it grows by half until the loop does, and no further
+    thin = replace(start, epsilon=start.epsilon / 300, gamma=start.gamma * 300)
+    assert keeps(start) and not keeps(thin)
+    grown = with_own_layer(fit, thin, scales, bounds, None)
+    steps = np.log(grown.epsilon / thin.epsilon) / np.log(1.5)
+    assert keeps(grown) and steps == pytest.approx(round(steps)) and steps >= 1
+    assert not keeps(replace(grown, epsilon=grown.epsilon / 1.5, gamma=grown.gamma * 1.5))
+    assert grown.gamma * grown.epsilon == pytest.approx(thin.gamma * thin.epsilon)
+    assert with_own_layer(fit, start, scales, bounds, None) == start
+    slow = replace(start, timing=Timing(5.0, None))
+    assert (with_own_pi(fit, replace(slow, pi=type(start.pi)()), scales).pi.settling_s or 0) > 0.27 / scales.pace
+
+
+def test_a_loop_with_enough_phase_and_too_little_gain_margin_does_not_keep_them() -> None:
+    # an integrator nearly, at 100 Hz: with k h = 1.2 it has 4.4 dB and 53°
+    rc = paper_gains()[0]._replace(rho_constant=0.0, rho_slope=0.0, K_P=1e-6, B_hat=1.0, a0=0.0, b0=1.0, c0=0.0)
+    timing, lags = Timing(100.0), ((1000.0, 1000.0),)
+    for gain, kept in ((120.0, False), (60.0, True)):
+        loop = rc._replace(K_D=gain)
+        found = margins(rc_feedback(loop, 1.0, 50.0), lags, timing)
+        assert found.phase_deg > 45 and (found.gain_db > 6) is kept
+        assert keeps_margins(loop, [(50.0, 1.0, lags)], timing) is kept
+
+
+def test_what_the_actuator_delivers_by_hand() -> None:
+    rc = paper_gains()[0]._replace(B_hat=10.0, rho_constant=4.0)  # the robust term asks for 40 %
+    found = actuator(PAPER_LINEAR, rc, REFERENCE_PLANT, BOUNDS)
+    assert (found.robust_term_pct, found.span_pct) == (40.0, 100.0)
+    for row, share in zip(found.points, (0.1, 0.5, 0.9), strict=True):
+        held = (1.36 * share * 4.372 + 2.42) / 0.08
+        assert row.torque_nm == pytest.approx(share * 4.372) and row.eta_hat_pct == pytest.approx(held)
+        assert row.share_up == pytest.approx(min(1.0, max(0.0, 100 - held) / 40))
+        assert row.share_down == pytest.approx(min(1.0, held / 40))
+    nothing = actuator(PAPER_LINEAR, rc._replace(rho_constant=0.0), REFERENCE_PLANT, BOUNDS)
+    assert all(row.share_up == row.share_down == 1.0 for row in nothing.points)
+
+
+def test_a_range_of_B_below_one_is_a_range() -> None:
+    assert pytest.approx(5.0 / 6.0) == bounds_of(rig()).rows[0].B
+    whole = rig()
+    assert whole.linear is not None
+    broken = from_plain(
+        {"linear": {"a0": 1.0, "b0": 1.0, "c0": 9.0, "bounds": {"B_m": 0.1, "B_M": 0.9, "convention": "pooled-offset"},
+                    "per_level": [{"level": 5.0, "a0": 1.5, "gain": 4.0, "b0": 1.0, "c0": 9.0, "B": 1.0}]}},
+        Fit, "rig",
+    )  # fmt: skip
+    with pytest.raises(GainsError, match="no positive b0"):
+        bounds_of(broken)
+
+
+def test_why_a_model_is_not_identifiable() -> None:
+    fit = rig()
+    assert why_not(fit, "linear") == "" and why_not(fit, "nonlinear") == ""
+    linear = {"a0": 1.36, "b0": 1.6, "c0": -2.42, "identifiable": False}
+    assert why_not(from_plain({"linear": linear}, Fit, "f"), "linear") == "its data do not determine it"
+
+
+@pytest.mark.parametrize(
+    ("part", "said"),
+    [({"tau1": [-1.0, 0, 0]}, r"nonlinear.tau1 is -1 s at an input of 10"), ({"Ts": [2e15, 0, 0, 0]}, r"2e\+15 at an")],
+)
+def test_a_plant_that_no_rig_is_is_refused(part: dict[str, object], said: str) -> None:
+    plain = {"tau1": [0.3, 0, 0], "tau2": [3.0, 0, 0], "Ts": [0.0, 0.04, 0, 0], "u_range": [10, 100], "C": 0.85, **part}
+    with pytest.raises(DataError, match=said):
+        plant_of(from_plain({"nonlinear": plain}, Fit, "f"))
+
+
+def test_models_that_agree_show_no_mismatch() -> None:
+    level = SimpleNamespace(level=50.0, a0=1.36, c0=-2.42, B=12.5)
+    found = shown_by_levels([level], PAPER_LINEAR, 4.0)  # type: ignore[list-item]
+    assert found.pct == pytest.approx(0.0, abs=1e-12)
+    # one lag, its own linear model: η is η̂ at every instant
+    plant = Nonlinear((0.5,), (0.5,), (0.0, 0.04), (10.0, 100.0))
+    model = Linear(2.0, 0.08, 0.0)
+    assert shown_by_model(plant, model, 12.5, 12.5).pct < 1e-9
+    assert shown_by_model(plant, model, 12.0, 12.4).pct > 0.01
+
+
+def test_the_white_noise_of_runs_is_their_median() -> None:
+    random = np.random.default_rng(1)
+    t = np.arange(4000) * 1e-3
+    runs = tuple(np.sin(t) + sd * random.standard_normal(4000) for sd in (0.01, 0.02, 0.5))
+    stepset = SimpleNamespace(levels=[SimpleNamespace(runs=runs)])
+    assert white_noise_nm(stepset) == pytest.approx(0.02, rel=0.05)  # type: ignore[arg-type]
+    assert white_noise_nm(SimpleNamespace(levels=[])) == 0.0  # type: ignore[arg-type]
