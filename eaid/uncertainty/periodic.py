@@ -68,11 +68,13 @@ class _Binned:
     def of(cls, level: Level, one: LevelEstimate) -> Self:
         """The level's samples, averaged."""
         edges = np.linspace(0, len(level.time_s), min(BINS, len(level.time_s)) + 1).astype(int)
-        rows = np.vstack([level.time_s, one.noise_nm, log_jacobian(one.curve, level.time_s, one.share_free).T])
-        means = np.add.reduceat(rows, edges[:-1], axis=1) / np.diff(edges)
-        runs = len(one.noise_nm)
-        residual, jacobian = means[1 : 1 + runs] / one.curve.Ts, means[1 + runs :].T / one.curve.Ts
-        return cls(means[0], residual, jacobian, one.runs.duration_s, one.curve.Ts)
+
+        def averaged(rows: Array) -> Array:
+            return np.asarray(np.add.reduceat(rows, edges[:-1], axis=-1) / np.diff(edges))
+
+        time_s = averaged(level.time_s)
+        jacobian = log_jacobian(one.curve, time_s, one.share_free) / one.curve.Ts
+        return cls(time_s, averaged(one.noise_nm) / one.curve.Ts, jacobian, one.runs.duration_s, one.curve.Ts)
 
     @property
     def fitted(self) -> Array:
