@@ -21,7 +21,7 @@ LEAST_TURNS = 2.0
 """Turns within a record below which a sine and a slow exponential cannot be told apart."""
 SHORTEST_S = 1.0
 """The Bartlett windows reach 2 s, and see what turns faster as the noise that it is."""
-PER_RECORD = 8
+PER_RECORD = 4
 """Frequencies that are tried in 1/(length of the record)."""
 STANDS_OUT = 4.0
 """How many times the median power of its octave on either side a peak has to have."""
