@@ -44,5 +44,6 @@ def _levels_drawn(plant: Plant, rows: tuple[FrictionLevel, ...], random: "np.ran
                 values[k] *= float(
                     np.exp(random.standard_normal() * 0.5 * np.log(ends[1] / ends[0]) / t_quantile(np.inf))
                 )
-        curves[row.level] = Friction(*values, row.curve.C)
+        Ts, tau1, tau2 = values
+        curves[row.level] = Friction(Ts, tau1, tau2, row.curve.C)
     return Plant(plant.kind, curves.__getitem__, plant.rotor_rpm, plant.levels, plant.made_of)

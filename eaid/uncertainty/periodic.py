@@ -39,7 +39,7 @@ class Periodic:
     def variance(self, curve: Friction, hold_s: float) -> Array:
         """What it adds to the variance of (log T_s, log τ1, log τ2) of one run, its phase by chance, shape (3,)."""
         count = max(400, round(40 * hold_s / self.period_s))
-        t = (np.arange(count) + 0.5) * (hold_s / count)
+        t: Array = (np.arange(count, dtype=np.float64) + 0.5) * (hold_s / count)
         jacobian = log_jacobian(curve, t)
         turned = np.linalg.lstsq(jacobian, self.amplitude * _wave(jacobian[:, 0], t, self.period_s), rcond=None)[0]
         return np.asarray(0.5 * (turned**2).sum(axis=1))

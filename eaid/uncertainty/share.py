@@ -30,9 +30,8 @@ from eaid.uncertainty.student_t import satterthwaite, t_quantile
 
 Counts: TypeAlias = NDArray[np.int64]
 
-STEPS = 25
-WARM = 3
-"""Steps in which each run finds its own curve at the C that was held."""
+STEPS, WARM = 25, 3
+"""Steps at most, and those in which each run finds its own curve at the C that was held."""
 SETTLED = 1e-6
 """The estimate has settled where a step moves C by less."""
 LEAST, MOST = 0.02, 0.99
@@ -42,7 +41,7 @@ VAGUE = 0.1
 MATTERS = 0.25
 """Part of a half-width: a shift by so much takes 4 of the 95 % from an interval."""
 TRIFLE = 0.0025
-"""A difference in C that is never components a word: 3 % in τ2 and 0.3 % in T_s on the reference plant."""
+"""A difference in C that is never worth a word: 3 % in τ2 and 0.3 % in T_s on the reference plant."""
 CHANCE = 0.01
 """Probability at which runs that are independent would be taken for levels or sweeps that differ in C."""
 
@@ -105,7 +104,7 @@ def share_of(stats: LevelStatistics) -> Share | None:
     places = tuple(level.level for level in levels)
     nothing = Share(held, None, np.inf, 0.0, places, False, *np.zeros((3, 0, 3)))
     repeats = np.array([len(level.runs) for level in levels], dtype=np.int64)
-    if not len(levels) or repeats.sum() < 3:
+    if repeats.sum() < 3:
         return nothing
     points = _runs_and_means(levels)
     theta = np.array([stats.estimates[i].runs.log_theta for i in speak])
@@ -187,9 +186,8 @@ def _corrected(now: _Now, weight: Array, which: Counts, repeats: Counts) -> tupl
     """Σ w s without what the noise in the runs' own θ adds to it, and Σ w z'z."""
     runs = len(which)
     alone = np.bincount(which, now.score[:runs])
-    mean = repeats * now.score[runs:]
-    several = repeats > 1
-    score = np.where(several, (repeats * mean - alone) / np.maximum(repeats - 1, 1), alone)
+    corrected = (repeats**2 * now.score[runs:] - alone) / np.maximum(repeats - 1, 1)
+    score = np.where(repeats > 1, corrected, alone)
     return float(weight @ score), float(weight @ np.bincount(which, now.information[:runs]))
 
 
