@@ -11,6 +11,8 @@ from eaid.errors import DataError
 
 MOST_DROPPED = 0.01
 """`repair` drops up to this share of a log's rows."""
+MOST_REPEATED = 0.2
+"""Share of rows that repeat the time before them from which on the stamps have too few digits."""
 SHOWN = 5
 """Bad rows told one by one; the rest of a kind are counted."""
 
@@ -60,26 +62,36 @@ def checked(
                 value = "empty or not a number" if np.isnan(values[sample]) else "infinite"
                 cells.append(f"{word} {row_of(sample)}, column {label}, is {value}")
             bad[sample] = True
-    drop = "" if repair else ", or drop such rows with «repair»"
-    faults = _listed(source, cells, f"mend the cell{drop}")
-
+    falls: list[str] = []
     fine = np.flatnonzero(~bad)
     rising = time[fine]
-    falls: list[str] = []
-    if len(fine) > 1 and not (np.diff(rising) > 0).all():
-        # a row is bad where its time is not above all times before it: dropping those leaves a rising time
-        highest = np.maximum.accumulate(rising)
-        late = np.flatnonzero(rising[1:] <= highest[:-1]) + 1
-        for k in late.tolist():
-            now, before = float(rising[k]) * time_factor, float(highest[k - 1]) * time_factor
-            how = "is repeated" if rising[k] == highest[k - 1] else "falls"
-            falls.append(f"time {how} at {word} {row_of(int(fine[k]))} ({now:.12g} s after {before:.12g} s)")
-        bad[fine[late]] = True
-        faults.extend(_listed(source, falls, f"sort the rows{drop}"))
+    # a row is bad where its time is not above all times before it: dropping those leaves a rising time
+    highest = np.maximum.accumulate(rising)
+    late = np.flatnonzero(rising[1:] <= highest[:-1]) + 1
+    repeated = int(np.count_nonzero(rising[1:] == rising[:-1]))
+    if repeated > MOST_REPEATED * count:
+        raise DataError(
+            f"{source}: {repeated} of {count} rows repeat the time of the row before, from {word} "
+            f"{row_of(int(fine[late[0]]))} on: its stamps have too few digits, or rows were written twice; save each "
+            f"row once, with all digits, or leave the time out and give the sample rate with «rate»"
+        )
+    jumps = np.flatnonzero(np.diff(rising) <= 0) + 1
+    set_back = len(late) > 5 * len(jumps)  # the clock was set back, and went on
+    for k in (jumps if set_back else late).tolist():
+        now, before = float(rising[k]) * time_factor, float(highest[k - 1]) * time_factor
+        how = "is repeated" if rising[k] == highest[k - 1] else "falls"
+        falls.append(f"time {how} at {word} {row_of(int(fine[k]))} ({now:.12g} s after {before:.12g} s)")
+    bad[fine[late]] = True
     dropped = int(bad.sum())
+    few = dropped <= MOST_DROPPED * count
+    drop = ", or drop such rows with «repair»" if few else ""
+    faults = [
+        *_listed(source, cells, f"mend the cell{drop}"),
+        *_listed(source, falls, "split the log where its clock was set back" if set_back else f"sort the rows{drop}"),
+    ]
     if not repair:
         raise DataError(*faults)
-    if dropped > MOST_DROPPED * count:
+    if not few:
         raise DataError(
             f"{source}: {dropped} of {count} rows are bad, more than «repair» drops (1 % of a log); record it again",
             *faults,

@@ -163,10 +163,13 @@ def match_columns(path: str, table: Table, options: ReadOptions) -> Roles:
     reference = said.get("reference", torques[0] if len(torques) == 1 else None)
     shut = taken | set(torques)
 
-    output = said.get("output")
+    output, bare = said.get("output"), [split_name(name)[0] for name in names]
     for group in OUTPUTS:
         if output is None:
             output = _only(path, "output", _alike(names, group, shut), names)
+    for group in OUTPUTS:
+        if output is None:  # torque1, torque2
+            output = _only(path, "output", _alike([name.rstrip("0123456789") for name in bare], group, shut), names)
     if output is None:
         driven = set(_alike(names, {word for group in INPUTS["clutch"] for word in group}, shut))
         driven |= {i for i, name in enumerate(names) if split_name(name)[1] in ("%", "V", "A")}

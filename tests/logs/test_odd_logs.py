@@ -100,6 +100,25 @@ class Odd:
 
 ODD = [
     Odd("seconds since 1970", text(csv(1.7e9 + T, form="{:.4f}")), atol_s=1e-6),
+    Odd("seconds since 1970, ten digits", text(csv(1.7e9 + T, form="{:.0f}")),
+        refused="795 of 800 rows repeat the time of the row before, from row 3 on: its stamps have too few digits"),
+    Odd("every row twice", text(csv(np.repeat(T, 2), np.repeat(U, 2), np.repeat(Y, 2))),
+        refused="800 of 1600 rows repeat the time of the row before, from row 3 on"),
+    Odd("a clock that was set back", text(csv(np.where(T > 2, T - 1, T))),
+        refused="time falls at row 403 (1.005 s after 2 s); split the log where its clock was set back"),
+    Odd("two torques", text(csv(header="time,torque1 (Nm),torque2 (Nm)")),
+        refused='several columns may be the output (torque1 (Nm), torque2 (Nm)); say which with columns= '
+                'output="torque1 (Nm)"'),
+    Odd("one numbered torque", text(csv(header="time,duty_pct,torque1 (Nm)"))),
+    Odd("a last line that was cut", text(csv()[:-9]), refused="row 801, column torque_nm, is empty; mend the cell"),
+    Odd("zeros behind the last line", lambda path: path.write_bytes(csv().encode() + bytes(3000))),
+    Odd("hex counts", text(csv().replace(",60,", ",0x3c,")), refused="column duty_pct, holds '0x3c', which"),
+    Odd("per cent signs", text(csv().replace(",60,", ",60%,")), refused="column duty_pct, holds '60%', which"),
+    Odd("words for the duty", text(csv().replace(",60,", ",on,")), refused="column duty_pct, holds 'on', which"),
+    Odd("times before the trigger", text(csv(T - 1))),
+    Odd("decimal comma and points between thousands", text("time_ms;duty_pct;torque_mNm\n" + "".join(
+        f"{1e3 * a:,.1f};{b:g};{1e3 * c:,.3f}\n".replace(",", "'").replace(".", ",").replace("'", ".")
+        for a, b, c in zip(T, U, Y, strict=True)))),
     Odd("seconds since 1e7", text(csv(1e7 + T, form="{:.4f}")), atol_s=1e-8),
     Odd("ms since 1970", text(csv(1.7e12 + 1e3 * T, form="{:.0f}")), code="time-since-1970"),
     Odd("µs since 1970", text(csv(1.7e15 + 1e6 * T, form="{:.0f}")), code="time-since-1970"),
