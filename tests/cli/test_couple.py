@@ -67,3 +67,19 @@ def test_springs_beyond_what_a_loop_keeps_stable_are_told(folder: Path):
     assert "wall-beyond-stable" not in {one.code for one in replay.findings}
     with_pi = eaid.simulate(fit, gains, "rehab", controllers=("pi",), duration=20.0)
     assert {one.subject for one in with_pi.findings if one.code == "wall-beyond-stable"} == {"pi"}
+
+
+def test_how_many_draws_the_constraints_cut_away_is_told(folder: Path, tmp_path: Path):
+    plain = json.loads((folder / "fit.json").read_text(encoding="utf-8"))
+    model = plain["nonlinear"]
+    # the covariance is that of coefficients over the input in hundreds
+    width = [2.0 * abs(c) * 100.0**k for part in ("tau1", "tau2", "Ts") for k, c in enumerate(model[part])]
+    for scale, told in ((0.5, True), (1e-4, False)):
+        matrix = [[(scale * w) ** 2 if i == k else 0.0 for k in range(len(width))] for i, w in enumerate(width)]
+        (tmp_path / "fit.json").write_text(
+            json.dumps({"nonlinear": {**model, "covariance": {"matrix": matrix}}, "linear": plain["linear"]})
+        )
+        words = ("--torque", "1", "--loops", "open-loop", "--plants", "5", "--no-replay")
+        assert run(["couple", str(tmp_path / "fit.json"), "-o", str(tmp_path / "c.json"), "--force", *words]) == 0
+        found = [one for one in eaid.load(tmp_path / "c.json").findings if one.code == "draws-rejected"]
+        assert bool(found) is told and all(one.values["pct"] > 5 for one in found)
