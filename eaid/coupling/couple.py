@@ -2,15 +2,17 @@
 
 import math
 from collections.abc import Callable, Iterable
+from dataclasses import dataclass
 from typing import Any
 
 import msgspec
 import numpy as np
 
+from eaid.control.operating import known
 from eaid.control.pi import PIGains
 from eaid.control.rc import RCGains
 from eaid.control.timing import Timing
-from eaid.coupling.linear import Law, Point, linearised, operating_point, step_of
+from eaid.coupling.linear import Point, linearised, operating_point, step_of
 from eaid.coupling.motion import Drive, replayed_stiffness
 from eaid.coupling.options import CoupleOptions
 from eaid.coupling.sampled import Channel, Coupled, Limb
@@ -69,26 +71,26 @@ def couple(
     GainsError
         A loop that is unstable without any wall.
     """
-    timing, limb = options.timing, options.limb
-    loops = [loop for loop in options.loops if _has_gains(loop, rc, pi)] or list(options.loops)
+    own = Loops(rc, pi, options.limb, options.timing, options.virtual_damping)
+    loops = [loop for loop in options.loops if own.has_gains(loop)] or list(options.loops)
     torques = options.torques or default_torques(plant)
     walls, regions, curves, kept = [], [], [], []
     for torque in torques:
         point = operating_point(plant, torque)
         for loop in loops:
-            channel, drive = _loop(loop, plant, point, rc, pi, timing)
-            wall, curve = _wall(loop, [channel], limb, timing, options.virtual_damping, torque, point.duty_pct)
-            if options.replay and wall.K_stable:
-                found = replayed_stiffness(drive, limb, timing, wall.K_stable)
+            channel, drive = own.around(loop, plant, point)
+            wall, curve = own.wall(loop, [channel], torque, point.duty_pct)
+            if options.replay and wall.K_stable is not None:
+                found = replayed_stiffness(drive, own.limb, own.timing, wall.K_stable)
                 wall = msgspec.structs.replace(wall, K_replayed=found)
             walls.append(wall)
             curves.append(curve)
-            regions.append(_region(loop, [channel], limb, timing, torque))
+            regions.append(own.region(loop, [channel], torque))
             advance()
     population = list(drawn)
     if population:
-        kept = [_kept(loop, torque, population, rc, pi, limb, timing, options) for torque in torques for loop in loops]
-    pair, bias, left_out = _pair(plant, loops, torques, rc, pi, limb, timing, options)
+        kept = [_kept(own, loop, torque, population, options) for torque in torques for loop in loops]
+    pair, bias, left_out = _pair(own, plant, loops, torques, options.pair_bias_nm)
     drag = options.idle_drag_nm if options.idle_drag_nm is not None else idle_drag_nm
     impedance = _impedance(plant, max(torques), drag, options)
     told = _findings(walls, options, impedance, unit)
@@ -115,57 +117,64 @@ def default_torques(plant: Nonlinear) -> tuple[float, ...]:
     )
 
 
-def stable_wall(
-    loop: str, plant: Nonlinear, torque_nm: float, rc: RCGains | None, pi: PIGains | None, limb: Limb, timing: Timing
-) -> float:
-    """The stiffest wall that one loop keeps stable around one torque [N·m/rad], linear and sampled."""
-    channel, _ = _loop(loop, plant, operating_point(plant, torque_nm), rc, pi, timing)
-    return stable_stiffness(Coupled([channel], limb, timing))
+@dataclass(frozen=True)
+class Loops:
+    """The gains of the torque loops, and the limb and the timing that they work with."""
 
+    rc: RCGains | None
+    pi: PIGains | None
+    limb: Limb
+    timing: Timing
+    virtual_damping: float = 0.0
 
-def _has_gains(loop: str, rc: RCGains | None, pi: PIGains | None) -> bool:
-    return (pi is not None) if loop == "pi" else (rc is not None or loop not in ("rc", "rc-no-rate"))
+    def has_gains(self, loop: str) -> bool:
+        """Whether a loop can be worked out."""
+        return self.pi is not None if loop == "pi" else self.rc is not None or loop not in ("rc", "rc-no-rate")
 
+    def around(self, loop: str, plant: Nonlinear, point: Point, weight: float = 1.0) -> tuple[Channel, Drive]:
+        """One clutch around a point, linear and as it is; GainsError where it is unstable without a wall."""
+        step, start = step_of(loop, plant, point, self.rc, self.pi, self.timing.step_s)
+        channel = Channel(point, linearised(step, start, point), weight)
+        radius = float(np.abs(Coupled([channel], Limb(), self.timing).poles(0.0)).max())
+        if radius > 1 + 1e-9:
+            raise GainsError(
+                f"the loop {loop} is unstable at {point.torque_nm:g} without any wall (spectral radius {radius:.4f}); "
+                "no stiffness can be rendered on it, choose other gains or timing"
+            )
+        return channel, Drive(plant, point, step, start)
 
-def _loop(
-    loop: str,
-    plant: Nonlinear,
-    point: Point,
-    rc: RCGains | None,
-    pi: PIGains | None,
-    timing: Timing,
-    weight: float = 1.0,
-) -> tuple[Channel, Drive]:
-    """One clutch around a point, linear and as it is; GainsError where it is unstable without a wall."""
-    step, start = step_of(loop, plant, point, rc, pi, timing.step_s)
-    law: Law = linearised(step, start, point)
-    channel = Channel(point, law, weight)
-    poles = np.abs(Coupled([channel], Limb(), timing).poles(0.0))
-    if poles.max() > 1 + 1e-9:
-        raise GainsError(
-            f"the loop {loop} is unstable at {point.torque_nm:g} without any wall (spectral radius {poles.max():.4f}); "
-            "no stiffness can be rendered on it, choose other gains or timing"
-        )
-    return channel, Drive(plant, point, step, start)
+    def stable_wall(self, loop: str, plant: Nonlinear, torque_nm: float) -> float:
+        """The stiffest wall that one loop keeps stable around one torque [N·m/rad], linear and sampled."""
+        channel, _ = self.around(loop, plant, operating_point(plant, torque_nm))
+        return stable_stiffness(Coupled([channel], self.limb, self.timing))
 
+    def wall(
+        self, loop: str, channels: list[Channel], torque: float, duty: float | None
+    ) -> tuple[parts.Wall, parts.Curve]:
+        """The stiffest walls at one torque, and what they ask of the limb over frequency."""
+        needed, coupled = needed_damping(channels, self.timing), Coupled(channels, self.limb, self.timing)
+        K_passive, limit = passive_stiffness(needed, self.limb.damping_nms, self.virtual_damping)
+        K_stable = stable_stiffness(coupled, self.virtual_damping)
+        lost = _lost_hz(coupled, K_stable, self.virtual_damping)
+        limit_hz = 0.0 if limit <= needed.omega[0] else limit / (2 * math.pi)  # the slowest looked at stands for rest
+        chosen = np.unique(np.linspace(0, len(needed.omega) - 1, SHOWN_POINTS).astype(int))
+        wall = parts.Wall(loop, torque, duty, known(K_passive), limit_hz, known(K_stable), lost)
+        curve = parts.Curve(
+            loop, torque,
+            tuple((needed.omega[chosen] / (2 * math.pi)).tolist()),
+            tuple(needed.damping(1.0)[chosen].tolist()),
+            tuple((20 * np.log10(np.abs(needed.response[chosen]))).tolist()),
+        )  # fmt: skip
+        return wall, curve
 
-def _wall(
-    loop: str, channels: list[Channel], limb: Limb, timing: Timing, damping: float, torque: float, duty: float | None
-) -> tuple[parts.Wall, parts.Curve]:
-    needed, coupled = needed_damping(channels, timing), Coupled(channels, limb, timing)
-    K_passive, limit = passive_stiffness(needed, limb.damping_nms, damping)
-    K_stable = stable_stiffness(coupled, damping)
-    lost = _lost_hz(coupled, K_stable, damping)
-    limit_hz = 0.0 if limit <= needed.omega[0] else limit / (2 * math.pi)  # the slowest looked at stands for rest
-    chosen = np.unique(np.linspace(0, len(needed.omega) - 1, SHOWN_POINTS).astype(int))
-    wall = parts.Wall(loop, torque, duty, _known(K_passive), limit_hz, _known(K_stable), lost)
-    curve = parts.Curve(
-        loop, torque,
-        tuple((needed.omega[chosen] / (2 * math.pi)).tolist()),
-        tuple(needed.damping(1.0)[chosen].tolist()),
-        tuple((20 * np.log10(np.abs(needed.response[chosen]))).tolist()),
-    )  # fmt: skip
-    return wall, curve
+    def region(self, loop: str, channels: list[Channel], torque: float) -> parts.Region:
+        """K over B_v, from 0 to twice the limb's damping."""
+        needed, coupled = needed_damping(channels, self.timing), Coupled(channels, self.limb, self.timing)
+        rows = [
+            (damping, passive_stiffness(needed, self.limb.damping_nms, damping)[0], stable_stiffness(coupled, damping))
+            for damping in np.linspace(0.0, 2 * self.limb.damping_nms, REGION_POINTS).tolist()
+        ]
+        return parts.Region(loop, torque, tuple(parts.RegionPoint(b, known(p), known(s)) for b, p, s in rows))
 
 
 def _lost_hz(coupled: Coupled, stiffness: float, damping: float) -> float | None:
@@ -176,27 +185,12 @@ def _lost_hz(coupled: Coupled, stiffness: float, damping: float) -> float | None
     return float(abs(np.angle(worst)) * coupled.timing.rate_hz / coupled.timing.pattern[0] / (2 * math.pi))
 
 
-def _region(loop: str, channels: list[Channel], limb: Limb, timing: Timing, torque: float) -> parts.Region:
-    """K over B_v, from 0 to twice the limb's damping."""
-    needed, coupled = needed_damping(channels, timing), Coupled(channels, limb, timing)
-    points = tuple(
-        parts.RegionPoint(
-            damping,
-            _known(passive_stiffness(needed, limb.damping_nms, damping)[0]),
-            _known(stable_stiffness(coupled, damping)),
-        )
-        for damping in np.linspace(0.0, 2 * limb.damping_nms, REGION_POINTS).tolist()
-    )
-    return parts.Region(loop, torque, points)
-
-
 def _pair(
-    plant: Nonlinear, loops: list[str], torques: Iterable[float], rc: RCGains | None, pi: PIGains | None, limb: Limb,
-    timing: Timing, options: CoupleOptions,
-) -> tuple[list[parts.Wall], float, list[float]]:  # fmt: skip
+    own: Loops, plant: Nonlinear, loops: list[str], torques: Iterable[float], bias: float | None
+) -> tuple[list[parts.Wall], float, list[float]]:
     """The walls of T1 − T2, each clutch asked for half of the torque beside its bias; torques that it cannot hold."""
     low, high = (float(steady_torque(plant, u)) for u in plant.u_range)
-    bias = options.pair_bias_nm if options.pair_bias_nm is not None else 0.5 * (low + high)
+    bias = 0.5 * (low + high) if bias is None else bias
     if not low < bias < high:
         raise UsageError(f"«pair_bias_nm» {bias:g}: must lie between {low:.3g} and {high:.3g}, which the inputs hold")
     rows, left_out = [], []
@@ -207,32 +201,29 @@ def _pair(
             continue
         for loop in loops:
             channels = [
-                _loop(loop, plant, operating_point(plant, end), rc, pi, timing, weight)[0]
+                own.around(loop, plant, operating_point(plant, end), weight)[0]
                 for end, weight in zip(ends, (0.5, -0.5), strict=True)
             ]
-            rows.append(_wall(loop, channels, limb, timing, options.virtual_damping, torque, None)[0])
+            rows.append(own.wall(loop, channels, torque, None)[0])
     return rows, bias, left_out
 
 
-def _kept(
-    loop: str, torque: float, plants: list[Nonlinear], rc: RCGains | None, pi: PIGains | None, limb: Limb,
-    timing: Timing, options: CoupleOptions,
-) -> parts.Kept:  # fmt: skip
+def _kept(own: Loops, loop: str, torque: float, plants: list[Nonlinear], options: CoupleOptions) -> parts.Kept:
     """The stiffness that 95 % of the drawn plants, each with a limb of its own, keep."""
     random = np.random.default_rng(options.seed)
-    passive, stable = [], []
+    found = []
     for one in plants:
-        spread = 1 + options.limb_spread * random.uniform(-1, 1, 2)
-        own = Limb(limb.inertia_kgm2 * spread[0], limb.damping_nms * spread[1])
+        inertia, damping = 1 + options.limb_spread * random.uniform(-1, 1, 2)
+        limb = Limb(own.limb.inertia_kgm2 * inertia, own.limb.damping_nms * damping)
         try:
-            channel, _ = _loop(loop, one, operating_point(one, torque), rc, pi, timing)
+            channel, _ = own.around(loop, one, operating_point(one, torque))
         except (UsageError, GainsError):  # this plant does not hold the torque, or the loop breaks on it
-            passive.append(0.0)
-            stable.append(0.0)
+            found.append((0.0, 0.0))
             continue
-        passive.append(passive_stiffness(needed_damping([channel], timing), own.damping_nms)[0])
-        stable.append(stable_stiffness(Coupled([channel], own, timing)))
-    return parts.Kept(loop, torque, *(_known(float(np.quantile(v, 0.05, method="lower"))) for v in (passive, stable)))
+        passive = passive_stiffness(needed_damping([channel], own.timing), limb.damping_nms)[0]
+        found.append((passive, stable_stiffness(Coupled([channel], limb, own.timing))))
+    low = np.quantile(found, 0.05, axis=0, method="lower").tolist()
+    return parts.Kept(loop, torque, known(low[0]), known(low[1]))
 
 
 def _impedance(plant: Nonlinear, torque_nm: float, drag: float | None, options: CoupleOptions) -> parts.Impedance:
@@ -267,7 +258,3 @@ def _findings(walls: list[parts.Wall], options: CoupleOptions, impedance: parts.
         needed = options.limb_speed_rad_s * 60 / (2 * math.pi)
         told.append(finding("clutch-cannot-turn", "rotor", short=short, needed_rpm=needed))
     return told
-
-
-def _known(value: float | None) -> float | None:
-    return value if value is not None and math.isfinite(value) else None

@@ -9,7 +9,7 @@ import numpy as np
 from eaid.control.gains import pi_gains, rc_gains
 from eaid.control.plant import plant_of
 from eaid.control.timing import Timing
-from eaid.coupling.couple import couple, default_torques, stable_wall
+from eaid.coupling.couple import Loops, couple, default_torques
 from eaid.coupling.linear import LOOPS
 from eaid.coupling.options import CoupleOptions
 from eaid.coupling.sampled import Limb
@@ -53,8 +53,9 @@ def with_wall_findings(replay: Replay, fit: Fit, gains: Gains | None) -> Replay:
         return replay
     rc = rc_gains(gains) if gains is not None else None
     pi = pi_gains(gains) if gains is not None else None
-    timing = Timing(1 / (replay.head.dt_s or 1e-3), replay.head.rig.pwm_hz or None, replay.head.rig.delay_samples)
-    limb = Limb(exercise.inertia_kgm2, exercise.damping_nms)
+    rig = replay.head.rig
+    timing = Timing(1 / (replay.head.dt_s or 1e-3), rig.pwm_hz or None, rig.delay_samples)
+    own = Loops(rc, pi, Limb(exercise.inertia_kgm2, exercise.damping_nms), timing)
     pushed = math.radians(exercise.centre_deg + exercise.amplitude_deg - RESISTED_FROM_DEG)
     low, high = (float(steady_torque(plant, u)) for u in plant.u_range)
     told = []
@@ -63,7 +64,7 @@ def with_wall_findings(replay: Replay, fit: Fit, gains: Gains | None) -> Replay:
             for torque in (0.5 * stiffness * pushed, stiffness * pushed):
                 if not low <= torque <= high:
                     continue
-                stable = stable_wall(loop, plant, torque, rc, pi, limb, timing)
+                stable = own.stable_wall(loop, plant, torque)
                 if stable < stiffness:
                     unit = fit.data.output_unit
                     told.append(
