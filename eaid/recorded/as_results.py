@@ -18,13 +18,14 @@ from eaid.models.parameters import Linear as Eq8
 from eaid.recorded.curve_intervals import CurveSpread
 from eaid.recorded.intervals import Spread
 from eaid.recorded.log import RecordedLog
-from eaid.recorded.noise_results import degrees_of
+from eaid.recorded.scatter import FEWEST
 from eaid.recorded.solve import Solved, model_of
 from eaid.results.common import Input, Interval, LevelError, Source
 from eaid.results.fit import Data
 from eaid.results.friction import Friction, FrictionLevel, LevelIntervals
 from eaid.results.linear import Linear
 from eaid.results.nonlinear import CoefficientIntervals, Covariance, CurveLevel, Nonlinear
+from eaid.results.uncertainty import Noise, Uncertainty
 from eaid.steps.stepset import Level, StepSet
 from eaid.uncertainty.joint import coefficients_of
 from eaid.uncertainty.nonlinear_intervals import coefficient_intervals, covariance_part
@@ -130,6 +131,24 @@ def _coefficients(solved: Solved, sure: Spread) -> tuple[CoefficientIntervals, C
     c = replace(plain, covariance=T @ V @ T.T)
     degrees = degrees_of(solved, sure)
     return coefficient_intervals(c, {**degrees}), covariance_part(c, {**degrees}, "robust")
+
+
+def degrees_of(solved: Solved, sure: Spread) -> dict[str, float]:
+    """Degrees of freedom of T_s, τ1, τ2 at the middle of the range."""
+    model = solved.setup.model
+    slopes = model.slopes(np.array([0.5 * (model.low + model.high)]), solved.setup.size)
+    return {name: sure.variance(slopes[k, 0])[1] for name, k in (("tau1", 1), ("tau2", 2), ("Ts", 0))}
+
+
+def uncertainty_part(solved: Solved, sure: Spread) -> Uncertainty:
+    """Where the intervals come from, and the noise that further recordings can be planned with."""
+    seen = sure.scatter
+    return Uncertainty(
+        ci="robust",
+        scatter_from="engagements" if seen.count >= FEWEST else "within",
+        degrees_of_freedom=min(degrees_of(solved, sure).values()),
+        noise=Noise(seen.sensor_nm2_s, seen.ripple_s, {"Ts": seen.gain, "tau1": 0.0, "tau2": 0.0}),
+    )
 
 
 def linear_part(solved: Solved, base: Solved, levels: Array) -> Linear:

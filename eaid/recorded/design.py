@@ -4,9 +4,11 @@ A sequence is levels with holds, and returns to rest between its engagements. Wh
 
     H = ∫ J J' dt,   Ω = ∫ J J' S(T) dt,   V = H⁻¹ Ω H⁻¹,   S(T) = s0 + s1 T² the density of the noise
 
-with J from the sensitivities of the model itself. The half-width of log T_s, log τ1, log τ2 at a duty is t √(g'Vg),
-with the scatter between E engagements, s²/E, beside it. Levels and holds are exchanged one by one for what lowers T φ²,
-φ the worst ratio of a width to the wanted one: the time that repeating the sequence would take to reach them all.
+with J from the sensitivities of the model itself. The half-width of log T_s, log τ1, log τ2 at a duty is t √(g'Vg).
+Scatter between engagements adds Σ_e (g'H⁻¹ H_e d)², H_e the part of H of one engagement, d its standard deviation in
+the coefficients: an engagement that sees few levels bends the curves. Levels and holds are exchanged one by one for
+what lowers T φ², φ the worst ratio of a width to the wanted one: the time that repeating the sequence would take to
+reach them all.
 """
 
 from collections.abc import Mapping
@@ -19,6 +21,7 @@ from eaid.arrays import Array
 from eaid.models.parameters import Nonlinear
 from eaid.recorded import model
 from eaid.recorded.intervals import PRIOR
+from eaid.recorded.noise import engagements
 from eaid.recorded.problem import Setup
 from eaid.recorded.sequence import PARAMETERS, Holds, Limits, breaks_of, check, drive_of_sequence
 from eaid.uncertainty.noise import Noise
@@ -149,10 +152,23 @@ class Judge:
             return np.full((3, DUTIES), np.inf)
         V = back @ omega @ back
         variance = np.einsum("kdi,ij,kdj->kd", self.slopes, V, self.slopes)
-        count = self.engagements(sequence)
-        between = t_quantile(max(count - 1, 1)) * np.array(self.noise.scatter) / count**0.5
-        own = np.hypot(t_quantile(PRIOR) * np.sqrt(np.maximum(variance, 0.0)), between[:, None])
-        return np.asarray(100 * np.expm1(np.minimum(own, 50.0)))
+        half = t_quantile(PRIOR) * np.sqrt(np.maximum(variance, 0.0))
+        if any(self.noise.scatter):
+            which = engagements(drive)[drive.w > 0]
+            parts = np.split(J, np.flatnonzero(np.diff(which)) + 1)
+            pushed = back @ np.array([part.T @ part for part in parts]) @ self.scattered  # by each, (E, n, 3)
+            between = (np.einsum("kdn,enm->kdem", self.slopes, pushed) ** 2).sum(axis=(2, 3))
+            half = np.hypot(half, t_quantile(max(len(parts) - 1, 1)) * np.sqrt(between))
+        return np.asarray(100 * np.expm1(np.minimum(half, 50.0)))
+
+    @cached_property
+    def scattered(self) -> Array:
+        """One standard deviation of an engagement's T_s, τ1 and τ2 in the unknowns, (n, 3)."""
+        found, first = np.zeros((len(self.unknowns), 3)), 0
+        for k, count in enumerate(self.model.sizes):
+            found[first : first + count, k] = self.noise.scatter[k] * self.unknowns[first : first + count]
+            first += count
+        return found
 
     @cached_property
     def slopes(self) -> Array:

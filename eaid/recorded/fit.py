@@ -16,18 +16,18 @@ from eaid.findings import Finding, finding, ranked
 from eaid.logs.run import Run
 from eaid.models.parameters import Linear as Eq8
 from eaid.recorded import checks, model
-from eaid.recorded.as_results import data_part, friction_part, linear_part, nonlinear_part
+from eaid.recorded.as_results import data_part, friction_part, linear_part, nonlinear_part, uncertainty_part
 from eaid.recorded.closed_loop import judged_loops
 from eaid.recorded.curve_intervals import CurveSpread, curves, inputs_shown, widened
 from eaid.recorded.falls import CHANCE, tested, tested_by_level
 from eaid.recorded.frequency import LEAST_ROWS, frequency_response
 from eaid.recorded.instrument import with_instrument
-from eaid.recorded.intervals import ENGAGEMENTS, spread
+from eaid.recorded.intervals import spread
 from eaid.recorded.log import RecordedLog, levels_of, logs_of_steps, recorded_log
 from eaid.recorded.log_results import log_parts
-from eaid.recorded.noise_results import engagement_scatter, noise_part, uncertainty_part
 from eaid.recorded.options import RecordedOptions, check
 from eaid.recorded.problem import setup_of
+from eaid.recorded.scatter import FEWEST, Scatter
 from eaid.recorded.solve import Solved, model_of, solve
 from eaid.results.fit import Fit
 from eaid.results.friction import Release
@@ -117,7 +117,7 @@ def fit_recorded(
         known = widened(known, bias)
     found += _verdicts(base, known)
     if sure is not None:
-        found += _scatter(base)
+        found += _scatter(sure.scatter)
     linear, friction, by_level = None, None, None
     if "linear" in wanted:
         on = _basis_levels(inputs)
@@ -144,7 +144,7 @@ def fit_recorded(
             friction_falls=None if by_level is None else by_level.falls,
             loops=judged,
             responses=_responses(base, linear, logs),
-            engagements=0 if sure is None else sure.engagements,
+            engagements=0 if sure is None else sure.scatter.count,
             correlation_s=None if sure is None else sure.correlation_s,
         ),
     )
@@ -201,14 +201,12 @@ def _verdicts(base: Solved, known: CurveSpread | None) -> list[Finding]:
     return found
 
 
-def _scatter(base: Solved) -> list[Finding]:
+def _scatter(seen: Scatter) -> list[Finding]:
     """Whether the output differs between engagements, where there are enough to see it."""
-    noise = noise_part(base)
-    scatter, count, chance = engagement_scatter(base, noise.sensor_nm2_s, noise.ripple_s)
-    if count < ENGAGEMENTS:
-        return [finding("engagements-few", "data", count=count)]
-    if chance < CHANCE and scatter > 0:
-        return [finding("engagements-scatter", "data", scatter_pct=100 * scatter, count=count)]
+    if seen.count < FEWEST:
+        return [finding("engagements-few", "data", count=seen.count)]
+    if seen.chance < CHANCE and seen.gain > 0:
+        return [finding("engagements-scatter", "data", scatter_pct=100 * seen.gain, count=seen.count)]
     return []
 
 

@@ -11,8 +11,8 @@ Z is J but where an instrument stands in for it. Ω is estimated in two ways:
 The first is precise and leans on the noise being alike everywhere; the second leans on nothing, and is worth no more
 than the stretches in which a function is decided. A function's variance is their mean, weighted by these degrees of
 freedom and `PRIOR` for the first. Where the logs hold four engagements or more (stretches under load between returns to
-rest, and whole logs), scores summed over each of them count too, so that scatter between engagements does. Directions
-that an active constraint holds are left out.
+rest, and whole logs) and their gains differ, these are taken out of r, and what they do is added: σ² H⁻¹ Σ s s' H⁻¹,
+s = Σ Z T of an engagement. Directions that an active constraint holds are left out.
 """
 
 from collections.abc import Sequence
@@ -24,6 +24,7 @@ from scipy.stats import t as student
 
 from eaid.arrays import Array
 from eaid.recorded.noise import Piece, by_spectrum, moving, piece_of
+from eaid.recorded.scatter import Scatter, scatter_of
 from eaid.recorded.solve import Solved
 
 WINDOWS_S = (0.3, 1.0, 3.0, 10.0)
@@ -32,8 +33,8 @@ LONGEST = 1 / 24
 """Longest stretch, as a part of all logs together."""
 PRIOR = 20.0
 """Degrees of freedom that the noise's own estimate counts as."""
-ENGAGEMENTS = 4
-"""Fewest engagements whose scatter counts."""
+SEEN = 0.05
+"""Gains of engagements that noise makes so different more rarely than this scatter."""
 RIVAL = 4.0
 """A minimum above the best by less than so many times the noise's own unit of cost is not ruled out."""
 
@@ -54,12 +55,13 @@ class Spread:
     noise: Array
     """Covariance of the unknowns by the noise's own estimate."""
     stretches: tuple[Scores, ...]
-    engaged: Scores | None
+    between: Array
+    """Covariance by scatter between engagements."""
+    scatter: Scatter
     pull: Array
     """H⁻¹ where the constraints leave it free."""
     slopes: tuple[Array, ...]
     """Z of every bin of every log, (n, p)."""
-    engagements: int
     correlation_s: float
     """Integrated correlation time of the residuals [s], the longest of all logs."""
     rivals: tuple[Array, ...]
@@ -74,14 +76,15 @@ class Spread:
         along = self.pull.T @ gradient
         squares = [(slopes @ along) ** 2 for slopes in self.slopes]
         own = max(float(gradient @ self.noise @ gradient), 0.0)
-        best = (own, PRIOR)
         widest = max(self.stretches, key=lambda one: float(gradient @ one.covariance @ gradient))
-        best = _mixed(own, PRIOR, float(gradient @ widest.covariance @ gradient), _degrees(squares, widest.groups))
-        if self.engaged is not None:
-            V = float(gradient @ self.engaged.covariance @ gradient)
-            if best[0] < V:
-                best = _mixed(*best, V, _degrees(squares, self.engaged.groups), PRIOR)
-        return best
+        counted = _degrees(squares, widest.groups)
+        degrees = PRIOR + counted
+        within = (PRIOR * own + counted * max(float(gradient @ widest.covariance @ gradient), 0.0)) / degrees
+        between = max(float(gradient @ self.between @ gradient), 0.0)
+        if between == 0.0:
+            return within, degrees
+        total = within + between  # degrees of freedom of a sum of variances (Satterthwaite)
+        return total, total**2 / (within**2 / degrees + between**2 / (self.scatter.count - 1))
 
     def of(self, gradient: Array) -> float:
         """Half-width of the 95 % interval of a function with that gradient."""
@@ -92,13 +95,7 @@ class Spread:
     def covariance(self) -> Array:
         """One covariance for drawing, of all ways alike."""
         ways = [self.noise, *(one.covariance for one in self.stretches)]
-        return np.asarray(sum(ways) / len(ways))
-
-
-def _mixed(own: float, prior: float, other: float, degrees: float, most: float = np.inf) -> tuple[float, float]:
-    prior = min(prior, most)
-    total = prior + degrees
-    return (prior * own + degrees * max(other, 0.0)) / total, total
+        return np.asarray(sum(ways) / len(ways) + self.between)
 
 
 def _degrees(squares: Sequence[Array], groups: Sequence[NDArray[np.intp]]) -> float:
@@ -117,8 +114,10 @@ def spread(solved: Solved) -> Spread:
     n = setup.size
     H = np.zeros((n, n))
     pieces = []
+    scatter = scatter_of(solved)
+    residuals = scatter.residuals if scatter.chance <= SEEN else solved.missed
     for log, drive in enumerate(setup.drives):
-        J, r = setup.jacobian(x, log)
+        J, r = setup.jacobian(x, log)[0], residuals[log] * np.sqrt(drive.w[drive.w > 0])
         Z = J if solved.instruments is None else clean.jacobian(x, log)[0]
         at = setup.columns(log)
         H[np.ix_(at, at)] += Z.T @ J
@@ -131,8 +130,6 @@ def spread(solved: Solved) -> Spread:
     scale = np.sqrt(np.maximum(np.abs(np.diagonal(middle)), 1e-300))
     pull = free @ (np.linalg.pinv(middle / np.outer(scale, scale), rcond=1e-13) / np.outer(scale, scale)) @ free.T
     white = _root(pull)
-    worth = span / max(2 * memory, span / setup.samples)
-    lost = worth / max(worth - free.shape[1], 0.25 * worth)
     noise = pull @ sum((by_spectrum(one, pull) for one in pieces), np.zeros((n, n))) @ pull.T
     stretches: list[Scores] = []
     for window in WINDOWS_S:
@@ -142,10 +139,10 @@ def spread(solved: Solved) -> Spread:
         omega = sum(moving(one, white, k) for one, k in zip(pieces, wide, strict=True))
         where = tuple(np.arange(len(one.r)) // k for one, k in zip(pieces, wide, strict=True))
         stretches.append(Scores(white @ omega @ white.T, where))
-    engaged, count = _engaged(pieces, pull, lost)
+    between = _between(pieces, pull) * scatter.gain**2 * (scatter.chance <= SEEN)
     unit = solved.cost / setup.samples * max(1.0, 2 * memory * setup.samples / span)
     rivals = tuple(x for x, cost in solved.rivals if cost - solved.cost <= RIVAL * unit)
-    return Spread(noise, tuple(stretches), engaged, pull, tuple(one.plain for one in pieces), count, memory, rivals)
+    return Spread(noise, tuple(stretches), between, scatter, pull, tuple(one.plain for one in pieces), memory, rivals)
 
 
 def _root(pull: Array) -> Array:
@@ -156,16 +153,11 @@ def _root(pull: Array) -> Array:
     return np.asarray(scale[:, None] * ways[:, known] * np.sqrt(size[known]))
 
 
-def _engaged(pieces: Sequence[Piece], pull: Array, lost: float) -> tuple[Scores | None, int]:
-    """Scores added up over each engagement, where there are enough of them."""
+def _between(pieces: Sequence[Piece], pull: Array) -> Array:
+    """What gains of standard deviation 1 do, one an engagement: H⁻¹ Σ_e s s' H⁻¹, s = Σ Z T of an engagement."""
     ends = [np.flatnonzero(np.append(True, np.diff(one.engaged) != 0)) for one in pieces]
-    S = np.vstack([np.add.reduceat(one.scores, at) for one, at in zip(pieces, ends, strict=True)])
-    count = len(S)
-    if count < ENGAGEMENTS:
-        return None, count
-    S = S - S.mean(axis=0)
-    covariance = lost * count / (count - 1) * pull @ (S.T @ S) @ pull.T
-    return Scores(covariance, tuple(one.engaged for one in pieces)), count
+    S = np.vstack([np.add.reduceat(one.scaled, at) for one, at in zip(pieces, ends, strict=True)]) @ pull.T
+    return np.asarray(S.T @ S)
 
 
 def directions(solved: Solved) -> Array:
