@@ -158,6 +158,11 @@ def fit(
         from eaid.recorded.entry import fit_whole
 
         return fit_whole(steps, chosen, duty, instrument)
+    for name, given in (("duty", duty), ("instrument", instrument or None)):
+        if given is not None:
+            raise UsageError(
+                f"«{name}»: belongs to logs that are fitted as recorded, and these are steps; leave it out"
+            )
     with progress("bootstrap refits", chosen.draws if chosen.ci == "bootstrap" else 0) as advance:
         return fit_steps(steps, chosen, advance)
 

@@ -43,6 +43,12 @@ def _shown(value: float) -> str:
 LIMITS: dict[str, Limit] = {
     # all commands
     "seed": Limit(0, 2**53 - 1, whole=True),
+    # reading
+    "rest": Limit(-1e9, 1e9),
+    "step_at": Limit(-1e12, 1e12),
+    "until": Limit(-1e12, 1e12),
+    # fit
+    "dead_time": Limit(0, 1e4),
     # tune-rc
     "kp": Limit(-1e10, 1e10),
     "kd": Limit(-1e10, 1e10),
@@ -78,6 +84,16 @@ LIMITS: dict[str, Limit] = {
     "perturb": Limit(0, 1e6, above=True),
     "limb_damping": Limit(0, 1e6),
     "limb_inertia": Limit(1e-6, 1e6),
+    # couple
+    "torque": Limit(0, 1e6),
+    "wall": Limit(0, 1e9, above=True),
+    "virtual_damping": Limit(0, 1e6),
+    "encoder_counts": Limit(1, 10**9, whole=True),
+    "idle_drag_nm": Limit(0, 1e6),
+    "rotor_rpm": Limit(0, 1e6),
+    "limb_speed_rad_s": Limit(0, 1e6),
+    "pair_bias_nm": Limit(0, 1e6, above=True),
+    "limb_spread": Limit(0, 0.99),
     # export
     "rate_filter_hz": Limit(0, 1e5, above=True),
     "duty_on_fault": Limit(-1e9, 1e9),
@@ -98,7 +114,22 @@ LIMITS: dict[str, Limit] = {
     "offset_nm": Limit(-1e6, 1e6),
     "jitter_s": Limit(0, 1e3),
     "resolution_nm": Limit(0, 1e6),
+    # synth, of an excitation
+    "duration_s": Limit(0, 1e7, above=True),
+    "hold_s": Limit(0, 1e7, above=True),
+    "idle_s": Limit(0, 1e7),
+    "rest_s": Limit(0, 1e7),
+    "frequency_hz": Limit(0, 1e6, above=True),
+    "reference_nm": Limit(-1e6, 1e6),
+    "gains": Limit(-1e9, 1e9),
+    "level_count": Limit(2, 10_000, whole=True),
+    "tones": Limit(1, 10_000, whole=True),
+    "periods": Limit(1, 1000, whole=True),
     # plan
+    "work_s": Limit(0, 1e7),
+    "rate_pct_s": Limit(0, 1e9),
+    "engagements": Limit(1, 1000, whole=True),
+    "longest_s": Limit(1, 1e6),
     "longest_hold": Limit(5, 1e6),
     "most_levels": Limit(4, 100, whole=True),
 }  # fmt: skip

@@ -9,8 +9,9 @@ from pathlib import Path
 from typing import Any, cast
 
 from eaid.apparatus import Apparatus
-from eaid.errors import DataError, UsageError
+from eaid.errors import DataError, UsageError, unknown
 from eaid.files import sha256_of
+from eaid.limits import check_all
 from eaid.logs.folders import files_of
 from eaid.logs.manifest import apply, manifest_of
 from eaid.logs.moves import is_recorded
@@ -37,7 +38,7 @@ def apparatus_from(text: str | Apparatus | None, kind: str | None) -> Apparatus 
     known = [field.name for field in fields(Apparatus)]
     for name, value in pairs("«apparatus»", text).items():
         if name not in known:
-            raise UsageError(f"«apparatus»: knows {', '.join(known)}, not {name}")
+            raise UsageError(unknown("«apparatus»", name, known))
         try:
             numbers[name] = int(value) if name == "surfaces" else float(value)
         except ValueError:
@@ -117,9 +118,10 @@ class InputOptions:
     def reading(self) -> ReadOptions:
         """What the readers of logs need of them; raises UsageError where one is wrong."""
         if self.kind is not None and self.kind not in KINDS:
-            raise UsageError(f"«kind» {self.kind}: must be one of {', '.join(KINDS)}")
+            raise UsageError(unknown("«kind»", self.kind, KINDS))
         if self.rate is not None and not self.rate > 0:
             raise UsageError(f"«rate» {self.rate:g}: must be above zero")
+        check_all(rest=self.rest, step_at=self.step_at, until=self.until)
         return ReadOptions(
             columns=pairs("«columns»", self.columns),
             units=pairs("«units»", self.units),

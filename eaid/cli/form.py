@@ -200,6 +200,8 @@ def _value(one: "Field[Any]", typed: Any) -> Any:
         for part in parts or [typed]:
             if part not in told.words:
                 raise UsageError(unknown(option_, part, told.words))
+            if parts.count(part) > 1:
+                raise UsageError(f"{option_} {typed}: name each once")
         return tuple(parts)
     if typed in told.words or told.read is None:
         if typed not in told.words:

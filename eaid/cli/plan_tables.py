@@ -8,6 +8,7 @@ from eaid.cli import console
 from eaid.cli.words import number, pair
 from eaid.errors import UsageError, unknown
 from eaid.files import all_written_whole
+from eaid.limits import check
 from eaid.planning.recordings import input_changes
 from eaid.reading import pairs
 from eaid.results.plan import Plan
@@ -34,6 +35,8 @@ def limits_of(text: str | None, duty_pct: tuple[float, float]) -> "Limits":
             raise UsageError(unknown("«limits»", name, LIMITS))
         read = pair("0.3:30") if name in ("duty", "hold") else number
         made = read(f"--limits {name}", value)
+        for value_ in made if isinstance(made, tuple) else (made,) if name != "duty" else ():
+            check(LIMITS[name], value_)
         given[LIMITS[name]] = int(made) if name == "engagements" and not isinstance(made, tuple) else made
     return Limits(**given)  # type: ignore[arg-type]
 

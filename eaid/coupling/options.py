@@ -1,12 +1,15 @@
 """What `couple` may be told."""
 
-import math
 from dataclasses import dataclass
 
 from eaid.control.timing import Timing
 from eaid.coupling.linear import LOOPS
 from eaid.coupling.sampled import Limb
-from eaid.errors import UsageError
+from eaid.errors import UsageError, unknown
+from eaid.limits import check_all
+
+MOST_PLANTS = 10_000
+"""Each is looked at with every loop and torque."""
 
 
 @dataclass(frozen=True)
@@ -46,25 +49,23 @@ class CoupleOptions:
     """Also bisect the replay of the nonlinear plant."""
 
     def __post_init__(self) -> None:
-        for name in ("virtual_damping", "pwm_hz", "sensor_hz", "rotor_rpm", "limb_speed_rad_s"):
-            value = getattr(self, name)
-            if not (math.isfinite(value) and 0 <= value <= 1e6):
-                raise UsageError(f"«{name}» {value:g}: must be 0 or above, and 1e6 at most")
-        if not 1 <= self.rate_hz <= 1e6:
-            raise UsageError(f"«rate_hz» {self.rate_hz:g}: must lie between 1 and 1e6")
-        if not 0 <= self.delay_samples <= 100:
-            raise UsageError(f"«delay_samples» {self.delay_samples}: must lie between 0 and 100")
-        if not 0 <= self.plants <= 10_000:
-            raise UsageError(f"«plants» {self.plants}: must lie between 0 and 10000")
-        if not 0 <= self.limb_spread < 1:
-            raise UsageError(f"«limb_spread» {self.limb_spread:g}: must be a share from 0 on and below 1")
-        if self.wall is not None and not (0 < self.wall < math.inf):
-            raise UsageError(f"«wall» {self.wall:g}: a stiffness must be above 0")
-        if self.encoder_counts is not None and self.encoder_counts < 1:
-            raise UsageError(f"«encoder_counts» {self.encoder_counts}: must be 1 or more")
+        check_all(**{
+            name: getattr(self, name)
+            for name in (
+                "virtual_damping", "pwm_hz", "sensor_hz", "rotor_rpm", "limb_speed_rad_s", "rate_hz", "delay_samples",
+                "limb_spread", "wall", "encoder_counts", "idle_drag_nm", "pair_bias_nm", "seed", "limb_damping",
+                "limb_inertia",
+            )
+        }, plants=self.plants or None)  # fmt: skip
+        if self.plants > MOST_PLANTS:
+            raise UsageError(f"«plants» {self.plants}: give a whole number from 0 to {MOST_PLANTS}")
+        for torque in self.torques:
+            check_all(torque=torque)
+        if self.plants == 0 and self.limb_spread != CoupleOptions.limb_spread:
+            raise UsageError("«limb_spread»: does nothing without «plants»; give both or neither")
         for loop in self.loops:
             if loop not in LOOPS:
-                raise UsageError(f"«loops» {loop}: must be one of {', '.join(LOOPS)}")
+                raise UsageError(unknown("«loops»", loop, LOOPS))
         Limb(self.limb_inertia, self.limb_damping)
 
     @property

@@ -1,9 +1,9 @@
 """The choices of a fit, as one frozen type, with their tables of names."""
 
 from dataclasses import dataclass
-from math import inf
 
-from eaid.errors import UsageError
+from eaid.errors import UsageError, unknown
+from eaid.limits import check_all
 from eaid.models.parameters import SHARE
 
 MODELS = ("friction", "nonlinear", "linear")
@@ -72,8 +72,7 @@ def check(options: FitOptions) -> None:
         ("«shape»", options.shape, SHAPES),
     ):
         if value not in table:
-            raise UsageError(f"{name} {value}: must be one of {', '.join(table)}")
-    if options.dead_time_s is not None and not 0 <= options.dead_time_s < inf:
-        raise UsageError(f"«dead_time» {options.dead_time_s:g}: must be auto, or a time in seconds from 0 on")
+            raise UsageError(unknown(name, value, table))
+    check_all(seed=options.seed, dead_time=options.dead_time_s)
     if options.share is not None and not 0 < options.share < 1:
         raise UsageError(f"«share» {options.share:g}: the share of the fast part lies between 0 and 1; or say free")

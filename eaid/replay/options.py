@@ -69,6 +69,8 @@ class SimulateOptions:
             raise UsageError("«best»: in rehab the reference depends on what the limb does; choose another scenario")
         if self.best and what == "log":
             raise UsageError("«best»: goes with a scenario or «reference»; leave it out")
+        if self.rate_hz is not None and what == "log":
+            raise UsageError("«rate_hz»: does not go with «log», which has a rate of its own; leave it out")
         if self.duration is not None and what in ("log", "reference"):
             raise UsageError(f"«duration»: does not go with «{what}»; the file says how long it is")
         if self.keep_baseline and what != "log":

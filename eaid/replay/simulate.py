@@ -17,6 +17,7 @@ from eaid.replay.options import SimulateOptions, refuse_several
 from eaid.replay.references import Reference, sampled
 from eaid.replay.rehab import MODES, rehabilitate
 from eaid.replay.rehab_statistics import record as record_session
+from eaid.replay.rig import Rig
 from eaid.replay.scenarios import SCENARIOS, measure, record
 from eaid.replay.setup import Setup, set_up
 from eaid.replay.tracked import Outcome, tracked
@@ -113,7 +114,10 @@ def _rehab(setup: Setup) -> Outcome:
 
 def _logs(setup: Setup, runs: Sequence[Run]) -> Outcome:
     """Recorded runs: their input through the plant, and over closed-loop runs the controllers replayed."""
-    data = setup.fit.data
+    data, plain = setup.fit.data, asdict(Rig())
+    unused = [name for name, value in asdict(setup.options.rig).items() if value != plain[name]]
+    if unused and all(run.reference_nm is None for run in runs):
+        raise UsageError(f"«{unused[0]}»: does nothing with logs of an open loop; leave it out")
     beside = [
         log.recorded(run, setup.plant, setup.options.keep_baseline, (data.input_unit, data.output_unit)) for run in runs
     ]

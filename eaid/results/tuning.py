@@ -6,7 +6,7 @@ its fit asks for (`eaid.control.defaults`).
 
 from typing import Literal
 
-from eaid.errors import UsageError
+from eaid.errors import UsageError, unknown
 from eaid.limits import check, check_all
 from eaid.results.common import Number, Result
 
@@ -116,7 +116,7 @@ class TuneOptions(Result, frozen=True):
 
 def _one_of(name: str, value: object, known: tuple[str, ...]) -> None:
     if value not in known:
-        raise UsageError(f"«{name}» {value}: must be one of {', '.join(known)}")
+        raise UsageError(unknown(f"«{name}»", value, known))
 
 
 def _number(name: str, value: object) -> float | None:

@@ -37,7 +37,10 @@ def excitation_of(kind: str, shape: str | None) -> Excitation:
         elif name in PAIRS:
             given[name] = (values[0], values[1])
         else:
-            given[name] = int(values[0]) if isinstance(getattr(plain, name), int) else values[0]
+            whole = isinstance(getattr(plain, name), int)
+            if whole and not values[0].is_integer():
+                raise UsageError(f"«shape» {name}={text}: give a whole number")
+            given[name] = int(values[0]) if whole else values[0]
     return replace(plain, **given)  # type: ignore[arg-type]
 
 

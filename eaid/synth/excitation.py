@@ -19,11 +19,13 @@ import numpy as np
 from eaid.arrays import Array, read_only
 from eaid.control.pi import PIGains, pi_start, pi_step
 from eaid.errors import UsageError
+from eaid.limits import check as check_limit
+from eaid.limits import check_all
 from eaid.logs.run import Run
 from eaid.replay.controllers import Controller
 from eaid.replay.plant import perturbed
 from eaid.synth.disturbance import Disturbance, check, coloured, measured, scatter
-from eaid.synth.logs import mark
+from eaid.synth.logs import mark, refuse_too_many
 from eaid.synth.plants import Plant
 
 LOOPED = "closed-loop"
@@ -125,8 +127,15 @@ KINDS: dict[str, Callable[[Excitation, int, np.random.Generator], Array]] = {
 """Name → (excitation, samples, generator) → duty of each sample [%]."""
 
 
-def check_excitation(e: Excitation) -> None:
+NUMBERS = ("duration_s", "idle_s", "rest_s", "tones", "periods", "rate_hz")
+
+
+def check_excitation(e: Excitation, repeats: int = 1) -> None:
     """Refuse what cannot be recorded."""
+    check_all(level_count=e.levels, **{name: getattr(e, name) for name in NUMBERS})
+    for name in ("hold_s", "frequency_hz", "reference_nm", "gains"):
+        for value in getattr(e, name)[:2]:
+            check_limit(name, value)
     faults = []
     if e.kind not in (*KINDS, LOOPED):
         faults.append(f"«excitation» {e.kind}: is not one of {', '.join((*KINDS, LOOPED))}")
@@ -136,10 +145,9 @@ def check_excitation(e: Excitation) -> None:
         faults.append(f"«hold» {e.hold_s[0]:g}:{e.hold_s[1]:g}: give the shortest and the longest hold, above 0 s")
     if not 0 < e.frequency_hz[0] < e.frequency_hz[1] <= 0.5 * e.rate_hz:
         faults.append(f"«frequency» {e.frequency_hz[0]:g}:{e.frequency_hz[1]:g}: must rise, up to half the rate")
-    if e.levels < 2:
-        faults.append(f"«levels» {e.levels}: give at least 2")
-    if not 0 < e.duration_s * e.rate_hz < 2e7 or e.duration_s <= e.idle_s:
-        faults.append(f"«duration» {e.duration_s:g}: must be longer than the idle time, and below 20 million samples")
+    if e.duration_s <= e.idle_s:
+        faults.append(f"«duration» {e.duration_s:g}: must be longer than the idle time")
+    refuse_too_many(e.duration_s * e.rate_hz * repeats)
     if faults:
         raise UsageError(*faults)
 
@@ -153,7 +161,7 @@ def synthesise_excitation(
     controller: Controller | None = None,
 ) -> list[Run]:
     """Logs of that input; a closed loop takes `controller`, else the PI of the excitation's gains."""
-    check_excitation(e)
+    check_excitation(e, repeats)
     check(disturbance)
     runs = []
     for repeat in range(1, repeats + 1):

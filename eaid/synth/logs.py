@@ -12,7 +12,7 @@ import numpy as np
 
 from eaid.arrays import Array, read_only
 from eaid.errors import UsageError
-from eaid.limits import fault
+from eaid.limits import MOST_SAMPLES, fault
 from eaid.logs.run import Run
 from eaid.models.parameters import Friction
 from eaid.synth.disturbance import Disturbance, Scatter, check, measured, sample_times, scatter
@@ -220,5 +220,13 @@ def check_protocol(plant: Plant, protocol: Protocol, seed: int) -> None:
         raise UsageError(
             f"«hold» {protocol.hold_s:g}: fewer than 10 samples at {protocol.rate_hz:g} Hz; hold longer or raise «rate»"
         )
-    if samples * protocol.repeats * len(protocol.levels) > 2e8:
-        raise UsageError("the set would hold more than 200 million samples; lower «rate», «hold» or «repeats»")
+    refuse_too_many(samples * protocol.repeats * len(protocol.levels))
+
+
+def refuse_too_many(samples: float) -> None:
+    """Refuse a set that would take minutes to write."""
+    if samples > MOST_SAMPLES:
+        raise UsageError(
+            f"the set would hold {samples / 1e6:.4g} million samples, {MOST_SAMPLES / 1e6:g} million at most; lower "
+            "the rate, the length or «repeats»"
+        )

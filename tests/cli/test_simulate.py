@@ -213,7 +213,7 @@ def test_open_loop_needs_no_more_than_the_nonlinear_model(capsys):
             "--controller pid: must be one of rc, pi, pi-feedforward, open-loop, inverse; did",
         ),
         (["--controller", "rc"], 2, "controller rc needs gains: give --gains"),
-        (["--controller", "pi,pi", "--gains", "gains.json"], 2, "name each controller once"),
+        (["--controller", "pi,pi", "--gains", "gains.json"], 2, "--controller pi,pi: name each once"),
         (["--scenario", "steps", "--reference", "r.csv"], 2, "exclude each other"),
         (["--scenario", "sweep", "--duration", "3"], 2, "leave --duration out"),
         (["--reference", "none.csv"], 3, "none.csv: no such file"),
