@@ -16,7 +16,7 @@ from eaid.arrays import Array
 from eaid.errors import UsageError
 from eaid.findings import Finding, finding
 from eaid.results.steps import StepShape
-from eaid.steps.noise import block_means
+from eaid.steps.noise import block_means, block_noise
 from eaid.steps.stepset import LevelStep
 
 Shape = Literal["one", "two", "free", "overshoot"]
@@ -37,6 +37,8 @@ SEEN = 0.02
 """Share of its peak by which an overshoot has to come down within the record."""
 WORTH = {"one": 0.05, "two": 0.05, "free": 0.15, "overshoot": 0.05}
 """Share of the RMSE that a shape has to save before it replaces a simpler one; freeing C alone is no small step."""
+MISSED = 0.1
+"""Share of the change by which the best shape may miss the mean of a sixtieth of the record."""
 LITTLE = 0.5
 """R² below which a curve explains little."""
 
@@ -333,6 +335,15 @@ def _plain_rmse(tried: list[_Candidate], chosen: _Candidate, count: int) -> floa
     return math.sqrt(min(plain) / count)
 
 
+def _missed(step: LevelStep, left: Array, change: float) -> list[Finding]:
+    """A finding where block means of the residuals stand far out of their noise: the response has another form."""
+    means = block_means(left, 60)
+    worst = float(np.abs(means).max())
+    if len(left) < 240 or worst <= max(MISSED * abs(change), 8 * block_noise(means)):
+        return []
+    return [finding("shape-misses", step.name, (step.level,), worst=worst, share_pct=100 * worst / abs(change))]
+
+
 def _result(
     step: LevelStep, one: _Candidate, scores: dict[str, float], y: Array, plain_rmse: float | None
 ) -> StepShape:
@@ -343,6 +354,8 @@ def _result(
     found: list[Finding] = []
     if r2 is not None and r2 < LITTLE and independent(left) < len(left) / 4:
         found.append(finding("shape-explains-little", step.name, (step.level,), R2=r2, shape=one.shape))
+    else:
+        found += _missed(step, left, float(p[0]))
     if plain_rmse is not None:
         rmse = math.sqrt(sse / len(left))
         said = {"shape": one.shape, "dead_time_s": float(p[4]), "rmse": rmse, "plain_rmse": plain_rmse}

@@ -1,11 +1,15 @@
 """A step set with recorded logs, and the options of step fits → the fit of its recorded logs, with its steps."""
 
+import msgspec
+
 from eaid.errors import UsageError
+from eaid.findings import ranked
 from eaid.fitting.options import FitOptions
 from eaid.recorded.fit import fit_recorded
 from eaid.recorded.options import RecordedOptions
 from eaid.results.fit import Fit
 from eaid.steps.stepset import StepSet
+from eaid.uncertainty.workflow import shapes_of
 
 
 def fit_whole(
@@ -36,4 +40,7 @@ def fit_whole(
         ci="none" if options.ci == "none" else "robust",
         seed=options.seed,
     )
-    return fit_recorded(stepset.recorded, how, stepset if stepset.levels else None)
+    found = fit_recorded(stepset.recorded, how, stepset if stepset.levels else None)
+    shapes = shapes_of(stepset, options)
+    doubts = tuple(said for one in shapes for said in one.findings)
+    return msgspec.structs.replace(found, steps=shapes, findings=ranked((*found.findings, *doubts)))

@@ -18,6 +18,7 @@ from eaid.results.fit import Fit, FitOptionsRecord
 from eaid.results.friction import Friction
 from eaid.results.quotable import quotable
 from eaid.results.uncertainty import Uncertainty
+from eaid.results.steps import StepShape
 from eaid.steps.stepset import StepSet
 from eaid.uncertainty.intervals import IntervalOptions, with_intervals
 from eaid.uncertainty.step_intervals import with_intervals as with_step_intervals
@@ -55,9 +56,7 @@ def fit_steps(stepset: StepSet, options: FitOptions | None = None, progress: Cal
 
 
 def _fit_steps(stepset: StepSet, options: FitOptions, progress: Callable[[], None] | None) -> Fit:
-    shapes = with_step_intervals(
-        stepset.level_steps, single_steps(stepset, options), options.ci, options.dead_time_s is None
-    )
+    shapes = shapes_of(stepset, options)
     rows = between_rows(shapes) if "friction" in (options.models or ("friction",)) else ()
     doubts = tuple(said for one in shapes for said in one.findings)
     if stepset.levels or not shapes:
@@ -79,6 +78,12 @@ def _fit_steps(stepset: StepSet, options: FitOptions, progress: Callable[[], Non
         converged=converged(found),
         findings=ranked((*_beside(stepset.all_findings, found.findings), *found.findings, *doubts)),
     )
+
+
+def shapes_of(stepset: StepSet, options: FitOptions) -> tuple[StepShape, ...]:
+    """Each change of input by itself with its intervals, where that is shown (`single_steps`)."""
+    found = single_steps(stepset, options)
+    return with_step_intervals(stepset.level_steps, found, options.ci, options.dead_time_s is None)
 
 
 SAID_BY = {"decays-under-hold": "output-decays-under-hold", "window-too-short": "tau2-outlasts-record"}

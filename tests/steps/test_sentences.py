@@ -27,6 +27,7 @@ VALUES: dict[str, dict[str, object]] = {
     "input-moves": {},
     "counted-from-rest": {"rest": -5.0},
     "input-negative": {},
+    "shape-misses": {"worst": 1.2, "share_pct": 25.0},
     "step-leaves-open": {"open": "tau2"},
     "cut-at-reversals": {"reversals": 19},
     "input-glitch": {"samples": 2},

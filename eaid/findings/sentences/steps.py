@@ -188,6 +188,13 @@ ROWS: dict[str, Row] = {
         "stop",
         "the best of the step shapes ({shape}) explains {R2:.0%} of the output's variance only: it is no step response",
     ),
+    "shape-misses": Row(
+        "caution",
+        "the best of the step shapes misses the step to {levels} by up to {share_pct:.0f} % of its change: what swings, "
+        "ramps or moves in jumps is no sum of exponentials; read its constants as times only («edges» gives rise, "
+        "overshoot and settling)",
+        "share_pct",
+    ),
     "sign-differs": Row(
         "stop",
         "its output goes the other way than that of its {siblings} siblings; mend its sign or its wiring, or leave it "
