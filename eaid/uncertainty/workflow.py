@@ -17,8 +17,8 @@ from eaid.fitting.sources import data_part
 from eaid.results.fit import Fit, FitOptionsRecord
 from eaid.results.friction import Friction
 from eaid.results.quotable import quotable
-from eaid.results.uncertainty import Uncertainty
 from eaid.results.steps import StepShape
+from eaid.results.uncertainty import Uncertainty
 from eaid.steps.stepset import StepSet
 from eaid.uncertainty.intervals import IntervalOptions, with_intervals
 from eaid.uncertainty.step_intervals import with_intervals as with_step_intervals
