@@ -190,9 +190,9 @@ ROWS: dict[str, Row] = {
     ),
     "shape-misses": Row(
         "caution",
-        "the best of the step shapes misses the step to {levels} by up to {share_pct:.0f} % of its change: what swings, "
-        "ramps or moves in jumps is no sum of exponentials; read its constants as times only («edges» gives rise, "
-        "overshoot and settling)",
+        "the best of the step shapes misses the step to {levels} by up to {share_pct:.0f} % of its change: what "
+        "swings, ramps or jumps is no sum of exponentials; read its constants as times only («edges» of eaid ingest "
+        "gives rise, overshoot and settling)",
         "share_pct",
     ),
     "sign-differs": Row(
