@@ -13,6 +13,7 @@ from eaid.arrays import Array
 from eaid.fitting.basis import Basis
 from eaid.fitting.data import Data
 from eaid.fitting.descent import Look, descend, solved
+from eaid.fitting.kernel import by_tau, level_normal, log_products, weighted_shares
 from eaid.fitting.problem import Problem, bring_in
 from eaid.models.nonlinear import CHECKED_DUTIES
 from eaid.models.parameters import TAU_FLOOR_S
@@ -31,6 +32,8 @@ SAME = 1e-5
 """Ends whose costs differ by less than this part are taken for one."""
 MOST = 6
 """Starts handed on."""
+MOST_POINTS = 1 << 17
+"""Points that are looked at together."""
 
 
 def broad_starts(x: Array, inner: Array, data: Data, basis: Basis, problem: Problem) -> list[Array]:
@@ -40,10 +43,10 @@ def broad_starts(x: Array, inner: Array, data: Data, basis: Basis, problem: Prob
     """
     if problem.floor == 0.0:
         return []
-    cost, found = steadied(slow_shapes(x, data, basis), basis, looked_at(problem))
+    cost, found = steadied(slow_shapes(x, data, basis), basis, looked_at(data, basis))
     least = 1e-9 * float(np.abs(data.points.y).max())  # rounding may take the cost below 0, and T_s may be 0
     wall = wall_of(x, max(float(cost.min()), problem.floor), least, basis, problem)
-    look = looked_at(problem, wall)
+    look = looked_at(data, basis, wall)
     for steps, most in SIEVE:
         best = np.argsort(cost, kind="stable")[:most]
         end = descend(look, found[best], steps, enough=0.0)
@@ -108,11 +111,28 @@ def slow_shapes(x: Array, data: Data, basis: Basis) -> Array:
     return shapes
 
 
-def looked_at(problem: Problem, wall: Wall | None = None) -> Look:
+def looked_at(data: Data, basis: Basis, wall: Wall | None = None) -> Look:
     """The problem's cost, gradient and curvature at N places, `wall` added to the cost."""
+    M, points, levels = basis.M, data.points, np.arange(len(data.u))
+    chain = M[: 4 if basis.free_share else 3].transpose(1, 0, 2)  # (L, 3, n)
+    flat = chain.reshape(-1, basis.size)
+    together = max(1, MOST_POINTS // points.y.size)
+
+    def some(x: Array) -> tuple[Array, Array, Array]:
+        theta = np.moveaxis(basis.theta(x.T, M), 2, 1).reshape(4, -1)
+        rows, weights = points.rows(np.tile(levels, len(x))), np.tile(data.weights, len(x))
+        if basis.free_share:
+            cost, gradient, H = level_normal(theta, rows)
+        else:
+            products = log_products(theta, weighted_shares(np.array([basis.share]), rows), rows)
+            cost, gradient, H = by_tau(theta, products)
+        bent = (H * weights[:, None, None]).reshape(len(x), *chain.shape[:2], -1) @ chain
+        slope = (gradient * weights).T.reshape(len(x), -1) @ flat
+        return (cost * weights).reshape(len(x), -1).sum(axis=1), slope, flat.T @ bent.reshape(len(x), *flat.shape)
 
     def look(x: Array) -> tuple[Array, Array, Array]:
-        cost, slope, H = (np.array(part) for part in zip(*map(problem.normal, x), strict=True))
+        parts = [some(x[k : k + together]) for k in range(0, len(x), together)]
+        cost, slope, H = (np.concatenate(part) for part in zip(*parts, strict=True))
         if wall is None:
             return cost, slope, H
         price, rise, bent = wall.price(x)

@@ -78,9 +78,11 @@ def test_a_descent_goes_down_from_every_shape(clutch_set: Maker) -> None:
     data = data_of(clutch_set(duration_s=5.0, rate_hz=50.0, noise_nm=0.05).levels)
     basis = basis_of(data.u, 0.85)
     problem = nonlinear_problem(data, basis)
-    before, shapes = steadied(slow_shapes(basis.unknowns(REFERENCE_PLANT), data, basis)[:20], basis, looked_at(problem))
+    before, shapes = steadied(
+        slow_shapes(basis.unknowns(REFERENCE_PLANT), data, basis)[:20], basis, looked_at(data, basis)
+    )
     assert before == pytest.approx([problem.value(x)[0] for x in shapes], rel=1e-6)
-    end = descend(looked_at(problem), shapes, 4, enough=0.0)
+    end = descend(looked_at(data, basis), shapes, 4, enough=0.0)
     after, ends = end.cost, end.x
     assert (after <= before).all() and np.median(after) < 0.9 * np.median(before)
     assert after == pytest.approx([problem.value(x)[0] for x in ends], rel=1e-9)
