@@ -18,6 +18,9 @@ from eaid.uncertainty.student_t import VarianceComponents, t_quantile
 SETTLED = 1e-10
 """Relative step at which a curve has settled: its place then does not depend on the rounding of the levels."""
 
+ROUNDING = 1e-15
+"""Part of the logarithms, and of the sum of squares, that their rounding may be."""
+
 
 @dataclass(frozen=True, eq=False)
 class Curve:
@@ -100,8 +103,12 @@ def through(duty_pct: Array, log_values: Array, variance: Array, p: int) -> Arra
 
     left = residual(coefficients)
     assert left is not None
+    rounding = (ROUNDING * np.linalg.norm(weight * (1 + np.abs(log_values)))) ** 2
     for _ in range(100):
-        step = np.linalg.lstsq(design * (weight / (design @ coefficients))[:, None], left, rcond=None)[0]
+        J = design * (weight / (design @ coefficients))[:, None]
+        step = np.linalg.lstsq(J, left, rcond=None)[0]
+        if np.sum((J @ step) ** 2) <= max(ROUNDING * (left @ left), rounding):
+            break  # what the step would gain is lost in rounding
         for halving in range(30):
             trial = residual(coefficients + step / 2**halving)
             if trial is not None and trial @ trial <= left @ left:
