@@ -7,6 +7,7 @@ import pytest
 from eaid.findings import Finding, finding
 from eaid.report.page import summary
 from eaid.report.page.known import known, sentence
+from eaid.report.page.next_steps import next_steps
 from eaid.report.results import Results, gathered
 from eaid.results import fit as results
 from eaid.results.common import Source
@@ -73,15 +74,15 @@ def test_one_verdict_on_the_guarantee(holds: tuple[bool | None, bool | None], wo
 
 def test_what_to_do_next_follows_what_is_missing():
     fit = Fit(**CLEAN)
-    assert [step.command.split()[1] for step in summary.next_steps(gathered([fit]), known(gathered([fit])))] == [
+    assert [step.command.split()[1] for step in next_steps(gathered([fit]), known(gathered([fit])))] == [
         "tune-rc", "plan",
     ]  # fmt: skip
     gains = Gains(LinearModel(1.0, 1.0, 0.0), guarantee=Guarantee(False, (Condition("phi", False),)))
     given = gathered([fit, gains])
-    steps = summary.next_steps(given, known(given))
+    steps = next_steps(given, known(given))
     assert [step.command.split()[1] for step in steps] == ["tune-rc", "simulate", "plan"]
     assert "--phi data" in steps[0].command and "--alpha" not in steps[0].command
-    assert summary.next_steps(gathered([]), known(gathered([]))) == ()
+    assert next_steps(gathered([]), known(gathered([]))) == ()
 
 
 def test_tiles_are_the_top_level_and_the_worst_margin():

@@ -16,6 +16,7 @@ from eaid.report.mark import mark_of
 from eaid.report.page import live, summary
 from eaid.report.page.glossary import Terms
 from eaid.report.page.known import known
+from eaid.report.page.next_steps import next_steps
 from eaid.report.page.parts import parts
 from eaid.report.page.shown import shown, source_of
 from eaid.report.results import Results
@@ -51,7 +52,7 @@ def page(
         lights=summary.lights(results, found),
         pictures=[(one, source_of(one.png)) for one in pictures],
         tiles=tiles,
-        next_steps=summary.next_steps(results, found),
+        next_steps=next_steps(results, found),
         terms=[(word, says) for word, says in first_terms if word not in _EXPLAINED],
         parts=parts(results, found, figures, asked, terms),
         missing=[(", ".join(titles), command) for command, titles in _missing(missing).items()],

@@ -1,7 +1,6 @@
 """The first screen: what the page is about, three lights, six numbers, and what to do next."""
 
 import re
-import shlex
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -45,14 +44,6 @@ class Tile:
     label: str
     value: str
     note: str
-
-
-@dataclass(frozen=True)
-class Step:
-    """One thing to do next, and the command that does it."""
-
-    why: str
-    command: str
 
 
 def title(results: Results, asked: bool | None) -> str:
@@ -243,39 +234,3 @@ def _margins(results: Results) -> Tile:
     phases = " | ".join("–" if one.phase_deg is None else f"{one.phase_deg:.0f}°" for one in both)
     shares = " | ".join("–" if one.gain_db is None else f"{one.gain_db:.0f}" for one in both)
     return Tile("worst margin, RC | PI", phases, f"phase; gain {shares} dB")
-
-
-def next_steps(results: Results, known: Known) -> tuple[Step, ...]:
-    """At most three things to do, each with its command."""
-    found: list[Step] = []
-    clutch = next((one for one in results.fits if one.result.data.kind == "clutch"), None)
-    fit = clutch or next(iter(results.fits), None)
-    if fit is None:
-        data = next(iter(results.data), None)
-        return (Step("Fit the data", f"eaid fit {shlex.quote(data.path)} -o fit.json"),) if data is not None else ()
-    name = shlex.quote(fit.path)
-    gains = results.gains[0] if results.gains else None
-    stopped = any(one.severity == "stop" for one in known.of("model"))
-    if clutch is not None and gains is None and clutch.result.linear is not None and not stopped:
-        found.append(Step("Design the controllers", f"eaid tune-rc {name} -o gains.json"))
-    if gains is not None and not stopped:
-        given = shlex.quote(gains.path)
-        missing = {row.name for row in conditions_of(gains.result) if row.holds is False}
-        mended = " ".join(
-            said for key, said in (("rho", "--alpha reached"), ("phi", "--phi data"), ("Q_M", "--reference multisine"))
-            if key in missing
-        )  # fmt: skip
-        if mended:
-            words = ", ".join(called(row) for row in conditions_of(gains.result) if row.name in missing)
-            found.append(
-                Step(
-                    f"Ask for gains whose guarantee holds ({words})", f"eaid tune-rc {name} {mended} -o {given} --force"
-                )
-            )
-        if not any(one.result.head.scenario == "multisine" for one in results.replays):
-            line = f"eaid simulate {name} --gains {given} --scenario multisine -o multisine.h5"
-            found.append(Step("Try the controllers on the fitted model", line))
-    found.append(Step("Record what narrows the intervals most", f"eaid plan {name} -o plan.csv"))
-    if gains is not None and not stopped:
-        found.append(Step("Take the controllers to the rig", f"eaid export {shlex.quote(gains.path)} --as c -o rig"))
-    return tuple(found[:3])

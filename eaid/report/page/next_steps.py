@@ -1,0 +1,46 @@
+"""What to do next: at most three things, each with the command that does it."""
+
+import shlex
+from dataclasses import dataclass
+
+from eaid.report.page.known import Known
+from eaid.report.results import Results
+from eaid.report.tables.gains import called, conditions_of
+
+MENDED = {"rho": "--alpha reached", "phi": "--phi data", "Q_M": "--reference multisine"}
+"""Condition of the guarantee → the option by which tune-rc meets it."""
+
+
+@dataclass(frozen=True)
+class Step:
+    """One thing to do next, and the command that does it."""
+
+    why: str
+    command: str
+
+
+def next_steps(results: Results, known: Known) -> tuple[Step, ...]:
+    """At most three things to do, each with its command."""
+    clutch = next((one for one in results.fits if one.result.data.kind == "clutch"), None)
+    fit = clutch or next(iter(results.fits), None)
+    if fit is None:
+        return tuple(Step("Fit the data", f"eaid fit {shlex.quote(one.path)} -o fit.json") for one in results.data[:1])
+    name, gains = shlex.quote(fit.path), next(iter(results.gains), None)
+    stopped = any(one.severity == "stop" for one in known.of("model"))
+    found: list[Step] = []
+    if clutch is not None and gains is None and clutch.result.linear is not None and not stopped:
+        found.append(Step("Design the controllers", f"eaid tune-rc {name} -o gains.json"))
+    if gains is not None and not stopped:
+        given = shlex.quote(gains.path)
+        missing = [row for row in conditions_of(gains.result) if row.holds is False]
+        mended = " ".join(MENDED[row.name] for row in missing if row.name in MENDED)
+        if mended:
+            why = f"Ask for gains whose guarantee holds ({', '.join(called(row) for row in missing)})"
+            found.append(Step(why, f"eaid tune-rc {name} {mended} -o {given} --force"))
+        if not any(one.result.head.scenario == "multisine" for one in results.replays):
+            line = f"eaid simulate {name} --gains {given} --scenario multisine -o multisine.h5"
+            found.append(Step("Try the controllers on the fitted model", line))
+    found.append(Step("Record what narrows the intervals most", f"eaid plan {name} -o plan.csv"))
+    if gains is not None and not stopped:
+        found.append(Step("Take the controllers to the rig", f"eaid export {shlex.quote(gains.path)} --as c -o rig"))
+    return tuple(found[:3])
