@@ -36,7 +36,7 @@ def by_pandas(body: memoryview, dialect: Dialect, columns: Sequence[int], line: 
         else:
             kinds[column] = np.float64
     wanted = sorted({*columns, count - 1})
-    file = _Counted(body, (marks.delimiter or "\n").encode())
+    file: Any = _Counted(body, (marks.delimiter or "\n").encode())
     options: dict[str, Any] = {"thousands": marks.thousands} if marks.thousands else {}
     if tuple(int(part) for part in pd.__version__.split(".")[:2]) < (3, 1):
         options["float_precision"] = "round_trip"  # correctly rounded by itself from 3.1 on

@@ -15,7 +15,7 @@ import numpy as np
 
 from eaid.errors import DataError
 from eaid.logs.foreign.ask import Question, WornError
-from eaid.logs.table import Cells, Table
+from eaid.logs.table import Cells, Table, no_columns
 
 FLOOR = 512 << 20
 """Memory for any file [bytes], beyond what the process holds before it."""
@@ -73,7 +73,7 @@ class _Open:
                 _bound_memory(path.stat().st_size)
                 self._tables, self._key = reader_of(question.reader)(path, question.source), key
             if question.table is None:
-                return [replace(table, load=Cells) for table in self._tables]
+                return [replace(table, load=no_columns) for table in self._tables]
             cells = self._tables[question.table].load(question.wanted)
             return replace(cells, values=tuple(map(_numbers, cells.values)))
         except DataError as fault:

@@ -17,7 +17,7 @@ import numpy as np
 from eaid.errors import DataError
 from eaid.logs.foreign.groups import SAVE_AS, Column, grouped
 from eaid.logs.hdf import nodes
-from eaid.logs.table import BadCell, Cells, Table
+from eaid.logs.table import BadCell, Cells, Table, no_columns
 
 _NUMBERS = {"", "double", "single", "logical", *(f"{u}int{n}" for u in ("", "u") for n in (8, 16, 32, 64))}
 """Classes of MATLAB that are numbers; a file of another program says none."""
@@ -39,7 +39,7 @@ def read_schema(path: Path, source: str) -> list[Table]:
     """A table without columns for a dataset of eaid, none for any other file."""
     with h5py.File(path, "r", locking=False) as file:
         of_eaid = _text(file.attrs.get("schema", "")).startswith("eaid/data/")
-        return [Table(source, (), Cells)] if of_eaid or ("digest" in file.attrs and "runs" in file) else []
+        return [Table(source, (), no_columns)] if of_eaid or ("digest" in file.attrs and "runs" in file) else []
 
 
 def read_hdf5(path: Path, source: str) -> list[Table]:
