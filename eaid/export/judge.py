@@ -2,18 +2,17 @@
 
 from collections.abc import Iterator
 
-import numpy as np
-
-from eaid.control.margins import Feedback, Lag, is_stable, linear_lags, pi_feedback, rc_feedback
+from eaid.control.bounds import Bounds
+from eaid.control.margins import Feedback, is_stable, pi_feedback, rc_feedback
+from eaid.control.operating import Points, operating_points
 from eaid.control.timing import Timing
 from eaid.errors import GainsError
 from eaid.export.options import ExportOptions
 from eaid.export.source import Source
 from eaid.findings import Finding, finding, ranked, say, stops
-from eaid.replay.plant import plant_parameters, plant_terms
+from eaid.models.parameters import Linear
+from eaid.results.fit import Fit
 
-POINTS = 10
-"""Duties around which stability is checked."""
 OF_THE_PLANT = ("data", "nonlinear", "release", "logs")
 """Subjects of a fit's findings that concern its plant."""
 
@@ -105,21 +104,12 @@ def _feedback(source: Source, law: str, torque: float, duty: float) -> Feedback:
     return rc_feedback(source.rc, torque, duty)
 
 
-def _points(source: Source) -> list[tuple[float, float, tuple[Lag, ...]]]:
+def _points(source: Source) -> Points:
     """Duty, torque and lags around it."""
-    if source.plant is not None:
-        plant = plant_parameters(source.plant)
-        found: list[tuple[float, float, tuple[Lag, ...]]] = []
-        for duty in np.linspace(max(plant.u_low, 1e-3 * plant.u_high), plant.u_high, POINTS).tolist():
-            tau1, tau2, torque = plant_terms(plant, duty)
-            slope = plant.Ts_1 + duty * (2 * plant.Ts_2 + duty * 3 * plant.Ts_3)
-            found.append((duty, torque, ((plant.C * slope, tau1), ((1 - plant.C) * slope, tau2))))
-        return found
-    if source.linear is not None:
-        a0, b0, c0 = source.linear
-        duty = sum(source.limits) / 2
-        return [(duty, (b0 * duty + c0) / a0, linear_lags(b0, a0))]
-    return []
+    if source.plant is None and source.linear is None:
+        return []
+    linear = Linear(*(source.linear or (1.0, 1.0, 0.0)))  # not looked at where there is a plant
+    return operating_points(Fit(), linear, source.plant, Bounds("", (), 1.0, 1.0, ()), source.limits)
 
 
 def _plant(source: Source, laws: tuple[str, ...]) -> Iterator[Finding]:
