@@ -8,6 +8,8 @@ from eaid.coupling.sampled import Limb
 from eaid.errors import UsageError, unknown
 from eaid.limits import check_all
 
+MOST_DELAY = 100
+"""Each sample of delay is a state of the loop's linear map."""
 MOST_PLANTS = 10_000
 """Each is looked at with every loop and torque."""
 
@@ -59,6 +61,8 @@ class CoupleOptions:
         }, plants=self.plants or None)  # fmt: skip
         if self.plants > MOST_PLANTS:
             raise UsageError(f"«plants» {self.plants}: give a whole number from 0 to {MOST_PLANTS}")
+        if self.delay_samples > MOST_DELAY:
+            raise UsageError(f"«delay_samples» {self.delay_samples}: give a whole number from 0 to {MOST_DELAY}")
         for torque in self.torques:
             check_all(torque=torque)
         if self.plants == 0 and self.limb_spread != CoupleOptions.limb_spread:

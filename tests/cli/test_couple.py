@@ -50,6 +50,7 @@ def test_json_is_the_file(folder: Path, capsys: pytest.CaptureFixture[str]):
         (("--torque", "99"), 2, "--torque 99: the fitted plant holds"),
         (("--limb-damping", "0"), 2, "--limb-damping 0: must be above 0"),
         (("--wall", "-1"), 2, "--wall -1: give a number above 0"),
+        (("--delay-samples", "101"), 2, "--delay-samples 101: give a whole number from 0 to 100"),
         (("--loops", "pid"), 2, "--loops pid: must be one of"),
         (("--torque", "one"), 2, "--torque one: write numbers with commas"),
     ],
