@@ -16,10 +16,9 @@ from eaid.results.friction import Friction
 from eaid.results.linear import Linear, PooledIntervals
 from eaid.results.nonlinear import Estimate
 from eaid.uncertainty.level_statistics import LevelStatistics
-from eaid.uncertainty.levels import LevelEstimate, log_jacobian
+from eaid.uncertainty.levels import CURVES, NAMES, LevelEstimate, log_jacobian
 from eaid.uncertainty.student_t import t_quantile
 
-PARAMETERS = ("Ts", "tau1", "tau2", "C")
 ALIKE = 0.3
 """Scatter between runs counts as seen where it is more than this part of a level's variance."""
 
@@ -66,7 +65,7 @@ def level_findings(stats: LevelStatistics, subject: str, unit: str, output_unit:
     if met:
         taus = tuple(float(f"{one.curve.tau1:.3g}") for one in met)
         found.append(finding("taus-meet", subject, [one.level for one in met], taus_s=taus, unit=unit))
-    for name in PARAMETERS[: stats.variance.shape[1]]:
+    for name in NAMES[: stats.variance.shape[1]]:
         held = [one.level for one in stats.estimates if name in one.constrained and not (_met(one) and name in TAUS)]
         if held:
             found.append(finding("parameter-constrained", subject, held, parameter=name, unit=unit))
@@ -154,7 +153,7 @@ def nonlinear_verdict(
         reasons.append(finding("one-level-nonlinear", "nonlinear", [stats.levels[0].level]))
     elif count < 4:
         found.append(finding("few-levels-for-polynomials", "nonlinear", count=count))
-    for k, name in enumerate(("Ts", "tau1", "tau2")):
+    for k, name in enumerate(CURVES):
         open_at = [level.level for level, known in zip(stats.levels, stats.determined[:, k], strict=True) if not known]
         if 2 * len(open_at) > count:
             reasons.append(finding("parameter-open-at-most-levels", "nonlinear", open_at, **_why(stats, open_at, name)))
@@ -195,11 +194,11 @@ def scatter_findings(stats: LevelStatistics) -> list[Finding]:
     assert stats.scatter is not None
     found, scatter = [], stats.scatter
     if stats.swept:
-        shifted = tuple(n for n, c in zip(PARAMETERS, scatter.common, strict=False) if c > 0)
+        shifted = tuple(n for n, c in zip(NAMES, scatter.common, strict=False) if c > 0)
         runs = sum(one.runs.repeats for one in stats.estimates)
         sweeps = int(scatter.common_degrees + 1)
         found.append(finding("recorded-as-sweeps", "data", sweeps=sweeps, parameters=shifted, runs=runs))
-    for name, jump, a, v in zip(PARAMETERS, scatter.jumps, scatter.between, scatter.pooled.T, strict=False):
+    for name, jump, a, v in zip(NAMES, scatter.jumps, scatter.between, scatter.pooled.T, strict=False):
         # else it is noise, not scatter
         if jump is not None and a > ALIKE * np.median(v) * stats.estimates[0].runs.repeats:
             around = [stats.levels[jump.place + i].level for i in (0, 1)]

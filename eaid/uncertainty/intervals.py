@@ -29,7 +29,7 @@ from eaid.uncertainty.bootstrap import Draws, bootstrap
 from eaid.uncertainty.estimators import believed
 from eaid.uncertainty.identifiability import friction_verdict, linear_verdict, scatter_findings
 from eaid.uncertainty.level_statistics import LevelStatistics, level_statistics, pooled_statistics, statistics_at_share
-from eaid.uncertainty.levels import share_sensitivity
+from eaid.uncertainty.levels import NAMES, share_sensitivity
 from eaid.uncertainty.noise import idle_of, noise_of
 from eaid.uncertainty.profile import profiled
 from eaid.uncertainty.share import Share, share_findings, share_of, share_part
@@ -216,7 +216,7 @@ def _summary(
         degrees_of_freedom=stats.total_degrees,
         run_to_run_pct={
             name: 100 * float(np.sqrt(a)) if np.isfinite(a) else None
-            for name, a in zip(("Ts", "tau1", "tau2", "C"), stats.between, strict=False)
+            for name, a in zip(NAMES, stats.between, strict=False)
         },
         noise=noise_of(stats, idle),
         draws=options.draws if options.ci == "bootstrap" else None,

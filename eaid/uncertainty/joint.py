@@ -17,7 +17,7 @@ from eaid.models.parameters import Nonlinear
 from eaid.results.nonlinear import Disagreement
 from eaid.steps.stepset import Level
 from eaid.uncertainty.curve import powers
-from eaid.uncertainty.levels import log_jacobian
+from eaid.uncertainty.levels import CURVES, log_jacobian
 from eaid.uncertainty.student_t import Degrees, t_quantile
 
 ACTIVE = 1e-7
@@ -109,7 +109,7 @@ def chain(c: Coefficients, duty_pct: float) -> Array:
     """D = ∂(log T_s, log τ1, log τ2[, logit C])/∂coefficients at one duty, shape (3 or 4, P)."""
     D = np.zeros((4 if c.share_free else 3, len(c.values)))
     duty = np.array([duty_pct])
-    for row, name in enumerate(("Ts", "tau1", "tau2")):
+    for row, name in enumerate(CURVES):
         own = c.block(name)
         D[row, own] = powers(duty, own.stop - own.start)[0] / max(float(c.at(name, duty)[0]), 1e-12)
     if c.share_free:
@@ -192,7 +192,7 @@ def curves_apart(
 ) -> tuple[Disagreement, ...]:
     """Parameters whose two curves part by more than either's interval, or the `other`'s alone; the worst level each."""
     found = []
-    for name in ("Ts", "tau1", "tau2"):
+    for name in CURVES:
         first, second = one.at(name, duty_pct), other.at(name, duty_pct)
         reaches = [t_quantile(np.asarray(degrees[name])) * c.log_sd(name, duty_pct) for c in (one, other)]
         with np.errstate(divide="ignore", invalid="ignore"):

@@ -18,6 +18,7 @@ from eaid.results.friction import FrictionLevel
 from eaid.steps.stepset import Level
 from eaid.uncertainty.curve import Curve, at_levels, curve_of_single_runs, curve_with_repeats
 from eaid.uncertainty.levels import (
+    CURVES,
     UNDETERMINED,
     LevelEstimate,
     constrained_parameters,
@@ -174,7 +175,7 @@ def pooled_statistics(levels: Sequence[Level], found: Sequence[LevelEstimate]) -
         between = scatter.between
     else:
         seen = counted & ((np.arange(theta.shape[1]) != 2) | (np.exp(theta[:, 2]) <= records)[:, None])
-        for k, name in enumerate(("Ts", "tau1", "tau2")):
+        for k, name in enumerate(CURVES):
             row = seen[:, k]
             if row.sum() - TERMS[name] >= SPARE_LEVELS:
                 curve = curve_of_single_runs(duty[row], theta[row, k], within[row, k], TERMS[name])
@@ -217,7 +218,7 @@ def _determined(found: Sequence[LevelEstimate], counted: Mask, variance: Array, 
 def curves(stats: LevelStatistics) -> dict[str, Curve]:
     """Polynomials of T_s, τ1, τ2 through the logarithms of the levels that determine them; none where none do."""
     result = {}
-    for k, name in enumerate(("Ts", "tau1", "tau2")):
+    for k, name in enumerate(CURVES):
         row = stats.determined[:, k]
         if not row.any():
             continue
@@ -242,6 +243,6 @@ def curve_degrees(stats: LevelStatistics, curve: Curve, name: str) -> Array:
     degrees = curve.degrees_at(stats.duty_pct)
     if stats.scatter is None or not stats.swept:
         return degrees
-    common = float(stats.scatter.common[("Ts", "tau1", "tau2").index(name)])
+    common = float(stats.scatter.common[CURVES.index(name)])
     own = curve.log_sd(stats.duty_pct) ** 2
     return satterthwaite((own, common), (degrees, stats.scatter.common_degrees))

@@ -17,6 +17,8 @@ from eaid.uncertainty.scatter import Mask, PooledScatter, pooled_scatter
 
 NAMES = ("Ts", "tau1", "tau2", "C")
 """Parameters of one level, in the order of every array here; C only where it was free."""
+CURVES = NAMES[:3]
+"""Those that are curves over the duty."""
 MEETING = 1e-4
 """A limit this close holds a parameter; τ1 and τ2 this close are one."""
 WIDE = 0.30

@@ -19,7 +19,7 @@ from eaid.results import uncertainty as results
 from eaid.results.fit import Fit
 from eaid.steps.stepset import RunRecord
 from eaid.uncertainty.level_statistics import LevelStatistics
-from eaid.uncertainty.levels import log_jacobian
+from eaid.uncertainty.levels import CURVES, log_jacobian
 from eaid.uncertainty.periodic import Periodic, periodic_part
 
 
@@ -108,9 +108,7 @@ def _densities(units: Array, variance: Array, sensor: float | None) -> tuple[flo
 
 
 def _part(noise: Noise) -> results.Noise:
-    return results.Noise(
-        noise.sensor_nm2_s, noise.ripple_s, dict(zip(("Ts", "tau1", "tau2"), noise.scatter, strict=True))
-    )
+    return results.Noise(noise.sensor_nm2_s, noise.ripple_s, dict(zip(CURVES, noise.scatter, strict=True)))
 
 
 def noise_of_fit(fit: Fit, apart: bool = False) -> Noise | None:

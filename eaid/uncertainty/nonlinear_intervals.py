@@ -36,6 +36,7 @@ from eaid.uncertainty.joint import (
     with_joint_covariance,
 )
 from eaid.uncertainty.level_statistics import LevelStatistics, curve_degrees, curves
+from eaid.uncertainty.levels import CURVES
 from eaid.uncertainty.student_t import Degrees, middle, t_quantile
 from eaid.uncertainty.twostage import two_stage
 from eaid.uncertainty.weightings import weights_array
@@ -140,7 +141,7 @@ def level_curves(
     duty = np.array([level.level for level in levels])
     values: dict[str, list[float]] = {}
     ends: dict[str, list[Interval]] = {}
-    for name in ("Ts", "tau1", "tau2"):
+    for name in CURVES:
         at, sd = c.at(name, duty), c.log_sd(name, duty)
         if other is not None:
             apart = np.log(np.maximum(at, 1e-300) / np.maximum(other.at(name, duty), 1e-12))

@@ -14,6 +14,7 @@ from eaid.models.parameters import Friction
 from eaid.results.uncertainty import OrderScore
 from eaid.uncertainty.curve import Curve, curve_with_repeats
 from eaid.uncertainty.level_statistics import TERMS, LevelStatistics
+from eaid.uncertainty.levels import CURVES
 
 ORDERS = (1, 2, 3, 4)
 BETTER = 4.0
@@ -23,7 +24,7 @@ BETTER = 4.0
 def orders_of(base: LevelStatistics) -> tuple[OrderScore, ...]:
     """Every order that the levels can be held against, for each parameter."""
     rows = []
-    for k, name in enumerate(("Ts", "tau1", "tau2")):
+    for k, name in enumerate(CURVES):
         row = base.determined[:, k]
         duty, theta, variance = base.duty_pct[row], base.log_theta[row, k], base.expected[row, k]
         for order in ORDERS:
@@ -50,7 +51,7 @@ def leave_one_level_out(base: LevelStatistics) -> float | None:
     """RMS torque error of inner levels that the curves of all others predict [output unit]."""
     inner = slice(1, -1)
     values = []
-    for k, name in enumerate(("Ts", "tau1", "tau2")):
+    for k, name in enumerate(CURVES):
         row = base.determined[:, k]
         count = int(row.sum())
         if count < 3:
