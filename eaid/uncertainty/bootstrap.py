@@ -5,8 +5,10 @@ Resampling R runs with replacement shows (R − 1)/R of their variance; the devi
 its own, so the number of processes changes nothing.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass, replace
+from typing import TypeAlias
 
 import numpy as np
 
@@ -28,6 +30,9 @@ from eaid.uncertainty.weightings import weights_array
 
 BLOCK_S = 2.0
 """Blocks of a single run [s]: the longest memory that the Bartlett windows allow for."""
+
+_Refit: TypeAlias = tuple[Array, Array, Array, Array]
+"""log θ of the levels (L, k), the joint coefficients, (a0, b0, c0), and (log a0, log gain, log a0 gain) (L, 3)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,17 +76,15 @@ def bootstrap(
         seed,
     )
     found = []
-    if workers > 1:
-        from concurrent.futures import ProcessPoolExecutor
+    with ExitStack() as stack:
+        refits: Iterable[_Refit] = (_refit(job, i) for i in range(draws))
+        if workers > 1:
+            from concurrent.futures import ProcessPoolExecutor
 
-        with ProcessPoolExecutor(workers, initializer=_begin, initargs=(job,)) as pool:
-            for one in pool.map(_of_pool, range(draws), chunksize=8):
-                found.append(one)
-                if advance:
-                    advance()
-    else:
-        for i in range(draws):
-            found.append(_refit(job, i))
+            pool = stack.enter_context(ProcessPoolExecutor(workers, initializer=_begin, initargs=(job,)))
+            refits = pool.map(_of_pool, range(draws), chunksize=8)
+        for one in refits:
+            found.append(one)
             if advance:
                 advance()
     theta = np.array([one[0] for one in found])
@@ -130,7 +133,7 @@ def _begin(job: _Job) -> None:
     _job[:] = [job]
 
 
-def _of_pool(i: int) -> tuple[Array, Array, Array, Array]:
+def _of_pool(i: int) -> _Refit:
     return _refit(_job[0], i)
 
 
@@ -157,7 +160,7 @@ def resampled_blocks(level: Level, fitted_nm: Array, random: "np.random.Generato
     return np.asarray(fitted_nm + left[((starts[:, None] + np.arange(length)) % n).ravel()[:n]])
 
 
-def _refit(job: _Job, i: int) -> tuple[Array, Array, Array, Array]:
+def _refit(job: _Job, i: int) -> _Refit:
     random = np.random.default_rng([job.seed, i])
     base = job.data.points
     y = np.zeros_like(base.y)
