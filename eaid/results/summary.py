@@ -34,7 +34,7 @@ def fit_summary(fit: "Fit", findings: int = 3) -> list[str]:
     made = ", synthetic" if data.synthetic else ""
     lines = [f"{data.kind}: {span(data.levels, data.input_unit)}; {counted(runs, 'run')}{made}"]
     lines.append(f"fit    {_fit_pct(fit)}")
-    asked = _steps_of_other_shapes(fit)
+    asked = steps_of_other_shapes(fit)
     if asked:
         lines += _step_rows(asked, data.output_unit)
         if fit.nonlinear is not None:
@@ -59,7 +59,7 @@ def _level_rows(levels: "Sequence[CurveLevel | FrictionLevel]", input_unit: str,
     return _lines(heading, [[f"{row.level:.4g}", *(_value(row, name) for name in SYMBOLS)] for row in _three(levels)])
 
 
-def _steps_of_other_shapes(fit: "Fit") -> "list[StepShape]":
+def steps_of_other_shapes(fit: "Fit") -> "list[StepShape]":
     """The single steps, where no level is fitted, or where most of them ask for another shape than the paper's."""
     asking = sum(any(one.code == "other-shape-fits-better" for one in step.findings) for step in fit.steps)
     alone = not believed_levels(fit)
@@ -71,12 +71,13 @@ def _step_rows(steps: "Sequence[StepShape]", output_unit: str) -> list[str]:
     heading = ["step", f"change [{output_unit or 'unit unknown'}]", "τ1 [s]", "τ2 [s]", "dead time [s]", "fit [%]"]
     rows = [
         [
-            f"{one.from_:.4g} → {one.level:.4g}", f"{one.change:.3g}", f"{one.tau1:.3g}",
-            "–" if one.tau2 is None else f"{one.tau2:.3g}", f"{one.dead_time_s:.3g}",
+            f"{one.from_:.4g} → {one.level:.4g}",
+            *("–" if getattr(one, name) is None else _with_interval(one, name) for name in ("change", "tau1", "tau2")),
+            f"{one.dead_time_s:.3g}",
             "–" if one.fit_pct is None else f"{one.fit_pct:.1f}",
         ]
         for one in _three(steps)
-    ]  # fmt: skip
+    ]
     return _lines(heading, rows)
 
 
@@ -126,4 +127,9 @@ def _value(row: "CurveLevel | FrictionLevel", name: str) -> str:
         return "not known"
     if ends is None and name != "Ts" and value > ENDLESS_S:
         return "not estimable"
-    return f"{value:.3g} ({ends[0]:.3g} … {ends[1]:.3g})" if ends is not None else f"{value:.3g} (not estimable)"
+    return f"{value:.3g} (not estimable)" if ends is None else _with_interval(row, name)
+
+
+def _with_interval(row: "CurveLevel | FrictionLevel | StepShape", name: str) -> str:
+    value, ends = getattr(row, name), getattr(row.ci95, name)
+    return f"{value:.3g}" if ends is None else f"{value:.3g} ({ends[0]:.3g} … {ends[1]:.3g})"

@@ -20,7 +20,7 @@ from eaid.results.fit import Fit
 from eaid.results.friction import FrictionLevel
 from eaid.results.gains import Gains
 from eaid.results.nonlinear import CurveLevel
-from eaid.results.summary import believed_levels
+from eaid.results.summary import believed_levels, steps_of_other_shapes
 from eaid.shown import counted
 
 GRADES = {"stop": "bad", "caution": "care", "note": "good"}
@@ -193,16 +193,21 @@ def tiles(results: Results) -> tuple[Tile, ...]:
 def _values(fit: Fit | None) -> list[Tile]:
     words = {"Ts": ("T_s", "steady output"), "tau1": ("τ1", "fast time constant"), "tau2": ("τ2", "slow time constant")}
     rows: Sequence[CurveLevel | FrictionLevel] = believed_levels(fit) if fit is not None else ()
-    if fit is None or not rows:
+    steps = steps_of_other_shapes(fit) if fit is not None else []
+    if fit is None or not (rows or steps):
         return [Tile(label, "–", meaning) for label, meaning in words.values()]
-    top = max(rows, key=lambda row: row.level)
+    level = max(row.level for row in steps or rows)
+    top = next(row for row in steps or rows if row.level == level)
     found = []
     for name, (label, meaning) in words.items():
         unit = fit.data.output_unit if name == "Ts" else "s"
-        ends = getattr(top.ci95, name) if top.ci95 is not None else None
+        key = "change" if steps and name == "Ts" else name
+        ends, value = (getattr(one, key) if one is not None else None for one in (top.ci95, top))
+        if steps and name == "tau1" and steps[0].dead_time_s:
+            meaning += f", behind a dead time of {number(steps[0].dead_time_s, 3)} s"
         note = f"{interval(ends)}, 95 %; {meaning}" if ends is not None else f"{meaning}; no interval"
-        at = level_text(top.level, fit.data.input_unit)
-        found.append(Tile(f"{label} at {at}", f"{number(getattr(top, name), 3)} {unit}", note))
+        at = level_text(level, fit.data.input_unit)
+        found.append(Tile(f"{label} at {at}", "–" if value is None else f"{number(value, 3)} {unit}", note))
     return found
 
 
