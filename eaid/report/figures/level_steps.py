@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 
 from eaid.report import style
 from eaid.report.figures.steps import MODEL, fine_times, label_ends, some_levels
-from eaid.report.figures.values import axis_label
+from eaid.report.figures.values import axis_label, points
 from eaid.report.rig import over
 from eaid.report.thin import thinned
 from eaid.results.steps import StepShape
@@ -57,18 +57,23 @@ EDGES = (("up", "^", style.BLUE), ("down", "v", style.VERMILLION))
 
 
 def over_level(shapes: Sequence[StepShape], units: tuple[str, str]) -> Figure:
-    """(a) gain Δy/Δu, (b) τ1 and (c) τ2 of each step over the level that it goes to, up and down apart."""
-    figure, axes = style.page(2.5, 1, 3)
+    """Gain Δy/Δu, τ1 and τ2, where there is one, of each step over the level that it goes to, up and down apart."""
     unit = f"{units[1] or 'output'}/{units[0] or 'input'}"
     labels = {"gain": f"Gain ({unit})", "tau1": axis_label("tau1", "s"), "tau2": axis_label("tau2", "s")}
-    for mark, (name, label), panel in zip("abc", labels.items(), axes, strict=True):
+    drawn = [name for name in labels if any(getattr(one, name) is not None for one in shapes)]
+    figure, axes = style.page(2.5, 1, len(drawn))
+    for mark, name, panel in zip("abc", drawn, axes, strict=False):
         for edge, marker, colour in EDGES:
-            rows = [one for one in shapes if one.edge == edge]
-            values = np.array([getattr(one, name) for one in rows], dtype=float)
-            panel.plot([one.level for one in rows], values, marker, color=colour, label=edge, markersize=5, alpha=0.8)
-        panel.set(xlabel=over(units[0]), ylabel=label)
-        if panel.get_ylim()[0] > 0:
-            panel.set_ylim(0, None)
+            rows = [one for one in shapes if one.edge == edge and getattr(one, name) is not None]
+            if rows:
+                values = np.array([getattr(one, name) for one in rows], dtype=float)
+                ends = [getattr(one.ci95, name) for one in rows]
+                look = {"fmt": marker, "color": colour, "label": edge, "markersize": 5, "alpha": 0.8}
+                points(panel, [one.level for one in rows], values, ends, **look)
+        panel.set(xlabel=over(units[0]), ylabel=labels[name])
+        low, high = panel.get_ylim()
+        if low > 0:
+            panel.set_ylim(0, 1.08 * high)
         style.letter(panel, mark)
     style.legend_over(figure, axes[0])
     return figure

@@ -48,6 +48,6 @@ def sentence(one: Finding, of_data: bool = False) -> str:
     said = on_command_line(say(one)).rstrip(".")
     about = f"{MODELS[one.subject]}: " if one.subject in MODELS else ""
     if of_data and one.subject != "data" and one.subject not in said:
-        about = f"{one.subject}: "  # a run
+        return f"{one.subject}: {said}."  # a run, by its name
     text = f"{about}{said}"
     return f"{text[:1].upper() if text[:1] not in 'τφρα' else text[:1]}{text[1:]}."
