@@ -13,7 +13,7 @@ import pandas as pd
 from benchmarks.table import Row, paired_medians
 from eaid.files import sha256_of
 from eaid.logs.read import read_runs
-from eaid.steps.build import StepOptions, cut_runs
+from eaid.steps.cut_runs import StepOptions, cut_runs
 
 FILES, ROWS = 30, 40_000
 

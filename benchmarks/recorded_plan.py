@@ -18,7 +18,8 @@ from eaid.recorded.design import plan_excitation
 from eaid.recorded.fit import fit_recorded
 from eaid.recorded.options import RecordedOptions
 from eaid.recorded.sequence import Limits
-from eaid.steps.build import StepOptions, build_stepset
+from eaid.steps.build import build_stepset
+from eaid.steps.cut_runs import StepOptions
 from eaid.synth.disturbance import NONE
 from eaid.synth.logs import Protocol, synthesise
 from eaid.synth.planned import recording

@@ -21,7 +21,8 @@ from eaid.logs.run import Kind, Run
 from eaid.logs.together import columns_told
 from eaid.progress import Progress, no_progress
 from eaid.steps.baseline import baseline_rule
-from eaid.steps.build import StepOptions, cut_runs, settled_steps, stepset_of
+from eaid.steps.build import stepset_of
+from eaid.steps.cut_runs import StepOptions, cut_runs, settled_steps
 from eaid.steps.edges import Edge, edges
 from eaid.steps.instead import looks_like
 from eaid.steps.part import has_input

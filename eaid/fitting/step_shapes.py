@@ -15,26 +15,14 @@ import numpy as np
 from eaid.arrays import Array
 from eaid.errors import UsageError
 from eaid.findings import Finding, finding
+from eaid.fitting.shape_curves import APART, MOST, SHAPES, Shape, curve, overshoots, slopes
+from eaid.fitting.shape_starts import Points, averaged, delays_of, starts_of
 from eaid.results.steps import StepShape
 from eaid.steps.noise import block_means, block_noise
 from eaid.steps.stepset import LevelStep
 
-Shape = Literal["one", "two", "free", "overshoot"]
-SHAPES: tuple[Shape, ...] = ("one", "two", "free", "overshoot")
 BETTER = 10.0
 """Difference of AICc from which a shape replaces the paper's: 150 to 1."""
-FEW = 800
-"""Points to which a record is averaged for the choice of a shape; the chosen one is fitted to all samples."""
-GRID = 28
-STARTS = 3
-FAR = 1.0
-"""Distance in ln τ2 from which a start is another."""
-MOST = 3.0
-"""Largest C of an overshoot: beyond, two nearly equal parts of opposite sign imitate other shapes."""
-APART = 2.0
-"""Least τ2/τ1 of an overshoot."""
-SEEN = 0.02
-"""Share of its peak by which an overshoot has to come down within the record."""
 WORTH = {"one": 0.05, "two": 0.05, "free": 0.15, "overshoot": 0.05}
 """Share of the RMSE that a shape has to save before it replaces a simpler one; freeing C alone is no small step."""
 MISSED = 0.1
@@ -52,52 +40,6 @@ class ShapeOptions:
     """Dead time [s]; None: free where the evidence asks for one, 0: none."""
     share: float = 0.85
     """C of the form with C held."""
-
-
-def curve(p: Array, time_s: Array) -> Array:
-    """change · s(t) of p = (change, ln τ1, ln(τ2/τ1), C, θ), shape (n,)."""
-    after = np.maximum(time_s - p[4], 0.0)
-    fast = np.exp(-after / np.exp(p[1]))
-    slow = np.exp(-after / np.exp(p[1] + p[2])) if p[3] != 1.0 else 0.0
-    return np.asarray(p[0] * (1.0 - p[3] * fast - (1.0 - p[3]) * slow))
-
-
-def slopes(p: Array, time_s: Array) -> Array:
-    """∂ curve / ∂p, shape (n, 5); where p is complex, its real part decides which samples lie behind the dead time."""
-    behind = np.real(time_s - p[4]) > 0
-    after = np.where(behind, time_s - p[4], 0.0)
-    tau1, tau2 = np.exp(p[1]), np.exp(p[1] + p[2])
-    fast, slow = np.exp(-after / tau1), np.exp(-after / tau2)
-    by_fast, by_slow = p[3] * fast * after / tau1, (1 - p[3]) * slow * after / tau2
-    by_time = np.where(behind, p[3] * fast / tau1 + (1 - p[3]) * slow / tau2, 0.0)
-    return np.stack(
-        (
-            1.0 - p[3] * fast - (1 - p[3]) * slow,
-            -p[0] * (by_fast + by_slow),
-            -p[0] * by_slow,
-            p[0] * (slow - fast),
-            -p[0] * by_time,
-        ),
-        axis=1,
-    )
-
-
-def overshoots(p: Array, window: float) -> bool:
-    """True where a curve passes its peak within the window, and is `SEEN` of its peak below it at the end."""
-    at = np.linspace(p[4], window, 400)
-    s = curve(np.array([1.0, *p[1:]]), at)
-    return bool(s.max() - s[-1] > SEEN * s.max())
-
-
-@dataclass(frozen=True, eq=False)
-class _Points:
-    """A record averaged to fewer points: finely at first, then coarser."""
-
-    time_s: Array
-    output: Array
-    weight: Array
-    within: float = 0.0
-    """Sum of squares of the samples about the means that stand for them: no shape takes it away."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,7 +71,7 @@ def fit_step(step: LevelStep, options: ShapeOptions | None = None) -> StepShape:
     """The shape of one step, with a finding where it explains little."""
     options = options or ShapeOptions()
     y = step.output - step.start
-    points = _averaged(step.time_s, y)
+    points = averaged(step.time_s, y)
     tried = [one for dead in _dead(options) for one in _candidates(points, step, options, dead)]
     best = min(tried, key=lambda one: one.sse)
     left = y - curve(best.p, step.time_s)
@@ -138,7 +80,7 @@ def fit_step(step: LevelStep, options: ShapeOptions | None = None) -> StepShape:
     scores = {one.name: _aicc(one.sse + rounding, one.unknowns, count) for one in tried}
     chosen = _chosen(tried, scores)
     if len(points.time_s) < len(y):
-        chosen = _refined(chosen, _Points(step.time_s, y, np.ones(len(y))), step)
+        chosen = _refined(chosen, Points(step.time_s, y, np.ones(len(y))), step)
     return _result(step, chosen, scores, y, _plain_rmse(tried, chosen, len(y)))
 
 
@@ -148,28 +90,14 @@ def _dead(options: ShapeOptions) -> tuple[bool, ...]:
     return (options.dead_time_s > 0,)
 
 
-def _averaged(time_s: Array, y: Array) -> _Points:
-    count = len(y)
-    if count <= FEW:
-        return _Points(time_s, y, np.ones(count))
-    edges = np.unique(np.round(np.geomspace(1, count, FEW)).astype(np.intp)) - 1
-    fine = np.linspace(0, count, FEW // 2).astype(np.intp)
-    edges = np.unique(np.concatenate((edges, fine[:-1], [0])))
-    edges = edges[edges < count]
-    weight = np.diff(np.append(edges, count)).astype(np.float64)
-    means = np.add.reduceat(y, edges) / weight
-    within = max(0.0, float(y @ y - weight @ means**2))
-    return _Points(np.add.reduceat(time_s, edges) / weight, means, weight, within)
-
-
-def _candidates(points: _Points, step: LevelStep, options: ShapeOptions, dead: bool) -> list[_Candidate]:
+def _candidates(points: Points, step: LevelStep, options: ShapeOptions, dead: bool) -> list[_Candidate]:
     """Every shape asked for, fitted from the best places of a grid."""
     wanted = SHAPES if options.shape == "auto" else (options.shape,)
     window = float(step.time_s[-1])
     given = options.dead_time_s
-    delays = [given or 0.0] if given is not None or not dead else _delays(points, window)
+    delays = [given or 0.0] if given is not None or not dead else delays_of(points, window)
     found = []
-    for shape, starts in _starts(points, window, delays, options.share, wanted).items():
+    for shape, starts in starts_of(points, window, delays, options.share, wanted).items():
         free = [0, 1] + ([2] if shape != "one" else []) + ([3] if shape in ("free", "overshoot") else [])
         free += [4] if dead and given is None else []
         fits = [_fitted(points, start, shape, free, window) for start in starts]
@@ -181,66 +109,8 @@ def _candidates(points: _Points, step: LevelStep, options: ShapeOptions, dead: b
     return found
 
 
-def _delays(points: _Points, window: float) -> list[float]:
-    """Dead times to start from: shares of the time to half of the change."""
-    half = np.flatnonzero(np.abs(points.output) >= 0.5 * np.abs(points.output[-1]))
-    until = float(points.time_s[half[0]]) if len(half) else window / 4
-    return [until * share for share in (0.02, 0.1, 0.25, 0.5, 0.75, 0.95)]
-
-
-def _starts(
-    points: _Points, window: float, delays: Sequence[float], share: float, wanted: Sequence[Shape]
-) -> dict[Shape, list[Array]]:
-    """The best places on a grid of time constants and dead times, for each shape; amplitudes are linear there."""
-    stride = max(1, len(points.time_s) // 300)
-    t, y, w = points.time_s[::stride], points.output[::stride], points.weight[::stride]
-    shortest = max(window / 3000, float(np.diff(points.time_s[: max(2, len(t))]).min()) / 3)
-    tau = np.geomspace(shortest, 5 * window, GRID)
-    i, j = np.triu_indices(GRID, 1)
-    total = float(w @ y**2)
-    places: dict[Shape, list[tuple[float, Array]]] = {shape: [] for shape in wanted}
-    for delay in delays:
-        rises = -np.expm1(-np.maximum(t - delay, 0.0) / tau[:, np.newaxis])
-        gram, right = (rises * w) @ rises.T, rises @ (w * y)
-        one = np.diag(gram)
-        for shape in wanted:
-            if shape == "one":
-                ok = one > 0
-                change = np.where(ok, right / np.where(ok, one, 1.0), 0.0)
-                cost = total - change * right
-                k = cost.argsort()[:1]
-                places[shape] += [(float(cost[m]), np.array([change[m], np.log(tau[m]), 1.0, 1.0, delay])) for m in k]
-                continue
-            if shape == "two":
-                size = share**2 * one[i] + 2 * share * (1 - share) * gram[i, j] + (1 - share) ** 2 * one[j]
-                along = share * right[i] + (1 - share) * right[j]
-                change = along / np.maximum(size, 1e-300)
-                cost, C = total - change * along, np.full(len(i), share)
-            else:
-                det = np.maximum(one[i] * one[j] - gram[i, j] ** 2, 1e-12 * one[i] * one[j])
-                a = (one[j] * right[i] - gram[i, j] * right[j]) / det
-                b = (one[i] * right[j] - gram[i, j] * right[i]) / det
-                change = a + b
-                C = a / np.where(change == 0, 1.0, change)
-                cost = total - a * right[i] - b * right[j]
-                inside = (C > 0) & (C < 1) if shape == "free" else (C > 1) & (C < MOST) & (tau[j] > APART * tau[i])
-                cost = np.where(inside, cost, np.inf)
-            for m in _apart(cost, np.log(tau[j])):
-                if np.isfinite(cost[m]):
-                    start = np.array([change[m], np.log(tau[i[m]]), np.log(tau[j[m]] / tau[i[m]]), C[m], delay])
-                    places[shape].append((float(cost[m]), start))
-    return {shape: [p for _, p in sorted(some, key=lambda one: one[0])[:STARTS]] for shape, some in places.items()}
-
-
-def _apart(cost: Array, slow: Array) -> list[int]:
-    """The best place, and the best of those whose ln τ2 is far from it, on either side: a grid is coarse for τ1."""
-    best = int(cost.argmin())
-    far = [np.where(side * (slow - slow[best]) > FAR, cost, np.inf) for side in (1, -1)]
-    return [best, *(int(one.argmin()) for one in far if np.isfinite(one.min(initial=np.inf)))]
-
-
 def _fitted(
-    points: _Points, start: Array, shape: Shape, free: list[int], window: float, tied: bool = False
+    points: Points, start: Array, shape: Shape, free: list[int], window: float, tied: bool = False
 ) -> tuple[Array, float]:
     """Least squares from one start by SciPy's trust region, with exact slopes, within bounds.
 
@@ -284,7 +154,7 @@ def _fitted(
     return p, 2 * float(found.cost) * size**2
 
 
-def _refined(one: _Candidate, points: _Points, step: LevelStep) -> _Candidate:
+def _refined(one: _Candidate, points: Points, step: LevelStep) -> _Candidate:
     free = [0, 1] + ([2] if one.shape != "one" else []) + ([3] if one.shape in ("free", "overshoot") else [])
     free += [4] if one.unknowns > len(free) + 1 else []
     p, sse = _fitted(points, one.p, one.shape, free, float(step.time_s[-1]))

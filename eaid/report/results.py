@@ -25,7 +25,8 @@ from eaid.results.coupling import Coupling
 from eaid.results.fit import Fit
 from eaid.results.gains import Gains
 from eaid.results.replay import Replay
-from eaid.steps.build import StepOptions, build_stepset
+from eaid.steps.build import build_stepset
+from eaid.steps.cut_runs import StepOptions
 from eaid.steps.stepset import StepSet
 
 SCENARIOS = ("steps", "multisine", "sweep", "ramp", "reference", "log", "rehab")

@@ -1,135 +1,32 @@
 """Runs → the step set that is fitted: cut, sorted by level, repeats averaged, with findings on what is doubtful."""
 
-from collections import Counter, defaultdict
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from eaid.apparatus import Apparatus
-from eaid.arrays import median, read_only
+from eaid.arrays import median
 from eaid.errors import DataError
-from eaid.findings import Finding, finding, stops
+from eaid.findings import Finding, finding
 from eaid.logs.run import Kind, Run
 from eaid.steps.average import common
-from eaid.steps.baseline import BaselineRule
 from eaid.steps.ceiling import same_ceiling
 from eaid.steps.clock import Clocks
-from eaid.steps.cut import AUTO, cut
+from eaid.steps.cut_runs import NOTHING_SAID, StepOptions, cut_runs
 from eaid.steps.direction import Direction, direction
 from eaid.steps.doubts import disagreement, doubts
 from eaid.steps.idle_noise import idle_density
 from eaid.steps.level_steps import level_steps
 from eaid.steps.levels import grouped, same_level, wanted_levels
 from eaid.steps.part import has_input
-from eaid.steps.plateaus import FEWEST, tolerance
+from eaid.steps.plateaus import tolerance
 from eaid.steps.slip import slip_of_step
 from eaid.steps.step import Step, left_pct, lost_pct
-from eaid.steps.stepset import Level, LevelStep, RunRecord, StepSet
+from eaid.steps.stepset import Level, RunRecord, StepSet
 
-MOST_SETTLED = 60
-"""Steps up to which a log that is fitted as it was recorded has each step fitted by itself, too."""
 DISAGREE = 0.10
 """Repeats whose torque at the end differs by more than this share are told."""
-
-
-@dataclass(frozen=True)
-class StepOptions:
-    """Settings of `build_stepset`."""
-
-    kind: Kind | None = None
-    levels: str | None = None
-    """`30:100` or `30,40,90`: levels to keep."""
-    baseline: BaselineRule = AUTO
-    """The value from which each step is counted."""
-    rest: float = 0.0
-    """Input at rest, in the input's unit: levels are counted from it."""
-    apparatus: Apparatus | None = None
-    """The rig; None: as the dataset says, else the paper's."""
-    keep_sign: bool = False
-    """Never turn the sign of an output that falls at its step."""
-
-
-NOTHING_SAID = StepOptions()
-
-
-def from_rest(run: Run, rest: float) -> Run:
-    """A log whose input is counted from its value at rest; a run that is cut already stays as it is."""
-    if rest == 0.0 or run.cut or not has_input(run):
-        return run
-    said = finding("counted-from-rest", run.name, rest=rest)
-    return replace(run, input=read_only(run.input - rest), findings=(*run.findings, said))
-
-
-def cut_runs(runs: Sequence[Run], options: StepOptions) -> tuple[list[Run], list[str]]:
-    """The steps of all logs, repeats counted, and the faults of those that have none."""
-    steps: list[Run] = []
-    faults: list[str] = []
-    for run in runs:
-        try:
-            found = cut(from_rest(run, options.rest), options.baseline)
-            if not run.cut:
-                found = _long_enough(found)
-            else:
-                _check_window(found[0])
-            steps.extend(found)
-        except DataError as fault:
-            faults.extend(fault.sentences)
-    return _counted(steps), faults
-
-
-def settled_steps(runs: Sequence[Run], options: StepOptions) -> tuple[LevelStep, ...]:
-    """The changes of input between settled holds in logs that are not cut otherwise; none of a log without steps."""
-    found: list[Run] = []
-    for run in runs:
-        try:
-            found += cut(from_rest(run, options.rest), options.baseline)
-        except DataError:
-            continue
-    settled = [step for step in found if _samples(step) >= FEWEST and not stops(step.findings)]
-    return level_steps(settled) if len(settled) <= MOST_SETTLED else ()
-
-
-def _samples(run: Run) -> int:
-    """Samples in the active window of a cut run: from its step to its end."""
-    return len(run.time_s) - Step(run).start
-
-
-def _check_window(run: Run) -> None:
-    count = _samples(run)
-    if count < FEWEST:
-        raise DataError(f"{run.where}: {count} samples in its window, at least {FEWEST} are needed; record it longer")
-
-
-def _long_enough(steps: list[Run]) -> list[Run]:
-    """Steps with enough samples; a short one beside good ones is left out and told, one alone refuses the log."""
-    good = [step for step in steps if _samples(step) >= FEWEST]
-    short = len(steps) - len(good)
-    if not any(step.edge == "rising" for step in good):
-        for step in steps:
-            if step.edge == "rising":
-                _check_window(step)
-    if short and good:
-        said = finding("short-pieces", good[0].name, pieces=short, fewest=FEWEST)
-        good[0] = replace(good[0], findings=(*good[0].findings, said))
-    return good
-
-
-def _counted(steps: list[Run]) -> list[Run]:
-    """Every step with a repeat number of its own level and edge, in the order given."""
-    used: defaultdict[tuple[str, float, float], set[int]] = defaultdict(set)
-    names: Counter[str] = Counter()
-    counted = []
-    for step in steps:
-        key = (step.edge, round(abs(step.level or 0.0), 6), round(step.from_level, 6))
-        repeat = step.repeat
-        if repeat is None or repeat in used[key]:
-            repeat = next(n for n in range(1, len(steps) + 2) if n not in used[key])
-        used[key].add(repeat)
-        names[step.name] += 1
-        name = step.name if names[step.name] == 1 else f"{step.name}-{names[step.name]}"
-        counted.append(replace(step, repeat=repeat, name=name))
-    return counted
 
 
 def _idle_density(step: Step) -> float | None:

@@ -15,7 +15,8 @@ import numpy as np
 
 from eaid.arrays import Array
 from eaid.findings import finding
-from eaid.fitting.step_shapes import independent, slopes
+from eaid.fitting.shape_curves import slopes
+from eaid.fitting.step_shapes import independent
 from eaid.results.common import Interval
 from eaid.results.steps import StepIntervals, StepShape
 from eaid.steps.stepset import LevelStep

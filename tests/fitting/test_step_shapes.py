@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from eaid.errors import UsageError
-from eaid.fitting.step_shapes import ShapeOptions, curve, fit_step, fit_steps, slopes
+from eaid.fitting.shape_curves import curve, slopes
+from eaid.fitting.step_shapes import ShapeOptions, fit_step, fit_steps
 from eaid.results.steps import StepShape
 from eaid.steps.stepset import LevelStep
 

@@ -21,7 +21,8 @@ from eaid.recorded.options import RecordedOptions
 from eaid.recorded.problem import Setup
 from eaid.recorded.solve import solve
 from eaid.replay.plant import plant_parameters, plant_step
-from eaid.steps.build import StepOptions, build_stepset
+from eaid.steps.build import build_stepset
+from eaid.steps.cut_runs import StepOptions
 from eaid.synth.disturbance import NONE
 from eaid.synth.excitation import Excitation, synthesise_excitation
 from eaid.synth.logs import Protocol, synthesise

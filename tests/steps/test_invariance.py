@@ -12,8 +12,9 @@ from eaid.arrays import read_only
 from eaid.errors import DataError
 from eaid.logs.run import Run
 from eaid.steps import noise
-from eaid.steps.build import StepOptions, build_stepset
+from eaid.steps.build import build_stepset
 from eaid.steps.cut import cut
+from eaid.steps.cut_runs import StepOptions
 from eaid.steps.direction import direction
 from eaid.steps.edges import edges
 from eaid.steps.noise import sample_noise, sample_steps, sampled

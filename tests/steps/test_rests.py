@@ -11,8 +11,9 @@ from eaid.arrays import read_only
 from eaid.errors import DataError, UsageError
 from eaid.logs.run import Run
 from eaid.steps.baseline import BaselineRule, Rest, baseline_rule, first_samples, last_rest
-from eaid.steps.build import StepOptions, build_stepset
+from eaid.steps.build import build_stepset
 from eaid.steps.cut import cut
+from eaid.steps.cut_runs import StepOptions
 
 sys.path.insert(0, str(Path(__file__).parent))
 from make import curve, log

@@ -11,9 +11,10 @@ from eaid.arrays import read_only
 from eaid.logs.run import Run
 from eaid.steps.average import common
 from eaid.steps.baseline import BaselineRule
-from eaid.steps.build import StepOptions, build_stepset
+from eaid.steps.build import build_stepset
 from eaid.steps.clock import clock_of, uniform_step
 from eaid.steps.cut import cut
+from eaid.steps.cut_runs import StepOptions
 from eaid.steps.direction import direction
 from eaid.steps.edges import edges, turns
 from eaid.steps.instead import several_edges

@@ -9,7 +9,8 @@ import pytest
 from eaid.errors import DataError, UsageError
 from eaid.logs.options import ReadOptions
 from eaid.logs.read import read_runs
-from eaid.steps.build import StepOptions, build_stepset
+from eaid.steps.build import build_stepset
+from eaid.steps.cut_runs import StepOptions
 from eaid.synth import datasets, plants
 from eaid.synth.disturbance import Disturbance
 from eaid.synth.folder import as_csv, write_folder

@@ -32,7 +32,8 @@ from eaid.replay.scenarios import measure
 from eaid.results.codec import to_plain
 from eaid.results.linear import Linear
 from eaid.results.replay import Exercise
-from eaid.steps.build import StepOptions, build_stepset
+from eaid.steps.build import build_stepset
+from eaid.steps.cut_runs import StepOptions
 from eaid.steps.stepset import Level, StepSet
 from eaid.synth.datasets import shipped
 from eaid.synth.plants import REFERENCE
