@@ -128,7 +128,7 @@ def target(name: str, watch: Watch) -> Callable[[bytes], None]:
 
     def tried() -> Any:
         if read is not None:
-            answer = [(table, table.load(range(len(table.columns)))) for table in _refused_or(read, path)]
+            answer = _loaded(read, path) if FORMS[name] == "text" else _refused_or(read, path)
             if name in ("text", "gzip") and next(turn) % 4 == 0:  # steps take longer to find than numbers to read
                 _to_steps(path)
             return answer
@@ -173,12 +173,17 @@ def reader(name: str) -> Callable[[Path, str], list[Any]]:
     return read_text if name == "text" else reader_of(name)
 
 
-def _refused_or(read: Callable[[Path, str], list[Any]], path: Path) -> list[Any]:
-    """Tables of a file; whatever a library raises is a refusal, as the isolated reader makes it one."""
+def _loaded(read: Callable[[Path, str], list[Any]], path: Path) -> list[tuple[Any, Any]]:
+    """Tables of a file, each with all its columns."""
+    return [(table, table.load(range(len(table.columns)))) for table in read(path, "log")]
+
+
+def _refused_or(read: Callable[[Path, str], list[Any]], path: Path) -> list[tuple[Any, Any]]:
+    """The same; whatever a library raises is a refusal, as the isolated reader makes it one."""
     from eaid.errors import DataError
 
     try:
-        return read(path, "log")
+        return _loaded(read, path)
     except Exception as fault:
         raise DataError(f"log: {fault}") from None
 
