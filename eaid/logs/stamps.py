@@ -1,4 +1,4 @@
-"""Wall-clock stamps (`2024-10-29 16:18:17.123`, `16:18:17,5`) → seconds since the first; an offset from UTC counts."""
+"""Wall-clock stamps (`2024-10-29 16:18:17.123`, `16:18:17,5`) → seconds; an offset from UTC counts."""
 
 import re
 from collections.abc import Sequence
@@ -28,7 +28,7 @@ def _is_clock(found: re.Match[str]) -> bool:
 
 
 def seconds_of(texts: Sequence[str]) -> tuple[Array, list[int]]:
-    """Seconds since the first stamp [s], shape (n,), NaN where one cannot be read; and the places of those.
+    """Seconds since the whole second of the first stamp [s], shape (n,), NaN where one cannot be read; and the places of those.
 
     A clock without a date that falls by more than half a day has passed midnight.
     """
