@@ -149,13 +149,14 @@ def _hdf5(folder: Path, t: Any, duty: Any, torque: Any) -> Iterator[bytes]:
 
 def dataset_runs() -> Sequence[Any]:
     """The runs of the first seed of `dataset`, which a reader gives back bit for bit or refuses."""
+    from eaid.findings import finding
     from eaid.logs.run import Run
 
     t, duty, torque = (values[170 : 170 + DATASET_ROWS] for values in made.step(300))
     return [
         Run(
             name=f"level-{60 + k}", time_s=t, input=duty, output=torque * (k + 1), input_unit="%", output_unit="N·m",
-            source="a.csv", sha256="0" * 64, level=60.0 + k, repeat=1, step_s=1.0, baseline=0.01, notes=("one note",),
+            source="a.csv", sha256="0" * 64, level=60.0 + k, repeat=1, step_s=1.0, baseline=0.01, findings=(finding("rows-dropped", "a", dropped=1, count=9),),
         )
         for k in range(3)
     ]  # fmt: skip
@@ -178,7 +179,7 @@ def _dataset(folder: Path, t: Any, duty: Any, torque: Any) -> Iterator[bytes]:
             if not bare:
                 file.attrs.update(kind="friction-force", input_unit="N", apparatus=json.dumps({"surfaces": 2}))
                 group.attrs.update(
-                    level=60.0, repeat=1, step_s=1.0, baseline_nm=0.0, source="a", sha256="0", notes="[]"
+                    level=60.0, repeat=1, step_s=1.0, baseline_nm=0.0, source="a", sha256="0", findings="[]"
                 )
                 group.create_dataset("reference_nm", data=torque, chunks=(16,), fletcher32=True)
         yield path.read_bytes()

@@ -28,7 +28,7 @@ def _is_clock(found: re.Match[str]) -> bool:
 
 
 def seconds_of(texts: Sequence[str]) -> tuple[Array, list[int]]:
-    """Seconds since the whole second of the first stamp [s], shape (n,), NaN where one cannot be read; and the places of those.
+    """Seconds since the whole second of the first stamp, shape (n,), and the places of those that cannot be read (NaN).
 
     A clock without a date that falls by more than half a day has passed midnight.
     """
