@@ -156,7 +156,8 @@ def dataset_runs() -> Sequence[Any]:
     return [
         Run(
             name=f"level-{60 + k}", time_s=t, input=duty, output=torque * (k + 1), input_unit="%", output_unit="N·m",
-            source="a.csv", sha256="0" * 64, level=60.0 + k, repeat=1, step_s=1.0, baseline=0.01, findings=(finding("rows-dropped", "a", dropped=1, count=9),),
+            source="a.csv", sha256="0" * 64, level=60.0 + k, repeat=1, step_s=1.0, baseline=0.01,
+            findings=(finding("rows-dropped", "a", dropped=1, count=9),),
         )
         for k in range(3)
     ]  # fmt: skip
