@@ -3,17 +3,16 @@
 A doubt that several runs share is one line, with the run that has most of it.
 """
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from eaid.cli import console
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from eaid.findings import Finding
     from eaid.logs.run import Run
     from eaid.steps.edges import Edge
-    from eaid.steps.stepset import Level, LevelStep, RunRecord, StepSet
+    from eaid.steps.stepset import Level, RunRecord, StepSet
 
 MOST = 20
 """Steps from level to level that are listed; all are in the file and in --json."""
@@ -22,57 +21,31 @@ LONGEST = 30
 """Letters of a run's name in a table."""
 
 
-def as_json(stepset: "StepSet") -> dict[str, Any]:
+def as_json(stepset: "StepSet") -> dict[str, object]:
     """The levels, runs and findings, machine-readable."""
-    import dataclasses
+    from dataclasses import asdict
 
     from eaid.results.codec import stamped
 
-    return stamped(
-        "eaid/ingest/1",
+    levels = [
+        {"level": level.level, "repeats": len(level.names), "samples": len(level.time_s), "runs": level.names}
+        for level in stepset.levels
+    ]
+    steps = [
         {
-            "kind": stepset.kind,
-            "input_unit": stepset.input_unit,
-            "output_unit": stepset.output_unit,
-            "synthetic": stepset.synthetic,
-            "apparatus": dataclasses.asdict(stepset.apparatus),
-            "levels": [
-                {"level": level.level, "repeats": len(level.names), "samples": len(level.time_s), "runs": level.names}
-                for level in stepset.levels
-            ],
-            "releases": [{"level": level.level, "repeats": len(level.names)} for level in stepset.releases],
-            "level_steps": [_step_json(step) for step in stepset.level_steps],
-            "runs": [_run_json(run) for run in stepset.runs],
-            "findings": [_finding_json(one) for one in stepset.all_findings],
-            "warnings": stepset.warnings,
-        },
-    )
-
-
-def _run_json(run: "RunRecord") -> dict[str, Any]:
-    import dataclasses
-
-    facts = {field.name: getattr(run, field.name) for field in dataclasses.fields(run)}
-    if run.slip is not None:
-        facts["slip"] = dataclasses.asdict(run.slip)
-    return {**facts, "findings": [_finding_json(one) for one in run.findings], "warnings": run.warnings}
-
-
-def _step_json(step: "LevelStep") -> dict[str, Any]:
-    return {
-        "run": step.name, "from": step.from_level, "level": step.level, "edge": step.edge, "start": step.start,
-        "change": step.change, "gain": step.gain, "window_s": float(step.time_s[-1]),
+            "run": step.name, "from": step.from_level, "level": step.level, "edge": step.edge, "start": step.start,
+            "change": step.change, "gain": step.gain, "window_s": float(step.time_s[-1]),
+        }
+        for step in stepset.level_steps
+    ]  # fmt: skip
+    content = {
+        "kind": stepset.kind, "input_unit": stepset.input_unit, "output_unit": stepset.output_unit,
+        "synthetic": stepset.synthetic, "apparatus": asdict(stepset.apparatus), "levels": levels,
+        "releases": [{"level": level.level, "repeats": len(level.names)} for level in stepset.releases],
+        "level_steps": steps, "runs": [{**asdict(run), "warnings": run.warnings} for run in stepset.runs],
+        "findings": stepset.all_findings, "warnings": stepset.warnings,
     }  # fmt: skip
-
-
-def _finding_json(one: "Finding") -> dict[str, Any]:
-    from eaid.errors import in_python
-    from eaid.findings import say
-
-    return {
-        "code": one.code, "severity": one.severity, "subject": one.subject, "levels": one.levels,
-        "values": one.values, "text": in_python(say(one)),
-    }  # fmt: skip
+    return stamped("eaid/ingest/1", content)
 
 
 def print_tables(stepset: "StepSet") -> None:

@@ -31,7 +31,7 @@ def levels(fit: Fit, steps: StepSet) -> None:
         picked = np.unique(np.linspace(0, len(level.time_s) - 1, POINTS).astype(int))
         dots.append((level.time_s[picked], level.mean[picked]))
         if fit.nonlinear is not None:
-            curves.append((at, fit.predict(level.level, at).to_numpy()[:, 0]))
+            curves.append((at, fit.predict(level.level, at.tolist()).to_numpy()[:, 0]))
         elif fit.friction is not None:
             curves += [(at, friction.step_response(row.curve, at)) for row in fit.friction.levels
                        if row.level == level.level and row.from_ == 0]  # fmt: skip
