@@ -112,7 +112,7 @@ def test_pairs() -> None:
 @pytest.mark.parametrize(
     ("text", "sentence"),
     [
-        ("radius=3", "--apparatus: knows inner_radius_m, outer_radius_m, surfaces, "),
+        ("radius=3", "--apparatus radius: must be one of inner_radius_m, outer_radius_m, surfaces, "),
         ("surfaces=two", "--apparatus surfaces=two: is no number"),
         ("outer_radius_m=-1", "--apparatus outer_radius_m=-1: must be above zero"),
         ("outer_radius_m=nan", "--apparatus outer_radius_m=nan: must be above zero"),
