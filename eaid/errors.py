@@ -23,8 +23,13 @@ def on_command_line(sentence: str) -> str:
 def unknown(name: str, value: object, known: Iterable[object]) -> str:
     """`«kind» clutc: must be one of clutch, friction-force; did you mean clutch?`"""
     words = [str(word) for word in known]
-    meant = get_close_matches(str(value), words, 1)
-    return f"{name} {value}: must be one of {', '.join(words)}" + (f"; did you mean {meant[0]}?" if meant else "")
+    return f"{name} {value}: must be one of {', '.join(words)}{meant(str(value), words)}"
+
+
+def meant(value: str, known: Iterable[str]) -> str:
+    """`; did you mean clutch?`, or nothing where no known word is like it."""
+    near = get_close_matches(value, list(known), 1)
+    return f"; did you mean {near[0]}?" if near else ""
 
 
 class EaidError(Exception):

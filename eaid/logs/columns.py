@@ -4,7 +4,7 @@ import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
-from eaid.errors import DataError, UsageError
+from eaid.errors import DataError, UsageError, meant
 from eaid.findings import Finding
 from eaid.logs.options import ReadOptions
 from eaid.logs.run import Kind
@@ -121,7 +121,7 @@ def _said_column(path: str, role: str, said: str, table: Table) -> int:
         return int(place[2]) - 1
     raise DataError(
         f"{path}: has no column {said} for «columns» {role}={said}; its columns are {shown(names)} "
-        f"(a number counts them from 1)"
+        f"(a number counts them from 1){meant(said, names)}"
     )
 
 

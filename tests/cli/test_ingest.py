@@ -31,6 +31,12 @@ def write_log(path: Path, level: float = 50.0, rows: int = 2000) -> Path:
     return path
 
 
+def test_a_column_that_is_mistyped_is_told_the_one_meant(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    log = str(write_log(tmp_path / "a.csv"))
+    assert run(["ingest", log, "--columns", "output=torqe_nm", "-o", str(tmp_path / "d.h5")]) == 3
+    assert "did you mean torque_nm?" in capsys.readouterr().err
+
+
 def test_table_and_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     logs = [str(write_log(tmp_path / f"u{level}.csv", level)) for level in (30, 60)]
     assert run(["ingest", *logs, "-o", str(tmp_path / "d.h5")]) == 0
