@@ -149,7 +149,7 @@ def read_reference(path: Path) -> tuple[Array, Array]:
     numbers = table[["time_s", "reference_nm"]].apply(pandas.to_numeric, errors="coerce").astype(float)
     finite = np.isfinite(numbers)
     for row, name in [(row, name) for row in table.index for name in numbers if not finite.at[row, name]][:1]:
-        cell = table.at[row, name].strip()
+        cell = str(table.at[row, name]).strip()
         raise DataError(f"{path}: {name} in row {row + 2} is {cell!r}, not a finite number; mend or drop the row")
     if len(table) < 2:
         raise DataError(f"{path}: holds {len(table)} row(s) of data; a reference needs two or more")

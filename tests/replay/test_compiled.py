@@ -124,6 +124,16 @@ def test_sixteen_plants_at_once_are_sixteen_plants_alone(law, name):
         assert np.abs(duty[i] - alone.duty_pct).max() < 1e-9
 
 
+@pytest.mark.parametrize("rig", [Rig(noise_nm=0.02, pwm_hz=300.0), Rig(delay_samples=3, sensor_hz=80.0)])
+def test_plants_behind_a_latch_or_a_delay_are_the_same_alone_and_among_many(law, rig):
+    plants = drawn(18)
+    torque, duty = gathered(plants, law("pi"), rig)
+    for i in (0, 15, 16, 17):
+        alone = replay(plants[i], law("pi"), REFERENCE, rig, DT, 3)
+        assert np.abs(torque[i] - alone.torque_nm).max() < 1e-12
+        assert np.abs(duty[i] - alone.duty_pct).max() < 1e-9
+
+
 def test_the_soft_switch_is_reached_in_the_lanes(law):
     """The rare tanh is really needed on this reference; else the lanes' second try would go untested."""
     done = replay(drawn(1)[0], law("rc"), REFERENCE, Rig(noise_nm=0.02), DT, 3)

@@ -77,6 +77,11 @@ def test_bad_files_are_refused(tmp_path, text, said):
     assert str(refusal.value).startswith(str(path))
 
 
+def test_a_reference_of_one_interval_has_two_samples():
+    made = references.sampled(np.array([0.0, 1e-3]), np.array([1.0, 2.0]), 1e-3)
+    assert made.torque_nm.tolist() == [1.0, 2.0]
+
+
 def test_a_missing_or_binary_file_is_refused(tmp_path):
     with pytest.raises(DataError, match="no such file"):
         references.sampled(*references.read_reference(tmp_path / "none.csv"), 1e-3, str(tmp_path / "none.csv"))
