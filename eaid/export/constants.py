@@ -12,9 +12,9 @@ from eaid.control.pi import PIGains
 from eaid.control.rc import RCGains
 from eaid.export import reference as law
 from eaid.export.series import Precision, series
-from eaid.models.parameters import Nonlinear
+from eaid.models.parameters import TAU_FLOOR_S, Nonlinear
 from eaid.replay.inverse import DUTY_TOLERANCE_PCT, OBSERVER_PER_S
-from eaid.replay.plant import TAU_FLOOR_S, plant_parameters
+from eaid.replay.plant import plant_parameters
 
 SEARCHES = 16
 """Tries of the inverse's search at most: twelve are the most seen."""

@@ -15,6 +15,7 @@ import numba
 from numba.extending import overload, register_jitable
 
 from eaid.control import pi, rc
+from eaid.models.parameters import TAU_FLOOR_S
 from eaid.replay import adjoint, controllers, hold, inverse, lanes, loop, plant, taut
 from eaid.replay.controllers import Controller, Step
 from eaid.replay.plant import PlantParameters
@@ -93,6 +94,6 @@ def sixteen(law: Step, state: Callable[[float], Any]) -> Callable[..., None]:
 
 def fits_lanes(controller: Controller, plants: Sequence[PlantParameters], rig: RigNumbers, dt_s: float) -> bool:
     """Whether blocks of sixteen serve: a state of one float, no delay, latch or resolution, and dt within every τ."""
-    shortest = min([plant.TAU_FLOOR_S, *(t for p in plants for t in (p.release1, p.release2) if t > 0.0)])
+    shortest = min([TAU_FLOOR_S, *(t for p in plants for t in (p.release1, p.release2) if t > 0.0)])
     plain = rig.duty_step == 0 and rig.delay == 0 and rig.pwm_period == 0
     return plain and len(controller.start) == 1 and dt_s <= shortest * (1 + 1e-9)

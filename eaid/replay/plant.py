@@ -23,10 +23,7 @@ from typing import NamedTuple
 
 from eaid.errors import DataError, UsageError
 from eaid.limits import check
-from eaid.models.parameters import Nonlinear
-
-TAU_FLOOR_S = 1e-3
-"""Shortest time constant [s], the fit's own constraint (specification 3)."""
+from eaid.models.parameters import TAU_FLOOR_S, Nonlinear
 
 
 class PlantParameters(NamedTuple):
