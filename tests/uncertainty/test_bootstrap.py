@@ -25,13 +25,13 @@ def test_refits_end_where_the_fits_do(levels: tuple[Level, ...]) -> None:
     data = data_of(levels)
     own = fit_own_levels(data)
     wanted = np.array([[-np.log(one.tau), np.log(one.gains[0])] for one in own])
-    assert _first_order(data.points, wanted + [0.1, -0.2]) == pytest.approx(wanted, abs=1e-4)
+    assert _first_order(data.points, wanted + np.array([0.1, -0.2])) == pytest.approx(wanted, abs=1e-4)
     p = fit_linear(data).parameters
     found = _pooled(data.points, data.u, Linear(1.2 * p.a0, 0.8 * p.b0, p.c0 + 0.5))
     assert found == pytest.approx([p.a0, p.b0, p.c0], rel=1e-4)
     curves = fit_levels(data, 0.85)
     theta = np.array([log_theta(one.curve, True) for one in curves])
-    again = refit(data.points, theta + [0.05, -0.1, 0.1, 0.0], free_parameters(False)).x
+    again = refit(data.points, theta + np.array([0.05, -0.1, 0.1, 0.0]), free_parameters(False)).x
     assert again == pytest.approx(theta, abs=1e-4)
 
 
