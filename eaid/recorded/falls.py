@@ -98,7 +98,6 @@ class Judged:
 
     values: Array
     half: Array
-    against: Array
     chance: float
     differs: bool
 
@@ -133,7 +132,7 @@ def _judged(solved: Solved, sure: Spread, names: tuple[str, ...]) -> tuple[dict[
         half = np.array([sure.of(np.eye(solved.setup.size)[at + k]) for k in range(count)])
         scale = against if name == "rest" else 1.0
         differs = chance < CHANCE and bool((np.abs(off / scale) > LEAST[name]).any())
-        found[name] = Judged(values, half, against, chance, differs)
+        found[name] = Judged(values, half, chance, differs)
         if differs:
             kept.append(name)
     return found, tuple(kept)

@@ -8,7 +8,6 @@ with them as their mean curves, each sample of each repeat alike.
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-import msgspec
 import numpy as np
 
 from eaid.arrays import Array
@@ -126,7 +125,8 @@ def fit_recorded(
         by_level = tested_by_level(solved_for(model.friction(inputs.levels, options.share, longest)), differs)
         friction = friction_part(by_level.solved)
         found += by_level.findings if options.falls == "auto" else ()
-    result = Fit(
+    return Fit(
+        findings=ranked(found),
         seed=options.seed,
         data=data_part(every, runs, steps, inputs.levels if inputs.stepwise else np.zeros(0)),
         converged=base.solver.converged,
@@ -148,12 +148,6 @@ def fit_recorded(
             correlation_s=None if sure is None else sure.correlation_s,
         ),
     )
-    return replace_findings(result, found)
-
-
-def replace_findings(fit: Fit, found: Sequence[Finding]) -> Fit:
-    """The fit with its findings, the worst first."""
-    return msgspec.structs.replace(fit, findings=ranked(found))
 
 
 def inputs_of(logs: Sequence[RecordedLog], wanted: tuple[float, float] | None) -> Inputs:

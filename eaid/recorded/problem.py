@@ -25,8 +25,6 @@ EXTRAS = {"rest": 2, "fall": 2, "excess": 1}
 """What a model can have besides its coefficients, and how many unknowns each is."""
 VECTOR = 16
 """Columns that the kernel takes at once."""
-NOTHING = {"rest": 0.0, "fall": 1.0, "excess": 0.0}
-"""Value of each where it is no unknown."""
 
 
 @dataclass(frozen=True, eq=False)

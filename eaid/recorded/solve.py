@@ -61,10 +61,10 @@ class Solved:
         return self.x[: self.setup.model.size]
 
 
-def solve(setup: Setup, given: Sequence[Array] = ()) -> Solved:
-    """The least-squares unknowns, from our own starts and any given ones."""
+def solve(setup: Setup) -> Solved:
+    """The least-squares unknowns, from our own starts."""
     sketch = setup.drawn.problem()
-    ends = [approach(sketch, x) for x in [*given, *starts(setup.drawn, sketch)]]
+    ends = [approach(sketch, x) for x in starts(setup.drawn, sketch)]
     kept = apart(ends, sketch.floor)
     kept = [end for end in kept[:RIVALS] if end.cost <= (1 + NEAR) * kept[0].cost + sketch.floor]
     tried = sum(end.evaluations for end in ends)
