@@ -60,7 +60,7 @@ def write(files: Sequence[Path], found: Plan | Excitation, force: bool) -> None:
 def show(found: Plan | Excitation, idle_s: float, release_s: float) -> None:
     """The plan for people."""
     if isinstance(found, Excitation):
-        _widths(found.half_width_pct, found, "nine of ten")
+        _widths(found.half_width_pct, found, "19 of 20")
         return
     console.table(
         f"What to record: {found.repeats} repeats of each level, in the order of the run table; each run idles for "

@@ -16,10 +16,8 @@ from eaid.synth.planned import disturbance_of, kept, measured
 from eaid.synth.plants import clutch
 from eaid.uncertainty.noise import ASSUMED, Noise, noise_of_fit
 
-SETS = 10
-"""Recordings that are simulated in each round."""
-KEEP = 0.9
-"""Part of the recordings that are to keep the widths."""
+SETS, KEEPING = 20, 19
+"""Recordings that are simulated in each round, and how many of them keep the widths: 19/(20 + 1) = 90 %."""
 ROUNDS = 5
 DAMPED = 0.6
 """Power of the excess by which a width is asked for narrower: widths fall faster than their prediction."""
@@ -36,7 +34,7 @@ class ExcitationOptions:
     limits: Limits | None = None
     """None: the fit's own duties, no limit of the rate, rests of 5 s."""
     check: bool = True
-    """Simulate the recording, and lengthen the sequence until nine of ten keep the widths."""
+    """Simulate the recording, and lengthen the sequence until 19 of 20 keep the widths."""
     seed: int = 0
 
 
@@ -91,13 +89,13 @@ def shortest_recording(
 def sequence_for(
     p: Nonlinear, noise: Noise, options: ExcitationOptions, limits: Limits, progress: Callable[[], None] = lambda: None
 ) -> tuple[ExcitationPlan, list[dict[str, float]] | None]:
-    """A sequence, asked for narrower until nine of ten simulated recordings keep the widths; those widths."""
+    """A sequence, asked for narrower until 19 of 20 simulated recordings keep the widths; those widths."""
     asked = dict(options.want)
     found = plan_excitation(p, noise, asked, limits, options.seed)
     if not options.check:
         return found, None
     rows = measured(found, p, disturbance_of(noise), SETS, options.seed, progress)
-    for k in range(ROUNDS):
+    for _ in range(ROUNDS):
         narrow = _kept_widths(rows)
         over = {name: narrow[name] / width for name, width in options.want.items()}
         if max(over.values()) <= 1 or not found.met:
@@ -106,14 +104,14 @@ def sequence_for(
             name: width / max(LEAST, min(over[name], 3.0) ** DAMPED) if over[name] > 1 else width
             for name, width in asked.items()
         }
-        found = plan_excitation(p, noise, asked, limits, options.seed + k + 1)
+        found = plan_excitation(p, noise, asked, limits, options.seed)
         rows = measured(found, p, disturbance_of(noise), SETS, options.seed, progress)
     return found, rows
 
 
 def _kept_widths(rows: list[dict[str, float]]) -> dict[str, float]:
-    """Half-widths that nine of ten recordings keep [%]."""
-    return {name: float(np.quantile([row[name] for row in rows], KEEP, method="higher")) for name in rows[0]}
+    """Half-widths that `KEEPING` recordings keep [%], each parameter by itself."""
+    return {name: float(np.sort([row[name] for row in rows])[KEEPING - 1]) for name in rows[0]}
 
 
 def classic_time_s(p: Nonlinear, noise: Noise, want: Mapping[str, float], limits: Limits) -> float | None:

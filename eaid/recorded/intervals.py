@@ -33,7 +33,7 @@ LONGEST = 1 / 24
 """Longest stretch, as a part of all logs together."""
 PRIOR = 20.0
 """Degrees of freedom that the noise's own estimate counts as."""
-SEEN = 0.05
+SEEN = 2e-3
 """Gains of engagements that noise makes so different more rarely than this scatter."""
 RIVAL = 4.0
 """A minimum above the best by less than so many times the noise's own unit of cost is not ruled out."""

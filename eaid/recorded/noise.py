@@ -122,8 +122,8 @@ def _smoothed(values: Array, half: int) -> Array:
 def moving(piece: Piece, white: Array, width: int) -> Array:
     """Σ over moving stretches of `width` bins of s s', over the width (Bartlett weights), of whitened unknowns, (k, k).
 
-    `white` is L, (p, k), with L L' = H⁻¹. A stretch draws the fit towards itself: what its scores s would have been of
-    a fit without it is (I − L' H_s L)⁻¹ s, the jackknife's.
+    `white` is L, (p, k), with L L' = H⁻¹. A stretch draws the fit towards itself: its scores s would have been
+    (I − L' H_s L)⁻¹ s of a fit without it, the jackknife's.
     """
     stride = max(1, width // QUARTERS)
     count = min(-(-width // stride), -(-len(piece.r) // stride))
@@ -141,10 +141,13 @@ def _sums(values: Array, count: int) -> Array:
 
 
 def without(scores: Array, own: Array) -> Array:
-    """Σ s s' of the jackknife's scores, (k, k), from scores (n, k) and each stretch's part of I, (n, k, k)."""
+    """Σ of s* s', made symmetric, (k, k), s* the scores (n, k) that a fit without the stretch would have had.
+
+    `own` is each stretch's part of I, (n, k, k). The fit leaves (I − own) of a stretch's variance in s s'.
+    """
     left = (1 + LEAST_LEFT**2) * np.eye(scores.shape[1]) - own
-    s = np.linalg.solve(left, scores[:, :, None])[:, :, 0]
-    return np.asarray(s.T @ s)
+    product = np.linalg.solve(left, scores[:, :, None])[:, :, 0].T @ scores
+    return np.asarray(0.5 * (product + product.T))
 
 
 def correlation_s(r: Array, dt_s: float) -> float:

@@ -180,7 +180,7 @@ class Excitation(Result, frozen=True):
     half_width_pct: dict[str, Number] = {}
     """Predicted half-width at the worst duty [%]."""
     measured_half_width_pct: dict[str, Number | None] | None = None
-    """What nine of ten simulated recordings keep at the worst duty [%]; None where none was simulated."""
+    """What 19 of 20 simulated recordings keep at the worst duty [%]; None where none was simulated."""
     kept_pct: Number | None = None
     """Part of the simulated recordings that keep all wanted widths [%]."""
     classic_time_on_rig_s: Number | None = None
