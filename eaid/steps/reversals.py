@@ -60,8 +60,7 @@ def _still_fast(stroke: Array) -> int:
     """Samples of a stroke until it slows down for the next turn, for the friction then changes with the speed."""
     lag = max(1, len(stroke) // 40)
     speed = np.abs(stroke[lag:] - stroke[:-lag])
-    fast = np.flatnonzero(speed >= SLOWS * median(speed)) if len(speed) else []
-    return int(fast[-1]) + lag if len(fast) else len(stroke)
+    return int(np.flatnonzero(speed >= SLOWS * median(speed))[-1]) + lag if len(speed) else len(stroke)
 
 
 def turns_of(position: Array) -> list[int]:

@@ -107,7 +107,9 @@ def test_one_run_alone_that_is_saturated_behind_noise(noise: float, share: float
     random = np.random.default_rng(0)
     cut_off = np.minimum(clean.output, share * 2.0)
     same = build_stepset(changed(cut_off + noise * random.normal(size=len(cut_off)), clean))
-    assert "flat-topped" in [one.code for one in same.runs[0].findings]
+    (told,) = (one for one in same.runs[0].findings if one.code == "flat-topped")
+    assert told.levels == (50.0,)
+    assert told.values["limit"] == pytest.approx(share * 2.0, rel=0.01)
     quiet = np.where(cut_off < share * 2.0, noise, 0.2 * noise)
     found = stops(changed(cut_off + quiet * random.normal(size=1200), clean))
     assert "saturated-behind-noise" in [one.code for one in found]

@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 
 from eaid.arrays import read_only
+from eaid.errors import DataError
+from eaid.findings import Finding
 from eaid.logs.run import Run
 from eaid.steps.average import common
 from eaid.steps.baseline import BaselineRule
@@ -164,3 +166,31 @@ def test_turns() -> None:
     assert turns(values, 2.5) == [0, 3, 4, 7]
     assert turns(values, 1.5) == [0, 1, 2, 3, 4, 7]
     assert turns(np.array([0.0, 1.0, 2.0]), 1.0) == [0, 2]
+
+
+@pytest.mark.parametrize(("value", "said"), [(100.5, "above 100"), (-0.5, "below 0")])
+def test_a_duty_beyond_its_range_is_refused(value: float, said: str) -> None:
+    run = log(PLAN)
+    duty = run.input.copy()
+    duty[700] = value
+    with pytest.raises(DataError, match=said):
+        cut(replace(run, input=read_only(duty)))
+    assert cut(replace(run, input=read_only(np.where(run.input > 0, 100.0, 0.0))))[0].level == 100.0
+
+
+@pytest.mark.parametrize("size", [1e-3, 1.0, 1e3])
+def test_a_window_that_is_too_short_whatever_the_unit(size: float) -> None:
+    """τ2 of 8 s in a window of 8 s; it is named where the record tells it to five windows."""
+    run = log(PLAN, tau2=8.0, noise=1e-4)
+    (said,) = (one for one in _findings(run, size) if one.code == "window-too-short")
+    assert said.values["window_s"] == pytest.approx(7.99, abs=0.02)
+    assert said.values["tau2_s"] == pytest.approx(8.0, rel=0.25)
+    run = log(PLAN, tau1=0.1, tau2=0.1)
+    straight = replace(run, output=read_only(run.output + 0.05 * np.clip(run.time_s - 4, 0, None)))
+    (said,) = (one for one in _findings(straight, size) if one.code == "window-too-short")
+    assert said.values["tau2_s"] is None
+    assert not [one for one in _findings(log(PLAN), size) if one.code == "window-too-short"]
+
+
+def _findings(run: Run, size: float) -> tuple[Finding, ...]:
+    return build_stepset([replace(run, output=read_only(size * run.output))]).runs[0].findings
