@@ -2,9 +2,11 @@
 
 from typing import Any
 
+import numpy as np
 import pytest
 
 from eaid.findings import Finding, finding
+from eaid.report.figures import values
 from eaid.report.page import summary
 from eaid.report.page.known import known, sentence
 from eaid.report.page.next_steps import next_steps
@@ -98,6 +100,16 @@ def test_tiles_are_the_top_level_and_the_worst_margin():
     assert len(tiles) == 6
     assert (tiles[1].label, tiles[1].value) == ("T_s at 300 V", "2.00 N") and tiles[1].note.startswith("1.90 … 2.10")
     assert (tiles[5].value, tiles[5].note) == ("78° | 32°", "phase; gain 16 | 43 dB")
+
+
+def test_a_time_constant_without_end_has_no_number():
+    levels = (FrictionLevel(10.0, 1.0, 0.1, 5.0), FrictionLevel(20.0, 2.0, 0.2, 2.9e7))
+    tiles = summary.tiles(
+        gathered([Fit(data=results.Data("clutch", "V", "N"), friction=Friction(0.85, levels=levels))])
+    )
+    assert (tiles[2].value, tiles[3].value) == ("0.200 s", "not estimable")
+    shown = values.values_of(levels, "tau2")
+    assert shown[0] == 5 and np.isnan(shown[1]) and values.highest(shown) == 5
 
 
 def test_chips_name_the_dates_that_the_logs_are_named_by():

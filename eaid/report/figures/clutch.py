@@ -10,7 +10,7 @@ from eaid.models import linear, nonlinear
 from eaid.models.parameters import Linear
 from eaid.report import published, style
 from eaid.report.figures.steps import MODEL, Model, draw_steps, fine_times, label_ends, some_levels
-from eaid.report.figures.values import axis_label, intervals_of, nonlinear_of, points, values_over
+from eaid.report.figures.values import axis_label, highest, intervals_of, nonlinear_of, points, values_of, values_over
 from eaid.report.rig import gain, level_text, level_values, over, overlaid, quantity
 from eaid.report.tables.fits import estimates_of
 from eaid.report.thin import thinned
@@ -91,9 +91,9 @@ def polynomials(fit: Fit, asked: bool | None = None) -> Figure:
     curves = values_over(used, u)
     for mark, name, panel in zip("abc", ("Ts", "tau1", "tau2"), axes, strict=True):
         panel.plot(u, curves[name], color=style.BLUE, label=f"{own} (used)")
-        top = float(np.max(curves[name]))
-        if rows:
-            values, said = np.array([getattr(row, name) for row in rows]), "each level, 95 %" if alone else "95 %"
+        top, values = highest(curves[name]), values_of(rows, name)
+        if np.isfinite(values).any():
+            said = "each level, 95 %" if alone else "95 %"
             at = [row.level for row in rows]
             seen = points(panel, at, values, intervals_of(rows, name), color=style.BLACK, label=said)
             top = min(max(top, seen), BEYOND * seen)
@@ -103,7 +103,7 @@ def polynomials(fit: Fit, asked: bool | None = None) -> Figure:
             # Table III's T_s gives 0.06 N·m at full duty: a line on the floor.
             paper = np.polynomial.polynomial.polyval(u, published.TABLE_III[name])
             panel.plot(u, paper, color=style.GREY, linestyle=":", label="published")
-        panel.set(xlabel=over(unit), ylabel=axis_label(name, fit.data.output_unit), ylim=(0, 1.1 * top))
+        panel.set(xlabel=over(unit), ylabel=axis_label(name, fit.data.output_unit), ylim=(0, 1.1 * top or 1.0))
         style.letter(panel, mark)
     style.legend_over(figure, axes[1])
     return figure

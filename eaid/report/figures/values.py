@@ -15,6 +15,7 @@ from eaid.results.common import Interval
 from eaid.results.fit import Fit
 from eaid.results.friction import FrictionLevel
 from eaid.results.nonlinear import CurveLevel, Estimate
+from eaid.results.summary import ENDLESS_S
 
 NAMES = {"Ts": "Steady value $T_s$", "tau1": r"Fast constant $\tau_1$", "tau2": r"Slow constant $\tau_2$"}
 LOOKS = ((style.BLUE, "-", "o"), (style.VERMILLION, "--", "s"))
@@ -42,7 +43,23 @@ def points(axes: Axes, x: Sequence[float], values: Array, ends: Sequence[Interva
     )
     far = [np.maximum(values - low, 0), np.maximum(high - values, 0)]
     axes.errorbar(x, values, yerr=far, **{"fmt": "o", "capsize": 1.6, "elinewidth": 0.7, **look})  # type: ignore[arg-type]
-    return float(np.max(np.minimum(values + far[1], TALL * np.abs(values))))
+    return highest(np.minimum(values + far[1], TALL * np.abs(values)))
+
+
+def highest(values: Array) -> float:
+    """The largest of the values that are known; 0 where none is."""
+    known = values[np.isfinite(values)]
+    return float(known.max()) if len(known) else 0.0
+
+
+def values_of(rows: Sequence[FrictionLevel | CurveLevel], name: str) -> Array:
+    """One value of every level, shape (n,); nan for a time constant without end."""
+    return ended(np.array([getattr(row, name) for row in rows], dtype=float), name)
+
+
+def ended(values: Array, name: str) -> Array:
+    """Values, with nan for time constants without end, which no axis can hold."""
+    return values if name == "Ts" else np.where(values > ENDLESS_S, np.nan, values)
 
 
 def nonlinear_of(part: Estimate) -> Nonlinear:
@@ -54,7 +71,7 @@ def values_over(part: Estimate, u: Array) -> dict[str, Array]:
     """T_s, τ1 and τ2 of an estimate over the input."""
     model = nonlinear_of(part)
     tau1, tau2 = nonlinear.time_constants(model, u)
-    return {"Ts": nonlinear.steady_torque(model, u), "tau1": tau1, "tau2": tau2}
+    return {"Ts": nonlinear.steady_torque(model, u), "tau1": ended(tau1, "tau1"), "tau2": ended(tau2, "tau2")}
 
 
 def draw_values(panels: Sequence[Axes], fits: Sequence[tuple[str, Fit]]) -> None:
@@ -64,15 +81,15 @@ def draw_values(panels: Sequence[Axes], fits: Sequence[tuple[str, Fit]]) -> None
         u = np.linspace(*part.u_range, 150) if part is not None else np.empty(0)
         curves = values_over(part, u) if part is not None else {}
         for name, panel in zip(NAMES, panels, strict=True):
-            values = np.array([getattr(row, name) for row in rows], dtype=float)
-            top = float(np.max(curves[name])) if curves else 0.0
-            if rows:
+            values = values_of(rows, name)
+            top = highest(curves[name]) if curves else 0.0
+            if np.isfinite(values).any():
                 look = {"fmt": marker, "color": colour, "label": said}
                 seen = points(panel, [row.level for row in rows], values, intervals_of(rows, name), **look)
                 top = min(max(top, seen), 3 * seen)
             if curves:
                 panel.plot(u, curves[name], color=colour, linestyle=line, label=None if rows else said)
-            panel.set_ylim(0, max(1.1 * top, panel.get_ylim()[1] if said != fits[0][0] else 0.0))
+            panel.set_ylim(0, max(1.1 * top or 1.0, panel.get_ylim()[1] if said != fits[0][0] else 0.0))
     for panel in panels:
         panel.set_xlabel(over(fits[0][1].data.input_unit))
 

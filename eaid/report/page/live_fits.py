@@ -10,7 +10,7 @@ from bokeh.models.annotations import ColorBar, TeeHead, Whisker
 from eaid.report import style
 from eaid.report.figures.checks import ResidualMap
 from eaid.report.figures.steps import Model, fine_times, some_levels
-from eaid.report.figures.values import values_over
+from eaid.report.figures.values import highest, values_of, values_over
 from eaid.report.page.live import Plot, bare
 from eaid.report.rig import level_text, level_values, over, quantity
 from eaid.report.tables.fits import estimates_of
@@ -67,9 +67,8 @@ def parameters(fit: Fit) -> tuple[Mapping[str, Any], ...]:
         unit = fit.data.output_unit if name == "Ts" else "s"
         p = plot.panel(over(fit.data.input_unit), f"{sign} ({unit})", 300, unit, ("level", fit.data.input_unit))
         curves = {said: values_over(one, u)[name] for said, one in estimates_of(fit.nonlinear).items()}
-        top = float(np.max(next(iter(curves.values()))))
-        if rows:
-            values = np.array([getattr(row, name) for row in rows])
+        top, values = highest(next(iter(curves.values()))), values_of(rows, name)
+        if np.isfinite(values).any():
             ends = [getattr(row.ci95, name) if row.ci95 else None for row in rows]
             low, high = (
                 np.array([v if e is None else e[k] for v, e in zip(values, ends, strict=True)]) for k in (0, 1)
@@ -81,7 +80,7 @@ def parameters(fit: Fit) -> tuple[Mapping[str, Any], ...]:
             foot, head = TeeHead(size=6), TeeHead(size=6)
             span = {"base": "x", "lower": "low", "upper": "high"}
             p.add_layout(Whisker(**span, source=points, lower_head=foot, upper_head=head))  # type: ignore[arg-type]
-            seen = float(np.max(np.minimum(high, 1.6 * values)))
+            seen = highest(np.minimum(high, 1.6 * values))
             top = min(max(top, seen), 3.0 * seen)
         for (said, y), (colour, dash), width in zip(curves.items(), LINES, (2.0, 1.3, 1.3, 1.3), strict=False):
             plot.line(p, u, np.where(y < 1.3 * top, y, np.nan), said, colour, dash, said, width)

@@ -20,7 +20,7 @@ from eaid.results.fit import Fit
 from eaid.results.friction import FrictionLevel
 from eaid.results.gains import Gains
 from eaid.results.nonlinear import CurveLevel
-from eaid.results.summary import believed_levels, steps_of_other_shapes
+from eaid.results.summary import ENDLESS_S, believed_levels, steps_of_other_shapes
 from eaid.shown import counted
 
 GRADES = {"stop": "bad", "caution": "care", "note": "good"}
@@ -206,8 +206,9 @@ def _values(fit: Fit | None) -> list[Tile]:
         if steps and name == "tau1" and steps[0].dead_time_s:
             meaning += f", behind a dead time of {number(steps[0].dead_time_s, 3)} s"
         note = f"{interval(ends)}, 95 %; {meaning}" if ends is not None else f"{meaning}; no interval"
-        at = level_text(level, fit.data.input_unit)
-        found.append(Tile(f"{label} at {at}", "–" if value is None else f"{number(value, 3)} {unit}", note))
+        endless = value is None or (name != "Ts" and ends is None and value > ENDLESS_S)
+        said = ("–" if value is None else "not estimable") if endless else f"{number(value, 3)} {unit}"
+        found.append(Tile(f"{label} at {level_text(level, fit.data.input_unit)}", said, note))
     return found
 
 
