@@ -130,5 +130,5 @@ def test_only_such_a_clutch_is_called_one(units: tuple[str, str], title: str):
 def test_a_sentence_has_a_capital_and_a_stop():
     said = sentence(finding("part-left-out", "nonlinear", part="linear", key="a0"))
     assert said == "Nonlinear model: nonlinear: its linear has no a0 and is left out."
-    assert sentence(Finding("test", "caution", "run-3"), of_data=True) == "Run-3: test."
+    assert sentence(Finding("test", "caution", "run-3"), of_data=True) == "run-3: test."
     assert sentence(Finding("test", "caution", "rc")) == "Test."
