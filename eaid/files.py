@@ -29,10 +29,10 @@ def sha256_of(path: Path) -> str:
 
 
 LOGS = (
-    ".csv", ".tsv", ".txt", ".dat", ".lvm", ".mat", ".tdms", ".mf4", ".parquet", ".feather", ".arrow", ".gz", ".bag",
-    ".mcap",
+    ".gz", ".csv", ".tsv", ".dat", ".asc", ".lvm", ".mat", ".tdms", ".mf4", ".mdf", ".parquet", ".feather", ".arrow",
+    ".bag", ".mcap", ".db3",
 )  # fmt: skip
-"""Endings of recordings; one that lies in a folder given as input is never an output."""
+"""Endings of recordings, besides .txt and .h5, which others have too."""
 
 
 def is_as_written(path: Path) -> bool | None:
@@ -71,7 +71,9 @@ def refuse_to_overwrite(path: Path, force: bool, inputs: Iterable[Path] = ()) ->
     if not force:
         raise UsageError(f"{path}: exists already; give «force» to overwrite it, or another «output»")
     for given in inputs:
-        inside = given.is_dir() and path.suffix.lower() in LOGS and path.resolve().is_relative_to(given.resolve())
+        inside = (
+            given.is_dir() and path.suffix.lower() in (*LOGS, ".txt") and path.resolve().is_relative_to(given.resolve())
+        )
         if inside or (given.exists() and path.samefile(given)):
             raise UsageError(f"{path}: is what the command reads, and is never overwritten; give another «output»")
 

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 
 from eaid.errors import DataError, UsageError
-from eaid.files import is_as_written
+from eaid.files import LOGS, is_as_written
 from eaid.logs.columns import INPUTS, OUTPUTS, TIME
 from eaid.logs.formats import format_of, is_hdf5
 from eaid.logs.units import split_name
@@ -20,10 +20,7 @@ SKIPPED = (
     ".mdl", ".yaml", ".yml", ".docx", ".pptx", ".ini",
 )  # fmt: skip
 """Endings that a folder of logs also holds and that are no logs: passed over in silence."""
-RECORDED = (
-    ".csv", ".tsv", ".dat", ".asc", ".mat", ".h5", ".hdf5", ".tdms", ".lvm", ".parquet", ".feather", ".arrow",
-    ".mf4", ".mdf", ".bag", ".mcap", ".db3", ".gz",
-)  # fmt: skip
+RECORDED = (*LOGS, ".h5", ".hdf5")
 """Endings of logs: a file with one of them is left out for no other reason than that eaid wrote it itself."""
 HEAD = 1 << 16
 """Bytes of a text by which it is judged."""

@@ -12,7 +12,7 @@ import numpy as np
 
 from eaid.arrays import read_only
 from eaid.errors import DataError, UsageError
-from eaid.files import is_as_written, sha256_of
+from eaid.files import LOGS, is_as_written, sha256_of
 from eaid.findings import finding
 from eaid.logs.checks import checked
 from eaid.logs.columns import ROLES
@@ -28,9 +28,6 @@ from eaid.logs.to_run import Origin, name_regex, run_of
 from eaid.logs.together import counted_once, levels_in_names, named_apart, scales_compared
 
 NOTHING_SAID = ReadOptions()
-ENDINGS = (".gz", ".csv", ".tsv", ".txt", ".dat", ".mat", ".h5", ".hdf5", ".tdms", ".lvm", ".parquet", ".feather",
-           ".arrow", ".mf4", ".bag", ".mcap")  # fmt: skip
-"""Endings that do not belong to a run's name."""
 
 
 def read_runs(
@@ -185,6 +182,6 @@ def _check_level(run: Run) -> None:
 
 def _stem(path: Path) -> str:
     name = path.name
-    for ending in ENDINGS:
+    for ending in (*LOGS, ".txt", ".h5", ".hdf5"):
         name = name[: -len(ending)] if name.lower().endswith(ending) else name
     return name or path.name
