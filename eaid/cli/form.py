@@ -46,6 +46,8 @@ class Told:
     levels: bool = False
     """Levels of the data, which the shell completes."""
     positional: bool = False
+    kept: bool = True
+    """Whether a result keeps it: what changes no number is not kept."""
 
 
 def argument(shown: str, help: str, default: Any = MISSING) -> Any:
@@ -218,7 +220,7 @@ def _words(shown: "Sequence[Field[Any]]", typed: Mapping[str, Any]) -> tuple[str
         told: Told = one.metadata["told"]
         value, flag = typed[one.name], flag_of(one)
         default = _typed(one.default) if told.words or told.read else one.default
-        if told.group == OUTPUT or value in (None, [], default):
+        if told.group == OUTPUT or not told.kept or value in (None, [], default):
             continue
         each = value if isinstance(value, list) else [value]
         if told.positional:

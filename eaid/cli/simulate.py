@@ -50,7 +50,7 @@ class Arguments(Common, Columns, Seeded, Verbose):
         None, "Factors on the plant, unknown to controllers: Ts=0.9,tau1=1.2.", MORE, read=factors, shown="NAME=FACTOR"
     )
     plants: int | None = option(None, "Also on so many plants drawn from the fit's uncertainty.", MORE)
-    threads: int | None = option(None, "Of the drawn plants; by itself all processors.", MORE)
+    threads: int | None = option(None, "Of the drawn plants; by itself all processors.", MORE, kept=False)
     limb_damping: float | None = option(None, "Damping of the limb [N·m·s/rad].", REHAB)
     limb_inertia: float | None = option(None, "Its inertia [kg·m²].", REHAB)
     output: Path = written("replay.h5")

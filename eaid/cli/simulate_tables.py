@@ -17,15 +17,12 @@ def show(replay: Replay) -> None:
 
 def tracking(replay: Replay, tracked: dict[str, Metrics]) -> None:
     """The metrics of each controller."""
-    i, o = units(replay.head.input_unit, replay.head.output_unit)
+    i, o = replay.head.input_unit, replay.head.output_unit
     columns = ["controller", f"max |error| [{o}]", "RMS", "mean", f"IAE [{o}·s]", f"|Δu| [{i}]", "at limit"]
     rows = [
         [
             name,
-            _number(m.max_abs_error_nm),
-            _number(m.rms_error_nm),
-            _number(m.mean_abs_error_nm),
-            _number(m.iae_nm_s),
+            *map(_number, (m.max_abs_error_nm, m.rms_error_nm, m.mean_abs_error_nm, m.iae_nm_s)),
             _number(m.mean_abs_duty_step_pct, 3),
             f"{100 * (m.saturated_fraction or 0.0):.1f} %",
         ]
@@ -41,32 +38,22 @@ def tracking(replay: Replay, tracked: dict[str, Metrics]) -> None:
 
 
 def _steps(name: str, m: Metrics, unit: str) -> None:
+    columns = [f"from [{unit}]", "to", "rise 10–90 %", "overshoot", "settling 2 %", "settling 5 %"]
     rows = [
-        [
-            f"{s.from_nm:g}",
-            f"{s.to_nm:g}",
-            _seconds(s.rise_time_s),
-            f"{_number(s.overshoot_pct)} %",
-            _seconds(s.settling_s),
-            _seconds(s.settling_5pct_s),
-        ]
+        [f"{s.from_nm:g}", f"{s.to_nm:g}", _seconds(s.rise_time_s), f"{_number(s.overshoot_pct)} %",
+         _seconds(s.settling_s), _seconds(s.settling_5pct_s)]
         for s in m.steps
-    ]
+    ]  # fmt: skip
     if rows:
-        columns = [f"from [{unit}]", "to", "rise 10–90 %", "overshoot", "settling 2 %", "settling 5 %"]
         console.table(f"Steps, {name}", columns, rows)
 
 
 def _tones(name: str, m: Metrics, unit: str) -> None:
     rows = [
-        [
-            f"{f.frequency_hz:.4g} Hz",
-            f"{f.gain_db:.2f} dB" if f.gain_db is not None else "no response",
-            f"{f.phase_deg or 0.0:.1f}°",
-            _number(f.mean_abs_error_nm),
-        ]
+        [f"{f.frequency_hz:.4g} Hz", "no response" if f.gain_db is None else f"{f.gain_db:.2f} dB",
+         f"{f.phase_deg or 0.0:.1f}°", _number(f.mean_abs_error_nm)]
         for f in m.frequencies
-    ]
+    ]  # fmt: skip
     if rows:
         console.table(f"Sweep, {name}", ["frequency", "gain", "phase", f"mean |error| [{unit}]"], rows)
 
@@ -112,15 +99,10 @@ def _modes(name: str, m: Metrics) -> None:
     columns = ["mode", "median |error|", "middle half", "mean |torque error| [N·m]"]
     console.table(f"Rehabilitation, {name}", columns, rows)
     rows = [
-        [
-            " and ".join(test.modes),
-            _p(test.samples.p),
-            _p(test.cycles.p_welch),
-            _p(test.cycles.p_rank),
-            _p(test.cycles.least_p_rank),
-        ]
+        [" and ".join(test.modes), *map(_p, (test.samples.p, test.cycles.p_welch, test.cycles.p_rank,
+                                             test.cycles.least_p_rank))]
         for test in m.tests
-    ]
+    ]  # fmt: skip
     columns = ["modes", "p, t on samples (paper)", "p, Welch on cycle means", "p, ranks of them", "least p of ranks"]
     console.table(f"Do the modes differ? {name}", columns, rows)
 
@@ -144,11 +126,9 @@ def _guarantee(name: str, m: Metrics) -> None:
     if m.guarantee_holds_fraction is None:
         return
     row = [
-        f"{100 * m.guarantee_holds_fraction:.2f} %",
-        _number(m.guarantee_largest_chi_over_rho, 3),
-        _share(m.guarantee_failures_at_limit),
-        _share(m.guarantee_failures_by_saturation),
-    ]
+        f"{100 * m.guarantee_holds_fraction:.2f} %", _number(m.guarantee_largest_chi_over_rho, 3),
+        _share(m.guarantee_failures_at_limit), _share(m.guarantee_failures_by_saturation),
+    ]  # fmt: skip
     columns = ["|χ| ≤ ρ for", "largest |χ|/ρ", "failures at a duty limit", "because of the limit"]
     console.table(f"Guarantee along this replay, {name}", columns, [row])
 
@@ -180,27 +160,17 @@ def _plants(name: str, m: Metrics) -> None:
 
 def recorded(replay: Replay) -> None:
     """How far the model is from each recorded run."""
-    runs, (_, o) = replay.metrics("recorded-input"), units("", replay.head.output_unit)
+    runs, o = replay.metrics("recorded-input"), replay.head.output_unit
     rows = [
         [
-            name,
-            _number(m.rms_difference_nm),
-            _number(m.max_abs_difference_nm),
-            "-" if m.mean_difference_nm is None else f"{m.mean_difference_nm:+.4g}",
-            f"{100 * m.R2:.2f} %" if m.R2 is not None else "output is constant",
-            _number(m.fit_pct),
+            name, _number(m.rms_difference_nm), _number(m.max_abs_difference_nm),
+            "–" if m.mean_difference_nm is None else f"{m.mean_difference_nm:+.4g}",
+            f"{100 * m.R2:.2f} %" if m.R2 is not None else "output is constant", _number(m.fit_pct),
             _number(m.one_step_pct),
         ]
         for name, m in runs.items()
-    ]
+    ]  # fmt: skip
     if rows:
-        columns = [
-            "run",
-            f"RMS difference [{o}]",
-            "largest",
-            "mean (recorded − model)",
-            "R²",
-            "free run fit [%]",
-            "one step [%]",
-        ]
+        columns = ["run", f"RMS difference [{o}]", "largest", "mean (recorded − model)", "R²", "free run fit [%]",
+                   "one step [%]"]  # fmt: skip
         console.table("The recorded input through the plant", columns, rows)
