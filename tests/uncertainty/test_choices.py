@@ -15,6 +15,7 @@ from eaid.uncertainty.decay import OVERSHOOT, overshoot
 from eaid.uncertainty.estimators import chosen
 from eaid.uncertainty.levels import constrained_parameters
 from eaid.uncertainty.orders import raised_orders
+from eaid.uncertainty.share import Share
 
 
 def scores(**aicc: float) -> list[OrderScore]:
@@ -139,3 +140,26 @@ def test_share_of_the_peak_that_is_lost() -> None:
     falling = Level(10.0, t, (np.minimum(t, 2.0) - 0.02 * np.maximum(t - 2, 0))[None], ("a",))
     assert overshoot(falling) == pytest.approx(0.02 * 8 / 2, abs=0.005) and overshoot(falling) > OVERSHOOT
     assert overshoot(Level(10.0, t, t[None], ("a",))) == 0.0 and overshoot(Level(1.0, t, -t[None] - 1, ("a",))) == 0.0
+
+
+def share(estimate: float | None, sd: float, half_width: float = 0.1, held: float = 0.85) -> Share:
+    """A C asked of the runs with many degrees of freedom, which moves log τ2 by 10 a unit."""
+    slope, widths = np.array([[1.0, 2.0, 10.0]]), np.full((1, 3), half_width)
+    return Share(held, estimate, sd, 1e9, (10.0,), False, np.zeros((1, 3)), slope, widths)
+
+
+def test_a_share_is_rejected_outside_of_its_interval() -> None:
+    assert share(0.80, 0.026).interval == pytest.approx((0.80 - 1.96 * 0.026, 0.80 + 1.96 * 0.026), rel=1e-4)
+    assert share(0.80, 0.025).rejected and not share(0.80, 0.026).rejected
+    assert share(0.99, 0.1).interval[1] == 1.0 and share(0.01, 0.1, held=0.5).interval[0] == 0.0
+    assert share(None, np.inf).interval is None and not share(None, np.inf).rejected
+
+
+def test_a_share_is_vague_from_a_tenth_on() -> None:
+    assert share(0.5, 0.052).vague and not share(0.5, 0.050).vague and share(None, np.inf).vague
+
+
+def test_a_share_matters_where_it_moves_an_interval_by_a_quarter() -> None:
+    assert share(0.80, 0.001, half_width=1.9).matters and not share(0.80, 0.001, half_width=2.1).matters
+    assert not share(0.80, 0.1).matters  # not rejected
+    assert not share(0.8476, 1e-4, half_width=0.01).matters and share(0.8474, 1e-4, half_width=0.01).matters
