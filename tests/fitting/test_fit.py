@@ -273,3 +273,11 @@ def test_weights_change_nothing_where_levels_are_fitted_alone() -> None:
     assert equal.friction is not None and sd.friction is not None
     assert [one.curve for one in sd.friction.levels] == [one.curve for one in equal.friction.levels]
     assert "weights-change-nothing" in codes(sd) - codes(equal)
+
+
+def test_what_was_fitted_is_told(clutch_set: Maker) -> None:
+    made = clutch_set(rate_hz=10.0, repeats=2)
+    data = fit(made, FitOptions(models=("linear",))).data
+    assert data.levels == tuple(level.level for level in made.levels) and set(data.repeats) == {2}
+    assert data.record_s == tuple(level.time_s[-1] for level in made.levels)
+    assert data.samples == tuple(len(level.time_s) for level in made.levels)

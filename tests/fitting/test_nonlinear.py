@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from eaid.fitting.basis import HELD, basis_of, constraints, held_at
-from eaid.fitting.broad import looked_at, slow_shapes, steadied
+from eaid.fitting.broad import VALUES, looked_at, slow_shapes, steadied
 from eaid.fitting.data import Data, data_of
 from eaid.fitting.descent import descend
 from eaid.fitting.nonlinear import fit_nonlinear, nonlinear_problem
@@ -181,3 +181,15 @@ def test_levels_without_torque_are_fitted_in_any_unit(unit: float, share: float 
     records = tuple(Record(t, unit * (0.05 * row - 1 + np.exp(-t / 0.1)), True) for row in noise)
     found = fit_nonlinear(Data(np.array([20.0, 60.0]), records, np.ones(2)), share)
     assert steady_torque(found.parameters, np.array([20.0, 60.0])) == pytest.approx(0.0, abs=1e-6 * unit + 1e-12)
+
+
+def test_steep_parabolas_touch_the_fast_constant_at_each_level(clutch_set: Maker) -> None:
+    data = data_of(clutch_set(duration_s=5.0, rate_hz=50.0, noise_nm=0.05).levels)
+    basis = basis_of(data.u, 0.85)
+    x = basis.unknowns(REFERENCE_PLANT)
+    touching = slow_shapes(x, data, basis)[VALUES**3 :]
+    rows = basis.rows(data.u)
+    middle = basis.rows(np.array([basis.lowest, 0.5 * (basis.lowest + basis.highest), basis.highest]))
+    tau2, least = rows[2] @ touching.T, 3 * np.median(middle[1] @ x)
+    assert tau2.min(axis=0) == pytest.approx(least, rel=1e-6) and tau2.shape == (10, 30)
+    assert (tau2.argmin(axis=0).reshape(10, 3) == np.arange(10)[:, None]).all()

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from eaid.fitting.trends import fit_trend
-from eaid.models.trends import evaluate
+from eaid.fitting.trends import LEAST, fit_trend
+from eaid.models.trends import FORMS, evaluate
 
 STRESS = np.array([17, 34, 51, 68, 85, 102, 119, 136, 153, 170]) / 6.283e-3 / 1e3
 SPEED = np.arange(5.0, 41.0, 5.0)
@@ -84,3 +84,7 @@ def test_one_exact_exponential_has_converged() -> None:
     np.testing.assert_allclose(
         evaluate(found.form, found.coefficients, SPEED), 5.4 * np.exp(-0.0101 * SPEED), rtol=1e-9
     )
+
+
+def test_a_trend_needs_one_level_more_than_it_has_coefficients() -> None:
+    assert {form: len(FORMS[form].coefficients) + 1 for form in LEAST} == LEAST
