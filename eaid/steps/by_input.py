@@ -70,7 +70,8 @@ def edge_between(run: Run, before: Plateau, now: Plateau, zero: float, fallback:
     else:
         baseline = rest.value
         off = 0.0 if rest.rests else abs(rest.start - float(hold[: max(1, len(hold) // 4)].mean()))
-        if off > UNSETTLED * abs(change):
+        # what leaves its rest before the step, by more than its noise, is an input logged late
+        if off > UNSETTLED * abs(change) or (rest.lead and off > 0):
             share = 100 * off / max(abs(change), 1e-3 * off)
             found += (finding("unsettled-before-step", run.name, (before.level, now.level), share_pct=share),)
     return replace(

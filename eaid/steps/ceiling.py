@@ -10,7 +10,7 @@ import numpy as np
 
 from eaid.arrays import Array
 from eaid.findings import Finding, finding
-from eaid.steps.noise import block_error, block_means, sample_noise
+from eaid.steps.noise import block_error, block_means, block_noise, sample_noise
 from eaid.steps.step import Step
 from eaid.steps.stepset import Level
 
@@ -73,7 +73,7 @@ def _rise_of(step: Step, top: float) -> float:
             if not len(near) or near[0] < 5:
                 return 0.0
             at, few = int(near[0]), max(2, int(near[0]) // 5)
-            noise = sample_noise(step.rise) / np.sqrt(count / len(means))
+            noise = max(sample_noise(step.rise) / np.sqrt(count / len(means)), block_noise(means[::3]))
             error = noise * at / top / np.sqrt(few * (few + 1) * (few + 2) / 12)
             return sharpness(means, block_means(step.time_s[:count], SMOOTH), top) - float(error)
         count = max(wanted, FEW)

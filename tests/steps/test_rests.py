@@ -171,3 +171,12 @@ def test_what_the_last_rest_says() -> None:
     rest = last_rest(early, 1.0)
     assert (rest.rests, rest.value) == (False, pytest.approx(2.0, abs=5e-3))
     assert rest.lead == pytest.approx(10, abs=1)
+
+
+@pytest.mark.parametrize(("late_s", "told"), [(0.0, 0), (0.03, 1), (0.2, 1)])
+def test_an_input_logged_late_on_a_staircase(late_s: float, told: int) -> None:
+    """0.03 s are 4 % of the step before the input says so."""
+    run = log([(20, 8), (50, 8)], noise=0.002, tau1=0.6, tau2=1.5)
+    u = np.where(run.time_s >= 8 + late_s - 1e-9, 50.0, 20.0)
+    (step,) = cut(replace(run, input=read_only(u)))
+    assert [one.code for one in step.findings].count("unsettled-before-step") == told

@@ -125,7 +125,7 @@ ROWS: dict[str, Row] = {
     "unsettled-before-step": Row(
         "stop",
         "the output still moves when the input goes from {levels}, by {share_pct:.0f} % of the change that follows: "
-        "hold each level until it rests",
+        "hold each level until it rests, or log the input in time",
         "share_pct",
     ),
     "saturated": Row("stop", "sensor saturated? {samples:#sample} at {limit:.4g} {unit}", "samples"),
