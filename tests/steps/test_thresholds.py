@@ -194,3 +194,9 @@ def test_a_window_that_is_too_short_whatever_the_unit(size: float) -> None:
 
 def _findings(run: Run, size: float) -> tuple[Finding, ...]:
     return build_stepset([replace(run, output=read_only(size * run.output))]).runs[0].findings
+
+
+@pytest.mark.parametrize(("kind", "surfaces"), [("clutch", 2), ("friction-force", 1), ("friction-speed", 1)])
+def test_a_clutch_has_two_surfaces_and_a_friction_rig_one(kind: str, surfaces: int) -> None:
+    run = log(PLAN, kind=kind, input_unit="V")
+    assert build_stepset([run]).apparatus.surfaces == surfaces
