@@ -21,7 +21,7 @@ OPEN_ROWS = 24
 OPEN_FIGURES = 3
 """Figures of the page's own kind that stand open."""
 KIND_FIGURES = {
-    "clutch": ("recorded_logs", "fig07_nonlinear_model", "level_steps", "steps_over_level", "model_over_duty", "bode",
+    "clutch": ("recorded_logs", "bode", "fig07_nonlinear_model", "level_steps", "steps_over_level", "model_over_duty",
                "residuals_nonlinear", "fig08_linear_model", "residuals_linear", "fig09_shear_per_field"),
     "friction-force": ("level_steps", "steps_over_level", "fig04_friction_over_stress", "residuals_friction_force"),
     "friction-speed": ("level_steps", "steps_over_level", "fig05_friction_over_speed", "residuals_friction_speed"),
