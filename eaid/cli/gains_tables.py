@@ -1,7 +1,6 @@
 """What `eaid tune-rc` prints: one verdict and one table; margins and the readings of ρ on request."""
 
 from eaid.cli import console
-from eaid.report.tables.gains import margins_table
 from eaid.results.gain_checks import Optimized
 from eaid.results.gains import Gains
 
@@ -19,6 +18,8 @@ def show(gains: Gains, all_of_it: bool = False) -> None:
     if all_of_it:
         _readings(gains)
         if gains.margins is not None:
+            from eaid.report.tables.gains import margins_table
+
             timing = gains.margins.timing
             latch = f"duty latched at {timing.pwm_hz:g} Hz" if timing.pwm_hz else "duty not latched"
             console.show(margins_table(gains))
