@@ -65,7 +65,11 @@ def _drift(step: Step) -> Finding | None:
     error = float(np.sqrt((rest**2).mean() / max(1, len(means) - 2) / times.var()))
     if abs(slope) > 0.02 * step.swing and abs(slope) > SURE * error:
         share = 100 * abs(slope) / step.swing if step.swing > 0 else None
-        return finding("idle-drifts", step.run.name, drift=slope, unit=step.unit, share_pct=share)
+        grown = slope * len(step.rise) / len(step.idle)
+        by_end = 100 * abs(grown) / step.swing if step.swing > 0 else None
+        return finding(
+            "idle-drifts", step.run.name, drift=slope, unit=step.unit, share_pct=share, grown=grown, by_end_pct=by_end
+        )
     return None
 
 

@@ -10,10 +10,18 @@ _AS_RECORDED = (
 )
 
 
+GROWS_PCT = 5.0
+"""From this part of the step [%] a drift that goes on is told to its end."""
+
+
 def _drift(v: Mapping[str, Any]) -> str:
     share = v.get("share_pct")
     of = f" ({share:.0f} % of the step)" if share is not None and share < 1000 else ""
-    return f"drift before the step: {v['drift']:+.3g} {v['unit']} while idle{of}"
+    said = f"drift before the step: {v['drift']:+.3g} {v['unit']} while idle{of}"
+    by_end = v.get("by_end_pct")
+    if by_end is None or not GROWS_PCT < by_end < 1000:
+        return said
+    return f"{said}; at that rate {v['grown']:+.3g} {v['unit']} of the end value, {by_end:.0f} % of the step, are drift"
 
 
 def _too_short(v: Mapping[str, Any]) -> str:
