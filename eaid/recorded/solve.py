@@ -27,6 +27,8 @@ SAME = 1e-6
 """Ends whose costs differ by less than this part are one."""
 NEAR = 0.05
 """An end this part of the cost above the best is no rival."""
+LONG_WAY = 1000
+"""Newton steps along a bent valley, where τ1 and τ2 all but meet."""
 SHIFT = 1e-5
 """Relative step of the difference that second derivatives come from."""
 
@@ -99,7 +101,7 @@ def finished(setup: Setup, begin: Sequence[Array], tried: int = 0, costs: Sequen
     end, predicted, active = polish(near, min(ends, key=lambda one: one.cost), near.value)
     if predicted > CONVERGED:  # far from a parabola
         near = with_second_derivatives(setup.quick)
-        end, predicted, active = polish(near, slsqp(near, end.x), near.value)
+        end, predicted, active = polish(near, slsqp(near, end.x), near.value, steps=LONG_WAY)
     if near is not whole:
         end, predicted, active = polish(near, end, whole.value, finished=SETTLED)
     evaluations = tried + sum(one.evaluations for one in ends) + end.evaluations
