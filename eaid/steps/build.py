@@ -167,8 +167,9 @@ def _level(runs: list[Run], way: Direction, clocks: Clocks, said: dict[str, list
     level = inputs[0] if len(set(inputs)) == 1 else float(np.mean(inputs))
     averaged = common(level, [Step(run, way.of(run), clocks) for run in runs])
     if said is not None and len(runs) > 1:
-        spread = disagreement(averaged.runs)
+        spread, off = disagreement(averaged.runs)
         if spread > DISAGREE:
-            for run in runs:
-                said[run.name].append(finding("repeats-disagree", run.name, (level,), spread_pct=100 * spread))
+            for run, own in zip(runs, off.tolist(), strict=True):
+                values = {"spread_pct": 100 * spread, "own_pct": 100 * own, "unit": run.input_unit}
+                said[run.name].append(finding("repeats-disagree", run.name, (level,), **values))
     return averaged

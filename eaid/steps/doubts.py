@@ -172,8 +172,13 @@ def doubts(step: Step) -> tuple[Finding, ...]:
     return tuple(said for said in (check(step) for check in CHECKS) if said is not None)
 
 
-def disagreement(runs: Array) -> float:
-    """Spread of the repeats' means over the last quarter [share of their mean], from outputs of shape (R, n)."""
+def disagreement(runs: Array) -> tuple[float, Array]:
+    """How the means of repeats over their last quarter differ, as shares of their mean; outputs of shape (R, n).
+
+    Their spread, and how far each lies from the mean of the others, shape (R,).
+    """
     ends = runs[:, -max(1, runs.shape[1] // 4) :].mean(axis=1)
     middle = abs(float(ends.mean()))
-    return float(np.ptp(ends)) / middle if middle > 0 else 0.0
+    if middle == 0:
+        return 0.0, np.zeros(len(ends))
+    return float(np.ptp(ends)) / middle, (ends - ends.mean()) * len(ends) / (len(ends) - 1) / middle

@@ -150,9 +150,10 @@ def test_torque_left_after_release() -> None:
 def test_repeats_that_disagree() -> None:
     runs = [log(PLAN, gain=gain, name=f"g{k}") for k, gain in enumerate((0.04, 0.04, 0.05))]
     stepset = build_stepset(runs)
-    for run in stepset.runs:
+    for run, own in zip(stepset.runs, (-11.5, -11.5, 23.1), strict=True):
         (said,) = (one for one in run.findings if one.code == "repeats-disagree")
         assert said.values["spread_pct"] == pytest.approx(100 * 0.01 / (0.13 / 3), rel=0.01)
+        assert said.values["own_pct"] == pytest.approx(own, rel=0.01)
 
 
 def test_uneven_repeats_are_told() -> None:

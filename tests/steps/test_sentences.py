@@ -56,7 +56,7 @@ VALUES: dict[str, dict[str, object]] = {
     "window-too-short": {"window_s": 8.0, "tau2_s": None},
     "left-after-release": {"left_pct": 9.0, "after_s": 2.0},
     "level-contradicts-input": {"said": 5.0, "held": 50.0, "unit": "%"},
-    "repeats-disagree": {"spread_pct": 23.0},
+    "repeats-disagree": {"spread_pct": 23.0, "own_pct": -12.0, "unit": "%"},
     "repeats-differ-in-number": {"unit": "%", "few": 1, "most": 2},
     "duty-may-be-fraction": {},
     "level-to-level": {"steps": 3, "of": 5},

@@ -10,6 +10,10 @@ _AS_RECORDED = (
 )
 
 
+def _at_level(v: Mapping[str, Any]) -> str:
+    return f" at {v['levels']} {v.get('unit') or ''}".rstrip() if v["levels"] else ""
+
+
 GROWS_PCT = 5.0
 """From this part of the step [%] a drift that goes on is told to its end."""
 
@@ -179,7 +183,12 @@ ROWS: dict[str, Row] = {
         "its level is said to be {said:g} {unit}, but its own input column holds {held:.4g}; mend one of them",
     ),
     "repeats-disagree": Row(
-        "caution", "repeats disagree: their torque at the end differs by {spread_pct:.0f} %", "spread_pct"
+        "caution",
+        lambda v: (
+            f"repeats disagree{_at_level(v)}: their outputs at the end differ by {v['spread_pct']:.0f} %"
+            + (f", this run's by {v['own_pct']:+.0f} % from the others" if "own_pct" in v else "")
+        ),
+        "own_pct",
     ),
     "repeats-differ-in-number": Row(
         "note", "repeats differ in number: {levels} {unit} only {few}, others up to {most}"

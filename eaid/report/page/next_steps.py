@@ -42,5 +42,6 @@ def next_steps(results: Results, known: Known) -> tuple[Step, ...]:
             found.append(Step("Try the controllers on the fitted model", line))
     found.append(Step("Record what narrows the intervals most", f"eaid plan {name} -o plan.csv"))
     if gains is not None and not stopped:
-        found.append(Step("Take the controllers to the rig", f"eaid export {shlex.quote(gains.path)} --as c -o rig"))
+        told = "" if all(row.holds for row in conditions_of(gains.result)) else ", without a guarantee"
+        found.append(Step(f"Take these gains to the rig{told}", f"eaid export {shlex.quote(gains.path)} --as c -o rig"))
     return tuple(found[:3])

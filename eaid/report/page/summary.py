@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from eaid.findings import Finding
+from eaid.findings.say import listed
 from eaid.report.page.known import Known
 from eaid.report.ready_fits import main_kind, models_for
 from eaid.report.results import KINDS, Results
@@ -113,12 +114,11 @@ def _data(results: Results, known: Known) -> Light:
     data, fit = (results.data_of(kind), results.fit(kind)) if kind else (None, None)
     found = known.of("data")
     if data is not None:
-        doubtful = sum(1 for run in data.runs if doubts_of(run))
-        said = (
-            f"{doubtful} of {len(data.runs)} runs doubtful"
-            if doubtful
-            else f"{counted(len(data.runs), 'run')}, none doubtful"
-        )
+        doubtful = [run for run in data.runs if doubts_of(run)]
+        at = listed(sorted({run.level for run in doubtful}))
+        said = f"{counted(len(data.runs), 'run')}, none doubtful"
+        if doubtful:
+            said = f"{len(doubtful)} of {len(data.runs)} runs doubtful, at {at} {data.input_unit}".rstrip()
         grade = min(_grade(found), "care" if doubtful else "good", key=("bad", "care", "good").index)
         return Light("Data", grade, said, "data")
     if fit is not None and fit.data.sources:
@@ -186,7 +186,7 @@ def tiles(results: Results) -> tuple[Tile, ...]:
     kind = main_kind(results)
     fit = results.fit(kind) if kind else None
     share = fit_pct(results)
-    found = [Tile("fit", f"{number(share, 3)} %" if share is not None else "–", "100 %: the model is on the data")]
+    found = [Tile("fit", f"{number(share, 3)} %" if share is not None else "–", "100 % would be on the data")]
     return (*found, *_values(fit), _errors(results), _margins(results))
 
 
@@ -198,6 +198,8 @@ def _values(fit: Fit | None) -> list[Tile]:
         return [Tile(label, "–", meaning) for label, meaning in words.values()]
     level = max(row.level for row in steps or rows)
     top = next(row for row in steps or rows if row.level == level)
+    lower = sorted((row for row in rows if row.level < level), key=lambda row: row.level) if not steps else []
+    lower = [lower[k] for k in sorted({0, (len(lower) + 1) // 2})] if len(lower) > 1 else lower
     found = []
     for name, (label, meaning) in words.items():
         unit = fit.data.output_unit if name == "Ts" else "s"
@@ -206,6 +208,9 @@ def _values(fit: Fit | None) -> list[Tile]:
         if steps and name == "tau1" and steps[0].dead_time_s:
             meaning += f", behind a dead time of {number(steps[0].dead_time_s, 3)} s"
         note = f"{interval(ends)}, 95 %; {meaning}" if ends is not None else f"{meaning}; no interval"
+        for row in lower:
+            if getattr(row, name) is not None and (name == "Ts" or getattr(row, name) <= ENDLESS_S):
+                note += f"; {number(getattr(row, name), 3)} at {level_text(row.level, fit.data.input_unit)}"
         endless = value is None or (name != "Ts" and ends is None and value > ENDLESS_S)
         said = ("–" if value is None else "not estimable") if endless else f"{number(value, 3)} {unit}"
         found.append(Tile(f"{label} at {level_text(level, fit.data.input_unit)}", said, note))
