@@ -8,7 +8,7 @@ from collections.abc import Mapping
 
 from eaid.control import robust
 from eaid.control.bounds import Bounds, bounds_of, model_of
-from eaid.control.law import Law, law_of
+from eaid.control.guarantee import condition, guarantee
 from eaid.control.margins import is_stable, linear_lags, pi_feedback, rc_feedback
 from eaid.control.mismatch import shown_by_levels, shown_by_logs, shown_by_model
 from eaid.control.operating import actuator, loop_margins
@@ -16,7 +16,7 @@ from eaid.control.options import DesignOptions
 from eaid.control.pi import PIGains
 from eaid.control.pi_design import pi_gains, step_metrics
 from eaid.control.plant import plant_of
-from eaid.control.verdict import condition, guarantee
+from eaid.control.rc_design import Law, law_of
 from eaid.errors import GainsError
 from eaid.findings import Finding, finding, ranked
 from eaid.models.parameters import Linear, Nonlinear

@@ -1,10 +1,10 @@
 """Gains as the steps take them, from a `Gains`; and the paper's own, Table IV and §V-B."""
 
 from eaid.control.bounds import Bounds
-from eaid.control.law import law_of
 from eaid.control.options import DesignOptions
 from eaid.control.pi import PIGains
 from eaid.control.rc import RCGains
+from eaid.control.rc_design import law_of
 from eaid.errors import DataError
 from eaid.models.parameters import PAPER_LINEAR
 from eaid.results.gains import AntiWindup, Gains

@@ -24,11 +24,11 @@ from scipy.optimize import minimize
 
 from eaid.arrays import Array
 from eaid.control.bounds import Bounds
-from eaid.control.law import Law, law_of
 from eaid.control.margins import ENOUGH_DB, ENOUGH_DEG
 from eaid.control.operating import Points, keeps_margins
 from eaid.control.options import DesignOptions
 from eaid.control.rc import RCGains
+from eaid.control.rc_design import Law, law_of
 from eaid.control.robust import damping_gains, frequency_and_damping
 from eaid.errors import GainsError, UsageError
 from eaid.limits import LIMITS

@@ -10,7 +10,7 @@ from eaid.findings import Finding, finding
 from eaid.limits import MOST_STEPS
 from eaid.progress import Progress
 from eaid.replay.best import best as best_of
-from eaid.replay.guarantee import watch
+from eaid.replay.guarantee_watch import watch
 from eaid.replay.loop import replay
 from eaid.replay.montecarlo import QUANTILES, montecarlo
 from eaid.replay.plant import perturbed, plant_terms

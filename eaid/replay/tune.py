@@ -19,12 +19,12 @@ from eaid.control.defaults import (
 )
 from eaid.control.design import design, least_phi, mismatches
 from eaid.control.gains import pi_gains, rc_gains
+from eaid.control.guarantee import condition, guarantee
 from eaid.control.noise import white_noise_nm
 from eaid.control.operating import operating_points
 from eaid.control.options import DesignOptions
 from eaid.control.plant import plant_of, why_not
 from eaid.control.rc import RCGains
-from eaid.control.verdict import condition, guarantee
 from eaid.errors import DataError, UsageError
 from eaid.findings import Finding, finding, ranked
 from eaid.models.nonlinear import steady_torque

@@ -9,12 +9,12 @@ import pytest
 from eaid.control.bounds import Bounds, bounds_of
 from eaid.control.defaults import design_options, is_duty, scales_of, timing_of, with_own_layer, with_own_pi
 from eaid.control.gains import paper_gains
-from eaid.control.law import law_of
 from eaid.control.margins import margins, rc_feedback
 from eaid.control.mismatch import shown_by_levels, shown_by_model
 from eaid.control.noise import white_noise_nm
 from eaid.control.operating import actuator, keeps_margins, operating_points
 from eaid.control.plant import plant_of, why_not
+from eaid.control.rc_design import law_of
 from eaid.control.timing import Timing
 from eaid.errors import DataError, GainsError
 from eaid.models.parameters import PAPER_LINEAR, REFERENCE_PLANT, Linear, Nonlinear

@@ -8,12 +8,12 @@ import pytest
 
 from eaid.control.bounds import Bounds
 from eaid.control.gains import paper_gains
-from eaid.control.law import law_of
 from eaid.control.margins import margins, pi_feedback, rc_feedback
 from eaid.control.mismatch import shown_by_model
 from eaid.control.operating import operating_points
 from eaid.control.options import DesignOptions
 from eaid.control.pi_design import pi_gains, step_metrics
+from eaid.control.rc_design import law_of
 from eaid.control.robust import equal_pi
 from eaid.control.timing import RIG
 from eaid.models.parameters import PAPER_LINEAR, REFERENCE_PLANT, Linear

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from eaid.replay import references
-from eaid.replay.guarantee import Watch, watch
+from eaid.replay.guarantee_watch import Watch, watch
 from eaid.replay.loop import replay
 from eaid.replay.plant import plant_slope, plant_step
 from eaid.replay.rig import Rig

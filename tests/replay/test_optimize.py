@@ -51,7 +51,7 @@ def test_figures_of_the_reference_plant():
 
 
 def test_the_replayed_error_lies_below_the_ultimate_bound():
-    from eaid.control.law import law_of
+    from eaid.control.rc_design import law_of
 
     law = law_of(PAPER_LINEAR, BOUNDS, DesignOptions(B_hat="minimax", Q_M=steepest_nm_s(MULTISINE)))
     worst = replayed(REFERENCE_PLANT, rc_controller(law.gains), MULTISINE).max_abs_error_nm
