@@ -161,8 +161,11 @@ def test_repeats_disagree(spread: float, said: bool) -> None:
 
 def test_disagreement_by_hand() -> None:
     runs = np.array([[0.0, 0, 0, 1.0], [9.0, 0, 0, 3.0]])
-    assert disagreement(runs) == pytest.approx(1.0)
-    assert disagreement(np.zeros((2, 4))) == 0.0
+    spread, off = disagreement(runs)
+    assert spread == pytest.approx(1.0) and off == pytest.approx([-1.0, 1.0])  # each from the other, over their mean, 2
+    three = np.array([[1.0], [1.0], [4.0]])
+    assert disagreement(three)[1] == pytest.approx([-0.75, -0.75, 1.5])  # 1 − 2.5, 1 − 2.5, 4 − 1, over 2
+    assert disagreement(np.zeros((2, 4)))[0] == 0.0
 
 
 @pytest.mark.parametrize(("share", "said"), [(0.015, False), (0.03, True)])
