@@ -35,8 +35,9 @@ def limits_of(text: str | None, duty_pct: tuple[float, float]) -> "Limits":
             raise UsageError(unknown("«limits»", name, LIMITS))
         read = pair("0.3:30") if name in ("duty", "hold") else number
         made = read(f"--limits {name}", value)
-        for value_ in made if isinstance(made, tuple) else (made,) if name != "duty" else ():
-            check(LIMITS[name], value_)
+        if name != "duty":  # which goes by the fit's own range
+            for one in made if isinstance(made, tuple) else (made,):
+                check(LIMITS[name], one)
         given[LIMITS[name]] = int(made) if name == "engagements" and not isinstance(made, tuple) else made
     return Limits(**given)  # type: ignore[arg-type]
 

@@ -9,6 +9,7 @@ from eaid.cli.form import Common, Seeded, option, refuse_idle, taken, takes, wri
 from eaid.cli.inputs import KINDS
 from eaid.cli.words import spaced
 from eaid.errors import UsageError
+from eaid.shown import counted
 
 if TYPE_CHECKING:
     from eaid.logs.run import Run
@@ -100,7 +101,7 @@ def command(given: Arguments) -> None:
     if given.json:
         console.print_json(_summary(given, runs, inputs))
     made_of = (runs[0].synthetic or "").partition(";")[0].removeprefix("eaid synth of ")
-    said = f"{len(runs)} synthetic runs of {made_of}, seed {given.seed}"
+    said = f"{counted(len(runs), 'synthetic run')} of {made_of}, seed {given.seed}"
     console.done(given.output, said, f"eaid fit {given.output}")
 
 

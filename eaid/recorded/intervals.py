@@ -147,7 +147,8 @@ def spread(solved: Solved) -> Spread:
 
 def _root(pull: Array) -> Array:
     """L with L L' = H⁻¹ where the data and the constraints leave anything to know, (p, k)."""
-    scale = np.sqrt(np.maximum(np.diagonal(pull), 1e-300))
+    variance = np.diagonal(pull)
+    scale = np.sqrt(np.where(variance > 1e-40 * variance.max(initial=0.0), variance, 1.0))  # 1: held, its row is 0
     size, ways = np.linalg.eigh(0.5 * (pull + pull.T) / np.outer(scale, scale))
     known = size > 1e-14 * size.max(initial=0.0)
     return np.asarray(scale[:, None] * ways[:, known] * np.sqrt(size[known]))

@@ -69,7 +69,12 @@ def fit_of(plant: Any = PLANT, data: dict[str, Any] | None = None, **further: An
 
 
 STRANGE = Nonlinear(
-    tau1=(-0.05, 2e-3, 0.0), tau2=(0.1, 0.0, 0.0), Ts=(-0.5, 0.02, 0.0, 1e-6), u_range=(20.0, 90.0), C=0.6, release=None
+    tau1=(-0.0395, 2e-3, 0.0),
+    tau2=(0.1, 0.0, 0.0),
+    Ts=(-0.5, 0.02, 0.0, 1e-6),
+    u_range=(20.0, 90.0),
+    C=0.6,
+    release=None,
 )
 """A plant at every floor: τ1 below 1 ms, τ2 below τ1, T_s below 0, no release."""
 STRANGE_RC = KNOWN.rc._replace(gamma=2.0, epsilon=0.4, back_calculation=0.03, duty_min=5.0, duty_max=95.0)

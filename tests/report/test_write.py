@@ -70,8 +70,8 @@ def test_a_report_that_breaks_off_leaves_what_was_there(
     ("options", "says"),
     [
         (["--figures", "fig99"], "--figures fig99: no such figure"),
-        (["--format", "gif"], "--format gif: figures are written as png, pdf, svg"),
-        (["--width", "3.5"], "--width 3.5: give the widths of one and of two columns"),
+        (["--format", "gif"], "--format gif: must be one of pdf, svg, png"),
+        (["--width", "3.5"], "--width 3.5: write two numbers with a comma between them"),
         (["--width", "1,7"], "figures are between 2 and 40 in wide"),
         (["--font", "No Such Font"], "--font No Such Font: no such font is installed"),
     ],
