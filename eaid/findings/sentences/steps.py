@@ -186,7 +186,7 @@ ROWS: dict[str, Row] = {
         "caution",
         lambda v: (
             f"repeats disagree{_at_level(v)}: their outputs at the end differ by {v['spread_pct']:.0f} %"
-            + (f", this run's by {v['own_pct']:+.0f} % from the others" if "own_pct" in v else "")
+            + (f", {v['subject']} by {v['own_pct']:+.0f} % from the others" if "own_pct" in v else "")
         ),
         "own_pct",
     ),
