@@ -67,7 +67,7 @@ def simulate(
     if runs is not None:
         records, head, more = _logs(setup, runs)
     elif what == "rehab":
-        records, head, more = _rehab(setup)
+        records, head, more = _rehab(setup, scales.top)
     else:
         wanted = _reference(setup, what, reference, scales)
         records, head, more = tracked(setup, wanted, gains, progress)
@@ -94,8 +94,8 @@ def _reference(setup: Setup, what: str, signal: Signal | None, scales: Scales) -
     return SCENARIOS[what].reference(setup.dt_s, setup.options.duration, scales.top, scales.pace)
 
 
-def _rehab(setup: Setup) -> Outcome:
-    """The rehabilitation of §VII with each controller."""
+def _rehab(setup: Setup, top: float) -> Outcome:
+    """The rehabilitation of §VII with each controller, its moments scaled to what the rig can hold."""
     options = setup.options
     if setup.fit.data.output_unit not in ("N·m", "Nm"):
         raise DataError(f"rehab needs a torque, and the fit's output is in {setup.fit.data.output_unit}")
@@ -104,7 +104,8 @@ def _rehab(setup: Setup) -> Outcome:
         "damping_nms": options.limb_damping,
         "inertia_kgm2": options.limb_inertia,
     }
-    exercise = Exercise(**{key: value for key, value in said.items() if value is not None})
+    own = {key: value for key, value in said.items() if value is not None}
+    exercise = msgspec.structs.replace(Exercise().scaled(top), **own)
     records = {
         each.name: record_session(rehabilitate(setup.plant, each, exercise, setup.rig, setup.dt_s, options.seed))
         for each in setup.controllers

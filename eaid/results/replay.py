@@ -8,7 +8,9 @@ import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, Self
+
+import msgspec
 
 from eaid.arrays import Array
 from eaid.findings import Finding, sentences
@@ -72,6 +74,17 @@ class Exercise(Result, frozen=True):
     """Standard deviation of the user's random moment."""
     tremor_s: Number = 0.5
     """Time in which it forgets itself."""
+
+    def scaled(self, top: float) -> Self:
+        """The same movement by a limb and a user `top` times as strong: every moment and stiffness is scaled."""
+        return msgspec.structs.replace(self, **{name: top * getattr(self, name) for name in MOMENTS})
+
+
+MOMENTS = (
+    "soft_nm_rad", "hard_nm_rad", "assist_proportional", "assist_integral", "slope_nm_s", "inertia_kgm2", "damping_nms",
+    "gravity_nm", "user_stiffness", "user_damping", "tremor_nm",
+)  # fmt: skip
+"""What of an exercise is in proportion to the torque that it takes."""
 
 
 class RigRecord(Result, frozen=True):

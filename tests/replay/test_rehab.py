@@ -1,5 +1,7 @@
 """The rehabilitation of §VII: specification 7's numbers over ten seeds, the limb in closed form, statistics by hand."""
 
+import dataclasses
+
 import msgspec
 import numpy as np
 import pytest
@@ -7,7 +9,7 @@ from scipy import stats
 
 from eaid.control.gains import paper_gains
 from eaid.errors import GainsError, UsageError
-from eaid.models.parameters import PAPER_LINEAR, REFERENCE_PLANT
+from eaid.models.parameters import PAPER_LINEAR, REFERENCE_PLANT, Nonlinear
 from eaid.replay.controllers import Knowledge, controller
 from eaid.replay.plant import plant_parameters
 from eaid.replay.rehab import MODES, Session, limb_steps, rehabilitate
@@ -182,3 +184,15 @@ def test_the_statistics_of_a_session(ten: list[Session]) -> None:
     assert set(pairs) == {("soft", "hard"), ("soft", "assisted"), ("hard", "assisted")}
     assert pairs["soft", "hard"].samples.p < 1e-10 and pairs["soft", "hard"].cycles.p_welch < 0.05
     assert pairs["soft", "hard"].cycles.p_rank == pytest.approx(0.1)
+
+
+def test_a_limb_in_proportion_moves_as_the_paper_s_does() -> None:
+    """A clutch of a tenth of the torque, with a limb and a user of a tenth of the strength: the same angles."""
+    tenth = dataclasses.replace(REFERENCE_PLANT, Ts=tuple(0.1 * c for c in REFERENCE_PLANT.Ts))
+
+    def angles(plant: Nonlinear, exercise: Exercise) -> np.ndarray:
+        law = controller("inverse", dataclasses.replace(KNOWN, plant=plant))
+        return rehabilitate(plant_parameters(plant), law, exercise, Rig(), 1e-3, 1).angle_deg
+
+    short = msgspec.structs.replace(Exercise(), mode_s=8.0)
+    np.testing.assert_allclose(angles(tenth, short.scaled(0.1)), angles(REFERENCE_PLANT, short), atol=1e-6)
