@@ -180,7 +180,11 @@ def _block(rows: list[list[str]], right: list[bool], width: int | None) -> list[
     for row in rows:
         gaps = [" " * (w - _width(cell)) for cell, w in zip(row, widths, strict=True)]
         cells = [gap + cell if to_right else cell + gap for cell, gap, to_right in zip(row, gaps, right, strict=True)]
-        last = [cells[-1]] if room is None else textwrap.wrap(row[-1], room, break_long_words=False) or [""]
+        last = (
+            [cells[-1]]
+            if room is None
+            else textwrap.wrap(row[-1], room, break_long_words=False, break_on_hyphens=False) or [""]
+        )
         lines.append("  ".join([*cells[:-1], last[0]]).rstrip())
         lines += [" " * before + more for more in last[1:]]
     return lines

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from eaid.findings import Finding
-from eaid.findings.say import listed
 from eaid.report.page.known import Known
 from eaid.report.ready_fits import main_kind, models_for
 from eaid.report.results import KINDS, Results
@@ -114,11 +113,10 @@ def _data(results: Results, known: Known) -> Light:
     data, fit = (results.data_of(kind), results.fit(kind)) if kind else (None, None)
     found = known.of("data")
     if data is not None:
-        doubtful = [run for run in data.runs if doubts_of(run)]
-        at = listed(sorted({run.level for run in doubtful}))
+        doubtful = sum(1 for run in data.runs if doubts_of(run))
         said = f"{counted(len(data.runs), 'run')}, none doubtful"
         if doubtful:
-            said = f"{len(doubtful)} of {len(data.runs)} runs doubtful, at {at} {data.input_unit}".rstrip()
+            said = f"{doubtful} of {len(data.runs)} runs doubtful"
         grade = min(_grade(found), "care" if doubtful else "good", key=("bad", "care", "good").index)
         return Light("Data", grade, said, "data")
     if fit is not None and fit.data.sources:
