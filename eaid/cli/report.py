@@ -50,16 +50,16 @@ def command(given: Arguments) -> None:
     Example: eaid report fit.json gains.json multisine.h5 clutch.h5 -o report
     """
     from eaid.report.options import ReportOptions, refuse_to_overwrite_report
+    from eaid.report.watch import changes
 
     options = ReportOptions(given.formats, given.figures, *given.width, given.font, given.paper, given.force)
     refuse_to_overwrite_report(given.output, given.force)
     given.output.parent.mkdir(parents=True, exist_ok=True)
+    changed = changes(given.files)  # from here on: what changes while the first page is made counts too
     made = _made(given.files, given.output, options)
     if given.watch:
-        from eaid.report.watch import changes
-
         console.say(f"watching {len(given.files)} file{'s' if len(given.files) > 1 else ''}; Ctrl-C ends it")
-        for _ in changes(given.files):
+        for _ in changed:
             try:
                 made = _made(given.files, given.output, replace(options, force=True))
             except DataError as fault:  # a file that is being written: it will change again

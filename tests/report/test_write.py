@@ -83,6 +83,15 @@ def test_options_that_name_nothing_are_refused(
     assert says in capsys.readouterr().err and not (tmp_path / "out").exists()
 
 
+def test_a_change_counts_from_the_call_on(tmp_path: Path):
+    """A result that is replaced while the first page is being drawn must not be missed."""
+    path = tmp_path / "fit.json"
+    path.write_text("1")
+    following = changes([path], 0.01)
+    path.write_text("22")
+    next(following)
+
+
 def test_a_change_is_told_once_and_only_when_the_files_have_come_to_rest(tmp_path: Path):
     path = tmp_path / "fit.json"
     path.write_text("1")
