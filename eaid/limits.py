@@ -127,7 +127,7 @@ LIMITS: dict[str, Limit] = {
     "periods": Limit(1, 1000, whole=True),
     # plan
     "work_s": Limit(0, 1e7),
-    "rate_pct_s": Limit(0, 1e9),
+    "rate_per_s": Limit(0, 1e9),
     "engagements": Limit(1, 1000, whole=True),
     "longest_s": Limit(1, 1e6),
     "longest_hold": Limit(5, 1e6),

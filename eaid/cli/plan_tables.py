@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from eaid.recorded.sequence import Limits
 
 LIMITS = {
-    "duty": "duty_pct", "hold": "hold_s", "rate": "rate_pct_s", "rest": "rest_s", "work": "work_s",
+    "duty": "input", "hold": "hold_s", "rate": "rate_per_s", "rest": "rest_s", "work": "work_s",
     "longest": "longest_s", "engagements": "engagements",
 }  # fmt: skip
 """Names of `--limits` → fields of `Limits`."""
@@ -29,7 +29,7 @@ def limits_of(text: str | None, duty_pct: tuple[float, float]) -> "Limits":
     """`duty=10:100,hold=0.3:30,rate=200,rest=5,work=60,engagements=4` as limits."""
     from eaid.recorded.sequence import Limits
 
-    given: dict[str, float | int | tuple[float, float]] = {"duty_pct": duty_pct}
+    given: dict[str, float | int | tuple[float, float]] = {"input": duty_pct}
     for name, value in pairs("«limits»", text).items():
         if name not in LIMITS:
             raise UsageError(unknown("«limits»", name, LIMITS))

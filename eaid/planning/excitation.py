@@ -52,7 +52,7 @@ def shortest_recording(
     """
     options = options or ExcitationOptions()
     p = fit.plant
-    limits = options.limits or Limits(duty_pct=p.u_range)
+    limits = options.limits or Limits(input=p.u_range, unit=fit.data.input_unit)
     check(limits, options.want)
     known = noise_of_fit(fit)
     noise = ASSUMED if known is None else known
@@ -117,5 +117,5 @@ def _kept_widths(rows: list[dict[str, float]]) -> dict[str, float]:
 def classic_time_s(p: Nonlinear, noise: Noise, want: Mapping[str, float], limits: Limits) -> float | None:
     """What steps from rest to levels, with repeats, take for the same widths [s]; None: they never reach them."""
     session = Session(10.0, 10.0, 12, 120.0)
-    found = quickest(clutch(p, "a fit").at, level_sets(limits.duty_pct, 12), want, noise, session)
+    found = quickest(clutch(p, "a fit").at, level_sets(limits.input, 12), want, noise, session)
     return float(found.time_s) if found.met else None

@@ -1,4 +1,4 @@
-"""The shortest sequence of duties that identifies a clutch to wanted widths.
+"""The shortest sequence of inputs that identifies a clutch to wanted widths.
 
 A sequence is levels with holds, and returns to rest between its engagements. What a fit of it would know:
 
@@ -47,7 +47,7 @@ class ExcitationPlan:
     """A sequence, what it costs and what it is to give."""
 
     breaks: tuple[tuple[float, float], ...]
-    """(from when [s], duty [%]), each held until the next; the last entry ends it."""
+    """(from when [s], input in the rig's unit), each held until the next; the last entry ends it."""
     time_s: float
     engagements: int
     half_width_pct: dict[str, float]
@@ -59,7 +59,7 @@ def plan_excitation(
     p: Nonlinear, noise: Noise, wanted: Mapping[str, float], limits: Limits | None = None, seed: int = 0
 ) -> ExcitationPlan:
     """The shortest sequence for half-widths of `wanted` percent at the worst duty, or the best of the longest."""
-    limits = limits or Limits(duty_pct=p.u_range)
+    limits = limits or Limits(input=p.u_range)
     check(limits, wanted)
     draw = np.random.default_rng(seed)
     judge = Judge(p, noise, dict(wanted), limits)
@@ -105,7 +105,7 @@ class Judge:
 
     def random(self, segments: int, draw: np.random.Generator) -> Holds:
         """Levels in random order, both ends often, holds log-uniform."""
-        low, high = self.limits.duty_pct
+        low, high = self.limits.input
         levels = np.linspace(low, high, LEVELS)
         order = np.concatenate([draw.permutation(levels) for _ in range(-(-segments // LEVELS))])[:segments]
         shortest, longest = np.log(self.limits.hold_s).tolist()
@@ -135,7 +135,7 @@ class Judge:
         count = self.engagements(sequence)
         ends = np.searchsorted(np.cumsum(sequence.hold_s), np.arange(1, count) * sequence.time_s / count) + 1
         at = np.unique(np.concatenate([[0], ends]))
-        return Holds(np.insert(sequence.duty_pct, at, 0.0), np.insert(sequence.hold_s, at, self.limits.rest_s))
+        return Holds(np.insert(sequence.input, at, 0.0), np.insert(sequence.hold_s, at, self.limits.rest_s))
 
     def half_widths(self, sequence: Holds) -> Array:
         """Half-widths of log T_s, log τ1, log τ2 at the duties [%], (3, DUTIES); infinite where nothing is known."""
@@ -173,7 +173,7 @@ class Judge:
     @cached_property
     def slopes(self) -> Array:
         """Derivatives of log T_s, log τ1, log τ2 at the duties by the unknowns, (3, DUTIES, n)."""
-        slopes = self.model.slopes(np.linspace(*self.limits.duty_pct, DUTIES), len(self.unknowns))
+        slopes = self.model.slopes(np.linspace(*self.limits.input, DUTIES), len(self.unknowns))
         return slopes / (slopes @ self.unknowns)[:, :, None]
 
     @cached_property
@@ -185,7 +185,7 @@ class Judge:
     @cached_property
     def model(self) -> model.Model:
         """The nonlinear model over the duties that the limits allow."""
-        return model.nonlinear(np.linspace(*self.limits.duty_pct, 11), self.p.C, 1e3)
+        return model.nonlinear(np.linspace(*self.limits.input, 11), self.p.C, 1e3)
 
     def ratios(self, sequence: Holds) -> Array:
         """Widths over the wanted ones, of those that are wanted, flat."""
@@ -208,7 +208,7 @@ class Judge:
 
     def improved(self, sequence: Holds) -> Holds:
         """Levels and holds exchanged one after another while that lowers the price."""
-        levels = np.linspace(*self.limits.duty_pct, LEVELS)
+        levels = np.linspace(*self.limits.input, LEVELS)
         holds = np.geomspace(*self.limits.hold_s, HOLDS)
         price = self.price(sequence)
         for _ in range(SWEEPS):
@@ -216,11 +216,11 @@ class Judge:
             for i in range(len(sequence.hold_s)):
                 near = np.argsort(np.abs(np.log(holds / sequence.hold_s[i])))[:4]
                 tried = [(level, sequence.hold_s[i]) for level in levels[:: 2 if len(sequence.hold_s) > 40 else 1]]
-                tried += [(sequence.duty_pct[i], hold) for hold in holds[near]]
+                tried += [(sequence.input[i], hold) for hold in holds[near]]
                 for level, hold in tried:
-                    duty_pct, hold_s = sequence.duty_pct.copy(), sequence.hold_s.copy()
-                    duty_pct[i], hold_s[i] = level, hold
-                    other = Holds(duty_pct, hold_s)
+                    inputs, hold_s = sequence.input.copy(), sequence.hold_s.copy()
+                    inputs[i], hold_s[i] = level, hold
+                    other = Holds(inputs, hold_s)
                     cost = self.price(other)
                     if cost < price:
                         sequence, price = other, cost

@@ -1,4 +1,7 @@
-"""A sequence of levels and holds within the limits of a rig, and the changes of the duty that the rig then plays."""
+"""A sequence of levels and holds within the limits of a rig, and the changes of the input that the rig then plays.
+
+Inputs are in the rig's own unit, counted from rest.
+"""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -13,16 +16,19 @@ PARAMETERS = ("Ts", "tau1", "tau2")
 BLOCKS = 12
 """Instants of each hold at which the sensitivities are taken."""
 RAMP_S = 0.05
-"""A duty whose rate is limited goes in steps this long [s]."""
+"""An input whose rate is limited goes in steps this long [s]."""
+FULL_DUTY = 100.0
+"""Highest input of a rig in %."""
 
 
 @dataclass(frozen=True)
 class Limits:
     """What the rig allows."""
 
-    duty_pct: tuple[float, float] = (10.0, 100.0)
-    rate_pct_s: float = 0.0
-    """Fastest change of the duty [%/s]; 0: any."""
+    input: tuple[float, float] = (10.0, 100.0)
+    """Lowest and highest input above rest."""
+    rate_per_s: float = 0.0
+    """Fastest change of the input [its unit/s]; 0: any."""
     hold_s: tuple[float, float] = (0.3, 30.0)
     """Shortest and longest hold."""
     rest_s: float = 5.0
@@ -33,13 +39,15 @@ class Limits:
     """Longest stretch under load [s]; 0: any."""
     longest_s: float = 3600.0
     """Longest sequence that is looked for."""
+    unit: str = "%"
+    """Of the input."""
 
 
 @dataclass(frozen=True, eq=False)
 class Holds:
     """Levels and holds, 0 for a rest."""
 
-    duty_pct: Array
+    input: Array
     hold_s: Array
 
     @property
@@ -51,12 +59,14 @@ class Holds:
 def check(limits: Limits, wanted: Mapping[str, float]) -> None:
     """Refuse limits and widths that mean nothing."""
     faults = []
-    low, high = limits.duty_pct
-    if not 0 < low < high <= 100:
-        faults.append(f"«duty» {low:g}:{high:g}: give two duties that rise, above 0 and up to 100 %")
+    low, high = limits.input
+    if not 0 < low < high < np.inf:
+        faults.append(f"«duty» {low:g}:{high:g}: give two inputs that rise, above 0")
+    elif limits.unit == "%" and high > FULL_DUTY:
+        faults.append(f"«duty» {low:g}:{high:g}: a duty ends at 100 %")
     if not 0 < limits.hold_s[0] < limits.hold_s[1]:
         faults.append(f"«hold» {limits.hold_s[0]:g}:{limits.hold_s[1]:g}: give the shortest and the longest hold")
-    if limits.rest_s < 0 or limits.rate_pct_s < 0 or limits.work_s < 0 or limits.engagements < 1:
+    if limits.rest_s < 0 or limits.rate_per_s < 0 or limits.work_s < 0 or limits.engagements < 1:
         faults.append("«rest», «rate» and «work» are 0 or more, and there is one engagement at least")
     for name, width in wanted.items():
         if name not in PARAMETERS or not 0 < width < 100:
@@ -70,7 +80,7 @@ def drive_of_sequence(whole: Holds, limits: Limits) -> Drive:
     changes = breaks_of(whole, limits)
     starts, level = np.array(changes[:-1]).T
     hold = np.diff(np.append(starts, changes[-1][0]))
-    count = np.where((limits.rate_pct_s > 0) & (hold <= 1.5 * RAMP_S), 1, BLOCKS)  # a ramp's steps are short
+    count = np.where((limits.rate_per_s > 0) & (hold <= 1.5 * RAMP_S), 1, BLOCKS)  # a ramp's steps are short
     of = np.repeat(np.arange(len(hold)), count)
     place = np.arange(len(of)) - np.repeat(np.cumsum(count) - count, count)
     edges = [(k / count[of]) ** 2 * hold[of] for k in (place, place + 1)]
@@ -91,12 +101,12 @@ def drive_of_sequence(whole: Holds, limits: Limits) -> Drive:
 
 
 def breaks_of(whole: Holds, limits: Limits) -> tuple[tuple[float, float], ...]:
-    """(from when [s], duty [%]) with ramps where the rate is limited, in milliseconds; the last entry ends it."""
+    """(from when [s], input) with ramps where the rate is limited, in milliseconds; the last entry ends it."""
     found: list[tuple[float, float]] = []
     now, before = 0.0, 0.0
-    for duty, hold in zip(whole.duty_pct.tolist(), whole.hold_s.tolist(), strict=True):
-        if limits.rate_pct_s > 0 and duty != before:
-            step = limits.rate_pct_s * RAMP_S
+    for duty, hold in zip(whole.input.tolist(), whole.hold_s.tolist(), strict=True):
+        if limits.rate_per_s > 0 and duty != before:
+            step = limits.rate_per_s * RAMP_S
             count = int(np.ceil(abs(duty - before) / step))
             for k in range(1, count):
                 found.append((now, before + (duty - before) * k / count))

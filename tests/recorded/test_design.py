@@ -1,5 +1,7 @@
 """Planned sequences: limits kept, widths as predicted, shorter than random."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -15,7 +17,7 @@ WANT = {"tau1": 8.0, "tau2": 25.0, "Ts": 3.0}
 
 
 def test_a_plan_keeps_its_limits_and_its_widths() -> None:
-    limits = Limits(duty_pct=(20.0, 90.0), rate_pct_s=200.0, hold_s=(0.5, 12.0), rest_s=3.0, engagements=3)
+    limits = Limits(input=(20.0, 90.0), rate_per_s=200.0, hold_s=(0.5, 12.0), rest_s=3.0, engagements=3)
     p = REFERENCE_PLANT
     found = plan_excitation(p, NOISE, WANT, limits)
     assert found.met and found.engagements >= 3
@@ -27,6 +29,18 @@ def test_a_plan_keeps_its_limits_and_its_widths() -> None:
     jumps = np.abs(np.diff(duty[:-1]))
     assert jumps.max() <= 200.0 * 0.05 + 1e-9  # in steps of 50 ms
     assert found.time_s == at[-1]
+
+
+def test_a_rig_in_volts_is_planned_as_the_same_rig_in_percent() -> None:
+    p, few = REFERENCE_PLANT, {"tau1": 8.0, "Ts": 3.0}
+    tau1, tau2, Ts = ([c / 3.0**k for k, c in enumerate(row)] for row in (p.tau1, p.tau2, p.Ts))
+    volts = replace(p, tau1=tuple(tau1), tau2=tuple(tau2), Ts=tuple(Ts), u_range=(30.0, 300.0))
+    in_percent = plan_excitation(p, NOISE, few, Limits(input=(10.0, 100.0)), seed=2)
+    in_volts = plan_excitation(volts, NOISE, few, Limits(input=(30.0, 300.0), unit="V"), seed=2)
+    np.testing.assert_allclose(np.array(in_volts.breaks), np.array(in_percent.breaks) * [1.0, 3.0], rtol=1e-9)
+    assert in_volts.half_width_pct == pytest.approx(in_percent.half_width_pct, rel=1e-6)
+    with pytest.raises(UsageError):
+        plan_excitation(volts, NOISE, few, Limits(input=(30.0, 300.0)))
 
 
 def test_measured_widths_are_the_predicted_ones() -> None:
@@ -70,7 +84,7 @@ def test_simulated_recordings_scatter_from_engagement_to_engagement() -> None:
 
 def test_limits_that_mean_nothing_are_refused() -> None:
     for limits, want in (
-        (Limits(duty_pct=(50.0, 20.0)), WANT),
+        (Limits(input=(50.0, 20.0)), WANT),
         (Limits(hold_s=(3.0, 1.0)), WANT),
         (Limits(), {"x": 1}),
     ):
