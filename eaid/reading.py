@@ -234,7 +234,5 @@ def steps_of(
     if options.levels is not None:
         kept = {run.name for run in stepset.runs}
         steps = [step for step in steps if step.name in kept]
-    inputs = [{"path": str(path), "sha256": sha256_of(path)} for path in paths]
-    return steps, replace(
-        stepset, extra={**stepset.extra, "inputs": inputs, "reading": options.given()}, steps=tuple(steps)
-    )
+    inputs = tuple((str(path), sha256_of(path)) for path in paths)
+    return steps, replace(stepset, inputs=inputs, reading=options.given(), steps=tuple(steps))

@@ -1,7 +1,6 @@
 """What a fit was made from: kind, units, levels, the rig and the runs, as fit.json holds them."""
 
 from dataclasses import asdict
-from typing import cast
 
 from eaid.results.common import Input, Source
 from eaid.results.fit import Data, Rig
@@ -13,7 +12,6 @@ def data_part(stepset: StepSet) -> Data:
     rates = [run.rate_hz for run in stepset.runs]
     if not rates:
         rates = [(len(level.time_s) - 1) / float(level.time_s[-1] - level.time_s[0]) for level in stepset.levels]
-    inputs = cast("list[dict[str, str]]", stepset.extra.get("inputs", []))
     return Data(
         kind=stepset.kind,  # type: ignore[arg-type]  # one of the three
         input_unit=stepset.input_unit,
@@ -38,6 +36,6 @@ def data_part(stepset: StepSet) -> Data:
             )
             for run in stepset.runs
         ),
-        inputs=tuple(Input(one["path"], one["sha256"]) for one in inputs),
+        inputs=tuple(Input(path, sha256) for path, sha256 in stepset.inputs),
         synthetic=stepset.synthetic,
     )

@@ -29,13 +29,11 @@ def fit_whole(
             raise UsageError(f"«{name}» {value}: logs fitted as recorded take {plain}; or say «logs_as» steps")
     if options.hold_out:
         raise UsageError("«hold_out»: logs fitted as recorded hold no single levels; or say «logs_as» steps")
-    reading = stepset.extra.get("reading")
-    rest = reading.get("rest", 0.0) if isinstance(reading, dict) else 0.0
     how = RecordedOptions(
         models=options.models,
         share=options.share,
         u_range=duty,
-        rest=float(rest),
+        rest=float(stepset.reading.get("rest", 0.0)),
         instrument=instrument,
         ci="none" if options.ci == "none" else "robust",
         seed=options.seed,

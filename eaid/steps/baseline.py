@@ -14,7 +14,7 @@ import numpy as np
 from eaid.arrays import Array, median
 from eaid.errors import UsageError
 from eaid.findings import Finding, finding
-from eaid.steps.noise import block_means, block_noise, sample_noise, spikes
+from eaid.steps.noise import block_means, block_noise, line, sample_noise, spikes
 from eaid.steps.plateaus import FEWEST
 
 STEADY = 0.01
@@ -121,8 +121,7 @@ def last_rest(hold: Array, change: float) -> Rest:
             return _from(hold, part, change, left_out)
         lead *= 2
     tail = hold[-max(FEWEST, count // 8) :]
-    at = np.arange(len(tail)) - (len(tail) - 1) / 2
-    start = float(tail.mean() + (at @ tail) / (at @ at) * (len(tail) / 2))
+    start = float(tail.mean() + line(np.arange(len(tail)), tail).slope * (len(tail) / 2))
     return Rest(start, start, False, 0, left_out)
 
 
@@ -179,5 +178,4 @@ def first_samples(active: Array) -> float:
     few = min(max(1, len(active) // 100), math.ceil((noise / (0.005 * change)) ** 2)) if change > 0 else 1
     if few < 4:
         return float(active[: max(1, few)].mean())
-    at = np.arange(few) - (few - 1) / 2
-    return float(active[:few].mean() - (at @ active[:few]) / (at @ at) * (few - 1) / 2)
+    return float(active[:few].mean() - line(np.arange(few), active[:few]).slope * (few - 1) / 2)

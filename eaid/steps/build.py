@@ -1,7 +1,6 @@
 """Runs → the step set that is fitted: cut, sorted by level, repeats averaged, with findings on what is doubtful."""
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -10,17 +9,14 @@ from eaid.arrays import median
 from eaid.errors import DataError
 from eaid.findings import Finding, finding
 from eaid.logs.run import Kind, Run
-from eaid.steps.average import common
-from eaid.steps.ceiling import same_ceiling
-from eaid.steps.clock import Clocks
-from eaid.steps.cut_runs import NOTHING_SAID, StepOptions, cut_runs
+from eaid.steps.cut_runs import NOTHING_SAID, StepOptions, cut_runs, level_steps
 from eaid.steps.direction import Direction, direction
 from eaid.steps.doubts import disagreement, doubts
-from eaid.steps.idle_noise import idle_density
-from eaid.steps.level_steps import level_steps
-from eaid.steps.levels import grouped, same_level, wanted_levels
+from eaid.steps.levels import common, grouped, same_level, wanted_levels
+from eaid.steps.noise import idle_density
 from eaid.steps.part import has_input
 from eaid.steps.plateaus import tolerance
+from eaid.steps.sensor import same_ceiling
 from eaid.steps.slip import slip_of_step
 from eaid.steps.step import Step, left_pct, lost_pct
 from eaid.steps.stepset import Level, RunRecord, StepSet
@@ -29,14 +25,9 @@ DISAGREE = 0.10
 """Repeats whose torque at the end differs by more than this share are told."""
 
 
-def _idle_density(step: Step) -> float | None:
-    if step.run.edge != "rising" or step.run.from_level != 0:
-        return None
-    return idle_density(step.run.time_s[: step.start], step.idle)
-
-
-def _record(step: Step, said: Sequence[Finding]) -> RunRecord:
+def _record(step: Step, findings: tuple[Finding, ...]) -> RunRecord:
     run = step.run
+    from_rest = run.edge == "rising" and run.from_level == 0
     return RunRecord(
         name=run.name,
         source=run.source,
@@ -48,16 +39,16 @@ def _record(step: Step, said: Sequence[Finding]) -> RunRecord:
         samples=len(step.time_s),
         rate_hz=1.0 / step.clock.usual_s,
         edge=run.edge,
-        findings=tuple(said),
+        findings=findings,
         lost_pct=lost_pct(step) if run.edge == "rising" else None,
         left_pct=left_pct(step) if run.edge == "falling" else None,
         from_level=run.from_level,
-        idle_density=_idle_density(step),
+        idle_density=idle_density(run.time_s[: step.start], step.idle) if from_rest else None,
         slip=slip_of_step(step),
     )
 
 
-def _one(values: set[str], what: str, remedy: str) -> str:
+def _the_one(values: set[str], what: str, remedy: str) -> str:
     if len(values) > 1:
         raise DataError(f"the logs have different {what} ({', '.join(sorted(v or 'none' for v in values))}); {remedy}")
     return next(iter(values))
@@ -79,8 +70,8 @@ def stepset_of(cut_steps: Sequence[Run], options: StepOptions = NOTHING_SAID) ->
     if options.kind is None and len(kinds) > 1:
         raise DataError(f"the logs are of different experiments ({', '.join(sorted(kinds))}); give one, or say «kind»")
     kind: Kind = options.kind or next(iter(kinds), None) or "clutch"
-    input_unit = _one({run.input_unit for run in cut_steps}, "input units", "say one with «units» input=UNIT")
-    output_unit = _one({run.output_unit for run in cut_steps}, "output units", "say one with «units» output=UNIT")
+    input_unit = _the_one({run.input_unit for run in cut_steps}, "input units", "say one with «units» input=UNIT")
+    output_unit = _the_one({run.output_unit for run in cut_steps}, "output units", "say one with «units» output=UNIT")
     rigs = {run.apparatus for run in cut_steps if run.apparatus is not None}
     if options.apparatus is None and len(rigs) > 1:
         raise DataError("the datasets are of different rigs; fit them apart")
@@ -97,21 +88,15 @@ def stepset_of(cut_steps: Sequence[Run], options: StepOptions = NOTHING_SAID) ->
         runs = [run for run in runs if _among(abs(run.level or 0.0), kept)]
 
     way = direction(runs, options.keep_sign)
-    own = {one.subject: one for one in way.findings if one.subject != "data"}
-    clocks = Clocks()
-    said: dict[str, list[Finding]] = {}
+    levels: list[Level] = []
+    releases: list[Level] = []
     records: list[RunRecord] = []
-    for run in runs:
-        step = Step(run, way.of(run), clocks)
-        found = list(run.findings)
-        if (run.level or 0.0) < 0 and run.position is None:
-            found.append(finding("input-negative", run.name))
-        found += [own[run.name]] if run.name in own else []
-        said[run.name] = [*found, *_contradiction(step), *doubts(step)]
-        records.append(_record(step, ()))
-    levels = tuple(_level(members, way, clocks, said) for _, members in rising)
-    releases = tuple(_level(members, way, clocks, None) for _, members in falling)
-    records = [replace(record, findings=tuple(said[record.name])) for record in records]
+    groups = [*((members, levels) for _, members in rising), *((members, releases) for _, members in falling)]
+    for members, averaged in (*groups, *(([run], []) for run in runs if run.from_level != 0)):
+        steps = [Step(run, way.of(run)) for run in members]
+        averaged.append(common(steps))
+        disagree = _disagreements(averaged[-1], input_unit) if averaged is levels else {}
+        records += [_record(step, (*_findings(step, way), *disagree.get(step.run.name, ()))) for step in steps]
     records.sort(key=lambda r: (r.level, r.repeat, r.edge != "rising", r.name))
     made = sorted({run.synthetic for run in runs if run.synthetic})
     return StepSet(
@@ -119,20 +104,28 @@ def stepset_of(cut_steps: Sequence[Run], options: StepOptions = NOTHING_SAID) ->
         input_unit=input_unit,
         output_unit=output_unit,
         apparatus=apparatus,
-        levels=levels,
-        releases=releases,
+        levels=tuple(levels),
+        releases=tuple(releases),
         runs=tuple(records),
         findings=(
             *(one for one in way.findings if one.subject == "data"),
             *_of_the_set(levels, runs, input_unit, output_unit),
         ),
         synthetic="; ".join(made) or None,
-        level_steps=level_steps(runs, {name: tuple(found) for name, found in said.items()}),
+        level_steps=level_steps(runs, {record.name: record.findings for record in records}),
     )
 
 
 def _among(level: float, kept: Sequence[float]) -> bool:
     return any(same_level(level, k, 0.0) or level == k for k in kept)
+
+
+def _findings(step: Step, way: Direction) -> list[Finding]:
+    """What is to be said of a run: what reading and cutting brought up, its sign, its level, its doubts."""
+    run = step.run
+    turned = [finding("input-negative", run.name)] if (run.level or 0.0) < 0 and run.position is None else []
+    turned += [odd for odd in way.findings if odd.subject == run.name]
+    return [*run.findings, *turned, *_contradiction(step), *doubts(step)]
 
 
 def _contradiction(step: Step) -> list[Finding]:
@@ -161,15 +154,13 @@ def _of_the_set(levels: Sequence[Level], runs: Sequence[Run], input_unit: str, o
     return [*found, *same_ceiling(levels, output_unit)]
 
 
-def _level(runs: list[Run], way: Direction, clocks: Clocks, said: dict[str, list[Finding]] | None) -> Level:
-    """The repeats of one level, averaged on their common window; what disagrees is told in each of them."""
-    inputs = [abs(run.level or 0.0) for run in runs]
-    level = inputs[0] if len(set(inputs)) == 1 else float(np.mean(inputs))
-    averaged = common(level, [Step(run, way.of(run), clocks) for run in runs])
-    if said is not None and len(runs) > 1:
-        spread, off = disagreement(averaged.runs)
-        if spread > DISAGREE:
-            for run, own in zip(runs, off.tolist(), strict=True):
-                values = {"spread_pct": 100 * spread, "own_pct": 100 * own, "unit": run.input_unit}
-                said[run.name].append(finding("repeats-disagree", run.name, (level,), **values))
-    return averaged
+def _disagreements(level: Level, unit: str) -> dict[str, tuple[Finding]]:
+    """A finding for each repeat of a level whose outputs at the end differ by more than `DISAGREE`."""
+    spread, off = disagreement(level.runs) if len(level.runs) > 1 else (0.0, np.empty(0))
+    if spread <= DISAGREE:
+        return {}
+    said = {"spread_pct": 100 * spread, "unit": unit}
+    return {
+        name: (finding("repeats-disagree", name, (level.level,), own_pct=100 * share, **said),)
+        for name, share in zip(level.names, off.tolist(), strict=True)
+    }

@@ -1,4 +1,8 @@
-"""Logs → all their steps, repeats counted, and the faults of the logs that have none."""
+"""Logs → all their steps, repeats counted, and the faults of the logs that have none; steps from level to level.
+
+A staircase, or steps about an operating point, hold more than steps from rest: Δy and Δu of each change, up and down
+apart, are a gain Δy/Δu and a response to which a curve of `eaid.fitting.step_shapes` is fitted.
+"""
 
 from collections import Counter, defaultdict
 from collections.abc import Sequence
@@ -7,11 +11,10 @@ from dataclasses import dataclass, replace
 from eaid.apparatus import Apparatus
 from eaid.arrays import read_only
 from eaid.errors import DataError
-from eaid.findings import finding, stops
+from eaid.findings import Finding, finding, stops
 from eaid.logs.run import Kind, Run
 from eaid.steps.baseline import BaselineRule
 from eaid.steps.cut import AUTO, cut
-from eaid.steps.level_steps import level_steps
 from eaid.steps.part import has_input
 from eaid.steps.plateaus import FEWEST
 from eaid.steps.step import Step
@@ -19,6 +22,9 @@ from eaid.steps.stepset import LevelStep
 
 MOST_SETTLED = 60
 """Steps up to which a log that is fitted as it was recorded has each step fitted by itself, too."""
+
+START_ASSUMED = ("step-at-first-sample", "no-rest-before-step")
+"""Findings of steps whose start is that of their first samples."""
 
 
 @dataclass(frozen=True)
@@ -118,3 +124,34 @@ def _counted(steps: list[Run]) -> list[Run]:
         name = step.name if names[step.name] == 1 else f"{step.name}-{names[step.name]}"
         counted.append(replace(step, repeat=repeat, name=name))
     return counted
+
+
+def level_step(run: Run, findings: tuple[Finding, ...] = ()) -> LevelStep:
+    """The change of input that a cut run holds."""
+    step = Step(run)
+    level = run.level or 0.0
+    before, after = (level, run.from_level) if run.edge == "falling" else (run.from_level, level)
+    start = run.baseline or 0.0
+    if run.edge == "falling" and run.from_level == 0.0 and run.held is not None:
+        start = run.held
+    return LevelStep(
+        name=run.name,
+        source=run.source,
+        from_level=before,
+        level=after,
+        start=start,
+        time_s=step.time_s,
+        output=read_only(run.output[step.start :]),
+        input=read_only(run.input[step.start :]),
+        start_known=not any(one.code in START_ASSUMED for one in run.findings),
+        rest_s=run.rest_s,
+        rest_moved=run.rest_moved,
+        findings=findings,
+    )
+
+
+def level_steps(runs: Sequence[Run], said: dict[str, tuple[Finding, ...]] | None = None) -> tuple[LevelStep, ...]:
+    """The changes of input of cut runs: those upwards first, each by the level they go to and come from."""
+    said = said or {}
+    steps = [level_step(run, said.get(run.name, ())) for run in runs if len(run.time_s) > Step(run).start]
+    return tuple(sorted(steps, key=lambda one: (one.edge != "up", one.level, one.from_level, one.name)))

@@ -9,11 +9,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from eaid.arrays import Array
 from eaid.findings import Finding, finding
 from eaid.logs.run import Run
 from eaid.steps.baseline import without_spikes
-from eaid.steps.noise import block_error, block_means
+from eaid.steps.noise import block_error, block_means, line
 from eaid.steps.step import Step
 
 BEYOND_DRIFT = 1.5
@@ -67,7 +66,7 @@ def _change(step: Step) -> tuple[float, bool]:
     if len(idle) >= 20 and step.run.from_level == 0.0:
         means = block_means(idle)
         at = (np.arange(len(means)) + 0.5) / len(means)
-        slope, error = _line(at, means)
+        slope, error, _ = line(at, means)
         lasts = float(step.run.time_s[step.start - 1] - step.run.time_s[0])
         if abs(slope) > SURE * error and lasts > 0:
             # from the middle of the idle time, or its end, to the middle of the window
@@ -75,11 +74,3 @@ def _change(step: Step) -> tuple[float, bool]:
     same_way = explained * change > 0
     beyond = abs(change) > BEYOND_DRIFT * abs(explained) if same_way else True
     return change, beyond and abs(change) > SURE * block_error(step.rise) / np.sqrt(20)
-
-
-def _line(at: Array, means: Array) -> tuple[float, float]:
-    """Slope of a straight line through block means, and its standard error."""
-    x = at - at.mean()
-    slope = float(x @ means / (x @ x))
-    left = means - means.mean() - slope * x
-    return slope, float(np.sqrt((left @ left) / max(1, len(means) - 2) / (x @ x)))

@@ -4,17 +4,17 @@ Levels of torque are compared by means of blocks, so that noise and rotor ripple
 """
 
 from collections.abc import Callable
+from typing import Literal
 
 import numpy as np
 
 from eaid.arrays import Array
 from eaid.findings import Finding, finding
 from eaid.steps.baseline import FLOOR, last_rest, without_spikes
-from eaid.steps.ceiling import flat_top
 from eaid.steps.instead import several_edges
-from eaid.steps.noise import BLOCKS, block_error, block_means, sample_noise
+from eaid.steps.noise import BLOCKS, block_error, block_means, line, sample_noise
 from eaid.steps.plateaus import FEWEST
-from eaid.steps.sensor import coarse, isolated_spikes, saturated, stuck
+from eaid.steps.sensor import coarse, flat_top, isolated_spikes, saturated, stuck
 from eaid.steps.slow import slow_constant
 from eaid.steps.step import Step, left_pct, lost_pct
 
@@ -55,14 +55,10 @@ def _gap_at_step(step: Step) -> Finding | None:
 
 
 def _drift(step: Step) -> Finding | None:
-    if step.run.edge == "falling" or len(step.idle) < FEW:
+    if len(step.idle) < FEW:
         return None
     means = block_means(without_spikes(step.idle, step.swing)[0])
-    times = (np.arange(len(means)) + 0.5) / len(means)
-    rest = means - means.mean()
-    slope = float(rest @ (times - 0.5) / ((times - 0.5) ** 2).sum())
-    rest -= slope * (times - 0.5)
-    error = float(np.sqrt((rest**2).mean() / max(1, len(means) - 2) / times.var()))
+    slope, error, _ = line(np.arange(len(means)) / len(means), means)
     if abs(slope) > 0.02 * step.swing and abs(slope) > SURE * error:
         share = 100 * abs(slope) / step.swing if step.swing > 0 else None
         grown = slope * len(step.rise) / len(step.idle)
@@ -79,7 +75,7 @@ def _not_idle(step: Step) -> Finding | None:
     An instant is known to one sample: what the output moves in one is told, and no stop.
     """
     before = step.before
-    if step.run.edge == "falling" or before is None or step.run.from_level != 0 or not step.swing > 0:
+    if before is None or step.run.from_level != 0 or not step.swing > 0:
         return None
     off = abs(before)
     known = len(step.idle) >= FEWEST and last_rest(step.idle, step.swing).rests
@@ -94,7 +90,7 @@ def _not_idle(step: Step) -> Finding | None:
 
 def _falls_while_held(step: Step) -> Finding | None:
     """A fall from the peak, where a straight line through the window behind it falls by five standard errors."""
-    if step.run.edge == "falling" or len(step.rise) < FEW:
+    if len(step.rise) < FEW:
         return None
     lost = lost_pct(step)
     if lost <= 2.0 or lost / 100 * step.swing <= SURE * block_error(step.rise):
@@ -103,32 +99,27 @@ def _falls_while_held(step: Step) -> Finding | None:
     tail = means[int(means.argmax()) :]
     if len(tail) < 8:
         return None
-    at = np.arange(len(tail)) - (len(tail) - 1) / 2
-    slope = float(at @ tail / (at @ at))
-    left = tail - tail.mean() - slope * at
+    slope, error, left = line(np.arange(len(tail)), tail)
     alike = float(left[1:] @ left[:-1] / max(float(left @ left), 1e-300))
     widen = (1 + max(alike, 0.0)) / max(1 - max(alike, 0.0), 0.05)
-    error = float(np.sqrt((left @ left) / (len(tail) - 2) / (at @ at) * widen))
-    if -slope <= SURE * error:
+    if -slope <= SURE * error * widen**0.5:
         return None
-    return finding("decays-under-hold", step.run.name, (abs(step.run.level or 0.0),), lost_pct=lost)
+    return finding("decays-under-hold", step.run.name, step.levels, lost_pct=lost)
 
 
 def _left_after_release(step: Step) -> Finding | None:
-    if step.run.edge == "rising" or step.run.from_level != 0 or len(step.rise) < FEW:
+    if step.run.from_level != 0 or len(step.rise) < FEW:
         return None
     left = left_pct(step)
     if left > 5.0 and left / 100 * step.swing > SURE * block_error(step.rise):
-        return finding(
-            "left-after-release", step.run.name, (abs(step.run.level or 0.0),), left_pct=left,
-            after_s=float(step.time_s[-1]),
-        )  # fmt: skip
+        after_s = float(step.time_s[-1])
+        return finding("left-after-release", step.run.name, step.levels, left_pct=left, after_s=after_s)
     return None
 
 
 def _several_edges(step: Step) -> Finding | None:
     """More edges than the one that the input, or the file name, tells of."""
-    if step.run.edge == "falling" or step.run.position is not None:
+    if step.run.position is not None:
         return None
     idle = max(1, len(step.rise) // 50)
     before = np.arange(-idle, 0) * step.clock.usual_s
@@ -137,7 +128,7 @@ def _several_edges(step: Step) -> Finding | None:
 
 
 def _too_short(step: Step) -> Finding | None:
-    if step.run.edge == "falling" or len(step.rise) < 4 * BLOCKS or not step.swing > 0:
+    if len(step.rise) < 4 * BLOCKS or not step.swing > 0:
         return None
     window = float(step.time_s[-1])
     slow, short = slow_constant(step.rise, window)
@@ -145,31 +136,34 @@ def _too_short(step: Step) -> Finding | None:
     if not short or means[-3:].mean() - means[-8:-5].mean() < 0.005 * step.swing:
         return None
     told = slow if slow < 5 * window else None
-    return finding("window-too-short", step.run.name, (abs(step.run.level or 0.0),), window_s=window, tau2_s=told)
+    return finding("window-too-short", step.run.name, step.levels, window_s=window, tau2_s=told)
 
 
-CHECKS: tuple[Callable[[Step], Finding | None], ...] = (
-    _slow_clock,
-    _jitter,
-    _gap_at_step,
-    _drift,
-    _not_idle,
-    saturated,
-    flat_top,
-    stuck,
-    coarse,
-    isolated_spikes,
-    _several_edges,
-    _falls_while_held,
-    _too_short,
-    _left_after_release,
+Edge = Literal["rising", "falling"]
+BOTH: tuple[Edge, ...] = ("rising", "falling")
+CHECKS: tuple[tuple[Callable[[Step], Finding | None], tuple[Edge, ...]], ...] = (
+    (_slow_clock, BOTH),
+    (_jitter, BOTH),
+    (_gap_at_step, BOTH),
+    (_drift, ("rising",)),
+    (_not_idle, ("rising",)),
+    (saturated, BOTH),
+    (flat_top, ("rising",)),
+    (stuck, BOTH),
+    (coarse, ("rising",)),
+    (isolated_spikes, BOTH),
+    (_several_edges, ("rising",)),
+    (_falls_while_held, ("rising",)),
+    (_too_short, ("rising",)),
+    (_left_after_release, ("falling",)),
 )
-"""Every check of one run: a finding, or nothing."""
+"""Every check of one run, a finding or nothing, and the edges that it is for."""
 
 
 def doubts(step: Step) -> tuple[Finding, ...]:
     """All that is doubtful in one step, in the order of the table."""
-    return tuple(said for said in (check(step) for check in CHECKS) if said is not None)
+    checks = (check(step) for check, for_edges in CHECKS if step.run.edge in for_edges)
+    return tuple(doubt for doubt in checks if doubt is not None)
 
 
 def disagreement(runs: Array) -> tuple[float, Array]:

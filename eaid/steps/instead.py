@@ -16,7 +16,7 @@ from eaid.errors import DataError
 from eaid.findings import Finding, finding, say
 from eaid.logs.run import Run
 from eaid.steps.edges import Edge, edges, turns
-from eaid.steps.noise import block_means
+from eaid.steps.noise import block_means, line
 from eaid.steps.plateaus import FEWEST, Plateau, bridge, plateaus, stands_still
 
 SWITCHES = 10
@@ -70,9 +70,7 @@ def _constant_speed(times: Array, values: Array, at: list[int]) -> bool:
         if b - a < 8:
             return False
         inner = slice(a + (b - a) // 10, b - (b - a) // 10)
-        t, y = times[inner] - times[inner].mean(), values[inner]
-        slope = float(t @ y / (t @ t))
-        off.append(float(np.abs(y - y.mean() - slope * t).max()) / span)
+        off.append(float(np.abs(line(times[inner], values[inner]).left).max()) / span)
     # a sine is off by 0.04 of its range over the middle 80 % of a half period
     return float(np.median(off)) < 0.03
 

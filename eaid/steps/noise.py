@@ -1,8 +1,11 @@
-"""How noisy a record is: block means, their standard error, the noise of single samples, isolated spikes.
+"""How noisy a record is: block means, their standard error, straight lines, the noise of samples, isolated spikes.
 
 Noise is taken from differences between neighbours, so that slow changes do not count as noise. Long records are judged
-by some stretches of them, evenly spread.
+by some stretches of them, evenly spread. The density S of slow noise is b var(block means), blocks of b = 0.25 s: white
+noise of standard deviation σ at a rate f has S = σ²/f.
 """
+
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +18,33 @@ LONG = 1 << 22
 """Samples from which medians are taken from stretches of a record only."""
 SPIKE = 25.0
 """Standard deviations of the noise beyond which a single sample is a spike."""
+IDLE_BLOCK_S = 0.25
+IDLE_BLOCKS = 8
+"""Blocks of `IDLE_BLOCK_S` below which an idle record tells no density."""
+
+
+class Line(NamedTuple):
+    """A straight line by least squares."""
+
+    slope: float
+    error: float
+    """Standard error of the slope, of residuals that are independent."""
+    left: Array
+    """Residuals, shape (n,)."""
+
+
+def line(at: NDArray[Any], values: Array) -> Line:
+    """The straight line through values at some places, shapes (n,)."""
+    x = at - at.mean()
+    slope = float(x @ values / (x @ x))
+    left = values - values.mean() - slope * x
+    return Line(slope, float(np.sqrt((left @ left) / max(1, len(left) - 2) / (x @ x))), left)
+
+
+def stretches(mask: NDArray[np.bool_]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Where a mask is true: the first sample of each stretch, and the sample behind its last."""
+    edges = np.flatnonzero(np.diff(np.concatenate(([0], mask.astype(np.int8), [0]))))
+    return edges[::2], edges[1::2]
 
 
 def block_means(values: Array, blocks: int = BLOCKS) -> Array:
@@ -73,3 +103,17 @@ def spikes(values: Array, least: float) -> NDArray[np.intp]:
     limit = max(SPIKE * sample_noise(values), least)
     before, after = steps[:-1], steps[1:]
     return np.flatnonzero((np.abs(before) > limit) & (np.abs(after) > limit) & (before * after < 0)) + 1
+
+
+def idle_density(time_s: Array, idle: Array) -> float | None:
+    """S of an idle record [output²·s], its drift taken out as a straight line; None where it is too short to tell."""
+    if len(idle) < 2 * IDLE_BLOCKS or time_s[-1] - time_s[0] < IDLE_BLOCKS * IDLE_BLOCK_S:
+        return None
+    block = np.floor((time_s - time_s[0]) / IDLE_BLOCK_S).astype(np.int64)
+    count = np.bincount(block)
+    full = count >= 0.5 * np.median(count[count > 0])
+    means = (np.bincount(block, idle) / np.maximum(count, 1))[full]
+    if len(means) < IDLE_BLOCKS:
+        return None
+    left = line(np.flatnonzero(full), means).left
+    return float(IDLE_BLOCK_S * (left @ left) / (len(means) - 2))

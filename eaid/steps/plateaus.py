@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from eaid.arrays import Array, median
-from eaid.steps.noise import sample_noise, sampled
+from eaid.steps.noise import sample_noise, sampled, stretches
 
 FEWEST = 10
 """Samples in the active window below which a step is refused."""
@@ -76,10 +76,10 @@ def _without_slow_ramps(values: Array, start: int, stop: int, allowed: float) ->
     sums = np.concatenate(([0], np.cumsum(moves)))
     at = np.arange(len(part))
     moving = sums[np.minimum(at + 1, len(moves))] - sums[np.clip(at - lag, 0, len(moves))] > 0
-    edges = np.flatnonzero(np.diff(np.concatenate(([1], moving.astype(np.int8), [1]))))
-    still = [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True) if b - a >= FEWEST]
     found = []
-    for a, b in still:
+    for a, b in np.column_stack(stretches(~moving)).tolist():
+        if b - a < FEWEST:
+            continue
         level = median(part[a:b])
         near = np.abs(part - level) <= allowed
         while a > 0 and near[a - 1]:

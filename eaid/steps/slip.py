@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from eaid.arrays import Array
-from eaid.steps.noise import block_error, block_means
+from eaid.steps.noise import block_error, block_means, line
 from eaid.steps.step import Step
 
 OVER = 0.05
@@ -73,8 +73,7 @@ def slip_of(time_s: Array, rise: Array, position: Array | None = None) -> SlipTe
     middle = at + width // 2
     low = int(np.argmax(smooth >= 0.2 * peak))
     high = max(int(np.argmax(smooth >= 0.8 * peak)), low + 1)
-    x = time_s[low : high + 1] - time_s[low : high + 1].mean()
-    stiffness = float(x @ smooth[low : high + 1] / (x @ x))
+    stiffness = line(time_s[low : high + 1], smooth[low : high + 1]).slope
     late = middle + (count - middle) // 4
     amplitude, frequency = _stick_slip(time_s[late:], rise[late:])
     if amplitude is not None and amplitude < LEAST * after:

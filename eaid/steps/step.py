@@ -1,14 +1,61 @@
-"""One cut run seen from its step on: rise, idle, swing, torque lost under hold and left after release (Fig. 6)."""
+"""One cut run seen from its step on: clock, rise, idle, swing, torque lost under hold, left after release (Fig. 6)."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
-from eaid.arrays import Array
+from eaid.arrays import Array, median, read_only
 from eaid.logs.run import Run
-from eaid.steps.clock import Clock, Clocks, Window
-from eaid.steps.noise import block_means
+from eaid.steps.noise import LONG, block_means, sample_steps
+
+SAME = 2e-3
+"""Share of the sample time within which sample instants count as equal: the rounding of written times."""
+JITTER = 0.2
+"""Spread of the sample time, as a share of the usual one, above which it is told."""
+
+
+@dataclass(frozen=True)
+class Clock:
+    """What is to be known of a time axis."""
+
+    usual_s: float
+    """Median sample time [s]."""
+    longest_s: float
+    """Longest sample time [s]."""
+    longest_at: int
+    """The sample that it follows."""
+    spread_s: tuple[float, float] | None
+    """Sample times that 1 % are below and 1 % above [s]; None where they are closer than `JITTER`."""
+
+
+def clock_of(time_s: Array) -> Clock:
+    """The clock of a strictly rising time axis, shape (n,), n ≥ 2."""
+    gaps = sample_steps(time_s)
+    usual = median(gaps)
+    every = np.diff(time_s) if len(time_s) >= LONG else gaps
+    at = int(every.argmax())
+    spread = None
+    if gaps.max() - gaps.min() > JITTER * usual:
+        low, high = np.quantile(gaps, (0.01, 0.99)).tolist()
+        spread = (low, high) if high - low > JITTER * usual else None
+    return Clock(usual, float(every[at]), at, spread)
+
+
+def uniform_step(time_s: Array, within: float = SAME) -> float | None:
+    """Sample time [s] of an axis that is t_0 + k·dt to that share of dt; None where it is not."""
+    count = len(time_s)
+    if count < 2:
+        return None
+    first = float(time_s[0])
+    dt = (float(time_s[-1]) - first) / (count - 1)
+    off = np.arange(count) * dt
+    off += first
+    off -= time_s
+    if not max(off.max(), -off.min()) <= within * dt:
+        return None
+    tidy = float(f"{dt:.6g}")
+    return tidy if abs(tidy - dt) * count <= SAME * dt else dt
 
 
 @dataclass(frozen=True, eq=False)
@@ -18,8 +65,6 @@ class Step:
     run: Run
     sign: float = 1.0
     """Sign that makes the set's torque positive."""
-    clocks: Clocks = field(default_factory=Clocks)
-    """Clocks of the set, where runs share a time axis."""
 
     @cached_property
     def start(self) -> int:
@@ -30,17 +75,18 @@ class Step:
     @cached_property
     def clock(self) -> Clock:
         """The clock of the whole run."""
-        return self.clocks.clock(self.run.time_s)
+        return clock_of(self.run.time_s)
 
     @cached_property
-    def window(self) -> Window:
-        """The time axis of the active window."""
-        return self.clocks.window(self.run.time_s, self.start)
-
-    @property
     def time_s(self) -> Array:
         """Time in the active window [s], from 0 at the step."""
-        return self.window.time_s
+        active = self.run.time_s[self.start :]
+        return read_only(active - active[0])
+
+    @cached_property
+    def uniform_s(self) -> float | None:
+        """Sample time of the active window [s]; None where it is not uniform."""
+        return uniform_step(self.time_s)
 
     @cached_property
     def rise(self) -> Array:
@@ -65,6 +111,11 @@ class Step:
         before = self.before
         found = before if self.run.edge == "falling" and before is not None else float(block_means(self.rise).max())
         return max(found, 0.0)
+
+    @property
+    def levels(self) -> tuple[float]:
+        """The size of its level, for a finding."""
+        return (abs(self.run.level or 0.0),)
 
     @property
     def unit(self) -> str:

@@ -1,6 +1,7 @@
 """What the fits take: levels of averaged repeats, on a time axis that starts at the step."""
 
 import os
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -16,6 +17,7 @@ from eaid.logs.dataset import write_dataset
 from eaid.logs.run import Run
 from eaid.shown import Shown, counted, span
 from eaid.steps.slip import SlipTest
+from eaid.steps.step import uniform_step
 
 if TYPE_CHECKING:
     import pandas
@@ -37,15 +39,7 @@ class Level:
     @cached_property
     def uniform(self) -> bool:
         """True where `time_s` is t_0 + k·dt, to a millionth of dt."""
-        count = len(self.time_s)
-        if count < 2:
-            return False
-        first = float(self.time_s[0])
-        dt = (float(self.time_s[-1]) - first) / (count - 1)
-        off = np.arange(count) * dt
-        off += first
-        off -= self.time_s
-        return bool(max(-off.min(), off.max()) <= 1e-6 * dt)
+        return uniform_step(self.time_s, within=1e-6) is not None
 
     @cached_property
     def ordered_runs(self) -> Array:
@@ -176,7 +170,10 @@ class StepSet(Shown):
     """Logs whose input does more than step from rest: fitted as they were recorded."""
     synthetic: str | None = None
     """What made the data, where they are not recorded; None: a rig."""
-    extra: dict[str, object] = field(default_factory=dict)
+    inputs: tuple[tuple[str, str], ...] = ()
+    """(path, SHA-256) of the files that the user named."""
+    reading: Mapping[str, str | float | bool] = field(default_factory=dict)
+    """What was said about how the logs are read, so that it can be done again."""
     steps: tuple[Run, ...] = ()
     """The recorded runs behind the levels, cut at their steps, where the set was read from logs."""
     level_steps: tuple[LevelStep, ...] = ()

@@ -4,7 +4,6 @@ The one entry that the command line and a notebook share.
 """
 
 from collections.abc import Callable, Sequence
-from typing import Any, cast
 
 import msgspec
 from threadpoolctl import threadpool_limits
@@ -109,5 +108,5 @@ def record_of(options: FitOptions, stepset: StepSet) -> FitOptionsRecord:
         estimator=options.estimator,
         ci=options.ci,
         shape=options.shape,
-        reading=cast("dict[str, Any]", stepset.extra.get("reading", {})),
+        reading=dict(stepset.reading),
     )

@@ -442,7 +442,7 @@ def test_reading_options_are_kept_for_doing_it_again(tmp_path: Path) -> None:
     options = {"columns": "time=Zeit,output=Moment", "units": "time=ms,output=Nm,input=%", "name_pattern": "_u{level}_",
                "step_at": 1.0}  # fmt: skip
     _, stepset = runs_from([tmp_path / "log_u60_.csv"], **options)
-    assert stepset.extra["reading"] == options
+    assert stepset.reading == options
 
 
 def test_a_clock_in_another_unit_makes_no_grid_larger_than_the_data() -> None:

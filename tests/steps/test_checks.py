@@ -13,13 +13,13 @@ from eaid.findings import Finding
 from eaid.logs.run import Run
 from eaid.steps.baseline import last_rest
 from eaid.steps.build import build_stepset
-from eaid.steps.ceiling import sharpness
+from eaid.steps.by_instant import onset, rises_at_once
 from eaid.steps.cut import cut
-from eaid.steps.direction import _line, direction
+from eaid.steps.direction import direction
 from eaid.steps.doubts import disagreement
 from eaid.steps.instead import looks_like, moving, several_edges
-from eaid.steps.noise import block_error, block_means, block_noise, sample_noise, spikes
-from eaid.steps.onset import onset, rises_at_once
+from eaid.steps.noise import block_error, block_means, block_noise, line, sample_noise, spikes
+from eaid.steps.sensor import sharpness
 from eaid.steps.slip import slip_of
 
 sys.path.insert(0, str(Path(__file__).parent))
@@ -69,7 +69,7 @@ def test_a_spike_is_25_standard_deviations(size: float, count: int) -> None:
 def test_a_line_and_its_error() -> None:
     x = np.arange(12.0)
     y = 0.3 * x + np.array([0.1, -0.2, 0.3, 0.0, -0.1, 0.2, -0.3, 0.1, 0.0, 0.2, -0.2, 0.1])
-    slope, error = _line(x, y)
+    slope, error, _ = line(x, y)
     (fitted, _), covariance = np.polyfit(x, y, 1, cov=True)
     assert slope == pytest.approx(fitted)
     assert error == pytest.approx(float(np.sqrt(covariance[0, 0])))

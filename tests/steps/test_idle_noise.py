@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from eaid.steps.idle_noise import idle_density
+from eaid.steps.noise import idle_density
 
 
 def test_white_noise_has_the_density_of_its_variance_over_the_rate() -> None:

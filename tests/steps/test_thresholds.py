@@ -11,17 +11,16 @@ from eaid.arrays import read_only
 from eaid.errors import DataError
 from eaid.findings import Finding
 from eaid.logs.run import Run
-from eaid.steps.average import common
 from eaid.steps.baseline import BaselineRule
 from eaid.steps.build import build_stepset
-from eaid.steps.clock import clock_of, uniform_step
 from eaid.steps.cut import cut
 from eaid.steps.cut_runs import StepOptions
 from eaid.steps.direction import direction
 from eaid.steps.edges import edges, turns
 from eaid.steps.instead import several_edges
+from eaid.steps.levels import common
 from eaid.steps.plateaus import bridge, plateaus, stands_still, tolerance
-from eaid.steps.step import Step
+from eaid.steps.step import Step, clock_of, uniform_step
 
 sys.path.insert(0, str(Path(__file__).parent))
 from make import curve, log
@@ -114,7 +113,7 @@ def test_the_grid_ends_with_the_shortest_record() -> None:
     """Its last sample is the last that all records reach, and it has no more samples than the longest record."""
     runs = [log([(0, 2), (50, 6)], rate_hz=rate, name=f"r{rate}") for rate in (100.0, 250.0)]
     way = direction([step for run in runs for step in cut(run)])
-    level = common(50.0, [Step(step, way.of(step)) for run in runs for step in cut(run)])
+    level = common([Step(step, way.of(step)) for run in runs for step in cut(run)])
     assert level.time_s[-1] == pytest.approx(5.988, abs=1e-9)  # 0.004 s · 1497 ≤ 5.99 s < 0.004 s · 1498
     assert len(level.time_s) == 1498
     uneven = log([(0, 2), (50, 6)])
@@ -122,7 +121,7 @@ def test_the_grid_ends_with_the_shortest_record() -> None:
     time[300:] = np.linspace(3.0, 3000.0, 500)  # most of it slow: its usual sample time fits it badly
     other = replace(uneven, name="b", time_s=read_only(time))
     both = [Step(step) for run in (replace(uneven, name="a"), other) for step in cut(run)]
-    assert len(common(50.0, both).time_s) <= 600
+    assert len(common(both).time_s) <= 600
 
 
 @pytest.mark.parametrize(("back", "count"), [(0.13, 1), (0.2, 2), (0.6, 2)])
