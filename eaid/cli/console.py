@@ -30,6 +30,8 @@ EVERY_S = 5.0
 """Where there is no terminal, a line of progress comes at most this often [s]."""
 
 _quiet = False
+_later: list[str] | None = None
+"""What is told once the answer stands there; None: all is told at once."""
 
 
 def be_quiet(quiet: bool) -> None:
@@ -59,8 +61,34 @@ def _columns(stream: TextIO) -> int | None:
     return shutil.get_terminal_size().columns if stream.isatty() else None
 
 
+@contextlib.contextmanager
+def answer_first() -> Iterator[None]:
+    """Messages and warnings of the block come at its end, whether it ends well or not; progress does not wait."""
+    global _later
+    _later = []
+    try:
+        yield
+    finally:
+        waiting, _later = _later, None
+        for text in waiting:
+            print(text, file=sys.stderr)
+
+
+def _print(text: str) -> None:
+    if _later is None:
+        print(text, file=sys.stderr)
+    else:
+        _later.append(text)
+
+
 def say(message: str) -> None:
     """Tell the user something, on stderr."""
+    if not _quiet:
+        _print(wrapped(message, sys.stderr))
+
+
+def progressed(message: str) -> None:
+    """How far work has come, on stderr, at once."""
     if not _quiet:
         print(wrapped(message, sys.stderr), file=sys.stderr)
 
@@ -100,7 +128,7 @@ def _mark(kind: str, message: str) -> None:
     said = wrapped(f"{kind}: {message}", sys.stderr)
     if sys.stderr.isatty() and not os.environ.get("NO_COLOR"):
         said = f"\x1b[{COLOUR[kind]}m{kind}:\x1b[0m" + said.removeprefix(f"{kind}:")
-    print(said, file=sys.stderr)
+    _print(said)
 
 
 @contextlib.contextmanager
@@ -122,14 +150,14 @@ def progress(label: str, total: int) -> Iterator[Callable[[], None]]:
 
 def _lines(label: str, total: int) -> Callable[[], None]:
     done, told = 0, time.monotonic()
-    say(f"{label}: {total} to do")
+    progressed(f"{label}: {total} to do")
 
     def advance() -> None:
         nonlocal done, told
         done += 1
         if time.monotonic() - told >= EVERY_S:
             told = time.monotonic()
-            say(f"{label}: {done} of {total}")
+            progressed(f"{label}: {done} of {total}")
 
     return advance
 

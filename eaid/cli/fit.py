@@ -9,7 +9,6 @@ from eaid.cli.form import OUTPUT, Common, Seeded, Verbose, argument, option, tak
 from eaid.cli.inputs import Reading
 from eaid.cli.words import numbers, pair, word_or_number
 
-PARTS = ("friction", "nonlinear", "linear", "release", "steps")
 NOT_TO_BE_USED = 4
 """Exit code of a fit that did not converge, or that a stop-finding speaks against; it is written, marked."""
 MODEL, RECORDED, ADVANCED = "Model", "Logs fitted as recorded", "Advanced"
@@ -87,7 +86,6 @@ def command(given: Arguments) -> int:
     from eaid import api
     from eaid.cli import fit_tables, inputs
     from eaid.files import refuse_to_overwrite
-    from eaid.findings import stops
     from eaid.fitting.options import FitOptions, check
     from eaid.processes import processors
     from eaid.results import codec
@@ -98,26 +96,25 @@ def command(given: Arguments) -> int:
         dead_time_s=None if given.dead_time == "auto" else given.dead_time, workers=processors(),
     )  # fmt: skip
     check(options)
-    stepset = inputs.runs_from(given.data, inputs.reading_of(given), given.logs_as, console.say)[1]
-    result = api.fit(
-        stepset, options, bounds_levels=given.bounds_levels, duty=given.duty, instrument=given.instrument,
-        progress=console.progress,
-    )  # fmt: skip
-    result = msgspec.structs.replace(result, command=given.words)
-    codec.write(given.output, result, "fit", given.force)
-    if given.json:
-        sys.stdout.write(codec.dumps(result, "fit"))
-    else:
-        fit_tables.show(result, given.tables or given.verbose, given.verbose)
-        if given.plot:
-            from eaid.cli import plots
+    with console.answer_first():
+        stepset = inputs.runs_from(given.data, inputs.reading_of(given), given.logs_as, console.say)[1]
+        result = api.fit(
+            stepset, options, bounds_levels=given.bounds_levels, duty=given.duty, instrument=given.instrument,
+            progress=console.progress,
+        )  # fmt: skip
+        result = msgspec.structs.replace(result, command=given.words)
+        codec.write(given.output, result, "fit", given.force)
+        if given.json:
+            sys.stdout.write(codec.dumps(result, "fit"))
+        else:
+            fit_tables.show(result, given.output, given.tables or given.verbose, given.verbose)
+            if given.plot:
+                from eaid.cli import plots
 
-            plots.levels(result, stepset)
+                plots.levels(result, stepset)
     console.tell(result.findings, given.verbose)
-    if stops(result.findings) or not result.converged:
-        console.fail(f"{given.output}: is written and marked; do not use its numbers")
-        return NOT_TO_BE_USED
-    parts = ", ".join(name for name in PARTS if getattr(result, name))
-    after = "tune-rc" if result.linear is not None else "report"
-    console.done(given.output, parts, f"eaid {after} {given.output}")
-    return 0
+    console.say(fit_tables.closing(result, given.output))
+    if fit_tables.usable(result):
+        return 0
+    console.fail(f"{given.output}: is written and marked; do not use its numbers")
+    return NOT_TO_BE_USED

@@ -104,7 +104,7 @@ def _tenths() -> Callable[[str, float], None]:
         tenth = int(10 * share)
         if tenth > done.get(source, 0):
             done[source] = tenth
-            console.say(f"{source}: {10 * tenth} % read")
+            console.progressed(f"{source}: {10 * tenth} % read")
 
     return tell
 

@@ -1,4 +1,4 @@
-"""A fit in eight lines: how well it follows, T_s, τ1 and τ2 where it matters, which estimate, what is doubtful."""
+"""A fit in a few lines: how well it follows, T_s, τ1 and τ2 where it matters, which estimate, what is doubtful."""
 
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, TypeVar
@@ -14,6 +14,8 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 
+MOST = 3
+"""Findings that are told with the answer."""
 SYMBOLS = {"Ts": "T_s", "tau1": "τ1", "tau2": "τ2"}
 ENDLESS_S = 1e4
 """A time constant above this [s] that no interval bounds is no number worth showing."""
@@ -27,28 +29,45 @@ BECAUSE = {
 """Why an estimate stands as the nonlinear model."""
 
 
-def fit_summary(fit: "Fit", findings: int = 3) -> list[str]:
-    """The lines that answer first: what was fitted, fit %, values with 95 % intervals, the gravest findings."""
-    data = fit.data
-    runs = sum(data.repeats) or len(data.sources)
-    made = ", synthetic" if data.synthetic else ""
-    lines = [f"{data.kind}: {span(data.levels, data.input_unit)}; {counted(runs, 'run')}{made}"]
-    lines.append(f"fit    {_fit_pct(fit)}")
+def fit_summary(fit: "Fit") -> list[str]:
+    """What was fitted, the answer, and the three gravest findings."""
+    return [fitted(fit), *answer(fit), *(f"{one.severity}: {say(one)}" for one in ranked(merged(fit.findings))[:MOST])]
+
+
+def fitted(fit: "Fit") -> str:
+    """`clutch: 10 levels, 10 … 100 %; 30 runs, synthetic`."""
+    return f"{fit.data.kind}: {span(fit.data.levels, fit.data.input_unit)}; {runs(fit, 'run')}"
+
+
+def runs(fit: "Fit", noun: str) -> str:
+    """`30 runs, synthetic`."""
+    count = sum(fit.data.repeats) or len(fit.data.sources)
+    return counted(count, noun) + (", synthetic" if fit.data.synthetic else "")
+
+
+def answer(fit: "Fit") -> list[str]:
+    """The lines that answer first: fit %, values with 95 % intervals where they matter, which estimate they are."""
+    data, model = fit.data, fit.nonlinear
+    lines = [f"fit    {_fit_pct(fit)}"]
     asked = steps_of_other_shapes(fit)
     if asked:
         lines += _step_rows(asked, data.output_unit)
-        if fit.nonlinear is not None:
+        if model is not None:
             lines.append("shown  single steps by the shape that they ask for; the models keep the paper's form")
-    else:
-        levels = believed_levels(fit)
-        lines += _level_rows(levels, data.input_unit, data.output_unit)
-        if fit.nonlinear is not None and levels is not fit.nonlinear.curves:
-            lines.append("shown  each level's own curve: the nonlinear model's are not estimable")
-        elif fit.nonlinear is not None:
-            lines.append(f"taken  the {fit.nonlinear.estimator} estimate{BECAUSE.get(fit.nonlinear.because, '')}")
-    worst = ranked(merged(fit.findings))[:findings]
-    lines += [f"{one.severity}: {say(one)}" for one in worst]
+        return lines
+    levels = believed_levels(fit)
+    lines += _level_rows(levels, data.input_unit, data.output_unit)
+    if model is not None and levels is not model.curves:
+        lines.append("shown  each level's own curve: the nonlinear model's are not estimable")
+    elif model is not None:
+        lines.append(f"taken  the {model.estimator} estimate{BECAUSE.get(model.because, '')}")
     return lines
+
+
+def doubts(fit: "Fit") -> tuple[str, ...]:
+    """The three gravest findings that are more than notes, by their codes: `repeats disagree`, `τ2 open`."""
+    grave = [one for one in ranked(merged(fit.findings)) if one.severity != "note"][:MOST]
+    return tuple(one.code.replace("-", " ").replace("tau", "τ") for one in grave)
 
 
 def _level_rows(levels: "Sequence[CurveLevel | FrictionLevel]", input_unit: str, output_unit: str) -> list[str]:

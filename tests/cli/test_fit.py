@@ -39,7 +39,8 @@ def test_a_dataset_becomes_a_fit(small: Path, tmp_path: Path, capsys: pytest.Cap
     assert len(result["data"]["sources"]) == 20 and len(result["data"]["sources"][0]["sha256"]) == 64
     assert "Nonlinear model. " in told.out and "B_m = " in told.out
     assert "Release. How the output falls" in told.out
-    assert f"{out}: friction, nonlinear, linear, release" in told.err.splitlines()[-1]
+    assert told.err.splitlines()[-1] == f"{out}: friction, nonlinear, linear, release of 10 clutch runs, synthetic"
+    assert f"next   eaid tune-rc {out}" in told.out
     assert "synthetic" in result["data"]
 
 
@@ -192,7 +193,7 @@ def test_a_fit_answers_in_eight_lines(small: Path, tmp_path: Path, capsys: pytes
     assert main.run(["fit", str(small), "-o", str(tmp_path / "fit.json")]) == 0
     told = capsys.readouterr()
     assert len(told.out.splitlines()) <= 8
-    assert told.out.splitlines()[0].startswith("clutch: 5 levels, 20 … 100 %; 10 runs")
-    assert all(len(line) <= 80 for line in told.out.splitlines())
+    assert told.out.splitlines()[0].startswith("fit    nonlinear 9")
+    assert all(len(line) <= 80 for line in told.out.splitlines()[:-1])
     assert len([line for line in told.err.splitlines() if line.startswith(("stop", "warning", "note"))]) <= 3
-    assert "next: eaid tune-rc" in told.err.splitlines()[-1]
+    assert told.out.splitlines()[-1] == f"next   eaid tune-rc {tmp_path / 'fit.json'}"

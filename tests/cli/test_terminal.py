@@ -57,7 +57,8 @@ def told(where: Path, commands: list[list[str]], width: int, **environment: str)
 
 def plain(text: str) -> str:
     """Without colours, and without the bars of progress, which are drawn over one line."""
-    return re.sub(r"\x1b\[[0-9;?]*[A-Za-z]", "", "\n".join(line for line in text.split("\n") if "\r" not in line))
+    lines = [line.split("\r")[-1] for line in re.sub(r"\x1b\[[0-9;?]*[A-Za-z]", "", text).split("\n")]
+    return "\n".join(line for line in lines if "━" not in line)
 
 
 @pytest.fixture(scope="module")
@@ -90,11 +91,44 @@ def test_thirty_logs_are_told_in_sixty_lines(rig: Path) -> None:
     assert len(shown) == 2
     for part in shown:
         assert len(part.splitlines()) <= 60
-        assert "next: eaid" in part.splitlines()[-1]
-    first = shown[1].splitlines()[1:9]
-    assert any("%" in line and line.startswith("fit") for line in first)
-    assert sum("…" in line and line.split()[0].isdigit() for line in first) == 3
-    assert any(line.startswith(("taken", "shown")) for line in first)
+    assert "next: eaid" in shown[0].splitlines()[-1]
+
+
+REAL = Path(__file__).parents[3] / "shared" / "realdata"
+SHIPPED = Path(__file__).parents[2] / "datasets" / "clutch.h5"
+EA = ["--columns", 'time=Time,output="Load Cell"', "--units", "time=us,output=N", "--name-pattern", "_V={level}_",
+      "--step-at", "2", "--until", "5", "--repair"]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("data", "options", "worst", "after"),
+    [
+        (SHIPPED, [], ["repeats-disagree", "linear-output-negative"], "tune-rc"),
+        (REAL / "ea-clutch", EA, ["output-decays-under-hold"], "tune-rc"),
+        (REAL / "friction-steps", [], ["repeats-disagree", "output-is-no-torque", "runs-reject-the-share"], "report"),
+    ],
+    ids=["clutch", "ea", "seals"],
+)
+def test_eight_lines_answer_first(
+    data: Path, options: list[str], worst: list[str], after: str, tmp_path: Path
+) -> None:
+    """Fit %, T_s, τ1, τ2 with intervals at three levels, which estimate, the doubts, the next command: then the rest."""
+    if not data.exists():
+        pytest.skip("the recorded logs are not there")
+    shown = plain(told(tmp_path, [["fit", str(data), *options, "-o", "fit.json"]], 80)).splitlines()[1:]
+    first = shown[:8]
+    labels = [line.split()[0] for line in first]
+    fit, heading = first[0], first[1]
+    assert labels[0] == "fit" and "%" in fit
+    assert all(symbol in heading for symbol in ("level", "T_s [", "τ1 [s]", "τ2 [s]"))
+    assert sum(line.split()[0].replace(".", "").isdigit() and " … " in line for line in first[2:5]) == 3
+    assert ("taken" in labels) == (after == "tune-rc")  # friction has one estimate
+    (doubts,) = [line for line in first if line.startswith("doubts ")]
+    assert all(code.replace("-", " ") in doubts for code in worst)
+    answer = first[: first.index(f"next   eaid {after} fit.json")]
+    assert all(len(line) <= 80 for line in shown)
+    assert not any(line.startswith(("warning", "note", "columns of")) for line in answer)
+    assert sum(line.startswith("warning:") for line in shown[6:]) >= len(worst)
 
 
 def test_a_bar_moves_and_says_what_is_left(rig: Path) -> None:
