@@ -109,10 +109,8 @@ EA = ["--columns", 'time=Time,output="Load Cell"', "--units", "time=us,output=N"
     ],
     ids=["clutch", "ea", "seals"],
 )
-def test_eight_lines_answer_first(
-    data: Path, options: list[str], worst: list[str], after: str, tmp_path: Path
-) -> None:
-    """Fit %, T_s, τ1, τ2 with intervals at three levels, which estimate, the doubts, the next command: then the rest."""
+def test_eight_lines_answer_first(data: Path, options: list[str], worst: list[str], after: str, tmp_path: Path) -> None:
+    """Fit %, T_s, τ1, τ2 with intervals at three levels, which estimate, the doubts, the next command."""
     if not data.exists():
         pytest.skip("the recorded logs are not there")
     shown = plain(told(tmp_path, [["fit", str(data), *options, "-o", "fit.json"]], 80)).splitlines()[1:]
