@@ -3,7 +3,6 @@
 import inspect
 from typing import Any
 
-import typer
 from mkdocs.structure.files import File, Files
 
 
@@ -15,11 +14,11 @@ def on_files(files: Files, config: Any) -> Files:
 
 def commands() -> str:
     """One section a command: what it does, its arguments and options with their defaults."""
-    from eaid.cli.main import app
+    from eaid.cli.main import COMMANDS, load_command
 
-    group = typer.main.get_command(app)
     parts = ["# Commands", "Every option of every command, made from `eaid COMMAND --help`."]
-    for name, command in group.commands.items():  # type: ignore[attr-defined]
+    for name in (name.replace("_", "-") for name in COMMANDS):
+        command = load_command(name)
         parts += [f"## eaid {name}", inspect.cleandoc(command.help or "").replace("\f", "")]
         rows = ["| option | meaning | default |", "|---|---|---|"]
         for option in command.params:

@@ -5,9 +5,10 @@ import os
 import sys
 from collections.abc import Sequence
 from difflib import get_close_matches
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal, cast
 
 import typer
+from typer.core import TyperCommand, TyperGroup
 
 from eaid.cli import console
 from eaid.cli.signals import breaking_off
@@ -30,12 +31,31 @@ COMMANDS = {
 }
 """One module of `eaid.cli` each, with a function `command`; the order and the short words of `--help`."""
 
+
+class _Commands(TyperGroup):
+    """Loads a command's module when the command is called; `eaid --help` needs its name and its words only."""
+
+    def resolve_command(self, ctx: Any, args: list[str]) -> Any:
+        name, listed, rest = super().resolve_command(ctx, args)
+        return name, listed and load_command(str(listed.name)), rest
+
+
+def load_command(name: str) -> TyperCommand:
+    """One command with its arguments and options; its name as it is typed, `tune-rc`."""
+    alone = typer.Typer(add_completion=False, rich_markup_mode=MARKUP)
+    alone.command(name)(importlib.import_module(f"eaid.cli.{name.replace('-', '_')}").command)
+    return cast(TyperCommand, typer.main.get_command(alone))
+
+
+MARKUP: Literal["markdown"] = "markdown"
+"""How the help is written: rich's own markup would eat units in brackets."""
 app = typer.Typer(
     name="eaid",
+    cls=_Commands,
     help="The workbench for electroadhesive clutches: from recorded step responses to models, gains and replays.",
     context_settings={"help_option_names": ["-h", "--help"]},
     pretty_exceptions_enable=False,
-    rich_markup_mode="markdown",  # rich's own markup would eat units in brackets
+    rich_markup_mode=MARKUP,
 )
 
 
@@ -54,9 +74,12 @@ def _root(
     pass
 
 
+def _listed() -> None:
+    """What stands for every command until it is called."""
+
+
 for _name, _words in COMMANDS.items():
-    _module = importlib.import_module(f"eaid.cli.{_name}")
-    app.command(_name.replace("_", "-"), short_help=_words)(_module.command)
+    app.command(_name.replace("_", "-"), short_help=_words)(_listed)
 
 INTERRUPTED = "interrupted; nothing half-written is left"
 
