@@ -3,14 +3,10 @@
 import sys
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from eaid.cli import console
 from eaid.cli.form import Common, Seeded, Verbose, argument, option, taken, takes, written
 from eaid.cli.words import numbers
-
-if TYPE_CHECKING:
-    from eaid.results.coupling import Wall
 
 LIMB, LOOP, DRAWN = "The limb and the wall", "The loop as it runs", "Populations"
 LOOPS = ("open-loop", "pi", "rc-no-rate", "rc", "inverse")
@@ -56,6 +52,7 @@ def command(given: Arguments) -> None:
     from eaid.cli import inputs
     from eaid.coupling.options import CoupleOptions
     from eaid.files import refuse_to_overwrite
+    from eaid.report.tables.gains import walls_tables
     from eaid.results import codec
     from eaid.results.coupling import CoupleInputs
     from eaid.results.fit import Fit
@@ -71,19 +68,7 @@ def command(given: Arguments) -> None:
     if given.json:
         sys.stdout.write(codec.dumps(found, "couple"))
     else:
-        _show(found.walls, "Stiffest wall, one clutch [N·m/rad]", found.output_unit)
-        _show(found.pair, f"An antagonistic pair, each held at {found.pair_bias_nm:.3g} {found.output_unit}", "")
+        for table in walls_tables(found):
+            console.show(table)
     console.tell([*told, *more, *found.findings], given.verbose)
     console.done(given.output, f"{len(found.walls)} walls", f"eaid report {given.fit} {given.output}")
-
-
-def _show(walls: "tuple[Wall, ...]", title: str, unit: str) -> None:
-    names = ["K_passive", "passive_hz", "K_stable", "lost_hz", "K_replayed"]
-    heading = ["loop", f"torque [{unit}]" if unit else "torque", "passive", "to [Hz]", "stable", "lost at [Hz]"]
-    heading += ["replayed"] if any(wall.K_replayed is not None for wall in walls) else []
-    rows = [
-        [wall.loop, f"{wall.torque_nm:g}", *(console.number(getattr(wall, name), 3) for name in names)][: len(heading)]
-        for wall in walls
-    ]
-    if rows:
-        console.table(title, heading, rows)

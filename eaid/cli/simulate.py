@@ -10,6 +10,9 @@ from eaid.cli.words import factors
 from eaid.errors import UsageError
 
 WHAT, RIG, MORE, REHAB = "What is replayed", "Rig", "More plants", "Rehabilitation"
+CONTROLLERS = ("rc", "pi", "pi-feedforward", "open-loop", "inverse")
+Factors = dict[str, float] | None
+SCENARIOS = ("steps", "multisine", "sweep", "ramp", "rehab")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -19,16 +22,11 @@ class Arguments(Common, Columns, Seeded, Verbose):
     fit: Path = argument("FIT", "fit.json of eaid fit.")
     gains: Path | None = option(None, "gains.json of eaid tune-rc; rc and pi need it.", WHAT, shown="FILE")
     controllers: tuple[str, ...] | None = option(
-        None, "By itself rc,pi; sweep adds open-loop.", WHAT, "--controller", several=True,
-        words=("rc", "pi", "pi-feedforward", "open-loop", "inverse"),
-    )  # fmt: skip
-    scenario: str | None = option(
-        None, "By itself multisine.", WHAT, words=("steps", "multisine", "sweep", "ramp", "rehab")
+        None, "By itself rc,pi; sweep adds open-loop.", WHAT, "--controller", several=True, words=CONTROLLERS
     )
+    scenario: str | None = option(None, "By itself multisine.", WHAT, words=SCENARIOS)
     reference: Path | None = option(None, "A reference of your own: CSV time_s,reference_nm.", WHAT, shown="FILE")
-    log: list[Path] | None = option(
-        None, "Recorded runs: their input through the plant; closed-loop ones compared.", WHAT, shown="FILE"
-    )
+    log: list[Path] | None = option(None, "Recorded runs: their input through the plant.", WHAT, shown="FILE")
     keep_baseline: bool = option(False, "Do not subtract the idle output of recorded runs.", WHAT)
     duration: float | None = option(None, "Length of steps, multisine or rehab [s].", WHAT)
     best: bool = option(False, "The least error this plant allows, the future known; how far each is from it.", WHAT)
@@ -36,9 +34,7 @@ class Arguments(Common, Columns, Seeded, Verbose):
     rate_hz: float | None = option(None, "Control rate [Hz]; by itself 1000.", RIG)
     noise_nm: float = option(0.0, "Noise on the measured torque, sd [N·m].", RIG)
     noise_correlation_s: float = option(0.0, "Correlation time of the noise [s]; 0: white.", RIG)
-    noise: str | None = option(
-        None, "As large and as coloured as the fit's residuals of one run.", RIG, words=("residuals",)
-    )
+    noise: str | None = option(None, "As large and coloured as the fit's residuals.", RIG, words=("residuals",))
     ripple_pct: float = option(0.0, "Rotor ripple, amplitude in % of the torque.", RIG)
     ripple_hz: float | None = option(None, "Its frequency [Hz]; by itself 1/6.", RIG)
     sensor_hz: float = option(0.0, "Corner of the torque sensor's low-pass [Hz]; 0: none.", RIG)
@@ -46,9 +42,7 @@ class Arguments(Common, Columns, Seeded, Verbose):
     pwm_hz: float = option(0.0, "Duty latched once a PWM period [Hz]; 0: off.", RIG)
     duty_bits: int = option(0, "Resolution of the duty [bit]; 0: unlimited.", RIG)
     saturation: bool = option(True, "Keep the duty within its limits.", RIG)
-    perturb: dict[str, float] | None = option(
-        None, "Factors on the plant, unknown to controllers: Ts=0.9,tau1=1.2.", MORE, read=factors, shown="NAME=FACTOR"
-    )
+    perturb: Factors = option(None, "On the plant alone: Ts=0.9,tau1=1.2.", MORE, read=factors, shown="NAME=FACTOR")
     plants: int | None = option(None, "Also on so many plants drawn from the fit's uncertainty.", MORE)
     threads: int | None = option(None, "Of the drawn plants; by itself all processors.", MORE, kept=False)
     limb_damping: float | None = option(None, "Damping of the limb [N·m·s/rad].", REHAB)
@@ -65,18 +59,19 @@ def command(given: Arguments) -> None:
     from dataclasses import replace
 
     from eaid import api
-    from eaid.cli import inputs, simulate_tables
+    from eaid.cli import inputs
     from eaid.files import refuse_to_overwrite
     from eaid.replay.files import as_json, write_replay
     from eaid.replay.options import SimulateOptions
     from eaid.replay.rig import Rig
+    from eaid.report.tables.replays import tables_of
     from eaid.results import codec
     from eaid.results.fit import Fit
     from eaid.results.gains import Gains
     from eaid.results.replay import ReplayInputs
 
-    given_files = [each for each in (given.fit, given.gains, given.reference) if each is not None]
-    refuse_to_overwrite(given.output, given.force, [*given_files, *(given.log or [])])
+    files = {"fit": given.fit, "gains": given.gains, "reference": given.reference}
+    refuse_to_overwrite(given.output, given.force, [*filter(None, files.values()), *(given.log or [])])
     if given.ripple_hz is not None and not given.ripple_pct:
         raise UsageError("--ripple-hz: does nothing without --ripple-pct; give both or neither")
     if not given.log and any((given.columns, given.units, given.repair, given.variable)):
@@ -88,13 +83,13 @@ def command(given: Arguments) -> None:
         fitted, tuned, options=options, reference=given.reference, log=given.log, reading=inputs.reading_of(given),
         progress=console.progress,
     )  # fmt: skip
-    files = {"fit": given.fit, "gains": given.gains, "reference": given.reference, "log": given.log}
-    replay = replace(replay, head=inputs.stamped(replay.head, given, ReplayInputs, **files))
+    replay = replace(replay, head=inputs.stamped(replay.head, given, ReplayInputs, **files, log=given.log))
     write_replay(given.output, replay, given.force)
     if given.json:
         console.print_json(as_json(replay))
     else:
-        simulate_tables.show(replay)
+        for table in tables_of(replay):
+            console.show(table)
         if given.plot:
             from eaid.cli import plots
 

@@ -9,6 +9,9 @@ from eaid.cli.words import as_typed, pair, word_or_number
 from eaid.errors import UsageError
 
 ROBUST, PI, RIG, SEARCH, ADVANCED = "Robust controller", "PI controller", "Rig", "Search", "Advanced"
+B_HAT, ANTI_WINDUP = ("pooled", "minimax"), ("conditional", "back-calculation")
+SCENARIOS, BOUNDS = ("multisine", "steps", "sweep", "ramp"), ("zero-offset", "pooled-offset", "pooled-dynamics")
+Pair = tuple[float, float] | None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -21,61 +24,40 @@ class Arguments(Common, Seeded, Verbose):
     natural_frequency: float | None = option(None, "ω_n [rad/s], in place of K_P and K_D.", ROBUST)
     damping: float | None = option(None, "Damping ratio, with the natural frequency.", ROBUST)
     b_hat: str | float = option(
-        "pooled", "B̂: 1/b0, the middle of B_m and B_M, or a value.", ROBUST,
-        words=("pooled", "minimax"), read=word_or_number("pooled", "minimax"),
-    )  # fmt: skip
+        "pooled", "1/b0, the middle of B_m and B_M, or a value.", ROBUST, words=B_HAT, read=word_or_number(*B_HAT)
+    )
     q_max: float | None = option(None, "Q_M, largest slope of the reference; by itself 5 N·m/s.", ROBUST)
     phi: str | float | None = option(
-        None, "φ in the reading's own number (by itself 0.05), or what model and logs show.", ROBUST,
-        words=("data",), read=word_or_number("data"),
-    )  # fmt: skip
+        None, "By itself 0.05; data: what model and logs show.", ROBUST, words=("data",), read=word_or_number("data")
+    )
     reference: str | None = option(
-        None, "CSV time_s,reference_nm, or a scenario: Q_M is taken from it, or judged by it.", ROBUST,
-        words=("multisine", "steps", "sweep", "ramp"), read=as_typed, shown="FILE|WORD",
-    )  # fmt: skip
-    data: list[Path] | None = option(
-        None, "Logs or data.h5 for --phi data and --optimize; by itself those the fit names.", ROBUST
+        None, "Q_M is taken from it, or judged by it.", ROBUST, words=SCENARIOS, read=as_typed, shown="FILE|WORD"
     )
-    pi_gains: tuple[float, float] | None = option(
-        None, "Its gains; by itself 21,360.", PI, read=pair("21,360"), shown="K_P,K_I"
-    )
+    data: list[Path] | None = option(None, "Logs for --phi data and --optimize; by itself the fit's own.", ROBUST)
+    pi_gains: Pair = option(None, "Its gains; by itself 21,360.", PI, read=pair("21,360"), shown="K_P,K_I")
     pi_overshoot: float | None = option(None, "Or designed: overshoot on the linear model [%].", PI)
     pi_settling: float | None = option(None, "And settling time, 2 % band [s].", PI)
-    duty_limits: tuple[float, float] | None = option(
-        None, "Input range of the actuator; by itself 0,100 %, else what was identified.", RIG,
-        read=pair("0,100"), shown="LOW,HIGH",
-    )  # fmt: skip
+    duty_limits: Pair = option(None, "By itself 0,100 % or as identified.", RIG, read=pair("0,100"), shown="LOW,HIGH")
     rate_hz: float | None = option(None, "Control rate [Hz]; by itself the fit's, else 1000.", RIG)
     pwm_hz: float | None = option(None, "Duty latched at [Hz]; 0: off; by itself the fit's, else 300.", RIG)
     optimize: bool = option(False, "Choose P's scale, ε and φ for the least RMS error.", SEARCH)
     optimize_for: str = option(
-        "tracking", "Least RMS error, or the stiffest passive wall. Implies --optimize.", SEARCH,
-        words=("tracking", "stiffness"),
-    )  # fmt: skip
-    optimize_also: tuple[str, ...] = option(
-        (), "Chosen too: ω_n, B̂. Implies --optimize.", SEARCH, words=("frequency", "b-hat"), several=True
+        "tracking", "Least RMS error, or stiffest wall; implies --optimize.", SEARCH, words=("tracking", "stiffness")
     )
+    optimize_also: tuple[str, ...] = option((), "ω_n, B̂ too.", SEARCH, words=("frequency", "b-hat"), several=True)
     plants: int | None = option(None, "Plants drawn from the fit's uncertainty; by itself 16.", SEARCH)
     noise_nm: float | None = option(None, "Torque noise, sd [N·m]; by itself what the logs show.", SEARCH)
     chatter_limit: float | None = option(None, "Most mean |Δu| per sample; by itself that of the start.", SEARCH)
     evaluations: int | None = option(None, "Candidates after the first scatter; by itself 160.", SEARCH)
-    bounds: str | None = option(
-        None, "How b0 of one level is found; by itself as in the fit.", ADVANCED,
-        words=("zero-offset", "pooled-offset", "pooled-dynamics"),
-    )  # fmt: skip
-    bounds_levels: str | None = option(
-        None, "Levels that B_m, B_M are taken over: 30:100 or 30,40.", ADVANCED, levels=True
-    )
+    bounds: str | None = option(None, "How b0 of one level is found; by itself as in the fit.", ADVANCED, words=BOUNDS)
+    bounds_levels: str | None = option(None, "Levels that B_m, B_M are taken over: 30:100.", ADVANCED, levels=True)
     widen_bounds: bool = option(False, "Take the far ends of the 95 % intervals of B.", ADVANCED)
     epsilon: float | None = option(None, "ε, half width of the boundary layer; by itself 0.5.", ADVANCED)
     gamma: float | None = option(None, "γ, sharpness of the soft switch; by itself 50.", ADVANCED)
     p_scale: float = option(5.0, "p of P = p·I in the Lyapunov equation.", ADVANCED)
     rho: str = option("paper", "Eq. (15) read as B_M φ, or as φ/B_m.", ADVANCED, words=("paper", "textbook"))
     alpha: str = option("formula", "α that ρ is made with.", ADVANCED, words=("formula", "reached"))
-    anti_windup: str = option(
-        "conditional", "Of the PI: conditional integration, or back-calculation.", ADVANCED,
-        words=("conditional", "back-calculation"),
-    )  # fmt: skip
+    anti_windup: str = option("conditional", "How the integral is held at a limit.", ADVANCED, words=ANTI_WINDUP)
     allow_unidentified: bool = option(False, "Use a fit that is marked not identifiable; marked.", ADVANCED)
     output: Path = written("gains.json")
 
@@ -89,27 +71,29 @@ def command(given: Arguments) -> None:
     Example: eaid tune-rc fit.json --b-hat minimax --phi data -o gains.json
     """
     from eaid import api
-    from eaid.cli import gains_tables, inputs
+    from eaid.cli import inputs
     from eaid.files import refuse_to_overwrite
-    from eaid.replay.scenarios import SCENARIOS
+    from eaid.report.tables import gains as tables
     from eaid.results import codec
     from eaid.results.fit import Fit
     from eaid.results.gains import GainsInputs
     from eaid.results.tuning import TuneOptions
 
-    own = None if given.reference is None or given.reference in SCENARIOS else Path(given.reference)
-    refuse_to_overwrite(given.output, given.force, [given.fit, *([own] if own else []), *(given.data or [])])
+    file = Path(given.reference) if given.reference and given.reference not in SCENARIOS else None
+    refuse_to_overwrite(given.output, given.force, [given.fit, *([file] if file else []), *(given.data or [])])
     options = taken(TuneOptions, given)
     if given.data and options.phi != "data" and not options.searches:
         raise UsageError("--data: does nothing without --phi data or --optimize; leave it out")
     fitted, told = codec.read(given.fit, "fit", Fit)
     logs = inputs.logs_of(fitted, given.fit, given.data, options)
     gains = api.tune_rc(fitted, options, reference=given.reference, logs=logs, progress=console.progress)
-    gains = inputs.stamped(gains, given, GainsInputs, fit=given.fit, reference=own)
+    gains = inputs.stamped(gains, given, GainsInputs, fit=given.fit, reference=file)
     codec.write(given.output, gains, "gains", given.force)
     if given.json:
         print(codec.dumps(gains, "gains"), end="")
     else:
-        gains_tables.show(gains, given.verbose)
+        console.line(f"guarantee: {tables.guarantee_words(gains)}")
+        for table in [*tables.tables_of(gains, asked=False), *(tables.further_tables(gains) if given.verbose else ())]:
+            console.show(table)
     console.tell([*gains.findings, *told], given.verbose)
     console.done(given.output, "gains of rc and pi", f"eaid simulate {given.fit} --gains {given.output}")

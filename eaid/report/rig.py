@@ -11,6 +11,15 @@ QUANTITIES = {"N·m": "Torque", "N": "Force", "RPM": "Speed", "kPa": "Stress", "
 INPUTS = {"%": "Duty", "N": "Force", "RPM": "Speed", "V": "Voltage", "bar": "Pressure", "A": "Current"}
 PAPER = {"clutch": ("%", "N·m"), "friction-force": ("N", "N·m"), "friction-speed": ("RPM", "N·m")}
 """Kind → the units in which the paper's own rig was recorded."""
+CONTROLLER_NAMES = {
+    "rc": "RC", "pi": "PI", "open-loop": "open loop", "inverse": "model inverse", "best": "best possible",
+    "rc-no-rate": "RC without rate",
+}  # fmt: skip
+
+
+def controller_name(name: str) -> str:
+    """A controller's name as a reader knows it."""
+    return CONTROLLER_NAMES.get(name, name)
 
 
 def apparatus_of(data: Data) -> Apparatus:

@@ -13,6 +13,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from eaid.report.options import COLUMN_IN, PAGE_IN
+from eaid.report.rig import controller_name as controller_name
 
 DPI = 300
 SMALLEST_PT = 8.0
@@ -144,13 +145,6 @@ def controller_look(name: str, position: int = 0) -> dict[str, Any]:
 def controller_marker(name: str, position: int = 0) -> str:
     """Marker of a controller."""
     return CONTROLLERS.get(name, _SPARE[position % len(_SPARE)])[2]
-
-
-def controller_name(name: str) -> str:
-    """A controller's name as a reader knows it."""
-    known = {"rc": "RC", "pi": "PI", "open-loop": "open loop", "inverse": "model inverse", "best": "best possible"}
-    known["rc-no-rate"] = "RC without rate"
-    return known.get(name, name)
 
 
 def level_colours(n: int) -> list[str]:

@@ -62,7 +62,7 @@ def test_a_session_its_file_and_its_json(call: list[str], capsys: pytest.Capture
     assert main.run([*call, "--force"]) == 0
     assert Path("replay.h5").read_bytes() == first
     shown = capsys.readouterr().out
-    assert "hard and assisted" in shown and "< 1e-300" in shown
+    assert "hard and assisted" in shown and "< 1e−300" in shown
 
 
 def test_a_diverging_session_is_refused_and_leaves_nothing(call: list[str], capsys: pytest.CaptureFixture[str]) -> None:

@@ -7,7 +7,6 @@ from eaid.report.page.again import commands
 from eaid.report.page.glossary import Terms
 from eaid.report.page.known import MOST, Known, sentence
 from eaid.report.page.shown import Shown
-from eaid.report.page.summary import guarantee_words
 from eaid.report.ready_fits import main_kind
 from eaid.report.results import KINDS, Results
 from eaid.report.tables import checks, data, gains, replays
@@ -195,19 +194,23 @@ def _model(results: Results, known: Known, drawn: Drawn, asked: bool | None) -> 
 
 def _controller(results: Results, known: Known, drawn: Drawn, asked: bool | None) -> Block | None:
     figures = _of(drawn, "guarantee_in_replay", "input_gain", "walls")
-    stiff = [gains.walls_table(one.result) for one in results.couplings]
+    stiff = [table for one in results.couplings for table in gains.walls_tables(one.result)]
     if not results.gains:
         return _part("Controller", known, figures, stiff, ()) if figures or stiff else None
     folds = []
     for k, one in enumerate(results.gains):
         title = f"Gains and margins, {one.path}" if k else "Gains and margins"
-        every = [gains.table_iv(one.result, asked), gains.gains_table(one.result, asked)]
         beside = [gains.checklist(one.result)] if k else []
-        folds += _block(title, (), [*beside, *every, gains.margins_table(one.result)])
+        every = [
+            gains.table_iv(one.result, asked),
+            gains.gains_table(one.result, asked),
+            gains.search_table(one.result),
+        ]
+        folds += _block(title, (), [*beside, *every, *gains.further_tables(one.result)])
     judged = results.gains[0].result
     holds = judged.guarantee.holds if judged.guarantee is not None else None
     part = _part("Controller", known, figures, [gains.checklist(judged), *stiff], folds)
-    return replace(part, verdict=("good" if holds else "care", f"Guarantee: {guarantee_words(judged)}."))
+    return replace(part, verdict=("good" if holds else "care", f"Guarantee: {gains.guarantee_words(judged)}."))
 
 
 def _replay(results: Results, known: Known, drawn: Drawn) -> Block | None:
@@ -219,8 +222,8 @@ def _replay(results: Results, known: Known, drawn: Drawn) -> Block | None:
     figures = _of(drawn, "fig12_multisine", "own_reference", "fig11_steps", "fig13_sweep", "log_replay")
     more = list(logs) if own else []
     for one in own:
-        more += [replays.plants_table(one.result), replays.steps_table(one.result), replays.tones_table(one.result)]
-    tables = [replays.replays_table(own)] if own else logs
+        more += replays.further_tables(one.result)
+    tables = [replays.errors_table([one.result for one in own])] if own else logs
     return _part("Replay", known, figures[:1], tables, _block("More replays", figures[1:], more))
 
 

@@ -13,12 +13,11 @@ from eaid.report.results import KINDS, Results
 from eaid.report.rig import level_text, of_the_paper, rising
 from eaid.report.style import controller_name
 from eaid.report.tables.data import doubts_of
-from eaid.report.tables.gains import called, conditions_of
+from eaid.report.tables.gains import guarantee_words
 from eaid.report.tables.replays import SCENARIO_NAMES, metric
 from eaid.report.tables.table import interval, number
 from eaid.results.fit import Fit
 from eaid.results.friction import FrictionLevel
-from eaid.results.gains import Gains
 from eaid.results.nonlinear import CurveLevel
 from eaid.results.summary import ENDLESS_S, believed_levels, steps_of_other_shapes
 from eaid.shown import counted
@@ -149,18 +148,6 @@ def _controller(results: Results, known: Known) -> Light:
     if grade == "good" and gains.guarantee is not None and gains.guarantee.holds is False:
         grade = "care"
     return Light("Controller", grade, f"guarantee {guarantee_words(gains)}", "controller")
-
-
-def guarantee_words(gains: Gains) -> str:
-    """The one verdict on the guarantee: yes, NO with what is missing, or what is not known."""
-    rows = conditions_of(gains)
-    missing = [called(row) for row in rows if row.holds is False]
-    unknown = [called(row) for row in rows if row.holds is None]
-    if missing:
-        return f"NO ({', '.join(missing)})"
-    if unknown or not rows:
-        return f"not known ({', '.join(unknown)})" if unknown else "not judged in this file"
-    return "yes"
 
 
 def fit_pct(results: Results) -> float | None:

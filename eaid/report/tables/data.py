@@ -5,7 +5,7 @@ from collections import Counter
 from eaid.errors import on_command_line
 from eaid.findings import say
 from eaid.report.results import KINDS, Results
-from eaid.report.style import controller_name
+from eaid.report.rig import controller_name
 from eaid.report.tables.table import Cell, Name, Table, columns, level
 from eaid.results.fit import Fit
 from eaid.steps.stepset import RunRecord, StepSet

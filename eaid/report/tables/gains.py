@@ -1,11 +1,12 @@
 """Tables of gains: what the guarantee needs and has, Table IV, what follows from it, margins, virtual walls."""
 
+from collections.abc import Sequence
+
 from eaid.report import published
-from eaid.report.rig import gain, printed_head
-from eaid.report.style import controller_name
-from eaid.report.tables.table import Cell, Table, columns, level, number
-from eaid.results.coupling import Coupling
-from eaid.results.gain_checks import Margin
+from eaid.report.rig import controller_name, gain, printed_head
+from eaid.report.tables.table import Cell, Table, columns, level, number, with_unit
+from eaid.results.coupling import Coupling, Wall
+from eaid.results.gain_checks import Margin, Margins, Optimized
 from eaid.results.gains import Condition, Gains
 
 CONDITIONS = {
@@ -27,6 +28,29 @@ def called(condition: Condition) -> str:
 def conditions_of(gains: Gains) -> tuple[Condition, ...]:
     """The rows of the checklist."""
     return gains.guarantee.conditions if gains.guarantee is not None else ()
+
+
+def guarantee_words(gains: Gains) -> str:
+    """The one verdict on the guarantee: yes, NO with what is missing, or what is not known."""
+    rows = conditions_of(gains)
+    missing = [called(row) for row in rows if row.holds is False]
+    unknown = [called(row) for row in rows if row.holds is None]
+    if missing:
+        return f"NO ({', '.join(missing)})"
+    if unknown or not rows:
+        return f"not known ({', '.join(unknown)})" if unknown else "not judged in this file"
+    return "yes"
+
+
+def tables_of(gains: Gains, asked: bool | None = None) -> list[Table]:
+    """What the guarantee needs, the gains, and what a search traded; tables that have rows."""
+    every = (checklist(gains), table_iv(gains, asked), gains_table(gains, asked), search_table(gains))
+    return [table for table in every if table.rows]
+
+
+def further_tables(gains: Gains) -> list[Table]:
+    """What gains were made of, and every margin; tables that have rows."""
+    return [table for table in (readings_table(gains), margins_table(gains)) if table.rows]
 
 
 def printed(gains: Gains, asked: bool | None = None) -> str:
@@ -74,6 +98,7 @@ def gains_table(gains: Gains, asked: bool | None = None) -> Table:
     rc, pi, beside = gains.rc, gains.pi, printed(gains, asked)
     unit, out = gains.input_unit or "input", gains.output_unit
     rows: list[tuple[str, str, Cell, str, str]] = []
+    told = gains.replayed
     if rc is not None:
         per = gain(unit, out)
         rows += [
@@ -85,7 +110,9 @@ def gains_table(gains: Gains, asked: bool | None = None) -> Table:
             ("Q12, Q22", "–", f"{number(rc.Q[0][1])}, {number(rc.Q[1][1])}", "1", "weights of the switching variable"),
         ]
         if (bound := rc.ultimate_bound) is not None:
-            rows.append(("error in the end", "–", bound.torque_error_nm, out, "bound that ε and ρ promise"))
+            rows.append(("error in the end", "–", bound.torque_error_nm, out, "ultimate bound by ε and ρ"))
+        if told is not None and told.rc is not None:
+            rows.append(("largest error", "–", told.rc.max_abs_error_nm, out, f"replayed: {told.reference}"))
     if pi is not None:
         said = "as reached on the linear model"
         rows += [
@@ -94,44 +121,109 @@ def gains_table(gains: Gains, asked: bool | None = None) -> Table:
             ("PI: overshoot", "1", pi.overshoot_pct, "%", said),
             ("PI: settling time", "0.27", pi.settling_s, "s", f"to within 2 %, {said}"),
         ]
+        if told is not None and told.pi is not None:
+            rows.append(("PI: largest error", "–", told.pi.max_abs_error_nm, out, f"replayed: {told.reference}"))
     shown = tuple(row if beside else (row[0], *row[2:]) for row in rows)
     heads = columns("symbol", *([beside] if beside else []), "ours", "unit", "what it is")
     return Table("Gains that follow", "What the choices above and the linear model give.", heads, shown)
 
 
-def margins_table(gains: Gains) -> Table:
-    """Gain, phase and delay margins of both controllers around held inputs."""
+def readings_table(gains: Gains) -> Table:
+    """ρ under both readings of Eq. (15), with what their φ means in the input's unit."""
+    rc = gains.rc
+    readings = rc.rho.readings if rc is not None else None
+    known = {"paper": readings.paper, "textbook": readings.textbook} if readings is not None else {}
     rows = tuple(
-        (level(point.duty_pct), point.torque_nm, *_margin(point.rc), *_margin(point.pi))
-        for point in (gains.margins.points if gains.margins else ())
+        (name, row.phi, row.phi_honest_pct, row.constant, row.slope) for name, row in known.items() if row is not None
     )
+    equal = rc.equal_pi if rc is not None else None
+    caption = "Φ = B_M φ as printed, φ/B_m as derived in the textbook."
+    if equal is not None and equal.K_P is not None:
+        caption += f" Inside the layer the RC is a PI of {number(equal.K_P)} and {number(equal.K_I)}."
+    heads = columns("reading", "φ", ("means", gains.input_unit), "ρ, constant", "ρ, slope")
+    return Table("Readings of Eq. (15)", caption, heads, rows)
+
+
+SOURCES = {"given": "given", "logs": "white part of what the logs show", "fit": "as the fit has it",
+           "supposed": "supposed"}  # fmt: skip
+
+
+def search_table(gains: Gains) -> Table:
+    """What a search traded; no rows where there was none."""
+    found, (i, o) = gains.optimized, (gains.input_unit or "input", gains.output_unit or "output")
+    heads = columns("", ("before", "", 5), ("after", "", 5), "unit")
+    if found is None:
+        return Table("Search", "", heads, ())
+    parts = (
+        ("RMS error", "rms_error_nm", o), ("of the worst plant", "worst_plant_rms_error_nm", o),
+        ("largest error", "max_abs_error_nm", o), ("chattering", "mean_abs_duty_step_pct", f"{i} per sample"),
+        ("at a limit", "saturated_fraction", "of the time"), ("P's scale", "p_scale", ""), ("ε", "epsilon", ""),
+        ("φ", "phi_honest_pct", i), ("B̂", "B_hat", gain(i, o)), ("K_P", "K_P", "1/s²"), ("K_D", "K_D", "1/s"),
+    )  # fmt: skip
+    rows = [(name, getattr(found.before, key), getattr(found.after, key), unit) for name, key, unit in parts]
+    noise = f"{number(found.noise_nm, 3)} {o} ({SOURCES.get(found.noise_source, found.noise_source)})"
+    caption = f"On the {found.reference}, {found.plants} plants, noise {noise}, chattering up to "
+    caption += f"{number(found.limit_pct, 3)} {i}."
+    return Table("Search", caption, heads, (*_walls(found), *rows))
+
+
+def _walls(found: Optimized) -> list[tuple[Cell, ...]]:
+    """The stiffest passive wall, where the search was for it."""
+    if found.optimized_for != "stiffness" or not found.before_cost or not found.after_cost:
+        return []
+    return [("stiffest passive wall", 1 / found.before_cost, 1 / found.after_cost, "N·m/rad")]
+
+
+def margins_table(gains: Gains) -> Table:
+    """Gain, phase and delay margins of both controllers around held inputs, the least of each last."""
+    margins = gains.margins or Margins()
+    rows: list[tuple[Cell, ...]] = [
+        (level(point.duty_pct), point.torque_nm, *_margin(point.rc), *_margin(point.pi)) for point in margins.points
+    ]
+    if margins.worst is not None:
+        rows.append(("least", None, *_margin(margins.worst.rc), *_margin(margins.worst.pi)))
+    timing = margins.timing
+    latch = f"the input latched at {timing.pwm_hz:g} Hz" if timing.pwm_hz else "the input not latched"
     caption = "How much the loop's gain may grow, its phase may lag, and its delay may grow before it becomes "
+    caption += f"unstable, around a held input; sampled at {timing.rate_hz:g} Hz, {latch}. "
     heads = columns(
         ("held input", gains.input_unit), ("output", gains.output_unit, 3), ("RC: gain", "dB", 3), ("phase", "°", 3),
         ("delay", "ms", 3), ("PI: gain", "dB", 3), ("phase", "°", 3), ("delay", "ms", 3),
     )  # fmt: skip
-    return Table("Margins", f"{caption}unstable, around a held input.", heads, rows)
+    return Table("Margins", f"{caption}A dash: no limit up to 80 dB and 200 ms.", heads, tuple(rows))
 
 
 def _margin(one: Margin | None) -> tuple[Cell, Cell, Cell]:
     if one is None:
         return None, None, None
+    if one.stable is False:
+        return "unstable", "–", "–"
     return one.gain_db, one.phase_deg, None if one.delay_s is None else 1e3 * one.delay_s
 
 
-def walls_table(coupling: Coupling) -> Table:
-    """How stiff a wall each loop may render at each torque."""
-    options = coupling.options
-    heads = columns(
-        "loop", ("torque", coupling.output_unit, 3), ("passive", "N·m/rad", 3), ("stable", "N·m/rad", 3),
-        ("lost at", "Hz", 3), ("replayed", "N·m/rad", 3),
-    )  # fmt: skip
-    rows = tuple(
-        (controller_name(one.loop), one.torque_nm, one.K_passive, one.K_stable, one.lost_hz, one.K_replayed)
-        for one in coupling.walls
-    )
+def walls_tables(coupling: Coupling) -> list[Table]:
+    """How stiff a wall each loop may render at each torque, on one clutch and on an antagonistic pair."""
+    options, bias = coupling.options, with_unit(number(coupling.pair_bias_nm, 3), coupling.output_unit)
     caption = (
         f"Passive: on any passive limb of {options.limb_damping:g} N·m·s/rad. Stable: on this limb, "
         f"{options.limb_inertia:g} kg·m², linear and sampled. Replayed: the nonlinear plant. A dash: no limit."
     )
-    return Table("How stiff a virtual wall may be", caption, heads, rows)
+    pair = f"The walls of T1 − T2, each clutch held at {bias}."
+    every = (
+        _walls_table("How stiff a virtual wall may be", caption, coupling.walls, coupling.output_unit),
+        _walls_table("Walls of an antagonistic pair", pair, coupling.pair, coupling.output_unit),
+    )
+    return [table for table in every if table.rows]
+
+
+def _walls_table(heading: str, caption: str, walls: Sequence[Wall], unit: str) -> Table:
+    heads = columns(
+        "loop", ("torque", unit, 3), ("passive", "N·m/rad", 3), ("limited at", "Hz", 3), ("stable", "N·m/rad", 3),
+        ("lost at", "Hz", 3), ("replayed", "N·m/rad", 3),
+    )  # fmt: skip
+    rows = tuple(
+        (controller_name(one.loop), one.torque_nm, one.K_passive, one.passive_hz, one.K_stable, one.lost_hz,
+         one.K_replayed)
+        for one in walls
+    )  # fmt: skip
+    return Table(heading, caption, heads, rows)

@@ -1,10 +1,9 @@
-"""Tables of replays: errors of each controller, steps and tones, drawn plants, logs, rehabilitation."""
+"""Tables of replays, for page and terminal: errors, guarantee, the best, steps, tones, drawn plants, logs, modes."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
-from eaid.report.results import Given
-from eaid.report.style import controller_name
-from eaid.report.tables.table import Cell, Column, Name, Table, columns, level, number
+from eaid.report.rig import controller_name
+from eaid.report.tables.table import Cell, Column, Name, Table, columns, level, number, with_unit
 from eaid.results.metrics import Metrics
 from eaid.results.replay import Replay
 
@@ -12,6 +11,7 @@ METRICS = {
     "max_abs_error_nm": ("largest |error|", "out"),
     "rms_error_nm": ("RMS error", "out"),
     "mean_abs_error_nm": ("mean |error|", "out"),
+    "iae_nm_s": ("∫ |error|", "out·s"),
     "mean_abs_duty_step_pct": ("mean input step", "in"),
     "saturated_fraction": ("share at a limit", ""),
 }
@@ -21,9 +21,9 @@ SCENARIO_NAMES = {
 }  # fmt: skip
 
 
-def _heads(replay: Replay) -> list[Column]:
-    units = {"out": replay.head.output_unit, "in": replay.head.input_unit, "": ""}
-    return [Column(said, units[kind], 3) for said, kind in METRICS.values()]
+def _units(replay: Replay) -> dict[str, str]:
+    out = replay.head.output_unit
+    return {"out": out, "out·s": f"{out or 'output'}·s", "in": replay.head.input_unit, "": ""}
 
 
 def metric(replay: Replay, name: str, key: str) -> float | None:
@@ -36,18 +36,77 @@ def metric(replay: Replay, name: str, key: str) -> float | None:
     return float(error.max() if key == "max_abs_error_nm" else error.mean())
 
 
-def replays_table(replays: Sequence[Given[Replay]]) -> Table:
+def tables_of(replay: Replay) -> list[Table]:
+    """Every table of one replay that has rows."""
+    return [table for table in (log_table(replay), errors_table([replay]), *further_tables(replay)) if table.rows]
+
+
+def further_tables(replay: Replay) -> tuple[Table, ...]:
+    """What a replay has beside its errors."""
+    return (
+        best_table(replay), steps_table(replay), tones_table(replay), *rehab_tables(replay), guarantee_table(replay),
+        plants_table(replay),
+    )  # fmt: skip
+
+
+def errors_table(replays: Sequence[Replay]) -> Table:
     """Errors and input of each controller, all scenarios in one table."""
     rows: list[tuple[Cell, ...]] = []
     for one in replays:
-        said = SCENARIO_NAMES.get(one.result.head.scenario, one.result.head.scenario or "own reference")
-        rows += [
-            (said, controller_name(name), *(metric(one.result, name, key) for key in METRICS))
-            for name in one.result.records
-        ]
+        said = SCENARIO_NAMES.get(one.head.scenario, one.head.scenario or "own reference")
+        names = one.metrics("controller", "recorded-loop", "best")
+        rows += [(said, controller_name(name), *(metric(one, name, key) for key in METRICS)) for name in names]
     caption = "Errors are reference minus true output; the settling time at the start is left out where the scenario "
-    heads = (Column("replay"), Column("controller"), *_heads(replays[0].result))
-    return Table("Errors of each controller", f"{caption}has one.", heads, tuple(rows))
+    units = _units(replays[0])
+    heads = [Column(said, units[kind], 3) for said, kind in METRICS.values()]
+    return Table(
+        "Errors of each controller", f"{caption}has one.", (Column("replay"), Column("controller"), *heads), tuple(rows)
+    )
+
+
+def guarantee_table(replay: Replay) -> Table:
+    """For how much of a replay of the robust controller |χ| ≤ ρ held, and why it did not elsewhere."""
+    rows = tuple(
+        (controller_name(name), 100 * m.guarantee_holds_fraction, m.guarantee_largest_chi_over_rho,
+         _percent(m.guarantee_failures_at_limit), _percent(m.guarantee_failures_by_saturation))
+        for name, m in replay.metrics().items() if m.guarantee_holds_fraction is not None
+    )  # fmt: skip
+    caption = "Where |χ| ≤ ρ the Lyapunov argument holds; the last two columns are shares of the samples at which it "
+    heads = columns(
+        "controller", ("|χ| ≤ ρ for", "%"), ("largest |χ|/ρ", "", 3), ("failures at a limit of the input", "%", 3),
+        ("because of it", "%", 3),
+    )  # fmt: skip
+    return Table("Guarantee along this replay", f"{caption}does not.", heads, rows)
+
+
+def _percent(share: float | None) -> float | None:
+    return None if share is None else 100 * share
+
+
+def best_table(replay: Replay) -> Table:
+    """How far each controller is from the least error that the plant allows."""
+    out = replay.head.output_unit
+    rows: list[tuple[Cell, ...]] = []
+    found = replay.metrics("best").get("best", Metrics())
+    for name, m in replay.metrics("controller").items() if found.rms_error_nm is not None else ():
+        above = with_unit(number(m.rms_above_best_nm), out)
+        rows.append((controller_name(name), m.rms_error_nm, m.rms_over_best, f"{above} above"))
+    heads = columns("controller", ("RMS error", out), ("times the least", "", 3), "from the least")
+    return Table("How far from the best", _best_words(found, out), heads, tuple(rows))
+
+
+def _best_words(best: Metrics, unit: str) -> str:
+    """How good the best input is."""
+    least, bound = best.rms_error_nm or 0.0, best.bound_rms_nm or 0.0
+    if least <= 1e-9:
+        return "The reference is within the plant's reach: the least error is 0."
+    steady = f"without switching from sample to sample {with_unit(number(best.steady_rms_nm), unit)}"
+    if bound <= 0:
+        return f"Least RMS error found {with_unit(number(least), unit)}, by local search alone; {steady}."
+    return (
+        f"Least RMS error found {with_unit(number(least), unit)}; none has less than "
+        f"{with_unit(number(bound), unit)}, {100 * bound / least:.0f} % of it; {steady}."
+    )
 
 
 def log_table(replay: Replay) -> Table:
@@ -66,18 +125,27 @@ def log_table(replay: Replay) -> Table:
 
 
 def plants_table(replay: Replay) -> Table:
-    """Spread of the numbers over plants drawn from the fit's uncertainty; no rows where none were drawn."""
+    """Every number over plants drawn from the fit's uncertainty; no rows where none were drawn."""
     rows: list[tuple[Cell, ...]] = []
-    units = {"out": replay.head.output_unit, "in": replay.head.input_unit, "": "1"}
-    for name, record in replay.records.items():
-        drawn = record.metrics.plants.metrics if record.metrics.plants else {}
-        for key, (said, kind) in METRICS.items():
-            if one := drawn.get(key):
-                said_of = f"{controller_name(name)}: {said} ({units[kind]})"
-                rows.append((said_of, one.low, one.median, one.high, one.worst.value))
-    caption = f"{replay.head.plants} plants drawn from the fit's uncertainty; the figure's shaded band holds "
-    heads = columns("number", ("2.5 %", "", 3), ("median", "", 3), ("97.5 %", "", 3), ("worst", "", 3))
-    return Table(f"Over drawn plants: {replay.head.scenario}", f"{caption}95 % of them.", heads, tuple(rows))
+    worst = ""
+    units = _units(replay) | {"": "1"}
+    for name, m in replay.metrics().items():
+        drawn = m.plants.metrics if m.plants else {}
+        for key, one in drawn.items():
+            said, kind = METRICS.get(key, (key, None))
+            said = f"{controller_name(name)}: {said}{f' ({units[kind]})' if kind is not None else ''}"
+            rows.append((said, one.low, one.median, one.high, one.worst.value, one.worst.plant, one.never))
+        if largest := drawn.get("max_abs_error_nm"):
+            plant = largest.worst
+            parts = {"τ1": plant.tau1, "τ2": plant.tau2, "T_s": plant.Ts}
+            shown = ", ".join(f"{part} [{', '.join(number(x) for x in values)}]" for part, values in parts.items())
+            worst += f" Largest error of {controller_name(name)} on plant {plant.plant}: {shown}."
+    caption = f"{replay.head.plants} plants drawn from the fit's uncertainty; the figure's shaded band holds 95 % of "
+    heads = columns(
+        "number", ("2.5 %", "", 3), ("median", "", 3), ("97.5 %", "", 3), ("worst", "", 3), "its plant",
+        "never reached by",
+    )  # fmt: skip
+    return Table(f"Over drawn plants: {replay.head.scenario}", f"{caption}them.{worst}", heads, tuple(rows))
 
 
 def steps_table(replay: Replay) -> Table:
@@ -86,11 +154,12 @@ def steps_table(replay: Replay) -> Table:
     for name, record in replay.records.items():
         for step in record.metrics.steps:
             change = f"{level(step.from_nm)} → {level(step.to_nm)}"
-            rows.append((controller_name(name), change, step.rise_time_s, step.overshoot_pct, step.settling_s))
-    caption = "Rise from 10 to 90 %; settling to within 2 % of the step; a dash where the next step comes first."
+            settling = step.settling_s, step.settling_5pct_s
+            rows.append((controller_name(name), change, step.rise_time_s, step.overshoot_pct, *settling))
+    caption = "Rise from 10 to 90 %; settling to within 2 and 5 % of the step; a dash where the next step comes first."
     heads = columns(
         "controller", ("step", replay.head.output_unit), ("rise time", "s", 3), ("overshoot", "%", 3),
-        ("settling time", "s", 3),
+        ("settling, 2 %", "s", 3), ("5 %", "s", 3),
     )  # fmt: skip
     return Table("Each step", caption, heads, tuple(rows))
 
@@ -111,40 +180,52 @@ def tones_table(replay: Replay) -> Table:
 
 
 def rehab_tables(replay: Replay) -> list[Table]:
-    """Errors by mode, tests between modes, normality."""
-    order = sorted(replay.records, key=lambda name: name != "rc")
-    numbers = next((m for name in order if (m := replay.records[name].metrics).modes), Metrics())
-    found = []
+    """Of each controller, the robust one first: errors by mode, tests between modes, normality; those with rows."""
+    order = sorted(replay.metrics().items(), key=lambda item: item[0] != "rc")
+    sessions = [(controller_name(name), m) for name, m in order]
+    return [table for table in (_modes(sessions, replay), _tests(sessions), _normality(sessions)) if table.rows]
+
+
+Sessions = Iterable[tuple[str, Metrics]]
+
+
+def _modes(sessions: Sessions, replay: Replay) -> Table:
     rows: list[tuple[Cell, ...]] = []
-    for mode, part in numbers.modes.items():
-        box = part.abs_position_error_deg
-        half = f"{number(box.q1, 3)} … {number(box.q3, 3)}"
-        rows.append((mode, box.median, half, box.mean, part.mean_abs_torque_error_nm, number(box.independent, 2)))
-    if rows:
-        heads = columns(
-            "mode", ("median", "°", 3), "middle half (°)", ("mean", "°", 3),
-            ("mean error of the output", replay.head.output_unit, 2), "independent observations",
-        )  # fmt: skip
-        caption = "Absolute position error; the last column says how many independent observations the samples are "
-        found.append(Table("Errors by mode", f"{caption}worth.", heads, tuple(rows)))
-    tests: list[tuple[Cell, ...]] = []
-    for test in numbers.tests:
-        chances = (_chance(p) for p in (test.samples.p, test.cycles.p_welch, test.cycles.p_rank))
-        tests.append((" and ".join(test.modes), *chances, number(test.cycles.least_p_rank, 2)))
-    if tests:
-        caption = "Probability (p) of such a difference by chance. The paper's test takes every millisecond as a new "
-        caption += "observation, which it is not; the other two use one mean per movement, and the last column is the "
-        caption += "least p that so few movements can give."
-        heads = columns("modes", "p, all samples (paper)", "p, means, Welch", "p, means, ranks", "least p of ranks")
-        found.append(Table("Do the modes differ?", caption, heads, tuple(tests)))
-    normal = tuple(
-        (mode, _chance(part.p), "not normal" if part.rejected else "may be normal")
-        for mode, part in numbers.normality.items()
+    for name, m in sessions:
+        for mode, part in m.modes.items():
+            box = part.abs_position_error_deg
+            half = f"{number(box.q1, 3)} … {number(box.q3, 3)}"
+            worth = number(box.independent, 2)
+            rows.append((name, mode, box.median, half, box.mean, part.mean_abs_torque_error_nm, worth))
+    heads = columns(
+        "controller", "mode", ("median", "°", 3), "middle half (°)", ("mean", "°", 3),
+        ("mean error of the output", replay.head.output_unit, 2), "independent observations",
+    )  # fmt: skip
+    caption = "Absolute position error; the last column says how many independent observations the samples are worth."
+    return Table("Errors by mode", caption, heads, tuple(rows))
+
+
+def _tests(sessions: Sessions) -> Table:
+    rows: list[tuple[Cell, ...]] = []
+    for name, m in sessions:
+        for test in m.tests:
+            chances = (_chance(p) for p in (test.samples.p, test.cycles.p_welch, test.cycles.p_rank))
+            rows.append((name, " and ".join(test.modes), *chances, number(test.cycles.least_p_rank, 2)))
+    caption = "Probability (p) of such a difference by chance. The paper's test takes every millisecond as a new "
+    caption += "observation, which it is not; the other two use one mean per movement, and the last column is the "
+    caption += "least p that so few movements can give."
+    heads = columns("controller", "modes", "p, all samples (paper)", "p, means, Welch", "p, means, ranks", "least p")
+    return Table("Do the modes differ?", caption, heads, tuple(rows))
+
+
+def _normality(sessions: Sessions) -> Table:
+    rows = tuple(
+        (name, mode, _chance(part.p), "not normal" if part.rejected else "may be normal")
+        for name, m in sessions
+        for mode, part in m.normality.items()
     )
-    if normal:
-        caption = "A small p rejects normality; the paper reads its p < 0.001 the other way round."
-        found.append(Table("Are the errors normal?", caption, columns("mode", "p", "verdict"), normal))
-    return found
+    caption = "A small p rejects normality; the paper reads its p < 0.001 the other way round."
+    return Table("Are the errors normal?", caption, columns("controller", "mode", "p", "verdict"), rows)
 
 
 def _chance(p: float | None) -> str:
