@@ -1,16 +1,18 @@
 """Steps between two levels as rows of the friction model: change, time constants, shape, each from its own start."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 from eaid.fitting.options import FitOptions
 from eaid.fitting.step_shapes import ShapeOptions, fit_steps
 from eaid.models.parameters import SHARE
 from eaid.results.friction import FrictionLevel, LevelIntervals
 from eaid.results.steps import StepShape
-from eaid.steps.stepset import StepSet
+from eaid.steps.stepset import LevelStep, StepSet
 
 FEW = 3
 """Steps up to which each is shown by itself, too."""
+MOST = 200
+"""Rises up to which all are, where the first ones to a level ask for another shape."""
 
 
 def single_steps(stepset: StepSet, options: FitOptions) -> tuple[StepShape, ...]:
@@ -21,10 +23,25 @@ def single_steps(stepset: StepSet, options: FitOptions) -> tuple[StepShape, ...]
     steps = stepset.level_steps
     between = any(0.0 not in (step.from_level, step.level) for step in steps)
     asked = options.shape != "auto" or options.dead_time_s is not None
-    if not (between or asked or len(steps) <= FEW):
+    return fit_steps(steps, _how(options)) if between or asked or len(steps) <= FEW else ()
+
+
+def of_another_shape(stepset: StepSet, options: FitOptions) -> tuple[StepShape, ...]:
+    """Rises that ask for another shape than the paper's, where most of the first ones to a level do."""
+    rises = [step for step in stepset.level_steps if step.edge == "up"]
+    first = {step.level: step for step in reversed(rises)}.values()
+    if 2 * len(_asking(first, options)) <= len(first):
         return ()
-    how = ShapeOptions(options.shape, options.dead_time_s, options.share or SHARE)  # type: ignore[arg-type]  # checked
-    return fit_steps(steps, how)
+    return _asking(rises if len(rises) <= MOST else first, options)
+
+
+def _asking(steps: Iterable[LevelStep], options: FitOptions) -> tuple[StepShape, ...]:
+    shapes = fit_steps(tuple(steps), _how(options))
+    return tuple(one for one in shapes if any(said.code == "other-shape-fits-better" for said in one.findings))
+
+
+def _how(options: FitOptions) -> ShapeOptions:
+    return ShapeOptions(options.shape, options.dead_time_s, options.share or SHARE)  # type: ignore[arg-type]  # checked
 
 
 def between_rows(shapes: Sequence[StepShape]) -> tuple[FrictionLevel, ...]:

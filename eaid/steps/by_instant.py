@@ -3,6 +3,7 @@
 In the output alone the step is the first sample after its last visit to the idle band.
 """
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -18,7 +19,14 @@ from eaid.steps.noise import sample_noise, sampled
 from eaid.steps.part import end_of, has_input, part_of, sample_s, zero_of
 from eaid.steps.plateaus import FEWEST, Plateau, plateaus, tolerance
 
-NO_LEVEL = "nothing tells its level; give the input column, or «name_pattern» with {level}"
+
+def no_level(run: Run) -> DataError:
+    """Why a log without input and level is refused, with a pattern where its name holds a number."""
+    number = re.search(r"([A-Za-z_=-]?)(\d+(?:\.\d+)?)([A-Za-z%]*)", run.name)
+    hint = "with {level}"
+    if number:
+        hint = f'"{number[1]}{{level}}{number[3]}", if {number[2]} is the level'
+    return DataError(f"{run.where}: nothing tells its level; give the input column, or «name_pattern» {hint}")
 
 
 def sample_at(run: Run, at_s: float) -> int:
@@ -79,7 +87,7 @@ def _window(run: Run, step: float) -> tuple[int, float]:
             left = np.flatnonzero(~near[reached:])
             until = start + reached + int(left[0]) if len(left) else until
     if level is None:
-        raise DataError(f"{run.where}: {NO_LEVEL}")
+        raise no_level(run)
     return until, level
 
 
@@ -104,8 +112,9 @@ def cut_by_output(run: Run) -> list[Run]:
         odd = several_edges(run.name, run.time_s - run.time_s[0], run.output, float(run.time_s[0]))
         if odd is not None:
             raise refuse_to_cut(run, odd)
-        no_step = "no step stands out of the output's noise; give its instant with «step_at»"
-        raise DataError(f"{run.where}: {NO_LEVEL if level is None else no_step}")
+        if level is None:
+            raise no_level(run)
+        raise DataError(f"{run.where}: no step stands out of the output's noise; give its instant with «step_at»")
     if at == 0:
         said = finding("step-at-first-sample", run.name, start=first_samples(run.output), unit=run.output_unit)
     else:

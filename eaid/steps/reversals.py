@@ -15,6 +15,7 @@ from eaid.errors import DataError
 from eaid.findings import finding
 from eaid.logs.run import Run
 from eaid.steps.baseline import first_samples
+from eaid.steps.by_instant import no_level
 from eaid.steps.edges import turns
 from eaid.steps.noise import block_means, block_noise
 from eaid.steps.part import part_of
@@ -38,9 +39,7 @@ def cut_reversals(run: Run) -> list[Run]:
         raise DataError(f"{run.where}: its position never turns; leave «columns» position out")
     known = bool(np.isfinite(run.input).all())
     if run.level is None and not known:
-        raise DataError(
-            f"{run.where}: nothing tells its level; give the input column, or «name_pattern» with {{level}}"
-        )
+        raise no_level(run)
     every = [(a, _still_fast(run.position[a:b]) + a) for a, b in itertools.pairwise([*at, len(run.time_s)])]
     strokes = [(a, b) for a, b in every if b - a >= FEWEST]
     found = []

@@ -238,9 +238,8 @@ def two_stage_part(
     doubts += [finding("two-stage-held", "nonlinear", parameter=name) for name in both.constrained]
     if explains_little([record.y for record in stats.data.records], left):
         doubts.append(finding("model-explains-little", "nonlinear", R2=part.R2, fit_pct=part.fit_pct))
-    part = msgspec.structs.replace(
-        part, C_free=found.joint.share_free, misfit={name: curve.misfit for name, curve in found.curves.items()}
-    )
+    misfit = {name: curve.misfit if np.isfinite(curve.misfit) else None for name, curve in found.curves.items()}
+    part = msgspec.structs.replace(part, C_free=found.joint.share_free, misfit=misfit)
     if source != "none":
         part = with_intervals(part, both, found.degrees, stats.levels)
         part = msgspec.structs.replace(part, covariance=covariance_part(both, found.degrees, source))

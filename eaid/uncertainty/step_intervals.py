@@ -37,10 +37,11 @@ WIDEST = 3.0
 def with_intervals(
     steps: Sequence[LevelStep], shapes: Sequence[StepShape], ci: str, dead_time_free: bool = True
 ) -> tuple[StepShape, ...]:
-    """The shapes with their intervals; as they are for `ci` none, or where there are none."""
+    """Shapes of some of the steps with their intervals; as they are for `ci` none, or where there are none."""
     if ci == "none" or not shapes:
         return tuple(shapes)
-    return tuple(with_interval(*pair, ci, dead_time_free) for pair in zip(steps, shapes, strict=True))
+    of_run = {step.name: step for step in steps}
+    return tuple(with_interval(of_run[one.run], one, ci, dead_time_free) for one in shapes)
 
 
 def with_interval(step: LevelStep, shape: StepShape, ci: str = "robust", dead_time_free: bool = True) -> StepShape:

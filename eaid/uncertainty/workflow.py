@@ -8,8 +8,8 @@ from collections.abc import Callable, Sequence
 import msgspec
 from threadpoolctl import threadpool_limits
 
-from eaid.findings import Finding, finding, ranked
-from eaid.fitting.between import between_rows, single_steps
+from eaid.findings import Finding, finding, merged, ranked
+from eaid.fitting.between import between_rows, of_another_shape, single_steps
 from eaid.fitting.fit import converged, fit
 from eaid.fitting.options import FitOptions, check
 from eaid.fitting.sources import data_part
@@ -55,14 +55,17 @@ def fit_steps(stepset: StepSet, options: FitOptions | None = None, progress: Cal
 
 
 def _fit_steps(stepset: StepSet, options: FitOptions, progress: Callable[[], None] | None) -> Fit:
-    shapes = shapes_of(stepset, options)
-    rows = between_rows(shapes) if "friction" in (options.models or ("friction",)) else ()
-    doubts = tuple(said for one in shapes for said in one.findings)
-    if stepset.levels or not shapes:
+    if stepset.levels or not stepset.level_steps:
         how = IntervalOptions(options.ci, options.seed, options.draws, options.workers, options.estimator)
         found = with_intervals(stepset, fit(stepset, options), how, progress)
     else:  # a staircase that never rests: no model of steps from rest
         found = Fit(data=data_part(stepset), uncertainty=Uncertainty("none"))
+    shapes = shapes_of(stepset, options)
+    doubts = tuple(said for one in shapes for said in one.findings)
+    if not shapes and any(one.code in OTHER_SHAPES for one in (*found.findings, *stepset.all_findings)):
+        shapes = with_step_intervals(stepset.level_steps, of_another_shape(stepset, options), options.ci)
+        doubts = merged([said for one in shapes for said in one.findings])
+    rows = between_rows(shapes) if "friction" in (options.models or ("friction",)) else ()
     if rows:
         part = found.friction or Friction(options.share)
         found = msgspec.structs.replace(found, friction=msgspec.structs.replace(part, levels=(*part.levels, *rows)))
@@ -85,6 +88,10 @@ def shapes_of(stepset: StepSet, options: FitOptions) -> tuple[StepShape, ...]:
     return with_step_intervals(stepset.level_steps, found, options.ci, options.dead_time_s is None)
 
 
+OTHER_SHAPES = {
+    "shape-of-another-kind", "no-shape-fits", "repeats-miss-alike", "output-decays-under-hold", "decays-under-hold",
+}  # fmt: skip
+"""Findings that ask what shape single steps have."""
 SAID_BY = {"decays-under-hold": "output-decays-under-hold", "window-too-short": "tau2-outlasts-record"}
 """What is said of a run, and the finding of a fit that says it of levels."""
 

@@ -1,12 +1,14 @@
 """Steps between levels stand in the fit with what they go from, and a set of nothing else is a fit all the same."""
 
 import json
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from eaid.apparatus import Apparatus
+from eaid.arrays import Array
 from eaid.findings import finding, ranked
 from eaid.fitting.options import FitOptions
 from eaid.models import friction
@@ -15,7 +17,7 @@ from eaid.results import codec
 from eaid.results.fit import Fit
 from eaid.results.friction import FrictionLevel, LevelIntervals
 from eaid.results.quotable import quotable
-from eaid.steps.stepset import LevelStep, StepSet
+from eaid.steps.stepset import Level, LevelStep, StepSet
 from eaid.uncertainty.workflow import fit_steps
 
 TIME = np.arange(2000) * 0.01
@@ -61,3 +63,41 @@ def test_what_decides_whether_a_model_is_of_use_comes_first_among_alike() -> Non
     found = ranked(finding(code, "friction", (1.0,), **values) for code in codes)
     order = ["curve-explains-little", "output-decays-under-hold", "fast-rise-not-resolved", "starts-end-apart"]
     assert [one.code for one in found] == order
+
+
+def from_rest(response: Callable[[float], Array], levels: int = 5) -> StepSet:
+    """Steps from rest, one a level, of a response of unit gain by level, with their noise."""
+    random, steps, whole = np.random.default_rng(1), [], []
+    for k in range(1, levels + 1):
+        u = 20.0 * k
+        y = 0.02 * u * response(u) + 0.002 * random.standard_normal(len(TIME))
+        steps.append(LevelStep(f"run{k}", "", 0.0, u, 0.0, TIME, y, np.full(len(TIME), u)))
+        whole.append(Level(u, TIME, y[None], (f"run{k}",)))
+    return StepSet("clutch", "%", "N·m", Apparatus(), tuple(whole), level_steps=tuple(steps))
+
+
+def late(_: float) -> Array:
+    return np.where(TIME > 0.4, 1 - np.exp(-(TIME - 0.4) / 0.8), 0.0)
+
+
+def overshooting(_: float) -> Array:
+    return 1 - 1.2 * np.exp(-TIME / 0.3) + 0.2 * np.exp(-TIME / 3.0)
+
+
+def papers(_: float) -> Array:
+    return 1 - 0.85 * np.exp(-TIME / 0.3) - 0.15 * np.exp(-TIME / 3.0)
+
+
+def test_many_levels_from_rest_show_the_shape_that_they_ask_for() -> None:
+    """A dead time, or an overshoot, at every level of a set that the paper's form is fitted to."""
+    behind = fit_steps(from_rest(late), FitOptions(ci="white"))
+    assert [one.level for one in behind.steps] == [20.0, 40.0, 60.0, 80.0, 100.0]
+    for one in behind.steps:
+        assert (one.shape, one.dead_time_s, one.tau1) == ("one", pytest.approx(0.4, abs=0.02), pytest.approx(0.8, 0.02))
+        assert one.ci95.tau1 is not None
+    over = fit_steps(from_rest(overshooting), FitOptions(ci="none")).steps
+    assert {one.shape for one in over} == {"overshoot"} and len(over) == 5
+    assert np.mean([one.C for one in over]) == pytest.approx(1.2, abs=0.02)
+    said = [one for one in behind.findings if one.code == "other-shape-fits-better"]
+    assert len(said) == 1 and said[0].values["others"] == 4
+    assert fit_steps(from_rest(papers), FitOptions(ci="none")).steps == ()

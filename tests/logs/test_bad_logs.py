@@ -262,6 +262,12 @@ BAD = [
         ("--step-at", "0.5"),
     ),
     Bad(
+        "clutch_0.8kV_rep1.csv",
+        column(1, lambda i, u: u, "time_s,ignored,torque_nm"),
+        '{f}: nothing tells its level; give the input column, or --name-pattern "_{level}kV", if 0.8 is the level',
+        ("--step-at", "0.5"),
+    ),
+    Bad(
         "step-outside.csv",
         csv(rows()),
         "{f}: the step at 7 s lies outside the log (0 to 1.99 s); mend --step-at",

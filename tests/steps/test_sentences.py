@@ -2,7 +2,7 @@
 
 import pytest
 
-from eaid.findings import finding, say
+from eaid.findings import finding, ranked, say
 from eaid.findings.sentences.steps import ROWS
 
 VALUES: dict[str, dict[str, object]] = {
@@ -85,3 +85,9 @@ def test_some_words() -> None:
     assert said == "the step to 50 asks for one exponential behind a dead time of 15.6 s: RMSE 0.27 instead of 0.72"
     said = say(finding("window-too-short", "a", window_s=8.0, tau2_s=16.0))
     assert said.endswith("(about 16 s)")
+
+
+def test_a_drifting_idle_is_told_before_what_only_follows_from_it() -> None:
+    values = {"drift": 0.2, "unit": "N·m", "share_pct": 9.0}
+    late = finding("window-too-short", "run", (60.0,), tau2_s=17.0, window_s=20.0)
+    assert ranked([late, finding("idle-drifts", "run", (60.0,), **values)])[0].code == "idle-drifts"

@@ -121,7 +121,7 @@ ROWS: dict[str, Row] = {
         "moved_pct",
     ),
     "jitter": Row("note", "jitter: the sample time runs from {low_s:.4g} to {high_s:.4g} s", "high_s"),
-    "idle-drifts": Row("caution", _drift, "share_pct"),
+    "idle-drifts": Row("caution", _drift, "share_pct", rank=0),
     "not-at-rest": Row(
         "stop",
         "not at rest when the step begins: {off:+.3g} {unit} off the idle output, {share_pct:.0f} % of the step; let "
