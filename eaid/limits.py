@@ -66,7 +66,7 @@ LIMITS: dict[str, Limit] = {
     "duty_limits": Limit(0, 1e9),
     "chatter_limit": Limit(0, 1e9, above=True),
     "evaluations": Limit(1, 100_000, whole=True),
-    # tune-rc and simulate
+    # tune-rc, simulate and synth
     "rate_hz": Limit(1e-3, 1e5),
     "pwm_hz": Limit(0, 1e6),
     "noise_nm": Limit(0, 1e6),
@@ -104,7 +104,6 @@ LIMITS: dict[str, Limit] = {
     "idle": Limit(0, 1e7),
     "hold": Limit(0, 1e7, above=True),
     "release": Limit(0, 1e7),
-    "rate": Limit(0, 1e7, above=True),
     "coloured": Limit(0, 10),
     "coloured_s": Limit(0, 1e6),
     "ripple": Limit(0, 10),

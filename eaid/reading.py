@@ -101,7 +101,7 @@ class InputOptions:
     baseline: str = "auto"
     sign: str = "auto"
     variable: str | None = None
-    rate: float | None = None
+    rate_hz: float | None = None
     rest: float = 0.0
     apparatus: str | Apparatus | None = None
     join: bool = False
@@ -120,8 +120,8 @@ class InputOptions:
         """What the readers of logs need of them; raises UsageError where one is wrong."""
         if self.kind is not None and self.kind not in KINDS:
             raise UsageError(unknown("«kind»", self.kind, KINDS))
-        if self.rate is not None and not self.rate > 0:
-            raise UsageError(f"«rate» {self.rate:g}: must be above zero")
+        if self.rate_hz is not None and not self.rate_hz > 0:
+            raise UsageError(f"«rate_hz» {self.rate_hz:g}: must be above zero")
         check_all(rest=self.rest, step_at=self.step_at, until=self.until)
         return ReadOptions(
             columns=pairs("«columns»", self.columns),
@@ -132,7 +132,7 @@ class InputOptions:
             repair=self.repair,
             kind=cast("Kind | None", self.kind),
             variable=self.variable,
-            rate_hz=self.rate,
+            rate_hz=self.rate_hz,
             join=self.join,
         )
 

@@ -40,7 +40,7 @@ def explained(section: str) -> list[re.Pattern[str]]:
 def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with small results of every kind."""
     folder = tmp_path_factory.mktemp("results")
-    made = ["--rate", "100", "--repeats", "2", "-q"]
+    made = ["--rate-hz", "100", "--repeats", "2", "-q"]
     assert main.run(["synth", *made, "-o", f"{folder}/clutch.h5"]) == 0
     assert main.run(["synth", *made, "--kind", "friction-force", "-o", f"{folder}/force.h5"]) == 0
     assert main.run(["fit", f"{folder}/clutch.h5", "-q", "--hold-out", "40", "-o", f"{folder}/fit.json"]) == 0

@@ -50,9 +50,7 @@ class Reading(Columns):
         None, "Level and repeat from file names, anywhere in them: '_V={level}_', 'run{repeat}'.", READING,
         shown="PATTERN",
     )  # fmt: skip
-    rate: float | None = option(
-        None, "Samples a second of logs without a time column [Hz].", READING, "--rate-hz", "--rate"
-    )
+    rate_hz: float | None = option(None, "Samples a second of logs without a time column [Hz].", READING)
     join: bool = option(False, "The logs are one run that the logger cut: join them by time.", READING)
     sign: str = option("auto", "Turn an output that was recorded inverted, or never.", READING, words=("auto", "keep"))
     kind: str | None = option(None, "Experiment; by itself from the columns.", STEPS, words=KINDS)

@@ -34,7 +34,7 @@ class Arguments(Common, Seeded):
     idle_s: float | None = option(None, "Input 0 before the step [s].", WHEN, "--idle")
     hold_s: float | None = option(None, "Input at its level [s].", WHEN, "--hold")
     release_s: float | None = option(None, "Input 0 after the step [s].", WHEN, "--release")
-    rate_hz: float | None = option(None, "Samples a second [Hz].", WHEN, "--rate-hz", "--rate")
+    rate_hz: float | None = option(None, "Samples a second [Hz].", WHEN)
     clean: bool = option(False, "The plant alone: no noise, scatter, offset or digits.", HOW)
     white_nm: float | None = option(None, "White noise, sd [N·m].", HOW, "--noise-nm")
     coloured: float | None = option(None, "Coloured noise, sd, share of torque.", HOW)

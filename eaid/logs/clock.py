@@ -89,7 +89,7 @@ def seconds_since_start(
     if not scale.stated:
         if words_of(split_name(column)[0]) & COUNTERS and usual == 1.0:
             raise DataError(
-                f"{path}: column {column} numbers the samples and is no time; give the sample rate with «rate» HZ and "
+                f"{path}: column {column} numbers the samples and is no time; give their rate with «rate_hz» HZ and "
                 f"name no time column, or say «units» time=/1000 for 1000 samples a second"
             )
         if counted is not None:

@@ -153,7 +153,7 @@ def match_columns(path: str, table: Table, options: ReadOptions) -> Roles:
     if time is None and not rate:
         raise DataError(
             f"{path}: no column is called time (columns: {shown(names)}); name it with «columns» time=NAME, "
-            f"or give «rate» HZ where the log has none"
+            f"or give «rate_hz» HZ where the log has none"
         )
     taken |= {time} if time is not None else set()
     references = [i for i, name in enumerate(names) if i not in taken and words_of(split_name(name)[0]) & _REFERENCE]

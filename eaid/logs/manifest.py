@@ -19,7 +19,7 @@ NAME = "dataset.toml"
 SCHEMA = "eaid/manifest/1"
 OPTIONS: dict[str, type] = {
     "kind": str, "columns": str, "units": str, "name_pattern": str, "step_at": float, "until": float, "repair": bool,
-    "levels": str, "baseline": str, "sign": str, "variable": str, "rate": float, "rest": float, "apparatus": str,
+    "levels": str, "baseline": str, "sign": str, "variable": str, "rate_hz": float, "rest": float, "apparatus": str,
     "join": bool,
 }  # fmt: skip
 """Options of the command line that a manifest may hold, under the same names."""

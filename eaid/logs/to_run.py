@@ -190,7 +190,7 @@ def _clock_column(source: str, table: Table, roles: Roles, options: ReadOptions)
         return roles.time
     if words_of(split_name(table.columns[roles.time])[0]) & COUNTERS:
         return None
-    raise DataError(f"{source}: has a time column, {table.label(roles.time)}, so «rate» does nothing; leave it out")
+    raise DataError(f"{source}: has a time column, {table.label(roles.time)}, so «rate_hz» does nothing; leave it out")
 
 
 def _time_scale(source: str, table: Table, clock: int | None, options: ReadOptions) -> TimeScale:

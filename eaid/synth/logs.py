@@ -200,7 +200,7 @@ def record(
 def check_protocol(plant: Plant, protocol: Protocol, seed: int) -> None:
     """Refuse what cannot be recorded."""
     named = {
-        "idle": protocol.idle_s, "release": protocol.release_s, "hold": protocol.hold_s, "rate": protocol.rate_hz,
+        "idle": protocol.idle_s, "release": protocol.release_s, "hold": protocol.hold_s, "rate_hz": protocol.rate_hz,
         "repeats": protocol.repeats, "seed": seed,
     }  # fmt: skip
     faults = [found for name, value in named.items() if (found := fault(name, value))]

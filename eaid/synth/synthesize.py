@@ -59,7 +59,7 @@ class SynthOptions:
             if name not in known:
                 raise UsageError(f"no disturbance {name!r}; there are {', '.join(known)}")
         check_all(
-            repeats=self.repeats, idle=self.idle_s, hold=self.hold_s, release=self.release_s, rate=self.rate_hz,
+            repeats=self.repeats, idle=self.idle_s, hold=self.hold_s, release=self.release_s, rate_hz=self.rate_hz,
             seed=self.seed,
             **{OPTION.get(name, name): value for name, value in self.sizes.items()},
         )  # fmt: skip

@@ -18,7 +18,7 @@ def test_the_tracking_error_of_a_noisy_fit_is_that_of_its_plant(
 ) -> None:
     """The joint estimate of these sets, whose repeats differ in gain, gives 0.11 to 0.47 N·m."""
     data, fit, gains = tmp_path / "data.h5", tmp_path / "fit.json", tmp_path / "gains.json"
-    assert main.run(["synth", "--seed", str(seed), "--release", "0", "--rate", "250", "-o", str(data), "-q"]) == 0
+    assert main.run(["synth", "--seed", str(seed), "--release", "0", "--rate-hz", "250", "-o", str(data), "-q"]) == 0
     assert main.run(["fit", str(data), "-o", str(fit), "-q"]) == 0
     assert main.run(["tune-rc", str(fit), "-o", str(gains), "-q"]) == 0
     capsys.readouterr()

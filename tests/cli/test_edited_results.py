@@ -32,12 +32,12 @@ READERS: dict[str, list[str]] = {
         "simulate {fit.json} --gains {gains.json} --scenario steps --duration 2 -o {out}/replay.h5",
         "simulate {fit.json} --controller inverse --plants 2 --noise residuals --duration 2 -o {out}/replay.h5",
         "plan {fit.json} --no-check -o {out}/plan.csv",
-        "synth --plant {fit.json} --levels 50 --repeats 1 --rate 50 -o {out}/synth.h5",
+        "synth --plant {fit.json} --levels 50 --repeats 1 --rate-hz 50 -o {out}/synth.h5",
     ],
     "force.json": [
         "report {force.json} -o {out}/page",
         "plan {force.json} --no-check -o {out}/plan.csv",
-        "synth --plant {force.json} --repeats 1 --rate 20 --hold 5 -o {out}/synth.h5",
+        "synth --plant {force.json} --repeats 1 --rate-hz 20 --hold 5 -o {out}/synth.h5",
     ],
     "gains.json": [
         "report {gains.json} -o {out}/page",
@@ -49,7 +49,7 @@ READERS: dict[str, list[str]] = {
 @pytest.fixture(scope="module")
 def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("edited")
-    small = ["--rate", "50", "--repeats", "2", "-q"]
+    small = ["--rate-hz", "50", "--repeats", "2", "-q"]
     for arguments in (
         ["synth", *small, "--levels", "20:100:20", "-o", f"{folder}/clutch.h5"],
         ["synth", *small, "--kind", "friction-force", "-o", f"{folder}/force.h5"],

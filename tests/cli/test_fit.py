@@ -22,7 +22,7 @@ def small(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("fit") / "small.h5"
     code = main.run(
         ["synth", "--levels", "20,40,60,80,100", "--repeats", "2", "--hold", "8", "--idle", "1", "--release", "4",
-         "--rate", "100", "-o", str(path), "-q"]
+         "--rate-hz", "100", "-o", str(path), "-q"]
     )  # fmt: skip
     assert code == 0
     return path

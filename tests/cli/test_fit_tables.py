@@ -17,7 +17,7 @@ def noisy(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Five levels, three repeats each."""
     path = tmp_path_factory.mktemp("tables") / "noisy.h5"
     code = main.run(
-        ["synth", "--levels", "20,40,60,80,100", "--repeats", "3", "--hold", "8", "--idle", "1", "--rate", "50",
+        ["synth", "--levels", "20,40,60,80,100", "--repeats", "3", "--hold", "8", "--idle", "1", "--rate-hz", "50",
          "-o", str(path), "-q"]
     )  # fmt: skip
     assert code == 0
@@ -55,7 +55,7 @@ def test_the_first_column_is_the_model_of_the_file(
 
 
 def test_single_runs_print_why_no_other_weights_stand_there(tmp_path: Path) -> None:
-    single = ["synth", "--levels", "20,60,100", "--repeats", "1", "--hold", "8", "--idle", "1", "--rate", "50", "-q"]
+    single = ["synth", "--levels", "20,60,100", "--repeats", "1", "--hold", "8", "--idle", "1", "--rate-hz", "50", "-q"]
     assert main.run([*single, "-o", str(tmp_path / "data.h5")]) == 0
     assert main.run(["fit", str(tmp_path / "data.h5"), "-o", str(tmp_path / "fit.json"), "--tables"]) == 0
     codes = [one["code"] for one in json.loads((tmp_path / "fit.json").read_text())["findings"]]
@@ -64,7 +64,7 @@ def test_single_runs_print_why_no_other_weights_stand_there(tmp_path: Path) -> N
 
 def test_huber_shows_the_run_and_the_part_it_weighs_down(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """A drop-out of half a second in one run of one level is found, told and left out."""
-    made = ["synth", "--levels", "20,40,60,80,100", "--repeats", "3", "--hold", "8", "--idle", "1", "--rate", "50"]
+    made = ["synth", "--levels", "20,40,60,80,100", "--repeats", "3", "--hold", "8", "--idle", "1", "--rate-hz", "50"]
     assert main.run([*made, "-o", str(tmp_path / "logs"), "-q"]) == 0
     (log,) = (tmp_path / "logs").glob("*060*r2*.csv")
     lines = []

@@ -66,7 +66,7 @@ def given(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("given")
     logs = str(folder / "logs")
     for arguments in (
-        ["synth", "--levels", "20,50,80,100", "--repeats", "2", "--rate", "50", "--hold", "20", "-o", logs],
+        ["synth", "--levels", "20,50,80,100", "--repeats", "2", "--rate-hz", "50", "--hold", "20", "-o", logs],
         ["ingest", logs, "-o", f"{folder}/data.h5"],
         ["fit", f"{folder}/data.h5", "-o", f"{folder}/fit.json"],
         ["tune-rc", f"{folder}/fit.json", "-o", f"{folder}/gains.json"],
@@ -85,13 +85,13 @@ COMMANDS: dict[str, tuple[str, int]] = {
     "simulate {given}/fit.json --gains {given}/gains.json --scenario steps -o replay.h5": ("simulate", 2),
     "report {given}/fit.json {given}/gains.json {given}/replay.h5 -o page": ("report", 3),
     "synth --levels 30,60 --repeats 1 --seed 7 -o synth.h5": ("synth", 2),
-    "synth --levels 30,60 --repeats 2 --seed 7 --rate 20 --hold 5 -o folder": ("synth of a folder", 3),
+    "synth --levels 30,60 --repeats 2 --seed 7 --rate-hz 20 --hold 5 -o folder": ("synth of a folder", 3),
     "plan {given}/fit.json --no-check -o plan.csv": ("plan", 3),
     "reproduce -o table.md": ("reproduce", 1),
     **({"demo -o demo": ("demo", 2)} if KILLS else {}),
 }
 """Command line → what it is called, and how often CI kills it at an operation on files."""
-EARLIER: dict[str, str] = {"folder": "synth --levels 20,50 --repeats 3 --seed 1 --rate 20 --hold 5 -o folder"}
+EARLIER: dict[str, str] = {"folder": "synth --levels 20,50 --repeats 3 --seed 1 --rate-hz 20 --hold 5 -o folder"}
 """Outputs that an earlier command makes; all others begin as the new ones with a line behind them."""
 
 

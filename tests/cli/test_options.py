@@ -157,7 +157,7 @@ def completed(shell: str, line: str, where: Path) -> str:
 
 @pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
 def test_the_shell_offers_commands_options_words_and_levels(shell: str, tmp_path: Path) -> None:
-    made = ["synth", "--levels", "25,50,75", "--repeats", "1", "--rate", "20", "--hold", "2", "-q"]
+    made = ["synth", "--levels", "25,50,75", "--repeats", "1", "--rate-hz", "20", "--hold", "2", "-q"]
     assert main.run([*made, "-o", str(tmp_path / "d.h5")]) == 0
     assert "simulate" in completed(shell, "eaid sim", tmp_path)
     assert "--estimator" in completed(shell, "eaid fit --est", tmp_path)

@@ -13,7 +13,7 @@ from eaid.cli import main
 def log(tmp_path: Path) -> Path:
     folder = tmp_path / "rec"
     shape = "duration_s=90,hold_s=0.5:8,rest_s=5"
-    assert main.run(["synth", "--excitation", "random", "--shape", shape, "--rate", "100", "-o", str(folder)]) == 0
+    assert main.run(["synth", "--excitation", "random", "--shape", shape, "--rate-hz", "100", "-o", str(folder)]) == 0
     return folder
 
 
@@ -43,7 +43,7 @@ def test_a_plan_of_one_recording_can_be_played(log: Path, tmp_path: Path) -> Non
     assert csv.read_text(encoding="utf-8").startswith("time_s,duty_pct\n")
     assert (np.diff(rows[:, 0]) > 0).all() and rows[:, 1].max() <= 90
     played = tmp_path / "played"
-    assert main.run(["synth", "--duty-file", str(csv), "--rate", "50", "--repeats", "1", "-o", str(played)]) == 0
+    assert main.run(["synth", "--duty-file", str(csv), "--rate-hz", "50", "--repeats", "1", "-o", str(played)]) == 0
     assert main.run(["fit", str(played), "-o", str(tmp_path / "again.json"), "-q"]) in (0, 4)
     assert "recorded" in json.loads((tmp_path / "again.json").read_text(encoding="utf-8"))
 
@@ -51,7 +51,9 @@ def test_a_plan_of_one_recording_can_be_played(log: Path, tmp_path: Path) -> Non
 def test_a_closed_loop_has_its_reference_and_its_law(tmp_path: Path) -> None:
     folder, out = tmp_path / "loop", tmp_path / "fit.json"
     shape = "duration_s=60,gains=15:200,hold_s=0.5:5"
-    assert main.run(["synth", "--excitation", "closed-loop", "--shape", shape, "--rate", "200", "-o", str(folder)]) == 0
+    assert (
+        main.run(["synth", "--excitation", "closed-loop", "--shape", shape, "--rate-hz", "200", "-o", str(folder)]) == 0
+    )
     (csv,) = folder.glob("*.csv")
     assert csv.read_text(encoding="utf-8").splitlines()[1] == "time_s,duty_pct,torque_nm,reference_nm"
     assert main.run(["fit", str(folder), "--instrument", "--duty", "10:100", "-o", str(out)]) in (0, 4)

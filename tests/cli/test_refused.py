@@ -19,7 +19,7 @@ fit data.h5 --duty 10:100
 fit data.h5 --instrument
 fit data.h5 --apparatus surface=2
 fit data.h5 --columns "a=b\nc"
-fit data.h5 --rate 100
+fit data.h5 --rate-hz 100
 ingest data.h5 -o data.h5 --force
 fit data.h5 -o data.h5 --force
 fit data.h5 -o /dev/null --force
@@ -36,7 +36,7 @@ plan fit.json --excitation --limits engagements=nan
 plan fit.json --excitation --limits rest=1e300
 plan fit.json --excitation --limits dutty=10:100
 plan fit.json -o fit.json --force
-synth --rate 1e5
+synth --rate-hz 1e5
 synth --hold nan
 synth --controller rc
 synth --excitation random --repeats 10000 -o logs
@@ -65,7 +65,7 @@ def rig(tmp_path_factory: pytest.TempPathFactory) -> Path:
         "20,40,60,80,100",
         "--repeats",
         "2",
-        "--rate",
+        "--rate-hz",
         "20",
         "--hold",
         "8",

@@ -9,7 +9,7 @@ import pytest
 from eaid.cli import main
 from eaid.logs.dataset import read_dataset
 
-QUICK = ["--levels", "40,90", "--repeats", "2", "--hold", "2", "--idle", "1", "--release", "1", "--rate", "100"]
+QUICK = ["--levels", "40,90", "--repeats", "2", "--hold", "2", "--idle", "1", "--release", "1", "--rate-hz", "100"]
 
 
 def test_a_dataset_its_summary_and_the_same_bytes_twice(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -66,7 +66,7 @@ def test_from_a_fit_and_along_a_duty_file(tmp_path: Path) -> None:
     model = {"C": 0.85, "tau1": [0.1, 0, 0], "tau2": [2.0, 0, 0], "Ts": [0, 0.04, 0, 0], "u_range": [10, 100]}
     fit.write_text(json.dumps({"schema": "eaid/fit/1", "nonlinear": model}))
     duty.write_text("time_s,duty_pct\n0,0\n1,50\n41,0\n42,0\n")
-    call = ["synth", "--plant", str(fit), "--duty-file", str(duty), "--clean", "--repeats", "1", "--rate", "100"]
+    call = ["synth", "--plant", str(fit), "--duty-file", str(duty), "--clean", "--repeats", "1", "--rate-hz", "100"]
     assert main.run([*call, "-o", str(tmp_path / "logs"), "-q"]) == 0
     (file,) = (tmp_path / "logs").iterdir()
     _, duty_pct, torque_nm = np.loadtxt(file, delimiter=",", skiprows=2).T
@@ -96,7 +96,7 @@ def test_from_a_fit_and_along_a_duty_file(tmp_path: Path) -> None:
         (["--tau1-scatter", "1000"], 2, "--tau1-scatter 1000: give a number from 0 to 3"),
         (["--noise-nm", "1e308"], 2, "--noise-nm 1e+308: give a number from 0"),
         (["--hold", "inf"], 2, "--hold inf: give a number"),
-        (["--rate", "1e9"], 2, "--rate 1e+09: give a number"),
+        (["--rate-hz", "1e9"], 2, "--rate-hz 1e+09: give a number"),
         (["--repeats", "1000000000"], 2, "--repeats 1000000000: give a whole number"),
         (["--excitation", "jumps", "-o", "logs"], 2, "--excitation jumps: must be one of staircase, random, prbs"),
         (["--excitation", "prbs", "--plan", "p.csv", "-o", "logs"], 2, "--plan and --excitation exclude each other"),
@@ -120,7 +120,19 @@ def test_a_friction_fit_says_its_own_kind(tmp_path: Path, capsys: pytest.Capture
     levels = [{"level": 50, "Ts": 1.0, "tau1": 0.1, "tau2": 2.0}]
     content = {"schema": "eaid/fit/1", "data": {"kind": "friction-force"}, "friction": {"C": 0.85, "levels": levels}}
     fit.write_text(json.dumps(content))
-    call = ["synth", "--plant", str(fit), "--hold", "5", "--rate", "50", "-o", str(tmp_path / "logs"), "-q", "--json"]
+    call = [
+        "synth",
+        "--plant",
+        str(fit),
+        "--hold",
+        "5",
+        "--rate-hz",
+        "50",
+        "-o",
+        str(tmp_path / "logs"),
+        "-q",
+        "--json",
+    ]
     assert main.run(call) == 0
     summary = json.loads(capsys.readouterr().out)
     assert summary["kind"] == "friction-force" and [row["level"] for row in summary["runs"]] == [50, 50]
@@ -141,7 +153,7 @@ def test_steps_that_lead_from_end_to_end(tmp_path: Path, capsys: pytest.CaptureF
         "0",
         "--release",
         "0",
-        "--rate",
+        "--rate-hz",
         "50",
     ]
     assert main.run([*call, "-o", str(tmp_path / "logs"), "-q", "--json"]) == 0
@@ -153,7 +165,7 @@ def test_the_run_table_of_a_plan_is_recorded_as_it_says(tmp_path: Path) -> None:
     table.write_text(
         "order,level,repeat,idle_s,hold_s,release_s\n1,90,1,1,3,1\n2,40,1,1,5,1\n3,40,2,1,5,1\n4,90,2,1,3,1\n"
     )
-    call = ["synth", "--plan", str(table), "--rate", "50", "-q"]
+    call = ["synth", "--plan", str(table), "--rate-hz", "50", "-q"]
     assert main.run([*call, "-o", str(folder)]) == 0
     assert sorted(path.name for path in folder.iterdir()) == [
         f"synthetic-clutch-{level}-r{repeat}.csv" for level in ("040.0", "090.0") for repeat in (1, 2)
@@ -168,7 +180,7 @@ def test_the_run_table_of_a_plan_is_recorded_as_it_says(tmp_path: Path) -> None:
 def test_a_duty_file_becomes_a_dataset_of_its_steps(tmp_path: Path) -> None:
     duty, data = tmp_path / "duty.csv", tmp_path / "d.h5"
     duty.write_text("time_s,duty_pct\n0,0\n2,40\n6,0\n10,90\n14,0\n16,0\n")
-    call = ["synth", "--duty-file", str(duty), "--repeats", "1", "--rate", "100", "-q"]
+    call = ["synth", "--duty-file", str(duty), "--repeats", "1", "--rate-hz", "100", "-q"]
     assert main.run([*call, "-o", str(data)]) == 0
     runs, faults = read_dataset(data, "d.h5", "")
     assert not faults
@@ -180,7 +192,18 @@ def test_a_duty_file_becomes_a_dataset_of_its_steps(tmp_path: Path) -> None:
 def test_a_force_file_drives_the_friction_rig(tmp_path: Path) -> None:
     force = tmp_path / "force.csv"
     force.write_text("time_s,force_n\n0,0\n1,170\n61,170\n")
-    call = ["synth", "--kind", "friction-force", "--duty-file", str(force), "--repeats", "1", "--rate", "10", "--clean"]
+    call = [
+        "synth",
+        "--kind",
+        "friction-force",
+        "--duty-file",
+        str(force),
+        "--repeats",
+        "1",
+        "--rate-hz",
+        "10",
+        "--clean",
+    ]
     assert main.run([*call, "-o", str(tmp_path / "logs"), "-q"]) == 0
     (file,) = (tmp_path / "logs").iterdir()
     assert np.loadtxt(file, delimiter=",", skiprows=2)[-1, 2] == pytest.approx(2.4645, abs=1e-3)

@@ -176,7 +176,7 @@ BAD = [
         "no-time.csv",
         csv(rows(), "tick,duty_pct,torque_nm"),
         "{f}: no column is called time (columns: tick, duty_pct, torque_nm); name it with --columns time=NAME, "
-        "or give --rate HZ where the log has none",
+        "or give --rate-hz HZ where the log has none",
     ),
     Bad(
         "no-torque.csv",
@@ -327,7 +327,7 @@ BAD = [
         "one-column.csv",
         b"torque_nm\n" + b"".join(b"%d.5\n" % i for i in range(99)),
         "{f}: no column is called time (columns: torque_nm); name it with --columns time=NAME, "
-        "or give --rate HZ where the log has none",
+        "or give --rate-hz HZ where the log has none",
     ),
     Bad(
         "wave.csv",
@@ -383,7 +383,7 @@ BAD = [
     ),
     Bad("levels.csv", csv(rows()), "--levels 60: no log holds 60; levels found: 50", ("--levels", "60")),
     Bad("levels-text.csv", csv(rows()), "--levels high: write 30:100 or 30,40,90", ("--levels", "high"), 2),
-    Bad("rate.csv", csv(rows()), "--rate -5: must be above zero", ("--rate", "-5"), 2),
+    Bad("rate.csv", csv(rows()), "--rate-hz -5: must be above zero", ("--rate-hz", "-5"), 2),
     Bad(
         "two-inputs.csv",
         csv([f"{line},{86 if i > 99 else 0}" for i, line in enumerate(rows())], "time_s,force_n,torque_nm,speed_rpm"),

@@ -32,7 +32,7 @@ def files(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     }
     for kind, (levels, hold, rate, release) in sets.items():
         data, fit = folder / f"{kind}.h5", folder / f"{kind}.json"
-        how = ["--levels", levels, "--repeats", "2", "--hold", hold, "--idle", "2", "--rate", rate]
+        how = ["--levels", levels, "--repeats", "2", "--hold", hold, "--idle", "2", "--rate-hz", rate]
         assert call("synth", "--kind", kind, *how, "--release", release, "-o", data, "-q") == 0
         assert call("fit", data, "-o", fit, "-q") == 0
         made |= {f"{kind}.h5": data, f"{kind}.json": fit}
@@ -63,14 +63,14 @@ def others(files: dict[str, Path], tmp_path_factory: pytest.TempPathFactory) -> 
     made: dict[str, list[Path]] = {}
     for kind, more in reading.items():
         logs, fit = folder / kind, folder / f"{kind}.json"
-        shape = ["--shape", "duration_s=120", "--rate", "50", "--seed", "1"]
+        shape = ["--shape", "duration_s=120", "--rate-hz", "50", "--seed", "1"]
         assert call("synth", "--excitation", kind, *shape, "-o", logs, "-q") == 0
         assert call("fit", logs, *more, "-o", fit, "-q") in (0, 4)
         made[kind] = [fit]
     assert call("ingest", folder / "staircase", "-o", folder / "staircase.h5", "-q") == 0
     made["staircase"].append(folder / "staircase.h5")
     logs = folder / "long"
-    levels = ["--levels", "20,60,100", "--repeats", "1", "--hold", "3", "--rate", "50", "--seed", "8"]
+    levels = ["--levels", "20,60,100", "--repeats", "1", "--hold", "3", "--rate-hz", "50", "--seed", "8"]
     assert call("synth", *levels, "-o", logs, "-q") == 0
     for path in sorted(logs.iterdir()):
         words = path.read_text(encoding="utf-8").replace("duty_pct", "voltage_V")
@@ -82,7 +82,7 @@ def others(files: dict[str, Path], tmp_path_factory: pytest.TempPathFactory) -> 
     assert call("tune-rc", fit, "--allow-unidentified", "-o", gains, "-q") == 0
     assert call("simulate", fit, "--gains", gains, "--scenario", "steps", "--duration", "9", "-o", replay, "-q") == 0
     made["two"] = [files["clutch.json"], folder / "day2.json"]
-    assert call("synth", "--levels", "20:100:20", "--seed", "9", "--rate", "50", "-o", folder / "day2.h5", "-q") == 0
+    assert call("synth", "--levels", "20:100:20", "--seed", "9", "--rate-hz", "50", "-o", folder / "day2.h5", "-q") == 0
     assert call("fit", folder / "day2.h5", "-o", folder / "day2.json", "-q") == 0
     for name, given in made.items():
         assert call("report", *given, "-o", folder / f"page-{name}", "-q") == 0

@@ -29,7 +29,7 @@ def one_level(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     """Data, fit, gains and a replay of one level, used with --allow-unidentified."""
     folder = tmp_path_factory.mktemp("unidentified")
     made = {name: folder / name for name in ("data.h5", "fit.json", "gains.json", "steps.h5")}
-    how = ["--levels", "50", "--repeats", "3", "--hold", "5", "--idle", "1", "--rate", "100"]
+    how = ["--levels", "50", "--repeats", "3", "--hold", "5", "--idle", "1", "--rate-hz", "100"]
     assert call("synth", *how, "-o", made["data.h5"], "-q") == 0
     assert call("fit", made["data.h5"], "-o", made["fit.json"], "-q") == 0
     assert call("tune-rc", made["fit.json"], "-o", made["gains.json"], "-q") == 3

@@ -24,7 +24,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
 
     logs = [folder / kind for kind in KINDS]
     for seed, (kind, log) in enumerate(zip(KINDS, logs, strict=True)):
-        shape = ["--shape", "duration_s=60", "--rate", "100", "--seed", str(seed)]
+        shape = ["--shape", "duration_s=60", "--rate-hz", "100", "--seed", str(seed)]
         assert call("synth", "--excitation", kind, *shape, "-o", log, "-q") == 0
     assert call("fit", *logs, "-o", folder / "fit.json", "-q") == 0
     assert call("report", folder / "fit.json", "-o", folder / "report", "-q") == 0

@@ -229,8 +229,8 @@ def test_friction_levels_of_a_fit_and_of_none_other() -> None:
         ({"hold_s": 0.01}, "fewer than 10 samples"),
         ({"idle_s": -1.0}, "idle= -1: give a number from 0"),
         ({"release_s": float("nan")}, "release= nan: give a number"),
-        ({"rate_hz": 0.0}, "rate= 0: give a number above 0"),
-        ({"rate_hz": 1e7, "hold_s": 20.0}, "million samples, 20 million at most"),
+        ({"rate_hz": 0.0}, "rate_hz= 0: give a number from 0.001 to 100000"),
+        ({"rate_hz": 1e5, "hold_s": 2000.0}, "million samples, 20 million at most"),
     ],
 )
 def test_what_cannot_be_recorded_is_refused(change: dict[str, object], sentence: str) -> None:

@@ -113,7 +113,7 @@ def short(tmp_path_factory: pytest.TempPathFactory) -> Path:
         "3",
         "--idle",
         "1",
-        "--rate",
+        "--rate-hz",
         "100",
         "--release",
         "0",

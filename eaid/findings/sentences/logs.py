@@ -58,7 +58,7 @@ ROWS: dict[str, Row] = {
     "time-in-whole-numbers": Row(
         "caution",
         "no unit is given for {column}, whole numbers {usual_s:g} apart: seconds assumed; if they are ms or samples, "
-        "say «units» time={likely} or «rate» HZ",
+        "say «units» time={likely} or «rate_hz» HZ",
     ),
     "torque-too-large": Row(
         "stop",
