@@ -12,7 +12,7 @@ from eaid.planning import recordings, simulated
 from eaid.planning.design import Experiment
 from eaid.planning.rigs import rigs
 from eaid.synth.plants import clutch
-from eaid.uncertainty.intervals import IntervalOptions, with_intervals
+from eaid.uncertainty.intervals import with_intervals
 from eaid.uncertainty.noise import Noise, noise_of_fit
 from tests.uncertainty.conftest import sets
 
@@ -33,7 +33,7 @@ def test_what_is_stated_is_kept_by_four_of_five(monkeypatch: pytest.MonkeyPatch)
 @pytest.fixture(scope="module")
 def fitted(sets: Any) -> Any:
     made = sets.one_set(7, sets.VARIANTS["base"])
-    return with_intervals(made, fit(made), IntervalOptions(study_models=False))
+    return with_intervals(made, fit(made))
 
 
 def test_rigs_scatter_as_the_fit_is_sure(fitted: Any) -> None:
