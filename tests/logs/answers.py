@@ -31,8 +31,8 @@ from eaid.logs.read import read_runs, together
 from eaid.logs.run import Run
 from eaid.logs.table import Table
 from eaid.logs.text import read_text
-from eaid.logs.together import columns_told, differing_number
 from eaid.logs.to_run import Origin, run_of
+from eaid.logs.together import columns_told, differing_number
 from eaid.logs.units import split_name, unit_of
 
 FILE = Path(__file__).parent / "answers.json"
@@ -112,8 +112,10 @@ def a_text(random: Random) -> str:
     columns = [(picked(random, CLOCKS), t), (picked(random, INPUTS), u), (picked(random, OUTPUTS), y)]
     if random.uniform() < 0.08:
         del columns[int(random.integers(0, 3))]
-    for _ in range(int(random.choice([0, 0, 1, 2]))):
-        columns.append((str(random.choice(OTHERS)), random.choice([0.0, 1.0]) * u + 0.01 * random.normal(size=count)))
+    columns += [
+        (str(random.choice(OTHERS)), random.choice([0.0, 1.0]) * u + 0.01 * random.normal(size=count))
+        for _ in range(int(random.choice([0, 0, 1, 2])))
+    ]
     order = random.permutation(len(columns)) if random.uniform() < 0.4 else np.arange(len(columns))
     columns = [columns[i] for i in order]
     stamped = int(random.integers(0, 12))
