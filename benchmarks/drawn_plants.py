@@ -16,7 +16,7 @@ from eaid.models import nonlinear
 from eaid.models.parameters import REFERENCE_PLANT, Nonlinear
 from eaid.replay.controllers import pi_controller
 from eaid.replay.references import multisine
-from eaid.replay.standard import replayed
+from eaid.replay.scenarios import replayed
 from eaid.results.fit import FitOptions
 from eaid.uncertainty.draw import draw
 from eaid.uncertainty.intervals import with_intervals
