@@ -11,12 +11,12 @@ from scipy.optimize import least_squares
 
 from benchmarks.recorded_plan import DENSITY, NOISE, plant
 from benchmarks.recorded_speed import missed_by, setup_for
-from eaid.planning.excitation import ExcitationOptions, sequence_for
+from eaid.planning.excitation import ExcitationOptions, kept_share, sequence_for
+from eaid.planning.played import measure
 from eaid.recorded.log import recorded_log
 from eaid.recorded.sequence import Limits
 from eaid.recorded.solve import solve
 from eaid.synth.excitation import Excitation, synthesise_excitation
-from eaid.synth.planned import disturbance_of, kept, measured
 from eaid.synth.plants import clutch
 from eaid.uncertainty.noise import Noise
 
@@ -30,8 +30,8 @@ SCATTER = replace(DENSITY, scatter=(0.01, 0.0, 0.0))
 def keeps(noise: Noise, want: dict[str, float], recordings: int) -> str:
     """The reference plant's plan, recorded anew."""
     found, _ = sequence_for(plant(0), noise, ExcitationOptions(want), Limits())
-    rows = measured(found, plant(0), disturbance_of(noise), recordings, seed=10**6)
-    share = 100 * kept(rows, want)
+    rows = measure(found, plant(0), noise, recordings, seed=10**6)
+    share = 100 * kept_share(rows, want)
     return (
         f"{found.time_s:.0f} s, {found.engagements} engagements; {share:.0f} % of {recordings} recordings keep {want}"
     )

@@ -14,6 +14,7 @@ from eaid.fitting.data import data_of
 from eaid.fitting.nonlinear import fit_nonlinear
 from eaid.models import nonlinear
 from eaid.models.parameters import REFERENCE_PLANT, Nonlinear
+from eaid.planning.played import recording
 from eaid.recorded.design import plan_excitation
 from eaid.recorded.fit import fit_recorded
 from eaid.recorded.options import RecordedOptions
@@ -22,7 +23,6 @@ from eaid.steps.build import build_stepset
 from eaid.steps.cut_runs import StepOptions
 from eaid.synth.disturbance import NONE
 from eaid.synth.logs import Protocol, synthesise
-from eaid.synth.planned import recording
 from eaid.synth.plants import clutch
 from eaid.uncertainty.noise import Noise
 

@@ -11,20 +11,20 @@ True
 
 import os
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import fields
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import h5py
-import msgspec
 
 from eaid.errors import DataError, UsageError, unknown
+from eaid.fitting.options import FitOptions
 from eaid.logs.frames import runs_from_frames
 from eaid.progress import Progress, no_progress
 from eaid.reading import InputOptions, read_steps, steps_of
 from eaid.results import codec
 from eaid.results.coupling import Coupling
-from eaid.results.fit import Fit, FitOptions
+from eaid.results.fit import Fit
 from eaid.results.gains import Gains
 from eaid.results.plan import Plan
 from eaid.results.recorded import Excitation
@@ -115,7 +115,6 @@ def fit(
     bounds_levels: "str | Sequence[float] | None" = None,
     duty: tuple[float, float] | None = None,
     instrument: bool = False,
-    workers: int = 1,
     **keywords: Any,
 ) -> Fit:
     """Fit the models of the paper to recorded steps, with intervals and a verdict.
@@ -132,8 +131,6 @@ def fit(
         Levels over which B_m and B_M are taken, as numbers or as "20:100".
     duty, instrument
         Of logs that are fitted as they were recorded: identified inputs, and the simulated duty as an instrument.
-    workers
-        Processes that share the refits of a bootstrap; the result is the same for any number.
 
     Returns
     -------
@@ -156,7 +153,7 @@ def fit(
     if bounds_levels is not None:
         text = bounds_levels if isinstance(bounds_levels, str) else ",".join(f"{u:.17g}" for u in bounds_levels)
         kept = wanted_levels(text, [level.level for level in steps.levels], "bounds_levels")
-        chosen = msgspec.structs.replace(chosen, bounds_levels=tuple(kept))
+        chosen = replace(chosen, bounds_levels=tuple(kept))
     if steps.recorded:
         from eaid.recorded.entry import fit_whole
 
@@ -167,7 +164,7 @@ def fit(
                 f"«{name}»: belongs to logs that are fitted as recorded, and these are steps; leave it out"
             )
     with progress("bootstrap refits", chosen.draws if chosen.ci == "bootstrap" else 0) as advance:
-        return fit_steps(steps, chosen, advance, workers)
+        return fit_steps(steps, chosen, advance)
 
 
 def tune_rc(
@@ -308,7 +305,16 @@ def report(
 
 
 def plan(fit: Fit, options: "PlanOptions | None" = None, *, progress: Progress = no_progress, **keywords: Any) -> Plan:
-    """What to record next, for intervals of wanted widths; fields of `PlanOptions` (want, idle_s, …) as keywords.
+    """What steps to record next, for intervals of wanted widths, in the rig's own input unit.
+
+    Parameters
+    ----------
+    fit
+        What is known of the rig: its model, noise and scatter.
+    options
+        All choices at once; single ones as keywords: want, idle_s, release_s, longest_hold_s, most_levels, check, seed.
+    progress
+        As in `read`; called once a simulated recording.
 
     Returns
     -------
@@ -333,20 +339,37 @@ def plan(fit: Fit, options: "PlanOptions | None" = None, *, progress: Progress =
 def plan_excitation(
     fit: Fit, options: "ExcitationOptions | None" = None, *, progress: Progress = no_progress, **keywords: Any
 ) -> Excitation:
-    """The shortest sequence of duties for one recording; fields of `ExcitationOptions` (want, limits, …) as keywords.
+    """The shortest sequence of inputs for one recording, for intervals of wanted widths, in the rig's own input unit.
+
+    Parameters
+    ----------
+    fit
+        A fit with a nonlinear model.
+    options
+        All choices at once; single ones as keywords: want, limits (`eaid.recorded.sequence.Limits`, by itself the
+        input's identified range), check, seed.
+    progress
+        As in `read`; called once a simulated recording.
 
     Returns
     -------
     Excitation
-        With `duty` (from when [s], value), the widths it gives, and `findings`.
+        With `duty` (from when [s], input), its `input_unit`, the widths it gives, what steps would take, `findings`.
+
+    Raises
+    ------
+    UsageError
+        A width of no parameter, or limits that leave nothing.
+    DataError
+        A fit without a nonlinear model.
 
     Examples
     --------
     >>> import eaid
     >>> fit = eaid.fit(eaid.synth(levels=(20.0, 60.0, 100.0), repeats=2, rate_hz=50.0, seed=1))
     >>> made = eaid.plan_excitation(fit, want={"Ts": 5.0}, check=False)
-    >>> made.duty[0]
-    (0.0, 0.0)
+    >>> made.duty[0], made.input_unit
+    ((0.0, 0.0), '%')
     """
     from eaid.planning.excitation import ExcitationOptions, shortest_recording
 
@@ -354,8 +377,31 @@ def plan_excitation(
         return shortest_recording(fit, _chosen(ExcitationOptions, options, keywords), advance)
 
 
-def synth(plant: Fit | None = None, **options: Any) -> StepSet:
-    """Synthetic logs of the reference plant, or of a fitted clutch, as steps; fields of `SynthOptions` as keywords.
+def synth(plant: Fit | None = None, gains: Gains | None = None, **options: Any) -> StepSet:
+    """Synthetic logs of the reference plant, or of a fitted rig in its own units.
+
+    Parameters
+    ----------
+    plant
+        A fit; without one the paper's clutch, or the friction rig of `kind`.
+    gains
+        Whose controller ("pi" or "rc", by `controller`) drives a closed loop.
+    **options
+        Fields of `SynthOptions`: levels, repeats, idle_s, hold_s, release_s, rate_hz, seed, clean, sizes; in place of
+        steps duty_file, plan, or excitation ("random", "staircase", "prbs", "multisine", "chirp", "closed-loop") with
+        its shape (duration_s, duty, hold_s, levels, frequency_hz, …).
+
+    Returns
+    -------
+    StepSet
+        The steps; logs of an excitation stand uncut in `recorded`.
+
+    Raises
+    ------
+    UsageError
+        What is asked for cannot be recorded.
+    DataError
+        The fit holds no plant, or a file is no such table.
 
     Examples
     --------
@@ -363,11 +409,16 @@ def synth(plant: Fit | None = None, **options: Any) -> StepSet:
     >>> logs = eaid.synth(levels=(20.0, 60.0), repeats=2, rate_hz=50.0, seed=1)
     >>> [level.level for level in logs.levels]
     [20.0, 60.0]
+    >>> shape = {"duration_s": 60.0, "hold_s": (0.5, 8.0), "duty": (20.0, 80.0)}
+    >>> logs = eaid.synth(excitation="random", shape=shape, rate_hz=100.0)
+    >>> float(logs.recorded[0].input.max()), eaid.fit(logs).nonlinear.u_range
+    (80.0, (20.0, 80.0))
     """
     from eaid.synth.synthesize import SynthOptions, synthesize
 
-    runs = synthesize(SynthOptions(**_known(SynthOptions, options)), plant)
-    return steps_of(runs, InputOptions())[1]
+    chosen = SynthOptions(**_known(SynthOptions, options))
+    runs = synthesize(chosen, plant, gains=gains)
+    return steps_of(runs, InputOptions(), whole="auto" if chosen.duty_file or chosen.excitation else "steps")[1]
 
 
 def export(

@@ -152,6 +152,11 @@ def check(name: str, value: float) -> None:
 
 def check_all(**values: float | None) -> None:
     """Refuse every value that is out of its limits, all at once; what is None was not given."""
-    faults = [found for name, value in values.items() if value is not None and (found := fault(name, value))]
+    faults = faults_of(**values)
     if faults:
         raise UsageError(*faults)
+
+
+def faults_of(**values: float | None) -> list[str]:
+    """Why options may not have these values; what is None was not given."""
+    return [found for name, value in values.items() if value is not None and (found := fault(name, value))]

@@ -32,8 +32,8 @@ class Arguments(Common, Seeded):
     longest_hold_s: float = option(120.0, "Longest hold [s].", RIG, "--longest-hold")
     most_levels: int = option(12, "Most levels to record.", RIG)
     limits: str | None = option(
-        None, "Of the excitation: duty=10:100,hold=0.3:30,rate=200,rest=5,work=60,engagements=4 (%, s, %/s).", RIG,
-        shown="NAME=VALUE,…",
+        None, "Of the excitation: duty=10:100,hold=0.3:30,rate=200,rest=5,work=60,engagements=4, duty and rate in "
+        "the input's unit; by itself the duty's range is that of the fit.", RIG, shown="NAME=VALUE,…",
     )  # fmt: skip
     output: Path = written("plan.csv")
 
@@ -42,8 +42,9 @@ class Arguments(Common, Seeded):
 def command(given: Arguments) -> None:
     """Which levels, hold times, repeats and order to record next, for wanted interval widths.
 
-    Writes the run table (plan.csv) and, beside it, the whole session as a duty file for the rig (plan.duty.csv:
-    time_s,duty_pct, each value held until the next). Every run ends with a recorded release.
+    Writes the run table (plan.csv) and, beside it, the whole session as an input file for the rig
+    (plan.duty.csv: time_s,duty_pct or another input in its unit, each value held until the next). Every run ends
+    with a recorded release.
 
     Example: eaid plan fit.json --want Ts=2,tau2=7 --longest-hold 60 -o plan.csv
     """
@@ -68,13 +69,13 @@ def command(given: Arguments) -> None:
     if given.excitation:
         from eaid.planning.excitation import ExcitationOptions
 
-        limits = plan_tables.limits_of(given.limits, fit.plant.u_range)
+        limits = plan_tables.limits_of(given.limits, fit.plant.u_range, fit.data.input_unit)
         options = taken(ExcitationOptions, given, limits=limits)
         found: Plan | Excitation = api.plan_excitation(fit, options, progress=console.progress)
     else:
         found = api.plan(fit, taken(PlanOptions, given), progress=console.progress)
     found = msgspec.structs.replace(found, inputs=(Input.of(given.fit),), command=given.words)
-    plan_tables.write(files, found, given.force)
+    plan_tables.write(files, found, fit.data.kind, given.force)
     if given.json:
         sys.stdout.write(codec.dumps(found, "plan"))
     else:

@@ -5,15 +5,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from eaid.cli import console
-from eaid.cli.words import number, pair
-from eaid.errors import UsageError, unknown
+from eaid.cli.words import keyed
 from eaid.files import all_written_whole
 from eaid.limits import check
 from eaid.planning.recordings import input_changes
-from eaid.reading import pairs
 from eaid.results.plan import Plan
 from eaid.results.recorded import Excitation
 from eaid.shown import counted
+from eaid.synth.input import RUN_TABLE, input_file
 
 if TYPE_CHECKING:
     from eaid.recorded.sequence import Limits
@@ -25,34 +24,26 @@ LIMITS = {
 """Names of `--limits` → fields of `Limits`."""
 
 
-def limits_of(text: str | None, duty_pct: tuple[float, float]) -> "Limits":
-    """`duty=10:100,hold=0.3:30,rate=200,rest=5,work=60,engagements=4` as limits."""
+def limits_of(text: str | None, span: tuple[float, float], unit: str) -> "Limits":
+    """`duty=10:100,hold=0.3:30,rate=200,rest=5,work=60,engagements=4` as limits; by itself the input's range."""
     from eaid.recorded.sequence import Limits
 
-    given: dict[str, float | int | tuple[float, float]] = {"input": duty_pct}
-    for name, value in pairs("«limits»", text).items():
-        if name not in LIMITS:
-            raise UsageError(unknown("«limits»", name, LIMITS))
-        read = pair("0.3:30") if name in ("duty", "hold") else number
-        made = read(f"--limits {name}", value)
-        if name != "duty":  # which goes by the fit's own range
-            for one in made if isinstance(made, tuple) else (made,):
-                check(LIMITS[name], one)
-        given[LIMITS[name]] = int(made) if name == "engagements" and not isinstance(made, tuple) else made
-    return Limits(**given)  # type: ignore[arg-type]
+    read = keyed("«limits»", text, Limits, LIMITS)
+    for name, value in read.items():
+        if name != "input":  # which goes by the fit's own range
+            for number in value if isinstance(value, tuple) else (value,):
+                check(name, number)
+    return Limits(**{"input": span, "unit": unit, **read})  # type: ignore[arg-type]
 
 
-def write(files: Sequence[Path], found: Plan | Excitation, force: bool) -> None:
-    """The run table and the duty file, both whole or neither; of a sequence the duty file alone."""
+def write(files: Sequence[Path], found: Plan | Excitation, kind: str, force: bool) -> None:
+    """The run table and the input file, both whole or neither; of a sequence the input file alone."""
     if isinstance(found, Excitation):
-        contents = [["time_s,duty_pct", *(f"{at:.9g},{duty:.9g}" for at, duty in found.duty)]]
+        contents = [input_file(found.duty, "clutch", found.input_unit)]
     else:
-        unit = found.input_unit
-        known = {"%": "duty_pct", "N": "force_n", "RPM": "speed_rpm"}
-        column = known.get(unit) or (f"input_{unit.lower()}" if unit.isalnum() else "input")
         rows = [f"{r.order},{r.level:.9g},{r.repeat},{r.idle_s:g},{r.hold_s:g},{r.release_s:g}" for r in found.runs]
-        changes = [f"{at:.9g},{level:.9g}" for at, level in input_changes(found.runs)]
-        contents = [["order,level,repeat,idle_s,hold_s,release_s", *rows], [f"time_s,{column}", *changes]]
+        changes = input_file(input_changes(found.runs), kind, found.input_unit)
+        contents = [[",".join(RUN_TABLE), *rows], changes]
     with all_written_whole(files, force) as parts:
         for part, lines in zip(parts, contents, strict=True):
             part.write_text("\n".join(lines) + "\n", encoding="utf-8")

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from eaid.cli import console
 from eaid.cli.form import Common, Seeded, option, refuse_idle, taken, takes, written
 from eaid.cli.inputs import KINDS
-from eaid.cli.words import spaced
+from eaid.cli.words import keyed, spaced
 from eaid.errors import UsageError
 from eaid.shown import counted
 
@@ -52,7 +52,8 @@ class Arguments(Common, Seeded):
     excitation: str | None = option(None, "Logs to be fitted as recorded.", LOOP, words=EXCITATIONS)
     shape: str | None = option(
         None, "Of the excitation: duration_s=240,hold_s=0.5:20,duty=10:100,levels=10,rest_s=5,idle_s=2,"
-        "frequency_hz=0.05:5,reference_nm=0.6:3.6,gains=21:360.", LOOP, shown="NAME=VALUE,…",
+        "frequency_hz=0.05:5,reference_nm=0.6:3.6,gains=21:360, all in the rig's units.", LOOP,
+        shown="NAME=VALUE,…",
     )  # fmt: skip
     gains: Path | None = option(None, "A gains.json, whose controller drives the closed loop.", LOOP, shown="FILE")
     controller: str = option("pi", "Of the gains.json.", LOOP, words=("pi", "rc"))
@@ -69,9 +70,10 @@ def command(given: Arguments) -> None:
     from eaid.results import codec
     from eaid.results.common import Input
     from eaid.results.fit import Fit
-    from eaid.synth.controlled import controller_of, excitation_of
+    from eaid.results.gains import Gains
     from eaid.synth.datasets import write
     from eaid.synth.disturbance import Disturbance
+    from eaid.synth.excitation import Excitation
     from eaid.synth.folder import refuse_folder, write_folder
     from eaid.synth.synthesize import SynthOptions, synthesize
 
@@ -91,11 +93,12 @@ def command(given: Arguments) -> None:
     sizes = {name: getattr(given, name) for name in Disturbance.__dataclass_fields__}
     options = taken(
         SynthOptions, given, sizes={name: value for name, value in sizes.items() if value is not None},
-        excitation=None if given.excitation is None else excitation_of(given.excitation, given.shape),
+        shape=keyed("«shape»", given.shape, Excitation),
     )  # fmt: skip
     fit, told = codec.read(fit_file, "fit", Fit) if fit_file is not None else (None, ())
     named = "" if fit_file is None else f"{fit_file} (sha256 {Input.of(fit_file).sha256[:12]})"
-    runs = synthesize(options, fit, named, controller_of(given.gains, given.controller))
+    gains = codec.read(given.gains, "gains", Gains)[0] if given.gains is not None else None
+    runs = synthesize(options, fit, named, gains)
     (write if is_dataset else write_folder)(given.output, runs, given.force)
     console.tell(told, verbose=True)
     if given.json:

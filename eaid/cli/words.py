@@ -1,8 +1,9 @@
 """Option values that are written as text: numbers, pairs, lists, or a word in place of a number."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from typing import get_type_hints
 
-from eaid.errors import UsageError
+from eaid.errors import UsageError, unknown
 
 
 def as_typed(_option: str, text: str) -> str:
@@ -88,3 +89,29 @@ def factors(option: str, text: str) -> dict[str, float]:
         except ValueError:
             raise UsageError(f"{option} {text}: {part!r} is no name=number; write it as Ts=0.9,tau1=1.2") from None
     return found
+
+
+def keyed(
+    option: str, text: str | None, kind: type, names: Mapping[str, str] | None = None
+) -> dict[str, float | int | tuple[float, float]]:
+    """`duration_s=240,hold_s=0.5:20` as fields of an options type, each read as its type says.
+
+    `names` are those that are typed, with the fields they stand for; by itself the fields' own.
+    """
+    from eaid.reading import pairs
+
+    types = {name: str(hint) for name, hint in get_type_hints(kind).items() if hint is not str}
+    known = names or {name: name for name in types}
+    values: dict[str, float | int | tuple[float, float]] = {}
+    for name, value in pairs(option, text).items():
+        if name not in known:
+            raise UsageError(unknown(option, name, sorted(known)))
+        said, hint = f"{option} {name}", types[known[name]]
+        if "tuple" in hint:
+            values[known[name]] = pair("0.3:30")(said, value)
+            continue
+        read = number(said, value)
+        if "int" in hint and not read.is_integer():
+            raise UsageError(f"{said}={value}: give a whole number")
+        values[known[name]] = int(read) if "int" in hint else read
+    return values

@@ -1,28 +1,24 @@
-"""A fit and wanted widths → the shortest sequence of duties for one recording, checked by simulated recordings."""
+"""A fit and wanted widths → the shortest sequence of inputs for one recording, checked by simulated recordings."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
-import numpy as np
-
+from eaid.errors import DataError
 from eaid.findings import finding
 from eaid.models.parameters import Nonlinear
-from eaid.planning.design import Session, level_sets, quickest
+from eaid.planning import played
+from eaid.planning.design import Session
+from eaid.planning.promise import Widths, enlarged, finite, kept_widths, over
+from eaid.planning.recordings import refuse_widths
+from eaid.planning.rigs import rig_of
 from eaid.recorded.design import ExcitationPlan, plan_excitation
-from eaid.recorded.sequence import Limits, check
+from eaid.recorded.sequence import Limits
 from eaid.results.fit import Fit
 from eaid.results.recorded import Excitation
-from eaid.synth.planned import disturbance_of, kept, measured
-from eaid.synth.plants import clutch
-from eaid.uncertainty.noise import ASSUMED, Noise, noise_of_fit
+from eaid.uncertainty.noise import Noise
 
 SETS, KEEPING = 20, 19
-"""Recordings that are simulated in each round, and how many of them keep the widths: 19/(20 + 1) = 90 %."""
-ROUNDS = 5
-DAMPED = 0.6
-"""Power of the excess by which a width is asked for narrower: widths fall faster than their prediction."""
-LEAST = 1.04
-"""Least factor by which a width that was not kept is asked for narrower."""
+"""Recordings that are simulated, and how many of them keep the widths: 19/(20 + 1) = 90 %."""
 
 
 @dataclass(frozen=True)
@@ -30,9 +26,9 @@ class ExcitationOptions:
     """What is wanted, and what the rig allows."""
 
     want: Mapping[str, float] = field(default_factory=lambda: {"Ts": 1.0, "tau1": 4.0, "tau2": 13.0})
-    """Half-widths of the 95 % intervals at the worst duty [%], of Ts, tau1, tau2."""
+    """Half-widths of the 95 % intervals at the worst input [%], of Ts, tau1, tau2."""
     limits: Limits | None = None
-    """None: the fit's own duties, no limit of the rate, rests of 5 s."""
+    """None: the fit's own range of the input, no limit of the rate, rests of 5 s."""
     check: bool = True
     """Simulate the recording, and lengthen the sequence until 19 of 20 keep the widths."""
     seed: int = 0
@@ -43,6 +39,15 @@ def shortest_recording(
 ) -> Excitation:
     """The shortest sequence that identifies a fit's plant to the wanted widths, and what steps would take.
 
+    Parameters
+    ----------
+    fit : Fit
+        What is known of the rig: its nonlinear model, noise and scatter.
+    options : ExcitationOptions, optional
+        Wanted half-widths, and what the rig allows, in its own input unit.
+    progress : callable, optional
+        Called once per simulated recording.
+
     Raises
     ------
     UsageError
@@ -51,71 +56,55 @@ def shortest_recording(
         A fit without a nonlinear model.
     """
     options = options or ExcitationOptions()
-    p = fit.plant
-    limits = options.limits or Limits(input=p.u_range, unit=fit.data.input_unit)
-    check(limits, options.want)
-    known = noise_of_fit(fit)
-    noise = ASSUMED if known is None else known
-    found, rows = sequence_for(p, noise, options, limits, progress)
-    narrow = None if rows is None else _kept_widths(rows)
-    within = found.half_width_pct if narrow is None else narrow
-    over = {name: within[name] / width for name, width in options.want.items()}
-    worst = max(over, key=over.__getitem__)
-    told = [] if known is not None else [finding("plan-assumes-noise", "plan")]
-    if over[worst] > 1:
-        told.append(
+    refuse_widths(options.want)
+    if fit.nonlinear is None:
+        raise DataError("the fit holds no nonlinear model, which a sequence is planned with; fit clutch logs with it")
+    rig = rig_of(fit)
+    limits = options.limits or Limits(input=fit.plant.u_range, unit=rig.plant.input_unit)
+    plan, rows = sequence_for(fit.plant, rig.noise, options, limits, progress)
+    measured = None if rows is None else kept_widths(rows, KEEPING)
+    widths = measured or plan.half_width_pct
+    excess = over(widths, options.want)
+    worst = max(excess, key=excess.__getitem__)
+    findings = [] if rig.known else [finding("plan-assumes-noise", "plan")]
+    if excess[worst] > 1:
+        findings.append(
             finding(
                 "excitation-short", "plan",
-                most_s=found.time_s, parameter=worst, width_pct=within[worst], wanted_pct=options.want[worst],
+                most_s=plan.time_s, parameter=worst, width_pct=widths[worst], wanted_pct=options.want[worst],
             )
         )  # fmt: skip
+    steps = replace(rig, levels=limits.input).quickest(options.want, Session())
     return Excitation(
         seed=options.seed,
         wanted=dict(options.want),
-        met=over[worst] <= 1,
-        time_on_rig_s=found.time_s,
-        engagements=found.engagements,
-        half_width_pct=found.half_width_pct,
-        measured_half_width_pct=narrow
-        if narrow is None
-        else {k: v if np.isfinite(v) else None for k, v in narrow.items()},
-        kept_pct=None if rows is None else 100 * kept(rows, dict(options.want)),
-        classic_time_on_rig_s=classic_time_s(p, noise, options.want, limits),
-        duty=found.breaks,
-        findings=tuple(told),
+        met=excess[worst] <= 1,
+        time_on_rig_s=plan.time_s,
+        engagements=plan.engagements,
+        half_width_pct=plan.half_width_pct,
+        measured_half_width_pct=None if measured is None else finite(measured),
+        kept_pct=None if rows is None else 100 * kept_share(rows, options.want),
+        classic_time_on_rig_s=steps.time_s if steps.met else None,
+        input_unit=rig.plant.input_unit,
+        duty=plan.breaks,
+        findings=tuple(findings),
     )
 
 
 def sequence_for(
     p: Nonlinear, noise: Noise, options: ExcitationOptions, limits: Limits, progress: Callable[[], None] = lambda: None
-) -> tuple[ExcitationPlan, list[dict[str, float]] | None]:
-    """A sequence, asked for narrower until 19 of 20 simulated recordings keep the widths; those widths."""
-    asked = dict(options.want)
-    found = plan_excitation(p, noise, asked, limits, options.seed)
-    if not options.check:
-        return found, None
-    rows = measured(found, p, disturbance_of(noise), SETS, options.seed, progress)
-    for _ in range(ROUNDS):
-        narrow = _kept_widths(rows)
-        over = {name: narrow[name] / width for name, width in options.want.items()}
-        if max(over.values()) <= 1 or not found.met:
-            break
-        asked = {
-            name: width / max(LEAST, min(over[name], 3.0) ** DAMPED) if over[name] > 1 else width
-            for name, width in asked.items()
-        }
-        found = plan_excitation(p, noise, asked, limits, options.seed)
-        rows = measured(found, p, disturbance_of(noise), SETS, options.seed, progress)
-    return found, rows
+) -> tuple[ExcitationPlan, list[Widths] | None]:
+    """A sequence, and the widths of simulated recordings; longer until 19 of 20 keep what is wanted."""
+
+    def make(wanted: Mapping[str, float]) -> ExcitationPlan:
+        return plan_excitation(p, noise, wanted, limits, options.seed)
+
+    def measure(plan: ExcitationPlan) -> list[Widths]:
+        return played.measure(plan, p, noise, SETS, options.seed, progress)
+
+    return enlarged(make, measure, options.want, KEEPING) if options.check else (make(options.want), None)
 
 
-def _kept_widths(rows: list[dict[str, float]]) -> dict[str, float]:
-    """Half-widths that `KEEPING` recordings keep [%], each parameter by itself."""
-    return {name: float(np.sort([row[name] for row in rows])[KEEPING - 1]) for name in rows[0]}
-
-
-def classic_time_s(p: Nonlinear, noise: Noise, want: Mapping[str, float], limits: Limits) -> float | None:
-    """What steps from rest to levels, with repeats, take for the same widths [s]; None: they never reach them."""
-    session = Session(10.0, 10.0, 12, 120.0)
-    found = quickest(clutch(p, "a fit").at, level_sets(limits.input, 12), want, noise, session)
-    return float(found.time_s) if found.met else None
+def kept_share(rows: list[Widths], wanted: Mapping[str, float]) -> float:
+    """Part of the recordings whose widths are all within the wanted ones."""
+    return sum(max(over(row, wanted).values()) <= 1 for row in rows) / len(rows)

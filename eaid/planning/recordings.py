@@ -5,21 +5,20 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from eaid.errors import DataError, UsageError
+from eaid.errors import UsageError
 from eaid.findings import Finding, Value, finding
-from eaid.limits import check
-from eaid.models.parameters import SHARE, Friction
-from eaid.planning.design import PARAMETERS, Experiment, Session, level_sets, quickest
-from eaid.planning.rigs import rigs
-from eaid.planning.simulated import SETS, enlarged
+from eaid.limits import check_all
+from eaid.planning import simulated
+from eaid.planning.design import PARAMETERS, Experiment, Session
+from eaid.planning.promise import Widths, enlarged, finite, kept_widths, over
+from eaid.planning.rigs import FittedRig, rig_of
 from eaid.results.fit import Fit
 from eaid.results.plan import Plan, PlannedRun
-from eaid.synth.plants import Plant, clutch
-from eaid.uncertainty.noise import ASSUMED, Noise, cautious, noise_of_fit
 
+SETS, KEEPING = 14, 12
+"""Recordings that are simulated, and how many of them keep the stated widths: 12/(14 + 1) = 80 %."""
 NOTICED = 0.01
 """Scatter from run to run that is named as what stands in the way of a width."""
-UNITS = {"clutch": "%", "friction-force": "N", "friction-speed": "RPM"}
 
 
 @dataclass(frozen=True)
@@ -39,7 +38,7 @@ class PlanOptions:
     seed: int = 0
 
 
-def plan_recordings(fit: Fit, options: PlanOptions | None = None, progress: Callable[[], None] | None = None) -> Plan:
+def plan_recordings(fit: Fit, options: PlanOptions | None = None, progress: Callable[[], None] = lambda: None) -> Plan:
     """The quickest session on the rig whose intervals are as narrow as is wanted.
 
     Parameters
@@ -64,113 +63,88 @@ def plan_recordings(fit: Fit, options: PlanOptions | None = None, progress: Call
         A fit that holds neither a nonlinear nor a friction model.
     """
     options = options or PlanOptions()
-    _checked(options)
-    plant, sets, share = _plant(fit)
+    check_all(
+        idle=options.idle_s, release=options.release_s, longest_hold=options.longest_hold_s,
+        most_levels=options.most_levels,
+    )  # fmt: skip
+    refuse_widths(options.want)
+    rig = rig_of(fit)
     session = Session(options.idle_s, options.release_s, options.most_levels, options.longest_hold_s)
-    known = noise_of_fit(fit, apart=True)
-    degrees = fit.uncertainty.degrees_of_freedom if fit.uncertainty is not None else None
-    noise = ASSUMED if known is None else cautious(known, degrees or 0.0)
-    polynomial = plant.kind == "clutch"
-    candidates = level_sets(sets, session.most_levels) if polynomial else [list(plant.levels)]
 
     def make(wanted: Mapping[str, float]) -> Experiment:
-        return quickest(plant.at, candidates, wanted, noise, session, polynomial)
+        return rig.quickest(wanted, session)
 
-    measured = None
+    measured: Widths | None = None
     if options.check:
-        allowed = rigs(fit, plant, known or ASSUMED, SETS, options.seed)
-        found, measured = enlarged(make, options.want, allowed, share, options.seed, progress)
+        rigs = rig.drawn(SETS, options.seed)
+        plan, rows = enlarged(
+            make, lambda plan: simulated.measure(plan, rigs, rig.share, options.seed, progress), options.want, KEEPING
+        )
+        measured = kept_widths(rows, KEEPING)
     else:
-        found = make(options.want)
-    within = {**found.half_width_pct, **(measured or {})}
-    over = {name: within[name] / width for name, width in options.want.items()}
-    told = _doubts(fit, known)
-    if max(over.values()) > 1:
-        told.append(_shortfall(max(over, key=over.__getitem__), options.want, within, found, noise))
+        plan = make(options.want)
+    widths = measured or plan.half_width_pct
+    excess = over(widths, options.want)
+    findings = _doubts(rig)
+    if max(excess.values()) > 1:
+        findings.append(_shortfall(max(excess, key=excess.__getitem__), options.want, widths, plan, rig))
     return Plan(
         seed=options.seed,
         wanted=dict(options.want),
-        met=max(over.values()) <= 1,
-        levels=found.levels,
-        hold_s=found.hold_s,
-        repeats=found.repeats,
-        time_on_rig_s=found.time_s,
-        half_width_pct=_finite(found.half_width_pct),
-        measured_half_width_pct=None if measured is None else _finite(measured),
-        input_unit=fit.data.input_unit or UNITS[plant.kind],
-        runs=run_order(found, session, options.seed),
-        findings=tuple(told),
+        met=max(excess.values()) <= 1,
+        levels=plan.levels,
+        hold_s=plan.hold_s,
+        repeats=plan.repeats,
+        time_on_rig_s=plan.time_s,
+        half_width_pct=finite(plan.half_width_pct),
+        measured_half_width_pct=None if measured is None else finite(measured),
+        input_unit=rig.plant.input_unit,
+        runs=run_order(plan, session, options.seed),
+        findings=tuple(findings),
     )
 
 
-def _checked(options: PlanOptions) -> None:
-    wrong = [name for name, width in options.want.items() if name not in PARAMETERS or not 0 < width < 100]
-    if wrong or not options.want:
+def refuse_widths(wanted: Mapping[str, float]) -> None:
+    """Refuse widths that mean nothing, with `UsageError`."""
+    wrong = [name for name, width in wanted.items() if name not in PARAMETERS or not 0 < width < 100]
+    if wrong or not wanted:
         raise UsageError(
             f"«want» {', '.join(wrong)}: give a parameter of {', '.join(PARAMETERS)} and a half-width in percent, "
             "above 0 and below 100, as in tau2=10,Ts=2"
         )
-    for name in ("idle", "release"):
-        check(name, getattr(options, f"{name}_s"))
-    check("longest_hold", options.longest_hold_s)
-    check("most_levels", options.most_levels)
 
 
-def _plant(fit: Fit) -> tuple[Plant, tuple[float, ...], float]:
-    """The plant that a fit found, the levels or the range to plan in, and its C."""
-    if fit.nonlinear is not None:
-        model = fit.plant
-        known = tuple(sorted({level for level in fit.data.levels if model.u_range[0] <= level <= model.u_range[1]}))
-        plant = clutch(model, "a fit")
-        return plant, model.u_range if model.u_range[0] < model.u_range[1] else known or model.u_range[:1], model.C
-    rows = {row.level: row.curve for row in (fit.friction.levels if fit.friction is not None else ())}
-    if fit.data.kind not in ("friction-force", "friction-speed") or not rows:
-        raise DataError("the fit holds neither a nonlinear nor a friction model to plan with; fit again")
-
-    def at(level: float) -> Friction:
-        return rows[level]
-
-    share = fit.friction.C if fit.friction is not None and fit.friction.C is not None else SHARE
-    return Plant(fit.data.kind, at, None, tuple(rows), "a fit"), tuple(rows), share
-
-
-def _doubts(fit: Fit, noise: Noise | None) -> list[Finding]:
+def _doubts(rig: FittedRig) -> list[Finding]:
     """What of the fit no plan can mend, or the plan has to guess."""
-    told = [] if noise is not None else [finding("plan-assumes-noise", "plan")]
-    decays = [one for one in fit.findings if one.code == "output-decays-under-hold"]
-    told += [finding("plan-of-decaying-output", "plan", one.levels) for one in decays]
-    if fit.nonlinear is not None and fit.nonlinear.identifiable is False:
-        told.append(finding("plan-rests-on-a-guess", "plan"))
-    return told
+    findings = [] if rig.known else [finding("plan-assumes-noise", "plan")]
+    decays = [each for each in rig.fit.findings if each.code == "output-decays-under-hold"]
+    findings += [finding("plan-of-decaying-output", "plan", each.levels) for each in decays]
+    if rig.fit.nonlinear is not None and rig.fit.nonlinear.identifiable is False:
+        findings.append(finding("plan-rests-on-a-guess", "plan"))
+    return findings
 
 
-def _shortfall(
-    name: str, wanted: Mapping[str, float], within: Mapping[str, float], found: Experiment, noise: Noise
-) -> Finding:
+def _shortfall(name: str, wanted: Mapping[str, float], widths: Widths, plan: Experiment, rig: FittedRig) -> Finding:
     """Which width no experiment within the limits reaches, and what stands in the way."""
-    scatter = 100 * dict(zip(PARAMETERS, noise.scatter, strict=True))[name]
+    scatter = 100 * dict(zip(PARAMETERS, rig.design_noise.scatter, strict=True))[name]
     values: dict[str, Value] = {
         "parameter": name,
-        "width_pct": within[name] if np.isfinite(within[name]) else None,
+        "width_pct": finite(widths)[name],
         "wanted_pct": wanted[name],
         "scatter_pct": scatter if scatter > 100 * NOTICED else None,
-        "repeats": found.repeats,
+        "repeats": plan.repeats,
     }
     return finding("plan-falls-short", "plan", (), **values)
 
 
-def _finite(widths: Mapping[str, float]) -> dict[str, float | None]:
-    return {name: float(width) if np.isfinite(width) else None for name, width in widths.items()}
-
-
-def run_order(found: Experiment, session: Session, seed: int) -> tuple[PlannedRun, ...]:
+def run_order(plan: Experiment, session: Session, seed: int) -> tuple[PlannedRun, ...]:
     """One block a repeat, each with all levels in an order of its own: no drift or sweep hides in the levels."""
     random = np.random.default_rng(seed)
     runs: list[PlannedRun] = []
-    for repeat in range(1, found.repeats + 1):
-        for i in random.permutation(len(found.levels)).tolist():
-            hold_s = found.hold_s[i]
-            runs.append(PlannedRun(len(runs) + 1, found.levels[i], repeat, session.idle_s, hold_s, session.release_s))
+    for repeat in range(1, plan.repeats + 1):
+        for i in random.permutation(len(plan.levels)).tolist():
+            hold_s = plan.hold_s[i]
+            runs.append(PlannedRun(len(runs) + 1, plan.levels[i], repeat, session.idle_s, hold_s, session.release_s))
     return tuple(runs)
 
 

@@ -185,6 +185,7 @@ class Excitation(Result, frozen=True):
     """Part of the simulated recordings that keep all wanted widths [%]."""
     classic_time_on_rig_s: Number | None = None
     """What steps from rest to levels, with repeats, take for the same widths [s]; None: they never reach them."""
+    input_unit: str = "%"
     duty: tuple[tuple[Number, Number], ...] = ()
-    """(from when [s], duty [%]), each held until the next; the last entry ends it."""
+    """(from when [s], input in its unit), each held until the next; the last entry ends it."""
     findings: tuple[Finding, ...] = ()

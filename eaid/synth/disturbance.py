@@ -5,7 +5,7 @@ time constant `coloured_s`, f the rotor's frequency, q the resolution of the sen
 constants of its own.
 """
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import asdict, dataclass, fields, replace
 from itertools import accumulate
 from math import exp, sqrt
 
@@ -49,7 +49,7 @@ NONE = Disturbance(**{field.name: 0.0 for field in fields(Disturbance) if field.
 
 def check(disturbance: Disturbance) -> None:
     """Refuse sizes that mean nothing."""
-    sizes = {one.name: getattr(disturbance, one.name) for one in fields(disturbance)}
+    sizes = asdict(disturbance)
     check_all(noise_nm=sizes.pop("white_nm"), **sizes)
     if disturbance.coloured > 0 and disturbance.coloured_s == 0:
         raise UsageError("«coloured_s» 0: coloured noise needs a time constant above 0; white noise is «noise_nm»")
@@ -100,7 +100,13 @@ def sample_times(duration_s: float, rate_hz: float, jitter_s: float, draw: np.ra
 
 def measured(torque_nm: Array, time_s: Array, rotor_hz: Array, d: Disturbance, draw: np.random.Generator) -> Array:
     """What the sensor says [N·m] of a torque [N·m] while the rotor turns at `rotor_hz` [Hz]; all of shape (n,)."""
-    n = torque_nm.size
+    share, white = noise(time_s, rotor_hz, d, draw)
+    return digits(torque_nm * (1 + share) + d.offset_nm + white, d)
+
+
+def noise(time_s: Array, rotor_hz: Array, d: Disturbance, draw: np.random.Generator) -> tuple[Array, Array]:
+    """Noise and ripple as a share of the torque [1], and the noise that is added to it [N·m], shapes (n,)."""
+    n = time_s.size
     phase = draw.uniform(0, 2 * np.pi)
     white = draw.standard_normal(n)
     share = np.zeros(n)
@@ -108,7 +114,9 @@ def measured(torque_nm: Array, time_s: Array, rotor_hz: Array, d: Disturbance, d
         share += d.ripple * np.sin(2 * np.pi * rotor_hz * time_s + phase)
     if d.coloured > 0:
         share += d.coloured * coloured(n, (time_s[-1] - time_s[0]) / max(n - 1, 1), d.coloured_s, draw)
-    seen: Array = torque_nm * (1 + share) + d.offset_nm + d.white_nm * white
-    if d.resolution_nm > 0:
-        seen = np.round(seen / d.resolution_nm) * d.resolution_nm
-    return seen
+    return share, d.white_nm * white
+
+
+def digits(torque_nm: Array, d: Disturbance) -> Array:
+    """A reading in whole steps of the sensor's digits [N·m]."""
+    return np.round(torque_nm / d.resolution_nm) * d.resolution_nm if d.resolution_nm > 0 else torque_nm

@@ -7,12 +7,10 @@ from eaid.errors import UsageError
 from eaid.files import folder_written_whole
 from eaid.logs.run import INPUT_UNITS, Run
 
-HEADERS = {
-    "clutch": "time_s,duty_pct,torque_nm",
-    "friction-force": "time_s,force_n,torque_nm",
-    "friction-speed": "time_s,speed_rpm,torque_nm",
-}
-"""Plain eaid CSV, by kind."""
+PLAIN = {"clutch": "duty_pct", "friction-force": "force_n", "friction-speed": "speed_rpm"}
+"""Input of a plain eaid CSV, by kind,"""
+NAMES = {"clutch": "input", "friction-force": "force", "friction-speed": "speed"}
+"""and its name in another unit."""
 
 PATTERN = "synthetic-*.csv"
 """Only files of this name are ever replaced or removed,"""
@@ -46,11 +44,13 @@ def write_folder(folder: Path, runs: Sequence[Run], force: bool) -> None:
 
 def header_of(run: Run) -> str:
     """The header of a run's file: plain eaid CSV, or columns that say the rig's own units."""
-    kind = run.kind or "clutch"
-    if run.input_unit == INPUT_UNITS[kind] and run.output_unit == "N·m":
-        return HEADERS[kind]
-    names = {"friction-force": "force", "friction-speed": "speed"}
-    return f"time_s,{names.get(kind, 'input')} ({run.input_unit}),output ({run.output_unit})"
+    output = "torque_nm" if run.output_unit == "N·m" else f"output ({run.output_unit})"
+    return f"time_s,{input_column(run.kind or 'clutch', run.input_unit)},{output}"
+
+
+def input_column(kind: str, unit: str) -> str:
+    """Name of the input's column: `duty_pct`, `force_n`, `speed_rpm`, or one with another unit, `input (V)`."""
+    return PLAIN[kind] if unit == INPUT_UNITS[kind] else f"{NAMES[kind]} ({unit})"
 
 
 def as_csv(run: Run) -> str:

@@ -1,25 +1,29 @@
 """Inputs that a file says: one that changes as it likes, or the run table of `eaid plan`.
 
-Input file: CSV `time_s,duty_pct` (`force_n`, `speed_rpm` on the friction rig); a row is held until the next, the last
-one ends the log. Run table: CSV `order,level,repeat,idle_s,hold_s,release_s`, one run a row.
+Input file: CSV `time_s,duty_pct` (`force_n`, `speed_rpm` on the friction rig; `input (V)` or `input` in another unit);
+a row is held until the next, the last one ends the log. Run table: CSV `order,level,repeat,idle_s,hold_s,release_s`,
+one run a row.
 """
 
 import csv
 import math
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 
 from eaid.errors import DataError
-from eaid.synth.folder import HEADERS
-from eaid.synth.logs import Input, PlannedRun
+from eaid.results.plan import PlannedRun
+from eaid.synth.folder import input_column
+from eaid.synth.logs import Input
 
-RUN_TABLE = ("order", "level", "repeat", "idle_s", "hold_s", "release_s")
+RUN_TABLE = PlannedRun.__struct_fields__
 
 
 def read_input(path: Path, kind: str = "clutch", unit: str = "%") -> tuple[Input, float]:
     """The changes of the input (from when [s], value) and the length of the log [s]; `DataError` with the bad rows."""
-    column = HEADERS[kind].split(",")[1] if unit in ("%", "N", "RPM") else "input"
-    rows = _numbers(path, ("time_s", column))
-    duty = kind == "clutch" and unit == "%"
+    column = input_column(kind, unit)
+    rows = _numbers(path, ("time_s", column), {"input": column})
+    duty = column == "duty_pct"
     most = 100.0 if duty else math.inf
     faults, before = [], -math.inf
     for number, (time_s, value) in rows:
@@ -35,6 +39,11 @@ def read_input(path: Path, kind: str = "clutch", unit: str = "%") -> tuple[Input
         raise DataError(f"{path}: holds fewer than two rows; the last row ends the log")
     changes = [(time_s - rows[0][1][0], value) for _, (time_s, value) in rows]
     return changes[:-1], changes[-1][0]
+
+
+def input_file(changes: Sequence[tuple[float, float]], kind: str, unit: str) -> list[str]:
+    """The lines of a file that `read_input` reads."""
+    return [f"time_s,{input_column(kind, unit)}", *(f"{at:.9g},{value:.9g}" for at, value in changes)]
 
 
 def read_plan(path: Path) -> list[PlannedRun]:
@@ -59,8 +68,13 @@ def read_plan(path: Path) -> list[PlannedRun]:
     return [PlannedRun(int(v[0]), v[1], int(v[2]), v[3], v[4], v[5]) for _, v in rows]
 
 
-def _numbers(path: Path, header: tuple[str, ...]) -> list[tuple[int, list[float]]]:
-    """Rows of a CSV with just this header, each with its number in the file; finite numbers only."""
+def _numbers(
+    path: Path, header: Sequence[str], names: Mapping[str, str] = MappingProxyType({})
+) -> list[tuple[int, list[float]]]:
+    """Rows of a CSV with just this header, each with its number in the file; finite numbers only.
+
+    `names` are other names of columns: name → what it stands for.
+    """
     wanted = ",".join(header)
     if not path.is_file():
         raise DataError(f"{path}: no such file; give a CSV {wanted}")
@@ -69,7 +83,7 @@ def _numbers(path: Path, header: tuple[str, ...]) -> list[tuple[int, list[float]
     except UnicodeDecodeError:
         raise DataError(f"{path}: is no text; give a CSV {wanted}") from None
     rows = [(number, row) for number, row in enumerate(csv.reader(text.splitlines()), 1) if row and row[0][:1] != "#"]
-    if not rows or [cell.strip() for cell in rows[0][1]] != list(header):
+    if not rows or [names.get(cell.strip(), cell.strip()) for cell in rows[0][1]] != list(header):
         raise DataError(f"{path}: its header is not {wanted}; name these columns")
     faults, found = [], []
     for number, row in rows[1:]:

@@ -12,9 +12,10 @@ import numpy as np
 
 from eaid.arrays import Array, read_only
 from eaid.errors import UsageError
-from eaid.limits import MOST_SAMPLES, fault
+from eaid.limits import MOST_SAMPLES, faults_of
 from eaid.logs.run import Run
 from eaid.models.parameters import Friction
+from eaid.results.plan import PlannedRun
 from eaid.synth.disturbance import Disturbance, Scatter, check, measured, sample_times, scatter
 from eaid.synth.plants import Plant
 
@@ -50,18 +51,6 @@ PROTOCOLS: dict[str, Protocol] = {
 """Defaults of each kind; the levels are the plant's."""
 
 KINDS = tuple(PROTOCOLS)
-
-
-@dataclass(frozen=True)
-class PlannedRun:
-    """One run of a run table; times in s, the level in the input's unit."""
-
-    order: int
-    level: float
-    repeat: int
-    idle_s: float
-    hold_s: float
-    release_s: float
 
 
 Input = Sequence[tuple[float, float]]
@@ -113,13 +102,11 @@ def synthesise(plant: Plant, protocol: Protocol, disturbance: Disturbance, seed:
     check_protocol(plant, protocol, seed)
     check(disturbance)
     p = protocol
-    return [
-        _step_run(
-            plant, PlannedRun(0, level, repeat, p.idle_s, p.hold_s, p.release_s), p.rate_hz, disturbance, (seed, place)
-        )
-        for place, level in enumerate(p.levels)
-        for repeat in range(1, p.repeats + 1)
+    repeats = range(1, p.repeats + 1)
+    planned = [
+        PlannedRun(0, level, repeat, p.idle_s, p.hold_s, p.release_s) for level in p.levels for repeat in repeats
     ]
+    return _step_runs(plant, planned, list(p.levels), p.rate_hz, disturbance, seed)
 
 
 def synthesise_plan(
@@ -127,30 +114,35 @@ def synthesise_plan(
 ) -> list[Run]:
     """The runs of a run table, in its order; a level's place is that among the table's levels."""
     check(disturbance)
-    levels = sorted({run.level for run in planned})
     for run in planned:
-        timing = Protocol((run.level,), 1, run.idle_s, run.hold_s, run.release_s, rate_hz)
-        check_protocol(plant, timing, seed)
-    return [_step_run(plant, run, rate_hz, disturbance, (seed, levels.index(run.level))) for run in planned]
+        check_protocol(plant, Protocol((run.level,), 1, run.idle_s, run.hold_s, run.release_s, rate_hz), seed)
+    return _step_runs(plant, planned, sorted({run.level for run in planned}), rate_hz, disturbance, seed)
 
 
-def _step_run(
-    plant: Plant, planned: PlannedRun, rate_hz: float, disturbance: Disturbance, seed_place: tuple[int, int]
-) -> Run:
-    """One run: idle, step, hold, release."""
-    seed, place = seed_place
-    idle_s, end_s = planned.idle_s, planned.idle_s + planned.hold_s
-    changes = [(0.0, 0.0)] * (idle_s > 0) + [(idle_s, float(planned.level)), (end_s, 0.0)]
-    draw = np.random.default_rng([seed, KINDS.index(plant.kind), place, planned.repeat])
-    run = record(plant, changes, (end_s + planned.release_s, rate_hz), disturbance, draw)
-    return replace(
-        run,
-        name=f"synthetic-{plant.kind}-{planned.level:05.1f}-r{planned.repeat}",
-        level=float(planned.level),
-        repeat=planned.repeat,
-        step_s=idle_s,
-        synthetic=mark(plant, disturbance, seed),
-    )
+def _step_runs(
+    plant: Plant,
+    planned: Sequence[PlannedRun],
+    levels: list[float],
+    rate_hz: float,
+    disturbance: Disturbance,
+    seed: int,
+) -> list[Run]:
+    """Runs of idle, step, hold and release."""
+    runs = []
+    for row in planned:
+        level, end_s = float(row.level), row.idle_s + row.hold_s
+        changes = [(0.0, 0.0)] * (row.idle_s > 0) + [(row.idle_s, level), (end_s, 0.0)]
+        draw = np.random.default_rng([seed, KINDS.index(plant.kind), levels.index(row.level), row.repeat])
+        columns = record(plant, changes, end_s + row.release_s, rate_hz, disturbance, draw)
+        run = run_of(plant, columns, (_level_name(level), row.repeat), mark(plant, disturbance, seed))
+        runs.append(replace(run, level=level, step_s=row.idle_s))
+    return runs
+
+
+def _level_name(level: float) -> str:
+    """A level in a run's name: alike wide, so that names sort, where a tenth tells it exactly."""
+    wide = f"{level:05.1f}"
+    return wide if float(wide) == level else f"{level:.9g}"
 
 
 def synthesise_input(
@@ -162,54 +154,58 @@ def synthesise_input(
     runs = []
     for repeat in range(1, protocol.repeats + 1):
         draw = np.random.default_rng([seed, len(KINDS), repeat])
-        run = record(plant, changes, (protocol.hold_s, protocol.rate_hz), disturbance, draw)
-        runs.append(
-            replace(
-                run,
-                name=f"synthetic-{plant.kind}-input-r{repeat}",
-                repeat=repeat,
-                synthetic=mark(plant, disturbance, seed),
-            )
-        )
+        columns = record(plant, changes, protocol.hold_s, protocol.rate_hz, disturbance, draw)
+        runs.append(run_of(plant, columns, ("input", repeat), mark(plant, disturbance, seed)))
     return runs
 
 
+Columns = tuple[Array, Array, Array]
+"""Time [s], input and output of a log, shapes (n,)."""
+
+
 def record(
-    plant: Plant, changes: Input, timing: tuple[float, float], disturbance: Disturbance, draw: np.random.Generator
-) -> Run:
-    """One log, (duration [s], rate [Hz]) long, of a rig at rest before it; its fingerprint is that of its samples."""
-    own = scatter(disturbance, draw)
-    time_s = sample_times(*timing, disturbance.jitter_s, draw)
-    starts = np.array([start for start, _ in changes])
-    value = np.array([level for _, level in changes])[np.searchsorted(starts, time_s, side="right") - 1]
-    speed_rpm = value if plant.rotor_rpm is None else np.full_like(time_s, plant.rotor_rpm)
-    torque_nm = measured(response(plant, changes, time_s, own), time_s, speed_rpm / 60, disturbance, draw)
+    plant: Plant, changes: Input, duration_s: float, rate_hz: float, disturbance: Disturbance, draw: np.random.Generator
+) -> Columns:
+    """What is logged of a rig that was at rest before."""
+    factors = scatter(disturbance, draw)
+    time_s = sample_times(duration_s, rate_hz, disturbance.jitter_s, draw)
+    starts, levels = np.array(changes).T
+    value = levels[np.searchsorted(starts, time_s, side="right") - 1]
+    output = measured(response(plant, changes, time_s, factors), time_s, plant.rotor_hz(value), disturbance, draw)
+    return time_s, value, output
+
+
+def run_of(plant: Plant, columns: Columns, name: tuple[str, int], synthetic: str) -> Run:
+    """Columns as a run that says what it is of, (what, repeat), and what made it; its fingerprint is theirs."""
+    time_s, value, output = columns
+    what, repeat = name
     return Run(
-        name="synthetic",
+        name=f"synthetic-{plant.kind}-{what}-r{repeat}",
         time_s=read_only(time_s),
         input=read_only(value),
-        output=read_only(torque_nm),
+        output=read_only(output),
         input_unit=plant.input_unit,
         output_unit=plant.output_unit,
         source="eaid synth",
-        sha256=hashlib.sha256(np.stack([time_s, value, torque_nm]).tobytes()).hexdigest(),
+        sha256=hashlib.sha256(np.stack(columns).tobytes()).hexdigest(),
+        repeat=repeat,
         kind=plant.kind,
+        synthetic=synthetic,
     )
 
 
 def check_protocol(plant: Plant, protocol: Protocol, seed: int) -> None:
     """Refuse what cannot be recorded."""
-    named = {
-        "idle": protocol.idle_s, "release": protocol.release_s, "hold": protocol.hold_s, "rate_hz": protocol.rate_hz,
-        "repeats": protocol.repeats, "seed": seed,
-    }  # fmt: skip
-    faults = [found for name, value in named.items() if (found := fault(name, value))]
-    faults += [found for level in protocol.levels if (found := fault("levels", level))]
+    faults = faults_of(
+        idle=protocol.idle_s, release=protocol.release_s, hold=protocol.hold_s, rate_hz=protocol.rate_hz,
+        repeats=protocol.repeats, seed=seed,
+    )  # fmt: skip
+    faults += [fault for level in protocol.levels for fault in faults_of(levels=level)]
     if not protocol.levels:
         faults.append("«levels»: give at least one level")
     if len(set(protocol.levels)) < len(protocol.levels):
         faults.append("«levels»: a level stands there twice; give each once and raise «repeats»")
-    if plant.kind == "clutch" and plant.input_unit == "%" and max(plant.levels, default=0.0) <= 100:
+    if plant.is_duty:
         faults += [f"«levels» {level:g}: a duty is at most 100 %" for level in protocol.levels if level > 100]
     if plant.kind != "clutch" and protocol.release_s > 0:
         faults.append("«release»: nobody has published how friction falls when weights are lifted; leave it at 0")

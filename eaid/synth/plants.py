@@ -10,10 +10,14 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from math import exp, inf
 
+import numpy as np
+
 from eaid.apparatus import Apparatus
+from eaid.arrays import Array
+from eaid.control.defaults import PAPER_TOP
 from eaid.control.plant import plant_of
 from eaid.errors import DataError, UsageError
-from eaid.logs.run import INPUT_UNITS, Kind
+from eaid.logs.run import Kind
 from eaid.models.parameters import REFERENCE_PLANT, SHARE, Friction, Nonlinear
 from eaid.replay.plant import plant_parameters, plant_terms
 from eaid.results.fit import Fit
@@ -29,17 +33,21 @@ LEVELS: dict[str, tuple[float, ...]] = {
 """Inputs of each experiment: duty [%], force [N], speed [RPM]."""
 
 
+UNKNOWN = "a.u."
+"""Unit of an input or output whose fit says none: arbitrary units."""
+
+
 @dataclass(frozen=True)
 class Plant:
     """A thing to be recorded."""
 
     kind: Kind
     at: Callable[[float], Friction]
-    """What an input [%, N or RPM] leads to, held for ever."""
+    """What an input leads to, held for ever."""
     rotor_rpm: float | None
-    """Rotor speed [RPM]; None: the input is the speed."""
+    """Rotor speed [RPM]; None: the input is the speed [RPM]."""
     levels: tuple[float, ...]
-    """Inputs that are recorded unless the user names others."""
+    """Inputs that are recorded unless the user names others, in the input's unit."""
     made_of: str
     """What stands behind the numbers, in words."""
     release: tuple[float, float] | None = None
@@ -48,13 +56,32 @@ class Plant:
     """Lowest identified input: a fall to an input below it goes over to `release`, as in `eaid.replay.plant`."""
     model: Nonlinear | None = None
     """The clutch's own model, which a closed loop needs."""
-    input_unit: str = ""
-    """Unit of the input; empty: that of the kind."""
+    input_unit: str = "%"
     output_unit: str = "N·m"
 
-    def __post_init__(self) -> None:
-        if not self.input_unit:
-            object.__setattr__(self, "input_unit", INPUT_UNITS[self.kind])
+    @property
+    def input_range(self) -> tuple[float, float]:
+        """Lowest and highest identified input."""
+        return self.model.u_range if self.model is not None else (min(self.levels), max(self.levels))
+
+    @property
+    def is_duty(self) -> bool:
+        """Whether the input is a duty cycle, which ends at 100 %."""
+        return self.kind == "clutch" and self.input_unit == "%" and max(self.levels, default=0.0) <= 100
+
+    @property
+    def in_nm(self) -> bool:
+        """Whether the output is a torque in N·m."""
+        return self.output_unit in ("N·m", "Nm")
+
+    @property
+    def scale(self) -> float:
+        """Output at the highest input over that of the reference plant, 4.372 N·m."""
+        return self.at(max(self.levels)).Ts / PAPER_TOP
+
+    def rotor_hz(self, value: Array) -> Array:
+        """Turns a second of the rotor at these inputs [Hz], shape of `value`."""
+        return (value if self.rotor_rpm is None else np.full_like(value, self.rotor_rpm)) / 60
 
 
 def clutch(p: Nonlinear = REFERENCE_PLANT, made_of: str = "the reference plant (docs/synthetic.md)") -> Plant:
@@ -91,13 +118,16 @@ def table_ii(speed_rpm: float) -> Friction:
 
 def friction_force() -> Plant:
     """The friction rig under weights: input is the normal force [N]."""
-    return Plant("friction-force", table_i, ROTOR_RPM["friction-force"], LEVELS["friction-force"], "Table I as printed")
+    levels, made_of = LEVELS["friction-force"], "Table I as printed"
+    return Plant("friction-force", table_i, ROTOR_RPM["friction-force"], levels, made_of, input_unit="N")
 
 
 def friction_speed() -> Plant:
     """The friction rig under 86 N: input is the speed [RPM]."""
     made_of = "Table II as printed, with tau2 = 5.4 exp(-0.0101 RPM) s"
-    return Plant("friction-speed", table_ii, ROTOR_RPM["friction-speed"], LEVELS["friction-speed"], made_of)
+    return Plant(
+        "friction-speed", table_ii, ROTOR_RPM["friction-speed"], LEVELS["friction-speed"], made_of, input_unit="RPM"
+    )
 
 
 REFERENCE: dict[str, Callable[[], Plant]] = {
@@ -111,32 +141,32 @@ REFERENCE: dict[str, Callable[[], Plant]] = {
 def of_fit(fit: Fit, kind: Kind, named: str) -> Plant:
     """The plant that a fit found, in its units; of friction only the fitted levels can be recorded."""
     data = fit.data
+    input_unit, output_unit = data.input_unit or UNKNOWN, data.output_unit or UNKNOWN
     if kind == "clutch":
         model = plant_of(fit)
         if model is None:
             raise DataError(f"{named}: holds no nonlinear model, which is the plant; fit clutch logs with it")
         made = clutch(model, named)
-        own = tuple(u for u in data.levels if model.u_range[0] <= u <= model.u_range[1])
+        levels = tuple(u for u in data.levels if model.u_range[0] <= u <= model.u_range[1])
         if data.input_unit == "%" and model.u_range[1] <= 100:
-            own = made.levels if not data.levels or set(made.levels) >= set(own) else own
-        return replace(made, levels=own or model.u_range, input_unit=data.input_unit, output_unit=data.output_unit)
+            levels = made.levels if not data.levels or set(made.levels) >= set(levels) else levels
+        return replace(made, levels=levels or model.u_range, input_unit=input_unit, output_unit=output_unit)
     if data.kind != kind:
         raise UsageError(f"{named}: is a fit of {data.kind} logs; ask for «kind» {data.kind}")
     share = fit.friction.C if fit.friction is not None and fit.friction.C else SHARE
     rows = [row for row in (fit.friction.levels if fit.friction is not None else ()) if row.from_ == 0]
-    levels = {row.level: Friction(row.Ts, row.tau1, row.tau2, share) for row in rows}
-    if not levels:
+    curves = {row.level: Friction(row.Ts, row.tau1, row.tau2, share) for row in rows}
+    if not curves:
         raise DataError(f"{named}: holds no friction levels; fit the friction model first")
 
     def at(value: float) -> Friction:
         if value == 0.0:
             return Friction(Ts=0.0, tau1=1.0, tau2=1.0)
-        if value not in levels:
-            known = ", ".join(f"{level:g}" for level in sorted(levels))
+        if value not in curves:
+            known = ", ".join(f"{level:g}" for level in sorted(curves))
             raise UsageError(f"«levels» {value:g}: is not in {named}, which holds {known}")
-        return levels[value]
+        return curves[value]
 
     return Plant(
-        kind, at, ROTOR_RPM[kind], tuple(sorted(levels)), named, input_unit=data.input_unit,
-        output_unit=data.output_unit,
-    )  # fmt: skip
+        kind, at, ROTOR_RPM[kind], tuple(sorted(curves)), named, input_unit=input_unit, output_unit=output_unit
+    )

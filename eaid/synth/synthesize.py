@@ -3,13 +3,15 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
+from typing import Literal
 
-from eaid.control.defaults import PAPER_TOP
-from eaid.errors import UsageError
+from eaid.control.gains import pi_gains, rc_gains
+from eaid.errors import UsageError, unknown
 from eaid.limits import check_all
 from eaid.logs.run import Kind, Run
-from eaid.replay.controllers import Controller
+from eaid.replay.controllers import Controller, pi_controller, rc_controller
 from eaid.results.fit import Fit
+from eaid.results.gains import Gains
 from eaid.synth.disturbance import NONE, Disturbance
 from eaid.synth.excitation import Excitation, synthesise_excitation
 from eaid.synth.input import read_input, read_plan
@@ -43,8 +45,12 @@ class SynthOptions:
     """CSV of an input in place of steps."""
     plan: Path | None = None
     """Run table of `plan`."""
-    excitation: Excitation | None = None
-    """A staircase, random steps, a PRBS, multisine, chirp or closed loop, in place of steps."""
+    excitation: str | None = None
+    """staircase, random, prbs, multisine, chirp or closed-loop, in place of steps."""
+    shape: Mapping[str, float | int | tuple[float, float]] = field(default_factory=dict)
+    """Fields of `Excitation` that differ from their defaults: duration_s, duty, hold_s, levels, …"""
+    controller: Literal["pi", "rc"] = "pi"
+    """What drives a closed loop, of the gains."""
     clean: bool = False
     """The plant alone: no noise, scatter, offset or digits."""
     sizes: Mapping[str, float] = field(default_factory=dict)
@@ -54,10 +60,13 @@ class SynthOptions:
     def __post_init__(self) -> None:
         if self.kind is not None and self.kind not in KINDS:
             raise UsageError(f"«kind» {self.kind}: is not one of {', '.join(KINDS)}")
-        known = [one.name for one in fields(Disturbance)]
-        for name in self.sizes:
-            if name not in known:
-                raise UsageError(f"no disturbance {name!r}; there are {', '.join(known)}")
+        for what, names, kind in (("«sizes»", self.sizes, Disturbance), ("«shape»", self.shape, Excitation)):
+            known = [each.name for each in fields(kind) if each.name != "kind"]
+            for name in names:
+                if name not in known:
+                    raise UsageError(unknown(what, name, known))
+        if self.shape and self.excitation is None:
+            raise UsageError("«shape»: does nothing without «excitation»; leave it out")
         check_all(
             repeats=self.repeats, idle=self.idle_s, hold=self.hold_s, release=self.release_s, rate_hz=self.rate_hz,
             seed=self.seed,
@@ -71,10 +80,8 @@ class SynthOptions:
             raise UsageError(f"{' and '.join(said[:2])} exclude each other; give one of them")
         if not said:
             return
-        own = {"levels": self.levels, "idle": self.idle_s, "hold": self.hold_s, "release": self.release_s}
-        if self.plan is not None:
-            own["repeats"] = None if self.repeats is None else float(self.repeats)
-        if any(value is not None for value in own.values()):
+        timing = (self.levels, self.idle_s, self.hold_s, self.release_s, self.repeats if self.plan else None)
+        if any(value is not None for value in timing):
             raise UsageError(f"{said[0]}: says levels and times itself; leave out «levels», «idle», «hold», «release»")
 
 
@@ -82,7 +89,7 @@ def synthesize(
     options: SynthOptions = SynthOptions(),
     fit: Fit | None = None,
     named: str = "a fit",
-    controller: Controller | None = None,
+    gains: Gains | None = None,
 ) -> list[Run]:
     """Logs of a plant, as a rig would have recorded them.
 
@@ -94,8 +101,8 @@ def synthesize(
         The plant; None: the reference plant of the kind (docs/synthetic.md).
     named
         What the logs call the fit.
-    controller
-        What drives a closed loop; None: the PI of the excitation.
+    gains
+        Whose controller drives a closed loop; None: the PI of the excitation.
 
     Raises
     ------
@@ -119,16 +126,23 @@ def synthesize(
         timing = replace(protocol, idle_s=0.0, hold_s=duration_s, release_s=0.0)
         return synthesise_input(plant, changes, timing, disturbance, options.seed)
     if options.excitation is not None:
-        return _excited(options, plant, disturbance, controller)
+        made = Excitation(options.excitation, **{"rate_hz": protocol.rate_hz, **options.shape})  # type: ignore[arg-type]
+        return synthesise_excitation(
+            plant, made, disturbance, options.seed, options.repeats or 1, controller_of(gains, options)
+        )
     return synthesise(plant, protocol, disturbance, options.seed)
 
 
-def _excited(options: SynthOptions, plant: Plant, disturbance: Disturbance, controller: Controller | None) -> list[Run]:
-    if plant.kind != "clutch" or plant.input_unit != "%":
-        raise UsageError("«excitation»: drives a clutch by its duty in %; leave it out for this plant")
-    assert options.excitation is not None
-    made = options.excitation if options.rate_hz is None else replace(options.excitation, rate_hz=options.rate_hz)
-    return synthesise_excitation(plant, made, disturbance, options.seed, options.repeats or 1, controller)
+def controller_of(gains: Gains | None, options: SynthOptions) -> Controller | None:
+    """The controller of gains that drives a closed loop; `UsageError` where they hold none of that name."""
+    if gains is None:
+        return None
+    rc, pi = rc_gains(gains), pi_gains(gains)
+    if options.controller == "rc" and rc is not None:
+        return rc_controller(rc)
+    if options.controller == "pi" and pi is not None:
+        return pi_controller(pi)
+    raise UsageError(f"«controller» {options.controller}: the gains hold no such controller")
 
 
 def plant_of(options: SynthOptions, fit: Fit | None, named: str) -> Plant:
@@ -141,7 +155,6 @@ def plant_of(options: SynthOptions, fit: Fit | None, named: str) -> Plant:
 def disturbance_of(options: SynthOptions, plant: Plant) -> Disturbance:
     """What is not the plant: the defaults, in the output's own size where that is no torque in N·m."""
     base = NONE if options.clean else Disturbance()
-    if plant.output_unit not in ("N·m", "Nm") and not options.clean:
-        top = plant.at(max(plant.levels)).Ts / PAPER_TOP
-        base = replace(base, **{name: getattr(base, name) * top for name in ABSOLUTE})
+    if not plant.in_nm:
+        base = replace(base, **{name: getattr(base, name) * plant.scale for name in ABSOLUTE})
     return replace(base, **dict(options.sizes))

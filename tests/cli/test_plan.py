@@ -92,7 +92,7 @@ def test_levels_in_volts_are_planned_in_volts(fit: Path, tmp_path: Path, capsys:
     assert found[1]["levels"][-1] == pytest.approx(3 * found[0]["levels"][-1])
     assert found[1]["repeats"] == found[0]["repeats"]
     assert found[1]["half_width_pct"]["Ts"] == pytest.approx(found[0]["half_width_pct"]["Ts"], rel=0.05)
-    assert (tmp_path / "volts.duty.csv").read_text().startswith("time_s,input_v\n0,0\n10,")
+    assert (tmp_path / "volts.duty.csv").read_text().startswith("time_s,input (V)\n0,0\n10,")
     codes = [one["code"] for one in found[1]["findings"]]
     assert codes == ["plan-of-decaying-output", "plan-rests-on-a-guess"]
     assert "the plan rests on a guess" in told.err and "decays under hold at 300" in told.err

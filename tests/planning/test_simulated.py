@@ -1,6 +1,7 @@
 """What a plan states: the 80 % quantile over the rigs that the fit allows, not over the fitted one."""
 
-from dataclasses import replace
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from typing import Any
 
 import msgspec
@@ -8,12 +9,12 @@ import numpy as np
 import pytest
 
 from eaid.fitting.fit import fit
-from eaid.planning import recordings, simulated
+from eaid.planning import excitation, promise, recordings, simulated
 from eaid.planning.design import Experiment
-from eaid.planning.rigs import rigs
+from eaid.planning.rigs import rig_of
 from eaid.synth.plants import clutch
-from eaid.uncertainty.intervals import with_intervals
-from eaid.uncertainty.noise import Noise, noise_of_fit
+from eaid.uncertainty.intervals import IntervalOptions, with_intervals
+from eaid.uncertainty.noise import ASSUMED, Noise
 from tests.uncertainty.conftest import sets
 
 __all__ = ["sets"]
@@ -21,26 +22,56 @@ QUIET = Noise(1e-7, 1e-6, (0.03, 0.05, 0.02))
 SMALL = Experiment((10.0, 50.0), (20.0, 30.0), 3, {}, 0.0, True)
 
 
-def test_what_is_stated_is_kept_by_four_of_five(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_is_stated_is_kept_by_so_many() -> None:
     """The m-th least of n widths is kept by the next with probability m/(n + 1), whatever their distribution."""
-    assert simulated.KEEPING / (simulated.SETS + 1) == 0.8
-    given = iter(np.arange(simulated.SETS, 0, -1.0).tolist())
-    monkeypatch.setattr(simulated, "widths", lambda *_, **__: dict.fromkeys(("Ts", "tau1", "tau2"), next(given)))
-    stated = simulated.measure(SMALL, [(clutch(), QUIET)] * simulated.SETS, 0.85, 0)
-    assert stated == {"Ts": 12.0, "tau1": 12.0, "tau2": 12.0}
+    assert recordings.KEEPING / (recordings.SETS + 1) == 0.8
+    assert pytest.approx(0.9, abs=0.01) == excitation.KEEPING / (excitation.SETS + 1)
+    rows = [{"Ts": float(k), "tau1": float(-k)} for k in range(14, 0, -1)]
+    assert promise.kept_widths(rows, 12) == {"Ts": 12.0, "tau1": -3.0}
+
+
+@dataclass(frozen=True)
+class Asked:
+    """A plan that has half of the width that it was asked for, as simulated, or none."""
+
+    width: float
+    met: bool = True
+
+
+def test_a_plan_is_made_larger_until_its_recordings_keep_the_widths() -> None:
+    asked = []
+
+    def make(wanted: Mapping[str, float]) -> Asked:
+        asked.append(wanted["tau2"])
+        return Asked(wanted["tau2"])
+
+    plan, rows = promise.enlarged(make, lambda plan: [{"tau2": 2 * plan.width, "Ts": 9.0}], {"tau2": 10.0}, 1)
+    assert rows[0]["tau2"] <= 10.0 and asked == sorted(asked, reverse=True)
+    assert asked[1] == pytest.approx(10 / 2**0.7) and plan.width == asked[-1]
+
+
+def test_a_plan_that_cannot_be_met_stays_and_one_without_intervals_is_enlarged() -> None:
+    def short(wanted: Mapping[str, float]) -> Asked:
+        return Asked(wanted["Ts"], met=False)
+
+    assert promise.enlarged(short, lambda _: [{"Ts": 3.0}], {"Ts": 1.0}, 1)[0].width == 1.0
+    lost = promise.enlarged(
+        lambda wanted: Asked(wanted["Ts"]),
+        lambda plan: [{"Ts": np.inf if plan.width > 0.3 else plan.width}], {"Ts": 1.0}, 1,
+    )  # fmt: skip
+    assert lost[1][0]["Ts"] < 0.3
 
 
 @pytest.fixture(scope="module")
 def fitted(sets: Any) -> Any:
     made = sets.one_set(7, sets.VARIANTS["base"])
-    return with_intervals(made, fit(made))
+    return with_intervals(made, fit(made), IntervalOptions(study_models=False))
 
 
 def test_rigs_scatter_as_the_fit_is_sure(fitted: Any) -> None:
     """Plants by the fit's intervals, scatter by √(ν/χ²), each rig its own."""
-    plant, _, _ = recordings._plant(fitted)
-    noise = noise_of_fit(fitted, apart=True)
-    found = rigs(fitted, plant, noise, 200, 1)
+    rig = rig_of(fitted)
+    found, noise = rig.drawn(200, 1), rig.noise
     tau2 = np.log([one.at(50.0).tau2 for one, _ in found])
     row = next(row for row in fitted.nonlinear.curves if row.level == 50.0)
     half_width = 0.5 * np.log(row.ci95.tau2[1] / row.ci95.tau2[0])
@@ -49,7 +80,7 @@ def test_rigs_scatter_as_the_fit_is_sure(fitted: Any) -> None:
     factor = np.array([own.scatter[0] / noise.scatter[0] for _, own in found])
     assert np.mean(1 / factor**2) == pytest.approx(1.0, abs=4 * np.sqrt(2 / degrees / 200))
     assert np.std(1 / factor**2) == pytest.approx(np.sqrt(2 / degrees), rel=0.25)
-    again = rigs(fitted, plant, noise, 200, 1)
+    again = rig.drawn(200, 1)
     assert [one.scatter for _, one in again] == [one.scatter for _, one in found]
 
 
@@ -57,20 +88,21 @@ def test_rigs_of_a_fit_without_intervals_are_the_fitted_one(fitted: Any) -> None
     bare = msgspec.structs.replace(
         fitted, nonlinear=msgspec.structs.replace(fitted.nonlinear, covariance=None), uncertainty=None
     )
-    plant, _, _ = recordings._plant(fitted)
-    found = rigs(bare, plant, QUIET, 3, 1)
-    assert all(one.at(50.0) == plant.at(50.0) and noise == QUIET for one, noise in found)
+    rig = rig_of(bare)
+    found = rig.drawn(3, 1)
+    assert not rig.known and rig.design_noise == ASSUMED
+    assert all(one.at(50.0) == rig_of(fitted).plant.at(50.0) and noise == ASSUMED for one, noise in found)
 
 
 def test_levels_of_a_friction_experiment_are_drawn_from_their_intervals(fitted: Any) -> None:
     data = msgspec.structs.replace(fitted.data, kind="friction-force")
     friction = msgspec.structs.replace(fitted, data=data, nonlinear=None)
-    plant, levels, _ = recordings._plant(friction)
-    found = rigs(friction, plant, QUIET, 300, 1)
+    rig = rig_of(friction)
+    found = rig.drawn(300, 1)
     row = fitted.friction.levels[4]
     spread = np.std(np.log([one.at(row.level).Ts for one, _ in found]))
     assert spread == pytest.approx(0.5 * np.log(row.ci95.Ts[1] / row.ci95.Ts[0]) / 1.96, rel=0.2)
-    assert levels == plant.levels and len({one.at(row.level).tau1 for one, _ in found}) == 300
+    assert rig.levels == rig.plant.levels and len({one.at(row.level).tau1 for one, _ in found}) == 300
 
 
 def test_a_rotor_is_simulated_where_the_fit_saw_one() -> None:

@@ -7,9 +7,10 @@ import pytest
 
 from eaid.errors import UsageError
 from eaid.models.parameters import REFERENCE_PLANT
+from eaid.planning.played import measure, recording
+from eaid.planning.promise import disturbance_of
 from eaid.recorded.design import Judge, plan_excitation
 from eaid.recorded.sequence import Limits
-from eaid.synth.planned import disturbance_of, measured, recording
 from eaid.uncertainty.noise import Noise
 
 NOISE = Noise(1.8e-7, 6e-5, (0.0, 0.0, 0.0))
@@ -45,7 +46,7 @@ def test_a_rig_in_volts_is_planned_as_the_same_rig_in_percent() -> None:
 
 def test_measured_widths_are_the_predicted_ones() -> None:
     found = plan_excitation(REFERENCE_PLANT, NOISE, WANT)
-    rows = measured(found, REFERENCE_PLANT, disturbance_of(NOISE), 5)
+    rows = measure(found, REFERENCE_PLANT, NOISE, 5)
     for name, predicted in found.half_width_pct.items():
         # a prediction takes the noise at its lowest frequencies, and no width is known better than to a third
         assert 0.35 * predicted < np.median([row[name] for row in rows]) < 1.35 * predicted
@@ -77,7 +78,7 @@ def test_simulated_recordings_scatter_from_engagement_to_engagement() -> None:
             part = slice(first, last)
             gains.append(float(run.output[part] @ same.output[part] / (same.output[part] @ same.output[part])))
     assert np.std(gains) == pytest.approx(0.03, rel=0.4)
-    widths = [np.median([row["Ts"] for row in measured(found, REFERENCE_PLANT, disturbance_of(noise), 5)])
+    widths = [np.median([row["Ts"] for row in measure(found, REFERENCE_PLANT, noise, 5)])
               for noise in (calm, wild)]  # fmt: skip
     assert widths[1] > 1.5 * widths[0]
 

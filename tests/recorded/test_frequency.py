@@ -30,8 +30,7 @@ def test_a_linear_system_has_its_closed_form(kind: str) -> None:
         kind,
         200.0 + (kind == "multisine"),
         rate_hz=100.0,
-        low_pct=20.0,
-        high_pct=80.0,
+        duty=(20.0, 80.0),
         frequency_hz=(0.1, 4.0),
         idle_s=1.0,
     )
@@ -55,7 +54,7 @@ def test_a_linear_system_has_its_closed_form(kind: str) -> None:
 def test_harmonics_of_the_clutch_are_those_of_its_model() -> None:
     noise = replace(NONE, white_nm=0.006, coloured=0.005, coloured_s=0.3)
     for low, high in ((10.0, 100.0), (55.0, 65.0)):
-        e = Excitation("multisine", 302.0, rate_hz=100.0, low_pct=low, high_pct=high, frequency_hz=(0.05, 2.0), tones=8)
+        e = Excitation("multisine", 302.0, rate_hz=100.0, duty=(low, high), frequency_hz=(0.05, 2.0), tones=8)
         run = synthesise_excitation(clutch(), e, noise, 2)[0]
         found = frequency_response(recorded_log(run), REFERENCE_PLANT, Linear(1.8, 0.078, -1.34))
         assert found.model_harmonics_pct is not None and found.harmonics_pct is not None
