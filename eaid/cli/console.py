@@ -26,6 +26,8 @@ MOST_FINDINGS = 3
 """Findings that are told by default; `--verbose` tells all."""
 PREFIX = {"stop": "stop", "caution": "warning", "note": "note"}
 COLOUR = {"error": "1;31", "stop": "1;31", "warning": "33", "note": "36"}
+LONGEST = 30
+"""Letters of a name in a table that is too wide, and of a number with its unit."""
 EVERY_S = 5.0
 """Where there is no terminal, a line of progress comes at most this often [s]."""
 
@@ -166,16 +168,25 @@ def table(title: str, columns: Sequence[str], rows: Sequence[Sequence[str]]) -> 
     """Print a table on stdout, numbers to the right.
 
     On a terminal too narrow for it the columns follow one another in blocks, each headed by the first column, and a
-    long text in the last column is wrapped between words.
+    long text in the last column is wrapped between words; of long names before it the middle is left out.
     """
     if not _quiet:
+        width = _columns(sys.stdout)
         cells = [[safe(cell) for cell in row] for row in [columns, *rows]]
-        print("\n".join([wrapped(title, sys.stdout), *aligned(cells, _columns(sys.stdout))]))
+        if width is not None and sum(max(map(_width, column)) + 2 for column in zip(*cells, strict=True)) - 2 > width:
+            cells = [[*map(shortened, row[:-1]), row[-1]] for row in cells]
+        print("\n".join([wrapped(title, sys.stdout), *aligned(cells, width)]))
+
+
+def shortened(name: str) -> str:
+    """A name for a table: the middle of a long one is left out."""
+    return name if len(name) <= LONGEST else f"{name[: LONGEST - 12]}…{name[-11:]}"
 
 
 def show(made: "Table") -> None:
-    """Print a table of the report, its caption behind the heading."""
-    table(f"{made.heading}. {made.caption}".rstrip(), made.heads, made.texts)
+    """Print a table of the report, its caption behind the heading; nothing where it has no rows."""
+    if made.rows:
+        table(f"{made.heading}. {made.caption}".rstrip(), made.heads, made.texts)
 
 
 def aligned(rows: Sequence[Sequence[str]], width: int | None = None) -> list[str]:
@@ -208,14 +219,16 @@ def _block(rows: list[list[str]], right: list[bool], width: int | None) -> list[
     for row in rows:
         gaps = [" " * (w - _width(cell)) for cell, w in zip(row, widths, strict=True)]
         cells = [gap + cell if to_right else cell + gap for cell, gap, to_right in zip(row, gaps, right, strict=True)]
-        last = (
-            [cells[-1]]
-            if room is None
-            else textwrap.wrap(row[-1], room, break_long_words=False, break_on_hyphens=False) or [""]
-        )
+        last = [cells[-1]] if room is None else _in_lines(row[-1], room)
         lines.append("  ".join([*cells[:-1], last[0]]).rstrip())
         lines += [" " * before + more for more in last[1:]]
     return lines
+
+
+def _in_lines(text: str, room: int) -> list[str]:
+    """A text in lines of so many letters, broken between words; of a longer word the middle is left out."""
+    words = (word if len(word) <= room else shortened(word) for word in text.split(" "))
+    return textwrap.wrap(" ".join(words), room, break_long_words=False, break_on_hyphens=False) or [""]
 
 
 def _width(text: str) -> int:
@@ -229,6 +242,8 @@ NO_NUMBERS = ("", "-", "–", "…", "<", ">", "never", "no", "none", "not", "un
 
 def _is_number(text: str) -> bool:
     """Whether a cell counts as a number for its column: a number, with a unit or % behind it, an interval or a dash."""
+    if len(text) > LONGEST:
+        return False
     head = text.split(" ")[0].rstrip("%°").replace("−", "-").partition("…")[0]
     if head in NO_NUMBERS:
         return True
@@ -255,8 +270,8 @@ def line(text: str) -> None:
         print(wrapped(text, sys.stdout))
 
 
-def print_json(result: dict[str, object]) -> None:
-    """Print a result, machine-readable, on stdout."""
-    from eaid.results.codec import text_of
+def print_json(result: object, kind: str = "") -> None:
+    """Print a result, machine-readable, on stdout: as its file, where it is of a kind that has one."""
+    from eaid.results.codec import dumps
 
-    sys.stdout.write(text_of(result))
+    sys.stdout.write(dumps(result, kind))

@@ -1,6 +1,5 @@
 """`eaid couple`: how stiff a virtual wall each loop may render."""
 
-import sys
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -66,7 +65,7 @@ def command(given: Arguments) -> None:
     found = inputs.stamped(found, given, CoupleInputs, fit=given.fit, gains=given.gains)
     codec.write(given.output, found, "couple", given.force)
     if given.json:
-        sys.stdout.write(codec.dumps(found, "couple"))
+        console.print_json(found, "couple")
     else:
         for table in walls_tables(found):
             console.show(table)

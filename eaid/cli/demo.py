@@ -44,6 +44,14 @@ class Arguments(Common):
     output: Path = written("demo", "Folder that the demo fills.")
 
 
+@dataclass(frozen=True)
+class Filled:
+    """What --json prints: the page, and every file of the folder."""
+
+    page: Path
+    files: tuple[str, ...]
+
+
 @takes(Arguments)
 def command(given: Arguments) -> None:
     """Ingest, fit, tune, simulate and report the three datasets that ship with eaid, into one folder.
@@ -69,7 +77,7 @@ def command(given: Arguments) -> None:
     page = folder / "report.html"
     if given.json:
         files = sorted(str(path.relative_to(folder)) for path in folder.rglob("*") if path.is_file())
-        console.print_json({"page": str(page), "files": files})
+        console.print_json(Filled(page, tuple(files)))
     for line in five_numbers(folder):
         console.line(line)
     console.done(page, f"{len(CLUTCH) + len(FRICTION) + 1} commands", "open it in a browser")

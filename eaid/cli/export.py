@@ -60,8 +60,7 @@ def command(given: Arguments) -> None:
     made = api.export(gains, fit=fit, options=options)
     console.tell(made.findings, given.verbose)
     if given.json:
-        named = {"target": made.target, "laws": list(made.laws), "files": list(made.files), "dt_s": made.dt_s}
-        console.print_json({"folder": str(made.path), **named, "findings": [one.code for one in made.findings]})
+        console.print_json(made)
     said = f"{', '.join(made.laws)} as {made.target}, {len(made.files)} files"
     console.done(made.path, said, f"read {made.path / 'README.md'}")
 

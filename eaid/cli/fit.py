@@ -1,6 +1,5 @@
 """`eaid fit`: logs or a dataset → fit.json, what it says in a few lines, and what is to be doubted of it."""
 
-import sys
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -105,7 +104,7 @@ def command(given: Arguments) -> int:
         result = msgspec.structs.replace(result, command=given.words)
         codec.write(given.output, result, "fit", given.force)
         if given.json:
-            sys.stdout.write(codec.dumps(result, "fit"))
+            console.print_json(result, "fit")
         else:
             fit_tables.show(result, given.output, given.tables or given.verbose, given.verbose)
             if given.plot:

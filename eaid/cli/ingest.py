@@ -49,7 +49,7 @@ def command(given: Arguments) -> None:
         console.say(f"{at}: written; eaid ingest {at.parent} needs no options now")
     write_dataset(given.output, runs, kind=stepset.kind, apparatus=stepset.apparatus, force=given.force)  # type: ignore[arg-type]
     if given.json:
-        console.print_json(ingest_tables.as_json(stepset))
+        console.print_json(ingest_tables.Ingested.of(stepset), "ingest")
     else:
         ingest_tables.print_tables(stepset)
     console.done(

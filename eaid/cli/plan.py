@@ -1,6 +1,5 @@
 """`eaid plan`: what to record next, for intervals of a wanted width."""
 
-import sys
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -77,7 +76,7 @@ def command(given: Arguments) -> None:
     found = msgspec.structs.replace(found, inputs=(Input.of(given.fit),), command=given.words)
     plan_tables.write(files, found, fit.data.kind, given.force)
     if given.json:
-        sys.stdout.write(codec.dumps(found, "plan"))
+        console.print_json(found, "plan")
     else:
         plan_tables.show(found, given.idle_s, given.release_s)
     console.tell((*doubts, *found.findings))

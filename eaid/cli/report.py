@@ -65,8 +65,7 @@ def command(given: Arguments) -> None:
             except DataError as fault:  # a file that is being written: it will change again
                 console.warn(str(fault))
     if given.json:
-        missing = [list(pair) for pair in made.missing]
-        console.print_json({"page": str(made.page), "figures": list(made.figures), "missing": missing})
+        console.print_json(made)
 
 
 def _made(files: list[Path], folder: Path, options: "ReportOptions") -> "Report":

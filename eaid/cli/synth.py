@@ -13,6 +13,7 @@ from eaid.shown import counted
 
 if TYPE_CHECKING:
     from eaid.logs.run import Run
+    from eaid.results.common import Input
 
 WHAT, WHEN, HOW, LOOP = "What is recorded", "Times", "Disturbances", "Other inputs than steps"
 EXCITATIONS = ("staircase", "random", "prbs", "multisine", "chirp", "closed-loop")
@@ -60,6 +61,38 @@ class Arguments(Common, Seeded):
     output: Path = written("synthetic.h5", "A .h5 dataset, or a folder of CSV.")
 
 
+@dataclass(frozen=True)
+class Made:
+    """One synthetic run."""
+
+    name: str
+    level: float | None
+    repeat: int | None
+    samples: int
+
+
+@dataclass(frozen=True)
+class Synthesized:
+    """What --json prints."""
+
+    output: Path
+    synthetic: str | None
+    kind: str | None
+    input_unit: str
+    output_unit: str
+    inputs: "tuple[Input, ...]"
+    seed: int
+    runs: tuple[Made, ...]
+
+    @classmethod
+    def of(cls, given: Arguments, runs: "list[Run]", inputs: "tuple[Input, ...]") -> "Synthesized":
+        """What is printed of some runs."""
+        rows = tuple(Made(run.name, run.level, run.repeat, run.time_s.size) for run in runs)
+        first = runs[0]
+        units = first.input_unit, first.output_unit
+        return cls(given.output, first.synthetic, first.kind, *units, inputs, given.seed, rows)
+
+
 @takes(Arguments)
 def command(given: Arguments) -> None:
     """Make a synthetic dataset of a plant: a data.h5, or a folder of CSV when -o has no .h5 ending.
@@ -102,21 +135,7 @@ def command(given: Arguments) -> None:
     (write if is_dataset else write_folder)(given.output, runs, given.force)
     console.tell(told, verbose=True)
     if given.json:
-        console.print_json(_summary(given, runs, inputs))
+        console.print_json(Synthesized.of(given, runs, tuple(map(Input.of, inputs))), "synth")
     made_of = (runs[0].synthetic or "").partition(";")[0].removeprefix("eaid synth of ")
     said = f"{counted(len(runs), 'synthetic run')} of {made_of}, seed {given.seed}"
     console.done(given.output, said, f"eaid fit {given.output}")
-
-
-def _summary(given: Arguments, runs: "list[Run]", inputs: list[Path]) -> dict[str, object]:
-    from eaid.results.codec import stamped
-    from eaid.results.common import Input
-
-    first = runs[0]
-    rows = [{"name": run.name, "level": run.level, "repeat": run.repeat, "samples": run.time_s.size} for run in runs]
-    content = {
-        "output": str(given.output), "synthetic": first.synthetic, "kind": first.kind, "input_unit": first.input_unit,
-        "output_unit": first.output_unit, "inputs": [Input.of(each) for each in inputs], "seed": given.seed,
-        "runs": rows,
-    }  # fmt: skip
-    return stamped("eaid/synth/1", content)

@@ -90,7 +90,7 @@ def command(given: Arguments) -> None:
     gains = inputs.stamped(gains, given, GainsInputs, fit=given.fit, reference=file)
     codec.write(given.output, gains, "gains", given.force)
     if given.json:
-        print(codec.dumps(gains, "gains"), end="")
+        console.print_json(gains, "gains")
     else:
         console.line(f"guarantee: {tables.guarantee_words(gains)}")
         for table in [*tables.tables_of(gains, asked=False), *(tables.further_tables(gains) if given.verbose else ())]:

@@ -13,6 +13,7 @@ import re
 import types
 import typing
 from collections.abc import Mapping
+from dataclasses import fields, is_dataclass
 from functools import cache
 from pathlib import Path
 from typing import Any, TypeVar
@@ -35,7 +36,7 @@ KINDS: dict[str, tuple[str, ...]] = {
 
 
 def to_plain(value: Any) -> Any:
-    """A result as JSON has it: structs to objects under their keys, what is not finite to null."""
+    """A result as JSON has it: structs and dataclasses to objects under their keys, what is not finite to null."""
     if isinstance(value, Finding):
         return {**msgspec.to_builtins(value), "values": to_plain(value.values), "text": sentences([value])[0]}
     if isinstance(value, msgspec.Struct):
@@ -45,8 +46,12 @@ def to_plain(value: Any) -> Any:
             if item is not None or not _holds_part(type(value), name):
                 kept[key] = to_plain(item)
         return kept
-    if isinstance(value, dict):
+    if isinstance(value, Mapping):
         return {str(key): to_plain(item) for key, item in value.items()}
+    if is_dataclass(value):
+        return {one.name.rstrip("_"): to_plain(getattr(value, one.name)) for one in fields(value)}
+    if isinstance(value, Path):
+        return str(value)
     if isinstance(value, list | tuple):
         return [to_plain(item) for item in value]
     if hasattr(value, "tolist"):
@@ -54,7 +59,7 @@ def to_plain(value: Any) -> Any:
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
-def content_of(result: msgspec.Struct, kind: str) -> dict[str, Any]:
+def content_of(result: object, kind: str) -> dict[str, Any]:
     """The content of a result file: schema, version, the result, and the older `warnings` as texts."""
     content: dict[str, Any] = {"schema": f"eaid/{kind}/1", "eaid": __version__, **to_plain(result)}
     found: tuple[Finding, ...] = getattr(result, "findings", ())
@@ -65,23 +70,18 @@ def content_of(result: msgspec.Struct, kind: str) -> dict[str, Any]:
     return content
 
 
-def stamped(schema: str, content: Mapping[str, Any]) -> dict[str, Any]:
-    """Plain content headed by its schema and the version that made it."""
-    return {"schema": schema, "eaid": __version__, **to_plain(dict(content))}
-
-
 def text_of(content: Mapping[str, Any]) -> str:
     """The text of plain content; one with a schema gets its digest behind the version."""
-    plain = to_plain(dict(content))
+    plain = to_plain(content)
     if "schema" in plain:
         heading = {key: plain[key] for key in ("schema", "eaid") if key in plain}
         plain = {**heading, "digest": digest_of(plain), **plain}
     return json.dumps(plain, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
 
 
-def dumps(result: msgspec.Struct, kind: str) -> str:
-    """The text of a result file."""
-    return text_of(content_of(result, kind))
+def dumps(result: object, kind: str = "") -> str:
+    """The text of a result file; of what no file holds, and has no kind, the content alone."""
+    return text_of(content_of(result, kind) if kind else to_plain(result))
 
 
 def write(path: Path, result: msgspec.Struct, kind: str, force: bool = False) -> None:

@@ -42,8 +42,8 @@ def test_table_and_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> N
     assert run(["ingest", *logs, "-o", str(tmp_path / "d.h5")]) == 0
     out, err = capsys.readouterr()
     assert out.splitlines()[0] == "clutch: 2 levels, 2 runs, 100 Hz"
-    assert out.splitlines()[2].split() == ["30", "1", "0.1", "1.2", "0", "%", "14.99", "0"]
-    assert len(out.splitlines()) == 4  # a line a level, and no doubts
+    assert out.splitlines()[3].split() == ["30", "1", "0", "0.100", "1.200", "0", "14.99", "0"]
+    assert len(out.splitlines()) == 5  # a line a level, and no doubts
     assert err.splitlines() == [
         "reading logs: 2 to do",
         "columns of 2 logs: time = time_s [s], input = duty_pct [%], output = torque_nm [N·m]; left: none",
@@ -64,7 +64,7 @@ def test_json(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (row,) = result["runs"]
     assert row["step_s"] == 5.0
     assert row["source"] == log
-    assert row["warnings"] == []
+    assert row["findings"] == []
 
 
 def test_default_name_and_no_overwriting(
@@ -145,7 +145,9 @@ def test_ea_clutch_by_one_command(tmp_path: Path, capsys: pytest.CaptureFixture[
     assert [level["repeats"] for level in result["levels"]] == [3] * 9
     assert [level["repeats"] for level in result["releases"]] == [3] * 9
     assert (result["output_unit"], result["input_unit"]) == ("N", "")
-    told = {run["name"][:17]: run["warnings"] for run in result["runs"] if run["edge"] == "rising"}
+    told = {
+        run["name"][:17]: [one["text"] for one in run["findings"]] for run in result["runs"] if run["edge"] == "rising"
+    }
     assert any("dropped 14 of 89601 rows" in said for said in told["20241103_17_15_12"])
     over = [run for run in result["runs"] if run["name"].startswith("20241103_14_59_10") and run["edge"] == "rising"]
     assert "decays-under-hold" in [one["code"] for one in over[0]["findings"]]  # 275 V: the force overshoots

@@ -10,20 +10,20 @@ import pytest
 
 from eaid.cli import main
 from eaid.models.parameters import REFERENCE_PLANT as P
-from eaid.results.codec import stamped, text_of
+from eaid.results.codec import text_of
 
 NOISE = {"noise": {"sensor_nm2_s": 2e-7, "ripple_s": 3e-5, "scatter": {"Ts": 0.03, "tau1": 0.05, "tau2": 0.0}}}
 
 
 def written(path: Path, content: dict) -> None:
-    path.write_text(text_of(content), encoding="utf-8")
+    path.write_text(text_of({"schema": "eaid/fit/1", **content}), encoding="utf-8")
 
 
 @pytest.fixture
 def fit(tmp_path: Path) -> Path:
     model = {"C": P.C, "tau1": P.tau1, "tau2": P.tau2, "Ts": P.Ts, "u_range": P.u_range}
     path = tmp_path / "fit.json"
-    written(path, stamped("eaid/fit/1", {"nonlinear": model, "uncertainty": NOISE}))
+    written(path, {"nonlinear": model, "uncertainty": NOISE})
     return path
 
 
@@ -75,9 +75,7 @@ def test_levels_in_volts_are_planned_in_volts(fit: Path, tmp_path: Path, capsys:
     decays = {"code": "output-decays-under-hold", "severity": "caution", "subject": "friction", "levels": [300.0]}
     source["findings"] = [{**decays, "values": {}}]
     volts = tmp_path / "volts.json"
-    written(
-        volts, stamped("eaid/fit/1", {key: source[key] for key in ("data", "nonlinear", "uncertainty", "findings")})
-    )
+    written(volts, {key: source[key] for key in ("data", "nonlinear", "uncertainty", "findings")})
     found = []
     for path in (fit, volts):
         out = tmp_path / f"{path.stem}.csv"
@@ -114,9 +112,7 @@ def test_out_of_reach_is_a_warning(fit: Path, tmp_path: Path, capsys: pytest.Cap
 
 def test_a_fit_without_noise_says_what_is_assumed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = tmp_path / "fit.json"
-    written(
-        path, stamped("eaid/fit/1", {"nonlinear": {"tau1": P.tau1, "tau2": P.tau2, "Ts": P.Ts, "u_range": [10, 90]}})
-    )
+    written(path, {"nonlinear": {"tau1": P.tau1, "tau2": P.tau2, "Ts": P.Ts, "u_range": [10, 90]}})
     assert main.run(["plan", str(path), "-o", str(tmp_path / "p.csv"), "--no-check", "--want", "Ts=5"]) == 0
     assert "does not say how noisy the rig is" in capsys.readouterr().err
 
@@ -141,6 +137,6 @@ def test_wrong_usage(
 
 def test_a_fit_with_nothing_to_plan_with_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = tmp_path / "fit.json"
-    written(path, stamped("eaid/fit/1", {"linear": {"a0": 1.0}}))
+    written(path, {"linear": {"a0": 1.0}})
     assert main.run(["plan", str(path), "-o", str(tmp_path / "p.csv")]) == 3
     assert "holds neither a nonlinear nor a friction model to plan with" in capsys.readouterr().err

@@ -9,7 +9,7 @@ from eaid.report.page.known import MOST, Known, sentence
 from eaid.report.page.shown import Shown
 from eaid.report.ready_fits import main_kind
 from eaid.report.results import KINDS, Results
-from eaid.report.tables import checks, data, gains, replays
+from eaid.report.tables import checks, data, gains, recordings, replays
 from eaid.report.tables.every import judging_tables, model_tables
 from eaid.report.tables.table import Table, listed
 
@@ -137,7 +137,7 @@ def _data(results: Results, known: Known, drawn: Drawn) -> Block | None:
     folds: list[Block] = []
     for one in results.data:
         doubtful, fine = data.runs_tables(one.result)
-        levels, slips = data.levels_recorded(one.result), data.slips_table(one.result)
+        levels, slips = recordings.levels_recorded(one.result), recordings.slips_table(one.result.runs, one.result)
         of = f"{KINDS[one.result.kind]}: every run" if len(results.data) > 1 else "every run"
         if one.result is own:
             first, rest = _parted(doubtful)

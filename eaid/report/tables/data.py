@@ -1,4 +1,4 @@
-"""Tables of data and files: the doubtful runs, the fine ones, the levels, and what was given to the report."""
+"""Tables of data and files: the doubtful runs, the fine ones, and what was given to the report."""
 
 from collections import Counter
 
@@ -36,40 +36,6 @@ def runs_tables(data: StepSet) -> tuple[Table, Table]:
         Table("Doubtful runs", doubts, (*heads, *columns("what is doubtful")), tuple(doubtful)),
         Table("Runs without a doubt", idle, (*heads, *more), tuple(fine)),
     )
-
-
-def levels_recorded(data: StepSet) -> Table:
-    """One row a level: runs, length and rate."""
-    doubtful = Counter(run.level for run in data.runs if doubts_of(run))
-    rows: list[tuple[Cell, ...]] = []
-    for one in data.levels:
-        length = float(one.time_s[-1])
-        end = float(one.mean[-max(1, len(one.mean) // 50) :].mean())
-        rate = (len(one.time_s) - 1) / length if length else None
-        rows.append((level(one.level), len(one.runs), length, rate, end, doubtful[one.level]))
-    heads = columns(
-        ("level", data.input_unit), "repeats", ("held", "s", 3), ("rate", "Hz"),
-        ("output in the end", data.output_unit, 3), "doubtful runs",
-    )  # fmt: skip
-    return Table("Levels", "The output is the mean of the repeats, idle subtracted.", heads, tuple(rows))
-
-
-def slips_table(data: StepSet) -> Table:
-    """One row a run whose output peaks and slips while its input is held."""
-    out = data.output_unit
-    moved = next((run.slip.unit for run in data.runs if run.slip is not None and run.slip.unit), "displacement")
-    rows: list[tuple[Cell, ...]] = []
-    for run in data.runs:
-        if run.slip is not None:
-            one = run.slip
-            slip = (one.peak, one.peak_s, one.moved, one.after, one.stiffness_per_s)
-            rows.append((Name(run.name), level(run.level), *slip, one.stick_slip, one.stick_slip_hz))
-    heads = columns(
-        "run", ("level", data.input_unit), ("peak", out, 3), ("at", "s", 3), ("at", moved, 3), ("after it", out, 3),
-        ("loading", f"{out}/s", 3), ("stick-slip", out, 3), ("at", "Hz", 3),
-    )  # fmt: skip
-    said = "Peak, level after the slip, slope of the loading, and what sticks and slips behind it, peak to peak."
-    return Table("Slips", f"{said} At a constant speed v the displacement is v times the time.", heads, tuple(rows))
 
 
 def files_table(results: Results) -> Table:
