@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from benchmarks.table import Row
 from eaid.cli.inputs import stepset_from
 from eaid.fitting.fit import fit
-from eaid.fitting.options import FitOptions
+from eaid.results.fit import FitOptions
 from eaid.synth.datasets import shipped
 from eaid.uncertainty.bootstrap import bootstrap
 

@@ -23,14 +23,13 @@ from eaid.arrays import Array
 from eaid.fitting.data import data_of
 from eaid.fitting.fit import fit
 from eaid.fitting.linear import fit_linear
-from eaid.fitting.options import FitOptions
 from eaid.models import friction
 from eaid.models.nonlinear import at_duty
 from eaid.models.parameters import REFERENCE_PLANT, Friction
 from eaid.results.common import Interval
-from eaid.results.fit import Fit
+from eaid.results.fit import Fit, FitOptions
 from eaid.steps.stepset import Level, StepSet
-from eaid.uncertainty.intervals import IntervalOptions, with_intervals
+from eaid.uncertainty.intervals import with_intervals
 from eaid.uncertainty.levels import WIDE
 
 LEVELS = np.arange(10.0, 101.0, 10.0)
@@ -209,7 +208,7 @@ def both_ways(seed: int, variant: Variant) -> tuple[Fit, Fit, Fit]:
     """A set fitted, with our intervals and the textbook's."""
     made = one_set(seed, variant)
     fitted = fit(made, FitOptions(weights=variant.weights))
-    ways = (IntervalOptions(ci=ci, estimator="joint", study_models=False) for ci in ("robust", "white"))
+    ways = (FitOptions(ci=ci, estimator="joint") for ci in ("robust", "white"))
     ours, textbook = (with_intervals(made, fitted, way) for way in ways)
     return fitted, ours, textbook
 

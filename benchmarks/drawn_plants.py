@@ -16,9 +16,10 @@ from eaid.models import nonlinear
 from eaid.models.parameters import REFERENCE_PLANT, Nonlinear
 from eaid.replay.controllers import pi_controller
 from eaid.replay.references import multisine
-from eaid.replay.standard import replayed
+from eaid.replay.scenarios import replayed
+from eaid.results.fit import FitOptions
 from eaid.uncertainty.draw import draw
-from eaid.uncertainty.intervals import IntervalOptions, with_intervals
+from eaid.uncertainty.intervals import with_intervals
 
 PLANTS = 200
 METRICS = ("mean_abs_error_nm", "max_abs_error_nm", "rms_error_nm")
@@ -49,7 +50,7 @@ def main(sets: int) -> None:
     rows, rejected = [], []
     for seed in range(sets):
         made = coverage.one_set(seed, coverage.VARIANTS["base"])
-        found = with_intervals(made, fit(made), IntervalOptions(estimator="two-stage", study_models=False))
+        found = with_intervals(made, fit(made), FitOptions(estimator="two-stage"))
         drawn = draw(found, PLANTS, seed)
         rejected.append(drawn.rejected_share)
         row = held([curves(p) for p in drawn.plants], curves(REFERENCE_PLANT))

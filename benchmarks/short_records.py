@@ -13,8 +13,8 @@ import numpy as np
 
 from benchmarks import coverage
 from eaid.fitting.fit import fit
-from eaid.results.fit import Fit
-from eaid.uncertainty.intervals import IntervalOptions, with_intervals
+from eaid.results.fit import Fit, FitOptions
+from eaid.uncertainty.intervals import with_intervals
 
 RECORDS_S = (3.0, 5.0, 8.0, 12.0, 20.0, 30.0)
 NAMES = ("Ts", "tau1", "tau2")
@@ -22,7 +22,7 @@ NAMES = ("Ts", "tau1", "tau2")
 
 def one(seed: int, record_s: float) -> Fit:
     made = coverage.one_set(seed, coverage.VARIANTS["base"], samples=round(100 * record_s), record_s=record_s)
-    return with_intervals(made, fit(made), IntervalOptions(estimator="two-stage", study_models=False))
+    return with_intervals(made, fit(made), FitOptions(estimator="two-stage"))
 
 
 def counted(found: Fit, true: dict[str, np.ndarray], record_s: float) -> dict[str, list[float]]:

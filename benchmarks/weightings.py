@@ -12,10 +12,10 @@ import numpy as np
 from benchmarks.coverage import VARIANTS, Variant, one_set, plant
 from eaid.arrays import Array
 from eaid.fitting.fit import fit
-from eaid.fitting.options import FitOptions
 from eaid.models import friction
 from eaid.models.nonlinear import at_duty
 from eaid.models.parameters import Nonlinear
+from eaid.results.fit import FitOptions
 from eaid.steps.stepset import StepSet
 from eaid.uncertainty.level_statistics import statistics_at_share
 from eaid.uncertainty.nonlinear_intervals import estimates

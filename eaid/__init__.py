@@ -12,7 +12,7 @@ from eaid.version import __version__
 
 if TYPE_CHECKING:
     from eaid.api import couple, export, fit, load, plan, read, report, simulate, synth, tune_rc
-    from eaid.fitting.options import FitOptions
+    from eaid.results.fit import FitOptions
 
 FUNCTIONS = (
     "read", "fit", "tune_rc", "simulate", "report", "plan", "plan_excitation", "synth", "load", "export", "couple",
@@ -30,7 +30,7 @@ def __getattr__(name: str) -> Any:
 
         return getattr(api, name)
     if name == "FitOptions":
-        from eaid.fitting.options import FitOptions
+        from eaid.results.fit import FitOptions
 
         return FitOptions
     raise AttributeError(f"module 'eaid' has no attribute {name!r}")

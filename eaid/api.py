@@ -11,20 +11,20 @@ True
 
 import os
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import fields, replace
+from dataclasses import fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import h5py
+import msgspec
 
 from eaid.errors import DataError, UsageError, unknown
-from eaid.fitting.options import FitOptions
 from eaid.logs.frames import runs_from_frames
 from eaid.progress import Progress, no_progress
 from eaid.reading import InputOptions, read_steps, steps_of
 from eaid.results import codec
 from eaid.results.coupling import Coupling
-from eaid.results.fit import Fit
+from eaid.results.fit import Fit, FitOptions
 from eaid.results.gains import Gains
 from eaid.results.plan import Plan
 from eaid.results.recorded import Excitation
@@ -115,6 +115,7 @@ def fit(
     bounds_levels: "str | Sequence[float] | None" = None,
     duty: tuple[float, float] | None = None,
     instrument: bool = False,
+    workers: int = 1,
     **keywords: Any,
 ) -> Fit:
     """Fit the models of the paper to recorded steps, with intervals and a verdict.
@@ -131,6 +132,8 @@ def fit(
         Levels over which B_m and B_M are taken, as numbers or as "20:100".
     duty, instrument
         Of logs that are fitted as they were recorded: identified inputs, and the simulated duty as an instrument.
+    workers
+        Processes that share the refits of a bootstrap; the result is the same for any number.
 
     Returns
     -------
@@ -153,7 +156,7 @@ def fit(
     if bounds_levels is not None:
         text = bounds_levels if isinstance(bounds_levels, str) else ",".join(f"{u:.17g}" for u in bounds_levels)
         kept = wanted_levels(text, [level.level for level in steps.levels], "bounds_levels")
-        chosen = replace(chosen, bounds_levels=tuple(kept))
+        chosen = msgspec.structs.replace(chosen, bounds_levels=tuple(kept))
     if steps.recorded:
         from eaid.recorded.entry import fit_whole
 
@@ -164,7 +167,7 @@ def fit(
                 f"«{name}»: belongs to logs that are fitted as recorded, and these are steps; leave it out"
             )
     with progress("bootstrap refits", chosen.draws if chosen.ci == "bootstrap" else 0) as advance:
-        return fit_steps(steps, chosen, advance)
+        return fit_steps(steps, chosen, advance, workers)
 
 
 def tune_rc(

@@ -25,7 +25,6 @@ from eaid.steps.build import stepset_of
 from eaid.steps.cut_runs import StepOptions, cut_runs, settled_steps
 from eaid.steps.edges import Edge, edges
 from eaid.steps.instead import looks_like
-from eaid.steps.part import has_input
 from eaid.steps.stepset import StepSet
 
 KINDS = ("clutch", "friction-force", "friction-speed")
@@ -197,7 +196,7 @@ def _is_whole(run: Run, rest: float) -> bool:
     if is_recorded(run, rest):
         return True
     may_be = run.kind in (None, "clutch") and not run.cut and {run.level, run.step_s, run.until_s} == {None}
-    return may_be and run.position is None and has_input(run) and looks_like(run) is not None
+    return may_be and run.position is None and run.has_input and looks_like(run) is not None
 
 
 def read_edges(

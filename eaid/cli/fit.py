@@ -85,21 +85,21 @@ def command(given: Arguments) -> int:
     from eaid import api
     from eaid.cli import fit_tables, inputs
     from eaid.files import refuse_to_overwrite
-    from eaid.fitting.options import FitOptions, check
+    from eaid.fitting.options import check
     from eaid.processes import processors
     from eaid.results import codec
+    from eaid.results.fit import FitOptions
 
     refuse_to_overwrite(given.output, given.force, given.data)
     options = taken(
-        FitOptions, given, share=None if given.share == "free" else given.share, bounds_levels=None,
-        dead_time_s=None if given.dead_time == "auto" else given.dead_time, workers=processors(),
-    )  # fmt: skip
+        FitOptions, given, bounds_levels=None, dead_time_s=None if given.dead_time == "auto" else given.dead_time
+    )
     check(options)
     with console.answer_first():
         stepset = inputs.runs_from(given.data, inputs.reading_of(given), given.logs_as, console.say)[1]
         result = api.fit(
             stepset, options, bounds_levels=given.bounds_levels, duty=given.duty, instrument=given.instrument,
-            progress=console.progress,
+            workers=processors(), progress=console.progress,
         )  # fmt: skip
         result = msgspec.structs.replace(result, command=given.words)
         codec.write(given.output, result, "fit", given.force)

@@ -14,7 +14,7 @@ from numpy.polynomial.polynomial import polyval
 from eaid.arrays import Array, read_only
 from eaid.fitting.levels import RECORDS_FREE
 from eaid.fitting.starts import RECORDS
-from eaid.models.nonlinear import CHECKED_DUTIES, ordered
+from eaid.models.nonlinear import CHECKED_DUTIES
 from eaid.models.parameters import TAU_FLOOR_S, Nonlinear
 
 DEGREES = (3, 2, 2)
@@ -25,6 +25,24 @@ HELD = ("tau1-floor", "tau2-meets-tau1", "Ts-zero", "tau2-endless")
 
 LEGENDRE = np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [-0.5, 0.0, 1.5, 0.0], [0.0, -1.5, 0.0, 2.5]])
 """Coefficients of the first four Legendre polynomials, lowest power first, one in a row."""
+
+
+def limits(
+    Ts: Array, tau1: Array, tau2: Array, longest_tau2_s: float | None = None, free_share: bool = False
+) -> tuple[Array, Array]:
+    """A and b of A c ≥ b, specification 3: τ1 ≥ 1 ms, τ2 ≥ τ1 and T_s ≥ 0 at n inputs, and an end of τ2 where asked.
+
+    T_s, τ1 and τ2 at these inputs are `Ts` c, `tau1` c and `tau2` c, shapes (n, P). Where C is free it is the last of
+    the coefficients c, and lies between 0 and 1.
+    """
+    A, least = [tau1, tau2 - tau1, Ts], [TAU_FLOOR_S, 0.0, 0.0]
+    if longest_tau2_s is not None:
+        A, least = [*A, -tau2], [*least, -longest_tau2_s]
+    b = np.repeat(least, len(Ts))
+    if free_share:
+        C = np.eye(1, Ts.shape[1], Ts.shape[1] - 1)
+        A, b = [*A, C, -C], np.append(b, [0.0, -1.0])
+    return np.concatenate(A), b
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,15 +69,9 @@ class Basis:
         return np.linspace(self.lowest, self.highest, CHECKED_DUTIES if self.highest > self.lowest else 1)
 
     @cached_property
-    def A(self) -> Array:
-        """Constraints A x ≥ b, (m, n): the duties' τ1, τ2 − τ1, T_s, −τ2, and where C is free, C and −C."""
-        M = self.rows(self.duties)
-        A = np.concatenate([ordered(M[1], M[2], M[0])[0], -M[2]])
-        if self.free_share:
-            share = np.zeros((2, self.size))
-            share[0, -1], share[1, -1] = 1.0, -1.0
-            A = np.vstack([A, share])
-        return read_only(A)
+    def M_of_duties(self) -> Array:
+        """`rows` of the duties, (4, 101, n)."""
+        return read_only(self.rows(self.duties))
 
     @cached_property
     def to_powers(self) -> Array:
@@ -141,14 +153,9 @@ def _basis_of(u: tuple[float, ...], share: float | None) -> Basis:
 
 def constraints(basis: Basis, longest_s: float) -> tuple[Array, Array, Callable[[int], str]]:
     """A x ≥ b at the 101 duties, and what each row says; τ2 ends at `RECORDS` times the longest record."""
-    limit = (RECORDS_FREE if basis.free_share else RECORDS) * longest_s
-    count = len(basis.duties)
-    b = np.zeros(len(basis.A))
-    b[:count], b[3 * count : 4 * count] = TAU_FLOOR_S, -limit
-    if basis.free_share:
-        b[-1] = -1.0
-
-    return basis.A, b, lambda i: _code(basis, i)
+    longest_tau2_s = (RECORDS_FREE if basis.free_share else RECORDS) * longest_s
+    A, b = limits(*basis.M_of_duties[:3], longest_tau2_s, basis.free_share)
+    return A, b, lambda i: _code(basis, i)
 
 
 def _code(basis: Basis, i: int) -> str:

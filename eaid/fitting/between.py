@@ -2,9 +2,8 @@
 
 from collections.abc import Iterable, Sequence
 
-from eaid.fitting.options import FitOptions
-from eaid.fitting.step_shapes import ShapeOptions, fit_steps
-from eaid.models.parameters import SHARE
+from eaid.fitting.step_shapes import fit_step
+from eaid.results.fit import FitOptions
 from eaid.results.friction import FrictionLevel, LevelIntervals
 from eaid.results.steps import StepShape
 from eaid.steps.stepset import LevelStep, StepSet
@@ -23,7 +22,8 @@ def single_steps(stepset: StepSet, options: FitOptions) -> tuple[StepShape, ...]
     steps = stepset.level_steps
     between = any(0.0 not in (step.from_level, step.level) for step in steps)
     asked = options.shape != "auto" or options.dead_time_s is not None
-    return fit_steps(steps, _how(options)) if between or asked or len(steps) <= FEW else ()
+    wanted = steps if between or asked or len(steps) <= FEW else ()
+    return tuple(fit_step(step, options) for step in wanted)
 
 
 def of_another_shape(stepset: StepSet, options: FitOptions) -> tuple[StepShape, ...]:
@@ -36,12 +36,8 @@ def of_another_shape(stepset: StepSet, options: FitOptions) -> tuple[StepShape, 
 
 
 def _asking(steps: Iterable[LevelStep], options: FitOptions) -> tuple[StepShape, ...]:
-    shapes = fit_steps(tuple(steps), _how(options))
+    shapes = [fit_step(step, options) for step in steps]
     return tuple(one for one in shapes if any(said.code == "other-shape-fits-better" for said in one.findings))
-
-
-def _how(options: FitOptions) -> ShapeOptions:
-    return ShapeOptions(options.shape, options.dead_time_s, options.share or SHARE)  # type: ignore[arg-type]  # checked
 
 
 def between_rows(shapes: Sequence[StepShape]) -> tuple[FrictionLevel, ...]:

@@ -16,12 +16,12 @@ from eaid.fitting.data import data_of
 from eaid.fitting.friction import fit_curves, friction_fit, friction_hold_out, missed_levels, refuse_empty
 from eaid.fitting.linear import linear_fit
 from eaid.fitting.nonlinear import nonlinear_fit
-from eaid.fitting.options import ALLOWED, FitOptions, check
+from eaid.fitting.options import ALLOWED, check
 from eaid.fitting.release import release_fit
 from eaid.fitting.sources import data_part
 from eaid.fitting.weights import weights_of, with_other_weights
 from eaid.models.parameters import SHARE
-from eaid.results.fit import Fit
+from eaid.results.fit import Fit, FitOptions
 from eaid.steps.stepset import Level, StepSet
 
 
@@ -42,7 +42,7 @@ def fit(stepset: StepSet, options: FitOptions | None = None) -> Fit:
     found = [finding("curve-explains-little", "friction", little)] if (little := missed_levels(curves, data)) else []
     result = Fit(data=data_part(whole))
     if "friction" in models:
-        part, more = friction_fit(stepset, curves, options.share)
+        part, more = friction_fit(stepset, curves, options.held_share)
         held_out = friction_hold_out(part, stepset, held)
         part = msgspec.structs.replace(part, robust=robust.with_runs(huber, kept), hold_out=held_out)
         result, found = msgspec.structs.replace(result, friction=part), [*found, *more]
@@ -59,7 +59,7 @@ def fit(stepset: StepSet, options: FitOptions | None = None) -> Fit:
         found.append(finding("weights-change-nothing", "friction"))
     if stepset.releases:
         held_s = {level.level: float(level.time_s[-1]) for level in kept}
-        release, more = release_fit(stepset.releases, curves, held_s, options.share or SHARE)
+        release, more = release_fit(stepset.releases, curves, held_s, options.held_share or SHARE)
         result, found = msgspec.structs.replace(result, release=release), [*found, *more]
     return msgspec.structs.replace(result, findings=ranked(found), converged=converged(result))
 

@@ -12,7 +12,6 @@ from eaid.findings import Finding, finding
 from eaid.fitting import metrics, robust, samples
 from eaid.fitting.data import Data
 from eaid.fitting.levels import fit_levels
-from eaid.fitting.options import FitOptions
 from eaid.fitting.trends import LEAST, Form, fit_trend
 from eaid.fitting.verdict import judged
 from eaid.models import friction as model
@@ -20,6 +19,7 @@ from eaid.models.parameters import SHARE, TAU_FLOOR_S
 from eaid.models.parameters import Friction as FrictionCurve
 from eaid.models.trends import evaluate
 from eaid.results.common import HoldOut, Huber, Solver
+from eaid.results.fit import FitOptions
 from eaid.results.friction import Friction, FrictionLevel, Trend
 from eaid.steps.stepset import Level, StepSet
 
@@ -147,8 +147,8 @@ def fit_curves(data: Data, options: FitOptions) -> tuple[list[FrictionLevel], Hu
     fits, huber = robust.minimise(
         data,
         options.loss,
-        lambda d: fit_levels(d, options.share),
-        lambda d, _: fit_levels(d, options.share),
+        lambda d: fit_levels(d, options.held_share),
+        lambda d, _: fit_levels(d, options.held_share),
         curve_residuals,
     )
     rows = []

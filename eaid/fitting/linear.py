@@ -15,11 +15,12 @@ from eaid.fitting import metrics, robust
 from eaid.fitting.data import Data
 from eaid.fitting.findings import linear_findings
 from eaid.fitting.first_order import FirstOrder, fit_first_order, fit_own_levels
-from eaid.fitting.options import CONVENTIONS, FitOptions
+from eaid.fitting.options import CONVENTIONS
 from eaid.fitting.samples import decay
 from eaid.models import linear as model
 from eaid.models.parameters import Linear as LinearModel
 from eaid.results.common import Huber, Solver
+from eaid.results.fit import FitOptions
 from eaid.results.linear import Bounds, Linear, LinearLevel, Pooled
 from eaid.steps.stepset import Level
 

@@ -20,7 +20,6 @@ from eaid.fitting.data import Data
 from eaid.fitting.findings import nonlinear_findings
 from eaid.fitting.kernel import by_tau, level_normal, log_curvature, log_products, weighted_shares
 from eaid.fitting.levels import SHARES
-from eaid.fitting.options import FitOptions
 from eaid.fitting.own_curves import alone, own_curves, polynomial_starts
 from eaid.fitting.problem import ROUNDING, Problem, draw_in
 from eaid.fitting.samples import residuals
@@ -29,6 +28,7 @@ from eaid.fitting.verdict import concluded
 from eaid.models import nonlinear as model
 from eaid.models.parameters import Nonlinear as NonlinearModel
 from eaid.results.common import Solver
+from eaid.results.fit import FitOptions
 from eaid.results.nonlinear import Estimate, Nonlinear
 from eaid.steps.stepset import Level
 
@@ -147,10 +147,10 @@ def nonlinear_fit(
         return full_residuals(solved.x, on, solved.basis)
 
     solution, huber = robust.minimise(
-        data, options.loss, lambda d: fit_nonlinear(d, options.share, near), refit_nonlinear, residuals
+        data, options.loss, lambda d: fit_nonlinear(d, options.held_share, near), refit_nonlinear, residuals
     )
     p, left = solution.parameters, residuals(solution, data)
-    one = msgspec.structs.replace(estimate(p, data, left, solution.solver, held), C_free=options.share is None)
+    one = msgspec.structs.replace(estimate(p, data, left, solution.solver, held), C_free=options.held_share is None)
     found = nonlinear_findings(p, solution.solver, solution.held, [level.level for level in held])
     found += robust.huber_findings("nonlinear", huber)
     if metrics.explains_little([record.y for record in data.records], left):

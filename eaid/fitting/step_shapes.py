@@ -6,17 +6,17 @@ by AICc with the number of independent samples; the paper's form stands unless a
 """
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any, cast
 
 import numpy as np
 
 from eaid.arrays import Array
-from eaid.errors import UsageError
 from eaid.findings import Finding, finding
 from eaid.fitting.shape_curves import APART, MOST, SHAPES, Shape, curve, overshoots, slopes
 from eaid.fitting.shape_starts import Points, averaged, delays_of, starts_of
+from eaid.models.parameters import SHARE
+from eaid.results.fit import FitOptions
 from eaid.results.steps import StepShape
 from eaid.steps.noise import block_means, block_noise
 from eaid.steps.stepset import LevelStep
@@ -29,17 +29,6 @@ MISSED = 0.1
 """Share of the change by which the best shape may miss the mean of a sixtieth of the record."""
 LITTLE = 0.5
 """R² below which a curve explains little."""
-
-
-@dataclass(frozen=True)
-class ShapeOptions:
-    """Settings of `fit_steps`."""
-
-    shape: Literal["auto", "one", "two", "free", "overshoot"] = "auto"
-    dead_time_s: float | None = None
-    """Dead time [s]; None: free where the evidence asks for one, 0: none."""
-    share: float = 0.85
-    """C of the form with C held."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,19 +46,9 @@ class _Candidate:
         return self.shape + ("+dead" if self.dead else "")
 
 
-def fit_steps(steps: Sequence[LevelStep], options: ShapeOptions | None = None) -> tuple[StepShape, ...]:
-    """The shape of each step; raises UsageError for options that are none."""
-    options = options or ShapeOptions()
-    if options.shape not in ("auto", *SHAPES):
-        raise UsageError(f"«shape» {options.shape}: must be auto, {', '.join(SHAPES)}")
-    if options.dead_time_s is not None and not (math.isfinite(options.dead_time_s) and options.dead_time_s >= 0):
-        raise UsageError(f"«dead_time» {options.dead_time_s}: must be auto, or a time in seconds from 0 on")
-    return tuple(fit_step(step, options) for step in steps)
-
-
-def fit_step(step: LevelStep, options: ShapeOptions | None = None) -> StepShape:
+def fit_step(step: LevelStep, options: FitOptions | None = None) -> StepShape:
     """The shape of one step, with a finding where it explains little."""
-    options = options or ShapeOptions()
+    options = options or FitOptions()
     y = step.output - step.start
     points = averaged(step.time_s, y)
     tried = [one for dead in _dead(options) for one in _candidates(points, step, options, dead)]
@@ -84,20 +63,20 @@ def fit_step(step: LevelStep, options: ShapeOptions | None = None) -> StepShape:
     return _result(step, chosen, scores, y, _plain_rmse(tried, chosen, len(y)))
 
 
-def _dead(options: ShapeOptions) -> tuple[bool, ...]:
+def _dead(options: FitOptions) -> tuple[bool, ...]:
     if options.dead_time_s is None:
         return (False, True)
     return (options.dead_time_s > 0,)
 
 
-def _candidates(points: Points, step: LevelStep, options: ShapeOptions, dead: bool) -> list[_Candidate]:
+def _candidates(points: Points, step: LevelStep, options: FitOptions, dead: bool) -> list[_Candidate]:
     """Every shape asked for, fitted from the best places of a grid."""
-    wanted = SHAPES if options.shape == "auto" else (options.shape,)
+    wanted = SHAPES if options.shape == "auto" else (cast(Shape, options.shape),)
     window = float(step.time_s[-1])
     given = options.dead_time_s
     delays = [given or 0.0] if given is not None or not dead else delays_of(points, window)
     found = []
-    for shape, starts in starts_of(points, window, delays, options.share, wanted).items():
+    for shape, starts in starts_of(points, window, delays, options.held_share or SHARE, wanted).items():
         free = [0, 1] + ([2] if shape != "one" else []) + ([3] if shape in ("free", "overshoot") else [])
         free += [4] if dead and given is None else []
         fits = [_fitted(points, start, shape, free, window) for start in starts]

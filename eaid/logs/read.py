@@ -4,13 +4,11 @@ import os
 import re
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
 import numpy as np
 
-from eaid.arrays import read_only
 from eaid.errors import DataError, UsageError
 from eaid.files import LOGS, is_as_written, sha256_of
 from eaid.findings import finding
@@ -153,16 +151,8 @@ def _checked_run(run: Run, options: ReadOptions) -> Run:
     keep = checked(run.where, columns, (), lambda i: i + 1, "sample", options.repair)
     if keep is None:
         return run
-    said = finding("rows-dropped", run.name, dropped=len(run.time_s) - len(keep), count=len(run.time_s))
-    return replace(
-        run,
-        time_s=read_only(run.time_s[keep]),
-        input=read_only(run.input[keep]),
-        output=read_only(run.output[keep]),
-        reference_nm=None if run.reference_nm is None else read_only(run.reference_nm[keep]),
-        position=None if run.position is None else read_only(run.position[keep]),
-        findings=(*run.findings, said),
-    )
+    dropped = finding("rows-dropped", run.name, dropped=len(run.time_s) - len(keep), count=len(run.time_s))
+    return run.part(keep, findings=(*run.findings, dropped))
 
 
 def _check_level(run: Run) -> None:

@@ -1,10 +1,13 @@
 """A run: one recorded step, as read from a file, in the units that `logs/units.py` turns into."""
 
-from dataclasses import dataclass
-from typing import Literal
+from dataclasses import dataclass, replace
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
 
 from eaid.apparatus import Apparatus
-from eaid.arrays import Array
+from eaid.arrays import Array, read_only
 from eaid.findings import Finding
 
 Kind = Literal["clutch", "friction-force", "friction-speed"]
@@ -73,3 +76,14 @@ class Run:
     def where(self) -> str:
         """How a sentence to the user names this run: its file, and its name where the file holds several."""
         return f"{self.dataset}: run {self.name}" if self.dataset else self.source
+
+    @property
+    def has_input(self) -> bool:
+        """True where the log has an input column."""
+        return bool(len(self.input)) and not bool(np.isnan(self.input[0]) and np.isnan(self.input[-1]))
+
+    def part(self, samples: slice | NDArray[np.intp], **changes: Any) -> "Run":
+        """Some of its samples as a run of their own, with other changes."""
+        columns = {name: getattr(self, name) for name in ("time_s", "input", "output", "reference_nm", "position")}
+        parts = {name: read_only(values[samples]) for name, values in columns.items() if values is not None}
+        return replace(self, **{**parts, **changes})

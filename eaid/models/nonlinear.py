@@ -9,18 +9,10 @@ from numpy.polynomial.polynomial import polyval
 
 from eaid.arrays import Array
 from eaid.models import friction
-from eaid.models.parameters import TAU_FLOOR_S, Friction, Nonlinear
+from eaid.models.parameters import Friction, Nonlinear
 
 CHECKED_DUTIES = 101
 """Equally spaced duties, from the lowest to the highest identified, at which the constraints hold."""
-
-
-def ordered(tau1: Array, tau2: Array, Ts: Array) -> tuple[Array, Array]:
-    """A and b of A c ≥ b: τ1 ≥ 1 ms, τ2 ≥ τ1 and T_s ≥ 0, specification 3.
-
-    The rows of each, shape (n, P), give its values at n duties from the coefficients c, shape (P,).
-    """
-    return np.concatenate([tau1, tau2 - tau1, Ts]), np.repeat([TAU_FLOOR_S, 0.0, 0.0], len(tau1))
 
 
 def time_constants(p: Nonlinear, duty_pct: Array | float) -> tuple[Array, Array]:

@@ -32,7 +32,7 @@ class CurveBias:
 def bias_of(base: Solved, laws: Sequence[Law | None], refits: int, seed: int) -> CurveBias:
     """Refits on simulated logs of the same loops: their mean error and their scatter."""
     draw = np.random.default_rng(seed)
-    model, logs = base.setup.model, base.setup.logs
+    model, logs = base.setup.model, [one.log for one in base.setup.copies]
     used = np.concatenate([log.input[log.input > 0] for log in logs[: len(laws)]])
     low, high = np.clip(np.quantile(used, [0.1, 0.9]), model.low, model.high).tolist()
     shown = np.linspace(low, high, 11)

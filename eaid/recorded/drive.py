@@ -6,9 +6,10 @@ step fits); where it moves all the time, samples are averaged over equal blocks.
 """
 
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from eaid.arrays import Array
@@ -42,93 +43,117 @@ class Drive:
     """Squares that no response of these rows can take away."""
 
     @property
+    def arrays(self) -> tuple[Array | NDArray[np.int64], ...]:
+        """What the kernel takes of its rows."""
+        return self.dt_s, self.index, self.rising, self.y, self.w
+
+    @property
     def samples(self) -> int:
         """Rows that are compared."""
         return int(np.count_nonzero(self.w))
 
 
-def drive_of(log: RecordedLog) -> Drive:
-    """Every row of a log; one whose output is not finite is passed through and not compared."""
-    duty, index = _duties(log)
-    known = np.isfinite(log.output)
-    return Drive(
-        np.array(log.dt_s),
-        index,
-        duty,
-        directions(log),
-        np.where(known, log.output - (log.baseline or 0.0), 0.0),
-        np.where(known, log.weight, 0.0),
-        log.baseline is not None,
-        log.starts_idle,
-    )
+@dataclass(frozen=True, eq=False)
+class Holds:
+    """A log hold by hold, H of them, for the one pass over every sample; an input that moves has one a row."""
+
+    first: NDArray[np.int64]
+    """Rows at which they begin, and the number of rows, (H + 1,)."""
+    index: NDArray[np.int64]
+    """Which of the different inputs acts, (H,)."""
+    duty: Array
+    """The different inputs."""
+    rising: NDArray[np.int64]
+    """−1 where a stepwise input came from above and is not at rest, else 1, (H,)."""
+
+    def rows(self, values: NDArray[np.int64]) -> NDArray[np.int64]:
+        """A value a hold as a value a row."""
+        return np.repeat(values, np.diff(self.first))
 
 
-def _duties(log: RecordedLog) -> tuple[Array, NDArray[np.int64]]:
-    """The different inputs, and which of them each row has."""
-    at = log.changes
-    duty, index = np.unique(log.input[at], return_inverse=True)
-    return duty, np.repeat(index.astype(np.int64), np.diff(np.append(at, len(log.input))))
+@dataclass(frozen=True, eq=False)
+class Copies:
+    """A log in numbers: every sample, and fewer rows that cost what the log costs; each made when it is asked for."""
+
+    log: RecordedLog
+
+    @cached_property
+    def holds(self) -> Holds:
+        """Where its input changes."""
+        at = self.log.changes
+        level = self.log.input[at]
+        duty, index = np.unique(level, return_inverse=True)
+        rising = np.ones(len(at), dtype=np.int64)
+        if self.log.stepwise:
+            rising[1:][(level[1:] < level[:-1]) & (level[1:] > 0)] = -1
+        return Holds(np.append(at, len(self.log.input)), index.astype(np.int64), duty, rising)
+
+    @cached_property
+    def above(self) -> Array:
+        """Output above a known idle output."""
+        return self.log.output if not self.log.baseline else self.log.output - self.log.baseline
+
+    @cached_property
+    def every(self) -> Drive:
+        """Every row; one whose output is not finite is passed through and not compared."""
+        log, holds, known = self.log, self.holds, np.isfinite(self.above)
+        return Drive(
+            np.array(log.dt_s), holds.rows(holds.index), holds.duty, holds.rows(holds.rising),
+            np.where(known, self.above, 0.0), np.where(known, log.weight, 0.0), log.baseline is not None,
+            log.starts_idle,
+        )  # fmt: skip
+
+    @cached_property
+    def small(self) -> Drive:
+        """Some thousand rows that cost what the log costs, exactly where its input is held."""
+        return compressed(self) if self.log.stepwise else averaged(self, MOVING_ROWS)
+
+    @cached_property
+    def sketch(self) -> Drive:
+        """Still fewer rows, on which many starts are looked at."""
+        return sketched(self.small) if self.log.stepwise else averaged(self, SKETCH_ROWS)
 
 
-def directions(log: RecordedLog) -> NDArray[np.int64]:
-    """−1 where a stepwise input came from above and is not at rest, else 1, shape (n,)."""
-    held = np.ones(len(log.input), dtype=np.int64)
-    if not log.stepwise:
-        return held
-    at = log.changes
-    level = log.input[at]
-    down = np.append(False, level[1:] < level[:-1]) & (level > 0)
-    return np.repeat(np.where(down, -1, 1), np.diff(np.append(at, len(held))))
-
-
-def compressed(log: RecordedLog) -> Drive:
+def compressed(copies: Copies) -> Drive:
     """A log whose input is held, in Gauss nodes of blocks that double in length from each change on.
 
     What it costs is what the log costs, as far as the response is a polynomial on each block; the first rows of each
     hold stay as they are, and so do blocks with an output that is not known.
     """
-    t, y, changes = log.time_s, log.output - (log.baseline or 0.0), log.changes
-    sizes = [block_sizes(n) for n in np.diff(np.append(changes, len(t))).tolist()]
-    size = np.concatenate(sizes)
+    log, y, holds = copies.log, copies.above, copies.holds
+    t = log.time_s
+    size = np.concatenate([block_sizes(n) for n in np.diff(holds.first).tolist()])
     first = np.cumsum(size) - size
     finite = np.isfinite(y)
-    if not finite.all():
+    whole = bool(finite.all())
+    if not whole:
         known = np.logical_and.reduceat(finite, first)
         size = np.concatenate([[n] if all_known else [1] * n for n, all_known in zip(size, known, strict=True)])
         first = np.cumsum(size) - size
     raw = first[size == 1]
     when, found, weights = [t[raw]], [np.nan_to_num(y[raw])], [finite[raw] * log.weight]
-    even = bool(np.ptp(log.dt_s[:-1]) == 0.0)
     for n in np.unique(size[size > 1]).tolist():
-        rows = first[size == n][:, None] + np.arange(n)
-        if even:
+        at = first[size == n]
+        if log.even_s is not None:
             nodes, w, projection = gauss(n)
-            when.append((t[rows[:, :1]] + log.dt_s[0] * nodes).ravel())
-            found.append(((y[rows] @ projection) / np.sqrt(w)).ravel())
-            weights.append(np.tile(w, len(rows)) * log.weight)
+            when.append((t[at][:, None] + log.even_s * nodes).ravel())
+            found.append(((sliding_window_view(y, n)[at] @ projection) / np.sqrt(w)).ravel())
+            weights.append(np.tile(w, len(at)) * log.weight)
             continue
-        for row in rows:
-            nodes, w, projection = orthonormal(t[row], POINTS_PER_BLOCK)
+        for k in at.tolist():
+            nodes, w, projection = orthonormal(t[k : k + n], POINTS_PER_BLOCK)
             when.append(nodes)
-            found.append(y[row] @ projection / np.sqrt(w))
+            found.append(y[k : k + n] @ projection / np.sqrt(w))
             weights.append(w * log.weight)
     at = np.concatenate(when)
     order = np.argsort(at)
     at, y_at, w = at[order], np.concatenate(found)[order], np.concatenate(weights)[order]
-    duty, index = np.unique(log.input[changes], return_inverse=True)
-    hold = np.searchsorted(t[changes], at, side="right") - 1
-    left = log.weight * float(y[finite] @ y[finite]) - float(w @ (y_at * y_at))
+    hold = np.searchsorted(t[log.changes], at, side="right") - 1
+    left = log.weight * float(y @ y if whole else y[finite] @ y[finite]) - float(w @ (y_at * y_at))
     return Drive(
-        np.append(np.diff(at), t[-1] - at[-1]),
-        index[hold].astype(np.int64),
-        duty,
-        directions(log)[changes][hold],
-        y_at,
-        w,
-        log.baseline is not None,
-        log.starts_idle,
-        max(left, 0.0),
-    )
+        np.append(np.diff(at), t[-1] - at[-1]), holds.index[hold], holds.duty, holds.rising[hold], y_at, w,
+        log.baseline is not None, log.starts_idle, max(left, 0.0),
+    )  # fmt: skip
 
 
 @lru_cache(maxsize=4096)
@@ -193,14 +218,15 @@ def sketched(small: Drive) -> Drive:
     )  # fmt: skip
 
 
-def averaged(log: RecordedLog, rows: int) -> Drive:
+def averaged(copies: Copies, rows: int) -> Drive:
     """A log whose input moves all the time, over equal blocks: each the mean output at its middle, the mean input."""
+    log, y = copies.log, copies.above
     n = len(log.input)
-    if n <= rows or not np.isfinite(log.output).all():
-        return drive_of(log)
+    if n <= rows or not np.isfinite(y).all():
+        return copies.every
     starts = np.arange(0, n, -(-n // rows))
     size = np.diff(np.append(starts, n))
-    t, y = log.time_s, log.output - (log.baseline or 0.0)
+    t = log.time_s
     span = np.append(np.diff(t[starts]), t[-1] - t[starts[-1]])
     acted = np.add.reduceat(log.input * log.dt_s, starts)
     level = np.where(span > 0, acted / np.where(span > 0, span, 1.0), log.input[starts])
@@ -211,20 +237,7 @@ def averaged(log: RecordedLog, rows: int) -> Drive:
     kept = np.stack([np.ones_like(alone), ~alone], axis=1).ravel()
     duty, index = np.unique(level, return_inverse=True)
     return Drive(
-        np.append(np.diff(at[kept]), 0.0),
-        np.repeat(index, 2)[kept].astype(np.int64),
-        duty,
-        np.ones(int(kept.sum()), dtype=np.int64),
-        np.repeat(np.add.reduceat(y, starts) / size, 2)[kept],
-        weight[kept],
-        log.baseline is not None,
-        log.starts_idle,
-    )
-
-
-def copies_of(log: RecordedLog) -> tuple[Drive, Drive]:
-    """A log in some thousand rows that cost what the log costs, exactly where its input is held; and in fewer."""
-    if not log.stepwise:
-        return averaged(log, MOVING_ROWS), averaged(log, SKETCH_ROWS)
-    small = compressed(log)
-    return small, sketched(small)
+        np.append(np.diff(at[kept]), 0.0), np.repeat(index, 2)[kept].astype(np.int64), duty,
+        np.ones(int(kept.sum()), dtype=np.int64), np.repeat(np.add.reduceat(y, starts) / size, 2)[kept], weight[kept],
+        log.baseline is not None, log.starts_idle,
+    )  # fmt: skip

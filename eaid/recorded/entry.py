@@ -4,12 +4,11 @@ import msgspec
 
 from eaid.errors import UsageError
 from eaid.findings import ranked
-from eaid.fitting.options import FitOptions
 from eaid.recorded.fit import fit_recorded
 from eaid.recorded.options import RecordedOptions
-from eaid.results.fit import Fit
+from eaid.results.fit import Fit, FitOptions
 from eaid.steps.stepset import StepSet
-from eaid.uncertainty.workflow import shapes_of
+from eaid.uncertainty.workflow import asked, shapes_of
 
 
 def fit_whole(
@@ -31,7 +30,7 @@ def fit_whole(
         raise UsageError("«hold_out»: logs fitted as recorded hold no single levels; or say «logs_as» steps")
     how = RecordedOptions(
         models=options.models,
-        share=options.share,
+        share=options.held_share,
         u_range=duty,
         rest=float(stepset.reading.get("rest", 0.0)),
         instrument=instrument,
@@ -41,4 +40,6 @@ def fit_whole(
     found = fit_recorded(stepset.recorded, how, stepset if stepset.levels else None)
     shapes = shapes_of(stepset, options)
     doubts = tuple(said for one in shapes for said in one.findings)
-    return msgspec.structs.replace(found, steps=shapes, findings=ranked((*found.findings, *doubts)))
+    return msgspec.structs.replace(
+        found, options=asked(options, stepset), steps=shapes, findings=ranked((*found.findings, *doubts))
+    )

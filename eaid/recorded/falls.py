@@ -16,7 +16,7 @@ from eaid.arrays import Array
 from eaid.findings import Finding, Value, finding
 from eaid.recorded.drive import Drive
 from eaid.recorded.intervals import Spread, spread
-from eaid.recorded.problem import EXTRAS, with_extras
+from eaid.recorded.problem import NOTHING, with_extras
 from eaid.recorded.solve import Solved, finished
 from eaid.results.common import Interval
 from eaid.results.recorded import Falls
@@ -88,7 +88,7 @@ def tested_by_level(friction: Solved, asked: tuple[str, ...]) -> Tested:
     if not asked:
         return Tested(friction, Falls(), (finding("friction-falls-alike", "friction"),))
     outcome = _outcome(friction, asked)
-    values: dict[str, Value] = {name: name in outcome.kept for name in EXTRAS}
+    values: dict[str, Value] = {name: name in outcome.kept for name in NOTHING}
     return replace(outcome, findings=(finding("friction-falls", "friction", (), **values),))
 
 
@@ -112,7 +112,7 @@ def edges(solved: Solved) -> Array:
 def _with(base: Solved, names: tuple[str, ...]) -> Solved:
     values = {"rest": edges(base), "fall": np.ones(2), "excess": np.zeros(1)}
     begin = np.concatenate([values[name] for name in names])
-    setup, x = with_extras(base.setup, names, base.x, begin)
+    setup, x = with_extras(base.fitted, names, base.x, begin)
     return finished(setup, [x])
 
 
@@ -120,7 +120,7 @@ def _judged(solved: Solved, sure: Spread, names: tuple[str, ...]) -> tuple[dict[
     found, kept = {}, []
     model = solved.setup.model
     for name in names:
-        at, count = solved.setup.at(name), EXTRAS[name]
+        at, count = solved.setup.at(name), len(NOTHING[name])
         G = np.zeros((count, solved.setup.size))
         G[:, at : at + count] = np.eye(count)
         values = solved.x[at : at + count]

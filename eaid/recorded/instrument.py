@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from eaid.arrays import Array
-from eaid.recorded.drive import Drive, drive_of
+from eaid.recorded.drive import Copies, Drive
 from eaid.recorded.law import law_of, simulated
 from eaid.recorded.log import RecordedLog
 from eaid.recorded.solve import Solved
@@ -29,7 +29,7 @@ def with_instrument(base: Solved, logs: Sequence[RecordedLog]) -> Solved:
         now = replace(base, x=x)
         for k, (log, law) in enumerate(zip(logs, laws, strict=True)):
             if law is not None and log.starts_idle:
-                drives[k] = drive_of(simulated(now, k, log, law, None))
+                drives[k] = Copies(simulated(now, k, log, law, None)).every
         found = _solved(base, x, tuple(drives))
         if found is None:
             return base
@@ -48,7 +48,7 @@ def _solved(base: Solved, x: Array, drives: tuple[Drive, ...]) -> Array | None:
         A, score = np.zeros((len(x), len(x))), np.zeros(len(x))
         for k in range(len(drives)):
             J, r = base.setup.jacobian(x, k)
-            Z, at = slopes[k], base.setup.columns(k)
+            Z, at = slopes[k], base.setup.places[k].columns
             A[np.ix_(at, at)] += Z.T @ J
             score[at] += Z.T @ r
         scale = np.sqrt(np.maximum(np.abs(np.diagonal(A)), 1e-300))

@@ -25,7 +25,7 @@ from scipy.stats import t as student
 from eaid.arrays import Array
 from eaid.recorded.noise import Piece, by_spectrum, moving, piece_of
 from eaid.recorded.scatter import Scatter, scatter_of
-from eaid.recorded.solve import Solved
+from eaid.recorded.solve import Solved, idle_of
 
 WINDOWS_S = (0.3, 1.0, 3.0, 10.0)
 """Lengths of the stretches [s]."""
@@ -119,10 +119,9 @@ def spread(solved: Solved) -> Spread:
     for log, drive in enumerate(setup.drives):
         J, r = setup.jacobian(x, log)[0], residuals[log] * np.sqrt(drive.w[drive.w > 0])
         Z = J if solved.instruments is None else clean.jacobian(x, log)[0]
-        at = setup.columns(log)
+        at = setup.places[log].columns
         H[np.ix_(at, at)] += Z.T @ J
-        own = int(setup.own[log][0])
-        pieces.append(piece_of(Z, r, at, n, drive, float(x[own]) if own >= 0 else 0.0))
+        pieces.append(piece_of(Z, r, at, n, drive, idle_of(solved, log)))
     span = sum(one.bin_s * len(one.r) for one in pieces)
     memory = max(one.memory_s for one in pieces)
     free = directions(solved)

@@ -145,6 +145,80 @@ def products(
     return total
 
 
+@numba.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
+def by_holds(
+    first: Array, index: Array, rising: Array, dt: Array, y: Array,
+    steady: Array, tau1: Array, tau2: Array, rest: Array, scalars: Array, start: Array,
+) -> tuple[float, Array, Array]:  # fmt: skip
+    """Σ r², r = response − y where y is a number, and its halved derivatives by T_s, τ1, τ2 of the inputs, (3, m), and
+    by `scalars`, x1 and x2 at the first row, (9,): the adjoint of a log hold by hold.
+
+    `first` as in `Holds`; `dt` one step for all rows, or each row's. With q = e^(−t/τ), t since the hold began, a state
+    is target + q (x − target): what a hold adds follows from Σ r, Σ r q and Σ r q t.
+    """
+    share, idle, count = scalars[0], scalars[6], len(index)
+    sums, off, lasts = np.zeros((count, 5)), np.zeros((count, 2)), np.zeros(count)
+    own, by_own, q_end = np.zeros((count, 2)), np.zeros((count, 2)), np.zeros((count, 2))
+    x, cost = start.copy(), 0.0
+    for h in range(count):
+        i = index[h]
+        total = steady[i] * (1.0 + scalars[5]) if rising[h] < 0 else steady[i]
+        off[h, 0], off[h, 1] = x[0] - share * total, x[1] - (total - share * total)
+        for s in range(2):
+            tau = tau2[i] if s else tau1[i]
+            own[h, s], by_own[h, s] = tau, 1.0
+            if off[h, s] > 0.0 and rest[i] >= 1.0:
+                own[h, s], by_own[h, s] = tau * scalars[3 + s], scalars[3 + s]
+            elif off[h, s] > 0.0 and scalars[1 + s] > 0.0:
+                own[h, s], by_own[h, s] = rest[i] * tau + (1.0 - rest[i]) * scalars[1 + s], rest[i]
+        level, off1, off2 = total + idle, off[h, 0], off[h, 1]
+        q1 = q2 = e1 = e2 = 1.0
+        before, t = -1.0, 0.0
+        plain = fast = slow = fast_t = slow_t = 0.0
+        for k in range(first[h], first[h + 1]):
+            if y[k] == y[k]:
+                r = level + off1 * q1 + off2 * q2 - y[k]
+                cost += r * r
+                plain += r
+                fast += r * q1
+                slow += r * q2
+                fast_t += r * q1 * t
+                slow_t += r * q2 * t
+            step = dt[k] if len(dt) > 1 else dt[0]
+            if step != before:
+                e1, e2, before = np.exp(-step / own[h, 0]), np.exp(-step / own[h, 1]), step
+            q1, q2 = q1 * e1, q2 * e2
+            t += step
+        sums[h] = plain, fast, slow, fast_t, slow_t
+        lasts[h] = t
+        for s in range(2):
+            q_end[h, s] = np.exp(-t / own[h, s])
+            x[s] += np.expm1(-t / own[h, s]) * off[h, s]
+    by_input, by_scalar, adjoint = np.zeros((3, len(steady))), np.zeros(9), np.zeros(2)
+    for h in range(count - 1, -1, -1):
+        i, lower = index[h], rising[h] < 0
+        excess = 1.0 + scalars[5] if lower else 1.0
+        by_total = 0.0
+        for s in range(2):
+            part = 1.0 - share if s else share
+            by_target = sums[h, 0] - sums[h, 1 + s] + (1.0 - q_end[h, s]) * adjoint[s]
+            by_tau = off[h, s] / own[h, s] ** 2 * (sums[h, 3 + s] + q_end[h, s] * lasts[h] * adjoint[s])
+            adjoint[s] = sums[h, 1 + s] + q_end[h, s] * adjoint[s]
+            by_total += part * by_target
+            by_scalar[0] += (-by_target if s else by_target) * steady[i] * excess
+            by_input[1 + s, i] += by_tau * by_own[h, s]
+            if off[h, s] > 0.0 and rest[i] >= 1.0:
+                by_scalar[3 + s] += by_tau * (tau2[i] if s else tau1[i])
+            elif off[h, s] > 0.0 and scalars[1 + s] > 0.0:
+                by_scalar[1 + s] += by_tau * (1.0 - rest[i])
+        by_input[0, i] += by_total * excess
+        if lower:
+            by_scalar[5] += by_total * steady[i]
+    by_scalar[6] = sums[:, 0].sum()
+    by_scalar[7:] = adjoint
+    return cost, by_input, by_scalar
+
+
 @numba.njit(cache=True, nogil=True, error_model="numpy")
 def response(
     dt: Array, index: Array, rising: Array, steady: Array, tau1: Array, tau2: Array, rest: Array,

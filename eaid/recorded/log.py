@@ -55,18 +55,27 @@ class RecordedLog:
         return len(acting) > 0 and int(acting[0]) >= min(IDLE_ROWS, len(self.input) - 1)
 
     @cached_property
+    def even_s(self) -> float | None:
+        """Time from row to row [s] where only rounding tells the steps apart, else None."""
+        steps = np.diff(self.time_s)
+        usual = float(self.time_s[-1] - self.time_s[0]) / len(steps)
+        return usual if max(float(steps.max()) - usual, usual - float(steps.min())) <= ROUNDED * usual else None
+
+    @cached_property
     def dt_s(self) -> Array:
         """How long each row's input acts [s]; 0 after the last. Steps that only rounding tells apart are one."""
+        if self.even_s is not None:
+            found = np.full(len(self.time_s), self.even_s)
+            found[-1] = 0.0
+            return read_only(found)
         steps = np.diff(self.time_s)
-        usual = float(steps.mean())
-        if np.abs(steps - usual).max() > ROUNDED * usual:
-            usual = float(np.median(steps))
+        usual = float(np.median(steps))
         return read_only(np.append(np.where(np.abs(steps - usual) <= ROUNDED * usual, usual, steps), 0.0))
 
     @cached_property
     def changes(self) -> NDArray[np.intp]:
         """Rows from which another input acts, the first row among them."""
-        return np.flatnonzero(np.append(True, np.diff(self.input) != 0))
+        return np.append(0, np.flatnonzero(self.input[1:] != self.input[:-1]) + 1)
 
     @property
     def stepwise(self) -> bool:
@@ -118,7 +127,6 @@ def logs_of_steps(steps: StepSet) -> list[RecordedLog]:
 
 def levels_of(logs: Sequence[RecordedLog]) -> Array:
     """The different inputs above rest, rising; those within a thousandth of the largest taken together."""
-    top = max(float(log.input.max()) for log in logs)
-    values = np.unique(np.concatenate([np.unique(log.input[log.input > 0]) for log in logs]))
-    keep = np.append(True, np.diff(values) > ALIKE * top) if len(values) else np.zeros(0, dtype=bool)
-    return np.asarray(values[keep], dtype=np.float64)
+    values = np.unique(np.concatenate([log.input[log.changes] for log in logs]))
+    values = values[values > 0]
+    return np.asarray(values[np.append(True, np.diff(values) > ALIKE * values[-1])], dtype=np.float64)

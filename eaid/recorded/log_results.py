@@ -23,7 +23,7 @@ def log_parts(solved: Solved, logs: Sequence[RecordedLog]) -> tuple[LogFit, ...]
 
 
 def _log_part(solved: Solved, k: int, log: RecordedLog) -> LogFit:
-    drive, own = solved.setup.drives[k], solved.setup.own[k]
+    drive, own = solved.setup.drives[k], solved.setup.places[k].own
     counted = drive.w > 0
     missed, y = solved.missed[k], solved.outputs[k]
     about = float(np.linalg.norm(y - y.mean()))

@@ -5,7 +5,8 @@ between levels, and the excess of T_s after a fall of the input; then of each lo
 where they are not known.
 """
 
-from collections.abc import Sequence
+import itertools
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -16,15 +17,35 @@ from numpy.typing import NDArray
 from eaid.arrays import Array
 from eaid.fitting.problem import ROUNDING, Problem
 from eaid.models.parameters import TAU_FLOOR_S
-from eaid.recorded.drive import Drive, copies_of, drive_of
-from eaid.recorded.kernel import products, rows
+from eaid.recorded.drive import Copies, Drive
+from eaid.recorded.kernel import by_holds, products, rows
 from eaid.recorded.log import RecordedLog
 from eaid.recorded.model import Model, Rows
 
-EXTRAS = {"rest": 2, "fall": 2, "excess": 1}
-"""What a model can have besides its coefficients, and how many unknowns each is."""
+NOTHING = {"rest": (0.0, 0.0), "fall": (1.0, 1.0), "excess": (0.0,)}
+"""What a model can have besides its coefficients, with the values that do nothing."""
 VECTOR = 16
 """Columns that the kernel takes at once."""
+
+
+@dataclass(frozen=True, eq=False)
+class Place:
+    """Where the unknowns of a log lie, beside the coefficients of T_s, τ1 and τ2."""
+
+    x: NDArray[np.intp]
+    """In x: C, the extras, idle output, x1 and x2 at its first row; −1 where one is no unknown, (9,)."""
+    columns: NDArray[np.intp]
+    """Places in x of all unknowns that it knows, in the kernel's order."""
+    kernel: NDArray[np.intp]
+    """As `x`, among these columns."""
+
+    @property
+    def own(self) -> NDArray[np.intp]:
+        """Idle output and start states in x, (3,)."""
+        return self.x[6:]
+
+
+Together = Callable[[Array], tuple[float, Array, Array]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,26 +54,22 @@ class Setup:
 
     model: Model
     drives: tuple[Drive, ...]
-    """Every sample of every log."""
+    """The logs in numbers."""
     extras: tuple[str, ...] = ()
     idle_free: bool = True
     """Whether idle outputs that are not known are unknowns; else they are 0."""
-    small: tuple[Drive, ...] = ()
-    """The logs in fewer rows, on which the fit is looked for; none: every sample."""
-    sketch: tuple[Drive, ...] = ()
-    """Still fewer rows, on which many starts are looked at; none: as `small`."""
-    logs: tuple[RecordedLog, ...] = ()
-    """What they were made of."""
+    copies: tuple[Copies, ...] = ()
+    """Where `drives` are but copies in fewer rows: the logs themselves."""
 
     @cached_property
-    def quick(self) -> "Setup":
-        """The same on `small`."""
-        return replace(self, drives=self.small, small=()) if self.small else self
+    def every(self) -> "Setup":
+        """The same on every sample."""
+        return replace(self, drives=tuple(one.every for one in self.copies)) if self.copies else self
 
     @cached_property
     def drawn(self) -> "Setup":
-        """The same on `sketch`."""
-        return replace(self, drives=self.sketch, small=(), sketch=()) if self.sketch else self.quick
+        """The same on a sketch, on which many starts are looked at."""
+        return replace(self, drives=tuple(one.sketch for one in self.copies)) if self.copies else self
 
     @cached_property
     def maps(self) -> tuple[Rows, ...]:
@@ -62,24 +79,30 @@ class Setup:
     @cached_property
     def shared(self) -> int:
         """Unknowns that all logs share."""
-        return self.model.size + sum(EXTRAS[name] for name in self.extras)
+        return self.model.size + sum(len(NOTHING[name]) for name in self.extras)
 
     @cached_property
-    def own(self) -> tuple[NDArray[np.intp], ...]:
-        """Where each log's idle output, x1 and x2 at its start lie in x; −1 where they are known, each (3,)."""
-        found, at = [], self.shared
+    def places(self) -> tuple[Place, ...]:
+        """Where the unknowns of each log lie."""
+        shared = [self.model.size - 1 if self.model.share is None else -1]
+        for name, none in NOTHING.items():
+            at = self.at(name)
+            shared += [at + k if at >= 0 else -1 for k in range(len(none))]
+        found, before = [], self.shared
         for drive in self.drives:
-            free = [self.idle_free and not drive.idle_known, not drive.starts_idle, not drive.starts_idle]
-            if self.model.sizes[2] == 0:
-                free[2] = False
-            found.append(np.array([at + sum(free[:k]) if one else -1 for k, one in enumerate(free)]))
-            at += sum(free)
+            loaded = not drive.starts_idle
+            free = np.array([self.idle_free and not drive.idle_known, loaded, loaded and self.model.sizes[2] > 0])
+            order = np.cumsum(free) - 1
+            own, local = (np.where(free, first + order, -1) for first in (before, self.shared))
+            columns = np.concatenate([np.arange(self.shared), own[free]])
+            found.append(Place(np.append(shared, own), columns, np.append(shared, local)))
+            before += int(free.sum())
         return tuple(found)
 
-    @property
+    @cached_property
     def size(self) -> int:
         """Number of unknowns."""
-        return self.shared + sum(int((own >= 0).sum()) for own in self.own)
+        return self.shared + sum(len(place.columns) - self.shared for place in self.places)
 
     @cached_property
     def samples(self) -> int:
@@ -92,7 +115,7 @@ class Setup:
         total = 0.0
         for drive in self.drives:
             mean = float(drive.w @ drive.y) / float(drive.w.sum())
-            total += float(drive.w @ (drive.y - mean) ** 2)
+            total += float(drive.w @ (drive.y - mean) ** 2) + drive.left
         return total
 
     def at(self, name: str) -> int:
@@ -100,70 +123,56 @@ class Setup:
         if name not in self.extras:
             return -1
         before = self.extras[: self.extras.index(name)]
-        return self.model.size + sum(EXTRAS[one] for one in before)
-
-    def columns(self, log: int) -> NDArray[np.intp]:
-        """Places in x of the unknowns that a log knows, in the kernel's order."""
-        own = self.own[log]
-        return np.concatenate([np.arange(self.shared), own[own >= 0]])
+        return self.model.size + sum(len(NOTHING[one]) for one in before)
 
     def arguments(self, x: Array, log: int) -> tuple[Any, ...]:
-        """Everything that the kernel takes after the range of rows, `state` and `sens` fresh."""
-        drive, model = self.drives[log], self.model
-        tables = model.tables(self.maps[log], x)
-        own = self.own[log]
-        start = np.array([x[k] if k >= 0 else 0.0 for k in own])
-        local = np.where(own >= 0, self.shared + np.cumsum(own >= 0) - 1, -1)
-        share = x[model.size - 1] if model.share is None else model.share
-        rest, fall, excess = (self.at(name) for name in ("rest", "fall", "excess"))
-        scalars = np.array(
-            [
-                share,
-                *(x[rest : rest + 2] if rest >= 0 else (0.0, 0.0)),
-                *(x[fall : fall + 2] if fall >= 0 else (1.0, 1.0)),
-                x[excess] if excess >= 0 else 0.0,
-                start[0],
-            ]
-        )
-        place = np.array(
-            [
-                model.size - 1 if model.share is None else -1,
-                rest,
-                rest + 1 if rest >= 0 else -1,
-                fall,
-                fall + 1 if fall >= 0 else -1,
-                excess,
-                *local,
-            ]
-        )
-        sens = np.zeros((2, -(-(self.shared + int((own >= 0).sum())) // VECTOR) * VECTOR))
-        for state, column in enumerate(local[1:]):
+        """Everything that the kernel takes after a log's rows, `state` and `sens` fresh."""
+        place, tables = self.places[log], self.model.tables(self.maps[log], x)
+        given = self.model.share or 0.0, *itertools.chain(*NOTHING.values()), 0.0, 0.0, 0.0
+        scalars = np.where(place.x >= 0, x[place.x], given)
+        sens = np.zeros((2, -(-len(place.columns) // VECTOR) * VECTOR))
+        for state, column in enumerate(place.kernel[7:]):
             if column >= 0:
                 sens[state, column] = 1.0
         return (
-            drive.dt_s, drive.index, drive.rising, drive.y, drive.w,
             tables.steady, tables.tau1, tables.tau2, tables.rest, tables.by_steady, tables.by_tau1, tables.by_tau2,
-            scalars, place, start[1:].copy(), sens,
+            scalars, place.kernel, scalars[7:].copy(), sens,
         )  # fmt: skip
 
     def together(self, x: Array) -> tuple[float, Array, Array]:
         """Cost, gradient and Gauss–Newton matrix."""
         cost, gradient, curvature = 0.0, np.zeros(self.size), np.zeros((self.size, self.size))
-        for log in range(len(self.drives)):
-            at = self.columns(log)
-            P = 2.0 * products(*self.arguments(x, log), len(at))  # type: ignore[call-arg]
-            cost += 0.5 * float(P[-1, -1]) + self.drives[log].left
+        for log, drive in enumerate(self.drives):
+            at = self.places[log].columns
+            P = 2.0 * products(*drive.arrays, *self.arguments(x, log), len(at))  # type: ignore[call-arg]
+            cost += 0.5 * float(P[-1, -1]) + drive.left
             gradient[at] += P[-1, :-1]
             curvature[np.ix_(at, at)] += P[:-1, :-1]
         return cost, gradient, curvature
 
+    def on_every_sample(self, x: Array) -> tuple[float, Array]:
+        """Cost and gradient over every sample of the logs themselves, hold by hold: inputs are held."""
+        cost, gradient = 0.0, np.zeros(self.size)
+        for log, one in enumerate(self.copies):
+            holds, model = one.holds, self.model
+            dt_s = one.log.dt_s if one.log.even_s is None else np.array([one.log.even_s])
+            T_s, tau1, tau2, rest, *maps, scalars, place, start, _ = self.arguments(x, log)
+            squares, by_input, by_scalar = by_holds(
+                holds.first, holds.index, holds.rising, dt_s, one.above, T_s, tau1, tau2, rest, scalars, start
+            )
+            local = np.zeros(len(at := self.places[log].columns))
+            local[: sum(model.sizes)] = np.concatenate([by @ rows for by, rows in zip(by_input, maps, strict=True)])
+            local[place[place >= 0]] += by_scalar[place >= 0]
+            cost += one.log.weight * squares
+            gradient[at] += 2.0 * one.log.weight * local
+        return cost, gradient
+
     def jacobian(self, x: Array, log: int) -> tuple[Array, Array]:
         """√w ∂f/∂x of a log's own columns, (N, p), and √w (f − y), (N,), for its samples that count."""
-        arguments = self.arguments(x, log)
-        drive = self.drives[log]
+        drive, arguments = self.drives[log], self.arguments(x, log)
         out = np.zeros((drive.samples, arguments[-1].shape[1] + 1))
-        rows(0, len(drive.dt_s), *arguments, out)  # type: ignore[call-arg]
-        return np.ascontiguousarray(out[:, : len(self.columns(log))]), out[:, -1].copy()
+        rows(0, len(drive.dt_s), *drive.arrays, *arguments, out)  # type: ignore[call-arg]
+        return np.ascontiguousarray(out[:, : len(self.places[log].columns)]), out[:, -1].copy()
 
     def problem(self) -> Problem:
         """For the solver: constraints of the model, and of the extras."""
@@ -196,13 +205,27 @@ class Setup:
         def names(i: int) -> str:
             return model.names(i) if i < len(model.b) else said[i - len(model.b)]
 
-        return Problem(self.together, A, b, names, floor=ROUNDING * self.energy)
+        return Problem(remembered(self.together), A, b, names, floor=ROUNDING * self.energy)
+
+
+def remembered(together: Together) -> Together:
+    """The same, with its last answer at hand: cost and curvature of a place are asked for one after another."""
+    last: dict[bytes, tuple[float, Array, Array]] = {}
+
+    def found(x: Array) -> tuple[float, Array, Array]:
+        place = x.tobytes()
+        if place not in last:
+            last.clear()
+            last[place] = together(x)
+        return last[place]
+
+    return found
 
 
 def setup_of(model: Model, logs: Sequence[RecordedLog], idle_free: bool = True) -> Setup:
     """Logs and a model, with the copies on which its fit is looked for."""
-    small, sketch = zip(*map(copies_of, logs), strict=True)
-    return Setup(model, tuple(map(drive_of, logs)), (), idle_free, small, sketch, tuple(logs))
+    copies = tuple(map(Copies, logs))
+    return Setup(model, tuple(one.small for one in copies), (), idle_free, copies)
 
 
 def with_extras(setup: Setup, extras: Sequence[str], x: Array, values: Sequence[float] | Array) -> tuple[Setup, Array]:

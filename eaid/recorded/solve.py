@@ -37,7 +37,8 @@ SHIFT = 1e-5
 class Solved:
     """Where a fit ended."""
 
-    setup: Setup
+    fitted: Setup
+    """With the copies on which it was looked for."""
     x: Array
     cost: float
     solver: Solver
@@ -45,6 +46,11 @@ class Solved:
     """Other minima that were found, with their costs."""
     instruments: tuple[Drive, ...] | None = None
     """Inputs without the noise of the outputs, where they stood in for the recorded ones in the derivatives."""
+
+    @property
+    def setup(self) -> Setup:
+        """On every sample."""
+        return self.fitted.every
 
     @cached_property
     def outputs(self) -> tuple[Array, ...]:
@@ -84,26 +90,27 @@ def apart(ends: Sequence[EndPoint], floor: float) -> list[EndPoint]:
 
 def refit(near: Solved, logs: Sequence[RecordedLog]) -> Solved:
     """The minimum next to an earlier one, on other logs of the same kind."""
-    setup = setup_of(near.setup.model, logs, near.setup.idle_free)
-    return finished(replace(setup, extras=near.setup.extras), [near.x])
+    setup = setup_of(near.fitted.model, logs, near.fitted.idle_free)
+    return finished(replace(setup, extras=near.fitted.extras), [near.x])
 
 
 def finished(setup: Setup, begin: Sequence[Array], tried: int = 0, costs: Sequence[float] = ()) -> Solved:
     """From near ends to the verdict: solved on the small copy, confirmed, or taken to its end, on every sample."""
-    near = setup.quick.problem()
+    near, held = setup.problem(), all(one.log.stepwise for one in setup.copies)
     ends = [approach(near, x) for x in begin]
     if min(end.cost for end in ends) > near.floor:  # beneath it lies rounding, in which a line search finds no way
         ends = ended(ends, near)
-    whole = setup.problem()
-    if not all(log.stepwise for log in setup.logs):  # their copies are averages, and their ends near ones
-        ends = [approach(whole, end.x) for end in ends]
-        near = whole
+    if not held:  # copies are averages, and their ends near ones
+        near = setup.every.problem()
+        ends = [approach(near, end.x) for end in ends]
+    whole = setup.on_every_sample if held and setup.copies else near.value
     end, predicted, active = polish(near, min(ends, key=lambda one: one.cost), near.value)
-    if predicted > CONVERGED:  # far from a parabola
-        near = with_second_derivatives(setup.quick)
+    bent = predicted > CONVERGED  # far from a parabola
+    if bent:
+        near = with_second_derivatives(setup)
         end, predicted, active = polish(near, slsqp(near, end.x), near.value, steps=LONG_WAY)
-    if near is not whole:
-        end, predicted, active = polish(near, end, whole.value, finished=SETTLED)
+    if setup.copies and (held or bent):
+        end, predicted, active = polish(near, end, whole, finished=SETTLED)
     evaluations = tried + sum(one.evaluations for one in ends) + end.evaluations
     solver = judged(predicted, evaluations, costs or [one.cost for one in ends], [near.names(i) for i in active])
     others = tuple((one.x, one.cost) for one in ends if one.cost > end.cost * (1 + SAME) + near.floor)
@@ -139,5 +146,5 @@ def model_of(solved: Solved) -> Nonlinear:
 
 def idle_of(solved: Solved, log: int) -> float:
     """Idle output of a log, fitted or known to be 0 after its baseline."""
-    at = int(solved.setup.own[log][0])
+    at = int(solved.setup.places[log].own[0])
     return float(solved.x[at]) if at >= 0 else 0.0

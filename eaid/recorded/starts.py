@@ -120,16 +120,16 @@ def linear_parts(setup: Setup, shapes: Sequence[Array] | Array) -> tuple[Array, 
     """Costs (K,) and places (K, n) with T_s, idle outputs and start states solved for: they enter linearly."""
     model, x = setup.model, np.array(shapes)
     a, b, c = model.sizes
-    own = np.concatenate([one[one >= 0] for one in setup.own]).astype(np.intp)
+    own = np.concatenate([place.own[place.own >= 0] for place in setup.places]).astype(np.intp)
     free = np.concatenate([np.arange(a), own]).astype(np.intp)
     share = x[:, model.size - 1] if model.share is None else np.full(len(x), model.share)
     size = len(free)
     sums = np.zeros((len(x), size + 1, size + 1))
-    for drive, rows, local in zip(setup.drives, setup.maps, setup.own, strict=True):
+    for drive, rows, place in zip(setup.drives, setup.maps, setup.places, strict=True):
         tau1 = np.maximum(x[:, a : a + b] @ rows.tau1.T, LEAST_TAU_S)
         tau2 = np.maximum(x[:, a + b : a + b + c] @ rows.tau2.T, LEAST_TAU_S) if c else np.ones_like(tau1)
         found = looks(drive.dt_s, drive.index, drive.y, drive.w, rows.steady, tau1, tau2, share)  # type: ignore[arg-type]
-        known = np.concatenate([np.arange(a), np.where(local >= 0, np.searchsorted(free, local), -1), [size]])
+        known = np.concatenate([np.arange(a), np.where(place.own >= 0, np.searchsorted(free, place.own), -1), [size]])
         at = np.flatnonzero(known >= 0)
         sums[:, known[at][:, None], known[at]] += found[:, at[:, None], at]
     scale = np.sqrt(np.maximum(np.diagonal(sums, axis1=1, axis2=2)[:, :size], 1e-300))

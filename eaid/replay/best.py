@@ -52,24 +52,14 @@ NOTHING_NM = 1e-9
 class Best:
     """The least error found, and what says how good it is."""
 
-    time_s: Array
-    reference_nm: Array
-    torque_nm: Array
-    duty_pct: Array
-    """The duty that has this error, each value held until the next sample."""
+    trace: Trace
+    """The duty that has this error, each value held until the next sample, and its torque."""
     rms_error_nm: float
     """Least RMS error found: an upper bound of the least there is."""
     bound_nm: float
     """No duty has a smaller RMS error."""
     steady_rms_nm: float
     """Least RMS error without switching from sample to sample (step 1 alone)."""
-    max_abs_error_nm: float
-    """Largest error of the duty found; another duty may have a smaller one."""
-
-    def trace(self, limits_pct: tuple[float, float]) -> Trace:
-        """The best as a replay, to be measured and kept as the controllers' are."""
-        dt_s = float(self.time_s[1] - self.time_s[0])
-        return Trace("best", dt_s, self.time_s, self.reference_nm, self.torque_nm, self.duty_pct, limits_pct=limits_pct)
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,23 +85,20 @@ def best(plant: PlantParameters, reference: Reference, limits_pct: tuple[float, 
         raise UsageError(f"best: duty limits {low:g} to {high:g} do not rise from 0 or above")
     wanted = np.array(reference.torque_nm, dtype=float)
     weight = np.ones(len(wanted))
-    weight[: round(reference.counted_from_s / reference.dt_s)] = 0.0
+    weight[: reference.begin] = 0.0
     problem = _Problem(plant, wanted, weight, reference.dt_s, (low, high))
     steady_duty, steady = _steady(problem)
     duty, torque = _improved(problem, steady_duty, steady)
     count = float(weight.sum())
     error = math.sqrt(problem.cost(torque) / count)
     bound = math.sqrt(least_cost(plant, wanted, weight, reference.dt_s, (low, high)) / count)
+    time_s = np.arange(len(wanted)) * reference.dt_s
+    columns = (read_only(column) for column in (time_s, wanted, torque, duty))
     return Best(
-        time_s=read_only(np.arange(len(wanted)) * reference.dt_s),
-        reference_nm=read_only(wanted),
-        torque_nm=read_only(torque),
-        duty_pct=read_only(duty),
-        rms_error_nm=error,
-        # they meet where the bound is tight, but for rounding
-        bound_nm=min(error, bound),
-        steady_rms_nm=math.sqrt(problem.cost(steady) / count),
-        max_abs_error_nm=float(np.abs((torque - wanted)[weight > 0]).max()),
+        Trace("best", reference.dt_s, *columns, limits_pct=limits_pct),
+        error,
+        min(error, bound),  # they meet where the bound is tight, but for rounding
+        math.sqrt(problem.cost(steady) / count),
     )
 
 

@@ -10,13 +10,16 @@ from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from eaid.arrays import Array, read_only
 from eaid.errors import UsageError
 from eaid.replay.controllers import Controller, Step
 from eaid.replay.hold import hold_step, rest, rounded
+from eaid.replay.metrics import tracking
 from eaid.replay.plant import PlantParameters
 from eaid.replay.rig import Rig, RigNumbers, noise, rig_numbers, ripple
+from eaid.results.gain_checks import Tracking
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,6 +50,11 @@ class Trace:
     def error_nm(self) -> Array:
         """Reference minus true torque [N·m]."""
         return self.reference_nm - self.torque_nm
+
+    def tracking(self, counted: "slice | NDArray[np.int64]" = slice(None)) -> Tracking:
+        """How well the torque follows the reference over the samples that count."""
+        columns = (column[counted] for column in (self.reference_nm, self.torque_nm, self.duty_pct))
+        return tracking(*columns, self.dt_s, self.limits_pct)
 
 
 class Inputs(NamedTuple):

@@ -123,7 +123,7 @@ class Bench:
     def __init__(self, plants: Sequence[Nonlinear], reference: Reference, search: Search) -> None:
         self._plants = [plant_parameters(plant) for plant in plants]
         self._reference, self._search = reference, search
-        self._begin = round(reference.counted_from_s / reference.dt_s)
+        self._begin = reference.begin
 
     def run(self, gains: RCGains) -> tuple[Array, Array, Array, Array]:
         """Mean square error, largest error, mean |Δu| and share saturated of each plant, shapes (N,)."""

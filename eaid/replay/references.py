@@ -53,6 +53,16 @@ class Reference:
     """Samples at which the reference steps; each is measured until the next, or the end."""
     tones: tuple[Tone, ...] = ()
 
+    @property
+    def begin(self) -> int:
+        """First sample whose error counts."""
+        return round(self.counted_from_s / self.dt_s)
+
+    @property
+    def steepest_nm_s(self) -> float:
+        """Largest slope [N·m/s], by central differences."""
+        return float(np.abs(np.gradient(self.torque_nm, self.dt_s)).max())
+
 
 def steps(
     dt_s: float, levels_nm: tuple[float, ...] = STEP_LEVELS_NM, hold_s: float = STEP_HOLD_S, top: float = 1.0

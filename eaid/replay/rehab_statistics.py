@@ -11,13 +11,11 @@ import math
 
 import msgspec
 import numpy as np
-from numpy.typing import NDArray
 from scipy import stats
 
 from eaid.arrays import Array
-from eaid.replay import metrics, scenarios
 from eaid.replay.rehab import MODES, Session
-from eaid.results.gain_checks import Tracking
+from eaid.replay.scenarios import record as loop_record
 from eaid.results.metrics import Box, CycleTest, Metrics, ModeMetrics, ModesTest, Normality, SampleTest
 from eaid.results.replay import Record
 
@@ -30,7 +28,7 @@ def statistics(session: Session) -> Metrics:
     means = {mode: cycle_means(values, cycle) for mode, values in error_deg.items()}
     counted = np.concatenate([np.arange(len(session.mode))[session.counted(mode)] for mode in MODES])
     return Metrics(
-        **msgspec.structs.asdict(_tracking(session, counted)),
+        **msgspec.structs.asdict(session.replay.tracking(counted)),
         modes={mode: _mode(session, mode, error_deg[mode], means[mode]) for mode in MODES},
         turn_step_nm=session.turn_step_nm,
         normality={mode: normality(values) for mode, values in error_deg.items()},
@@ -47,23 +45,14 @@ def statistics(session: Session) -> Metrics:
 
 def record(session: Session) -> Record:
     """A session as a group of replay.h5: the torque loop, the limb, and the statistics."""
-    found = statistics(session)
-    loop = scenarios.record(session.replay, found)
-    return Record({**loop.columns, **session.columns()}, found)
+    return loop_record(session.replay, statistics(session), session.columns())
 
 
 def _mode(session: Session, mode: str, error_deg: Array, means: Array) -> ModeMetrics:
     part = session.counted(mode)
     torque = np.abs(session.torque_error_nm[part])
     return ModeMetrics(
-        box(error_deg), tuple(means.tolist()), float(torque.mean()), float(torque.max()), _tracking(session, part)
-    )
-
-
-def _tracking(session: Session, part: slice | NDArray[np.int64]) -> Tracking:
-    replay = session.replay
-    return metrics.tracking(
-        replay.reference_nm[part], replay.torque_nm[part], replay.duty_pct[part], replay.dt_s, replay.limits_pct
+        box(error_deg), tuple(means.tolist()), float(torque.mean()), float(torque.max()), session.replay.tracking(part)
     )
 
 

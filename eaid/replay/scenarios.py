@@ -1,5 +1,6 @@
 """The scenarios of the paper: a reference for each, and what is measured on it."""
 
+import itertools
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
@@ -7,12 +8,16 @@ import msgspec
 
 from eaid.arrays import Array
 from eaid.errors import UsageError
+from eaid.models.parameters import Nonlinear
 from eaid.replay import metrics, references
-from eaid.replay.loop import Trace
+from eaid.replay.controllers import Controller
+from eaid.replay.loop import Trace, replay
+from eaid.replay.plant import plant_parameters
 from eaid.replay.references import Reference
+from eaid.replay.rig import Rig
 from eaid.results.gain_checks import Tracking
 from eaid.results.metrics import Metrics
-from eaid.results.replay import Record
+from eaid.results.replay import Record, Role
 
 
 @dataclass(frozen=True)
@@ -47,48 +52,37 @@ SCENARIOS: dict[str, Scenario] = {
 }
 
 
-def tracked(trace: Trace, reference: Reference) -> Tracking:
-    """How well a replay tracks, from the reference's `counted_from_s` on."""
-    part = slice(round(reference.counted_from_s / trace.dt_s), None)
-    return metrics.tracking(
-        trace.reference_nm[part], trace.torque_nm[part], trace.duty_pct[part], trace.dt_s, trace.limits_pct
-    )
+def replayed(
+    plant: Nonlinear, controller: Controller, reference: Reference, rig: Rig | None = None, seed: int = 0
+) -> Tracking:
+    """How well one controller tracks on one plant, over the samples that count."""
+    trace = replay(plant_parameters(plant), controller, reference.torque_nm, rig or Rig(), reference.dt_s, seed)
+    return trace.tracking(slice(reference.begin, None))
 
 
 def measure(trace: Trace, reference: Reference) -> Metrics:
     """All metrics of a replay on its reference: tracking, then per step and per tone where there are any."""
-    ends = [*reference.steps[1:], len(trace.torque_nm)]
+    wanted, torque, dt_s = trace.reference_nm, trace.torque_nm, trace.dt_s
     steps = [
-        metrics.step(trace.torque_nm[a:b], float(trace.reference_nm[a - 1]), float(trace.reference_nm[a]), trace.dt_s)
-        for a, b in zip(reference.steps, ends, strict=False)
+        metrics.step(torque[a:b], float(wanted[a - 1]), float(wanted[a]), dt_s)
+        for a, b in itertools.pairwise([*reference.steps, len(torque)])
     ]
     tones = [
-        metrics.tone(
-            trace.reference_nm[tone.begin : tone.end],
-            trace.torque_nm[tone.begin : tone.end],
-            tone.frequency_hz,
-            trace.dt_s,
-        )
+        metrics.tone(wanted[tone.begin : tone.end], torque[tone.begin : tone.end], tone.frequency_hz, dt_s)
         for tone in reference.tones
     ]
     return Metrics(
-        **msgspec.structs.asdict(tracked(trace, reference)),
+        **msgspec.structs.asdict(trace.tracking(slice(reference.begin, None))),
         counted_from_s=reference.counted_from_s,
         steps=tuple(steps),
         frequencies=tuple(tones),
     )
 
 
-def record(trace: Trace, measured: Metrics, further: Mapping[str, Array] | None = None) -> Record:
+def record(
+    trace: Trace, measured: Metrics, further: Mapping[str, Array] | None = None, role: Role = "controller"
+) -> Record:
     """A replay as a group of replay.h5, with further columns of its length."""
-    columns = {
-        "time_s": trace.time_s,
-        "reference_nm": trace.reference_nm,
-        "torque_nm": trace.torque_nm,
-        "duty_pct": trace.duty_pct,
-    }
-    if trace.measured_nm is not None:
-        columns["measured_nm"] = trace.measured_nm
-    if trace.applied_pct is not None:
-        columns["applied_pct"] = trace.applied_pct
-    return Record({**columns, **(further or {})}, measured)
+    names = ("time_s", "reference_nm", "torque_nm", "duty_pct", "measured_nm", "applied_pct")
+    columns = {name: column for name in names if (column := getattr(trace, name)) is not None}
+    return Record({**columns, **(further or {})}, measured, role=role)

@@ -12,18 +12,18 @@ from eaid.errors import DataError, UsageError
 from eaid.findings import ranked
 from eaid.logs.run import Run
 from eaid.progress import Progress, no_progress
-from eaid.replay import recorded as log
+from eaid.replay.compare import compared
 from eaid.replay.options import SimulateOptions, refuse_several
 from eaid.replay.references import Reference, sampled
 from eaid.replay.rehab import MODES, rehabilitate
 from eaid.replay.rehab_statistics import record as record_session
 from eaid.replay.rig import Rig
-from eaid.replay.scenarios import SCENARIOS, measure, record
+from eaid.replay.scenarios import SCENARIOS
 from eaid.replay.setup import Setup, set_up
 from eaid.replay.tracked import Outcome, tracked
 from eaid.results.fit import Fit
 from eaid.results.gains import Gains
-from eaid.results.replay import Exercise, Head, Record, Replay, RigRecord
+from eaid.results.replay import Exercise, Head, Replay, RigRecord
 
 Signal = tuple[Array, Array]
 """Time [s] and output, shapes (n,) each."""
@@ -120,27 +120,12 @@ def _logs(setup: Setup, runs: Sequence[Run]) -> Outcome:
     if unused and all(run.reference_nm is None for run in runs):
         raise UsageError(f"«{unused[0]}»: does nothing with logs of an open loop; leave it out")
     beside = [
-        log.recorded(run, setup.plant, setup.options.keep_baseline, (data.input_unit, data.output_unit)) for run in runs
+        compared(run, setup.plant, setup.options.keep_baseline, (data.input_unit, data.output_unit)) for run in runs
     ]
-    records: dict[str, Record] = {}
-    for run in beside:
-        # The model's torque is compared with the recorded one, which stands where a replay has its reference.
-        columns = {
-            "time_s": run.time_s, "reference_nm": run.recorded_nm, "torque_nm": run.model_nm, "duty_pct": run.duty_pct,
-        }  # fmt: skip
-        records[run.name] = Record(columns, log.difference(run), role="recorded-input")
+    records = {run.name: run.difference() for run in beside}
     closed = [run for run in beside if run.reference_nm is not None]
     for run in closed:
+        found = run.closed_loop(setup.plant, setup.controllers, setup.rig, setup.known.limits, setup.options.seed)
         before = f"{run.name} " if len(closed) > 1 else ""
-        assert run.reference_nm is not None
-        columns = {
-            "time_s": run.time_s, "reference_nm": run.reference_nm, "torque_nm": run.recorded_nm,
-            "duty_pct": run.duty_pct,
-        }  # fmt: skip
-        measured = log.closed_loop_metrics(run, setup.known.limits)
-        records[f"{before}recorded"] = Record(columns, measured, role="recorded-loop")
-        wanted = log.reference_of(run)
-        for each in setup.controllers:
-            trace = log.laid_over(run, setup.plant, each, setup.rig, setup.options.seed)
-            records[f"{before}{each.name}"] = record(trace, log.against(run, trace, measure(trace, wanted)))
+        records |= {f"{before}{name}": one for name, one in found.items()}
     return records, Head(""), []

@@ -31,13 +31,12 @@ def tracked(setup: Setup, wanted: Reference, gains: Gains | None, progress: Prog
     """Each controller on the reference; the guarantee watched along the robust one; plants, and the best duty."""
     options, records = setup.options, {}
     told = _doubts(setup, wanted, gains)
-    begin = round(wanted.counted_from_s / wanted.dt_s)
     for each in setup.controllers:
         trace = replay(setup.plant, each, wanted.torque_nm, setup.rig, wanted.dt_s, options.seed)
         measured, columns = measure(trace, wanted), {}
         if each.name == "rc":
             watched = watch(each.gains, setup.plant, trace)
-            measured = watched.measured(measured, begin)
+            measured = watched.measured(measured, wanted.begin)
             columns = {"chi_nm_s": watched.chi_nm_s, "rho_nm_s": watched.rho_nm_s}
         records[each.name] = record(trace, measured, columns)
     told += _unseen(setup, records)
@@ -59,10 +58,8 @@ def _doubts(setup: Setup, wanted: Reference, gains: Gains | None) -> list[Findin
             finding("reference-above-plant", "reference", asked=top, highest=highest, unit=setup.fit.data.output_unit)
         )
     Q_M = gains.rc.Q_M if gains is not None and gains.rc is not None else None
-    if Q_M is not None and not wanted.steps:
-        slope = float(np.abs(np.gradient(wanted.torque_nm, wanted.dt_s)).max())
-        if slope > Q_M * (1 + 1e-9):
-            told.append(finding("reference-above-q-max", "rc", slope=slope, Q_M=Q_M))
+    if Q_M is not None and not wanted.steps and wanted.steepest_nm_s > Q_M * (1 + 1e-9):
+        told.append(finding("reference-above-q-max", "rc", slope=wanted.steepest_nm_s, Q_M=Q_M))
     return told
 
 
@@ -126,9 +123,8 @@ def _best(setup: Setup, wanted: Reference, records: dict[str, Record]) -> list[F
     """The least error, kept as a group `best`; each controller is told how far it is from it."""
     bare = Rig(saturation=setup.rig.saturation)
     found = best_of(setup.plant, wanted, setup.known.limits)
-    trace = found.trace(setup.known.limits)
     measured = msgspec.structs.replace(
-        measure(trace, wanted), rms_error_nm=found.rms_error_nm, bound_rms_nm=found.bound_nm,
+        measure(found.trace, wanted), rms_error_nm=found.rms_error_nm, bound_rms_nm=found.bound_nm,
         steady_rms_nm=found.steady_rms_nm,
     )  # fmt: skip
     least = found.rms_error_nm
@@ -138,6 +134,5 @@ def _best(setup: Setup, wanted: Reference, records: dict[str, Record]) -> list[F
             one.metrics, rms_over_best=rms / least if least > 1e-9 else None, rms_above_best_nm=rms - least
         )
         records[name] = Record(one.columns, metrics, one.tables, one.role)
-    kept = record(trace, measured)
-    records["best"] = Record(kept.columns, measured, role="best")
+    records["best"] = record(found.trace, measured, role="best")
     return [finding("best-without-rig", "best")] if setup.rig != bare else []

@@ -30,13 +30,13 @@ from eaid.findings import Finding, finding, ranked
 from eaid.models.nonlinear import steady_torque
 from eaid.models.parameters import Nonlinear
 from eaid.progress import Progress, no_progress
+from eaid.replay.controllers import pi_controller, rc_controller
 from eaid.replay.optimize import Search, optimize
 from eaid.replay.references import Reference, sampled
-from eaid.replay.scenarios import SCENARIOS
+from eaid.replay.scenarios import SCENARIOS, replayed
 from eaid.replay.simulate import Signal
-from eaid.replay.standard import beside_the_bound, steepest_nm_s
 from eaid.results.fit import Fit
-from eaid.results.gain_checks import Optimized
+from eaid.results.gain_checks import Optimized, Replayed
 from eaid.results.gains import Gains, Guarantee
 from eaid.results.tuning import TuneOptions
 from eaid.steps.stepset import StepSet
@@ -87,7 +87,7 @@ def tune(
     dt_s = 1 / timing_of(fit, options).rate_hz
     reference_name = reference_name or (reference if isinstance(reference, str) else "multisine")
     wanted = _reference(reference or "multisine", dt_s, scales)
-    slope = steepest_nm_s(wanted)
+    slope = wanted.steepest_nm_s
     bounds = bounds_of(fit, options.bounds, options.bounds_levels, options.widen_bounds)
     shown = least_phi(mismatches(model, bounds, plant, logs, fit.data.input_unit))
     settled = design_options(
@@ -208,14 +208,15 @@ def _replayed(
             finding("reference-beyond-plant", "model", reference=name, asked=most, highest=highest,
                     unit=gains.output_unit)
         )  # fmt: skip
-    replayed = beside_the_bound(plant, rc, pi, wanted, name)
-    slope, Q_M = replayed.slope_nm_s, part.Q_M
-    assert replayed.rc is not None and slope is not None and Q_M is not None
+    by_rc, by_pi = (replayed(plant, each, wanted) for each in (rc_controller(rc), pi_controller(pi)))
+    slope, Q_M = wanted.steepest_nm_s, part.Q_M
+    assert Q_M is not None
     if not given and slope > Q_M * (1 + 1e-9):
         told.append(finding("slope-above-q-max", "rc", slope=slope, Q_M=Q_M, reference=name))
-    bound = msgspec.structs.replace(part.ultimate_bound, replayed_nm=replayed.rc.max_abs_error_nm)
+    bound = msgspec.structs.replace(part.ultimate_bound, replayed_nm=by_rc.max_abs_error_nm)
     return msgspec.structs.replace(
-        gains, rc=msgspec.structs.replace(part, ultimate_bound=bound), replayed=replayed,
+        gains, rc=msgspec.structs.replace(part, ultimate_bound=bound),
+        replayed=Replayed(name, slope, wanted.counted_from_s, by_rc, by_pi),
         guarantee=_judged(gains.guarantee, slope),
     ), told  # fmt: skip
 

@@ -37,7 +37,7 @@ SIZES = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128, 192, 256, 512, 1024)
 class BaselineRule:
     """What the user says about the value before a step."""
 
-    how: Literal["auto", "first", "none", "value", "window"] = "auto"
+    how: Literal["auto", "first", "value", "window"] = "auto"
     value: float = 0.0
     window_s: tuple[float, float] = (0.0, 0.0)
     """From and to, in seconds relative to the step."""
@@ -46,12 +46,9 @@ class BaselineRule:
 def baseline_rule(text: str) -> BaselineRule:
     """`auto`, `first`, `none`, a number, or `FROM:TO`; raises UsageError for anything else."""
     said = text.strip().lower()
-    if said == "auto":
-        return BaselineRule()
-    if said == "first":
-        return BaselineRule("first")
-    if said == "none":
-        return BaselineRule("none")
+    words = {"auto": BaselineRule(), "first": BaselineRule("first"), "none": BaselineRule("value", 0.0)}
+    if said in words:
+        return words[said]
     try:
         numbers = [float(part) for part in said.split(":")]
     except ValueError:

@@ -14,7 +14,6 @@ from eaid.steps.direction import Direction, direction
 from eaid.steps.doubts import disagreement, doubts
 from eaid.steps.levels import common, grouped, same_level, wanted_levels
 from eaid.steps.noise import idle_density
-from eaid.steps.part import has_input
 from eaid.steps.plateaus import tolerance
 from eaid.steps.sensor import same_ceiling
 from eaid.steps.slip import slip_of_step
@@ -131,7 +130,7 @@ def _findings(step: Step, way: Direction) -> list[Finding]:
 def _contradiction(step: Step) -> list[Finding]:
     """Where a stored or named level is another than the input column's own."""
     run = step.run
-    if run.edge != "rising" or not has_input(run) or run.level is None or np.isnan(run.input[step.start :]).any():
+    if run.edge != "rising" or not run.has_input or run.level is None or np.isnan(run.input[step.start :]).any():
         return []
     held, allowed = median(run.input[step.start :]), tolerance(run.input)
     if abs(held - run.level) <= max(0.02 * abs(run.level), 2 * allowed, 1e-9):

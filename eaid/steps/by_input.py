@@ -12,8 +12,7 @@ from eaid.findings import finding
 from eaid.logs.run import Run
 from eaid.steps.baseline import last_rest
 from eaid.steps.instead import looks_like, refuse_to_cut
-from eaid.steps.part import end_of, part_of, sample_s, zero_of
-from eaid.steps.plateaus import Plateau, bridge, plateaus, stands_still
+from eaid.steps.plateaus import Plateau, bridge, end_of, plateaus, sample_s, stands_still, zero_of
 
 UNSETTLED = 0.05
 """Share of a step's change by which the output may still move before a step from level to level."""
@@ -41,8 +40,9 @@ def cut_by_input(run: Run) -> list[Run]:
         count = 1 + sum(one.edge == step.edge for one in steps)
         name = run.name + ("-release" if step.edge == "falling" else "") + (f"-{count}" if count > 1 else "")
         # the ramp between two plateaus goes with the step that it leads to
-        start, end = end, now.stop
-        steps.append(part_of(step, start, end, name=name, step_s=float(run.time_s[now.start]), until_s=None))
+        samples, end = slice(end, now.stop), now.stop
+        at = float(run.time_s[now.start])
+        steps.append(step.part(samples, name=name, step_s=at, until_s=None, cut=True))
     return steps
 
 

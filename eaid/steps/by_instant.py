@@ -16,8 +16,7 @@ from eaid.steps.baseline import first_samples, last_rest
 from eaid.steps.by_input import NO_STEP, edge_between
 from eaid.steps.instead import refuse_to_cut, several_edges
 from eaid.steps.noise import sample_noise, sampled
-from eaid.steps.part import end_of, has_input, part_of, sample_s, zero_of
-from eaid.steps.plateaus import FEWEST, Plateau, plateaus, tolerance
+from eaid.steps.plateaus import FEWEST, Plateau, end_of, plateaus, sample_s, tolerance, zero_of
 
 
 def no_level(run: Run) -> DataError:
@@ -38,7 +37,7 @@ def cut_at(run: Run, at_s: float) -> list[Run]:
     """The step at an instant that the user, the dataset or the output gives, and the release behind its window."""
     until, level = _window(run, at_s)
     start = sample_at(run, at_s)
-    now, zero, known = Plateau(start, until, level), zero_of(run), has_input(run)
+    now, zero, known = Plateau(start, until, level), zero_of(run), run.has_input
     step = replace(run, level=level)
     earlier = [p for p in plateaus(run.input[:start]) if p.count >= FEWEST] if known and start else []
     if earlier and abs(earlier[-1].level) > zero:
@@ -49,15 +48,15 @@ def cut_at(run: Run, at_s: float) -> list[Run]:
         findings = (*run.findings, *rest.said(run.name))
         step = replace(step, baseline=rest.value, held=None if rest.rests else rest.start, findings=findings)
         step = replace(step, rest_s=rest.count * sample_s(run), rest_moved=rest.moved)
-    steps = [part_of(step, 0, until, step_s=float(run.time_s[start]), until_s=None)]
+    steps = [step.part(slice(until), step_s=float(run.time_s[start]), until_s=None, cut=True)]
     left = float(median(run.input[until:])) if known and until < len(run.time_s) else 0.0
     falls = abs(left) < abs(level) if known else run.until_s is not None and _falls(run, now)
     if len(run.time_s) - until >= FEWEST and step.edge == "rising" and falls:
         release = replace(run, level=level, edge="falling", findings=(), baseline=step.baseline)
         steps.append(
-            part_of(
-                release, until, len(run.time_s), name=f"{run.name}-release", step_s=float(run.time_s[until]),
-                until_s=None, from_level=left if abs(left) > zero else 0.0, held=end_of(run.output, now),
+            release.part(
+                slice(until, None), name=f"{run.name}-release", step_s=float(run.time_s[until]), until_s=None, cut=True,
+                from_level=left if abs(left) > zero else 0.0, held=end_of(run.output, now),
             )
         )  # fmt: skip
     return steps
@@ -76,7 +75,7 @@ def _window(run: Run, step: float) -> tuple[int, float]:
     start = sample_at(run, step)
     until = len(time) if run.until_s is None else sample_at(run, run.until_s)
     level = run.level
-    if has_input(run) and until > start:
+    if run.has_input and until > start:
         held = run.input[start:until]
         if level is None:
             found = [plateau for plateau in plateaus(held) if plateau.count >= FEWEST]
@@ -101,7 +100,7 @@ def _falls(run: Run, now: Plateau) -> bool:
 
 def cut_by_output(run: Run) -> list[Run]:
     """The step of a log without a moving input: where the output leaves its idle value for good."""
-    constant = median(run.input) if has_input(run) else None
+    constant = median(run.input) if run.has_input else None
     level = constant if run.level is None else run.level
     rig = run.kind in ("friction-force", "friction-speed")  # its input is held while something else makes it slip
     from_start = rises_at_once(run.output, first_samples(run.output)) and bool(level)

@@ -16,7 +16,6 @@ from eaid.steps.baseline import BaselineRule, first_samples
 from eaid.steps.by_input import cut_by_input
 from eaid.steps.by_instant import cut_at, cut_by_output, sample_at
 from eaid.steps.noise import sample_noise
-from eaid.steps.part import has_input, part_of
 from eaid.steps.plateaus import FEWEST
 from eaid.steps.reversals import cut_reversals
 
@@ -39,8 +38,8 @@ def cut(run: Run, rule: BaselineRule = AUTO) -> list[Run]:
         raise DataError(
             f"{run.where}: the output never changes ({run.output[0]:g} {run.output_unit} throughout); check the sensor"
         )
-    moves = has_input(run) and not _constant(run)
-    if has_input(run) and run.input_unit == "%":
+    moves = run.has_input and not _constant(run)
+    if run.has_input and run.input_unit == "%":
         _check_percent(run)
     if run.step_s is not None:
         steps = cut_at(run, run.step_s)
@@ -49,8 +48,8 @@ def cut(run: Run, rule: BaselineRule = AUTO) -> list[Run]:
     elif moves:
         steps = cut_by_input(_up_to(run))
     else:
-        steps = cut_by_output(_up_to(run) if has_input(run) else run)
-    return _ruled_all(_with_baselines(steps), rule)
+        steps = cut_by_output(_up_to(run) if run.has_input else run)
+    return _with_baselines(steps, rule)
 
 
 def _constant(run: Run) -> bool:
@@ -69,7 +68,7 @@ def _up_to(run: Run) -> Run:
     stop = sample_at(run, run.until_s)
     if stop < FEWEST:
         raise DataError(f"{run.where}: the window ends at {run.until_s:g} s, before the log has begun; mend «until»")
-    return part_of(run, 0, stop, until_s=None, cut=False)
+    return run.part(slice(stop), until_s=None)
 
 
 def _check_percent(run: Run) -> None:
@@ -82,47 +81,40 @@ def _check_percent(run: Run) -> None:
             )
 
 
-def _with_baselines(steps: list[Run]) -> list[Run]:
-    """The steps with a baseline: what was found or stored, else the first samples; a release takes its step's."""
+def _with_baselines(steps: list[Run], rule: BaselineRule) -> list[Run]:
+    """The steps with their baselines: as the user asks, else as found or stored, else the first samples.
+
+    A release to rest has that of its own rise.
+    """
     finished: list[Run] = []
+    idle: float | None = None
     for step in steps:
-        if step.baseline is None and finished:
+        if step.baseline is None and finished:  # a release behind the window of its step
             step = replace(step, baseline=finished[0].baseline)
         elif step.baseline is None:
-            active = step.output[int(np.searchsorted(step.time_s, step.step_s or 0.0)) :]
-            start = first_samples(active)
-            told = any(one.code == "step-at-first-sample" for one in step.findings)
-            said = () if told else (finding("no-rest-before-step", step.name, start=start, unit=step.output_unit),)
-            step = replace(step, baseline=start, findings=(*step.findings, *said))
+            start = first_samples(step.output[sample_at(step, step.step_s or 0.0) :])
+            known = any(said.code == "step-at-first-sample" for said in step.findings)
+            doubt = () if known else (finding("no-rest-before-step", step.name, start=start, unit=step.output_unit),)
+            step = replace(step, baseline=start, findings=(*step.findings, *doubt))
+        if step.edge == "falling" and step.from_level == 0.0 and idle is not None:
+            step = replace(step, baseline=idle)
+        else:
+            step = _ruled(step, rule)
+        if step.edge == "rising" and step.from_level == 0.0:
+            idle = step.baseline
         finished.append(step)
     return finished
 
 
-def _ruled_all(steps: list[Run], rule: BaselineRule) -> list[Run]:
-    """Steps with the baselines that the user asks for; a release has that of its own rise."""
-    idle: float | None = None
-    done: list[Run] = []
-    for step in steps:
-        ruled = _ruled(step, rule)
-        if step.edge == "falling" and step.from_level == 0.0 and idle is not None:
-            ruled = replace(ruled, baseline=idle)
-        elif step.edge == "rising" and step.from_level == 0.0:
-            idle = ruled.baseline
-        done.append(ruled)
-    return done
-
-
 def _ruled(step: Run, rule: BaselineRule) -> Run:
     """A step with the baseline that the user asks for."""
-    if rule.how == "auto":
-        return step
-    if rule.how in ("none", "value"):
+    if rule.how == "value":
         return replace(step, baseline=rule.value)
-    if step.edge == "falling" and step.from_level == 0.0:
-        return step  # it is counted from the idle output before its own rise
+    if rule.how == "auto" or (step.edge == "falling" and step.from_level == 0.0):
+        return step  # a release is counted from the idle output before its own rise
     at = step.step_s or 0.0
     if rule.how == "first":
-        return replace(step, baseline=first_samples(step.output[int(np.searchsorted(step.time_s, at - 1e-9)) :]))
+        return replace(step, baseline=first_samples(step.output[sample_at(step, at) :]))
     low, high = rule.window_s
     inside = (step.time_s >= at + low) & (step.time_s <= at + high)
     if not inside.any():

@@ -15,7 +15,6 @@ from eaid.findings import Finding, finding, stops
 from eaid.logs.run import Kind, Run
 from eaid.steps.baseline import BaselineRule
 from eaid.steps.cut import AUTO, cut
-from eaid.steps.part import has_input
 from eaid.steps.plateaus import FEWEST
 from eaid.steps.step import Step
 from eaid.steps.stepset import LevelStep
@@ -49,7 +48,7 @@ NOTHING_SAID = StepOptions()
 
 def from_rest(run: Run, rest: float) -> Run:
     """A log whose input is counted from its value at rest; a run that is cut already stays as it is."""
-    if rest == 0.0 or run.cut or not has_input(run):
+    if rest == 0.0 or run.cut or not run.has_input:
         return run
     said = finding("counted-from-rest", run.name, rest=rest)
     return replace(run, input=read_only(run.input - rest), findings=(*run.findings, said))

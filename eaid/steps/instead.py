@@ -15,7 +15,7 @@ from eaid.arrays import Array
 from eaid.errors import DataError
 from eaid.findings import Finding, finding, say
 from eaid.logs.run import Run
-from eaid.steps.edges import Edge, edges, turns
+from eaid.steps.edges import edges, turns
 from eaid.steps.noise import block_means, line
 from eaid.steps.plateaus import FEWEST, Plateau, bridge, plateaus, stands_still
 
@@ -106,13 +106,7 @@ def several_edges(name: str, time_s: Array, output: Array, first_s: float = 0.0)
     if sum(one.swings for one in found) < 2:
         return None
     return finding(
-        "several-edges", name, edges=len(found), at_s=tuple(one.at_s + first_s for one in found), **_each(found)
-    )
-
-
-def _each(found: Sequence[Edge]) -> dict[str, tuple[float, ...]]:
-    return {
-        "rise_s": tuple(one.rise_s for one in found),
-        "overshoot_pct": tuple(one.overshoot_pct for one in found),
-        "settling_s": tuple(-1.0 if one.settling_s is None else one.settling_s for one in found),
-    }
+        "several-edges", name, edges=len(found), at_s=tuple(edge.at_s + first_s for edge in found),
+        rise_s=tuple(edge.rise_s for edge in found), overshoot_pct=tuple(edge.overshoot_pct for edge in found),
+        settling_s=tuple(-1.0 if edge.settling_s is None else edge.settling_s for edge in found),
+    )  # fmt: skip

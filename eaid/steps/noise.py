@@ -75,23 +75,13 @@ def sampled(values: Array) -> Array:
     """Values, or of a long record some stretches of it, evenly spread: what medians and quantiles are taken from."""
     if len(values) < LONG:
         return values
-    return np.concatenate([values[start : start + (1 << 14)] for start in _stretches(values)])
-
-
-def sample_steps(values: Array) -> Array:
-    """Differences of neighbours, or of a long record those of some stretches of it."""
-    if len(values) < LONG:
-        return np.diff(values)
-    return np.concatenate([np.diff(values[start : start + (1 << 14)]) for start in _stretches(values)])
-
-
-def _stretches(values: Array) -> list[int]:
-    return np.linspace(0, len(values) - (1 << 14), 32).astype(np.int64).tolist()  # type: ignore[no-any-return]
+    starts = np.linspace(0, len(values) - (1 << 14), 32).astype(np.int64)
+    return np.concatenate([values[start : start + (1 << 14)] for start in starts])
 
 
 def sample_noise(values: Array) -> float:
     """Standard deviation of the noise of single samples, from the median difference of neighbours; 0 of one sample."""
-    steps = sample_steps(values)
+    steps = np.diff(sampled(values))
     return float(1.4826 * median(np.abs(steps)) / np.sqrt(2)) if len(steps) else 0.0
 
 

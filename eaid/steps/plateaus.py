@@ -9,12 +9,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from eaid.arrays import Array, median
+from eaid.logs.run import Run
 from eaid.steps.noise import sample_noise, sampled, stretches
 
 FEWEST = 10
 """Samples in the active window below which a step is refused."""
 GLITCH = 3
 """Samples up to which an input that leaves its level and comes back is passed over, and told."""
+OFFSET = 0.05
+"""Share of its largest value within which a measured input counts as zero."""
 
 
 @dataclass(frozen=True)
@@ -120,3 +123,21 @@ def _lean(part: Array) -> float:
     """Mean of the last quarter of a stretch less that of the first."""
     quarter = max(1, len(part) // 4)
     return float(part[-quarter:].mean() - part[:quarter].mean())
+
+
+def sample_s(run: Run) -> float:
+    """Mean sample time of a log [s]."""
+    return float(run.time_s[-1] - run.time_s[0]) / (len(run.time_s) - 1)
+
+
+def end_of(output: Array, hold: Plateau) -> float:
+    """Output at the end of a hold: mean of its last twentieth."""
+    return float(output[hold.stop - max(1, hold.count // 20) : hold.stop].mean())
+
+
+def zero_of(run: Run) -> float:
+    """How far from zero an input is still at rest: a commanded duty is exact, a measured input has an offset."""
+    if not run.has_input:
+        return 0.0
+    offset = OFFSET * float(np.abs(run.input).max()) if run.input_unit != "%" else 0.0
+    return max(tolerance(run.input), offset)

@@ -18,7 +18,6 @@ from eaid.steps.baseline import first_samples
 from eaid.steps.by_instant import no_level
 from eaid.steps.edges import turns
 from eaid.steps.noise import block_means, block_noise
-from eaid.steps.part import part_of
 from eaid.steps.plateaus import FEWEST
 
 BLOCKS = 4000
@@ -46,8 +45,8 @@ def cut_reversals(run: Run) -> list[Run]:
     for k, (start, stop) in enumerate(strokes):
         way = 1.0 if float(run.position[stop - 1]) > float(run.position[start]) else -1.0
         level = abs(median(run.input[start:stop])) if run.level is None else run.level
-        stroke = part_of(
-            run, start, stop, name=f"{run.name}-{k + 1}", step_s=float(run.time_s[start]), until_s=None,
+        stroke = run.part(
+            slice(start, stop), name=f"{run.name}-{k + 1}", step_s=float(run.time_s[start]), until_s=None, cut=True,
             level=way * level, baseline=first_samples(run.output[start:stop]), repeat=None,
         )  # fmt: skip
         found.append(replace(stroke, input=np.abs(stroke.input) * way if known else stroke.input))

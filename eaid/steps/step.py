@@ -7,7 +7,7 @@ import numpy as np
 
 from eaid.arrays import Array, median, read_only
 from eaid.logs.run import Run
-from eaid.steps.noise import LONG, block_means, sample_steps
+from eaid.steps.noise import LONG, block_means, sampled
 
 SAME = 2e-3
 """Share of the sample time within which sample instants count as equal: the rounding of written times."""
@@ -31,7 +31,7 @@ class Clock:
 
 def clock_of(time_s: Array) -> Clock:
     """The clock of a strictly rising time axis, shape (n,), n ≥ 2."""
-    gaps = sample_steps(time_s)
+    gaps = np.diff(sampled(time_s))  # of a long record a few are leaps between stretches: no quantile sees them
     usual = median(gaps)
     every = np.diff(time_s) if len(time_s) >= LONG else gaps
     at = int(every.argmax())

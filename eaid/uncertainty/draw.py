@@ -23,7 +23,7 @@ from eaid.models.parameters import Nonlinear
 from eaid.results.fit import Fit
 from eaid.results.nonlinear import Estimate
 from eaid.uncertainty.curve import powers
-from eaid.uncertainty.joint import BLOCKS, constraints
+from eaid.uncertainty.joint import BLOCKS, limits_of
 from eaid.uncertainty.student_t import t_quantile
 
 TRIES = 200
@@ -99,10 +99,7 @@ def draw(fit: Fit, n: int, seed: int) -> Drawn:
         for name, (a, b) in zip(BLOCKS, pairwise(ends), strict=True)
     ]
     root = _root(matrix)
-    slack, offset = constraints(counts, centre.u_range)
-    if free:  # C between 0 and 1 as well
-        slack = np.block([[slack, np.zeros((len(slack), 1))], [np.zeros((2, total)), np.array([[1.0], [-1.0]])]])
-        offset = np.append(offset, [0.0, -1.0])
+    slack, offset = limits_of(counts, centre.u_range, free)
     at_fit = slack @ mean - offset
     allowed = np.minimum(at_fit, 0.0) - 1e-12  # every constraint, as far as the fit itself keeps it
     random = np.random.default_rng(seed)

@@ -8,17 +8,17 @@ none       no intervals
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import msgspec
 import numpy as np
 
-from eaid.errors import UsageError
 from eaid.findings import Finding, finding, ranked
 from eaid.fitting.data import data_of
 from eaid.fitting.levels import fit_levels
+from eaid.fitting.options import check
 from eaid.models.parameters import SHARE
-from eaid.results.fit import Fit
+from eaid.results.fit import Fit, FitOptions
 from eaid.results.friction import Friction
 from eaid.results.linear import Linear
 from eaid.results.uncertainty import Adequacy, Uncertainty
@@ -34,52 +34,32 @@ from eaid.uncertainty.noise import idle_of, noise_of
 from eaid.uncertainty.profile import profiled
 from eaid.uncertainty.share import Share, share_findings, share_of, share_part
 
-METHODS: dict[str, str] = {
-    "robust": "scatter of whole runs pooled over levels, coloured residuals allowed for",
-    "bootstrap": "variances from refits to resampled whole runs, or to blocks of single runs",
-    "profile": "as robust; single levels by the profile of their cost, so that intervals may be lopsided",
-    "white": "textbook: every sample's error its own; far too narrow for friction, whose residuals are coloured",
-    "none": "no intervals",
-}
-"""The ways to find intervals, and what each says of itself."""
-
-
-@dataclass(frozen=True)
-class IntervalOptions:
-    """How intervals are found."""
-
-    ci: str = "robust"
-    seed: int = 0
-    draws: int = 300
-    """Bootstrap refits."""
-    workers: int = 1
-    """Processes that share the refits."""
-    estimator: str = "auto"
-    """auto, joint or two-stage: which estimate stands as the nonlinear model."""
-    study_models: bool = True
-    """Also judge whether the model is right (`adequacy`)."""
-
 
 def with_intervals(
-    stepset: StepSet, fit: Fit, options: IntervalOptions | None = None, advance: Callable[[], None] | None = None
+    stepset: StepSet,
+    fit: Fit,
+    options: FitOptions | None = None,
+    advance: Callable[[], None] | None = None,
+    workers: int = 1,
 ) -> Fit:
     """The fit, which was made from `stepset`, with its intervals, the believed estimate and what is left open.
 
-    `advance` is called once per bootstrap refit.
+    `advance` is called once per bootstrap refit; `workers` processes share them.
     """
-    options = options or IntervalOptions()
-    if options.ci not in METHODS:
-        raise UsageError(f"«ci» {options.ci}: must be one of {', '.join(METHODS)}")
+    options = options or FitOptions()
+    check(options)
     try:
         # curves of τ near 0 or far beyond the record overflow on the way; what is not finite in the end becomes none
         with np.errstate(all="ignore"):
-            return _with_intervals(stepset, fit, options, advance)
+            return _with_intervals(stepset, fit, options, advance, workers)
     except (np.linalg.LinAlgError, ZeroDivisionError, OverflowError) as fault:
         found = (*fit.findings, finding("no-intervals-at-all", "data", fault=str(fault)))
         return msgspec.structs.replace(fit, uncertainty=Uncertainty(options.ci), findings=ranked(found))
 
 
-def _with_intervals(stepset: StepSet, fit: Fit, options: IntervalOptions, advance: Callable[[], None] | None) -> Fit:
+def _with_intervals(
+    stepset: StepSet, fit: Fit, options: FitOptions, advance: Callable[[], None] | None, workers: int
+) -> Fit:
     fitted = fitted_levels(fit)
     held = tuple(level for level in stepset.levels if level.level not in fitted)
     stepset = replace(stepset, levels=tuple(level for level in stepset.levels if level.level in fitted))
@@ -88,7 +68,7 @@ def _with_intervals(stepset: StepSet, fit: Fit, options: IntervalOptions, advanc
     draws = None
     if options.ci == "bootstrap":
         whole = fit if fit.friction is not None else _with_levels(stepset, fit)
-        draws = bootstrap(stepset.levels, whole, options.seed, options.draws, options.workers, advance)
+        draws = bootstrap(stepset.levels, whole, options.seed, options.draws, workers, advance)
         stats = _with_draws(stats, draws)
     base = stats
     if free and fit.nonlinear is not None:
@@ -99,7 +79,7 @@ def _with_intervals(stepset: StepSet, fit: Fit, options: IntervalOptions, advanc
     if runs_share is not None:
         found += share_findings(runs_share)
     judged = None
-    if options.study_models and fit.friction is not None:
+    if fit.friction is not None:
         judged, more = adequacy(stepset, fit, base, runs_share)
         found += more
     result = msgspec.structs.replace(
@@ -155,7 +135,7 @@ def _with_draws(base: LevelStatistics, draws: Draws) -> LevelStatistics:
 
 
 def _friction(
-    part: Friction, stats: LevelStatistics, options: IntervalOptions, stepset: StepSet
+    part: Friction, stats: LevelStatistics, options: FitOptions, stepset: StepSet
 ) -> tuple[Friction, list[Finding]]:
     verdict = friction_verdict(part, stats, stepset.input_unit, stepset.output_unit)
     found = list(verdict.findings)
@@ -171,7 +151,7 @@ def _friction(
 
 
 def _linear(
-    part: Linear, stepset: StepSet, base: LevelStatistics, options: IntervalOptions, draws: Draws | None
+    part: Linear, stepset: StepSet, base: LevelStatistics, options: FitOptions, draws: Draws | None
 ) -> tuple[Linear, list[Finding]]:
     pooled = linear_intervals.pooled_intervals(part, base)
     other = part.other_weights
@@ -199,7 +179,7 @@ def _linear(
 
 def _summary(
     stats: LevelStatistics,
-    options: IntervalOptions,
+    options: FitOptions,
     judged: Adequacy | None,
     runs_share: Share | None,
     idle: float | None,

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from eaid.arrays import Array
+from eaid.fitting.basis import limits
 from eaid.fitting.data import Data
 from eaid.models import nonlinear
 from eaid.models.parameters import Nonlinear
@@ -83,26 +84,31 @@ def coefficients_of(p: Nonlinear, share_free: bool = False) -> Coefficients:
     values = np.concatenate([np.array(c) * 100.0 ** np.arange(len(c)) for c in (p.tau1, p.tau2, p.Ts)])
     if share_free:
         values = np.append(values, p.C)
-    constrained = tuple(dict.fromkeys(name for name, _ in _active(values, counts, p.u_range)))
+    constrained = tuple(dict.fromkeys(_active(values, counts, p.u_range, share_free)[0]))
     return Coefficients(values, np.zeros((len(values),) * 2), counts, p.u_range, p.C, share_free, constrained)
 
 
-def constraints(counts: tuple[int, int, int], u_range: tuple[float, float]) -> tuple[Array, Array]:
-    """G and d of G c − d ≥ 0 at 101 duties: τ1 − 1 ms, τ2 − τ1 and T_s, specification 3; shape (303, Σcounts)."""
+def limits_of(
+    counts: tuple[int, int, int], u_range: tuple[float, float], free_share: bool = False
+) -> tuple[Array, Array]:
+    """A and b of A c ≥ b for the coefficients of (u/100)^k, C last where free; 101 rows a parameter, then C's two."""
     duty, stops = np.linspace(*u_range, nonlinear.CHECKED_DUTIES), np.cumsum(counts)
-    rows = np.zeros((3, len(duty), stops[-1]))
+    rows = np.zeros((3, len(duty), stops[-1] + free_share))
     for row, count, stop in zip(rows, counts, stops, strict=True):
         row[:, stop - count : stop] = powers(duty, count)
-    return nonlinear.ordered(*rows)
+    tau1, tau2, Ts = rows
+    return limits(Ts, tau1, tau2, free_share=free_share)
 
 
-def _active(values: Array, counts: tuple[int, int, int], u_range: tuple[float, float]) -> list[tuple[str, Array]]:
-    """Active constraints as (parameter that they hold, row)."""
-    rows, offset = constraints(counts, u_range)
-    own = values[: rows.shape[1]]
-    size = np.abs(rows) @ np.abs(own) + offset
-    names = np.repeat(["tau1", "tau2", "Ts"], nonlinear.CHECKED_DUTIES)
-    return [(str(names[i]), rows[i]) for i in np.flatnonzero(rows @ own - offset <= ACTIVE * size)]
+def _active(
+    values: Array, counts: tuple[int, int, int], u_range: tuple[float, float], free_share: bool
+) -> tuple[list[str], Array]:
+    """The curves that active constraints hold, one a row, and their rows."""
+    A, b = limits_of(counts, u_range, free_share)
+    names = np.repeat(BLOCKS, nonlinear.CHECKED_DUTIES)
+    A, b = A[: len(names)], b[: len(names)]
+    held = A @ values - b <= ACTIVE * (np.abs(A) @ np.abs(values) + b)
+    return names[held].tolist(), A[held]
 
 
 def chain(c: Coefficients, duty_pct: float) -> Array:
@@ -178,9 +184,9 @@ def free_inverse(c: Coefficients, M: Array, levels: int) -> Array:
     kept = np.concatenate([np.arange(count) < levels for count in c.counts] + [np.ones(int(c.share_free), dtype=bool)])
     scale = 1 / np.sqrt(np.maximum(np.diag(M), 1e-300))
     directions = np.diag(scale)[:, kept]
-    rows = [np.append(row, np.zeros(int(c.share_free))) for _, row in _active(c.values, c.counts, c.u_range)]
-    if rows:
-        _, size, right = np.linalg.svd(np.array(rows) @ directions)
+    rows = _active(c.values, c.counts, c.u_range, c.share_free)[1]
+    if len(rows):
+        _, size, right = np.linalg.svd(rows @ directions)
         rank = int((size > 1e-9 * size[0]).sum())
         directions = directions @ right[rank:].T
     inner = np.linalg.pinv(directions.T @ M @ directions, rcond=1e-13, hermitian=True)

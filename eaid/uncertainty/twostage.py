@@ -13,7 +13,7 @@ from eaid.fitting.problem import Problem
 from eaid.fitting.solver import slsqp
 from eaid.models.parameters import Nonlinear
 from eaid.uncertainty.curve import Curve, covariance_between, powers
-from eaid.uncertainty.joint import BLOCKS, Coefficients, coefficients_of, constraints, free_inverse, with_covariance
+from eaid.uncertainty.joint import BLOCKS, Coefficients, coefficients_of, free_inverse, limits_of, with_covariance
 
 
 def two_stage(
@@ -33,7 +33,7 @@ def two_stage(
     counts = (first, second, third)
     u_range = (float(duty_pct.min()), float(duty_pct.max()))
     values = np.concatenate([curves[name].coefficients for name in BLOCKS])
-    rows, offset = constraints(counts, u_range)
+    rows, offset = limits_of(counts, u_range)
     if (rows @ values - offset).min() < -1e-12:
         values = _constrained(duty_pct, log_values, variance, counts, rows, offset)
     parts = np.split(values, np.cumsum(counts)[:2])

@@ -11,19 +11,24 @@ from threadpoolctl import threadpool_limits
 from eaid.findings import Finding, finding, merged, ranked
 from eaid.fitting.between import between_rows, of_another_shape, single_steps
 from eaid.fitting.fit import converged, fit
-from eaid.fitting.options import FitOptions, check
+from eaid.fitting.options import check
 from eaid.fitting.sources import data_part
-from eaid.results.fit import Fit, FitOptionsRecord
+from eaid.results.fit import Fit, FitAsked, FitOptions
 from eaid.results.friction import Friction
 from eaid.results.quotable import quotable
 from eaid.results.steps import StepShape
 from eaid.results.uncertainty import Uncertainty
 from eaid.steps.stepset import StepSet
-from eaid.uncertainty.intervals import IntervalOptions, with_intervals
+from eaid.uncertainty.intervals import with_intervals
 from eaid.uncertainty.step_intervals import with_intervals as with_step_intervals
 
 
-def fit_steps(stepset: StepSet, options: FitOptions | None = None, progress: Callable[[], None] | None = None) -> Fit:
+def fit_steps(
+    stepset: StepSet,
+    options: FitOptions | None = None,
+    progress: Callable[[], None] | None = None,
+    workers: int = 1,
+) -> Fit:
     """Fit a set of steps and find how sure the result is.
 
     Parameters
@@ -34,6 +39,8 @@ def fit_steps(stepset: StepSet, options: FitOptions | None = None, progress: Cal
         Models, estimator, weights, loss, held-out levels, bounds of B and how intervals are found.
     progress : callable, optional
         Called once per bootstrap refit.
+    workers : int
+        Processes that share the refits; the result is the same for any number.
 
     Returns
     -------
@@ -51,13 +58,12 @@ def fit_steps(stepset: StepSet, options: FitOptions | None = None, progress: Cal
     check(options)
     # the products here are small: threads of BLAS would wait for each other, and round otherwise than one does
     with threadpool_limits(1, user_api="blas"):
-        return _fit_steps(stepset, options, progress)
+        return _fit_steps(stepset, options, progress, workers)
 
 
-def _fit_steps(stepset: StepSet, options: FitOptions, progress: Callable[[], None] | None) -> Fit:
+def _fit_steps(stepset: StepSet, options: FitOptions, progress: Callable[[], None] | None, workers: int) -> Fit:
     if stepset.levels or not stepset.level_steps:
-        how = IntervalOptions(options.ci, options.seed, options.draws, options.workers, options.estimator)
-        found = with_intervals(stepset, fit(stepset, options), how, progress)
+        found = with_intervals(stepset, fit(stepset, options), options, progress, workers)
     else:  # a staircase that never rests: no model of steps from rest
         found = Fit(data=data_part(stepset), uncertainty=Uncertainty("none"))
     shapes = shapes_of(stepset, options)
@@ -67,7 +73,7 @@ def _fit_steps(stepset: StepSet, options: FitOptions, progress: Callable[[], Non
         doubts = merged([said for one in shapes for said in one.findings])
     rows = between_rows(shapes) if "friction" in (options.models or ("friction",)) else ()
     if rows:
-        part = found.friction or Friction(options.share)
+        part = found.friction or Friction(options.held_share)
         found = msgspec.structs.replace(found, friction=msgspec.structs.replace(part, levels=(*part.levels, *rows)))
     found, unknown = quotable(found)
     if unknown:
@@ -75,7 +81,7 @@ def _fit_steps(stepset: StepSet, options: FitOptions, progress: Callable[[], Non
     return msgspec.structs.replace(
         found,
         steps=shapes,
-        options=record_of(options, stepset),
+        options=asked(options, stepset),
         seed=options.seed,
         converged=converged(found),
         findings=ranked((*_beside(stepset.all_findings, found.findings), *found.findings, *doubts)),
@@ -102,18 +108,6 @@ def _beside(of_runs: Sequence[Finding], of_the_fit: Sequence[Finding]) -> tuple[
     return tuple(one for one in of_runs if SAID_BY.get(one.code) not in said)
 
 
-def record_of(options: FitOptions, stepset: StepSet) -> FitOptionsRecord:
-    """The options as fit.json keeps them."""
-    return FitOptionsRecord(
-        models=options.models,
-        share="free" if options.share is None else options.share,
-        weights=options.weights,
-        loss=options.loss,
-        hold_out=options.hold_out,
-        bounds=options.bounds,
-        bounds_levels=options.bounds_levels,
-        estimator=options.estimator,
-        ci=options.ci,
-        shape=options.shape,
-        reading=dict(stepset.reading),
-    )
+def asked(options: FitOptions, stepset: StepSet) -> FitAsked:
+    """The options as fit.json keeps them, beside those of reading."""
+    return FitAsked(**msgspec.structs.asdict(options), reading=dict(stepset.reading))

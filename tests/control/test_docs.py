@@ -23,8 +23,7 @@ from eaid.replay.loop import replay
 from eaid.replay.optimize import Search, optimize
 from eaid.replay.plant import plant_parameters
 from eaid.replay.rig import Rig
-from eaid.replay.scenarios import measure
-from eaid.replay.standard import replayed, steepest_nm_s
+from eaid.replay.scenarios import measure, replayed
 from eaid.results.fit import Fit
 
 TEXT = re.sub(r"\s+", " ", (Path(__file__).parents[2] / "docs/robust-control.md").read_text(encoding="utf-8"))
@@ -123,7 +122,7 @@ def test_mismatch_and_slope():
     fitted = shown_by_model(REFERENCE_PLANT, Linear(1.84393, 0.0782825, -1.343124), 8.349, 41.142)
     assert f"{published.pct:.1f} % duty" in TEXT and f"{fitted.pct:.1f} % for the model" in TEXT
     assert f"{0.05 * 12.4 * 42.6:.1f} % and {0.05 * 8.349 * 41.142:.1f} %" in TEXT
-    assert f"{steepest_nm_s(MULTISINE):.2f} N·m/s" in TEXT
+    assert f"{MULTISINE.steepest_nm_s:.2f} N·m/s" in TEXT
 
 
 def told(pattern):

@@ -10,11 +10,10 @@ import pytest
 from eaid.apparatus import Apparatus
 from eaid.arrays import Array
 from eaid.findings import finding, ranked
-from eaid.fitting.options import FitOptions
 from eaid.models import friction
 from eaid.models.parameters import Friction
 from eaid.results import codec
-from eaid.results.fit import Fit
+from eaid.results.fit import Fit, FitOptions
 from eaid.results.friction import FrictionLevel, LevelIntervals
 from eaid.results.quotable import quotable
 from eaid.steps.stepset import Level, LevelStep, StepSet

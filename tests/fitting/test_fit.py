@@ -11,10 +11,9 @@ from eaid.apparatus import Apparatus
 from eaid.errors import DataError, UsageError
 from eaid.fitting.fit import fit
 from eaid.fitting.metrics import errors, explains_little, quality
-from eaid.fitting.options import FitOptions
 from eaid.models.parameters import REFERENCE_PLANT, Friction
 from eaid.results import codec
-from eaid.results.fit import Fit
+from eaid.results.fit import Fit, FitOptions
 from eaid.steps.stepset import Level, StepSet
 
 Maker = Callable[..., StepSet]
@@ -95,6 +94,7 @@ def test_kinds_and_models_that_do_not_go_together(clutch_set: Maker, friction_se
         (FitOptions(loss="l1"), "loss= l1: must be one of squares, huber"),
         (FitOptions(bounds="x"), "bounds= x: must be one of zero-offset, pooled-offset, pooled-dynamics"),
         (FitOptions(share=1.5), "share= 1.5: the share of the fast part lies between 0 and 1; or say free"),
+        (FitOptions(share=None), "share= None: the share of the fast part lies between 0 and 1; or say free"),
         (
             FitOptions(hold_out=(45.0,)),
             "hold_out= 45: no such level; there are 10, 20, 30, 40, 50, 60, 70, 80, 90, 100",

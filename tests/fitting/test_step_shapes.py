@@ -7,8 +7,10 @@ import numpy as np
 import pytest
 
 from eaid.errors import UsageError
+from eaid.fitting.options import check
 from eaid.fitting.shape_curves import curve, slopes
-from eaid.fitting.step_shapes import ShapeOptions, fit_step, fit_steps
+from eaid.fitting.step_shapes import fit_step
+from eaid.results.fit import FitOptions
 from eaid.results.steps import StepShape
 from eaid.steps.stepset import LevelStep
 
@@ -80,7 +82,7 @@ def test_the_evidence_is_that_of_all_samples() -> None:
 def test_a_slow_part_far_beyond_the_record_is_found() -> None:
     """Its slope is all that is seen of it: a start from the grid's best place alone ends in another valley."""
     p = np.array([1.0, math.log(0.3), math.log(200.0 / 0.3), 0.85, 0.0])
-    found = fit_step(made(p, 0.001), ShapeOptions("two", 0.0))
+    found = fit_step(made(p, 0.001), FitOptions(shape="two", dead_time_s=0.0))
     assert found.tau2 == pytest.approx(200.0, rel=0.2)
     assert found.rmse == pytest.approx(0.001, rel=0.05)
 
@@ -99,13 +101,13 @@ def test_quality_by_hand() -> None:
 
 def test_options() -> None:
     step = made(TRUTHS["overshoot"], 0.03)
-    held = fit_step(step, ShapeOptions("two", 0.0, share=0.7))
+    held = fit_step(step, FitOptions(shape="two", dead_time_s=0.0, share=0.7))
     assert (held.shape, held.C, held.dead_time_s) == ("two", 0.7, 0.0)
     assert held.rmse > 2 * fit_step(step).rmse
-    assert fit_step(made(TRUTHS["one"]), ShapeOptions("one", 0.25)).dead_time_s == 0.25
-    for wrong in (ShapeOptions("three"), ShapeOptions(dead_time_s=-1.0), ShapeOptions(dead_time_s=math.nan)):  # type: ignore[arg-type]
+    assert fit_step(made(TRUTHS["one"]), FitOptions(shape="one", dead_time_s=0.25)).dead_time_s == 0.25
+    for wrong in (FitOptions(shape="three"), FitOptions(dead_time_s=-1.0), FitOptions(dead_time_s=math.nan)):
         with pytest.raises(UsageError):
-            fit_steps([step], wrong)
+            check(wrong)
 
 
 def test_slow_noise_does_not_make_a_shape() -> None:
@@ -131,7 +133,7 @@ def test_what_is_no_step_says_so() -> None:
 def _read(name: str, **options: object) -> tuple[StepShape, ...]:
     from eaid.cli.inputs import stepset_from
 
-    return fit_steps(stepset_from([REALDATA / "rigs" / name], **options).level_steps)
+    return tuple(map(fit_step, stepset_from([REALDATA / "rigs" / name], **options).level_steps))
 
 
 @needs_realdata

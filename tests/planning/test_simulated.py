@@ -13,7 +13,7 @@ from eaid.planning import excitation, promise, recordings, simulated
 from eaid.planning.design import Experiment
 from eaid.planning.rigs import rig_of
 from eaid.synth.plants import clutch
-from eaid.uncertainty.intervals import IntervalOptions, with_intervals
+from eaid.uncertainty.intervals import with_intervals
 from eaid.uncertainty.noise import ASSUMED, Noise
 from tests.uncertainty.conftest import sets
 
@@ -65,7 +65,7 @@ def test_a_plan_that_cannot_be_met_stays_and_one_without_intervals_is_enlarged()
 @pytest.fixture(scope="module")
 def fitted(sets: Any) -> Any:
     made = sets.one_set(7, sets.VARIANTS["base"])
-    return with_intervals(made, fit(made), IntervalOptions(study_models=False))
+    return with_intervals(made, fit(made))
 
 
 def test_rigs_scatter_as_the_fit_is_sure(fitted: Any) -> None:

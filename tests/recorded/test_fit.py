@@ -14,7 +14,7 @@ from eaid.fitting.nonlinear import fit_nonlinear
 from eaid.logs.moves import is_recorded
 from eaid.models.parameters import REFERENCE_PLANT, Nonlinear
 from eaid.recorded import model
-from eaid.recorded.drive import drive_of
+from eaid.recorded.drive import Copies
 from eaid.recorded.fit import fit_recorded, inputs_of
 from eaid.recorded.log import RecordedLog, logs_of_steps, recorded_log
 from eaid.recorded.options import RecordedOptions
@@ -77,7 +77,7 @@ def test_step_logs_give_what_the_step_fits_give() -> None:
     runs = synthesise(clutch(), Protocol((20.0, 40.0, 60.0, 80.0, 100.0), 2, 1.0, 12.0, 0.0, 200.0), NOISE, 5)
     steps = build_stepset(runs, StepOptions())
     logs = logs_of_steps(steps)
-    drives = tuple(drive_of(log) for log in logs)
+    drives = tuple(Copies(log).every for log in logs)
     by_steps = fit_nonlinear(data_of(steps.levels), 0.85)
     levels = inputs_of(logs, None).levels
     found = solve(Setup(model.nonlinear(levels, 0.85, 12.0), drives))

@@ -25,7 +25,7 @@ def test_both_ways_give_back_what_the_fit_took_out_of_the_residuals() -> None:
     """A staircase of 12 s, linearised: noise of 1 % of the torque (AR(1)), whose score variance is known exactly."""
     e = Excitation("staircase", 240.0, rate_hz=RATE_HZ, hold_s=(0.5, 12.0))
     log = recorded_log(synthesise_excitation(clutch(), e, NONE, 0)[0])
-    setup = setup_of(model.nonlinear(np.linspace(10, 100, 10), 0.85, 240.0), [log])
+    setup = setup_of(model.nonlinear(np.linspace(10, 100, 10), 0.85, 240.0), [log]).every
     assert setup.model.basis is not None
     x = np.append(setup.model.basis.unknowns(REFERENCE_PLANT), 0.0)
     J = setup.jacobian(x, 0)[0]
@@ -44,7 +44,7 @@ def test_both_ways_give_back_what_the_fit_took_out_of_the_residuals() -> None:
     for _ in range(40):
         noise = lfilter([np.sqrt(1 - KEPT**2)], [1.0, -KEPT], draw.standard_normal(len(T))) * SHARE * T
         r = J @ (pull @ (J.T @ noise)) - noise
-        piece = piece_of(J, r, setup.columns(0), len(x), replace(setup.drives[0], y=T + noise), 0.0)
+        piece = piece_of(J, r, setup.places[0].columns, len(x), replace(setup.drives[0], y=T + noise), 0.0)
         found["spectrum"].append(variances(by_spectrum(piece, pull)))
         found["taken"].append(variances(by_spectrum(piece, 0 * pull)))
         white = _root(pull)

@@ -1,5 +1,6 @@
 """The response and its derivatives, against plain Python and complex steps."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -7,11 +8,11 @@ import pytest
 
 from eaid.models.parameters import REFERENCE_PLANT
 from eaid.recorded import model
-from eaid.recorded.drive import Drive, copies_of, drive_of
+from eaid.recorded.drive import Copies, Drive
 from eaid.recorded.kernel import response
 from eaid.recorded.log import RecordedLog
 from eaid.recorded.model import Tables
-from eaid.recorded.problem import Setup
+from eaid.recorded.problem import Setup, setup_of
 from eaid.replay.plant import plant_parameters, plant_step
 
 
@@ -63,7 +64,7 @@ def test_derivatives_are_those_of_complex_steps(kind: str, moving: bool) -> None
         "linear": model.linear(levels, 0.01, 30.0),
         "friction": model.friction(levels, 0.85, 30.0),
     }[kind]
-    drive = drive_of(log)
+    drive = Copies(log).every
     setup = Setup(one, (drive,), ("rest", "fall", "excess"))
     basis = model.nonlinear(levels, 0.85, 30.0).basis
     assert basis is not None
@@ -80,7 +81,7 @@ def test_derivatives_are_those_of_complex_steps(kind: str, moving: bool) -> None
         tables = one.tables(setup.maps[0], z)
         at = one.size
         share = z[at - 1] if kind == "free" else one.share
-        own = setup.own[0]
+        own = setup.places[0].own
         start = (z[own[1]], z[own[2]] if own[2] >= 0 else 0.0)
         return np.asarray(plainly(drive, tables, [share, *z[at : at + 5], z[own[0]]], start))
 
@@ -94,7 +95,7 @@ def test_derivatives_are_those_of_complex_steps(kind: str, moving: bool) -> None
 
 def test_products_are_those_of_the_rows() -> None:
     draw = np.random.default_rng(4)
-    setup = Setup(model.nonlinear(np.array([10.0, 35.0, 60.0, 100.0]), 0.85, 30.0), (drive_of(log_of(draw)),))
+    setup = Setup(model.nonlinear(np.array([10.0, 35.0, 60.0, 100.0]), 0.85, 30.0), (Copies(log_of(draw)).every,))
     basis = setup.model.basis
     assert basis is not None
     x = np.append(basis.unknowns(REFERENCE_PLANT), [0.02, 0.4, 0.1])
@@ -115,7 +116,7 @@ def test_the_model_moves_as_the_replays_plant_does() -> None:
         expected.append(x1 + x2)
         x1, x2 = plant_step(plant, x1, x2, float(u), float(dt))
     one = model.nonlinear(np.array([10.0, 35.0, 60.0, 100.0]), 0.85, 30.0)
-    drive = drive_of(log)
+    drive = Copies(log).every
     assert one.basis is not None
     tables = one.tables(one.rows_of(drive.duty), one.basis.unknowns(REFERENCE_PLANT))
     found = np.empty(len(expected))
@@ -138,10 +139,10 @@ def test_a_coarse_copy_costs_what_the_log_costs_but_for_a_constant(moving: bool)
     one = model.nonlinear(np.array([10.0, 40.0, 70.0, 100.0]), 0.85, 60.0)
     assert one.basis is not None
     x = one.basis.unknowns(REFERENCE_PLANT)
-    clean = Setup(one, (drive_of(log),)).jacobian(x, 0)[1]
+    clean = Setup(one, (Copies(log).every,)).jacobian(x, 0)[1]
     log = RecordedLog("log", log.time_s, duty, clean + draw.normal(0, 0.05, n), baseline=0.0, idle_start=True)
-    whole = Setup(one, (drive_of(log),))
-    small, sketch = copies_of(log)
+    whole = Setup(one, (Copies(log).every,))
+    small, sketch = Copies(log).small, Copies(log).sketch
     for copy, rows, rel in ((small, n / 4, 0.02 if moving else 1e-7), (sketch, n / 14, 0.05)):
         assert len(copy.dt_s) < rows
         assert copy.w.sum() == pytest.approx(n)
@@ -165,8 +166,30 @@ def test_a_held_input_with_uneven_times_and_gaps_is_compressed_exactly() -> None
     one = model.nonlinear(np.array([20.0, 50.0, 80.0]), 0.85, 60.0)
     assert one.basis is not None
     x = np.append(one.basis.unknowns(REFERENCE_PLANT), 0.1)
-    small = copies_of(log)[0]
-    whole, quick = (Setup(one, (drive,)).together(x) for drive in (drive_of(log), small))
+    small = Copies(log).small
+    whole, quick = (Setup(one, (drive,)).together(x) for drive in (Copies(log).every, small))
     assert len(small.dt_s) < n / 4
     assert quick[0] == pytest.approx(whole[0], rel=1e-8)
     np.testing.assert_allclose(quick[1], whole[1], rtol=1e-6, atol=1e-6 * np.abs(whole[1]).max())
+
+
+@pytest.mark.parametrize("even", [False, True])
+def test_the_pass_hold_by_hold_has_the_cost_and_the_gradient_of_every_row(even: bool) -> None:
+    """Falls to rest and between levels, an excess after them, start states, idle output, C: all unknowns at once."""
+    draw = np.random.default_rng(8)
+    log = log_of(draw)
+    y = log.output.copy()
+    y[[0, 70, 71, 400]] = np.nan
+    t = np.arange(len(y)) / 50 if even else log.time_s
+    log = RecordedLog("log", t, log.input, y, idle_start=False, weight=3.0)
+    levels = np.array([10.0, 35.0, 60.0, 100.0])
+    setup = replace(setup_of(model.nonlinear(levels, None, 30.0), [log]), extras=("rest", "fall", "excess"))
+    assert setup.model.basis is not None
+    coefficients = setup.model.basis.unknowns(REFERENCE_PLANT)
+    x = np.concatenate([coefficients[:-1], [0.8, 0.3, 7.0, 1.3, 0.8, 0.05, 0.02, 0.4, 0.1]])
+    cost, gradient = setup.on_every_sample(x)
+    exact, slope, curvature = setup.every.together(x)
+    assert cost == pytest.approx(exact, rel=1e-12)
+    np.testing.assert_allclose(gradient / np.sqrt(np.diagonal(curvature) * exact), slope / np.sqrt(
+        np.diagonal(curvature) * exact), atol=1e-11)  # fmt: skip
+    assert (np.abs(slope) > 0).all()

@@ -15,7 +15,7 @@ from eaid.replay import references
 from eaid.replay.controllers import pi_controller, rc_controller
 from eaid.replay.optimize import Bench, Search, optimize
 from eaid.replay.rig import Rig
-from eaid.replay.standard import beside_the_bound, replayed, steepest_nm_s
+from eaid.replay.scenarios import replayed
 from eaid.results.fit import Fit
 
 BOUNDS = Bounds("zero-offset", (), 12.4, 42.6, ())
@@ -41,19 +41,19 @@ def measured(gains, seed=0):
 
 def test_figures_of_the_reference_plant():
     """Specification 6: 0.116 and 0.797 N·m, 85 % less."""
-    told = beside_the_bound(REFERENCE_PLANT, RC, PI, MULTISINE, "multisine")
-    assert told.rc.max_abs_error_nm == pytest.approx(0.116, abs=5e-4)
-    assert told.pi.max_abs_error_nm == pytest.approx(0.797, abs=5e-4)
-    assert told.slope_nm_s == pytest.approx(9.3, abs=0.05)
+    rc, pi = (replayed(REFERENCE_PLANT, law, MULTISINE) for law in (rc_controller(RC), pi_controller(PI)))
+    assert rc.max_abs_error_nm == pytest.approx(0.116, abs=5e-4)
+    assert pi.max_abs_error_nm == pytest.approx(0.797, abs=5e-4)
+    assert MULTISINE.steepest_nm_s == pytest.approx(9.3, abs=0.05)
     meets_spec = replayed(REFERENCE_PLANT, pi_controller(PI._replace(K_P=156.6, K_I=252.9)), MULTISINE)
-    less = 1 - told.rc.max_abs_error_nm / meets_spec.max_abs_error_nm
+    less = 1 - rc.max_abs_error_nm / meets_spec.max_abs_error_nm
     assert less == pytest.approx(0.69, abs=0.01)
 
 
 def test_the_replayed_error_lies_below_the_ultimate_bound():
     from eaid.control.rc_design import law_of
 
-    law = law_of(PAPER_LINEAR, BOUNDS, DesignOptions(B_hat="minimax", Q_M=steepest_nm_s(MULTISINE)))
+    law = law_of(PAPER_LINEAR, BOUNDS, DesignOptions(B_hat="minimax", Q_M=MULTISINE.steepest_nm_s))
     worst = replayed(REFERENCE_PLANT, rc_controller(law.gains), MULTISINE).max_abs_error_nm
     assert worst < law.ultimate_bound_nm()
 
@@ -111,4 +111,4 @@ def test_margins_are_asked_for():
 
 def test_steepest_is_by_central_differences():
     slope = references.Reference(np.array([0.0, 0.0, 0.004, 0.004]), 1e-3)
-    assert steepest_nm_s(slope) == pytest.approx(2.0)
+    assert slope.steepest_nm_s == pytest.approx(2.0)

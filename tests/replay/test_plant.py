@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from eaid.errors import DataError, UsageError
 from eaid.models.nonlinear import step_response
 from eaid.models.parameters import REFERENCE_PLANT, Nonlinear
+from eaid.replay.compare import driven
 from eaid.replay.plant import falling_taus, perturbed, plant_parameters, plant_slope, plant_step, plant_terms
-from eaid.replay.recorded import driven
 
 PLANT = plant_parameters(REFERENCE_PLANT)
 DUTY = st.floats(0.0, 100.0)

@@ -8,7 +8,7 @@ import eaid
 from eaid.cli.main import run
 from eaid.report.figures import coupling as figures
 from eaid.report.results import read_results
-from eaid.report.tables.gains import walls_table
+from eaid.report.tables.gains import walls_tables
 
 
 @pytest.fixture(scope="module")
@@ -28,8 +28,8 @@ def test_the_page_has_the_figure_and_the_table(folder: Path, capsys: pytest.Capt
     page = (folder / "page/report.html").read_text(encoding="utf-8")
     assert "How stiff a virtual wall may be" in page
     found = eaid.load(folder / "couple.json")
-    table = walls_table(found)
-    assert len(table.rows) == len(found.walls)
+    table, pair = walls_tables(found)
+    assert len(table.rows) == len(found.walls) and len(pair.rows) == len(found.pair) > 0
     first = f"{found.walls[1].K_passive:.3g}"
     assert first in page
 

@@ -158,7 +158,7 @@ def asked(random: Random) -> StepOptions:
     how = int(random.integers(0, 12))
     low = float(random.uniform(-2, 0.1))
     rules = {
-        0: BaselineRule("first"), 1: BaselineRule("none"), 2: BaselineRule("value", 0.2),
+        0: BaselineRule("first"), 1: BaselineRule("value", 0.0), 2: BaselineRule("value", 0.2),
         3: BaselineRule("window", window_s=(low, low + 0.5)),
     }  # fmt: skip
     options = StepOptions(baseline=rules.get(how, BaselineRule()), keep_sign=how == 4)

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from eaid.arrays import read_only
 from eaid.errors import DataError
 from eaid.logs.run import Run
-from eaid.steps.baseline import BaselineRule
+from eaid.steps.baseline import baseline_rule
 from eaid.steps.build import build_stepset
 from eaid.steps.by_instant import onset
 from eaid.steps.cut import cut
@@ -247,7 +247,7 @@ def test_levels_option_and_its_sentence() -> None:
 
 
 def test_baseline_kept() -> None:
-    (kept,) = build_stepset([log([(0, 2), (50, 4)], offset=0.3)], StepOptions(baseline=BaselineRule("none"))).levels
+    (kept,) = build_stepset([log([(0, 2), (50, 4)], offset=0.3)], StepOptions(baseline=baseline_rule("none"))).levels
     (gone,) = build_stepset([log([(0, 2), (50, 4)], offset=0.3)]).levels
     np.testing.assert_allclose(kept.mean - gone.mean, 0.3, atol=1e-12)
 

@@ -17,7 +17,7 @@ from eaid.steps.cut import cut
 from eaid.steps.cut_runs import StepOptions
 from eaid.steps.direction import direction
 from eaid.steps.edges import edges
-from eaid.steps.noise import sample_noise, sample_steps, sampled
+from eaid.steps.noise import sample_noise, sampled
 from eaid.steps.slip import slip_of
 from eaid.steps.slow import slow_constant
 
@@ -96,7 +96,6 @@ def test_long_records_are_judged_by_stretches(monkeypatch: pytest.MonkeyPatch) -
     monkeypatch.setattr(noise, "LONG", 1 << 20)
     values = np.random.default_rng(0).normal(size=1 << 20)
     assert len(sampled(values)) == 32 << 14
-    assert len(sample_steps(values)) == 32 * ((1 << 14) - 1)
     assert sample_noise(values) == pytest.approx(1.0, rel=0.02)
     assert sampled(values)[0] == values[0] and sampled(values)[-1] == values[-1]
     assert len(sampled(values[:-1])) == len(values) - 1

@@ -124,7 +124,7 @@ def test_spikes_in_the_idle_are_left_out() -> None:
     [
         ("auto", BaselineRule()),
         ("FIRST", BaselineRule("first")),
-        ("none", BaselineRule("none")),
+        ("none", BaselineRule("value", 0.0)),
         ("-0.5", BaselineRule("value", -0.5)),
         ("-2:-0.5", BaselineRule("window", window_s=(-2.0, -0.5))),
     ],

@@ -1,9 +1,10 @@
 import numpy as np
 import pytest
 
+from eaid.fitting.basis import basis_of, constraints
 from eaid.models.parameters import REFERENCE_PLANT, Nonlinear
 from eaid.uncertainty.curve import curve_of_single_runs, curve_with_repeats, powers, through
-from eaid.uncertainty.joint import BLOCKS, coefficients_of, constraints, with_joint_covariance
+from eaid.uncertainty.joint import BLOCKS, coefficients_of, limits_of, with_joint_covariance
 from eaid.uncertainty.twostage import two_stage
 
 DUTY = np.arange(10.0, 101.0, 10.0)
@@ -68,7 +69,7 @@ def test_two_stage_keeps_the_constraints() -> None:
     variance = {name: np.full(10, 1e-3) for name in theta}
     curves = {n: curve_with_repeats(DUTY, theta[n], variance[n], 20, 4 if n == "Ts" else 3) for n in BLOCKS}
     found = two_stage(DUTY, theta, variance, curves, np.eye(3), 0.85)
-    rows, offset = constraints(found.counts, found.u_range)
+    rows, offset = limits_of(found.counts, found.u_range)
     assert (rows @ found.values - offset).min() > -1e-9
     assert found.constrained
     assert np.isfinite(found.covariance).all()
@@ -93,3 +94,16 @@ def test_coefficients_survive_the_change_of_units() -> None:
     c = coefficients_of(REFERENCE_PLANT)
     assert c.plant() == Nonlinear(**vars(REFERENCE_PLANT))
     assert c.at("tau2", DUTY) == pytest.approx(TAU2)
+
+
+@pytest.mark.parametrize("free", [False, True])
+def test_the_limits_in_powers_of_the_duty_are_those_of_the_fit(free: bool) -> None:
+    """Row by row the same slack, in whatever basis the model is written; that of τ2's end is the fit's alone."""
+    p = Nonlinear((0.2, 1e-3, -1e-5), (1.0, -3e-2, 2e-4), (-0.5, 1e-2, 1e-3, 1e-6), (10.0, 90.0), 0.8)
+    c = coefficients_of(p, free)
+    A, b = limits_of(c.counts, c.u_range, free)
+    basis = basis_of(np.linspace(10.0, 90.0, 9), None if free else p.C)
+    of_the_fit, least, _ = constraints(basis, 20.0)
+    slack = np.delete(of_the_fit @ basis.unknowns(p) - least, slice(303, 404))
+    assert A @ c.values - b == pytest.approx(slack, abs=1e-12) and (slack < 0).any()
+    assert A.shape == (303 + 2 * free, 10 + free)

@@ -8,8 +8,8 @@ import pytest
 from scipy import stats
 
 from eaid.fitting.fit import fit
-from eaid.fitting.options import FitOptions
 from eaid.models import friction
+from eaid.results.fit import FitOptions
 from eaid.uncertainty import linear_intervals
 from eaid.uncertainty.adequacy import adequacy, effective_samples
 from eaid.uncertainty.level_statistics import statistics_at_share

@@ -1,23 +1,27 @@
 import json
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+import eaid
 from eaid.errors import UsageError
 from eaid.fitting.fit import fit
-from eaid.fitting.options import FitOptions
 from eaid.models import friction
 from eaid.models.parameters import Friction
 from eaid.results import codec
-from eaid.results.fit import Fit
+from eaid.results.fit import Fit, FitAsked, FitOptions
 from eaid.steps.stepset import Level, StepSet
+from eaid.synth.disturbance import NONE
+from eaid.synth.excitation import Excitation, synthesise_excitation
+from eaid.synth.plants import clutch
 from eaid.uncertainty.draw import draw
-from eaid.uncertainty.intervals import METHODS, IntervalOptions, with_intervals
+from eaid.uncertainty.intervals import with_intervals
 from eaid.uncertainty.workflow import fit_steps
 
-JOINT = IntervalOptions(estimator="joint")
+JOINT = FitOptions(estimator="joint")
 
 
 def codes(found: Fit) -> set[str]:
@@ -78,7 +82,7 @@ def test_same_input_same_bytes(made: StepSet, fitted: Any, body: Fit) -> None:
 
 
 def test_plants_are_drawn_from_what_is_kept(made: StepSet, fitted: Any) -> None:
-    found = with_intervals(made, fitted, IntervalOptions(estimator="two-stage"))
+    found = with_intervals(made, fitted, FitOptions(estimator="two-stage"))
     plants = draw(found, 400, 0).plants
     at = 50.0 ** np.arange(4)
     values = np.array([np.array(p.Ts) @ at for p in plants])
@@ -89,7 +93,7 @@ def test_plants_are_drawn_from_what_is_kept(made: StepSet, fitted: Any) -> None:
 
 
 def test_two_stage_estimator_takes_the_models_place(made: StepSet, fitted: Any, body: Fit) -> None:
-    found = with_intervals(made, fitted, IntervalOptions(estimator="two-stage"))
+    found = with_intervals(made, fitted, FitOptions(estimator="two-stage"))
     assert found.nonlinear.estimator == "two-stage" and found.nonlinear.because == "asked"
     assert found.plant.tau2 == found.nonlinear.tau2
     assert found.nonlinear.tau2 == body.nonlinear.two_stage.tau2
@@ -103,7 +107,7 @@ def test_the_evidence_chooses_the_estimate(sets: Any) -> None:
     for seed in range(30):
         found = sets.one_set(seed, sets.VARIANTS["base"], samples=400)
         fitted = fit(found)
-        ways = {e: IntervalOptions(estimator=e, study_models=False) for e in ("auto", "joint", "two-stage")}
+        ways = {e: FitOptions(estimator=e) for e in ("auto", "joint", "two-stage")}
         auto = with_intervals(found, fitted, ways["auto"])
         says = auto.nonlinear.agreement[0]
         if "tau2" in {one.parameter for one in says.disagreements}:
@@ -122,7 +126,7 @@ def test_the_evidence_chooses_the_estimate(sets: Any) -> None:
 @pytest.mark.parametrize("ci", ["bootstrap", "profile"])
 def test_the_other_ways_agree(made: StepSet, fitted: Any, body: Fit, ci: str) -> None:
     """Within a third of the width: 60 refits know a standard deviation to 9 %, three runs a level to 16 %."""
-    other = with_intervals(made, fitted, IntervalOptions(ci=ci, draws=60, study_models=False))
+    other = with_intervals(made, fitted, FitOptions(ci=ci, draws=60))
     ratio = []
     for row, second in zip(body.friction.levels, other.friction.levels, strict=True):
         for name in ("Ts", "tau1", "tau2"):
@@ -139,13 +143,13 @@ def test_the_other_ways_agree(made: StepSet, fitted: Any, body: Fit, ci: str) ->
 def test_bootstrap_does_not_depend_on_the_processes(made: StepSet, fitted: Any) -> None:
     few = replace(made, levels=made.levels[-3:])
     small = fit(few, FitOptions(models=("friction",)))
-    ways = [IntervalOptions(ci="bootstrap", draws=6, workers=n, study_models=False, seed=3) for n in (1, 2)]
-    first, second = (with_intervals(few, small, way).friction for way in ways)
+    asked = FitOptions(ci="bootstrap", draws=6, seed=3)
+    first, second = (with_intervals(few, small, asked, workers=n).friction for n in (1, 2))
     assert first == second
 
 
 def test_white_is_the_textbook_and_far_narrower(made: StepSet, fitted: Any, body: Fit) -> None:
-    white = with_intervals(made, fitted, IntervalOptions(ci="white", study_models=False))
+    white = with_intervals(made, fitted, FitOptions(ci="white"))
     own, textbook = (np.diff(rows[4].ci95.Ts)[0] for rows in (body.friction.levels, white.friction.levels))
     assert textbook < own / 4
     level, curve = made.levels[4], fitted.friction.levels[4].curve
@@ -156,21 +160,20 @@ def test_white_is_the_textbook_and_far_narrower(made: StepSet, fitted: Any, body
 
 
 def test_none_gives_no_intervals_but_keeps_the_words(made: StepSet, fitted: Any) -> None:
-    found = with_intervals(made, fitted, IntervalOptions(ci="none"))
+    found = with_intervals(made, fitted, FitOptions(ci="none"))
     assert found.nonlinear.ci95 is None and found.linear.ci95 is None
     assert found.linear.identifiable is True
 
 
 def test_an_unknown_way_is_refused(made: StepSet, fitted: Any) -> None:
     with pytest.raises(UsageError, match="ci= magic: must be one of robust, bootstrap, profile, white, none"):
-        with_intervals(made, fitted, IntervalOptions(ci="magic"))
-    assert set(METHODS) == {"robust", "bootstrap", "profile", "white", "none"}
+        with_intervals(made, fitted, FitOptions(ci="magic"))
 
 
 @pytest.mark.parametrize("convention", ["pooled-offset", "pooled-dynamics"])
 def test_other_conventions_have_intervals_too(made: StepSet, convention: str) -> None:
     found = fit(made, FitOptions(models=("friction", "linear"), bounds=convention))
-    sure = with_intervals(made, found, IntervalOptions(study_models=False))
+    sure = with_intervals(made, found)
     for row, ci in zip(found.linear.per_level, sure.linear.per_level, strict=True):
         if row.B is not None and ci.ci95.B is not None:
             assert ci.ci95.B[0] < row.B < ci.ci95.B[1]
@@ -200,7 +203,7 @@ def test_a_short_record_leaves_tau2_open() -> None:
     left = [one for one in sure.findings if one.code == "tau2-open"]
     assert left and all(one.values["curve_half_width"] < 1 for one in left) and (10.0,) in [one.levels for one in left]
     assert sure.friction.levels[0].ci95.tau2 is None
-    profiled = with_intervals(short, fit(short), IntervalOptions(ci="profile", study_models=False))
+    profiled = with_intervals(short, fit(short), FitOptions(ci="profile"))
     assert all(row.ci95.tau2 is None for row in profiled.friction.levels if (row.level,) in [o.levels for o in left])
     assert sure.friction.levels[0].ci95.tau1 is not None
 
@@ -239,7 +242,7 @@ def test_overshoot_under_hold_is_named() -> None:
 
 def test_a_free_share_is_told_to_trade_against_tau2() -> None:
     short = steps([Friction(1.0 + i, 0.2, 6.0) for i in range(4)], record_s=3.0, sd=0.02, runs=3)
-    sure = with_intervals(short, fit(short, FitOptions(share=None, models=("friction",))))
+    sure = with_intervals(short, fit(short, FitOptions(share="free", models=("friction",))))
     assert "free-share-open" in codes(sure)
 
 
@@ -267,7 +270,19 @@ def test_typed_options_and_results_agree(made: StepSet) -> None:
     """What is asked for is what stands in the result of the one entry, its parameters and its plant."""
     joint, two = (fit_steps(made, FitOptions(estimator=name, ci="none")) for name in ("joint", "two-stage"))
     assert joint.nonlinear and two.nonlinear and joint.nonlinear.two_stage and two.nonlinear.joint
-    assert (joint.options.estimator, two.options.estimator) == ("joint", "two-stage")
+    assert joint.options == FitAsked(estimator="joint", ci="none") and two.options.estimator == "two-stage"
     assert two.nonlinear.parameters == joint.nonlinear.two_stage.parameters == two.plant
     assert joint.nonlinear.parameters == two.nonlinear.joint.parameters == joint.plant
     assert joint.nonlinear.rmse < two.nonlinear.rmse  # the joint fit has the least squares, not the best curves
+
+
+def test_every_option_stands_in_the_file_of_steps_and_of_recorded_logs(tmp_path: Path) -> None:
+    """One type holds what is asked for and what is kept: an option of a value of its own comes back from the file."""
+    asked = FitOptions(models=("linear",), share=0.8, ci="none", seed=7, draws=12, shape="two", dead_time_s=0.0)
+    steps = eaid.synth(levels=(20.0, 60.0, 100.0), rate_hz=50.0, seed=1)
+    logs = synthesise_excitation(clutch(), Excitation("prbs", duration_s=60.0, rate_hz=50.0), NONE, 1)
+    for data in (steps, replace(steps, recorded=tuple(logs))):
+        file = tmp_path / "fit.json"
+        eaid.fit(data, asked).save(file, force=True)
+        kept = eaid.load(file).options
+        assert FitOptions(*(getattr(kept, name) for name in FitOptions.__struct_fields__)) == asked

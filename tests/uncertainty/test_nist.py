@@ -8,9 +8,9 @@ import pytest
 
 from eaid.apparatus import Apparatus
 from eaid.fitting.fit import fit
-from eaid.fitting.options import FitOptions
+from eaid.results.fit import FitOptions
 from eaid.steps.stepset import Level, StepSet
-from eaid.uncertainty.intervals import IntervalOptions, with_intervals
+from eaid.uncertainty.intervals import with_intervals
 from eaid.uncertainty.student_t import t_quantile
 
 BOXBOD = ([1, 2, 3, 5, 7, 10], [109, 149, 149, 191, 213, 224])
@@ -33,7 +33,7 @@ def test_certified_standard_deviations(name: str) -> None:
     assert found.linear is not None
     row = found.linear.per_level[0]
     assert (row.gain, row.a0) == (pytest.approx(gain, rel=1e-7), pytest.approx(rate, rel=1e-7))
-    white = with_intervals(stepset, found, IntervalOptions(ci="white"))
+    white = with_intervals(stepset, found, FitOptions(ci="white"))
     assert white.linear is not None
     ends, t = white.linear.per_level[0].ci95, t_quantile(len(x) - 2)
     assert ends is not None and ends.gain is not None and ends.a0 is not None

@@ -76,10 +76,10 @@ def test_the_fit_keeps_it_beside_the_noise(sets: Any) -> None:
 
 def test_a_plan_counts_it_apart(sets: Any) -> None:
     from eaid.fitting.fit import fit
-    from eaid.uncertainty.intervals import IntervalOptions, with_intervals
+    from eaid.uncertainty.intervals import with_intervals
 
     made = sets.one_set(3, sets.VARIANTS["base"])
-    found = with_intervals(made, fit(made), IntervalOptions(study_models=False))
+    found = with_intervals(made, fit(made))
     whole, apart = noise_of_fit(found), noise_of_fit(found, apart=True)
     assert whole is not None and apart is not None and whole.periodic is None and apart.periodic is not None
     assert apart.ripple_s < whole.ripple_s

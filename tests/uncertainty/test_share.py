@@ -1,18 +1,18 @@
 """The C that runs ask for: found, told where it matters, and not asked of runs that cannot tell."""
 
-from dataclasses import replace
 from typing import Any
 
+import msgspec
 import numpy as np
 import pytest
 
 from eaid.apparatus import Apparatus
 from eaid.fitting.fit import fit
-from eaid.fitting.options import FitOptions
 from eaid.models import friction
 from eaid.models.parameters import Friction
+from eaid.results.fit import FitOptions
 from eaid.steps.stepset import Level, StepSet
-from eaid.uncertainty.intervals import IntervalOptions, with_intervals
+from eaid.uncertainty.intervals import with_intervals
 from eaid.uncertainty.level_statistics import LevelStatistics, level_statistics
 from eaid.uncertainty.share import share_of
 
@@ -47,7 +47,7 @@ def test_the_plants_own_share_is_found(sets: Any) -> None:
 
 
 def test_it_is_told_in_one_sentence_with_numbers(other: StepSet) -> None:
-    sure = with_intervals(other, fit(other, FRICTION), IntervalOptions(study_models=False))
+    sure = with_intervals(other, fit(other, FRICTION))
     said = sure.uncertainty.share
     assert said.rejected and said.matters and said.ci95[0] < 0.88 < said.ci95[1]
     (one,) = [one for one in sure.findings if one.code == "runs-reject-the-share"]
@@ -59,9 +59,9 @@ def test_intervals_that_count_it_hold_the_plant(other: StepSet, sets: Any) -> No
     """At the estimate the plant's T_s and τ2 are held, which at the C of 0.85 they are not; a refit gives the same."""
     true = sets.truth(sets.VARIANTS["share"])
     fitted = fit(other, FRICTION)
-    sure = with_intervals(other, fitted, IntervalOptions(study_models=False))
+    sure = with_intervals(other, fitted)
     share = sure.uncertainty.share
-    again = fit(other, replace(FRICTION, share=share.estimate)).friction
+    again = fit(other, msgspec.structs.replace(FRICTION, share=share.estimate)).friction
     assert again is not None and sure.friction is not None
     hits = {"there": 0, "held": 0}
     for row, level, value, curve in zip(
@@ -75,7 +75,7 @@ def test_intervals_that_count_it_hold_the_plant(other: StepSet, sets: Any) -> No
 
 def test_a_share_that_agrees_needs_no_warning(sets: Any) -> None:
     made = sets.one_set(3, sets.VARIANTS["base"])
-    sure = with_intervals(made, fit(made, FRICTION), IntervalOptions(study_models=False))
+    sure = with_intervals(made, fit(made, FRICTION))
     assert not sure.uncertainty.share.rejected and not TOLD & {one.code for one in sure.findings}
 
 
@@ -88,7 +88,7 @@ def test_short_records_cannot_tell_it() -> None:
         for i in range(5)
     )  # fmt: skip
     made = StepSet("clutch", "%", "N·m", Apparatus(), levels)
-    sure = with_intervals(made, fit(made, FRICTION), IntervalOptions(study_models=False))
+    sure = with_intervals(made, fit(made, FRICTION))
     said = sure.uncertainty.share
     assert not said.rejected
     assert {"runs-give-no-share", "runs-leave-the-share-open"} & {one.code for one in sure.findings}
@@ -109,6 +109,6 @@ def test_levels_that_differ_in_it_are_told_apart() -> None:
 
 
 def test_a_free_share_is_not_asked_for(other: StepSet) -> None:
-    found = fit(other, replace(FRICTION, share=None)).friction
+    found = fit(other, msgspec.structs.replace(FRICTION, share="free")).friction
     assert found is not None
     assert share_of(level_statistics(other.levels, found.levels, share_free=True)) is None

@@ -8,8 +8,9 @@ import pytest
 
 from eaid.cli.inputs import stepset_from
 from eaid.fitting.fit import fit
+from eaid.results.fit import FitOptions
 from eaid.synth.datasets import shipped
-from eaid.uncertainty.intervals import IntervalOptions, with_intervals
+from eaid.uncertainty.intervals import with_intervals
 
 
 def log_widths(rows: Any, name: str) -> np.ndarray:
@@ -21,8 +22,8 @@ def log_widths(rows: Any, name: str) -> np.ndarray:
 def both(kind: str) -> Any:
     stepset = stepset_from([Path(shipped()[kind])])
     found = fit(stepset)
-    ours = with_intervals(stepset, found, IntervalOptions(estimator="joint", study_models=False))
-    other = IntervalOptions(ci="bootstrap", draws=100, estimator="joint", study_models=False)
+    ours = with_intervals(stepset, found, FitOptions(estimator="joint"))
+    other = FitOptions(ci="bootstrap", draws=100, estimator="joint")
     return ours, with_intervals(stepset, found, other)
 
 

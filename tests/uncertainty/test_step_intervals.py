@@ -7,7 +7,8 @@ import pytest
 
 from benchmarks.step_coverage import coverage
 from benchmarks.stop_findings import wander
-from eaid.fitting.step_shapes import ShapeOptions, fit_step
+from eaid.fitting.step_shapes import fit_step
+from eaid.results.fit import FitOptions
 from eaid.results.steps import StepShape
 from eaid.steps.stepset import LevelStep
 from eaid.uncertainty.step_intervals import stationary_variance, with_interval
@@ -23,7 +24,7 @@ def made(noise: float = 0.01, tau2: float = 2.0, samples: float = 0.1, seed: int
 
 
 def fitted(step: LevelStep, ci: str = "robust") -> StepShape:
-    return with_interval(step, fit_step(step, ShapeOptions("two", 0.0)), ci)
+    return with_interval(step, fit_step(step, FitOptions(shape="two", dead_time_s=0.0)), ci)
 
 
 def half(interval: tuple[float, float] | None) -> float:

@@ -10,16 +10,16 @@ import pytest
 from eaid.fitting.data import data_of
 from eaid.fitting.fit import fit
 from eaid.fitting.nonlinear import fit_nonlinear
-from eaid.fitting.options import FitOptions
 from eaid.fitting.weights import spread_weights
 from eaid.models import friction
+from eaid.results.fit import FitOptions
 from eaid.steps.stepset import StepSet
-from eaid.uncertainty.intervals import IntervalOptions, with_intervals
+from eaid.uncertainty.intervals import with_intervals
 from eaid.uncertainty.level_statistics import statistics_at_share
 from eaid.uncertainty.linear_intervals import pooled_intervals
 from eaid.uncertainty.weightings import spread_rises
 
-QUICK = IntervalOptions(estimator="joint", study_models=False)
+QUICK = FitOptions(estimator="joint")
 
 
 @pytest.fixture(scope="module")

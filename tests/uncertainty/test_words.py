@@ -12,17 +12,14 @@ from eaid.cli import main
 from eaid.errors import on_command_line
 from eaid.findings import merged, say, sentences
 from eaid.fitting.fit import fit
-from eaid.fitting.options import FitOptions
 from eaid.models import friction
 from eaid.models.parameters import Friction
 from eaid.report.page.known import known, sentence
 from eaid.report.results import read_results
 from eaid.results import codec
-from eaid.results.fit import Fit
+from eaid.results.fit import Fit, FitOptions
 from eaid.steps.stepset import Level, StepSet
-from eaid.uncertainty.intervals import IntervalOptions, with_intervals
-
-QUICK = IntervalOptions(study_models=False)
+from eaid.uncertainty.intervals import with_intervals
 
 
 def codes(found: Fit) -> set[str]:
@@ -30,7 +27,7 @@ def codes(found: Fit) -> set[str]:
 
 
 def judged(stepset: StepSet, **options: Any) -> Fit:
-    return with_intervals(stepset, fit(stepset, FitOptions(**options)), QUICK)
+    return with_intervals(stepset, fit(stepset, FitOptions(**options)))
 
 
 def noisy(kind: str, unit: str, curves: dict[float, Friction], end_s: float, noise: float = 0.002) -> StepSet:
@@ -78,7 +75,7 @@ def test_every_level_of_many_leaves_b0_to_the_convention(sets: Any) -> None:
 
 def test_a_free_share_is_told_to_trade_against_tau2(sets: Any) -> None:
     curves = {float(u): sets.plant(float(u), sets.VARIANTS["base"]) for u in (20, 40, 60, 80, 100)}
-    sure = judged(noisy("clutch", "%", curves, 20.0), share=None)
+    sure = judged(noisy("clutch", "%", curves, 20.0), share="free")
     (one,) = [one for one in sure.findings if one.code == "share-free"]
     assert 0.8 < one.values["C"] < 0.9
 
@@ -87,7 +84,7 @@ def test_merged_friction_rates() -> None:
     """τ2 = (5 + 0.6 Ω) e^(−0.06 Ω): two equal rates, of which only the limit is known."""
     curves = {float(rpm): Friction(1.0, 0.05, float((5 + 0.6 * rpm) * np.exp(-0.06 * rpm))) for rpm in range(5, 41, 5)}
     found = fit(noisy("friction-speed", "RPM", curves, 40.0, 1e-6))
-    sure = with_intervals(noisy("friction-speed", "RPM", curves, 40.0, 1e-6), found, QUICK)
+    sure = with_intervals(noisy("friction-speed", "RPM", curves, 40.0, 1e-6), found)
     assert found.friction is not None and sure.friction is not None
     assert found.friction.trends["tau2"].form == "merged-exponential"
     assert {one.values["parameter"] for one in sure.findings if one.code == "trend-rates-merge"} >= {"tau2"}

@@ -13,7 +13,6 @@ from eaid.control.pi import PIGains, pi_start, pi_step
 from eaid.control.pi_design import StepMetrics, step_metrics
 from eaid.control.rc import RCGains
 from eaid.fitting.fit import fit
-from eaid.fitting.options import FitOptions
 from eaid.logs.options import ReadOptions
 from eaid.logs.read import read_runs
 from eaid.logs.run import INPUT_UNITS
@@ -30,6 +29,7 @@ from eaid.replay.rehab_statistics import statistics
 from eaid.replay.rig import Rig
 from eaid.replay.scenarios import measure
 from eaid.results.codec import to_plain
+from eaid.results.fit import FitOptions
 from eaid.results.linear import Linear
 from eaid.results.replay import Exercise
 from eaid.steps.build import build_stepset

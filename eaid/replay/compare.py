@@ -1,4 +1,4 @@
-"""A recorded run on the fitted plant: its own duty played again, and, over a closed-loop run, the same controllers.
+"""Recorded runs beside the fitted plant: their own duty played again, and, over a closed loop, the same controllers.
 
 The duty of a row acts until the next row's time, each interval exactly (`plant_step`), from rest at first. A run
 that may begin loaded (a release, or a first duty that is not zero) starts at the two parts that fit its first held
@@ -11,6 +11,7 @@ own baseline, else the mean over the leading rows at zero duty where there are t
 
 import itertools
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import msgspec
@@ -21,11 +22,12 @@ from eaid.errors import DataError
 from eaid.logs.run import Run
 from eaid.replay.controllers import Controller
 from eaid.replay.loop import Trace, replay
-from eaid.replay.metrics import tracking
 from eaid.replay.plant import PlantParameters, falling_taus, plant_step, plant_terms
 from eaid.replay.references import Reference
 from eaid.replay.rig import Rig
+from eaid.replay.scenarios import measure, record
 from eaid.results.metrics import Metrics
+from eaid.results.replay import Record
 
 IDLE_ROWS = 10
 """Fewest rows at zero duty before the first other one that make an idle value."""
@@ -37,7 +39,7 @@ TELLS_APART = 50.0
 
 
 @dataclass(frozen=True, eq=False)
-class Recorded:
+class Compared:
     """A run on its own clock from 0, torque counted from idle, with the model's torque for the same duty; shapes
     (n,)."""
 
@@ -52,6 +54,60 @@ class Recorded:
     """Torque from which the model starts [N·m]."""
     reference_nm: Array | None
     """The log's own reference [N·m], where it has one."""
+
+    @property
+    def dt_s(self) -> float:
+        """Mean interval between rows [s]."""
+        return float(self.time_s[-1] / (len(self.time_s) - 1))
+
+    def difference(self) -> Record:
+        """The model's torque as a record, and how far it is from the recorded one, which stands as its reference."""
+        apart = self.recorded_nm - self.model_nm
+        spread = float(np.linalg.norm(self.recorded_nm - self.recorded_nm.mean()))
+        told = Metrics(
+            max_abs_difference_nm=float(np.abs(apart).max()),
+            rms_difference_nm=_rms(apart),
+            mean_difference_nm=float(apart.mean()),
+            R2=1 - (float(np.linalg.norm(apart)) / spread) ** 2 if spread > 0 else None,
+            fit_pct=100 * (1 - float(np.linalg.norm(apart)) / spread) if spread > 0 else None,
+            one_step_pct=100 * (1 - float(np.linalg.norm(np.diff(apart))) / spread) if spread > 0 else None,
+            idle_nm=self.idle_nm,
+            start_nm=self.start_nm,
+            reference_is="recorded torque",
+        )
+        model = Trace(self.name, self.dt_s, self.time_s, self.recorded_nm, self.model_nm, self.duty_pct)
+        return record(model, told, role="recorded-input")
+
+    def closed_loop(
+        self,
+        plant: PlantParameters,
+        laws: Iterable[Controller],
+        rig: Rig,
+        limits_pct: tuple[float, float],
+        seed: int = 0,
+    ) -> dict[str, Record]:
+        """The recorded loop, and controllers replayed on its reference at its own rate: does the model predict the rig?
+
+        The reference is taken on a uniform grid, by straight lines between its rows.
+        """
+        assert self.reference_nm is not None
+        loop = Trace("recorded", self.dt_s, self.time_s, self.reference_nm, self.recorded_nm, self.duty_pct, limits_pct)
+        found = {"recorded": record(loop, Metrics(**msgspec.structs.asdict(loop.tracking())), role="recorded-loop")}
+        grid = np.arange(len(self.time_s)) * self.dt_s
+        wanted = Reference(read_only(np.interp(grid, self.time_s, self.reference_nm)), self.dt_s)
+        for law in laws:
+            trace = replay(plant, law, wanted.torque_nm, rig, self.dt_s, seed)
+            torque = np.interp(trace.time_s, self.time_s, self.recorded_nm) - trace.torque_nm
+            duty = np.interp(trace.time_s, self.time_s, self.duty_pct) - trace.duty_pct
+            measured = msgspec.structs.replace(
+                measure(trace, wanted), rms_from_recorded_nm=_rms(torque), rms_duty_from_recorded_pct=_rms(duty)
+            )
+            found[law.name] = record(trace, measured)
+        return found
+
+
+def _rms(values: Array) -> float:
+    return math.sqrt(float(np.mean(values * values)))
 
 
 def driven(plant: PlantParameters, time_s: Array, duty_pct: Array, start: tuple[float, float] = (0.0, 0.0)) -> Array:
@@ -101,9 +157,9 @@ def _start(
     return float(apart @ apart), (x1, x2)
 
 
-def recorded(
+def compared(
     run: Run, plant: PlantParameters, keep_baseline: bool = False, units: tuple[str, str] = ("%", "N·m")
-) -> Recorded:
+) -> Compared:
     """A run beside the model; raises `DataError` where its input or output is in another unit than the fit's."""
     if run.input_unit != units[0] or np.isnan(run.input).any():
         raise DataError(
@@ -128,61 +184,6 @@ def recorded(
     loaded = run.edge == "falling" or run.input[0] != 0
     start = start_of(plant, time_s, run.input, torque) if loaded else (0.0, 0.0)
     model = driven(plant, time_s, run.input, start)
-    return Recorded(
+    return Compared(
         run.name, read_only(time_s), run.input, read_only(torque), read_only(model), idle, sum(start), run.reference_nm
     )
-
-
-def difference(run: Recorded) -> Metrics:
-    """How far the model's torque is from the recorded one [N·m]."""
-    apart = run.recorded_nm - run.model_nm
-    spread = run.recorded_nm - run.recorded_nm.mean()
-    power = float(np.sum(spread * spread))
-    return Metrics(
-        max_abs_difference_nm=float(np.abs(apart).max()),
-        rms_difference_nm=math.sqrt(float(np.mean(apart * apart))),
-        mean_difference_nm=float(apart.mean()),
-        R2=1.0 - float(np.sum(apart * apart)) / power if power > 0 else None,
-        fit_pct=100 * (1 - float(np.linalg.norm(apart)) / power**0.5) if power > 0 else None,
-        one_step_pct=100 * (1 - float(np.linalg.norm(np.diff(apart))) / power**0.5) if power > 0 else None,
-        idle_nm=run.idle_nm,
-        start_nm=run.start_nm,
-        reference_is="recorded torque",
-    )
-
-
-def closed_loop_metrics(run: Recorded, limits: tuple[float, float] = (0.0, 100.0)) -> Metrics:
-    """The metrics of a replay for the recorded run itself: its reference against its torque."""
-    assert run.reference_nm is not None
-    found = tracking(run.reference_nm, run.recorded_nm, run.duty_pct, _interval(run), limits)
-    return Metrics(**msgspec.structs.asdict(found))
-
-
-def laid_over(run: Recorded, plant: PlantParameters, controller: Controller, rig: Rig, seed: int = 0) -> Trace:
-    """The controller replayed on the recorded run's reference, at the run's own rate: does the model predict the
-    rig?"""
-    assert run.reference_nm is not None
-    return replay(plant, controller, reference_of(run).torque_nm, rig, _interval(run), seed)
-
-
-def against(run: Recorded, trace: Trace, measured: Metrics) -> Metrics:
-    """The metrics, with how far the replay's torque [N·m] and duty [%] are from the recorded ones, on its grid."""
-    torque = np.interp(trace.time_s, run.time_s, run.recorded_nm) - trace.torque_nm
-    duty = np.interp(trace.time_s, run.time_s, run.duty_pct) - trace.duty_pct
-    return msgspec.structs.replace(
-        measured,
-        rms_from_recorded_nm=math.sqrt(float(np.mean(torque * torque))),
-        rms_duty_from_recorded_pct=math.sqrt(float(np.mean(duty * duty))),
-    )
-
-
-def reference_of(run: Recorded) -> Reference:
-    """The recorded reference on a uniform grid at the run's mean rate, by straight lines between its rows."""
-    assert run.reference_nm is not None
-    dt_s = _interval(run)
-    grid = np.arange(len(run.time_s)) * dt_s
-    return Reference(read_only(np.interp(grid, run.time_s, run.reference_nm)), dt_s)
-
-
-def _interval(run: Recorded) -> float:
-    return float(run.time_s[-1] / (len(run.time_s) - 1))
