@@ -18,6 +18,10 @@ FUNCTIONS = ("read", "fit", "tune_rc", "simulate", "report", "plan", "synth", "e
 
 WITH_EXAMPLES = (
     "eaid.api",
+    "eaid.api.files",
+    "eaid.api.fitting",
+    "eaid.api.logs",
+    "eaid.api.loops",
     "eaid.export.export",
     "eaid.results.coupling",
     "eaid.results.fit",
