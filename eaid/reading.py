@@ -174,7 +174,7 @@ def read_steps(
     if manifest is None:
         files = files_of(paths, warn)
     else:
-        files = [entry.path for entry in manifest.logs]
+        files = [Path(entry.file) for entry in manifest.logs]
         plain = InputOptions()
         said = {k: v for k, v in manifest.options.items() if getattr(options, k) == getattr(plain, k)}
         options = replace(options, **said)
@@ -186,7 +186,7 @@ def read_steps(
     for sentence in columns_told(runs):
         seen(sentence)
     if manifest is not None:
-        entries = {str(entry.path): entry for entry in manifest.logs}
+        entries = {entry.file: entry for entry in manifest.logs}
         runs = [apply(entries[run.source], run) if run.source in entries else run for run in runs]
     return steps_of(runs, options, faults, [path for path in paths if path.is_file()], whole)
 

@@ -1,6 +1,9 @@
-"""Which column is what, by its numbers: a time rises all the way, a commanded input stands still but for jumps."""
+"""Which table of a file is the log, and which of its columns is what, by names, else by the numbers.
 
-from collections.abc import Callable
+By its numbers a time rises all the way, and a commanded input stands still but for jumps.
+"""
+
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -8,7 +11,7 @@ from numpy.typing import NDArray
 
 from eaid.errors import DataError
 from eaid.findings import Finding, finding
-from eaid.logs.columns import Roles, kind_of, shown
+from eaid.logs.columns import Roles, kind_of, match_columns, shown
 from eaid.logs.options import ReadOptions
 from eaid.logs.run import Kind
 from eaid.logs.table import Table
@@ -16,6 +19,44 @@ from eaid.logs.units import likely_time_unit
 
 FEWEST = 20
 """Samples below which a column is not said to step."""
+
+
+def chosen_table(source: str, tables: Sequence[Table], options: ReadOptions) -> tuple[Table, Roles]:
+    """The one table that is a log: the one named, else the only one whose columns match."""
+    if options.variable is not None:
+        named = [table for table in tables if table.name == options.variable]
+        if not named:
+            names = ", ".join(table.name or "(no name)" for table in tables[:12])
+            raise DataError(f"{source}: holds no table {options.variable} for «variable»; it holds {names}")
+        return named[0], _roles(source, named[0], options)
+    good: list[tuple[Table, Roles]] = []
+    faults: list[DataError] = []
+    for table in tables:
+        try:
+            good.append((table, _roles(source, table, options)))
+        except DataError as fault:
+            faults.append(fault)
+    if not good:
+        if len(tables) == 1:
+            raise faults[0]
+        held = "; ".join(
+            f"{table.name or 'table'}: {', '.join(c or '?' for c in table.columns[:8])}" for table in tables[:6]
+        )
+        raise DataError(
+            f"{source}: no table in it has columns of time and torque ({held}); choose with «variable» and «columns»"
+        )
+    full = [pair for pair in good if pair[1].inputs] or good
+    if len(full) > 1:
+        names = ", ".join(table.name for table, _ in full[:12])
+        raise DataError(
+            f"{source}: holds several tables that may be the log ({names}); choose one with «variable» NAME"
+        )
+    return full[0]
+
+
+def _roles(source: str, table: Table, options: ReadOptions) -> Roles:
+    named = any(table.columns) or "output" in options.columns
+    return match_columns(source, table, options) if named else by_place(source, table, options)
 
 
 def by_place(path: str, table: Table, options: ReadOptions) -> Roles:

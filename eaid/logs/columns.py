@@ -11,8 +11,6 @@ from eaid.logs.run import Kind
 from eaid.logs.table import Table
 from eaid.logs.units import split_name, unit_of, words_of
 
-ROLES = ("time", "input", "output", "reference", "position")
-
 TIME: tuple[tuple[str, ...], ...] = (
     ("time", "t", "zeit", "tijd", "temps", "tiempo", "tempo", "elapsed", "elapsedtime", "xvalue"),
     ("timestamp", "seconds", "sec", "secs", "s", "ms", "us", "millis", "micros", "minutes", "hours", "days", "clock",

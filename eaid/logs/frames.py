@@ -8,7 +8,7 @@ import numpy as np
 
 from eaid.errors import DataError
 from eaid.logs.options import ReadOptions
-from eaid.logs.read import NOTHING_SAID, checked_options, together
+from eaid.logs.read import NOTHING_SAID, together
 from eaid.logs.run import Run
 from eaid.logs.table import Cells, Table
 from eaid.logs.to_run import Origin, run_of
@@ -38,7 +38,6 @@ def runs_from_frames(
     DataError
         With a sentence for every fault of every run.
     """
-    pattern = checked_options(options)
     runs: list[Run] = []
     faults: list[str] = []
     for name, frame in _parted(frames).items():
@@ -46,7 +45,7 @@ def runs_from_frames(
             if frame.empty:
                 raise DataError(f"{name}: the DataFrame is empty; give rows with columns of time, input and output")
             table = _table(name, frame)
-            runs.append(run_of(Origin(name, name, _sha256(table), name), [table], options, pattern))
+            runs.append(run_of(Origin(name, name, _sha256(table), name), [table], options))
         except DataError as fault:
             faults.extend(fault.sentences)
     found, faults = together(runs, faults, options)

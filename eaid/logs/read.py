@@ -1,7 +1,6 @@
 """Logs → runs: every file of a call, in any format, all their faults at once."""
 
 import os
-import re
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
@@ -13,17 +12,15 @@ from eaid.errors import DataError, UsageError
 from eaid.files import LOGS, is_as_written, sha256_of
 from eaid.findings import finding
 from eaid.logs.checks import checked
-from eaid.logs.columns import ROLES
 from eaid.logs.dataset import read_dataset
 from eaid.logs.folders import files_of
 from eaid.logs.foreign.ask import ForeignReader
 from eaid.logs.formats import DATASET, format_of, unread
-from eaid.logs.join import joined
 from eaid.logs.options import ReadOptions
 from eaid.logs.run import Run
 from eaid.logs.text import read_text
-from eaid.logs.to_run import Origin, name_regex, run_of
-from eaid.logs.together import counted_once, levels_in_names, named_apart, scales_compared
+from eaid.logs.to_run import Origin, run_of
+from eaid.logs.together import counted_once, joined, levels_in_names, named_apart, scales_compared
 
 NOTHING_SAID = ReadOptions()
 
@@ -38,24 +35,15 @@ def read_runs(
     return runs
 
 
-def checked_options(options: ReadOptions) -> re.Pattern[str] | None:
-    """The name pattern of some options; raises UsageError where they name a role that there is not."""
-    unknown = [role for role in (*options.columns, *options.units) if role not in ROLES]
-    if unknown:
-        raise UsageError(f"«columns» and «units» know {', '.join(ROLES[:-1])} and {ROLES[-1]}, not {unknown[0]}")
-    return name_regex(options.name_pattern) if options.name_pattern else None
-
-
 def read_what_can_be(
     paths: Sequence[Path], options: ReadOptions, on_file: Callable[[], None] = lambda: None
 ) -> tuple[list[Run], list[str]]:
     """Runs of the good logs, and the faults of the others; `on_file` is called after each file."""
-    pattern = checked_options(options)
     files = files_of(paths)
 
     def one(path: Path) -> tuple[list[Run], list[str]]:
         try:
-            return read_file(path, options, pattern, foreign)
+            return read_file(path, options, foreign)
         except DataError as fault:
             return [], list(fault.sentences)
         except OSError as fault:
@@ -113,9 +101,7 @@ def _refuse_what_does_nothing(runs: Sequence[Run], options: ReadOptions) -> None
         raise UsageError(f"«{useless}»: does nothing on {where}, a dataset, which says all itself; leave it out")
 
 
-def read_file(
-    path: Path, options: ReadOptions, pattern: re.Pattern[str] | None, foreign: ForeignReader
-) -> tuple[list[Run], list[str]]:
+def read_file(path: Path, options: ReadOptions, foreign: ForeignReader) -> tuple[list[Run], list[str]]:
     """Runs of one file (a dataset holds many), and the faults of its other runs."""
     source = str(path)
     if not path.is_file():
@@ -130,12 +116,12 @@ def read_file(
     sha256 = sha256_of(path)
     origin = Origin(_stem(path), source, sha256, path.name)
     if not form.reader:
-        return [run_of(origin, read_text(path, source, partial(options.tell, source)), options, pattern)], []
+        return [run_of(origin, read_text(path, source, partial(options.tell, source)), options)], []
     with foreign.alone:
         if form.name == "HDF5" and (is_as_written(path) is not None or foreign.tables(DATASET, path, source)):
             return read_dataset(path, source, sha256, partial(_of_dataset, options))
         tables = foreign.tables(form, path, source)
-        return [run_of(origin, tables, options, pattern)], []
+        return [run_of(origin, tables, options)], []
 
 
 def _of_dataset(options: ReadOptions, run: Run) -> Run:

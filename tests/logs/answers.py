@@ -316,11 +316,11 @@ def of_frames(random: Random, _: Path) -> Any:
     from eaid.logs.table import Cells
 
     table = Table("", names, lambda wanted: Cells(tuple(values[i] for i in wanted)), ("", "", "", ""), said={"a": "b"})
-    pattern = re.compile(r"_u=(?P<level>[\d.,]+)") if random.uniform() < 0.3 else None
-    asked = replace(options(random), name_pattern=None)
+    pattern = "_u={level}" if random.uniform() < 0.3 else None
+    asked = replace(options(random), name_pattern=pattern)
     clocks = answered(lambda: seconds_since_start("a", names[0], t * scale, time_scale("a", None, names[0], ""))[1:])
     clocks = clocks if clocks[0] == "refused" else [clocks[0], [[one.code] for one in clocks[1]]]
-    return [clocks, answered(lambda: of_run(run_of(Origin("a", "a", "0", "log_u=40,5_r1"), [table], asked, pattern)))]
+    return [clocks, answered(lambda: of_run(run_of(Origin("a", "a", "0", "log_u=40,5_r1"), [table], asked)))]
 
 
 def of_moves(random: Random, _: Path) -> Any:

@@ -96,14 +96,22 @@ def test_levels_and_steps_of_single_logs(tmp_path: Path) -> None:
 
 BAD = [
     ("x = [", "is no TOML (", 3),
-    ('schema = "other"', "its schema is 'other', and this eaid reads 'eaid/manifest/1'; write it again", 3),
-    ("[options]", "lists no logs; write it again with eaid ingest --write-manifest", 3),
-    ('[options]\nfoo = 1\n[[log]]\nfile = "a.csv"', "knows no option foo; it may hold kind, columns, ", 3),
-    ('[options]\nrest = "x"\n[[log]]\nfile = "a.csv"', "its option rest is 'x'; it must be a number", 3),
-    ('[options]\nrepair = 1\n[[log]]\nfile = "a.csv"', "its option repair is 1; it must be true or false", 3),
-    ("[[log]]\nlevel = 3", "its log 1 names no file; write it again", 3),
-    ('[[log]]\nfile = "a.csv"\nfoo = 1', "its log a.csv holds foo, which means nothing; take it off", 3),
-    ('[[log]]\nfile = "a.csv"\nlevel = "3"', "the level of its log a.csv is '3'; it must be a number", 3),
+    ('schema = "other"', "its schema is 'other', and this eaid reads 'eaid/manifest/1'; write it again with", 3),
+    ("[options]", "lists no logs; write it again with --write-manifest of eaid ingest", 3),
+    (
+        '[options]\nfoo = 1\n[[log]]\nfile = "a.csv"',
+        "Object contains unknown field `foo` - at `options`; mend it",
+        3,
+    ),
+    (
+        '[options]\nrest = "x"\n[[log]]\nfile = "a.csv"',
+        "Expected `float | null`, got `str` - at `options.rest`",
+        3,
+    ),
+    ('[options]\nrepair = 1\n[[log]]\nfile = "a.csv"', "Expected `bool`, got `int` - at `options.repair`", 3),
+    ("[[log]]\nlevel = 3", "Object missing required field `file` - at `log[0]`", 3),
+    ('[[log]]\nfile = "a.csv"\nfoo = 1', "Object contains unknown field `foo` - at `log[0]`", 3),
+    ('[[log]]\nfile = "a.csv"\nlevel = "3"', "Expected `float | null`, got `str` - at `log[0].level`", 3),
     ('[[log]]\nfile = "gone.csv"', "its log gone.csv is not there; put it back or take it off", 3),
 ]
 

@@ -13,12 +13,11 @@ from eaid.logs.clock import TimeScale, seconds_since_start
 from eaid.logs.dialect import Marks, encoding_of, sniff
 from eaid.logs.facts import facts_of, number, rate_said
 from eaid.logs.formats import format_of
-from eaid.logs.join import joined
 from eaid.logs.moves import is_recorded
 from eaid.logs.read import read_runs
 from eaid.logs.run import Run
-from eaid.logs.stamps import seconds_of
-from eaid.logs.together import differing_number, scales_compared
+from eaid.logs.text import seconds_of
+from eaid.logs.together import differing_number, joined, scales_compared
 from eaid.logs.units import likely_time_unit
 
 
