@@ -14,10 +14,10 @@ import numpy as np
 
 from benchmarks.table import Row, paired_medians, process
 from eaid.control.gains import paper_gains
-from eaid.control.rc import RCGains, rc_start, rc_step
+from eaid.control.rc import RCGains, RCState, rc_step
 from eaid.models.parameters import REFERENCE_PLANT
 from eaid.replay.compiled import one
-from eaid.replay.controllers import Controller, Knowledge, controller
+from eaid.replay.controllers import Knowledge, controller, rc_controller
 from eaid.replay.lanes import LANES, telescoped
 from eaid.replay.loop import Inputs, reference_rate, replay
 from eaid.replay.many import available_threads, replay_many
@@ -32,7 +32,7 @@ MANY_S = 10.0
 FLAGS = ("-O3", "-march=native", "-shared", "-fPIC", "-lm")
 SOURCE = Path(__file__).parent / "replay.c"
 GAINS = RCGains(*(float(value) for value in paper_gains()[0]))
-RC = Controller("rc", rc_step, GAINS, rc_start())
+RC = rc_controller(GAINS)
 RIG = Rig(noise_nm=0.01)
 IMPORTED = """
 import sys
@@ -93,7 +93,7 @@ def our_single(case: Case, plant: PlantParameters) -> Callable[[], None]:
     numbers, ones = rig_numbers(RIG, DT_S), np.ones(case.n)
     filled = (case.torque, *case.others)
     inputs = Inputs(case.reference, case.rate, case.noise, ones)
-    return lambda: run(GAINS, rc_start(), plant, numbers, DT_S, inputs, filled)  # type: ignore[return-value]
+    return lambda: run(GAINS, RCState(), plant, numbers, DT_S, inputs, filled)  # type: ignore[return-value]
 
 
 def drawn_plants() -> list[PlantParameters]:
@@ -176,7 +176,7 @@ def python_control(case: Case, plant: PlantParameters) -> Callable[[], np.ndarra
         return plant_step(plant, x[0], x[1], u[0], DT_S)
 
     def law(x: Any, u: Any) -> tuple[float, float]:
-        state, duty = rc_step(GAINS, type(rc_start())(float(x[0])), float(u[0]), float(u[1]), float(u[2] + u[3]), DT_S)
+        state, duty = rc_step(GAINS, RCState(float(x[0])), float(u[0]), float(u[1]), float(u[2] + u[3]), DT_S)
         return state.integral, duty
 
     clutch = control.nlsys(

@@ -24,15 +24,10 @@ class PIGains(NamedTuple):
 
 
 class PIState(NamedTuple):
-    """What the controller remembers between samples."""
+    """What the controller remembers between samples; at rest, nothing."""
 
-    integral: float
+    integral: float = 0.0
     """Integral of the torque error [N·m·s]"""
-
-
-def pi_start() -> PIState:
-    """State at rest: nothing integrated yet."""
-    return PIState(0.0)
 
 
 def pi_step(

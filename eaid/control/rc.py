@@ -54,9 +54,9 @@ class RCGains(NamedTuple):
 
 
 class RCState(NamedTuple):
-    """What the controller remembers between samples."""
+    """What the controller remembers between samples; at rest, nothing."""
 
-    integral: float
+    integral: float = 0.0
     """q̃, integral of the torque error [N·m·s]"""
 
 
@@ -74,11 +74,6 @@ class RCTerms(NamedTuple):
 def tanh(x: float) -> float:
     """The hyperbolic tangent; a name of its own, so that machine code may have a form of it without a call."""
     return math.tanh(x)
-
-
-def rc_start() -> RCState:
-    """State at rest: nothing integrated yet."""
-    return RCState(0.0)
 
 
 def rc_terms(gains: RCGains, integral: float, error: float) -> RCTerms:

@@ -8,11 +8,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from eaid.arrays import Array
-from eaid.control.pi import PIGains, pi_start, pi_step
+from eaid.control.pi import PIGains
 from eaid.models.parameters import Nonlinear
 from eaid.recorded.log import RecordedLog
 from eaid.recorded.solve import Solved, idle_of, model_of
-from eaid.replay.controllers import Controller
+from eaid.replay.controllers import Controller, pi_controller
 from eaid.replay.loop import Inputs, loop_of, reference_rate
 from eaid.replay.plant import plant_parameters
 from eaid.replay.rig import Rig, rig_numbers
@@ -81,7 +81,7 @@ def simulated(solved: Solved, index: int, log: RecordedLog, law: Law, noise: Arr
     dt_s = float(log.time_s[-1] - log.time_s[0]) / (n - 1)
     added = np.full(n, idle_of(solved, index) + (log.baseline or 0.0)) + (0.0 if noise is None else noise)
     duty, seen = np.zeros(n), added.copy()
-    controller = Controller("pi", pi_step, law.gains, pi_start())
+    controller = pi_controller(law.gains)
     part = slice(law.first, n)
     duty[part], seen[part] = run_loop(
         model_of(solved), controller, np.asarray(log.reference[part]), dt_s, np.zeros(n - law.first), added[part]

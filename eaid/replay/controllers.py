@@ -2,19 +2,19 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.polynomial import polynomial
 
-from eaid.control.pi import PIGains, PIState, pi_start, pi_step
-from eaid.control.rc import RCGains, rc_start, rc_step
+from eaid.control.pi import PIGains, PIState, pi_step
+from eaid.control.rc import RCGains, RCState, rc_step
 from eaid.errors import UsageError
 from eaid.models.nonlinear import steady_torque
 from eaid.models.parameters import Linear, Nonlinear
-from eaid.replay.inverse import InverseGains, inverse_gains, inverse_start, inverse_step
+from eaid.replay.inverse import InverseGains, InverseState, inverse_gains, inverse_step
 
-NEEDS_GAINS = "controller {} needs gains: give «gains», which eaid tune-rc writes"
+G = TypeVar("G", RCGains, PIGains)
 Step = Callable[[Any, Any, float, float, float, float], tuple[Any, float]]
 """step(gains, state, reference, reference_rate, torque, dt) → (next state, duty)."""
 
@@ -105,31 +105,25 @@ def feedforward_step(
 
 def rc_controller(gains: RCGains) -> Controller:
     """The robust controller, ready to replay."""
-    return Controller("rc", rc_step, gains, rc_start())
+    return Controller("rc", rc_step, gains, RCState())
 
 
 def pi_controller(gains: PIGains) -> Controller:
     """The PI controller, ready to replay."""
-    return Controller("pi", pi_step, gains, pi_start())
+    return Controller("pi", pi_step, gains, PIState())
 
 
-def _rc(known: Knowledge) -> Controller:
-    if known.rc is None:
-        raise UsageError(NEEDS_GAINS.format("rc"))
-    return rc_controller(known.rc)
-
-
-def _pi(known: Knowledge) -> Controller:
-    if known.pi is None:
-        raise UsageError(NEEDS_GAINS.format("pi"))
-    return pi_controller(known.pi)
+def _given(gains: G | None, name: str) -> G:
+    if gains is None:
+        raise UsageError(f"controller {name} needs gains: give «gains», which eaid tune-rc writes")
+    return gains
 
 
 def _pi_feedforward(known: Knowledge) -> Controller:
-    pi, linear = _pi(known).gains, known.linear or _straight_line(known.plant)
+    pi, linear = _given(known.pi, "pi"), known.linear or _straight_line(known.plant)
     model = (linear.a0, linear.b0, linear.c0)
     gains = FeedforwardGains(pi.K_P, pi.K_I, *model, pi.duty_min, pi.duty_max, pi.back_calculation)
-    return Controller("pi-feedforward", feedforward_step, gains, pi_start())
+    return Controller("pi-feedforward", feedforward_step, gains, PIState())
 
 
 def _straight_line(plant: Nonlinear) -> Linear:
@@ -149,12 +143,12 @@ def _open_loop(known: Knowledge) -> Controller:
 
 def _inverse(known: Knowledge) -> Controller:
     gains = inverse_gains(known.plant, limits=known.limits)
-    return Controller("inverse", inverse_step, gains, inverse_start(), looks_ahead=True)
+    return Controller("inverse", inverse_step, gains, InverseState(), looks_ahead=True)
 
 
 CONTROLLERS: dict[str, tuple[str, Callable[[Knowledge], Controller]]] = {
-    "rc": ("robust control, Eqs. (11)-(15)", _rc),
-    "pi": ("PI of §V-B with conditional integration", _pi),
+    "rc": ("robust control, Eqs. (11)-(15)", lambda known: rc_controller(_given(known.rc, "rc"))),
+    "pi": ("PI of §V-B with conditional integration", lambda known: pi_controller(_given(known.pi, "pi"))),
     "pi-feedforward": ("the linear model's duty for reference and rate, and the PI", _pi_feedforward),
     "open-loop": ("duty of the linear model's steady state", _open_loop),
     "inverse": ("feedback linearisation with the nonlinear model, exact inverse of each sample", _inverse),

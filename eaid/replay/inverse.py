@@ -42,13 +42,13 @@ class InverseGains(NamedTuple):
 
 
 class InverseState(NamedTuple):
-    """The observer: where the model is, and what it lacks."""
+    """The observer: where the model is, and what it lacks; at rest, nothing is learned."""
 
-    x1: float
-    x2: float
-    lack: float
+    x1: float = 0.0
+    x2: float = 0.0
+    lack: float = 0.0
     """d [N·m/s]"""
-    duty: float
+    duty: float = 0.0
     """Duty played last [%], where the next search begins."""
 
 
@@ -57,11 +57,6 @@ def inverse_gains(
 ) -> InverseGains:
     """The controller for a fitted model and the range of its actuator [%]."""
     return InverseGains(plant_parameters(p), observer_per_s, *limits)
-
-
-def inverse_start() -> InverseState:
-    """At rest, with nothing learned."""
-    return InverseState(0.0, 0.0, 0.0, 0.0)
 
 
 def duty_for(

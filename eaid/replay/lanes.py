@@ -12,9 +12,13 @@ The same controller steps and `plant_pull` are called; two things make them vect
 import math
 from collections.abc import Callable
 from fractions import Fraction
+from functools import reduce
 from typing import Any
 
 import numpy as np
+from numpy.polynomial import Polynomial
+from numpy.polynomial.chebyshev import cheb2poly, chebadd, chebmulx
+from numpy.polynomial.polynomial import polyval
 
 from eaid.arrays import Array
 from eaid.replay.controllers import Step
@@ -31,27 +35,13 @@ before and after."""
 
 
 def telescoped(degree: int, terms: int = 26) -> list[float]:
-    """Coefficients of (1 − e^(−x))/x on 0 ≤ x ≤ 1, lowest power first: Taylor's, with each surplus power traded for the
-    Chebyshev polynomial T*_n(x) = T_n(2x − 1) that it leads; in exact fractions, rounded once."""
-    series = [Fraction((-1) ** n, math.factorial(n + 1)) for n in range(terms)]
-    while len(series) > degree + 1:
-        chebyshev = _shifted_chebyshev(len(series) - 1)
-        share = series[-1] / chebyshev[-1]
-        series = [a - share * b for a, b in zip(series, chebyshev, strict=True)][:-1]
-    return [float(value) for value in series]
-
-
-def _shifted_chebyshev(n: int) -> list[Fraction]:
-    before, now = [Fraction(1)], [Fraction(-1), Fraction(2)]
-    for _ in range(n - 1):
-        # T*_{n+1} = 2 (2x − 1) T*_n − T*_{n−1}
-        after = [Fraction(0), *(4 * value for value in now)]
-        for power, value in enumerate(now):
-            after[power] -= 2 * value
-        for power, value in enumerate(before):
-            after[power] -= value
-        before, now = now, after
-    return now
+    """Coefficients of (1 − e^(−x))/x on 0 ≤ x ≤ 1, lowest power first: Taylor's, written in the Chebyshev polynomials
+    T_n(2x − 1) and cut after `degree`; in exact fractions, rounded once."""
+    taylor = [Fraction((-1) ** n, math.factorial(n + 1)) for n in range(terms)]
+    in_y = polyval(Polynomial([Fraction(1, 2), Fraction(1, 2)]), taylor).coef  # y = 2x − 1
+    chebyshev = reduce(lambda series, c: chebadd(chebmulx(series), [c]), in_y[::-1], [Fraction(0)])
+    cut = polyval(Polynomial([Fraction(-1), Fraction(2)]), cheb2poly(chebyshev[: degree + 1])).coef
+    return [float(value) for value in cut]
 
 
 P0, P1, P2, P3, P4, P5, P6, P7, P8, P9, P10, P11, P12, P13 = telescoped(13)

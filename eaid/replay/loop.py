@@ -137,11 +137,11 @@ def replay(
     loop_of(acting.step)(acting.gains, acting.start, plant, numbers, dt_s, inputs, columns)
     *found, fast, kept = columns
     limits = (acting.gains.duty_min, acting.gains.duty_max)
-    done = as_replay(controller.name, rig, dt_s, reference_nm, found, limits)
+    done = as_trace(controller.name, rig, dt_s, reference_nm, found, limits)
     return replace(done, fast_nm=read_only(fast), state=read_only(kept))
 
 
-def as_replay(
+def as_trace(
     name: str,
     rig: Rig,
     dt_s: float,

@@ -7,7 +7,6 @@ plant and on no thread: the same seed gives the same numbers on one thread and o
 import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from queue import Empty, SimpleQueue
 from typing import Any
 
 import numpy as np
@@ -43,28 +42,23 @@ def replay_many(
     """Trace each plant from rest and show what it did to `visit`, block by block, in no fixed order, one call at a
     time a thread."""
     acting = controller if rig.saturation else controller.without_limits()
-    gains = _floats(acting.gains)
+    # every number a float: one machine code serves all gains
+    gains = acting.gains._make(float(value) if isinstance(value, int) else value for value in acting.gains)
     numbers = rig_numbers(rig, dt_s, controller.gains.duty_max)
     reference = np.array(reference_nm, dtype=np.float64)
     n = len(reference)
     inputs = inputs_of(acting, reference, rig, dt_s, seed)
-    in_lanes = fits_lanes(acting, plants, numbers, dt_s)
-    spare: SimpleQueue[tuple[Array, Array]] = SimpleQueue()
 
     def block(begin: int) -> None:
         """Sixteen plants, the last one repeated where they are fewer."""
         made_by: Any = type(acting.start)
-        run = sixteen(acting.step, made_by)
-        try:
-            torque, duty = spare.get_nowait()
-        except Empty:
-            torque, duty = np.empty((n, LANES)), np.empty((n, LANES))
+        torque, duty = np.empty((n, LANES)), np.empty((n, LANES))
         chosen = [plants[min(begin + i, len(plants) - 1)] for i in range(LANES)]
         parameters = np.ascontiguousarray(np.array(chosen, dtype=np.float64).T)
+        run = sixteen(acting.step, made_by)
         run(gains, acting.start, parameters, numbers.memory, dt_s, inputs, torque, duty)
         count = min(LANES, len(plants) - begin)
         visit(begin, torque[:, :count], duty[:, :count])
-        spare.put((torque, duty))
 
     def single(begin: int) -> None:
         """The same number of plants, one after another."""
@@ -74,29 +68,10 @@ def replay_many(
             run(gains, acting.start, plants[i], numbers, dt_s, inputs, filled)
             visit(i, filled[0][:, None], filled[2][:, None])
 
-    if len(plants) == 0:
-        return
-    work = block if in_lanes else single
-    begins = iter(range(0, len(plants), LANES))
-
-    def all_blocks() -> None:
-        """Blocks until none is left: a thread fetches its next one itself, and nobody waits to hand it out."""
-        try:
-            for begin in begins:
-                work(begin)
-        finally:
-            for _ in begins:  # where a block fails or is interrupted, no thread begins another
-                pass
-
-    work(next(begins))  # alone, so that what is to be compiled is compiled once
-    others = min(threads or available_threads(), -(-len(plants) // LANES) - 1) - 1
-    with ThreadPoolExecutor(max_workers=max(others, 1)) as pool:
-        helping = [pool.submit(all_blocks) for _ in range(others)]
-        all_blocks()
-    for each in helping:
-        each.result()
-
-
-def _floats(gains: Any) -> Any:
-    """Gains with every number a float: one machine code serves them all."""
-    return gains._make(float(value) if isinstance(value, int) else value for value in gains)
+    work = block if fits_lanes(acting, plants, numbers, dt_s) else single
+    begins = range(0, len(plants), LANES)
+    for begin in begins[:1]:  # alone, so that what is to be compiled is compiled once
+        work(begin)
+    with ThreadPoolExecutor(max_workers=threads or available_threads()) as pool:
+        for _ in pool.map(work, begins[1:]):  # where a block fails or is interrupted, those that wait are given up
+            pass

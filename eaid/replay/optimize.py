@@ -84,28 +84,10 @@ class Trial:
     """A candidate and what it did on the plants."""
 
     law: Law
-    rms_nm: float
-    """Over all plants and counted samples [N·m]."""
-    worst_rms_nm: float
-    """Of the worst plant [N·m]."""
-    max_nm: float
-    """Largest error on any plant [N·m]."""
-    chatter_pct: float
-    """Mean |Δu| per sample [% duty]."""
-    saturated: float
-    """Share of samples at a limit."""
+    did: Candidate
+    """As gains.json has it."""
     cost: float
     """What the search makes least."""
-
-    def candidate(self) -> Candidate:
-        """For gains.json."""
-        o, gains = self.law.options, self.law.gains
-        return Candidate(
-            p_scale=o.p_scale, epsilon=o.epsilon, phi_honest_pct=self.law.phi_honest_pct, B_hat=gains.B_hat,
-            K_P=o.K_P, K_D=o.K_D, equal_pi=self.law.equal_pi, rms_error_nm=self.rms_nm,
-            worst_plant_rms_error_nm=self.worst_rms_nm, max_abs_error_nm=self.max_nm,
-            mean_abs_duty_step_pct=self.chatter_pct, saturated_fraction=self.saturated,
-        )  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -182,33 +164,36 @@ def optimize(
         law = law_of(model, bounds, options)
         square, largest, chatter, saturated = bench.run(law.gains)
         rms = math.sqrt(float(square.mean()))
-        return Trial(
-            law, rms, math.sqrt(float(square.max())), float(largest.max()), float(chatter.mean()),
-            float(saturated.mean()), rms if search.judge is None else search.judge(law.gains),
+        did = Candidate(
+            p_scale=options.p_scale, epsilon=options.epsilon, phi_honest_pct=law.phi_honest_pct, B_hat=law.gains.B_hat,
+            K_P=options.K_P, K_D=options.K_D, equal_pi=law.equal_pi, rms_error_nm=rms,
+            worst_plant_rms_error_nm=math.sqrt(float(square.max())), max_abs_error_nm=float(largest.max()),
+            mean_abs_duty_step_pct=float(chatter.mean()), saturated_fraction=float(saturated.mean()),
         )  # fmt: skip
+        return Trial(law, did, rms if search.judge is None else search.judge(law.gains))
 
     def within_limit(options: DesignOptions) -> Trial:
         """The candidate itself, or with P's scale lowered until it chatters just as much as it may."""
         trial = trial_of(options)
         slope = 1.0  # of ln chattering over ln p; corrected by what the last two runs show
         for _ in range(LOWERINGS):
-            if trial.chatter_pct <= limit:
+            if trial.did.mean_abs_duty_step_pct <= limit:
                 break
-            goal = math.log(NEARLY * limit / trial.chatter_pct)
+            goal = math.log(NEARLY * limit / trial.did.mean_abs_duty_step_pct)
             scale = max(trial.law.options.p_scale * math.exp(goal / slope), LIMITS["p_scale"].least)
             if scale >= trial.law.options.p_scale:
                 break
             lower = trial_of(replace(options, p_scale=scale))
-            fell = math.log(lower.chatter_pct / trial.chatter_pct)
+            fell = math.log(lower.did.mean_abs_duty_step_pct / trial.did.mean_abs_duty_step_pct)
             slope = min(max(fell / math.log(scale / trial.law.options.p_scale), 0.2), 1.0)
             trial = lower
         return trial
 
     first = trial_of(start)
     tick()
-    limit = first.chatter_pct if search.limit_pct is None else search.limit_pct
+    limit = first.did.mean_abs_duty_step_pct if search.limit_pct is None else search.limit_pct
     allowed: list[tuple[float, Trial]] = []
-    if first.chatter_pct <= limit and keeps_margins(first_law.gains, points, start.timing):
+    if first.did.mean_abs_duty_step_pct <= limit and keeps_margins(first_law.gains, points, start.timing):
         allowed.append((first.cost, first))
 
     def cost(x: Array) -> float:
@@ -218,7 +203,7 @@ def optimize(
             trial = within_limit(options_at(x))
         except (GainsError, UsageError):  # no ρ covers this B̂, or it lies beyond any rig
             return 100 * first.cost
-        refused = trial.chatter_pct > limit
+        refused = trial.did.mean_abs_duty_step_pct > limit
         if trial.cost < first.cost or not allowed:
             refused = refused or not keeps_margins(trial.law.gains, points, start.timing)
         far = NEAR * float(x @ x) + float(np.maximum(np.abs(x) - 1.0, 0.0).sum())

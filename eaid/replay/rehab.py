@@ -15,14 +15,13 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
-import msgspec
 import numpy as np
 
 from eaid.arrays import Array, read_only
 from eaid.errors import GainsError, UsageError
 from eaid.replay.controllers import Controller
 from eaid.replay.hold import hold_step, rest, rounded
-from eaid.replay.loop import Trace, as_replay
+from eaid.replay.loop import Trace, as_trace
 from eaid.replay.plant import PlantParameters, plant_terms
 from eaid.replay.references import samples_of
 from eaid.replay.rig import Rig, noise, rig_numbers, ripple
@@ -32,6 +31,9 @@ MODES = ("soft", "hard", "assisted")
 """In the order of Fig. 16."""
 
 
+COLUMNS = (
+    "target_deg", "angle_deg", "position_error_deg", "desired_nm", "rendered_nm", "torque_error_nm", "mode",
+)  # fmt: skip
 RANGE_DEG = (-10.0, 150.0)
 """Where an elbow ends, overstretched or fully bent; a limb beyond it is a loop that has diverged."""
 RESISTED_FROM_DEG = 10.0
@@ -71,15 +73,7 @@ class Session:
 
     def columns(self) -> dict[str, Array]:
         """What a file keeps of the session beside its torque loop, shapes (n,)."""
-        return {
-            "target_deg": self.target_deg,
-            "angle_deg": self.angle_deg,
-            "position_error_deg": self.position_error_deg,
-            "desired_nm": self.desired_nm,
-            "rendered_nm": self.rendered_nm,
-            "torque_error_nm": self.torque_error_nm,
-            "mode": self.mode,
-        }
+        return {name: getattr(self, name) for name in COLUMNS}
 
     def counted(self, mode: str) -> slice:
         """The samples of a mode that count."""
@@ -111,7 +105,10 @@ def rehabilitate(
     plant: PlantParameters, controller: Controller, exercise: Exercise, rig: Rig, dt_s: float, seed: int = 0
 ) -> Session:
     """Trace the session of one controller on one plant; `GainsError` where the limb leaves an elbow's range."""
-    check(exercise)
+    if exercise.mode_s <= exercise.uncounted_s:
+        raise UsageError(
+            f"rehab: a mode of {exercise.mode_s:g} s leaves nothing after the first {exercise.uncounted_s:g} s"
+        )
     n = samples_of(len(MODES) * exercise.mode_s, dt_s)
     if exercise.mode_s < 10 * dt_s:
         raise UsageError(f"rehab: a mode of {exercise.mode_s:g} s is too short for a control interval of {dt_s:g} s")
@@ -122,7 +119,7 @@ def rehabilitate(
     angle, desired, sign = (np.array(column) for column in limb)
     limits = (acting.gains.duty_min, acting.gains.duty_max)
     return Session(
-        replay=as_replay(controller.name, rig, dt_s, read_only(reference), (torque, measured, duty, applied), limits),
+        replay=as_trace(controller.name, rig, dt_s, read_only(reference), (torque, measured, duty, applied), limits),
         exercise=exercise,
         target_deg=read_only(np.degrees(drawn.target)),
         angle_deg=read_only(np.degrees(angle)),
@@ -132,24 +129,12 @@ def rehabilitate(
     )
 
 
-def check(exercise: Exercise) -> None:
-    """Refuse an exercise that means nothing (`UsageError`)."""
-    for name, value in msgspec.structs.asdict(exercise).items():
-        if not (math.isfinite(value) and value >= 0):
-            raise UsageError(f"rehab: {name} is {value:g}; it must be 0 or above")
-        if value == 0 and name in ("mode_s", "movement_hz", "blend_s", "slope_nm_s", "inertia_kgm2", "tremor_s"):
-            raise UsageError(f"rehab: {name} is 0; it must be above 0")
-    if exercise.mode_s <= exercise.uncounted_s:
-        raise UsageError(
-            f"rehab: a mode of {exercise.mode_s:g} s leaves nothing after the first {exercise.uncounted_s:g} s"
-        )
-
-
 def _draw(exercise: Exercise, rig: Rig, n: int, dt_s: float, seed: int) -> Drawn:
     t = np.arange(n) * dt_s
     angle = 2 * math.pi * exercise.movement_hz * t
     swing = math.radians(exercise.amplitude_deg)
     target = math.radians(exercise.centre_deg) - swing * np.cos(angle)
+    seed_of_user = int(np.random.SeedSequence([seed, 7]).generate_state(1, np.uint64)[0])  # not the sensor's
     # the user's moment is white noise that forgets itself in tremor_s: an AR(1) of the same variance at any rate
     user = Rig(noise_nm=exercise.tremor_nm, noise_correlation_s=exercise.tremor_s)
     middle = exercise.mode_s * np.arange(1, len(MODES))
@@ -157,17 +142,12 @@ def _draw(exercise: Exercise, rig: Rig, n: int, dt_s: float, seed: int) -> Drawn
     return Drawn(
         target=target.tolist(),
         target_rate=(swing * 2 * math.pi * exercise.movement_hz * np.sin(angle)).tolist(),
-        tremor=noise(user, n, dt_s, _own_seed(seed)).tolist(),
+        tremor=noise(user, n, dt_s, seed_of_user).tolist(),
         noise=noise(rig, n, dt_s, seed).tolist(),
         factor=ripple(rig, n, dt_s).tolist(),
         to_hard=to_hard.tolist(),
         to_assisted=to_assisted.tolist(),
     )
-
-
-def _own_seed(seed: int) -> int:
-    """A seed for the user that is not the sensor's."""
-    return int(np.random.SeedSequence([seed, 7]).generate_state(1, np.uint64)[0])
 
 
 def _run(
@@ -185,19 +165,15 @@ def _run(
     dt, highest_pct = interval
     law: Callable[..., tuple[object, float]] = controller.step
     gains, state = controller.gains, controller.start
-    soft, hard, k_p, k_i = (
-        exercise.soft_nm_rad,
-        exercise.hard_nm_rad,
-        exercise.assist_proportional,
-        exercise.assist_integral,
-    )
+    soft, hard = exercise.soft_nm_rad, exercise.hard_nm_rad
+    k_p, k_i = exercise.assist_proportional, exercise.assist_integral
     stiffness, damping, weight = exercise.user_stiffness, exercise.user_damping, exercise.gravity_nm
     free = math.radians(RESISTED_FROM_DEG)
     low, high = (math.radians(limit) for limit in RANGE_DEG)
     most_nm = plant_terms(plant, plant.u_high)[2]
     fastest = exercise.slope_nm_s * dt
     turn, late = exercise.mode_s * (len(MODES) - 1), round(exercise.user_delay_s / dt)
-    keep, push, drift, lift = limb_steps(exercise, dt)
+    keep, push, drift, lift = limb_steps(exercise.inertia_kgm2, exercise.damping_nms, dt)
     numbers = rig_numbers(rig, dt, highest_pct)
     held = rest()
     columns: tuple[list[float], ...] = tuple([] for _ in range(8))
@@ -243,13 +219,13 @@ def _run(
     return columns
 
 
-def limb_steps(exercise: Exercise, dt_s: float) -> tuple[float, float, float, float]:
+def limb_steps(inertia_kgm2: float, damping_nms: float, dt_s: float) -> tuple[float, float, float, float]:
     """Exact step of I θ'' + d θ' = M for a held M: θ' ← keep θ' + push M, θ ← θ + drift θ' + lift M."""
-    x = exercise.damping_nms * dt_s / exercise.inertia_kgm2
+    x = damping_nms * dt_s / inertia_kgm2
     once = -math.expm1(-x) / x if x > 0 else 1.0
     # (x − 1 + e^(−x))/x², by its series where it cancels
     twice = (1.0 - once) / x if x > 1e-4 else 0.5 - x / 6.0
-    return math.exp(-x), once * dt_s / exercise.inertia_kgm2, once * dt_s, twice * dt_s**2 / exercise.inertia_kgm2
+    return math.exp(-x), once * dt_s / inertia_kgm2, once * dt_s, twice * dt_s**2 / inertia_kgm2
 
 
 def _diverged(controller: str, exercise: Exercise, time_s: float, angle: float) -> str:

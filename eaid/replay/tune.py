@@ -174,7 +174,7 @@ def _searched(
         found = optimize(model, bounds, settled, drawn, points, wanted, search, tick)
     result = Optimized(
         reference=name, plants=len(drawn), noise_nm=noise, noise_source=source, limit_pct=found.limit_pct,
-        before=found.start.candidate(), after=found.best.candidate(), also=search.also,
+        before=found.start.did, after=found.best.did, also=search.also,
         optimized_for=options.optimize_for, before_cost=found.start.cost, after_cost=found.best.cost,
     )  # fmt: skip
     return found.best.law.options, result, told

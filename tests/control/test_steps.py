@@ -7,8 +7,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from eaid.control.gains import paper_gains
-from eaid.control.pi import PIGains, PIState, pi_start, pi_step
-from eaid.control.rc import RCState, rc_start, rc_step, rc_terms
+from eaid.control.pi import PIGains, PIState, pi_step
+from eaid.control.rc import RCState, rc_step, rc_terms
 
 RC, PI = paper_gains()
 FREE = RC._replace(duty_min=-1e9, duty_max=1e9)
@@ -66,9 +66,7 @@ def test_duty_stays_inside_its_limits(integral, reference, rate, torque):
     assert 10.0 <= pi_step(limited, PIState(integral), reference, rate, torque, 1e-3)[1] <= 80.0
 
 
-@pytest.mark.parametrize(
-    ("step", "gains", "start"), [(rc_step, RC, rc_start), (pi_step, PI, pi_start)], ids=["rc", "pi"]
-)
+@pytest.mark.parametrize(("step", "gains", "start"), [(rc_step, RC, RCState), (pi_step, PI, PIState)], ids=["rc", "pi"])
 def test_integral_stands_still_only_while_it_would_wind_up(step, gains, start):
     state, duty = step(gains, start(), 8.0, 0.0, 0.0, 1e-3)
     assert duty == 100.0 and state == start()  # beyond the upper limit, the error drives it further
@@ -99,7 +97,7 @@ def test_back_calculation_pulls_the_integral_back():
 
 
 def test_pi_is_proportional_plus_integral():
-    state = pi_start()
+    state = PIState()
     for k in range(3):
         state, duty = pi_step(PI, state, 1.0, 5.0, 0.5, 1e-3)
         assert duty == pytest.approx(21 * 0.5 + 360 * 0.5e-3 * k)

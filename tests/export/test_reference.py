@@ -11,7 +11,7 @@ from eaid.control.rc import RCState, rc_step
 from eaid.export import reference as law
 from eaid.export.constants import SEARCHES, Timing, plant_constants, rc_constants
 from eaid.export.series import rounded, series
-from eaid.replay.inverse import inverse_gains, inverse_start, inverse_step
+from eaid.replay.inverse import InverseState, inverse_gains, inverse_step
 from eaid.replay.plant import plant_parameters, plant_step
 
 from .conftest import DT, KNOWN, LAWS, PLANT, STRANGE, closed_loop, constants
@@ -90,7 +90,7 @@ def test_back_calculation_is_the_replays():
 
 def test_the_observer_learns_what_the_replays_learns():
     gains, c = inverse_gains(PLANT), constants()["inverse"]
-    theirs, mine = inverse_start(), law.inverse_init(c, DT)
+    theirs, mine = InverseState(), law.inverse_init(c, DT)
     for k in range(2000):
         torque = 1.0 - math.exp(-k * DT)
         theirs, duty = inverse_step(gains, theirs, 0.5, 0.0, torque, DT)

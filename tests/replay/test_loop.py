@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from eaid.control.pi import PIGains, pi_start, pi_step
+from eaid.control.pi import PIGains
 from eaid.errors import UsageError
 from eaid.replay import references
-from eaid.replay.controllers import Controller
+from eaid.replay.controllers import Controller, pi_controller
 from eaid.replay.loop import reference_rate, replay
 from eaid.replay.plant import plant_step
 from eaid.replay.rig import Rig
@@ -32,7 +32,7 @@ def test_the_multisine_of_spec_6(plant, law):
 def test_against_a_pi_that_meets_its_specification_the_gap_is_smaller(plant, law):
     """Specification 5: with 156.6 and 252.9 the robust controller is 69 % better, not 83 %."""
     reference = references.multisine(DT)
-    proper = Controller("pi", pi_step, PIGains(156.6, 252.9), pi_start())
+    proper = pi_controller(PIGains(156.6, 252.9))
     error = [
         measure(replay(plant, each, reference.torque_nm, Rig(), DT), reference).max_abs_error_nm
         for each in (law("rc"), proper)
@@ -151,7 +151,7 @@ def test_latching_at_the_control_rate_changes_nothing(plant, law):
 
 
 def test_the_duty_acts_until_the_next_sample(plant):
-    done = replay(plant, Controller("pi", pi_step, PIGains(21.0, 360.0), pi_start()), np.full(3, 1.0), Rig(), DT)
+    done = replay(plant, pi_controller(PIGains(21.0, 360.0)), np.full(3, 1.0), Rig(), DT)
     x1, x2 = plant_step(plant, 0.0, 0.0, done.duty_pct[0], DT)
     assert done.torque_nm[0] == 0.0 and done.torque_nm[1] == x1 + x2
     assert done.duty_pct[0] == 21.0

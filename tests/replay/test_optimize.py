@@ -62,7 +62,7 @@ def test_with_B_hat_it_halves_the_error_of_the_papers_gains_at_no_more_chatterin
     """P's scale, ε and φ alone gain 0.1 %: tests/control/test_docs.py has that search at its full length."""
     found = search(("b-hat",), MULTISINE)
     paper, best = measured(RC), measured(found.best.law.gains)
-    assert found.start.rms_nm == pytest.approx(paper.rms_error_nm, rel=1e-9)
+    assert found.start.did.rms_error_nm == pytest.approx(paper.rms_error_nm, rel=1e-9)
     assert best.rms_error_nm < 0.5 * paper.rms_error_nm
     assert best.mean_abs_duty_step_pct <= paper.mean_abs_duty_step_pct
     assert keeps_margins(found.best.law.gains, POINTS, DesignOptions().timing)
@@ -72,12 +72,12 @@ def test_with_B_hat_it_halves_the_error_of_the_papers_gains_at_no_more_chatterin
 
 
 def test_the_same_seed_gives_the_same_gains():
-    assert search(seed=3, evaluations=8).best.candidate() == search(seed=3, evaluations=8).best.candidate()
+    assert search(seed=3, evaluations=8).best.did == search(seed=3, evaluations=8).best.did
 
 
 def test_a_tighter_limit_is_kept():
     found = search(limit_pct=1.0)
-    assert found.best.chatter_pct <= 1.0 < found.start.chatter_pct
+    assert found.best.did.mean_abs_duty_step_pct <= 1.0 < found.start.did.mean_abs_duty_step_pct
     assert found.best.law.equal_pi[0] < 0.6 * found.start.law.equal_pi[0]
 
 

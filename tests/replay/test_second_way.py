@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from eaid.control.pi import PIGains, pi_start, pi_step
-from eaid.control.rc import rc_start, rc_step
+from eaid.control.pi import PIGains
+from eaid.control.rc import RCState, rc_step
 from eaid.models.parameters import REFERENCE_PLANT
 from eaid.replay import metrics, references
-from eaid.replay.controllers import Controller
+from eaid.replay.controllers import pi_controller, rc_controller
 from eaid.replay.loop import replay
 from eaid.replay.plant import plant_parameters
 from eaid.replay.rehab_statistics import box
@@ -95,7 +95,7 @@ EFFECTS = {
 def test_every_effect_of_the_rig_is_what_a_second_way_gives(name: str, back: float) -> None:
     rig, n = EFFECTS[name], 700
     reference = references.steps(DT, (4.0, 0.5, 2.0), n * DT / 3).torque_nm[:n]
-    controller = Controller("pi", pi_step, PIGains(21.0, 360.0, back_calculation=back), pi_start())
+    controller = pi_controller(PIGains(21.0, 360.0, back_calculation=back))
     done = replay(plant_parameters(REFERENCE_PLANT), controller, reference, rig, DT, 11)
     torque, duty = second_way(PI(21.0, 360.0, back), np.asarray(reference), rig, noise(rig, len(reference), DT, 11))
     assert np.abs(done.torque_nm - torque).max() < 1e-10
@@ -109,13 +109,11 @@ def test_back_calculation_of_the_robust_controller_is_its_formula(law) -> None:
     gains = law("rc").gains._replace(back_calculation=0.004)
     free = gains._replace(duty_min=-1e9, duty_max=1e9)
     reference = references.steps(DT, (4.0, 0.2), 0.4).torque_nm
-    done = replay(plant_parameters(REFERENCE_PLANT), Controller("rc", rc_step, gains, rc_start()), reference, Rig(), DT)
+    done = replay(plant_parameters(REFERENCE_PLANT), rc_controller(gains), reference, Rig(), DT)
     rate = np.gradient(reference, DT)
     at_limit = 0
     for k in range(len(reference) - 1):
-        wanted = rc_step(
-            free, rc_start()._replace(integral=done.state[k]), reference[k], rate[k], done.torque_nm[k], DT
-        )[1]
+        wanted = rc_step(free, RCState(done.state[k]), reference[k], rate[k], done.torque_nm[k], DT)[1]
         at_limit += not 0 <= wanted <= 100
         led = DT * (reference[k] - done.torque_nm[k] + 0.004 * (done.duty_pct[k] - wanted))
         assert done.state[k + 1] == pytest.approx(done.state[k] + led, abs=1e-12)

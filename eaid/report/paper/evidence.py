@@ -9,7 +9,7 @@ import numpy as np
 from eaid.apparatus import Apparatus
 from eaid.arrays import read_only
 from eaid.control.gains import paper_gains
-from eaid.control.pi import PIGains, pi_start, pi_step
+from eaid.control.pi import PIGains, PIState, pi_step
 from eaid.control.pi_design import StepMetrics, step_metrics
 from eaid.control.rc import RCGains
 from eaid.fitting.fit import fit
@@ -151,7 +151,7 @@ def _replays(
 ) -> dict[str, dict[str, Any]]:
     known = Knowledge(REFERENCE_PLANT, PAPER_LINEAR, rc, None)
     acting = {"rc": controller("rc", known)}
-    acting |= {name: Controller(name, pi_step, gains, pi_start()) for name, gains in pis.items()}
+    acting |= {name: Controller(name, pi_step, gains, PIState()) for name, gains in pis.items()}
     if open_loop:
         acting["open-loop"] = controller("open-loop", known)
     plant = plant_parameters(REFERENCE_PLANT)
