@@ -10,7 +10,7 @@ import eaid
 from eaid.cli import main
 from eaid.models.nonlinear import steady_torque, time_constants
 from eaid.models.parameters import REFERENCE_PLANT, Nonlinear
-from eaid.results.codec import stamped, text_of
+from eaid.results.codec import text_of
 from eaid.results.fit import Fit
 
 NOISE = {"sensor_nm2_s": 1e-8, "ripple_s": 1e-8, "scatter": {"Ts": 0.0, "tau1": 0.0, "tau2": 0.0}}
@@ -27,8 +27,8 @@ def written(folder: Path, factor: float, unit: str) -> Path:
     levels = [factor * u for u in range(10, 101, 10)]
     data = {"kind": "clutch", "input_unit": unit, "output_unit": "N·m", "levels": levels, "sample_rate_hz": 100.0}
     path = folder / "fit.json"
-    content = {"data": data, "nonlinear": per(factor), "uncertainty": {"noise": NOISE}}
-    path.write_text(text_of(stamped("eaid/fit/1", content)), encoding="utf-8")
+    content = {"schema": "eaid/fit/1", "data": data, "nonlinear": per(factor), "uncertainty": {"noise": NOISE}}
+    path.write_text(text_of(content), encoding="utf-8")
     return path
 
 
