@@ -12,6 +12,7 @@ from scipy.optimize import brentq
 from eaid.arrays import Array
 from eaid.fitting.compress import Points
 from eaid.fitting.data import data_of
+from eaid.fitting.descent import Descent
 from eaid.uncertainty.friction_intervals import Parameter
 from eaid.uncertainty.level_statistics import LevelStatistics
 from eaid.uncertainty.levels import log_theta
@@ -49,20 +50,20 @@ def _end(points: Points, start: Array, k: int, share_free: bool, rise: float, si
     −inf or inf where it never does.
     """
     free = free_parameters(share_free)
-    theta = refit(points, start[None], free).x.copy()
-    wanted = float(refit(points, theta, free).cost[0]) + rise
+    best = refit(points, start[None], free)
+    wanted = float(best.cost[0]) + rise
     free = free & (np.arange(4) != k)
+    inside, step, near = 0.0, FIRST_STEP, best.x
 
-    def above(distance: float) -> float:
-        nonlocal theta
-        theta[0, k] = start[k] + side * distance
-        found = refit(points, theta, free)
-        theta = found.x.copy()
-        return float(found.cost[0]) - wanted
+    def at(distance: float) -> Descent:
+        held = near.copy()
+        held[0, k] = start[k] + side * distance
+        return refit(points, held, free)
 
-    inside, step = 0.0, FIRST_STEP
-    while above(inside + step) < 0:
-        inside, step = inside + step, GROWTH * step
+    while (tried := at(inside + step)).cost[0] < wanted:
+        inside, step, near = inside + step, GROWTH * step, tried.x
         if inside + step > FARTHEST:
             return side * np.inf
-    return float(start[k] + side * brentq(above, inside, inside + step, xtol=1e-6, rtol=1e-4))
+    # every refit from the same `near`: what is found at a distance then depends on nothing but the distance
+    crossing = brentq(lambda d: float(at(d).cost[0]) - wanted, inside, inside + step, xtol=1e-6, rtol=1e-4)
+    return float(start[k] + side * crossing)
