@@ -1,9 +1,9 @@
 """Is the model right? Lack of fit against the spread of the repeats, and the alternatives side by side.
 
 Shape of one level's curve: one or two exponentials, C held or free, and where repeats miss these alike a stretched
-exponential, a logarithm and three exponentials, by AICc and BIC with the effective sample size n_e = n / (1 + 2 Σ ρ)
-that the residuals' autocorrelation ρ leaves. Curves over the duty: polynomials of one to four powers for τ1, τ2, T_s,
-by χ² against the levels' own scatter and by leaving one level out (`orders`).
+exponential, a logarithm, a power and three exponentials, by AICc and BIC with the effective sample size
+n_e = n / (1 + 2 Σ ρ) that the residuals' autocorrelation ρ leaves. Curves over the duty: polynomials of one to four
+powers for τ1, τ2, T_s, by χ² against the levels' own scatter and by leaving one level out (`orders`).
 """
 
 from collections.abc import Callable, Sequence
@@ -32,6 +32,8 @@ from eaid.uncertainty.shapes import (
     best_fits,
     logarithm,
     logarithm_starts,
+    power,
+    power_starts,
     stretched,
     stretched_starts,
     three_exponentials,
@@ -49,6 +51,7 @@ THREE = "three exponentials"
 OTHERS: tuple[tuple[str, int, Shape, Callable[[Friction], Array]], ...] = (
     ("a stretched exponential", 3, stretched, stretched_starts),
     ("a logarithm of time", 2, logarithm, logarithm_starts),
+    ("a power of time", 2, power, power_starts),
     (THREE, 6, three_exponentials, three_starts),
 )
 """Shapes that are tried where two exponentials fail: name, parameters, curve, starts."""

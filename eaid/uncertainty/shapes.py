@@ -2,6 +2,7 @@
 
 stretched           T_s (1 − e^(−(t/τ)^β))
 logarithm           A ln(1 + t/τ)
+power               A t^β
 three exponentials  Σ A_k (1 − e^(−t/τ_k)), A_k > 0
 
 Their parameters in logarithms, by damped Gauss–Newton from starts about the level's two exponentials of Eq. (3).
@@ -40,6 +41,14 @@ def logarithm(theta: Array, time_s: Array) -> tuple[Array, Array]:
     return f, np.stack([f, -size * time_s / (tau + time_s)], axis=-1)
 
 
+def power(theta: Array, time_s: Array) -> tuple[Array, Array]:
+    """A t^β, by (log A, log β): the creep of Andrade, β about 1/3, without an end."""
+    size, beta = np.exp(theta).T[:, :, None]
+    log_t = np.log(np.maximum(time_s, 1e-12))
+    f = size * np.where(time_s > 0, np.exp(beta * log_t), 0.0)
+    return f, np.stack([f, f * beta * log_t], axis=-1)
+
+
 def three_exponentials(theta: Array, time_s: Array) -> tuple[Array, Array]:
     """Σ A_k (1 − e^(−t/τ_k)), by (log A_1..3, log τ_1..3)."""
     size, tau = np.exp(theta[:, None, :3]), np.exp(theta[:, None, 3:])
@@ -57,6 +66,11 @@ def stretched_starts(curve: Friction) -> Array:
 def logarithm_starts(curve: Friction) -> Array:
     """Through T_s at the level's τ2, shape (2, 2)."""
     return np.log([[curve.Ts / np.log1p(curve.tau2 / tau), tau] for tau in (curve.tau1, curve.tau1 / 5)])
+
+
+def power_starts(curve: Friction) -> Array:
+    """Through T_s at the level's τ2, shape (2, 2)."""
+    return np.log([[curve.Ts / curve.tau2**beta, beta] for beta in (0.1, 1 / 3)])
 
 
 def three_starts(curve: Friction) -> Array:

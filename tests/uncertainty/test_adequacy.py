@@ -144,6 +144,7 @@ SHAPES = {
     "three-exponentials": lambda u: (
         0.03 * u * (1 - 0.6 * np.exp(-T_LONG / 0.3) - 0.25 * np.exp(-T_LONG / 1.8) - 0.15 * np.exp(-T_LONG / 9))
     ),
+    "power": lambda u: 0.03 * u * (T_LONG / 20.0) ** 0.2,
     "logarithm": lambda u: 0.03 * u * np.log1p(T_LONG / 0.2) / np.log1p(100.0),
 }
 
@@ -173,6 +174,7 @@ def advice(made: StepSet) -> tuple[str, Any]:
         ("stretched", "a stretched exponential"),
         ("three-exponentials", "three exponentials"),
         ("logarithm", "a logarithm of time"),
+        ("power", "a power of time"),
     ],
 )
 def test_other_shapes_are_recognised(shape: str, name: str, runs: int) -> None:

@@ -13,7 +13,7 @@ from eaid.models.parameters import Friction
 from eaid.steps.stepset import Level
 from eaid.uncertainty.friction_intervals import level_parameters
 from eaid.uncertainty.level_statistics import LevelStatistics, level_statistics
-from eaid.uncertainty.shapes import logarithm, stretched, three_exponentials
+from eaid.uncertainty.shapes import logarithm, power, stretched, three_exponentials
 
 
 def stats_of(record_s: float, tau2_s: float, seed: int, noise: float = 0.01, runs: int = 3) -> LevelStatistics:
@@ -88,6 +88,7 @@ def test_quoted_intervals_and_alarms_of_a_few_sets(record_s: float) -> None:
     [
         (stretched, np.log([2.0, 1.3, 0.6])),
         (logarithm, np.log([2.0, 0.3])),
+        (power, np.log([2.0, 0.3])),
         (three_exponentials, np.log([1.0, 0.4, 0.2, 0.2, 1.5, 9.0])),
     ],
 )
