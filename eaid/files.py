@@ -30,7 +30,7 @@ def sha256_of(path: Path) -> str:
 
 LOGS = (
     ".gz", ".csv", ".tsv", ".dat", ".asc", ".lvm", ".mat", ".tdms", ".mf4", ".mdf", ".parquet", ".feather", ".arrow",
-    ".bag", ".mcap", ".db3",
+    ".bag", ".mcap", ".db3", ".npy",
 )  # fmt: skip
 """Endings of recordings, besides .txt and .h5, which others have too."""
 

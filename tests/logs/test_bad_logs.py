@@ -315,7 +315,7 @@ BAD = [
         b"\x80\x04\x95\x1a\x00\x00\x00cposix\nsystem\nX\x04\x00\x00\x00trueR.",
         "{f}: is a Python pickle, which can run code; export the log as CSV or HDF5",
     ),
-    Bad("array.npy", b"\x93NUMPY\x01\x00" + bytes(100), "{f}: is a NumPy file; export the log as CSV or HDF5"),
+    Bad("a", b"\x93NUMPY\x01" + bytes(99), "{f}: is no whole NumPy array of numbers; export the log as CSV or HDF5"),
     Bad("picture.png", b"\x89PNG\r\n" + bytes(100), "{f}: is a picture; export the log as CSV"),
     Bad("log.csv.bz2", b"BZh91AY" + bytes(100), "{f}: is packed with bzip2; unpack it, or pack it with gzip"),
     Bad(

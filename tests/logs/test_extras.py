@@ -110,6 +110,21 @@ def test_feather_is_read_as_parquet_is(tmp_path, compression):
         np.testing.assert_array_equal(getattr(run, name), getattr(known, name))
 
 
+def test_numpy_records_and_matrices_are_read(tmp_path):
+    t, duty, torque = step()
+    names = ("time_s", "duty_pct", "torque_nm")
+    np.save(tmp_path / "records.npy", np.rec.fromarrays((t, duty, torque), names=names))
+    np.save(tmp_path / "matrix.npy", np.array([t, torque, duty]))  # a signal in each row
+    known = one(tmp_path / "records.npy")
+    run = one(tmp_path / "matrix.npy", ReadOptions(columns={"time": "1", "output": "2", "input": "3"}))
+    for name, values in (("time_s", t), ("input", duty), ("output", torque)):
+        np.testing.assert_array_equal(getattr(known, name), values)
+        np.testing.assert_array_equal(getattr(run, name), values)
+    np.save(tmp_path / "vector.npy", torque)
+    with pytest.raises(DataError, match="save a matrix, or records"):
+        one(tmp_path / "vector.npy")
+
+
 def test_parquet_with_units_stamps_and_empty_cells(tmp_path):
     pa = pytest.importorskip("pyarrow")
     import pyarrow.parquet as pq
