@@ -10,15 +10,16 @@ rig's own scales: its pace s = a0/1.36, 1.36 1/s being the paper's a0, and its t
     PI                                            1 % overshoot, 0.27 s/s settling
 
 A loop that is sampled more slowly than the paper's, for its pace, cannot be as stiff: ε and the settling time grow by
-half until the loops run, the robust one with 6 dB and 45° around every operating point of the plant.
+half until the loops run, the robust one with 6 dB and 45° around every operating point of the plant; behind a dead time
+that the steps show, so does the PI.
 """
 
 from dataclasses import replace
 from typing import NamedTuple
 
 from eaid.control.bounds import Bounds, model_of
-from eaid.control.margins import is_stable, linear_lags, pi_feedback, rc_feedback
-from eaid.control.operating import keeps_margins, operating_points
+from eaid.control.margins import is_stable, linear_lags, margins, pi_feedback, rc_feedback
+from eaid.control.operating import enough, keeps_margins, operating_points
 from eaid.control.options import DesignOptions, PIOptions
 from eaid.control.pi import PIGains
 from eaid.control.pi_design import pi_gains
@@ -87,12 +88,15 @@ def _top(fit: Fit, plant: Nonlinear | None) -> float:
 
 
 def timing_of(fit: Fit, options: TuneOptions) -> Timing:
-    """When the loop samples and latches: as given, else as the fit's rig does; no PWM where the input is no duty."""
+    """When the loop samples and latches: as given, else as the fit's rig does; no PWM where the input is no duty.
+
+    The dead time that the steps show counts as delay.
+    """
     rig = fit.data.apparatus
     paper = is_duty(fit)
     rate = options.rate_hz or (rig.sample_rate_hz if paper else fit.data.sample_rate_hz or 1000.0)
     pwm = options.pwm_hz if options.pwm_hz is not None else (rig.pwm_hz if paper else 0.0)
-    return Timing(rate, pwm or None)
+    return Timing(rate, pwm or None, delay_samples=round(fit.dead_time_s * rate))
 
 
 def design_options(
@@ -169,6 +173,10 @@ def with_own_pi(fit: Fit, design: DesignOptions, scales: Scales) -> DesignOption
 
 
 def _runs(model: Linear, settling_s: float, timing: Timing) -> bool:
-    """Whether the sampled loop is stable with a PI of this settling time; GainsError where none is slow enough."""
+    """Whether the sampled loop is stable with a PI of this settling time, behind a dead time with 6 dB and 45°.
+
+    GainsError where none is slow enough.
+    """
     K_P, K_I = pi_gains(model, OVERSHOOT_PCT, settling_s)
-    return is_stable(pi_feedback(PIGains(K_P, K_I)), linear_lags(model.b0, model.a0), timing)
+    feedback, lags = pi_feedback(PIGains(K_P, K_I)), linear_lags(model.b0, model.a0)
+    return enough(margins(feedback, lags, timing)) if timing.delay_samples else is_stable(feedback, lags, timing)

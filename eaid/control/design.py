@@ -168,6 +168,7 @@ def _guarantee(law: Law, rc: Robust, asked: float | None, span: float | None, fi
             condition("phi", rc.phi_needed_pct, law.phi_honest_pct, unit),
             condition("Q_M", rc.reference_slope_nm_s, law.options.Q_M, f"{out}/s"),
             condition("duty-limit", asked, span, unit),
+            *([Condition("dead-time", False, 0.0, fit.dead_time_s, "s")] if fit.dead_time_s > 0 else []),
         ]
     )
 
@@ -222,5 +223,6 @@ def _pi(model: Linear, options: DesignOptions) -> tuple[PIGains, PI, list[Findin
 
 
 def _latched(options: DesignOptions) -> str:
-    pwm = options.timing.pwm_hz
-    return "" if pwm is None else f" with the duty latched at {pwm:g} Hz"
+    pwm, dead = options.timing.pwm_hz, options.timing.delay_s
+    latched = "" if pwm is None else f" with the duty latched at {pwm:g} Hz"
+    return f"{latched} behind the dead time of {dead:.3g} s that the steps show" if dead > 0 else latched

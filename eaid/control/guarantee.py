@@ -4,6 +4,7 @@ rho          ρ(0) covers Eq. (15) with the α really reached
 phi          |η − η̂| that the data show ≤ what φ allows
 Q_M          largest slope of the reference ≤ Q_M
 duty-limit   B̂ρ(0), what the robust term asks for outside the boundary layer ≤ what the actuator spans
+dead-time    none: the argument is about a plant that answers at once; a row only where the steps show one
 """
 
 from collections.abc import Sequence

@@ -8,13 +8,13 @@ Samples at k h and latches at j/f_pwm repeat together after a common period. Ove
 state (lags, integral, latched duty, duties on their way): stable where its spectral radius is below 1. The gain
 margin is the factor on the duty, the delay margin the extra time between latch and plant, that bring the radius to 1:
 exact, aliasing included. The phase margin is read at the crossover of the loop's frequency response, the latch by its
-mean response.
+mean response. Behind a dead time of many samples all three are read there, on a loop that is stable without it.
 """
 
 import cmath
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -99,6 +99,8 @@ def linear_lags(b: float, a: float) -> tuple[Lag, ...]:
 
 def margins(feedback: Feedback, lags: tuple[Lag, ...], timing: Timing) -> Margins:
     """Gain, delay and phase margin of one loop."""
+    if timing.delay_samples:
+        return _behind_dead_time(feedback, lags, timing)
     phase, crossover_hz = phase_margin(feedback, lags, timing)
     if not is_stable(feedback, lags, timing):
         return Margins(False, -math.inf, 0.0, phase, crossover_hz)
@@ -110,9 +112,24 @@ def margins(feedback: Feedback, lags: tuple[Lag, ...], timing: Timing) -> Margin
     return Margins(True, gain, delay, phase, crossover_hz)
 
 
+def _behind_dead_time(feedback: Feedback, lags: tuple[Lag, ...], timing: Timing) -> Margins:
+    """The margins by Nyquist's criterion: no crossover may lag by half a turn or more, the dead time included."""
+    phase, crossover_hz = phase_margin(feedback, lags, timing)
+    if phase <= 0 or not is_stable(feedback, lags, replace(timing, delay_samples=0)):
+        return Margins(False, -math.inf, 0.0, phase, crossover_hz)
+    omega = np.geomspace(1e-3, _top(timing), 20_000)
+    loop = loop_response(feedback, lags, timing, omega)
+    lag = np.unwrap(np.angle(loop)) - omega * timing.delay_s
+    turned = np.flatnonzero((lag[:-1] > -math.pi) & (lag[1:] <= -math.pi))
+    gain = min((-20 * math.log10(abs(loop[k])) for k in turned), default=math.inf)
+    delay = math.radians(phase) / (2 * math.pi * crossover_hz) if crossover_hz > 0 else math.inf
+    return Margins(True, gain, delay, phase, crossover_hz)
+
+
 def is_stable(feedback: Feedback, lags: tuple[Lag, ...], timing: Timing) -> bool:
     """Whether the sampled loop, as it runs, dies out."""
-    return spectral_radius(feedback, lags, timing, 1.0, 0.0) < 1
+    at_once = spectral_radius(feedback, lags, timing, 1.0, 0.0) < 1
+    return at_once and (timing.delay_samples == 0 or phase_margin(feedback, lags, timing)[0] > 0)
 
 
 def _edge(radius: Callable[[float], float], step: float, limit: float) -> float:
@@ -127,7 +144,7 @@ def _edge(radius: Callable[[float], float], step: float, limit: float) -> float:
 
 def spectral_radius(feedback: Feedback, lags: tuple[Lag, ...], timing: Timing, factor: float, delay_s: float) -> float:
     """Spectral radius of the loop's map over one common period of sampling and latching, duty times `factor`, late by
-    `delay_s` [s]."""
+    `delay_s` [s], the timing's own dead time left out."""
     samples, latches = timing.pattern
     h, hold = 1 / timing.rate_hz, samples / timing.rate_hz / latches
     late = int(delay_s / hold + 1e-9)  # whole holds that the delay spans
@@ -165,7 +182,7 @@ def _in_order(event: tuple[float, int, int]) -> tuple[float, int]:
 
 
 def loop_response(feedback: Feedback, lags: tuple[Lag, ...], timing: Timing, omega: Array) -> NDArray[np.complex128]:
-    """Response of the loop opened at the duty, over angular frequency [rad/s], shape of `omega`.
+    """Response of the loop opened at the duty, without its dead time, over angular frequency [rad/s].
 
     L = (k_T + k_q h/(z − 1)) Σ g (1 − a)/(z − a) · latch, z = e^(jωh), a = e^(−h/τ).
     """
@@ -177,9 +194,8 @@ def loop_response(feedback: Feedback, lags: tuple[Lag, ...], timing: Timing, ome
 
 
 def phase_margin(feedback: Feedback, lags: tuple[Lag, ...], timing: Timing) -> tuple[float, float]:
-    """Least phase margin [deg] over the crossovers, and that crossover [Hz]."""
-    top = math.pi * min(timing.rate_hz, timing.pwm_hz or timing.rate_hz)
-    omega = np.geomspace(1e-3, top, 1500)
+    """Least phase margin [deg] over the crossovers, and that crossover [Hz]; the dead time's lag is taken off it."""
+    omega = np.geomspace(1e-3, _top(timing), 1500)
 
     def response(omega: float) -> complex:
         return complex(loop_response(feedback, lags, timing, np.array([omega]))[0])
@@ -188,5 +204,11 @@ def phase_margin(feedback: Feedback, lags: tuple[Lag, ...], timing: Timing) -> t
     found = (math.inf, 0.0)
     for k in np.flatnonzero(above[:-1] != above[1:]):
         crossover = float(brentq(lambda x: abs(response(x)) - 1, omega[k], omega[k + 1]))
-        found = min(found, (math.degrees(cmath.phase(-response(crossover))), crossover / (2 * math.pi)))
+        left = cmath.phase(-response(crossover)) - crossover * timing.delay_s
+        found = min(found, (math.degrees(left), crossover / (2 * math.pi)))
     return found
+
+
+def _top(timing: Timing) -> float:
+    """Half the slower of sampling and latching [rad/s]."""
+    return math.pi * min(timing.rate_hz, timing.pwm_hz or timing.rate_hz)

@@ -82,12 +82,21 @@ def keeps_margins(gains: RCGains, points: Points, timing: Timing) -> bool:
     twice = 10 ** (ENOUGH_DB / 20)
     for duty, torque, lags in points:
         feedback = rc_feedback(gains, torque, duty)
+        if timing.delay_samples:
+            if not enough(margins(feedback, lags, timing)):
+                return False
+            continue
         # Half-way up as well: a loop that is unstable at its own gain may not slip through by being stable at twice it.
         if any(spectral_radius(feedback, lags, timing, f, 0.0) >= 1 for f in (1.0, math.sqrt(twice), twice)):
             return False
         if phase_margin(feedback, lags, timing)[0] < ENOUGH_DEG:
             return False
     return True
+
+
+def enough(found: Margins) -> bool:
+    """Whether a loop has 6 dB and 45°."""
+    return found.gain_db >= ENOUGH_DB and found.phase_deg >= ENOUGH_DEG
 
 
 def loop_margins(
@@ -106,7 +115,9 @@ def loop_margins(
     worst = parts.WorstMargins(*(_least(found[name]) for name in ("rc", "pi")))
     duties = [duty for duty, _, _ in points]
     told = [one for name in ("rc", "pi") for one in _missed(name, duties, found[name], fit.data.input_unit)]
-    return parts.Margins(parts.SampleTiming(timing.rate_hz, timing.pwm_hz), tuple(rows), worst), told
+    return parts.Margins(
+        parts.SampleTiming(timing.rate_hz, timing.pwm_hz, timing.delay_samples), tuple(rows), worst
+    ), told
 
 
 def _kept(found: Margins) -> parts.Margin:
@@ -130,11 +141,7 @@ def _missed(name: str, duties: list[float], found: list[Margins], unit: str) -> 
     unstable = [duty for duty, one in zip(duties, found, strict=True) if not one.stable]
     if unstable:
         return [finding("loop-unstable-on-plant", name, unstable, unit=unit)]
-    missed = [
-        (duty, one)
-        for duty, one in zip(duties, found, strict=True)
-        if not (one.gain_db >= ENOUGH_DB and one.phase_deg >= ENOUGH_DEG)
-    ]
+    missed = [(duty, one) for duty, one in zip(duties, found, strict=True) if not enough(one)]
     if not missed:
         return []
     return [

@@ -19,6 +19,7 @@ class Timing:
     pwm_hz: float | None = None
     """Rate at which the duty is latched; None: it takes effect at once."""
     delay_samples: int = 0
+    """Dead time of the loop [samples]: from reading to duty, and of the plant itself."""
     sensor_hz: float = 0.0
     """Corner of the torque sensor's low-pass [Hz]; 0: none."""
 
@@ -26,6 +27,11 @@ class Timing:
     def step_s(self) -> float:
         """Control interval [s]."""
         return 1 / self.rate_hz
+
+    @property
+    def delay_s(self) -> float:
+        """Dead time [s]."""
+        return self.delay_samples / self.rate_hz
 
     @property
     def memory(self) -> float:

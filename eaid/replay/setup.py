@@ -1,6 +1,6 @@
 """What every kind of replay needs: the plant, what the controllers know of it, the rig, the clock."""
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 
 from eaid.control.defaults import Scales, input_limits, is_duty
 from eaid.control.gains import pi_gains, rc_gains
@@ -58,6 +58,9 @@ def set_up(
     if options.residual_noise:
         rig = Rig(**{**asdict(rig), **residual_noise(fit)})
     rate_hz = options.rate_hz or (1000.0 if scales.paper or is_duty(fit) else fit.data.sample_rate_hz or 1000.0)
+    if fit.dead_time_s > 0 and rig.delay_samples == 0:
+        rig = replace(rig, delay_samples=round(fit.dead_time_s * rate_hz))
+        told.append(finding("dead-time-replayed", "nonlinear", dead_time_s=fit.dead_time_s))
     why = why_not(fit, "nonlinear")
     told += [finding("plant-not-identifiable", "nonlinear", why=why)] if why else []
     if gains is not None and gains.unidentified:

@@ -35,6 +35,7 @@ from eaid.replay.optimize import Search, optimize
 from eaid.replay.references import Reference, sampled
 from eaid.replay.scenarios import SCENARIOS, replayed
 from eaid.replay.simulate import Signal
+from eaid.replay.rig import Rig
 from eaid.results.fit import Fit
 from eaid.results.gain_checks import Optimized, Replayed
 from eaid.results.gains import Gains, Guarantee
@@ -102,7 +103,7 @@ def tune(
         settled, found, more = _searched(fit, options, settled, plant, logs, wanted, reference_name, progress, judge)
         told += more
     gains = design(fit, settled, logs, slope if given else None)
-    gains, more = _replayed(gains, plant, wanted, reference_name, given)
+    gains, more = _replayed(gains, plant, wanted, reference_name, given, fit.dead_time_s)
     told += more
     why = not_identifiable(fit)
     if why:
@@ -194,7 +195,7 @@ def noise_of(fit: Fit, options: TuneOptions, logs: StepSet | None) -> tuple[floa
 
 
 def _replayed(
-    gains: Gains, plant: Nonlinear | None, wanted: Reference, name: str, given: bool
+    gains: Gains, plant: Nonlinear | None, wanted: Reference, name: str, given: bool, dead_time_s: float
 ) -> tuple[Gains, list[Finding]]:
     """The replayed errors beside the ultimate bound, and the verdict with the slope of what was replayed."""
     if plant is None:
@@ -208,7 +209,8 @@ def _replayed(
             finding("reference-beyond-plant", "model", reference=name, asked=most, highest=highest,
                     unit=gains.output_unit)
         )  # fmt: skip
-    by_rc, by_pi = (replayed(plant, each, wanted) for each in (rc_controller(rc), pi_controller(pi)))
+    rig = Rig(delay_samples=round(dead_time_s / wanted.dt_s))
+    by_rc, by_pi = (replayed(plant, each, wanted, rig) for each in (rc_controller(rc), pi_controller(pi)))
     slope, Q_M = wanted.steepest_nm_s, part.Q_M
     assert Q_M is not None
     if not given and slope > Q_M * (1 + 1e-9):

@@ -6,6 +6,7 @@ Keys are the paper's symbols, polynomials lowest power first, units those of the
 
 import math
 import os
+import statistics
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -227,6 +228,12 @@ class Fit(Shown, Result, frozen=True):
         """The fitted steps that fall from one level to another, not to rest."""
         levels = self.friction.levels if self.friction is not None else ()
         return tuple(row for row in levels if row.from_ > row.level > 0)
+
+    @property
+    def dead_time_s(self) -> float:
+        """Median dead time of the single steps upwards [s]; 0 where most of them show none."""
+        rises = [one.dead_time_s for one in self.steps if one.edge == "up"]
+        return statistics.median_low(rises) if rises else 0.0
 
     def not_identifiable_because(self, subject: str) -> tuple[Finding, ...]:
         """Why the data do not determine a model: friction, nonlinear or linear."""

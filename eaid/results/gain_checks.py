@@ -44,6 +44,8 @@ class SampleTiming(Result, frozen=True):
 
     rate_hz: Positive = 1000.0
     pwm_hz: Positive | None = None
+    delay_samples: Count = 0
+    """Dead time that the steps show."""
 
 
 class Margin(Result, frozen=True):

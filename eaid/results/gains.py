@@ -90,7 +90,7 @@ class Condition(Result, frozen=True):
     """One thing that the guarantee needs, and what is there."""
 
     name: str
-    """rho, phi, Q_M or duty-limit."""
+    """rho, phi, Q_M, duty-limit, or dead-time where the steps show one."""
     holds: bool | None = None
     """None: nothing here can tell."""
     needed: Number | None = None

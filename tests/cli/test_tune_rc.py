@@ -114,7 +114,11 @@ def test_every_option_reaches_the_gains():
     assert made("--pi-gains", "30,100")["pi"]["K_I"] == 100.0
     back = made("--anti-windup", "back-calculation", "--duty-limits", "5,90")
     assert back["duty_limits_pct"] == [5.0, 90.0] and rc_gains(typed(back)).back_calculation > 0
-    assert made("--pwm-hz", "0", "--rate-hz", "500")["margins"]["timing"] == {"rate_hz": 500.0, "pwm_hz": None}
+    assert made("--pwm-hz", "0", "--rate-hz", "500")["margins"]["timing"] == {
+        "rate_hz": 500.0,
+        "pwm_hz": None,
+        "delay_samples": 0,
+    }
 
 
 def test_replayed_error_beside_the_bound():

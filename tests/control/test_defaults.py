@@ -8,6 +8,7 @@ import pytest
 
 from eaid.control.bounds import Bounds, bounds_of
 from eaid.control.defaults import design_options, is_duty, scales_of, timing_of, with_own_layer, with_own_pi
+from eaid.control.design import design
 from eaid.control.gains import paper_gains
 from eaid.control.margins import margins, rc_feedback
 from eaid.control.mismatch import shown_by_levels, shown_by_model
@@ -18,7 +19,7 @@ from eaid.control.rc_design import law_of
 from eaid.control.timing import Timing
 from eaid.errors import DataError, GainsError
 from eaid.models.parameters import PAPER_LINEAR, REFERENCE_PLANT, Linear, Nonlinear
-from eaid.results.codec import from_plain
+from eaid.results.codec import from_plain, to_plain
 from eaid.results.fit import Fit
 from eaid.results.tuning import TuneOptions
 
@@ -156,3 +157,27 @@ def test_the_white_noise_of_runs_is_their_median() -> None:
     stepset = SimpleNamespace(levels=[SimpleNamespace(runs=runs)])
     assert white_noise_nm(stepset) == pytest.approx(0.02, rel=0.05)  # type: ignore[arg-type]
     assert white_noise_nm(SimpleNamespace(levels=[])) == 0.0  # type: ignore[arg-type]
+
+
+def test_a_dead_time_that_the_steps_show_slows_both_controllers_down_and_ends_the_guarantee() -> None:
+    """A lag of 0.74 s behind 0.15 s: gains that ask for more than its phase allows are not given in silence."""
+    rises = [{"run": f"r{k}", "from": 0.0, "level": k, "edge": "up", "start": 0.0, "change": 1.0, "gain": 1.0,
+              "shape": "one", "tau1": 0.74, "tau2": None, "C": 1.0, "dead_time_s": dead, "rmse": 0.0, "fit_pct": 99.0,
+              "R2": 1.0, "samples": 9} for k, dead in enumerate((0.14, 0.15, 0.16), 1)]  # fmt: skip
+    at_once = rig()
+    late = from_plain(to_plain(at_once) | {"steps": rises}, Fit, "rig")
+    assert (at_once.dead_time_s, late.dead_time_s) == (0.0, 0.15)
+    assert timing_of(late, TuneOptions()).delay_samples == 30
+    settled = []
+    for fit in (at_once, late):
+        scales = scales_of(fit)
+        own = with_own_pi(fit, design_options(fit, TuneOptions(), scales, 8.0, 1.0), scales)
+        settled.append(with_own_layer(fit, own, scales, BOUNDS, None))
+    assert settled[1].epsilon > settled[0].epsilon
+    assert settled[1].pi.settling_s > 2 * settled[0].pi.settling_s
+    made = [design(fit, one) for fit, one in zip((at_once, late), settled, strict=True)]
+    assert "dead-time" not in [one.name for one in made[0].guarantee.conditions]
+    assert "dead-time" in made[1].guarantee.missing and made[1].guarantee.holds is False
+    assert made[1].margins.worst.pi.phase_deg < made[0].margins.worst.pi.phase_deg
+    with pytest.raises(GainsError, match="behind the dead time of 0.15 s"):
+        design(late, replace(settled[0], timing=settled[1].timing))

@@ -315,7 +315,7 @@ def test_logs_show_what_the_model_behind_them_shows():
 
 def test_unlatched_timing_is_reported():
     found = design(PAPER_FIT, DesignOptions(timing=Timing(1000.0, None)))
-    assert found["margins"]["timing"] == {"rate_hz": 1000.0, "pwm_hz": None}
+    assert found["margins"]["timing"] == {"rate_hz": 1000.0, "pwm_hz": None, "delay_samples": 0}
 
 
 def test_the_alpha_that_rho_is_made_with_is_the_one_reached_to_the_last_digits():
@@ -347,7 +347,7 @@ def test_every_row_of_the_table_of_sentences_can_be_said():
     from eaid.findings.sentences.replay import ROWS as REPLAYS
 
     numbers = "allowed needed slope Q_M B_hat reached made asked span enough_db enough_deg gain_db overshoot_pct "
-    numbers += "settling_s sharpness least jump pace highest noise below_pct above_pct falling_pct low high"
+    numbers += "dead_time_s settling_s sharpness least jump pace highest noise below_pct above_pct falling_pct low high"
     words = "where reference input_unit output_unit why source wanted"
     values = dict.fromkeys(numbers.split(), 5.0) | dict.fromkeys(words.split(), "there")
     values |= {"unit": "%", "phase_deg": None, "allowed": 1.0, "needed": 2.0, "falling_pct": 40.0}

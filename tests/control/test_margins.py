@@ -1,6 +1,7 @@
 """Margins against python-control where nothing is latched, and against brute simulation where the duty is."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -143,3 +144,22 @@ def test_pi_feedback_is_what_the_step_does():
 def test_an_odd_pwm_is_refused_in_words():
     with pytest.raises(UsageError, match="outside what margins are worked out for"):
         spectral_radius(pi_feedback(PI), linear_lags(0.08, 1.36), Timing(1000.0, 1.0), 1.0, 0.0)
+
+
+@pytest.mark.parametrize("timing", [PLAIN, LATCHED, Timing(100.0, None)])
+@pytest.mark.parametrize("dead_s", [0.03, 0.12])
+@pytest.mark.parametrize("feedback", [Feedback(20.0, 40.0), Feedback(60.0, 90.0), Feedback(4.0, 30.0)])
+def test_margins_behind_a_dead_time_are_where_the_sampled_loop_ends(
+    timing: Timing, dead_s: float, feedback: Feedback
+) -> None:
+    """Nyquist's margins against the exact map of the loop with the dead time among its states."""
+    found = margins(feedback, LAGS, replace(timing, delay_samples=round(dead_s * timing.rate_hz)))
+    assert found.stable is (spectral_radius(feedback, LAGS, timing, 1.0, dead_s) < 1)
+    assert found.stable is is_stable(feedback, LAGS, replace(timing, delay_samples=round(dead_s * timing.rate_hz)))
+    if not found.stable:
+        return
+    for share, stable in ((0.97, True), (1.03, False)):
+        factor = 10 ** (found.gain_db / 20) * share
+        assert (spectral_radius(feedback, LAGS, timing, factor, dead_s) < 1) is stable
+        late = dead_s + found.delay_s * share
+        assert (spectral_radius(feedback, LAGS, timing, 1.0, late) < 1) is stable

@@ -39,6 +39,10 @@ ROWS: dict[str, Row] = {
     "best-without-rig": Row(
         "note", "the best is the bare plant's: noise, ripple, sensor, delay, PWM and duty resolution are left out"
     ),
+    "dead-time-replayed": Row(
+        "note",
+        "the duty acts {dead_time_s:.3g} s late, the dead time that the steps show; «delay_samples» says another",
+    ),
     "no-gains": Row("note", "no «gains», so rc and pi are left out; the controllers that need none are replayed"),
     "open-loop-on-straight-line": Row(
         "note", "no linear model, so open-loop takes the straight line through the plant's steady torque"

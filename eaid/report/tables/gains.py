@@ -14,6 +14,7 @@ CONDITIONS = {
     "phi": ("φ", "bound on the error of the model's drift term"),
     "Q_M": ("Q_M", "bound on the slope of the torque reference"),
     "duty-limit": ("duty limit", "the actuator can deliver the robust term"),
+    "dead-time": ("dead time", "the plant answers at once, as the proof supposes"),
 }
 """Condition of the guarantee → how it is called, and what it says."""
 
