@@ -11,7 +11,7 @@ from eaid.control.plant import plant_of
 from eaid.control.timing import Timing
 from eaid.coupling.couple import Loops, couple, default_torques
 from eaid.coupling.linear import LOOPS
-from eaid.coupling.options import CoupleOptions
+from eaid.coupling.options import MOST_DELAY, CoupleOptions
 from eaid.coupling.sampled import Limb
 from eaid.errors import DataError
 from eaid.findings import finding, ranked
@@ -32,6 +32,13 @@ def couple_fit(fit: Fit, gains: Gains | None, options: CoupleOptions, progress: 
     plant = plant_of(fit)
     if plant is None:
         raise DataError("the fit holds no nonlinear model, which walls are worked out on; fit clutch logs with it")
+    late = round(fit.dead_time_s * options.rate_hz)
+    if late > MOST_DELAY:
+        raise DataError(
+            f"the steps show a dead time of {fit.dead_time_s:.3g} s, {late} samples; walls are worked out for "
+            f"{MOST_DELAY} at most: a lower «rate_hz»"
+        )
+    options = replace(options, delay_samples=options.delay_samples or late)
     rc = rc_gains(gains) if gains is not None else None
     pi = pi_gains(gains) if gains is not None else None
     drawn = draw(fit, options.plants, options.seed) if options.plants else None

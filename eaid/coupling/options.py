@@ -32,6 +32,7 @@ class CoupleOptions:
     rate_hz: float = 1000.0
     pwm_hz: float = 0.0
     delay_samples: int = 0
+    """From reading to duty; 0: the dead time that the fit's steps show."""
     sensor_hz: float = 0.0
     encoder_counts: int | None = None
     """Counts per turn of the limb's encoder."""

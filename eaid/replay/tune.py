@@ -33,9 +33,9 @@ from eaid.progress import Progress, no_progress
 from eaid.replay.controllers import pi_controller, rc_controller
 from eaid.replay.optimize import Search, optimize
 from eaid.replay.references import Reference, sampled
+from eaid.replay.rig import Rig
 from eaid.replay.scenarios import SCENARIOS, replayed
 from eaid.replay.simulate import Signal
-from eaid.replay.rig import Rig
 from eaid.results.fit import Fit
 from eaid.results.gain_checks import Optimized, Replayed
 from eaid.results.gains import Gains, Guarantee

@@ -4,6 +4,7 @@ import dataclasses
 import math
 
 import control
+import msgspec
 import numpy as np
 import pytest
 
@@ -17,8 +18,9 @@ from eaid.coupling.linear import LOOPS, Law, Point, linearised, operating_point,
 from eaid.coupling.options import CoupleOptions
 from eaid.coupling.sampled import Channel, Coupled, Limb
 from eaid.coupling.stiffness import needed_damping, passive_stiffness, stable_stiffness
-from eaid.errors import GainsError, UsageError
+from eaid.errors import DataError, GainsError, UsageError
 from eaid.models.parameters import REFERENCE_PLANT
+from eaid.results.steps import StepShape
 
 RC, PI = paper_gains()
 LIMB, TIMING = Limb(0.1, 0.8), Timing()
@@ -191,6 +193,17 @@ def test_gains_are_judged_by_the_wall_they_render_and_a_search_makes_it_stiffer_
     ).optimized
     assert found.after_cost <= found.before_cost == pytest.approx(judge(rc_gains(gains)))
     assert found.after.mean_abs_duty_step_pct <= found.limit_pct * (1 + 1e-9)
+
+
+def test_a_dead_time_that_the_steps_show_counts_as_delay():
+    fit = eaid.fit(eaid.synth(levels=(10.0, 40.0, 70.0, 100.0), repeats=2, rate_hz=50.0, clean=True))
+    rise = StepShape("a", 0.0, 10.0, "up", 0.0, 1.0, 0.1, "one", 1.0, None, 1.0, 0.02, 0.0, 99.0, 1.0, 9)
+    asked = {"loops": ("inverse",), "torques": (1.0,), "replay": False}
+    late = eaid.couple(msgspec.structs.replace(fit, steps=(rise,)), **asked)
+    assert late.options.delay_samples == 20
+    assert late.walls == eaid.couple(fit, **asked, delay_samples=20).walls != eaid.couple(fit, **asked).walls
+    with pytest.raises(DataError, match="150 samples; walls are worked out for 100 at most"):
+        eaid.couple(msgspec.structs.replace(fit, steps=(msgspec.structs.replace(rise, dead_time_s=0.15),)), **asked)
 
 
 def test_walls_do_not_depend_on_the_unit_of_the_input():
