@@ -95,3 +95,13 @@ def nodes(file: h5py.File, source: str = "") -> Iterator[tuple[str, Any]]:
 def text(value: Any) -> str:
     """An attribute as text."""
     return value.decode("utf-8", errors="replace") if isinstance(value, bytes) else str(value)
+
+
+def attributes(node: h5py.File | h5py.Group) -> dict[str, object]:
+    """The attributes of a file or group as Python has them."""
+    plain = {}
+    for key, value in node.attrs.items():
+        if isinstance(value, np.generic) or (isinstance(value, np.ndarray) and value.size == 1):
+            value = value.item()
+        plain[key] = text(value) if isinstance(value, bytes) else value
+    return plain
