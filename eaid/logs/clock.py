@@ -16,7 +16,7 @@ from eaid.arrays import Array, read_only
 from eaid.errors import DataError, UsageError
 from eaid.findings import Finding, finding
 from eaid.logs.columns import COUNTERS
-from eaid.logs.units import TIME_UNITS, likely_time_unit, split_name, unit_of, words_of
+from eaid.logs.units import TIME_UNITS, divisor, likely_time_unit, split_name, unit_of, words_of
 
 EPOCH = {"s": (1e9, 4e9), "ms": (1e12, 4e12), "us": (1e15, 4e15), "ns": (1e18, 4e18)}
 """First stamps of logs of 2001 to 2096, counted from 1970."""
@@ -45,7 +45,7 @@ def time_scale(path: str, said: str | None, column: str, file_unit: str) -> Time
     if said is not None:
         known = unit_of(said)
         if said.startswith("/"):
-            return TimeScale(1.0 / _above_zero(said), True, True)
+            return TimeScale(1.0 / divisor("time", said), True, True)
         if known is None or known.quantity != "time":
             raise UsageError(f"«units» time={said}: is no unit of time; use {TIME_UNITS}")
         return TimeScale(known.factor, True, True)
@@ -60,16 +60,6 @@ def time_scale(path: str, said: str | None, column: str, file_unit: str) -> Time
             f"say it with «units» time=UNIT ({TIME_UNITS})"
         )
     return TimeScale(1.0, False)
-
-
-def _above_zero(said: str) -> float:
-    try:
-        rate = float(said[1:])
-    except ValueError:
-        rate = 0.0
-    if not 0 < rate < math.inf:
-        raise UsageError(f"«units» time={said}: write a number above 0 behind the stroke, as in /1000")
-    return rate
 
 
 def seconds_since_start(

@@ -1,63 +1,16 @@
 """How a text log is written: encoding, marks of its cells and numbers, header, units row, facts in comment lines."""
 
-import contextlib
-import csv
-import re
 from collections import Counter
 from dataclasses import dataclass, field
-from typing import NamedTuple
 
 from eaid.errors import DataError
-from eaid.logs.facts import COMMENT, facts_of, number
+from eaid.logs.facts import facts_of
+from eaid.logs.marks import COMMENT, NUMBER_MARKS, Marks
 from eaid.logs.units import unit_of
 
 _DELIMITERS = ("\t", ";", "|", ",", None)
-_STAMP = re.compile(
-    r"(\d{1,4}[-/.]\d{1,2}[-/.]\d{1,4}[T ]+)?\d{1,2}:\d{2}(:\d{2}([.,]\d+)?)?\s*(Z|[+-]\d{2}:?\d{2}|AM|PM)?$"
-)
-
-
-class Marks(NamedTuple):
-    """What stands between the cells of a row, and inside its numbers."""
-
-    delimiter: str | None
-    """None: any white space."""
-    decimal: str
-    thousands: str
-    """Empty where nothing stands between thousands."""
-
-    def cells(self, line: str, count: int = 0) -> list[str]:
-        """Cells of a line; quotes keep a delimiter inside a cell.
-
-        A delimiter at the end of the line begins no cell; where `count` are wanted, only if it would be one too many.
-        """
-        bare = line.strip("\r\n ")
-        if self.delimiter is None:
-            return bare.split()
-        cells = bare.split(self.delimiter)
-        if '"' in bare and len(cells) > 1:
-            with contextlib.suppress(csv.Error):  # a return in the middle of a line
-                cells = next(csv.reader([bare], delimiter=self.delimiter))
-        if not cells[-1].strip() and count in (0, len(cells) - 1):
-            cells.pop()
-        return cells
-
-    def value(self, cell: str) -> float | None:
-        """Value of a cell; None where it is no number."""
-        return number(cell, self.decimal, self.thousands)
-
-    def is_stamp(self, cell: str) -> bool:
-        """True for a wall-clock stamp."""
-        return self.value(cell) is None and bool(_STAMP.match(cell.strip().strip('"')))
-
-    def count_good(self, cells: list[str]) -> tuple[int, int]:
-        """How many cells are numbers or stamps, and how many are not empty."""
-        good = sum(self.value(cell) is not None or self.is_stamp(cell) for cell in cells)
-        return good, sum(bool(cell.strip()) for cell in cells)
-
-
-NUMBER_MARKS = ((".", ""), (",", ""), (".", ","), (",", "."), (".", "'"), (".", " "), (",", " "))
-"""Decimal mark, and the mark between thousands."""
+ROWS = 3
+"""Rows of numbers, one below the other, that make a table."""
 
 
 @dataclass(frozen=True)
@@ -97,13 +50,28 @@ def encoding_of(head: bytes) -> str:
     return "utf-8"
 
 
+def lines_of(head: bytes) -> list[str]:
+    """The lines of a text by its first bytes; none of bytes that are no text."""
+    encoding = encoding_of(head)
+    if not encoding:
+        return []
+    text = head[: len(head) // 2 * 2 if "16" in encoding else None].decode(encoding, errors="replace")
+    return text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
+
+
+def has_table(lines: list[str]) -> bool:
+    """Whether some `ROWS` lines, one below the other, are rows of one table of numbers."""
+    marks, count = _marks(_body(lines))
+    rows = "".join("+" if count and _is_row(line, marks, count) else "-" for line in lines)
+    return "+" * ROWS in rows
+
+
 def sniff(path: str, head: bytes, whole: bool) -> Dialect:
     """Dialect of a text log by its first bytes; raises DataError where there is no table of numbers in them."""
     encoding = encoding_of(head)
     if not encoding:
         raise DataError(f"{path}: is a binary file of no format that eaid knows; export it as CSV, MAT or HDF5")
-    text = head[: len(head) // 2 * 2 if "16" in encoding else None].decode(encoding, errors="replace")
-    lines = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
+    lines = lines_of(head)
     if not whole and len(lines) > 1:
         lines.pop()
     if not any(line.strip() for line in lines):

@@ -2,30 +2,8 @@
 
 import re
 
+from eaid.logs.marks import COMMENT, number
 from eaid.logs.units import unit_of
-
-COMMENT = ("#", "%", "//")
-_PLAIN = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eEdD][+-]?\d+)?$")
-_WORDS = re.compile(r"[+-]?(nan|inf(inity)?|na|n/a|null|none|-)$", re.IGNORECASE)
-
-
-def number(text: str, decimal: str, thousands: str) -> float | None:
-    """Value of a cell, correctly rounded; None where it is no number."""
-    text = text.strip().strip('"').strip()
-    if thousands and thousands in text:
-        whole = re.escape(thousands).join((r"[+-]?[1-9]\d{0,2}(", r"\d{3})+"))
-        if not re.fullmatch(f"{whole}({re.escape(decimal)}\\d*)?", text):
-            return None
-        text = text.replace(thousands, "")
-    if decimal != ".":
-        if "." in text:
-            return None
-        text = text.replace(decimal, ".")
-    if _PLAIN.match(text):
-        return float(text.replace("d", "e").replace("D", "e"))
-    if _WORDS.match(text):
-        return float("inf") if "inf" in text.lower() else float("nan")
-    return None
 
 
 def facts_of(lines: list[str], delimiter: str | None) -> dict[str, str]:

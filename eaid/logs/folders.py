@@ -12,6 +12,7 @@ from pathlib import Path
 from eaid.errors import DataError, UsageError
 from eaid.files import LOGS, is_as_written
 from eaid.logs.columns import INPUTS, OUTPUTS, TIME
+from eaid.logs.dialect import has_table, lines_of
 from eaid.logs.formats import format_of, is_hdf5
 from eaid.logs.units import split_name
 
@@ -24,8 +25,6 @@ RECORDED = (*LOGS, ".h5", ".hdf5")
 """Endings of logs: a file with one of them is left out for no other reason than that eaid wrote it itself."""
 HEAD = 1 << 16
 """Bytes of a text by which it is judged."""
-ROWS = 3
-"""Rows of numbers, one below the other, that make a table."""
 
 
 def files_of(paths: Iterable[Path], tell: Callable[[str], None] = lambda _: None) -> list[Path]:
@@ -109,36 +108,8 @@ def plainly_no_log(path: Path) -> bool:
     form = format_of(head[:4096]).name
     if form != "text":
         return form == "not read"
-    text = _decoded(head)
-    if text is None:
-        return True
-    lines = text.splitlines()[: -1 if len(head) == HEAD else None]
-    return not _has_table(lines) and not any(_is_heading(line) for line in lines[:100])
-
-
-def _decoded(head: bytes) -> str | None:
-    """The text of a file's beginning; None for bytes that are no text."""
-    if head.startswith((b"\xff\xfe", b"\xfe\xff")):
-        return head[: len(head) // 2 * 2].decode("utf-16", errors="replace")
-    if b"\0" in head:
-        return None
-    return head.decode("utf-8", errors="replace")
-
-
-_NUMBER = re.compile(r"[-+]?(\d+([.,]\d*)?|[.,]\d+)([eE][-+]?\d+)?|[-+\d:.,/T]*\d|nan|inf", re.IGNORECASE)
-"""A number, or a date or time of day."""
-
-
-def _has_table(lines: list[str]) -> bool:
-    """Whether some rows in a row are numbers, for the most part."""
-    run = 0
-    for line in lines:
-        cells = [cell.strip('"') for cell in re.split(r"[\s;|]+|,(?!\d)|(?<=\d),(?=[-+]?\d)", line) if cell]
-        numbers = sum(bool(_NUMBER.fullmatch(cell)) for cell in cells)
-        run = run + 1 if cells and 2 * numbers >= len(cells) else 0
-        if run >= ROWS:
-            return True
-    return False
+    lines = lines_of(head)[: -1 if len(head) == HEAD else None]
+    return not has_table(lines) and not any(_is_heading(line) for line in lines[:100])
 
 
 _TIMES = {name for group in TIME for name in group}

@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from eaid.logs.dialect import Dialect, Marks
-from eaid.logs.facts import COMMENT
+from eaid.logs.dialect import Dialect
+from eaid.logs.marks import COMMENT, Marks
 from eaid.logs.table import BadCell, Cells
 
 MOST_DIGITS = 15

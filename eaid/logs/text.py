@@ -20,8 +20,9 @@ import numpy as np
 
 from eaid.arrays import Array, read_only
 from eaid.errors import DataError
-from eaid.logs.dialect import NUMBER_MARKS, Dialect, encoding_of, sniff
+from eaid.logs.dialect import Dialect, encoding_of, sniff
 from eaid.logs.facts import rate_said
+from eaid.logs.marks import NUMBER_MARKS
 from eaid.logs.rows import by_pandas, cell_by_cell, plain_value
 from eaid.logs.table import BadCell, Cells, Table
 

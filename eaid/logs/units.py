@@ -161,7 +161,8 @@ def scale_of(path: str, role: str, said: str | None, column: str, file_unit: str
     A unit that eaid does not know is kept as it is. `/255` says that 255 counts are the full scale: an input in %.
     """
     if said is not None and said.startswith("/"):
-        return _share(role, said)
+        full = divisor(role, said)
+        return Scale("%", 100.0 / full) if role == "input" else Scale("", 1.0 / full)
     named = split_name(column)[1]
     text = said or file_unit or named
     known = unit_of(text) if text else None
@@ -182,11 +183,12 @@ def scale_of(path: str, role: str, said: str | None, column: str, file_unit: str
     return Scale(known.to, known.factor)
 
 
-def _share(role: str, said: str) -> Scale:
+def divisor(role: str, said: str) -> float:
+    """The number of a unit that is said as `/255`: counts of a full scale, or a second; UsageError where it is none."""
     try:
-        full = float(said[1:])
+        counts = float(said[1:])
     except ValueError:
-        full = 0.0
-    if not 0 < full < float("inf"):
+        counts = 0.0
+    if not 0 < counts < math.inf:
         raise UsageError(f"«units» {role}={said}: write a number above 0 behind the stroke, as in /255")
-    return Scale("%", 100.0 / full) if role == "input" else Scale("", 1.0 / full)
+    return counts

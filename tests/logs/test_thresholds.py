@@ -10,9 +10,10 @@ from eaid.errors import DataError
 from eaid.logs.by_values import rises, steps
 from eaid.logs.checks import checked
 from eaid.logs.clock import TimeScale, seconds_since_start
-from eaid.logs.dialect import Marks, encoding_of, sniff
-from eaid.logs.facts import facts_of, number, rate_said
+from eaid.logs.dialect import encoding_of, sniff
+from eaid.logs.facts import facts_of, rate_said
 from eaid.logs.formats import format_of
+from eaid.logs.marks import Marks, number
 from eaid.logs.moves import is_recorded
 from eaid.logs.read import read_runs
 from eaid.logs.run import Run

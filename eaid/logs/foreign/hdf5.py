@@ -98,9 +98,7 @@ def _load(columns: Sequence[Column], wanted: Sequence[int]) -> Cells:
         empty = np.zeros(len(stored), dtype=bool)
         for key in ("_FillValue", "missing_value"):
             empty |= np.isin(stored, np.atleast_1d(said.get(key, ())))
-        scale, offset = (
-            np.float64(np.ravel(said.get(k, d))[0]) for k, d in (("scale_factor", 1.0), ("add_offset", 0.0))
-        )
+        scale, offset = (np.float64(np.ravel(said.get(name, plain))[0]) for name, plain in _CF)
         if (scale, offset) != (1.0, 0.0):
             stored = stored * scale + offset
         if empty.any():

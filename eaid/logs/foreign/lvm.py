@@ -17,7 +17,7 @@ import numpy as np
 
 from eaid.arrays import Array
 from eaid.errors import DataError
-from eaid.logs.dialect import Marks
+from eaid.logs.marks import Marks
 from eaid.logs.rows import plain_value
 from eaid.logs.table import BadCell, Cells, Table
 

@@ -18,7 +18,6 @@ MOST_ELEMENTS = 64
 """Elements of an array that become columns; longer arrays are pictures and scans, not logs."""
 DEEPEST = 20
 _TIMES = ("builtin_interfaces/msg/Time", "builtin_interfaces/msg/Duration")
-_HEADER = "std_msgs/msg/Header"
 
 
 class Definitions(NamedTuple):

@@ -7,7 +7,7 @@ out. Both are a finding.
 """
 
 from collections import Counter
-from collections.abc import Callable, Collection, Hashable, Sequence
+from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from eaid.arrays import Array, read_only
 from eaid.errors import DataError
-from eaid.findings import Finding, finding
+from eaid.findings import finding
 from eaid.logs.table import Cells, Table
 
 TIME = "time"
@@ -92,14 +92,10 @@ def _on_one_clock(source: str, wanted: Sequence[Signal | None]) -> Cells:
         elif not whole:
             values = values[begun]
         columns.append(read_only(values))
-    return Cells(tuple(columns), findings=_told(source, wanted, places, len(base) - int(begun.sum())))
-
-
-def _told(
-    source: str, wanted: Sequence[Signal | None], places: Collection[Hashable], left_out: int
-) -> tuple[Finding, ...]:
-    held = [signal.name for signal in wanted if signal is not None and signal.clock in places]
-    return (finding("signals-held", source, columns=" and ".join(held), left_out=left_out),) if held else ()
+    held = " and ".join(signal.name for signal in wanted if signal is not None and signal.clock in places)
+    left_out = len(base) - int(begun.sum())
+    findings = (finding("signals-held", source, columns=held, left_out=left_out),) if held else ()
+    return Cells(tuple(columns), findings=findings)
 
 
 def seconds(stamps: NDArray[Any], start: Any = None) -> Array:
