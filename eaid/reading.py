@@ -206,7 +206,7 @@ def read_edges(
     runs, faults = read_what_can_be(files_of(paths, warn), options.reading())
     if faults:
         raise DataError(*faults)
-    return [(run, edges(run.time_s, run.output)) for run in runs]
+    return [(run, edges(run.time_s, run.output, run.reference_nm)) for run in runs]
 
 
 def steps_of(

@@ -18,7 +18,9 @@ class Arguments(Common, Reading):
     write_manifest: bool = option(
         False, "Also write dataset.toml beside the logs: the next call needs no options.", OUTPUT
     )
-    edges: bool = option(False, "List the edges of the output instead, as of a closed loop; writes nothing.", OUTPUT)
+    edges: bool = option(
+        False, "List the edges of the output instead, as of a closed loop; logs are kept whole.", OUTPUT
+    )
 
 
 @takes(Arguments)
@@ -29,16 +31,23 @@ def command(given: Arguments) -> None:
 
     Example: eaid ingest bench/ --columns input=Volts --units output=mNm -o data.h5
     """
+    from eaid.apparatus import Apparatus
     from eaid.cli import ingest_tables, inputs
     from eaid.files import refuse_to_overwrite
     from eaid.logs.dataset import write_dataset
     from eaid.reading import read_edges
 
     options = inputs.reading_of(given)
-    if given.edges:
-        ingest_tables.print_edges(read_edges(given.logs, options, console.warn), given.json)
-        return
     refuse_to_overwrite(given.output, given.force, given.logs)
+    if given.edges:
+        logs = read_edges(given.logs, options, console.warn)
+        whole = [run for run, _edges in logs]
+        rig = options.stepping().apparatus or whole[0].apparatus or Apparatus()
+        kind = options.stepping().kind or whole[0].kind or "clutch"
+        write_dataset(given.output, whole, kind=kind, apparatus=rig, force=given.force)
+        ingest_tables.print_edges(logs, given.json)
+        console.done(given.output, f"{counted(len(logs), 'log')} as recorded", f"eaid report {given.output}")
+        return
     runs, stepset = inputs.runs_from(given.logs, options, seen=console.say)
     if given.write_manifest:
         from eaid.logs import manifest

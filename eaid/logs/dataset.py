@@ -70,7 +70,8 @@ def write_dataset(
     apparatus: Apparatus,
     force: bool = False,
 ) -> None:
-    """Write runs as data.h5, whole or not at all; `level`, `step_s` and `baseline` of each must be known."""
+    """Write runs as data.h5, whole or not at all: steps, whose `level`, `step_s` and `baseline` are known, or logs as
+    they were recorded, without a level."""
     made_by = sorted({run.synthetic for run in runs if run.synthetic})
     input_unit = min((run.input_unit for run in runs), default=INPUT_UNITS[kind])
     output_unit = min((run.output_unit for run in runs), default="N·m")
@@ -93,6 +94,8 @@ def _write_run(group: h5py.Group, run: Run) -> None:
                 compression="gzip", compression_opts=4, shuffle=True, track_times=False,
             )  # fmt: skip
     facts = _Facts(**{field: getattr(run, field) for field in _Facts.__struct_fields__})
+    if run.level is None:
+        facts.edge = None
     for name, value in msgspec.to_builtins(facts).items():
         group.attrs[name] = value
     if run.findings:

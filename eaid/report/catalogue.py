@@ -33,6 +33,7 @@ _REPLAY = "eaid simulate fit.json --gains gains.json --scenario {0} -o {0}.h5"
 FIGURES: tuple[Row, ...] = (
     Row("compare", "Two fits over each other", fits.compare_ready),
     Row("fig02_pwm", "Fig. 2 · One PWM period", fits.pwm_ready, of_the_fit=False),
+    Row("edges", "Edges of the output", fits.edges_ready, of_the_fit=False),
     Row("fig06_hold_and_release", "Fig. 6 · Output while held and after release", fits.hold_ready,
         "eaid ingest LOGS (with the release recorded) -o data.h5", of_the_fit=False),
     Row("recorded_logs", "Logs as recorded", fits.recorded_ready),

@@ -9,7 +9,7 @@ PAGE = "report.html"
 FIGURES = "figures"
 NAMES = (
     "fig", "compare", "model_over_duty", "residuals_", "input_gain", "own_reference", "level_steps", "guarantee_in",
-    "log_replay", "steps_over_level", "recorded_logs", "bode", "walls",
+    "log_replay", "steps_over_level", "recorded_logs", "bode", "walls", "edges",
 )  # fmt: skip
 """How the names of a report's figures begin."""
 COLUMN_IN = 3.5

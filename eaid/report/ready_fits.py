@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from eaid.models import linear
-from eaid.report.figures import apparatus, checks, clutch, hold, level_steps, recorded, values
+from eaid.report.figures import apparatus, checks, clutch, edges, hold, level_steps, recorded, values
 from eaid.report.figures import friction as frictions
 from eaid.report.figures.steps import Model
 from eaid.report.page import live_fits, live_replays
@@ -210,6 +210,20 @@ def recorded_ready(results: Results, _asked: bool | None) -> Ready | None:
     said = caption("recorded", shown=len(logs), count=len(fit.recorded.logs), worst=worst, unit=units[1])
     live = lambda: (live_replays.recorded(logs[0].curve, units),)  # noqa: E731
     return Ready(lambda: recorded.recorded_logs(logs, units), said, live if len(logs) == 1 else None)
+
+
+def edges_ready(results: Results, _asked: bool | None) -> Ready | None:
+    """Logs of closed loops: reference and output, and the edges by themselves."""
+    logs = [log for log in results.edge_logs if log.edges]
+    if not logs:
+        return None
+    every = [one for log in logs for one in log.edges]
+    worst = max(one.overshoot_pct for one in every)
+    said = caption(
+        "edges", count=len(every), logs=len(results.edge_logs), rise=[one.rise_s for one in every], worst=worst
+    )
+    live = lambda: (live_replays.loop(logs[0].run),)  # noqa: E731
+    return Ready(lambda: edges.edges_of_logs(logs), said, live if len(logs) == 1 else None)
 
 
 def bode_ready(results: Results, _asked: bool | None) -> Ready | None:

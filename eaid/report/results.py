@@ -3,12 +3,13 @@
 import json
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Any, Generic, TypeVar
 
 import h5py
 
+from eaid.apparatus import Apparatus
 from eaid.arrays import Array
 from eaid.errors import DataError, UsageError
 from eaid.files import sha256_of
@@ -19,6 +20,7 @@ from eaid.logs.read import read_runs
 from eaid.logs.run import Run
 from eaid.replay import files as replay_files
 from eaid.replay.controllers import CONTROLLERS
+from eaid.report.figures.edges import EdgeLog, edge_logs, is_whole
 from eaid.report.thin import as_recorded, shortened
 from eaid.results import codec
 from eaid.results.coupling import Coupling
@@ -87,6 +89,11 @@ class Results:
     def replay(self, scenario: str) -> Replay | None:
         """The first replay of a scenario."""
         return next((one.result for one in self.replays if one.result.head.scenario == scenario), None)
+
+    @cached_property
+    def edge_logs(self) -> tuple[EdgeLog, ...]:
+        """The logs of the datasets whose edges are looked at, as of closed loops."""
+        return edge_logs([run for one in self.data for run in one.result.recorded])
 
     @property
     def kinds(self) -> tuple[str, ...]:
@@ -193,7 +200,16 @@ def _read_data(path: Path) -> tuple[StepSet, tuple[Finding, ...]]:
         run, every[run.name] = shortened(run, count)
         return run
 
-    return as_recorded(build_stepset(read_runs([path], ReadOptions(each=short)), StepOptions()), every), ()
+    runs = read_runs([path], ReadOptions(each=short))
+    whole = tuple(run for run in runs if is_whole(run))
+    if len(whole) < len(runs):
+        steps = as_recorded(build_stepset([run for run in runs if not is_whole(run)], StepOptions()), every)
+        return replace(steps, recorded=whole), ()
+    first = whole[0]
+    rig = first.apparatus or Apparatus()
+    return StepSet(
+        first.kind or "clutch", first.input_unit, first.output_unit, rig, (), recorded=whole, synthetic=first.synthetic
+    ), ()
 
 
 def _read_replay(path: Path) -> tuple[Replay, tuple[Finding, ...]]:

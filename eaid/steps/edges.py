@@ -21,6 +21,8 @@ MOVES = 0.15
 """Share of the range that an edge moves within a fiftieth of the record."""
 RESTS = 0.03
 """Share of the range within which a stretch of a twentieth of the record rests."""
+JUMP = 0.1
+"""Share of a reference's range by which it changes from one sample to the next where it jumps."""
 CLEAR = 14.0
 """Standard errors of a block mean that the range has to exceed: a turn is then half of them."""
 
@@ -65,10 +67,41 @@ def turns(values: Array, back: float) -> list[int]:
     return [*dict.fromkeys(places), *([last] if places[-1] != last else [])]
 
 
-def edges(time_s: Array, output: Array) -> tuple[Edge, ...]:
-    """The edges of an output, shapes (n,); none where nothing stands out of its noise."""
+def jumps(reference: Array) -> list[int]:
+    """First samples behind the jumps of a reference; none where it runs smoothly."""
+    change = np.abs(np.diff(reference))
+    least = max(JUMP * float(np.ptp(reference)), 20 * float(np.median(change)))
+    at = (np.flatnonzero(change >= least) + 1).tolist() if least > 0 else []
+    apart = max(2, len(reference) // 100)
+    return [one for k, one in enumerate(at) if k == 0 or one - at[k - 1] >= apart]
+
+
+def asked_edges(time_s: Array, output: Array, reference: Array) -> tuple[Edge, ...]:
+    """The edges of an output where its reference jumps, each until the next jump; none where that never jumps."""
+    found = []
+    at = jumps(reference)
+    for start, stop in itertools.pairwise([*at, len(output)]):
+        count = stop - start
+        if count < 10:
+            continue
+        rest = float(np.median(output[max(0, start - count // 5) : start]))
+        goal = float(np.median(output[start + count // 2 : stop]))
+        blocks = min(BLOCKS, count)
+        times, means = block_means(time_s[start:stop], blocks), block_means(output[start:stop], blocks)
+        if goal != rest:
+            found.append(_measured(times, means, (0, blocks), rest, goal))
+    return tuple(found)
+
+
+def edges(time_s: Array, output: Array, reference: Array | None = None) -> tuple[Edge, ...]:
+    """The edges of an output, shapes (n,): those that its reference asks for by a jump, else those that stand out.
+
+    None where nothing stands out of its noise.
+    """
     if len(output) < 40:
         return ()
+    if reference is not None and (asked := asked_edges(time_s, output, reference)):
+        return asked
     means = block_means(output, BLOCKS)
     times = block_means(time_s, BLOCKS)
     low, high = np.quantile(means, (0.01, 0.99)).tolist()

@@ -57,7 +57,7 @@ def page(files: dict[str, Path], tmp_path_factory: pytest.TempPathFactory) -> Pa
 
 @pytest.fixture(scope="session")
 def others(files: dict[str, Path], tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
-    """Name → page: a log as recorded, steps from level to level, two fits, a marked fit of runs with long names."""
+    """Name → page: a log as recorded, steps from level to level, two fits, a loop, a marked fit of long names."""
     folder = tmp_path_factory.mktemp("others")
     reading = {"random": (), "staircase": ("--logs-as", "steps")}
     made: dict[str, list[Path]] = {}
@@ -84,6 +84,10 @@ def others(files: dict[str, Path], tmp_path_factory: pytest.TempPathFactory) -> 
     made["two"] = [files["clutch.json"], folder / "day2.json"]
     assert call("synth", "--levels", "20:100:20", "--seed", "9", "--rate-hz", "50", "-o", folder / "day2.h5", "-q") == 0
     assert call("fit", folder / "day2.h5", "-o", folder / "day2.json", "-q") == 0
+    shape = ["--shape", "duration_s=60,gains=15:200,hold_s=0.5:5", "--rate", "50", "--seed", "1"]
+    assert call("synth", "--excitation", "closed-loop", *shape, "-o", folder / "loop", "-q") == 0
+    assert call("ingest", "--edges", folder / "loop", "-o", folder / "loop.h5", "-q") == 0
+    made["loop"] = [folder / "loop.h5"]
     for name, given in made.items():
         assert call("report", *given, "-o", folder / f"page-{name}", "-q") == 0
     return {name: folder / f"page-{name}/report.html" for name in made}

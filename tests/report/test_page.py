@@ -196,7 +196,7 @@ def test_two_fits_of_one_kind_stand_side_by_side(files: dict[str, Path], tmp_pat
     assert re.search(r"at 20 % \(N·m\) .{0,80}\+50\.0 % yes", outline.text)
     assert re.search(r"a0 \(1/s\) .{0,80}\+0\.0 % no", outline.text)
     assert "Their 95 % intervals part for T s at 20, 40, 60, 80 and 100 %: more than repeats explain." in outline.text
-    assert "Both fits over the level" in outline.text
+    assert "Single levels of both fits, 95 %" in outline.text and text.count('class="picture"') == 2
     part = text.split('<section id="model">')[1]
     assert part.index('id="compare"') < part.index("<h3>Both fits</h3>") < part.index("<details")
     assert f"Clutch, {tmp_path}/after.json" in outline.text

@@ -76,13 +76,11 @@ def test_one_verdict_on_the_guarantee(holds: tuple[bool | None, bool | None], wo
 
 def test_what_to_do_next_follows_what_is_missing():
     fit = Fit(**CLEAN)
-    assert [step.command.split()[1] for step in next_steps(gathered([fit]), known(gathered([fit])))] == [
-        "tune-rc", "plan",
-    ]  # fmt: skip
+    assert [step.command.split()[1] for step in next_steps(gathered([fit]), known(gathered([fit])))] == ["tune-rc"]
     gains = Gains(LinearModel(1.0, 1.0, 0.0), guarantee=Guarantee(False, (Condition("phi", False),)))
     given = gathered([fit, gains])
     steps = next_steps(given, known(given))
-    assert [step.command.split()[1] for step in steps] == ["tune-rc", "simulate", "plan"]
+    assert [step.command.split()[1] for step in steps] == ["tune-rc", "simulate", "export"]
     assert "--phi data" in steps[0].command and "--alpha" not in steps[0].command
     assert next_steps(gathered([]), known(gathered([]))) == ()
 

@@ -12,11 +12,11 @@ from eaid.models import friction
 from eaid.models.parameters import Friction
 from eaid.report import published, style
 from eaid.report.figures.steps import Model, draw_steps
-from eaid.report.figures.values import axis_label, intervals_of, points
+from eaid.report.figures.values import axis_label, intervals_of, over_stress, points, trend_values
 from eaid.report.rig import apparatus_of, over, overlaid
 from eaid.results.common import Interval
 from eaid.results.fit import Fit
-from eaid.results.friction import FrictionLevel, Trend
+from eaid.results.friction import FrictionLevel
 from eaid.steps.stepset import StepSet
 
 
@@ -39,16 +39,6 @@ def friction_steps(data: StepSet, fit: Fit | None) -> Figure:
     return figure
 
 
-def trend_values(trend: Trend, x: Array) -> Array:
-    """A fitted trend over stress or speed, by its form."""
-    c = trend.coefficients
-    if trend.form == "linear":
-        return np.asarray(c[0] * x + c[1])
-    if trend.form == "merged-exponential":
-        return np.asarray((c[0] + c[1] * x) * np.exp(c[2] * x))
-    return np.asarray(c[0] * np.exp(c[1] * x) + c[2] * np.exp(c[3] * x))
-
-
 def trend_x(fit: Fit) -> tuple[Array, str]:
     """What the trends run over, and its label: stress [kPa], speed [RPM] or the level itself."""
     part = fit.friction
@@ -57,12 +47,6 @@ def trend_x(fit: Fit) -> tuple[Array, str]:
     if over_stress(fit):
         return np.array(part.x), "Normal stress (kPa)"
     return np.array([row.level for row in part.levels]), over(fit.data.input_unit)
-
-
-def over_stress(fit: Fit) -> bool:
-    """Whether the fitted values run over the normal stress."""
-    part = fit.friction
-    return part is not None and part.over == "stress_kpa" and all(row.stress_kpa is not None for row in part.levels)
 
 
 def friction_coefficients(fit: Fit, x_kpa: Array) -> tuple[Array, list[Interval]]:

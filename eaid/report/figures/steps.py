@@ -66,7 +66,7 @@ def draw_steps(
     if len(levels) <= LABELLED:
         label_ends(axes, ends, longest)
     else:
-        level_bar(axes, [one.level for one in levels], data.input_unit)
+        level_bar(axes, [one.level for one in levels], over(data.input_unit))
     middle = colours[len(colours) // 2]
     axes.plot([], [], color=middle, linewidth=1.5, alpha=0.75, label="measured" + (" ± sd" if spread else ""))
     if fitted:
@@ -74,10 +74,10 @@ def draw_steps(
     style.legend_above(axes, 2)
 
 
-def level_bar(axes: Axes, levels: Sequence[float], unit: str) -> None:
+def level_bar(axes: Axes, levels: Sequence[float], label: str) -> None:
     """A colour bar of the levels beside the axes."""
     norm = BoundaryNorm(np.concatenate([[0], np.arange(len(levels)) + 1.0]) - 0.5, 256)
-    bar = axes.figure.colorbar(ScalarMappable(norm, style.level_map()), ax=axes, label=over(unit), pad=0.02)
+    bar = axes.figure.colorbar(ScalarMappable(norm, style.level_map()), ax=axes, label=label, pad=0.02)
     places = np.unique(np.linspace(0, len(levels) - 1, 6).round().astype(int))
     bar.set_ticks(list(places), labels=[f"{levels[k]:.3g}" for k in places])
 

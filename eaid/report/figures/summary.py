@@ -1,8 +1,9 @@
 """The two pictures at the top of the page: measured against model, and the controllers against their reference."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from eaid.arrays import Array
@@ -18,6 +19,15 @@ from eaid.steps.stepset import StepSet
 WIDTH_IN, HEIGHT_IN = 5.0, 2.75
 SHOWN_S = 20.0
 """Most of a replay that the picture at the top shows [s]."""
+
+
+def one_panel(draw: Callable[[Axes], None]) -> Figure:
+    """One pair of axes, with the legend of what has a name above it."""
+    figure, (axes,) = style.sheet(WIDTH_IN, HEIGHT_IN)
+    draw(axes)
+    if axes.get_legend() is None and axes.get_legend_handles_labels()[1]:
+        style.legend_above(axes)
+    return figure
 
 
 def measured_and_model(data: StepSet, fitted: Mapping[float, Model]) -> Figure:
@@ -64,10 +74,13 @@ def controllers(traces: Mapping[str, Mapping[str, Array]], from_s: float, unit: 
     return figure
 
 
-def values_over_level(fits: Sequence[tuple[str, Fit]]) -> Figure:
-    """T_s, τ1 and τ2 of the levels with their intervals, of one fit or of two to compare."""
+def values_over_level(
+    fits: Sequence[tuple[str, Fit]],
+    draw: Callable[[Sequence[Axes], Sequence[tuple[str, Fit]]], None] = draw_values,
+) -> Figure:
+    """T_s, τ1 and τ2 over the level, of one fit or of two to compare: levels with their intervals, or curves."""
     figure, axes = style.sheet(WIDTH_IN, HEIGHT_IN, 1, 3)
-    draw_values(axes, fits)
+    draw(axes, fits)
     for name, panel in zip(NAMES, axes, strict=True):
         panel.set_title(axis_label(name, fits[0][1].data.output_unit))
     if len(fits) > 1:

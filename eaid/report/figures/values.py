@@ -10,10 +10,10 @@ from eaid.arrays import Array
 from eaid.models import nonlinear
 from eaid.models.parameters import Nonlinear
 from eaid.report import style
-from eaid.report.rig import level_values, over
+from eaid.report.rig import apparatus_of, level_values, over
 from eaid.results.common import Interval
 from eaid.results.fit import Fit
-from eaid.results.friction import FrictionLevel
+from eaid.results.friction import FrictionLevel, Trend
 from eaid.results.nonlinear import CurveLevel, Estimate
 from eaid.results.summary import ENDLESS_S
 
@@ -74,12 +74,53 @@ def values_over(part: Estimate, u: Array) -> dict[str, Array]:
     return {"Ts": nonlinear.steady_torque(model, u), "tau1": ended(tau1, "tau1"), "tau2": ended(tau2, "tau2")}
 
 
-def draw_values(panels: Sequence[Axes], fits: Sequence[tuple[str, Fit]]) -> None:
-    """T_s, τ1 and τ2, a panel each: the levels of each fit, and its model where there is one."""
+def curves_over(fit: Fit) -> tuple[Array, dict[str, Array]]:
+    """Inputs, and T_s, τ1 and τ2 over them: the nonlinear model, else the trends; empty where neither was fitted."""
+    if fit.nonlinear is not None:
+        u = np.linspace(*fit.nonlinear.u_range, 150)
+        return u, values_over(fit.nonlinear, u)
+    part = fit.friction
+    known = {name: one for name, one in (part.trends if part else {}).items() if name in NAMES and one.coefficients}
+    if part is None or not known:
+        return np.empty(0), {}
+    u = np.linspace(part.levels[0].level, part.levels[-1].level, 150)
+    x = apparatus_of(fit.data).stress_kpa(1.0) * u if over_stress(fit) else u
+    return u, {name: ended(trend_values(one, x), name) for name, one in known.items()}
+
+
+def trend_values(trend: Trend, x: Array) -> Array:
+    """A fitted trend over stress or speed, by its form."""
+    c = trend.coefficients
+    if trend.form == "linear":
+        return np.asarray(c[0] * x + c[1])
+    if trend.form == "merged-exponential":
+        return np.asarray((c[0] + c[1] * x) * np.exp(c[2] * x))
+    return np.asarray(c[0] * np.exp(c[1] * x) + c[2] * np.exp(c[3] * x))
+
+
+def over_stress(fit: Fit) -> bool:
+    """Whether the fitted values run over the normal stress."""
+    part = fit.friction
+    return part is not None and part.over == "stress_kpa" and all(row.stress_kpa is not None for row in part.levels)
+
+
+def draw_curves(panels: Sequence[Axes], fits: Sequence[tuple[str, Fit]]) -> None:
+    """The models' T_s, τ1 and τ2 over the level, a panel each, of every fit."""
+    for name, panel in zip(NAMES, panels, strict=True):
+        tops = [0.0]
+        for (said, fit), (colour, line, _marker) in zip(fits, LOOKS, strict=False):
+            u, curves = curves_over(fit)
+            if name in curves:
+                panel.plot(u, curves[name], color=colour, linestyle=line, label=said)
+                tops.append(highest(curves[name]))
+        panel.set(xlabel=over(fits[0][1].data.input_unit), ylim=(0, 1.1 * max(tops) or 1.0))
+
+
+def draw_values(panels: Sequence[Axes], fits: Sequence[tuple[str, Fit]], with_curves: bool = True) -> None:
+    """T_s, τ1 and τ2, a panel each: the levels of each fit, and its nonlinear model where there is one."""
     for (said, fit), (colour, line, marker) in zip(fits, LOOKS, strict=False):
-        rows, part = level_values(fit), fit.nonlinear
-        u = np.linspace(*part.u_range, 150) if part is not None else np.empty(0)
-        curves = values_over(part, u) if part is not None else {}
+        rows = level_values(fit)
+        u, curves = curves_over(fit) if with_curves and fit.nonlinear is not None else (np.empty(0), {})
         for name, panel in zip(NAMES, panels, strict=True):
             values = values_of(rows, name)
             top = highest(curves[name]) if curves else 0.0

@@ -28,7 +28,8 @@ GLOSSARY: tuple[tuple[str, str, str], ...] = (
     ("‖ξ‖", r"‖ξ‖", "size of the error and its integral taken together"),
     ("open loop", r"open loop", "the input follows from the model alone, without looking at the output"),
     ("replay", r"\b[Rr]eplays?\b", "a computed experiment: a controller on the fitted model"),
-    ("overshoot, settling time", r"[Oo]vershoot", "how far a step goes beyond its goal; until it stays within 2 %"),
+    ("overshoot, settling time", r"[Oo]vershoot", "how far a step goes beyond its goal; until it stays "
+     "within 2 % (edges of a log: 5 %)"),
     ("χ², AICc", r"AICc", "closeness in units of scatter; closeness with a price for each value fitted"),
     ("margin", r"[Mm]argins?\b", "how much gain, phase lag or delay a control loop bears before it is unstable"),
     ("p", r"\bp, ", "probability of so large a difference by chance alone"),

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from eaid.arrays import Array
+from eaid.logs.run import Run
 from eaid.report import style
 from eaid.report.page.live import Plot
 from eaid.report.rig import over, quantity
@@ -82,6 +83,19 @@ def training(trace: Mapping[str, Array], unit: str = "N·m") -> Mapping[str, Any
         Panel(f"Error ({unit})", unit, 170, [missed]),
     ]
     return stack(panels)
+
+
+def loop(run: Run) -> Mapping[str, Any]:
+    """Output and reference of a closed loop over the time of its log, and its input where it was recorded."""
+    output = [Line(run.time_s, run.output, "output", BLUE)]
+    if run.reference_nm is not None:
+        output.append(Line(run.time_s, run.reference_nm, "reference", INK, "dotted"))
+    panels = [Panel(quantity(run.output_unit), run.output_unit, 280, output, named=True)]
+    if run.has_input:
+        panels.append(
+            Panel(over(run.input_unit), run.input_unit, 150, [Line(run.time_s, run.input, "input", style.GREEN)])
+        )
+    return stack(panels, "Time of the log (s)")
 
 
 def recorded(curve: LogCurve, units: tuple[str, str]) -> Mapping[str, Any]:

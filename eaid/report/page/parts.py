@@ -9,7 +9,7 @@ from eaid.report.page.known import MOST, Known, sentence
 from eaid.report.page.shown import Shown
 from eaid.report.ready_fits import main_kind
 from eaid.report.results import KINDS, Results
-from eaid.report.tables import checks, data, gains, recordings, replays
+from eaid.report.tables import checks, data, gains, recorded, recordings, replays
 from eaid.report.tables.every import judging_tables, model_tables
 from eaid.report.tables.table import Table, listed
 
@@ -146,8 +146,10 @@ def _data(results: Results, known: Known, drawn: Drawn) -> Block | None:
         else:
             more = [doubtful, levels]
         folds += _block(of.capitalize(), (), [*more, slips, fine])
+    if results.edge_logs and not tables:
+        tables = [recorded.edges_table(results.edge_logs)]
     alone = () if results.fits else ("fig07_nonlinear_model", "fig03_friction_steps")
-    figures = _of(drawn, *alone, "fig06_hold_and_release")
+    figures = _of(drawn, *alone, "edges", "fig06_hold_and_release")
     folds += _block("How the clutch is driven", _of(drawn, "fig02_pwm"))
     return _part("Data", known, figures, tables, folds, {run.name for one in results.data for run in one.result.runs})
 

@@ -42,7 +42,9 @@ def page(
     library = live.script() if any(one.live for one in figures.values()) else ""
     starter = _asset("page.js")
     told = tuple(f"{one.label} {one.note}" for one in tiles)
-    first_terms = terms.first_in((*told, *(one.title for one in pictures), "level"))
+    first_terms = terms.first_in(
+        (*told, *(one.title for one in pictures), "" if summary.shows_edges(results) else "level")
+    )
     return _environment().get_template("report.html.j2").render(
         title=summary.title(results, asked),
         synthetic=results.synthetic,

@@ -55,7 +55,15 @@ def title(results: Results, asked: bool | None) -> str:
         what = KINDS[data.kind].capitalize()
     if kind is None:
         what = "Replays" if results.replays else "Gains"
+    if shows_edges(results):
+        asked_for = any(log.run.reference_nm is not None for log in results.edge_logs)
+        what = "Edges of a closed loop" if asked_for else "Edges of the output"
     return f"{what}: two fits side by side" if results.pair else what
+
+
+def shows_edges(results: Results) -> bool:
+    """Whether the page is about edges of outputs: logs of closed loops, and no fit and no steps beside them."""
+    return bool(results.edge_logs) and not results.fits and not any(one.result.levels for one in results.data)
 
 
 def of_paper(results: Results, asked: bool | None) -> bool:
@@ -79,6 +87,10 @@ def chips(results: Results) -> tuple[str, ...]:
         found.append(
             f"{len(logs)} log{'s' if len(logs) > 1 else ''} as recorded, {sum(o.duration_s for o in logs):.4g} s"
         )
+    if shows_edges(results):
+        loops = results.edge_logs
+        duration = sum(float(log.run.time_s[-1]) for log in loops)
+        found += [loops[0].run.output_unit or "output", f"{counted(len(loops), 'log')} as recorded, {duration:.4g} s"]
     if levels and about is not None:
         span = f"{levels[0]:.4g} to {level_text(levels[-1], about.input_unit)}"
         found.append(f"{len(levels)} levels, {span}" if len(levels) > 1 else level_text(levels[0], about.input_unit))
@@ -122,6 +134,12 @@ def _data(results: Results, known: Known) -> Light:
         return Light(
             "Data", _grade(found), f"{counted(len(rising(fit.data.sources)), 'run')}; {_counted(found)}", "data"
         )
+    if shows_edges(results):
+        count = sum(len(log.edges) for log in results.edge_logs)
+        loop = len(results.edge_logs) == 1 and results.edge_logs[0].run.reference_nm is not None and count < 100
+        said = "closed loop" if loop else counted(len(results.edge_logs), "log")
+        told = counted(count, "edge") if count else "no edge"
+        return Light("Data", _grade(found) if count else "care", f"{said}, {told}", "data")
     return Light("Data", "none", "no data given", "appendix")
 
 
@@ -167,12 +185,39 @@ def fit_pct(results: Results) -> float | None:
 
 
 def tiles(results: Results) -> tuple[Tile, ...]:
-    """Six numbers: fit, T_s, τ1, τ2 at the top level, largest errors, worst margin."""
+    """Six numbers: fit, T_s, τ1, τ2 at the top level, largest errors, worst margin; else those of edges."""
+    if shows_edges(results):
+        return _edges(results)
     kind = main_kind(results)
     fit = results.fit(kind) if kind else None
     share = fit_pct(results)
     found = [Tile("fit", f"{number(share, 3)} %" if share is not None else "–", "100 % would be on the data")]
     return (*found, *_values(fit), _errors(results), _margins(results))
+
+
+def _edges(results: Results) -> tuple[Tile, ...]:
+    logs = results.edge_logs
+    every = [one for log in logs for one in log.edges]
+    out = logs[0].run.output_unit
+    settled = [one.settling_s for one in every if one.settling_s is not None]
+    left = [
+        abs(goal - e.after) for log in logs for goal, e in zip(log.goals, log.edges, strict=True) if goal is not None
+    ]
+    errors = [log.rms_error for log in logs if log.rms_error is not None]
+
+    def worst(values: Sequence[float], unit: str, digits: int = 3) -> str:
+        return f"{number(max(values), digits)} {unit}".rstrip() if values else "–"
+
+    sizes = [abs(one.after - one.before) for one in every]
+    return (
+        Tile("edges", str(len(every)), f"in {counted(len(logs), 'log')}"),
+        Tile("largest edge", worst(sizes, out), "change of the output"),
+        Tile("slowest rise", worst([one.rise_s for one in every], "s"), "10 to 90 % of the change"),
+        Tile("largest overshoot", worst([one.overshoot_pct for one in every], "%"), "of the change"),
+        Tile("longest settling", worst(settled, "s"), f"within 5 %; {len(settled)} of {len(every)} settle"),
+        Tile("left over | RMS error", f"{worst(left, '')} | {worst(errors, '')}" if errors else "–",
+             f"{out} from the reference" if errors else "no reference in the log"),
+    )  # fmt: skip
 
 
 def _values(fit: Fit | None) -> list[Tile]:

@@ -8,7 +8,7 @@ import numpy as np
 
 from eaid.arrays import Array
 from eaid.report import published
-from eaid.report.figures.friction import trend_values
+from eaid.report.figures.values import trend_values
 from eaid.report.paper.claim import CIRCULAR, FAILS, FIT, HERE, HOLDS, NO_RIG, Claim, near
 from eaid.report.paper.evidence import Evidence
 from eaid.report.tables import SYMBOLS, number

@@ -1,5 +1,8 @@
 """Tables of logs fitted as they were recorded: how each is followed, its frequency response, loops, what was asked."""
 
+from collections.abc import Sequence
+
+from eaid.report.figures.edges import EdgeLog
 from eaid.report.tables.table import Cell, Name, Table, columns, level
 from eaid.results.fit import Fit
 
@@ -94,3 +97,25 @@ def falls_table(fit: Fit) -> Table:
     heads = columns("value", ("found", "", 3), ("95 % interval", "", 3), ("p", "", 2), "fitted apart")
     said = "A small p, the probability of such a difference by chance, says that falls go otherwise than rises."
     return Table("Falls against rises", said, heads, tuple(row for row in rows if row[1] is not None))
+
+
+def edges_table(logs: Sequence[EdgeLog]) -> Table:
+    """One row an edge of an output: where it goes, and how it gets there."""
+    out = logs[0].run.output_unit if logs else ""
+    asked = any(log.run.reference_nm is not None for log in logs)
+    rows: list[tuple[Cell, ...]] = []
+    for log in logs:
+        for k, (one, goal) in enumerate(zip(log.edges, log.goals, strict=True)):
+            name: tuple[Cell, ...] = (Name(log.run.name),) if len(logs) > 1 else ()
+            left = (goal, None if goal is None else goal - one.after) if asked else ()
+            at = log.run.start_s + one.at_s
+            rows.append((*name, k + 1, at, one.before, one.after, *left, one.rise_s, one.overshoot_pct, one.settling_s))
+    heads = (
+        *columns(*["log"] * (len(logs) > 1), ("edge", "", 1), ("at", "s"), ("from", out), ("to", out)),
+        *(columns(("asked for", out), ("left over", out, 2)) if asked else ()),
+        *columns(("rise", "s", 3), ("overshoot", "%", 3), ("settled in", "s", 3)),
+    )
+    said = (
+        "Rise from 10 to 90 % of the change, overshoot beyond the end value, time until it stays within 5 % about it; "
+    )
+    return Table("Edges of the output", f"{said}a dash: it does not settle.", heads, tuple(rows))
