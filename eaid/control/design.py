@@ -155,7 +155,7 @@ def _reading(reading: robust.Reading, law: Law) -> RhoReading:
     phi = law.phi if honest is None else robust.phi_of(reading, honest, B_m, B_M)
     term = robust.uncertainty_term(reading, phi, B_m, B_M)
     made = robust.rho(reading, law.rho.alpha, law.options.Q_M, law.norm_K, term)
-    return RhoReading(phi, term, term * B_m, made.constant, made.slope)
+    return RhoReading(phi, term, robust.honest_phi_pct(reading, phi, B_m, B_M), made.constant, made.slope)
 
 
 def _guarantee(law: Law, rc: Robust, asked: float | None, span: float | None, fit: Fit) -> Guarantee:

@@ -15,40 +15,29 @@ def paper_gains() -> tuple[RCGains, PIGains]:
     return law_of(PAPER_LINEAR, Bounds("zero-offset", (), 12.4, 42.6, ()), DesignOptions()).gains, PIGains(21.0, 360.0)
 
 
-def rc_gains(gains: Gains) -> RCGains | None:
-    """Gains of the robust controller; None where none were designed. DataError where a loop cannot run with them."""
-    rc = gains.rc
-    if rc is None:
+def rc_gains(gains: Gains | None) -> RCGains | None:
+    """Gains of the robust controller; None where there are none. DataError where a loop cannot run with them."""
+    if gains is None or gains.rc is None:
         return None
+    rc = gains.rc
     if not gains.model.b0 > 0:
         raise DataError(f"gains.json: b0 is {gains.model.b0:g}, it has to be positive; run tune-rc again")
     if not rc.Q[1][1] > 0:
         raise DataError(f"gains.json: Q[1][1] is {rc.Q[1][1]:g}, it has to be positive; run tune-rc again")
     low, high = gains.duty_limits_pct
+    model, (Q12, Q22) = gains.model, rc.Q[1]
     return RCGains(
-        K_P=rc.K_P,
-        K_D=rc.K_D,
-        B_hat=rc.B_hat,
-        a0=gains.model.a0,
-        b0=gains.model.b0,
-        c0=gains.model.c0,
-        rho_constant=rc.rho.constant,
-        rho_slope=rc.rho.slope,
-        epsilon=rc.epsilon,
-        gamma=rc.gamma,
-        Q12=rc.Q[1][0],
-        Q22=rc.Q[1][1],
-        duty_min=low,
-        duty_max=high,
+        K_P=rc.K_P, K_D=rc.K_D, B_hat=rc.B_hat, a0=model.a0, b0=model.b0, c0=model.c0, rho_constant=rc.rho.constant,
+        rho_slope=rc.rho.slope, epsilon=rc.epsilon, gamma=rc.gamma, Q12=Q12, Q22=Q22, duty_min=low, duty_max=high,
         back_calculation=_gain(rc.anti_windup),
-    )
+    )  # fmt: skip
 
 
-def pi_gains(gains: Gains) -> PIGains | None:
-    """Gains of the PI controller; None where none were designed."""
-    pi = gains.pi
-    if pi is None:
+def pi_gains(gains: Gains | None) -> PIGains | None:
+    """Gains of the PI controller; None where there are none."""
+    if gains is None or gains.pi is None:
         return None
+    pi = gains.pi
     low, high = gains.duty_limits_pct
     return PIGains(pi.K_P, pi.K_I, low, high, _gain(pi.anti_windup))
 

@@ -39,7 +39,7 @@ def shown_by_model(plant: Nonlinear, model: Linear, B_m: float, B_M: float, unit
     duties = np.linspace(*plant.u_range, DUTIES)
     tau1, tau2 = time_constants(plant, duties)
     steady = steady_torque(plant, duties)
-    worst = Mismatch(0.0, 0.0, "")
+    shown = []
     for duty, fast, slow, end in zip(duties, tau1, tau2, steady, strict=True):
         t = np.concatenate([[0.0], np.geomspace(1e-3, 5 * slow, INSTANTS)])
         first, second = np.exp(-t / fast), np.exp(-t / slow)
@@ -48,24 +48,26 @@ def shown_by_model(plant: Nonlinear, model: Linear, B_m: float, B_M: float, unit
         slope = (end - start) * (plant.C / fast * first + (1 - plant.C) / slow * second)
         found = distance(duty - (model.a0 * torque - model.c0) / model.b0, slope, B_m, B_M)
         i, k = np.unravel_index(np.abs(found).argmax(), found.shape)
-        if abs(found[i, k]) > worst.pct:
-            origin = "rest" if i == 0 else f"{duties[i - 1]:.3g} {unit}"
-            where = f"{t[k]:.3g} s after a step from {origin} to {duty:.3g} {unit}"
-            worst = Mismatch(float(abs(found[i, k])), float(found[i, k]), where)
-    return worst
+        origin = "rest" if i == 0 else f"{duties[i - 1]:.3g} {unit}"
+        shown.append((float(found[i, k]), f"{t[k]:.3g} s after a step from {origin} to {duty:.3g} {unit}"))
+    return _largest(shown)
+
+
+def _largest(shown: list[tuple[float, str]]) -> Mismatch:
+    """The largest of signed mismatches and where they are; none where nothing is shown."""
+    value, where = max(shown, key=lambda each: abs(each[0]), default=(0.0, ""))
+    return Mismatch(abs(value), value, where if value else "")
 
 
 def shown_by_logs(stepset: StepSet, model: Linear, B_m: float, B_M: float) -> Mismatch:
     """Over the averaged rising steps of the logs."""
-    worst = Mismatch(0.0, 0.0, "")
+    shown = []
     for level in stepset.levels:
         t, torque, slope = _smoothed(level.time_s, level.mean)
         found = distance(level.level - (model.a0 * torque - model.c0) / model.b0, slope, B_m, B_M)
         k = int(np.abs(found).argmax())
-        if abs(found[k]) > worst.pct:
-            where = f"{t[k]:.3g} s after the step to {level.level:.4g} {stepset.input_unit}"
-            worst = Mismatch(float(abs(found[k])), float(found[k]), where)
-    return worst
+        shown.append((float(found[k]), f"{t[k]:.3g} s after the step to {level.level:.4g} {stepset.input_unit}"))
+    return _largest(shown)
 
 
 def _smoothed(time_s: Array, torque_nm: Array) -> tuple[Array, Array, Array]:
@@ -85,12 +87,9 @@ def _smoothed(time_s: Array, torque_nm: Array) -> tuple[Array, Array, Array]:
 
 def shown_by_levels(per_level: Sequence[LevelB], model: Linear, torque_max_nm: float, unit: str = "%") -> Mismatch:
     """Over the single levels' first-order models from 0 to a torque [N·m]; linear in T, so one end is the worst."""
-    worst = Mismatch(0.0, 0.0, "")
-    for row in per_level:
-        for torque in (0.0, torque_max_nm):
-            eta = (row.a0 * torque - row.c0) * row.B
-            left = eta - (model.a0 * torque - model.c0) / model.b0
-            if abs(left) > worst.pct:
-                where = f"at an output of {torque:.3g} on the model of {row.level:.4g} {unit} alone"
-                worst = Mismatch(abs(left), left, where)
-    return worst
+    shown = []
+    for row, torque in itertools.product(per_level, (0.0, torque_max_nm)):
+        eta = (row.a0 * torque - row.c0) * row.B
+        where = f"at an output of {torque:.3g} on the model of {row.level:.4g} {unit} alone"
+        shown.append((eta - (model.a0 * torque - model.c0) / model.b0, where))
+    return _largest(shown)

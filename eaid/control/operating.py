@@ -4,6 +4,7 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.polynomial.polynomial import polyder, polyval
 
 from eaid.control.bounds import Bounds
 from eaid.control.margins import (
@@ -52,6 +53,13 @@ def actuator(model: Linear, gains: RCGains, plant: Nonlinear | None, bounds: Bou
     return parts.Actuator(robust_pct, gains.duty_max - gains.duty_min, tuple(rows))
 
 
+def lags_at(plant: Nonlinear, duty_pct: float) -> tuple[Lag, Lag]:
+    """The plant around a duty held for long: two lags in parallel, C and 1 − C of the slope of T_s."""
+    tau1, tau2 = time_constants(plant, duty_pct)
+    slope = float(polyval(duty_pct, polyder(plant.Ts)))
+    return (plant.C * slope, float(tau1)), ((1 - plant.C) * slope, float(tau2))
+
+
 def operating_points(
     fit: Fit, model: Linear, plant: Nonlinear | None, bounds: Bounds, limits: tuple[float, float] = (0.0, 100.0)
 ) -> list[tuple[float, float, tuple[Lag, ...]]]:
@@ -64,13 +72,7 @@ def operating_points(
     if plant is not None:
         low, high = plant.u_range
         duties = [u for u in fit.data.levels if low <= u <= high] or np.linspace(low, high, POINTS).tolist()
-        points: list[tuple[float, float, tuple[Lag, ...]]] = []
-        for duty in duties:
-            tau1, tau2 = time_constants(plant, duty)
-            slope = sum(k * c * duty ** (k - 1) for k, c in enumerate(plant.Ts) if k > 0)
-            lags = ((plant.C * slope, float(tau1)), ((1 - plant.C) * slope, float(tau2)))
-            points.append((duty, float(steady_torque(plant, duty)), lags))
-        return points
+        return [(duty, float(steady_torque(plant, duty)), lags_at(plant, duty)) for duty in duties]
     if bounds.rows:
         return [(row.level, row.gain, linear_lags(1 / row.B, row.a0)) for row in bounds.rows]
     middle = sum(limits) / 2

@@ -42,13 +42,11 @@ class Law:
         """‖K‖ = √(K_P² + K_D²)."""
         return math.hypot(self.options.K_P, self.options.K_D)
 
-    def ultimate_bound_nm(self, Q_M: float | None = None, phi_nm_s: float | None = None) -> float:
-        """Largest torque error in the end [N·m] by the Lyapunov argument; Q_M and Φ as designed, or others [N·m/s]."""
-        Q_M = self.options.Q_M if Q_M is None else Q_M
-        phi_nm_s = self.phi_nm_s if phi_nm_s is None else phi_nm_s
+    def ultimate_bound_nm(self) -> float:
+        """Largest torque error in the end [N·m] by the Lyapunov argument."""
         disturbance = Disturbance(
             alpha=self.alpha_reached,
-            n0=self.alpha_reached * Q_M + phi_nm_s,
+            n0=self.alpha_reached * self.options.Q_M + self.phi_nm_s,
             n1=self.alpha_reached * self.norm_K,
             rho0=self.rho.constant,
             rho1=self.rho.slope,
@@ -87,6 +85,6 @@ def law_of(model: Linear, bounds: Bounds, options: DesignOptions) -> Law:
         back_calculation=1 / equal[0] if options.anti_windup == "back-calculation" else 0.0,
     )  # fmt: skip
     return Law(
-        options, bounds, gains, formula, reached, phi, term * B_m, term, rho,
+        options, bounds, gains, formula, reached, phi, robust.honest_phi_pct(options.reading, phi, B_m, B_M), term, rho,
         robust.covers(rho, reached, options.Q_M, norm_K, term), P, Q, equal,
     )  # fmt: skip

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from typing import Any
+from functools import partial
 
 import msgspec
 import numpy as np
@@ -16,11 +16,7 @@ from eaid.coupling.linear import Point, linearised, operating_point, step_of
 from eaid.coupling.motion import Drive, replayed_stiffness
 from eaid.coupling.options import CoupleOptions
 from eaid.coupling.sampled import Channel, Coupled, Limb
-from eaid.coupling.stiffness import (
-    needed_damping,
-    passive_stiffness,
-    stable_stiffness,
-)
+from eaid.coupling.stiffness import needed_damping, passive_stiffness, stable_stiffness
 from eaid.errors import GainsError, UsageError
 from eaid.findings import Finding, finding, ranked
 from eaid.models.nonlinear import steady_torque
@@ -240,16 +236,17 @@ def _findings(walls: list[parts.Wall], options: CoupleOptions, impedance: parts.
     told: list[Finding] = []
     without = {wall.torque_nm: wall.K_stable for wall in walls if wall.loop == "rc-no-rate"}
     for wall in walls:
-        own: dict[str, Any] = {"torque_nm": wall.torque_nm, "unit": unit, "stable": wall.K_stable}
-        if options.wall is not None and wall.K_stable is not None and wall.K_stable < options.wall:
-            told.append(finding("wall-beyond-stable", wall.loop, wanted=options.wall, **own))
-        elif wall.K_stable is not None and wall.K_passive is not None and wall.K_stable > 2 * wall.K_passive:
-            told.append(finding("wall-not-passive", wall.loop, passive=wall.K_passive, **own))
-        slower = without.get(wall.torque_nm)
-        if wall.loop == "rc" and slower is not None and wall.K_stable is not None and wall.K_stable > 3 * slower:
-            told.append(finding("wall-by-rate", "rc", without=slower, **own))
+        stable, passive, torque = wall.K_stable, wall.K_passive, wall.torque_nm
+        at = partial(finding, torque_nm=torque, unit=unit, stable=stable)
+        if options.wall is not None and stable is not None and stable < options.wall:
+            told.append(at("wall-beyond-stable", wall.loop, wanted=options.wall))
+        elif stable is not None and passive is not None and stable > 2 * passive:
+            told.append(at("wall-not-passive", wall.loop, passive=passive))
+        slower = without.get(torque)
+        if wall.loop == "rc" and slower is not None and stable is not None and stable > 3 * slower:
+            told.append(at("wall-by-rate", "rc", without=slower))
         limit = impedance.encoder_K
-        if limit is not None and (wall.K_stable is None or wall.K_stable > limit):
+        if limit is not None and (stable is None or stable > limit):
             told.append(
                 finding("wall-beyond-encoder", wall.loop, encoder=limit, drag=impedance.idle_drag_nm, unit=unit)
             )

@@ -39,13 +39,13 @@ def couple_fit(fit: Fit, gains: Gains | None, options: CoupleOptions, progress: 
             f"{MOST_DELAY} at most: a lower «rate_hz»"
         )
     options = replace(options, delay_samples=options.delay_samples or late)
-    rc = rc_gains(gains) if gains is not None else None
-    pi = pi_gains(gains) if gains is not None else None
     drawn = draw(fit, options.plants, options.seed) if options.plants else None
     plants = drawn.plants if drawn is not None else ()
     torques = options.torques or default_torques(plant)
     with progress("walls", len(torques) * len(options.loops)) as tick:
-        found = couple(plant, rc, pi, options, plants, idle_drag_nm(fit), fit.data.output_unit, tick)
+        found = couple(
+            plant, rc_gains(gains), pi_gains(gains), options, plants, idle_drag_nm(fit), fit.data.output_unit, tick
+        )
     told = drawn.findings if drawn is not None else ()
     return msgspec.structs.replace(found, findings=ranked((*found.findings, *told)))
 
@@ -58,11 +58,9 @@ def with_wall_findings(replay: Replay, fit: Fit, gains: Gains | None) -> Replay:
     exercise, plant = replay.head.exercise, plant_of(fit)
     if exercise is None or plant is None:
         return replay
-    rc = rc_gains(gains) if gains is not None else None
-    pi = pi_gains(gains) if gains is not None else None
     rig = replay.head.rig
     timing = Timing(1 / (replay.head.dt_s or 1e-3), rig.pwm_hz or None, rig.delay_samples)
-    own = Loops(rc, pi, Limb(exercise.inertia_kgm2, exercise.damping_nms), timing)
+    own = Loops(rc_gains(gains), pi_gains(gains), Limb(exercise.inertia_kgm2, exercise.damping_nms), timing)
     pushed = math.radians(exercise.centre_deg + exercise.amplitude_deg - RESISTED_FROM_DEG)
     low, high = (float(steady_torque(plant, u)) for u in plant.u_range)
     told = []

@@ -4,17 +4,15 @@ The cost of gains is 1/K, K the stiffest wall that the robust controller without
 the least favourable of four torques. With the rate a wall rests on fractions of a sample (docs/coupling.md).
 """
 
-import math
 from collections.abc import Callable
 
 from eaid.control.plant import plant_of
 from eaid.control.rc import RCGains
-from eaid.coupling.couple import default_torques
-from eaid.coupling.linear import linearised, operating_point, step_of
+from eaid.coupling.couple import Loops, default_torques
+from eaid.coupling.linear import operating_point
 from eaid.coupling.options import CoupleOptions
-from eaid.coupling.sampled import Channel, Coupled, Limb
 from eaid.coupling.stiffness import needed_damping, passive_stiffness
-from eaid.errors import DataError
+from eaid.errors import DataError, GainsError
 from eaid.results.fit import Fit
 
 UNSTABLE = 1e3
@@ -27,16 +25,15 @@ def stiffness_judge(fit: Fit, options: CoupleOptions = CoupleOptions()) -> Calla
     if plant is None:
         raise DataError("the fit holds no nonlinear model, which walls are worked out on; fit clutch logs with it")
     points = [operating_point(plant, torque) for torque in options.torques or default_torques(plant)]
-    timing, damping = options.timing, options.limb_damping
 
     def cost(gains: RCGains) -> float:
-        worst = math.inf
-        for point in points:
-            step, start = step_of("rc-no-rate", plant, point, gains, None, timing.step_s)
-            channel = Channel(point, linearised(step, start, point))
-            if abs(Coupled([channel], Limb(), timing).poles(0.0)).max() > 1 + 1e-9:
-                return UNSTABLE
-            worst = min(worst, passive_stiffness(needed_damping([channel], timing), damping)[0])
+        loops = Loops(gains, None, options.limb, options.timing)
+        try:
+            channels = [loops.around("rc-no-rate", plant, point)[0] for point in points]
+        except GainsError:
+            return UNSTABLE
+        needed = (needed_damping([channel], options.timing) for channel in channels)
+        worst = min(passive_stiffness(one, options.limb_damping)[0] for one in needed)
         return 1 / worst if worst > 1 / UNSTABLE else UNSTABLE
 
     return cost

@@ -7,7 +7,6 @@ around the duty u_0 with T_s(u_0) = T_0. There target − state is 0, so the cha
 """
 
 import math
-from bisect import bisect_right
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -17,11 +16,12 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 from eaid.arrays import Array
-from eaid.control.margins import integral_at_rest
+from eaid.control.margins import Lag, integral_at_rest
+from eaid.control.operating import lags_at
 from eaid.control.pi import PIGains, PIState, pi_step
 from eaid.control.rc import RCGains, RCState, rc_step
 from eaid.errors import UsageError
-from eaid.models.nonlinear import steady_torque, time_constants
+from eaid.models.nonlinear import steady_torque
 from eaid.models.parameters import Nonlinear
 from eaid.replay.inverse import InverseState, inverse_gains, inverse_step
 
@@ -36,16 +36,8 @@ class Point:
 
     torque_nm: float
     duty_pct: float
-    slope: float
-    """dT_s/du [output/input]"""
-    tau1: float
-    tau2: float
-    C: float
-
-    @property
-    def lags(self) -> tuple[tuple[float, float], ...]:
-        """Gain and time constant [s] of the two parallel lags."""
-        return (self.C * self.slope, self.tau1), ((1 - self.C) * self.slope, self.tau2)
+    lags: tuple[Lag, ...]
+    """Of the plant there, in parallel."""
 
 
 def operating_point(plant: Nonlinear, torque_nm: float) -> Point:
@@ -56,12 +48,11 @@ def operating_point(plant: Nonlinear, torque_nm: float) -> Point:
             f"«torque» {torque_nm:g}: the fitted plant holds {least:.3g} to {most:.3g} within its identified inputs; "
             "choose a torque in between"
         )
-    duty = duty_of(plant, torque_nm)
-    slope = sum(k * c * duty ** (k - 1) for k, c in enumerate(plant.Ts) if k > 0)
-    if not slope > 0:
+    duty = float(brentq(lambda u: float(steady_torque(plant, u)) - torque_nm, *plant.u_range, xtol=1e-12))
+    lags = lags_at(plant, duty)
+    if not lags[0][0] > 0:
         raise UsageError(f"«torque» {torque_nm:g}: T_s does not rise with the input there; choose another torque")
-    tau1, tau2 = time_constants(plant, duty)
-    return Point(torque_nm, duty, slope, float(tau1), float(tau2), plant.C)
+    return Point(torque_nm, duty, lags)
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,11 +83,12 @@ def step_of(
 ) -> tuple[Step, tuple[float, ...]]:
     """One control sample of a loop without limits, and its state at rest; UsageError where its gains are not given."""
     if loop == "open-loop":
-        inverse = static_inverse(plant)
-        return lambda s, r, _v, _t: (s, inverse(r)), ()
+        duties = np.linspace(*plant.u_range, 20_001)  # so fine a table is good to 1e-8 of the range
+        steady = steady_torque(plant, duties)
+        return lambda s, r, _v, _t: (s, float(np.interp(r, steady, duties))), ()
     if loop == "inverse":
         gains = inverse_gains(plant, limits=(0.0, plant.u_range[1]))
-        start = (point.C * point.torque_nm, (1 - point.C) * point.torque_nm, 0.0, point.duty_pct)
+        start = (plant.C * point.torque_nm, (1 - plant.C) * point.torque_nm, 0.0, point.duty_pct)
         return lambda s, r, v, t: inverse_step(gains, InverseState(*s), r, v, t, dt_s), start
     if loop == "pi":
         if pi is None:
@@ -116,26 +108,6 @@ def step_of(
         return rc_step(open_ended, RCState(*s), r, share * v, t, dt_s)
 
     return step, (integral_at_rest(rc, point.torque_nm, point.duty_pct),)
-
-
-def duty_of(plant: Nonlinear, torque_nm: float) -> float:
-    """The duty whose steady torque is the one wanted, within the identified duties."""
-    low, high = plant.u_range
-    return float(brentq(lambda u: float(steady_torque(plant, u)) - torque_nm, low, high, xtol=1e-12))
-
-
-def static_inverse(plant: Nonlinear) -> Callable[[float], float]:
-    """The duty of a steady torque, kept to the identified duties, from a fine table: 1e-8 of the range."""
-    duties = np.linspace(*plant.u_range, 20_001)
-    steady = steady_torque(plant, duties)
-    torques, inputs = steady.tolist(), duties.tolist()
-
-    def duty(torque: float) -> float:
-        k = min(max(bisect_right(torques, torque), 1), len(torques) - 1)
-        share = (torque - torques[k - 1]) / (torques[k] - torques[k - 1])
-        return float(inputs[k - 1] + min(max(share, 0.0), 1.0) * (inputs[k] - inputs[k - 1]))
-
-    return duty
 
 
 def linearised(step: Step, start: tuple[float, ...], point: Point) -> Law:

@@ -14,7 +14,9 @@ from eaid.control.timing import Timing
 from eaid.coupling.linear import Point, Step
 from eaid.coupling.sampled import Limb
 from eaid.models.parameters import Nonlinear
-from eaid.replay.plant import plant_parameters, plant_step
+from eaid.replay.hold import Held, hold_step
+from eaid.replay.plant import plant_parameters
+from eaid.replay.rehab import limb_steps
 
 BESIDE_RAD = 1e-4
 """Where the limb is let go."""
@@ -35,34 +37,24 @@ class Drive:
 def swing(drive: Drive, limb: Limb, timing: Timing, stiffness: float, time_s: float) -> Array:
     """Angle of the limb at each sample [rad], shape (n,), from `BESIDE_RAD`, at rest, the torque held at T_0."""
     h, plant, point = timing.step_s, plant_parameters(drive.plant), drive.point
-    x1, x2 = point.C * point.torque_nm, (1 - point.C) * point.torque_nm
+    held = Held(plant.C * point.torque_nm, (1 - plant.C) * point.torque_nm, point.duty_pct, 0)
     state, angle, speed, before = drive.start, BESIDE_RAD, 0.0, point.torque_nm
     memory, seen = timing.memory, point.torque_nm
     waiting = [point.duty_pct] * timing.delay_samples
-    latched, next_latch, period = point.duty_pct, 0.0, timing.rate_hz / timing.pwm_hz if timing.pwm_hz else 0.0
-    keep = math.exp(-limb.damping_nms * h / limb.inertia_kgm2)
-    reach = (1 - keep) / limb.damping_nms
+    period = timing.rate_hz / timing.pwm_hz if timing.pwm_hz else 0.0
+    keep, push, drift, lift = limb_steps(limb.inertia_kgm2, limb.damping_nms, h)
     angles = []
     for k in range(round(time_s / h)):
-        torque = x1 + x2
+        torque = held.x1 + held.x2
         seen = torque + memory * (seen - torque)
         wanted = point.torque_nm - stiffness * angle
         state, duty = drive.step(state, wanted, (wanted - before) / h, seen)
         before = wanted
         waiting.append(duty)
-        fresh = waiting.pop(0)
-        if period == 0.0:
-            x1, x2 = plant_step(plant, x1, x2, fresh, h)
-        else:  # the latch may fall between two samples
-            at = 0.0
-            while next_latch < k + 1:
-                x1, x2 = plant_step(plant, x1, x2, latched, (next_latch - k - at) * h)
-                at, latched, next_latch = next_latch - k, fresh, next_latch + period
-            x1, x2 = plant_step(plant, x1, x2, latched, (1 - at) * h)
-        moment = 0.5 * (torque + x1 + x2) - point.torque_nm
+        held, _ = hold_step(plant, period, h, k, waiting.pop(0), held)
+        moment = 0.5 * (torque + held.x1 + held.x2) - point.torque_nm
         angles.append(angle)
-        angle += (h - limb.inertia_kgm2 * reach) * moment / limb.damping_nms + limb.inertia_kgm2 * reach * speed
-        speed = keep * speed + reach * moment
+        angle, speed = angle + drift * speed + lift * moment, keep * speed + push * moment
         if abs(angle) > 1.0:
             break
     return np.array(angles)

@@ -49,8 +49,8 @@ def set_up(
     known = Knowledge(
         model,
         None if linear is None else Linear(linear.a0, linear.b0, linear.c0),
-        None if gains is None else rc_gains(gains),
-        None if gains is None else pi_gains(gains),
+        rc_gains(gains),
+        pi_gains(gains),
         input_limits(fit) if gains is None else gains.duty_limits_pct,
     )
     names, told = _names(options.controllers, what, known)

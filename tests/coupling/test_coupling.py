@@ -34,7 +34,7 @@ def channel(loop: str, torque: float, timing: Timing = TIMING) -> Channel:
 def lag(tau: float, step_s: float = 1e-3) -> Channel:
     """A first-order lag τ of unit gain, fed with the reference as it is; both lags of the plant alike."""
     nothing = np.empty((0, 0)), np.empty((0, 3)), np.empty(0)
-    return Channel(Point(1.0, 50.0, 1.0, tau, tau, 0.5), Law(*nothing, np.array([1.0, 0.0, 0.0])))
+    return Channel(Point(1.0, 50.0, ((0.5, tau), (0.5, tau))), Law(*nothing, np.array([1.0, 0.0, 0.0])))
 
 
 PASSIVE = [

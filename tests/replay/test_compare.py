@@ -1,5 +1,7 @@
 """Recorded runs against the model: a model's own run is explained whole; idle, releases and odd clocks."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -70,6 +72,9 @@ def test_a_run_that_begins_under_duty_starts_at_its_own_two_parts(plant, hold):
 
 def test_a_part_that_rises_beside_one_that_falls_is_found_by_its_own_constant(plant):
     model = plant._replace(release1=0.6, release2=3.0)
+    for start in ((0.0, 0.9), (0.9, 0.0), (0.3, 0.01)):
+        again = compared(loaded(model, 0.0, start=start, hold=5.0), model)
+        assert again.difference().metrics.max_abs_difference_nm < 1e-9
     found = compared(loaded(model, 0.0, start=(0.0, 0.9), hold=5.0), model)
     assert found.difference().metrics.max_abs_difference_nm < 1e-9
 
@@ -109,6 +114,29 @@ def test_a_run_without_duty_or_torque_is_refused(plant):
         compared(run(t, t, t, input_unit="N"), plant)
     with pytest.raises(DataError, match="an output in N, the fit one in N·m"):
         compared(run(t, t, t, output_unit="N"), plant)
+
+
+def test_how_far_the_model_is_by_hand(plant):
+    t = np.arange(4) * 0.5
+    found = compared(run(t, np.zeros(4), np.array([1.0, -1.0, 3.0, 1.0])), plant, keep_baseline=True)
+    kept = dataclasses.replace(found, model_nm=np.array([0.0, 1.0, 3.0, 1.0]))
+    told = kept.difference().metrics  # apart: 1, −2, 0, 0; recorded − its mean: 0, −2, 2, 0
+    assert (told.max_abs_difference_nm, told.mean_difference_nm) == (2.0, -0.25)
+    assert told.rms_difference_nm == pytest.approx(np.sqrt(5 / 4))
+    assert pytest.approx(1 - 5 / 8) == told.R2 and told.fit_pct == pytest.approx(100 * (1 - np.sqrt(5 / 8)))
+    assert told.one_step_pct == pytest.approx(100 * (1 - np.sqrt((9 + 4) / 8)))
+    assert kept.dt_s == 0.5 and told.reference_is == "recorded torque"
+    columns = kept.difference().columns
+    assert columns["reference_nm"] is kept.recorded_nm and columns["torque_nm"] is kept.model_nm
+
+
+def test_nine_rows_at_rest_make_no_idle_value(plant):
+    for rows, idle in ((9, 0.0), (10, 0.5)):
+        duty = np.r_[np.zeros(rows), np.full(20, 40.0)]
+        torque = np.r_[np.full(rows, 0.5), np.ones(20)]
+        found = compared(run(np.arange(rows + 20) * DT, duty, torque), plant)
+        assert found.idle_nm == idle
+    assert compared(run(np.arange(30) * DT, duty, torque, edge="falling"), plant).idle_nm == 0.0
 
 
 def test_a_constant_torque_has_no_variance_to_explain(plant):

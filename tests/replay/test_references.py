@@ -13,6 +13,9 @@ def test_steps_go_up_and_down():
     assert made.torque_nm[[0, 500, 2499, 4499]].tolist() == [0.0, 1.0, 4.0, 0.0]
     assert made.steps == tuple(500 * k for k in range(1, 9))
     assert references.steps(0.01, (1.0, 1.0, 2.0), 1.0).steps == (200,)
+    assert references.steps(0.01, (1.0, 3.0), 1.0, top=0.5).torque_nm.tolist() == [0.5] * 100 + [1.5] * 100
+    assert SCENARIOS["steps"].reference(0.01, 18.0).steps == tuple(200 * k for k in range(1, 9))
+    assert SCENARIOS["steps"].reference(0.01, pace=2.0).steps == tuple(250 * k for k in range(1, 9))
 
 
 def test_the_multisine_is_spec_6():
@@ -33,6 +36,12 @@ def test_a_sweep_is_measured_over_whole_periods():
         periods = (tone.end - tone.begin) * 1e-3 * tone.frequency_hz
         assert periods == pytest.approx(round(periods), abs=2e-3) and periods >= 2 - 2e-3
     assert made.tones[-1].end == len(made.torque_nm)
+    # 10 s to settle and 5 s that count, in whole periods, two at least: at 0.2 Hz 2 + 2, at 3 Hz 30 + 15
+    lengths = {f"{tone.frequency_hz:g}": (tone.begin, tone.end) for tone in made.tones}
+    assert lengths["0.2"] == (10_000, 20_000) and lengths["0.3"] == (30_000, 36_667)
+    last = made.tones[-1]
+    assert last.end - last.begin == 5_000 and last.begin - made.tones[-2].end == 10_000
+    assert made.counted_from_s == 10.0 and made.begin == 10_000
 
 
 def test_the_ramp_rises_and_falls_at_one_slope():

@@ -1,5 +1,8 @@
 """What a replay says of itself: doubts on the reference, units of gains, what is seen by nobody."""
 
+from dataclasses import replace
+
+import msgspec
 import numpy as np
 import pytest
 
@@ -8,10 +11,12 @@ from eaid.control.options import DesignOptions
 from eaid.errors import DataError, UsageError
 from eaid.replay.options import SimulateOptions
 from eaid.replay.references import multisine
+from eaid.replay.rig import Rig
 from eaid.replay.simulate import simulate
-from eaid.results.codec import from_plain
+from eaid.results.codec import from_plain, to_plain
 from eaid.results.fit import Fit
 from eaid.results.gains import Gains
+from eaid.uncertainty.draw import draw
 
 FIT = from_plain(
     {
@@ -87,3 +92,129 @@ def test_scenarios_count_from_where_they_have_settled() -> None:
     error = (one.columns["torque_nm"] - reference.torque_nm)[5000:]
     assert one.metrics.rms_error_nm == pytest.approx(float(np.sqrt(np.mean(error**2))), rel=1e-12)
     assert found.head.counted_from_s == 5.0
+
+
+SD = np.array([0.005, 0.05, 0.01, 0.05, 0.5, 0.1, 0.001, 0.02, 0.05, 0.02])
+
+
+def uncertain() -> Fit:
+    model = {**to_plain(FIT.nonlinear), "covariance": {"matrix": np.diag(SD**2).tolist()}}
+    return from_plain({"nonlinear": model, "linear": to_plain(FIT.linear)}, Fit, "f")
+
+
+def test_drawn_plants_are_kept_with_their_numbers() -> None:
+    options = SimulateOptions(controllers=("inverse",), plants=5, seed=3, perturb={"Ts": 0.9}, rate_hz=200.0)
+    found = simulate(uncertain(), None, options, (T, 1.0 + np.sin(2 * T)))
+    assert found.head.plants == 5 and found.head.plants_from == "covariance"
+    assert "plants-all-alike" not in {one.code for one in found.findings}
+    one = found.records["inverse"]
+    drawn = draw(uncertain(), 5, 3).plants
+    np.testing.assert_allclose(one.tables["plants/parameters/Ts"], [np.multiply(0.9, p.Ts) for p in drawn])
+    np.testing.assert_allclose(one.tables["plants/parameters/tau2"], [p.tau2 for p in drawn])
+    values, told = one.tables["plants/metrics/rms_error_nm"], one.metrics.plants.metrics["rms_error_nm"]
+    assert told.mean == pytest.approx(values.mean()) and told.sd == pytest.approx(values.std(ddof=1))
+    assert told.worst.plant == values.argmax() and one.metrics.plants.count == 5
+    assert one.tables["plants/band_nm"].shape == (7, len(one.tables["plants/band_time_s"]))
+
+
+def test_a_fit_without_uncertainty_has_plants_that_are_all_alike() -> None:
+    found = simulate(FIT, None, SimulateOptions(controllers=("inverse",), plants=3, rate_hz=100.0), (T, T))
+    assert found.head.plants_from == "fitted-plant"
+    assert "plants-all-alike" in {one.code for one in found.findings}
+    assert found.records["inverse"].metrics.plants.metrics["rms_error_nm"].sd == 0.0
+
+
+def test_more_steps_than_a_day_of_work_are_refused() -> None:
+    options = SimulateOptions(controllers=("inverse",), plants=100_000)
+    with pytest.raises(UsageError, match="ask for 71,423 at most"):
+        simulate(FIT, None, options, (7 * T, T))
+
+
+def test_where_replays_leave_what_was_identified_is_told_in_shares() -> None:
+    fall = np.where(T < 1.0, 2.0, 1.0)
+    options = SimulateOptions(controllers=("open-loop",), rate_hz=100.0)
+    found = simulate(FIT, None, options, (T, fall))
+    told = {one.code: dict(one.values) for one in found.findings}["replay-leaves-identified"]
+    columns = found.records["open-loop"].columns
+    duty, torque = columns["duty_pct"], columns["torque_nm"]
+    assert told["below_pct"] == told["above_pct"] == 0.0 and duty.min() > 10
+    assert told["falling_pct"] == pytest.approx(100 * np.mean(np.diff(torque) < 0)) and told["falling_pct"] > 40
+    low = simulate(FIT, None, replace(options, controllers=("inverse",)), (T, 0.05 + 0.0 * T))
+    told = {one.code: dict(one.values) for one in low.findings}["replay-leaves-identified"]
+    duty = low.records["inverse"].columns["duty_pct"]
+    assert told["below_pct"] == pytest.approx(100 * np.mean((duty > 0) & (duty < 10))) and told["below_pct"] > 90
+    assert told["falling_pct"] < 1.0  # falls below the lowest level have constants of their own
+    quiet = simulate(FIT, None, options, (T, 2.0 + 0.0 * T)).findings
+    assert "replay-leaves-identified" not in {one.code for one in quiet}
+
+
+def test_how_far_each_is_from_the_best() -> None:
+    options = SimulateOptions(controllers=("inverse", "open-loop"), best=True, rate_hz=50.0)
+    found = simulate(FIT, None, options, (T, np.where(T < 0.5, 0.0, 2.0)))
+    best = found.records["best"]
+    assert best.role == "best" and 0 < best.metrics.bound_rms_nm <= best.metrics.rms_error_nm
+    for name in ("inverse", "open-loop"):
+        mine = found.records[name].metrics
+        assert (
+            mine.rms_over_best == pytest.approx(mine.rms_error_nm / best.metrics.rms_error_nm)
+            and mine.rms_over_best > 1
+        )
+        assert mine.rms_above_best_nm == pytest.approx(mine.rms_error_nm - best.metrics.rms_error_nm)
+    assert "best-without-rig" not in {one.code for one in found.findings}
+    noisy = simulate(FIT, None, replace(options, rig=Rig(noise_nm=0.1)), (T, T))
+    assert "best-without-rig" in {one.code for one in noisy.findings}
+    assert noisy.records["inverse"].metrics.rms_over_best is None  # within reach: the least is 0
+    assert noisy.records["inverse"].metrics.rms_above_best_nm > 0
+
+
+def test_what_a_replay_stands_on_is_said() -> None:
+    shaky = from_plain({"nonlinear": {**to_plain(FIT.nonlinear), "identifiable": False}}, Fit, "f")
+    found = simulate(shaky, None, SimulateOptions(controllers=("inverse",), rate_hz=100.0), (T, T))
+    assert "plant-not-identifiable" in {one.code for one in found.findings} and set(found.head.unidentified) == {
+        "plant"
+    }
+    marked = msgspec.structs.replace(gains(5.0), unidentified="one level")
+    found = simulate(FIT, marked, SimulateOptions(rate_hz=100.0), (T, T))
+    assert "gains-not-identifiable" in {one.code for one in found.findings}
+    assert found.head.unidentified == {"gains": "one level"}
+
+
+@pytest.mark.parametrize(
+    ("options", "what", "said"),
+    [
+        ({"plants": 2}, "log", "«plants»"), ({"plants": 2}, "rehab", "«plants»"), ({"best": True}, "rehab", "in rehab"),
+        ({"best": True}, "log", "«best»: goes with"), ({"rate_hz": 10.0}, "log", "«rate_hz»"),
+        ({"duration": 3.0}, "log", "«duration»"), ({"duration": 3.0}, "reference", "«duration»"),
+        ({"keep_baseline": True}, "steps", "«keep_baseline»"),
+    ],
+)  # fmt: skip
+def test_what_does_nothing_for_a_kind_of_replay_is_refused(options: dict, what: str, said: str) -> None:
+    with pytest.raises(UsageError, match=said.replace("«", "").replace("»", "=?")):
+        SimulateOptions(**options).check_for(what)
+    SimulateOptions().check_for(what)
+
+
+@pytest.mark.parametrize(
+    ("options", "what"),
+    [
+        ({"plants": 2}, "sweep"), ({"best": True}, "steps"), ({"rate_hz": 10.0}, "rehab"), ({"duration": 3.0}, "rehab"),
+        ({"keep_baseline": True}, "log"), ({"plants": 2, "threads": 1}, "reference"),
+        ({"residual_noise": True, "scenario": "steps"}, "steps"),
+        ({"scenario": "rehab", "limb_damping": 0.5, "limb_inertia": 0.2}, "rehab"),
+    ],
+)  # fmt: skip
+def test_what_serves_is_taken(options: dict, what: str) -> None:
+    SimulateOptions(**options).check_for(what)
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"threads": 2}, {"limb_damping": 1.0}, {"limb_inertia": 0.1, "scenario": "steps"},
+        {"residual_noise": True, "rig": Rig(noise_nm=0.1)}, {"best": True, "rig": Rig(saturation=False)},
+        {"rig": Rig(noise_correlation_s=0.1)},
+    ],
+)  # fmt: skip
+def test_options_that_contradict_each_other_are_refused(options: dict) -> None:
+    with pytest.raises(UsageError):
+        SimulateOptions(**options)

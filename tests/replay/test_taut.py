@@ -60,6 +60,13 @@ def test_what_is_within_reach_costs_nothing_and_what_does_not_count_is_free() ->
     assert cost == 0.0 and path[30] == pytest.approx(reference[30] + 2.0)
 
 
+def test_a_path_that_counts_no_more_stays_where_it_is() -> None:
+    reference = np.r_[np.linspace(0, 1, 11), np.full(9, 5.0)]
+    weight = np.r_[np.ones(11), np.zeros(9)]
+    cost, path = taut(reference, weight, 1.0, -0.1, 1.0, 0.1, 0.0)
+    assert cost == pytest.approx(0.0, abs=1e-20) and np.all(path[10:] == path[10]) and path[10] == pytest.approx(1.0)
+
+
 def test_long_paths_lose_no_digits() -> None:
     # 200 time constants: the scales of the stacks would overflow
     n, decay = 60_000, np.exp(-1 / 300)
