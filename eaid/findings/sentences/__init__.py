@@ -4,7 +4,10 @@ from importlib import import_module
 
 from eaid.findings.row import Row
 
-ROOMS = ("logs", "steps", "fitting", "uncertainty", "control", "replay", "recorded", "coupling", "export", "report")
+ROOMS = (
+    *("logs", "steps", "fitting", "uncertainty", "control", "replay", "recorded", "planning", "coupling", "export"),
+    "report",
+)
 
 
 def _table() -> dict[str, Row]:

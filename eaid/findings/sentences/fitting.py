@@ -1,10 +1,11 @@
 """Sentences about fits: what the curves of single levels, the nonlinear and the linear model cannot tell."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from eaid.findings.row import Row
 
+Values = Mapping[str, Any]
 SYMBOLS = {"Ts": "T_s", "tau1": "τ1", "tau2": "τ2", "C_f": "C_f", "C": "C"}
 CONSTRAINTS = {
     "tau1-floor": "τ1 is at its floor of 1 ms",
@@ -19,19 +20,25 @@ CONSTRAINTS = {
 """What each constraint of `Solver.at_bounds` says."""
 
 
-def at(values: Mapping[str, Any]) -> str:
+def at(values: Values) -> str:
     """`at 10 and 20 %`, of the levels of a finding."""
     return f"at {values['levels']} {values.get('unit') or ''}".rstrip()
 
 
-def _constraint(values: Mapping[str, Any]) -> str:
+def _constraint(values: Values) -> str:
     where = f" (from {' to '.join(f'{u:.4g}' for u in values['each'])})" if values["each"] else ""
     said = CONSTRAINTS.get(values["constraint"], values["constraint"])
     return f"a constraint holds the fit: {said}{where}; what it holds is not estimated there"
 
 
-def _trend(text: str) -> Any:
-    return lambda values: text.format(**{**values, "parameter": SYMBOLS.get(values["parameter"], values["parameter"])})
+def symbol(values: Values) -> str:
+    """T_s, τ1 … for the parameter of a finding."""
+    return str(SYMBOLS.get(values["parameter"], values["parameter"]))
+
+
+def said_of(text: str) -> Callable[[Values], str]:
+    """A template in which {symbol} stands for the parameter, {at} for the levels."""
+    return lambda v: text.format(**{**v, "symbol": symbol(v) if "parameter" in v else "", "at": at(v)})
 
 
 ROWS: dict[str, Row] = {
@@ -41,12 +48,12 @@ ROWS: dict[str, Row] = {
         "of it; do not use its numbers",
     ),
     "level-not-converged": Row(
-        "stop", lambda v: f"the curve {at(v)} did not converge: do not use its numbers, nor what rests on it"
+        "stop", said_of("the curve {at} did not converge: do not use its numbers, nor what rests on it")
     ),
     "curve-explains-little": Row(
         "stop",
-        lambda v: (
-            f"two exponentials explain little of the output {at(v)}: this is no single step response; look at the "
+        said_of(
+            "two exponentials explain little of the output {at}: this is no single step response; look at the "
             "plot for several steps, a closed loop or a disturbance, and give «step_at» and «until»"
         ),
     ),
@@ -58,12 +65,10 @@ ROWS: dict[str, Row] = {
             + ": do not use its numbers"
         ),
     ),
-    "fast-rise-not-resolved": Row(
-        "caution", lambda v: f"τ1 is at its floor of 1 ms {at(v)}: the fast rise is not resolved"
-    ),
+    "fast-rise-not-resolved": Row("caution", said_of("τ1 is at its floor of 1 ms {at}: the fast rise is not resolved")),
     "output-does-not-rise": Row(
         "caution",
-        lambda v: f"T_s is at 0 {at(v)}: the output does not rise with the step; check its sign",
+        said_of("T_s is at 0 {at}: the output does not rise with the step; check its sign"),
     ),
     "level-is-no-stress": Row(
         "caution",
@@ -75,20 +80,20 @@ ROWS: dict[str, Row] = {
     ),
     "trend-needs-levels": Row(
         "note",
-        _trend("no trend of {parameter} over {over}: a {form} trend needs at least {least} levels, there are {count}"),
+        said_of("no trend of {symbol} over {over}: a {form} trend needs at least {least} levels, there are {count}"),
     ),
     "trend-rates-merge": Row(
         "note",
-        _trend(
-            "the two rates of the trend of {parameter} merge: its limit (p + q x) e^(r x) is given; a pair would be "
+        said_of(
+            "the two rates of the trend of {symbol} merge: its limit (p + q x) e^(r x) is given; a pair would be "
             "two huge weights that cancel"
         ),
     ),
     "trend-follows-one-point": Row(
         "caution",
-        _trend("the trend of {parameter} has a rate as steep as is looked for: it follows one point, not a trend"),
+        said_of("the trend of {symbol} has a rate as steep as is looked for: it follows one point, not a trend"),
     ),
-    "trend-not-converged": Row("caution", _trend("the trend of {parameter} did not converge")),
+    "trend-not-converged": Row("caution", said_of("the trend of {symbol} did not converge")),
     "weights-change-nothing": Row(
         "note", "«weights» sd changes nothing here: each level is fitted by itself, and trends take all levels alike"
     ),

@@ -1,12 +1,10 @@
 """Sentences about uncertainty: what the data leave open, how the runs scatter, which estimate to believe."""
 
-from collections.abc import Callable, Mapping
-from typing import Any
+from collections.abc import Sequence
 
 from eaid.findings.row import Row
-from eaid.findings.sentences.fitting import SYMBOLS, at
+from eaid.findings.sentences.fitting import SYMBOLS, Values, at, said_of, symbol
 
-Values = Mapping[str, Any]
 CAUSES = {
     "one-exponential": "one exponential is all that most of them show",
     "short-record": "hold each level longer than {record_s:.3g} s",
@@ -14,12 +12,7 @@ CAUSES = {
 }
 
 
-def _named(text: str) -> Callable[[Values], str]:
-    """A template whose `{parameter}` is the symbol."""
-    return lambda v: text.format(**{**v, "parameter": SYMBOLS[v["parameter"]], "at": at(v)})
-
-
-def _joined(names: Any) -> str:
+def _joined(names: Sequence[str]) -> str:
     return " and ".join(SYMBOLS[name] for name in names)
 
 
@@ -46,20 +39,20 @@ def _taus_meet(v: Values) -> str:
 
 def _together(v: Values) -> str:
     parts = ", ".join(f"{name} by {v[name]:+.0f} %" for name in ("p", "r1", "q", "r2") if name in v)
-    trend = SYMBOLS[v["parameter"]]
+    trend = symbol(v)
     return f"{trend}'s trend hardly changes when {parts} change together: only the curve is known"
 
 
 def _open_at_most(v: Values) -> str:
     why = CAUSES[v["cause"]].format(**v)
-    return f"{SYMBOLS[v['parameter']]} is not determined at {v['count']} of {v['of']} levels: {why}"
+    return f"{symbol(v)} is not determined at {v['count']} of {v['of']} levels: {why}"
 
 
 def _scatter_changes(v: Values) -> str:
     last, first = (f"{u:.4g}" for u in v["each"])
     here = f"up to {last} than above" if v["ratio"] > 1 else f"from {first} on than below"
     return (
-        f"the runs' scatter of {SYMBOLS[v['parameter']]} is {max(v['ratio'], 1 / v['ratio']):.2g} times larger {here}: "
+        f"the runs' scatter of {symbol(v)} is {max(v['ratio'], 1 / v['ratio']):.2g} times larger {here}: "
         "the intervals follow it; more repeats there would narrow them most"
     )
 
@@ -67,16 +60,6 @@ def _scatter_changes(v: Values) -> str:
 def _convention(v: Values) -> str:
     pooled = "" if v["several"] else ", and so does the pooled one"
     return f"one level's step gives b0 u + c0 only; its b0 rests on the convention {v['convention']}{pooled}"
-
-
-def symbol(values: Values) -> str:
-    """T_s, τ1 … for the parameter of a finding."""
-    return str(SYMBOLS.get(values["parameter"], values["parameter"]))
-
-
-def _of(text: str) -> Callable[[Values], str]:
-    """A template in which {symbol} stands for the parameter, {at} for the levels."""
-    return lambda v: text.format(**{**v, "symbol": symbol(v) if "parameter" in v else "", "at": at(v)})
 
 
 def _share(v: Values) -> str:
@@ -129,17 +112,6 @@ def _orders(v: Values) -> str:
     return f"the levels ask for {asked} instead of the paper's polynomials"
 
 
-def _falls_short(v: Values) -> str:
-    if v["width_pct"] is None:
-        return f"{symbol(v)} stays undetermined with all that is allowed: a longer «longest_hold» is needed"
-    cause = (
-        f"runs differ by {v['scatter_pct']:.2g} %, and {v['repeats']} repeats only average that"
-        if v["scatter_pct"] is not None
-        else "a longer «longest_hold» or a quieter sensor is needed"
-    )
-    return f"{symbol(v)} comes to {v['width_pct']:.3g} %, not {v['wanted_pct']:g} %, with all that is allowed: {cause}"
-
-
 ROWS: dict[str, Row] = {
     "numbers-beyond-measure": Row(
         "caution",
@@ -148,17 +120,16 @@ ROWS: dict[str, Row] = {
         ),
     ),
     "taus-meet": Row("caution", _taus_meet),
-    "parameter-constrained": Row("caution", _named("{at} {parameter} is not estimable: a constraint holds it")),
+    "parameter-constrained": Row("caution", said_of("{at} {symbol} is not estimable: a constraint holds it")),
     "tau2-open": Row("caution", _tau2_open),
     "tau2-outlasts-record": Row(
-        "caution", lambda v: f"{at(v)} τ2 is longer than the record of {v['record_s']:.3g} s; record longer"
+        "caution", said_of("{at} τ2 is longer than the record of {record_s:.3g} s; record longer")
     ),
     "no-level-determines-all": Row("caution", "no level determines all of T_s, τ1 and τ2", rank=1),
     "free-share-open": Row(
         "caution",
-        lambda v: (
-            f"{at(v)} the free C is anywhere between {v['low']:.2f} and {v['high']:.2f}: C and τ2 trade against each "
-            "other; hold C"
+        said_of(
+            "{at} the free C is anywhere between {low:.2f} and {high:.2f}: C and τ2 trade against each other; hold C"
         ),
     ),
     "coefficients-together": Row("note", _together),
@@ -214,17 +185,20 @@ ROWS: dict[str, Row] = {
     "no-intervals-at-all": Row(
         "caution", "no intervals: these data do not determine the curves well enough to compute any ({fault})"
     ),
-    "trend-not-estimable": Row("note", _of("the trend of {symbol} is at a limit: its coefficients are not estimable")),
+    "trend-not-estimable": Row(
+        "note", said_of("the trend of {symbol} is at a limit: its coefficients are not estimable")
+    ),
     "trend-uses-all-levels": Row(
         "note",
-        _of("the trend of {symbol} has as many coefficients as levels: nothing is left to tell how sure they are"),
+        said_of("the trend of {symbol} has as many coefficients as levels: nothing is left to tell how sure they are"),
     ),
     "trend-coefficients-alike": Row(
-        "note", _of("the coefficients of the trend of {symbol} cannot be told apart: only the curve itself is known")
+        "note",
+        said_of("the coefficients of the trend of {symbol} cannot be told apart: only the curve itself is known"),
     ),
     "trend-coefficients-vague": Row(
         "note",
-        _of(
+        said_of(
             "some coefficients of the trend of {symbol} are not told apart from zero or from each other: use the curve"
         ),
     ),
@@ -260,13 +234,13 @@ ROWS: dict[str, Row] = {
         "caution",
         lambda v: (
             f"{_parted(v)}: believe neither; too few levels determine "
-            f"{' and '.join(SYMBOLS[name] for name in v['weak'])} on their own, and the joint fit makes up values there"
+            f"{_joined(v['weak'])} on their own, and the joint fit makes up values there"
         ),
     ),
     "no-two-stage-estimate": Row(
         "caution", "no two-stage estimate: no level alone determines all of its parameters; the joint fit stands"
     ),
-    "two-stage-held": Row("caution", _of("a constraint holds {symbol} of the two-stage estimate")),
+    "two-stage-held": Row("caution", said_of("a constraint holds {symbol} of the two-stage estimate")),
     "weights-part": Row("caution", _weights),
     "output-decays-under-hold": Row("caution", _decays, rank=0, covers=("decays-under-hold",)),
     "shape-fits": Row("note", _fits),
@@ -294,17 +268,4 @@ ROWS: dict[str, Row] = {
         "{pct:.0f} % of the draws broke a constraint (τ2 below τ1, or T_s below 0) and were drawn again: the ranges "
         "over the {plants} plants are cut there",
     ),
-    "plan-assumes-noise": Row(
-        "caution",
-        "the fit does not say how noisy the rig is; assumed: 3 % scatter of T_s, 5 % of τ1 from run to run, 1 % ripple "
-        "and 0.03 N·m of sensor noise at 1 kHz; fit again to use the rig's own",
-    ),
-    "plan-of-decaying-output": Row(
-        "caution", "the output decays under hold at {levels}: a plan for rising exponentials cannot mend that"
-    ),
-    "plan-rests-on-a-guess": Row(
-        "caution",
-        "the fit itself is not identifiable: the plan rests on a guess; record a few levels by it, fit, and plan again",
-    ),
-    "plan-falls-short": Row("caution", _falls_short),
 }
