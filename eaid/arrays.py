@@ -1,4 +1,4 @@
-"""The array type of every signature, how arrays are made safe to share, and their median."""
+"""The array type of every signature, how arrays are made safe to share, their median, and inverses."""
 
 from typing import TypeAlias
 
@@ -15,6 +15,17 @@ def read_only(values: ArrayLike) -> Array:
         array = array.view()
         array.flags.writeable = False
     return array
+
+
+def inverse(matrix: Array, rcond: float = 1e-14) -> Array:
+    """(Pseudo-)inverse of a symmetric matrix: directions below `rcond` of the largest get none."""
+    return np.asarray(np.linalg.pinv(matrix, rcond=rcond, hermitian=True))
+
+
+def scaled_inverse(matrix: Array, rcond: float = 1e-13) -> Array:
+    """The same in scaled form: its condition is that of the correlations, not of the units."""
+    scale = 1 / np.sqrt(np.maximum(np.abs(np.diag(matrix)), 1e-300))
+    return np.asarray(scale[:, None] * inverse(scale[:, None] * matrix * scale, rcond) * scale)
 
 
 def median(values: ArrayLike) -> float:

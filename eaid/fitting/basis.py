@@ -154,7 +154,8 @@ def _basis_of(u: tuple[float, ...], share: float | None) -> Basis:
 def constraints(basis: Basis, longest_s: float) -> tuple[Array, Array, Callable[[int], str]]:
     """A x ≥ b at the 101 duties, and what each row says; τ2 ends at `RECORDS` times the longest record."""
     longest_tau2_s = (RECORDS_FREE if basis.free_share else RECORDS) * longest_s
-    A, b = limits(*basis.M_of_duties[:3], longest_tau2_s, basis.free_share)
+    Ts, tau1, tau2, _ = basis.M_of_duties
+    A, b = limits(Ts, tau1, tau2, longest_tau2_s, basis.free_share)
     return A, b, lambda i: _code(basis, i)
 
 

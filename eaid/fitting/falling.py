@@ -6,25 +6,19 @@ The cost is linear in amplitude and residual, which are solved for; SLSQP sees l
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from eaid.arrays import Array
 from eaid.fitting.compress import Points
 from eaid.fitting.data import Data
-from eaid.fitting.descent import Descent, descend, last_step
-from eaid.fitting.levels import CLEAR, SAME, TRUST
 from eaid.fitting.problem import ROUNDING, Problem
 from eaid.fitting.samples import decay
-from eaid.fitting.solver import SETTLED, approach, ended
+from eaid.fitting.solver import approach, ended
 from eaid.fitting.starts import RECORDS, Indices, grid_bowls, grid_fits, start_grid, tau_limits
-from eaid.fitting.verdict import FINISHED, concluded, judged
-from eaid.models.parameters import TAU_FLOOR_S
+from eaid.fitting.verdict import concluded
 from eaid.results.common import Solver
 
 MOST = 3
 """Starts of every solve."""
-STEPS = 20
-"""Damped Newton steps from the starts of single levels, at most."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,38 +45,11 @@ class _Sums:
     exact: Array
     """Second derivatives, (N, 2, 2)."""
 
-    @property
-    def bowl(self) -> Array:
-        """The second derivatives where they are those of a bowl, else Gauss–Newton, (N, 2, 2)."""
-        positive = np.linalg.eigvalsh(self.exact)[:, 0] > 0
-        return np.where(positive[:, None, None], self.exact, self.curvature)
-
 
 def each_alone(data: Data, shares: Array) -> list[Solved]:
-    """Every level by itself; the starts of all are found, and judged on every sample, together.
-
-    Where the best start of a level is at its minimum already and no other comes near it, the solver has nothing to add.
-    """
+    """Every level by itself."""
     level, x = _starts(data, shares)
-    ends = _refined(x, data.points.rows(level), shares[level], data)
-    found = []
-    for i in range(len(shares)):
-        rows = np.flatnonzero(level == i)
-        rows = rows[np.argsort(ends.cost[rows], kind="stable")]
-        best, costs = ends.x[rows[:1]], ends.cost[rows]
-        one, share = data.one(i), shares[i : i + 1]
-        sse, gradient, _ = _on_every_sample(best, one, share)
-        H = _projected(best, one.points, share).exact
-        step, decrease = last_step(sse, gradient, H, _inside(best, H, data) & (sse > 0))
-        low = costs - TRUST * ends.predicted[rows]
-        rival = ((costs > (1 + SAME) * costs[0]) & (low < (1 + CLEAR) * costs[0])).any()
-        if decrease[0] > SETTLED or rival:
-            found.append(solve(one, share, ends.x[rows]))
-            continue
-        solver = judged(float(decrease[0]), len(rows) * STEPS, (costs + (sse[0] - costs[0])).tolist())
-        x = best - step  # the last step is too small for the cost to show
-        found.append(Solved(np.exp(x[0]), solver, _on_every_sample(x, one, share)[2]))
-    return found
+    return [solve(data.one(i), shares[i : i + 1], x[level == i]) for i in range(len(shares))]
 
 
 def _starts(data: Data, shares: Array) -> tuple[Indices, Array]:
@@ -97,30 +64,6 @@ def _starts(data: Data, shares: Array) -> tuple[Indices, Array]:
     inner, square = (np.concatenate(part) for part in zip(*fits, strict=True))
     level, first, second = grid_bowls(inner, square, MOST)
     return level, np.log(np.stack([grid[first], grid[second]], axis=1))
-
-
-def _refined(x: Array, points: Points, shares: Array, data: Data) -> Descent:
-    """Where damped Newton steps lead every row of x, (N, 2)."""
-    least, most = np.log(TAU_FLOOR_S), np.log(RECORDS * data.longest_s)
-
-    def look(x: Array) -> tuple[Array, Array, Array]:
-        now = _projected(x, points, shares)
-        return now.cost, now.gradient, now.bowl
-
-    def within(x: Array, step: Array) -> Array:
-        tried = np.clip(x - np.clip(step, -2.0, 2.0), least, most)
-        tried[:, 1] = np.maximum(tried[:, 1], tried[:, 0])
-        return tried
-
-    return descend(look, x, STEPS, FINISHED, within)
-
-
-def _inside(x: Array, curvature: Array, data: Data) -> NDArray[np.bool_]:
-    """Which rows lie off the limits, in a bowl, (N,)."""
-    first, second = x.T
-    inside = (first > np.log(1.001 * TAU_FLOOR_S)) & (second > first + 1e-3)
-    inside &= second < np.log(0.5 * RECORDS * data.longest_s)
-    return np.asarray(inside & (np.linalg.eigvalsh(curvature)[:, 0] > 0))
 
 
 def solve(data: Data, shares: Array, starts: Array) -> Solved:

@@ -11,9 +11,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import fdtri
 
-from eaid.arrays import Array
+from eaid.arrays import Array, scaled_inverse
 from eaid.uncertainty.scatter import Mask, paule_mandel
-from eaid.uncertainty.student_t import VarianceComponents, t_quantile
+from eaid.uncertainty.student_t import VarianceComponents
 
 SETTLED = 1e-10
 """Relative step at which a curve has settled: its place then does not depend on the rounding of the levels."""
@@ -69,11 +69,6 @@ class Curve:
             return np.full(len(duty_pct), self.degrees)
         return self.components.degrees(self._answers(duty_pct) ** 2)
 
-    def band(self, duty_pct: Array) -> Array:
-        """95 % interval of p(u), shape (n, 2)."""
-        reach = t_quantile(self.degrees_at(duty_pct)) * self.log_sd(duty_pct)
-        return np.asarray(self.at(duty_pct)[:, None] * np.exp(np.stack([-reach, reach], axis=1)))
-
 
 def powers(duty_pct: Array, p: int) -> Array:
     """1, v, v² … of v = u/100, shape (n, p)."""
@@ -126,7 +121,7 @@ def _gains(duty_pct: Array, weigh: Array, coefficients: Array) -> Array:
     design = powers(duty_pct, len(coefficients))
     g = design / (design @ coefficients)[:, None]
     weighed = g / np.maximum(weigh, 1e-18)[:, None]
-    return _inverse(weighed.T @ g) @ weighed.T
+    return scaled_inverse(weighed.T @ g) @ weighed.T
 
 
 def curve_with_repeats(
@@ -175,13 +170,6 @@ def at_levels(curve: Curve, row: Mask, p: int, components: VarianceComponents | 
     padded = np.zeros(p)
     padded[: len(curve.coefficients)] = curve.coefficients
     return replace(curve, coefficients=padded, gains=gains, sd=sd, components=components)
-
-
-def _inverse(matrix: Array) -> Array:
-    """Inverse in scaled form: its condition is that of the correlations, not of the units."""
-    scale = 1 / np.sqrt(np.maximum(np.diag(matrix), 1e-300))
-    inverse = np.linalg.pinv(matrix * np.outer(scale, scale), rcond=1e-13, hermitian=True)
-    return np.asarray(scale[:, None] * inverse * scale)
 
 
 def _chi_square(duty_pct: Array, log_values: Array, variance: Array, coefficients: Array) -> float:

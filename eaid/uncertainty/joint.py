@@ -10,15 +10,16 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from eaid.arrays import Array
+from eaid.arrays import Array, inverse
 from eaid.fitting.basis import limits
 from eaid.fitting.data import Data
-from eaid.models import nonlinear
+from eaid.models import friction, nonlinear
 from eaid.models.parameters import Nonlinear
 from eaid.results.nonlinear import Disagreement
 from eaid.steps.stepset import Level
 from eaid.uncertainty.curve import powers
 from eaid.uncertainty.levels import CURVES, log_jacobian
+from eaid.uncertainty.run_statistics import textbook
 from eaid.uncertainty.student_t import Degrees, t_quantile
 
 ACTIVE = 1e-7
@@ -137,26 +138,19 @@ def with_joint_covariance(c: Coefficients, data: Data, shifts: Array, weights: A
         reach = weight * D.T @ ((jacobian.T * points.w[row]) @ jacobian)
         M += reach @ D
         middle += reach @ shift @ reach.T
-    inverse = free_inverse(c, M, len(data.u))
-    return with_covariance(c, inverse @ middle @ inverse)
+    bread = free_inverse(c, M, len(data.u))
+    return with_covariance(c, bread @ middle @ bread)
 
 
 def with_white_covariance(
     c: Coefficients, levels: Sequence[Level], weights: Array | None = None
 ) -> tuple[Coefficients, float]:
     """The textbook covariance s² (J'J)⁻¹ of the fit to the means, and its N − P degrees of freedom."""
-    M = np.zeros((len(c.values),) * 2)
-    p = c.plant()
-    cost, samples = 0.0, 0
-    for i, level in enumerate(levels):
-        weight = 1.0 if weights is None else float(weights[i])
-        g = log_jacobian(nonlinear.at_duty(p, level.level), level.time_s, c.share_free) @ chain(c, level.level)
-        left = level.mean - nonlinear.step_response(p, level.time_s, level.level)
-        M += weight * g.T @ g
-        cost += weight * float(left @ left)
-        samples += len(left)
-    spare = samples - len(c.values)
-    return with_covariance(c, free_inverse(c, M, len(levels)) * cost / max(spare, 1)), float(spare)
+    curves = [(nonlinear.at_duty(c.plant(), level.level), level) for level in levels]
+    g = [log_jacobian(curve, level.time_s, c.share_free) @ chain(c, level.level) for curve, level in curves]
+    left = [level.mean - friction.step_response(curve, level.time_s) for curve, level in curves]
+    M, noise, spare = textbook(g, left, len(c.values), weights)
+    return with_covariance(c, free_inverse(c, M, len(levels)) * noise), spare
 
 
 def with_covariance(c: Coefficients, covariance: Array) -> Coefficients:
@@ -189,7 +183,7 @@ def free_inverse(c: Coefficients, M: Array, levels: int) -> Array:
         _, size, right = np.linalg.svd(rows @ directions)
         rank = int((size > 1e-9 * size[0]).sum())
         directions = directions @ right[rank:].T
-    inner = np.linalg.pinv(directions.T @ M @ directions, rcond=1e-13, hermitian=True)
+    inner = inverse(directions.T @ M @ directions, 1e-13)
     return np.asarray(directions @ inner @ directions.T)
 
 

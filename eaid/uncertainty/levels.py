@@ -5,14 +5,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from eaid.arrays import Array, median
+from eaid.arrays import Array, inverse, median
 from eaid.fitting.levels import RECORDS_FREE
 from eaid.fitting.starts import RECORDS
 from eaid.models import friction
 from eaid.models.parameters import TAU_FLOOR_S, Friction
 from eaid.results.friction import FrictionLevel
 from eaid.steps.stepset import Level
-from eaid.uncertainty.run_statistics import RunStatistics, own_residuals, run_statistics
+from eaid.uncertainty.run_statistics import RunStatistics, own_residuals, run_statistics, textbook
 from eaid.uncertainty.scatter import Mask, PooledScatter, pooled_scatter
 
 NAMES = ("Ts", "tau1", "tau2", "C")
@@ -96,9 +96,9 @@ def constrained_parameters(fit: FrictionLevel, record_s: float, share_free: bool
 
 def white_variance(level: Level, found: LevelEstimate) -> tuple[Array, float]:
     """Textbook variance s² A⁻¹ of (log T_s, log τ1, log τ2), for the mean of the repeats, and n − k."""
-    left = level.mean - friction.step_response(found.curve, level.time_s)
-    spare = len(left) - len(found.runs.log_theta)
-    return np.asarray(np.diag(found.runs.inverse) * float(left @ left) / spare), float(spare)
+    jacobian = log_jacobian(found.curve, level.time_s, found.share_free)
+    M, noise, spare = textbook([jacobian], [level.mean - jacobian[:, 0]], jacobian.shape[1])
+    return np.diag(inverse(M)) * noise, spare
 
 
 def usable(levels: Sequence[LevelEstimate]) -> Mask:
@@ -122,6 +122,5 @@ def share_sensitivity(levels: Sequence[Level], found: Sequence[LevelEstimate], s
     for level, one in zip(levels, found, strict=True):
         slopes = friction.gradient(one.curve, level.time_s)
         along = np.array([one.curve.Ts, one.curve.tau1, one.curve.tau2]) * (slopes[:3] @ slopes[3])
-        inverse = np.linalg.pinv(one.runs.information[:3, :3], rcond=1e-14, hermitian=True)
-        moves.append(-100 * step * inverse @ along)
+        moves.append(-100 * step * inverse(one.runs.information[:3, :3]) @ along)
     return dict(zip(NAMES[:3], map(median, np.transpose(moves)), strict=True))

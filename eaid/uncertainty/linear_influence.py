@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from eaid.arrays import Array
+from eaid.arrays import Array, scaled_inverse
 from eaid.models.parameters import Linear
 from eaid.steps.stepset import Level
 from eaid.uncertainty.run_statistics import RunStatistics, run_statistics
@@ -18,6 +18,10 @@ from eaid.uncertainty.student_t import satterthwaite
 
 TO_LOG_B = np.array([[1.0, 0.0], [0.0, 1.0], [-1.0, -1.0]])
 """(log a0, log gain) → (log a0, log gain, log B) less log u."""
+
+
+UNSEEN = 1e-10
+"""Directions that the data do not see, b0 and c0 of a single level, have this part of the information at most."""
 
 
 def _rise(a0: float, t_s: Array) -> tuple[Array, Array, Array]:
@@ -55,21 +59,14 @@ def pooled_gain(levels: Sequence[Level], p: Linear, weights: Array | None = None
         curved[0, 2] = curved[2, 0] = left @ both[0]
         hessian += weight * (take @ square @ take.T - curved)
         parts.append((weight * take, both))
-    inverse = scaled_inverse(hessian)
+    inverse = scaled_inverse(hessian, UNSEEN)
     return [(inverse @ take, both) for take, both in parts]
-
-
-def scaled_inverse(matrix: Array) -> Array:
-    """Inverse in scaled form; directions that the data do not see get none (b0 and c0 of a single level)."""
-    scale = 1 / np.sqrt(np.maximum(np.abs(np.diag(matrix)), 1e-300))
-    inverse = np.linalg.pinv(scale[:, None] * matrix * scale, rcond=1e-10, hermitian=True)
-    return np.asarray(scale[:, None] * inverse * scale)
 
 
 def own_gain(level: Level, a0: float, gain: float) -> Array:
     """How a change of a level's mean moves its own (log a0, log gain, log B), B = u/(a0 gain), shape (3, n)."""
     jacobian, hessian = own_terms(level, a0, gain)
-    return np.asarray(TO_LOG_B @ scaled_inverse(hessian) @ jacobian.T)
+    return np.asarray(TO_LOG_B @ scaled_inverse(hessian, UNSEEN) @ jacobian.T)
 
 
 def own_terms(level: Level, a0: float, gain: float) -> tuple[Array, Array]:

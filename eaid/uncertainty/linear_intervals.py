@@ -8,7 +8,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from eaid.arrays import Array
+from eaid.arrays import Array, scaled_inverse
 from eaid.models import linear as model
 from eaid.results.linear import BoundsIntervals, Linear, LinearLevel, LinearLevelIntervals, Pooled, PooledIntervals
 from eaid.steps.stepset import Level
@@ -16,14 +16,15 @@ from eaid.uncertainty.level_statistics import LevelStatistics
 from eaid.uncertainty.levels import log_jacobian
 from eaid.uncertainty.linear_influence import (
     TO_LOG_B,
+    UNSEEN,
     Gain,
     combined_variance,
     level_run_statistics,
     own_gain,
     own_terms,
     pooled_gain,
-    scaled_inverse,
 )
+from eaid.uncertainty.run_statistics import textbook
 from eaid.uncertainty.scatter import pooled_scatter
 from eaid.uncertainty.student_t import interval_of, log_interval_of
 from eaid.uncertainty.weightings import weights_array
@@ -138,21 +139,17 @@ def bound_intervals(fit: Linear, own: Sequence[LinearLevelIntervals]) -> BoundsI
 
 def white(fit: Linear, levels: Sequence[Level]) -> tuple[PooledIntervals, list[LinearLevelIntervals]]:
     """Textbook intervals, s² (J'J)⁻¹ on the means: of the pooled fit, and of each level (zero-offset)."""
-    M, cost, samples = np.zeros((3, 3)), 0.0, 0
-    for level in levels:
-        jacobian = model.gradient(fit.parameters, level.time_s, level.level)
-        left = level.mean - model.step_response(fit.parameters, level.time_s, level.level)
-        M += jacobian @ jacobian.T
-        cost, samples = cost + float(left @ left), samples + len(left)
-    terms = 3 if len(levels) > 1 else 2
-    variance = np.maximum(np.diag(scaled_inverse(M)) * cost / (samples - terms), 0).tolist()
-    pooled = _pooled(fit, [(v, float(samples - terms)) for v in variance])
+    p = fit.parameters
+    slopes = [model.gradient(p, level.time_s, level.level).T for level in levels]
+    left = [level.mean - model.step_response(p, level.time_s, level.level) for level in levels]
+    M, noise, spare = textbook(slopes, left, 3 if len(levels) > 1 else 2)
+    variance = np.maximum(np.diag(scaled_inverse(M, UNSEEN)) * noise, 0).tolist()
+    pooled = _pooled(fit, [(v, spare) for v in variance])
     rows = []
     for level, row in zip(levels, fit.per_level, strict=True):
         J = own_terms(level, row.a0, row.gain)[0]
-        left = level.mean - J[:, 1]
-        spare = len(left) - 2
-        logs = TO_LOG_B @ scaled_inverse(J.T @ J) @ TO_LOG_B.T * float(left @ left) / spare
+        M, noise, spare = textbook([J], [level.mean - J[:, 1]], 2)
+        logs = TO_LOG_B @ scaled_inverse(M, UNSEEN) @ TO_LOG_B.T * noise
         each = zip((row.a0, row.gain, row.B), np.diag(logs).tolist(), strict=True)
         rows.append(LinearLevelIntervals(*(None if x is None else interval_of(x, x * x * v, spare) for x, v in each)))
     return pooled, rows

@@ -13,7 +13,7 @@ import numpy as np
 from scipy.optimize import nnls
 from scipy.special import chdtri
 
-from eaid.arrays import Array
+from eaid.arrays import Array, inverse
 from eaid.models.parameters import Friction
 from eaid.results import uncertainty as results
 from eaid.results.fit import Fit
@@ -52,9 +52,9 @@ def unit_variances(curve: Friction, hold_s: float) -> Array:
     middle, width = 0.5 * (edges[1:] + edges[:-1]), np.diff(edges)
     jacobian = log_jacobian(curve, middle)
     weighed = jacobian.T * width
-    inverse = np.linalg.pinv(weighed @ jacobian, rcond=1e-14, hermitian=True)
-    ripple = inverse @ (weighed * jacobian[:, 0] ** 2) @ jacobian @ inverse  # ∂f/∂log T_s is f itself
-    return np.stack([np.diag(inverse), np.diag(ripple)], axis=1)
+    unit = inverse(weighed @ jacobian)
+    ripple = unit @ (weighed * jacobian[:, 0] ** 2) @ jacobian @ unit  # ∂f/∂log T_s is f itself
+    return np.stack([np.diag(unit), np.diag(ripple)], axis=1)
 
 
 def noise_of(stats: LevelStatistics, idle: float | None = None) -> results.Noise:

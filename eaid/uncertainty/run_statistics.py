@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from eaid.arrays import Array
+from eaid.arrays import Array, inverse
 
 WINDOWS_S = (0.1, 0.3, 1.0, 2.0)
 """Bartlett windows [s]: from the friction ripple's memory to a third of a rotor turn."""
@@ -45,7 +45,7 @@ class RunStatistics:
     @property
     def inverse(self) -> Array:
         """A⁻¹, the covariance of the parameters under noise of variance 1 without memory, shape (k, k)."""
-        return np.asarray(np.linalg.pinv(self.information, rcond=1e-14, hermitian=True))
+        return inverse(self.information)
 
     @property
     def scatter(self) -> Array:
@@ -98,7 +98,7 @@ def run_statistics(
     of J'J.
     """
     information = jacobian.T @ jacobian if hessian is None else hessian
-    directions = jacobian @ np.linalg.pinv(information, rcond=1e-14, hermitian=True)
+    directions = jacobian @ inverse(information)
     return RunStatistics(
         level=level,
         log_theta=log_theta,
@@ -115,6 +115,17 @@ def within_variance(time_s: Array, noise_nm: Array, directions: Array) -> Array:
     variances = bartlett_variance(time_s, scores).reshape(len(WINDOWS_S), len(noise_nm), -1)
     # sorted: the order of the runs changes no rounding
     return np.asarray(np.sort(variances, axis=1).mean(axis=1).max(axis=0))
+
+
+def textbook(
+    jacobians: Sequence[Array], residuals: Sequence[Array], parameters: int, weights: Array | None = None
+) -> tuple[Array, float, float]:
+    """Σ w J'J, the noise's variance s² = Σ w r'r/(N − P) as if every sample's error were its own, and N − P."""
+    each = np.ones(len(residuals)) if weights is None else weights
+    information = sum(w * J.T @ J for w, J in zip(each, jacobians, strict=True))
+    spare = sum(map(len, residuals)) - parameters
+    cost = sum(float(w * (r @ r)) for w, r in zip(each, residuals, strict=True))
+    return np.asarray(information), cost / max(spare, 1), float(spare)
 
 
 def own_residuals(runs_nm: Array, fitted_nm: Array, jacobian: Array) -> Array:

@@ -13,7 +13,7 @@ from collections.abc import Sequence
 import msgspec
 import numpy as np
 
-from eaid.arrays import Array
+from eaid.arrays import Array, inverse
 from eaid.findings import finding
 from eaid.fitting.shape_curves import slopes
 from eaid.fitting.step_shapes import independent
@@ -98,20 +98,19 @@ def _errors(step: LevelStep, shape: StepShape, free: Sequence[bool], ci: str) ->
     jacobian = by[:, np.asarray(free)]
     left = step.output - shape.predict(step.time_s)
     count, k = jacobian.shape
-    information = jacobian.T @ jacobian
-    inverse = np.linalg.pinv(information, rcond=1e-14, hermitian=True)
+    unit = inverse(jacobian.T @ jacobian)
     if ci == "white":
-        variance = float(left @ left) / max(count - k, 1) * np.diag(inverse)
+        variance = float(left @ left) / max(count - k, 1) * np.diag(unit)
         degrees = float(count - k)
         per_sample = float(left @ left) / max(count - k, 1)
     else:
-        directions = np.concatenate((jacobian @ inverse, np.ones((count, 1))), axis=1)
+        directions = np.concatenate((jacobian @ unit, np.ones((count, 1))), axis=1)
         degrees = max(min(independent(left), LAGS) - k, 1.0)  # what the noise remembers is seen in so many stretches
         own = bartlett_variance(step.time_s, directions * left[:, None]).max(axis=0)
         # the fit has taken k parameters' worth of the slow noise out of the residuals
         sums = np.maximum(own, stationary_variance(left, directions) / (1 - k / LAGS))
         variance, per_sample = sums[:-1], float(sums[-1]) / count
-    moved = inverse @ jacobian.sum(axis=0)
+    moved = unit @ jacobian.sum(axis=0)
     rested = max(1.0, (step.rest_s or 0.0) * (count - 1) / float(step.time_s[-1]))
     start = per_sample / rested
     # a rest that still moved by more than its noise, 4 start, has as far to go again

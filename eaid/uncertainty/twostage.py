@@ -8,7 +8,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from eaid.arrays import Array
+from eaid.arrays import Array, inverse
 from eaid.fitting.problem import Problem
 from eaid.fitting.solver import slsqp
 from eaid.models.parameters import Nonlinear
@@ -41,8 +41,7 @@ def two_stage(
     c = coefficients_of(Nonlinear(raw[0], raw[1], raw[2], u_range, share))
     covariance = covariance_between([curves[name] for name in BLOCKS], correlation)
     if c.constrained:
-        M = np.linalg.pinv(covariance, rcond=1e-14, hermitian=True)
-        covariance = free_inverse(c, np.asarray(M), len(duty_pct))
+        covariance = free_inverse(c, inverse(covariance), len(duty_pct))
     return with_covariance(c, covariance)
 
 

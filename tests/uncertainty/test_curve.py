@@ -5,6 +5,7 @@ from eaid.fitting.basis import basis_of, constraints
 from eaid.models.parameters import REFERENCE_PLANT, Nonlinear
 from eaid.uncertainty.curve import curve_of_single_runs, curve_with_repeats, powers, through
 from eaid.uncertainty.joint import BLOCKS, coefficients_of, limits_of, with_joint_covariance
+from eaid.uncertainty.student_t import t_quantile
 from eaid.uncertainty.twostage import two_stage
 
 DUTY = np.arange(10.0, 101.0, 10.0)
@@ -39,8 +40,8 @@ def test_band_covers_and_misfit_is_told() -> None:
     for _ in range(300):
         theta = np.log(TAU2) + 0.05 * random.standard_normal(10)
         curve = curve_with_repeats(DUTY, theta, np.full(10, 0.05**2), 1e6, 3)
-        band = curve.band(DUTY)
-        held.append((band[:, 0] <= TAU2) & (band[:, 1] >= TAU2))
+        reach = t_quantile(curve.degrees_at(DUTY)) * curve.log_sd(DUTY)
+        held.append(np.abs(np.log(curve.at(DUTY) / TAU2)) <= reach)
         misfits.append(curve.misfit)
     assert 0.93 <= np.mean(held) <= 0.97
     assert np.mean(misfits) == pytest.approx(1, abs=0.1)
