@@ -59,8 +59,7 @@ def is_as_written(path: Path) -> bool | None:
 def refuse_to_overwrite(path: Path, force: bool, inputs: Iterable[Path] = ()) -> None:
     """Leave an existing output alone unless the user says otherwise; call it before the work is done.
 
-    What the command reads (`inputs`, files or folders of logs), and what is no regular file (a device, a pipe, a
-    folder), is never replaced.
+    What the command reads (`inputs`), and what is no regular file (a device, a pipe, a folder), is never replaced.
     """
     if not path.parent.is_dir():
         raise UsageError(f"{path}: the folder {path.parent} does not exist; make it first")
@@ -71,11 +70,15 @@ def refuse_to_overwrite(path: Path, force: bool, inputs: Iterable[Path] = ()) ->
     if not force:
         raise UsageError(f"{path}: exists already; give «force» to overwrite it, or another «output»")
     for given in inputs:
-        inside = (
-            given.is_dir() and path.suffix.lower() in (*LOGS, ".txt") and path.resolve().is_relative_to(given.resolve())
-        )
-        if inside or (given.exists() and path.samefile(given)):
+        if given.exists() and path.samefile(given):
             raise UsageError(f"{path}: is what the command reads, and is never overwritten; give another «output»")
+
+
+def refuse_inputs_within(folder: Path, inputs: Iterable[Path]) -> None:
+    """Leave a folder alone, which would be replaced whole, where it holds what the command reads."""
+    for given in inputs:
+        if given.exists() and folder.exists() and any(folder.samefile(above) for above in given.resolve().parents):
+            raise UsageError(f"{folder}: holds {given.name}, which the command reads; give another «output»")
 
 
 @contextlib.contextmanager

@@ -11,6 +11,7 @@ import pytest
 from eaid import files
 from eaid.errors import UsageError
 from eaid.files import all_written_whole, folder_written_whole, refuse_to_overwrite, sha256_of, written_whole
+from eaid.logs.manifest import files_read
 
 LEFT_OVER = re.compile(r"\.fit\.json\.[0-9a-f]{6}-\d+\.[^.]+\.part")
 
@@ -125,11 +126,11 @@ def test_what_the_command_reads_is_never_its_output(tmp_path: Path) -> None:
     log.parent.mkdir()
     log.write_text("raw")
     (tmp_path / "link.csv").symlink_to(log)
-    for path, inputs in ((log, [log]), (log, [log.parent]), (tmp_path / "link.csv", [log])):
+    for path, inputs in ((log, [log]), (log, files_read([log.parent])), (tmp_path / "link.csv", [log])):
         with pytest.raises(UsageError, match="what the command reads"):
             refuse_to_overwrite(path, True, inputs)
     (tmp_path / "fit.json").write_text("old")
-    refuse_to_overwrite(tmp_path / "fit.json", True, [log.parent, tmp_path / "not-there"])
+    refuse_to_overwrite(tmp_path / "fit.json", True, [log, tmp_path / "not-there"])
 
 
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no pipes with a name here")

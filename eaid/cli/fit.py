@@ -86,11 +86,12 @@ def command(given: Arguments) -> int:
     from eaid.cli import fit_tables, inputs
     from eaid.files import refuse_to_overwrite
     from eaid.fitting.options import check
+    from eaid.logs.manifest import files_read
     from eaid.processes import processors
     from eaid.results import codec
     from eaid.results.fit import FitOptions
 
-    refuse_to_overwrite(given.output, given.force, given.data)
+    refuse_to_overwrite(given.output, given.force, files_read(given.data))
     options = taken(
         FitOptions, given, bounds_levels=None, dead_time_s=None if given.dead_time == "auto" else given.dead_time
     )

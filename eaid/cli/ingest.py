@@ -35,10 +35,11 @@ def command(given: Arguments) -> None:
     from eaid.cli import ingest_tables, inputs
     from eaid.files import refuse_to_overwrite
     from eaid.logs.dataset import write_dataset
+    from eaid.logs.manifest import files_read
     from eaid.reading import read_edges
 
     options = inputs.reading_of(given)
-    refuse_to_overwrite(given.output, given.force, given.logs)
+    refuse_to_overwrite(given.output, given.force, files_read(given.logs))
     if given.edges:
         logs = read_edges(given.logs, options, console.warn)
         whole = [run for run, _edges in logs]

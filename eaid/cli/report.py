@@ -49,11 +49,14 @@ def command(given: Arguments) -> None:
 
     Example: eaid report fit.json gains.json multisine.h5 clutch.h5 -o report
     """
-    from eaid.report.options import ReportOptions, refuse_to_overwrite_report
+    from eaid.files import refuse_to_overwrite
+    from eaid.report.options import PAGE, ReportOptions, refuse_to_overwrite_report
     from eaid.report.watch import changes
 
     options = ReportOptions(given.formats, given.figures, *given.width, given.font, given.paper, given.force)
     refuse_to_overwrite_report(given.output, given.force)
+    if given.output.is_dir():
+        refuse_to_overwrite(given.output / PAGE, True, given.files)
     given.output.parent.mkdir(parents=True, exist_ok=True)
     changed = changes(given.files)  # from here on: what changes while the first page is made counts too
     made = _made(given.files, given.output, options)

@@ -1,6 +1,7 @@
 """`eaid simulate`: controllers replayed on the fitted plant."""
 
 from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
 
 from eaid.cli import console
@@ -61,6 +62,7 @@ def command(given: Arguments) -> None:
     from eaid import api
     from eaid.cli import inputs
     from eaid.files import refuse_to_overwrite
+    from eaid.logs.manifest import files_read
     from eaid.replay.files import as_json, write_replay
     from eaid.replay.options import SimulateOptions
     from eaid.replay.rig import Rig
@@ -71,7 +73,7 @@ def command(given: Arguments) -> None:
     from eaid.results.replay import ReplayInputs
 
     files = {"fit": given.fit, "gains": given.gains, "reference": given.reference}
-    refuse_to_overwrite(given.output, given.force, [*filter(None, files.values()), *(given.log or [])])
+    refuse_to_overwrite(given.output, given.force, chain(filter(None, files.values()), files_read(given.log or [])))
     if given.ripple_hz is not None and not given.ripple_pct:
         raise UsageError("--ripple-hz: does nothing without --ripple-pct; give both or neither")
     if not given.log and any((given.columns, given.units, given.repair, given.variable)):

@@ -122,7 +122,7 @@ def command(given: Arguments) -> None:
     if is_dataset:
         refuse_to_overwrite(given.output, given.force, inputs)
     else:
-        refuse_folder(given.output, given.force)
+        refuse_folder(given.output, given.force, inputs)
     sizes = {name: getattr(given, name) for name in Disturbance.__dataclass_fields__}
     options = taken(
         SynthOptions, given, sizes={name: value for name, value in sizes.items() if value is not None},

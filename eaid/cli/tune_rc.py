@@ -1,6 +1,7 @@
 """`eaid tune-rc`: a fit → gains of both controllers, and what may be expected of them."""
 
 from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
 
 from eaid.cli import console
@@ -73,6 +74,7 @@ def command(given: Arguments) -> None:
     from eaid import api
     from eaid.cli import inputs
     from eaid.files import refuse_to_overwrite
+    from eaid.logs.manifest import files_read
     from eaid.report.tables import gains as tables
     from eaid.results import codec
     from eaid.results.fit import Fit
@@ -80,7 +82,8 @@ def command(given: Arguments) -> None:
     from eaid.results.tuning import TuneOptions
 
     file = Path(given.reference) if given.reference and given.reference not in SCENARIOS else None
-    refuse_to_overwrite(given.output, given.force, [given.fit, *([file] if file else []), *(given.data or [])])
+    read = chain([given.fit, *([file] if file else [])], files_read(given.data or []))
+    refuse_to_overwrite(given.output, given.force, read)
     options = taken(TuneOptions, given)
     if given.data and options.phi != "data" and not options.searches:
         raise UsageError("--data: does nothing without --phi data or --optimize; leave it out")

@@ -11,7 +11,7 @@ from eaid.export.judge import judged
 from eaid.export.options import ExportOptions
 from eaid.export.source import source_of
 from eaid.export.targets import TARGETS
-from eaid.files import folder_written_whole
+from eaid.files import folder_written_whole, refuse_inputs_within
 from eaid.findings import Finding
 from eaid.models.parameters import Nonlinear
 from eaid.results.fit import Fit
@@ -70,6 +70,7 @@ def export(
     if options.target not in TARGETS:
         raise UsageError(f"«as» is {options.target!r}; there are {', '.join(TARGETS)}")
     refuse_folder(options.folder, options.force)
+    refuse_inputs_within(options.folder, (Path(each.path) for each in options.inputs))
     source = source_of(gains, plant_or_fit)
     target = TARGETS[options.target]
     laws = laws_of(source, options, target.laws)

@@ -96,8 +96,10 @@ def _write_run(group: h5py.Group, run: Run) -> None:
     facts = _Facts(**{field: getattr(run, field) for field in _Facts.__struct_fields__})
     if run.level is None:
         facts.edge = None
+    plain = {field.encode_name: field.default for field in msgspec.structs.fields(_Facts)}
     for name, value in msgspec.to_builtins(facts).items():
-        group.attrs[name] = value
+        if value != plain[name]:  # `omit_defaults` knows a 0 only by its identity
+            group.attrs[name] = value
     if run.findings:
         group.attrs["findings"] = msgspec.json.encode(run.findings).decode()
 

@@ -6,7 +6,7 @@ log, its options and its list of logs stand in for those of the command line.
 
 import json
 import tomllib
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -75,6 +75,17 @@ class Manifest:
         """Names of the logs beside the manifest that it does not list."""
         listed = {Path(entry.file).resolve() for entry in self.logs}
         return [file.name for file in files_of([self.path.parent]) if file.resolve() not in listed]
+
+
+def files_read(paths: Sequence[Path]) -> Iterator[Path]:
+    """All that is read where these paths are given: a folder and a manifest stand for what they hold, too."""
+    yield from paths
+    manifest = manifest_of(paths)
+    if manifest is not None:
+        yield from (Path(entry.file) for entry in manifest.logs)
+    else:
+        for path in paths:
+            yield from files_of([path]) if path.is_dir() else ()
 
 
 def manifest_of(paths: Sequence[Path]) -> Manifest | None:

@@ -1,10 +1,10 @@
 """Synthetic logs as a folder of plain eaid CSV, one run a file, each headed by what it is."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from eaid.errors import UsageError
-from eaid.files import folder_written_whole
+from eaid.files import folder_written_whole, refuse_inputs_within
 from eaid.logs.run import INPUT_UNITS, Run
 
 PLAIN = {"clutch": "duty_pct", "friction-force": "force_n", "friction-speed": "speed_rpm"}
@@ -18,8 +18,8 @@ LEFT_OVER = ".synthetic-*.part"
 """and what a killed command left of them."""
 
 
-def refuse_folder(folder: Path, force: bool) -> None:
-    """Leave an existing folder alone unless the user says otherwise; one with logs of a rig in it, always."""
+def refuse_folder(folder: Path, force: bool, inputs: Iterable[Path] = ()) -> None:
+    """Leave an existing folder alone unless the user says otherwise; one with a rig's logs or an input, always."""
     if not folder.exists():
         if not folder.parent.is_dir():
             raise UsageError(f"{folder}: the folder {folder.parent} does not exist; make it first")
@@ -31,6 +31,7 @@ def refuse_folder(folder: Path, force: bool) -> None:
     others = sorted(path.name for path in folder.iterdir() if not (path.match(PATTERN) or path.match(LEFT_OVER)))
     if others:
         raise UsageError(f"{folder}: holds {others[0]}, which eaid synth did not make; give another «output»")
+    refuse_inputs_within(folder, inputs)
 
 
 def write_folder(folder: Path, runs: Sequence[Run], force: bool) -> None:
