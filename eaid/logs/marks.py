@@ -17,6 +17,9 @@ NUMBER_MARKS = ((".", ""), (",", ""), (".", ","), (",", "."), (".", "'"), (".", 
 
 def number(text: str, decimal: str, thousands: str) -> float | None:
     """Value of a cell, correctly rounded; None where it is no number."""
+    if decimal == "." and not thousands and "_" not in text:
+        with contextlib.suppress(ValueError):
+            return float(text)
     text = text.strip().strip('"').strip()
     if thousands and thousands in text:
         whole = re.escape(thousands).join((r"[+-]?[1-9]\d{0,2}(", r"\d{3})+"))

@@ -1,16 +1,16 @@
-"""A piece of a text log → its columns: by the C parser of pandas, else cell by cell.
+"""A piece of a text log → its columns: by the CSV parser of Arrow, else cell by cell.
 
-Numbers of both ways are correctly rounded. A piece that pandas stumbles over (a word in a column of numbers, an empty
+Numbers of both ways are correctly rounded. A piece that Arrow stumbles over (a word in a column of numbers, an empty
 cell, a comment, a row too long) is taken apart cell by cell, so that every bad cell is told by its row and column.
 """
 
-import contextlib
 import math
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from eaid.logs.dialect import Dialect
 from eaid.logs.marks import COMMENT, Marks
@@ -20,66 +20,60 @@ MOST_DIGITS = 15
 """Digits of a whole number that a float surely holds; stamps in ns have more, and stay whole."""
 
 
-def by_pandas(body: memoryview, dialect: Dialect, columns: Sequence[int], line: int) -> Cells | None:
-    """The columns of a piece by pandas' C parser; None where anything in them is not a plain finite number."""
-    import pandas as pd
-    from pandas.errors import ParserError
+def by_arrow(body: memoryview, dialect: Dialect, columns: Sequence[int], line: int) -> Cells | None:
+    """The columns of a piece by Arrow's parser; None where anything in them is not a plain finite number."""
+    import pyarrow as pa
+    from pyarrow import csv
 
-    count, marks = len(dialect.columns), dialect.marks
-    head = marks.cells(bytes(body[:4096]).splitlines()[0].decode("latin-1"), count)
-    kinds: dict[int, Any] = {count - 1: "S1"}  # its first byte shows that a row is not too short
+    marks, names = dialect.marks, [str(i) for i in range(len(dialect.columns) + dialect.ragged)]
+    first = marks.cells(bytes(body[:4096]).splitlines()[0].decode("latin-1"), len(dialect.columns))
+    kinds = {}
     for column in columns:
-        if column in dialect.stamps:
-            kinds[column] = str
-        elif (cell := head[min(column, len(head) - 1)]).isdigit() and len(cell) > MOST_DIGITS:
-            kinds.pop(column, None)  # whole numbers
-        else:
-            kinds[column] = np.float64
-    wanted = sorted({*columns, count - 1})
-    file: Any = _Counted(body, (marks.delimiter or "\n").encode())
-    options: dict[str, Any] = {"thousands": marks.thousands} if marks.thousands else {}
-    if tuple(int(part) for part in pd.__version__.split(".")[:2]) < (3, 1):
-        options["float_precision"] = "round_trip"  # correctly rounded by itself from 3.1 on
+        digits = first[min(column, len(first) - 1)]
+        number = pa.int64() if digits.isdigit() and len(digits) > MOST_DIGITS else pa.float64()
+        kinds[names[column]] = pa.string() if column in dialect.stamps else number
+    plain = _without_thousands(_one_blank(body) if marks.delimiter is None else body, dialect)
+    if plain is None:
+        return None
     try:
-        frame = pd.read_csv(
-            file, sep=marks.delimiter or r"\s+", decimal=marks.decimal, header=None, index_col=False,
-            names=list(range(count + dialect.ragged)), usecols=wanted if marks.delimiter else None,
-            skip_blank_lines=False, encoding_errors="replace", na_filter=False, low_memory=False,
-            dtype=kinds, **options,
-        )  # fmt: skip
-    except (ParserError, ValueError, OverflowError):
+        table = csv.read_csv(
+            pa.BufferReader(pa.py_buffer(plain)),
+            csv.ReadOptions(use_threads=False, block_size=len(plain) + 1, column_names=names),
+            csv.ParseOptions(delimiter=marks.delimiter or " ", ignore_empty_lines=False),
+            csv.ConvertOptions(
+                column_types=kinds, include_columns=list(kinds), null_values=[], decimal_point=marks.decimal
+            ),
+        )
+    except pa.ArrowInvalid:
         return None
-    if kinds.get(count - 1) == "S1" and not frame[count - 1].to_numpy().view(np.uint8).all():
-        return None
-    values = [frame[column].to_numpy(object if column in dialect.stamps else None) for column in columns]
-    for column, one in zip(columns, values, strict=True):
-        if column in dialect.stamps:
-            if not all(one):
-                return None
-        elif one.dtype.kind not in "fiu" or (one.dtype.kind == "f" and not np.isfinite(one).all()):
+    # one chunk, as the block is the piece; its own to_numpy would load pandas
+    values: list[NDArray[Any]] = []
+    for column in columns:
+        (cells,) = table[names[column]].chunks
+        stamps = column in dialect.stamps
+        values.append(np.array(cells.to_pylist(), dtype=object) if stamps else np.from_dlpack(cells))
+        if not (values[-1].all() if stamps else np.isfinite(values[-1]).all()):
             return None
-    if marks.delimiter and file.count != len(frame) * (count - 1 + dialect.ragged):  # it cuts a row too long in silence
-        return None
     return Cells(tuple(values), first_row=line)
 
 
-class _Counted:
-    """A piece as a file for pandas, whose bytes it takes as they are; counts one mark on the way."""
+def _one_blank(body: memoryview) -> bytes:
+    """A piece whose cells stand apart by one blank each."""
+    return b"\n".join(b" ".join(row.split()) for row in bytes(body).splitlines())
 
-    def __init__(self, body: memoryview, mark: bytes) -> None:
-        self._body, self._mark, self._at = body, ord(mark), 0
-        self.count = 0
 
-    def read(self, most: int) -> bytes:
-        """The next bytes."""
-        block = bytes(self._body[self._at : self._at + most])
-        self._at += most
-        self.count += int(np.count_nonzero(np.frombuffer(block, dtype=np.uint8) == self._mark))
-        return block
-
-    def __iter__(self) -> Iterator[bytes]:
-        """Lines, which pandas asks of whatever is a file, and never takes."""
-        return iter(())
+def _without_thousands(body: bytes | memoryview, dialect: Dialect) -> bytes | memoryview | None:
+    """A piece without the marks between thousands; None where one is something else, or may be."""
+    marks = dialect.marks
+    if not marks.thousands or marks.thousands.encode() not in bytes(body):
+        return body
+    if dialect.stamps or marks.thousands == marks.delimiter:
+        return None
+    other = rf"[^{re.escape(marks.delimiter or ' ')}\r\n]*"
+    for cell in re.findall(f"{other}{re.escape(marks.thousands)}{other}".encode(), body):
+        if marks.value(cell.decode("latin-1")) is None:
+            return None
+    return bytes(body).translate(None, marks.thousands.encode())
 
 
 def cell_by_cell(body: memoryview, dialect: Dialect, columns: Sequence[int], line: int) -> Cells:
@@ -119,8 +113,5 @@ def cell_by_cell(body: memoryview, dialect: Dialect, columns: Sequence[int], lin
 
 def plain_value(text: str, marks: Marks) -> float:
     """Value of a cell; NaN where it is no number."""
-    if marks.decimal == "." and not marks.thousands and "_" not in text:
-        with contextlib.suppress(ValueError):
-            return float(text)
     value = marks.value(text)
     return math.nan if value is None else value

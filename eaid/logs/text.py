@@ -23,7 +23,7 @@ from eaid.errors import DataError
 from eaid.logs.dialect import Dialect, encoding_of, sniff
 from eaid.logs.facts import rate_said
 from eaid.logs.marks import NUMBER_MARKS
-from eaid.logs.rows import by_pandas, cell_by_cell, plain_value
+from eaid.logs.rows import by_arrow, cell_by_cell, plain_value
 from eaid.logs.table import BadCell, Cells, Table
 
 HEAD_BYTES = 1 << 15
@@ -113,7 +113,7 @@ class _TextLog:
                 if not (body := _stripped(piece)):
                     continue
                 decimal = decimal or (dialect.marks.decimal == "," and _DECIMAL.search(body) is not None)
-                cells = by_pandas(body, dialect, columns, line) or cell_by_cell(body, dialect, columns, line)
+                cells = by_arrow(body, dialect, columns, line) or cell_by_cell(body, dialect, columns, line)
                 bad.extend(BadCell(one.row + count, one.column, one.text) for one in cells.bad)
                 count += len(cells.values[0])
                 parts.append(cells)
@@ -121,7 +121,8 @@ class _TextLog:
                 if len(bad) > MOST_BAD:
                     raise DataError(f"{self.source}: more than {MOST_BAD:,} of its cells are bad; record it again")
         self.tell(1.0)
-        values = [np.concatenate([cells.values[k] for cells in parts] or [np.empty(0)]) for k in range(len(columns))]
+        pieces = [[cells.values[k] for cells in parts] or [np.empty(0)] for k in range(len(columns))]
+        values = [one[0] if len(one) == 1 else np.concatenate(one) for one in pieces]
         for k, column in enumerate(columns):
             if column in dialect.stamps:
                 texts = [str(text) for text in values[k]]

@@ -276,8 +276,6 @@ def test_ros_joints_are_named_and_blobs_passed_over(tmp_path):
     ("head", "what", "extra", "module"),
     [
         (b"TDSm", "TDMS", "tdms", "nptdms"),
-        (b"PAR1", "Parquet", "parquet", "pyarrow"),
-        (b"ARROW1", "Arrow", "parquet", "pyarrow"),
         (b"MDF     4.10", "MDF", "mdf", "asammdf"),
         (b"#ROSBAG V2.0\n", "ROS bag", "ros", "rosbags"),
         (b"\x89MCAP0\r\n", "ROS bag", "ros", "rosbags"),

@@ -239,7 +239,7 @@ def test_a_mutated_cell_is_read_as_it_stands_or_refused(tmp_path, cell, row, col
     path.write_text("time_s,duty_pct,torque_nm\n" + "\n".join(",".join(one) for one in cells) + "\n")
     cells[row][column] = cell
     expected = np.array([[meaning(one) for one in line] for line in cells], dtype=object)
-    with contextlib.nullcontext() if quick else patch("eaid.logs.text.by_pandas", lambda *_: None):
+    with contextlib.nullcontext() if quick else patch("eaid.logs.text.by_arrow", lambda *_: None):
         try:
             (run,) = read_runs([path], NOTHING)
         except DataError as refusal:

@@ -1,6 +1,7 @@
 """Text logs in every dialect give the same run as the plain one."""
 
 import gzip
+import re
 from collections.abc import Callable
 from pathlib import Path
 
@@ -9,6 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from eaid.errors import DataError
 from eaid.logs.options import ReadOptions
 from eaid.logs.read import read_runs
 from eaid.logs.run import Run
@@ -139,7 +141,7 @@ UNKNOWN = {"no header", "columns by number"}
 @pytest.mark.parametrize("quick", [True, False], ids=["quick", "cell by cell"])
 def test_dialect(name: str, quick: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     if not quick:
-        monkeypatch.setattr("eaid.logs.text.by_pandas", lambda *_: None)
+        monkeypatch.setattr("eaid.logs.text.by_arrow", lambda *_: None)
     content, options = DIALECTS[name]
     run = read_one(tmp_path / "log.dat", content, **options)
     np.testing.assert_allclose(run.time_s - run.time_s[0], T, rtol=0, atol=1e-9)
@@ -190,9 +192,18 @@ def test_numbers_are_correctly_rounded(tmp_path: Path, monkeypatch: pytest.Monke
     content = "time_s,torque_nm\n" + "".join(f"{i},{text}\n" for i, text in enumerate(texts))
     for quick in (True, False):
         if not quick:
-            monkeypatch.setattr("eaid.logs.text.by_pandas", lambda *_: None)
+            monkeypatch.setattr("eaid.logs.text.by_arrow", lambda *_: None)
         run = read_one(tmp_path / "a.csv", content.encode())
         assert run.output.tolist() == [float(text) for text in texts]
+
+
+@pytest.mark.parametrize("cell", ["1.23", "1.2345", "12.34.567", ".123", "1.234.", "1..234"])
+def test_a_mark_that_stands_between_no_thousands(cell: str, tmp_path: Path) -> None:
+    """A point that would be lost without a word, were all points between thousands taken away."""
+    content = table(lambda v: f"{v:,.3f}".translate(str.maketrans(",.", ".,")), ";", factor=(1e3, 1.0, 1e3))
+    row = next(i for i, line in enumerate(content.splitlines(), start=1) if line.startswith("2.000"))
+    with pytest.raises(DataError, match=f"row {row}, column time_s, holds {re.escape(repr(cell + ',000'))}"):
+        read_one(tmp_path / "a.csv", content.replace("\n2.000,", f"\n{cell},").encode())
 
 
 @settings(max_examples=60, deadline=None)

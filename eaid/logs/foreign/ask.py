@@ -27,7 +27,7 @@ from eaid.logs.table import Cells, Table
 READER: tuple[str, ...] = (sys.executable, "-P", "-m", "eaid.logs.foreign.answer")
 LONGEST_S = 60.0
 """Time for any file; a second for every megabyte comes on top [s]."""
-EXTRAS = {"nptdms": "tdms", "asammdf": "mdf", "rosbags": "ros", "pyarrow": "parquet"}
+EXTRAS = {"nptdms": "tdms", "asammdf": "mdf", "rosbags": "ros"}
 """Library → the extra of eaid that brings it."""
 
 
