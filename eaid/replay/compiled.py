@@ -35,7 +35,7 @@ CALLED = (
     controllers.open_loop_step, controllers.feedforward_step,
     hold.rest, hold.rounded, hold.hold_step,
     inverse.duty_for, inverse.inverse_step, lanes.expm1_to_minus_one, lanes.tanh_within, lanes.short_step,
-    inverse.follow, adjoint.cost_and_gradient, taut.slow_reach, taut.taut_path,
+    inverse.follow, adjoint.cost_and_gradient, taut.slow_reach, taut.written_anew, taut.taut_path,
 )  # fmt: skip
 for _function in CALLED:
     register_jitable(**VECTOR)(_function)

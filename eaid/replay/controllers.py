@@ -1,7 +1,7 @@
 """The controllers that a replay knows: one row each, and what a row needs from the user's files."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
@@ -13,6 +13,7 @@ from eaid.errors import UsageError
 from eaid.models.nonlinear import steady_torque
 from eaid.models.parameters import Linear, Nonlinear
 from eaid.replay.inverse import InverseGains, InverseState, inverse_gains, inverse_step
+from eaid.replay.rig import Rig
 
 G = TypeVar("G", RCGains, PIGains)
 Step = Callable[[Any, Any, float, float, float, float], tuple[Any, float]]
@@ -32,13 +33,17 @@ class Controller:
     """The rate it is given leads to the next sample of the reference exactly (forward difference), else it is the
     central one."""
 
-    def without_limits(self) -> "Controller":
-        """The same law for an actuator that has no limits; the inverse keeps those of its model, where its search
-        ends."""
-        if isinstance(self.gains, InverseGains):
+    def on(self, rig: Rig) -> "Controller":
+        """The law as it acts on a rig: where the actuator has no limits, neither has the law; the inverse keeps those
+        of its model, where its search ends."""
+        if rig.saturation or isinstance(self.gains, InverseGains):
             return self
-        gains = self.gains._replace(duty_min=-float("inf"), duty_max=float("inf"))
-        return Controller(self.name, self.step, gains, self.start, self.looks_ahead)
+        return replace(self, gains=self.gains._replace(duty_min=-float("inf"), duty_max=float("inf")))
+
+    @property
+    def limits_pct(self) -> tuple[float, float]:
+        """Duty limits that the law keeps [%]."""
+        return self.gains.duty_min, self.gains.duty_max
 
 
 @dataclass(frozen=True)

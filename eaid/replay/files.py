@@ -17,7 +17,7 @@ from eaid.arrays import Array, read_only
 from eaid.errors import DataError
 from eaid.files import hdf5_written_whole
 from eaid.findings import Finding
-from eaid.logs.hdf import digest_of, open_hdf5
+from eaid.logs.hdf import digest_of, nodes, open_hdf5
 from eaid.results.codec import digest_of as json_digest_of
 from eaid.results.codec import from_plain, to_plain
 from eaid.results.metrics import Metrics
@@ -33,10 +33,9 @@ AGAIN = "make it again with eaid simulate"
 def plain_head(head: Head) -> dict[str, Any]:
     """What a replay says of itself, as files have it: the exercise's numbers stand beside the others."""
     content = {key: value for key, value in to_plain(head).items() if value is not None and key != "exercise"}
-    if not content["band_quantiles"]:
-        del content["band_quantiles"]
-    if not content["unidentified"]:
-        del content["unidentified"]
+    for name in ("band_quantiles", "unidentified"):
+        if not content[name]:
+            del content[name]
     found = content.pop("findings")
     exercise = to_plain(head.exercise) if head.exercise is not None else {}
     told = {"findings": found, "warnings": [one["text"] for one in found]} if found else {}
@@ -54,10 +53,10 @@ def plain_metrics(metrics: Metrics) -> dict[str, Any]:
 
 def as_json(replay: Replay) -> dict[str, Any]:
     """What `simulate --json` prints: the head, and every group's metrics under the part it plays."""
-    groups = {name: (one.role, plain_metrics(one.metrics)) for name, one in replay.records.items()}
-    controllers = {name: numbers for name, (role, numbers) in groups.items() if role in ("controller", "recorded-loop")}
-    best = {name: numbers for name, (role, numbers) in groups.items() if role == "best"}
-    log = {name: numbers for name, (role, numbers) in groups.items() if role == "recorded-input"}
+    controllers, best, log = (
+        {name: plain_metrics(metrics) for name, metrics in replay.metrics(*roles).items()}
+        for roles in ((), ("best",), ("recorded-input",))
+    )
     content = {"schema": SCHEMA, **plain_head(replay.head), "controllers": controllers, **best}
     if log:
         content["log"] = log
@@ -100,8 +99,7 @@ def read(path: Path) -> tuple[Replay, tuple[Finding, ...]]:
         for name, group in file.items():
             if not isinstance(group, h5py.Group) or "time_s" not in group:
                 continue
-            arrays: dict[str, Any] = {}
-            group.visititems(lambda key, item, kept=arrays: _keep(key, item, kept))
+            arrays = {key: item[...] for key, item in nodes(group) if isinstance(item, h5py.Dataset)}
             columns = _columns(arrays, f"{path}: {name}")
             tables = {key: array for key, array in arrays.items() if key not in columns}
             numbers = _plain(group.attrs.get("metrics", "{}"), path, "metrics")
@@ -128,12 +126,6 @@ def _columns(arrays: Mapping[str, Any], where: str) -> dict[str, Array]:
             raise DataError(f"{where}: its {key} holds what is no number; {AGAIN}")
         columns[key] = read_only(array)
     return columns
-
-
-def _keep(name: str, item: Any, kept: dict[str, Any]) -> None:
-    """Every array of a group, those of its inner groups too, under its path."""
-    if isinstance(item, h5py.Dataset):
-        kept[name] = item[...]
 
 
 def _json(value: Any) -> str:

@@ -6,7 +6,7 @@ numba.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -130,37 +130,21 @@ def replay(
     n = len(reference_nm)
     if n < 2 or not np.isfinite(reference_nm).all():
         raise UsageError("the reference must hold two samples or more, all of them finite")
-    acting = controller if rig.saturation else controller.without_limits()
+    acting = controller.on(rig)
     columns = [[0.0] * n for _ in range(6)]
     inputs = Inputs(*(column.tolist() for column in inputs_of(acting, reference_nm, rig, dt_s, seed)))
     numbers = rig_numbers(rig, dt_s, controller.gains.duty_max)
     loop_of(acting.step)(acting.gains, acting.start, plant, numbers, dt_s, inputs, columns)
-    *found, fast, kept = columns
-    limits = (acting.gains.duty_min, acting.gains.duty_max)
-    done = as_trace(controller.name, rig, dt_s, reference_nm, found, limits)
-    return replace(done, fast_nm=read_only(fast), state=read_only(kept))
+    return as_trace(acting, rig, dt_s, reference_nm, columns)
 
 
-def as_trace(
-    name: str,
-    rig: Rig,
-    dt_s: float,
-    reference_nm: Array,
-    columns: Sequence[Sequence[float]],
-    limits_pct: tuple[float, float] = (0.0, 100.0),
-) -> Trace:
-    """What the loop filled, as a result; what repeats another column is left out."""
-    torque, measured, duty, applied = columns
+def as_trace(law: Controller, rig: Rig, dt_s: float, reference_nm: Array, columns: Sequence[Sequence[float]]) -> Trace:
+    """What the loop filled, four columns or six, as a result; what repeats another column is left out."""
+    torque, measured, duty, applied, *inner = (read_only(column) for column in columns)
+    fast, state = inner or (None, None)
     reads_otherwise = rig.noise_nm > 0 or rig.sensor_hz > 0
     acts_otherwise = rig.delay_samples > 0 or rig.pwm_hz > 0
     return Trace(
-        controller=name,
-        dt_s=dt_s,
-        time_s=read_only(np.arange(len(reference_nm)) * dt_s),
-        reference_nm=reference_nm,
-        torque_nm=read_only(torque),
-        duty_pct=read_only(duty),
-        limits_pct=limits_pct,
-        measured_nm=read_only(measured) if reads_otherwise else None,
-        applied_pct=read_only(applied) if acts_otherwise else None,
-    )
+        law.name, dt_s, read_only(np.arange(len(reference_nm)) * dt_s), reference_nm, torque, duty, law.limits_pct,
+        measured if reads_otherwise else None, applied if acts_otherwise else None, fast, state,
+    )  # fmt: skip

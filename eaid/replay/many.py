@@ -41,7 +41,7 @@ def replay_many(
 ) -> None:
     """Trace each plant from rest and show what it did to `visit`, block by block, in no fixed order, one call at a
     time a thread."""
-    acting = controller if rig.saturation else controller.without_limits()
+    acting = controller.on(rig)
     # every number a float: one machine code serves all gains
     gains = acting.gains._make(float(value) if isinstance(value, int) else value for value in acting.gains)
     numbers = rig_numbers(rig, dt_s, controller.gains.duty_max)

@@ -59,54 +59,35 @@ def montecarlo(
     n = len(reference.torque_nm)
     stride = -(-n // BAND_INSTANTS)
     kept = np.empty((len(range(0, n, stride)), len(plants)))
-    names: list[str] = []
-    measured: dict[int, Array] = {}
+    measured: dict[int, dict[str, float]] = {}
     time_s: Array = np.arange(n, dtype=np.float64) * reference.dt_s
-    acting = controller if rig.saturation else controller.without_limits()
-    limits = (acting.gains.duty_min, acting.gains.duty_max)
+    limits = controller.on(rig).limits_pct
 
     def visit(first: int, torques: Array, duties: Array) -> None:
         kept[:, first : first + torques.shape[1]] = torques[::stride]
         pairs = zip(np.ascontiguousarray(torques.T), np.ascontiguousarray(duties.T), strict=True)
         for index, (torque, duty) in enumerate(pairs, first):
             done = Trace(controller.name, reference.dt_s, time_s, reference.torque_nm, torque, duty, limits)
-            found = dict(flattened(measure(done, reference)))
-            names[:] = found
-            measured[index] = np.array([*found.values()])
+            measured[index] = dict(flattened(measure(done, reference)))
             tick()
 
-    replay_many(
-        [plant_parameters(p) for p in plants],
-        controller,
-        reference.torque_nm,
-        rig,
-        reference.dt_s,
-        visit,
-        seed,
-        threads,
-    )
-    values = dict(zip(names, np.array([measured[i] for i in range(len(plants))]).T.copy(), strict=True))
+    flat = [plant_parameters(p) for p in plants]
+    replay_many(flat, controller, reference.torque_nm, rig, reference.dt_s, visit, seed, threads)
+    values = {name: np.array([measured[i][name] for i in range(len(plants))]) for name in measured[0]}
     return Spread(values, time_s[::stride], np.quantile(kept, QUANTILES, axis=1))
 
 
 def flattened(measured: Metrics) -> Iterator[tuple[str, float]]:
     """Metrics as name and number: `steps[3].overshoot_pct`, `frequencies[0.2 Hz].gain_db`; NaN for never."""
-    for name in Tracking.__struct_fields__:
-        yield name, _number(getattr(measured, name))
-    for k, step in enumerate(measured.steps, 1):
-        yield from _inner(f"steps[{k}].", step)
-    for tone in measured.frequencies:
-        yield from _inner(f"frequencies[{tone.frequency_hz:g} Hz].", tone)
-
-
-def _inner(prefix: str, part: msgspec.Struct) -> Iterator[tuple[str, float]]:
-    for name in part.__struct_fields__:
-        if name not in GIVEN:
-            yield prefix + name, _number(getattr(part, name))
-
-
-def _number(value: float | None) -> float:
-    return float("nan") if value is None else float(value)
+    named: list[tuple[str, msgspec.Struct, tuple[str, ...]]] = [("", measured, Tracking.__struct_fields__)]
+    named += [(f"steps[{k}].", step, step.__struct_fields__) for k, step in enumerate(measured.steps, 1)]
+    tones = measured.frequencies
+    named += [(f"frequencies[{tone.frequency_hz:g} Hz].", tone, tone.__struct_fields__) for tone in tones]
+    for prefix, part, names in named:
+        for name in names:
+            if name not in GIVEN:
+                value = getattr(part, name)
+                yield prefix + name, float("nan") if value is None else float(value)
 
 
 def _summary(name: str, values: Array, plants: Sequence[Nonlinear]) -> Distribution:
@@ -115,14 +96,9 @@ def _summary(name: str, values: Array, plants: Sequence[Nonlinear]) -> Distribut
     worst = int(np.argmax(np.where(np.isfinite(values), np.abs(values) if signed else values, np.inf)))
     plant = plants[worst]
     low, middle, high = np.quantile(reached, (0.025, 0.5, 0.975)).tolist() if len(reached) else (None,) * 3
+    value = float(values[worst]) if np.isfinite(values[worst]) else None
     return Distribution(
-        worst=Worst(
-            value=float(values[worst]) if np.isfinite(values[worst]) else None,
-            plant=worst,
-            tau1=plant.tau1,
-            tau2=plant.tau2,
-            Ts=plant.Ts,
-        ),
+        worst=Worst(value=value, plant=worst, tau1=plant.tau1, tau2=plant.tau2, Ts=plant.Ts),
         mean=float(reached.mean()) if len(reached) else None,
         sd=None if not len(reached) else float(reached.std(ddof=1)) if len(reached) > 1 else 0.0,
         low=low,

@@ -32,6 +32,10 @@ TONE_PERIODS = 2
 """Each tone of a sweep settles for the first, then is measured for the second, and for that many periods at least."""
 
 
+Signal = tuple[Array, Array]
+"""Time [s] and output, shapes (n,) each."""
+
+
 @dataclass(frozen=True)
 class Tone:
     """One frequency of a sweep: the samples over which its fundamental is measured."""

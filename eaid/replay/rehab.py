@@ -112,14 +112,13 @@ def rehabilitate(
     n = samples_of(len(MODES) * exercise.mode_s, dt_s)
     if exercise.mode_s < 10 * dt_s:
         raise UsageError(f"rehab: a mode of {exercise.mode_s:g} s is too short for a control interval of {dt_s:g} s")
-    acting = controller if rig.saturation else controller.without_limits()
+    acting = controller.on(rig)
     drawn = _draw(exercise, rig, n, dt_s, seed)
     columns = _run(plant, acting, exercise, rig, (dt_s, controller.gains.duty_max), drawn)
     reference, torque, measured, duty, applied, *limb = columns
     angle, desired, sign = (np.array(column) for column in limb)
-    limits = (acting.gains.duty_min, acting.gains.duty_max)
     return Session(
-        replay=as_trace(controller.name, rig, dt_s, read_only(reference), (torque, measured, duty, applied), limits),
+        replay=as_trace(acting, rig, dt_s, read_only(reference), (torque, measured, duty, applied)),
         exercise=exercise,
         target_deg=read_only(np.degrees(drawn.target)),
         angle_deg=read_only(np.degrees(angle)),

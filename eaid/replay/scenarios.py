@@ -2,34 +2,22 @@
 
 import itertools
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 
 import msgspec
 
 from eaid.arrays import Array
+from eaid.control.defaults import Scales
 from eaid.errors import UsageError
 from eaid.models.parameters import Nonlinear
 from eaid.replay import metrics, references
 from eaid.replay.controllers import Controller
 from eaid.replay.loop import Trace, replay
 from eaid.replay.plant import plant_parameters
-from eaid.replay.references import Reference
+from eaid.replay.references import Reference, Signal
 from eaid.replay.rig import Rig
 from eaid.results.gain_checks import Tracking
 from eaid.results.metrics import Metrics
 from eaid.results.replay import Record, Role
-
-
-@dataclass(frozen=True)
-class Scenario:
-    """A row of the table: what is shown, and its reference."""
-
-    shows: str
-    make: Callable[[float, float | None, float, float], Reference]
-
-    def reference(self, dt_s: float, duration_s: float | None = None, top: float = 1.0, pace: float = 1.0) -> Reference:
-        """At an interval and of a length [s]; `top` is a factor on the paper's torque, `pace` on its frequencies."""
-        return self.make(dt_s, duration_s, top, pace)
 
 
 def _steps(dt_s: float, duration_s: float | None, top: float, pace: float) -> Reference:
@@ -44,12 +32,22 @@ def _sweep(dt_s: float, duration_s: float | None, top: float, pace: float) -> Re
     return references.sweep(dt_s, top=top, pace=pace)
 
 
-SCENARIOS: dict[str, Scenario] = {
-    "steps": Scenario("0…4 N·m up and down (Fig. 11)", _steps),
-    "multisine": Scenario("2 N·m and five sines of 0.2 N·m from 0.2 to 4 Hz (Fig. 12)", references.multisine),
-    "sweep": Scenario("2 ± 1 N·m at 0.2…3 Hz, one frequency after another (Fig. 13)", _sweep),
-    "ramp": Scenario("0 → 4 → 0 N·m at one slope", references.ramp),
+SCENARIOS: dict[str, Callable[[float, float | None, float, float], Reference]] = {
+    "steps": _steps,
+    "multisine": references.multisine,
+    "sweep": _sweep,
+    "ramp": references.ramp,
 }
+"""Name → its reference at an interval and of a length [s], with factors on the paper's torque and frequencies."""
+
+
+def reference_of(wanted: str | Signal, dt_s: float, scales: Scales, duration_s: float | None = None) -> Reference:
+    """A scenario at the rig's own scale, or a signal of the user's own."""
+    if not isinstance(wanted, str):
+        return references.sampled(*wanted, dt_s)
+    if wanted not in SCENARIOS:
+        raise UsageError(f"no scenario {wanted!r}; there are {', '.join(SCENARIOS)}, and rehab to simulate")
+    return SCENARIOS[wanted](dt_s, duration_s, scales.top, scales.pace)
 
 
 def replayed(

@@ -5,8 +5,7 @@ from dataclasses import asdict
 
 import msgspec
 
-from eaid.arrays import Array
-from eaid.control.defaults import Scales, scales_of
+from eaid.control.defaults import scales_of
 from eaid.control.plant import plant_of, why_not
 from eaid.errors import DataError, UsageError
 from eaid.findings import ranked
@@ -14,19 +13,16 @@ from eaid.logs.run import Run
 from eaid.progress import Progress, no_progress
 from eaid.replay.compare import compared
 from eaid.replay.options import SimulateOptions, refuse_several
-from eaid.replay.references import Reference, sampled
+from eaid.replay.references import Signal
 from eaid.replay.rehab import MODES, rehabilitate
 from eaid.replay.rehab_statistics import record as record_session
 from eaid.replay.rig import Rig
-from eaid.replay.scenarios import SCENARIOS
+from eaid.replay.scenarios import reference_of
 from eaid.replay.setup import Setup, set_up
 from eaid.replay.tracked import Outcome, tracked
 from eaid.results.fit import Fit
 from eaid.results.gains import Gains
 from eaid.results.replay import Exercise, Head, Replay, RigRecord
-
-Signal = tuple[Array, Array]
-"""Time [s] and output, shapes (n,) each."""
 
 
 def simulate(
@@ -69,7 +65,7 @@ def simulate(
     elif what == "rehab":
         records, head, more = _rehab(setup, scales.top)
     else:
-        wanted = _reference(setup, what, reference, scales)
+        wanted = reference_of(what if reference is None else reference, setup.dt_s, scales, options.duration)
         records, head, more = tracked(setup, wanted, gains, progress)
     head = msgspec.structs.replace(
         head, scenario=what, seed=options.seed, input_unit=fit.data.input_unit, output_unit=fit.data.output_unit,
@@ -83,15 +79,6 @@ def _unidentified(fit: Fit, gains: Gains | None) -> dict[str, str]:
     """What of a replay stands on a fit that its data do not determine, and why."""
     told = {"plant": why_not(fit, "nonlinear"), "gains": gains.unidentified if gains is not None else ""}
     return {name: why for name, why in told.items() if why}
-
-
-def _reference(setup: Setup, what: str, signal: Signal | None, scales: Scales) -> Reference:
-    """The scenario's reference at the rig's own scale, or the user's own."""
-    if signal is not None:
-        return sampled(*signal, setup.dt_s)
-    if what not in SCENARIOS:
-        raise UsageError(f"no scenario {what!r}; there are {', '.join(SCENARIOS)}, rehab")
-    return SCENARIOS[what].reference(setup.dt_s, setup.options.duration, scales.top, scales.pace)
 
 
 def _rehab(setup: Setup, top: float) -> Outcome:

@@ -86,24 +86,10 @@ def taut_path(
         factor, constant = fall[k - 1], fall0[k - 1]
         r_scale, r_shift, r_share = r_scale / factor, (r_shift - constant) / factor, r_share * factor * factor
         if l_scale > UNDONE or abs(l_shift) > UNDONE * (top - bottom):
-            kept = 0
-            for i in range(lefts):
-                place = l_scale * left[i, 0] + l_shift
-                if place > bottom:
-                    left[kept, 0] = place
-                    left[kept, 1] = l_share * left[i, 1]
-                    kept += 1
-            lefts = kept
+            lefts = written_anew(left, lefts, l_scale, l_shift, l_share, bottom, np.inf)
             l_scale, l_shift, l_share = 1.0, 0.0, 1.0
         if r_scale > UNDONE or abs(r_shift) > UNDONE * (top - bottom):
-            kept = 0
-            for i in range(rights):
-                place = r_scale * right[i, 0] + r_shift
-                if place < top:
-                    right[kept, 0] = place
-                    right[kept, 1] = r_share * right[i, 1]
-                    kept += 1
-            rights = kept
+            rights = written_anew(right, rights, r_scale, r_shift, r_share, -np.inf, top)
             r_scale, r_shift, r_share = 1.0, 0.0, 1.0
     path[0] = start
     cost = weight[0] * (start - reference[0]) ** 2
@@ -112,6 +98,18 @@ def taut_path(
         path[k + 1] = min(max(wanted, fall[k] * path[k] + fall0[k]), rise[k] * path[k] + rise0[k])
         cost += weight[k + 1] * (path[k + 1] - reference[k + 1]) ** 2
     return float(cost)
+
+
+def written_anew(stack: Array, count: int, scale: float, shift: float, share: float, low: float, high: float) -> int:
+    """The corners of a stack in a scale of 1, those between two places alone; how many they are."""
+    kept = 0
+    for i in range(count):
+        place = scale * stack[i, 0] + shift
+        if low < place < high:
+            stack[kept, 0] = place
+            stack[kept, 1] = share * stack[i, 1]
+            kept += 1
+    return kept
 
 
 def slow_reach(decay: Array, gain: Array, reach: Array) -> None:

@@ -25,17 +25,16 @@ from eaid.control.operating import operating_points
 from eaid.control.options import DesignOptions
 from eaid.control.plant import plant_of, why_not
 from eaid.control.rc import RCGains
-from eaid.errors import DataError, UsageError
+from eaid.errors import DataError
 from eaid.findings import Finding, finding, ranked
 from eaid.models.nonlinear import steady_torque
 from eaid.models.parameters import Nonlinear
 from eaid.progress import Progress, no_progress
 from eaid.replay.controllers import pi_controller, rc_controller
 from eaid.replay.optimize import Search, optimize
-from eaid.replay.references import Reference, sampled
+from eaid.replay.references import Reference, Signal
 from eaid.replay.rig import Rig
-from eaid.replay.scenarios import SCENARIOS, replayed
-from eaid.replay.simulate import Signal
+from eaid.replay.scenarios import reference_of, replayed
 from eaid.results.fit import Fit
 from eaid.results.gain_checks import Optimized, Replayed
 from eaid.results.gains import Gains, Guarantee
@@ -81,13 +80,15 @@ def tune(
     DataError
         The fit lacks what is asked for.
     """
-    _refuse_unidentified(fit, options)
+    why = why_not(fit, "linear")
+    if why and not options.allow_unidentified:
+        raise DataError(f"the linear model is not identifiable ({why}); «allow_unidentified» uses it, marked")
     model, plant = model_of(fit), plant_of(fit)
     scales = scales_of(fit, plant)
     given = reference is not None
     dt_s = 1 / timing_of(fit, options).rate_hz
     reference_name = reference_name or (reference if isinstance(reference, str) else "multisine")
-    wanted = _reference(reference or "multisine", dt_s, scales)
+    wanted = reference_of(reference or "multisine", dt_s, scales)
     slope = wanted.steepest_nm_s
     bounds = bounds_of(fit, options.bounds, options.bounds_levels, options.widen_bounds)
     shown = least_phi(mismatches(model, bounds, plant, logs, fit.data.input_unit))
@@ -105,32 +106,12 @@ def tune(
     gains = design(fit, settled, logs, slope if given else None)
     gains, more = _replayed(gains, plant, wanted, reference_name, given, fit.dead_time_s)
     told += more
-    why = not_identifiable(fit)
     if why:
         told.insert(0, finding("fit-not-identifiable", "model", why=why))
     return msgspec.structs.replace(
         gains, options=options, seed=options.seed, optimized=found, unidentified=why or None,
         findings=ranked([*told, *gains.findings]),
     )  # fmt: skip
-
-
-def _reference(reference: str | Signal, dt_s: float, scales: Scales) -> Reference:
-    if not isinstance(reference, str):
-        return sampled(*reference, dt_s)
-    if reference not in SCENARIOS:
-        raise UsageError(f"«reference» {reference}: is neither a file nor one of {', '.join(SCENARIOS)}")
-    return SCENARIOS[reference].reference(dt_s, None, scales.top, scales.pace)
-
-
-def not_identifiable(fit: Fit) -> str:
-    """Why the fit's linear model, which gains rest on, is not identifiable; empty where it is."""
-    return why_not(fit, "linear")
-
-
-def _refuse_unidentified(fit: Fit, options: TuneOptions) -> None:
-    why = not_identifiable(fit)
-    if why and not options.allow_unidentified:
-        raise DataError(f"the linear model is not identifiable ({why}); «allow_unidentified» uses it, marked")
 
 
 def _of_the_rig(scales: Scales, settled: DesignOptions) -> list[Finding]:

@@ -3,9 +3,16 @@
 import numpy as np
 import pytest
 
+from eaid.control.defaults import Scales
 from eaid.errors import DataError, UsageError
 from eaid.replay import references
-from eaid.replay.scenarios import SCENARIOS
+from eaid.replay.scenarios import SCENARIOS, reference_of
+
+PAPER = Scales(True, "%", "N·m", 1.0, 1.0)
+
+
+def scenario(name, dt_s, duration_s=None, pace=1.0):
+    return reference_of(name, dt_s, PAPER._replace(pace=pace), duration_s)
 
 
 def test_steps_go_up_and_down():
@@ -14,8 +21,8 @@ def test_steps_go_up_and_down():
     assert made.steps == tuple(500 * k for k in range(1, 9))
     assert references.steps(0.01, (1.0, 1.0, 2.0), 1.0).steps == (200,)
     assert references.steps(0.01, (1.0, 3.0), 1.0, top=0.5).torque_nm.tolist() == [0.5] * 100 + [1.5] * 100
-    assert SCENARIOS["steps"].reference(0.01, 18.0).steps == tuple(200 * k for k in range(1, 9))
-    assert SCENARIOS["steps"].reference(0.01, pace=2.0).steps == tuple(250 * k for k in range(1, 9))
+    assert scenario("steps", 0.01, 18.0).steps == tuple(200 * k for k in range(1, 9))
+    assert scenario("steps", 0.01, pace=2.0).steps == tuple(250 * k for k in range(1, 9))
 
 
 def test_the_multisine_is_spec_6():
@@ -53,9 +60,9 @@ def test_the_ramp_rises_and_falls_at_one_slope():
 
 
 @pytest.mark.parametrize("name", SCENARIOS)
-def test_every_scenario_says_what_it_shows_and_starts(name):
-    made = SCENARIOS[name].reference(1e-2)
-    assert SCENARIOS[name].shows and len(made.torque_nm) > 100 and made.torque_nm.min() >= 0
+def test_every_scenario_starts_at_or_above_nothing(name):
+    made = scenario(name, 1e-2)
+    assert len(made.torque_nm) > 100 and made.torque_nm.min() >= 0
 
 
 def test_a_file_is_interpolated(tmp_path):
@@ -107,4 +114,4 @@ def test_references_that_make_no_sense_are_refused():
     with pytest.raises(UsageError, match="fewer than two control samples"):
         references.multisine(1e-3, 1e-4)
     with pytest.raises(UsageError, match="leave duration= out"):
-        SCENARIOS["sweep"].reference(1e-3, 5.0)
+        scenario("sweep", 1e-3, 5.0)

@@ -72,7 +72,7 @@ def test_a_reference_beyond_the_plant_is_told_with_both_torques():
 
 def test_a_scenario_stands_for_its_reference():
     assert pytest.approx(0.8, rel=1e-3) == tune(FIT, reference="ramp").rc.Q_M
-    with pytest.raises(UsageError, match="neither a file nor one of steps, multisine, sweep, ramp"):
+    with pytest.raises(UsageError, match="no scenario 'loops'; there are steps, multisine, sweep, ramp"):
         tune(FIT, reference="loops")
 
 
