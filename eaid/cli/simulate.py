@@ -11,7 +11,7 @@ from eaid.cli.words import factors
 from eaid.errors import UsageError
 
 WHAT, RIG, MORE, REHAB = "What is replayed", "Rig", "More plants", "Rehabilitation"
-CONTROLLERS = ("rc", "pi", "pi-feedforward", "open-loop", "inverse")
+CONTROLLERS = ("rc", "pi", "pi-feedforward", "feedforward", "open-loop", "inverse")
 Factors = dict[str, float] | None
 SCENARIOS = ("steps", "multisine", "sweep", "ramp", "rehab")
 

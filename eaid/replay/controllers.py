@@ -131,6 +131,12 @@ def _pi_feedforward(known: Knowledge) -> Controller:
     return Controller("pi-feedforward", feedforward_step, gains, PIState())
 
 
+def _feedforward(known: Knowledge) -> Controller:
+    linear = known.linear or _straight_line(known.plant)
+    gains = FeedforwardGains(0.0, 0.0, linear.a0, linear.b0, linear.c0, *known.limits)
+    return Controller("feedforward", feedforward_step, gains, PIState())
+
+
 def _straight_line(plant: Nonlinear) -> Linear:
     """Linear model whose steady torque [N·m] is the least-squares line through T_s(u), Eq. (7), at 101 duties."""
     duties = np.linspace(*plant.u_range, 101)
@@ -155,6 +161,7 @@ CONTROLLERS: dict[str, tuple[str, Callable[[Knowledge], Controller]]] = {
     "rc": ("robust control, Eqs. (11)-(15)", lambda known: rc_controller(_given(known.rc, "rc"))),
     "pi": ("PI of §V-B with conditional integration", lambda known: pi_controller(_given(known.pi, "pi"))),
     "pi-feedforward": ("the linear model's duty for reference and rate, and the PI", _pi_feedforward),
+    "feedforward": ("the linear model's duty for reference and rate, nothing fed back", _feedforward),
     "open-loop": ("duty of the linear model's steady state", _open_loop),
     "inverse": ("feedback linearisation with the nonlinear model, exact inverse of each sample", _inverse),
 }

@@ -210,7 +210,7 @@ def test_open_loop_needs_no_more_than_the_nonlinear_model(capsys):
         (
             ["--controller", "pid"],
             2,
-            "--controller pid: must be one of rc, pi, pi-feedforward, open-loop, inverse; did",
+            "--controller pid: must be one of rc, pi, pi-feedforward, feedforward, open-loop, inverse; did",
         ),
         (["--controller", "rc"], 2, "controller rc needs gains: give --gains"),
         (["--controller", "pi,pi", "--gains", "gains.json"], 2, "--controller pi,pi: name each once"),

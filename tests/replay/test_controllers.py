@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from eaid.control.pi import PIState
-from eaid.replay.controllers import FeedforwardGains, feedforward_step
+from eaid.models.parameters import REFERENCE_PLANT, Linear
+from eaid.replay.controllers import FeedforwardGains, Knowledge, controller, feedforward_step
 
 GAINS = FeedforwardGains(K_P=21.0, K_I=360.0, a0=1.8, b0=0.08, c0=-0.4)
 DT = 1e-3
@@ -34,3 +35,11 @@ def test_the_duty_stays_within_its_limits_and_the_integral_does_not_wind_up():
     assert duty == 100.0 and state == PIState(0.1)
     state, duty = feedforward_step(GAINS, PIState(0.1), 0.0, -50.0, 5.0, DT)
     assert duty == pytest.approx(0.0, abs=1e-9) and state == PIState(0.1)
+
+
+def test_feedforward_is_the_model_alone_and_hears_no_torque():
+    known = Knowledge(REFERENCE_PLANT, Linear(GAINS.a0, GAINS.b0, GAINS.c0), None, None, limits=(0.0, 90.0))
+    law = controller("feedforward", known)
+    duties = [law.step(law.gains, law.start, 2.0, 0.5, torque, DT)[1] for torque in (0.0, 2.0, 9.0)]
+    assert duties == pytest.approx([(0.5 + GAINS.a0 * 2.0 - GAINS.c0) / GAINS.b0] * 3)
+    assert law.step(law.gains, law.start, 40.0, 0.0, 0.0, DT)[1] == 90.0
