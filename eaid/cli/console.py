@@ -14,6 +14,7 @@ import unicodedata
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING, TextIO
 
+from eaid.cli import columns
 from eaid.errors import on_command_line
 
 if TYPE_CHECKING:
@@ -26,8 +27,6 @@ MOST_FINDINGS = 3
 """Findings that are told by default; `--verbose` tells all."""
 PREFIX = {"stop": "stop", "caution": "warning", "note": "note"}
 COLOUR = {"error": "1;31", "stop": "1;31", "warning": "33", "note": "36"}
-LONGEST = 30
-"""Letters of a name in a table that is too wide, and of a number with its unit."""
 EVERY_S = 5.0
 """Where there is no terminal, a line of progress comes at most this often [s]."""
 
@@ -53,13 +52,13 @@ def safe(text: str) -> str:
 def wrapped(text: str, stream: TextIO) -> str:
     """A text in lines as wide as its terminal, broken between words only; as it is where there is none."""
     said = safe(text)
-    width = _columns(stream)
+    width = _width_of(stream)
     if width is None or len(said) <= width:
         return said
     return "\n".join(textwrap.wrap(said, width, subsequent_indent="  ", break_long_words=False, break_on_hyphens=False))
 
 
-def _columns(stream: TextIO) -> int | None:
+def _width_of(stream: TextIO) -> int | None:
     return shutil.get_terminal_size().columns if stream.isatty() else None
 
 
@@ -164,94 +163,17 @@ def _lines(label: str, total: int) -> Callable[[], None]:
     return advance
 
 
-def table(title: str, columns: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
-    """Print a table on stdout, numbers to the right.
-
-    On a terminal too narrow for it the columns follow one another in blocks, each headed by the first column, and a
-    long text in the last column is wrapped between words; of long names before it the middle is left out.
-    """
+def table(title: str, heads: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
+    """Print a table on stdout."""
     if not _quiet:
-        width = _columns(sys.stdout)
-        cells = [[safe(cell) for cell in row] for row in [columns, *rows]]
-        if width is not None and sum(max(map(_width, column)) + 2 for column in zip(*cells, strict=True)) - 2 > width:
-            cells = [[*map(shortened, row[:-1]), row[-1]] for row in cells]
-        print("\n".join([wrapped(title, sys.stdout), *aligned(cells, width)]))
-
-
-def shortened(name: str) -> str:
-    """A name for a table: the middle of a long one is left out."""
-    return name if len(name) <= LONGEST else f"{name[: LONGEST - 12]}…{name[-11:]}"
+        cells = [[safe(cell) for cell in row] for row in [heads, *rows]]
+        print("\n".join([wrapped(title, sys.stdout), *columns.aligned(cells, _width_of(sys.stdout))]))
 
 
 def show(made: "Table") -> None:
     """Print a table of the report, its caption behind the heading; nothing where it has no rows."""
     if made.rows:
         table(f"{made.heading}. {made.caption}".rstrip(), made.heads, made.texts)
-
-
-def aligned(rows: Sequence[Sequence[str]], width: int | None = None) -> list[str]:
-    """The lines of a table, its first row the heading; None: as wide as it is."""
-    right = [all(_is_number(row[i]) for row in rows[1:]) and i > 0 for i in range(len(rows[0]))]
-    lines: list[str] = []
-    for block in _blocks(rows, width):
-        own = [[row[i] for i in block] for row in rows]
-        lines += _block(own, [right[i] for i in block], width)
-    return lines
-
-
-def _blocks(rows: Sequence[Sequence[str]], width: int | None) -> list[list[int]]:
-    """Which columns stand together, the first in every block."""
-    widths = [max(_width(row[i]) for row in rows) for i in range(len(rows[0]))]
-    blocks: list[list[int]] = [[0]]
-    for i in range(1, len(widths)):
-        least = min(widths[i], 24) if i == len(widths) - 1 else widths[i]  # the last one may be wrapped
-        if width is not None and len(blocks[-1]) > 1 and sum(widths[k] + 2 for k in blocks[-1]) + least > width:
-            blocks.append([0])
-        blocks[-1].append(i)
-    return blocks
-
-
-def _block(rows: list[list[str]], right: list[bool], width: int | None) -> list[str]:
-    widths = [max(_width(row[i]) for row in rows) for i in range(len(rows[0]))]
-    before = sum(w + 2 for w in widths[:-1])
-    room = None if width is None or len(widths) == 1 or right[-1] else max(width - before, 16)
-    lines: list[str] = []
-    for row in rows:
-        gaps = [" " * (w - _width(cell)) for cell, w in zip(row, widths, strict=True)]
-        cells = [gap + cell if to_right else cell + gap for cell, gap, to_right in zip(row, gaps, right, strict=True)]
-        last = [cells[-1]] if room is None else _in_lines(row[-1], room)
-        lines.append("  ".join([*cells[:-1], last[0]]).rstrip())
-        lines += [" " * before + more for more in last[1:]]
-    return lines
-
-
-def _in_lines(text: str, room: int) -> list[str]:
-    """A text in lines of so many letters, broken between words; of a longer word the middle is left out."""
-    words = (word if len(word) <= room else shortened(word) for word in text.split(" "))
-    return textwrap.wrap(" ".join(words), room, break_long_words=False, break_on_hyphens=False) or [""]
-
-
-def _width(text: str) -> int:
-    """Places that a text takes: an accent above a letter takes none."""
-    return len(text) - sum(unicodedata.combining(c) > 0 for c in text)
-
-
-NO_NUMBERS = ("", "-", "–", "…", "<", ">", "never", "no", "none", "not", "unstable", "infinite")
-"""How cells begin that stand in a column of numbers without being one."""
-
-
-def _is_number(text: str) -> bool:
-    """Whether a cell counts as a number for its column: a number, with a unit or % behind it, an interval or a dash."""
-    if len(text) > LONGEST:
-        return False
-    head = text.split(" ")[0].rstrip("%°").replace("−", "-").partition("…")[0]
-    if head in NO_NUMBERS:
-        return True
-    try:
-        float(head)
-    except ValueError:
-        return False
-    return True
 
 
 def done(path: "Path", what: str, after: str) -> None:

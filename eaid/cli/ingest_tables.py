@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 from eaid.apparatus import Apparatus
 from eaid.cli import console
+from eaid.cli.columns import shortened
 from eaid.errors import on_command_line
 from eaid.findings import Finding, say
 from eaid.logs.run import Run
@@ -106,7 +107,7 @@ def print_tables(data: StepSet) -> None:
     console.line(f"{data.kind}: {what}, {rate} Hz{made}")
     between = [step for step in data.level_steps if step.from_level != 0.0 and step.level != 0.0]
     doubts: tuple[tuple[Cell, ...], ...] = tuple(
-        (console.PREFIX[one.severity], Name(console.shortened(one.subject)), Name(on_command_line(say(one))))
+        (console.PREFIX[one.severity], Name(shortened(one.subject)), Name(on_command_line(say(one))))
         for one in data.all_findings
     )
     console.show(levels_recorded(data))

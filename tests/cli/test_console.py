@@ -5,6 +5,7 @@ import sys
 import pytest
 
 from eaid.cli import console
+from eaid.cli.columns import aligned
 from eaid.findings import finding
 
 ROWS = [
@@ -15,7 +16,7 @@ ROWS = [
 
 
 def test_numbers_stand_to_the_right_and_brackets_stay():
-    assert console.aligned([["level [%]", "τ1 [s]"], ["10", "0.2"], ["100", "12.25"]]) == [
+    assert aligned([["level [%]", "τ1 [s]"], ["10", "0.2"], ["100", "12.25"]]) == [
         "level [%]  τ1 [s]",
         "10            0.2",
         "100         12.25",
@@ -24,7 +25,7 @@ def test_numbers_stand_to_the_right_and_brackets_stay():
 
 @pytest.mark.parametrize("width", [40, 60, 80])
 def test_nothing_is_broken_mid_word_and_nothing_is_wider_than_the_terminal(width: int):
-    lines = console.aligned(ROWS, width)
+    lines = aligned(ROWS, width)
     assert max(len(one) for one in lines) <= width
     words = " ".join(lines).split()
     assert {"0.14443", "4.4234", "0.2268", "converged", "held:"} <= set(words)
@@ -33,7 +34,7 @@ def test_nothing_is_broken_mid_word_and_nothing_is_wider_than_the_terminal(width
 
 def test_columns_that_do_not_fit_follow_under_the_first_one():
     rows = [["run", *(f"column {i}" for i in range(6))], ["a-long-name-of-a-run", *("0.123456" for _ in range(6))]]
-    lines = console.aligned(rows, 60)
+    lines = aligned(rows, 60)
     assert sum(one.startswith("a-long-name-of-a-run") for one in lines) > 1
     assert " ".join(lines).split().count("0.123456") == 6
 
