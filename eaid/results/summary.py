@@ -1,6 +1,6 @@
 """A fit in a few lines: how well it follows, T_s, τ1 and τ2 where it matters, which estimate, what is doubtful."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, TypeVar
 
 from eaid.findings import merged, ranked, say
@@ -16,6 +16,8 @@ T = TypeVar("T")
 
 MOST = 3
 """Findings that are told with the answer."""
+WIDTH = 80
+"""Letters of a line."""
 SYMBOLS = {"Ts": "T_s", "tau1": "τ1", "tau2": "τ2"}
 ENDLESS_S = 1e4
 """A time constant above this [s] that no interval bounds is no number worth showing."""
@@ -53,7 +55,7 @@ def answer(fit: "Fit") -> list[str]:
     if asked:
         lines += _step_rows(asked, data.output_unit)
         if model is not None:
-            lines.append("shown  single steps by the shape that they ask for; the models keep the paper's form")
+            lines.append("shown  single steps by their own shapes; the models keep the paper's form")
         return lines
     levels = believed_levels(fit)
     lines += _level_rows(levels, data.input_unit, data.output_unit)
@@ -75,7 +77,9 @@ def _level_rows(levels: "Sequence[CurveLevel | FrictionLevel]", input_unit: str,
     units = {"Ts": output_unit or "unit unknown", "tau1": "s", "tau2": "s"}
     heading = [f"level [{input_unit}]" if input_unit else "level"]
     heading += [f"{symbol} [{units[name]}]" for name, symbol in SYMBOLS.items()]
-    return _lines(heading, [[f"{row.level:.4g}", *(_value(row, name) for name in SYMBOLS)] for row in _three(levels)])
+    return _lines(heading, _three(levels), lambda row, brief: [
+        f"{row.level:.4g}", *(_value(row, name, brief) for name in SYMBOLS)
+    ])  # fmt: skip
 
 
 def steps_of_other_shapes(fit: "Fit") -> "list[StepShape]":
@@ -86,18 +90,14 @@ def steps_of_other_shapes(fit: "Fit") -> "list[StepShape]":
 
 
 def _step_rows(steps: "Sequence[StepShape]", output_unit: str) -> list[str]:
-    """Change, time constants and dead time of the first, the middle and the last step."""
-    heading = ["step", f"change [{output_unit or 'unit unknown'}]", "τ1 [s]", "τ2 [s]", "dead time [s]", "fit [%]"]
-    rows = [
-        [
-            f"{one.from_:.4g} → {one.level:.4g}",
-            *("–" if getattr(one, name) is None else _with_interval(one, name) for name in ("change", "tau1", "tau2")),
-            f"{one.dead_time_s:.3g}",
-            "–" if one.fit_pct is None else f"{one.fit_pct:.1f}",
-        ]
-        for one in _three(steps)
-    ]
-    return _lines(heading, rows)
+    """Change and time constants of the first, the middle and the last step; dead times where there are any."""
+    late = any(one.dead_time_s for one in steps)
+    heading = ["step", f"change [{output_unit or 'unit unknown'}]", "τ1 [s]", "τ2 [s]", *(["dead [s]"] if late else [])]
+    return _lines(heading, _three(steps), lambda one, brief: [
+        f"{one.from_:.4g} → {one.level:.4g}",
+        *(_with_interval(one, name) for name in ("change", "tau1", "tau2")),
+        *([f"{one.dead_time_s:.3g}"] if late and not brief else []),
+    ])  # fmt: skip
 
 
 def _three(rows: Sequence[T]) -> list[T]:
@@ -105,11 +105,17 @@ def _three(rows: Sequence[T]) -> list[T]:
     return [rows[k] for k in sorted({0, len(rows) // 2, len(rows) - 1})] if rows else []
 
 
-def _lines(heading: list[str], rows: list[list[str]]) -> list[str]:
-    """Rows of cells as lines, the columns left-aligned; none without rows."""
-    cells = [heading, *rows] if rows else []
-    widths = [max(len(row[i]) for row in cells) for i in range(len(heading))] if cells else []
-    return ["  ".join(cell.ljust(w) for cell, w in zip(row, widths, strict=True)).rstrip() for row in cells]
+def _lines(heading: list[str], rows: Sequence[T], cells_of: Callable[[T, bool], list[str]]) -> list[str]:
+    """Rows as lines, left-aligned; brief where they would be too wide; none without rows."""
+    lines: list[str] = []
+    for brief in (False, True):
+        cells = [cells_of(row, brief) for row in rows]
+        cells = [heading[: len(cells[0])], *cells] if rows else []
+        widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
+        lines = ["  ".join(cell.ljust(w) for cell, w in zip(row, widths, strict=True)).rstrip() for row in cells]
+        if max(map(len, lines), default=0) <= WIDTH:
+            break
+    return lines
 
 
 def _fit_pct(fit: "Fit") -> str:
@@ -139,16 +145,18 @@ def _quoted(row: "CurveLevel | FrictionLevel") -> bool:
     return row.ci95 is not None and any(getattr(row.ci95, name) is not None for name in SYMBOLS)
 
 
-def _value(row: "CurveLevel | FrictionLevel", name: str) -> str:
+def _value(row: "CurveLevel | FrictionLevel", name: str, brief: bool) -> str:
     value = getattr(row, name)
-    ends = getattr(row.ci95, name) if row.ci95 is not None else None
     if value is None:
         return "not known"
-    if ends is None and name != "Ts" and value > ENDLESS_S:
-        return "not estimable"
-    return f"{value:.3g} (not estimable)" if ends is None else _with_interval(row, name)
+    if row.ci95 is not None and getattr(row.ci95, name) is not None:
+        return _with_interval(row, name)
+    return "not estimable" if name != "Ts" and (brief or value > ENDLESS_S) else f"{value:.3g} (not estimable)"
 
 
 def _with_interval(row: "CurveLevel | FrictionLevel | StepShape", name: str) -> str:
+    """A value with its interval; a dash where there is none."""
     value, ends = getattr(row, name), getattr(row.ci95, name)
+    if value is None:
+        return "–"
     return f"{value:.3g}" if ends is None else f"{value:.3g} ({ends[0]:.3g} … {ends[1]:.3g})"
