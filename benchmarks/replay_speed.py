@@ -16,7 +16,7 @@ from benchmarks.table import Row, paired_medians, process
 from eaid.control.gains import paper_gains
 from eaid.control.rc import RCGains, RCState, rc_step
 from eaid.models.parameters import REFERENCE_PLANT
-from eaid.replay.compiled import one
+from eaid.replay.compiled import loop_alone
 from eaid.replay.controllers import Knowledge, controller, rc_controller
 from eaid.replay.lanes import LANES, telescoped
 from eaid.replay.loop import Inputs, reference_rate, replay
@@ -89,7 +89,7 @@ def c_single(library: ctypes.CDLL, case: Case, plant: PlantParameters) -> Callab
 
 
 def our_single(case: Case, plant: PlantParameters) -> Callable[[], None]:
-    run = one(rc_step)
+    run = loop_alone(rc_step)
     numbers, ones = rig_numbers(RIG, DT_S), np.ones(case.n)
     filled = (case.torque, *case.others)
     inputs = Inputs(case.reference, case.rate, case.noise, ones)
@@ -325,8 +325,8 @@ def _inverse(case: Case, plant: PlantParameters) -> Iterator[Row]:
     plain = [processor_seconds(lambda c=c: replay(plant, c, case.reference, rig, DT_S)) / case.n for c in (inverse, RC)]
     filled = (case.torque, *case.others)
     numbers, zeros, ones = rig_numbers(rig, DT_S), np.zeros(case.n), np.ones(case.n)
-    run, ahead = one(inverse.step), reference_rate(case.reference, DT_S, True)
-    law = one(rc_step)
+    run, ahead = loop_alone(inverse.step), reference_rate(case.reference, DT_S, True)
+    law = loop_alone(rc_step)
     compiled = [
         processor_seconds(
             lambda: run(

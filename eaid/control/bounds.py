@@ -85,16 +85,16 @@ def bounds_of(fit: Fit, convention: str | None = None, levels: str | None = None
     """
     model, linear = model_of(fit), _part(fit)
     stored = linear.bounds
-    own = stored.convention if stored is not None else "zero-offset"
-    wanted = convention or own
+    fitted = stored.convention if stored is not None else "zero-offset"
+    wanted = convention or fitted
     if wanted not in CONVENTIONS:
         raise UsageError(f"«bounds» {wanted}: must be one of {', '.join(CONVENTIONS)}")
     rows = linear.per_level
-    ready = stored if wanted == own else linear.conventions.get(wanted)
+    ready = stored if wanted == fitted else linear.conventions.get(wanted)
     if levels is None and not widen and ready is not None:
         kept = ready.levels or tuple(row.level for row in rows)
-        comparable = wanted == own or "pooled-dynamics" not in (own, wanted)
-        found = [row for row in _under(rows, model, own, wanted) if row.level in kept] if comparable else []
+        comparable = wanted == fitted or "pooled-dynamics" not in (fitted, wanted)
+        found = [row for row in _under(rows, model, fitted, wanted) if row.level in kept] if comparable else []
         ends = ready.B_m, ready.B_M
     else:
         if not rows:
@@ -102,7 +102,7 @@ def bounds_of(fit: Fit, convention: str | None = None, levels: str | None = None
                 "the fit holds no fits of single levels, so «bounds», «bounds_levels» and «widen_bounds» have nothing "
                 "to work on; fit again with this version of eaid"
             )
-        found = _under(rows, model, own, wanted)
+        found = _under(rows, model, fitted, wanted)
         chosen = wanted_levels(levels, [row.level for row in found], "bounds_levels") if levels else ()
         kept = tuple(chosen) or (stored.levels if stored is not None else ()) or tuple(row.level for row in found)
         found = [row for row in found if row.level in kept]
@@ -116,10 +116,10 @@ def bounds_of(fit: Fit, convention: str | None = None, levels: str | None = None
     return Bounds(wanted, kept, B_m, B_M, tuple(found), widen)
 
 
-def _under(rows: Sequence[LinearLevel], model: Linear, own: str, wanted: str) -> list[LevelB]:
-    if wanted != own and "pooled-dynamics" in (own, wanted):
+def _under(rows: Sequence[LinearLevel], model: Linear, fitted: str, wanted: str) -> list[LevelB]:
+    if wanted != fitted and "pooled-dynamics" in (fitted, wanted):
         raise UsageError(
-            f"the fit was made with «bounds» {own}; {wanted} needs other fits of the single levels, "
+            f"the fit was made with «bounds» {fitted}; {wanted} needs other fits of the single levels, "
             f"so fit again with «bounds» {wanted}"
         )
     found = []

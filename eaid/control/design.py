@@ -64,7 +64,7 @@ def design(
     found = mismatches(model, bounds, plant, logs, unit)
     law = law_of(model, bounds, options)
     need = least_phi(found)
-    pi, pi_part, doubts = _pi(model, options)
+    pi, pi_part, of_pi = _pi(model, options)
     for name, feedback in (
         ("RC", rc_feedback(law.gains, 1.0, (model.a0 - model.c0) / model.b0)),
         ("PI", pi_feedback(pi)),
@@ -78,11 +78,11 @@ def design(
     reach = actuator(model, law.gains, plant, bounds)
     margins, missed = loop_margins(fit, model, plant, bounds, law.gains, pi, options.timing)
     verdict = _guarantee(law, rc, reach.robust_term_pct, reach.span_pct, fit)
-    told = _doubts(law, rc, verdict, need, unit)
+    findings = _doubts(law, rc, verdict, need, unit)
     return Gains(
         model=LinearModel(model.a0, model.b0, model.c0), rc=rc, pi=pi_part, input_unit=unit,
         output_unit=fit.data.output_unit, duty_limits_pct=options.duty_limits_pct, guarantee=verdict, actuator=reach,
-        phi_from_data=PhiFromData(**found), margins=margins, findings=ranked([*told, *doubts, *missed]),
+        phi_from_data=PhiFromData(**found), margins=margins, findings=ranked([*findings, *of_pi, *missed]),
     )  # fmt: skip
 
 
@@ -174,28 +174,30 @@ def _guarantee(law: Law, rc: Robust, asked: float | None, span: float | None, fi
 
 
 def _doubts(law: Law, rc: Robust, verdict: Guarantee, need: Mismatch | None, unit: str) -> list[Finding]:
-    options, told = law.options, []
-    asked = next(one for one in verdict.conditions if one.name == "duty-limit")
+    options, findings = law.options, []
+    asked = next(each for each in verdict.conditions if each.name == "duty-limit")
     if not law.guaranteed:
-        told.append(
+        findings.append(
             finding("rho-not-covered", "rc", B_hat=law.gains.B_hat, reached=law.alpha_reached, made=law.rho.alpha)
         )
     if rc.phi_holds is False and need is not None:
-        told.append(
+        findings.append(
             finding("phi-exceeded", "rc", allowed=law.phi_honest_pct, needed=need.pct, where=need.where, unit=unit)
         )
     if rc.Q_M_holds is False:
-        told.append(
+        findings.append(
             finding("slope-above-q-max", "rc", slope=rc.reference_slope_nm_s, Q_M=options.Q_M, reference="reference")
         )
     sharpness = options.gamma * options.epsilon
     if sharpness < SHARP:
-        told.append(finding("switch-jumps", "rc", sharpness=sharpness, least=SHARP, jump=1 - math.tanh(sharpness)))
+        findings.append(finding("switch-jumps", "rc", sharpness=sharpness, least=SHARP, jump=1 - math.tanh(sharpness)))
     if rc.ultimate_bound is not None and rc.ultimate_bound.torque_error_nm is None:
-        told.append(finding("no-ultimate-bound", "rc"))
+        findings.append(finding("no-ultimate-bound", "rc"))
     if asked.holds is False:
-        told.append(finding("robust-term-beyond-actuator", "rc", asked=asked.needed, span=asked.available, unit=unit))
-    return told
+        findings.append(
+            finding("robust-term-beyond-actuator", "rc", asked=asked.needed, span=asked.available, unit=unit)
+        )
+    return findings
 
 
 def _pi(model: Linear, options: DesignOptions) -> tuple[PIGains, PI, list[Finding]]:
@@ -207,9 +209,9 @@ def _pi(model: Linear, options: DesignOptions) -> tuple[PIGains, PI, list[Findin
     if not (K_P >= 0 and K_I >= 0 and K_P + K_I > 0):
         raise GainsError(f"PI gains {K_P:g} and {K_I:g}: neither may be negative, nor both 0")
     reached = step_metrics(model, K_P, K_I)
-    told = []
+    findings = []
     if asked[0] is None and options.pi.gains is None and (reached.overshoot_pct > 1.5 or reached.settling_s > 0.3):
-        told.append(
+        findings.append(
             finding("paper-pi-misses", "pi", overshoot_pct=reached.overshoot_pct, settling_s=reached.settling_s)
         )
     low, high = options.duty_limits_pct
@@ -219,7 +221,7 @@ def _pi(model: Linear, options: DesignOptions) -> tuple[PIGains, PI, list[Findin
         K_P, K_I, reached.overshoot_pct, reached.settling_s if math.isfinite(reached.settling_s) else None,
         None if asked[0] is None else AskedPI(*asked), AntiWindup(options.anti_windup, back),
     )  # fmt: skip
-    return gains, part, told
+    return gains, part, findings
 
 
 def _latched(options: DesignOptions) -> str:

@@ -24,6 +24,6 @@ def condition(name: str, needed: float | None, available: float | None, unit: st
 
 def guarantee(conditions: Sequence[Condition]) -> Guarantee:
     """It holds where every condition does; it cannot be told where none fails and one is not known."""
-    told = [one.holds for one in conditions]
-    holds = False if False in told else None if None in told else True
+    verdicts = [each.holds for each in conditions]
+    holds = False if False in verdicts else None if None in verdicts else True
     return Guarantee(holds, tuple(conditions))

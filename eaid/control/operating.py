@@ -116,10 +116,10 @@ def loop_margins(
     ]
     worst = parts.WorstMargins(*(_least(found[name]) for name in ("rc", "pi")))
     duties = [duty for duty, _, _ in points]
-    told = [one for name in ("rc", "pi") for one in _missed(name, duties, found[name], fit.data.input_unit)]
+    findings = [one for name in ("rc", "pi") for one in _missed(name, duties, found[name], fit.data.input_unit)]
     return parts.Margins(
         parts.SampleTiming(timing.rate_hz, timing.pwm_hz, timing.delay_samples), tuple(rows), worst
-    ), told
+    ), findings
 
 
 def _kept(found: Margins) -> parts.Margin:

@@ -45,6 +45,6 @@ def why_not(fit: Fit, part: Literal["linear", "nonlinear"]) -> str:
     model = fit.linear if part == "linear" else fit.nonlinear
     if model is None or model.identifiable is not False:
         return ""
-    told = fit.not_identifiable_because(part)
-    said = told or [one for one in fit.findings if one.subject == part and one.severity == "stop"]
-    return "; ".join(sentences(said)) or "its data do not determine it"
+    stops = [each for each in fit.findings if each.subject == part and each.severity == "stop"]
+    reasons = fit.not_identifiable_because(part) or stops
+    return "; ".join(sentences(reasons)) or "its data do not determine it"

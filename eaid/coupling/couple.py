@@ -67,31 +67,31 @@ def couple(
     GainsError
         A loop that is unstable without any wall.
     """
-    own = Loops(rc, pi, options.limb, options.timing, options.virtual_damping)
-    loops = [loop for loop in options.loops if own.has_gains(loop)] or list(options.loops)
+    setup = Loops(rc, pi, options.limb, options.timing, options.virtual_damping)
+    loops = [loop for loop in options.loops if setup.has_gains(loop)] or list(options.loops)
     torques = options.torques or default_torques(plant)
     walls, regions, curves, kept = [], [], [], []
     for torque in torques:
         point = operating_point(plant, torque)
         for loop in loops:
-            channel, drive = own.around(loop, plant, point)
-            wall, curve = own.wall(loop, [channel], torque, point.duty_pct)
+            channel, drive = setup.around(loop, plant, point)
+            wall, curve = setup.wall(loop, [channel], torque, point.duty_pct)
             if options.replay and wall.K_stable is not None:
-                found = replayed_stiffness(drive, own.limb, own.timing, wall.K_stable)
+                found = replayed_stiffness(drive, setup.limb, setup.timing, wall.K_stable)
                 wall = msgspec.structs.replace(wall, K_replayed=found)
             walls.append(wall)
             curves.append(curve)
-            regions.append(own.region(loop, [channel], torque))
+            regions.append(setup.region(loop, [channel], torque))
             advance()
     population = list(drawn)
     if population:
-        kept = [_kept(own, loop, torque, population, options) for torque in torques for loop in loops]
-    pair, bias, left_out = _pair(own, plant, loops, torques, options.pair_bias_nm)
+        kept = [_kept(setup, loop, torque, population, options) for torque in torques for loop in loops]
+    pair, bias, left_out = _pair(setup, plant, loops, torques, options.pair_bias_nm)
     drag = options.idle_drag_nm if options.idle_drag_nm is not None else idle_drag_nm
     impedance = _impedance(plant, max(torques), drag, options)
-    told = _findings(walls, options, impedance, unit)
+    findings = _findings(walls, options, impedance, unit)
     if left_out:
-        told.append(
+        findings.append(
             finding("pair-bias-cut", "pair", bias=bias, unit=unit, torques=", ".join(f"{t:g}" for t in left_out))
         )
     return parts.Coupling(
@@ -101,7 +101,7 @@ def couple(
         ),
         seed=options.seed, plants=len(population), output_unit=unit, walls=tuple(walls), pair=tuple(pair),
         pair_bias_nm=bias, regions=tuple(regions), curves=tuple(curves), kept=tuple(kept), impedance=impedance,
-        findings=ranked(told),
+        findings=ranked(findings),
     )  # fmt: skip
 
 
@@ -182,7 +182,7 @@ def _lost_hz(coupled: Coupled, stiffness: float, damping: float) -> float | None
 
 
 def _pair(
-    own: Loops, plant: Nonlinear, loops: list[str], torques: Iterable[float], bias: float | None
+    setup: Loops, plant: Nonlinear, loops: list[str], torques: Iterable[float], bias: float | None
 ) -> tuple[list[parts.Wall], float, list[float]]:
     """The walls of T1 − T2, each clutch asked for half of the torque beside its bias; torques that it cannot hold."""
     low, high = (float(steady_torque(plant, u)) for u in plant.u_range)
@@ -197,27 +197,27 @@ def _pair(
             continue
         for loop in loops:
             channels = [
-                own.around(loop, plant, operating_point(plant, end), weight)[0]
+                setup.around(loop, plant, operating_point(plant, end), weight)[0]
                 for end, weight in zip(ends, (0.5, -0.5), strict=True)
             ]
-            rows.append(own.wall(loop, channels, torque, None)[0])
+            rows.append(setup.wall(loop, channels, torque, None)[0])
     return rows, bias, left_out
 
 
-def _kept(own: Loops, loop: str, torque: float, plants: list[Nonlinear], options: CoupleOptions) -> parts.Kept:
+def _kept(setup: Loops, loop: str, torque: float, plants: list[Nonlinear], options: CoupleOptions) -> parts.Kept:
     """The stiffness that 95 % of the drawn plants, each with a limb of its own, keep."""
     random = np.random.default_rng(options.seed)
     found = []
     for one in plants:
         inertia, damping = 1 + options.limb_spread * random.uniform(-1, 1, 2)
-        limb = Limb(own.limb.inertia_kgm2 * inertia, own.limb.damping_nms * damping)
+        limb = Limb(setup.limb.inertia_kgm2 * inertia, setup.limb.damping_nms * damping)
         try:
-            channel, _ = own.around(loop, one, operating_point(one, torque))
+            channel, _ = setup.around(loop, one, operating_point(one, torque))
         except (UsageError, GainsError):  # this plant does not hold the torque, or the loop breaks on it
             found.append((0.0, 0.0))
             continue
-        passive = passive_stiffness(needed_damping([channel], own.timing), limb.damping_nms)[0]
-        found.append((passive, stable_stiffness(Coupled([channel], limb, own.timing))))
+        passive = passive_stiffness(needed_damping([channel], setup.timing), limb.damping_nms)[0]
+        found.append((passive, stable_stiffness(Coupled([channel], limb, setup.timing))))
     low = np.quantile(found, 0.05, axis=0, method="lower").tolist()
     return parts.Kept(loop, torque, known(low[0]), known(low[1]))
 
@@ -233,25 +233,25 @@ def _impedance(plant: Nonlinear, torque_nm: float, drag: float | None, options: 
 
 
 def _findings(walls: list[parts.Wall], options: CoupleOptions, impedance: parts.Impedance, unit: str) -> list[Finding]:
-    told: list[Finding] = []
+    findings: list[Finding] = []
     without = {wall.torque_nm: wall.K_stable for wall in walls if wall.loop == "rc-no-rate"}
     for wall in walls:
         stable, passive, torque = wall.K_stable, wall.K_passive, wall.torque_nm
         at = partial(finding, torque_nm=torque, unit=unit, stable=stable)
         if options.wall is not None and stable is not None and stable < options.wall:
-            told.append(at("wall-beyond-stable", wall.loop, wanted=options.wall))
+            findings.append(at("wall-beyond-stable", wall.loop, wanted=options.wall))
         elif stable is not None and passive is not None and stable > 2 * passive:
-            told.append(at("wall-not-passive", wall.loop, passive=passive))
+            findings.append(at("wall-not-passive", wall.loop, passive=passive))
         slower = without.get(torque)
         if wall.loop == "rc" and slower is not None and stable is not None and stable > 3 * slower:
-            told.append(at("wall-by-rate", "rc", without=slower))
+            findings.append(at("wall-by-rate", "rc", without=slower))
         limit = impedance.encoder_K
         if limit is not None and (stable is None or stable > limit):
-            told.append(
+            findings.append(
                 finding("wall-beyond-encoder", wall.loop, encoder=limit, drag=impedance.idle_drag_nm, unit=unit)
             )
     short = -(impedance.slip_margin_rad_s or 0.0)
     if short > 0:
         needed = options.limb_speed_rad_s * 60 / (2 * math.pi)
-        told.append(finding("clutch-cannot-turn", "rotor", short=short, needed_rpm=needed))
-    return told
+        findings.append(finding("clutch-cannot-turn", "rotor", short=short, needed_rpm=needed))
+    return findings

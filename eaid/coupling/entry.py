@@ -46,8 +46,8 @@ def couple_fit(fit: Fit, gains: Gains | None, options: CoupleOptions, progress: 
         found = couple(
             plant, rc_gains(gains), pi_gains(gains), options, plants, idle_drag_nm(fit), fit.data.output_unit, tick
         )
-    told = drawn.findings if drawn is not None else ()
-    return msgspec.structs.replace(found, findings=ranked((*found.findings, *told)))
+    findings = drawn.findings if drawn is not None else ()
+    return msgspec.structs.replace(found, findings=ranked((*found.findings, *findings)))
 
 
 def with_wall_findings(replay: Replay, fit: Fit, gains: Gains | None) -> Replay:
@@ -60,24 +60,24 @@ def with_wall_findings(replay: Replay, fit: Fit, gains: Gains | None) -> Replay:
         return replay
     rig = replay.head.rig
     timing = Timing(1 / (replay.head.dt_s or 1e-3), rig.pwm_hz or None, rig.delay_samples)
-    own = Loops(rc_gains(gains), pi_gains(gains), Limb(exercise.inertia_kgm2, exercise.damping_nms), timing)
+    setup = Loops(rc_gains(gains), pi_gains(gains), Limb(exercise.inertia_kgm2, exercise.damping_nms), timing)
     pushed = math.radians(exercise.centre_deg + exercise.amplitude_deg - RESISTED_FROM_DEG)
     low, high = (float(steady_torque(plant, u)) for u in plant.u_range)
-    told = []
+    findings = []
     for loop in (name for name in replay.records if name in LOOPS):
         for stiffness in (exercise.soft_nm_rad, exercise.hard_nm_rad):
             for torque in (0.5 * stiffness * pushed, stiffness * pushed):
                 if not low <= torque <= high:
                     continue
-                stable = own.stable_wall(loop, plant, torque)
+                stable = setup.stable_wall(loop, plant, torque)
                 if stable < stiffness:
                     unit = fit.data.output_unit
-                    told.append(
+                    findings.append(
                         finding(
                             "wall-beyond-stable", loop, wanted=stiffness, stable=stable, torque_nm=torque, unit=unit
                         )
                     )
-    head = msgspec.structs.replace(replay.head, findings=ranked((*replay.findings, *told)))
+    head = msgspec.structs.replace(replay.head, findings=ranked((*replay.findings, *findings)))
     return replace(replay, head=head)
 
 

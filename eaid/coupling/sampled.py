@@ -139,9 +139,9 @@ def _sample(
         seen[layout.lags[k]] = 1.0 - memory
         seen[layout.seen[k]] = memory
         inputs = np.array([channel.weight * wanted, channel.weight * (wanted - before) / h, seen])
-        own = np.eye(layout.size)[layout.law[k]]
-        change[layout.law[k]] = channel.law.A @ own + channel.law.B @ inputs
-        duty = channel.law.c @ own + channel.law.d @ inputs
+        state = np.eye(layout.size)[layout.law[k]]
+        change[layout.law[k]] = channel.law.A @ state + channel.law.B @ inputs
+        duty = channel.law.c @ state + channel.law.d @ inputs
         queue = layout.queue[k]
         change[queue] = np.vstack(
             [np.eye(layout.size)[queue][1:], duty]

@@ -54,7 +54,7 @@ def cost_and_gradient(
     v2 = 0.0
     for k in range(n - 1, -1, -1):
         gradient[k] = v1 * work[2, k] + v2 * work[3, k]
-        own = 2.0 * weight[k] * (torque[k] - reference[k])
-        v1 = own + work[0, k] * v1
-        v2 = own + work[1, k] * v2
+        slope = 2.0 * weight[k] * (torque[k] - reference[k])
+        v1 = slope + work[0, k] * v1
+        v2 = slope + work[1, k] * v2
     return cost

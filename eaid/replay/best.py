@@ -151,11 +151,11 @@ def _improved(problem: _Problem, duty: Array, torque: Array) -> tuple[Array, Arr
 
     # sums over so many samples by several threads would round otherwise from machine to machine
     with threadpool_limits(1, user_api="blas"):
-        found = minimize(
+        search = minimize(
             objective, duty + switching, jac=True, method="L-BFGS-B", bounds=Bounds(*p.limits),
             options={"maxiter": ITERATIONS, "maxfun": 2 * ITERATIONS, "ftol": ENOUGH, "gtol": 0.0},
         )  # fmt: skip
-    if not found.fun < 1.0:
+    if not search.fun < 1.0:
         return duty, torque
-    objective(found.x)
-    return found.x, reached
+    objective(search.x)
+    return search.x, reached

@@ -64,7 +64,7 @@ class Compared:
         """The model's torque as a record, and how far it is from the recorded one, which stands as its reference."""
         apart = self.recorded_nm - self.model_nm
         spread = float(np.linalg.norm(self.recorded_nm - self.recorded_nm.mean()))
-        told = Metrics(
+        measured = Metrics(
             max_abs_difference_nm=float(np.abs(apart).max()),
             rms_difference_nm=_rms(apart),
             mean_difference_nm=float(apart.mean()),
@@ -76,7 +76,7 @@ class Compared:
             reference_is="recorded torque",
         )
         model = Trace(self.name, self.dt_s, self.time_s, self.recorded_nm, self.model_nm, self.duty_pct)
-        return record(model, told, role="recorded-input")
+        return record(model, measured, role="recorded-input")
 
     def closed_loop(
         self,

@@ -80,14 +80,14 @@ def kernel(function: Callable[..., Any]) -> Callable[..., Any]:
 
 
 @cache
-def one(law: Step) -> Callable[..., tuple[float, float]]:
+def loop_alone(law: Step) -> Callable[..., tuple[float, float]]:
     """`closed_loop` of one law in machine code: the same arguments, arrays in place of lists; the same numbers but for
     the last bits."""
     return _kept(loop.loop_of(law, fingerprint()), ALONE)  # type: ignore[no-any-return]
 
 
 @cache
-def sixteen(law: Step, state: Callable[[float], Any]) -> Callable[..., None]:
+def loop_of_sixteen(law: Step, state: Callable[[float], Any]) -> Callable[..., None]:
     """`lanes.block_of` one law whose state is a tuple of one float."""
     return _kept(lanes.block_of(law, state, fingerprint()), {**ALONE, "forceinline": False})  # type: ignore[no-any-return]
 

@@ -38,8 +38,8 @@ def plain_head(head: Head) -> dict[str, Any]:
             del content[name]
     found = content.pop("findings")
     exercise = to_plain(head.exercise) if head.exercise is not None else {}
-    told = {"findings": found, "warnings": [one["text"] for one in found]} if found else {}
-    return {"eaid": __version__, **content, **exercise, **told}
+    doubts = {"findings": found, "warnings": [each["text"] for each in found]} if found else {}
+    return {"eaid": __version__, **content, **exercise, **doubts}
 
 
 def plain_metrics(metrics: Metrics) -> dict[str, Any]:
@@ -90,7 +90,7 @@ def read(path: Path) -> tuple[Replay, tuple[Finding, ...]]:
         raise DataError(f"{path}: no such file; give the replay.h5 that eaid simulate wrote")
     if not h5py.is_hdf5(path):
         raise DataError(f"{path}: is no HDF5 file; give the replay.h5 that eaid simulate wrote")
-    told: list[Finding] = []
+    left_out: list[Finding] = []
     with open_hdf5(path, str(path)) as file:
         if file.attrs.get("schema") != SCHEMA:
             raise DataError(f"{path}: is no {SCHEMA} file; {AGAIN}")
@@ -104,13 +104,13 @@ def read(path: Path) -> tuple[Replay, tuple[Finding, ...]]:
             tables = {key: array for key, array in arrays.items() if key not in columns}
             numbers = _plain(group.attrs.get("metrics", "{}"), path, "metrics")
             role = _plain(group.attrs.get("role", "controller"), path, "role")
-            records[name] = Record(columns, from_plain(numbers, Metrics, f"{path}: {name}", told), tables, role)
+            records[name] = Record(columns, from_plain(numbers, Metrics, f"{path}: {name}", left_out), tables, role)
         names = set(Exercise.__struct_fields__)
         exercise = {key: content.pop(key) for key in list(content) if key in names}
         if names <= exercise.keys():
             content["exercise"] = exercise
         content.setdefault("scenario", "")
-        return Replay(from_plain(content, Head, str(path), told), records), tuple(told)
+        return Replay(from_plain(content, Head, str(path), left_out), records), tuple(left_out)
 
 
 def _columns(arrays: Mapping[str, Any], where: str) -> dict[str, Array]:

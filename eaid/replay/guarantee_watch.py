@@ -63,7 +63,7 @@ def watch(gains: RCGains, plant: PlantParameters, replay: Trace) -> Watch:
     measured = replay.torque_nm if replay.measured_nm is None else replay.measured_nm
     integral, error = replay.state, replay.reference_nm - measured
     terms = [rc_terms(gains, *at) for at in zip(integral.tolist(), error.tolist(), strict=True)]
-    rho, omega = np.array([(one.rho, one.omega) for one in terms]).T
+    rho, omega = np.array([(each.rho, each.omega) for each in terms]).T
     rate = reference_rate(replay.reference_nm, replay.dt_s, False)
     y = rate + gains.K_D * error + gains.K_P * integral + omega
     slope = np.diff(replay.torque_nm, append=np.nan) / replay.dt_s

@@ -65,8 +65,8 @@ def _rows(plant: PlantParameters, duties: list[float], dt_s: float, highest: boo
     for duty in duties:
         tau1, tau2, steady = plant_terms(plant, duty)
         release1, release2 = falling_taus(plant, duty)
-        for one in constants(tau1, release1):
-            for two in constants(tau2, release2):
-                lost1, lost2 = -math.expm1(-dt_s / one), -math.expm1(-dt_s / two)
+        for fast_tau in constants(tau1, release1):
+            for slow_tau in constants(tau2, release2):
+                lost1, lost2 = -math.expm1(-dt_s / fast_tau), -math.expm1(-dt_s / slow_tau)
                 rows.append((1 - lost1, 1 - lost2, plant.C * steady * lost1, (1 - plant.C) * steady * lost2))
     return tuple(np.array(rows).T)

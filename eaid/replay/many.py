@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from eaid.arrays import Array
-from eaid.replay.compiled import fits_lanes, one, sixteen
+from eaid.replay.compiled import fits_lanes, loop_alone, loop_of_sixteen
 from eaid.replay.controllers import Controller
 from eaid.replay.lanes import LANES
 from eaid.replay.loop import inputs_of
@@ -55,14 +55,14 @@ def replay_many(
         torque, duty = np.empty((n, LANES)), np.empty((n, LANES))
         chosen = [plants[min(begin + i, len(plants) - 1)] for i in range(LANES)]
         parameters = np.ascontiguousarray(np.array(chosen, dtype=np.float64).T)
-        run = sixteen(acting.step, made_by)
+        run = loop_of_sixteen(acting.step, made_by)
         run(gains, acting.start, parameters, numbers.memory, dt_s, inputs, torque, duty)
         count = min(LANES, len(plants) - begin)
         visit(begin, torque[:, :count], duty[:, :count])
 
     def single(begin: int) -> None:
         """The same number of plants, one after another."""
-        run = one(acting.step)
+        run = loop_alone(acting.step)
         for i in range(begin, min(begin + LANES, len(plants))):
             filled = tuple(np.empty((6, n)))
             run(gains, acting.start, plants[i], numbers, dt_s, inputs, filled)

@@ -34,11 +34,11 @@ def statistics(session: Session) -> Metrics:
         normality={mode: normality(values) for mode, values in error_deg.items()},
         tests=tuple(
             ModesTest(
-                (one, other),
-                by_samples(error_deg[one], error_deg[other]),
-                by_cycles(means[one], means[other]),
+                (first, second),
+                by_samples(error_deg[first], error_deg[second]),
+                by_cycles(means[first], means[second]),
             )
-            for one, other in itertools.combinations(MODES, 2)
+            for first, second in itertools.combinations(MODES, 2)
         ),
     )
 

@@ -53,21 +53,21 @@ def set_up(
         pi_gains(gains),
         input_limits(fit) if gains is None else gains.duty_limits_pct,
     )
-    names, told = _names(options.controllers, what, known)
+    names, findings = _names(options.controllers, what, known)
     rig = options.rig
     if options.residual_noise:
         rig = Rig(**{**asdict(rig), **residual_noise(fit)})
     rate_hz = options.rate_hz or (1000.0 if scales.paper or is_duty(fit) else fit.data.sample_rate_hz or 1000.0)
     if fit.dead_time_s > 0 and rig.delay_samples == 0:
         rig = replace(rig, delay_samples=round(fit.dead_time_s * rate_hz))
-        told.append(finding("dead-time-replayed", "nonlinear", dead_time_s=fit.dead_time_s))
+        findings.append(finding("dead-time-replayed", "nonlinear", dead_time_s=fit.dead_time_s))
     why = why_not(fit, "nonlinear")
-    told += [finding("plant-not-identifiable", "nonlinear", why=why)] if why else []
+    findings += [finding("plant-not-identifiable", "nonlinear", why=why)] if why else []
     if gains is not None and gains.unidentified:
-        told.append(finding("gains-not-identifiable", "gains", why=gains.unidentified))
+        findings.append(finding("gains-not-identifiable", "gains", why=gains.unidentified))
     plant = plant_parameters(perturbed(model, options.perturb))
     chosen = tuple(controller(name, known) for name in names)
-    return Setup(fit, model, plant, known, chosen, rig, options, 1.0 / rate_hz), told
+    return Setup(fit, model, plant, known, chosen, rig, options, 1.0 / rate_hz), findings
 
 
 def _names(asked: tuple[str, ...] | None, what: str, known: Knowledge) -> tuple[tuple[str, ...], list[Finding]]:

@@ -77,8 +77,8 @@ def simulate(
 
 def _unidentified(fit: Fit, gains: Gains | None) -> dict[str, str]:
     """What of a replay stands on a fit that its data do not determine, and why."""
-    told = {"plant": why_not(fit, "nonlinear"), "gains": gains.unidentified if gains is not None else ""}
-    return {name: why for name, why in told.items() if why}
+    reasons = {"plant": why_not(fit, "nonlinear"), "gains": gains.unidentified if gains is not None else ""}
+    return {name: why for name, why in reasons.items() if why}
 
 
 def _rehab(setup: Setup, top: float) -> Outcome:
@@ -86,13 +86,13 @@ def _rehab(setup: Setup, top: float) -> Outcome:
     options = setup.options
     if setup.fit.data.output_unit not in ("N·m", "Nm"):
         raise DataError(f"rehab needs a torque, and the fit's output is in {setup.fit.data.output_unit}")
-    said = {
+    asked = {
         "mode_s": None if options.duration is None else options.duration / len(MODES),
         "damping_nms": options.limb_damping,
         "inertia_kgm2": options.limb_inertia,
     }
-    own = {key: value for key, value in said.items() if value is not None}
-    exercise = msgspec.structs.replace(Exercise().scaled(top), **own)
+    given = {key: value for key, value in asked.items() if value is not None}
+    exercise = msgspec.structs.replace(Exercise().scaled(top), **given)
     records = {
         each.name: record_session(rehabilitate(setup.plant, each, exercise, setup.rig, setup.dt_s, options.seed))
         for each in setup.controllers

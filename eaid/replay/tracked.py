@@ -30,7 +30,7 @@ Outcome = tuple[dict[str, Record], Head, list[Finding]]
 def tracked(setup: Setup, wanted: Reference, gains: Gains | None, progress: Progress) -> Outcome:
     """Each controller on the reference; the guarantee watched along the robust one; plants, and the best duty."""
     options, records = setup.options, {}
-    told = _doubts(setup, wanted, gains)
+    findings = _doubts(setup, wanted, gains)
     for each in setup.controllers:
         trace = replay(setup.plant, each, wanted.torque_nm, setup.rig, wanted.dt_s, options.seed)
         measured, columns = measure(trace, wanted), {}
@@ -39,36 +39,36 @@ def tracked(setup: Setup, wanted: Reference, gains: Gains | None, progress: Prog
             measured = watched.measured(measured, wanted.begin)
             columns = {"chi_nm_s": watched.chi_nm_s, "rho_nm_s": watched.rho_nm_s}
         records[each.name] = record(trace, measured, columns)
-    told += _unseen(setup, records)
+    findings += _unseen(setup, records)
     head = Head("", dt_s=wanted.dt_s, counted_from_s=wanted.counted_from_s)
     if options.plants is not None:
         head, more = _spread(setup, wanted, records, head, progress)
-        told += more
+        findings += more
     if options.best:
-        told += _best(setup, wanted, records)
-    return records, head, told
+        findings += _best(setup, wanted, records)
+    return records, head, findings
 
 
 def _doubts(setup: Setup, wanted: Reference, gains: Gains | None) -> list[Finding]:
     """Where a reference asks for more than the plant has, or is steeper than Q_M."""
-    told = []
+    findings = []
     top, highest = float(wanted.torque_nm.max()), plant_terms(setup.plant, setup.plant.u_high)[2]
     if top > highest:
-        told.append(
+        findings.append(
             finding("reference-above-plant", "reference", asked=top, highest=highest, unit=setup.fit.data.output_unit)
         )
     Q_M = gains.rc.Q_M if gains is not None and gains.rc is not None else None
     if Q_M is not None and not wanted.steps and wanted.steepest_nm_s > Q_M * (1 + 1e-9):
-        told.append(finding("reference-above-q-max", "rc", slope=wanted.steepest_nm_s, Q_M=Q_M))
-    return told
+        findings.append(finding("reference-above-q-max", "rc", slope=wanted.steepest_nm_s, Q_M=Q_M))
+    return findings
 
 
 def _unseen(setup: Setup, records: Mapping[str, Record]) -> list[Finding]:
     """Where replays go through what no log showed: duties outside the identified ones, falls between levels."""
     low, high = setup.model.u_range
     below = above = falling = 0.0
-    for one in records.values():
-        duty, torque = one.columns["duty_pct"], one.columns["torque_nm"]
+    for each in records.values():
+        duty, torque = each.columns["duty_pct"], each.columns["torque_nm"]
         falls = (np.diff(torque) < 0) & (duty[:-1] >= low)
         below = max(below, float(((duty > 0) & (duty < low)).mean()))
         above = max(above, float((duty > high).mean()))
@@ -128,11 +128,11 @@ def _best(setup: Setup, wanted: Reference, records: dict[str, Record]) -> list[F
         steady_rms_nm=found.steady_rms_nm,
     )  # fmt: skip
     least = found.rms_error_nm
-    for name, one in records.items():
-        rms = one.metrics.rms_error_nm or 0.0
+    for name, each in records.items():
+        rms = each.metrics.rms_error_nm or 0.0
         metrics = msgspec.structs.replace(
-            one.metrics, rms_over_best=rms / least if least > 1e-9 else None, rms_above_best_nm=rms - least
+            each.metrics, rms_over_best=rms / least if least > 1e-9 else None, rms_above_best_nm=rms - least
         )
-        records[name] = Record(one.columns, metrics, one.tables, one.role)
+        records[name] = Record(each.columns, metrics, each.tables, each.role)
     records["best"] = record(found.trace, measured, role="best")
     return [finding("best-without-rig", "best")] if setup.rig != bare else []

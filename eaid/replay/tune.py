@@ -98,19 +98,19 @@ def tune(
     settled = with_own_pi(fit, settled, scales)
     if options.epsilon is None and options.gamma is None:
         settled = with_own_layer(fit, settled, scales, bounds, plant)
-    told: list[Finding] = _of_the_rig(scales, settled)
+    findings: list[Finding] = _of_the_rig(scales, settled)
     found = None
     if options.searches:
         settled, found, more = _searched(fit, options, settled, plant, logs, wanted, reference_name, progress, judge)
-        told += more
+        findings += more
     gains = design(fit, settled, logs, slope if given else None)
     gains, more = _replayed(gains, plant, wanted, reference_name, given, fit.dead_time_s)
-    told += more
+    findings += more
     if why:
-        told.insert(0, finding("fit-not-identifiable", "model", why=why))
+        findings.insert(0, finding("fit-not-identifiable", "model", why=why))
     return msgspec.structs.replace(
         gains, options=options, seed=options.seed, optimized=found, unidentified=why or None,
-        findings=ranked([*told, *gains.findings]),
+        findings=ranked([*findings, *gains.findings]),
     )  # fmt: skip
 
 
@@ -134,17 +134,17 @@ def _searched(
     """The options that the search ends at, and what it traded."""
     if plant is None:
         raise DataError("the fit holds no nonlinear model, which «optimize» replays on; fit clutch data with it")
-    told = []
+    findings = []
     noise, source = noise_of(fit, options, logs)
     if source == "supposed":
-        told.append(finding("noise-supposed", "rc", noise=noise))
+        findings.append(finding("noise-supposed", "rc", noise=noise))
     drawn = [plant]
     if not drawable(fit):
-        told.append(finding("search-on-fitted-plant", "rc"))
+        findings.append(finding("search-on-fitted-plant", "rc"))
     else:
         several = draw(fit, options.plants or 16, options.seed)
         drawn = list(several.plants)
-        told += several.findings
+        findings += several.findings
     search = Search(
         noise_nm=noise, limit_pct=options.chatter_limit, also=options.optimize_also,
         evaluations=options.evaluations or 160, seed=options.seed, judge=judge,
@@ -159,7 +159,7 @@ def _searched(
         before=found.start.did, after=found.best.did, also=search.also,
         optimized_for=options.optimize_for, before_cost=found.start.cost, after_cost=found.best.cost,
     )  # fmt: skip
-    return found.best.law.options, result, told
+    return found.best.law.options, result, findings
 
 
 def noise_of(fit: Fit, options: TuneOptions, logs: StepSet | None) -> tuple[float, str]:
@@ -183,10 +183,10 @@ def _replayed(
         return gains, [finding("nothing-to-replay-on", "model")]
     rc, pi, part = rc_gains(gains), pi_gains(gains), gains.rc
     assert rc is not None and pi is not None and part is not None and part.ultimate_bound is not None
-    told = []
+    findings = []
     most, highest = float(wanted.torque_nm.max()), float(steady_torque(plant, plant.u_range[1]))
     if most > highest:
-        told.append(
+        findings.append(
             finding("reference-beyond-plant", "model", reference=name, asked=most, highest=highest,
                     unit=gains.output_unit)
         )  # fmt: skip
@@ -195,13 +195,13 @@ def _replayed(
     slope, Q_M = wanted.steepest_nm_s, part.Q_M
     assert Q_M is not None
     if not given and slope > Q_M * (1 + 1e-9):
-        told.append(finding("slope-above-q-max", "rc", slope=slope, Q_M=Q_M, reference=name))
+        findings.append(finding("slope-above-q-max", "rc", slope=slope, Q_M=Q_M, reference=name))
     bound = msgspec.structs.replace(part.ultimate_bound, replayed_nm=by_rc.max_abs_error_nm)
     return msgspec.structs.replace(
         gains, rc=msgspec.structs.replace(part, ultimate_bound=bound),
         replayed=Replayed(name, slope, wanted.counted_from_s, by_rc, by_pi),
         guarantee=_judged(gains.guarantee, slope),
-    ), told  # fmt: skip
+    ), findings  # fmt: skip
 
 
 def _judged(verdict: Guarantee | None, slope: float) -> Guarantee | None:
@@ -209,7 +209,7 @@ def _judged(verdict: Guarantee | None, slope: float) -> Guarantee | None:
         return None
     return guarantee(
         [
-            condition(one.name, slope, one.available, one.unit) if one.name == "Q_M" else one
-            for one in verdict.conditions
+            condition(each.name, slope, each.available, each.unit) if each.name == "Q_M" else each
+            for each in verdict.conditions
         ]
     )

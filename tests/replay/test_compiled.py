@@ -99,7 +99,7 @@ def test_every_controller_is_the_same_in_machine_code(law, plant, name, rig):
     n = len(REFERENCE)
     torque, _, duty, *_ = filled = tuple(np.empty((6, n)))
     gains = controller.gains._make(float(v) if isinstance(v, int) else v for v in controller.gains)
-    compiled.one(controller.step)(
+    compiled.loop_alone(controller.step)(
         gains, controller.start, plant, rig_numbers(rig, DT), DT,
         inputs_of(controller, np.array(REFERENCE), rig, DT, 3), filled,
     )  # fmt: skip
