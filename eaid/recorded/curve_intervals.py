@@ -8,9 +8,12 @@ import numpy as np
 from eaid.arrays import Array
 from eaid.recorded.bias import CurveBias
 from eaid.recorded.intervals import Spread
+from eaid.recorded.profile import FARTHEST, score_test
 from eaid.recorded.solve import Solved
 
 CURVES = ("Ts", "tau1", "tau2")
+PARABOLA = 0.05
+"""Half-width in the logarithm up to which a parabola is a picture of the cost."""
 
 
 def held(solved: Solved) -> set[str]:
@@ -39,20 +42,20 @@ def curves(solved: Solved, sure: Spread, duty: Array) -> CurveSpread:
     """Intervals of log T_s, log τ1, log τ2 at some inputs within the range."""
     slopes = solved.setup.model.slopes(duty, solved.setup.size)
     values = slopes @ solved.x
-    half = np.full_like(values, np.inf)
-    for at in np.argwhere(values > 0):
-        k, i = at.tolist()
-        half[k, i] = min(sure.of(slopes[k, i]) / values[k, i], 50.0)
-    for k, name in enumerate(CURVES):  # what a constraint holds is not estimated
-        if name in held(solved):
-            half[k] = np.inf
+    constrained = held(solved)  # what a constraint holds is not estimated
+    test = score_test(solved, sure) if solved.instruments is None else None
+    off = np.full((2, *values.shape), np.inf)  # both ends in log, downwards and upwards
+    for k, i in np.argwhere(values > 0).tolist():
+        half = sure.of(slopes[k, i])
+        if CURVES[k] in constrained:
+            continue
+        off[:, k, i] = half / values[k, i]
+        if test is not None and PARABOLA < half / values[k, i] < FARTHEST:
+            off[:, k, i] = test.ends(slopes[k, i], half)
     values = np.where(slopes.any(axis=2), values, np.nan)
-    half = np.minimum(half, 700.0)
-    low, high = values * np.exp(-half), values * np.exp(np.minimum(half, 50.0))
-    for x in sure.rivals:
-        other = slopes @ x
-        low, high = np.minimum(low, other * np.exp(-half)), np.maximum(high, other * np.exp(np.minimum(half, 50.0)))
-    with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+        minima = np.stack([values, *(slopes @ x for x in sure.rivals)])
+        low, high = (minima * np.exp(-off[0])).min(axis=0), (minima * np.exp(off[1])).max(axis=0)
         wide = np.where(low > 0, np.sqrt(high / low) - 1, np.inf)
     return CurveSpread(duty, values, low, high, wide)
 

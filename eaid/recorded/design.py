@@ -20,7 +20,6 @@ import numpy as np
 from eaid.arrays import Array
 from eaid.models.parameters import Nonlinear
 from eaid.recorded import model
-from eaid.recorded.intervals import PRIOR
 from eaid.recorded.noise import engagements
 from eaid.recorded.problem import Setup
 from eaid.recorded.sequence import PARAMETERS, Holds, Limits, breaks_of, check, drive_of_sequence
@@ -35,6 +34,8 @@ HOLDS = 9
 """Holds that it chooses from, log-spaced."""
 POWER = 8
 """Of the mean that stands for the worst ratio while levels and holds are exchanged."""
+DEGREES = 20.0
+"""Degrees of freedom that a recording's intervals are taken to have."""
 SWEEPS = 2
 ROUNDS = 5
 MARGIN = 0.9
@@ -152,7 +153,7 @@ class Judge:
             return np.full((3, DUTIES), np.inf)
         V = back @ omega @ back
         variance = np.einsum("kdi,ij,kdj->kd", self.slopes, V, self.slopes)
-        half = t_quantile(PRIOR) * np.sqrt(np.maximum(variance, 0.0))
+        half = t_quantile(DEGREES) * np.sqrt(np.maximum(variance, 0.0))
         if any(self.noise.scatter):
             which = engagements(drive)[drive.w > 0]
             parts = np.split(J, np.flatnonzero(np.diff(which)) + 1)

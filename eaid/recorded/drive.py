@@ -7,6 +7,7 @@ step fits); where it moves all the time, samples are averaged over equal blocks.
 
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
+from typing import Any
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
@@ -43,7 +44,7 @@ class Drive:
     """Squares that no response of these rows can take away."""
 
     @property
-    def arrays(self) -> tuple[Array | NDArray[np.int64], ...]:
+    def arrays(self) -> tuple[Any, ...]:
         """What the kernel takes of its rows."""
         return self.dt_s, self.index, self.rising, self.y, self.w
 

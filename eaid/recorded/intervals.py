@@ -9,10 +9,12 @@ Z is J but where an instrument stands in for it. Ω is estimated in two ways:
     stretches Σ over moving stretches of several lengths of s s', s = Σ Z_k' r_k over the stretch (Bartlett weights)
 
 The first is precise and leans on the noise being alike everywhere; the second leans on nothing, and is worth no more
-than the stretches in which a function is decided. A function's variance is their mean, weighted by these degrees of
-freedom and `PRIOR` for the first. Where the logs hold four engagements or more (stretches under load between returns to
-rest, and whole logs) and their gains differ, these are taken out of r, and what they do is added: σ² H⁻¹ Σ s s' H⁻¹,
-s = Σ Z T of an engagement. Directions that an active constraint holds are left out.
+than the stretches in which a function is decided. A function's variance is their mean, weighted by these and by the
+degrees of freedom of the first, two for each line of the spectra that carries it (Satterthwaite). Both come from the
+same residuals: the mean has no more degrees of freedom than the first. Where the logs hold four engagements or more
+(stretches under load between returns to rest, and whole logs) and their gains differ, these are taken out of r, and
+what they do is added: σ² H⁻¹ Σ s s' H⁻¹, s = Σ Z T of an engagement. Directions that an active constraint holds are
+left out.
 """
 
 from collections.abc import Sequence
@@ -23,7 +25,7 @@ from numpy.typing import NDArray
 from scipy.stats import t as student
 
 from eaid.arrays import Array
-from eaid.recorded.noise import Piece, by_spectrum, moving, piece_of
+from eaid.recorded.noise import Lines, Piece, by_spectrum, moving, piece_of
 from eaid.recorded.scatter import Scatter, scatter_of
 from eaid.recorded.solve import Solved, idle_of
 
@@ -31,8 +33,6 @@ WINDOWS_S = (0.3, 1.0, 3.0, 10.0)
 """Lengths of the stretches [s]."""
 LONGEST = 1 / 24
 """Longest stretch, as a part of all logs together."""
-PRIOR = 20.0
-"""Degrees of freedom that the noise's own estimate counts as."""
 SEEN = 2e-3
 """Gains of engagements that noise makes so different more rarely than this scatter."""
 RIVAL = 4.0
@@ -54,6 +54,8 @@ class Spread:
 
     noise: Array
     """Covariance of the unknowns by the noise's own estimate."""
+    lines: tuple[Lines, ...]
+    """What it rests on, log by log."""
     stretches: tuple[Scores, ...]
     between: Array
     """Covariance by scatter between engagements."""
@@ -78,8 +80,10 @@ class Spread:
         own = max(float(gradient @ self.noise @ gradient), 0.0)
         widest = max(self.stretches, key=lambda one: float(gradient @ one.covariance @ gradient))
         counted = _degrees(squares, widest.groups)
-        degrees = PRIOR + counted
-        within = (PRIOR * own + counted * max(float(gradient @ widest.covariance @ gradient), 0.0)) / degrees
+        parts = np.array([one.degrees(along) for one in self.lines])  # variance and degrees of freedom of each log
+        degrees = max(float(parts[:, 0].sum() ** 2 / max((parts[:, 0] ** 2 / parts[:, 1]).sum(), 1e-300)), 1.0)
+        within = max(float(gradient @ widest.covariance @ gradient), 0.0)
+        within = (degrees * own + counted * within) / (degrees + counted)
         between = max(float(gradient @ self.between @ gradient), 0.0)
         if between == 0.0:
             return within, degrees
@@ -125,11 +129,10 @@ def spread(solved: Solved) -> Spread:
     span = sum(one.bin_s * len(one.r) for one in pieces)
     memory = max(one.memory_s for one in pieces)
     free = directions(solved)
-    middle = free.T @ H @ free
-    scale = np.sqrt(np.maximum(np.abs(np.diagonal(middle)), 1e-300))
-    pull = free @ (np.linalg.pinv(middle / np.outer(scale, scale), rcond=1e-13) / np.outer(scale, scale)) @ free.T
+    pull = free @ inverse(free.T @ H @ free) @ free.T
     white = _root(pull)
-    noise = pull @ sum((by_spectrum(one, pull) for one in pieces), np.zeros((n, n))) @ pull.T
+    lines = tuple(by_spectrum(one, pull) for one in pieces)
+    noise = pull @ sum((one.total for one in lines), np.zeros((n, n))) @ pull.T
     stretches: list[Scores] = []
     for window in WINDOWS_S:
         if window > LONGEST * span and stretches:
@@ -141,7 +144,14 @@ def spread(solved: Solved) -> Spread:
     between = _between(pieces, pull) * scatter.gain**2 * (scatter.chance <= SEEN)
     unit = solved.cost / setup.samples * max(1.0, 2 * memory * setup.samples / span)
     rivals = tuple(x for x, cost in solved.rivals if cost - solved.cost <= RIVAL * unit)
-    return Spread(noise, tuple(stretches), between, scatter, pull, tuple(one.plain for one in pieces), memory, rivals)
+    slopes = tuple(one.plain for one in pieces)
+    return Spread(noise, lines, tuple(stretches), between, scatter, pull, slopes, memory, rivals)
+
+
+def inverse(H: Array) -> Array:
+    """H⁻¹, in scaled form, of what the data determine at all, (p, p)."""
+    scale = np.sqrt(np.maximum(np.abs(np.diagonal(H)), 1e-300))
+    return np.asarray(np.linalg.pinv(H / np.outer(scale, scale), rcond=1e-13) / np.outer(scale, scale))
 
 
 def _root(pull: Array) -> Array:

@@ -13,8 +13,11 @@ residual.
 
 import numba
 import numpy as np
+from numpy.typing import NDArray
 
 from eaid.arrays import Array
+
+Integers = NDArray[np.int64]
 
 CHUNK = 256
 """Rows that are multiplied together."""
@@ -147,7 +150,7 @@ def products(
 
 @numba.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
 def by_holds(
-    first: Array, index: Array, rising: Array, dt: Array, y: Array,
+    first: Integers, index: Integers, rising: Integers, dt: Array, y: Array,
     steady: Array, tau1: Array, tau2: Array, rest: Array, scalars: Array, start: Array,
 ) -> tuple[float, Array, Array]:  # fmt: skip
     """Σ r², r = response − y where y is a number, and its halved derivatives by T_s, τ1, τ2 of the inputs, (3, m), and

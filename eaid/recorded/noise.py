@@ -17,6 +17,8 @@ SMOOTH = 0.25
 """Half-width over which the noise's spectrum is smoothed, as a part of its corner frequency …"""
 LEAST_LEFT = 0.25
 """A line keeps at least this part of its power."""
+SMALL = 9.0
+"""An output is small or large beside its mean square over this."""
 QUARTERS = 4
 """Stretches begin at every quarter of their length."""
 FEWEST = 8
@@ -72,12 +74,47 @@ def piece_of(Z: Array, r: Array, at: NDArray[np.intp], n: int, drive: Drive, idl
     )
 
 
-def by_spectrum(piece: Piece, pull: Array) -> Array:
-    """Variance of Σ Z r for noise S0(f) + T² S1(f), (p, p); `pull` is H⁻¹.
+@dataclass(frozen=True, eq=False)
+class Lines:
+    """Noise by its two spectra, S0 and T² S1, line by line (m of them)."""
 
-    The residuals are looked at through two windows w, one that is wide where T is small and one that is T itself; the
-    power of each is S0 Σ w² + S1 Σ w² T², two equations for two spectra. The fit takes power out of the residuals where
-    its unknowns act, mostly at low frequencies: of each line Σ w² − F(w Z)* H⁻¹ F(w Z) of Σ w² is left.
+    slopes: NDArray[np.complex128]
+    """√S F(Z) and √S1 F(Z T), (2, m, p)."""
+    apart: Array
+    """Part of the lines that are independent of each other, of both: the log's length over that with its zeros, less
+    where the noise is small, (2,)."""
+    left: Array
+    """Part of their power that the fit leaves, (2, m)."""
+    half: int
+    """Half-width over which they were smoothed."""
+
+    @property
+    def total(self) -> Array:
+        """Variance of Σ Z r, (p, p)."""
+        F = self.slopes
+        return np.asarray(np.tensordot(F.conj(), F, axes=((0, 1), (0, 1))).real)
+
+    def degrees(self, along: Array) -> tuple[float, float]:
+        """Variance of Σ Z r along a direction, and its degrees of freedom: two for each line that carries it.
+
+        With V = Σ b S, S the power of a line, of χ² with two degrees, they are 2 (Σ b S)²/Σ (b S)² (Satterthwaite).
+        """
+        parts = np.abs(self.slopes @ along) ** 2
+        spread = 0.0
+        for part, apart, left in zip(parts, self.apart, self.left, strict=True):
+            even = _smoothed(part, self.half)
+            spread += float((even**2 / left).sum()) / apart
+        total = float(parts.sum())
+        return total, max(2 * total**2 / spread, 1.0) if spread > 0 else 1.0
+
+
+def by_spectrum(piece: Piece, pull: Array) -> Lines:
+    """The variance of Σ Z r for noise S0(f) + T² S1(f); `pull` is H⁻¹.
+
+    The residuals are looked at through two windows w, one that is wide where T is small and one that is 1/T where T is
+    large, so that noise that goes with T counts alike there; the power of each is S0 Σ w² + S1 Σ w² T², two equations
+    for two spectra. The fit takes power out of the residuals where its unknowns act, mostly at low frequencies: of each
+    line Σ w² − F(w Z)* H⁻¹ F(w Z) of Σ w² is left.
     """
     n = len(piece.r)
     size = 2 ** int(np.ceil(np.log2(2 * n)))
@@ -87,13 +124,13 @@ def by_spectrum(piece: Piece, pull: Array) -> Array:
     half = min(half, size // 2)
     T2 = piece.size**2
     middle = max(float(T2.mean()), 1e-300)
-    windows = np.stack([1 / (1 + 9 * T2 / middle), np.sqrt(T2 / middle)])
-    power = np.empty((2, size // 2 + 1))
+    windows = np.stack([1 / (1 + SMALL * T2 / middle), np.sqrt(T2 * middle) / (middle / SMALL + T2)])
+    power, lefts = np.empty((2, size // 2 + 1)), np.empty((2, size // 2 + 1))
     for k, w in enumerate(windows):
         F = np.fft.rfft(w[:, None] * piece.plain, size, axis=0)
         taken = ((F.conj() @ pull) * F).sum(axis=1).real / piece.rows / float(w @ w)
-        left = np.maximum(1 - _smoothed(taken, half), LEAST_LEFT)
-        power[k] = _smoothed(np.abs(np.fft.rfft(w * piece.r, size)) ** 2, half) / left
+        lefts[k] = np.maximum(1 - _smoothed(taken, half), LEAST_LEFT)
+        power[k] = _smoothed(np.abs(np.fft.rfft(w * piece.r, size)) ** 2, half) / lefts[k]
     A = np.array([[float((w * w).sum()), float((w * w * T2).sum())] for w in windows])
     if abs(np.linalg.det(A)) < 1e-3 * A[0, 0] * A[1, 1]:  # the output hardly changes: one spectrum
         spectra = np.stack([power.sum(axis=0) / A[:, 0].sum(), np.zeros(power.shape[1])])
@@ -103,13 +140,13 @@ def by_spectrum(piece: Piece, pull: Array) -> Array:
         spectra[0] = np.where(spectra[1] < 0, alone[0], spectra[0])
         spectra[1] = np.where(spectra[0] < 0, alone[1], spectra[1])
         spectra = np.maximum(spectra, 0.0)
-    twice = np.full(power.shape[1], 2.0)
-    twice[0] = twice[-1] = 1.0
-    total = np.zeros((piece.plain.shape[1],) * 2)
-    for S, slopes in zip(spectra, (piece.plain, piece.scaled), strict=True):
-        F = np.fft.rfft(slopes, size, axis=0)
-        total += (F.conj().T @ (F * (twice * S)[:, None])).real / size
-    return total
+    twice = np.full(power.shape[1], 2.0 / size)
+    twice[0] = twice[-1] = 1.0 / size
+    F = [np.fft.rfft(slopes, size, axis=0) * np.sqrt(twice * S)[:, None]
+         for S, slopes in zip(spectra, (piece.plain, piece.scaled), strict=True)]  # fmt: skip
+    seen = [w**2 * own for w, own in zip(windows, (np.ones(n), T2), strict=True)]
+    apart = [float(v.sum() ** 2 / max(float(v @ v), 1e-300)) / size for v in seen]
+    return Lines(np.stack(F), np.stack(apart), np.stack(lefts), half)
 
 
 def _smoothed(values: Array, half: int) -> Array:
