@@ -19,7 +19,7 @@ from eaid.models.parameters import TAU_FLOOR_S, Nonlinear
 
 DEGREES = (3, 2, 2)
 """Degrees of T_s, τ1, τ2."""
-HELD = ("tau1-floor", "tau2-meets-tau1", "Ts-zero", "tau2-endless")
+CONSTRAINTS = ("tau1-floor", "tau2-meets-tau1", "Ts-zero", "tau2-endless")
 """Codes of the constraints, in the order of their rows, 101 of each."""
 
 
@@ -160,15 +160,15 @@ def constraints(basis: Basis, longest_s: float) -> tuple[Array, Array, Callable[
 
 
 def _code(basis: Basis, i: int) -> str:
-    count = len(HELD) * len(basis.duties)
-    return HELD[i // len(basis.duties)] if i < count else ("C-zero", "C-one")[i - count]
+    count = len(CONSTRAINTS) * len(basis.duties)
+    return CONSTRAINTS[i // len(basis.duties)] if i < count else ("C-zero", "C-one")[i - count]
 
 
-def held_at(basis: Basis, active: Sequence[int]) -> dict[str, tuple[float, ...]]:
+def active_at(basis: Basis, active: Sequence[int]) -> dict[str, tuple[float, ...]]:
     """Active constraints by code, and the inputs at which each holds."""
     found: dict[str, list[float]] = {}
     for i in active:
         at = found.setdefault(_code(basis, i), [])
-        if i < len(HELD) * len(basis.duties):
+        if i < len(CONSTRAINTS) * len(basis.duties):
             at.append(float(basis.duties[i % len(basis.duties)]))
     return {code: tuple(at) for code, at in found.items()}

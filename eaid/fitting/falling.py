@@ -12,9 +12,8 @@ from eaid.fitting.compress import Points
 from eaid.fitting.data import Data
 from eaid.fitting.problem import ROUNDING, Problem
 from eaid.fitting.samples import decay
-from eaid.fitting.solver import approach, ended
 from eaid.fitting.starts import RECORDS, Indices, grid_bowls, grid_fits, start_grid, tau_limits
-from eaid.fitting.verdict import concluded
+from eaid.fitting.verdict import minimised
 from eaid.results.common import Solver
 
 MOST = 3
@@ -46,7 +45,7 @@ class _Sums:
     """Second derivatives, (N, 2, 2)."""
 
 
-def each_alone(data: Data, shares: Array) -> list[Solved]:
+def fit_each_release(data: Data, shares: Array) -> list[Solved]:
     """Every level by itself."""
     level, x = _starts(data, shares)
     return [solve(data.one(i), shares[i : i + 1], x[level == i]) for i in range(len(shares))]
@@ -88,7 +87,7 @@ def solve(data: Data, shares: Array, starts: Array) -> Solved:
     problem = Problem(normal, A, b, names.__getitem__, lambda x: sums(x).exact.sum(axis=0), floor)
     starts = np.clip(starts, b[0], -b[2])
     order = np.argsort([problem.value(start)[0] for start in starts], kind="stable")[:MOST]
-    end, solver, _ = concluded(problem, ended([approach(problem, starts[k]) for k in order], problem), on_all)
+    end, solver, _ = minimised(problem, starts[order], on_all)
     parts = _on_every_sample(np.tile(end.x, (len(shares), 1)), data, shares)[2]
     return Solved(np.exp(end.x), solver, parts)
 

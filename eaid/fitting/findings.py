@@ -2,24 +2,27 @@
 
 from collections.abc import Mapping, Sequence
 
+from eaid.arrays import Array
 from eaid.findings import Finding, finding
 from eaid.fitting.data import Data
+from eaid.fitting.metrics import explains_little
 from eaid.models.parameters import Linear, Nonlinear
 from eaid.results.common import Solver
-from eaid.results.linear import Bounds, LinearLevel
+from eaid.results.linear import Bounds, LinearLevel, Pooled
+from eaid.results.nonlinear import Estimate
 
 SAME_COST = 1e-6
 """Starts whose costs differ by less than this part have found the same minimum."""
 
 
 def nonlinear_findings(
-    p: Nonlinear, solver: Solver, held_at: Mapping[str, Sequence[float]], held_out: Sequence[float]
+    p: Nonlinear, solver: Solver, active_at: Mapping[str, Sequence[float]], held_out: Sequence[float]
 ) -> list[Finding]:
-    """Doubts about the ten coefficients; `held_at`: the constraints that hold them, and where."""
+    """Doubts about the ten coefficients; `active_at`: the constraints that hold them, and where."""
     found = []
     if not solver.converged:
         found.append(finding("fit-not-converged", "nonlinear", predicted_decrease=solver.predicted_decrease))
-    for code, at in held_at.items():
+    for code, at in active_at.items():
         found.append(finding("constraint-holds", "nonlinear", sorted({*at[:1], *at[-1:]}), constraint=code))
     costs = solver.costs
     best = min(costs)
@@ -29,6 +32,13 @@ def nonlinear_findings(
     if outside := [u for u in held_out if not p.u_range[0] <= u <= p.u_range[1]]:
         found.append(finding("held-out-beyond-the-levels", "nonlinear", outside))
     return found
+
+
+def missed(subject: str, data: Data, residuals: Sequence[Array], model: Estimate | Pooled) -> list[Finding]:
+    """Said where a model misses the curves themselves."""
+    if not explains_little([record.y for record in data.records], residuals):
+        return []
+    return [finding("model-explains-little", subject, R2=model.R2, fit_pct=model.fit_pct)]
 
 
 def linear_findings(

@@ -17,8 +17,8 @@ from eaid.fitting.descent import descend, last_step
 from eaid.fitting.kernel import by_log, log_curvature, log_products, weighted_shares
 from eaid.fitting.levels import LEAST_LOG, MOST_LOG
 from eaid.fitting.problem import ROUNDING, Problem
-from eaid.fitting.solver import SETTLED, approach, ended
-from eaid.fitting.verdict import concluded, judged
+from eaid.fitting.solver import SETTLED
+from eaid.fitting.verdict import judged, minimised
 from eaid.results.common import Solver
 
 A0_GRID = 40
@@ -78,8 +78,7 @@ def fit_first_order(data: Data, design: Array) -> FirstOrder:
         ROUNDING * data.energy,
     )
     starts = _best_of_grid(data, design, np.geomspace(first, 3 * data.longest_s, A0_GRID))
-    ends = ended([approach(problem, start) for start in starts], problem)
-    end, solver, _ = concluded(problem, ends, full)
+    end, solver, _ = minimised(problem, starts, full)
     return FirstOrder(float(np.exp(end.x[0])), design @ end.x[1:], end.x[1:], end.cost, solver)
 
 
@@ -150,7 +149,7 @@ def _is_minimum(costs: Array) -> NDArray[np.bool_]:
     return (costs <= inside[:, :-2]) & (costs <= inside[:, 2:])
 
 
-def fit_own_levels(data: Data) -> list[FirstOrder]:
+def fit_each_level(data: Data) -> list[FirstOrder]:
     """τ and gain of each level on its own: all together, and judged on the full data together.
 
     A level that has several minima over τ, or has not settled, is fitted alone.

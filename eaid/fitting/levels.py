@@ -12,9 +12,9 @@ from eaid.fitting.descent import last_step, solved
 from eaid.fitting.free_share import every_sample, free_problem, free_starts
 from eaid.fitting.kernel import by_log, log_curvature, log_products, weighted_shares
 from eaid.fitting.problem import ROUNDING, TINY, Problem
-from eaid.fitting.solver import SETTLED, EndPoint, approach, ended
+from eaid.fitting.solver import SETTLED
 from eaid.fitting.starts import RECORDS, STEPS, starting_curves, tau_limits, theta_at, within
-from eaid.fitting.verdict import concluded, judged
+from eaid.fitting.verdict import judged, minimised
 from eaid.models.parameters import TAU_FLOOR_S
 from eaid.results.common import Solver
 from eaid.results.friction import FrictionLevel
@@ -41,7 +41,7 @@ def fit_level(data: Data, share: float | None, starts: Array | None = None) -> F
         limit = RECORDS_FREE * data.longest_s
         problem = free_problem(data, limit)
         begin = free_starts(data) if starts is None else [np.log(np.clip(x, TAU_FLOOR_S, limit)) for x in starts[1:3].T]
-        end, solver, _ = concluded(problem, _ends(problem, begin), lambda x: every_sample(x, data)[:2])
+        end, solver, _ = minimised(problem, begin, lambda x: every_sample(x, data)[:2])
         fast, slow = every_sample(end.x, data)[3]
         theta = np.array([fast + slow, *np.exp(end.x), fast / (fast + slow) if fast + slow > 0 else 1.0])
     else:
@@ -49,13 +49,9 @@ def fit_level(data: Data, share: float | None, starts: Array | None = None) -> F
         problem = level_problem(data, share, limit)
         starts = starting_curves(data, share).theta if starts is None else starts
         begin = [_unknowns(theta, limit) for theta in starts.T]
-        end, solver, _ = concluded(problem, _ends(problem, begin), lambda x: _full(x, data, share))
+        end, solver, _ = minimised(problem, begin, lambda x: _full(x, data, share))
         theta = _theta(end.x, share)
     return _row(float(data.u[0]), [float(value) for value in theta], end.cost, data.samples, solver)
-
-
-def _ends(problem: Problem, begin: Sequence[Array]) -> list[EndPoint]:
-    return ended([approach(problem, x) for x in begin], problem)
 
 
 def _row(level: float, theta: Sequence[float], sse: float, samples: int, solver: Solver) -> FrictionLevel:

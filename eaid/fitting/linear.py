@@ -10,11 +10,11 @@ import msgspec
 import numpy as np
 
 from eaid.arrays import Array
-from eaid.findings import Finding, finding
+from eaid.findings import Finding
 from eaid.fitting import metrics, robust
 from eaid.fitting.data import Data
-from eaid.fitting.findings import linear_findings
-from eaid.fitting.first_order import FirstOrder, fit_first_order, fit_own_levels
+from eaid.fitting.findings import linear_findings, missed
+from eaid.fitting.first_order import FirstOrder, fit_each_level, fit_first_order
 from eaid.fitting.options import CONVENTIONS
 from eaid.fitting.samples import decay
 from eaid.models import linear as model
@@ -97,21 +97,20 @@ def linear_fit(
     """The linear model, pooled and per level, with the bounds of B; under `other` weights the pooled model alone."""
     one, left, huber = pooled_linear(data, options)
     p = one.parameters
-    own = fit_own_levels(data)
+    own = fit_each_level(data)
     rows = {name: by_convention(data, own, p, name) for name in CONVENTIONS}
     bounds = {name: bounds_of(row, name, options.bounds_levels) for name, row in rows.items()}
-    missed = [model.step_response(p, level.time_s, level.level) - level.mean for level in held]
+    held_out = [model.step_response(p, level.time_s, level.level) - level.mean for level in held]
     found = linear_findings(data, p, one.solver, rows[options.bounds], bounds[options.bounds])
     found += robust.huber_findings("linear", huber)
-    if metrics.explains_little([record.y for record in data.records], left):
-        found.append(finding("model-explains-little", "linear", R2=one.R2, fit_pct=one.fit_pct))
+    found += missed("linear", data, left, one)
     linear = Linear.of(
         one,
         per_level=rows[options.bounds],
         bounds=bounds[options.bounds],
         conventions=bounds,
         robust=huber,
-        hold_out=metrics.hold_out(held, missed, one.rmse or 0.0),
+        hold_out=metrics.hold_out(held, held_out, one.rmse or 0.0),
         other_weights=pooled_linear(other, options)[0] if isinstance(other, Data) else None,
     )
     if isinstance(other, Finding):

@@ -12,15 +12,15 @@ import msgspec
 import numpy as np
 
 from eaid.arrays import Array
-from eaid.findings import Finding, finding
+from eaid.findings import Finding
 from eaid.fitting import metrics, robust
-from eaid.fitting.basis import Basis, basis_of, constraints, held_at
+from eaid.fitting.basis import Basis, active_at, basis_of, constraints
 from eaid.fitting.broad import broad_starts
 from eaid.fitting.data import Data
-from eaid.fitting.findings import nonlinear_findings
+from eaid.fitting.findings import missed, nonlinear_findings
 from eaid.fitting.kernel import by_tau, level_normal, log_curvature, log_products, weighted_shares
+from eaid.fitting.level_curves import alone, level_curves, polynomial_starts
 from eaid.fitting.levels import SHARES
-from eaid.fitting.own_curves import alone, own_curves, polynomial_starts
 from eaid.fitting.problem import ROUNDING, Problem, draw_in
 from eaid.fitting.samples import residuals
 from eaid.fitting.solver import EndPoint, approach, ended, slsqp
@@ -93,7 +93,7 @@ def fit_nonlinear(data: Data, share: float | None, starts: Sequence[NonlinearMod
     """The least-squares coefficients under the constraints, from our own starts and any given ones."""
     basis = basis_of(data.u, share)
     problem = nonlinear_problem(data, basis)
-    own = [own_curves(data, c) for c in (SHARES if share is None else (share,))]
+    own = [level_curves(data, c) for c in (SHARES if share is None else (share,))]
     begin = [polynomial_starts(curves, basis, problem) for curves in own]
     first = next(begin[0])
 
@@ -128,7 +128,7 @@ def _confirmed(ends: Sequence[EndPoint], data: Data, basis: Basis, problem: Prob
         return float(data.weights @ cost), (gradient * data.weights).ravel() @ M.reshape(-1, basis.size)
 
     end, solver, active = concluded(problem, ends, full)
-    return Solution(basis, end.x, end.cost, solver, held_at(basis, active))
+    return Solution(basis, end.x, end.cost, solver, active_at(basis, active))
 
 
 def nonlinear_fit(
@@ -153,8 +153,7 @@ def nonlinear_fit(
     one = msgspec.structs.replace(estimate(p, data, left, solution.solver, held), C_free=options.held_share is None)
     found = nonlinear_findings(p, solution.solver, solution.held, [level.level for level in held])
     found += robust.huber_findings("nonlinear", huber)
-    if metrics.explains_little([record.y for record in data.records], left):
-        found.append(finding("model-explains-little", "nonlinear", R2=one.R2, fit_pct=one.fit_pct))
+    found += missed("nonlinear", data, left, one)
     beside = None
     if isinstance(other, Data):
         beside = nonlinear_fit(other, options, held, near=[p])[0].estimate

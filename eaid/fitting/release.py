@@ -11,7 +11,7 @@ import numpy as np
 
 from eaid.findings import Finding, finding
 from eaid.fitting.data import Data, data_of
-from eaid.fitting.falling import Solved, each_alone, solve
+from eaid.fitting.falling import Solved, fit_each_release, solve
 from eaid.fitting.metrics import quality
 from eaid.models.parameters import SHARE, Friction
 from eaid.results.friction import FrictionLevel, Release, ReleaseLevel
@@ -31,7 +31,7 @@ def release_fit(
     data = data_of(releases)
     rises = {fit.level: fit.curve for fit in rising}
     shares = np.array([share_reached(rises.get(r.level), held_s.get(r.level), share) for r in releases])
-    alone = each_alone(data, shares)
+    alone = fit_each_release(data, shares)
     pooled = solve(data, shares, np.log([own.tau for own in alone]))
     rows = []
     for release, own, fast, record in zip(releases, alone, shares.tolist(), data.records, strict=True):

@@ -6,13 +6,14 @@ by AICc with the number of independent samples; the paper's form stands unless a
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, cast
 
 import numpy as np
 
 from eaid.arrays import Array
 from eaid.findings import Finding, finding
+from eaid.fitting.metrics import quality
 from eaid.fitting.shape_curves import APART, MOST, SHAPES, Shape, curve, overshoots, slopes
 from eaid.fitting.shape_starts import Points, averaged, delays_of, starts_of
 from eaid.models.parameters import SHARE
@@ -23,8 +24,10 @@ from eaid.steps.stepset import LevelStep
 
 BETTER = 10.0
 """Difference of AICc from which a shape replaces the paper's: 150 to 1."""
-WORTH = {"one": 0.05, "two": 0.05, "free": 0.15, "overshoot": 0.05}
+LEAST_SAVED = {"one": 0.05, "two": 0.05, "free": 0.15, "overshoot": 0.05}
 """Share of the RMSE that a shape has to save before it replaces a simpler one; freeing C alone is no small step."""
+FREE: dict[Shape, tuple[int, ...]] = {"one": (0, 1), "two": (0, 1, 2), "free": (0, 1, 2, 3), "overshoot": (0, 1, 2, 3)}
+"""Which of (change, ln τ1, ln(τ2/τ1), C) a shape leaves free."""
 MISSED = 0.1
 """Share of the change by which the best shape may miss the mean of a sixtieth of the record."""
 LITTLE = 0.5
@@ -39,7 +42,13 @@ class _Candidate:
     dead: bool
     p: Array
     sse: float
-    unknowns: int
+    free: tuple[int, ...]
+    """Which of p are fitted."""
+
+    @property
+    def unknowns(self) -> int:
+        """Those, and the noise's own size."""
+        return len(self.free) + 1
 
     @property
     def name(self) -> str:
@@ -77,19 +86,18 @@ def _candidates(points: Points, step: LevelStep, options: FitOptions, dead: bool
     delays = [given or 0.0] if given is not None or not dead else delays_of(points, window)
     found = []
     for shape, starts in starts_of(points, window, delays, options.held_share or SHARE, wanted).items():
-        free = [0, 1] + ([2] if shape != "one" else []) + ([3] if shape in ("free", "overshoot") else [])
-        free += [4] if dead and given is None else []
+        free = FREE[shape] + ((4,) if dead and given is None else ())
         fits = [_fitted(points, start, shape, free, window) for start in starts]
         if shape == "overshoot" and options.shape == "auto":
             fits = [one for one in fits if overshoots(one[0], window)]
         if fits:
             p, sse = min(fits, key=lambda one: one[1])
-            found.append(_Candidate(shape, dead, p, sse + points.within, len(free) + 1))
+            found.append(_Candidate(shape, dead, p, sse + points.within, free))
     return found
 
 
 def _fitted(
-    points: Points, start: Array, shape: Shape, free: list[int], window: float, tied: bool = False
+    points: Points, start: Array, shape: Shape, free: tuple[int, ...], window: float, tied: bool = False
 ) -> tuple[Array, float]:
     """Least squares from one start by SciPy's trust region, with exact slopes, within bounds.
 
@@ -101,12 +109,12 @@ def _fitted(
     size = max(float(np.abs(points.output).max()), 1e-300)
     share = {"free": (0.01, 0.99), "overshoot": (1.0 + 1e-6, MOST)}.get(shape, (-1.0, 2.0))
     closest = math.log(APART) if shape == "overshoot" else 0.0
-    low = np.array([-100 * size, math.log(window * 1e-6), closest, share[0], 0.0])[free]
-    high = np.array([100 * size, math.log(50 * window), math.log(1e4), share[1], 0.9 * window])[free]
+    low = np.array([-100 * size, math.log(window * 1e-6), closest, share[0], 0.0])[[*free]]
+    high = np.array([100 * size, math.log(50 * window), math.log(1e4), share[1], 0.9 * window])[[*free]]
 
     def whole(x: Array) -> Array:
         p = start.copy()
-        p[free] = x
+        p[[*free]] = x
         if tied:
             p[2] = math.log(window) - p[1]
         return p
@@ -118,13 +126,13 @@ def _fitted(
         by = slopes(whole(x), points.time_s)
         if tied:
             by[:, 1] -= by[:, 2]
-        return np.asarray(root[:, np.newaxis] * by[:, free] / size)
+        return np.asarray(root[:, np.newaxis] * by[:, [*free]] / size)
 
     if tied:
-        free = [k for k in free if k != 2]
+        free = tuple(k for k in free if k != 2)
         low, high = np.delete(low, 2), np.delete(high, 2)
         high[1] = math.log(window / APART)
-    inside = np.clip(start[free], low + 1e-9 * (high - low), high - 1e-9 * (high - low))
+    inside = np.clip(start[[*free]], low + 1e-9 * (high - low), high - 1e-9 * (high - low))
     settings: dict[str, Any] = {"x_scale": "jac", "ftol": 1e-12, "xtol": 1e-12, "gtol": 1e-12, "max_nfev": 100}
     found = least_squares(residual, inside, jacobian, bounds=(low, high), **settings)
     p = whole(np.asarray(found.x))
@@ -134,10 +142,8 @@ def _fitted(
 
 
 def _refined(one: _Candidate, points: Points, step: LevelStep) -> _Candidate:
-    free = [0, 1] + ([2] if one.shape != "one" else []) + ([3] if one.shape in ("free", "overshoot") else [])
-    free += [4] if one.unknowns > len(free) + 1 else []
-    p, sse = _fitted(points, one.p, one.shape, free, float(step.time_s[-1]))
-    return _Candidate(one.shape, one.dead, p, sse, one.unknowns)
+    p, sse = _fitted(points, one.p, one.shape, one.free, float(step.time_s[-1]))
+    return replace(one, p=p, sse=sse)
 
 
 def independent(left: Array) -> float:
@@ -170,7 +176,7 @@ def _chosen(tried: list[_Candidate], scores: dict[str, float]) -> _Candidate:
         chosen = simple
     order = sorted(named, key=lambda name: (named[name].unknowns, scores[name]))
     for name in order:
-        better = named[name].sse < (1 - WORTH[named[name].shape]) ** 2 * named[chosen].sse
+        better = named[name].sse < (1 - LEAST_SAVED[named[name].shape]) ** 2 * named[chosen].sse
         if better and scores[name] < scores[chosen] - BETTER:
             chosen = name
     return named[chosen]
@@ -198,15 +204,15 @@ def _result(
 ) -> StepShape:
     p = one.p
     left = y - curve(p, step.time_s)
-    sse, total = float(left @ left), float(((y - y.mean()) ** 2).sum())
-    r2 = None if total == 0 else 1 - sse / total
+    sse = float(left @ left)
+    rmse = math.sqrt(sse / len(left))
+    fit_pct, r2 = quality(sse, [y])
     found: list[Finding] = []
     if r2 is not None and r2 < LITTLE and independent(left) < len(left) / 4:
         found.append(finding("shape-explains-little", step.name, (step.level,), R2=r2, shape=one.shape))
     else:
         found += _missed(step, left, float(p[0]))
     if plain_rmse is not None:
-        rmse = math.sqrt(sse / len(left))
         said = {"shape": one.shape, "dead_time_s": float(p[4]), "rmse": rmse, "plain_rmse": plain_rmse}
         saved = 100 * (1 - rmse / plain_rmse)
         found.append(finding("other-shape-fits-better", step.name, (step.level,), **said, saved_pct=saved))
@@ -225,8 +231,8 @@ def _result(
         tau2=None if single else float(np.exp(p[1] + p[2])),
         C=1.0 if single else float(p[3]),
         dead_time_s=float(p[4]),
-        rmse=math.sqrt(sse / len(left)),
-        fit_pct=None if total == 0 else 100 * (1 - math.sqrt(sse / total)),
+        rmse=rmse,
+        fit_pct=fit_pct,
         R2=r2,
         samples=len(left),
         evidence={name: score - best for name, score in scores.items()},

@@ -4,13 +4,13 @@ At the end point the constrained Newton step d solves min g'd + d'Hd/2 with A (x
 predicts, relative to the cost, has to be nothing.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 
 import numpy as np
 
 from eaid.arrays import Array
 from eaid.fitting.problem import Problem, inside, newton_step, rounding
-from eaid.fitting.solver import SETTLED, EndPoint
+from eaid.fitting.solver import SETTLED, EndPoint, approach, ended
 from eaid.results.common import Solver, StartCost
 
 FINISHED = 1e-15
@@ -67,6 +67,13 @@ def judged(predicted: float, evaluations: int, costs: Sequence[float], at_bounds
         starts=tuple(StartCost(float(cost)) for cost in costs),
         at_bounds=tuple(dict.fromkeys(at_bounds)),
     )
+
+
+def minimised(
+    problem: Problem, starts: Iterable[Array], full: Callable[[Array], tuple[float, Array]]
+) -> tuple[EndPoint, Solver, tuple[int, ...]]:
+    """The least of what feasible starts lead to, `concluded`."""
+    return concluded(problem, ended([approach(problem, start) for start in starts], problem), full)
 
 
 def concluded(

@@ -8,7 +8,7 @@ import numpy as np
 
 from eaid.arrays import Array
 from eaid.fitting.data import data_of
-from eaid.fitting.first_order import fit_own_levels
+from eaid.fitting.first_order import fit_each_level
 from eaid.fitting.linear import bounds_of, by_convention
 from eaid.fitting.metrics import errors
 from eaid.fitting.options import CONVENTIONS
@@ -164,7 +164,7 @@ def linear_part(solved: Solved, base: Solved, levels: Array) -> Linear:
     pooled = Eq8(a0, a0 * slope, a0 * offset)
     total = errors(solved.outputs, solved.missed)
     data = data_of(_own_steps(base, levels))
-    rows = {name: by_convention(data, fit_own_levels(data), pooled, name) for name in CONVENTIONS}
+    rows = {name: by_convention(data, fit_each_level(data), pooled, name) for name in CONVENTIONS}
     conventions = {name: bounds_of(row, name, None) for name, row in rows.items()}
     return Linear(
         a0=pooled.a0,

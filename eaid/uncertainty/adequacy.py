@@ -13,7 +13,7 @@ from scipy.special import fdtri
 
 from eaid.arrays import Array
 from eaid.findings import Finding, finding
-from eaid.fitting.first_order import fit_own_levels
+from eaid.fitting.first_order import fit_each_level
 from eaid.fitting.kernel import level_costs
 from eaid.models import friction
 from eaid.models.parameters import Friction
@@ -26,7 +26,7 @@ from eaid.uncertainty.levels import log_theta
 from eaid.uncertainty.linear_intervals import convention
 from eaid.uncertainty.orders import leave_one_level_out, orders_of, raised_orders
 from eaid.uncertainty.refit import free_parameters, refit
-from eaid.uncertainty.run_statistics import own_residuals
+from eaid.uncertainty.run_statistics import run_residuals
 from eaid.uncertainty.shapes import (
     Shape,
     best_fits,
@@ -150,7 +150,7 @@ def _shapes(
     if fit.linear is not None and convention(fit.linear) != "pooled-dynamics":
         single = np.array([row.sse for row in fit.linear.per_level])
     else:
-        single = np.array([one.cost for one in fit_own_levels(base.data)])
+        single = np.array([one.cost for one in fit_each_level(base.data)])
     found = [
         ("one exponential", 2, np.maximum(single, two)),
         (f"two exponentials, C = {share:g}", 3, two),
@@ -182,7 +182,7 @@ def _other(base: LevelStatistics, shape: Shape, starts: Callable[[Friction], Arr
     for level, theta in zip(base.levels, best, strict=True):
         fitted, slopes = (found[0] for found in shape(theta[None], level.time_s))
         left.append(level.mean - fitted)
-        row = lack_of_fit(level, own_residuals(level.runs, fitted, slopes))
+        row = lack_of_fit(level, run_residuals(level.runs, fitted, slopes))
         missed += row is not None and row.beyond
     return left, missed
 

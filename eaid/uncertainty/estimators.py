@@ -16,7 +16,7 @@ from eaid.results.fit import Fit
 from eaid.results.nonlinear import Agreement, Disagreement, Estimate, Nonlinear
 from eaid.steps.stepset import Level
 from eaid.uncertainty import nonlinear_intervals, weightings
-from eaid.uncertainty.identifiability import nonlinear_verdict
+from eaid.uncertainty.identifiability import identifiable, nonlinear_findings
 from eaid.uncertainty.joint import BLOCKS, curves_apart, with_white_covariance
 from eaid.uncertainty.level_statistics import LevelStatistics
 from eaid.uncertainty.weightings import weights_array
@@ -60,11 +60,11 @@ def believed(
         kept, model = list(fit.findings), msgspec.structs.replace(joint, two_stage=two_stage)
         more += weightings.findings("nonlinear", joint, weighted, base)
     data = fit.data
-    verdict = nonlinear_verdict(model, base, data.input_unit, data.output_unit, with_levels=fit.friction is None)
+    found_open = nonlinear_findings(model, base, data.input_unit, data.output_unit, with_levels=fit.friction is None)
     model = msgspec.structs.replace(
-        model, because=because, identifiable=verdict.identifiable, other_weights=other, agreement=(says, weighted)
+        model, because=because, identifiable=identifiable(found_open), other_weights=other, agreement=(says, weighted)
     )
-    return msgspec.structs.replace(fit, nonlinear=model, findings=(*kept, *verdict.findings, *more))
+    return msgspec.structs.replace(fit, nonlinear=model, findings=(*kept, *found_open, *more))
 
 
 def agreement(found: nonlinear_intervals.Estimates, stats: LevelStatistics) -> Agreement:

@@ -5,13 +5,13 @@ the runs allow one beyond the record. Beside the range of τ2 stands how well th
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
 from eaid.arrays import Array
 from eaid.findings import Finding, Value, finding
 from eaid.models.trends import FORMS
+from eaid.results.fit import NOT_IDENTIFIABLE
 from eaid.results.friction import Friction
 from eaid.results.linear import Linear, PooledIntervals
 from eaid.results.nonlinear import Estimate
@@ -23,24 +23,9 @@ ALIKE = 0.3
 """Scatter between runs counts as seen where it is more than this part of a level's variance."""
 
 
-@dataclass(frozen=True)
-class Verdict:
-    """Whether the data determine a model, and what they leave open."""
-
-    reasons: tuple[Finding, ...]
-    """Why the model is not identifiable; empty where it is."""
-    open: tuple[Finding, ...]
-    """What is left open all the same."""
-
-    @property
-    def identifiable(self) -> bool:
-        """Whether there is no reason against it."""
-        return not self.reasons
-
-    @property
-    def findings(self) -> tuple[Finding, ...]:
-        """All of it."""
-        return (*self.reasons, *self.open)
+def identifiable(found: Sequence[Finding]) -> bool:
+    """Whether the data determine a model of which these findings are said, so that it may be used for gains."""
+    return not any(one.code in NOT_IDENTIFIABLE for one in found)
 
 
 def torque_half_width(stats: LevelStatistics, i: int) -> float:
@@ -107,7 +92,7 @@ def _open_tau2(stats: LevelStatistics, i: int, subject: str, unit: str, output_u
     )
 
 
-def friction_verdict(fit: Friction, stats: LevelStatistics, unit: str, output_unit: str = "N·m") -> Verdict:
+def friction_findings(fit: Friction, stats: LevelStatistics, unit: str, output_unit: str = "N·m") -> list[Finding]:
     """The levels' curves, a free C, and trends whose coefficients only count together."""
     found = level_findings(stats, "friction", unit, output_unit)
     if stats.variance.shape[1] == 4:
@@ -115,9 +100,9 @@ def friction_verdict(fit: Friction, stats: LevelStatistics, unit: str, output_un
     for name, trend in fit.trends.items():
         if trend.form == "double-exponential":
             found += _combination(name, np.array(trend.coefficients), np.array(fit.x))
-    whole = bool(stats.determined[:, :3].any(axis=0).all())
-    reasons = () if whole else (finding("no-level-determines-all", "friction"),)
-    return Verdict(reasons, tuple(found))
+    if not stats.determined[:, :3].any(axis=0).all():
+        found.append(finding("no-level-determines-all", "friction"))
+    return found
 
 
 def _free_share_findings(stats: LevelStatistics, unit: str) -> list[Finding]:
@@ -143,23 +128,23 @@ def _combination(name: str, c: Array, x: Array) -> list[Finding]:
     return [finding("coefficients-together", "friction", (), parameter=name, **changes)]
 
 
-def nonlinear_verdict(
+def nonlinear_findings(
     fit: Estimate, stats: LevelStatistics, unit: str, output_unit: str = "N·m", with_levels: bool = True
-) -> Verdict:
+) -> list[Finding]:
     """Levels too few for the polynomials, parameters that most levels leave open; each level's own `with_levels`."""
     count = len(stats.levels)
-    reasons, found = [], level_findings(stats, "nonlinear", unit, output_unit) if with_levels else []
+    found = level_findings(stats, "nonlinear", unit, output_unit) if with_levels else []
     if count == 1:
-        reasons.append(finding("one-level-nonlinear", "nonlinear", [stats.levels[0].level]))
+        found.append(finding("one-level-nonlinear", "nonlinear", [stats.levels[0].level]))
     elif count < 4:
         found.append(finding("few-levels-for-polynomials", "nonlinear", count=count))
     for k, name in enumerate(CURVES):
         open_at = [level.level for level, known in zip(stats.levels, stats.determined[:, k], strict=True) if not known]
         if 2 * len(open_at) > count:
-            reasons.append(finding("parameter-open-at-most-levels", "nonlinear", open_at, **_why(stats, open_at, name)))
+            found.append(finding("parameter-open-at-most-levels", "nonlinear", open_at, **_why(stats, open_at, name)))
     if fit.C_free:
         found.append(finding("share-free", "nonlinear", C=fit.C))
-    return Verdict(tuple(reasons), tuple(found))
+    return found
 
 
 def _why(stats: LevelStatistics, open_at: Sequence[float], name: str) -> dict[str, Value]:
@@ -170,21 +155,20 @@ def _why(stats: LevelStatistics, open_at: Sequence[float], name: str) -> dict[st
     return {"parameter": name, "count": len(open_at), "of": len(stats.levels), "cause": cause, "record_s": longest}
 
 
-def linear_verdict(fit: Linear, stats: LevelStatistics, ci95: PooledIntervals) -> Verdict:
+def linear_findings(fit: Linear, stats: LevelStatistics, ci95: PooledIntervals) -> list[Finding]:
     """b0 and c0 of one level, an a0 or b0 that may be zero, levels without a B."""
-    reasons, several = [], len(stats.levels) > 1
+    several = len(stats.levels) > 1
+    convention = fit.bounds.convention if fit.bounds else ""
+    found = [finding("b0-by-convention", "linear", convention=convention, several=several)]
     if not several:
-        reasons.append(finding("one-level-linear", "linear", [stats.levels[0].level]))
+        found.append(finding("one-level-linear", "linear", [stats.levels[0].level]))
     for name in ("a0", "b0") if several else ("a0",):
         ends = getattr(ci95, name)
         if ends is not None and ends[0] <= 0:
-            reasons.append(finding(f"{name}-may-be-zero", "linear", low=ends[0], high=ends[1]))
+            found.append(finding(f"{name}-may-be-zero", "linear", low=ends[0], high=ends[1]))
     if fit.bounds is None or fit.bounds.B_m is None:
-        reasons.append(finding("no-b-bounds", "linear"))
-    convention = finding(
-        "b0-by-convention", "linear", convention=fit.bounds.convention if fit.bounds else "", several=several
-    )
-    return Verdict(tuple(reasons), (convention,))
+        found.append(finding("no-b-bounds", "linear"))
+    return found
 
 
 def scatter_findings(stats: LevelStatistics) -> list[Finding]:

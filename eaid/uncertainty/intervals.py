@@ -27,7 +27,7 @@ from eaid.uncertainty import friction_intervals, linear_intervals, weightings
 from eaid.uncertainty.adequacy import adequacy
 from eaid.uncertainty.bootstrap import Draws, bootstrap
 from eaid.uncertainty.estimators import believed
-from eaid.uncertainty.identifiability import friction_verdict, linear_verdict, scatter_findings
+from eaid.uncertainty.identifiability import friction_findings, identifiable, linear_findings, scatter_findings
 from eaid.uncertainty.level_statistics import LevelStatistics, level_statistics, pooled_statistics, statistics_at_share
 from eaid.uncertainty.levels import NAMES, share_sensitivity
 from eaid.uncertainty.noise import idle_of, noise_of
@@ -137,9 +137,8 @@ def _with_draws(base: LevelStatistics, draws: Draws) -> LevelStatistics:
 def _friction(
     part: Friction, stats: LevelStatistics, options: FitOptions, stepset: StepSet
 ) -> tuple[Friction, list[Finding]]:
-    verdict = friction_verdict(part, stats, stepset.input_unit, stepset.output_unit)
-    found = list(verdict.findings)
-    part = msgspec.structs.replace(part, identifiable=verdict.identifiable)
+    found = friction_findings(part, stats, stepset.input_unit, stepset.output_unit)
+    part = msgspec.structs.replace(part, identifiable=identifiable(found))
     if options.ci == "none":
         return part, found
     rows = friction_intervals.level_rows(stats, white=options.ci == "white")
@@ -156,10 +155,10 @@ def _linear(
     pooled = linear_intervals.pooled_intervals(part, base)
     other = part.other_weights
     beside = None if other is None else linear_intervals.pooled_intervals(other, base)
-    verdict = linear_verdict(part, base, pooled)
+    found = linear_findings(part, base, pooled)
     says = weightings.linear_agreement(part, pooled, beside)
-    found = [*verdict.findings, *weightings.findings("linear", part, says, base)]
-    part = msgspec.structs.replace(part, identifiable=verdict.identifiable, agreement=(says,))
+    part = msgspec.structs.replace(part, identifiable=identifiable(found), agreement=(says,))
+    found += weightings.findings("linear", part, says, base)
     if options.ci == "none":
         return part, found
     if other is not None:

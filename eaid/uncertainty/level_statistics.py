@@ -105,7 +105,7 @@ class LevelStatistics:
         return np.array([one.runs.log_theta for one in self.estimates])
 
     @property
-    def own_variance(self) -> Array:
+    def unshared_variance(self) -> Array:
         """V without what all levels of a sweep share, shape (L, k)."""
         return self.variance if self.scatter is None else np.minimum(self.scatter.own, self.variance)
 
@@ -134,7 +134,7 @@ class LevelStatistics:
 
     def shifts(self) -> Array:
         """Covariance S of each level's log θ, for the joint fit, shape (L, k, k)."""
-        sd = np.sqrt(self.own_variance)
+        sd = np.sqrt(self.unshared_variance)
         return np.asarray(self.correlation() * (sd[:, :, None] * sd[:, None, :]))
 
 
@@ -230,7 +230,7 @@ def curves(stats: LevelStatistics) -> dict[str, Curve]:
         elif stats.scatter is None:
             curve = curve_with_repeats(duty, theta, stats.variance[row, k], float(stats.degrees[row, k].min()), terms)
         else:
-            weigh, real = stats.scatter.pooled[row, k], stats.own_variance[row, k]
+            weigh, real = stats.scatter.pooled[row, k], stats.unshared_variance[row, k]
             curve = curve_with_repeats(duty, theta, weigh, stats.total_degrees, terms, real)
         result[name] = at_levels(
             curve, row, TERMS[name], None if stats.scatter is None else stats.scatter.components[k]

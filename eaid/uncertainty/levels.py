@@ -12,7 +12,7 @@ from eaid.models import friction
 from eaid.models.parameters import TAU_FLOOR_S, Friction
 from eaid.results.friction import FrictionLevel
 from eaid.steps.stepset import Level
-from eaid.uncertainty.run_statistics import RunStatistics, own_residuals, run_statistics, textbook
+from eaid.uncertainty.run_statistics import RunStatistics, run_residuals, run_statistics, textbook
 from eaid.uncertainty.scatter import Mask, PooledScatter, pooled_scatter
 
 NAMES = ("Ts", "tau1", "tau2", "C")
@@ -74,7 +74,7 @@ def level_estimate(
 ) -> LevelEstimate:
     """What the runs of one level say about its friction curve."""
     jacobian = log_jacobian(curve, level.time_s, share_free)
-    noise = own_residuals(level.runs, jacobian[:, 0], jacobian)  # ∂f/∂log T_s is f itself
+    noise = run_residuals(level.runs, jacobian[:, 0], jacobian)  # ∂f/∂log T_s is f itself
     theta = log_theta(curve, share_free)
     found = run_statistics(level.level, level.time_s, level.runs, jacobian, theta, noise_nm=noise, mean_nm=level.mean)
     return LevelEstimate(curve, found, noise, tuple(constrained))

@@ -63,13 +63,13 @@ def pooled_gain(levels: Sequence[Level], p: Linear, weights: Array | None = None
     return [(inverse @ take, both) for take, both in parts]
 
 
-def own_gain(level: Level, a0: float, gain: float) -> Array:
+def level_gain(level: Level, a0: float, gain: float) -> Array:
     """How a change of a level's mean moves its own (log a0, log gain, log B), B = u/(a0 gain), shape (3, n)."""
-    jacobian, hessian = own_terms(level, a0, gain)
+    jacobian, hessian = level_terms(level, a0, gain)
     return np.asarray(TO_LOG_B @ scaled_inverse(hessian, UNSEEN) @ jacobian.T)
 
 
-def own_terms(level: Level, a0: float, gain: float) -> tuple[Array, Array]:
+def level_terms(level: Level, a0: float, gain: float) -> tuple[Array, Array]:
     """∂f/∂(log a0, log gain) of gain · (1 − e^(−a0 t)), shape (n, 2), and the full Hessian of half the cost (2, 2)."""
     rise = -np.expm1(-a0 * level.time_s)
     decay = 1.0 - rise
@@ -93,7 +93,7 @@ def combined_variance(influence: Sequence[Array]) -> tuple[float, float]:
 
 def level_run_statistics(level: Level, a0: float, gain: float, noise_nm: Array) -> RunStatistics:
     """Statistics of the runs for (log a0, log gain, log B) of one level's own fit, gain [N·m] · (1 − e^(−a0 t))."""
-    jacobian, hessian = own_terms(level, a0, gain)
+    jacobian, hessian = level_terms(level, a0, gain)
     theta = np.log([a0, gain])
     one = run_statistics(
         level.level, level.time_s, level.runs, jacobian, theta,

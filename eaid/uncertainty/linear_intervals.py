@@ -19,9 +19,9 @@ from eaid.uncertainty.linear_influence import (
     UNSEEN,
     Gain,
     combined_variance,
+    level_gain,
     level_run_statistics,
-    own_gain,
-    own_terms,
+    level_terms,
     pooled_gain,
 )
 from eaid.uncertainty.run_statistics import textbook
@@ -79,7 +79,7 @@ def level_intervals(fit: Linear, stats: LevelStatistics) -> list[LinearLevelInte
         return [
             _logs(row, *found) for row, *found in zip(fit.per_level, scatter.variance, scatter.degrees, strict=True)
         ]
-    own = [_own_variance(i, own_gain(level, row.a0, row.gain), stats) for i, (level, row, _) in enumerate(each)]
+    own = [_own_variance(i, level_gain(level, row.a0, row.gain), stats) for i, (level, row, _) in enumerate(each)]
     return [_logs(row, v, np.full(3, stats.total_degrees)) for row, v in zip(fit.per_level, own, strict=True)]
 
 
@@ -95,7 +95,7 @@ def _with_pooled_terms(fit: Linear, stats: LevelStatistics) -> list[LinearLevelI
     rows: list[LinearLevelIntervals] = []
     for i, (level, row) in enumerate(zip(stats.levels, fit.per_level, strict=True)):
         if convention(fit) == "pooled-offset":
-            own = own_gain(level, row.a0, row.gain)
+            own = level_gain(level, row.a0, row.gain)
             answers = [np.stack([0 * p[0], 0 * p[0], -p[2] / level.level]) for p in pooled]
             answers[i] += np.stack([own[0], own[1], -row.a0 * row.gain * own[2] / level.level])
         else:
@@ -147,7 +147,7 @@ def white(fit: Linear, levels: Sequence[Level]) -> tuple[PooledIntervals, list[L
     pooled = _pooled(fit, [(v, spare) for v in variance])
     rows = []
     for level, row in zip(levels, fit.per_level, strict=True):
-        J = own_terms(level, row.a0, row.gain)[0]
+        J = level_terms(level, row.a0, row.gain)[0]
         M, noise, spare = textbook([J], [level.mean - J[:, 1]], 2)
         logs = TO_LOG_B @ scaled_inverse(M, UNSEEN) @ TO_LOG_B.T * noise
         each = zip((row.a0, row.gain, row.B), np.diag(logs).tolist(), strict=True)

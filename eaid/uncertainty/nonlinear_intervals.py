@@ -12,8 +12,7 @@ import numpy as np
 
 from eaid.arrays import Array
 from eaid.findings import Finding, finding
-from eaid.fitting.findings import nonlinear_findings
-from eaid.fitting.metrics import explains_little
+from eaid.fitting.findings import missed, nonlinear_findings
 from eaid.fitting.nonlinear import estimate
 from eaid.models import nonlinear
 from eaid.results.common import Interval, Solver, StartCost
@@ -236,8 +235,7 @@ def two_stage_part(
     part = estimate(p, stats.data, left, solver, held)
     doubts = nonlinear_findings(p, solver, {}, [one.level for one in held])
     doubts += [finding("two-stage-held", "nonlinear", parameter=name) for name in both.constrained]
-    if explains_little([record.y for record in stats.data.records], left):
-        doubts.append(finding("model-explains-little", "nonlinear", R2=part.R2, fit_pct=part.fit_pct))
+    doubts += missed("nonlinear", stats.data, left, part)
     misfit = {name: curve.misfit if np.isfinite(curve.misfit) else None for name, curve in found.curves.items()}
     part = msgspec.structs.replace(part, C_free=found.joint.share_free, misfit=misfit)
     if source != "none":

@@ -15,7 +15,7 @@ from eaid.arrays import Array
 from eaid.models.parameters import Friction
 from eaid.steps.stepset import Level
 from eaid.uncertainty.levels import LevelEstimate, log_jacobian
-from eaid.uncertainty.run_statistics import own_residuals
+from eaid.uncertainty.run_statistics import run_residuals
 
 LEAST_TURNS = 2.0
 """Turns within a record below which a sine and a slow exponential cannot be told apart."""
@@ -99,7 +99,7 @@ class _Binned:
     def without(self, frequency_hz: float) -> Self:
         """The same with the residuals that a sine leaves too."""
         both = np.hstack([self.jacobian, _wave(self.fitted, self.time_s, 1 / frequency_hz)])
-        return replace(self, residual=own_residuals(self.residual, np.zeros(1), both))
+        return replace(self, residual=run_residuals(self.residual, np.zeros(1), both))
 
 
 def periodic_part(levels: Sequence[Level], estimates: Sequence[LevelEstimate]) -> tuple[Periodic, Array, Array] | None:

@@ -93,7 +93,7 @@ def run_statistics(
 ) -> RunStatistics:
     """The statistics of one level from its runs (R, n) and ∂f/∂log θ (n, k).
 
-    `noise_nm`, shape (R, n), are the residuals of each run about its own best curve (`own_residuals`); `mean_nm` is the
+    `noise_nm`, shape (R, n), are the residuals of each run about its own best curve (`run_residuals`); `mean_nm` is the
     mean of the runs. A model that is wrong by design gives its full `hessian` Σ (J'J − e ∇²f), shape (k, k), in place
     of J'J.
     """
@@ -128,7 +128,7 @@ def textbook(
     return np.asarray(information), cost / max(spare, 1), float(spare)
 
 
-def own_residuals(runs_nm: Array, fitted_nm: Array, jacobian: Array) -> Array:
+def run_residuals(runs_nm: Array, fitted_nm: Array, jacobian: Array) -> Array:
     """Residuals of each run about its own fit [output], one linear step from the level's fit, shape (R, n)."""
     left = runs_nm - fitted_nm
     basis, triangle = np.linalg.qr(jacobian)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from eaid.fitting.data import Data, data_of
-from eaid.fitting.first_order import fit_first_order, fit_own_levels
+from eaid.fitting.first_order import fit_each_level, fit_first_order
 from eaid.fitting.linear import bounds_of, by_convention, fit_linear
 from eaid.fitting.samples import Record
 from eaid.models import linear
@@ -35,7 +35,7 @@ NIST = {
 def test_nist_certified_values_to_eight_digits(name: str) -> None:
     x, y, (b1, b2, squares) = NIST[name]
     data = Data(np.array([1.0]), (Record(np.array(x, float), np.array(y, float), False),), np.ones(1))
-    (found,) = fit_own_levels(data)
+    (found,) = fit_each_level(data)
     assert found.solver.converged
     assert found.gains[0] == pytest.approx(b1, rel=1e-8)
     assert 1 / found.tau == pytest.approx(b2, rel=1e-8)
@@ -48,7 +48,7 @@ def test_reference_plant_twenty_seconds(clutch_set: Maker) -> None:
     p = pooled.parameters
     assert (round(p.a0, 5), round(p.b0, 7), round(p.c0, 6)) == (1.84393, 0.0782825, -1.343124)
     assert np.sqrt(pooled.cost / data.samples) == pytest.approx(0.300604, abs=5e-7)
-    rows = by_convention(data, fit_own_levels(data), p, "zero-offset")
+    rows = by_convention(data, fit_each_level(data), p, "zero-offset")
     assert [row.B for row in rows] == pytest.approx(PUBLISHED_B, abs=5e-4)
     bounds = bounds_of(rows, "zero-offset", None)
     assert (bounds.B_m, bounds.B_M) == pytest.approx((8.349, 41.142), abs=5e-4)
@@ -58,7 +58,7 @@ def test_reference_plant_sixty_seconds_from_thirty_percent(clutch_set: Maker) ->
     data = data_of(clutch_set(levels=range(30, 101, 10), duration_s=60.0).levels)
     p = fit_linear(data).parameters
     assert (round(p.a0, 5), round(p.b0, 7), round(p.c0, 6)) == (1.55135, 0.0814392, -2.113226)
-    bounds = bounds_of(by_convention(data, fit_own_levels(data), p, "zero-offset"), "zero-offset", None)
+    bounds = bounds_of(by_convention(data, fit_each_level(data), p, "zero-offset"), "zero-offset", None)
     assert (bounds.B_m, bounds.B_M) == pytest.approx((9.597, 45.875), abs=5e-4)
 
 
@@ -73,21 +73,21 @@ def test_on_a_linear_plant_the_pooled_conventions_give_its_b0_at_every_level(con
     data = _linear_data()
     p = fit_linear(data).parameters
     assert (p.a0, p.b0, p.c0) == pytest.approx((1.36, 0.08, -2.42), rel=1e-9)
-    rows = by_convention(data, fit_own_levels(data), p, convention)
+    rows = by_convention(data, fit_each_level(data), p, convention)
     assert [row.b0 for row in rows] == pytest.approx([0.08] * 3, rel=1e-8)
     assert [row.B for row in rows] == pytest.approx([12.5] * 3, rel=1e-8)
 
 
 def test_zero_offset_puts_the_offset_into_b0() -> None:
     data = _linear_data()
-    rows = by_convention(data, fit_own_levels(data), PAPER_LINEAR, "zero-offset")
+    rows = by_convention(data, fit_each_level(data), PAPER_LINEAR, "zero-offset")
     assert [row.b0 for row in rows] == pytest.approx([0.08 - 2.42 / u for u in (40, 70, 100)], rel=1e-8)
     assert all(row.c0 == 0 for row in rows)
 
 
 def test_bounds_over_the_kept_levels_only() -> None:
     data = _linear_data()
-    rows = by_convention(data, fit_own_levels(data), PAPER_LINEAR, "zero-offset")
+    rows = by_convention(data, fit_each_level(data), PAPER_LINEAR, "zero-offset")
     bounds = bounds_of(rows, "zero-offset", (70.0, 100.0))
     assert bounds.levels == (70.0, 100.0)
     assert pytest.approx(1 / (0.08 - 2.42 / 70), rel=1e-8) == bounds.B_M
@@ -97,7 +97,7 @@ def test_a_level_without_positive_b0_has_no_b() -> None:
     t = np.arange(500) / 100
     data = Data(np.array([50.0]), (Record(t, 1 - np.exp(-t), True),), np.ones(1))
     pooled = PAPER_LINEAR.__class__(1.0, 0.1, 5.0)
-    (row,) = by_convention(data, fit_own_levels(data), pooled, "pooled-offset")
+    (row,) = by_convention(data, fit_each_level(data), pooled, "pooled-offset")
     assert row.b0 == pytest.approx((1 - 5) / 50, rel=1e-6) and row.B is None
     assert bounds_of([row], "pooled-offset", None).B_m is None
 
@@ -131,7 +131,7 @@ def test_levels_fitted_together_are_those_fitted_alone() -> None:
     rises = [(0.2, 0.5), (3.0, 2.0), (1.0, 30.0), (0.0, 1.0)]  # gain, τ: the last has no signal
     records = tuple(Record(t, g * -np.expm1(-t / tau) + 0.05 * rng.normal(size=len(t)), True) for g, tau in rises)
     data = Data(np.array([20.0, 50.0, 80.0, 90.0]), records, np.ones(4))
-    for i, together in enumerate(fit_own_levels(data)):
+    for i, together in enumerate(fit_each_level(data)):
         alone = fit_first_order(data.one(i), np.ones((1, 1)))
         assert together.solver.converged and together.cost == pytest.approx(alone.cost, rel=1e-9)
         assert together.tau == pytest.approx(alone.tau, rel=1e-4)
@@ -142,6 +142,6 @@ def test_a_rise_lost_in_noise_ends_at_the_fastest_that_is_looked_for(seed: int) 
     t_s = np.arange(100) * 0.01
     noise = 2.0 * np.random.default_rng(seed).standard_normal(100)
     data = Data(np.array([50.0]), (Record(t_s, 0.5 * (1 - np.exp(-t_s / 0.02)) + noise, True),), np.ones(1))
-    (found,) = fit_own_levels(data)
+    (found,) = fit_each_level(data)
     assert found.solver.converged and found.tau == pytest.approx(1e-4, rel=1e-6)  # 0.01 of the first sample
     assert found.gains[0] == pytest.approx(data.records[0].y[1:].mean(), rel=1e-9)

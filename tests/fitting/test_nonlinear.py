@@ -6,12 +6,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from eaid.fitting.basis import HELD, basis_of, constraints, held_at
+from eaid.fitting.basis import CONSTRAINTS, active_at, basis_of, constraints
 from eaid.fitting.broad import VALUES, looked_at, slow_shapes, steadied
 from eaid.fitting.data import Data, data_of
 from eaid.fitting.descent import descend
+from eaid.fitting.level_curves import alone, level_curves, polynomial_starts
 from eaid.fitting.nonlinear import fit_nonlinear, nonlinear_problem
-from eaid.fitting.own_curves import alone, own_curves, polynomial_starts
 from eaid.fitting.samples import Record
 from eaid.fitting.solver import approach
 from eaid.models.nonlinear import steady_torque, time_constants
@@ -39,10 +39,10 @@ def test_constraints_say_what_they_hold() -> None:
     assert slack[:101] == pytest.approx(tau1 - 1e-3) and slack[101:202] == pytest.approx(tau2 - tau1)
     assert slack[202:303] == pytest.approx(steady_torque(REFERENCE_PLANT, u))
     assert [names(i) for i in (0, 201, 202, 303)] == ["tau1-floor", "tau2-meets-tau1", "Ts-zero", "tau2-endless"]
-    assert held_at(basis, (0, 201, 101)) == {"tau1-floor": (10.0,), "tau2-meets-tau1": (100.0, 10.0)}
+    assert active_at(basis, (0, 201, 101)) == {"tau1-floor": (10.0,), "tau2-meets-tau1": (100.0, 10.0)}
     A, _, names = constraints(basis_of(np.array([35.0]), None), 20.0)
     said = [names(i) for i in range(len(A))]
-    assert said == [*HELD, "C-zero", "C-one"]
+    assert said == [*CONSTRAINTS, "C-zero", "C-one"]
 
 
 @pytest.mark.parametrize("share", [0.85, None])
@@ -70,7 +70,7 @@ def test_starts_are_feasible(clutch_set: Maker) -> None:
         data = data_of(clutch_set(duration_s=2.0, rate_hz=100.0, noise_nm=0.2, seed=seed).levels)
         basis = basis_of(data.u, 0.85)
         problem = nonlinear_problem(data, basis)
-        for start in polynomial_starts(own_curves(data, 0.85), basis, problem):
+        for start in polynomial_starts(level_curves(data, 0.85), basis, problem):
             assert (problem.A @ start - problem.b).min() >= -1e-15
 
 
@@ -97,7 +97,7 @@ def _proof(case: Any) -> tuple[bool, float]:
     data = Data(LEVELS, tuple(Record(case.t_s, y, True) for y in case.y), np.ones(10))
     basis = basis_of(data.u, 0.85)
     problem = nonlinear_problem(data, basis)
-    own = own_curves(data, 0.85)
+    own = level_curves(data, 0.85)
     best = min(approach(problem, x).cost for x in list(polynomial_starts(own, basis, problem))[:2])
     return alone(own, best, data, basis, problem), best
 
@@ -118,7 +118,7 @@ def test_the_proof_holds_for_many_levels_of_the_right_model(count: int, clutch_s
     data = data_of(clutch_set(levels=levels, rate_hz=200_000 / count / 20, noise_nm=0.01).levels)
     basis = basis_of(data.u, 0.85)
     problem = nonlinear_problem(data, basis)
-    own = own_curves(data, 0.85)
+    own = level_curves(data, 0.85)
     best = min(approach(problem, x).cost for x in list(polynomial_starts(own, basis, problem))[:2])
     assert alone(own, best, data, basis, problem)
     # a cost far above the levels' own leaves room, and one below them is none of these data's

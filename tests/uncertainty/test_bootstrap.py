@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from eaid.fitting.data import data_of
-from eaid.fitting.first_order import fit_own_levels
+from eaid.fitting.first_order import fit_each_level
 from eaid.fitting.levels import fit_levels
 from eaid.fitting.linear import fit_linear
 from eaid.models.parameters import Linear
@@ -23,7 +23,7 @@ def levels(sets: Any) -> tuple[Level, ...]:
 
 def test_refits_end_where_the_fits_do(levels: tuple[Level, ...]) -> None:
     data = data_of(levels)
-    own = fit_own_levels(data)
+    own = fit_each_level(data)
     wanted = np.array([[-np.log(one.tau), np.log(one.gains[0])] for one in own])
     assert _first_order(data.points, wanted + np.array([0.1, -0.2])) == pytest.approx(wanted, abs=1e-4)
     p = fit_linear(data).parameters

@@ -14,7 +14,7 @@ from eaid.uncertainty import linear_intervals
 from eaid.uncertainty.adequacy import adequacy, effective_samples
 from eaid.uncertainty.level_statistics import statistics_at_share
 from eaid.uncertainty.levels import log_jacobian
-from eaid.uncertainty.linear_influence import combined_variance, own_terms, pooled_gain
+from eaid.uncertainty.linear_influence import combined_variance, level_terms, pooled_gain
 from eaid.uncertainty.run_statistics import RunStatistics
 from eaid.uncertainty.scatter import pooled_scatter
 from eaid.uncertainty.student_t import interval_of, log_interval_of, satterthwaite, t_quantile
@@ -152,7 +152,7 @@ def test_textbook_intervals_of_the_linear_model_by_lstsq(sets: Any) -> None:
     found = fit(made, FitOptions(models=("linear",))).linear
     pooled, rows = linear_intervals.white(found, made.levels)
     level, row = made.levels[3], found.per_level[3]
-    J = own_terms(level, row.a0, row.gain)[0] / [row.a0, row.gain]
+    J = level_terms(level, row.a0, row.gain)[0] / [row.a0, row.gain]
     left = level.mean - row.gain * -np.expm1(-row.a0 * level.time_s)
     sd = np.sqrt(np.diag(np.linalg.inv(J.T @ J)) * (left @ left) / (len(left) - 2))
     reach = stats.t.ppf(0.975, len(left) - 2) * sd

@@ -6,7 +6,7 @@ from eaid.models import friction
 from eaid.models.parameters import Friction
 from eaid.steps.stepset import Level
 from eaid.uncertainty.levels import level_estimate, log_jacobian
-from eaid.uncertainty.run_statistics import bartlett_variance, own_residuals
+from eaid.uncertainty.run_statistics import bartlett_variance, run_residuals
 from eaid.uncertainty.scatter import neighbours, paule_mandel, pooled_scatter, smoothed
 from eaid.uncertainty.student_t import VarianceComponents, t_quantile
 
@@ -72,7 +72,7 @@ def test_own_residuals_forget_what_the_curve_can_follow() -> None:
     jacobian = log_jacobian(CURVE, T)
     noise = np.random.default_rng(2).standard_normal(len(T))
     noise -= jacobian @ np.linalg.lstsq(jacobian, noise, rcond=None)[0]
-    left = own_residuals((clean * 1.0 + 0.02 * jacobian[:, 1] + noise)[None], clean, jacobian)
+    left = run_residuals((clean * 1.0 + 0.02 * jacobian[:, 1] + noise)[None], clean, jacobian)
     assert left[0] == pytest.approx(noise, abs=1e-9)
 
 

@@ -25,7 +25,7 @@ ROUGH = 0.1
 
 
 @dataclass(frozen=True, eq=False)
-class OwnCurves:
+class LevelCurves:
     """The best curve of each level on its own: what the joint fit starts from, and what it cannot go below."""
 
     theta: Array
@@ -38,7 +38,7 @@ class OwnCurves:
     """Its inverse, (L, 3, 3): covariance of the three values for unit noise."""
 
 
-def own_curves(data: Data, share: float) -> OwnCurves:
+def level_curves(data: Data, share: float) -> LevelCurves:
     """Best curves of single levels with C held at `share`."""
     found = starting_curves(data, share, most=1, enough=ROUGH)
     theta, end = found.theta, found.end
@@ -46,7 +46,7 @@ def own_curves(data: Data, share: float) -> OwnCurves:
     normal = end.curvature * (0.5 * data.weights[:, None, None]) * (by_tau[:, :, None] * by_tau[:, None, :])
     scale = np.sqrt(np.maximum(np.einsum("lii->li", normal), 1e-200))
     outer = scale[:, :, None] * scale[:, None, :]
-    return OwnCurves(
+    return LevelCurves(
         theta,
         data.weights * (end.cost - TRUST * end.predicted),
         normal,
@@ -54,7 +54,7 @@ def own_curves(data: Data, share: float) -> OwnCurves:
     )
 
 
-def polynomial_starts(own: OwnCurves, basis: Basis, problem: Problem) -> Iterator[Array]:
+def polynomial_starts(own: LevelCurves, basis: Basis, problem: Problem) -> Iterator[Array]:
     """Feasible starts from the curves of single levels, the most promising first, made as they are asked for.
 
     Polynomials pass through τ1, τ2, T_s of the levels: weighted by their own precision, then each level alike. The last
@@ -80,7 +80,7 @@ def polynomial_starts(own: OwnCurves, basis: Basis, problem: Problem) -> Iterato
     yield flat
 
 
-def _through(own: OwnCurves, basis: Basis, precision: Array) -> Array:
+def _through(own: LevelCurves, basis: Basis, precision: Array) -> Array:
     """The polynomials nearest to T_s, τ1 and τ2 of the levels, each level weighted by its precision, (L, 3)."""
     x = np.full(basis.size, own.theta[3, 0])  # where C is free, the last is C
     for k, part in enumerate(basis.slices):
@@ -100,7 +100,7 @@ def _above_zero(x: Array, basis: Basis, problem: Problem) -> Array:
     return draw_in(x, inner, problem)
 
 
-def alone(own: OwnCurves, cost: float, data: Data, basis: Basis, problem: Problem) -> bool:
+def alone(own: LevelCurves, cost: float, data: Data, basis: Basis, problem: Problem) -> bool:
     """Whether no other minimum can lie below `cost`: then every level is known so well that its cost is a bowl.
 
     In a better joint curve the levels lie above their own least costs by no more than `spare`, all together. A level is
@@ -132,7 +132,7 @@ def alone(own: OwnCurves, cost: float, data: Data, basis: Basis, problem: Proble
     return bool(narrow.all())
 
 
-def _edges(own: OwnCurves, data: Data) -> tuple[Array, Array]:
+def _edges(own: LevelCurves, data: Data) -> tuple[Array, Array]:
     """How far the cost rises to the edge of each level's ellipsoid that reaches `NARROW` in ln τ, (L,).
 
     In front of it, what part of the parabola's rise that is, 0 to 1, (L,): the cost is no parabola.
