@@ -39,7 +39,7 @@ class _Root(msgspec.Struct, omit_defaults=True):
     eaid: str = ""
     kind: str = "clutch"
     input_unit: str | None = None
-    output_unit: str = ""
+    output_unit: str | None = None
     synthetic: str | None = None
 
 
@@ -122,8 +122,13 @@ def read_dataset(
         if not names:
             raise DataError(f"{source}: holds no runs; {AGAIN}")
         none = np.empty(0)
+        # an empty unit is an unknown one
+        units = (
+            INPUT_UNITS[root.kind] if root.input_unit is None else root.input_unit,
+            "N·m" if root.output_unit is None else root.output_unit,
+        )
         shared = Run(
-            "", none, none, none, root.input_unit or INPUT_UNITS[root.kind], root.output_unit or "N·m", source, sha256,
+            "", none, none, none, *units, source, sha256,
             kind=root.kind, apparatus=_apparatus(stored, source), synthetic=root.synthetic, dataset=source,  # type: ignore[arg-type]
         )  # fmt: skip
         runs: list[Run] = []

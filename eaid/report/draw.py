@@ -3,7 +3,6 @@
 import io
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import partial
 
 from matplotlib import font_manager
 from matplotlib.figure import Figure
@@ -11,16 +10,9 @@ from matplotlib.figure import Figure
 from eaid.errors import UsageError
 from eaid.report import style
 from eaid.report.catalogue import FIGURES, Row
-from eaid.report.figures import summary
-from eaid.report.figures.edges import draw_each, draw_log
-from eaid.report.figures.recorded import drawn_logs
-from eaid.report.figures.values import curves_over, draw_curves, draw_values
 from eaid.report.mark import marked
 from eaid.report.ready import Ready
-from eaid.report.ready_fits import main_kind, models_for
-from eaid.report.ready_replays import counted_from, traces_of
 from eaid.report.results import Results
-from eaid.report.rig import level_values
 
 FORMATS = ("png", "pdf", "svg")
 COLOURS = 128
@@ -39,16 +31,6 @@ class Drawn:
     """Format and content."""
     preview: bytes
     size_in: tuple[float, float]
-
-
-@dataclass(frozen=True)
-class Picture:
-    """A picture of the first screen."""
-
-    title: str
-    part: str
-    png: bytes
-    size_px: tuple[int, int]
 
 
 def pngs_of(figure: Figure, *dpis: float) -> tuple[bytes, ...]:
@@ -137,61 +119,3 @@ def draw_all(
             drawn.append(Drawn(row, found, files, preview, (float(width), float(height))))
         done()
     return drawn
-
-
-def summary_pictures(results: Results, mark: str | None = None) -> list[Picture]:
-    """The first screen: the model against its data, and the controllers or the fitted values."""
-    pictures = []
-    for title, part, make in _pictures(results)[:2]:
-        with style.look():
-            figure = make()
-            if mark is not None:
-                marked(figure, mark)
-            size = figure.get_size_inches()
-            (png,) = pngs_of(figure, 200)
-            pictures.append(Picture(title, part, png, (round(96 * size[0]), round(96 * size[1]))))
-    return pictures
-
-
-def _pictures(results: Results) -> list[tuple[str, str, Callable[[], Figure]]]:
-    """Title, part of the page and drawing of each candidate, the best first."""
-    found: list[tuple[str, str, Callable[[], Figure]]] = []
-    beside: tuple[str, str, Callable[[], Figure]] | None = None
-    kind = main_kind(results)
-    data, fit = (results.data_of(kind), results.fit(kind)) if kind else (None, None)
-    pair = [(name, one.result) for name, one in zip("AB", results.pair or (), strict=False) if level_values(one.result)]
-    logs = drawn_logs(fit.recorded.logs) if fit is not None and fit.recorded is not None else []
-    if len(pair) == 2:
-        both = all(curves_over(fit)[1] for _name, fit in pair)
-        draw_levels = partial(draw_values, with_curves=not both)
-        said = "Single levels of both fits, 95 %" if both else "Both fits over the level"
-        found.append((said, "model", lambda: summary.values_over_level(pair, draw_levels)))
-        if both:
-            curves = lambda: summary.values_over_level(pair, draw_curves)  # noqa: E731
-            beside = ("The models of both fits over the level", "model", curves)
-    elif fit is not None and logs:
-        units = fit.data.input_unit, fit.data.output_unit
-        found.append(("Measured against model", "model", lambda: summary.log_and_model(logs[-1], units)))
-    elif data is None and results.edge_logs:
-        log = results.edge_logs[0]
-        said = "Output" if log.run.reference_nm is None else "Output against reference"
-        found.append((said, "data", lambda: summary.one_panel(lambda axes: draw_log(axes, log))))
-        if log.edges:
-            found.append(
-                ("Its edges, each from its start", "data", lambda: summary.one_panel(lambda axes: draw_each(axes, log)))
-            )
-    elif data is not None and data.levels:
-        models = models_for(results, kind or "")
-        said = "Measured against model" if models else "Measured"
-        found.append((said, "model" if models else "data", lambda: summary.measured_and_model(data, models)))
-    order = {"multisine": 0, "reference": 1, "steps": 2}
-    replays = sorted((one.result for one in results.replays), key=lambda one: order.get(one.head.scenario, 9))
-    if replays and (one := replays[0]).head.scenario in order:
-        unit = one.head.output_unit
-        draw = lambda: summary.controllers(traces_of(one), counted_from(one), unit)  # noqa: E731
-        found.append(("Controllers against the reference", "replay", draw))
-    if beside is not None:
-        found.append(beside)
-    if len(pair) < 2 and fit is not None and level_values(fit):
-        found.append(("Fitted values over the level", "model", lambda: summary.values_over_level([("", fit)])))
-    return found

@@ -34,6 +34,11 @@ def marked(figure: Figure, text: str) -> None:
     share = STRIP_IN / (height + STRIP_IN)
     if isinstance(engine := figure.get_layout_engine(), ConstrainedLayoutEngine):
         engine.set(rect=(0, 0, 1, 1 - share))
+    if figure.legends:
+        figure.draw_without_rendering()  # lays the panels out below the legends, which then come down with them
+        figure.set_layout_engine("none")
+    for legend in figure.legends:
+        legend.set_bbox_to_anchor((0, 0, 1, 1 - share), transform=figure.transFigure)
     figure.text(
         0.5, 1 - 0.5 * share, SHORT if width < 5 else f"\N{WARNING SIGN} {text}",
         ha="center", va="center", fontsize=style.SMALLEST_PT, fontweight="bold", color=style.VERMILLION,

@@ -80,7 +80,7 @@ def level_steps_ready(results: Results, _asked: bool | None) -> Ready | None:
 
 def steps_over_level_ready(results: Results, _asked: bool | None) -> Ready | None:
     """Gain and time constants of steps from level to level over the level."""
-    fit = next((one.result for one in results.fits if one.result.steps), None)
+    fit = next((one.result for one in results.fits if len(one.result.steps) > 1), None)
     if fit is None:
         return None
     units = fit.data.input_unit, fit.data.output_unit

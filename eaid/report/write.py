@@ -8,10 +8,11 @@ from pathlib import Path
 
 from eaid.errors import UsageError
 from eaid.files import all_written_whole
-from eaid.report.draw import draw_all, font_of, formats_of, ready_figures, summary_pictures
+from eaid.report.draw import draw_all, font_of, formats_of, ready_figures
 from eaid.report.mark import mark_of
 from eaid.report.options import FIGURES, PAGE, USUAL, ReportOptions, figures_in, refuse_to_overwrite_report
 from eaid.report.page.render import page
+from eaid.report.pictures import summary_pictures
 from eaid.report.results import Given, Results, gathered
 from eaid.report.style import Look
 from eaid.results.coupling import Coupling

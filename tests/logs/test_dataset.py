@@ -218,3 +218,12 @@ def test_runs_are_shortened_one_by_one(tmp_path: Path) -> None:
     tracemalloc.stop()
     assert [len(run.output) for run in found] == [10] * 10
     assert peak < 3 * 24 * len(t)  # a run takes 24 bytes a sample, all of them 240
+
+
+def test_a_unit_that_nobody_knows_stays_unknown(tmp_path: Path) -> None:
+    logs = write_logs(tmp_path / "logs")
+    for path in logs.iterdir():
+        path.write_text(path.read_text().replace("duty_pct,torque_nm", "u,y"))
+    assert run(["ingest", str(logs), "-q", "-o", str(tmp_path / "d.h5")]) == 0
+    (_, said), (_, again) = runs_from([logs]), runs_from([tmp_path / "d.h5"])
+    assert (again.input_unit, again.output_unit) == (said.input_unit, said.output_unit) and said.output_unit == ""

@@ -12,7 +12,8 @@ from PIL import Image
 
 from eaid.cli import main
 from eaid.replay import files as replay_files
-from eaid.report.mark import GAINS, PLANT, mark_of
+from eaid.report import style
+from eaid.report.mark import GAINS, PLANT, STRIP_IN, mark_of, marked
 from eaid.report.results import read_results
 
 
@@ -85,7 +86,7 @@ def test_every_section_and_every_figure_of_the_fit_is_marked(marked_page: Path, 
     assert text.count(f'<p class="running">{GAINS}</p>') == text.count("<section id=")
     assert f"<b>{GAINS}</b>" in text
     figures = marked_page.parent / "figures"
-    for name, marked in (
+    for name, has_mark in (
         ("input_gain", True),
         ("fig11_steps", True),
         ("fig07_nonlinear_model", True),
@@ -94,7 +95,7 @@ def test_every_section_and_every_figure_of_the_fit_is_marked(marked_page: Path, 
         pixels = np.asarray(Image.open(figures / f"{name}.png").convert("RGB")).astype(int)
         strip = pixels[: int(0.18 * 300)]
         red = (strip[..., 0] > 180) & (strip[..., 1] < 130) & (strip[..., 2] < 60)
-        assert (red.sum() > 1000) == marked, name
+        assert (red.sum() > 1000) == has_mark, name
 
 
 def test_it_stands_on_every_screen_and_every_printed_page(browser: Any, marked_page: Path, tmp_path: Path) -> None:
@@ -116,3 +117,16 @@ def test_it_stands_on_every_screen_and_every_printed_page(browser: Any, marked_p
     pages = told.split("\f")[:-1]
     assert len(pages) > 1 and all(GAINS in one for one in pages)
     tab.context.close()
+
+
+def test_a_legend_of_the_whole_figure_stays_below_the_mark_and_above_the_panels() -> None:
+    with style.look():
+        figure, axes = style.sheet(5.0, 2.75, 2, 1)
+        axes[1].plot([0, 1], [0, 1], label="measured")
+        style.legend_over(figure, axes[1])
+        marked(figure, PLANT)
+        figure.canvas.draw()
+        (legend,), height = figure.legends, figure.bbox.height
+        box = legend.get_window_extent()
+        assert box.y1 <= height - STRIP_IN * figure.dpi + 1
+        assert box.y0 >= axes[0].get_window_extent().y1 - 1

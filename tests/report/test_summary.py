@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from eaid.findings import Finding, finding
+from eaid.report.figures import friction as frictions
 from eaid.report.figures import values
 from eaid.report.page import summary
 from eaid.report.page.known import known, sentence
@@ -130,3 +131,17 @@ def test_a_sentence_has_a_capital_and_a_stop():
     assert said == "Nonlinear model: nonlinear: its linear has no a0 and is left out."
     assert sentence(Finding("test", "caution", "run-3"), of_data=True) == "run-3: test."
     assert sentence(Finding("test", "caution", "rc")) == "Test."
+
+
+def test_a_run_whose_shape_the_model_misses_is_the_models_matter():
+    fit = Fit(**CLEAN, findings=(finding("shape-misses", "run-1", (5.0,), worst=1.0, share_pct=20.0),))
+    assert grades(gathered([fit]))[1] == "care"
+
+
+def test_a_friction_coefficient_that_was_not_computed_is_not_drawn():
+    ends = LevelIntervals(Ts=(1.9, 2.1))
+    rows = [FrictionLevel(x, x, 0.1, 5.0, ci95=ends, stress_kpa=100 * x) for x in (1.0, 3.0, 5.0)]
+    for unit, panels in (("N", 3), ("N·m", 4)):
+        part = Friction(0.85, levels=tuple(rows), over="stress_kpa")
+        fit = Fit(data=results.Data("friction-force", "bar", unit), friction=part)
+        assert len(frictions.friction_over_stress(fit).axes) == panels

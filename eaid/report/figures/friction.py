@@ -82,7 +82,7 @@ def _panel(axes: Axes, fit: Fit, name: str, x: Array, paper: Callable[[Array], A
 def friction_over_stress(fit: Fit, asked: bool | None = None) -> Figure:
     """Fig. 4: T_s, τ1, C_f and τ2 over the normal stress [kPa] with their trends; over the level on another rig."""
     x, label = trend_x(fit)
-    four = over_stress(fit)
+    four = over_stress(fit) and fit.data.output_unit == "N·m"  # Eq. (1) takes a torque
     names = ("Ts", "tau1", "C_f", "tau2") if four else ("Ts", "tau1", "tau2")
     figure, axes = style.page(4.2, 2, 2, sharex=True) if four else style.page(2.4, 1, 3)
     for mark, name, panel in zip("abcd", names, axes, strict=False):

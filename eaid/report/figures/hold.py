@@ -58,7 +58,9 @@ def hold_and_release(held: list[Held], input_unit: str, output_unit: str) -> Fig
     looks = [(style.BLUE, "-"), (style.VERMILLION, "--"), (style.GREEN, "-.")]
     axes.axvspan(0, held[0].release_s, color="#E8E8E8", lw=0)
     for run, (colour, line) in zip(held, looks, strict=False):
-        label = f"{level_text(run.level, input_unit)}: lost {run.lost_pct:.1f} %, left {run.left_pct:.1f} %"
+        label = f"{level_text(run.level, input_unit)}: lost {run.lost_pct:.1f} %, left {run.left_pct:.1f} %".replace(
+            "-", "−"
+        )
         t, y = thinned(run.time_s, run.torque, 1500)
         axes.plot(t, y, color=colour, linestyle=line, linewidth=0.9, label=label)
     axes.set(xlabel="Time since the step (s)", ylabel=quantity(output_unit), xlim=(0, float(held[0].time_s[-1])))

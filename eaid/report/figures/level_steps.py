@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from eaid.report import style
@@ -20,7 +21,7 @@ MOST = 12
 def step_text(step: LevelStep | StepShape) -> str:
     """A step as it is named: 50 → 100."""
     before = step.from_level if isinstance(step, LevelStep) else step.from_
-    return f"{before:.3g} → {step.level:.3g}"
+    return f"{before:.3g} → {step.level:.3g}".replace("-", "−")
 
 
 def paired(data: StepSet, shapes: Sequence[StepShape]) -> list[tuple[LevelStep, StepShape]]:
@@ -33,6 +34,12 @@ def paired(data: StepSet, shapes: Sequence[StepShape]) -> list[tuple[LevelStep, 
 def level_steps(data: StepSet, shapes: Sequence[StepShape]) -> Figure:
     """Change of output over time since each step, and the fitted curves (dashed)."""
     figure, (axes,) = style.page(3.0)
+    draw_level_steps(axes, data, shapes)
+    return figure
+
+
+def draw_level_steps(axes: Axes, data: StepSet, shapes: Sequence[StepShape]) -> None:
+    """Draw them on one pair of axes."""
     pairs = some_levels(paired(data, shapes), MOST)
     ends = []
     longest = max(float(step.time_s[-1]) for step, _ in pairs)
@@ -49,7 +56,6 @@ def level_steps(data: StepSet, shapes: Sequence[StepShape]) -> Figure:
     axes.plot([], [], label="fitted", **MODEL)
     style.legend_above(axes, 2)
     label_ends(axes, ends, longest)
-    return figure
 
 
 EDGES = (("up", "^", style.BLUE), ("down", "v", style.VERMILLION))

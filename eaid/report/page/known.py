@@ -8,6 +8,8 @@ from eaid.findings import Finding, merged, ranked, say
 from eaid.report.results import Results
 
 MODELS = {"friction": "friction curves", "nonlinear": "nonlinear model", "linear": "linear model", "release": "release"}
+ABOUT_THE_CURVE = {"shape-misses", "other-shape-fits-better"}
+"""Findings of single runs that say how far the model is from them."""
 MOST = 3
 """Findings of a part that are shown; the rest are folded."""
 
@@ -30,7 +32,8 @@ def known(results: Results) -> Known:
         found["data"] += data.result.all_findings
     for fit in results.fits:
         for one in fit.result.findings:
-            found["model" if one.subject in MODELS or one.subject == "fit" else "data"].append(one)
+            of_the_model = one.subject in MODELS or one.subject == "fit" or one.code in ABOUT_THE_CURVE
+            found["model" if of_the_model else "data"].append(one)
     for gains in results.gains:
         found["controller"] += gains.result.findings
     for replay in results.replays:

@@ -48,7 +48,7 @@ def steps(data: StepSet, fitted: Mapping[float, Model], notes: Mapping[float, st
         placed.append(max(value, placed[-1] + gap) if placed else value)
     words = ColumnDataSource({"x": [1.01 * longest] * len(ends), "y": placed, "text": [name for _, name in ends]})
     p.text("x", "y", text="text", source=words, text_font_size="12px", text_baseline="middle")
-    p.x_range = Range1d(start=0, end=1.13 * longest)
+    p.x_range = Range1d(start=0, end=(1.03 + 0.022 * max(len(name) for _, name in ends)) * longest)
     return plot.finish()
 
 
@@ -113,6 +113,7 @@ def residuals(found: ResidualMap, input_unit: str, output_unit: str) -> Mapping[
     p.yaxis.ticker = [int(n) for n in shown]
     p.yaxis.major_label_overrides = {int(n): level_text(found.levels[n], input_unit) for n in shown}
     p.add_layout(ColorBar(color_mapper=mapper, width=10, title=output_unit, background_fill_color=None), "right")
+    p.xaxis.ticker.desired_num_ticks = 4  # on a phone, too, they stand apart
     p.x_range = Range1d(start=float(first), end=float(found.edges_s[-1]))
     p.y_range = Range1d(start=-0.5, end=len(found.levels) - 0.5)
     return plot.finish()

@@ -132,7 +132,8 @@ def _data(results: Results, known: Known, drawn: Drawn) -> Block | None:
     if not results.data and not known.of("data"):
         return None
     kind = main_kind(results)
-    own = results.data_of(kind) if kind else None
+    of_kind = (one.result for one in results.data if one.result.kind == kind)
+    own = (results.data_of(kind) if kind else None) or next(of_kind, None)
     tables: list[Table] = []
     folds: list[Block] = []
     for one in results.data:
@@ -146,7 +147,7 @@ def _data(results: Results, known: Known, drawn: Drawn) -> Block | None:
         else:
             more = [doubtful, levels]
         folds += _block(of.capitalize(), (), [*more, slips, fine])
-    if results.edge_logs and not tables:
+    if results.edge_logs and not any(table.rows for table in tables):
         tables = [recorded.edges_table(results.edge_logs)]
     alone = () if results.fits else ("fig07_nonlinear_model", "fig03_friction_steps")
     figures = _of(drawn, *alone, "edges", "fig06_hold_and_release")

@@ -11,7 +11,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup, escape
 
 from eaid.report.catalogue import Row
-from eaid.report.draw import Drawn, Picture
+from eaid.report.draw import Drawn
 from eaid.report.mark import mark_of
 from eaid.report.page import live, summary
 from eaid.report.page.glossary import Terms
@@ -19,6 +19,7 @@ from eaid.report.page.known import known
 from eaid.report.page.next_steps import next_steps
 from eaid.report.page.parts import parts
 from eaid.report.page.shown import shown, source_of
+from eaid.report.pictures import Picture
 from eaid.report.results import Results
 from eaid.report.tables.table import Cell, Name, text
 from eaid.version import __version__

@@ -262,7 +262,9 @@ def _errors(results: Results) -> Tile:
         unit, where = results.gains[0].result.output_unit, SCENARIO_NAMES.get(told.reference, told.reference)
     names = " | ".join(controller_name(name) for name in values) or "RC | PI"
     return Tile(
-        f"largest error, {names}", " | ".join(number(v, 2) for v in values.values()) or "–", f"{unit} {where}".strip()
+        f"largest error, {names}",
+        " | ".join(number(v, 2) for v in values.values()) or "–",
+        ", ".join(filter(None, (unit, where))),
     )
 
 
