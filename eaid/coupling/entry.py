@@ -9,8 +9,9 @@ import numpy as np
 from eaid.control.gains import pi_gains, rc_gains
 from eaid.control.plant import plant_of
 from eaid.control.timing import Timing
-from eaid.coupling.couple import Loops, couple, default_torques
+from eaid.coupling.couple import couple, default_torques
 from eaid.coupling.linear import LOOPS
+from eaid.coupling.loops import Loops
 from eaid.coupling.options import MOST_DELAY, CoupleOptions
 from eaid.coupling.sampled import Limb
 from eaid.errors import DataError

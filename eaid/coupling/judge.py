@@ -8,8 +8,9 @@ from collections.abc import Callable
 
 from eaid.control.plant import plant_of
 from eaid.control.rc import RCGains
-from eaid.coupling.couple import Loops, default_torques
+from eaid.coupling.couple import default_torques
 from eaid.coupling.linear import operating_point
+from eaid.coupling.loops import Loops
 from eaid.coupling.options import CoupleOptions
 from eaid.coupling.stiffness import needed_damping, passive_stiffness
 from eaid.errors import DataError, GainsError

@@ -93,9 +93,9 @@ def best(plant: PlantParameters, reference: Reference, limits_pct: tuple[float, 
     error = math.sqrt(problem.cost(torque) / count)
     bound = math.sqrt(least_cost(plant, wanted, weight, reference.dt_s, (low, high)) / count)
     time_s = np.arange(len(wanted)) * reference.dt_s
-    columns = (read_only(column) for column in (time_s, wanted, torque, duty))
+    time_s, wanted, torque, duty = (read_only(column) for column in (time_s, wanted, torque, duty))
     return Best(
-        Trace("best", reference.dt_s, *columns, limits_pct=limits_pct),
+        Trace("best", reference.dt_s, time_s, wanted, torque, duty, limits_pct),
         error,
         min(error, bound),  # they meet where the bound is tight, but for rounding
         math.sqrt(problem.cost(steady) / count),

@@ -12,7 +12,6 @@ The same controller steps and `plant_pull` are called; two things make them vect
 import math
 from collections.abc import Callable
 from fractions import Fraction
-from functools import reduce
 from typing import Any
 
 import numpy as np
@@ -38,10 +37,13 @@ def telescoped(degree: int, terms: int = 26) -> list[float]:
     """Coefficients of (1 − e^(−x))/x on 0 ≤ x ≤ 1, lowest power first: Taylor's, written in the Chebyshev polynomials
     T_n(2x − 1) and cut after `degree`; in exact fractions, rounded once."""
     taylor = [Fraction((-1) ** n, math.factorial(n + 1)) for n in range(terms)]
-    in_y = polyval(Polynomial([Fraction(1, 2), Fraction(1, 2)]), taylor).coef  # y = 2x − 1
-    chebyshev = reduce(lambda series, c: chebadd(chebmulx(series), [c]), in_y[::-1], [Fraction(0)])
-    cut = polyval(Polynomial([Fraction(-1), Fraction(2)]), cheb2poly(chebyshev[: degree + 1])).coef
-    return [float(value) for value in cut]
+    x, y = Polynomial([Fraction(1, 2), Fraction(1, 2)]), Polynomial([Fraction(-1), Fraction(2)])  # y = 2x − 1
+    in_y: Any = polyval(x, taylor)  # a polynomial of a polynomial is one
+    chebyshev: Any = [Fraction(0)]
+    for coefficient in in_y.coef[::-1]:
+        chebyshev = chebadd(chebmulx(chebyshev), [coefficient])
+    in_x: Any = polyval(y, cheb2poly(chebyshev[: degree + 1]))
+    return [float(value) for value in in_x.coef]
 
 
 P0, P1, P2, P3, P4, P5, P6, P7, P8, P9, P10, P11, P12, P13 = telescoped(13)

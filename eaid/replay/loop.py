@@ -53,8 +53,8 @@ class Trace:
 
     def tracking(self, counted: "slice | NDArray[np.int64]" = slice(None)) -> Tracking:
         """How well the torque follows the reference over the samples that count."""
-        columns = (column[counted] for column in (self.reference_nm, self.torque_nm, self.duty_pct))
-        return tracking(*columns, self.dt_s, self.limits_pct)
+        reference, torque, duty = self.reference_nm[counted], self.torque_nm[counted], self.duty_pct[counted]
+        return tracking(reference, torque, duty, self.dt_s, self.limits_pct)
 
 
 class Inputs(NamedTuple):

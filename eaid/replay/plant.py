@@ -80,11 +80,9 @@ def perturbed(p: Nonlinear, factors: Mapping[str, float]) -> Nonlinear:
     if not factors:
         return p
 
-    def scaled(name: str, values: tuple[float, ...]) -> tuple[float, ...]:
-        return tuple(factors.get(name, 1.0) * value for value in values)
-
-    release = p.release and (factors.get("tau1", 1.0) * p.release[0], factors.get("tau2", 1.0) * p.release[1])
-    return replace(p, tau1=scaled("tau1", p.tau1), tau2=scaled("tau2", p.tau2), Ts=scaled("Ts", p.Ts), release=release)
+    by = {name: factors.get(name, 1.0) for name in ("tau1", "tau2", "Ts")}
+    curves = {name: tuple(factor * c for c in getattr(p, name)) for name, factor in by.items()}
+    return replace(p, **curves, release=p.release and (by["tau1"] * p.release[0], by["tau2"] * p.release[1]))
 
 
 def plant_terms(parameters: PlantParameters, duty: float) -> tuple[float, float, float]:

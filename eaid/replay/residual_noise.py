@@ -11,13 +11,15 @@ there, and what the sensor adds, residuals cannot tell: all of it is put on the 
 """
 
 import math
+from dataclasses import replace
 
 from eaid.errors import DataError
+from eaid.replay.rig import Rig
 from eaid.results.fit import Fit
 
 
-def residual_noise(fit: Fit) -> dict[str, float]:
-    """Settings of `Rig` (noise_nm, noise_correlation_s, noise_coloured_share); DataError where the fit has none."""
+def with_residual_noise(rig: Rig, fit: Fit) -> Rig:
+    """The rig with noise as the residuals of a fit have it; DataError where the fit has none."""
     adequacy = fit.uncertainty.adequacy if fit.uncertainty is not None else None
     levels = fit.friction.levels if fit.friction is not None else ()
     rows = [(row.sse, row.rmse) for row in levels if row.sse is not None and row.rmse is not None]
@@ -40,9 +42,6 @@ def residual_noise(fit: Fit) -> dict[str, float]:
     if memory <= first:
         memory = first
     if memory <= 0:
-        return {"noise_nm": size, "noise_correlation_s": 0.0, "noise_coloured_share": 1.0}
-    return {
-        "noise_nm": size,
-        "noise_correlation_s": -1 / (rate_hz * math.log(memory)),
-        "noise_coloured_share": first / memory,
-    }
+        return replace(rig, noise_nm=size, noise_correlation_s=0.0, noise_coloured_share=1.0)
+    correlation_s = -1 / (rate_hz * math.log(memory))
+    return replace(rig, noise_nm=size, noise_correlation_s=correlation_s, noise_coloured_share=first / memory)

@@ -1,6 +1,6 @@
 """What every kind of replay needs: the plant, what the controllers know of it, the rig, the clock."""
 
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 
 from eaid.control.defaults import Scales, input_limits, is_duty
 from eaid.control.gains import pi_gains, rc_gains
@@ -11,7 +11,7 @@ from eaid.models.parameters import Linear, Nonlinear
 from eaid.replay.controllers import Controller, Knowledge, controller
 from eaid.replay.options import SimulateOptions
 from eaid.replay.plant import PlantParameters, perturbed, plant_parameters
-from eaid.replay.residual_noise import residual_noise
+from eaid.replay.residual_noise import with_residual_noise
 from eaid.replay.rig import Rig
 from eaid.results.fit import Fit
 from eaid.results.gains import Gains
@@ -54,9 +54,7 @@ def set_up(
         input_limits(fit) if gains is None else gains.duty_limits_pct,
     )
     names, findings = _names(options.controllers, what, known)
-    rig = options.rig
-    if options.residual_noise:
-        rig = Rig(**{**asdict(rig), **residual_noise(fit)})
+    rig = with_residual_noise(options.rig, fit) if options.residual_noise else options.rig
     rate_hz = options.rate_hz or (1000.0 if scales.paper or is_duty(fit) else fit.data.sample_rate_hz or 1000.0)
     if fit.dead_time_s > 0 and rig.delay_samples == 0:
         rig = replace(rig, delay_samples=round(fit.dead_time_s * rate_hz))

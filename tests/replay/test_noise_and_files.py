@@ -7,7 +7,7 @@ import pytest
 
 from eaid.errors import DataError, UsageError
 from eaid.replay.files import as_json, read, write_replay
-from eaid.replay.residual_noise import residual_noise
+from eaid.replay.residual_noise import with_residual_noise
 from eaid.replay.rig import Rig, noise
 from eaid.results.codec import from_plain
 from eaid.results.fit import Fit
@@ -33,30 +33,30 @@ def fitted(rho=0.5, effective=500.0, repeats=3):
 
 
 def test_the_noise_has_both_numbers_of_the_residuals():
-    made = residual_noise(fit_of(fitted()))
-    assert made["noise_nm"] == pytest.approx(math.sqrt(3 * (0.01**2 + 0.02**2) / 2))
-    phi, share = math.exp(-1e-3 / made["noise_correlation_s"]), made["noise_coloured_share"]
+    made = with_residual_noise(Rig(), fit_of(fitted()))
+    assert made.noise_nm == pytest.approx(math.sqrt(3 * (0.01**2 + 0.02**2) / 2))
+    phi, share = math.exp(-1e-3 / made.noise_correlation_s), made.noise_coloured_share
     assert share * phi == pytest.approx(0.5)
     assert 1 + 2 * share * phi / (1 - phi) == pytest.approx(20_000 / 500)
-    values = noise(Rig(**made), 400_000, 1e-3, 2)
-    assert values.std() == pytest.approx(made["noise_nm"], rel=0.02)
+    values = noise(made, 400_000, 1e-3, 2)
+    assert values.std() == pytest.approx(made.noise_nm, rel=0.02)
     assert np.corrcoef(values[1:], values[:-1])[0, 1] == pytest.approx(0.5, abs=0.01)
     assert np.corrcoef(values[20:], values[:-20])[0, 1] == pytest.approx(share * phi**20, abs=0.02)
 
 
 def test_white_residuals_make_white_noise_and_a_short_tail_one_process():
-    assert residual_noise(fit_of(fitted(rho=0.0, effective=20_000.0)))["noise_correlation_s"] == 0.0
-    assert residual_noise(fit_of(fitted(rho=0.8, effective=19_000.0)))["noise_coloured_share"] == 1.0
+    assert with_residual_noise(Rig(), fit_of(fitted(rho=0.0, effective=20_000.0))).noise_correlation_s == 0.0
+    assert with_residual_noise(Rig(), fit_of(fitted(rho=0.8, effective=19_000.0))).noise_coloured_share == 1.0
 
 
 def test_a_fit_that_does_not_say_is_told_so():
     with pytest.raises(DataError, match="fit again with ci= robust"):
-        residual_noise(Fit())
+        with_residual_noise(Rig(), Fit())
     silent = fitted()
     for level in silent["friction"]["levels"]:
         level["sse"] = level["rmse"] = 0.0
     with pytest.raises(DataError, match="residuals are zero"):
-        residual_noise(fit_of(silent))
+        with_residual_noise(Rig(), fit_of(silent))
 
 
 def test_first_order_noise_keeps_its_variance():
