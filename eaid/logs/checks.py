@@ -13,6 +13,8 @@ MOST_DROPPED = 0.01
 """`repair` drops up to this share of a log's rows."""
 MOST_REPEATED = 0.2
 """Share of rows that repeat the time before them from which on the stamps have too few digits."""
+CHANGES = 0.1
+"""Share of its range by which an input changes at a dropped row for it to be that of a step."""
 SHOWN = 5
 """Bad rows told one by one; the rest of a kind are counted."""
 
@@ -97,6 +99,29 @@ def checked(
             *faults,
         )
     return np.flatnonzero(~bad)
+
+
+def without_moving_steps(
+    keep: NDArray[np.intp], time: NDArray[Any], input_: NDArray[Any]
+) -> tuple[NDArray[np.intp], list[int]]:
+    """Samples to keep, shape (n,), so that the input changes where it did; and dropped samples at which it changed.
+
+    Of two rows at one time the one with the new input is kept, where the other is not the only one before the step.
+    """
+    keep, lost = keep.copy(), []
+    least = CHANGES * float(np.nanmax(input_) - np.nanmin(input_))
+    for sample in np.setdiff1d(np.arange(len(time)), keep).tolist():
+        behind = int(np.searchsorted(keep, sample))
+        if not 0 < behind < len(keep):
+            continue
+        before, after = keep[behind - 1], keep[behind]
+        change = abs(float(input_[sample] - input_[before]))
+        if change > least and abs(float(input_[sample] - input_[after])) < 0.5 * change:
+            if behind > 1 and time[sample] == time[before]:
+                keep[behind - 1] = sample
+            else:
+                lost.append(sample)
+    return keep, lost
 
 
 def _overflows(text: str) -> bool:

@@ -89,6 +89,12 @@ def _quantity(name: str) -> str:
     return known.quantity if known else ""
 
 
+def _unit_of(table: Table, column: int) -> str:
+    """The quantity of a column by its unit; empty where none is known."""
+    known = unit_of(table.unit(column)) if table.unit(column) else None
+    return known.quantity if known else _quantity(table.columns[column])
+
+
 def _may_be_time(name: str) -> bool:
     """Whether a column's unit does not say that it is something else: `T [degC]` is a temperature."""
     return not split_name(name)[1] or _quantity(name) == "time"
@@ -148,6 +154,9 @@ def match_columns(path: str, table: Table, options: ReadOptions) -> Roles:
             if len(clocks) > 1:
                 clocks = [i for i in clocks if _may_be_time(names[i])]
             time = table.clock if table.clock is not None else _only(path, "time", clocks, names)
+    if time is None:
+        timed = [i for i in range(len(names)) if i not in taken and _unit_of(table, i) == "time"]
+        time = timed[0] if len(timed) == 1 else None
     if time is None and not rate:
         raise DataError(
             f"{path}: no column is called time (columns: {shown(names)}); name it with «columns» time=NAME, "
@@ -168,6 +177,9 @@ def match_columns(path: str, table: Table, options: ReadOptions) -> Roles:
     for group in OUTPUTS:
         if output is None:  # torque1, torque2
             output = _only(path, "output", _alike([name.rstrip("0123456789") for name in bare], group, shut), names)
+    if output is None:
+        turned = [i for i in range(len(names)) if i not in shut and i not in references]
+        output = _only(path, "output", [i for i in turned if _unit_of(table, i) == "torque"], names)
     if output is None:
         driven = set(_alike(names, {word for group in INPUTS["clutch"] for word in group}, shut))
         driven |= {i for i, name in enumerate(names) if split_name(name)[1] in ("%", "V", "A")}

@@ -13,7 +13,7 @@ from eaid.arrays import Array, read_only
 from eaid.errors import DataError
 from eaid.findings import Finding, finding
 from eaid.logs.by_values import chosen_table, steps, the_input
-from eaid.logs.checks import checked
+from eaid.logs.checks import checked, without_moving_steps
 from eaid.logs.clock import TimeScale, seconds_since_start, time_scale
 from eaid.logs.columns import COUNTERS, Roles, input_default, output_default
 from eaid.logs.options import ReadOptions
@@ -126,6 +126,10 @@ def run_of(origin: Origin, tables: Sequence[Table], options: ReadOptions) -> Run
     def kept(column: int) -> NDArray[Any]:
         return columns[column] if keep is None else columns[column][keep]
 
+    switch = which if which is not None else trigger
+    lost: list[int] = []
+    if keep is not None and switch is not None:
+        keep, lost = without_moving_steps(keep, raw, columns[switch])
     rows = raw if keep is None else raw[keep]
     if clock is not None:
         time_s, start_s, doubts = seconds_since_start(source, table.label(clock), rows, log.time_scale)
@@ -146,10 +150,13 @@ def run_of(origin: Origin, tables: Sequence[Table], options: ReadOptions) -> Run
         findings += (finding("level-times-trigger", source, column=table.label(trigger), level=level),)
     if keep is not None:
         findings += (finding("rows-dropped", source, dropped=len(raw) - len(keep), count=len(raw)),)
+    for row in lost if options.step_at_s is None else ():
+        at_s = float(raw[row]) * log.time_scale.factor
+        findings += (finding("step-row-dropped", source, row=columns.cells.row(row), at_s=at_s),)
     findings += _of_values(log, into, output)
     if level is not None and which is not None:
         findings += _contradiction(source, level, input_, unit)
-    named = {"time": clock, "input": which if which is not None else trigger, "output": roles.output,
+    named = {"time": clock, "input": switch, "output": roles.output,
              "reference": roles.reference, "position": roles.position}  # fmt: skip
     used = {role: column for role, column in named.items() if column is not None}
     others = [table.label(column) for column in range(len(table.columns)) if column not in used.values()]

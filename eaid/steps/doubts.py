@@ -13,7 +13,7 @@ from eaid.findings import Finding, finding
 from eaid.steps.baseline import FLOOR, last_rest, without_spikes
 from eaid.steps.instead import several_edges
 from eaid.steps.noise import BLOCKS, block_error, block_means, line, sample_noise
-from eaid.steps.plateaus import FEWEST
+from eaid.steps.plateaus import FEWEST, tolerance
 from eaid.steps.sensor import coarse, flat_top, isolated_spikes, saturated, stuck
 from eaid.steps.slow import slow_constant
 from eaid.steps.step import Step, left_pct, lost_pct
@@ -22,7 +22,9 @@ FEW = 2 * BLOCKS
 SLOW_CLOCK_S = 1.0
 """Sample time from which its unit is asked about."""
 MOVED = 0.05
-"""Share of the swing by which the output may have moved behind a gap that the step falls into."""
+"""Share of the swing by which the output may have moved behind a gap or a ramp that the step falls into."""
+FAR = 0.2
+"""Share of the swing from which what it moved during a ramp leaves no time constants to be told."""
 SURE = 5.0
 """Standard errors beyond which a difference is told."""
 
@@ -52,6 +54,22 @@ def _gap_at_step(step: Step) -> Finding | None:
         return None
     at = float(step.run.time_s[step.start - 1])
     return finding("step-in-gap", step.run.name, gap_s=gap, at_s=at, moved_pct=100 * first / step.swing)
+
+
+def _ramp(step: Step) -> Finding | None:
+    """An input that is on its way to the new level while the output moves already."""
+    run, name = step.run, step.run.name
+    if not step.start or not run.has_input or not step.swing > 0:
+        return None
+    level = (run.level or 0.0) if run.edge == "falling" else run.from_level
+    at_rest = np.flatnonzero(np.abs(run.input[: step.start] - level) <= tolerance(run.input))
+    last = int(at_rest[-1]) if len(at_rest) else -1  # none: the hold before it belongs to the step before
+    moved = abs(float(step.rise[0]) - (step.before or 0.0)) / step.swing
+    if last == step.start - 1 or moved <= MOVED or moved * step.swing <= SURE * sample_noise(step.rise):
+        return None
+    ramp_s = float(run.time_s[step.start] - run.time_s[max(last, 0)])
+    code = "input-ramps-on" if moved > FAR else "input-ramps"
+    return finding(code, name, step.levels, ramp_s=ramp_s, moved_pct=100 * moved)
 
 
 def _drift(step: Step) -> Finding | None:
@@ -145,6 +163,7 @@ CHECKS: tuple[tuple[Callable[[Step], Finding | None], tuple[Edge, ...]], ...] = 
     (_slow_clock, BOTH),
     (_jitter, BOTH),
     (_gap_at_step, BOTH),
+    (_ramp, BOTH),
     (_drift, ("rising",)),
     (_not_idle, ("rising",)),
     (saturated, BOTH),

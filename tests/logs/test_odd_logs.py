@@ -194,7 +194,14 @@ ODD = [
         refused=r"only column 2 rises all the way; say by number, from 1 to 3, what they are: "
                 r"columns= time=2,input=3,output=1; and the unit of time if it is not s, perhaps units= time=us"),
 ]  # fmt: skip
-NUMBERS_DIFFER = {"sample counts as time", "µs unnamed", "ms unnamed", "days named s", "minutes unnamed"}
+NUMBERS_DIFFER = {
+    "a ms clock that does not say so",
+    "sample counts as time",
+    "µs unnamed",
+    "ms unnamed",
+    "days named s",
+    "minutes unnamed",
+}
 """The clock is not what it was: their findings say so."""
 
 
@@ -469,3 +476,81 @@ def test_what_was_asked_for_in_the_output_s_unit_is_no_input(tmp_path: Path) -> 
     assert dict(run.taken)["reference"] == "setpoint_nm" and np.isnan(run.input).all()
     (run,) = read_runs([path], ReadOptions(columns={"input": "setpoint_nm"}))
     assert run.input.max() == 2.0
+
+
+# as the owner of a new rig names and shapes them
+
+
+def comma(value: float, digits: int) -> str:
+    return f"{value:.{digits}f}".replace(".", ",")
+
+
+def table(*head: str, rows: list[str]) -> str:
+    return "\n".join([*head, *rows]) + "\n"
+
+
+def three(form: str, time: Any = T, duty: Any = U, torque: Any = Y) -> list[str]:
+    return [form.format(t, u, y) for t, u, y in zip(time, duty, torque, strict=True)]
+
+
+HEAD, ROWS = "time_s,duty_pct,torque_nm", three("{:.3f},{:g},{:.6f}")
+
+
+def slow_channel() -> str:
+    """The torque comes with nine of ten rows."""
+    return table(HEAD, rows=[f"{row[: row.rindex(',')]}," if i % 10 == 0 else row
+                                                    for i, row in enumerate(ROWS)])  # fmt: skip
+
+
+OWN = [
+    Odd("decimal comma, units row, kV and mN·m", text(table(
+        "Zeit;Spannung;Drehmoment", "ms;kV;mN·m",
+        rows=[f"{comma(1e3 * t, 1)};{comma(u / 1e3, 3)};{comma(1e3 * y, 3)}"
+              for t, u, y in zip(T, U, Y, strict=True)]))),
+    Odd("two header rows", text(table("Bench A,,Bench B,", "time [s],duty [%],torque [Nm],temp [degC]",
+                                      rows=three("{:.3f},{:g},{:.6f},23.1")))),
+    Odd("a clock in ms", text(table("t,u,torque", rows=three("{:.0f},{:g},{:.6f}", 1e3 * T))),
+        code="time-too-long", atol_s=1e4),
+    Odd("set and measured values", text(table(
+        "idx,timestamp_ms,V_set (V),V_meas (V),T_ref (Nm),T_meas (Nm),Temp1 (C)",
+        rows=[f"{i},{1e3 * t:.1f},{u:g},{u + np.sin(i):.3f},{u / 30:.3f},{y:.6f},25.1"
+              for i, (t, u, y) in enumerate(zip(T, U, Y, strict=True))])), code="input-unnamed"),
+    Odd("a scope's export",
+        text(table("Source,CH1,CH2", "Second,Volt,Volt", rows=three("{:+.6e},{:+.4e},{:+.6e}", T - 2))),
+        options={"columns": {"output": "CH2"}}, code="input-unnamed"),
+    Odd("a summary behind the rows", text(table(HEAD, rows=[*ROWS, "mean,,1.2"])),
+        refused="column time_s, holds 'mean', which is no number; mend the cell, or drop such rows with repair="),
+    Odd("a logger started anew", text(table(HEAD, rows=[*ROWS[:400], HEAD, *ROWS[400:]])),
+        refused="row 402, column time_s, holds 'time_s', which is no number"),
+    Odd("one torque in ten is missing", text(slow_channel()),
+        refused="row 2, column torque_nm, is empty; mend the cell"),
+    Odd("words for the valve", text(table("time_s,valve,torque_nm", rows=[
+        f"{t:.3f},{'ON' if u else 'OFF'},{y:.6f}" for t, u, y in zip(T, U, Y, strict=True)])), input=np.nan * T),
+    Odd("a duty of 10 bits",
+        text(table("ms,pwm_counts,torque_nm", rows=three("{:.0f},{:.0f},{:.6f}", 1e3 * T, 10.23 * U))),
+        options={"units": {"input": "/1023"}}, input=np.where(T >= 1, 614 / 10.23, 0.0)),
+    Odd("a step of two rows at one time", text(table(HEAD, rows=[*ROWS[:200], "1.000,0,0", *ROWS[200:]])),
+        options={"repair": True}, code="rows-dropped"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("odd", OWN, ids=[odd.name for odd in OWN])
+def test_logs_of_a_new_rig(odd: Odd, tmp_path: Path) -> None:
+    test_odd_log(odd, tmp_path)
+
+
+@pytest.mark.parametrize("fault", ["{:.3f},{:g},", "{:.3f},{:g},bad"])
+def test_a_dropped_row_at_the_step_is_told(fault: str, tmp_path: Path) -> None:
+    """The row of the step itself is bad: the step counts from the next, 5 ms later, and its instant is named."""
+    rows = ROWS.copy()
+    rows[200] = fault.format(T[200], U[200])
+    path = tmp_path / "a.csv"
+    path.write_text(table(HEAD, rows=rows))
+    (run,) = read_runs([path], ReadOptions(repair=True))
+    assert {one.code: dict(one.values) for one in run.findings}["step-row-dropped"] == {"row": 202, "at_s": 1.0}
+    assert build_stepset([run]).runs[0].step_s == pytest.approx(1.005)
+    (run,) = read_runs([path], ReadOptions(repair=True, step_at_s=1.0))
+    assert "step-row-dropped" not in [one.code for one in run.findings]
+    rows[200], rows[300] = ROWS[200], fault.format(T[300], U[300])
+    path.write_text(table(HEAD, rows=rows))
+    assert [one.code for one in read_runs([path], ReadOptions(repair=True))[0].findings] == ["rows-dropped"]

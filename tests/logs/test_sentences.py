@@ -9,6 +9,11 @@ from eaid.findings import finding, say
 from eaid.findings.sentences.logs import ROWS
 
 SAID = {
+    "step-row-dropped": (
+        {"row": 202, "at_s": 1.0},
+        "«repair» dropped row 202, at which the input changes (1 s): the step counts from the next row; "
+        "say «step_at» 1 if it began there",
+    ),
     "rows-dropped": ({"dropped": 2, "count": 300}, "«repair» dropped 2 of 300 rows"),
     "columns-by-place": ({"order": "time, output"}, "its columns have no names: taken as time, output"),
     "columns-without-numbers": ({"columns": "note"}, "note hold no real numbers and are left out"),

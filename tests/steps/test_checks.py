@@ -340,3 +340,34 @@ def test_a_step_between_levels_goes_its_own_way() -> None:
     way = direction([up, down])
     assert (way.of(up), way.of(down)) == (1.0, -1.0)
     assert way.findings == ()
+
+
+def ramped(tau_s: float) -> Run:
+    """A driver that takes its time, a plant that answers to the driver at once: input and output move together."""
+    run = log([(0, 4), (50, 8)], input_unit="V")
+    on_its_way = 50.0 * -np.expm1(-np.maximum(run.time_s - 4, 0) / tau_s) if tau_s else run.input
+    return replace(run, input=read_only(on_its_way))
+
+
+@pytest.mark.parametrize(
+    ("tau_s", "codes_said"),
+    [(0.0, []), (0.002, []), (0.012, ["input-ramps"]), (0.08, ["input-ramps-on"])],
+)
+def test_an_input_that_is_late_at_its_level(tau_s: float, codes_said: list[str]) -> None:
+    """1 % of the level is left after 4.6 τ; the plant (0.2 s) has gone 1 − e^(−t/0.2) of its 85 % by then."""
+    (row,) = build_stepset([ramped(tau_s)]).runs
+    assert [one.code for one in row.findings] == codes_said
+    for said in row.findings:
+        gone = float(curve(np.array([np.ceil(460 * tau_s) / 100])).item())
+        assert said.values["moved_pct"] == pytest.approx(100 * gone, rel=0.2)  # to a sample
+        assert said.values["ramp_s"] == pytest.approx(4.6 * tau_s, abs=0.02)
+
+
+def test_a_release_whose_input_is_late_is_told_too() -> None:
+    run = log([(0, 2), (50, 6), (0, 6)], input_unit="V")
+    slow = np.where(run.time_s < 8, run.input, 50.0 * np.exp(-np.maximum(run.time_s - 8, 0) / 0.08))
+    rows = build_stepset([replace(run, input=read_only(slow))]).runs
+    assert {row.edge: [one.code for one in row.findings] for row in rows} == {
+        "rising": [],
+        "falling": ["input-ramps-on"],
+    }

@@ -58,7 +58,7 @@ def test_heaters(name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) 
     table = np.genfromtxt(recorded(name), delimiter=",", skip_header=1)[
         :, [heads.index(c) for c in ("Time", "T1", "Q1")]
     ]
-    table = table[np.r_[True, np.diff(table[:, 0]) > 0]]  # one row is written twice: the step is at the next one
+    table = table[np.r_[np.diff(table[:, 0]) > 0, True]]  # the step instant is written twice, off and on
     first = int(np.argmax(table[:, 2] > 0))
     held = first + int(np.argmin(np.r_[table[first:, 2] > 0, False]))
     time, heat = table[:held, 0], table[:held, 1]

@@ -39,6 +39,8 @@ VALUES: dict[str, dict[str, object]] = {
     "spikes": {"samples": 1, "value": 1000.0, "unit": "N·m", "at_s": 7.0},
     "slow-clock": {"sample_s": 1.0},
     "gap": {"gap_s": 3.0, "at_s": 5.0, "sample_s": 0.01},
+    "input-ramps": {"ramp_s": 0.06, "moved_pct": 12.0},
+    "input-ramps-on": {"ramp_s": 0.4, "moved_pct": 66.0},
     "step-in-gap": {"gap_s": 0.8, "at_s": 1.59, "moved_pct": 88.0},
     "jitter": {"low_s": 0.01, "high_s": 0.013},
     "idle-drifts": {"drift": 0.2, "unit": "N·m", "share_pct": 10.0},

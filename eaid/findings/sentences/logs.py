@@ -13,6 +13,11 @@ def _held(values: Mapping[str, Any]) -> str:
 
 ROWS: dict[str, Row] = {
     "rows-dropped": Row("caution", "«repair» dropped {dropped} of {count} rows", size="dropped", always=True),
+    "step-row-dropped": Row(
+        "caution",
+        "«repair» dropped row {row}, at which the input changes ({at_s:.10g} s): the step counts from the next row; "
+        "say «step_at» {at_s:.10g} if it began there",
+    ),
     "columns-by-place": Row("caution", "its columns have no names: taken as {order}"),
     "columns-without-numbers": Row("note", "{columns} hold no real numbers and are left out"),
     "input-by-its-steps": Row(

@@ -120,6 +120,18 @@ ROWS: dict[str, Row] = {
         "came within it: nobody knows when it began; record it again, or give its instant with «step_at»",
         "moved_pct",
     ),
+    "input-ramps": Row(
+        "caution",
+        "the input takes {ramp_s:.3g} s to its new level, and {moved_pct:.0f} % of the change come before it is there: "
+        "its time constants are those of the rest; log the command, or a faster input",
+        "moved_pct",
+    ),
+    "input-ramps-on": Row(
+        "stop",
+        "the input takes {ramp_s:.3g} s to its new level, and {moved_pct:.0f} % of the change come before it is there: "
+        "no step shows its time constants; fit the log as it was recorded («logs_as» recorded), or log the command",
+        "moved_pct",
+    ),
     "jitter": Row("note", "jitter: the sample time runs from {low_s:.4g} to {high_s:.4g} s", "high_s"),
     "idle-drifts": Row("caution", _drift, "share_pct", rank=0),
     "not-at-rest": Row(
