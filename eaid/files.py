@@ -11,13 +11,9 @@ import os
 import shutil
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
-from typing import Any
 
 from eaid.errors import UsageError
 
-IN_MEMORY = 1 << 28
-SEAL = b"eaid-sha256:"
-"""What stands behind an HDF5 file of eaid, before the SHA-256 of it."""
 _NO_ROOM = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO}
 """Failures of writing that more room, or another disk, mends."""
 
@@ -33,27 +29,6 @@ LOGS = (
     ".bag", ".mcap", ".db3", ".npy",
 )  # fmt: skip
 """Endings of recordings, besides .txt and .h5, which others have too."""
-
-
-def is_as_written(path: Path) -> bool | None:
-    """Whether an HDF5 file holds, to the byte, what eaid wrote; None where it has no seal (h5py takes it off).
-
-    Only one that does is safe to open in this process.
-    """
-    size = path.stat().st_size - len(SEAL) - 32
-    if size <= 0:
-        return None
-    with path.open("rb") as file:
-        file.seek(size)
-        mark = file.read()
-        if not mark.startswith(SEAL):
-            return None
-        file.seek(0)
-        seen, left = hashlib.sha256(), size
-        while left and (block := file.read(min(left, 1 << 20))):
-            seen.update(block)
-            left -= len(block)
-    return mark[len(SEAL) :] == seen.digest()
 
 
 def refuse_to_overwrite(path: Path, force: bool, inputs: Iterable[Path] = ()) -> None:
@@ -105,10 +80,8 @@ def all_written_whole(paths: Sequence[Path], force: bool = False) -> Iterator[li
             clear_left_over(path)
             parts.append(_part_of(path))
         yield parts
-        umask = os.umask(0)
-        os.umask(umask)
         for part in parts:
-            part.chmod(0o666 & ~umask)
+            _as_others(part, 0o666)
             _to_disk(part)
         for path in paths:
             refuse_to_overwrite(path, force)
@@ -117,11 +90,21 @@ def all_written_whole(paths: Sequence[Path], force: bool = False) -> Iterator[li
     except BaseException as fault:
         for part in parts:
             part.unlink(missing_ok=True)
-        if isinstance(fault, OSError) and fault.errno in _NO_ROOM:
-            raise UsageError(
-                f"{paths[0]}: cannot be written ({fault.strerror}); make room, or choose another «output»"
-            ) from None
-        raise
+        raise _told(paths[0], fault) from None
+
+
+def _told(path: Path, fault: BaseException) -> BaseException:
+    """What is raised where an output could not be written: that there is no room, or the fault itself."""
+    if isinstance(fault, OSError) and fault.errno in _NO_ROOM:
+        return UsageError(f"{path}: cannot be written ({fault.strerror}); make room, or choose another «output»")
+    return fault
+
+
+def _as_others(part: Path, mode: int) -> None:
+    """Rights as the system gives them to a new file or folder."""
+    umask = os.umask(0)
+    os.umask(umask)
+    part.chmod(mode & ~umask)
 
 
 def _to_disk(path: Path) -> None:
@@ -190,9 +173,7 @@ def folder_written_whole(path: Path) -> Iterator[Path]:
         raise UsageError(f"{path}: cannot be written ({fault.strerror}); choose another folder with «output»") from None
     try:
         yield part
-        umask = os.umask(0)
-        os.umask(umask)
-        part.chmod(0o777 & ~umask)
+        _as_others(part, 0o777)
         made = sorted(part.iterdir())
         for item in made:
             _to_disk(item)
@@ -204,11 +185,7 @@ def folder_written_whole(path: Path) -> Iterator[Path]:
             for name in {item.name for item in path.iterdir()} - {item.name for item in made}:
                 (path / name).unlink()
     except OSError as fault:
-        if fault.errno in _NO_ROOM:
-            raise UsageError(
-                f"{path}: cannot be written ({fault.strerror}); make room, or choose another «output»"
-            ) from None
-        raise
+        raise _told(path, fault) from None
     finally:
         shutil.rmtree(part, ignore_errors=True)  # after an exchange: what was there before
 
@@ -223,38 +200,3 @@ def _exchanged(one: Path, other: Path) -> bool:
         return False
     here, exchange = -100, 2  # AT_FDCWD, RENAME_EXCHANGE
     return bool(swap(here, os.fsencode(one), here, os.fsencode(other), exchange) == 0)
-
-
-@contextlib.contextmanager
-def hdf5_written_whole(path: Path, force: bool = False, raw_bytes: int = 0) -> Iterator[Any]:
-    """An HDF5 file, built in memory and written whole when the block ends well; the same content, the same bytes.
-
-    Behind its end stand `SEAL` and the SHA-256 of all before it, which the HDF5 library passes over.
-
-    On a full disk the HDF5 library itself prints tracebacks and may crash; plain bytes give a plain OSError. Content of
-    more than `IN_MEMORY` raw bytes goes to the disk directly, once there is room for all of it.
-    """
-    import h5py
-
-    refuse_to_overwrite(path, force)
-    settings: dict[str, Any] = {"libver": ("v110", "v110")}
-    if raw_bytes > IN_MEMORY:
-        free = shutil.disk_usage(path.parent).free
-        if free < raw_bytes:
-            raise UsageError(
-                f"{path}: takes up to {raw_bytes / 1e6:,.0f} MB, and {free / 1e6:,.0f} MB are free; "
-                f"make room, or choose another «output»"
-            )
-        with written_whole(path, force) as part:
-            with h5py.File(part, "w", **settings) as file:
-                yield file
-            seal = bytes.fromhex(sha256_of(part))
-            with part.open("ab") as raw:
-                raw.write(SEAL + seal)
-        return
-    with h5py.File(path.name, "w", driver="core", backing_store=False, **settings) as file:
-        yield file
-        file.flush()
-        image = file.id.get_file_image()
-    with written_whole(path, force) as part:
-        part.write_bytes(image + SEAL + hashlib.sha256(image).digest())

@@ -34,7 +34,7 @@ def apparatus_from(text: str | Apparatus | None, kind: str | None) -> Apparatus 
     """The rig that `«apparatus»` describes; what it leaves out is the paper's. None where nothing is said."""
     if not text or isinstance(text, Apparatus):
         return text or None
-    numbers: dict[str, Any] = {"surfaces": 1 if kind in KINDS[1:] else 2}
+    numbers: dict[str, float] = {}
     known = [field.name for field in fields(Apparatus)]
     for name, value in pairs("«apparatus»", text).items():
         if name not in known:
@@ -45,7 +45,7 @@ def apparatus_from(text: str | Apparatus | None, kind: str | None) -> Apparatus 
             raise UsageError(f"«apparatus» {name}={value}: is no number") from None
         if not (isfinite(numbers[name]) and numbers[name] > 0):
             raise UsageError(f"«apparatus» {name}={value}: must be above zero")
-    rig = Apparatus(**numbers)
+    rig = replace(Apparatus(surfaces=1 if kind in KINDS[1:] else 2), **numbers)
     if rig.inner_radius_m >= rig.outer_radius_m:
         raise UsageError("«apparatus»: inner_radius_m must be below outer_radius_m")
     return rig

@@ -3,6 +3,8 @@
 import json
 import re
 import shlex
+import shutil
+import subprocess
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -13,6 +15,7 @@ from eaid.cli import main
 
 ROOT = Path(__file__).parents[1]
 FILES = (ROOT / "docs" / "files.md").read_text(encoding="utf-8")
+CONTRIBUTING = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
 ALWAYS = ("schema", "eaid", "digest", "seed", "command", "inputs…", "data.inputs…", "options…")
 
 
@@ -95,12 +98,56 @@ def test_links_lead_somewhere(page: Path) -> None:
 
 
 def test_contributing_names_files_that_exist() -> None:
-    text = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8") + (ROOT / "docs" / "architecture.md").read_text(
-        encoding="utf-8"
-    )
+    text = CONTRIBUTING + (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
     named = set(re.findall(r"`([\w./-]+/[\w./-]+\.(?:py|md|yml|txt))`", text))
     assert len(named) > 30
     assert [name for name in sorted(named) if not any((at / name).exists() for at in (ROOT, ROOT / "eaid"))] == []
+
+
+def rows_of(heading: str) -> list[list[str]]:
+    """The cells of the first table of CONTRIBUTING below a heading."""
+    table = CONTRIBUTING.split(f"\n## {heading}", 1)[1].split("|---|", 1)[1].split("\n\n", 1)[0]
+    return [[cell.strip() for cell in row.strip("|").split("|")] for row in table.splitlines()[1:]]
+
+
+def test_every_question_is_answered_by_files_that_are_there() -> None:
+    """A name without a folder lies beside the one named before it."""
+    rows = rows_of("Where things are")
+    assert len(rows) >= 10
+    for question, answer in rows:
+        beside, named = ROOT, re.findall(r"`([\w./-]+(?:\.py|\.md|/))`", answer)
+        assert named, question
+        for name in named:
+            path = ROOT / name if "/" in name else beside / name
+            assert path.exists(), (question, name)
+            beside = path if path.is_dir() else path.parent
+
+
+def test_every_kind_of_addition_is_shown_by_a_small_commit() -> None:
+    """A reader, a model, a controller, a scenario, an export target: under 60 changed lines, table and test among them."""
+    if not (ROOT / ".git").exists() or shutil.which("git") is None:
+        pytest.skip("no git history here")
+    rows = [row for row in rows_of("How to add") if re.match(r"`[0-9a-f]{7}`", row[2])]
+    assert [row[0].split()[1] for row in rows] == ["reader", "model", "controller", "scenario", "export"] or len(
+        rows
+    ) >= 5
+    for what, table, example in rows:
+        shown = subprocess.run(
+            ["git", "show", "--numstat", "--format=", example[1:8]],
+            cwd=ROOT,
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        if shown.returncode:
+            pytest.skip("the history is cut short here")
+        changed = [line.split("\t") for line in shown.stdout.splitlines() if line]
+        assert sum(int(added) + int(gone) for added, gone, _ in changed) < 60, what
+        names = [name for *_, name in changed]
+        assert any(name.startswith("tests/") for name in names) and any(name.startswith("docs/") for name in names), (
+            what
+        )
+        assert re.search(r"`(eaid/[\w/]+\.py)`", table)[1] in names, what  # type: ignore[index]
 
 
 def test_every_room_stands_in_the_list_of_rooms_in_the_order_of_the_layers() -> None:

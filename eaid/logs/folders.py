@@ -10,11 +10,12 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 
 from eaid.errors import DataError, UsageError
-from eaid.files import LOGS, is_as_written
+from eaid.files import LOGS
 from eaid.logs.columns import INPUTS, OUTPUTS, TIME
 from eaid.logs.dialect import has_table, lines_of
 from eaid.logs.formats import format_of, is_hdf5
 from eaid.logs.units import split_name
+from eaid.sealed import is_as_written
 
 SKIPPED = (
     ".md", ".txt~", ".part", ".json", ".png", ".jpg", ".jpeg", ".pdf", ".svg", ".html", ".toml", ".py", ".m", ".slx",

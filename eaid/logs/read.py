@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from eaid.errors import DataError, UsageError
-from eaid.files import LOGS, is_as_written, sha256_of
+from eaid.files import LOGS, sha256_of
 from eaid.findings import finding
 from eaid.logs.checks import checked
 from eaid.logs.dataset import read_dataset
@@ -21,6 +21,7 @@ from eaid.logs.run import Run
 from eaid.logs.text import read_text
 from eaid.logs.to_run import Origin, run_of
 from eaid.logs.together import counted_once, joined, levels_in_names, named_apart, scales_compared
+from eaid.sealed import is_as_written
 
 NOTHING_SAID = ReadOptions()
 

@@ -43,7 +43,7 @@ def to_plain(value: Any) -> Any:
         kept = {}
         for name, key in zip(value.__struct_fields__, value.__struct_encode_fields__, strict=True):
             item = getattr(value, name)
-            if item is not None or not _holds_part(type(value), name):
+            if item is not None or not holds_part(type(value), name):
                 kept[key] = to_plain(item)
         return kept
     if isinstance(value, Mapping):
@@ -211,7 +211,8 @@ def _struct_in(hint: Any) -> Any:
 
 
 @cache
-def _holds_part(type_: type, name: str) -> bool:
+def holds_part(type_: type, name: str) -> bool:
+    """Whether a field of a result holds results of its own."""
     return _struct_in(_hints(type_)[name]) is not None
 
 

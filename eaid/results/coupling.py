@@ -144,9 +144,9 @@ class Coupling(Shown, Result, frozen=True):
 
     def to_frame(self) -> "pandas.DataFrame":
         """One row a wall: loop, torque, K passive, stable and replayed, and the frequencies that limit them."""
-        import pandas
+        from eaid.results.frames import frame_of
 
-        return pandas.DataFrame([{name: getattr(wall, name) for name in wall.__struct_fields__} for wall in self.walls])
+        return frame_of(self.walls)
 
     def save(self, path: str | os.PathLike[str], force: bool = False) -> None:
         """Write couple.json, whole or not at all."""

@@ -1,19 +1,22 @@
 """Results as pandas: parameters, intervals and level tables of a fit; its curves at any input."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING
 
+import msgspec
 import numpy as np
 import pandas as pd
 
 from eaid.errors import DataError, UsageError
 from eaid.models import friction, linear, nonlinear
 from eaid.models.parameters import Friction, Linear, Nonlinear
+from eaid.results.codec import holds_part
 from eaid.results.common import Interval
 
 if TYPE_CHECKING:
     from eaid.results.fit import Fit
 
+Cell = float | int | str | bool
 Row = tuple[str, str, float, Interval]
 MODELS = ("nonlinear", "linear", "friction")
 
@@ -56,25 +59,40 @@ def _rows(fit: "Fit") -> Iterator[Row]:
         yield "release", "tau2", fit.release.tau2, None
 
 
+def cells_of(item: msgspec.Struct) -> dict[str, Cell]:
+    """The fields of a result that are no parts of their own, by their keys; of intervals `ci95` both ends."""
+    cells: dict[str, Cell] = {}
+    for name, key in zip(item.__struct_fields__, item.__struct_encode_fields__, strict=True):
+        value = getattr(item, name)
+        if holds_part(type(item), name):
+            for one in value.__struct_fields__ if name == "ci95" and value is not None else ():
+                low, high = getattr(value, one) or (np.nan, np.nan)
+                cells |= {f"{one}_low": low, f"{one}_high": high}
+        elif value is None or isinstance(value, Cell):
+            cells[key] = np.nan if value is None else value
+    return cells
+
+
+def frame_of(items: Iterable[msgspec.Struct]) -> pd.DataFrame:
+    """One row a result, one column a field."""
+    return pd.DataFrame([cells_of(item) for item in items])
+
+
 def levels(fit: "Fit") -> pd.DataFrame:
     """One row a level, or a step between two: its own curve with intervals, and each model's error."""
-    rows: dict[tuple[float, float], dict[str, object]] = {}
+    rows: dict[tuple[float, float], dict[str, Cell]] = {}
     for one in fit.friction.levels if fit.friction is not None else ():
-        rows[one.from_, one.level] = {
-            "from": one.from_, "start": one.start, "shape": one.shape, "delay_s": one.delay_s, "Ts": one.Ts,
-            "tau1": one.tau1, "tau2": one.tau2, "C": one.C, "rmse": one.rmse, "fit_pct": one.fit_pct, "R2": one.R2,
-            **{f"{name}_{end}": ci[i] if one.ci95 is not None and (ci := getattr(one.ci95, name)) else np.nan
-               for name in ("Ts", "tau1", "tau2") for i, end in enumerate(("low", "high"))},
-        }  # fmt: skip
+        row = cells_of(one)
+        rows[one.from_, one.level] = {key: row[key] for key in row if key != "level"}
     for name in ("nonlinear", "linear"):
         part = getattr(fit, name)
         for error in part.per_level if part is not None else ():
             own = rows.setdefault((0.0, error.level), {})
-            own |= {f"{name}_rmse": error.rmse, f"{name}_fit_pct": error.fit_pct}
+            cells = {"rmse": error.rmse, "fit_pct": error.fit_pct}
+            own |= {f"{name}_{key}": np.nan if value is None else value for key, value in cells.items()}
             if name == "linear":
-                own |= {"a0": error.a0, "gain": error.gain, "B": error.B}
-    plain = [{key: np.nan if value is None else value for key, value in row.items()} for row in rows.values()]
-    return pd.DataFrame(plain, index=pd.Index([level for _, level in rows], name="level", dtype=float))
+                own |= {key: np.nan if (value := getattr(error, key)) is None else value for key in ("a0", "gain", "B")}
+    return pd.DataFrame(list(rows.values()), index=pd.Index([level for _, level in rows], name="level", dtype=float))
 
 
 def predict(fit: "Fit", duty: float | Sequence[float], t: Sequence[float], model: str | None = None) -> pd.DataFrame:

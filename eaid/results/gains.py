@@ -6,7 +6,7 @@ the paper's rig.
 
 import os
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from eaid.findings import Finding, sentences
 from eaid.results import codec
@@ -17,6 +17,7 @@ from eaid.shown import Shown
 
 if TYPE_CHECKING:
     import pandas
+    from control import TransferFunction
 
 
 class LinearModel(Result, frozen=True):
@@ -235,7 +236,7 @@ class Gains(Shown, Result, frozen=True):
         if not 0 <= low < high:
             raise ValueError(f"duty_limits_pct {low:g} to {high:g}, which has to rise from 0 or above")
 
-    def to_control(self) -> dict[str, Any]:
+    def to_control(self) -> "dict[str, TransferFunction]":
         """By python-control, where it is installed: the PI, and the PI of equal slope inside the layer of RC.
 
         Transfer functions from torque error to input.

@@ -69,7 +69,6 @@ class Plan(Shown, Result, frozen=True):
 
     def to_frame(self) -> "pandas.DataFrame":
         """One row a run, in the order of recording."""
-        import pandas
+        from eaid.results.frames import frame_of
 
-        names = PlannedRun.__struct_fields__
-        return pandas.DataFrame([{name: getattr(run, name) for name in names} for run in self.runs])
+        return frame_of(self.runs)
