@@ -86,6 +86,48 @@ def test_an_impossible_limit_is_refused():
         search(limit_pct=1e-6, evaluations=4)
 
 
+def tried(start=DesignOptions(), **changes):  # noqa: B008
+    """Gains of every candidate of a search that nothing limits."""
+    seen = []
+
+    def judge(gains):
+        seen.append(gains)
+        return 1.0
+
+    changes = {"scatter": 40, "evaluations": 2, "limit_pct": 1e6, "also": ("frequency", "b-hat"), **changes}
+    search = Search(noise_nm=0.0, judge=judge, **changes)
+    optimize(PAPER_LINEAR, BOUNDS, start, [REFERENCE_PLANT], POINTS, references.ramp(5e-3, 0.5), search)
+    return seen
+
+
+def test_each_parameter_is_scattered_through_its_range_and_no_farther():
+    seen = tried()[1:41]
+    start = DesignOptions()
+    for value, middle, factor in (
+        (lambda g: 2 * g.K_P * g.Q12, start.p_scale, 30), (lambda g: g.epsilon, start.epsilon, 10),
+        (lambda g: g.K_P**0.5, start.K_P**0.5, 5), (lambda g: g.B_hat, 12.5, 3),
+    ):  # fmt: skip
+        away = np.abs(np.log([value(gains) / middle for gains in seen])) / np.log(factor)
+        assert 0.75 < away.max() <= 1 + 1e-9, factor
+    assert len({gains.gamma for gains in seen}) == 1 and np.ptp([g.K_D / g.K_P**0.5 for g in seen]) < 1e-12
+    assert min(gains.epsilon for gains in seen) >= 5 / start.gamma
+
+
+def test_a_search_that_begins_without_phi_looks_at_a_thousandth_of_the_span():
+    """ρ(0) = (α Q_M + Φ)/(1 − α), Φ = φ/B_m with φ from 0.01 to 1 % of the input."""
+    at_rest, *seen = (gains.rho_constant for gains in tried(DesignOptions(phi=0.0), also=())[:40])
+    alpha = (42.6 - 12.4) / (42.6 + 12.4)
+    phi = (np.array(seen) - at_rest) * (1 - alpha) * 12.4
+    assert 0.009 < phi.min() < 0.05 and 0.3 < phi.max() < 1.01
+
+
+def test_a_candidate_that_chatters_too_much_has_its_scale_lowered_to_just_below_the_limit():
+    found = search(limit_pct=1.0, scatter=1, evaluations=2)
+    assert found.limit_pct == 1.0 and 0.95 < found.best.did.mean_abs_duty_step_pct <= 1.0
+    assert found.best.did.p_scale < found.start.did.p_scale
+    assert found.best.did.epsilon == pytest.approx(found.start.did.epsilon)
+
+
 def test_candidates_are_counted():
     ticks = []
     optimize(

@@ -146,6 +146,10 @@ def test_where_replays_leave_what_was_identified_is_told_in_shares() -> None:
     assert told["falling_pct"] < 1.0  # falls below the lowest level have constants of their own
     quiet = simulate(FIT, None, options, (T, 2.0 + 0.0 * T)).findings
     assert "replay-leaves-identified" not in {one.code for one in quiet}
+    for level, duty in ((4.3, 100.0), (0.0, 0.0)):  # at the highest identified duty, and at rest, nothing is left
+        held = simulate(FIT, None, replace(options, controllers=("inverse",)), (T, level + 0.0 * T))
+        assert np.mean(held.records["inverse"].columns["duty_pct"] == duty) > 0.3
+        assert "replay-leaves-identified" not in {one.code for one in held.findings}
 
 
 def test_how_far_each_is_from_the_best() -> None:
