@@ -29,10 +29,18 @@ def single_steps(stepset: StepSet, options: FitOptions) -> tuple[StepShape, ...]
 def of_another_shape(stepset: StepSet, options: FitOptions) -> tuple[StepShape, ...]:
     """Rises that ask for another shape than the paper's, where most of the first ones to a level do."""
     rises = [step for step in stepset.level_steps if step.edge == "up"]
-    first = {step.level: step for step in reversed(rises)}.values()
-    if 2 * len(_asking(first, options)) <= len(first):
-        return ()
-    return _asking(rises if len(rises) <= MOST else first, options)
+    first = list({step.level: step for step in reversed(rises)}.values())
+    return _asking(rises if len(rises) <= MOST else first, options) if _most_ask(first, options) else ()
+
+
+def _most_ask(steps: Sequence[LevelStep], options: FitOptions) -> bool:
+    """Whether more than half of some steps ask for another shape; stops where that can no longer be."""
+    most = len(steps)
+    for step in steps:
+        most -= not _asking([step], options)
+        if 2 * most <= len(steps):
+            return False
+    return True
 
 
 def _asking(steps: Iterable[LevelStep], options: FitOptions) -> tuple[StepShape, ...]:
