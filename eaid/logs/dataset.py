@@ -5,10 +5,13 @@ No time stamps, names in order: the same runs give the same bytes.
 """
 
 import dataclasses
+import hashlib
 import math
 import re
+from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from weakref import WeakValueDictionary
 
 import h5py
 import msgspec
@@ -143,20 +146,30 @@ def read_dataset(
 
 
 class _Columns:
-    """Columns as they are read: what equals that of the run before, such as a time axis, is shared with it."""
+    """Columns as they are read: what runs have in common, such as a time axis, is unpacked once and shared."""
 
     def __init__(self) -> None:
-        self._before: dict[str, Array] = {}
+        self._known: WeakValueDictionary[bytes, Array] = WeakValueDictionary()
+        self._last: deque[Array] = deque(maxlen=6)
+        """Kept for the next run, whatever becomes of the runs before."""
 
     def of(self, group: h5py.Group) -> dict[str, Array]:
         """Those of a run that it has, by the fields of `Run`."""
-        found = {}
-        for name, field in (COLUMNS | MORE).items():
-            if name in group:
-                values, before = read_only(group[name][()]), self._before.get(field)
-                found[field] = before if before is not None and np.array_equal(values, before) else values
-        self._before = found
-        return found
+        return {field: self._unpacked(group[name]) for name, field in (COLUMNS | MORE).items() if name in group}
+
+    def _unpacked(self, stored: h5py.Dataset) -> Array:
+        """A column by its packed bytes, which are hashed in less time than they are unpacked."""
+        if not isinstance(stored, h5py.Dataset) or stored.chunks is None:
+            return read_only(stored[()])
+        form = (stored.shape, stored.dtype, stored.chunks, stored.compression, stored.shuffle)
+        packed = hashlib.sha256(repr(form).encode())
+        for k in range(stored.id.get_num_chunks()):
+            packed.update(stored.id.read_direct_chunk(stored.id.get_chunk_info(k).chunk_offset)[1])
+        key = packed.digest()
+        if (values := self._known.get(key)) is None:
+            values = self._known[key] = read_only(stored[()])
+        self._last.append(values)
+        return values
 
 
 def _apparatus(stored: Mapping[str, object], source: str) -> Apparatus | None:

@@ -56,6 +56,17 @@ def test_a_dataset_gives_the_same_steps_as_its_logs(tmp_path: Path) -> None:
     assert [level.level for level in of_logs.releases] == [30.0, 60.0, 90.0]
 
 
+def test_columns_that_runs_have_in_common_are_unpacked_once(tmp_path: Path) -> None:
+    """Rises and falls stand in turn, each with a time axis and inputs of its own."""
+    write_logs(tmp_path / "logs")
+    assert run(["ingest", str(tmp_path / "logs"), "-q", "-o", str(tmp_path / "d.h5")]) == 0
+    runs = read_runs([tmp_path / "d.h5"])
+    assert len(runs) == 12
+    assert len({id(one.time_s) for one in runs}) == len({one.time_s.tobytes() for one in runs}) == 2
+    assert len({id(one.input) for one in runs}) == len({one.input.tobytes() for one in runs}) == 4
+    assert len({id(one.output) for one in runs}) == 12
+
+
 def test_the_same_logs_give_the_same_bytes(tmp_path: Path) -> None:
     logs = write_logs(tmp_path / "logs")
     for name in ("a.h5", "b.h5"):
