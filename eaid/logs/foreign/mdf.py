@@ -66,7 +66,7 @@ def _loader(
                 f"{source}: {name} is scaled by a formula in the file, which eaid does not run; export it with its "
                 f"values"
             )
-        one = file.get(group=group, index=channel, raw=False)
+        one = file.get(group=group, index=channel, raw=False, ignore_invalidation_bits=True)
         if one.samples.dtype.kind not in "fiub" or one.samples.ndim != 1:
             raise DataError(f"{source}: {name} holds words or tables, not numbers; choose another channel")
         values = np.asarray(one.samples, dtype=np.float64)
