@@ -15,6 +15,7 @@ import numpy as np
 
 from eaid.apparatus import Apparatus
 from eaid.arrays import Array
+from eaid.fitting.between import between_rows, single_steps
 from eaid.fitting.fit import fit
 from eaid.models import friction
 from eaid.models.nonlinear import at_duty
@@ -104,7 +105,7 @@ def staircase() -> StepSet:
         "none": lambda t: 0.0 * t,
     }
     for k, (name, shape) in enumerate(shapes.items()):
-        low, high = (20.0 + 10 * k, 30.0 + 10 * k) if k % 2 == 0 else (30.0 + 10 * k, 0.0)
+        low, high = ((0.0, 40.0), (50.0, 0.0), (30.0, 60.0), (80.0, 50.0))[k % 4]
         y = 1.5 + 0.1 * (high - low) * shape(time_s) + 0.02 * random.standard_normal(len(time_s))
         edge = "up" if high > low else "down"
         steps.append(LevelStep(name, edge, low, high, 1.5, time_s, y, np.full(len(time_s), high), 2.0, 0.01))
@@ -169,6 +170,7 @@ FITS: dict[str, tuple[Callable[[], StepSet], FitOptions]] = {
     "few forces": (lambda: made(plant([20.0, 50.0, 80.0]), kind="friction-force", unit="V"), USUAL),
     "odd": (odd, FitOptions(models=("friction", "linear"))),
     "odd, C free": (odd, FitOptions(share="free", models=("friction",))),
+    "staircase": (staircase, USUAL),
 }
 """Name → the set and the choices of its fit."""
 
@@ -224,9 +226,12 @@ def rounded(value: Any, without: set[str]) -> Any:
 
 
 def of_fitting(name: str) -> Any:
-    """What the fit of one set answers, before intervals."""
-    steps, options = FITS[name]
-    return rounded(to_plain(fit(steps(), options)), LEFT_OUT)
+    """What the fit of one set answers, before intervals, and that of its single steps."""
+    make, options = FITS[name]
+    steps = make()
+    shapes = single_steps(steps, options)
+    found = {"shapes": to_plain(shapes), "between": to_plain(between_rows(shapes))}
+    return rounded({**(to_plain(fit(steps, options)) if steps.levels else {}), **found}, LEFT_OUT)
 
 
 def of_intervals(name: str) -> Any:

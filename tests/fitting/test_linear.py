@@ -10,7 +10,7 @@ from eaid.fitting.first_order import fit_each_level, fit_first_order
 from eaid.fitting.linear import bounds_of, by_convention, fit_linear
 from eaid.fitting.samples import Record
 from eaid.models import linear
-from eaid.models.parameters import PAPER_LINEAR, Nonlinear
+from eaid.models.parameters import PAPER_LINEAR, Linear, Nonlinear
 from eaid.steps.stepset import StepSet
 
 Maker = Callable[..., StepSet]
@@ -145,3 +145,12 @@ def test_a_rise_lost_in_noise_ends_at_the_fastest_that_is_looked_for(seed: int) 
     (found,) = fit_each_level(data)
     assert found.solver.converged and found.tau == pytest.approx(1e-4, rel=1e-6)  # 0.01 of the first sample
     assert found.gains[0] == pytest.approx(data.records[0].y[1:].mean(), rel=1e-9)
+
+
+def test_levels_of_a_fraction_of_a_volt_have_a_b0_and_a_c0() -> None:
+    """What tells b0 from c0 is that levels differ, not by how much."""
+    p = Linear(0.5, 3.0, 0.4)
+    t = np.arange(400) / 20.0
+    rows = tuple(Record(t, linear.step_response(p, t, u), True) for u in (0.2, 0.5, 0.8))
+    found = fit_linear(Data(np.array([0.2, 0.5, 0.8]), rows, np.ones(3))).parameters
+    assert (found.a0, found.b0, found.c0) == pytest.approx((0.5, 3.0, 0.4), rel=1e-8)

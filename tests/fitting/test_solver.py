@@ -35,6 +35,8 @@ def test_whitening_factors_the_curvature() -> None:
 def test_whitening_survives_a_direction_that_nothing_determines() -> None:
     L = whiten(np.array([[1.0, 1.0], [1.0, 1.0]]))
     assert np.isfinite(np.linalg.inv(L)).all()
+    alone = np.diag([4e6, 0.0, 9e-4])  # the units of the others do not matter
+    assert pytest.approx(alone, rel=1e-12, abs=1e-250) == whiten(alone) @ whiten(alone).T
 
 
 def test_badly_scaled_unknowns_are_no_trouble() -> None:

@@ -5,11 +5,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.optimize import least_squares
 
 from eaid.errors import UsageError
 from eaid.fitting.options import check
 from eaid.fitting.shape_curves import curve, slopes
-from eaid.fitting.step_shapes import fit_step
+from eaid.fitting.step_shapes import fit_step, independent
 from eaid.results.fit import FitOptions
 from eaid.results.steps import StepShape
 from eaid.steps.stepset import LevelStep
@@ -174,3 +175,33 @@ def test_a_staircase_without_rest_is_fitted_all_the_same() -> None:
     (said,) = result.findings
     assert (said.code, said.severity) == ("other-shape-fits-better", "caution")
     assert said.values["dead_time_s"] == pytest.approx(0.5, abs=0.01)
+
+
+def test_independent_samples_by_hand() -> None:
+    """White noise counts whole; neighbours alike by ρ (1 + ρ)/(1 − ρ) times less; drift by how fifty blocks scatter."""
+    random = np.random.default_rng(0)
+    white = random.normal(size=4000)
+    assert independent(white) == pytest.approx(4000, rel=0.35)
+    pairs = np.repeat(random.normal(size=2000), 2) + 0.0
+    alike = float((pairs - pairs.mean())[1:] @ (pairs - pairs.mean())[:-1]) / (4000 * pairs.var())
+    assert independent(pairs) <= 4000 * (1 - alike) / (1 + alike) * (1 + 1e-9)
+    drift = white + np.repeat(random.normal(size=50), 80)
+    means = drift.reshape(50, 80).mean(axis=1) - drift.mean()
+    assert independent(drift) == pytest.approx(4000 / (float(np.mean(means**2)) * 80 / drift.var()), rel=1e-9)
+    assert independent(np.zeros(100)) == 100 and independent(np.sin(np.arange(100) / 50)) == 12.0
+
+
+def test_an_overshoot_that_outlasts_the_record_is_the_best_with_a_slow_constant_as_long() -> None:
+    t = np.arange(800) / 100.0
+    step = made(np.array([3.0, math.log(0.4), math.log(40.0 / 0.4), 1.5, 0.0]), 0.01, 1, t)
+    found = fit_step(step, FitOptions(shape="overshoot", dead_time_s=0.0))
+    window = float(t[-1])
+    assert found.tau2 == pytest.approx(window)
+
+    def left(x: np.ndarray) -> np.ndarray:
+        p = np.array([x[0], x[1], math.log(window) - x[1], x[2], 0.0])
+        return np.asarray(curve(p, t) - (step.output - step.start))
+
+    best = least_squares(left, [3.0, math.log(0.4), 1.5], xtol=1e-14, ftol=1e-14)
+    assert found.rmse == pytest.approx(math.sqrt(2 * best.cost / len(t)), rel=1e-9)
+    assert (found.change, found.tau1, found.C) == pytest.approx((best.x[0], math.exp(best.x[1]), best.x[2]), rel=1e-5)

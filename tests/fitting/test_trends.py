@@ -88,3 +88,10 @@ def test_one_exact_exponential_has_converged() -> None:
 
 def test_a_trend_needs_one_level_more_than_it_has_coefficients() -> None:
     assert {form: len(FORMS[form].coefficients) + 1 for form in LEAST} == LEAST
+
+
+def test_a_merged_rate_as_steep_as_forty_e_folds_returns() -> None:
+    x = np.concatenate([np.linspace(0.0, 0.2, 9), [0.5, 1.0]])
+    found = fit_trend(x, evaluate("merged-exponential", (1.0, 30.0, -36.0), x), "speed_rpm", "double-exponential")
+    assert found.form == "merged-exponential" and not found.at_bounds
+    assert found.coefficients == pytest.approx((1.0, 30.0, -36.0), rel=1e-4)
