@@ -80,9 +80,11 @@ def perturbed(p: Nonlinear, factors: Mapping[str, float]) -> Nonlinear:
     if not factors:
         return p
 
-    by = {name: factors.get(name, 1.0) for name in ("tau1", "tau2", "Ts")}
-    curves = {name: tuple(factor * c for c in getattr(p, name)) for name, factor in by.items()}
-    return replace(p, **curves, release=p.release and (by["tau1"] * p.release[0], by["tau2"] * p.release[1]))
+    tau1, tau2, steady = (factors.get(name, 1.0) for name in ("tau1", "tau2", "Ts"))
+    return replace(
+        p, tau1=tuple(tau1 * c for c in p.tau1), tau2=tuple(tau2 * c for c in p.tau2),
+        Ts=tuple(steady * c for c in p.Ts), release=p.release and (tau1 * p.release[0], tau2 * p.release[1]),
+    )  # fmt: skip
 
 
 def plant_terms(parameters: PlantParameters, duty: float) -> tuple[float, float, float]:

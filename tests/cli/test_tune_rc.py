@@ -61,7 +61,8 @@ def test_gains_file_of_a_minimal_fit(capsys):
     assert rc_gains(typed(gains)).B_hat == 12.5 and pi_gains(typed(gains)) == (21.0, 360.0, 0.0, 100.0, 0.0)
     assert out.splitlines()[0] == "guarantee: NO (ρ, duty limit)"
     assert re.search(r"^ρ, constant +10\.81 ", out, re.M) and re.search(r"^ρ, slope +6\.586 ", out, re.M)
-    assert "Margins" not in out and "published" not in out and len(out.splitlines()) <= 32
+    assert "Margins" not in out and "published" not in out and len(out.splitlines()) <= 36
+    assert re.search(r"^phase margin +[0-9.]+ +° ", out, re.M)
     assert err.splitlines()[-1] == "g.json: gains of rc and pi; next: eaid simulate fit.json --gains g.json"
     assert set(codes(gains)) == {
         "rho-not-covered", "robust-term-beyond-actuator", "paper-pi-misses", "nothing-to-replay-on", "margin-missed",

@@ -99,7 +99,7 @@ def gains_table(gains: Gains, asked: bool | None = None) -> Table:
     rc, pi, beside = gains.rc, gains.pi, printed(gains, asked)
     unit, out = gains.input_unit or "input", gains.output_unit
     rows: list[tuple[str, str, Cell, str, str]] = []
-    told = gains.replayed
+    replayed = gains.replayed
     if rc is not None:
         per = gain(unit, out)
         rows += [
@@ -112,8 +112,9 @@ def gains_table(gains: Gains, asked: bool | None = None) -> Table:
         ]
         if (bound := rc.ultimate_bound) is not None:
             rows.append(("error in the end", "–", bound.torque_error_nm, out, "ultimate bound by ε and ρ"))
-        if told is not None and told.rc is not None:
-            rows.append(("largest error", "–", told.rc.max_abs_error_nm, out, f"replayed: {told.reference}"))
+        rows += _least(gains, "rc")
+        if replayed is not None and replayed.rc is not None:
+            rows.append(("largest error", "–", replayed.rc.max_abs_error_nm, out, f"replayed: {replayed.reference}"))
     if pi is not None:
         said = "as reached on the linear model"
         rows += [
@@ -122,11 +123,24 @@ def gains_table(gains: Gains, asked: bool | None = None) -> Table:
             ("PI: overshoot", "1", pi.overshoot_pct, "%", said),
             ("PI: settling time", "0.27", pi.settling_s, "s", f"to within 2 %, {said}"),
         ]
-        if told is not None and told.pi is not None:
-            rows.append(("PI: largest error", "–", told.pi.max_abs_error_nm, out, f"replayed: {told.reference}"))
+        rows += _least(gains, "pi", "PI: ")
+        if replayed is not None and replayed.pi is not None:
+            rows.append(
+                ("PI: largest error", "–", replayed.pi.max_abs_error_nm, out, f"replayed: {replayed.reference}")
+            )
     shown = tuple(row if beside else (row[0], *row[2:]) for row in rows)
     heads = columns("symbol", *([beside] if beside else []), "ours", "unit", "what it is")
     return Table("Gains that follow", "What the choices above and the linear model give.", heads, shown)
+
+
+def _least(gains: Gains, controller: str, prefix: str = "") -> list[tuple[str, str, Cell, str, str]]:
+    """The least margins of a controller over the held inputs; a dash: no limit up to 80 dB and 200 ms."""
+    worst = getattr(gains.margins.worst, controller) if gains.margins and gains.margins.worst else None
+    if worst is None:
+        return []
+    gain_db, phase_deg, _ = _margin(worst)
+    said = "least over the held inputs"
+    return [(f"{prefix}gain margin", "–", gain_db, "dB", said), (f"{prefix}phase margin", "–", phase_deg, "°", said)]
 
 
 def readings_table(gains: Gains) -> Table:
