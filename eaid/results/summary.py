@@ -133,12 +133,14 @@ def _fit_pct(fit: "Fit") -> str:
 
 
 def believed_levels(fit: "Fit") -> "tuple[CurveLevel, ...] | tuple[FrictionLevel, ...]":
-    """T_s, τ1 and τ2 by level: the nonlinear model's curves, where any has an interval, else each level's own."""
+    """T_s, τ1 and τ2 by level: the nonlinear model's curves, or each level's own where more of these have intervals.
+
+    Half of the curves with intervals are enough for them.
+    """
     curves = fit.nonlinear.curves if fit.nonlinear is not None else ()
     own = tuple(row for row in (fit.friction.levels if fit.friction is not None else ()) if row.from_ == 0)
-    return (
-        own if own and not any(_quoted(row) for row in curves) and any(_quoted(row) for row in own) else curves or own
-    )
+    quoted, own_quoted = sum(map(_quoted, curves)), sum(map(_quoted, own))
+    return own if (2 * quoted < len(curves) and own_quoted > quoted) or not curves else curves
 
 
 def _quoted(row: "CurveLevel | FrictionLevel") -> bool:

@@ -134,7 +134,8 @@ def level_curves(
 ) -> tuple[CurveLevel, ...]:
     """T_s, τ1, τ2 of the curves at each level with 95 % intervals, and how well the torque curve itself is known.
 
-    Where there is another estimate, the distance to it (in logs) counts as one more standard deviation.
+    Where there is another estimate, the distance to it (in logs) counts as one more standard deviation. Where τ2 is
+    not estimated and stands beyond the record, the share of T_s that it delays is not seen, and T_s has no interval.
     """
     quantiles = {name: np.broadcast_to(t_quantile(np.asarray(df)), len(levels)) for name, df in degrees.items()}
     duty = np.array([level.level for level in levels])
@@ -149,6 +150,8 @@ def level_curves(
             reach = quantiles[name] * sd
             low, high = at * np.exp(-reach), at * np.exp(reach)
         fine = (at > 0) & (reach < np.log(SAYS_NOTHING)) & (name not in (*c.constrained, *c.open))
+        if name == "Ts" and "tau2" in (*c.constrained, *c.open):
+            fine &= c.at("tau2", duty) <= np.array([level.time_s[-1] for level in levels])
         values[name] = at.tolist()
         ends[name] = [(float(a), float(b)) if ok else None for a, b, ok in zip(low, high, fine, strict=True)]
     widest = np.max(list(quantiles.values()), axis=0).tolist()

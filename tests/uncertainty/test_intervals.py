@@ -7,12 +7,14 @@ import numpy as np
 import pytest
 
 import eaid
+from eaid.apparatus import Apparatus
 from eaid.errors import UsageError
 from eaid.fitting.fit import fit
 from eaid.models import friction
 from eaid.models.parameters import Friction
 from eaid.results import codec
 from eaid.results.fit import Fit, FitAsked, FitOptions
+from eaid.results.summary import believed_levels
 from eaid.steps.stepset import Level, StepSet
 from eaid.synth.disturbance import NONE
 from eaid.synth.excitation import Excitation, synthesise_excitation
@@ -286,3 +288,17 @@ def test_every_option_stands_in_the_file_of_steps_and_of_recorded_logs(tmp_path:
         eaid.fit(data, asked).save(file, force=True)
         kept = eaid.load(file).options
         assert FitOptions(*(getattr(kept, name) for name in FitOptions.__struct_fields__)) == asked
+
+
+def test_where_the_slow_part_never_shows_within_the_record_its_steady_output_has_no_interval() -> None:
+    """One exponential: τ2 of the joint fit may end anywhere beyond the record, and 15 % of T_s with it."""
+    random, t = np.random.default_rng(0), np.arange(0.0, 15.0, 0.02)
+    late = np.where(t > 0.15, 1 - np.exp(-(t - 0.15) / 0.8), 0.0)
+    levels = [Level(u, t, (0.6 * u * late + random.normal(0, 0.01, t.size))[None], (f"{u:g}",)) for u in (2, 4, 6, 8)]
+    found = fit_steps(StepSet("clutch", "V", "bar", Apparatus(), tuple(levels)), FitOptions())
+    for curve, own in zip(found.nonlinear.curves, found.friction.levels, strict=True):
+        assert own.Ts == pytest.approx(0.6 * own.level, rel=0.01)
+        ends = curve.ci95.Ts
+        assert ends is None or ends[0] <= 0.6 * curve.level <= ends[1] or curve.tau2 < t[-1]
+    assert any(curve.tau2 > t[-1] and curve.ci95.Ts is None for curve in found.nonlinear.curves)
+    assert [row.Ts for row in believed_levels(found)] == [row.Ts for row in found.friction.levels]
