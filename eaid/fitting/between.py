@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Sequence
 
-from eaid.fitting.step_shapes import fit_step
+from eaid.fitting.step_shapes import fit_step, may_ask
 from eaid.results.fit import FitOptions
 from eaid.results.friction import FrictionLevel, LevelIntervals
 from eaid.results.steps import StepShape
@@ -37,7 +37,7 @@ def _most_ask(steps: Sequence[LevelStep], options: FitOptions) -> bool:
     """Whether more than half of some steps ask for another shape; stops where that can no longer be."""
     most = len(steps)
     for step in steps:
-        most -= not _asking([step], options)
+        most -= not (may_ask(step, options) and _asking([step], options))
         if 2 * most <= len(steps):
             return False
     return True

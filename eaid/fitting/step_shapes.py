@@ -6,6 +6,7 @@ by AICc with the number of independent samples; the paper's form stands unless a
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any, cast
 
@@ -60,7 +61,8 @@ def fit_step(step: LevelStep, options: FitOptions | None = None) -> StepShape:
     options = options or FitOptions()
     y = step.output - step.start
     points = averaged(step.time_s, y)
-    tried = [one for dead in _dead(options) for one in _candidates(points, step, options, dead)]
+    wanted = SHAPES if options.shape == "auto" else (cast(Shape, options.shape),)
+    tried = [one for dead in _dead(options) for one in _candidates(points, step, options, wanted, dead)]
     best = min(tried, key=lambda one: one.sse)
     left = y - curve(best.p, step.time_s)
     count = independent(left)
@@ -78,9 +80,21 @@ def _dead(options: FitOptions) -> tuple[bool, ...]:
     return (options.dead_time_s > 0,)
 
 
-def _candidates(points: Points, step: LevelStep, options: FitOptions, dead: bool) -> list[_Candidate]:
-    """Every shape asked for, fitted from the best places of a grid."""
-    wanted = SHAPES if options.shape == "auto" else (cast(Shape, options.shape),)
+def may_ask(step: LevelStep, options: FitOptions) -> bool:
+    """Whether another shape might replace the paper's: of the two that hold all others, one saves enough."""
+    y = step.output - step.start
+    points = averaged(step.time_s, y)
+    plain = _candidates(points, step, options, ("one", "two"), dead=False)
+    count = independent(y - curve(min(plain, key=lambda one: one.sse).p, step.time_s))
+    chosen = _chosen(plain, {one.name: _aicc(one.sse, one.unknowns, count) for one in plain})
+    general = _candidates(points, step, options, ("free", "overshoot"), dead=True)
+    return any(one.sse < (1 - min(LEAST_SAVED.values())) ** 2 * chosen.sse for one in general)
+
+
+def _candidates(
+    points: Points, step: LevelStep, options: FitOptions, wanted: Sequence[Shape], dead: bool
+) -> list[_Candidate]:
+    """Every shape wanted, fitted from the best places of a grid."""
     window = float(step.time_s[-1])
     given = options.dead_time_s
     delays = [given or 0.0] if given is not None or not dead else delays_of(points, window)

@@ -10,7 +10,7 @@ from scipy.optimize import least_squares
 from eaid.errors import UsageError
 from eaid.fitting.options import check
 from eaid.fitting.shape_curves import curve, slopes
-from eaid.fitting.step_shapes import fit_step, independent
+from eaid.fitting.step_shapes import fit_step, independent, may_ask
 from eaid.results.fit import FitOptions
 from eaid.results.steps import StepShape
 from eaid.steps.stepset import LevelStep
@@ -175,6 +175,19 @@ def test_a_staircase_without_rest_is_fitted_all_the_same() -> None:
     (said,) = result.findings
     assert (said.code, said.severity) == ("other-shape-fits-better", "caution")
     assert said.values["dead_time_s"] == pytest.approx(0.5, abs=0.01)
+
+
+@pytest.mark.parametrize("name", TRUTHS)
+@pytest.mark.parametrize("dead", [0.0, 0.02, 0.1, 0.5])
+def test_whatever_asks_for_another_shape_is_let_through(name: str, dead: float) -> None:
+    """The quick look may let through what then does not ask, never keep back what does; the paper's form it keeps."""
+    for noise, seed in ((0.003, 1), (0.03, 2), (0.3, 3)):
+        step = made(TRUTHS[name] + np.array([0, 0, 0, 0, dead]), noise, seed)
+        asks = any(one.code == "other-shape-fits-better" for one in fit_step(step).findings)
+        assert may_ask(step, FitOptions()) >= asks
+        assert asks == (name in ("free", "overshoot") or dead > 0) or noise > 0.003
+        if name in ("one", "two") and dead == 0:
+            assert not may_ask(step, FitOptions())
 
 
 def test_independent_samples_by_hand() -> None:
