@@ -99,13 +99,8 @@ def _findings(estimator: str, taken: str, says: Agreement, base: LevelStatistics
     if not says.disagreements or (estimator == taken == says.believe):
         return []
     worst = max(says.disagreements, key=_distance)
-    values: dict[str, Value] = {
-        "parameter": worst.parameter,
-        "worst": worst.worst,
-        "joint": worst.one,
-        "two_stage": worst.other,
-    }
     low, high = worst.ci95_other or (None, None)
+    values: dict[str, Value] = {"worst": worst.worst, "joint": worst.one, "two_stage": worst.other, "low": low}
     if says.believe == "neither":
         code = "estimates-part-and-neither-holds"
         extra: dict[str, Value] = {"weak": tuple(weak)}
@@ -113,7 +108,7 @@ def _findings(estimator: str, taken: str, says: Agreement, base: LevelStatistics
         gain = base.between[0]
         code = "two-stage-estimate-taken" if taken == "two-stage" else "two-stage-estimate-is-better"
         extra = {"gain_pct": 100 * float(gain) ** 0.5 if gain > 0 else 0.0}
-    return [finding(code, "nonlinear", worst.levels, low=low, high=high, **values, **extra)]
+    return [finding(code, "nonlinear", worst.levels, parameter=worst.parameter, high=high, **values, **extra)]
 
 
 def _distance(one: Disagreement) -> float:

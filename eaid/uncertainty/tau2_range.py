@@ -144,16 +144,12 @@ class _Means:
 
     def _within(self, f: Array, bent: Array, what: Array) -> Array:
         """Coefficients of f and ∂f/∂log τ1 that come nearest to `what` at each level, shape (L, 2)."""
-        w = self.weight
-        ff, fb, bb = ((w * x * y).sum(axis=1) for x, y in ((f, f), (f, bent), (bent, bent)))
-        fy, by = (w * f * what).sum(axis=1), (w * bent * what).sum(axis=1)
-        det = ff * bb - fb * fb
-        fine = det > 1e-14 * ff * bb
-        det = np.where(fine, det, 1.0)
-        alone = fy / np.maximum(ff, 1e-300)
-        return np.stack(
-            [np.where(fine, (bb * fy - fb * by) / det, alone), np.where(fine, (ff * by - fb * fy) / det, 0.0)], axis=1
-        )
+        slopes = np.stack([f, bent], axis=1)
+        weighted = slopes * self.weight[:, None]
+        size = np.sqrt(np.maximum((weighted * slopes).sum(axis=2), 1e-300))
+        gram = weighted @ slopes.transpose(0, 2, 1) / (size[:, :, None] * size[:, None])
+        along = (weighted @ what[:, :, None])[:, :, 0] / size
+        return np.asarray((np.linalg.pinv(gram, rcond=1e-14, hermitian=True) @ along[:, :, None])[:, :, 0] / size)
 
 
 def _statistics(

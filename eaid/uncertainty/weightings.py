@@ -90,19 +90,9 @@ def findings(subject: str, fit: Estimate | Pooled, says: Agreement, stats: Level
     """Where equal and sd weights part, unless the believed ones were asked for."""
     if not says.disagreements or says.believe == fit.weights:
         return []
-    worst = says.disagreements[0]
+    first = says.disagreements[0]
     repeats, low, high = known_within(stats)
-    values: dict[str, Value] = {
-        "parameter": worst.parameter,
-        "equal": worst.one,
-        "sd": worst.other,
-        "worst": worst.worst,
-    }
-    spread: dict[str, Value] = {
-        "believe": says.believe,
-        "because": says.because,
-        "repeats": repeats,
-        "low": low,
-        "high": high,
-    }
-    return [finding("weights-part", subject, worst.levels, **values, **spread)]
+    estimates: dict[str, Value] = {"equal": first.one, "sd": first.other, "worst": first.worst}
+    spread: dict[str, Value] = {"repeats": repeats, "low": low, "high": high}
+    verdict = {"parameter": first.parameter, "believe": says.believe, "because": says.because}
+    return [finding("weights-part", subject, first.levels, **estimates, **spread, **verdict)]
