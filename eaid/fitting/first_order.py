@@ -16,7 +16,7 @@ from eaid.fitting.data import Data
 from eaid.fitting.descent import descend, last_step
 from eaid.fitting.kernel import by_log, log_curvature, log_products, weighted_shares
 from eaid.fitting.levels import LEAST_LOG, MOST_LOG
-from eaid.fitting.problem import ROUNDING, Problem
+from eaid.fitting.problem import ROUNDING, Problem, Value
 from eaid.fitting.solver import SETTLED
 from eaid.fitting.verdict import judged, minimised
 from eaid.results.common import Solver
@@ -42,10 +42,13 @@ class FirstOrder:
     solver: Solver
 
 
-def fit_first_order(data: Data, design: Array) -> FirstOrder:
-    """Least squares of gain_l (1 − e^(−t/τ)), gain = design @ coefficients, design of shape (L, k)."""
-    weights, sums = data.weights, _Sums(data.points)
-    low, high, first = _limits(data)
+def first_order_problem(data: Data, design: Array) -> tuple[Problem, Value]:
+    """Squares of gain_l (1 − e^(−t/τ)), gain = design @ coefficients, in (ln τ, coefficients), design of shape (L, k).
+
+    On the points, and cost and gradient on every sample.
+    """
+    weights, sums = data.weights, Sums(data.points)
+    low, high, _ = _limits(data)
 
     def at(x: Array) -> Array:
         """(gain, ln τ) of each level; SLSQP may look far outside before it comes back."""
@@ -77,13 +80,19 @@ def fit_first_order(data: Data, design: Array) -> FirstOrder:
         lambda x: chained(sums.exact(at(x))),
         ROUNDING * data.energy,
     )
-    starts = _best_of_grid(data, design, np.geomspace(first, 3 * data.longest_s, A0_GRID))
+    return problem, full
+
+
+def fit_first_order(data: Data, design: Array) -> FirstOrder:
+    """Least squares of gain_l (1 − e^(−t/τ)), gain = design @ coefficients, design of shape (L, k)."""
+    problem, full = first_order_problem(data, design)
+    starts = _best_of_grid(data, design, np.geomspace(_limits(data)[2], 3 * data.longest_s, A0_GRID))
     end, solver, _ = minimised(problem, starts, full)
     return FirstOrder(float(np.exp(end.x[0])), design @ end.x[1:], end.x[1:], end.cost, solver)
 
 
 @dataclass(frozen=True, eq=False)
-class _Sums:
+class Sums:
     """Sums over the points at (gain, ln τ) of each level, (L, 2)."""
 
     points: Points
@@ -165,7 +174,7 @@ def fit_each_level(data: Data) -> list[FirstOrder]:
         return np.clip(tried, (-np.inf, np.log(low)), (np.inf, np.log(high)))
 
     start = np.stack([(along / square)[every, best], np.log(grid[best])], axis=1)
-    sums = _Sums(data.points)
+    sums = Sums(data.points)
     x = descend(sums.normal, start, 12, ENOUGH, within).x
     cost, slope = _on_every_sample(x, data)
     H, tau = sums.exact(x), np.exp(x[:, 1])

@@ -14,9 +14,10 @@ from eaid.findings import Finding
 from eaid.fitting import metrics, robust
 from eaid.fitting.data import Data
 from eaid.fitting.findings import linear_findings, missed
-from eaid.fitting.first_order import FirstOrder, fit_each_level, fit_first_order
+from eaid.fitting.first_order import FirstOrder, first_order_problem, fit_each_level, fit_first_order
 from eaid.fitting.options import CONVENTIONS
 from eaid.fitting.samples import decay
+from eaid.fitting.solver import slsqp
 from eaid.models import linear as model
 from eaid.models.parameters import Linear as LinearModel
 from eaid.results.common import Huber, Solver
@@ -36,17 +37,30 @@ class LinearSolution:
 
 def fit_linear(data: Data) -> LinearSolution:
     """Eq. (8) fitted to all levels at once; with a single level c0 is 0, for one step cannot tell it from b0."""
-    half = 0.5 * float(np.ptp(data.u))
-    middle = 0.5 * float(data.u.max() + data.u.min())
-    if half > 0:
-        found = fit_first_order(data, np.stack([np.ones_like(data.u), (data.u - middle) / half], axis=1))
-        slope = found.coefficients[1] / half
-        offset = found.coefficients[0] - slope * middle
-    else:
-        found = fit_first_order(data, data.u[:, None] / middle)
-        slope, offset = found.coefficients[0] / middle, 0.0
-    a0 = 1.0 / found.tau
-    return LinearSolution(LinearModel(a0, float(a0 * slope), float(a0 * offset)), found.cost, found.solver)
+    found = fit_first_order(data, _design(data.u))
+    return LinearSolution(_linear(1.0 / found.tau, found.coefficients, data.u), found.cost, found.solver)
+
+
+def refit_linear(data: Data, near: LinearModel) -> LinearModel:
+    """The minimum next to an earlier one, on points that differ little."""
+    design = _design(data.u)
+    gains = (near.b0 * data.u + near.c0) / near.a0
+    start = np.append(-np.log(near.a0), np.linalg.lstsq(design, gains, rcond=None)[0])
+    x = slsqp(first_order_problem(data, design)[0], start).x
+    return _linear(float(np.exp(-x[0])), x[1:], data.u)
+
+
+def _design(u: Array) -> Array:
+    """Gains of the levels by their coefficients: at the middle input and up to either end, shape (L, 2)."""
+    half, middle = 0.5 * float(np.ptp(u)), 0.5 * float(u.max() + u.min())
+    return np.stack([np.ones_like(u), (u - middle) / half], axis=1) if half > 0 else u[:, None] / middle
+
+
+def _linear(a0: float, coefficients: Array, u: Array) -> LinearModel:
+    half, middle = 0.5 * float(np.ptp(u)), 0.5 * float(u.max() + u.min())
+    slope = coefficients[-1] / (half or middle)
+    offset = coefficients[0] - slope * middle if half > 0 else 0.0
+    return LinearModel(a0, float(a0 * slope), float(a0 * offset))
 
 
 def linear_residuals(p: LinearModel, data: Data) -> list[Array]:

@@ -17,9 +17,11 @@ from eaid.fitting.basis import basis_of
 from eaid.fitting.compress import Points, compress
 from eaid.fitting.data import Data, data_of
 from eaid.fitting.descent import descend
+from eaid.fitting.first_order import Sums
+from eaid.fitting.linear import refit_linear
 from eaid.fitting.nonlinear import nonlinear_problem
 from eaid.fitting.solver import slsqp
-from eaid.models import friction, linear
+from eaid.models import friction
 from eaid.models.parameters import Friction, Linear, Nonlinear
 from eaid.results.fit import Fit
 from eaid.steps.stepset import Level
@@ -180,7 +182,8 @@ def _refit(job: _Job, i: int) -> _Refit:
     if job.own is not None and job.pooled is not None:
         own = _first_order(data.points, job.own)
         own = np.column_stack([own, own.sum(axis=1)])
-        pooled = _pooled(data.points, data.u, job.pooled)
+        again = refit_linear(data, job.pooled)
+        pooled = np.array([again.a0, again.b0, again.c0])
     return theta[:, : 4 if job.levels_share_free else 3], joint, pooled, own
 
 
@@ -198,33 +201,6 @@ def _joint(job: _Job, data: Data) -> Array:
 
 def _first_order(points: Points, start: Array) -> Array:
     """(log a0, log gain) of the levels' first-order curves, from `start`, shape (L, 2)."""
-
-    def look(x: Array) -> tuple[Array, Array, Array]:
-        a0, gain = np.exp(x).T[:, :, None]
-        rise = -np.expm1(-a0 * points.t_s)
-        J = points.root_w[:, None] * np.stack([gain * a0 * points.t_s * (1 - rise), gain * rise], axis=1)
-        left = J[:, 1] - points.root_y
-        return (left**2).sum(axis=1), 2 * (J @ left[:, :, None])[:, :, 0], 2 * J @ J.transpose(0, 2, 1)
-
-    return descend(look, start, 30, ENOUGH, lambda x, move: x - np.clip(move, -0.5, 0.5)).x
-
-
-def _pooled(points: Points, duty: Array, start: Linear) -> Array:
-    """(a0, b0, c0) of the pooled linear model, shape (3,)."""
-    free = 3 if np.ptp(duty) > 0 else 2
-    first = np.array([[start.a0, start.b0, start.c0]])
-
-    def look(x: Array) -> tuple[Array, Array, Array]:
-        p = Linear(*np.append(x[0], first[0, free:]).tolist())
-        each = [points.rows(slice(i, i + 1)) for i in range(len(duty))]
-        J = np.hstack([linear.gradient(p, one.t_s[0], u) * one.root_w[0] for one, u in zip(each, duty, strict=True)])
-        f = [linear.step_response(p, one.t_s[0], u) * one.root_w[0] for one, u in zip(each, duty, strict=True)]
-        left = np.concatenate(f) - points.root_y.ravel()
-        return np.array([left @ left]), 2 * (J[:free] @ left)[None], 2 * (J[:free] @ J[:free].T)[None]
-
-    def within(x: Array, move: Array) -> Array:
-        reach = 0.5 * np.abs(x) + 1e-3
-        return np.asarray(x - np.clip(move, -reach, reach))
-
-    found = descend(look, first[:, :free], 30, ENOUGH, within).x[0]
-    return np.append(found, first[0, free:])
+    x = np.stack([np.exp(start[:, 1]), -start[:, 0]], axis=1)
+    gain, log_tau = descend(Sums(points).normal, x, 30, ENOUGH).x.T
+    return np.stack([-log_tau, np.log(np.maximum(gain, 1e-300))], axis=1)

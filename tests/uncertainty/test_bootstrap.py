@@ -8,10 +8,10 @@ import pytest
 from eaid.fitting.data import data_of
 from eaid.fitting.first_order import fit_each_level
 from eaid.fitting.levels import fit_levels
-from eaid.fitting.linear import fit_linear
+from eaid.fitting.linear import fit_linear, refit_linear
 from eaid.models.parameters import Linear
 from eaid.steps.stepset import Level
-from eaid.uncertainty.bootstrap import _first_order, _pooled, _tame_variance, resampled_blocks, resampled_mean
+from eaid.uncertainty.bootstrap import _first_order, _tame_variance, resampled_blocks, resampled_mean
 from eaid.uncertainty.levels import log_theta
 from eaid.uncertainty.refit import free_parameters, refit
 
@@ -27,8 +27,8 @@ def test_refits_end_where_the_fits_do(levels: tuple[Level, ...]) -> None:
     wanted = np.array([[-np.log(one.tau), np.log(one.gains[0])] for one in own])
     assert _first_order(data.points, wanted + np.array([0.1, -0.2])) == pytest.approx(wanted, abs=1e-4)
     p = fit_linear(data).parameters
-    found = _pooled(data.points, data.u, Linear(1.2 * p.a0, 0.8 * p.b0, p.c0 + 0.5))
-    assert found == pytest.approx([p.a0, p.b0, p.c0], rel=1e-4)
+    found = refit_linear(data, Linear(1.2 * p.a0, 0.8 * p.b0, p.c0 + 0.5))
+    assert (found.a0, found.b0, found.c0) == pytest.approx((p.a0, p.b0, p.c0), rel=1e-4)
     curves = fit_levels(data, 0.85)
     theta = np.array([log_theta(one.curve, True) for one in curves])
     again = refit(data.points, theta + np.array([0.05, -0.1, 0.1, 0.0]), free_parameters(False)).x
@@ -38,7 +38,8 @@ def test_refits_end_where_the_fits_do(levels: tuple[Level, ...]) -> None:
 def test_one_level_leaves_c0_as_it_was(levels: tuple[Level, ...]) -> None:
     data = data_of(levels[4:5])
     p = fit_linear(data).parameters
-    assert _pooled(data.points, data.u, Linear(1.1 * p.a0, p.b0, 0.0)) == pytest.approx([p.a0, p.b0, 0.0], rel=1e-4)
+    found = refit_linear(data, Linear(1.1 * p.a0, p.b0, 0.0))
+    assert (found.a0, found.b0, found.c0) == pytest.approx((p.a0, p.b0, 0.0), rel=1e-4)
 
 
 def test_means_of_resampled_runs_have_the_variance_of_a_mean() -> None:
