@@ -45,7 +45,7 @@ def apparatus_from(text: str | Apparatus | None, kind: str | None) -> Apparatus 
             raise UsageError(f"«apparatus» {name}={value}: is no number") from None
         if not (isfinite(numbers[name]) and numbers[name] > 0):
             raise UsageError(f"«apparatus» {name}={value}: must be above zero")
-    rig = replace(Apparatus(surfaces=1 if kind in KINDS[1:] else 2), **numbers)
+    rig = replace(Apparatus(surfaces=1 if kind in KINDS[1:] else 2), **cast(Any, numbers))
     if rig.inner_radius_m >= rig.outer_radius_m:
         raise UsageError("«apparatus»: inner_radius_m must be below outer_radius_m")
     return rig
@@ -177,7 +177,7 @@ def read_steps(
         files = [Path(entry.file) for entry in manifest.logs]
         plain = InputOptions()
         said = {k: v for k, v in manifest.options.items() if getattr(options, k) == getattr(plain, k)}
-        options = replace(options, **said)
+        options = replace(options, **cast(Any, said))
         for name in manifest.unlisted()[:5]:
             warn(f"{manifest.path}: does not list {name}, which is left out")
     options.stepping()  # what is wrong in the options is told before anything is read

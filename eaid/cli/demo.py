@@ -1,40 +1,11 @@
 """`eaid demo`: every command, one after another, on the three datasets that ship with eaid."""
 
-import contextlib
-import io
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
 from eaid.cli import console
 from eaid.cli.form import Common, takes, written
-from eaid.errors import EaidError, UsageError
-
-CLUTCH: tuple[tuple[str, ...], ...] = (
-    ("ingest", "{clutch}", "-o", "clutch.h5"),
-    ("fit", "clutch.h5", "-o", "fit.json"),
-    ("tune-rc", "fit.json", "-o", "gains.json"),
-    ("simulate", "fit.json", "--gains", "gains.json", "--scenario", "steps", "-o", "steps.h5"),
-    ("simulate", "fit.json", "--gains", "gains.json", "--scenario", "multisine", "-o", "multisine.h5"),
-    ("simulate", "fit.json", "--gains", "gains.json", "--scenario", "sweep", "-o", "sweep.h5"),
-    ("simulate", "fit.json", "--gains", "gains.json", "--scenario", "rehab", "-o", "rehab.h5"),
-    ("simulate", "fit.json", "--log", "clutch.h5", "-o", "log.h5"),
-    ("plan", "fit.json", "-o", "plan.csv"),
-)
-"""What the demo does with the clutch, as a user would type it inside the demo's folder."""
-FRICTION: tuple[tuple[str, ...], ...] = (
-    ("ingest", "{friction-force}", "-o", "friction-force.h5"),
-    ("ingest", "{friction-speed}", "-o", "friction-speed.h5"),
-    ("fit", "friction-force.h5", "-o", "friction-force.json"),
-    ("fit", "friction-speed.h5", "-o", "friction-speed.json"),
-    ("reproduce", "-o", "paper.md"),
-)
-"""What needs nothing of the clutch: done beside it, on the second core."""
-
-REPORTED = (
-    "clutch.h5", "friction-force.h5", "friction-speed.h5", "fit.json", "friction-force.json", "friction-speed.json",
-    "gains.json", "steps.h5", "multisine.h5", "sweep.h5", "rehab.h5", "log.h5",
-)  # fmt: skip
+from eaid.errors import UsageError
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,14 +13,6 @@ class Arguments(Common):
     """What `eaid demo` is told."""
 
     output: Path = written("demo", "Folder that the demo fills.")
-
-
-@dataclass(frozen=True)
-class Filled:
-    """What --json prints: the page, and every file of the folder."""
-
-    page: Path
-    files: tuple[str, ...]
 
 
 @takes(Arguments)
@@ -65,18 +28,21 @@ def command(given: Arguments) -> None:
         raise UsageError(f"{folder}: is a file; give the demo a folder with -o")
     if not given.force and folder.is_dir() and any(folder.iterdir()):
         raise UsageError(f"{folder}: is not empty; give --force to write over it, or another -o")
+    from eaid.cli.demo_lines import CLUTCH, FRICTION, REPORTED, filled, run_both, run_line
     from eaid.synth.datasets import shipped
 
     data = {kind: str(path.resolve()) for kind, path in shipped().items()}
     folder.mkdir(parents=True, exist_ok=True)
     with console.progress("eaid demo", len(CLUTCH) + len(FRICTION) + 1) as done:
-        _both(_filled(CLUTCH, data), _filled(FRICTION, data), folder, done)
-        _run(("report", *REPORTED, "-o", "."), folder)
+        run_both(filled(CLUTCH, data), filled(FRICTION, data), folder, done)
+        run_line(("report", *REPORTED, "-o", "."), folder)
         done()
     console.be_quiet(given.quiet)
     page = folder / "report.html"
     if given.json:
         files = sorted(str(path.relative_to(folder)) for path in folder.rglob("*") if path.is_file())
+        from eaid.cli.printed import Filled
+
         console.print_json(Filled(page, tuple(files)))
     for line in five_numbers(folder):
         console.line(line)
@@ -112,48 +78,3 @@ def five_numbers(folder: Path) -> list[str]:
 
 def _two(*values: float | None) -> str:
     return " | ".join("–" if value is None else f"{value:.3g}" for value in values)
-
-
-def _filled(lines: tuple[tuple[str, ...], ...], data: dict[str, str]) -> list[tuple[str, ...]]:
-    """The lines with the paths of the shipped datasets in them."""
-    return [tuple(data[word[1:-1]] if word[:1] == "{" else word for word in line) for line in lines]
-
-
-def _both(first: list[tuple[str, ...]], second: list[tuple[str, ...]], folder: Path, done: Callable[[], None]) -> None:
-    """Run both lists, the second one in a process of its own where there is a processor for it."""
-    from eaid.processes import processors
-
-    if processors() < 2:
-        for line in [*first, *second]:
-            _run(line, folder)
-            done()
-        return
-    from concurrent.futures import ProcessPoolExecutor
-    from multiprocessing import get_context
-
-    from eaid.processes import end_with_parent
-
-    with ProcessPoolExecutor(1, mp_context=get_context("spawn"), initializer=end_with_parent) as beside:
-        waiting = [beside.submit(_run, line, folder) for line in second]
-        try:
-            for line in first:
-                _run(line, folder)
-                done()
-            for each in waiting:
-                each.result()
-                done()
-        except BaseException:
-            beside.shutdown(cancel_futures=True)
-            raise
-
-
-def _run(line: tuple[str, ...], folder: Path) -> None:
-    """One command line in this process, inside the folder: its tables are not shown, its failure ends the demo."""
-    from eaid.cli.main import run
-
-    with contextlib.chdir(folder), contextlib.redirect_stdout(io.StringIO()):
-        code = run([*line, "--quiet", "--force"])
-    if code not in (0, 4):  # 4: a fit did not converge; the page says so
-        fault = EaidError(f"the demo stopped at: eaid {' '.join(line)} (exit code {code})")
-        fault.exit_code = code
-        raise fault

@@ -24,12 +24,12 @@ class Arguments(Common, Verbose):
     files: list[Path] = argument("GAINS [FIT]", "gains.json, and fit.json for inverse and plant.")
     target: str = option(
         "c", "Language or format.", WHAT, "--as",
-        words=("c", "arduino", "matlab", "fmu", "yaml", "json", "python", "modelica"),
+        words="c|arduino|matlab|fmu|yaml|json|python|modelica",
     )  # fmt: skip
     laws: tuple[str, ...] | None = option(
-        None, "By itself all that the files hold.", WHAT, "--law", words=("pi", "rc", "inverse", "plant"), several=True
+        None, "By itself all that the files hold.", WHAT, "--law", words="pi|rc|inverse|plant", several=True
     )
-    precision: str = option("double", "Of the numbers.", WHAT, words=("double", "single"))
+    precision: str = option("double", "Of the numbers.", WHAT, words="double|single")
     rate_hz: float | None = option(None, "Control rate, baked in [Hz]; by itself the gains'.", RIG)
     duty_on_fault: float = option(0.0, "Duty while an input is no number.", RIG)
     stuck_s: float = option(0.5, "The status tells of a reading unchanged for so long [s].", RIG)

@@ -19,54 +19,31 @@ class Arguments(Common, Reading, Seeded, Verbose):
 
     data: list[Path] = argument("DATA…", "A data.h5, log files, or folders of them.")
     models: tuple[str, ...] | None = option(
-        None, "By itself all that the kind allows.", MODEL, "--model", words=("friction", "nonlinear", "linear"),
-        several=True,
-    )  # fmt: skip
+        None, "By itself all that the kind allows.", MODEL, "--model", words="friction|nonlinear|linear", several=True
+    )
     share: float | str = option(
-        0.85,
-        "C, share of the fast part, held or free.",
-        MODEL,
-        words=("free",),
-        read=word_or_number("free"),
+        0.85, "C, share of the fast part, held or free.", MODEL, words="free", read=word_or_number("free")
     )
-    estimator: str = option(
-        "auto", "Nonlinear model: what the evidence supports, the paper's joint fit, or level by level.", MODEL,
-        words=("auto", "joint", "two-stage"),
-    )  # fmt: skip
-    ci: str = option(
-        "robust", "How 95 % intervals are found.", MODEL, words=("robust", "bootstrap", "profile", "white", "none")
-    )
-    hold_out: tuple[float, ...] = option(
-        (), "Levels not fitted, on which the error is reported: 40,70.", MODEL, read=numbers, levels=True,
-        shown="LEVELS",
-    )  # fmt: skip
-    weights: str = option(
-        "equal", "Every sample alike, or each level by the spread of its repeats.", MODEL, words=("equal", "sd")
-    )
-    loss: str = option("squares", "Huber for logs with spikes and drop-outs.", MODEL, words=("squares", "huber"))
+    estimator: str = option("auto", "By the evidence, all at once, or one by one.", MODEL, words="auto|joint|two-stage")
+    ci: str = option("robust", "How 95 % intervals are found.", MODEL, words="robust|bootstrap|profile|white|none")
+    hold_out: tuple[float, ...] = option((), "Left out, to measure the error: 40,70.", MODEL, read=numbers, levels=True)
+    weights: str = option("equal", "Every sample alike, or by the repeats' spread.", MODEL, words="equal|sd")
+    loss: str = option("squares", "Huber for logs with spikes and drop-outs.", MODEL, words="squares|huber")
     logs_as: str = option(
-        "auto", "Logs whose input does more than step from rest are fitted as recorded; or all as steps, or all "
-        "as recorded.", RECORDED, words=("auto", "steps", "recorded"),
-    )  # fmt: skip
-    duty: tuple[float, float] | None = option(
-        None, "Identified inputs.", RECORDED, read=pair("10:100"), shown="LOW:HIGH"
+        "auto", "By what the input does, all as steps, or all as recorded.", RECORDED, words="auto|steps|recorded"
     )
+    duty: tuple[float, float] | None = option(None, "Identified.", RECORDED, read=pair("10:100"), shown="LOW:HIGH")
     instrument: bool = option(False, "Closed loops: the simulated duty as an instrument.", RECORDED)
     bounds: str = option(
-        "zero-offset", "How b0 of one level is found.", ADVANCED,
-        words=("zero-offset", "pooled-offset", "pooled-dynamics"),
-    )  # fmt: skip
-    bounds_levels: str | None = option(
-        None, "Levels over which B_m and B_M are taken: 20:100 or 30,40,90.", ADVANCED, levels=True, shown="LEVELS"
+        "zero-offset", "How b0 of one level is found.", ADVANCED, words="zero-offset|pooled-offset|pooled-dynamics"
     )
+    bounds_levels: str | None = option(None, "Levels of B_m and B_M: 30:100 or 30,40.", ADVANCED, levels=True)
     shape: str = option(
-        "auto", "Of steps between levels; auto: by the evidence.", ADVANCED,
-        words=("auto", "one", "two", "free", "overshoot"),
-    )  # fmt: skip
+        "auto", "Of steps between levels; auto: by the evidence.", ADVANCED, words="auto|one|two|free|overshoot"
+    )
     dead_time: float | str = option(
-        "auto", "Of each single step [s]; auto: by the evidence.", ADVANCED, words=("auto",),
-        read=word_or_number("auto"),
-    )  # fmt: skip
+        "auto", "Of each single step [s]; auto: by the evidence.", ADVANCED, words="auto", read=word_or_number("auto")
+    )
     tables: bool = option(False, "Show all numbers as tables.", OUTPUT)
     plot: bool = option(False, "Draw the levels with the model in the terminal.", OUTPUT)
     output: Path = written("fit.json")

@@ -3,7 +3,7 @@
     @dataclass(frozen=True, kw_only=True)
     class Arguments(Common):
         fit: Path = argument("FIT", "A fit.json.")
-        rho: str = option("paper", "Reading of Eq. (15).", "Robust controller", words=("paper", "textbook"))
+        rho: str = option("paper", "Reading of Eq. (15).", "Robust controller", words="paper|textbook")
 
     @takes(Arguments)
     def command(given: Arguments) -> int: ...
@@ -21,6 +21,7 @@ from typing import Any, TypeVar, get_type_hints
 import typer
 
 from eaid.cli import console
+from eaid.cli.completion import completion
 from eaid.errors import UsageError, unknown
 
 A = TypeVar("A", bound="Common")
@@ -55,9 +56,10 @@ def argument(shown: str, help: str, default: Any = MISSING) -> Any:
     return field(default=default, metadata={"told": Told(help, shown=shown, positional=True)})
 
 
-def option(default: Any, help: str, group: str, *flags: str, **more: Any) -> Any:
-    """A field that is given by its name; `more` are fields of `Told`."""
-    return field(default=default, metadata={"told": Told(help, group, flags, **more)})
+def option(default: Any, help: str, group: str, *flags: str, words: str | tuple[str, ...] = (), **more: Any) -> Any:
+    """A field that is given by its name; `words` also as `a|b`, `more` are fields of `Told`."""
+    each = tuple(words.split("|")) if isinstance(words, str) else words
+    return field(default=default, metadata={"told": Told(help, group, flags, each, **more)})
 
 
 OUTPUT = "Output"
@@ -147,7 +149,7 @@ def _parameter(one: "Field[Any]", hint: Any) -> inspect.Parameter:
     default = ... if one.default is MISSING else _typed(one.default) if text else one.default
     kind = typer.Argument if told.positional else typer.Option
     flags = () if told.positional else told.flags or (_flags(one),)
-    complete = _completion(told)
+    complete = completion(told.words, told.several, told.levels)
     info = kind(
         default, *flags, help=_help(told), metavar=_metavar(told, hint), autocompletion=complete,
         show_default=default is not None and default is not False, rich_help_panel=told.group,
@@ -164,6 +166,8 @@ def _flags(one: "Field[Any]") -> str:
 
 def _metavar(told: Told, hint: Any) -> str | None:
     """What stands behind the option: the words where they are few, else WORD; nothing behind a switch."""
+    if told.levels:
+        return "LEVELS"
     if told.shown or not told.words:
         return told.shown or {bool: "", bool | None: "", list[Path] | None: "FILE"}.get(hint)
     words = "|".join(told.words) + (",…" if told.several else "|NUMBER" if told.read else "")
@@ -230,28 +234,3 @@ def _words(shown: "Sequence[Field[Any]]", typed: Mapping[str, Any]) -> tuple[str
         else:
             named += [word for part in each for word in (flag, _exactly(part))]
     return *placed, *named
-
-
-def _completion(told: Told) -> Callable[..., list[str]] | None:
-    """What the shell offers: the words, or the levels that the data hold; nothing where it offers files."""
-    if told.levels:
-        return _levels
-    if not told.words:
-        return None
-
-    def words(incomplete: str) -> list[str]:
-        before, comma, last = incomplete.rpartition(",") if told.several else ("", "", incomplete)
-        return [before + comma + word for word in told.words if word.startswith(last)]
-
-    return words
-
-
-def _levels(ctx: typer.Context, incomplete: str) -> list[str]:
-    """The levels of the fit or the dataset that stands on the line already."""
-    from eaid.cli.inputs import levels_in
-
-    placed = [ctx.params.get(name) or () for name in ("data", "logs", "fit", "plant")]
-    words = [word for each in placed for word in (each if isinstance(each, list | tuple) else [each])]
-    paths = [Path(word) for word in (*words, *ctx.args)]  # what Typer has not yet given a name stands in `args`
-    before, comma, last = incomplete.rpartition(",")
-    return [before + comma + level for level in levels_in(paths) if level.startswith(last)]

@@ -33,6 +33,7 @@ def command(given: Arguments) -> None:
     """
     from eaid.apparatus import Apparatus
     from eaid.cli import ingest_tables, inputs
+    from eaid.cli.printed import Ingested
     from eaid.files import refuse_to_overwrite
     from eaid.logs.dataset import write_dataset
     from eaid.logs.manifest import files_read
@@ -59,7 +60,7 @@ def command(given: Arguments) -> None:
         console.say(f"{at}: written; eaid ingest {at.parent} needs no options now")
     write_dataset(given.output, runs, kind=stepset.kind, apparatus=stepset.apparatus, force=given.force)  # type: ignore[arg-type]
     if given.json:
-        console.print_json(ingest_tables.Ingested.of(stepset), "ingest")
+        console.print_json(Ingested.of(stepset), "ingest")
     else:
         ingest_tables.print_tables(stepset)
     console.done(

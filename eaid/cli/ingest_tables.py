@@ -4,98 +4,21 @@ A doubt that several runs share is one line, with the run that has most of it.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
-from eaid.apparatus import Apparatus
 from eaid.cli import console
 from eaid.cli.columns import shortened
+from eaid.cli.printed import Edges, LogEdges
 from eaid.errors import on_command_line
-from eaid.findings import Finding, say
+from eaid.findings import say
 from eaid.logs.run import Run
 from eaid.report.tables.recordings import between_levels, highest_slips, levels_recorded, slips_table
 from eaid.report.tables.table import Cell, Name, Table, columns
 from eaid.shown import counted
 from eaid.steps.edges import Edge
-from eaid.steps.stepset import Level, LevelStep, RunRecord, StepSet
+from eaid.steps.stepset import StepSet
 
 MOST = 20
 """Steps from level to level that are listed; all are in the file and in --json."""
-
-
-@dataclass(frozen=True)
-class OneLevel:
-    """A level of --json."""
-
-    level: float
-    repeats: int
-    samples: int
-    runs: tuple[str, ...]
-
-    @classmethod
-    def of(cls, level: Level) -> "OneLevel":
-        """What is printed of a level."""
-        return cls(level.level, len(level.names), len(level.time_s), level.names)
-
-
-@dataclass(frozen=True)
-class OneStep:
-    """A step between levels of --json."""
-
-    run: str
-    from_: float
-    level: float
-    edge: str
-    start: float
-    change: float
-    gain: float
-    window_s: float
-
-    @classmethod
-    def of(cls, step: LevelStep) -> "OneStep":
-        """What is printed of a step."""
-        end = float(step.time_s[-1])
-        return cls(step.name, step.from_level, step.level, step.edge, step.start, step.change, step.gain, end)
-
-
-@dataclass(frozen=True)
-class Ingested:
-    """What --json prints: the levels, runs and findings."""
-
-    kind: str
-    input_unit: str
-    output_unit: str
-    synthetic: str | None
-    apparatus: Apparatus
-    levels: tuple[OneLevel, ...]
-    releases: tuple[OneLevel, ...]
-    level_steps: tuple[OneStep, ...]
-    runs: tuple[RunRecord, ...]
-    findings: tuple[Finding, ...]
-
-    @classmethod
-    def of(cls, data: StepSet) -> "Ingested":
-        """What is printed of a step set."""
-        levels, releases = (tuple(map(OneLevel.of, each)) for each in (data.levels, data.releases))
-        steps = tuple(map(OneStep.of, data.level_steps))
-        return cls(
-            data.kind, data.input_unit, data.output_unit, data.synthetic, data.apparatus, levels, releases, steps,
-            data.runs, data.all_findings,
-        )  # fmt: skip
-
-
-@dataclass(frozen=True)
-class LogEdges:
-    """The edges of one log's output."""
-
-    run: str
-    edges: tuple[Edge, ...]
-
-
-@dataclass(frozen=True)
-class Edges:
-    """What --edges --json prints."""
-
-    logs: tuple[LogEdges, ...]
 
 
 def print_tables(data: StepSet) -> None:

@@ -52,12 +52,12 @@ class Reading(Columns):
     )  # fmt: skip
     rate_hz: float | None = option(None, "Samples a second of logs without a time column [Hz].", READING)
     join: bool = option(False, "The logs are one run that the logger cut: join them by time.", READING)
-    sign: str = option("auto", "Turn an output that was recorded inverted, or never.", READING, words=("auto", "keep"))
+    sign: str = option("auto", "Turn an output that was recorded inverted, or never.", READING, words="auto|keep")
     kind: str | None = option(None, "Experiment; by itself from the columns.", STEPS, words=KINDS)
-    levels: str | None = option(None, "Levels to keep: 30:100 or 30,40,90.", STEPS, levels=True, shown="LEVELS")
+    levels: str | None = option(None, "Levels to keep: 30:100 or 30,40,90.", STEPS, levels=True)
     baseline: str = option(
         "auto", "Value before each step: its last rest, the first samples, none, a value, or a window in s to it.",
-        STEPS, words=("auto", "first", "none"), read=as_typed, shown="WORD|VALUE|FROM:TO",
+        STEPS, words="auto|first|none", read=as_typed, shown="WORD|VALUE|FROM:TO",
     )  # fmt: skip
     rest: float = option(0.0, "Input at rest, in its own unit; levels are counted from it.", STEPS)
     step_at: float | None = option(None, "Step instant, in seconds of the log.", STEPS)
@@ -148,22 +148,3 @@ def stamped(result: R, given: Common, kind: type, **files: Path | list[Path] | N
         if given
     }
     return msgspec.structs.replace(result, inputs=kind(**named), command=given.words)  # type: ignore[type-var]
-
-
-def levels_in(paths: Sequence[Path]) -> list[str]:
-    """The levels of a fit.json or a data.h5, for the shell; none of anything else."""
-    import json
-
-    import h5py
-
-    found: set[float] = set()
-    for path in paths:
-        try:
-            if path.suffix == ".json":
-                found |= set(json.loads(path.read_text(encoding="utf-8"))["data"]["levels"])
-            else:
-                with h5py.File(path) as file:
-                    found |= {float(run.attrs["level"]) for run in file["runs"].values() if "level" in run.attrs}
-        except (OSError, ValueError, KeyError, TypeError):
-            continue
-    return [f"{level:g}" for level in sorted(found)]

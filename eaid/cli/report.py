@@ -27,7 +27,7 @@ class Arguments(Common):
         (), "Only these: fig07,fig12 or the beginning of a name.", FIGURES, read=names, shown="NAME,…"
     )
     formats: tuple[str, ...] = option(
-        (), "Beside PNG, which is always there.", FIGURES, "--format", words=("pdf", "svg", "png"), several=True
+        (), "Beside PNG, which is always there.", FIGURES, "--format", words="pdf|svg|png", several=True
     )
     width: tuple[float, float] = option(
         (3.5, 7.16), "Widths of one and of two columns [in].", FIGURES, read=pair("3.5,7.16"), shown="ONE,TWO"

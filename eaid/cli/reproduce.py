@@ -1,6 +1,5 @@
 """`eaid reproduce`: the paper, number by number, computed anew."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -15,13 +14,6 @@ class Arguments(Common):
     output: Path = written("table.md")
 
 
-@dataclass(frozen=True)
-class Reproduced:
-    """What --json prints: every number of the paper beside ours."""
-
-    claims: Sequence[object]
-
-
 @takes(Arguments)
 def command(given: Arguments) -> None:
     """Compute every checkable number of the paper anew, from the shipped data and the reference plant.
@@ -30,6 +22,7 @@ def command(given: Arguments) -> None:
 
     Example: eaid reproduce -o table.md
     """
+    from eaid.cli.printed import Reproduced
     from eaid.files import refuse_to_overwrite, written_whole
 
     refuse_to_overwrite(given.output, given.force)

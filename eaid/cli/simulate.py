@@ -35,7 +35,7 @@ class Arguments(Common, Columns, Seeded, Verbose):
     rate_hz: float | None = option(None, "Control rate [Hz]; by itself 1000.", RIG)
     noise_nm: float = option(0.0, "Noise on the measured torque, sd [N·m].", RIG)
     noise_correlation_s: float = option(0.0, "Correlation time of the noise [s]; 0: white.", RIG)
-    noise: str | None = option(None, "As large and coloured as the fit's residuals.", RIG, words=("residuals",))
+    noise: str | None = option(None, "As large and coloured as the fit's residuals.", RIG, words="residuals")
     ripple_pct: float = option(0.0, "Rotor ripple, amplitude in % of the torque.", RIG)
     ripple_hz: float | None = option(None, "Its frequency [Hz]; by itself 1/6.", RIG)
     sensor_hz: float = option(0.0, "Corner of the torque sensor's low-pass [Hz]; 0: none.", RIG)

@@ -2,7 +2,6 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from eaid.cli import console
 from eaid.cli.form import Common, Seeded, option, refuse_idle, taken, takes, written
@@ -10,10 +9,6 @@ from eaid.cli.inputs import KINDS
 from eaid.cli.words import keyed, spaced
 from eaid.errors import UsageError
 from eaid.shown import counted
-
-if TYPE_CHECKING:
-    from eaid.logs.run import Run
-    from eaid.results.common import Input
 
 WHAT, WHEN, HOW, LOOP = "What is recorded", "Times", "Disturbances", "Other inputs than steps"
 EXCITATIONS = ("staircase", "random", "prbs", "multisine", "chirp", "closed-loop")
@@ -25,13 +20,9 @@ class Arguments(Common, Seeded):
 
     kind: str | None = option(None, "By itself clutch; of a fit.json, its own.", WHAT, words=KINDS)
     plant: str = option("reference", "The paper's clutch, or a fit.json.", WHAT, shown="reference|FILE")
-    levels: tuple[float, ...] | None = option(
-        None, "Inputs in their unit: 30,40,90 or from:to:step.", WHAT, read=spaced, shown="LEVELS", levels=True
-    )
+    levels: tuple[float, ...] | None = option(None, "30,40,90 or from:to:step.", WHAT, read=spaced, levels=True)
     repeats: int | None = option(None, "Runs of each level.", WHAT)
-    plan: Path | None = option(
-        None, "The run table of eaid plan: its levels, repeats, times and order.", WHAT, shown="FILE"
-    )
+    plan: Path | None = option(None, "The run table of eaid plan.", WHAT, shown="FILE")
     idle_s: float | None = option(None, "Input 0 before the step [s].", WHEN, "--idle")
     hold_s: float | None = option(None, "Input at its level [s].", WHEN, "--hold")
     release_s: float | None = option(None, "Input 0 after the step [s].", WHEN, "--release")
@@ -47,9 +38,7 @@ class Arguments(Common, Seeded):
     offset_nm: float | None = option(None, "Offset of the torque sensor [N·m].", HOW)
     jitter_s: float | None = option(None, "Sample instants, sd [s].", HOW)
     resolution_nm: float | None = option(None, "Step of the sensor's digits [N·m].", HOW)
-    duty_file: Path | None = option(
-        None, "CSV time_s,duty_pct (force_n, speed_rpm; input in another unit).", LOOP, shown="FILE"
-    )
+    duty_file: Path | None = option(None, "CSV time_s,duty_pct (force_n, speed_rpm, input).", LOOP, shown="FILE")
     excitation: str | None = option(None, "Logs to be fitted as recorded.", LOOP, words=EXCITATIONS)
     shape: str | None = option(
         None, "Of the excitation: duration_s=240,hold_s=0.5:20,duty=10:100,levels=10,rest_s=5,idle_s=2,"
@@ -57,40 +46,8 @@ class Arguments(Common, Seeded):
         shown="NAME=VALUE,…",
     )  # fmt: skip
     gains: Path | None = option(None, "A gains.json, whose controller drives the closed loop.", LOOP, shown="FILE")
-    controller: str = option("pi", "Of the gains.json.", LOOP, words=("pi", "rc"))
+    controller: str = option("pi", "Of the gains.json.", LOOP, words="pi|rc")
     output: Path = written("synthetic.h5", "A .h5 dataset, or a folder of CSV.")
-
-
-@dataclass(frozen=True)
-class Made:
-    """One synthetic run."""
-
-    name: str
-    level: float | None
-    repeat: int | None
-    samples: int
-
-
-@dataclass(frozen=True)
-class Synthesized:
-    """What --json prints."""
-
-    output: Path
-    synthetic: str | None
-    kind: str | None
-    input_unit: str
-    output_unit: str
-    inputs: "tuple[Input, ...]"
-    seed: int
-    runs: tuple[Made, ...]
-
-    @classmethod
-    def of(cls, given: Arguments, runs: "list[Run]", inputs: "tuple[Input, ...]") -> "Synthesized":
-        """What is printed of some runs."""
-        rows = tuple(Made(run.name, run.level, run.repeat, run.time_s.size) for run in runs)
-        first = runs[0]
-        units = first.input_unit, first.output_unit
-        return cls(given.output, first.synthetic, first.kind, *units, inputs, given.seed, rows)
 
 
 @takes(Arguments)
@@ -99,6 +56,7 @@ def command(given: Arguments) -> None:
 
     Example: eaid synth --levels 20,60,100 --repeats 2 --hold 8 -o logs
     """
+    from eaid.cli.printed import Synthesized
     from eaid.files import refuse_to_overwrite
     from eaid.results import codec
     from eaid.results.common import Input
@@ -119,10 +77,7 @@ def command(given: Arguments) -> None:
         raise UsageError("--excitation: writes a folder of CSV (-o FOLDER); give another -o")
     if given.gains is None:
         refuse_idle(given, ("controller",), "without --gains")
-    if is_dataset:
-        refuse_to_overwrite(given.output, given.force, inputs)
-    else:
-        refuse_folder(given.output, given.force, inputs)
+    (refuse_to_overwrite if is_dataset else refuse_folder)(given.output, given.force, inputs)
     sizes = {name: getattr(given, name) for name in Disturbance.__dataclass_fields__}
     options = taken(
         SynthOptions, given, sizes={name: value for name, value in sizes.items() if value is not None},
@@ -135,7 +90,7 @@ def command(given: Arguments) -> None:
     (write if is_dataset else write_folder)(given.output, runs, given.force)
     console.tell(told, verbose=True)
     if given.json:
-        console.print_json(Synthesized.of(given, runs, tuple(map(Input.of, inputs))), "synth")
+        console.print_json(Synthesized.of(given.output, runs, tuple(map(Input.of, inputs)), given.seed), "synth")
     made_of = (runs[0].synthetic or "").partition(";")[0].removeprefix("eaid synth of ")
     said = f"{counted(len(runs), 'synthetic run')} of {made_of}, seed {given.seed}"
     console.done(given.output, said, f"eaid fit {given.output}")

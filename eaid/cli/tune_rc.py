@@ -29,7 +29,7 @@ class Arguments(Common, Seeded, Verbose):
     )
     q_max: float | None = option(None, "Q_M, largest slope of the reference; by itself 5 N·m/s.", ROBUST)
     phi: str | float | None = option(
-        None, "By itself 0.05; data: what model and logs show.", ROBUST, words=("data",), read=word_or_number("data")
+        None, "By itself 0.05; data: what model and logs show.", ROBUST, words="data", read=word_or_number("data")
     )
     reference: str | None = option(
         None, "Q_M is taken from it, or judged by it.", ROBUST, words=SCENARIOS, read=as_typed, shown="FILE|WORD"
@@ -43,9 +43,9 @@ class Arguments(Common, Seeded, Verbose):
     pwm_hz: float | None = option(None, "Duty latched at [Hz]; 0: off; by itself the fit's, else 300.", RIG)
     optimize: bool = option(False, "Choose P's scale, ε and φ for the least RMS error.", SEARCH)
     optimize_for: str = option(
-        "tracking", "Least RMS error, or stiffest wall; implies --optimize.", SEARCH, words=("tracking", "stiffness")
+        "tracking", "Least RMS error, or stiffest wall; implies --optimize.", SEARCH, words="tracking|stiffness"
     )
-    optimize_also: tuple[str, ...] = option((), "ω_n, B̂ too.", SEARCH, words=("frequency", "b-hat"), several=True)
+    optimize_also: tuple[str, ...] = option((), "ω_n, B̂ too.", SEARCH, words="frequency|b-hat", several=True)
     plants: int | None = option(None, "Plants drawn from the fit's uncertainty; by itself 16.", SEARCH)
     noise_nm: float | None = option(None, "Torque noise, sd [N·m]; by itself what the logs show.", SEARCH)
     chatter_limit: float | None = option(None, "Most mean |Δu| per sample; by itself that of the start.", SEARCH)
@@ -56,8 +56,8 @@ class Arguments(Common, Seeded, Verbose):
     epsilon: float | None = option(None, "ε, half width of the boundary layer; by itself 0.5.", ADVANCED)
     gamma: float | None = option(None, "γ, sharpness of the soft switch; by itself 50.", ADVANCED)
     p_scale: float = option(5.0, "p of P = p·I in the Lyapunov equation.", ADVANCED)
-    rho: str = option("paper", "Eq. (15) read as B_M φ, or as φ/B_m.", ADVANCED, words=("paper", "textbook"))
-    alpha: str = option("formula", "α that ρ is made with.", ADVANCED, words=("formula", "reached"))
+    rho: str = option("paper", "Eq. (15) read as B_M φ, or as φ/B_m.", ADVANCED, words="paper|textbook")
+    alpha: str = option("formula", "α that ρ is made with.", ADVANCED, words="formula|reached")
     anti_windup: str = option("conditional", "How the integral is held at a limit.", ADVANCED, words=ANTI_WINDUP)
     allow_unidentified: bool = option(False, "Use a fit that is marked not identifiable; marked.", ADVANCED)
     output: Path = written("gains.json")

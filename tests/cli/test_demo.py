@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from eaid.cli import demo
+from eaid.cli import demo, demo_lines
 from eaid.cli.main import run
 from eaid.errors import EaidError
 
@@ -20,7 +20,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_every_command_left_its_result(made: Path):
     names = {path.name for path in made.iterdir()}
-    assert names >= {*demo.REPORTED, "plan.csv", "paper.md", "report.html", "figures"}
+    assert names >= {*demo_lines.REPORTED, "plan.csv", "paper.md", "report.html", "figures"}
     assert len(list((made / "figures").glob("*.png"))) >= 18
     assert not [name for name in names if name.endswith(".part")]
 
@@ -72,7 +72,7 @@ def test_it_ends_by_naming_the_page(
 
 def test_a_failing_command_ends_the_demo_with_its_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
     with pytest.raises(EaidError, match=r"the demo stopped at: eaid fit gone\.h5 \(exit code 3\)") as stopped:
-        demo._run(("fit", "gone.h5"), tmp_path)
+        demo_lines.run_line(("fit", "gone.h5"), tmp_path)
     assert stopped.value.exit_code == 3
     assert "gone.h5" in capsys.readouterr().err
 
