@@ -6,7 +6,7 @@ from pathlib import Path
 from eaid.cli import console
 from eaid.cli.form import OUTPUT, Common, Seeded, Verbose, argument, option, taken, takes, written
 from eaid.cli.inputs import Reading
-from eaid.cli.words import numbers, pair, word_or_number
+from eaid.cli.words import numbers, pair
 
 NOT_TO_BE_USED = 4
 """Exit code of a fit that did not converge, or that a stop-finding speaks against; it is written, marked."""
@@ -21,9 +21,7 @@ class Arguments(Common, Reading, Seeded, Verbose):
     models: tuple[str, ...] | None = option(
         None, "By itself all that the kind allows.", MODEL, "--model", words="friction|nonlinear|linear", several=True
     )
-    share: float | str = option(
-        0.85, "C, share of the fast part, held or free.", MODEL, words="free", read=word_or_number("free")
-    )
+    share: float | str = option(0.85, "C, share of the fast part, held or free.", MODEL, words="free", number=True)
     estimator: str = option("auto", "By the evidence, all at once, or one by one.", MODEL, words="auto|joint|two-stage")
     ci: str = option("robust", "How 95 % intervals are found.", MODEL, words="robust|bootstrap|profile|white|none")
     hold_out: tuple[float, ...] = option((), "Left out, to measure the error: 40,70.", MODEL, read=numbers, levels=True)
@@ -42,7 +40,7 @@ class Arguments(Common, Reading, Seeded, Verbose):
         "auto", "Of steps between levels; auto: by the evidence.", ADVANCED, words="auto|one|two|free|overshoot"
     )
     dead_time: float | str = option(
-        "auto", "Of each single step [s]; auto: by the evidence.", ADVANCED, words="auto", read=word_or_number("auto")
+        "auto", "Of each single step [s]; auto: by the evidence.", ADVANCED, words="auto", number=True
     )
     tables: bool = option(False, "Show all numbers as tables.", OUTPUT)
     plot: bool = option(False, "Draw the levels with the model in the terminal.", OUTPUT)

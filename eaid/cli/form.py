@@ -22,6 +22,7 @@ import typer
 
 from eaid.cli import console
 from eaid.cli.completion import completion
+from eaid.cli.words import word_or_number
 from eaid.errors import UsageError, unknown
 
 A = TypeVar("A", bound="Common")
@@ -56,9 +57,18 @@ def argument(shown: str, help: str, default: Any = MISSING) -> Any:
     return field(default=default, metadata={"told": Told(help, shown=shown, positional=True)})
 
 
-def option(default: Any, help: str, group: str, *flags: str, words: str | tuple[str, ...] = (), **more: Any) -> Any:
-    """A field that is given by its name; `words` also as `a|b`, `more` are fields of `Told`."""
+def option(
+    default: Any,
+    help: str,
+    group: str,
+    *flags: str,
+    words: str | tuple[str, ...] = (),
+    number: bool = False,
+    **more: Any,
+) -> Any:
+    """A field that is given by its name; `words` also as `a|b`, or a `number`; `more` are fields of `Told`."""
     each = tuple(words.split("|")) if isinstance(words, str) else words
+    more |= {"read": word_or_number(*each)} if number else {}
     return field(default=default, metadata={"told": Told(help, group, flags, each, **more)})
 
 

@@ -1,7 +1,6 @@
 """`eaid simulate`: controllers replayed on the fitted plant."""
 
 from dataclasses import dataclass
-from itertools import chain
 from pathlib import Path
 
 from eaid.cli import console
@@ -13,7 +12,6 @@ from eaid.errors import UsageError
 WHAT, RIG, MORE, REHAB = "What is replayed", "Rig", "More plants", "Rehabilitation"
 CONTROLLERS = ("rc", "pi", "pi-feedforward", "feedforward", "open-loop", "inverse")
 Factors = dict[str, float] | None
-SCENARIOS = ("steps", "multisine", "sweep", "ramp", "rehab")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -25,7 +23,7 @@ class Arguments(Common, Columns, Seeded, Verbose):
     controllers: tuple[str, ...] | None = option(
         None, "By itself rc,pi; sweep adds open-loop.", WHAT, "--controller", several=True, words=CONTROLLERS
     )
-    scenario: str | None = option(None, "By itself multisine.", WHAT, words=SCENARIOS)
+    scenario: str | None = option(None, "By itself multisine.", WHAT, words="steps|multisine|sweep|ramp|rehab")
     reference: Path | None = option(None, "A reference of your own: CSV time_s,reference_nm.", WHAT, shown="FILE")
     log: list[Path] | None = option(None, "Recorded runs: their input through the plant.", WHAT, shown="FILE")
     keep_baseline: bool = option(False, "Do not subtract the idle output of recorded runs.", WHAT)
@@ -73,7 +71,7 @@ def command(given: Arguments) -> None:
     from eaid.results.replay import ReplayInputs
 
     files = {"fit": given.fit, "gains": given.gains, "reference": given.reference}
-    refuse_to_overwrite(given.output, given.force, chain(filter(None, files.values()), files_read(given.log or [])))
+    refuse_to_overwrite(given.output, given.force, [*filter(None, files.values()), *files_read(given.log or [])])
     if given.ripple_hz is not None and not given.ripple_pct:
         raise UsageError("--ripple-hz: does nothing without --ripple-pct; give both or neither")
     if not given.log and any((given.columns, given.units, given.repair, given.variable)):

@@ -1,12 +1,11 @@
 """`eaid tune-rc`: a fit → gains of both controllers, and what may be expected of them."""
 
 from dataclasses import dataclass
-from itertools import chain
 from pathlib import Path
 
 from eaid.cli import console
 from eaid.cli.form import Common, Seeded, Verbose, argument, option, taken, takes, written
-from eaid.cli.words import as_typed, pair, word_or_number
+from eaid.cli.words import as_typed, pair
 from eaid.errors import UsageError
 
 ROBUST, PI, RIG, SEARCH, ADVANCED = "Robust controller", "PI controller", "Rig", "Search", "Advanced"
@@ -24,12 +23,10 @@ class Arguments(Common, Seeded, Verbose):
     kd: float | None = option(None, "K_D [1/s]; by itself 3.", ROBUST)
     natural_frequency: float | None = option(None, "ω_n [rad/s], in place of K_P and K_D.", ROBUST)
     damping: float | None = option(None, "Damping ratio, with the natural frequency.", ROBUST)
-    b_hat: str | float = option(
-        "pooled", "1/b0, the middle of B_m and B_M, or a value.", ROBUST, words=B_HAT, read=word_or_number(*B_HAT)
-    )
+    b_hat: str | float = option("pooled", "1/b0, the middle of B_m, B_M, or a value.", ROBUST, words=B_HAT, number=True)
     q_max: float | None = option(None, "Q_M, largest slope of the reference; by itself 5 N·m/s.", ROBUST)
     phi: str | float | None = option(
-        None, "By itself 0.05; data: what model and logs show.", ROBUST, words="data", read=word_or_number("data")
+        None, "By itself 0.05; data: by model and logs.", ROBUST, words="data", number=True
     )
     reference: str | None = option(
         None, "Q_M is taken from it, or judged by it.", ROBUST, words=SCENARIOS, read=as_typed, shown="FILE|WORD"
@@ -43,7 +40,7 @@ class Arguments(Common, Seeded, Verbose):
     pwm_hz: float | None = option(None, "Duty latched at [Hz]; 0: off; by itself the fit's, else 300.", RIG)
     optimize: bool = option(False, "Choose P's scale, ε and φ for the least RMS error.", SEARCH)
     optimize_for: str = option(
-        "tracking", "Least RMS error, or stiffest wall; implies --optimize.", SEARCH, words="tracking|stiffness"
+        "tracking", "Or the stiffest wall; implies --optimize.", SEARCH, words="tracking|stiffness"
     )
     optimize_also: tuple[str, ...] = option((), "ω_n, B̂ too.", SEARCH, words="frequency|b-hat", several=True)
     plants: int | None = option(None, "Plants drawn from the fit's uncertainty; by itself 16.", SEARCH)
@@ -82,7 +79,7 @@ def command(given: Arguments) -> None:
     from eaid.results.tuning import TuneOptions
 
     file = Path(given.reference) if given.reference and given.reference not in SCENARIOS else None
-    read = chain([given.fit, *([file] if file else [])], files_read(given.data or []))
+    read = [given.fit, *([file] if file else []), *files_read(given.data or [])]
     refuse_to_overwrite(given.output, given.force, read)
     options = taken(TuneOptions, given)
     if given.data and options.phi != "data" and not options.searches:

@@ -181,4 +181,4 @@ def test_completion_installs(shell: str, file: str, tmp_path: Path) -> None:
 def test_a_command_is_under_a_hundred_lines(name: str) -> None:
     """Parse, call, print, exit code: what is longer belongs in the library."""
     file = Path(main.__file__).parent / f"{name}.py"
-    assert len(file.read_text(encoding="utf-8").splitlines()) < (105 if name in ("simulate", "tune_rc") else 100)
+    assert len(file.read_text(encoding="utf-8").splitlines()) < 100
