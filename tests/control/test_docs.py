@@ -150,9 +150,11 @@ def test_row_of_the_search(chosen, also):
     assert best.rms_error_nm == pytest.approx(told(row), rel=0.002)
     assert less == pytest.approx(told(rf"{row.replace('(', '(?:')}([\d.]+) % less"), abs=0.55 if less > 10 else 0.06)
     if also == ("b-hat",):
-        assert best.law.gains.B_hat == pytest.approx(told(r"B̂ = ([\d.]+) leaves"), rel=0.02)
-        assert 100 * best.saturated == pytest.approx(told(r"leaves (\d+) %"), abs=1)
-        assert 100 * start.saturated == pytest.approx(told(r"limits for (\d+) % of the time"), abs=0.6)
-        assert best.law.alpha_reached == pytest.approx(told(r"the α reached is ([\d.]+), ρ no longer"), abs=0.01)
-        assert start.max_nm == pytest.approx(told(r"largest error rises from ([\d.]+) to"), abs=6e-4)
-        assert best.max_nm == pytest.approx(told(r"largest error rises from [\d.]+ to ([\d.]+) N·m"), abs=2e-3)
+        assert best.B_hat == pytest.approx(told(r"B̂ = ([\d.]+) leaves"), rel=0.02)
+        assert 100 * best.saturated_fraction == pytest.approx(told(r"leaves (\d+) %"), abs=1)
+        assert 100 * start.saturated_fraction == pytest.approx(told(r"limits for (\d+) % of the time"), abs=0.6)
+        assert found.best.law.alpha_reached == pytest.approx(told(r"the α reached is ([\d.]+), ρ no longer"), abs=0.01)
+        assert start.max_abs_error_nm == pytest.approx(told(r"largest error rises from ([\d.]+) to"), abs=6e-4)
+        assert best.max_abs_error_nm == pytest.approx(
+            told(r"largest error rises from [\d.]+ to ([\d.]+) N·m"), abs=2e-3
+        )

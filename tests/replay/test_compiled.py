@@ -134,6 +134,22 @@ def test_plants_behind_a_latch_or_a_delay_are_the_same_alone_and_among_many(law,
         assert np.abs(duty[i] - alone.duty_pct).max() < 1e-9
 
 
+def test_falls_have_their_release_constants_in_the_lanes(law):
+    plants = [
+        plant_parameters(
+            dataclasses.replace(REFERENCE_PLANT, release=(0.3 + 0.1 * k, 4.0 + k), falls_as_release=k % 2 == 1)
+        )
+        for k in range(4)
+    ]
+    reference = np.repeat([3.0, 1.0, 0.0], 700)
+    torque = np.empty((4, len(reference)))
+    replay_many(plants, law("pi"), reference, Rig(), DT, lambda i, t, _u: torque.__setitem__(slice(i, i + 4), t.T))
+    for k in range(4):
+        alone = replay(plants[k], law("pi"), reference, Rig(), DT)
+        assert np.abs(torque[k] - alone.torque_nm).max() < 1e-12
+    assert np.ptp(torque[:, -1]) > 0.05
+
+
 def test_the_soft_switch_is_reached_in_the_lanes(law):
     """The rare tanh is really needed on this reference; else the lanes' second try would go untested."""
     done = replay(drawn(1)[0], law("rc"), REFERENCE, Rig(noise_nm=0.02), DT, 3)
