@@ -77,7 +77,7 @@ def _made(files: list[Path], folder: Path, options: "ReportOptions") -> "Report"
     from eaid.report.write import write_report
 
     results = read_results(files, console.warn)
-    ready, _missing = ready_figures(results, options.paper, options.figures)
+    ready, _missing = ready_figures(replace(results, paper=options.paper), options.figures)
     with console.progress("drawing figures", len(ready)) as done:
         made = write_report(results, folder, options, done)
     if made.missing and not options.figures:

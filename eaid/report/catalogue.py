@@ -2,12 +2,16 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
+from typing import Any
 
 from eaid.report import ready_fits as fits
 from eaid.report import ready_replays as replays
-from eaid.report.figures import friction as frictions
+from eaid.report.figures import friction
 from eaid.report.ready import Ready
 from eaid.report.results import Results
+
+Need = Callable[[Results], Any]
 
 
 @dataclass(frozen=True)
@@ -17,57 +21,97 @@ class Row:
     name: str
     """File name without ending."""
     title: str
-    ready: Callable[[Results, bool | None], Ready | None]
-    """The figure, or None where its data were not given."""
+    needs: tuple[Need, ...]
+    """What is given to `show`, in this order; the figure is left out where one of them is None."""
+    show: Callable[..., Ready | None]
     made_by: str = ""
     """The command that makes what is missing; empty where its absence is no loss."""
     of_the_fit: bool = True
     """Whether it shows the fit of the clutch, or what was made from it; a mark of that fit goes on it then."""
 
+    def ready(self, results: Results) -> Ready | None:
+        """The figure, or None where its data were not given."""
+        given = [need(results) for need in self.needs]
+        return None if any(one is None for one in given) else self.show(*given)
 
-_FIT = "eaid fit clutch.h5 -o fit.json"
-_FORCE = "eaid fit friction-force.h5 -o friction-force.json"
-_SPEED = "eaid fit friction-speed.h5 -o friction-speed.json"
-_REPLAY = "eaid simulate fit.json --gains gains.json --scenario {0} -o {0}.h5"
+
+def _fit(kind: str) -> Need:
+    return lambda results: results.fit(kind)
+
+
+def _data(kind: str) -> Need:
+    return lambda results: results.data_of(kind)
+
+
+def _replay(scenario: str) -> Need:
+    return lambda results: results.replay(scenario)
+
+
+def _recorded(results: Results) -> Any:
+    return next((one.result for one in results.fits if one.result.recorded is not None), None)
+
+
+def _all(results: Results) -> Results:
+    return results
+
+
+_CLUTCH, _ON_CLUTCH = _fit("clutch"), (_data("clutch"), _fit("clutch"))
+_ON_FORCE = (_data("friction-force"), _fit("friction-force"))
+_ON_SPEED = (_data("friction-speed"), _fit("friction-speed"))
+_MADE = {
+    "clutch": "eaid fit clutch.h5 -o fit.json",
+    "force": "eaid fit friction-force.h5 -o friction-force.json",
+    "speed": "eaid fit friction-speed.h5 -o friction-speed.json",
+    "held": "eaid ingest LOGS (with the release recorded) -o data.h5",
+    "log": "eaid simulate fit.json --log LOG -o log.h5",
+}
+
+
+def _replayed(scenario: str) -> str:
+    return f"eaid simulate fit.json --gains gains.json --scenario {scenario} -o {scenario}.h5"
+
 
 FIGURES: tuple[Row, ...] = (
-    Row("compare", "Two fits over each other", fits.compare_ready),
-    Row("fig02_pwm", "Fig. 2 · One PWM period", fits.pwm_ready, of_the_fit=False),
-    Row("edges", "Edges of the output", fits.edges_ready, of_the_fit=False),
-    Row("fig06_hold_and_release", "Fig. 6 · Output while held and after release", fits.hold_ready,
-        "eaid ingest LOGS (with the release recorded) -o data.h5", of_the_fit=False),
-    Row("recorded_logs", "Logs as recorded", fits.recorded_ready),
-    Row("fig07_nonlinear_model", "Fig. 7 · Nonlinear model", fits.nonlinear_ready, "eaid ingest LOGS -o clutch.h5"),
-    Row("model_over_duty", "Parameters over the level", fits.over_duty_ready, _FIT),
-    Row("residuals_nonlinear", "What the nonlinear model leaves", fits.residuals_ready("nonlinear", "clutch", True),
-        _FIT),
-    Row("bode", "Frequency response", fits.bode_ready),
-    Row("level_steps", "Steps from level to level", fits.level_steps_ready, of_the_fit=False),
-    Row("steps_over_level", "Gain and time constants of steps", fits.steps_over_level_ready, of_the_fit=False),
-    Row("fig08_linear_model", "Fig. 8 · Linear model", fits.linear_ready, _FIT),
-    Row("residuals_linear", "What the linear model leaves", fits.residuals_ready("linear", "clutch"), _FIT),
-    Row("fig09_shear_per_field", "Fig. 9 · Shear stress over the electric field", fits.shear_ready),
-    Row("fig03_friction_steps", "Fig. 3 · Friction steps", fits.friction_steps_ready, "eaid ingest LOGS -o friction.h5",
-        of_the_fit=False),
-    Row("fig04_friction_over_stress", "Fig. 4 · Friction over the normal stress",
-        fits.trends_ready("friction-force", frictions.friction_over_stress), _FORCE, of_the_fit=False),
-    Row("residuals_friction_force", "What the friction curves leave, over force",
-        fits.residuals_ready("friction", "friction-force", True), _FORCE, of_the_fit=False),
-    Row("fig05_friction_over_speed", "Fig. 5 · Friction over the rotation speed",
-        fits.trends_ready("friction-speed", frictions.friction_over_speed), _SPEED, of_the_fit=False),
-    Row("residuals_friction_speed", "What the friction curves leave, over speed",
-        fits.residuals_ready("friction", "friction-speed"), _SPEED, of_the_fit=False),
-    Row("input_gain", "Input gain of each level", fits.gain_ready, _FIT),
-    Row("fig12_multisine", "Fig. 12 · Sum of sines", replays.tracking_ready("multisine"), _REPLAY.format("multisine")),
-    Row("own_reference", "Your own reference", replays.tracking_ready("reference")),
-    Row("fig11_steps", "Fig. 11 · Steps", replays.steps_ready, _REPLAY.format("steps")),
-    Row("fig13_sweep", "Fig. 13 · Sines of rising frequency", replays.sweep_ready, _REPLAY.format("sweep")),
-    Row("guarantee_in_replay", "What the robust term has to cover", replays.guarantee_ready,
-        _REPLAY.format("multisine")),
-    Row("walls", "How stiff a virtual wall may be", replays.walls_ready),
-    Row("log_replay", "Recorded input through the model", replays.log_ready,
-        "eaid simulate fit.json --log LOG -o log.h5"),
-    Row("fig16_rehab", "Fig. 16 · Elbow rehabilitation", replays.training_ready, _REPLAY.format("rehab")),
-    Row("fig17_rehab_errors", "Fig. 17 · Position error by mode", replays.errors_ready, _REPLAY.format("rehab")),
+    Row("compare", "Two fits over each other", (lambda results: results.pair,), fits.compared),
+    Row("fig02_pwm", "Fig. 2 · One PWM period", (_all,), fits.pwm, of_the_fit=False),
+    Row("edges", "Edges of the output", (lambda results: results.edge_logs,), fits.edges_of_logs, of_the_fit=False),
+    Row("fig06_hold_and_release", "Fig. 6 · Output while held and after release",
+        (lambda results: results.main_data,), fits.held, _MADE["held"], of_the_fit=False),
+    Row("recorded_logs", "Logs as recorded", (_recorded,), fits.recorded_logs),
+    Row("fig07_nonlinear_model", "Fig. 7 · Nonlinear model", (_data("clutch"), _all), fits.nonlinear,
+        "eaid ingest LOGS -o clutch.h5"),
+    Row("model_over_duty", "Parameters over the level", (_CLUTCH, _all), fits.over_level, _MADE["clutch"]),
+    Row("residuals_nonlinear", "What the nonlinear model leaves", _ON_CLUTCH,
+        partial(fits.residuals, "nonlinear", True), _MADE["clutch"]),
+    Row("bode", "Frequency response", (_recorded,), fits.bode),
+    Row("level_steps", "Steps from level to level", (_all,), fits.steps_between, of_the_fit=False),
+    Row("steps_over_level", "Gain and time constants of steps", (_all,), fits.steps_over_level, of_the_fit=False),
+    Row("fig08_linear_model", "Fig. 8 · Linear model", _ON_CLUTCH, fits.linear_model, _MADE["clutch"]),
+    Row("residuals_linear", "What the linear model leaves", _ON_CLUTCH, partial(fits.residuals, "linear", False),
+        _MADE["clutch"]),
+    Row("fig09_shear_per_field", "Fig. 9 · Shear stress over the electric field", (_CLUTCH, _all), fits.shear),
+    Row("fig03_friction_steps", "Fig. 3 · Friction steps", (_all,), fits.friction_steps,
+        "eaid ingest LOGS -o friction.h5", of_the_fit=False),
+    Row("fig04_friction_over_stress", "Fig. 4 · Friction over the normal stress", (_fit("friction-force"), _all),
+        partial(fits.trends, friction.friction_over_stress), _MADE["force"], of_the_fit=False),
+    Row("residuals_friction_force", "What the friction curves leave, over force", _ON_FORCE,
+        partial(fits.residuals, "friction", True), _MADE["force"], of_the_fit=False),
+    Row("fig05_friction_over_speed", "Fig. 5 · Friction over the rotation speed", (_fit("friction-speed"), _all),
+        partial(fits.trends, friction.friction_over_speed), _MADE["speed"], of_the_fit=False),
+    Row("residuals_friction_speed", "What the friction curves leave, over speed", _ON_SPEED,
+        partial(fits.residuals, "friction", False), _MADE["speed"], of_the_fit=False),
+    Row("input_gain", "Input gain of each level", (_CLUTCH, _all), fits.input_gain, _MADE["clutch"]),
+    Row("fig12_multisine", "Fig. 12 · Sum of sines", (_replay("multisine"),), replays.tracking,
+        _replayed("multisine")),
+    Row("own_reference", "Your own reference", (_replay("reference"),), replays.tracking),
+    Row("fig11_steps", "Fig. 11 · Steps", (_replay("steps"),), replays.steps, _replayed("steps")),
+    Row("fig13_sweep", "Fig. 13 · Sines of rising frequency", (_replay("sweep"),), replays.sweep, _replayed("sweep")),
+    Row("guarantee_in_replay", "What the robust term has to cover", (lambda results: results.replays,),
+        replays.guarantee, _replayed("multisine")),
+    Row("walls", "How stiff a virtual wall may be", (lambda results: results.couplings,), replays.walls),
+    Row("log_replay", "Recorded input through the model", (_replay("log"),), replays.log, _MADE["log"]),
+    Row("fig16_rehab", "Fig. 16 · Elbow rehabilitation", (_replay("rehab"),), replays.training, _replayed("rehab")),
+    Row("fig17_rehab_errors", "Fig. 17 · Position error by mode", (_replay("rehab"),), replays.position,
+        _replayed("rehab")),
 )  # fmt: skip
 """In the order of the page."""

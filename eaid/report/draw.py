@@ -88,11 +88,9 @@ def chosen(names: Sequence[str]) -> tuple[Row, ...]:
     return tuple(row for row in FIGURES if not names or any(row.name.startswith(name) for name in names))
 
 
-def ready_figures(
-    results: Results, asked: bool | None = None, names: Sequence[str] = ()
-) -> tuple[list[tuple[Row, Ready]], list[Row]]:
+def ready_figures(results: Results, names: Sequence[str] = ()) -> tuple[list[tuple[Row, Ready]], list[Row]]:
     """What can be drawn, and what lacks its data."""
-    rows = [(row, row.ready(results, asked)) for row in chosen(names)]
+    rows = [(row, row.ready(results)) for row in chosen(names)]
     return [(row, ready) for row, ready in rows if ready is not None], [row for row, ready in rows if ready is None]
 
 

@@ -11,7 +11,7 @@ from eaid.report.draw import pngs_of
 from eaid.report.figures import edges, level_steps, summary, values
 from eaid.report.figures.recorded import drawn_logs
 from eaid.report.mark import marked
-from eaid.report.ready_fits import main_kind, models_for
+from eaid.report.ready_fits import models_for
 from eaid.report.ready_replays import counted_from, traces_of
 from eaid.report.results import Results
 from eaid.report.rig import level_values
@@ -57,8 +57,7 @@ def summary_pictures(results: Results, mark: str | None = None) -> list[Picture]
 
 
 def _data_and_model(results: Results) -> Iterator[Candidate]:
-    kind = main_kind(results)
-    data, fit = (results.data_of(kind), results.fit(kind)) if kind else (None, None)
+    data, fit = results.main_data, results.main_fit
     logs = drawn_logs(fit.recorded.logs) if fit is not None and fit.recorded is not None else []
     if pair := _pair(results):
         both = _curves_of_both(results)
@@ -69,7 +68,7 @@ def _data_and_model(results: Results) -> Iterator[Candidate]:
         units = fit.data.input_unit, fit.data.output_unit
         yield Candidate("Measured against model", "model", lambda: summary.log_and_model(logs[-1], units))
     elif data is not None:
-        models = models_for(results, kind or "")
+        models = models_for(fit, data)
         said, part = ("Measured against model", "model") if models else ("Measured", "data")
         yield Candidate(said, part, lambda: summary.measured_and_model(data, models))
     elif results.edge_logs:
@@ -96,12 +95,11 @@ def _values(results: Results) -> Iterator[Candidate]:
             draw = lambda: summary.values_over_level(pair, values.draw_curves)  # noqa: E731
             yield Candidate("The models of both fits over the level", "model", draw)
         return
-    kind = main_kind(results)
-    fit = results.fit(kind) if kind else None
+    fit = results.main_fit
     if fit is not None and len(level_values(fit)) > 1:
         yield Candidate("Fitted values over the level", "model", lambda: summary.values_over_level([("", fit)]))
     for one in results.data if fit is not None else ():
-        if fit is not None and one.result.kind == kind and level_steps.paired(one.result, fit.steps):
+        if fit is not None and one.result.kind == fit.data.kind and level_steps.paired(one.result, fit.steps):
             draw_steps = partial(level_steps.draw_level_steps, data=one.result, shapes=fit.steps)
             yield Candidate("Steps, each by its own curve", "model", partial(summary.one_panel, draw_steps))
 

@@ -1,6 +1,6 @@
-"""Figures of replays that the given results allow: how each is drawn, and what is to be seen in it, computed."""
+"""Figures of replays: how each is drawn from what its row of the catalogue needs, and the numbers of its caption."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from functools import partial
 
 import numpy as np
@@ -10,12 +10,14 @@ from eaid.replay import references
 from eaid.replay.metrics import tone
 from eaid.replay.rehab import MODES
 from eaid.report.figures import coupling, rehab, replays
+from eaid.report.figures.steps import some_levels
 from eaid.report.page import live_replays
 from eaid.report.ready import Ready, caption
-from eaid.report.results import Results
+from eaid.report.results import Given
 from eaid.report.style import controller_name
 from eaid.report.tables.replays import metric
 from eaid.report.tables.table import number
+from eaid.results.coupling import Coupling
 from eaid.results.metrics import ToneMetrics
 from eaid.results.replay import Replay
 
@@ -32,55 +34,43 @@ def traces_of(replay: Replay) -> dict[str, Mapping[str, Array]]:
 
 def errors_say(replay: Replay) -> str:
     """The largest error of each controller, and by how much the best of them is better."""
-    known = ((metric(replay, name, "max_abs_error_nm"), name) for name in replay.records)
-    found = sorted((value, name) for value, name in known if value)
-    named = [(value, controller_name(name)) for value, name in found]
+    errors = sorted((value, name) for name in replay.records if (value := metric(replay, name, "max_abs_error_nm")))
+    named = [(value, controller_name(name)) for value, name in errors]
     return caption("errors", found=named, unit=replay.head.output_unit)
 
 
-def walls_ready(results: Results, _asked: bool | None) -> Ready | None:
+def walls(couplings: Sequence[Given[Coupling]]) -> Ready | None:
     """How stiff a virtual wall each loop may render."""
-    if not results.couplings or not results.couplings[0].result.walls:
+    if not couplings or not couplings[0].result.walls:
         return None
-    found = results.couplings[0].result
-    at = coupling.middle_torque(found)
-    own = [wall for wall in found.walls if wall.torque_nm == at and wall.loop in coupling.SHOWN]
-    held = [f"{controller_name(wall.loop)} {number(wall.K_passive, 3)}" for wall in own]
-    return Ready(lambda: coupling.walls(found), caption("walls", at=at, unit=found.output_unit, walls=held))
+    first = couplings[0].result
+    at = coupling.middle_torque(first)
+    passive = [
+        f"{controller_name(wall.loop)} {number(wall.K_passive, 3)}"
+        for wall in first.walls
+        if wall.torque_nm == at and wall.loop in coupling.SHOWN
+    ]
+    return Ready(lambda: coupling.walls(first), caption("walls", at=at, unit=first.output_unit, walls=passive))
 
 
-def steps_ready(results: Results, _asked: bool | None) -> Ready | None:
+def steps(replay: Replay) -> Ready:
     """Fig. 11: steps."""
-    found = results.replay("steps")
-    if found is None:
-        return None
     each = []
-    for name, one in found.records.items():
+    for name, one in replay.records.items():
         shares = [step.overshoot_pct for step in one.metrics.steps if step.overshoot_pct is not None]
         if shares:
             each.append(f"{controller_name(name)} {number(max(shares), 2)} %")
-    return Ready(
-        lambda: replays.steps(traces_of(found), units_of(found)),
-        caption("steps", overshoots=each, errors=errors_say(found)),
-        lambda: (live_replays.tracking(traces_of(found), units_of(found), with_error=False),),
-    )
+    traces, units = traces_of(replay), units_of(replay)
+    said = caption("steps", overshoots=each, errors=errors_say(replay))
+    live = lambda: (live_replays.tracking(traces, units, with_error=False),)  # noqa: E731
+    return Ready(lambda: replays.steps(traces, units), said, live)
 
 
-def tracking_ready(scenario: str) -> Callable[..., Ready | None]:
+def tracking(replay: Replay) -> Ready:
     """Figs. 12 and the like: output, error and input over time."""
-
-    def ready(results: Results, _asked: bool | None) -> Ready | None:
-        found = results.replay(scenario)
-        if found is None:
-            return None
-        units = units_of(found)
-        return Ready(
-            lambda: replays.tracking(traces_of(found), counted_from(found), bands(found), units),
-            errors_say(found),
-            lambda: (live_replays.tracking(traces_of(found), units),),
-        )
-
-    return ready
+    traces, units = traces_of(replay), units_of(replay)
+    draw = partial(replays.tracking, traces, counted_from(replay), bands(replay), units)
+    return Ready(draw, errors_say(replay), lambda: (live_replays.tracking(traces, units),))
 
 
 def bands(replay: Replay) -> dict[str, tuple[Array, Array, Array]]:
@@ -103,26 +93,21 @@ def counted_from(replay: Replay) -> float:
     return next((value for value in said if value is not None), usual)
 
 
-def log_ready(results: Results, _asked: bool | None) -> Ready | None:
+def log(replay: Replay) -> Ready | None:
     """Recorded input through the model: at most six runs, spread over the outputs."""
-    found = results.replay("log")
-    if found is None:
+    compared = {name: one.columns for name, one in replay.records.items() if one.role == "recorded-input"}
+    if not compared:
         return None
-    compared = {name: one.columns for name, one in found.records.items() if one.role == "recorded-input"}
     by_output = sorted(compared, key=lambda name: float(np.max(compared[name]["reference_nm"])))
-    places = sorted({round(k * (len(by_output) - 1) / 5) for k in range(6)}) if by_output else []
-    chosen = {by_output[place]: compared[by_output[place]] for place in places}
-    if not chosen:
-        return None
+    chosen = {name: compared[name] for name in some_levels(by_output, 6)}
     rms = sorted((float(np.sqrt(np.mean((t["reference_nm"] - t["torque_nm"]) ** 2))), n) for n, t in compared.items())
-    said = caption("log", shown=len(chosen), rms=rms, unit=found.head.output_unit)
-    return Ready(lambda: replays.recorded_duty(chosen, units_of(found)), said)
+    said = caption("log", shown=len(chosen), rms=rms, unit=replay.head.output_unit)
+    return Ready(lambda: replays.recorded_duty(chosen, units_of(replay)), said)
 
 
-def guarantee_ready(results: Results, _asked: bool | None) -> Ready | None:
+def guarantee(every: Sequence[Given[Replay]]) -> Ready | None:
     """The guarantee watched in a replay with the robust controller."""
-    order = sorted((one.result for one in results.replays), key=lambda replay: replay.head.scenario != "multisine")
-    for replay in order:
+    for replay in sorted((one.result for one in every), key=lambda one: one.head.scenario != "multisine"):
         one = replay.records.get("rc")
         if one is not None and {"chi_nm_s", "rho_nm_s"} <= set(one.columns) and replay.head.scenario != "rehab":
             said = caption("guarantee", share=one.metrics.guarantee_holds_fraction)
@@ -132,13 +117,13 @@ def guarantee_ready(results: Results, _asked: bool | None) -> Ready | None:
 
 def frequencies(replay: Replay) -> dict[str, dict[str, Array]]:
     """Frequency [Hz], gain [dB] and mean absolute error of each controller of a sweep, each of shape (F,)."""
-    found = {}
+    by_controller = {}
     for name, one in replay.records.items():
         rows = [row for row in one.metrics.frequencies or _tones(one.columns) if row.gain_db is not None]
         if rows:
             keys = ("frequency_hz", "gain_db", "mean_abs_error_nm")
-            found[name] = {key: np.array([getattr(row, key) for row in rows]) for key in keys}
-    return found
+            by_controller[name] = {key: np.array([getattr(row, key) for row in rows]) for key in keys}
+    return by_controller
 
 
 def _tones(trace: Mapping[str, Array]) -> Sequence[ToneMetrics]:
@@ -152,17 +137,14 @@ def _tones(trace: Mapping[str, Array]) -> Sequence[ToneMetrics]:
     return [tone(wanted[p.begin : p.end], y[p.begin : p.end], p.frequency_hz, dt) for p in default.tones]
 
 
-def sweep_ready(results: Results, _asked: bool | None) -> Ready | None:
+def sweep(replay: Replay) -> Ready | None:
     """Fig. 13, from the sweep's tones."""
-    found = results.replay("sweep")
-    rows = frequencies(found) if found is not None else {}
-    if found is None or not rows:
-        return None
+    rows = frequencies(replay)
     each = []
     for name, row in rows.items():
         below = row["frequency_hz"][row["gain_db"] < -3].tolist()
         each.append((controller_name(name), below[0] if below else None, float(np.max(row["gain_db"]))))
-    return Ready(lambda: replays.sweep(rows, found.head.output_unit), caption("sweep", rows=each))
+    return Ready(lambda: replays.sweep(rows, replay.head.output_unit), caption("sweep", rows=each)) if rows else None
 
 
 def rehab_trace(replay: Replay) -> Mapping[str, Array] | None:
@@ -172,22 +154,20 @@ def rehab_trace(replay: Replay) -> Mapping[str, Array] | None:
     return next((traces[name] for name in order if "angle_deg" in traces[name]), None)
 
 
-def mode_names(trace: Mapping[str, Array]) -> list[str]:
-    """Mode of each sample: soft, hard or assisted."""
-    return [MODES[int(code)] if 0 <= int(code) < len(MODES) else str(int(code)) for code in trace["mode"]]
+def mode_spans(trace: Mapping[str, Array]) -> list[tuple[str, float, float]]:
+    """Stretches of one mode (soft, hard, assisted) as (name, from [s], to [s])."""
+    names = [MODES[int(code)] if 0 <= int(code) < len(MODES) else str(int(code)) for code in trace["mode"]]
+    return rehab.mode_spans(trace["time_s"], names)
 
 
-def training_ready(results: Results, _asked: bool | None) -> Ready | None:
+def training(replay: Replay) -> Ready | None:
     """Fig. 16, from the rehabilitation replay."""
-    found = results.replay("rehab")
-    trace = rehab_trace(found) if found is not None else None
-    if found is None or trace is None:
+    trace, unit = rehab_trace(replay), replay.head.output_unit
+    if trace is None:
         return None
-    spans = rehab.mode_spans(trace["time_s"], mode_names(trace))
-    gap = np.abs(trace["desired_nm"] - trace["rendered_nm"])
-    top = float(np.max(np.abs(trace["desired_nm"])))
-    unit = found.head.output_unit
-    said = caption("training", gap=float(np.mean(gap)), top=top, unit=unit)
+    gap = float(np.mean(np.abs(trace["desired_nm"] - trace["rendered_nm"])))
+    said = caption("training", gap=gap, top=float(np.max(np.abs(trace["desired_nm"]))), unit=unit)
+    spans = mode_spans(trace)
     return Ready(lambda: rehab.training(trace, spans, unit), said, lambda: (live_replays.training(trace, unit),))
 
 
@@ -197,20 +177,13 @@ def position_errors(replay: Replay) -> dict[str, Array]:
     if trace is None:
         return {}
     skip = replay.head.exercise.uncounted_s if replay.head.exercise is not None else 5.0
-    found = {}
-    t = trace["time_s"]
-    for name, start, end in rehab.mode_spans(t, mode_names(trace)):
-        counted = (t >= start + skip - 1e-9) & (t <= end)
-        if counted.any():
-            found[name] = np.abs(trace["target_deg"] - trace["angle_deg"])[counted]
-    return found
+    t, error = trace["time_s"], np.abs(trace["target_deg"] - trace["angle_deg"])
+    by_mode = {name: error[(t >= start + skip - 1e-9) & (t <= end)] for name, start, end in mode_spans(trace)}
+    return {name: values for name, values in by_mode.items() if len(values)}
 
 
-def errors_ready(results: Results, _asked: bool | None) -> Ready | None:
+def position(replay: Replay) -> Ready | None:
     """Fig. 17, from the rehabilitation replay."""
-    found = results.replay("rehab")
-    values = position_errors(found) if found is not None else {}
-    if not values:
-        return None
+    values = position_errors(replay)
     each = [f"{name} {number(float(np.median(of)), 2)}°" for name, of in values.items()]
-    return Ready(lambda: rehab.errors(values), caption("position", medians=each))
+    return Ready(lambda: rehab.errors(values), caption("position", medians=each)) if values else None

@@ -20,7 +20,7 @@ from eaid.logs.read import read_runs
 from eaid.logs.run import Run
 from eaid.replay import files as replay_files
 from eaid.replay.controllers import CONTROLLERS
-from eaid.report.figures.edges import EdgeLog, edge_logs, is_whole
+from eaid.report.edge_logs import EdgeLog, edge_logs, is_whole
 from eaid.report.thin import as_recorded, shortened
 from eaid.results import codec
 from eaid.results.coupling import Coupling
@@ -69,6 +69,23 @@ class Results:
     replays: tuple[Given[Replay], ...] = ()
     data: tuple[Given[StepSet], ...] = ()
     couplings: tuple[Given[Coupling], ...] = ()
+    paper: bool | None = None
+    """Whether published values stand beside these; None where the units are those of the paper's rig."""
+
+    @property
+    def main_kind(self) -> str | None:
+        """The kind that the page is about: the clutch where there is one."""
+        return next(iter(self.kinds), None)
+
+    @property
+    def main_fit(self) -> Fit | None:
+        """The first fit of that kind."""
+        return self.fit(self.main_kind or "")
+
+    @property
+    def main_data(self) -> StepSet | None:
+        """The first dataset of that kind that holds steps from rest."""
+        return self.data_of(self.main_kind or "")
 
     @property
     def sources(self) -> tuple[Source, ...]:
@@ -94,6 +111,11 @@ class Results:
     def edge_logs(self) -> tuple[EdgeLog, ...]:
         """The logs of the datasets whose edges are looked at, as of closed loops."""
         return edge_logs([run for one in self.data for run in one.result.recorded])
+
+    @property
+    def shows_edges(self) -> bool:
+        """Whether the page is about edges of outputs: logs of closed loops, and no fit and no steps beside them."""
+        return bool(self.edge_logs) and not self.fits and not any(one.result.levels for one in self.data)
 
     @property
     def kinds(self) -> tuple[str, ...]:
@@ -124,23 +146,20 @@ KINDS = {"clutch": "clutch", "friction-force": "friction over force", "friction-
 
 def gathered(items: Iterable["Fit | Gains | Replay | StepSet | Coupling | Given[Any]"]) -> Results:
     """Results in memory as a report takes them: each gets a name by its kind, replays the order of the paper."""
-    found: dict[str, list[Given[Any]]] = {"fit": [], "gains": [], "replay": [], "data": [], "couple": []}
-    kinds: tuple[tuple[type, str], ...] = (
-        (Fit, "fit"), (Gains, "gains"), (Replay, "replay"), (StepSet, "data"), (Coupling, "couple"),
-    )  # fmt: skip
+    kinds: dict[str, type] = {"fit": Fit, "gains": Gains, "replay": Replay, "data": StepSet, "couple": Coupling}
+    sorted_: dict[str, list[Given[Any]]] = {kind: [] for kind in kinds}
     for item in items:
         result = item.result if isinstance(item, Given) else item
-        kind = next((name for type_, name in kinds if isinstance(result, type_)), None)
+        kind = next((name for name, type_ in kinds.items() if isinstance(result, type_)), None)
         if kind is None:
             raise UsageError(f"a {type(result).__name__} is no result that a report can show")
-        if isinstance(item, Given):
-            found[kind].append(item)
-        else:
-            count = len(found[kind])
-            found[kind].append(Given(Source(f"{kind} {count + 1}" if count else kind, "", kind), result))
+        count = len(sorted_[kind])
+        name = Source(f"{kind} {count + 1}" if count else kind, "", kind)
+        sorted_[kind].append(item if isinstance(item, Given) else Given(name, result))
     order = {name: i for i, name in enumerate(SCENARIOS)}
-    found["replay"].sort(key=lambda one: order.get(one.result.head.scenario, len(order)))
-    return Results(*(tuple(found[kind]) for kind in ("fit", "gains", "replay", "data", "couple")))
+    sorted_["replay"].sort(key=lambda one: order.get(one.result.head.scenario, len(order)))
+    fits, gains, replays, data, couplings = (tuple(group) for group in sorted_.values())
+    return Results(fits, gains, replays, data, couplings)
 
 
 def read_results(paths: Sequence[Path], tell: Callable[[str], None] = lambda _: None) -> Results:

@@ -3,7 +3,7 @@
 import contextlib
 import os
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from eaid.errors import UsageError
@@ -59,7 +59,7 @@ def write_report(
     UsageError
         Where the folder holds a report and `force` is not given, or an option names what is not there.
     """
-    given = results if isinstance(results, Results) else gathered(results)
+    given = replace(results if isinstance(results, Results) else gathered(results), paper=options.paper)
     folder = Path(output_dir)
     formats = formats_of(options.formats)
     for name, width in (("column_in", options.column_in), ("page_in", options.page_in)):
@@ -67,11 +67,11 @@ def write_report(
             raise UsageError(f"{name} {width:g}: figures are between 2 and 40 in wide")
     look = Look(options.column_in, options.page_in, font_of(options.font))
     refuse_to_overwrite_report(folder, options.force)
-    ready, missing = ready_figures(given, options.paper, options.figures)
+    ready, missing = ready_figures(given, options.figures)
     mark = mark_of(given)
     drawn = draw_all(ready, formats, done, look, mark[0] if mark else None)
     pictures = summary_pictures(given, mark[0] if mark else None)
-    text = page(given, drawn, pictures, missing if not options.figures else (), options.paper)
+    text = page(given, drawn, pictures, missing if not options.figures else ())
     contents = {f"{FIGURES}/{one.row.name}.{kind}": held for one in drawn for kind, held in one.files}
     contents[PAGE] = text.encode("utf-8", errors="replace")
     with _folders(folder, folder / FIGURES):

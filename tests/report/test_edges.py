@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from eaid.cli.main import run
-from eaid.report.figures.edges import edge_logs
-from eaid.report.page import summary
+from eaid.report.edge_logs import edge_logs
+from eaid.report.page import summary, tiles
 from eaid.report.page.known import known
 from eaid.report.page.next_steps import next_steps
 from eaid.report.results import Results, read_results
@@ -75,9 +75,9 @@ def test_a_loops_log_is_kept_whole_and_has_its_table(tmp_path: Path):
     assert [row[0] for row in table.rows] == [1, 2, 3] and "asked for (N·m)" in table.heads
     assert [row[5] for row in table.rows] == pytest.approx([0, 0, 0], abs=2e-3)  # left over
     assert light(given) == ("good", "closed loop, 3 edges")
-    assert summary.title(given, None) == "Edges of a closed loop"
-    tiles = {tile.label: tile.value for tile in summary.tiles(given)}
-    assert len(tiles) == 6 and tiles["edges"] == "3" and tiles["largest edge"] == "2.00 N·m"
+    assert summary.title(given) == "Edges of a closed loop"
+    shown = {tile.label: tile.value for tile in tiles.tiles(given)}
+    assert len(shown) == 6 and shown["edges"] == "3" and shown["largest edge"] == "2.00 N·m"
     (step,) = next_steps(given, known(given))
     assert step.command.startswith("eaid fit ")
 
@@ -85,7 +85,7 @@ def test_a_loops_log_is_kept_whole_and_has_its_table(tmp_path: Path):
 def test_an_output_alone_says_what_a_model_needs(tmp_path: Path):
     given = read_results([written(tmp_path, with_reference=False, with_input=False)])
     assert light(given) == ("good", f"1 log, {len(given.edge_logs[0].edges)} edges")
-    assert summary.title(given, None) == "Edges of the output"
+    assert summary.title(given) == "Edges of the output"
     assert "asked for (N·m)" not in edges_table(given.edge_logs).heads
     assert "LOGS" in next_steps(given, known(given))[0].command
 

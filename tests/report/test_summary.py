@@ -1,5 +1,6 @@
 """Lights, tiles, chips and what to do next: by codes, severities and numbers, never by words."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -8,7 +9,7 @@ import pytest
 from eaid.findings import Finding, finding
 from eaid.report.figures import friction as frictions
 from eaid.report.figures import values
-from eaid.report.page import summary
+from eaid.report.page import summary, tiles
 from eaid.report.page.known import known, sentence
 from eaid.report.page.next_steps import next_steps
 from eaid.report.results import Results, gathered
@@ -95,20 +96,18 @@ def test_tiles_are_the_top_level_and_the_worst_margin():
     data = results.Data("clutch", "V", "N")
     worst = WorstMargins(Margin(gain_db=16.2, phase_deg=78.1), Margin(gain_db=42.7, phase_deg=31.5))
     gains = Gains(LinearModel(1.0, 1.0, 0.0), margins=Margins(worst=worst))
-    tiles = summary.tiles(gathered([Fit(data=data, friction=Friction(0.85, levels=levels)), gains]))
-    assert len(tiles) == 6
-    assert (tiles[1].label, tiles[1].value) == ("T_s at 300 V", "2.00 N") and tiles[1].note.startswith("1.90 … 2.10")
-    assert (tiles[5].value, tiles[5].note) == ("78° | 32°", "phase; gain 16 | 43 dB")
+    shown = tiles.tiles(gathered([Fit(data=data, friction=Friction(0.85, levels=levels)), gains]))
+    assert len(shown) == 6
+    assert (shown[1].label, shown[1].value) == ("T_s at 300 V", "2.00 N") and shown[1].note.startswith("1.90 … 2.10")
+    assert (shown[5].value, shown[5].note) == ("78° | 32°", "phase; gain 16 | 43 dB")
 
 
 def test_a_time_constant_without_end_has_no_number():
     levels = (FrictionLevel(10.0, 1.0, 0.1, 5.0), FrictionLevel(20.0, 2.0, 0.2, 2.9e7))
-    tiles = summary.tiles(
-        gathered([Fit(data=results.Data("clutch", "V", "N"), friction=Friction(0.85, levels=levels))])
-    )
-    assert (tiles[2].value, tiles[3].value) == ("0.200 s", "not estimable")
-    shown = values.values_of(levels, "tau2")
-    assert shown[0] == 5 and np.isnan(shown[1]) and values.highest(shown) == 5
+    shown = tiles.tiles(gathered([Fit(data=results.Data("clutch", "V", "N"), friction=Friction(0.85, levels=levels))]))
+    assert (shown[2].value, shown[3].value) == ("0.200 s", "not estimable")
+    drawn = values.values_of(levels, "tau2")
+    assert drawn[0] == 5 and np.isnan(drawn[1]) and values.highest(drawn) == 5
 
 
 def test_chips_name_the_dates_that_the_logs_are_named_by():
@@ -123,7 +122,7 @@ def test_chips_name_the_dates_that_the_logs_are_named_by():
 @pytest.mark.parametrize(("units", "title"), [(("%", "N·m"), "Electroadhesive clutch"), (("V", "N"), "Step responses")])
 def test_only_such_a_clutch_is_called_one(units: tuple[str, str], title: str):
     given = gathered([Fit(data=results.Data("clutch", *units))])
-    assert summary.title(given, None) == title and summary.title(given, True) == "Electroadhesive clutch"
+    assert summary.title(given) == title and summary.title(replace(given, paper=True)) == "Electroadhesive clutch"
 
 
 def test_a_sentence_has_a_capital_and_a_stop():

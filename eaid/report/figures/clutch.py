@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from eaid.models import linear, nonlinear
 from eaid.models.parameters import Linear
 from eaid.report import published, style
-from eaid.report.figures.steps import MODEL, Model, draw_steps, fine_times, label_ends, some_levels
+from eaid.report.figures.steps import MODEL, Model, draw_steps, end_of, fine_times, label_ends, some_levels
 from eaid.report.figures.values import axis_label, highest, intervals_of, nonlinear_of, points, values_of, values_over
 from eaid.report.rig import gain, level_text, level_values, over, overlaid, quantity
 from eaid.report.tables.fits import estimates_of
@@ -61,7 +61,7 @@ def linear_model(data: StepSet, fit: Fit) -> Figure:
     for one, colour in zip(levels, style.level_colours(len(levels)), strict=True):
         text = level_text(one.level, data.input_unit)
         measured.plot(*thinned(one.time_s, one.mean, 800), color=colour, linewidth=1.2)
-        ends[0].append((float(np.mean(one.mean[-max(1, len(one.mean) // 50) :])), text, colour))
+        ends[0].append((end_of(one.mean), text, colour))
         if linear.steady_torque(model, one.level) > 0:
             modelled.plot(fine, linear.step_response(model, fine, one.level), color=colour, linestyle=(0, (4, 2)))
             ends[1].append((linear.steady_torque(model, one.level), text, colour))

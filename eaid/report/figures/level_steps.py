@@ -7,7 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from eaid.report import style
-from eaid.report.figures.steps import MODEL, fine_times, label_ends, some_levels
+from eaid.report.figures.steps import MODEL, end_of, fine_times, label_ends, some_levels
 from eaid.report.figures.values import axis_label, points
 from eaid.report.rig import over
 from eaid.report.thin import thinned
@@ -47,8 +47,7 @@ def draw_level_steps(axes: Axes, data: StepSet, shapes: Sequence[StepShape]) -> 
         axes.plot(*thinned(step.time_s, step.output - shape.start, 1200), color=colour, linewidth=1.5, alpha=0.75)
         fine = fine_times(float(step.time_s[-1]))
         axes.plot(fine, shape.predict(fine) - shape.start, **MODEL)
-        end = float(np.mean(step.output[-max(1, len(step.output) // 50) :]))
-        ends.append((end - shape.start, step_text(step), colour))
+        ends.append((end_of(step.output) - shape.start, step_text(step), colour))
     axes.set(
         xlabel="Time since the step (s)", ylabel=f"Change of output ({data.output_unit or '1'})", xlim=(0, longest)
     )

@@ -31,6 +31,11 @@ def some_levels(levels: Sequence[T], most: int = DRAWN) -> list[T]:
     return [levels[round(k * (len(levels) - 1) / (most - 1))] for k in range(most)]
 
 
+def end_of(values: Array) -> float:
+    """Where a curve ends: the mean of its last fiftieth."""
+    return float(np.mean(values[-max(1, len(values) // 50) :]))
+
+
 def fine_times(t_end: float, points: int = 150) -> Array:
     """Instants at which a model is drawn [s]: dense where it is steep."""
     return np.unique(np.concatenate([[0.0], np.geomspace(1e-3, 1, points) * t_end]))
@@ -60,7 +65,7 @@ def draw_steps(
             fine = fine_times(float(level.time_s[-1]))
             axes.plot(fine, fitted[level.level](fine), **MODEL)
         text = level_text(level.level, data.input_unit)
-        end = float(np.mean(mean[-max(1, len(mean) // 50) :]))
+        end = end_of(mean)
         ends.append((end, text + (f": {notes[level.level]}" if notes and level.level in notes else ""), colour))
     axes.set(xlabel="Time since the step (s)", ylabel=quantity(data.output_unit), xlim=(0, longest))
     if len(levels) <= LABELLED:

@@ -9,7 +9,7 @@ from bokeh.models.annotations import ColorBar, TeeHead, Whisker
 
 from eaid.report import style
 from eaid.report.figures.checks import ResidualMap
-from eaid.report.figures.steps import Model, fine_times, some_levels
+from eaid.report.figures.steps import Model, end_of, fine_times, some_levels
 from eaid.report.figures.values import highest, values_of, values_over
 from eaid.report.page.live import Plot, bare
 from eaid.report.rig import level_text, level_values, over, quantity
@@ -35,7 +35,7 @@ def steps(data: StepSet, fitted: Mapping[float, Model], notes: Mapping[float, st
     for level, colour in zip(levels, colours, strict=True):
         name = level_text(level.level, data.input_unit)
         plot.line(p, level.time_s, level.mean, f"{name}, measured", colour, width=2.4)
-        ends.append((float(np.mean(level.mean[-max(1, len(level.mean) // 50) :])), name))
+        ends.append((end_of(level.mean), name))
         if (model := fitted.get(level.level)) is not None:
             fine = fine_times(float(level.time_s[-1]))
             note = f", RMSE {notes[level.level]}" if notes and level.level in notes else ""

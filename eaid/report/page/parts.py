@@ -7,7 +7,6 @@ from eaid.report.page.again import commands
 from eaid.report.page.glossary import Terms
 from eaid.report.page.known import MOST, Known, sentence
 from eaid.report.page.shown import Shown
-from eaid.report.ready_fits import main_kind
 from eaid.report.results import KINDS, Results
 from eaid.report.tables import checks, data, gains, recorded, recordings, replays
 from eaid.report.tables.every import judging_tables, model_tables
@@ -75,10 +74,10 @@ class Block:
             yield f"{one.heading} {one.caption} {' '.join(one.heads)} {' '.join(row[0] for row in one.texts)}"
 
 
-def parts(results: Results, known: Known, drawn: Drawn, asked: bool | None, terms: Terms) -> list[Block]:
+def parts(results: Results, known: Known, drawn: Drawn, terms: Terms) -> list[Block]:
     """The parts that have anything to show, in the order of the page, their words explained where they come first."""
     found = [
-        _data(results, known, drawn), _model(results, known, drawn, asked), _controller(results, known, drawn, asked),
+        _data(results, known, drawn), _model(results, known, drawn), _controller(results, known, drawn),
         _replay(results, known, drawn), _rehabilitation(results, drawn), _appendix(results),
     ]  # fmt: skip
     explained = []
@@ -131,9 +130,8 @@ def opened(tables: Iterable[Table]) -> tuple[tuple[Table, ...], tuple[Block, ...
 def _data(results: Results, known: Known, drawn: Drawn) -> Block | None:
     if not results.data and not known.of("data"):
         return None
-    kind = main_kind(results)
-    of_kind = (one.result for one in results.data if one.result.kind == kind)
-    own = (results.data_of(kind) if kind else None) or next(of_kind, None)
+    of_kind = (one.result for one in results.data if one.result.kind == results.main_kind)
+    own = results.main_data or next(of_kind, None)
     tables: list[Table] = []
     folds: list[Block] = []
     for one in results.data:
@@ -166,13 +164,13 @@ def _parted(table: Table) -> tuple[Table, Table]:
 
 def _figures_of(kind: str, drawn: Drawn, results: Results) -> tuple[Shown, ...]:
     shows_steps = "friction-force" if results.data_of("friction-force") is not None else "friction-speed"
-    own = main_kind(results) == kind
+    own = results.main_kind == kind
     names = (("fig03_friction_steps",) if kind == shows_steps else ()) + KIND_FIGURES[kind]
     return _of(drawn, *(name for name in names if own or "level" not in name))
 
 
-def _model(results: Results, known: Known, drawn: Drawn, asked: bool | None) -> Block | None:
-    kind = main_kind(results)
+def _model(results: Results, known: Known, drawn: Drawn) -> Block | None:
+    kind = results.main_kind
     if not results.fits or kind is None:
         return None
     figures = _figures_of(kind, drawn, results)
@@ -183,7 +181,7 @@ def _model(results: Results, known: Known, drawn: Drawn, asked: bool | None) -> 
         tables = [checks.comparison_table(pair[0].result, pair[1].result, (pair[0].path, pair[1].path))]
     for one in results.fits:
         fit, of = one.result, one.result.data.kind
-        every = [*model_tables(fit, asked), *judging_tables(fit)]
+        every = [*model_tables(fit, results.paper), *judging_tables(fit)]
         if fit is own:
             if pair is None:
                 tables, every = every[:1], every[1:]
@@ -195,7 +193,7 @@ def _model(results: Results, known: Known, drawn: Drawn, asked: bool | None) -> 
     return _part("Model", known, (*_of(drawn, "compare"), *figures[:OPEN_FIGURES]), tables, folds)
 
 
-def _controller(results: Results, known: Known, drawn: Drawn, asked: bool | None) -> Block | None:
+def _controller(results: Results, known: Known, drawn: Drawn) -> Block | None:
     figures = _of(drawn, "guarantee_in_replay", "input_gain", "walls")
     stiff = [table for one in results.couplings for table in gains.walls_tables(one.result)]
     if not results.gains:
@@ -205,8 +203,8 @@ def _controller(results: Results, known: Known, drawn: Drawn, asked: bool | None
         title = f"Gains and margins, {one.path}" if k else "Gains and margins"
         beside = [gains.checklist(one.result)] if k else []
         every = [
-            gains.table_iv(one.result, asked),
-            gains.gains_table(one.result, asked),
+            gains.table_iv(one.result, results.paper),
+            gains.gains_table(one.result, results.paper),
             gains.search_table(one.result),
         ]
         folds += _block(title, (), [*beside, *every, *gains.further_tables(one.result)])

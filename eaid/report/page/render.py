@@ -19,6 +19,7 @@ from eaid.report.page.known import known
 from eaid.report.page.next_steps import next_steps
 from eaid.report.page.parts import parts
 from eaid.report.page.shown import shown, source_of
+from eaid.report.page.tiles import tiles
 from eaid.report.pictures import Picture
 from eaid.report.results import Results
 from eaid.report.tables.table import Cell, Name, text
@@ -33,31 +34,28 @@ def page(
     drawn: Sequence[Drawn],
     pictures: Sequence[Picture],
     missing: Sequence[Row],
-    asked: bool | None = None,
 ) -> str:
     """The whole page as text."""
     found, terms = known(results), Terms()
-    tiles = summary.tiles(results)
-    paper = summary.of_paper(results, asked)
+    numbers = tiles(results)
+    paper = summary.of_paper(results)
     figures = {one.row.name: shown(one, paper) for one in drawn}
     library = live.script() if any(one.live for one in figures.values()) else ""
     starter = _asset("page.js")
-    told = tuple(f"{one.label} {one.note}" for one in tiles)
-    first_terms = terms.first_in(
-        (*told, *(one.title for one in pictures), "" if summary.shows_edges(results) else "level")
-    )
+    told = tuple(f"{one.label} {one.note}" for one in numbers)
+    first_terms = terms.first_in((*told, *(one.title for one in pictures), "" if results.shows_edges else "level"))
     return _environment().get_template("report.html.j2").render(
-        title=summary.title(results, asked),
+        title=summary.title(results),
         synthetic=results.synthetic,
         chips=summary.chips(results),
         mark=mark_of(results),
         version=__version__,
         lights=summary.lights(results, found),
         pictures=[(one, source_of(one.png)) for one in pictures],
-        tiles=tiles,
+        tiles=numbers,
         next_steps=next_steps(results, found),
         terms=[(word, says) for word, says in first_terms if word not in _EXPLAINED],
-        parts=parts(results, found, figures, asked, terms),
+        parts=parts(results, found, figures, terms),
         missing=[(", ".join(titles), command) for command, titles in _missing(missing).items()],
         style=Markup(_asset("page.css")),
         # Our own scripts only, told by their hash: nothing else on the page can run, whatever a file name says.

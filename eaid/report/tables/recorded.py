@@ -1,13 +1,10 @@
 """Tables of logs fitted as they were recorded: how each is followed, its frequency response, loops, what was asked."""
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
+from eaid.report.edge_logs import EdgeLog
 from eaid.report.tables.table import Cell, Name, Table, columns, level
 from eaid.results.fit import Fit
-
-if TYPE_CHECKING:  # figures load matplotlib, and the terminal's tables do not need it
-    from eaid.report.figures.edges import EdgeLog
 
 
 def recorded_tables(fit: Fit) -> list[Table]:
@@ -102,7 +99,7 @@ def falls_table(fit: Fit) -> Table:
     return Table("Falls against rises", said, heads, tuple(row for row in rows if row[1] is not None))
 
 
-def edges_table(logs: "Sequence[EdgeLog]") -> Table:
+def edges_table(logs: Sequence[EdgeLog]) -> Table:
     """One row an edge of an output: where it goes, and how it gets there."""
     out = logs[0].run.output_unit if logs else ""
     asked = any(log.run.reference_nm is not None for log in logs)
