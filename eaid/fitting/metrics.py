@@ -10,6 +10,7 @@ import numpy as np
 
 from eaid.arrays import Array
 from eaid.results.common import AbsError, HoldOut, LevelError
+from eaid.steps.noise import block_means
 from eaid.steps.stepset import Level
 
 BLOCKS = 50
@@ -64,11 +65,6 @@ def hold_out(held: Sequence[Level], residuals: Sequence[Array], fitted_rmse: flo
 
 def explains_little(outputs: Sequence[Array], residuals: Sequence[Array]) -> bool:
     """Whether a model misses the curves themselves, whatever the noise on them."""
-    y, r = (np.concatenate([_block_means(one) for one in values]) for values in (outputs, residuals))
+    y, r = (np.concatenate([block_means(one, BLOCKS) for one in values]) for values in (outputs, residuals))
     missed, spread = float(r @ r), float(((y - y.mean()) ** 2).sum())
     return missed > (1 - LITTLE) * spread and missed > FAR**2 * float(y @ y)
-
-
-def _block_means(values: Array) -> Array:
-    edges = np.linspace(0, len(values), min(BLOCKS, len(values)) + 1).astype(int)
-    return np.asarray(np.add.reduceat(values, edges[:-1]) / np.diff(edges))

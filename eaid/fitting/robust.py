@@ -47,15 +47,6 @@ def minimise(
     solved = solve(data)
     if loss == "squares":
         return solved, None
-    return _huber(data, solved, again, residuals)
-
-
-def _huber(
-    data: Data,
-    solved: Solved,
-    again: Callable[[Data, Solved], Solved],
-    residuals: Callable[[Solved, Data], list[Array]],
-) -> tuple[Solved, Huber]:
     r = residuals(solved, data)
     rounds, moved, sigma = 0, np.inf, 0.0
     while moved > SETTLED and rounds < 200:

@@ -48,10 +48,10 @@ def stretches(mask: NDArray[np.bool_]) -> tuple[NDArray[np.intp], NDArray[np.int
 
 
 def block_means(values: Array, blocks: int = BLOCKS) -> Array:
-    """Means of equal parts, shape (blocks,), fewer where there are fewer samples."""
-    blocks = max(1, min(blocks, len(values)))
-    edges = np.linspace(0, len(values), blocks + 1).astype(np.intp)
-    return np.asarray(np.add.reduceat(values, edges[:-1]) / np.diff(edges))
+    """Means of equal parts of the last axis, shape (…, blocks), fewer where there are fewer samples."""
+    samples = values.shape[-1]
+    edges = np.linspace(0, samples, max(1, min(blocks, samples)) + 1).astype(np.intp)
+    return np.asarray(np.add.reduceat(values, edges[:-1], axis=-1) / np.diff(edges))
 
 
 def block_error(values: Array, blocks: int = BLOCKS) -> float:

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from eaid.arrays import Array
+from eaid.steps.noise import line
 from eaid.steps.stepset import Level
 from eaid.uncertainty.student_t import t_quantile
 
@@ -66,5 +67,5 @@ def _single_error(level: Level) -> float:
     after = smooth[int(smooth.argmax()) :: max(1, len(level.mean) // 50)]
     if len(after) < 4 or smooth.max() <= 0:
         return np.inf
-    line = np.polyval(np.polyfit(np.arange(len(after)), after, 1), np.arange(len(after)))
-    return float(np.sqrt(2 * ((after - line) ** 2).sum() / (len(after) - 2)) / smooth.max())
+    left = line(np.arange(len(after)), after).left
+    return float(np.sqrt(2 * (left @ left) / (len(after) - 2)) / smooth.max())

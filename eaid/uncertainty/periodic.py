@@ -13,6 +13,7 @@ import numpy as np
 
 from eaid.arrays import Array
 from eaid.models.parameters import Friction
+from eaid.steps.noise import block_means
 from eaid.steps.stepset import Level
 from eaid.uncertainty.levels import LevelEstimate, log_jacobian
 from eaid.uncertainty.run_statistics import run_residuals
@@ -67,14 +68,9 @@ class _Binned:
     @classmethod
     def of(cls, level: Level, one: LevelEstimate) -> Self:
         """The level's samples, averaged."""
-        edges = np.linspace(0, len(level.time_s), min(BINS, len(level.time_s)) + 1).astype(int)
-
-        def averaged(rows: Array) -> Array:
-            return np.asarray(np.add.reduceat(rows, edges[:-1], axis=-1) / np.diff(edges))
-
-        time_s = averaged(level.time_s)
+        time_s, noise = block_means(level.time_s, BINS), block_means(one.noise_nm, BINS)
         jacobian = log_jacobian(one.curve, time_s, one.share_free) / one.curve.Ts
-        return cls(time_s, averaged(one.noise_nm) / one.curve.Ts, jacobian, one.runs.duration_s, one.curve.Ts)
+        return cls(time_s, noise / one.curve.Ts, jacobian, one.runs.duration_s, one.curve.Ts)
 
     @property
     def fitted(self) -> Array:
