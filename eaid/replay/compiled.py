@@ -9,7 +9,7 @@ import hashlib
 from collections.abc import Callable, Sequence
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal, TypedDict
 
 import numba
 from numba.extending import overload, register_jitable
@@ -21,13 +21,23 @@ from eaid.replay.controllers import Controller, Step
 from eaid.replay.plant import PlantParameters
 from eaid.replay.rig import RigNumbers
 
-STRICT: dict[str, Any] = {"error_model": "numpy", "nogil": True}
+
+class Flags(TypedDict, total=False):
+    """Options of `numba.njit`."""
+
+    error_model: Literal["python", "numpy"]
+    nogil: bool
+    fastmath: set[str]
+    forceinline: bool
+
+
+STRICT: Flags = {"error_model": "numpy", "nogil": True}
 """Every operation rounded as plain Python rounds it."""
-ALONE: dict[str, Any] = {**STRICT, "fastmath": {"contract", "arcp"}}
+ALONE: Flags = {**STRICT, "fastmath": {"contract", "arcp"}}
 """A multiplication and the addition after it may be rounded once, and a division by what never changes be a
 multiplication: the result differs from plain Python's in the last bits alone."""
 
-VECTOR: dict[str, Any] = {**ALONE, "forceinline": True}
+VECTOR: Flags = {**ALONE, "forceinline": True}
 """Every call inlined, without which no loop becomes vectors."""
 
 CALLED = (
@@ -59,7 +69,7 @@ def fingerprint() -> str:
     return digest.hexdigest()[:12]
 
 
-def _kept(function: Callable[..., Any], options: dict[str, Any]) -> Any:
+def _kept(function: Callable[..., Any], options: Flags) -> Any:
     """A compiled function that is kept on disk, where there is a folder that numba may write to."""
     try:
         return numba.njit(cache=True, **options)(function)

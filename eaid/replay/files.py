@@ -30,7 +30,7 @@ LARGEST = 1e30
 AGAIN = "make it again with eaid simulate"
 
 
-def plain_head(head: Head) -> dict[str, Any]:
+def plain_head(head: Head) -> dict[str, object]:
     """What a replay says of itself, as files have it: the exercise's numbers stand beside the others."""
     content = {key: value for key, value in to_plain(head).items() if value is not None and key != "exercise"}
     for name in ("band_quantiles", "unidentified"):
@@ -42,7 +42,7 @@ def plain_head(head: Head) -> dict[str, Any]:
     return {"eaid": __version__, **content, **exercise, **doubts}
 
 
-def plain_metrics(metrics: Metrics) -> dict[str, Any]:
+def plain_metrics(metrics: Metrics) -> dict[str, object]:
     """The metrics that a group has; inside steps and tones a number that is never reached stays null."""
     kept = {key: value for key, value in to_plain(metrics).items() if value not in (None, [], {})}
     if "guarantee_holds_fraction" in kept:  # null where nothing failed
@@ -51,7 +51,7 @@ def plain_metrics(metrics: Metrics) -> dict[str, Any]:
     return kept
 
 
-def as_json(replay: Replay) -> dict[str, Any]:
+def as_json(replay: Replay) -> dict[str, object]:
     """What `simulate --json` prints: the head, and every group's metrics under the part it plays."""
     controllers, best, log = (
         {name: plain_metrics(metrics) for name, metrics in replay.metrics(*roles).items()}
