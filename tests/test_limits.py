@@ -26,7 +26,7 @@ def test_the_sentence_names_option_value_and_range() -> None:
     with pytest.raises(UsageError) as told:
         check_all(epsilon=0.0, gamma=None, phi=1e308, kp=2.0)
     assert told.value.sentences == (
-        "«epsilon» 0: give a number from 1e-09 to 1e+09",
+        "«epsilon» 0: give a number from 1e-15 to 1e+15",
         "«phi» 1e+308: give a number from 0 to 1e+09",
     )
     assert len(fault("seed", 10**400) or "") < 120

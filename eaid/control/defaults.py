@@ -145,19 +145,19 @@ def _proportional(options: TuneOptions, pace: float) -> tuple[float, float]:
 def with_own_layer(
     fit: Fit, design: DesignOptions, scales: Scales, bounds: Bounds, plant: Nonlinear | None
 ) -> DesignOptions:
-    """The design for a rig that is not the paper's with a boundary layer that the sampled loop can have."""
+    """The design for a rig that is not the paper's with a boundary layer that the sampled loop can have, if any."""
     if scales.paper:
         return design
-    model = model_of(fit)
+    asked, model = design, model_of(fit)
     points = operating_points(fit, model, plant, bounds, design.duty_limits_pct)
     for _ in range(MOST_STEPS):
         gains = law_of(model, bounds, design).gains
         here = rc_feedback(gains, 1.0, (model.a0 - model.c0) / model.b0)
         runs = is_stable(here, linear_lags(model.b0, model.a0), design.timing)
         if runs and keeps_margins(gains, points, design.timing):
-            break
+            return design
         design = replace(design, epsilon=design.epsilon * SLOWER, gamma=design.gamma / SLOWER)
-    return design
+    return asked
 
 
 def with_own_pi(fit: Fit, design: DesignOptions, scales: Scales) -> DesignOptions:

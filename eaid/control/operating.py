@@ -66,10 +66,10 @@ def operating_points(
     """Duty [%], torque [N·m] and lags around it, over the identified range.
 
     Around rest on the nonlinear model the lags are those of the duty held, with the slope of T_s: (target − state) is
-    0, so the changes of τ play no part. Without that model: the first-order models of the single levels, else the
-    pooled one.
+    0, so the changes of τ play no part. Without that model, or where one level gave T_s no slope: the first-order
+    models of the single levels, else the pooled one.
     """
-    if plant is not None:
+    if plant is not None and any(plant.Ts[1:]):
         low, high = plant.u_range
         duties = [u for u in fit.data.levels if low <= u <= high] or np.linspace(low, high, POINTS).tolist()
         return [(duty, float(steady_torque(plant, duty)), lags_at(plant, duty)) for duty in duties]

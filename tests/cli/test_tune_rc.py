@@ -195,7 +195,7 @@ def test_refused_gains_exit_with_5(linear, arguments, words, capsys):
         (["--damping", "0.7"], 2, "belong together"),
         (["--bounds-levels", "30:100"], 2, "no fits of single levels"),
         (["--bounds", "x"], 2, "--bounds x: must be one of"),
-        (["--epsilon", "0"], 2, "--epsilon 0: give a number from 1e-09"),
+        (["--epsilon", "0"], 2, "--epsilon 0: give a number from 1e-15"),
         (["--reference", "none.csv"], 3, "none.csv: no such file"),
         (["--optimize"], 3, "holds no nonlinear model"),
         (["--optimize-also", "colour"], 2, "--optimize-also colour: must be one of"),

@@ -181,3 +181,18 @@ def test_a_dead_time_that_the_steps_show_slows_both_controllers_down_and_ends_th
     assert made[1].margins.worst.pi.phase_deg < made[0].margins.worst.pi.phase_deg
     with pytest.raises(GainsError, match="behind the dead time of 0.15 s"):
         design(late, replace(settled[0], timing=settled[1].timing))
+
+
+def test_a_rig_a_thousand_times_slower_than_the_paper_s_gets_its_layer_and_pi() -> None:
+    """An oven, one level known: T_s has no slope there, so its single level says how the loop turns about it."""
+    part = {"Ts": [121.0, 0.0, 0.0, 0.0], "tau1": [599.0, 0.0, 0.0], "tau2": [600.0, 0.0, 0.0], "u_range": [1.0, 1.0]}
+    row = {"level": 1.0, "a0": 0.00167, "gain": 121.0, "b0": 0.202, "c0": 0.0, "B": 4.94}
+    linear = {"a0": 0.00167, "b0": 0.202, "c0": 0.0, "bounds": {"B_m": 4.9, "B_M": 5.0}, "per_level": [row]}
+    data = {"input_unit": "", "output_unit": "°C", "levels": [1.0], "sample_rate_hz": 0.33}
+    fit = from_plain({"data": data, "linear": linear, "nonlinear": part}, Fit, "oven")
+    scales, bounds = scales_of(fit, fit.plant), bounds_of(fit)
+    own = with_own_pi(fit, design_options(fit, TuneOptions(), scales, 1.0, 0.1), scales)
+    layered = with_own_layer(fit, own, scales, bounds, fit.plant)
+    assert layered.epsilon == own.epsilon and layered.pi.settling_s == pytest.approx(0.27 * 1.36 / 0.00167)
+    worst = design(fit, layered).margins.worst
+    assert worst.rc.stable and worst.rc.phase_deg > 45 and worst.pi.phase_deg > 45
