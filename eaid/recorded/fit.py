@@ -22,6 +22,7 @@ from eaid.recorded.falls import CHANCE, tested, tested_by_level
 from eaid.recorded.frequency import LEAST_ROWS, frequency_response
 from eaid.recorded.instrument import with_instrument
 from eaid.recorded.intervals import spread
+from eaid.recorded.late import delay_findings
 from eaid.recorded.log import RecordedLog, levels_of, logs_of_steps, recorded_log
 from eaid.recorded.log_results import log_parts
 from eaid.recorded.options import RecordedOptions, check
@@ -115,6 +116,8 @@ def fit_recorded(
     if known is not None and bias is not None:
         known = widened(known, bias)
     found += _verdicts(base, known)
+    if base.instruments is None:
+        found += delay_findings(base, logs, known)
     if sure is not None:
         found += _scatter(sure.scatter)
     linear, friction, by_level = None, None, None

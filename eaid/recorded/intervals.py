@@ -81,7 +81,8 @@ class Spread:
         widest = max(self.stretches, key=lambda one: float(gradient @ one.covariance @ gradient))
         counted = _degrees(squares, widest.groups)
         parts = np.array([one.degrees(along) for one in self.lines])  # variance and degrees of freedom of each log
-        degrees = max(float(parts[:, 0].sum() ** 2 / max((parts[:, 0] ** 2 / parts[:, 1]).sum(), 1e-300)), 1.0)
+        share = parts[:, 0] / max(float(parts[:, 0].sum()), 1e-300)
+        degrees = 1 / max(float((share**2 / parts[:, 1]).sum()), 1e-3)
         within = max(float(gradient @ widest.covariance @ gradient), 0.0)
         within = (degrees * own + counted * within) / (degrees + counted)
         between = max(float(gradient @ self.between @ gradient), 0.0)

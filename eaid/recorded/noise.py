@@ -100,12 +100,14 @@ class Lines:
         With V = Σ b S, S the power of a line, of χ² with two degrees, they are 2 (Σ b S)²/Σ (b S)² (Satterthwaite).
         """
         parts = np.abs(self.slopes @ along) ** 2
-        spread = 0.0
-        for part, apart, left in zip(parts, self.apart, self.left, strict=True):
-            even = _smoothed(part, self.half)
-            spread += float((even**2 / left).sum()) / apart
         total = float(parts.sum())
-        return total, max(2 * total**2 / spread, 1.0) if spread > 0 else 1.0
+        if not 0 < total < np.inf:
+            return total, 1.0
+        even = (_smoothed(part / total, self.half) for part in parts)
+        spread = sum(
+            float((one**2 / left).sum()) / apart for one, apart, left in zip(even, self.apart, self.left, strict=True)
+        )
+        return total, max(2 / spread, 1.0)
 
 
 def by_spectrum(piece: Piece, pull: Array) -> Lines:
@@ -142,11 +144,13 @@ def by_spectrum(piece: Piece, pull: Array) -> Lines:
         spectra = np.maximum(spectra, 0.0)
     twice = np.full(power.shape[1], 2.0 / size)
     twice[0] = twice[-1] = 1.0 / size
-    F = [np.fft.rfft(slopes, size, axis=0) * np.sqrt(twice * S)[:, None]
-         for S, slopes in zip(spectra, (piece.plain, piece.scaled), strict=True)]  # fmt: skip
+    lines = np.stack(
+        [np.fft.rfft(slopes, size, axis=0) * np.sqrt(twice * S)[:, None]
+         for S, slopes in zip(spectra, (piece.plain, piece.scaled), strict=True)]
+    )  # fmt: skip
     seen = [w**2 * own for w, own in zip(windows, (np.ones(n), T2), strict=True)]
     apart = [float(v.sum() ** 2 / max(float(v @ v), 1e-300)) / size for v in seen]
-    return Lines(np.stack(F), np.stack(apart), np.stack(lefts), half)
+    return Lines(lines, np.array(apart), lefts, half)
 
 
 def _smoothed(values: Array, half: int) -> Array:

@@ -12,6 +12,7 @@ from eaid.logs.run import Run
 from eaid.models import nonlinear
 from eaid.models.parameters import REFERENCE_PLANT
 from eaid.recorded.fit import fit_recorded
+from eaid.recorded.late import shifted
 from eaid.recorded.law import law_of
 from eaid.recorded.log import RecordedLog, recorded_log
 from eaid.recorded.options import RecordedOptions
@@ -65,6 +66,27 @@ def test_a_fast_input_a_limit_and_a_single_level_are_told() -> None:
     assert codes(fit_recorded([RecordedLog("log", t, stuck, y)], PLAIN))["input-saturates"].values["limit"] == 100
     never = np.where(t > 0, 30.0 + 20.0 * (t > 20), 30.0)
     assert "idle-not-seen" in codes(fit_recorded([RecordedLog("log", t, never, y)], PLAIN))
+
+
+@pytest.mark.parametrize(("late", "code"), [(0, None), (1, "input-late-biases"), (-2, "input-early-biases")])
+def test_an_input_that_is_noted_late_or_early_is_told_with_its_rows(late: int, code: str | None) -> None:
+    for seed in range(4):
+        e = Excitation("random", 60.0, rate_hz=50.0, hold_s=(0.5, 8.0))
+        log = shifted(recorded_log(synthesise_excitation(clutch(), e, NOISE, seed)[0]), -late)
+        found = codes(fit_recorded([log], replace(PLAIN, u_range=(10.0, 100.0), falls="as-rises")))
+        told = {one for one in found if one.startswith("input-")}
+        assert told == ({code} if code else set())
+        if code:
+            assert found[code].values["rows"] == abs(late) and found[code].severity == "stop"
+            assert found[code].values["ms"] == pytest.approx(20.0 * abs(late))
+
+
+def test_a_delay_that_moves_nothing_is_not_told() -> None:
+    """One row of 1 ms beside a τ1 of 0.7 s: seen or not, τ1 stays well within its interval."""
+    e = Excitation("random", 40.0, rate_hz=1000.0, hold_s=(0.5, 8.0))
+    log = shifted(recorded_log(synthesise_excitation(clutch(), e, NOISE, 1)[0]), -1)
+    found = codes(fit_recorded([log], replace(PLAIN, u_range=(10.0, 100.0), falls="as-rises")))
+    assert not [one for one in found if one.startswith(("input-late", "input-early"))]
 
 
 def test_inputs_that_were_never_asked_about() -> None:

@@ -1,6 +1,6 @@
 """Sentences about fits of recorded logs."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from eaid.findings.row import Row
@@ -55,6 +55,20 @@ def _by_level(v: Mapping[str, Any]) -> str:
     )
 
 
+def _shifted(when: str, other: str, biased: bool) -> Callable[[Mapping[str, Any]], str]:
+    """The sentence on an input that is noted late or early."""
+    then = "by more than its interval: do not use it" if biased else "by less than its interval"
+
+    def said(v: Mapping[str, Any]) -> str:
+        return (
+            f"{v['subject']}: the output answers as if the input were noted {v['rows']} "
+            f"{'row' if v['rows'] == 1 else 'rows'} ({v['ms']:.3g} ms) {when}: τ1 is wrong {then}; write the input "
+            f"that acts from a row on into that row, or shift the column {v['rows']} {other}"
+        )
+
+    return said
+
+
 ROWS: dict[str, Row] = {
     "recorded-not-converged": Row(
         "stop", "the fit of the logs did not converge: one more step would gain {predicted_decrease:.2g} of the cost"
@@ -70,6 +84,10 @@ ROWS: dict[str, Row] = {
         "{subject}: the input never moves (it stays at {level:g}): what is left of the state before it and the way to "
         "its steady value are one curve; record the step that leads there, from rest",
     ),
+    "input-late": Row("caution", _shifted("late", "up", False), "rows"),
+    "input-early": Row("caution", _shifted("early", "down", False), "rows"),
+    "input-late-biases": Row("stop", _shifted("late", "up", True), "rows"),
+    "input-early-biases": Row("stop", _shifted("early", "down", True), "rows"),
     "input-saturates": Row(
         "caution",
         "{subject}: the input stands at its limit ({limit:g}) for {share_pct:.0f} % of the acting time: it tells "
