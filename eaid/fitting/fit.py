@@ -34,7 +34,7 @@ def fit(stepset: StepSet, options: FitOptions | None = None) -> Fit:
     check(options)
     refuse_empty(stepset)
     models = chosen(stepset.kind, options.models)
-    kept, held = split(stepset.levels, options.hold_out)
+    kept, held_out = split(stepset.levels, options.hold_out)
     whole, stepset = stepset, replace(stepset, levels=kept)
     data = data_of(kept, weights_of(kept, options.weights))
     other = with_other_weights(data, kept)
@@ -43,16 +43,16 @@ def fit(stepset: StepSet, options: FitOptions | None = None) -> Fit:
     result = Fit(data=data_part(whole))
     if "friction" in models:
         part, more = friction_fit(stepset, curves, options.held_share)
-        held_out = friction_hold_out(part, stepset, held)
-        part = msgspec.structs.replace(part, robust=robust.with_runs(huber, kept), hold_out=held_out)
+        beyond = friction_hold_out(part, stepset, held_out)
+        part = msgspec.structs.replace(part, robust=robust.with_runs(huber, kept), hold_out=beyond)
         result, found = msgspec.structs.replace(result, friction=part), [*found, *more]
         found += robust.huber_findings("friction", huber)
     if "nonlinear" in models:
-        model, more = nonlinear_fit(data, options, held, other)
+        model, more = nonlinear_fit(data, options, held_out, other)
         model = msgspec.structs.replace(model, robust=robust.with_runs(model.robust, kept))
         result, found = msgspec.structs.replace(result, nonlinear=model), [*found, *more]
     if "linear" in models:
-        pooled, more = linear_fit(data, options, held, other)
+        pooled, more = linear_fit(data, options, held_out, other)
         pooled = msgspec.structs.replace(pooled, robust=robust.with_runs(pooled.robust, kept))
         result, found = msgspec.structs.replace(result, linear=pooled), [*found, *more]
     if options.weights == "sd" and models == ("friction",):

@@ -171,20 +171,18 @@ def missed_levels(fits: Sequence[FrictionLevel], data: Data) -> list[float]:
     return [one.level for one, record, r in pairs if metrics.explains_little([record.y], [r])]
 
 
-def friction_hold_out(part: Friction, stepset: StepSet, held: Sequence[Level]) -> HoldOut | None:
+def friction_hold_out(part: Friction, stepset: StepSet, held_out: Sequence[Level]) -> HoldOut | None:
     """Held-out levels against the curve whose T_s, τ1, τ2 the trends give; None where a trend is missing."""
-    if not held or not all(name in part.trends for name in ("Ts", "tau1", "tau2")):
+    if not all(name in part.trends for name in ("Ts", "tau1", "tau2")):
         return None
-    axis = trend_axis(stepset, np.array([one.level for one in held]))[1]
-    missed = []
-    for one, x in zip(held, axis, strict=True):
-        Ts, tau1, tau2 = (
-            float(evaluate(part.trends[k].form, part.trends[k].coefficients, np.array([x]))[0])
-            for k in ("Ts", "tau1", "tau2")
-        )
+
+    def predicted(level: Level) -> Array:
+        x = trend_axis(stepset, np.array([level.level]))[1]
+        trends = (part.trends[name] for name in ("Ts", "tau1", "tau2"))
+        Ts, tau1, tau2 = (float(evaluate(trend.form, trend.coefficients, x)[0]) for trend in trends)
         share = SHARE if part.C is None else part.C
         curve = FrictionCurve(Ts, max(tau1, TAU_FLOOR_S), max(tau2, TAU_FLOOR_S), share)
-        missed.append(model.step_response(curve, one.time_s) - one.mean)
+        return model.step_response(curve, level.time_s)
+
     samples, sse = sum(f.samples or 0 for f in part.levels), sum(f.sse or 0.0 for f in part.levels)
-    fitted_rmse = float(np.sqrt(sse / samples))
-    return metrics.hold_out(held, missed, fitted_rmse)
+    return metrics.hold_out(held_out, predicted, float(np.sqrt(sse / samples)))

@@ -106,7 +106,7 @@ def bounds_of(rows: Sequence[LinearLevel], convention: str, kept: Sequence[float
 
 
 def linear_fit(
-    data: Data, options: FitOptions, held: Sequence[Level] = (), other: Data | Finding | None = None
+    data: Data, options: FitOptions, held_out: Sequence[Level] = (), other: Data | Finding | None = None
 ) -> tuple[Linear, list[Finding]]:
     """The linear model, pooled and per level, with the bounds of B; under `other` weights the pooled model alone."""
     one, left, huber = pooled_linear(data, options)
@@ -114,7 +114,6 @@ def linear_fit(
     own = fit_each_level(data)
     rows = {name: by_convention(data, own, p, name) for name in CONVENTIONS}
     bounds = {name: bounds_of(row, name, options.bounds_levels) for name, row in rows.items()}
-    held_out = [model.step_response(p, level.time_s, level.level) - level.mean for level in held]
     found = linear_findings(data, p, one.solver, rows[options.bounds], bounds[options.bounds])
     found += robust.huber_findings("linear", huber)
     found += missed("linear", data, left, one)
@@ -124,7 +123,9 @@ def linear_fit(
         bounds=bounds[options.bounds],
         conventions=bounds,
         robust=huber,
-        hold_out=metrics.hold_out(held, held_out, one.rmse or 0.0),
+        hold_out=metrics.hold_out(
+            held_out, lambda level: model.step_response(p, level.time_s, level.level), one.rmse or 0.0
+        ),
         other_weights=pooled_linear(other, options)[0] if isinstance(other, Data) else None,
     )
     if isinstance(other, Finding):

@@ -3,7 +3,7 @@
 With y the mean curve, ŷ the model: R2 = 1 − ‖y − ŷ‖²/‖y − mean y‖², fit_pct = 100 (1 − ‖y − ŷ‖/‖y − mean y‖).
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -53,13 +53,14 @@ def errors(outputs: Sequence[Array], residuals: Sequence[Array]) -> Errors:
     return Errors(float(np.sqrt(square)), sse, AbsError(mean, sd), *quality(sse, outputs))
 
 
-def hold_out(held: Sequence[Level], residuals: Sequence[Array], fitted_rmse: float) -> HoldOut | None:
-    """What held-out levels say, beside the error on the fitted ones; None where none was held out."""
-    if not held:
+def hold_out(held_out: Sequence[Level], predicted: Callable[[Level], Array], fitted_rmse: float) -> HoldOut | None:
+    """How far the model is from held-out levels, beside the error on the fitted ones; None where none was held out."""
+    if not held_out:
         return None
-    outputs = [level.mean for level in held]
+    outputs = [level.mean for level in held_out]
+    residuals = [predicted(level) - level.mean for level in held_out]
     total = errors(outputs, residuals)
-    rows = [errors([y], [r]).at(level.level) for level, y, r in zip(held, outputs, residuals, strict=True)]
+    rows = [errors([y], [r]).at(level.level) for level, y, r in zip(held_out, outputs, residuals, strict=True)]
     return HoldOut(tuple(rows), total.rmse, fitted_rmse, total.abs_error)
 
 

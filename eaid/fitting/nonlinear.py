@@ -80,7 +80,7 @@ class Solution:
     x: Array
     cost: float
     solver: Solver
-    held: dict[str, tuple[float, ...]]
+    active: dict[str, tuple[float, ...]]
     """The constraints that hold it, and the inputs at which they do."""
 
     @property
@@ -134,7 +134,7 @@ def _confirmed(ends: Sequence[EndPoint], data: Data, basis: Basis, problem: Prob
 def nonlinear_fit(
     data: Data,
     options: FitOptions,
-    held: Sequence[Level] = (),
+    held_out: Sequence[Level] = (),
     other: Data | Finding | None = None,
     near: Sequence[NonlinearModel] = (),
 ) -> tuple[Nonlinear, list[Finding]]:
@@ -150,26 +150,25 @@ def nonlinear_fit(
         data, options.loss, lambda d: fit_nonlinear(d, options.held_share, near), refit_nonlinear, residuals
     )
     p, left = solution.parameters, residuals(solution, data)
-    one = msgspec.structs.replace(estimate(p, data, left, solution.solver, held), C_free=options.held_share is None)
-    found = nonlinear_findings(p, solution.solver, solution.held, [level.level for level in held])
+    one = msgspec.structs.replace(estimate(p, data, left, solution.solver, held_out), C_free=options.held_share is None)
+    found = nonlinear_findings(p, solution.solver, solution.active, [level.level for level in held_out])
     found += robust.huber_findings("nonlinear", huber)
     found += missed("nonlinear", data, left, one)
     beside = None
     if isinstance(other, Data):
-        beside = nonlinear_fit(other, options, held, near=[p])[0].estimate
+        beside = nonlinear_fit(other, options, held_out, near=[p])[0].estimate
     elif other is not None:
         found.append(msgspec.structs.replace(other, subject="nonlinear"))
     return Nonlinear.of(one, robust=huber, other_weights=beside), found
 
 
 def estimate(
-    p: NonlinearModel, data: Data, residuals: Sequence[Array], solver: Solver, held: Sequence[Level] = ()
+    p: NonlinearModel, data: Data, residuals: Sequence[Array], solver: Solver, held_out: Sequence[Level] = ()
 ) -> Estimate:
     """Ten coefficients with their errors per level, over all, and on held-out levels."""
     outputs = [record.y for record in data.records]
     total = metrics.errors(outputs, residuals)
     rows = [metrics.errors([y], [r]).at(u) for u, y, r in zip(data.u.tolist(), outputs, residuals, strict=True)]
-    missed = [model.step_response(p, one.time_s, one.level) - one.mean for one in held]
     weights = data.unequal_weights
     return Estimate(
         tau1=p.tau1,  # type: ignore[arg-type]  # padded with zeros to the paper's degrees
@@ -186,5 +185,7 @@ def estimate(
         solver=solver,
         weights="equal" if weights is None else "sd",
         level_weights=weights,
-        hold_out=metrics.hold_out(held, missed, total.rmse),
+        hold_out=metrics.hold_out(
+            held_out, lambda level: model.step_response(p, level.time_s, level.level), total.rmse
+        ),
     )

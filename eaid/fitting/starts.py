@@ -56,11 +56,11 @@ def starting_curves(data: Data, share: float, most: int = BOWLS, enough: float =
     along[:, 1:-1] = grid_along(points.y, table.weighted)
     gain = grid_inner(along, share)
     gain *= gain
-    gain *= table.worth
+    gain *= table.inverse_square
     level, first, second = _bowls(gain, most)
-    grid, one = table.grid, 0 if len(table.worth) == 1 else level
+    grid, one = table.grid, 0 if len(table.inverse_square) == 1 else level
     steady = share * along[level, 1 + first] + (1 - share) * along[level, 1 + second]
-    steady = np.maximum(steady, 0.0) * table.worth[one, 1 + first, 1 + second]
+    steady = np.maximum(steady, 0.0) * table.inverse_square[one, 1 + first, 1 + second]
     theta = np.stack([steady, grid[first], grid[second], np.full_like(steady, share)])
     if len(level) > len(points.y):
         points = points.rows(level)
@@ -74,7 +74,7 @@ class _Table:
     grid: Array
     weighted: Array
     """Weighted 1 − e^(−t/τ), (L or 1, K, P)."""
-    worth: Array
+    inverse_square: Array
     """1/φ'φ of pairs i < j and 0 of the others, in a frame of zeros, (L or 1, K + 2, K + 2)."""
 
 

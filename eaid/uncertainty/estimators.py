@@ -26,7 +26,7 @@ OF_THE_JOINT_FIT = ("fit-not-converged", "constraint-holds", "starts-end-apart",
 
 
 def believed(
-    fit: Fit, base: LevelStatistics, ci: str, estimator: str, held: Sequence[Level], draws: Array | None = None
+    fit: Fit, base: LevelStatistics, ci: str, estimator: str, held_out: Sequence[Level], draws: Array | None = None
 ) -> Fit:
     """The fit with intervals of its nonlinear model, the believed estimate in its place and the other beside it."""
     joint = fit.nonlinear
@@ -38,7 +38,7 @@ def believed(
     if ci == "white":
         white, spare = with_white_covariance(found.joint, base.levels, weights_array(joint))
         found = replace(found, joint=white, joint_alone=white, degrees=dict.fromkeys(BLOCKS, spare))
-    wanted = held if joint.hold_out is not None else ()
+    wanted = held_out if joint.hold_out is not None else ()
     beside = nonlinear_intervals.two_stage_part(found, base, "none" if ci == "none" else "robust", wanted)
     says = agreement(found, base)
     other = joint.other_weights

@@ -61,7 +61,7 @@ def _with_intervals(
     stepset: StepSet, fit: Fit, options: FitOptions, advance: Callable[[], None] | None, workers: int
 ) -> Fit:
     fitted = fitted_levels(fit)
-    held = tuple(level for level in stepset.levels if level.level not in fitted)
+    held_out = tuple(level for level in stepset.levels if level.level not in fitted)
     stepset = replace(stepset, levels=tuple(level for level in stepset.levels if level.level in fitted))
     stats = _statistics(stepset, fit)
     free = fit.friction is not None and fit.friction.C is None
@@ -93,7 +93,7 @@ def _with_intervals(
         result, found = msgspec.structs.replace(result, linear=linear), found + more
     result = msgspec.structs.replace(result, findings=(*fit.findings, *found))
     if fit.nonlinear is not None:
-        result = believed(result, base, options.ci, options.estimator, held, None if draws is None else draws.joint)
+        result = believed(result, base, options.ci, options.estimator, held_out, None if draws is None else draws.joint)
     return msgspec.structs.replace(result, findings=ranked(result.findings))
 
 

@@ -210,7 +210,7 @@ def with_intervals(estimate: Estimate, c: Coefficients, degrees: Degrees, levels
 
 
 def two_stage_part(
-    found: Estimates, stats: LevelStatistics, source: str, held: Sequence[Level] = ()
+    found: Estimates, stats: LevelStatistics, source: str, held_out: Sequence[Level] = ()
 ) -> tuple[Estimate, list[Finding]] | None:
     """The two-stage estimate with its intervals, and what is to be doubted of it; None where there is none.
 
@@ -235,8 +235,8 @@ def two_stage_part(
         starts=(StartCost(sse),),
         at_bounds=tuple(f"{name}-held" for name in both.constrained),
     )
-    part = estimate(p, stats.data, left, solver, held)
-    doubts = nonlinear_findings(p, solver, {}, [one.level for one in held])
+    part = estimate(p, stats.data, left, solver, held_out)
+    doubts = nonlinear_findings(p, solver, {}, [one.level for one in held_out])
     doubts += [finding("two-stage-held", "nonlinear", parameter=name) for name in both.constrained]
     doubts += missed("nonlinear", stats.data, left, part)
     misfit = {name: curve.misfit if np.isfinite(curve.misfit) else None for name, curve in found.curves.items()}
