@@ -32,14 +32,10 @@ from eaid.results.gains import (
     Gains,
     Guarantee,
     LinearModel,
-    Rho,
-    RhoLine,
-    RhoReading,
-    RhoReadings,
-    RhoTerms,
     Robust,
     UltimateBound,
 )
+from eaid.results.rho import Rho, RhoLine, RhoReading, RhoReadings, RhoTerms
 from eaid.steps.stepset import StepSet
 
 SHARP = 5.0

@@ -88,7 +88,7 @@ def by_convention(
         B = 1 / b0 if b0 > 0 else None
         fit_pct, R2 = metrics.quality(sse, [record.y])
         rmse = float(np.sqrt(sse / len(record.y)))
-        rows.append(LinearLevel(u, a0, gain, b0, c0, B, rmse, sse, fit_pct, R2, converged))
+        rows.append(LinearLevel(u, a0, gain, b0, c0, B, converged, rmse=rmse, sse=sse, fit_pct=fit_pct, R2=R2))
     return tuple(rows)
 
 
@@ -146,11 +146,11 @@ def pooled_linear(data: Data, options: FitOptions) -> tuple[Pooled, list[Array],
         p.a0,
         p.b0,
         p.c0,
-        total.rmse,
-        total.sse,
-        total.fit_pct,
-        total.R2,
-        solved.solver,
+        rmse=total.rmse,
+        sse=total.sse,
+        fit_pct=total.fit_pct,
+        R2=total.R2,
+        solver=solved.solver,
         weights="equal" if weights is None else "sd",
         level_weights=weights,
     )

@@ -33,7 +33,7 @@ class Errors:
 
     def at(self, level: float) -> LevelError:
         """The same as the errors of one level."""
-        return LevelError(level, self.rmse, self.sse, self.abs_error, self.fit_pct, self.R2)
+        return LevelError(level, self.abs_error, rmse=self.rmse, sse=self.sse, fit_pct=self.fit_pct, R2=self.R2)
 
 
 def quality(sse: float, outputs: Sequence[Array]) -> tuple[float | None, float | None]:

@@ -85,17 +85,24 @@ class AbsError(Result, frozen=True):
     sd: Number | None = None
 
 
-class LevelError(Result, frozen=True):
-    """How far a model is from one level's averaged repeats, in the output's unit."""
+class Scores(Result, frozen=True, kw_only=True):
+    """How far a curve is from what was recorded: what every fitted curve and every model says of itself."""
 
-    level: Number
     rmse: Number | None = None
+    """In the output's unit."""
     sse: Number | None = None
-    abs_error: AbsError | None = None
+    """Sum of squared residuals over all samples."""
     fit_pct: Number | None = None
     """100 (1 − ‖y − ŷ‖/‖y − mean y‖)"""
     R2: Number | None = None
     """1 − ‖y − ŷ‖²/‖y − mean y‖²"""
+
+
+class LevelError(Scores, frozen=True):
+    """How far a model is from one level's averaged repeats, in the output's unit."""
+
+    level: Number
+    abs_error: AbsError | None = None
 
 
 class HoldOut(Result, frozen=True):

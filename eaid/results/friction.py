@@ -5,7 +5,7 @@ from typing import Literal
 import msgspec
 
 from eaid.models.parameters import Friction as FrictionCurve
-from eaid.results.common import Count, HoldOut, Huber, Interval, Number, Positive, Result, Solver
+from eaid.results.common import Count, HoldOut, Huber, Interval, Number, Positive, Result, Scores, Solver
 
 
 class LevelIntervals(Result, frozen=True):
@@ -18,7 +18,7 @@ class LevelIntervals(Result, frozen=True):
     C_f: Interval = None
 
 
-class FrictionLevel(Result, frozen=True):
+class FrictionLevel(Scores, frozen=True):
     """The step response of one level, Eq. (3), or of one step between two levels."""
 
     level: Number
@@ -37,11 +37,7 @@ class FrictionLevel(Result, frozen=True):
     """Dead time."""
     stress_kpa: Number | None = None
     speed_rpm: Number | None = None
-    rmse: Number | None = None
-    sse: Number | None = None
     samples: Count | None = None
-    fit_pct: Number | None = None
-    R2: Number | None = None
     C_f: Number | None = None
     """Coefficient of friction, Eq. (1)."""
     solver: Solver | None = None
@@ -93,7 +89,7 @@ class Friction(Result, frozen=True):
         return tuple(getattr(one, key) for one in self.levels)
 
 
-class ReleaseLevel(Result, frozen=True):
+class ReleaseLevel(Scores, frozen=True):
     """T(t) = residual + amplitude (share e^(−t/τ1) + (1 − share) e^(−t/τ2)) after the release of one level."""
 
     level: Number
@@ -105,10 +101,6 @@ class ReleaseLevel(Result, frozen=True):
     amplitude: Number | None = None
     residual: Number | None = None
     """Output left after a long time."""
-    rmse: Number | None = None
-    sse: Number | None = None
-    fit_pct: Number | None = None
-    R2: Number | None = None
     solver: Solver | None = None
 
 

@@ -12,6 +12,7 @@ from eaid.findings import Finding, sentences
 from eaid.results import codec
 from eaid.results.common import Input, Number, Positive, Result
 from eaid.results.gain_checks import Actuator, Margins, Optimized, PhiFromData, Replayed
+from eaid.results.rho import Rho
 from eaid.results.tuning import TuneOptions
 from eaid.shown import Shown
 
@@ -34,49 +35,6 @@ class BRange(Result, frozen=True):
     convention: str = ""
     levels: tuple[Number, ...] = ()
     widened: bool = False
-
-
-class RhoLine(Result, frozen=True):
-    """ρ(ξ) = constant + slope ‖ξ‖ [N·m/s]."""
-
-    constant: Number
-    slope: Number
-
-
-class RhoTerms(Result, frozen=True):
-    """The shares of ρ's constant [N·m/s]."""
-
-    reference_nm_s: Number | None = None
-    phi_nm_s: Number | None = None
-
-
-class RhoReading(Result, frozen=True):
-    """ρ under one reading of Eq. (15) with the same number φ."""
-
-    phi: Number | None = None
-    phi_term_nm_s: Number | None = None
-    phi_honest_pct: Number | None = None
-    constant: Number | None = None
-    slope: Number | None = None
-
-
-class RhoReadings(Result, frozen=True):
-    """ρ under both readings."""
-
-    paper: RhoReading | None = None
-    textbook: RhoReading | None = None
-
-
-class Rho(Result, frozen=True):
-    """ρ(ξ) = constant + slope ‖ξ‖ [N·m/s] in the chosen reading, and what Eq. (15) needs with the α reached."""
-
-    constant: Number
-    slope: Number
-    convention: str = "paper"
-    alpha: Number | None = None
-    terms: RhoTerms | None = None
-    needed: RhoLine | None = None
-    readings: RhoReadings | None = None
 
 
 class AntiWindup(Result, frozen=True):

@@ -3,7 +3,7 @@
 from typing import Any, Literal, Self
 
 from eaid.models.parameters import Linear as LinearModel
-from eaid.results.common import HoldOut, Huber, Interval, Number, Result, Solver
+from eaid.results.common import HoldOut, Huber, Interval, Number, Result, Scores, Solver
 from eaid.results.nonlinear import Agreement
 
 
@@ -23,7 +23,7 @@ class LinearLevelIntervals(Result, frozen=True):
     B: Interval = None
 
 
-class LinearLevel(Result, frozen=True):
+class LinearLevel(Scores, frozen=True):
     """Eq. (8) of one level: a0 and the gain (b0 u + c0)/a0 is what one step tells; b0 by the convention."""
 
     level: Number
@@ -33,10 +33,6 @@ class LinearLevel(Result, frozen=True):
     c0: Number | None = None
     B: Number | None = None
     """1/b0; None where b0 is not positive."""
-    rmse: Number | None = None
-    sse: Number | None = None
-    fit_pct: Number | None = None
-    R2: Number | None = None
     converged: bool | None = None
     ci95: LinearLevelIntervals | None = None
 
@@ -59,16 +55,12 @@ class Bounds(Result, frozen=True):
     ci95: BoundsIntervals | None = None
 
 
-class Pooled(Result, frozen=True):
+class Pooled(Scores, frozen=True):
     """Eq. (8) fitted to all levels at once: Ṫ = −a0 T + b0 u + c0."""
 
     a0: Number
     b0: Number
     c0: Number
-    rmse: Number | None = None
-    sse: Number | None = None
-    fit_pct: Number | None = None
-    R2: Number | None = None
     solver: Solver | None = None
     ci95: PooledIntervals | None = None
     weights: Literal["equal", "sd"] = "equal"

@@ -14,6 +14,7 @@ from eaid.results.common import (
     Number,
     Positive,
     Result,
+    Scores,
     Share,
     Solver,
 )
@@ -80,7 +81,7 @@ class Agreement(Result, frozen=True):
     disagreements: tuple[Disagreement, ...] = ()
 
 
-class Estimate(Result, frozen=True):
+class Estimate(Scores, frozen=True):
     """The ten coefficients of Eqs. (4)–(7) by one estimator."""
 
     tau1: Three
@@ -90,11 +91,7 @@ class Estimate(Result, frozen=True):
     """Lowest and highest identified input."""
     C: Share = 0.85
     C_free: bool = False
-    rmse: Number | None = None
-    sse: Number | None = None
     abs_error: AbsError | None = None
-    fit_pct: Number | None = None
-    R2: Number | None = None
     per_level: tuple[LevelError, ...] = ()
     solver: Solver | None = None
     curves: tuple[CurveLevel, ...] = ()

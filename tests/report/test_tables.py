@@ -10,9 +10,10 @@ from eaid.report.tables.table import Name, Table, columns
 from eaid.results import fit as results
 from eaid.results.fit import Fit
 from eaid.results.friction import Friction, FrictionLevel, LevelIntervals, Trend
-from eaid.results.gains import Condition, Gains, Guarantee, LinearModel, Rho, Robust
+from eaid.results.gains import Condition, Gains, Guarantee, LinearModel, Robust
 from eaid.results.linear import Linear, LinearLevel
 from eaid.results.nonlinear import CoefficientIntervals, Estimate, Nonlinear
+from eaid.results.rho import Rho
 from eaid.steps.stepset import RunRecord, StepSet
 
 
