@@ -117,6 +117,21 @@ def saturated(random: np.random.Generator, run: Run) -> list[Run]:
     return [replace(run, output=read_only(np.minimum(run.output, limit)))]
 
 
+def saturated_behind_noise(random: np.random.Generator, run: Run) -> list[Run]:
+    """An amplifier at its limit, behind which a converter adds a third of the noise; the rise takes eight samples."""
+    start, y = _step(run), run.output
+    base, span = float(np.median(y[:start])), float(y.max() - np.median(y[:start]))
+    limit = base + random.uniform(0.3, 0.75) * span
+    while int(np.argmax(run.output[start:] > limit)) < 8:
+        run = good(random)
+        start, y = _step(run), run.output
+        base, span = float(np.median(y[:start])), float(y.max() - np.median(y[:start]))
+        limit = base + random.uniform(0.3, 0.75) * span
+    noise = float(random.choice([0.002, 0.005, 0.01, 0.02])) * span
+    y = np.minimum(y + noise * random.normal(size=len(y)), limit) + 0.3 * noise * random.normal(size=len(y))
+    return [replace(run, output=read_only(y))]
+
+
 def stuck(random: np.random.Generator, run: Run) -> list[Run]:
     y, start = run.output.copy(), _step(run)
     y += 0.005 * _span(run) * random.normal(size=len(y))
@@ -228,6 +243,7 @@ BAD: dict[str, tuple[Callable[[np.random.Generator, Run], list[Run]], tuple[str,
     "unsettled-before-step": (unsettled, ("unsettled-before-step",)),
     "step-in-gap": (step_in_gap, ("step-in-gap",)),
     "saturated": (saturated, ("saturated",)),
+    "saturated-behind-noise": (saturated_behind_noise, ("saturated-behind-noise", "saturated")),
     "same-ceiling": (ceiling, ("same-ceiling",)),
     "sensor-stuck": (stuck, ("sensor-stuck",)),
     "coarse-output": (coarse, ("coarse-output",)),

@@ -2,7 +2,7 @@
 
 Behind noise, a saturated sensor is a rise that stops at full slope, at one value for the highest levels. One run alone
 may as well be a contact that slips: its loading stops as sharply. Where its noise then is less than half of the idle's,
-the sensor has stopped.
+the sensor has stopped, and a rise sharper than an exponential's shows it.
 """
 
 from collections.abc import Sequence
@@ -25,6 +25,10 @@ SHARP = 0.35
 """Slope just below the ceiling, relative to ceiling over rise time, from which a rise is cut off and not settling."""
 FLAT = 0.4
 """The same of one run alone."""
+SETTLES = 0.25
+"""The same of an exponential that settles, at most: what has lost its noise and is sharper has stopped."""
+QUIET = 0.5
+"""Share of the idle's noise below which the noise of a flat top is that of what lies behind the sensor."""
 CREEP = 0.002
 """Share of its top by which a flat one may still creep over its last quarter."""
 SMOOTH = 400
@@ -144,15 +148,20 @@ def flat_top(step: Step) -> Finding | None:
     top = float(np.median(rise[half:]))
     creep = abs(float(rise[-quarter:].mean() - rise[half:-quarter].mean()))
     slack = max(CREEP * top, 3 * block_error(rise))
-    if top <= 0 or creep > slack or block_means(rise).max() > top + 3 * slack or _rise_of(step, top) < FLAT:
+    if top <= 0 or creep > slack or block_means(rise).max() > top + 3 * slack:
         return None
-    idle, held = sample_noise(step.idle) if len(step.idle) >= 20 else 0.0, sample_noise(rise[half:])
-    code = "saturated-behind-noise" if 0 < held < 0.5 * idle else "flat-topped"
-    return finding(code, step.run.name, step.levels, limit=top, unit=step.unit)
+    sharp = _rise_of(step, top)
+    idle_noise = sample_noise(step.idle) if len(step.idle) >= 20 else 0.0
+    quiet = 0 < sample_noise(rise[half:]) < QUIET * idle_noise
+    if quiet and sharp is not None and sharp > SETTLES:
+        return finding("saturated-behind-noise", step.run.name, step.levels, limit=top, unit=step.unit)
+    if (quiet and sharp is None) or (sharp or 0.0) > FLAT:
+        return finding("flat-topped", step.run.name, step.levels, limit=top, unit=step.unit)
+    return None
 
 
-def _rise_of(step: Step, top: float) -> float:
-    """Sharpness of a rise, less its error, averaged to a hundred blocks or more; 0 of a few samples."""
+def _rise_of(step: Step, top: float) -> float | None:
+    """Sharpness of a rise, less its error, averaged to a hundred blocks or more; None of a rise of a few samples."""
     count = len(step.rise)
     while True:
         means = block_means(step.rise[:count], SMOOTH)
@@ -160,7 +169,7 @@ def _rise_of(step: Step, top: float) -> float:
         wanted = int(count * 4 * int(near[0] + 1) / len(means)) if len(near) else count
         if wanted >= count or count <= SMOOTH:
             if not len(near) or near[0] < 5:
-                return 0.0
+                return None
             at, few = int(near[0]), max(2, int(near[0]) // 5)
             noise = max(sample_noise(step.rise) / np.sqrt(count / len(means)), block_noise(means[::3]))
             error = noise * at / top / np.sqrt(few * (few + 1) * (few + 2) / 12)

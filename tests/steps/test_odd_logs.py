@@ -124,6 +124,26 @@ def test_a_settled_step_is_not_flat_topped(tau1: float, noise: float) -> None:
         assert not {"flat-topped", "saturated-behind-noise"} & found
 
 
+@pytest.mark.parametrize(
+    ("quiet", "settles", "said"),
+    [(0.4, False, {"saturated-behind-noise"}), (0.6, False, {"flat-topped"}), (0.3, True, set())],
+)
+def test_less_noise_at_the_top_is_a_stop_where_the_rise_is_cut_off(quiet: float, settles: bool, said: set[str]) -> None:
+    """A contact that holds still is as quiet as a sensor that has stopped: its rise settles."""
+    clean = log(PLAN, tau1=0.5, tau2=0.5) if settles else log(PLAN, tau1=1.0, tau2=3.0)
+    noise = np.where(clean.time_s < 4.8, 0.01, 0.01 * quiet) * np.random.default_rng(1).normal(size=1200)
+    y = clean.output if settles else np.minimum(clean.output, 1.0)
+    found = {one.code for one in build_stepset(changed(y + noise, clean)).runs[0].findings}
+    assert found & {"flat-topped", "saturated-behind-noise"} == said
+
+
+def test_a_quiet_top_behind_a_rise_of_few_samples_is_told() -> None:
+    clean = log(PLAN, tau1=0.02, tau2=0.05)
+    noise = np.where(clean.time_s < 4.0, 0.01, 0.003) * np.random.default_rng(1).normal(size=1200)
+    found = [one.code for one in build_stepset(changed(np.minimum(clean.output, 1.0) + noise, clean)).runs[0].findings]
+    assert "flat-topped" in found and "saturated-behind-noise" not in found
+
+
 def test_the_odd_one_is_named_and_no_other() -> None:
     (said,) = stops(_one_sign())
     assert (said.code, said.subject, said.values) == ("sign-differs", "r3", {"siblings": 3})
