@@ -26,10 +26,10 @@ from eaid.steps.instead import looks_like, moving
 from eaid.steps.noise import block_error, block_means, idle_density, sample_noise, spikes
 from eaid.steps.plateaus import bridge, plateaus, stands_still
 from eaid.steps.reversals import turns_of
-from eaid.steps.sensor import sharpness
+from eaid.steps.sensor import coarse, flat_top, isolated_spikes, saturated, sharpness, stuck
 from eaid.steps.slip import slip_of
 from eaid.steps.slow import slow_constant
-from eaid.steps.step import clock_of, uniform_step
+from eaid.steps.step import Step, clock_of, uniform_step
 from eaid.steps.stepset import LevelStep, StepSet
 
 FILE = Path(__file__).parent / "answers.json"
@@ -242,6 +242,48 @@ def of_edges(random: Random) -> Any:
     return [[astuple(one) for one in edges(t, y)], turns(y, 0.5 * float(np.ptp(y)))]
 
 
+def of_stairs(random: Random) -> Any:
+    """An output that goes up and down in three to five steps, each with a rest that is long enough, or hardly."""
+    count, noise = 1200, float(random.choice([0.0, 0.0, 0.01]))
+    y, at, size = noise * random.normal(size=count), 60, 0.0
+    for _ in range(int(random.integers(3, 6))):
+        rise, rest = int(random.integers(1, 60)), int(random.integers(20, 320))
+        size += float(random.choice([1.0, 0.4, 0.2, -0.5, -1.0]))
+        y[at:] = y[at:] - y[at] + size if noise == 0 else y[at:] + (size - float(np.median(y[at:])))
+        y[at : at + rise] += np.linspace(y[at - 1] - size, 0, rise)[: len(y[at : at + rise])]
+        at += rise + rest
+        if at > count - 30:
+            break
+    return [astuple(edge) for edge in edges(np.arange(count) / 100, y)]
+
+
+def of_tops(random: Random) -> Any:
+    """One rise whose end is cut off, creeps, stands still, is coarse or spiked; what is said of its sensor."""
+    count = int(random.choice([150, 250, 600, 1500]))
+    since = (np.arange(count) - count // 5) / 100
+    tau, limit = float(np.exp(random.uniform(-3, 1))), float(random.uniform(0.3, 1.1))
+    y = np.minimum(rising(random, since, tau), limit)
+    y = y + random.choice([0.0, 0.002, 0.006]) * np.maximum(since, 0) / since[-1]
+    before, after = random.choice([0.0, 0.003, 0.01]), random.choice([0.0, 0.3, 0.6, 1.0])
+    y = y + before * np.where(y < 0.98 * y.max(), 1.0, after) * random.normal(size=count)
+    fault, at = int(random.integers(0, 5)), int(random.integers(count // 4, count - 10))
+    if fault == 0:
+        y = np.round(y * (finest := random.uniform(8, 60))) / finest
+    elif fault == 1:
+        y[at : at + int(random.integers(10, 60))] = y[at]
+    elif fault == 2:
+        y[at] += random.uniform(0.2, 3)
+    elif fault == 3:
+        y = np.minimum(y, np.quantile(y, random.uniform(0.7, 1)))
+    run = Run(
+        name="a", time_s=read_only(np.arange(count) / 100), input=read_only(np.where(since >= 0, 50.0, 0.0)),
+        output=read_only(y), input_unit="%", output_unit="N·m", source="a.csv", sha256="0", kind="clutch",
+        step_s=count // 5 / 100, level=50.0, baseline=0.0, cut=True,
+    )  # fmt: skip
+    step = Step(run)
+    return [check(step) for check in (saturated, flat_top, stuck, coarse, isolated_spikes)]
+
+
 def of_slips(random: Random) -> Any:
     count = int(random.choice([79, 200, 1200]))
     t = np.arange(count) / 200
@@ -309,14 +351,16 @@ def of_rises(random: Random) -> Any:
 
 FAMILIES: dict[str, tuple[int, Callable[[Random], Any]]] = {
     "sets": (150, a_set),
-    "ceilings": (30, a_ceiling),
-    "edges": (80, of_edges),
-    "slips": (80, of_slips),
-    "rests": (200, of_rests),
+    "ceilings": (60, a_ceiling),
+    "edges": (160, of_edges),
+    "stairs": (160, of_stairs),
+    "tops": (240, of_tops),
+    "slips": (160, of_slips),
+    "rests": (300, of_rests),
     "inputs": (100, of_inputs),
     "moves": (80, of_moves),
     "statistics": (30, of_statistics),
-    "rises": (120, of_rises),
+    "rises": (200, of_rises),
 }
 
 

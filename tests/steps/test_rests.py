@@ -6,11 +6,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy import stats
 
 from eaid.arrays import read_only
 from eaid.errors import DataError, UsageError
 from eaid.logs.run import Run
-from eaid.steps.baseline import BaselineRule, Rest, baseline_rule, first_samples, last_rest
+from eaid.steps.baseline import BaselineRule, Rest, baseline_rule, first_samples, last_rest, left_early
 from eaid.steps.build import build_stepset
 from eaid.steps.cut import cut
 from eaid.steps.cut_runs import StepOptions
@@ -180,3 +181,39 @@ def test_an_input_logged_late_on_a_staircase(late_s: float, told: int) -> None:
     u = np.where(run.time_s >= 8 + late_s - 1e-9, 50.0, 20.0)
     (step,) = cut(replace(run, input=read_only(u)))
     assert [one.code for one in step.findings].count("unsettled-before-step") == told
+
+
+GROUP_SIZES = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128, 192, 256, 512, 1024)
+
+
+def left_early_plainly(hold: np.ndarray, change: float) -> int:
+    """The t test of `left_early` on a rest that lasts until the step, one group size after the other."""
+    tried = [k for k in GROUP_SIZES if 8 * k <= len(hold)]
+    best, size = 1.0, 0
+    for k in tried:
+        first = (len(hold) - 2 * k) % k
+        means = [float(np.mean(hold[a : a + k])) for a in range(first, len(hold) - 2 * k, k)]
+        spread = np.std(means, ddof=1) * np.sqrt(1 + 1 / len(means))
+        limit = spread * stats.t.ppf(1 - 1e-5 / 2 / len(tried), len(means) - 1)
+        limit = max(limit, 1.2 * np.abs(np.array(means) - np.mean(means)).max(), 0.02 * abs(change))
+        off = abs(float(np.mean(hold[-k:])) - np.mean(means))
+        if off > best * limit:
+            best, size = off / limit, k
+    if not size:
+        return 0
+    middle = np.median(hold)
+    within = max(4 * 1.4826 * np.median(np.abs(hold - middle)), 0.02 * abs(change))
+    return max(size, len(hold) - 1 - int(np.flatnonzero(np.abs(hold - middle) <= within)[-1]))
+
+
+@pytest.mark.parametrize("size", GROUP_SIZES)
+def test_how_long_a_rest_was_left_by_a_second_way(size: int) -> None:
+    random = np.random.default_rng(size)
+    seen = 0
+    for count in (8 * size - 1, 8 * size, 8 * size + 1, 9 * size + 3):
+        for off in (0.5, 2.0, 8.0, 20.0):
+            hold = 0.01 * random.normal(size=max(count, 10))
+            hold[-size:] += 0.01 * off / np.sqrt(size)
+            assert left_early(hold, hold, 0.1) == left_early_plainly(hold, 0.1)
+            seen += left_early(hold, hold, 0.1) > 0
+    assert seen > 0 or size < 4
