@@ -165,6 +165,8 @@ def test_turns() -> None:
     assert turns(values, 2.5) == [0, 3, 4, 7]
     assert turns(values, 1.5) == [0, 1, 2, 3, 4, 7]
     assert turns(np.array([0.0, 1.0, 2.0]), 1.0) == [0, 2]
+    assert turns(np.array([0.0, 2.0, 1.0, 2.0, 0.0]), 1.0) == [0, 1, 2, 3, 4]  # as much as is wanted is enough
+    assert turns(np.array([0.0, 2.0, 1.0, 2.0, 0.0]), 1.01) == [0, 1, 4]
 
 
 @pytest.mark.parametrize(("value", "said"), [(100.5, "above 100"), (-0.5, "below 0")])
