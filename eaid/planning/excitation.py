@@ -5,6 +5,7 @@ from dataclasses import dataclass, field, replace
 
 from eaid.errors import DataError
 from eaid.findings import finding
+from eaid.limits import check_all
 from eaid.models.parameters import Nonlinear
 from eaid.planning import played
 from eaid.planning.design import Session
@@ -56,6 +57,7 @@ def shortest_recording(
         A fit without a nonlinear model.
     """
     options = options or ExcitationOptions()
+    check_all(seed=options.seed)
     refuse_widths(options.want)
     if fit.nonlinear is None:
         raise DataError("the fit holds no nonlinear model, which a sequence is planned with; fit clutch logs with it")

@@ -65,7 +65,7 @@ def plan_recordings(fit: Fit, options: PlanOptions | None = None, progress: Call
     options = options or PlanOptions()
     check_all(
         idle=options.idle_s, release=options.release_s, longest_hold=options.longest_hold_s,
-        most_levels=options.most_levels,
+        most_levels=options.most_levels, seed=options.seed,
     )  # fmt: skip
     refuse_widths(options.want)
     rig = rig_of(fit)

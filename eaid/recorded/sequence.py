@@ -17,6 +17,8 @@ BLOCKS = 12
 """Instants of each hold at which the sensitivities are taken."""
 RAMP_S = 0.05
 """An input whose rate is limited goes in steps this long [s]."""
+COARSE = 4
+"""Steps of a ramp while sequences are compared; the one that is taken has steps of `RAMP_S`."""
 FULL_DUTY = 100.0
 """Highest input of a rig in %."""
 
@@ -66,6 +68,11 @@ def check(limits: Limits, wanted: Mapping[str, float]) -> None:
         faults.append(f"«duty» {low:g}:{high:g}: a duty ends at 100 %")
     if not 0 < limits.hold_s[0] < limits.hold_s[1]:
         faults.append(f"«hold» {limits.hold_s[0]:g}:{limits.hold_s[1]:g}: give the shortest and the longest hold")
+    if 0 < limits.rate_per_s * limits.hold_s[1] < high:
+        faults.append(
+            f"«rate» {limits.rate_per_s:g}: a change to {high:g} takes {high / limits.rate_per_s:g} s, more than the "
+            "longest hold; give a faster rate or a longer «hold»"
+        )
     if limits.rest_s < 0 or limits.rate_per_s < 0 or limits.work_s < 0 or limits.engagements < 1:
         faults.append("«rest», «rate» and «work» are 0 or more, and there is one engagement at least")
     for name, width in wanted.items():
@@ -77,7 +84,7 @@ def check(limits: Limits, wanted: Mapping[str, float]) -> None:
 
 def drive_of_sequence(whole: Holds, limits: Limits) -> Drive:
     """A sequence for the kernel: some instants of each hold, each with the time that it stands for as its weight."""
-    changes = breaks_of(whole, limits)
+    changes = breaks_of(whole, limits, COARSE)
     starts, level = np.array(changes[:-1]).T
     hold = np.diff(np.append(starts, changes[-1][0]))
     count = np.where((limits.rate_per_s > 0) & (hold <= 1.5 * RAMP_S), 1, BLOCKS)  # a ramp's steps are short
@@ -100,17 +107,20 @@ def drive_of_sequence(whole: Holds, limits: Limits) -> Drive:
     )
 
 
-def breaks_of(whole: Holds, limits: Limits) -> tuple[tuple[float, float], ...]:
-    """(from when [s], input) with ramps where the rate is limited, in milliseconds; the last entry ends it."""
+def breaks_of(whole: Holds, limits: Limits, most: int = 10**6) -> tuple[tuple[float, float], ...]:
+    """(from when [s], input) with ramps where the rate is limited, in milliseconds; the last entry ends it.
+
+    A ramp has as many steps as `RAMP_S` asks for, `most` of them at most.
+    """
     found: list[tuple[float, float]] = []
     now, before = 0.0, 0.0
     for duty, hold in zip(whole.input.tolist(), whole.hold_s.tolist(), strict=True):
         if limits.rate_per_s > 0 and duty != before:
-            step = limits.rate_per_s * RAMP_S
-            count = int(np.ceil(abs(duty - before) / step))
+            ramp_s = abs(duty - before) / limits.rate_per_s
+            count = min(int(np.ceil(ramp_s / RAMP_S)), most)
             for k in range(1, count):
                 found.append((now, before + (duty - before) * k / count))
-                now += RAMP_S
+                now += max(RAMP_S, ramp_s / most)
         found.append((now, duty))
         now = round(now + max(hold, 1e-3), 3)
         before = duty

@@ -107,6 +107,11 @@ def multisine(e: Excitation, span: Span, n: int, _draw: Draw) -> Array:
     period = n // e.periods / e.rate_hz
     lines = np.unique(np.round(np.geomspace(*e.frequency_hz, e.tones) * period))
     lines = lines[lines >= 1]
+    if not len(lines):
+        raise UsageError(
+            f"«shape» periods {e.periods}: none lasts as long as a wave of {e.frequency_hz[1]:g} Hz; give fewer, or a "
+            "longer duration_s"
+        )
     wave = np.zeros(n)
     for k, line in enumerate(lines):
         wave += np.cos(2 * np.pi * line / period * t - np.pi * k * (k + 1) / max(len(lines), 1))
@@ -147,6 +152,7 @@ def check_excitation(plant: Plant, e: Excitation) -> None:
     faults = faults_of(level_count=e.levels, **numbers)
     for name in ("hold_s", "frequency_hz", "reference_nm", "gains"):
         faults += [fault for value in getattr(e, name) or () for fault in faults_of(**{name: value})]
+    faults = [f"«shape» {fault.removeprefix('«').replace('»', '', 1)}" for fault in faults]
     if plant.model is None:
         faults.append("«excitation»: drives a clutch, whose model says what any input gives; leave it out here")
     if e.kind not in (*KINDS, LOOPED):
@@ -154,13 +160,15 @@ def check_excitation(plant: Plant, e: Excitation) -> None:
     low, high = e.duty or plant.input_range
     if not 0 <= low < high < float("inf") or (plant.is_duty and high > 100):
         most = ", to 100 %" if plant.is_duty else ""
-        faults.append(f"«duty» {low:g}:{high:g}: give two inputs that rise, from 0{most}")
-    if not 0 < e.hold_s[0] <= e.hold_s[1]:
-        faults.append(f"«hold» {e.hold_s[0]:g}:{e.hold_s[1]:g}: give the shortest and the longest hold, above 0 s")
-    if not 0 < e.frequency_hz[0] < e.frequency_hz[1] <= 0.5 * e.rate_hz:
-        faults.append(f"«frequency» {e.frequency_hz[0]:g}:{e.frequency_hz[1]:g}: must rise, up to half the rate")
+        faults.append(f"«shape» duty {low:g}:{high:g}: give two inputs that rise, from 0{most}")
+    shortest, longest = e.hold_s
+    if not 0 < shortest <= longest:
+        faults.append(f"«shape» hold_s {shortest:g}:{longest:g}: give the shortest and the longest hold, above 0 s")
+    first, last = e.frequency_hz
+    if not 0 < first < last <= 0.5 * e.rate_hz:
+        faults.append(f"«shape» frequency_hz {first:g}:{last:g}: must rise, up to half the rate")
     if e.duration_s <= e.idle_s:
-        faults.append(f"«duration» {e.duration_s:g}: must be longer than the idle time")
+        faults.append(f"«shape» duration_s {e.duration_s:g}: must be longer than the idle time")
     if faults:
         raise UsageError(*faults)
 

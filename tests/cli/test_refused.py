@@ -47,6 +47,13 @@ synth --excitation multisine --shape periods=0 -o logs
 synth --excitation chirp --shape idle_s=nan -o logs
 synth --excitation closed-loop --shape reference_nm=nan:3 -o logs
 synth --excitation closed-loop --shape gains=nan:3 -o logs
+synth --excitation multisine --shape periods=1000,duration_s=3 -o logs
+synth --excitation chirp --shape frequency_hz=5:1 -o logs
+synth --excitation staircase --shape levels=2.5 -o logs
+plan fit.json --seed -1
+plan fit.json --excitation --seed -1
+plan fit.json --excitation --limits rate=1e-9
+plan fit.json --excitation --limits rate=3
 couple fit.json --idle-drag-nm inf
 couple fit.json --limb-spread 0.5
 couple fit.json --plants 100000
