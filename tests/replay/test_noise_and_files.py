@@ -132,6 +132,67 @@ def test_what_is_no_replay_is_refused(tmp_path):
         read(tmp_path / "other.h5")
 
 
+def short_time(group):
+    del group["time_s"]
+    group.create_dataset("time_s", data=np.ones(1))
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (
+            lambda group: group.__delitem__("time_s") or group.create_dataset("time_s", data=np.ones(1)),
+            "no column of two",
+        ),
+        (lambda group: group.create_dataset("more", data=np.full(3, 1e31)), "its more holds what is no number"),
+        (lambda group: group.create_dataset("more", data=np.full(3, np.nan)), "its more holds what is no number"),
+        (lambda group: group.create_dataset("more", data=np.full(3, b"a")), "its more holds what is no number"),
+        (lambda group: group.attrs.__setitem__("metrics", "{no json"), "its metrics is no JSON"),
+        (lambda group: group.attrs.__setitem__("metrics", '{"R2": NaN}'), "its metrics is no JSON"),
+    ],
+)
+def test_a_replay_by_another_hand_is_held_to_its_shape(tmp_path, change, said):
+    import h5py
+
+    path = tmp_path / "r.h5"
+    write_replay(path, Replay(HEAD, {"rc": RECORD}))
+    with h5py.File(path, "a") as file:
+        del file.attrs["digest"]
+        change(file["rc"])
+    with pytest.raises(DataError, match=said):
+        read(path)
+
+
+def test_what_is_no_group_of_a_controller_is_passed_over_and_other_lengths_are_tables(tmp_path):
+    import h5py
+
+    path = tmp_path / "r.h5"
+    write_replay(path, Replay(HEAD, {"rc": RECORD}))
+    with h5py.File(path, "a") as file:
+        del file.attrs["digest"]
+        file.create_dataset("notes", data=np.ones(3))
+        file.create_group("empty")
+        file["rc"].create_dataset("large", data=np.full(3, 9e29))
+        file["rc"].create_dataset("longer", data=np.ones(4))
+        del file["rc"].attrs["role"]
+    ((name, one),) = read(path)[0].records.items()
+    assert name == "rc" and one.role == "controller" and one.columns["large"].max() == 9e29
+    assert one.tables["longer"].shape == (4,)
+
+
+def test_json_has_each_part_under_its_own_name():
+    groups = {"rc": RECORD, "best": Record(RECORD.columns, RECORD.metrics, role="best"),
+              "a": Record(RECORD.columns, RECORD.metrics, role="recorded-input"),
+              "recorded": Record(RECORD.columns, RECORD.metrics, role="recorded-loop")}  # fmt: skip
+    told = as_json(Replay(HEAD, groups))
+    assert list(told)[:3] == ["schema", "eaid", "digest"] and told["schema"] == "eaid/replay/1"
+    assert set(told["controllers"]) == {"rc", "recorded"} and set(told["log"]) == {"a"}
+    assert told["best"]["rms_error_nm"] == 0.5 and "log" not in as_json(Replay(HEAD, {"rc": RECORD}))
+    held = Record(RECORD.columns, Metrics(guarantee_holds_fraction=1.0))
+    rc = as_json(Replay(HEAD, {"rc": held}))["controllers"]["rc"]
+    assert rc["guarantee_failures_at_limit"] is None and rc["guarantee_failures_by_saturation"] is None
+
+
 def test_a_damaged_replay_is_refused_or_read_as_it_was(tmp_path):
     """One byte changed anywhere: a sentence with the file's name, or the same numbers."""
     path = tmp_path / "replay.h5"

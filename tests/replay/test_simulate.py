@@ -8,8 +8,12 @@ import pytest
 
 from eaid.control.design import design
 from eaid.control.options import DesignOptions
+from eaid.control.plant import plant_of
 from eaid.errors import DataError, UsageError
+from eaid.logs.run import Run
+from eaid.replay.compare import driven
 from eaid.replay.options import SimulateOptions
+from eaid.replay.plant import plant_parameters
 from eaid.replay.references import multisine
 from eaid.replay.rig import Rig
 from eaid.replay.simulate import simulate
@@ -67,6 +71,13 @@ def test_without_gains_it_is_said_and_the_others_are_replayed() -> None:
 def test_the_rate_is_the_rigs() -> None:
     assert simulate(FIT, None, SimulateOptions(), (T, T)).head.dt_s == 1e-3
     assert simulate(FIT, None, SimulateOptions(rate_hz=250.0), (T, T)).head.dt_s == 4e-3
+    volts = {"input_unit": "V", "levels": [30.0, 300.0]}
+    for data, dt_s in (
+        ({**volts, "sample_rate_hz": 250.0}, 4e-3), (volts, 1e-3),
+        ({"sample_rate_hz": 250.0}, 1e-3), ({"output_unit": "N", "levels": [50.0], "sample_rate_hz": 250.0}, 1e-3),
+    ):  # fmt: skip
+        fit = from_plain({"data": data, "nonlinear": plain()}, Fit, "f")
+        assert simulate(fit, None, SimulateOptions(controllers=("inverse",)), (T, T)).head.dt_s == dt_s
 
 
 def test_what_contradicts_itself_is_refused() -> None:
@@ -222,3 +233,93 @@ def test_what_serves_is_taken(options: dict, what: str) -> None:
 def test_options_that_contradict_each_other_are_refused(options: dict) -> None:
     with pytest.raises(UsageError):
         SimulateOptions(**options)
+
+
+def test_a_rehabilitation_is_scaled_to_the_rig_and_has_the_limb_that_is_given() -> None:
+    options = SimulateOptions(
+        scenario="rehab", controllers=("inverse",), duration=18.0, limb_damping=0.9, limb_inertia=0.12, seed=2
+    )
+    found = simulate(FIT, None, options)
+    exercise = found.head.exercise
+    assert (exercise.mode_s, exercise.damping_nms, exercise.inertia_kgm2) == (6.0, 0.9, 0.12)
+    assert exercise.soft_nm_rad == 1.0 and found.head.counted_from_s == 5.0 and found.head.dt_s == 1e-3
+    one = found.records["inverse"]
+    assert set(one.metrics.modes) == {"soft", "hard", "assisted"} and len(one.columns["angle_deg"]) == 18_000
+    data = {"output_unit": "Nm", "input_unit": "V", "levels": [10.0, 100.0]}
+    weaker = {**to_plain(FIT.nonlinear), "Ts": [0.5 * c for c in FIT.nonlinear.Ts]}
+    half = from_plain({"nonlinear": weaker, "data": data}, Fit, "f")
+    scaled = simulate(half, None, replace(options, limb_damping=None, limb_inertia=None)).head.exercise
+    assert scaled.hard_nm_rad == pytest.approx(1.5, rel=1e-3) and scaled.damping_nms == pytest.approx(0.4, rel=1e-3)
+    assert scaled.mode_s == 6.0 and scaled.blend_s == 0.5
+    force = from_plain({"nonlinear": plain(), "data": {"output_unit": "N"}}, Fit, "f")
+    with pytest.raises(DataError, match="rehab needs a torque, and the fit's output is in N"):
+        simulate(force, None, options)
+
+
+def log(name: str, closed: bool = False) -> Run:
+    t = np.arange(0.0, 3.0, 0.01)
+    duty = np.where(t < 0.5, 0.0, 60.0)
+    torque = driven(plant_parameters(plant_of(FIT)), t, duty)
+    return Run(name=name, time_s=t, input=duty, output=torque, input_unit="%", output_unit="N·m", source="x.csv",
+               sha256="", reference_nm=torque + 0.1 if closed else None)  # fmt: skip
+
+
+def test_logs_are_replayed_and_closed_loops_laid_over() -> None:
+    known = gains(5.0)
+    found = simulate(FIT, known, SimulateOptions(controllers=("pi",)), runs=[log("a")])
+    assert {name: one.role for name, one in found.records.items()} == {"a": "recorded-input"}
+    assert found.records["a"].metrics.max_abs_difference_nm < 1e-12 and found.head.scenario == "log"
+    one = simulate(FIT, known, SimulateOptions(controllers=("pi",)), runs=[log("a"), log("b", True)])
+    assert {name: record.role for name, record in one.records.items()} == {
+        "a": "recorded-input", "b": "recorded-input", "recorded": "recorded-loop", "pi": "controller",
+    }  # fmt: skip
+    assert one.records["recorded"].metrics.mean_abs_error_nm == pytest.approx(0.1)
+    two = simulate(FIT, known, SimulateOptions(controllers=("pi",)), runs=[log("a", True), log("b", True)])
+    assert {"a recorded", "a pi", "b recorded", "b pi"} < set(two.records)
+    noisy = SimulateOptions(controllers=("pi",), rig=Rig(noise_nm=0.1))
+    with pytest.raises(UsageError, match="noise_nm=?: does nothing with logs of an open loop"):
+        simulate(FIT, known, noisy, runs=[log("a")])
+    assert simulate(FIT, known, noisy, runs=[log("a"), log("b", True)]).head.rig.noise_nm == 0.1
+    assert set(simulate(FIT, None, SimulateOptions(), runs=[log("a")]).records) == {"a"}
+
+
+def test_without_a_linear_model_the_open_loop_takes_the_straight_line() -> None:
+    bare = msgspec.structs.replace(FIT, linear=None)
+    found = simulate(bare, None, SimulateOptions(controllers=("open-loop",), rate_hz=100.0), (T, 1.0 + T / 2))
+    assert "open-loop-on-straight-line" in {one.code for one in found.findings}
+    duties = np.linspace(10, 100, 101)
+    slope, offset = np.polyfit(duties, np.polyval(FIT.nonlinear.Ts[::-1], duties), 1)
+    columns = found.records["open-loop"].columns
+    np.testing.assert_allclose(columns["duty_pct"], (columns["reference_nm"] - offset) / slope, rtol=1e-9)
+    named = simulate(FIT, None, SimulateOptions(controllers=("open-loop",), rate_hz=100.0), (T, 1.0 + T / 2))
+    assert "open-loop-on-straight-line" not in {one.code for one in named.findings}
+    assert set(simulate(bare, None, SimulateOptions(rate_hz=100.0), (T, T)).records) == {"inverse"}
+    falling = from_plain({"nonlinear": {**plain(), "Ts": [4.0, -0.01, 0, 0]}}, Fit, "f")
+    with pytest.raises(UsageError, match="does not rise with the duty"):
+        simulate(falling, None, SimulateOptions(controllers=("open-loop",)), (T, T))
+
+
+def test_a_fit_without_a_plant_is_refused() -> None:
+    with pytest.raises(DataError, match="holds no nonlinear model, which the replay's plant is"):
+        simulate(msgspec.structs.replace(FIT, nonlinear=None), None, SimulateOptions(), (T, T))
+
+
+def test_a_controller_without_gains_and_one_that_nobody_knows_are_refused() -> None:
+    with pytest.raises(UsageError, match="controller pi-feedforward needs gains|controller pi needs gains"):
+        simulate(FIT, None, SimulateOptions(controllers=("pi-feedforward",)), (T, T))
+    with pytest.raises(UsageError, match="no controller 'pid'; there are rc, pi"):
+        simulate(FIT, None, SimulateOptions(controllers=("pid",)), (T, T))
+
+
+def test_a_dead_time_of_the_steps_is_replayed_as_a_delay() -> None:
+    class Late(Fit, frozen=True):
+        @property
+        def dead_time_s(self) -> float:
+            return 0.02
+
+    late = Late(nonlinear=FIT.nonlinear, linear=FIT.linear)
+    found = simulate(late, None, SimulateOptions(controllers=("inverse",), rate_hz=100.0), (T, T))
+    assert found.head.rig.delay_samples == 2 and "dead-time-replayed" in {one.code for one in found.findings}
+    given = SimulateOptions(controllers=("inverse",), rate_hz=100.0, rig=Rig(delay_samples=1))
+    found = simulate(late, None, given, (T, T))
+    assert found.head.rig.delay_samples == 1 and "dead-time-replayed" not in {one.code for one in found.findings}
