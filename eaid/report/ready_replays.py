@@ -63,7 +63,7 @@ def steps(replay: Replay) -> Ready:
     traces, units = traces_of(replay), units_of(replay)
     said = caption("steps", overshoots=each, errors=errors_say(replay))
     live = lambda: (live_replays.tracking(traces, units, with_error=False),)  # noqa: E731
-    return Ready(lambda: replays.steps(traces, units), said, live)
+    return Ready(partial(replays.tracking, traces, units=units, with_error=False), said, live)
 
 
 def tracking(replay: Replay) -> Ready:

@@ -193,7 +193,7 @@ DRAWN: dict[str, Callable[[], Figure]] = {
     "input_gain": lambda: clutch.input_gain(clutch_fit()),
     "fig09_shear_per_field": lambda: apparatus.shear_per_field(clutch_fit()),
     "residuals_nonlinear": lambda: checks.residuals(clutch_set(1.05), clutch_fit(), "nonlinear"),
-    "fig11_steps": lambda: replays.steps(traces()),
+    "fig11_steps": lambda: replays.tracking(traces(), with_error=False),
     "fig12_multisine": lambda: replays.tracking(traces(), 3.0),
     "fig13_sweep": lambda: replays.sweep(tones()),
     "fig16_rehab": lambda: rehab.training(*session()),

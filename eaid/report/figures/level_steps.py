@@ -1,16 +1,17 @@
 """Steps from level to level: each from its own start with its fitted curve; gain and time constants over the level."""
 
 from collections.abc import Sequence
+from functools import partial
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from eaid.arrays import Array
 from eaid.report import style
-from eaid.report.figures.steps import MODEL, end_of, fine_times, label_ends, some_levels
+from eaid.report.figures.steps import Curve, draw_curves, some_levels
 from eaid.report.figures.values import axis_label, points
 from eaid.report.rig import over
-from eaid.report.thin import thinned
 from eaid.results.steps import StepShape
 from eaid.steps.stepset import LevelStep, StepSet
 
@@ -40,21 +41,16 @@ def level_steps(data: StepSet, shapes: Sequence[StepShape]) -> Figure:
 
 def draw_level_steps(axes: Axes, data: StepSet, shapes: Sequence[StepShape]) -> None:
     """Draw them on one pair of axes."""
-    pairs = some_levels(paired(data, shapes), MOST)
-    ends = []
-    longest = max(float(step.time_s[-1]) for step, _ in pairs)
-    for (step, shape), colour in zip(pairs, style.level_colours(len(pairs)), strict=True):
-        axes.plot(*thinned(step.time_s, step.output - shape.start, 1200), color=colour, linewidth=1.5, alpha=0.75)
-        fine = fine_times(float(step.time_s[-1]))
-        axes.plot(fine, shape.predict(fine) - shape.start, **MODEL)
-        ends.append((end_of(step.output) - shape.start, step_text(step), colour))
-    axes.set(
-        xlabel="Time since the step (s)", ylabel=f"Change of output ({data.output_unit or '1'})", xlim=(0, longest)
-    )
-    axes.plot([], [], color=style.GREY, linewidth=1.5, label="measured")
-    axes.plot([], [], label="fitted", **MODEL)
-    style.legend_above(axes, 2)
-    label_ends(axes, ends, longest)
+    curves = [
+        Curve(step.time_s, step.output - shape.start, step_text(step), partial(_change, shape))
+        for step, shape in some_levels(paired(data, shapes), MOST)
+    ]
+    axes.set_ylabel(f"Change of output ({data.output_unit or '1'})")
+    draw_curves(axes, curves, "fitted")
+
+
+def _change(shape: StepShape, t_s: Array) -> Array:
+    return shape.predict(t_s) - shape.start
 
 
 EDGES = (("up", "^", style.BLUE), ("down", "v", style.VERMILLION))

@@ -1,6 +1,6 @@
 """Figs. 11–13: steps, the multisine and the sweep, each controller in its own colour and line."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -21,18 +21,6 @@ def _draw(axes: Axes, trace: Mapping[str, Array], values: Array, **look: Any) ->
     axes.plot(trace["time_s"][keep], values[keep], **{"linewidth": 0.9, **look})
 
 
-def _reference(axes: Axes, traces: Mapping[str, Mapping[str, Array]]) -> None:
-    first = next(iter(traces.values()))
-    _draw(axes, first, first["reference_nm"], color=style.BLACK, linestyle=":", label="reference", zorder=5)
-
-
-def _units(panels: Sequence[tuple[Axes, str]], units: tuple[str, str]) -> None:
-    """Name the panels' axes: their quantity in the output's unit, the input in its own."""
-    for axes, said in panels:
-        axes.set_ylabel(over(units[0]) if said == "input" else said or quantity(units[1]))
-    panels[-1][0].set_xlabel("Time (s)")
-
-
 UNITS = ("%", "N·m")
 
 
@@ -41,51 +29,41 @@ def tracking(
     from_s: float = 0.0,
     bands: Mapping[str, tuple[Array, Array, Array]] | None = None,
     units: tuple[str, str] = UNITS,
+    with_error: bool = True,
 ) -> Figure:
-    """(a) output and reference, (b) error, (c) input; the error counts from `from_s` on. `units` of input and output.
+    """Output and reference, the error where wanted, and the input; the error counts from `from_s` on.
 
-    `bands` holds time, lower and upper output of a controller over drawn plants, where there are any.
+    `units` of input and output; `bands` holds time, lower and upper output of a controller over drawn plants, where
+    there are any.
     """
-    figure, panels = style.page(4.4, 3, 1, sharex=True, height_ratios=(1.5, 1, 1))
-    output, error, duty = panels
+    height, ratios = (4.4, (1.5, 1, 1)) if with_error else (3.4, (1.8, 1))
+    figure, panels = style.page(height, len(ratios), 1, sharex=True, height_ratios=ratios)
+    output, *errors, duty = panels
     for i, (name, trace) in enumerate(traces.items()):
         look = style.controller_look(name, i)
         _draw(output, trace, trace["torque_nm"], label=style.controller_name(name), **look)
-        _draw(error, trace, trace["reference_nm"] - trace["torque_nm"], **look)
         _draw(duty, trace, trace["duty_pct"], **look)
+        for axes in errors:
+            _draw(axes, trace, trace["reference_nm"] - trace["torque_nm"], **look)
         if bands and name in bands:
             t, low, high = bands[name]
             output.fill_between(t, low, high, color=look["color"], alpha=0.25, linewidth=0)
-    _reference(output, traces)
+    first = next(iter(traces.values()))
+    _draw(output, first, first["reference_nm"], color=style.BLACK, linestyle=":", label="reference", zorder=5)
     if from_s > 0:
         for axes in panels:
             axes.axvspan(0, from_s, color="#EEEEEE", lw=0)
-    first = next(iter(traces.values()))["time_s"]
-    output.set_xlim(first[0], first[-1])
-    if len(traces) > 1:
-        counted = [(trace["reference_nm"] - trace["torque_nm"])[trace["time_s"] >= from_s] for trace in traces.values()]
-        top = max((float(np.max(np.abs(e))) for e in counted if len(e)), default=1.0)
-        error.set_ylim(-1.25 * top - 1e-9, 1.25 * top + 1e-9)
-    _units([(output, ""), (error, f"Error ({units[1]})"), (duty, "input")], units)
-    for mark, axes in zip("abc", panels, strict=True):
-        style.letter(axes, mark, "grey: not counted" if axes is error and from_s > 0 else "")
-    style.legend_above(output)
-    return figure
-
-
-def steps(traces: Mapping[str, Mapping[str, Array]], units: tuple[str, str] = UNITS) -> Figure:
-    """Fig. 11: (a) output through rising and falling steps, and (b) the input that made it."""
-    figure, (output, duty) = style.page(3.4, 2, 1, sharex=True, height_ratios=(1.8, 1))
-    for i, (name, trace) in enumerate(traces.items()):
-        look = style.controller_look(name, i)
-        _draw(output, trace, trace["torque_nm"], label=style.controller_name(name), **look)
-        _draw(duty, trace, trace["duty_pct"], **look)
-    _reference(output, traces)
-    first = next(iter(traces.values()))["time_s"]
-    output.set_xlim(first[0], first[-1])
-    _units([(output, ""), (duty, "input")], units)
-    for mark, axes in zip("ab", (output, duty), strict=True):
-        style.letter(axes, mark)
+    output.set_xlim(first["time_s"][0], first["time_s"][-1])
+    output.set_ylabel(quantity(units[1]))
+    for axes in errors:
+        axes.set_ylabel(f"Error ({units[1]})")
+        if len(traces) > 1:
+            counted = [(one["reference_nm"] - one["torque_nm"])[one["time_s"] >= from_s] for one in traces.values()]
+            top = max((float(np.max(np.abs(e))) for e in counted if len(e)), default=1.0)
+            axes.set_ylim(-1.25 * top - 1e-9, 1.25 * top + 1e-9)
+    duty.set(ylabel=over(units[0]), xlabel="Time (s)")
+    for mark, axes in zip("abc", panels, strict=False):
+        style.letter(axes, mark, "grey: not counted" if axes in errors and from_s > 0 else "")
     style.legend_above(output)
     return figure
 

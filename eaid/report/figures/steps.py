@@ -1,6 +1,7 @@
 """Step responses on one pair of axes: the mean of each level, ± sd, its model, and the level at the curve's end."""
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any, TypeVar
 
 import numpy as np
@@ -41,6 +42,48 @@ def fine_times(t_end: float, points: int = 150) -> Array:
     return np.unique(np.concatenate([[0.0], np.geomspace(1e-3, 1, points) * t_end]))
 
 
+@dataclass(frozen=True, eq=False)
+class Curve:
+    """One level: what was measured, its model, and what stands at its end."""
+
+    time_s: Array
+    measured: Array
+    text: str
+    model: Model | None = None
+    sd: Array | None = None
+    """Half of the band around it; None: no band."""
+
+
+def draw_curves(axes: Axes, curves: Sequence[Curve], said: str, bar: tuple[Sequence[float], str] | None = None) -> None:
+    """Draw each level's curve, its band and its model (dashed, `said` in the legend), and its text at the end.
+
+    `bar` holds levels and label of a colour bar that stands in place of the texts.
+    """
+    colours = style.level_colours(len(curves))
+    longest = max(float(one.time_s[-1]) for one in curves)
+    for one, colour in zip(curves, colours, strict=True):
+        if one.sd is not None:
+            some = slice(None, None, max(1, len(one.time_s) // 400))
+            t, mean, sd = one.time_s[some], one.measured[some], one.sd[some]
+            axes.fill_between(t, mean - sd, mean + sd, color=colour, alpha=0.2, linewidth=0)
+        t, mean = thinned(one.time_s, one.measured, 1200)
+        axes.plot(t, mean, color=colour, linewidth=1.5, alpha=0.75, solid_capstyle="round")
+        if one.model is not None:
+            fine = fine_times(float(one.time_s[-1]))
+            axes.plot(fine, one.model(fine), **MODEL)
+    axes.set(xlabel="Time since the step (s)", xlim=(0, longest))
+    if bar is None:
+        ends = [(end_of(one.measured), one.text, colour) for one, colour in zip(curves, colours, strict=True)]
+        label_ends(axes, ends, longest)
+    else:
+        level_bar(axes, *bar)
+    spread = " ± sd" if any(one.sd is not None for one in curves) else ""
+    axes.plot([], [], color=colours[len(colours) // 2], linewidth=1.5, alpha=0.75, label="measured" + spread)
+    if any(one.model is not None for one in curves):
+        axes.plot([], [], label=said, **MODEL)
+    style.legend_above(axes, 2)
+
+
 def draw_steps(
     axes: Axes,
     data: StepSet,
@@ -49,34 +92,19 @@ def draw_steps(
     spread: bool = False,
     said: str = "model",
 ) -> None:
-    """Draw each level's mean, its model (dashed) and, on request, the band of ± one sd."""
+    """Draw each level's mean, its model (dashed) and, on request, the band of ± one sd; `notes` follow its name."""
     levels = some_levels(data.levels)
-    colours = style.level_colours(len(levels))
-    ends: list[tuple[float, str, str]] = []
-    longest = max(float(level.time_s[-1]) for level in levels)
-    for level, colour in zip(levels, colours, strict=True):
-        mean = level.mean
-        if spread and len(level.runs) > 1:
-            stride = max(1, len(level.time_s) // 400)
-            at, sd = level.time_s[::stride], level.sd[::stride]
-            axes.fill_between(at, mean[::stride] - sd, mean[::stride] + sd, color=colour, alpha=0.2, linewidth=0)
-        axes.plot(*thinned(level.time_s, mean, 1200), color=colour, linewidth=1.5, alpha=0.75, solid_capstyle="round")
-        if level.level in fitted:
-            fine = fine_times(float(level.time_s[-1]))
-            axes.plot(fine, fitted[level.level](fine), **MODEL)
-        text = level_text(level.level, data.input_unit)
-        end = end_of(mean)
-        ends.append((end, text + (f": {notes[level.level]}" if notes and level.level in notes else ""), colour))
-    axes.set(xlabel="Time since the step (s)", ylabel=quantity(data.output_unit), xlim=(0, longest))
-    if len(levels) <= LABELLED:
-        label_ends(axes, ends, longest)
-    else:
-        level_bar(axes, [one.level for one in levels], over(data.input_unit))
-    middle = colours[len(colours) // 2]
-    axes.plot([], [], color=middle, linewidth=1.5, alpha=0.75, label="measured" + (" ± sd" if spread else ""))
-    if fitted:
-        axes.plot([], [], label=said, **MODEL)
-    style.legend_above(axes, 2)
+    notes = {level: f": {note}" for level, note in (notes or {}).items()}
+    curves = [
+        Curve(
+            one.time_s, one.mean, level_text(one.level, data.input_unit) + notes.get(one.level, ""),
+            fitted.get(one.level), one.sd if spread and len(one.runs) > 1 else None,
+        )
+        for one in levels
+    ]  # fmt: skip
+    axes.set_ylabel(quantity(data.output_unit))
+    named = len(levels) <= LABELLED
+    draw_curves(axes, curves, said, None if named else ([one.level for one in levels], over(data.input_unit)))
 
 
 def level_bar(axes: Axes, levels: Sequence[float], label: str) -> None:

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -28,9 +27,9 @@ from eaid.replay.rehab import rehabilitate
 from eaid.replay.rehab_statistics import statistics
 from eaid.replay.rig import Rig
 from eaid.replay.scenarios import measure
-from eaid.results.codec import to_plain
-from eaid.results.fit import FitOptions
+from eaid.results.fit import Fit, FitOptions
 from eaid.results.linear import Linear
+from eaid.results.metrics import Metrics
 from eaid.results.replay import Exercise
 from eaid.steps.build import build_stepset
 from eaid.steps.cut_runs import StepOptions
@@ -51,13 +50,13 @@ LONGER_S = 75.0
 
 @dataclass(frozen=True)
 class Evidence:
-    """What was computed; every part is plain data."""
+    """What was computed."""
 
-    force: Mapping[str, Any]
-    """fit.json of the shipped friction-force dataset."""
-    speed: Mapping[str, Any]
-    clutch: Mapping[str, Any]
-    exact: Mapping[str, Mapping[str, Any]]
+    force: Fit
+    """Of the shipped friction-force dataset."""
+    speed: Fit
+    clutch: Fit
+    exact: Mapping[str, Fit]
     """Fits of noise-free steps: friction-force by Table I, friction-speed by Table II, clutch of the plant."""
     pooled_20s: Linear
     """Linear model of the noise-free reference plant, levels 10…100 %, 20 s at 1 kHz."""
@@ -66,13 +65,13 @@ class Evidence:
     pi_printed: StepMetrics
     """Overshoot [%] and settling time [s] of K_P = 21, K_I = 360 on the published linear model."""
     pi_tuned: StepMetrics
-    multisine: Mapping[str, Mapping[str, Any]]
+    multisine: Mapping[str, Metrics]
     """rc, pi and pi-tuned with the published gains on the reference plant, noise-free."""
-    steps: Mapping[str, Mapping[str, Any]]
-    sweep: Mapping[str, Mapping[str, Any]]
-    rehab: Mapping[str, Any]
+    steps: Mapping[str, Metrics]
+    sweep: Mapping[str, Metrics]
+    rehab: Metrics
     """The session as published, 30 s a mode: three whole movements count in each."""
-    longer: Mapping[str, Any]
+    longer: Metrics
     """The same with `LONGER_S` a mode."""
 
 
@@ -81,7 +80,7 @@ def evidence(done: Callable[[], None] = lambda: None) -> Evidence:
     fits = {}
     for kind, path in shipped().items():
         stepset = build_stepset(read_runs([path], ReadOptions()), StepOptions())
-        fits[kind] = to_plain(fit_steps(stepset, FitOptions()))
+        fits[kind] = fit_steps(stepset, FitOptions())
         done()
     rc, pi = paper_gains()
     tuned = PIGains(*TUNED_PI)
@@ -112,8 +111,8 @@ def evidence(done: Callable[[], None] = lambda: None) -> Evidence:
         multisine=multisine,
         steps=steps,
         sweep=sweep,
-        rehab=to_plain(sessions[0]),
-        longer=to_plain(sessions[1]),
+        rehab=sessions[0],
+        longer=sessions[1],
     )
     done()
     return found
@@ -123,15 +122,14 @@ PARTS = 8
 """How often `evidence` calls `done`."""
 
 
-def noise_free(kind: str) -> dict[str, Any]:
+def noise_free(kind: str) -> Fit:
     """Fit of noise-free steps of what the shipped logs of that kind are made of: 60 s at 200 Hz, the same levels."""
     plant = REFERENCE[kind]()
     t = read_only(np.arange(12_000) * 5e-3)
     rows = tuple(Level(u, t, curve.step_response(plant.at(u), t)[None], (f"{u:g}",)) for u in plant.levels)
     rig = Apparatus(surfaces=2 if kind == "clutch" else 1)
     stepset = StepSet(kind, INPUT_UNITS[kind], "N·m", rig, rows, synthetic=plant.made_of)
-    content: dict[str, Any] = to_plain(fit(stepset, FitOptions()))
-    return content
+    return fit(stepset, FitOptions())
 
 
 def pooled(levels: tuple[int, ...], hold_s: float) -> Linear:
@@ -148,7 +146,7 @@ def pooled(levels: tuple[int, ...], hold_s: float) -> Linear:
 
 def _replays(
     reference: Reference, rc: RCGains, pis: Mapping[str, PIGains], open_loop: bool = False
-) -> dict[str, dict[str, Any]]:
+) -> dict[str, Metrics]:
     known = Knowledge(REFERENCE_PLANT, PAPER_LINEAR, rc, None)
     acting = {"rc": controller("rc", known)}
     acting |= {name: Controller(name, pi_step, gains, PIState()) for name, gains in pis.items()}
@@ -156,6 +154,6 @@ def _replays(
         acting["open-loop"] = controller("open-loop", known)
     plant = plant_parameters(REFERENCE_PLANT)
     return {
-        name: to_plain(measure(replay(plant, one, reference.torque_nm, Rig(), DT_S, SEED), reference))
+        name: measure(replay(plant, one, reference.torque_nm, Rig(), DT_S, SEED), reference)
         for name, one in acting.items()
     }
