@@ -44,7 +44,7 @@ def solved(log: RecordedLog) -> Solved:
     return solve(setup_for(log))
 
 
-def timed(task, times: int = 3) -> tuple[float, float, object]:  # type: ignore[no-untyped-def]
+def timed(task, times: int = 7) -> tuple[float, float, object]:  # type: ignore[no-untyped-def]
     """Least processor and wall time [s] of some runs, and what the last one gave."""
     spent = []
     for _ in range(times):
@@ -55,8 +55,8 @@ def timed(task, times: int = 3) -> tuple[float, float, object]:  # type: ignore[
 
 
 def missed_by(setup: Setup):  # type: ignore[no-untyped-def]
-    """Residuals of the unknowns, by the compiled response alone."""
-    drive, rows = setup.drives[0], setup.maps[0]
+    """Residuals of the unknowns on every sample, by the compiled response alone."""
+    drive, rows = setup.every.drives[0], setup.maps[0]
     out = np.empty(len(drive.dt_s))
 
     def missed(x: np.ndarray) -> np.ndarray:
@@ -72,7 +72,7 @@ def missed_by(setup: Setup):  # type: ignore[no-untyped-def]
 
 
 def by_scipy(setup: Setup, start: np.ndarray, exact: bool = False) -> float:
-    jac = (lambda x: setup.jacobian(x, 0)[0]) if exact else "2-point"
+    jac = (lambda x: setup.every.jacobian(x, 0)[0]) if exact else "2-point"
     found = least_squares(missed_by(setup), start, jac, x_scale="jac", ftol=ENOUGH, xtol=ENOUGH, gtol=ENOUGH)  # type: ignore[call-overload]
     return float(2 * found.cost)
 
@@ -109,7 +109,7 @@ def against(duration_s: float) -> list[Row]:
     }
     made = []
     for name, task in OTHERS.items():
-        cpu_s, wall_s, cost = timed(lambda task=task: task(setup, begin), 2)
+        cpu_s, wall_s, cost = timed(lambda task=task: task(setup, begin), 5)
         for how, (own_s, own_wall_s, found) in ours.items():
             over = f"cost {cost / found.cost - 1:+.0e} of ours; wall {1e3 * own_wall_s:.0f} and {1e3 * wall_s:.0f} ms"
             made.append(
