@@ -14,9 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from eaid.arrays import Array
-from eaid.fitting.basis import Basis, basis_of, constraints
+from eaid.fitting.basis import CONSTRAINTS, Basis, basis_of, constraints, limits
 from eaid.fitting.starts import RECORDS
-from eaid.models.parameters import TAU_FLOOR_S
 
 LEAST_TAU_S = 1e-4
 """A τ is kept off zero by this much [s]: between the 101 duties a quadratic may dip below its floor."""
@@ -133,7 +132,7 @@ def linear(levels: Array, shortest_s: float, longest_s: float) -> Model:
     A = np.zeros((2, count + 1))
     A[0, -1], A[1, -1] = 1.0, -1.0
     least, most = 0.01 * shortest_s, 1e3 * longest_s
-    names = (f"1/a0 at {least:g} s", f"1/a0 at {most:g} s").__getitem__
+    names = ("a0-fastest", "a0-slowest").__getitem__
     return Model("linear", low, high, rows, (count, 1, 0), A, np.array([least, -most]), names, 1.0, levels=levels)
 
 
@@ -147,16 +146,8 @@ def friction(levels: Array, share: float, longest_s: float) -> Model:
         nearest = eye[np.searchsorted(edges, duty)]
         return nearest, nearest, nearest
 
-    zero = np.zeros((count, count))
-    A = np.vstack(
-        [np.hstack(row) for row in ([zero, eye, zero], [zero, -eye, eye], [eye, zero, zero], [zero, zero, -eye])]
-    )
-    b = np.repeat([TAU_FLOOR_S, 0.0, 0.0, -RECORDS * longest_s], count)
-    said = ("τ1 = 1 ms", "τ2 = τ1", "T_s = 0", "τ2 endless")
+    Ts, tau1, tau2 = np.eye(3 * count).reshape(3, count, 3 * count)
+    A, b = limits(Ts, tau1, tau2, RECORDS * longest_s)
     low, high = float(levels[0]), float(levels[-1])
     sizes = (count, count, count)
-
-    def names(i: int) -> str:
-        return f"{said[i // count]} at input {levels[i % count]:g}"
-
-    return Model("friction", low, high, rows, sizes, A, b, names, share, levels=levels)
+    return Model("friction", low, high, rows, sizes, A, b, lambda i: CONSTRAINTS[i // count], share, levels=levels)

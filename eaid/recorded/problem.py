@@ -24,6 +24,15 @@ from eaid.recorded.model import Model, Rows
 
 NOTHING = {"rest": (0.0, 0.0), "fall": (1.0, 1.0), "excess": (0.0,)}
 """What a model can have besides its coefficients, with the values that do nothing."""
+LIMITS: dict[str, tuple[tuple[str, tuple[float, ...], float], ...]] = {
+    "rest": (
+        ("release-tau1-floor", (1.0, 0.0), TAU_FLOOR_S),
+        ("release-tau2-meets-tau1", (-1.0, 1.0), 0.0),
+    ),
+    "fall": (("fall-tau1-least", (1.0, 0.0), 0.02), ("fall-tau2-least", (0.0, 1.0), 0.02)),
+    "excess": (("hysteresis-least", (1.0,), -0.8),),
+}
+"""Their constraints a'x ≥ b: code, a, b."""
 VECTOR = 16
 """Columns that the kernel takes at once."""
 
@@ -176,34 +185,16 @@ class Setup:
 
     def problem(self) -> Problem:
         """For the solver: constraints of the model, and of the extras."""
-        model, n = self.model, self.size
-        A = np.zeros((len(model.A), n))
-        A[:, : model.A.shape[1]] = model.A
-        more, least, said = [], [], []
-
-        def bound(name: str, at: int, value: float) -> None:
-            row = np.zeros(n)
-            row[at] = 1.0
-            more.append(row)
-            least.append(value)
-            said.append(name)
-
-        if (at := self.at("rest")) >= 0:
-            bound("τ1 of the release = 1 ms", at, TAU_FLOOR_S)
-            bound("τ2 of the release = 1 ms", at + 1, TAU_FLOOR_S)
-            more[-1][at] = -1.0
-            least[-1], said[-1] = 0.0, "τ2 = τ1 of the release"
-        if (at := self.at("fall")) >= 0:
-            bound("τ1 of falls = 0.02 τ1", at, 0.02)
-            bound("τ2 of falls = 0.02 τ2", at + 1, 0.02)
-        if (at := self.at("excess")) >= 0:
-            bound("T_s after a fall = T_s/5", at, -0.8)
-        if more:
-            A = np.vstack([A, more])
-        b = np.append(model.b, least)
+        model = self.model
+        more = [(self.at(name), *one) for name in self.extras for one in LIMITS[name]]
+        A = np.zeros((len(model.A) + len(more), self.size))
+        A[: len(model.A), : model.A.shape[1]] = model.A
+        for row, (at, _, along, _) in zip(A[len(model.A) :], more, strict=True):
+            row[at : at + len(along)] = along
+        b = np.append(model.b, [least for *_, least in more])
 
         def names(i: int) -> str:
-            return model.names(i) if i < len(model.b) else said[i - len(model.b)]
+            return model.names(i) if i < len(model.b) else more[i - len(model.b)][1]
 
         return Problem(remembered(self.together), A, b, names, floor=ROUNDING * self.energy)
 

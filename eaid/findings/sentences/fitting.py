@@ -16,6 +16,11 @@ CONSTRAINTS = {
     "C-one": "C is at 1",
     "a0-fastest": "1/a0 is a hundredth of a sample",
     "a0-slowest": "1/a0 is a thousand record lengths",
+    "release-tau1-floor": "τ1 of the release is at its floor of 1 ms",
+    "release-tau2-meets-tau1": "τ2 of the release has fallen to its τ1",
+    "fall-tau1-least": "τ1 of falls is a fiftieth of that of rises",
+    "fall-tau2-least": "τ2 of falls is a fiftieth of that of rises",
+    "hysteresis-least": "T_s after a fall is a fifth of that after a rise",
 }
 """What each constraint of `Solver.at_bounds` says."""
 
