@@ -1,7 +1,8 @@
 """`python -m benchmarks.size [csv] [day] [runs] [--share 0.1] [--keep FOLDER]`: large logs, their time and peak memory.
 
-`csv`: one log of 1 GB; `day`: 24 h at 1 kHz in one log, 86.4 million rows; `runs`: 1,000 logs in one call. Each is
-ingested in a process of its own, whose peak resident memory is read from the kernel. `--share` makes them smaller.
+`csv`: one log of 1 GB; `day`: 24 h at 1 kHz in one log, 86.4 million rows; `runs`: 1,000 logs in one call: ingested.
+`levels`: 300 levels; `many`: 5,000 runs; `long`: 3 h at 10 kHz: fitted and reported. Each command is a process of its
+own, whose peak resident memory is read from the kernel. `--share` makes them smaller.
 """
 
 import argparse
@@ -46,17 +47,16 @@ def write(path: Path, rows: int, digits: int | None, rate_hz: float = 1000.0) ->
             frame.write_csv(file, include_header=start == 0)
 
 
-def ingest(*logs: str, folder: Path) -> tuple[float, float, str]:
-    """Seconds, peak resident memory [MB] and last line of stderr of one `eaid ingest`."""
+def eaid(*words: str) -> tuple[float, float, str]:
+    """Seconds by the clock, peak resident memory [MB] and last line of stderr of one command."""
     program = (
         "import resource, sys; from eaid.cli.main import run; code = run(sys.argv[1:]); "
-        "print('peak', resource.getrusage(resource.RUSAGE_SELF).ru_maxrss, file=sys.stderr); sys.exit(code)"
+        "used = [resource.getrusage(who).ru_maxrss for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]; "
+        "print('peak', max(used), file=sys.stderr); sys.exit(code)"
     )
-    out = folder / "data.h5"
-    out.unlink(missing_ok=True)
     start = time.perf_counter()
     done = subprocess.run(
-        [sys.executable, "-c", program, "ingest", *logs, "-o", str(out)],
+        [sys.executable, "-c", program, *words, "--force"],
         stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, check=False,
     )  # fmt: skip
     took = time.perf_counter() - start
@@ -66,8 +66,27 @@ def ingest(*logs: str, folder: Path) -> tuple[float, float, str]:
     return took, peak, f"exit {done.returncode}: {said[-1][:200] if said else ''}"
 
 
+def results(name: str, share: float, folder: Path) -> Iterator[str]:
+    """Fit and report of a synthetic dataset with many levels, many runs, or many samples."""
+    levels, repeats, rate = {"levels": (300, 1, 100), "many": (10, 250, 50), "long": (10, 18, 10_000)}[name]
+    count = max(3, round(levels * share)) if name == "levels" else levels
+    each = repeats if name == "levels" else max(1, round(repeats * share))
+    data, fit = str(folder / f"{name}.h5"), str(folder / f"{name}.json")
+    duties = ",".join(f"{duty:.6g}" for duty in np.linspace(10, 100, count))
+    made = ("--levels", duties, "--repeats", str(each), "--rate-hz", str(rate), "--noise-nm", "0.01", "--seed", "1")
+    eaid("synth", "-q", *made, "-o", data)
+    size = Path(data).stat().st_size / 1e6
+    for words in (("fit", "-q", data, "-o", fit), ("report", "-q", fit, data, "-o", str(folder / name))):
+        took, peak, said = eaid(*words)
+        what = f"{words[0]} of {count} levels × {each} at {rate:,} Hz, {size:,.0f} MB"
+        yield f"{what}: {took:.1f} s, peak {peak:,.0f} MB; {said}"
+
+
 def sizes(which: list[str], share: float, folder: Path) -> Iterator[str]:
     for name in which:
+        if name in ("levels", "many", "long"):
+            yield from results(name, share, folder)
+            continue
         if name == "runs":
             logs = folder / "runs"
             logs.mkdir(exist_ok=True)
@@ -86,7 +105,7 @@ def sizes(which: list[str], share: float, folder: Path) -> Iterator[str]:
             if not given.exists():
                 write(given, rows, 5 if name == "day" else None)
             size, what = given.stat().st_size, f"{rows:,} rows in one log"
-        took, peak, said = ingest(str(given), folder=folder)
+        took, peak, said = eaid("ingest", str(given), "-o", str(folder / "data.h5"))
         yield f"{what}, {size / 1e6:,.0f} MB: {took:.1f} s ({size / 1e6 / took:.0f} MB/s), peak {peak:,.0f} MB; {said}"
 
 
