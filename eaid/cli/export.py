@@ -67,13 +67,15 @@ def command(given: Arguments) -> None:
 
 def _read(paths: list[Path]) -> "tuple[Gains | None, Fit | None, list[Path]]":
     """Gains, a fit, or both; the fit that the gains name is taken where it lies beside them, unchanged."""
-    from eaid.export.read import fit_beside, kind_of, read_fit, read_gains
+    from eaid.export.read import fit_beside, kind_of, read_fit
+    from eaid.results import codec
+    from eaid.results.gains import Gains
 
     kinds = [kind_of(path) for path in paths]
     if len(set(kinds)) < len(kinds):
         raise UsageError(f"{paths[-1]}: a second {kinds[-1]}.json; give one gains.json and one fit.json at most")
     found = dict(zip(kinds, paths, strict=True))
-    gains, told = read_gains(found["gains"]) if "gains" in found else (None, ())
+    gains, told = codec.read(found["gains"], "gains", Gains) if "gains" in found else (None, ())
     if gains is not None and "fit" not in found:
         beside = fit_beside(gains, found["gains"])
         if beside is not None:

@@ -1,8 +1,8 @@
 """The result files that an export is made from."""
 
-import json
 from pathlib import Path
-from typing import Any
+
+import msgspec
 
 from eaid.errors import DataError
 from eaid.files import sha256_of
@@ -11,33 +11,41 @@ from eaid.results import codec
 from eaid.results.fit import Fit
 from eaid.results.gains import Gains
 
+MAKE = "give what eaid tune-rc or eaid fit wrote"
+
+ABSENT = msgspec.Raw(b"null")
+
+
+class _Parts(msgspec.Struct):
+    """What a result file says that it is, and the parts by which one of a script is known."""
+
+    schema: str | None = None
+    rc: msgspec.Raw = ABSENT
+    pi: msgspec.Raw = ABSENT
+    nonlinear: msgspec.Raw = ABSENT
+
 
 def kind_of(path: Path) -> str:
     """gains or fit, by the schema, else by the parts that a file of a script holds."""
     if not path.is_file():
         raise DataError(f"{path}: no such file; give gains.json of eaid tune-rc, or fit.json of eaid fit")
-    content = _content(path)
-    schema = content.get("schema")
-    if schema in ("eaid/gains/1", "eaid/fit/1"):
-        return str(schema).split("/")[1]
-    if schema is None and {"rc", "pi"} & content.keys():
+    parts = _parts(path)
+    if parts.schema in ("eaid/gains/1", "eaid/fit/1"):
+        return parts.schema.split("/")[1]
+    if parts.schema is None and {bytes(parts.rc), bytes(parts.pi)} != {b"null"}:
         return "gains"
-    if schema is None and "nonlinear" in content:
+    if parts.schema is None and bytes(parts.nonlinear) != b"null":
         return "fit"
-    raise DataError(f"{path}: is neither gains.json nor fit.json; give what eaid tune-rc or eaid fit wrote")
+    raise DataError(f"{path}: is neither gains.json nor fit.json; {MAKE}")
 
 
-def _content(path: Path) -> dict[str, Any]:
+def _parts(path: Path) -> _Parts:
     try:
-        content = json.loads(path.read_text(encoding="utf-8"))
-    except (ValueError, RecursionError) as fault:
-        raise DataError(f"{path}: is not a JSON file ({fault}); give what eaid tune-rc or eaid fit wrote") from None
-    return content if isinstance(content, dict) else {}
-
-
-def read_gains(path: Path) -> tuple[Gains, tuple[Finding, ...]]:
-    """gains.json as its type, and what was left out of it."""
-    return codec.read(path, "gains", Gains)
+        return msgspec.json.decode(path.read_bytes(), type=_Parts)
+    except msgspec.ValidationError:
+        return _Parts()  # no object, or another's
+    except (msgspec.DecodeError, RecursionError) as fault:
+        raise DataError(f"{path}: is not a JSON file ({fault}); {MAKE}") from None
 
 
 def read_fit(path: Path) -> tuple[Fit, tuple[Finding, ...]]:
@@ -55,5 +63,5 @@ def fit_beside(gains: Gains, path: Path) -> Path | None:
         return None
     for candidate in (path.parent / named.path, path.parent / Path(named.path).name, Path(named.path)):
         if candidate.is_file() and sha256_of(candidate) == named.sha256:
-            return candidate if _content(candidate).get("nonlinear") else None
+            return candidate if bytes(_parts(candidate).nonlinear) != b"null" else None
     return None

@@ -12,6 +12,8 @@ from eaid.export.entries import Entry, entries
 from eaid.export.job import TITLES, Job
 from eaid.export.series import rounded, series
 from eaid.export.text import commented, decimal, hexadecimal
+from eaid.synth.folder import input_column
+from eaid.synth.plants import UNKNOWN
 
 START = {
     "pi": "Bumpless: sets the integral with which the next step, on these inputs, gives `duty`.",
@@ -112,9 +114,10 @@ def context(job: Job) -> dict[str, Any]:
 
 
 def log_header(units: tuple[str, str]) -> str:
-    """Columns of a log, as `eaid` finds them by name."""
-    duty, torque = "duty_pct" if units[0] == "%" else "input", "torque_nm" if units[1] == "N·m" else "output"
-    return f"time_s,{duty},{torque},{'reference_nm' if units[1] == 'N·m' else 'reference'}"
+    """Columns of a log, as `eaid` finds them by name, with their units."""
+    into, out = (UNKNOWN if unit == "1" else unit for unit in units)
+    torque, reference = ("torque_nm", "reference_nm") if out == "N·m" else (f"output ({out})", f"reference ({out})")
+    return f"time_s,{input_column('clutch', into)},{torque},{reference}"
 
 
 def _limits(job: Job) -> tuple[float, float]:

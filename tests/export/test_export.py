@@ -9,10 +9,12 @@ import msgspec
 import numpy as np
 import pytest
 
+import eaid
 from eaid.errors import GainsError, UsageError
 from eaid.export import export as room
 from eaid.export.export import export
 from eaid.export.options import ExportOptions
+from eaid.export.render import log_header
 from eaid.export.targets import TARGETS
 from eaid.findings import finding, say
 from eaid.findings.sentences.export import ROWS
@@ -153,6 +155,18 @@ def test_the_rigs_own_units_stand_everywhere(tmp_path):
     text = (tmp_path / "rig" / "eaid_control.h").read_text()
     assert "[N/V]" in text and "duty in V, torque in N" in text and "N·m" not in text and "%" not in text
     assert "0x1.2cp+8, /* duty_max = 300.0 V */" in (tmp_path / "rig" / "eaid_control.c").read_text()
+    assert 'puts("time_s,input (V),output (N),reference (N)");' in (tmp_path / "rig" / "check.c").read_text()
+
+
+@pytest.mark.parametrize(
+    ("units", "read"), [(("V", "N"), ("V", "N")), (("%", "N·m"), ("%", "N·m")), (("1", "1"), ("a.u.", "a.u."))]
+)
+def test_the_rigs_log_is_read_in_its_units(units: tuple[str, str], read: tuple[str, str], tmp_path: Path) -> None:
+    """A log of 90 V was taken for one in %, and one of 300 V refused."""
+    rows = [f"{k / 50},{90 * (k >= 100)},{2 * (1 - math.exp(-max(k - 100, 0) / 20))},0" for k in range(500)]
+    (tmp_path / "log.csv").write_text("\n".join([log_header(units), *rows]), encoding="utf-8")
+    steps = eaid.read(tmp_path / "log.csv")
+    assert (steps.input_unit, steps.output_unit) == read and [level.level for level in steps.levels] == [90.0]
 
 
 @pytest.mark.parametrize(
