@@ -1,43 +1,20 @@
 """`eaid simulate` through its runner: exit code, messages, file, and the same bytes for the same seed."""
 
 import json
+import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from eaid.cli import main
-from eaid.replay import files
 from eaid.results.replay import RigRecord
 
+sys.path.insert(0, str(Path(__file__).parent))
+from plain_files import FIT, GAINS, read_replay
 
-def read_replay(path):
-    """Groups by name, and what the file says of itself."""
-    found, _ = files.read(path)
-    return found.records, found.head
-
-
-FIT = {
-    "schema": "eaid/fit/1",
-    "nonlinear": {
-        "C": 0.85,
-        "tau1": [6.74e-3, 2.39e-2, -2.13e-4],
-        "tau2": [0.93, 0.41, -2.64e-3],
-        "Ts": [0.032, 9.2e-3, 2.1e-4, 1.32e-6],
-        "u_range": [10, 100],
-    },
-}
 SD = np.array([0.005, 0.05, 0.01, 0.05, 0.5, 0.1, 0.001, 0.02, 0.05, 0.02])
 UNCERTAIN = {**FIT["nonlinear"], "covariance": {"matrix": np.diag(SD**2).tolist()}}
-GAINS = {
-    "schema": "eaid/gains/1",
-    "model": {"a0": 1.36, "b0": 0.08, "c0": -2.42},
-    "rc": {
-        "K_P": 4.5, "K_D": 3, "B_hat": 12.5, "rho": {"constant": 10.8125, "slope": 6.58595}, "Q_M": 5.0,
-        "epsilon": 0.5, "gamma": 50, "Q": [[1, 5 / 9], [5 / 9, (5 + 10 / 9) / 6]],
-    },
-    "pi": {"K_P": 21.0, "K_I": 360.0},
-}  # fmt: skip
 
 
 @pytest.fixture(autouse=True)

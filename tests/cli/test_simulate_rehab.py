@@ -1,47 +1,23 @@
 """`eaid simulate --scenario rehab` through its runner."""
 
 import json
+import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from eaid.cli import main
-from eaid.replay import files
 
-
-def read_replay(path):
-    """Groups by name, and what the file says of itself."""
-    found, _ = files.read(path)
-    return found.records, found.head
-
-
-FIT = {
-    "schema": "eaid/fit/1",
-    "nonlinear": {
-        "C": 0.85,
-        "tau1": [6.74e-3, 2.39e-2, -2.13e-4],
-        "tau2": [0.93, 0.41, -2.64e-3],
-        "Ts": [0.032, 9.2e-3, 2.1e-4, 1.32e-6],
-        "u_range": [10, 100],
-    },
-}
-GAINS = {
-    "schema": "eaid/gains/1",
-    "model": {"a0": 1.36, "b0": 0.08, "c0": -2.42},
-    "rc": {
-        "K_P": 4.5, "K_D": 3, "B_hat": 12.5, "rho": {"constant": 10.8125, "slope": 6.58595},
-        "epsilon": 0.5, "gamma": 50,
-        "Q": [[1, 5 / 9], [5 / 9, (5 + 10 / 9) / 6]],
-    },
-}  # fmt: skip
+sys.path.insert(0, str(Path(__file__).parent))
+from plain_files import FIT, GAINS, read_replay
 
 
 @pytest.fixture
 def call(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[str]:
     monkeypatch.chdir(tmp_path)
     Path("fit.json").write_text(json.dumps(FIT))
-    Path("gains.json").write_text(json.dumps(GAINS))
+    Path("gains.json").write_text(json.dumps({key: part for key, part in GAINS.items() if key != "pi"}))
     return ["simulate", "fit.json", "--gains", "gains.json", "--scenario", "rehab"]
 
 
