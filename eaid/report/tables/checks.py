@@ -2,7 +2,7 @@
 
 from eaid.report.rig import gain, rate
 from eaid.report.tables.fits import PARAMETERS, estimates_of, unit_of
-from eaid.report.tables.table import SYMBOLS, Cell, Column, Name, Table, columns, level, with_unit
+from eaid.report.tables.table import SYMBOLS, Cell, Column, Name, Table, columns, level, table_of, with_unit
 from eaid.results.common import Interval
 from eaid.results.fit import Fit
 
@@ -51,25 +51,26 @@ def lack_of_fit_table(fit: Fit) -> Table:
 
 def shapes_table(fit: Fit) -> Table:
     """Curves tried on each level."""
-    judged = fit.uncertainty.adequacy if fit.uncertainty else None
-    rows = tuple((one.name, one.parameters, one.rmse, one.aicc) for one in (judged.shapes if judged else ()))
-    caption = "Curves tried on each level. AICc weighs closeness against the number of values fitted: the least is "
-    caption += "best, differences below about 4 say little."
-    heads = columns("curve", ("values a level", "", 1), ("RMSE", fit.data.output_unit, 3), ("AICc", "", 6))
-    return Table("Which shape", caption, heads, rows)
+    return table_of(
+        "Which shape",
+        "Curves tried on each level. AICc weighs closeness against the number of values fitted: the least is best, "
+        "differences below about 4 say little.",
+        fit.uncertainty.adequacy.shapes if fit.uncertainty and fit.uncertainty.adequacy else (),
+        ("curve", "name"), (("values a level", "", 1), "parameters"), (("RMSE", fit.data.output_unit, 3), "rmse"),
+        (("AICc", "", 6), "aicc"),
+    )  # fmt: skip
 
 
 def degrees_table(fit: Fit) -> Table:
     """Degrees tried for each polynomial."""
-    judged = fit.uncertainty.adequacy if fit.uncertainty else None
-    rows = tuple(
-        (SYMBOLS.get(one.parameter, one.parameter), one.order, one.chi_square, one.aicc, one.leave_one_out_pct)
-        for one in (judged.orders if judged else ())
-    )
-    caption = "Polynomials of the input tried for each value. The last column is the typical error when a level is "
-    caption += "left out and predicted from the others."
-    heads = columns("value", ("degree", "", 1), "χ²", "AICc", ("left-out error", "%", 3))
-    return Table("Which degree", caption, heads, rows)
+    return table_of(
+        "Which degree",
+        "Polynomials of the input tried for each value. The last column is the typical error when a level is left out "
+        "and predicted from the others.",
+        fit.uncertainty.adequacy.orders if fit.uncertainty and fit.uncertainty.adequacy else (),
+        ("value", lambda one: SYMBOLS.get(one.parameter, one.parameter)), (("degree", "", 1), "order"),
+        ("χ²", "chi_square"), ("AICc", "aicc"), (("left-out error", "%", 3), "leave_one_out_pct"),
+    )  # fmt: skip
 
 
 def comparison_table(first: Fit, second: Fit, names: tuple[str, str]) -> Table:

@@ -2,7 +2,7 @@
 
 from eaid.report import published
 from eaid.report.rig import apparatus_of, gain, of_the_paper, printed_head, rate
-from eaid.report.tables.table import SYMBOLS, Cell, Column, Name, Table, columns, level, number, with_unit
+from eaid.report.tables.table import SYMBOLS, Cell, Column, Name, Table, columns, level, number, table_of, with_unit
 from eaid.results.fit import Fit
 from eaid.results.friction import Trend
 from eaid.results.nonlinear import Estimate
@@ -153,14 +153,12 @@ def input_gain_table(fit: Fit, asked: bool | None = None) -> Table:
         caption += "the least and the largest B of the levels kept."
     if paper := _printed(fit, asked):
         caption += f" {paper.capitalize()}: 12.4 and 42.6."
-    heads = columns(
-        ("level", unit), ("a0", "1/s"), ("steady value", out), "b0", ("c0", f"{out}/s"), ("B", gain(unit, out)),
-        ("95 % interval", "", 3), ("RMSE", out, 3),
+    return table_of(
+        "Input gain of each level", caption, part.per_level,
+        (("level", unit), lambda one: level(one.level)), (("a0", "1/s"), "a0"), (("steady value", out), "gain"),
+        ("b0", "b0"), (("c0", f"{out}/s"), "c0"), (("B", gain(unit, out)), "B"),
+        (("95 % interval", "", 3), lambda one: one.ci95.B if one.ci95 else None), (("RMSE", out, 3), "rmse"),
     )  # fmt: skip
-    rows = tuple(
-        (level(r.level), r.a0, r.gain, r.b0, r.c0, r.B, r.ci95.B if r.ci95 else None, r.rmse) for r in part.per_level
-    )
-    return Table("Input gain of each level", caption, heads, rows)
 
 
 def release_table(fit: Fit) -> Table:
@@ -184,17 +182,16 @@ SHAPES = {"one": "one exponential", "two": "two exponentials", "free": "two, C f
 def level_steps_table(fit: Fit) -> Table:
     """Each change of input between two holds: start, change, gain and the shape that the evidence asked for."""
     unit, out = fit.data.input_unit, fit.data.output_unit
-    rows: list[tuple[Cell, ...]] = []
-    for one in fit.steps:
-        step = Name(f"{level(one.from_)} → {level(one.level)}")
-        shape = (SHAPES.get(one.shape, one.shape), one.tau1, one.tau2, one.C, one.dead_time_s)
-        rows.append((step, one.start, one.change, one.gain, *shape, one.rmse, one.fit_pct))
-    heads = columns(
-        ("step", unit), ("start", out), ("change", out), ("gain", f"{out or 'output'}/{unit or 'input'}"), "shape",
-        ("τ1", "s"), ("τ2", "s"), ("C", "", 3), ("dead time", "s", 3), ("RMSE", out, 3), ("fit", "%", 3),
+    return table_of(
+        "Steps from level to level",
+        "Each change of input between two holds, from its own start; the shape is what the evidence asks for.",
+        fit.steps,
+        (("step", unit), lambda one: Name(f"{level(one.from_)} → {level(one.level)}")), (("start", out), "start"),
+        (("change", out), "change"), (("gain", f"{out or 'output'}/{unit or 'input'}"), "gain"),
+        ("shape", lambda one: SHAPES.get(one.shape, one.shape)), (("τ1", "s"), "tau1"), (("τ2", "s"), "tau2"),
+        (("C", "", 3), "C"), (("dead time", "s", 3), "dead_time_s"), (("RMSE", out, 3), "rmse"),
+        (("fit", "%", 3), "fit_pct"),
     )  # fmt: skip
-    caption = "Each change of input between two holds, from its own start; the shape is what the evidence asks for."
-    return Table("Steps from level to level", caption, heads, tuple(rows))
 
 
 def held_out_table(fit: Fit) -> Table:

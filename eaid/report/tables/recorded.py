@@ -3,87 +3,75 @@
 from collections.abc import Sequence
 
 from eaid.report.edge_logs import EdgeLog
-from eaid.report.tables.table import Cell, Name, Table, columns, level
+from eaid.report.tables.table import Cell, Name, Table, columns, level, table_of
 from eaid.results.fit import Fit
+from eaid.results.recorded import Asked, Falls, LogFit, Loop, Response
 
 
 def recorded_tables(fit: Fit) -> list[Table]:
     """Every table of the recorded part, how well each log is followed first."""
-    if fit.recorded is None:
+    if (part := fit.recorded) is None:
         return []
-    return [logs_table(fit), responses_table(fit), loops_table(fit), asked_table(fit), falls_table(fit)]
+    units = fit.data.input_unit, fit.data.output_unit
+    every = (logs_table(part.logs, units[1]), responses_table(part.responses), loops_table(part.loops, units))
+    return [*every, asked_table(part.asked, units[0]), falls_table(part.falls)]
 
 
-def logs_table(fit: Fit) -> Table:
+def logs_table(logs: Sequence[LogFit], out: str) -> Table:
     """One row a log."""
-    out = fit.data.output_unit
-    rows: tuple[tuple[Cell, ...], ...] = tuple(
-        (Name(one.name), one.input_kind, one.duration_s, one.rate_hz, one.idle, one.rmse, one.fit_pct, one.one_step_pct)
-        for one in (fit.recorded.logs if fit.recorded else ())
-    )
-    heads = columns(
-        "log", "input", ("length", "s", 3), ("rate", "Hz", 3), ("idle", out, 3), ("RMSE", out, 3),
-        ("free-run fit", "%", 3), ("one-step fit", "%", 3),
+    return table_of(
+        "Logs fitted as recorded",
+        "Free run: the model driven by the input alone. One step: from each measured sample to the next.",
+        logs,
+        ("log", lambda one: Name(one.name)), ("input", "input_kind"), (("length", "s", 3), "duration_s"),
+        (("rate", "Hz", 3), "rate_hz"), (("idle", out, 3), "idle"), (("RMSE", out, 3), "rmse"),
+        (("free-run fit", "%", 3), "fit_pct"), (("one-step fit", "%", 3), "one_step_pct"),
     )  # fmt: skip
-    said = "Free run: the model driven by the input alone. One step: from each measured sample to the next."
-    return Table("Logs fitted as recorded", said, heads, rows)
 
 
-def responses_table(fit: Fit) -> Table:
+def responses_table(responses: Sequence[Response]) -> Table:
     """Where the frequency response of each log is known, and how far the clutch is from any linear system."""
-    rows: tuple[tuple[Cell, ...], ...] = tuple(
-        (
-            Name(one.name), one.frequency_hz[0], one.frequency_hz[-1], one.averages, min(one.coherence),
-            one.harmonics_pct, one.model_harmonics_pct,
-        )
-        for one in (fit.recorded.responses if fit.recorded else ())
-        if one.frequency_hz
+    return table_of(
+        "Frequency response",
+        "Harmonics: what the output holds beyond any linear answer to the input, noise taken off, as a share of the "
+        "linear part; the same of the nonlinear model.",
+        [one for one in responses if one.frequency_hz],
+        ("log", lambda one: Name(one.name)), (("from", "Hz", 3), lambda one: one.frequency_hz[0]),
+        (("to", "Hz", 3), lambda one: one.frequency_hz[-1]), (("averages", "", 2), "averages"),
+        (("least coherence", "", 3), lambda one: min(one.coherence)), (("harmonics", "%", 3), "harmonics_pct"),
+        (("of the model", "%", 3), "model_harmonics_pct"),
     )  # fmt: skip
-    heads = columns(
-        "log", ("from", "Hz", 3), ("to", "Hz", 3), ("averages", "", 2), ("least coherence", "", 3),
-        ("harmonics", "%", 3), ("of the model", "%", 3),
-    )  # fmt: skip
-    said = "Harmonics: what the output holds beyond any linear answer to the input, noise taken off, as a share of the "
-    return Table("Frequency response", f"{said}linear part; the same of the nonlinear model.", heads, rows)
 
 
-def loops_table(fit: Fit) -> Table:
+def loops_table(loops: Sequence[Loop], units: tuple[str, str]) -> Table:
     """Recorded closed loops: the law that explains the input, errors, margins, limits."""
-    unit, out = fit.data.input_unit, fit.data.output_unit
-    rows: tuple[tuple[Cell, ...], ...] = tuple(
-        (
-            Name(one.name), one.K_P, one.K_I, one.law_fit_pct, 100 * one.saturated_fraction, one.rms_error,
-            one.predicted_rms_error, one.rms_from_predicted, one.gain_margin_db, one.phase_margin_deg,
-        )
-        for one in (fit.recorded.loops if fit.recorded else ())
-    )  # fmt: skip
-    heads = columns(
-        "loop", ("K_P", f"{unit}/({out})", 3), ("K_I", f"{unit}/({out}·s)", 3), ("PI law explains", "%", 3),
-        ("at a limit", "%", 2), ("RMS error", out, 3), ("as replayed", out, 3), ("apart", out, 3),
-        ("gain margin", "dB", 3), ("phase margin", "°", 3),
-    )  # fmt: skip
-    said = (
+    unit, out = units
+    return table_of(
+        "Closed loops as recorded",
         "Error: reference minus output, as recorded and as the same law gives it on the fitted model; margins of that "
-    )
-    return Table("Closed loops as recorded", f"{said}law around the inputs used.", heads, rows)
+        "law around the inputs used.",
+        loops,
+        ("loop", lambda one: Name(one.name)), (("K_P", f"{unit}/({out})", 3), "K_P"),
+        (("K_I", f"{unit}/({out}·s)", 3), "K_I"), (("PI law explains", "%", 3), "law_fit_pct"),
+        (("at a limit", "%", 2), lambda one: 100 * one.saturated_fraction), (("RMS error", out, 3), "rms_error"),
+        (("as replayed", out, 3), "predicted_rms_error"), (("apart", out, 3), "rms_from_predicted"),
+        (("gain margin", "dB", 3), "gain_margin_db"), (("phase margin", "°", 3), "phase_margin_deg"),
+    )  # fmt: skip
 
 
-def asked_table(fit: Fit) -> Table:
+def asked_table(asked: Sequence[Asked], unit: str) -> Table:
     """What the inputs asked about at each level."""
-    rows: tuple[tuple[Cell, ...], ...] = tuple(
-        (level(one.level), one.time_s, one.Ts, one.tau1, one.tau2)
-        for one in (fit.recorded.asked if fit.recorded else ())
-    )
-    heads = columns(
-        ("level", fit.data.input_unit), ("time near it", "s", 3), ("T_s", "± %", 2), ("τ1", "± %", 2), ("τ2", "± %", 2)
-    )
-    said = "Half-widths of the 95 % intervals there, as a share of the value; a dash: never asked."
-    return Table("What the input asked about", said, heads, rows)
+    return table_of(
+        "What the input asked about",
+        "Half-widths of the 95 % intervals there, as a share of the value; a dash: never asked.",
+        asked,
+        (("level", unit), lambda one: level(one.level)), (("time near it", "s", 3), "time_s"),
+        (("T_s", "± %", 2), "Ts"), (("τ1", "± %", 2), "tau1"), (("τ2", "± %", 2), "tau2"),
+    )  # fmt: skip
 
 
-def falls_table(fit: Fit) -> Table:
+def falls_table(one: Falls | None) -> Table:
     """Whether falls differ from rises; no rows where nothing was tested."""
-    one = fit.recorded.falls if fit.recorded else None
     rows: list[tuple[Cell, ...]] = []
     if one is not None:
         slip = (one.hysteresis_pct, one.hysteresis_ci95, one.hysteresis_chance, one.hysteresis_fitted)

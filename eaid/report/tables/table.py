@@ -1,12 +1,15 @@
 """The one table of the report: typed cells, rendered as text for the terminal and as HTML for the page."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from operator import attrgetter
+from typing import TypeVar
 
 from eaid.results.common import Interval
 
+T = TypeVar("T")
 SYMBOLS = {"Ts": "T_s", "C_f": "C_f", "tau1": "τ1", "tau2": "τ2"}
 
 
@@ -63,6 +66,16 @@ class Table:
 def columns(*heads: str | tuple[str, str] | tuple[str, str, int]) -> tuple[Column, ...]:
     """Columns from their heads, units and digits."""
     return tuple(Column(head) if isinstance(head, str) else Column(*head) for head in heads)
+
+
+Head = str | tuple[str, str] | tuple[str, str, int]
+
+
+def table_of(heading: str, caption: str, items: Iterable[T], *parts: tuple[Head, str | Callable[[T], Cell]]) -> Table:
+    """A table of one row an item; each column is its head and what it shows: an attribute by name, or a function."""
+    shows = [attrgetter(show) if isinstance(show, str) else show for _head, show in parts]
+    rows = tuple(tuple(show(one) for show in shows) for one in items)
+    return Table(heading, caption, columns(*(head for head, _show in parts)), rows)
 
 
 def text(cell: Cell, digits: int = 4) -> str:
