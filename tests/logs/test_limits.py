@@ -30,8 +30,10 @@ from eaid.logs.units import divisor, likely_time_unit, scale_of
 @pytest.mark.parametrize("unit", clock.EPOCH)
 def test_stamps_since_1970_begin_in_2001_and_end_in_2096(unit: str) -> None:
     per_s = {"s": 1, "ms": 10**3, "us": 10**6, "ns": 10**9}[unit]
-    for first, counted in ((10**9, True), (10**9 - 1, False), (4 * 10**9, True), (4 * 10**9 + 1, False)):
-        raw = np.array([first * per_s, first * per_s + per_s])
+    beyond = 1 if unit != "ns" else 1024  # the next whole number that a float tells apart
+    low, high = 10**9 * per_s, 4 * 10**9 * per_s
+    for first, counted in ((low, True), (low - beyond, False), (high, True), (high + beyond, False)):
+        raw = np.array([first, first + per_s])
         scale = time_scale("a", None, "time", "")
         found = seconds_since_start("a", "time", raw, scale)
         told = [one.code for one in found[2]] == ["time-since-1970"]

@@ -371,3 +371,12 @@ def test_a_release_whose_input_is_late_is_told_too() -> None:
         "rising": [],
         "falling": ["input-ramps-on"],
     }
+
+
+@pytest.mark.parametrize(("samples", "said"), [(4.5, False), (5.5, True)])
+def test_a_gap_before_the_step_is_that_of_its_own_two_samples(samples: float, said: bool) -> None:
+    """The output has moved by 20 % when the record goes on, with the input at its level."""
+    late = np.where(np.arange(1200) >= 400, (samples - 1) / 100, 0.0)
+    y = 2.0 * curve(RUN.time_s - 3.99 + late)
+    run = replace(RUN, time_s=read_only(RUN.time_s + late), output=read_only(np.where(np.arange(1200) < 400, 0.0, y)))
+    assert ("step-in-gap" in codes(run)) is said
