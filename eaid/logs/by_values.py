@@ -39,11 +39,12 @@ def chosen_table(source: str, tables: Sequence[Table], options: ReadOptions) -> 
     if not good:
         if len(tables) == 1:
             raise faults[0]
-        held = "; ".join(
+        contents = "; ".join(
             f"{table.name or 'table'}: {', '.join(c or '?' for c in table.columns[:8])}" for table in tables[:6]
         )
         raise DataError(
-            f"{source}: no table in it has columns of time and torque ({held}); choose with «variable» and «columns»"
+            f"{source}: no table in it has columns of time and torque ({contents}); "
+            "choose with «variable» and «columns»"
         )
     full = [pair for pair in good if pair[1].inputs] or good
     if len(full) > 1:
@@ -94,8 +95,8 @@ def by_place(path: str, table: Table, options: ReadOptions) -> Roles:
     time_at, input_at, output_at = places[count, rate]
     order = [name for name, at in (("time", time_at), ("input", input_at), ("output", output_at)) if at is not None]
     inputs = ((options.kind or "clutch", input_at),) if input_at is not None else ()
-    told = finding("columns-by-place", path, order=", ".join(order))
-    return Roles(time_at, inputs, output_at, None, findings=(told,))
+    by_order = finding("columns-by-place", path, order=", ".join(order))
+    return Roles(time_at, inputs, output_at, None, findings=(by_order,))
 
 
 def rises(values: NDArray[Any]) -> bool:
@@ -118,7 +119,7 @@ def steps(values: NDArray[Any]) -> bool:
 
 
 def the_input(
-    path: str, table: Table, roles: Roles, column: Callable[[int], NDArray[Any]], told: bool
+    path: str, table: Table, roles: Roles, column: Callable[[int], NDArray[Any]], known: bool
 ) -> tuple[Kind | None, int | None, tuple[Finding, ...]]:
     """The input among the columns that may be it: the one that moves, where the names leave a choice.
 
@@ -132,7 +133,7 @@ def the_input(
         return (*first, ())
     moving = [(kind, which) for kind, which in roles.inputs if _moves(column(which))]
     jumping = [one for one in moving if steps(column(one[1]))]
-    if not jumping and not told:  # a speed that follows a throttle moves, but steps nowhere
+    if not jumping and not known:  # a speed that follows a throttle moves, but steps nowhere
         stepping = [which for which in roles.others[:64] if steps(column(which))]
         if moving:
             stepping = [which for which in stepping if len(np.unique(column(which))) > 2]  # more than on and off

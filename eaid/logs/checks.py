@@ -45,11 +45,11 @@ def checked(
     if not said and all(np.isfinite(values).all() for values in columns.values()) and (np.diff(time) > 0).all():
         return None
     bad = np.zeros(count, dtype=bool)
-    told: set[tuple[int, str]] = set()
+    named: set[tuple[int, str]] = set()
     cells = []
     for sample, label, text in said:
         bad[sample] = True
-        told.add((sample, label))
+        named.add((sample, label))
         if not label:
             cells.append(f"{word} {row_of(sample)} has {text} cells, unlike the others")
         elif not text:
@@ -60,7 +60,7 @@ def checked(
     whole = {sample for sample, label, _ in said if not label}
     for label, values in columns.items():
         for sample in np.flatnonzero(~np.isfinite(values)).tolist():
-            if (sample, label) not in told and sample not in whole:
+            if (sample, label) not in named and sample not in whole:
                 value = "empty or not a number" if np.isnan(values[sample]) else "infinite"
                 cells.append(f"{word} {row_of(sample)}, column {label}, is {value}")
             bad[sample] = True

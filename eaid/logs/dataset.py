@@ -207,7 +207,7 @@ def _read_run(group: h5py.Group, shared: Run, read: _Columns) -> Run:
     said = {name: value for name, value in facts.items() if value not in (None, "")}
     said = {name: value for name, value in said.items() if not isinstance(value, float) or math.isfinite(value)}
     said |= {"edge": "falling" if facts["edge"] == "falling" else "rising", "cut": facts["edge"] is not None}
-    run = dataclasses.replace(shared, **columns, **said, findings=findings)
+    run = dataclasses.replace(shared, **columns, **said, findings=findings)  # type: ignore[arg-type]  # by field
     first = float(run.time_s[0]) if len(run.time_s) else 0.0
     if abs(first) <= LARGEST_START_S:
         return run

@@ -172,12 +172,12 @@ def _broken_rows(above: list[str], marks: Marks) -> int:
 
 def _refuse_another_table(path: str, above: list[str], marks: Marks) -> None:
     """Refuse a file with rows of numbers above the table that is read: two tables, of which one would be lost."""
-    held = 0
+    rows = 0
     for i, line in enumerate(above):
         cells = marks.cells(line, len(line))
         numbers = sum(marks.value(cell) is not None for cell in cells)
-        held = held + 1 if numbers > 1 and 2 * numbers > len(cells) and not _is_comment(line) else 0
-        if held == 3:
+        rows = rows + 1 if numbers > 1 and 2 * numbers > len(cells) and not _is_comment(line) else 0
+        if rows == 3:
             raise DataError(
                 f"{path}: holds two tables, one from row {i - 1} and another from row {len(above) + 1}; "
                 f"save each in a file of its own"

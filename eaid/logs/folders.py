@@ -39,8 +39,8 @@ def files_of(paths: Iterable[Path], tell: Callable[[str], None] = lambda _: None
         if path.is_dir():
             inside, others = _sorted_out(path)
             if not inside:
-                held = f" (left out: {_listed(others)})" if others else ""
-                missing.append(f"{path}: holds no logs{held}; give the folder that does")
+                besides = f" (left out: {_listed(others)})" if others else ""
+                missing.append(f"{path}: holds no logs{besides}; give the folder that does")
             elif others:
                 tell(f"{path}: left out as no logs: {_listed(others)}; a file given by name is always read")
             files.extend(inside)

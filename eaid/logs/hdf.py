@@ -52,10 +52,10 @@ def digest_of(file: h5py.File) -> str:
     """SHA-256 of all attributes, shapes and values, one object after the other; the attribute `digest` is left out."""
     seen = hashlib.sha256()
     for name, node in (("/", file), *nodes(file)):
-        held = isinstance(node, h5py.Dataset) and node.shape is not None
+        has_values = isinstance(node, h5py.Dataset) and node.shape is not None
         facts = sorted((key, text(value)) for key, value in node.attrs.items() if key != "digest")
-        seen.update(repr((name, node.shape if held else None, facts)).encode("utf-8", errors="replace"))
-        if held:
+        seen.update(repr((name, node.shape if has_values else None, facts)).encode("utf-8", errors="replace"))
+        if has_values:
             values = np.asarray(node[()])
             seen.update(str(values.dtype).encode())
             plain = values.dtype.kind in "fiub"

@@ -133,9 +133,9 @@ def apply(entry: Entry, run: Run) -> Run:
     run = replace(run, findings=findings, level=level)
     if run.cut:
         return run
-    step_s, until_s = (None if at is None else at - run.start_s for at in (entry.step_s, entry.until_s))
-    said = {"repeat": entry.repeat, "step_s": step_s, "until_s": until_s}
-    return replace(run, **{name: value for name, value in said.items() if value is not None})
+    step_s = run.step_s if entry.step_s is None else entry.step_s - run.start_s
+    until_s = run.until_s if entry.until_s is None else entry.until_s - run.start_s
+    return replace(run, repeat=run.repeat if entry.repeat is None else entry.repeat, step_s=step_s, until_s=until_s)
 
 
 def _toml(**values: Value | None) -> list[str]:

@@ -149,8 +149,8 @@ def _check_level(run: Run) -> None:
     at = int(np.searchsorted(run.time_s, run.step_s - 1e-9))
     parts = (run.input[at:], run.input[:at])
     ends = [abs(float(np.median(part))) for part in parts if len(part)]
-    told = len(parts[run.edge == "falling"])
-    if told and not any(abs(end - abs(run.level)) <= 0.02 * max(abs(run.level), end) + 1e-9 for end in ends):
+    expected = len(parts[run.edge == "falling"])
+    if expected and not any(abs(end - abs(run.level)) <= 0.02 * max(abs(run.level), end) + 1e-9 for end in ends):
         raise DataError(
             f"{run.where}: its level is {run.level:g}, its input goes to {ends[0]:g} {run.input_unit}; "
             f"ingest the logs again"

@@ -88,12 +88,12 @@ def scales_compared(runs: Sequence[Run]) -> list[Run]:
     if not most > 1.5:
         return list(runs)
     others = {round(one, 3) for one in largest if one > 1.5}
-    told = []
-    for run, own in zip(runs, largest, strict=True):
-        if 0 < own < 1 or (own == 1 and 100.0 in others):
+    compared = []
+    for run, top in zip(runs, largest, strict=True):
+        if 0 < top < 1 or (top == 1 and 100.0 in others):
             run = replace(run, findings=(*run.findings, finding("input-in-fractions", run.name, other=float(most))))
-        told.append(run)
-    return told
+        compared.append(run)
+    return compared
 
 
 def _largest_pct(run: Run) -> float:
@@ -174,8 +174,8 @@ def _joined(parts: list[Run]) -> Run:
 
 def _beside(columns: Sequence[Array | None]) -> Array | None:
     """A column that not every log has, joined where all do."""
-    held = [column for column in columns if column is not None]
-    return read_only(np.concatenate(held)) if len(held) == len(columns) else None
+    present = [column for column in columns if column is not None]
+    return read_only(np.concatenate(present)) if len(present) == len(columns) else None
 
 
 def _findings_of(parts: Sequence[Run]) -> list[Finding]:

@@ -19,7 +19,7 @@ from eaid.steps.plateaus import FEWEST
 
 STEADY = 0.01
 """Share of a step's change by which the last quarter of a rest may differ from the whole of it."""
-SURE = 4.0
+STANDARD_ERRORS = 4.0
 """Standard errors beyond which a rest is said to move."""
 FLOOR = 0.02
 """Share of a step's change by which a start may be off its rest: it shifts τ1 by as much, which is within the interval
@@ -96,7 +96,7 @@ def moves(part: Array, change: float) -> float:
     off = float(part[-(len(part) // 4) :].mean() - part.mean())
     means = block_means(part, 80)
     error = block_noise(means) * math.sqrt(3 / len(means))
-    return off if abs(off) > max(STEADY * abs(change), SURE * error) else 0.0
+    return off if abs(off) > max(STEADY * abs(change), STANDARD_ERRORS * error) else 0.0
 
 
 def last_rest(hold: Array, change: float) -> Rest:
@@ -158,7 +158,7 @@ def left_early(hold: Array, rest: Array, change: float) -> int:
     # from where the output is last within its noise, where that is longer ago
     middle = median(rest)
     noise = 1.4826 * median(np.abs(rest - middle))
-    inside = np.flatnonzero(np.abs(hold - middle) <= max(SURE * noise, FLOOR * abs(change)))
+    inside = np.flatnonzero(np.abs(hold - middle) <= max(STANDARD_ERRORS * noise, FLOOR * abs(change)))
     return max(found, len(hold) - 1 - int(inside[-1]) if len(inside) else 0)
 
 

@@ -132,10 +132,10 @@ def _contradiction(step: Step) -> list[Finding]:
     run = step.run
     if run.edge != "rising" or not run.has_input or run.level is None or np.isnan(run.input[step.start :]).any():
         return []
-    held, allowed = median(run.input[step.start :]), tolerance(run.input)
-    if abs(held - run.level) <= max(0.02 * abs(run.level), 2 * allowed, 1e-9):
+    median_held, allowed = median(run.input[step.start :]), tolerance(run.input)
+    if abs(median_held - run.level) <= max(0.02 * abs(run.level), 2 * allowed, 1e-9):
         return []
-    return [finding("level-contradicts-input", run.name, said=run.level, held=held, unit=run.input_unit)]
+    return [finding("level-contradicts-input", run.name, said=run.level, held=median_held, unit=run.input_unit)]
 
 
 def _of_the_set(levels: Sequence[Level], runs: Sequence[Run], input_unit: str, output_unit: str) -> list[Finding]:
@@ -158,8 +158,9 @@ def _disagreements(level: Level, unit: str) -> dict[str, tuple[Finding]]:
     spread, off = disagreement(level.runs) if len(level.runs) > 1 else (0.0, np.empty(0))
     if spread <= DISAGREE:
         return {}
-    said = {"spread_pct": 100 * spread, "unit": unit}
     return {
-        name: (finding("repeats-disagree", name, (level.level,), own_pct=100 * share, **said),)
+        name: (
+            finding("repeats-disagree", name, (level.level,), own_pct=100 * share, spread_pct=100 * spread, unit=unit),
+        )
         for name, share in zip(level.names, off.tolist(), strict=True)
     }

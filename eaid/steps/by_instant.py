@@ -76,11 +76,11 @@ def _window(run: Run, step: float) -> tuple[int, float]:
     until = len(time) if run.until_s is None else sample_at(run, run.until_s)
     level = run.level
     if run.has_input and until > start:
-        held = run.input[start:until]
+        window = run.input[start:until]
         if level is None:
-            found = [plateau for plateau in plateaus(held) if plateau.count >= FEWEST]
-            level = found[0].level if found else median(held)
-        near = np.abs(held - level) <= max(tolerance(run.input), 0.01 * abs(level))
+            found = [plateau for plateau in plateaus(window) if plateau.count >= FEWEST]
+            level = found[0].level if found else median(window)
+        near = np.abs(window - level) <= max(tolerance(run.input), 0.01 * abs(level))
         if near.any():  # the window ends where the input leaves its level, once it has reached it
             reached = int(near.argmax())
             left = np.flatnonzero(~near[reached:])

@@ -17,7 +17,7 @@ from eaid.steps.step import Step
 
 BEYOND_DRIFT = 1.5
 """A change counts as a step's where it exceeds so many times what the idle slope explains."""
-SURE = 5.0
+STANDARD_ERRORS = 5.0
 """Standard errors beyond which a change has a sign."""
 SMALL = 0.2
 """Share of the usual change below which a sign of its own is not held against a step."""
@@ -45,13 +45,13 @@ def direction(runs: Sequence[Run], keep: bool = False) -> Direction:
     for negative in signs:
         rising = [r for r in runs if r.edge == "rising" and r.from_level == 0 and ((r.level or 0.0) < 0) is negative]
         changes = [(run, *_change(Step(run))) for run in rising]
-        sure = [(run, change) for run, change, evident in changes if evident]
-        if not sure:
+        clear = [(run, change) for run, change, evident in changes if evident]
+        if not clear:
             continue
-        sign = -1.0 if sum(change for _, change in sure) < 0 else 1.0
-        usual = float(np.median([abs(change) for _, change in sure]))
-        odd = [run for run, change in sure if change * sign < -SMALL * usual]
-        found += [finding("sign-differs", run.name, (abs(run.level or 0.0),), siblings=len(sure) - 1) for run in odd]
+        sign = -1.0 if sum(change for _, change in clear) < 0 else 1.0
+        usual = float(np.median([abs(change) for _, change in clear]))
+        odd = [run for run, change in clear if change * sign < -SMALL * usual]
+        found += [finding("sign-differs", run.name, (abs(run.level or 0.0),), siblings=len(clear) - 1) for run in odd]
         if sign < 0 and not keep:
             signs[negative] = sign
             found.append(finding("signs-turned", "data", runs=len(rising)))
@@ -68,9 +68,9 @@ def _change(step: Step) -> tuple[float, bool]:
         at = (np.arange(len(means)) + 0.5) / len(means)
         slope, error, _ = line(at, means)
         lasts = float(step.run.time_s[step.start - 1] - step.run.time_s[0])
-        if abs(slope) > SURE * error and lasts > 0:
+        if abs(slope) > STANDARD_ERRORS * error and lasts > 0:
             # from the middle of the idle time, or its end, to the middle of the window
             explained = slope * (0.5 + 0.5 * float(step.time_s[-1]) / lasts)
     same_way = explained * change > 0
     beyond = abs(change) > BEYOND_DRIFT * abs(explained) if same_way else True
-    return change, beyond and abs(change) > SURE * block_error(step.rise) / np.sqrt(20)
+    return change, beyond and abs(change) > STANDARD_ERRORS * block_error(step.rise) / np.sqrt(20)

@@ -25,7 +25,7 @@ MOVED = 0.05
 """Share of the swing by which the output may have moved behind a gap or a ramp that the step falls into."""
 FAR = 0.2
 """Share of the swing from which what it moved during a ramp leaves no time constants to be told."""
-SURE = 5.0
+STANDARD_ERRORS = 5.0
 """Standard errors beyond which a difference is told."""
 
 
@@ -50,7 +50,7 @@ def _gap_at_step(step: Step) -> Finding | None:
         return None
     gap = float(step.run.time_s[step.start] - step.run.time_s[step.start - 1])
     first = abs(float(step.rise[0]) - (step.before if step.run.edge == "falling" and step.before else 0.0))
-    if gap <= 5 * step.clock.usual_s or first <= max(MOVED * step.swing, SURE * sample_noise(step.rise)):
+    if gap <= 5 * step.clock.usual_s or first <= max(MOVED * step.swing, STANDARD_ERRORS * sample_noise(step.rise)):
         return None
     at = float(step.run.time_s[step.start - 1])
     return finding("step-in-gap", step.run.name, gap_s=gap, at_s=at, moved_pct=100 * first / step.swing)
@@ -65,7 +65,7 @@ def _ramp(step: Step) -> Finding | None:
     at_rest = np.flatnonzero(np.abs(run.input[: step.start] - level) <= tolerance(run.input))
     last = int(at_rest[-1]) if len(at_rest) else -1  # none: the hold before it belongs to the step before
     moved = abs(float(step.rise[0]) - (step.before or 0.0)) / step.swing
-    if last == step.start - 1 or moved <= MOVED or moved * step.swing <= SURE * sample_noise(step.rise):
+    if last == step.start - 1 or moved <= MOVED or moved * step.swing <= STANDARD_ERRORS * sample_noise(step.rise):
         return None
     ramp_s = float(run.time_s[step.start] - run.time_s[max(last, 0)])
     code = "input-ramps-on" if moved > FAR else "input-ramps"
@@ -77,7 +77,7 @@ def _drift(step: Step) -> Finding | None:
         return None
     means = block_means(without_spikes(step.idle, step.swing)[0])
     slope, error, _ = line(np.arange(len(means)) / len(means), means)
-    if abs(slope) > 0.02 * step.swing and abs(slope) > SURE * error:
+    if abs(slope) > 0.02 * step.swing and abs(slope) > STANDARD_ERRORS * error:
         share = 100 * abs(slope) / step.swing if step.swing > 0 else None
         grown = slope * len(step.rise) / len(step.idle)
         by_end = 100 * abs(grown) / step.swing if step.swing > 0 else None
@@ -111,7 +111,7 @@ def _falls_while_held(step: Step) -> Finding | None:
     if len(step.rise) < FEW:
         return None
     lost = lost_pct(step)
-    if lost <= 2.0 or lost / 100 * step.swing <= SURE * block_error(step.rise):
+    if lost <= 2.0 or lost / 100 * step.swing <= STANDARD_ERRORS * block_error(step.rise):
         return None
     means = block_means(step.rise, 4 * BLOCKS)
     tail = means[int(means.argmax()) :]
@@ -120,7 +120,7 @@ def _falls_while_held(step: Step) -> Finding | None:
     slope, error, left = line(np.arange(len(tail)), tail)
     alike = float(left[1:] @ left[:-1] / max(float(left @ left), 1e-300))
     widen = (1 + max(alike, 0.0)) / max(1 - max(alike, 0.0), 0.05)
-    if -slope <= SURE * error * widen**0.5:
+    if -slope <= STANDARD_ERRORS * error * widen**0.5:
         return None
     return finding("decays-under-hold", step.run.name, step.levels, lost_pct=lost)
 
@@ -129,7 +129,7 @@ def _left_after_release(step: Step) -> Finding | None:
     if step.run.from_level != 0 or len(step.rise) < FEW:
         return None
     left = left_pct(step)
-    if left > 5.0 and left / 100 * step.swing > SURE * block_error(step.rise):
+    if left > 5.0 and left / 100 * step.swing > STANDARD_ERRORS * block_error(step.rise):
         after_s = float(step.time_s[-1])
         return finding("left-after-release", step.run.name, step.levels, left_pct=left, after_s=after_s)
     return None
@@ -153,8 +153,8 @@ def _too_short(step: Step) -> Finding | None:
     means = block_means(step.rise)
     if not short or means[-3:].mean() - means[-8:-5].mean() < 0.005 * step.swing:
         return None
-    told = slow if slow < 5 * window else None
-    return finding("window-too-short", step.run.name, step.levels, window_s=window, tau2_s=told)
+    tau2_s = slow if slow < 5 * window else None
+    return finding("window-too-short", step.run.name, step.levels, window_s=window, tau2_s=tau2_s)
 
 
 Edge = Literal["rising", "falling"]

@@ -32,8 +32,8 @@ def same_level(a: float, b: float, noise: float = math.inf) -> bool:
 def hold_noise(run: Run) -> float:
     """Noise of the input under a step's hold; 0 where it is commanded, or said by the file name."""
     start = int(np.searchsorted(run.time_s, (run.step_s or 0.0) - 1e-9 * max(1.0, abs(run.step_s or 0.0))))
-    held = run.input[start:]
-    return 0.0 if not len(held) or bool(np.isnan(held[0])) else sample_noise(held)
+    hold = run.input[start:]
+    return 0.0 if not len(hold) or bool(np.isnan(hold[0])) else sample_noise(hold)
 
 
 def grouped(runs: Sequence[Run]) -> list[tuple[float, list[Run]]]:
@@ -67,8 +67,8 @@ def wanted_levels(text: str, levels: Sequence[float], option: str = "levels") ->
         else:
             raise UsageError(f"«{option}» {text}: write 30:100 or 30,40,90")
         if not found:
-            held = ", ".join(f"{level:g}" for level in levels)
-            raise DataError(f"«{option}» {text}: no log holds {part.strip()}; levels found: {held}")
+            known = ", ".join(f"{level:g}" for level in levels)
+            raise DataError(f"«{option}» {text}: no log holds {part.strip()}; levels found: {known}")
         chosen.update(found)
     return sorted(chosen)
 

@@ -14,7 +14,7 @@ from eaid.steps.step import Step
 
 OVER = 0.05
 """Share by which a peak has to exceed the level after it to be a slip."""
-SURE = 5.0
+STANDARD_ERRORS = 5.0
 LEAST = 0.02
 """Share of the level after the slip below which an oscillation is not worth a word."""
 MOST = 0.4
@@ -67,7 +67,7 @@ def slip_of(time_s: Array, rise: Array, position: Array | None = None) -> SlipTe
     at = int(smooth.argmax())
     after = float(rise[-(count // 4) :].mean())
     peak, error = float(smooth[at]), block_error(rise) * np.sqrt(10)
-    peaks = 0 < at < 0.9 * count and peak - after >= max(OVER * peak, SURE * error)
+    peaks = 0 < at < 0.9 * count and peak - after >= max(OVER * peak, STANDARD_ERRORS * error)
     if not (peaks or position is not None) or peak <= 0 or after <= 0:
         return None
     middle = at + width // 2

@@ -82,7 +82,7 @@ def grouped(
             tables.append((inside(leaf), columns))
         else:
             beside.extend(columns)
-    tables.extend((name if len(vectors) == 1 else inside(own[0].label), own) for own in vectors.values())
+    tables.extend((name if len(vectors) == 1 else inside(columns[0].label), columns) for columns in vectors.values())
     return tables, dropped
 
 

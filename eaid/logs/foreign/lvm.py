@@ -54,9 +54,9 @@ def read_lvm(path: Path, source: str) -> list[Table]:
         raise DataError(f"{source}: its header has no end ({END}); copy or save it again")
     said = {row[0]: row[1:] for _, row in cells[:end]}
     segments = _segments(source, cells[end + 1 :])
-    own = next(iter(said.get("X_Columns", ())), "One")
-    if own not in ("No", "One", "Multi"):
-        raise DataError(f"{source}: its X_Columns is {own!r}, not No, One or Multi; save it again")
+    x_columns = next(iter(said.get("X_Columns", ())), "One")
+    if x_columns not in ("No", "One", "Multi"):
+        raise DataError(f"{source}: its X_Columns is {x_columns!r}, not No, One or Multi; save it again")
     names = segments[0].channels
     if not names:
         raise DataError(f"{source}: names no channels; record the log again")
@@ -72,7 +72,7 @@ def read_lvm(path: Path, source: str) -> list[Table]:
     rows = [line for segment in segments for line, _ in segment.rows]
     tables: list[Array] = []
     for segment in segments:
-        tables.append(_table(source, segment, own, marks, bad, sum(map(len, tables))))
+        tables.append(_table(source, segment, x_columns, marks, bad, sum(map(len, tables))))
     times = [table[:, 0] for table in tables]
     _put_apart(times, [_clock(segment.header, marks.decimal) for segment in segments])
     columns = [np.concatenate(times), *np.concatenate([table[:, 1:] for table in tables]).T]
@@ -115,13 +115,13 @@ def _segments(source: str, cells: list[tuple[int, list[str]]]) -> list[_Segment]
     return segments
 
 
-def _table(source: str, segment: _Segment, own: str, marks: Marks, bad: list[BadCell], before: int) -> Array:
+def _table(source: str, segment: _Segment, x_columns: str, marks: Marks, bad: list[BadCell], before: int) -> Array:
     """Times [s] and values of one segment, shape (n, 1 + channels); its bad cells, `before` rows on, go to `bad`."""
     if not segment.rows:
         raise DataError(f"{source}: holds a segment without rows; record the log again")
     clocks = [i for i, name in enumerate(segment.names) if name == "X_Value"]
     places = [i for i, name in enumerate(segment.names) if name not in ("", "X_Value", "Comment")]
-    taken = [*(clocks if own != "No" else ()), *places]
+    taken = [*(clocks if x_columns != "No" else ()), *places]
     table = np.full((len(segment.rows), len(taken)), np.nan)
     free = "Comment" in segment.names
     for k, (_, row) in enumerate(segment.rows):
@@ -134,7 +134,7 @@ def _table(source: str, segment: _Segment, own: str, marks: Marks, bad: list[Bad
                 column = 0 if place in clocks else 1 + places.index(place)
                 bad.append(BadCell(before + k, column, row[place][:40]))
                 table[k, j] = np.nan
-    if own != "No":
+    if x_columns != "No":
         if any(not np.array_equal(table[:, j], table[:, 0], equal_nan=True) for j in range(1, len(clocks))):
             raise DataError(f"{source}: its channels have different times; export them on one X column")
         return np.column_stack([table[:, 0], table[:, len(clocks) :]])

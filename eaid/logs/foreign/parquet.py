@@ -31,13 +31,13 @@ def read_arrow(path: Path, source: str) -> list[Table]:
     from pyarrow import OSFile, ipc
 
     def column(name: str) -> Any:
-        with OSFile(str(path)) as held:
-            table = ipc.open_file(held).read_all()
+        with OSFile(str(path)) as opened:
+            table = ipc.open_file(opened).read_all()
         table.validate(full=True)
         return table.column(name)
 
-    with OSFile(str(path)) as held:
-        return [_table(ipc.open_file(held).schema, column, source)]
+    with OSFile(str(path)) as opened:
+        return [_table(ipc.open_file(opened).schema, column, source)]
 
 
 def _table(schema: Any, column: Callable[[str], Any], source: str) -> Table:

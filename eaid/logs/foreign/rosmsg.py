@@ -151,13 +151,13 @@ def _stamp(sec: float | str | None, nanosec: float | str | None) -> int | None:
 def layout_of(definitions: Definitions, msgtype: str, raw: bytes, ros1: bool) -> Layout:
     """Numeric fields of a topic by its first message; raises ValueError where the message does not fit its type."""
     leaves = list(_Reader(definitions, raw, ros1).walk("", (2, msgtype)))
-    told = {leaf.path: leaf.value for leaf in leaves}
+    values = {leaf.path: leaf.value for leaf in leaves}
     places: dict[str, str] = {}
     for leaf in leaves:
         if isinstance(leaf.value, str) or leaf.blob or leaf.path.startswith("header."):
             continue
         head, bracket, rest = leaf.path.rpartition("[")
-        joint = told.get(f"name[{rest}") if bracket and "." not in head else None
+        joint = values.get(f"name[{rest}") if bracket and "." not in head else None
         places[f"{head}[{joint}]" if isinstance(joint, str) and joint else leaf.path] = leaf.path
-    stamp = _stamp(told.get("header.stamp.sec"), told.get("header.stamp.nanosec"))
+    stamp = _stamp(values.get("header.stamp.sec"), values.get("header.stamp.nanosec"))
     return Layout(definitions, msgtype, ros1, tuple(places), places, stamp)

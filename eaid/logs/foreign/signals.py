@@ -92,9 +92,9 @@ def _on_one_clock(source: str, wanted: Sequence[Signal | None]) -> Cells:
         elif not whole:
             values = values[begun]
         columns.append(read_only(values))
-    held = " and ".join(signal.name for signal in wanted if signal is not None and signal.clock in places)
+    of_other_clocks = " and ".join(signal.name for signal in wanted if signal is not None and signal.clock in places)
     left_out = len(base) - int(begun.sum())
-    findings = (finding("signals-held", source, columns=held, left_out=left_out),) if held else ()
+    findings = (finding("signals-held", source, columns=of_other_clocks, left_out=left_out),) if of_other_clocks else ()
     return Cells(tuple(columns), findings=findings)
 
 
