@@ -70,14 +70,14 @@ def command(given: Arguments) -> None:
 
         limits = plan_tables.limits_of(given.limits, fit.plant.u_range, fit.data.input_unit)
         options = taken(ExcitationOptions, given, limits=limits)
-        found: Plan | Excitation = api.plan_excitation(fit, options, progress=console.progress)
+        plan: Plan | Excitation = api.plan_excitation(fit, options, progress=console.progress)
     else:
-        found = api.plan(fit, taken(PlanOptions, given), progress=console.progress)
-    found = msgspec.structs.replace(found, inputs=(Input.of(given.fit),), command=given.words)
-    plan_tables.write(files, found, fit.data.kind, given.force)
+        plan = api.plan(fit, taken(PlanOptions, given), progress=console.progress)
+    plan = msgspec.structs.replace(plan, inputs=(Input.of(given.fit),), command=given.words)
+    plan_tables.write(files, plan, fit.data.kind, given.force)
     if given.json:
-        console.print_json(found, "plan")
+        console.print_json(plan, "plan")
     else:
-        plan_tables.show(found, given.idle_s, given.release_s)
-    console.tell((*doubts, *found.findings))
-    console.say(f"{', '.join(map(str, files))}: {plan_tables.cost(found)}")
+        plan_tables.show(plan, given.idle_s, given.release_s)
+    console.tell((*doubts, *plan.findings))
+    console.say(f"{', '.join(map(str, files))}: {plan_tables.cost(plan)}")

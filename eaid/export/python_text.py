@@ -7,9 +7,6 @@ from typing import Any
 from eaid.export.job import Job
 from eaid.export.render import rendered
 
-CLASSES = {"pi": "PIConstants", "rc": "RCConstants", "inverse": "InverseConstants", "plant": "PlantConstants"}
-CLASSES["rate"] = "RateConstants"
-
 
 def python_files(job: Job) -> Iterator[tuple[str, str]]:
     """The files of the target."""
@@ -22,9 +19,8 @@ def python_files(job: Job) -> Iterator[tuple[str, str]]:
 def _text(value: Any) -> str:
     """A constant as Python writes it; single precision keeps its numbers, not its type."""
     if hasattr(value, "_fields"):
-        name = next(word for word in CLASSES.values() if type(value).__name__ == word)
         inner = ",\n    ".join(f"{field}={_text(item)}" for field, item in value._asdict().items())
-        return f"law.{name}(\n    {inner},\n)"
+        return f"law.{type(value).__name__}(\n    {inner},\n)"
     if isinstance(value, tuple):
         return "(" + ", ".join(_text(item) for item in value) + ")"
     return repr(value) if isinstance(value, int) else repr(float(value))

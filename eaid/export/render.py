@@ -80,8 +80,8 @@ def rendered(job: Job, template: str, **further: Any) -> str:
 
 def context(job: Job) -> dict[str, Any]:
     """What every template may use."""
-    single = job.timing.precision == "single"
-    names = job.laws
+    t, names = job.timing, job.laws
+    single = t.precision == "single"
     return {
         "job": job,
         "head": list(job.head),
@@ -91,14 +91,17 @@ def context(job: Job) -> dict[str, Any]:
         "plain_laws": bool(set(names) - {"plant"}),
         "integral_laws": bool({"pi", "rc"} & set(names)),
         "needs_series": bool({"rc", "inverse", "plant"} & set(names)),
-        "series": rounded(series(job.timing.precision), job.timing.precision),
+        "series": rounded(series(t.precision), t.precision),
         "rate": job.constants.get("rate"),
         "real": "float" if single else "double",
         "sqrt": "sqrtf" if single else "sqrt",
         "single": single,
-        "timing": rounded_timing(job),
-        "dt_text": decimal(job.timing.dt_s),
-        "filter_text": decimal(job.timing.rate_filter_hz),
+        "timing": {
+            **{name: rounded(getattr(t, name), t.precision) for name in ("dt_s", "duty_on_fault", "stuck_s")},
+            "stuck_samples": t.stuck_samples,
+        },
+        "dt_text": decimal(t.dt_s),
+        "filter_text": decimal(t.rate_filter_hz),
         "input_unit": job.units[0],
         "output_unit": job.units[1],
         "vectors": job.vectors,
@@ -143,34 +146,17 @@ def _jump(job: Job) -> dict[str, str]:
     }
 
 
-def rounded_timing(job: Job) -> dict[str, Any]:
-    """The timing's numbers in the target's precision."""
-    t = job.timing
-    numbers = {
-        "dt_s": t.dt_s,
-        "duty_on_fault": t.duty_on_fault,
-        "stuck_s": t.stuck_s,
-        "rate_filter_hz": t.rate_filter_hz,
-    }
-    return {
-        **{name: rounded(value, t.precision) for name, value in numbers.items()},
-        "stuck_samples": t.stuck_samples,
-        "rate_hz": 1.0 / t.dt_s,
-        "precision": t.precision,
-    }
-
-
 def _law(job: Job, name: str) -> Law:
-    found = tuple(entries(name, job.constants[name], job.units))
+    rows = tuple(entries(name, job.constants[name], job.units))
     return Law(
-        name, TITLES[name], START.get(name, ""), RATE.get(name, ""), found,
-        tuple(_structs(name, found)), "\n".join(_initializer(found, "    ")),
+        name, TITLES[name], START.get(name, ""), RATE.get(name, ""), rows,
+        tuple(_structs(name, rows)), "\n".join(_initializer(rows, "    ")),
     )  # fmt: skip
 
 
-def _structs(name: str, found: tuple[Entry, ...]) -> Iterator[Struct]:
+def _structs(name: str, rows: tuple[Entry, ...]) -> Iterator[Struct]:
     fields = []
-    for entry in found:
+    for entry in rows:
         if isinstance(entry.value, tuple):
             yield from _structs(entry.name, entry.value)
             fields.append(Field(entry.name, f"eaid_{entry.name}_constants", entry.comment))
@@ -179,8 +165,8 @@ def _structs(name: str, found: tuple[Entry, ...]) -> Iterator[Struct]:
     yield Struct(name, TITLES[name], tuple(fields))
 
 
-def _initializer(found: tuple[Entry, ...], indent: str) -> Iterator[str]:
-    for entry in found:
+def _initializer(rows: tuple[Entry, ...], indent: str) -> Iterator[str]:
+    for entry in rows:
         if isinstance(entry.value, tuple):
             yield f"{indent}{{"
             yield from _initializer(entry.value, indent + "    ")

@@ -8,7 +8,6 @@ from eaid.control.pi import PIGains
 from eaid.control.plant import plant_of
 from eaid.control.rc import RCGains
 from eaid.errors import UsageError
-from eaid.findings import Finding
 from eaid.models.parameters import Nonlinear
 from eaid.replay.plant import plant_parameters, plant_terms
 from eaid.results.codec import content_of, digest_of
@@ -45,11 +44,6 @@ class Source:
     def margins(self) -> Margins | None:
         """Margins of the loops, where the gains hold any."""
         return self.gains.margins if self.gains else None
-
-    @property
-    def findings(self) -> tuple[Finding, ...]:
-        """What gains and fit tell of themselves."""
-        return (*(self.gains.findings if self.gains else ()), *(self.fit.findings if self.fit else ()))
 
     @property
     def top(self) -> float:

@@ -50,28 +50,24 @@ class Experiment:
     """Whether every wanted width is reached."""
 
 
-def half_widths(
-    curves: Sequence[Friction], levels: Array, hold_s: Array, repeats: int, noise: Noise, polynomial: bool = True
-) -> dict[str, float]:
-    """Predicted half-width of each parameter at the worst level [%]; of the curve, or of single levels."""
-    return _half_widths(_within(curves, hold_s, noise), curves, levels, repeats, noise, polynomial)
-
-
-def _within(curves: Sequence[Friction], hold_s: Array, noise: Noise) -> Array:
+def within_runs(curves: Sequence[Friction], hold_s: Array, noise: Noise) -> Array:
     """Within-run variance h of (log T_s, log τ1, log τ2) of one run of each level, shape (L, 3)."""
     return np.array([noise.within(curve, float(hold)) for curve, hold in zip(curves, hold_s, strict=True)])
 
 
-def _half_widths(
-    within: Array, curves: Sequence[Friction], levels: Array, repeats: int, noise: Noise, polynomial: bool
+def half_widths(
+    within: Array, curves: Sequence[Friction], levels: Array, repeats: int, noise: Noise, polynomial: bool = True
 ) -> dict[str, float]:
+    """Predicted half-width of each parameter at the worst level [%]; of the curve, or of single levels.
+
+    `within` is what `within_runs` gives for the holds, shape (L, 3).
+    """
     result = {}
     t = t_quantile(len(levels) * (repeats - 1))
-    values = {"Ts": [c.Ts for c in curves], "tau1": [c.tau1 for c in curves], "tau2": [c.tau2 for c in curves]}
     for name, k in PARAMETERS.items():
         variance = (noise.scatter[k] ** 2 + within[:, k]) / repeats
         if polynomial:
-            g = powers(levels, TERMS[name]) / np.array(values[name])[:, None]
+            g = powers(levels, TERMS[name]) / np.array([getattr(curve, name) for curve in curves])[:, None]
             scale = 1 / np.sqrt((g**2).sum(axis=0))
             g = g * scale
             spread = np.linalg.pinv((g / variance[:, None]).T @ g, rcond=1e-14, hermitian=True)
@@ -101,16 +97,15 @@ def quickest(
         duty = np.array(levels)
         for factor in HOLDS:
             hold = np.array([_hold(factor * curve.tau2, session) for curve in curves])
-            within = _within(curves, hold, noise)
+            within = within_runs(curves, hold, noise)
             for repeats in range(LEAST_REPEATS, MOST_REPEATS + 1):
-                widths = _half_widths(within, curves, duty, repeats, noise, polynomial and len(levels) > 1)
+                widths = half_widths(within, curves, duty, repeats, noise, polynomial and len(levels) > 1)
                 time_s = repeats * float((hold + session.idle_s + session.release_s).sum())
                 over = max(widths[name] / width for name, width in wanted.items())
                 # an experiment that falls short costs more than any that does not
                 price = time_s if over <= 1 else 1e9 * over + time_s
                 if best is None or price < best[0]:
-                    found = Experiment(tuple(levels), tuple(hold.tolist()), repeats, widths, time_s, over <= 1)
-                    best = (price, found)
+                    best = price, Experiment(tuple(levels), tuple(hold.tolist()), repeats, widths, time_s, over <= 1)
                 if over <= 1:
                     break
     assert best is not None

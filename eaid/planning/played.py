@@ -30,14 +30,14 @@ def recording(
     draw, plant, changes = np.random.default_rng(seed), clutch(p), plan.breaks[:-1]
     time_s = sample_times(plan.time_s, rate_hz, 0.0, draw)
     start, duty = np.array(changes).T
-    held = np.searchsorted(start, time_s, side="right") - 1
-    engagement = np.cumsum(duty == 0)[held]
+    place = np.searchsorted(start, time_s, side="right") - 1
+    engagement = np.cumsum(duty == 0)[place]
     torque = np.empty_like(time_s)
     for number in np.unique(engagement):
         part = engagement == number
         torque[part] = response(plant, changes, time_s, scatter(disturbance, draw))[part]
     output = measured(torque, time_s, np.full_like(time_s, ripple_hz), disturbance, draw)
-    return Run("planned", time_s, duty[held], output, plant.input_unit, plant.output_unit, "eaid synth", "")
+    return Run("planned", time_s, duty[place], output, plant.input_unit, plant.output_unit, "eaid synth", "")
 
 
 def measure(

@@ -140,10 +140,10 @@ KINDS: dict[str, Callable[[Excitation, Span, int, Draw], Array]] = {
 
 def reference_of(e: Excitation, span: Span, n: int, draw: Draw) -> Array:
     """Outputs in random order with holds as those of random steps, each with small tones upon it."""
-    held = random_steps(replace(e, rest_s=0.0), span, n, draw)
+    level = random_steps(replace(e, rest_s=0.0), span, n, draw)
     t = np.arange(n) / e.rate_hz
     tones = sum(np.sin(2 * np.pi * f * t + 1.7 * k * k) for k, f in enumerate(np.geomspace(*e.frequency_hz, 5)))
-    return np.asarray(np.clip(held + 0.02 * (span[1] - span[0]) * tones, *span))
+    return np.asarray(np.clip(level + 0.02 * (span[1] - span[0]) * tones, *span))
 
 
 def check_excitation(plant: Plant, e: Excitation) -> None:

@@ -85,7 +85,7 @@ def _numbers(
     rows = [(number, row) for number, row in enumerate(csv.reader(text.splitlines()), 1) if row and row[0][:1] != "#"]
     if not rows or [names.get(cell.strip(), cell.strip()) for cell in rows[0][1]] != list(header):
         raise DataError(f"{path}: its header is not {wanted}; name these columns")
-    faults, found = [], []
+    faults, kept = [], []
     for number, row in rows[1:]:
         try:
             values = [float(cell) for cell in row]
@@ -94,7 +94,7 @@ def _numbers(
         if len(values) != len(header) or not all(math.isfinite(value) for value in values):
             faults.append(f"{path}: row {number} holds {','.join(row)!r}, not {len(header)} finite numbers; mend it")
         else:
-            found.append((number, values))
+            kept.append((number, values))
     if faults:
         raise DataError(*faults[:20])
-    return found
+    return kept

@@ -84,7 +84,7 @@ def _falling(plant: Plant, step: Friction, value: float) -> tuple[float, float]:
         return step.tau1, step.tau2
     share = value / plant.rest_below
     tau1, tau2 = (
-        share * own + (1 - share) * rest for own, rest in zip((step.tau1, step.tau2), plant.release, strict=True)
+        share * tau + (1 - share) * rest for tau, rest in zip((step.tau1, step.tau2), plant.release, strict=True)
     )
     return tau1, tau2
 

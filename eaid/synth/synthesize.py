@@ -111,7 +111,7 @@ def synthesize(
     DataError
         The fit holds no plant, or a file is no such table.
     """
-    plant = plant_of(options, fit, named)
+    plant = REFERENCE[options.kind or "clutch"]() if fit is None else of_fit(fit, options.kind or fit.data.kind, named)
     disturbance = disturbance_of(options, plant)
     given = {
         "levels": options.levels, "repeats": options.repeats, "idle_s": options.idle_s, "hold_s": options.hold_s,
@@ -143,13 +143,6 @@ def controller_of(gains: Gains | None, options: SynthOptions) -> Controller | No
     if options.controller == "pi" and pi is not None:
         return pi_controller(pi)
     raise UsageError(f"«controller» {options.controller}: the gains hold no such controller")
-
-
-def plant_of(options: SynthOptions, fit: Fit | None, named: str) -> Plant:
-    """What is recorded."""
-    if fit is None:
-        return REFERENCE[options.kind or "clutch"]()
-    return of_fit(fit, options.kind or fit.data.kind, named)
 
 
 def disturbance_of(options: SynthOptions, plant: Plant) -> Disturbance:

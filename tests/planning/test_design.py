@@ -3,7 +3,7 @@ import pytest
 
 from eaid.models.nonlinear import at_duty
 from eaid.models.parameters import REFERENCE_PLANT, Friction
-from eaid.planning.design import Experiment, Session, half_widths, level_sets, quickest
+from eaid.planning.design import Experiment, Session, half_widths, level_sets, quickest, within_runs
 from eaid.planning.recordings import input_changes, run_order
 from eaid.uncertainty.noise import ASSUMED, Noise, cautious, unit_variances
 from eaid.uncertainty.student_t import t_quantile
@@ -20,7 +20,7 @@ def test_widths_of_pure_scatter_by_hand() -> None:
     noise = Noise(0.0, 0.0, (0.03, 0.05, 0.1))
     levels = np.array([20.0, 50.0, 80.0])
     curves = [curve_at(u) for u in levels]
-    found = half_widths(curves, levels, np.full(3, 30.0), 4, noise, polynomial=False)
+    found = half_widths(within_runs(curves, np.full(3, 30.0), noise), curves, levels, 4, noise, polynomial=False)
     t = t_quantile(9)
     for name, sd in (("Ts", 0.03), ("tau1", 0.05), ("tau2", 0.1)):
         assert found[name] == pytest.approx(100 * np.expm1(t * sd / 2))
@@ -51,7 +51,8 @@ def test_the_plan_reaches_what_is_wanted_and_no_cheaper_one_does() -> None:
     assert found.met
     assert found.half_width_pct["tau2"] <= 10 and found.half_width_pct["Ts"] <= 3
     curves = [curve_at(u) for u in found.levels]
-    fewer = half_widths(curves, np.array(found.levels), np.array(found.hold_s), found.repeats - 1, ASSUMED)
+    within = within_runs(curves, np.array(found.hold_s), ASSUMED)
+    fewer = half_widths(within, curves, np.array(found.levels), found.repeats - 1, ASSUMED)
     assert fewer["tau2"] > 10 or fewer["Ts"] > 3
     easier = quickest(curve_at, sets, {"tau2": 20.0, "Ts": 6.0}, ASSUMED, session)
     assert easier.time_s < found.time_s
