@@ -7,17 +7,26 @@ import numpy as np
 import pytest
 
 from eaid.control.bounds import Bounds, bounds_of
-from eaid.control.defaults import design_options, is_duty, scales_of, timing_of, with_own_layer, with_own_pi
+from eaid.control.defaults import (
+    design_options,
+    input_limits,
+    is_duty,
+    scales_of,
+    timing_of,
+    with_own_layer,
+    with_own_pi,
+)
 from eaid.control.design import design
 from eaid.control.gains import paper_gains
 from eaid.control.margins import margins, rc_feedback
 from eaid.control.mismatch import shown_by_levels, shown_by_model
 from eaid.control.noise import white_noise_nm
 from eaid.control.operating import actuator, keeps_margins, operating_points
+from eaid.control.options import DesignOptions
 from eaid.control.plant import plant_of, why_not
 from eaid.control.rc_design import law_of
 from eaid.control.timing import Timing
-from eaid.errors import DataError, GainsError
+from eaid.errors import DataError, GainsError, UsageError
 from eaid.models.parameters import PAPER_LINEAR, REFERENCE_PLANT, Linear, Nonlinear
 from eaid.results.codec import from_plain, to_plain
 from eaid.results.fit import Fit
@@ -137,6 +146,58 @@ def test_a_plant_that_no_rig_is_is_refused(part: dict[str, object], said: str) -
     plain = {"tau1": [0.3, 0, 0], "tau2": [3.0, 0, 0], "Ts": [0.0, 0.04, 0, 0], "u_range": [10, 100], "C": 0.85, **part}
     with pytest.raises(DataError, match=said):
         plant_of(from_plain({"nonlinear": plain}, Fit, "f"))
+
+
+def percent(**data: object) -> Fit:
+    """The paper's rig with its published fit."""
+    told = {"input_unit": "%", "output_unit": "N·m", "levels": [20.0, 100.0], "sample_rate_hz": 1000.0, **data}
+    linear = {"a0": 1.36, "b0": 0.08, "c0": -2.42, "bounds": {"B_m": 12.4, "B_M": 42.6}}
+    return from_plain({"data": told, "linear": linear}, Fit, "paper")
+
+
+def test_on_the_papers_rig_the_papers_numbers_stand() -> None:
+    fit = percent()
+    scales = scales_of(fit)
+    assert scales == (True, "%", "N·m", 1.0, 1.0) and input_limits(fit) == (0.0, 100.0)
+    found = design_options(fit, TuneOptions(), scales, None, 30.0)
+    assert found == DesignOptions(phi_honest_pct=None, levels=None, convention=None)
+    told = design_options(fit, TuneOptions(phi="data"), scales, 7.5, 30.0)
+    assert (told.Q_M, told.phi, told.phi_honest_pct) == (7.5, 0.05, 30.0)
+    given = design_options(fit, TuneOptions(phi=0.2, epsilon=0.3, kp=2.0, kd=1.0, q_max=9.0), scales, 7.5, 30.0)
+    assert (given.phi, given.phi_honest_pct, given.epsilon, given.gamma) == (0.2, None, 0.3, 50.0)
+    assert (given.K_P, given.K_D, given.Q_M) == (2.0, 1.0, 9.0)
+    damped = design_options(fit, TuneOptions(natural_frequency=2.0, damping=0.5), scales, None, None)
+    assert pytest.approx((4.0, 2.0)) == (damped.K_P, damped.K_D)
+    assert with_own_pi(fit, found, scales) == found and with_own_layer(fit, found, scales, BOUNDS, None) == found
+    with pytest.raises(DataError, match="nothing to take φ from"):
+        design_options(fit, TuneOptions(phi="data"), scales, None, None)
+    with pytest.raises(UsageError, match="a duty ends at 100 %"):
+        design_options(fit, TuneOptions(duty_limits=(0.0, 100.5)), scales, None, None)
+    assert design_options(fit, TuneOptions(duty_limits=(5.0, 100.0)), scales, None, None).duty_limits_pct == (
+        5.0,
+        100.0,
+    )
+
+
+def test_a_rig_without_an_input_says_so_and_one_without_levels_has_the_papers_top() -> None:
+    with pytest.raises(UsageError, match="tells no highest input in V"):
+        input_limits(rig(levels=[]))
+    assert input_limits(rig()) == (0.0, 5.0)
+    assert scales_of(rig()).top == pytest.approx(4.0 / 4.372) and scales_of(rig()).pace == 1.0
+    bare = from_plain({"data": {"input_unit": "V", "output_unit": "N"}}, Fit, "f")
+    assert scales_of(bare)[3:] == (1.0, 1.0)
+
+
+def test_a_pi_that_is_asked_for_is_left_as_it_is() -> None:
+    scales = scales_of(rig())
+    for asked in ({"pi_gains": (3.0, 4.0)}, {"pi_overshoot": 5.0, "pi_settling": 1.0}):
+        settled = design_options(rig(), TuneOptions(**asked), scales, 8.0, 1.0)
+        assert with_own_pi(rig(), settled, scales).pi == settled.pi
+
+
+def test_the_sensors_filter_keeps_a_share_of_its_old_value() -> None:
+    assert Timing(1000.0, sensor_hz=50.0).memory == pytest.approx(np.exp(-2 * np.pi * 0.05))
+    assert Timing(1000.0).memory == 0.0 and Timing(500.0).step_s == 0.002 and Timing(500.0, None, 3).delay_s == 0.006
 
 
 def test_models_that_agree_show_no_mismatch() -> None:
