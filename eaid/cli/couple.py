@@ -13,7 +13,7 @@ LOOPS = ("open-loop", "pi", "rc-no-rate", "rc", "inverse")
 
 @dataclass(frozen=True, kw_only=True)
 class Arguments(Common, Seeded, Verbose):
-    """What `eaid couple` is told."""
+    """What `eaid couple` is doubts."""
 
     fit: Path = argument("FIT", "fit.json with a nonlinear model.")
     gains: Path | None = option(None, "gains.json; without it only open loop and inverse.", LOOP, shown="FILE")
@@ -40,7 +40,7 @@ class Arguments(Common, Seeded, Verbose):
 
 
 @takes(Arguments)
-def command(given: Arguments) -> None:
+def command(args: Arguments) -> None:
     """How stiff a virtual wall each loop may render on a limb: passive on any limb, stable on this one, replayed.
 
     Exit code 5: a loop is unstable without any wall.
@@ -57,17 +57,17 @@ def command(given: Arguments) -> None:
     from eaid.results.fit import Fit
     from eaid.results.gains import Gains
 
-    refuse_to_overwrite(given.output, given.force, [given.fit, *([given.gains] if given.gains else [])])
-    options = taken(CoupleOptions, given)
-    fitted, told = codec.read(given.fit, "fit", Fit)
-    tuned, more = codec.read(given.gains, "gains", Gains) if given.gains else (None, ())
+    refuse_to_overwrite(args.output, args.force, [args.fit, *([args.gains] if args.gains else [])])
+    options = taken(CoupleOptions, args)
+    fitted, doubts = codec.read(args.fit, "fit", Fit)
+    tuned, more = codec.read(args.gains, "gains", Gains) if args.gains else (None, ())
     found = api.couple(fitted, tuned, options, progress=console.progress)
-    found = inputs.stamped(found, given, CoupleInputs, fit=given.fit, gains=given.gains)
-    codec.write(given.output, found, "couple", given.force)
-    if given.json:
+    found = inputs.stamped(found, args, CoupleInputs, fit=args.fit, gains=args.gains)
+    codec.write(args.output, found, "couple", args.force)
+    if args.json:
         console.print_json(found, "couple")
     else:
         for table in walls_tables(found):
             console.show(table)
-    console.tell([*told, *more, *found.findings], given.verbose)
-    console.done(given.output, f"{len(found.walls)} walls", f"eaid report {given.fit} {given.output}")
+    console.tell([*doubts, *more, *found.findings], args.verbose)
+    console.done(args.output, f"{len(found.walls)} walls", f"eaid report {args.fit} {args.output}")

@@ -16,17 +16,17 @@ class Arguments(Common):
 
 
 @takes(Arguments)
-def command(given: Arguments) -> None:
+def command(args: Arguments) -> None:
     """Ingest, fit, tune, simulate and report the three datasets that ship with eaid, into one folder.
 
     Needs no network and no rig. The data are synthetic; the page says so.
 
     Example: eaid demo -o demo
     """
-    folder = given.output
+    folder = args.output
     if folder.exists() and not folder.is_dir():
         raise UsageError(f"{folder}: is a file; give the demo a folder with -o")
-    if not given.force and folder.is_dir() and any(folder.iterdir()):
+    if not args.force and folder.is_dir() and any(folder.iterdir()):
         raise UsageError(f"{folder}: is not empty; give --force to write over it, or another -o")
     from eaid.cli.demo_lines import CLUTCH, FRICTION, REPORTED, filled, run_both, run_line
     from eaid.synth.datasets import shipped
@@ -37,9 +37,9 @@ def command(given: Arguments) -> None:
         run_both(filled(CLUTCH, data), filled(FRICTION, data), folder, done)
         run_line(("report", *REPORTED, "-o", "."), folder)
         done()
-    console.be_quiet(given.quiet)
+    console.be_quiet(args.quiet)
     page = folder / "report.html"
-    if given.json:
+    if args.json:
         files = sorted(str(path.relative_to(folder)) for path in folder.rglob("*") if path.is_file())
         from eaid.cli.printed import Filled
 

@@ -19,7 +19,7 @@ WHAT, RIG, ADVANCED = "What is exported", "Rig", "Advanced"
 
 @dataclass(frozen=True, kw_only=True)
 class Arguments(Common, Verbose):
-    """What `eaid export` is told."""
+    """What `eaid export` is doubts."""
 
     files: list[Path] = argument("GAINS [FIT]", "gains.json, and fit.json for inverse and plant.")
     target: str = option(
@@ -41,7 +41,7 @@ class Arguments(Common, Verbose):
 
 
 @takes(Arguments)
-def command(given: Arguments) -> None:
+def command(args: Arguments) -> None:
     """Controllers and plant as source for a rig: a folder with test vectors, a check program and a page how to begin.
 
     Exit code 5: a loop is unstable at the rate, or a result marked stop is behind it; --anyway exports it, marked.
@@ -52,14 +52,14 @@ def command(given: Arguments) -> None:
     from eaid.export.options import ExportOptions
     from eaid.results.common import Input
 
-    gains, fit, paths = _read(given.files)
+    gains, fit, paths = _read(args.files)
     options = taken(
-        ExportOptions, given, folder=given.output, inputs=tuple(Input.of(path) for path in paths),
+        ExportOptions, args, folder=args.output, inputs=tuple(Input.of(path) for path in paths),
         command=shlex.join(["eaid", *sys.argv[1:]]) if sys.argv[1:2] == ["export"] else "",
     )  # fmt: skip
     made = api.export(gains, fit=fit, options=options)
-    console.tell(made.findings, given.verbose)
-    if given.json:
+    console.tell(made.findings, args.verbose)
+    if args.json:
         console.print_json(made)
     said = f"{', '.join(made.laws)} as {made.target}, {len(made.files)} files"
     console.done(made.path, said, f"read {made.path / 'README.md'}")
@@ -75,12 +75,12 @@ def _read(paths: list[Path]) -> "tuple[Gains | None, Fit | None, list[Path]]":
     if len(set(kinds)) < len(kinds):
         raise UsageError(f"{paths[-1]}: a second {kinds[-1]}.json; give one gains.json and one fit.json at most")
     found = dict(zip(kinds, paths, strict=True))
-    gains, told = codec.read(found["gains"], "gains", Gains) if "gains" in found else (None, ())
+    gains, doubts = codec.read(found["gains"], "gains", Gains) if "gains" in found else (None, ())
     if gains is not None and "fit" not in found:
         beside = fit_beside(gains, found["gains"])
         if beside is not None:
             found["fit"] = beside
             console.say(f"with {beside}, which the gains were made from")
     fit, more = read_fit(found["fit"]) if "fit" in found else (None, ())
-    console.tell((*told, *more))
+    console.tell((*doubts, *more))
     return gains, fit, list(found.values())

@@ -48,7 +48,7 @@ class Arguments(Common, Reading, Seeded, Verbose):
 
 
 @takes(Arguments)
-def command(given: Arguments) -> int:
+def command(args: Arguments) -> int:
     """Fit the models of the paper to recorded steps, and say how far they are to be trusted.
 
     Exit code 4: a fit did not converge, or explains little; the result is written, marked.
@@ -66,30 +66,30 @@ def command(given: Arguments) -> int:
     from eaid.results import codec
     from eaid.results.fit import FitOptions
 
-    refuse_to_overwrite(given.output, given.force, files_read(given.data))
+    refuse_to_overwrite(args.output, args.force, files_read(args.data))
     options = taken(
-        FitOptions, given, bounds_levels=None, dead_time_s=None if given.dead_time == "auto" else given.dead_time
+        FitOptions, args, bounds_levels=None, dead_time_s=None if args.dead_time == "auto" else args.dead_time
     )
     check(options)
     with console.answer_first():
-        stepset = inputs.runs_from(given.data, inputs.reading_of(given), given.logs_as, console.say)[1]
+        stepset = inputs.runs_from(args.data, inputs.reading_of(args), args.logs_as, console.say)[1]
         result = api.fit(
-            stepset, options, bounds_levels=given.bounds_levels, duty=given.duty, instrument=given.instrument,
+            stepset, options, bounds_levels=args.bounds_levels, duty=args.duty, instrument=args.instrument,
             workers=processors(), progress=console.progress,
         )  # fmt: skip
-        result = msgspec.structs.replace(result, command=given.words)
-        codec.write(given.output, result, "fit", given.force)
-        if given.json:
+        result = msgspec.structs.replace(result, command=args.words)
+        codec.write(args.output, result, "fit", args.force)
+        if args.json:
             console.print_json(result, "fit")
         else:
-            fit_tables.show(result, given.output, given.tables or given.verbose, given.verbose)
-            if given.plot:
+            fit_tables.show(result, args.output, args.tables or args.verbose, args.verbose)
+            if args.plot:
                 from eaid.cli import plots
 
                 plots.levels(result, stepset)
-    console.tell(result.findings, given.verbose)
-    console.say(fit_tables.closing(result, given.output))
+    console.tell(result.findings, args.verbose)
+    console.say(fit_tables.closing(result, args.output))
     if fit_tables.usable(result):
         return 0
-    console.fail(f"{given.output}: is written and marked; do not use its numbers")
+    console.fail(f"{args.output}: is written and marked; do not use its numbers")
     return NOT_TO_BE_USED

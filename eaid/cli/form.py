@@ -6,7 +6,7 @@
         rho: str = option("paper", "Reading of Eq. (15).", "Robust controller", words="paper|textbook")
 
     @takes(Arguments)
-    def command(given: Arguments) -> int: ...
+    def command(args: Arguments) -> int: ...
 
 Typer gets a plain function with these parameters; what is typed becomes a value here, by `words` and `read`.
 """
@@ -30,8 +30,8 @@ T = TypeVar("T")
 
 
 @dataclass(frozen=True)
-class Told:
-    """What is told of one option or argument."""
+class Spec:
+    """The declaration of one option or argument."""
 
     help: str
     group: str | None = None
@@ -54,7 +54,7 @@ class Told:
 
 def argument(shown: str, help: str, default: Any = MISSING) -> Any:
     """A field that is given by its place."""
-    return field(default=default, metadata={"told": Told(help, shown=shown, positional=True)})
+    return field(default=default, metadata={"spec": Spec(help, shown=shown, positional=True)})
 
 
 def option(
@@ -66,10 +66,10 @@ def option(
     number: bool = False,
     **more: Any,
 ) -> Any:
-    """A field that is given by its name; `words` also as `a|b`, or a `number`; `more` are fields of `Told`."""
+    """A field that is given by its name; `words` also as `a|b`, or a `number`; `more` are fields of `Spec`."""
     each = tuple(words.split("|")) if isinstance(words, str) else words
     more |= {"read": word_or_number(*each)} if number else {}
-    return field(default=default, metadata={"told": Told(help, group, flags, each, **more)})
+    return field(default=default, metadata={"spec": Spec(help, group, flags, each, **more)})
 
 
 OUTPUT = "Output"
@@ -114,8 +114,8 @@ def takes(arguments: type[A]) -> Callable[[Callable[[A], int | None]], Callable[
     """Make of a function of `arguments` one that Typer takes as a command."""
     own = set(arguments.__annotations__) - {"output"}
     # first the command's own, then what it shares with others, last what all have
-    told = [one for one in fields(arguments) if one.metadata]
-    shown = sorted(told, key=lambda one: (one.name in COMMON, one.name not in own and one.name != "output"))
+    options = [one for one in fields(arguments) if one.metadata]
+    shown = sorted(options, key=lambda one: (one.name in COMMON, one.name not in own and one.name != "output"))
     hints = get_type_hints(arguments)
 
     def made(body: Callable[[A], int | None]) -> Callable[..., int | None]:
@@ -131,38 +131,38 @@ def takes(arguments: type[A]) -> Callable[[Callable[[A], int | None]], Callable[
     return made
 
 
-def taken(kind: Callable[..., T], given: object, **more: Any) -> T:
+def taken(kind: Callable[..., T], args: object, **more: Any) -> T:
     """An options type of the library, from the fields that bear the same names and from `more`; None: not given."""
-    same = {name: getattr(given, name, None) for name in inspect.signature(kind).parameters if name not in more}
+    same = {name: getattr(args, name, None) for name in inspect.signature(kind).parameters if name not in more}
     return kind(**{name: value for name, value in same.items() if value is not None}, **more)
 
 
-def refuse_idle(given: object, names: Sequence[str], because: str) -> None:
+def refuse_idle(args: object, names: Sequence[str], because: str) -> None:
     """Refuse options that were given and do nothing; `because` says why, `without --optimize`."""
-    told = [one for one in fields(given) if one.name in names]  # type: ignore[arg-type]
-    idle = [flag_of(one) for one in told if getattr(given, one.name) != one.default]
+    options = [one for one in fields(args) if one.name in names]  # type: ignore[arg-type]
+    idle = [flag_of(one) for one in options if getattr(args, one.name) != one.default]
     if idle:
         raise UsageError(f"{idle[0]}: does nothing {because}; leave it out")
 
 
 def flag_of(one: "Field[Any]") -> str:
     """The option as it is typed, `--pi-gains`."""
-    told: Told = one.metadata["told"]
-    flag = next((flag for flag in told.flags if flag.startswith("--")), "--" + one.name.replace("_", "-"))
+    spec: Spec = one.metadata["spec"]
+    flag = next((flag for flag in spec.flags if flag.startswith("--")), "--" + one.name.replace("_", "-"))
     return flag.partition("/")[0]
 
 
 def _parameter(one: "Field[Any]", hint: Any) -> inspect.Parameter:
     """One parameter as Typer wants it: what is read or chosen here is a text there."""
-    told: Told = one.metadata["told"]
-    text = bool(told.words or told.read)
+    spec: Spec = one.metadata["spec"]
+    text = bool(spec.words or spec.read)
     default = ... if one.default is MISSING else _typed(one.default) if text else one.default
-    kind = typer.Argument if told.positional else typer.Option
-    flags = () if told.positional else told.flags or (_flags(one),)
-    complete = completion(told.words, told.several, told.levels)
+    kind = typer.Argument if spec.positional else typer.Option
+    flags = () if spec.positional else spec.flags or (_flags(one),)
+    complete = completion(spec.words, spec.several, spec.levels)
     info = kind(
-        default, *flags, help=_help(told), metavar=_metavar(told, hint), autocompletion=complete,
-        show_default=default is not None and default is not False, rich_help_panel=told.group,
+        default, *flags, help=_help(spec), metavar=_metavar(spec, hint), autocompletion=complete,
+        show_default=default is not None and default is not False, rich_help_panel=spec.group,
     )  # fmt: skip
     return inspect.Parameter(
         one.name, inspect.Parameter.KEYWORD_ONLY, default=info, annotation=(str | None) if text else hint
@@ -174,21 +174,21 @@ def _flags(one: "Field[Any]") -> str:
     return f"{flag}/--no-{flag[2:]}" if one.default is True else flag
 
 
-def _metavar(told: Told, hint: Any) -> str | None:
+def _metavar(spec: Spec, hint: Any) -> str | None:
     """What stands behind the option: the words where they are few, else WORD; nothing behind a switch."""
-    if told.levels:
+    if spec.levels:
         return "LEVELS"
-    if told.shown or not told.words:
-        return told.shown or {bool: "", bool | None: "", list[Path] | None: "FILE"}.get(hint)
-    words = "|".join(told.words) + (",…" if told.several else "|NUMBER" if told.read else "")
-    return words if len(words) <= SHORT else "WORD,…" if told.several else "WORD|NUMBER" if told.read else "WORD"
+    if spec.shown or not spec.words:
+        return spec.shown or {bool: "", bool | None: "", list[Path] | None: "FILE"}.get(hint)
+    words = "|".join(spec.words) + (",…" if spec.several else "|NUMBER" if spec.read else "")
+    return words if len(words) <= SHORT else "WORD,…" if spec.several else "WORD|NUMBER" if spec.read else "WORD"
 
 
-def _help(told: Told) -> str:
+def _help(spec: Spec) -> str:
     """The help, with the words where they do not stand behind the option, in the Markdown that Typer shows."""
-    said, behind = told.help, _metavar(told, None) or ""
-    if any(word not in behind for word in told.words):
-        said = f"{said} {'Of' if told.several else 'One of'} {', '.join(told.words)}."
+    said, behind = spec.help, _metavar(spec, None) or ""
+    if any(word not in behind for word in spec.words):
+        said = f"{said} {'Of' if spec.several else 'One of'} {', '.join(spec.words)}."
     return re.sub(r"([_*<`])", r"\\\1", said)
 
 
@@ -206,24 +206,24 @@ def _exactly(value: Any) -> str:
 
 def _value(one: "Field[Any]", typed: Any) -> Any:
     """What was typed, as a value; `UsageError` where it is none of the words, or cannot be read."""
-    told: Told = one.metadata["told"]
-    if not isinstance(typed, str) or not (told.words or told.read):
+    spec: Spec = one.metadata["spec"]
+    if not isinstance(typed, str) or not (spec.words or spec.read):
         return one.default if typed is None and one.default is not MISSING else typed
     if typed == _typed(one.default):
         return one.default
     option_, parts = flag_of(one), [part.strip() for part in typed.split(",") if part.strip()]
-    if told.several:
+    if spec.several:
         for part in parts or [typed]:
-            if part not in told.words:
-                raise UsageError(unknown(option_, part, told.words))
+            if part not in spec.words:
+                raise UsageError(unknown(option_, part, spec.words))
             if parts.count(part) > 1:
                 raise UsageError(f"{option_} {typed}: name each once")
         return tuple(parts)
-    if typed in told.words or told.read is None:
-        if typed not in told.words:
-            raise UsageError(unknown(option_, typed, told.words))
+    if typed in spec.words or spec.read is None:
+        if typed not in spec.words:
+            raise UsageError(unknown(option_, typed, spec.words))
         return typed
-    return told.read(option_, typed)
+    return spec.read(option_, typed)
 
 
 def _words(shown: "Sequence[Field[Any]]", typed: Mapping[str, Any]) -> tuple[str, ...]:
@@ -231,13 +231,13 @@ def _words(shown: "Sequence[Field[Any]]", typed: Mapping[str, Any]) -> tuple[str
     placed: list[str] = []
     named: list[str] = []
     for one in shown:
-        told: Told = one.metadata["told"]
+        spec: Spec = one.metadata["spec"]
         value, flag = typed[one.name], flag_of(one)
-        default = _typed(one.default) if told.words or told.read else one.default
-        if told.group == OUTPUT or not told.kept or value in (None, [], default):
+        default = _typed(one.default) if spec.words or spec.read else one.default
+        if spec.group == OUTPUT or not spec.kept or value in (None, [], default):
             continue
         each = value if isinstance(value, list) else [value]
-        if told.positional:
+        if spec.positional:
             placed += map(str, each)
         elif isinstance(value, bool):
             named.append(flag if value else f"--no-{flag[2:]}")

@@ -24,7 +24,7 @@ class Arguments(Common, Reading):
 
 
 @takes(Arguments)
-def command(given: Arguments) -> None:
+def command(args: Arguments) -> None:
     """Read logs in any supported format, find steps, levels and repeats, and write one tidy dataset.
 
     Prints a line for each level and each step between levels, and what is wrong or doubtful.
@@ -39,32 +39,32 @@ def command(given: Arguments) -> None:
     from eaid.logs.manifest import files_read
     from eaid.reading import read_edges
 
-    options = inputs.reading_of(given)
-    refuse_to_overwrite(given.output, given.force, files_read(given.logs))
-    if given.edges:
-        logs = read_edges(given.logs, options, console.warn)
+    options = inputs.reading_of(args)
+    refuse_to_overwrite(args.output, args.force, files_read(args.logs))
+    if args.edges:
+        logs = read_edges(args.logs, options, console.warn)
         whole = [run for run, _edges in logs]
         rig = options.stepping().apparatus or whole[0].apparatus or Apparatus()
         kind = options.stepping().kind or whole[0].kind or "clutch"
-        write_dataset(given.output, whole, kind=kind, apparatus=rig, force=given.force)
-        ingest_tables.print_edges(logs, given.json)
-        console.done(given.output, f"{counted(len(logs), 'log')} as recorded", f"eaid report {given.output}")
+        write_dataset(args.output, whole, kind=kind, apparatus=rig, force=args.force)
+        ingest_tables.print_edges(logs, args.json)
+        console.done(args.output, f"{counted(len(logs), 'log')} as recorded", f"eaid report {args.output}")
         return
-    runs, stepset = inputs.runs_from(given.logs, options, seen=console.say)
-    if given.write_manifest:
+    runs, stepset = inputs.runs_from(args.logs, options, seen=console.say)
+    if args.write_manifest:
         from eaid.logs import manifest
         from eaid.logs.folders import files_of
 
         said = {**options.given(), "kind": stepset.kind}
-        at = manifest.write_manifest(files_of(given.logs), runs, said, given.force)
+        at = manifest.write_manifest(files_of(args.logs), runs, said, args.force)
         console.say(f"{at}: written; eaid ingest {at.parent} needs no options now")
-    write_dataset(given.output, runs, kind=stepset.kind, apparatus=stepset.apparatus, force=given.force)  # type: ignore[arg-type]
-    if given.json:
+    write_dataset(args.output, runs, kind=stepset.kind, apparatus=stepset.apparatus, force=args.force)  # type: ignore[arg-type]
+    if args.json:
         console.print_json(Ingested.of(stepset), "ingest")
     else:
         ingest_tables.print_tables(stepset)
     console.done(
-        given.output,
+        args.output,
         f"{counted(len(runs), 'run')}, {counted(len(stepset.levels), 'level')}",
-        f"eaid fit {given.output}",
+        f"eaid fit {args.output}",
     )

@@ -67,11 +67,11 @@ class Reading(Columns):
     )
 
 
-def reading_of(given: Columns) -> "InputOptions":
+def reading_of(args: Columns) -> "InputOptions":
     """The reading options that were typed."""
     from eaid.reading import InputOptions
 
-    return taken(InputOptions, given)
+    return taken(InputOptions, args)
 
 
 def stepset_from(paths: Sequence[Path], **said: Any) -> "StepSet":
@@ -136,7 +136,7 @@ def logs_of(fitted: "Fit", fit: Path, data: list[Path] | None, options: "TuneOpt
         return None
 
 
-def stamped(result: R, given: Common, kind: type, **files: Path | list[Path] | None) -> R:
+def stamped(result: R, args: Common, kind: type, **files: Path | list[Path] | None) -> R:
     """A result that says what was typed, and names the files it was made from by their roles in `kind`."""
     import msgspec
 
@@ -147,4 +147,4 @@ def stamped(result: R, given: Common, kind: type, **files: Path | list[Path] | N
         for role, given in files.items()
         if given
     }
-    return msgspec.structs.replace(result, inputs=kind(**named), command=given.words)  # type: ignore[type-var]
+    return msgspec.structs.replace(result, inputs=kind(**named), command=args.words)  # type: ignore[type-var]

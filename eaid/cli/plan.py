@@ -38,7 +38,7 @@ class Arguments(Common, Seeded):
 
 
 @takes(Arguments)
-def command(given: Arguments) -> None:
+def command(args: Arguments) -> None:
     """Which levels, hold times, repeats and order to record next, for wanted interval widths.
 
     Writes the run table (plan.csv) and, beside it, the whole session as an input file for the rig
@@ -57,27 +57,27 @@ def command(given: Arguments) -> None:
     from eaid.results.common import Input
     from eaid.results.fit import Fit
 
-    files = [given.output] if given.excitation else [given.output, given.output.with_suffix(".duty.csv")]
+    files = [args.output] if args.excitation else [args.output, args.output.with_suffix(".duty.csv")]
     for path in files:
-        refuse_to_overwrite(path, given.force, (given.fit,))
-    if given.excitation:
-        refuse_idle(given, ("idle_s", "release_s", "longest_hold_s", "most_levels"), "with --excitation")
+        refuse_to_overwrite(path, args.force, (args.fit,))
+    if args.excitation:
+        refuse_idle(args, ("idle_s", "release_s", "longest_hold_s", "most_levels"), "with --excitation")
     else:
-        refuse_idle(given, ("limits",), "without --excitation")
-    fit, doubts = codec.read(given.fit, "fit", Fit)
-    if given.excitation:
+        refuse_idle(args, ("limits",), "without --excitation")
+    fit, doubts = codec.read(args.fit, "fit", Fit)
+    if args.excitation:
         from eaid.planning.excitation import ExcitationOptions
 
-        limits = plan_tables.limits_of(given.limits, fit.plant.u_range, fit.data.input_unit)
-        options = taken(ExcitationOptions, given, limits=limits)
+        limits = plan_tables.limits_of(args.limits, fit.plant.u_range, fit.data.input_unit)
+        options = taken(ExcitationOptions, args, limits=limits)
         plan: Plan | Excitation = api.plan_excitation(fit, options, progress=console.progress)
     else:
-        plan = api.plan(fit, taken(PlanOptions, given), progress=console.progress)
-    plan = msgspec.structs.replace(plan, inputs=(Input.of(given.fit),), command=given.words)
-    plan_tables.write(files, plan, fit.data.kind, given.force)
-    if given.json:
+        plan = api.plan(fit, taken(PlanOptions, args), progress=console.progress)
+    plan = msgspec.structs.replace(plan, inputs=(Input.of(args.fit),), command=args.words)
+    plan_tables.write(files, plan, fit.data.kind, args.force)
+    if args.json:
         console.print_json(plan, "plan")
     else:
-        plan_tables.show(plan, given.idle_s, given.release_s)
+        plan_tables.show(plan, args.idle_s, args.release_s)
     console.tell((*doubts, *plan.findings))
     console.say(f"{', '.join(map(str, files))}: {plan_tables.cost(plan)}")

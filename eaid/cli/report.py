@@ -41,7 +41,7 @@ class Arguments(Common):
 
 
 @takes(Arguments)
-def command(given: Arguments) -> None:
+def command(args: Arguments) -> None:
     """Make one self-contained HTML page and its figures out of result files.
 
     Writes DIR/report.html, which opens without a network, and DIR/figures/*.png at 300 dpi, 3.5 or 7.16 inches wide.
@@ -53,21 +53,21 @@ def command(given: Arguments) -> None:
     from eaid.report.options import PAGE, ReportOptions, refuse_to_overwrite_report
     from eaid.report.watch import changes
 
-    options = ReportOptions(given.formats, given.figures, *given.width, given.font, given.paper, given.force)
-    refuse_to_overwrite_report(given.output, given.force)
-    if given.output.is_dir():
-        refuse_to_overwrite(given.output / PAGE, True, given.files)
-    given.output.parent.mkdir(parents=True, exist_ok=True)
-    changed = changes(given.files)  # from here on: what changes while the first page is made counts too
-    made = _made(given.files, given.output, options)
-    if given.watch:
-        console.say(f"watching {len(given.files)} file{'s' if len(given.files) > 1 else ''}; Ctrl-C ends it")
+    options = ReportOptions(args.formats, args.figures, *args.width, args.font, args.paper, args.force)
+    refuse_to_overwrite_report(args.output, args.force)
+    if args.output.is_dir():
+        refuse_to_overwrite(args.output / PAGE, True, args.files)
+    args.output.parent.mkdir(parents=True, exist_ok=True)
+    changed = changes(args.files)  # from here on: what changes while the first page is made counts too
+    made = _made(args.files, args.output, options)
+    if args.watch:
+        console.say(f"watching {len(args.files)} file{'s' if len(args.files) > 1 else ''}; Ctrl-C ends it")
         for _ in changed:
             try:
-                made = _made(given.files, given.output, replace(options, force=True))
+                made = _made(args.files, args.output, replace(options, force=True))
             except DataError as fault:  # a file that is being written: it will change again
                 console.warn(str(fault))
-    if given.json:
+    if args.json:
         console.print_json(made)
 
 

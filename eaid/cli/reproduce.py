@@ -15,7 +15,7 @@ class Arguments(Common):
 
 
 @takes(Arguments)
-def command(given: Arguments) -> None:
+def command(args: Arguments) -> None:
     """Compute every checkable number of the paper anew, from the shipped data and the reference plant.
 
     Writes a Markdown table: what is printed, ours beside it, the command that gives it, a verdict.
@@ -25,14 +25,14 @@ def command(given: Arguments) -> None:
     from eaid.cli.printed import Reproduced
     from eaid.files import refuse_to_overwrite, written_whole
 
-    refuse_to_overwrite(given.output, given.force)
+    refuse_to_overwrite(args.output, args.force)
     from eaid.report.paper.evidence import PARTS, evidence
     from eaid.report.paper.table import claims, markdown
 
     with console.progress("eaid reproduce", PARTS) as done:
         rows = claims(evidence(done))
-    with written_whole(given.output, given.force) as part:
+    with written_whole(args.output, args.force) as part:
         part.write_text(markdown(rows), encoding="utf-8", newline="\n")
-    if given.json:
+    if args.json:
         console.print_json(Reproduced(rows))
-    console.done(given.output, f"{len(rows)} entries", "read it beside docs/paper.md")
+    console.done(args.output, f"{len(rows)} entries", "read it beside docs/paper.md")

@@ -16,7 +16,7 @@ Factors = dict[str, float] | None
 
 @dataclass(frozen=True, kw_only=True)
 class Arguments(Common, Columns, Seeded, Verbose):
-    """What `eaid simulate` is told."""
+    """What `eaid simulate` is doubts."""
 
     fit: Path = argument("FIT", "fit.json of eaid fit.")
     gains: Path | None = option(None, "gains.json of eaid tune-rc; rc and pi need it.", WHAT, shown="FILE")
@@ -50,7 +50,7 @@ class Arguments(Common, Columns, Seeded, Verbose):
 
 
 @takes(Arguments)
-def command(given: Arguments) -> None:
+def command(args: Arguments) -> None:
     """Replay controllers on the fitted plant, from rest, and measure how well they track.
 
     Example: eaid simulate fit.json --gains gains.json --scenario sweep --noise-nm 0.01
@@ -70,30 +70,30 @@ def command(given: Arguments) -> None:
     from eaid.results.gains import Gains
     from eaid.results.replay import ReplayInputs
 
-    files = {"fit": given.fit, "gains": given.gains, "reference": given.reference}
-    refuse_to_overwrite(given.output, given.force, [*filter(None, files.values()), *files_read(given.log or [])])
-    if given.ripple_hz is not None and not given.ripple_pct:
+    files = {"fit": args.fit, "gains": args.gains, "reference": args.reference}
+    refuse_to_overwrite(args.output, args.force, [*filter(None, files.values()), *files_read(args.log or [])])
+    if args.ripple_hz is not None and not args.ripple_pct:
         raise UsageError("--ripple-hz: does nothing without --ripple-pct; give both or neither")
-    if not given.log and any((given.columns, given.units, given.repair, given.variable)):
+    if not args.log and any((args.columns, args.units, args.repair, args.variable)):
         raise UsageError("--columns, --units, --repair and --variable belong to --log; leave them out")
-    options = taken(SimulateOptions, given, rig=taken(Rig, given), residual_noise=given.noise is not None)
-    fitted, told = codec.read(given.fit, "fit", Fit)
-    tuned, more = codec.read(given.gains, "gains", Gains) if given.gains else (None, ())
+    options = taken(SimulateOptions, args, rig=taken(Rig, args), residual_noise=args.noise is not None)
+    fitted, doubts = codec.read(args.fit, "fit", Fit)
+    tuned, more = codec.read(args.gains, "gains", Gains) if args.gains else (None, ())
     replay = api.simulate(
-        fitted, tuned, options=options, reference=given.reference, log=given.log, reading=inputs.reading_of(given),
+        fitted, tuned, options=options, reference=args.reference, log=args.log, reading=inputs.reading_of(args),
         progress=console.progress,
     )  # fmt: skip
-    replay = replace(replay, head=inputs.stamped(replay.head, given, ReplayInputs, **files, log=given.log))
-    write_replay(given.output, replay, given.force)
-    if given.json:
+    replay = replace(replay, head=inputs.stamped(replay.head, args, ReplayInputs, **files, log=args.log))
+    write_replay(args.output, replay, args.force)
+    if args.json:
         console.print_json(as_json(replay))
     else:
         for table in tables_of(replay):
             console.show(table)
-        if given.plot:
+        if args.plot:
             from eaid.cli import plots
 
             plots.replay(replay)
-    console.tell([*replay.findings, *told, *more], given.verbose)
+    console.tell([*replay.findings, *doubts, *more], args.verbose)
     said = f"{replay.head.scenario} with {', '.join(sorted(replay.records)[:5])}"
-    console.done(given.output, said, f"eaid report {given.fit} {given.output}")
+    console.done(args.output, said, f"eaid report {args.fit} {args.output}")

@@ -16,7 +16,7 @@ EXCITATIONS = ("staircase", "random", "prbs", "multisine", "chirp", "closed-loop
 
 @dataclass(frozen=True, kw_only=True)
 class Arguments(Common, Seeded):
-    """What `eaid synth` is told."""
+    """What `eaid synth` is doubts."""
 
     kind: str | None = option(None, "By itself clutch; of a fit.json, its own.", WHAT, words=KINDS)
     plant: str = option("reference", "The paper's clutch, or a fit.json.", WHAT, shown="reference|FILE")
@@ -51,7 +51,7 @@ class Arguments(Common, Seeded):
 
 
 @takes(Arguments)
-def command(given: Arguments) -> None:
+def command(args: Arguments) -> None:
     """Make a synthetic dataset of a plant: a data.h5, or a folder of CSV when -o has no .h5 ending.
 
     Example: eaid synth --levels 20,60,100 --repeats 2 --hold 8 -o logs
@@ -68,29 +68,29 @@ def command(given: Arguments) -> None:
     from eaid.synth.folder import refuse_folder, write_folder
     from eaid.synth.synthesize import SynthOptions, synthesize
 
-    fit_file = None if given.plant == "reference" else Path(given.plant)
-    inputs = [each for each in (fit_file, given.duty_file, given.plan, given.gains) if each is not None]
-    is_dataset = given.output.suffix.lower() in (".h5", ".hdf5")
-    if given.excitation is None:
-        refuse_idle(given, ("shape", "gains"), "without --excitation")
+    fit_file = None if args.plant == "reference" else Path(args.plant)
+    inputs = [each for each in (fit_file, args.duty_file, args.plan, args.gains) if each is not None]
+    is_dataset = args.output.suffix.lower() in (".h5", ".hdf5")
+    if args.excitation is None:
+        refuse_idle(args, ("shape", "gains"), "without --excitation")
     elif is_dataset:
         raise UsageError("--excitation: writes a folder of CSV (-o FOLDER); give another -o")
-    if given.gains is None:
-        refuse_idle(given, ("controller",), "without --gains")
-    (refuse_to_overwrite if is_dataset else refuse_folder)(given.output, given.force, inputs)
-    sizes = {name: getattr(given, name) for name in Disturbance.__dataclass_fields__}
+    if args.gains is None:
+        refuse_idle(args, ("controller",), "without --gains")
+    (refuse_to_overwrite if is_dataset else refuse_folder)(args.output, args.force, inputs)
+    sizes = {name: getattr(args, name) for name in Disturbance.__dataclass_fields__}
     options = taken(
-        SynthOptions, given, sizes={name: value for name, value in sizes.items() if value is not None},
-        shape=keyed("«shape»", given.shape, Excitation),
+        SynthOptions, args, sizes={name: value for name, value in sizes.items() if value is not None},
+        shape=keyed("«shape»", args.shape, Excitation),
     )  # fmt: skip
-    fit, told = codec.read(fit_file, "fit", Fit) if fit_file is not None else (None, ())
+    fit, doubts = codec.read(fit_file, "fit", Fit) if fit_file is not None else (None, ())
     named = "" if fit_file is None else f"{fit_file} (sha256 {Input.of(fit_file).sha256[:12]})"
-    gains = codec.read(given.gains, "gains", Gains)[0] if given.gains is not None else None
+    gains = codec.read(args.gains, "gains", Gains)[0] if args.gains is not None else None
     runs = synthesize(options, fit, named, gains)
-    (write if is_dataset else write_folder)(given.output, runs, given.force)
-    console.tell(told, verbose=True)
-    if given.json:
-        console.print_json(Synthesized.of(given.output, runs, tuple(map(Input.of, inputs)), given.seed), "synth")
+    (write if is_dataset else write_folder)(args.output, runs, args.force)
+    console.tell(doubts, verbose=True)
+    if args.json:
+        console.print_json(Synthesized.of(args.output, runs, tuple(map(Input.of, inputs)), args.seed), "synth")
     made_of = (runs[0].synthetic or "").partition(";")[0].removeprefix("eaid synth of ")
-    said = f"{counted(len(runs), 'synthetic run')} of {made_of}, seed {given.seed}"
-    console.done(given.output, said, f"eaid fit {given.output}")
+    said = f"{counted(len(runs), 'synthetic run')} of {made_of}, seed {args.seed}"
+    console.done(args.output, said, f"eaid fit {args.output}")

@@ -16,7 +16,7 @@ Pair = tuple[float, float] | None
 
 @dataclass(frozen=True, kw_only=True)
 class Arguments(Common, Seeded, Verbose):
-    """What `eaid tune-rc` is told."""
+    """What `eaid tune-rc` is doubts."""
 
     fit: Path = argument("FIT", "fit.json of eaid fit; only its linear part is needed.")
     kp: float | None = option(None, "K_P [1/s²]; by itself 4.5.", ROBUST)
@@ -61,7 +61,7 @@ class Arguments(Common, Seeded, Verbose):
 
 
 @takes(Arguments)
-def command(given: Arguments) -> None:
+def command(args: Arguments) -> None:
     """Gains of the robust controller and of a PI from a fit, with one verdict on the guarantee.
 
     Exit code 5: the fit or the wishes are not physical, out of reach, or unstable on the linear model.
@@ -78,22 +78,22 @@ def command(given: Arguments) -> None:
     from eaid.results.gains import GainsInputs
     from eaid.results.tuning import TuneOptions
 
-    file = Path(given.reference) if given.reference and given.reference not in SCENARIOS else None
-    read = [given.fit, *([file] if file else []), *files_read(given.data or [])]
-    refuse_to_overwrite(given.output, given.force, read)
-    options = taken(TuneOptions, given)
-    if given.data and options.phi != "data" and not options.searches:
+    file = Path(args.reference) if args.reference and args.reference not in SCENARIOS else None
+    read = [args.fit, *([file] if file else []), *files_read(args.data or [])]
+    refuse_to_overwrite(args.output, args.force, read)
+    options = taken(TuneOptions, args)
+    if args.data and options.phi != "data" and not options.searches:
         raise UsageError("--data: does nothing without --phi data or --optimize; leave it out")
-    fitted, told = codec.read(given.fit, "fit", Fit)
-    logs = inputs.logs_of(fitted, given.fit, given.data, options)
-    gains = api.tune_rc(fitted, options, reference=given.reference, logs=logs, progress=console.progress)
-    gains = inputs.stamped(gains, given, GainsInputs, fit=given.fit, reference=file)
-    codec.write(given.output, gains, "gains", given.force)
-    if given.json:
+    fitted, doubts = codec.read(args.fit, "fit", Fit)
+    logs = inputs.logs_of(fitted, args.fit, args.data, options)
+    gains = api.tune_rc(fitted, options, reference=args.reference, logs=logs, progress=console.progress)
+    gains = inputs.stamped(gains, args, GainsInputs, fit=args.fit, reference=file)
+    codec.write(args.output, gains, "gains", args.force)
+    if args.json:
         console.print_json(gains, "gains")
     else:
         console.line(f"guarantee: {tables.guarantee_words(gains)}")
-        for table in [*tables.tables_of(gains, asked=False), *(tables.further_tables(gains) if given.verbose else ())]:
+        for table in [*tables.tables_of(gains, asked=False), *(tables.further_tables(gains) if args.verbose else ())]:
             console.show(table)
-    console.tell([*gains.findings, *told], given.verbose)
-    console.done(given.output, "gains of rc and pi", f"eaid simulate {given.fit} --gains {given.output}")
+    console.tell([*gains.findings, *doubts], args.verbose)
+    console.done(args.output, "gains of rc and pi", f"eaid simulate {args.fit} --gains {args.output}")

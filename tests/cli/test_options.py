@@ -54,7 +54,7 @@ def lines(draw: st.DrawFn, name: str) -> list[str]:
     """A line of arguments and some options with values."""
     hints, said = get_type_hints(ARGUMENTS[name]), []
     for one in options_of(name):
-        told, flag = one.metadata["told"], form.flag_of(one)
+        told, flag = one.metadata["spec"], form.flag_of(one)
         text = str(hints[one.name])
         if told.positional:
             said.append("a.file")
@@ -83,18 +83,18 @@ def test_what_was_typed_comes_back_as_it_was(name: str, data: st.DataObject) -> 
     line = data.draw(lines(name))
     first = parsed(name, line)
     again = parsed(name, list(first.words))
-    told = {one.name: (one.metadata["told"], one.default) for one in options_of(name)}
+    told = {one.name: (one.metadata["spec"], one.default) for one in options_of(name)}
     shown = {key: plain for key, (said, plain) in told.items() if said.group == form.OUTPUT or not said.kept}
     assert replace(again, **shown) == replace(first, **shown)
 
 
 def choices() -> list[tuple[str, Any]]:
-    return [(name, one) for name in ARGUMENTS for one in options_of(name) if one.metadata["told"].words]
+    return [(name, one) for name in ARGUMENTS for one in options_of(name) if one.metadata["spec"].words]
 
 
 @pytest.mark.parametrize(("name", "one"), choices(), ids=lambda value: getattr(value, "name", value))
 def test_a_word_that_is_mistyped_is_told_the_one_meant(name: str, one: Any) -> None:
-    told = one.metadata["told"]
+    told = one.metadata["spec"]
     if told.read is form_as_typed():
         pytest.skip("any text may stand there")
     word = max(told.words, key=len)
@@ -128,20 +128,20 @@ TABLES = {
 @pytest.mark.parametrize(("place", "words"), TABLES.items(), ids=str)
 def test_the_words_are_those_of_the_library(place: tuple[str, str], words: tuple[str, ...]) -> None:
     (one,) = (one for one in options_of(place[0]) if one.name == place[1])
-    assert set(one.metadata["told"].words) == set(words)
+    assert set(one.metadata["spec"].words) == set(words)
 
 
 @pytest.mark.parametrize("name", ARGUMENTS)
 def test_help_has_groups_choices_and_one_example(name: str, capsys: pytest.CaptureFixture[str]) -> None:
     for one in options_of(name):
-        assert one.metadata["told"].positional or one.metadata["told"].group, one.name
+        assert one.metadata["spec"].positional or one.metadata["spec"].group, one.name
     assert main.run([name.replace("_", "-"), "--help"]) == 0
     shown = capsys.readouterr().out
     assert shown.count("Example: eaid") == 1
     said = " ".join(shown.replace("│", " ").split())
     for one in options_of(name):
-        assert one.metadata["told"].positional or form.flag_of(one) in shown
-        for word in one.metadata["told"].words:
+        assert one.metadata["spec"].positional or form.flag_of(one) in shown
+        for word in one.metadata["spec"].words:
             assert word in said, (one.name, word)
 
 
