@@ -9,11 +9,11 @@ from dataclasses import replace
 import msgspec
 import numpy as np
 
-from eaid.errors import UsageError
+from eaid.errors import DataError, UsageError
 from eaid.findings import finding, ranked
 from eaid.fitting import robust
 from eaid.fitting.data import data_of
-from eaid.fitting.friction import fit_curves, friction_fit, friction_hold_out, missed_levels, refuse_empty
+from eaid.fitting.friction import fit_curves, friction_fit, friction_hold_out, missed_levels
 from eaid.fitting.linear import linear_fit
 from eaid.fitting.nonlinear import nonlinear_fit
 from eaid.fitting.options import ALLOWED, check
@@ -32,7 +32,8 @@ def fit(stepset: StepSet, options: FitOptions | None = None) -> Fit:
     """
     options = options or FitOptions()
     check(options)
-    refuse_empty(stepset)
+    if not stepset.levels:
+        raise DataError("no rising step was found in the logs; give «step_at», or check the input column")
     models = chosen(stepset.kind, options.models)
     kept, held_out = split(stepset.levels, options.hold_out)
     whole, stepset = stepset, replace(stepset, levels=kept)

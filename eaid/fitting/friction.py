@@ -7,7 +7,6 @@ import numpy as np
 
 from eaid.apparatus import Apparatus
 from eaid.arrays import Array
-from eaid.errors import DataError
 from eaid.findings import Finding, finding
 from eaid.fitting import metrics, robust, samples
 from eaid.fitting.data import Data
@@ -134,12 +133,6 @@ def level_findings(stepset: StepSet, fits: Sequence[FrictionLevel]) -> list[Find
         "output-does-not-rise": at_bound("Ts-zero"),
     }
     return [finding(code, "friction", levels, unit=stepset.input_unit) for code, levels in rows.items() if levels]
-
-
-def refuse_empty(stepset: StepSet) -> None:
-    """A set without a rising step cannot be fitted."""
-    if not stepset.levels:
-        raise DataError("no rising step was found in the logs; give «step_at», or check the input column")
 
 
 def fit_curves(data: Data, options: FitOptions) -> tuple[list[FrictionLevel], Huber | None]:

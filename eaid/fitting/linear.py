@@ -63,8 +63,9 @@ def _linear(a0: float, coefficients: Array, u: Array) -> LinearModel:
     return LinearModel(a0, float(a0 * slope), float(a0 * offset))
 
 
-def linear_residuals(p: LinearModel, data: Data) -> list[Array]:
+def linear_residuals(solved: LinearSolution, data: Data) -> list[Array]:
     """f − y at every sample of every level, shapes (n_l,)."""
+    p = solved.parameters
     return [
         (p.b0 * u + p.c0) / p.a0 * (1 - decay(r, 1 / p.a0)) - r.y for u, r in zip(data.u, data.records, strict=True)
     ]
@@ -135,12 +136,8 @@ def linear_fit(
 
 def pooled_linear(data: Data, options: FitOptions) -> tuple[Pooled, list[Array], Huber | None]:
     """Eq. (8) on all levels at once, under the loss that was asked for, with its residuals."""
-
-    def residuals(solved: LinearSolution, on: Data) -> list[Array]:
-        return linear_residuals(solved.parameters, on)
-
-    solved, huber = robust.minimise(data, options.loss, fit_linear, lambda d, _: fit_linear(d), residuals)
-    p, left, weights = solved.parameters, residuals(solved, data), data.unequal_weights
+    solved, huber = robust.minimise(data, options.loss, fit_linear, lambda d, _: fit_linear(d), linear_residuals)
+    p, left, weights = solved.parameters, linear_residuals(solved, data), data.unequal_weights
     total = metrics.errors([record.y for record in data.records], left)
     pooled = Pooled(
         p.a0,

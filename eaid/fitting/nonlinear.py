@@ -67,11 +67,6 @@ def nonlinear_problem(data: Data, basis: Basis) -> Problem:
     return Problem(normal, A, b, names, None if basis.free_share else exact, ROUNDING * data.energy)
 
 
-def full_residuals(x: Array, data: Data, basis: Basis) -> list[Array]:
-    """f − y at every sample of each level, shapes (n_l,)."""
-    return residuals(basis.theta(x, basis.rows(data.u)), data.records)
-
-
 @dataclass(frozen=True, eq=False)
 class Solution:
     """The fitted coefficients, their cost on the full data, and the verdict."""
@@ -87,6 +82,11 @@ class Solution:
     def parameters(self) -> NonlinearModel:
         """The model in the units of specification 1."""
         return self.basis.parameters(self.x)
+
+
+def full_residuals(solved: Solution, data: Data) -> list[Array]:
+    """f − y at every sample of each level, shapes (n_l,)."""
+    return residuals(solved.basis.theta(solved.x, solved.basis.rows(data.u)), data.records)
 
 
 def fit_nonlinear(data: Data, share: float | None, starts: Sequence[NonlinearModel] = ()) -> Solution:
@@ -142,14 +142,10 @@ def nonlinear_fit(
 
     `other`: the same data under the other weights, fitted too, starting from this model as well; or why there are none.
     """
-
-    def residuals(solved: Solution, on: Data) -> list[Array]:
-        return full_residuals(solved.x, on, solved.basis)
-
     solution, huber = robust.minimise(
-        data, options.loss, lambda d: fit_nonlinear(d, options.held_share, near), refit_nonlinear, residuals
+        data, options.loss, lambda d: fit_nonlinear(d, options.held_share, near), refit_nonlinear, full_residuals
     )
-    p, left = solution.parameters, residuals(solution, data)
+    p, left = solution.parameters, full_residuals(solution, data)
     one = msgspec.structs.replace(estimate(p, data, left, solution.solver, held_out), C_free=options.held_share is None)
     found = nonlinear_findings(p, solution.solver, solution.active, [level.level for level in held_out])
     found += robust.huber_findings("nonlinear", huber)

@@ -50,7 +50,7 @@ def minimise(
     r = residuals(solved, data)
     rounds, moved, sigma = 0, np.inf, 0.0
     while moved > SETTLED and rounds < 200:
-        sigma = scale_of(r)
+        sigma = 1.4826 * float(np.median(np.abs(np.concatenate(r))))  # by the median of |r|, over all samples
         if sigma == 0.0:
             break
         cut = K * sigma
@@ -68,11 +68,6 @@ def minimise(
     weights = tuple(weights_on(u, record.t_s, one, K * sigma) for u, record, one in rows)
     settled = bool(moved <= SETTLED or sigma == 0.0)
     return solved, Huber(k=K, sigma=sigma, rounds=rounds, settled=settled, weights=weights)
-
-
-def scale_of(residuals: list[Array]) -> float:
-    """σ by the median of |residual|, 1.4826 MAD, over all samples."""
-    return 1.4826 * float(np.median(np.abs(np.concatenate(residuals))))
 
 
 def weights_on(level: float, t_s: Array, residual: Array, cut: float) -> HuberLevel:

@@ -60,11 +60,11 @@ def believed(
         kept, model = list(fit.findings), msgspec.structs.replace(joint, two_stage=two_stage)
         more += weightings.findings("nonlinear", joint, weighted, base)
     data = fit.data
-    found_open = nonlinear_findings(model, base, data.input_unit, data.output_unit, with_levels=fit.friction is None)
+    left_open = nonlinear_findings(model, base, data.input_unit, data.output_unit, with_levels=fit.friction is None)
     model = msgspec.structs.replace(
-        model, because=because, identifiable=identifiable(found_open), other_weights=other, agreement=(says, weighted)
+        model, because=because, identifiable=identifiable(left_open), other_weights=other, agreement=(says, weighted)
     )
-    return msgspec.structs.replace(fit, nonlinear=model, findings=(*kept, *found_open, *more))
+    return msgspec.structs.replace(fit, nonlinear=model, findings=(*kept, *left_open, *more))
 
 
 def agreement(found: nonlinear_intervals.Estimates, stats: LevelStatistics) -> Agreement:

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import msgspec
 import numpy as np
 
-from eaid.arrays import Array
+from eaid.arrays import Array, median
 from eaid.findings import Finding, finding
 from eaid.fitting.findings import missed, nonlinear_findings
 from eaid.fitting.nonlinear import estimate
@@ -36,7 +36,7 @@ from eaid.uncertainty.joint import (
 )
 from eaid.uncertainty.level_statistics import LevelStatistics, curve_degrees, curves
 from eaid.uncertainty.levels import CURVES
-from eaid.uncertainty.student_t import Degrees, middle, t_quantile
+from eaid.uncertainty.student_t import Degrees, t_quantile
 from eaid.uncertainty.twostage import two_stage
 from eaid.uncertainty.weightings import weights_array
 
@@ -114,7 +114,7 @@ def coefficient_intervals(c: Coefficients, degrees: Degrees) -> CoefficientInter
     for k, name in enumerate(BLOCKS):
         own = c.block(name)
         scale = 100.0 ** np.arange(c.counts[k])
-        reach = t_quantile(middle(degrees[name])) * sd[own]
+        reach = t_quantile(median(degrees[name])) * sd[own]
         low, high = (c.values[own] - reach) / scale, (c.values[own] + reach) / scale
         held = name in (*c.constrained, *c.open) or not np.isfinite(reach).all()
         carried = (c.values[own] != 0) | (reach > 0)  # a power that the levels do not carry is 0, not known to be 0
@@ -123,7 +123,7 @@ def coefficient_intervals(c: Coefficients, degrees: Degrees) -> CoefficientInter
         )
     share: Interval = None
     if c.share_free:
-        reach = t_quantile(min(middle(df) for df in degrees.values())) * sd[-1]
+        reach = t_quantile(min(median(df) for df in degrees.values())) * sd[-1]
         if np.isfinite(reach):
             share = (max(0.0, float(c.values[-1] - reach)), min(1.0, float(c.values[-1] + reach)))
     return CoefficientIntervals(**found, C=share)
@@ -179,7 +179,7 @@ def covariance_part(c: Coefficients, degrees: Degrees, source: str) -> Covarianc
         PARAMETRISATION,
         (*order, *(["C"] * c.share_free)),
         tuple(tuple(row) for row in c.covariance.tolist()),
-        {name: middle(df) for name, df in degrees.items()},
+        {name: median(df) for name, df in degrees.items()},
         source,
     )
 

@@ -7,7 +7,7 @@ from typing import TypeAlias, overload
 import numpy as np
 from scipy.special import stdtrit
 
-from eaid.arrays import Array, median
+from eaid.arrays import Array
 from eaid.results.common import Interval
 
 NOMINAL = 0.95
@@ -50,11 +50,6 @@ def satterthwaite(parts: Sequence[Array | float], degrees: Sequence[Array | floa
     spread = sum(np.square(v) / df for v, df in zip(parts, degrees, strict=True))
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.asarray(np.square(sum(parts)) / spread)
-
-
-def middle(degrees: float | Array) -> float:
-    """One number for the degrees of freedom of a curve: their median over the levels."""
-    return median(degrees)
 
 
 @dataclass(frozen=True, eq=False)
