@@ -62,7 +62,8 @@ def fit_step(step: LevelStep, options: FitOptions | None = None) -> StepShape:
     y = step.output - step.start
     points = averaged(step.time_s, y)
     wanted = SHAPES if options.shape == "auto" else (cast(Shape, options.shape),)
-    tried = [one for dead in _dead(options) for one in _candidates(points, step, options, wanted, dead)]
+    with_and_without = (False, True) if options.dead_time_s is None else (options.dead_time_s > 0,)
+    tried = [one for dead in with_and_without for one in _candidates(points, step, options, wanted, dead)]
     best = min(tried, key=lambda one: one.sse)
     left = y - curve(best.p, step.time_s)
     count = independent(left)
@@ -72,12 +73,6 @@ def fit_step(step: LevelStep, options: FitOptions | None = None) -> StepShape:
     if len(points.time_s) < len(y):
         chosen = _refined(chosen, Points(step.time_s, y, np.ones(len(y))), step)
     return _result(step, chosen, scores, y, _plain_rmse(tried, chosen, len(y)))
-
-
-def _dead(options: FitOptions) -> tuple[bool, ...]:
-    if options.dead_time_s is None:
-        return (False, True)
-    return (options.dead_time_s > 0,)
 
 
 def may_ask(step: LevelStep, options: FitOptions) -> bool:
