@@ -15,7 +15,6 @@ JUMP = 0.1
 FAST_PCT = 20.0
 SATURATED_PCT = 20.0
 CLIPPED_PCT = 5.0
-FULL_DUTY = 99.9
 
 
 def refuse(logs: Sequence[RecordedLog]) -> None:
@@ -67,12 +66,10 @@ def _fast(log: RecordedLog) -> Finding | None:
 
 def _saturated(log: RecordedLog) -> Finding | None:
     """A moving input that stands at its largest value."""
-    top = float(log.input.max())
-    if log.stepwise and log.reference is None:
+    share = 100.0 * log.saturated
+    if (log.stepwise and log.reference is None) or share <= SATURATED_PCT:
         return None
-    acting = log.input > 0
-    share = 100.0 * float(log.dt_s[log.input >= top * (1 - 1e-9)].sum()) / max(float(log.dt_s[acting].sum()), 1e-300)
-    return finding("input-saturates", log.name, share_pct=share, limit=top) if share > SATURATED_PCT else None
+    return finding("input-saturates", log.name, share_pct=share, limit=float(log.input.max()))
 
 
 def _clipped(log: RecordedLog) -> Finding | None:

@@ -45,7 +45,7 @@ def judged_loops(
             if abs(follows) > FOLLOWS:
                 found.append(finding("duty-follows-output", log.name, correlation=follows))
                 found.append(finding("loop-bias-unknown", log.name))
-                loops.append(Loop(log.name, saturated_fraction=saturated(log)))
+                loops.append(Loop(log.name, saturated_fraction=log.saturated))
             continue
         if law is None:
             found += [_of_another_law(log), finding("loop-bias-unknown", log.name)]
@@ -71,16 +71,8 @@ def _of_another_law(log: RecordedLog) -> Finding:
         fit_pct=None if law is None else law.fit_pct,
         rms=float(np.sqrt(np.nanmean(error**2))),
         largest=float(log.reference[acting].max()),
-        saturated_pct=100 * saturated(log),
+        saturated_pct=100 * log.saturated,
     )  # fmt: skip
-
-
-def saturated(log: RecordedLog) -> float:
-    """Part of the acting time that the duty stands at its largest value."""
-    top = float(log.input.max())
-    acting = float(log.dt_s[log.input > 0].sum())
-    at_top = float(log.dt_s[log.input >= top * (1 - 1e-9)].sum())
-    return at_top / acting if acting > 0 and at_top > 2 * float(np.median(log.dt_s)) else 0.0
 
 
 def answers(base: Solved, index: int, log: RecordedLog) -> float:
@@ -101,7 +93,7 @@ def _loop(base: Solved, index: int, log: RecordedLog, law: Law | None, bias: Bia
     assert log.reference is not None
     acting = slice(int(np.flatnonzero(log.input > 0)[0]), None)
     error = (log.reference - log.output)[acting]
-    plain = Loop(log.name, saturated_fraction=saturated(log), rms_error=float(np.sqrt(np.mean(error**2))))
+    plain = Loop(log.name, saturated_fraction=log.saturated, rms_error=float(np.sqrt(np.mean(error**2))))
     if law is None:
         return plain
     replayed = simulated(base, index, log, law, None)

@@ -9,6 +9,7 @@ Each is an unknown (or two) beside the coefficients; Wald's test with the covari
 
 from dataclasses import dataclass, replace
 
+import msgspec
 import numpy as np
 from scipy.stats import f as f_distribution
 
@@ -109,9 +110,13 @@ def edges(solved: Solved) -> Array:
     return np.array([tables.tau1[0], tables.tau2[0]])
 
 
+def as_rises(solved: Solved, name: str) -> Array:
+    """Values of an extra with which falls go as rises do."""
+    return edges(solved) if name == "rest" else np.array(NOTHING[name])
+
+
 def _with(base: Solved, names: tuple[str, ...]) -> Solved:
-    values = {"rest": edges(base), "fall": np.ones(2), "excess": np.zeros(1)}
-    begin = np.concatenate([values[name] for name in names])
+    begin = np.concatenate([as_rises(base, name) for name in names])
     setup, x = with_extras(base.fitted, names, base.x, begin)
     return finished(setup, [x])
 
@@ -124,7 +129,7 @@ def _judged(solved: Solved, sure: Spread, names: tuple[str, ...]) -> tuple[dict[
         G = np.zeros((count, solved.setup.size))
         G[:, at : at + count] = np.eye(count)
         values = solved.x[at : at + count]
-        against = {"rest": edges(solved), "fall": np.ones(2), "excess": np.zeros(1)}[name]
+        against = as_rises(solved, name)
         if name == "rest":  # the edge values are estimates too
             G -= model.slopes(np.array([model.low]), solved.setup.size)[1:, 0]
         off = values - against
@@ -145,8 +150,8 @@ def _chance(off: Array, G: Array, sure: Spread) -> float:
     sizes = np.sqrt(np.array(own) / np.maximum(np.diagonal(V), 1e-300))
     V = V * np.outer(sizes, sizes)
     scale = np.sqrt(np.maximum(np.diagonal(V), 1e-300))
-    inverse = np.linalg.pinv(V / np.outer(scale, scale), rcond=1e-10, hermitian=True)
-    statistic = float((off / scale) @ inverse @ (off / scale)) / len(off)
+    back = np.linalg.pinv(V / np.outer(scale, scale), rcond=1e-10, hermitian=True)
+    statistic = float((off / scale) @ back @ (off / scale)) / len(off)
     return float(f_distribution.sf(statistic, len(off), max(min(degrees), 1.0)))
 
 
@@ -156,51 +161,35 @@ def _interval(one: Judged, k: int, scale: float = 1.0) -> Interval:
 
 
 def _as_result(found: dict[str, Judged], kept: tuple[str, ...]) -> Falls:
-    rest, fall, excess = (found.get(name) for name in ("rest", "fall", "excess"))
-    return Falls(
-        release_tau1=None if rest is None else float(rest.values[0]),
-        release_tau2=None if rest is None else float(rest.values[1]),
-        release_chance=None if rest is None else rest.chance,
-        release_fitted="rest" in kept,
-        fall_tau1=None if fall is None else float(fall.values[0]),
-        fall_tau1_ci95=None if fall is None else _interval(fall, 0),
-        fall_tau2=None if fall is None else float(fall.values[1]),
-        fall_tau2_ci95=None if fall is None else _interval(fall, 1),
-        fall_chance=None if fall is None else fall.chance,
-        fall_fitted="fall" in kept,
-        hysteresis_pct=None if excess is None else 100 * float(excess.values[0]),
-        hysteresis_ci95=None if excess is None else _interval(excess, 0, 100.0),
-        hysteresis_chance=None if excess is None else excess.chance,
-        hysteresis_fitted="excess" in kept,
-    )
+    said: dict[str, float | Interval | bool] = {}
+    for name, called in (("rest", "release"), ("fall", "fall"), ("excess", "hysteresis")):
+        said[f"{called}_fitted"] = name in kept
+        if name not in found:
+            continue
+        one = found[name]
+        said[f"{called}_chance"] = one.chance
+        if name == "excess":
+            said |= {"hysteresis_pct": 100 * float(one.values[0]), "hysteresis_ci95": _interval(one, 0, 100.0)}
+            continue
+        for k, tau in enumerate(("tau1", "tau2")):
+            said[f"{called}_{tau}"] = float(one.values[k])
+            if name == "fall":
+                said[f"fall_{tau}_ci95"] = _interval(one, k)
+    return msgspec.structs.replace(Falls(), **said)
 
 
 def _told(solved: Solved, found: dict[str, Judged], kept: tuple[str, ...]) -> tuple[Finding, ...]:
-    told = []
+    (edge1, edge2), told = edges(solved).tolist(), [finding("release-not-seen", "release")]
     if "rest" in found:
-        one = found["rest"]
-        tau1, tau2 = one.values.tolist()
-        edge1, edge2 = edges(solved).tolist()
+        (tau1, tau2), chance = found["rest"].values.tolist(), found["rest"].chance
+        told = [finding("release-alike", "release", tau1_s=edge1, tau2_s=edge2, chance=chance)]
         if "rest" in kept:
-            told.append(
-                finding(
-                    "release-differs", "release",
-                    tau1_s=tau1, tau2_s=tau2, edge1_s=edge1, edge2_s=edge2, chance=one.chance,
-                )
-            )  # fmt: skip
-        else:
-            told.append(finding("release-alike", "release", tau1_s=edge1, tau2_s=edge2, chance=one.chance))
-    else:
-        told.append(finding("release-not-seen", "release"))
+            own = {"tau1_s": tau1, "tau2_s": tau2, "edge1_s": edge1, "edge2_s": edge2}
+            told = [finding("release-differs", "release", (), **own, chance=chance)]
     if "fall" in kept:
-        one = found["fall"]
-        told.append(
-            finding(
-                "falls-differ", "nonlinear",
-                tau1_factor=float(one.values[0]), tau2_factor=float(one.values[1]), chance=one.chance,
-            )
-        )  # fmt: skip
+        (tau1, tau2), chance = found["fall"].values.tolist(), found["fall"].chance
+        told.append(finding("falls-differ", "nonlinear", tau1_factor=tau1, tau2_factor=tau2, chance=chance))
     if "excess" in kept:
-        one = found["excess"]
-        told.append(finding("hysteresis", "nonlinear", excess_pct=100 * float(one.values[0]), chance=one.chance))
+        (excess,), chance = found["excess"].values.tolist(), found["excess"].chance
+        told.append(finding("hysteresis", "nonlinear", excess_pct=100 * excess, chance=chance))
     return tuple(told)

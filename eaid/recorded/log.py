@@ -82,6 +82,14 @@ class RecordedLog:
         """Whether its input is held for eight rows and more on the average."""
         return 8 * len(self.changes) <= len(self.input)
 
+    @property
+    def saturated(self) -> float:
+        """Part of the acting time that the input stands at its largest value."""
+        top = float(self.input.max())
+        acting = float(self.dt_s[self.input > 0].sum())
+        at_top = float(self.dt_s[self.input >= top * (1 - 1e-9)].sum())
+        return at_top / acting if acting > 0 and at_top > 2 * float(np.median(self.dt_s)) else 0.0
+
 
 def recorded_log(run: Run, rest: float = 0.0) -> RecordedLog:
     """A run of the reader as a recorded log: input counted from rest, an input that only falls below it turned up."""
