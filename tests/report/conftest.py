@@ -84,7 +84,7 @@ def others(files: dict[str, Path], tmp_path_factory: pytest.TempPathFactory) -> 
     made["two"] = [files["clutch.json"], folder / "day2.json"]
     assert call("synth", "--levels", "20:100:20", "--seed", "9", "--rate-hz", "50", "-o", folder / "day2.h5", "-q") == 0
     assert call("fit", folder / "day2.h5", "-o", folder / "day2.json", "-q") == 0
-    shape = ["--shape", "duration_s=60,gains=15:200,hold_s=0.5:5", "--rate", "50", "--seed", "1"]
+    shape = ["--shape", "duration_s=60,gains=15:200,hold_s=0.5:5", "--rate-hz", "50", "--seed", "1"]
     assert call("synth", "--excitation", "closed-loop", *shape, "-o", folder / "loop", "-q") == 0
     assert call("ingest", "--edges", folder / "loop", "-o", folder / "loop.h5", "-q") == 0
     made["loop"] = [folder / "loop.h5"]
