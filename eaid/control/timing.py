@@ -44,7 +44,7 @@ class Timing:
         if self.pwm_hz is None:
             return 1, 1
         ratio = Fraction(self.rate_hz / self.pwm_hz).limit_denominator(20)
-        if not 0.05 <= ratio <= 100:
+        if not Fraction(1, 20) <= ratio <= 100:
             raise UsageError(
                 f"a PWM of {self.pwm_hz:g} Hz under control at {self.rate_hz:g} Hz is outside what margins are worked "
                 "out for (0.05 to 100 samples a period); check «pwm_hz»"

@@ -200,6 +200,14 @@ def test_the_sensors_filter_keeps_a_share_of_its_old_value() -> None:
     assert Timing(1000.0).memory == 0.0 and Timing(500.0).step_s == 0.002 and Timing(500.0, None, 3).delay_s == 0.006
 
 
+def test_a_latch_slower_than_a_hundred_samples_or_faster_than_a_twentieth_is_refused() -> None:
+    assert Timing(1000.0, 10.0).pattern == (100, 1) and Timing(1000.0, 20_000.0).pattern == (1, 20)
+    assert Timing(1000.0).pattern == (1, 1) and Timing(1000.0, 300.0).pattern == (10, 3)
+    for pwm_hz in (9.95, 1e5):
+        with pytest.raises(UsageError, match="outside what margins are worked out for"):
+            Timing(1000.0, pwm_hz).pattern  # noqa: B018
+
+
 def test_models_that_agree_show_no_mismatch() -> None:
     level = SimpleNamespace(level=50.0, a0=1.36, c0=-2.42, B=12.5)
     found = shown_by_levels([level], PAPER_LINEAR, 4.0)  # type: ignore[list-item]
