@@ -61,7 +61,7 @@ def test_it_ends_by_naming_the_page(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ):
     ran: list[str] = []
-    monkeypatch.setattr(demo, "_run", lambda line, _folder: ran.append(line[0]))
+    monkeypatch.setattr(demo_lines, "run_line", lambda line, _folder: ran.append(line[0]))
     monkeypatch.setattr("eaid.processes.processors", lambda: 1)
     monkeypatch.chdir(tmp_path)
     assert run(["demo"]) == 0
