@@ -181,11 +181,6 @@ def done(path: "Path", what: str, after: str) -> None:
     say(f"{path}: {what}; next: {after}")
 
 
-def number(value: float | None, digits: int = 4) -> str:
-    """A number for a table; a dash where there is none."""
-    return "–" if value is None else f"{value:.{digits}g}".replace("-", "−")
-
-
 def line(text: str) -> None:
     """Print one line of a result on stdout, under its table."""
     if not _quiet:
