@@ -132,3 +132,15 @@ def test_limits_of_another_rig_are_its_own(tmp_path: Path, capsys: pytest.Captur
     assert np.loadtxt(table, delimiter=",", skiprows=1)[:, 1].max() == 240.0
     assert main.run([*words, "--force", "--limits", "duty=240:60"]) == 2
     assert "give two inputs that rise" in capsys.readouterr().err
+
+
+def test_a_unit_that_no_file_can_hold_is_written_otherwise(tmp_path: Path) -> None:
+    """A lone surrogate in an edited fit.json ended plan and synth with a bug's exit code."""
+    path = written(tmp_path, 3.0, "V")
+    text = path.read_text(encoding="utf-8").replace('"V"', '"\\ud800V"')
+    path.write_text(f"{text}\n", encoding="utf-8")  # no longer as eaid wrote it
+    table = tmp_path / "plan.csv"
+    assert main.run(["plan", str(path), "--no-check", "-o", str(table), "-q"]) == 0
+    assert (tmp_path / "plan.duty.csv").read_text(encoding="utf-8").startswith("time_s,input (?V)\n")
+    call = ["synth", "--plant", str(path), "--plan", str(table), "--rate-hz", "5"]
+    assert main.run([*call, "-o", str(tmp_path / "logs"), "-q"]) == 0
