@@ -10,7 +10,7 @@ from eaid.models import linear, nonlinear
 from eaid.models.parameters import Linear
 from eaid.report import published, style
 from eaid.report.figures.steps import MODEL, Model, draw_steps, end_of, fine_times, label_ends, some_levels
-from eaid.report.figures.values import axis_label, highest, intervals_of, nonlinear_of, points, values_of, values_over
+from eaid.report.figures.values import axis_label, intervals_of, nonlinear_of, points, top_of, values_of, values_over
 from eaid.report.rig import gain, level_text, level_values, over, overlaid, quantity
 from eaid.report.tables.fits import estimates_of
 from eaid.report.thin import thinned
@@ -74,8 +74,6 @@ def linear_model(data: StepSet, fit: Fit) -> Figure:
     return figure
 
 
-BEYOND = 3.0
-"""A curve that leaves the single levels by more than this factor is cut: τ2 without end would hide all the rest."""
 OTHERS = ((style.VERMILLION, "-."), (style.GREEN, (0, (4, 1, 1, 1, 1, 1))), (style.PURPLE, (0, (6, 2))))
 """Colour and line of the estimates beside the one that is used."""
 
@@ -91,12 +89,12 @@ def polynomials(fit: Fit, asked: bool | None = None) -> Figure:
     curves = values_over(used, u)
     for mark, name, panel in zip("abc", ("Ts", "tau1", "tau2"), axes, strict=True):
         panel.plot(u, curves[name], color=style.BLUE, label=f"{own} (used)")
-        top, values = highest(curves[name]), values_of(rows, name)
+        seen, values = 0.0, values_of(rows, name)
         if np.isfinite(values).any():
             said = "each level, 95 %" if alone else "95 %"
             at = [row.level for row in rows]
             seen = points(panel, at, values, intervals_of(rows, name), color=style.BLACK, label=said)
-            top = min(max(top, seen), BEYOND * seen)
+        top = top_of(curves[name], seen)
         for (said, other), (colour, line) in zip(others, OTHERS, strict=False):
             panel.plot(u, values_over(other, u)[name], color=colour, linestyle=line, linewidth=0.9, label=said)
         if name != "Ts" and overlaid(fit.data, asked):

@@ -22,6 +22,8 @@ LOOKS = ((style.BLUE, "-", "o"), (style.VERMILLION, "--", "s"))
 """Colour, line and marker of the first fit and of the second."""
 TALL = 1.6
 """An interval that reaches beyond so many times its value does not set the axis."""
+BEYOND = 3.0
+"""A curve that leaves the single levels by more than this factor is cut: τ2 without end would hide all the rest."""
 
 
 def axis_label(name: str, unit: str) -> str:
@@ -50,6 +52,11 @@ def highest(values: Array) -> float:
     """The largest of the values that are known; 0 where none is."""
     known = values[np.isfinite(values)]
     return float(known.max()) if len(known) else 0.0
+
+
+def top_of(curve: Array, seen: float) -> float:
+    """The highest value that an axis holds, of a curve and of levels whose highest end is `seen`; 0 without one."""
+    return min(max(highest(curve), seen), BEYOND * seen) if seen else highest(curve)
 
 
 def values_of(rows: Sequence[FrictionLevel | CurveLevel], name: str) -> Array:
@@ -123,11 +130,11 @@ def draw_values(panels: Sequence[Axes], fits: Sequence[tuple[str, Fit]], with_cu
         u, curves = curves_over(fit) if with_curves and fit.nonlinear is not None else (np.empty(0), {})
         for name, panel in zip(NAMES, panels, strict=True):
             values = values_of(rows, name)
-            top = highest(curves[name]) if curves else 0.0
+            seen = 0.0
             if np.isfinite(values).any():
                 look = {"fmt": marker, "color": colour, "label": said}
                 seen = points(panel, [row.level for row in rows], values, intervals_of(rows, name), **look)
-                top = min(max(top, seen), 3 * seen)
+            top = top_of(curves.get(name, np.empty(0)), seen)
             if curves:
                 panel.plot(u, curves[name], color=colour, linestyle=line, label=None if rows else said)
             panel.set_ylim(0, max(1.1 * top or 1.0, panel.get_ylim()[1] if said != fits[0][0] else 0.0))

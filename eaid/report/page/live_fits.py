@@ -10,7 +10,7 @@ from bokeh.models.annotations import ColorBar, TeeHead, Whisker
 from eaid.report import style
 from eaid.report.figures.checks import ResidualMap
 from eaid.report.figures.steps import Model, end_of, fine_times, some_levels
-from eaid.report.figures.values import highest, values_of, values_over
+from eaid.report.figures.values import TALL, highest, top_of, values_of, values_over
 from eaid.report.page.live import Plot, bare
 from eaid.report.rig import level_text, level_values, over, quantity
 from eaid.report.tables.fits import estimates_of
@@ -67,7 +67,7 @@ def parameters(fit: Fit) -> tuple[Mapping[str, Any], ...]:
         unit = fit.data.output_unit if name == "Ts" else "s"
         p = plot.panel(over(fit.data.input_unit), f"{sign} ({unit})", 300, unit, ("level", fit.data.input_unit))
         curves = {said: values_over(one, u)[name] for said, one in estimates_of(fit.nonlinear).items()}
-        top, values = highest(next(iter(curves.values()))), values_of(rows, name)
+        seen, values = 0.0, values_of(rows, name)
         if np.isfinite(values).any():
             ends = [getattr(row.ci95, name) if row.ci95 else None for row in rows]
             low, high = (
@@ -80,8 +80,8 @@ def parameters(fit: Fit) -> tuple[Mapping[str, Any], ...]:
             foot, head = TeeHead(size=6), TeeHead(size=6)
             span = {"base": "x", "lower": "low", "upper": "high"}
             p.add_layout(Whisker(**span, source=points, lower_head=foot, upper_head=head))  # type: ignore[arg-type]
-            seen = highest(np.minimum(high, 1.6 * values))
-            top = min(max(top, seen), 3.0 * seen)
+            seen = highest(np.minimum(high, TALL * values))
+        top = top_of(next(iter(curves.values())), seen)
         for (said, y), (colour, dash), width in zip(curves.items(), LINES, (2.0, 1.3, 1.3, 1.3), strict=False):
             plot.line(p, u, np.where(y < 1.3 * top, y, np.nan), said, colour, dash, said, width)
         p.y_range = Range1d(start=0, end=1.1 * top or 1.0)
