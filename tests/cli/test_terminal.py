@@ -66,7 +66,8 @@ def rig(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder of thirty logs, gains and a fit."""
     where = tmp_path_factory.mktemp("terminal")
     made = ["--repeats", "3", "--rate-hz", "50", "--idle", "1", "--hold", "8", "--release", "3", "-q"]
-    for words in (["synth", *made, "-o", "logs"], ["fit", "logs", "-q"], ["tune-rc", "fit.json", "-q"]):
+    ingest = ["ingest", "logs", "-o", "data.h5", "-q"]
+    for words in (["synth", *made, "-o", "logs"], ingest, ["fit", "logs", "-q"], ["tune-rc", "fit.json", "-q"]):
         subprocess.run([sys.executable, "-m", "eaid", *words], cwd=where, check=True)
     return where
 
