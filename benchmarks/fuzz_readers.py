@@ -136,7 +136,7 @@ def target(name: str, watch: Watch) -> Callable[[bytes], None]:
             return read_what_can_be([path], ReadOptions())
         if name == "manifest":
             return _to_steps(folder)
-        from eaid.report.results import read_results
+        from eaid.report.read import read_results
 
         return read_results([path])
 

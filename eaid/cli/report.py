@@ -73,7 +73,7 @@ def command(args: Arguments) -> None:
 
 def _made(files: list[Path], folder: Path, options: "ReportOptions") -> "Report":
     from eaid.report.draw import ready_figures
-    from eaid.report.results import read_results
+    from eaid.report.read import read_results
     from eaid.report.write import write_report
 
     results = read_results(files, console.warn)

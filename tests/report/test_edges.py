@@ -12,7 +12,8 @@ from eaid.report.edge_logs import edge_logs
 from eaid.report.page import summary, tiles
 from eaid.report.page.known import known
 from eaid.report.page.next_steps import next_steps
-from eaid.report.results import Results, read_results
+from eaid.report.read import read_results
+from eaid.report.results import Results
 from eaid.report.tables.recorded import edges_table
 from eaid.steps.edges import edges
 

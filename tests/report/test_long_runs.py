@@ -9,7 +9,7 @@ import pytest
 from eaid.logs.options import ReadOptions
 from eaid.logs.read import read_runs
 from eaid.report import thin
-from eaid.report.results import read_results
+from eaid.report.read import read_results
 
 
 def test_a_short_run_stays_as_it_is(files: dict[str, Path]):

@@ -13,7 +13,8 @@ from eaid.report.figures import values
 from eaid.report.page.known import known
 from eaid.report.page.next_steps import may_be_controlled, next_steps
 from eaid.report.page.recording import what_to_record
-from eaid.report.results import gathered, read_results
+from eaid.report.read import read_results
+from eaid.report.results import gathered
 from eaid.results.fit import Fit
 from eaid.results.summary import believed_levels
 
