@@ -24,7 +24,7 @@ from eaid.steps.baseline import baseline_rule
 from eaid.steps.build import stepset_of
 from eaid.steps.cut_runs import StepOptions, cut_runs, settled_steps
 from eaid.steps.edges import Edge, edges
-from eaid.steps.instead import looks_like
+from eaid.steps.not_steps import looks_like
 from eaid.steps.stepset import StepSet
 
 KINDS = ("clutch", "friction-force", "friction-speed")

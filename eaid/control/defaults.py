@@ -1,4 +1,4 @@
-"""What a design takes where nothing is said, in the rig's own units.
+"""The numbers of a design where nothing is said: the paper's, or the rig's own by its units, pace and dead time.
 
 On a rig in % duty and N·m the paper's numbers stand (Table IV, §V). On any other rig the same design is made for the
 rig's own scales: its pace s = a0/1.36, 1.36 1/s being the paper's a0, and its top y, the output at the highest input:

@@ -1,11 +1,11 @@
-"""The robust controller, Eqs. (11)-(14), as one pure step on plain floats.
+"""The robust controller, Eqs. (11)-(15), as one pure step on plain floats.
 
     e = T_d − T,   q̃ = ∫ e dt,   ξ = [q̃, e],   z = Q12 q̃ + Q22 e,   ρ = constant + slope ‖ξ‖
     S = (tanh(γ(|z| − ε)) + 1) / 2,   ω = S ρ sign(z) + (1 − S) ρ z/ε               Eqs. (13), (14)
     u = B̂ (Ṫ_d + K_D e + K_P q̃ + ω) + (a0 T − c0)/b0                               Eqs. (11), (12)
 
-z is a scalar: |z| makes the law odd in z (docs/robust-control.md). As printed, ω still jumps by 2ρS(0) at z = 0; S is
-therefore counted from its value there, (S − S(0))/(1 − S(0)): S itself to the last bit once γε > 19.1 (paper: 25).
+z is a scalar: |z| makes the law odd in z (docs/robust-control.md). As printed, ω still jumps by 2ρS(0) at z = 0; in
+place of S stands (S − S(0))/(1 − S(0)), which is 0 there: S itself to the last bit once γε > 19.1 (paper: 25).
 
 The controller reads the torque at t_k and its duty acts until t_{k+1}; that duty uses the integral of the samples
 before k. Floats and `math` only: numba compiles `rc_step` as it stands, and plain Python runs it in about 1 µs.

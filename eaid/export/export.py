@@ -8,8 +8,8 @@ from eaid.control.rc import RCGains
 from eaid.errors import UsageError
 from eaid.export.job import constants_of, job_of, laws_of, timing_of
 from eaid.export.judge import judged
+from eaid.export.made_from import source_of
 from eaid.export.options import ExportOptions
-from eaid.export.source import source_of
 from eaid.export.targets import TARGETS
 from eaid.files import folder_written_whole, refuse_inputs_within
 from eaid.findings import Finding

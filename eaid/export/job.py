@@ -13,9 +13,9 @@ from eaid.export.constants import (
     rate_constants,
     rc_constants,
 )
+from eaid.export.made_from import Source
 from eaid.export.options import LAWS, ExportOptions
 from eaid.export.series import rounded
-from eaid.export.source import Source
 from eaid.export.text import decimal, harmless, unit_name
 from eaid.export.vectors import Vector, vectors
 from eaid.findings import Finding, say

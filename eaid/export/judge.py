@@ -7,8 +7,8 @@ from eaid.control.margins import Feedback, is_stable, pi_feedback, rc_feedback
 from eaid.control.operating import Points, operating_points
 from eaid.control.timing import Timing
 from eaid.errors import GainsError
+from eaid.export.made_from import Source
 from eaid.export.options import ExportOptions
-from eaid.export.source import Source
 from eaid.findings import Finding, finding, ranked, say, stops
 from eaid.models.parameters import Linear
 from eaid.results.fit import Fit

@@ -2,7 +2,7 @@
 
 The chain rule takes each level's sums to the unknowns of `basis`. The first start comes from the curves of single
 levels. Where no other minimum can lie as low as its end (`alone`), that is all; else there is a second, and where the
-data still leave room, many more are looked at together (`broad`).
+data still leave room, many more are looked at together (`joint_starts`).
 """
 
 from collections.abc import Sequence
@@ -15,9 +15,9 @@ from eaid.arrays import Array
 from eaid.findings import Finding
 from eaid.fitting import metrics, robust
 from eaid.fitting.basis import Basis, active_at, basis_of, constraints
-from eaid.fitting.broad import broad_starts
 from eaid.fitting.data import Data
 from eaid.fitting.findings import missed, nonlinear_findings
+from eaid.fitting.joint_starts import broad_starts
 from eaid.fitting.kernel import by_tau, level_normal, log_curvature, log_products, weighted_shares
 from eaid.fitting.level_curves import alone, level_curves, polynomial_starts
 from eaid.fitting.levels import SHARES

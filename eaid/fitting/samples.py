@@ -1,4 +1,4 @@
-"""The same sums over every sample of a record, that an end point is confirmed on; fast where the grid is uniform.
+"""Sums of squared residuals and their gradient over every sample, to confirm what was found on compressed points.
 
 On a uniform grid e^(−t/τ) is a geometric sequence: a stretch of it is tabulated and multiplied by what each stretch
 begins with, so that the curve is one product of thin matrices.

@@ -16,7 +16,7 @@ from eaid.fitting.problem import TINY, Problem, Value, inside, newton_step, roun
 FTOL = 1e-13
 """SLSQP's own stopping rule, relative to the cost at the start of the round."""
 ENDS = 1.5
-"""The same next to the minimum, times what a Newton step predicts: a step that gains about that much is the last."""
+"""Next to the minimum SLSQP stops at a step that gains less than this many times what a Newton step predicts."""
 SETTLED = 1e-12
 """A start has ended where the Newton step predicts less than this part of the cost."""
 NEAR_END = 1e-7

@@ -1,4 +1,7 @@
-"""Weights of the levels in the fits of all levels: alike, or by the spread of their repeats; and the other ones."""
+"""Weights of the levels in the fits of all levels: alike, or by the spread of their repeats.
+
+Each fit is also made with the weights that were not asked for.
+"""
 
 from collections.abc import Sequence
 from dataclasses import replace

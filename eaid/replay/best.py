@@ -33,8 +33,8 @@ from eaid.replay.inverse import follow
 from eaid.replay.least_bound import least_cost
 from eaid.replay.loop import Trace
 from eaid.replay.plant import PlantParameters, falling_taus, plant_terms
+from eaid.replay.rate_limited import taut_path
 from eaid.replay.references import Reference
-from eaid.replay.taut import taut_path
 
 ROUNDS = 30
 """Most rounds of the first step; it settles in about five."""

@@ -16,7 +16,7 @@ from numba.extending import overload, register_jitable
 
 from eaid.control import pi, rc
 from eaid.models.parameters import TAU_FLOOR_S
-from eaid.replay import adjoint, controllers, hold, inverse, lanes, loop, plant, taut
+from eaid.replay import adjoint, controllers, hold, inverse, lanes, loop, plant, rate_limited
 from eaid.replay.controllers import Controller, Step
 from eaid.replay.plant import PlantParameters
 from eaid.replay.rig import RigNumbers
@@ -45,7 +45,8 @@ CALLED = (
     controllers.open_loop_step, controllers.feedforward_step,
     hold.rest, hold.rounded, hold.hold_step,
     inverse.duty_for, inverse.inverse_step, lanes.expm1_to_minus_one, lanes.tanh_within, lanes.short_step,
-    inverse.follow, adjoint.cost_and_gradient, taut.slow_reach, taut.written_anew, taut.taut_path,
+    inverse.follow, adjoint.cost_and_gradient,
+    rate_limited.slow_reach, rate_limited.written_anew, rate_limited.taut_path,
 )  # fmt: skip
 for _function in CALLED:
     register_jitable(**VECTOR)(_function)
@@ -63,7 +64,7 @@ def _tanh(x: float) -> Callable[[float], float]:  # noqa: ARG001 - numba wants t
 def fingerprint() -> str:
     """Of every source that machine code is made of."""
     digest = hashlib.sha256()
-    for module in (plant, rc, pi, hold, inverse, controllers, loop, lanes, adjoint, taut):
+    for module in (plant, rc, pi, hold, inverse, controllers, loop, lanes, adjoint, rate_limited):
         digest.update(Path(str(module.__file__)).read_bytes())
     digest.update(Path(__file__).read_bytes())
     return digest.hexdigest()[:12]

@@ -13,7 +13,7 @@ import numpy as np
 from eaid.arrays import Array
 from eaid.replay.compiled import kernel
 from eaid.replay.plant import PlantParameters, falling_taus, plant_terms
-from eaid.replay.taut import slow_reach, taut_path
+from eaid.replay.rate_limited import slow_reach, taut_path
 
 DUTIES = 201
 """Duties at which the limits are taken, evenly from the lowest to the highest."""

@@ -22,14 +22,14 @@ STEADY = 0.01
 STANDARD_ERRORS = 4.0
 """Standard errors beyond which a rest is said to move."""
 FLOOR = 0.02
-"""Share of a step's change by which a start may be off its rest: it shifts τ1 by as much, which is within the interval
-of τ1 that a good record gives (2 to 5 %), and it is a step of a coarse sensor."""
+"""Share of a step's change by which a start may be off its rest: τ1 then shifts by about 2 %, no more than the interval
+that a good record gives it, and a coarse sensor moves in such steps anyway."""
 CHANCE = 1e-5
 """Probability at which a rest that lasts until its step is said to be left before it."""
 GROUPS = 6
 """Groups of samples, at least, that tell how far means of so many samples lie apart."""
 BURST = 1.2
-"""Times the farthest of those groups that the last one has to be off."""
+"""The last group of samples is off where it lies this many times as far out as the farthest of the others."""
 SIZES = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128, 192, 256, 512, 1024)
 
 

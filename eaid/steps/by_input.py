@@ -11,7 +11,7 @@ from eaid.errors import DataError
 from eaid.findings import finding
 from eaid.logs.run import Run
 from eaid.steps.baseline import last_rest
-from eaid.steps.instead import looks_like, refuse_to_cut
+from eaid.steps.not_steps import looks_like, refuse_to_cut
 from eaid.steps.plateaus import Plateau, bridge, end_of, plateaus, sample_s, stands_still, zero_of
 
 UNSETTLED = 0.05

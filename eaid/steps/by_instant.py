@@ -14,8 +14,8 @@ from eaid.findings import finding
 from eaid.logs.run import Run
 from eaid.steps.baseline import first_samples, last_rest
 from eaid.steps.by_input import NO_STEP, edge_between
-from eaid.steps.instead import refuse_to_cut, several_edges
 from eaid.steps.noise import sample_noise, sampled
+from eaid.steps.not_steps import refuse_to_cut, several_edges
 from eaid.steps.plateaus import FEWEST, Plateau, end_of, plateaus, sample_s, tolerance, zero_of
 
 

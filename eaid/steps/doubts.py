@@ -11,8 +11,8 @@ import numpy as np
 from eaid.arrays import Array
 from eaid.findings import Finding, finding
 from eaid.steps.baseline import FLOOR, last_rest, without_spikes
-from eaid.steps.instead import several_edges
 from eaid.steps.noise import BLOCKS, block_error, block_means, line, sample_noise
+from eaid.steps.not_steps import several_edges
 from eaid.steps.plateaus import FEWEST, tolerance
 from eaid.steps.sensor import coarse, flat_top, isolated_spikes, saturated, stuck
 from eaid.steps.slow import slow_constant

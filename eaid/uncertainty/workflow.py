@@ -95,7 +95,7 @@ def shapes_of(stepset: StepSet, options: FitOptions) -> tuple[StepShape, ...]:
 
 
 OTHER_SHAPES = {
-    "shape-of-another-kind", "no-shape-fits", "repeats-miss-alike", "output-decays-under-hold", "decays-under-hold",
+    "shape-of-another-kind", "no-shape-fits", "output-decays-under-hold", "decays-under-hold",
 }  # fmt: skip
 """Findings that ask what shape single steps have."""
 SAID_BY = {"decays-under-hold": "output-decays-under-hold", "window-too-short": "tau2-outlasts-record"}

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from eaid.fitting.basis import CONSTRAINTS, active_at, basis_of, constraints
-from eaid.fitting.broad import VALUES, looked_at, slow_shapes, steadied
 from eaid.fitting.data import Data, data_of
 from eaid.fitting.descent import descend
+from eaid.fitting.joint_starts import VALUES, looked_at, slow_shapes, steadied
 from eaid.fitting.level_curves import alone, level_curves, polynomial_starts
 from eaid.fitting.nonlinear import fit_nonlinear, nonlinear_problem
 from eaid.fitting.samples import Record

@@ -22,8 +22,8 @@ from eaid.steps.build import build_stepset
 from eaid.steps.by_instant import onset, rises_at_once
 from eaid.steps.cut_runs import StepOptions, settled_steps
 from eaid.steps.edges import edges, turns
-from eaid.steps.instead import looks_like, moving
 from eaid.steps.noise import block_error, block_means, idle_density, sample_noise, spikes
+from eaid.steps.not_steps import looks_like, moving
 from eaid.steps.plateaus import bridge, plateaus, stands_still
 from eaid.steps.reversals import turns_of
 from eaid.steps.sensor import coarse, flat_top, isolated_spikes, saturated, sharpness, stuck

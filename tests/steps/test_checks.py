@@ -17,8 +17,8 @@ from eaid.steps.by_instant import onset, rises_at_once
 from eaid.steps.cut import cut
 from eaid.steps.direction import direction
 from eaid.steps.doubts import disagreement
-from eaid.steps.instead import looks_like, moving, several_edges
 from eaid.steps.noise import block_error, block_means, block_noise, line, sample_noise, spikes
+from eaid.steps.not_steps import looks_like, moving, several_edges
 from eaid.steps.sensor import sharpness
 from eaid.steps.slip import slip_of
 

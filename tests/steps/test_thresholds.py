@@ -17,8 +17,8 @@ from eaid.steps.cut import cut
 from eaid.steps.cut_runs import StepOptions
 from eaid.steps.direction import direction
 from eaid.steps.edges import edges, turns
-from eaid.steps.instead import several_edges
 from eaid.steps.levels import common
+from eaid.steps.not_steps import several_edges
 from eaid.steps.plateaus import bridge, plateaus, stands_still, tolerance
 from eaid.steps.step import Step, clock_of, uniform_step
 

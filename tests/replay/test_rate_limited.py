@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import LinearConstraint, minimize
 
-from eaid.replay.taut import taut_path
+from eaid.replay.rate_limited import taut_path
 
 
 def taut(reference, weight, fall, fall0, rise, rise0, start):
