@@ -51,6 +51,7 @@ def command(args: Arguments) -> None:
 
 def five_numbers(folder: Path) -> list[str]:
     """What the demo found, in five lines: fit %, T_s with its interval, errors, the worst margins, the guarantee."""
+    from eaid.report.tables.gains import guarantee_words
     from eaid.results import codec
     from eaid.results.fit import Fit
     from eaid.results.gains import Gains
@@ -71,7 +72,7 @@ def five_numbers(folder: Path) -> list[str]:
         (f"T_s at {top.level:g} {fit.data.input_unit}", f"{top.Ts:.3g}{interval} {fit.data.output_unit}"),
         ("largest error, RC | PI", _two(*(getattr(one, "max_abs_error_nm", None) for one in (errors.rc, errors.pi)))),
         ("worst phase margin, RC | PI", _two(*(getattr(one, "phase_deg", None) for one in (rc, pi)))),
-        ("guarantee", "holds" if gains.guarantee.holds else f"NO: {', '.join(gains.guarantee.missing)}"),
+        ("guarantee", guarantee_words(gains)),
     )
     return [f"{name:<28}  {value}" for name, value in rows]
 

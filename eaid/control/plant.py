@@ -47,4 +47,4 @@ def why_not(fit: Fit, part: Literal["linear", "nonlinear"]) -> str:
         return ""
     stops = [each for each in fit.findings if each.subject == part and each.severity == "stop"]
     reasons = fit.not_identifiable_because(part) or stops
-    return "; ".join(sentences(reasons)) or "its data do not determine it"
+    return "; ".join(sentences(reasons)) or "most of its parameters have no interval"

@@ -1,5 +1,6 @@
 """Findings → sentences, rendered last: nothing else in the program reads them."""
 
+import re
 import string
 from collections.abc import Iterable, Sequence
 from typing import Any
@@ -29,6 +30,7 @@ def say(finding: Finding) -> str:
         return finding.code
     fields = {**finding.values, "levels": listed(finding.levels), "each": finding.levels, "subject": finding.subject}
     said = row.template(fields) if callable(row.template) else Words().vformat(row.template, (), fields)
+    said = re.sub(r" +(?=[,;:] )", "", said)  # where a unit is empty
     others = finding.values.get("others")
     return f"{said} (and {others} more)" if others else said
 

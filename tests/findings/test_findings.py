@@ -86,3 +86,8 @@ def test_a_row_covers_codes_that_there_are(code: str):
 @pytest.mark.parametrize(("runs", "said"), [(1, "in 1 run:"), (3, "in 3 runs:")])
 def test_sentences_count(runs: int, said: str):
     assert said in say(finding("signs-turned", "data", runs=runs))
+
+
+def test_a_unit_that_is_not_known_leaves_no_gap() -> None:
+    said = say(finding("coarse-output", "run", (50.0,), resolution=60.0, unit="", steps=23.0))
+    assert "of 60, 23 of them" in said and " ," not in said
