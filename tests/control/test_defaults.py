@@ -135,7 +135,7 @@ def test_why_a_model_is_not_identifiable() -> None:
     fit = rig()
     assert why_not(fit, "linear") == "" and why_not(fit, "nonlinear") == ""
     linear = {"a0": 1.36, "b0": 1.6, "c0": -2.42, "identifiable": False}
-    assert why_not(from_plain({"linear": linear}, Fit, "f"), "linear") == "its data do not determine it"
+    assert why_not(from_plain({"linear": linear}, Fit, "f"), "linear") == "most of its parameters have no interval"
 
 
 @pytest.mark.parametrize(
