@@ -108,7 +108,7 @@ def cut_by_output(run: Run) -> list[Run]:
         raise DataError(f"{run.where}: the input stays at {constant:g} {run.input_unit}: no step; {NO_STEP}")
     at = 0 if rises_at_once(run.output) or (from_start and not rig) else onset(run.output)
     if level is None or at is None:
-        odd = several_edges(run.name, run.time_s - run.time_s[0], run.output, float(run.time_s[0]))
+        odd = several_edges(run.name, run.time_s, run.output)
         if odd is not None:
             raise refuse_to_cut(run, odd)
         if level is None:

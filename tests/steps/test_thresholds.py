@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from eaid.apparatus import Apparatus
 from eaid.arrays import read_only
 from eaid.errors import DataError
 from eaid.findings import Finding
@@ -18,7 +19,7 @@ from eaid.steps.cut_runs import StepOptions
 from eaid.steps.direction import direction
 from eaid.steps.edges import edges, turns
 from eaid.steps.levels import common
-from eaid.steps.not_steps import several_edges
+from eaid.steps.not_steps import moving, several_edges
 from eaid.steps.plateaus import bridge, plateaus, stands_still, tolerance
 from eaid.steps.step import Step, clock_of, uniform_step
 
@@ -201,3 +202,38 @@ def _findings(run: Run, size: float) -> tuple[Finding, ...]:
 def test_a_clutch_has_two_surfaces_and_a_friction_rig_one(kind: str, surfaces: int) -> None:
     run = log(PLAN, kind=kind, input_unit="V")
     assert build_stepset([run]).apparatus.surfaces == surfaces
+
+
+@pytest.mark.parametrize(("left", "releases"), [(0.985, 1), (0.995, 0)])
+def test_a_release_behind_a_given_window_comes_back_by_a_hundredth(left: float, releases: int) -> None:
+    """A log that begins at its step, its window ended by hand: the idle is 0."""
+    time = np.arange(400) * 0.01
+    output = np.where(time < 2.0, 1 - np.exp(-(time + 0.01) / 0.05), left)
+    run = Run("a", read_only(time), read_only(np.full(400, np.nan)), read_only(output), "%", "N·m", "a.csv", "",
+              level=50.0, step_s=0.0, until_s=2.0, kind="clutch")  # fmt: skip
+    assert [step.edge for step in cut(run)].count("falling") == releases
+
+
+def test_two_rigs_are_not_fitted_together() -> None:
+    runs = [replace(log(PLAN), name=f"r{k}", apparatus=Apparatus(surfaces=k)) for k in (1, 2)]
+    with pytest.raises(DataError, match="the datasets are of different rigs"):
+        build_stepset(runs)
+    assert build_stepset(runs, StepOptions(apparatus=Apparatus())).apparatus == Apparatus()
+
+
+def test_an_input_that_turns_by_unequal_halves_is_periodic() -> None:
+    time = np.arange(6000) * 0.01
+    phase = time % 5.0
+    lopsided = 50 - 40 * np.where(phase < 1.5, np.cos(np.pi * phase / 1.5), -np.cos(np.pi * (phase - 1.5) / 3.5))
+    found = moving("a", time, lopsided)
+    assert found.code == "input-is-periodic" and found.values["hz"] == pytest.approx(0.2, rel=0.02)
+
+
+def test_a_window_ends_where_the_input_leaves_its_level_also_where_it_is_reached_late() -> None:
+    time = np.arange(600) * 0.01
+    duty = np.where((time >= 1.0) & (time < 3.0), 50.0, 0.0)
+    output = 0.02 * duty
+    run = Run("a", read_only(time), read_only(duty), read_only(output), "%", "N·m", "a.csv", "", level=50.0,
+              step_s=0.9, kind="clutch")  # fmt: skip
+    rise = next(step for step in cut(run) if step.edge == "rising")
+    assert rise.time_s[-1] == pytest.approx(2.99)
