@@ -238,3 +238,22 @@ def test_a_unit_that_nobody_knows_stays_unknown(tmp_path: Path) -> None:
     assert run(["ingest", str(logs), "-q", "-o", str(tmp_path / "d.h5")]) == 0
     (_, said), (_, again) = runs_from([logs]), runs_from([tmp_path / "d.h5"])
     assert (again.input_unit, again.output_unit) == (said.input_unit, said.output_unit) and said.output_unit == ""
+
+
+def test_a_users_own_dataset_on_a_clock_since_1970(tmp_path: Path) -> None:
+    """Stamps of 1.7e9 s cost no digit: the run's own time begins at 0, and its instants with it."""
+    path = by_hand(tmp_path / "d.h5", step_s=1.7e9 + 2.0, until_s=1.7e9 + 15.0)
+    with h5py.File(path, "a") as file:
+        for group in file["runs"].values():
+            group["time_s"][:] += 1.7e9
+    for one in read_runs([path]):
+        assert one.time_s[0] == 0.0 and one.time_s[-1] == pytest.approx(19.99, abs=1e-6)
+        assert (one.step_s, one.until_s, one.start_s) == pytest.approx((2.0, 15.0, 1.7e9))
+
+
+def test_texts_of_a_users_own_dataset_may_be_bytes(tmp_path: Path) -> None:
+    path = by_hand(tmp_path / "d.h5", source=np.bytes_(b"bench.csv"), edge=np.bytes_(b"falling"))
+    with h5py.File(path, "a") as file:
+        file.attrs["input_unit"] = np.bytes_(b"V")
+    for one in read_runs([path]):
+        assert (one.source, one.edge, one.input_unit) == ("bench.csv", "falling", "V")

@@ -321,3 +321,11 @@ def test_a_short_row_beside_a_long_one_is_told(tmp_path: Path) -> None:
     assert [said.split(": ")[1].split(";")[0] for said in caught.value.sentences] == [
         "row 302 has 3 cells, unlike the others", "row 303 has 5 cells, unlike the others",
     ]  # fmt: skip
+
+
+@pytest.mark.parametrize(("torque", "said"), [(1000.0, False), (1000.5, True)])
+def test_a_torque_that_no_clutch_has_is_told(tmp_path: Path, torque: float, said: bool) -> None:
+    rows = "".join(f"{k / 100},{50 * (k > 100)},{torque * (k > 100)}\n" for k in range(300))
+    (tmp_path / "a.csv").write_text("time_s,duty_pct,torque_nm\n" + rows)
+    (run,) = read_runs([tmp_path / "a.csv"])
+    assert ("torque-too-large" in [one.code for one in run.findings]) is said
