@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from eaid.errors import DataError
+from eaid.logs.foreign.parquet import read_parquet
 from eaid.logs.formats import FORMATS
 from eaid.logs.options import ReadOptions
 from eaid.logs.read import read_runs, read_what_can_be
@@ -297,3 +298,18 @@ def test_every_format_is_known_by_its_first_bytes_alone(tmp_path):
     """No reader looks at the ending: each file of these tests is called plain `log`."""
     assert [form.name for form in FORMATS][-1] == "text"
     assert not any(form.is_it(b"time_s,duty_pct,torque_nm\n0,0,0\n") for form in FORMATS[:-1])
+
+
+@pytest.mark.parametrize("times", ["datetime64[ns]", "datetime64[ms]", "timedelta64[ns]"])
+def test_stamps_of_parquet_are_seconds_whatever_their_column_is_called(tmp_path, times):
+    """A column `t` on which nothing says a unit, and one that says another: the type tells."""
+    pa = pytest.importorskip("pyarrow")
+    import pyarrow.parquet as pq
+
+    t, duty, torque = step()
+    unit = times.split("[")[1][:2]
+    start = np.datetime64("2024-10-29T16:18:17", unit) if times.startswith("date") else np.timedelta64(0, unit)
+    stamps = start + np.round(t * (1e9 if unit == "ns" else 1e3)).astype(f"timedelta64[{unit}]")
+    table = pa.table({"time_ms": stamps, "duty_pct": duty, "torque_nm": torque})
+    pq.write_table(table, tmp_path / "log")
+    assert read_parquet(tmp_path / "log", "log")[0].units[0] == "s"

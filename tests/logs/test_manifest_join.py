@@ -45,6 +45,8 @@ def test_the_next_call_needs_no_options(folder: Path, tmp_path: Path, capsys: py
     for given in (folder, folder / "dataset.toml"):
         assert run(["ingest", str(given), "-q", "--force", "-o", str(tmp_path / "b.h5")]) == 0
         assert (tmp_path / "b.h5").read_bytes() == (tmp_path / "a.h5").read_bytes()
+    written = (folder / "dataset.toml").read_text()
+    assert [written.count(f"level = {level}.0") for level in (100, 200, 300)] == [2, 2, 2]
     stepset = stepset_from([folder])
     assert [level.level for level in stepset.levels] == [100.0, 200.0, 300.0]
     assert [level.level for level in stepset.releases] == [100.0, 200.0, 300.0]
