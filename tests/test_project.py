@@ -96,3 +96,13 @@ def test_the_site_builds_without_a_warning(tmp_path: Path) -> None:
     built = ran(sys.executable, "-m", "mkdocs", "build", "--strict", "-q", "-d", str(tmp_path))
     assert built.returncode == 0, built.stderr
     assert (tmp_path / "reference" / "commands" / "index.html").is_file()
+
+
+def test_helpers_of_tests_have_names_of_their_own() -> None:
+    """They are imported by their bare names: of two that are called alike, the second would be the first."""
+    names = [
+        path.stem
+        for path in ROOT.joinpath("tests").rglob("*.py")
+        if not path.name.startswith(("test_", "__", "conftest"))
+    ]
+    assert len(names) == len(set(names))

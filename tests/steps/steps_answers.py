@@ -1,6 +1,6 @@
 """Several hundred made inputs and what `eaid.steps` answers to each, so that no limit moves unseen.
 
-Each family of inputs is drawn so that its limits lie inside the range. `python tests/steps/answers.py` writes
+Each family of inputs is drawn so that its limits lie inside the range. `python tests/steps/steps_answers.py` writes
 answers.json anew: only after a change that is meant, with a look at what differs.
 """
 

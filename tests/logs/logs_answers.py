@@ -1,6 +1,7 @@
 """Several hundred made logs and what `eaid.logs` answers to each, so that no limit of a reader moves unseen.
 
-`python tests/logs/answers.py` writes answers.json anew: only after a change that is meant, with a look at what differs.
+`python tests/logs/logs_answers.py` writes answers.json anew: only after a change that is meant, with a look at what
+differs.
 A refusal is kept as the options that its sentences name and the rows and columns in them, not as its words.
 """
 
