@@ -1,6 +1,6 @@
 """Steps between two levels as rows of the friction model: change, time constants, shape, each from its own start."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 
 from eaid.fitting.step_shapes import fit_step, may_ask
 from eaid.results.fit import FitOptions
@@ -29,23 +29,25 @@ def single_steps(stepset: StepSet, options: FitOptions) -> tuple[StepShape, ...]
 def of_another_shape(stepset: StepSet, options: FitOptions) -> tuple[StepShape, ...]:
     """Rises that ask for another shape than the paper's, where most of the first ones to a level do."""
     rises = [step for step in stepset.level_steps if step.edge == "up"]
-    first = list({step.level: step for step in reversed(rises)}.values())
-    return _asking(rises if len(rises) <= MOST else first, options) if _most_ask(first, options) else ()
+    first = {step.level: step for step in reversed(rises)}.values()
+    found: dict[str, StepShape | None] = {}
+    most = len(first)
+    for step in first:
+        found[step.name] = _asking(step, options)
+        most -= found[step.name] is None
+        if 2 * most <= len(first):  # it can be most of them no more
+            return ()
+    if len(rises) <= MOST:
+        found |= {step.name: _asking(step, options) for step in rises if step.name not in found}
+    shapes = [found.get(step.name) for step in rises]
+    return tuple(shape for shape in shapes if shape is not None)
 
 
-def _most_ask(steps: Sequence[LevelStep], options: FitOptions) -> bool:
-    """Whether more than half of some steps ask for another shape; stops where that can no longer be."""
-    most = len(steps)
-    for step in steps:
-        most -= not (may_ask(step, options) and _asking([step], options))
-        if 2 * most <= len(steps):
-            return False
-    return True
-
-
-def _asking(steps: Iterable[LevelStep], options: FitOptions) -> tuple[StepShape, ...]:
-    shapes = [fit_step(step, options) for step in steps]
-    return tuple(one for one in shapes if any(said.code == "other-shape-fits-better" for said in one.findings))
+def _asking(step: LevelStep, options: FitOptions) -> StepShape | None:
+    """The shape of a step, where it is another than the paper's."""
+    shape = fit_step(step, options) if may_ask(step, options) else None
+    asks = shape is not None and any(one.code == "other-shape-fits-better" for one in shape.findings)
+    return shape if asks else None
 
 
 def between_rows(shapes: Sequence[StepShape]) -> tuple[FrictionLevel, ...]:
