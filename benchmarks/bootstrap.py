@@ -1,11 +1,11 @@
-"""1,000 bootstrap refits of the shipped clutch set, on two processes with one BLAS thread each, against one fit."""
+"""1,000 bootstrap refits of the shipped clutch set, one BLAS thread, against one fit."""
 
 import statistics
 import time
 from collections.abc import Iterator
 
 from benchmarks.table import Row
-from eaid.cli.inputs import stepset_from
+from eaid.cli.inputs import runs_from
 from eaid.fitting.fit import fit
 from eaid.results.fit import FitOptions
 from eaid.synth.datasets import shipped
@@ -15,7 +15,7 @@ RESAMPLES = 1000
 
 
 def rows() -> Iterator[Row]:
-    steps = stepset_from([shipped()["clutch"]])
+    steps = runs_from([shipped()["clutch"]])[1]
     times = []
     for _ in range(8):
         start = time.perf_counter()
@@ -23,12 +23,12 @@ def rows() -> Iterator[Row]:
         times.append(time.perf_counter() - start)
     one = statistics.median(times[1:])
     start = time.perf_counter()
-    draws = bootstrap(steps.levels, found, seed=0, draws=RESAMPLES, workers=2)
+    draws = bootstrap(steps.levels, found, seed=0, draws=RESAMPLES)
     many = time.perf_counter() - start
     assert draws.joint is not None
     yield Row(
         f"bootstrap of {RESAMPLES:,} resamples, shipped clutch set",
-        "all refits, two processes",
+        "all refits",
         many,
         "one fit",
         one,

@@ -30,11 +30,12 @@ from eaid.results.common import Interval
 from eaid.results.fit import Fit, FitOptions
 from eaid.steps.stepset import Level, StepSet
 from eaid.uncertainty.intervals import with_intervals
-from eaid.uncertainty.levels import WIDE
 
 LEVELS = np.arange(10.0, 101.0, 10.0)
 SAMPLES, RECORD_S = 2000, 20.0
 COLOUR_S = 0.05
+WIDE = 0.30
+"""Half-width beyond which an interval of a level is flagged: coverage of τ2 is counted below it."""
 ROTOR_HZ = 10 / 60
 
 

@@ -26,6 +26,9 @@ from eaid.replay.loop import reference_rate, replay
 from eaid.replay.plant import plant_parameters
 from eaid.replay.rehab import rehabilitate
 from eaid.replay.rig import Rig
+from eaid.results.codec import from_plain
+from eaid.results.fit import Fit
+from eaid.results.gains import Gains
 from eaid.results.replay import Exercise
 
 PAGE = Path(__file__).parent.parent / "docs" / "export.md"
@@ -33,8 +36,28 @@ BOARDS = Path(__file__).parent / "boards"
 STRICT = ["-O2", "-std=c99", "-ffp-contract=off", "-Wall", "-Wextra", "-Wconversion", "-pedantic"]
 PLANT = replace(REFERENCE_PLANT, release=(0.3, 5.0))
 RC, PI = paper_gains()
+FIT = from_plain(
+    {
+        "nonlinear": {**{name: list(getattr(PLANT, name)) for name in ("tau1", "tau2", "Ts", "u_range")}, "C": PLANT.C},
+        "release": {"tau1": 0.3, "tau2": 5.0},
+    },
+    Fit,
+    "the reference plant",
+)
+GAINS = from_plain(
+    {
+        "model": {"a0": RC.a0, "b0": RC.b0, "c0": RC.c0},
+        "rc": {
+            "K_P": RC.K_P, "K_D": RC.K_D, "B_hat": RC.B_hat, "epsilon": RC.epsilon, "gamma": RC.gamma,
+            "rho": {"constant": RC.rho_constant, "slope": RC.rho_slope}, "Q": [[1.0, RC.Q12], [RC.Q12, RC.Q22]],
+        },
+        "pi": {"K_P": PI.K_P, "K_I": PI.K_I},
+    },
+    Gains,
+    "the paper's gains",
+)  # fmt: skip
 LAWS = ("pi", "rc", "inverse", "plant")
-GIVEN = {"pi": (PI, None), "rc": (RC, None), "inverse": (None, PLANT), "plant": (None, PLANT)}
+GIVEN = {"pi": (GAINS, None), "rc": (GAINS, None), "inverse": (None, FIT), "plant": (None, FIT)}
 DT = 1e-3
 COUNTED = 120
 """Steps counted of each law."""
@@ -145,7 +168,7 @@ def there(board: Board) -> bool:
 def checked(board: Board, law: str, precision: str, folder: Path) -> Checked:
     """Export one law into a new folder, compile its check program strictly, run it."""
     gains, plant = GIVEN[law]
-    export(gains, plant, ExportOptions(laws=(law,), precision=precision, folder=folder))  # type: ignore[arg-type]
+    export(gains, plant, ExportOptions(laws=(law,), precision=precision, folder=folder))
     for source in BOARDS.glob("*.c"):
         shutil.copy(source, folder)
     warnings = _compiled(board, folder, "check", ["check.c", "eaid_control.c", *_start(board)])
@@ -235,7 +258,7 @@ def _scenarios() -> Iterator[str]:
             for law in ("pi", "rc", "inverse"):
                 folder = Path(work) / f"{law}_{precision}"
                 gains = GIVEN[law][0]
-                export(gains, PLANT, ExportOptions(laws=(law, "plant"), precision=precision, folder=folder))  # type: ignore[arg-type]
+                export(gains, FIT, ExportOptions(laws=(law, "plant"), precision=precision, folder=folder))
                 _compiled(BOARDS_HERE[0], folder, "check", ["check.c", "eaid_control.c"])
                 programs[law, precision] = folder / "check"
         for name in ("steps", "multisine", "sweep", "rehab"):
@@ -269,7 +292,8 @@ def _checks() -> Iterator[str]:
     """cppcheck with its MISRA addon, valgrind, Octave, the AVR's core with the sketch."""
     with tempfile.TemporaryDirectory() as work:
         for target in ("c", "matlab"):
-            export(RC, PLANT, ExportOptions(target=target, folder=Path(work) / target))
+            laws = ("rc", "inverse", "plant")
+            export(GAINS, FIT, ExportOptions(target=target, laws=laws, folder=Path(work) / target))
         c = Path(work) / "c"
         if shutil.which("cppcheck"):
             command = ["cppcheck", "--enable=all", "--inconclusive", "--std=c99", "--addon=misra", "eaid_control.c"]

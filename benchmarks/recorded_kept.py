@@ -18,7 +18,7 @@ from eaid.recorded.sequence import Limits
 from eaid.recorded.solve import solve
 from eaid.synth.excitation import Excitation, synthesise_excitation
 from eaid.synth.plants import clutch
-from eaid.uncertainty.noise import Noise
+from eaid.uncertainty.rig_noise import Noise
 
 WANT = {"Ts": 1.0, "tau1": 4.0, "tau2": 13.0}
 

@@ -24,7 +24,7 @@ from eaid.steps.cut_runs import StepOptions
 from eaid.synth.disturbance import NONE
 from eaid.synth.logs import Protocol, synthesise
 from eaid.synth.plants import clutch
-from eaid.uncertainty.noise import Noise
+from eaid.uncertainty.rig_noise import Noise
 
 DENSITY = Noise(0.006**2 / 200, 2 * 0.3 * 0.01**2, (0.0, 0.0, 0.0))
 NOISE = replace(NONE, white_nm=0.006, coloured=0.01, coloured_s=0.3)

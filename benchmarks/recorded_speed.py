@@ -15,12 +15,13 @@ from scipy.optimize import least_squares
 from benchmarks.table import Row
 from eaid.recorded import model
 from eaid.recorded.fit import fit_recorded
-from eaid.recorded.kernel import response
-from eaid.recorded.log import RecordedLog, levels_of, recorded_log
+from eaid.recorded.inputs import levels_of
+from eaid.recorded.log import RecordedLog, recorded_log
 from eaid.recorded.options import RecordedOptions
 from eaid.recorded.problem import Setup, setup_of
 from eaid.recorded.solve import Solved, finished, solve
 from eaid.recorded.starts import starts
+from eaid.recorded.states import response
 from eaid.synth.disturbance import NONE
 from eaid.synth.excitation import Excitation, synthesise_excitation
 from eaid.synth.plants import clutch
@@ -57,16 +58,14 @@ def timed(task, times: int = 7) -> tuple[float, float, object]:  # type: ignore[
 def missed_by(setup: Setup):  # type: ignore[no-untyped-def]
     """Residuals of the unknowns on every sample, by the compiled response alone."""
     drive, rows = setup.every.drives[0], setup.maps[0]
-    out = np.empty(len(drive.dt_s))
 
     def missed(x: np.ndarray) -> np.ndarray:
         tables = setup.model.tables(rows, x)
-        scalars = np.array([0.85, 0.0, 0.0, 1.0, 1.0, 0.0, x[-1]])
-        response(
-            drive.dt_s, drive.index, drive.rising, tables.steady, tables.tau1, tables.tau2, tables.rest,
-            scalars, np.zeros(2), out,
-        )  # fmt: skip
-        return out - drive.y
+        scalars = np.array([0.85, 0.0, 0.0, 1.0, 1.0, 0.0, x[-1], 0.0, 0.0])
+        out = response(
+            drive.dt_s, drive.index, drive.rising, tables.steady, tables.tau1, tables.tau2, tables.rest, scalars
+        )
+        return np.asarray(out - drive.y)
 
     return missed
 

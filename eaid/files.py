@@ -81,7 +81,6 @@ def all_written_whole(paths: Sequence[Path], force: bool = False) -> Iterator[li
             parts.append(_part_of(path))
         yield parts
         for part in parts:
-            _as_others(part, 0o666)
             _to_disk(part)
         for path in paths:
             refuse_to_overwrite(path, force)
@@ -100,13 +99,6 @@ def _told(path: Path, fault: BaseException) -> BaseException:
     return fault
 
 
-def _as_others(part: Path, mode: int) -> None:
-    """Rights as the system gives them to a new file or folder."""
-    umask = os.umask(0)
-    os.umask(umask)
-    part.chmod(mode & ~umask)
-
-
 def _to_disk(path: Path) -> None:
     with path.open("rb+") as file:
         os.fsync(file.fileno())
@@ -115,7 +107,7 @@ def _to_disk(path: Path) -> None:
 def _part_of(path: Path) -> Path:
     part = _unused(path)
     try:
-        os.close(os.open(part, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o600))
+        part.touch(exist_ok=False)
     except OSError as fault:
         raise UsageError(f"{path}: cannot be written ({fault.strerror}); choose another folder with «output»") from None
     return part
@@ -129,7 +121,7 @@ def _unused(path: Path) -> Path:
 def _mark(path: Path) -> str:
     """How the temporary names of this machine's writers of `path` begin; the process number follows."""
     host = hashlib.sha256(os.fsencode(getattr(os, "uname", lambda: (0, ""))()[1])).hexdigest()[:6]
-    return f".{path.name.encode()[:120].decode(errors='ignore')}.{host}-"
+    return f".{os.fsencode(path.name)[:120].decode(errors='ignore')}.{host}-"
 
 
 def clear_left_over(path: Path) -> None:
@@ -168,12 +160,11 @@ def folder_written_whole(path: Path) -> Iterator[Path]:
     clear_left_over(path)
     part = _unused(path)
     try:
-        part.mkdir(0o700)
+        part.mkdir()
     except OSError as fault:
         raise UsageError(f"{path}: cannot be written ({fault.strerror}); choose another folder with «output»") from None
     try:
         yield part
-        _as_others(part, 0o777)
         made = sorted(part.iterdir())
         for item in made:
             _to_disk(item)

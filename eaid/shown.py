@@ -14,6 +14,11 @@ def counted(count: int, noun: str) -> str:
     return f"{count} {noun}{ending}"
 
 
+def listed(names: Sequence[str], most: int) -> str:
+    """The first names: `a, b, c and 4 more`."""
+    return ", ".join(names[:most]) + (f" and {len(names) - most} more" if len(names) > most else "")
+
+
 def span(levels: Sequence[float], unit: str) -> str:
     """`1 level, 50 %`, `10 levels, 10 … 100 %`."""
     if not levels:

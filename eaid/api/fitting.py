@@ -31,7 +31,6 @@ def fit(
     bounds_levels: "str | Sequence[float] | None" = None,
     duty: tuple[float, float] | None = None,
     instrument: bool = False,
-    workers: int = 1,
     **keywords: Any,
 ) -> Fit:
     """Fit the models of the paper to recorded steps, with intervals and a verdict.
@@ -48,8 +47,6 @@ def fit(
         Levels over which B_m and B_M are taken, as numbers or as "20:100".
     duty, instrument
         Of logs that are fitted as they were recorded: identified inputs, and the simulated duty as an instrument.
-    workers
-        Processes that share the refits of a bootstrap; the result is the same for any number.
 
     Returns
     -------
@@ -73,7 +70,7 @@ def fit(
         kept = wanted_levels(text, [level.level for level in steps.levels], "bounds_levels")
         asked = msgspec.structs.replace(asked, bounds_levels=tuple(kept))
     if steps.recorded:
-        from eaid.recorded.entry import fit_whole
+        from eaid.recorded.fit import fit_whole
 
         return fit_whole(steps, asked, duty, instrument)
     for name, given in (("duty", duty), ("instrument", instrument or None)):
@@ -82,7 +79,7 @@ def fit(
                 f"«{name}»: belongs to logs that are fitted as recorded, and these are steps; leave it out"
             )
     with progress("bootstrap refits", asked.draws if asked.ci == "bootstrap" else 0) as advance:
-        return fit_steps(steps, asked, advance, workers)
+        return fit_steps(steps, asked, advance)
 
 
 def plan(fit: Fit, options: "PlanOptions | None" = None, *, progress: Progress = no_progress, **keywords: Any) -> Plan:

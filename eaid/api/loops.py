@@ -57,7 +57,7 @@ def tune_rc(
     >>> gains.guarantee.holds, "duty-limit" in gains.guarantee.missing
     (False, True)
     """
-    from eaid.coupling.judge import stiffness_judge
+    from eaid.coupling.entry import stiffness_judge
     from eaid.replay.references import read_reference
     from eaid.replay.scenarios import SCENARIOS
     from eaid.replay.tune import tune

@@ -13,7 +13,7 @@ LOOPS = ("open-loop", "pi", "rc-no-rate", "rc", "inverse")
 
 @dataclass(frozen=True, kw_only=True)
 class Arguments(Common, Seeded, Verbose):
-    """What `eaid couple` is doubts."""
+    """What `eaid couple` is told."""
 
     fit: Path = argument("FIT", "fit.json with a nonlinear model.")
     gains: Path | None = option(None, "gains.json; without it only open loop and inverse.", LOOP, shown="FILE")

@@ -41,14 +41,7 @@ def filled(lines: tuple[Line, ...], data: dict[str, str]) -> list[Line]:
 
 
 def run_both(first: list[Line], second: list[Line], folder: Path, done: Callable[[], None]) -> None:
-    """Run both lists, the second one in a process of its own where there is a processor for it."""
-    from eaid.processes import processors
-
-    if processors() < 2:
-        for line in [*first, *second]:
-            run_line(line, folder)
-            done()
-        return
+    """Run both lists, the second one in a process of its own."""
     from concurrent.futures import ProcessPoolExecutor
     from multiprocessing import get_context
 

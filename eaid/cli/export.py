@@ -19,7 +19,7 @@ WHAT, RIG, ADVANCED = "What is exported", "Rig", "Advanced"
 
 @dataclass(frozen=True, kw_only=True)
 class Arguments(Common, Verbose):
-    """What `eaid export` is doubts."""
+    """What `eaid export` is told."""
 
     files: list[Path] = argument("GAINS [FIT]", "gains.json, and fit.json for inverse and plant.")
     target: str = option(

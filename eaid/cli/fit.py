@@ -60,9 +60,8 @@ def command(args: Arguments) -> int:
     from eaid import api
     from eaid.cli import fit_tables, inputs
     from eaid.files import refuse_to_overwrite
-    from eaid.fitting.options import check
+    from eaid.fitting.choices import check
     from eaid.logs.manifest import files_read
-    from eaid.processes import processors
     from eaid.results import codec
     from eaid.results.fit import FitOptions
 
@@ -75,7 +74,7 @@ def command(args: Arguments) -> int:
         stepset = inputs.runs_from(args.data, inputs.reading_of(args), args.logs_as, console.say)[1]
         result = api.fit(
             stepset, options, bounds_levels=args.bounds_levels, duty=args.duty, instrument=args.instrument,
-            workers=processors(), progress=console.progress,
+            progress=console.progress,
         )  # fmt: skip
         result = msgspec.structs.replace(result, command=args.words)
         codec.write(args.output, result, "fit", args.force)

@@ -4,7 +4,7 @@ from pathlib import Path
 
 from eaid.cli import console
 from eaid.findings import stops
-from eaid.report.tables.every import judging_tables, model_tables
+from eaid.report.tables.checks import judging_tables, model_tables
 from eaid.results.fit import Fit
 from eaid.results.summary import answer, doubts, runs
 

@@ -52,9 +52,9 @@ class Spec:
     """Whether a result keeps it: what changes no number is not kept."""
 
 
-def argument(shown: str, help: str, default: Any = MISSING) -> Any:
+def argument(shown: str, help: str) -> Any:
     """A field that is given by its place."""
-    return field(default=default, metadata={"spec": Spec(help, shown=shown, positional=True)})
+    return field(metadata={"spec": Spec(help, shown=shown, positional=True)})
 
 
 def option(

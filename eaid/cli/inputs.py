@@ -3,7 +3,7 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 from eaid.cli import console
 from eaid.cli.form import Common, option, taken
@@ -74,24 +74,18 @@ def reading_of(args: Columns) -> "InputOptions":
     return taken(InputOptions, args)
 
 
-def stepset_from(paths: Sequence[Path], **said: Any) -> "StepSet":
-    """The step set behind logs, datasets or a manifest; takes the fields of `eaid.reading.InputOptions`."""
-    return runs_from(paths, **said)[1]
-
-
 def runs_from(
     paths: Sequence[Path],
     options: "InputOptions | None" = None,
     whole: str = "steps",
     seen: Callable[[str], None] = lambda _: None,
-    **said: Any,
 ) -> "tuple[list[Run], StepSet]":
     """Cut runs and their step set, with progress on stderr; `whole` and `seen` as in `eaid.reading.read_steps`."""
     from eaid.reading import InputOptions, read_steps
 
     long = any(path.is_file() and path.stat().st_size > LONG_LOG for path in paths)
     tell = _tenths() if long else lambda _source, _share: None
-    return read_steps(paths, options or InputOptions(**said), console.progress, console.warn, tell, whole, seen)
+    return read_steps(paths, options or InputOptions(), console.progress, console.warn, tell, whole, seen)
 
 
 def _tenths() -> Callable[[str, float], None]:
@@ -112,7 +106,7 @@ def logs_of(fitted: "Fit", fit: Path, data: list[Path] | None, options: "TuneOpt
     from eaid.files import sha256_of
 
     if data:
-        return stepset_from(data)
+        return runs_from(data)[1]
     wants = {"φ": options.phi == "data", "the noise": options.searches and options.noise_nm is None}
     wanted = " and ".join(name for name, asked in wants.items() if asked)
     if not wanted:
@@ -130,7 +124,7 @@ def logs_of(fitted: "Fit", fit: Path, data: list[Path] | None, options: "TuneOpt
             return None
         paths.append(found)
     try:
-        return stepset_from(paths)
+        return runs_from(paths)[1]
     except EaidError as fault:
         console.warn(f"{fault.sentences[0]}: {instead}")
         return None

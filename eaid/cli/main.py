@@ -4,7 +4,6 @@ import importlib
 import os
 import sys
 from collections.abc import Sequence
-from difflib import get_close_matches
 from typing import Annotated, Any, Literal, cast
 
 import typer
@@ -32,8 +31,13 @@ COMMANDS = {
 """One module of `eaid.cli` each, with a function `command`; the order and the short words of `--help`."""
 
 
+MARKUP: Literal["markdown"] = "markdown"
+"""How the help is written: rich's own markup would eat units in brackets."""
+SETTINGS = {"help_option_names": ["-h", "--help"]}
+
+
 class _Commands(TyperGroup):
-    """Loads a command's module when the command is called; `eaid --help` needs its name and its words only."""
+    """Loads a command's module when the shell completes its line; `eaid --help` needs its name and its words only."""
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
         name, listed, rest = super().resolve_command(ctx, args)
@@ -43,17 +47,17 @@ class _Commands(TyperGroup):
 def load_command(name: str) -> TyperCommand:
     """One command with its arguments and options; its name as it is typed, `tune-rc`."""
     alone = typer.Typer(add_completion=False, rich_markup_mode=MARKUP)
-    alone.command(name)(importlib.import_module(f"eaid.cli.{name.replace('-', '_')}").command)
+    alone.command(name, context_settings=SETTINGS)(
+        importlib.import_module(f"eaid.cli.{name.replace('-', '_')}").command
+    )
     return cast(TyperCommand, typer.main.get_command(alone))
 
 
-MARKUP: Literal["markdown"] = "markdown"
-"""How the help is written: rich's own markup would eat units in brackets."""
 app = typer.Typer(
     name="eaid",
     cls=_Commands,
     help="The workbench for electroadhesive clutches: from recorded step responses to models, gains and replays.",
-    context_settings={"help_option_names": ["-h", "--help"]},
+    context_settings=SETTINGS,
     pretty_exceptions_enable=False,
     rich_markup_mode=MARKUP,
 )
@@ -100,12 +104,20 @@ def run(arguments: Sequence[str] | None = None) -> int:
     return code
 
 
+def _call(arguments: list[str]) -> Any:
+    """Call the command that is named first, without the program's own options, for which Typer loads pydantic."""
+    name, *rest = arguments
+    if name in {module.replace("_", "-") for module in COMMANDS}:
+        return load_command(name)(args=rest, prog_name=f"eaid {name}", standalone_mode=False)
+    return app(args=arguments, prog_name="eaid", standalone_mode=False)
+
+
 def _outcome(arguments: list[str]) -> tuple[int, tuple[str, ...]]:
     """Exit code of one command, and the sentences that say why it failed."""
     try:
         if "" in arguments:  # pathlib takes it for the current folder
             raise UsageError("an empty word stands among the arguments; give a file or a folder in its place")
-        code = app(args=arguments, prog_name="eaid", standalone_mode=False)
+        code = _call(arguments)
         if code == 130:  # typer turns Ctrl-C into this code, without a word
             raise KeyboardInterrupt
         return (code if isinstance(code, int) else 0), ()
@@ -126,14 +138,7 @@ def _outcome(arguments: list[str]) -> tuple[int, tuple[str, ...]]:
 
 
 def _usage(fault: Any) -> str:
-    """The sentence of a usage error of click, with the choice that was meant and the help that says more."""
+    """The sentence of a usage error of click, and the help that says more."""
     said = str(fault.format_message()).rstrip(".").replace("\n", " ")
-    choices = getattr(getattr(getattr(fault, "param", None), "type", None), "choices", ())
-    wrong = said.split("'")[3:4]
-    meant = get_close_matches(wrong[0], [str(choice) for choice in choices], 1) if wrong and choices else []
     context = getattr(fault, "ctx", None)
-    return (
-        said
-        + (f"; did you mean {meant[0]}?" if meant else "")
-        + (f"; see {context.command_path} --help" if context else "")
-    )
+    return said + (f"; see {context.command_path} --help" if context else "")

@@ -50,8 +50,9 @@ def command(args: Arguments) -> None:
     Example: eaid report fit.json gains.json multisine.h5 clutch.h5 -o report
     """
     from eaid.files import refuse_to_overwrite
-    from eaid.report.options import PAGE, ReportOptions, refuse_to_overwrite_report
+    from eaid.report.options import ReportOptions
     from eaid.report.watch import changes
+    from eaid.report.write import PAGE, refuse_to_overwrite_report
 
     options = ReportOptions(args.formats, args.figures, *args.width, args.font, args.paper, args.force)
     refuse_to_overwrite_report(args.output, args.force)

@@ -26,10 +26,10 @@ def command(args: Arguments) -> None:
     from eaid.files import refuse_to_overwrite, written_whole
 
     refuse_to_overwrite(args.output, args.force)
+    from eaid.report.paper.claims import claims, markdown
     from eaid.report.paper.evidence import PARTS, evidence
-    from eaid.report.paper.table import claims, markdown
 
-    with console.progress("eaid reproduce", PARTS) as done:
+    with console.progress("eaid reproduce", len(PARTS)) as done:
         rows = claims(evidence(done))
     with written_whole(args.output, args.force) as part:
         part.write_text(markdown(rows), encoding="utf-8", newline="\n")

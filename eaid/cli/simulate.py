@@ -16,7 +16,7 @@ Factors = dict[str, float] | None
 
 @dataclass(frozen=True, kw_only=True)
 class Arguments(Common, Columns, Seeded, Verbose):
-    """What `eaid simulate` is doubts."""
+    """What `eaid simulate` is told."""
 
     fit: Path = argument("FIT", "fit.json of eaid fit.")
     gains: Path | None = option(None, "gains.json of eaid tune-rc; rc and pi need it.", WHAT, shown="FILE")

@@ -16,7 +16,7 @@ EXCITATIONS = ("staircase", "random", "prbs", "multisine", "chirp", "closed-loop
 
 @dataclass(frozen=True, kw_only=True)
 class Arguments(Common, Seeded):
-    """What `eaid synth` is doubts."""
+    """What `eaid synth` is told."""
 
     kind: str | None = option(None, "By itself clutch; of a fit.json, its own.", WHAT, words=KINDS)
     plant: str = option("reference", "The paper's clutch, or a fit.json.", WHAT, shown="reference|FILE")

@@ -16,7 +16,7 @@ Pair = tuple[float, float] | None
 
 @dataclass(frozen=True, kw_only=True)
 class Arguments(Common, Seeded, Verbose):
-    """What `eaid tune-rc` is doubts."""
+    """What `eaid tune-rc` is told."""
 
     fit: Path = argument("FIT", "fit.json of eaid fit; only its linear part is needed.")
     kp: float | None = option(None, "K_P [1/s²]; by itself 4.5.", ROBUST)

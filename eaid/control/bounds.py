@@ -22,6 +22,8 @@ from eaid.steps.levels import wanted_levels
 CONVENTIONS = ("zero-offset", "pooled-offset", "pooled-dynamics")
 SLOWEST, FASTEST = 1e-6, 1e6
 """a0 of anything that is controlled by samples [1/s]."""
+LARGEST = 1e15
+"""b0, its inverse and c0 of any rig, whatever its units."""
 
 
 class LevelB(NamedTuple):
@@ -56,6 +58,11 @@ class Bounds:
 def model_of(fit: Fit) -> Linear:
     """The pooled linear model; DataError where it is missing, GainsError where it is not physical."""
     linear = _part(fit)
+    return physical(Linear(linear.a0, linear.b0, linear.c0))
+
+
+def physical(linear: Linear) -> Linear:
+    """The model itself; GainsError where it is none of a rig."""
     if not linear.a0 > 0:
         raise GainsError(
             f"the fit's a0 is {linear.a0:.4g} 1/s; a clutch whose torque does not settle by itself is not physical"
@@ -69,7 +76,11 @@ def model_of(fit: Fit) -> Linear:
             f"the fit's a0 is {linear.a0:.4g} 1/s; a plant with a time constant of {1 / linear.a0:.3g} s is none that "
             f"samples control ({1 / FASTEST:g} to {1 / SLOWEST:g} s); check the time column"
         )
-    return Linear(linear.a0, linear.b0, linear.c0)
+    if not max(linear.b0, 1 / linear.b0, abs(linear.c0)) <= LARGEST:
+        raise GainsError(
+            f"the fit's b0 is {linear.b0:.4g} and its c0 {linear.c0:.4g}, which no rig has; check the units of the data"
+        )
+    return linear
 
 
 def _part(fit: Fit) -> LinearFit:

@@ -48,8 +48,6 @@ class Scales(NamedTuple):
 
     paper: bool
     """% duty and N·m: the paper's numbers stand."""
-    input_unit: str
-    output_unit: str
     pace: float
     """a0 over the paper's; 1 on the paper's rig."""
     top: float
@@ -58,11 +56,10 @@ class Scales(NamedTuple):
 
 def scales_of(fit: Fit, plant: Nonlinear | None = None) -> Scales:
     """What the rig's clock and output are scaled by."""
-    data = fit.data
-    if is_duty(fit) and data.output_unit in ("N·m", "Nm"):
-        return Scales(True, "%", "N·m", 1.0, 1.0)
+    if is_duty(fit) and fit.data.output_unit in ("N·m", "Nm"):
+        return Scales(True, 1.0, 1.0)
     pace = fit.linear.a0 / PAPER_LINEAR.a0 if fit.linear is not None and fit.linear.a0 > 0 else 1.0
-    return Scales(False, data.input_unit, data.output_unit, pace, _top(fit, plant) / PAPER_TOP)
+    return Scales(False, pace, _top(fit, plant) / PAPER_TOP)
 
 
 def is_duty(fit: Fit) -> bool:

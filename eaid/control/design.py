@@ -141,7 +141,7 @@ def _needed(law: Law) -> RhoLine | None:
     """Eq. (15) with the α really reached; None where that is 1 or more and no ρ is enough."""
     if law.alpha_reached >= 1:
         return None
-    need = robust.rho(law.options.reading, law.alpha_reached, law.options.Q_M, law.norm_K, law.phi_nm_s)
+    need = robust.rho(law.alpha_reached, law.options.Q_M, law.norm_K, law.phi_nm_s)
     return RhoLine(need.constant, need.slope)
 
 
@@ -150,7 +150,7 @@ def _reading(reading: robust.Reading, law: Law) -> RhoReading:
     B_m, B_M, honest = law.bounds.B_m, law.bounds.B_M, law.options.phi_honest_pct
     phi = law.phi if honest is None else robust.phi_of(reading, honest, B_m, B_M)
     term = robust.uncertainty_term(reading, phi, B_m, B_M)
-    made = robust.rho(reading, law.rho.alpha, law.options.Q_M, law.norm_K, term)
+    made = robust.rho(law.rho.alpha, law.options.Q_M, law.norm_K, term)
     return RhoReading(phi, term, robust.honest_phi_pct(reading, phi, B_m, B_M), made.constant, made.slope)
 
 

@@ -9,6 +9,9 @@ from eaid.errors import DataError
 from eaid.models.parameters import PAPER_LINEAR
 from eaid.results.gains import AntiWindup, Gains
 
+LARGEST = 1e30
+"""Of any gain, and of the inverse of one that has to be positive, whatever the rig's units."""
+
 
 def paper_gains() -> tuple[RCGains, PIGains]:
     """Table IV (ρ with B_M φ as printed, P = 5·I, B̂ = 12.5) and the PI of 21 and 360."""
@@ -20,12 +23,13 @@ def rc_gains(gains: Gains | None) -> RCGains | None:
     if gains is None or gains.rc is None:
         return None
     rc = gains.rc
-    if not gains.model.b0 > 0:
-        raise DataError(f"gains.json: b0 is {gains.model.b0:g}, it has to be positive; run tune-rc again")
-    if not rc.Q[1][1] > 0:
-        raise DataError(f"gains.json: Q[1][1] is {rc.Q[1][1]:g}, it has to be positive; run tune-rc again")
     low, high = gains.duty_limits_pct
     model, (Q12, Q22) = gains.model, rc.Q[1]
+    positive = {"b0": model.b0, "Q[1][1]": Q22, "B_hat": rc.B_hat, "epsilon": rc.epsilon, "gamma": rc.gamma}
+    _check(
+        {**positive, "K_P": rc.K_P, "K_D": rc.K_D},
+        {"a0": model.a0, "c0": model.c0, "Q[1][0]": Q12, "rho.constant": rc.rho.constant, "rho.slope": rc.rho.slope},
+    )
     return RCGains(
         K_P=rc.K_P, K_D=rc.K_D, B_hat=rc.B_hat, a0=model.a0, b0=model.b0, c0=model.c0, rho_constant=rc.rho.constant,
         rho_slope=rc.rho.slope, epsilon=rc.epsilon, gamma=rc.gamma, Q12=Q12, Q22=Q22, duty_min=low, duty_max=high,
@@ -34,12 +38,22 @@ def rc_gains(gains: Gains | None) -> RCGains | None:
 
 
 def pi_gains(gains: Gains | None) -> PIGains | None:
-    """Gains of the PI controller; None where there are none."""
+    """Gains of the PI controller; None where there are none. DataError where a loop cannot run with them."""
     if gains is None or gains.pi is None:
         return None
     pi = gains.pi
+    _check({}, {"pi.K_P": pi.K_P, "pi.K_I": pi.K_I})
     low, high = gains.duty_limits_pct
     return PIGains(pi.K_P, pi.K_I, low, high, _gain(pi.anti_windup))
+
+
+def _check(positive: dict[str, float], other: dict[str, float]) -> None:
+    """Refuse numbers with which no loop of a rig runs."""
+    for name, value in {**positive, **other}.items():
+        if name in positive and not value > 0:
+            raise DataError(f"gains.json: {name} is {value:g}, it has to be positive; run tune-rc again")
+        if abs(value) > LARGEST or (name in positive and value < 1 / LARGEST):
+            raise DataError(f"gains.json: {name} is {value:g}, which no loop of a rig has; run tune-rc again")
 
 
 def _gain(wound: AntiWindup) -> float:

@@ -43,7 +43,7 @@ class Feedback:
 
 
 @dataclass(frozen=True)
-class Margins:
+class LoopMargins:
     """How far a loop is from instability."""
 
     stable: bool
@@ -97,33 +97,33 @@ def linear_lags(b: float, a: float) -> tuple[Lag, ...]:
     return ((b / a, 1 / a),)
 
 
-def margins(feedback: Feedback, lags: tuple[Lag, ...], timing: Timing) -> Margins:
+def margins(feedback: Feedback, lags: tuple[Lag, ...], timing: Timing) -> LoopMargins:
     """Gain, delay and phase margin of one loop."""
     if timing.delay_samples:
         return _behind_dead_time(feedback, lags, timing)
     phase, crossover_hz = phase_margin(feedback, lags, timing)
     if not is_stable(feedback, lags, timing):
-        return Margins(False, -math.inf, 0.0, phase, crossover_hz)
+        return LoopMargins(False, -math.inf, 0.0, phase, crossover_hz)
     gain = _edge(lambda db: spectral_radius(feedback, lags, timing, 10 ** (db / 20), 0.0), 2.0, 80.0)
     # The phase margin's delay is nearly it; a third of that as the step keeps the search short.
     guess = math.radians(phase) / (2 * math.pi * crossover_hz) if crossover_hz > 0 else LONGEST_DELAY_S
     step = min(max(guess / 3, 1e-3), LONGEST_DELAY_S / 4)
     delay = _edge(lambda s: spectral_radius(feedback, lags, timing, 1.0, s), step, LONGEST_DELAY_S)
-    return Margins(True, gain, delay, phase, crossover_hz)
+    return LoopMargins(True, gain, delay, phase, crossover_hz)
 
 
-def _behind_dead_time(feedback: Feedback, lags: tuple[Lag, ...], timing: Timing) -> Margins:
+def _behind_dead_time(feedback: Feedback, lags: tuple[Lag, ...], timing: Timing) -> LoopMargins:
     """The margins by Nyquist's criterion: no crossover may lag by half a turn or more, the dead time included."""
     phase, crossover_hz = phase_margin(feedback, lags, timing)
     if phase <= 0 or not is_stable(feedback, lags, replace(timing, delay_samples=0)):
-        return Margins(False, -math.inf, 0.0, phase, crossover_hz)
+        return LoopMargins(False, -math.inf, 0.0, phase, crossover_hz)
     omega = np.geomspace(1e-3, _top(timing), 20_000)
     loop = loop_response(feedback, lags, timing, omega)
     lag = np.unwrap(np.angle(loop)) - omega * timing.delay_s
     turned = np.flatnonzero((lag[:-1] > -math.pi) & (lag[1:] <= -math.pi))
     gain = min((-20 * math.log10(abs(loop[k])) for k in turned), default=math.inf)
     delay = math.radians(phase) / (2 * math.pi * crossover_hz) if crossover_hz > 0 else math.inf
-    return Margins(True, gain, delay, phase, crossover_hz)
+    return LoopMargins(True, gain, delay, phase, crossover_hz)
 
 
 def is_stable(feedback: Feedback, lags: tuple[Lag, ...], timing: Timing) -> bool:

@@ -11,7 +11,7 @@ from eaid.control.margins import (
     ENOUGH_DB,
     ENOUGH_DEG,
     Lag,
-    Margins,
+    LoopMargins,
     linear_lags,
     margins,
     phase_margin,
@@ -96,7 +96,7 @@ def keeps_margins(gains: RCGains, points: Points, timing: Timing) -> bool:
     return True
 
 
-def enough(found: Margins) -> bool:
+def enough(found: LoopMargins) -> bool:
     """Whether a loop has 6 dB and 45°."""
     return found.gain_db >= ENOUGH_DB and found.phase_deg >= ENOUGH_DEG
 
@@ -106,7 +106,7 @@ def loop_margins(
 ) -> tuple[parts.Margins, list[Finding]]:
     """Margins of both controllers around every operating point, their least, and a finding where one is missed."""
     points = operating_points(fit, model, plant, bounds, (rc.duty_min, rc.duty_max))
-    found: dict[str, list[Margins]] = {"rc": [], "pi": []}
+    found: dict[str, list[LoopMargins]] = {"rc": [], "pi": []}
     for duty, torque, lags in points:
         found["rc"].append(margins(rc_feedback(rc, torque, duty), lags, timing))
         found["pi"].append(margins(pi_feedback(pi), lags, timing))
@@ -122,14 +122,14 @@ def loop_margins(
     ), findings
 
 
-def _kept(found: Margins) -> parts.Margin:
+def _kept(found: LoopMargins) -> parts.Margin:
     """As gains.json has it: a margin without end is not known."""
     return parts.Margin(
         found.stable, *(known(x) for x in (found.gain_db, found.delay_s, found.phase_deg, found.crossover_hz))
     )
 
 
-def _least(found: list[Margins]) -> parts.Margin:
+def _least(found: list[LoopMargins]) -> parts.Margin:
     least = {name: known(min(getattr(one, name) for one in found)) for name in ("gain_db", "phase_deg", "delay_s")}
     return parts.Margin(stable=all(one.stable for one in found), **least)
 
@@ -139,7 +139,7 @@ def known(value: float) -> float | None:
     return value if math.isfinite(value) else None
 
 
-def _missed(name: str, duties: list[float], found: list[Margins], unit: str) -> list[Finding]:
+def _missed(name: str, duties: list[float], found: list[LoopMargins], unit: str) -> list[Finding]:
     unstable = [duty for duty, one in zip(duties, found, strict=True) if not one.stable]
     if unstable:
         return [finding("loop-unstable-on-plant", name, unstable, unit=unit)]

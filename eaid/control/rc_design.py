@@ -72,7 +72,7 @@ def law_of(model: Linear, bounds: Bounds, options: DesignOptions) -> Law:
         phi = robust.phi_of(options.reading, options.phi_honest_pct, B_m, B_M)
     term = robust.uncertainty_term(options.reading, phi, B_m, B_M)
     norm_K = math.hypot(options.K_P, options.K_D)
-    rho = robust.rho(options.reading, alpha, options.Q_M, norm_K, term)
+    rho = robust.rho(alpha, options.Q_M, norm_K, term)
     P = options.p_scale * np.eye(2)
     Q = solve_Q(options.K_P, options.K_D, P)
     Q12, Q22 = float(Q[0, 1]), float(Q[1, 1])

@@ -19,7 +19,6 @@ Reading = Literal["paper", "textbook"]
 class Rho:
     """ρ(ξ) = constant + slope ‖ξ‖ [N·m/s], and the shares of its terms."""
 
-    convention: Reading
     alpha: float
     """The α it was made with."""
     reference_term: float
@@ -65,10 +64,9 @@ def phi_of(convention: Reading, honest_pct: float, B_m: float, B_M: float) -> fl
     return honest_pct / (B_m * B_M) if convention == "paper" else honest_pct
 
 
-def rho(convention: Reading, alpha: float, Q_M: float, norm_K: float, phi_nm_s: float) -> Rho:
+def rho(alpha: float, Q_M: float, norm_K: float, phi_nm_s: float) -> Rho:
     """Eq. (15) with equality; `phi_nm_s` is Φ [N·m/s], Q_M in N·m/s, ‖K‖ = √(K_P² + K_D²)."""
     return Rho(
-        convention=convention,
         alpha=alpha,
         reference_term=alpha * Q_M / (1 - alpha),
         phi_term=phi_nm_s / (1 - alpha),
@@ -80,7 +78,7 @@ def covers(have: Rho, alpha: float, Q_M: float, norm_K: float, phi_nm_s: float) 
     """Whether ρ is at least Eq. (15) with another α, for every ξ, within 1e-9."""
     if alpha >= 1:
         return False
-    need = rho(have.convention, alpha, Q_M, norm_K, phi_nm_s)
+    need = rho(alpha, Q_M, norm_K, phi_nm_s)
     return have.constant >= need.constant - 1e-9 and have.slope >= need.slope - 1e-9
 
 

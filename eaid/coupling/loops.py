@@ -9,7 +9,7 @@ from eaid.control.operating import known
 from eaid.control.pi import PIGains
 from eaid.control.rc import RCGains
 from eaid.control.timing import Timing
-from eaid.coupling.linear import Point, linearised, operating_point, step_of
+from eaid.coupling.linearised import Point, linearised, operating_point, step_of
 from eaid.coupling.motion import Drive
 from eaid.coupling.sampled import Channel, Coupled, Limb
 from eaid.coupling.stiffness import needed_damping, passive_stiffness, stable_stiffness

@@ -11,11 +11,10 @@ import numpy as np
 
 from eaid.arrays import Array
 from eaid.control.timing import Timing
-from eaid.coupling.linear import Point, Step
+from eaid.coupling.linearised import Point, Step
 from eaid.coupling.sampled import Limb
 from eaid.models.parameters import Nonlinear
-from eaid.replay.hold import Held, hold_step
-from eaid.replay.plant import plant_parameters
+from eaid.replay.plant import Held, hold_step, plant_parameters
 from eaid.replay.rehab import limb_steps
 
 BESIDE_RAD = 1e-4

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 from eaid.control.timing import Timing
-from eaid.coupling.linear import LOOPS
+from eaid.coupling.linearised import LOOPS
 from eaid.coupling.sampled import Limb
 from eaid.errors import UsageError, unknown
 from eaid.limits import check_all

@@ -19,7 +19,7 @@ from scipy.linalg import expm
 
 from eaid.arrays import Array
 from eaid.control.timing import Timing, latch_response
-from eaid.coupling.linear import Complex, Law, Point
+from eaid.coupling.linearised import Complex, Law, Point
 from eaid.errors import UsageError
 
 

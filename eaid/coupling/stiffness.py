@@ -19,7 +19,7 @@ import numpy as np
 
 from eaid.arrays import Array
 from eaid.control.timing import Timing, hold_response, latch_response
-from eaid.coupling.linear import Complex
+from eaid.coupling.linearised import Complex
 from eaid.coupling.sampled import Channel, Coupled, duty_response
 
 ALIASES = 12

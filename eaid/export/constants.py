@@ -7,15 +7,18 @@ rate      r ← m r + (1 − m)/dt (x − x before),  m = e^(−2π f dt)
 
 import math
 from dataclasses import dataclass
+from typing import TypeAlias
 
 from eaid.control.pi import PIGains
 from eaid.control.rc import RCGains
 from eaid.export import reference as law
-from eaid.export.series import Precision, series
+from eaid.export.numbers import Precision, series
 from eaid.models.parameters import TAU_FLOOR_S, Nonlinear
 from eaid.replay.inverse import DUTY_TOLERANCE_PCT, OBSERVER_PER_S
 from eaid.replay.plant import plant_parameters
 
+Constants: TypeAlias = law.PIConstants | law.RCConstants | law.InverseConstants | law.PlantConstants | law.RateConstants
+"""Of one law, or of the rate's filter."""
 SEARCHES = 16
 """Tries of the inverse's search at most: twelve are the most seen."""
 TOLERANCE = {"double": DUTY_TOLERANCE_PCT, "single": 1e-4}

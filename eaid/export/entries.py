@@ -3,7 +3,7 @@
 Units are written with i for the rig's input unit and o for its output unit.
 """
 
-from collections.abc import Iterator
+import re
 from dataclasses import dataclass
 from typing import Any
 
@@ -71,27 +71,23 @@ class Entry:
         return " ".join(part for part in (self.words, unit) if part)
 
 
-def entries(law: str, constants: Any, units: tuple[str, str]) -> Iterator[Entry]:
+def entries(law: str, constants: Any, units: tuple[str, str]) -> tuple[Entry, ...]:
     """The constants of one law but its polynomial, in their order; a model inside is an entry of its own."""
+    made = []
     for name, value in constants._asdict().items():
-        if name == "series":
-            continue
         if hasattr(value, "_fields"):
-            yield Entry(name, tuple(entries(name, value, units)), "", "the model that is inverted")
-            continue
-        unit, words = MEANS.get(f"{law}.{name}") or MEANS[f".{name}"]
-        yield Entry(name, value, _in(unit, units), words)
+            made.append(Entry(name, entries(name, value, units), "", "the model that is inverted"))
+        elif name != "series":
+            unit, words = MEANS.get(f"{law}.{name}") or MEANS[f".{name}"]
+            made.append(Entry(name, value, _in(unit, units), words))
+    return tuple(made)
 
 
 def _in(unit: str, units: tuple[str, str]) -> str:
     """A unit in the rig's own; a compound one is put in brackets where it has to be."""
-    own = {"i": units[0], "o": units[1]}
-    parts = [own.get(sign, sign) if _alone(unit, k) else sign for k, sign in enumerate(unit)]
-    for k in range(1, len(parts)):
-        if parts[k - 1] == "/" and "·" in parts[k]:
-            parts[k] = f"({parts[k]})"
-    return "".join(parts)
 
+    def named(found: re.Match[str]) -> str:
+        slash, name = found[1], units["io".index(found[2])]
+        return f"{slash}({name})" if slash and "·" in name else slash + name
 
-def _alone(unit: str, k: int) -> bool:
-    return not (unit[k - 1 : k].isalpha() or unit[k + 1 : k + 2].isalpha())
+    return re.sub("(/?)(?<![a-zA-Z])([io])(?![a-zA-Z])", named, unit)

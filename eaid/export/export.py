@@ -3,8 +3,6 @@
 from dataclasses import dataclass
 from pathlib import Path
 
-from eaid.control.pi import PIGains
-from eaid.control.rc import RCGains
 from eaid.errors import UsageError
 from eaid.export.job import constants_of, job_of, laws_of, timing_of
 from eaid.export.judge import judged
@@ -13,7 +11,6 @@ from eaid.export.options import ExportOptions
 from eaid.export.targets import TARGETS
 from eaid.files import folder_written_whole, refuse_inputs_within
 from eaid.findings import Finding
-from eaid.models.parameters import Nonlinear
 from eaid.results.fit import Fit
 from eaid.results.gains import Gains
 
@@ -34,21 +31,8 @@ class ExportFolder:
     """What stands at the head of each file, the gravest first."""
 
 
-def export(
-    gains: Gains | RCGains | PIGains | None,
-    plant_or_fit: Fit | Nonlinear | None = None,
-    options: ExportOptions | None = None,
-) -> ExportFolder:
-    """Write controllers and plant as source for a rig.
-
-    Parameters
-    ----------
-    gains : Gains, RCGains, PIGains or None
-        Controllers; None exports the fit's inverse and plant alone.
-    plant_or_fit : Fit, Nonlinear or None
-        The nonlinear model, which `inverse` and `plant` need.
-    options : ExportOptions
-        Target, laws, sample rate, precision, folder.
+def export(gains: Gains | None, fit: Fit | None = None, options: ExportOptions | None = None) -> ExportFolder:
+    """Write controllers and plant as source for a rig; without gains the fit's inverse and plant alone.
 
     Raises
     ------
@@ -56,22 +40,13 @@ def export(
         A loop is unstable at the sample rate, or a finding of severity stop stands; `anyway` overrides, marked.
     UsageError
         The options contradict one another, or the folder is there already.
-
-    Examples
-    --------
-    >>> import tempfile, pathlib
-    >>> from eaid.control.gains import paper_gains
-    >>> where = pathlib.Path(tempfile.mkdtemp()) / "rig"
-    >>> made = export(paper_gains()[0], options=ExportOptions(folder=where))
-    >>> made.laws, "eaid_control.c" in made.files
-    (('rc',), True)
     """
     options = options or ExportOptions()
     if options.target not in TARGETS:
         raise UsageError(f"«as» is {options.target!r}; there are {', '.join(TARGETS)}")
     refuse_folder(options.folder, options.force)
     refuse_inputs_within(options.folder, (Path(each.path) for each in options.inputs))
-    source = source_of(gains, plant_or_fit)
+    source = source_of(gains, fit)
     target = TARGETS[options.target]
     laws = laws_of(source, options, target.laws)
     if {"inverse", "plant"} & set(laws) and source.plant is not None and source.plant.falls_as_release:

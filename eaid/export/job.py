@@ -6,6 +6,7 @@ from typing import Any
 
 from eaid.errors import UsageError, in_python
 from eaid.export.constants import (
+    Constants,
     Timing,
     inverse_constants,
     pi_constants,
@@ -14,9 +15,8 @@ from eaid.export.constants import (
     rc_constants,
 )
 from eaid.export.made_from import Source
+from eaid.export.numbers import decimal, harmless, rounded, unit_name
 from eaid.export.options import LAWS, ExportOptions
-from eaid.export.series import rounded
-from eaid.export.text import decimal, harmless, unit_name
 from eaid.export.vectors import Vector, vectors
 from eaid.findings import Finding, say
 from eaid.version import __version__
@@ -37,7 +37,7 @@ class Job:
     timing: Timing
     units: tuple[str, str]
     laws: tuple[str, ...]
-    constants: Mapping[str, Any]
+    constants: Mapping[str, Constants]
     """Law, and `rate` where there is a controller → its constants of `eaid.export.reference`, rounded."""
     vectors: tuple[Vector, ...]
     head: tuple[str, ...]
@@ -71,9 +71,9 @@ def timing_of(source: Source, options: ExportOptions) -> Timing:
     return Timing(1.0 / rate, options.precision, options.duty_on_fault, options.stuck_s, corner)
 
 
-def constants_of(source: Source, laws: tuple[str, ...], timing: Timing) -> dict[str, Any]:
+def constants_of(source: Source, laws: tuple[str, ...], timing: Timing) -> dict[str, Constants]:
     """Constants of each law, and of the rate's filter, in the target's precision; UsageError where one is too large."""
-    made: dict[str, Any] = {}
+    made: dict[str, Constants] = {}
     if "pi" in laws and source.pi is not None:
         made["pi"] = pi_constants(source.pi, timing)
     if "rc" in laws and source.rc is not None:
@@ -105,7 +105,11 @@ def _refuse_what_is_too_large(law: str, constants: Any, precision: str) -> None:
 
 
 def job_of(
-    source: Source, constants: Mapping[str, Any], timing: Timing, found: tuple[Finding, ...], options: ExportOptions
+    source: Source,
+    constants: Mapping[str, Constants],
+    timing: Timing,
+    found: tuple[Finding, ...],
+    options: ExportOptions,
 ) -> Job:
     """Everything that the templates need."""
     laws = tuple(name for name in constants if name != "rate")

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 from eaid.control.bounds import Bounds
 from eaid.control.margins import Feedback, is_stable, pi_feedback, rc_feedback
-from eaid.control.operating import Points, operating_points
+from eaid.control.operating import operating_points
 from eaid.control.timing import Timing
 from eaid.errors import GainsError
 from eaid.export.made_from import Source
@@ -12,6 +12,8 @@ from eaid.export.options import ExportOptions
 from eaid.findings import Finding, finding, ranked, say, stops
 from eaid.models.parameters import Linear
 from eaid.results.fit import Fit
+from eaid.results.gain_checks import Margins
+from eaid.results.gains import Gains, Robust
 
 OF_THE_PLANT = ("data", "nonlinear", "release", "logs")
 """Subjects of a fit's findings that concern its plant."""
@@ -32,34 +34,25 @@ def _found(source: Source, laws: tuple[str, ...], rate_hz: float, options: Expor
         yield finding(
             "export-fault-outside", "export", duty=options.duty_on_fault, unit=source.units[0], low=low, high=high
         )
-    if {"pi", "rc"} & set(laws):
-        yield from _gains(source, laws, rate_hz)
+    if {"pi", "rc"} & set(laws) and source.gains is not None:
+        yield from _gains(source, source.gains, laws, rate_hz)
     if {"inverse", "plant"} & set(laws):
         yield from _plant(source, laws)
 
 
-def _gains(source: Source, laws: tuple[str, ...], rate_hz: float) -> Iterator[Finding]:
-    yield from _unstable(source, laws, rate_hz)
-    gains = source.gains
-    if gains is None:
-        return
+def _gains(source: Source, gains: Gains, laws: tuple[str, ...], rate_hz: float) -> Iterator[Finding]:
+    other_rate = abs(rate_hz - source.rate_hz) > 1e-6 * source.rate_hz
+    yield from _unstable(source, laws, rate_hz, None if other_rate else gains.margins)
     if gains.unidentified:
         yield finding("export-unidentified", "gains", why=gains.unidentified)
     yield from stops(gains.findings)
     if source.fit is not None:
         yield from (one for one in stops(source.fit.findings) if one.subject == "linear")
     if "rc" in laws and gains.rc is not None:
-        holds = gains.guarantee.holds if gains.guarantee else _holds(gains.rc.guaranteed, gains.rc.phi_holds)
-        if holds is None:
-            yield finding("export-guarantee-unknown", "rc")
-        elif holds:
-            yield finding("export-guarantee-holds", "rc")
-        else:
-            missing = gains.guarantee.missing if gains.guarantee else _missing(gains.rc.guaranteed, gains.rc.phi_holds)
-            yield finding("export-guarantee-missing", "rc", missing=", ".join(missing))
-    if abs(rate_hz - source.rate_hz) > 1e-6 * source.rate_hz:
+        yield _guarantee(gains, gains.rc)
+    if other_rate:
         yield finding("export-other-rate", "gains", rate_hz=rate_hz, made_hz=source.rate_hz)
-    worst = source.margins.worst if source.margins else None
+    worst = gains.margins.worst if gains.margins else None
     numbers = {
         f"{law}_{key}": getattr(margin, key)
         for law in laws
@@ -70,19 +63,24 @@ def _gains(source: Source, laws: tuple[str, ...], rate_hz: float) -> Iterator[Fi
         yield finding("export-margins", "gains", **numbers)
 
 
-def _holds(guaranteed: bool | None, phi_holds: bool | None) -> bool | None:
-    return None if guaranteed is None else guaranteed and phi_holds is not False
+def _guarantee(gains: Gains, rc: Robust) -> Finding:
+    """Whether ρ covers what is known: the verdict of the gains, or in files without one the two marks."""
+    if gains.guarantee:
+        holds, missing = gains.guarantee.holds, gains.guarantee.missing
+    else:
+        missing = tuple(name for name, held in (("rho", rc.guaranteed), ("phi", rc.phi_holds)) if held is False)
+        holds = None if rc.guaranteed is None else not missing
+    if holds is None:
+        return finding("export-guarantee-unknown", "rc")
+    if holds:
+        return finding("export-guarantee-holds", "rc")
+    return finding("export-guarantee-missing", "rc", missing=", ".join(missing))
 
 
-def _missing(guaranteed: bool | None, phi_holds: bool | None) -> tuple[str, ...]:
-    return tuple(name for name, holds in (("rho", guaranteed), ("phi", phi_holds)) if holds is False)
-
-
-def _unstable(source: Source, laws: tuple[str, ...], rate_hz: float) -> Iterator[Finding]:
+def _unstable(source: Source, laws: tuple[str, ...], rate_hz: float, known: Margins | None) -> Iterator[Finding]:
     """Each loop around held duties of the plant, else on the linear model, at the rate that is baked in."""
-    points = _points(source)
-    if not points:
-        yield finding("export-margins-unknown", "gains")
+    linear = Linear(*(source.linear or (1.0, 1.0, 0.0)))  # not looked at where there is a plant
+    points = operating_points(Fit(), linear, source.plant, Bounds("", (), 1.0, 1.0, ()), source.limits)
     timing = Timing(rate_hz, source.pwm_hz)
     for law in laws:
         if law not in ("pi", "rc"):
@@ -90,8 +88,8 @@ def _unstable(source: Source, laws: tuple[str, ...], rate_hz: float) -> Iterator
         bad = {
             duty for duty, torque, lags in points if not is_stable(_feedback(source, law, torque, duty), lags, timing)
         }
-        if source.margins is not None and abs(rate_hz - source.rate_hz) <= 1e-6 * source.rate_hz:
-            told = ((one.duty_pct, getattr(one, law)) for one in source.margins.points)
+        if known is not None:
+            told = ((one.duty_pct, getattr(one, law)) for one in known.points)
             bad |= {duty for duty, margin in told if margin is not None and margin.stable is False}
         if bad:
             yield finding("export-unstable", law.upper(), sorted(bad), rate_hz=rate_hz, unit=source.units[0])
@@ -102,14 +100,6 @@ def _feedback(source: Source, law: str, torque: float, duty: float) -> Feedback:
         return pi_feedback(source.pi)
     assert source.rc is not None
     return rc_feedback(source.rc, torque, duty)
-
-
-def _points(source: Source) -> Points:
-    """Duty, torque and lags around it."""
-    if source.plant is None and source.linear is None:
-        return []
-    linear = Linear(*(source.linear or (1.0, 1.0, 0.0)))  # not looked at where there is a plant
-    return operating_points(Fit(), linear, source.plant, Bounds("", (), 1.0, 1.0, ()), source.limits)
 
 
 def _plant(source: Source, laws: tuple[str, ...]) -> Iterator[Finding]:

@@ -1,4 +1,4 @@
-"""What an export is made from: gains and fit as typed results, or the plain gains and plant that a script holds."""
+"""What an export is made from: the controllers of gains and the plant of a fit, with their units and origins."""
 
 from dataclasses import dataclass, replace
 
@@ -12,7 +12,6 @@ from eaid.models.parameters import Nonlinear
 from eaid.replay.plant import plant_parameters, plant_terms
 from eaid.results.codec import content_of, digest_of
 from eaid.results.fit import Fit
-from eaid.results.gain_checks import Margins
 from eaid.results.gains import Gains
 
 
@@ -41,11 +40,6 @@ class Source:
         return tuple(name for name, value in held if value is not None)
 
     @property
-    def margins(self) -> Margins | None:
-        """Margins of the loops, where the gains hold any."""
-        return self.gains.margins if self.gains else None
-
-    @property
     def top(self) -> float:
         """Largest torque of the rig, for test vectors."""
         if self.plant is not None:
@@ -56,40 +50,26 @@ class Source:
         return 1.0
 
 
-def source_of(gains: Gains | RCGains | PIGains | None, plant_or_fit: Fit | Nonlinear | None) -> Source:
+def source_of(gains: Gains | None, fit: Fit | None) -> Source:
     """Both in plain types; UsageError where there is neither."""
-    if gains is None and plant_or_fit is None:
+    if gains is not None:
+        source = _of_gains(gains)
+    elif fit is not None:
+        source = Source(limits=input_limits(fit), rate_hz=fit.data.sample_rate_hz or 1000.0)
+    else:
         raise UsageError("nothing to export: give gains, or a fit with a nonlinear model")
-    source = _with_gains(gains)
-    if isinstance(plant_or_fit, Nonlinear):
-        return replace(source, plant=plant_or_fit)
-    return _with_fit(source, plant_or_fit) if plant_or_fit is not None else source
+    if fit is None:
+        return source
+    units = (fit.data.input_unit, fit.data.output_unit) if source.units == ("%", "N·m") else source.units
+    origins = (*source.origins, f"fit: digest {digest_of(content_of(fit, 'fit'))}")
+    return replace(source, plant=plant_of(fit), fit=fit, units=units, origins=origins)
 
 
-def _with_gains(gains: Gains | RCGains | PIGains | None) -> Source:
-    if isinstance(gains, RCGains):
-        limits, linear = (gains.duty_min, gains.duty_max), (gains.a0, gains.b0, gains.c0)
-        return Source(rc=gains, limits=limits, linear=linear)
-    if isinstance(gains, PIGains):
-        return Source(pi=gains, limits=(gains.duty_min, gains.duty_max))
-    if gains is None:
-        return Source()
-    model = gains.model
+def _of_gains(gains: Gains) -> Source:
     timing = gains.margins.timing if gains.margins else None
     return Source(
-        rc=rc_gains(gains), pi=pi_gains(gains), linear=(model.a0, model.b0, model.c0), limits=gains.duty_limits_pct,
-        units=(gains.input_unit, gains.output_unit), rate_hz=timing.rate_hz if timing else 1000.0,
-        pwm_hz=timing.pwm_hz if timing else None, gains=gains,
+        rc=rc_gains(gains), pi=pi_gains(gains), linear=(gains.model.a0, gains.model.b0, gains.model.c0),
+        limits=gains.duty_limits_pct, units=(gains.input_unit, gains.output_unit),
+        rate_hz=timing.rate_hz if timing else 1000.0, pwm_hz=timing.pwm_hz if timing else None, gains=gains,
         origins=(f"gains: digest {digest_of(content_of(gains, 'gains'))}",),
     )  # fmt: skip
-
-
-def _with_fit(source: Source, fit: Fit) -> Source:
-    units, limits, rate = source.units, source.limits, source.rate_hz
-    if source.gains is None or units == ("%", "N·m"):
-        units = (fit.data.input_unit, fit.data.output_unit)
-    if source.gains is None:
-        rate = fit.data.sample_rate_hz or rate
-        limits = input_limits(fit)
-    origins = (*source.origins, f"fit: digest {digest_of(content_of(fit, 'fit'))}")
-    return replace(source, plant=plant_of(fit), fit=fit, units=units, limits=limits, rate_hz=rate, origins=origins)

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Literal
 
 from eaid.errors import UsageError
-from eaid.export.series import Precision
+from eaid.export.numbers import Precision
 from eaid.limits import check_all
 from eaid.results.common import Input
 

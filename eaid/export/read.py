@@ -1,8 +1,7 @@
 """The result files that an export is made from."""
 
+import json
 from pathlib import Path
-
-import msgspec
 
 from eaid.errors import DataError
 from eaid.files import sha256_of
@@ -12,40 +11,24 @@ from eaid.results.fit import Fit
 from eaid.results.gains import Gains
 
 MAKE = "give what eaid tune-rc or eaid fit wrote"
-
-ABSENT = msgspec.Raw(b"null")
-
-
-class _Parts(msgspec.Struct):
-    """What a result file says that it is, and the parts by which one of a script is known."""
-
-    schema: str | None = None
-    rc: msgspec.Raw = ABSENT
-    pi: msgspec.Raw = ABSENT
-    nonlinear: msgspec.Raw = ABSENT
+PARTS = {"gains": ("rc", "pi"), "fit": ("nonlinear",)}
+"""Parts by which the file of a script is known, which names no schema."""
 
 
 def kind_of(path: Path) -> str:
     """gains or fit, by the schema, else by the parts that a file of a script holds."""
     if not path.is_file():
         raise DataError(f"{path}: no such file; give gains.json of eaid tune-rc, or fit.json of eaid fit")
-    parts = _parts(path)
-    if parts.schema in ("eaid/gains/1", "eaid/fit/1"):
-        return parts.schema.split("/")[1]
-    if parts.schema is None and {bytes(parts.rc), bytes(parts.pi)} != {b"null"}:
-        return "gains"
-    if parts.schema is None and bytes(parts.nonlinear) != b"null":
-        return "fit"
-    raise DataError(f"{path}: is neither gains.json nor fit.json; {MAKE}")
-
-
-def _parts(path: Path) -> _Parts:
     try:
-        return msgspec.json.decode(path.read_bytes(), type=_Parts)
-    except msgspec.ValidationError:
-        return _Parts()  # no object, or another's
-    except (msgspec.DecodeError, RecursionError) as fault:
+        content = json.loads(path.read_bytes())
+    except (ValueError, RecursionError) as fault:
         raise DataError(f"{path}: is not a JSON file ({fault}); {MAKE}") from None
+    held = content if isinstance(content, dict) else {}
+    schema = held.get("schema")
+    for kind, parts in PARTS.items():
+        if schema == f"eaid/{kind}/1" or (schema is None and any(held.get(part) is not None for part in parts)):
+            return kind
+    raise DataError(f"{path}: is neither gains.json nor fit.json; {MAKE}")
 
 
 def read_fit(path: Path) -> tuple[Fit, tuple[Finding, ...]]:
@@ -63,5 +46,5 @@ def fit_beside(gains: Gains, path: Path) -> Path | None:
         return None
     for candidate in (path.parent / named.path, path.parent / Path(named.path).name, Path(named.path)):
         if candidate.is_file() and sha256_of(candidate) == named.sha256:
-            return candidate if bytes(_parts(candidate).nonlinear) != b"null" else None
+            return candidate if codec.read(candidate, "fit", Fit)[0].nonlinear is not None else None
     return None

@@ -1,7 +1,7 @@
 """A job's texts: one Jinja environment for all languages, and what its templates are given."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
 from typing import Any
@@ -10,8 +10,8 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from eaid.export.entries import Entry, entries
 from eaid.export.job import TITLES, Job
-from eaid.export.series import rounded, series
-from eaid.export.text import commented, decimal, hexadecimal
+from eaid.export.numbers import commented, decimal, hexadecimal, rounded, series
+from eaid.export.reference import InverseConstants, PIConstants, PlantConstants, RateConstants, RCConstants
 from eaid.synth.folder import input_column
 from eaid.synth.plants import UNKNOWN
 
@@ -27,22 +27,11 @@ RATE = {
 }
 
 
-@dataclass(frozen=True)
-class Field:
-    """A constant as C declares it."""
-
-    name: str
-    c_type: str
-    comment: str
-
-
-@dataclass(frozen=True)
-class Struct:
-    """A struct of constants."""
-
-    name: str
-    title: str
-    entries: tuple[Field, ...]
+STATES = {
+    "pi": "eaid_integral_state", "rc": "eaid_integral_state", "inverse": "eaid_inverse_state",
+    "plant": "eaid_plant_state",
+}  # fmt: skip
+"""Law → the C type of its state."""
 
 
 @dataclass(frozen=True)
@@ -54,8 +43,6 @@ class Law:
     start: str
     rate: str
     entries: tuple[Entry, ...]
-    structs: tuple[Struct, ...]
-    initializer: str
 
 
 @cache
@@ -78,15 +65,17 @@ def rendered(job: Job, template: str, **further: Any) -> str:
     return environment().get_template(template).render(context(job), **further)
 
 
-def context(job: Job) -> dict[str, Any]:
+def context(job: Job) -> Mapping[str, object]:
     """What every template may use."""
-    t, names = job.timing, job.laws
+    t, names, units = job.timing, job.laws, job.units
     single = t.precision == "single"
     return {
         "job": job,
         "head": list(job.head),
-        "laws": [_law(job, name) for name in names],
+        "laws": laws(job),
         "names": names,
+        "titles": TITLES,
+        "states": STATES,
         "controllers": [name for name in names if name != "plant"],
         "plain_laws": bool(set(names) - {"plant"}),
         "integral_laws": bool({"pi", "rc"} & set(names)),
@@ -94,6 +83,7 @@ def context(job: Job) -> dict[str, Any]:
         "series": rounded(series(t.precision), t.precision),
         "rate": job.constants.get("rate"),
         "real": "float" if single else "double",
+        "R": t.precision,
         "sqrt": "sqrtf" if single else "sqrt",
         "single": single,
         "timing": {
@@ -102,18 +92,26 @@ def context(job: Job) -> dict[str, Any]:
         },
         "dt_text": decimal(t.dt_s),
         "filter_text": decimal(t.rate_filter_hz),
-        "input_unit": job.units[0],
-        "output_unit": job.units[1],
+        "input_unit": units[0],
+        "output_unit": units[1],
         "vectors": job.vectors,
         "folder": job.name,
         "version_line": job.head[0],
         "law": next((name for name in ("rc", "pi", "inverse") if name in names), "plant"),
         "duty_max_text": decimal(float(_limits(job)[1])) + "F",
-        "limits_text": _limits_text(job),
-        "log_header": log_header(job.units),
-        "plant_header": log_header(job.units).rsplit(",", 1)[0],
+        "limits": _limits(job),
+        "log_header": log_header(units),
+        "plant_header": log_header(units).rsplit(",", 1)[0],
         **_jump(job),
     }
+
+
+def laws(job: Job) -> list[Law]:
+    """The laws of a job as the templates need them."""
+    return [
+        Law(name, TITLES[name], START.get(name, ""), RATE.get(name, ""), entries(name, job.constants[name], job.units))
+        for name in job.laws
+    ]
 
 
 def log_header(units: tuple[str, str]) -> str:
@@ -124,56 +122,23 @@ def log_header(units: tuple[str, str]) -> str:
 
 
 def _limits(job: Job) -> tuple[float, float]:
-    for law in job.laws:
-        if law != "plant":
-            return float(job.constants[law].duty_min), float(job.constants[law].duty_max)
-    return 0.0, float(job.constants["plant"].u_high)
-
-
-def _limits_text(job: Job) -> str:
-    low, high = _limits(job)
-    return f"The duty stays within {low:g} to {high:g} {job.units[0]}."
+    for one in job.constants.values():
+        if isinstance(one, PIConstants | RCConstants | InverseConstants):
+            return float(one.duty_min), float(one.duty_max)
+    plant = job.constants["plant"]
+    assert isinstance(plant, PlantConstants)
+    return 0.0, float(plant.u_high)
 
 
 def _jump(job: Job) -> dict[str, str]:
     """What a jump of the reference does to the filtered derivative."""
     rate = job.constants.get("rate")
-    if rate is None:
+    if not isinstance(rate, RateConstants):
         return {"peak_text": "0", "decay_text": "0"}
     return {
         "peak_text": f"{float(rate.gain):.3g}",
         "decay_text": f"{3 / (2 * math.pi * job.timing.rate_filter_hz):.2g}",
     }
-
-
-def _law(job: Job, name: str) -> Law:
-    rows = tuple(entries(name, job.constants[name], job.units))
-    return Law(
-        name, TITLES[name], START.get(name, ""), RATE.get(name, ""), rows,
-        tuple(_structs(name, rows)), "\n".join(_initializer(rows, "    ")),
-    )  # fmt: skip
-
-
-def _structs(name: str, rows: tuple[Entry, ...]) -> Iterator[Struct]:
-    fields = []
-    for entry in rows:
-        if isinstance(entry.value, tuple):
-            yield from _structs(entry.name, entry.value)
-            fields.append(Field(entry.name, f"eaid_{entry.name}_constants", entry.comment))
-        else:
-            fields.append(Field(entry.name, "uint32_t" if isinstance(entry.value, int) else "eaid_real", entry.comment))
-    yield Struct(name, TITLES[name], tuple(fields))
-
-
-def _initializer(rows: tuple[Entry, ...], indent: str) -> Iterator[str]:
-    for entry in rows:
-        if isinstance(entry.value, tuple):
-            yield f"{indent}{{"
-            yield from _initializer(entry.value, indent + "    ")
-            yield f"{indent}}},"
-            continue
-        unit = f" {entry.unit}" if entry.unit else ""
-        yield f"{indent}{hexadecimal(entry.value)}, /* {entry.name} = {decimal(entry.value)}{unit} */"
 
 
 def _xml(text: str) -> str:

@@ -3,15 +3,15 @@
 import json
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from importlib import resources
 from typing import Any
 
 from eaid.export.entries import Entry
 from eaid.export.fmu import fmus
 from eaid.export.job import Job
+from eaid.export.numbers import decimal
 from eaid.export.options import LAWS
-from eaid.export.python_text import python_files
-from eaid.export.render import context, rendered
-from eaid.export.text import decimal
+from eaid.export.render import laws, rendered
 
 Files = Iterator[tuple[str, str | bytes]]
 
@@ -76,12 +76,12 @@ def _yaml(job: Job) -> Files:
 
 
 def _json(job: Job) -> Files:
-    def values(entries: tuple[Entry, ...]) -> dict[str, Any]:
+    def values(entries: tuple[Entry, ...]) -> dict[str, object]:
         return {
             e.name: values(e.value) if isinstance(e.value, tuple) else json.loads(decimal(e.value)) for e in entries
         }
 
-    constants = {law.name: values(law.entries) for law in context(job)["laws"]}
+    constants = {law.name: values(law.entries) for law in laws(job)}
     heading = {"head": list(job.head), "sample_time_s": job.timing.dt_s, "input_unit": job.units[0]}
     text = json.dumps({**heading, "output_unit": job.units[1], **constants}, indent=1, ensure_ascii=False)
     yield "parameters.json", text + "\n"
@@ -89,8 +89,21 @@ def _json(job: Job) -> Files:
 
 
 def _python(job: Job) -> Files:
-    yield from python_files(job)
+    yield "eaid_laws.py", (resources.files("eaid.export") / "reference.py").read_text(encoding="utf-8")
+    lines = [f"{name.upper()} = {_in_python(value)}" for name, value in job.constants.items()]
+    yield "eaid_constants.py", rendered(job, "constants.py.j2", lines=lines)
+    yield "check.py", rendered(job, "check.py.j2")
     yield from _common(job)
+
+
+def _in_python(value: Any) -> str:
+    """A constant as Python writes it; single precision keeps its numbers, not its type."""
+    if hasattr(value, "_fields"):
+        inner = ",\n    ".join(f"{field}={_in_python(item)}" for field, item in value._asdict().items())
+        return f"law.{type(value).__name__}(\n    {inner},\n)"
+    if isinstance(value, tuple):
+        return "(" + ", ".join(_in_python(item) for item in value) + ")"
+    return repr(value) if isinstance(value, int) else repr(float(value))
 
 
 def _modelica(job: Job) -> Files:

@@ -12,7 +12,8 @@ from typing import Any
 import numpy as np
 
 from eaid.export import reference as law
-from eaid.export.series import Precision
+from eaid.export.constants import Constants
+from eaid.export.numbers import Precision
 
 GO_ON, RESET, START = 0, 1, 2
 """What comes before a row's step: nothing, a reset, a bumpless start."""
@@ -46,7 +47,7 @@ LAWS: dict[str, tuple[Callable[..., Any], Callable[..., Any], Callable[..., Any]
 Row = tuple[str, int, float, float, float, float]
 
 
-def vectors(constants: Mapping[str, Any], top: float, precision: Precision) -> list[Vector]:
+def vectors(constants: Mapping[str, Constants], top: float, precision: Precision) -> list[Vector]:
     """All rows of all laws; `top` is the largest torque of the rig [output unit]."""
     cast: Callable[[float], Any] = np.float32 if precision == "single" else float
     made: list[Vector] = []

@@ -2,10 +2,15 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, Literal
 
 Severity = Literal["stop", "caution", "note"]
 """stop: the number must not be used. caution: read this before it is. note: good to know."""
+
+Values = Mapping[str, Any]
+SYMBOLS = {"Ts": "T_s", "tau1": "τ1", "tau2": "τ2"}
+"""Parameters as sentences write them; others by their names."""
 
 
 @dataclass(frozen=True)
@@ -13,9 +18,9 @@ class Row:
     """How grave a finding of one code is, and what is said of it."""
 
     severity: Severity
-    template: str | Callable[[Mapping[str, Any]], str]
-    """A `str.format` text over the finding's values, `levels` (in words) and `subject`, or a function of these and of
-    `each`, the levels as numbers.
+    template: str | Callable[[Values], str]
+    """A `str.format` text over the finding's values, `subject`, `levels` in words, `at` (`at 10 and 20 %`) and the
+    `symbol` of its `parameter`; or a function of these and of `each`, the levels as numbers.
 
     An option stands in guillemets, `«rest»`: the command line says `--rest`, Python `rest=`.
     """
@@ -28,3 +33,7 @@ class Row:
     is unknown, 3 what follows from others."""
     covers: tuple[str, ...] = ()
     """Codes that say less of the same thing: they are not told beside this one."""
+
+
+stop, caution, note = partial(Row, "stop"), partial(Row, "caution"), partial(Row, "note")
+"""Rows of each severity."""

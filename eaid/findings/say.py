@@ -7,6 +7,7 @@ from typing import Any
 
 from eaid.errors import in_python
 from eaid.findings.finding import Finding
+from eaid.findings.row import SYMBOLS
 from eaid.findings.sentences import SENTENCES
 from eaid.shown import counted
 
@@ -28,7 +29,12 @@ def say(finding: Finding) -> str:
     row = SENTENCES.get(finding.code)
     if row is None:
         return finding.code
-    fields = {**finding.values, "levels": listed(finding.levels), "each": finding.levels, "subject": finding.subject}
+    levels, parameter = listed(finding.levels), finding.values.get("parameter")
+    fields = {
+        **finding.values, "subject": finding.subject, "each": finding.levels, "levels": levels,
+        "at": f"at {levels} {finding.values.get('unit') or ''}".rstrip(),
+        "symbol": SYMBOLS.get(str(parameter), parameter),
+    }  # fmt: skip
     said = row.template(fields) if callable(row.template) else Words().vformat(row.template, (), fields)
     said = re.sub(r" +(?=[,;:] )", "", said)  # where a unit is empty
     others = finding.values.get("others")

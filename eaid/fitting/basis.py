@@ -151,12 +151,13 @@ def _basis_of(u: tuple[float, ...], share: float | None) -> Basis:
     return Basis((a, b, c), min(u), max(u), share is None, 0.85 if share is None else share, np.array(u))
 
 
+@lru_cache(maxsize=32)
 def constraints(basis: Basis, longest_s: float) -> tuple[Array, Array, Callable[[int], str]]:
     """A x ≥ b at the 101 duties, and what each row says; τ2 ends at `RECORDS` times the longest record."""
     longest_tau2_s = (RECORDS_FREE if basis.free_share else RECORDS) * longest_s
     Ts, tau1, tau2, _ = basis.M_of_duties
     A, b = limits(Ts, tau1, tau2, longest_tau2_s, basis.free_share)
-    return A, b, lambda i: _code(basis, i)
+    return read_only(A), read_only(b), lambda i: _code(basis, i)
 
 
 def _code(basis: Basis, i: int) -> str:

@@ -21,7 +21,7 @@ MOST = 3
 
 
 @dataclass(frozen=True, eq=False)
-class Solved:
+class ReleaseSolution:
     """Time constants of one or of all levels, the verdict on them, and what was solved for."""
 
     tau: Array
@@ -31,21 +31,7 @@ class Solved:
     """Amplitude and residual of each level, (L, 2)."""
 
 
-@dataclass(frozen=True, eq=False)
-class _Sums:
-    """Cost and more of N rows of points at (ln τ1, ln τ2) of their own, amplitude and residual solved for."""
-
-    cost: Array
-    """(N,)."""
-    gradient: Array
-    """(N, 2)."""
-    curvature: Array
-    """Gauss–Newton, (N, 2, 2)."""
-    exact: Array
-    """Second derivatives, (N, 2, 2)."""
-
-
-def fit_each_release(data: Data, shares: Array) -> list[Solved]:
+def fit_each_release(data: Data, shares: Array) -> list[ReleaseSolution]:
     """Every level by itself."""
     level, x = _starts(data, shares)
     return [solve(data.one(i), shares[i : i + 1], x[level == i]) for i in range(len(shares))]
@@ -65,37 +51,32 @@ def _starts(data: Data, shares: Array) -> tuple[Indices, Array]:
     return level, np.log(np.stack([grid[first], grid[second]], axis=1))
 
 
-def solve(data: Data, shares: Array, starts: Array) -> Solved:
+def solve(data: Data, shares: Array, starts: Array) -> ReleaseSolution:
     """One τ1 and τ2 for all levels of `data`, from the `MOST` best of `starts`, rows of (ln τ1, ln τ2).
 
     SLSQP ends the fit from the best of what they lead to; costs are of the full data.
     """
     A, b, names = tau_limits(RECORDS * data.longest_s)
-
-    def sums(x: Array) -> _Sums:
-        return _projected(np.tile(x, (len(shares), 1)), data.points, shares)
-
-    def normal(x: Array) -> tuple[float, Array, Array]:
-        now = sums(x)
-        return float(now.cost.sum()), now.gradient.sum(axis=0), now.curvature.sum(axis=0)
-
-    def on_all(x: Array) -> tuple[float, Array]:
-        cost, gradient, _ = _on_every_sample(np.tile(x, (len(shares), 1)), data, shares)
-        return float(cost.sum()), gradient.sum(axis=0)
-
-    floor = ROUNDING * data.energy
-    problem = Problem(normal, A, b, names.__getitem__, lambda x: sums(x).exact.sum(axis=0), floor)
+    points = data.points
+    problem = Problem(
+        lambda x: _projected(x, points, shares)[:3],
+        A,
+        b,
+        names.__getitem__,
+        lambda x: _projected(x, points, shares)[3],
+        ROUNDING * data.energy,
+    )
     starts = np.clip(starts, b[0], -b[2])
     order = np.argsort([problem.value(start)[0] for start in starts], kind="stable")[:MOST]
-    end, solver, _ = minimised(problem, starts[order], on_all)
-    parts = _on_every_sample(np.tile(end.x, (len(shares), 1)), data, shares)[2]
-    return Solved(np.exp(end.x), solver, parts)
+    end, solver, _ = minimised(problem, starts[order], lambda x: _on_every_sample(x, data, shares)[:2])
+    return ReleaseSolution(np.exp(end.x), solver, _on_every_sample(end.x, data, shares)[2])
 
 
-def _on_every_sample(x: Array, data: Data, shares: Array) -> tuple[Array, Array, Array]:
-    """Cost (L,), gradient by (ln τ1, ln τ2), and amplitude and residual of each level at its x, (L, 2) each."""
-    found = []
-    for (tau1, tau2), share, record in zip(np.exp(x), shares, data.records, strict=True):
+def _on_every_sample(x: Array, data: Data, shares: Array) -> tuple[float, Array, Array]:
+    """Cost, its gradient by (ln τ1, ln τ2), (2,), and amplitude and residual of each level, (L, 2)."""
+    tau1, tau2 = np.exp(x)
+    cost, gradient, parts = 0.0, np.zeros(2), []
+    for share, record in zip(shares, data.records, strict=True):
         t, y = record.t_s, record.y
         e1, e2 = share * decay(record, tau1), (1 - share) * decay(record, tau2)
         shape = e1 + e2
@@ -104,10 +85,10 @@ def _on_every_sample(x: Array, data: Data, shares: Array) -> tuple[Array, Array,
         r = amplitude * shape
         r += residual - y
         rt = r * t
-        twice = 2 * amplitude[0]
-        found.append((r @ r, twice * (rt @ e1) / tau1, twice * (rt @ e2) / tau2, amplitude[0], residual[0]))
-    cost, *rest = np.array(found).T
-    return cost, np.stack(rest[:2], axis=1), np.stack(rest[2:], axis=1)
+        cost += float(r @ r)
+        gradient += 2 * amplitude * np.array([rt @ e1 / tau1, rt @ e2 / tau2])
+        parts.append((amplitude[0], residual[0]))
+    return cost, gradient, np.array(parts)
 
 
 def _solved_for(n: Array, s1: Array, s2: Array, sy: Array, sf: Array) -> tuple[Array, Array]:
@@ -118,9 +99,9 @@ def _solved_for(n: Array, s1: Array, s2: Array, sy: Array, sf: Array) -> tuple[A
     return amplitude, (sy - amplitude * s1) / n
 
 
-def _projected(x: Array, points: Points, shares: Array) -> _Sums:
-    """Sums over the points; `x` and `shares` have a row for each row of them, (N, 2) and (N,)."""
-    tau1, tau2 = np.exp(np.clip(x, -8.0, 25.0)).T[:, :, None]  # SLSQP may look far outside before it comes back
+def _projected(x: Array, points: Points, shares: Array) -> tuple[float, Array, Array, Array]:
+    """Cost over the points, its gradient (2,), Gauss–Newton curvature (2, 2) and second derivatives (2, 2)."""
+    tau1, tau2 = np.exp(np.clip(x, -8.0, 25.0))  # SLSQP may look far outside before it comes back
     t, s, y = points.t_s, shares[:, None], points.y
     z1, z2 = t / tau1, t / tau2
     e1, e2 = s * np.exp(-z1), (1 - s) * np.exp(-z2)
@@ -132,12 +113,14 @@ def _projected(x: Array, points: Points, shares: Array) -> _Sums:
     r = residual[:, None] + amplitude[:, None] * slopes[:, 2] - y
     wr = points.w * r
     left = residual[:, None] * product[:, :2, 3] + amplitude[:, None] * product[:, :2, 2] - product[:, :2, 4]
-    own, cross = product[:, :2, :2] * amplitude[:, None, None] ** 2, product[:, :2, 2:4] * amplitude[:, None, None]
+    by_taus = product[:, :2, :2] * amplitude[:, None, None] ** 2
+    cross = product[:, :2, 2:4] * amplitude[:, None, None]
     inner = product[:, 2:4, 2:4] + (1e-12 * (n + s2)[:, None, None] + 1e-300) * np.eye(2)
-    curvature = own - cross @ np.linalg.solve(inner, cross.transpose(0, 2, 1))
+    curvature = by_taus - cross @ np.linalg.solve(inner, cross.transpose(0, 2, 1))
     # ∂²f/∂(ln τ)² = A z (z − 1) e, and ∂²f/∂A ∂ln τ = z e, with z = t/τ
     for k, z in enumerate((z1, z2)):
-        own[:, k, k] += amplitude * (wr * slopes[:, k] * (z - 1)).sum(axis=1)
+        by_taus[:, k, k] += amplitude * (wr * slopes[:, k] * (z - 1)).sum(axis=1)
     cross[:, :, 0] += left
-    exact = own - cross @ np.linalg.solve(inner, cross.transpose(0, 2, 1))
-    return _Sums((wr * r).sum(axis=1), 2 * amplitude[:, None] * left, 2 * curvature, 2 * exact)
+    exact = by_taus - cross @ np.linalg.solve(inner, cross.transpose(0, 2, 1))
+    gradient = 2 * (amplitude[:, None] * left).sum(axis=0)
+    return float((wr * r).sum()), gradient, 2 * curvature.sum(axis=0), 2 * exact.sum(axis=0)

@@ -23,6 +23,8 @@ from eaid.results.common import Solver
 
 A0_GRID = 40
 """Time constants on the starting grid."""
+MOST = 3
+"""Starts from it."""
 ENOUGH = 1e-16
 """Steps of single levels end where another predicts less than this part of the cost on the points."""
 CLOSE = 1e-9
@@ -34,10 +36,8 @@ class FirstOrder:
     """One time constant for all curves, and gains that are linear in the input: x = (ln τ, gain coefficients)."""
 
     tau: float
-    gains: Array
-    """Steady output of each level, shape (L,)."""
     coefficients: Array
-    """Of the columns of the design."""
+    """Of the columns of the design; the gain itself of a single level."""
     cost: float
     solver: Solver
 
@@ -57,8 +57,8 @@ def first_order_problem(data: Data, design: Array) -> tuple[Problem, Value]:
     def chain(gradient: Array) -> Array:
         return np.concatenate([[weights @ gradient[:, 1]], (weights * gradient[:, 0]) @ design])
 
-    def chained(own: Array) -> Array:
-        H = own * weights[:, None, None]
+    def chained(per_level: Array) -> Array:
+        H = per_level * weights[:, None, None]
         cross = H[:, 0, 1] @ design
         return np.block([[H[:, 1, 1].sum(), cross], [cross[:, None], design.T @ (H[:, 0, 0, None] * design)]])
 
@@ -88,7 +88,7 @@ def fit_first_order(data: Data, design: Array) -> FirstOrder:
     problem, full = first_order_problem(data, design)
     starts = _best_of_grid(data, design, np.geomspace(_limits(data)[2], 3 * data.longest_s, A0_GRID))
     end, solver, _ = minimised(problem, starts, full)
-    return FirstOrder(float(np.exp(end.x[0])), design @ end.x[1:], end.x[1:], end.cost, solver)
+    return FirstOrder(float(np.exp(end.x[0])), end.x[1:], end.cost, solver)
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,7 +130,7 @@ def _limits(data: Data) -> tuple[float, float, float]:
     return 0.01 * shortest, 1e3 * data.longest_s, 0.3 * shortest
 
 
-def _best_of_grid(data: Data, design: Array, grid: Array, most: int = 3) -> list[Array]:
+def _best_of_grid(data: Data, design: Array, grid: Array) -> list[Array]:
     """Starts at the local minima over τ of the cost with the gains solved for, the best first."""
     square, along = _by_tau(data, grid)
     normal = design.T @ ((data.weights[:, None] * square).T[:, :, None] * design)  # (K, k, k)
@@ -139,7 +139,7 @@ def _best_of_grid(data: Data, design: Array, grid: Array, most: int = 3) -> list
     gains = np.linalg.solve(normal + ridge, right[:, :, None])
     costs = -(right * gains[:, :, 0]).sum(axis=1)
     minima = np.flatnonzero(_is_minimum(costs[None])[0])
-    order = minima[np.argsort(costs[minima])][:most]
+    order = minima[np.argsort(costs[minima])][:MOST]
     return [np.concatenate([[np.log(grid[k])], gains[k, :, 0]]) for k in order]
 
 
@@ -187,6 +187,6 @@ def fit_each_level(data: Data) -> list[FirstOrder]:
             found.append(fit_first_order(data.one(i), np.ones((1, 1))))
             continue
         (gain, log_tau), sse = x[i] - step[i], float(cost[i])  # the last step is too small for the cost to show
-        gains = np.array([gain])
-        found.append(FirstOrder(float(np.exp(log_tau)), gains, gains, sse, judged(decrease, A0_GRID, (sse,))))
+        solver = judged(decrease, A0_GRID, (sse,))
+        found.append(FirstOrder(float(np.exp(log_tau)), np.array([gain]), sse, solver))
     return found

@@ -4,7 +4,7 @@ Intervals and the choice between estimates follow in `eaid.uncertainty.workflow`
 """
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import asdict, replace
 
 import msgspec
 import numpy as np
@@ -12,16 +12,16 @@ import numpy as np
 from eaid.errors import DataError, UsageError
 from eaid.findings import finding, ranked
 from eaid.fitting import robust
+from eaid.fitting.choices import ALLOWED, check
 from eaid.fitting.data import data_of
 from eaid.fitting.friction import fit_curves, friction_fit, friction_hold_out, missed_levels
 from eaid.fitting.linear import linear_fit
 from eaid.fitting.nonlinear import nonlinear_fit
-from eaid.fitting.options import ALLOWED, check
 from eaid.fitting.release import release_fit
-from eaid.fitting.sources import data_part
 from eaid.fitting.weights import weights_of, with_other_weights
 from eaid.models.parameters import SHARE
-from eaid.results.fit import Fit, FitOptions
+from eaid.results.common import Input, Source
+from eaid.results.fit import Fit, FitOptions, FittedData, Rig
 from eaid.steps.stepset import Level, StepSet
 
 
@@ -91,3 +91,37 @@ def split(levels: Sequence[Level], hold_out: Sequence[float]) -> tuple[tuple[Lev
     if not kept:
         raise UsageError("«hold_out»: every level is held out; leave some to be fitted")
     return kept, held
+
+
+def data_part(stepset: StepSet) -> FittedData:
+    """What a fit is made from: kind, units, levels, the rig and the runs."""
+    rates = [run.rate_hz for run in stepset.runs]
+    if not rates:
+        rates = [(len(level.time_s) - 1) / float(level.time_s[-1] - level.time_s[0]) for level in stepset.levels]
+    return FittedData(
+        kind=stepset.kind,  # type: ignore[arg-type]  # one of the three
+        input_unit=stepset.input_unit,
+        output_unit=stepset.output_unit,
+        levels=tuple(level.level for level in stepset.levels),
+        repeats=tuple(len(level.runs) for level in stepset.levels),
+        samples=tuple(len(level.time_s) for level in stepset.levels),
+        record_s=tuple(float(level.time_s[-1]) for level in stepset.levels),
+        sample_rate_hz=max(rates, default=None),
+        apparatus=Rig(**asdict(stepset.apparatus)),
+        sources=tuple(
+            Source(
+                run.source,
+                run.sha256,
+                run.name,
+                run.level,
+                run.repeat,
+                run.baseline_nm,
+                run.step_s,
+                run.samples,
+                run.edge,
+            )
+            for run in stepset.runs
+        ),
+        inputs=tuple(Input(path, sha256) for path, sha256 in stepset.inputs),
+        synthetic=stepset.synthetic,
+    )

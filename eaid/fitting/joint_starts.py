@@ -27,7 +27,7 @@ ENDLESS = 1e3
 SIEVE = ((3, 376), (5, 32), (8, 12))
 """Rounds of the descent: steps in a round, and how many of the best shapes are in it."""
 STEEP = 100.0
-"""How steep the wall is that stands for the constraints."""
+"""How steep the penalty is that stands for the constraints."""
 SAME = 1e-5
 """Ends whose costs differ by less than this part are taken for one."""
 MOST = 6
@@ -45,8 +45,8 @@ def broad_starts(x: Array, inner: Array, data: Data, basis: Basis, problem: Prob
         return []
     cost, found = steadied(slow_shapes(x, data, basis), basis, looked_at(data, basis))
     least = 1e-9 * float(np.abs(data.points.y).max())  # rounding may take the cost below 0, and T_s may be 0
-    wall = wall_of(x, max(float(cost.min()), problem.floor), least, basis, problem)
-    look = looked_at(data, basis, wall)
+    penalty = penalty_of(x, max(float(cost.min()), problem.floor), least, basis, problem)
+    look = looked_at(data, basis, penalty)
     for steps, most in SIEVE:
         best = np.argsort(cost, kind="stable")[:most]
         end = descend(look, found[best], steps, enough=0.0)
@@ -61,7 +61,7 @@ def broad_starts(x: Array, inner: Array, data: Data, basis: Basis, problem: Prob
 
 
 @dataclass(frozen=True, eq=False)
-class Wall:
+class Penalty:
     """Constraints as a steep price: Σ min(0, A x − b)², over a tenth of the duties."""
 
     A: Array
@@ -75,8 +75,8 @@ class Wall:
         return (out**2).sum(axis=1), 2 * out @ self.A, bent
 
 
-def wall_of(x: Array, cost: float, least: float, basis: Basis, problem: Problem) -> Wall:
-    """A wall where T_s below 0 by a tenth of its largest, or τ by a tenth of τ1, costs `STEEP`/100 of `cost`.
+def penalty_of(x: Array, cost: float, least: float, basis: Basis, problem: Problem) -> Penalty:
+    """A penalty where T_s below 0 by a tenth of its largest, or τ by a tenth of τ1, costs `STEEP`/100 of `cost`.
 
     Its largest counts as `least` [N·m] or more.
     """
@@ -85,7 +85,7 @@ def wall_of(x: Array, cost: float, least: float, basis: Basis, problem: Problem)
     ends = basis.rows(np.linspace(basis.lowest, basis.highest, 5))
     fast, torque = max(np.median(ends[1] @ x), TAU_FLOOR_S), max(float(np.max(ends[0] @ x)), least)
     size = np.where(rows < 2 * at, fast, torque) / np.sqrt(STEEP * cost)
-    return Wall(problem.A[rows] / size[:, None], problem.b[rows] / size)
+    return Penalty(problem.A[rows] / size[:, None], problem.b[rows] / size)
 
 
 def slow_shapes(x: Array, data: Data, basis: Basis) -> Array:
@@ -111,8 +111,8 @@ def slow_shapes(x: Array, data: Data, basis: Basis) -> Array:
     return shapes
 
 
-def looked_at(data: Data, basis: Basis, wall: Wall | None = None) -> Look:
-    """The problem's cost, gradient and curvature at N places, `wall` added to the cost."""
+def looked_at(data: Data, basis: Basis, penalty: Penalty | None = None) -> Look:
+    """The problem's cost, gradient and curvature at N places, `penalty` added to the cost."""
     M, points, levels = basis.M, data.points, np.arange(len(data.u))
     chain = M[: 4 if basis.free_share else 3].transpose(1, 0, 2)  # (L, 3, n)
     flat = chain.reshape(-1, basis.size)
@@ -133,9 +133,9 @@ def looked_at(data: Data, basis: Basis, wall: Wall | None = None) -> Look:
     def look(x: Array) -> tuple[Array, Array, Array]:
         parts = [some(x[k : k + together]) for k in range(0, len(x), together)]
         cost, slope, H = (np.concatenate(part) for part in zip(*parts, strict=True))
-        if wall is None:
+        if penalty is None:
             return cost, slope, H
-        price, rise, bent = wall.price(x)
+        price, rise, bent = penalty.price(x)
         return cost + price, slope + rise, H + bent
 
     return look

@@ -91,9 +91,9 @@ def log_curvature(theta: Array, shares: Array, points: Points) -> tuple[Array, A
     slope, cross = gradient.T, 2.0 * products[:, 1:3, 3]
     H[:, 0, 1:] += cross
     H[:, 1:, 0] += cross
-    own = slope[:, 1:] + 2.0 * theta[0][:, None] * bent
-    H[:, 1, 1] -= own[:, 0]
-    H[:, 2, 2] -= own[:, 1]
+    diagonal = slope[:, 1:] + 2.0 * theta[0][:, None] * bent
+    H[:, 1, 1] -= diagonal[:, 0]
+    H[:, 2, 2] -= diagonal[:, 1]
     return slope, H
 
 

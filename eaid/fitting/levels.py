@@ -128,7 +128,7 @@ def _last_step(x: Array, share: float, data: Data) -> tuple[Array, Array, Array]
     """
     limit = RECORDS * data.longest_s
     theta = theta_at(x, share)
-    slope, H = log_curvature(theta, weighted_shares(theta[3], data.points), data.points)
+    slope, H = log_curvature(theta, weighted_shares(theta[3, :1], data.points), data.points)
     bowl = (theta[0] > 0) & _definite(H)
     H[~bowl] = np.eye(3)
     slope[~bowl] = 0.0

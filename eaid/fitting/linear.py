@@ -12,10 +12,10 @@ import numpy as np
 from eaid.arrays import Array
 from eaid.findings import Finding
 from eaid.fitting import metrics, robust
+from eaid.fitting.choices import CONVENTIONS
 from eaid.fitting.data import Data
 from eaid.fitting.findings import linear_findings, missed
 from eaid.fitting.first_order import FirstOrder, first_order_problem, fit_each_level, fit_first_order
-from eaid.fitting.options import CONVENTIONS
 from eaid.fitting.samples import decay
 from eaid.fitting.solver import slsqp
 from eaid.models import linear as model
@@ -72,12 +72,12 @@ def linear_residuals(solved: LinearSolution, data: Data) -> list[Array]:
 
 
 def by_convention(
-    data: Data, own: Sequence[FirstOrder], pooled: LinearModel, convention: str
+    data: Data, level_fits: Sequence[FirstOrder], pooled: LinearModel, convention: str
 ) -> tuple[LinearLevel, ...]:
     """b0, c0 and B of each level under one convention, specification 4.3."""
     rows = []
-    for fit, u, record in zip(own, data.u.tolist(), data.records, strict=True):
-        a0, gain, sse, converged = 1 / fit.tau, float(fit.gains[0]), fit.cost, fit.solver.converged
+    for fit, u, record in zip(level_fits, data.u.tolist(), data.records, strict=True):
+        a0, gain, sse, converged = 1 / fit.tau, float(fit.coefficients[0]), fit.cost, fit.solver.converged
         c0 = 0.0 if convention == "zero-offset" else pooled.c0
         if convention == "pooled-dynamics":
             a0 = pooled.a0
@@ -112,8 +112,8 @@ def linear_fit(
     """The linear model, pooled and per level, with the bounds of B; under `other` weights the pooled model alone."""
     one, left, huber = pooled_linear(data, options)
     p = one.parameters
-    own = fit_each_level(data)
-    rows = {name: by_convention(data, own, p, name) for name in CONVENTIONS}
+    level_fits = fit_each_level(data)
+    rows = {name: by_convention(data, level_fits, p, name) for name in CONVENTIONS}
     bounds = {name: bounds_of(row, name, options.bounds_levels) for name, row in rows.items()}
     found = linear_findings(data, p, one.solver, rows[options.bounds], bounds[options.bounds])
     found += robust.huber_findings("linear", huber)

@@ -1,8 +1,8 @@
 """The nonlinear clutch model, Eqs. (4)–(7): ten coefficients of τ1(u), τ2(u), T_s(u) fitted together.
 
 The chain rule takes each level's sums to the unknowns of `basis`. The first start comes from the curves of single
-levels. Where no other minimum can lie as low as its end (`alone`), that is all; else there is a second, and where the
-data still leave room, many more are looked at together (`joint_starts`).
+levels. Where no other minimum can lie as low as its end (`no_lower_minimum`), that is all; else there is a second, and
+where the data still leave room, many more are looked at together (`joint_starts`).
 """
 
 from collections.abc import Sequence
@@ -19,7 +19,7 @@ from eaid.fitting.data import Data
 from eaid.fitting.findings import missed, nonlinear_findings
 from eaid.fitting.joint_starts import broad_starts
 from eaid.fitting.kernel import by_tau, level_normal, log_curvature, log_products, weighted_shares
-from eaid.fitting.level_curves import alone, level_curves, polynomial_starts
+from eaid.fitting.level_curves import level_curves, no_lower_minimum, polynomial_starts
 from eaid.fitting.levels import SHARES
 from eaid.fitting.problem import ROUNDING, Problem, draw_in
 from eaid.fitting.samples import residuals
@@ -93,12 +93,12 @@ def fit_nonlinear(data: Data, share: float | None, starts: Sequence[NonlinearMod
     """The least-squares coefficients under the constraints, from our own starts and any given ones."""
     basis = basis_of(data.u, share)
     problem = nonlinear_problem(data, basis)
-    own = [level_curves(data, c) for c in (SHARES if share is None else (share,))]
-    begin = [polynomial_starts(curves, basis, problem) for curves in own]
+    by_share = [level_curves(data, c) for c in (SHARES if share is None else (share,))]
+    begin = [polynomial_starts(curves, basis, problem) for curves in by_share]
     first = next(begin[0])
 
     def proven() -> bool:
-        return share is not None and alone(own[0], min(end.cost for end in ends), data, basis, problem)
+        return share is not None and no_lower_minimum(by_share[0], min(end.cost for end in ends), data, basis, problem)
 
     ends = [approach(problem, first)]
     if starts or not proven():

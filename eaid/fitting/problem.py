@@ -57,7 +57,7 @@ class Problem:
 
 
 @dataclass(frozen=True, eq=False)
-class Step:
+class NewtonStep:
     """A constrained Newton step: where it goes, what it predicts, and the rows of A that hold it."""
 
     d: Array
@@ -82,12 +82,12 @@ def inside(problem: Problem, feasible: Array, x: Array) -> Array:
     """`x`, drawn back towards a feasible point by as much as rounding left it outside."""
     if not len(problem.b):
         return x
-    slack, own = problem.A @ x - problem.b, problem.A @ feasible - problem.b
-    room = np.where(own > 0, own, rounding(problem))
-    out = slack < own - room
+    slack, inner_slack = problem.A @ x - problem.b, problem.A @ feasible - problem.b
+    room = np.where(inner_slack > 0, inner_slack, rounding(problem))
+    out = slack < inner_slack - room
     if not out.any():
         return x
-    kept = float(np.min(room[out] / (own[out] - slack[out])))
+    kept = float(np.min(room[out] / (inner_slack[out] - slack[out])))
     return feasible + kept * (x - feasible)  # from the feasible end: `x` may lie where nothing is determined, at 1e100
 
 
@@ -98,11 +98,11 @@ def rounding(problem: Problem) -> Array:
 
 def draw_in(x: Array, inner: Array, problem: Problem) -> Array:
     """The point nearest to `x` on the line to a feasible `inner`, a little inside."""
-    slack, own = problem.A @ x - problem.b, problem.A @ inner - problem.b
+    slack, inner_slack = problem.A @ x - problem.b, problem.A @ inner - problem.b
     out = slack < 0
     if not out.any():
         return x
-    room = np.maximum(own[out], 1e-300)
+    room = np.maximum(inner_slack[out], 1e-300)
     kept = float(np.min(room / (room - slack[out])))
     return inner + max(0.0, kept - 0.001 * (1.0 - kept)) * (x - inner)
 
@@ -115,7 +115,7 @@ def bring_in(x: Array, inner: Array, problem: Problem) -> Array:
     return draw_in(x + step.d, inner, problem)
 
 
-def newton_step(problem: Problem, x: Array, gradient: Array, curvature: Array) -> Step:
+def newton_step(problem: Problem, x: Array, gradient: Array, curvature: Array) -> NewtonStep:
     """The step d that minimises g'd + d'Hd/2 with A (x + d) ≥ b, by least distance programming (Lawson and Hanson)."""
     lower = whiten(curvature)
     back = np.linalg.inv(lower)
@@ -124,7 +124,7 @@ def newton_step(problem: Problem, x: Array, gradient: Array, curvature: Array) -
     slack = problem.A @ x - problem.b
     moved = slack + problem.A @ free
     if not len(slack) or moved.min() >= 0:
-        return Step(free, 0.5 * float(q @ q), ())
+        return NewtonStep(free, 0.5 * float(q @ q), ())
     G = problem.A @ back.T
     h = -slack + G @ q
     size = max(float(np.abs(h).max()), 1e-300)
@@ -134,7 +134,7 @@ def newton_step(problem: Problem, x: Array, gradient: Array, curvature: Array) -
     multipliers = nnls(E, f)[0]
     r = E @ multipliers - f
     if r[-1] == 0.0:
-        return Step(np.zeros_like(x), 0.0, tuple(np.flatnonzero(multipliers > 0).tolist()))
+        return NewtonStep(np.zeros_like(x), 0.0, tuple(np.flatnonzero(multipliers > 0).tolist()))
     z = -r[:-1] / r[-1] * size - q
     d, held = z @ back, np.flatnonzero(multipliers > 0)
     off, little = slack + problem.A @ d, rounding(problem)
@@ -145,7 +145,7 @@ def newton_step(problem: Problem, x: Array, gradient: Array, curvature: Array) -
         else:
             d = inside(problem, x, x + d) - x
     decrease = -float(q @ z + 0.5 * z @ z)
-    return Step(d, max(decrease, 0.0), tuple(held.tolist()))
+    return NewtonStep(d, max(decrease, 0.0), tuple(held.tolist()))
 
 
 def _along(A: Array, b: Array, gradient: Array, curvature: Array) -> Array:

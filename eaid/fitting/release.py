@@ -11,7 +11,7 @@ import numpy as np
 
 from eaid.findings import Finding, finding
 from eaid.fitting.data import Data, data_of
-from eaid.fitting.falling import Solved, fit_each_release, solve
+from eaid.fitting.falling import ReleaseSolution, fit_each_release, solve
 from eaid.fitting.metrics import quality
 from eaid.models.parameters import SHARE, Friction
 from eaid.results.friction import FrictionLevel, Release, ReleaseLevel
@@ -32,24 +32,24 @@ def release_fit(
     rises = {fit.level: fit.curve for fit in rising}
     shares = np.array([share_reached(rises.get(r.level), held_s.get(r.level), share) for r in releases])
     alone = fit_each_release(data, shares)
-    pooled = solve(data, shares, np.log([own.tau for own in alone]))
+    pooled = solve(data, shares, np.log([level_fit.tau for level_fit in alone]))
     rows = []
-    for release, own, fast, record in zip(releases, alone, shares.tolist(), data.records, strict=True):
-        sse, curve = min(own.solver.costs), rises.get(release.level)
+    for release, level_fit, fast, record in zip(releases, alone, shares.tolist(), data.records, strict=True):
+        sse, curve = min(level_fit.solver.costs), rises.get(release.level)
         fit_pct, R2 = quality(sse, [record.y])
         rows.append(
             ReleaseLevel(
                 level=float(release.level),
                 share=fast,
-                tau1=float(own.tau[0]),
-                tau2=float(own.tau[1]),
-                amplitude=float(own.parts[0, 0]),
-                residual=float(own.parts[0, 1]),
+                tau1=float(level_fit.tau[0]),
+                tau2=float(level_fit.tau[1]),
+                amplitude=float(level_fit.parts[0, 0]),
+                residual=float(level_fit.parts[0, 1]),
                 rmse=float(np.sqrt(sse / len(release.time_s))),
                 sse=sse,
                 fit_pct=fit_pct,
                 R2=R2,
-                solver=own.solver,
+                solver=level_fit.solver,
                 rising_tau1=curve.tau1 if curve else None,
                 rising_tau2=curve.tau2 if curve else None,
             )
@@ -70,7 +70,7 @@ def share_reached(rise: Friction | None, held_s: float | None, share: float) -> 
     return float(fast / (fast + slow))
 
 
-def _findings(data: Data, rows: Sequence[ReleaseLevel], pooled: Solved) -> list[Finding]:
+def _findings(data: Data, rows: Sequence[ReleaseLevel], pooled: ReleaseSolution) -> list[Finding]:
     found = []
     if not pooled.solver.converged:
         found.append(finding("fit-not-converged", "release", predicted_decrease=pooled.solver.predicted_decrease))

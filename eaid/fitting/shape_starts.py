@@ -17,7 +17,7 @@ FAR = 1.0
 
 
 @dataclass(frozen=True, eq=False)
-class Points:
+class AveragedRecord:
     """A record averaged to fewer points: finely at first, then coarser."""
 
     time_s: Array
@@ -27,11 +27,11 @@ class Points:
     """Sum of squares of the samples about the means that stand for them: no shape takes it away."""
 
 
-def averaged(time_s: Array, y: Array) -> Points:
+def averaged(time_s: Array, y: Array) -> AveragedRecord:
     """A record as at most FEW means and what they leave out."""
     count = len(y)
     if count <= FEW:
-        return Points(time_s, y, np.ones(count))
+        return AveragedRecord(time_s, y, np.ones(count))
     edges = np.unique(np.round(np.geomspace(1, count, FEW)).astype(np.intp)) - 1
     fine = np.linspace(0, count, FEW // 2).astype(np.intp)
     edges = np.unique(np.concatenate((edges, fine[:-1], [0])))
@@ -39,10 +39,10 @@ def averaged(time_s: Array, y: Array) -> Points:
     weight = np.diff(np.append(edges, count)).astype(np.float64)
     means = np.add.reduceat(y, edges) / weight
     within = max(0.0, float(y @ y - weight @ means**2))
-    return Points(np.add.reduceat(time_s, edges) / weight, means, weight, within)
+    return AveragedRecord(np.add.reduceat(time_s, edges) / weight, means, weight, within)
 
 
-def delays_of(points: Points, window: float) -> list[float]:
+def delays_of(points: AveragedRecord, window: float) -> list[float]:
     """Dead times to start from: shares of the time to half of the change."""
     half = np.flatnonzero(np.abs(points.output) >= 0.5 * np.abs(points.output[-1]))
     until = float(points.time_s[half[0]]) if len(half) else window / 4
@@ -50,7 +50,7 @@ def delays_of(points: Points, window: float) -> list[float]:
 
 
 def starts_of(
-    points: Points, window: float, delays: Sequence[float], share: float, wanted: Sequence[Shape]
+    points: AveragedRecord, window: float, delays: Sequence[float], share: float, wanted: Sequence[Shape]
 ) -> dict[Shape, list[Array]]:
     """The best places on a grid of time constants and dead times, for each shape; amplitudes are linear there."""
     stride = max(1, len(points.time_s) // 300)

@@ -29,6 +29,8 @@ RIVAL = 1e-2
 """An end this part of the cost above the best is no rival: SLSQP does not go on from it."""
 SAME = 1e-6
 """Ends whose costs differ by less than this part have found the same minimum."""
+ROUNDS = 8
+"""How often SLSQP is begun anew at most."""
 TRIES = 12
 """How often a round is begun again with more rows of A."""
 
@@ -56,7 +58,7 @@ class Local:
     """By how much a constrained Newton step would lower the cost."""
 
 
-def slsqp(problem: Problem, start: Array, near: Local | None = None, rounds: int = 8) -> EndPoint:
+def slsqp(problem: Problem, start: Array, near: Local | None = None) -> EndPoint:
     """Solve from one feasible start, whitened anew each round, until a Newton step predicts nothing more.
 
     A round leaves the constraints out at first; where it ends outside some, it is begun again with those, until it ends
@@ -71,7 +73,7 @@ def slsqp(problem: Problem, start: Array, near: Local | None = None, rounds: int
     ftol = FTOL
     if near is not None:
         now, ftol = replace(near, curvature=problem.curvature(x)), ENDS * near.predicted / max(near.cost, TINY)
-    for _ in range(rounds):
+    for _ in range(ROUNDS):
         if now.cost == 0.0 or now.predicted <= SETTLED * now.cost:
             break
         for _ in range(TRIES):
@@ -110,9 +112,7 @@ def _once(value: Value, x: Array, there: tuple[float, Array]) -> Value:
     return kept
 
 
-def _one_round(
-    problem: Problem, x: Array, value: Value, now: Local, held: Array, ftol: float, most: int = 40
-) -> tuple[Array, int]:
+def _one_round(problem: Problem, x: Array, value: Value, now: Local, held: Array, ftol: float) -> tuple[Array, int]:
     # x − x0 = L'^(-1) z √cost: cost/cost(x0) then has curvature 1 in z, which is what SLSQP assumes at first.
     back = np.linalg.inv(whiten(now.curvature)).T * np.sqrt(now.cost)
 
@@ -135,7 +135,7 @@ def _one_round(
             jac=True,
             method="SLSQP",
             constraints=constraints if len(slack) else (),
-            options={"ftol": ftol, "maxiter": most},
+            options={"ftol": ftol, "maxiter": 40},
         )
     return x + back @ end.x, end.nfev
 

@@ -34,8 +34,8 @@ class Starts:
 
     end: Descent
     """In (T_s, ln τ1, ln τ2)."""
-    share: Array
-    """C of each, (N,)."""
+    share: float
+    """C of all."""
     level: Indices
     """Index of the level of each, (N,), rising."""
 
@@ -64,7 +64,7 @@ def starting_curves(data: Data, share: float, most: int = BOWLS, enough: float =
     theta = np.stack([steady, grid[first], grid[second], np.full_like(steady, share)])
     if len(level) > len(points.y):
         points = points.rows(level)
-    return Starts(refine(theta, points, RECORDS * data.longest_s, enough=enough), theta[3], level)
+    return Starts(refine(theta, points, RECORDS * data.longest_s, enough=enough), share, level)
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,12 +134,12 @@ def _bowls(gain: Array, most: int) -> tuple[Indices, Indices, Indices]:
 
 
 def refine(theta: Array, points: Points, limit: float, steps: int = STEPS, enough: float = ENOUGH) -> Descent:
-    """Damped steps in (T_s, ln τ1, ln τ2) on every row of points at once, from θ of shape (4, N).
+    """Damped steps in (T_s, ln τ1, ln τ2) on every row of points at once, from θ of shape (4, N) with one C.
 
     τ stays within 1 ms and `limit` [s]; ln τ moves by 2 at most.
     """
-    share = theta[3]
-    shares = weighted_shares(share, points)
+    share = theta[3, 0]
+    shares = weighted_shares(theta[3, :1], points)
 
     def look(x: Array) -> tuple[Array, Array, Array]:
         theta = theta_at(x, share)
@@ -201,8 +201,8 @@ def grid_table(t_s: Array, weights: Array, grid: Array, share: float, offset: bo
     weighted = shapes * weights[:, None, :]
     gram = weighted @ np.swapaxes(shapes, 1, 2)
     c, d = share, 1 - share
-    own = np.diagonal(gram, axis1=1, axis2=2)
-    return weighted, (c * c * own)[:, :, None] + (d * d * own)[:, None, :] + (2 * c * d) * gram
+    squares = np.diagonal(gram, axis1=1, axis2=2)
+    return weighted, (c * c * squares)[:, :, None] + (d * d * squares)[:, None, :] + (2 * c * d) * gram
 
 
 def grid_along(y: Array, weighted: Array) -> Array:

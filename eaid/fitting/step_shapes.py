@@ -8,7 +8,7 @@ by AICc with the number of independent samples; the paper's form stands unless a
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, cast
+from typing import cast
 
 import numpy as np
 
@@ -16,7 +16,7 @@ from eaid.arrays import Array
 from eaid.findings import Finding, finding
 from eaid.fitting.metrics import quality
 from eaid.fitting.shape_curves import APART, MOST, SHAPES, Shape, curve, overshoots, slopes
-from eaid.fitting.shape_starts import Points, averaged, delays_of, starts_of
+from eaid.fitting.shape_starts import AveragedRecord, averaged, delays_of, starts_of
 from eaid.models.parameters import SHARE
 from eaid.results.fit import FitOptions
 from eaid.results.steps import StepShape
@@ -33,6 +33,8 @@ MISSED = 0.1
 """Share of the change by which the best shape may miss the mean of a sixtieth of the record."""
 LITTLE = 0.5
 """R² below which a curve explains little."""
+TOL = 1e-12
+"""Relative change of cost, unknowns and gradient at which SciPy's trust region ends."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,7 +73,7 @@ def fit_step(step: LevelStep, options: FitOptions | None = None) -> StepShape:
     scores = {one.name: _aicc(one.sse + rounding, one.unknowns, count) for one in tried}
     chosen = _chosen(tried, scores)
     if len(points.time_s) < len(y):
-        chosen = _refined(chosen, Points(step.time_s, y, np.ones(len(y))), step)
+        chosen = _refined(chosen, AveragedRecord(step.time_s, y, np.ones(len(y))), step)
     return _result(step, chosen, scores, y, _plain_rmse(tried, chosen, len(y)))
 
 
@@ -87,7 +89,7 @@ def may_ask(step: LevelStep, options: FitOptions) -> bool:
 
 
 def _candidates(
-    points: Points, step: LevelStep, options: FitOptions, wanted: Sequence[Shape], dead: bool
+    points: AveragedRecord, step: LevelStep, options: FitOptions, wanted: Sequence[Shape], dead: bool
 ) -> list[_Candidate]:
     """Every shape wanted, fitted from the best places of a grid."""
     window = float(step.time_s[-1])
@@ -106,7 +108,7 @@ def _candidates(
 
 
 def _fitted(
-    points: Points, start: Array, shape: Shape, free: tuple[int, ...], window: float, tied: bool = False
+    points: AveragedRecord, start: Array, shape: Shape, free: tuple[int, ...], window: float, tied: bool = False
 ) -> tuple[Array, float]:
     """Least squares from one start by SciPy's trust region, with exact slopes, within bounds.
 
@@ -142,15 +144,16 @@ def _fitted(
         low, high = np.delete(low, 2), np.delete(high, 2)
         high[1] = math.log(window / APART)
     inside = np.clip(start[[*free]], low + 1e-9 * (high - low), high - 1e-9 * (high - low))
-    settings: dict[str, Any] = {"x_scale": "jac", "ftol": 1e-12, "xtol": 1e-12, "gtol": 1e-12, "max_nfev": 100}
-    found = least_squares(residual, inside, jacobian, bounds=(low, high), **settings)
+    found = least_squares(
+        residual, inside, jacobian, bounds=(low, high), x_scale="jac", ftol=TOL, xtol=TOL, gtol=TOL, max_nfev=100
+    )
     p = whole(np.asarray(found.x))
     if shape == "overshoot" and not tied and p[1] + p[2] > math.log(window):
         return _fitted(points, p, shape, free, window, tied=True)
     return p, 2 * float(found.cost) * size**2
 
 
-def _refined(one: _Candidate, points: Points, step: LevelStep) -> _Candidate:
+def _refined(one: _Candidate, points: AveragedRecord, step: LevelStep) -> _Candidate:
     p, sse = _fitted(points, one.p, one.shape, one.free, float(step.time_s[-1]))
     return replace(one, p=p, sse=sse)
 

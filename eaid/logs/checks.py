@@ -49,7 +49,7 @@ def checked(
     cells = []
     for sample, label, text in said:
         bad[sample] = True
-        named.add((sample, label))
+        named.update((sample, column) for column in ([label] if label else columns))
         if not label:
             cells.append(f"{word} {row_of(sample)} has {text} cells, unlike the others")
         elif not text:
@@ -57,10 +57,9 @@ def checked(
         else:
             finite = "is not finite" if _overflows(text) else "is no number"
             cells.append(f"{word} {row_of(sample)}, column {label}, holds {text!r}, which {finite}")
-    whole = {sample for sample, label, _ in said if not label}
     for label, values in columns.items():
         for sample in np.flatnonzero(~np.isfinite(values)).tolist():
-            if (sample, label) not in named and sample not in whole:
+            if (sample, label) not in named:
                 value = "empty or not a number" if np.isnan(values[sample]) else "infinite"
                 cells.append(f"{word} {row_of(sample)}, column {label}, is {value}")
             bad[sample] = True

@@ -18,8 +18,13 @@ from eaid.findings import Finding, finding
 from eaid.logs.columns import COUNTERS
 from eaid.logs.units import TIME_UNITS, divisor, likely_time_unit, split_name, unit_of, words_of
 
-EPOCH = {"s": (1e9, 4e9), "ms": (1e12, 4e12), "us": (1e15, 4e15), "ns": (1e18, 4e18)}
-"""First stamps of logs of 2001 to 2096, counted from 1970."""
+PER_S = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}
+"""What clocks count that began in 1970."""
+EPOCH_S = (1e9, 4e9)
+"""First stamps of logs of 2001 to 2096, counted from 1970 [s]."""
+DAY_S = 86400.0
+SLOWEST_S = 90.0
+"""Sample time beyond which a clock without a unit counts not from 1970, but in a finer unit from power-up."""
 DAYS = ((30_000.0, 60_000.0), (700_000.0, 770_000.0))
 """First stamps in days: Excel's of 1982 to 2064, MATLAB's datenum of 1916 to 2108."""
 FASTEST_HZ = 50_000.0
@@ -82,16 +87,16 @@ def seconds_since_start(
                 f"{path}: column {column} numbers the samples and is no time; give their rate with «rate_hz» HZ and "
                 f"name no time column, or say «units» time=/1000 for 1000 samples a second"
             )
-        if counted is not None:
-            factor = _factor(counted)
+        if counted is not None and usual / PER_S[counted] <= SLOWEST_S:
+            factor = 1.0 / PER_S[counted]
             if counted != "s":
                 findings.append(finding("time-since-1970", path, column=column, unit=counted))
         elif usual < 1.0 / FASTEST_HZ and any(low <= first <= high for low, high in DAYS):
-            factor = _factor("d")
+            factor = DAY_S
             findings.append(finding("time-in-days", path, column=column))
         else:
             findings.extend(_doubts(path, column, gone, usual))
-    elif not scale.by_user and counted is not None and not math.isclose(factor, _factor(counted)):
+    elif not scale.by_user and counted is not None and not math.isclose(factor * PER_S[counted], 1.0):
         raise DataError(
             f"{path}: column {column} says its unit, but its first stamp, {float(first):.10g}, counts "
             f"{counted} since 1970; say which with «units» time=UNIT"
@@ -103,13 +108,8 @@ def seconds_since_start(
 
 
 def _epoch(first: float) -> str | None:
-    return next((unit for unit, (low, high) in EPOCH.items() if low <= first <= high), None)
-
-
-def _factor(unit: str) -> float:
-    known = unit_of(unit)
-    assert known is not None
-    return known.factor
+    """What a clock counts since 1970, by its first stamp."""
+    return next((unit for unit, per_s in PER_S.items() if EPOCH_S[0] <= first / per_s <= EPOCH_S[1]), None)
 
 
 def _doubts(path: str, column: str, gone: Array, usual: float) -> list[Finding]:

@@ -3,6 +3,7 @@
 import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from eaid.errors import DataError, UsageError, meant
 from eaid.findings import Finding
@@ -10,41 +11,44 @@ from eaid.logs.options import ReadOptions
 from eaid.logs.run import Kind
 from eaid.logs.table import Table
 from eaid.logs.units import split_name, unit_of, words_of
+from eaid.shown import listed
 
-TIME: tuple[tuple[str, ...], ...] = (
-    ("time", "t", "zeit", "tijd", "temps", "tiempo", "tempo", "elapsed", "elapsedtime", "xvalue"),
-    ("timestamp", "seconds", "sec", "secs", "s", "ms", "us", "millis", "micros", "minutes", "hours", "days", "clock",
-     "datetime", "posixtime", "unixtime", "epoch"),
+
+class Group(NamedTuple):
+    """Names of columns that mean the same, and their unit where nothing says it (empty: unknown)."""
+
+    unit: str
+    names: tuple[str, ...]
+
+
+TIME = (
+    Group("s", ("time", "t", "zeit", "tijd", "temps", "tiempo", "tempo", "elapsed", "elapsedtime", "xvalue")),
+    Group("s", ("timestamp", "seconds", "sec", "secs", "s", "ms", "us", "millis", "micros", "minutes", "hours", "days",
+                "clock", "datetime", "posixtime", "unixtime", "epoch")),
 )  # fmt: skip
-INPUTS: dict[Kind, tuple[tuple[str, ...], ...]] = {
+INPUTS: dict[Kind, tuple[Group, ...]] = {
     "clutch": (
-        ("duty", "dutycycle", "pwm", "throttle", "tastgrad"),
-        ("control", "controlsignal", "command", "cmd", "input", "u"),
-        ("voltage", "volts", "volt", "spannung", "v"),
-        ("current", "strom", "stroom", "courant", "corriente", "ampere", "amps"),
+        Group("%", ("duty", "dutycycle", "pwm", "throttle", "tastgrad")),
+        Group("%", ("control", "controlsignal", "command", "cmd", "input", "u")),
+        Group("V", ("voltage", "volts", "volt", "spannung", "v")),
+        Group("", ("current", "strom", "stroom", "courant", "corriente", "ampere", "amps")),
     ),
     "friction-force": (
-        ("normalforce", "force", "load", "weight", "normalload", "fn", "kraft", "kracht", "fuerza"),
-        ("pressure", "normalpressure", "stress", "druck"),
+        Group("N", ("normalforce", "force", "load", "weight", "normalload", "fn", "kraft", "kracht", "fuerza")),
+        Group("bar", ("pressure", "normalpressure", "stress", "druck")),
     ),
-    "friction-speed": (("speed", "rpm", "rotationspeed", "velocity", "angularvelocity", "omega", "drehzahl"),),
+    "friction-speed": (
+        Group("RPM", ("speed", "rpm", "rotationspeed", "velocity", "angularvelocity", "omega", "drehzahl")),
+    ),
 }
-INPUT_UNITS: dict[Kind, tuple[str, ...]] = {
-    "clutch": ("%", "%", "V", ""),
-    "friction-force": ("N", "bar"),
-    "friction-speed": ("RPM",),
-}
-"""Unit of each group of inputs where nothing says it."""
 TRIGGERS = ("trigger", "trig", "enable", "enabled", "gate", "relay", "onoff", "active")
 """Columns that only say when the input is on; its level comes from the file name."""
-OUTPUTS: tuple[tuple[str, ...], ...] = (
-    ("torque", "clutchtorque", "moment", "drehmoment", "koppel", "couple", "trq"),
-    ("shearforce", "frictionforce", "friction", "tangentialforce"),
-    ("loadcell", "force", "load", "kraft", "kracht", "fuerza"),
-    ("output", "response", "sensor", "measured", "y"),
+OUTPUTS = (
+    Group("", ("torque", "clutchtorque", "moment", "drehmoment", "koppel", "couple", "trq")),
+    Group("N", ("shearforce", "frictionforce", "friction", "tangentialforce")),
+    Group("N", ("loadcell", "force", "load", "kraft", "kracht", "fuerza")),
+    Group("", ("output", "response", "sensor", "measured", "y")),
 )
-OUTPUT_UNITS = ("", "N", "N", "")
-"""Unit of each group of outputs where nothing says it; a torque's is unknown."""
 COUNTERS = {"sample", "samples", "index", "idx", "count", "counter", "frame", "row", "tick", "ticks", "nr", "no", "n"}
 """Names of columns that number the samples."""
 _REFERENCE = {"reference", "ref", "desired", "des", "target", "setpoint", "command", "cmd", "commanded"}
@@ -102,8 +106,7 @@ def _may_be_time(name: str) -> bool:
 
 def shown(names: Sequence[str]) -> str:
     """Columns as a sentence lists them."""
-    listed = ", ".join(name if name else f"column {i + 1}" for i, name in enumerate(names[:12]))
-    return listed + (f" and {len(names) - 12} more" if len(names) > 12 else "")
+    return listed([name or f"column {i + 1}" for i, name in enumerate(names)], 12)
 
 
 def _said_column(path: str, role: str, said: str, table: Table) -> int:
@@ -150,7 +153,7 @@ def match_columns(path: str, table: Table, options: ReadOptions) -> Roles:
     time = said.get("time")
     for group in TIME:
         if time is None:
-            clocks = _alike(names, group, taken)
+            clocks = _alike(names, group.names, taken)
             if len(clocks) > 1:
                 clocks = [i for i in clocks if _may_be_time(names[i])]
             time = table.clock if table.clock is not None else _only(path, "time", clocks, names)
@@ -164,24 +167,21 @@ def match_columns(path: str, table: Table, options: ReadOptions) -> Roles:
         )
     taken |= {time} if time is not None else set()
     references = [i for i, name in enumerate(names) if i not in taken and words_of(split_name(name)[0]) & _REFERENCE]
-    torques = [
-        i for i in references if words_of(split_name(names[i])[0]) & set(OUTPUTS[0]) or _bare(names[i])[:3] == "ref"
-    ]
+    torque = set(OUTPUTS[0].names)
+    torques = [i for i in references if words_of(split_name(names[i])[0]) & torque or _bare(names[i])[:3] == "ref"]
     reference = said.get("reference", torques[0] if len(torques) == 1 else None)
     shut = taken | set(torques)
 
     output, bare = said.get("output"), [split_name(name)[0] for name in names]
-    for group in OUTPUTS:
-        if output is None:
-            output = _only(path, "output", _alike(names, group, shut), names)
-    for group in OUTPUTS:
-        if output is None:  # torque1, torque2
-            output = _only(path, "output", _alike([name.rstrip("0123456789") for name in bare], group, shut), names)
+    for spelled in (names, [name.rstrip("0123456789") for name in bare]):  # torque1, torque2
+        for group in OUTPUTS:
+            if output is None:
+                output = _only(path, "output", _alike(spelled, group.names, shut), names)
     if output is None:
         turned = [i for i in range(len(names)) if i not in shut and i not in references]
         output = _only(path, "output", [i for i in turned if _unit_of(table, i) == "torque"], names)
     if output is None:
-        driven = set(_alike(names, {word for group in INPUTS["clutch"] for word in group}, shut))
+        driven = set(_alike(names, {word for group in INPUTS["clutch"] for word in group.names}, shut))
         driven |= {i for i, name in enumerate(names) if split_name(name)[1] in ("%", "V", "A")}
         left = [i for i in range(len(names)) if i not in shut and i not in driven]
         name = f'"{names[left[0]]}"' if len(left) == 1 and names[left[0]] else "NAME"
@@ -211,7 +211,7 @@ def _inputs(path: str, names: Sequence[str], shut: set[int], kind: Kind | None) 
     found: list[tuple[Kind, int]] = []
     for one, groups in INPUTS.items():
         if kind in (None, one):
-            which = next((hit for group in groups if (hit := _alike(names, group, shut))), [])
+            which = next((hit for group in groups if (hit := _alike(names, group.names, shut))), [])
             column = _only(path, "input", which, names)
             if column is not None:
                 found.append((one, column))
@@ -221,7 +221,7 @@ def _inputs(path: str, names: Sequence[str], shut: set[int], kind: Kind | None) 
 def kind_of(name: str, unit: str) -> Kind:
     """Experiment that a user's own choice of input column means."""
     for kind, groups in INPUTS.items():
-        if any(_alike([name], group, set()) for group in groups):
+        if any(_alike([name], group.names, set()) for group in groups):
             return kind
     unit = unit or split_name(name)[1]
     known = unit_of(unit) if unit else None
@@ -229,13 +229,6 @@ def kind_of(name: str, unit: str) -> Kind:
     return kinds.get(known.quantity if known else "", "clutch")
 
 
-def output_default(column: str) -> str:
-    """Unit of an output column that names none."""
-    pairs = zip(OUTPUTS, OUTPUT_UNITS, strict=True)
-    return next((unit for group, unit in pairs if _alike([column], group, set())), "")
-
-
-def input_default(kind: Kind, column: str) -> str:
-    """Unit of an input column that names none; empty where its name does not say the quantity."""
-    pairs = zip(INPUTS[kind], INPUT_UNITS[kind], strict=True)
-    return next((unit for group, unit in pairs if _alike([column], group, set())), "")
+def default_unit(column: str, groups: Sequence[Group]) -> str:
+    """Unit of a column whose name carries none; empty where its name does not say the quantity."""
+    return next((group.unit for group in groups if _alike([column], group.names, set())), "")

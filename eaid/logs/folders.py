@@ -16,6 +16,7 @@ from eaid.logs.dialect import has_table, lines_of
 from eaid.logs.formats import format_of, is_hdf5
 from eaid.logs.units import split_name
 from eaid.sealed import is_as_written
+from eaid.shown import listed
 
 SKIPPED = (
     ".md", ".txt~", ".part", ".json", ".png", ".jpg", ".jpeg", ".pdf", ".svg", ".html", ".toml", ".py", ".m", ".slx",
@@ -37,17 +38,20 @@ def files_of(paths: Iterable[Path], tell: Callable[[str], None] = lambda _: None
     missing: list[str] = []
     for path in paths:
         if path.is_dir():
-            inside, others = _sorted_out(path)
+            inside, left = _sorted_out(path)
+            others = [file.name for file in left]
             if not inside:
-                besides = f" (left out: {_listed(others)})" if others else ""
+                besides = f" (left out: {listed(others, 5)})" if others else ""
                 missing.append(f"{path}: holds no logs{besides}; give the folder that does")
             elif others:
-                tell(f"{path}: left out as no logs: {_listed(others)}; a file given by name is always read")
+                tell(f"{path}: left out as no logs: {listed(others, 5)}; a file given by name is always read")
             files.extend(inside)
         elif path.exists():
             files.append(path)
         else:
             missing.append(f"{path}: no such file or folder; check the path")
+    unnamed = [file for file in files if not _is_utf8(file)]
+    missing.extend(f"{file}: its name, or that of its folder, is not UTF-8; rename it" for file in unnamed)
     if missing:
         raise DataError(*missing)
     twice = [path for path, count in Counter(file.resolve() for file in files).items() if count > 1]
@@ -56,9 +60,11 @@ def files_of(paths: Iterable[Path], tell: Callable[[str], None] = lambda _: None
     return files
 
 
-def _listed(files: list[Path]) -> str:
-    names = [file.name for file in files]
-    return ", ".join(names[:5]) + (f" and {len(names) - 5} more" if len(names) > 5 else "")
+def _is_utf8(path: Path) -> bool:
+    try:
+        return bool(str(path).encode())
+    except UnicodeEncodeError:
+        return False
 
 
 def _sorted_out(folder: Path) -> tuple[list[Path], list[Path]]:
@@ -113,8 +119,8 @@ def plainly_no_log(path: Path) -> bool:
     return not has_table(lines) and not any(_is_heading(line) for line in lines[:100])
 
 
-_TIMES = {name for group in TIME for name in group}
-_OTHERS = {name for groups in (*INPUTS.values(), OUTPUTS) for group in groups for name in group}
+_TIMES = {name for group in TIME for name in group.names}
+_OTHERS = {name for groups in (*INPUTS.values(), OUTPUTS) for group in groups for name in group.names}
 
 
 def _is_heading(line: str) -> bool:

@@ -9,6 +9,7 @@ import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Annotated
 
 import msgspec
 
@@ -21,7 +22,10 @@ from eaid.logs.run import Run
 NAME = "dataset.toml"
 SCHEMA = "eaid/manifest/1"
 AGAIN = "write it again with «write_manifest» of eaid ingest"
+LONGEST_LINE = 4000
+"""Characters of a line; a dotted key of more costs the parser gigabytes."""
 Value = str | float | bool
+Number = Annotated[float, msgspec.Meta(ge=-1e12, le=1e12)]
 
 
 class Options(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
@@ -50,11 +54,11 @@ class Entry(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     file: str
     """Its path; in the file itself, beside the manifest."""
     sha256: str | None = None
-    level: float | None = None
+    level: Number | None = None
     """For logs without an input column."""
-    repeat: int | None = None
-    step_s: float | None = None
-    until_s: float | None = None
+    repeat: Annotated[int, msgspec.Meta(ge=0, le=2**63 - 1)] | None = None
+    step_s: Number | None = None
+    until_s: Number | None = None
 
 
 class _Content(msgspec.Struct):
@@ -102,8 +106,13 @@ def manifest_of(paths: Sequence[Path]) -> Manifest | None:
 def read_manifest(path: Path) -> Manifest:
     """A manifest; raises DataError where it is not written as this eaid writes it."""
     try:
-        content = tomllib.loads(path.read_text(encoding="utf-8-sig"))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as fault:
+        text = path.read_text(encoding="utf-8-sig")
+        if max(map(len, text.split("\n"))) > LONGEST_LINE:
+            raise DataError(f"{path}: has a line of more than {LONGEST_LINE:,} characters; {AGAIN}")
+        content = tomllib.loads(text)
+    except RecursionError:
+        raise DataError(f"{path}: is nested too deep; {AGAIN}") from None
+    except ValueError as fault:  # no TOML, no UTF-8, or a number of thousands of digits
         raise DataError(f"{path}: is no TOML ({fault}); {AGAIN}") from None
     if content.get("schema") != SCHEMA:
         raise DataError(f"{path}: its schema is {content.get('schema')!r}, and this eaid reads {SCHEMA!r}; {AGAIN}")

@@ -1,7 +1,7 @@
 """Logs → runs: every file of a call, in any format, all their faults at once."""
 
 import os
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from pathlib import Path
@@ -26,11 +26,9 @@ from eaid.sealed import is_as_written
 NOTHING_SAID = ReadOptions()
 
 
-def read_runs(
-    paths: Sequence[Path], options: ReadOptions = NOTHING_SAID, on_file: Callable[[], None] = lambda: None
-) -> list[Run]:
+def read_runs(paths: Sequence[Path], options: ReadOptions = NOTHING_SAID) -> list[Run]:
     """Runs of all logs, in the order given; raises DataError with a sentence for every fault of every log."""
-    runs, faults = read_what_can_be(paths, options, on_file)
+    runs, faults = read_what_can_be(paths, options)
     if faults:
         raise DataError(*faults)
     return runs
@@ -42,7 +40,7 @@ def read_what_can_be(
     """Runs of the good logs, and the faults of the others; `on_file` is called after each file."""
     files = files_of(paths)
 
-    def one(path: Path) -> tuple[list[Run], list[str]]:
+    def of_file(path: Path) -> tuple[list[Run], list[str]]:
         try:
             return read_file(path, options, foreign)
         except DataError as fault:
@@ -52,24 +50,17 @@ def read_what_can_be(
 
     runs: list[Run] = []
     faults: list[str] = []
-
-    def collect(read: Iterable[tuple[list[Run], list[str]]]) -> None:
-        for found, wrong in read:
-            runs.extend(found)
-            faults.extend(wrong)
-            on_file()
-
-    workers = min(4, os.cpu_count() or 1, len(files))
-    with ForeignReader() as foreign:
-        if workers <= 1:
-            collect(map(one, files))
-        else:  # the parser and the checksum work outside the interpreter's lock
-            with ThreadPoolExecutor(workers) as pool:
-                try:
-                    collect(pool.map(one, files))
-                except BaseException:
-                    pool.shutdown(cancel_futures=True)
-                    raise
+    workers = min(4, os.cpu_count() or 1)
+    # the parser and the checksum work outside the interpreter's lock; a single file is broken off at once
+    with ForeignReader() as foreign, ThreadPoolExecutor(workers) as pool:
+        try:
+            for of_log, wrong in (pool.map if len(files) > 1 else map)(of_file, files):
+                runs.extend(of_log)
+                faults.extend(wrong)
+                on_file()
+        except BaseException:
+            pool.shutdown(cancel_futures=True)
+            raise
     _refuse_what_does_nothing(runs, options)
     return together(runs, faults, options)
 

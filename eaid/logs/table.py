@@ -52,8 +52,6 @@ class Table:
     """Unit of each column where the file says it apart from the name; empty strings where not."""
     rate_hz: float | None = None
     """Sample rate said by the file, for tables without a time column [Hz]."""
-    starts_s: float = 0.0
-    """First time of a table without a time column [s]."""
     said: Mapping[str, str] = field(default_factory=dict)
     """Facts told in comment lines or properties (`synthetic`, `level`, …)."""
     clock: int | None = None

@@ -36,7 +36,7 @@ BLANK = b"\r\n \t\x00\x1a"
 _DECIMAL = re.compile(rb"(?<![\d.,])0+,\d|\d,\d{1,2}(?!\d)|\d,\d{4}")
 """A comma that is a decimal mark and cannot be one between thousands."""
 _CLOCK = re.compile(
-    r"(?:(\S+?)[T ]+)?(\d{1,2}):(\d{2})(?::(\d{2})(?:[.,](\d+))?)?\s*(AM|PM)?(Z|([+-])(\d{2}):?(\d{2}))?$"
+    r"(?:(\S+?)[T ]+)?([01]?\d|2[0-3]):([0-5]\d)(?::([0-5]\d|60)(?:[.,](\d+))?)?\s*(AM|PM)?(Z|([+-])(\d{2}):?(\d{2}))?$"
 )
 _DATES = ("%Y-%m-%d", "%Y/%m/%d", "%Y.%m.%d", "%d.%m.%Y", "%d/%m/%Y", "%m/%d/%Y", "%d-%m-%Y")
 
@@ -52,7 +52,7 @@ def read_text(path: Path, source: str, tell: Callable[[float], None] = lambda _:
     dialect = sniff(source, head, len(head) < HEAD_BYTES)
     units = tuple("s" if i in dialect.stamps else unit for i, unit in enumerate(dialect.units))
     load = _TextLog(path, source, zipped, dialect, tell).load
-    return [Table("", dialect.columns, load, units, rate_said(dialect.said), 0.0, dialect.said)]
+    return [Table("", dialect.columns, load, units, rate_said(dialect.said), dialect.said)]
 
 
 @contextlib.contextmanager
@@ -189,10 +189,6 @@ def _day(text: str) -> int | None:
     return None
 
 
-def _is_clock(found: re.Match[str]) -> bool:
-    return int(found.group(2)) < 24 and int(found.group(3)) < 60 and int(found.group(4) or 0) < 61
-
-
 def seconds_of(texts: Sequence[str]) -> tuple[Array, list[int]]:
     """Seconds since the whole second of the first stamp, shape (n,), and the places of those that cannot be read (NaN).
 
@@ -209,7 +205,7 @@ def seconds_of(texts: Sequence[str]) -> tuple[Array, list[int]]:
         if date not in days:
             days[date] = _day(date)
         day = days[date]
-        if not found or day is None or not _is_clock(found):
+        if not found or day is None:
             wrong.append(i)
             continue
         hour = int(found.group(2))

@@ -15,7 +15,7 @@ from eaid.findings import Finding, finding
 from eaid.logs.by_values import chosen_table, steps, the_input
 from eaid.logs.checks import checked, without_moving_steps
 from eaid.logs.clock import TimeScale, seconds_since_start, time_scale
-from eaid.logs.columns import COUNTERS, Roles, input_default, output_default
+from eaid.logs.columns import COUNTERS, INPUTS, OUTPUTS, Roles, default_unit
 from eaid.logs.options import ReadOptions
 from eaid.logs.run import INPUT_UNITS, Run
 from eaid.logs.table import Cells, Table
@@ -52,7 +52,10 @@ class _Columns:
 
 def _signed(values: NDArray[Any]) -> NDArray[Any]:
     """Unsigned whole numbers as signed ones, booleans as numbers: their differences may be below zero."""
-    return values.astype(np.int64) if values.dtype.kind in "ub" else values
+    if values.dtype.kind not in "ub":
+        return values
+    too_large = values.dtype == np.uint64 and len(values) and values.max() > np.iinfo(np.int64).max
+    return values.astype(np.float64 if too_large else np.int64)
 
 
 @dataclass(frozen=True)
@@ -106,6 +109,8 @@ def run_of(origin: Origin, tables: Sequence[Table], options: ReadOptions) -> Run
     table, roles = chosen_table(source, tables, options)
     log = _Log(source, table, roles, options)
     clock, (level, repeat) = log.clock, options.of_name(origin.says)
+    if repeat is not None and repeat > np.iinfo(np.int64).max:
+        raise DataError(f"{source}: its repeat, {repeat}, is no count; mend «name_pattern», or rename the log")
     beside = (clock, roles.reference, roles.trigger, roles.position)
     taken = [column for column in (roles.output, *beside) if column is not None]
     likely = [column for _, column in roles.inputs]
@@ -134,14 +139,14 @@ def run_of(origin: Origin, tables: Sequence[Table], options: ReadOptions) -> Run
     if clock is not None:
         time_s, start_s, doubts = seconds_since_start(source, table.label(clock), rows, log.time_scale)
     else:
-        time_s, start_s, doubts = read_only(rows * log.time_scale.factor), table.starts_s, ()
-    into = log.scale("output", roles.output, output_default(table.columns[roles.output]))
+        time_s, start_s, doubts = read_only(rows * log.time_scale.factor), 0.0, ()
+    into = log.scale("output", roles.output, default_unit(table.columns[roles.output], OUTPUTS))
     output = into.of(kept(roles.output))
     findings = (*roles.findings, *findings, *columns.cells.findings, *doubts, *into.findings)
     unit = options.units.get("input", "") if kind is None else INPUT_UNITS[kind]  # a name says a level and no unit
     input_ = np.broadcast_to(np.float64(np.nan), len(rows))  # takes no memory
     if which is not None and kind is not None:
-        in_ = log.scale("input", which, input_default(kind, table.columns[which]))
+        in_ = log.scale("input", which, default_unit(table.columns[which], INPUTS[kind]))
         unit, input_, findings = in_.unit, in_.of(kept(which)), (*findings, *in_.findings)
     elif trigger is not None and level is not None:
         on = columns[trigger]

@@ -16,6 +16,7 @@ from eaid.arrays import Array, read_only
 from eaid.errors import DataError
 from eaid.findings import Finding, finding
 from eaid.logs.run import Run
+from eaid.shown import listed
 
 
 def counted_once(runs: Sequence[Run]) -> list[Run]:
@@ -117,19 +118,15 @@ def named_apart(runs: Sequence[Run]) -> list[Run]:
     """Runs with names of their own: the folder's name before a name that comes twice, then a number behind it."""
     counts = Counter(run.name for run in runs)
     apart = [
-        _named(run, f"{Path(run.source).resolve().parent.name}-{run.name}") if counts[run.name] > 1 else run
+        replace(run, name=f"{Path(run.source).resolve().parent.name}-{run.name}") if counts[run.name] > 1 else run
         for run in runs
     ]
     seen: Counter[str] = Counter()
     for i, run in enumerate(apart):
         seen[run.name] += 1
         if seen[run.name] > 1:
-            apart[i] = _named(run, f"{run.name}-{seen[run.name]}")
+            apart[i] = replace(run, name=f"{run.name}-{seen[run.name]}")
     return apart
-
-
-def _named(run: Run, name: str) -> Run:
-    return replace(run, name=name)
 
 
 def joined(runs: Sequence[Run]) -> list[Run]:
@@ -160,6 +157,7 @@ def _joined(parts: list[Run]) -> Run:
                 raise DataError(
                     f"{after.where}: its {what.replace('_', ' ')} is not that of {before.where}; join like logs"
                 )
+    others = [f"{part.source} ({part.sha256[:12]})" for part in parts[1:]]
     return replace(
         first,
         name=re.sub(r"[-_. ]?(part)?[-_. ]?0*1$", "", first.name) or first.name,
@@ -168,7 +166,7 @@ def _joined(parts: list[Run]) -> Run:
         output=read_only(np.concatenate([part.output for part in parts])),
         reference_nm=_beside([part.reference_nm for part in parts]),
         position=_beside([part.position for part in parts]),
-        findings=(*_findings_of(parts), finding("logs-joined", first.name, others=_listed(parts[1:]))),
+        findings=(*_findings_of(parts), finding("logs-joined", first.name, others=listed(others, 3))),
     )
 
 
@@ -184,8 +182,3 @@ def _findings_of(parts: Sequence[Run]) -> list[Finding]:
     for part in parts:
         found.extend(one for one in part.findings if one not in found)
     return found
-
-
-def _listed(parts: Sequence[Run]) -> str:
-    others = ", ".join(f"{part.source} ({part.sha256[:12]})" for part in parts[:3])
-    return f"{others} and {len(parts) - 3} more" if len(parts) > 3 else others

@@ -38,20 +38,3 @@ def at_duty(p: Nonlinear, duty_pct: float) -> Friction:
 def step_response(p: Nonlinear, t_s: Array, duty_pct: float) -> Array:
     """Torque after a duty step from rest [N·m], Eq. (4), shape of `t_s`."""
     return friction.step_response(at_duty(p, duty_pct), t_s)
-
-
-def gradient(p: Nonlinear, t_s: Array, duty_pct: float) -> Array:
-    """Derivatives of the torque by the coefficients of τ1, τ2 and T_s, in this order, and by C last.
-
-    Shape (10 + 1, n) for the paper's degrees; `duty_pct` has to lie within the identified duties.
-    """
-    by_ts, by_tau1, by_tau2, by_share = friction.gradient(at_duty(p, duty_pct), t_s)
-    powers = duty_pct ** np.arange(max(len(p.tau1), len(p.tau2), len(p.Ts)))
-    return np.concatenate(
-        [
-            powers[: len(p.tau1), None] * by_tau1,
-            powers[: len(p.tau2), None] * by_tau2,
-            powers[: len(p.Ts), None] * by_ts,
-            by_share[None],
-        ]
-    )

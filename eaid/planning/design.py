@@ -14,7 +14,7 @@ from eaid.arrays import Array
 from eaid.models.parameters import Friction
 from eaid.uncertainty.curve import powers
 from eaid.uncertainty.level_statistics import TERMS
-from eaid.uncertainty.noise import Noise
+from eaid.uncertainty.rig_noise import Noise
 from eaid.uncertainty.student_t import t_quantile
 
 PARAMETERS = {"Ts": 0, "tau1": 1, "tau2": 2}
@@ -96,7 +96,8 @@ def quickest(
         curves = [curve_at(level) for level in levels]
         duty = np.array(levels)
         for factor in HOLDS:
-            hold = np.array([_hold(factor * curve.tau2, session) for curve in curves])
+            # whole seconds, within what the rig and the least record allow
+            hold = np.ceil([min(max(factor * c.tau2, LEAST_HOLD_S), session.longest_hold_s) for c in curves])
             within = within_runs(curves, hold, noise)
             for repeats in range(LEAST_REPEATS, MOST_REPEATS + 1):
                 widths = half_widths(within, curves, duty, repeats, noise, polynomial and len(levels) > 1)
@@ -110,11 +111,6 @@ def quickest(
                     break
     assert best is not None
     return best[1]
-
-
-def _hold(hold_s: float, session: Session) -> float:
-    """Whole seconds, within what the rig and the least record allow."""
-    return float(np.ceil(min(max(hold_s, LEAST_HOLD_S), session.longest_hold_s)))
 
 
 def level_sets(known: Sequence[float], most: int) -> list[list[float]]:

@@ -9,17 +9,17 @@ from eaid.limits import check_all
 from eaid.models.parameters import Nonlinear
 from eaid.planning import played
 from eaid.planning.design import Session
-from eaid.planning.promise import Widths, enlarged, finite, kept_widths, over
+from eaid.planning.enlarge import Widths, enlarged, finite, kept_widths, over
 from eaid.planning.recordings import refuse_widths
 from eaid.planning.rigs import rig_of
 from eaid.recorded.design import ExcitationPlan, plan_excitation
-from eaid.recorded.sequence import Limits
+from eaid.recorded.sequence import Limits, refuse_scattered
 from eaid.results.fit import Fit
 from eaid.results.recorded import Excitation
-from eaid.uncertainty.noise import Noise
+from eaid.uncertainty.rig_noise import Noise
 
-SETS, KEEPING = 20, 19
-"""Recordings that are simulated, and how many of them keep the widths: 19/(20 + 1) = 90 %."""
+SETS, KEEPING = 20, 19 / 21
+"""Recordings that are simulated of each sequence, and the probability that a recording keeps a width: 19 of 20 do."""
 
 
 @dataclass(frozen=True)
@@ -38,23 +38,10 @@ class ExcitationOptions:
 def shortest_recording(
     fit: Fit, options: ExcitationOptions | None = None, progress: Callable[[], None] = lambda: None
 ) -> Excitation:
-    """The shortest sequence that identifies a fit's plant to the wanted widths, and what steps would take.
+    """The shortest sequence that identifies a fit's plant to the wanted widths: what `eaid.plan_excitation` calls.
 
-    Parameters
-    ----------
-    fit : Fit
-        What is known of the rig: its nonlinear model, noise and scatter.
-    options : ExcitationOptions, optional
-        Wanted half-widths, and what the rig allows, in its own input unit.
-    progress : callable, optional
-        Called once per simulated recording.
-
-    Raises
-    ------
-    UsageError
-        A width of no parameter, or limits that leave nothing.
-    DataError
-        A fit without a nonlinear model.
+    `UsageError` for a width of no parameter or one that the scatter keeps out of reach, and for limits that leave
+    nothing; `DataError` for a fit without a nonlinear model.
     """
     options = options or ExcitationOptions()
     check_all(seed=options.seed)
@@ -62,6 +49,7 @@ def shortest_recording(
     if fit.nonlinear is None:
         raise DataError("the fit holds no nonlinear model, which a sequence is planned with; fit clutch logs with it")
     rig = rig_of(fit)
+    refuse_scattered(rig.noise, options.want)
     limits = options.limits or Limits(input=fit.plant.u_range, unit=rig.plant.input_unit)
     plan, rows = sequence_for(fit.plant, rig.noise, options, limits, progress)
     measured = None if rows is None else kept_widths(rows, KEEPING)

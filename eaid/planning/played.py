@@ -6,7 +6,8 @@ import numpy as np
 
 from eaid.logs.run import Run
 from eaid.models.parameters import Nonlinear
-from eaid.planning.promise import RATE_HZ, Widths, disturbance_of, rotor_hz
+from eaid.planning.enlarge import Widths
+from eaid.planning.simulated import RATE_HZ, disturbance_of, rotor_hz
 from eaid.recorded.design import ExcitationPlan
 from eaid.recorded.fit import fit_recorded
 from eaid.recorded.options import RecordedOptions
@@ -15,7 +16,7 @@ from eaid.results.fit import Fit
 from eaid.synth.disturbance import Disturbance, measured, sample_times, scatter
 from eaid.synth.logs import response
 from eaid.synth.plants import clutch
-from eaid.uncertainty.noise import Noise
+from eaid.uncertainty.rig_noise import Noise
 
 
 def recording(

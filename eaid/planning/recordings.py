@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 
 import numpy as np
 
@@ -10,13 +11,13 @@ from eaid.findings import Finding, Value, finding
 from eaid.limits import check_all
 from eaid.planning import simulated
 from eaid.planning.design import PARAMETERS, Experiment, Session
-from eaid.planning.promise import Widths, enlarged, finite, kept_widths, over
+from eaid.planning.enlarge import Widths, enlarged, finite, kept_widths, over
 from eaid.planning.rigs import FittedRig, rig_of
 from eaid.results.fit import Fit
 from eaid.results.plan import Plan, PlannedRun
 
-SETS, KEEPING = 14, 12
-"""Recordings that are simulated, and how many of them keep the stated widths: 12/(14 + 1) = 80 %."""
+SETS, KEEPING = 14, 0.8
+"""Recordings that are simulated of each plan, and the probability that a recording keeps a stated width."""
 NOTICED = 0.01
 """Scatter from run to run that is named as what stands in the way of a width."""
 
@@ -39,28 +40,9 @@ class PlanOptions:
 
 
 def plan_recordings(fit: Fit, options: PlanOptions | None = None, progress: Callable[[], None] = lambda: None) -> Plan:
-    """The quickest session on the rig whose intervals are as narrow as is wanted.
+    """The quickest session on the rig whose intervals are as narrow as is wanted: what `eaid.plan` calls.
 
-    Parameters
-    ----------
-    fit : Fit
-        What is known of the rig: its model, noise and scatter.
-    options : PlanOptions, optional
-        Wanted half-widths and limits of the rig.
-    progress : callable, optional
-        Called once per simulated recording.
-
-    Returns
-    -------
-    Plan
-        With a finding where a width is out of reach, or the fit is no ground to plan on.
-
-    Raises
-    ------
-    UsageError
-        A width of no parameter, or a limit that no rig has.
-    DataError
-        A fit that holds neither a nonlinear nor a friction model.
+    `UsageError` for a width of no parameter or a limit that no rig has; `DataError` for a fit without a model of steps.
     """
     options = options or PlanOptions()
     check_all(
@@ -71,27 +53,31 @@ def plan_recordings(fit: Fit, options: PlanOptions | None = None, progress: Call
     rig = rig_of(fit)
     session = Session(options.idle_s, options.release_s, options.most_levels, options.longest_hold_s)
 
-    def make(wanted: Mapping[str, float]) -> Experiment:
-        return rig.quickest(wanted, session)
-
+    make = partial(rig.quickest, session=session)
     measured: Widths | None = None
     if options.check:
         rigs = rig.drawn(SETS, options.seed)
-        plan, rows = enlarged(
-            make, lambda plan: simulated.measure(plan, rigs, rig.share, options.seed, progress), options.want, KEEPING
-        )
+        simulate = partial(simulated.measure, rigs=rigs, share=rig.share, seed=options.seed, progress=progress)
+        plan, rows = enlarged(make, simulate, options.want, KEEPING)
         measured = kept_widths(rows, KEEPING)
     else:
         plan = make(options.want)
     widths = measured or plan.half_width_pct
     excess = over(widths, options.want)
+    worst = max(excess, key=excess.__getitem__)
     findings = _doubts(rig)
-    if max(excess.values()) > 1:
-        findings.append(_shortfall(max(excess, key=excess.__getitem__), options.want, widths, plan, rig))
+    if excess[worst] > 1:
+        scatter = 100 * dict(zip(PARAMETERS, rig.design_noise.scatter, strict=True))[worst]
+        values: dict[str, Value] = {
+            "width_pct": finite(widths)[worst],
+            "wanted_pct": options.want[worst],
+            "scatter_pct": scatter if scatter > 100 * NOTICED else None,
+        }
+        findings.append(finding("plan-falls-short", "plan", (), parameter=worst, repeats=plan.repeats, **values))
     return Plan(
         seed=options.seed,
         wanted=dict(options.want),
-        met=max(excess.values()) <= 1,
+        met=excess[worst] <= 1,
         levels=plan.levels,
         hold_s=plan.hold_s,
         repeats=plan.repeats,
@@ -122,19 +108,6 @@ def _doubts(rig: FittedRig) -> list[Finding]:
     if rig.fit.nonlinear is not None and rig.fit.nonlinear.identifiable is False:
         findings.append(finding("plan-rests-on-a-guess", "plan"))
     return findings
-
-
-def _shortfall(name: str, wanted: Mapping[str, float], widths: Widths, plan: Experiment, rig: FittedRig) -> Finding:
-    """Which width no experiment within the limits reaches, and what stands in the way."""
-    scatter = 100 * dict(zip(PARAMETERS, rig.design_noise.scatter, strict=True))[name]
-    values: dict[str, Value] = {
-        "parameter": name,
-        "width_pct": finite(widths)[name],
-        "wanted_pct": wanted[name],
-        "scatter_pct": scatter if scatter > 100 * NOTICED else None,
-        "repeats": plan.repeats,
-    }
-    return finding("plan-falls-short", "plan", (), **values)
 
 
 def run_order(plan: Experiment, session: Session, seed: int) -> tuple[PlannedRun, ...]:

@@ -18,7 +18,7 @@ from eaid.results.fit import Fit
 from eaid.results.friction import FrictionLevel
 from eaid.synth.plants import Plant, clutch, of_fit
 from eaid.uncertainty.draw import draw
-from eaid.uncertainty.noise import ASSUMED, Noise, cautious, noise_of_fit, scattered
+from eaid.uncertainty.rig_noise import ASSUMED, Noise, cautious, noise_of_fit, scattered
 from eaid.uncertainty.student_t import t_quantile
 
 Rig: TypeAlias = tuple[Plant, Noise]
@@ -60,7 +60,8 @@ class FittedRig:
         if self.plant.kind == "clutch":
             plants = [clutch(model, self.plant.made_of) for model in draw(self.fit, n, seed).plants]
         else:
-            plants = [_levels_drawn(self.plant, _friction_levels(self.fit), random) for _ in range(n)]
+            assert self.fit.friction is not None
+            plants = [_levels_drawn(self.plant, self.fit.friction.levels, random) for _ in range(n)]
         degrees = max(self.degrees, 1.0)
         chance = random.chisquare(degrees, (n, 3)) / degrees
         factors = 1 / np.sqrt(chance) if self.degrees > 0 else np.ones((n, 3))
@@ -69,8 +70,7 @@ class FittedRig:
 
 def rig_of(fit: Fit) -> FittedRig:
     """The rig that a fit describes; `DataError` where it holds neither a nonlinear nor a friction model."""
-    rows = _friction_levels(fit)
-    if fit.nonlinear is None and (fit.data.kind == "clutch" or not rows):
+    if fit.nonlinear is None and (fit.data.kind == "clutch" or not fit.friction_levels):
         raise DataError("the fit holds neither a nonlinear nor a friction model to plan with; fit again")
     plant = of_fit(fit, "clutch" if fit.nonlinear is not None else fit.data.kind, "a fit")
     levels: Sequence[float] = plant.levels
@@ -80,10 +80,6 @@ def rig_of(fit: Fit) -> FittedRig:
         share = (fit.friction.C if fit.friction is not None else None) or SHARE
     noise = noise_of_fit(fit, apart=True)
     return FittedRig(fit, plant, levels, share, noise or ASSUMED, noise is not None)
-
-
-def _friction_levels(fit: Fit) -> tuple[FrictionLevel, ...]:
-    return fit.friction.levels if fit.friction is not None else ()
 
 
 def _levels_drawn(plant: Plant, rows: tuple[FrictionLevel, ...], random: np.random.Generator) -> Plant:

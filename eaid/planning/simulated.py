@@ -1,25 +1,32 @@
 """Simulated recordings of a planned session of steps, and their own intervals.
 
 Each time the rig is another one that the fit allows (`rigs`): the plan has to hold for the true rig, not for the fitted
-one.
+one. The noise is that of the fit: white noise of density s0, coloured noise of density s1 as a share of the torque, a
+sine where the ripple is periodic, and the scatter between runs.
 """
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from math import sqrt
 
 import numpy as np
 
 from eaid.models.friction import step_response
 from eaid.planning.design import PARAMETERS, Experiment
-from eaid.planning.promise import RATE_HZ, Widths, disturbance_of, rotor_hz
+from eaid.planning.enlarge import Widths
 from eaid.planning.rigs import Rig
 from eaid.steps.stepset import Level
-from eaid.synth.disturbance import measured, scatter
+from eaid.synth.disturbance import NONE, Disturbance, measured, scatter
 from eaid.synth.plants import Plant
 from eaid.uncertainty.friction_intervals import level_rows
 from eaid.uncertainty.level_statistics import curve_degrees, curves, statistics_at_share
-from eaid.uncertainty.noise import Noise
+from eaid.uncertainty.rig_noise import Noise
 from eaid.uncertainty.student_t import t_quantile
+
+RATE_HZ = 100.0
+"""Samples a second of a simulated recording."""
+MEMORY_S = 0.05
+"""Time constant of its coloured noise [s]."""
 
 
 def measure(
@@ -36,11 +43,11 @@ def measure(
 
 def experiment(plan: Experiment, plant: Plant, noise: Noise, seed: int) -> tuple[Level, ...]:
     """The levels of one simulated recording."""
-    disturbance, ripple_hz = disturbance_of(noise), rotor_hz(noise)
+    disturbance = disturbance_of(noise)
     levels = []
     for i, (level, hold_s) in enumerate(zip(plan.levels, plan.hold_s, strict=True)):
         random, time_s = np.random.default_rng([seed, i]), np.arange(round(hold_s * RATE_HZ)) / RATE_HZ
-        rotor = np.full_like(time_s, ripple_hz)
+        rotor = np.full_like(time_s, rotor_hz(noise))
         runs = []
         for _ in range(plan.repeats):
             torque_nm = step_response(scatter(disturbance, random).of(plant.at(level)), time_s)
@@ -64,3 +71,22 @@ def widths(levels: tuple[Level, ...], share: float, polynomial: bool) -> Widths:
             reach = np.max(t_quantile(curve_degrees(base, curve, name)) * curve.log_sd(base.duty_pct))
             worst[name] = float(100 * np.expm1(np.minimum(reach, 50.0)))
     return worst
+
+
+def disturbance_of(noise: Noise) -> Disturbance:
+    """The noise and the scatter of a fit as a simulated recording has them."""
+    return replace(
+        NONE,
+        white_nm=sqrt(noise.sensor_nm2_s * RATE_HZ),
+        coloured=sqrt(noise.ripple_s / (2 * MEMORY_S)),
+        coloured_s=MEMORY_S,
+        ripple=0.0 if noise.periodic is None else noise.periodic.amplitude,
+        gain_scatter=min(noise.scatter[0], 0.3),
+        tau1_scatter=noise.scatter[1],
+        tau2_scatter=noise.scatter[2],
+    )
+
+
+def rotor_hz(noise: Noise) -> float:
+    """Frequency of the periodic ripple [Hz]; 0 without one."""
+    return 0.0 if noise.periodic is None else 1 / noise.periodic.period_s

@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 
 from eaid.arrays import Array
+from eaid.fitting.choices import CONVENTIONS
 from eaid.fitting.data import data_of
 from eaid.fitting.first_order import fit_each_level
 from eaid.fitting.linear import bounds_of, by_convention
 from eaid.fitting.metrics import errors
-from eaid.fitting.options import CONVENTIONS
 from eaid.logs.run import Run
 from eaid.models import nonlinear as curve
 from eaid.models.parameters import Linear as Eq8
@@ -21,10 +21,11 @@ from eaid.recorded.log import RecordedLog
 from eaid.recorded.scatter import FEWEST
 from eaid.recorded.solve import Solved, model_of
 from eaid.results.common import Input, Interval, LevelError, Source
-from eaid.results.fit import Data
-from eaid.results.friction import Friction, FrictionLevel, LevelIntervals
+from eaid.results.fit import FittedData
+from eaid.results.friction import Friction, FrictionLevel, LevelIntervals, Release
 from eaid.results.linear import Linear
 from eaid.results.nonlinear import CoefficientIntervals, Covariance, CurveLevel, Nonlinear
+from eaid.results.recorded import Falls
 from eaid.results.uncertainty import Noise, Uncertainty
 from eaid.steps.stepset import Level, StepSet
 from eaid.uncertainty.joint import coefficients_of
@@ -41,7 +42,7 @@ WIDEST = 10.0
 
 def data_part(
     logs: Sequence[RecordedLog], runs: Sequence[RecordedLog | Run], steps: StepSet | None, levels: Array
-) -> Data:
+) -> FittedData:
     """What was fitted."""
     first = next((run for run in runs if isinstance(run, Run)), None)
     rates = [(len(log.time_s) - 1) / float(log.time_s[-1] - log.time_s[0]) for log in logs]
@@ -59,7 +60,7 @@ def data_part(
     ]
     inputs = {log.source: log.sha256 for log in logs if log.source and Path(log.source).is_file()}
     made = first.synthetic if first is not None else None
-    return Data(
+    return FittedData(
         kind=(first.kind if first is not None and first.kind else steps.kind if steps is not None else "clutch"),  # type: ignore[arg-type]
         input_unit="%" if first is None else first.input_unit,
         output_unit="N·m" if first is None else first.output_unit,
@@ -71,10 +72,10 @@ def data_part(
     )
 
 
-def nonlinear_part(solved: Solved, sure: Spread | None, known: CurveSpread | None, shown: Array) -> Nonlinear:
+def nonlinear_part(solved: Solved, uncertainty: Spread | None, known: CurveSpread | None, shown: Array) -> Nonlinear:
     """The ten coefficients, with errors by level and intervals."""
     p, total = model_of(solved), errors(solved.outputs, solved.missed)
-    intervals, covariance = (None, None) if sure is None else _coefficients(solved, sure)
+    intervals, covariance = (None, None) if uncertainty is None else _coefficients(solved, uncertainty)
     return Nonlinear(
         tau1=tuple(p.tau1),  # type: ignore[arg-type]
         tau2=tuple(p.tau2),  # type: ignore[arg-type]
@@ -120,41 +121,40 @@ def _curves(known: CurveSpread) -> tuple[CurveLevel, ...]:
     return tuple(rows)
 
 
-def _coefficients(solved: Solved, sure: Spread) -> tuple[CoefficientIntervals, Covariance]:
+def _coefficients(solved: Solved, uncertainty: Spread) -> tuple[CoefficientIntervals, Covariance]:
     """Intervals of the paper's coefficients, and their covariance in powers of u/100."""
     basis, share_free = solved.setup.model.basis, solved.setup.model.share is None
     assert basis is not None
     plain = coefficients_of(model_of(solved), share_free)
     unit = [coefficients_of(basis.parameters(row), share_free).values for row in np.eye(len(solved.coefficients))]
     T = np.array(unit).T
-    V = sure.covariance[: T.shape[1], : T.shape[1]]
+    V = uncertainty.covariance[: T.shape[1], : T.shape[1]]
     c = replace(plain, covariance=T @ V @ T.T)
-    degrees = degrees_of(solved, sure)
+    degrees = degrees_of(solved, uncertainty)
     return coefficient_intervals(c, {**degrees}), covariance_part(c, {**degrees}, "robust")
 
 
-def degrees_of(solved: Solved, sure: Spread) -> dict[str, float]:
+def degrees_of(solved: Solved, uncertainty: Spread) -> dict[str, float]:
     """Degrees of freedom of T_s, τ1, τ2 at the middle of the range."""
     model = solved.setup.model
     slopes = model.slopes(np.array([0.5 * (model.low + model.high)]), solved.setup.size)
-    return {name: sure.variance(slopes[k, 0])[1] for name, k in (("tau1", 1), ("tau2", 2), ("Ts", 0))}
+    return {name: uncertainty.variance(slopes[k, 0])[1] for name, k in (("tau1", 1), ("tau2", 2), ("Ts", 0))}
 
 
-def uncertainty_part(solved: Solved, sure: Spread) -> Uncertainty:
+def uncertainty_part(solved: Solved, uncertainty: Spread) -> Uncertainty:
     """Where the intervals come from, and the noise that further recordings can be planned with."""
-    seen = sure.scatter
+    seen = uncertainty.scatter
     return Uncertainty(
         ci="robust",
         scatter_from="engagements" if seen.count >= FEWEST else "within",
-        degrees_of_freedom=min(degrees_of(solved, sure).values()),
+        degrees_of_freedom=min(degrees_of(solved, uncertainty).values()),
         noise=Noise(seen.sensor_nm2_s, seen.ripple_s, {"Ts": seen.gain, "tau1": 0.0, "tau2": 0.0}),
     )
 
 
 def linear_part(solved: Solved, base: Solved, levels: Array) -> Linear:
     """Eq. (8) of the logs, and of each level by itself: of steps of the fitted nonlinear model."""
-    setup = solved.setup
-    tables = setup.model.tables(setup.model.rows_of(levels), solved.coefficients)
+    tables = solved.curves(levels)
     a0 = 1 / float(tables.tau1[0])
     if len(levels) > 1:
         slope = float((tables.steady[-1] - tables.steady[0]) / (levels[-1] - levels[0]))
@@ -193,7 +193,7 @@ def friction_part(solved: Solved) -> Friction:
     """T_s, τ1, τ2 of each level by itself."""
     model = solved.setup.model
     assert model.levels is not None and model.share is not None
-    tables = model.tables(model.rows_of(model.levels), solved.coefficients)
+    tables = solved.curves(model.levels)
     values = zip(tables.steady.tolist(), tables.tau1.tolist(), tables.tau2.tolist(), strict=True)
     levels = [
         FrictionLevel(
@@ -202,3 +202,11 @@ def friction_part(solved: Solved) -> Friction:
         for one, (Ts, tau1, tau2) in zip(_level_errors(solved, model.levels), values, strict=True)
     ]
     return Friction(C=model.share, levels=tuple(levels), solver=solved.solver)
+
+
+def release_part(solved: Solved, falls: Falls) -> Release | None:
+    """Time constants of falls to rest, where they were fitted."""
+    if not falls.release_fitted or falls.release_tau1 is None or falls.release_tau2 is None:
+        return None
+    share = solved.setup.model.share
+    return Release(tau1=falls.release_tau1, tau2=falls.release_tau2, C=0.85 if share is None else share)

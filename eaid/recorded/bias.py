@@ -54,13 +54,13 @@ def bias_of(base: Solved, laws: Sequence[Law | None], refits: int, seed: int) ->
     mean, sd = errors.mean(axis=0), errors.std(axis=0, ddof=1) if refits > 1 else np.zeros_like(errors[0])
     off = [100 * float(np.sqrt(np.mean(one**2))) for one in mean]
     wide = [100 * float(np.sqrt(np.mean(one**2))) for one in sd]
-    sure = np.sqrt(np.maximum(mean**2 - sd**2 / refits, 0.0))
-    return CurveBias(shown, sure, Bias(refits, off[0], off[1], off[2], wide[0], wide[1], wide[2]))
+    beyond_chance = np.sqrt(np.maximum(mean**2 - sd**2 / refits, 0.0))
+    return CurveBias(shown, beyond_chance, Bias(refits, off[0], off[1], off[2], wide[0], wide[1], wide[2]))
 
 
 def _logs_of_curves(solved: Solved, duty: Array) -> Array:
     """log T_s, log τ1, log τ2, (3, L)."""
-    tables = solved.setup.model.tables(solved.setup.model.rows_of(duty), solved.coefficients)
+    tables = solved.curves(duty)
     return np.asarray(np.log(np.maximum(np.array([tables.steady, tables.tau1, tables.tau2]), 1e-9)))
 
 

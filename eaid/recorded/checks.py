@@ -10,6 +10,8 @@ from eaid.findings import Finding, finding
 from eaid.recorded.log import RecordedLog
 
 LEAST_ROWS = 10
+FEW_VALUES = 5
+"""Different outputs up to which an input that moves all the time is taken for the output."""
 JUMP = 0.1
 """A jump, as a part of the largest input."""
 FAST_PCT = 20.0
@@ -34,6 +36,11 @@ def refuse(logs: Sequence[RecordedLog]) -> None:
             faults.append(f"{where}: holds {known} rows with an output; a fit needs {LEAST_ROWS}")
         elif np.ptp(log.output[np.isfinite(log.output)]) == 0:
             faults.append(f"{where}: its output never changes; look at the sensor")
+        elif len(np.unique(log.output[np.isfinite(log.output)])) <= FEW_VALUES and not log.stepwise:
+            faults.append(
+                f"{where}: its output takes {FEW_VALUES} values or fewer while its input moves all the time, as if "
+                "they were swapped; name both with «columns» input=NAME,output=NAME"
+            )
         elif not (np.diff(log.time_s) > 0).all():
             faults.append(f"{where}: its time does not rise; sort or drop the rows")
     if faults:

@@ -1,11 +1,8 @@
 """Logs of closed loops: which law drove them, how they track, and what the noise in their duty does to a direct fit.
 
-A PI law Δu_k = K_P Δe_k + K_I dt e_(k−1) is found by least squares over the rows off the limits. With it the loop is
-replayed on the fitted model: without noise for what it should have tracked; with noise like the residuals', and
-refitted, for the bias of the direct fit, since the duty answers the noise and is no free input. The instrument takes
-that bias out:
-
-    Σ Z_k' r_k(θ) = 0,   Z the derivatives along the duty that the loop has without noise, r along the recorded one.
+With the law that is found the loop is replayed on the fitted model: without noise for what it should have tracked, with
+noise like the residuals', and refitted, for the bias of the direct fit, since the duty answers the noise and is no free
+input.
 """
 
 from collections.abc import Sequence
@@ -16,14 +13,13 @@ from eaid.control.pi import PIGains
 from eaid.findings import Finding, finding
 from eaid.models.parameters import Nonlinear
 from eaid.recorded.bias import CurveBias, bias_finding, bias_of
+from eaid.recorded.late import follows_output
 from eaid.recorded.law import Law, law_of, nearest_law, simulated
 from eaid.recorded.log import RecordedLog
 from eaid.recorded.options import RecordedOptions
 from eaid.recorded.solve import Solved, model_of
 from eaid.results.recorded import Bias, Loop
 
-FOLLOWS = 0.1
-"""Correlation of the duty's changes with the residual's from which a log counts as a loop."""
 OTHERWISE = 1.5
 """A loop that misses its reference by so many times what is predicted has something that is not in the model."""
 
@@ -41,8 +37,8 @@ def judged_loops(
         found.append(bias_finding(bias.mean))
     for k, (log, law) in enumerate(zip(logs, laws, strict=True)):
         if log.reference is None:
-            follows = 0.0 if log.stepwise else answers(base, k, log)
-            if abs(follows) > FOLLOWS:
+            follows = follows_output(base, k, log)
+            if follows:
                 found.append(finding("duty-follows-output", log.name, correlation=follows))
                 found.append(finding("loop-bias-unknown", log.name))
                 loops.append(Loop(log.name, saturated_fraction=log.saturated))
@@ -73,20 +69,6 @@ def _of_another_law(log: RecordedLog) -> Finding:
         largest=float(log.reference[acting].max()),
         saturated_pct=100 * log.saturated,
     )  # fmt: skip
-
-
-def answers(base: Solved, index: int, log: RecordedLog) -> float:
-    """Correlation of the duty's changes with the residual's: a free input knows nothing of the noise."""
-    r = base.missed[index]
-    if len(r) != len(log.input):
-        return 0.0
-    off = (log.input > 0) & (log.input < log.input.max())
-    rows = np.flatnonzero(off[1:] & off[:-1]) + 1
-    if len(rows) < 100:
-        return 0.0
-    du, dr = log.input[rows] - log.input[rows - 1], r[rows - 1] - r[rows]
-    size = float(np.linalg.norm(du) * np.linalg.norm(dr))
-    return float(du @ dr) / size if size > 0 else 0.0
 
 
 def _loop(base: Solved, index: int, log: RecordedLog, law: Law | None, bias: Bias | None) -> Loop:

@@ -21,10 +21,19 @@ import numpy as np
 from eaid.arrays import Array
 from eaid.models.parameters import Nonlinear
 from eaid.recorded import model
-from eaid.recorded.noise import engagements
 from eaid.recorded.problem import Setup
-from eaid.recorded.sequence import PARAMETERS, Holds, Limits, breaks_of, check, drive_of_sequence
-from eaid.uncertainty.noise import Noise
+from eaid.recorded.residual_noise import engagements
+from eaid.recorded.sequence import (
+    MOST_ENGAGEMENTS,
+    PARAMETERS,
+    HoldSequence,
+    Limits,
+    breaks_of,
+    check,
+    drive_of_sequence,
+    of_mean,
+)
+from eaid.uncertainty.rig_noise import Noise
 from eaid.uncertainty.student_t import t_quantile
 
 DUTIES = 10
@@ -41,7 +50,8 @@ SWEEPS = 2
 ROUNDS = 5
 MARGIN = 0.9
 """Widths are planned to this part of the wanted ones: those of a recording scatter about the planned."""
-MOST_ENGAGEMENTS = 60
+EFFORT = 150_000
+"""Segments whose sensitivities are worked out for one improved sequence, at most: a long one is improved in part."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,16 +115,16 @@ class Judge:
     wanted: dict[str, float]
     limits: Limits
 
-    def random(self, segments: int, draw: np.random.Generator) -> Holds:
+    def random(self, segments: int, draw: np.random.Generator) -> HoldSequence:
         """Levels in random order, both ends often, holds log-uniform."""
         low, high = self.limits.input
         levels = np.linspace(low, high, LEVELS)
         order = np.concatenate([draw.permutation(levels) for _ in range(-(-segments // LEVELS))])[:segments]
         shortest, longest = np.log(self.limits.hold_s).tolist()
         holds = np.exp(draw.uniform(shortest, longest, segments))
-        return Holds(order, holds)
+        return HoldSequence(order, holds)
 
-    def engagements(self, sequence: Holds) -> int:
+    def engagements(self, sequence: HoldSequence) -> int:
         """Stretches under load: as many as asked for, as the longest allows, and as the scatter between them needs."""
         count = self.least_engagements
         if self.limits.work_s > 0:
@@ -128,18 +138,18 @@ class Judge:
         for name, scatter in zip(PARAMETERS, self.noise.scatter, strict=True):
             if scatter > 0 and name in self.wanted:
                 enough = 0.8 * self.wanted[name] / (100 * scatter)
-                while count < MOST_ENGAGEMENTS and t_quantile(count - 1 or 1) / count**0.5 > enough:
+                while count < MOST_ENGAGEMENTS and of_mean(count) > enough:
                     count += 1
         return count
 
-    def whole(self, sequence: Holds) -> Holds:
+    def whole(self, sequence: HoldSequence) -> HoldSequence:
         """The sequence with a rest before each engagement."""
         count = self.engagements(sequence)
         ends = np.searchsorted(np.cumsum(sequence.hold_s), np.arange(1, count) * sequence.time_s / count) + 1
         at = np.unique(np.concatenate([[0], ends]))
-        return Holds(np.insert(sequence.input, at, 0.0), np.insert(sequence.hold_s, at, self.limits.rest_s))
+        return HoldSequence(np.insert(sequence.input, at, 0.0), np.insert(sequence.hold_s, at, self.limits.rest_s))
 
-    def half_widths(self, sequence: Holds) -> Array:
+    def half_widths(self, sequence: HoldSequence) -> Array:
         """Half-widths of log T_s, log τ1, log τ2 at the duties [%], (3, DUTIES); infinite where nothing is known."""
         one = self.model
         periodic = self.noise.periodic
@@ -195,40 +205,43 @@ class Judge:
         """The nonlinear model over the duties that the limits allow."""
         return model.nonlinear(np.linspace(*self.limits.input, 11), self.p.C, 1e3)
 
-    def ratios(self, sequence: Holds) -> Array:
+    def ratios(self, sequence: HoldSequence) -> Array:
         """Widths over the wanted ones, of those that are wanted, flat."""
         half = self.half_widths(sequence)
         return np.concatenate([half[k] / self.wanted[name] for k, name in enumerate(PARAMETERS) if name in self.wanted])
 
-    def ratio(self, sequence: Holds) -> tuple[float, int]:
+    def ratio(self, sequence: HoldSequence) -> tuple[float, int]:
         """The worst of them, and the number of engagements."""
         return float(self.ratios(sequence).max()), self.engagements(sequence)
 
-    def widths(self, sequence: Holds) -> dict[str, float]:
+    def widths(self, sequence: HoldSequence) -> dict[str, float]:
         """Half-width at the worst duty [%]."""
         return {name: float(row.max()) for name, row in zip(PARAMETERS, self.half_widths(sequence), strict=True)}
 
-    def price(self, sequence: Holds) -> float:
+    def price(self, sequence: HoldSequence) -> float:
         """T φ²: the time that would do, if the sequence were repeated."""
         ratios = np.minimum(self.ratios(sequence), 1e6)
         phi = float(np.mean(ratios**POWER)) ** (1 / POWER)
         return float(self.whole(sequence).time_s * phi**2)
 
-    def improved(self, sequence: Holds) -> Holds:
-        """Levels and holds exchanged one after another while that lowers the price."""
+    def improved(self, sequence: HoldSequence) -> HoldSequence:
+        """Levels and holds exchanged one after another while that lowers the price, and `EFFORT` lasts."""
         levels = np.linspace(*self.limits.input, LEVELS)
         holds = np.geomspace(*self.limits.hold_s, HOLDS)
-        price = self.price(sequence)
+        price, left = self.price(sequence), EFFORT // len(sequence.hold_s)
         for _ in range(SWEEPS):
             before = price
             for i in range(len(sequence.hold_s)):
+                if left <= 0:
+                    return sequence
                 near = np.argsort(np.abs(np.log(holds / sequence.hold_s[i])))[:4]
                 tried = [(level, sequence.hold_s[i]) for level in levels[:: 2 if len(sequence.hold_s) > 40 else 1]]
                 tried += [(sequence.input[i], hold) for hold in holds[near]]
+                left -= len(tried)
                 for level, hold in tried:
                     inputs, hold_s = sequence.input.copy(), sequence.hold_s.copy()
                     inputs[i], hold_s[i] = level, hold
-                    other = Holds(inputs, hold_s)
+                    other = HoldSequence(inputs, hold_s)
                     cost = self.price(other)
                     if cost < price:
                         sequence, price = other, cost

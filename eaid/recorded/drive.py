@@ -7,7 +7,6 @@ step fits); where it moves all the time, samples are averaged over equal blocks.
 
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
-from typing import Any
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
@@ -16,6 +15,7 @@ from numpy.typing import NDArray
 from eaid.arrays import Array
 from eaid.fitting.compress import HEAD, LONGEST_BLOCK, POINTS_PER_BLOCK, orthonormal
 from eaid.recorded.log import RecordedLog
+from eaid.recorded.states import Samples
 
 MOVING_ROWS = 6_000
 """Blocks of an input that moves all the time, at most."""
@@ -44,9 +44,9 @@ class Drive:
     """Squares that no response of these rows can take away."""
 
     @property
-    def arrays(self) -> tuple[Any, ...]:
-        """What the kernel takes of its rows."""
-        return self.dt_s, self.index, self.rising, self.y, self.w
+    def rows(self) -> Samples:
+        """As the kernels take them."""
+        return Samples(self.dt_s, self.index, self.rising, self.y, self.w)
 
     @property
     def samples(self) -> int:

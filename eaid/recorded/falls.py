@@ -63,9 +63,7 @@ def _level_falls(drive: Drive, low: float) -> int:
 
 def tested(base: Solved, stepwise: bool) -> Tested:
     """Test all that the inputs can tell together, then fit again with those that differ."""
-    setup = base.setup
-    low = setup.model.low
-    names = seen(setup.drives, low, stepwise)
+    names = seen(base.setup.drives, base.setup.model.low, stepwise)
     if not names:
         return Tested(base, Falls(), (finding("release-not-seen", "release"),))
     return _outcome(base, names)
@@ -74,14 +72,14 @@ def tested(base: Solved, stepwise: bool) -> Tested:
 def _outcome(base: Solved, names: tuple[str, ...]) -> Tested:
     """Fitted with all of them, judged, and fitted again with those that differ."""
     whole = _with(base, names)
-    sure = spread(whole)
-    found, kept = _judged(whole, sure, names)
+    uncertainty = spread(whole)
+    found, kept = _judged(whole, uncertainty, names)
     solved = base
     if kept:
         solved = whole if kept == names else _with(base, kept)
         if kept != names:
             found = {**_judged(solved, spread(solved), kept)[0], **{k: v for k, v in found.items() if k not in kept}}
-    return Tested(solved, _as_result(found, kept), _told(solved, found, kept), kept)
+    return Tested(solved, _as_result(found, kept), _findings(solved, found, kept), kept)
 
 
 def tested_by_level(friction: Solved, asked: tuple[str, ...]) -> Tested:
@@ -105,8 +103,7 @@ class Judged:
 
 def edges(solved: Solved) -> Array:
     """τ1 and τ2 of the lowest identified input, (2,)."""
-    model = solved.setup.model
-    tables = model.tables(model.rows_of(np.array([model.low])), solved.coefficients)
+    tables = solved.curves(np.array([solved.setup.model.low]))
     return np.array([tables.tau1[0], tables.tau2[0]])
 
 
@@ -121,7 +118,7 @@ def _with(base: Solved, names: tuple[str, ...]) -> Solved:
     return finished(setup, [x])
 
 
-def _judged(solved: Solved, sure: Spread, names: tuple[str, ...]) -> tuple[dict[str, Judged], tuple[str, ...]]:
+def _judged(solved: Solved, uncertainty: Spread, names: tuple[str, ...]) -> tuple[dict[str, Judged], tuple[str, ...]]:
     found, kept = {}, []
     model = solved.setup.model
     for name in names:
@@ -133,8 +130,8 @@ def _judged(solved: Solved, sure: Spread, names: tuple[str, ...]) -> tuple[dict[
         if name == "rest":  # the edge values are estimates too
             G -= model.slopes(np.array([model.low]), solved.setup.size)[1:, 0]
         off = values - against
-        chance = _chance(off, G, sure)
-        half = np.array([sure.of(np.eye(solved.setup.size)[at + k]) for k in range(count)])
+        chance = _chance(off, G, uncertainty)
+        half = np.array([uncertainty.of(np.eye(solved.setup.size)[at + k]) for k in range(count)])
         scale = against if name == "rest" else 1.0
         differs = chance < CHANCE and bool((np.abs(off / scale) > LEAST[name]).any())
         found[name] = Judged(values, half, chance, differs)
@@ -143,10 +140,10 @@ def _judged(solved: Solved, sure: Spread, names: tuple[str, ...]) -> tuple[dict[
     return found, tuple(kept)
 
 
-def _chance(off: Array, G: Array, sure: Spread) -> float:
+def _chance(off: Array, G: Array, uncertainty: Spread) -> float:
     """Wald's test: the correlation by the noise's estimate, sizes and degrees of freedom as for intervals."""
-    own, degrees = zip(*(sure.variance(row) for row in G), strict=True)
-    V = G @ sure.noise @ G.T
+    own, degrees = zip(*(uncertainty.variance(row) for row in G), strict=True)
+    V = G @ uncertainty.noise @ G.T
     sizes = np.sqrt(np.array(own) / np.maximum(np.diagonal(V), 1e-300))
     V = V * np.outer(sizes, sizes)
     scale = np.sqrt(np.maximum(np.diagonal(V), 1e-300))
@@ -178,18 +175,18 @@ def _as_result(found: dict[str, Judged], kept: tuple[str, ...]) -> Falls:
     return msgspec.structs.replace(Falls(), **said)
 
 
-def _told(solved: Solved, found: dict[str, Judged], kept: tuple[str, ...]) -> tuple[Finding, ...]:
-    (edge1, edge2), told = edges(solved).tolist(), [finding("release-not-seen", "release")]
+def _findings(solved: Solved, found: dict[str, Judged], kept: tuple[str, ...]) -> tuple[Finding, ...]:
+    (edge1, edge2), findings = edges(solved).tolist(), [finding("release-not-seen", "release")]
     if "rest" in found:
         (tau1, tau2), chance = found["rest"].values.tolist(), found["rest"].chance
-        told = [finding("release-alike", "release", tau1_s=edge1, tau2_s=edge2, chance=chance)]
+        findings = [finding("release-alike", "release", tau1_s=edge1, tau2_s=edge2, chance=chance)]
         if "rest" in kept:
             own = {"tau1_s": tau1, "tau2_s": tau2, "edge1_s": edge1, "edge2_s": edge2}
-            told = [finding("release-differs", "release", (), **own, chance=chance)]
+            findings = [finding("release-differs", "release", (), **own, chance=chance)]
     if "fall" in kept:
         (tau1, tau2), chance = found["fall"].values.tolist(), found["fall"].chance
-        told.append(finding("falls-differ", "nonlinear", tau1_factor=tau1, tau2_factor=tau2, chance=chance))
+        findings.append(finding("falls-differ", "nonlinear", tau1_factor=tau1, tau2_factor=tau2, chance=chance))
     if "excess" in kept:
         (excess,), chance = found["excess"].values.tolist(), found["excess"].chance
-        told.append(finding("hysteresis", "nonlinear", excess_pct=100 * excess, chance=chance))
-    return tuple(told)
+        findings.append(finding("hysteresis", "nonlinear", excess_pct=100 * excess, chance=chance))
+    return tuple(findings)

@@ -9,6 +9,7 @@ A model's response is the same estimate made of what the model gives on the reco
 model shows is its describing function under that very input.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,8 +20,8 @@ from scipy.stats import f as f_distribution
 from eaid.arrays import Array
 from eaid.errors import DataError
 from eaid.models.parameters import Linear, Nonlinear
-from eaid.recorded.kernel import response
 from eaid.recorded.log import RecordedLog
+from eaid.recorded.states import from_rest
 from eaid.replay.plant import plant_parameters, plant_terms
 from eaid.results.recorded import Response
 
@@ -33,10 +34,12 @@ POWER = 3e-3
 TONES = 0.05
 """An input with 99.9 % of its power in fewer than this part of all lines is made of tones."""
 LEAST_ROWS = 256
+SWITCHES = 50
+"""Changes of a two-level input that make a binary sequence of it."""
 
 
 @dataclass(frozen=True, eq=False)
-class Estimate:
+class ResponseEstimate:
     """H, coherence, and the radius of the region relative to |H|, at some frequencies; shapes (m,)."""
 
     frequency_hz: Array
@@ -46,6 +49,16 @@ class Estimate:
     distortion: float
     """Output power that is no linear answer to the input, over that which is."""
     averages: float
+
+
+def responses(logs: Sequence[RecordedLog], plant: Nonlinear, line: Linear | None) -> tuple[Response, ...]:
+    """Of logs whose input moves all the time or switches often; a loop's duty answers the output and has none."""
+    free = [log for log in logs if log.reference is None and len(log.input) >= 4 * LEAST_ROWS]
+    return tuple(frequency_response(log, plant, line) for log in free if not log.stepwise or _switches(log))
+
+
+def _switches(log: RecordedLog) -> bool:
+    return len(log.changes) >= SWITCHES and len(np.unique(log.input)) <= 3
 
 
 def frequency_response(log: RecordedLog, plant: Nonlinear | None = None, line: Linear | None = None) -> Response:
@@ -73,7 +86,7 @@ def frequency_response(log: RecordedLog, plant: Nonlinear | None = None, line: L
     periods = len(u) // period if period else 1
     tones = tones_of(u)
     recorded = _estimate(u, y, dt_s, tones, periods)
-    models: dict[str, Estimate] = {}
+    models: dict[str, ResponseEstimate] = {}
     for name, one in (("nonlinear", plant), ("linear", line)):
         if one is not None:
             models[name] = _estimate(u, even(on_input(one, log))[kept], dt_s, tones, periods)
@@ -100,30 +113,27 @@ def frequency_response(log: RecordedLog, plant: Nonlinear | None = None, line: L
     )
 
 
-def _phase(one: Estimate) -> tuple[float, ...]:
+def _phase(one: ResponseEstimate) -> tuple[float, ...]:
     return tuple(np.degrees(np.unwrap(np.angle(one.H))).tolist())
 
 
 def on_input(p: Nonlinear | Linear, log: RecordedLog) -> Array:
     """What a model gives on the log's input, from rest, (n,)."""
-    duty, index = np.unique(log.input, return_inverse=True)
+    dt_s = np.array(log.dt_s)
     if isinstance(p, Linear):
-        steady = np.where(duty > 0, (p.b0 * duty + p.c0) / p.a0, 0.0)
-        tau1 = tau2 = np.full(len(duty), 1 / p.a0)
-        rest, scalars = np.ones(len(duty)), np.array([1.0, 0.0, 0.0, 1.0, 1.0, 0.0, 0.0])
-    else:
-        plant = plant_parameters(p)
-        tau1, tau2, steady = np.array([plant_terms(plant, one) for one in duty.tolist()]).T.copy()
-        low = p.u_range[0]
-        rest = np.clip(duty / low, 0, 1) if low > 0 else np.ones(len(duty))
-        scalars = np.array([p.C, *(p.release or (0.0, 0.0)), 1.0, 1.0, 0.0, 0.0])
-    out = np.empty(len(log.input))
-    response(
-        np.array(log.dt_s), index.astype(np.int64), np.ones(len(out), dtype=np.int64),
-        np.ascontiguousarray(steady), np.ascontiguousarray(tau1), np.ascontiguousarray(tau2), rest,
-        scalars, np.zeros(2), out,
-    )  # fmt: skip
-    return out
+        tau = 1 / p.a0
+
+        def line(duty: Array) -> tuple[Array, Array, Array]:
+            return np.where(duty > 0, (p.b0 * duty + p.c0) * tau, 0.0), np.full(len(duty), tau), np.full(len(duty), tau)
+
+        return from_rest(log.input, dt_s, line, 1.0, None, 0.0)
+    plant = plant_parameters(p)
+
+    def curves(duty: Array) -> tuple[Array, Array, Array]:
+        tau1, tau2, steady = np.array([plant_terms(plant, one) for one in duty.tolist()]).T
+        return steady, tau1, tau2
+
+    return from_rest(log.input, dt_s, curves, p.C, p.release, p.u_range[0])
 
 
 def period_of(u: Array) -> int:
@@ -146,11 +156,11 @@ def tones_of(u: Array) -> NDArray[np.intp] | None:
     return np.asarray(lines[(lines > 0) & (power[lines] > POWER * power.max())])
 
 
-def _estimate(u: Array, y: Array, dt_s: float, tones: NDArray[np.intp] | None, periods: int) -> Estimate:
+def _estimate(u: Array, y: Array, dt_s: float, tones: NDArray[np.intp] | None, periods: int) -> ResponseEstimate:
     return _welch(u, y, dt_s) if tones is None or len(tones) < 2 else _lines(u, y, dt_s, tones, periods)
 
 
-def _lines(u: Array, y: Array, dt_s: float, lines: NDArray[np.intp], periods: int) -> Estimate:
+def _lines(u: Array, y: Array, dt_s: float, lines: NDArray[np.intp], periods: int) -> ResponseEstimate:
     """Tone by tone: noise is the power of lines around each, of several periods those that no period repeats."""
     n = len(u)
     U, Y = np.fft.rfft(u - u.mean()), np.fft.rfft(y - y.mean())
@@ -173,10 +183,10 @@ def _lines(u: Array, y: Array, dt_s: float, lines: NDArray[np.intp], periods: in
     harmonics, floor = np.abs(Y[repeated & reach]) ** 2, np.abs(Y[between & reach]) ** 2
     mean = float(floor.mean()) if periods > 1 and len(floor) else 0.0
     distortion = max(float((harmonics - mean).sum()), 0.0) / max(float(signal.sum()), 1e-300)
-    return Estimate(lines / (n * dt_s), H, coherence, radius, distortion, float(periods))
+    return ResponseEstimate(lines / (n * dt_s), H, coherence, radius, distortion, float(periods))
 
 
-def _welch(u: Array, y: Array, dt_s: float) -> Estimate:
+def _welch(u: Array, y: Array, dt_s: float) -> ResponseEstimate:
     """Averaged over stretches."""
     length = max(LEAST_ROWS // 2, len(u) // STRETCHES)
     rate = 1 / dt_s
@@ -196,4 +206,4 @@ def _welch(u: Array, y: Array, dt_s: float) -> Estimate:
     radius = np.sqrt(2 / (2 * K - 2) * quantile * (1 - g) / g)
     linear = float((coherence * S_yy)[excited].sum())
     other = float(((1 - coherence) * S_yy)[f > 0].sum())
-    return Estimate(f[rows], H[rows], coherence[rows], radius, other / max(linear, 1e-300), K)
+    return ResponseEstimate(f[rows], H[rows], coherence[rows], radius, other / max(linear, 1e-300), K)

@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from scipy.stats import t as student
 
 from eaid.arrays import Array
-from eaid.recorded.noise import Lines, Piece, by_spectrum, moving, piece_of
+from eaid.recorded.residual_noise import Lines, Piece, by_spectrum, moving, piece_of
 from eaid.recorded.scatter import Scatter, scatter_of
 from eaid.recorded.solve import Solved, idle_of
 
@@ -40,7 +40,7 @@ RIVAL = 4.0
 
 
 @dataclass(frozen=True, eq=False)
-class Scores:
+class StretchScores:
     """One way of adding scores up."""
 
     covariance: Array
@@ -56,7 +56,7 @@ class Spread:
     """Covariance of the unknowns by the noise's own estimate."""
     lines: tuple[Lines, ...]
     """What it rests on, log by log."""
-    stretches: tuple[Scores, ...]
+    stretches: tuple[StretchScores, ...]
     between: Array
     """Covariance by scatter between engagements."""
     scatter: Scatter
@@ -134,14 +134,14 @@ def spread(solved: Solved) -> Spread:
     white = _root(pull)
     lines = tuple(by_spectrum(one, pull) for one in pieces)
     noise = pull @ sum((one.total for one in lines), np.zeros((n, n))) @ pull.T
-    stretches: list[Scores] = []
+    stretches: list[StretchScores] = []
     for window in WINDOWS_S:
         if window > LONGEST * span and stretches:
             break
         wide = [max(1, round(window / one.bin_s)) for one in pieces]
         omega = sum(moving(one, white, k) for one, k in zip(pieces, wide, strict=True))
         where = tuple(np.arange(len(one.r)) // k for one, k in zip(pieces, wide, strict=True))
-        stretches.append(Scores(white @ omega @ white.T, where))
+        stretches.append(StretchScores(white @ omega @ white.T, where))
     between = _between(pieces, pull) * scatter.gain**2 * (scatter.chance <= SEEN)
     unit = solved.cost / setup.samples * max(1.0, 2 * memory * setup.samples / span)
     rivals = tuple(x for x, cost in solved.rivals if cost - solved.cost <= RIVAL * unit)
@@ -173,11 +173,8 @@ def _between(pieces: Sequence[Piece], pull: Array) -> Array:
 
 def directions(solved: Solved) -> Array:
     """Directions that the active constraints leave free, (n, k)."""
-    problem = solved.setup.problem()
-    held = np.flatnonzero(problem.A @ solved.x - problem.b < 1e-9 * (1 + np.abs(problem.b)))
-    n = len(solved.x)
-    if not len(held):
-        return np.eye(n)
-    _, size, ways = np.linalg.svd(problem.A[held])
+    if not len(solved.active):
+        return np.eye(len(solved.x))
+    _, size, ways = np.linalg.svd(solved.setup.problem().A[solved.active])
     rank = int((size > 1e-10 * size.max(initial=0.0)).sum())
     return np.asarray(ways[rank:].T)

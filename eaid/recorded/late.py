@@ -5,8 +5,9 @@ is the derivative by that delay. In residuals r whitened by an autoregression, J
 
     δ = −D̃'r/D̃'D̃,   D̃ = D − J (J'J)⁻¹ J'D,   var δ = Σ_stretches (D̃'r)²/(D̃'D̃)²
 
-is the delay in rows. The input is moved row by row while half a row or more is left. What noise does not explain is
-told where it matters: H⁻¹ J'D δ is what the delay does to the coefficients.
+is the delay in rows. The input is moved row by row while half a row or more is left; a delay of many rows, which the
+derivative does not reach, is first looked for by the cost itself. What noise does not explain is told where it matters:
+H⁻¹ J'D δ is what the delay does to the coefficients. A dead time of the rig looks like an input that is noted early.
 """
 
 from collections.abc import Sequence
@@ -19,7 +20,7 @@ from scipy.stats import t as student
 
 from eaid.arrays import Array
 from eaid.findings import Finding, finding
-from eaid.fitting.solver import approach
+from eaid.fitting.solver import EndPoint, approach
 from eaid.recorded.curve_intervals import CurveSpread
 from eaid.recorded.drive import Copies, Drive
 from eaid.recorded.intervals import inverse
@@ -28,13 +29,23 @@ from eaid.recorded.problem import Setup
 from eaid.recorded.solve import Solved
 
 MOST = 3
-"""Rows that are looked for."""
+"""Rows that are looked for one by one."""
+FAR = 4
+"""Rows at which a cost that is lower by `LOWER` of it speaks of a delay of many rows …"""
+LOWER = 0.02
+FARTHEST = 500
+"""… and this many are looked for."""
+LEAST_ROWS = {True: 0.5, False: 0.75}
+"""Rows from which a delay is told, by whether the input is held; one that moves is read half a row off by itself."""
 ORDER = 8
 """Of the autoregression."""
 STRETCHES = 40
 CHANCE = 0.01
 """Of a delay as large by noise alone, at most."""
 LEAST_CHANGES = 4
+JUMP = 5.0
+FOLLOWS = 0.1
+"""Correlation of the duty's changes with the residual's from which a log counts as a loop."""
 MATTERS = 0.25
 """A delay that moves τ1 by less than this part of its interval's half-width at all inputs is not told."""
 
@@ -48,22 +59,20 @@ class Delay:
     shift: Array
     """Of the unknowns, (n,)."""
 
-    @property
-    def seen(self) -> bool:
-        """It is half a row or more, and noise does not explain it."""
-        reach = float(student.isf(CHANCE / 2, STRETCHES - 1))
-        return abs(self.rows) >= 0.5 and abs(self.rows) > reach * self.sd
+    def seen(self, least: float) -> bool:
+        """It is as many rows or more, and noise does not explain it."""
+        return abs(self.rows) >= max(least, float(student.isf(CHANCE / 2, STRETCHES - 1)) * self.sd)
 
 
 def delay_findings(base: Solved, logs: Sequence[RecordedLog], known: CurveSpread | None) -> list[Finding]:
-    """What is said of each log with a held input; a loop's input answers the output, and tells no delay."""
+    """What is said of each log; a loop's input answers the output, and tells no delay."""
     found = []
     for k, log in enumerate(logs):
-        if not log.stepwise or log.reference is not None or len(log.changes) < LEAST_CHANGES:
+        if log.reference is not None or len(log.changes) < LEAST_CHANGES or follows_output(base, k, log):
             continue
         delay = delay_of(base, k, log)
-        size = 1.0 if known is None else _bias(base, delay, known)
-        if not delay.seen or size < MATTERS:
+        size = _bias(base, delay, known)
+        if not delay.seen(LEAST_ROWS[log.stepwise]) or size < MATTERS:
             continue
         code = "input-late" if delay.rows > 0 else "input-early"
         rows = max(1, round(abs(delay.rows)))
@@ -72,21 +81,67 @@ def delay_findings(base: Solved, logs: Sequence[RecordedLog], known: CurveSpread
     return found
 
 
+def follows_output(base: Solved, index: int, log: RecordedLog) -> float:
+    """Correlation of what is new in an input that moves with what is new in the residual; 0 where it is a free input.
+
+    New is what neither shows before: a delay bends the residual slowly, and a loop answers its noise at once. Jumps of
+    the reference count as `JUMP` of the usual changes.
+    """
+    r = base.missed[index]
+    if log.stepwise or len(r) != len(log.input):
+        return 0.0
+    off = (log.input > 0) & (log.input < log.input.max())
+    rows = np.flatnonzero(off[1:] & off[:-1])
+    if len(rows) < 100:
+        return 0.0
+    u, y = (whitened(one, one)[rows] for one in (np.diff(log.input), -np.diff(r)))
+    limit = JUMP * float(np.abs(u).mean())
+    u = np.clip(u, -limit, limit)
+    size = float(np.linalg.norm(u) * np.linalg.norm(y))
+    follows = float(u @ y) / size if size > 0 else 0.0
+    return follows if abs(follows) > FOLLOWS else 0.0
+
+
 def delay_of(base: Solved, index: int, log: RecordedLog) -> Delay:
-    """The delay of one log: the input is moved row by row while half a row or more is left."""
+    """The delay of one log: the input is moved by whole rows while half a row or more is left."""
     columns = base.setup.places[index].columns
-    x, rows = base.x[columns], 0
-    step, sd, slope = one_step(base.fitted, x, log)
+    rows, x = far_delay(base.fitted, base.x[columns], log)
+    first, moved = rows, shifted(log, rows)
+    step, sd, slope = one_step(base.fitted, x, moved)
     shift = np.zeros(len(base.x))
     shift[columns] = slope
-    while abs(step) >= 0.5 and abs(rows) < MOST:
+    while abs(step) >= 0.5 and abs(rows - first) < MOST:
         further = rows + int(np.sign(step))
-        x = approach(alone(base.fitted, Copies(shifted(log, further)).small).problem(), x).x
-        found = one_step(base.fitted, x, shifted(log, further))
+        moved = shifted(log, further)
+        x = aligned(base.fitted, x, moved).x
+        found = one_step(base.fitted, x, moved)
         if found[0] * step < 0 and abs(found[0]) >= abs(step):
             break
         rows, (step, sd, _) = further, found
     return Delay(rows + step, sd, shift * (rows + step))
+
+
+def far_delay(setup: Setup, x: Array, log: RecordedLog) -> tuple[int, Array]:
+    """Rows by which the input is late where many make the cost lower, else 0, and the fit there, (p,)."""
+    ends = {rows: aligned(setup, x, shifted(log, rows)) for rows in (-FAR, 0, FAR)}
+    best = min(ends, key=lambda rows: ends[rows].cost)
+    if ends[best].cost > (1 - LOWER) * ends[0].cost:
+        return 0, x
+    step = best
+    while step:
+        further = best + step
+        if further not in ends and abs(further) <= FARTHEST:
+            ends[further] = aligned(setup, ends[best].x, shifted(log, further))
+        if further in ends and ends[further].cost < ends[best].cost:
+            best, step = further, 2 * step
+        else:
+            step = -int(step / 2)
+    return best, ends[best].x
+
+
+def aligned(setup: Setup, x: Array, log: RecordedLog) -> EndPoint:
+    """The fit of one log by itself, begun at x."""
+    return approach(alone(setup, Copies(log).small).problem(), x)
 
 
 def one_step(setup: Setup, x: Array, log: RecordedLog) -> tuple[float, float, Array]:
@@ -95,14 +150,18 @@ def one_step(setup: Setup, x: Array, log: RecordedLog) -> tuple[float, float, Ar
     after, before = (alone(setup, Copies(shifted(log, rows)).every).jacobian(x, 0)[1] for rows in (1, -1))
     D = 0.5 * (after - before)
     shift = inverse(J.T @ J) @ (J.T @ D)
-    ar = np.append(1.0, -autoregression(r))
-    J, D, r = (np.asarray(lfilter(ar, [1.0], one, axis=0))[ORDER:] for one in (J, D, r))
+    J, D, r = (whitened(one, r)[ORDER:] for one in (J, D, r))
     D = D - J @ (inverse(J.T @ J) @ (J.T @ D))
     size = max(float(D @ D), 1e-300)
     rows = -float(D @ r) / size
     starts = np.linspace(0, len(r), STRETCHES, endpoint=False).astype(int)
     scores = np.add.reduceat(D * (r + rows * D), starts)
     return rows, float(np.sqrt(scores @ scores)) / size, shift
+
+
+def whitened(values: Array, r: Array) -> Array:
+    """What an autoregression of r does not foresee of some values, (n, …)."""
+    return np.asarray(lfilter(np.append(1.0, -autoregression(r)), [1.0], values, axis=0))
 
 
 def autoregression(r: Array) -> Array:
@@ -124,8 +183,11 @@ def alone(setup: Setup, drive: Drive) -> Setup:
     return replace(setup, drives=(drive,), copies=())
 
 
-def _bias(base: Solved, delay: Delay, known: CurveSpread) -> float:
-    """What the delay does to τ1 over the half-width of its interval, at the input where that is most."""
+def _bias(base: Solved, delay: Delay, known: CurveSpread | None) -> float:
+    """What the delay does to τ1 over the half-width of its interval, where that is most; 1 where there is none."""
+    if known is None or not np.isfinite(known.half_width[1]).any():
+        return 1.0
     slopes = base.setup.model.slopes(known.duty, base.setup.size)[1]
     half = known.values[1] * known.half_width[1]
-    return float(np.max(np.abs(slopes @ delay.shift) / half, initial=0.0, where=np.isfinite(half)))
+    wide = (half > 0) & np.isfinite(half)  # without noise an interval has no width, and a delay is known by its cost
+    return float(np.max(np.abs(slopes @ delay.shift)[wide] / half[wide], initial=0.0))

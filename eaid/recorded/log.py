@@ -4,7 +4,6 @@ The input of a row acts until the next row's time. A log that begins with ten ro
 states at 0; any other begins loaded, and its two start states are unknowns.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -17,8 +16,6 @@ from eaid.steps.stepset import StepSet
 
 IDLE_ROWS = 10
 """Fewest rows at rest before the first other one that make an idle start."""
-ALIKE = 1e-3
-"""Inputs that differ by less than this part of the largest are one level."""
 ROUNDED = 1e-8
 """Steps of time that differ by less than this part are alike."""
 QUIET = 5e-3
@@ -131,10 +128,3 @@ def logs_of_steps(steps: StepSet) -> list[RecordedLog]:
             )
         )
     return logs
-
-
-def levels_of(logs: Sequence[RecordedLog]) -> Array:
-    """The different inputs above rest, rising; those within a thousandth of the largest taken together."""
-    values = np.unique(np.concatenate([log.input[log.changes] for log in logs]))
-    values = values[values > 0]
-    return np.asarray(values[np.append(True, np.diff(values) > ALIKE * values[-1])], dtype=np.float64)

@@ -16,23 +16,10 @@ import numpy as np
 from eaid.arrays import Array
 from eaid.fitting.basis import CONSTRAINTS, Basis, basis_of, constraints, limits
 from eaid.fitting.starts import RECORDS
+from eaid.recorded.states import Tables
 
 LEAST_TAU_S = 1e-4
 """A τ is kept off zero by this much [s]: between the 101 duties a quadratic may dip below its floor."""
-
-
-@dataclass(frozen=True, eq=False)
-class Tables:
-    """T_s, τ1, τ2 of some inputs, shapes (m,), and their derivatives by the coefficients."""
-
-    steady: Array
-    tau1: Array
-    tau2: Array
-    rest: Array
-    """u/u_low, at most 1: below 1 a fall goes over to the release constants."""
-    by_steady: Array
-    by_tau1: Array
-    by_tau2: Array
 
 
 @dataclass(frozen=True, eq=False)

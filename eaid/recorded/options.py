@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 from eaid.errors import UsageError
-from eaid.fitting.options import MODELS
+from eaid.fitting.choices import MODELS
 from eaid.models.parameters import SHARE
 
 CI = ("robust", "none")

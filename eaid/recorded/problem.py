@@ -9,7 +9,6 @@ import itertools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,10 +16,12 @@ from numpy.typing import NDArray
 from eaid.arrays import Array
 from eaid.fitting.problem import ROUNDING, Problem
 from eaid.models.parameters import TAU_FLOOR_S
+from eaid.recorded.adjoint import by_holds
 from eaid.recorded.drive import Copies, Drive
-from eaid.recorded.kernel import by_holds, products, rows
 from eaid.recorded.log import RecordedLog
 from eaid.recorded.model import Model, Rows
+from eaid.recorded.sensitivities import derivatives
+from eaid.recorded.states import Tables
 
 NOTHING = {"rest": (0.0, 0.0), "fall": (1.0, 1.0), "excess": (0.0,)}
 """What a model can have besides its coefficients, with the values that do nothing."""
@@ -33,8 +34,6 @@ LIMITS: dict[str, tuple[tuple[str, tuple[float, ...], float], ...]] = {
     "excess": (("hysteresis-least", (1.0,), -0.8),),
 }
 """Their constraints a'x ≥ b: code, a, b."""
-VECTOR = 16
-"""Columns that the kernel takes at once."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,26 +133,27 @@ class Setup:
         before = self.extras[: self.extras.index(name)]
         return self.model.size + sum(len(NOTHING[one]) for one in before)
 
-    def arguments(self, x: Array, log: int) -> tuple[Any, ...]:
-        """Everything that the kernel takes after a log's rows, `state` and `sens` fresh."""
-        place, tables = self.places[log], self.model.tables(self.maps[log], x)
-        given = self.model.share or 0.0, *itertools.chain(*NOTHING.values()), 0.0, 0.0, 0.0
-        scalars = np.where(place.x >= 0, x[place.x], given)
-        sens = np.zeros((2, -(-len(place.columns) // VECTOR) * VECTOR))
-        for state, column in enumerate(place.kernel[7:]):
-            if column >= 0:
-                sens[state, column] = 1.0
-        return (
-            tables.steady, tables.tau1, tables.tau2, tables.rest, tables.by_steady, tables.by_tau1, tables.by_tau2,
-            scalars, place.kernel, scalars[7:].copy(), sens,
-        )  # fmt: skip
+    def tables(self, x: Array, log: int) -> tuple[Tables, Array]:
+        """T_s, τ1, τ2 of a log's inputs, and the nine numbers beside them."""
+        at, given = self.places[log].x, (self.model.share or 0.0, *itertools.chain(*NOTHING.values()), 0.0, 0.0, 0.0)
+        return self.model.tables(self.maps[log], x), np.where(at >= 0, x[at], given)
+
+    def derivatives(self, x: Array, log: int) -> Array:
+        """√w ∂f/∂x of a log's own columns, then √w (f − y), for its samples that count, (N, p + 1)."""
+        place = self.places[log]
+        return np.asarray(derivatives(self.drives[log].rows, *self.tables(x, log), place.kernel, len(place.columns)))
+
+    def jacobian(self, x: Array, log: int) -> tuple[Array, Array]:
+        """The same apart, (N, p) and (N,)."""
+        found = self.derivatives(x, log)
+        return found[:, :-1], found[:, -1]
 
     def together(self, x: Array) -> tuple[float, Array, Array]:
         """Cost, gradient and Gauss–Newton matrix."""
         cost, gradient, curvature = 0.0, np.zeros(self.size), np.zeros((self.size, self.size))
         for log, drive in enumerate(self.drives):
-            at = self.places[log].columns
-            P = 2.0 * products(*drive.arrays, *self.arguments(x, log), len(at))  # type: ignore[call-arg]
+            at, found = self.places[log].columns, self.derivatives(x, log)
+            P = 2.0 * found.T @ found
             cost += 0.5 * float(P[-1, -1]) + drive.left
             gradient[at] += P[-1, :-1]
             curvature[np.ix_(at, at)] += P[:-1, :-1]
@@ -162,26 +162,18 @@ class Setup:
     def on_every_sample(self, x: Array) -> tuple[float, Array]:
         """Cost and gradient over every sample of the logs themselves, hold by hold: inputs are held."""
         cost, gradient = 0.0, np.zeros(self.size)
-        for log, one in enumerate(self.copies):
-            holds, model = one.holds, self.model
-            dt_s = one.log.dt_s if one.log.even_s is None else np.array([one.log.even_s])
-            T_s, tau1, tau2, rest, *maps, scalars, place, start, _ = self.arguments(x, log)
+        for log, copy in enumerate(self.copies):
+            holds, (tables, scalars), place = copy.holds, self.tables(x, log), self.places[log]
+            dt_s = copy.log.dt_s if copy.log.even_s is None else np.array([copy.log.even_s])
             squares, by_input, by_scalar = by_holds(
-                holds.first, holds.index, holds.rising, dt_s, one.above, T_s, tau1, tau2, rest, scalars, start
+                holds.first, holds.index, holds.rising, dt_s, copy.above, tables, scalars
             )
-            local = np.zeros(len(at := self.places[log].columns))
-            local[: sum(model.sizes)] = np.concatenate([by @ rows for by, rows in zip(by_input, maps, strict=True)])
-            local[place[place >= 0]] += by_scalar[place >= 0]
-            cost += one.log.weight * squares
-            gradient[at] += 2.0 * one.log.weight * local
+            maps = (tables.by_steady, tables.by_tau1, tables.by_tau2)
+            slopes = np.concatenate([by @ rows for by, rows in zip(by_input, maps, strict=True)])
+            gradient[: len(slopes)] += 2.0 * copy.log.weight * slopes
+            gradient[place.x[place.x >= 0]] += 2.0 * copy.log.weight * by_scalar[place.x >= 0]
+            cost += copy.log.weight * squares
         return cost, gradient
-
-    def jacobian(self, x: Array, log: int) -> tuple[Array, Array]:
-        """√w ∂f/∂x of a log's own columns, (N, p), and √w (f − y), (N,), for its samples that count."""
-        drive, arguments = self.drives[log], self.arguments(x, log)
-        out = np.zeros((drive.samples, arguments[-1].shape[1] + 1))
-        rows(0, len(drive.dt_s), *drive.arrays, *arguments, out)  # type: ignore[call-arg]
-        return np.ascontiguousarray(out[:, : len(self.places[log].columns)]), out[:, -1].copy()
 
     def problem(self) -> Problem:
         """For the solver: constraints of the model, and of the extras."""

@@ -57,6 +57,8 @@ class ScoreTest:
         for _ in range(TRIES):
             place = min(place, FARTHEST)
             x = self.held(g, side * place)
+            if x is None:
+                return np.inf
             step, variance = self.step(x, g)
             ratio = abs(step) / (half * (variance / usual) ** 0.5)
             if abs(ratio - 1) <= CLOSE:
@@ -72,14 +74,16 @@ class ScoreTest:
                 place = below[0] + (above[0] - below[0]) * (1 - below[1]) / (above[1] - below[1])
         return place
 
-    def held(self, g: Array, place: float) -> Array:
-        """Where the cost is least with log g'x off its least-squares value by `place`."""
+    def held(self, g: Array, place: float) -> Array | None:
+        """Where the cost is least with log g'x off its least-squares value by `place`; None where none is known."""
         value, side, p = float(g @ self.x), np.sign(place), self.problem
         off = value * np.expm1(place)
         bound = replace(p, A=np.vstack([p.A, side * g]), b=np.append(p.b, side * (value + off)))
         x, size = self.x, off**2 / float(g @ self.pull @ g)
         for _ in range(STEPS):
             _, gradient, curvature = p.normal(x)
+            if not np.isfinite(curvature).all():
+                return None
             move = newton_step(bound, x, gradient, curvature).d
             x = x + move
             if move @ curvature @ move <= SETTLED * size:
@@ -102,8 +106,8 @@ class ScoreTest:
         return float(along @ score), float(along @ omega @ along)
 
 
-def score_test(solved: Solved, sure: Spread) -> ScoreTest:
+def score_test(solved: Solved, uncertainty: Spread) -> ScoreTest:
     """The test about the end of a fit."""
     problem = solved.fitted.problem()
     idle = tuple(idle_of(solved, log) for log in range(len(solved.fitted.drives)))
-    return ScoreTest(solved.fitted, problem, approach(problem, solved.x).x, idle, sure.pull, sure.scatter)
+    return ScoreTest(solved.fitted, problem, approach(problem, solved.x).x, idle, uncertainty.pull, uncertainty.scatter)

@@ -11,13 +11,16 @@ import numpy as np
 from scipy.stats import chi2
 
 from eaid.arrays import Array
-from eaid.recorded.noise import engagements
+from eaid.findings import Finding, finding
+from eaid.recorded.residual_noise import engagements
 from eaid.recorded.solve import Solved, idle_of
 
 WINDOW_S = 2.0
 """Stretch over which the density of the noise is taken [s]."""
 FEWEST = 4
 """Fewest engagements whose scatter counts."""
+CHANCE = 1e-3
+"""Gains that noise makes so different more rarely than this are told."""
 LEAST_LOAD = 0.02
 """An engagement with less than this part of the mean ∫ T² tells no gain."""
 
@@ -62,6 +65,15 @@ def scatter_of(solved: Solved) -> Scatter:
     chance = float(chi2.sf(float(((gamma - mean) ** 2 / own).sum()), len(gamma) - 1))
     gain = max(float(gamma.var(ddof=1)) - float(own.mean()), 0.0) ** 0.5
     return Scatter(s0, s1, gain, len(gamma), chance, tuple(cleaned))
+
+
+def scatter_findings(seen: Scatter) -> list[Finding]:
+    """Whether the output differs between engagements, where there are enough to see it."""
+    if seen.count < FEWEST:
+        return [finding("engagements-few", "data", count=seen.count)]
+    if seen.chance < CHANCE and seen.gain > 0:
+        return [finding("engagements-scatter", "data", scatter_pct=100 * seen.gain, count=seen.count)]
+    return []
 
 
 def densities(residuals: Sequence[Array], outputs: list[Array], steps: list[float]) -> tuple[float, float]:

@@ -11,8 +11,11 @@ import numpy as np
 from eaid.arrays import Array
 from eaid.errors import UsageError
 from eaid.recorded.drive import Drive
+from eaid.uncertainty.rig_noise import Noise
+from eaid.uncertainty.student_t import t_quantile
 
 PARAMETERS = ("Ts", "tau1", "tau2")
+MOST_ENGAGEMENTS = 60
 BLOCKS = 12
 """Instants of each hold at which the sensitivities are taken."""
 RAMP_S = 0.05
@@ -46,7 +49,7 @@ class Limits:
 
 
 @dataclass(frozen=True, eq=False)
-class Holds:
+class HoldSequence:
     """Levels and holds, 0 for a rest."""
 
     input: Array
@@ -82,7 +85,27 @@ def check(limits: Limits, wanted: Mapping[str, float]) -> None:
         raise UsageError(*(faults or ["«want»: say at least one width, as tau2=6"]))
 
 
-def drive_of_sequence(whole: Holds, limits: Limits, period_s: float = np.inf) -> Drive:
+def refuse_scattered(noise: Noise, wanted: Mapping[str, float]) -> None:
+    """Refuse widths that the scatter between engagements keeps out of reach, however many there are."""
+    faults = []
+    for name, scatter in zip(PARAMETERS, noise.scatter, strict=True):
+        least = float(100 * np.expm1(scatter * of_mean(MOST_ENGAGEMENTS)))
+        if least > wanted.get(name, np.inf):
+            faults.append(
+                f"«want» {name}={wanted[name]:g}: not reachable in {MOST_ENGAGEMENTS} engagements: {name} scatters by "
+                f"{100 * scatter:.3g} % from one to the next, which leaves ± {least:.3g} % at best; want "
+                f"{1.5 * least:.2g} % or more"
+            )
+    if faults:
+        raise UsageError(*faults)
+
+
+def of_mean(count: int) -> float:
+    """Half-width of the 95 % interval of the mean of so many values, in their standard deviations."""
+    return t_quantile(count - 1 or 1) / float(count**0.5)
+
+
+def drive_of_sequence(whole: HoldSequence, limits: Limits, period_s: float = np.inf) -> Drive:
     """A sequence for the kernel: some instants of each hold, each with the time that it stands for as its weight.
 
     No two are farther apart than an eighth of `period_s`.
@@ -111,7 +134,7 @@ def drive_of_sequence(whole: Holds, limits: Limits, period_s: float = np.inf) ->
     )
 
 
-def breaks_of(whole: Holds, limits: Limits, most: int = 10**6) -> tuple[tuple[float, float], ...]:
+def breaks_of(whole: HoldSequence, limits: Limits, most: int = 10**6) -> tuple[tuple[float, float], ...]:
     """(from when [s], input) with ramps where the rate is limited, in milliseconds; the last entry ends it.
 
     A ramp has as many steps as `RAMP_S` asks for, `most` of them at most.

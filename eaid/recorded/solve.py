@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
 from eaid.arrays import Array
 from eaid.fitting.problem import Problem
@@ -19,8 +20,11 @@ from eaid.recorded.drive import Drive
 from eaid.recorded.log import RecordedLog
 from eaid.recorded.problem import Setup, setup_of
 from eaid.recorded.starts import starts
+from eaid.recorded.states import Tables
 from eaid.results.common import Solver
 
+AT_BOUND = 1e-6
+"""A constraint a'x ≥ b holds a fit that ends within this part of b: where no cost tells, a solver stops short."""
 RIVALS = 3
 """Ends on the coarse copy that go on to every sample."""
 SAME = 1e-6
@@ -67,6 +71,16 @@ class Solved:
     def coefficients(self) -> Array:
         """Of the model alone."""
         return self.x[: self.setup.model.size]
+
+    @cached_property
+    def active(self) -> NDArray[np.intp]:
+        """Constraints that hold it, those of the model first."""
+        problem = self.setup.problem()
+        return np.flatnonzero(problem.A @ self.x - problem.b < 1e-9 + AT_BOUND * np.abs(problem.b))
+
+    def curves(self, duty: Array) -> Tables:
+        """T_s, τ1 and τ2 at some inputs."""
+        return self.setup.model.tables(self.setup.model.rows_of(duty), self.coefficients)
 
 
 def solve(setup: Setup) -> Solved:

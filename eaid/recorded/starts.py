@@ -6,7 +6,6 @@ these are then bent, τ1 and τ2 rising or falling over the inputs; and τ2 pass
 """
 
 import itertools
-from collections.abc import Sequence
 
 import numpy as np
 
@@ -14,8 +13,7 @@ from eaid.arrays import Array
 from eaid.fitting.problem import Problem, bring_in, draw_in
 from eaid.fitting.solver import approach
 from eaid.models.parameters import TAU_FLOOR_S
-from eaid.recorded.kernel import looks
-from eaid.recorded.model import LEAST_TAU_S
+from eaid.recorded.linear_parts import linear_parts
 from eaid.recorded.problem import Setup
 
 FAST = 17
@@ -114,30 +112,6 @@ def _shaped(setup: Setup, tau1: float, tau2: float, share: float, bend1: float =
     if model.share is None:
         x[model.size - 1] = share
     return x
-
-
-def linear_parts(setup: Setup, shapes: Sequence[Array] | Array) -> tuple[Array, Array]:
-    """Costs (K,) and places (K, n) with T_s, idle outputs and start states solved for: they enter linearly."""
-    model, x = setup.model, np.array(shapes)
-    a, b, c = model.sizes
-    own = np.concatenate([place.own[place.own >= 0] for place in setup.places]).astype(np.intp)
-    free = np.concatenate([np.arange(a), own]).astype(np.intp)
-    share = x[:, model.size - 1] if model.share is None else np.full(len(x), model.share)
-    size = len(free)
-    sums = np.zeros((len(x), size + 1, size + 1))
-    for drive, rows, place in zip(setup.drives, setup.maps, setup.places, strict=True):
-        tau1 = np.maximum(x[:, a : a + b] @ rows.tau1.T, LEAST_TAU_S)
-        tau2 = np.maximum(x[:, a + b : a + b + c] @ rows.tau2.T, LEAST_TAU_S) if c else np.ones_like(tau1)
-        found = looks(drive.dt_s, drive.index, drive.y, drive.w, rows.steady, tau1, tau2, share)  # type: ignore[arg-type]
-        known = np.concatenate([np.arange(a), np.where(place.own >= 0, np.searchsorted(free, place.own), -1), [size]])
-        at = np.flatnonzero(known >= 0)
-        sums[:, known[at][:, None], known[at]] += found[:, at[:, None], at]
-    scale = np.sqrt(np.maximum(np.diagonal(sums, axis1=1, axis2=2)[:, :size], 1e-300))
-    A = sums[:, :size, :size] / (scale[:, :, None] * scale[:, None, :])
-    v = sums[:, :size, size] / scale
-    z = np.linalg.solve(A + 1e-10 * np.eye(size), v[:, :, None])[:, :, 0]
-    x[:, free] = z / scale
-    return sums[:, size, size] + np.einsum("kij,ki,kj->k", A, z, z) - 2 * (v * z).sum(axis=1), x
 
 
 def inner(setup: Setup, x: Array, problem: Problem) -> Array:

@@ -16,7 +16,7 @@ from numba.extending import overload, register_jitable
 
 from eaid.control import pi, rc
 from eaid.models.parameters import TAU_FLOOR_S
-from eaid.replay import adjoint, controllers, hold, inverse, lanes, loop, plant, rate_limited
+from eaid.replay import adjoint, controllers, inverse, lanes, loop, plant, rate_limited
 from eaid.replay.controllers import Controller, Step
 from eaid.replay.plant import PlantParameters
 from eaid.replay.rig import RigNumbers
@@ -43,10 +43,10 @@ VECTOR: Flags = {**ALONE, "forceinline": True}
 CALLED = (
     plant.plant_terms, plant.plant_pull, plant.plant_step, rc.rc_terms, rc.rc_step, pi.pi_step,
     controllers.open_loop_step, controllers.feedforward_step,
-    hold.rest, hold.rounded, hold.hold_step,
+    plant.rest, plant.rounded, plant.hold_step,
     inverse.duty_for, inverse.inverse_step, lanes.expm1_to_minus_one, lanes.tanh_within, lanes.short_step,
     inverse.follow, adjoint.cost_and_gradient,
-    rate_limited.slow_reach, rate_limited.written_anew, rate_limited.taut_path,
+    rate_limited.written_anew, rate_limited.taut_path,
 )  # fmt: skip
 for _function in CALLED:
     register_jitable(**VECTOR)(_function)
@@ -64,7 +64,7 @@ def _tanh(x: float) -> Callable[[float], float]:  # noqa: ARG001 - numba wants t
 def fingerprint() -> str:
     """Of every source that machine code is made of."""
     digest = hashlib.sha256()
-    for module in (plant, rc, pi, hold, inverse, controllers, loop, lanes, adjoint, rate_limited):
+    for module in (plant, rc, pi, inverse, controllers, loop, lanes, adjoint, rate_limited):
         digest.update(Path(str(module.__file__)).read_bytes())
     digest.update(Path(__file__).read_bytes())
     return digest.hexdigest()[:12]

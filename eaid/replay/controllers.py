@@ -7,6 +7,7 @@ from typing import Any, NamedTuple, TypeVar
 import numpy as np
 from numpy.polynomial import polynomial
 
+from eaid.control.bounds import physical
 from eaid.control.pi import PIGains, PIState, pi_step
 from eaid.control.rc import RCGains, RCState, rc_step
 from eaid.errors import UsageError
@@ -125,30 +126,31 @@ def _given(gains: G | None, name: str) -> G:
 
 
 def _pi_feedforward(known: Knowledge) -> Controller:
-    pi, linear = _given(known.pi, "pi"), known.linear or _straight_line(known.plant)
-    model = (linear.a0, linear.b0, linear.c0)
-    gains = FeedforwardGains(pi.K_P, pi.K_I, *model, pi.duty_min, pi.duty_max, pi.back_calculation)
+    pi, (a0, b0, c0) = _given(known.pi, "pi"), _line(known)
+    gains = FeedforwardGains(pi.K_P, pi.K_I, a0, b0, c0, pi.duty_min, pi.duty_max, pi.back_calculation)
     return Controller("pi-feedforward", feedforward_step, gains, PIState())
 
 
 def _feedforward(known: Knowledge) -> Controller:
-    linear = known.linear or _straight_line(known.plant)
-    gains = FeedforwardGains(0.0, 0.0, linear.a0, linear.b0, linear.c0, *known.limits)
+    gains = FeedforwardGains(0.0, 0.0, *_line(known), *known.limits)
     return Controller("feedforward", feedforward_step, gains, PIState())
 
 
-def _straight_line(plant: Nonlinear) -> Linear:
-    """Linear model whose steady torque [N·m] is the least-squares line through T_s(u), Eq. (7), at 101 duties."""
-    duties = np.linspace(*plant.u_range, 101)
-    offset, slope = polynomial.polyfit(duties, steady_torque(plant, duties), 1).tolist()
+def _line(known: Knowledge) -> tuple[float, float, float]:
+    """a0, b0 and c0 of the linear model; without it of one whose steady torque [N·m] is the least-squares line through
+    T_s(u), Eq. (7), at 101 duties."""
+    if known.linear is not None:
+        linear = physical(known.linear)
+        return linear.a0, linear.b0, linear.c0
+    duties = np.linspace(*known.plant.u_range, 101)
+    offset, slope = polynomial.polyfit(duties, steady_torque(known.plant, duties), 1).tolist()
     if not slope > 0.0:
         raise UsageError("controller open-loop: the plant's steady torque does not rise with the duty; fit it again")
-    return Linear(a0=1.0, b0=slope, c0=offset)
+    return 1.0, slope, offset
 
 
 def _open_loop(known: Knowledge) -> Controller:
-    linear = known.linear or _straight_line(known.plant)
-    gains = OpenLoopGains(linear.a0, linear.b0, linear.c0, *known.limits)
+    gains = OpenLoopGains(*_line(known), *known.limits)
     return Controller("open-loop", open_loop_step, gains, OpenLoopState(0.0))
 
 

@@ -13,6 +13,7 @@ the duty gone on to the u* that the law asked for, the slope of the torque growi
 Ṫ(u*) = Ṫ(u) + (u* − u) ∂Ṫ/∂u.
 """
 
+import math
 from dataclasses import dataclass
 
 import msgspec
@@ -47,10 +48,12 @@ class Watch:
         at_limit = fails & (self.limited[begin:] > 0)
         by_limit = at_limit & (np.abs(self.chi_unlimited_nm_s[begin:]) <= rho)
         count = int(fails.sum())
+        with np.errstate(divide="ignore", invalid="ignore"):  # a model without uncertainty has ρ = 0
+            largest = float((np.abs(self.chi_nm_s[begin:]) / rho).max())
         return msgspec.structs.replace(
             metrics,
             guarantee_holds_fraction=1.0 - count / len(rho),
-            guarantee_largest_chi_over_rho=float((np.abs(self.chi_nm_s[begin:]) / rho).max()),
+            guarantee_largest_chi_over_rho=largest if math.isfinite(largest) else None,
             guarantee_failures_at_limit=int(at_limit.sum()) / count if count else None,
             guarantee_failures_by_saturation=int(by_limit.sum()) / count if count else None,
         )

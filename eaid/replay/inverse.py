@@ -52,11 +52,9 @@ class InverseState(NamedTuple):
     """Duty played last [%], where the next search begins."""
 
 
-def inverse_gains(
-    p: Nonlinear, observer_per_s: float = OBSERVER_PER_S, limits: tuple[float, float] = (0.0, 100.0)
-) -> InverseGains:
+def inverse_gains(p: Nonlinear, limits: tuple[float, float] = (0.0, 100.0)) -> InverseGains:
     """The controller for a fitted model and the range of its actuator [%]."""
-    return InverseGains(plant_parameters(p), observer_per_s, *limits)
+    return InverseGains(plant_parameters(p), OBSERVER_PER_S, *limits)
 
 
 def duty_for(

@@ -13,7 +13,7 @@ import numpy as np
 from eaid.arrays import Array
 from eaid.replay.compiled import kernel
 from eaid.replay.plant import PlantParameters, falling_taus, plant_terms
-from eaid.replay.rate_limited import slow_reach, taut_path
+from eaid.replay.rate_limited import taut_path
 
 DUTIES = 201
 """Duties at which the limits are taken, evenly from the lowest to the highest."""
@@ -28,8 +28,10 @@ def least_cost(
     duties = np.linspace(*limits_pct, DUTIES).tolist()
     top = max(plant_terms(plant, duty)[2] for duty in duties)
     keep1, keep2, gained1, gained2 = _rows(plant, duties, dt_s, highest=True)
-    reach = np.empty(len(reference))
-    kernel(slow_reach)(keep2, gained2, reach)
+    # the largest slow part that any duty can have made by each sample, from rest
+    reach = np.zeros(len(reference))
+    for k in range(1, len(reach)):
+        reach[k] = max(float((keep2 * reach[k - 1] + gained2).max()), 0.0)
     most = max(float(reach.max()), 1e-12)
     # the greatest is convex in the reach, too: between a hundred values of it, chords again lie above
     some = np.linspace(0.0, most, REACHES)

@@ -15,9 +15,8 @@ from numpy.typing import NDArray
 from eaid.arrays import Array, read_only
 from eaid.errors import UsageError
 from eaid.replay.controllers import Controller, Step
-from eaid.replay.hold import hold_step, rest, rounded
 from eaid.replay.metrics import tracking
-from eaid.replay.plant import PlantParameters
+from eaid.replay.plant import PlantParameters, hold_step, rest, rounded
 from eaid.replay.rig import Rig, RigNumbers, noise, rig_numbers, ripple
 from eaid.results.gain_checks import Tracking
 
@@ -45,11 +44,6 @@ class Trace:
     """Fast part x1 of the plant's torque [N·m], where the loop kept it."""
     state: Array | None = None
     """First number of the controller's state before each sample (rc, pi: the integral of the error), where kept."""
-
-    @property
-    def error_nm(self) -> Array:
-        """Reference minus true torque [N·m]."""
-        return self.reference_nm - self.torque_nm
 
     def tracking(self, counted: "slice | NDArray[np.int64]" = slice(None)) -> Tracking:
         """How well the torque follows the reference over the samples that count."""
@@ -138,7 +132,9 @@ def replay(
     return as_trace(acting, rig, dt_s, reference_nm, columns)
 
 
-def as_trace(law: Controller, rig: Rig, dt_s: float, reference_nm: Array, columns: Sequence[Sequence[float]]) -> Trace:
+def as_trace(
+    law: Controller, rig: Rig, dt_s: float, reference_nm: Array, columns: Sequence[Sequence[float] | Array]
+) -> Trace:
     """What the loop filled, four columns or six, as a result; what repeats another column is left out."""
     torque, measured, duty, applied, *inner = (read_only(column) for column in columns)
     fast, state = inner or (None, None)

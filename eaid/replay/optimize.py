@@ -5,7 +5,7 @@ A candidate is replayed on plants drawn from the fit's uncertainty, with the tor
     cost          √(mean over plants and counted samples of e²)                       [N·m]
     chattering    mean over plants and counted samples of |u_k − u_{k−1}|             [% duty]
 
-`Search.judge` puts another cost in the place of the first, as the stiffness of a wall (`eaid.coupling.judge`).
+`Search.judge` puts another cost in the place of the first, as the stiffness of a wall (`eaid.coupling.entry`).
 
 One that chatters more than the limit has P's scale lowered until it does not; one that misses 6 dB or 45° around an
 operating point, the duty latched, does not count. The search is in the logarithms of the parameters: a scatter of
@@ -35,7 +35,7 @@ from eaid.limits import LIMITS
 from eaid.models.parameters import Linear, Nonlinear
 from eaid.replay.controllers import rc_controller
 from eaid.replay.many import replay_many
-from eaid.replay.plant import plant_parameters
+from eaid.replay.plant import PlantParameters, plant_parameters
 from eaid.replay.references import Reference
 from eaid.replay.rig import Rig
 from eaid.results.gain_checks import Candidate
@@ -99,32 +99,20 @@ class Found:
     limit_pct: float
 
 
-class Bench:
-    """Plants, reference and noise that every candidate is replayed on."""
+def errors_of(gains: RCGains, plants: Sequence[PlantParameters], reference: Reference, search: Search) -> Array:
+    """Mean square error, largest error, mean |Δu| and share saturated of each plant, shape (4, N)."""
+    table, begin = np.zeros((4, len(plants))), reference.begin
+    wanted = reference.torque_nm[begin:, None]
 
-    def __init__(self, plants: Sequence[Nonlinear], reference: Reference, search: Search) -> None:
-        self._plants = [plant_parameters(plant) for plant in plants]
-        self._reference, self._search = reference, search
-        self._begin = reference.begin
+    def visit(first: int, torque: Array, duty: Array) -> None:
+        error, counted = np.abs(wanted - torque[begin:]), duty[begin:]
+        held = (counted <= gains.duty_min) | (counted >= gains.duty_max)
+        rows = (error * error).mean(0), error.max(0), np.abs(np.diff(counted, axis=0)).mean(0), held.mean(0)
+        table[:, first : first + torque.shape[1]] = rows
 
-    def run(self, gains: RCGains) -> tuple[Array, Array, Array, Array]:
-        """Mean square error, largest error, mean |Δu| and share saturated of each plant, shapes (N,)."""
-        table = np.zeros((4, len(self._plants)))
-        wanted = self._reference.torque_nm[self._begin :, None]
-
-        def visit(first: int, torque: Array, duty: Array) -> None:
-            error = np.abs(wanted - torque[self._begin :])
-            counted = duty[self._begin :]
-            held = (counted <= gains.duty_min) | (counted >= gains.duty_max)
-            rows = (error * error).mean(0), error.max(0), np.abs(np.diff(counted, axis=0)).mean(0), held.mean(0)
-            table[:, first : first + torque.shape[1]] = rows
-
-        rig = Rig(noise_nm=self._search.noise_nm)
-        replay_many(
-            self._plants, rc_controller(gains), self._reference.torque_nm, rig, self._reference.dt_s, visit,
-            self._search.seed,
-        )  # fmt: skip
-        return table[0], table[1], table[2], table[3]
+    rig = Rig(noise_nm=search.noise_nm)
+    replay_many(plants, rc_controller(gains), reference.torque_nm, rig, reference.dt_s, visit, search.seed)
+    return table
 
 
 def optimize(
@@ -135,7 +123,7 @@ def optimize(
 
     Raises GainsError where nothing that was tried keeps limit and margins.
     """
-    bench = Bench(plants, reference, search)
+    flat = [plant_parameters(plant) for plant in plants]
     first_law = law_of(model, bounds, start)
     natural, damping = frequency_and_damping(start.K_P, start.K_D)
     span = start.duty_limits_pct[1] - start.duty_limits_pct[0]
@@ -162,7 +150,7 @@ def optimize(
 
     def trial_of(options: DesignOptions) -> Trial:
         law = law_of(model, bounds, options)
-        square, largest, chatter, saturated = bench.run(law.gains)
+        square, largest, chatter, saturated = errors_of(law.gains, flat, reference, search)
         rms = math.sqrt(float(square.mean()))
         did = Candidate(
             p_scale=options.p_scale, epsilon=options.epsilon, phi_honest_pct=law.phi_honest_pct, B_hat=law.gains.B_hat,

@@ -13,6 +13,9 @@ duties were recorded and are as quick as the release, every fall has its constan
 
 Floors, for plants drawn from an uncertain fit: τ1 ≥ 1 ms, τ2 ≥ τ1, T_s ≥ 0, as the fit's constraints have them.
 
+A rig's output rounds the duty to its resolution, and a PWM latches it once a period; where that is no whole number of
+samples, the interval is cut where the new duty takes over.
+
 Floats and `math` only: numba compiles these functions as they stand, and plain Python runs them in about a microsecond.
 """
 
@@ -24,6 +27,9 @@ from typing import NamedTuple
 from eaid.errors import DataError, UsageError
 from eaid.limits import check
 from eaid.models.parameters import TAU_FLOOR_S, Nonlinear
+
+INSTANT = 1e-9
+"""Two instants nearer than this share of a sample are one."""
 
 
 class PlantParameters(NamedTuple):
@@ -141,3 +147,42 @@ def plant_slope(parameters: PlantParameters, x1: float, x2: float, duty: float) 
     """Ṫ of the plant [N·m/s] at its states [N·m] and a duty [%]: the right-hand side that `plant_step` integrates."""
     fast, slow, tau1, tau2 = plant_pull(parameters, x1, x2, duty)
     return fast / tau1 + slow / tau2
+
+
+class Held(NamedTuple):
+    """Where plant and latch are."""
+
+    x1: float
+    """Fast part of the torque [N·m]."""
+    x2: float
+    """Slow part [N·m]."""
+    latched: float
+    """Duty that acts [%]."""
+    pulse: int
+    """The next PWM period to begin, at pulse·period samples."""
+
+
+def rest() -> Held:
+    """At rest, before the first pulse."""
+    return Held(0.0, 0.0, 0.0, 0)
+
+
+def rounded(duty: float, resolution: float) -> float:
+    """The duty [%] as an output of this resolution [%] gives it; 0: any."""
+    return math.floor(duty / resolution + 0.5) * resolution if resolution > 0.0 else duty
+
+
+def hold_step(plant: PlantParameters, period: float, dt: float, k: int, duty: float, held: Held) -> tuple[Held, float]:
+    """From sample k to the next with a duty [%], latched once a PWM period [samples; 0: at once]; and the mean duty."""
+    x1, x2, latched, pulse = held
+    if period == 0.0:
+        x1, x2 = plant_step(plant, x1, x2, duty, dt)
+        return Held(x1, x2, duty, pulse), duty
+    wait = pulse * period - k
+    if wait >= 1.0 - INSTANT:
+        x1, x2 = plant_step(plant, x1, x2, latched, dt)
+        return Held(x1, x2, latched, pulse), latched
+    wait = max(wait, 0.0)
+    x1, x2 = plant_step(plant, x1, x2, latched, wait * dt)
+    x1, x2 = plant_step(plant, x1, x2, duty, (1.0 - wait) * dt)
+    return Held(x1, x2, duty, math.ceil((k + 1 - INSTANT) / period)), wait * latched + (1.0 - wait) * duty

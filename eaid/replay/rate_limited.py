@@ -110,14 +110,3 @@ def written_anew(stack: Array, count: int, scale: float, shift: float, share: fl
             stack[kept, 1] = share * stack[i, 1]
             kept += 1
     return kept
-
-
-def slow_reach(decay: Array, gain: Array, reach: Array) -> None:
-    """Largest slow part [N·m] that any duty can have made by each sample, from rest: the most of decay x + gain."""
-    x = 0.0
-    for k in range(len(reach)):
-        reach[k] = x
-        most = 0.0
-        for j in range(len(decay)):
-            most = max(most, decay[j] * x + gain[j])
-        x = most

@@ -69,16 +69,13 @@ class Reference:
 
 
 def steps(
-    dt_s: float, levels_nm: tuple[float, ...] = STEP_LEVELS_NM, hold_s: float = STEP_HOLD_S, top: float = 1.0
-) -> Reference:
-    """A staircase of levels [N·m] times `top`, each held for hold_s seconds."""
-    levels_nm = tuple(top * level for level in levels_nm)
-    if len(levels_nm) < 2 or min(levels_nm) < 0:
-        raise UsageError("steps: give two levels or more, none below 0 N·m")
-    hold = samples_of(hold_s, dt_s)
-    torque = np.repeat(np.asarray(levels_nm, dtype=float), hold)
-    changes = tuple(k * hold for k in range(1, len(levels_nm)) if levels_nm[k] != levels_nm[k - 1])
-    return Reference(read_only(torque), dt_s, steps=changes)
+    dt_s: float, duration_s: float | None = None, top: float = 1.0, pace: float = 1.0,
+    levels_nm: tuple[float, ...] = STEP_LEVELS_NM,
+) -> Reference:  # fmt: skip
+    """A staircase of levels [N·m] times `top`, each held as long, 5 s by default; that time is divided by `pace`."""
+    hold = samples_of(STEP_HOLD_S / pace if duration_s is None else duration_s / len(levels_nm), dt_s)
+    torque = np.repeat([top * level for level in levels_nm], hold)
+    return Reference(read_only(torque), dt_s, steps=tuple((np.flatnonzero(np.diff(torque)) + 1).tolist()))
 
 
 def ramp(dt_s: float, duration_s: float | None = None, top: float = 1.0, pace: float = 1.0) -> Reference:
@@ -105,13 +102,18 @@ def multisine(dt_s: float, duration_s: float | None = None, top: float = 1.0, pa
     return Reference(read_only(torque), dt_s, counted_from_s=settled if length > settled else 0.0)
 
 
-def sweep(dt_s: float, frequencies_hz: tuple[float, ...] = SWEEP_HZ, top: float = 1.0, pace: float = 1.0) -> Reference:
+def sweep(
+    dt_s: float, duration_s: float | None = None, top: float = 1.0, pace: float = 1.0,
+    frequencies_hz: tuple[float, ...] = SWEEP_HZ,
+) -> Reference:  # fmt: skip
     """Sines 2 ± 1 N·m of rising frequency one after another, each from phase 0 for whole periods.
 
     `top` is a factor on the torque, `pace` on the frequencies; times are divided by it.
     """
+    if duration_s is not None:
+        raise UsageError("the sweep's length follows from its frequencies; leave «duration» out")
     frequencies_hz = tuple(pace * frequency for frequency in frequencies_hz)
-    if not frequencies_hz or min(frequencies_hz) <= 0 or max(frequencies_hz) > 0.25 / dt_s:
+    if max(frequencies_hz) > 0.25 / dt_s:
         raise UsageError(
             f"sweep: frequencies must lie above 0 and up to a quarter of the control rate, {0.25 / dt_s:g} Hz"
         )

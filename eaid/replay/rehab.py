@@ -20,20 +20,14 @@ import numpy as np
 from eaid.arrays import Array, read_only
 from eaid.errors import GainsError, UsageError
 from eaid.replay.controllers import Controller
-from eaid.replay.hold import hold_step, rest, rounded
 from eaid.replay.loop import Trace, as_trace
-from eaid.replay.plant import PlantParameters, plant_terms
+from eaid.replay.plant import PlantParameters, hold_step, plant_terms, rest, rounded
 from eaid.replay.references import samples_of
 from eaid.replay.rig import Rig, noise, rig_numbers, ripple
 from eaid.results.replay import Exercise
 
 MODES = ("soft", "hard", "assisted")
 """In the order of Fig. 16."""
-
-
-COLUMNS = (
-    "target_deg", "angle_deg", "position_error_deg", "desired_nm", "rendered_nm", "torque_error_nm", "mode",
-)  # fmt: skip
 RANGE_DEG = (-10.0, 150.0)
 """Where an elbow ends, overstretched or fully bent; a limb beyond it is a loop that has diverged."""
 RESISTED_FROM_DEG = 10.0
@@ -73,32 +67,14 @@ class Session:
 
     def columns(self) -> dict[str, Array]:
         """What a file keeps of the session beside its torque loop, shapes (n,)."""
-        return {name: getattr(self, name) for name in COLUMNS}
+        names = "target_deg", "angle_deg", "position_error_deg", "desired_nm", "rendered_nm", "torque_error_nm", "mode"
+        return {name: getattr(self, name) for name in names}
 
     def counted(self, mode: str) -> slice:
         """The samples of a mode that count."""
         dt = self.replay.dt_s
         start = MODES.index(mode) * self.exercise.mode_s
         return slice(round((start + self.exercise.uncounted_s) / dt), round((start + self.exercise.mode_s) / dt))
-
-
-@dataclass(frozen=True)
-class Drawn:
-    """What is known of a session before it begins, at each sample."""
-
-    target: list[float]
-    """[rad]"""
-    target_rate: list[float]
-    """[rad/s]"""
-    tremor: list[float]
-    """[N·m]"""
-    noise: list[float]
-    """[N·m]"""
-    factor: list[float]
-    """Rotor ripple."""
-    to_hard: list[float]
-    """Share of the way from soft to hard."""
-    to_assisted: list[float]
 
 
 def rehabilitate(
@@ -112,58 +88,44 @@ def rehabilitate(
     n = samples_of(len(MODES) * exercise.mode_s, dt_s)
     if exercise.mode_s < 10 * dt_s:
         raise UsageError(f"rehab: a mode of {exercise.mode_s:g} s is too short for a control interval of {dt_s:g} s")
-    acting = controller.on(rig)
-    drawn = _draw(exercise, rig, n, dt_s, seed)
-    columns = _run(plant, acting, exercise, rig, (dt_s, controller.gains.duty_max), drawn)
-    reference, torque, measured, duty, applied, *limb = columns
-    angle, desired, sign = (np.array(column) for column in limb)
+    given = _given(exercise, rig, n, dt_s, seed)
+    columns = _run(plant, controller, exercise, rig, dt_s, given)
+    reference, torque, measured, duty, applied, angle, desired, rendered = map(read_only, columns)
     return Session(
-        replay=as_trace(acting, rig, dt_s, read_only(reference), (torque, measured, duty, applied)),
+        replay=as_trace(controller.on(rig), rig, dt_s, reference, (torque, measured, duty, applied)),
         exercise=exercise,
-        target_deg=read_only(np.degrees(drawn.target)),
+        target_deg=read_only(np.degrees(given[0])),
         angle_deg=read_only(np.degrees(angle)),
-        desired_nm=read_only(desired),
-        rendered_nm=read_only(sign * np.array(torque)),
+        desired_nm=desired,
+        rendered_nm=rendered,
         mode=read_only(np.minimum(np.arange(n) * dt_s // exercise.mode_s, len(MODES) - 1)),
     )
 
 
-def _draw(exercise: Exercise, rig: Rig, n: int, dt_s: float, seed: int) -> Drawn:
+def _given(exercise: Exercise, rig: Rig, n: int, dt_s: float, seed: int) -> tuple[Array, ...]:
+    """What is known before the session begins, shapes (n,): target [rad] and its rate [rad/s], the user's random moment
+    and the noise [N·m], the ripple's factor, the shares of the way to the hard and to the assisted mode."""
     t = np.arange(n) * dt_s
     angle = 2 * math.pi * exercise.movement_hz * t
     swing = math.radians(exercise.amplitude_deg)
-    target = math.radians(exercise.centre_deg) - swing * np.cos(angle)
     seed_of_user = int(np.random.SeedSequence([seed, 7]).generate_state(1, np.uint64)[0])  # not the sensor's
     # the user's moment is white noise that forgets itself in tremor_s: an AR(1) of the same variance at any rate
     user = Rig(noise_nm=exercise.tremor_nm, noise_correlation_s=exercise.tremor_s)
     middle = exercise.mode_s * np.arange(1, len(MODES))
     to_hard, to_assisted = (0.5 * (1 + np.tanh((t - at) / exercise.blend_s)) for at in middle)
-    return Drawn(
-        target=target.tolist(),
-        target_rate=(swing * 2 * math.pi * exercise.movement_hz * np.sin(angle)).tolist(),
-        tremor=noise(user, n, dt_s, seed_of_user).tolist(),
-        noise=noise(rig, n, dt_s, seed).tolist(),
-        factor=ripple(rig, n, dt_s).tolist(),
-        to_hard=to_hard.tolist(),
-        to_assisted=to_assisted.tolist(),
-    )
+    target = math.radians(exercise.centre_deg) - swing * np.cos(angle)
+    target_rate = swing * 2 * math.pi * exercise.movement_hz * np.sin(angle)
+    tremor, disturbance = noise(user, n, dt_s, seed_of_user), noise(rig, n, dt_s, seed)
+    return target, target_rate, tremor, disturbance, ripple(rig, n, dt_s), to_hard, to_assisted
 
 
 def _run(
-    plant: PlantParameters,
-    controller: Controller,
-    exercise: Exercise,
-    rig: Rig,
-    interval: tuple[float, float],
-    drawn: Drawn,
-) -> tuple[list[float], ...]:
-    """The session, sample by sample: reference, torque, measured, duty, applied, angle, desired, sign.
-
-    `interval` is the control interval [s] and the highest duty [%].
-    """
-    dt, highest_pct = interval
-    law: Callable[..., tuple[object, float]] = controller.step
-    gains, state = controller.gains, controller.start
+    plant: PlantParameters, controller: Controller, exercise: Exercise, rig: Rig, dt: float, given: tuple[Array, ...]
+) -> Array:
+    """The session, sample by sample: reference, torque, measured, duty, applied, angle, desired, rendered; (8, n)."""
+    acting = controller.on(rig)
+    law: Callable[..., tuple[object, float]] = acting.step
+    gains, state = acting.gains, acting.start
     soft, hard = exercise.soft_nm_rad, exercise.hard_nm_rad
     k_p, k_i = exercise.assist_proportional, exercise.assist_integral
     stiffness, damping, weight = exercise.user_stiffness, exercise.user_damping, exercise.gravity_nm
@@ -173,20 +135,20 @@ def _run(
     fastest = exercise.slope_nm_s * dt
     turn, late = exercise.mode_s * (len(MODES) - 1), round(exercise.user_delay_s / dt)
     keep, push, drift, lift = limb_steps(exercise.inertia_kgm2, exercise.damping_nms, dt)
-    numbers = rig_numbers(rig, dt, highest_pct)
+    numbers = rig_numbers(rig, dt, controller.gains.duty_max)
     held = rest()
-    columns: tuple[list[float], ...] = tuple([] for _ in range(8))
-    angle, speed = drawn.target[0], 0.0
+    samples: list[tuple[float, ...]] = []
+    angle, speed = float(given[0][0]), 0.0
     reference = filtered = wound = 0.0
     effort: list[float] = []
-    given: list[float] = []
-    for k in range(len(drawn.target)):
-        error = drawn.target[k] - angle
-        assisted, harder = drawn.to_assisted[k], drawn.to_hard[k]
+    duties: list[float] = []
+    for k, row in enumerate(zip(*(column.tolist() for column in given), strict=True)):
+        target, target_rate, tremor, disturbance, factor, harder, assisted = row
+        error = target - angle
         # what the user does: their own reaction of `late` ago; bearing the arm's weight is posture, at once
-        effort.append(stiffness * error + damping * (drawn.target_rate[k] - speed))
+        effort.append(stiffness * error + damping * (target_rate - speed))
         moment = weight * math.sin(angle)
-        user = (1.0 - assisted) * ((effort[k - late] if k >= late else 0.0) + moment + drawn.tremor[k])
+        user = (1.0 - assisted) * ((effort[k - late] if k >= late else 0.0) + moment + tremor)
         # what the robot wants
         against = ((1.0 - harder) * soft + (harder - assisted) * hard) * max(0.0, angle - free)
         assist = k_i * wound + k_p * error
@@ -199,23 +161,26 @@ def _run(
         before = reference
         reference += min(max(wanted - reference, -fastest), fastest)
         # what the clutch gives
-        true = (held.x1 + held.x2) * drawn.factor[k]
+        true = (held.x1 + held.x2) * factor
         filtered = true + numbers.memory * (filtered - true)
-        seen = filtered + drawn.noise[k]
+        seen = filtered + disturbance
         state, duty = law(gains, state, reference, (reference - before) / dt, seen, dt)
-        given.append(rounded(duty, numbers.duty_step))
-        acting = given[k - numbers.delay] if k >= numbers.delay else 0.0
-        held, applied = hold_step(plant, numbers.pwm_period, dt, k, acting, held)
-        row = (reference, true, seen, given[k], applied, angle, desired, sign)
-        for column, value in zip(columns, row, strict=True):
-            column.append(value)
+        duties.append(rounded(duty, numbers.duty_step))
+        delayed = duties[k - numbers.delay] if k >= numbers.delay else 0.0
+        held, applied = hold_step(plant, numbers.pwm_period, dt, k, delayed, held)
+        samples.append((reference, true, seen, duties[k], applied, angle, desired, sign * true))
         # what the limb does, its moment held over the sample
         moment = user + sign * true - moment
         angle += drift * speed + lift * moment
         speed = keep * speed + push * moment
         if not low < angle < high:
-            raise GainsError(_diverged(controller.name, exercise, k * dt, angle))
-    return columns
+            mode = MODES[min(int(k * dt / exercise.mode_s), len(MODES) - 1)]
+            raise GainsError(
+                f"rehab with {acting.name}: the {mode} mode diverges, the forearm passes {math.degrees(angle):.0f}° "
+                f"at {k * dt:.2f} s (limb damping {exercise.damping_nms:g} N·m·s/rad); nothing is plotted of it; "
+                "give the limb more damping or other gains"
+            )
+    return np.array(samples).T.copy()
 
 
 def limb_steps(inertia_kgm2: float, damping_nms: float, dt_s: float) -> tuple[float, float, float, float]:
@@ -225,12 +190,3 @@ def limb_steps(inertia_kgm2: float, damping_nms: float, dt_s: float) -> tuple[fl
     # (x − 1 + e^(−x))/x², by its series where it cancels
     twice = (1.0 - once) / x if x > 1e-4 else 0.5 - x / 6.0
     return math.exp(-x), once * dt_s / inertia_kgm2, once * dt_s, twice * dt_s**2 / inertia_kgm2
-
-
-def _diverged(controller: str, exercise: Exercise, time_s: float, angle: float) -> str:
-    mode = MODES[min(int(time_s / exercise.mode_s), len(MODES) - 1)]
-    return (
-        f"rehab with {controller}: the {mode} mode diverges, the forearm passes {math.degrees(angle):.0f}° "
-        f"at {time_s:.2f} s (limb damping {exercise.damping_nms:g} N·m·s/rad); nothing is plotted of it; "
-        "give the limb more damping or other gains"
-    )

@@ -19,23 +19,10 @@ from eaid.results.gain_checks import Tracking
 from eaid.results.metrics import Metrics
 from eaid.results.replay import Record, Role
 
-
-def _steps(dt_s: float, duration_s: float | None, top: float, pace: float) -> Reference:
-    levels = references.STEP_LEVELS_NM
-    hold_s = references.STEP_HOLD_S / pace if duration_s is None else duration_s / len(levels)
-    return references.steps(dt_s, levels, hold_s, top)
-
-
-def _sweep(dt_s: float, duration_s: float | None, top: float, pace: float) -> Reference:
-    if duration_s is not None:
-        raise UsageError("the sweep's length follows from its frequencies; leave «duration» out")
-    return references.sweep(dt_s, top=top, pace=pace)
-
-
 SCENARIOS: dict[str, Callable[[float, float | None, float, float], Reference]] = {
-    "steps": _steps,
+    "steps": references.steps,
     "multisine": references.multisine,
-    "sweep": _sweep,
+    "sweep": references.sweep,
     "ramp": references.ramp,
 }
 """Name → its reference at an interval and of a length [s], with factors on the paper's torque and frequencies."""

@@ -7,11 +7,11 @@ from eaid.control.gains import pi_gains, rc_gains
 from eaid.control.plant import plant_of, why_not
 from eaid.errors import DataError, UsageError
 from eaid.findings import Finding, finding
-from eaid.models.parameters import Linear, Nonlinear
+from eaid.models.parameters import Linear
 from eaid.replay.controllers import Controller, Knowledge, controller
+from eaid.replay.noise import with_residual_noise
 from eaid.replay.options import SimulateOptions
 from eaid.replay.plant import PlantParameters, perturbed, plant_parameters
-from eaid.replay.residual_noise import with_residual_noise
 from eaid.replay.rig import Rig
 from eaid.results.fit import Fit
 from eaid.results.gains import Gains
@@ -22,11 +22,10 @@ class Setup:
     """What every kind of replay needs."""
 
     fit: Fit
-    model: Nonlinear
-    """The fitted plant, which the controllers know."""
     plant: PlantParameters
-    """The one that is replayed."""
+    """The plant that is replayed."""
     known: Knowledge
+    """Of the controllers: the fitted plant among it."""
     controllers: tuple[Controller, ...]
     rig: Rig
     options: SimulateOptions
@@ -65,7 +64,7 @@ def set_up(
         findings.append(finding("gains-not-identifiable", "gains", why=gains.unidentified))
     plant = plant_parameters(perturbed(model, options.perturb))
     chosen = tuple(controller(name, known) for name in names)
-    return Setup(fit, model, plant, known, chosen, rig, options, 1.0 / rate_hz), findings
+    return Setup(fit, plant, known, chosen, rig, options, 1.0 / rate_hz), findings
 
 
 def _names(asked: tuple[str, ...] | None, what: str, known: Knowledge) -> tuple[tuple[str, ...], list[Finding]]:

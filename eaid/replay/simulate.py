@@ -33,27 +33,10 @@ def simulate(
     runs: Sequence[Run] | None = None,
     progress: Progress = no_progress,
 ) -> Replay:
-    """Replay controllers on the fitted plant, from rest, and measure how well they track.
+    """`eaid.simulate` on what has been read: a reference as time [s] and output, recorded runs; closed loops laid over.
 
-    Parameters
-    ----------
-    fit
-        A fit with a nonlinear model, which is the plant.
-    gains
-        What `tune` made; the controllers rc and pi need it.
-    options
-        Scenario, controllers, the rig's own effects, plants to be drawn.
-    reference
-        A reference of the user's own, time [s] and output; in place of a scenario.
-    runs
-        Recorded runs whose own input is replayed, in place of a scenario; closed-loop ones are laid over.
-
-    Raises
-    ------
-    DataError
-        The fit holds no plant, or a run is in other units than the fit.
-    UsageError
-        Options that do nothing here, or contradict each other.
+    Raises DataError where the fit holds no plant or a run has other units than the fit, UsageError where options do
+    nothing here or contradict each other.
     """
     refuse_several(options.scenario, reference, runs)
     what = "log" if runs is not None else "reference" if reference is not None else options.scenario or "multisine"

@@ -65,7 +65,7 @@ def _doubts(setup: Setup, wanted: Reference, gains: Gains | None) -> list[Findin
 
 def _unseen(setup: Setup, records: Mapping[str, Record]) -> list[Finding]:
     """Where replays go through what no log showed: duties outside the identified ones, falls between levels."""
-    low, high = setup.model.u_range
+    low, high = setup.known.plant.u_range
     below = above = falling = 0.0
     for each in records.values():
         duty, torque = each.columns["duty_pct"], each.columns["torque_nm"]

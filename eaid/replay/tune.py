@@ -20,7 +20,6 @@ from eaid.control.defaults import (
 from eaid.control.design import design, least_phi, mismatches
 from eaid.control.gains import pi_gains, rc_gains
 from eaid.control.guarantee import condition, guarantee
-from eaid.control.noise import white_noise_nm
 from eaid.control.operating import operating_points
 from eaid.control.options import DesignOptions
 from eaid.control.plant import plant_of, why_not
@@ -31,6 +30,7 @@ from eaid.models.nonlinear import steady_torque
 from eaid.models.parameters import Nonlinear
 from eaid.progress import Progress, no_progress
 from eaid.replay.controllers import pi_controller, rc_controller
+from eaid.replay.noise import noise_of
 from eaid.replay.optimize import Search, optimize
 from eaid.replay.references import Reference, Signal
 from eaid.replay.rig import Rig
@@ -42,9 +42,6 @@ from eaid.results.tuning import TuneOptions
 from eaid.steps.stepset import StepSet
 from eaid.uncertainty.draw import draw, drawable
 
-USUAL_NOISE_NM = 0.01
-"""Torque noise where no log tells it [N·m], over the paper's torque at 100 %."""
-
 
 def tune(
     fit: Fit,
@@ -55,30 +52,11 @@ def tune(
     progress: Progress = no_progress,
     judge: Callable[[RCGains], float] | None = None,
 ) -> Gains:
-    """Gains of the robust controller and of a PI for a fit, with one verdict on the guarantee.
+    """`eaid.tune_rc` on what has been read; without a reference the multisine, which Q_M need not cover.
 
-    Parameters
-    ----------
-    fit
-        A fit with a linear model; its nonlinear one, where it has one, is what the gains are replayed on.
-    options
-        What is asked for; what is left out is the paper's on a rig in % duty and N·m, else the rig's own.
-    logs
-        Logs of the same rig: they speak about φ (`phi="data"`) and about the noise of a search.
-    reference
-        What Q_M is taken from or judged by: multisine, steps or sweep, at the rig's scale, or time [s] and output of
-        the user's own. None: the gains are replayed on the multisine, which Q_M need not cover.
-    reference_name
-        What the result calls a reference of the user's own.
-    judge
-        What a search makes least in place of the RMS error, a function of the gains above 0.
-
-    Raises
-    ------
-    GainsError
-        The fit or the wishes are not physical, out of reach, or unstable on the linear model.
-    DataError
-        The fit lacks what is asked for.
+    A search makes `judge` least, a function of the gains above 0, where it is given, else the RMS error. Raises
+    GainsError where fit or wishes are not physical, out of reach, or unstable on the linear model, and DataError where
+    the fit lacks what is asked for.
     """
     why = why_not(fit, "linear")
     if why and not options.allow_unidentified:
@@ -98,7 +76,7 @@ def tune(
     settled = with_own_pi(fit, settled, scales)
     if options.epsilon is None and options.gamma is None:
         settled = with_own_layer(fit, settled, scales, bounds, plant)
-    findings: list[Finding] = _of_the_rig(scales, settled)
+    findings: list[Finding] = _of_the_rig(fit, scales, settled)
     found = None
     if options.searches:
         settled, found, more = _searched(fit, options, settled, plant, logs, wanted, reference_name, progress, judge)
@@ -114,13 +92,13 @@ def tune(
     )  # fmt: skip
 
 
-def _of_the_rig(scales: Scales, settled: DesignOptions) -> list[Finding]:
+def _of_the_rig(fit: Fit, scales: Scales, settled: DesignOptions) -> list[Finding]:
     if scales.paper:
         return []
     return [
         finding(
-            "designed-for-rig", "model", input_unit=scales.input_unit or "no unit",
-            output_unit=scales.output_unit or "no unit",
+            "designed-for-rig", "model", input_unit=fit.data.input_unit or "no unit",
+            output_unit=fit.data.output_unit or "no unit",
             pace=scales.pace, highest=settled.duty_limits_pct[1],
             overshoot_pct=settled.pi.overshoot_pct or OVERSHOOT_PCT, settling_s=settled.pi.settling_s or 0.0,
         )
@@ -162,19 +140,6 @@ def _searched(
     return found.best.law.options, result, findings
 
 
-def noise_of(fit: Fit, options: TuneOptions, logs: StepSet | None) -> tuple[float, str]:
-    """Noise for the search in the output's unit, and where it comes from."""
-    if options.noise_nm is not None:
-        return options.noise_nm, "given"
-    if logs is not None and logs.output_unit == fit.data.output_unit:
-        return white_noise_nm(logs), "logs"
-    # The fit keeps a density of the noise at low frequency: an upper bound of what white noise alone would have.
-    noise = fit.uncertainty.noise if fit.uncertainty is not None else None
-    if noise is not None and noise.sensor_nm2_s and fit.data.sample_rate_hz:
-        return float((noise.sensor_nm2_s * fit.data.sample_rate_hz) ** 0.5), "fit"
-    return USUAL_NOISE_NM * scales_of(fit, plant_of(fit)).top, "supposed"
-
-
 def _replayed(
     gains: Gains, plant: Nonlinear | None, wanted: Reference, name: str, given: bool, dead_time_s: float
 ) -> tuple[Gains, list[Finding]]:
@@ -183,6 +148,7 @@ def _replayed(
         return gains, [finding("nothing-to-replay-on", "model")]
     rc, pi, part = rc_gains(gains), pi_gains(gains), gains.rc
     assert rc is not None and pi is not None and part is not None and part.ultimate_bound is not None
+    assert gains.guarantee is not None
     findings = []
     most, highest = float(wanted.torque_nm.max()), float(steady_torque(plant, plant.u_range[1]))
     if most > highest:
@@ -204,12 +170,8 @@ def _replayed(
     ), findings  # fmt: skip
 
 
-def _judged(verdict: Guarantee | None, slope: float) -> Guarantee | None:
-    if verdict is None:
-        return None
-    return guarantee(
-        [
-            condition(each.name, slope, each.available, each.unit) if each.name == "Q_M" else each
-            for each in verdict.conditions
-        ]
-    )
+def _judged(verdict: Guarantee, slope: float) -> Guarantee:
+    """The verdict with the slope [output/s] of what was replayed."""
+    rows = {each.name: each for each in verdict.conditions}
+    rows["Q_M"] = condition("Q_M", slope, rows["Q_M"].available, rows["Q_M"].unit)
+    return guarantee(tuple(rows.values()))

@@ -1,13 +1,24 @@
 """Every figure of the page: its name, its part of the page, what it needs, who makes that, and who draws it."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
-from eaid.report import ready_fits as fits
-from eaid.report import ready_replays as replays
-from eaid.report.figures import friction
+from eaid.report.figures import (
+    apparatus,
+    checks,
+    clutch,
+    coupling,
+    edges,
+    friction,
+    hold,
+    level_steps,
+    recorded,
+    rehab,
+    replays,
+    values,
+)
 from eaid.report.ready import Ready
 from eaid.report.results import Results
 
@@ -32,7 +43,9 @@ class Row:
     def ready(self, results: Results) -> Ready | None:
         """The figure, or None where its data were not given."""
         given = [need(results) for need in self.needs]
-        return None if any(one is None for one in given) else self.show(*given)
+        found = None if any(one is None for one in given) else self.show(*given)
+        title = self.title if results.of_paper else self.title.split(" · ")[-1]
+        return found and replace(found, title=found.title or title)
 
 
 def _fit(kind: str) -> Need:
@@ -72,46 +85,49 @@ def _replayed(scenario: str) -> str:
 
 
 FIGURES: tuple[Row, ...] = (
-    Row("compare", "Two fits over each other", (lambda results: results.pair,), fits.compared),
-    Row("fig02_pwm", "Fig. 2 · One PWM period", (_all,), fits.pwm, of_the_fit=False),
-    Row("edges", "Edges of the output", (lambda results: results.edge_logs,), fits.edges_of_logs, of_the_fit=False),
+    Row("compare", "Two fits over each other", (lambda results: results.pair,), values.two_fits_ready),
+    Row("fig02_pwm", "Fig. 2 · One PWM period", (_all,), apparatus.pwm_ready, of_the_fit=False),
+    Row("edges", "Edges of the output", (lambda results: results.edge_logs,), edges.edges_ready, of_the_fit=False),
     Row("fig06_hold_and_release", "Fig. 6 · Output while held and after release",
-        (lambda results: results.main_data,), fits.held, _MADE["held"], of_the_fit=False),
-    Row("recorded_logs", "Logs as recorded", (_recorded,), fits.recorded_logs),
-    Row("fig07_nonlinear_model", "Fig. 7 · Nonlinear model", (_data("clutch"), _all), fits.nonlinear,
+        (lambda results: results.main_data,), hold.hold_ready, _MADE["held"], of_the_fit=False),
+    Row("recorded_logs", "Logs as recorded", (_recorded,), recorded.logs_ready),
+    Row("fig07_nonlinear_model", "Fig. 7 · Nonlinear model", (_data("clutch"), _all), clutch.nonlinear_ready,
         "eaid ingest LOGS -o clutch.h5"),
-    Row("model_over_duty", "Parameters over the level", (_CLUTCH, _all), fits.over_level, _MADE["clutch"]),
+    Row("model_over_duty", "Parameters over the level", (_CLUTCH, _all), values.polynomials_ready, _MADE["clutch"]),
     Row("residuals_nonlinear", "What the nonlinear model leaves", _ON_CLUTCH,
-        partial(fits.residuals, "nonlinear", True), _MADE["clutch"]),
-    Row("bode", "Frequency response", (_recorded,), fits.bode),
-    Row("level_steps", "Steps from level to level", (_all,), fits.steps_between, of_the_fit=False),
-    Row("steps_over_level", "Gain and time constants of steps", (_all,), fits.steps_over_level, of_the_fit=False),
-    Row("fig08_linear_model", "Fig. 8 · Linear model", _ON_CLUTCH, fits.linear_model, _MADE["clutch"]),
-    Row("residuals_linear", "What the linear model leaves", _ON_CLUTCH, partial(fits.residuals, "linear", False),
-        _MADE["clutch"]),
-    Row("fig09_shear_per_field", "Fig. 9 · Shear stress over the electric field", (_CLUTCH, _all), fits.shear),
-    Row("fig03_friction_steps", "Fig. 3 · Friction steps", (_all,), fits.friction_steps,
+        partial(checks.residuals_ready, "nonlinear", True), _MADE["clutch"]),
+    Row("bode", "Frequency response", (_recorded,), recorded.bode_ready),
+    Row("level_steps", "Steps from level to level", (_all,), level_steps.level_steps_ready, of_the_fit=False),
+    Row("steps_over_level", "Gain and time constants of steps", (_all,), level_steps.over_level_ready,
+        of_the_fit=False),
+    Row("fig08_linear_model", "Fig. 8 · Linear model", _ON_CLUTCH, clutch.linear_ready, _MADE["clutch"]),
+    Row("residuals_linear", "What the linear model leaves", _ON_CLUTCH,
+        partial(checks.residuals_ready, "linear", False), _MADE["clutch"]),
+    Row("fig09_shear_per_field", "Fig. 9 · Shear stress over the electric field", (_CLUTCH, _all),
+        apparatus.shear_ready),
+    Row("fig03_friction_steps", "Fig. 3 · Friction steps", (_all,), friction.friction_steps_ready,
         "eaid ingest LOGS -o friction.h5", of_the_fit=False),
     Row("fig04_friction_over_stress", "Fig. 4 · Friction over the normal stress", (_fit("friction-force"), _all),
-        partial(fits.trends, friction.friction_over_stress), _MADE["force"], of_the_fit=False),
+        partial(friction.trends_ready, friction.friction_over_stress), _MADE["force"], of_the_fit=False),
     Row("residuals_friction_force", "What the friction curves leave, over force", _ON_FORCE,
-        partial(fits.residuals, "friction", True), _MADE["force"], of_the_fit=False),
+        partial(checks.residuals_ready, "friction", True), _MADE["force"], of_the_fit=False),
     Row("fig05_friction_over_speed", "Fig. 5 · Friction over the rotation speed", (_fit("friction-speed"), _all),
-        partial(fits.trends, friction.friction_over_speed), _MADE["speed"], of_the_fit=False),
+        partial(friction.trends_ready, friction.friction_over_speed), _MADE["speed"], of_the_fit=False),
     Row("residuals_friction_speed", "What the friction curves leave, over speed", _ON_SPEED,
-        partial(fits.residuals, "friction", False), _MADE["speed"], of_the_fit=False),
-    Row("input_gain", "Input gain of each level", (_CLUTCH, _all), fits.input_gain, _MADE["clutch"]),
-    Row("fig12_multisine", "Fig. 12 · Sum of sines", (_replay("multisine"),), replays.tracking,
+        partial(checks.residuals_ready, "friction", False), _MADE["speed"], of_the_fit=False),
+    Row("input_gain", "Input gain of each level", (_CLUTCH, _all), clutch.input_gain_ready, _MADE["clutch"]),
+    Row("fig12_multisine", "Fig. 12 · Sum of sines", (_replay("multisine"),), replays.tracking_ready,
         _replayed("multisine")),
-    Row("own_reference", "Your own reference", (_replay("reference"),), replays.tracking),
-    Row("fig11_steps", "Fig. 11 · Steps", (_replay("steps"),), replays.steps, _replayed("steps")),
-    Row("fig13_sweep", "Fig. 13 · Sines of rising frequency", (_replay("sweep"),), replays.sweep, _replayed("sweep")),
+    Row("own_reference", "Your own reference", (_replay("reference"),), replays.tracking_ready),
+    Row("fig11_steps", "Fig. 11 · Steps", (_replay("steps"),), replays.tracking_ready, _replayed("steps")),
+    Row("fig13_sweep", "Fig. 13 · Sines of rising frequency", (_replay("sweep"),), replays.sweep_ready,
+        _replayed("sweep")),
     Row("guarantee_in_replay", "What the robust term has to cover", (lambda results: results.replays,),
-        replays.guarantee, _replayed("multisine")),
-    Row("walls", "How stiff a virtual wall may be", (lambda results: results.couplings,), replays.walls),
-    Row("log_replay", "Recorded input through the model", (_replay("log"),), replays.log, _MADE["log"]),
-    Row("fig16_rehab", "Fig. 16 · Elbow rehabilitation", (_replay("rehab"),), replays.training, _replayed("rehab")),
-    Row("fig17_rehab_errors", "Fig. 17 · Position error by mode", (_replay("rehab"),), replays.position,
+        replays.guarantee_ready, _replayed("multisine")),
+    Row("walls", "How stiff a virtual wall may be", (lambda results: results.couplings,), coupling.walls_ready),
+    Row("log_replay", "Recorded input through the model", (_replay("log"),), replays.log_ready, _MADE["log"]),
+    Row("fig16_rehab", "Fig. 16 · Elbow rehabilitation", (_replay("rehab"),), rehab.training_ready, _replayed("rehab")),
+    Row("fig17_rehab_errors", "Fig. 17 · Position error by mode", (_replay("rehab"),), rehab.errors_ready,
         _replayed("rehab")),
 )  # fmt: skip
 """In the order of the page."""

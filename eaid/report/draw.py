@@ -1,5 +1,6 @@
 """Figures → bytes, the same every time: no date, no program name, model ids and hashes fixed."""
 
+import base64
 import io
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -10,6 +11,7 @@ from matplotlib.figure import Figure
 from eaid.errors import UsageError
 from eaid.report import style
 from eaid.report.catalogue import FIGURES, Row
+from eaid.report.live import Live
 from eaid.report.mark import marked
 from eaid.report.ready import Ready
 from eaid.report.results import Results
@@ -23,14 +25,37 @@ PAGE_DPI = 170
 
 @dataclass(frozen=True)
 class Drawn:
-    """A figure of the catalogue: the files to write, and the picture for the page."""
+    """A figure of the catalogue: the files to write, and what the page shows of it."""
 
-    row: Row
-    ready: Ready
+    name: str
+    title: str
+    sees: str
     files: tuple[tuple[str, bytes], ...]
     """Format and content."""
-    preview: bytes
+    src: str
+    """The picture, as an address that holds it."""
     size_in: tuple[float, float]
+    live: tuple[Live, ...] = ()
+
+    @property
+    def size_px(self) -> tuple[int, int]:
+        """Size of the picture on the page."""
+        return round(self.size_in[0] * 96), round(self.size_in[1] * 96)
+
+    @property
+    def narrow(self) -> bool:
+        """Whether it has one column."""
+        return self.size_in[0] < 5
+
+    @property
+    def alt(self) -> str:
+        """What a reader who does not see the picture is told."""
+        return f"{self.title}. {self.sees}"
+
+
+def source_of(png: bytes) -> str:
+    """A picture as an address that holds it."""
+    return "data:image/png;base64," + base64.b64encode(png).decode("ascii")
 
 
 def pngs_of(figure: Figure, *dpis: float) -> tuple[bytes, ...]:
@@ -113,7 +138,8 @@ def draw_all(
                 marked(figure, mark)
             png, preview = pngs_of(figure, style.DPI, PAGE_DPI)
             files = tuple((kind, png if kind == "png" else vector_of(figure, kind)) for kind in formats)
-            width, height = figure.get_size_inches()
-            drawn.append(Drawn(row, found, files, preview, (float(width), float(height))))
+            width, height = (float(side) for side in figure.get_size_inches())
+            live = found.live()
+            drawn.append(Drawn(row.name, found.title, found.sees, files, source_of(preview), (width, height), live))
         done()
     return drawn

@@ -5,7 +5,7 @@ from matplotlib import pyplot as plt
 from matplotlib.axes import Axes
 
 from eaid.report import style
-from eaid.report.rig import level_text, quantity
+from eaid.report.rig import controller_name, level_text, quantity
 from eaid.results import frames
 from eaid.results.fit import Fit
 from eaid.results.replay import Replay
@@ -31,7 +31,7 @@ def plot_replay(replay: Replay, ax: Axes | None = None) -> Axes:
         columns = record.columns
         if i == 0 and "reference_nm" in columns:
             ax.plot(columns["time_s"], columns["reference_nm"], color=style.GREY, linewidth=2.2, label="reference")
-        label = style.controller_name(name)
+        label = controller_name(name)
         ax.plot(columns["time_s"], columns["torque_nm"], label=label, **style.controller_look(name, i))
     ax.set(xlabel="Time (s)", ylabel=quantity(replay.head.output_unit))
     ax.legend(fontsize="small")

@@ -21,7 +21,7 @@ from eaid.logs.run import Run
 from eaid.replay import files as replay_files
 from eaid.replay.controllers import CONTROLLERS
 from eaid.report.edge_logs import is_whole
-from eaid.report.results import NEEDED, Given, Results, Source, gathered
+from eaid.report.results import NEEDED, Given, Results, gathered
 from eaid.report.thin import as_recorded, shortened
 from eaid.results import codec
 from eaid.results.coupling import Coupling
@@ -44,7 +44,7 @@ def read_results(paths: Sequence[Path], tell: Callable[[str], None] = lambda _: 
         try:
             kind = kind_of(path)
             result, found = _READERS[kind](path)
-            items.append(Given(Source(str(path), sha256_of(path), kind), result))
+            items.append(Given(result, str(path), sha256_of(path)))
             for one in found:
                 tell(say(one))
         except DataError as fault:

@@ -1,6 +1,6 @@
 """A figure whose data are at hand: how it is drawn, what is to be seen in it, and its live plots."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
 from typing import Any
@@ -8,10 +8,9 @@ from typing import Any
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from matplotlib.figure import Figure
 
+from eaid.report.live import Live
 from eaid.report.rig import level_text
 from eaid.report.tables.table import listed, number
-
-Live = Callable[[], tuple[Mapping[str, Any], ...]]
 
 
 @dataclass(frozen=True)
@@ -21,10 +20,10 @@ class Ready:
     draw: Callable[[], Figure]
     sees: str
     """What is to be seen in it; every claim computed."""
-    live: Live | None = None
+    live: Callable[[], tuple[Live, ...]] = tuple
     """Its live plots, side by side."""
     title: str = ""
-    """What it is called on this rig; empty: as in the catalogue, without the paper's number on another rig."""
+    """Empty: as in the catalogue, without the paper's number on another rig."""
 
 
 @cache

@@ -1,12 +1,13 @@
 """What a report shows: fits, gains, replays and datasets, from files or from memory. Nothing is refitted."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Generic, TypeVar
 
 from eaid.errors import UsageError
 from eaid.report.edge_logs import EdgeLog, edge_logs
+from eaid.report.rig import of_the_paper
 from eaid.results.coupling import Coupling
 from eaid.results.fit import Fit
 from eaid.results.gains import Gains
@@ -19,27 +20,14 @@ NEEDED = ("time_s", "reference_nm", "torque_nm", "duty_pct")
 T = TypeVar("T")
 
 
-@dataclass(frozen=True)
-class Source:
-    """Where a result comes from."""
-
-    path: str
-    sha256: str
-    kind: str
-    """fit, gains, replay or data."""
-
-
 @dataclass(frozen=True, eq=False)
 class Given(Generic[T]):
     """A result and where it comes from."""
 
-    source: Source
     result: T
-
-    @property
-    def path(self) -> str:
-        """What the result is called: its file, as given."""
-        return self.source.path
+    path: str
+    """What the result is called: its file, as given."""
+    sha256: str = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,12 +58,15 @@ class Results:
         return self.data_of(self.main_kind or "")
 
     @property
-    def sources(self) -> tuple[Source, ...]:
-        """Every file that was given."""
-        parts: tuple[Sequence[Given[Any]], ...] = (
-            self.data, self.fits, self.gains, self.replays, self.couplings,
-        )  # fmt: skip
-        return tuple(part.source for group in parts for part in group)
+    def every(self) -> tuple[Given[Any], ...]:
+        """All results, whatever their kind."""
+        return (*self.data, *self.fits, *self.gains, *self.replays, *self.couplings)
+
+    @property
+    def of_paper(self) -> bool:
+        """Whether the page's own kind was recorded as the paper's was."""
+        about = self.main_fit.data if self.main_fit is not None else self.main_data
+        return self.main_kind is None or of_the_paper(about, self.paper)
 
     def fit(self, kind: str) -> Fit | None:
         """The first fit of a kind."""
@@ -136,8 +127,8 @@ def gathered(items: Iterable["Fit | Gains | Replay | StepSet | Coupling | Given[
         if kind is None:
             raise UsageError(f"a {type(result).__name__} is no result that a report can show")
         count = len(sorted_[kind])
-        name = Source(f"{kind} {count + 1}" if count else kind, "", kind)
-        sorted_[kind].append(item if isinstance(item, Given) else Given(name, result))
+        name = f"{kind} {count + 1}" if count else kind
+        sorted_[kind].append(item if isinstance(item, Given) else Given(result, name))
     order = {name: i for i, name in enumerate(SCENARIOS)}
     sorted_["replay"].sort(key=lambda one: order.get(one.result.head.scenario, len(order)))
     fits, gains, replays, data, couplings = (tuple(group) for group in sorted_.values())

@@ -2,7 +2,7 @@
 
 from eaid.apparatus import Apparatus
 from eaid.results.common import Source
-from eaid.results.fit import Data, Fit
+from eaid.results.fit import Fit, FittedData
 from eaid.results.friction import FrictionLevel
 from eaid.results.nonlinear import CurveLevel
 from eaid.steps.stepset import StepSet
@@ -22,13 +22,13 @@ def controller_name(name: str) -> str:
     return CONTROLLER_NAMES.get(name, name)
 
 
-def apparatus_of(data: Data) -> Apparatus:
+def apparatus_of(data: FittedData) -> Apparatus:
     """The rig that a fit names; one friction surface where a friction rig was fitted and none is told."""
     rig = data.apparatus
     return Apparatus(**{name: getattr(rig, name) for name in rig.__struct_fields__})
 
 
-def of_the_paper(data: Data | StepSet | None, asked: bool | None = None) -> bool:
+def of_the_paper(data: FittedData | StepSet | None, asked: bool | None = None) -> bool:
     """Whether published values belong beside these: units of the paper's rig and kind, or somebody asks for them."""
     if data is None:
         return False
@@ -43,7 +43,7 @@ def printed_head(kind: str, units: tuple[str, str], asked: bool | None = None) -
     return "published" if units == paper else f"published ({', '.join(paper)})"
 
 
-def overlaid(data: Data, asked: bool | None = None) -> bool:
+def overlaid(data: FittedData, asked: bool | None = None) -> bool:
     """Whether published curves may be drawn over ours: only in the same units."""
     return asked is not False and of_the_paper(data)
 
@@ -80,7 +80,7 @@ def level_values(fit: Fit) -> tuple[FrictionLevel | CurveLevel, ...]:
     fitted as recorded, those of the model's curves."""
     if fit.recorded is not None and fit.nonlinear is not None and fit.nonlinear.curves:
         return fit.nonlinear.curves
-    return tuple(row for row in (fit.friction.levels if fit.friction is not None else ()) if row.from_ == 0)
+    return tuple(row for row in fit.friction_levels if row.from_ == 0)
 
 
 def rising(sources: tuple[Source, ...]) -> tuple[Source, ...]:

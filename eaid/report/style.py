@@ -5,7 +5,9 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass
-from typing import Any
+from functools import cache
+from pathlib import Path
+from typing import Any, TypedDict
 
 import matplotlib as mpl
 from matplotlib.axes import Axes
@@ -13,7 +15,6 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from eaid.report.options import COLUMN_IN, PAGE_IN
-from eaid.report.rig import controller_name as controller_name
 
 DPI = 300
 SMALLEST_PT = 8.0
@@ -39,6 +40,15 @@ BLACK, ORANGE, SKY, GREEN = "#000000", "#E69F00", "#56B4E9", "#009E73"
 BLUE, VERMILLION, PURPLE = "#0072B2", "#D55E00", "#CC79A7"
 GREY = "#6E6E6E"
 
+
+class Stroke(TypedDict, total=False):
+    """How matplotlib draws a line."""
+
+    color: str
+    linestyle: Any
+    linewidth: float
+
+
 CONTROLLERS: dict[str, tuple[str, str, str]] = {
     "rc": (BLUE, "-", "o"),
     "pi": (VERMILLION, "--", "s"),
@@ -50,45 +60,11 @@ CONTROLLERS: dict[str, tuple[str, str, str]] = {
 """Colour, line and marker of a controller, the same in every figure."""
 _SPARE = [(ORANGE, "-", "v"), (SKY, "--", "P"), (GREY, "-.", "X"), (BLACK, ":", "*")]
 
-PARAMETERS: dict[str, Any] = {
-    "font.size": SMALLEST_PT,
-    "axes.titlesize": SMALLEST_PT,
-    "axes.titlelocation": "left",
-    "axes.labelsize": SMALLEST_PT,
-    "axes.linewidth": 0.6,
-    "axes.grid": True,
-    "axes.axisbelow": True,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "grid.color": "#DDDDDD",
-    "grid.linewidth": 0.4,
-    "hatch.linewidth": 0.5,
-    "xtick.labelsize": SMALLEST_PT,
-    "ytick.labelsize": SMALLEST_PT,
-    "xtick.major.width": 0.6,
-    "ytick.major.width": 0.6,
-    "legend.fontsize": SMALLEST_PT,
-    "legend.frameon": False,
-    "legend.handlelength": 2.4,
-    "legend.columnspacing": 1.4,
-    "legend.borderaxespad": 0.2,
-    "lines.linewidth": 1.1,
-    "lines.markersize": 3.6,
-    "figure.dpi": DPI,
-    "savefig.dpi": DPI,
-    "agg.path.chunksize": 20000,
-    "path.simplify": True,
-    "path.simplify_threshold": 0.2,
-    "pdf.fonttype": 42,  # TrueType inside the file; Type 3 is refused by IEEE
-    "svg.fonttype": "path",  # outlines: the same look on a machine without the font
-    "svg.hashsalt": "eaid",
-}
-
 
 @contextmanager
 def look(wanted: Look = PAPER) -> Iterator[None]:
     """The settings under which a figure is made and saved; the caller's own return afterwards."""
-    settings: dict[Any, Any] = {**mpl.rcParamsDefault, **PARAMETERS, "backend": mpl.rcParams["backend"]}
+    settings: dict[Any, Any] = {**_parameters(), "backend": mpl.rcParams["backend"]}
     settings |= {"font.family": [wanted.font, "DejaVu Sans"], "mathtext.fontset": _mathtext(wanted.font)}
     token = _LOOK.set(wanted)
     try:
@@ -96,6 +72,12 @@ def look(wanted: Look = PAPER) -> Iterator[None]:
             yield
     finally:
         _LOOK.reset(token)
+
+
+@cache
+def _parameters() -> dict[Any, Any]:
+    """matplotlib's defaults, and ours over them."""
+    return dict(mpl.rc_params_from_file(Path(__file__).with_name("figures.mplstyle")))
 
 
 def _mathtext(font: str) -> str:
@@ -136,7 +118,7 @@ def legend_over(figure: Figure, axes: Axes, columns: int = 6) -> None:
     figure.legend(handles, labels, loc="outside upper right", ncols=columns)
 
 
-def controller_look(name: str, position: int = 0) -> dict[str, Any]:
+def controller_look(name: str, position: int = 0) -> Stroke:
     """Colour and line of a controller; spare ones for names that this version does not know."""
     colour, line, _ = CONTROLLERS.get(name, _SPARE[position % len(_SPARE)])
     return {"color": colour, "linestyle": line}

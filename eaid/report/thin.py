@@ -10,8 +10,10 @@ from eaid.steps.stepset import StepSet
 
 MOST = 400_000
 """Samples of a run from which on blocks of it are averaged: the page draws a hundredth of them."""
-MOST_OF_ALL = 20_000_000
-"""The same for all runs of a dataset."""
+MOST_OF_ALL = 5_000_000
+"""The same for all runs of a dataset, several of which a report may hold."""
+LEAST = 4_000
+"""Samples that each run keeps where there are thousands of runs."""
 PIECE = 1 << 20
 
 
@@ -21,7 +23,7 @@ def shortened(run: Run, runs: int = 1) -> tuple[Run, int]:
     Blocks begin at the step, so that none holds samples from before and after it; of the input each block keeps its
     first value.
     """
-    every = -(-len(run.time_s) // min(MOST, MOST_OF_ALL // runs))
+    every = -(-len(run.time_s) // min(MOST, max(LEAST, MOST_OF_ALL // runs)))
     if every == 1 or run.step_s is None:
         return run, 1
     offset = int(np.searchsorted(run.time_s, run.step_s)) % every

@@ -8,9 +8,10 @@ from pathlib import Path
 
 from eaid.errors import UsageError
 from eaid.files import all_written_whole
+from eaid.report.catalogue import FIGURES
 from eaid.report.draw import draw_all, font_of, formats_of, ready_figures
 from eaid.report.mark import mark_of
-from eaid.report.options import FIGURES, PAGE, USUAL, ReportOptions, figures_in, refuse_to_overwrite_report
+from eaid.report.options import USUAL, ReportOptions
 from eaid.report.page.render import page
 from eaid.report.pictures import summary_pictures
 from eaid.report.results import Given, Results, gathered
@@ -21,6 +22,8 @@ from eaid.results.gains import Gains
 from eaid.results.replay import Replay
 from eaid.steps.stepset import StepSet
 
+PAGE, FOLDER = "report.html", "figures"
+
 
 @dataclass(frozen=True)
 class Report:
@@ -30,9 +33,6 @@ class Report:
     figures: tuple[str, ...]
     missing: tuple[tuple[str, str], ...]
     """Figures left out, and the command that makes what they need."""
-
-    def __fspath__(self) -> str:
-        return str(self.page)
 
 
 def write_report(
@@ -72,9 +72,9 @@ def write_report(
     drawn = draw_all(ready, formats, done, look, mark[0] if mark else None)
     pictures = summary_pictures(given, mark[0] if mark else None)
     text = page(given, drawn, pictures, missing if not options.figures else ())
-    contents = {f"{FIGURES}/{one.row.name}.{kind}": held for one in drawn for kind, held in one.files}
+    contents = {f"{FOLDER}/{one.name}.{kind}": held for one in drawn for kind, held in one.files}
     contents[PAGE] = text.encode("utf-8", errors="replace")
-    with _folders(folder, folder / FIGURES):
+    with _folders(folder, folder / FOLDER):
         paths = [folder / name for name in contents]
         with all_written_whole(paths, options.force) as parts:
             for part, content in zip(parts, contents.values(), strict=True):
@@ -83,7 +83,7 @@ def write_report(
             if old not in paths:
                 old.unlink()
     named = tuple((row.name, row.made_by) for row in missing if row.made_by)
-    return Report(folder / PAGE, tuple(one.row.name for one in drawn), named)
+    return Report(folder / PAGE, tuple(one.name for one in drawn), named)
 
 
 @contextlib.contextmanager
@@ -101,3 +101,19 @@ def _folders(*paths: Path) -> Iterator[None]:
             with contextlib.suppress(OSError):
                 path.rmdir()
         raise
+
+
+def refuse_to_overwrite_report(folder: Path, force: bool) -> None:
+    """Leave an existing report alone, its figures too, unless the user says otherwise."""
+    if folder.exists() and not folder.is_dir():
+        raise UsageError(f"{folder}: is a file; give the report a folder with «output»")
+    held = [folder / PAGE] * (folder / PAGE).exists() + figures_in(folder)
+    if held and not force:
+        raise UsageError(f"{held[0]}: exists already; give «force» to overwrite the report, or another «output»")
+
+
+def figures_in(folder: Path) -> list[Path]:
+    """Figures of a report that a folder holds."""
+    names = {row.name for row in FIGURES}
+    held = sorted((folder / FOLDER).glob("*")) if (folder / FOLDER).is_dir() else []
+    return [path for path in held if path.suffix in (".png", ".pdf", ".svg") and path.stem in names]

@@ -53,7 +53,7 @@ class Rig(Result, frozen=True):
             )
 
 
-class Data(Result, frozen=True):
+class FittedData(Result, frozen=True):
     """What was fitted."""
 
     kind: Literal["clutch", "friction-force", "friction-speed"] = "clutch"
@@ -73,7 +73,7 @@ class Data(Result, frozen=True):
 
 
 class FitOptions(Result, frozen=True):
-    """How a set of steps is fitted; the tables of choices stand in `eaid.fitting.options`."""
+    """How a set of steps is fitted; the tables of choices stand in `eaid.fitting.choices`."""
 
     models: tuple[str, ...] | None = None
     """Models to fit; None: all that the kind allows."""
@@ -144,7 +144,7 @@ class Fit(Shown, Result, frozen=True):
     command: tuple[str, ...] = ()
     """What was typed to make it, without the output; empty where Python did."""
     seed: int = 0
-    data: Data = Data()
+    data: FittedData = FittedData()
     converged: bool | None = None
     friction: Friction | None = None
     nonlinear: Nonlinear | None = None
@@ -219,15 +219,19 @@ class Fit(Shown, Result, frozen=True):
         model = replace(self.nonlinear.parameters, release=release)
         nearer = 0.0
         for row in self.recorded_falls:
-            for own, up, down in zip((row.tau1, row.tau2), time_constants(model, row.level), release, strict=True):
-                nearer += abs(math.log(own / max(float(up), TAU_FLOOR_S))) - abs(math.log(own / down))
+            for tau, up, down in zip((row.tau1, row.tau2), time_constants(model, row.level), release, strict=True):
+                nearer += abs(math.log(tau / max(float(up), TAU_FLOOR_S))) - abs(math.log(tau / down))
         return replace(model, falls_as_release=nearer > 0)
 
     @property
     def recorded_falls(self) -> tuple[FrictionLevel, ...]:
         """The fitted steps that fall from one level to another, not to rest."""
-        levels = self.friction.levels if self.friction is not None else ()
-        return tuple(row for row in levels if row.from_ > row.level > 0)
+        return tuple(row for row in self.friction_levels if row.from_ > row.level > 0)
+
+    @property
+    def friction_levels(self) -> tuple[FrictionLevel, ...]:
+        """The friction curves of levels, and of steps between them; none where they were not fitted."""
+        return self.friction.levels if self.friction is not None else ()
 
     @property
     def dead_time_s(self) -> float:

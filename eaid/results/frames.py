@@ -8,8 +8,7 @@ import numpy as np
 import pandas as pd
 
 from eaid.errors import DataError, UsageError
-from eaid.models import friction, linear, nonlinear
-from eaid.models.parameters import Friction, Linear, Nonlinear
+from eaid.models import linear, nonlinear
 from eaid.results.codec import holds_part
 from eaid.results.common import Interval
 
@@ -81,17 +80,17 @@ def frame_of(items: Iterable[msgspec.Struct]) -> pd.DataFrame:
 def levels(fit: "Fit") -> pd.DataFrame:
     """One row a level, or a step between two: its own curve with intervals, and each model's error."""
     rows: dict[tuple[float, float], dict[str, Cell]] = {}
-    for one in fit.friction.levels if fit.friction is not None else ():
+    for one in fit.friction_levels:
         row = cells_of(one)
         rows[one.from_, one.level] = {key: row[key] for key in row if key != "level"}
     for name in ("nonlinear", "linear"):
         part = getattr(fit, name)
         for error in part.per_level if part is not None else ():
-            own = rows.setdefault((0.0, error.level), {})
-            cells = {"rmse": error.rmse, "fit_pct": error.fit_pct}
-            own |= {f"{name}_{key}": np.nan if value is None else value for key, value in cells.items()}
+            cells = {f"{name}_rmse": error.rmse, f"{name}_fit_pct": error.fit_pct}
             if name == "linear":
-                own |= {key: np.nan if (value := getattr(error, key)) is None else value for key in ("a0", "gain", "B")}
+                cells |= {"a0": error.a0, "gain": error.gain, "B": error.B}
+            level_row = rows.setdefault((0.0, error.level), {})
+            level_row |= {key: np.nan if value is None else value for key, value in cells.items()}
     return pd.DataFrame(list(rows.values()), index=pd.Index([level for _, level in rows], name="level", dtype=float))
 
 
@@ -138,20 +137,12 @@ def predict(fit: "Fit", duty: float | Sequence[float], t: Sequence[float], model
 
 
 def _curve(fit: "Fit", model: str, duty: float, time_s: np.ndarray) -> np.ndarray:
-    if model == "nonlinear":
-        p = fit.nonlinear
-        assert p is not None
-        return nonlinear.step_response(Nonlinear(p.tau1, p.tau2, p.Ts, p.u_range, p.C), time_s, duty)
-    if model == "linear":
-        q = fit.linear
-        assert q is not None
-        return linear.step_response(Linear(q.a0, q.b0, q.c0), time_s, duty)
-    assert fit.friction is not None
-    own = [row for row in fit.friction.levels if np.isclose(row.level, duty) and row.from_ == 0]
-    if not own:
-        known = ", ".join(f"{row.level:g}" for row in fit.friction.levels)
-        raise UsageError(f"«duty» {duty:g}: the friction model knows the levels {known} only")
-    row = own[0]
-    return row.start + friction.step_response(
-        Friction(row.Ts, row.tau1, row.tau2, row.C), np.maximum(time_s - row.delay_s, 0.0)
-    )
+    if model == "nonlinear" and fit.nonlinear is not None:
+        return nonlinear.step_response(fit.nonlinear.parameters, time_s, duty)
+    if model == "linear" and fit.linear is not None:
+        return linear.step_response(fit.linear.parameters, time_s, duty)
+    for row in fit.friction_levels:
+        if np.isclose(row.level, duty) and row.from_ == 0:
+            return row.predict(time_s)
+    known = ", ".join(f"{row.level:g}" for row in fit.friction_levels)
+    raise UsageError(f"«duty» {duty:g}: the friction model knows the levels {known} only")

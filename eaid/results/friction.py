@@ -3,7 +3,10 @@
 from typing import Literal
 
 import msgspec
+import numpy as np
 
+from eaid.arrays import Array
+from eaid.models.friction import step_response
 from eaid.models.parameters import Friction as FrictionCurve
 from eaid.results.common import Count, HoldOut, Huber, Interval, Number, Positive, Result, Scores, Solver
 
@@ -47,6 +50,10 @@ class FrictionLevel(Scores, frozen=True):
     def curve(self) -> FrictionCurve:
         """The curve of Eq. (3)."""
         return FrictionCurve(self.Ts, self.tau1, self.tau2, self.C)
+
+    def predict(self, time_s: Array) -> Array:
+        """Output at times since the step [s], above the baseline: its start, and behind its dead time Eq. (3)."""
+        return self.start + step_response(self.curve, np.maximum(time_s - self.delay_s, 0.0))
 
 
 class Trend(Result, frozen=True):

@@ -124,9 +124,9 @@ def _fit_pct(fit: "Fit") -> str:
         part = getattr(fit, name)
         if part is not None and part.fit_pct is not None:
             said.append(f"{name} {part.fit_pct:.1f} %")
-    own = [row.fit_pct for row in (fit.friction.levels if fit.friction is not None else ()) if row.fit_pct is not None]
-    if own:
-        said.append(f"single levels {' … '.join(f'{one:.1f}' for one in sorted({min(own), max(own)}))} %")
+    percents = [row.fit_pct for row in fit.friction_levels if row.fit_pct is not None]
+    if percents:
+        said.append(f"single levels {' … '.join(f'{one:.1f}' for one in sorted({min(percents), max(percents)}))} %")
     if not said and fit.steps:
         return f"single steps {min(one.fit_pct or 0.0 for one in fit.steps):.1f} % or more"
     return ", ".join(said) or "not known"
@@ -138,9 +138,9 @@ def believed_levels(fit: "Fit") -> "tuple[CurveLevel, ...] | tuple[FrictionLevel
     Half of the curves with intervals are enough for them.
     """
     curves = fit.nonlinear.curves if fit.nonlinear is not None else ()
-    own = tuple(row for row in (fit.friction.levels if fit.friction is not None else ()) if row.from_ == 0)
-    quoted, own_quoted = sum(map(_quoted, curves)), sum(map(_quoted, own))
-    return own if (2 * quoted < len(curves) and own_quoted > quoted) or not curves else curves
+    level_curves = tuple(row for row in fit.friction_levels if row.from_ == 0)
+    quoted, levels_quoted = sum(map(_quoted, curves)), sum(map(_quoted, level_curves))
+    return level_curves if (2 * quoted < len(curves) and levels_quoted > quoted) or not curves else curves
 
 
 def _quoted(row: "CurveLevel | FrictionLevel") -> bool:

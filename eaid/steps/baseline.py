@@ -84,37 +84,34 @@ class Rest:
     moved: float = 0.0
     """Mean of its second half less that of its first."""
 
-    def said(self, run: str) -> tuple[Finding, ...]:
+    def findings(self, run: str) -> tuple[Finding, ...]:
         """What is to be told of it."""
         return (finding("spikes-before-step", run, samples=self.left_out),) if self.left_out else ()
 
 
-def moves(part: Array, change: float) -> float:
-    """How far the last quarter of a stretch lies from its mean; 0 where that is nothing beside noise or the change."""
-    if len(part) < FEWEST:
-        return 0.0
+def _rests(part: Array, change: float) -> bool:
+    """Whether the last quarter of a stretch lies no farther from its mean than noise or a hundredth of the change."""
     off = float(part[-(len(part) // 4) :].mean() - part.mean())
     means = block_means(part, 80)
     error = block_noise(means) * math.sqrt(3 / len(means))
-    return off if abs(off) > max(STEADY * abs(change), STANDARD_ERRORS * error) else 0.0
+    return abs(off) <= max(STEADY * abs(change), STANDARD_ERRORS * error)
 
 
 def last_rest(hold: Array, change: float) -> Rest:
     """The last rest of a hold that a step ends, from its output, shape (n,), n ≥ 1, and the change that follows."""
     hold, left_out = without_spikes(hold, change)
     count = len(hold)
-    size = count
-    while size >= max(FEWEST, count // 8):
-        part = hold[-size:]
-        if moves(part, change) == 0.0:
-            return _from(part, part, change, left_out)
-        size //= 2
     if count < FEWEST:
         return _from(hold, hold, change, left_out)
-    lead = 2
+    size, lead = count, 2
+    while size >= max(FEWEST, count // 8):
+        part = hold[-size:]
+        if _rests(part, change):
+            return _from(part, part, change, left_out)
+        size //= 2
     while count - lead >= max(2 * FEWEST, count // 2):
         part = hold[: count - lead]
-        if moves(part, change) == 0.0:
+        if _rests(part, change):
             return _from(hold, part, change, left_out)
         lead *= 2
     tail = hold[-max(FEWEST, count // 8) :]
@@ -142,7 +139,7 @@ def left_early(hold: Array, rest: Array, change: float) -> int:
     from scipy.special import stdtrit  # only where a step is looked for: reading a dataset needs none of it
 
     sizes = [k for k in SIZES if len(rest) >= GROUPS * k + 2 * k]
-    found, most = 0, 1.0
+    lead, most = 0, 1.0
     for k in sizes:
         before = rest[: len(hold) - 2 * k]
         groups = before[len(before) % k :].reshape(-1, k).mean(axis=1)
@@ -152,20 +149,20 @@ def left_early(hold: Array, rest: Array, change: float) -> int:
         # bursts as far off as this are no chance of a normal distribution
         limit = max(limit, BURST * float(np.abs(groups - groups.mean()).max()), FLOOR * abs(change))
         if off > most * limit:
-            found, most = k, off / limit if limit > 0 else math.inf
-    if not found:
+            lead, most = k, off / limit if limit > 0 else math.inf
+    if not lead:
         return 0
     # from where the output is last within its noise, where that is longer ago
     middle = median(rest)
     noise = 1.4826 * median(np.abs(rest - middle))
     inside = np.flatnonzero(np.abs(hold - middle) <= max(STANDARD_ERRORS * noise, FLOOR * abs(change)))
-    return max(found, len(hold) - 1 - int(inside[-1]) if len(inside) else 0)
+    return max(lead, len(hold) - 1 - int(inside[-1]) if len(inside) else 0)
 
 
 def without_spikes(hold: Array, change: float) -> tuple[Array, int]:
     """A hold without single samples that stand far out of it, and how many those are."""
-    found = spikes(hold, 0.05 * abs(change))
-    return (np.delete(hold, found), len(found)) if len(found) else (hold, 0)
+    outliers = spikes(hold, 0.05 * abs(change))
+    return (np.delete(hold, outliers), len(outliers)) if len(outliers) else (hold, 0)
 
 
 def first_samples(active: Array) -> float:

@@ -2,26 +2,19 @@
 
 from collections.abc import Sequence
 
-import numpy as np
-
 from eaid.apparatus import Apparatus
-from eaid.arrays import median
 from eaid.errors import DataError
 from eaid.findings import Finding, finding
 from eaid.logs.run import Kind, Run
 from eaid.steps.cut_runs import NOTHING_SAID, StepOptions, cut_runs, level_steps
-from eaid.steps.direction import Direction, direction
-from eaid.steps.doubts import disagreement, doubts
+from eaid.steps.direction import direction
+from eaid.steps.doubts import disagreements, doubts
 from eaid.steps.levels import common, grouped, same_level, wanted_levels
 from eaid.steps.noise import idle_density
-from eaid.steps.plateaus import tolerance
 from eaid.steps.sensor import same_ceiling
 from eaid.steps.slip import slip_of_step
 from eaid.steps.step import Step, left_pct, lost_pct
 from eaid.steps.stepset import Level, RunRecord, StepSet
-
-DISAGREE = 0.10
-"""Repeats whose torque at the end differs by more than this share are told."""
 
 
 def _record(step: Step, findings: tuple[Finding, ...]) -> RunRecord:
@@ -47,7 +40,7 @@ def _record(step: Step, findings: tuple[Finding, ...]) -> RunRecord:
     )
 
 
-def _the_one(values: set[str], what: str, remedy: str) -> str:
+def _single(values: set[str], what: str, remedy: str) -> str:
     if len(values) > 1:
         raise DataError(f"the logs have different {what} ({', '.join(sorted(v or 'none' for v in values))}); {remedy}")
     return next(iter(values))
@@ -69,8 +62,8 @@ def stepset_of(cut_steps: Sequence[Run], options: StepOptions = NOTHING_SAID) ->
     if options.kind is None and len(kinds) > 1:
         raise DataError(f"the logs are of different experiments ({', '.join(sorted(kinds))}); give one, or say «kind»")
     kind: Kind = options.kind or next(iter(kinds), None) or "clutch"
-    input_unit = _the_one({run.input_unit for run in cut_steps}, "input units", "say one with «units» input=UNIT")
-    output_unit = _the_one({run.output_unit for run in cut_steps}, "output units", "say one with «units» output=UNIT")
+    input_unit = _single({run.input_unit for run in cut_steps}, "input units", "say one with «units» input=UNIT")
+    output_unit = _single({run.output_unit for run in cut_steps}, "output units", "say one with «units» output=UNIT")
     rigs = {run.apparatus for run in cut_steps if run.apparatus is not None}
     if options.apparatus is None and len(rigs) > 1:
         raise DataError("the datasets are of different rigs; fit them apart")
@@ -94,8 +87,10 @@ def stepset_of(cut_steps: Sequence[Run], options: StepOptions = NOTHING_SAID) ->
     for members, averaged in (*groups, *(([run], []) for run in runs if run.from_level != 0)):
         steps = [Step(run, way.of(run)) for run in members]
         averaged.append(common(steps))
-        disagree = _disagreements(averaged[-1], input_unit) if averaged is levels else {}
-        records += [_record(step, (*_findings(step, way), *disagree.get(step.run.name, ()))) for step in steps]
+        disagree = disagreements(averaged[-1], input_unit) if averaged is levels else []
+        for step in steps:
+            said = [one for one in (*way.findings, *doubts(step), *disagree) if one.subject == step.run.name]
+            records.append(_record(step, (*step.run.findings, *said)))
     records.sort(key=lambda r: (r.level, r.repeat, r.edge != "rising", r.name))
     made = sorted({run.synthetic for run in runs if run.synthetic})
     return StepSet(
@@ -116,51 +111,19 @@ def stepset_of(cut_steps: Sequence[Run], options: StepOptions = NOTHING_SAID) ->
 
 
 def _among(level: float, kept: Sequence[float]) -> bool:
-    return any(same_level(level, k, 0.0) or level == k for k in kept)
-
-
-def _findings(step: Step, way: Direction) -> list[Finding]:
-    """What is to be said of a run: what reading and cutting brought up, its sign, its level, its doubts."""
-    run = step.run
-    turned = [finding("input-negative", run.name)] if (run.level or 0.0) < 0 and run.position is None else []
-    turned += [odd for odd in way.findings if odd.subject == run.name]
-    return [*run.findings, *turned, *_contradiction(step), *doubts(step)]
-
-
-def _contradiction(step: Step) -> list[Finding]:
-    """Where a stored or named level is another than the input column's own."""
-    run = step.run
-    if run.edge != "rising" or not run.has_input or run.level is None or np.isnan(run.input[step.start :]).any():
-        return []
-    median_held, allowed = median(run.input[step.start :]), tolerance(run.input)
-    if abs(median_held - run.level) <= max(0.02 * abs(run.level), 2 * allowed, 1e-9):
-        return []
-    return [finding("level-contradicts-input", run.name, said=run.level, held=median_held, unit=run.input_unit)]
+    return any(same_level(level, k, 0.0) for k in kept)
 
 
 def _of_the_set(levels: Sequence[Level], runs: Sequence[Run], input_unit: str, output_unit: str) -> list[Finding]:
-    found = []
+    findings = []
     if input_unit == "%" and levels and levels[-1].level <= 1:
-        found.append(finding("duty-may-be-fraction", "data"))
+        findings.append(finding("duty-may-be-fraction", "data"))
     counts = {len(level.names) for level in levels}
     if len(counts) > 1:
         few = min(counts)
         at = [level.level for level in levels if len(level.names) == few]
-        found.append(finding("repeats-differ-in-number", "data", at, unit=input_unit, few=few, most=max(counts)))
+        findings.append(finding("repeats-differ-in-number", "data", at, unit=input_unit, few=few, most=max(counts)))
     stairs = sum(run.from_level != 0 for run in runs)
     if stairs:
-        found.append(finding("level-to-level", "data", steps=stairs, of=len(runs)))
-    return [*found, *same_ceiling(levels, output_unit)]
-
-
-def _disagreements(level: Level, unit: str) -> dict[str, tuple[Finding]]:
-    """A finding for each repeat of a level whose outputs at the end differ by more than `DISAGREE`."""
-    spread, off = disagreement(level.runs) if len(level.runs) > 1 else (0.0, np.empty(0))
-    if spread <= DISAGREE:
-        return {}
-    return {
-        name: (
-            finding("repeats-disagree", name, (level.level,), own_pct=100 * share, spread_pct=100 * spread, unit=unit),
-        )
-        for name, share in zip(level.names, off.tolist(), strict=True)
-    }
+        findings.append(finding("level-to-level", "data", steps=stairs, of=len(runs)))
+    return [*findings, *same_ceiling(levels, output_unit)]

@@ -21,17 +21,17 @@ NO_STEP = "record the idle time before the step too, or give the step instant wi
 
 def cut_by_input(run: Run) -> list[Run]:
     """Steps where the input goes from one plateau to another; towards zero is a falling edge."""
-    found, bridged = bridge(plateaus(run.input))
-    if not stands_still(found, run.input) or looks_like(run) is not None:
+    holds, bridged = bridge(plateaus(run.input))
+    if not stands_still(holds, run.input) or looks_like(run) is not None:
         raise refuse_to_cut(run)
-    if len(found) < 2:
-        raise DataError(f"{run.where}: the input stays at {found[0].level:g} {run.input_unit}: no step; {NO_STEP}")
+    if len(holds) < 2:
+        raise DataError(f"{run.where}: the input stays at {holds[0].level:g} {run.input_unit}: no step; {NO_STEP}")
     zero = zero_of(run)
     first = (*run.findings, finding("input-glitch", run.name, samples=bridged)) if bridged else run.findings
     steps: list[Run] = []
     idle: float | None = run.baseline
     end = 0
-    for before, now in itertools.pairwise(found):
+    for before, now in itertools.pairwise(holds):
         step = edge_between(replace(run, findings=() if steps else first), before, now, zero, idle)
         if run.baseline is not None:
             step = replace(step, baseline=run.baseline)
@@ -59,7 +59,7 @@ def edge_between(run: Run, before: Plateau, now: Plateau, zero: float, fallback:
     first = before.start == 0
     hold = run.output[before.start if first else before.stop - before.count // 4 - 1 : before.stop]
     rest = last_rest(hold, change)
-    found, rests = rest.said(run.name), rest.count
+    findings, rests = rest.findings(run.name), rest.count
     if from_rest:
         # a rest that still moves after an earlier step is no rest of its own: counted from the one before
         baseline = rest.value if rest.rests or first or fallback is None else fallback
@@ -73,7 +73,7 @@ def edge_between(run: Run, before: Plateau, now: Plateau, zero: float, fallback:
         # what leaves its rest before the step, by more than its noise, is an input logged late
         if off > UNSETTLED * abs(change) or (rest.lead and off > 0):
             share = 100 * off / max(abs(change), 1e-3 * off)
-            found += (finding("unsettled-before-step", run.name, (before.level, now.level), share_pct=share),)
+            findings += (finding("unsettled-before-step", run.name, (before.level, now.level), share_pct=share),)
     return replace(
         run,
         level=level,
@@ -83,5 +83,5 @@ def edge_between(run: Run, before: Plateau, now: Plateau, zero: float, fallback:
         baseline=baseline,
         rest_s=rests * sample_s(run),
         rest_moved=rest.moved,
-        findings=(*run.findings, *found),
+        findings=(*run.findings, *findings),
     )

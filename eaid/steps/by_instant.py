@@ -17,6 +17,7 @@ from eaid.steps.by_input import NO_STEP, edge_between
 from eaid.steps.noise import sample_noise, sampled
 from eaid.steps.not_steps import refuse_to_cut, several_edges
 from eaid.steps.plateaus import FEWEST, Plateau, end_of, plateaus, sample_s, tolerance, zero_of
+from eaid.steps.step import sample_at
 
 
 def no_level(run: Run) -> DataError:
@@ -26,11 +27,6 @@ def no_level(run: Run) -> DataError:
     if number:
         hint = f'"{number[1]}{{level}}{number[3]}", if {number[2]} is the level'
     return DataError(f"{run.where}: nothing tells its level; give the input column, or «name_pattern» {hint}")
-
-
-def sample_at(run: Run, at_s: float) -> int:
-    """First sample at or behind an instant of a log, but for rounding."""
-    return int(np.searchsorted(run.time_s, at_s - 1e-9 * max(1.0, abs(at_s))))
 
 
 def cut_at(run: Run, at_s: float) -> list[Run]:
@@ -45,9 +41,10 @@ def cut_at(run: Run, at_s: float) -> list[Run]:
     elif start and until > start and run.baseline is None:
         idle = run.output[:start]
         rest = last_rest(idle, end_of(run.output, now) - float(idle.mean()))
-        findings = (*run.findings, *rest.said(run.name))
-        step = replace(step, baseline=rest.value, held=None if rest.rests else rest.start, findings=findings)
-        step = replace(step, rest_s=rest.count * sample_s(run), rest_moved=rest.moved)
+        step = replace(
+            step, baseline=rest.value, held=None if rest.rests else rest.start, rest_s=rest.count * sample_s(run),
+            rest_moved=rest.moved, findings=(*run.findings, *rest.findings(run.name)),
+        )  # fmt: skip
     steps = [step.part(slice(until), step_s=float(run.time_s[start]), until_s=None, cut=True)]
     left = float(median(run.input[until:])) if known and until < len(run.time_s) else 0.0
     falls = abs(left) < abs(level) if known else run.until_s is not None and _falls(run, now)
@@ -78,8 +75,8 @@ def _window(run: Run, step: float) -> tuple[int, float]:
     if run.has_input and until > start:
         window = run.input[start:until]
         if level is None:
-            found = [plateau for plateau in plateaus(window) if plateau.count >= FEWEST]
-            level = found[0].level if found else median(window)
+            holds = [plateau for plateau in plateaus(window) if plateau.count >= FEWEST]
+            level = holds[0].level if holds else median(window)
         near = np.abs(window - level) <= max(tolerance(run.input), 0.01 * abs(level))
         if near.any():  # the window ends where the input leaves its level, once it has reached it
             reached = int(near.argmax())
@@ -162,8 +159,8 @@ def onset(output: Array) -> int | None:
         inside = np.flatnonzero(away[: half[0]] <= max(4 * noise, 0.01 * rise))
         if not len(inside):
             return None
-        found = int(inside[-1]) + 1
-        if found == start:
+        leaves = int(inside[-1]) + 1
+        if leaves == start:
             break
-        start, head = found, max(FEWEST, found * 9 // 10)
+        start, head = leaves, max(FEWEST, leaves * 9 // 10)
     return start

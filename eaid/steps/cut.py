@@ -14,10 +14,11 @@ from eaid.findings import finding
 from eaid.logs.run import Run
 from eaid.steps.baseline import BaselineRule, first_samples
 from eaid.steps.by_input import cut_by_input
-from eaid.steps.by_instant import cut_at, cut_by_output, sample_at
+from eaid.steps.by_instant import cut_at, cut_by_output
 from eaid.steps.noise import sample_noise
 from eaid.steps.plateaus import FEWEST
 from eaid.steps.reversals import cut_reversals
+from eaid.steps.step import sample_at
 
 WANDERS = 0.15
 """Range of a measured input, as a share of its median, up to which it is one load that wanders."""

@@ -5,7 +5,7 @@ apart, are a gain Δy/Δu and a response to which a curve of `eaid.fitting.step_
 """
 
 from collections import Counter, defaultdict
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from eaid.apparatus import Apparatus
@@ -60,12 +60,10 @@ def cut_runs(runs: Sequence[Run], options: StepOptions) -> tuple[list[Run], list
     faults: list[str] = []
     for run in runs:
         try:
-            found = cut(from_rest(run, options.rest), options.baseline)
-            if not run.cut:
-                found = _long_enough(found)
-            else:
-                _check_window(found[0])
-            steps.extend(found)
+            of_log = cut(from_rest(run, options.rest), options.baseline)
+            if run.cut:
+                _check_window(run)
+            steps.extend(of_log if run.cut else _long_enough(of_log))
         except DataError as fault:
             faults.extend(fault.sentences)
     return _counted(steps), faults
@@ -73,14 +71,14 @@ def cut_runs(runs: Sequence[Run], options: StepOptions) -> tuple[list[Run], list
 
 def settled_steps(runs: Sequence[Run], options: StepOptions) -> tuple[LevelStep, ...]:
     """The changes of input between settled holds in logs that are not cut otherwise; none of a log without steps."""
-    found: list[Run] = []
+    steps: list[Run] = []
     for run in runs:
         try:
-            found += cut(from_rest(run, options.rest), options.baseline)
+            steps += cut(from_rest(run, options.rest), options.baseline)
         except DataError:
             continue
-    settled = [step for step in found if _samples(step) >= FEWEST and not stops(step.findings)]
-    return level_steps(settled) if len(settled) <= MOST_SETTLED else ()
+    settled = [step for step in steps if _samples(step) >= FEWEST and not stops(step.findings)]
+    return level_steps(settled, {}) if len(settled) <= MOST_SETTLED else ()
 
 
 def _samples(run: Run) -> int:
@@ -125,9 +123,8 @@ def _counted(steps: list[Run]) -> list[Run]:
     return counted
 
 
-def level_step(run: Run, findings: tuple[Finding, ...] = ()) -> LevelStep:
-    """The change of input that a cut run holds."""
-    step = Step(run)
+def _level_step(step: Step, findings: tuple[Finding, ...]) -> LevelStep:
+    run = step.run
     level = run.level or 0.0
     before, after = (level, run.from_level) if run.edge == "falling" else (run.from_level, level)
     start = run.baseline or 0.0
@@ -149,8 +146,7 @@ def level_step(run: Run, findings: tuple[Finding, ...] = ()) -> LevelStep:
     )
 
 
-def level_steps(runs: Sequence[Run], said: dict[str, tuple[Finding, ...]] | None = None) -> tuple[LevelStep, ...]:
-    """The changes of input of cut runs: those upwards first, each by the level they go to and come from."""
-    said = said or {}
-    steps = [level_step(run, said.get(run.name, ())) for run in runs if len(run.time_s) > Step(run).start]
+def level_steps(runs: Sequence[Run], findings: Mapping[str, tuple[Finding, ...]]) -> tuple[LevelStep, ...]:
+    """The changes of input of cut runs, with the findings of each name: upwards first, by the level they go to."""
+    steps = [_level_step(Step(run), findings.get(run.name, ())) for run in runs if _samples(run)]
     return tuple(sorted(steps, key=lambda one: (one.edge != "up", one.level, one.from_level, one.name)))

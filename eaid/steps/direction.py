@@ -12,13 +12,11 @@ import numpy as np
 from eaid.findings import Finding, finding
 from eaid.logs.run import Run
 from eaid.steps.baseline import without_spikes
-from eaid.steps.noise import block_error, block_means, line
+from eaid.steps.noise import STANDARD_ERRORS, block_error, block_means, line
 from eaid.steps.step import Step
 
 BEYOND_DRIFT = 1.5
 """A change counts as a step's where it exceeds so many times what the idle slope explains."""
-STANDARD_ERRORS = 5.0
-"""Standard errors beyond which a change has a sign."""
 SMALL = 0.2
 """Share of the usual change below which a sign of its own is not held against a step."""
 
@@ -40,7 +38,7 @@ class Direction:
 
 def direction(runs: Sequence[Run], keep: bool = False) -> Direction:
     """Signs of cut runs; `keep` forbids turning any."""
-    found: list[Finding] = []
+    findings: list[Finding] = []
     signs = {False: 1.0, True: 1.0}
     for negative in signs:
         rising = [r for r in runs if r.edge == "rising" and r.from_level == 0 and ((r.level or 0.0) < 0) is negative]
@@ -51,11 +49,13 @@ def direction(runs: Sequence[Run], keep: bool = False) -> Direction:
         sign = -1.0 if sum(change for _, change in clear) < 0 else 1.0
         usual = float(np.median([abs(change) for _, change in clear]))
         odd = [run for run, change in clear if change * sign < -SMALL * usual]
-        found += [finding("sign-differs", run.name, (abs(run.level or 0.0),), siblings=len(clear) - 1) for run in odd]
+        findings += [
+            finding("sign-differs", run.name, (abs(run.level or 0.0),), siblings=len(clear) - 1) for run in odd
+        ]
         if sign < 0 and not keep:
             signs[negative] = sign
-            found.append(finding("signs-turned", "data", runs=len(rising)))
-    return Direction(signs, tuple(found))
+            findings.append(finding("signs-turned", "data", runs=len(rising)))
+    return Direction(signs, tuple(findings))
 
 
 def _change(step: Step) -> tuple[float, bool]:

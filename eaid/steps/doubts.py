@@ -8,15 +8,16 @@ from typing import Literal
 
 import numpy as np
 
-from eaid.arrays import Array
+from eaid.arrays import median
 from eaid.findings import Finding, finding
 from eaid.steps.baseline import FLOOR, last_rest, without_spikes
-from eaid.steps.noise import BLOCKS, block_error, block_means, line, sample_noise
+from eaid.steps.noise import BLOCKS, STANDARD_ERRORS, block_error, block_means, line, sample_noise
 from eaid.steps.not_steps import several_edges
 from eaid.steps.plateaus import FEWEST, tolerance
 from eaid.steps.sensor import coarse, flat_top, isolated_spikes, saturated, stuck
 from eaid.steps.slow import slow_constant
 from eaid.steps.step import Step, left_pct, lost_pct
+from eaid.steps.stepset import Level
 
 FEW = 2 * BLOCKS
 SLOW_CLOCK_S = 1.0
@@ -25,8 +26,24 @@ MOVED = 0.05
 """Share of the swing by which the output may have moved behind a gap or a ramp that the step falls into."""
 FAR = 0.2
 """Share of the swing from which what it moved during a ramp leaves no time constants to be told."""
-STANDARD_ERRORS = 5.0
-"""Standard errors beyond which a difference is told."""
+DISAGREE = 0.10
+"""Repeats whose torque at the end differs by more than this share are told."""
+
+
+def _negative(step: Step) -> Finding | None:
+    negative = (step.run.level or 0.0) < 0 and step.run.position is None
+    return finding("input-negative", step.run.name) if negative else None
+
+
+def _contradiction(step: Step) -> Finding | None:
+    """A stored or named level that is another than the input column's own."""
+    run = step.run
+    if run.level is None or not run.has_input or np.isnan(run.input[step.start :]).any():
+        return None
+    held = median(run.input[step.start :])
+    if abs(held - run.level) <= max(0.02 * abs(run.level), 2 * tolerance(run.input), 1e-9):
+        return None
+    return finding("level-contradicts-input", run.name, said=run.level, held=held, unit=run.input_unit)
 
 
 def _slow_clock(step: Step) -> Finding | None:
@@ -77,14 +94,13 @@ def _drift(step: Step) -> Finding | None:
         return None
     means = block_means(without_spikes(step.idle, step.swing)[0])
     slope, error, _ = line(np.arange(len(means)) / len(means), means)
-    if abs(slope) > 0.02 * step.swing and abs(slope) > STANDARD_ERRORS * error:
-        share = 100 * abs(slope) / step.swing if step.swing > 0 else None
-        grown = slope * len(step.rise) / len(step.idle)
-        by_end = 100 * abs(grown) / step.swing if step.swing > 0 else None
-        return finding(
-            "idle-drifts", step.run.name, drift=slope, unit=step.unit, share_pct=share, grown=grown, by_end_pct=by_end
-        )
-    return None
+    if abs(slope) <= max(0.02 * step.swing, STANDARD_ERRORS * error):
+        return None
+    grown = slope * len(step.rise) / len(step.idle)
+    share, by_end = (100 * abs(off) / step.swing if step.swing > 0 else None for off in (slope, grown))
+    return finding(
+        "idle-drifts", step.run.name, drift=slope, unit=step.unit, share_pct=share, grown=grown, by_end_pct=by_end
+    )
 
 
 def _not_idle(step: Step) -> Finding | None:
@@ -160,6 +176,8 @@ def _too_short(step: Step) -> Finding | None:
 Edge = Literal["rising", "falling"]
 BOTH: tuple[Edge, ...] = ("rising", "falling")
 CHECKS: tuple[tuple[Callable[[Step], Finding | None], tuple[Edge, ...]], ...] = (
+    (_negative, BOTH),
+    (_contradiction, ("rising",)),
     (_slow_clock, BOTH),
     (_jitter, BOTH),
     (_gap_at_step, BOTH),
@@ -185,13 +203,17 @@ def doubts(step: Step) -> tuple[Finding, ...]:
     return tuple(doubt for doubt in checks if doubt is not None)
 
 
-def disagreement(runs: Array) -> tuple[float, Array]:
-    """How the means of repeats over their last quarter differ, as shares of their mean; outputs of shape (R, n).
+def disagreements(level: Level, unit: str) -> list[Finding]:
+    """One for each repeat of a level where the means over their last quarter spread by more than `DISAGREE`.
 
-    Their spread, and how far each lies from the mean of the others, shape (R,).
+    `own_pct` is how far a repeat lies from the mean of the others, as a share of the mean of all.
     """
-    ends = runs[:, -max(1, runs.shape[1] // 4) :].mean(axis=1)
-    middle = abs(float(ends.mean()))
-    if middle == 0:
-        return 0.0, np.zeros(len(ends))
-    return float(np.ptp(ends)) / middle, (ends - ends.mean()) * len(ends) / (len(ends) - 1) / middle
+    ends = level.runs[:, -max(1, level.runs.shape[1] // 4) :].mean(axis=1)
+    middle, spread = abs(float(ends.mean())), float(np.ptp(ends))
+    if spread <= DISAGREE * middle or middle == 0:
+        return []
+    own_pct = 100 * (ends - ends.mean()) * len(ends) / (len(ends) - 1) / middle
+    return [
+        finding("repeats-disagree", name, [level.level], own_pct=pct, spread_pct=100 * spread / middle, unit=unit)
+        for name, pct in zip(level.names, own_pct.tolist(), strict=True)
+    ]

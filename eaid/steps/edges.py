@@ -73,12 +73,12 @@ def jumps(reference: Array) -> list[int]:
     least = max(JUMP * float(np.ptp(reference)), 20 * float(np.median(change)))
     at = (np.flatnonzero(change >= least) + 1).tolist() if least > 0 else []
     apart = max(2, len(reference) // 100)
-    return [one for k, one in enumerate(at) if k == 0 or one - at[k - 1] >= apart]
+    return [place for k, place in enumerate(at) if k == 0 or place - at[k - 1] >= apart]
 
 
 def asked_edges(time_s: Array, output: Array, reference: Array) -> tuple[Edge, ...]:
     """The edges of an output where its reference jumps, each until the next jump; none where that never jumps."""
-    found = []
+    measured = []
     at = jumps(reference)
     for start, stop in itertools.pairwise([*at, len(output)]):
         count = stop - start
@@ -89,15 +89,12 @@ def asked_edges(time_s: Array, output: Array, reference: Array) -> tuple[Edge, .
         blocks = min(BLOCKS, count)
         times, means = block_means(time_s[start:stop], blocks), block_means(output[start:stop], blocks)
         if goal != rest:
-            found.append(_measured(times, means, (0, blocks), rest, goal))
-    return tuple(found)
+            measured.append(_measured(times, means, (0, blocks), rest, goal))
+    return tuple(measured)
 
 
 def edges(time_s: Array, output: Array, reference: Array | None = None) -> tuple[Edge, ...]:
-    """The edges of an output, shapes (n,): those that its reference asks for by a jump, else those that stand out.
-
-    None where nothing stands out of its noise.
-    """
+    """The edges of an output, shapes (n,): those its reference asks for by a jump, else those beyond its noise."""
     if len(output) < 40:
         return ()
     if reference is not None and (asked := asked_edges(time_s, output, reference)):
@@ -118,10 +115,10 @@ def edges(time_s: Array, output: Array, reference: Array | None = None) -> tuple
                 parts = parts[1:]  # what comes back from an overshoot belongs to the edge before
             # the hold behind the last edge of a leg goes on behind the turn
             pieces += [(a, b, b if b <= stop else len(means)) for a, b in parts]
-    every = [_edge(times, means, *piece) for piece in pieces]
-    every = [one for one in every if abs(one.edge.after - one.edge.before) >= MOVES * span]
+    legs = [_edge(times, means, *piece) for piece in pieces]
+    legs = [leg for leg in legs if abs(leg.edge.after - leg.edge.before) >= MOVES * span]
     window = float(times[-1] - times[0])
-    return _merged(times, means, [*every[:1], *(one for one in every[1:] if one.edge.rise_s < QUICK * window)])
+    return _merged(times, means, [*legs[:1], *(leg for leg in legs[1:] if leg.edge.rise_s < QUICK * window)])
 
 
 @dataclass(frozen=True)
@@ -142,9 +139,9 @@ def _merged(times: Array, means: Array, legs: list[_Leg]) -> tuple[Edge, ...]:
         swings.append(leg)
         if leg.rests:
             before, after = swings[0].edge.before, leg.edge.after
-            one = len(swings) == 1 or abs(after - before) < 0.1 * np.ptp(means)
+            single = len(swings) == 1 or abs(after - before) < 0.1 * np.ptp(means)
             within = (swings[0].start, leg.end)
-            done.append(leg.edge if one else _measured(times, means, within, before, after, len(swings)))
+            done.append(leg.edge if single else _measured(times, means, within, before, after, len(swings)))
             swings = []
     return (*done, *(leg.edge for leg in swings))
 
@@ -170,10 +167,7 @@ def _parts(means: Array, start: int, stop: int, span: float) -> list[tuple[int, 
 
 def _edge(times: Array, means: Array, start: int, stop: int, limit: int) -> _Leg:
     """The edge between two extremes, with the stretch behind it that stays nearer to the second."""
-    low, high = float(means[start]), float(means[stop - 1])
-    share = (means - low) / (high - low) if high != low else np.zeros(len(means))
-    tenth = start + int(np.argmax(share[start:stop] >= 0.1))
-    most = start + int(np.argmax(share[start:stop] >= 0.9))
+    share, tenth, most = _shares(means, (start, stop), float(means[start]), float(means[stop - 1]))
     away = np.flatnonzero(share[most:limit] < 0.5)
     end = most + max(1, int(away[0])) if len(away) else limit
     before = float(np.median(means[start : max(tenth, start + 1)]))
@@ -183,14 +177,19 @@ def _edge(times: Array, means: Array, start: int, stop: int, limit: int) -> _Leg
     return _Leg(_measured(times, means, (start, end), before, after), start, end, rests)
 
 
+def _shares(means: Array, within: tuple[int, int], before: float, after: float) -> tuple[Array, int, int]:
+    """How much of a change is done at each block, and the first blocks of an edge with 10 and 90 % of it."""
+    share = (means - before) / (after - before) if after != before else np.zeros(len(means))
+    inside = share[slice(*within)]
+    return share, within[0] + int(np.argmax(inside >= 0.1)), within[0] + int(np.argmax(inside >= 0.9))
+
+
 def _measured(
     times: Array, means: Array, within: tuple[int, int], before: float, after: float, swings: int = 1
 ) -> Edge:
     """Rise, overshoot and settling of an edge between two values, in blocks start … end − 1."""
-    start, end = within
-    share = (means - before) / (after - before) if after != before else np.zeros(len(means))
-    tenth = start + int(np.argmax(share[start:end] >= 0.1))
-    most = start + int(np.argmax(share[start:end] >= 0.9))
+    end = within[1]
+    share, tenth, most = _shares(means, within, before, after)
     near = np.abs(share[tenth:end] - 1) <= 0.05
     # what follows the last sample within 5 % is the next edge
     rest = int(np.flatnonzero(near)[-1]) if near.any() else 0

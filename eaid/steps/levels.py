@@ -8,7 +8,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from eaid.arrays import Array, read_only
+from eaid.arrays import read_only
 from eaid.errors import DataError, UsageError
 from eaid.logs.run import Run
 from eaid.steps.noise import sample_noise
@@ -31,8 +31,7 @@ def same_level(a: float, b: float, noise: float = math.inf) -> bool:
 
 def hold_noise(run: Run) -> float:
     """Noise of the input under a step's hold; 0 where it is commanded, or said by the file name."""
-    start = int(np.searchsorted(run.time_s, (run.step_s or 0.0) - 1e-9 * max(1.0, abs(run.step_s or 0.0))))
-    hold = run.input[start:]
+    hold = run.input[Step(run).start :]
     return 0.0 if not len(hold) or bool(np.isnan(hold[0])) else sample_noise(hold)
 
 
@@ -58,29 +57,19 @@ def wanted_levels(text: str, levels: Sequence[float], option: str = "levels") ->
         except ValueError:
             numbers = []
         if len(numbers) == 2 and numbers[0] <= numbers[1]:
-            found = [level for level in levels if numbers[0] - 1e-9 <= level <= numbers[1] + 1e-9]
+            meant = [level for level in levels if numbers[0] - 1e-9 <= level <= numbers[1] + 1e-9]
         elif len(numbers) == 1:
             near = sorted(
                 (level for level in levels if same_level(level, numbers[0])), key=lambda u: abs(u - numbers[0])
             )
-            found = [level for level in near if same_level(level, near[0], 0.0)]
+            meant = [level for level in near if same_level(level, near[0], 0.0)]
         else:
             raise UsageError(f"«{option}» {text}: write 30:100 or 30,40,90")
-        if not found:
+        if not meant:
             known = ", ".join(f"{level:g}" for level in levels)
             raise DataError(f"«{option}» {text}: no log holds {part.strip()}; levels found: {known}")
-        chosen.update(found)
+        chosen.update(meant)
     return sorted(chosen)
-
-
-def _stacked(outputs: Sequence[Array], count: int) -> Array:
-    """The first samples of some outputs, shape (R, count)."""
-    return read_only(np.stack([output[:count] for output in outputs]))
-
-
-def _grid(count: int, dt: float) -> Array:
-    """k·dt for k = 0 … count − 1."""
-    return read_only(np.arange(count) * dt)
 
 
 def common(members: Sequence[Step]) -> Level:
@@ -89,7 +78,6 @@ def common(members: Sequence[Step]) -> Level:
     Uniform repeats of one rate are taken as they are; any other set is interpolated linearly onto the finest (median)
     sample time. A single run keeps its own axis.
     """
-    names = tuple(member.run.name for member in members)
     inputs = [member.levels[0] for member in members]
     level = inputs[0] if len(set(inputs)) == 1 else float(np.mean(inputs))
     times = [member.time_s for member in members]
@@ -99,14 +87,13 @@ def common(members: Sequence[Step]) -> Level:
     shortest = min(len(time) for time in times)
     # the shortest sample time, not that of the first run: the order of the logs decides nothing
     if len(known) == len(steps) and max(known) - min(known) <= 1e-6 * min(known):
-        return Level(level, _grid(shortest, min(known)), _stacked(outputs, shortest), names)
-    if len(members) == 1 or all(np.array_equal(time[:shortest], times[0][:shortest]) for time in times):
-        return Level(level, read_only(times[0][:shortest]), _stacked(outputs, shortest), names)
-    dt = min(
-        step if step is not None else clock_of(member.time_s).usual_s
-        for step, member in zip(steps, members, strict=True)
-    )
-    end = min(float(time[-1]) for time in times)
-    grid = _grid(int(np.floor(end / dt * (1 + 1e-12))) + 1, dt)
-    stack = np.stack([np.interp(grid, time, output) for time, output in zip(times, outputs, strict=True)])
-    return Level(level, grid, read_only(stack), names)
+        axis = np.arange(shortest) * min(known)
+    elif len(members) == 1 or all(np.array_equal(time[:shortest], times[0][:shortest]) for time in times):
+        axis = times[0][:shortest]
+    else:
+        dt = min(clock_of(time).usual_s if step is None else step for step, time in zip(steps, times, strict=True))
+        end = min(float(time[-1]) for time in times)
+        axis = np.arange(np.floor(end / dt * (1 + 1e-12)) + 1) * dt
+        outputs = [np.interp(axis, time, output) for time, output in zip(times, outputs, strict=True)]
+    runs = np.stack([output[: len(axis)] for output in outputs])
+    return Level(level, read_only(axis), read_only(runs), tuple(member.run.name for member in members))

@@ -16,6 +16,8 @@ BLOCKS = 20
 """A window is judged by the means of this many equal parts."""
 LONG = 1 << 22
 """Samples from which medians are taken from stretches of a record only."""
+STANDARD_ERRORS = 5.0
+"""Standard errors beyond which a difference is told."""
 SPIKE = 25.0
 """Standard deviations of the noise beyond which a single sample is a spike."""
 IDLE_BLOCK_S = 0.25
@@ -50,7 +52,7 @@ def stretches(mask: NDArray[np.bool_]) -> tuple[NDArray[np.intp], NDArray[np.int
 def block_means(values: Array, blocks: int = BLOCKS) -> Array:
     """Means of equal parts of the last axis, shape (…, blocks), fewer where there are fewer samples."""
     samples = values.shape[-1]
-    edges = np.linspace(0, samples, max(1, min(blocks, samples)) + 1).astype(np.intp)
+    edges = np.linspace(0, samples, min(blocks, samples) + 1).astype(np.intp)
     return np.asarray(np.add.reduceat(values, edges[:-1], axis=-1) / np.diff(edges))
 
 
@@ -99,11 +101,11 @@ def idle_density(time_s: Array, idle: Array) -> float | None:
     """S of an idle record [output²·s], its drift taken out as a straight line; None where it is too short to tell."""
     if len(idle) < 2 * IDLE_BLOCKS or time_s[-1] - time_s[0] < IDLE_BLOCKS * IDLE_BLOCK_S:
         return None
-    block = np.floor((time_s - time_s[0]) / IDLE_BLOCK_S).astype(np.int64)
+    place, block = np.unique(np.floor((time_s - time_s[0]) / IDLE_BLOCK_S), return_inverse=True)
     count = np.bincount(block)
-    full = count >= 0.5 * np.median(count[count > 0])
-    means = (np.bincount(block, idle) / np.maximum(count, 1))[full]
+    full = count >= 0.5 * np.median(count)
+    means = (np.bincount(block, idle) / count)[full]
     if len(means) < IDLE_BLOCKS:
         return None
-    left = line(np.flatnonzero(full), means).left
+    left = line(place[full], means).left
     return float(IDLE_BLOCK_S * (left @ left) / (len(means) - 2))

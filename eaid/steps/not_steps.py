@@ -27,10 +27,10 @@ EVEN = 0.15
 
 def looks_like(run: Run) -> Finding | None:
     """A finding where a log's input is none of steps; None where it may be one."""
-    found, _ = bridge(plateaus(run.input))
-    if not stands_still(found, run.input):
+    holds, _ = bridge(plateaus(run.input))
+    if not stands_still(holds, run.input):
         return moving(run.name, run.time_s, run.input)
-    return _binary(run, found)
+    return _binary(run, holds)
 
 
 def refuse_to_cut(run: Run, found: Finding | None = None) -> DataError:
@@ -57,8 +57,7 @@ def moving(name: str, time_s: Array, values: Array) -> Finding:
     ups = sum(1 for i in at if fine[i] < np.median(fine))
     if _constant_speed(times, fine, at):
         return finding("input-reverses", name, turns=len(at), upwards=ups)
-    alike = [gaps[::2], gaps[1::2]] if len(gaps) >= 2 else [gaps]
-    if all(len(g) == 0 or g.std() <= EVEN * g.mean() for g in alike):
+    if all(len(g) == 0 or g.std() <= EVEN * g.mean() for g in (gaps[::2], gaps[1::2])):
         return finding("input-is-periodic", name, turns=len(at), hz=float(0.5 / gaps.mean()))
     return finding("input-moves", name)
 
@@ -75,25 +74,23 @@ def _constant_speed(times: Array, values: Array, at: list[int]) -> bool:
     return float(np.median(off)) < 0.03
 
 
-def _binary(run: Run, found: Sequence[Plateau]) -> Finding | None:
+def _binary(run: Run, holds: Sequence[Plateau]) -> Finding | None:
     """Two levels held for many different multiples of one short time."""
-    holds = np.array([float(plateau.count) for plateau in found[1:-1]])
-    if len(holds) < SWITCHES:
+    counts = np.array([float(plateau.count) for plateau in holds[1:-1]])
+    if len(counts) < SWITCHES:
         return None
-    levels = np.array([plateau.level for plateau in found])
-    middle = (levels.min() + levels.max()) / 2
-    apart = float(np.ptp(levels))
-    if min(np.abs(levels[levels > middle] - levels.max()).max(), 9e99) > 0.05 * apart:
+    levels = np.array([plateau.level for plateau in holds])
+    low, high = levels.min(), levels.max()
+    nearer = np.where(levels > (low + high) / 2, high, low)
+    if np.abs(levels - nearer).max() > 0.05 * (high - low):
         return None
-    if np.abs(levels[levels <= middle] - levels.min()).max() > 0.05 * apart:
-        return None
-    clock = float(np.quantile(holds, 0.05))
-    multiples = holds / clock
+    clock = float(np.quantile(counts, 0.05))
+    multiples = counts / clock
     kinds = len(set(np.round(multiples).astype(int).tolist()))
     if kinds < 3 or float(np.median(np.abs(multiples - np.round(multiples)))) > 0.15:
         return None
     usual = float(np.median(np.diff(run.time_s)))
-    return finding("input-is-binary", run.name, switches=len(found) - 1, clock_s=clock * usual)
+    return finding("input-is-binary", run.name, switches=len(holds) - 1, clock_s=clock * usual)
 
 
 def several_edges(name: str, time_s: Array, output: Array, first_s: float = 0.0) -> Finding | None:
@@ -102,11 +99,11 @@ def several_edges(name: str, time_s: Array, output: Array, first_s: float = 0.0)
         return None
     # the end of a window given by hand may hold the first samples of the release
     until = len(output) - len(output) // 50
-    found = edges(time_s[:until], output[:until])
-    if sum(one.swings for one in found) < 2:
+    every = edges(time_s[:until], output[:until])
+    if sum(one.swings for one in every) < 2:
         return None
     return finding(
-        "several-edges", name, edges=len(found), at_s=tuple(edge.at_s + first_s for edge in found),
-        rise_s=tuple(edge.rise_s for edge in found), overshoot_pct=tuple(edge.overshoot_pct for edge in found),
-        settling_s=tuple(-1.0 if edge.settling_s is None else edge.settling_s for edge in found),
+        "several-edges", name, edges=len(every), at_s=tuple(edge.at_s + first_s for edge in every),
+        rise_s=tuple(edge.rise_s for edge in every), overshoot_pct=tuple(edge.overshoot_pct for edge in every),
+        settling_s=tuple(-1.0 if edge.settling_s is None else edge.settling_s for edge in every),
     )  # fmt: skip

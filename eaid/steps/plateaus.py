@@ -51,18 +51,18 @@ def plateaus(values: Array) -> list[Plateau]:
     parts: list[Plateau] = []
     for start, stop in itertools.pairwise([0, *jumps, len(values)]):
         parts.extend(_without_slow_ramps(values, start, stop, allowed))
-    found: list[Plateau] = []
+    joined: list[Plateau] = []
     for i, piece in enumerate(parts):
         on_a_ramp = 0 < i < len(parts) - 1 and (
             (parts[i + 1].level - piece.level) * (piece.level - parts[i - 1].level) > 0
         )
         if piece.count < FEWEST and on_a_ramp:
             continue
-        if found and abs(found[-1].level - piece.level) <= allowed and found[-1].stop == piece.start:
-            found[-1] = Plateau(found[-1].start, piece.stop, found[-1].level)
+        if joined and abs(joined[-1].level - piece.level) <= allowed and joined[-1].stop == piece.start:
+            joined[-1] = Plateau(joined[-1].start, piece.stop, joined[-1].level)
         else:
-            found.append(piece)
-    return found
+            joined.append(piece)
+    return joined
 
 
 def _without_slow_ramps(values: Array, start: int, stop: int, allowed: float) -> list[Plateau]:
@@ -79,7 +79,7 @@ def _without_slow_ramps(values: Array, start: int, stop: int, allowed: float) ->
     sums = np.concatenate(([0], np.cumsum(moves)))
     at = np.arange(len(part))
     moving = sums[np.minimum(at + 1, len(moves))] - sums[np.clip(at - lag, 0, len(moves))] > 0
-    found = []
+    still = []
     for a, b in np.column_stack(stretches(~moving)).tolist():
         if b - a < FEWEST:
             continue
@@ -89,15 +89,15 @@ def _without_slow_ramps(values: Array, start: int, stop: int, allowed: float) ->
             a -= 1
         while b < len(part) and near[b]:
             b += 1
-        found.append(Plateau(start + a, start + b, level))
-    return found
+        still.append(Plateau(start + a, start + b, level))
+    return still
 
 
-def bridge(found: list[Plateau]) -> tuple[list[Plateau], int]:
+def bridge(holds: list[Plateau]) -> tuple[list[Plateau], int]:
     """Plateaus without the glitches that part one level in two; and how many samples those were."""
     joined: list[Plateau] = []
     passed = 0
-    for plateau in found:
+    for plateau in holds:
         if len(joined) >= 2:
             before, glitch = joined[-2], joined[-1]
             if glitch.count <= GLITCH and plateau.start == glitch.stop and glitch.start == before.stop:
@@ -110,11 +110,11 @@ def bridge(found: list[Plateau]) -> tuple[list[Plateau], int]:
     return joined, passed
 
 
-def stands_still(found: list[Plateau], values: Array) -> bool:
+def stands_still(holds: list[Plateau], values: Array) -> bool:
     """True where an input stands still for at least half of its record: what leans is part of a slow ramp."""
     allowed = tolerance(values)
     still = sum(
-        one.count for one in found if one.count >= FEWEST and abs(_lean(values[one.start : one.stop])) <= allowed
+        hold.count for hold in holds if hold.count >= FEWEST and abs(_lean(values[hold.start : hold.stop])) <= allowed
     )
     return still >= len(values) / 2
 

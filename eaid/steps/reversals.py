@@ -16,15 +16,13 @@ from eaid.findings import finding
 from eaid.logs.run import Run
 from eaid.steps.baseline import first_samples
 from eaid.steps.by_instant import no_level
-from eaid.steps.edges import turns
+from eaid.steps.edges import BACK, turns
 from eaid.steps.noise import block_means, block_noise
 from eaid.steps.plateaus import FEWEST
 
 BLOCKS = 4000
 SLOWS = 0.8
 """Share of its usual speed below which a stroke slows down."""
-BACK = 0.5
-"""Share of the position's range by which it has to come back for a turn."""
 
 
 def cut_reversals(run: Run) -> list[Run]:
@@ -39,9 +37,9 @@ def cut_reversals(run: Run) -> list[Run]:
     known = bool(np.isfinite(run.input).all())
     if run.level is None and not known:
         raise no_level(run)
-    every = [(a, _still_fast(run.position[a:b]) + a) for a, b in itertools.pairwise([*at, len(run.time_s)])]
-    strokes = [(a, b) for a, b in every if b - a >= FEWEST]
-    found = []
+    legs = [(a, _still_fast(run.position[a:b]) + a) for a, b in itertools.pairwise([*at, len(run.time_s)])]
+    strokes = [(a, b) for a, b in legs if b - a >= FEWEST]
+    steps = []
     for k, (start, stop) in enumerate(strokes):
         way = 1.0 if float(run.position[stop - 1]) > float(run.position[start]) else -1.0
         level = abs(median(run.input[start:stop])) if run.level is None else run.level
@@ -49,9 +47,9 @@ def cut_reversals(run: Run) -> list[Run]:
             slice(start, stop), name=f"{run.name}-{k + 1}", step_s=float(run.time_s[start]), until_s=None, cut=True,
             level=way * level, baseline=first_samples(run.output[start:stop]), repeat=None,
         )  # fmt: skip
-        found.append(replace(stroke, input=np.abs(stroke.input) * way if known else stroke.input))
-    said = finding("cut-at-reversals", run.name, reversals=len(found))
-    return [replace(found[0], findings=(*run.findings, said)), *(replace(one, findings=()) for one in found[1:])]
+        steps.append(replace(stroke, input=np.abs(stroke.input) * way if known else stroke.input))
+    said = finding("cut-at-reversals", run.name, reversals=len(steps))
+    return [replace(steps[0], findings=(*run.findings, said)), *(replace(one, findings=()) for one in steps[1:])]
 
 
 def _still_fast(stroke: Array) -> int:
@@ -62,17 +60,17 @@ def _still_fast(stroke: Array) -> int:
 
 
 def turns_of(position: Array) -> list[int]:
-    """Samples at which a position turns: extremes between which it goes by half of its range; none of mere noise."""
+    """Samples at which a position turns: extremes between which it goes by `BACK` of its range; none of mere noise."""
     means = block_means(position, BLOCKS)
     span, width = float(np.ptp(means)), len(position) / len(means)
     if span <= 20 * block_noise(means):
         return []
     places = turns(means, BACK * span)
-    found = []
+    samples = []
     for before, k in itertools.pairwise(places[:-1]):
         if abs(means[k] - means[before]) < BACK * span:
             continue  # noise at the very start
         low = int(max(0, (k - 1) * width))
         near = position[low : int((k + 2) * width) + 1]
-        found.append(low + int(near.argmax() if means[k] > means[before] else near.argmin()))
-    return found
+        samples.append(low + int(near.argmax() if means[k] > means[before] else near.argmin()))
+    return samples

@@ -48,12 +48,7 @@ def saturated(step: Step) -> Finding | None:
         moves = np.abs(np.diff(output))
         finest = float(moves[moves > 0].min()) if (moves > 0).any() else 0.0
         # a sensor at its limit is met at full slope; a settled or idle output is approached by its finest step
-        before = output[max(0, entry - 3) : entry]
-        steep = (
-            len(before) > 0
-            and abs(limit - float(before[0])) > 20 * finest
-            and abs(limit - float(before[0])) > 1e-3 * np.ptp(output)
-        )
+        steep = abs(limit - float(output[max(0, entry - 3)])) > max(20 * finest, 1e-3 * float(np.ptp(output)))
         if longest >= 5 and (steep or _cut_short(output, entry, limit)):
             return finding("saturated", step.run.name, samples=int(at.sum()), limit=limit, unit=step.unit)
     return None
@@ -110,13 +105,12 @@ def coarse(step: Step) -> Finding | None:
 
 def isolated_spikes(step: Step) -> Finding | None:
     """Single samples that stand far out of the rise."""
-    found = spikes(step.rise, max(step.swing, 0.0))
-    if not len(found):
+    outliers = spikes(step.rise, step.swing)
+    if not len(outliers):
         return None
-    sizes = np.abs(step.rise[found])
-    at = int(found[sizes.argmax()])
+    at = int(outliers[np.abs(step.rise[outliers]).argmax()])
     return finding(
-        "spikes", step.run.name, samples=len(found), value=float(step.rise[at]), unit=step.unit,
+        "spikes", step.run.name, samples=len(outliers), value=float(step.rise[at]), unit=step.unit,
         at_s=float(step.run.time_s[step.start + at]),
     )  # fmt: skip
 
@@ -128,15 +122,14 @@ def same_ceiling(levels: Sequence[Level], unit: str) -> list[Finding]:
     ends = [float(level.mean[-max(1, len(level.mean) // 2) :].mean()) for level in levels]
     errors = [block_error(level.mean) for level in levels]
     top = ends[-1]
-    capped = [len(levels) - 1]
-    for i in range(len(levels) - 2, -1, -1):
-        if abs(ends[i] - top) > max(ALIKE * abs(top), 3 * max(errors[i], errors[-1])):
+    capped: list[Level] = []
+    for level, end, error in zip(levels[::-1], ends[::-1], errors[::-1], strict=True):
+        if abs(end - top) > max(ALIKE * abs(top), 3 * max(error, errors[-1])):
             break
-        capped.insert(0, i)
-    sharp = [i for i in capped if sharpness(levels[i].mean, levels[i].time_s, top) > SHARP]
-    if len(capped) < 2 or len(sharp) < 2 or top <= 0:
+        capped.insert(0, level)
+    if top <= 0 or sum(sharpness(level.mean, level.time_s, top) > SHARP for level in capped) < 2:
         return []
-    return [finding("same-ceiling", "data", [levels[i].level for i in capped], ceiling=top, unit=unit)]
+    return [finding("same-ceiling", "data", [level.level for level in capped], ceiling=top, unit=unit)]
 
 
 def flat_top(step: Step) -> Finding | None:

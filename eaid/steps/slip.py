@@ -9,12 +9,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from eaid.arrays import Array
-from eaid.steps.noise import block_error, block_means, line
+from eaid.steps.noise import STANDARD_ERRORS, block_error, block_means, line
 from eaid.steps.step import Step
 
 OVER = 0.05
 """Share by which a peak has to exceed the level after it to be a slip."""
-STANDARD_ERRORS = 5.0
 LEAST = 0.02
 """Share of the level after the slip below which an oscillation is not worth a word."""
 MOST = 0.4
@@ -49,8 +48,8 @@ def slip_of_step(step: Step) -> SlipTest | None:
     if step.run.edge != "rising" or step.run.from_level != 0:
         return None
     position = None if step.run.position is None else step.run.position[step.start :]
-    found = slip_of(step.time_s, step.rise, position)
-    return None if found is None else replace(found, unit=step.run.position_unit)
+    slip = slip_of(step.time_s, step.rise, position)
+    return None if slip is None else replace(slip, unit=step.run.position_unit)
 
 
 def slip_of(time_s: Array, rise: Array, position: Array | None = None) -> SlipTest | None:

@@ -1,48 +1,12 @@
 """The slow time constant of a rise, and whether its window is long enough to tell it: costs on a grid of pairs."""
 
-from functools import cache
-from typing import NamedTuple
-
 import numpy as np
-from numpy.typing import NDArray
 
 from eaid.arrays import Array
 from eaid.steps.noise import BLOCKS, block_means
 
 SLOW_CONSTANTS = 1.5
 """A window shorter than this many slow time constants cannot tell them."""
-
-
-class _Pairs(NamedTuple):
-    """Pairs of time constants on a grid, in windows, and the linear solves that belong to them."""
-
-    tau: Array
-    """The grid."""
-    slow: NDArray[np.intp]
-    """Place of each pair's τ2 on the grid."""
-    both: Array
-    """Block means of 1 − e^(−t/τ) on the grid, and below them those of its derivatives over ln τ: −(t/τ) e^(−t/τ)."""
-    places: NDArray[np.intp]
-    """Rows of `both` that a pair uses: (τ1, derivative at τ1, τ2)."""
-    inverse: Array
-    """Inverse of the 3 × 3 normal equations of each pair."""
-
-
-@cache
-def _pairs(count: int) -> _Pairs:
-    """The grid for a window of `count` blocks: nothing in it depends on the record."""
-    edges = np.linspace(0.0, 1.0, count + 1)
-    tau = np.geomspace(1 / 300, 20.0, 64)
-    decay = np.exp(-edges / tau[:, np.newaxis])
-    mean_decay = -np.diff(decay, axis=1) * tau[:, np.newaxis] * count
-    both = np.concatenate((1.0 - mean_decay, np.diff(edges * decay, axis=1) * count - mean_decay))
-    gram = both @ both.T
-    fast, slow = np.triu_indices(len(tau), 5)
-    places = np.stack((fast, fast + len(tau), slow), axis=1)
-    matrix = gram[places[:, :, np.newaxis], places[:, np.newaxis, :]]
-    # a trace of the diagonal keeps nearly equal columns solvable
-    ridge = 1e-12 * np.trace(matrix, axis1=1, axis2=2)[:, np.newaxis, np.newaxis] * np.eye(3)
-    return _Pairs(tau, slow, both, places, np.linalg.inv(matrix + ridge))
 
 
 def slow_constant(rise: Array, window_s: float) -> tuple[float, bool]:
@@ -54,17 +18,26 @@ def slow_constant(rise: Array, window_s: float) -> tuple[float, bool]:
     """
     means = block_means(rise, 4 * BLOCKS)
     count = len(means)
-    grid = _pairs(count)
-    right = grid.both @ means
-    vector = right[grid.places]
-    amplitudes = np.einsum("kij,kj->ki", grid.inverse, vector)
+    tau = np.geomspace(1 / 300, 20.0, 64)  # in windows
+    edges = np.linspace(0.0, 1.0, count + 1)
+    decay = np.exp(-edges / tau[:, np.newaxis])
+    # block means of 1 − e^(−t/τ), and of its derivative over ln τ: −(t/τ) e^(−t/τ)
+    mean_decay = -np.diff(decay, axis=1) * tau[:, np.newaxis] * count
+    curves = 1.0 - mean_decay
+    both = np.concatenate((curves, np.diff(edges * decay, axis=1) * count - mean_decay))
+    fast, slow = np.triu_indices(len(tau), 5)
+    places = np.stack((fast, fast + len(tau), slow), axis=1)
+    matrix = (both @ both.T)[places[:, :, np.newaxis], places[:, np.newaxis, :]]
+    # a trace of the diagonal keeps nearly equal columns solvable
+    matrix += 1e-12 * np.trace(matrix, axis1=1, axis2=2)[:, np.newaxis, np.newaxis] * np.eye(3)
+    vector = (both @ means)[places]
+    amplitudes = np.linalg.solve(matrix, vector[:, :, np.newaxis])[:, :, 0]
     fine = (amplitudes[:, 0] > 0) & (amplitudes[:, 2] > 0) & (np.abs(amplitudes[:, 1]) < 0.2 * amplitudes[:, 0])
     total = float(means @ means)
-    one = grid.both[: len(grid.tau)]
-    single = right[: len(grid.tau)] ** 2 / (one * one).sum(axis=1)
-    tau = window_s * np.concatenate((grid.tau, grid.tau[grid.slow][fine]))
+    single = (curves @ means) ** 2 / (curves * curves).sum(axis=1)
+    tau2_s = window_s * np.concatenate((tau, tau[slow][fine]))
     cost = total - np.concatenate((single, (amplitudes * vector).sum(axis=1)[fine]))
-    short = tau * SLOW_CONSTANTS > window_s
+    short = tau2_s * SLOW_CONSTANTS > window_s
     best_short, best_long = float(cost[short].min()), float(cost[~short].min())
     noise = max(best_short, 1e-10 * total)
-    return float(tau[cost.argmin()]), (best_long - best_short) / noise * (count - 4) > 25.0
+    return float(tau2_s[cost.argmin()]), (best_long - best_short) / noise * (count - 4) > 25.0

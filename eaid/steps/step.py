@@ -47,15 +47,16 @@ def uniform_step(time_s: Array, within: float = SAME) -> float | None:
     count = len(time_s)
     if count < 2:
         return None
-    first = float(time_s[0])
-    dt = (float(time_s[-1]) - first) / (count - 1)
-    off = np.arange(count) * dt
-    off += first
-    off -= time_s
-    if not max(off.max(), -off.min()) <= within * dt:
+    dt = float(time_s[-1] - time_s[0]) / (count - 1)
+    if np.abs(time_s - (time_s[0] + np.arange(count) * dt)).max() > within * dt:
         return None
     tidy = float(f"{dt:.6g}")
     return tidy if abs(tidy - dt) * count <= SAME * dt else dt
+
+
+def sample_at(run: Run, at_s: float) -> int:
+    """First sample at or behind an instant of a log, but for rounding."""
+    return int(np.searchsorted(run.time_s, at_s - 1e-9 * max(1.0, abs(at_s))))
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,8 +70,7 @@ class Step:
     @cached_property
     def start(self) -> int:
         """First sample of the active window, which lasts to the end of the run."""
-        step = self.run.step_s or 0.0
-        return int(np.searchsorted(self.run.time_s, step - 1e-9 * max(1.0, abs(step))))
+        return sample_at(self.run, self.run.step_s or 0.0)
 
     @cached_property
     def clock(self) -> Clock:
@@ -91,14 +91,12 @@ class Step:
     @cached_property
     def rise(self) -> Array:
         """Output relative to the idle baseline in the active window, its sign as the step's."""
-        rise = self.run.output[self.start :] - (self.run.baseline or 0.0)
-        return rise if self.sign == 1.0 else self.sign * rise
+        return self.sign * (self.run.output[self.start :] - (self.run.baseline or 0.0))
 
     @cached_property
     def idle(self) -> Array:
         """Output relative to the baseline before the step."""
-        idle = self.run.output[: self.start] - (self.run.baseline or 0.0)
-        return idle if self.sign == 1.0 else self.sign * idle
+        return self.sign * (self.run.output[: self.start] - (self.run.baseline or 0.0))
 
     @property
     def before(self) -> float | None:
@@ -108,9 +106,8 @@ class Step:
     @cached_property
     def swing(self) -> float:
         """How far the output goes, at least 0: its largest block mean, or the held one of a release."""
-        before = self.before
-        found = before if self.run.edge == "falling" and before is not None else float(block_means(self.rise).max())
-        return max(found, 0.0)
+        falls_from = self.before if self.run.edge == "falling" else None
+        return max(float(block_means(self.rise).max()) if falls_from is None else falls_from, 0.0)
 
     @property
     def levels(self) -> tuple[float]:

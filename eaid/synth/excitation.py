@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from eaid.arrays import Array, read_only
+from eaid.arrays import Array
 from eaid.control.design import PAPER_PI
 from eaid.control.pi import PIGains
 from eaid.errors import UsageError
@@ -158,7 +158,7 @@ def check_excitation(plant: Plant, e: Excitation) -> None:
     if e.kind not in (*KINDS, LOOPED):
         faults.append(f"«excitation» {e.kind}: is not one of {', '.join((*KINDS, LOOPED))}")
     low, high = e.duty or plant.input_range
-    if not 0 <= low < high < float("inf") or (plant.is_duty and high > 100):
+    if not 0 <= low < high < np.inf or (plant.is_duty and high > 100):
         most = ", to 100 %" if plant.is_duty else ""
         faults.append(f"«shape» duty {low:g}:{high:g}: give two inputs that rise, from 0{most}")
     shortest, longest = e.hold_s
@@ -187,40 +187,37 @@ def synthesise_excitation(
     check(disturbance)
     runs = []
     for repeat in range(1, repeats + 1):
-        draw, name, made = np.random.default_rng([seed, 99, repeat]), (e.kind, repeat), mark(plant, disturbance, seed)
+        draw, reference = np.random.default_rng([seed, 99, repeat]), None
         if e.kind == LOOPED:
-            *columns, reference = looped(plant, e, disturbance, draw, controller or paper_pi(plant, e))
-            run = run_of(plant, (columns[0], columns[1], columns[2]), name, made)
-            runs.append(replace(run, reference_nm=read_only(reference)))
+            columns, reference = looped(plant, e, disturbance, draw, controller or paper_pi(plant, e))
         else:
-            runs.append(run_of(plant, driven(plant, e, disturbance, draw), name, made))
+            columns = driven(plant, e, disturbance, draw)
+        runs.append(run_of(plant, columns, (e.kind, repeat), mark(plant, disturbance, seed), reference))
     return runs
 
 
 def driven(plant: Plant, e: Excitation, disturbance: Disturbance, draw: Draw) -> Columns:
     """One log of an input that knows nothing of the output."""
-    from eaid.recorded.kernel import response  # numba, which steps from rest do without
+    from eaid.recorded.states import from_rest  # numba, which steps from rest do without
 
     factors = scatter(disturbance, draw)
     idle, n = round(e.idle_s * e.rate_hz), round(e.duration_s * e.rate_hz)
     value = np.concatenate([np.zeros(idle), KINDS[e.kind](e, e.duty or plant.input_range, n - idle, draw)])
-    levels, index = np.unique(value, return_inverse=True)
-    curves = [factors.of(plant.at(level)) for level in levels.tolist()]
-    rest = np.clip(levels / plant.rest_below, 0, 1) if plant.rest_below > 0 else np.ones_like(levels)
-    torque = np.empty(n)
-    scalars = np.array([curves[-1].C, *(plant.release or (0.0, 0.0)), 1.0, 1.0, 0.0, 0.0])
-    response(
-        np.full(n, 1 / e.rate_hz), index.astype(np.int64), np.ones(n, dtype=np.int64),
-        np.array([c.Ts for c in curves]), np.array([c.tau1 for c in curves]), np.array([c.tau2 for c in curves]),
-        rest, scalars, np.zeros(2), torque,
-    )  # fmt: skip
+
+    def curves(levels: Array) -> tuple[Array, Array, Array]:
+        steps = [factors.of(plant.at(level)) for level in levels.tolist()]
+        steady, tau1, tau2 = np.array([(one.Ts, one.tau1, one.tau2) for one in steps]).T
+        return steady, tau1, tau2
+
+    share = factors.of(plant.at(float(value.max()))).C
+    torque = from_rest(value, np.full(n, 1 / e.rate_hz), curves, share, plant.release, plant.rest_below)
     time_s = np.arange(n) / e.rate_hz
     return time_s, value, measured(torque, time_s, plant.rotor_hz(value), disturbance, draw)
 
 
 def looped(
     plant: Plant, e: Excitation, disturbance: Disturbance, draw: Draw, controller: Controller
-) -> tuple[Array, Array, Array, Array]:
+) -> tuple[Columns, Array]:
     """One log of a loop, and its reference: steps and tones; the controller reads what is logged, above its offset."""
     from eaid.recorded.law import run_loop
 
@@ -235,7 +232,7 @@ def looped(
     value, read = run_loop(model, controller, reference, dt_s, share[idle:], white[idle:])
     before = np.zeros(idle)
     output = digits(np.concatenate([white[:idle], read]) + disturbance.offset_nm, disturbance)
-    return time_s, np.concatenate([before, value]), output, np.concatenate([before, reference])
+    return (time_s, np.concatenate([before, value]), output), np.concatenate([before, reference])
 
 
 def paper_pi(plant: Plant, e: Excitation) -> Controller:

@@ -43,22 +43,17 @@ def write_folder(folder: Path, runs: Sequence[Run], force: bool) -> None:
         refuse_folder(folder, force)
 
 
-def header_of(run: Run) -> str:
-    """The header of a run's file: plain eaid CSV, or columns that say the rig's own units."""
-    output = "torque_nm" if run.output_unit == "N·m" else f"output ({run.output_unit})"
-    return f"time_s,{input_column(run.kind or 'clutch', run.input_unit)},{output}"
-
-
 def input_column(kind: str, unit: str) -> str:
     """Name of the input's column: `duty_pct`, `force_n`, `speed_rpm`, or one with another unit, `input (V)`."""
     return PLAIN[kind] if unit == INPUT_UNITS[kind] else f"{NAMES[kind]} ({unit})"
 
 
 def as_csv(run: Run) -> str:
-    """The text of one file: every number with the digits that give it back exactly."""
-    columns, header = [run.time_s, run.input, run.output], header_of(run)
+    """The text of one file: every number with the digits that give it back exactly; other units stand in the header."""
+    output = "torque_nm" if run.output_unit == "N·m" else f"output ({run.output_unit})"
+    columns = {"time_s": run.time_s, input_column(run.kind or "clutch", run.input_unit): run.input, output: run.output}
     if run.reference_nm is not None:
-        columns, header = [*columns, run.reference_nm], f"{header},reference_nm"
-    lines = [f"# synthetic: {run.synthetic}", header]
-    lines += [",".join(map(repr, row)) for row in zip(*(column.tolist() for column in columns), strict=True)]
+        columns["reference_nm"] = run.reference_nm
+    lines = [f"# synthetic: {run.synthetic}", ",".join(columns)]
+    lines += [",".join(map(repr, row)) for row in zip(*(each.tolist() for each in columns.values()), strict=True)]
     return "\n".join(lines) + "\n"

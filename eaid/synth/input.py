@@ -9,7 +9,6 @@ import csv
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from types import MappingProxyType
 
 from eaid.errors import DataError
 from eaid.results.plan import PlannedRun
@@ -48,7 +47,7 @@ def input_file(changes: Sequence[tuple[float, float]], kind: str, unit: str) -> 
 
 def read_plan(path: Path) -> list[PlannedRun]:
     """The runs of a table, in its order; `DataError` with the bad rows."""
-    rows = _numbers(path, RUN_TABLE)
+    rows = _numbers(path, RUN_TABLE, {})
     faults = [
         f"{path}: row {number} holds {value:g} as {name}, not a whole number of 1 or more; mend it"
         for number, values in rows
@@ -68,13 +67,8 @@ def read_plan(path: Path) -> list[PlannedRun]:
     return [PlannedRun(int(v[0]), v[1], int(v[2]), v[3], v[4], v[5]) for _, v in rows]
 
 
-def _numbers(
-    path: Path, header: Sequence[str], names: Mapping[str, str] = MappingProxyType({})
-) -> list[tuple[int, list[float]]]:
-    """Rows of a CSV with just this header, each with its number in the file; finite numbers only.
-
-    `names` are other names of columns: name → what it stands for.
-    """
+def _numbers(path: Path, header: Sequence[str], names: Mapping[str, str]) -> list[tuple[int, list[float]]]:
+    """Rows of a CSV with this header, or other `names` of its columns, with their numbers; finite numbers only."""
     wanted = ",".join(header)
     if not path.is_file():
         raise DataError(f"{path}: no such file; give a CSV {wanted}")

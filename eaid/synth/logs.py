@@ -60,41 +60,29 @@ Input = Sequence[tuple[float, float]]
 def response(plant: Plant, changes: Input, time_s: Array, run: Scatter | None = None) -> Array:
     """Torque of the plant [N·m] from rest at the instants `time_s` [s], shape (n,), under a stepwise input."""
     torque = np.empty_like(time_s)
-    x1 = x2 = 0.0
+    state = np.zeros((2, 1))
     ends = [start for start, _ in changes[1:]] + [float("inf")]
     first = 0
     for (start, value), end in zip(changes, ends, strict=True):
-        step = plant.at(value)
-        step = run.of(step) if run else step
-        past = int(np.searchsorted(time_s, end, side="left"))
-        since = time_s[first:past] - start
-        falling = _falling(plant, step, value)
-        torque[first:past] = _held(step, falling, x1, since, 0) + _held(step, falling, x2, since, 1)
-        if end < float("inf"):
-            whole = np.array([end - start])
-            x1, x2 = (float(_held(step, falling, x, whole, which)[0]) for which, x in enumerate((x1, x2)))
-        first = past
+        step = run.of(plant.at(value)) if run else plant.at(value)
+        target = step.Ts * np.array([[step.C], [1 - step.C]])
+        tau = np.where(target < state, _falling(plant, step, value), [[step.tau1], [step.tau2]])
+        past = int(np.searchsorted(time_s, end))
+        since = np.append(time_s[first:past], end) - start
+        # from the start, not from the target: exact to the last digit at rest and for small times
+        states = state - (target - state) * np.expm1(-since / tau)
+        torque[first:past] = states[0, :-1] + states[1, :-1]
+        first, state = past, states[:, -1:]
     return torque
 
 
-def _falling(plant: Plant, step: Friction, value: float) -> tuple[float, float]:
-    """τ1 and τ2 of a fall to an input [s]: those of the input itself, below the lowest identified one more and more
-    those of a fall to rest."""
+def _falling(plant: Plant, step: Friction, value: float) -> Array:
+    """τ1 and τ2 of a fall to an input [s]: below the lowest identified one more and more those of a fall to rest."""
+    tau = np.array([[step.tau1], [step.tau2]])
     if plant.release is None or not value < plant.rest_below:
-        return step.tau1, step.tau2
+        return tau
     share = value / plant.rest_below
-    tau1, tau2 = (
-        share * tau + (1 - share) * rest for tau, rest in zip((step.tau1, step.tau2), plant.release, strict=True)
-    )
-    return tau1, tau2
-
-
-def _held(step: Friction, falling: tuple[float, float], start_nm: float, since_s: Array, which: int) -> Array:
-    """One state [N·m] while the input is held: fast (0) or slow (1)."""
-    target = step.Ts * (1 - step.C if which else step.C)
-    tau = falling[which] if target < start_nm else step.tau2 if which else step.tau1
-    # from the start, not from the target: exact to the last digit at rest and for small times
-    return np.asarray(start_nm - (target - start_nm) * np.expm1(-since_s / tau))
+    return np.asarray(share * tau + (1 - share) * np.array(plant.release)[:, np.newaxis])
 
 
 def synthesise(plant: Plant, protocol: Protocol, disturbance: Disturbance, seed: int) -> list[Run]:
@@ -175,7 +163,9 @@ def record(
     return time_s, value, output
 
 
-def run_of(plant: Plant, columns: Columns, name: tuple[str, int], synthetic: str) -> Run:
+def run_of(
+    plant: Plant, columns: Columns, name: tuple[str, int], synthetic: str, reference: Array | None = None
+) -> Run:
     """Columns as a run that says what it is of, (what, repeat), and what made it; its fingerprint is theirs."""
     time_s, value, output = columns
     what, repeat = name
@@ -191,6 +181,7 @@ def run_of(plant: Plant, columns: Columns, name: tuple[str, int], synthetic: str
         repeat=repeat,
         kind=plant.kind,
         synthetic=synthetic,
+        reference_nm=None if reference is None else read_only(reference),
     )
 
 

@@ -22,17 +22,6 @@ from eaid.models.parameters import REFERENCE_PLANT, SHARE, Friction, Nonlinear
 from eaid.replay.plant import plant_parameters, plant_terms
 from eaid.results.fit import Fit
 
-ROTOR_RPM: dict[str, float | None] = {"clutch": 10.0, "friction-force": 15.0, "friction-speed": None}
-"""Rotor speed of each experiment [RPM] (§III, §IV-A); None: the input is the speed."""
-
-LEVELS: dict[str, tuple[float, ...]] = {
-    "clutch": tuple(map(float, range(10, 101, 10))),
-    "friction-force": tuple(map(float, range(17, 171, 17))),
-    "friction-speed": tuple(map(float, range(5, 41, 5))),
-}
-"""Inputs of each experiment: duty [%], force [N], speed [RPM]."""
-
-
 UNKNOWN = "a.u."
 """Unit of an input or output whose fit says none: arbitrary units."""
 
@@ -45,7 +34,7 @@ class Plant:
     at: Callable[[float], Friction]
     """What an input leads to, held for ever."""
     rotor_rpm: float | None
-    """Rotor speed [RPM]; None: the input is the speed [RPM]."""
+    """Rotor speed [RPM] (§III, §IV-A); None: the input is the speed [RPM]."""
     levels: tuple[float, ...]
     """Inputs that are recorded unless the user names others, in the input's unit."""
     made_of: str
@@ -93,8 +82,8 @@ def clutch(p: Nonlinear = REFERENCE_PLANT, made_of: str = "the reference plant (
         return Friction(steady, tau1, tau2, p.C)
 
     below = inf if p.falls_as_release else p.u_range[0]
-    levels = tuple(u for u in LEVELS["clutch"] if p.u_range[0] <= u <= p.u_range[1]) or p.u_range
-    return Plant("clutch", at, ROTOR_RPM["clutch"], levels, made_of, p.release, below, p)
+    levels = tuple(float(u) for u in range(10, 101, 10) if p.u_range[0] <= u <= p.u_range[1]) or p.u_range
+    return Plant("clutch", at, 10.0, levels, made_of, p.release, below, p)
 
 
 def table_i(force_n: float) -> Friction:
@@ -118,16 +107,14 @@ def table_ii(speed_rpm: float) -> Friction:
 
 def friction_force() -> Plant:
     """The friction rig under weights: input is the normal force [N]."""
-    levels, made_of = LEVELS["friction-force"], "Table I as printed"
-    return Plant("friction-force", table_i, ROTOR_RPM["friction-force"], levels, made_of, input_unit="N")
+    levels = tuple(map(float, range(17, 171, 17)))
+    return Plant("friction-force", table_i, 15.0, levels, "Table I as printed", input_unit="N")
 
 
 def friction_speed() -> Plant:
     """The friction rig under 86 N: input is the speed [RPM]."""
-    made_of = "Table II as printed, with tau2 = 5.4 exp(-0.0101 RPM) s"
-    return Plant(
-        "friction-speed", table_ii, ROTOR_RPM["friction-speed"], LEVELS["friction-speed"], made_of, input_unit="RPM"
-    )
+    levels, made_of = tuple(map(float, range(5, 41, 5))), "Table II as printed, with tau2 = 5.4 exp(-0.0101 RPM) s"
+    return Plant("friction-speed", table_ii, None, levels, made_of, input_unit="RPM")
 
 
 REFERENCE: dict[str, Callable[[], Plant]] = {
@@ -158,11 +145,10 @@ def of_fit(fit: Fit, kind: Kind, named: str) -> Plant:
         return replace(made, levels=levels or model.u_range, input_unit=input_unit, output_unit=output_unit)
     if data.kind != kind:
         raise UsageError(f"{named}: is a fit of {data.kind} logs; ask for «kind» {data.kind}")
-    share = fit.friction.C if fit.friction is not None and fit.friction.C else SHARE
-    rows = [row for row in (fit.friction.levels if fit.friction is not None else ()) if row.from_ == 0]
-    curves = {row.level: Friction(row.Ts, row.tau1, row.tau2, share) for row in rows}
-    if not curves:
+    rows = [row for row in fit.friction_levels if row.from_ == 0]
+    if fit.friction is None or not rows:
         raise DataError(f"{named}: holds no friction levels; fit the friction model first")
+    curves = {row.level: Friction(row.Ts, row.tau1, row.tau2, fit.friction.C or SHARE) for row in rows}
 
     def at(value: float) -> Friction:
         if value == 0.0:
@@ -172,6 +158,5 @@ def of_fit(fit: Fit, kind: Kind, named: str) -> Plant:
             raise UsageError(f"«levels» {value:g}: is not in {named}, which holds {known}")
         return curves[value]
 
-    return Plant(
-        kind, at, ROTOR_RPM[kind], tuple(sorted(curves)), named, input_unit=input_unit, output_unit=output_unit
-    )
+    measured = replace(REFERENCE[kind](), at=at, levels=tuple(sorted(curves)), made_of=named)
+    return replace(measured, input_unit=input_unit, output_unit=output_unit)

@@ -15,7 +15,7 @@ from eaid.results.gains import Gains
 from eaid.synth.disturbance import NONE, Disturbance
 from eaid.synth.excitation import Excitation, synthesise_excitation
 from eaid.synth.input import read_input, read_plan
-from eaid.synth.logs import KINDS, PROTOCOLS, synthesise, synthesise_input, synthesise_plan
+from eaid.synth.logs import KINDS, PROTOCOLS, Protocol, synthesise, synthesise_input, synthesise_plan
 from eaid.synth.plants import REFERENCE, Plant, of_fit
 
 ABSOLUTE = ("white_nm", "offset_nm", "resolution_nm")
@@ -113,12 +113,9 @@ def synthesize(
     """
     plant = REFERENCE[options.kind or "clutch"]() if fit is None else of_fit(fit, options.kind or fit.data.kind, named)
     disturbance = disturbance_of(options, plant)
-    given = {
-        "levels": options.levels, "repeats": options.repeats, "idle_s": options.idle_s, "hold_s": options.hold_s,
-        "release_s": options.release_s, "rate_hz": options.rate_hz,
-    }  # fmt: skip
+    given = {each.name: getattr(options, each.name) for each in fields(Protocol)}
     said = {name: value for name, value in given.items() if value is not None}
-    protocol = replace(PROTOCOLS[plant.kind], **{"levels": plant.levels, **said})  # type: ignore[arg-type]
+    protocol = replace(PROTOCOLS[plant.kind], **{"levels": plant.levels, **said})
     if options.plan is not None:
         return synthesise_plan(plant, read_plan(options.plan), protocol.rate_hz, disturbance, options.seed)
     if options.duty_file is not None:

@@ -27,18 +27,7 @@ from eaid.uncertainty.linear_intervals import convention
 from eaid.uncertainty.orders import leave_one_level_out, orders_of, raised_orders
 from eaid.uncertainty.refit import free_parameters, refit
 from eaid.uncertainty.run_statistics import run_residuals
-from eaid.uncertainty.shapes import (
-    Shape,
-    best_fits,
-    logarithm,
-    logarithm_starts,
-    power,
-    power_starts,
-    stretched,
-    stretched_starts,
-    three_exponentials,
-    three_starts,
-)
+from eaid.uncertainty.shapes import OTHERS, THREE, Shape, best_fits
 from eaid.uncertainty.share import Share
 
 STRONG = 6.0
@@ -47,14 +36,6 @@ CLOSER = 0.1
 """Part of the RMSE that a free C has to save to be worth it."""
 FEW = 2
 """Levels that repeats may miss alike by chance."""
-THREE = "three exponentials"
-OTHERS: tuple[tuple[str, int, Shape, Callable[[Friction], Array]], ...] = (
-    ("a stretched exponential", 3, stretched, stretched_starts),
-    ("a logarithm of time", 2, logarithm, logarithm_starts),
-    ("a power of time", 2, power, power_starts),
-    (THREE, 6, three_exponentials, three_starts),
-)
-"""Shapes that are tried where two exponentials fail: name, parameters, curve, starts."""
 
 
 def effective_samples(residual: Array) -> tuple[float, float]:

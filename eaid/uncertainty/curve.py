@@ -149,11 +149,9 @@ def inflation(misfit: float, spare: float, degrees: float) -> float:
 def curve_of_single_runs(duty_pct: Array, log_values: Array, within: Array, p: int) -> Curve:
     """The curve where each level has one run: its scatter a makes Σ res²/(a + h) equal L − p; needs L > p."""
     spare = len(duty_pct) - p
-    state = {"c": through(duty_pct, log_values, within + 1e-4, p)}
 
     def total(a: float) -> float:
-        state["c"] = through(duty_pct, log_values, within + a, p)
-        return _chi_square(duty_pct, log_values, within + a, state["c"])
+        return _chi_square(duty_pct, log_values, within + a, through(duty_pct, log_values, within + a, p))
 
     between, q = paule_mandel(total, float(spare), float(np.var(log_values)) + 1e-12)
     # h is the largest over the windows, q the luck of L − p levels: where they differ, halfway (in logs) is closest

@@ -6,12 +6,10 @@ is stretched by √(ν_l/χ²(ν_l)), which makes it Student's t with the ν_l d
 A polynomial is then put through p(u_l) e^(d_l) by least squares of the relative error.
 
 The constraints of the fit (τ1 ≥ 1 ms, τ2 ≥ τ1, T_s ≥ 0 over the identified duties) are linear in the coefficients: a
-draw
-that breaks one is drawn again and counted, and after many refusals pulled back along the line to the fit.
+draw that breaks one is drawn again and counted, and after many refusals pulled back along the line to the fit.
 """
 
 from dataclasses import dataclass, replace
-from itertools import pairwise
 
 import numpy as np
 from scipy.special import chdtri
@@ -23,7 +21,7 @@ from eaid.models.parameters import Nonlinear
 from eaid.results.fit import Fit
 from eaid.results.nonlinear import Estimate
 from eaid.uncertainty.curve import powers
-from eaid.uncertainty.joint import BLOCKS, limits_of
+from eaid.uncertainty.joint import BLOCKS, coefficients_of, limits_of
 from eaid.uncertainty.student_t import t_quantile
 
 TRIES = 200
@@ -62,44 +60,26 @@ def drawable(fit: Fit) -> bool:
 
 
 def draw(fit: Fit, n: int, seed: int) -> Drawn:
-    """`n` plants that the data of a fit allow, and how many draws broke a constraint.
+    """`n` plants that the data of a fit allow; all are the fitted one where it holds no covariance (`drawable`).
 
-    Parameters
-    ----------
-    fit : Fit
-        A fit with a nonlinear model; without its covariance (`drawable`) all plants are the fitted one.
-    n : int
-        How many plants.
-    seed : int
-        The same seed gives the same plants.
-
-    Raises
-    ------
-    DataError
-        No nonlinear model, or a covariance of another shape than its coefficients.
+    `DataError` without a nonlinear model, or for a covariance of another shape than its coefficients.
     """
     centre = fit.plant
     if not drawable(fit) or fit.nonlinear is None or fit.nonlinear.covariance is None:
         return Drawn((centre,) * n, 0)
     model, stored = fit.nonlinear, fit.nonlinear.covariance
-    counts = (len(centre.tau1), len(centre.tau2), len(centre.Ts))
-    total = sum(counts)
     free = (stored.order or ("",))[-1] == "C"
+    at_centre = coefficients_of(centre, free)
+    mean, count = at_centre.values, len(at_centre.values)
     matrix = np.array(stored.matrix, dtype=np.float64)
-    if matrix.shape != (total + free,) * 2 or not np.isfinite(matrix).all():
+    if matrix.shape != (count, count) or not np.isfinite(matrix).all():
         raise DataError(
-            f"nonlinear.covariance.matrix: shape {matrix.shape}, expected {total + free} x {total + free} finite "
-            "numbers; fit again"
+            f"nonlinear.covariance.matrix: shape {matrix.shape}, expected {count} x {count} finite numbers; fit again"
         )
-    scale = np.concatenate([100.0 ** np.arange(count) for count in counts] + [np.ones(int(free))])
-    mean = np.concatenate([centre.tau1, centre.tau2, centre.Ts, [centre.C] * free]) * scale
-    ends = np.cumsum((0, *counts)).tolist()
-    blocks = [
-        _Block(slice(a, b), name, mean[a:b], matrix[a:b, a:b], model, centre.u_range)
-        for name, (a, b) in zip(BLOCKS, pairwise(ends), strict=True)
-    ]
+    parts = [(at_centre.block(name), name) for name in BLOCKS]
+    blocks = [_Block(own, name, mean[own], matrix[own, own], model, centre.u_range) for own, name in parts]
     root = _root(matrix)
-    slack, offset = limits_of(counts, centre.u_range, free)
+    slack, offset = limits_of(at_centre.counts, centre.u_range, free)
     at_fit = slack @ mean - offset
     allowed = np.minimum(at_fit, 0.0) - 1e-12  # every constraint, as far as the fit itself keeps it
     random = np.random.default_rng(seed)
@@ -107,10 +87,9 @@ def draw(fit: Fit, n: int, seed: int) -> Drawn:
     for _ in range(n):
         step, refused = _feasible(root, blocks, slack, at_fit, allowed, random)
         rejected += refused
-        values = ((mean + step) / scale).tolist()
-        tau1, tau2, steady = (tuple(values[a:b]) for a, b in pairwise(ends))
-        C = min(max(values[total], 0.0), 1.0) if free else centre.C
-        plants.append(replace(centre, tau1=tau1, tau2=tau2, Ts=steady, C=C))
+        p = replace(at_centre, values=mean + step).plant()
+        C = min(max(float(mean[-1] + step[-1]), 0.0), 1.0) if free else centre.C
+        plants.append(replace(centre, tau1=p.tau1, tau2=p.tau2, Ts=p.Ts, C=C))
     return Drawn(tuple(plants), rejected)
 
 

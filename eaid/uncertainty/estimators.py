@@ -45,9 +45,12 @@ def believed(
     reweighted = None if other is None else nonlinear_intervals.scattered(other, base)
     weighted = weightings.agreement(joint, alone, reweighted, degrees, base)
     if ci != "none":
-        joint = nonlinear_intervals.with_joint_intervals(joint, found, base.levels, ci)
+        beyond = None if ci == "white" else found.two_stage
+        curves = nonlinear_intervals.level_curves(found.joint_alone, found.degrees, base.levels, beyond)
+        joint = nonlinear_intervals.with_intervals(joint, found.joint, found.degrees, curves, ci)
         if other is not None and reweighted is not None:
-            other = nonlinear_intervals.with_intervals(other, reweighted, found.degrees, base.levels)
+            curves = nonlinear_intervals.level_curves(reweighted, found.degrees, base.levels)
+            other = nonlinear_intervals.with_intervals(other, reweighted, found.degrees, curves)
     two_stage, doubts = (None, []) if beside is None else beside
     taken, because = chosen(estimator, says, two_stage)
     more = _findings(estimator, taken, says, base, found.joint.open)

@@ -2,18 +2,18 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
 
 import msgspec
 import numpy as np
 
-from eaid.arrays import Array
+from eaid.arrays import Array, inverse
 from eaid.findings import Finding, finding
 from eaid.models.trends import FORMS
 from eaid.results.common import Interval
 from eaid.results.friction import Friction, FrictionLevel, LevelIntervals, Trend
 from eaid.uncertainty.level_statistics import LevelStatistics
-from eaid.uncertainty.levels import NAMES, UNDETERMINED, WIDE, white_variance
+from eaid.uncertainty.levels import NAMES, UNDETERMINED, log_jacobian
+from eaid.uncertainty.run_statistics import textbook
 from eaid.uncertainty.student_t import t_quantile
 
 
@@ -27,8 +27,8 @@ class Parameter:
     """95 % interval; None where it is constrained or open."""
     log_sd: float
     """Standard deviation of its logarithm (of its logit, for C)."""
-    state: Literal["fine", "wide", "open", "constrained"]
-    """wide: known to a third at best; open: the data do not determine it; constrained: a constraint holds it."""
+    open: bool = False
+    """Whether the data do not determine it."""
 
 
 def level_rows(stats: LevelStatistics, white: bool = False) -> list[list[Parameter]]:
@@ -39,26 +39,23 @@ def level_rows(stats: LevelStatistics, white: bool = False) -> list[list[Paramet
 def level_parameters(stats: LevelStatistics, i: int) -> list[Parameter]:
     """Intervals exp(θ̂ ± t √V) of one level.
 
-    Where the record leaves τ2 open, those of T_s and τ1 reach over all that go with a τ2 that the runs allow. Whether
-    an interval is wide is judged by the V expected from all levels: runs alike by luck must not pass for well known.
+    Where the record leaves τ2 open, those of T_s and τ1 reach over all that go with a τ2 that the runs allow.
     """
     one, result = stats.estimates[i], []
     for k, theta in enumerate(one.runs.log_theta.tolist()):
         name, t = NAMES[k], t_quantile(float(stats.degrees[i, k]))
-        sd, usual = (float(np.sqrt(max(v[i, k], 0.0))) for v in (stats.variance, stats.expected))
+        sd = float(np.sqrt(max(stats.variance[i, k], 0.0)))
         low, high = theta - t * sd, theta + t * sd
         if k < 2 and stats.open_tau2[i] and np.isfinite(stats.tau2_sets.log_theta[i, k]).all():
             ends = stats.tau2_sets.log_theta[i, k]
             low, high = min(theta, float(ends[0])) - t * sd, max(theta, float(ends[1])) + t * sd
-        state: Literal["fine", "wide", "open", "constrained"] = "fine"
-        if name in one.constrained:
-            state = "constrained"
-        elif (k == 2 and not stats.determined[i, 2]) or (name != "C" and high - low > 2 * np.log(UNDETERMINED)):
-            state = "open"
-        elif name != "C" and t * usual > np.log1p(WIDE):
-            state = "wide"
+        constrained = name in one.constrained
+        undetermined = (k == 2 and not stats.determined[i, 2]) or (
+            name != "C" and high - low > 2 * np.log(UNDETERMINED)
+        )
         value, first, last = (_natural(name, x) for x in (theta, low, high))
-        result.append(Parameter(name, value, (first, last) if state in ("fine", "wide") else None, sd, state))
+        interval = None if constrained or undetermined else (first, last)
+        result.append(Parameter(name, value, interval, sd, open=undetermined and not constrained))
     return result
 
 
@@ -68,14 +65,16 @@ def _natural(name: str, x: float) -> float:
 
 
 def _white_parameters(stats: LevelStatistics, i: int) -> list[Parameter]:
-    """The textbook's intervals θ̂ ± t s of one level."""
-    one = stats.estimates[i]
-    variance, spare = white_variance(stats.levels[i], one)
+    """The textbook's intervals θ̂ ± t s of one level, with the variance s² A⁻¹ of the logarithms."""
+    one, level = stats.estimates[i], stats.levels[i]
+    jacobian = log_jacobian(one.curve, level.time_s, one.share_free)
+    information, noise, spare = textbook([jacobian], [level.mean - jacobian[:, 0]], jacobian.shape[1])
+    variance = np.diag(inverse(information)) * noise
     rows = []
     for p, v in zip(level_parameters(stats, i), variance.tolist(), strict=True):
         reach = t_quantile(spare) * np.sqrt(v) * (p.value * (1 - p.value) if p.name == "C" else p.value)
         interval = None if p.name in one.constrained else (float(p.value - reach), float(p.value + reach))
-        rows.append(Parameter(p.name, p.value, interval, float(np.sqrt(v)), p.state))
+        rows.append(Parameter(p.name, p.value, interval, float(np.sqrt(v)), p.open))
     return rows
 
 

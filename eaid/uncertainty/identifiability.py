@@ -19,6 +19,7 @@ from eaid.uncertainty.level_statistics import LevelStatistics
 from eaid.uncertainty.levels import CURVES, NAMES, LevelEstimate, log_jacobian
 from eaid.uncertainty.student_t import t_quantile
 
+TAUS = {"tau1", "tau2"}
 ALIKE = 0.3
 """Scatter between runs counts as seen where it is more than this part of a level's variance."""
 
@@ -31,7 +32,7 @@ def identifiable(found: Sequence[Finding]) -> bool:
 def torque_half_width(stats: LevelStatistics, i: int) -> float:
     """95 % half-width of the output curve within the record of one level [output unit]."""
     one, level = stats.estimates[i], stats.levels[i]
-    jacobian = log_jacobian(one.curve, level.time_s, stats.variance.shape[1] == 4)
+    jacobian = log_jacobian(one.curve, level.time_s, stats.share_free)
     t = t_quantile(float(np.min(stats.degrees[i])))
     if one.runs.repeats > 1:
         along = jacobian @ one.runs.influence.T  # what the runs do together, not one parameter after another
@@ -51,29 +52,22 @@ def level_findings(stats: LevelStatistics, subject: str, unit: str, output_unit:
         taus = tuple(float(f"{one.curve.tau1:.3g}") for one in met)
         found.append(finding("taus-meet", subject, [one.level for one in met], taus_s=taus, unit=unit))
     for name in NAMES[: stats.variance.shape[1]]:
-        held = [one.level for one in stats.estimates if name in one.constrained and not (_met(one) and name in TAUS)]
+        held = [one.level for one in stats.estimates if name in one.constrained and not (name in TAUS and _met(one))]
         if held:
             found.append(finding("parameter-constrained", subject, held, parameter=name, unit=unit))
     found += [_open_tau2(stats, i, subject, unit, output_unit) for i in np.flatnonzero(stats.open_tau2).tolist()]
-    beyond = [
-        one.level
-        for one, known in zip(stats.estimates, stats.determined[:, 2], strict=True)
-        if known and one.curve.tau2 > one.runs.duration_s
-    ]
+    known = [one for one, known in zip(stats.estimates, stats.determined[:, 2], strict=True) if known]
+    beyond = [one for one in known if one.curve.tau2 > one.runs.duration_s]
     if beyond:
-        records = {one.level: one.runs.duration_s for one in stats.estimates}
-        found.append(
-            finding("tau2-outlasts-record", subject, beyond, record_s=max(records[u] for u in beyond), unit=unit)
-        )
+        longest = max(one.runs.duration_s for one in beyond)
+        places = [one.level for one in beyond]
+        found.append(finding("tau2-outlasts-record", subject, places, record_s=longest, unit=unit))
     return found
-
-
-TAUS = ("tau1", "tau2")
 
 
 def _met(one: LevelEstimate) -> bool:
     """Whether τ1 and τ2 of a level are one."""
-    return {"tau1", "tau2"} <= set(one.constrained) and "Ts" not in one.constrained
+    return set(one.constrained) >= TAUS and "Ts" not in one.constrained
 
 
 def _open_tau2(stats: LevelStatistics, i: int, subject: str, unit: str, output_unit: str) -> Finding:
@@ -92,10 +86,10 @@ def _open_tau2(stats: LevelStatistics, i: int, subject: str, unit: str, output_u
     )
 
 
-def friction_findings(fit: Friction, stats: LevelStatistics, unit: str, output_unit: str = "N·m") -> list[Finding]:
+def friction_findings(fit: Friction, stats: LevelStatistics, unit: str, output_unit: str) -> list[Finding]:
     """The levels' curves, a free C, and trends whose coefficients only count together."""
     found = level_findings(stats, "friction", unit, output_unit)
-    if stats.variance.shape[1] == 4:
+    if stats.share_free:
         found += _free_share_findings(stats, unit)
     for name, trend in fit.trends.items():
         if trend.form == "double-exponential":
@@ -129,7 +123,7 @@ def _combination(name: str, c: Array, x: Array) -> list[Finding]:
 
 
 def nonlinear_findings(
-    fit: Estimate, stats: LevelStatistics, unit: str, output_unit: str = "N·m", with_levels: bool = True
+    fit: Estimate, stats: LevelStatistics, unit: str, output_unit: str, with_levels: bool
 ) -> list[Finding]:
     """Levels too few for the polynomials, parameters that most levels leave open; each level's own `with_levels`."""
     count = len(stats.levels)

@@ -14,9 +14,9 @@ import msgspec
 import numpy as np
 
 from eaid.findings import Finding, finding, ranked
+from eaid.fitting.choices import check
 from eaid.fitting.data import data_of
 from eaid.fitting.levels import fit_levels
-from eaid.fitting.options import check
 from eaid.models.parameters import SHARE
 from eaid.results.fit import Fit, FitOptions
 from eaid.results.friction import Friction
@@ -30,8 +30,8 @@ from eaid.uncertainty.estimators import believed
 from eaid.uncertainty.identifiability import friction_findings, identifiable, linear_findings, scatter_findings
 from eaid.uncertainty.level_statistics import LevelStatistics, level_statistics, pooled_statistics, statistics_at_share
 from eaid.uncertainty.levels import NAMES, share_sensitivity
-from eaid.uncertainty.noise import idle_of, noise_of
 from eaid.uncertainty.profile import profiled
+from eaid.uncertainty.rig_noise import idle_of, noise_of
 from eaid.uncertainty.share import Share, share_findings, share_of, share_part
 
 
@@ -40,38 +40,35 @@ def with_intervals(
     fit: Fit,
     options: FitOptions | None = None,
     advance: Callable[[], None] | None = None,
-    workers: int = 1,
 ) -> Fit:
     """The fit, which was made from `stepset`, with its intervals, the believed estimate and what is left open.
 
-    `advance` is called once per bootstrap refit; `workers` processes share them.
+    `advance` is called once per bootstrap refit.
     """
     options = options or FitOptions()
     check(options)
     try:
         # curves of τ near 0 or far beyond the record overflow on the way; what is not finite in the end becomes none
         with np.errstate(all="ignore"):
-            return _with_intervals(stepset, fit, options, advance, workers)
+            return _with_intervals(stepset, fit, options, advance)
     except (np.linalg.LinAlgError, ZeroDivisionError, OverflowError) as fault:
         found = (*fit.findings, finding("no-intervals-at-all", "data", fault=str(fault)))
         return msgspec.structs.replace(fit, uncertainty=Uncertainty(options.ci), findings=ranked(found))
 
 
-def _with_intervals(
-    stepset: StepSet, fit: Fit, options: FitOptions, advance: Callable[[], None] | None, workers: int
-) -> Fit:
+def _with_intervals(stepset: StepSet, fit: Fit, options: FitOptions, advance: Callable[[], None] | None) -> Fit:
     fitted = fitted_levels(fit)
     held_out = tuple(level for level in stepset.levels if level.level not in fitted)
     stepset = replace(stepset, levels=tuple(level for level in stepset.levels if level.level in fitted))
-    stats = _statistics(stepset, fit)
-    free = fit.friction is not None and fit.friction.C is None
+    friction = fit.friction or _own_curves(stepset, fit)
+    stats = level_statistics(stepset.levels, friction.levels, friction.C is None)
     draws = None
     if options.ci == "bootstrap":
-        whole = fit if fit.friction is not None else _with_levels(stepset, fit)
-        draws = bootstrap(stepset.levels, whole, options.seed, options.draws, workers, advance)
+        whole = msgspec.structs.replace(fit, friction=friction)
+        draws = bootstrap(stepset.levels, whole, options.seed, options.draws, advance)
         stats = _with_draws(stats, draws)
     base = stats
-    if free and fit.nonlinear is not None:
+    if friction.C is None and fit.nonlinear is not None:
         base = statistics_at_share(stepset.levels, fit.nonlinear.C)
         base = base if draws is None else _with_draws(base, draws)
     runs_share = share_of(stats) if options.ci != "none" else None
@@ -89,7 +86,7 @@ def _with_intervals(
         part, more = _friction(fit.friction, stats, options, stepset)
         result, found = msgspec.structs.replace(result, friction=part), found + more
     if fit.linear is not None:
-        linear, more = _linear(fit.linear, stepset, base, options, draws)
+        linear, more = _linear(fit.linear, base, options, draws)
         result, found = msgspec.structs.replace(result, linear=linear), found + more
     result = msgspec.structs.replace(result, findings=(*fit.findings, *found))
     if fit.nonlinear is not None:
@@ -106,17 +103,10 @@ def fitted_levels(fit: Fit) -> tuple[float, ...]:
     return tuple(one.level for one in fit.linear.per_level) if fit.linear is not None else ()
 
 
-def _statistics(stepset: StepSet, fit: Fit) -> LevelStatistics:
-    if fit.friction is not None:
-        return level_statistics(stepset.levels, fit.friction.levels, fit.friction.C is None)
-    return statistics_at_share(stepset.levels, fit.nonlinear.C if fit.nonlinear is not None else SHARE)
-
-
-def _with_levels(stepset: StepSet, fit: Fit) -> Fit:
-    """The fit with the levels' own curves, which the refits start from, where the friction model was not asked for."""
+def _own_curves(stepset: StepSet, fit: Fit) -> Friction:
+    """The levels' own curves, which all intervals stand on, where the friction model was not asked for."""
     share = fit.nonlinear.C if fit.nonlinear is not None else SHARE
-    rows = tuple(fit_levels(data_of(stepset.levels), share))
-    return msgspec.structs.replace(fit, friction=Friction(share, "level", rows))
+    return Friction(share, "level", tuple(fit_levels(data_of(stepset.levels), share)))
 
 
 def _with_draws(base: LevelStatistics, draws: Draws) -> LevelStatistics:
@@ -150,7 +140,7 @@ def _friction(
 
 
 def _linear(
-    part: Linear, stepset: StepSet, base: LevelStatistics, options: FitOptions, draws: Draws | None
+    part: Linear, base: LevelStatistics, options: FitOptions, draws: Draws | None
 ) -> tuple[Linear, list[Finding]]:
     pooled = linear_intervals.pooled_intervals(part, base)
     other = part.other_weights
@@ -164,7 +154,7 @@ def _linear(
     if other is not None:
         part = msgspec.structs.replace(part, other_weights=msgspec.structs.replace(other, ci95=beside))
     if options.ci == "white":
-        pooled, own = linear_intervals.white(part, stepset.levels)
+        pooled, own = linear_intervals.white(part, base.levels)
     elif draws is not None:
         pooled, own = linear_intervals.from_draws(part, draws.pooled, draws.own, base)
     else:
@@ -177,14 +167,10 @@ def _linear(
 
 
 def _summary(
-    stats: LevelStatistics,
-    options: FitOptions,
-    judged: Adequacy | None,
-    runs_share: Share | None,
-    idle: float | None,
+    stats: LevelStatistics, options: FitOptions, judged: Adequacy | None, runs_share: Share | None, idle: float | None
 ) -> Uncertainty:
     share = None
-    if stats.variance.shape[1] == 3:
+    if not stats.share_free:
         there = stats
         if runs_share is not None and runs_share.matters and runs_share.estimate is not None:
             there = statistics_at_share(stats.levels, runs_share.estimate)

@@ -23,10 +23,9 @@ from eaid.uncertainty.levels import (
     LevelEstimate,
     constrained_parameters,
     level_estimate,
-    scatter_of,
     usable,
 )
-from eaid.uncertainty.scatter import Mask, PooledScatter
+from eaid.uncertainty.scatter import Mask, PooledScatter, pooled_scatter
 from eaid.uncertainty.student_t import satterthwaite, t_quantile
 from eaid.uncertainty.tau2_range import Tau2Sets, tau2_sets
 
@@ -93,6 +92,11 @@ class LevelStatistics:
     def data(self) -> Data:
         """The levels' mean curves."""
         return data_of(self.levels)
+
+    @property
+    def share_free(self) -> bool:
+        """Whether C of each level is a parameter too."""
+        return bool(self.variance.shape[1] == 4)
 
     @property
     def duty_pct(self) -> Array:
@@ -168,7 +172,7 @@ def pooled_statistics(levels: Sequence[Level], found: Sequence[LevelEstimate]) -
     between = np.full(theta.shape[1], np.nan)
     variance, degrees = within.copy(), np.full(within.shape, FEW_DEGREES)
     if repeats.max() > 1:
-        scatter, source = scatter_of(found), "repeats"
+        scatter, source = pooled_scatter([one.runs for one in found], counted), "repeats"
         finite = np.isfinite(scatter.variance).all(axis=0)
         variance = np.where(finite, scatter.variance, within / repeats[:, None])
         degrees = np.where(finite, scatter.degrees, FEW_DEGREES)

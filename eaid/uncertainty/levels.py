@@ -12,8 +12,8 @@ from eaid.models import friction
 from eaid.models.parameters import TAU_FLOOR_S, Friction
 from eaid.results.friction import FrictionLevel
 from eaid.steps.stepset import Level
-from eaid.uncertainty.run_statistics import RunStatistics, run_residuals, run_statistics, textbook
-from eaid.uncertainty.scatter import Mask, PooledScatter, pooled_scatter
+from eaid.uncertainty.run_statistics import RunStatistics, run_residuals, run_statistics
+from eaid.uncertainty.scatter import Mask
 
 NAMES = ("Ts", "tau1", "tau2", "C")
 """Parameters of one level, in the order of every array here; C only where it was free."""
@@ -21,8 +21,6 @@ CURVES = NAMES[:3]
 """Those that are curves over the duty."""
 MEETING = 1e-4
 """A limit this close holds a parameter; τ1 and τ2 this close are one."""
-WIDE = 0.30
-"""Half-width beyond which an interval is wide (coverage of τ2 was measured below it, docs/uncertainty.md)."""
 UNDETERMINED = 3.0
 """Factor up or down beyond which a parameter counts as not determined."""
 
@@ -94,13 +92,6 @@ def constrained_parameters(fit: FrictionLevel, record_s: float, share_free: bool
     return tuple(dict.fromkeys(found))
 
 
-def white_variance(level: Level, found: LevelEstimate) -> tuple[Array, float]:
-    """Textbook variance s² A⁻¹ of (log T_s, log τ1, log τ2), for the mean of the repeats, and n − k."""
-    jacobian = log_jacobian(found.curve, level.time_s, found.share_free)
-    M, noise, spare = textbook([jacobian], [level.mean - jacobian[:, 0]], jacobian.shape[1])
-    return np.diag(inverse(M)) * noise, spare
-
-
 def usable(levels: Sequence[LevelEstimate]) -> Mask:
     """Which parameters of which levels show the scatter: held by no constraint, and determined by their record."""
     rows = []
@@ -111,16 +102,11 @@ def usable(levels: Sequence[LevelEstimate]) -> Mask:
     return np.array(rows)
 
 
-def scatter_of(levels: Sequence[LevelEstimate]) -> PooledScatter:
-    """Scatter of the levels' parameters, pooled over those that show it; needs repeats."""
-    return pooled_scatter([level.runs for level in levels], usable(levels))
-
-
-def share_sensitivity(levels: Sequence[Level], found: Sequence[LevelEstimate], step: float = 0.01) -> dict[str, float]:
-    """How far T_s, τ1, τ2 would move [%] if the held C were larger by `step`; median over the levels, linear."""
+def share_sensitivity(levels: Sequence[Level], found: Sequence[LevelEstimate]) -> dict[str, float]:
+    """How far T_s, τ1, τ2 would move [%] if the held C were larger by 0.01; median over the levels, linear."""
     moves = []
     for level, one in zip(levels, found, strict=True):
         slopes = friction.gradient(one.curve, level.time_s)
         along = np.array([one.curve.Ts, one.curve.tau1, one.curve.tau2]) * (slopes[:3] @ slopes[3])
-        moves.append(-100 * step * inverse(one.runs.information[:3, :3]) @ along)
+        moves.append(-inverse(one.runs.information[:3, :3]) @ along)
     return dict(zip(NAMES[:3], map(median, np.transpose(moves)), strict=True))

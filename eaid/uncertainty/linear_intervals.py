@@ -43,15 +43,15 @@ def spreads(gains: Sequence[Gain], stats: LevelStatistics) -> list[tuple[float, 
             return [(float(own @ own * count / (count - 1)), count - 1.0) for own in together.T]
         return [combined_variance([one[:, k] for one in psi]) for k in range(psi[0].shape[1])]
     total = np.zeros(len(gains[0][0]))
-    for i, (take, along) in enumerate(gains):
-        total += _own_variance(i, along, stats, take)
+    for i, gain in enumerate(gains):
+        total += _own_variance(i, gain, stats)
     return [(float(variance), stats.total_degrees) for variance in total]
 
 
-def _own_variance(i: int, along: Array, stats: LevelStatistics, take: Array | None = None) -> Array:
-    """Variance of numbers that answer to the mean of level i as `along`, (m, n), or as `take` @ `along`; shape (m,)."""
-    moved = along @ log_jacobian(stats.estimates[i].curve, stats.levels[i].time_s)
-    moved = moved if take is None else take @ moved
+def _own_variance(i: int, gain: Gain, stats: LevelStatistics) -> Array:
+    """Variance of numbers that answer to the mean of level i by `gain`, shape (m,)."""
+    take, along = gain
+    moved = take @ (along @ log_jacobian(stats.estimates[i].curve, stats.levels[i].time_s))
     variance = stats.variance[i, :3]
     return np.asarray(moved**2 @ np.where(np.isfinite(variance), variance, 0.0))
 
@@ -79,7 +79,8 @@ def level_intervals(fit: Linear, stats: LevelStatistics) -> list[LinearLevelInte
         return [
             _logs(row, *found) for row, *found in zip(fit.per_level, scatter.variance, scatter.degrees, strict=True)
         ]
-    own = [_own_variance(i, level_gain(level, row.a0, row.gain), stats) for i, (level, row, _) in enumerate(each)]
+    gains = [(np.eye(3), level_gain(level, row.a0, row.gain)) for level, row, _ in each]
+    own = [_own_variance(i, gain, stats) for i, gain in enumerate(gains)]
     return [_logs(row, v, np.full(3, stats.total_degrees)) for row, v in zip(fit.per_level, own, strict=True)]
 
 

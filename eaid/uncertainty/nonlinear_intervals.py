@@ -6,6 +6,7 @@ the joint covariance holds, beside the scatter itself, the outer product of what
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import TypeVar
 
 import msgspec
 import numpy as np
@@ -17,13 +18,7 @@ from eaid.fitting.nonlinear import estimate
 from eaid.models import nonlinear
 from eaid.results.common import Interval, Solver, StartCost
 from eaid.results.friction import LevelIntervals
-from eaid.results.nonlinear import (
-    CoefficientIntervals,
-    Covariance,
-    CurveLevel,
-    Estimate,
-    Nonlinear,
-)
+from eaid.results.nonlinear import CoefficientIntervals, Covariance, CurveLevel, Estimate
 from eaid.steps.stepset import Level
 from eaid.uncertainty.curve import Curve
 from eaid.uncertainty.joint import (
@@ -45,6 +40,7 @@ PARAMETRISATION = "coefficients of (u/100 %)^k, lowest power first: tau1 [s], ta
 ROW = {"tau1": 1, "tau2": 2, "Ts": 0}
 """Where the parameters of the curves stand among a level's (T_s, τ1, τ2)."""
 
+E = TypeVar("E", bound=Estimate)
 SAYS_NOTHING = 100.0
 """Factor up and down from which the interval of a curve is left out."""
 
@@ -191,22 +187,14 @@ def with_joint(found: Estimates, draws: Array) -> Estimates:
     return replace(found, joint=counted, joint_alone=alone)
 
 
-def with_joint_intervals(model: Nonlinear, found: Estimates, levels: tuple[Level, ...], ci: str) -> Nonlinear:
-    """The joint estimate with intervals of its coefficients and curves, and its covariance."""
-    other = None if ci == "white" else found.two_stage
-    curves = level_curves(found.joint_alone, found.degrees, levels, other)
+def with_intervals(
+    estimate: E, c: Coefficients, degrees: Degrees, curves: tuple[CurveLevel, ...], source: str | None = None
+) -> E:
+    """An estimate with its curves and intervals of its coefficients; with its covariance, where `source` is given."""
+    covariance = None if source is None else covariance_part(c, degrees, source)
     return msgspec.structs.replace(
-        model,
-        ci95=coefficient_intervals(found.joint, found.degrees),
-        curves=curves,
-        covariance=covariance_part(found.joint, found.degrees, ci),
+        estimate, ci95=coefficient_intervals(c, degrees), curves=curves, covariance=covariance
     )
-
-
-def with_intervals(estimate: Estimate, c: Coefficients, degrees: Degrees, levels: tuple[Level, ...]) -> Estimate:
-    """An estimate with intervals of its coefficients and curves, the scatter alone counted."""
-    ci95 = coefficient_intervals(c, degrees)
-    return msgspec.structs.replace(estimate, ci95=ci95, curves=level_curves(c, degrees, levels))
 
 
 def two_stage_part(
@@ -242,6 +230,5 @@ def two_stage_part(
     misfit = {name: curve.misfit if np.isfinite(curve.misfit) else None for name, curve in found.curves.items()}
     part = msgspec.structs.replace(part, C_free=found.joint.share_free, misfit=misfit)
     if source != "none":
-        part = with_intervals(part, both, found.degrees, stats.levels)
-        part = msgspec.structs.replace(part, covariance=covariance_part(both, found.degrees, source))
+        part = with_intervals(part, both, found.degrees, level_curves(both, found.degrees, stats.levels), source)
     return part, doubts

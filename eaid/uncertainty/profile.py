@@ -32,7 +32,7 @@ def profiled(stats: LevelStatistics, i: int, k: int, p: Parameter) -> Parameter:
     # scatter from run to run (a gain, a τ1) knows nothing of the cost's shape: logs are its own scale; and what is open
     # is not quoted, however its profile looks
     noisy = within >= 0.5 * float(stats.variance[i, k])
-    if p.name in one.constrained or not noisy or p.state == "open" or not inverse[k, k] > 0:
+    if p.name in one.constrained or not noisy or p.open or not inverse[k, k] > 0:
         return p
     rise = t_quantile(float(stats.degrees[i, k])) ** 2 * float(stats.variance[i, k]) / float(inverse[k, k])
     theta, points = log_theta(one.curve, True), data_of([stats.levels[i]]).points
@@ -40,8 +40,8 @@ def profiled(stats: LevelStatistics, i: int, k: int, p: Parameter) -> Parameter:
     if p.name == "C":
         low, high = low / (1 + low), high / (1 + high) if np.isfinite(high) else 1.0
     if not np.isfinite(high) or low <= 0:
-        return replace(p, interval=None, state="open")
-    return replace(p, interval=(float(low), float(high)), state="fine" if p.interval is None else p.state)
+        return replace(p, interval=None, open=True)
+    return replace(p, interval=(float(low), float(high)))
 
 
 def _end(points: Points, start: Array, k: int, share_free: bool, rise: float, side: float) -> float:

@@ -4,6 +4,8 @@ With repeats: a ≥ 0 from Σ_l (R − 1) v_l / (a + h_l) = Σ_l (R − 1); if t
 q = sum / Σ(R − 1), else q = 1. One scatter for all levels would give the mean of R runs V = q (a + h_l) / R. Scatter
 may change from level to level, so V is multiplied by what the runs of the level and its neighbours show of it.
 With one run a level: a from Σ_l res_l² / (a + h_l) = L − p of a curve through the levels.
+Repeats recorded as sweeps have a gain of that day in common: levels then move together, and Σ(R − 1) counts far too
+many independent runs. The common part m_r, the mean over the levels, is known from R sweeps only: R − 1 degrees.
 """
 
 from collections.abc import Callable, Sequence
@@ -17,7 +19,6 @@ from scipy.special import fdtrc
 from eaid.arrays import Array, median
 from eaid.uncertainty.run_statistics import RunStatistics
 from eaid.uncertainty.student_t import VarianceComponents, satterthwaite
-from eaid.uncertainty.sweeps import common_shifts
 
 Mask: TypeAlias = NDArray[np.bool_]
 
@@ -27,7 +28,10 @@ SMOOTH_LEVELS, SMOOTH_TERMS = 5, 4
 """From so many levels on the within-run variance is a smooth function of the level, log h a polynomial of four terms:
 a τ2 that came out low by chance must not look well determined as well."""
 CHANCE = 0.01
-"""Probability at which scatter that is alike over the levels would be told to change."""
+"""Probability at which scatter that is alike over the levels would be told to change, and independent repeats be taken
+for sweeps."""
+SWEPT_LEVELS = 3
+"""Levels at least that show sweeps."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,6 +141,28 @@ def pooled_scatter(levels: Sequence[RunStatistics], usable: Mask | None = None) 
         common_degrees=most,
         jumps=tuple(jumps),
     )
+
+
+def common_shifts(levels: Sequence[RunStatistics], k: int) -> Array | None:
+    """m_r, what every level's run r has in common in parameter k, shape (R,); None where repeats are independent.
+
+    Runs are matched by their place: the first run of each level was one sweep, and so on. A two-way analysis of
+    variance of the runs' influences (levels × repeats): F = L Σ m_r²/(R − 1) against what is left.
+    """
+    counts = {level.repeats for level in levels}
+    if len(levels) < SWEPT_LEVELS or len(counts) != 1 or counts == {1}:
+        return None
+    d = np.array([level.influence[:, k] for level in levels])
+    if not np.isfinite(d).all():
+        return None
+    count, repeats = d.shape
+    mean = d.mean(axis=0)
+    together = count * float(mean @ mean) / (repeats - 1)
+    apart = float(((d - mean) ** 2).sum()) / ((count - 1) * (repeats - 1))
+    if apart == 0:
+        return None
+    chance = fdtrc(repeats - 1, (count - 1) * (repeats - 1), together / apart)
+    return mean if chance < CHANCE else None
 
 
 def _total(weighted: Array, within: Array) -> Callable[[float], float]:

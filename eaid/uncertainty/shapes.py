@@ -86,6 +86,16 @@ def three_starts(curve: Friction) -> Array:
     )
 
 
+THREE = "three exponentials"
+OTHERS: tuple[tuple[str, int, Shape, Callable[[Friction], Array]], ...] = (
+    ("a stretched exponential", 3, stretched, stretched_starts),
+    ("a logarithm of time", 2, logarithm, logarithm_starts),
+    ("a power of time", 2, power, power_starts),
+    (THREE, 6, three_exponentials, three_starts),
+)
+"""Shapes that are tried where two exponentials fail: name, parameters, curve, starts."""
+
+
 def best_fits(shape: Shape, starts: Array, points: Points) -> Array:
     """Where a shape is nearest to each level of `points`, from starts of shape (L, S, k); shape (L, k)."""
     levels, several, count = starts.shape

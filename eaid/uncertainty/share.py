@@ -96,7 +96,7 @@ class Share:
 
 def share_of(stats: LevelStatistics) -> Share | None:
     """C as the runs ask for it, from the levels whose C was held; None where C was free."""
-    if stats.variance.shape[1] != 3:
+    if stats.share_free:
         return None
     held = stats.estimates[0].curve.C
     speak = np.flatnonzero(usable(stats.estimates).all(axis=1))

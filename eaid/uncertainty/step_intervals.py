@@ -49,12 +49,10 @@ def with_interval(step: LevelStep, shape: StepShape, ci: str = "robust", dead_ti
     window = float(step.time_s[-1])
     two = shape.tau2 is not None
     free = [True, True, two, shape.shape in ("free", "overshoot"), dead_time_free and shape.dead_time_s > 0]
-    names = [
-        name for name, is_free in zip(("change", "tau1", "tau2", "C", "dead_time_s"), free, strict=True) if is_free
-    ]
+    names = [name for name, is_free in zip(NAMES, free, strict=True) if is_free]
     refused = any(one.severity == "stop" for one in shape.findings)
     error = {} if refused else dict(zip(names, _errors(step, shape, free, ci).tolist(), strict=True))
-    if any(not math.isfinite(one) for one in error.values()):
+    if not all(map(math.isfinite, error.values())):
         error = {}
     wide = {name for name in ("tau1", "tau2") if error.get(name, 0.0) > math.log(WIDEST)}
     if shape.tau2 is not None and shape.tau2 > LONGEST * window:
@@ -66,11 +64,10 @@ def with_interval(step: LevelStep, shape: StepShape, ci: str = "robust", dead_ti
         value = getattr(shape, name)
         if name in wide:
             continue
-        ends[name] = (
-            (value * math.exp(-half), value * math.exp(half))
-            if name in ("tau1", "tau2")
-            else (value - half, value + half)
-        )
+        if name in ("tau1", "tau2"):
+            ends[name] = (value * math.exp(-half), value * math.exp(half))
+        else:
+            ends[name] = (value - half, value + half)
     change = ends.get("change")
     if change is not None and shape.gain is not None:
         low, high = sorted(end / (shape.level - shape.from_) for end in change)
@@ -100,9 +97,8 @@ def _errors(step: LevelStep, shape: StepShape, free: Sequence[bool], ci: str) ->
     count, k = jacobian.shape
     unit = inverse(jacobian.T @ jacobian)
     if ci == "white":
-        variance = float(left @ left) / max(count - k, 1) * np.diag(unit)
-        degrees = float(count - k)
-        per_sample = float(left @ left) / max(count - k, 1)
+        degrees, per_sample = float(count - k), float(left @ left) / max(count - k, 1)
+        variance = per_sample * np.diag(unit)
     else:
         directions = np.concatenate((jacobian @ unit, np.ones((count, 1))), axis=1)
         degrees = max(min(independent(left), LAGS) - k, 1.0)  # what the noise remembers is seen in so many stretches

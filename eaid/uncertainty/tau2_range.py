@@ -16,7 +16,7 @@ from typing import Self
 
 import numpy as np
 
-from eaid.arrays import Array
+from eaid.arrays import Array, inverse
 from eaid.fitting.compress import compress
 from eaid.models import friction
 from eaid.steps.stepset import Level
@@ -149,7 +149,7 @@ class _Means:
         size = np.sqrt(np.maximum((weighted * slopes).sum(axis=2), 1e-300))
         gram = weighted @ slopes.transpose(0, 2, 1) / (size[:, :, None] * size[:, None])
         along = (weighted @ what[:, :, None])[:, :, 0] / size
-        return np.asarray((np.linalg.pinv(gram, rcond=1e-14, hermitian=True) @ along[:, :, None])[:, :, 0] / size)
+        return np.asarray((inverse(gram) @ along[:, :, None])[:, :, 0] / size)
 
 
 def _statistics(

@@ -35,32 +35,22 @@ def agreement(
     apart = tuple(one for one in curves_apart(equal, sd, degrees, stats.duty_pct) if one.parameter not in held)
     if not apart:
         return Agreement(BETWEEN, "either", "agree")
-    if spread_rises(stats)[1] > RISES:
+    if rise_of_spread(stats) > RISES:
         return Agreement(BETWEEN, "sd", "spread-rises", apart)
     return Agreement(BETWEEN, "equal", "spread-is-chance", apart)
 
 
-def spread_rises(stats: LevelStatistics) -> tuple[float, float]:
-    """Slope of log s over log torque, and its size in standard errors of chance; s: rms spread of a level's repeats."""
+def rise_of_spread(stats: LevelStatistics) -> float:
+    """Slope of log s over log torque in standard errors of chance; s: rms spread of a level's repeats."""
     spread = np.array([np.sqrt(np.mean(level.sd**2)) for level in stats.levels])
     torque = np.array([np.abs(level.mean[-max(1, len(level.mean) // 10) :]).mean() for level in stats.levels])
     spare = np.array([len(level.runs) - 1 for level in stats.levels], dtype=float)
     if not ((spread > 0) & (torque > 0)).all():
-        return 0.0, 0.0
+        return 0.0
     x = np.log(torque) - np.log(torque).mean()
-    y = np.log(spread)
     if x @ x == 0:
-        return 0.0, 0.0
-    slope = float(x @ y / (x @ x))
-    error = float(np.sqrt(x**2 @ (polygamma(1, spare / 2) / 4)) / (x @ x))
-    return slope, slope / error
-
-
-def known_within(stats: LevelStatistics) -> tuple[int, float, float]:
-    """Fewest repeats of a level, and the factors within which they tell its spread."""
-    fewest = min(len(level.runs) for level in stats.levels)
-    low, high = (float(np.sqrt((fewest - 1) / chdtri(fewest - 1, p))) for p in (0.025, 0.975))
-    return fewest, low, high
+        return 0.0
+    return float(x @ np.log(spread) / np.sqrt(x**2 @ (polygamma(1, spare / 2) / 4)))
 
 
 def linear_agreement(fit: Linear, own: PooledIntervals, other: PooledIntervals | None) -> Agreement:
@@ -91,7 +81,9 @@ def findings(subject: str, fit: Estimate | Pooled, says: Agreement, stats: Level
     if not says.disagreements or says.believe == fit.weights:
         return []
     first = says.disagreements[0]
-    repeats, low, high = known_within(stats)
+    repeats = min(len(level.runs) for level in stats.levels)
+    # the factors within which so few repeats tell a level's spread
+    low, high = (float(np.sqrt((repeats - 1) / chdtri(repeats - 1, p))) for p in (0.025, 0.975))
     estimates: dict[str, Value] = {"equal": first.one, "sd": first.other, "worst": first.worst}
     spread: dict[str, Value] = {"repeats": repeats, "low": low, "high": high}
     verdict = {"parameter": first.parameter, "believe": says.believe, "because": says.because}

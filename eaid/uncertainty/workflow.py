@@ -10,9 +10,8 @@ from threadpoolctl import threadpool_limits
 
 from eaid.findings import Finding, finding, merged, ranked
 from eaid.fitting.between import between_rows, of_another_shape, single_steps
-from eaid.fitting.fit import converged, fit
-from eaid.fitting.options import check
-from eaid.fitting.sources import data_part
+from eaid.fitting.choices import check
+from eaid.fitting.fit import converged, data_part, fit
 from eaid.results.fit import Fit, FitAsked, FitOptions
 from eaid.results.friction import Friction
 from eaid.results.quotable import quotable
@@ -23,47 +22,22 @@ from eaid.uncertainty.intervals import with_intervals
 from eaid.uncertainty.step_intervals import with_intervals as with_step_intervals
 
 
-def fit_steps(
-    stepset: StepSet,
-    options: FitOptions | None = None,
-    progress: Callable[[], None] | None = None,
-    workers: int = 1,
-) -> Fit:
-    """Fit a set of steps and find how sure the result is.
+def fit_steps(stepset: StepSet, options: FitOptions | None = None, progress: Callable[[], None] | None = None) -> Fit:
+    """Fit a set of steps and find how sure the result is: what `eaid.fit` calls.
 
-    Parameters
-    ----------
-    stepset : StepSet
-        Rising steps by level, and releases where there are some.
-    options : FitOptions, optional
-        Models, estimator, weights, loss, held-out levels, bounds of B and how intervals are found.
-    progress : callable, optional
-        Called once per bootstrap refit.
-    workers : int
-        Processes that share the refits; the result is the same for any number.
-
-    Returns
-    -------
-    Fit
-        All models that the kind of experiment allows, with findings, worst first.
-
-    Raises
-    ------
-    UsageError
-        An option that is none, or a model that the kind does not allow.
-    DataError
-        No rising step, or weights that the repeats do not give.
+    `progress` is called once per bootstrap refit. `UsageError` for an option that is none, or a model that the kind of
+    experiment does not allow; `DataError` without a rising step, or for weights that the repeats do not give.
     """
     options = options or FitOptions()
     check(options)
     # the products here are small: threads of BLAS would wait for each other, and round otherwise than one does
     with threadpool_limits(1, user_api="blas"):
-        return _fit_steps(stepset, options, progress, workers)
+        return _fit_steps(stepset, options, progress)
 
 
-def _fit_steps(stepset: StepSet, options: FitOptions, progress: Callable[[], None] | None, workers: int) -> Fit:
+def _fit_steps(stepset: StepSet, options: FitOptions, progress: Callable[[], None] | None) -> Fit:
     if stepset.levels or not stepset.level_steps:
-        found = with_intervals(stepset, fit(stepset, options), options, progress, workers)
+        found = with_intervals(stepset, fit(stepset, options), options, progress)
     else:  # a staircase that never rests: no model of steps from rest
         found = Fit(data=data_part(stepset), uncertainty=Uncertainty("none"))
     shapes = shapes_of(stepset, options)

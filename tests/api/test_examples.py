@@ -22,7 +22,6 @@ WITH_EXAMPLES = (
     "eaid.api.fitting",
     "eaid.api.logs",
     "eaid.api.loops",
-    "eaid.export.export",
     "eaid.results.coupling",
     "eaid.results.fit",
     "eaid.results.gains",

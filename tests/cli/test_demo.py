@@ -2,7 +2,9 @@
 
 import json
 import re
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -57,12 +59,19 @@ def test_a_folder_with_something_in_it_is_left_alone(tmp_path: Path, capsys: pyt
     assert [path.name for path in tmp_path.iterdir()] == ["mine.txt"]
 
 
+def _one_after_another(first: Any, second: Any, folder: Path, done: Callable[[], None]) -> None:
+    """As `run_both`, without the process to which a stand-in cannot be sent."""
+    for line in [*first, *second]:
+        demo_lines.run_line(line, folder)
+        done()
+
+
 def test_it_ends_by_naming_the_page(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ):
     ran: list[str] = []
     monkeypatch.setattr(demo_lines, "run_line", lambda line, _folder: ran.append(line[0]))
-    monkeypatch.setattr("eaid.processes.processors", lambda: 1)
+    monkeypatch.setattr(demo_lines, "run_both", _one_after_another)
     monkeypatch.chdir(tmp_path)
     assert run(["demo"]) == 0
     assert capsys.readouterr().err.splitlines()[-1] == "demo/report.html: 15 commands; next: open it in a browser"

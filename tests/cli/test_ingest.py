@@ -9,7 +9,7 @@ import h5py
 import numpy as np
 import pytest
 
-from eaid.cli.inputs import stepset_from
+from eaid.cli.inputs import runs_from
 from eaid.cli.main import run
 from eaid.errors import UsageError
 from eaid.reading import pairs
@@ -214,7 +214,7 @@ def test_a_thousand_runs_in_one_call(tmp_path: Path) -> None:
     (tmp_path / "logs").mkdir()
     for k in range(1000):
         (tmp_path / "logs" / f"r{k:04d}.csv").write_text(f"# run {k}\n{text}")
-    stepset = stepset_from([tmp_path / "logs"])
+    stepset = runs_from([tmp_path / "logs"])[1]
     assert len(stepset.runs) == 1000
     assert stepset.levels[0].runs.shape == (1000, 100)
 

@@ -80,7 +80,7 @@ COMMANDS: dict[str, tuple[str, int]] = {
     "ingest {given}/logs -o data.h5": ("ingest", 2),
     "ingest logs --write-manifest -o data.h5": ("ingest with a manifest", 2),
     "fit {given}/data.h5 --model linear --ci none -o fit.json": ("fit", 2),
-    "fit {given}/data.h5 --ci bootstrap -o fit.json": ("fit with workers", 1),
+    "fit {given}/data.h5 --ci bootstrap -o fit.json": ("fit with a bootstrap", 1),
     "tune-rc {given}/fit.json -o gains.json": ("tune-rc", 2),
     "simulate {given}/fit.json --gains {given}/gains.json --scenario steps -o replay.h5": ("simulate", 2),
     "report {given}/fit.json {given}/gains.json {given}/replay.h5 -o page": ("report", 3),
@@ -149,8 +149,6 @@ def test_killed(line: str, given: Path, server: Server, tmp_path: Path) -> None:
     chance = random.Random(line)
     operations = chance.sample(range(1, whole["operations"] + 1), min(KILLS or few, whole["operations"]))
     instants = [chance.uniform(0.0, whole["took_s"]) for _ in range(KILLS or (1 if whole["took_s"] < 1.5 else 0))]
-    if "bootstrap" in line:
-        instants.append(0.7 * whole["took_s"])  # while the workers work
     killed = 0
     for when in [*({"at_operation": n} for n in operations), *({"after_s": s} for s in instants)]:
         prepared(restore)

@@ -14,11 +14,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from eaid.cli import form, main
-from eaid.coupling.linear import LOOPS
+from eaid.coupling.linearised import LOOPS
 from eaid.errors import UsageError
 from eaid.export.options import LAWS
 from eaid.export.targets import TARGETS
-from eaid.fitting import options as fitting
+from eaid.fitting import choices as fitting
 from eaid.reading import KINDS
 from eaid.replay.controllers import CONTROLLERS
 from eaid.replay.scenarios import SCENARIOS

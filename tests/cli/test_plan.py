@@ -35,9 +35,9 @@ def test_plan_and_its_duty_file(fit: Path, tmp_path: Path, capsys: pytest.Captur
     result = json.loads(told.out)
     assert result["schema"] == "eaid/plan/1" and result["met"] is True
     assert result["half_width_pct"]["tau2"] <= 12 and result["half_width_pct"]["Ts"] <= 4
-    # the twelfth of fourteen recordings whose scatter is known to √(2/20) each
+    # what four of five recordings keep whose scatter is known to √(2/20) each, over all plans that were tried
     for name, width in result["half_width_pct"].items():
-        assert 0.8 < result["measured_half_width_pct"][name] / width < 1.7, name
+        assert 0.8 < result["measured_half_width_pct"][name] / width < 1.8, name
     assert result["measured_half_width_pct"]["tau2"] <= 12 and result["measured_half_width_pct"]["Ts"] <= 4
     rows = list(csv.DictReader(output.open()))
     assert len(rows) == len(result["levels"]) * result["repeats"]

@@ -317,12 +317,11 @@ def test_limits_of_another_input_are_what_was_identified():
 
 
 def test_noise_is_what_the_logs_show():
-    from eaid.cli.inputs import stepset_from
-    from eaid.control.noise import white_noise_nm
-    from eaid.replay.tune import noise_of
+    from eaid.cli.inputs import runs_from
+    from eaid.replay.noise import noise_of, white_noise_nm
     from eaid.synth.datasets import shipped
 
-    shown = white_noise_nm(stepset_from([shipped()["clutch"]]))  # made with 0.01 N·m of white noise
+    shown = white_noise_nm(runs_from([shipped()["clutch"]])[1])  # made with 0.01 N·m of white noise
     assert shown == pytest.approx(0.01, rel=0.05)
     told = {"uncertainty": {"noise": {"sensor_nm2_s": 1e-7}}, "data": {"sample_rate_hz": 1000.0}}
     assert noise_of(from_plain(told, Fit, "f"), TuneOptions(), None) == (pytest.approx(0.01), "fit")
@@ -332,19 +331,49 @@ def test_noise_is_what_the_logs_show():
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
-        ({"tau1": [0.5, -0.01, 0.0]}, "nonlinear.tau1 is"),
-        ({"tau2": [0.0, 0.0, 0.0]}, "nonlinear.tau2 is 0 s"),
+        ({"tau1": [0.5, -0.01, 0.0]}, "nonlinear.tau1 is -0.005 s at an input of 50.5, which"),
+        # below 0 only between two of the 101 duties that a fit's constraints hold at
+        ({"tau1": [0.1 * 10.45**2 - 1e-6, -2.09, 0.1]}, "nonlinear.tau1 is -1e-06 s at an input of 10.45, which"),
+        ({"tau1": [1e-4, 0.0, 0.0]}, "nonlinear.tau1 is 0.0001 s at an input of 10, which"),
+        ({"tau2": [0.0, 0.0, 0.0]}, "nonlinear.tau2 is 0 s at an input of 10, which"),
+        ({"tau2": [0.05, 0.0, 0.0]}, "nonlinear.tau2 is 0.05 s at an input of 10, below tau1, which"),
+        ({"tau2": [0.5, 1e50, 0.0]}, "nonlinear.tau2 is"),
+        ({"Ts": [-0.5, 0.02, 0.0, 0.0]}, "nonlinear.Ts is -0.3 at an input of 10, which"),
+        ({"Ts": [0.0, 0.0, 0.0, 0.0]}, "nonlinear.Ts is 0 at an input of 10, which"),
+        ({"Ts": [1e-300, 1e-300, 0.0, 0.0]}, "nonlinear.Ts is 1.1e-299 at an input of 10, which"),
         ({"Ts": [0.0, 1e50, 0.0, 0.0]}, "nonlinear.Ts is"),
+        ({"C": 1.5}, "nonlinear.C is"),
+        ({"u_range": [100.0, 10.0]}, "nonlinear.u_range is"),
     ],
 )
-def test_a_plant_that_cannot_be_is_refused(changes, words, capsys):
-    assert run(["tune-rc", fit_file(nonlinear={**PLANT, **changes})]) == 3
-    assert words in capsys.readouterr().err
+def test_a_plant_that_cannot_be_is_refused_by_all_that_use_it(changes, words, capsys):
+    path = fit_file(nonlinear={**PLANT, **changes})
+    for command in (["tune-rc"], ["simulate", "--controller", "inverse"], ["couple"], ["export"]):
+        assert run([*command, path]) == 3
+        err = capsys.readouterr().err
+        assert words in err and err.count("\n") == 1
 
 
-def test_a_model_slower_than_any_rig_is_refused_at_once(capsys):
-    assert run(["tune-rc", fit_file(linear={**PAPER, "a0": 1e-59})]) == 5
-    assert "a0 is 1e-59 1/s" in capsys.readouterr().err
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"a0": 1e-59}, "a0 is 1e-59 1/s"),
+        ({"a0": 1e59}, "a0 is 1e+59 1/s"),
+        ({"b0": 0.0}, "b0 is 0; more duty has to give more torque"),
+        ({"b0": 1e-300}, "b0 is 1e-300 and its c0 -2.42, which no rig has"),
+        ({"b0": 1e50}, "b0 is 1e+50 and"),
+        ({"c0": -1e50}, "c0 -1e+50, which no rig has"),
+    ],
+)
+def test_a_linear_model_of_no_rig_is_refused_at_once(changes, words, capsys):
+    path = fit_file(linear={**PAPER, **changes}, nonlinear=PLANT)
+    for command in (
+        ["tune-rc"],
+        ["simulate", "--controller", "open-loop"],
+        ["simulate", "--controller", "feedforward"],
+    ):
+        assert run([*command, path]) == 5
+        assert words in capsys.readouterr().err
 
 
 def test_optimize_trades_in_the_open(capsys):

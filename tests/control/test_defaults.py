@@ -20,7 +20,6 @@ from eaid.control.design import design
 from eaid.control.gains import paper_gains
 from eaid.control.margins import margins, rc_feedback
 from eaid.control.mismatch import shown_by_levels, shown_by_model
-from eaid.control.noise import white_noise_nm
 from eaid.control.operating import actuator, keeps_margins, operating_points
 from eaid.control.options import DesignOptions
 from eaid.control.plant import plant_of, why_not
@@ -158,7 +157,7 @@ def percent(**data: object) -> Fit:
 def test_on_the_papers_rig_the_papers_numbers_stand() -> None:
     fit = percent()
     scales = scales_of(fit)
-    assert scales == (True, "%", "N·m", 1.0, 1.0) and input_limits(fit) == (0.0, 100.0)
+    assert scales == (True, 1.0, 1.0) and input_limits(fit) == (0.0, 100.0)
     found = design_options(fit, TuneOptions(), scales, None, 30.0)
     assert found == DesignOptions(phi_honest_pct=None, levels=None, convention=None)
     told = design_options(fit, TuneOptions(phi="data"), scales, 7.5, 30.0)
@@ -185,7 +184,7 @@ def test_a_rig_without_an_input_says_so_and_one_without_levels_has_the_papers_to
     assert input_limits(rig()) == (0.0, 5.0)
     assert scales_of(rig()).top == pytest.approx(4.0 / 4.372) and scales_of(rig()).pace == 1.0
     bare = from_plain({"data": {"input_unit": "V", "output_unit": "N"}}, Fit, "f")
-    assert scales_of(bare)[3:] == (1.0, 1.0)
+    assert scales_of(bare) == (False, 1.0, 1.0)
 
 
 def test_a_pi_that_is_asked_for_is_left_as_it_is() -> None:
@@ -217,15 +216,6 @@ def test_models_that_agree_show_no_mismatch() -> None:
     model = Linear(2.0, 0.08, 0.0)
     assert shown_by_model(plant, model, 12.5, 12.5).pct < 1e-9
     assert shown_by_model(plant, model, 12.0, 12.4).pct > 0.01
-
-
-def test_the_white_noise_of_runs_is_their_median() -> None:
-    random = np.random.default_rng(1)
-    t = np.arange(4000) * 1e-3
-    runs = tuple(np.sin(t) + sd * random.standard_normal(4000) for sd in (0.01, 0.02, 0.5))
-    stepset = SimpleNamespace(levels=[SimpleNamespace(runs=runs)])
-    assert white_noise_nm(stepset) == pytest.approx(0.02, rel=0.05)  # type: ignore[arg-type]
-    assert white_noise_nm(SimpleNamespace(levels=[])) == 0.0  # type: ignore[arg-type]
 
 
 def test_a_dead_time_that_the_steps_show_slows_both_controllers_down_and_ends_the_guarantee() -> None:

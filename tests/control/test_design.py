@@ -91,11 +91,26 @@ def test_the_papers_fit_gives_table_iv():
     assert rc["phi_honest_pct"] == pytest.approx(26.4, abs=0.05)
     assert rc["rho"]["readings"]["textbook"]["phi_honest_pct"] == pytest.approx(0.05)
     assert found["actuator"]["robust_term_pct"] == pytest.approx(135, abs=0.5)
+    # with neither plant nor levels the highest torque is the linear model's at 100 %
+    torques = [point["torque_nm"] for point in found["actuator"]["points"]]
+    assert torques == pytest.approx([share * (0.08 * 100 - 2.42) / 1.36 for share in (0.1, 0.5, 0.9)])
     assert "robust-term-beyond-actuator" in codes(found)
     assert "robust-term-beyond-actuator" not in codes(design(PAPER_FIT, DesignOptions(Q_M=0.5, phi=0.01)))
     assert (round(rc["equal_pi"]["K_P"]), round(rc["equal_pi"]["K_I"])) == (313, 206)
     assert found["pi"]["overshoot_pct"] == pytest.approx(41.7, abs=0.05)
     assert found["pi"]["settling_s"] == pytest.approx(2.52, abs=0.005)
+
+
+def test_no_rho_is_enough_where_the_alpha_reached_is_1():
+    edge = design(PAPER_FIT, DesignOptions(B_hat=2 * 12.4))["rc"]
+    assert edge["alpha_reached"] == 1.0 and "needed" not in edge["rho"] and not edge["guaranteed"]
+    with pytest.raises(GainsError, match="α is 1 with"):
+        design(PAPER_FIT, DesignOptions(B_hat=2 * 12.4, alpha="reached"))
+
+
+def test_a_pure_integral_control_is_a_pi():
+    alone = design(PAPER_FIT, DesignOptions(pi=PIOptions(gains=(0.0, 10.0))))["pi"]
+    assert (alone["K_P"], alone["K_I"]) == (0.0, 10.0)
 
 
 def test_pooled_is_not_guaranteed_and_minimax_is():

@@ -68,6 +68,13 @@ def test_limits_and_back_calculation_are_read():
         (changed("rc", "epsilon", value=0), "g.json: its rc.epsilon is 0"),
         (changed("model", "b0", value=-0.1), "b0 is -0.1, it has to be positive"),
         (changed("rc", "Q", value=[[1, 2], [2, -1]]), "Q[1][1] is -1, it has to be positive"),
+        (changed("model", "b0", value=1e-300), "b0 is 1e-300, which no loop of a rig has"),
+        (changed("model", "a0", value=-1e50), "a0 is -1e+50, which no loop of a rig has"),
+        (changed("rc", "K_P", value=-1e5), "K_P is -100000, it has to be positive"),
+        (changed("rc", "K_D", value=0), "K_D is 0, it has to be positive"),
+        (changed("rc", "epsilon", value=1e-300), "epsilon is 1e-300, which no loop of a rig has"),
+        (changed("rc", "rho", "slope", value=1e50), "rho.slope is 1e+50, which no loop of a rig has"),
+        (changed("pi", "K_I", value=1e50), "pi.K_I is 1e+50, which no loop of a rig has"),
         (changed("rc", "Q", value=[1, 2]), "g.json: its rc.Q[0] is 1"),
         ({**GAINS, "duty_limits_pct": [90, 5]}, "duty_limits_pct 90 to 5"),
         ({**GAINS, "duty_limits_pct": [-1, 5]}, "duty_limits_pct -1 to 5"),
@@ -76,7 +83,7 @@ def test_limits_and_back_calculation_are_read():
 )
 def test_a_bad_file_gets_its_sentence(gains, words):
     with pytest.raises(DataError) as refusal:
-        rc_gains(read(gains))
+        rc_gains(read(gains)), pi_gains(read(gains))
     assert words in str(refusal.value)
 
 

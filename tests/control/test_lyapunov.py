@@ -146,7 +146,7 @@ def test_ultimate_level_is_what_a_grid_finds(epsilon, reading):
     alpha = robust.alpha_formula(12.4, 42.6)
     term = robust.uncertainty_term(reading, 0.05, 12.4, 42.6)
     norm_K = math.hypot(4.5, 3)
-    rho = robust.rho(reading, alpha, 5.0, norm_K, term)
+    rho = robust.rho(alpha, 5.0, norm_K, term)
     P = 5 * np.eye(2)
     Q = solve_Q(4.5, 3.0, P)
     d = Disturbance(alpha, alpha * 5 + term, alpha * norm_K, rho.constant, rho.slope, epsilon)

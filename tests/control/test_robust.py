@@ -17,7 +17,7 @@ positive = st.floats(0.01, 100)
 def test_table_iv_to_its_digits():
     alpha = robust.alpha_formula(12.4, 42.6)
     norm_K = math.hypot(4.5, 3)
-    rho = robust.rho("paper", alpha, 5.0, norm_K, robust.uncertainty_term("paper", 0.05, 12.4, 42.6))
+    rho = robust.rho(alpha, 5.0, norm_K, robust.uncertainty_term("paper", 0.05, 12.4, 42.6))
     assert f"{alpha:.6f}" == "0.549091"
     assert f"{norm_K:.5f}" == "5.40833"
     assert f"{rho.constant:.4f}" == "10.8125"
@@ -67,16 +67,16 @@ def test_pooled_is_the_counter_example():
 
 def test_covers_only_what_it_covers():
     alpha, reached, norm_K = 0.549091, 0.7066, 5.40833
-    rho = robust.rho("paper", alpha, 5.0, norm_K, 2.13)
+    rho = robust.rho(alpha, 5.0, norm_K, 2.13)
     assert robust.covers(rho, alpha, 5.0, norm_K, 2.13)
     assert not robust.covers(rho, reached, 5.0, norm_K, 2.13)
     assert not robust.covers(rho, 1.0, 5.0, norm_K, 2.13)
-    wide = robust.rho("paper", reached, 5.0, norm_K, 2.13)
+    wide = robust.rho(reached, 5.0, norm_K, 2.13)
     assert robust.covers(wide, reached, 5.0, norm_K, 2.13) and robust.covers(wide, alpha, 5.0, norm_K, 2.13)
 
 
 def test_shares_add_up():
-    rho = robust.rho("paper", 0.549091, 5.0, 5.40833, 2.13)
+    rho = robust.rho(0.549091, 5.0, 5.40833, 2.13)
     assert rho.reference_term == pytest.approx(6.0887, abs=1e-4) and rho.phi_term == pytest.approx(4.7238, abs=1e-4)
     assert rho.constant == rho.reference_term + rho.phi_term
 

@@ -13,8 +13,8 @@ from eaid.control.gains import paper_gains, rc_gains
 from eaid.control.pi import PIGains
 from eaid.control.timing import Timing
 from eaid.coupling.couple import couple
-from eaid.coupling.judge import stiffness_judge
-from eaid.coupling.linear import LOOPS, Law, Point, linearised, operating_point, step_of
+from eaid.coupling.entry import stiffness_judge
+from eaid.coupling.linearised import LOOPS, Law, Point, linearised, operating_point, step_of
 from eaid.coupling.options import CoupleOptions
 from eaid.coupling.sampled import Channel, Coupled, Limb
 from eaid.coupling.stiffness import needed_damping, passive_stiffness, stable_stiffness

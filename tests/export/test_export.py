@@ -19,7 +19,9 @@ from eaid.export.targets import TARGETS
 from eaid.findings import finding, say
 from eaid.findings.sentences.export import ROWS
 from eaid.models.parameters import REFERENCE_PLANT
+from eaid.results.codec import from_plain
 from eaid.results.common import Input
+from eaid.results.fit import Fit
 
 from .conftest import KNOWN, PLANT, fit_of, gains_of
 
@@ -66,21 +68,6 @@ def test_without_files_the_results_digests_stand_at_the_head(tmp_path):
     export(gains_of(), fit_of(), ExportOptions(folder=tmp_path / "rig"))
     head = (tmp_path / "rig" / "eaid_control.h").read_text()
     assert head.count("digest ") == 2
-
-
-@pytest.mark.parametrize(
-    ("gains", "fit", "laws"),
-    [
-        (KNOWN.rc, None, ("rc",)),
-        (KNOWN.pi, None, ("pi",)),
-        (None, PLANT, ("inverse", "plant")),
-        (KNOWN.pi, PLANT, None),
-    ],
-)
-def test_plain_gains_and_plants_are_taken_too(tmp_path, gains, fit, laws):
-    made = export(gains, fit, ExportOptions(folder=tmp_path / "rig"))
-    assert made.laws == (laws or ("pi", "inverse", "plant"))
-    assert ("export-margins-unknown" in codes(made)) == (gains is KNOWN.pi and fit is None)
 
 
 def test_an_unstable_loop_is_refused_with_its_duties_and_exported_anyway_marked(tmp_path):
@@ -257,7 +244,10 @@ def test_every_sentence_is_said():
 
 @pytest.mark.parametrize(
     ("gains", "precision"),
-    [(KNOWN.rc._replace(duty_max=math.inf), "double"), (KNOWN.rc._replace(rho_slope=1e45), "single")],
+    [
+        (msgspec.structs.replace(gains_of(), duty_limits_pct=(0.0, math.inf)), "double"),
+        (msgspec.structs.replace(gains_of(), duty_limits_pct=(0.0, 1e45)), "single"),
+    ],
 )
 def test_numbers_that_no_rig_can_hold_are_refused(tmp_path, gains, precision):
     with pytest.raises(UsageError, match="precision cannot hold safely"):
@@ -265,7 +255,9 @@ def test_numbers_that_no_rig_can_hold_are_refused(tmp_path, gains, precision):
 
 
 def test_a_plant_whose_falls_are_all_as_quick_as_its_release_is_not_exported_as_another(tmp_path: Path) -> None:
-    quick = replace(REFERENCE_PLANT, release=(0.1, 1.0), falls_as_release=True)
+    falls = [{"level": 50.0, "from": 80.0, "Ts": -1.0, "tau1": 0.21, "tau2": 5.0}]
+    plain = msgspec.to_builtins(fit_of(replace(REFERENCE_PLANT, release=(0.2, 4.8))))
+    quick = from_plain({**plain, "friction": {"levels": falls}}, Fit, "test")
     with pytest.raises(UsageError, match="as quick as its release"):
         export(None, quick, ExportOptions(folder=tmp_path / "rig", laws=("plant",)))
     assert not (tmp_path / "rig").exists()

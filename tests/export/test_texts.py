@@ -11,7 +11,7 @@ import pytest
 import yaml
 from scipy.integrate import solve_ivp
 
-from eaid.export.text import commented, decimal, hexadecimal
+from eaid.export.numbers import commented, decimal, hexadecimal
 from eaid.models import nonlinear
 from eaid.replay.plant import plant_parameters, plant_step
 

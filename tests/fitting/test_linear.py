@@ -37,7 +37,7 @@ def test_nist_certified_values_to_eight_digits(name: str) -> None:
     data = Data(np.array([1.0]), (Record(np.array(x, float), np.array(y, float), False),), np.ones(1))
     (found,) = fit_each_level(data)
     assert found.solver.converged
-    assert found.gains[0] == pytest.approx(b1, rel=1e-8)
+    assert found.coefficients[0] == pytest.approx(b1, rel=1e-8)
     assert 1 / found.tau == pytest.approx(b2, rel=1e-8)
     assert found.cost == pytest.approx(squares, rel=1e-9)
 
@@ -144,7 +144,7 @@ def test_a_rise_lost_in_noise_ends_at_the_fastest_that_is_looked_for(seed: int) 
     data = Data(np.array([50.0]), (Record(t_s, 0.5 * (1 - np.exp(-t_s / 0.02)) + noise, True),), np.ones(1))
     (found,) = fit_each_level(data)
     assert found.solver.converged and found.tau == pytest.approx(1e-4, rel=1e-6)  # 0.01 of the first sample
-    assert found.gains[0] == pytest.approx(data.records[0].y[1:].mean(), rel=1e-9)
+    assert found.coefficients[0] == pytest.approx(data.records[0].y[1:].mean(), rel=1e-9)
 
 
 def test_levels_of_a_fraction_of_a_volt_have_a_b0_and_a_c0() -> None:

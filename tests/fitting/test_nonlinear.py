@@ -10,7 +10,7 @@ from eaid.fitting.basis import CONSTRAINTS, active_at, basis_of, constraints
 from eaid.fitting.data import Data, data_of
 from eaid.fitting.descent import descend
 from eaid.fitting.joint_starts import VALUES, looked_at, slow_shapes, steadied
-from eaid.fitting.level_curves import alone, level_curves, polynomial_starts
+from eaid.fitting.level_curves import level_curves, no_lower_minimum, polynomial_starts
 from eaid.fitting.nonlinear import fit_nonlinear, nonlinear_problem
 from eaid.fitting.samples import Record
 from eaid.fitting.solver import approach
@@ -93,13 +93,13 @@ def test_a_descent_goes_down_from_every_shape(clutch_set: Maker) -> None:
 
 
 def _proof(case: Any) -> tuple[bool, float]:
-    """Whether `alone` says so of the best end of the starts from single levels, and its cost on the points."""
+    """Whether the best end of the starts from single levels is proven the lowest, and its cost on the points."""
     data = Data(LEVELS, tuple(Record(case.t_s, y, True) for y in case.y), np.ones(10))
     basis = basis_of(data.u, 0.85)
     problem = nonlinear_problem(data, basis)
     own = level_curves(data, 0.85)
     best = min(approach(problem, x).cost for x in list(polynomial_starts(own, basis, problem))[:2])
-    return alone(own, best, data, basis, problem), best
+    return no_lower_minimum(own, best, data, basis, problem), best
 
 
 @pytest.mark.parametrize("seed", [29, 41, 49, 81, 149])
@@ -120,10 +120,10 @@ def test_the_proof_holds_for_many_levels_of_the_right_model(count: int, clutch_s
     problem = nonlinear_problem(data, basis)
     own = level_curves(data, 0.85)
     best = min(approach(problem, x).cost for x in list(polynomial_starts(own, basis, problem))[:2])
-    assert alone(own, best, data, basis, problem)
+    assert no_lower_minimum(own, best, data, basis, problem)
     # a cost far above the levels' own leaves room, and one below them is none of these data's
-    assert not alone(own, 3 * best, data, basis, problem)
-    assert not alone(own, 0.9 * float(own.cost.sum()), data, basis, problem)
+    assert not no_lower_minimum(own, 3 * best, data, basis, problem)
+    assert not no_lower_minimum(own, 0.9 * float(own.cost.sum()), data, basis, problem)
 
 
 def test_where_data_leave_room_more_starts_are_tried(clutch_set: Maker) -> None:

@@ -8,7 +8,7 @@ import pytest
 from scipy.optimize import least_squares
 
 from eaid.errors import UsageError
-from eaid.fitting.options import check
+from eaid.fitting.choices import check
 from eaid.fitting.shape_curves import curve, slopes
 from eaid.fitting.step_shapes import fit_step, independent, may_ask
 from eaid.results.fit import FitOptions
@@ -132,9 +132,10 @@ def test_what_is_no_step_says_so() -> None:
 
 
 def _read(name: str, **options: object) -> tuple[StepShape, ...]:
-    from eaid.cli.inputs import stepset_from
+    from eaid.cli.inputs import runs_from
+    from eaid.reading import InputOptions
 
-    return tuple(map(fit_step, stepset_from([REALDATA / "rigs" / name], **options).level_steps))
+    return tuple(map(fit_step, runs_from([REALDATA / "rigs" / name], InputOptions(**options))[1].level_steps))
 
 
 @needs_realdata

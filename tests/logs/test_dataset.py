@@ -172,8 +172,8 @@ def test_reading_a_dataset_imports_neither_pandas_nor_numba(tmp_path: Path) -> N
 
     path = by_hand(tmp_path / "d.h5")
     code = (
-        "import sys; from pathlib import Path; from eaid.cli.inputs import stepset_from\n"
-        f"stepset_from([Path({str(path)!r})])\n"
+        "import sys; from pathlib import Path; from eaid.cli.inputs import runs_from\n"
+        f"runs_from([Path({str(path)!r})])\n"
         "print([name for name in ('pandas', 'matplotlib', 'numba') if name in sys.modules])"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

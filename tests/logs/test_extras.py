@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from eaid.errors import DataError
+from eaid.logs.foreign.mdf import read_mdf
 from eaid.logs.foreign.parquet import read_parquet
 from eaid.logs.formats import FORMATS
 from eaid.logs.options import ReadOptions
@@ -171,16 +172,21 @@ def test_mdf_of_two_rasters_and_a_formula(tmp_path):
     np.testing.assert_array_equal(run.output, torque)
     np.testing.assert_array_equal(run.input, duty)
     assert [one.values for one in run.findings] == [{"columns": "duty", "left_out": 0}]
-    file = asammdf.MDF(version="4.10")
-    formula = {"formula": "X1 * 2"}
-    file.append([asammdf.Signal(np.arange(600), t, name="torque", unit="Nm", conversion=formula)])
-    path = Path(file.save(str(tmp_path / "formula.mf4")))
-    with pytest.raises(DataError, match="torque is scaled by a formula in the file, which eaid does not run"):
-        one(path)
     data = path.read_bytes()
     path.write_bytes(b"UnFinMF " + data[8:])
     with pytest.raises(DataError, match="was not closed by its recorder; open it there and save it again"):
         one(path)
+
+
+@pytest.mark.parametrize("version", ["4.10", "3.30"])
+def test_an_mdf_whose_values_are_a_formula_is_refused(tmp_path, version):
+    asammdf = pytest.importorskip("asammdf")
+    file = asammdf.MDF(version=version)
+    formula = {"formula": "X1 * 2"}
+    file.append([asammdf.Signal(np.arange(600), np.arange(600.0), name="torque", unit="Nm", conversion=formula)])
+    (sheet,) = read_mdf(Path(file.save(str(tmp_path / "formula"))), "a")
+    with pytest.raises(DataError, match="torque is scaled by a formula in the file, which eaid does not run"):
+        sheet.load([1])
 
 
 def test_a_reader_that_breaks_down_takes_nothing_with_it(tmp_path, monkeypatch):

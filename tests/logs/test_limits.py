@@ -9,25 +9,27 @@ import pytest
 
 from eaid.errors import DataError, UsageError
 from eaid.logs import checks, clock, text
-from eaid.logs.by_values import by_place, rises, steps, the_input
+from eaid.logs.by_values import by_place, chosen_table, rises, steps, the_input
 from eaid.logs.checks import checked, without_moving_steps
 from eaid.logs.clock import seconds_since_start, time_scale
 from eaid.logs.columns import Roles, shown
 from eaid.logs.dialect import has_table
 from eaid.logs.foreign.groups import grouped
 from eaid.logs.foreign.lvm import read_lvm
-from eaid.logs.foreign.rosmsg import MOST_ELEMENTS, Definitions, layout_of
+from eaid.logs.foreign.rosmsg import MOST_ELEMENTS, layout_of
 from eaid.logs.foreign.signals import Signal, tables_of_signals
 from eaid.logs.formats import is_hdf5
 from eaid.logs.options import ReadOptions
 from eaid.logs.read import read_runs
+from eaid.logs.run import Run
 from eaid.logs.table import BadCell, Cells, Table
+from eaid.logs.together import joined
 from eaid.logs.units import divisor, likely_time_unit, scale_of
 
 # clocks
 
 
-@pytest.mark.parametrize("unit", clock.EPOCH)
+@pytest.mark.parametrize("unit", clock.PER_S)
 def test_stamps_since_1970_begin_in_2001_and_end_in_2096(unit: str) -> None:
     per_s = {"s": 1, "ms": 10**3, "us": 10**6, "ns": 10**9}[unit]
     beyond = 1 if unit != "ns" else 1024  # the next whole number that a float tells apart
@@ -38,6 +40,15 @@ def test_stamps_since_1970_begin_in_2001_and_end_in_2096(unit: str) -> None:
         found = seconds_since_start("a", "time", raw, scale)
         told = [one.code for one in found[2]] == ["time-since-1970"]
         assert (float(found[0][1]), told) == ((1.0, unit != "s") if counted else (per_s, False))
+
+
+@pytest.mark.parametrize("unit", ["ms", "us", "ns"])
+def test_stamps_since_1970_lie_up_to_90_s_apart(unit: str) -> None:
+    per_s = {"ms": 10**3, "us": 10**6, "ns": 10**9}[unit]
+    for apart_s, code in ((90, "time-since-1970"), (91, "time-too-long")):
+        raw = np.array([2 * 10**9 * per_s, (2 * 10**9 + apart_s) * per_s])
+        found = seconds_since_start("a", "time", raw, time_scale("a", None, "time", ""))
+        assert [one.code for one in found[2]] == [code]
 
 
 @pytest.mark.parametrize(
@@ -148,6 +159,18 @@ def test_a_dropped_row_moves_no_step() -> None:
         assert len(without_moving_steps(drop(3), np.arange(7.0), small)[1]) == count
 
 
+def test_a_dropped_row_of_which_nothing_stays_is_no_step() -> None:
+    peak = np.array([0.0, 0, 0, 5, 2, 2, 2])
+    assert without_moving_steps(np.setdiff1d(np.arange(7), 3), np.arange(7.0), peak)[1] == []
+
+
+def test_joined_parts_keep_their_times() -> None:
+    time = np.array([0.0, 1.0])
+    first = Run("a", time, time, time, "%", "N·m", "a", "", start_s=100.0)
+    (run,) = joined([replace(first, start_s=102.5), first])
+    assert run.time_s.tolist() == [0.0, 1.0, 2.5, 3.5]
+
+
 # columns
 
 
@@ -201,6 +224,24 @@ def test_twelve_columns_are_listed() -> None:
 # text
 
 
+@pytest.mark.parametrize(("count", "last"), [(12, "r11"), (13, "r11")])
+def test_twelve_tables_are_listed(count: int, last: str) -> None:
+    sheets = [replace(table(3), name=f"r{k}", columns=("time", "duty", "torque")) for k in range(count)]
+    with pytest.raises(DataError, match=rf"several tables that may be the log \(r0, .*, {last}\)"):
+        chosen_table("a", sheets, ReadOptions())
+    with pytest.raises(DataError, match=rf"holds no table x for variable=; it holds r0, .*, {last}$"):
+        chosen_table("a", sheets, ReadOptions(variable="x"))
+
+
+@pytest.mark.parametrize(
+    ("values", "there"),
+    [([np.nan, np.nan, 5.0], True), ([5.0, np.nan, np.nan], True), ([np.nan] * 3, False), ([], False)],
+)
+def test_an_input_is_there_where_its_first_or_last_sample_is(values: list[float], there: bool) -> None:
+    column = np.array(values)
+    assert Run("a", column, column, column, "%", "N·m", "a", "").has_input is there
+
+
 def test_three_rows_make_a_table() -> None:
     assert has_table(["time,y", "0,1", "1,2", "2,3"])
     assert not has_table(["notes of a day", "0,1", "1,2", "and so on", "it went"])
@@ -231,10 +272,10 @@ def test_long_arrays_are_no_columns(count: int, fields: int) -> None:
 
     vector = {"p": ([], [("x", (1, ("float32", 0)))]), "m": ([], [("v", (3, ((2, "p"), count)))])}
     raw = struct.pack(f"<{count}f", *range(count))
-    layout = layout_of(Definitions(vector), "m", raw, ros1=True)
-    assert len(layout.fields) == fields
+    layout = layout_of(vector, "m", raw, ros1=True)
+    assert len(layout.places) == fields
     plain = {"m": ([], [("v", (3, ((1, ("float32", 0)), count)))])}
-    assert len(layout_of(Definitions(plain), "m", raw, ros1=True).fields) == fields
+    assert len(layout_of(plain, "m", raw, ros1=True).places) == fields
 
 
 def test_a_row_before_the_first_segment_of_an_lvm(tmp_path: Path) -> None:
@@ -263,6 +304,12 @@ def test_signals_of_other_clocks_are_held() -> None:
     assert [one.tolist() for one in cells.values] == [[20.0, 30, 40, 50], [2.0, 3, 4, 5], [7.0, 8, 8, 8]]
     (said,) = cells.findings
     assert (said.code, dict(said.values)) == ("signals-held", {"columns": "u", "left_out": 2})
+    twice = np.array([1.5, 1.5, 3.0])  # the later of two values at one time counts
+    again = replace(signals[1], load=lambda: (twice, np.array([6.0, 7.0, 8.0])))
+    assert tables_of_signals("a", [signals[0], again])[0].load([1, 2]).values[1].tolist() == [7.0, 8, 8, 8]
+    falling = replace(again, load=lambda: (twice[::-1], twice))
+    with pytest.raises(DataError, match="the times of u fall"):
+        tables_of_signals("a", [signals[0], falling])[0].load([1, 2])
     with pytest.raises(DataError, match="not recorded at the same time"):
         tables_of_signals("a", [signals[0], replace(signals[1], load=lambda: (slow + 9, slow))])[0].load([1, 2])
 

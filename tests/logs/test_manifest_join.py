@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from eaid.cli.console import be_quiet
-from eaid.cli.inputs import runs_from, stepset_from
+from eaid.cli.inputs import runs_from
 from eaid.cli.main import run
+from eaid.reading import InputOptions
 
 T = np.arange(1000) / 100.0
 
@@ -47,7 +48,7 @@ def test_the_next_call_needs_no_options(folder: Path, tmp_path: Path, capsys: py
         assert (tmp_path / "b.h5").read_bytes() == (tmp_path / "a.h5").read_bytes()
     written = (folder / "dataset.toml").read_text()
     assert [written.count(f"level = {level}.0") for level in (100, 200, 300)] == [2, 2, 2]
-    stepset = stepset_from([folder])
+    stepset = runs_from([folder])[1]
     assert [level.level for level in stepset.levels] == [100.0, 200.0, 300.0]
     assert [level.level for level in stepset.releases] == [100.0, 200.0, 300.0]
     assert (stepset.input_unit, stepset.output_unit, stepset.apparatus.surfaces) == ("V", "N", 1)
@@ -71,7 +72,7 @@ def test_options_typed_win_and_what_changed_is_told(
     write(folder / "later_V=400_n1.csv", 400)
     write(folder / "x_V=100_n1.csv", 100, seed=99)
     be_quiet(False)
-    steps, stepset = runs_from([folder], levels="100,300")
+    steps, stepset = runs_from([folder], InputOptions(levels="100,300"))
     assert [level.level for level in stepset.levels] == [100.0, 300.0]
     assert "does not list later_V=400_n1.csv, which is left out" in capsys.readouterr().err
     told = {step.name: {one.code for one in step.findings} for step in steps}
@@ -87,7 +88,7 @@ def test_levels_and_steps_of_single_logs(tmp_path: Path) -> None:
         '[[log]]\nfile = "a.csv"\nlevel = 150\nstep_s = 2.0\nuntil_s = 7.0\n'
         '[[log]]\nfile = "b.csv"\nlevel = 250.0\nrepeat = 3\n'
     )
-    stepset = stepset_from([tmp_path])
+    stepset = runs_from([tmp_path])[1]
     assert [level.level for level in stepset.levels] == [150.0, 250.0]
     found = {r.name: (r.step_s, r.repeat) for r in stepset.runs}
     assert found["a"] == (2.0, 1)
@@ -114,6 +115,30 @@ BAD = [
     ("[[log]]\nlevel = 3", "Object missing required field `file` - at `log[0]`", 3),
     ('[[log]]\nfile = "a.csv"\nfoo = 1', "Object contains unknown field `foo` - at `log[0]`", 3),
     ('[[log]]\nfile = "a.csv"\nlevel = "3"', "Expected `float | null`, got `str` - at `log[0].level`", 3),
+    *(
+        (f'[[log]]\nfile = "a.csv"\n{name} = {value}', f"Expected `{limit} - at `log[0].{name}`; mend it", 3)
+        for name, value, limit in (
+            ("level", "nan", "float` >= -1000000000000.0"),
+            ("level", "-inf", "float` >= -1000000000000.0"),
+            ("level", 10**30, "float` <= 1000000000000.0"),
+            ("step_s", "nan", "float` >= -1000000000000.0"),
+            ("until_s", "inf", "float` <= 1000000000000.0"),
+            ("repeat", -1, "int` >= 0"),
+            ("repeat", 2**63, "int` <= 9223372036854775807"),
+        )
+    ),
+    *(
+        (f'[[log]]\nfile = "a.csv"\n{line}', f"{said}; write it again with --write-manifest of eaid ingest", 3)
+        for line, said in (
+            ("x = " + 1000 * "[" + 1000 * "]", "is nested too deep"),
+            ("x = " + 1000 * "[\n" + 1000 * "]\n", "is nested too deep"),
+            ("x = " + 600 * "{a=" + "1" + 600 * "}", "is nested too deep"),
+            (20_000 * "a." + "a = 1", "has a line of more than 4,000 characters"),
+            (f"x = {5000 * '9'}", "has a line of more than 4,000 characters"),
+        )
+    ),
+    ('[options]\nrest = nan\n[[log]]\nfile = "a.csv"', "--rest nan: give a number from -1e+09 to 1e+09", 2),
+    ('[options]\nrate_hz = nan\n[[log]]\nfile = "a.csv"', "--rate-hz nan: must be above zero", 2),
     ('[[log]]\nfile = "gone.csv"', "its log gone.csv is not there; put it back or take it off", 3),
 ]
 
@@ -126,7 +151,7 @@ def test_bad_manifests(text: str, sentence: str, code: int, tmp_path: Path, caps
     assert run(["ingest", str(tmp_path), "-q", "-o", str(tmp_path / "d.h5")]) == code
     said = capsys.readouterr().err.splitlines()
     assert len(said) == 1
-    assert said[0].startswith(f"error: {path}: {sentence}")
+    assert said[0].startswith(f"error: {sentence}" if code == 2 else f"error: {path}: {sentence}")
 
 
 def test_a_manifest_comes_alone(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -153,7 +178,7 @@ def parts(folder: Path, bounds: list[int], anew: bool = False) -> list[Path]:
 
 def test_logs_of_one_run_are_joined_by_time(tmp_path: Path) -> None:
     files = parts(tmp_path, [150, 400, 800])
-    steps, stepset = runs_from(files[::-1], join=True)
+    steps, stepset = runs_from(files[::-1], InputOptions(join=True))
     assert [(s.name, s.level, s.step_s, s.edge) for s in steps] == [
         ("run", 50.0, 2.0, "rising"),
         ("run-release", 50.0, 7.0, "falling"),
@@ -181,7 +206,7 @@ def test_parts_by_level_in_their_names(tmp_path: Path) -> None:
                 *(f"{i!r},{m!r}" for i, m in zip(T[rows].tolist(), y[rows].tolist(), strict=True)),
             ]
             (tmp_path / f"u{level}_{part}.csv").write_text("\n".join(lines) + "\n")
-    stepset = stepset_from([tmp_path], join=True, name_pattern="u{level}_", step_at=2.0)
+    stepset = runs_from([tmp_path], InputOptions(join=True, name_pattern="u{level}_", step_at=2.0))[1]
     assert [(level.level, len(level.time_s)) for level in stepset.levels] == [(40.0, 800), (80.0, 800)]
 
 

@@ -1,7 +1,10 @@
 """Good logs written oddly, in one table: each comes out right, with a stop-finding, or is refused by its cause."""
 
 import gzip
+import os
 import re
+import sys
+import tracemalloc
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -13,12 +16,14 @@ import pytest
 from scipy.io import savemat
 
 from eaid.cli.inputs import runs_from
+from eaid.cli.main import run as main
 from eaid.errors import DataError, UsageError
 from eaid.logs.frames import runs_from_frames
 from eaid.logs.options import ReadOptions
 from eaid.logs.read import read_runs
 from eaid.logs.run import Run
 from eaid.logs.together import differing_number
+from eaid.reading import InputOptions
 from eaid.steps.build import build_stepset
 
 RATE = 200
@@ -69,6 +74,12 @@ def whole_ns(path: Path) -> None:
 
     at = 1_700_000_000_000_000_000 + np.round(T * 1e9).astype("i8")
     pq.write_table(pa.table({"time": at, "duty_pct": U, "torque_nm": Y}), path)
+
+
+def unsigned(path: Path) -> None:
+    with h5py.File(path, "w") as file:
+        file["time"] = 1_700_000_000_000_000_000 + np.round(T * 1e9).astype("u8")
+        file["duty"], file["torque_nm"] = U.astype("u1"), Y
 
 
 def offsets(path: Path) -> None:
@@ -139,6 +150,14 @@ ODD = [
     Odd("ms by name alone", text(csv(1e3 * T, header="ms,duty_pct,torque_nm", form="{:.0f}"))),
     Odd("camel case", text(csv(1e3 * T, header="timeMs,dutyPct,TorqueNm", form="{:.0f}"))),
     Odd("µs unnamed", text(csv(1e6 * T, form="{:.0f}")), code="time-too-long"),
+    Odd("ns unnamed", text(csv([round(1e9 * a) for a in T])), code="time-too-long"),
+    Odd("µs unnamed, 20 minutes after power-up", text(csv(1.2e9 + 1e6 * T, form="{:.0f}")), code="time-too-long"),
+    Odd("ns unnamed, 20 minutes after power-up", text(csv([1_200_000_000_000 + round(1e9 * a) for a in T])),
+        code="time-too-long"),
+    Odd("µs named, 20 minutes after power-up",
+        text(csv(1.2e9 + 1e6 * T, header="time_us,duty_pct,torque_nm", form="{:.0f}")),
+        refused="counts s since 1970; say which with units= time="),
+    Odd("ns since 1970, unsigned", unsigned, code="time-since-1970"),
     Odd("ms unnamed", text(csv(1e3 * T, form="{:.0f}")), code="time-too-long"),
     Odd("sample counts", text(csv(range(800), header="sample,duty_pct,torque_nm")),
         {"columns": {"time": "sample"}}, refused="numbers the samples and is no time; give their rate with rate_hz="),
@@ -198,6 +217,9 @@ NUMBERS_DIFFER = {
     "a ms clock that does not say so",
     "sample counts as time",
     "µs unnamed",
+    "ns unnamed",
+    "µs unnamed, 20 minutes after power-up",
+    "ns unnamed, 20 minutes after power-up",
     "ms unnamed",
     "days named s",
     "minutes unnamed",
@@ -276,7 +298,7 @@ def test_an_instant_is_given_on_the_clock_of_the_log_or_since_its_start(tmp_path
     for said in (26.0, 1.0):
         (run,) = read_runs([tmp_path / "a_u60_.csv"], ReadOptions(step_at_s=said, name_pattern="_u{level}_"))
         assert run.step_s == pytest.approx(1.0)
-    steps, stepset = runs_from([tmp_path / "a_u60_.csv"], step_at=26.0, name_pattern="_u{level}_")
+    steps, stepset = runs_from([tmp_path / "a_u60_.csv"], InputOptions(step_at=26.0, name_pattern="_u{level}_"))
     assert stepset.runs[0].step_s == pytest.approx(26.0)  # told as the log tells it
     assert steps[0].time_s[0] == 0.0
 
@@ -351,6 +373,57 @@ def test_three_thousand_nested_groups_take_no_time(tmp_path: Path) -> None:
     (run,) = read_runs([path])
     assert len(run.time_s) == len(T)
     assert time.process_time() - began < 2.0
+
+
+@pytest.mark.parametrize("dtype", ["u8", "i8", "f8"])
+def test_counts_beyond_the_largest_whole_number_keep_their_sign(dtype: str, tmp_path: Path) -> None:
+    counts = np.where(T >= 1, 0.0, 2.0**62) + (2.0**63 if dtype != "i8" else 0.0)
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        file["time_s"], file["duty_pct"], file["torque"] = T, U, counts.astype(dtype)
+    (run,) = read_runs([tmp_path / "a.h5"])
+    np.testing.assert_array_equal(run.output, counts)
+
+
+@pytest.mark.parametrize(
+    ("start", "per_s"), [(0, 10**6), (0, 10**9), (2**63 - 10**9, 10**9), (10**25, 10**21)]
+)  # fmt: skip
+def test_a_clock_in_a_finer_unit_is_stopped_without_filling_the_memory(
+    start: int, per_s: int, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    long = np.arange(0.0, 60.0, 0.02)
+    stamps = [start + round(a * per_s) for a in long]
+    path = tmp_path / "a.csv"
+    path.write_text(csv(stamps, np.where(long > 40, 60.0, 0.0), np.where(long > 40, 0.5, 1e-3 * np.sin(1e4 * long))))
+    tracemalloc.start()
+    assert main(["ingest", str(path), "-o", str(tmp_path / "d.h5")]) == 0
+    most = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert most < 100e6
+    stops = [line for line in capsys.readouterr().out.splitlines() if line.startswith("stop")]
+    assert "no unit is given for time, whole numbers" in stops[0]
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="names of files are UTF-8 there")
+def test_names_that_are_not_utf8(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    folder, odd = tmp_path / "logs", os.fsdecode(b"caf\xe9")
+    folder.mkdir()
+    for name in ("a.csv", f"{odd}.csv"):
+        (folder / name).write_text(csv())
+    for given in (folder, folder / f"{odd}.csv"):
+        assert main(["ingest", str(given), "-q", "-o", str(tmp_path / "d.h5")]) == 3
+        said = f"error: {folder}/caf\\udce9.csv: its name, or that of its folder, is not UTF-8; rename it\n"
+        assert capsys.readouterr().err == said
+    for _ in range(2):
+        assert main(["ingest", str(folder / "a.csv"), "-q", "--force", "-o", str(tmp_path / f"{odd}.h5")]) == 0
+    assert [path.name for path in tmp_path.iterdir() if path.is_file()] == [f"{odd}.h5"]
+
+
+def test_a_repeat_beyond_the_largest_whole_number(tmp_path: Path) -> None:
+    (tmp_path / f"a_{2**63}.csv").write_text(csv())
+    with pytest.raises(DataError, match="its repeat, 9223372036854775808, is no count"):
+        read_runs([tmp_path / f"a_{2**63}.csv"], ReadOptions(name_pattern="_{repeat}"))
+    (tmp_path / f"b_{2**63 - 1}.csv").write_text(csv())
+    assert read_runs([tmp_path / f"b_{2**63 - 1}.csv"], ReadOptions(name_pattern="_{repeat}"))[0].repeat == 2**63 - 1
 
 
 def test_a_manifest_with_a_byte_order_mark(tmp_path: Path) -> None:
@@ -448,7 +521,7 @@ def test_reading_options_are_kept_for_doing_it_again(tmp_path: Path) -> None:
     (tmp_path / "log_u60_.csv").write_text(csv(1e3 * T, header="Zeit,x,Moment", form="{:.0f}"))
     options = {"columns": "time=Zeit,output=Moment", "units": "time=ms,output=Nm,input=%", "name_pattern": "_u{level}_",
                "step_at": 1.0}  # fmt: skip
-    _, stepset = runs_from([tmp_path / "log_u60_.csv"], **options)
+    _, stepset = runs_from([tmp_path / "log_u60_.csv"], InputOptions(**options))
     assert stepset.reading == options
 
 

@@ -64,17 +64,6 @@ def test_above_the_highest_duty_all_stay() -> None:
     assert nonlinear.time_constants(p, 95.0) == nonlinear.time_constants(p, 80.0)
 
 
-@pytest.mark.parametrize(("name", "k"), [(n, k) for n, d in (("tau1", 3), ("tau2", 3), ("Ts", 4)) for k in range(d)])
-def test_nonlinear_gradient(name: str, k: int) -> None:
-    row = {"tau1": 0, "tau2": 3, "Ts": 6}[name] + k
-    values = np.array(getattr(REFERENCE_PLANT, name), dtype=complex)
-    values[k] += 1j * STEP
-    shifted = replace(REFERENCE_PLANT, **{name: tuple(values)})
-    theta = [np.polynomial.polynomial.polyval(35.0, np.array(c)) for c in (shifted.Ts, shifted.tau1, shifted.tau2)]
-    by_complex_step = friction.step_response(Friction(*theta), TIME).imag / STEP
-    assert nonlinear.gradient(REFERENCE_PLANT, TIME, 35.0)[row] == pytest.approx(by_complex_step, rel=1e-11, abs=1e-15)
-
-
 def test_linear_closed_form() -> None:
     drive = 0.08 * 50 - 2.42
     values = linear.step_response(PAPER_LINEAR, np.array([0.0, 1 / 1.36, 20.0]), 50.0)

@@ -5,7 +5,7 @@ from eaid.models.nonlinear import at_duty
 from eaid.models.parameters import REFERENCE_PLANT, Friction
 from eaid.planning.design import Experiment, Session, half_widths, level_sets, quickest, within_runs
 from eaid.planning.recordings import input_changes, run_order
-from eaid.uncertainty.noise import ASSUMED, Noise, cautious, unit_variances
+from eaid.uncertainty.rig_noise import ASSUMED, Noise, cautious, unit_variances
 from eaid.uncertainty.student_t import t_quantile
 
 SMALL = Experiment((10.0, 50.0), (20.0, 30.0), 3, {}, 0.0, True)

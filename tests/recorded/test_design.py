@@ -8,13 +8,13 @@ import pytest
 from eaid.errors import UsageError
 from eaid.models.parameters import REFERENCE_PLANT
 from eaid.planning.played import measure, recording
-from eaid.planning.promise import disturbance_of
-from eaid.recorded.design import DEGREES, Judge, plan_excitation
+from eaid.planning.simulated import disturbance_of
+from eaid.recorded.design import DEGREES, EFFORT, Judge, plan_excitation
 from eaid.recorded.drive import Drive
 from eaid.recorded.problem import Setup
-from eaid.recorded.sequence import Limits, breaks_of
-from eaid.uncertainty.noise import Noise
+from eaid.recorded.sequence import Limits, breaks_of, refuse_scattered
 from eaid.uncertainty.periodic import Periodic
+from eaid.uncertainty.rig_noise import Noise
 from eaid.uncertainty.student_t import t_quantile
 
 NOISE = Noise(1.8e-7, 6e-5, (0.0, 0.0, 0.0))
@@ -113,3 +113,21 @@ def test_limits_that_mean_nothing_are_refused() -> None:
     ):
         with pytest.raises(UsageError):
             plan_excitation(REFERENCE_PLANT, NOISE, want, limits)
+
+
+def test_widths_that_scatter_keeps_out_of_reach_are_refused_at_once() -> None:
+    """Sixty engagements leave t(59)/√60 = 0.258 of a scatter of 13 %, which is 3.4 %."""
+    wild = Noise(1.8e-7, 6e-5, (0.13, 0.0, 0.0))
+    refuse_scattered(wild, {"Ts": 3.5, "tau2": 1.0})
+    with pytest.raises(UsageError, match=r"3\.42 %"):
+        refuse_scattered(wild, {"Ts": 3.4})
+
+
+def test_a_long_sequence_is_improved_within_a_bounded_effort(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked = []
+    monkeypatch.setattr(Judge, "price", lambda self, sequence: float(asked.append(len(sequence.hold_s)) or 1.0))  # type: ignore[func-returns-value]
+    judge = Judge(REFERENCE_PLANT, NOISE, WANT, Limits())
+    for segments in (16, 600):
+        asked.clear()
+        judge.improved(judge.random(segments, np.random.default_rng(1)))
+        assert 0 < sum(asked) < 1.05 * EFFORT

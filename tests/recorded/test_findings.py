@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from eaid.errors import DataError
 from eaid.findings import say, sentences
 from eaid.findings.finding import finding
 from eaid.logs.moves import is_recorded
@@ -35,6 +36,14 @@ def run_of(t: np.ndarray, u: np.ndarray, y: np.ndarray, unit: str = "%") -> Run:
 def random_log(seed: int = 1, duration_s: float = 120.0, **changes: float) -> RecordedLog:
     e = Excitation("random", duration_s, rate_hz=100.0, hold_s=(0.5, 8.0), rest_s=6.0)
     return recorded_log(synthesise_excitation(clutch(), replace(e, **changes), NOISE, seed)[0])
+
+
+def test_input_and_output_that_are_swapped_are_refused_by_name() -> None:
+    log = recorded_log(synthesise_excitation(clutch(), Excitation("staircase", 60.0, rate_hz=50.0), NONE, 1)[0])
+    steps = np.where(np.arange(len(log.time_s)) % 1500 < 500, 0.0, 50.0)
+    swapped = RecordedLog("log", log.time_s, np.abs(log.output), steps)
+    with pytest.raises(DataError, match=r"log: its output takes 5 values or fewer .* were swapped"):
+        fit_recorded([swapped], PLAIN)
 
 
 def test_the_rule_that_says_which_logs_come_here() -> None:
@@ -79,6 +88,15 @@ def test_an_input_that_is_noted_late_or_early_is_told_with_its_rows(late: int, c
         if code:
             assert found[code].values["rows"] == abs(late) and found[code].severity == "stop"
             assert found[code].values["ms"] == pytest.approx(20.0 * abs(late))
+
+
+def test_a_dead_time_behind_an_input_that_moves_is_told_and_makes_no_loop_of_it() -> None:
+    run = synthesise_excitation(clutch(), Excitation("multisine", 60.0, rate_hz=200.0), NOISE, 1)[0]
+    for rows, codes_told in ((0, set()), (20, {"input-early-biases"})):
+        found = codes(fit_recorded([shifted(recorded_log(run), rows)], replace(PLAIN, u_range=(10.0, 100.0))))
+        assert {one for one in found if one.startswith(("input-", "duty-", "loop-"))} == codes_told
+    assert found["input-early-biases"].values["rows"] == 20
+    assert found["input-early-biases"].values["ms"] == pytest.approx(100.0)
 
 
 def test_a_delay_that_moves_nothing_is_not_told() -> None:

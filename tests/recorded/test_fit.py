@@ -15,7 +15,8 @@ from eaid.logs.moves import is_recorded
 from eaid.models.parameters import REFERENCE_PLANT, Nonlinear
 from eaid.recorded import model
 from eaid.recorded.drive import Copies
-from eaid.recorded.fit import fit_recorded, inputs_of
+from eaid.recorded.fit import fit_recorded
+from eaid.recorded.inputs import inputs_of
 from eaid.recorded.log import RecordedLog, logs_of_steps, recorded_log
 from eaid.recorded.options import RecordedOptions
 from eaid.recorded.problem import Setup

@@ -11,10 +11,10 @@ from eaid.recorded import model
 from eaid.recorded.fit import fit_recorded
 from eaid.recorded.intervals import _root, spread
 from eaid.recorded.log import recorded_log
-from eaid.recorded.noise import by_spectrum, moving, piece_of
 from eaid.recorded.options import RecordedOptions
 from eaid.recorded.problem import setup_of
 from eaid.recorded.profile import score_test
+from eaid.recorded.residual_noise import by_spectrum, moving, piece_of
 from eaid.recorded.solve import solve
 from eaid.synth.disturbance import NONE
 from eaid.synth.excitation import Excitation, synthesise_excitation
@@ -102,6 +102,7 @@ def test_ends_are_those_of_a_parabola_where_the_cost_is_one_and_of_the_score_tes
     tau2 = float(slopes[2] @ solved.x)
     for end, sign in zip(test.ends(slopes[2], 0.3 * tau2), (-1, 1), strict=True):
         x = test.held(slopes[2], sign * end)
+        assert x is not None
         assert slopes[2] @ x == pytest.approx(tau2 * np.exp(sign * end), rel=1e-6)
         step, variance = test.step(x, slopes[2])
         usual = test.step(test.x, slopes[2])[1]

@@ -83,7 +83,7 @@ def test_a_step_is_met_half_way_as_by_hand() -> None:
 
 def test_with_one_time_constant_found_and_bound_are_the_same() -> None:
     plant = plant_parameters(replace(REFERENCE_PLANT, tau1=(0.3,), tau2=(0.3,), C=0.999999))
-    found = best(plant, references.steps(2e-3, (0.0, 2.0, 1.0, 3.5, 0.5), 1.5))
+    found = best(plant, references.steps(2e-3, 7.5, levels_nm=(0.0, 2.0, 1.0, 3.5, 0.5)))
     assert found.rms_error_nm > 0.05
     assert found.bound_nm == pytest.approx(found.rms_error_nm, rel=1e-4)
 
@@ -113,7 +113,7 @@ def test_the_error_is_that_of_the_duty_given(multisine: tuple[Reference, Best]) 
 
 
 def test_switching_duty_beats_the_best_steady_one_on_steps() -> None:
-    found = best(PLANT, references.steps(DT, hold_s=2.0))
+    found = best(PLANT, references.steps(DT, 18.0))
     assert found.bound_nm < found.rms_error_nm < 0.98 * found.steady_rms_nm
 
 
@@ -155,7 +155,7 @@ def test_no_small_change_of_the_duty_lowers_the_error_found(multisine: tuple[Ref
 def test_the_search_does_not_depend_on_how_many_threads_add_up() -> None:
     from threadpoolctl import threadpool_limits
 
-    reference = references.steps(2e-3, hold_s=1.0)
+    reference = references.steps(2e-3, 9.0)
     first = best(PLANT, reference)
     with threadpool_limits(2, user_api="blas"):
         again = best(PLANT, reference)

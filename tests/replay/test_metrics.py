@@ -30,6 +30,15 @@ def test_a_controller_with_narrower_limits_saturates_at_them():
     assert found.saturated_fraction == pytest.approx(2 / 3)
 
 
+def test_one_sample_has_no_step_of_its_duty():
+    assert metrics.tracking(np.ones(1), np.zeros(1), np.array([50.0]), 0.1).mean_abs_duty_step_pct == 0.0
+
+
+def test_a_rise_that_begins_above_10_percent_is_counted_from_its_first_sample():
+    found = metrics.step(np.array([0.5, 0.8, 1.0, 1.0, 1.0]), 0.0, 1.0, 0.1)
+    assert found.rise_time_s == pytest.approx(0.15, rel=1e-12)
+
+
 @pytest.mark.parametrize("turn", [1.0, -1.0])
 def test_a_first_order_step_has_its_textbook_times(turn):
     dt, tau = 1e-3, 0.2

@@ -20,7 +20,7 @@ PLANTS = [dataclasses.replace(REFERENCE_PLANT, Ts=tuple(s * c for c in REFERENCE
 
 
 def test_each_plant_has_the_metrics_of_its_own_replay(law):
-    reference = references.steps(DT, (0.0, 2.0, 4.0), 2.0)
+    reference = references.steps(DT, 6.0, levels_nm=(0.0, 2.0, 4.0))
     ticks = []
     found = montecarlo(PLANTS, law("pi"), reference, Rig(), 5, None, lambda: ticks.append(1))
     assert len(ticks) == 5
@@ -32,7 +32,7 @@ def test_each_plant_has_the_metrics_of_its_own_replay(law):
 
 
 def test_the_worst_plant_is_named_with_its_parameters_and_never_is_worse_than_late(law):
-    reference = references.steps(DT, (0.0, 2.0, 4.0), 2.0)
+    reference = references.steps(DT, 6.0, levels_nm=(0.0, 2.0, 4.0))
     found = montecarlo(PLANTS, law("pi"), reference, Rig())
     summary = found.summary(PLANTS)
     error = summary.metrics["rms_error_nm"]
@@ -65,7 +65,7 @@ def test_more_threads_than_there_is_work_for_are_not_begun(law):
 
 
 def test_a_tone_is_worst_where_it_is_farthest_from_zero_decibels(law):
-    reference = references.sweep(DT, (1.0,))
+    reference = references.sweep(DT, frequencies_hz=(1.0,))
     summary = montecarlo(PLANTS, law("open-loop"), reference, Rig()).summary(PLANTS)
     gains = summary.metrics["frequencies[1 Hz].gain_db"]
     assert gains.worst.plant == 0 and gains.worst.value < gains.low < 0

@@ -13,7 +13,8 @@ from eaid.errors import GainsError
 from eaid.models.parameters import PAPER_LINEAR, REFERENCE_PLANT
 from eaid.replay import references
 from eaid.replay.controllers import pi_controller, rc_controller
-from eaid.replay.optimize import Bench, Search, optimize
+from eaid.replay.optimize import Search, errors_of, optimize
+from eaid.replay.plant import plant_parameters
 from eaid.replay.rig import Rig
 from eaid.replay.scenarios import replayed
 from eaid.results.fit import Fit
@@ -137,8 +138,9 @@ def test_candidates_are_counted():
     assert len(ticks) == 16
 
 
-def test_bench_measures_what_the_single_replay_does():
-    square, largest, chatter, saturated = Bench([REFERENCE_PLANT], MULTISINE, Search(noise_nm=0.01)).run(RC)
+def test_errors_of_many_plants_are_what_the_single_replay_does():
+    plants = [plant_parameters(REFERENCE_PLANT)]
+    square, largest, chatter, saturated = errors_of(RC, plants, MULTISINE, Search(noise_nm=0.01))
     alone = measured(RC)
     assert math.sqrt(square[0]) == pytest.approx(alone.rms_error_nm, rel=1e-9)
     assert largest[0] == pytest.approx(alone.max_abs_error_nm, rel=1e-9)

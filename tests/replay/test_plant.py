@@ -12,7 +12,16 @@ from eaid.errors import DataError, UsageError
 from eaid.models.nonlinear import step_response
 from eaid.models.parameters import REFERENCE_PLANT, Nonlinear
 from eaid.replay.compare import driven
-from eaid.replay.plant import falling_taus, perturbed, plant_parameters, plant_slope, plant_step, plant_terms
+from eaid.replay.plant import (
+    Held,
+    falling_taus,
+    hold_step,
+    perturbed,
+    plant_parameters,
+    plant_slope,
+    plant_step,
+    plant_terms,
+)
 
 PLANT = plant_parameters(REFERENCE_PLANT)
 DUTY = st.floats(0.0, 100.0)
@@ -71,6 +80,7 @@ def test_below_the_identified_duties_time_constants_stay_and_torque_goes_straigh
 
 
 def test_above_the_identified_duties_all_keep_their_edge_value():
+    assert plant_parameters(replace(REFERENCE_PLANT, u_range=(0.0, 80.0))).u_low == 0.0
     narrow = plant_parameters(replace(REFERENCE_PLANT, u_range=(20.0, 80.0)))
     assert plant_terms(narrow, 100.0) == plant_terms(narrow, 80.0)
     assert plant_terms(narrow, 80.0) == plant_terms(PLANT, 80.0)
@@ -168,3 +178,9 @@ def test_a_staircase_of_the_plant_is_replayed_to_the_last_digits(release):
     time_s = np.arange(len(expected)) * dt
     duty = np.concatenate([np.full(round(seconds / dt), u) for u, seconds in holds])
     assert np.abs(driven(plant_parameters(model), time_s, duty) - expected).max() < 1e-12
+
+
+def test_the_mean_duty_of_a_sample_in_which_the_pwm_latches() -> None:
+    # a period of 1.5 samples: its second pulse begins half-way from sample 1 to sample 2
+    held, mean = hold_step(plant_parameters(REFERENCE_PLANT), 1.5, 1e-3, 1, 60.0, Held(0.0, 0.0, 20.0, 1))
+    assert mean == 40.0 and held.latched == 60.0 and held.pulse == 2

@@ -94,7 +94,7 @@ EFFECTS = {
 @pytest.mark.parametrize("name", EFFECTS)
 def test_every_effect_of_the_rig_is_what_a_second_way_gives(name: str, back: float) -> None:
     rig, n = EFFECTS[name], 700
-    reference = references.steps(DT, (4.0, 0.5, 2.0), n * DT / 3).torque_nm[:n]
+    reference = references.steps(DT, n * DT, levels_nm=(4.0, 0.5, 2.0)).torque_nm[:n]
     controller = pi_controller(PIGains(21.0, 360.0, back_calculation=back))
     done = replay(plant_parameters(REFERENCE_PLANT), controller, reference, rig, DT, 11)
     torque, duty = second_way(PI(21.0, 360.0, back), np.asarray(reference), rig, noise(rig, len(reference), DT, 11))
@@ -108,7 +108,7 @@ def test_back_calculation_of_the_robust_controller_is_its_formula(law) -> None:
     """q̃_{k+1} = q̃_k + dt (e + k (u − u_unlimited)), u_unlimited from the same gains without limits."""
     gains = law("rc").gains._replace(back_calculation=0.004)
     free = gains._replace(duty_min=-1e9, duty_max=1e9)
-    reference = references.steps(DT, (4.0, 0.2), 0.4).torque_nm
+    reference = references.steps(DT, 0.8, levels_nm=(4.0, 0.2)).torque_nm
     done = replay(plant_parameters(REFERENCE_PLANT), rc_controller(gains), reference, Rig(), DT)
     rate = np.gradient(reference, DT)
     at_limit = 0

@@ -8,9 +8,10 @@ from eaid.control.gains import pi_gains, rc_gains
 from eaid.errors import DataError, UsageError
 from eaid.models.parameters import REFERENCE_PLANT
 from eaid.replay.controllers import pi_controller, rc_controller
+from eaid.replay.noise import noise_of
 from eaid.replay.references import multisine, sampled
 from eaid.replay.scenarios import replayed
-from eaid.replay.tune import noise_of, tune
+from eaid.replay.tune import tune
 from eaid.results.codec import from_plain
 from eaid.results.fit import Fit
 from eaid.results.tuning import TuneOptions

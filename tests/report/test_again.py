@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from eaid.cli import main
-from eaid.report.page.again import commands
+from eaid.report.page.next_steps import commands
 from eaid.report.read import read_results
 from eaid.results import codec
 from eaid.results.gains import Gains

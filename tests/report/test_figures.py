@@ -90,7 +90,7 @@ def friction_fit(kind: str) -> Fit:
     table = published.TABLE_I if force else {k: published.TABLE_II[k] for k in ("Ts", "tau1")}
     forms = {2: "linear", 4: "double-exponential"}
     trends = {k: Trend(forms[len(c)], c) for k, (_t, c, _r) in table.items()}
-    data = fits.Data(kind, "N" if force else "RPM", apparatus=fits.Rig(surfaces=1))
+    data = fits.FittedData(kind, "N" if force else "RPM", apparatus=fits.Rig(surfaces=1))
     return Fit(
         data=data,
         friction=Friction(0.85, "stress_kpa" if force else "speed_rpm", levels_of(rows, force), trends),
@@ -189,7 +189,7 @@ DRAWN: dict[str, Callable[[], Figure]] = {
     "fig06_hold_and_release": lambda: hold.hold_and_release(hold.held_levels(clutch_set()), "%", "N·m"),
     "fig07_nonlinear_model": lambda: clutch.nonlinear_model(clutch_set(1.05), clutch_fit()),
     "fig08_linear_model": lambda: clutch.linear_model(clutch_set(), clutch_fit()),
-    "model_over_duty": lambda: clutch.polynomials(clutch_fit()),
+    "model_over_duty": lambda: values.polynomials(clutch_fit()),
     "input_gain": lambda: clutch.input_gain(clutch_fit()),
     "fig09_shear_per_field": lambda: apparatus.shear_per_field(clutch_fit()),
     "residuals_nonlinear": lambda: checks.residuals(clutch_set(1.05), clutch_fit(), "nonlinear"),
@@ -328,6 +328,22 @@ def test_a_residual_map_is_the_mean_of_its_stretches():
     assert found.mean[0, found.edges_s[:-1] >= 1.0] == pytest.approx(-0.25)
     between = (found.edges_s[:-1] >= 0.1) & (found.edges_s[1:] <= 1.0)
     assert between.any() and found.mean[0, between] == pytest.approx(0) and np.all(np.diff(middle) > 0)
+
+
+def test_a_curve_that_only_crosses_the_axis_is_not_drawn():
+    """τ2 of millions of seconds that falls below the single levels' about one input: no vertical line."""
+    u = np.linspace(100, 300, 201)
+    far, near = 1e6 * ((u - 225) / 100) ** 2, 1e-4 * (u - 100) ** 2
+    assert np.isnan(values.on_axis(far, 0.7)).all() and values.top_of(far, 0.7) == 0.7
+    assert values.top_of(near, 0.7) == pytest.approx(3 * 0.7)
+    assert np.isfinite(values.on_axis(near, 2.1)).sum() == (near < 1.3 * 2.1).sum() > 100
+
+
+@pytest.mark.parametrize(
+    ("end", "ticks"), [(3.0, [0.2, 0.5, 1, 2]), (60.0, [0.3, 1, 3, 10, 30]), (3e3, [1, 10, 100, 1000])]
+)
+def test_ticks_of_the_residual_map_stand_apart(end: float, ticks: list[float]):
+    assert checks.ticks(0.15, end) == ticks
 
 
 def test_the_linear_model_is_not_drawn_below_zero():

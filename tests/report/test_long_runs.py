@@ -42,3 +42,13 @@ def test_rates_and_counts_are_those_that_were_recorded(files: dict[str, Path], m
         assert one.rate_hz == pytest.approx(other.rate_hz, rel=0.01)
         assert one.samples == pytest.approx(other.samples, rel=0.02)
     assert short.levels[-1].mean[-1] == pytest.approx(whole.levels[-1].mean[-5:].mean(), rel=0.02)
+
+
+def test_a_dataset_of_many_long_runs_keeps_fewer_samples_of_each(files: dict[str, Path]):
+    run = read_runs([files["clutch.h5"]], ReadOptions())[0]
+    count = 100_000
+    time_s = np.linspace(0, 60, count)
+    long = replace(run, time_s=time_s, output=np.sin(time_s), input=np.where(time_s < 5, 0.0, 50.0), step_s=5.0)
+    assert thin.shortened(long) == (long, 1)
+    assert thin.shortened(long, 250)[1] == count // (thin.MOST_OF_ALL // 250)
+    assert thin.shortened(long, 5_000)[1] == count // thin.LEAST

@@ -7,9 +7,8 @@ import html5lib
 import pytest
 
 from eaid.cli.main import run
-from eaid.report.page.live import plain
+from eaid.report.live import plain, script_safe
 from eaid.report.page.render import signs
-from eaid.report.page.shown import script_safe
 from eaid.report.tables import Name
 
 FIGURES = (
@@ -237,7 +236,7 @@ def test_hostile_text_is_shown_and_never_run(files: dict[str, Path], tmp_path: P
 
 
 def test_scripts_hold_no_character_that_could_end_them():
-    assert script_safe({"a": "</script><!--&"}) == '{"a":"\\u003c/script\\u003e\\u003c!--\\u0026"}'
+    assert script_safe('{"a":"</script><!--&"}') == '{"a":"\\u003c/script\\u003e\\u003c!--\\u0026"}'
 
 
 def test_tooltips_hold_no_html_and_no_columns():

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from eaid.cli.main import run
+from eaid.report.figures.replays import bands, frequencies
 from eaid.report.read import read_results
-from eaid.report.ready_replays import bands, frequencies
 
 
 @pytest.fixture(scope="module")

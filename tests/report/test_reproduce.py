@@ -6,8 +6,7 @@ from pathlib import Path
 import pytest
 
 from eaid.cli.main import run
-from eaid.report.paper.claim import VERDICTS, Claim
-from eaid.report.paper.table import BEGIN, END, markdown
+from eaid.report.paper.claims import BEGIN, END, VERDICTS, Claim, markdown
 
 DOCS = Path(__file__).parents[2] / "docs/paper.md"
 NUMBER = re.compile(r"(?<![\w.])[−+-]?\d+(?:\.\d+)?(?:e[−+-]?\d+)?")

@@ -33,7 +33,7 @@ def grades(given: Results) -> list[str]:
 
 
 def test_a_clean_fit_is_good_and_what_is_not_given_has_no_light():
-    fit = Fit(data=results.Data(sources=(Source(run="a", level=10.0),)), **CLEAN)
+    fit = Fit(data=results.FittedData(sources=(Source(run="a", level=10.0),)), **CLEAN)
     assert grades(gathered([fit])) == ["good", "good", "none"]
 
 
@@ -50,7 +50,7 @@ def test_a_light_is_as_grave_as_its_gravest_finding(severity: str, subject: str,
 
 
 def test_a_finding_about_the_data_is_of_the_data():
-    fit = Fit(data=results.Data(sources=(Source(run="a"),)), **CLEAN, findings=(found("stop", "a"),))
+    fit = Fit(data=results.FittedData(sources=(Source(run="a"),)), **CLEAN, findings=(found("stop", "a"),))
     assert grades(gathered([fit])) == ["bad", "good", "none"]
 
 
@@ -93,7 +93,7 @@ def test_tiles_are_the_top_level_and_the_worst_margin():
         FrictionLevel(10.0, 1.0, 0.1, 5.0),
         FrictionLevel(300.0, 2.0, 0.2, 6.0, ci95=ends),
     )
-    data = results.Data("clutch", "V", "N")
+    data = results.FittedData("clutch", "V", "N")
     worst = WorstMargins(Margin(gain_db=16.2, phase_deg=78.1), Margin(gain_db=42.7, phase_deg=31.5))
     gains = Gains(LinearModel(1.0, 1.0, 0.0), margins=Margins(worst=worst))
     shown = tiles.tiles(gathered([Fit(data=data, friction=Friction(0.85, levels=levels)), gains]))
@@ -104,7 +104,9 @@ def test_tiles_are_the_top_level_and_the_worst_margin():
 
 def test_a_time_constant_without_end_has_no_number():
     levels = (FrictionLevel(10.0, 1.0, 0.1, 5.0), FrictionLevel(20.0, 2.0, 0.2, 2.9e7))
-    shown = tiles.tiles(gathered([Fit(data=results.Data("clutch", "V", "N"), friction=Friction(0.85, levels=levels))]))
+    shown = tiles.tiles(
+        gathered([Fit(data=results.FittedData("clutch", "V", "N"), friction=Friction(0.85, levels=levels))])
+    )
     assert (shown[2].value, shown[3].value) == ("0.200 s", "not estimable")
     drawn = values.values_of(levels, "tau2")
     assert drawn[0] == 5 and np.isnan(drawn[1]) and values.highest(drawn) == 5
@@ -112,7 +114,7 @@ def test_a_time_constant_without_end_has_no_number():
 
 def test_chips_name_the_dates_that_the_logs_are_named_by():
     names = ("20241029_a.csv", "run_2024-11-03.csv", "x_1234567890.csv")
-    data = results.Data(
+    data = results.FittedData(
         "clutch", "V", "N", (100.0, 300.0), sources=tuple(Source(path=f"logs/{name}") for name in names)
     )
     chips = summary.chips(gathered([Fit(data=data)]))
@@ -121,7 +123,7 @@ def test_chips_name_the_dates_that_the_logs_are_named_by():
 
 @pytest.mark.parametrize(("units", "title"), [(("%", "N·m"), "Electroadhesive clutch"), (("V", "N"), "Step responses")])
 def test_only_such_a_clutch_is_called_one(units: tuple[str, str], title: str):
-    given = gathered([Fit(data=results.Data("clutch", *units))])
+    given = gathered([Fit(data=results.FittedData("clutch", *units))])
     assert summary.title(given) == title and summary.title(replace(given, paper=True)) == "Electroadhesive clutch"
 
 
@@ -142,5 +144,5 @@ def test_a_friction_coefficient_that_was_not_computed_is_not_drawn():
     rows = [FrictionLevel(x, x, 0.1, 5.0, ci95=ends, stress_kpa=100 * x) for x in (1.0, 3.0, 5.0)]
     for unit, panels in (("N", 3), ("N·m", 4)):
         part = Friction(0.85, levels=tuple(rows), over="stress_kpa")
-        fit = Fit(data=results.Data("friction-force", "bar", unit), friction=part)
+        fit = Fit(data=results.FittedData("friction-force", "bar", unit), friction=part)
         assert len(frictions.friction_over_stress(fit).axes) == panels

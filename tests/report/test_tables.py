@@ -85,7 +85,7 @@ def test_the_estimate_that_is_used_leads_and_the_other_stands_beside_it():
 
 
 def test_another_rig_has_its_own_units_and_no_published_column():
-    volts = results.Data("clutch", "V", "N")
+    volts = results.FittedData("clutch", "V", "N")
     linear = Linear(1.8, 0.078, -1.3, per_level=(LinearLevel(100.0, 1.0, 2.0, B=3.0),))
     fit = Fit(data=volts, nonlinear=NONLINEAR, linear=linear)
     for table in (fits.table_iii(fit), fits.linear_table(fit), fits.input_gain_table(fit)):
@@ -105,7 +105,7 @@ CONDITIONS = (
 
 
 def test_published_values_that_are_asked_for_beside_other_units_say_their_own():
-    fit = Fit(data=results.Data("clutch", "V", "N"), nonlinear=NONLINEAR, linear=Linear(1.8, 0.03, -1.3))
+    fit = Fit(data=results.FittedData("clutch", "V", "N"), nonlinear=NONLINEAR, linear=Linear(1.8, 0.03, -1.3))
     heads = [fits.table_iii(fit, True).heads[2], fits.linear_table(fit, True).heads[1]]
     gain = Gains(LinearModel(1.0, 1.0, 0.0), input_unit="V", output_unit="N")
     heads += [gains.table_iv(gain, True).heads[1], gains.gains_table(gain, True).heads[1]]
@@ -125,6 +125,12 @@ def test_a_stop_is_told_before_the_doubts_of_its_run():
     doubtful, fine = data.runs_tables(StepSet("clutch", "V", "N", Apparatus(), (), runs=(run,)))
     assert str(doubtful.rows[0][-1]).startswith("stop: ") and str(doubtful.rows[0][-1]).count("; ") == 1
     assert fine.rows == ()
+
+
+def test_a_run_is_not_named_again_in_its_own_row():
+    found = Finding("repeats-disagree", "caution", "a", (10.0,), {"spread_pct": 20.0, "own_pct": -0.3, "unit": "V"})
+    run = RunRecord("a", "a.csv", "", 10.0, 1, 0.0, 1.0, 100, 10.0, "rising", (found,))
+    assert data.doubts_of(run)[0].endswith("this run by +0 % from the others")
 
 
 def test_table_iv_and_the_checklist():
@@ -150,6 +156,6 @@ def test_what_is_absent_costs_only_its_table():
 def test_an_interval_that_says_nothing_is_a_dash():
     ends = LevelIntervals(Ts=(0.09, 0.11), tau2=None)
     rows = (FrictionLevel(150.0, 0.1, 0.01, 9.0, ci95=ends),)
-    table = fits.levels_table(Fit(data=results.Data("clutch", "", "N"), friction=Friction(0.85, levels=rows)))
+    table = fits.levels_table(Fit(data=results.FittedData("clutch", "", "N"), friction=Friction(0.85, levels=rows)))
     assert table.heads[:2] == ("level", "T_s (N)") and table.texts[0][1:3] == ("0.1000", "0.0900 … 0.110")
     assert table.texts[0][6] == "–"

@@ -9,7 +9,7 @@ import pytest
 from eaid.errors import DataError
 from eaid.findings import Finding
 from eaid.results import codec
-from eaid.results.fit import Data, Fit, Rig
+from eaid.results.fit import Fit, FittedData, Rig
 from eaid.results.friction import Friction, FrictionLevel, Release
 from eaid.results.gains import PI, Gains, LinearModel
 from eaid.results.linear import Linear
@@ -17,7 +17,7 @@ from eaid.results.nonlinear import Nonlinear
 
 LINEAR = Linear(a0=1.5, b0=0.08, c0=-1.0, rmse=math.nan)
 FIT = Fit(
-    data=Data(levels=(10.0, 20.0)),
+    data=FittedData(levels=(10.0, 20.0)),
     friction=Friction(C=0.85, levels=(FrictionLevel(10.0, 0.1, 0.2, 4.0),)),
     linear=LINEAR,
     findings=(Finding("part-left-out", "caution", "linear", values={"part": "x", "key": "y"}),),

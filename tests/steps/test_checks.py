@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from benchmarks.stop_findings import wander
-from eaid.arrays import read_only
+from eaid.arrays import Array, read_only
 from eaid.findings import Finding
 from eaid.logs.run import Run
 from eaid.steps.baseline import last_rest
@@ -16,11 +16,13 @@ from eaid.steps.build import build_stepset
 from eaid.steps.by_instant import onset, rises_at_once
 from eaid.steps.cut import cut
 from eaid.steps.direction import direction
-from eaid.steps.doubts import disagreement
+from eaid.steps.doubts import disagreements
 from eaid.steps.noise import block_error, block_means, block_noise, line, sample_noise, spikes
 from eaid.steps.not_steps import looks_like, moving, several_edges
-from eaid.steps.sensor import sharpness
+from eaid.steps.sensor import flat_top, sharpness
 from eaid.steps.slip import slip_of
+from eaid.steps.step import Step
+from eaid.steps.stepset import Level
 
 sys.path.insert(0, str(Path(__file__).parent))
 from make import curve, log
@@ -160,12 +162,17 @@ def test_repeats_disagree(spread: float, said: bool) -> None:
 
 
 def test_disagreement_by_hand() -> None:
-    runs = np.array([[0.0, 0, 0, 1.0], [9.0, 0, 0, 3.0]])
-    spread, off = disagreement(runs)
-    assert spread == pytest.approx(1.0) and off == pytest.approx([-1.0, 1.0])  # each from the other, over their mean, 2
+    two = np.array([[0.0, 0, 0, 1.0], [9.0, 0, 0, 3.0]])
+    assert _spread_and_own(two) == pytest.approx([100, -100, 100])  # each from the other, over their mean, 2
     three = np.array([[1.0], [1.0], [4.0]])
-    assert disagreement(three)[1] == pytest.approx([-0.75, -0.75, 1.5])  # 1 − 2.5, 1 − 2.5, 4 − 1, over 2
-    assert disagreement(np.zeros((2, 4)))[0] == 0.0
+    assert _spread_and_own(three) == pytest.approx([150, -75, -75, 150])  # 1 − 2.5, 1 − 2.5, 4 − 1, over 2
+    assert not _spread_and_own(np.zeros((2, 4))) and not _spread_and_own(np.array([[1.0], [-1.0]]))
+
+
+def _spread_and_own(runs: Array) -> list[object]:
+    """Spread of repeats, and the distance of each from the others [%]; nothing where they agree."""
+    said = disagreements(Level(50.0, np.zeros(runs.shape[1]), runs, tuple(map(str, range(len(runs))))), "%")
+    return [*{one.values["spread_pct"] for one in said}, *(one.values["own_pct"] for one in said)]
 
 
 @pytest.mark.parametrize(("share", "said"), [(0.015, False), (0.03, True)])
@@ -380,3 +387,12 @@ def test_a_gap_before_the_step_is_that_of_its_own_two_samples(samples: float, sa
     y = 2.0 * curve(RUN.time_s - 3.99 + late)
     run = replace(RUN, time_s=read_only(RUN.time_s + late), output=read_only(np.where(np.arange(1200) < 400, 0.0, y)))
     assert ("step-in-gap" in codes(run)) is said
+
+
+@pytest.mark.parametrize(("noise", "said"), [(0.05, True), (1.0, False)])
+def test_a_flat_top_behind_noise_is_averaged(noise: float, said: bool) -> None:
+    """A straight rise of 2 s that is cut off, 1 kHz: at blocks of 20 samples a noise of 0.05 leaves it sharp."""
+    t = np.arange(10_000) / 1000
+    output = np.clip((t - 2) / 2, 0.0, 1.0) + noise * np.random.default_rng(4).normal(size=len(t))
+    step = Step(replace(log(PLAN), time_s=t, output=output, input=50.0 * (t >= 2), step_s=2.0, level=50.0, cut=True))
+    assert (flat_top(step) is not None) is said

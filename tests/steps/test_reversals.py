@@ -82,3 +82,16 @@ def test_turns_behind_noise() -> None:
     noisy = run.position + 0.2 * np.random.default_rng(1).normal(size=len(run.time_s))
     found = run.time_s[turns_of(read_only(noisy))]
     assert found == pytest.approx(3.0 * np.arange(1, 11), abs=0.12)
+
+
+@pytest.mark.parametrize(("last", "strokes"), [(10, 2), (11, 3)])
+def test_a_stroke_of_ten_samples_counts(last: int, strokes: int) -> None:
+    """The last stroke ends with the log; its first sample is the turn."""
+    legs = (np.arange(200) / 200, 1 - np.arange(200) / 200, np.arange(200) / 200, 1 - 0.06 * np.arange(last))
+    position = np.concatenate(legs)
+    time = np.arange(len(position)) / 100
+    run = Run(
+        name="a", time_s=read_only(time), input=read_only(np.full(len(time), np.nan)), output=read_only(np.sin(time)),
+        input_unit="bar", output_unit="N", source="a.csv", sha256="0", level=2.0, position=read_only(position),
+    )  # fmt: skip
+    assert [step.level for step in cut(run)] == [-2.0, 2.0, -2.0][:strokes]

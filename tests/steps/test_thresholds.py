@@ -237,3 +237,23 @@ def test_a_window_ends_where_the_input_leaves_its_level_also_where_it_is_reached
               step_s=0.9, kind="clutch")  # fmt: skip
     rise = next(step for step in cut(run) if step.edge == "rising")
     assert rise.time_s[-1] == pytest.approx(2.99)
+
+
+@pytest.mark.parametrize(
+    ("at", "code"), [(38, "reverses"), (42, "is-periodic"), (358, "is-periodic"), (362, "reverses")]
+)
+def test_the_outer_tenths_of_a_stroke_may_be_curved(at: int, code: str) -> None:
+    """A sample off the straight line by 0.1 of the range, in every stroke of 400."""
+    places = np.arange(4000)
+    strokes = np.abs((places / 400) % 2 - 1) + 0.1 * (places % 400 == at)
+    assert moving("a", places / 100, strokes).code == f"input-{code}"
+
+
+@pytest.mark.parametrize(("share", "sign"), [(0.98, 1.0), (1.02, -1.0)])
+def test_what_the_idle_slope_explains_is_no_direction(share: float, sign: float) -> None:
+    """Twenty idle samples fall by 1; from their middle, the window's middle is 0.5 + 0.5 · 8/0.19 times as far."""
+    output = np.concatenate((-(np.arange(20) + 0.5) / 20, np.full(801, -1.5 * share * (0.5 + 0.5 * 8 / 0.19))))
+    time = np.arange(821) / 100
+    run = replace(log(PLAN).part(slice(821)), time_s=read_only(time), output=read_only(output))
+    run = replace(run, step_s=0.2, level=50.0, baseline=0.0, cut=True)
+    assert direction([run]).signs[False] == sign

@@ -24,7 +24,7 @@ def levels(sets: Any) -> tuple[Level, ...]:
 def test_refits_end_where_the_fits_do(levels: tuple[Level, ...]) -> None:
     data = data_of(levels)
     own = fit_each_level(data)
-    wanted = np.array([[-np.log(one.tau), np.log(one.gains[0])] for one in own])
+    wanted = np.array([[-np.log(one.tau), np.log(one.coefficients[0])] for one in own])
     assert _first_order(data.points, wanted + np.array([0.1, -0.2])) == pytest.approx(wanted, abs=1e-4)
     p = fit_linear(data).parameters
     found = refit_linear(data, Linear(1.2 * p.a0, 0.8 * p.b0, p.c0 + 0.5))

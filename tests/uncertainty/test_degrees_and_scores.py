@@ -16,9 +16,8 @@ from eaid.uncertainty.level_statistics import statistics_at_share
 from eaid.uncertainty.levels import log_jacobian
 from eaid.uncertainty.linear_influence import combined_variance, level_terms, pooled_gain
 from eaid.uncertainty.run_statistics import RunStatistics
-from eaid.uncertainty.scatter import pooled_scatter
+from eaid.uncertainty.scatter import common_shifts, pooled_scatter
 from eaid.uncertainty.student_t import interval_of, log_interval_of, satterthwaite, t_quantile
-from eaid.uncertainty.sweeps import common_shifts
 
 
 def test_t_is_that_of_scipy_stats() -> None:

@@ -142,14 +142,6 @@ def test_the_other_ways_agree(made: StepSet, fitted: Any, body: Fit, ci: str) ->
         )
 
 
-def test_bootstrap_does_not_depend_on_the_processes(made: StepSet, fitted: Any) -> None:
-    few = replace(made, levels=made.levels[-3:])
-    small = fit(few, FitOptions(models=("friction",)))
-    asked = FitOptions(ci="bootstrap", draws=6, seed=3)
-    first, second = (with_intervals(few, small, asked, workers=n).friction for n in (1, 2))
-    assert first == second
-
-
 def test_white_is_the_textbook_and_far_narrower(made: StepSet, fitted: Any, body: Fit) -> None:
     white = with_intervals(made, fitted, FitOptions(ci="white"))
     own, textbook = (np.diff(rows[4].ci95.Ts)[0] for rows in (body.friction.levels, white.friction.levels))

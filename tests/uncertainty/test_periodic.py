@@ -10,8 +10,8 @@ from eaid.models.parameters import Friction
 from eaid.steps.stepset import Level
 from eaid.uncertainty.level_statistics import statistics_at_share
 from eaid.uncertainty.levels import log_jacobian
-from eaid.uncertainty.noise import noise_of, noise_of_fit
 from eaid.uncertainty.periodic import Periodic, periodic_part
+from eaid.uncertainty.rig_noise import noise_of, noise_of_fit
 
 CURVE = Friction(2.0, 0.5, 8.0, 0.85)
 

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from eaid.cli.inputs import stepset_from
+import eaid
 from eaid.fitting.fit import fit
 from eaid.results.fit import FitOptions
 from eaid.uncertainty.intervals import with_intervals
@@ -18,7 +18,7 @@ def test_clutch_of_three_seconds_overshoots_and_hides_tau2() -> None:
     logs = sorted((REAL / "ea-clutch").glob("*V=[23]00_*.csv.gz")) + sorted(
         (REAL / "ea-clutch").glob("*V=250_*.csv.gz")
     )
-    stepset = stepset_from(
+    stepset = eaid.read(
         logs, columns='time=Time,output="Load Cell"', units="time=us,output=N", name_pattern="_V={level}_",
         step_at=2.0, until=5.0, kind="clutch", repair=True,
     )  # fmt: skip
@@ -34,7 +34,7 @@ def test_clutch_of_three_seconds_overshoots_and_hides_tau2() -> None:
 
 def test_seal_friction_shows_a_free_share() -> None:
     """README of the logs: a free C comes out at 0.4 to 0.8 there, not at 0.85; four sweeps know it to ±0.1."""
-    stepset = stepset_from([REAL / "friction-steps"], kind="friction-force")
+    stepset = eaid.read([REAL / "friction-steps"], kind="friction-force")
     found = fit(stepset, FitOptions(models=("friction",)))
     sure = with_intervals(stepset, found)
     codes = {one.code for one in sure.findings}

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from eaid.cli.inputs import stepset_from
+from eaid.cli.inputs import runs_from
 from eaid.fitting.fit import fit
 from eaid.results.fit import FitOptions
 from eaid.synth.datasets import shipped
@@ -20,7 +20,7 @@ def log_widths(rows: Any, name: str) -> np.ndarray:
 
 
 def both(kind: str) -> Any:
-    stepset = stepset_from([Path(shipped()[kind])])
+    stepset = runs_from([Path(shipped()[kind])])[1]
     found = fit(stepset)
     ours = with_intervals(stepset, found, FitOptions(estimator="joint"))
     other = FitOptions(ci="bootstrap", draws=100, estimator="joint")

@@ -53,7 +53,7 @@ def test_ts_of_an_open_level_reaches_over_all_that_goes_with_it() -> None:
     stats = stats_of(3.0, 12.0, 1)
     for i in range(6):
         steady, tau1, tau2 = level_parameters(stats, i)
-        assert tau2.interval is None and tau2.state == "open"
+        assert tau2.interval is None and tau2.open
         assert steady.interval is not None and steady.interval[0] < 1.0 + i < steady.interval[1]
         assert tau1.interval is not None and tau1.interval[0] < 0.3 < tau1.interval[1]
 

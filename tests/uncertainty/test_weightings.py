@@ -17,7 +17,7 @@ from eaid.steps.stepset import StepSet
 from eaid.uncertainty.intervals import with_intervals
 from eaid.uncertainty.level_statistics import statistics_at_share
 from eaid.uncertainty.linear_intervals import pooled_intervals
-from eaid.uncertainty.weightings import spread_rises
+from eaid.uncertainty.weightings import rise_of_spread
 
 QUICK = FitOptions(estimator="joint")
 
@@ -61,7 +61,7 @@ def test_the_other_fit_is_the_best_there_is(scattered: StepSet) -> None:
 
 
 def test_gain_scatter_means_sd_weights_white_noise_does_not(scattered: StepSet, sets: Any) -> None:
-    assert spread_rises(statistics_at_share(scattered.levels, 0.85))[1] > 2
+    assert rise_of_spread(statistics_at_share(scattered.levels, 0.85)) > 2
     random = np.random.default_rng(1)
     white = tuple(
         replace(
@@ -71,7 +71,7 @@ def test_gain_scatter_means_sd_weights_white_noise_does_not(scattered: StepSet, 
         )
         for level in scattered.levels
     )
-    assert abs(spread_rises(statistics_at_share(white, 0.85))[1]) < 2
+    assert abs(rise_of_spread(statistics_at_share(white, 0.85))) < 2
     _, sure = told(replace(scattered, levels=white), "equal")
     assert sure.nonlinear.agreement[1].believe in ("either", "equal")
 

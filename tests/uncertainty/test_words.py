@@ -131,5 +131,5 @@ def test_the_sentences_stand_in_the_file_on_the_terminal_and_on_the_page(
     texts = json.loads(out.read_text())["friction"]["warnings"]
     assert said and all(text in texts for text in sentences(said))
     assert any(on_command_line(say(one)) in told for one in merged(said))
-    page = "\n".join(sentence(one) for one in known(read_results([out])).of("model"))
+    page = "\n".join(sentence(one) for one in known(read_results([out]))["model"])
     assert any(text[1:].rstrip(".") in page for text in sentences(said))

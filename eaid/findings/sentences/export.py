@@ -1,12 +1,9 @@
 """Sentences about exports: what stands at the head of every exported file."""
 
-from collections.abc import Mapping
-from typing import Any
-
-from eaid.findings.row import Row
+from eaid.findings.row import Row, Values, caution, note, stop
 
 
-def _margins(v: Mapping[str, Any]) -> str:
+def _margins(v: Values) -> str:
     told = []
     for law in ("rc", "pi"):
         units = (("gain_db", "dB"), ("phase_deg", "° of phase"), ("delay_s", "s of delay"))
@@ -15,30 +12,29 @@ def _margins(v: Mapping[str, Any]) -> str:
     return f"least margins around the fitted duties: {'; '.join(told)}"
 
 
-def _guarantee(v: Mapping[str, Any]) -> str:
+def _guarantee(v: Values) -> str:
     missing = f" (missing: {v['missing']})" if v["missing"] else ""
     return f"RC: the Lyapunov guarantee does not hold on this rig{missing}; the margins are what speaks for these gains"
 
 
 ROWS: dict[str, Row] = {
-    "export-unstable": Row(
-        "stop", "{subject}: the loop is unstable at {rate_hz:g} Hz around {levels} {unit}; ask for slower gains"
+    "export-unstable": stop(
+        "{subject}: the loop is unstable at {rate_hz:g} Hz around {levels} {unit}; ask for slower gains"
     ),
-    "export-unidentified": Row("stop", "the {subject} rest on a fit that is not identifiable: {why}"),
-    "export-not-converged": Row("stop", "the nonlinear model did not converge; fit it again before a rig runs on it"),
-    "export-guarantee-holds": Row("note", "RC: ρ covers what the fit knows of the rig, Eq. (15)"),
-    "export-guarantee-missing": Row("caution", _guarantee),
-    "export-guarantee-unknown": Row("caution", "RC: these gains do not say whether the guarantee holds"),
-    "export-margins": Row("note", _margins),
-    "export-margins-unknown": Row("caution", "no linear model and no fit: the stability of the loop was not checked"),
-    "export-other-rate": Row(
-        "caution", "exported for {rate_hz:g} Hz, the gains were made for {made_hz:g} Hz: their margins are not these"
+    "export-unidentified": stop("the {subject} rest on a fit that is not identifiable: {why}"),
+    "export-not-converged": stop("the nonlinear model did not converge; fit it again before a rig runs on it"),
+    "export-guarantee-holds": note("RC: ρ covers what the fit knows of the rig, Eq. (15)"),
+    "export-guarantee-missing": caution(_guarantee),
+    "export-guarantee-unknown": caution("RC: these gains do not say whether the guarantee holds"),
+    "export-margins": note(_margins),
+    "export-other-rate": caution(
+        "exported for {rate_hz:g} Hz, the gains were made for {made_hz:g} Hz: their margins are not these"
     ),
-    "export-no-release": Row(
-        "caution", "no release was fitted: how the torque falls to rest is an assumption of the {subject}"
+    "export-no-release": caution(
+        "no release was fitted: how the torque falls to rest is an assumption of the {subject}"
     ),
-    "export-fault-outside": Row(
-        "caution", "the duty on fault, {duty:g} {unit}, lies outside the duty limits {low:g} to {high:g} {unit}"
+    "export-fault-outside": caution(
+        "the duty on fault, {duty:g} {unit}, lies outside the duty limits {low:g} to {high:g} {unit}"
     ),
-    "export-anyway": Row("caution", "EXPORTED ANYWAY: a finding of severity stop stands; do not run it on a person"),
+    "export-anyway": caution("EXPORTED ANYWAY: a finding of severity stop stands; do not run it on a person"),
 }

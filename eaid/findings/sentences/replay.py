@@ -1,12 +1,9 @@
 """Sentences about replays."""
 
-from collections.abc import Mapping
-from typing import Any
-
-from eaid.findings.row import Row
+from eaid.findings.row import Row, Values, caution, note
 
 
-def _leaves(v: Mapping[str, Any]) -> str:
+def _leaves(v: Values) -> str:
     parts = []
     if v["below_pct"] > 1:
         parts.append(f"{v['below_pct']:.0f} % of the time below {v['low']:.4g} {v['unit']}")
@@ -18,34 +15,31 @@ def _leaves(v: Mapping[str, Any]) -> str:
 
 
 ROWS: dict[str, Row] = {
-    "gains-not-identifiable": Row(
-        "caution", "the gains were made from a fit that is not identifiable ({why}): the replay is marked"
+    "gains-not-identifiable": caution(
+        "the gains were made from a fit that is not identifiable ({why}): the replay is marked"
     ),
-    "plant-not-identifiable": Row(
-        "caution",
-        "the nonlinear model is not identifiable ({why}): the replay shows that model, not the clutch; it is marked",
+    "plant-not-identifiable": caution(
+        "the nonlinear model is not identifiable ({why}): the replay shows that model, not the clutch; it is marked"
     ),
-    "reference-above-plant": Row(
-        "caution", "the reference goes to {asked:.3g} {unit}, the plant at its highest input to {highest:.3g} {unit}"
+    "reference-above-plant": caution(
+        "the reference goes to {asked:.3g} {unit}, the plant at its highest input to {highest:.3g} {unit}"
     ),
-    "reference-above-q-max": Row(
-        "caution", "the reference is as steep as {slope:.3g} per second; the gains were made for Q_M = {Q_M:g}"
+    "reference-above-q-max": caution(
+        "the reference is as steep as {slope:.3g} per second; the gains were made for Q_M = {Q_M:g}"
     ),
-    "plants-all-alike": Row(
-        "caution",
+    "plants-all-alike": caution(
         "this fit holds no covariance of the nonlinear model, so every drawn plant is the fitted one; fit again with "
-        "«ci» robust to carry the uncertainty on",
+        "«ci» robust to carry the uncertainty on"
     ),
-    "best-without-rig": Row(
-        "note", "the best is the bare plant's: noise, ripple, sensor, delay, PWM and duty resolution are left out"
+    "best-without-rig": note(
+        "the best is the bare plant's: noise, ripple, sensor, delay, PWM and duty resolution are left out"
     ),
-    "dead-time-replayed": Row(
-        "note",
-        "the duty acts {dead_time_s:.3g} s late, the dead time that the steps show; «delay_samples» says another",
+    "dead-time-replayed": note(
+        "the duty acts {dead_time_s:.3g} s late, the dead time that the steps show; «delay_samples» says another"
     ),
-    "no-gains": Row("note", "no «gains», so rc and pi are left out; the controllers that need none are replayed"),
-    "open-loop-on-straight-line": Row(
-        "note", "no linear model, so open-loop takes the straight line through the plant's steady torque"
+    "no-gains": note("no «gains», so rc and pi are left out; the controllers that need none are replayed"),
+    "open-loop-on-straight-line": note(
+        "no linear model, so open-loop takes the straight line through the plant's steady torque"
     ),
-    "replay-leaves-identified": Row("note", _leaves),
+    "replay-leaves-identified": note(_leaves),
 }

@@ -1,16 +1,13 @@
 """Sentences about steps: what is doubtful in a recorded step, and in the set of them."""
 
-from collections.abc import Mapping
-from typing import Any
-
-from eaid.findings.row import Row
+from eaid.findings.row import Row, Values, caution, note, stop
 
 _AS_RECORDED = (
     "eaid fit takes such a log whole, as it was recorded («logs_as» recorded asks for it); for steps, hold each level"
 )
 
 
-def _at_level(v: Mapping[str, Any]) -> str:
+def _at_level(v: Values) -> str:
     return f" at {v['levels']} {v.get('unit') or ''}".rstrip() if v["levels"] else ""
 
 
@@ -18,7 +15,7 @@ GROWS_PCT = 5.0
 """From this part of the step [%] a drift that goes on is told to its end."""
 
 
-def _drift(v: Mapping[str, Any]) -> str:
+def _drift(v: Values) -> str:
     share = v.get("share_pct")
     of = f" ({share:.0f} % of the step)" if share is not None and share < 1000 else ""
     said = f"drift before the step: {v['drift']:+.3g} {v['unit']} while idle{of}"
@@ -28,13 +25,13 @@ def _drift(v: Mapping[str, Any]) -> str:
     return f"{said}; at that rate {v['grown']:+.3g} {v['unit']} of the end value, {by_end:.0f} % of the step, are drift"
 
 
-def _too_short(v: Mapping[str, Any]) -> str:
+def _too_short(v: Values) -> str:
     slow = v.get("tau2_s")
     about = f"about {slow:.2g} s" if slow is not None else "far longer"
     return f"still rising at the end of its {v['window_s']:.3g} s: too short for the slow time constant ({about})"
 
 
-def _edges(v: Mapping[str, Any]) -> str:
+def _edges(v: Values) -> str:
     rows = zip(v["at_s"], v["rise_s"], v["overshoot_pct"], v["settling_s"], strict=True)
     each = [
         f"at {at:.4g} s (rise {rise:.2g} s, overshoot {over:.0f} %"
@@ -49,7 +46,7 @@ def _edges(v: Mapping[str, Any]) -> str:
     )
 
 
-def _other_shape(v: Mapping[str, Any]) -> str:
+def _other_shape(v: Values) -> str:
     name = {"one": "one exponential", "two": "two exponentials", "free": "another C", "overshoot": "an overshoot"}
     dead = f" behind a dead time of {v['dead_time_s']:.3g} s" if v["dead_time_s"] > 0 else ""
     return (
@@ -59,178 +56,145 @@ def _other_shape(v: Mapping[str, Any]) -> str:
 
 
 ROWS: dict[str, Row] = {
-    "other-shape-fits-better": Row("caution", _other_shape, "saved_pct", rank=0, covers=("shape-of-another-kind",)),
-    "step-leaves-open": Row("note", "the step to {levels} leaves open: {open}"),
-    "several-edges": Row("stop", _edges, "edges"),
-    "input-reverses": Row(
-        "stop",
+    "other-shape-fits-better": caution(_other_shape, "saved_pct", rank=0, covers=("shape-of-another-kind",)),
+    "step-leaves-open": note("the step to {levels} leaves open: {open}"),
+    "several-edges": stop(_edges, "edges"),
+    "input-reverses": stop(
         "the input goes to and fro at constant speed and turns {turns} times ({upwards} upwards), as a position does: "
-        "say «columns» position= for this column, input= for the load (or «name_pattern»), and each reversal is cut",
+        "say «columns» position= for this column, input= for the load (or «name_pattern»), and each reversal is cut"
     ),
-    "cut-at-reversals": Row(
-        "note",
+    "cut-at-reversals": note(
         "cut at the {reversals} turns of its position, each a step from the output at the turn; strokes back count as "
-        "negative inputs",
+        "negative inputs"
     ),
-    "input-sweeps": Row(
-        "stop", "the input sweeps from {from_hz:.3g} to {to_hz:.3g} Hz: a chirp holds no steps; " + _AS_RECORDED
+    "input-sweeps": stop(
+        "the input sweeps from {from_hz:.3g} to {to_hz:.3g} Hz: a chirp holds no steps; " + _AS_RECORDED
     ),
-    "input-is-periodic": Row(
-        "stop", "the input turns {turns} times at {hz:.3g} Hz: a periodic excitation holds no steps; " + _AS_RECORDED
+    "input-is-periodic": stop(
+        "the input turns {turns} times at {hz:.3g} Hz: a periodic excitation holds no steps; " + _AS_RECORDED
     ),
-    "input-is-binary": Row(
-        "stop",
+    "input-is-binary": stop(
         "the input switches {switches} times between two levels, held for multiples of {clock_s:.3g} s: a binary "
-        "sequence (PRBS) holds no settled steps; " + _AS_RECORDED,
+        "sequence (PRBS) holds no settled steps; " + _AS_RECORDED
     ),
-    "input-moves": Row("stop", "the input moves most of the time, so it holds no steps; " + _AS_RECORDED),
-    "counted-from-rest": Row("note", "levels counted from rest at {rest:g}"),
-    "input-negative": Row("note", "the input is negative: its size is taken"),
-    "input-glitch": Row("note", "the input leaves its level for {samples:#sample} and comes back: passed over"),
-    "short-pieces": Row("note", "{pieces:#shorter piece} of fewer than {fewest} samples left out"),
-    "step-from-output": Row(
-        "note", "step instant {step_s:.6g} s found from the output alone: late by a sample or more"
-    ),
-    "step-at-first-sample": Row(
-        "caution",
+    "input-moves": stop("the input moves most of the time, so it holds no steps; " + _AS_RECORDED),
+    "counted-from-rest": note("levels counted from rest at {rest:g}"),
+    "input-negative": note("the input is negative: its size is taken"),
+    "input-glitch": note("the input leaves its level for {samples:#sample} and comes back: passed over"),
+    "short-pieces": note("{pieces:#shorter piece} of fewer than {fewest} samples left out"),
+    "step-from-output": note("step instant {step_s:.6g} s found from the output alone: late by a sample or more"),
+    "step-at-first-sample": caution(
         "the output rises from the first sample on, which is taken for the step, and its value there, {start:.4g} "
-        "{unit}, for the start; if the step came later, say «step_at»",
+        "{unit}, for the start; if the step came later, say «step_at»"
     ),
-    "no-rest-before-step": Row(
-        "caution",
+    "no-rest-before-step": caution(
         "nothing is recorded before the step: its first samples, {start:.4g} {unit}, are taken for its start; if it is "
-        "another, say «baseline»",
+        "another, say «baseline»"
     ),
-    "spikes-before-step": Row("caution", "{samples:#spike} before the step left out of its baseline", "samples"),
-    "spikes": Row(
-        "stop",
+    "spikes-before-step": caution("{samples:#spike} before the step left out of its baseline", "samples"),
+    "spikes": stop(
         "{samples} single samples stand far out of the record, the largest {value:.4g} {unit} at {at_s:.6g} s: no fit "
         "holds with them; drop those rows",
         "value",
     ),
-    "slow-clock": Row("note", "sample time is {sample_s:.4g} s; if the time is not in s, say «units» time=ms"),
-    "gap": Row(
-        "caution",
-        "gap of {gap_s:.4g} s in the record at {at_s:.6g} s (usual sample time {sample_s:.4g} s)",
-        "gap_s",
-    ),
-    "step-in-gap": Row(
-        "stop",
+    "slow-clock": note("sample time is {sample_s:.4g} s; if the time is not in s, say «units» time=ms"),
+    "gap": caution("gap of {gap_s:.4g} s in the record at {at_s:.6g} s (usual sample time {sample_s:.4g} s)", "gap_s"),
+    "step-in-gap": stop(
         "the step falls into a gap of {gap_s:.4g} s of the record at {at_s:.6g} s, and {moved_pct:.0f} % of the change "
         "came within it: nobody knows when it began; record it again, or give its instant with «step_at»",
         "moved_pct",
     ),
-    "input-ramps": Row(
-        "caution",
+    "input-ramps": caution(
         "the input takes {ramp_s:.3g} s to its new level, and {moved_pct:.0f} % of the change come before it is there: "
         "its time constants are those of the rest; log the command, or a faster input",
         "moved_pct",
     ),
-    "input-ramps-on": Row(
-        "stop",
+    "input-ramps-on": stop(
         "the input takes {ramp_s:.3g} s to its new level, and {moved_pct:.0f} % of the change come before it is there: "
         "no step shows its time constants; fit the log as it was recorded («logs_as» recorded), or log the command",
         "moved_pct",
     ),
-    "jitter": Row("note", "jitter: the sample time runs from {low_s:.4g} to {high_s:.4g} s", "high_s"),
-    "idle-drifts": Row("caution", _drift, "share_pct", rank=0),
-    "not-at-rest": Row(
-        "stop",
+    "jitter": note("jitter: the sample time runs from {low_s:.4g} to {high_s:.4g} s", "high_s"),
+    "idle-drifts": caution(_drift, "share_pct", rank=0),
+    "not-at-rest": stop(
         "not at rest when the step begins: {off:+.3g} {unit} off the idle output, {share_pct:.0f} % of the step; let "
         "it rest before the step, mend «step_at» where the input was logged late, or say what it starts from with "
         "«baseline»",
         "share_pct",
     ),
-    "nearly-at-rest": Row(
-        "caution",
+    "nearly-at-rest": caution(
         "hardly at rest when the step begins: {off:+.3g} {unit} off the idle output, {share_pct:.0f} % of the step",
         "share_pct",
     ),
-    "unsettled-before-step": Row(
-        "stop",
+    "unsettled-before-step": stop(
         "the output still moves when the input goes from {levels}, by {share_pct:.0f} % of the change that follows: "
         "hold each level until it rests, or log the input in time",
         "share_pct",
     ),
-    "saturated": Row("stop", "sensor saturated? {samples:#sample} at {limit:.4g} {unit}", "samples"),
-    "saturated-behind-noise": Row(
-        "stop",
+    "saturated": stop("sensor saturated? {samples:#sample} at {limit:.4g} {unit}", "samples"),
+    "saturated-behind-noise": stop(
         "the output stops at {limit:.4g} {unit} at full slope, with less than half of its idle noise: the sensor is "
-        "saturated; record it with more range",
+        "saturated; record it with more range"
     ),
-    "flat-topped": Row(
-        "caution",
+    "flat-topped": caution(
         "the output stops at {limit:.4g} {unit} at full slope and stays there: a saturated sensor, or a contact that "
-        "slips; either way its time constants are those of the loading",
+        "slips; either way its time constants are those of the loading"
     ),
-    "same-ceiling": Row(
-        "stop",
+    "same-ceiling": stop(
         "the highest levels, {levels}, all stop at {ceiling:.4g} {unit} in mid-rise: the sensor or its amplifier is "
-        "saturated; leave them out with «levels», or record them with more range",
+        "saturated; leave them out with «levels», or record them with more range"
     ),
-    "sensor-stuck": Row(
-        "stop",
+    "sensor-stuck": stop(
         "the sensor stood still for {for_s:.3g} s at {at_s:.6g} s, at exactly {value:.4g} {unit}; record it again",
         "for_s",
     ),
-    "sensor-stuck-briefly": Row(
-        "caution", "the sensor stood still for {for_s:.3g} s at {at_s:.6g} s, at exactly {value:.4g} {unit}", "for_s"
+    "sensor-stuck-briefly": caution(
+        "the sensor stood still for {for_s:.3g} s at {at_s:.6g} s, at exactly {value:.4g} {unit}", "for_s"
     ),
-    "coarse-output": Row(
-        "stop",
+    "coarse-output": stop(
         "the output moves in steps of {resolution:.3g} {unit}, {steps:.0f} of them in the whole change: too coarse to "
-        "tell time constants; use a finer range of the sensor",
+        "tell time constants; use a finer range of the sensor"
     ),
-    "decays-under-hold": Row(
-        "caution",
+    "decays-under-hold": caution(
         "the output falls by {lost_pct:.0f} % from its peak while the input is held: no monotone model shows that",
         "lost_pct",
     ),
-    "window-too-short": Row("caution", _too_short, "tau2_s"),
-    "left-after-release": Row(
-        "caution", "{left_pct:.0f} % of the held torque is left {after_s:.3g} s after the release", "left_pct"
+    "window-too-short": caution(_too_short, "tau2_s"),
+    "left-after-release": caution(
+        "{left_pct:.0f} % of the held torque is left {after_s:.3g} s after the release", "left_pct"
     ),
-    "level-contradicts-input": Row(
-        "stop",
-        "its level is said to be {said:g} {unit}, but its own input column holds {held:.4g}; mend one of them",
+    "level-contradicts-input": stop(
+        "its level is said to be {said:g} {unit}, but its own input column holds {held:.4g}; mend one of them"
     ),
-    "repeats-disagree": Row(
-        "caution",
+    "repeats-disagree": caution(
         lambda v: (
             f"repeats disagree{_at_level(v)}: their outputs at the end differ by {v['spread_pct']:.0f} %"
-            + (f", {v['subject']} by {v['own_pct']:+.0f} % from the others" if "own_pct" in v else "")
+            + (f", {v['subject']} by {round(v['own_pct']):+d} % from the others" if "own_pct" in v else "")
         ),
         "own_pct",
     ),
-    "repeats-differ-in-number": Row(
-        "note", "repeats differ in number: {levels} {unit} only {few}, others up to {most}"
+    "repeats-differ-in-number": note("repeats differ in number: {levels} {unit} only {few}, others up to {most}"),
+    "duty-may-be-fraction": caution(
+        "no level is above 1 %: if the duty is a fraction of 1, say «units» input=fraction"
     ),
-    "duty-may-be-fraction": Row(
-        "caution", "no level is above 1 %: if the duty is a fraction of 1, say «units» input=fraction"
-    ),
-    "level-to-level": Row(
-        "note",
+    "level-to-level": note(
         "{steps} of {of} steps go from one level to another: each is fitted from its own start, apart from the steps "
-        "from rest",
+        "from rest"
     ),
-    "shape-explains-little": Row(
-        "stop",
-        "the best of the step shapes ({shape}) explains {R2:.0%} of the output's variance only: it is no step response",
+    "shape-explains-little": stop(
+        "the best of the step shapes ({shape}) explains {R2:.0%} of the output's variance only: it is no step response"
     ),
-    "shape-misses": Row(
-        "caution",
+    "shape-misses": caution(
         "the best of the step shapes misses the step to {levels} by up to {share_pct:.0f} % of its change: what "
         "swings, ramps or jumps is no sum of exponentials; read its constants as times only («edges» of eaid ingest "
         "gives rise, overshoot and settling)",
         "share_pct",
     ),
-    "sign-differs": Row(
-        "stop",
+    "sign-differs": stop(
         "its output goes the other way than that of its {siblings} siblings; mend its sign or its wiring, or leave it "
-        "out",
+        "out"
     ),
-    "signs-turned": Row(
-        "note",
-        "the output falls at the step in {runs:#run}: recorded inverted, their sign is turned; «sign» keep forbids it",
+    "signs-turned": note(
+        "the output falls at the step in {runs:#run}: recorded inverted, their sign is turned; «sign» keep forbids it"
     ),
 }

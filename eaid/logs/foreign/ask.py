@@ -17,7 +17,6 @@ from dataclasses import dataclass, replace
 from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
-from types import TracebackType
 
 from eaid.arrays import read_only
 from eaid.errors import DataError
@@ -61,9 +60,7 @@ class ForeignReader:
     def __enter__(self) -> "ForeignReader":
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, fault: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self._end()
 
     def tables(self, form: Format, path: Path, source: str) -> list[Table]:

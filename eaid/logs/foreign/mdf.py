@@ -4,7 +4,7 @@ A conversion that is a formula written in the file is not run: the channel is re
 """
 
 import logging
-from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -41,7 +41,7 @@ def read_mdf(path: Path, source: str) -> list[Table]:
         for c, channel in enumerate(group.channels):
             if c != master and channel.data_type in NUMBERS[version]:
                 formula = any(_is_formula(one, version) for one in (channel, group.channels[master]))
-                load = _loader(source, file, str(channel.name), g, c, formula)
+                load = partial(_signal, source, file, str(channel.name), g, c, formula)
                 signals.append(Signal(str(channel.name), _unit(channel), name, g, load))
     if not signals:
         raise DataError(f"{source}: holds no channels of numbers; record the log again")
@@ -57,21 +57,15 @@ def _unit(channel: Any) -> str:
     return (said.decode("latin-1") if isinstance(said, bytes) else str(said or "")).strip("\0 ")
 
 
-def _loader(
-    source: str, file: Any, name: str, group: int, channel: int, formula: bool
-) -> Callable[[], tuple[Array, Array]]:
-    def load() -> tuple[Array, Array]:
-        if formula:
-            raise DataError(
-                f"{source}: {name} is scaled by a formula in the file, which eaid does not run; export it with its "
-                f"values"
-            )
-        one = file.get(group=group, index=channel, raw=False, ignore_invalidation_bits=True)
-        if one.samples.dtype.kind not in "fiub" or one.samples.ndim != 1:
-            raise DataError(f"{source}: {name} holds words or tables, not numbers; choose another channel")
-        values = np.asarray(one.samples, dtype=np.float64)
-        if one.invalidation_bits is not None:
-            values = np.where(np.asarray(one.invalidation_bits), np.nan, values)
-        return np.asarray(one.timestamps, dtype=np.float64), values
-
-    return load
+def _signal(source: str, file: Any, name: str, group: int, channel: int, formula: bool) -> tuple[Array, Array]:
+    if formula:
+        raise DataError(
+            f"{source}: {name} is scaled by a formula in the file, which eaid does not run; export it with its values"
+        )
+    one = file.get(group=group, index=channel, raw=False, ignore_invalidation_bits=True)
+    if one.samples.dtype.kind not in "fiub" or one.samples.ndim != 1:
+        raise DataError(f"{source}: {name} holds words or tables, not numbers; choose another channel")
+    values = np.asarray(one.samples, dtype=np.float64)
+    if one.invalidation_bits is not None:
+        values = np.where(np.asarray(one.invalidation_bits), np.nan, values)
+    return np.asarray(one.timestamps, dtype=np.float64), values

@@ -6,8 +6,9 @@ own time, else at the bag's time.
 """
 
 import struct
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -69,12 +70,12 @@ def read_ros(path: Path, source: str) -> list[Table]:
                 continue
             by_header = layout.stamp_ns is not None and abs(layout.stamp_ns - stamp) < NEAR_NS
             topic = connection.topic.strip("/")
-            for field in layout.fields:
-                name = topic if layout.fields == ("data",) else f"{topic}/{field}"
+            for field in layout.places:
+                name = topic if list(layout.places) == ["data"] else f"{topic}/{field}"
                 signals.append(
                     Signal(
                         name, _unit(connection.msgtype, field), str(connection.id), connection.id,
-                        _loader(path, source, (connection.id, connection.topic), layout, field, by_header),
+                        partial(_signal, path, source, (connection.id, connection.topic), layout, field, by_header),
                     )
                 )  # fmt: skip
     if not signals:
@@ -101,41 +102,39 @@ def _messages(reader: Any, connection: Any) -> Iterator[tuple[int, bytes]]:
 def _definitions(connection: Any) -> Definitions:
     """Message definitions behind a topic: those in the bag, else the standard ones; ValueError where they are wrong."""
     from rosbags import typesys
+    from rosbags.interfaces.typing import Typesdict
 
     form, text = connection.msgdef.format.name, connection.msgdef.data
     if form not in ("MSG", "IDL"):
-        return Definitions(typesys.get_typestore(typesys.Stores.ROS2_HUMBLE).fielddefs)
+        return typesys.get_typestore(typesys.Stores.ROS2_HUMBLE).fielddefs
     try:
         if form == "MSG":
-            return Definitions(typesys.get_types_from_msg(text, connection.msgtype))
-        found: dict[str, Any] = {}
+            return typesys.get_types_from_msg(text, connection.msgtype)
+        types: Typesdict = {}
         for part in text.split("=" * 80 + "\n"):
             idl = part.partition("\n")[2] if part.startswith("IDL: ") else part
             if idl.strip():
-                found.update(typesys.get_types_from_idl(idl))
-        return Definitions(found)
+                types.update(typesys.get_types_from_idl(idl))
+        return types
     except typesys.TypesysError as fault:
         raise ValueError(str(fault)) from None
 
 
-def _loader(
+def _signal(
     path: Path, source: str, which: tuple[int, str], layout: Layout, field: str, by_header: bool
-) -> Callable[[], tuple[Array, Array]]:
-    def load() -> tuple[Array, Array]:
-        stamps: list[int] = []
-        values: list[float] = []
-        with _opened(path) as reader:
-            connection = next(one for one in reader.connections if (one.id, one.topic) == which)
-            start = int(reader.start_time if _is_ros1(reader) else reader.metadata.start_time)
-            for stamp, raw in _messages(reader, connection):
-                at, value = layout.value(raw, field)
-                stamps.append((at if by_header and at is not None else stamp) - start)
-                values.append(value)
-            if len(values) != connection.msgcount:
-                raise DataError(
-                    f"{source}: {connection.topic} has {len(values)} messages where the bag counts "
-                    f"{connection.msgcount}; copy it again"
-                )
-        return np.array(stamps, dtype=np.int64) / 1e9, np.array(values, dtype=np.float64)
-
-    return load
+) -> tuple[Array, Array]:
+    stamps: list[int] = []
+    values: list[float] = []
+    with _opened(path) as reader:
+        connection = next(one for one in reader.connections if (one.id, one.topic) == which)
+        start = int(reader.start_time if _is_ros1(reader) else reader.metadata.start_time)
+        for stamp, raw in _messages(reader, connection):
+            at, value = layout.value(raw, field)
+            stamps.append((at if by_header and at is not None else stamp) - start)
+            values.append(value)
+        if len(values) != connection.msgcount:
+            raise DataError(
+                f"{source}: {connection.topic} has {len(values)} messages where the bag counts "
+                f"{connection.msgcount}; copy it again"
+            )
+    return np.array(stamps, dtype=np.int64) / 1e9, np.array(values, dtype=np.float64)

@@ -20,18 +20,8 @@ DEEPEST = 20
 _TIMES = ("builtin_interfaces/msg/Time", "builtin_interfaces/msg/Duration")
 
 
-class Definitions(NamedTuple):
-    """Message type → (constants, fields), as rosbags parses them."""
-
-    types: Mapping[str, Any]
-
-    def fields(self, name: str) -> list[tuple[str, Any]]:
-        """Fields of a type, name and description each; raises ValueError where it is not defined."""
-        if name in _TIMES:
-            return [("sec", (1, ("int32", 0))), ("nanosec", (1, ("uint32", 0)))]
-        if name not in self.types:
-            raise ValueError(f"message type {name} is not defined")
-        return list(self.types[name][1])
+Definitions = Mapping[str, Any]
+"""Message type → (constants, fields), as rosbags parses them."""
 
 
 class _Leaf(NamedTuple):
@@ -55,6 +45,14 @@ class _Reader:
             self.raw, self.order = raw[4:], "<" if raw[1] else ">"
         self.at = 0
         self.leaves = 0
+
+    def fields(self, name: str) -> list[tuple[str, Any]]:
+        """Fields of a type, name and description each; raises ValueError where it is not defined."""
+        if name in _TIMES:
+            return [("sec", (1, ("int32", 0))), ("nanosec", (1, ("uint32", 0)))]
+        if name not in self.definitions:
+            raise ValueError(f"message type {name} is not defined")
+        return list(self.definitions[name][1])
 
     def number(self, kind: str) -> float:
         """Next number; CDR aligns it to its size."""
@@ -94,7 +92,7 @@ class _Reader:
             else:
                 raise ValueError(f"fields of type {name} cannot be read")
         elif node == 2:  # a type by name
-            for field, inner in self.definitions.fields(what):
+            for field, inner in self.fields(what):
                 yield from self.walk(f"{path}.{field}" if path else field, inner, depth + 1, blob)
         else:  # array, sequence
             inner, count = what
@@ -120,7 +118,6 @@ class Layout:
     definitions: Definitions
     msgtype: str
     ros1: bool
-    fields: tuple[str, ...]
     places: Mapping[str, str]
     """Field as shown → its path in the message."""
     stamp_ns: int | None
@@ -160,4 +157,4 @@ def layout_of(definitions: Definitions, msgtype: str, raw: bytes, ros1: bool) ->
         joint = values.get(f"name[{rest}") if bracket and "." not in head else None
         places[f"{head}[{joint}]" if isinstance(joint, str) and joint else leaf.path] = leaf.path
     stamp = _stamp(values.get("header.stamp.sec"), values.get("header.stamp.nanosec"))
-    return Layout(definitions, msgtype, ros1, tuple(places), places, stamp)
+    return Layout(definitions, msgtype, ros1, places, stamp)

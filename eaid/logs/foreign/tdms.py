@@ -4,7 +4,8 @@ Values come scaled, as npTDMS scales them. Channels without waveform properties 
 which one has to be the time.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -46,12 +47,12 @@ def read_tdms(path: Path, source: str) -> list[Table]:
         if origin is not None and start in known:
             begin += float((start - origin) / np.timedelta64(1, "ns")) * 1e-9
         clock = (begin, increment, len(channel))
-        signals.append(Signal(name, unit, group, clock, _signal(path, group, name, begin, increment)))
+        signals.append(Signal(name, unit, group, clock, partial(_signal, path, group, name, begin, increment)))
     tables = tables_of_signals(source, signals)
     for (group, _), columns in vectors.items():
         names = tuple(name for name, _ in columns)
         units = tuple(unit for _, unit in columns)
-        tables.append(Table(group, names, _vectors(path, group, names), units, dropped=tuple(dropped)))
+        tables.append(Table(group, names, partial(_vectors, path, group, names), units, dropped=tuple(dropped)))
     if not tables:
         raise DataError(f"{source}: holds no channels of numbers; record the log again")
     return tables
@@ -64,17 +65,11 @@ def _read(path: Path, group: str, name: str) -> np.ndarray[Any, Any]:
         return np.asarray(file[group][name][:])
 
 
-def _signal(path: Path, group: str, name: str, begin: float, increment: float) -> Callable[[], tuple[Array, Array]]:
-    def load() -> tuple[Array, Array]:
-        values = np.asarray(_read(path, group, name), dtype=np.float64)
-        return np.asarray(begin + np.arange(len(values)) * increment, dtype=np.float64), values
-
-    return load
+def _signal(path: Path, group: str, name: str, begin: float, increment: float) -> tuple[Array, Array]:
+    values = np.asarray(_read(path, group, name), dtype=np.float64)
+    return np.asarray(begin + np.arange(len(values)) * increment, dtype=np.float64), values
 
 
-def _vectors(path: Path, group: str, names: Sequence[str]) -> Callable[[Sequence[int]], Cells]:
-    def load(wanted: Sequence[int]) -> Cells:
-        columns = [_read(path, group, names[i]) for i in wanted]
-        return Cells(tuple(seconds(values) if values.dtype.kind == "M" else values for values in columns))
-
-    return load
+def _vectors(path: Path, group: str, names: Sequence[str], wanted: Sequence[int]) -> Cells:
+    columns = [_read(path, group, names[i]) for i in wanted]
+    return Cells(tuple(seconds(values) if values.dtype.kind == "M" else values for values in columns))

@@ -1,14 +1,26 @@
 """Figs. 2 and 9: one period of the bipolar PWM, Eq. (2), and the shear stress over the electric field, Eq. (1)."""
 
+from functools import partial
+
 import numpy as np
 from matplotlib.figure import Figure
 
 from eaid.apparatus import Apparatus
 from eaid.models import nonlinear
 from eaid.report import style
-from eaid.report.figures.values import nonlinear_of
-from eaid.report.rig import apparatus_of
+from eaid.report.ready import Ready, caption
+from eaid.report.results import Results
+from eaid.report.rig import apparatus_of, of_the_paper
 from eaid.results.fit import Fit
+
+
+def pwm_ready(results: Results) -> Ready | None:
+    """Fig. 2, from the rig that a clutch fit or dataset names."""
+    fit, data = results.fit("clutch"), results.data_of("clutch")
+    if not of_the_paper(fit.data if fit is not None else data, results.paper):
+        return None
+    rig = apparatus_of(fit.data) if fit is not None else data.apparatus if data is not None else None
+    return Ready(partial(pwm_period, rig), caption("pwm")) if rig is not None else None
 
 
 def pwm_period(rig: Apparatus, duty_pct: float = 60.0) -> Figure:
@@ -34,10 +46,19 @@ def pwm_period(rig: Apparatus, duty_pct: float = 60.0) -> Figure:
     return figure
 
 
+def shear_ready(fit: Fit, results: Results) -> Ready | None:
+    """Fig. 9, of the paper's kind of clutch only."""
+    if fit.nonlinear is None or not of_the_paper(fit.data, results.paper):
+        return None
+    field, stress = shear_point(fit)
+    top, unit = fit.nonlinear.u_range[1], fit.data.input_unit
+    return Ready(partial(shear_per_field, fit), caption("shear", field=field, stress=stress, level=top, unit=unit))
+
+
 def shear_point(fit: Fit) -> tuple[float, float]:
     """Electric field [V/µm] and shear stress [kPa] of this clutch at its highest identified duty, Eq. (1)."""
     assert fit.nonlinear is not None
-    rig, model = apparatus_of(fit.data), nonlinear_of(fit.nonlinear)
+    rig, model = apparatus_of(fit.data), fit.nonlinear.parameters
     return rig.field_v_per_um, rig.shear_kpa(float(nonlinear.steady_torque(model, model.u_range[1])))
 
 

@@ -1,49 +1,60 @@
-"""Figs. 7 and 8: step responses of the clutch with the nonlinear, Eqs. (4)–(7), and the linear model, Eq. (8)."""
+"""Figs. 7 and 8: step responses of the clutch with the nonlinear, Eqs. (4)–(7), and the linear model, Eq. (8); B."""
 
-from collections.abc import Sequence
 from functools import partial
 
 import numpy as np
 from matplotlib.figure import Figure
 
-from eaid.models import linear, nonlinear
-from eaid.models.parameters import Linear
+from eaid.models import linear
 from eaid.report import published, style
-from eaid.report.figures.steps import MODEL, Model, draw_steps, end_of, fine_times, label_ends, some_levels
-from eaid.report.figures.values import axis_label, intervals_of, nonlinear_of, points, top_of, values_of, values_over
-from eaid.report.rig import gain, level_text, level_values, over, overlaid, quantity
-from eaid.report.tables.fits import estimates_of
+from eaid.report.figures import steps
+from eaid.report.figures.panels import MODEL
+from eaid.report.figures.steps import draw_steps, end_of, fine_times, label_ends, nonlinear_curves, some_levels
+from eaid.report.figures.values import points
+from eaid.report.ready import Ready, caption
+from eaid.report.results import Results
+from eaid.report.rig import gain, level_text, over, overlaid, quantity
 from eaid.report.thin import thinned
-from eaid.results.common import LevelError
 from eaid.results.fit import Fit
-from eaid.results.linear import Pooled
 from eaid.steps.stepset import StepSet
 
 
-def linear_of(part: Pooled) -> Linear:
-    """The pooled linear model."""
-    return Linear(part.a0, part.b0, part.c0)
-
-
-def rmse_notes(rows: Sequence[LevelError]) -> dict[float, str]:
+def _rmse_notes(fit: Fit | None) -> dict[float, str]:
     """Each level's RMSE as written behind its name."""
+    rows = fit.nonlinear.per_level if fit is not None and fit.nonlinear is not None else ()
     return {row.level: f"{row.rmse:.3f}" for row in rows if row.rmse is not None}
 
 
-def models_of(fit: Fit | None, data: StepSet) -> dict[float, Model]:
-    """Level → the nonlinear model's step response."""
-    if fit is None or fit.nonlinear is None:
-        return {}
-    model = nonlinear_of(fit.nonlinear)
-    return {one.level: partial(nonlinear.step_response, model, duty_pct=one.level) for one in data.levels}
+def nonlinear_ready(data: StepSet, results: Results) -> Ready:
+    """Fig. 7, from the clutch dataset; the model where it was fitted."""
+    fit = results.fit("clutch")
+    models = nonlinear_curves(fit, data)
+    several = [row for row in data.levels if len(row.runs) > 1 and models]
+    inside = [np.abs(row.mean - models[row.level](row.time_s)) <= row.sd for row in several]
+    share = 100 * float(np.mean(np.concatenate(inside))) if inside else None
+    said = caption("nonlinear", fitted=bool(models), inside_pct=share, out=data.output_unit)
+    live = partial(steps.live, data, models, _rmse_notes(fit))
+    return Ready(partial(nonlinear_model, data, fit), said, lambda: (live(),))
 
 
 def nonlinear_model(data: StepSet, fit: Fit | None) -> Figure:
     """Fig. 7: mean ± sd per level, Eq. (4) dashed, and each level's RMSE behind its name."""
     figure, (axes,) = style.page(3.6)
-    notes = rmse_notes(fit.nonlinear.per_level) if fit is not None and fit.nonlinear is not None else {}
-    draw_steps(axes, data, models_of(fit, data), notes, spread=True, said=f"Eq. (4), RMSE ({data.output_unit})")
+    said = f"Eq. (4), RMSE ({data.output_unit})"
+    draw_steps(axes, data, nonlinear_curves(fit, data), _rmse_notes(fit), spread=True, said=said)
     return figure
+
+
+def linear_ready(data: StepSet, fit: Fit) -> Ready | None:
+    """Fig. 8, from the clutch dataset and its linear model."""
+    if fit.linear is None:
+        return None
+    goals = {row.level: linear.steady_torque(fit.linear.parameters, row.level) for row in data.levels}
+    missed = [(abs(goals[row.level] - end_of(row.mean)), row.level) for row in data.levels]
+    below = [level_text(level, data.input_unit) for level, goal in goals.items() if goal <= 0]
+    units = {"unit": data.input_unit, "out": data.output_unit}
+    said = caption("linear", near=min(missed), far=max(missed), below=below, **units)
+    return Ready(partial(linear_model, data, fit), said)
 
 
 def linear_model(data: StepSet, fit: Fit) -> Figure:
@@ -53,7 +64,7 @@ def linear_model(data: StepSet, fit: Fit) -> Figure:
     """
     figure, (measured, modelled) = style.page(2.9, 1, 2, sharey=True)
     assert fit.linear is not None
-    model = linear_of(fit.linear)
+    model = fit.linear.parameters
     levels = some_levels(data.levels, 14)
     longest = max(float(one.time_s[-1]) for one in levels)
     fine = fine_times(longest)
@@ -62,9 +73,9 @@ def linear_model(data: StepSet, fit: Fit) -> Figure:
         text = level_text(one.level, data.input_unit)
         measured.plot(*thinned(one.time_s, one.mean, 800), color=colour, linewidth=1.2)
         ends[0].append((end_of(one.mean), text, colour))
-        if linear.steady_torque(model, one.level) > 0:
+        if (goal := linear.steady_torque(model, one.level)) > 0:
             modelled.plot(fine, linear.step_response(model, fine, one.level), color=colour, linestyle=(0, (4, 2)))
-            ends[1].append((linear.steady_torque(model, one.level), text, colour))
+            ends[1].append((goal, text, colour))
     measured.set_ylim(0, None)
     for mark, axes, placed, said in zip("ab", (measured, modelled), ends, ("measured", "linear model"), strict=True):
         axes.set(xlabel="Time since the step (s)", xlim=(0, longest))
@@ -74,37 +85,13 @@ def linear_model(data: StepSet, fit: Fit) -> Figure:
     return figure
 
 
-OTHERS = ((style.VERMILLION, "-."), (style.GREEN, (0, (4, 1, 1, 1, 1, 1))), (style.PURPLE, (0, (6, 2))))
-"""Colour and line of the estimates beside the one that is used."""
-
-
-def polynomials(fit: Fit, asked: bool | None = None) -> Figure:
-    """T_s, τ1 and τ2 over the level: every estimate, the single levels with their intervals, and Table III."""
-    figure, axes = style.page(2.5, 1, 3)
-    part, unit = fit.nonlinear, fit.data.input_unit
-    assert part is not None
-    u = np.linspace(*part.u_range, 200)
-    rows, alone = level_values(fit), fit.recorded is None
-    (own, used), *others = estimates_of(part).items()
-    curves = values_over(used, u)
-    for mark, name, panel in zip("abc", ("Ts", "tau1", "tau2"), axes, strict=True):
-        panel.plot(u, curves[name], color=style.BLUE, label=f"{own} (used)")
-        seen, values = 0.0, values_of(rows, name)
-        if np.isfinite(values).any():
-            said = "each level, 95 %" if alone else "95 %"
-            at = [row.level for row in rows]
-            seen = points(panel, at, values, intervals_of(rows, name), color=style.BLACK, label=said)
-        top = top_of(curves[name], seen)
-        for (said, other), (colour, line) in zip(others, OTHERS, strict=False):
-            panel.plot(u, values_over(other, u)[name], color=colour, linestyle=line, linewidth=0.9, label=said)
-        if name != "Ts" and overlaid(fit.data, asked):
-            # Table III's T_s gives 0.06 N·m at full duty: a line on the floor.
-            paper = np.polynomial.polynomial.polyval(u, published.TABLE_III[name])
-            panel.plot(u, paper, color=style.GREY, linestyle=":", label="published")
-        panel.set(xlabel=over(unit), ylabel=axis_label(name, fit.data.output_unit), ylim=(0, 1.1 * top or 1.0))
-        style.letter(panel, mark)
-    style.legend_over(figure, axes[1])
-    return figure
+def input_gain_ready(fit: Fit, results: Results) -> Ready | None:
+    """Input gain of each level."""
+    bounds = fit.linear.bounds if fit.linear is not None else None
+    known = [(row.B, row.level) for row in fit.linear.per_level if row.B is not None] if fit.linear is not None else []
+    if not known and (bounds is None or bounds.B_m is None):
+        return None
+    return Ready(partial(input_gain, fit, results.paper), caption("gain", known=known, unit=fit.data.input_unit))
 
 
 def input_gain(fit: Fit, asked: bool | None = None) -> Figure:
@@ -116,12 +103,10 @@ def input_gain(fit: Fit, asked: bool | None = None) -> Figure:
     if rows:
         at, values, intervals = zip(*rows, strict=True)
         points(axes, at, np.array(values), intervals, fmt="o-", color=style.BLUE, linewidth=0.9)
-    bounds = part.bounds
-    ends = []
-    for name, value in (("$B_m$", bounds.B_m if bounds else None), ("$B_M$", bounds.B_M if bounds else None)):
-        if value is not None:
-            axes.axhline(value, **{**MODEL, "color": style.VERMILLION})
-            ends.append((value, f"{name} = {value:.3g}", style.VERMILLION))
+    bounds = {"$B_m$": part.bounds.B_m, "$B_M$": part.bounds.B_M} if part.bounds else {}
+    known = {name: value for name, value in bounds.items() if value is not None}
+    for value in known.values():
+        axes.axhline(value, color=style.VERMILLION, linestyle=MODEL["linestyle"], linewidth=MODEL["linewidth"])
     if overlaid(fit.data, asked):
         low, high = published.TABLE_IV["B_m"], published.TABLE_IV["B_M"]
         axes.axhspan(low, high, facecolor="#EDEDED", edgecolor="#C8C8C8", hatch="...", lw=0, zorder=0)
@@ -129,5 +114,6 @@ def input_gain(fit: Fit, asked: bool | None = None) -> Figure:
                   bbox={"facecolor": "white", "edgecolor": "none", "pad": 1})  # fmt: skip
     axes.set(xlabel=over(unit), ylabel=f"Input gain $B$ ({gain(unit, fit.data.output_unit)})")
     axes.set_ylim(0, None)
+    ends = [(value, f"{name} = {value:.3g}", style.VERMILLION) for name, value in known.items()]
     label_ends(axes, ends, axes.get_xlim()[1])
     return figure

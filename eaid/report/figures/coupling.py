@@ -1,12 +1,30 @@
 """How stiff a wall: the damping that a wall asks of the limb over frequency, and the stiffest walls over B_v."""
 
+from collections.abc import Sequence
+from functools import partial
+
 import numpy as np
 from matplotlib.figure import Figure
 
 from eaid.report import style
+from eaid.report.ready import Ready, caption
+from eaid.report.results import Given
+from eaid.report.rig import controller_name
+from eaid.report.tables.table import number
 from eaid.results.coupling import Coupling
 
 SHOWN = ("open-loop", "pi", "rc-no-rate", "rc")
+
+
+def walls_ready(couplings: Sequence[Given[Coupling]]) -> Ready | None:
+    """How stiff a virtual wall each loop may render."""
+    if not couplings or not couplings[0].result.walls:
+        return None
+    first = couplings[0].result
+    at = middle_torque(first)
+    shown = [wall for wall in first.walls if wall.torque_nm == at and wall.loop in SHOWN]
+    passive = [f"{controller_name(wall.loop)} {number(wall.K_passive, 3)}" for wall in shown]
+    return Ready(partial(walls, first), caption("walls", at=at, unit=first.output_unit, walls=passive))
 
 
 def middle_torque(coupling: Coupling) -> float:
@@ -25,7 +43,7 @@ def walls(coupling: Coupling) -> Figure:
             if (curve.loop, curve.torque_nm) == (name, at):
                 f, asked = np.array(curve.frequency_hz), np.array(curve.needed_s)
                 up = asked > 0
-                needed.plot(f[up], asked[up], color=colour, label=style.controller_name(name))
+                needed.plot(f[up], asked[up], color=colour, label=controller_name(name))
                 if up.any():
                     most = int(np.argmax(asked))
                     needed.plot(f[most], asked[most], "o", color=colour, markersize=4)

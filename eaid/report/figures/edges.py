@@ -1,16 +1,22 @@
 """Edges of an output that goes to and fro, as of a closed loop: reference and output, and each edge by itself."""
 
 from collections.abc import Sequence
+from functools import partial
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from eaid.logs.run import Run
 from eaid.report import style
 from eaid.report.edge_logs import EdgeLog
+from eaid.report.figures import panels
+from eaid.report.figures.panels import Line, Panel
 from eaid.report.figures.recorded import MARKS, MOST, titles
 from eaid.report.figures.steps import level_bar, some_levels
-from eaid.report.rig import quantity
+from eaid.report.live import Live
+from eaid.report.ready import Ready, caption
+from eaid.report.rig import over, quantity
 from eaid.report.thin import thinned
 
 NUMBERED = 20
@@ -19,18 +25,44 @@ WITHIN = 0.05
 """An edge has settled within this share of its change."""
 
 
+def edges_ready(logs: Sequence[EdgeLog]) -> Ready | None:
+    """Logs of closed loops: reference and output, and the edges by themselves."""
+    shown = [log for log in logs if log.edges]
+    every = [one for log in shown for one in log.edges]
+    if not every:
+        return None
+    worst = max(one.overshoot_pct for one in every)
+    said = caption("edges", count=len(every), logs=len(logs), rise=[one.rise_s for one in every], worst=worst)
+    alone = shown if len(shown) == 1 else []
+    return Ready(partial(edges_of_logs, shown), said, lambda: tuple(live(log.run) for log in alone))
+
+
+def _lines(run: Run) -> list[Line]:
+    """Output and reference."""
+    output = Line(run.time_s, run.output, "output", style.BLUE)
+    reference = run.reference_nm
+    return [output] if reference is None else [output, Line(run.time_s, reference, "reference", style.BLACK, ":")]
+
+
+def live(run: Run) -> Live:
+    """Output and reference over the time of the log, and its input where it was recorded."""
+    shown = [Panel(quantity(run.output_unit), run.output_unit, 280, _lines(run), named=True)]
+    if run.has_input:
+        acting = Line(run.time_s, run.input, "input", style.GREEN)
+        shown.append(Panel(over(run.input_unit), run.input_unit, 150, [acting]))
+    return panels.live(shown, "Time of the log (s)")
+
+
 def draw_log(axes: Axes, log: EdgeLog) -> None:
     """Reference and output over the time of the log, the edges numbered."""
-    run = log.run
-    axes.plot(*thinned(run.time_s, run.output, 2500), color=style.BLUE, linewidth=0.9, label="output")
-    if run.reference_nm is not None:
-        axes.plot(*thinned(run.time_s, run.reference_nm, 2500), color=style.BLACK, linestyle=":", label="reference")
+    for line in _lines(log.run):
+        panels.draw_line(axes, line)
     for k, one in enumerate(log.edges[: NUMBERED if len(log.edges) <= NUMBERED else 0]):
         axes.axvline(one.at_s, color=style.GREY, linewidth=0.5)
         axes.annotate(f"{k + 1}", (one.at_s, 1.0), (2, -1), xycoords=("data", "axes fraction"), va="top",
                       textcoords="offset points")  # fmt: skip
     low, high = axes.get_ylim()
-    axes.set(xlabel="Time of the log (s)", ylabel=quantity(run.output_unit), ylim=(low, high + 0.12 * (high - low)))
+    axes.set(xlabel="Time of the log (s)", ylabel=quantity(log.run.output_unit), ylim=(low, high + 0.12 * (high - low)))
     axes.margins(x=0)
 
 

@@ -1,12 +1,15 @@
 """Fig. 6: torque while the input is held and after it is released; DC drive loses torque and leaves some behind."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from matplotlib.figure import Figure
 
 from eaid.arrays import Array
 from eaid.report import style
+from eaid.report.ready import Ready, caption
 from eaid.report.rig import level_text, quantity
 from eaid.report.thin import thinned
 from eaid.steps.noise import block_means
@@ -36,6 +39,15 @@ class Held:
         return 100 * left / held if held > 0 else 0.0
 
 
+def hold_ready(data: StepSet) -> Ready | None:
+    """Fig. 6, where the dataset holds releases."""
+    levels, unit = held_levels(data), data.input_unit
+    if not levels:
+        return None
+    draw = partial(hold_and_release, levels, unit, data.output_unit)
+    return Ready(draw, caption("held", top=levels[0], unit=unit))
+
+
 def held_levels(data: StepSet) -> list[Held]:
     """Levels whose rise and release were both recorded: the highest, the middle and the lowest of them."""
     rising = {level.level: level for level in data.levels}
@@ -52,21 +64,20 @@ def held_levels(data: StepSet) -> list[Held]:
     return [found[-1], found[len(found) // 2], found[0]]
 
 
-def hold_and_release(held: list[Held], input_unit: str, output_unit: str) -> Figure:
+def hold_and_release(levels: Sequence[Held], input_unit: str, output_unit: str) -> Figure:
     """Output over time, the held stretch shaded; the shares lost while held and left after release are written."""
     figure, (axes,) = style.column(2.7)
     looks = [(style.BLUE, "-"), (style.VERMILLION, "--"), (style.GREEN, "-.")]
-    axes.axvspan(0, held[0].release_s, color="#E8E8E8", lw=0)
-    for run, (colour, line) in zip(held, looks, strict=False):
-        label = f"{level_text(run.level, input_unit)}: lost {run.lost_pct:.1f} %, left {run.left_pct:.1f} %".replace(
-            "-", "−"
-        )
+    axes.axvspan(0, levels[0].release_s, color="#E8E8E8", lw=0)
+    for run, (colour, line) in zip(levels, looks, strict=False):
+        label = f"{level_text(run.level, input_unit)}: lost {run.lost_pct:.1f} %, left {run.left_pct:.1f} %"
+        label = label.replace("-", "−")
         t, y = thinned(run.time_s, run.torque, 1500)
         axes.plot(t, y, color=colour, linestyle=line, linewidth=0.9, label=label)
-    axes.set(xlabel="Time since the step (s)", ylabel=quantity(output_unit), xlim=(0, float(held[0].time_s[-1])))
+    axes.set(xlabel="Time since the step (s)", ylabel=quantity(output_unit), xlim=(0, float(levels[0].time_s[-1])))
     low, high = axes.get_ylim()
     axes.set_ylim(low, high + 0.12 * (high - low))  # the words stand above every curve
-    for text, at in (("input on", held[0].release_s / 2), ("off", (held[0].release_s + held[0].time_s[-1]) / 2)):
+    for text, at in (("input on", levels[0].release_s / 2), ("off", (levels[0].release_s + levels[0].time_s[-1]) / 2)):
         axes.annotate(text, (float(at), 0.985), xycoords=("data", "axes fraction"), ha="center", va="top")
     axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0))
     return figure

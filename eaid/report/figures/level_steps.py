@@ -11,6 +11,8 @@ from eaid.arrays import Array
 from eaid.report import style
 from eaid.report.figures.steps import Curve, draw_curves, some_levels
 from eaid.report.figures.values import axis_label, points
+from eaid.report.ready import Ready, caption
+from eaid.report.results import Results
 from eaid.report.rig import over
 from eaid.results.steps import StepShape
 from eaid.steps.stepset import LevelStep, StepSet
@@ -19,10 +21,31 @@ MOST = 12
 """Most steps that are drawn."""
 
 
-def step_text(step: LevelStep | StepShape) -> str:
+def level_steps_ready(results: Results) -> Ready | None:
+    """Steps from level to level, where some were recorded and fitted."""
+    for one in results.data:
+        data, fit = one.result, results.fit(one.result.kind)
+        if fit is not None and (pairs := paired(data, fit.steps)):
+            shares = [(shape.fit_pct, step_text(shape)) for _, shape in pairs if shape.fit_pct is not None]
+            said = caption("level_steps", count=len(pairs), worst=min(shares))
+            return Ready(partial(level_steps, data, fit.steps), said)
+    return None
+
+
+def over_level_ready(results: Results) -> Ready | None:
+    """Gain and time constants of steps from level to level over the level."""
+    fit = next((one.result for one in results.fits if len(one.result.steps) > 1), None)
+    if fit is None:
+        return None
+    units = fit.data.input_unit, fit.data.output_unit
+    gains = {edge: [s.gain for s in fit.steps if s.edge == edge and s.gain is not None] for edge in ("up", "down")}
+    said = caption("steps_over_level", edges=gains, units=units)
+    return Ready(partial(over_level, fit.steps, units), said)
+
+
+def step_text(step: StepShape) -> str:
     """A step as it is named: 50 → 100."""
-    before = step.from_level if isinstance(step, LevelStep) else step.from_
-    return f"{before:.3g} → {step.level:.3g}".replace("-", "−")
+    return f"{step.from_:.3g} → {step.level:.3g}".replace("-", "−")
 
 
 def paired(data: StepSet, shapes: Sequence[StepShape]) -> list[tuple[LevelStep, StepShape]]:
@@ -42,7 +65,7 @@ def level_steps(data: StepSet, shapes: Sequence[StepShape]) -> Figure:
 def draw_level_steps(axes: Axes, data: StepSet, shapes: Sequence[StepShape]) -> None:
     """Draw them on one pair of axes."""
     curves = [
-        Curve(step.time_s, step.output - shape.start, step_text(step), partial(_change, shape))
+        Curve(step.time_s, step.output - shape.start, step_text(shape), partial(_change, shape))
         for step, shape in some_levels(paired(data, shapes), MOST)
     ]
     axes.set_ylabel(f"Change of output ({data.output_unit or '1'})")

@@ -2,20 +2,51 @@
 
 import os
 from collections.abc import Sequence
+from functools import partial
 
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from eaid.report import style
+from eaid.report.figures import panels
+from eaid.report.figures.panels import MODEL, Line, Panel
 from eaid.report.figures.steps import some_levels
+from eaid.report.ready import Ready, caption
 from eaid.report.rig import over, quantity
-from eaid.results.recorded import LogFit, Response
+from eaid.results.fit import Fit
+from eaid.results.recorded import LogCurve, LogFit, Response
 
 MOST = 3
 """Most logs, and most frequency responses, that are drawn."""
 BAND = "#BDBDBD"
 MARKS = "abcdefghi"
+
+
+def logs_ready(fit: Fit) -> Ready | None:
+    """Logs fitted as recorded: input, measured, model, residual."""
+    every = fit.recorded.logs if fit.recorded is not None else ()
+    logs = drawn_logs(every)
+    if not logs:
+        return None
+    units = fit.data.input_unit, fit.data.output_unit
+    known = [one for one in logs if None not in (one.rmse, one.fit_pct, one.one_step_pct)]
+    worst = min(known, key=lambda one: one.fit_pct or 0.0, default=None)
+    said = caption("recorded", shown=len(logs), count=len(every), worst=worst, unit=units[1])
+    live = [log_panels(one.curve, units) for one in logs] if len(logs) == 1 else []
+    draw = partial(recorded_logs, logs, units)
+    return Ready(draw, said, lambda: tuple(panels.live(one, "Time of the log (s)") for one in live))
+
+
+def bode_ready(fit: Fit) -> Ready | None:
+    """Frequency responses of recorded logs whose input moves."""
+    known = [one for one in fit.recorded.responses if one.frequency_hz] if fit.recorded is not None else []
+    if not known:
+        return None
+    shown = known[:MOST]
+    first = next((one for one in shown if one.harmonics_pct is not None), shown[0])
+    said = caption("bode", shown=len(shown), count=len(known), first=first)
+    return Ready(partial(bode, shown, (fit.data.input_unit, fit.data.output_unit)), said)
 
 
 def drawn_logs(logs: Sequence[LogFit]) -> list[LogFit]:
@@ -40,22 +71,27 @@ def recorded_logs(logs: Sequence[LogFit], units: tuple[str, str]) -> Figure:
     n, heads = len(logs), titles([one.name for one in logs])
     figure, axes = style.page(4.2, 3, n, sharex="col", height_ratios=(1, 1.6, 1))
     for k, log in enumerate(logs):
-        acting, output, left = axes[k], axes[n + k], axes[2 * n + k]
-        t = np.array(log.curve.time_s)
-        acting.plot(t, log.curve.input, color=style.GREEN, linewidth=0.7, drawstyle="steps-post")
-        output.plot(t, log.curve.measured, color=style.SKY, linewidth=1.8, label="measured")
-        output.plot(t, log.curve.model, color=style.BLACK, linewidth=0.8, linestyle=(0, (4, 2)), label="model")
-        left.plot(t, log.curve.residual, color=style.VERMILLION, linewidth=0.6)
-        left.axhline(0, color=style.BLACK, linewidth=0.5)
-        left.set(xlabel="Time of the log (s)", xlim=(t[0], t[-1]))
+        column = axes[k::n]
+        panels.draw(column, log_panels(log.curve, units), "Time of the log (s)")
+        column[2].axhline(0, color=style.BLACK, linewidth=0.5)
         fit = "" if log.fit_pct is None else f"fit {log.fit_pct:.3g} %"
-        for row, panel, said in ((0, acting, heads[k]), (1, output, fit), (2, left, "")):
-            style.letter(panel, MARKS[n * row + k], said)
-    axes[0].set_ylabel(over(units[0]))
-    axes[n].set_ylabel(quantity(units[1]))
-    axes[2 * n].set_ylabel(f"Residual ({units[1] or 'output'})")
+        for row, said in enumerate((heads[k], fit, "")):
+            style.letter(column[row], MARKS[n * row + k], said)
+            if k:
+                column[row].set_ylabel("")
     style.legend_over(figure, axes[n])
     return figure
+
+
+def log_panels(curve: LogCurve, units: tuple[str, str]) -> list[Panel]:
+    """Input, measured and model, residual of one log over its own time."""
+    t, (unit, out) = np.array(curve.time_s), units
+    held = Line(np.repeat(t, 2)[1:], np.repeat(curve.input, 2)[:-1], "input", style.GREEN, linewidth=0.7)
+    measured = Line(t, np.array(curve.measured), "measured", style.SKY, linewidth=1.8)
+    model = Line(t, np.array(curve.model), "model", **MODEL)
+    left = Line(t, np.array(curve.residual), "residual", style.VERMILLION, linewidth=0.6)
+    output = Panel(quantity(out), out, 280, [measured, model], named=True)
+    return [Panel(over(unit), unit, 150, [held]), output, Panel(f"Residual ({out or 'output'})", out, 150, [left])]
 
 
 def bode(responses: Sequence[Response], units: tuple[str, str]) -> Figure:

@@ -1,14 +1,21 @@
 """Figs. 16 and 17: elbow rehabilitation, angle and torque over time, and the position error of each mode."""
 
-from collections.abc import Mapping
+import itertools
+from collections.abc import Mapping, Sequence
+from operator import itemgetter
 
 import numpy as np
 from matplotlib.figure import Figure
 
 from eaid.arrays import Array
+from eaid.replay import rehab
 from eaid.report import style
+from eaid.report.figures import panels
+from eaid.report.figures.panels import Line, Panel
+from eaid.report.ready import Ready, caption
 from eaid.report.rig import quantity
-from eaid.report.thin import thinned_at
+from eaid.report.tables.table import number
+from eaid.results.replay import Replay
 
 MODES = {
     "soft": ("#CFE6F5", "resistive, soft"),
@@ -16,53 +23,94 @@ MODES = {
     "assisted": ("#D3EDE0", "assisted"),
 }
 """Mode → pale ground and name; the paper's blue, red and green."""
+Span = tuple[str, float, float]
+"""A stretch of one mode: its name, from [s], to [s]."""
 
 
-def mode_spans(time_s: Array, modes: list[str]) -> list[tuple[str, float, float]]:
-    """Stretches of one mode as (name, from [s], to [s]), from the mode of each sample."""
+def mode_spans(time_s: Array, modes: Sequence[str]) -> list[Span]:
+    """Stretches of one mode, from the mode of each sample."""
     spans = []
-    start = 0
-    for i in range(1, len(modes) + 1):
-        if i == len(modes) or modes[i] != modes[start]:
-            spans.append((modes[start], float(time_s[start]), float(time_s[i - 1])))
-            start = i
+    for name, samples in itertools.groupby(zip(modes, time_s.tolist(), strict=True), key=itemgetter(0)):
+        times = [t for _name, t in samples]
+        spans.append((name, times[0], times[-1]))
     return spans
 
 
-def training(trace: Mapping[str, Array], spans: list[tuple[str, float, float]], unit: str = "N·m") -> Figure:
+def session(replay: Replay) -> tuple[Mapping[str, Array], list[Span]] | None:
+    """The first controller's trace that holds angle and target, and its modes; RC where it is there."""
+    order = sorted(replay.records, key=lambda name: name != "rc")
+    trace = next((one for name in order if "angle_deg" in (one := replay.records[name].columns)), None)
+    if trace is None:
+        return None
+    names = [rehab.MODES[code] if 0 <= code < len(rehab.MODES) else str(code) for code in trace["mode"].astype(int)]
+    return trace, mode_spans(trace["time_s"], names)
+
+
+def training_ready(replay: Replay) -> Ready | None:
+    """Fig. 16, from the rehabilitation replay."""
+    if (found := session(replay)) is None:
+        return None
+    (trace, spans), unit = found, replay.head.output_unit
+    gap = float(np.mean(np.abs(trace["desired_nm"] - trace["rendered_nm"])))
+    said = caption("training", gap=gap, top=float(np.max(np.abs(trace["desired_nm"]))), unit=unit)
+    live = lambda: (panels.live(training_panels(trace, unit)),)  # noqa: E731
+    return Ready(lambda: training(trace, spans, unit), said, live)
+
+
+def training_panels(trace: Mapping[str, Array], unit: str) -> list[Panel]:
+    """Target and angle, position error, desired and rendered output, its error."""
+    t = trace["time_s"]
+    angle = [
+        Line(t, trace["target_deg"], "target", style.BLACK, "--"),
+        Line(t, trace["angle_deg"], "angle", style.BLUE),
+    ]
+    output = [
+        Line(t, trace["desired_nm"], "desired", style.BLACK, "--"),
+        Line(t, trace["rendered_nm"], "rendered", style.VERMILLION),
+    ]
+    position = [Line(t, trace["target_deg"] - trace["angle_deg"], "position error", style.BLUE)]
+    error = [Line(t, trace["desired_nm"] - trace["rendered_nm"], "error", style.VERMILLION)]
+    return [
+        Panel("Angle (°)", "°", 210, angle, named=True),
+        Panel("Position error (°)", "°", 150, position),
+        Panel(quantity(unit), unit, 210, output, named=True),
+        Panel(f"Error ({unit})", unit, 170, error),
+    ]
+
+
+def training(trace: Mapping[str, Array], spans: Sequence[Span], unit: str = "N·m") -> Figure:
     """(a) target and angle, (b) position error [°], (c) desired and rendered output, (d) its error, in `unit`."""
     figure, axes = style.page(5.0, 4, 1, sharex=True)
-    angle, position, torque, error = axes
-    t = trace["time_s"]
-    for mark, panel in zip("abcd", axes, strict=True):
+    for panel in axes:
         for name, start, end in spans:
             panel.axvspan(start, end, color=MODES.get(name, ("#EEEEEE", name))[0], lw=0)
             panel.axvline(start, color=style.BLACK, linewidth=0.6)  # told apart in grey, too
         panel.grid(color="white")
-        style.letter(panel, mark)
-
-    def draw(panel_index: int, values: Array, colour: str, line: str, label: str | None = None) -> None:
-        keep = thinned_at(values, 2500)
-        axes[panel_index].plot(t[keep], values[keep], color=colour, linestyle=line, linewidth=0.9, label=label)
-
-    draw(0, trace["target_deg"], style.BLACK, "--", "target")
-    draw(0, trace["angle_deg"], style.BLUE, "-", "angle")
-    draw(1, trace["target_deg"] - trace["angle_deg"], style.BLUE, "-")
-    draw(2, trace["desired_nm"], style.BLACK, "--", "desired")
-    draw(2, trace["rendered_nm"], style.VERMILLION, "-", "rendered")
-    draw(3, trace["desired_nm"] - trace["rendered_nm"], style.VERMILLION, "-")
+    panels.draw(axes, training_panels(trace, unit))
+    angle, position, torque, error = axes
     for name, start, end in spans:
         angle.annotate(
             MODES.get(name, ("", name))[1], ((start + end) / 2, 1.02), xycoords=("data", "axes fraction"),
             ha="center", va="bottom",
         )  # fmt: skip
-    angle.set(ylabel="Angle (°)", xlim=(t[0], t[-1]))
-    position.set(ylabel="Position\nerror (°)")
-    torque.set(ylabel=quantity(unit))
-    error.set(ylabel=f"Error\n({unit})", xlabel="Time (s)")
+    position.set_ylabel("Position\nerror (°)")
+    error.set_ylabel(f"Error\n({unit})")
     for panel in (angle, torque):  # beside the axes, off the data
         panel.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), handlelength=1.6)
     return figure
+
+
+def errors_ready(replay: Replay) -> Ready | None:
+    """Fig. 17, from the rehabilitation replay: absolute position error [°] of each mode, without its first seconds."""
+    if (found := session(replay)) is None:
+        return None
+    trace, spans = found
+    skip = replay.head.exercise.uncounted_s if replay.head.exercise is not None else 5.0
+    t, error = trace["time_s"], np.abs(trace["target_deg"] - trace["angle_deg"])
+    by_mode = {name: error[(t >= start + skip - 1e-9) & (t <= end)] for name, start, end in spans}
+    by_mode = {name: values for name, values in by_mode.items() if len(values)}
+    each = [f"{name} {number(float(np.median(values)), 2)}°" for name, values in by_mode.items()]
+    return Ready(lambda: errors(by_mode), caption("position", medians=each)) if by_mode else None
 
 
 def errors(absolute_deg: Mapping[str, Array]) -> Figure:

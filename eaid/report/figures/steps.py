@@ -2,27 +2,50 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, TypeVar
+from functools import partial
+from typing import TypeVar
 
 import numpy as np
+from bokeh.models import ColumnDataSource, Range1d
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import BoundaryNorm
 
 from eaid.arrays import Array
+from eaid.models import nonlinear
 from eaid.report import style
+from eaid.report.figures.panels import MODEL
+from eaid.report.live import Live, Plot
 from eaid.report.rig import level_text, over, quantity
 from eaid.report.thin import thinned
+from eaid.results.fit import Fit
 from eaid.steps.stepset import StepSet
 
 Model = Callable[[Array], Array]
 T = TypeVar("T")
-MODEL: dict[str, Any] = {"color": style.BLACK, "linestyle": (0, (4, 2)), "linewidth": 0.8}
-"""A model is a thin dark dashed line over the broader, paler line of what was measured: both stay to be seen."""
 LABELLED = 14
 """Most levels that are named at the ends of their curves; beyond, a colour bar names them."""
-DRAWN = 40
-"""Most levels that are drawn: more hide each other."""
+DRAWN, LIVE = 40, 24
+"""Most levels that are drawn, and most of a live plot: more hide each other."""
+
+
+def nonlinear_curves(fit: Fit | None, data: StepSet) -> dict[float, Model]:
+    """Level → the nonlinear model's step response."""
+    if fit is None or fit.nonlinear is None:
+        return {}
+    model = fit.nonlinear.parameters
+    return {one.level: partial(nonlinear.step_response, model, duty_pct=one.level) for one in data.levels}
+
+
+def single_curves(fit: Fit | None) -> dict[float, Model]:
+    """Level → its own fitted curve."""
+    rows = fit.friction.levels if fit is not None and fit.friction is not None else ()
+    return {row.level: row.predict for row in rows}
+
+
+def model_curves(fit: Fit | None, data: StepSet | None) -> dict[float, Model]:
+    """Level → model curve of a fit: the nonlinear model, else the single levels' curves."""
+    return nonlinear_curves(fit, data) or single_curves(fit) if data is not None else {}
 
 
 def some_levels(levels: Sequence[T], most: int = DRAWN) -> list[T]:
@@ -135,3 +158,35 @@ def label_ends(axes: Axes, ends: Sequence[tuple[float, str, str]], x: float) -> 
             color="black", va="center", annotation_clip=False,
             arrowprops={"arrowstyle": "-", "color": colour, "lw": 0.8, "shrinkA": 0, "shrinkB": 0},
         )  # fmt: skip
+
+
+def live(data: StepSet, fitted: Mapping[float, Model], notes: Mapping[float, str] | None = None) -> Live:
+    """Mean ± sd of each level, its model beside it; `notes` follow the model's name when hovered."""
+    plot = Plot()
+    out = data.output_unit
+    p = plot.panel("Time since the step (s)", quantity(out), 420, out)
+    levels = some_levels(data.levels, LIVE)
+    colours = style.level_colours(len(levels))
+    for level, colour in zip(levels, colours, strict=True):
+        if len(level.runs) > 1:
+            plot.band(p, level.time_s, level.mean - level.sd, level.mean + level.sd, colour)
+    ends = []
+    for level, colour in zip(levels, colours, strict=True):
+        name = level_text(level.level, data.input_unit)
+        plot.line(p, level.time_s, level.mean, f"{name}, measured", colour, width=2.4)
+        ends.append((end_of(level.mean), name))
+        if (model := fitted.get(level.level)) is not None:
+            fine = fine_times(float(level.time_s[-1]))
+            note = f", RMSE {notes[level.level]}" if notes and level.level in notes else ""
+            plot.line(p, fine, model(fine), f"{name}, model{note}", style.BLACK, "dashed", width=1.2)
+    ends.sort()
+    gap = 0.045 * max(abs(value) for value, _name in ends)
+    placed: list[float] = []
+    for value, _name in ends:
+        placed.append(max(value, placed[-1] + gap) if placed else value)
+    longest = float(max(level.time_s[-1] for level in levels))
+    names = [name for _value, name in ends]
+    words = ColumnDataSource({"x": [1.01 * longest] * len(ends), "y": placed, "text": names})
+    p.text("x", "y", text="text", source=words, text_font_size="12px", text_baseline="middle")
+    p.x_range = Range1d(start=0, end=(1.03 + 0.022 * max(map(len, names))) * longest)
+    return plot.finish()

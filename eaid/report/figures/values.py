@@ -1,16 +1,24 @@
-"""Fitted values over the level, with their 95 % intervals: one fit, or two over each other (two days, two rigs)."""
+"""Fitted values over the level, with their 95 % intervals: of one fit with its estimates, or of two over each other."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from functools import partial
 
 import numpy as np
+from bokeh.models import ColumnDataSource, HoverTool, Range1d
+from bokeh.models.annotations import TeeHead, Whisker
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from eaid.arrays import Array
 from eaid.models import nonlinear
-from eaid.models.parameters import Nonlinear
-from eaid.report import style
-from eaid.report.rig import apparatus_of, level_values, over
+from eaid.models.trends import FORMS
+from eaid.report import published, style
+from eaid.report.live import Live, Plot, bare
+from eaid.report.ready import Ready, caption
+from eaid.report.results import Given, Results
+from eaid.report.rig import apparatus_of, level_values, over, overlaid
+from eaid.report.tables.fits import estimates_of
+from eaid.report.tables.table import SYMBOLS, interval_of
 from eaid.results.common import Interval
 from eaid.results.fit import Fit
 from eaid.results.friction import FrictionLevel, Trend
@@ -20,10 +28,19 @@ from eaid.results.summary import ENDLESS_S
 NAMES = {"Ts": "Steady value $T_s$", "tau1": r"Fast constant $\tau_1$", "tau2": r"Slow constant $\tau_2$"}
 LOOKS = ((style.BLUE, "-", "o"), (style.VERMILLION, "--", "s"))
 """Colour, line and marker of the first fit and of the second."""
+ESTIMATES = (
+    (style.BLUE, "-", "solid"),
+    (style.VERMILLION, "-.", "dashdot"),
+    (style.GREEN, (0, (4, 1, 1, 1, 1, 1)), "dotdash"),
+    (style.PURPLE, (0, (6, 2)), "dotted"),
+)
+"""Colour of each estimate of one fit, its line in the figure and in the live plot; the one that is used first."""
 TALL = 1.6
 """An interval that reaches beyond so many times its value does not set the axis."""
 BEYOND = 3.0
 """A curve that leaves the single levels by more than this factor is cut: τ2 without end would hide all the rest."""
+CROSSES = 0.1
+"""A curve that is on the axis over less than this share of the inputs only crosses it: it is not drawn."""
 
 
 def axis_label(name: str, unit: str) -> str:
@@ -35,17 +52,25 @@ def axis_label(name: str, unit: str) -> str:
 
 def intervals_of(rows: Sequence[FrictionLevel | CurveLevel], name: str) -> list[Interval]:
     """The 95 % intervals of one value at the levels."""
-    return [getattr(row.ci95, name) if row.ci95 else None for row in rows]
+    return [interval_of(row, name) for row in rows]
 
 
-def points(axes: Axes, x: Sequence[float], values: Array, ends: Sequence[Interval], **look: object) -> float:
-    """Values with their 95 % intervals where there are any; the highest end that is to be seen."""
+def ends_of(values: Array, intervals: Sequence[Interval]) -> tuple[Array, Array, float]:
+    """Lower and upper end of each value, the value itself where it has no interval; the highest end to be seen."""
     low, high = (
-        np.array([value if one is None else one[k] for value, one in zip(values, ends, strict=True)]) for k in (0, 1)
+        np.array([value if one is None else one[k] for value, one in zip(values, intervals, strict=True)])
+        for k in (0, 1)
     )
-    far = [np.maximum(values - low, 0), np.maximum(high - values, 0)]
-    axes.errorbar(x, values, yerr=far, **{"fmt": "o", "capsize": 1.6, "elinewidth": 0.7, **look})  # type: ignore[arg-type]
-    return highest(np.minimum(values + far[1], TALL * np.abs(values)))
+    low, high = np.minimum(low, values), np.maximum(high, values)
+    return low, high, highest(np.minimum(high, TALL * np.abs(values)))
+
+
+def points(axes: Axes, x: Sequence[float], values: Array, intervals: Sequence[Interval], **look: object) -> float:
+    """Values with their 95 % intervals where there are any; the highest end that is to be seen."""
+    low, high, seen = ends_of(values, intervals)
+    look = {"fmt": "o", "capsize": 1.6, "elinewidth": 0.7, **look}
+    axes.errorbar(x, values, yerr=[values - low, high - values], **look)  # type: ignore[arg-type]
+    return seen
 
 
 def highest(values: Array) -> float:
@@ -56,7 +81,14 @@ def highest(values: Array) -> float:
 
 def top_of(curve: Array, seen: float) -> float:
     """The highest value that an axis holds, of a curve and of levels whose highest end is `seen`; 0 without one."""
-    return min(max(highest(curve), seen), BEYOND * seen) if seen else highest(curve)
+    top = min(max(highest(curve), seen), BEYOND * seen) if seen else highest(curve)
+    return seen if seen and len(curve) and np.isnan(on_axis(curve, top)).all() else top
+
+
+def on_axis(curve: Array, top: float) -> Array:
+    """A curve where an axis up to about `top` holds it; nan elsewhere, and all along where it only crosses the axis."""
+    inside = curve < 1.3 * top
+    return np.where(inside & (np.mean(inside) > CROSSES), curve, np.nan)
 
 
 def values_of(rows: Sequence[FrictionLevel | CurveLevel], name: str) -> Array:
@@ -69,16 +101,11 @@ def ended(values: Array, name: str) -> Array:
     return values if name == "Ts" else np.where(values > ENDLESS_S, np.nan, values)
 
 
-def nonlinear_of(part: Estimate) -> Nonlinear:
-    """The nonlinear model of an estimate."""
-    return Nonlinear(part.tau1, part.tau2, part.Ts, part.u_range, part.C)
-
-
 def values_over(part: Estimate, u: Array) -> dict[str, Array]:
     """T_s, τ1 and τ2 of an estimate over the input."""
-    model = nonlinear_of(part)
-    tau1, tau2 = nonlinear.time_constants(model, u)
-    return {"Ts": nonlinear.steady_torque(model, u), "tau1": ended(tau1, "tau1"), "tau2": ended(tau2, "tau2")}
+    tau1, tau2 = nonlinear.time_constants(part.parameters, u)
+    steady = nonlinear.steady_torque(part.parameters, u)
+    return {"Ts": steady, "tau1": ended(tau1, "tau1"), "tau2": ended(tau2, "tau2")}
 
 
 def curves_over(fit: Fit) -> tuple[Array, dict[str, Array]]:
@@ -96,19 +123,92 @@ def curves_over(fit: Fit) -> tuple[Array, dict[str, Array]]:
 
 
 def trend_values(trend: Trend, x: Array) -> Array:
-    """A fitted trend over stress or speed, by its form."""
-    c = trend.coefficients
-    if trend.form == "linear":
-        return np.asarray(c[0] * x + c[1])
-    if trend.form == "merged-exponential":
-        return np.asarray((c[0] + c[1] * x) * np.exp(c[2] * x))
-    return np.asarray(c[0] * np.exp(c[1] * x) + c[2] * np.exp(c[3] * x))
+    """A fitted trend over stress or speed."""
+    return FORMS[trend.form].curve(np.array(trend.coefficients), x)
 
 
 def over_stress(fit: Fit) -> bool:
     """Whether the fitted values run over the normal stress."""
     part = fit.friction
     return part is not None and part.over == "stress_kpa" and all(row.stress_kpa is not None for row in part.levels)
+
+
+def polynomials_ready(fit: Fit, results: Results) -> Ready | None:
+    """Parameters over the level, with the estimates beside the one that is used."""
+    rows = level_values(fit)
+    if fit.nonlinear is None or len(rows) == 1:
+        return None
+    counts = []
+    for name in NAMES:
+        known = [(row.level, ends) for row in rows if (ends := interval_of(row, name)) is not None]
+        if known:
+            curve = values_over(fit.nonlinear, np.array([level for level, _ in known]))[name]
+            met = sum(ends[0] <= value <= ends[1] for (_, ends), value in zip(known, curve, strict=True))
+            counts.append(f"{SYMBOLS[name]} through {met} of {len(known)}")
+    said = caption("over_duty", recorded=fit.recorded is not None, met=counts)
+    return Ready(partial(polynomials, fit, results.paper), said, partial(live, fit))
+
+
+def _curves(fit: Fit, u: Array, name: str) -> tuple[dict[str, Array], float]:
+    """One value over the input by every estimate, and the top of its axis; what is far above that is cut."""
+    assert fit.nonlinear is not None
+    curves = {said: values_over(one, u)[name] for said, one in estimates_of(fit.nonlinear).items()}
+    rows = level_values(fit)
+    seen = ends_of(values_of(rows, name), intervals_of(rows, name))[2]
+    top = top_of(next(iter(curves.values())), seen)
+    return {said: on_axis(y, top) for said, y in curves.items()}, 1.1 * top or 1.0
+
+
+def polynomials(fit: Fit, asked: bool | None = None) -> Figure:
+    """T_s, τ1 and τ2 over the level: every estimate, the single levels with their intervals, and Table III."""
+    figure, axes = style.page(2.5, 1, 3)
+    assert fit.nonlinear is not None
+    u = np.linspace(*fit.nonlinear.u_range, 200)
+    rows, single = level_values(fit), "each level, 95 %" if fit.recorded is None else "95 %"
+    for mark, name, panel in zip("abc", NAMES, axes, strict=True):
+        curves, top = _curves(fit, u, name)
+        values = values_of(rows, name)
+        for k, ((said, y), (colour, line, _)) in enumerate(zip(curves.items(), ESTIMATES, strict=False)):
+            look = {"linewidth": 0.9, "label": said} if k else {"label": f"{said} (used)"}
+            panel.plot(u, y, color=colour, linestyle=line, **look)
+        if np.isfinite(values).any():
+            at = [row.level for row in rows]
+            points(panel, at, values, intervals_of(rows, name), color=style.BLACK, label=single)
+        if name != "Ts" and overlaid(fit.data, asked):
+            # Table III's T_s gives 0.06 N·m at full duty: a line on the floor.
+            paper = np.polynomial.polynomial.polyval(u, published.TABLE_III[name])
+            panel.plot(u, paper, color=style.GREY, linestyle=":", label="published")
+        panel.set(xlabel=over(fit.data.input_unit), ylabel=axis_label(name, fit.data.output_unit), ylim=(0, top))
+        style.letter(panel, mark)
+    style.legend_over(figure, axes[1])
+    return figure
+
+
+def live(fit: Fit) -> tuple[Live, ...]:
+    """T_s, τ1 and τ2 over the level, a plot each: every estimate, the single levels with their intervals."""
+    assert fit.nonlinear is not None
+    u = np.linspace(*fit.nonlinear.u_range, 120)
+    rows, single = level_values(fit), "level by itself" if fit.recorded is None else "95 %"
+    found = []
+    for name, sign in (("Ts", "Tₛ"), ("tau1", "τ1"), ("tau2", "τ2")):
+        plot = Plot(wide=False)
+        unit = fit.data.output_unit if name == "Ts" else "s"
+        p = plot.panel(over(fit.data.input_unit), f"{sign} ({unit})", 300, unit, ("level", fit.data.input_unit))
+        curves, top = _curves(fit, u, name)
+        values = values_of(rows, name)
+        if np.isfinite(values).any():
+            low, high, _seen = ends_of(values, intervals_of(rows, name))
+            shown = ColumnDataSource({"x": [row.level for row in rows], "y": values, "low": low, "high": high})
+            drawn = bare(p.scatter("x", "y", source=shown, size=7, name=single, color=style.BLACK))
+            p.select_one(HoverTool).renderers.append(drawn)
+            foot, head = TeeHead(size=6), TeeHead(size=6)
+            span = {"base": "x", "lower": "low", "upper": "high"}
+            p.add_layout(Whisker(**span, source=shown, lower_head=foot, upper_head=head))  # type: ignore[arg-type]
+        for k, ((said, y), (colour, _, dash)) in enumerate(zip(curves.items(), ESTIMATES, strict=False)):
+            plot.line(p, u, y, said, colour, dash, said, 1.3 if k else 2.0)
+        p.y_range = Range1d(start=0, end=top)
+        found.append(plot.finish())
+    return tuple(found)
 
 
 def draw_curves(panels: Sequence[Axes], fits: Sequence[tuple[str, Fit]]) -> None:
@@ -136,10 +236,23 @@ def draw_values(panels: Sequence[Axes], fits: Sequence[tuple[str, Fit]], with_cu
                 seen = points(panel, [row.level for row in rows], values, intervals_of(rows, name), **look)
             top = top_of(curves.get(name, np.empty(0)), seen)
             if curves:
-                panel.plot(u, curves[name], color=colour, linestyle=line, label=None if rows else said)
+                panel.plot(u, on_axis(curves[name], top), color=colour, linestyle=line, label=None if rows else said)
             panel.set_ylim(0, max(1.1 * top or 1.0, panel.get_ylim()[1] if said != fits[0][0] else 0.0))
     for panel in panels:
         panel.set_xlabel(over(fits[0][1].data.input_unit))
+
+
+def two_fits_ready(pair: tuple[Given[Fit], Given[Fit]]) -> Ready:
+    """Two fits of one kind over each other."""
+    rows: list[Mapping[float, object]] = [{row.level: row.ci95 for row in level_values(one.result)} for one in pair]
+    parted: dict[str, list[str]] = {}
+    for name in NAMES:
+        for level in rows[0]:
+            a, b = (getattr(one.get(level), name, None) for one in rows)
+            if a is not None and b is not None and (a[1] < b[0] or b[1] < a[0]):
+                parted.setdefault(SYMBOLS[name], []).append(f"{level:.4g}")
+    said = caption("compare", parted=parted, unit=pair[0].result.data.input_unit)
+    return Ready(lambda: two_fits([(one.path, one.result) for one in pair]), said)
 
 
 def two_fits(fits: Sequence[tuple[str, Fit]]) -> Figure:

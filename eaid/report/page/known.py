@@ -1,7 +1,6 @@
 """What is to be known of the results, as findings, by the part of the page that they belong to."""
 
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping
 
 from eaid.errors import on_command_line
 from eaid.findings import Finding, merged, ranked, say
@@ -14,15 +13,8 @@ MOST = 3
 """Findings of a part that are shown; the rest are folded."""
 
 
-@dataclass(frozen=True)
-class Known:
-    """Findings of each part, the gravest first, those of one code once."""
-
-    parts: dict[str, tuple[Finding, ...]]
-
-    def of(self, part: str) -> tuple[Finding, ...]:
-        """The findings of a part."""
-        return self.parts.get(part, ())
+Known = Mapping[str, tuple[Finding, ...]]
+"""Part of the page → its findings, the gravest first, those of one code once."""
 
 
 def known(results: Results) -> Known:
@@ -38,7 +30,7 @@ def known(results: Results) -> Known:
         found["controller"] += gains.result.findings
     for replay in results.replays:
         found["replay"] += replay.result.findings
-    return Known({part: merged(ranked(_once(group))) for part, group in found.items()})
+    return {part: merged(ranked(_once(group))) for part, group in found.items()}
 
 
 def _once(found: Iterable[Finding]) -> list[Finding]:

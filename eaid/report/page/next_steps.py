@@ -1,4 +1,4 @@
-"""What to do next: at most three things, each with the command that does it."""
+"""What to do next, at most three things each with its command, and the commands that make the same files again."""
 
 import shlex
 from dataclasses import dataclass
@@ -30,7 +30,7 @@ def next_steps(results: Results, known: Known) -> tuple[Step, ...]:
     if fit is None:
         return tuple(Step("Fit the data", f"eaid fit {shlex.quote(one.path)} -o fit.json") for one in results.data[:1])
     name, gains = shlex.quote(fit.path), next(iter(results.gains), None)
-    stopped = any(one.severity == "stop" for one in known.of("model"))
+    stopped = any(one.severity == "stop" for one in known["model"])
     found: list[Step] = []
     if gains is None and clutch is not None and may_be_controlled(clutch.result) and not stopped:
         found.append(Step("Design the controllers", f"eaid tune-rc {name} -o gains.json"))
@@ -66,3 +66,16 @@ def _of_loop(results: Results) -> tuple[Step, ...]:
         return (Step("Fit the log as it was recorded", f"eaid fit {shlex.quote(file)} -o fit.json"),)
     why = "For a model, record the input (what the controller commands) as one more column, then"
     return (Step(why, "eaid fit LOGS -o fit.json"),)
+
+
+def commands(results: Results) -> list[str]:
+    """Command lines that make these files again; a result of the Python API says so."""
+    made = [("fit", one.path, one.result.command) for one in results.fits]
+    made += [("tune-rc", one.path, one.result.command) for one in results.gains]
+    made += [("simulate", one.path, one.result.head.command) for one in results.replays]
+    made += [("couple", one.path, one.result.command) for one in results.couplings]
+    lines = [f"eaid ingest LOGS -o {shlex.quote(data.path)}" for data in results.data]
+    for name, path, words in made:
+        line = shlex.join(["eaid", name, *words, "-o", path])
+        lines.append(line if words else f"{path}: made in Python by eaid.{name.replace('-', '_')}")
+    return [*lines, shlex.join(["eaid", "report", *(one.path for one in results.every), "-o", "report"])]

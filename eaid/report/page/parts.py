@@ -3,13 +3,12 @@
 from collections.abc import Container, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from eaid.report.page.again import commands
+from eaid.report.draw import Drawn
 from eaid.report.page.glossary import Terms
 from eaid.report.page.known import MOST, Known, sentence
-from eaid.report.page.shown import Shown
+from eaid.report.page.next_steps import commands
 from eaid.report.results import KINDS, Results
-from eaid.report.tables import checks, data, gains, recorded, recordings, replays
-from eaid.report.tables.every import judging_tables, model_tables
+from eaid.report.tables import checks, data, gains, recorded, replays
 from eaid.report.tables.table import Table, listed
 
 DOUBTFUL = 12
@@ -24,7 +23,7 @@ KIND_FIGURES = {
     "friction-force": ("level_steps", "steps_over_level", "fig04_friction_over_stress", "residuals_friction_force"),
     "friction-speed": ("level_steps", "steps_over_level", "fig05_friction_over_speed", "residuals_friction_speed"),
 }  # fmt: skip
-Drawn = Mapping[str, Shown]
+Figures = Mapping[str, Drawn]
 
 
 @dataclass(frozen=True)
@@ -32,7 +31,7 @@ class Block:
     """A part of the page, or what stands closed in it under a line that counts and names it."""
 
     title: str
-    figures: tuple[Shown, ...] = ()
+    figures: tuple[Drawn, ...] = ()
     tables: tuple[Table, ...] = ()
     findings: tuple[tuple[str, str], ...] = ()
     """Severity and sentence of each."""
@@ -74,7 +73,7 @@ class Block:
             yield f"{one.heading} {one.caption} {' '.join(one.heads)} {' '.join(row[0] for row in one.texts)}"
 
 
-def parts(results: Results, known: Known, drawn: Drawn, terms: Terms) -> list[Block]:
+def parts(results: Results, known: Known, drawn: Figures, terms: Terms) -> list[Block]:
     """The parts that have anything to show, in the order of the page, their words explained where they come first."""
     found = [
         _data(results, known, drawn), _model(results, known, drawn), _controller(results, known, drawn),
@@ -89,23 +88,23 @@ def parts(results: Results, known: Known, drawn: Drawn, terms: Terms) -> list[Bl
     return explained
 
 
-def _of(drawn: Drawn, *names: str) -> tuple[Shown, ...]:
+def _of(drawn: Figures, *names: str) -> tuple[Drawn, ...]:
     return tuple(drawn[name] for name in names if name in drawn)
 
 
-def _block(title: str, figures: Sequence[Shown] = (), tables: Iterable[Table] = ()) -> list[Block]:
+def _block(title: str, figures: Sequence[Drawn] = (), tables: Iterable[Table] = ()) -> list[Block]:
     """Figures and tables that have rows under one title; none where there are neither."""
     one = Block(title, tuple(figures), tuple(table for table in tables if table.rows))
     return [one] if one.figures or one.tables else []
 
 
 def _part(
-    title: str, known: Known, figures: Sequence[Shown], tables: Iterable[Table], folds: Sequence[Block],
+    title: str, known: Known, figures: Sequence[Drawn], tables: Iterable[Table], folds: Sequence[Block],
     besides: Container[str] = (),
 ) -> Block:  # fmt: skip
     """A part with its gravest findings, those about `besides` left out, the others and long tables folded."""
     told = [
-        (one.severity, sentence(one, title == "Data")) for one in known.of(title.lower()) if one.subject not in besides
+        (one.severity, sentence(one, title == "Data")) for one in known[title.lower()] if one.subject not in besides
     ]
     more = [Block("More to know", findings=tuple(told[MOST:]))] if len(told) > MOST else []
     shown, whole = opened(tables)
@@ -127,8 +126,8 @@ def opened(tables: Iterable[Table]) -> tuple[tuple[Table, ...], tuple[Block, ...
     return tuple(shown), tuple(folds)
 
 
-def _data(results: Results, known: Known, drawn: Drawn) -> Block | None:
-    if not results.data and not known.of("data"):
+def _data(results: Results, known: Known, drawn: Figures) -> Block | None:
+    if not results.data and not known["data"]:
         return None
     of_kind = (one.result for one in results.data if one.result.kind == results.main_kind)
     own = results.main_data or next(of_kind, None)
@@ -136,7 +135,7 @@ def _data(results: Results, known: Known, drawn: Drawn) -> Block | None:
     folds: list[Block] = []
     for one in results.data:
         doubtful, fine = data.runs_tables(one.result)
-        levels, slips = recordings.levels_recorded(one.result), recordings.slips_table(one.result.runs, one.result)
+        levels, slips = data.levels_recorded(one.result), data.slips_table(one.result.runs, one.result)
         of = f"{KINDS[one.result.kind]}: every run" if len(results.data) > 1 else "every run"
         if one.result is own:
             first, rest = _parted(doubtful)
@@ -162,14 +161,14 @@ def _parted(table: Table) -> tuple[Table, Table]:
     return first, replace(table, heading=heading, rows=table.rows[DOUBTFUL:])
 
 
-def _figures_of(kind: str, drawn: Drawn, results: Results) -> tuple[Shown, ...]:
+def _figures_of(kind: str, drawn: Figures, results: Results) -> tuple[Drawn, ...]:
     shows_steps = "friction-force" if results.data_of("friction-force") is not None else "friction-speed"
     own = results.main_kind == kind
     names = (("fig03_friction_steps",) if kind == shows_steps else ()) + KIND_FIGURES[kind]
     return _of(drawn, *(name for name in names if own or "level" not in name))
 
 
-def _model(results: Results, known: Known, drawn: Drawn) -> Block | None:
+def _model(results: Results, known: Known, drawn: Figures) -> Block | None:
     kind = results.main_kind
     if not results.fits or kind is None:
         return None
@@ -181,7 +180,7 @@ def _model(results: Results, known: Known, drawn: Drawn) -> Block | None:
         tables = [checks.comparison_table(pair[0].result, pair[1].result, (pair[0].path, pair[1].path))]
     for one in results.fits:
         fit, of = one.result, one.result.data.kind
-        every = [*model_tables(fit, results.paper), *judging_tables(fit)]
+        every = [*checks.model_tables(fit, results.paper), *checks.judging_tables(fit)]
         if fit is own:
             if pair is None:
                 tables, every = every[:1], every[1:]
@@ -193,7 +192,7 @@ def _model(results: Results, known: Known, drawn: Drawn) -> Block | None:
     return _part("Model", known, (*_of(drawn, "compare"), *figures[:OPEN_FIGURES]), tables, folds)
 
 
-def _controller(results: Results, known: Known, drawn: Drawn) -> Block | None:
+def _controller(results: Results, known: Known, drawn: Figures) -> Block | None:
     figures = _of(drawn, "guarantee_in_replay", "input_gain", "walls")
     stiff = [table for one in results.couplings for table in gains.walls_tables(one.result)]
     if not results.gains:
@@ -214,7 +213,7 @@ def _controller(results: Results, known: Known, drawn: Drawn) -> Block | None:
     return replace(part, verdict=("good" if holds else "care", f"Guarantee: {gains.guarantee_words(judged)}."))
 
 
-def _replay(results: Results, known: Known, drawn: Drawn) -> Block | None:
+def _replay(results: Results, known: Known, drawn: Figures) -> Block | None:
     shown = [one for one in results.replays if one.result.head.scenario != "rehab"]
     if not shown:
         return None
@@ -228,7 +227,7 @@ def _replay(results: Results, known: Known, drawn: Drawn) -> Block | None:
     return _part("Replay", known, figures[:1], tables, _block("More replays", figures[1:], more))
 
 
-def _rehabilitation(results: Results, drawn: Drawn) -> Block | None:
+def _rehabilitation(results: Results, drawn: Figures) -> Block | None:
     found = results.replay("rehab")
     if found is None:
         return None

@@ -10,15 +10,15 @@ from importlib import resources
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup, escape
 
+from eaid.report import live
 from eaid.report.catalogue import Row
 from eaid.report.draw import Drawn
 from eaid.report.mark import mark_of
-from eaid.report.page import live, summary
+from eaid.report.page import summary
 from eaid.report.page.glossary import Terms
 from eaid.report.page.known import known
 from eaid.report.page.next_steps import next_steps
 from eaid.report.page.parts import parts
-from eaid.report.page.shown import shown, source_of
 from eaid.report.page.tiles import tiles
 from eaid.report.pictures import Picture
 from eaid.report.results import Results
@@ -38,9 +38,7 @@ def page(
     """The whole page as text."""
     found, terms = known(results), Terms()
     numbers = tiles(results)
-    paper = summary.of_paper(results)
-    figures = {one.row.name: shown(one, paper) for one in drawn}
-    library = live.script() if any(one.live for one in figures.values()) else ""
+    library = live.script() if any(one.live for one in drawn) else ""
     starter = _asset("page.js")
     told = tuple(f"{one.label} {one.note}" for one in numbers)
     first_terms = terms.first_in((*told, *(one.title for one in pictures), "" if results.shows_edges else "level"))
@@ -51,11 +49,11 @@ def page(
         mark=mark_of(results),
         version=__version__,
         lights=summary.lights(results, found),
-        pictures=[(one, source_of(one.png)) for one in pictures],
+        pictures=pictures,
         tiles=numbers,
         next_steps=next_steps(results, found),
         terms=[(word, says) for word, says in first_terms if word not in _EXPLAINED],
-        parts=parts(results, found, figures, terms),
+        parts=parts(results, found, {one.name: one for one in drawn}, terms),
         missing=[(", ".join(titles), command) for command, titles in _missing(missing).items()],
         style=Markup(_asset("page.css")),
         # Our own scripts only, told by their hash: nothing else on the page can run, whatever a file name says.

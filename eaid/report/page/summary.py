@@ -43,13 +43,6 @@ def title(results: Results) -> str:
     return f"{what}: two fits side by side" if results.pair else what
 
 
-def of_paper(results: Results) -> bool:
-    """Whether the page's own kind was recorded as the paper's was."""
-    fit = results.main_fit
-    about = fit.data if fit is not None else results.main_data
-    return results.main_kind is None or of_the_paper(about, results.paper)
-
-
 def chips(results: Results) -> tuple[str, ...]:
     """Where the numbers come from: synthetic or a rig, what was stepped and measured, levels, date of the logs."""
     found = ["synthetic data"] if results.synthetic else []
@@ -94,7 +87,7 @@ def _counted(found: Sequence[Finding]) -> str:
 
 
 def _data(results: Results, known: Known) -> Light:
-    data, fit, found = results.main_data, results.main_fit, known.of("data")
+    data, fit, found = results.main_data, results.main_fit, known["data"]
     if data is not None:
         doubtful = sum(1 for run in data.runs if doubts_of(run))
         said = f"{doubtful} of {len(data.runs)} runs doubtful"
@@ -117,7 +110,7 @@ def _model(results: Results, known: Known) -> Light:
     fit = results.main_fit
     if fit is None:
         return Light("Model", "none", "no fit given", "appendix")
-    found = known.of("model")
+    found = known["model"]
     grade, share = _grade(found), fit_pct(results)
     if fit.converged is False:
         return Light("Model", "bad", "a fit did not converge: do not use it", "model")
@@ -129,7 +122,7 @@ def _controller(results: Results, known: Known) -> Light:
     if not results.gains:
         return Light("Controller", "none", "no gains given", "controller" if results.fit("clutch") else "appendix")
     gains = results.gains[0].result
-    grade = _grade(known.of("controller"))
+    grade = _grade(known["controller"])
     if grade == "good" and gains.guarantee is not None and gains.guarantee.holds is False:
         grade = "care"
     return Light("Controller", grade, f"guarantee {guarantee_words(gains)}", "controller")

@@ -5,10 +5,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from eaid.report.ready_fits import models_for
+from eaid.report.figures.steps import model_curves
 from eaid.report.results import Results
-from eaid.report.rig import level_text
-from eaid.report.style import controller_name
+from eaid.report.rig import controller_name, level_text
 from eaid.report.tables.replays import SCENARIO_NAMES, metric
 from eaid.report.tables.table import interval, number
 from eaid.results.fit import Fit
@@ -32,7 +31,7 @@ def fit_pct(results: Results) -> float | None:
     fit, data = results.main_fit, results.main_data
     if fit is not None and fit.nonlinear is not None and fit.nonlinear.fit_pct is not None:
         return fit.nonlinear.fit_pct
-    models = models_for(fit, data)
+    models = model_curves(fit, data)
     rows = [(row.mean, models[row.level](row.time_s)) for row in data.levels if row.level in models] if data else []
     if rows:
         y, fitted = (np.concatenate([row[k] for row in rows]) for k in (0, 1))

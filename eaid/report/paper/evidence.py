@@ -2,6 +2,8 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -10,7 +12,6 @@ from eaid.arrays import read_only
 from eaid.control.gains import paper_gains
 from eaid.control.pi import PIGains, PIState, pi_step
 from eaid.control.pi_design import StepMetrics, step_metrics
-from eaid.control.rc import RCGains
 from eaid.fitting.fit import fit
 from eaid.logs.options import ReadOptions
 from eaid.logs.read import read_runs
@@ -76,50 +77,12 @@ class Evidence:
 
 
 def evidence(done: Callable[[], None] = lambda: None) -> Evidence:
-    """Compute it all, some seconds; `done` is called after each of the `PARTS` parts."""
-    fits = {}
-    for kind, path in shipped().items():
-        stepset = build_stepset(read_runs([path], ReadOptions()), StepOptions())
-        fits[kind] = fit_steps(stepset, FitOptions())
+    """Compute it all, some seconds; `done` is called after each of the `PARTS`."""
+    found = {}
+    for name, computed in PARTS.items():
+        found[name] = computed()
         done()
-    rc, pi = paper_gains()
-    tuned = PIGains(*TUNED_PI)
-    exact = {kind: noise_free(kind) for kind in ("friction-force", "friction-speed", "clutch")}
-    done()
-    multisine = _replays(references.multisine(DT_S), rc, {"pi": pi, "pi-tuned": tuned})
-    done()
-    steps = _replays(references.steps(DT_S), rc, {"pi": pi, "pi-tuned": tuned})
-    done()
-    sweep = _replays(references.sweep(DT_S), rc, {"pi": pi}, open_loop=True)
-    done()
-    known = Knowledge(REFERENCE_PLANT, PAPER_LINEAR, rc, pi)
-    sessions = [
-        statistics(
-            rehabilitate(plant_parameters(REFERENCE_PLANT), controller("rc", known), exercise, Rig(), DT_S, SEED)
-        )
-        for exercise in (Exercise(), Exercise(mode_s=LONGER_S))
-    ]
-    found = Evidence(
-        force=fits["friction-force"],
-        speed=fits["friction-speed"],
-        clutch=fits["clutch"],
-        exact=exact,
-        pooled_20s=pooled(tuple(range(10, 101, 10)), 20.0),
-        pooled_60s=pooled(tuple(range(30, 101, 10)), 60.0),
-        pi_printed=step_metrics(PAPER_LINEAR, pi.K_P, pi.K_I),
-        pi_tuned=step_metrics(PAPER_LINEAR, *TUNED_PI),
-        multisine=multisine,
-        steps=steps,
-        sweep=sweep,
-        rehab=sessions[0],
-        longer=sessions[1],
-    )
-    done()
-    return found
-
-
-PARTS = 8
-"""How often `evidence` calls `done`."""
+    return Evidence(**found)
 
 
 def noise_free(kind: str) -> Fit:
@@ -130,6 +93,10 @@ def noise_free(kind: str) -> Fit:
     rig = Apparatus(surfaces=2 if kind == "clutch" else 1)
     stepset = StepSet(kind, INPUT_UNITS[kind], "N·m", rig, rows, synthetic=plant.made_of)
     return fit(stepset, FitOptions())
+
+
+def _shipped(kind: str) -> Fit:
+    return fit_steps(build_stepset(read_runs([shipped()[kind]], ReadOptions()), StepOptions()), FitOptions())
 
 
 def pooled(levels: tuple[int, ...], hold_s: float) -> Linear:
@@ -144,16 +111,40 @@ def pooled(levels: tuple[int, ...], hold_s: float) -> Linear:
     return found
 
 
-def _replays(
-    reference: Reference, rc: RCGains, pis: Mapping[str, PIGains], open_loop: bool = False
-) -> dict[str, Metrics]:
-    known = Knowledge(REFERENCE_PLANT, PAPER_LINEAR, rc, None)
-    acting = {"rc": controller("rc", known)}
-    acting |= {name: Controller(name, pi_step, gains, PIState()) for name, gains in pis.items()}
-    if open_loop:
-        acting["open-loop"] = controller("open-loop", known)
-    plant = plant_parameters(REFERENCE_PLANT)
+RC, PI = paper_gains()
+TUNED = PIGains(*TUNED_PI)
+KNOWN = Knowledge(REFERENCE_PLANT, PAPER_LINEAR, RC, PI)
+PLANT = plant_parameters(REFERENCE_PLANT)
+
+
+def _replays(made: Callable[[float], Reference], *names: str, **pis: PIGains) -> dict[str, Metrics]:
+    """Metrics of RC, of other controllers and of some PIs, noise-free."""
+    reference = made(DT_S)
+    acting = {name: controller(name, KNOWN) for name in ("rc", *names)}
+    acting |= {name.replace("_", "-"): Controller(name, pi_step, gains, PIState()) for name, gains in pis.items()}
     return {
-        name: measure(replay(plant, one, reference.torque_nm, Rig(), DT_S, SEED), reference)
+        name: measure(replay(PLANT, one, reference.torque_nm, Rig(), DT_S, SEED), reference)
         for name, one in acting.items()
     }
+
+
+def _session(exercise: Exercise) -> Metrics:
+    return statistics(rehabilitate(PLANT, controller("rc", KNOWN), exercise, Rig(), DT_S, SEED))
+
+
+PARTS: Mapping[str, Callable[[], Any]] = {
+    "force": partial(_shipped, "friction-force"),
+    "speed": partial(_shipped, "friction-speed"),
+    "clutch": partial(_shipped, "clutch"),
+    "exact": lambda: {kind: noise_free(kind) for kind in ("friction-force", "friction-speed", "clutch")},
+    "pooled_20s": partial(pooled, tuple(range(10, 101, 10)), 20.0),
+    "pooled_60s": partial(pooled, tuple(range(30, 101, 10)), 60.0),
+    "pi_printed": partial(step_metrics, PAPER_LINEAR, PI.K_P, PI.K_I),
+    "pi_tuned": partial(step_metrics, PAPER_LINEAR, *TUNED_PI),
+    "multisine": partial(_replays, references.multisine, pi=PI, pi_tuned=TUNED),
+    "steps": partial(_replays, references.steps, pi=PI, pi_tuned=TUNED),
+    "sweep": partial(_replays, references.sweep, "open-loop", pi=PI),
+    "rehab": partial(_session, Exercise()),
+    "longer": partial(_session, Exercise(mode_s=LONGER_S)),
+}
+"""Each part of the evidence and what computes it."""

@@ -1,10 +1,46 @@
-"""Tables that judge a fit: estimates side by side, two fits side by side, and whether the model is right."""
+"""Every table of a fit, and those that judge it: estimates and fits side by side, and whether the model is right."""
 
 from eaid.report.rig import gain, rate
+from eaid.report.tables import fits, recorded
 from eaid.report.tables.fits import PARAMETERS, estimates_of, unit_of
-from eaid.report.tables.table import SYMBOLS, Cell, Column, Name, Table, columns, level, table_of, with_unit
+from eaid.report.tables.table import (
+    INTERVAL,
+    SYMBOLS,
+    Cell,
+    Head,
+    Name,
+    Table,
+    columns,
+    interval_of,
+    level,
+    table_of,
+    with_unit,
+)
 from eaid.results.common import Interval
 from eaid.results.fit import Fit
+
+
+def model_tables(fit: Fit, asked: bool | None = None) -> list[Table]:
+    """Values of each model, logs as recorded and single levels first; tables without rows are left out."""
+    found = recorded.recorded_tables(fit)
+    if fit.friction is not None:
+        found.append(fits.levels_table(fit))
+        if fit.friction.trends:
+            found.append(fits.trends_table(fit, asked))
+    found.append(fits.level_steps_table(fit))
+    if fit.nonlinear is not None:
+        found += [fits.table_iii(fit, asked), estimates_table(fit)]
+    if fit.linear is not None:
+        found += [fits.linear_table(fit, asked), fits.input_gain_table(fit, asked)]
+    if fit.release is not None:
+        found.append(fits.release_table(fit))
+    return [table for table in (*found, fits.held_out_table(fit), *fits.huber_tables(fit)) if table.rows]
+
+
+def judging_tables(fit: Fit) -> list[Table]:
+    """Whether the model is right, and whether another would be better; tables without rows are left out."""
+    found = (lack_of_fit_table(fit), shapes_table(fit), degrees_table(fit))
+    return [table for table in found if table.rows]
 
 
 def estimates_table(fit: Fit) -> Table:
@@ -19,12 +55,12 @@ def estimates_table(fit: Fit) -> Table:
             cells: list[Cell] = [with_unit(level(place), fit.data.input_unit), said]
             for rows_of in at:
                 row = rows_of.get(place)
-                cells += [getattr(row, name, None), getattr(row.ci95, name) if row and row.ci95 else None]
+                cells += [getattr(row, name), interval_of(row, name)] if row is not None else [None, None]
             rows.append(tuple(cells))
-    heads = [Column("level"), Column("value")]
+    heads: list[Head] = ["level", "value"]
     for k, name in enumerate(shown):
-        heads += [Column(f"{name} (used)" if k == 0 else name), Column("95 % interval", digits=3)]
-    return Table("Estimates side by side", "Values of each estimate at the levels.", tuple(heads), tuple(rows))
+        heads += [f"{name} (used)" if k == 0 else name, INTERVAL]
+    return Table("Estimates side by side", "Values of each estimate at the levels.", columns(*heads), tuple(rows))
 
 
 def lack_of_fit_table(fit: Fit) -> Table:
@@ -88,20 +124,20 @@ def comparison_table(first: Fit, second: Fit, names: tuple[str, str]) -> Table:
     one, two = first.linear, second.linear
     if one is not None and two is not None:
         for key, per in (("a0", "1/s"), ("b0", rate(unit, out)), ("c0", f"{out}/s")):
-            ends = [getattr(part.ci95, key) if part.ci95 else None for part in (one, two)]
+            ends = [interval_of(part, key) for part in (one, two)]
             add(f"{key} ({per})", getattr(one, key), getattr(two, key), *ends)
         if one.bounds and two.bounds:
             for key in ("B_m", "B_M"):
-                ends = [getattr(b.ci95, key) if b.ci95 else None for b in (one.bounds, two.bounds)]
+                ends = [interval_of(bounds, key) for bounds in (one.bounds, two.bounds)]
                 add(f"{key} ({gain(unit, out)})", getattr(one.bounds, key), getattr(two.bounds, key), *ends)
     for part in ("nonlinear", "linear"):
         a, b = getattr(first, part), getattr(second, part)
         add(f"RMSE of the {part} model ({out})", a and a.rmse, b and b.rmse)
-    levels = [{row.level: row for row in (fit.friction.levels if fit.friction else ())} for fit in (first, second)]
+    levels = [{row.level: row for row in fit.friction_levels} for fit in (first, second)]
     for place in sorted(set(levels[0]) & set(levels[1])):
         pair = levels[0][place], levels[1][place]
         for key in PARAMETERS:
-            ends = [getattr(row.ci95, key) if row.ci95 else None for row in pair]
+            ends = [interval_of(row, key) for row in pair]
             said = f"{SYMBOLS[key]} at {with_unit(level(place), unit)} ({unit_of(first, key)})"
             add(said, getattr(pair[0], key), getattr(pair[1], key), *ends)
     heads = columns(

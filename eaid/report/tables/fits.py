@@ -2,10 +2,24 @@
 
 from eaid.report import published
 from eaid.report.rig import apparatus_of, gain, of_the_paper, printed_head, rate
-from eaid.report.tables.table import SYMBOLS, Cell, Column, Name, Table, columns, level, number, table_of, with_unit
+from eaid.report.tables.table import (
+    INTERVAL,
+    SYMBOLS,
+    Cell,
+    Name,
+    Table,
+    columns,
+    interval_of,
+    level,
+    number,
+    table_of,
+    with_interval,
+    with_unit,
+)
+from eaid.results.common import HuberPart
 from eaid.results.fit import Fit
 from eaid.results.friction import Trend
-from eaid.results.nonlinear import Estimate
+from eaid.results.nonlinear import Estimate, Nonlinear
 
 PARAMETERS = ("Ts", "tau1", "tau2")
 
@@ -20,37 +34,28 @@ def _printed(fit: Fit, asked: bool | None) -> str:
     return printed_head(fit.data.kind, (fit.data.input_unit, fit.data.output_unit), asked)
 
 
-def estimates_of(part: Estimate) -> dict[str, Estimate]:
+def estimates_of(part: Nonlinear) -> dict[str, Estimate]:
     """The estimates of the nonlinear model by name, the one that is used first."""
-    beside = {
-        "joint": getattr(part, "joint", None),
-        "two-stage": getattr(part, "two_stage", None),
-        "other weights": getattr(part, "other_weights", None),
-    }
-    names = {"other weights": f"joint, {beside['other weights'].weights} weights"} if beside["other weights"] else {}
-    found = {str(getattr(part, "estimator", "joint")): part}
-    return {**found, **{names.get(name, name): one for name, one in beside.items() if one is not None}}
+    beside = {"joint": part.joint, "two-stage": part.two_stage}
+    if part.other_weights is not None:
+        beside[f"joint, {part.other_weights.weights} weights"] = part.other_weights
+    return {part.estimator: part, **{name: one for name, one in beside.items() if one is not None}}
 
 
 def levels_table(fit: Fit) -> Table:
     """The friction curve of each level."""
-    part = fit.friction
-    rows: list[tuple[Cell, ...]] = []
+    rows, out = fit.friction.levels if fit.friction else (), fit.data.output_unit
     rig, force = apparatus_of(fit.data), fit.data.kind == "friction-force" and of_the_paper(fit.data)
-    shares = any(row.fit_pct is not None for row in (part.levels if part else ()))
-    for row in part.levels if part else ():
-        cells: list[Cell] = [Name(level(row.level) if not row.from_ else f"{level(row.from_)} → {level(row.level)}")]
-        if force:
-            cells.append(rig.stress_kpa(row.level))
-        for name in PARAMETERS:
-            cells += [getattr(row, name), getattr(row.ci95, name) if row.ci95 else None]
-        rows.append((*cells, row.rmse, *((row.fit_pct,) if shares else ())))
-    heads = [Column("level", fit.data.input_unit), *([Column("stress", "kPa", 3)] if force else [])]
-    for name in PARAMETERS:
-        heads += [Column(SYMBOLS[name], unit_of(fit, name)), Column("95 % interval", digits=3)]
-    heads += [Column("RMSE", fit.data.output_unit, 3), *([Column("fit", "%", 3)] if shares else [])]
     how = f" Intervals: {fit.uncertainty.ci}." if fit.uncertainty and fit.uncertainty.ci != "none" else ""
-    return Table("Single levels, Eq. (3)", f"One curve for each level by itself.{how}", tuple(heads), tuple(rows))
+    return table_of(
+        "Single levels, Eq. (3)", f"One curve for each level by itself.{how}", rows,
+        (("level", fit.data.input_unit),
+         lambda one: Name(level(one.level) if not one.from_ else f"{level(one.from_)} → {level(one.level)}")),
+        (("stress", "kPa", 3), lambda one: rig.stress_kpa(one.level)) if force else None,
+        *(part for name in PARAMETERS for part in with_interval((SYMBOLS[name], unit_of(fit, name)), name)),
+        (("RMSE", out, 3), "rmse"),
+        (("fit", "%", 3), "fit_pct") if any(one.fit_pct is not None for one in rows) else None,
+    )  # fmt: skip
 
 
 def formula(trend: Trend, variable: str) -> str:
@@ -77,12 +82,11 @@ def trends_table(fit: Fit, asked: bool | None = None) -> Table:
     for name, (said, _coefficients, rmse) in printed.items():
         ours = trends.get(name)
         shown = formula(ours, variable) if ours is not None and ours.coefficients else "not fitted"
-        beside: tuple[Cell, ...] = (said, rmse) if paper else ()
-        rows.append((SYMBOLS[name], unit_of(fit, name), *beside, shown, ours.rmse if ours else None))
-    published_heads = (paper, ("published RMSE", "", 3)) if paper else ()
-    heads = columns("parameter", "unit", *published_heads, "ours", ("our RMSE", "", 3))
+        rows.append((SYMBOLS[name], unit_of(fit, name), said, rmse, shown, ours.rmse if ours else None))
+    heads = columns("parameter", "unit", paper, ("published RMSE", "", 3), "ours", ("our RMSE", "", 3))
     if not paper:
-        return Table("Trends over the level", f"{variable} is the level in its own unit.", heads, tuple(rows))
+        caption = f"{variable} is the level in its own unit."
+        return Table("Trends over the level", caption, heads, tuple(rows)).without(2, 3)
     if force:
         return Table("Table I", "Over the normal stress σ in kPa, at constant speed.", heads, tuple(rows))
     caption = "Over the rotation speed Ω in RPM, at constant force. The published τ2 is two equal rates with huge "
@@ -102,23 +106,23 @@ def table_iii(fit: Fit, asked: bool | None = None) -> Table:
         for power in range(len(getattr(part, name))):
             printed = published.TABLE_III[name]
             cells: list[Cell] = [f"{letter}_{power}", f"{SYMBOLS[name]}, u^{power}" if power else SYMBOLS[name]]
-            if paper:
-                cells.append(number(printed[power], 3) if power < len(printed) else None)
+            cells.append(number(printed[power], 3) if power < len(printed) else None)
             for one in shown.values():
-                ends = getattr(one.ci95, name) if one.ci95 else ()
+                ends = interval_of(one, name) or ()
                 cells += [getattr(one, name)[power], ends[power] if power < len(ends) else None]
             rows.append((*cells, f"{unit}/{per}^{power}" if power > 1 else f"{unit}/{per}" if power else unit))
-    last: list[Cell] = ["C", "share of the fast part", *([number(published.TABLE_III["C"][0], 2)] if paper else [])]
+    last: list[Cell] = ["C", "share of the fast part", number(published.TABLE_III["C"][0], 2)]
     for one in shown.values():
-        last += [number(one.C, 2), one.ci95.C if one.ci95 else None]
+        last += [number(one.C, 2), interval_of(one, "C")]
     rows.append((*last, "1"))
-    heads = ["symbol", "belongs to", *([paper] if paper else [])]
+    heads = ["symbol", "belongs to", paper]
     for k, name in enumerate(shown):
         heads += [f"ours, {name}{' (used)' if k == 0 and len(shown) > 1 else ''}", "95 % interval"]
     caption = "The nonlinear model: τ1(u), τ2(u) and T_s(u) as polynomials of the input u."
-    if paper:
-        caption += " The published T_s gives 0.057 N·m at full duty, where the paper's own figures show about 4 N·m."
-    return Table("Table III" if paper else "Nonlinear model", caption, columns(*heads, "unit"), tuple(rows))
+    if not paper:
+        return Table("Nonlinear model", caption, columns(*heads, "unit"), tuple(rows)).without(2)
+    caption += " The published T_s gives 0.057 N·m at full duty, where the paper's own figures show about 4 N·m."
+    return Table("Table III", caption, columns(*heads, "unit"), tuple(rows))
 
 
 def linear_table(fit: Fit, asked: bool | None = None) -> Table:
@@ -127,20 +131,17 @@ def linear_table(fit: Fit, asked: bool | None = None) -> Table:
     assert part is not None
     paper, out = _printed(fit, asked), fit.data.output_unit
     units = {"a0": "1/s", "b0": rate(fit.data.input_unit, out), "c0": f"{out}/s"}
-    both = {f"{part.weights} weights": part, **({"": part.other_weights} if part.other_weights else {})}
+    both = [part, *([part.other_weights] if part.other_weights else [])]
     rows: list[tuple[Cell, ...]] = []
     for name, unit in units.items():
-        cells: list[Cell] = [name, *([number(published.LINEAR[name], 3)] if paper else [])]
-        for one in both.values():
-            cells += [getattr(one, name), getattr(one.ci95, name) if one.ci95 else None]
-        rows.append((*cells, unit))
-    gaps: list[Cell] = [cell for one in both.values() for cell in (one.rmse, None)]
-    rows.append(("RMSE", *(["–"] if paper else []), *gaps, out))
-    heads = ["symbol", *([paper] if paper else []), "ours", "95 % interval"]
-    if part.other_weights:
-        heads += [f"with {part.other_weights.weights} weights", "95 % interval"]
+        ours = [cell for one in both for cell in (getattr(one, name), interval_of(one, name))]
+        rows.append((name, number(published.LINEAR[name], 3), *ours, unit))
+    rows.append(("RMSE", "–", *(cell for one in both for cell in (one.rmse, None)), out))
+    names = ["ours", *(f"with {one.weights} weights" for one in both[1:])]
+    heads = columns("symbol", paper, *(head for name in names for head in (name, "95 % interval")), "unit")
     said = "dT/dt = −a0 T + b0 u + c0, fitted to all levels at once."
-    return Table("Linear model, Eq. (8)", said, columns(*heads, "unit"), tuple(rows))
+    table = Table("Linear model, Eq. (8)", said, heads, tuple(rows))
+    return table if paper else table.without(1)
 
 
 def input_gain_table(fit: Fit, asked: bool | None = None) -> Table:
@@ -157,7 +158,7 @@ def input_gain_table(fit: Fit, asked: bool | None = None) -> Table:
         "Input gain of each level", caption, part.per_level,
         (("level", unit), lambda one: level(one.level)), (("a0", "1/s"), "a0"), (("steady value", out), "gain"),
         ("b0", "b0"), (("c0", f"{out}/s"), "c0"), (("B", gain(unit, out)), "B"),
-        (("95 % interval", "", 3), lambda one: one.ci95.B if one.ci95 else None), (("RMSE", out, 3), "rmse"),
+        (INTERVAL, lambda one: interval_of(one, "B")), (("RMSE", out, 3), "rmse"),
     )  # fmt: skip
 
 
@@ -214,28 +215,23 @@ def huber_tables(fit: Fit) -> list[Table]:
     """How much of each level Huber's loss held back, and where; one table a model."""
     found = []
     for name, part in (("friction", fit.friction), ("nonlinear", fit.nonlinear), ("linear", fit.linear)):
-        told = part.robust if part is not None else None
-        if told is None:
+        robust = part.robust if part is not None else None
+        if robust is None:
             continue
-        rows = tuple(
-            (
-                with_unit(level(row.level), fit.data.input_unit),
-                None if row.below_one is None else 100 * row.below_one,
-                row.mean,
-                row.least,
-                Name("; ".join(_part(one.from_s, one.to_s, one.least, one.run) for one in row.parts) or "none"),
-            )
-            for row in told.weights
+        caption = f"Residuals beyond {number(robust.k)} σ count less, as 1/|residual|; σ by the median is "
+        caption += (
+            f"{number(robust.sigma, 3)} {fit.data.output_unit}. Normal noise alone holds back 18 % of the samples."
         )
-        caption = f"Residuals beyond {number(told.k)} σ count less, as 1/|residual|; σ by the median is "
-        caption += f"{number(told.sigma, 3)} {fit.data.output_unit}. Normal noise alone holds back 18 % of the samples."
-        heads = columns(
-            "level", ("samples held back", "%", 2), ("mean weight", "", 3), ("least weight", "", 3),
-            "parts that count less than half",
-        )  # fmt: skip
-        found.append(Table(f"Weights of Huber's loss, {name} model", caption, heads, rows))
+        found.append(table_of(
+            f"Weights of Huber's loss, {name} model", caption, robust.weights,
+            ("level", lambda one: with_unit(level(one.level), fit.data.input_unit)),
+            (("samples held back", "%", 2), lambda one: None if one.below_one is None else 100 * one.below_one),
+            (("mean weight", "", 3), "mean"), (("least weight", "", 3), "least"),
+            ("parts that count less than half", lambda one: Name("; ".join(map(_part, one.parts)) or "none")),
+        ))  # fmt: skip
     return found
 
 
-def _part(from_s: float, to_s: float, least: float | None, run: str | None) -> str:
-    return f"{number(from_s, 3)} to {number(to_s, 3)} s (down to {number(least, 2)}{f', {run}' if run else ''})"
+def _part(one: HuberPart) -> str:
+    run = f", {one.run}" if one.run else ""
+    return f"{number(one.from_s, 3)} to {number(one.to_s, 3)} s (down to {number(one.least, 2)}{run})"

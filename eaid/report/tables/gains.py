@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 from eaid.report import published
 from eaid.report.rig import controller_name, gain, printed_head
-from eaid.report.tables.table import Cell, Table, columns, level, number, with_unit
+from eaid.report.tables.table import Cell, Table, columns, level, number, table_of, with_unit
 from eaid.results.coupling import Coupling, Wall
 from eaid.results.gain_checks import Margin, Margins, Optimized
 from eaid.results.gains import Condition, Gains
@@ -61,14 +61,13 @@ def printed(gains: Gains, asked: bool | None = None) -> str:
 
 def checklist(gains: Gains) -> Table:
     """What the guarantee needs, and what is there."""
-    rows = tuple(
-        (called(one), CONDITIONS.get(one.name, ("", one.name))[1], one.needed,
-         one.available, one.unit, {True: "holds", False: "does not hold", None: "not known"}[one.holds])
-        for one in conditions_of(gains)
+    return table_of(
+        "What the guarantee needs", "The robust controller is proven stable only where every row holds.",
+        conditions_of(gains),
+        ("condition", called), ("what it says", lambda one: CONDITIONS.get(one.name, ("", one.name))[1]),
+        (("needed", "", 3), "needed"), (("available", "", 3), "available"), ("unit", "unit"),
+        ("verdict", lambda one: {True: "holds", False: "does not hold", None: "not known"}[one.holds]),
     )  # fmt: skip
-    caption = "The robust controller is proven stable only where every row holds."
-    heads = columns("condition", "what it says", ("needed", "", 3), ("available", "", 3), "unit", "verdict")
-    return Table("What the guarantee needs", caption, heads, rows)
 
 
 def table_iv(gains: Gains, asked: bool | None = None) -> Table:
@@ -86,12 +85,13 @@ def table_iv(gains: Gains, asked: bool | None = None) -> Table:
         "K_P": ("1/s²", "gain on the integral of the error"),
     }
     names = {"phi": "φ", "epsilon": "ε", "gamma": "γ"}
-    rows: list[tuple[Cell, ...]] = []
-    for key, (unit, said) in meaning.items():
-        ours = getattr(rc, key) if rc is not None else None
-        rows.append((names.get(key, key), *([published.TABLE_IV[key]] if beside else []), ours, unit, said))
-    heads = columns("symbol", *([(beside, "", 3)] if beside else []), "ours", "unit", "what it does")
-    return Table("Table IV" if beside else "Robust controller", "The robust controller's choices.", heads, tuple(rows))
+    rows = tuple(
+        (names.get(key, key), published.TABLE_IV[key], getattr(rc, key, None), unit, said)
+        for key, (unit, said) in meaning.items()
+    )
+    heads = columns("symbol", (beside, "", 3), "ours", "unit", "what it does")
+    table = Table("Table IV" if beside else "Robust controller", "The robust controller's choices.", heads, rows)
+    return table if beside else table.without(1)
 
 
 def gains_table(gains: Gains, asked: bool | None = None) -> Table:
@@ -128,9 +128,9 @@ def gains_table(gains: Gains, asked: bool | None = None) -> Table:
             rows.append(
                 ("PI: largest error", "–", replayed.pi.max_abs_error_nm, out, f"replayed: {replayed.reference}")
             )
-    shown = tuple(row if beside else (row[0], *row[2:]) for row in rows)
-    heads = columns("symbol", *([beside] if beside else []), "ours", "unit", "what it is")
-    return Table("Gains that follow", "What the choices above and the linear model give.", heads, shown)
+    heads = columns("symbol", beside, "ours", "unit", "what it is")
+    table = Table("Gains that follow", "What the choices above and the linear model give.", heads, tuple(rows))
+    return table if beside else table.without(1)
 
 
 def _least(gains: Gains, controller: str, prefix: str = "") -> list[tuple[str, str, Cell, str, str]]:
@@ -232,13 +232,10 @@ def walls_tables(coupling: Coupling) -> list[Table]:
 
 
 def _walls_table(heading: str, caption: str, walls: Sequence[Wall], unit: str) -> Table:
-    heads = columns(
-        "loop", ("torque", unit, 3), ("passive", "N·m/rad", 3), ("limited at", "Hz", 3), ("stable", "N·m/rad", 3),
-        ("lost at", "Hz", 3), ("replayed", "N·m/rad", 3),
+    return table_of(
+        heading, caption, walls,
+        ("loop", lambda one: controller_name(one.loop)), (("torque", unit, 3), "torque_nm"),
+        (("passive", "N·m/rad", 3), "K_passive"), (("limited at", "Hz", 3), "passive_hz"),
+        (("stable", "N·m/rad", 3), "K_stable"), (("lost at", "Hz", 3), "lost_hz"),
+        (("replayed", "N·m/rad", 3), "K_replayed"),
     )  # fmt: skip
-    rows = tuple(
-        (controller_name(one.loop), one.torque_nm, one.K_passive, one.passive_hz, one.K_stable, one.lost_hz,
-         one.K_replayed)
-        for one in walls
-    )  # fmt: skip
-    return Table(heading, caption, heads, rows)

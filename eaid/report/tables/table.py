@@ -2,10 +2,10 @@
 
 import math
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from operator import attrgetter
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from eaid.results.common import Interval
 
@@ -41,6 +41,12 @@ class Table:
     columns: tuple[Column, ...]
     rows: tuple[tuple[Cell, ...], ...]
 
+    def without(self, *places: int) -> "Table":
+        """The same without some columns, as of published values beside another rig's."""
+        kept = [k for k in range(len(self.columns)) if k not in places]
+        rows = tuple(tuple(row[k] for k in kept) for row in self.rows)
+        return replace(self, columns=tuple(self.columns[k] for k in kept), rows=rows)
+
     @cached_property
     def heads(self) -> tuple[str, ...]:
         """What stands above the columns, units in brackets."""
@@ -63,19 +69,34 @@ class Table:
         )
 
 
-def columns(*heads: str | tuple[str, str] | tuple[str, str, int]) -> tuple[Column, ...]:
+Head = str | tuple[str, str] | tuple[str, str, int]
+"""Head, unit and digits of a column."""
+Part = tuple[Head, str | Callable[[T], Cell]]
+"""A column: its head, and what it shows of an item: an attribute by name, or a function."""
+INTERVAL: Head = ("95 % interval", "", 3)
+
+
+def columns(*heads: Head) -> tuple[Column, ...]:
     """Columns from their heads, units and digits."""
     return tuple(Column(head) if isinstance(head, str) else Column(*head) for head in heads)
 
 
-Head = str | tuple[str, str] | tuple[str, str, int]
-
-
-def table_of(heading: str, caption: str, items: Iterable[T], *parts: tuple[Head, str | Callable[[T], Cell]]) -> Table:
-    """A table of one row an item; each column is its head and what it shows: an attribute by name, or a function."""
-    shows = [attrgetter(show) if isinstance(show, str) else show for _head, show in parts]
+def table_of(heading: str, caption: str, items: Iterable[T], *parts: Part[T] | None) -> Table:
+    """A table of one row an item and one column a part; a part that is None is left out."""
+    shown = [part for part in parts if part is not None]
+    shows = [attrgetter(show) if isinstance(show, str) else show for _head, show in shown]
     rows = tuple(tuple(show(one) for show in shows) for one in items)
-    return Table(heading, caption, columns(*(head for head, _show in parts)), rows)
+    return Table(heading, caption, columns(*(head for head, _show in shown)), rows)
+
+
+def interval_of(item: Any, name: str) -> Interval:
+    """The 95 % interval of one value of a result that holds its intervals as `ci95`; None where it has none."""
+    return getattr(item.ci95, name) if item.ci95 is not None else None
+
+
+def with_interval(head: Head, name: str) -> tuple[Part[Any], Part[Any]]:
+    """Two columns: a value, and its 95 % interval."""
+    return (head, name), (INTERVAL, lambda one: interval_of(one, name))
 
 
 def text(cell: Cell, digits: int = 4) -> str:

@@ -15,7 +15,7 @@
     const place = holder.querySelector(".live-plot");
     figure.classList.add("drawing");
     try {
-      const views = await Bokeh.embed.embed_item({ target_id: place.id, root_id: data.root, doc: data.doc });
+      const views = await Bokeh.embed.embed_item({ target_id: place.id, root_id: data.root.id, doc: data.doc });
       const view = Array.isArray(views) ? views[0] : (views.roots || [...views])[0];
       if (finger.matches) calm(view.model);
       figure.classList.add("drawn");

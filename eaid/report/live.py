@@ -4,19 +4,26 @@ Bokeh, because its script (1.27 MB) is a quarter of plotly's (4.8 MB) and lies i
 dark ground the page's style inverts their lightness, at the same hue.
 """
 
+import json
+import re
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import bokeh
 import numpy as np
 from bokeh.document import Document
 from bokeh.models import ColumnDataSource, HoverTool
 from bokeh.models.annotations import Legend
 from bokeh.models.layouts import Column
 from bokeh.plotting import figure
+from markupsafe import Markup
 
 from eaid.arrays import Array
 from eaid.report.thin import thinned_at
+
+Live = Markup
+"""A live plot: a Bokeh document and its root as JSON that may stand inside a script element."""
 
 BAND_POINTS = 300
 """Points of one band on the page."""
@@ -81,8 +88,8 @@ class Plot:
         source = ColumnDataSource({name: values.astype(np.float32) for name, values in columns.items()})
         bare(p.varea("x", "low", "high", source=source, fill_color=colour, fill_alpha=0.25, level="underlay"))
 
-    def finish(self) -> dict[str, Any]:
-        """The plot as plain data: the document and its root."""
+    def finish(self) -> Live:
+        """The plot as text."""
         for p in self.panels:
             for legend in p.select({"type": Legend}):
                 legend.click_policy = "hide"
@@ -95,7 +102,8 @@ class Plot:
         document = Document()
         root = self.panels[0] if len(self.panels) == 1 else Column(children=self.panels, sizing_mode="stretch_width")
         document.add_root(root)
-        return _renumbered({"doc": document.to_json(deferred=False), "root": root.id})
+        drawn = {"doc": document.to_json(deferred=False), "root": {"id": root.id}}
+        return Markup(script_safe(_renumbered(json.dumps(drawn, allow_nan=False, separators=(",", ":")))))
 
 
 def bare(drawn: Any) -> Any:
@@ -109,34 +117,17 @@ def plain(text: str) -> str:
     return text.translate(str.maketrans("<>&@${}", "‹›＆＠＄()"))
 
 
-def _renumbered(plot: dict[str, Any]) -> dict[str, Any]:
+def script_safe(text: str) -> str:
+    """JSON that may stand inside a script element: no `<`, `>` or `&` is left in it."""
+    return text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
+
+
+def _renumbered(text: str) -> str:
     """The same plot with model ids counted from 1: Bokeh counts on through a process, and bytes have to be the same."""
     names: dict[str, str] = {}
-
-    def learn(value: Any) -> None:
-        if isinstance(value, dict):
-            if "type" in value and isinstance(value.get("id"), str):
-                names.setdefault(value["id"], f"m{len(names) + 1}")
-            for item in value.values():
-                learn(item)
-        elif isinstance(value, list):
-            for item in value:
-                learn(item)
-
-    def rename(value: Any) -> Any:
-        if isinstance(value, dict):
-            return {
-                key: names.get(item, item) if key == "id" and isinstance(item, str) else rename(item)
-                for key, item in value.items()
-            }
-        return [rename(item) for item in value] if isinstance(value, list) else value
-
-    learn(plot["doc"])
-    return {"doc": rename(plot["doc"]), "root": names[plot["root"]]}
+    return re.sub(r'"id":"(\w+)"', lambda model: f'"id":"{names.setdefault(model[1], f"m{len(names) + 1}")}"', text)
 
 
 def script() -> str:
     """BokehJS, as it lies in the installed package."""
-    import bokeh
-
     return (Path(bokeh.__file__).parent / "server/static/js/bokeh.min.js").read_text(encoding="utf-8")

@@ -9,17 +9,16 @@ import pytest
 from eaid.models.parameters import REFERENCE_PLANT
 from eaid.recorded import model
 from eaid.recorded.drive import Copies, Drive
-from eaid.recorded.kernel import response
 from eaid.recorded.log import RecordedLog
-from eaid.recorded.model import Tables
 from eaid.recorded.problem import Setup, setup_of
+from eaid.recorded.states import Tables, response
 from eaid.replay.plant import plant_parameters, plant_step
 
 
 def plainly(drive: Drive, tables: Tables, scalars: Any, start: tuple[Any, Any] = (0.0, 0.0)) -> Any:
     """Idle output and both states together at every row, shape (n,); complex where an argument is.
 
-    `scalars` as in `kernel.rows`; which way a state moves is told by real parts.
+    `scalars` as in `states.py`; which way a state moves is told by real parts.
     """
     share, rest1, rest2, fall1, fall2, excess, idle = scalars[:7]
     x1, x2 = start
@@ -119,11 +118,9 @@ def test_the_model_moves_as_the_replays_plant_does() -> None:
     drive = Copies(log).every
     assert one.basis is not None
     tables = one.tables(one.rows_of(drive.duty), one.basis.unknowns(REFERENCE_PLANT))
-    found = np.empty(len(expected))
-    scalars = np.array([0.85, 0.4, 6.0, 1.0, 1.0, 0.0, 0.0])
-    response(
+    found = response(
         drive.dt_s, drive.index, np.ones_like(drive.rising), tables.steady, tables.tau1, tables.tau2, tables.rest,
-        scalars, np.zeros(2), found,
+        np.array([0.85, 0.4, 6.0, 1.0, 1.0, 0.0, 0.0, 0.0, 0.0]),
     )  # fmt: skip
     np.testing.assert_allclose(found, expected, rtol=1e-11, atol=1e-12)
 
