@@ -3,7 +3,8 @@
 from typing import Literal
 
 import numpy as np
-from numpy.polynomial.polynomial import polyval
+from numpy.polynomial.polynomial import polyder, polyroots, polytrim, polyval
+from numpy.typing import NDArray
 
 from eaid.errors import DataError
 from eaid.findings import sentences
@@ -11,9 +12,10 @@ from eaid.models.parameters import TAU_FLOOR_S, Nonlinear
 from eaid.results.fit import Fit
 
 DUTIES = 101
-"""Inputs, evenly over the identified range, at which a model is looked at; the fit's own constraints hold there."""
+"""Inputs, evenly over the identified range, at which a model is looked at, beside those where its curves turn."""
 SLOWEST_S = 1e9
 LARGEST = 1e15
+ROUNDING = 1e-12
 NEARLY = 1e-3
 """Share of the largest value by which τ2 may lie below τ1, or T_s below 0."""
 
@@ -30,25 +32,31 @@ def plant_of(fit: Fit) -> Nonlinear | None:
     low, high = part.u_range
     if low > high:
         raise DataError(f"the fit's nonlinear.u_range is [{low:g}, {high:g}]; it has to rise from 0 or above")
-    inputs = np.linspace(low, high, DUTIES)
-    tau1, tau2, Ts = (polyval(inputs, coefficients) for coefficients in (part.tau1, part.tau2, part.Ts))
-    _, slope, bend = part.tau1
-    lowest = np.clip(-slope / (2 * bend), low, high) if bend > 0 else low
-    for name, at, values, least, most, unit in (
-        ("tau1", inputs, tau1, TAU_FLOOR_S / 2, SLOWEST_S, " s"),
-        ("tau1", np.array([lowest]), polyval(np.array([lowest]), part.tau1), TAU_FLOOR_S / 2, SLOWEST_S, " s"),
-        ("tau2", inputs, tau2, np.maximum(tau1 - NEARLY * np.max(tau2), TAU_FLOOR_S / 2), SLOWEST_S, " s"),
-        ("Ts", inputs, Ts, -NEARLY * np.max(Ts) if np.max(Ts) > 1 / LARGEST else 1 / LARGEST, LARGEST, ""),
+    curves = [np.array(each) for each in (part.tau1, part.tau2, part.Ts)]
+    turns = np.concatenate([_turning_points(each, high) for each in (*curves, curves[1] - curves[0])])
+    inputs = np.union1d(np.linspace(low, high, DUTIES), turns[(turns > low) & (turns < high)])
+    tau1, tau2, Ts = (polyval(inputs, each) for each in curves)
+    for name, values, least, most, unit in (
+        ("tau1", tau1, TAU_FLOOR_S / 2, SLOWEST_S, " s"),
+        ("tau2", tau2, np.maximum(tau1 - NEARLY * np.max(tau2), TAU_FLOOR_S / 2), SLOWEST_S, " s"),
+        ("Ts", Ts, -NEARLY * np.max(Ts) if np.max(Ts) > 1 / LARGEST else 1 / LARGEST, LARGEST, ""),
     ):
         wrong = ~((values >= least) & (values <= most))
         if wrong.any():
             k = int(wrong.argmax())
             below = ", below tau1" if name == "tau2" and 0 < values[k] < tau1[k] else ""
             raise DataError(
-                f"the fit's nonlinear.{name} is {values[k]:.3g}{unit} at an input of {at[k]:.4g}{below}, which no "
+                f"the fit's nonlinear.{name} is {values[k]:.3g}{unit} at an input of {inputs[k]:.4g}{below}, which no "
                 "plant has; fit again"
             )
     return fit.plant
+
+
+def _turning_points(coefficients: NDArray[np.float64], high: float) -> NDArray[np.float64]:
+    """Where a curve's slope is zero; a bend that is lost in rounding within [0, high] is none."""
+    slope = polyder(coefficients * high ** np.arange(len(coefficients)))
+    roots = polyroots(polytrim(slope, ROUNDING * np.abs(slope).max())) * high
+    return np.real(roots[np.isreal(roots)])
 
 
 def why_not(fit: Fit, part: Literal["linear", "nonlinear"]) -> str:

@@ -139,7 +139,11 @@ def test_why_a_model_is_not_identifiable() -> None:
 
 @pytest.mark.parametrize(
     ("part", "said"),
-    [({"tau1": [-1.0, 0, 0]}, r"nonlinear.tau1 is -1 s at an input of 10"), ({"Ts": [2e15, 0, 0, 0]}, r"2e\+15 at an")],
+    [
+        ({"tau1": [-1.0, 0, 0]}, r"nonlinear.tau1 is -1 s at an input of 10"),
+        ({"Ts": [2e15, 0, 0, 0]}, r"2e\+15 at an"),
+        ({"tau2": [5000 * 50.25**2 - 1.0, -5000 * 100.5, 5000.0]}, r"tau2 is -1 s at an input of 50.25"),
+    ],
 )
 def test_a_plant_that_no_rig_is_is_refused(part: dict[str, object], said: str) -> None:
     plain = {"tau1": [0.3, 0, 0], "tau2": [3.0, 0, 0], "Ts": [0.0, 0.04, 0, 0], "u_range": [10, 100], "C": 0.85, **part}
