@@ -6,10 +6,10 @@ constants of its own.
 """
 
 from dataclasses import asdict, dataclass, fields, replace
-from itertools import accumulate
 from math import exp, sqrt
 
 import numpy as np
+from scipy.signal import lfilter
 
 from eaid.arrays import Array
 from eaid.errors import UsageError
@@ -79,7 +79,7 @@ def coloured(n: int, dt_s: float, time_constant_s: float, draw: np.random.Genera
     keep = exp(-dt_s / time_constant_s)
     white = draw.standard_normal(n)
     white[1:] *= sqrt(1 - keep * keep)
-    return np.array(list(accumulate(white.tolist(), lambda before, new: keep * before + new)))
+    return np.asarray(lfilter([1.0], [1.0, -keep], white))
 
 
 def sample_times(duration_s: float, rate_hz: float, jitter_s: float, draw: np.random.Generator) -> Array:

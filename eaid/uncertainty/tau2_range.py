@@ -16,7 +16,7 @@ from typing import Self
 
 import numpy as np
 
-from eaid.arrays import Array, inverse
+from eaid.arrays import Array
 from eaid.fitting.compress import compress
 from eaid.models import friction
 from eaid.steps.stepset import Level
@@ -29,6 +29,7 @@ SUPPOSED = np.geomspace(0.02, 20.0, 25)
 """τ2 that are tried, in units of the level's record."""
 FAR_NOMINAL = 0.999
 """Confidence at which the way to the best curve rejects a τ2."""
+ROUNDING = 1e-14
 STEPS = 12
 """Gauss–Newton steps in which T_s and τ1 settle at a supposed τ2."""
 
@@ -147,9 +148,12 @@ class _Means:
         slopes = np.stack([f, bent], axis=1)
         weighted = slopes * self.weight[:, None]
         size = np.sqrt(np.maximum((weighted * slopes).sum(axis=2), 1e-300))
-        gram = weighted @ slopes.transpose(0, 2, 1) / (size[:, :, None] * size[:, None])
+        cosine = (weighted[:, 0] * bent).sum(axis=1) / size.prod(axis=1)
         along = (weighted @ what[:, :, None])[:, :, 0] / size
-        return np.asarray((inverse(gram) @ along[:, :, None])[:, :, 0] / size)
+        # by the inverse of ((1, c), (c, 1)); where both slopes have one direction, half along each
+        apart = 1 - cosine[:, None] ** 2
+        several = (along - cosine[:, None] * along[:, ::-1]) / np.maximum(apart, ROUNDING)
+        return np.asarray(np.where(apart > ROUNDING, several, along / 2) / size)
 
 
 def _statistics(
