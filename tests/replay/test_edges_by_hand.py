@@ -46,6 +46,12 @@ def test_a_torque_that_starts_above_nine_tenths_rises_in_no_time() -> None:
     assert found.settling_s == pytest.approx(0.3) and found.settling_5pct_s == pytest.approx(0.1)
 
 
+def test_a_torque_that_stands_at_a_tenth_or_at_nine_of_them_is_there_from_its_first_sample() -> None:
+    found = metrics.step(np.array([0.0, 1.0, 1.0, 9.0, 9.0, 10.0]), 0.0, 10.0, 0.5)
+    assert found.rise_time_s == 1.0
+    assert metrics.step(np.array([0.0, 1.0, 9.0, 9.0]), 0.0, 10.0, 0.5).rise_time_s == 0.5
+
+
 def test_what_reaches_a_tenth_and_no_more_has_no_rise_time() -> None:
     found = metrics.step(np.array([0.0, 0.5, 0.85]), 0.0, 1.0, 0.1)
     assert found.rise_time_s is None and found.overshoot_pct == 0.0
@@ -217,6 +223,8 @@ def test_floors_one_by_one() -> None:
     ):
         plant = Nonlinear(tau1=(tau1,), tau2=(tau2,), Ts=(torque,), u_range=(10.0, 100.0))
         assert plant_terms(plant_parameters(plant), 50.0) == found
+    drawn = Nonlinear(tau1=(0.5,), tau2=(0.6,), Ts=(-1.0,), u_range=(10.0, 100.0))
+    assert [plant_terms(plant_parameters(drawn), duty)[2] for duty in (-5.0, 0.0, 5.0)] == [0.0, 0.0, 0.0]
 
 
 def test_nothing_drives_the_plant_below_a_duty_of_zero() -> None:
