@@ -224,7 +224,7 @@ def test_floors_one_by_one() -> None:
         plant = Nonlinear(tau1=(tau1,), tau2=(tau2,), Ts=(torque,), u_range=(10.0, 100.0))
         assert plant_terms(plant_parameters(plant), 50.0) == found
     drawn = Nonlinear(tau1=(0.5,), tau2=(0.6,), Ts=(-1.0,), u_range=(10.0, 100.0))
-    assert [plant_terms(plant_parameters(drawn), duty)[2] for duty in (-5.0, 0.0, 5.0)] == [0.0, 0.0, 0.0]
+    assert [plant_terms(plant_parameters(drawn), duty)[2] for duty in (-5.0, -0.5, 0.0, 5.0)] == [0.0] * 4
 
 
 def test_nothing_drives_the_plant_below_a_duty_of_zero() -> None:
