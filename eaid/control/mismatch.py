@@ -5,7 +5,7 @@ with duty u, torque T and slope Ṫ, the least φ that allows this is the distan
 B in [B_m, B_M].
 
     shown_by_model   over the steps of the nonlinear model between any two identified duties, and from rest
-    shown_by_logs    over the averaged steps of the logs, slope by least squares over 0.1 s
+    shown_by_logs    over the averaged steps of the logs, slope by least squares over 0.1 s, or three samples
     shown_by_levels  over the first-order models of the single levels, η_i(T) = (a_i T − c_i) B_i, each taken as the
                      plant over the whole range of torque
 """
@@ -24,6 +24,8 @@ from eaid.steps.stepset import StepSet
 
 WINDOW_S = 0.1
 """Slopes of logs are straight lines through this much time."""
+FEWEST = 3
+"""Samples of such a line, at least."""
 DUTIES = 19
 INSTANTS = 200
 
@@ -74,9 +76,12 @@ def _smoothed(time_s: Array, torque_nm: Array) -> tuple[Array, Array, Array]:
     """Time, torque and slope of straight lines through successive windows, shapes (windows,)."""
     edges = np.searchsorted(time_s, np.arange(time_s[0], time_s[-1], WINDOW_S))
     edges = np.append(edges, len(time_s))
+    held = np.diff(edges)
+    if np.median(held[held > 0]) < FEWEST:  # sampled too slowly for that: as few as tell a slope
+        edges = np.append(np.arange(0, len(time_s), FEWEST), len(time_s))
     rows = []
     for begin, end in itertools.pairwise(edges.tolist()):
-        if end - begin < 3:
+        if end - begin < FEWEST:
             continue
         t, y = time_s[begin:end], torque_nm[begin:end]
         centred = t - t.mean()
