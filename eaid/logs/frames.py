@@ -60,6 +60,10 @@ def _parted(frames: "pd.DataFrame | Mapping[str, pd.DataFrame]") -> "dict[str, p
     frame = _with_index(frames)
     if RUN not in frame.columns:
         return {RUN: frame}
+    if unnamed := int(frame[RUN].isna().sum()):
+        raise DataError(
+            f"{unnamed} of {len(frame)} rows have no name in the column {RUN}; say of each row which run it is of"
+        )
     return {str(name): part.drop(columns=RUN) for name, part in frame.groupby(RUN, sort=False)}
 
 

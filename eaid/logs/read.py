@@ -84,10 +84,11 @@ def _refuse_what_does_nothing(runs: Sequence[Run], options: ReadOptions) -> None
         return
     given = {
         "columns": options.columns, "units": options.units, "name_pattern": options.name_pattern,
-        "step_at": options.step_at_s, "until": options.until_s, "variable": options.variable, "rate": options.rate_hz,
-        "join": options.join,
+        "step_at": options.step_at_s, "until": options.until_s, "variable": options.variable,
+        "rate_hz": options.rate_hz, "join": options.join,
     }  # fmt: skip
-    useless = next((name for name, value in given.items() if value not in (None, False, {})), None)
+    said = [name for name, value in given.items() if value is not None and value is not False and value != {}]
+    useless = next(iter(said), None)  # an instant of 0 s is one, though 0 == False
     if useless is not None:
         where = runs[0].dataset
         raise UsageError(f"«{useless}»: does nothing on {where}, a dataset, which says all itself; leave it out")

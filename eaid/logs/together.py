@@ -160,7 +160,7 @@ def _joined(parts: list[Run]) -> Run:
     others = [f"{part.source} ({part.sha256[:12]})" for part in parts[1:]]
     return replace(
         first,
-        name=re.sub(r"[-_. ]?(part)?[-_. ]?0*1$", "", first.name) or first.name,
+        name=re.sub(r"[-_. ]?(part)?[-_. ]?(?<!\d)0*1$", "", first.name) or first.name,
         time_s=read_only(np.concatenate([part.time_s + (part.start_s - first.start_s) for part in parts])),
         input=read_only(np.concatenate([part.input for part in parts])),
         output=read_only(np.concatenate([part.output for part in parts])),
