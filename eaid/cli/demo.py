@@ -53,6 +53,7 @@ def five_numbers(folder: Path) -> list[str]:
     """What the demo found, in five lines: fit %, T_s with its interval, errors, the worst margins, the guarantee."""
     from eaid.report.tables.gains import guarantee_words
     from eaid.results import codec
+    from eaid.results.common import ci95_of
     from eaid.results.fit import Fit
     from eaid.results.gains import Gains
     from eaid.results.summary import believed_levels
@@ -64,7 +65,7 @@ def five_numbers(folder: Path) -> list[str]:
     if fit.nonlinear is None or gains.replayed is None or gains.margins is None or gains.guarantee is None:
         return []
     top, worst, errors = believed_levels(fit)[-1], gains.margins.worst, gains.replayed
-    ends = top.ci95.Ts if top.ci95 is not None else None
+    ends = ci95_of(top, "Ts")
     interval = f" ({ends[0]:.3g} … {ends[1]:.3g})" if ends is not None else ""
     rc, pi = (worst.rc, worst.pi) if worst is not None else (None, None)
     rows = (

@@ -14,6 +14,7 @@ from typing import NamedTuple
 
 from eaid.errors import DataError, GainsError, UsageError
 from eaid.models.parameters import Linear
+from eaid.results.common import ci95_of
 from eaid.results.fit import Fit
 from eaid.results.linear import Linear as LinearFit
 from eaid.results.linear import LinearLevel
@@ -146,7 +147,7 @@ def _under(rows: Sequence[LinearLevel], model: Linear, fitted: str, wanted: str)
 def _interval(row: LevelB, rows: Sequence[LinearLevel]) -> tuple[float, float]:
     """The 95 % interval of a level's B, scaled where the convention is another than the fit's."""
     stored = next(r for r in rows if r.level == row.level)
-    ends = stored.ci95.B if stored.ci95 is not None else None
+    ends = ci95_of(stored, "B")
     if ends is None or not stored.B:
         raise UsageError(
             f"level {row.level:g} has no interval of B, so «widen_bounds» has nothing to widen by; "

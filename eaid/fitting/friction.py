@@ -16,7 +16,6 @@ from eaid.fitting.verdict import judged
 from eaid.models import friction as model
 from eaid.models.parameters import SHARE, TAU_FLOOR_S
 from eaid.models.parameters import Friction as FrictionCurve
-from eaid.models.trends import evaluate
 from eaid.results.common import HoldOut, Huber, Solver
 from eaid.results.fit import FitOptions
 from eaid.results.friction import Friction, FrictionLevel, Trend
@@ -172,7 +171,7 @@ def friction_hold_out(part: Friction, stepset: StepSet, held_out: Sequence[Level
     def predicted(level: Level) -> Array:
         x = trend_axis(stepset, np.array([level.level]))[1]
         trends = (part.trends[name] for name in ("Ts", "tau1", "tau2"))
-        Ts, tau1, tau2 = (float(evaluate(trend.form, trend.coefficients, x)[0]) for trend in trends)
+        Ts, tau1, tau2 = (float(trend.predict(x)[0]) for trend in trends)
         share = SHARE if part.C is None else part.C
         curve = FrictionCurve(Ts, max(tau1, TAU_FLOOR_S), max(tau2, TAU_FLOOR_S), share)
         return model.step_response(curve, level.time_s)

@@ -6,6 +6,7 @@ dark ground the page's style inverts their lightness, at the same hue.
 
 import json
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -14,7 +15,7 @@ import bokeh
 import numpy as np
 from bokeh.document import Document
 from bokeh.models import ColumnDataSource, HoverTool
-from bokeh.models.annotations import Legend
+from bokeh.models.annotations import Legend, TeeHead, Whisker
 from bokeh.models.layouts import Column
 from bokeh.plotting import figure
 from markupsafe import Markup
@@ -80,6 +81,14 @@ class Plot:
         # A pointer hits a line only within half its width: a broad one that nobody sees catches it.
         reach = p.line("x", "y", source=source, line_width=14, line_alpha=0, name=name)
         p.select_one(HoverTool).renderers.append(reach)
+
+    def points(self, p: Any, x: Sequence[float], y: Array, ends: tuple[Array, Array], name: str, colour: str) -> None:
+        """Draw points with whiskers from their lower to their upper ends, with the name that hovering shows."""
+        source = ColumnDataSource({"x": x, "y": y, "low": ends[0], "high": ends[1]})
+        drawn = bare(p.scatter("x", "y", source=source, size=7, name=name, color=colour))
+        p.select_one(HoverTool).renderers.append(drawn)
+        foot, head = TeeHead(size=6), TeeHead(size=6)
+        p.add_layout(Whisker(base="x", lower="low", upper="high", source=source, lower_head=foot, upper_head=head))
 
     def band(self, p: Any, t: Array, low: Array, high: Array, colour: str) -> None:
         """Shade between two curves, behind the lines."""

@@ -2,7 +2,7 @@
 
 import math
 from pathlib import Path
-from typing import Annotated, Self
+from typing import Annotated, Any, Self
 
 import msgspec
 
@@ -19,6 +19,11 @@ Interval = tuple[Number, Number] | None
 
 class Result(msgspec.Struct, frozen=True):
     """Base of every typed result: immutable, its field names are the keys of the file."""
+
+
+def ci95_of(item: Any, name: str) -> Interval:
+    """The 95 % interval of one value of a result that holds its intervals as `ci95`; None where it has none."""
+    return getattr(item.ci95, name) if item.ci95 is not None else None
 
 
 class Input(Result, frozen=True):

@@ -47,10 +47,9 @@ class Rig(Result, frozen=True):
     lever_ratio: Positive = 4.33
 
     def __post_init__(self) -> None:
-        if self.inner_radius_m >= self.outer_radius_m:
-            raise ValueError(
-                f"an inner radius of {self.inner_radius_m:g} m and an outer one of {self.outer_radius_m:g} m"
-            )
+        inner, outer = self.inner_radius_m, self.outer_radius_m
+        if inner >= outer:
+            raise ValueError(f"an inner radius of {inner:g} m and an outer one of {outer:g} m")
 
 
 class FittedData(Result, frozen=True):
@@ -144,6 +143,7 @@ class Fit(Shown, Result, frozen=True):
     command: tuple[str, ...] = ()
     """What was typed to make it, without the output; empty where Python did."""
     seed: int = 0
+    """That of `options`, under the key that every result file has."""
     data: FittedData = FittedData()
     converged: bool | None = None
     friction: Friction | None = None
@@ -208,8 +208,7 @@ class Fit(Shown, Result, frozen=True):
     def plant(self) -> NonlinearModel:
         """The believed nonlinear model, with the release constants where falls to rest were fitted.
 
-        Recorded falls between levels have them too where they are nearer to the release than to the rise, in
-        log τ1 + log τ2.
+        Recorded falls between levels get them too where they are nearer the release than the rise, in log τ1 + log τ2.
         """
         if self.nonlinear is None:
             raise DataError("this fit holds no nonlinear model; fit clutch logs with «model» nonlinear")
@@ -236,12 +235,11 @@ class Fit(Shown, Result, frozen=True):
     @property
     def dead_time_s(self) -> float:
         """Median dead time of the single steps upwards [s]; 0 where most of them show none."""
-        rises = [one.dead_time_s for one in self.steps if one.edge == "up"]
-        return statistics.median_low(rises) if rises else 0.0
+        return statistics.median_low([step.dead_time_s for step in self.steps if step.edge == "up"] or [0.0])
 
     def not_identifiable_because(self, subject: str) -> tuple[Finding, ...]:
         """Why the data do not determine a model: friction, nonlinear or linear."""
-        return tuple(one for one in self.findings if one.subject == subject and one.code in NOT_IDENTIFIABLE)
+        return tuple(found for found in self.findings if found.subject == subject and found.code in NOT_IDENTIFIABLE)
 
     @property
     def linear_model(self) -> LinearModel:

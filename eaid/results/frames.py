@@ -10,7 +10,7 @@ import pandas as pd
 from eaid.errors import DataError, UsageError
 from eaid.models import linear, nonlinear
 from eaid.results.codec import holds_part
-from eaid.results.common import Interval
+from eaid.results.common import Interval, ci95_of
 
 if TYPE_CHECKING:
     from eaid.results.fit import Fit
@@ -44,15 +44,14 @@ def _rows(fit: "Fit") -> Iterator[Row]:
             found = getattr(p.ci95, name) if p.ci95 is not None else ()
             for i, value in enumerate(values):
                 yield "nonlinear", f"{name}[{i}]", value, found[i] if i < len(found) else None
-        yield "nonlinear", "C", p.C, p.ci95.C if p.ci95 is not None else None
+        yield "nonlinear", "C", p.C, ci95_of(p, "C")
     if (q := fit.linear) is not None:
         for name in ("a0", "b0", "c0"):
-            yield "linear", name, getattr(q, name), getattr(q.ci95, name) if q.ci95 is not None else None
+            yield "linear", name, getattr(q, name), ci95_of(q, name)
     if fit.friction is not None:
         for row in fit.friction.levels:
             for name in ("Ts", "tau1", "tau2"):
-                held = getattr(row.ci95, name) if row.ci95 is not None else None
-                yield "friction", f"{name}({row.level:g})", getattr(row, name), held
+                yield "friction", f"{name}({row.level:g})", getattr(row, name), ci95_of(row, name)
     if fit.release is not None:
         yield "release", "tau1", fit.release.tau1, None
         yield "release", "tau2", fit.release.tau2, None

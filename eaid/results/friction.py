@@ -8,6 +8,7 @@ import numpy as np
 from eaid.arrays import Array
 from eaid.models.friction import step_response
 from eaid.models.parameters import Friction as FrictionCurve
+from eaid.models.trends import evaluate
 from eaid.results.common import Count, HoldOut, Huber, Interval, Number, Positive, Result, Scores, Solver
 
 
@@ -74,6 +75,10 @@ class Trend(Result, frozen=True):
         if len(self.coefficients) not in (0, wanted):
             raise ValueError(f"{len(self.coefficients)} coefficients, and a {self.form} trend has {wanted}")
 
+    def predict(self, x: Array) -> Array:
+        """The fitted value over stress or speed."""
+        return evaluate(self.form, self.coefficients, x)
+
 
 class Friction(Result, frozen=True):
     """Friction curves of all levels, and their trends."""
@@ -88,6 +93,11 @@ class Friction(Result, frozen=True):
     identifiable: bool | None = None
     hold_out: HoldOut | None = None
     robust: Huber | None = None
+
+    @property
+    def over_stress(self) -> bool:
+        """Whether trends run over the normal stress, which is known of every level."""
+        return self.over == "stress_kpa" and all(row.stress_kpa is not None for row in self.levels)
 
     @property
     def x(self) -> tuple[float, ...]:

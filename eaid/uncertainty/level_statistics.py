@@ -17,14 +17,7 @@ from eaid.fitting.levels import fit_levels
 from eaid.results.friction import FrictionLevel
 from eaid.steps.stepset import Level
 from eaid.uncertainty.curve import Curve, at_levels, curve_of_single_runs, curve_with_repeats
-from eaid.uncertainty.levels import (
-    CURVES,
-    UNDETERMINED,
-    LevelEstimate,
-    constrained_parameters,
-    level_estimate,
-    usable,
-)
+from eaid.uncertainty.levels import CURVES, UNDETERMINED, LevelEstimate, constrained_parameters, level_estimate, usable
 from eaid.uncertainty.scatter import Mask, PooledScatter, pooled_scatter
 from eaid.uncertainty.student_t import satterthwaite, t_quantile
 from eaid.uncertainty.tau2_range import Tau2Sets, tau2_sets
@@ -86,7 +79,7 @@ class LevelStatistics:
     @property
     def repeats(self) -> Array:
         """Runs of each level, shape (L,)."""
-        return np.array([one.runs.repeats for one in self.estimates])
+        return np.array([estimate.runs.repeats for estimate in self.estimates])
 
     @cached_property
     def data(self) -> Data:
@@ -106,7 +99,7 @@ class LevelStatistics:
     @property
     def log_theta(self) -> Array:
         """Logarithms of the levels' parameters, shape (L, k)."""
-        return np.array([one.runs.log_theta for one in self.estimates])
+        return np.array([estimate.runs.log_theta for estimate in self.estimates])
 
     @property
     def unshared_variance(self) -> Array:
@@ -127,10 +120,10 @@ class LevelStatistics:
         """Correlation of the scatter of (T_s, τ1, τ2[, C]) within a level, pooled over levels, shape (k, k)."""
         k = self.variance.shape[1]
         total = np.zeros((k, k))
-        for one, v, known in zip(self.estimates, self.variance, self.determined, strict=True):
-            if one.runs.repeats > 1 and known.all() and (v > 0).all():
-                d = one.runs.influence / np.sqrt(v)
-                total += d.T @ d
+        for estimate, variance, known in zip(self.estimates, self.variance, self.determined, strict=True):
+            if estimate.runs.repeats > 1 and known.all() and (variance > 0).all():
+                scaled = estimate.runs.influence / np.sqrt(variance)
+                total += scaled.T @ scaled
         size = np.sqrt(np.diag(total))
         if not (size > 0).all():
             return np.eye(k)
@@ -146,13 +139,12 @@ def level_statistics(
     levels: Sequence[Level], fits: Sequence[FrictionLevel], share_free: bool = False
 ) -> LevelStatistics:
     """The statistics of these levels and their friction curves."""
-    found = [
-        level_estimate(level, fit.curve, constrained_parameters(fit, float(level.time_s[-1]), share_free), share_free)
-        for level, fit in zip(levels, fits, strict=True)
-    ]
-    return replace(
-        pooled_statistics(levels, found), converged=all(fit.solver is None or fit.solver.converged for fit in fits)
-    )
+    estimates = []
+    for level, fit in zip(levels, fits, strict=True):
+        constrained = constrained_parameters(fit, float(level.time_s[-1]), share_free)
+        estimates.append(level_estimate(level, fit.curve, constrained, share_free))
+    converged = all(fit.solver is None or fit.solver.converged for fit in fits)
+    return replace(pooled_statistics(levels, estimates), converged=converged)
 
 
 def statistics_at_share(levels: Sequence[Level], share: float) -> LevelStatistics:
@@ -160,56 +152,61 @@ def statistics_at_share(levels: Sequence[Level], share: float) -> LevelStatistic
     return level_statistics(levels, fit_levels(data_of(levels), share))
 
 
-def pooled_statistics(levels: Sequence[Level], found: Sequence[LevelEstimate]) -> LevelStatistics:
+def pooled_statistics(levels: Sequence[Level], estimates: Sequence[LevelEstimate]) -> LevelStatistics:
     """Pool what the levels say: by repeats, by a curve through single runs, or not at all."""
-    counted = usable(found)
-    within = np.array([one.runs.within for one in found])
-    repeats = np.array([one.runs.repeats for one in found], dtype=float)
-    records = np.array([one.runs.duration_s for one in found])
-    theta = np.array([one.runs.log_theta for one in found])
-    duty = np.array([level.level for level in levels])
+    per_level = [estimate.runs for estimate in estimates]
+    counted = usable(estimates)
+    within = np.array([runs.within for runs in per_level])
     scatter, source = None, "within"
-    between = np.full(theta.shape[1], np.nan)
+    between = np.full(within.shape[1], np.nan)
     variance, degrees = within.copy(), np.full(within.shape, FEW_DEGREES)
-    if repeats.max() > 1:
-        scatter, source = pooled_scatter([one.runs for one in found], counted), "repeats"
+    if any(runs.repeats > 1 for runs in per_level):
+        scatter, source = pooled_scatter(per_level, counted), "repeats"
+        repeats = np.array([runs.repeats for runs in per_level], dtype=float)
         finite = np.isfinite(scatter.variance).all(axis=0)
         variance = np.where(finite, scatter.variance, within / repeats[:, None])
         degrees = np.where(finite, scatter.degrees, FEW_DEGREES)
         between = scatter.between
     else:
-        seen = counted & ((np.arange(theta.shape[1]) != 2) | (np.exp(theta[:, 2]) <= records)[:, None])
+        duty, theta = np.array([level.level for level in levels]), np.array([runs.log_theta for runs in per_level])
+        records = np.array([runs.duration_s for runs in per_level])
         for k, name in enumerate(CURVES):
-            row = seen[:, k]
+            row = counted[:, k]
+            if name == "tau2":  # beyond its record it shows no scatter
+                row = row & (np.exp(theta[:, k]) <= records)
             if row.sum() - TERMS[name] >= SPARE_LEVELS:
                 curve = curve_of_single_runs(duty[row], theta[row, k], within[row, k], TERMS[name])
                 between[k] = curve.between
                 variance[:, k] = curve.between + within[:, k]
                 degrees[:, k] = curve.degrees
                 source = "curve"
-    sets = tau2_sets(levels, found, variance[:, 2], degrees[:, 2])
-    determined = _determined(found, counted, variance, degrees, sets)
-    return LevelStatistics(tuple(levels), tuple(found), variance, degrees, determined, source, scatter, between, sets)
+    sets = tau2_sets(levels, estimates, variance[:, 2], degrees[:, 2])
+    determined = _determined(estimates, counted, variance, degrees, sets)
+    return LevelStatistics(
+        tuple(levels), tuple(estimates), variance, degrees, determined, source, scatter, between, sets
+    )
 
 
 def _free_tau2(estimates: Sequence[LevelEstimate]) -> Mask:
-    return np.array(["tau2" not in one.constrained for one in estimates])
+    return np.array(["tau2" not in estimate.constrained for estimate in estimates])
 
 
-def _determined(found: Sequence[LevelEstimate], counted: Mask, variance: Array, degrees: Array, sets: Tau2Sets) -> Mask:
-    """Where a level determines a parameter, shape (L, k).
+def _determined(
+    estimates: Sequence[LevelEstimate], counted: Mask, variance: Array, degrees: Array, sets: Tau2Sets
+) -> Mask:
+    """Where a level determines a parameter, shape (L, k); `counted`: it shows the parameter's scatter.
 
     τ2 is known within a factor of three, at most three records long, and no τ2 beyond that and beyond the record is
     allowed; where most levels fail in that, those that do not have come out short by chance. T_s and τ1 rest on τ2: a
     level that leaves it open has no say in them where the others have.
     """
-    records = np.array([one.runs.duration_s for one in found])
-    tau2 = np.exp([one.runs.log_theta[2] for one in found])
+    records = np.array([estimate.runs.duration_s for estimate in estimates])
+    tau2 = np.exp([estimate.runs.log_theta[2] for estimate in estimates])
     known = counted[:, 2] & (t_quantile(degrees[:, 2]) * np.sqrt(variance[:, 2]) < np.log(UNDETERMINED))
     tested = np.isfinite(sets.tau2_s[:, 0])
     known &= tau2 <= FARTHEST_RECORDS * records
     known &= np.where(tested, sets.tau2_s[:, 1] < np.maximum(UNDETERMINED * tau2, records), tau2 <= records)
-    free = _free_tau2(found)
+    free = _free_tau2(estimates)
     if 2 * known.sum() < free.sum():
         known[:] = False
     determined = counted.copy()
@@ -229,16 +226,15 @@ def curves(stats: LevelStatistics) -> dict[str, Curve]:
         terms = min(TERMS[name], int(row.sum()))
         duty, theta = stats.duty_pct[row], stats.log_theta[row, k]
         if stats.source != "repeats" and row.sum() - terms >= SPARE_LEVELS:
-            within = np.array([one.runs.within[k] for one in stats.estimates])[row]
+            within = np.array([estimate.runs.within[k] for estimate in stats.estimates])[row]
             curve = curve_of_single_runs(duty, theta, within, terms)
         elif stats.scatter is None:
             curve = curve_with_repeats(duty, theta, stats.variance[row, k], float(stats.degrees[row, k].min()), terms)
         else:
             weigh, real = stats.scatter.pooled[row, k], stats.unshared_variance[row, k]
             curve = curve_with_repeats(duty, theta, weigh, stats.total_degrees, terms, real)
-        result[name] = at_levels(
-            curve, row, TERMS[name], None if stats.scatter is None else stats.scatter.components[k]
-        )
+        components = None if stats.scatter is None else stats.scatter.components[k]
+        result[name] = at_levels(curve, row, TERMS[name], components)
     return result
 
 
@@ -248,5 +244,5 @@ def curve_degrees(stats: LevelStatistics, curve: Curve, name: str) -> Array:
     if stats.scatter is None or not stats.swept:
         return degrees
     common = float(stats.scatter.common[CURVES.index(name)])
-    own = curve.log_sd(stats.duty_pct) ** 2
-    return satterthwaite((own, common), (degrees, stats.scatter.common_degrees))
+    variance = curve.log_sd(stats.duty_pct) ** 2
+    return satterthwaite((variance, common), (degrees, stats.scatter.common_degrees))

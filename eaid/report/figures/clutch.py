@@ -15,6 +15,7 @@ from eaid.report.ready import Ready, caption
 from eaid.report.results import Results
 from eaid.report.rig import gain, level_text, over, overlaid, quantity
 from eaid.report.thin import thinned
+from eaid.results.common import ci95_of
 from eaid.results.fit import Fit
 from eaid.steps.stepset import StepSet
 
@@ -99,7 +100,7 @@ def input_gain(fit: Fit, asked: bool | None = None) -> Figure:
     figure, (axes,) = style.column(2.4)
     part, unit = fit.linear, fit.data.input_unit
     assert part is not None
-    rows = [(row.level, row.B, row.ci95.B if row.ci95 else None) for row in part.per_level if row.B is not None]
+    rows = [(row.level, row.B, ci95_of(row, "B")) for row in part.per_level if row.B is not None]
     if rows:
         at, values, intervals = zip(*rows, strict=True)
         points(axes, at, np.array(values), intervals, fmt="o-", color=style.BLUE, linewidth=0.9)

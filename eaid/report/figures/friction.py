@@ -10,7 +10,7 @@ from eaid.arrays import Array
 from eaid.report import published, style
 from eaid.report.figures import steps
 from eaid.report.figures.steps import draw_steps, single_curves
-from eaid.report.figures.values import axis_label, intervals_of, over_stress, points, trend_values
+from eaid.report.figures.values import axis_label, intervals_of, points
 from eaid.report.ready import Ready, caption
 from eaid.report.results import Results
 from eaid.report.rig import apparatus_of, of_the_paper, over, overlaid
@@ -51,7 +51,7 @@ def trends_ready(draw: Callable[[Fit, bool | None], Figure], fit: Fit, results: 
 
 def trend_x(part: Friction, fit: Fit) -> tuple[Array, str]:
     """What the trends run over, and its label: stress [kPa], speed [RPM] or the level itself."""
-    if over_stress(fit):
+    if part.over_stress:
         return np.array(part.x), "Normal stress (kPa)"
     return np.array([row.level for row in part.levels]), over(fit.data.input_unit)
 
@@ -68,7 +68,8 @@ def friction_coefficients(fit: Fit, rows: Sequence[FrictionLevel], x_kpa: Array)
 
 def friction_over_stress(fit: Fit, asked: bool | None = None) -> Figure:
     """Fig. 4: T_s, τ1, C_f and τ2 over the normal stress [kPa] with their trends; over the level on another rig."""
-    four = over_stress(fit) and fit.data.output_unit == "N·m"  # Eq. (1) takes a torque
+    over_stress = fit.friction is not None and fit.friction.over_stress
+    four = over_stress and fit.data.output_unit == "N·m"  # Eq. (1) takes a torque
     return _over(fit, ("Ts", "tau1", "C_f", "tau2") if four else ("Ts", "tau1", "tau2"), published.OVER_STRESS, asked)
 
 
@@ -93,8 +94,8 @@ def _over(fit: Fit, names: Sequence[str], paper: Mapping[str, Callable[[Array], 
         top = points(panel, x.tolist(), values, ends, color=style.BLACK, label="each level, 95 %")
         trend = part.trends.get(name)
         if trend is not None and trend.coefficients:
-            panel.plot(fine, trend_values(trend, fine), color=style.BLUE, label="trend")
-            top = max(top, float(np.max(trend_values(trend, fine))))
+            panel.plot(fine, trend.predict(fine), color=style.BLUE, label="trend")
+            top = max(top, float(np.max(trend.predict(fine))))
         if name in paper and overlaid(fit.data, asked):
             panel.plot(fine, paper[name](fine), color=style.VERMILLION, linestyle=":", label="published")
         panel.set_ylabel(axis_label(name, fit.data.output_unit))

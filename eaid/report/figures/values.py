@@ -1,27 +1,25 @@
 """Fitted values over the level, with their 95 % intervals: of one fit with its estimates, or of two over each other."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from functools import partial
 
 import numpy as np
-from bokeh.models import ColumnDataSource, HoverTool, Range1d
-from bokeh.models.annotations import TeeHead, Whisker
+from bokeh.models import Range1d
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from eaid.arrays import Array
 from eaid.models import nonlinear
-from eaid.models.trends import FORMS
 from eaid.report import published, style
-from eaid.report.live import Live, Plot, bare
+from eaid.report.live import Live, Plot
 from eaid.report.ready import Ready, caption
 from eaid.report.results import Given, Results
 from eaid.report.rig import apparatus_of, level_values, over, overlaid
 from eaid.report.tables.fits import estimates_of
-from eaid.report.tables.table import SYMBOLS, interval_of
-from eaid.results.common import Interval
+from eaid.report.tables.table import SYMBOLS
+from eaid.results.common import Interval, ci95_of
 from eaid.results.fit import Fit
-from eaid.results.friction import FrictionLevel, Trend
+from eaid.results.friction import FrictionLevel
 from eaid.results.nonlinear import CurveLevel, Estimate
 from eaid.results.summary import ENDLESS_S
 
@@ -52,15 +50,13 @@ def axis_label(name: str, unit: str) -> str:
 
 def intervals_of(rows: Sequence[FrictionLevel | CurveLevel], name: str) -> list[Interval]:
     """The 95 % intervals of one value at the levels."""
-    return [interval_of(row, name) for row in rows]
+    return [ci95_of(row, name) for row in rows]
 
 
 def ends_of(values: Array, intervals: Sequence[Interval]) -> tuple[Array, Array, float]:
     """Lower and upper end of each value, the value itself where it has no interval; the highest end to be seen."""
-    low, high = (
-        np.array([value if one is None else one[k] for value, one in zip(values, intervals, strict=True)])
-        for k in (0, 1)
-    )
+    known = [(value, value) if ends is None else ends for value, ends in zip(values, intervals, strict=True)]
+    low, high = np.array(known).reshape(-1, 2).T
     low, high = np.minimum(low, values), np.maximum(high, values)
     return low, high, highest(np.minimum(high, TALL * np.abs(values)))
 
@@ -114,23 +110,13 @@ def curves_over(fit: Fit) -> tuple[Array, dict[str, Array]]:
         u = np.linspace(*fit.nonlinear.u_range, 150)
         return u, values_over(fit.nonlinear, u)
     part = fit.friction
-    known = {name: one for name, one in (part.trends if part else {}).items() if name in NAMES and one.coefficients}
+    trends = part.trends if part else {}
+    known = {name: trend for name, trend in trends.items() if name in NAMES and trend.coefficients}
     if part is None or not known:
         return np.empty(0), {}
     u = np.linspace(part.levels[0].level, part.levels[-1].level, 150)
-    x = apparatus_of(fit.data).stress_kpa(1.0) * u if over_stress(fit) else u
-    return u, {name: ended(trend_values(one, x), name) for name, one in known.items()}
-
-
-def trend_values(trend: Trend, x: Array) -> Array:
-    """A fitted trend over stress or speed."""
-    return FORMS[trend.form].curve(np.array(trend.coefficients), x)
-
-
-def over_stress(fit: Fit) -> bool:
-    """Whether the fitted values run over the normal stress."""
-    part = fit.friction
-    return part is not None and part.over == "stress_kpa" and all(row.stress_kpa is not None for row in part.levels)
+    x = apparatus_of(fit.data).stress_kpa(1.0) * u if part.over_stress else u
+    return u, {name: ended(trend.predict(x), name) for name, trend in known.items()}
 
 
 def polynomials_ready(fit: Fit, results: Results) -> Ready | None:
@@ -140,23 +126,23 @@ def polynomials_ready(fit: Fit, results: Results) -> Ready | None:
         return None
     counts = []
     for name in NAMES:
-        known = [(row.level, ends) for row in rows if (ends := interval_of(row, name)) is not None]
+        known = [(row.level, ends) for row in rows if (ends := ci95_of(row, name)) is not None]
         if known:
             curve = values_over(fit.nonlinear, np.array([level for level, _ in known]))[name]
             met = sum(ends[0] <= value <= ends[1] for (_, ends), value in zip(known, curve, strict=True))
             counts.append(f"{SYMBOLS[name]} through {met} of {len(known)}")
-    said = caption("over_duty", recorded=fit.recorded is not None, met=counts)
-    return Ready(partial(polynomials, fit, results.paper), said, partial(live, fit))
+    text = caption("over_duty", recorded=fit.recorded is not None, met=counts)
+    return Ready(partial(polynomials, fit, results.paper), text, partial(live, fit))
 
 
 def _curves(fit: Fit, u: Array, name: str) -> tuple[dict[str, Array], float]:
     """One value over the input by every estimate, and the top of its axis; what is far above that is cut."""
     assert fit.nonlinear is not None
-    curves = {said: values_over(one, u)[name] for said, one in estimates_of(fit.nonlinear).items()}
+    curves = {label: values_over(estimate, u)[name] for label, estimate in estimates_of(fit.nonlinear).items()}
     rows = level_values(fit)
     seen = ends_of(values_of(rows, name), intervals_of(rows, name))[2]
     top = top_of(next(iter(curves.values())), seen)
-    return {said: on_axis(y, top) for said, y in curves.items()}, 1.1 * top or 1.0
+    return {label: on_axis(y, top) for label, y in curves.items()}, 1.1 * top or 1.0
 
 
 def polynomials(fit: Fit, asked: bool | None = None) -> Figure:
@@ -168,8 +154,8 @@ def polynomials(fit: Fit, asked: bool | None = None) -> Figure:
     for mark, name, panel in zip("abc", NAMES, axes, strict=True):
         curves, top = _curves(fit, u, name)
         values = values_of(rows, name)
-        for k, ((said, y), (colour, line, _)) in enumerate(zip(curves.items(), ESTIMATES, strict=False)):
-            look = {"linewidth": 0.9, "label": said} if k else {"label": f"{said} (used)"}
+        for k, ((estimate, y), (colour, line, _)) in enumerate(zip(curves.items(), ESTIMATES, strict=False)):
+            look = {"linewidth": 0.9, "label": estimate} if k else {"label": f"{estimate} (used)"}
             panel.plot(u, y, color=colour, linestyle=line, **look)
         if np.isfinite(values).any():
             at = [row.level for row in rows]
@@ -189,7 +175,7 @@ def live(fit: Fit) -> tuple[Live, ...]:
     assert fit.nonlinear is not None
     u = np.linspace(*fit.nonlinear.u_range, 120)
     rows, single = level_values(fit), "level by itself" if fit.recorded is None else "95 %"
-    found = []
+    plots = []
     for name, sign in (("Ts", "Tₛ"), ("tau1", "τ1"), ("tau2", "τ2")):
         plot = Plot(wide=False)
         unit = fit.data.output_unit if name == "Ts" else "s"
@@ -198,61 +184,56 @@ def live(fit: Fit) -> tuple[Live, ...]:
         values = values_of(rows, name)
         if np.isfinite(values).any():
             low, high, _seen = ends_of(values, intervals_of(rows, name))
-            shown = ColumnDataSource({"x": [row.level for row in rows], "y": values, "low": low, "high": high})
-            drawn = bare(p.scatter("x", "y", source=shown, size=7, name=single, color=style.BLACK))
-            p.select_one(HoverTool).renderers.append(drawn)
-            foot, head = TeeHead(size=6), TeeHead(size=6)
-            span = {"base": "x", "lower": "low", "upper": "high"}
-            p.add_layout(Whisker(**span, source=shown, lower_head=foot, upper_head=head))  # type: ignore[arg-type]
-        for k, ((said, y), (colour, _, dash)) in enumerate(zip(curves.items(), ESTIMATES, strict=False)):
-            plot.line(p, u, y, said, colour, dash, said, 1.3 if k else 2.0)
+            plot.points(p, [row.level for row in rows], values, (low, high), single, style.BLACK)
+        for k, ((estimate, y), (colour, _, dash)) in enumerate(zip(curves.items(), ESTIMATES, strict=False)):
+            plot.line(p, u, y, estimate, colour, dash, estimate, 1.3 if k else 2.0)
         p.y_range = Range1d(start=0, end=top)
-        found.append(plot.finish())
-    return tuple(found)
+        plots.append(plot.finish())
+    return tuple(plots)
 
 
 def draw_curves(panels: Sequence[Axes], fits: Sequence[tuple[str, Fit]]) -> None:
     """The models' T_s, τ1 and τ2 over the level, a panel each, of every fit."""
     for name, panel in zip(NAMES, panels, strict=True):
         tops = [0.0]
-        for (said, fit), (colour, line, _marker) in zip(fits, LOOKS, strict=False):
+        for (label, fit), (colour, line, _marker) in zip(fits, LOOKS, strict=False):
             u, curves = curves_over(fit)
             if name in curves:
-                panel.plot(u, curves[name], color=colour, linestyle=line, label=said)
+                panel.plot(u, curves[name], color=colour, linestyle=line, label=label)
                 tops.append(highest(curves[name]))
         panel.set(xlabel=over(fits[0][1].data.input_unit), ylim=(0, 1.1 * max(tops) or 1.0))
 
 
 def draw_values(panels: Sequence[Axes], fits: Sequence[tuple[str, Fit]], with_curves: bool = True) -> None:
     """T_s, τ1 and τ2, a panel each: the levels of each fit, and its nonlinear model where there is one."""
-    for (said, fit), (colour, line, marker) in zip(fits, LOOKS, strict=False):
+    for (label, fit), (colour, line, marker) in zip(fits, LOOKS, strict=False):
         rows = level_values(fit)
         u, curves = curves_over(fit) if with_curves and fit.nonlinear is not None else (np.empty(0), {})
         for name, panel in zip(NAMES, panels, strict=True):
             values = values_of(rows, name)
             seen = 0.0
             if np.isfinite(values).any():
-                look = {"fmt": marker, "color": colour, "label": said}
+                look = {"fmt": marker, "color": colour, "label": label}
                 seen = points(panel, [row.level for row in rows], values, intervals_of(rows, name), **look)
             top = top_of(curves.get(name, np.empty(0)), seen)
             if curves:
-                panel.plot(u, on_axis(curves[name], top), color=colour, linestyle=line, label=None if rows else said)
-            panel.set_ylim(0, max(1.1 * top or 1.0, panel.get_ylim()[1] if said != fits[0][0] else 0.0))
+                panel.plot(u, on_axis(curves[name], top), color=colour, linestyle=line, label=None if rows else label)
+            panel.set_ylim(0, max(1.1 * top or 1.0, panel.get_ylim()[1] if label != fits[0][0] else 0.0))
     for panel in panels:
         panel.set_xlabel(over(fits[0][1].data.input_unit))
 
 
 def two_fits_ready(pair: tuple[Given[Fit], Given[Fit]]) -> Ready:
     """Two fits of one kind over each other."""
-    rows: list[Mapping[float, object]] = [{row.level: row.ci95 for row in level_values(one.result)} for one in pair]
+    first, second = ({row.level: row for row in level_values(given.result)} for given in pair)
     parted: dict[str, list[str]] = {}
     for name in NAMES:
-        for level in rows[0]:
-            a, b = (getattr(one.get(level), name, None) for one in rows)
+        for level in (level for level in first if level in second):
+            a, b = ci95_of(first[level], name), ci95_of(second[level], name)
             if a is not None and b is not None and (a[1] < b[0] or b[1] < a[0]):
                 parted.setdefault(SYMBOLS[name], []).append(f"{level:.4g}")
-    said = caption("compare", parted=parted, unit=pair[0].result.data.input_unit)
-    return Ready(lambda: two_fits([(one.path, one.result) for one in pair]), said)
+    text = caption("compare", parted=parted, unit=pair[0].result.data.input_unit)
+    return Ready(lambda: two_fits([(given.path, given.result) for given in pair]), text)
 
 
 def two_fits(fits: Sequence[tuple[str, Fit]]) -> Figure:

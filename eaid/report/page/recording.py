@@ -15,7 +15,7 @@ from eaid.planning.recordings import PlanOptions, plan_recordings
 from eaid.report.figures.steps import some_levels
 from eaid.report.rig import level_text, rising
 from eaid.report.tables.table import SYMBOLS, level, listed
-from eaid.results.common import Interval
+from eaid.results.common import Interval, ci95_of
 from eaid.results.fit import Fit
 from eaid.results.plan import Plan
 from eaid.results.summary import believed_levels
@@ -78,7 +78,7 @@ def _more_repeats(fit: Fit, plan: Plan) -> Mapping[float, int]:
     counts = Counter(one.level for one in rising(fit.data.sources))
     found = {}
     for row in believed_levels(fit):
-        ends = [getattr(row.ci95, name) if row.ci95 else None for name in plan.wanted]
+        ends = [ci95_of(row, name) for name in plan.wanted]
         over = max(_half_width_pct(one) / width for one, width in zip(ends, plan.wanted.values(), strict=True))
         repeats = counts.get(row.level, 0)
         if over > 1 and repeats:

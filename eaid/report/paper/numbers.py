@@ -11,7 +11,6 @@ from eaid.control import robust
 from eaid.control.gains import paper_gains
 from eaid.models.parameters import PAPER_LINEAR, REFERENCE_PLANT, Linear
 from eaid.report import published
-from eaid.report.figures.values import trend_values
 from eaid.report.paper.evidence import TUNED_PI, Evidence
 from eaid.report.tables import SYMBOLS, number
 from eaid.report.tables.fits import formula
@@ -83,7 +82,7 @@ def _trend(table: str, name: str, fits: tuple[Fit, Fit], x: Array) -> Mapping[st
     return {
         "table": table, "kind": fits[0].data.kind, "symbol": SYMBOLS[name], "terms": terms, "rmse": rmse,
         "our_rmse": trends[1].rmse,
-        "apart": [100 * float(np.max(np.abs(trend_values(trend, x) / curve - 1))) for trend in trends],
+        "apart": [100 * float(np.max(np.abs(trend.predict(x) / curve - 1))) for trend in trends],
     }  # fmt: skip
 
 

@@ -11,12 +11,11 @@ from eaid.report.tables.table import (
     Name,
     Table,
     columns,
-    interval_of,
     level,
     table_of,
     with_unit,
 )
-from eaid.results.common import Interval
+from eaid.results.common import Interval, ci95_of
 from eaid.results.fit import Fit
 
 
@@ -55,7 +54,7 @@ def estimates_table(fit: Fit) -> Table:
             cells: list[Cell] = [with_unit(level(place), fit.data.input_unit), said]
             for rows_of in at:
                 row = rows_of.get(place)
-                cells += [getattr(row, name), interval_of(row, name)] if row is not None else [None, None]
+                cells += [getattr(row, name), ci95_of(row, name)] if row is not None else [None, None]
             rows.append(tuple(cells))
     heads: list[Head] = ["level", "value"]
     for k, name in enumerate(shown):
@@ -124,11 +123,11 @@ def comparison_table(first: Fit, second: Fit, names: tuple[str, str]) -> Table:
     one, two = first.linear, second.linear
     if one is not None and two is not None:
         for key, per in (("a0", "1/s"), ("b0", rate(unit, out)), ("c0", f"{out}/s")):
-            ends = [interval_of(part, key) for part in (one, two)]
+            ends = [ci95_of(part, key) for part in (one, two)]
             add(f"{key} ({per})", getattr(one, key), getattr(two, key), *ends)
         if one.bounds and two.bounds:
             for key in ("B_m", "B_M"):
-                ends = [interval_of(bounds, key) for bounds in (one.bounds, two.bounds)]
+                ends = [ci95_of(bounds, key) for bounds in (one.bounds, two.bounds)]
                 add(f"{key} ({gain(unit, out)})", getattr(one.bounds, key), getattr(two.bounds, key), *ends)
     for part in ("nonlinear", "linear"):
         a, b = getattr(first, part), getattr(second, part)
@@ -137,7 +136,7 @@ def comparison_table(first: Fit, second: Fit, names: tuple[str, str]) -> Table:
     for place in sorted(set(levels[0]) & set(levels[1])):
         pair = levels[0][place], levels[1][place]
         for key in PARAMETERS:
-            ends = [interval_of(row, key) for row in pair]
+            ends = [ci95_of(row, key) for row in pair]
             said = f"{SYMBOLS[key]} at {with_unit(level(place), unit)} ({unit_of(first, key)})"
             add(said, getattr(pair[0], key), getattr(pair[1], key), *ends)
     heads = columns(

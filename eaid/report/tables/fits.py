@@ -9,14 +9,13 @@ from eaid.report.tables.table import (
     Name,
     Table,
     columns,
-    interval_of,
     level,
     number,
     table_of,
     with_interval,
     with_unit,
 )
-from eaid.results.common import HuberPart
+from eaid.results.common import HuberPart, ci95_of
 from eaid.results.fit import Fit
 from eaid.results.friction import Trend
 from eaid.results.nonlinear import Estimate, Nonlinear
@@ -108,12 +107,12 @@ def table_iii(fit: Fit, asked: bool | None = None) -> Table:
             cells: list[Cell] = [f"{letter}_{power}", f"{SYMBOLS[name]}, u^{power}" if power else SYMBOLS[name]]
             cells.append(number(printed[power], 3) if power < len(printed) else None)
             for one in shown.values():
-                ends = interval_of(one, name) or ()
+                ends = ci95_of(one, name) or ()
                 cells += [getattr(one, name)[power], ends[power] if power < len(ends) else None]
             rows.append((*cells, f"{unit}/{per}^{power}" if power > 1 else f"{unit}/{per}" if power else unit))
     last: list[Cell] = ["C", "share of the fast part", number(published.TABLE_III["C"][0], 2)]
     for one in shown.values():
-        last += [number(one.C, 2), interval_of(one, "C")]
+        last += [number(one.C, 2), ci95_of(one, "C")]
     rows.append((*last, "1"))
     heads = ["symbol", "belongs to", paper]
     for k, name in enumerate(shown):
@@ -134,7 +133,7 @@ def linear_table(fit: Fit, asked: bool | None = None) -> Table:
     both = [part, *([part.other_weights] if part.other_weights else [])]
     rows: list[tuple[Cell, ...]] = []
     for name, unit in units.items():
-        ours = [cell for one in both for cell in (getattr(one, name), interval_of(one, name))]
+        ours = [cell for one in both for cell in (getattr(one, name), ci95_of(one, name))]
         rows.append((name, number(published.LINEAR[name], 3), *ours, unit))
     rows.append(("RMSE", "–", *(cell for one in both for cell in (one.rmse, None)), out))
     names = ["ours", *(f"with {one.weights} weights" for one in both[1:])]
@@ -158,7 +157,7 @@ def input_gain_table(fit: Fit, asked: bool | None = None) -> Table:
         "Input gain of each level", caption, part.per_level,
         (("level", unit), lambda one: level(one.level)), (("a0", "1/s"), "a0"), (("steady value", out), "gain"),
         ("b0", "b0"), (("c0", f"{out}/s"), "c0"), (("B", gain(unit, out)), "B"),
-        (INTERVAL, lambda one: interval_of(one, "B")), (("RMSE", out, 3), "rmse"),
+        (INTERVAL, lambda one: ci95_of(one, "B")), (("RMSE", out, 3), "rmse"),
     )  # fmt: skip
 
 

@@ -7,7 +7,7 @@ from functools import cached_property
 from operator import attrgetter
 from typing import Any, TypeVar
 
-from eaid.results.common import Interval
+from eaid.results.common import Interval, ci95_of
 
 T = TypeVar("T")
 SYMBOLS = {"Ts": "T_s", "C_f": "C_f", "tau1": "τ1", "tau2": "τ2"}
@@ -89,14 +89,9 @@ def table_of(heading: str, caption: str, items: Iterable[T], *parts: Part[T] | N
     return Table(heading, caption, columns(*(head for head, _show in shown)), rows)
 
 
-def interval_of(item: Any, name: str) -> Interval:
-    """The 95 % interval of one value of a result that holds its intervals as `ci95`; None where it has none."""
-    return getattr(item.ci95, name) if item.ci95 is not None else None
-
-
 def with_interval(head: Head, name: str) -> tuple[Part[Any], Part[Any]]:
     """Two columns: a value, and its 95 % interval."""
-    return (head, name), (INTERVAL, lambda one: interval_of(one, name))
+    return (head, name), (INTERVAL, lambda one: ci95_of(one, name))
 
 
 def text(cell: Cell, digits: int = 4) -> str:
