@@ -8,6 +8,7 @@ from eaid.cli import console
 from eaid.cli.form import Common, argument, option, takes, written
 from eaid.cli.words import names, pair
 from eaid.errors import DataError
+from eaid.shown import counted
 
 if TYPE_CHECKING:
     from eaid.report.options import ReportOptions
@@ -62,7 +63,7 @@ def command(args: Arguments) -> None:
     changed = changes(args.files)  # from here on: what changes while the first page is made counts too
     made = _made(args.files, args.output, options)
     if args.watch:
-        console.say(f"watching {len(args.files)} file{'s' if len(args.files) > 1 else ''}; Ctrl-C ends it")
+        console.say(f"watching {counted(len(args.files), 'file')}; Ctrl-C ends it")
         for _ in changed:
             try:
                 made = _made(args.files, args.output, replace(options, force=True))

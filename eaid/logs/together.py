@@ -16,7 +16,7 @@ from eaid.arrays import Array, read_only
 from eaid.errors import DataError
 from eaid.findings import Finding, finding
 from eaid.logs.run import Run
-from eaid.shown import listed
+from eaid.shown import counted, listed
 
 
 def counted_once(runs: Sequence[Run]) -> list[Run]:
@@ -111,7 +111,7 @@ def columns_told(runs: Sequence[Run]) -> list[str]:
             units = {"time": "s", "input": run.input_unit, "output": run.output_unit, "position": run.position_unit}
             taken = [f"{role} = {name} [{units.get(role) or '?'}]" for role, name in run.taken]
             alike[", ".join(taken), ", ".join(run.left) or "none"] += 1
-    return [f"columns of {n} log{'s' if n > 1 else ''}: {taken}; left: {left}" for (taken, left), n in alike.items()]
+    return [f"columns of {counted(n, 'log')}: {taken}; left: {left}" for (taken, left), n in alike.items()]
 
 
 def named_apart(runs: Sequence[Run]) -> list[Run]:

@@ -30,26 +30,26 @@ Outcome = tuple[dict[str, Record], Head, list[Finding]]
 def tracked(setup: Setup, wanted: Reference, gains: Gains | None, progress: Progress) -> Outcome:
     """Each controller on the reference; the guarantee watched along the robust one; plants, and the best duty."""
     options, records = setup.options, {}
-    findings = _doubts(setup, wanted, gains)
-    for each in setup.controllers:
-        trace = replay(setup.plant, each, wanted.torque_nm, setup.rig, wanted.dt_s, options.seed)
-        measured, columns = measure(trace, wanted), {}
-        if each.name == "rc":
-            watched = watch(each.gains, setup.plant, trace)
-            measured = watched.measured(measured, wanted.begin)
+    findings = _of_reference(setup, wanted, gains)
+    for controller in setup.controllers:
+        trace = replay(setup.plant, controller, wanted.torque_nm, setup.rig, wanted.dt_s, options.seed)
+        metrics, columns = measure(trace, wanted), {}
+        if controller.name == "rc":
+            watched = watch(controller.gains, setup.plant, trace)
+            metrics = watched.measured(metrics, wanted.begin)
             columns = {"chi_nm_s": watched.chi_nm_s, "rho_nm_s": watched.rho_nm_s}
-        records[each.name] = record(trace, measured, columns)
-    findings += _unseen(setup, records)
+        records[controller.name] = record(trace, metrics, columns)
+    findings += _outside_identified(setup, records)
     head = Head("", dt_s=wanted.dt_s, counted_from_s=wanted.counted_from_s)
     if options.plants is not None:
-        head, more = _spread(setup, wanted, records, head, progress)
-        findings += more
+        head, of_plants = _over_drawn_plants(setup, wanted, records, head, progress)
+        findings += of_plants
     if options.best:
-        findings += _best(setup, wanted, records)
+        findings += _against_best(setup, wanted, records)
     return records, head, findings
 
 
-def _doubts(setup: Setup, wanted: Reference, gains: Gains | None) -> list[Finding]:
+def _of_reference(setup: Setup, wanted: Reference, gains: Gains | None) -> list[Finding]:
     """Where a reference asks for more than the plant has, or is steeper than Q_M."""
     findings = []
     top, highest = float(wanted.torque_nm.max()), plant_terms(setup.plant, setup.plant.u_high)[2]
@@ -63,28 +63,28 @@ def _doubts(setup: Setup, wanted: Reference, gains: Gains | None) -> list[Findin
     return findings
 
 
-def _unseen(setup: Setup, records: Mapping[str, Record]) -> list[Finding]:
+def _outside_identified(setup: Setup, records: Mapping[str, Record]) -> list[Finding]:
     """Where replays go through what no log showed: duties outside the identified ones, falls between levels."""
     low, high = setup.known.plant.u_range
     below = above = falling = 0.0
-    for each in records.values():
-        duty, torque = each.columns["duty_pct"], each.columns["torque_nm"]
+    for replayed in records.values():
+        duty, torque = replayed.columns["duty_pct"], replayed.columns["torque_nm"]
         falls = (np.diff(torque) < 0) & (duty[:-1] >= low)
         below = max(below, float(((duty > 0) & (duty < low)).mean()))
         above = max(above, float((duty > high).mean()))
         falling = max(falling, float(falls.mean()))
-    seen = bool(setup.fit.recorded_falls)
-    if max(below, above, 0.0 if seen else falling) <= UNSEEN:
+    falls_known = bool(setup.fit.recorded_falls)
+    if max(below, above, 0.0 if falls_known else falling) <= UNSEEN:
         return []
     return [
         finding(
             "replay-leaves-identified", "nonlinear", below_pct=100 * below, above_pct=100 * above,
-            falling_pct=None if seen else 100 * falling, low=low, high=high, unit=setup.fit.data.input_unit,
+            falling_pct=None if falls_known else 100 * falling, low=low, high=high, unit=setup.fit.data.input_unit,
         )
     ]  # fmt: skip
 
 
-def _spread(
+def _over_drawn_plants(
     setup: Setup, wanted: Reference, records: dict[str, Record], head: Head, progress: Progress
 ) -> tuple[Head, list[Finding]]:
     """Every metric over plants drawn from the fit's uncertainty, beside the fitted plant's."""
@@ -95,44 +95,41 @@ def _spread(
             f"«plants» {count}: over {len(wanted.torque_nm):,} samples each, more than {MOST_STEPS:,} in all; ask for "
             f"{MOST_STEPS // len(wanted.torque_nm):,} at most, or a shorter «duration»"
         )
-    without = not drawable(setup.fit)
+    all_alike = not drawable(setup.fit)
     drawn = draw(setup.fit, count, options.seed)
     plants = [perturbed(plant, options.perturb) for plant in drawn.plants]
-    for each in setup.controllers:
-        with progress(f"{each.name} on drawn plants", count) as tick:
-            found = montecarlo(plants, each, wanted, setup.rig, options.seed, options.threads, tick)
-        kept = records[each.name]
+    parameters = {name: np.array([getattr(plant, name) for plant in plants]) for name in ("tau1", "tau2", "Ts")}
+    for controller in setup.controllers:
+        with progress(f"{controller.name} on drawn plants", count) as tick:
+            spread = montecarlo(plants, controller, wanted, setup.rig, options.seed, options.threads, tick)
         tables = {
-            "plants/band_time_s": found.band_time_s,
-            "plants/band_nm": found.band_nm,
-            **{f"plants/metrics/{metric}": values for metric, values in found.values.items()},
-            **{
-                f"plants/parameters/{part}": np.array([getattr(p, part) for p in plants])
-                for part in ("tau1", "tau2", "Ts")
-            },
+            "plants/band_time_s": spread.band_time_s,
+            "plants/band_nm": spread.band_nm,
+            **{f"plants/metrics/{metric}": values for metric, values in spread.values.items()},
+            **{f"plants/parameters/{name}": values for name, values in parameters.items()},
         }
-        metrics = msgspec.structs.replace(kept.metrics, plants=found.summary(plants))
-        records[each.name] = Record(kept.columns, metrics, tables)
+        on_fitted = records[controller.name]
+        metrics = msgspec.structs.replace(on_fitted.metrics, plants=spread.summary(plants))
+        records[controller.name] = Record(on_fitted.columns, metrics, tables)
     head = msgspec.structs.replace(
-        head, plants=count, plants_from="fitted-plant" if without else "covariance", band_quantiles=QUANTILES
+        head, plants=count, plants_from="fitted-plant" if all_alike else "covariance", band_quantiles=QUANTILES
     )
-    return head, [finding("plants-all-alike", "nonlinear")] if without else list(drawn.findings)
+    return head, [finding("plants-all-alike", "nonlinear")] if all_alike else list(drawn.findings)
 
 
-def _best(setup: Setup, wanted: Reference, records: dict[str, Record]) -> list[Finding]:
+def _against_best(setup: Setup, wanted: Reference, records: dict[str, Record]) -> list[Finding]:
     """The least error, kept as a group `best`; each controller is told how far it is from it."""
-    bare = Rig(saturation=setup.rig.saturation)
-    found = best_of(setup.plant, wanted, setup.known.limits)
-    measured = msgspec.structs.replace(
-        measure(found.trace, wanted), rms_error_nm=found.rms_error_nm, bound_rms_nm=found.bound_nm,
-        steady_rms_nm=found.steady_rms_nm,
-    )  # fmt: skip
-    least = found.rms_error_nm
-    for name, each in records.items():
-        rms = each.metrics.rms_error_nm or 0.0
+    best = best_of(setup.plant, wanted, setup.known.limits)
+    least = best.rms_error_nm
+    for name, replayed in records.items():
+        rms = replayed.metrics.rms_error_nm or 0.0
         metrics = msgspec.structs.replace(
-            each.metrics, rms_over_best=rms / least if least > 1e-9 else None, rms_above_best_nm=rms - least
+            replayed.metrics, rms_over_best=rms / least if least > 1e-9 else None, rms_above_best_nm=rms - least
         )
-        records[name] = Record(each.columns, metrics, each.tables, each.role)
-    records["best"] = record(found.trace, measured, role="best")
-    return [finding("best-without-rig", "best")] if setup.rig != bare else []
+        records[name] = Record(replayed.columns, metrics, replayed.tables, replayed.role)
+    metrics = msgspec.structs.replace(
+        measure(best.trace, wanted), rms_error_nm=least, bound_rms_nm=best.bound_nm, steady_rms_nm=best.steady_rms_nm
+    )
+    records["best"] = record(best.trace, metrics, role="best")
+    without_rig = Rig(saturation=setup.rig.saturation)
+    return [finding("best-without-rig", "best")] if setup.rig != without_rig else []

@@ -31,80 +31,86 @@ def believed(
     """The fit with intervals of its nonlinear model, the believed estimate in its place and the other beside it."""
     joint = fit.nonlinear
     assert joint is not None
-    found = nonlinear_intervals.estimates(joint, base)
-    alone, degrees = found.joint_alone, found.degrees
+    estimates = nonlinear_intervals.estimates(joint, base)
+    alone, degrees = estimates.joint_alone, estimates.degrees
     if draws is not None:
-        found = nonlinear_intervals.with_joint(found, draws)
+        estimates = nonlinear_intervals.with_joint(estimates, draws)
     if ci == "white":
-        white, spare = with_white_covariance(found.joint, base.levels, weights_array(joint))
-        found = replace(found, joint=white, joint_alone=white, degrees=dict.fromkeys(BLOCKS, spare))
-    wanted = held_out if joint.hold_out is not None else ()
-    beside = nonlinear_intervals.two_stage_part(found, base, "none" if ci == "none" else "robust", wanted)
-    says = agreement(found, base)
+        white, spare = with_white_covariance(estimates.joint, base.levels, weights_array(joint))
+        estimates = replace(estimates, joint=white, joint_alone=white, degrees=dict.fromkeys(BLOCKS, spare))
+    held_out = held_out if joint.hold_out is not None else ()
+    beside = nonlinear_intervals.two_stage_part(estimates, base, "none" if ci == "none" else "robust", held_out)
+    two_stage, of_two_stage = (None, []) if beside is None else beside
+
+    by_estimate = agreement(estimates, base)
     other = joint.other_weights
     reweighted = None if other is None else nonlinear_intervals.scattered(other, base)
-    weighted = weightings.agreement(joint, alone, reweighted, degrees, base)
+    by_weights = weightings.agreement(joint, alone, reweighted, degrees, base)
     if ci != "none":
-        beyond = None if ci == "white" else found.two_stage
-        curves = nonlinear_intervals.level_curves(found.joint_alone, found.degrees, base.levels, beyond)
-        joint = nonlinear_intervals.with_intervals(joint, found.joint, found.degrees, curves, ci)
+        beyond = None if ci == "white" else estimates.two_stage
+        curves = nonlinear_intervals.level_curves(estimates.joint_alone, estimates.degrees, base.levels, beyond)
+        joint = nonlinear_intervals.with_intervals(joint, estimates.joint, estimates.degrees, curves, ci)
         if other is not None and reweighted is not None:
-            curves = nonlinear_intervals.level_curves(reweighted, found.degrees, base.levels)
-            other = nonlinear_intervals.with_intervals(other, reweighted, found.degrees, curves)
-    two_stage, doubts = (None, []) if beside is None else beside
-    taken, because = chosen(estimator, says, two_stage)
-    more = _findings(estimator, taken, says, base, found.joint.open)
+            curves = nonlinear_intervals.level_curves(reweighted, estimates.degrees, base.levels)
+            other = nonlinear_intervals.with_intervals(other, reweighted, estimates.degrees, curves)
+
+    taken, because = chosen(estimator, by_estimate, two_stage)
+    findings = _findings(estimator, taken, by_estimate, base, estimates.joint.open)
     if taken == "two-stage" and two_stage is not None:
-        kept = [one for one in fit.findings if one.subject != "nonlinear" or one.code not in OF_THE_JOINT_FIT]
-        known = {one.code for one in kept if one.subject == "nonlinear"}
-        more += [one for one in doubts if one.code not in known]
+        of_fit = [found for found in fit.findings if found.subject != "nonlinear" or found.code not in OF_THE_JOINT_FIT]
+        told = {found.code for found in of_fit if found.subject == "nonlinear"}
+        findings += [found for found in of_two_stage if found.code not in told]
         model = Nonlinear.of(two_stage, estimator="two-stage", robust=joint.robust, joint=joint.estimate)
     else:
-        kept, model = list(fit.findings), msgspec.structs.replace(joint, two_stage=two_stage)
-        more += weightings.findings("nonlinear", joint, weighted, base)
+        of_fit = list(fit.findings)
+        findings += weightings.findings("nonlinear", joint, by_weights, base)
+        model = msgspec.structs.replace(joint, two_stage=two_stage)
     data = fit.data
     left_open = nonlinear_findings(model, base, data.input_unit, data.output_unit, with_levels=fit.friction is None)
     model = msgspec.structs.replace(
-        model, because=because, identifiable=identifiable(left_open), other_weights=other, agreement=(says, weighted)
-    )
-    return msgspec.structs.replace(fit, nonlinear=model, findings=(*kept, *left_open, *more))
+        model, because=because, identifiable=identifiable(left_open), other_weights=other,
+        agreement=(by_estimate, by_weights),
+    )  # fmt: skip
+    return msgspec.structs.replace(fit, nonlinear=model, findings=(*of_fit, *left_open, *findings))
 
 
-def agreement(found: nonlinear_intervals.Estimates, stats: LevelStatistics) -> Agreement:
+def agreement(estimates: nonlinear_intervals.Estimates, stats: LevelStatistics) -> Agreement:
     """Where the joint estimate lies outside the two-stage intervals, and which to believe."""
-    between = ("joint", "two-stage")
-    if found.two_stage is None:
+    between, two_stage = ("joint", "two-stage"), estimates.two_stage
+    if two_stage is None:
         return Agreement(between, "joint", "alone")
-    beyond = tuple(
-        msgspec.structs.replace(one, ci95=None, ci95_other=None if held else one.ci95_other)
-        for one in curves_apart(found.joint, found.two_stage, found.degrees, stats.duty_pct, one_counts=False)
-        for held in [one.parameter in found.two_stage.constrained]
-    )
+    apart = curves_apart(estimates.joint, two_stage, estimates.degrees, stats.duty_pct, one_counts=False)
+    beyond = []
+    for disagreement in apart:
+        ends = None if disagreement.parameter in two_stage.constrained else disagreement.ci95_other
+        beyond.append(msgspec.structs.replace(disagreement, ci95=None, ci95_other=ends))
     if not beyond:
         return Agreement(between, "either", "agree")
-    weak = found.joint.open
-    return Agreement(between, "neither" if weak else "two-stage", "weak" if weak else "apart", beyond)
+    weak = estimates.joint.open
+    return Agreement(between, "neither" if weak else "two-stage", "weak" if weak else "apart", tuple(beyond))
 
 
-def chosen(estimator: str, says: Agreement, two_stage: Estimate | None) -> tuple[str, str]:
+def chosen(estimator: str, agreed: Agreement, two_stage: Estimate | None) -> tuple[str, str]:
     """Which estimate is taken, joint or two-stage, and why: asked, alone, agree, apart or weak."""
     if two_stage is None:
         return "joint", "alone"
     if estimator != "auto":
         return estimator, "asked"
-    return ("two-stage" if says.believe == "two-stage" else "joint"), says.because
+    return ("two-stage" if agreed.believe == "two-stage" else "joint"), agreed.because
 
 
-def _findings(estimator: str, taken: str, says: Agreement, base: LevelStatistics, weak: Sequence[str]) -> list[Finding]:
+def _findings(
+    estimator: str, taken: str, agreed: Agreement, base: LevelStatistics, weak: Sequence[str]
+) -> list[Finding]:
     """What is to be said of the two estimates: nothing where they agree, or where what is believed was asked for."""
     if estimator == "two-stage" and taken == "joint":
         return [finding("no-two-stage-estimate", "nonlinear")]
-    if not says.disagreements or (estimator == taken == says.believe):
+    if not agreed.disagreements or (estimator == taken == agreed.believe):
         return []
-    worst = max(says.disagreements, key=_distance)
+    worst = max(agreed.disagreements, key=_distance)
     low, high = worst.ci95_other or (None, None)
     values: dict[str, Value] = {"worst": worst.worst, "joint": worst.one, "two_stage": worst.other, "low": low}
-    if says.believe == "neither":
+    if agreed.believe == "neither":
         code = "estimates-part-and-neither-holds"
         extra: dict[str, Value] = {"weak": tuple(weak)}
     else:
@@ -114,7 +120,7 @@ def _findings(estimator: str, taken: str, says: Agreement, base: LevelStatistics
     return [finding(code, "nonlinear", worst.levels, parameter=worst.parameter, high=high, **values, **extra)]
 
 
-def _distance(one: Disagreement) -> float:
+def _distance(apart: Disagreement) -> float:
     """How far apart two estimates of a parameter are, as a ratio above 1."""
-    first, second = abs(one.one or 0.0), abs(one.other or 0.0)
+    first, second = abs(apart.one or 0.0), abs(apart.other or 0.0)
     return max(first, second) / max(min(first, second), 1e-300)

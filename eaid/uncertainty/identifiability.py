@@ -26,60 +26,60 @@ ALIKE = 0.3
 
 def identifiable(found: Sequence[Finding]) -> bool:
     """Whether the data determine a model of which these findings are said, so that it may be used for gains."""
-    return not any(one.code in NOT_IDENTIFIABLE for one in found)
+    return not any(doubt.code in NOT_IDENTIFIABLE for doubt in found)
 
 
 def torque_half_width(stats: LevelStatistics, i: int) -> float:
     """95 % half-width of the output curve within the record of one level [output unit]."""
-    one, level = stats.estimates[i], stats.levels[i]
-    jacobian = log_jacobian(one.curve, level.time_s, stats.share_free)
-    t = t_quantile(float(np.min(stats.degrees[i])))
-    if one.runs.repeats > 1:
-        along = jacobian @ one.runs.influence.T  # what the runs do together, not one parameter after another
-        sd = np.sqrt((along**2).sum(axis=1) / (one.runs.repeats - 1) / one.runs.repeats)
-        return float(t * sd.max())
-    inverse = one.runs.inverse
-    noise = float(np.mean(one.noise_nm**2)) * one.memory
-    sd = np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", jacobian, inverse * noise, jacobian), 0))
-    return float(t * sd.max())
+    estimate = stats.estimates[i]
+    runs = estimate.runs
+    jacobian = log_jacobian(estimate.curve, stats.levels[i].time_s, stats.share_free)
+    if runs.repeats > 1:
+        along = jacobian @ runs.influence.T  # what the runs do together, not one parameter after another
+        sd = np.sqrt((along**2).sum(axis=1) / (runs.repeats - 1) / runs.repeats)
+    else:
+        noise = float(np.mean(estimate.noise_nm**2)) * estimate.memory
+        sd = np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", jacobian, runs.inverse * noise, jacobian), 0))
+    return float(t_quantile(float(np.min(stats.degrees[i]))) * sd.max())
 
 
 def level_findings(stats: LevelStatistics, subject: str, unit: str, output_unit: str) -> list[Finding]:
     """What single levels leave open: τ1 and τ2 that meet, constraints that hold, τ2 open or beyond the record."""
-    found = []
-    met = [one for one in stats.estimates if _met(one)]
+    findings = []
+    met = [estimate for estimate in stats.estimates if _taus_met(estimate)]
     if met:
-        taus = tuple(float(f"{one.curve.tau1:.3g}") for one in met)
-        found.append(finding("taus-meet", subject, [one.level for one in met], taus_s=taus, unit=unit))
+        taus = tuple(float(f"{estimate.curve.tau1:.3g}") for estimate in met)
+        findings.append(finding("taus-meet", subject, [estimate.level for estimate in met], taus_s=taus, unit=unit))
     for name in NAMES[: stats.variance.shape[1]]:
-        held = [one.level for one in stats.estimates if name in one.constrained and not (name in TAUS and _met(one))]
-        if held:
-            found.append(finding("parameter-constrained", subject, held, parameter=name, unit=unit))
-    found += [_open_tau2(stats, i, subject, unit, output_unit) for i in np.flatnonzero(stats.open_tau2).tolist()]
-    known = [one for one, known in zip(stats.estimates, stats.determined[:, 2], strict=True) if known]
-    beyond = [one for one in known if one.curve.tau2 > one.runs.duration_s]
+        held = [estimate for estimate in stats.estimates if name in estimate.constrained]
+        at = [estimate.level for estimate in held if not (name in TAUS and _taus_met(estimate))]
+        if at:
+            findings.append(finding("parameter-constrained", subject, at, parameter=name, unit=unit))
+    findings += [_open_tau2(stats, i, subject, unit, output_unit) for i in np.flatnonzero(stats.open_tau2).tolist()]
+    known = [estimate for estimate, known in zip(stats.estimates, stats.determined[:, 2], strict=True) if known]
+    beyond = [estimate for estimate in known if estimate.curve.tau2 > estimate.runs.duration_s]
     if beyond:
-        longest = max(one.runs.duration_s for one in beyond)
-        places = [one.level for one in beyond]
-        found.append(finding("tau2-outlasts-record", subject, places, record_s=longest, unit=unit))
-    return found
+        longest = max(estimate.runs.duration_s for estimate in beyond)
+        at = [estimate.level for estimate in beyond]
+        findings.append(finding("tau2-outlasts-record", subject, at, record_s=longest, unit=unit))
+    return findings
 
 
-def _met(one: LevelEstimate) -> bool:
+def _taus_met(estimate: LevelEstimate) -> bool:
     """Whether τ1 and τ2 of a level are one."""
-    return set(one.constrained) >= TAUS and "Ts" not in one.constrained
+    return set(estimate.constrained) >= TAUS and "Ts" not in estimate.constrained
 
 
 def _open_tau2(stats: LevelStatistics, i: int, subject: str, unit: str, output_unit: str) -> Finding:
-    one = stats.estimates[i]
+    runs = stats.estimates[i].runs
     low, high = stats.tau2_sets.tau2_s[i]
     return finding(
         "tau2-open",
         subject,
-        [one.level],
+        [runs.level],
         low_s=float(low) if np.isfinite(low) and low > 0 else None,
         high_s=float(high) if np.isfinite(high) else None,
-        record_s=one.runs.duration_s,
+        record_s=runs.duration_s,
         curve_half_width=torque_half_width(stats, i),
         unit=unit,
         output_unit=output_unit,
@@ -88,25 +88,26 @@ def _open_tau2(stats: LevelStatistics, i: int, subject: str, unit: str, output_u
 
 def friction_findings(fit: Friction, stats: LevelStatistics, unit: str, output_unit: str) -> list[Finding]:
     """The levels' curves, a free C, and trends whose coefficients only count together."""
-    found = level_findings(stats, "friction", unit, output_unit)
+    findings = level_findings(stats, "friction", unit, output_unit)
     if stats.share_free:
-        found += _free_share_findings(stats, unit)
+        findings += _free_share_findings(stats, unit)
     for name, trend in fit.trends.items():
         if trend.form == "double-exponential":
-            found += _combination(name, np.array(trend.coefficients), np.array(fit.x))
+            findings += _combination(name, np.array(trend.coefficients), np.array(fit.x))
     if not stats.determined[:, :3].any(axis=0).all():
-        found.append(finding("no-level-determines-all", "friction"))
-    return found
+        findings.append(finding("no-level-determines-all", "friction"))
+    return findings
 
 
 def _free_share_findings(stats: LevelStatistics, unit: str) -> list[Finding]:
-    found = []
-    for i, one in enumerate(stats.estimates):
+    findings = []
+    for i, estimate in enumerate(stats.estimates):
         reach = t_quantile(float(stats.degrees[i, 3])) * float(np.sqrt(stats.variance[i, 3]))
         if reach > 1.0:
-            low, high = (float(1 / (1 + np.exp(-(one.runs.log_theta[3] + s * reach)))) for s in (-1, 1))
-            found.append(finding("free-share-open", "friction", [one.level], low=low, high=high, unit=unit))
-    return found
+            logit = estimate.runs.log_theta[3]
+            low, high = (float(1 / (1 + np.exp(-(logit + s * reach)))) for s in (-1, 1))
+            findings.append(finding("free-share-open", "friction", [estimate.level], low=low, high=high, unit=unit))
+    return findings
 
 
 def _combination(name: str, c: Array, x: Array) -> list[Finding]:
@@ -127,24 +128,25 @@ def nonlinear_findings(
 ) -> list[Finding]:
     """Levels too few for the polynomials, parameters that most levels leave open; each level's own `with_levels`."""
     count = len(stats.levels)
-    found = level_findings(stats, "nonlinear", unit, output_unit) if with_levels else []
+    findings = level_findings(stats, "nonlinear", unit, output_unit) if with_levels else []
     if count == 1:
-        found.append(finding("one-level-nonlinear", "nonlinear", [stats.levels[0].level]))
+        findings.append(finding("one-level-nonlinear", "nonlinear", [stats.levels[0].level]))
     elif count < 4:
-        found.append(finding("few-levels-for-polynomials", "nonlinear", count=count))
+        findings.append(finding("few-levels-for-polynomials", "nonlinear", count=count))
     for k, name in enumerate(CURVES):
         open_at = [level.level for level, known in zip(stats.levels, stats.determined[:, k], strict=True) if not known]
         if 2 * len(open_at) > count:
-            found.append(finding("parameter-open-at-most-levels", "nonlinear", open_at, **_why(stats, open_at, name)))
+            why = _why_open(stats, open_at, name)
+            findings.append(finding("parameter-open-at-most-levels", "nonlinear", open_at, **why))
     if fit.C_free:
-        found.append(finding("share-free", "nonlinear", C=fit.C))
-    return found
+        findings.append(finding("share-free", "nonlinear", C=fit.C))
+    return findings
 
 
-def _why(stats: LevelStatistics, open_at: Sequence[float], name: str) -> dict[str, Value]:
+def _why_open(stats: LevelStatistics, open_at: Sequence[float], name: str) -> dict[str, Value]:
     """Which parameter, at how many levels, and why: one exponential, a short record, or the records as they are."""
-    met = sum(_met(one) for one in stats.estimates if one.level in open_at)
-    longest = max(one.runs.duration_s for one in stats.estimates)
+    met = sum(_taus_met(estimate) for estimate in stats.estimates if estimate.level in open_at)
+    longest = max(estimate.runs.duration_s for estimate in stats.estimates)
     cause = "one-exponential" if 2 * met > len(open_at) else "short-record" if name == "tau2" else "records"
     return {"parameter": name, "count": len(open_at), "of": len(stats.levels), "cause": cause, "record_s": longest}
 
@@ -153,16 +155,16 @@ def linear_findings(fit: Linear, stats: LevelStatistics, ci95: PooledIntervals) 
     """b0 and c0 of one level, an a0 or b0 that may be zero, levels without a B."""
     several = len(stats.levels) > 1
     convention = fit.bounds.convention if fit.bounds else ""
-    found = [finding("b0-by-convention", "linear", convention=convention, several=several)]
+    findings = [finding("b0-by-convention", "linear", convention=convention, several=several)]
     if not several:
-        found.append(finding("one-level-linear", "linear", [stats.levels[0].level]))
+        findings.append(finding("one-level-linear", "linear", [stats.levels[0].level]))
     for name in ("a0", "b0") if several else ("a0",):
         ends = getattr(ci95, name)
         if ends is not None and ends[0] <= 0:
-            found.append(finding(f"{name}-may-be-zero", "linear", low=ends[0], high=ends[1]))
+            findings.append(finding(f"{name}-may-be-zero", "linear", low=ends[0], high=ends[1]))
     if fit.bounds is None or fit.bounds.B_m is None:
-        found.append(finding("no-b-bounds", "linear"))
-    return found
+        findings.append(finding("no-b-bounds", "linear"))
+    return findings
 
 
 def scatter_findings(stats: LevelStatistics) -> list[Finding]:
@@ -170,15 +172,15 @@ def scatter_findings(stats: LevelStatistics) -> list[Finding]:
     if stats.source != "repeats":
         return [finding("single-runs" if stats.source == "curve" else "single-runs-few-levels", "data")]
     assert stats.scatter is not None
-    found, scatter = [], stats.scatter
+    findings, scatter = [], stats.scatter
     if stats.swept:
-        shifted = tuple(n for n, c in zip(NAMES, scatter.common, strict=False) if c > 0)
-        runs = sum(one.runs.repeats for one in stats.estimates)
+        shifted = tuple(name for name, common in zip(NAMES, scatter.common, strict=False) if common > 0)
+        runs = sum(estimate.runs.repeats for estimate in stats.estimates)
         sweeps = int(scatter.common_degrees + 1)
-        found.append(finding("recorded-as-sweeps", "data", sweeps=sweeps, parameters=shifted, runs=runs))
-    for name, jump, a, v in zip(NAMES, scatter.jumps, scatter.between, scatter.pooled.T, strict=False):
+        findings.append(finding("recorded-as-sweeps", "data", sweeps=sweeps, parameters=shifted, runs=runs))
+    for name, jump, between, variance in zip(NAMES, scatter.jumps, scatter.between, scatter.pooled.T, strict=False):
         # else it is noise, not scatter
-        if jump is not None and a > ALIKE * np.median(v) * stats.estimates[0].runs.repeats:
+        if jump is not None and between > ALIKE * np.median(variance) * stats.estimates[0].runs.repeats:
             around = [stats.levels[jump.place + i].level for i in (0, 1)]
-            found.append(finding("scatter-changes", "data", around, parameter=name, ratio=jump.ratio))
-    return found
+            findings.append(finding("scatter-changes", "data", around, parameter=name, ratio=jump.ratio))
+    return findings

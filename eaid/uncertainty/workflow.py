@@ -37,35 +37,35 @@ def fit_steps(stepset: StepSet, options: FitOptions | None = None, progress: Cal
 
 def _fit_steps(stepset: StepSet, options: FitOptions, progress: Callable[[], None] | None) -> Fit:
     if stepset.levels or not stepset.level_steps:
-        found = with_intervals(stepset, fit(stepset, options), options, progress)
+        result = with_intervals(stepset, fit(stepset, options), options, progress)
     else:  # a staircase that never rests: no model of steps from rest
-        found = Fit(data=data_part(stepset), uncertainty=Uncertainty("none"))
+        result = Fit(data=data_part(stepset), uncertainty=Uncertainty("none"))
     shapes = shapes_of(stepset, options)
-    doubts = tuple(said for one in shapes for said in one.findings)
-    if not shapes and any(one.code in OTHER_SHAPES for one in (*found.findings, *stepset.all_findings)):
+    of_shapes = tuple(doubt for shape in shapes for doubt in shape.findings)
+    if not shapes and any(doubt.code in OTHER_SHAPES for doubt in (*result.findings, *stepset.all_findings)):
         shapes = with_step_intervals(stepset.level_steps, of_another_shape(stepset, options), options.ci)
-        doubts = merged([said for one in shapes for said in one.findings])
+        of_shapes = merged([doubt for shape in shapes for doubt in shape.findings])
     rows = between_rows(shapes) if "friction" in (options.models or ("friction",)) else ()
     if rows:
-        part = found.friction or Friction(options.held_share)
-        found = msgspec.structs.replace(found, friction=msgspec.structs.replace(part, levels=(*part.levels, *rows)))
-    found, unknown = quotable(found)
-    if unknown:
-        doubts = (*doubts, finding("numbers-beyond-measure", "data", keys=unknown))
+        part = result.friction or Friction(options.held_share)
+        result = msgspec.structs.replace(result, friction=msgspec.structs.replace(part, levels=(*part.levels, *rows)))
+    result, unknown = quotable(result)
+    beyond_measure = [finding("numbers-beyond-measure", "data", keys=unknown)] if unknown else []
+    of_runs = _not_said_again(stepset.all_findings, result.findings)
     return msgspec.structs.replace(
-        found,
+        result,
         steps=shapes,
         options=asked(options, stepset),
         seed=options.seed,
-        converged=converged(found),
-        findings=ranked((*_beside(stepset.all_findings, found.findings), *found.findings, *doubts)),
+        converged=converged(result),
+        findings=ranked((*of_runs, *result.findings, *of_shapes, *beyond_measure)),
     )
 
 
 def shapes_of(stepset: StepSet, options: FitOptions) -> tuple[StepShape, ...]:
     """Each change of input by itself with its intervals, where that is shown (`single_steps`)."""
-    found = single_steps(stepset, options)
-    return with_step_intervals(stepset.level_steps, found, options.ci, options.dead_time_s is None)
+    shapes = single_steps(stepset, options)
+    return with_step_intervals(stepset.level_steps, shapes, options.ci, options.dead_time_s is None)
 
 
 OTHER_SHAPES = {
@@ -76,10 +76,10 @@ SAID_BY = {"decays-under-hold": "output-decays-under-hold", "window-too-short": 
 """What is said of a run, and the finding of a fit that says it of levels."""
 
 
-def _beside(of_runs: Sequence[Finding], of_the_fit: Sequence[Finding]) -> tuple[Finding, ...]:
+def _not_said_again(of_runs: Sequence[Finding], of_the_fit: Sequence[Finding]) -> tuple[Finding, ...]:
     """Findings of runs that the fit does not say again of its levels."""
-    said = {one.code for one in of_the_fit}
-    return tuple(one for one in of_runs if SAID_BY.get(one.code) not in said)
+    codes = {doubt.code for doubt in of_the_fit}
+    return tuple(doubt for doubt in of_runs if SAID_BY.get(doubt.code) not in codes)
 
 
 def asked(options: FitOptions, stepset: StepSet) -> FitAsked:

@@ -10,6 +10,7 @@ from eaid.report.page.next_steps import commands
 from eaid.report.results import KINDS, Results
 from eaid.report.tables import checks, data, gains, recorded, replays
 from eaid.report.tables.table import Table, listed
+from eaid.shown import counted
 
 DOUBTFUL = 12
 """Doubtful runs that are shown; the rest are folded."""
@@ -52,7 +53,7 @@ class Block:
     def count(self) -> str:
         """How much there is."""
         parts = ((len(self.figures), "figure"), (len(self.tables), "table"), (len(self.findings), "finding"))
-        return " and ".join(f"{n} {word}{'s' if n > 1 else ''}" for n, word in parts if n)
+        return " and ".join(counted(n, word) for n, word in parts if n)
 
     @property
     def rows(self) -> int:
@@ -62,29 +63,30 @@ class Block:
     @property
     def names(self) -> str:
         """What there is, by name."""
-        return listed([one.title.split(" · ")[-1] for one in self.figures] + [one.heading for one in self.tables])
+        figures = [figure.title.split(" · ")[-1] for figure in self.figures]
+        return listed([*figures, *(table.heading for table in self.tables)])
 
     @property
     def texts(self) -> Iterable[str]:
         """What is read in it, without its folds."""
-        yield from (said for _, said in self.findings)
-        yield from (f"{one.title} {one.sees}" for one in self.figures)
-        for one in self.tables:
-            yield f"{one.heading} {one.caption} {' '.join(one.heads)} {' '.join(row[0] for row in one.texts)}"
+        yield from (sentence for _severity, sentence in self.findings)
+        yield from (f"{figure.title} {figure.sees}" for figure in self.figures)
+        for table in self.tables:
+            yield f"{table.heading} {table.caption} {' '.join(table.heads)} {' '.join(row[0] for row in table.texts)}"
 
 
 def parts(results: Results, known: Known, drawn: Figures, terms: Terms) -> list[Block]:
     """The parts that have anything to show, in the order of the page, their words explained where they come first."""
-    found = [
+    all_parts = [
         _data(results, known, drawn), _model(results, known, drawn), _controller(results, known, drawn),
         _replay(results, known, drawn), _rehabilitation(results, drawn), _appendix(results),
     ]  # fmt: skip
     explained = []
-    for part in found:
+    for part in all_parts:
         if part is not None:
-            first = terms.first_in(part.texts)
+            words = terms.first_in(part.texts)  # before the folds: a word is explained where it comes first
             folds = tuple(replace(fold, terms=terms.first_in(fold.texts)) for fold in part.folds)
-            explained.append(replace(part, folds=folds, terms=first))
+            explained.append(replace(part, folds=folds, terms=words))
     return explained
 
 
@@ -94,8 +96,8 @@ def _of(drawn: Figures, *names: str) -> tuple[Drawn, ...]:
 
 def _block(title: str, figures: Sequence[Drawn] = (), tables: Iterable[Table] = ()) -> list[Block]:
     """Figures and tables that have rows under one title; none where there are neither."""
-    one = Block(title, tuple(figures), tuple(table for table in tables if table.rows))
-    return [one] if one.figures or one.tables else []
+    block = Block(title, tuple(figures), tuple(table for table in tables if table.rows))
+    return [block] if block.figures or block.tables else []
 
 
 def _part(
@@ -103,12 +105,11 @@ def _part(
     besides: Container[str] = (),
 ) -> Block:  # fmt: skip
     """A part with its gravest findings, those about `besides` left out, the others and long tables folded."""
-    told = [
-        (one.severity, sentence(one, title == "Data")) for one in known[title.lower()] if one.subject not in besides
-    ]
-    more = [Block("More to know", findings=tuple(told[MOST:]))] if len(told) > MOST else []
+    here = [found for found in known[title.lower()] if found.subject not in besides]
+    findings = tuple((found.severity, sentence(found, title == "Data")) for found in here)
+    more = [Block("More to know", findings=findings[MOST:])] if len(findings) > MOST else []
     shown, whole = opened(tables)
-    return Block(title, tuple(figures), shown, tuple(told[:MOST]), folds=(*whole, *more, *folds))
+    return Block(title, tuple(figures), shown, findings[:MOST], folds=(*whole, *more, *folds))
 
 
 def opened(tables: Iterable[Table]) -> tuple[tuple[Table, ...], tuple[Block, ...]]:
@@ -119,8 +120,8 @@ def opened(tables: Iterable[Table]) -> tuple[tuple[Table, ...], tuple[Block, ...
         if count > OPEN_ROWS:
             folds.append(Block(f"{table.heading}, whole", tables=(table,)))
             some = tuple(table.rows[round(k * (count - 1) / (OPEN_ROWS - 1))] for k in range(OPEN_ROWS))
-            said = f"{table.caption} {OPEN_ROWS} of {count} rows; all of them are folded below."
-            table = replace(table, caption=said, rows=some)
+            caption = f"{table.caption} {OPEN_ROWS} of {count} rows; all of them are folded below."
+            table = replace(table, caption=caption, rows=some)
         if count:
             shown.append(table)
     return tuple(shown), tuple(folds)
@@ -129,43 +130,42 @@ def opened(tables: Iterable[Table]) -> tuple[tuple[Table, ...], tuple[Block, ...
 def _data(results: Results, known: Known, drawn: Figures) -> Block | None:
     if not results.data and not known["data"]:
         return None
-    of_kind = (one.result for one in results.data if one.result.kind == results.main_kind)
-    own = results.main_data or next(of_kind, None)
+    of_main_kind = (given.result for given in results.data if given.result.kind == results.main_kind)
+    main = results.main_data or next(of_main_kind, None)
     tables: list[Table] = []
     folds: list[Block] = []
-    for one in results.data:
-        doubtful, fine = data.runs_tables(one.result)
-        levels, slips = data.levels_recorded(one.result), data.slips_table(one.result.runs, one.result)
-        of = f"{KINDS[one.result.kind]}: every run" if len(results.data) > 1 else "every run"
-        if one.result is own:
+    for steps in (given.result for given in results.data):
+        doubtful, fine = data.runs_tables(steps)
+        levels, slips = data.levels_recorded(steps), data.slips_table(steps.runs, steps)
+        title = f"{KINDS[steps.kind]}: every run" if len(results.data) > 1 else "every run"
+        folded = [doubtful, levels]
+        if steps is main:  # its doubtful runs stand open, else its levels
             first, rest = _parted(doubtful)
-            tables = [first if first.rows else levels]
-            more = [rest, levels] if first.rows else []
-        else:
-            more = [doubtful, levels]
-        folds += _block(of.capitalize(), (), [*more, slips, fine])
+            tables, folded = ([first], [rest, levels]) if first.rows else ([levels], [])
+        folds += _block(title.capitalize(), (), [*folded, slips, fine])
     if results.edge_logs and not any(table.rows for table in tables):
         tables = [recorded.edges_table(results.edge_logs)]
     alone = () if results.fits else ("fig07_nonlinear_model", "fig03_friction_steps")
     figures = _of(drawn, *alone, "edges", "fig06_hold_and_release")
     folds += _block("How the clutch is driven", _of(drawn, "fig02_pwm"))
-    return _part("Data", known, figures, tables, folds, {run.name for one in results.data for run in one.result.runs})
+    runs = {run.name for given in results.data for run in given.result.runs}
+    return _part("Data", known, figures, tables, folds, besides=runs)
 
 
 def _parted(table: Table) -> tuple[Table, Table]:
     """The first rows of a table, and the others under a heading of their own."""
     more = len(table.rows) - DOUBTFUL
-    said = f"{table.caption} {more} more are folded below." if more > 0 else table.caption
+    caption = f"{table.caption} {more} more are folded below." if more > 0 else table.caption
     heading = f"More {table.heading[:1].lower()}{table.heading[1:]}"
-    first = replace(table, caption=said, rows=table.rows[:DOUBTFUL])
+    first = replace(table, caption=caption, rows=table.rows[:DOUBTFUL])
     return first, replace(table, heading=heading, rows=table.rows[DOUBTFUL:])
 
 
 def _figures_of(kind: str, drawn: Figures, results: Results) -> tuple[Drawn, ...]:
     shows_steps = "friction-force" if results.data_of("friction-force") is not None else "friction-speed"
-    own = results.main_kind == kind
+    main = results.main_kind == kind
     names = (("fig03_friction_steps",) if kind == shows_steps else ()) + KIND_FIGURES[kind]
-    return _of(drawn, *(name for name in names if own or "level" not in name))
+    return _of(drawn, *(name for name in names if main or "level" not in name))
 
 
 def _model(results: Results, known: Known, drawn: Figures) -> Block | None:
@@ -173,65 +173,66 @@ def _model(results: Results, known: Known, drawn: Figures) -> Block | None:
     if not results.fits or kind is None:
         return None
     figures = _figures_of(kind, drawn, results)
-    own, pair = results.fit(kind), results.pair
+    main, pair = results.fit(kind), results.pair
     tables: list[Table] = []
     folds: list[Block] = []
     if pair is not None:  # then the comparison is the one table that stands open
         tables = [checks.comparison_table(pair[0].result, pair[1].result, (pair[0].path, pair[1].path))]
-    for one in results.fits:
-        fit, of = one.result, one.result.data.kind
-        every = [*checks.model_tables(fit, results.paper), *checks.judging_tables(fit)]
-        if fit is own:
+    for given in results.fits:
+        fit, fit_kind = given.result, given.result.data.kind
+        folded = [*checks.model_tables(fit, results.paper), *checks.judging_tables(fit)]
+        if fit is main:
             if pair is None:
-                tables, every = every[:1], every[1:]
-            folds += _block("More on the model", figures[OPEN_FIGURES:], every)
+                tables, folded = folded[:1], folded[1:]
+            folds += _block("More on the model", figures[OPEN_FIGURES:], folded)
         else:
-            several = sum(other.result.data.kind == of for other in results.fits) > 1
-            called = f"{KINDS[of].capitalize()}, {one.path}" if several else KINDS[of].capitalize()
-            folds += _block(called, _figures_of(of, drawn, results) if of != kind else (), every)
+            several = sum(other.result.data.kind == fit_kind for other in results.fits) > 1
+            title = KINDS[fit_kind].capitalize() + (f", {given.path}" if several else "")
+            folds += _block(title, _figures_of(fit_kind, drawn, results) if fit_kind != kind else (), folded)
     return _part("Model", known, (*_of(drawn, "compare"), *figures[:OPEN_FIGURES]), tables, folds)
 
 
 def _controller(results: Results, known: Known, drawn: Figures) -> Block | None:
     figures = _of(drawn, "guarantee_in_replay", "input_gain", "walls")
-    stiff = [table for one in results.couplings for table in gains.walls_tables(one.result)]
+    walls = [table for given in results.couplings for table in gains.walls_tables(given.result)]
     if not results.gains:
-        return _part("Controller", known, figures, stiff, ()) if figures or stiff else None
+        return _part("Controller", known, figures, walls, ()) if figures or walls else None
     folds = []
-    for k, one in enumerate(results.gains):
-        title = f"Gains and margins, {one.path}" if k else "Gains and margins"
-        beside = [gains.checklist(one.result)] if k else []
-        every = [
-            gains.table_iv(one.result, results.paper),
-            gains.gains_table(one.result, results.paper),
-            gains.search_table(one.result),
+    for k, given in enumerate(results.gains):
+        title = f"Gains and margins, {given.path}" if k else "Gains and margins"
+        tables = [
+            *([gains.checklist(given.result)] if k else []),  # the first one's stands open
+            gains.table_iv(given.result, results.paper),
+            gains.gains_table(given.result, results.paper),
+            gains.search_table(given.result),
+            *gains.further_tables(given.result),
         ]
-        folds += _block(title, (), [*beside, *every, *gains.further_tables(one.result)])
+        folds += _block(title, (), tables)
     judged = results.gains[0].result
     holds = judged.guarantee.holds if judged.guarantee is not None else None
-    part = _part("Controller", known, figures, [gains.checklist(judged), *stiff], folds)
+    part = _part("Controller", known, figures, [gains.checklist(judged), *walls], folds)
     return replace(part, verdict=("good" if holds else "care", f"Guarantee: {gains.guarantee_words(judged)}."))
 
 
 def _replay(results: Results, known: Known, drawn: Figures) -> Block | None:
-    shown = [one for one in results.replays if one.result.head.scenario != "rehab"]
+    shown = [given.result for given in results.replays if given.result.head.scenario != "rehab"]
     if not shown:
         return None
-    own = [one for one in shown if one.result.head.scenario != "log"]
-    logs = [replays.log_table(one.result) for one in shown if one.result.head.scenario == "log"]
+    logs = [replays.log_table(replay) for replay in shown if replay.head.scenario == "log"]
+    tracked = [replay for replay in shown if replay.head.scenario != "log"]
     figures = _of(drawn, "fig12_multisine", "own_reference", "fig11_steps", "fig13_sweep", "log_replay")
-    more = list(logs) if own else []
-    for one in own:
-        more += replays.further_tables(one.result)
-    tables = [replays.errors_table([one.result for one in own])] if own else logs
-    return _part("Replay", known, figures[:1], tables, _block("More replays", figures[1:], more))
+    tables, folded = logs, []
+    if tracked:
+        tables = [replays.errors_table(tracked)]
+        folded = [*logs, *(table for replay in tracked for table in replays.further_tables(replay))]
+    return _part("Replay", known, figures[:1], tables, _block("More replays", figures[1:], folded))
 
 
 def _rehabilitation(results: Results, drawn: Figures) -> Block | None:
-    found = results.replay("rehab")
-    if found is None:
+    replay = results.replay("rehab")
+    if replay is None:
         return None
-    tables = replays.rehab_tables(found)
+    tables = replays.rehab_tables(replay)
     folds = _block("Errors by mode, and whether they differ", _of(drawn, "fig17_rehab_errors"), tables[1:])
     return Block("Rehabilitation", _of(drawn, "fig16_rehab"), tuple(tables[:1]), folds=tuple(folds))
 

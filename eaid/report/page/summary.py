@@ -1,7 +1,8 @@
 """The head of the page: what it is about, where the numbers come from, and three lights."""
 
 import re
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 from eaid.findings import Finding
@@ -45,30 +46,30 @@ def title(results: Results) -> str:
 
 def chips(results: Results) -> tuple[str, ...]:
     """Where the numbers come from: synthetic or a rig, what was stepped and measured, levels, date of the logs."""
-    found = ["synthetic data"] if results.synthetic else []
+    texts = ["synthetic data"] if results.synthetic else []
     fit, data = results.main_fit, results.main_data
     about = fit.data if fit is not None else data
     if about is not None:
-        found.append(f"{about.input_unit or 'level'} → {about.output_unit or 'output'}")
+        texts.append(f"{about.input_unit or 'level'} → {about.output_unit or 'output'}")
     levels = sorted(row.level for row in data.levels) if data is not None else sorted(fit.data.levels) if fit else []
     if fit is not None and fit.recorded is not None and fit.recorded.logs:
         logs = fit.recorded.logs
-        found.append(f"{counted(len(logs), 'log')} as recorded, {sum(log.duration_s for log in logs):.4g} s")
+        texts.append(f"{counted(len(logs), 'log')} as recorded, {sum(log.duration_s for log in logs):.4g} s")
     if results.shows_edges:
         loops = results.edge_logs
         duration = sum(float(log.run.time_s[-1]) for log in loops)
-        found += [loops[0].run.output_unit or "output", f"{counted(len(loops), 'log')} as recorded, {duration:.4g} s"]
+        texts += [loops[0].run.output_unit or "output", f"{counted(len(loops), 'log')} as recorded, {duration:.4g} s"]
     if levels and about is not None:
         span = f"{levels[0]:.4g} to {level_text(levels[-1], about.input_unit)}"
-        found.append(f"{len(levels)} levels, {span}" if len(levels) > 1 else level_text(levels[0], about.input_unit))
+        texts.append(f"{len(levels)} levels, {span}" if len(levels) > 1 else level_text(levels[0], about.input_unit))
     names = [run.source for run in data.runs] if data is not None else []
-    names += [one.path for one in fit.data.sources] if fit is not None else []
+    names += [source.path for source in fit.data.sources] if fit is not None else []
     dates = sorted({"-".join(match.groups()) for name in names if (match := _DATE.search(name.rsplit("/", 1)[-1]))})
     if dates:
-        found.append(f"logs of {dates[0]}" if len(dates) == 1 else f"logs of {dates[0]} to {dates[-1]}")
+        texts.append(f"logs of {dates[0]}" if len(dates) == 1 else f"logs of {dates[0]} to {dates[-1]}")
     if len(results.kinds) > 1:
-        found.append("with " + " and ".join(KINDS[one] for one in results.kinds[1:]))
-    return tuple(found)
+        texts.append("with " + " and ".join(KINDS[kind] for kind in results.kinds[1:]))
+    return tuple(texts)
 
 
 def lights(results: Results, known: Known) -> tuple[Light, Light, Light]:
@@ -76,33 +77,36 @@ def lights(results: Results, known: Known) -> tuple[Light, Light, Light]:
     return _data(results, known), _model(results, known), _controller(results, known)
 
 
-def _grade(found: Sequence[Finding]) -> str:
-    return min((GRADES[one.severity] for one in found), key=("bad", "care", "good").index, default="good")
+def _worst(grades: Iterable[str]) -> str:
+    return min(grades, key=("bad", "care", "good").index, default="good")
 
 
-def _counted(found: Sequence[Finding]) -> str:
-    stops, cautions = (sum(one.severity == severity for one in found) for severity in ("stop", "caution"))
-    said = [f"{n} {word}{'s' if n > 1 else ''}" for n, word in ((stops, "stop"), (cautions, "reservation")) if n]
-    return ", ".join(said) or "no reservation"
+def _grade(findings: Sequence[Finding]) -> str:
+    return _worst(GRADES[found.severity] for found in findings)
+
+
+def _counted(findings: Sequence[Finding]) -> str:
+    counts = Counter(found.severity for found in findings)
+    kinds = ((counts["stop"], "stop"), (counts["caution"], "reservation"))
+    return ", ".join(counted(count, word) for count, word in kinds if count) or "no reservation"
 
 
 def _data(results: Results, known: Known) -> Light:
-    data, fit, found = results.main_data, results.main_fit, known["data"]
+    data, fit, findings = results.main_data, results.main_fit, known["data"]
     if data is not None:
         doubtful = sum(1 for run in data.runs if doubts_of(run))
-        said = f"{doubtful} of {len(data.runs)} runs doubtful"
-        said = said if doubtful else f"{counted(len(data.runs), 'run')}, none doubtful"
-        grade = min(_grade(found), "care" if doubtful else "good", key=("bad", "care", "good").index)
-        return Light("Data", grade, said, "data")
+        text = f"{doubtful} of {len(data.runs)} runs doubtful"
+        text = text if doubtful else f"{counted(len(data.runs), 'run')}, none doubtful"
+        return Light("Data", _worst([_grade(findings), "care" if doubtful else "good"]), text, "data")
     if fit is not None and fit.data.sources:
-        said = f"{counted(len(rising(fit.data.sources)), 'run')}; {_counted(found)}"
-        return Light("Data", _grade(found), said, "data")
+        text = f"{counted(len(rising(fit.data.sources)), 'run')}; {_counted(findings)}"
+        return Light("Data", _grade(findings), text, "data")
     if results.shows_edges:
         count = sum(len(log.edges) for log in results.edge_logs)
         loop = len(results.edge_logs) == 1 and results.edge_logs[0].run.reference_nm is not None and count < 100
-        said = "closed loop" if loop else counted(len(results.edge_logs), "log")
-        told = counted(count, "edge") if count else "no edge"
-        return Light("Data", _grade(found) if count else "care", f"{said}, {told}", "data")
+        logs = "closed loop" if loop else counted(len(results.edge_logs), "log")
+        edges = counted(count, "edge") if count else "no edge"
+        return Light("Data", _grade(findings) if count else "care", f"{logs}, {edges}", "data")
     return Light("Data", "none", "no data given", "appendix")
 
 
@@ -110,12 +114,12 @@ def _model(results: Results, known: Known) -> Light:
     fit = results.main_fit
     if fit is None:
         return Light("Model", "none", "no fit given", "appendix")
-    found = known["model"]
-    grade, share = _grade(found), fit_pct(results)
+    findings = known["model"]
+    grade, percent = _grade(findings), fit_pct(results)
     if fit.converged is False:
         return Light("Model", "bad", "a fit did not converge: do not use it", "model")
-    lead = "do not use; " if grade == "bad" else "usable; " if share is None else f"fits {number(share, 3)} %; "
-    return Light("Model", grade, f"{lead}{_counted(found)}", "model")
+    lead = "do not use; " if grade == "bad" else "usable; " if percent is None else f"fits {number(percent, 3)} %; "
+    return Light("Model", grade, f"{lead}{_counted(findings)}", "model")
 
 
 def _controller(results: Results, known: Known) -> Light:

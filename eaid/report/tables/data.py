@@ -8,18 +8,18 @@ from msgspec.structs import replace
 from eaid.errors import on_command_line
 from eaid.findings import say
 from eaid.report.results import KINDS, Results
-from eaid.report.rig import controller_name
+from eaid.report.rig import controller_name, rising
 from eaid.report.tables.table import Cell, Name, Table, columns, level, table_of
 from eaid.results.fit import Fit
 from eaid.results.replay import Replay
+from eaid.shown import counted
 from eaid.steps.stepset import LevelStep, RunRecord, StepSet
 
 
 def doubts_of(run: RunRecord) -> tuple[str, ...]:
     """What is doubtful in a run, as sentences that do not name it again; notes are no doubts."""
-    stop = {"stop": "stop: "}
-    doubts = (replace(one, subject="this run") for one in run.findings if one.severity != "note")
-    return tuple(stop.get(one.severity, "") + on_command_line(say(one)) for one in doubts)
+    doubts = [replace(found, subject="this run") for found in run.findings if found.severity != "note"]
+    return tuple(("stop: " if doubt.severity == "stop" else "") + on_command_line(say(doubt)) for doubt in doubts)
 
 
 def runs_tables(data: StepSet) -> tuple[Table, Table]:
@@ -27,42 +27,43 @@ def runs_tables(data: StepSet) -> tuple[Table, Table]:
     doubtful: list[tuple[Cell, ...]] = []
     fine: list[tuple[Cell, ...]] = []
     for run in data.runs:
-        said = doubts_of(run)
+        doubts = doubts_of(run)
         row: tuple[Cell, ...] = (Name(run.name), level(run.level), run.edge, run.repeat)
-        if said:
-            doubtful.append((*row, Name("; ".join(said))))
+        if doubts:
+            doubtful.append((*row, Name("; ".join(doubts))))
         else:
             fine.append((*row, run.samples, run.rate_hz, run.baseline_nm))
     heads = columns("run", ("level", data.input_unit), "edge", "repeat")
-    more = columns("samples", ("rate", "Hz"), ("idle", data.output_unit, 3))
-    doubts = "Read these before their numbers are used."
+    of_fine = columns("samples", ("rate", "Hz"), ("idle", data.output_unit, 3))
+    read_first = "Read these before their numbers are used."
     idle = "The idle output is the mean before the step; it is subtracted before fitting."
     return (
-        Table("Doubtful runs", doubts, (*heads, *columns("what is doubtful")), tuple(doubtful)),
-        Table("Runs without a doubt", idle, (*heads, *more), tuple(fine)),
+        Table("Doubtful runs", read_first, (*heads, *columns("what is doubtful")), tuple(doubtful)),
+        Table("Runs without a doubt", idle, (*heads, *of_fine), tuple(fine)),
     )
 
 
 def levels_recorded(data: StepSet) -> Table:
     """One row a level: runs, the output before the step and in the end, what is lost while the input is held."""
     doubtful = Counter(run.level for run in data.runs if doubts_of(run))
-    falls = Counter({one.level: len(one.names) for one in data.releases})
+    falls = Counter({release.level: len(release.names) for release in data.releases})
     rows: list[tuple[Cell, ...]] = []
-    for one in data.levels:
-        runs = [run for run in data.runs if run.name in one.names]
+    for averaged in data.levels:
+        u, mean, names = averaged.level, averaged.mean, averaged.names
+        runs = [run for run in data.runs if run.name in names]
         idle = [run.baseline_nm for run in runs]
-        start: Cell = idle[0] if len(idle) == 1 else (min(idle), max(idle)) if idle else None
-        end = float(one.mean[-max(1, len(one.mean) // 10) :].mean())
-        lost = round(max((run.lost_pct or 0.0 for run in runs), default=0.0))
-        held = float(one.time_s[-1])
-        rows.append((level(one.level), len(one.names), doubtful[one.level], start, end, lost, held, falls[one.level]))
+        before: Cell = idle[0] if len(idle) == 1 else (min(idle), max(idle)) if idle else None
+        rise = float(mean[-max(1, len(mean) // 10) :].mean())
+        lost_pct = round(max((run.lost_pct or 0.0 for run in runs), default=0.0))
+        held_s = float(averaged.time_s[-1])
+        rows.append((level(u), len(names), doubtful[u], before, rise, lost_pct, held_s, falls[u]))
     out = data.output_unit
     heads = columns(
         ("level", data.input_unit), "runs", "doubtful", ("before", out, 3), ("rise", out), ("lost", "%"), ("held", "s"),
         "falls",
     )  # fmt: skip
-    said = "Rise: mean of the repeats in the end. Lost: from the peak to there."
-    return Table("Levels", said, heads, tuple(rows))
+    caption = "Rise: mean of the repeats in the end. Lost: from the peak to there."
+    return Table("Levels", caption, heads, tuple(rows))
 
 
 def between_levels(steps: Iterable[LevelStep], data: StepSet) -> Table:
@@ -70,9 +71,9 @@ def between_levels(steps: Iterable[LevelStep], data: StepSet) -> Table:
     unit, out = data.input_unit, data.output_unit
     return table_of(
         "Steps from level to level", "", steps,
-        (("from", unit), lambda one: level(one.from_level)), ("to", lambda one: level(one.level)),
+        (("from", unit), lambda step: level(step.from_level)), ("to", lambda step: level(step.level)),
         (("start", out), "start"), (("change", out), "change"), (("gain", f"{out}/{unit}" if unit else out), "gain"),
-        (("held", "s"), lambda one: float(one.time_s[-1])),
+        (("held", "s"), lambda step: float(step.time_s[-1])),
     )  # fmt: skip
 
 
@@ -84,43 +85,41 @@ def slips_table(runs: Iterable[RunRecord], data: StepSet) -> Table:
     slips = [(run, run.slip) for run in runs if run.slip is not None]
     way = next((slip.unit for _, slip in slips if slip.unit), "")
     rows: list[tuple[Cell, ...]] = [
-        (Name(run.name), level(run.level), one.peak, one.peak_s, *((one.moved,) if way else ()), one.after,
-         one.stiffness if way else one.stiffness_per_s, one.stick_slip, one.stick_slip_hz)
-        for run, one in slips
+        (Name(run.name), level(run.level), slip.peak, slip.peak_s, *((slip.moved,) if way else ()), slip.after,
+         slip.stiffness if way else slip.stiffness_per_s, slip.stick_slip, slip.stick_slip_hz)
+        for run, slip in slips
     ]  # fmt: skip
     out = data.output_unit
     heads = columns(
         "run", ("level", data.input_unit), ("peak", out, 3), ("at", "s", 3), *([("at", way, 3)] if way else []),
         ("after", out, 3), ("loading", f"{out}/{way or 's'}", 3), ("stick-slip", out, 3), ("at", "Hz", 3),
     )  # fmt: skip
-    said = "Peak, output after the slip, slope of the loading, and what sticks and slips behind it, peak to peak."
-    return Table("Slips", said, heads, tuple(rows))
+    caption = "Peak, output after the slip, slope of the loading, and what sticks and slips behind it, peak to peak."
+    return Table("Slips", caption, heads, tuple(rows))
 
 
 def highest_slips(data: StepSet) -> list[RunRecord]:
     """Of each level the run with the highest peak."""
     slipping = [(run.slip.peak, run) for run in data.runs if run.slip is not None]
-    found = {run.level: run for _, run in sorted(slipping, key=lambda one: one[0])}  # the highest stays
-    return [found[key] for key in sorted(found)]
+    highest = {run.level: run for _peak, run in sorted(slipping, key=lambda pair: pair[0])}  # the last one stays
+    return [highest[u] for u in sorted(highest)]
 
 
 def files_table(results: Results) -> Table:
     """The files given to the report and, for each fit, the logs behind it."""
     rows: list[tuple[Cell, ...]] = [
-        *((Name(one.path), "fit", _of_fit(one.result), Name(one.sha256)) for one in results.fits),
-        *((Name(one.path), "gains", "robust and PI gains", Name(one.sha256)) for one in results.gains),
-        *((Name(one.path), "replay", Name(_of_replay(one.result)), Name(one.sha256)) for one in results.replays),
+        *((Name(fit.path), "fit", _of_fit(fit.result), Name(fit.sha256)) for fit in results.fits),
+        *((Name(gains.path), "gains", "robust and PI gains", Name(gains.sha256)) for gains in results.gains),
+        *((Name(run.path), "replay", Name(_of_replay(run.result)), Name(run.sha256)) for run in results.replays),
     ]
     for data in results.data:
-        counts = Counter(one.level for one in data.result.levels for _ in one.names)
+        counts = Counter(averaged.level for averaged in data.result.levels for _ in averaged.names)
         rows.append((Name(data.path), "data", f"{KINDS[data.result.kind]}: {_levels(counts)}", Name(data.sha256)))
-    given = {one.sha256 for one in results.every}
+    fingerprints = {given.sha256 for given in results.every}
     for fit in results.fits:
-        data_of = fit.result.data
-        inputs = [(one.path, one.sha256) for one in data_of.inputs]
-        behind = inputs or [(one.path, one.sha256) for one in data_of.sources]
-        for path, sha in dict.fromkeys(behind):
-            if sha not in given:
+        logs = [(log.path, log.sha256) for log in fit.result.data.inputs or fit.result.data.sources]
+        for path, sha in dict.fromkeys(logs):
+            if sha not in fingerprints:
                 rows.append((Name(path), Name(f"log behind {fit.path}"), None, Name(sha or "–")))
     caption = "What was given to this report, and the logs that the fits name. The fingerprint (SHA-256) tells one "
     heads = columns("file", "what it is", "holds", "fingerprint")
@@ -129,9 +128,9 @@ def files_table(results: Results) -> Table:
 
 def _of_fit(fit: Fit) -> str:
     models = [name for name in ("friction", "nonlinear", "linear", "release") if getattr(fit, name) is not None]
-    counts = Counter(one.level for one in fit.data.sources if one.edge != "falling")
-    said = f"{KINDS[fit.data.kind]}: {', '.join(models) or 'no model'}"
-    return f"{said}; {_levels(counts)}" if counts else said
+    counts = Counter(source.level for source in rising(fit.data.sources))
+    text = f"{KINDS[fit.data.kind]}: {', '.join(models) or 'no model'}"
+    return f"{text}; {_levels(counts)}" if counts else text
 
 
 def _of_replay(replay: Replay) -> str:
@@ -144,4 +143,4 @@ def _levels(counts: "Counter[float | None] | Counter[float]") -> str:
         return "no level"
     least, most = min(counts.values()), max(counts.values())
     runs = f"{least}" if least == most else f"{least} to {most}"
-    return f"{len(counts)} level{'s' if len(counts) != 1 else ''}, {runs} run{'s' if most != 1 else ''} each"
+    return f"{counted(len(counts), 'level')}, {runs} run{'s' if most != 1 else ''} each"
