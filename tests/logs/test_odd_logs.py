@@ -18,10 +18,8 @@ from scipy.io import savemat
 from eaid.cli.inputs import runs_from
 from eaid.cli.main import run as main
 from eaid.errors import DataError, UsageError
-from eaid.logs.frames import runs_from_frames
 from eaid.logs.options import ReadOptions
 from eaid.logs.read import read_runs
-from eaid.logs.run import Run
 from eaid.logs.together import differing_number
 from eaid.reading import InputOptions
 from eaid.steps.build import build_stepset
@@ -41,6 +39,27 @@ def csv(
 
 def text(content: str) -> Callable[[Path], None]:
     return lambda path: path.write_text(content)  # type: ignore[return-value]
+
+
+def comma(value: float, digits: int) -> str:
+    return f"{value:.{digits}f}".replace(".", ",")
+
+
+def table(*head: str, rows: list[str]) -> str:
+    return "\n".join([*head, *rows]) + "\n"
+
+
+def three(form: str, time: Any = T, duty: Any = U, torque: Any = Y) -> list[str]:
+    return [form.format(t, u, y) for t, u, y in zip(time, duty, torque, strict=True)]
+
+
+HEAD, ROWS = "time_s,duty_pct,torque_nm", three("{:.3f},{:g},{:.6f}")
+
+
+def slow_channel() -> str:
+    """The torque comes with nine of ten rows."""
+    return table(HEAD, rows=[f"{row[: row.rindex(',')]}," if i % 10 == 0 else row
+                                                    for i, row in enumerate(ROWS)])  # fmt: skip
 
 
 def hdf5(path: Path) -> None:
@@ -212,9 +231,38 @@ ODD = [
         f"{c:.6f},{1e6 * a:.0f},{b:g}\n" for a, b, c in zip(T, U, Y, strict=True))),
         refused=r"only column 2 rises all the way; say by number, from 1 to 3, what they are: "
                 r"columns= time=2,input=3,output=1; and the unit of time if it is not s, perhaps units= time=us"),
+    # as the owner of a new rig names and shapes them
+    Odd("decimal comma, units row, kV and mN·m", text(table(
+        "Zeit;Spannung;Drehmoment", "ms;kV;mN·m",
+        rows=[f"{comma(1e3 * t, 1)};{comma(u / 1e3, 3)};{comma(1e3 * y, 3)}"
+              for t, u, y in zip(T, U, Y, strict=True)]))),
+    Odd("two header rows", text(table("Bench A,,Bench B,", "time [s],duty [%],torque [Nm],temp [degC]",
+                                      rows=three("{:.3f},{:g},{:.6f},23.1")))),
+    Odd("a clock in ms", text(table("t,u,torque", rows=three("{:.0f},{:g},{:.6f}", 1e3 * T))),
+        code="time-too-long"),
+    Odd("set and measured values", text(table(
+        "idx,timestamp_ms,V_set (V),V_meas (V),T_ref (Nm),T_meas (Nm),Temp1 (C)",
+        rows=[f"{i},{1e3 * t:.1f},{u:g},{u + np.sin(i):.3f},{u / 30:.3f},{y:.6f},25.1"
+              for i, (t, u, y) in enumerate(zip(T, U, Y, strict=True))])), code="input-unnamed"),
+    Odd("a scope's export",
+        text(table("Source,CH1,CH2", "Second,Volt,Volt", rows=three("{:+.6e},{:+.4e},{:+.6e}", T - 2))),
+        options={"columns": {"output": "CH2"}}, code="input-unnamed"),
+    Odd("a summary behind the rows", text(table(HEAD, rows=[*ROWS, "mean,,1.2"])),
+        refused="column time_s, holds 'mean', which is no number; mend the cell, or drop such rows with repair="),
+    Odd("a logger started anew", text(table(HEAD, rows=[*ROWS[:400], HEAD, *ROWS[400:]])),
+        refused="row 402, column time_s, holds 'time_s', which is no number"),
+    Odd("one torque in ten is missing", text(slow_channel()),
+        refused="row 2, column torque_nm, is empty; mend the cell"),
+    Odd("words for the valve", text(table("time_s,valve,torque_nm", rows=[
+        f"{t:.3f},{'ON' if u else 'OFF'},{y:.6f}" for t, u, y in zip(T, U, Y, strict=True)])), input=np.nan * T),
+    Odd("a duty of 10 bits",
+        text(table("ms,pwm_counts,torque_nm", rows=three("{:.0f},{:.0f},{:.6f}", 1e3 * T, 10.23 * U))),
+        options={"units": {"input": "/1023"}}, input=np.where(T >= 1, 614 / 10.23, 0.0)),
+    Odd("a step of two rows at one time", text(table(HEAD, rows=[*ROWS[:200], "1.000,0,0", *ROWS[200:]])),
+        options={"repair": True}, code="rows-dropped"),
 ]  # fmt: skip
 NUMBERS_DIFFER = {
-    "a ms clock that does not say so",
+    "a clock in ms",
     "sample counts as time",
     "µs unnamed",
     "ns unnamed",
@@ -312,12 +360,16 @@ def test_a_log_and_its_copy_count_once(tmp_path: Path) -> None:
     assert said.values == {"path": str(tmp_path / "b.csv"), "first": str(tmp_path / "a.csv")}
 
 
-def test_a_dataset_and_the_logs_it_was_made_of_count_once(tmp_path: Path) -> None:
-    from eaid.cli.main import run as command
-
+@pytest.fixture
+def dataset(tmp_path: Path) -> Path:
+    """A dataset of one log, `a.csv` beside it."""
     (tmp_path / "a.csv").write_text(csv())
-    assert command(["ingest", str(tmp_path / "a.csv"), "-q", "-o", str(tmp_path / "d.h5")]) == 0
-    (run,) = read_runs([tmp_path / "d.h5", tmp_path / "a.csv"])
+    assert main(["ingest", str(tmp_path / "a.csv"), "-q", "-o", str(tmp_path / "d.h5")]) == 0
+    return tmp_path / "d.h5"
+
+
+def test_a_dataset_and_the_logs_it_was_made_of_count_once(dataset: Path) -> None:
+    (run,) = read_runs([dataset, dataset.with_name("a.csv")])
     assert run.dataset
     assert "log-given-twice" in {one.code for one in run.findings}
 
@@ -330,26 +382,18 @@ def test_one_log_in_fractions_among_percent(tmp_path: Path) -> None:
     assert not any(run.findings for run in read_runs([tmp_path], ReadOptions(units={"input": "%"})))
 
 
-def test_a_stored_level_that_its_own_input_contradicts(tmp_path: Path) -> None:
-    from eaid.cli.main import run as command
-
-    (tmp_path / "a.csv").write_text(csv())
-    assert command(["ingest", str(tmp_path / "a.csv"), "-q", "-o", str(tmp_path / "d.h5")]) == 0
-    with h5py.File(tmp_path / "d.h5", "a") as file:
+def test_a_stored_level_that_its_own_input_contradicts(dataset: Path) -> None:
+    with h5py.File(dataset, "a") as file:
         file["runs/a"].attrs["level"] = 40.0
         del file.attrs["digest"]
     with pytest.raises(DataError, match="run a: its level is 40, its input goes to 60 %; ingest the logs again"):
-        read_runs([tmp_path / "d.h5"])
+        read_runs([dataset])
 
 
-def test_options_of_columns_on_a_dataset_are_refused(tmp_path: Path) -> None:
-    from eaid.cli.main import run as command
-
-    (tmp_path / "a.csv").write_text(csv())
-    assert command(["ingest", str(tmp_path / "a.csv"), "-q", "-o", str(tmp_path / "d.h5")]) == 0
+def test_options_of_columns_on_a_dataset_are_refused(dataset: Path) -> None:
     for options in ({"units": {"output": "mNm"}}, {"rate_hz": 100.0}, {"step_at_s": 1.0}, {"columns": {"time": "1"}}):
         with pytest.raises(UsageError, match="does nothing on .*d.h5, a dataset"):
-            read_runs([tmp_path / "d.h5"], ReadOptions(**options))
+            read_runs([dataset], ReadOptions(**options))
 
 
 def test_columns_taken_and_left_are_known(tmp_path: Path) -> None:
@@ -435,72 +479,13 @@ def test_a_manifest_with_a_byte_order_mark(tmp_path: Path) -> None:
     assert [step.name for step in steps] == ["a"]
 
 
-def frame(level: float = 60.0) -> Any:
-    import pandas as pd
-
-    return pd.DataFrame({"time_s": T, "duty_pct": U * level / 60, "torque_nm": Y * level / 60})
-
-
-def same_run(one: Run, other: Run) -> None:
-    for name in ("time_s", "input", "output"):
-        np.testing.assert_allclose(getattr(one, name), getattr(other, name), atol=1e-9)
-    assert (one.input_unit, one.output_unit, one.kind) == (other.input_unit, other.output_unit, other.kind)
-
-
-def test_frames_go_the_way_of_logs(tmp_path: Path) -> None:
-    import pandas as pd
-
-    (tmp_path / "a.csv").write_text(csv())
-    (log,) = read_runs([tmp_path / "a.csv"])
-    runs = runs_from_frames({"x": frame(), "y": frame(30.0)})
-    assert [run.name for run in runs] == ["x", "y"]
-    same_run(runs[0], log)
-    tall = pd.concat([frame().assign(run="x"), frame(30.0).assign(run="y")])
-    for one, other in zip(runs_from_frames(tall), runs, strict=True):
-        assert one.name == other.name
-        same_run(one, other)
-    (alone,) = runs_from_frames(frame())
-    same_run(alone, log)
-
-
-def test_frames_with_stamps_units_and_an_index(tmp_path: Path) -> None:
-    import pandas as pd
-
-    at = pd.Timestamp("2024-01-01", tz="Europe/Berlin") + pd.to_timedelta(T, unit="s")
-    given = pd.DataFrame({"duty": U, "torque": 1e3 * Y, "note": "x"}, index=pd.Index(at, name="time"))
-    given.attrs["units"] = {"torque": "mN·m"}
-    (run,) = runs_from_frames({"a_u60_": given}, ReadOptions(units={"input": "%"}))
-    np.testing.assert_allclose(run.time_s, T, atol=1e-9)
-    np.testing.assert_allclose(run.output, Y, atol=1e-12)
-    assert run.output_unit == "N·m"
-    assert run.left == ("note",)
-
-
-def test_bad_frames_are_told_all_at_once() -> None:
-    bad = frame()
-    bad.loc[7, "torque_nm"] = np.nan
-    with pytest.raises(DataError) as caught:
-        runs_from_frames({"x": bad, "y": frame().drop(columns="torque_nm"), "z": frame()})
-    assert [said.split(";")[0] for said in caught.value.sentences] == [
-        "x: row 8, column torque_nm, is empty or not a number",
-        "y: no column is called torque (columns: time_s, duty_pct)",
-    ]
-
-
-def test_the_same_frame_twice_counts_once() -> None:
-    (run,) = runs_from_frames({"x": frame(), "y": frame()})
-    assert "log-given-twice" in {one.code for one in run.findings}
-
-
 def test_ingest_tells_the_columns_before_anything_else(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    from eaid.cli.main import run as command
-
     for k in (1, 2):
         header = f"time (ms),duty_pct,Torque_mNm,T{k}"
         (tmp_path / f"a{k}.csv").write_text(
             csv(1e3 * T, header=header, form="{:.0f}").replace("\n", ",21\n").replace(f"T{k},21", f"T{k}")
         )
-    assert command(["ingest", str(tmp_path), "-o", str(tmp_path / "d.h5")]) == 0
+    assert main(["ingest", str(tmp_path), "-o", str(tmp_path / "d.h5")]) == 0
     said = [line for line in capsys.readouterr().err.splitlines() if "to do" not in line]
     assert said[0] == (
         "columns of 1 log: time = time (ms) [s], input = duty_pct [%], output = Torque_mNm [N·m]; left: T1"
@@ -509,11 +494,9 @@ def test_ingest_tells_the_columns_before_anything_else(tmp_path: Path, capsys: p
 
 
 def test_a_line_break_in_columns_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    from eaid.cli.main import run as command
-
     (tmp_path / "a.csv").write_text(csv())
     arguments = ["ingest", str(tmp_path / "a.csv"), "-o", str(tmp_path / "d.h5"), "--columns", "time=1\n,output=3"]
-    assert command(arguments) == 2
+    assert main(arguments) == 2
     assert "holds a line break; write all pairs on one line" in capsys.readouterr().err
 
 
@@ -549,67 +532,6 @@ def test_what_was_asked_for_in_the_output_s_unit_is_no_input(tmp_path: Path) -> 
     assert dict(run.taken)["reference"] == "setpoint_nm" and np.isnan(run.input).all()
     (run,) = read_runs([path], ReadOptions(columns={"input": "setpoint_nm"}))
     assert run.input.max() == 2.0
-
-
-# as the owner of a new rig names and shapes them
-
-
-def comma(value: float, digits: int) -> str:
-    return f"{value:.{digits}f}".replace(".", ",")
-
-
-def table(*head: str, rows: list[str]) -> str:
-    return "\n".join([*head, *rows]) + "\n"
-
-
-def three(form: str, time: Any = T, duty: Any = U, torque: Any = Y) -> list[str]:
-    return [form.format(t, u, y) for t, u, y in zip(time, duty, torque, strict=True)]
-
-
-HEAD, ROWS = "time_s,duty_pct,torque_nm", three("{:.3f},{:g},{:.6f}")
-
-
-def slow_channel() -> str:
-    """The torque comes with nine of ten rows."""
-    return table(HEAD, rows=[f"{row[: row.rindex(',')]}," if i % 10 == 0 else row
-                                                    for i, row in enumerate(ROWS)])  # fmt: skip
-
-
-OWN = [
-    Odd("decimal comma, units row, kV and mN·m", text(table(
-        "Zeit;Spannung;Drehmoment", "ms;kV;mN·m",
-        rows=[f"{comma(1e3 * t, 1)};{comma(u / 1e3, 3)};{comma(1e3 * y, 3)}"
-              for t, u, y in zip(T, U, Y, strict=True)]))),
-    Odd("two header rows", text(table("Bench A,,Bench B,", "time [s],duty [%],torque [Nm],temp [degC]",
-                                      rows=three("{:.3f},{:g},{:.6f},23.1")))),
-    Odd("a clock in ms", text(table("t,u,torque", rows=three("{:.0f},{:g},{:.6f}", 1e3 * T))),
-        code="time-too-long", atol_s=1e4),
-    Odd("set and measured values", text(table(
-        "idx,timestamp_ms,V_set (V),V_meas (V),T_ref (Nm),T_meas (Nm),Temp1 (C)",
-        rows=[f"{i},{1e3 * t:.1f},{u:g},{u + np.sin(i):.3f},{u / 30:.3f},{y:.6f},25.1"
-              for i, (t, u, y) in enumerate(zip(T, U, Y, strict=True))])), code="input-unnamed"),
-    Odd("a scope's export",
-        text(table("Source,CH1,CH2", "Second,Volt,Volt", rows=three("{:+.6e},{:+.4e},{:+.6e}", T - 2))),
-        options={"columns": {"output": "CH2"}}, code="input-unnamed"),
-    Odd("a summary behind the rows", text(table(HEAD, rows=[*ROWS, "mean,,1.2"])),
-        refused="column time_s, holds 'mean', which is no number; mend the cell, or drop such rows with repair="),
-    Odd("a logger started anew", text(table(HEAD, rows=[*ROWS[:400], HEAD, *ROWS[400:]])),
-        refused="row 402, column time_s, holds 'time_s', which is no number"),
-    Odd("one torque in ten is missing", text(slow_channel()),
-        refused="row 2, column torque_nm, is empty; mend the cell"),
-    Odd("words for the valve", text(table("time_s,valve,torque_nm", rows=[
-        f"{t:.3f},{'ON' if u else 'OFF'},{y:.6f}" for t, u, y in zip(T, U, Y, strict=True)])), input=np.nan * T),
-    Odd("a duty of 10 bits",
-        text(table("ms,pwm_counts,torque_nm", rows=three("{:.0f},{:.0f},{:.6f}", 1e3 * T, 10.23 * U))),
-        options={"units": {"input": "/1023"}}, input=np.where(T >= 1, 614 / 10.23, 0.0)),
-    Odd("a step of two rows at one time", text(table(HEAD, rows=[*ROWS[:200], "1.000,0,0", *ROWS[200:]])),
-        options={"repair": True}, code="rows-dropped"),
-]  # fmt: skip
-
-
-@pytest.mark.parametrize("odd", OWN, ids=[odd.name for odd in OWN])
-def test_logs_of_a_new_rig(odd: Odd, tmp_path: Path) -> None:
-    test_odd_log(odd, tmp_path)
 
 
 @pytest.mark.parametrize("fault", ["{:.3f},{:g},", "{:.3f},{:g},bad"])
