@@ -88,20 +88,21 @@ def _alike(names: Sequence[str], spellings: Iterable[str], taken: set[int]) -> l
     return [i for i, name in enumerate(names) if i not in taken and words_of(split_name(name)[0]) & long]
 
 
-def _quantity(name: str) -> str:
-    known = unit_of(split_name(name)[1]) if split_name(name)[1] else None
+def _quantity(unit: str) -> str:
+    """The quantity that a unit is of; empty where none is known."""
+    known = unit_of(unit)
     return known.quantity if known else ""
 
 
-def _unit_of(table: Table, column: int) -> str:
-    """The quantity of a column by its unit; empty where none is known."""
-    known = unit_of(table.unit(column)) if table.unit(column) else None
-    return known.quantity if known else _quantity(table.columns[column])
+def _quantity_of(table: Table, column: int) -> str:
+    """The quantity of a column by the unit that its file or its name says."""
+    return _quantity(table.unit(column)) or _quantity(split_name(table.columns[column])[1])
 
 
 def _may_be_time(name: str) -> bool:
     """Whether a column's unit does not say that it is something else: `T [degC]` is a temperature."""
-    return not split_name(name)[1] or _quantity(name) == "time"
+    unit = split_name(name)[1]
+    return not unit or _quantity(unit) == "time"
 
 
 def shown(names: Sequence[str]) -> str:
@@ -145,77 +146,93 @@ def _only(path: str, role: str, found: Sequence[int], names: Sequence[str]) -> i
 def match_columns(path: str, table: Table, options: ReadOptions) -> Roles:
     """Roles of a table's columns; raises DataError where the output, or the time, cannot be told."""
     names = table.columns
-    said = {role: _said_column(path, role, name, table) for role, name in options.columns.items()}
-    for role, other in ((a, b) for a in said for b in said if a < b and said[a] == said[b]):
-        raise UsageError(f"«columns»: {role} and {other} are the same column, {table.label(said[role])}")
-    rate = options.rate_hz or table.rate_hz
-    taken = set(said.values())
-    time = said.get("time")
-    for group in TIME:
-        if time is None:
-            clocks = _alike(names, group.names, taken)
-            if len(clocks) > 1:
-                clocks = [i for i in clocks if _may_be_time(names[i])]
-            time = table.clock if table.clock is not None else _only(path, "time", clocks, names)
-    if time is None:
-        timed = [i for i in range(len(names)) if i not in taken and _unit_of(table, i) == "time"]
-        time = timed[0] if len(timed) == 1 else None
-    if time is None and not rate:
+    named = _named_by_user(path, table, options)
+    time = named["time"] if "time" in named else _time(path, table, set(named.values()))
+    if time is None and not (options.rate_hz or table.rate_hz):
         raise DataError(
             f"{path}: no column is called time (columns: {shown(names)}); name it with «columns» time=NAME, "
             f"or give «rate_hz» HZ where the log has none"
         )
-    taken |= {time} if time is not None else set()
+    taken = {*named.values(), *([time] if time is not None else [])}
     references = [i for i, name in enumerate(names) if i not in taken and words_of(split_name(name)[0]) & _REFERENCE]
     torque = set(OUTPUTS[0].names)
-    torques = [i for i in references if words_of(split_name(names[i])[0]) & torque or _bare(names[i])[:3] == "ref"]
-    reference = said.get("reference", torques[0] if len(torques) == 1 else None)
-    shut = taken | set(torques)
+    of_torque = [i for i in references if words_of(split_name(names[i])[0]) & torque or _bare(names[i])[:3] == "ref"]
+    reference = named.get("reference", of_torque[0] if len(of_torque) == 1 else None)
+    taken |= set(of_torque)
+    output = named["output"] if "output" in named else _output(path, table, taken, references)
 
-    output, bare = said.get("output"), [split_name(name)[0] for name in names]
-    for spelled in (names, [name.rstrip("0123456789") for name in bare]):  # torque1, torque2
-        for group in OUTPUTS:
-            if output is None:
-                output = _only(path, "output", _alike(spelled, group.names, shut), names)
-    if output is None:
-        turned = [i for i in range(len(names)) if i not in shut and i not in references]
-        output = _only(path, "output", [i for i in turned if _unit_of(table, i) == "torque"], names)
-    if output is None:
-        driven = set(_alike(names, {word for group in INPUTS["clutch"] for word in group.names}, shut))
-        driven |= {i for i, name in enumerate(names) if split_name(name)[1] in ("%", "V", "A")}
-        left = [i for i in range(len(names)) if i not in shut and i not in driven]
-        name = f'"{names[left[0]]}"' if len(left) == 1 and names[left[0]] else "NAME"
-        raise DataError(
-            f"{path}: no column is called torque (columns: {shown(names)}); name what was measured with "
-            f"«columns» output={name}"
-        )
-    quantity = _quantity(names[output])
-    asked = [i for i in references if i not in shut and i != output and quantity and _quantity(names[i]) == quantity]
-    if reference is None and len(asked) == 1:  # asked for in the output's own unit: no input
-        reference = asked[0]
-    shut = shut | {output, *asked} - {said.get("input")}
-    if "input" in said:
-        kind = options.kind or kind_of(names[said["input"]], options.units.get("input", ""))
-        inputs = [(kind, said["input"])]
+    taken |= {output}
+    quantity = [_quantity(split_name(name)[1]) for name in names]
+    alike = [i for i in references if i not in taken and quantity[i] and quantity[i] == quantity[output]]
+    if reference is None and len(alike) == 1:  # asked for in the output's own unit: no input
+        reference = alike[0]
+    taken |= set(alike)
+    if "input" in named:
+        kind = options.kind or kind_of(names[named["input"]], options.units.get("input", ""))
+        inputs = [(kind, named["input"])]
     else:
-        inputs = _inputs(path, names, shut, options.kind)
-    roled = {*shut, *(column for _, column in inputs)} | ({reference} if reference is not None else set())
-    triggers = [] if inputs else _alike(names, TRIGGERS, roled)
-    others = tuple(i for i in range(len(names)) if i not in roled)
+        inputs = _inputs(path, names, taken, options.kind)
+    taken |= {*(column for _, column in inputs), *([reference] if reference is not None else [])}
+    triggers = [] if inputs else _alike(names, TRIGGERS, taken)
+    others = tuple(i for i in range(len(names)) if i not in taken)
     trigger = triggers[0] if len(triggers) == 1 else None
-    return Roles(time, tuple(inputs), output, reference, "input" in said, trigger, said.get("position"), others)
+    return Roles(time, tuple(inputs), output, reference, "input" in named, trigger, named.get("position"), others)
 
 
-def _inputs(path: str, names: Sequence[str], shut: set[int], kind: Kind | None) -> list[tuple[Kind, int]]:
+def _named_by_user(path: str, table: Table, options: ReadOptions) -> dict[str, int]:
+    """Role → column, as the user says; raises UsageError where one column has two."""
+    named = {role: _said_column(path, role, name, table) for role, name in options.columns.items()}
+    for role, other in ((a, b) for a in named for b in named if a < b and named[a] == named[b]):
+        raise UsageError(f"«columns»: {role} and {other} are the same column, {table.label(named[role])}")
+    return named
+
+
+def _time(path: str, table: Table, taken: set[int]) -> int | None:
+    """The time column: by its format, by its name, else the only one in a unit of time; None where there is none."""
+    if table.clock is not None:
+        return table.clock
+    names = table.columns
+    for group in TIME:
+        clocks = _alike(names, group.names, taken)
+        if len(clocks) > 1:
+            clocks = [i for i in clocks if _may_be_time(names[i])]
+        if (time := _only(path, "time", clocks, names)) is not None:
+            return time
+    timed = [i for i in range(len(names)) if i not in taken and _quantity_of(table, i) == "time"]
+    return timed[0] if len(timed) == 1 else None
+
+
+def _output(path: str, table: Table, taken: set[int], references: Sequence[int]) -> int:
+    """The output column: by its name, else the only one in a unit of torque; raises DataError where there is none."""
+    names = table.columns
+    for spelled in (names, [split_name(name)[0].rstrip("0123456789") for name in names]):  # torque1, torque2
+        for group in OUTPUTS:
+            if (output := _only(path, "output", _alike(spelled, group.names, taken), names)) is not None:
+                return output
+    free = [i for i in range(len(names)) if i not in taken]
+    turned = [i for i in free if i not in references and _quantity_of(table, i) == "torque"]
+    if (output := _only(path, "output", turned, names)) is not None:
+        return output
+    driven = set(_alike(names, {word for group in INPUTS["clutch"] for word in group.names}, taken))
+    driven |= {i for i, name in enumerate(names) if split_name(name)[1] in ("%", "V", "A")}
+    left = [i for i in free if i not in driven]
+    name = f'"{names[left[0]]}"' if len(left) == 1 and names[left[0]] else "NAME"
+    raise DataError(
+        f"{path}: no column is called torque (columns: {shown(names)}); name what was measured with "
+        f"«columns» output={name}"
+    )
+
+
+def _inputs(path: str, names: Sequence[str], taken: set[int], kind: Kind | None) -> list[tuple[Kind, int]]:
     """Columns that are called like an input, at most one a kind."""
-    found: list[tuple[Kind, int]] = []
-    for one, groups in INPUTS.items():
-        if kind in (None, one):
-            which = next((hit for group in groups if (hit := _alike(names, group.names, shut))), [])
+    inputs: list[tuple[Kind, int]] = []
+    for named_kind, groups in INPUTS.items():
+        if kind in (None, named_kind):
+            which = next((hit for group in groups if (hit := _alike(names, group.names, taken))), [])
             column = _only(path, "input", which, names)
             if column is not None:
-                found.append((one, column))
-    return found
+                inputs.append((named_kind, column))
+    return inputs
 
 
 def kind_of(name: str, unit: str) -> Kind:
@@ -223,10 +240,8 @@ def kind_of(name: str, unit: str) -> Kind:
     for kind, groups in INPUTS.items():
         if any(_alike([name], group.names, set()) for group in groups):
             return kind
-    unit = unit or split_name(name)[1]
-    known = unit_of(unit) if unit else None
     kinds: dict[str, Kind] = {"force": "friction-force", "pressure": "friction-force", "speed": "friction-speed"}
-    return kinds.get(known.quantity if known else "", "clutch")
+    return kinds.get(_quantity(unit or split_name(name)[1]), "clutch")
 
 
 def default_unit(column: str, groups: Sequence[Group]) -> str:

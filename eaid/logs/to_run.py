@@ -43,11 +43,17 @@ class _Columns:
         self._table, self._first = table, first[0]
         self.cells: Cells = table.load(first)
         self._values = dict(zip(first, map(_signed, self.cells.values), strict=True))
+        self.keep: NDArray[np.intp] | None = None
+        """Samples that are kept; None: all of them."""
 
     def __getitem__(self, column: int) -> NDArray[Any]:
         if column not in self._values:
             self._values[column] = _signed(self._table.load([self._first, column]).values[1])
         return self._values[column]
+
+    def kept(self, column: int) -> NDArray[Any]:
+        """The samples of a column that are kept."""
+        return self[column] if self.keep is None else self[column][self.keep]
 
 
 def _signed(values: NDArray[Any]) -> NDArray[Any]:
@@ -91,7 +97,7 @@ class _Log:
         name, label, said = self.table.columns[column], self.table.label(column), self.options.units.get(role)
         return scale_of(self.source, role, said, name, self.table.unit(column), default, label)
 
-    def kept(self, columns: _Columns, time: NDArray[Any], used: Sequence[int | None]) -> NDArray[np.intp] | None:
+    def good(self, columns: _Columns, time: NDArray[Any], used: Sequence[int | None]) -> NDArray[np.intp] | None:
         """Samples to keep; None: all of them."""
         taken = [column for column in used if column is not None and column != self.clock]
         named = {"time" if self.clock is None else self.table.label(self.clock): time}
@@ -125,39 +131,27 @@ def run_of(origin: Origin, tables: Sequence[Table], options: ReadOptions) -> Run
     if which is None and trigger is None and options.name_pattern is not None and level is None:
         raise DataError(f"{source}: its name does not match «name_pattern»; rename it or mend the pattern")
 
-    raw = columns[clock] if clock is not None else np.arange(len(columns[roles.output]))
-    keep = log.kept(columns, raw, (clock, which, roles.output, trigger, roles.position))
-
-    def kept(column: int) -> NDArray[Any]:
-        return columns[column] if keep is None else columns[column][keep]
-
+    raw_time = columns[clock] if clock is not None else np.arange(len(columns[roles.output]))
+    columns.keep = log.good(columns, raw_time, (clock, which, roles.output, trigger, roles.position))
     switch = which if which is not None else trigger
     lost: list[int] = []
-    if keep is not None and switch is not None:
-        keep, lost = without_moving_steps(keep, raw, columns[switch])
-    rows = raw if keep is None else raw[keep]
+    if columns.keep is not None and switch is not None:
+        columns.keep, lost = without_moving_steps(columns.keep, raw_time, columns[switch])
+    kept_time = raw_time if columns.keep is None else raw_time[columns.keep]
     if clock is not None:
-        time_s, start_s, doubts = seconds_since_start(source, table.label(clock), rows, log.time_scale)
+        time_s, start_s, of_time = seconds_since_start(source, table.label(clock), kept_time, log.time_scale)
     else:
-        time_s, start_s, doubts = read_only(rows * log.time_scale.factor), 0.0, ()
+        time_s, start_s, of_time = read_only(kept_time * log.time_scale.factor), 0.0, ()
     into = log.scale("output", roles.output, default_unit(table.columns[roles.output], OUTPUTS))
-    output = into.of(kept(roles.output))
-    findings = (*roles.findings, *findings, *columns.cells.findings, *doubts, *into.findings)
-    unit = options.units.get("input", "") if kind is None else INPUT_UNITS[kind]  # a name says a level and no unit
-    input_ = np.broadcast_to(np.float64(np.nan), len(rows))  # takes no memory
+    output = into.of(columns.kept(roles.output))
     if which is not None and kind is not None:
-        in_ = log.scale("input", which, default_unit(table.columns[which], INPUTS[kind]))
-        unit, input_, findings = in_.unit, in_.of(kept(which)), (*findings, *in_.findings)
-    elif trigger is not None and level is not None:
-        on = columns[trigger]
-        middle = 0.5 * (float(on.min()) + float(on.max()))
-        input_ = np.where(kept(trigger) > middle, level, 0.0)
-        findings += (finding("level-times-trigger", source, column=table.label(trigger), level=level),)
-    if keep is not None:
-        findings += (finding("rows-dropped", source, dropped=len(raw) - len(keep), count=len(raw)),)
-    for row in lost if options.step_at_s is None else ():
-        at_s = float(raw[row]) * log.time_scale.factor
-        findings += (finding("step-row-dropped", source, row=columns.cells.row(row), at_s=at_s),)
+        scale = log.scale("input", which, default_unit(table.columns[which], INPUTS[kind]))
+        unit, input_, of_input = scale.unit, scale.of(columns.kept(which)), scale.findings
+    else:  # a name says a level and no unit
+        unit = options.units.get("input", "") if kind is None else INPUT_UNITS[kind]
+        input_, of_input = _input_of_trigger(log, columns, trigger, level, len(kept_time))
+    findings = (*roles.findings, *findings, *columns.cells.findings, *of_time, *into.findings, *of_input)
+    findings += _of_dropped(log, columns, raw_time, lost)
     findings += _of_values(log, into, output)
     if level is not None and which is not None:
         findings += _contradiction(source, level, input_, unit)
@@ -178,10 +172,10 @@ def run_of(origin: Origin, tables: Sequence[Table], options: ReadOptions) -> Run
         repeat=repeat,
         step_s=_on_clock(options.step_at_s, time_s, start_s),
         until_s=_on_clock(options.until_s, time_s, start_s),
-        reference_nm=None if roles.reference is None else read_only(kept(roles.reference)),
-        position=None if roles.position is None else read_only(kept(roles.position)),
+        reference_nm=None if roles.reference is None else read_only(columns.kept(roles.reference)),
+        position=None if roles.position is None else read_only(columns.kept(roles.position)),
         position_unit="" if roles.position is None else _position_unit(log, roles.position),
-        findings=tuple(msgspec.structs.replace(one, subject=origin.name) for one in findings),
+        findings=tuple(msgspec.structs.replace(found, subject=origin.name) for found in findings),
         kind=options.kind or kind,
         synthetic=table.said.get("synthetic"),
         start_s=start_s,
@@ -199,15 +193,39 @@ def _is_trigger(columns: _Columns, trigger: int | None) -> bool:
     return trigger is not None and steps(columns[trigger]) and len(np.unique(columns[trigger][:1_000_000])) == 2
 
 
+def _input_of_trigger(
+    log: _Log, columns: _Columns, trigger: int | None, level: float | None, count: int
+) -> tuple[Array, tuple[Finding, ...]]:
+    """The level while its trigger is on, with a finding that says so; without a trigger an input that is not known."""
+    if trigger is None or level is None:
+        return np.broadcast_to(np.float64(np.nan), count), ()  # takes no memory
+    on = columns[trigger]
+    middle = 0.5 * (float(on.min()) + float(on.max()))
+    said = finding("level-times-trigger", log.source, column=log.table.label(trigger), level=level)
+    return np.where(columns.kept(trigger) > middle, level, 0.0), (said,)
+
+
+def _of_dropped(log: _Log, columns: _Columns, raw_time: NDArray[Any], lost: Sequence[int]) -> tuple[Finding, ...]:
+    """How many rows were dropped, and which of them a step began at."""
+    if columns.keep is None:
+        return ()
+    total = len(raw_time)
+    findings = [finding("rows-dropped", log.source, dropped=total - len(columns.keep), count=total)]
+    for row in lost if log.options.step_at_s is None else ():
+        at_s = float(raw_time[row]) * log.time_scale.factor
+        findings.append(finding("step-row-dropped", log.source, row=columns.cells.row(row), at_s=at_s))
+    return tuple(findings)
+
+
 def _of_values(log: _Log, into: Scale, output: Array) -> tuple[Finding, ...]:
     """What the numbers themselves bring up."""
-    found = []
+    findings = []
     largest = max(abs(float(output.max())), abs(float(output.min()))) if len(output) else 0.0
     if into.unit == "N·m" and "output" not in log.options.units and largest > LARGEST_NM:
-        found.append(finding("torque-too-large", log.source, largest=largest))
+        findings.append(finding("torque-too-large", log.source, largest=largest))
     if log.table.dropped:
-        found.append(finding("columns-without-numbers", log.source, columns=", ".join(log.table.dropped[:8])))
-    return tuple(found)
+        findings.append(finding("columns-without-numbers", log.source, columns=", ".join(log.table.dropped[:8])))
+    return tuple(findings)
 
 
 def _contradiction(source: str, level: float, input_: Array, unit: str) -> tuple[Finding, ...]:

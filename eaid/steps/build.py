@@ -7,7 +7,7 @@ from eaid.errors import DataError
 from eaid.findings import Finding, finding
 from eaid.logs.run import Kind, Run
 from eaid.steps.cut_runs import NOTHING_SAID, StepOptions, cut_runs, level_steps
-from eaid.steps.direction import direction
+from eaid.steps.direction import Direction, direction
 from eaid.steps.doubts import disagreements, doubts
 from eaid.steps.levels import common, grouped, same_level, wanted_levels
 from eaid.steps.noise import idle_density
@@ -58,41 +58,27 @@ def stepset_of(cut_steps: Sequence[Run], options: StepOptions = NOTHING_SAID) ->
     """Step set of runs that are cut already (`cut_runs`)."""
     if not cut_steps:
         raise DataError("no log holds a step; give logs with one")
-    kinds = {run.kind for run in cut_steps if run.kind is not None}
-    if options.kind is None and len(kinds) > 1:
-        raise DataError(f"the logs are of different experiments ({', '.join(sorted(kinds))}); give one, or say «kind»")
-    kind: Kind = options.kind or next(iter(kinds), None) or "clutch"
+    kind = _kind(cut_steps, options)
     input_unit = _single({run.input_unit for run in cut_steps}, "input units", "say one with «units» input=UNIT")
     output_unit = _single({run.output_unit for run in cut_steps}, "output units", "say one with «units» output=UNIT")
-    rigs = {run.apparatus for run in cut_steps if run.apparatus is not None}
-    if options.apparatus is None and len(rigs) > 1:
-        raise DataError("the datasets are of different rigs; fit them apart")
-    apparatus = options.apparatus or next(iter(rigs), Apparatus(surfaces=2 if kind == "clutch" else 1))
+    apparatus = _apparatus(cut_steps, options, kind)
 
-    runs = sorted(cut_steps, key=lambda r: (abs(r.level or 0.0), r.repeat or 0, r.name))
+    runs = sorted(cut_steps, key=lambda run: (abs(run.level or 0.0), run.repeat or 0, run.name))
     rising = grouped([run for run in runs if run.edge == "rising" and run.from_level == 0])
     falling = grouped([run for run in runs if run.edge == "falling" and run.from_level == 0])
     if options.levels is not None:
-        kept = wanted_levels(
-            options.levels, sorted({level for level, _ in rising} or {abs(r.level or 0) for r in runs})
-        )
-        rising, falling = ([pair for pair in group if _among(pair[0], kept)] for group in (rising, falling))
-        runs = [run for run in runs if _among(abs(run.level or 0.0), kept)]
+        there = sorted({level for level, _ in rising} or {abs(run.level or 0) for run in runs})
+        wanted = wanted_levels(options.levels, there)
+        rising, falling = ([pair for pair in group if _among(pair[0], wanted)] for group in (rising, falling))
+        runs = [run for run in runs if _among(abs(run.level or 0.0), wanted)]
 
-    way = direction(runs, options.keep_sign)
-    levels: list[Level] = []
-    releases: list[Level] = []
-    records: list[RunRecord] = []
-    groups = [*((members, levels) for _, members in rising), *((members, releases) for _, members in falling)]
-    for members, averaged in (*groups, *(([run], []) for run in runs if run.from_level != 0)):
-        steps = [Step(run, way.of(run)) for run in members]
-        averaged.append(common(steps))
-        disagree = disagreements(averaged[-1], input_unit) if averaged is levels else []
-        for step in steps:
-            said = [one for one in (*way.findings, *doubts(step), *disagree) if one.subject == step.run.name]
-            records.append(_record(step, (*step.run.findings, *said)))
-    records.sort(key=lambda r: (r.level, r.repeat, r.edge != "rising", r.name))
-    made = sorted({run.synthetic for run in runs if run.synthetic})
+    signs = direction(runs, options.keep_sign)
+    levels, of_rises = _averaged([members for _, members in rising], signs, input_unit)
+    releases, of_falls = _averaged([members for _, members in falling], signs)
+    _, of_level_steps = _averaged([[run] for run in runs if run.from_level != 0], signs)
+    records = [*of_rises, *of_falls, *of_level_steps]
+    records.sort(key=lambda record: (record.level, record.repeat, record.edge != "rising", record.name))
+    of_signs = [found for found in signs.findings if found.subject == "data"]
     return StepSet(
         kind=kind,
         input_unit=input_unit,
@@ -101,17 +87,50 @@ def stepset_of(cut_steps: Sequence[Run], options: StepOptions = NOTHING_SAID) ->
         levels=tuple(levels),
         releases=tuple(releases),
         runs=tuple(records),
-        findings=(
-            *(one for one in way.findings if one.subject == "data"),
-            *_of_the_set(levels, runs, input_unit, output_unit),
-        ),
-        synthetic="; ".join(made) or None,
+        findings=(*of_signs, *_of_the_set(levels, runs, input_unit, output_unit)),
+        synthetic="; ".join(sorted({run.synthetic for run in runs if run.synthetic})) or None,
         level_steps=level_steps(runs, {record.name: record.findings for record in records}),
     )
 
 
-def _among(level: float, kept: Sequence[float]) -> bool:
-    return any(same_level(level, k, 0.0) for k in kept)
+def _kind(runs: Sequence[Run], options: StepOptions) -> Kind:
+    """The experiment that all logs are of, as the user says, else as their columns say; a clutch where neither does."""
+    kinds = {run.kind for run in runs if run.kind is not None}
+    if options.kind is None and len(kinds) > 1:
+        raise DataError(f"the logs are of different experiments ({', '.join(sorted(kinds))}); give one, or say «kind»")
+    return options.kind or next(iter(kinds), None) or "clutch"
+
+
+def _apparatus(runs: Sequence[Run], options: StepOptions, kind: Kind) -> Apparatus:
+    """The one rig that all logs are of."""
+    rigs = {run.apparatus for run in runs if run.apparatus is not None}
+    if options.apparatus is None and len(rigs) > 1:
+        raise DataError("the datasets are of different rigs; fit them apart")
+    return options.apparatus or next(iter(rigs), Apparatus(surfaces=2 if kind == "clutch" else 1))
+
+
+def _averaged(
+    groups: Sequence[Sequence[Run]], signs: Direction, input_unit: str | None = None
+) -> tuple[list[Level], list[RunRecord]]:
+    """The repeats of each group as one, and every run with what is doubtful in it.
+
+    With `input_unit`, repeats that disagree are doubtful too.
+    """
+    averaged: list[Level] = []
+    records: list[RunRecord] = []
+    for members in groups:
+        steps = [Step(run, signs.of(run)) for run in members]
+        averaged.append(common(steps))
+        disagree = [] if input_unit is None else disagreements(averaged[-1], input_unit)
+        for step in steps:
+            found = [*signs.findings, *doubts(step), *disagree]
+            of_run = [doubt for doubt in found if doubt.subject == step.run.name]
+            records.append(_record(step, (*step.run.findings, *of_run)))
+    return averaged, records
+
+
+def _among(level: float, wanted: Sequence[float]) -> bool:
+    return any(same_level(level, one, 0.0) for one in wanted)
 
 
 def _of_the_set(levels: Sequence[Level], runs: Sequence[Run], input_unit: str, output_unit: str) -> list[Finding]:
