@@ -119,6 +119,7 @@ def is_weight(name: str, said: bool) -> bool:
 
 
 _BRACKETED = re.compile(r"^(.*?)\s*[\[({]\s*([^\])}]*?)\s*[\])}]\s*$")
+_RATE = re.compile(r"^(.*?)(?:_|\.|\s+in\s+|,\s*|\s+)([^\s_/,.]+/[^\s_/,.]+)$")
 _SUFFIX = re.compile(r"^(.*?)(?:_|\.|\s*/\s*|\s+in\s+|,\s*|\s+)([^\s_/,.]+)$")
 _CAMEL = re.compile(r"^(.*[a-z])((?:[A-Z][a-z]*)+|%)$")
 
@@ -130,9 +131,10 @@ def split_name(name: str) -> tuple[str, str]:
     found = _BRACKETED.match(name)
     if found and found.group(1):
         return found.group(1).strip(), found.group(2)
-    found = _SUFFIX.match(name)
-    if found and found.group(1) and unit_of(found.group(2)) is not None and found.group(2) not in ("1", "-"):
-        return found.group(1).strip(" _/."), found.group(2)
+    for written in (_RATE, _SUFFIX):  # speed_rad/s is no speed_rad in s
+        found = written.match(name)
+        if found and found.group(1) and unit_of(found.group(2)) is not None and found.group(2) not in ("1", "-"):
+            return found.group(1).strip(" _/."), found.group(2)
     found = _CAMEL.match(name)  # TorqueMnm, dutyPct, ForceN
     if found:
         for cut in range(1, len(name)):

@@ -270,3 +270,10 @@ def test_marks_that_only_later_rows_show(tmp_path, monkeypatch: pytest.MonkeyPat
     (tmp_path / "a.csv").write_text("time;duty;y\n" + "".join(f"{k};{k % 3};{one}\n" for k, one in enumerate(cells)))
     (run,) = read_runs([tmp_path / "a.csv"])
     assert run.output.tolist() == [*range(1, 12), 12.5, 13.25]
+
+
+def test_a_list_of_settings_above_a_shorter_table_does_not_say_its_marks() -> None:
+    settings = "".join(f"k{k};{k}\n" for k in range(120))
+    table = "".join(f"{k},{k % 3},{k}\n" for k in range(50))
+    found = sniff("log", f"{settings}time,duty,torque\n{table}".encode(), True)
+    assert (found.marks.delimiter, found.columns, found.first_line) == (",", ("time", "duty", "torque"), 122)

@@ -69,9 +69,9 @@ def codes(rate_hz: float, column: str = "time", unit: str = "") -> list[str]:
 
 
 def test_clocks_that_no_bench_has() -> None:
-    assert codes(49_999.0) == [] and codes(50_001.0) == ["time-too-fast min"]
-    assert codes(4.99e6) == ["time-too-fast min"] and codes(5.01e6) == ["time-too-fast d"]
-    assert codes(4.99e6, unit="s") == [] and codes(5.01e6, unit="s") == ["time-too-fast d"]
+    assert codes(49_999.5) == [] and codes(50_000.5) == ["time-too-fast min"]
+    assert codes(4_999_999.5) == ["time-too-fast min"] and codes(5_000_000.5) == ["time-too-fast d"]
+    assert codes(4_999_999.5, unit="s") == [] and codes(5_000_000.5, unit="s") == ["time-too-fast d"]
 
 
 @pytest.mark.parametrize(

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from eaid.errors import DataError, EaidError
-from eaid.logs.by_values import the_input
+from eaid.logs.by_values import by_place, the_input
 from eaid.logs.columns import INPUTS, OUTPUTS, default_unit, kind_of, match_columns
 from eaid.logs.options import ReadOptions
 from eaid.logs.read import NOTHING_SAID
@@ -220,3 +220,65 @@ def test_an_input_moves_by_more_than_a_fifth_of_its_largest(rise: float, moves: 
     else:
         with pytest.raises(DataError, match="may be friction-force and friction-speed"):
             taken("time|torque|force|rpm", values)
+
+
+T = np.arange(60.0)
+
+
+@pytest.mark.parametrize(
+    ("values", "rate", "expected"),
+    [
+        ([T, STEP, WANDERS], None, (0, 1, 2, "time, input, output")),
+        ([T, WANDERS], None, (0, None, 1, "time, output")),
+        ([STEP, WANDERS], 5.0, (None, 0, 1, "input, output")),
+        ([WANDERS], 5.0, (None, None, 0, "output")),
+        ([T, T, WANDERS], None, (0, 1, 2, "time, input, output")),  # the first of two that rise
+        ([WANDERS] * 3, None, (0, 1, 2, "time, input, output")),  # bad rows are told when they are read
+    ],
+)
+def test_columns_without_names_by_their_place(values: list[np.ndarray], rate: float | None, expected: object) -> None:
+    table = Table("", ("",) * len(values), lambda wanted: Cells(tuple(values[i] for i in wanted)), rate_hz=rate)
+    found = by_place("log", table, ReadOptions())
+    ((kind, at),) = found.inputs or (("clutch", None),)
+    assert kind == "clutch"
+    assert (found.time, at, found.output, found.findings[0].values["order"]) == expected
+    plain = Table("", table.columns, table.load)
+    assert by_place("log", plain, ReadOptions(rate_hz=5.0) if rate else ReadOptions()).output == found.output
+    if at is not None:
+        assert by_place("log", table, ReadOptions(kind="friction-speed")).inputs == (("friction-speed", at),)
+
+
+@pytest.mark.parametrize(
+    ("values", "proposed"),
+    [
+        ([STEP, T, WANDERS], "; only column 2 rises all the way; * time=2,input=1,output=3;"),
+        ([WANDERS, STEP, T], "; only column 3 rises all the way; * time=3,input=2,output=1;"),
+        ([T, WANDERS, WANDERS, STEP], "; only column 1 rises all the way; * time=1,input=4,output=3;"),
+        ([STEP, WANDERS, WANDERS, T], "; only column 4 rises all the way; * time=4,input=1,output=3;"),
+        ([T, STEP, WANDERS, WANDERS, WANDERS], "; only column 1 rises all the way; * time=1,input=2,output=5;"),
+        ([WANDERS, WANDERS, STEP, T], "; only column 4 rises all the way; * time=4,input=3,output=2;"),
+        ([WANDERS, STEP, STEP, T], "; only column 4 rises all the way; * time=4,input=2,output=3;"),
+        ([T, T, STEP, WANDERS], "; * time=1,input=3,output=4"),
+        ([WANDERS, WANDERS, STEP, STEP], "; * time=1,input=3,output=4"),
+        ([T, WANDERS, WANDERS, WANDERS], "; only column 1 rises all the way; * time=1,output=4;"),
+        ([WANDERS, T], "; only column 2 rises all the way; * time=2,output=1;"),
+        ([T], "; only column 1 rises all the way; * time=1,output=1;"),
+    ],
+)  # fmt: skip
+def test_what_is_proposed_where_the_places_say_nothing(values: list[np.ndarray], proposed: str) -> None:
+    table = Table("", ("",) * len(values), lambda wanted: Cells(tuple(values[i] for i in wanted)))
+    with pytest.raises(DataError) as fault:
+        by_place("log", table, ReadOptions())
+    count = len(values)
+    wanted = proposed.replace("*", f"say by number, from 1 to {count}, what they are: «columns»")
+    ending = " and the unit of time if it is not s, perhaps «units» time=ms" if wanted.endswith(";") else ""
+    assert fault.value.sentences == (f"log: its {count} columns have no names{wanted}{ending}",)
+
+
+@pytest.mark.parametrize(("apart", "unit"), [(0.99, ""), (1.0, "ms"), (500.0, "ms"), (1000.0, "us"), (1e6, "ns")])
+def test_the_unit_that_is_proposed_for_a_time_without_a_name(apart: float, unit: str) -> None:
+    values = [apart * T, STEP, WANDERS, WANDERS]
+    table = Table("", ("",) * 4, lambda wanted: Cells(tuple(values[i] for i in wanted)))
+    with pytest.raises(DataError) as fault:
+        by_place("log", table, ReadOptions())
+    assert fault.value.sentences[0].endswith(f"perhaps «units» time={unit}" if unit else "time=1,input=2,output=4")

@@ -139,6 +139,14 @@ def test_units_of_counts_booleans_and_unsigned_numbers() -> None:
     np.testing.assert_allclose(late.time_s, 1e-9 * np.arange(100), rtol=1e-12)
 
 
+def test_a_speed_in_rad_per_s_is_none_in_rpm() -> None:
+    """The s behind the stroke was taken for its unit, and the numbers for RPM."""
+    for name in ("speed_rad/s", "speed rad/s", "speed [rad/s]"):
+        run = made(f"time|{name}|torque_nm", T, 10 * ON, ON)
+        assert (run.input_unit, run.kind, run.findings) == ("RPM", "friction-speed", ())
+        assert run.input.max() == pytest.approx(300 / np.pi)
+
+
 def test_bad_rows_are_told_or_dropped() -> None:
     def without(row: int) -> np.ndarray:
         return np.where(np.arange(100) == row, np.nan, ON)

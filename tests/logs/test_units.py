@@ -1,9 +1,11 @@
 """Every unit factor against pint, which knows nothing of eaid; every spelling of the table stands here."""
 
+import numpy as np
 import pint
 import pytest
 
-from eaid.logs.units import _SPELLINGS, split_name, unit_of
+from eaid.errors import UsageError
+from eaid.logs.units import _SPELLINGS, Scale, is_weight, scale_of, split_name, unit_of, words_of
 
 PINT = {
     "second": ("s", "sec", "secs", "second", "seconds", "sek", "seg"),
@@ -94,3 +96,58 @@ def test_what_is_no_unit_of_eaid(written: str) -> None:
 )  # fmt: skip
 def test_the_unit_in_a_name(column: str, bare: str, unit: str) -> None:
     assert split_name(column) == (bare, unit)
+
+
+@pytest.mark.parametrize(
+    ("column", "said", "of_file", "default", "unit", "factor", "codes"),
+    [
+        ("torque", None, "", "N·m", "N·m", 1.0, ["unit-assumed"]), ("torque", None, "", "", "", 1.0, ["unit-unknown"]),
+        ("duty", None, "", "%", "%", 1.0, []), ("torque", None, "mNm", "N·m", "N·m", 1e-3, []),
+        ("torque_ncm", None, "mNm", "", "N·m", 1e-3, []),  # the file before the name
+        ("torque_ncm", None, "", "", "N·m", 1e-2, []), ("torque_ncm", "kNm", "mNm", "", "N·m", 1e3, []),
+        ("torque", None, "bits", "N·m", "bits", 1.0, []), ("torque", "bits", "mNm", "", "bits", 1.0, []),
+        ("u", "/200", "V", "", "%", 0.5, []), ("u", "fraction", "", "%", "%", 100.0, []),
+        ("u_ms", None, "", "%", "%", 1.0, []), ("u", None, "s", "", "", 1.0, ["unit-unknown"]),  # no unit of an input
+        ("force", None, "g", "N", "N", 9.80665e-3, []), ("accel", None, "g", "N", "g", 1.0, ["unit-g-unclear"]),
+        ("output", None, "g", "", "g", 1.0, ["unit-g-unclear"]), ("output", "g", "", "", "N", 9.80665e-3, []),
+        ("accel force", "kg", "", "", "kg", 1.0, ["unit-g-unclear"]), ("output", None, "gf", "", "N", 9.80665e-3, []),
+        ("output [kg]", None, "", "", "kg", 1.0, ["unit-g-unclear"]), ("load", None, "[kg]", "", "N", 9.80665, []),
+    ],
+)  # fmt: skip
+def test_who_says_the_unit(
+    column: str, said: str | None, of_file: str, default: str, unit: str, factor: float, codes: list[str]
+) -> None:
+    found = scale_of("log", "input", said, column, of_file, default, column)
+    assert (found.unit, [one.code for one in found.findings]) == (unit, codes)
+    assert found.factor == pytest.approx(factor, rel=1e-12)
+    assert found.of(np.array([2.0, -1.0])).tolist() == pytest.approx([2 * factor, -factor])
+    assert scale_of("log", "output", "/4", "x", "V", "", "x") == Scale("", 0.25)
+
+
+def test_a_unit_of_time_is_none_of_a_torque() -> None:
+    with pytest.raises(UsageError, match="output=ms: is a unit of time, not of the output"):
+        scale_of("log", "output", "ms", "torque", "", "", "torque")
+
+
+@pytest.mark.parametrize(
+    ("name", "split"),
+    [
+        ("a", ("a", "")), ("Torque (mNm)", ("Torque", "mNm")), (" t [s] ", ("t", "s")), ("(s)", ("(s)", "")),
+        ("a {V}", ("a", "V")), ("a [what]", ("a", "what")), ("a_what", ("a_what", "")), ("ratio_1", ("ratio_1", "")),
+        ("a -", ("a -", "")), ("x, N", ("x", "N")), ("x / N", ("x", "N")),
+        ("speed_rad/s", ("speed", "rad/s")), ("omega in rad/s", ("omega", "rad/s")), ("n 1/min", ("n", "1/min")),
+        ("Drehzahl, U/min", ("Drehzahl", "U/min")), ("Zeit/s", ("Zeit", "s")), ("a b/s", ("a b", "s")),
+        ("forceN", ("force", "N")), ("levelV", ("level", "V")), ("planA", ("planA", "")), ("ForceMn", ("Force", "Mn")),
+        ("dutyCycle", ("dutyCycle", "")), ("u%", ("u%", "")), ("a b_kV", ("a b", "kV")), ("s", ("s", "")),
+    ],
+)  # fmt: skip
+def test_names_and_their_units(name: str, split: tuple[str, str]) -> None:
+    assert split_name(name) == split
+
+
+def test_words_of_a_name() -> None:
+    assert words_of("shearForce_N2") == {"shear", "force", "n2"}
+    assert words_of("Load-Cell [kg]") == {"load", "cell", "kg"}
+    assert [is_weight(name, said) for name in ("force", "x", "acc force") for said in (False, True)] == [
+        True, True, False, True, False, False,
+    ]  # fmt: skip
