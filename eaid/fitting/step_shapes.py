@@ -14,6 +14,7 @@ import numpy as np
 
 from eaid.arrays import Array
 from eaid.findings import Finding, finding
+from eaid.fitting.bounded import least_squares_between
 from eaid.fitting.metrics import quality
 from eaid.fitting.shape_curves import APART, MOST, SHAPES, Shape, curve, overshoots, slopes
 from eaid.fitting.shape_starts import AveragedRecord, averaged, delays_of, starts_of
@@ -33,8 +34,8 @@ MISSED = 0.1
 """Share of the change by which the best shape may miss the mean of a sixtieth of the record."""
 LITTLE = 0.5
 """R² below which a curve explains little."""
-TOL = 1e-12
-"""Relative change of cost, unknowns and gradient at which SciPy's trust region ends."""
+COARSE, NEAR, SETTLED = 1e-4, 1e-7, 1e-13
+"""Part of the cost by which no further step lowers it: of all starts, of the best of each shape, of the chosen one."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,8 +73,7 @@ def fit_step(step: LevelStep, options: FitOptions | None = None) -> StepShape:
     rounding = 1e-16 * float(y @ y)
     scores = {one.name: _aicc(one.sse + rounding, one.unknowns, count) for one in tried}
     chosen = _chosen(tried, scores)
-    if len(points.time_s) < len(y):
-        chosen = _refined(chosen, AveragedRecord(step.time_s, y, np.ones(len(y))), step)
+    chosen = _refined(chosen, AveragedRecord(step.time_s, y, np.ones(len(y))), step)
     return _result(step, chosen, scores, y, _plain_rmse(tried, chosen, len(y)))
 
 
@@ -98,24 +98,29 @@ def _candidates(
     found = []
     for shape, starts in starts_of(points, window, delays, options.held_share or SHARE, wanted).items():
         free = FREE[shape] + ((4,) if dead and given is None else ())
-        fits = [_fitted(points, start, shape, free, window) for start in starts]
+        fits = [_fitted(points, start, shape, free, window, COARSE) for start in starts]
         if shape == "overshoot" and options.shape == "auto":
             fits = [one for one in fits if overshoots(one[0], window)]
         if fits:
-            p, sse = min(fits, key=lambda one: one[1])
+            nearest = min(fits, key=lambda one: one[1])[0]
+            p, sse = _fitted(points, nearest, shape, free, window, NEAR)
             found.append(_Candidate(shape, dead, p, sse + points.within, free))
     return found
 
 
 def _fitted(
-    points: AveragedRecord, start: Array, shape: Shape, free: tuple[int, ...], window: float, tied: bool = False
+    points: AveragedRecord,
+    start: Array,
+    shape: Shape,
+    free: tuple[int, ...],
+    window: float,
+    settled: float = NEAR,
+    tied: bool = False,
 ) -> tuple[Array, float]:
-    """Least squares from one start by SciPy's trust region, with exact slopes, within bounds.
+    """Least squares from one start, with exact slopes, within bounds.
 
     `tied`: τ2 is the window, the longest that an overshoot can tell.
     """
-    from scipy.optimize import least_squares
-
     root = np.sqrt(points.weight)
     size = max(float(np.abs(points.output).max()), 1e-300)
     share = {"free": (0.01, 0.99), "overshoot": (1.0 + 1e-6, MOST)}.get(shape, (-1.0, 2.0))
@@ -130,31 +135,27 @@ def _fitted(
             p[2] = math.log(window) - p[1]
         return p
 
-    def residual(x: Array) -> Array:
-        return np.asarray(root * (curve(whole(x), points.time_s) - points.output) / size)
-
-    def jacobian(x: Array) -> Array:
-        by = slopes(whole(x), points.time_s)
+    def model(x: Array) -> tuple[Array, Array]:
+        p = whole(x)
+        by = slopes(p, points.time_s)
+        residual = root * (p[0] * by[:, 0] - points.output) / size
         if tied:
             by[:, 1] -= by[:, 2]
-        return np.asarray(root[:, np.newaxis] * by[:, [*free]] / size)
+        return residual, root[:, np.newaxis] * by[:, [*free]] / size
 
     if tied:
         free = tuple(k for k in free if k != 2)
         low, high = np.delete(low, 2), np.delete(high, 2)
         high[1] = math.log(window / APART)
-    inside = np.clip(start[[*free]], low + 1e-9 * (high - low), high - 1e-9 * (high - low))
-    found = least_squares(
-        residual, inside, jacobian, bounds=(low, high), x_scale="jac", ftol=TOL, xtol=TOL, gtol=TOL, max_nfev=100
-    )
-    p = whole(np.asarray(found.x))
+    x, sse = least_squares_between(model, start[[*free]], low, high, settled)
+    p = whole(x)
     if shape == "overshoot" and not tied and p[1] + p[2] > math.log(window):
-        return _fitted(points, p, shape, free, window, tied=True)
-    return p, 2 * float(found.cost) * size**2
+        return _fitted(points, p, shape, free, window, settled, tied=True)
+    return p, sse * size**2
 
 
 def _refined(one: _Candidate, points: AveragedRecord, step: LevelStep) -> _Candidate:
-    p, sse = _fitted(points, one.p, one.shape, one.free, float(step.time_s[-1]))
+    p, sse = _fitted(points, one.p, one.shape, one.free, float(step.time_s[-1]), SETTLED)
     return replace(one, p=p, sse=sse)
 
 
