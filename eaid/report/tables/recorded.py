@@ -23,7 +23,7 @@ def logs_table(logs: Sequence[LogFit], out: str) -> Table:
         "Logs fitted as recorded",
         "Free run: the model driven by the input alone. One step: from each measured sample to the next.",
         logs,
-        ("log", lambda one: Name(one.name)), ("input", "input_kind"), (("length", "s", 3), "duration_s"),
+        ("log", lambda log: Name(log.name)), ("input", "input_kind"), (("length", "s", 3), "duration_s"),
         (("rate", "Hz", 3), "rate_hz"), (("idle", out, 3), "idle"), (("RMSE", out, 3), "rmse"),
         (("free-run fit", "%", 3), "fit_pct"), (("one-step fit", "%", 3), "one_step_pct"),
     )  # fmt: skip
@@ -35,11 +35,11 @@ def responses_table(responses: Sequence[Response]) -> Table:
         "Frequency response",
         "Harmonics: what the output holds beyond any linear answer to the input, noise taken off, as a share of the "
         "linear part; the same of the nonlinear model.",
-        [one for one in responses if one.frequency_hz],
-        ("log", lambda one: Name(one.name)), (("from", "Hz", 3), lambda one: one.frequency_hz[0]),
-        (("to", "Hz", 3), lambda one: one.frequency_hz[-1]), (("averages", "", 2), "averages"),
-        (("least coherence", "", 3), lambda one: min(one.coherence)), (("harmonics", "%", 3), "harmonics_pct"),
-        (("of the model", "%", 3), "model_harmonics_pct"),
+        [response for response in responses if response.frequency_hz],
+        ("log", lambda response: Name(response.name)), (("from", "Hz", 3), lambda response: response.frequency_hz[0]),
+        (("to", "Hz", 3), lambda response: response.frequency_hz[-1]), (("averages", "", 2), "averages"),
+        (("least coherence", "", 3), lambda response: min(response.coherence)),
+        (("harmonics", "%", 3), "harmonics_pct"), (("of the model", "%", 3), "model_harmonics_pct"),
     )  # fmt: skip
 
 
@@ -51,9 +51,9 @@ def loops_table(loops: Sequence[Loop], units: tuple[str, str]) -> Table:
         "Error: reference minus output, as recorded and as the same law gives it on the fitted model; margins of that "
         "law around the inputs used.",
         loops,
-        ("loop", lambda one: Name(one.name)), (("K_P", f"{unit}/({out})", 3), "K_P"),
+        ("loop", lambda loop: Name(loop.name)), (("K_P", f"{unit}/({out})", 3), "K_P"),
         (("K_I", f"{unit}/({out}·s)", 3), "K_I"), (("PI law explains", "%", 3), "law_fit_pct"),
-        (("at a limit", "%", 2), lambda one: 100 * one.saturated_fraction), (("RMS error", out, 3), "rms_error"),
+        (("at a limit", "%", 2), lambda loop: 100 * loop.saturated_fraction), (("RMS error", out, 3), "rms_error"),
         (("as replayed", out, 3), "predicted_rms_error"), (("apart", out, 3), "rms_from_predicted"),
         (("gain margin", "dB", 3), "gain_margin_db"), (("phase margin", "°", 3), "phase_margin_deg"),
     )  # fmt: skip
@@ -65,26 +65,26 @@ def asked_table(asked: Sequence[Asked], unit: str) -> Table:
         "What the input asked about",
         "Half-widths of the 95 % intervals there, as a share of the value; a dash: never asked.",
         asked,
-        (("level", unit), lambda one: level(one.level)), (("time near it", "s", 3), "time_s"),
+        (("level", unit), lambda row: level(row.level)), (("time near it", "s", 3), "time_s"),
         (("T_s", "± %", 2), "Ts"), (("τ1", "± %", 2), "tau1"), (("τ2", "± %", 2), "tau2"),
     )  # fmt: skip
 
 
-def falls_table(one: Falls | None) -> Table:
+def falls_table(falls: Falls | None) -> Table:
     """Whether falls differ from rises; no rows where nothing was tested."""
     rows: list[tuple[Cell, ...]] = []
-    if one is not None:
-        slip = (one.hysteresis_pct, one.hysteresis_ci95, one.hysteresis_chance, one.hysteresis_fitted)
+    if falls is not None:
+        slip = (falls.hysteresis_pct, falls.hysteresis_ci95, falls.hysteresis_chance, falls.hysteresis_fitted)
         rows = [
-            ("τ1 of falls to rest (s)", one.release_tau1, None, one.release_chance, one.release_fitted),
-            ("τ2 of falls to rest (s)", one.release_tau2, None, one.release_chance, one.release_fitted),
-            ("τ1 of partial falls, times", one.fall_tau1, one.fall_tau1_ci95, one.fall_chance, one.fall_fitted),
-            ("τ2 of partial falls, times", one.fall_tau2, one.fall_tau2_ci95, one.fall_chance, one.fall_fitted),
+            ("τ1 of falls to rest (s)", falls.release_tau1, None, falls.release_chance, falls.release_fitted),
+            ("τ2 of falls to rest (s)", falls.release_tau2, None, falls.release_chance, falls.release_fitted),
+            ("τ1 of partial falls, times", falls.fall_tau1, falls.fall_tau1_ci95, falls.fall_chance, falls.fall_fitted),
+            ("τ2 of partial falls, times", falls.fall_tau2, falls.fall_tau2_ci95, falls.fall_chance, falls.fall_fitted),
             ("T_s after a fall, more by (%)", *slip),
         ]
     heads = columns("value", ("found", "", 3), ("95 % interval", "", 3), ("p", "", 2), "fitted apart")
-    said = "A small p, the probability of such a difference by chance, says that falls go otherwise than rises."
-    return Table("Falls against rises", said, heads, tuple(row for row in rows if row[1] is not None))
+    caption = "A small p, the probability of such a difference by chance, says that falls go otherwise than rises."
+    return Table("Falls against rises", caption, heads, tuple(row for row in rows if row[1] is not None))
 
 
 def edges_table(logs: Sequence[EdgeLog]) -> Table:
@@ -93,17 +93,19 @@ def edges_table(logs: Sequence[EdgeLog]) -> Table:
     asked = any(log.run.reference_nm is not None for log in logs)
     rows: list[tuple[Cell, ...]] = []
     for log in logs:
-        for k, (one, goal) in enumerate(zip(log.edges, log.goals, strict=True)):
+        for k, (edge, goal) in enumerate(zip(log.edges, log.goals, strict=True)):
             name: tuple[Cell, ...] = (Name(log.run.name),) if len(logs) > 1 else ()
-            left = (goal, None if goal is None else goal - one.after) if asked else ()
-            at = log.run.start_s + one.at_s
-            rows.append((*name, k + 1, at, one.before, one.after, *left, one.rise_s, one.overshoot_pct, one.settling_s))
+            of_goal = (goal, None if goal is None else goal - edge.after) if asked else ()
+            at_s = log.run.start_s + edge.at_s
+            course = (edge.rise_s, edge.overshoot_pct, edge.settling_s)
+            rows.append((*name, k + 1, at_s, edge.before, edge.after, *of_goal, *course))
     heads = (
         *columns(*["log"] * (len(logs) > 1), ("edge", "", 1), ("at", "s"), ("from", out), ("to", out)),
         *(columns(("asked for", out), ("left over", out, 2)) if asked else ()),
         *columns(("rise", "s", 3), ("overshoot", "%", 3), ("settled in", "s", 3)),
     )
-    said = (
+    caption = (
         "Rise from 10 to 90 % of the change, overshoot beyond the end value, time until it stays within 5 % about it; "
+        "a dash: it does not settle."
     )
-    return Table("Edges of the output", f"{said}a dash: it does not settle.", heads, tuple(rows))
+    return Table("Edges of the output", caption, heads, tuple(rows))
