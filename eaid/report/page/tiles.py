@@ -10,11 +10,16 @@ from eaid.report.results import Results
 from eaid.report.rig import controller_name, level_text
 from eaid.report.tables.replays import SCENARIO_NAMES, metric
 from eaid.report.tables.table import interval, number
+from eaid.results.common import ci95_of
 from eaid.results.fit import Fit
 from eaid.results.friction import FrictionLevel
 from eaid.results.nonlinear import CurveLevel
+from eaid.results.steps import StepShape
 from eaid.results.summary import ENDLESS_S, believed_levels, steps_of_other_shapes
 from eaid.shown import counted
+
+MEANINGS = {"Ts": ("T_s", "steady output"), "tau1": ("τ1", "fast time constant"), "tau2": ("τ2", "slow time constant")}
+"""Symbol and meaning of each value at a level."""
 
 
 @dataclass(frozen=True)
@@ -37,84 +42,95 @@ def fit_pct(results: Results) -> float | None:
         y, fitted = (np.concatenate([row[k] for row in rows]) for k in (0, 1))
         spread = float(np.linalg.norm(y - y.mean()))
         return 100 * (1 - float(np.linalg.norm(y - fitted)) / spread) if spread > 0 else None
-    shares = [row.fit_pct for row in (fit.friction.levels if fit and fit.friction else ()) if row.fit_pct is not None]
-    return float(np.mean(shares)) if shares else None
+    percents = [row.fit_pct for row in (fit.friction_levels if fit else ()) if row.fit_pct is not None]
+    return float(np.mean(percents)) if percents else None
 
 
 def tiles(results: Results) -> tuple[Tile, ...]:
     """Six numbers: fit, T_s, τ1, τ2 at the top level, largest errors, worst margin; else those of edges."""
     if results.shows_edges:
         return _edges(results)
-    share = fit_pct(results)
-    found = [Tile("fit", f"{number(share, 3)} %" if share is not None else "–", "100 % would be on the data")]
-    return (*found, *_values(results.main_fit), _errors(results), _margins(results))
+    percent = fit_pct(results)
+    fit = Tile("fit", f"{number(percent, 3)} %" if percent is not None else "–", "100 % would be on the data")
+    return (fit, *_values(results.main_fit), _errors(results), _margins(results))
 
 
 def _edges(results: Results) -> tuple[Tile, ...]:
     logs = results.edge_logs
-    every = [one for log in logs for one in log.edges]
+    edges = [edge for log in logs for edge in log.edges]
     out = logs[0].run.output_unit
-    settled = [one.settling_s for one in every if one.settling_s is not None]
-    left = [
-        abs(goal - e.after) for log in logs for goal, e in zip(log.goals, log.edges, strict=True) if goal is not None
-    ]
+    settled = [edge.settling_s for edge in edges if edge.settling_s is not None]
+    goals = [pair for log in logs for pair in zip(log.goals, log.edges, strict=True)]
+    left_over = [abs(goal - edge.after) for goal, edge in goals if goal is not None]
     errors = [log.rms_error for log in logs if log.rms_error is not None]
 
     def worst(values: Sequence[float], unit: str, digits: int = 3) -> str:
         return f"{number(max(values), digits)} {unit}".rstrip() if values else "–"
 
-    sizes = [abs(one.after - one.before) for one in every]
+    sizes = [abs(edge.after - edge.before) for edge in edges]
     return (
-        Tile("edges", str(len(every)), f"in {counted(len(logs), 'log')}"),
+        Tile("edges", str(len(edges)), f"in {counted(len(logs), 'log')}"),
         Tile("largest edge", worst(sizes, out), "change of the output"),
-        Tile("slowest rise", worst([one.rise_s for one in every], "s"), "10 to 90 % of the change"),
-        Tile("largest overshoot", worst([one.overshoot_pct for one in every], "%"), "of the change"),
-        Tile("longest settling", worst(settled, "s"), f"within 5 %; {len(settled)} of {len(every)} settle"),
-        Tile("left over | RMS error", f"{worst(left, '')} | {worst(errors, '')}" if errors else "–",
+        Tile("slowest rise", worst([edge.rise_s for edge in edges], "s"), "10 to 90 % of the change"),
+        Tile("largest overshoot", worst([edge.overshoot_pct for edge in edges], "%"), "of the change"),
+        Tile("longest settling", worst(settled, "s"), f"within 5 %; {len(settled)} of {len(edges)} settle"),
+        Tile("left over | RMS error", f"{worst(left_over, '')} | {worst(errors, '')}" if errors else "–",
              f"{out} from the reference" if errors else "no reference in the log"),
     )  # fmt: skip
 
 
 def _values(fit: Fit | None) -> list[Tile]:
-    words = {"Ts": ("T_s", "steady output"), "tau1": ("τ1", "fast time constant"), "tau2": ("τ2", "slow time constant")}
+    """T_s, τ1 and τ2 at the top level, with what they are at two lower ones; those of a step that has another shape."""
     rows: Sequence[CurveLevel | FrictionLevel] = believed_levels(fit) if fit is not None else ()
     steps = steps_of_other_shapes(fit) if fit is not None else []
     if fit is None or not (rows or steps):
-        return [Tile(label, "–", meaning) for label, meaning in words.values()]
-    level = max(row.level for row in steps or rows)
-    top = next(row for row in steps or rows if row.level == level)
-    lower = sorted((row for row in rows if row.level < level), key=lambda row: row.level) if not steps else []
+        return [Tile(label, "–", meaning) for label, meaning in MEANINGS.values()]
+    if steps:
+        top = max(steps, key=lambda step: step.level)
+        return [_value(fit, name, top, dead_time_s=steps[0].dead_time_s) for name in MEANINGS]
+    highest = max(rows, key=lambda row: row.level)
+    lower = sorted((row for row in rows if row.level < highest.level), key=lambda row: row.level)
     lower = [lower[k] for k in sorted({0, (len(lower) + 1) // 2})] if len(lower) > 1 else lower
-    found = []
-    for name, (label, meaning) in words.items():
-        unit = fit.data.output_unit if name == "Ts" else "s"
-        key = "change" if steps and name == "Ts" else name
-        ends, value = (getattr(one, key) if one is not None else None for one in (top.ci95, top))
-        if steps and name == "tau1" and steps[0].dead_time_s:
-            meaning += f", behind a dead time of {number(steps[0].dead_time_s, 3)} s"
-        note = f"{interval(ends)}, 95 %; {meaning}" if ends is not None else f"{meaning}; no interval"
-        for row in lower:
-            if getattr(row, name) is not None and (name == "Ts" or getattr(row, name) <= ENDLESS_S):
-                note += f"; {number(getattr(row, name), 3)} at {level_text(row.level, fit.data.input_unit)}"
-        endless = value is None or (name != "Ts" and ends is None and value > ENDLESS_S)
-        said = ("–" if value is None else "not estimable") if endless else f"{number(value, 3)} {unit}"
-        found.append(Tile(f"{label} at {level_text(level, fit.data.input_unit)}", said, note))
-    return found
+    return [_value(fit, name, highest, lower) for name in MEANINGS]
+
+
+def _value(
+    fit: Fit,
+    name: str,
+    top: CurveLevel | FrictionLevel | StepShape,
+    lower: Sequence[CurveLevel | FrictionLevel] = (),
+    dead_time_s: float = 0.0,
+) -> Tile:
+    """One value at the top level, its interval, what it means, and what it is at lower levels."""
+    label, meaning = MEANINGS[name]
+    unit = fit.data.output_unit if name == "Ts" else "s"
+    key = "change" if isinstance(top, StepShape) and name == "Ts" else name
+    value, ends = getattr(top, key), ci95_of(top, key)
+    if name == "tau1" and dead_time_s:
+        meaning += f", behind a dead time of {number(dead_time_s, 3)} s"
+    note = f"{interval(ends)}, 95 %; {meaning}" if ends is not None else f"{meaning}; no interval"
+    for row in lower:
+        there = getattr(row, name)
+        if there is not None and (name == "Ts" or there <= ENDLESS_S):
+            note += f"; {number(there, 3)} at {level_text(row.level, fit.data.input_unit)}"
+    text = "–" if value is None else f"{number(value, 3)} {unit}"
+    if value is not None and name != "Ts" and ends is None and value > ENDLESS_S:
+        text = "not estimable"
+    return Tile(f"{label} at {level_text(top.level, fit.data.input_unit)}", text, note)
 
 
 def _errors(results: Results) -> Tile:
-    replay = results.replay("multisine") or next(
-        (one.result for one in results.replays if "rc" in one.result.records), None
-    )
+    with_rc = (given.result for given in results.replays if "rc" in given.result.records)
+    replay = results.replay("multisine") or next(with_rc, None)
     values, unit, where = {}, "", "no replay given"
     if replay is not None:
         values = {name: metric(replay, name, "max_abs_error_nm") for name in ("rc", "pi") if name in replay.records}
         scenario = replay.head.scenario
         unit, where = replay.head.output_unit, SCENARIO_NAMES.get(scenario, scenario)
-    elif results.gains and (told := results.gains[0].result.replayed) is not None:
-        known = {"rc": told.rc, "pi": told.pi}
-        values = {name: one.max_abs_error_nm for name, one in known.items() if one is not None}
-        unit, where = results.gains[0].result.output_unit, SCENARIO_NAMES.get(told.reference, told.reference)
+    elif results.gains and (replayed := results.gains[0].result.replayed) is not None:
+        errors = {"rc": replayed.rc, "pi": replayed.pi}
+        values = {name: error.max_abs_error_nm for name, error in errors.items() if error is not None}
+        unit, where = results.gains[0].result.output_unit, SCENARIO_NAMES.get(replayed.reference, replayed.reference)
     names = " | ".join(controller_name(name) for name in values) or "RC | PI"
     return Tile(
         f"largest error, {names}",
@@ -128,7 +144,7 @@ def _margins(results: Results) -> Tile:
     worst = gains.margins.worst if gains is not None and gains.margins is not None else None
     if worst is None:
         return Tile("worst margin, RC | PI", "–", "no gains given")
-    both = [one for one in (worst.rc, worst.pi) if one is not None]
-    phases = " | ".join("–" if one.phase_deg is None else f"{one.phase_deg:.0f}°" for one in both)
-    shares = " | ".join("–" if one.gain_db is None else f"{one.gain_db:.0f}" for one in both)
-    return Tile("worst margin, RC | PI", phases, f"phase; gain {shares} dB")
+    loops = [loop for loop in (worst.rc, worst.pi) if loop is not None]
+    phases = " | ".join("–" if loop.phase_deg is None else f"{loop.phase_deg:.0f}°" for loop in loops)
+    gain_db = " | ".join("–" if loop.gain_db is None else f"{loop.gain_db:.0f}" for loop in loops)
+    return Tile("worst margin, RC | PI", phases, f"phase; gain {gain_db} dB")
