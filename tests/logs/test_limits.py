@@ -219,6 +219,7 @@ def test_the_input_is_looked_for_among_64_other_columns() -> None:
 def test_twelve_columns_are_listed() -> None:
     assert shown(["a"] * 12).count("a") == 12
     assert shown(["a"] * 13).endswith(" and 1 more")
+    assert shown(["a", "", "c"]) == "a, column 2, c"  # counted from 1, as «columns» does
 
 
 # text
