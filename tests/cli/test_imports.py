@@ -51,7 +51,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
         (("fit", "-q", "logs", "-o", "g.json"), {"pandas"} | DRAWING | MACHINE),
         (("tune-rc", "-q", "fit.json", "-o", "k.json"), DRAWING),
         (("simulate", "-q", "fit.json", "--gains", "gains.json"), DRAWING),
-        (("plan", "-q", "fit.json"), DRAWING | MACHINE),
+        (("plan", "-q", "fit.json", "--want", "Ts=20,tau1=40,tau2=80"), DRAWING | MACHINE),
         (("synth", "-q", "-o", "more.h5", "--levels", "50", "--repeats", "1"), DRAWING),
         (("report", "-q", "fit.json", "-o", "page"), MACHINE),
     ],

@@ -9,9 +9,9 @@ import pytest
 from eaid.cli import main
 
 
-@pytest.fixture
-def log(tmp_path: Path) -> Path:
-    folder = tmp_path / "rec"
+@pytest.fixture(scope="module")
+def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("recorded") / "rec"
     shape = "duration_s=90,hold_s=0.5:8,rest_s=5"
     assert main.run(["synth", "--excitation", "random", "--shape", shape, "--rate-hz", "100", "-o", str(folder)]) == 0
     return folder

@@ -1,5 +1,6 @@
 """What a user sees on a terminal: every line within its width, broken between words only, numbers to the right."""
 
+import json
 import os
 import re
 import struct
@@ -32,8 +33,6 @@ for words in json.loads(sys.argv[1]):
 
 def told(where: Path, commands: list[list[str]], width: int, **environment: str) -> str:
     """What stands on a terminal of this width, both streams together."""
-    import json
-
     pid, end = pty.fork()
     if pid == 0:
         os.chdir(where)
@@ -72,19 +71,21 @@ def rig(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return where
 
 
+@pytest.fixture(scope="module")
+def piped(rig: Path) -> set[str]:
+    """Words of the same commands where no terminal wraps them."""
+    call = [sys.executable, "-c", SCRIPT, json.dumps(COMMANDS)]
+    done = subprocess.run(call, cwd=rig, capture_output=True, text=True, check=False)
+    return set(f"{done.stdout} {done.stderr}".split())
+
+
 @pytest.mark.parametrize("width", [80, 120])
-def test_nothing_is_wider_than_the_terminal_or_broken_within_a_word(rig: Path, width: int) -> None:
+def test_nothing_is_wider_than_the_terminal_or_broken_within_a_word(rig: Path, piped: set[str], width: int) -> None:
     shown = plain(told(rig, COMMANDS, width))
     assert "bug of eaid" not in shown
     lines = shown.splitlines()
     assert [line for line in lines if len(line) > width + line.count("\u0302")] == []
-    import json
-
-    piped = subprocess.run(
-        [sys.executable, "-c", SCRIPT, json.dumps(COMMANDS)], cwd=rig, capture_output=True, text=True, check=False
-    )
-    words = set(f"{piped.stdout} {piped.stderr}".split())
-    assert {word for word in shown.split() if word not in words} == set()
+    assert {word for word in shown.split() if word not in piped} == set()
 
 
 def test_thirty_logs_are_told_in_sixty_lines(rig: Path) -> None:

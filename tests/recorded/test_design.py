@@ -82,7 +82,7 @@ def test_simulated_recordings_scatter_from_engagement_to_engagement() -> None:
             part = slice(first, last)
             gains.append(float(run.output[part] @ same.output[part] / (same.output[part] @ same.output[part])))
     assert np.std(gains) == pytest.approx(0.03, rel=0.4)
-    widths = [np.median([row["Ts"] for row in measure(found, REFERENCE_PLANT, noise, 5)])
+    widths = [np.median([row["Ts"] for row in measure(found, REFERENCE_PLANT, noise, 3)])
               for noise in (calm, wild)]  # fmt: skip
     assert widths[1] > 1.5 * widths[0]
 
