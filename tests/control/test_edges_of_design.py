@@ -13,13 +13,14 @@ from eaid.control.design import design, least_phi, mismatches
 from eaid.control.gains import paper_gains, pi_gains, rc_gains
 from eaid.control.guarantee import condition, guarantee
 from eaid.control.lyapunov import Disturbance, error_bound, solve_Q, ultimate_level
-from eaid.control.margins import Feedback, LoopMargins, is_stable, margins, phase_margin
+from eaid.control.margins import Feedback, LoopMargins, is_stable, margins, phase_margin, rc_feedback
 from eaid.control.operating import actuator, enough, keeps_margins, known
 from eaid.control.options import DesignOptions, PIOptions
 from eaid.control.pi_design import error, step_metrics
 from eaid.control.pi_design import pi_gains as asked_pi
 from eaid.control.plant import plant_of
 from eaid.control.rc import TANH_IS_ONE, RCState, rc_step, rc_terms
+from eaid.control.rc_design import law_of
 from eaid.control.timing import Timing, hold_response, latch_response
 from eaid.errors import DataError, GainsError
 from eaid.models.parameters import PAPER_LINEAR, Linear
@@ -116,6 +117,18 @@ def test_gains_of_a_pi_that_may_be(K_P: float, K_I: float, taken: bool) -> None:
     else:
         with pytest.raises(GainsError, match="neither may be negative, nor both 0"):
             design(fit(), options)
+
+
+def test_a_layer_is_too_thin_where_the_loop_about_its_middle_is_unstable() -> None:
+    """1 N·m is held by (1.36 + 2.42)/0.08 = 47.25 % there; the slope is nearly that of the layer, as 1/ε."""
+    made = law_of(PAPER_LINEAR, NO_ROWS, DesignOptions(epsilon=0.02, gamma=100.0)).gains
+    left = margins(rc_feedback(made, 1.0, 47.25), ((0.08 / 1.36, 1 / 1.36),), DesignOptions().timing).gain_db
+    thinnest = 0.02 / 10 ** (left / 20)
+    design(fit(), DesignOptions(epsilon=1.02 * thinnest, gamma=2 / thinnest))
+    with pytest.raises(
+        GainsError, match="the RC loop is unstable on the linear model at 1000 Hz with the duty latched"
+    ):
+        design(fit(), DesignOptions(epsilon=0.98 * thinnest, gamma=2 / thinnest))
 
 
 @pytest.mark.parametrize(("how", "K_P", "gain"), [("conditional", 20.0, 0.0), ("back-calculation", 20.0, 0.05),
