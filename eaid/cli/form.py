@@ -207,6 +207,8 @@ def _exactly(value: Any) -> str:
 def _value(one: "Field[Any]", typed: Any) -> Any:
     """What was typed, as a value; `UsageError` where it is none of the words, or cannot be read."""
     spec: Spec = one.metadata["spec"]
+    if isinstance(typed, str) and typed.encode(errors="replace").decode() != typed:
+        raise UsageError(f"{flag_of(one)} {typed!r}: is not UTF-8; type it in a terminal that writes UTF-8")
     if not isinstance(typed, str) or not (spec.words or spec.read):
         return one.default if typed is None and one.default is not MISSING else typed
     if typed == _typed(one.default):

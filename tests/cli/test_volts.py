@@ -144,3 +144,12 @@ def test_a_unit_that_no_file_can_hold_is_written_otherwise(tmp_path: Path) -> No
     assert (tmp_path / "plan.duty.csv").read_text(encoding="utf-8").startswith("time_s,input (?V)\n")
     call = ["synth", "--plant", str(path), "--plan", str(table), "--rate-hz", "5"]
     assert main.run([*call, "-o", str(tmp_path / "logs"), "-q"]) == 0
+
+
+@pytest.mark.parametrize("given", ["input=\udcff", "output=N\udcffm", "time=\udcffs"])
+def test_an_option_that_is_not_utf8_is_refused(given: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Bytes of another encoding come from the shell as lone surrogates, which no file can hold."""
+    for command in ("fit", "ingest"):
+        assert main.run([command, "logs", "--units", given, "-o", str(tmp_path / "x")]) == 2
+        assert capsys.readouterr().err.startswith("error: --units ")
+    assert list(tmp_path.iterdir()) == []
