@@ -73,7 +73,9 @@ def fit_step(step: LevelStep, options: FitOptions | None = None) -> StepShape:
     rounding = 1e-16 * float(y @ y)
     scores = {one.name: _aicc(one.sse + rounding, one.unknowns, count) for one in tried}
     chosen = _chosen(tried, scores)
-    chosen = _refined(chosen, AveragedRecord(step.time_s, y, np.ones(len(y))), step)
+    every = AveragedRecord(step.time_s, y, np.ones(len(y)))
+    p, sse = _fitted(every, chosen.p, chosen.shape, chosen.free, float(step.time_s[-1]), SETTLED)
+    chosen = replace(chosen, p=p, sse=sse)
     return _result(step, chosen, scores, y, _plain_rmse(tried, chosen, len(y)))
 
 
@@ -109,24 +111,20 @@ def _candidates(
 
 
 def _fitted(
-    points: AveragedRecord,
-    start: Array,
-    shape: Shape,
-    free: tuple[int, ...],
-    window: float,
-    settled: float = NEAR,
-    tied: bool = False,
+    points: AveragedRecord, start: Array, shape: Shape, free: tuple[int, ...], window: float, settled: float
 ) -> tuple[Array, float]:
-    """Least squares from one start, with exact slopes, within bounds.
+    """Least squares from one start, with exact slopes, within bounds: the unknowns p and the weighted sum of squares.
 
-    `tied`: τ2 is the window, the longest that an overshoot can tell.
+    An overshoot whose τ2 is not free is tied to a τ2 of the window, the longest that it can tell.
     """
+    tied = shape == "overshoot" and 2 not in free
     root = np.sqrt(points.weight)
     size = max(float(np.abs(points.output).max()), 1e-300)
     share = {"free": (0.01, 0.99), "overshoot": (1.0 + 1e-6, MOST)}.get(shape, (-1.0, 2.0))
     closest = math.log(APART) if shape == "overshoot" else 0.0
     low = np.array([-100 * size, math.log(window * 1e-6), closest, share[0], 0.0])[[*free]]
-    high = np.array([100 * size, math.log(50 * window), math.log(1e4), share[1], 0.9 * window])[[*free]]
+    slowest = math.log(window / APART if tied else 50 * window)
+    high = np.array([100 * size, slowest, math.log(1e4), share[1], 0.9 * window])[[*free]]
 
     def whole(x: Array) -> Array:
         p = start.copy()
@@ -143,20 +141,11 @@ def _fitted(
             by[:, 1] -= by[:, 2]
         return residual, root[:, np.newaxis] * by[:, [*free]] / size
 
-    if tied:
-        free = tuple(k for k in free if k != 2)
-        low, high = np.delete(low, 2), np.delete(high, 2)
-        high[1] = math.log(window / APART)
     x, sse = least_squares_between(model, start[[*free]], low, high, settled)
     p = whole(x)
     if shape == "overshoot" and not tied and p[1] + p[2] > math.log(window):
-        return _fitted(points, p, shape, free, window, settled, tied=True)
+        return _fitted(points, p, shape, tuple(k for k in free if k != 2), window, settled)
     return p, sse * size**2
-
-
-def _refined(one: _Candidate, points: AveragedRecord, step: LevelStep) -> _Candidate:
-    p, sse = _fitted(points, one.p, one.shape, one.free, float(step.time_s[-1]), SETTLED)
-    return replace(one, p=p, sse=sse)
 
 
 def independent(left: Array) -> float:
