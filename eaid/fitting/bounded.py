@@ -1,6 +1,6 @@
 """Least squares of few unknowns between bounds: Levenberg–Marquardt, on the unknowns that no bound holds.
 
-SciPy's bounded methods take ten times as long on such problems, where half of all fits end at a bound.
+SciPy's bounded methods take three to four times as long on such problems, where half of all fits end at a bound.
 """
 
 from collections.abc import Callable
