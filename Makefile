@@ -7,12 +7,15 @@ BIN := .venv/bin
 endif
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
-.PHONY: demo test check bench mutants docs screenshot datasets wheel clean
+.PHONY: demo test test-all check bench mutants docs screenshot datasets wheel clean
 
 demo: .venv/.run  ## the main job: three shipped datasets to one report
 	$(BIN)/eaid demo -o demo --force
 
-test: check  ## everything that CI holds
+test: check  ## all that guards a change, in five minutes on two cores
+	$(BIN)/python -m pytest -n 2 --dist loadfile -m "not slow"
+
+test-all: check  ## and the slow ones: coverage of intervals, emulators, browsers, kills, hypothesis at length
 	$(BIN)/python -m pytest -n 2 --dist loadfile
 
 check: .venv/.dev

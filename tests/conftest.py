@@ -1,10 +1,11 @@
-"""Fixtures that several rooms' tests share: step sets made from a plant, and files beside the tests."""
+"""Fixtures that several rooms' tests share: the command line in this process, data sets and results made once."""
 
 import importlib.util
 import os
 import signal
 import sys
 from collections.abc import Callable, Iterable
+from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType
 
@@ -19,13 +20,87 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
 import numpy as np  # noqa: E402
 import pytest  # noqa: E402
 
+import eaid  # noqa: E402
 from eaid.apparatus import Apparatus  # noqa: E402
-from eaid.cli import console  # noqa: E402
+from eaid.cli import console, main  # noqa: E402
 from eaid.models import friction, nonlinear  # noqa: E402
 from eaid.models.parameters import REFERENCE_PLANT, Friction, Nonlinear  # noqa: E402
 from eaid.steps.stepset import Level, StepSet  # noqa: E402
 
 ROOT = Path(__file__).parents[1]
+
+
+@dataclass(frozen=True)
+class Ran:
+    """What one command gave back."""
+
+    code: int
+    out: str
+    err: str
+
+
+@pytest.fixture
+def run_eaid(capsys: pytest.CaptureFixture[str]) -> Callable[..., Ran]:
+    """`run_eaid("fit", path, "-o", out)`: the command in this process, with its exit code and what it printed."""
+
+    def run(*words: object) -> Ran:
+        capsys.readouterr()
+        code = main.run([str(word) for word in words])
+        return Ran(code, *capsys.readouterr())
+
+    return run
+
+
+@pytest.fixture(scope="session")
+def realdata() -> Path:
+    """Logs measured by others, which are not part of the repository."""
+    folder = ROOT.parent / "shared" / "realdata"
+    if not folder.is_dir():
+        pytest.skip("the folder with logs of other rigs is not here")
+    return folder
+
+
+@pytest.fixture(scope="session")
+def small_steps() -> "eaid.StepSet":
+    """Three levels × two runs of the reference plant with the usual noise and scatter, 50 Hz."""
+    return eaid.synth(levels=(20.0, 60.0, 100.0), repeats=2, rate_hz=50.0, seed=1)
+
+
+@pytest.fixture(scope="session")
+def small_fit(small_steps: "eaid.StepSet") -> "eaid.Fit":
+    return eaid.fit(small_steps)
+
+
+@pytest.fixture(scope="session")
+def small_gains(small_fit: "eaid.Fit") -> "eaid.Gains":
+    return eaid.tune_rc(small_fit)
+
+
+@pytest.fixture(scope="session")
+def small_files(
+    small_fit: "eaid.Fit", small_gains: "eaid.Gains", tmp_path_factory: pytest.TempPathFactory
+) -> tuple[Path, Path]:
+    """fit.json and gains.json of the small set."""
+    folder = tmp_path_factory.mktemp("small")
+    small_fit.save(folder / "fit.json")
+    small_gains.save(folder / "gains.json")
+    return folder / "fit.json", folder / "gains.json"
+
+
+@pytest.fixture(scope="session")
+def clutch_steps() -> "eaid.StepSet":
+    """The shipped synthetic clutch logs."""
+    return eaid.read(ROOT / "datasets" / "clutch.h5")
+
+
+@pytest.fixture(scope="session")
+def clutch_fit(clutch_steps: "eaid.StepSet") -> "eaid.Fit":
+    return eaid.fit(clutch_steps)
+
+
+@pytest.fixture(scope="session")
+def clutch_gains(clutch_fit: "eaid.Fit") -> "eaid.Gains":
+    return eaid.tune_rc(clutch_fit)
 
 
 @pytest.fixture(autouse=True)
