@@ -22,10 +22,7 @@ class Arguments(Common, Verbose):
     """What `eaid export` is told."""
 
     files: list[Path] = argument("GAINS [FIT]", "gains.json, and fit.json for inverse and plant.")
-    target: str = option(
-        "c", "Language or format.", WHAT, "--as",
-        words="c|arduino|matlab|fmu|yaml|json|python|modelica",
-    )  # fmt: skip
+    target: str = option("c", "Language or format.", WHAT, "--as", words="c|arduino|matlab|fmu|yaml|python")
     laws: tuple[str, ...] | None = option(
         None, "By itself all that the files hold.", WHAT, "--law", words="pi|rc|inverse|plant", several=True
     )

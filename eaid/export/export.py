@@ -14,7 +14,7 @@ from eaid.findings import Finding
 from eaid.results.fit import Fit
 from eaid.results.gains import Gains
 
-OURS = ("eaid_*", "EaidPlant.mo", "vectors.*", "check*", "Makefile", "README.md", "parameters.*", "*.ino", "*.o")
+OURS = ("eaid_*", "vectors.*", "check*", "Makefile", "README.md", "parameters.*", "*.ino", "*.o")
 """Names of an export's files and of what its Makefile builds; a folder with any other in it is never replaced."""
 
 
@@ -47,8 +47,7 @@ def export(gains: Gains | None, fit: Fit | None = None, options: ExportOptions |
     refuse_folder(options.folder, options.force)
     refuse_inputs_within(options.folder, (Path(each.path) for each in options.inputs))
     source = source_of(gains, fit)
-    target = TARGETS[options.target]
-    laws = laws_of(source, options, target.laws)
+    laws = laws_of(source, options)
     if {"inverse", "plant"} & set(laws) and source.plant is not None and source.plant.falls_as_release:
         raise UsageError(
             "the fit's falls between levels are as quick as its release, which an exported plant does not know; "
@@ -58,7 +57,7 @@ def export(gains: Gains | None, fit: Fit | None = None, options: ExportOptions |
     constants = constants_of(source, laws, timing)
     found = judged(source, laws, 1.0 / timing.dt_s, options)
     job = job_of(source, constants, timing, found, options)
-    files = dict(target.files(job))
+    files = dict(TARGETS[options.target](job))
     with folder_written_whole(options.folder) as part:
         for name, content in files.items():
             data = content if isinstance(content, bytes) else content.encode("utf-8")

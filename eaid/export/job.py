@@ -47,18 +47,13 @@ class Job:
     """Largest torque of the rig [output unit]."""
 
 
-def laws_of(source: Source, options: ExportOptions, allowed: tuple[str, ...]) -> tuple[str, ...]:
+def laws_of(source: Source, options: ExportOptions) -> tuple[str, ...]:
     """The laws to export, in one order; UsageError where one is asked for that the inputs do not hold."""
-    held = tuple(law for law in source.laws if law in allowed)
-    wanted = options.laws if options.laws is not None else held
+    wanted = options.laws if options.laws is not None else source.laws
     for law in wanted:
-        if law not in allowed:
-            raise UsageError(f"«as» {options.target} has no {law}; it takes {', '.join(allowed)}")
-        if law not in held:
+        if law not in source.laws:
             need = "gains.json of eaid tune-rc" if law in ("pi", "rc") else "fit.json with a nonlinear model, «fit»"
             raise UsageError(f"«law» {law} needs what was not given: {need}")
-    if not wanted:
-        raise UsageError(f"nothing to export as {options.target}: it takes {', '.join(allowed)}; give a fit, «fit»")
     return tuple(law for law in LAWS if law in wanted)
 
 

@@ -1,28 +1,15 @@
-"""The table of targets: which laws each takes, and the files it makes."""
+"""The table of targets, and the files that each makes."""
 
-import json
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from importlib import resources
 from typing import Any
 
-from eaid.export.entries import Entry
 from eaid.export.fmu import fmus
 from eaid.export.job import Job
 from eaid.export.numbers import decimal
-from eaid.export.options import LAWS
-from eaid.export.render import laws, rendered
+from eaid.export.render import rendered
 
 Files = Iterator[tuple[str, str | bytes]]
-
-
-@dataclass(frozen=True)
-class Target:
-    """One target."""
-
-    words: str
-    laws: tuple[str, ...]
-    files: Callable[[Job], Files]
 
 
 def vectors_csv(job: Job) -> str:
@@ -75,19 +62,6 @@ def _yaml(job: Job) -> Files:
     yield from _common(job)
 
 
-def _json(job: Job) -> Files:
-    def values(entries: tuple[Entry, ...]) -> dict[str, object]:
-        return {
-            e.name: values(e.value) if isinstance(e.value, tuple) else json.loads(decimal(e.value)) for e in entries
-        }
-
-    constants = {law.name: values(law.entries) for law in laws(job)}
-    heading = {"head": list(job.head), "sample_time_s": job.timing.dt_s, "input_unit": job.units[0]}
-    text = json.dumps({**heading, "output_unit": job.units[1], **constants}, indent=1, ensure_ascii=False)
-    yield "parameters.json", text + "\n"
-    yield from _common(job)
-
-
 def _python(job: Job) -> Files:
     yield "eaid_laws.py", (resources.files("eaid.export") / "reference.py").read_text(encoding="utf-8")
     lines = [f"{name.upper()} = {_in_python(value)}" for name, value in job.constants.items()]
@@ -106,18 +80,12 @@ def _in_python(value: Any) -> str:
     return repr(value) if isinstance(value, int) else repr(float(value))
 
 
-def _modelica(job: Job) -> Files:
-    yield "EaidPlant.mo", rendered(job, "EaidPlant.mo.j2")
-    yield from _common(job)
-
-
-TARGETS: dict[str, Target] = {
-    "c": Target("C99, one .h and one .c, C++ safe", LAWS, _c),
-    "arduino": Target("the same C and a sketch around it", LAWS, _arduino),
-    "matlab": Target("MATLAB and Octave functions, blocks for Simulink", LAWS, _matlab),
-    "fmu": Target("FMI 2.0 co-simulation, one FMU a law, with sources", LAWS, _fmu),
-    "yaml": Target("a plain parameter file, ROS 2 style", LAWS, _yaml),
-    "json": Target("every constant as JSON, for a program of your own", LAWS, _json),
-    "python": Target("plain Python, nothing else needed", LAWS, _python),
-    "modelica": Target("the plant as a Modelica model", ("plant",), _modelica),
+TARGETS: dict[str, Callable[[Job], Files]] = {
+    "c": _c,
+    "arduino": _arduino,
+    "matlab": _matlab,
+    "fmu": _fmu,
+    "yaml": _yaml,
+    "python": _python,
 }
+"""Target → the files it makes: name and content."""

@@ -61,8 +61,8 @@ def test_the_fit_that_gains_name_is_taken_where_it_lies_beside_them(files, capsy
 
 
 def test_a_fit_alone_gives_the_inverse_and_the_plant(files, capsys):
-    assert main.run(["export", "fit.json", "--as", "modelica", "-o", "rig"]) == 0
-    assert "rig: plant as modelica, 3 files" in capsys.readouterr().err
+    assert main.run(["export", "fit.json", "--as", "yaml", "-o", "rig"]) == 0
+    assert "rig: inverse, plant as yaml, 3 files" in capsys.readouterr().err
 
 
 def test_the_command_stands_at_the_head(files, monkeypatch):

@@ -1,4 +1,4 @@
-"""The other languages: Octave, YAML, plain Python, Modelica; and how numbers are written."""
+"""The other languages: Octave, YAML, plain Python; and how numbers are written."""
 
 import math
 import re
@@ -9,13 +9,10 @@ import sys
 import numpy as np
 import pytest
 import yaml
-from scipy.integrate import solve_ivp
 
 from eaid.export.numbers import commented, decimal, hexadecimal
-from eaid.models import nonlinear
-from eaid.replay.plant import plant_parameters, plant_step
 
-from .conftest import LAWS, PLANT, constants
+from .conftest import LAWS, constants
 
 NUMBERS = (0.0, -0.0, 1.0, -0.1, 1e-12, 1e300, 5e-324, 100.0, 1 / 3, math.pi)
 
@@ -74,41 +71,10 @@ def test_plain_python_repeats_the_vectors_without_eaid(exported):
     assert done.returncode == 0 and "largest difference 0: ok" in done.stdout, done.stderr
 
 
-def test_the_modelica_plant_is_the_replays(exported):
-    """Its equations, read line by line as Python, under a stiff solver, against the exact update of each held duty."""
-    text = (exported("modelica") / "EaidPlant.mo").read_text()
-    values = dict(re.findall(r"parameter Real (\w+) = (\S+?)(?: \"[^\"]*\")?;", text))
-    parameters = {name: float(value) for name, value in values.items()}
-    assert len(parameters) == 16
-    body = text.split("equation\n")[1].split("  annotation")[0]
-    lines = [line.strip().rstrip(";") for line in body.splitlines() if line.strip()]
-
-    def python(line):
-        line = line.replace("noEvent", "")
-        three = r"if (.*?) then (.*?) elseif (.*?) then (.*?) else (.*?)\)"
-        line = re.sub(three, r"(\2) if \1 else (\4) if \3 else (\5))", line)
-        return re.sub(r"if (.*?) then (.*?) else (.*)\)$", r"(\2) if \1 else (\3))", line)
-
-    def slopes(_t, x, duty):
-        space = {**parameters, "duty": duty, "x1": x[0], "x2": x[1], "min": min, "max": max}
-        for line in lines:
-            left, right = python(line).split(" = ", 1)
-            space[{"der(x1)": "d1", "der(x2)": "d2"}.get(left, left)] = eval(right, space)
-        return [space["d1"], space["d2"]]
-
-    p, x = plant_parameters(PLANT), [0.0, 0.0]
-    exact = (0.0, 0.0)
-    for duty in (60.0, 100.0, 30.0, 5.0, 0.0, 120.0):
-        exact = plant_step(p, *exact, duty, 0.4)
-        x = solve_ivp(slopes, (0.0, 0.4), x, args=(duty,), rtol=1e-10, atol=1e-12, method="LSODA").y[:, -1].tolist()
-        assert x == pytest.approx(exact, abs=1e-7)
-    assert nonlinear.steady_torque(PLANT, 100.0) == pytest.approx(4.372)
-
-
-@pytest.mark.parametrize("target", ["c", "arduino", "matlab", "fmu", "yaml", "python", "modelica"])
+@pytest.mark.parametrize("target", ["c", "arduino", "matlab", "fmu", "yaml", "python"])
 def test_every_readme_is_one_page_with_units_and_the_list(exported, target):
     text = (exported(target) / "README.md").read_text()
     assert len(text.splitlines()) <= 70
     for word in ("Sign", "Zero", "Limits", "Watchdog", "Log", "N·m", "0.001 s", "{{"):
         assert (word in text) == (word != "{{")
-    assert all(f"eaid_{law}" in text or target in ("python", "yaml", "fmu", "modelica") for law in LAWS[1:2])
+    assert all(f"eaid_{law}" in text or target in ("python", "yaml", "fmu") for law in LAWS[1:2])
