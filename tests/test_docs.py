@@ -2,6 +2,7 @@
 
 import json
 import re
+import runpy
 import shlex
 import shutil
 import subprocess
@@ -150,3 +151,12 @@ def test_every_room_stands_in_the_list_of_rooms_in_the_order_of_the_layers() -> 
     assert sorted(rooms) == sorted(layers)
     packages = [room for room in rooms if (ROOT / "eaid" / room).is_dir()]
     assert packages == [layer for layer in layers if layer in packages]
+
+
+@pytest.mark.slow
+def test_the_table_of_the_paper_is_what_its_script_makes() -> None:
+    """In words; another processor may round a number's last digit otherwise."""
+    made, number = runpy.run_path(str(ROOT / "docs" / "paper_table.py")), re.compile(r"[-+]?\d+(?:\.\d+)?(?:e-?\d+)?")
+    page = (ROOT / "docs" / "paper.md").read_text(encoding="utf-8")
+    kept = page.split(made["BEGIN"])[1].split(made["END"])[0]
+    assert number.sub("#", made["table"]()) == number.sub("#", kept)

@@ -25,7 +25,6 @@ FRICTION: tuple[Line, ...] = (
     ("ingest", "{friction-speed}", "-o", "friction-speed.h5"),
     ("fit", "friction-force.h5", "-o", "friction-force.json"),
     ("fit", "friction-speed.h5", "-o", "friction-speed.json"),
-    ("reproduce", "-o", "paper.md"),
 )
 """What needs nothing of the clutch: done beside it, on the second core."""
 

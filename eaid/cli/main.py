@@ -25,7 +25,6 @@ COMMANDS = {
     "synth": "A plant → synthetic logs",
     "couple": "fit.json and gains.json → how stiff a virtual wall, couple.json",
     "plan": "fit.json → what to record next, plan.csv",
-    "reproduce": "The paper, number by number, recomputed",
     "demo": "All of the above on the three shipped datasets",
 }
 """One module of `eaid.cli` each, with a function `command`; the order and the short words of `--help`."""

@@ -1,6 +1,5 @@
 """What `--json` prints where no result file says it."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -126,10 +125,3 @@ class Filled:
 
     page: Path
     files: tuple[str, ...]
-
-
-@dataclass(frozen=True)
-class Reproduced:
-    """What --json prints: every number of the paper beside ours."""
-
-    claims: Sequence[object]

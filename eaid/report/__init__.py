@@ -1,1 +1,1 @@
-"""Results → figures, one HTML page, and the paper number by number."""
+"""Results → figures and one HTML page."""

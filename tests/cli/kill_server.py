@@ -29,7 +29,6 @@ def warm() -> None:
     import eaid.planning.recordings
     import eaid.replay.simulate
     import eaid.replay.tune
-    import eaid.report.paper.claims
     import eaid.report.write
     import eaid.synth.folder
     import eaid.synth.synthesize  # noqa: F401

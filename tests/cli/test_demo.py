@@ -22,7 +22,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_every_command_left_its_result(made: Path):
     names = {path.name for path in made.iterdir()}
-    assert names >= {*demo_lines.REPORTED, "plan.csv", "paper.md", "report.html", "figures"}
+    assert names >= {*demo_lines.REPORTED, "plan.csv", "report.html", "figures"}
     assert len(list((made / "figures").glob("*.png"))) >= 18
     assert not [name for name in names if name.endswith(".part")]
 
@@ -74,9 +74,9 @@ def test_it_ends_by_naming_the_page(
     monkeypatch.setattr(demo_lines, "run_both", _one_after_another)
     monkeypatch.chdir(tmp_path)
     assert run(["demo"]) == 0
-    assert capsys.readouterr().err.splitlines()[-1] == "demo/report.html: 15 commands; next: open it in a browser"
+    assert capsys.readouterr().err.splitlines()[-1] == "demo/report.html: 14 commands; next: open it in a browser"
     assert ran[-1] == "report"
-    assert set(ran) == {"ingest", "fit", "tune-rc", "simulate", "plan", "reproduce", "report"}
+    assert set(ran) == {"ingest", "fit", "tune-rc", "simulate", "plan", "report"}
 
 
 def test_a_failing_command_ends_the_demo_with_its_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]):

@@ -120,9 +120,7 @@ def test_nohup_is_kept(tmp_path: Path) -> None:
     assert (process.returncode, said) == (0, "")
 
 
-@pytest.mark.parametrize(
-    "command", ["--help", "synth --json --levels 50 --repeats 1 --force -o {o}", "reproduce --help"]
-)
+@pytest.mark.parametrize("command", ["--help", "synth --json --levels 50 --repeats 1 --force -o {o}", "plan --help"])
 def test_a_reader_that_goes_away_is_no_failure(tmp_path: Path, command: str) -> None:
     """`eaid … | head -c 1`, on stdout and on stderr: nothing is said, and the work is done."""
     given = command.format(o=tmp_path / "d.h5").split()

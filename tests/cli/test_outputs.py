@@ -124,7 +124,7 @@ def test_a_dataset_beside_its_logs_may_be_made_again(rig: Path, tmp_path: Path) 
     [
         "ingest data.h5", "fit data.h5", "tune-rc fit.json", "simulate fit.json --scenario steps", "couple fit.json",
         "plan fit.json --no-check", "plan fit.json --excitation --no-check", "synth", "export gains.json --anyway",
-        "report fit.json", "reproduce", "demo",
+        "report fit.json", "demo",
     ],
 )  # fmt: skip
 def test_devices_and_pipes_are_never_replaced(
