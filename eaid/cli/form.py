@@ -1,80 +1,39 @@
-"""A command's options, declared once: a frozen dataclass whose fields say default, help and group.
+"""A command's options: those of `eaid.options` and its own, as parameters that Typer takes, and what is typed as values.
 
     @dataclass(frozen=True, kw_only=True)
-    class Arguments(Common):
+    class Arguments(Common, TuneOptions):
         fit: Path = argument("FIT", "A fit.json.")
-        rho: str = option("paper", "Reading of Eq. (15).", "Robust controller", words="paper|textbook")
 
     @takes(Arguments)
     def command(args: Arguments) -> int: ...
-
-Typer gets a plain function with these parameters; what is typed becomes a value here, by `words` and `read`.
 """
 
 import inspect
 import re
+import typing
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import MISSING, Field, dataclass, field, fields
+from dataclasses import MISSING, dataclass, field
 from pathlib import Path
-from typing import Any, TypeVar, get_type_hints
+from typing import Any, TypeVar
 
 import typer
 
 from eaid.cli import console
 from eaid.cli.completion import completion
-from eaid.cli.words import word_or_number
+from eaid.declared import Declaration, Form, Options, forms, option
 from eaid.errors import UsageError, unknown
 
 A = TypeVar("A", bound="Common")
-T = TypeVar("T")
-
-
-@dataclass(frozen=True)
-class Spec:
-    """The declaration of one option or argument."""
-
-    help: str
-    group: str | None = None
-    flags: tuple[str, ...] = ()
-    """Empty: the field's name with dashes."""
-    words: tuple[str, ...] = ()
-    """What may be typed; with `read` also."""
-    several: bool = False
-    """Several of the words, with commas between them."""
-    read: Callable[[str, str], Any] | None = None
-    """(option, text) → value."""
-    shown: str | None = None
-    """What stands behind the option in the help."""
-    levels: bool = False
-    """Levels of the data, which the shell completes."""
-    positional: bool = False
-    kept: bool = True
-    """Whether a result keeps it: what changes no number is not kept."""
+OUTPUT, PLACE = "Output", "Arguments"
+SHORT = 20
+"""Letters of a list of words that stand behind an option; longer ones stand in its help."""
+SHARED = ("output", "force", "json", "quiet", "verbose", "seed")
+"""Options that stand last in the help."""
 
 
 def argument(shown: str, help: str) -> Any:
     """A field that is given by its place."""
-    return field(metadata={"spec": Spec(help, shown=shown, positional=True)})
-
-
-def option(
-    default: Any,
-    help: str,
-    group: str,
-    *flags: str,
-    words: str | tuple[str, ...] = (),
-    number: bool = False,
-    **more: Any,
-) -> Any:
-    """A field that is given by its name; `words` also as `a|b`, or a `number`; `more` are fields of `Spec`."""
-    each = tuple(words.split("|")) if isinstance(words, str) else words
-    more |= {"read": word_or_number(*each)} if number else {}
-    return field(default=default, metadata={"spec": Spec(help, group, flags, each, **more)})
-
-
-OUTPUT = "Output"
-SHORT = 20
-"""Letters of a list of words that stand behind an option; longer ones stand in its help."""
+    return field(metadata={"option": Declaration(help, PLACE, shown=shown)})
 
 
 def written(default: str, help: str = "Where the result is written.") -> Any:
@@ -83,120 +42,146 @@ def written(default: str, help: str = "Where the result is written.") -> Any:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Common:
+class Common(Options):
     """Options of every command."""
 
     force: bool = option(False, "Overwrite an existing output.", OUTPUT)
     json: bool = option(False, "Print the result, machine-readable, on stdout.", OUTPUT)
-    words: tuple[str, ...] = ()
-    """What was typed, but for what only says where the result goes and how it is shown."""
     quiet: bool = option(False, "No messages, tables or progress; errors are still told.", OUTPUT, "-q", "--quiet")
+    typed: tuple[str, ...] = ()
+    """What was typed, but for what only says where the result goes and how it is shown."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class Verbose:
+class Verbose(Options):
     """Of commands that have more to tell."""
 
     verbose: bool = option(False, "Tell all findings and show all tables.", OUTPUT, "-v", "--verbose")
 
 
-@dataclass(frozen=True, kw_only=True)
-class Seeded:
-    """Of commands that draw."""
-
-    seed: int = option(0, "Of everything random; the same seed gives the same bytes.", "Chance")
-
-
-COMMON = ["output", *(one.name for kind in (Seeded, Common, Verbose) for one in fields(kind))]
-
-
 def takes(arguments: type[A]) -> Callable[[Callable[[A], int | None]], Callable[..., int | None]]:
     """Make of a function of `arguments` one that Typer takes as a command."""
-    own = set(arguments.__annotations__) - {"output"}
-    # first the command's own, then what it shares with others, last what all have
-    options = [one for one in fields(arguments) if one.metadata]
-    shown = sorted(options, key=lambda one: (one.name in COMMON, one.name not in own and one.name != "output"))
-    hints = get_type_hints(arguments)
+    flat = [(outer, form) for outer in forms(arguments).values() for form in _flat(outer)]
+    flat.sort(key=lambda pair: (SHARED.index(pair[1].name) + 1 if pair[1].name in SHARED else 0))
 
     def made(body: Callable[[A], int | None]) -> Callable[..., int | None]:
         def command(**typed: Any) -> int | None:
             console.be_quiet(typed["quiet"])
-            values = {one.name: _value(one, typed[one.name]) for one in shown}
-            return body(arguments(**values, words=_words(shown, typed)))
+            values: dict[str, Any] = {}
+            for outer, form in flat:
+                value = value_of(form, typed[form.name])
+                if outer is form:
+                    values[form.name] = value
+                else:
+                    values.setdefault(outer.name, {})[form.name] = value
+            for outer, form in flat:
+                if outer is not form and isinstance(values[outer.name], dict):
+                    values[outer.name] = outer.nested(**values[outer.name])  # type: ignore[misc]
+            return body(arguments(**values, typed=_typed_words([form for _, form in flat], typed)))
 
         command.__doc__ = body.__doc__
-        command.__signature__ = inspect.Signature([_parameter(one, hints[one.name]) for one in shown])  # type: ignore[attr-defined]
+        command.__signature__ = inspect.Signature([_parameter(form) for _, form in flat])  # type: ignore[attr-defined]
         return command
 
     return made
 
 
-def taken(kind: Callable[..., T], args: object, **more: Any) -> T:
-    """An options type of the library, from the fields that bear the same names and from `more`; None: not given."""
-    same = {name: getattr(args, name, None) for name in inspect.signature(kind).parameters if name not in more}
-    return kind(**{name: value for name, value in same.items() if value is not None}, **more)
-
-
-def refuse_idle(args: object, names: Sequence[str], because: str) -> None:
+def refuse_idle(args: Options, names: Sequence[str], because: str) -> None:
     """Refuse options that were given and do nothing; `because` says why, `without --optimize`."""
-    options = [one for one in fields(args) if one.name in names]  # type: ignore[arg-type]
-    idle = [flag_of(one) for one in options if getattr(args, one.name) != one.default]
+    idle = [form.flag for name, form in forms(type(args)).items() if name in names and getattr(args, name) != form.default]
     if idle:
         raise UsageError(f"{idle[0]}: does nothing {because}; leave it out")
 
 
-def flag_of(one: "Field[Any]") -> str:
-    """The option as it is typed, `--pi-gains`."""
-    spec: Spec = one.metadata["spec"]
-    flag = next((flag for flag in spec.flags if flag.startswith("--")), "--" + one.name.replace("_", "-"))
-    return flag.partition("/")[0]
+def _flat(form: Form) -> list[Form]:
+    return [form] if form.nested is None else list(forms(form.nested).values())
 
 
-def _parameter(one: "Field[Any]", hint: Any) -> inspect.Parameter:
-    """One parameter as Typer wants it: what is read or chosen here is a text there."""
-    spec: Spec = one.metadata["spec"]
-    text = bool(spec.words or spec.read)
-    default = ... if one.default is MISSING else _typed(one.default) if text else one.default
-    kind = typer.Argument if spec.positional else typer.Option
-    flags = () if spec.positional else spec.flags or (_flags(one),)
-    complete = completion(spec.words, spec.several, spec.levels)
+def _is_text(form: Form) -> bool:
+    """Whether Typer hands the option over as a text, which `value_of` reads."""
+    plain = (bool, int, float, str, Path)
+    return bool(form.declared.words or form.declared.read) or form.parts[0] not in (*plain, list[Path])
+
+
+def _parameter(form: Form) -> inspect.Parameter:
+    """One parameter as Typer wants it."""
+    declared, placed = form.declared, form.declared.group == PLACE
+    text = _is_text(form)
+    default = ... if form.default is MISSING else _as_typed(form.default) if text else form.default
+    if not text and form.default is not MISSING and form.default is not None and form.parts[0] is Path:
+        default = form.default
+    kind = typer.Argument if placed else typer.Option
+    named = declared.flags or (f"{form.flag}/--no-{form.flag[2:]}" if form.default is True else form.flag,)
+    flags = () if placed else (named,) if isinstance(named, str) else named
     info = kind(
-        default, *flags, help=_help(spec), metavar=_metavar(spec, hint), autocompletion=complete,
-        show_default=default is not None and default is not False, rich_help_panel=spec.group,
+        default, *flags, help=_help(form), metavar=_metavar(form),
+        autocompletion=completion(declared.words, form.several, declared.levels),
+        show_default=default is not None and default is not False, rich_help_panel=None if placed else declared.group,
     )  # fmt: skip
-    return inspect.Parameter(
-        one.name, inspect.Parameter.KEYWORD_ONLY, default=info, annotation=(str | None) if text else hint
-    )
+    optional = form.default is None
+    hint = (str | None) if text else (form.parts[0] | None) if optional else form.parts[0]
+    return inspect.Parameter(form.name, inspect.Parameter.KEYWORD_ONLY, default=info, annotation=hint)
 
 
-def _flags(one: "Field[Any]") -> str:
-    flag = flag_of(one)
-    return f"{flag}/--no-{flag[2:]}" if one.default is True else flag
-
-
-def _metavar(spec: Spec, hint: Any) -> str | None:
+def _metavar(form: Form) -> str | None:
     """What stands behind the option: the words where they are few, else WORD; nothing behind a switch."""
-    if spec.levels:
+    declared, number = form.declared, float in form.parts
+    if declared.levels:
         return "LEVELS"
-    if spec.shown or not spec.words:
-        return spec.shown or {bool: "", bool | None: "", list[Path] | None: "FILE"}.get(hint)
-    words = "|".join(spec.words) + (",…" if spec.several else "|NUMBER" if spec.read else "")
-    return words if len(words) <= SHORT else "WORD,…" if spec.several else "WORD|NUMBER" if spec.read else "WORD"
+    if declared.shown or not declared.words:
+        return declared.shown or {bool: "", list[Path]: "FILE"}.get(form.parts[0], "NUMBER,…" if _is_text(form) else None)
+    words = "|".join(declared.words) + (",…" if form.several else "|NUMBER" if number else "")
+    return words if len(words) <= SHORT else "WORD,…" if form.several else "WORD|NUMBER" if number else "WORD"
 
 
-def _help(spec: Spec) -> str:
+def _help(form: Form) -> str:
     """The help, with the words where they do not stand behind the option, in the Markdown that Typer shows."""
-    said, behind = spec.help, _metavar(spec, None) or ""
-    if any(word not in behind for word in spec.words):
-        said = f"{said} {'Of' if spec.several else 'One of'} {', '.join(spec.words)}."
-    return re.sub(r"([_*<`])", r"\\\1", said)
+    text, behind = form.declared.help, _metavar(form) or ""
+    if any(word not in behind for word in form.declared.words):
+        text = f"{text} {'Of' if form.several else 'One of'} {', '.join(form.declared.words)}."
+    return re.sub(r"([_*<`])", r"\\\1", text)
 
 
-def _typed(value: Any) -> str | None:
+def _as_typed(value: Any) -> str | None:
     """A default as it would be typed."""
     if isinstance(value, tuple):
-        return ",".join(_typed(part) or "" for part in value) or None
-    return None if value is None else f"{value:g}" if isinstance(value, float) else str(value)
+        return ",".join(_as_typed(each) or "" for each in value) or None
+    return None if value is None or value == {} else f"{value:g}" if isinstance(value, float) else str(value)
+
+
+def value_of(form: Form, typed: Any) -> Any:
+    """What was typed, as a value; `UsageError` where it is none of the words, or cannot be read."""
+    if isinstance(typed, str) and typed.encode(errors="replace").decode() != typed:
+        raise UsageError(f"{form.flag} {typed!r}: is not UTF-8; type it in a terminal that writes UTF-8")
+    if not isinstance(typed, str) or not _is_text(form):
+        return form.default if typed is None and form.default is not MISSING else typed
+    if typed == _as_typed(form.default):
+        return form.default
+    flag, declared, kind = form.flag, form.declared, form.parts[0]
+    if declared.read is not None:
+        return declared.read(flag, typed)
+    if form.several:
+        parts = names(flag, typed) if not declared.words else [part.strip() for part in typed.split(",") if part.strip()]
+        for part in parts or [typed]:
+            if declared.words and part not in declared.words:
+                raise UsageError(unknown(flag, part, declared.words))
+            if list(parts).count(part) > 1:
+                raise UsageError(f"{flag} {typed}: name each once")
+        return tuple(parts)
+    if form.pair:
+        return pair(flag, typed, ":" if ":" in (declared.shown or "") else ",")
+    if kind == tuple[float, ...]:
+        return numbers(flag, typed)
+    if typing.get_origin(kind) is Mapping or kind is Mapping:
+        return factors(flag, typed)
+    if typed in declared.words or float not in form.parts:
+        if declared.words and typed not in declared.words:
+            raise UsageError(unknown(flag, typed, declared.words))
+        return typed
+    try:
+        return float(typed)
+    except ValueError:
+        raise UsageError(f"{flag} {typed}: must be {', '.join(declared.words)} or a number") from None
 
 
 def _exactly(value: Any) -> str:
@@ -204,45 +189,81 @@ def _exactly(value: Any) -> str:
     return f"{value:g}" if isinstance(value, float) and float(f"{value:g}") == value else str(value)
 
 
-def _value(one: "Field[Any]", typed: Any) -> Any:
-    """What was typed, as a value; `UsageError` where it is none of the words, or cannot be read."""
-    spec: Spec = one.metadata["spec"]
-    if isinstance(typed, str) and typed.encode(errors="replace").decode() != typed:
-        raise UsageError(f"{flag_of(one)} {typed!r}: is not UTF-8; type it in a terminal that writes UTF-8")
-    if not isinstance(typed, str) or not (spec.words or spec.read):
-        return one.default if typed is None and one.default is not MISSING else typed
-    if typed == _typed(one.default):
-        return one.default
-    option_, parts = flag_of(one), [part.strip() for part in typed.split(",") if part.strip()]
-    if spec.several:
-        for part in parts or [typed]:
-            if part not in spec.words:
-                raise UsageError(unknown(option_, part, spec.words))
-            if parts.count(part) > 1:
-                raise UsageError(f"{option_} {typed}: name each once")
-        return tuple(parts)
-    if typed in spec.words or spec.read is None:
-        if typed not in spec.words:
-            raise UsageError(unknown(option_, typed, spec.words))
-        return typed
-    return spec.read(option_, typed)
-
-
-def _words(shown: "Sequence[Field[Any]]", typed: Mapping[str, Any]) -> tuple[str, ...]:
+def _typed_words(shown: Sequence[Form], typed: Mapping[str, Any]) -> tuple[str, ...]:
     """The arguments and options as they were typed, those left at their defaults not."""
     placed: list[str] = []
     named: list[str] = []
-    for one in shown:
-        spec: Spec = one.metadata["spec"]
-        value, flag = typed[one.name], flag_of(one)
-        default = _typed(one.default) if spec.words or spec.read else one.default
-        if spec.group == OUTPUT or not spec.kept or value in (None, [], default):
+    for form in shown:
+        value = typed[form.name]
+        default = _as_typed(form.default) if _is_text(form) and form.default is not MISSING else form.default
+        if form.declared.group == OUTPUT or not form.declared.kept or value in (None, [], default):
             continue
         each = value if isinstance(value, list) else [value]
-        if spec.positional:
+        if form.declared.group == PLACE:
             placed += map(str, each)
         elif isinstance(value, bool):
-            named.append(flag if value else f"--no-{flag[2:]}")
+            named.append(form.flag if value else f"--no-{form.flag[2:]}")
         else:
-            named += [word for part in each for word in (flag, _exactly(part))]
+            named += [word for part in each for word in (form.flag, _exactly(part))]
     return *placed, *named
+
+
+def number(flag: str, text: str) -> float:
+    """A number; UsageError where the text is none."""
+    try:
+        return float(text)
+    except ValueError:
+        raise UsageError(f"{flag} {text}: is no number") from None
+
+
+def pair(flag: str, text: str, between: str) -> tuple[float, float]:
+    """Two numbers with a comma or a colon between them."""
+    parts = text.split(between)
+    if len(parts) != 2:
+        word, example = ("colon", "10:100") if between == ":" else ("comma", "0,100")
+        raise UsageError(f"{flag} {text}: write two numbers with a {word} between them, as {example}")
+    return number(flag, parts[0]), number(flag, parts[1])
+
+
+def numbers(flag: str, text: str) -> tuple[float, ...]:
+    """Numbers with commas between them."""
+    try:
+        return tuple(float(part) for part in names(flag, text))
+    except ValueError:
+        raise UsageError(f"{flag} {text}: write numbers with commas between them, as 40,70") from None
+
+
+def spaced(flag: str, text: str) -> tuple[float, ...]:
+    """`30,40,90`, or `from:to:step` with both ends."""
+    try:
+        if ":" not in text:
+            return tuple(float(part) for part in text.split(","))
+        start, end, step = (float(part) for part in text.split(":"))
+        count = round((end - start) / step)
+    except (ValueError, ZeroDivisionError, OverflowError):
+        raise UsageError(f"{flag} {text}: give levels as 30,40,90 or as from:to:step") from None
+    if not 0 <= count <= 10_000 or abs(start + count * step - end) > 1e-9 * abs(step):
+        raise UsageError(f"{flag} {text}: the step does not lead from {start:g} to {end:g}")
+    return tuple(start + k * step for k in range(count + 1))
+
+
+def names(flag: str, text: str) -> tuple[str, ...]:
+    """Names with commas between them."""
+    parts = tuple(name.strip() for name in text.split(",") if name.strip())
+    if not parts:
+        raise UsageError(f"{flag} {text!r}: names nothing; leave it out, or give names with commas between them")
+    return parts
+
+
+def factors(flag: str, text: str) -> dict[str, float]:
+    """`Ts=0.9,tau1=1.2`, or widths in percent: names with numbers."""
+    values: dict[str, float] = {}
+    for part in names(flag, text):
+        name, _, value = (piece.strip() for piece in part.partition("="))
+        if name in values:
+            raise UsageError(f"{flag} {text}: says {name} twice; give each name once")
+        try:
+            values[name] = float(value.removesuffix("%"))
+        except ValueError:
+            raise UsageError(f"{flag} {text}: {part!r} is no name=number; write it as Ts=0.9,tau1=1.2") from None
+    return values

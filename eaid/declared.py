@@ -1,0 +1,244 @@
+"""How an option is declared: a field of a frozen dataclass with its type, default, help, group, limits and words.
+
+The command line, the keywords of the Python functions, what a dataset.toml may say and all refusals derive from the
+types in `eaid.options`. A field is one option:
+
+    kp: float | None = option(None, "K_P [1/s²]; by itself 4.5.", ROBUST, least=-1e10, most=1e10)
+
+Its type says how it is written: a number, a switch, words, `40,70`, `10:100`, `Ts=0.9,tau1=1.2`. A field whose type is
+itself a set of options (`rig: Rig`) stands on the command line as the options of that set. Limits say what a rig could
+ever ask for, not what is wise: within them every command ends, with a result or with a refusal that names the cause.
+"""
+
+import math
+import os
+import types
+import typing
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import MISSING, Field, dataclass, field, fields
+from functools import cache
+from pathlib import Path
+from typing import Any, Literal, TypeVar, Union
+
+from eaid.errors import UsageError, unknown
+
+O = TypeVar("O", bound="Options")  # noqa: E741
+
+@dataclass(frozen=True)
+class Declaration:
+    """What is said of an option beside its name, type and default."""
+
+    help: str
+    group: str
+    flags: tuple[str, ...] = ()
+    """Empty: the name with dashes."""
+    words: tuple[str, ...] = ()
+    least: float = -math.inf
+    most: float = math.inf
+    above: bool = False
+    """The least value itself is left out."""
+    shown: str | None = None
+    """What stands behind the option in the help."""
+    read: Callable[[str, str], Any] | None = None
+    """(option, text) → value, where the type does not say it."""
+    levels: bool = False
+    """Levels of the data, which the shell completes."""
+    kept: bool = True
+    """Whether a result keeps it: what changes no number is not kept."""
+
+    def range_words(self, whole: bool) -> str:
+        """`a number from 0 to 100`."""
+        kind = "a whole number" if whole else "a number"
+        least, most = (str(end) if isinstance(end, int) and end < 10**17 else f"{end:g}" for end in (self.least, self.most))
+        return f"{kind} above {least}, {most} at most" if self.above else f"{kind} from {least} to {most}"
+
+
+def option(default: Any, help: str, group: str, *flags: str, words: str | Sequence[str] = (), **more: Any) -> Any:
+    """A field of an options type; `words` also as `a|b`, `more` are fields of `Declaration`."""
+    each = tuple(words.split("|")) if isinstance(words, str) else tuple(words)
+    metadata = {"option": Declaration(help, group, flags, each, **more)}
+    if isinstance(default, dict):
+        return field(default_factory=lambda: dict(default), metadata=metadata)
+    return field(default=default, metadata=metadata)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Options:
+    """A set of options; a value that means nothing raises `UsageError`, one sentence for each."""
+
+    def __post_init__(self) -> None:
+        faults = []
+        for name, form in forms(type(self)).items():
+            value = form.settled(getattr(self, name))
+            object.__setattr__(self, name, value)
+            faults += form.faults(value)
+        if faults:
+            raise UsageError(*faults)
+        self.check()
+
+    def check(self) -> None:
+        """Refuse options that mean nothing together."""
+
+    def given(self) -> dict[str, Any]:
+        """The options that differ from their defaults."""
+        return {name: getattr(self, name) for name, form in forms(type(self)).items() if getattr(self, name) != form.default}
+
+
+@dataclass(frozen=True)
+class Form:
+    """An option's name and type, taken apart: how its values are written and what they may be."""
+
+    name: str
+    hint: Any
+    default: Any
+    declared: Declaration
+
+    @property
+    def parts(self) -> tuple[Any, ...]:
+        """The types that a value may have, None left out."""
+        union = typing.get_origin(self.hint) in (Union, types.UnionType)
+        each = typing.get_args(self.hint) if union else (self.hint,)
+        return tuple(str if typing.get_origin(one) is Literal else one for one in each if one is not type(None))
+
+    @property
+    def nested(self) -> "type[Options] | None":
+        """The set of options that this one stands for."""
+        kind = self.parts[0]
+        return kind if isinstance(kind, type) and issubclass(kind, Options) else None
+
+    @property
+    def several(self) -> bool:
+        """Whether words stand in a list."""
+        return self.parts[0] == tuple[str, ...]
+
+    @property
+    def pair(self) -> bool:
+        """Whether the value is two numbers."""
+        return self.parts[0] == tuple[float, float]
+
+    @property
+    def flag(self) -> str:
+        """The option as it is typed, `--pi-gains`."""
+        named = (flag for flag in self.declared.flags if flag.startswith("--"))
+        return next(named, "--" + self.name.replace("_", "-")).partition("/")[0]
+
+    def settled(self, value: Any) -> Any:
+        """A value as the type has it: a list as a tuple, one word where several may stand as a tuple of it."""
+        if self.several and isinstance(value, str):
+            return (value,)
+        if typing.get_origin(self.parts[0]) is tuple and not isinstance(value, str) and isinstance(value, Sequence):
+            return tuple(value)
+        if self.declared.levels and isinstance(value, Sequence) and not isinstance(value, str) and self.parts[0] is str:
+            return ",".join(f"{level:.17g}" for level in value)
+        if self.parts[0] is Path and isinstance(value, str | os.PathLike):
+            return Path(value)
+        if hasattr(value, "dtype") and getattr(value, "ndim", 1) == 0:
+            return value.item()
+        return value
+
+    def faults(self, value: Any) -> list[str]:
+        """Why the option may not have this value, a sentence each."""
+        if value is None and self.default is None:
+            return []
+        name, declared, kind = f"«{self.name}»", self.declared, self.parts[0]
+        if self.nested is not None:
+            return [] if isinstance(value, self.nested) else [f"{name} {value!r}: give an {self.nested.__name__}"]
+        if kind is bool:
+            return [] if isinstance(value, bool) else [f"{name} {value!r}: give True or False"]
+        if float in self.parts or int in self.parts:
+            if isinstance(value, str) and str in self.parts:
+                if value in declared.words or not declared.words:
+                    return []
+                return [f"{name} {value}: must be {', '.join(declared.words)} or a number"]
+            return self._outside(value)
+        if kind in (tuple[float, ...], tuple[float, float]):
+            if isinstance(value, str) and str in self.parts:
+                return []
+            if not isinstance(value, tuple) or (self.pair and len(value) != 2):
+                return [f"{name} {value!r}: give {'two numbers' if self.pair else 'numbers'}"]
+            return [fault for each in value for fault in self._outside(each)]
+        if self.several:
+            if not isinstance(value, tuple):
+                return [f"{name} {value!r}: give words"]
+            again = [f"{name}: names {word} twice" for word in set(value) if value.count(word) > 1]
+            known = declared.words
+            return again + [unknown(name, word, known) for word in value if known and word not in known]
+        if declared.words and isinstance(value, str | int | float) and declared.read is None:
+            return [] if value in declared.words else [unknown(name, value, declared.words)]
+        if kind is str and str not in map(type, (value,)) and len(self.parts) == 1:
+            return [f"{name} {value!r}: give a text"]
+        return []
+
+    def _outside(self, value: Any) -> list[str]:
+        declared, whole = self.declared, int in self.parts
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            return [f"«{self.name}» {value!r}: is no number"]
+        low = value > declared.least if declared.above else value >= declared.least
+        if low and value <= declared.most and (not whole or value == math.floor(value)):
+            return []
+        shown = f"{value:g}" if isinstance(value, float) else str(value)
+        return [f"«{self.name}» {shown[:30]}: give {declared.range_words(whole)}"]
+
+
+@cache
+def forms(kind: type) -> dict[str, Form]:
+    """The options of a set by name."""
+    hints = typing.get_type_hints(kind)
+    return {one.name: Form(one.name, hints[one.name], _default(one), one.metadata["option"]) for one in declared(kind)}
+
+
+def declared(kind: type) -> "list[Field[Any]]":
+    """The fields of a type that are options."""
+    return [one for one in fields(kind) if "option" in one.metadata]
+
+
+def _default(one: "Field[Any]") -> Any:
+    return one.default_factory() if one.default_factory is not MISSING else one.default
+
+
+def chosen(kind: type[O], options: O | None, keywords: Mapping[str, Any]) -> O:
+    """Options given whole or by keywords; UsageError for a keyword that is none, or that says otherwise than `options`."""
+    if options is not None and not isinstance(options, kind):
+        raise UsageError(f"options {options!r:.60}: give {kind.__name__}, or keywords")
+    known = forms(kind)
+    inner = {name: form for form in known.values() if form.nested for name in forms(form.nested)}
+    plain: dict[str, Any] = {}
+    nested: dict[str, dict[str, Any]] = {}
+    for name, value in keywords.items():
+        if name in known:
+            plain[name] = value
+        elif name in inner:
+            nested.setdefault(inner[name].name, {})[name] = value
+        else:
+            raise UsageError(unknown("no such option", name, [*known, *inner]))
+    for name, values in nested.items():
+        base = plain.get(name) or (getattr(options, name) if options else known[name].default)
+        given = {} if base is None else {each: getattr(base, each) for each in forms(type(base))}
+        plain[name] = known[name].nested(**{**given, **values})  # type: ignore[misc]
+    if options is None:
+        return kind(**plain)
+    for name, value in plain.items():
+        stated = getattr(options, name)
+        if stated != known[name].default and stated != known[name].settled(value):
+            raise UsageError(f"«{name}» {value}: the options given say {stated}; say it in one place")
+    return kind(**{**{name: getattr(options, name) for name in known}, **plain})
+
+
+def part(kind: type[O], options: object) -> O:
+    """Those options of a larger set that belong to one type."""
+    return kind(**{name: getattr(options, name) for name in forms(kind)})
+
+
+def together(one: str, first: object, other: str, second: object) -> None:
+    """Refuse one of two options without the other."""
+    if (first is None) != (second is None):
+        raise UsageError(f"«{one}» and «{other}» belong together: give both or neither")
+
+
+def options_in(kind: type[Options]) -> Iterator[Form]:
+    """All options of a set, those of the sets in it among them."""
+    for form in forms(kind).values():
+        if form.nested is None:
+            yield form
+        else:
+            yield from options_in(form.nested)

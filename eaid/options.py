@@ -1,0 +1,388 @@
+"""Every option of eaid, declared once; `eaid.declared` says how, and derives flags, keywords, limits and refusals."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+from eaid.apparatus import Apparatus
+from eaid.declared import Options, option, together
+from eaid.errors import UsageError
+
+Kind = Literal["clutch", "friction-force", "friction-speed"]
+KINDS: tuple[Kind, ...] = ("clutch", "friction-force", "friction-speed")
+MODELS = ("friction", "nonlinear", "linear")
+Law = Literal["pi", "rc", "inverse", "plant"]
+LAWS: tuple[Law, ...] = ("pi", "rc", "inverse", "plant")
+LOOPS = ("open-loop", "pi", "rc-no-rate", "rc", "inverse")
+TRACKED = ("multisine", "steps", "sweep", "ramp")
+SCENARIOS = (*TRACKED, "rehab")
+CONTROLLERS = ("rc", "pi", "pi-feedforward", "feedforward", "open-loop", "inverse")
+EXCITATIONS = ("staircase", "random", "prbs", "multisine", "chirp", "closed-loop")
+
+READING, STEPS, MODEL, RECORDED = "Reading logs", "Finding steps", "Model", "Logs fitted as recorded"
+ROBUST, PI, RIG, SEARCH, ADVANCED = "Robust controller", "PI controller", "Rig", "Search", "Advanced"
+WHAT, MORE, REHAB, CHANCE = "What is replayed", "More plants", "Rehabilitation", "Chance"
+LIMB, LOOP, DRAWN = "The limb and the wall", "The loop as it runs", "Populations"
+LOGS, WHEN, HOW, INPUTS = "What is recorded", "Times", "Disturbances", "Other inputs than steps"
+FIGURES, PAGE = "Figures", "Page"
+
+
+def as_typed(_option: str, text: str) -> str:
+    """Any text."""
+    return text
+
+
+@dataclass(frozen=True, kw_only=True)
+class Chance(Options):
+    """Of everything that draws."""
+
+    seed: int = option(0, "Of everything random; the same seed gives the same bytes.", CHANCE, least=0, most=2**53 - 1)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Columns(Options):
+    """Which columns of a log are which."""
+
+    columns: str | Mapping[str, str | int] | None = option(
+        None, 'Column of each role, by name or number: time=Time,input=Volts,output="Load Cell".', READING,
+        shown="ROLE=NAME,…",
+    )  # fmt: skip
+    units: str | Mapping[str, str] | None = option(
+        None, "Unit of a column: time=us,output=g; input=/255: 255 counts are the full scale.", READING,
+        shown="ROLE=UNIT,…",
+    )  # fmt: skip
+    variable: str | None = option(
+        None, "Table of a file with several: a MAT variable, an HDF5 path, a TDMS group.", READING, shown="NAME"
+    )
+    repair: bool = option(False, "Drop bad rows, up to 1 % of a log, and say how many.", READING)
+
+
+@dataclass(frozen=True, kw_only=True)
+class ReadOptions(Columns):
+    """What may be said about logs; a dataset.toml beside them stands in for what was not."""
+
+    name_pattern: str | None = option(
+        None, "Level and repeat from file names, anywhere in them: '_V={level}_', 'run{repeat}'.", READING,
+        shown="PATTERN",
+    )  # fmt: skip
+    rate_hz: float | None = option(
+        None, "Samples a second of logs without a time column [Hz].", READING, least=0, most=1e9, above=True
+    )
+    join: bool = option(False, "The logs are one run that the logger cut: join them by time.", READING)
+    sign: str = option("auto", "Turn an output that was recorded inverted, or never.", READING, words="auto|keep")
+    kind: Kind | None = option(None, "Experiment; by itself from the columns.", STEPS, words=KINDS)
+    levels: str | None = option(None, "Levels to keep: 30:100 or 30,40,90.", STEPS, levels=True)
+    baseline: str = option(
+        "auto", "Value before each step: its last rest, the first samples, none, a value, or a window in s to it.",
+        STEPS, words="auto|first|none", read=as_typed, shown="WORD|VALUE|FROM:TO",
+    )  # fmt: skip
+    rest: float = option(
+        0.0, "Input at rest, in its own unit; levels are counted from it.", STEPS, least=-1e9, most=1e9
+    )
+    step_at: float | None = option(None, "Step instant, in seconds of the log.", STEPS, least=-1e12, most=1e12)
+    until: float | None = option(None, "End of the active window, in seconds of the log.", STEPS, least=-1e12, most=1e12)
+    apparatus: str | Apparatus | None = option(
+        None, "The rig, where it is not the paper's: surfaces=1,inner_radius_m=0.03.", STEPS, shown="NAME=VALUE,…"
+    )
+    logs_as: str = option(
+        "auto", "By what the input does, all as steps, or all as recorded.", RECORDED, words="auto|steps|recorded"
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class FitOptions(Chance):
+    """How steps and recorded logs are fitted."""
+
+    model: tuple[str, ...] | None = option(None, "By itself all that the kind allows.", MODEL, words=MODELS)
+    share: float | str = option(
+        0.85, "C, share of the fast part, held or free.", MODEL, words="free", least=0, most=1 - 1e-12, above=True
+    )
+    estimator: str = option("auto", "By the evidence, or all at once as in the paper.", MODEL, words="auto|joint")
+    ci: str = option("robust", "How 95 % intervals are found.", MODEL, words="robust|bootstrap|white|none")
+    draws: int = option(300, "Refits of the bootstrap.", MODEL, least=1, most=100_000)
+    hold_out: tuple[float, ...] = option((), "Left out, to measure the error: 40,70.", MODEL, levels=True)
+    loss: str = option("squares", "Huber for logs with spikes and drop-outs.", MODEL, words="squares|huber")
+    duty: tuple[float, float] | None = option(
+        None, "Identified range of the input.", RECORDED, shown="LOW:HIGH", least=0, most=1e9
+    )
+    instrument: bool = option(False, "Closed loops: the simulated duty as an instrument.", RECORDED)
+    bounds_levels: str | None = option(None, "Levels of B_m and B_M: 30:100 or 30,40.", ADVANCED, levels=True)
+    shape: str = option(
+        "auto", "Of steps between levels; auto: by the evidence.", ADVANCED, words="auto|one|two|free|overshoot"
+    )
+    dead_time: float | str = option(
+        "auto", "Of each single step [s]; auto: by the evidence.", ADVANCED, words="auto", least=0, most=1e4
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class TuneOptions(Chance):
+    """How gains are designed; None: the paper's values on its rig (Table IV, §V), else what the fit asks for."""
+
+    kp: float | None = option(None, "K_P [1/s²]; by itself 4.5.", ROBUST, least=-1e10, most=1e10)
+    kd: float | None = option(None, "K_D [1/s]; by itself 3.", ROBUST, least=-1e10, most=1e10)
+    natural_frequency: float | None = option(
+        None, "ω_n [rad/s], in place of K_P and K_D.", ROBUST, least=1e-6, most=1e5
+    )
+    damping: float | None = option(None, "Damping ratio, with the natural frequency.", ROBUST, least=1e-3, most=1e3)
+    b_hat: str | float = option(
+        "pooled", "1/b0, the middle of B_m, B_M, or a value.", ROBUST, words="pooled|minimax", least=-1e12, most=1e12
+    )
+    q_max: float | None = option(
+        None, "Q_M, largest slope of the reference; by itself 5 N·m/s.", ROBUST, least=0, most=1e9
+    )
+    phi: str | float | None = option(
+        None, "By itself 0.05; data: by model and logs.", ROBUST, words="data", least=0, most=1e9
+    )
+    pi_gains: tuple[float, float] | None = option(
+        None, "Its gains; by itself designed from the fit, the paper's are 21,360.", PI, shown="K_P,K_I", least=-1e9, most=1e9
+    )
+    pi_overshoot: float | None = option(
+        None, "Or designed: overshoot on the linear model [%].", PI, least=-1e6, most=1e6
+    )
+    pi_settling: float | None = option(None, "And settling time, 2 % band [s].", PI, least=-1e6, most=1e6)
+    duty_limits: tuple[float, float] | None = option(
+        None, "By itself 0,100 % or as identified.", RIG, shown="LOW,HIGH", least=0, most=1e9
+    )
+    rate_hz: float | None = option(
+        None, "Control rate [Hz]; by itself the fit's, else 1000.", RIG, least=1e-3, most=1e5
+    )
+    pwm_hz: float | None = option(
+        None, "Duty latched at [Hz]; 0: off; by itself the fit's, else 300.", RIG, least=0, most=1e6
+    )
+    optimize: bool = option(False, "Choose P's scale, ε and φ for the least RMS error.", SEARCH)
+    plants: int | None = option(
+        None, "Plants drawn from the fit's uncertainty; by itself 16.", SEARCH, least=1, most=100_000
+    )
+    noise_nm: float | None = option(
+        None, "Torque noise, sd [N·m]; by itself what the logs show.", SEARCH, least=0, most=1e6
+    )
+    chatter_limit: float | None = option(
+        None, "Most mean |Δu| per sample; by itself that of the start.", SEARCH, least=0, most=1e9, above=True
+    )
+    evaluations: int | None = option(
+        None, "Candidates after the first scatter; by itself 160.", SEARCH, least=1, most=100_000
+    )
+    bounds_levels: str | None = option(None, "Levels that B_m, B_M are taken over: 30:100.", ADVANCED, levels=True)
+    widen_bounds: bool = option(False, "Take the far ends of the 95 % intervals of B.", ADVANCED)
+    epsilon: float | None = option(
+        None, "ε, half width of the boundary layer; by itself 0.5.", ADVANCED, least=1e-15, most=1e15
+    )
+    gamma: float | None = option(
+        None, "γ, sharpness of the soft switch; by itself 50.", ADVANCED, least=1e-15, most=1e15
+    )
+    p_scale: float = option(5.0, "p of P = p·I in the Lyapunov equation.", ADVANCED, least=1e-9, most=1e9)
+    rho: str = option("paper", "Eq. (15) read as B_M φ, or as φ/B_m.", ADVANCED, words="paper|textbook")
+    alpha: str = option("formula", "α that ρ is made with.", ADVANCED, words="formula|reached")
+    anti_windup: str = option(
+        "conditional", "How the integral is held at a limit.", ADVANCED, words="conditional|back-calculation"
+    )
+    allow_unidentified: bool = option(False, "Use a fit that is marked not identifiable; marked.", ADVANCED)
+
+    def check(self) -> None:
+        """Refuse options that mean nothing together."""
+        if self.duty_limits is not None and not self.duty_limits[0] < self.duty_limits[1]:
+            low, high = self.duty_limits
+            raise UsageError(f"«duty_limits» {low:g},{high:g}: must rise from 0 or above")
+        by_frequency = self.natural_frequency is not None or self.damping is not None
+        if by_frequency and (self.kp is not None or self.kd is not None):
+            raise UsageError("give either «kp» and «kd», or «natural_frequency» and «damping», not both")
+        together("natural_frequency", self.natural_frequency, "damping", self.damping)
+        if (self.pi_overshoot is None) != (self.pi_settling is None):
+            raise UsageError("«pi_overshoot» and «pi_settling» belong together: give both or neither")
+        if self.pi_gains is not None and self.pi_overshoot is not None:
+            raise UsageError("give either «pi_gains» or «pi_overshoot» with «pi_settling», not both")
+        for name in ("plants", "noise_nm", "chatter_limit", "evaluations"):
+            if getattr(self, name) is not None and not self.optimize:
+                raise UsageError(f"«{name}»: does nothing without «optimize»; give both or neither")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Rig(Options):
+    """What a rig adds to the plant of a replay; the default is none of it but saturation.
+
+    In the order a sample meets them: rotor ripple is torque that is really there, T = (x1 + x2)(1 + r sin 2πft); the
+    torque sensor's first-order low-pass sees that torque; noise is added to what the sensor gives; the controller reads
+    the sum at t_k; its duty is rounded to the resolution of the output, waits `delay_samples`, and is latched at the
+    next start of a PWM period.
+    """
+
+    noise_nm: float = option(0.0, "Noise on the measured torque, sd [N·m].", RIG, least=0, most=1e6)
+    noise_correlation_s: float = option(
+        0.0, "Correlation time of the noise [s]; 0: white.", RIG, least=0, most=1e6
+    )
+    noise_coloured_share: float = option(
+        1.0, "Share of the noise's power that has this memory; the rest is white.", RIG, least=0, most=1
+    )
+    ripple_pct: float = option(0.0, "Rotor ripple, amplitude in % of the torque.", RIG, least=0, most=1e3)
+    ripple_hz: float = option(1 / 6, "Its frequency [Hz]; by itself once per turn at 10 RPM.", RIG, least=0, most=1e5)
+    sensor_hz: float = option(0.0, "Corner of the torque sensor's low-pass [Hz]; 0: none.", RIG, least=0, most=1e6)
+    delay_samples: int = option(0, "Control delay [samples].", RIG, least=0, most=100_000)
+    pwm_hz: float = option(0.0, "Duty latched once a PWM period [Hz]; 0: off.", RIG, least=0, most=1e6)
+    duty_bits: int = option(0, "Resolution of the duty [bit]; 0: unlimited.", RIG, least=0, most=32)
+    saturation: bool = option(True, "Keep the duty within its limits.", RIG)
+
+
+@dataclass(frozen=True, kw_only=True)
+class SimulateOptions(Chance):
+    """What is replayed, on what rig, with what limb."""
+
+    controller: tuple[str, ...] | None = option(
+        None, "By itself rc,pi; sweep adds open-loop.", WHAT, words=CONTROLLERS
+    )
+    scenario: str | None = option(None, "By itself multisine.", WHAT, words=SCENARIOS)
+    keep_baseline: bool = option(False, "Do not subtract the idle output of recorded runs.", WHAT)
+    duration: float | None = option(
+        None, "Length of steps, multisine or rehab [s].", WHAT, least=0, most=1e6, above=True
+    )
+    rate_hz: float | None = option(
+        None, "Control rate [Hz]; by itself 1000, on another rig that of its logs.", RIG, least=1e-3, most=1e5
+    )
+    rig: Rig = option(Rig(), "", RIG)
+    noise: str | None = option(None, "As large and coloured as the fit's residuals.", RIG, words="residuals")
+    perturb: Mapping[str, float] | None = option(
+        None, "On the plant alone: Ts=0.9,tau1=1.2.", MORE, shown="NAME=FACTOR", least=0, most=1e6, above=True
+    )
+    plants: int | None = option(
+        None, "Also on so many plants drawn from the fit's uncertainty.", MORE, least=1, most=100_000
+    )
+    threads: int | None = option(
+        None, "Of the drawn plants; by itself all processors.", MORE, kept=False, least=1, most=1024
+    )
+    limb_damping: float | None = option(None, "Damping of the limb [N·m·s/rad].", REHAB, least=0, most=1e6)
+    limb_inertia: float | None = option(None, "Its inertia [kg·m²].", REHAB, least=1e-6, most=1e6)
+
+    def check(self) -> None:
+        """Refuse options that do nothing together."""
+        if self.threads is not None and self.plants is None:
+            raise UsageError("«threads»: does nothing without «plants»; give both or neither")
+        if self.scenario != "rehab" and (self.limb_damping is not None or self.limb_inertia is not None):
+            raise UsageError("«limb_damping» and «limb_inertia» belong to «scenario» rehab")
+        if self.noise is not None and (self.rig.noise_nm > 0 or self.rig.noise_correlation_s > 0):
+            raise UsageError("noise as the residuals sets the noise; leave out «noise_nm» and «noise_correlation_s»")
+        if self.rig.noise_correlation_s > 0 and not self.rig.noise_nm > 0 and self.noise is None:
+            raise UsageError("«noise_correlation_s»: does nothing without «noise_nm»; give both or neither")
+
+    def check_for(self, what: str) -> None:
+        """Refuse what does nothing for a scenario, a `reference`, or recorded runs (`log`)."""
+        if self.plants is not None and what in ("log", "rehab"):
+            raise UsageError("«plants»: goes with steps, multisine, sweep or «reference»; leave it out")
+        if self.rate_hz is not None and what == "log":
+            raise UsageError("«rate_hz»: does not go with «log», which has a rate of its own; leave it out")
+        if self.duration is not None and what in ("log", "reference"):
+            raise UsageError(f"«duration»: does not go with «{what}»; the file says how long it is")
+        if self.keep_baseline and what != "log":
+            raise UsageError("«keep_baseline»: belongs to «log»; leave it out")
+
+
+@dataclass(frozen=True, kw_only=True)
+class CoupleOptions(Chance):
+    """The limb, the timing, the torques and loops, and what is drawn."""
+
+    loops: tuple[str, ...] = option(LOOPS, "Loops that are judged.", LOOP, words=LOOPS, shown="NAME,…")
+    rate_hz: float = option(1000.0, "Control rate [Hz].", LOOP, least=1e-3, most=1e5)
+    pwm_hz: float = option(0.0, "Duty latched at [Hz]; 0: at once.", LOOP, least=0, most=1e6)
+    delay_samples: int = option(
+        0, "From reading to duty [samples]; 0: the dead time that the fit shows.", LOOP, least=0, most=100
+    )
+    sensor_hz: float = option(0.0, "Torque sensor's corner [Hz]; 0: none.", LOOP, least=0, most=1e6)
+    replay: bool = option(True, "Also bisect replays of the nonlinear plant.", LOOP)
+    torque: tuple[float, ...] = option(
+        (), "Torques held; by itself four over the fitted range.", LIMB, shown="1,2,3", least=0, most=1e6
+    )
+    wall: float | None = option(
+        None, "A stiffness that has to be rendered [N·m/rad].", LIMB, least=0, most=1e9, above=True
+    )
+    virtual_damping: float = option(0.0, "B_v of the wall [N·m·s/rad].", LIMB, least=0, most=1e6)
+    limb_inertia: float = option(0.1, "[kg·m²]", LIMB, least=1e-6, most=1e6)
+    limb_damping: float = option(0.8, "[N·m·s/rad]", LIMB, least=0, most=1e6)
+    encoder_counts: int | None = option(None, "Counts a turn of the limb.", LIMB, least=1, most=10**9)
+    idle_drag_nm: float | None = option(
+        None, "Torque of the idle clutch; by itself the fit's idle.", LIMB, least=0, most=1e6
+    )
+    rotor_rpm: float = option(10.0, "Speed of the rotor.", LIMB, least=0, most=1e6)
+    limb_speed_rad_s: float = option(
+        0.41, "Fastest motion of the limb; by itself 25° at 0.15 Hz.", LIMB, least=0, most=1e6
+    )
+    pair_bias_nm: float | None = option(
+        None, "Bias of an antagonistic pair; by itself mid-range.", LIMB, least=0, most=1e6, above=True
+    )
+    plants: int = option(0, "Plants drawn from the fit's uncertainty, each with a limb.", DRAWN, least=0, most=10_000)
+    limb_spread: float = option(0.3, "Inertia and damping of drawn limbs: ± share.", DRAWN, least=0, most=0.99)
+
+    def check(self) -> None:
+        """Refuse options that do nothing together."""
+        if self.plants == 0 and self.limb_spread != CoupleOptions.limb_spread:
+            raise UsageError("«limb_spread»: does nothing without «plants»; give both or neither")
+
+
+@dataclass(frozen=True, kw_only=True)
+class ExportOptions(Options):
+    """Target, laws and timing of an export."""
+
+    target: str = option("c", "Language or format.", LOGS, "--as", words="c|arduino|matlab|fmu|yaml|python")
+    law: tuple[str, ...] | None = option(None, "By itself all that the files hold.", LOGS, words=LAWS)
+    precision: Literal["double", "single"] = option("double", "Of the numbers.", LOGS, words="double|single")
+    rate_hz: float | None = option(
+        None, "Control rate, baked in [Hz]; by itself the gains'.", RIG, least=1e-3, most=1e5
+    )
+    duty_on_fault: float = option(0.0, "Duty while an input is no number.", RIG, least=-1e9, most=1e9)
+    stuck_s: float = option(
+        0.5, "The status tells of a reading unchanged for so long [s].", RIG, least=0, most=1e4, above=True
+    )
+    rate_filter_hz: float | None = option(
+        None, "Corner of the reference's filtered derivative [Hz]; by itself 25.", ADVANCED,
+        least=0, most=1e5, above=True,
+    )  # fmt: skip
+    anyway: bool = option(False, "Export what would be refused; its files are marked.", ADVANCED)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Limits(Options):
+    """What a rig allows of a planned sequence of inputs."""
+
+    duty: tuple[float, float] | None = option(None, "Lowest and highest input above rest; by itself the fit's.", RIG)
+    rate: float = option(0.0, "Fastest change of the input a second; 0: any.", RIG, least=0, most=1e9)
+    hold: tuple[float, float] = option((0.3, 30.0), "Shortest and longest hold [s].", RIG)
+    rest: float = option(5.0, "Length of a return to rest [s].", RIG, least=0, most=1e7)
+    engagements: int = option(4, "Stretches under load between rests, at least.", RIG, least=1, most=1000)
+    work: float = option(0.0, "Longest stretch under load [s]; 0: any.", RIG, least=0, most=1e7)
+    longest: float = option(3600.0, "Longest sequence [s].", RIG, least=1, most=1e6)
+
+
+@dataclass(frozen=True, kw_only=True)
+class PlanOptions(Chance):
+    """What intervals are wanted, and what the rig allows."""
+
+    want: Mapping[str, float] | None = option(
+        None, "Half-widths in percent at the worst level; by itself Ts=3,tau1=5,tau2=10, of one recording 1, 4, 13.",
+        LOGS, shown="NAME=PERCENT,…",
+    )  # fmt: skip
+    check_widths: bool = option(
+        True, "Simulate the experiment and measure the widths it gives.", LOGS, "--check/--no-check"
+    )
+    idle_s: float = option(10.0, "Input 0 before each step [s].", RIG, "--idle", least=0, most=1e7)
+    release_s: float = option(10.0, "Input 0 after each step, recorded [s].", RIG, "--release", least=0, most=1e7)
+    longest_hold_s: float = option(120.0, "Longest hold [s].", RIG, "--longest-hold", least=5, most=1e6)
+    most_levels: int = option(12, "Most levels to record.", RIG, least=4, most=100)
+    limits: str | Limits | None = option(
+        None, "Of the excitation: duty=10:100,hold=0.3:30,rate=200,rest=5,work=60,engagements=4, duty and rate in "
+        "the input's unit; by itself the duty's range is that of the fit.", RIG, shown="NAME=VALUE,…",
+    )  # fmt: skip
+
+
+@dataclass(frozen=True, kw_only=True)
+class Disturbance(Options):
+    """What a rig adds to the torque of a plant; all 0: the plant alone."""
+
+    white_nm: float = option(0.01, "White noise, sd [N·m].", HOW, "--noise-nm", least=0, most=1e6)
+    coloured: float = option(0.01, "Coloured noise, sd, share of torque.", HOW, least=0, most=10)
+    coloured_s: float = option(0.05, "Its time constant [s].", HOW, least=0, most=1e6)
+    ripple: float = option(0.01, "Rotor ripple, amplitude, share of torque.", HOW, least=0, most=10)
+    gain_scatter: float = option(0.03, "Run-to-run sd of the torque's gain, share.", HOW, least=0, most=0.3)
+    tau1_scatter: float = option(0.05, "Run-to-run sd of log τ1.", HOW, least=0, most=3)
+    tau2_scatter: float = option(0.0, "Run-to-run sd of log τ2.", HOW, least=0, most=3)
+    offset_nm: float = option(0.02, "Offset of the torque sensor [N·m].", HOW, least=-1e6, most=1e6)
+    jitter_s: float = option(0.0, "Sample instants, sd [s]; at most 0.45 of a sample.", HOW, least=0, most=1e3)
+    resolution_nm: float = option(1 / 1024, "Step of the sensor's digits [N·m].", HOW, least=0, most=1e6)
