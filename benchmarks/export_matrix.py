@@ -14,11 +14,11 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from eaid.export.options import ExportOptions
 
 from benchmarks.table import Row, machine
 from eaid.control.gains import paper_gains
 from eaid.export.export import export
-from eaid.export.options import ExportOptions
 from eaid.models.parameters import PAPER_LINEAR, REFERENCE_PLANT
 from eaid.replay import references
 from eaid.replay.controllers import Knowledge, controller

@@ -10,10 +10,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from eaid.logs.options import ReadOptions
 
 from benchmarks.fuzz_readers import FORMS, reader_of
 from benchmarks.fuzz_seeds import made
-from eaid.logs.options import ReadOptions
 from eaid.logs.read import read_what_can_be
 
 KINDS = ("text", "gzip", "lvm", "mat", "mat packed", "hdf5", "hdf5 packed", "dataset", "tdms", "parquet",

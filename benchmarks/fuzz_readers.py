@@ -110,8 +110,9 @@ def target(name: str, watch: Watch) -> Callable[[bytes], None]:
     readers = [f"eaid.logs.{module.name}" for module in pkgutil.iter_modules(eaid.logs.__path__)]
     for module in (*LIBRARIES.get(name, ()), *readers):
         import_module(module)
-    from eaid.errors import EaidError
     from eaid.logs.options import ReadOptions
+
+    from eaid.errors import EaidError
     from eaid.logs.read import read_what_can_be
 
     folder = Path(tempfile.mkdtemp(prefix="fuzz"))

@@ -9,11 +9,11 @@ import sys
 from dataclasses import replace
 
 import numpy as np
+from eaid.recorded.options import RecordedOptions
 
 from eaid.models import nonlinear
 from eaid.models.parameters import REFERENCE_PLANT
 from eaid.recorded.fit import fit_recorded
-from eaid.recorded.options import RecordedOptions
 from eaid.synth.disturbance import NONE
 from eaid.synth.excitation import Excitation, synthesise_excitation
 from eaid.synth.plants import clutch

@@ -9,6 +9,7 @@ import sys
 from dataclasses import replace
 
 import numpy as np
+from eaid.recorded.options import RecordedOptions
 
 from eaid.fitting.data import data_of
 from eaid.fitting.nonlinear import fit_nonlinear
@@ -17,7 +18,6 @@ from eaid.models.parameters import REFERENCE_PLANT, Nonlinear
 from eaid.planning.played import recording
 from eaid.recorded.design import plan_excitation
 from eaid.recorded.fit import fit_recorded
-from eaid.recorded.options import RecordedOptions
 from eaid.recorded.sequence import Limits
 from eaid.steps.build import build_stepset
 from eaid.steps.cut_runs import StepOptions

@@ -10,6 +10,7 @@ import time
 from dataclasses import replace
 
 import numpy as np
+from eaid.recorded.options import RecordedOptions
 from scipy.optimize import least_squares
 
 from benchmarks.table import Row
@@ -17,7 +18,6 @@ from eaid.recorded import model
 from eaid.recorded.fit import fit_recorded
 from eaid.recorded.inputs import levels_of
 from eaid.recorded.log import RecordedLog, recorded_log
-from eaid.recorded.options import RecordedOptions
 from eaid.recorded.problem import Setup, setup_of
 from eaid.recorded.solve import Solved, finished, solve
 from eaid.recorded.starts import starts

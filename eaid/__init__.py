@@ -5,34 +5,64 @@ run = eaid.simulate(fit, gains)      eaid.report([fit, gains, run], "report/")
 """
 
 import sys
+from importlib import import_module
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 from eaid.version import __version__
 
 if TYPE_CHECKING:
-    from eaid.api import couple, export, fit, load, plan, read, report, simulate, synth, tune_rc
-    from eaid.results.fit import FitOptions
+    from eaid.api import couple, export, fit, load, plan, plan_excitation, read, report, simulate, synth, tune_rc
+    from eaid.errors import DataError, EaidError, GainsError, UsageError
+    from eaid.options import (
+        CoupleOptions,
+        ExportOptions,
+        FitOptions,
+        PlanOptions,
+        ReadOptions,
+        ReportOptions,
+        SimulateOptions,
+        SynthOptions,
+        TuneOptions,
+    )
+    from eaid.results.coupling import Coupling
+    from eaid.results.fit import Fit
+    from eaid.results.gains import Gains
+    from eaid.results.plan import Plan
+    from eaid.results.replay import Replay
+    from eaid.steps.stepset import StepSet
 
 FUNCTIONS = (
-    "read", "fit", "tune_rc", "simulate", "report", "plan", "plan_excitation", "synth", "load", "export", "couple",
+    "couple", "export", "fit", "load", "plan", "plan_excitation", "read", "report", "simulate", "synth", "tune_rc",
 )  # fmt: skip
+HOMES = {
+    "eaid.api": FUNCTIONS,
+    "eaid.errors": ("DataError", "EaidError", "GainsError", "UsageError"),
+    "eaid.options": (
+        "CoupleOptions", "ExportOptions", "FitOptions", "PlanOptions", "ReadOptions", "ReportOptions",
+        "SimulateOptions", "SynthOptions", "TuneOptions",
+    ),
+    "eaid.results.coupling": ("Coupling",),
+    "eaid.results.fit": ("Fit",),
+    "eaid.results.gains": ("Gains",),
+    "eaid.results.plan": ("Plan",),
+    "eaid.results.replay": ("Replay",),
+    "eaid.steps.stepset": ("StepSet",),
+}  # fmt: skip
+"""Module → the public names that it holds."""
 __all__ = [
-    "FitOptions", "__version__",
+    "CoupleOptions", "Coupling", "DataError", "EaidError", "ExportOptions", "Fit", "FitOptions", "Gains", "GainsError",
+    "Plan", "PlanOptions", "ReadOptions", "Replay", "ReportOptions", "SimulateOptions", "StepSet", "SynthOptions",
+    "TuneOptions", "UsageError", "__version__",
     "couple", "export", "fit", "load", "plan", "plan_excitation", "read", "report", "simulate", "synth", "tune_rc",
 ]  # fmt: skip
 
 
 def __getattr__(name: str) -> Any:
     """The public names, whose libraries are loaded when one is first asked for: `eaid --help` needs none."""
-    if name in FUNCTIONS:
-        from eaid import api
-
-        return getattr(api, name)
-    if name == "FitOptions":
-        from eaid.results.fit import FitOptions
-
-        return FitOptions
+    for module, names in HOMES.items():
+        if name in names:
+            return getattr(import_module(module), name)
     raise AttributeError(f"module 'eaid' has no attribute {name!r}")
 
 

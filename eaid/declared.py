@@ -10,8 +10,10 @@ itself a set of options (`rig: Rig`) stands on the command line as the options o
 ever ask for, not what is wise: within them every command ends, with a result or with a refusal that names the cause.
 """
 
+import csv
 import math
 import os
+import re
 import types
 import typing
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -23,6 +25,7 @@ from typing import Any, Literal, TypeVar, Union
 from eaid.errors import UsageError, unknown
 
 O = TypeVar("O", bound="Options")  # noqa: E741
+
 
 @dataclass(frozen=True)
 class Declaration:
@@ -49,7 +52,9 @@ class Declaration:
     def range_words(self, whole: bool) -> str:
         """`a number from 0 to 100`."""
         kind = "a whole number" if whole else "a number"
-        least, most = (str(end) if isinstance(end, int) and end < 10**17 else f"{end:g}" for end in (self.least, self.most))
+        least, most = (
+            str(end) if isinstance(end, int) and end < 10**17 else f"{end:g}" for end in (self.least, self.most)
+        )
         return f"{kind} above {least}, {most} at most" if self.above else f"{kind} from {least} to {most}"
 
 
@@ -74,14 +79,16 @@ class Options:
             faults += form.faults(value)
         if faults:
             raise UsageError(*faults)
-        self.check()
+        self.agree()
 
-    def check(self) -> None:
+    def agree(self) -> None:
         """Refuse options that mean nothing together."""
 
     def given(self) -> dict[str, Any]:
         """The options that differ from their defaults."""
-        return {name: getattr(self, name) for name, form in forms(type(self)).items() if getattr(self, name) != form.default}
+        return {
+            name: getattr(self, name) for name, form in forms(type(self)).items() if getattr(self, name) != form.default
+        }
 
 
 @dataclass(frozen=True)
@@ -126,6 +133,8 @@ class Form:
         """A value as the type has it: a list as a tuple, one word where several may stand as a tuple of it."""
         if self.several and isinstance(value, str):
             return (value,)
+        if self.parts[0] == Mapping[str, str]:
+            return pairs(f"«{self.name}»", value)
         if typing.get_origin(self.parts[0]) is tuple and not isinstance(value, str) and isinstance(value, Sequence):
             return tuple(value)
         if self.declared.levels and isinstance(value, Sequence) and not isinstance(value, str) and self.parts[0] is str:
@@ -157,6 +166,8 @@ class Form:
             if not isinstance(value, tuple) or (self.pair and len(value) != 2):
                 return [f"{name} {value!r}: give {'two numbers' if self.pair else 'numbers'}"]
             return [fault for each in value for fault in self._outside(each)]
+        if isinstance(value, Mapping) and (self.declared.least > -math.inf or self.declared.most < math.inf):
+            return [fault for each in value.values() for fault in self._outside(each)]
         if self.several:
             if not isinstance(value, tuple):
                 return [f"{name} {value!r}: give words"]
@@ -197,7 +208,7 @@ def _default(one: "Field[Any]") -> Any:
 
 
 def chosen(kind: type[O], options: O | None, keywords: Mapping[str, Any]) -> O:
-    """Options given whole or by keywords; UsageError for a keyword that is none, or that says otherwise than `options`."""
+    """Options given whole or by keywords; UsageError for an unknown keyword, or one that contradicts `options`."""
     if options is not None and not isinstance(options, kind):
         raise UsageError(f"options {options!r:.60}: give {kind.__name__}, or keywords")
     known = forms(kind)
@@ -242,3 +253,139 @@ def options_in(kind: type[Options]) -> Iterator[Form]:
             yield form
         else:
             yield from options_in(form.nested)
+
+
+def is_text(form: Form) -> bool:
+    """Whether Typer hands the option over as a text, which `value_of` reads."""
+    plain = (bool, int, float, str, Path)
+    return bool(form.declared.words or form.declared.read) or form.parts[0] not in (*plain, list[Path])
+
+
+def as_typed(value: Any) -> str | None:
+    """A default as it would be typed."""
+    if isinstance(value, tuple):
+        return ",".join(as_typed(each) or "" for each in value) or None
+    return None if value is None or value == {} else f"{value:g}" if isinstance(value, float) else str(value)
+
+
+def value_of(form: Form, typed: Any) -> Any:
+    """What was typed, as a value; `UsageError` where it is none of the words, or cannot be read."""
+    if isinstance(typed, str) and typed.encode(errors="replace").decode() != typed:
+        raise UsageError(f"{form.flag} {typed!r}: is not UTF-8; type it in a terminal that writes UTF-8")
+    if not isinstance(typed, str) or not is_text(form):
+        return form.default if typed is None and form.default is not MISSING else typed
+    if typed == as_typed(form.default):
+        return form.default
+    flag, declared, kind = form.flag, form.declared, form.parts[0]
+    if declared.read is not None:
+        return declared.read(flag, typed)
+    if form.several:
+        parts = (
+            names(flag, typed) if not declared.words else [part.strip() for part in typed.split(",") if part.strip()]
+        )
+        for part in parts or [typed]:
+            if declared.words and part not in declared.words:
+                raise UsageError(unknown(flag, part, declared.words))
+            if list(parts).count(part) > 1:
+                raise UsageError(f"{flag} {typed}: name each once")
+        return tuple(parts)
+    if form.pair:
+        return pair(flag, typed, ":" if ":" in (declared.shown or "") else ",")
+    if kind == tuple[float, ...]:
+        return numbers(flag, typed)
+    if kind == Mapping[str, float]:
+        return factors(flag, typed)
+    if typed in declared.words or float not in form.parts:
+        if declared.words and typed not in declared.words:
+            raise UsageError(unknown(flag, typed, declared.words))
+        return typed
+    try:
+        return float(typed)
+    except ValueError:
+        raise UsageError(f"{flag} {typed}: must be {', '.join(declared.words)} or a number") from None
+
+
+def number(flag: str, text: str) -> float:
+    """A number; UsageError where the text is none."""
+    try:
+        return float(text)
+    except ValueError:
+        raise UsageError(f"{flag} {text}: is no number") from None
+
+
+def pair(flag: str, text: str, between: str) -> tuple[float, float]:
+    """Two numbers with a comma or a colon between them."""
+    parts = text.split(between)
+    if len(parts) != 2:
+        word, example = ("colon", "10:100") if between == ":" else ("comma", "0,100")
+        raise UsageError(f"{flag} {text}: write two numbers with a {word} between them, as {example}")
+    return number(flag, parts[0]), number(flag, parts[1])
+
+
+def numbers(flag: str, text: str) -> tuple[float, ...]:
+    """Numbers with commas between them."""
+    try:
+        return tuple(float(part) for part in names(flag, text))
+    except ValueError:
+        raise UsageError(f"{flag} {text}: write numbers with commas between them, as 40,70") from None
+
+
+def names(flag: str, text: str) -> tuple[str, ...]:
+    """Names with commas between them."""
+    parts = tuple(name.strip() for name in text.split(",") if name.strip())
+    if not parts:
+        raise UsageError(f"{flag} {text!r}: names nothing; leave it out, or give names with commas between them")
+    return parts
+
+
+def factors(flag: str, text: str) -> dict[str, float]:
+    """`Ts=0.9,tau1=1.2`, or widths in percent: names with numbers."""
+    values: dict[str, float] = {}
+    for part in names(flag, text):
+        name, _, value = (piece.strip() for piece in part.partition("="))
+        if name in values:
+            raise UsageError(f"{flag} {text}: says {name} twice; give each name once")
+        try:
+            values[name] = float(value.removesuffix("%"))
+        except ValueError:
+            raise UsageError(f"{flag} {text}: {part!r} is no name=number; write it as Ts=0.9,tau1=1.2") from None
+    return values
+
+
+def pairs(flag: str, text: str | Mapping[str, Any] | None) -> dict[str, str]:
+    """`time=Time,output="Load Cell"` as a dictionary; raises UsageError where it is written otherwise."""
+    if not text or isinstance(text, Mapping):
+        return {name: str(value) for name, value in (text or {}).items()}
+    # a quote may open after the equals sign: move it in front of the pair, where csv expects it
+    moved = re.sub(r'(^|,)\s*(\w+)\s*=\s*"', r'\1"\2=', text)
+    try:
+        cells = next(csv.reader([moved], skipinitialspace=True))
+    except (csv.Error, StopIteration):
+        raise UsageError(f"{flag} {text!r}: holds a line break; write all pairs on one line") from None
+    values: dict[str, str] = {}
+    for cell in cells:
+        name, equals, value = (piece.strip() for piece in cell.partition("="))
+        if not equals or not name or not value:
+            raise UsageError(
+                f"{flag} {text}: write role=name pairs with commas between them, as time=Time,output=Force"
+            )
+        if name in values:
+            raise UsageError(f"{flag} {text}: says {name} twice")
+        values[name] = value
+    return values
+
+
+def keyed(kind: type[O], flag: str, text: str | Mapping[str, Any] | None) -> O:
+    """`duration_s=240,hold_s=0.5:20`, or a mapping, as a set of options."""
+    known = forms(kind)
+    values: dict[str, Any] = {}
+    for name, value in (text if isinstance(text, Mapping) else pairs(flag, text)).items():
+        if name not in known:
+            raise UsageError(unknown(flag, name, sorted(known)))
+        read = number(f"{flag} {name}", value) if isinstance(value, str) and not is_text(known[name]) else value
+        if isinstance(read, float) and int in known[name].parts:
+            if not read.is_integer():
+                raise UsageError(f"{flag} {name}={value}: give a whole number")
+            read = int(read)
+        values[name] = value_of(known[name], read)
+    return kind(**values)

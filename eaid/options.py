@@ -1,13 +1,15 @@
 """Every option of eaid, declared once; `eaid.declared` says how, and derives flags, keywords, limits and refusals."""
 
+import re
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field, fields, replace
+from math import isfinite
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal, cast
 
 from eaid.apparatus import Apparatus
-from eaid.declared import Options, option, together
-from eaid.errors import UsageError
+from eaid.declared import Options, option, pairs, together
+from eaid.errors import UsageError, unknown
 
 Kind = Literal["clutch", "friction-force", "friction-speed"]
 KINDS: tuple[Kind, ...] = ("clutch", "friction-force", "friction-speed")
@@ -18,6 +20,7 @@ LOOPS = ("open-loop", "pi", "rc-no-rate", "rc", "inverse")
 TRACKED = ("multisine", "steps", "sweep", "ramp")
 SCENARIOS = (*TRACKED, "rehab")
 CONTROLLERS = ("rc", "pi", "pi-feedforward", "feedforward", "open-loop", "inverse")
+ROLES = ("time", "input", "output", "reference", "position")
 EXCITATIONS = ("staircase", "random", "prbs", "multisine", "chirp", "closed-loop")
 
 READING, STEPS, MODEL, RECORDED = "Reading logs", "Finding steps", "Model", "Logs fitted as recorded"
@@ -28,9 +31,23 @@ LOGS, WHEN, HOW, INPUTS = "What is recorded", "Times", "Disturbances", "Other in
 FIGURES, PAGE = "Figures", "Page"
 
 
-def as_typed(_option: str, text: str) -> str:
+def as_typed(_flag: str, text: str) -> str:
     """Any text."""
     return text
+
+
+def spaced(flag: str, text: str) -> tuple[float, ...]:
+    """`30,40,90`, or `from:to:step` with both ends."""
+    try:
+        if ":" not in text:
+            return tuple(float(part) for part in text.split(","))
+        start, end, step = (float(part) for part in text.split(":"))
+        count = round((end - start) / step)
+    except (ValueError, ZeroDivisionError, OverflowError):
+        raise UsageError(f"{flag} {text}: give levels as 30,40,90 or as from:to:step") from None
+    if not 0 <= count <= 10_000 or abs(start + count * step - end) > 1e-9 * abs(step):
+        raise UsageError(f"{flag} {text}: the step does not lead from {start:g} to {end:g}")
+    return tuple(start + k * step for k in range(count + 1))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,12 +61,12 @@ class Chance(Options):
 class Columns(Options):
     """Which columns of a log are which."""
 
-    columns: str | Mapping[str, str | int] | None = option(
-        None, 'Column of each role, by name or number: time=Time,input=Volts,output="Load Cell".', READING,
+    columns: Mapping[str, str] = option(
+        {}, 'Column of each role, by name or number: time=Time,input=Volts,output="Load Cell".', READING,
         shown="ROLE=NAME,…",
     )  # fmt: skip
-    units: str | Mapping[str, str] | None = option(
-        None, "Unit of a column: time=us,output=g; input=/255: 255 counts are the full scale.", READING,
+    units: Mapping[str, str] = option(
+        {}, "Unit of a column: time=us,output=g; input=/255: 255 counts are the full scale.", READING,
         shown="ROLE=UNIT,…",
     )  # fmt: skip
     variable: str | None = option(
@@ -81,13 +98,64 @@ class ReadOptions(Columns):
         0.0, "Input at rest, in its own unit; levels are counted from it.", STEPS, least=-1e9, most=1e9
     )
     step_at: float | None = option(None, "Step instant, in seconds of the log.", STEPS, least=-1e12, most=1e12)
-    until: float | None = option(None, "End of the active window, in seconds of the log.", STEPS, least=-1e12, most=1e12)
-    apparatus: str | Apparatus | None = option(
+    until: float | None = option(
+        None, "End of the active window, in seconds of the log.", STEPS, least=-1e12, most=1e12
+    )
+    apparatus: Apparatus | None = option(
         None, "The rig, where it is not the paper's: surfaces=1,inner_radius_m=0.03.", STEPS, shown="NAME=VALUE,…"
     )
     logs_as: str = option(
         "auto", "By what the input does, all as steps, or all as recorded.", RECORDED, words="auto|steps|recorded"
     )
+
+    def agree(self) -> None:
+        """Refuse names of no role and patterns without a field; settle the rig that is written as a text."""
+        wrong = [role for role in (*self.columns, *self.units) if role not in ROLES]
+        if wrong:
+            raise UsageError(f"«columns» and «units» know {', '.join(ROLES[:-1])} and {ROLES[-1]}, not {wrong[0]}")
+        if self.name_pattern is not None:
+            held = re.findall(r"\{(level|repeat)\}", self.name_pattern)
+            if not held:
+                raise UsageError(f"«name_pattern» {self.name_pattern}: holds neither {{level}} nor {{repeat}}")
+            if len(set(held)) < len(held):
+                raise UsageError(f"«name_pattern» {self.name_pattern}: holds a field twice")
+        object.__setattr__(self, "apparatus", apparatus_from(self.apparatus, self.kind))
+
+    def stated(self) -> dict[str, str | float | bool]:
+        """What was given, as texts where they are no numbers, so that it can be done again."""
+        return {
+            name: value if isinstance(value, float | bool) else in_words(value) for name, value in self.given().items()
+        }
+
+
+def apparatus_from(text: str | Apparatus | None, kind: str | None) -> Apparatus | None:
+    """The rig that `«apparatus»` describes; what it leaves out is the paper's. None where nothing is given."""
+    if not text or isinstance(text, Apparatus):
+        return text or None
+    numbers: dict[str, float] = {}
+    known = [each.name for each in fields(Apparatus)]
+    for name, value in pairs("«apparatus»", text).items():
+        if name not in known:
+            raise UsageError(unknown("«apparatus»", name, known))
+        try:
+            numbers[name] = int(value) if name == "surfaces" else float(value)
+        except ValueError:
+            raise UsageError(f"«apparatus» {name}={value}: is no number") from None
+        if not (isfinite(numbers[name]) and numbers[name] > 0):
+            raise UsageError(f"«apparatus» {name}={value}: must be above zero")
+    rig = replace(Apparatus(surfaces=1 if kind in KINDS[1:] else 2), **cast(Any, numbers))
+    if rig.inner_radius_m >= rig.outer_radius_m:
+        raise UsageError("«apparatus»: inner_radius_m must be below outer_radius_m")
+    return rig
+
+
+def in_words(value: Any) -> str:
+    """A value as the command line takes it."""
+    if isinstance(value, Mapping):
+        return ",".join(f'{role}="{name}"' for role, name in value.items())
+    if isinstance(value, Apparatus):
+        return ",".join(f"{each.name}={getattr(value, each.name)}" for each in fields(value))
+    return str(value)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -115,6 +183,23 @@ class FitOptions(Chance):
         "auto", "Of each single step [s]; auto: by the evidence.", ADVANCED, words="auto", least=0, most=1e4
     )
 
+    @property
+    def held_share(self) -> float | None:
+        """C where it is held, None where it is free."""
+        return None if isinstance(self.share, str) else self.share
+
+    @property
+    def held_dead_time_s(self) -> float | None:
+        """The dead time where it is given, None where the evidence decides."""
+        return None if isinstance(self.dead_time, str) else self.dead_time
+
+
+@dataclass(frozen=True, kw_only=True)
+class FitGiven(FitOptions):
+    """All that a fit was given, the reading of its logs too, so that it can be done again."""
+
+    reading: dict[str, str | float | bool | None] = field(default_factory=dict)
+
 
 @dataclass(frozen=True, kw_only=True)
 class TuneOptions(Chance):
@@ -136,7 +221,12 @@ class TuneOptions(Chance):
         None, "By itself 0.05; data: by model and logs.", ROBUST, words="data", least=0, most=1e9
     )
     pi_gains: tuple[float, float] | None = option(
-        None, "Its gains; by itself designed from the fit, the paper's are 21,360.", PI, shown="K_P,K_I", least=-1e9, most=1e9
+        None,
+        "Its gains; by itself designed from the fit, the paper's are 21,360.",
+        PI,
+        shown="K_P,K_I",
+        least=-1e9,
+        most=1e9,
     )
     pi_overshoot: float | None = option(
         None, "Or designed: overshoot on the linear model [%].", PI, least=-1e6, most=1e6
@@ -180,7 +270,7 @@ class TuneOptions(Chance):
     )
     allow_unidentified: bool = option(False, "Use a fit that is marked not identifiable; marked.", ADVANCED)
 
-    def check(self) -> None:
+    def agree(self) -> None:
         """Refuse options that mean nothing together."""
         if self.duty_limits is not None and not self.duty_limits[0] < self.duty_limits[1]:
             low, high = self.duty_limits
@@ -209,9 +299,7 @@ class Rig(Options):
     """
 
     noise_nm: float = option(0.0, "Noise on the measured torque, sd [N·m].", RIG, least=0, most=1e6)
-    noise_correlation_s: float = option(
-        0.0, "Correlation time of the noise [s]; 0: white.", RIG, least=0, most=1e6
-    )
+    noise_correlation_s: float = option(0.0, "Correlation time of the noise [s]; 0: white.", RIG, least=0, most=1e6)
     noise_coloured_share: float = option(
         1.0, "Share of the noise's power that has this memory; the rest is white.", RIG, least=0, most=1
     )
@@ -223,14 +311,17 @@ class Rig(Options):
     duty_bits: int = option(0, "Resolution of the duty [bit]; 0: unlimited.", RIG, least=0, most=32)
     saturation: bool = option(True, "Keep the duty within its limits.", RIG)
 
+    def agree(self) -> None:
+        """Refuse a frequency of no ripple."""
+        if self.ripple_hz != 1 / 6 and not self.ripple_pct:
+            raise UsageError("«ripple_hz»: does nothing without «ripple_pct»; give both or neither")
+
 
 @dataclass(frozen=True, kw_only=True)
 class SimulateOptions(Chance):
     """What is replayed, on what rig, with what limb."""
 
-    controller: tuple[str, ...] | None = option(
-        None, "By itself rc,pi; sweep adds open-loop.", WHAT, words=CONTROLLERS
-    )
+    controller: tuple[str, ...] | None = option(None, "By itself rc,pi; sweep adds open-loop.", WHAT, words=CONTROLLERS)
     scenario: str | None = option(None, "By itself multisine.", WHAT, words=SCENARIOS)
     keep_baseline: bool = option(False, "Do not subtract the idle output of recorded runs.", WHAT)
     duration: float | None = option(
@@ -253,7 +344,7 @@ class SimulateOptions(Chance):
     limb_damping: float | None = option(None, "Damping of the limb [N·m·s/rad].", REHAB, least=0, most=1e6)
     limb_inertia: float | None = option(None, "Its inertia [kg·m²].", REHAB, least=1e-6, most=1e6)
 
-    def check(self) -> None:
+    def agree(self) -> None:
         """Refuse options that do nothing together."""
         if self.threads is not None and self.plants is None:
             raise UsageError("«threads»: does nothing without «plants»; give both or neither")
@@ -311,7 +402,7 @@ class CoupleOptions(Chance):
     plants: int = option(0, "Plants drawn from the fit's uncertainty, each with a limb.", DRAWN, least=0, most=10_000)
     limb_spread: float = option(0.3, "Inertia and damping of drawn limbs: ± share.", DRAWN, least=0, most=0.99)
 
-    def check(self) -> None:
+    def agree(self) -> None:
         """Refuse options that do nothing together."""
         if self.plants == 0 and self.limb_spread != CoupleOptions.limb_spread:
             raise UsageError("«limb_spread»: does nothing without «plants»; give both or neither")
@@ -342,47 +433,140 @@ class ExportOptions(Options):
 class Limits(Options):
     """What a rig allows of a planned sequence of inputs."""
 
-    duty: tuple[float, float] | None = option(None, "Lowest and highest input above rest; by itself the fit's.", RIG)
-    rate: float = option(0.0, "Fastest change of the input a second; 0: any.", RIG, least=0, most=1e9)
-    hold: tuple[float, float] = option((0.3, 30.0), "Shortest and longest hold [s].", RIG)
-    rest: float = option(5.0, "Length of a return to rest [s].", RIG, least=0, most=1e7)
+    duty: tuple[float, float] = option(
+        (10.0, 100.0), "Lowest and highest input above rest.", RIG, shown="10:100", least=0, most=1e9, above=True
+    )
+    rate_per_s: float = option(0.0, "Fastest change of the input a second; 0: any.", RIG, least=0, most=1e9)
+    hold_s: tuple[float, float] = option(
+        (0.3, 30.0), "Shortest and longest hold [s].", RIG, shown="0.3:30", least=0, most=1e7, above=True
+    )
+    rest_s: float = option(
+        5.0, "Length of a return to rest, and of the rest before the first level [s].", RIG, least=0, most=1e7
+    )
     engagements: int = option(4, "Stretches under load between rests, at least.", RIG, least=1, most=1000)
-    work: float = option(0.0, "Longest stretch under load [s]; 0: any.", RIG, least=0, most=1e7)
-    longest: float = option(3600.0, "Longest sequence [s].", RIG, least=1, most=1e6)
+    work_s: float = option(0.0, "Longest stretch under load [s]; 0: any.", RIG, least=0, most=1e7)
+    longest_s: float = option(3600.0, "Longest sequence that is looked for [s].", RIG, least=1, most=1e6)
+    unit: str = option("%", "Of the input.", RIG)
 
 
 @dataclass(frozen=True, kw_only=True)
 class PlanOptions(Chance):
     """What intervals are wanted, and what the rig allows."""
 
-    want: Mapping[str, float] | None = option(
-        None, "Half-widths in percent at the worst level; by itself Ts=3,tau1=5,tau2=10, of one recording 1, 4, 13.",
+    want: Mapping[str, float] = option(
+        {}, "Half-widths in percent at the worst level; by itself Ts=3,tau1=5,tau2=10, of one recording 1, 4, 13.",
         LOGS, shown="NAME=PERCENT,…",
     )  # fmt: skip
-    check_widths: bool = option(
-        True, "Simulate the experiment and measure the widths it gives.", LOGS, "--check/--no-check"
-    )
+    check: bool = option(True, "Simulate the experiment and measure the widths it gives.", LOGS)
     idle_s: float = option(10.0, "Input 0 before each step [s].", RIG, "--idle", least=0, most=1e7)
     release_s: float = option(10.0, "Input 0 after each step, recorded [s].", RIG, "--release", least=0, most=1e7)
     longest_hold_s: float = option(120.0, "Longest hold [s].", RIG, "--longest-hold", least=5, most=1e6)
     most_levels: int = option(12, "Most levels to record.", RIG, least=4, most=100)
-    limits: str | Limits | None = option(
-        None, "Of the excitation: duty=10:100,hold=0.3:30,rate=200,rest=5,work=60,engagements=4, duty and rate in "
+    limits: str | Mapping[str, Any] | Limits | None = option(
+        None, "Of the excitation: duty=10:100,hold_s=0.3:30,rate_per_s=200,rest_s=5,work_s=60,engagements=4, in "
         "the input's unit; by itself the duty's range is that of the fit.", RIG, shown="NAME=VALUE,…",
     )  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True)
-class Disturbance(Options):
-    """What a rig adds to the torque of a plant; all 0: the plant alone."""
+class Excitation(Options):
+    """How the input of one log is made where it does more than step from rest, in the rig's own units."""
 
-    white_nm: float = option(0.01, "White noise, sd [N·m].", HOW, "--noise-nm", least=0, most=1e6)
-    coloured: float = option(0.01, "Coloured noise, sd, share of torque.", HOW, least=0, most=10)
-    coloured_s: float = option(0.05, "Its time constant [s].", HOW, least=0, most=1e6)
-    ripple: float = option(0.01, "Rotor ripple, amplitude, share of torque.", HOW, least=0, most=10)
-    gain_scatter: float = option(0.03, "Run-to-run sd of the torque's gain, share.", HOW, least=0, most=0.3)
-    tau1_scatter: float = option(0.05, "Run-to-run sd of log τ1.", HOW, least=0, most=3)
-    tau2_scatter: float = option(0.0, "Run-to-run sd of log τ2.", HOW, least=0, most=3)
-    offset_nm: float = option(0.02, "Offset of the torque sensor [N·m].", HOW, least=-1e6, most=1e6)
-    jitter_s: float = option(0.0, "Sample instants, sd [s]; at most 0.45 of a sample.", HOW, least=0, most=1e3)
-    resolution_nm: float = option(1 / 1024, "Step of the sensor's digits [N·m].", HOW, least=0, most=1e6)
+    kind: str = option("random", "What the input does.", INPUTS, words=EXCITATIONS)
+    duration_s: float = option(240.0, "[s]", INPUTS, least=0, most=1e7, above=True)
+    duty: tuple[float, float] | None = option(
+        None, "Lowest and highest input.", INPUTS, shown="10:100", least=0, most=1e9
+    )
+    levels: int = option(10, "Different levels of a staircase or of random steps.", INPUTS, least=2, most=10_000)
+    hold_s: tuple[float, float] = option(
+        (0.5, 20.0), "Shortest and longest hold [s].", INPUTS, shown="0.3:30", least=0, most=1e7, above=True
+    )
+    idle_s: float = option(2.0, "Input 0 at first [s].", INPUTS, least=0, most=1e7)
+    rest_s: float = option(
+        0.0,
+        "Length of a return to 0 after every `levels` holds of random steps [s]; 0: none.",
+        INPUTS,
+        least=0,
+        most=1e7,
+    )
+    frequency_hz: tuple[float, float] = option(
+        (0.05, 5.0), "Lowest and highest frequency of a multisine, a chirp or a loop's reference [Hz].", INPUTS,
+        shown="0.05:5", least=0, most=1e6, above=True,
+    )  # fmt: skip
+    tones: int = option(12, "Of a multisine.", INPUTS, least=1, most=10_000)
+    periods: int = option(3, "Of a multisine: so often it repeats itself.", INPUTS, least=1, most=1000)
+    reference_nm: tuple[float, float] | None = option(
+        None, "Lowest and highest output of a closed loop; by itself 0.6:3.6, scaled to the rig.", INPUTS,
+        shown="0.6:3.6", least=-1e6, most=1e6,
+    )  # fmt: skip
+    gains: tuple[float, float] | None = option(
+        None, "K_P and K_I of a closed loop; by itself 21:360, scaled to the rig.", INPUTS, shown="21:360",
+        least=-1e9, most=1e9,
+    )  # fmt: skip
+    rate_hz: float = option(1000.0, "Samples a second [Hz].", INPUTS, least=1e-3, most=1e5)
+
+
+@dataclass(frozen=True, kw_only=True)
+class SynthOptions(Chance):
+    """What is recorded synthetically; None: as the kind of rig has it."""
+
+    kind: Kind | None = option(None, "By itself clutch; of a fit.json, its own.", LOGS, words=KINDS)
+    levels: tuple[float, ...] | None = option(
+        None, "30,40,90 or from:to:step.", LOGS, read=spaced, levels=True, least=0, most=1e9, above=True
+    )
+    repeats: int | None = option(None, "Runs of each level.", LOGS, least=1, most=10_000)
+    plan: Path | None = option(None, "The run table of eaid plan.", LOGS, shown="FILE")
+    idle_s: float | None = option(None, "Input 0 before the step [s].", WHEN, "--idle", least=0, most=1e7)
+    hold_s: float | None = option(None, "Input at its level [s].", WHEN, "--hold", least=0, most=1e7, above=True)
+    release_s: float | None = option(None, "Input 0 after the step [s].", WHEN, "--release", least=0, most=1e7)
+    rate_hz: float | None = option(None, "Samples a second [Hz].", WHEN, least=1e-3, most=1e5)
+    clean: bool = option(False, "The plant alone: no noise, scatter, offset or digits.", HOW)
+    white_nm: float | None = option(None, "White noise, sd [N·m].", HOW, "--noise-nm", least=0, most=1e6)
+    coloured: float | None = option(None, "Coloured noise, sd, share of torque.", HOW, least=0, most=10)
+    coloured_s: float | None = option(None, "Its time constant [s].", HOW, least=0, most=1e6)
+    ripple: float | None = option(None, "Rotor ripple, amplitude, share of torque.", HOW, least=0, most=10)
+    gain_scatter: float | None = option(None, "Run-to-run sd of the torque's gain, share.", HOW, least=0, most=0.3)
+    tau1_scatter: float | None = option(None, "Run-to-run sd of log τ1.", HOW, least=0, most=3)
+    tau2_scatter: float | None = option(None, "Run-to-run sd of log τ2.", HOW, least=0, most=3)
+    offset_nm: float | None = option(None, "Offset of the torque sensor [N·m].", HOW, least=-1e6, most=1e6)
+    jitter_s: float | None = option(None, "Sample instants, sd [s].", HOW, least=0, most=1e3)
+    resolution_nm: float | None = option(None, "Step of the sensor's digits [N·m].", HOW, least=0, most=1e6)
+    duty_file: Path | None = option(None, "CSV time_s,duty_pct (force_n, speed_rpm, input).", INPUTS, shown="FILE")
+    excitation: str | None = option(None, "Logs to be fitted as recorded.", INPUTS, words=EXCITATIONS)
+    shape: str | Mapping[str, Any] | None = option(
+        None, "Of the excitation: duration_s=240,hold_s=0.5:20,duty=10:100,levels=10,rest_s=5,idle_s=2,"
+        "frequency_hz=0.05:5,reference_nm=0.6:3.6,gains=21:360, all in the rig's units.", INPUTS,
+        shown="NAME=VALUE,…",
+    )  # fmt: skip
+    controller: Literal["pi", "rc"] = option("pi", "Of the gains.json.", INPUTS, words="pi|rc")
+
+    def agree(self) -> None:
+        """Refuse options that do nothing together."""
+        if self.shape and self.excitation is None:
+            raise UsageError("«shape»: does nothing without «excitation»; leave it out")
+        instead = {"«duty_file»": self.duty_file, "«plan»": self.plan, "«excitation»": self.excitation}
+        given = [name for name, value in instead.items() if value is not None]
+        if len(given) > 1:
+            raise UsageError(f"{' and '.join(given[:2])} exclude each other; give one of them")
+        timing = (self.levels, self.idle_s, self.hold_s, self.release_s, self.repeats if self.plan else None)
+        if given and any(value is not None for value in timing):
+            raise UsageError(
+                f"{given[0]}: says levels and times itself; leave out «levels», «idle_s», «hold_s», «release_s»"
+            )
+
+
+@dataclass(frozen=True, kw_only=True)
+class ReportOptions(Options):
+    """How a report is made."""
+
+    figures: tuple[str, ...] = option(
+        (), "Only these: fig07,fig12 or the beginning of a name.", FIGURES, shown="NAME,…"
+    )
+    format: tuple[str, ...] = option((), "Beside PNG, which is always there.", FIGURES, words="pdf|svg|png")
+    width: tuple[float, float] = option(
+        (3.5, 7.16), "Widths of one and of two columns [in].", FIGURES, shown="ONE,TWO", least=2, most=40
+    )
+    font: str = option("DejaVu Sans", "Letters of the figures.", FIGURES)
+    paper: bool | None = option(
+        None, "Published values beside yours; by itself where the units are the paper's.", PAGE, "--paper/--no-paper"
+    )

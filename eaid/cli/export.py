@@ -7,33 +7,21 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from eaid.cli import console
-from eaid.cli.form import Common, Verbose, argument, option, taken, takes, written
+from eaid.cli.form import Common, Verbose, argument, takes, written
+from eaid.declared import part
 from eaid.errors import UsageError
+from eaid.options import ExportOptions
 
 if TYPE_CHECKING:
     from eaid.results.fit import Fit
     from eaid.results.gains import Gains
 
-WHAT, RIG, ADVANCED = "What is exported", "Rig", "Advanced"
-
 
 @dataclass(frozen=True, kw_only=True)
-class Arguments(Common, Verbose):
-    """What `eaid export` is told."""
+class Arguments(Common, ExportOptions, Verbose):
+    """What `eaid export` takes."""
 
     files: list[Path] = argument("GAINS [FIT]", "gains.json, and fit.json for inverse and plant.")
-    target: str = option("c", "Language or format.", WHAT, "--as", words="c|arduino|matlab|fmu|yaml|python")
-    laws: tuple[str, ...] | None = option(
-        None, "By itself all that the files hold.", WHAT, "--law", words="pi|rc|inverse|plant", several=True
-    )
-    precision: str = option("double", "Of the numbers.", WHAT, words="double|single")
-    rate_hz: float | None = option(None, "Control rate, baked in [Hz]; by itself the gains'.", RIG)
-    duty_on_fault: float = option(0.0, "Duty while an input is no number.", RIG)
-    stuck_s: float = option(0.5, "The status tells of a reading unchanged for so long [s].", RIG)
-    rate_filter_hz: float | None = option(
-        None, "Corner of the reference's filtered derivative [Hz]; by itself 25.", ADVANCED
-    )
-    anyway: bool = option(False, "Export what would be refused; its files are marked.", ADVANCED)
     output: Path = written("export", "Folder that is written.")
 
 
@@ -45,16 +33,14 @@ def command(args: Arguments) -> None:
 
     Example: eaid export gains.json fit.json --as arduino --precision single --rate-hz 500
     """
-    from eaid import api
-    from eaid.export.options import ExportOptions
+    from eaid.export.export import Origin
+    from eaid.export.export import export as exported
     from eaid.results.common import Input
 
     gains, fit, paths = _read(args.files)
-    options = taken(
-        ExportOptions, args, folder=args.output, inputs=tuple(Input.of(path) for path in paths),
-        command=shlex.join(["eaid", *sys.argv[1:]]) if sys.argv[1:2] == ["export"] else "",
-    )  # fmt: skip
-    made = api.export(gains, fit=fit, options=options)
+    inputs = tuple(Input.of(path) for path in paths)
+    command = shlex.join(["eaid", *sys.argv[1:]]) if sys.argv[1:2] == ["export"] else ""
+    made = exported(gains, fit, part(ExportOptions, args), args.output, args.force, Origin(command, inputs))
     console.tell(made.findings, args.verbose)
     if args.json:
         console.print_json(made)

@@ -1,16 +1,15 @@
-"""A command's options: those of `eaid.options` and its own, as parameters that Typer takes, and what is typed as values.
+"""A command's options, those of `eaid.options` and its own: parameters that Typer takes, and what is typed as values.
 
-    @dataclass(frozen=True, kw_only=True)
-    class Arguments(Common, TuneOptions):
-        fit: Path = argument("FIT", "A fit.json.")
+@dataclass(frozen=True, kw_only=True)
+class Arguments(Common, TuneOptions):
+    fit: Path = argument("FIT", "A fit.json.")
 
-    @takes(Arguments)
-    def command(args: Arguments) -> int: ...
+@takes(Arguments)
+def command(args: Arguments) -> int: ...
 """
 
 import inspect
 import re
-import typing
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import MISSING, dataclass, field
 from pathlib import Path
@@ -20,8 +19,8 @@ import typer
 
 from eaid.cli import console
 from eaid.cli.completion import completion
-from eaid.declared import Declaration, Form, Options, forms, option
-from eaid.errors import UsageError, unknown
+from eaid.declared import Declaration, Form, Options, as_typed, forms, is_text, option, value_of
+from eaid.errors import UsageError
 
 A = TypeVar("A", bound="Common")
 OUTPUT, PLACE = "Output", "Arguments"
@@ -62,7 +61,7 @@ class Verbose(Options):
 def takes(arguments: type[A]) -> Callable[[Callable[[A], int | None]], Callable[..., int | None]]:
     """Make of a function of `arguments` one that Typer takes as a command."""
     flat = [(outer, form) for outer in forms(arguments).values() for form in _flat(outer)]
-    flat.sort(key=lambda pair: (SHARED.index(pair[1].name) + 1 if pair[1].name in SHARED else 0))
+    flat.sort(key=lambda pair: SHARED.index(pair[1].name) + 1 if pair[1].name in SHARED else 0)
 
     def made(body: Callable[[A], int | None]) -> Callable[..., int | None]:
         def command(**typed: Any) -> int | None:
@@ -88,7 +87,9 @@ def takes(arguments: type[A]) -> Callable[[Callable[[A], int | None]], Callable[
 
 def refuse_idle(args: Options, names: Sequence[str], because: str) -> None:
     """Refuse options that were given and do nothing; `because` says why, `without --optimize`."""
-    idle = [form.flag for name, form in forms(type(args)).items() if name in names and getattr(args, name) != form.default]
+    idle = [
+        form.flag for name, form in forms(type(args)).items() if name in names and getattr(args, name) != form.default
+    ]
     if idle:
         raise UsageError(f"{idle[0]}: does nothing {because}; leave it out")
 
@@ -97,17 +98,11 @@ def _flat(form: Form) -> list[Form]:
     return [form] if form.nested is None else list(forms(form.nested).values())
 
 
-def _is_text(form: Form) -> bool:
-    """Whether Typer hands the option over as a text, which `value_of` reads."""
-    plain = (bool, int, float, str, Path)
-    return bool(form.declared.words or form.declared.read) or form.parts[0] not in (*plain, list[Path])
-
-
 def _parameter(form: Form) -> inspect.Parameter:
     """One parameter as Typer wants it."""
     declared, placed = form.declared, form.declared.group == PLACE
-    text = _is_text(form)
-    default = ... if form.default is MISSING else _as_typed(form.default) if text else form.default
+    text = is_text(form)
+    default = ... if form.default is MISSING else as_typed(form.default) if text else form.default
     if not text and form.default is not MISSING and form.default is not None and form.parts[0] is Path:
         default = form.default
     kind = typer.Argument if placed else typer.Option
@@ -129,7 +124,9 @@ def _metavar(form: Form) -> str | None:
     if declared.levels:
         return "LEVELS"
     if declared.shown or not declared.words:
-        return declared.shown or {bool: "", list[Path]: "FILE"}.get(form.parts[0], "NUMBER,…" if _is_text(form) else None)
+        return declared.shown or {bool: "", list[Path]: "FILE"}.get(
+            form.parts[0], "NUMBER,…" if is_text(form) else None
+        )
     words = "|".join(declared.words) + (",…" if form.several else "|NUMBER" if number else "")
     return words if len(words) <= SHORT else "WORD,…" if form.several else "WORD|NUMBER" if number else "WORD"
 
@@ -140,48 +137,6 @@ def _help(form: Form) -> str:
     if any(word not in behind for word in form.declared.words):
         text = f"{text} {'Of' if form.several else 'One of'} {', '.join(form.declared.words)}."
     return re.sub(r"([_*<`])", r"\\\1", text)
-
-
-def _as_typed(value: Any) -> str | None:
-    """A default as it would be typed."""
-    if isinstance(value, tuple):
-        return ",".join(_as_typed(each) or "" for each in value) or None
-    return None if value is None or value == {} else f"{value:g}" if isinstance(value, float) else str(value)
-
-
-def value_of(form: Form, typed: Any) -> Any:
-    """What was typed, as a value; `UsageError` where it is none of the words, or cannot be read."""
-    if isinstance(typed, str) and typed.encode(errors="replace").decode() != typed:
-        raise UsageError(f"{form.flag} {typed!r}: is not UTF-8; type it in a terminal that writes UTF-8")
-    if not isinstance(typed, str) or not _is_text(form):
-        return form.default if typed is None and form.default is not MISSING else typed
-    if typed == _as_typed(form.default):
-        return form.default
-    flag, declared, kind = form.flag, form.declared, form.parts[0]
-    if declared.read is not None:
-        return declared.read(flag, typed)
-    if form.several:
-        parts = names(flag, typed) if not declared.words else [part.strip() for part in typed.split(",") if part.strip()]
-        for part in parts or [typed]:
-            if declared.words and part not in declared.words:
-                raise UsageError(unknown(flag, part, declared.words))
-            if list(parts).count(part) > 1:
-                raise UsageError(f"{flag} {typed}: name each once")
-        return tuple(parts)
-    if form.pair:
-        return pair(flag, typed, ":" if ":" in (declared.shown or "") else ",")
-    if kind == tuple[float, ...]:
-        return numbers(flag, typed)
-    if typing.get_origin(kind) is Mapping or kind is Mapping:
-        return factors(flag, typed)
-    if typed in declared.words or float not in form.parts:
-        if declared.words and typed not in declared.words:
-            raise UsageError(unknown(flag, typed, declared.words))
-        return typed
-    try:
-        return float(typed)
-    except ValueError:
-        raise UsageError(f"{flag} {typed}: must be {', '.join(declared.words)} or a number") from None
 
 
 def _exactly(value: Any) -> str:
@@ -195,7 +150,7 @@ def _typed_words(shown: Sequence[Form], typed: Mapping[str, Any]) -> tuple[str, 
     named: list[str] = []
     for form in shown:
         value = typed[form.name]
-        default = _as_typed(form.default) if _is_text(form) and form.default is not MISSING else form.default
+        default = as_typed(form.default) if is_text(form) and form.default is not MISSING else form.default
         if form.declared.group == OUTPUT or not form.declared.kept or value in (None, [], default):
             continue
         each = value if isinstance(value, list) else [value]
@@ -206,64 +161,3 @@ def _typed_words(shown: Sequence[Form], typed: Mapping[str, Any]) -> tuple[str, 
         else:
             named += [word for part in each for word in (form.flag, _exactly(part))]
     return *placed, *named
-
-
-def number(flag: str, text: str) -> float:
-    """A number; UsageError where the text is none."""
-    try:
-        return float(text)
-    except ValueError:
-        raise UsageError(f"{flag} {text}: is no number") from None
-
-
-def pair(flag: str, text: str, between: str) -> tuple[float, float]:
-    """Two numbers with a comma or a colon between them."""
-    parts = text.split(between)
-    if len(parts) != 2:
-        word, example = ("colon", "10:100") if between == ":" else ("comma", "0,100")
-        raise UsageError(f"{flag} {text}: write two numbers with a {word} between them, as {example}")
-    return number(flag, parts[0]), number(flag, parts[1])
-
-
-def numbers(flag: str, text: str) -> tuple[float, ...]:
-    """Numbers with commas between them."""
-    try:
-        return tuple(float(part) for part in names(flag, text))
-    except ValueError:
-        raise UsageError(f"{flag} {text}: write numbers with commas between them, as 40,70") from None
-
-
-def spaced(flag: str, text: str) -> tuple[float, ...]:
-    """`30,40,90`, or `from:to:step` with both ends."""
-    try:
-        if ":" not in text:
-            return tuple(float(part) for part in text.split(","))
-        start, end, step = (float(part) for part in text.split(":"))
-        count = round((end - start) / step)
-    except (ValueError, ZeroDivisionError, OverflowError):
-        raise UsageError(f"{flag} {text}: give levels as 30,40,90 or as from:to:step") from None
-    if not 0 <= count <= 10_000 or abs(start + count * step - end) > 1e-9 * abs(step):
-        raise UsageError(f"{flag} {text}: the step does not lead from {start:g} to {end:g}")
-    return tuple(start + k * step for k in range(count + 1))
-
-
-def names(flag: str, text: str) -> tuple[str, ...]:
-    """Names with commas between them."""
-    parts = tuple(name.strip() for name in text.split(",") if name.strip())
-    if not parts:
-        raise UsageError(f"{flag} {text!r}: names nothing; leave it out, or give names with commas between them")
-    return parts
-
-
-def factors(flag: str, text: str) -> dict[str, float]:
-    """`Ts=0.9,tau1=1.2`, or widths in percent: names with numbers."""
-    values: dict[str, float] = {}
-    for part in names(flag, text):
-        name, _, value = (piece.strip() for piece in part.partition("="))
-        if name in values:
-            raise UsageError(f"{flag} {text}: says {name} twice; give each name once")
-        try:
-            values[name] = float(value.removesuffix("%"))
-        except ValueError:
-            raise UsageError(f"{flag} {text}: {part!r} is no name=number; write it as Ts=0.9,tau1=1.2") from None
-    return values

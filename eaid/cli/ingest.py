@@ -5,13 +5,14 @@ from pathlib import Path
 
 from eaid.cli import console
 from eaid.cli.form import OUTPUT, Common, argument, option, takes, written
-from eaid.cli.inputs import Reading
+from eaid.declared import part
+from eaid.options import ReadOptions
 from eaid.shown import counted
 
 
 @dataclass(frozen=True, kw_only=True)
-class Arguments(Common, Reading):
-    """What `eaid ingest` is told."""
+class Arguments(Common, ReadOptions):
+    """What `eaid ingest` takes."""
 
     logs: list[Path] = argument("LOG…", "Log files, folders of them, or a data.h5.")
     output: Path = written("data.h5")
@@ -39,13 +40,13 @@ def command(args: Arguments) -> None:
     from eaid.logs.manifest import files_read
     from eaid.reading import read_edges
 
-    options = inputs.reading_of(args)
+    options = part(ReadOptions, args)
     refuse_to_overwrite(args.output, args.force, files_read(args.logs))
     if args.edges:
         logs = read_edges(args.logs, options, console.warn)
         whole = [run for run, _edges in logs]
-        rig = options.stepping().apparatus or whole[0].apparatus or Apparatus()
-        kind = options.stepping().kind or whole[0].kind or "clutch"
+        rig = options.apparatus or whole[0].apparatus or Apparatus()
+        kind = options.kind or whole[0].kind or "clutch"
         write_dataset(args.output, whole, kind=kind, apparatus=rig, force=args.force)
         ingest_tables.print_edges(logs, args.json)
         console.done(args.output, f"{counted(len(logs), 'log')} as recorded", f"eaid report {args.output}")
@@ -55,7 +56,7 @@ def command(args: Arguments) -> None:
         from eaid.logs import manifest
         from eaid.logs.folders import files_of
 
-        said = {**options.given(), "kind": stepset.kind}
+        said = {**options.stated(), "kind": stepset.kind}
         at = manifest.write_manifest(files_of(args.logs), runs, said, args.force)
         console.say(f"{at}: written; eaid ingest {at.parent} needs no options now")
     write_dataset(args.output, runs, kind=stepset.kind, apparatus=stepset.apparatus, force=args.force)  # type: ignore[arg-type]

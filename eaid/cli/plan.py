@@ -5,35 +5,21 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from eaid.cli import console
-from eaid.cli.form import Common, Seeded, argument, option, refuse_idle, taken, takes, written
-from eaid.cli.words import factors
+from eaid.cli.form import Common, argument, option, refuse_idle, takes, written
+from eaid.declared import part
+from eaid.options import LOGS, PlanOptions
 
 if TYPE_CHECKING:
     from eaid.results.plan import Plan
     from eaid.results.recorded import Excitation
 
-WHAT, RIG = "What is wanted", "What the rig allows"
-
 
 @dataclass(frozen=True, kw_only=True)
-class Arguments(Common, Seeded):
-    """What `eaid plan` is told."""
+class Arguments(Common, PlanOptions):
+    """What `eaid plan` takes."""
 
     fit: Path = argument("FIT", "A fit.json.")
-    want: dict[str, float] | None = option(
-        None, "Half-widths in percent at the worst level; by itself Ts=3,tau1=5,tau2=10.", WHAT, read=factors,
-        shown="NAME=PERCENT,…",
-    )  # fmt: skip
-    excitation: bool = option(False, "One sequence of duties for one recording, in place of steps.", WHAT)
-    check: bool = option(True, "Simulate the experiment and measure the widths it gives.", WHAT)
-    idle_s: float = option(10.0, "Input 0 before each step [s].", RIG, "--idle")
-    release_s: float = option(10.0, "Input 0 after each step, recorded [s].", RIG, "--release")
-    longest_hold_s: float = option(120.0, "Longest hold [s].", RIG, "--longest-hold")
-    most_levels: int = option(12, "Most levels to record.", RIG)
-    limits: str | None = option(
-        None, "Of the excitation: duty=10:100,hold=0.3:30,rate=200,rest=5,work=60,engagements=4, duty and rate in "
-        "the input's unit; by itself the duty's range is that of the fit.", RIG, shown="NAME=VALUE,…",
-    )  # fmt: skip
+    excitation: bool = option(False, "One sequence of duties for one recording, in place of steps.", LOGS)
     output: Path = written("plan.csv")
 
 
@@ -52,7 +38,6 @@ def command(args: Arguments) -> None:
     from eaid import api
     from eaid.cli import plan_tables
     from eaid.files import refuse_to_overwrite
-    from eaid.planning.recordings import PlanOptions
     from eaid.results import codec
     from eaid.results.common import Input
     from eaid.results.fit import Fit
@@ -65,15 +50,9 @@ def command(args: Arguments) -> None:
     else:
         refuse_idle(args, ("limits",), "without --excitation")
     fit, doubts = codec.read(args.fit, "fit", Fit)
-    if args.excitation:
-        from eaid.planning.excitation import ExcitationOptions
-
-        limits = plan_tables.limits_of(args.limits, fit.plant.u_range, fit.data.input_unit)
-        options = taken(ExcitationOptions, args, limits=limits)
-        plan: Plan | Excitation = api.plan_excitation(fit, options, progress=console.progress)
-    else:
-        plan = api.plan(fit, taken(PlanOptions, args), progress=console.progress)
-    plan = msgspec.structs.replace(plan, inputs=(Input.of(args.fit),), command=args.words)
+    planned = api.plan_excitation if args.excitation else api.plan
+    plan: Plan | Excitation = planned(fit, part(PlanOptions, args), progress=console.progress)
+    plan = msgspec.structs.replace(plan, inputs=(Input.of(args.fit),), command=args.typed)
     plan_tables.write(files, plan, fit.data.kind, args.force)
     if args.json:
         console.print_json(plan, "plan")

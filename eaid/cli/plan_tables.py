@@ -2,38 +2,14 @@
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from eaid.cli import console
-from eaid.cli.words import keyed
 from eaid.files import all_written_whole
-from eaid.limits import check
 from eaid.planning.recordings import input_changes
 from eaid.results.plan import Plan
 from eaid.results.recorded import Excitation
 from eaid.shown import counted
 from eaid.synth.input import RUN_TABLE, input_file
-
-if TYPE_CHECKING:
-    from eaid.recorded.sequence import Limits
-
-LIMITS = {
-    "duty": "input", "hold": "hold_s", "rate": "rate_per_s", "rest": "rest_s", "work": "work_s",
-    "longest": "longest_s", "engagements": "engagements",
-}  # fmt: skip
-"""Names of `--limits` → fields of `Limits`."""
-
-
-def limits_of(text: str | None, span: tuple[float, float], unit: str) -> "Limits":
-    """`duty=10:100,hold=0.3:30,rate=200,rest=5,work=60,engagements=4` as limits; by itself the input's range."""
-    from eaid.recorded.sequence import Limits
-
-    read = keyed("«limits»", text, Limits, LIMITS)
-    for name, value in read.items():
-        if name != "input":  # which goes by the fit's own range
-            for number in value if isinstance(value, tuple) else (value,):
-                check(name, number)
-    return Limits(**{"input": span, "unit": unit, **read})  # type: ignore[arg-type]
 
 
 def write(files: Sequence[Path], plan: Plan | Excitation, kind: str, force: bool) -> None:

@@ -6,36 +6,21 @@ from typing import TYPE_CHECKING
 
 from eaid.cli import console
 from eaid.cli.form import Common, argument, option, takes, written
-from eaid.cli.words import names, pair
+from eaid.declared import part
 from eaid.errors import DataError
+from eaid.options import PAGE, ReportOptions
 from eaid.shown import counted
 
 if TYPE_CHECKING:
-    from eaid.report.options import ReportOptions
     from eaid.report.write import Report
-
-FIGURES, PAGE = "Figures", "Page"
 
 
 @dataclass(frozen=True, kw_only=True)
-class Arguments(Common):
-    """What `eaid report` is told."""
+class Arguments(Common, ReportOptions):
+    """What `eaid report` takes."""
 
     files: list[Path] = argument(
         "FILE…", "Any of fit.json, gains.json, replay.h5, data.h5; two fits of one kind are compared."
-    )
-    figures: tuple[str, ...] = option(
-        (), "Only these: fig07,fig12 or the beginning of a name.", FIGURES, read=names, shown="NAME,…"
-    )
-    formats: tuple[str, ...] = option(
-        (), "Beside PNG, which is always there.", FIGURES, "--format", words="pdf|svg|png", several=True
-    )
-    width: tuple[float, float] = option(
-        (3.5, 7.16), "Widths of one and of two columns [in].", FIGURES, read=pair("3.5,7.16"), shown="ONE,TWO"
-    )
-    font: str = option("DejaVu Sans", "Letters of the figures.", FIGURES)
-    paper: bool | None = option(
-        None, "Published values beside yours; by itself where the units are the paper's.", PAGE, "--paper/--no-paper"
     )
     watch: bool = option(False, "Make the page again when a result changes, until Ctrl-C.", PAGE)
     output: Path = written("report", "Folder that is written.")
@@ -51,29 +36,28 @@ def command(args: Arguments) -> None:
     Example: eaid report fit.json gains.json multisine.h5 clutch.h5 -o report
     """
     from eaid.files import refuse_to_overwrite
-    from eaid.report.options import ReportOptions
     from eaid.report.watch import changes
-    from eaid.report.write import PAGE, refuse_to_overwrite_report
+    from eaid.report.write import FILE, refuse_to_overwrite_report
 
-    options = ReportOptions(args.formats, args.figures, *args.width, args.font, args.paper, args.force)
+    options = part(ReportOptions, args)
     refuse_to_overwrite_report(args.output, args.force)
     if args.output.is_dir():
-        refuse_to_overwrite(args.output / PAGE, True, args.files)
+        refuse_to_overwrite(args.output / FILE, True, args.files)
     args.output.parent.mkdir(parents=True, exist_ok=True)
     changed = changes(args.files)  # from here on: what changes while the first page is made counts too
-    made = _made(args.files, args.output, options)
+    made = _made(args.files, args.output, options, args.force)
     if args.watch:
         console.say(f"watching {counted(len(args.files), 'file')}; Ctrl-C ends it")
         for _ in changed:
             try:
-                made = _made(args.files, args.output, replace(options, force=True))
+                made = _made(args.files, args.output, options, True)
             except DataError as fault:  # a file that is being written: it will change again
                 console.warn(str(fault))
     if args.json:
         console.print_json(made)
 
 
-def _made(files: list[Path], folder: Path, options: "ReportOptions") -> "Report":
+def _made(files: list[Path], folder: Path, options: ReportOptions, force: bool) -> "Report":
     from eaid.report.draw import ready_figures
     from eaid.report.read import read_results
     from eaid.report.write import write_report
@@ -81,7 +65,7 @@ def _made(files: list[Path], folder: Path, options: "ReportOptions") -> "Report"
     results = read_results(files, console.warn)
     ready, _missing = ready_figures(replace(results, paper=options.paper), options.figures)
     with console.progress("drawing figures", len(ready)) as done:
-        made = write_report(results, folder, options, done)
+        made = write_report(results, folder, options, force, done)
     if made.missing and not options.figures:
         console.say(f"{len(made.missing)} figures want more results; the page's appendix names the commands")
     console.done(made.page, f"{len(made.figures)} figures", "open it in a browser")

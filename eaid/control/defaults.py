@@ -29,8 +29,8 @@ from eaid.control.timing import Timing
 from eaid.errors import DataError, UsageError
 from eaid.models.nonlinear import steady_torque
 from eaid.models.parameters import PAPER_LINEAR, Linear, Nonlinear
+from eaid.options import TuneOptions
 from eaid.results.fit import Fit
-from eaid.results.tuning import TuneOptions
 
 PAPER_TOP = 4.372
 """Output of the reference plant at 100 % [N·m]."""

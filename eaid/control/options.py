@@ -6,7 +6,6 @@ from typing import Literal
 from eaid.control.robust import Reading
 from eaid.control.timing import RIG, Timing
 from eaid.errors import GainsError
-from eaid.limits import check_all
 
 
 @dataclass(frozen=True)
@@ -51,10 +50,6 @@ class DesignOptions:
     timing: Timing = RIG
 
     def __post_init__(self) -> None:
-        check_all(
-            epsilon=self.epsilon, gamma=self.gamma, p_scale=self.p_scale, q_max=self.Q_M, phi=self.phi,
-            kp=self.K_P, kd=self.K_D, b_hat=None if isinstance(self.B_hat, str) else self.B_hat,
-        )  # fmt: skip
         if not (self.K_P > 0 and self.K_D > 0):
             raise GainsError(
                 f"K_P {self.K_P:g} and K_D {self.K_D:g} make the error dynamics s² + K_D s + K_P unstable; "

@@ -13,18 +13,28 @@ from eaid.control.rc import RCGains
 from eaid.coupling.linearised import operating_point
 from eaid.coupling.loops import Loops
 from eaid.coupling.motion import replayed_stiffness
-from eaid.coupling.options import CoupleOptions
 from eaid.coupling.sampled import Coupled, Limb
 from eaid.coupling.stiffness import needed_damping, passive_stiffness, stable_stiffness
 from eaid.errors import GainsError, UsageError
 from eaid.findings import Finding, finding, ranked
 from eaid.models.nonlinear import steady_torque
 from eaid.models.parameters import Nonlinear
+from eaid.options import CoupleOptions
 from eaid.replay.plant import plant_parameters, plant_step
 from eaid.results import coupling as parts
 
 AFTER_S = 0.5
 """Time after which residual torque and the step at a turn are read [s]."""
+
+
+def limb_of(options: CoupleOptions) -> Limb:
+    """The limb."""
+    return Limb(options.limb_inertia, options.limb_damping)
+
+
+def timing_of(options: CoupleOptions) -> Timing:
+    """When the loop samples and its duty takes effect."""
+    return Timing(options.rate_hz, options.pwm_hz or None, options.delay_samples, options.sensor_hz)
 
 
 def couple(
@@ -63,9 +73,9 @@ def couple(
     GainsError
         A loop that is unstable without any wall.
     """
-    setup = Loops(rc, pi, options.limb, options.timing, options.virtual_damping)
+    setup = Loops(rc, pi, limb_of(options), timing_of(options), options.virtual_damping)
     loops = [loop for loop in options.loops if setup.has_gains(loop)] or list(options.loops)
-    torques = options.torques or default_torques(plant)
+    torques = options.torque or default_torques(plant)
     walls, regions, curves, kept = [], [], [], []
     for torque in torques:
         point = operating_point(plant, torque)

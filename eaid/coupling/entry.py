@@ -47,7 +47,7 @@ def couple_fit(fit: Fit, gains: Gains | None, options: CoupleOptions, progress: 
     options = replace(options, delay_samples=options.delay_samples or late)
     drawn = draw(fit, options.plants, options.seed) if options.plants else None
     plants = drawn.plants if drawn is not None else ()
-    torques = options.torques or default_torques(plant)
+    torques = options.torque or default_torques(plant)
     with progress("walls", len(torques) * len(options.loops)) as tick:
         found = couple(
             plant, rc_gains(gains), pi_gains(gains), options, plants, idle_drag_nm(fit), fit.data.output_unit, tick
@@ -95,15 +95,15 @@ def stiffness_judge(fit: Fit, options: CoupleOptions = CoupleOptions()) -> Calla
     without a nonlinear model.
     """
     plant = _plant(fit)
-    points = [operating_point(plant, torque) for torque in options.torques or default_torques(plant)]
+    points = [operating_point(plant, torque) for torque in options.torque or default_torques(plant)]
 
     def cost(gains: RCGains) -> float:
-        loops = Loops(gains, None, options.limb, options.timing)
+        loops = Loops(gains, None, limb_of(options), timing_of(options))
         try:
             channels = [loops.around("rc-no-rate", plant, point)[0] for point in points]
         except GainsError:
             return UNSTABLE
-        needed = (needed_damping([channel], options.timing) for channel in channels)
+        needed = (needed_damping([channel], timing_of(options)) for channel in channels)
         worst = min(passive_stiffness(one, options.limb_damping)[0] for one in needed)
         return 1 / worst if worst > 1 / UNSTABLE else UNSTABLE
 

@@ -7,10 +7,11 @@ from eaid.errors import UsageError
 from eaid.export.job import constants_of, job_of, laws_of, timing_of
 from eaid.export.judge import judged
 from eaid.export.made_from import source_of
-from eaid.export.options import ExportOptions
 from eaid.export.targets import TARGETS
 from eaid.files import folder_written_whole, refuse_inputs_within
 from eaid.findings import Finding
+from eaid.options import ExportOptions
+from eaid.results.common import Input
 from eaid.results.fit import Fit
 from eaid.results.gains import Gains
 
@@ -31,7 +32,18 @@ class ExportFolder:
     """What stands at the head of each file, the gravest first."""
 
 
-def export(gains: Gains | None, fit: Fit | None = None, options: ExportOptions | None = None) -> ExportFolder:
+@dataclass(frozen=True)
+class Origin:
+    """What made an export, for the heads of its files."""
+
+    command: str = ""
+    inputs: tuple[Input, ...] = ()
+
+
+def export(
+    gains: Gains | None, fit: Fit | None, options: ExportOptions, folder: Path, force: bool = False,
+    origin: Origin = Origin(),
+) -> ExportFolder:  # fmt: skip
     """Write controllers and plant as source for a rig; without gains the fit's inverse and plant alone.
 
     Raises
@@ -41,11 +53,8 @@ def export(gains: Gains | None, fit: Fit | None = None, options: ExportOptions |
     UsageError
         The options contradict one another, or the folder is there already.
     """
-    options = options or ExportOptions()
-    if options.target not in TARGETS:
-        raise UsageError(f"«as» is {options.target!r}; there are {', '.join(TARGETS)}")
-    refuse_folder(options.folder, options.force)
-    refuse_inputs_within(options.folder, (Path(each.path) for each in options.inputs))
+    refuse_folder(folder, force)
+    refuse_inputs_within(folder, (Path(each.path) for each in origin.inputs))
     source = source_of(gains, fit)
     laws = laws_of(source, options)
     if {"inverse", "plant"} & set(laws) and source.plant is not None and source.plant.falls_as_release:
@@ -58,12 +67,12 @@ def export(gains: Gains | None, fit: Fit | None = None, options: ExportOptions |
     found = judged(source, laws, 1.0 / timing.dt_s, options)
     job = job_of(source, constants, timing, found, options)
     files = dict(TARGETS[options.target](job))
-    with folder_written_whole(options.folder) as part:
+    with folder_written_whole(folder) as part:
         for name, content in files.items():
             data = content if isinstance(content, bytes) else content.encode("utf-8")
             (part / name).write_bytes(data)
-        refuse_folder(options.folder, options.force)
-    return ExportFolder(options.folder, options.target, laws, tuple(files), timing.dt_s, found)
+        refuse_folder(folder, force)
+    return ExportFolder(folder, options.target, laws, tuple(files), timing.dt_s, found)
 
 
 def refuse_folder(folder: Path, force: bool) -> None:

@@ -16,9 +16,9 @@ from eaid.export.constants import (
 )
 from eaid.export.made_from import Source
 from eaid.export.numbers import decimal, harmless, rounded, unit_name
-from eaid.export.options import LAWS, ExportOptions
 from eaid.export.vectors import Vector, vectors
 from eaid.findings import Finding, say
+from eaid.options import LAWS, ExportOptions
 from eaid.version import __version__
 
 TITLES = {
@@ -49,7 +49,7 @@ class Job:
 
 def laws_of(source: Source, options: ExportOptions) -> tuple[str, ...]:
     """The laws to export, in one order; UsageError where one is asked for that the inputs do not hold."""
-    wanted = options.laws if options.laws is not None else source.laws
+    wanted = options.law if options.law is not None else source.laws
     for law in wanted:
         if law not in source.laws:
             need = "gains.json of eaid tune-rc" if law in ("pi", "rc") else "fit.json with a nonlinear model, «fit»"

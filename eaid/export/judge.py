@@ -8,9 +8,9 @@ from eaid.control.operating import operating_points
 from eaid.control.timing import Timing
 from eaid.errors import GainsError
 from eaid.export.made_from import Source
-from eaid.export.options import ExportOptions
 from eaid.findings import Finding, finding, ranked, say, stops
 from eaid.models.parameters import Linear
+from eaid.options import ExportOptions
 from eaid.results.fit import Fit
 from eaid.results.gain_checks import Margins
 from eaid.results.gains import Gains, Robust

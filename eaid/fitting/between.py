@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 from eaid.fitting.step_shapes import fit_step, may_ask
-from eaid.results.fit import FitOptions
+from eaid.options import FitOptions
 from eaid.results.friction import FrictionLevel, LevelIntervals
 from eaid.results.steps import StepShape
 from eaid.steps.stepset import LevelStep, StepSet
@@ -21,7 +21,7 @@ def single_steps(stepset: StepSet, options: FitOptions) -> tuple[StepShape, ...]
     """
     steps = stepset.level_steps
     between = any(0.0 not in (step.from_level, step.level) for step in steps)
-    asked = options.shape != "auto" or options.dead_time_s is not None
+    asked = options.shape != "auto" or options.held_dead_time_s is not None
     return tuple(fit_step(step, options) for step in steps) if between or asked or len(steps) <= FEW else ()
 
 

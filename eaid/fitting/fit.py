@@ -12,16 +12,23 @@ import numpy as np
 from eaid.errors import DataError, UsageError
 from eaid.findings import finding, ranked
 from eaid.fitting import robust
-from eaid.fitting.choices import ALLOWED, check
 from eaid.fitting.data import data_of
 from eaid.fitting.friction import fit_curves, friction_fit, friction_hold_out, missed_levels
 from eaid.fitting.linear import linear_fit
 from eaid.fitting.nonlinear import nonlinear_fit
 from eaid.fitting.release import release_fit
 from eaid.models.parameters import SHARE
+from eaid.options import MODELS, FitOptions
 from eaid.results.common import Input, Source
-from eaid.results.fit import Fit, FitOptions, FittedData, Rig
+from eaid.results.fit import Fit, FittedData, Rig
 from eaid.steps.stepset import Level, StepSet
+
+ALLOWED: dict[str, tuple[str, ...]] = {
+    "clutch": MODELS,
+    "friction-force": ("friction",),
+    "friction-speed": ("friction",),
+}
+"""Models that a kind of experiment can be fitted with."""
 
 
 def fit(stepset: StepSet, options: FitOptions | None = None) -> Fit:
@@ -30,10 +37,9 @@ def fit(stepset: StepSet, options: FitOptions | None = None) -> Fit:
     The nonlinear model is the joint estimate here; no part has intervals yet.
     """
     options = options or FitOptions()
-    check(options)
     if not stepset.levels:
         raise DataError("no rising step was found in the logs; give «step_at», or check the input column")
-    models = chosen(stepset.kind, options.models)
+    models = chosen(stepset.kind, options.model)
     kept, held_out = split(stepset.levels, options.hold_out)
     whole, stepset = stepset, replace(stepset, levels=kept)
     data = data_of(kept)

@@ -16,8 +16,8 @@ from eaid.fitting.verdict import judged
 from eaid.models import friction as model
 from eaid.models.parameters import SHARE, TAU_FLOOR_S
 from eaid.models.parameters import Friction as FrictionCurve
+from eaid.options import FitOptions
 from eaid.results.common import HoldOut, Huber, Solver
-from eaid.results.fit import FitOptions
 from eaid.results.friction import Friction, FrictionLevel, Trend
 from eaid.steps.stepset import Level, StepSet
 

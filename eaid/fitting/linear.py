@@ -18,8 +18,8 @@ from eaid.fitting.samples import decay
 from eaid.fitting.solver import slsqp
 from eaid.models import linear as model
 from eaid.models.parameters import Linear as LinearModel
+from eaid.options import FitOptions
 from eaid.results.common import Huber, Solver
-from eaid.results.fit import FitOptions
 from eaid.results.linear import Bounds, Linear, LinearLevel, Pooled
 from eaid.steps.stepset import Level
 

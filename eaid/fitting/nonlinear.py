@@ -27,8 +27,8 @@ from eaid.fitting.solver import EndPoint, approach, ended, slsqp
 from eaid.fitting.verdict import concluded
 from eaid.models import nonlinear as model
 from eaid.models.parameters import Nonlinear as NonlinearModel
+from eaid.options import FitOptions
 from eaid.results.common import Solver
-from eaid.results.fit import FitOptions
 from eaid.results.nonlinear import Estimate, Nonlinear
 from eaid.steps.stepset import Level
 

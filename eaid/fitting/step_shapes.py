@@ -19,7 +19,7 @@ from eaid.fitting.metrics import quality
 from eaid.fitting.shape_curves import APART, MOST, SHAPES, Shape, curve, overshoots, slopes
 from eaid.fitting.shape_starts import AveragedRecord, averaged, delays_of, starts_of
 from eaid.models.parameters import SHARE
-from eaid.results.fit import FitOptions
+from eaid.options import FitOptions
 from eaid.results.steps import StepShape
 from eaid.steps.noise import block_means, block_noise
 from eaid.steps.stepset import LevelStep
@@ -65,7 +65,7 @@ def fit_step(step: LevelStep, options: FitOptions | None = None) -> StepShape:
     y = step.output - step.start
     points = averaged(step.time_s, y)
     wanted = SHAPES if options.shape == "auto" else (cast(Shape, options.shape),)
-    with_and_without = (False, True) if options.dead_time_s is None else (options.dead_time_s > 0,)
+    with_and_without = (False, True) if options.held_dead_time_s is None else (options.held_dead_time_s > 0,)
     tried = [one for dead in with_and_without for one in _candidates(points, step, options, wanted, dead)]
     best = min(tried, key=lambda one: one.sse)
     left = y - curve(best.p, step.time_s)
@@ -95,7 +95,7 @@ def _candidates(
 ) -> list[_Candidate]:
     """Every shape wanted, fitted from the best places of a grid."""
     window = float(step.time_s[-1])
-    given = options.dead_time_s
+    given = options.held_dead_time_s
     delays = [given or 0.0] if given is not None or not dead else delays_of(points, window)
     found = []
     for shape, starts in starts_of(points, window, delays, options.held_share or SHARE, wanted).items():

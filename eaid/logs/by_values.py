@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 from eaid.errors import DataError
 from eaid.findings import Finding, finding
 from eaid.logs.columns import Roles, kind_of, match_columns, shown
-from eaid.logs.options import ReadOptions
 from eaid.logs.run import Kind
 from eaid.logs.table import Table
 from eaid.logs.units import likely_time_unit
+from eaid.options import ReadOptions
 
 FEWEST = 20
 """Samples below which a column is not said to step."""

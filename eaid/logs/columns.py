@@ -7,10 +7,10 @@ from typing import NamedTuple
 
 from eaid.errors import DataError, UsageError, meant
 from eaid.findings import Finding
-from eaid.logs.options import ReadOptions
 from eaid.logs.run import Kind
 from eaid.logs.table import Table
 from eaid.logs.units import split_name, unit_of, words_of
+from eaid.options import ReadOptions
 from eaid.shown import listed
 
 

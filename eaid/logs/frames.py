@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from eaid.errors import DataError
-from eaid.logs.options import ReadOptions
-from eaid.logs.read import NOTHING_SAID, together
+from eaid.logs.read import PLAIN, together
 from eaid.logs.run import Run
 from eaid.logs.table import Cells, Table
 from eaid.logs.to_run import Origin, run_of
+from eaid.options import ReadOptions
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -20,9 +20,7 @@ RUN = "run"
 """Column of a DataFrame with several runs that tells them apart."""
 
 
-def runs_from_frames(
-    frames: "pd.DataFrame | Mapping[str, pd.DataFrame]", options: ReadOptions = NOTHING_SAID
-) -> list[Run]:
+def runs_from_frames(frames: "pd.DataFrame | Mapping[str, pd.DataFrame]", options: ReadOptions = PLAIN) -> list[Run]:
     """Runs of a DataFrame with a column `run` (without one: a single run), or of {name: DataFrame}.
 
     Parameters

@@ -3,6 +3,7 @@
 import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
@@ -16,33 +17,46 @@ from eaid.logs.dataset import read_dataset
 from eaid.logs.folders import files_of
 from eaid.logs.foreign.ask import ForeignReader
 from eaid.logs.formats import DATASET, format_of, unread
-from eaid.logs.options import ReadOptions
 from eaid.logs.run import Run
 from eaid.logs.text import read_text
 from eaid.logs.to_run import Origin, run_of
 from eaid.logs.together import counted_once, joined, levels_in_names, named_apart, scales_compared
+from eaid.options import ReadOptions
 from eaid.sealed import is_as_written
 
-NOTHING_SAID = ReadOptions()
+PLAIN = ReadOptions()
 
 
-def read_runs(paths: Sequence[Path], options: ReadOptions = NOTHING_SAID) -> list[Run]:
+@dataclass(frozen=True)
+class Hear:
+    """What is called while logs are read."""
+
+    file: Callable[[], None] = lambda: None
+    """After each file."""
+    share: Callable[[str, float], None] = lambda _source, _share: None
+    """How much of a long log is read, from 0 to 1."""
+    run: Callable[[Run], Run] = lambda run: run
+    """Each run of a dataset, before the next is read, so that long ones need not lie in memory together."""
+
+
+UNHEARD = Hear()
+
+
+def read_runs(paths: Sequence[Path], options: ReadOptions = PLAIN, hear: Hear = UNHEARD) -> list[Run]:
     """Runs of all logs, in the order given; raises DataError with a sentence for every fault of every log."""
-    runs, faults = read_what_can_be(paths, options)
+    runs, faults = read_what_can_be(paths, options, hear)
     if faults:
         raise DataError(*faults)
     return runs
 
 
-def read_what_can_be(
-    paths: Sequence[Path], options: ReadOptions, on_file: Callable[[], None] = lambda: None
-) -> tuple[list[Run], list[str]]:
-    """Runs of the good logs, and the faults of the others; `on_file` is called after each file."""
+def read_what_can_be(paths: Sequence[Path], options: ReadOptions, hear: Hear = UNHEARD) -> tuple[list[Run], list[str]]:
+    """Runs of the good logs, and the faults of the others."""
     files = files_of(paths)
 
     def of_file(path: Path) -> tuple[list[Run], list[str]]:
         try:
-            return read_file(path, options, foreign)
+            return read_file(path, options, foreign, hear)
         except DataError as fault:
             return [], list(fault.sentences)
         except OSError as fault:
@@ -57,7 +71,7 @@ def read_what_can_be(
             for of_log, wrong in (pool.map if len(files) > 1 else map)(of_file, files):
                 runs.extend(of_log)
                 faults.extend(wrong)
-                on_file()
+                hear.file()
         except BaseException:
             pool.shutdown(cancel_futures=True)
             raise
@@ -84,7 +98,7 @@ def _refuse_what_does_nothing(runs: Sequence[Run], options: ReadOptions) -> None
         return
     given = {
         "columns": options.columns, "units": options.units, "name_pattern": options.name_pattern,
-        "step_at": options.step_at_s, "until": options.until_s, "variable": options.variable,
+        "step_at": options.step_at, "until": options.until, "variable": options.variable,
         "rate_hz": options.rate_hz, "join": options.join,
     }  # fmt: skip
     said = [name for name, value in given.items() if value is not None and value is not False and value != {}]
@@ -94,7 +108,7 @@ def _refuse_what_does_nothing(runs: Sequence[Run], options: ReadOptions) -> None
         raise UsageError(f"«{useless}»: does nothing on {where}, a dataset, which says all itself; leave it out")
 
 
-def read_file(path: Path, options: ReadOptions, foreign: ForeignReader) -> tuple[list[Run], list[str]]:
+def read_file(path: Path, options: ReadOptions, foreign: ForeignReader, hear: Hear) -> tuple[list[Run], list[str]]:
     """Runs of one file (a dataset holds many), and the faults of its other runs."""
     source = str(path)
     if not path.is_file():
@@ -109,17 +123,17 @@ def read_file(path: Path, options: ReadOptions, foreign: ForeignReader) -> tuple
     sha256 = sha256_of(path)
     origin = Origin(_stem(path), source, sha256, path.name)
     if not form.reader:
-        return [run_of(origin, read_text(path, source, partial(options.tell, source)), options)], []
+        return [run_of(origin, read_text(path, source, partial(hear.share, source)), options)], []
     with foreign.alone:
         if form.name == "HDF5" and (is_as_written(path) is not None or foreign.tables(DATASET, path, source)):
-            return read_dataset(path, source, sha256, partial(_of_dataset, options))
+            return read_dataset(path, source, sha256, lambda run: _of_dataset(options, hear, run))
         tables = foreign.tables(form, path, source)
         return [run_of(origin, tables, options)], []
 
 
-def _of_dataset(options: ReadOptions, run: Run) -> Run:
+def _of_dataset(options: ReadOptions, hear: Hear, run: Run) -> Run:
     _check_level(run)
-    return options.each(_checked_run(run, options))
+    return hear.run(_checked_run(run, options))
 
 
 def _checked_run(run: Run, options: ReadOptions) -> Run:

@@ -1,5 +1,6 @@
 """One table → one run: columns found, rows checked, time from its start, units turned into those of eaid."""
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -16,10 +17,10 @@ from eaid.logs.by_values import chosen_table, steps, the_input
 from eaid.logs.checks import checked, without_moving_steps
 from eaid.logs.clock import TimeScale, seconds_since_start, time_scale
 from eaid.logs.columns import COUNTERS, INPUTS, OUTPUTS, Roles, default_unit
-from eaid.logs.options import ReadOptions
 from eaid.logs.run import INPUT_UNITS, Run
 from eaid.logs.table import Cells, Table
 from eaid.logs.units import LARGEST_NM, Scale, scale_of, split_name, words_of
+from eaid.options import ReadOptions
 
 
 @dataclass(frozen=True)
@@ -109,12 +110,24 @@ class _Log:
         return checked(self.source, named, cells, columns.cells.row, "row", repair, factor)
 
 
+def level_and_repeat(pattern: str | None, name: str) -> tuple[float | None, int | None]:
+    """Level and repeat that the name of a log tells, the pattern being found anywhere in it."""
+    if pattern is None:
+        return None, None
+    parts = re.split(r"\{(level|repeat)\}", pattern)
+    forms = {"level": r"(?P<level>[+-]?\d+(?:[.,]\d+)?)", "repeat": r"(?P<repeat>\d+)"}
+    match = re.search("".join(forms[part] if i % 2 else re.escape(part) for i, part in enumerate(parts)), name)
+    told = match.groupdict() if match else {}
+    level, repeat = told.get("level"), told.get("repeat")
+    return float(level.replace(",", ".")) if level else None, int(repeat) if repeat else None
+
+
 def run_of(origin: Origin, tables: Sequence[Table], options: ReadOptions) -> Run:
     """The run behind the tables of one log; raises DataError with all its faults."""
     source = origin.source
     table, roles = chosen_table(source, tables, options)
     log = _Log(source, table, roles, options)
-    clock, (level, repeat) = log.clock, options.of_name(origin.says)
+    clock, (level, repeat) = log.clock, level_and_repeat(options.name_pattern, origin.says)
     if repeat is not None and repeat > np.iinfo(np.int64).max:
         raise DataError(f"{source}: its repeat, {repeat}, is no count; mend «name_pattern», or rename the log")
     beside = (clock, roles.reference, roles.trigger, roles.position)
@@ -123,7 +136,7 @@ def run_of(origin: Origin, tables: Sequence[Table], options: ReadOptions) -> Run
     if roles.inputs and roles.inputs[0][0] == "clutch":
         del likely[1:]  # the others count only where it stands still
     columns = _Columns(table, [*taken, *likely])
-    known = options.name_pattern is not None or options.step_at_s is not None
+    known = options.name_pattern is not None or options.step_at is not None
     kind, which, findings = the_input(source, table, roles, columns.__getitem__, known)
     if which is not None and which not in likely:
         columns = _Columns(table, [*taken, which])
@@ -170,8 +183,8 @@ def run_of(origin: Origin, tables: Sequence[Table], options: ReadOptions) -> Run
         sha256=origin.sha256,
         level=level if which is None and trigger is None else None,
         repeat=repeat,
-        step_s=_on_clock(options.step_at_s, time_s, start_s),
-        until_s=_on_clock(options.until_s, time_s, start_s),
+        step_s=_on_clock(options.step_at, time_s, start_s),
+        until_s=_on_clock(options.until, time_s, start_s),
         reference_nm=None if roles.reference is None else read_only(columns.kept(roles.reference)),
         position=None if roles.position is None else read_only(columns.kept(roles.position)),
         position_unit="" if roles.position is None else _position_unit(log, roles.position),
@@ -211,7 +224,7 @@ def _of_dropped(log: _Log, columns: _Columns, raw_time: NDArray[Any], lost: Sequ
         return ()
     total = len(raw_time)
     findings = [finding("rows-dropped", log.source, dropped=total - len(columns.keep), count=total)]
-    for row in lost if log.options.step_at_s is None else ():
+    for row in lost if log.options.step_at is None else ():
         at_s = float(raw_time[row]) * log.time_scale.factor
         findings.append(finding("step-row-dropped", log.source, row=columns.cells.row(row), at_s=at_s))
     return tuple(findings)

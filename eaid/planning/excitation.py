@@ -1,19 +1,20 @@
 """A fit and wanted widths → the shortest sequence of inputs for one recording, checked by simulated recordings."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 
+from eaid.declared import keyed, pairs
 from eaid.errors import DataError
 from eaid.findings import finding
-from eaid.limits import check_all
 from eaid.models.parameters import Nonlinear
+from eaid.options import Limits, PlanOptions
 from eaid.planning import played
 from eaid.planning.design import Session
 from eaid.planning.enlarge import Widths, enlarged, finite, kept_widths, over
 from eaid.planning.recordings import refuse_widths
 from eaid.planning.rigs import rig_of
 from eaid.recorded.design import ExcitationPlan, plan_excitation
-from eaid.recorded.sequence import Limits, refuse_scattered
+from eaid.recorded.sequence import refuse_scattered
 from eaid.results.fit import Fit
 from eaid.results.recorded import Excitation
 from eaid.uncertainty.rig_noise import Noise
@@ -22,35 +23,22 @@ SETS, KEEPING = 20, 19 / 21
 """Recordings that are simulated of each sequence, and the probability that a recording keeps a width: 19 of 20 do."""
 
 
-@dataclass(frozen=True)
-class ExcitationOptions:
-    """What is wanted, and what the rig allows."""
-
-    want: Mapping[str, float] = field(default_factory=lambda: {"Ts": 1.0, "tau1": 4.0, "tau2": 13.0})
-    """Half-widths of the 95 % intervals at the worst input [%], of Ts, tau1, tau2."""
-    limits: Limits | None = None
-    """None: the fit's own range of the input, no limit of the rate, rests of 5 s."""
-    check: bool = True
-    """Simulate the recording, and lengthen the sequence until 19 of 20 keep the widths."""
-    seed: int = 0
-
-
 def shortest_recording(
-    fit: Fit, options: ExcitationOptions | None = None, progress: Callable[[], None] = lambda: None
+    fit: Fit, options: PlanOptions | None = None, progress: Callable[[], None] = lambda: None
 ) -> Excitation:
     """The shortest sequence that identifies a fit's plant to the wanted widths: what `eaid.plan_excitation` calls.
 
     `UsageError` for a width of no parameter or one that the scatter keeps out of reach, and for limits that leave
     nothing; `DataError` for a fit without a nonlinear model.
     """
-    options = options or ExcitationOptions()
-    check_all(seed=options.seed)
+    options = options or PlanOptions()
+    options = replace(options, want=options.want or {"Ts": 1.0, "tau1": 4.0, "tau2": 13.0})
     refuse_widths(options.want)
     if fit.nonlinear is None:
         raise DataError("the fit holds no nonlinear model, which a sequence is planned with; fit clutch logs with it")
     rig = rig_of(fit)
     refuse_scattered(rig.noise, options.want)
-    limits = options.limits or Limits(input=fit.plant.u_range, unit=rig.plant.input_unit)
+    limits = limits_of(options, fit.plant.u_range, rig.plant.input_unit)
     plan, rows = sequence_for(fit.plant, rig.noise, options, limits, progress)
     measured = None if rows is None else kept_widths(rows, KEEPING)
     widths = measured or plan.half_width_pct
@@ -64,7 +52,7 @@ def shortest_recording(
                 most_s=plan.time_s, parameter=worst, width_pct=widths[worst], wanted_pct=options.want[worst],
             )
         )  # fmt: skip
-    steps = replace(rig, levels=limits.input).quickest(options.want, Session())
+    steps = replace(rig, levels=limits.duty).quickest(options.want, Session())
     return Excitation(
         seed=options.seed,
         wanted=dict(options.want),
@@ -81,8 +69,15 @@ def shortest_recording(
     )
 
 
+def limits_of(options: PlanOptions, duty: tuple[float, float], unit: str) -> Limits:
+    """What the rig allows; by itself inputs within `duty`."""
+    if isinstance(options.limits, Limits):
+        return options.limits
+    return replace(keyed(Limits, "«limits»", {"duty": duty, **pairs("«limits»", options.limits)}), unit=unit)
+
+
 def sequence_for(
-    p: Nonlinear, noise: Noise, options: ExcitationOptions, limits: Limits, progress: Callable[[], None] = lambda: None
+    p: Nonlinear, noise: Noise, options: PlanOptions, limits: Limits, progress: Callable[[], None] = lambda: None
 ) -> tuple[ExcitationPlan, list[Widths] | None]:
     """A sequence, and the widths of simulated recordings; longer until 19 of 20 keep what is wanted."""
 

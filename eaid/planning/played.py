@@ -6,11 +6,11 @@ import numpy as np
 
 from eaid.logs.run import Run
 from eaid.models.parameters import Nonlinear
+from eaid.options import FitOptions
 from eaid.planning.enlarge import Widths
 from eaid.planning.simulated import RATE_HZ, disturbance_of, rotor_hz
 from eaid.recorded.design import ExcitationPlan
 from eaid.recorded.fit import fit_recorded
-from eaid.recorded.options import RecordedOptions
 from eaid.recorded.sequence import PARAMETERS
 from eaid.results.fit import Fit
 from eaid.synth.disturbance import Disturbance, measured, sample_times, scatter
@@ -50,11 +50,11 @@ def measure(
     progress: Callable[[], None] = lambda: None,
 ) -> list[Widths]:
     """Half-widths [%] at the worst duty of every recording's own intervals."""
-    options = RecordedOptions(models=("nonlinear",), u_range=p.u_range, share=p.C, falls="as-rises", loop_refits=0)
+    options = FitOptions(model=("nonlinear",), duty=p.u_range, share=p.C)
     rows = []
     for k in range(sets):
         run = recording(plan, p, disturbance_of(noise), seed + 7919 * k, ripple_hz=rotor_hz(noise))
-        rows.append(widths(fit_recorded([run], options)))
+        rows.append(widths(fit_recorded([run], options, falls=False, loop_refits=0)))
         progress()
     return rows
 

@@ -1,14 +1,14 @@
 """A fit and the interval widths that are wanted → the session to record: levels, holds, repeats, order."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
 
 from eaid.errors import UsageError
 from eaid.findings import Finding, Value, finding
-from eaid.limits import check_all
+from eaid.options import PlanOptions
 from eaid.planning import simulated
 from eaid.planning.design import PARAMETERS, Experiment, Session
 from eaid.planning.enlarge import Widths, enlarged, finite, kept_widths, over
@@ -22,33 +22,13 @@ NOTICED = 0.01
 """Scatter from run to run that is named as what stands in the way of a width."""
 
 
-@dataclass(frozen=True)
-class PlanOptions:
-    """What is wanted, and what the rig allows."""
-
-    want: Mapping[str, float] = field(default_factory=lambda: {"Ts": 3.0, "tau1": 5.0, "tau2": 10.0})
-    """Half-widths of the 95 % intervals at the worst level [%], of Ts, tau1, tau2."""
-    idle_s: float = 10.0
-    """Input 0 before each step."""
-    release_s: float = 10.0
-    """Input 0 after each step, recorded."""
-    longest_hold_s: float = 120.0
-    most_levels: int = 12
-    check: bool = True
-    """Simulate the experiment, and enlarge it until four of five recordings keep the widths."""
-    seed: int = 0
-
-
 def plan_recordings(fit: Fit, options: PlanOptions | None = None, progress: Callable[[], None] = lambda: None) -> Plan:
     """The quickest session on the rig whose intervals are as narrow as is wanted: what `eaid.plan` calls.
 
     `UsageError` for a width of no parameter or a limit that no rig has; `DataError` for a fit without a model of steps.
     """
     options = options or PlanOptions()
-    check_all(
-        idle=options.idle_s, release=options.release_s, longest_hold=options.longest_hold_s,
-        most_levels=options.most_levels, seed=options.seed,
-    )  # fmt: skip
+    options = replace(options, want=options.want or {"Ts": 3.0, "tau1": 5.0, "tau2": 10.0})
     refuse_widths(options.want)
     rig = rig_of(fit)
     session = Session(options.idle_s, options.release_s, options.most_levels, options.longest_hold_s)

@@ -16,7 +16,6 @@ from eaid.recorded.bias import CurveBias, bias_finding, bias_of
 from eaid.recorded.late import follows_output
 from eaid.recorded.law import Law, law_of, nearest_law, simulated
 from eaid.recorded.log import RecordedLog
-from eaid.recorded.options import RecordedOptions
 from eaid.recorded.solve import Solved, model_of
 from eaid.results.recorded import Bias, Loop
 
@@ -25,15 +24,15 @@ OTHERWISE = 1.5
 
 
 def judged_loops(
-    base: Solved, logs: Sequence[RecordedLog], options: RecordedOptions
+    base: Solved, logs: Sequence[RecordedLog], refits: int, seed: int
 ) -> tuple[tuple[Loop, ...], list[Finding], CurveBias | None]:
     """Every log of a closed loop, what is to be said of it, and the bias of a direct fit."""
     loops: list[Loop] = []
     found: list[Finding] = []
     laws = [law_of(log) for log in logs]
     bias = None
-    if base.instruments is None and options.loop_refits > 0 and any(law is not None for law in laws):
-        bias = bias_of(base, laws, options.loop_refits, options.seed)
+    if base.instruments is None and refits > 0 and any(law is not None for law in laws):
+        bias = bias_of(base, laws, refits, seed)
         found.append(bias_finding(bias.mean))
     for k, (log, law) in enumerate(zip(logs, laws, strict=True)):
         if log.reference is None:

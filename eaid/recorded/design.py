@@ -19,6 +19,7 @@ import numpy as np
 
 from eaid.arrays import Array
 from eaid.models.parameters import Nonlinear
+from eaid.options import Limits
 from eaid.recorded import model
 from eaid.recorded.problem import Setup
 from eaid.recorded.residual_noise import engagements
@@ -26,7 +27,6 @@ from eaid.recorded.sequence import (
     MOST_ENGAGEMENTS,
     PARAMETERS,
     HoldSequence,
-    Limits,
     breaks_of,
     check,
     drive_of_sequence,
@@ -70,7 +70,7 @@ def plan_excitation(
     p: Nonlinear, noise: Noise, wanted: Mapping[str, float], limits: Limits | None = None, seed: int = 0
 ) -> ExcitationPlan:
     """The shortest sequence for half-widths of `wanted` percent at the worst duty, or the best of the longest."""
-    limits = limits or Limits(input=p.u_range)
+    limits = limits or Limits(duty=p.u_range)
     check(limits, wanted)
     draw = np.random.default_rng(seed)
     judge = Judge(p, noise, dict(wanted), limits)
@@ -116,7 +116,7 @@ class Judge:
 
     def random(self, segments: int, draw: np.random.Generator) -> HoldSequence:
         """Levels in random order, both ends often, holds log-uniform."""
-        low, high = self.limits.input
+        low, high = self.limits.duty
         levels = np.linspace(low, high, LEVELS)
         order = np.concatenate([draw.permutation(levels) for _ in range(-(-segments // LEVELS))])[:segments]
         shortest, longest = np.log(self.limits.hold_s).tolist()
@@ -184,7 +184,7 @@ class Judge:
     @cached_property
     def slopes(self) -> Array:
         """Derivatives of log T_s, log τ1, log τ2 at the duties by the unknowns, (3, DUTIES, n)."""
-        slopes = self.model.slopes(np.linspace(*self.limits.input, DUTIES), len(self.unknowns))
+        slopes = self.model.slopes(np.linspace(*self.limits.duty, DUTIES), len(self.unknowns))
         return slopes / (slopes @ self.unknowns)[:, :, None]
 
     @cached_property
@@ -196,7 +196,7 @@ class Judge:
     @cached_property
     def model(self) -> model.Model:
         """The nonlinear model over the duties that the limits allow."""
-        return model.nonlinear(np.linspace(*self.limits.input, 11), self.p.C, 1e3)
+        return model.nonlinear(np.linspace(*self.limits.duty, 11), self.p.C, 1e3)
 
     def ratios(self, sequence: HoldSequence) -> Array:
         """Widths over the wanted ones, of those that are wanted, flat."""
@@ -219,7 +219,7 @@ class Judge:
 
     def improved(self, sequence: HoldSequence) -> HoldSequence:
         """Levels and holds exchanged one after another while that lowers the price, and `EFFORT` lasts."""
-        levels = np.linspace(*self.limits.input, LEVELS)
+        levels = np.linspace(*self.limits.duty, LEVELS)
         holds = np.geomspace(*self.limits.hold_s, HOLDS)
         price, left = self.price(sequence), EFFORT // len(sequence.hold_s)
         for _ in range(SWEEPS):

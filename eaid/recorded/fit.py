@@ -15,6 +15,7 @@ from eaid.errors import UsageError
 from eaid.findings import finding, ranked
 from eaid.logs.run import Run
 from eaid.models.parameters import Linear as Eq8
+from eaid.options import FitOptions
 from eaid.recorded import checks, model
 from eaid.recorded.as_results import (
     data_part,
@@ -34,11 +35,10 @@ from eaid.recorded.intervals import spread
 from eaid.recorded.late import delay_findings
 from eaid.recorded.log import RecordedLog, logs_of_steps, recorded_log
 from eaid.recorded.log_results import log_parts
-from eaid.recorded.options import RecordedOptions, check
 from eaid.recorded.problem import setup_of
 from eaid.recorded.scatter import scatter_findings
 from eaid.recorded.solve import model_of, solve
-from eaid.results.fit import Fit, FitOptions
+from eaid.results.fit import Fit
 from eaid.results.recorded import Recorded
 from eaid.steps.stepset import StepSet
 from eaid.uncertainty import workflow
@@ -47,9 +47,7 @@ FRICTION_LEVELS = 20
 """Levels that are fitted by themselves, at most."""
 
 
-def fit_whole(
-    stepset: StepSet, options: FitOptions, duty: tuple[float, float] | None = None, instrument: bool = False
-) -> Fit:
+def fit_whole(stepset: StepSet, options: FitOptions) -> Fit:
     """Fit the recorded logs of a set with its steps, with the options of step fits.
 
     Raises
@@ -63,33 +61,34 @@ def fit_whole(
         raise UsageError(f"«loss» {options.loss}: logs fitted as recorded take squares; or say «logs_as» steps")
     if options.hold_out:
         raise UsageError("«hold_out»: logs fitted as recorded hold no single levels; or say «logs_as» steps")
-    how = RecordedOptions(
-        models=options.models,
-        share=options.held_share,
-        u_range=duty,
-        rest=float(stepset.reading.get("rest", 0.0)),
-        instrument=instrument,
-        ci="none" if options.ci == "none" else "robust",
-        seed=options.seed,
-    )
-    fit = fit_recorded(stepset.recorded, how, stepset if stepset.levels else None)
+    rest = float(stepset.reading.get("rest", 0.0))
+    fit = fit_recorded(stepset.recorded, options, stepset if stepset.levels else None, rest)
     shapes = workflow.shapes_of(stepset, options)
-    doubts = tuple(doubt for shape in shapes for doubt in shape.findings)
+    of_shapes = tuple(each for shape in shapes for each in shape.findings)
     return msgspec.structs.replace(
-        fit, options=workflow.asked(options, stepset), steps=shapes, findings=ranked((*fit.findings, *doubts))
+        fit, options=workflow.given(options, stepset), steps=shapes, findings=ranked((*fit.findings, *of_shapes))
     )
 
 
 def fit_recorded(
-    runs: Sequence[RecordedLog | Run], options: RecordedOptions | None = None, steps: StepSet | None = None
+    runs: Sequence[RecordedLog | Run],
+    options: FitOptions | None = None,
+    steps: StepSet | None = None,
+    rest: float = 0.0,
+    *,
+    falls: bool = True,
+    loop_refits: int = 12,
 ) -> Fit:
     """Fit recorded logs, with or without ordinary steps.
 
     Parameters
     ----------
-    runs : logs as they were recorded; a `Run` has its input counted from `options.rest`.
-    options : choices, all with defaults.
+    runs : logs as they were recorded; a `Run` has its input counted from `rest`.
+    options : those of every fit.
     steps : step logs of the same clutch, fitted with the others.
+    rest : input at rest, in its own unit.
+    falls : falls get unknowns of their own where the data show that they differ from rises.
+    loop_refits : simulated loops whose refits show the bias of a direct fit of a closed loop; 0: none.
 
     Returns
     -------
@@ -101,31 +100,31 @@ def fit_recorded(
     DataError
         Where no model can be fitted to a log: one sentence for each.
     """
-    options = options or RecordedOptions()
-    check(options)
-    logs = [run if isinstance(run, RecordedLog) else recorded_log(run, options.rest) for run in runs]
+    options = options or FitOptions()
+    share = options.held_share
+    logs = [run if isinstance(run, RecordedLog) else recorded_log(run, rest) for run in runs]
     checks.refuse(logs)
     every = [*logs, *(logs_of_steps(steps) if steps is not None else [])]
-    inputs = inputs_of(every, options.u_range)
+    inputs = inputs_of(every, options.duty)
     found = checks.input_findings(logs, inputs.levels, inputs.stepwise)
     rests = any(log.starts_idle or bool((log.input == 0).any()) or log.baseline is not None for log in every)
     if not rests:
         found += [finding("idle-not-seen", log.name) for log in logs]
     spans = [log.dt_s[:-1] for log in every]
     longest, shortest = max(float(one.sum()) for one in spans), float(np.median(np.concatenate(spans)))
-    wanted = options.models or ("friction", "nonlinear", "linear")
+    wanted = options.model or ("friction", "nonlinear", "linear")
 
-    setup = setup_of(model.nonlinear(inputs.basis, options.share, longest), every, rests)
+    setup = setup_of(model.nonlinear(inputs.basis, share, longest), every, rests)
     base = solve(setup)
-    falls = tested(base, inputs.stepwise) if options.falls == "auto" else None
-    if falls is not None:
-        base = falls.solved
-        found += falls.findings
+    tested_falls = tested(base, inputs.stepwise) if falls else None
+    if tested_falls is not None:
+        base = tested_falls.solved
+        found += tested_falls.findings
     if options.instrument and any(log.reference is not None for log in logs):
         base = with_instrument(base, logs)
     if not base.solver.converged:
         found.append(finding("recorded-not-converged", "nonlinear", predicted_decrease=base.solver.predicted_decrease))
-    loops, of_loops, bias = judged_loops(base, logs, options)
+    loops, of_loops, bias = judged_loops(base, logs, loop_refits, options.seed)
     found += of_loops
     uncertainty, known = None, None
     if options.ci != "none":
@@ -140,11 +139,11 @@ def fit_recorded(
         solved = solve(replace(setup, model=model.linear(inputs.basis, shortest, longest)))
         linear = linear_part(solved, base, inputs.basis)
         line = Eq8(linear.a0, linear.b0, linear.c0)
-    if "friction" in wanted and inputs.stepwise and len(inputs.levels) <= FRICTION_LEVELS and options.share is not None:
-        solved = solve(replace(setup, model=model.friction(inputs.levels, options.share, longest)))
-        by_level = tested_by_level(solved, () if falls is None else falls.kept)
+    if "friction" in wanted and inputs.stepwise and len(inputs.levels) <= FRICTION_LEVELS and share is not None:
+        solved = solve(replace(setup, model=model.friction(inputs.levels, share, longest)))
+        by_level = tested_by_level(solved, () if tested_falls is None else tested_falls.kept)
         friction = friction_part(by_level.solved)
-        found += by_level.findings if falls is not None else ()
+        found += by_level.findings if tested_falls is not None else ()
     return Fit(
         findings=ranked(found),
         seed=options.seed,
@@ -153,14 +152,14 @@ def fit_recorded(
         nonlinear=nonlinear_part(base, uncertainty, known, inputs.shown) if "nonlinear" in wanted else None,
         linear=linear,
         friction=friction,
-        release=None if falls is None else release_part(base, falls.falls),
+        release=None if tested_falls is None else release_part(base, tested_falls.falls),
         uncertainty=None if uncertainty is None else uncertainty_part(base, uncertainty),
         recorded=Recorded(
             logs=log_parts(base, logs),
             steps=len(every) - len(logs),
             u_range=(inputs.low, inputs.high),
             asked=() if known is None else asked(known, every),
-            falls=None if falls is None else falls.falls,
+            falls=None if tested_falls is None else tested_falls.falls,
             friction_falls=None if by_level is None else by_level.falls,
             loops=loops,
             responses=responses(logs, model_of(base), line),

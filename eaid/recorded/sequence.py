@@ -10,6 +10,7 @@ import numpy as np
 
 from eaid.arrays import Array
 from eaid.errors import UsageError
+from eaid.options import Limits
 from eaid.recorded.drive import Drive
 from eaid.uncertainty.rig_noise import Noise
 from eaid.uncertainty.student_t import t_quantile
@@ -24,28 +25,6 @@ COARSE = 4
 """Steps of a ramp while sequences are compared; the one that is taken has steps of `RAMP_S`."""
 FULL_DUTY = 100.0
 """Highest input of a rig in %."""
-
-
-@dataclass(frozen=True)
-class Limits:
-    """What the rig allows."""
-
-    input: tuple[float, float] = (10.0, 100.0)
-    """Lowest and highest input above rest."""
-    rate_per_s: float = 0.0
-    """Fastest change of the input [its unit/s]; 0: any."""
-    hold_s: tuple[float, float] = (0.3, 30.0)
-    """Shortest and longest hold."""
-    rest_s: float = 5.0
-    """Length of a return to rest, and of the rest before the first level."""
-    engagements: int = 4
-    """Stretches under load between rests, at least: their scatter is to be seen."""
-    work_s: float = 0.0
-    """Longest stretch under load [s]; 0: any."""
-    longest_s: float = 3600.0
-    """Longest sequence that is looked for."""
-    unit: str = "%"
-    """Of the input."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,20 +43,23 @@ class HoldSequence:
 def check(limits: Limits, wanted: Mapping[str, float]) -> None:
     """Refuse limits and widths that mean nothing."""
     faults = []
-    low, high = limits.input
+    low, high = limits.duty
     if not 0 < low < high < np.inf:
-        faults.append(f"«duty» {low:g}:{high:g}: give two inputs that rise, above 0")
+        faults.append(f"«limits» duty {low:g}:{high:g}: give two inputs that rise, above 0")
     elif limits.unit == "%" and high > FULL_DUTY:
-        faults.append(f"«duty» {low:g}:{high:g}: a duty ends at 100 %")
+        faults.append(f"«limits» duty {low:g}:{high:g}: a duty ends at 100 %")
     if not 0 < limits.hold_s[0] < limits.hold_s[1]:
-        faults.append(f"«hold» {limits.hold_s[0]:g}:{limits.hold_s[1]:g}: give the shortest and the longest hold")
+        faults.append(
+            f"«limits» hold_s {limits.hold_s[0]:g}:{limits.hold_s[1]:g}: give the shortest and the longest hold"
+        )
     if 0 < limits.rate_per_s * limits.hold_s[1] < high:
         faults.append(
-            f"«rate» {limits.rate_per_s:g}: a change to {high:g} takes {high / limits.rate_per_s:g} s, more than the "
-            "longest hold; give a faster rate or a longer «hold»"
+            f"«limits» rate_per_s {limits.rate_per_s:g}: a change to {high:g} takes {high / limits.rate_per_s:g} s, more than "
+            "the "
+            "longest hold; give a faster rate or a longer hold"
         )
     if limits.rest_s < 0 or limits.rate_per_s < 0 or limits.work_s < 0 or limits.engagements < 1:
-        faults.append("«rest», «rate» and «work» are 0 or more, and there is one engagement at least")
+        faults.append("«rest», «limits» rate_per_s and «work» are 0 or more, and there is one engagement at least")
     for name, width in wanted.items():
         if name not in PARAMETERS or not 0 < width < 100:
             faults.append(f"«want» {name}={width:g}: write a parameter of {', '.join(PARAMETERS)} and a percentage")

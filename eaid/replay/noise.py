@@ -21,9 +21,9 @@ import numpy as np
 from eaid.control.defaults import scales_of
 from eaid.control.plant import plant_of
 from eaid.errors import DataError
+from eaid.options import TuneOptions
 from eaid.replay.rig import Rig
 from eaid.results.fit import Fit
-from eaid.results.tuning import TuneOptions
 from eaid.steps.stepset import StepSet
 
 USUAL_NOISE_NM = 0.01

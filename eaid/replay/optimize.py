@@ -39,7 +39,6 @@ from eaid.replay.plant import PlantParameters, plant_parameters
 from eaid.replay.references import Reference
 from eaid.replay.rig import Rig
 from eaid.results.gain_checks import Candidate
-from eaid.results.tuning import ALSO
 
 RANGES = {"p_scale": 30.0, "epsilon": 10.0, "phi_honest_pct": 10.0, "frequency": 5.0, "b-hat": 3.0}
 """Each parameter is scattered over the start's value times and through this factor."""

@@ -9,7 +9,6 @@ import pandas
 
 from eaid.arrays import Array, read_only
 from eaid.errors import DataError, UsageError
-from eaid.limits import MOST_SAMPLES
 
 STEP_LEVELS_NM = (0.0, 1.0, 2.0, 3.0, 4.0, 3.0, 2.0, 1.0, 0.0)
 """Fig. 11: 0…4 N·m up and down."""
@@ -34,6 +33,9 @@ TONE_PERIODS = 2
 
 Signal = tuple[Array, Array]
 """Time [s] and output, shapes (n,) each."""
+
+MOST_SAMPLES = 20_000_000
+"""Most control samples of one replay."""
 
 
 @dataclass(frozen=True)

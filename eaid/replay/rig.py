@@ -1,48 +1,12 @@
-"""What a rig adds to the model, each effect off unless it is asked for.
-
-In the order a sample meets them: rotor ripple is torque that is really there, T = (x1 + x2)(1 + r sin 2πft); the
-torque sensor's first-order low-pass sees that torque; noise is added to what the sensor gives; the controller reads
-the sum at t_k; its duty is rounded to the resolution of the output, waits `delay_samples`, and is latched at the next
-start of a PWM period.
-"""
+"""What a rig adds to the model, each effect off unless it is asked for."""
 
 import math
-from dataclasses import dataclass, fields
 from typing import NamedTuple
 
 import numpy as np
 
 from eaid.arrays import Array
-from eaid.limits import check_all
-
-
-@dataclass(frozen=True)
-class Rig:
-    """The rig's own effects; the default is none of them but saturation."""
-
-    noise_nm: float = 0.0
-    """Standard deviation of the noise on the measured torque [N·m]."""
-    noise_correlation_s: float = 0.0
-    """Time in which the noise forgets itself [s], e^(−t/·); 0: white."""
-    noise_coloured_share: float = 1.0
-    """Share of the noise's power that has this memory; the rest is white."""
-    ripple_pct: float = 0.0
-    """Amplitude of the rotor ripple, in percent of the torque."""
-    ripple_hz: float = 1.0 / 6.0
-    """Frequency of the ripple [Hz]; once per turn at 10 RPM by default."""
-    sensor_hz: float = 0.0
-    """Corner of the torque sensor's low-pass [Hz]; 0: none."""
-    delay_samples: int = 0
-    """Control samples between a reading and its duty."""
-    pwm_hz: float = 0.0
-    """Rate at which the duty is latched [Hz], once per PWM period; 0: at every control sample."""
-    duty_bits: int = 0
-    """Resolution of the duty [bit], 2^bits values from 0 to the highest duty; 0: unlimited."""
-    saturation: bool = True
-    """Duty kept within its limits. Without, the controllers ask for more, and the plant keeps its edge values."""
-
-    def __post_init__(self) -> None:
-        check_all(**{field.name: getattr(self, field.name) for field in fields(self) if field.name != "saturation"})
+from eaid.options import Rig
 
 
 class RigNumbers(NamedTuple):

@@ -8,9 +8,9 @@ from eaid.control.plant import plant_of, why_not
 from eaid.errors import DataError, UsageError
 from eaid.findings import Finding, finding
 from eaid.models.parameters import Linear
+from eaid.options import SimulateOptions
 from eaid.replay.controllers import Controller, Knowledge, controller
 from eaid.replay.noise import with_residual_noise
-from eaid.replay.options import SimulateOptions
 from eaid.replay.plant import PlantParameters, perturbed, plant_parameters
 from eaid.replay.rig import Rig
 from eaid.results.fit import Fit
@@ -52,8 +52,8 @@ def set_up(
         pi_gains(gains),
         input_limits(fit) if gains is None else gains.duty_limits_pct,
     )
-    names, findings = _names(options.controllers, what, known)
-    rig = with_residual_noise(options.rig, fit) if options.residual_noise else options.rig
+    names, findings = _names(options.controller, what, known)
+    rig = with_residual_noise(options.rig, fit) if options.noise is not None else options.rig
     rate_hz = options.rate_hz or (1000.0 if scales.paper or is_duty(fit) else fit.data.sample_rate_hz or 1000.0)
     if fit.dead_time_s > 0 and rig.delay_samples == 0:
         rig = replace(rig, delay_samples=round(fit.dead_time_s * rate_hz))
@@ -62,7 +62,7 @@ def set_up(
     findings += [finding("plant-not-identifiable", "nonlinear", why=why)] if why else []
     if gains is not None and gains.unidentified:
         findings.append(finding("gains-not-identifiable", "gains", why=gains.unidentified))
-    plant = plant_parameters(perturbed(model, options.perturb))
+    plant = plant_parameters(perturbed(model, options.perturb or {}))
     chosen = tuple(controller(name, known) for name in names)
     return Setup(fit, plant, known, chosen, rig, options, 1.0 / rate_hz), findings
 

@@ -10,9 +10,9 @@ from eaid.control.plant import plant_of, why_not
 from eaid.errors import DataError, UsageError
 from eaid.findings import ranked
 from eaid.logs.run import Run
+from eaid.options import SimulateOptions
 from eaid.progress import Progress, no_progress
 from eaid.replay.compare import compared
-from eaid.replay.options import SimulateOptions, refuse_several
 from eaid.replay.references import Signal
 from eaid.replay.rehab import MODES, rehabilitate
 from eaid.replay.rehab_statistics import record as record_session
@@ -38,7 +38,6 @@ def simulate(
     Raises DataError where the fit holds no plant or a run has other units than the fit, UsageError where options do
     nothing here or contradict each other.
     """
-    refuse_several(options.scenario, reference, runs)
     what = "log" if runs is not None else "reference" if reference is not None else options.scenario or "multisine"
     options.check_for(what)
     scales = scales_of(fit, plant_of(fit))

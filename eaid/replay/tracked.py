@@ -7,7 +7,6 @@ import numpy as np
 
 from eaid.errors import UsageError
 from eaid.findings import Finding, finding
-from eaid.limits import MOST_STEPS
 from eaid.progress import Progress
 from eaid.replay.best import best as best_of
 from eaid.replay.guarantee_watch import watch
@@ -25,6 +24,9 @@ from eaid.uncertainty.draw import draw, drawable
 UNSEEN = 0.01
 """Share of the samples that may lie outside what was identified without a word."""
 Outcome = tuple[dict[str, Record], Head, list[Finding]]
+
+MOST_STEPS = 1_000_000_000
+"""Most control samples over all drawn plants."""
 
 
 def tracked(setup: Setup, wanted: Reference, gains: Gains | None, progress: Progress) -> Outcome:

@@ -28,6 +28,7 @@ from eaid.errors import DataError
 from eaid.findings import Finding, finding, ranked
 from eaid.models.nonlinear import steady_torque
 from eaid.models.parameters import Nonlinear
+from eaid.options import TuneOptions
 from eaid.progress import Progress, no_progress
 from eaid.replay.controllers import pi_controller, rc_controller
 from eaid.replay.noise import noise_of
@@ -38,7 +39,6 @@ from eaid.replay.scenarios import reference_of, replayed
 from eaid.results.fit import Fit
 from eaid.results.gain_checks import Optimized, Replayed
 from eaid.results.gains import Gains, Guarantee
-from eaid.results.tuning import TuneOptions
 from eaid.steps.stepset import StepSet
 from eaid.uncertainty.draw import draw, drawable
 
@@ -78,7 +78,7 @@ def tune(
         settled = with_own_layer(fit, settled, scales, bounds, plant)
     findings: list[Finding] = _of_the_rig(fit, scales, settled)
     found = None
-    if options.searches:
+    if options.optimize:
         settled, found, more = _searched(fit, options, settled, plant, logs, wanted, reference_name, progress, judge)
         findings += more
     gains = design(fit, settled, logs, slope if given else None)

@@ -15,9 +15,9 @@ from eaid.errors import DataError, UsageError
 from eaid.files import sha256_of
 from eaid.findings import Finding, say
 from eaid.logs.hdf import open_hdf5
-from eaid.logs.options import ReadOptions
-from eaid.logs.read import read_runs
+from eaid.logs.read import Hear, read_runs
 from eaid.logs.run import Run
+from eaid.options import ReadOptions
 from eaid.replay import files as replay_files
 from eaid.replay.controllers import CONTROLLERS
 from eaid.report.edge_logs import is_whole
@@ -29,7 +29,6 @@ from eaid.results.fit import Fit
 from eaid.results.gains import Gains
 from eaid.results.replay import Replay
 from eaid.steps.build import build_stepset
-from eaid.steps.cut_runs import StepOptions
 from eaid.steps.stepset import StepSet
 
 
@@ -90,10 +89,10 @@ def _read_data(path: Path) -> tuple[StepSet, tuple[Finding, ...]]:
         run, every[run.name] = shortened(run, count)
         return run
 
-    runs = read_runs([path], ReadOptions(each=short))
+    runs = read_runs([path], hear=Hear(run=short))
     whole = tuple(run for run in runs if is_whole(run))
     if len(whole) < len(runs):
-        steps = as_recorded(build_stepset([run for run in runs if not is_whole(run)], StepOptions()), every)
+        steps = as_recorded(build_stepset([run for run in runs if not is_whole(run)], ReadOptions()), every)
         return replace(steps, recorded=whole), ()
     first = whole[0]
     rig = first.apparatus or Apparatus()

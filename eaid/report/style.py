@@ -14,8 +14,6 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from eaid.report.options import COLUMN_IN, PAGE_IN
-
 DPI = 300
 SMALLEST_PT = 8.0
 """No letter of a figure is smaller at its printed size [pt]; indices of symbols follow their letter."""
@@ -25,9 +23,9 @@ SMALLEST_PT = 8.0
 class Look:
     """What a journal prescribes: widths and letters of a figure."""
 
-    column_in: float = COLUMN_IN
+    column_in: float = 3.5
     """Width of a figure of one column [in]."""
-    page_in: float = PAGE_IN
+    page_in: float = 7.16
     """Width of a figure of both columns [in]."""
     font: str = "DejaVu Sans"
 

@@ -8,10 +8,10 @@ from pathlib import Path
 
 from eaid.errors import UsageError
 from eaid.files import all_written_whole
+from eaid.options import ReportOptions
 from eaid.report.catalogue import FIGURES
 from eaid.report.draw import draw_all, font_of, formats_of, ready_figures
 from eaid.report.mark import mark_of
-from eaid.report.options import USUAL, ReportOptions
 from eaid.report.page.render import page
 from eaid.report.pictures import summary_pictures
 from eaid.report.results import Given, Results, gathered
@@ -22,7 +22,7 @@ from eaid.results.gains import Gains
 from eaid.results.replay import Replay
 from eaid.steps.stepset import StepSet
 
-PAGE, FOLDER = "report.html", "figures"
+FILE, FOLDER = "report.html", "figures"
 
 
 @dataclass(frozen=True)
@@ -38,7 +38,8 @@ class Report:
 def write_report(
     results: "Results | Sequence[Fit | Gains | Replay | StepSet | Coupling | Given[object]]",
     output_dir: str | os.PathLike[str],
-    options: ReportOptions = USUAL,
+    options: ReportOptions | None = None,
+    force: bool = False,
     done: Callable[[], None] = lambda: None,
 ) -> Report:
     """Write `output_dir`/report.html and `output_dir`/figures, all of it or nothing.
@@ -50,7 +51,9 @@ def write_report(
     output_dir
         Folder that is made where it is not there; its parent has to be.
     options
-        Formats, widths and letters of the figures; `force` to write over a report.
+        Formats, widths and letters of the figures.
+    force
+        Write over a report.
     done
         Called after each figure.
 
@@ -59,31 +62,29 @@ def write_report(
     UsageError
         Where the folder holds a report and `force` is not given, or an option names what is not there.
     """
+    options = options or ReportOptions()
     given = replace(results if isinstance(results, Results) else gathered(results), paper=options.paper)
     folder = Path(output_dir)
-    formats = formats_of(options.formats)
-    for name, width in (("column_in", options.column_in), ("page_in", options.page_in)):
-        if not 2 <= width <= 40:
-            raise UsageError(f"{name} {width:g}: figures are between 2 and 40 in wide")
-    look = Look(options.column_in, options.page_in, font_of(options.font))
-    refuse_to_overwrite_report(folder, options.force)
+    formats = formats_of(options.format)
+    look = Look(*options.width, font_of(options.font))
+    refuse_to_overwrite_report(folder, force)
     ready, missing = ready_figures(given, options.figures)
     mark = mark_of(given)
     drawn = draw_all(ready, formats, done, look, mark[0] if mark else None)
     pictures = summary_pictures(given, mark[0] if mark else None)
     text = page(given, drawn, pictures, missing if not options.figures else ())
     contents = {f"{FOLDER}/{one.name}.{kind}": held for one in drawn for kind, held in one.files}
-    contents[PAGE] = text.encode("utf-8", errors="replace")
+    contents[FILE] = text.encode("utf-8", errors="replace")
     with _folders(folder, folder / FOLDER):
         paths = [folder / name for name in contents]
-        with all_written_whole(paths, options.force) as parts:
+        with all_written_whole(paths, force) as parts:
             for part, content in zip(parts, contents.values(), strict=True):
                 part.write_bytes(content)
         for old in figures_in(folder):
             if old not in paths:
                 old.unlink()
     named = tuple((row.name, row.made_by) for row in missing if row.made_by)
-    return Report(folder / PAGE, tuple(one.name for one in drawn), named)
+    return Report(folder / FILE, tuple(one.name for one in drawn), named)
 
 
 @contextlib.contextmanager
@@ -107,7 +108,7 @@ def refuse_to_overwrite_report(folder: Path, force: bool) -> None:
     """Leave an existing report alone, its figures too, unless the user says otherwise."""
     if folder.exists() and not folder.is_dir():
         raise UsageError(f"{folder}: is a file; give the report a folder with «output»")
-    held = [folder / PAGE] * (folder / PAGE).exists() + figures_in(folder)
+    held = [folder / FILE] * (folder / FILE).exists() + figures_in(folder)
     if held and not force:
         raise UsageError(f"{held[0]}: exists already; give «force» to overwrite the report, or another «output»")
 

@@ -17,9 +17,10 @@ import msgspec
 from eaid.errors import DataError, in_python
 from eaid.findings import Finding
 from eaid.models.nonlinear import time_constants
-from eaid.models.parameters import SHARE, TAU_FLOOR_S
+from eaid.models.parameters import TAU_FLOOR_S
 from eaid.models.parameters import Linear as LinearModel
 from eaid.models.parameters import Nonlinear as NonlinearModel
+from eaid.options import FitGiven
 from eaid.results import codec
 from eaid.results.common import Count, Input, Number, Positive, Result, Source
 from eaid.results.friction import Friction, FrictionLevel, Release
@@ -71,45 +72,6 @@ class FittedData(Result, frozen=True):
     """What made the data, where no rig did."""
 
 
-class FitOptions(Result, frozen=True):
-    """How a set of steps is fitted; the tables of choices stand in `eaid.fitting.choices`."""
-
-    models: tuple[str, ...] | None = None
-    """Models to fit; None: all that the kind allows."""
-    share: Number | Literal["free"] = SHARE
-    """C, held, or free."""
-    loss: str = "squares"
-    """squares, or huber (1.345 robust standard deviations)."""
-    hold_out: tuple[Number, ...] = ()
-    """Levels that are not fitted; the error on them is reported."""
-    bounds_levels: tuple[Number, ...] | None = None
-    """Levels over which B_m and B_M are taken; None: all that are fitted."""
-    estimator: str = "auto"
-    """joint: all coefficients together, as in the paper. two-stage: each level, then the polynomials through them.
-    auto: the one that the evidence supports."""
-    shape: str = "auto"
-    """Shape of steps between levels: auto (by the evidence), one, two, free or overshoot."""
-    dead_time_s: Number | None = None
-    """Dead time of each single step [s]; None: where the evidence asks for one; 0: none."""
-    ci: str = "robust"
-    """How 95 % intervals are found: robust, bootstrap, white or none."""
-    draws: Count = 300
-    """Refits of the bootstrap."""
-    seed: Count = 0
-    """Of the bootstrap."""
-
-    @property
-    def held_share(self) -> float | None:
-        """C where it is held, None where it is free."""
-        return None if self.share == "free" else self.share
-
-
-class FitAsked(FitOptions, frozen=True):
-    """What was asked for, reading options too, so that it can be done again."""
-
-    reading: dict[str, str | float | bool | None] = {}
-
-
 NOT_IDENTIFIABLE = (
     "one-level-nonlinear",
     "one-level-linear",
@@ -135,7 +97,7 @@ class Fit(Shown, Result, frozen=True):
     True
     """
 
-    options: FitAsked = FitAsked()
+    options: FitGiven = FitGiven()
     command: tuple[str, ...] = ()
     """What was typed to make it, without the output; empty where Python did."""
     seed: int = 0

@@ -9,11 +9,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from eaid.findings import Finding, sentences
+from eaid.options import TuneOptions
 from eaid.results import codec
 from eaid.results.common import Input, Number, Positive, Result
 from eaid.results.gain_checks import Actuator, Margins, Optimized, PhiFromData, Replayed
 from eaid.results.rho import Rho
-from eaid.results.tuning import TuneOptions
 from eaid.shown import Shown
 
 if TYPE_CHECKING:

@@ -6,7 +6,8 @@ from eaid.apparatus import Apparatus
 from eaid.errors import DataError
 from eaid.findings import Finding, finding
 from eaid.logs.run import Kind, Run
-from eaid.steps.cut_runs import NOTHING_SAID, StepOptions, cut_runs, level_steps
+from eaid.options import ReadOptions
+from eaid.steps.cut_runs import cut_runs, level_steps
 from eaid.steps.direction import Direction, direction
 from eaid.steps.doubts import disagreements, doubts
 from eaid.steps.levels import common, grouped, same_level, wanted_levels
@@ -15,6 +16,8 @@ from eaid.steps.sensor import same_ceiling
 from eaid.steps.slip import slip_of_step
 from eaid.steps.step import Step, left_pct, lost_pct
 from eaid.steps.stepset import Level, RunRecord, StepSet
+
+PLAIN = ReadOptions()
 
 
 def _record(step: Step, findings: tuple[Finding, ...]) -> RunRecord:
@@ -46,7 +49,7 @@ def _single(values: set[str], what: str, remedy: str) -> str:
     return next(iter(values))
 
 
-def build_stepset(runs: Sequence[Run], options: StepOptions = NOTHING_SAID) -> StepSet:
+def build_stepset(runs: Sequence[Run], options: ReadOptions = PLAIN) -> StepSet:
     """Step set of runs, cut or not; raises DataError with a sentence for every log that cannot be used."""
     steps, faults = cut_runs(runs, options)
     if faults:
@@ -54,7 +57,7 @@ def build_stepset(runs: Sequence[Run], options: StepOptions = NOTHING_SAID) -> S
     return stepset_of(steps, options)
 
 
-def stepset_of(cut_steps: Sequence[Run], options: StepOptions = NOTHING_SAID) -> StepSet:
+def stepset_of(cut_steps: Sequence[Run], options: ReadOptions = PLAIN) -> StepSet:
     """Step set of runs that are cut already (`cut_runs`)."""
     if not cut_steps:
         raise DataError("no log holds a step; give logs with one")
@@ -72,7 +75,7 @@ def stepset_of(cut_steps: Sequence[Run], options: StepOptions = NOTHING_SAID) ->
         rising, falling = ([pair for pair in group if _among(pair[0], wanted)] for group in (rising, falling))
         runs = [run for run in runs if _among(abs(run.level or 0.0), wanted)]
 
-    signs = direction(runs, options.keep_sign)
+    signs = direction(runs, options.sign == "keep")
     levels, of_rises = _averaged([members for _, members in rising], signs, input_unit)
     releases, of_falls = _averaged([members for _, members in falling], signs)
     _, of_level_steps = _averaged([[run] for run in runs if run.from_level != 0], signs)
@@ -93,7 +96,7 @@ def stepset_of(cut_steps: Sequence[Run], options: StepOptions = NOTHING_SAID) ->
     )
 
 
-def _kind(runs: Sequence[Run], options: StepOptions) -> Kind:
+def _kind(runs: Sequence[Run], options: ReadOptions) -> Kind:
     """The experiment that all logs are of, as the user says, else as their columns say; a clutch where neither does."""
     kinds = {run.kind for run in runs if run.kind is not None}
     if options.kind is None and len(kinds) > 1:
@@ -101,7 +104,7 @@ def _kind(runs: Sequence[Run], options: StepOptions) -> Kind:
     return options.kind or next(iter(kinds), None) or "clutch"
 
 
-def _apparatus(runs: Sequence[Run], options: StepOptions, kind: Kind) -> Apparatus:
+def _apparatus(runs: Sequence[Run], options: ReadOptions, kind: Kind) -> Apparatus:
     """The one rig that all logs are of."""
     rigs = {run.apparatus for run in runs if run.apparatus is not None}
     if options.apparatus is None and len(rigs) > 1:

@@ -6,15 +6,15 @@ apart, are a gain Δy/Δu and a response to which a curve of `eaid.fitting.step_
 
 from collections import Counter, defaultdict
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
-from eaid.apparatus import Apparatus
 from eaid.arrays import read_only
 from eaid.errors import DataError
 from eaid.findings import Finding, finding, stops
-from eaid.logs.run import Kind, Run
-from eaid.steps.baseline import BaselineRule
-from eaid.steps.cut import AUTO, cut
+from eaid.logs.run import Run
+from eaid.options import ReadOptions
+from eaid.steps.baseline import baseline_rule
+from eaid.steps.cut import cut
 from eaid.steps.plateaus import FEWEST
 from eaid.steps.step import Step
 from eaid.steps.stepset import LevelStep
@@ -26,26 +26,6 @@ START_ASSUMED = ("step-at-first-sample", "no-rest-before-step")
 """Findings of steps whose start is that of their first samples."""
 
 
-@dataclass(frozen=True)
-class StepOptions:
-    """Settings of `build_stepset`."""
-
-    kind: Kind | None = None
-    levels: str | None = None
-    """`30:100` or `30,40,90`: levels to keep."""
-    baseline: BaselineRule = AUTO
-    """The value from which each step is counted."""
-    rest: float = 0.0
-    """Input at rest, in the input's unit: levels are counted from it."""
-    apparatus: Apparatus | None = None
-    """The rig; None: as the dataset says, else the paper's."""
-    keep_sign: bool = False
-    """Never turn the sign of an output that falls at its step."""
-
-
-NOTHING_SAID = StepOptions()
-
-
 def from_rest(run: Run, rest: float) -> Run:
     """A log whose input is counted from its value at rest; a run that is cut already stays as it is."""
     if rest == 0.0 or run.cut or not run.has_input:
@@ -54,13 +34,13 @@ def from_rest(run: Run, rest: float) -> Run:
     return replace(run, input=read_only(run.input - rest), findings=(*run.findings, said))
 
 
-def cut_runs(runs: Sequence[Run], options: StepOptions) -> tuple[list[Run], list[str]]:
+def cut_runs(runs: Sequence[Run], options: ReadOptions) -> tuple[list[Run], list[str]]:
     """The steps of all logs, repeats counted, and the faults of those that have none."""
     steps: list[Run] = []
     faults: list[str] = []
     for run in runs:
         try:
-            of_log = cut(from_rest(run, options.rest), options.baseline)
+            of_log = cut(from_rest(run, options.rest), baseline_rule(options.baseline))
             if run.cut:
                 _check_window(run)
             steps.extend(of_log if run.cut else _long_enough(of_log))
@@ -69,12 +49,12 @@ def cut_runs(runs: Sequence[Run], options: StepOptions) -> tuple[list[Run], list
     return _counted(steps), faults
 
 
-def settled_steps(runs: Sequence[Run], options: StepOptions) -> tuple[LevelStep, ...]:
+def settled_steps(runs: Sequence[Run], options: ReadOptions) -> tuple[LevelStep, ...]:
     """The changes of input between settled holds in logs that are not cut otherwise; none of a log without steps."""
     steps: list[Run] = []
     for run in runs:
         try:
-            steps += cut(from_rest(run, options.rest), options.baseline)
+            steps += cut(from_rest(run, options.rest), baseline_rule(options.baseline))
         except DataError:
             continue
     settled = [step for step in steps if _samples(step) >= FEWEST and not stops(step.findings)]

@@ -11,7 +11,7 @@ The input is sampled at the rate of the log and held between samples; the states
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -19,8 +19,8 @@ from eaid.arrays import Array
 from eaid.control.design import PAPER_PI
 from eaid.control.pi import PIGains
 from eaid.errors import UsageError
-from eaid.limits import faults_of
 from eaid.logs.run import Run
+from eaid.options import Excitation
 from eaid.replay.controllers import Controller, pi_controller
 from eaid.replay.plant import perturbed
 from eaid.synth.disturbance import Disturbance, check, digits, measured, noise, scatter
@@ -30,36 +30,6 @@ from eaid.synth.plants import Plant
 LOOPED = "closed-loop"
 PAPER_REFERENCE_NM = (0.6, 3.6)
 """What a closed loop follows on the reference plant."""
-
-
-@dataclass(frozen=True)
-class Excitation:
-    """How the input of one log is made, in the rig's own units; times in s."""
-
-    kind: str = "random"
-    """A row of `KINDS`, or closed-loop."""
-    duration_s: float = 240.0
-    duty: tuple[float, float] | None = None
-    """Lowest and highest input; None: the identified range of the plant."""
-    levels: int = 10
-    """Different levels of a staircase or of random steps."""
-    hold_s: tuple[float, float] = (0.5, 20.0)
-    """Shortest and longest hold."""
-    idle_s: float = 2.0
-    """Input 0 at first."""
-    rest_s: float = 0.0
-    """Length of a return to 0 after every `levels` holds of random steps; 0: none."""
-    frequency_hz: tuple[float, float] = (0.05, 5.0)
-    """Lowest and highest frequency of a multisine or a chirp, and of a loop's reference."""
-    tones: int = 12
-    periods: int = 3
-    """Of a multisine: so often it repeats itself."""
-    reference_nm: tuple[float, float] | None = None
-    """Lowest and highest output that a closed loop is to follow; None: 0.6 and 3.6 N·m, on another rig as large a
-    share of the output at its highest input."""
-    gains: tuple[float, float] | None = None
-    """K_P and K_I of a closed loop; None: 21 and 360 (§V-B), on another rig scaled to its input and output."""
-    rate_hz: float = 1000.0
 
 
 Draw = np.random.Generator
@@ -148,15 +118,9 @@ def reference_of(e: Excitation, span: Span, n: int, draw: Draw) -> Array:
 
 def check_excitation(plant: Plant, e: Excitation) -> None:
     """Refuse what cannot be recorded."""
-    numbers = {name: getattr(e, name) for name in ("duration_s", "idle_s", "rest_s", "tones", "periods", "rate_hz")}
-    faults = faults_of(level_count=e.levels, **numbers)
-    for name in ("hold_s", "frequency_hz", "reference_nm", "gains"):
-        faults += [fault for value in getattr(e, name) or () for fault in faults_of(**{name: value})]
-    faults = [f"«shape» {fault.removeprefix('«').replace('»', '', 1)}" for fault in faults]
+    faults = []
     if plant.model is None:
         faults.append("«excitation»: drives a clutch, whose model says what any input gives; leave it out here")
-    if e.kind not in (*KINDS, LOOPED):
-        faults.append(f"«excitation» {e.kind}: is not one of {', '.join((*KINDS, LOOPED))}")
     low, high = e.duty or plant.input_range
     if not 0 <= low < high < np.inf or (plant.is_duty and high > 100):
         most = ", to 100 %" if plant.is_duty else ""

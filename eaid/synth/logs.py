@@ -12,9 +12,9 @@ import numpy as np
 
 from eaid.arrays import Array, read_only
 from eaid.errors import UsageError
-from eaid.limits import MOST_SAMPLES, faults_of
 from eaid.logs.run import Run
 from eaid.models.parameters import Friction
+from eaid.replay.references import MOST_SAMPLES
 from eaid.results.plan import PlannedRun
 from eaid.synth.disturbance import Disturbance, Scatter, check, measured, sample_times, scatter
 from eaid.synth.plants import Plant
@@ -87,7 +87,7 @@ def _falling(plant: Plant, step: Friction, value: float) -> Array:
 
 def synthesise(plant: Plant, protocol: Protocol, disturbance: Disturbance, seed: int) -> list[Run]:
     """Runs of every level and repeat, in that order; the seed, a level's place and the repeat make a run."""
-    check_protocol(plant, protocol, seed)
+    check_protocol(plant, protocol)
     check(disturbance)
     p = protocol
     repeats = range(1, p.repeats + 1)
@@ -103,7 +103,7 @@ def synthesise_plan(
     """The runs of a run table, in its order; a level's place is that among the table's levels."""
     check(disturbance)
     for run in planned:
-        check_protocol(plant, Protocol((run.level,), 1, run.idle_s, run.hold_s, run.release_s, rate_hz), seed)
+        check_protocol(plant, Protocol((run.level,), 1, run.idle_s, run.hold_s, run.release_s, rate_hz))
     return _step_runs(plant, planned, sorted({run.level for run in planned}), rate_hz, disturbance, seed)
 
 
@@ -137,7 +137,7 @@ def synthesise_input(
     plant: Plant, changes: Input, protocol: Protocol, disturbance: Disturbance, seed: int
 ) -> list[Run]:
     """Repeats of one given input over `protocol.hold_s`; no level is claimed for them."""
-    check_protocol(plant, protocol, seed)
+    check_protocol(plant, protocol)
     check(disturbance)
     runs = []
     for repeat in range(1, protocol.repeats + 1):
@@ -185,13 +185,9 @@ def run_of(
     )
 
 
-def check_protocol(plant: Plant, protocol: Protocol, seed: int) -> None:
+def check_protocol(plant: Plant, protocol: Protocol) -> None:
     """Refuse what cannot be recorded."""
-    faults = faults_of(
-        idle=protocol.idle_s, release=protocol.release_s, hold=protocol.hold_s, rate_hz=protocol.rate_hz,
-        repeats=protocol.repeats, seed=seed,
-    )  # fmt: skip
-    faults += [fault for level in protocol.levels for fault in faults_of(levels=level)]
+    faults = []
     if not protocol.levels:
         faults.append("«levels»: give at least one level")
     if len(set(protocol.levels)) < len(protocol.levels):

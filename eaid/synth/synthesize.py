@@ -1,92 +1,27 @@
 """Synthetic logs of a plant, from options alone: protocol, run table, given input or excitation; one function."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field, fields, replace
-from pathlib import Path
-from typing import Literal
+from dataclasses import fields, replace
 
 from eaid.control.gains import pi_gains, rc_gains
-from eaid.errors import UsageError, unknown
-from eaid.limits import check_all
-from eaid.logs.run import Kind, Run
+from eaid.declared import keyed
+from eaid.errors import UsageError
+from eaid.logs.run import Run
+from eaid.options import Excitation, SynthOptions
 from eaid.replay.controllers import Controller, pi_controller, rc_controller
 from eaid.results.fit import Fit
 from eaid.results.gains import Gains
 from eaid.synth.disturbance import NONE, Disturbance
-from eaid.synth.excitation import Excitation, synthesise_excitation
+from eaid.synth.excitation import synthesise_excitation
 from eaid.synth.input import read_input, read_plan
-from eaid.synth.logs import KINDS, PROTOCOLS, Protocol, synthesise, synthesise_input, synthesise_plan
+from eaid.synth.logs import PROTOCOLS, Protocol, synthesise, synthesise_input, synthesise_plan
 from eaid.synth.plants import REFERENCE, Plant, of_fit
 
 ABSOLUTE = ("white_nm", "offset_nm", "resolution_nm")
 """Disturbances in the output's unit: their defaults are scaled to the rig."""
-OPTION = {"white_nm": "noise_nm"}
-"""Disturbances whose option has another name."""
-
-
-@dataclass(frozen=True)
-class SynthOptions:
-    """What `synthesize` may be told; a field that is out of its limits raises `UsageError`. None: the kind's own."""
-
-    kind: Kind | None = None
-    """None: the fit's, else clutch."""
-    levels: tuple[float, ...] | None = None
-    """In the input's unit."""
-    repeats: int | None = None
-    idle_s: float | None = None
-    """Input 0 before the step [s]."""
-    hold_s: float | None = None
-    """Input at its level [s]."""
-    release_s: float | None = None
-    """Input 0 after the step [s]."""
-    rate_hz: float | None = None
-    """Samples a second [Hz]."""
-    duty_file: Path | None = None
-    """CSV of an input in place of steps."""
-    plan: Path | None = None
-    """Run table of `plan`."""
-    excitation: str | None = None
-    """staircase, random, prbs, multisine, chirp or closed-loop, in place of steps."""
-    shape: Mapping[str, float | int | tuple[float, float]] = field(default_factory=dict)
-    """Fields of `Excitation` that differ from their defaults: duration_s, duty, hold_s, levels, …"""
-    controller: Literal["pi", "rc"] = "pi"
-    """What drives a closed loop, of the gains."""
-    clean: bool = False
-    """The plant alone: no noise, scatter, offset or digits."""
-    sizes: Mapping[str, float] = field(default_factory=dict)
-    """Disturbances that differ from their defaults, by the names of `Disturbance`."""
-    seed: int = 0
-
-    def __post_init__(self) -> None:
-        if self.kind is not None and self.kind not in KINDS:
-            raise UsageError(f"«kind» {self.kind}: is not one of {', '.join(KINDS)}")
-        for what, names, kind in (("«sizes»", self.sizes, Disturbance), ("«shape»", self.shape, Excitation)):
-            known = [each.name for each in fields(kind) if each.name != "kind"]
-            for name in names:
-                if name not in known:
-                    raise UsageError(unknown(what, name, known))
-        if self.shape and self.excitation is None:
-            raise UsageError("«shape»: does nothing without «excitation»; leave it out")
-        check_all(
-            repeats=self.repeats, idle=self.idle_s, hold=self.hold_s, release=self.release_s, rate_hz=self.rate_hz,
-            seed=self.seed,
-            **{OPTION.get(name, name): value for name, value in self.sizes.items()},
-        )  # fmt: skip
-        for level in self.levels or ():
-            check_all(levels=level)
-        instead = {"«duty_file»": self.duty_file, "«plan»": self.plan, "«excitation»": self.excitation}
-        said = [name for name, value in instead.items() if value is not None]
-        if len(said) > 1:
-            raise UsageError(f"{' and '.join(said[:2])} exclude each other; give one of them")
-        if not said:
-            return
-        timing = (self.levels, self.idle_s, self.hold_s, self.release_s, self.repeats if self.plan else None)
-        if any(value is not None for value in timing):
-            raise UsageError(f"{said[0]}: says levels and times itself; leave out «levels», «idle», «hold», «release»")
 
 
 def synthesize(
-    options: SynthOptions = SynthOptions(),
+    options: SynthOptions,
     fit: Fit | None = None,
     named: str = "a fit",
     gains: Gains | None = None,
@@ -123,7 +58,8 @@ def synthesize(
         timing = replace(protocol, idle_s=0.0, hold_s=duration_s, release_s=0.0)
         return synthesise_input(plant, changes, timing, disturbance, options.seed)
     if options.excitation is not None:
-        made = Excitation(options.excitation, **{"rate_hz": protocol.rate_hz, **options.shape})  # type: ignore[arg-type]
+        shape = replace(keyed(Excitation, "«shape»", options.shape), kind=options.excitation)
+        made = shape if "rate_hz" in (options.shape or {}) else replace(shape, rate_hz=protocol.rate_hz)
         return synthesise_excitation(
             plant, made, disturbance, options.seed, options.repeats or 1, controller_of(gains, options)
         )
@@ -147,4 +83,5 @@ def disturbance_of(options: SynthOptions, plant: Plant) -> Disturbance:
     base = NONE if options.clean else Disturbance()
     if not plant.in_nm:
         base = replace(base, **{name: getattr(base, name) * plant.scale for name in ABSOLUTE})
-    return replace(base, **dict(options.sizes))
+    given = {each.name: getattr(options, each.name) for each in fields(Disturbance)}
+    return replace(base, **{name: value for name, value in given.items() if value is not None})

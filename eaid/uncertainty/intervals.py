@@ -13,11 +13,11 @@ import msgspec
 import numpy as np
 
 from eaid.findings import Finding, finding, ranked
-from eaid.fitting.choices import check
 from eaid.fitting.data import data_of
 from eaid.fitting.levels import fit_levels
 from eaid.models.parameters import SHARE
-from eaid.results.fit import Fit, FitOptions
+from eaid.options import FitOptions
+from eaid.results.fit import Fit
 from eaid.results.friction import Friction
 from eaid.results.linear import Linear
 from eaid.results.uncertainty import Adequacy, Uncertainty
@@ -44,7 +44,6 @@ def with_intervals(
     `advance` is called once per bootstrap refit.
     """
     options = options or FitOptions()
-    check(options)
     try:
         # curves of τ near 0 or far beyond the record overflow on the way; what is not finite in the end becomes none
         with np.errstate(all="ignore"):

@@ -8,11 +8,12 @@ from collections.abc import Callable, Sequence
 import msgspec
 from threadpoolctl import threadpool_limits
 
+from eaid.declared import forms
 from eaid.findings import Finding, finding, merged, ranked
 from eaid.fitting.between import between_rows, of_another_shape, single_steps
-from eaid.fitting.choices import check
 from eaid.fitting.fit import converged, data_part, fit
-from eaid.results.fit import Fit, FitAsked, FitOptions
+from eaid.options import FitGiven, FitOptions
+from eaid.results.fit import Fit
 from eaid.results.friction import Friction
 from eaid.results.quotable import quotable
 from eaid.results.steps import StepShape
@@ -29,7 +30,6 @@ def fit_steps(stepset: StepSet, options: FitOptions | None = None, progress: Cal
     experiment does not allow; `DataError` without a rising step.
     """
     options = options or FitOptions()
-    check(options)
     # the products here are small: threads of BLAS would wait for each other, and round otherwise than one does
     with threadpool_limits(1, user_api="blas"):
         return _fit_steps(stepset, options, progress)
@@ -45,7 +45,7 @@ def _fit_steps(stepset: StepSet, options: FitOptions, progress: Callable[[], Non
     if not shapes and any(doubt.code in OTHER_SHAPES for doubt in (*result.findings, *stepset.all_findings)):
         shapes = with_step_intervals(stepset.level_steps, of_another_shape(stepset, options), options.ci)
         of_shapes = merged([doubt for shape in shapes for doubt in shape.findings])
-    rows = between_rows(shapes) if "friction" in (options.models or ("friction",)) else ()
+    rows = between_rows(shapes) if "friction" in (options.model or ("friction",)) else ()
     if rows:
         part = result.friction or Friction(options.held_share)
         result = msgspec.structs.replace(result, friction=msgspec.structs.replace(part, levels=(*part.levels, *rows)))
@@ -55,7 +55,7 @@ def _fit_steps(stepset: StepSet, options: FitOptions, progress: Callable[[], Non
     return msgspec.structs.replace(
         result,
         steps=shapes,
-        options=asked(options, stepset),
+        options=given(options, stepset),
         seed=options.seed,
         converged=converged(result),
         findings=ranked((*of_runs, *result.findings, *of_shapes, *beyond_measure)),
@@ -65,7 +65,7 @@ def _fit_steps(stepset: StepSet, options: FitOptions, progress: Callable[[], Non
 def shapes_of(stepset: StepSet, options: FitOptions) -> tuple[StepShape, ...]:
     """Each change of input by itself with its intervals, where that is shown (`single_steps`)."""
     shapes = single_steps(stepset, options)
-    return with_step_intervals(stepset.level_steps, shapes, options.ci, options.dead_time_s is None)
+    return with_step_intervals(stepset.level_steps, shapes, options.ci, options.held_dead_time_s is None)
 
 
 OTHER_SHAPES = {
@@ -82,6 +82,7 @@ def _not_said_again(of_runs: Sequence[Finding], of_the_fit: Sequence[Finding]) -
     return tuple(doubt for doubt in of_runs if SAID_BY.get(doubt.code) not in codes)
 
 
-def asked(options: FitOptions, stepset: StepSet) -> FitAsked:
+def given(options: FitOptions, stepset: StepSet) -> FitGiven:
     """The options as fit.json keeps them, beside those of reading."""
-    return FitAsked(**msgspec.structs.asdict(options), reading=dict(stepset.reading))
+    values = {name: getattr(options, name) for name in forms(FitOptions)}
+    return FitGiven(**values, reading=dict(stepset.reading))

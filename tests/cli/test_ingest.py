@@ -198,6 +198,7 @@ def test_formats_of_other_rigs(
 )
 def test_formats_are_read_once_their_columns_are_named(name: str, arguments: list[str], rows: int) -> None:
     from eaid.logs.options import ReadOptions
+
     from eaid.logs.read import read_runs
 
     (path,) = (REALDATA / "formats").glob(name)

@@ -10,19 +10,19 @@ from typing import Any, get_type_hints
 
 import pytest
 import typer
+from eaid.export.options import LAWS
+from eaid.results.tuning import ALSO
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from eaid.cli import form, main
 from eaid.coupling.linearised import LOOPS
 from eaid.errors import UsageError
-from eaid.export.options import LAWS
 from eaid.export.targets import TARGETS
 from eaid.fitting import choices as fitting
 from eaid.reading import KINDS
 from eaid.replay.controllers import CONTROLLERS
 from eaid.replay.scenarios import SCENARIOS
-from eaid.results.tuning import ALSO
 from eaid.synth import excitation
 
 ARGUMENTS = {name: importlib.import_module(f"eaid.cli.{name}").Arguments for name in main.COMMANDS}

@@ -5,6 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from eaid.results.tuning import TuneOptions
 
 from eaid.control.bounds import Bounds, bounds_of
 from eaid.control.defaults import (
@@ -29,7 +30,6 @@ from eaid.errors import DataError, GainsError, UsageError
 from eaid.models.parameters import PAPER_LINEAR, REFERENCE_PLANT, Linear, Nonlinear
 from eaid.results.codec import from_plain, to_plain
 from eaid.results.fit import Fit
-from eaid.results.tuning import TuneOptions
 
 BOUNDS = Bounds((), 12.4, 42.6, ())
 

@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from eaid.results.tuning import TuneOptions
 
 from eaid.apparatus import Apparatus
 from eaid.control.bounds import LevelB, bounds_of
@@ -18,7 +19,6 @@ from eaid.models.parameters import PAPER_LINEAR, REFERENCE_PLANT, Linear, Nonlin
 from eaid.results.codec import from_plain, to_plain
 from eaid.results.fit import Fit
 from eaid.results.gains import Gains
-from eaid.results.tuning import TuneOptions
 from eaid.steps.stepset import Level, StepSet
 
 

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from eaid.results.tuning import TuneOptions
 
 from eaid.control import robust
 from eaid.control.bounds import Bounds
@@ -28,7 +29,6 @@ from eaid.results.codec import from_plain
 from eaid.results.fit import Fit
 from eaid.results.gain_checks import Mismatch
 from eaid.results.gains import Gains
-from eaid.results.tuning import TuneOptions
 
 RC, PI = paper_gains()
 LINEAR = {"a0": 1.36, "b0": 0.08, "c0": -2.42, "bounds": {"B_m": 12.4, "B_M": 42.6}}

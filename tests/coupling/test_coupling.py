@@ -7,6 +7,7 @@ import control
 import msgspec
 import numpy as np
 import pytest
+from eaid.coupling.options import CoupleOptions
 
 import eaid
 from eaid.control.gains import paper_gains, rc_gains
@@ -15,7 +16,6 @@ from eaid.control.timing import Timing
 from eaid.coupling.couple import couple
 from eaid.coupling.entry import stiffness_judge
 from eaid.coupling.linearised import LOOPS, Law, Point, linearised, operating_point, step_of
-from eaid.coupling.options import CoupleOptions
 from eaid.coupling.sampled import Channel, Coupled, Limb
 from eaid.coupling.stiffness import needed_damping, passive_stiffness, stable_stiffness
 from eaid.errors import DataError, GainsError, UsageError

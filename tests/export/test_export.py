@@ -6,12 +6,12 @@ from pathlib import Path
 
 import msgspec
 import pytest
+from eaid.export.options import ExportOptions
 
 import eaid
 from eaid.errors import GainsError, UsageError
 from eaid.export import export as room
 from eaid.export.export import export
-from eaid.export.options import ExportOptions
 from eaid.export.render import log_header
 from eaid.export.targets import TARGETS
 from eaid.findings import finding, say

@@ -6,13 +6,13 @@ import zipfile
 import fmpy
 import numpy as np
 import pytest
+from eaid.export.options import ExportOptions
 from fmpy.fmi1 import FMICallException
 from fmpy.fmi2 import FMU2Slave
 from fmpy.validation import validate_fmu
 
 from eaid.export import fmu
 from eaid.export.export import export
-from eaid.export.options import ExportOptions
 from eaid.models import nonlinear
 
 from .conftest import COMPILERS, DT, LAWS, PLANT, STRICT, fit_of, gains_of

@@ -5,10 +5,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from eaid.fitting.choices import check
 from scipy.optimize import least_squares
 
 from eaid.errors import UsageError
-from eaid.fitting.choices import check
 from eaid.fitting.shape_curves import curve, slopes
 from eaid.fitting.step_shapes import fit_step, independent, may_ask
 from eaid.results.fit import FitOptions

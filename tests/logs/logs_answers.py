@@ -15,6 +15,7 @@ from typing import Any
 
 import h5py
 import numpy as np
+from eaid.logs.options import ReadOptions
 from scipy.io import savemat
 
 from eaid.arrays import read_only
@@ -27,7 +28,6 @@ from eaid.logs.foreign.lvm import read_lvm
 from eaid.logs.foreign.mat import read_mat
 from eaid.logs.manifest import manifest_of
 from eaid.logs.moves import is_recorded
-from eaid.logs.options import ReadOptions
 from eaid.logs.read import read_runs, together
 from eaid.logs.run import Run
 from eaid.logs.table import Table

@@ -7,13 +7,13 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
+from eaid.logs.options import ReadOptions
 
 from eaid.apparatus import Apparatus
 from eaid.cli.inputs import runs_from
 from eaid.cli.main import run
 from eaid.findings import finding
 from eaid.logs.dataset import write_dataset
-from eaid.logs.options import ReadOptions
 from eaid.logs.read import read_runs
 from eaid.logs.run import Run
 from eaid.steps.build import build_stepset

@@ -5,12 +5,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from eaid.logs.options import ReadOptions
 
 from eaid.errors import DataError
 from eaid.logs.foreign.mdf import read_mdf
 from eaid.logs.foreign.parquet import read_parquet
 from eaid.logs.formats import FORMATS
-from eaid.logs.options import ReadOptions
 from eaid.logs.read import read_runs, read_what_can_be
 
 sys.path.insert(0, str(Path(__file__).parent))

@@ -5,10 +5,10 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from eaid.logs.options import ReadOptions
 
 from eaid.errors import DataError
 from eaid.logs.frames import runs_from_frames
-from eaid.logs.options import ReadOptions
 from eaid.logs.read import read_runs
 from eaid.logs.run import Run
 

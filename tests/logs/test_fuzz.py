@@ -12,6 +12,7 @@ from unittest.mock import patch
 
 import numpy as np
 import pytest
+from eaid.logs.options import ReadOptions
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
@@ -22,7 +23,6 @@ from eaid.logs.dataset import write_dataset
 from eaid.logs.foreign.ask import ForeignReader
 from eaid.logs.foreign.lvm import read_lvm
 from eaid.logs.formats import format_of, unread
-from eaid.logs.options import ReadOptions
 from eaid.logs.read import read_runs, read_what_can_be
 from eaid.logs.run import Run
 from eaid.logs.text import read_text

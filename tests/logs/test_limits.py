@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from eaid.logs.options import ReadOptions
 
 from eaid.errors import DataError, UsageError
 from eaid.logs import checks, clock, text
@@ -19,7 +20,6 @@ from eaid.logs.foreign.lvm import read_lvm
 from eaid.logs.foreign.rosmsg import MOST_ELEMENTS, layout_of
 from eaid.logs.foreign.signals import Signal, tables_of_signals
 from eaid.logs.formats import is_hdf5
-from eaid.logs.options import ReadOptions
 from eaid.logs.read import read_runs
 from eaid.logs.run import Run
 from eaid.logs.table import BadCell, Cells, Table

@@ -8,10 +8,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from eaid.logs.options import ReadOptions
 
 from eaid.errors import DataError
 from eaid.logs import text
-from eaid.logs.options import ReadOptions
 from eaid.logs.read import read_runs
 
 ROWS = 30_000

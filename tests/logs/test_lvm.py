@@ -4,10 +4,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from eaid.logs.options import ReadOptions
 
 from eaid.errors import DataError
 from eaid.logs.foreign.lvm import read_lvm
-from eaid.logs.options import ReadOptions
 from eaid.logs.read import read_runs
 
 REAL = Path(__file__).parents[2] / "../shared/realdata/formats"

@@ -7,10 +7,10 @@ from typing import Any
 import h5py
 import numpy as np
 import pytest
+from eaid.logs.options import ReadOptions
 from scipy.io import savemat
 
 from eaid.errors import DataError
-from eaid.logs.options import ReadOptions
 from eaid.logs.read import read_runs
 from eaid.logs.run import Run
 

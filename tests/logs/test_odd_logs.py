@@ -13,12 +13,12 @@ from typing import Any
 import h5py
 import numpy as np
 import pytest
+from eaid.logs.options import ReadOptions
 from scipy.io import savemat
 
 from eaid.cli.inputs import runs_from
 from eaid.cli.main import run as main
 from eaid.errors import DataError, UsageError
-from eaid.logs.options import ReadOptions
 from eaid.logs.read import read_runs
 from eaid.logs.together import differing_number
 from eaid.reading import InputOptions

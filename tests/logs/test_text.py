@@ -7,11 +7,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from eaid.logs.options import ReadOptions
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from eaid.errors import DataError
-from eaid.logs.options import ReadOptions
 from eaid.logs.read import read_runs
 from eaid.logs.run import Run
 

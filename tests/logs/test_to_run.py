@@ -5,11 +5,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from eaid.logs.options import ReadOptions
 
 from eaid.errors import DataError, UsageError
 from eaid.logs.frames import runs_from_frames
 from eaid.logs.manifest import Entry, apply
-from eaid.logs.options import ReadOptions
 from eaid.logs.read import _check_level, _checked_run, _refuse_what_does_nothing, _stem
 from eaid.logs.run import Run
 from eaid.logs.table import BadCell, Cells, Table

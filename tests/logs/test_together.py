@@ -4,11 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from eaid.logs.options import ReadOptions
 
 from eaid.arrays import read_only
 from eaid.errors import DataError
 from eaid.findings import finding
-from eaid.logs.options import ReadOptions
 from eaid.logs.read import together
 from eaid.logs.run import Run
 from eaid.logs.together import columns_told, counted_once, joined, levels_in_names, named_apart, scales_compared

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from eaid.recorded.options import RecordedOptions
 
 from eaid.errors import DataError
 from eaid.findings import say, sentences
@@ -16,7 +17,6 @@ from eaid.recorded.fit import fit_recorded
 from eaid.recorded.late import shifted
 from eaid.recorded.law import law_of
 from eaid.recorded.log import RecordedLog, recorded_log
-from eaid.recorded.options import RecordedOptions
 from eaid.synth.disturbance import NONE
 from eaid.synth.excitation import Excitation, synthesise_excitation
 from eaid.synth.plants import clutch

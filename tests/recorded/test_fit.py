@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
+from eaid.recorded.options import RecordedOptions
 from scipy.optimize import least_squares
 
 from eaid.errors import DataError
@@ -18,7 +19,6 @@ from eaid.recorded.drive import Copies
 from eaid.recorded.fit import fit_recorded
 from eaid.recorded.inputs import inputs_of
 from eaid.recorded.log import RecordedLog, logs_of_steps, recorded_log
-from eaid.recorded.options import RecordedOptions
 from eaid.recorded.problem import Setup
 from eaid.recorded.solve import solve
 from eaid.replay.plant import plant_parameters, plant_step

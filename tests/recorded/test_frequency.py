@@ -4,13 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from eaid.recorded.options import RecordedOptions
 
 from eaid.errors import DataError
 from eaid.models.parameters import REFERENCE_PLANT, Linear
 from eaid.recorded.fit import fit_recorded
 from eaid.recorded.frequency import frequency_response, on_input
 from eaid.recorded.log import RecordedLog, recorded_log
-from eaid.recorded.options import RecordedOptions
 from eaid.synth.disturbance import NONE
 from eaid.synth.excitation import Excitation, synthesise_excitation
 from eaid.synth.plants import clutch

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from eaid.recorded.options import RecordedOptions
 from scipy.signal import lfilter
 
 from eaid.models.parameters import REFERENCE_PLANT
@@ -11,7 +12,6 @@ from eaid.recorded import model
 from eaid.recorded.fit import fit_recorded
 from eaid.recorded.intervals import _root, spread
 from eaid.recorded.log import recorded_log
-from eaid.recorded.options import RecordedOptions
 from eaid.recorded.problem import setup_of
 from eaid.recorded.profile import score_test
 from eaid.recorded.residual_noise import by_spectrum, moving, piece_of

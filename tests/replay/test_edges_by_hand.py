@@ -5,9 +5,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from eaid.limits import MOST_SAMPLES
 
 from eaid.errors import DataError, UsageError
-from eaid.limits import MOST_SAMPLES
 from eaid.models.parameters import REFERENCE_PLANT, Nonlinear
 from eaid.replay import metrics, references
 from eaid.replay.plant import (

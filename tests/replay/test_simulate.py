@@ -5,6 +5,7 @@ from dataclasses import replace
 import msgspec
 import numpy as np
 import pytest
+from eaid.replay.options import SimulateOptions
 
 from eaid.control.design import design
 from eaid.control.options import DesignOptions
@@ -12,7 +13,6 @@ from eaid.control.plant import plant_of
 from eaid.errors import DataError, UsageError
 from eaid.logs.run import Run
 from eaid.replay.compare import driven
-from eaid.replay.options import SimulateOptions
 from eaid.replay.plant import plant_parameters
 from eaid.replay.references import multisine
 from eaid.replay.rig import Rig

@@ -3,6 +3,7 @@
 import msgspec
 import numpy as np
 import pytest
+from eaid.results.tuning import TuneOptions
 
 from eaid.control.gains import pi_gains, rc_gains
 from eaid.errors import DataError, UsageError
@@ -14,7 +15,6 @@ from eaid.replay.scenarios import replayed
 from eaid.replay.tune import tune
 from eaid.results.codec import from_plain
 from eaid.results.fit import Fit
-from eaid.results.tuning import TuneOptions
 
 PLAIN = {
     "linear": {"a0": 1.36, "b0": 0.08, "c0": -2.42, "bounds": {"convention": "zero-offset", "B_m": 12.4, "B_M": 42.6}},

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-
 from eaid.logs.options import ReadOptions
+
 from eaid.logs.read import read_runs
 from eaid.report import thin
 from eaid.report.read import read_results

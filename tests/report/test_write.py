@@ -6,11 +6,11 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from eaid.report.options import ReportOptions
 
 from eaid.cli.main import run
 from eaid.errors import UsageError
 from eaid.report import write
-from eaid.report.options import ReportOptions
 from eaid.report.read import read_results
 from eaid.report.watch import changes
 from eaid.report.write import write_report

@@ -5,9 +5,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from eaid.logs.options import ReadOptions
 
 from eaid.errors import DataError, UsageError
-from eaid.logs.options import ReadOptions
 from eaid.logs.read import read_runs
 from eaid.results.plan import PlannedRun
 from eaid.steps.build import build_stepset

@@ -1,0 +1,630 @@
+"""The public functions: logs → steps → fit → gains → replay → page, each a call with typed options and results.
+
+The commands call the same functions. A function takes its options whole (`eaid.FitOptions(...)`) or one by one as
+keywords; `eaid.options` declares them.
+"""
+
+import os
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import h5py
+
+from eaid.declared import chosen
+from eaid.errors import DataError, UsageError
+from eaid.logs.frames import runs_from_frames
+from eaid.options import (
+    CoupleOptions,
+    ExportOptions,
+    FitOptions,
+    PlanOptions,
+    ReadOptions,
+    ReportOptions,
+    SimulateOptions,
+    SynthOptions,
+    TuneOptions,
+)
+from eaid.progress import Progress, no_progress
+from eaid.reading import read_steps, steps_of
+from eaid.results import codec
+from eaid.results.coupling import Coupling
+from eaid.results.fit import Fit
+from eaid.results.gains import Gains
+from eaid.results.plan import Plan
+from eaid.results.recorded import Excitation
+from eaid.results.replay import Replay
+from eaid.steps.stepset import StepSet
+from eaid.uncertainty.workflow import fit_steps
+
+if TYPE_CHECKING:
+    import pandas
+
+    from eaid.export.export import ExportFolder
+
+R = TypeVar("R")
+Paths = str | os.PathLike[str] | Iterable[str | os.PathLike[str]]
+Column = str | int | None
+
+
+def read(
+    source: "Paths | pandas.DataFrame | Mapping[str, pandas.DataFrame]",
+    options: ReadOptions | None = None,
+    *,
+    time: Column = None,
+    input: Column = None,
+    output: Column = None,
+    progress: Progress = no_progress,
+    **keywords: Any,
+) -> StepSet:
+    """Read recorded logs and find their steps, levels and repeats.
+
+    Parameters
+    ----------
+    source
+        Files or folders of logs, a data.h5, a DataFrame (with a column `run` where it holds several), or a mapping of
+        run name to DataFrame.
+    options
+        How the logs are read and cut.
+    time, input, output
+        Columns by name or number from 1, where they are not found by themselves.
+    progress
+        `progress(what, how_many)` gives a context with a function to call once a piece.
+    **keywords
+        Fields of `ReadOptions`: units, name_pattern, step_at [s], until [s], baseline, rest, repair, kind, logs_as, …
+
+    Returns
+    -------
+    StepSet
+        With `levels`, `runs`, `to_frame()`, `findings` and `save("data.h5")`; torque in N·m where the logs hold a
+        torque, else in the unit of the logs.
+
+    Raises
+    ------
+    DataError
+        With one sentence for every fault of every log.
+    UsageError
+        An option that means nothing.
+
+    Examples
+    --------
+    >>> import eaid, numpy, pandas
+    >>> time = numpy.arange(0.0, 25.0, 0.02)
+    >>> torque = 2.0 * (1.0 - numpy.exp(-(time - 5.0).clip(0.0) / 0.3))
+    >>> frame = pandas.DataFrame({"time_s": time, "duty_pct": 60.0 * (time >= 5.0), "torque_nm": torque})
+    >>> steps = eaid.read({"first": frame})
+    >>> [level.level for level in steps.levels]
+    [60.0]
+    """
+    given = {"time": time, "input": input, "output": output}
+    columns = {role: str(name) for role, name in given.items() if name is not None}
+    how = chosen(ReadOptions, options, {**({"columns": columns} if columns else {}), **keywords})
+    if hasattr(source, "columns") or isinstance(source, Mapping):
+        return steps_of(runs_from_frames(source, how), how)[1]  # type: ignore[arg-type]
+    return read_steps(_paths(source), how, progress)[1]
+
+
+def fit(
+    data: "StepSet | Paths | pandas.DataFrame | Mapping[str, pandas.DataFrame]",
+    options: FitOptions | None = None,
+    *,
+    progress: Progress = no_progress,
+    **keywords: Any,
+) -> Fit:
+    """Fit the models of the paper to recorded steps, Eqs. (3) to (8), with intervals and a verdict.
+
+    Parameters
+    ----------
+    data
+        What `read` returns, or anything that `read` takes.
+    options
+        How it is fitted.
+    progress
+        As in `read`.
+    **keywords
+        Fields of `FitOptions`: model, share, loss, hold_out, bounds_levels, estimator, ci, duty, …
+
+    Returns
+    -------
+    Fit
+        With `summary()`, `params`, `conf_int()`, `to_frame()`, `predict()`, `plot()`, `findings`, `save("fit.json")`.
+        Time constants in s, T_s in the output's unit, levels in the input's.
+
+    Raises
+    ------
+    DataError
+        No step, or nothing that a model can be fitted to.
+    UsageError
+        An option that means nothing, or a model that the kind of experiment does not allow.
+
+    Examples
+    --------
+    >>> import eaid
+    >>> fit = eaid.fit(eaid.synth(levels=(20.0, 60.0, 100.0), repeats=2, rate_hz=50.0, seed=1))
+    >>> fit.to_frame()["Ts"].round(1).tolist()
+    [0.3, 1.6, 4.1]
+    >>> low, high = fit.conf_int().loc[("friction", "tau1(100)")]
+    >>> bool(low < fit.params[("friction", "tau1(100)")] < high)
+    True
+    """
+    how = chosen(FitOptions, options, keywords)
+    steps = data if isinstance(data, StepSet) else read(data, progress=progress)
+    if steps.recorded:
+        from eaid.recorded.fit import fit_whole
+
+        return fit_whole(steps, how)
+    for name, given in (("duty", how.duty), ("instrument", how.instrument or None)):
+        if given is not None:
+            raise UsageError(
+                f"«{name}»: belongs to logs that are fitted as recorded, and these are steps; leave it out"
+            )
+    with progress("bootstrap refits", how.draws if how.ci == "bootstrap" else 0) as advance:
+        return fit_steps(steps, how, advance)
+
+
+def plan(fit: Fit, options: PlanOptions | None = None, *, progress: Progress = no_progress, **keywords: Any) -> Plan:
+    """What steps to record next, for intervals of wanted widths, in the rig's own input unit.
+
+    Parameters
+    ----------
+    fit
+        What is known of the rig: its model, noise and scatter.
+    options
+        Wanted widths, and what the rig allows.
+    progress
+        As in `read`; called once a simulated recording.
+    **keywords
+        Fields of `PlanOptions`: want [%], idle_s, release_s, longest_hold_s, most_levels, check, seed.
+
+    Returns
+    -------
+    Plan
+        With `runs`, `to_frame()`, `findings`.
+
+    Raises
+    ------
+    DataError
+        A fit without a model of steps.
+    UsageError
+        A width of no parameter, or a limit that no rig has.
+
+    Examples
+    --------
+    >>> import eaid
+    >>> fit = eaid.fit(eaid.synth(levels=(20.0, 60.0, 100.0), repeats=2, rate_hz=50.0, seed=1))
+    >>> session = eaid.plan(fit, want={"Ts": 10.0}, check=False)
+    >>> len(session.runs) == len(session.to_frame())
+    True
+    """
+    from eaid.planning.recordings import plan_recordings
+
+    _of_type("fit", fit, Fit)
+    with progress("simulated recordings", 0) as advance:
+        return plan_recordings(fit, chosen(PlanOptions, options, keywords), advance)
+
+
+def plan_excitation(
+    fit: Fit, options: PlanOptions | None = None, *, progress: Progress = no_progress, **keywords: Any
+) -> Excitation:
+    """The shortest sequence of inputs for one recording, for intervals of wanted widths, in the rig's own input unit.
+
+    Parameters
+    ----------
+    fit
+        A fit with a nonlinear model.
+    options
+        Wanted widths, and what the rig allows.
+    progress
+        As in `read`; called once a simulated recording.
+    **keywords
+        Fields of `PlanOptions`: want [%], limits, check, seed.
+
+    Returns
+    -------
+    Excitation
+        With `duty` (from when [s], input), its `input_unit`, the widths it gives, what steps would take, `findings`.
+
+    Raises
+    ------
+    UsageError
+        A width of no parameter, or limits that leave nothing.
+    DataError
+        A fit without a nonlinear model.
+
+    Examples
+    --------
+    >>> import eaid
+    >>> fit = eaid.fit(eaid.synth(levels=(20.0, 60.0, 100.0), repeats=2, rate_hz=50.0, seed=1))
+    >>> sequence = eaid.plan_excitation(fit, want={"Ts": 5.0}, check=False)
+    >>> sequence.duty[0], sequence.input_unit
+    ((0.0, 0.0), '%')
+    """
+    from eaid.planning.excitation import shortest_recording
+
+    _of_type("fit", fit, Fit)
+    with progress("simulated recordings", 0) as advance:
+        return shortest_recording(fit, chosen(PlanOptions, options, keywords), advance)
+
+
+def synth(
+    plant: Fit | None = None, gains: Gains | None = None, options: SynthOptions | None = None, **keywords: Any
+) -> StepSet:
+    """Synthetic logs of the reference plant, or of a fitted rig in its own units.
+
+    Parameters
+    ----------
+    plant
+        A fit; without one the paper's clutch, or the friction rig of `kind`.
+    gains
+        Whose controller ("pi" or "rc", by `controller`) drives a closed loop.
+    options
+        Levels, times, disturbances, or an input in place of steps.
+    **keywords
+        Fields of `SynthOptions`: levels, repeats, idle_s, hold_s, release_s, rate_hz, seed, clean, white_nm, …; in
+        place of steps duty_file, plan, or excitation ("random", "staircase", "prbs", "multisine", "chirp",
+        "closed-loop") with its shape (duration_s, duty, hold_s, levels, frequency_hz, …).
+
+    Returns
+    -------
+    StepSet
+        The steps; logs of an excitation stand uncut in `recorded`.
+
+    Raises
+    ------
+    UsageError
+        What is asked for cannot be recorded.
+    DataError
+        The fit holds no plant, or a file is no such table.
+
+    Examples
+    --------
+    >>> import eaid
+    >>> logs = eaid.synth(levels=(20.0, 60.0), repeats=2, rate_hz=50.0, seed=1)
+    >>> [level.level for level in logs.levels]
+    [20.0, 60.0]
+    >>> shape = {"duration_s": 60.0, "hold_s": (0.5, 8.0), "duty": (20.0, 80.0)}
+    >>> logs = eaid.synth(excitation="random", shape=shape, rate_hz=100.0)
+    >>> float(logs.recorded[0].input.max()), eaid.fit(logs).nonlinear.u_range
+    (80.0, (20.0, 80.0))
+    """
+    from eaid.synth.synthesize import synthesize
+
+    how = chosen(SynthOptions, options, keywords)
+    runs = synthesize(how, plant, gains=gains)
+    return steps_of(runs, ReadOptions(logs_as="auto" if how.duty_file or how.excitation else "steps"))[1]
+
+
+def tune_rc(
+    fit: Fit,
+    options: TuneOptions | None = None,
+    *,
+    reference: "str | os.PathLike[str] | None" = None,
+    logs: StepSet | None = None,
+    progress: Progress = no_progress,
+    **keywords: Any,
+) -> Gains:
+    """Gains of the robust controller, Eqs. (11) to (15), and of a PI, with one verdict on the guarantee.
+
+    Parameters
+    ----------
+    fit
+        A fit with a linear model.
+    options
+        How the gains are designed.
+    reference
+        A scenario (multisine, steps, sweep, ramp), or a file `time_s,reference_nm`, which Q_M is judged by.
+    logs
+        Steps of the same rig, which speak about φ and the noise.
+    progress
+        As in `read`.
+    **keywords
+        Fields of `TuneOptions`: kp [1/s²], kd [1/s], b_hat, rho, phi, pi_overshoot [%], pi_settling [s], …
+
+    Returns
+    -------
+    Gains
+        With `guarantee`, `findings`, `to_control()`, `save("gains.json")`.
+
+    Raises
+    ------
+    GainsError
+        The fit or the wishes are not physical, out of reach, or unstable on the linear model.
+    UsageError
+        Options that contradict one another.
+
+    Examples
+    --------
+    >>> import eaid
+    >>> fit = eaid.fit(eaid.synth(levels=(20.0, 60.0, 100.0), repeats=2, rate_hz=50.0, seed=1))
+    >>> gains = eaid.tune_rc(fit)
+    >>> gains.rc.K_P, gains.rc.K_D
+    (4.5, 3.0)
+    >>> gains.guarantee.holds, "duty-limit" in gains.guarantee.missing
+    (False, True)
+    """
+    from eaid.replay.references import SCENARIOS, read_reference
+    from eaid.replay.tune import tune
+
+    _of_type("fit", fit, Fit)
+    named = "" if reference is None else str(reference)
+    signal = (named or None) if reference is None or named in SCENARIOS else read_reference(Path(reference))
+    return tune(fit, chosen(TuneOptions, options, keywords), logs, signal, named, progress)
+
+
+def simulate(
+    fit: Fit,
+    gains: Gains | None = None,
+    scenario: str | None = None,
+    options: SimulateOptions | None = None,
+    *,
+    reference: "str | os.PathLike[str] | None" = None,
+    log: "Paths | None" = None,
+    reading: ReadOptions | None = None,
+    progress: Progress = no_progress,
+    **keywords: Any,
+) -> Replay:
+    """Replay controllers on the fitted plant from rest, or a log's own input.
+
+    Parameters
+    ----------
+    fit
+        A fit with a nonlinear model.
+    gains
+        Gains of `tune_rc`; controllers that need them are left out without.
+    scenario : {"steps", "multisine", "sweep", "ramp", "rehab"}, optional
+        What is replayed; by itself multisine.
+    options
+        Scenario, controllers, rig and limb.
+    reference
+        A file `time_s,reference_nm` in place of a scenario.
+    log, reading
+        Logs whose recorded input is replayed and compared, and how they are read.
+    progress
+        As in `read`.
+    **keywords
+        Fields of `SimulateOptions` and of its `rig`: noise_nm [N·m], pwm_hz [Hz], delay_samples, plants, …
+
+    Returns
+    -------
+    Replay
+        With `to_frame()` (time in s, reference and torque in N·m, duty in %; on other rigs in the rig's units),
+        `plot()`, `findings`, `save("replay.h5")`.
+
+    Raises
+    ------
+    DataError
+        The fit holds no plant, or a log has other units than the fit.
+    UsageError
+        Options that do nothing here, or contradict one another.
+
+    Examples
+    --------
+    >>> import eaid
+    >>> fit = eaid.fit(eaid.synth(levels=(20.0, 60.0, 100.0), repeats=2, rate_hz=50.0, seed=1))
+    >>> gains = eaid.tune_rc(fit)
+    >>> run = eaid.simulate(fit, gains, "multisine", noise_nm=0.01)
+    >>> sorted(set(run.to_frame()["name"]))
+    ['pi', 'rc']
+    """
+    from eaid.coupling.entry import with_wall_findings
+    from eaid.logs.read import read_runs
+    from eaid.replay.references import read_reference
+    from eaid.replay.simulate import simulate as replayed
+
+    _of_type("fit", fit, Fit)
+    how = chosen(SimulateOptions, options, {**({} if scenario is None else {"scenario": scenario}), **keywords})
+    if sum(given is not None for given in (how.scenario, reference, log)) > 1:
+        raise UsageError("«scenario», «reference» and «log» exclude each other; give one of them")
+    signal = None if reference is None else read_reference(Path(reference))
+    if log is not None:
+        how.check_for("log")
+    runs = None if log is None else read_runs(_paths(log), reading or ReadOptions())
+    return with_wall_findings(replayed(fit, gains, how, signal, runs, progress), fit, gains)
+
+
+def couple(
+    fit: Fit,
+    gains: Gains | None = None,
+    options: CoupleOptions | None = None,
+    *,
+    progress: Progress = no_progress,
+    **keywords: Any,
+) -> Coupling:
+    """How stiff a virtual wall each loop may render on a limb (Colgate and Schenkel 1997 for the sampled loop).
+
+    Parameters
+    ----------
+    fit
+        A fit with a nonlinear model, which is the plant.
+    gains
+        Gains of the loops rc and pi; without them the open loop and the inverse remain.
+    options
+        Limb, loop, torques and what is drawn.
+    progress
+        As in `read`.
+    **keywords
+        Fields of `CoupleOptions`: limb_inertia [kg·m²], limb_damping [N·m·s/rad], torque [N·m], pwm_hz, plants, …
+
+    Returns
+    -------
+    Coupling
+        With `walls` [N·m/rad], `pair`, `regions`, `to_frame()`, `findings`, `save("couple.json")`.
+
+    Raises
+    ------
+    GainsError
+        A loop is unstable without any wall.
+    DataError
+        The fit holds no plant.
+
+    Examples
+    --------
+    >>> import eaid
+    >>> fit = eaid.fit(eaid.synth(levels=(20.0, 60.0, 100.0), repeats=2, rate_hz=50.0, seed=1))
+    >>> gains = eaid.tune_rc(fit)
+    >>> stiffness = eaid.couple(fit, gains, torque=(1.0,), loops=("pi", "rc"), replay=False)
+    >>> [wall.loop for wall in stiffness.walls]
+    ['pi', 'rc']
+    """
+    from eaid.coupling.entry import couple_fit
+
+    _of_type("fit", fit, Fit)
+    return couple_fit(fit, gains, chosen(CoupleOptions, options, keywords), progress)
+
+
+def report(
+    results: "Fit | Gains | Replay | StepSet | Coupling | Sequence[Fit | Gains | Replay | StepSet | Coupling]",
+    output_dir: str | os.PathLike[str],
+    options: ReportOptions | None = None,
+    *,
+    force: bool = False,
+    **keywords: Any,
+) -> Path:
+    """Write one self-contained page, and the figures, of any results.
+
+    Parameters
+    ----------
+    results
+        Fits, gains, replays, steps, walls: one or several.
+    output_dir
+        Folder that is made where it is not there; its parent has to be.
+    options
+        Formats, widths and letters of the figures.
+    force
+        Write over a report.
+    **keywords
+        Fields of `ReportOptions`: figures, format, width [in], font, paper.
+
+    Returns
+    -------
+    Path
+        The page, `output_dir`/report.html; figures lie in `output_dir`/figures.
+
+    Raises
+    ------
+    UsageError
+        The folder holds a report and `force` is not given, or an option names what is not there.
+
+    Examples
+    --------
+    >>> import eaid, pathlib, tempfile
+    >>> fit = eaid.fit(eaid.synth(levels=(20.0, 60.0, 100.0), repeats=2, rate_hz=50.0, seed=1))
+    >>> page = eaid.report([fit], pathlib.Path(tempfile.mkdtemp()) / "report")
+    >>> page.name
+    'report.html'
+    """
+    from eaid.report.write import write_report
+
+    several = list(results) if isinstance(results, Iterable) else [results]
+    return write_report(several, output_dir, chosen(ReportOptions, options, keywords), force).page
+
+
+def export(
+    gains: Gains | None,
+    output_dir: "str | os.PathLike[str]" = "export",
+    fit: Fit | None = None,
+    options: ExportOptions | None = None,
+    *,
+    force: bool = False,
+    **keywords: Any,
+) -> "ExportFolder":
+    """Controllers and plant as source for a rig, with test vectors and a check program.
+
+    Parameters
+    ----------
+    gains
+        Gains of `tune_rc`; None: the fit's inverse and plant alone.
+    output_dir
+        Folder that is made; its parent has to be there.
+    fit
+        The plant of the laws `inverse` and `plant`.
+    options
+        Target, laws and timing.
+    force
+        Replace an earlier export.
+    **keywords
+        Fields of `ExportOptions`: target, law, precision, rate_hz [Hz], duty_on_fault, …
+
+    Returns
+    -------
+    ExportFolder
+        With `path`, `files`, `laws`, `dt_s`, `findings`.
+
+    Raises
+    ------
+    GainsError
+        A loop is unstable at the rate, or a finding of severity stop stands; `anyway` overrides, marked.
+    UsageError
+        Options that contradict one another, or a folder that is there already.
+
+    Examples
+    --------
+    >>> import eaid, pathlib, tempfile
+    >>> fit = eaid.fit(eaid.synth(levels=(20.0, 60.0, 100.0), repeats=2, rate_hz=50.0, seed=1))
+    >>> gains = eaid.tune_rc(fit)
+    >>> folder = eaid.export(gains, pathlib.Path(tempfile.mkdtemp()) / "rig", target="yaml")
+    >>> folder.laws, "parameters.yaml" in folder.files
+    (('pi', 'rc'), True)
+    """
+    from eaid.export.export import export as exported
+
+    return exported(gains, fit, chosen(ExportOptions, options, keywords), Path(output_dir), force)
+
+
+def load(path: str | os.PathLike[str]) -> "Fit | Gains | Coupling | Replay | StepSet":
+    """A result of any kind from its file, by what the file says of itself.
+
+    Parameters
+    ----------
+    path
+        A fit.json, gains.json, couple.json, replay.h5 or data.h5.
+
+    Returns
+    -------
+    Fit or Gains or Coupling or Replay or StepSet
+        The result, with units as the file has them.
+
+    Raises
+    ------
+    DataError
+        No such file, a file that is no result of eaid, or one that was changed after it was written.
+
+    Examples
+    --------
+    >>> import eaid, pathlib, tempfile
+    >>> fit = eaid.fit(eaid.synth(levels=(20.0, 60.0, 100.0), repeats=2, rate_hz=50.0, seed=1))
+    >>> file = pathlib.Path(tempfile.mkdtemp()) / "fit.json"
+    >>> fit.save(file)
+    >>> eaid.load(file).params.equals(fit.params)
+    True
+    """
+    file = Path(path)
+    if not file.is_file():
+        raise DataError(f"{file}: no such file; give a fit.json, gains.json, couple.json, replay.h5 or data.h5")
+    if h5py.is_hdf5(file):
+        from eaid.replay.files import SCHEMA
+        from eaid.replay.files import read as read_replay
+
+        with h5py.File(file) as held:
+            schema = held.attrs.get("schema", "")
+        return read_replay(file)[0] if schema == SCHEMA else read(file)
+    kinds: dict[str, type[Any]] = {"fit": Fit, "gains": Gains, "couple": Coupling}
+    kind = codec.kind_of(file)
+    result: Fit | Gains | Coupling = codec.read(file, kind, kinds[kind])[0]
+    return result
+
+
+def _paths(source: Paths) -> list[Path]:
+    """One path or several as a list."""
+    try:
+        each = [source] if isinstance(source, str | os.PathLike) else list(source)
+        if any(str(one) == "" for one in each):
+            raise UsageError("an empty path: give a file or a folder")
+        return [Path(one) for one in each]
+    except TypeError:
+        raise UsageError(f"{source!r:.60}: give files or folders of logs, a DataFrame, or DataFrames by name") from None
+
+
+def _of_type(name: str, value: object, kind: type) -> None:
+    if not isinstance(value, kind):
+        raise UsageError(f"{name}: is a {type(value).__name__}; give what eaid.{name} returns")
