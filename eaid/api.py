@@ -342,12 +342,13 @@ def tune_rc(
     >>> gains.guarantee.holds, "duty-limit" in gains.guarantee.missing
     (False, True)
     """
-    from eaid.replay.references import SCENARIOS, read_reference
+    from eaid.options import TRACKED
+    from eaid.replay.references import read_reference
     from eaid.replay.tune import tune
 
     _of_type("fit", fit, Fit)
     named = "" if reference is None else str(reference)
-    signal = (named or None) if reference is None or named in SCENARIOS else read_reference(Path(reference))
+    signal = (named or None) if reference is None or named in TRACKED else read_reference(Path(reference))
     return tune(fit, chosen(TuneOptions, options, keywords), logs, signal, named, progress)
 
 

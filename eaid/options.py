@@ -163,7 +163,7 @@ class FitOptions(Chance):
     """How steps and recorded logs are fitted."""
 
     model: tuple[str, ...] | None = option(None, "By itself all that the kind allows.", MODEL, words=MODELS)
-    share: float | str = option(
+    share: float | Literal["free"] = option(
         0.85, "C, share of the fast part, held or free.", MODEL, words="free", least=0, most=1 - 1e-12, above=True
     )
     estimator: str = option("auto", "By the evidence, or all at once as in the paper.", MODEL, words="auto|joint")
@@ -179,7 +179,7 @@ class FitOptions(Chance):
     shape: str = option(
         "auto", "Of steps between levels; auto: by the evidence.", ADVANCED, words="auto|one|two|free|overshoot"
     )
-    dead_time: float | str = option(
+    dead_time: float | Literal["auto"] = option(
         "auto", "Of each single step [s]; auto: by the evidence.", ADVANCED, words="auto", least=0, most=1e4
     )
 
@@ -211,13 +211,13 @@ class TuneOptions(Chance):
         None, "ω_n [rad/s], in place of K_P and K_D.", ROBUST, least=1e-6, most=1e5
     )
     damping: float | None = option(None, "Damping ratio, with the natural frequency.", ROBUST, least=1e-3, most=1e3)
-    b_hat: str | float = option(
+    b_hat: Literal["pooled", "minimax"] | float = option(
         "pooled", "1/b0, the middle of B_m, B_M, or a value.", ROBUST, words="pooled|minimax", least=-1e12, most=1e12
     )
     q_max: float | None = option(
         None, "Q_M, largest slope of the reference; by itself 5 N·m/s.", ROBUST, least=0, most=1e9
     )
-    phi: str | float | None = option(
+    phi: Literal["data"] | float | None = option(
         None, "By itself 0.05; data: by model and logs.", ROBUST, words="data", least=0, most=1e9
     )
     pi_gains: tuple[float, float] | None = option(
@@ -263,9 +263,13 @@ class TuneOptions(Chance):
         None, "γ, sharpness of the soft switch; by itself 50.", ADVANCED, least=1e-15, most=1e15
     )
     p_scale: float = option(5.0, "p of P = p·I in the Lyapunov equation.", ADVANCED, least=1e-9, most=1e9)
-    rho: str = option("paper", "Eq. (15) read as B_M φ, or as φ/B_m.", ADVANCED, words="paper|textbook")
-    alpha: str = option("formula", "α that ρ is made with.", ADVANCED, words="formula|reached")
-    anti_windup: str = option(
+    rho: Literal["paper", "textbook"] = option(
+        "paper", "Eq. (15) read as B_M φ, or as φ/B_m.", ADVANCED, words="paper|textbook"
+    )
+    alpha: Literal["formula", "reached"] = option(
+        "formula", "α that ρ is made with.", ADVANCED, words="formula|reached"
+    )
+    anti_windup: Literal["conditional", "back-calculation"] = option(
         "conditional", "How the integral is held at a limit.", ADVANCED, words="conditional|back-calculation"
     )
     allow_unidentified: bool = option(False, "Use a fit that is marked not identifiable; marked.", ADVANCED)
@@ -332,8 +336,8 @@ class SimulateOptions(Chance):
     )
     rig: Rig = option(Rig(), "", RIG)
     noise: str | None = option(None, "As large and coloured as the fit's residuals.", RIG, words="residuals")
-    perturb: Mapping[str, float] | None = option(
-        None, "On the plant alone: Ts=0.9,tau1=1.2.", MORE, shown="NAME=FACTOR", least=0, most=1e6, above=True
+    perturb: Mapping[str, float] = option(
+        {}, "On the plant alone: Ts=0.9,tau1=1.2.", MORE, shown="NAME=FACTOR", least=0, most=1e6, above=True
     )
     plants: int | None = option(
         None, "Also on so many plants drawn from the fit's uncertainty.", MORE, least=1, most=100_000

@@ -33,8 +33,8 @@ def command(args: Arguments) -> None:
 
     Example: eaid export gains.json fit.json --as arduino --precision single --rate-hz 500
     """
-    from eaid.export.export import Origin
     from eaid.export.export import export as exported
+    from eaid.export.job import Origin
     from eaid.results.common import Input
 
     gains, fit, paths = _read(args.files)

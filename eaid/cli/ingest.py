@@ -4,8 +4,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from eaid.cli import console
-from eaid.cli.form import OUTPUT, Common, argument, option, takes, written
-from eaid.declared import part
+from eaid.cli.form import OUTPUT, Common, argument, takes, written
+from eaid.declared import option, part
 from eaid.options import ReadOptions
 from eaid.shown import counted
 

@@ -5,8 +5,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from eaid.cli import console
-from eaid.cli.form import Common, argument, option, refuse_idle, takes, written
-from eaid.declared import part
+from eaid.cli.form import Common, argument, refuse_idle, takes, written
+from eaid.declared import option, part
 from eaid.options import LOGS, PlanOptions
 
 if TYPE_CHECKING:

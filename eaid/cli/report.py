@@ -5,8 +5,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from eaid.cli import console
-from eaid.cli.form import Common, argument, option, takes, written
-from eaid.declared import part
+from eaid.cli.form import Common, argument, takes, written
+from eaid.declared import option, part
 from eaid.errors import DataError
 from eaid.options import PAGE, ReportOptions
 from eaid.shown import counted

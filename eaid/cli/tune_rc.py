@@ -4,8 +4,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from eaid.cli import console
-from eaid.cli.form import Common, Verbose, argument, option, takes, written
-from eaid.declared import part
+from eaid.cli.form import Common, Verbose, argument, takes, written
+from eaid.declared import option, part
 from eaid.errors import UsageError
 from eaid.options import ROBUST, TRACKED, TuneOptions, as_typed
 

@@ -10,6 +10,7 @@ import numpy as np
 from eaid.control.operating import known
 from eaid.control.pi import PIGains
 from eaid.control.rc import RCGains
+from eaid.control.timing import Timing
 from eaid.coupling.linearised import operating_point
 from eaid.coupling.loops import Loops
 from eaid.coupling.motion import replayed_stiffness

@@ -11,16 +11,16 @@ from eaid.control.gains import pi_gains, rc_gains
 from eaid.control.plant import plant_of
 from eaid.control.rc import RCGains
 from eaid.control.timing import Timing
-from eaid.coupling.couple import couple, default_torques
+from eaid.coupling.couple import couple, default_torques, limb_of, timing_of
 from eaid.coupling.linearised import LOOPS, operating_point
 from eaid.coupling.loops import Loops
-from eaid.coupling.options import MOST_DELAY, CoupleOptions
 from eaid.coupling.sampled import Limb
 from eaid.coupling.stiffness import needed_damping, passive_stiffness
 from eaid.errors import DataError, GainsError
 from eaid.findings import finding, ranked
 from eaid.models.nonlinear import steady_torque
 from eaid.models.parameters import Nonlinear
+from eaid.options import CoupleOptions
 from eaid.progress import Progress
 from eaid.replay.rehab import RESISTED_FROM_DEG
 from eaid.results.coupling import Coupling
@@ -29,8 +29,8 @@ from eaid.results.gains import Gains
 from eaid.results.replay import Replay
 from eaid.uncertainty.draw import draw
 
-__all__ = ["CoupleOptions", "couple_fit", "stiffness_judge", "with_wall_findings"]
-
+MOST_DELAY = 100
+"""Each sample of delay is a state of the loop's linear map."""
 UNSTABLE = 1e3
 """Cost of gains whose loop is unstable without any wall [rad/(N·m)]."""
 

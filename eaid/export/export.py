@@ -4,14 +4,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from eaid.errors import UsageError
-from eaid.export.job import constants_of, job_of, laws_of, timing_of
+from eaid.export.job import Origin, constants_of, job_of, laws_of, timing_of
 from eaid.export.judge import judged
 from eaid.export.made_from import source_of
 from eaid.export.targets import TARGETS
 from eaid.files import folder_written_whole, refuse_inputs_within
 from eaid.findings import Finding
 from eaid.options import ExportOptions
-from eaid.results.common import Input
 from eaid.results.fit import Fit
 from eaid.results.gains import Gains
 
@@ -30,14 +29,6 @@ class ExportFolder:
     dt_s: float
     findings: tuple[Finding, ...]
     """What stands at the head of each file, the gravest first."""
-
-
-@dataclass(frozen=True)
-class Origin:
-    """What made an export, for the heads of its files."""
-
-    command: str = ""
-    inputs: tuple[Input, ...] = ()
 
 
 def export(
@@ -65,7 +56,7 @@ def export(
     timing = timing_of(source, options)
     constants = constants_of(source, laws, timing)
     found = judged(source, laws, 1.0 / timing.dt_s, options)
-    job = job_of(source, constants, timing, found, options)
+    job = job_of(source, constants, timing, found, options, folder.resolve().name, origin)
     files = dict(TARGETS[options.target](job))
     with folder_written_whole(folder) as part:
         for name, content in files.items():

@@ -19,6 +19,7 @@ from eaid.export.numbers import decimal, harmless, rounded, unit_name
 from eaid.export.vectors import Vector, vectors
 from eaid.findings import Finding, say
 from eaid.options import LAWS, ExportOptions
+from eaid.results.common import Input
 from eaid.version import __version__
 
 TITLES = {
@@ -27,6 +28,14 @@ TITLES = {
     "inverse": "Feedback linearisation with the nonlinear model, exact inverse of each sample",
     "plant": "The clutch: nonlinear model, Eqs. (4)-(7), for hardware in the loop",
 }
+
+
+@dataclass(frozen=True)
+class Origin:
+    """What made an export, for the heads of its files."""
+
+    command: str = ""
+    inputs: tuple[Input, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -105,6 +114,8 @@ def job_of(
     timing: Timing,
     found: tuple[Finding, ...],
     options: ExportOptions,
+    name: str,
+    origin: Origin,
 ) -> Job:
     """Everything that the templates need."""
     laws = tuple(name for name in constants if name != "rate")
@@ -115,21 +126,21 @@ def job_of(
         laws=laws,
         constants=constants,
         vectors=tuple(vectors(constants, source.top, timing.precision)),
-        head=tuple(_head(source, laws, timing, found, options)),
-        name=options.folder.resolve().name,
+        head=tuple(_head(source, laws, timing, found, origin)),
+        name=name,
         top=source.top,
     )
 
 
 def _head(
-    source: Source, laws: tuple[str, ...], timing: Timing, found: tuple[Finding, ...], options: ExportOptions
+    source: Source, laws: tuple[str, ...], timing: Timing, found: tuple[Finding, ...], origin: Origin
 ) -> list[str]:
-    origins = [f"{one.path}, sha256 {one.sha256}" for one in options.inputs] or list(source.origins)
+    origins = [f"{one.path}, sha256 {one.sha256}" for one in origin.inputs] or list(source.origins)
     lines = [
         f"{', '.join(laws)} for an electroadhesive clutch, made by eaid {__version__}",
         "SPDX-License-Identifier: MIT",
         *(f"from {origin}" for origin in origins),
-        *([f"by {options.command}"] if options.command else []),
+        *([f"by {origin.command}"] if origin.command else []),
         f"sample time {decimal(timing.dt_s)} s, {timing.precision} precision;"
         f" duty in {source.units[0]}, torque in {source.units[1]}",
         *(f"{one.severity}: {in_python(say(one))}" for one in found),

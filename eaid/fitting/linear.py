@@ -21,6 +21,7 @@ from eaid.models.parameters import Linear as LinearModel
 from eaid.options import FitOptions
 from eaid.results.common import Huber, Solver
 from eaid.results.linear import Bounds, Linear, LinearLevel, Pooled
+from eaid.steps.levels import wanted_levels
 from eaid.steps.stepset import Level
 
 
@@ -96,7 +97,9 @@ def linear_fit(data: Data, options: FitOptions, held_out: Sequence[Level] = ()) 
     one, left, huber = pooled_linear(data, options)
     p = one.parameters
     rows = single_levels(data)
-    bounds = bounds_of(rows, options.bounds_levels)
+    wanted = options.bounds_levels
+    kept = None if wanted is None else wanted_levels(wanted, [row.level for row in rows], "bounds_levels")
+    bounds = bounds_of(rows, kept)
     found = linear_findings(data, p, one.solver, rows, bounds)
     found += robust.huber_findings("linear", huber)
     found += missed("linear", data, left, one)

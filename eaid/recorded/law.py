@@ -10,12 +10,13 @@ import numpy as np
 from eaid.arrays import Array
 from eaid.control.pi import PIGains
 from eaid.models.parameters import Nonlinear
+from eaid.options import Rig
 from eaid.recorded.log import RecordedLog
 from eaid.recorded.solve import Solved, idle_of, model_of
 from eaid.replay.controllers import Controller, pi_controller
 from eaid.replay.loop import Inputs, loop_of, reference_rate
 from eaid.replay.plant import plant_parameters
-from eaid.replay.rig import Rig, rig_numbers
+from eaid.replay.rig import rig_numbers
 
 LAW_PCT = 80.0
 """A law that explains less of the duty's changes is none."""

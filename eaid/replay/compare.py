@@ -20,11 +20,11 @@ import numpy as np
 from eaid.arrays import Array, read_only
 from eaid.errors import DataError
 from eaid.logs.run import Run
+from eaid.options import Rig
 from eaid.replay.controllers import Controller
 from eaid.replay.loop import Trace, replay
 from eaid.replay.plant import PlantParameters, falling_taus, plant_step, plant_terms
 from eaid.replay.references import Reference
-from eaid.replay.rig import Rig
 from eaid.replay.scenarios import measure, record
 from eaid.results.metrics import Metrics
 from eaid.results.replay import Record

@@ -13,8 +13,8 @@ from eaid.control.rc import RCGains, RCState, rc_step
 from eaid.errors import UsageError
 from eaid.models.nonlinear import steady_torque
 from eaid.models.parameters import Linear, Nonlinear
+from eaid.options import Rig
 from eaid.replay.inverse import InverseGains, InverseState, inverse_gains, inverse_step
-from eaid.replay.rig import Rig
 
 G = TypeVar("G", RCGains, PIGains)
 Step = Callable[[Any, Any, float, float, float, float], tuple[Any, float]]

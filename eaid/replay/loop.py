@@ -14,10 +14,11 @@ from numpy.typing import NDArray
 
 from eaid.arrays import Array, read_only
 from eaid.errors import UsageError
+from eaid.options import Rig
 from eaid.replay.controllers import Controller, Step
 from eaid.replay.metrics import tracking
 from eaid.replay.plant import PlantParameters, hold_step, rest, rounded
-from eaid.replay.rig import Rig, RigNumbers, noise, rig_numbers, ripple
+from eaid.replay.rig import RigNumbers, noise, rig_numbers, ripple
 from eaid.results.gain_checks import Tracking
 
 

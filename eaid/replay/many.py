@@ -12,12 +12,13 @@ from typing import Any
 import numpy as np
 
 from eaid.arrays import Array
+from eaid.options import Rig
 from eaid.replay.compiled import fits_lanes, loop_alone, loop_of_sixteen
 from eaid.replay.controllers import Controller
 from eaid.replay.lanes import LANES
 from eaid.replay.loop import inputs_of
 from eaid.replay.plant import PlantParameters
-from eaid.replay.rig import Rig, rig_numbers
+from eaid.replay.rig import rig_numbers
 
 Visit = Callable[[int, Array, Array], None]
 """visit(first, torque [N·m], duty [%]) for plants first, first + 1, …: arrays of shape (n, plants), to be copied

@@ -14,12 +14,12 @@ import numpy as np
 
 from eaid.arrays import Array
 from eaid.models.parameters import Nonlinear
+from eaid.options import Rig
 from eaid.replay.controllers import Controller
 from eaid.replay.loop import Trace
 from eaid.replay.many import replay_many
 from eaid.replay.plant import plant_parameters
 from eaid.replay.references import Reference
-from eaid.replay.rig import Rig
 from eaid.replay.scenarios import measure
 from eaid.results.gain_checks import Tracking
 from eaid.results.metrics import Distribution, Metrics, PlantSpread, Worst

@@ -21,8 +21,7 @@ import numpy as np
 from eaid.control.defaults import scales_of
 from eaid.control.plant import plant_of
 from eaid.errors import DataError
-from eaid.options import TuneOptions
-from eaid.replay.rig import Rig
+from eaid.options import Rig, TuneOptions
 from eaid.results.fit import Fit
 from eaid.steps.stepset import StepSet
 

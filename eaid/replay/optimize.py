@@ -33,11 +33,11 @@ from eaid.control.robust import damping_gains, frequency_and_damping
 from eaid.errors import GainsError, UsageError
 from eaid.limits import LIMITS
 from eaid.models.parameters import Linear, Nonlinear
+from eaid.options import Rig
 from eaid.replay.controllers import rc_controller
 from eaid.replay.many import replay_many
 from eaid.replay.plant import PlantParameters, plant_parameters
 from eaid.replay.references import Reference
-from eaid.replay.rig import Rig
 from eaid.results.gain_checks import Candidate
 
 RANGES = {"p_scale": 30.0, "epsilon": 10.0, "phi_honest_pct": 10.0, "frequency": 5.0, "b-hat": 3.0}

@@ -19,11 +19,12 @@ import numpy as np
 
 from eaid.arrays import Array, read_only
 from eaid.errors import GainsError, UsageError
+from eaid.options import Rig
 from eaid.replay.controllers import Controller
 from eaid.replay.loop import Trace, as_trace
 from eaid.replay.plant import PlantParameters, hold_step, plant_terms, rest, rounded
 from eaid.replay.references import samples_of
-from eaid.replay.rig import Rig, noise, rig_numbers, ripple
+from eaid.replay.rig import noise, rig_numbers, ripple
 from eaid.results.replay import Exercise
 
 MODES = ("soft", "hard", "assisted")

@@ -9,12 +9,12 @@ from eaid.arrays import Array
 from eaid.control.defaults import Scales
 from eaid.errors import UsageError
 from eaid.models.parameters import Nonlinear
+from eaid.options import Rig
 from eaid.replay import metrics, references
 from eaid.replay.controllers import Controller
 from eaid.replay.loop import Trace, replay
 from eaid.replay.plant import plant_parameters
 from eaid.replay.references import Reference, Signal
-from eaid.replay.rig import Rig
 from eaid.results.gain_checks import Tracking
 from eaid.results.metrics import Metrics
 from eaid.results.replay import Record, Role

@@ -8,11 +8,10 @@ from eaid.control.plant import plant_of, why_not
 from eaid.errors import DataError, UsageError
 from eaid.findings import Finding, finding
 from eaid.models.parameters import Linear
-from eaid.options import SimulateOptions
+from eaid.options import Rig, SimulateOptions
 from eaid.replay.controllers import Controller, Knowledge, controller
 from eaid.replay.noise import with_residual_noise
 from eaid.replay.plant import PlantParameters, perturbed, plant_parameters
-from eaid.replay.rig import Rig
 from eaid.results.fit import Fit
 from eaid.results.gains import Gains
 
@@ -62,7 +61,7 @@ def set_up(
     findings += [finding("plant-not-identifiable", "nonlinear", why=why)] if why else []
     if gains is not None and gains.unidentified:
         findings.append(finding("gains-not-identifiable", "gains", why=gains.unidentified))
-    plant = plant_parameters(perturbed(model, options.perturb or {}))
+    plant = plant_parameters(perturbed(model, options.perturb))
     chosen = tuple(controller(name, known) for name in names)
     return Setup(fit, plant, known, chosen, rig, options, 1.0 / rate_hz), findings
 

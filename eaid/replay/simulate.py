@@ -10,13 +10,12 @@ from eaid.control.plant import plant_of, why_not
 from eaid.errors import DataError, UsageError
 from eaid.findings import ranked
 from eaid.logs.run import Run
-from eaid.options import SimulateOptions
+from eaid.options import Rig, SimulateOptions
 from eaid.progress import Progress, no_progress
 from eaid.replay.compare import compared
 from eaid.replay.references import Signal
 from eaid.replay.rehab import MODES, rehabilitate
 from eaid.replay.rehab_statistics import record as record_session
-from eaid.replay.rig import Rig
 from eaid.replay.scenarios import reference_of
 from eaid.replay.setup import Setup, set_up
 from eaid.replay.tracked import Outcome, tracked

@@ -7,6 +7,7 @@ import numpy as np
 
 from eaid.errors import UsageError
 from eaid.findings import Finding, finding
+from eaid.options import Rig
 from eaid.progress import Progress
 from eaid.replay.best import best as best_of
 from eaid.replay.guarantee_watch import watch
@@ -14,7 +15,6 @@ from eaid.replay.loop import replay
 from eaid.replay.montecarlo import QUANTILES, montecarlo
 from eaid.replay.plant import perturbed, plant_terms
 from eaid.replay.references import Reference
-from eaid.replay.rig import Rig
 from eaid.replay.scenarios import measure, record
 from eaid.replay.setup import Setup
 from eaid.results.gains import Gains

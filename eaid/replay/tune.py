@@ -28,13 +28,12 @@ from eaid.errors import DataError
 from eaid.findings import Finding, finding, ranked
 from eaid.models.nonlinear import steady_torque
 from eaid.models.parameters import Nonlinear
-from eaid.options import TuneOptions
+from eaid.options import Rig, TuneOptions
 from eaid.progress import Progress, no_progress
 from eaid.replay.controllers import pi_controller, rc_controller
 from eaid.replay.noise import noise_of
 from eaid.replay.optimize import Search, optimize
 from eaid.replay.references import Reference, Signal
-from eaid.replay.rig import Rig
 from eaid.replay.scenarios import reference_of, replayed
 from eaid.results.fit import Fit
 from eaid.results.gain_checks import Optimized, Replayed

@@ -11,7 +11,8 @@ from dataclasses import replace
 import numpy as np
 
 from eaid.errors import DataError
-from eaid.planning.recordings import PlanOptions, plan_recordings
+from eaid.options import PlanOptions
+from eaid.planning.recordings import plan_recordings
 from eaid.report.figures.steps import some_levels
 from eaid.report.rig import level_text, rising
 from eaid.report.tables.table import SYMBOLS, level, listed
