@@ -252,7 +252,7 @@ class TuneOptions(Chance):
         None, "Most mean |Δu| per sample; by itself that of the start.", SEARCH, least=0, most=1e9, above=True
     )
     evaluations: int | None = option(
-        None, "Candidates after the first scatter; by itself 160.", SEARCH, least=1, most=100_000
+        None, "Candidates replayed, at most; by itself 240.", SEARCH, least=15, most=100_000
     )
     bounds_levels: str | None = option(None, "Levels that B_m, B_M are taken over: 30:100.", ADVANCED, levels=True)
     widen_bounds: bool = option(False, "Take the far ends of the 95 % intervals of B.", ADVANCED)

@@ -18,7 +18,6 @@ class Arguments(Common, FitOptions, ReadOptions, Verbose):
 
     data: list[Path] = argument("DATA…", "A data.h5, log files, or folders of them.")
     tables: bool = option(False, "Show all numbers as tables.", OUTPUT)
-    plot: bool = option(False, "Draw the levels with the model in the terminal.", OUTPUT)
     output: Path = written("fit.json")
 
 
@@ -48,10 +47,6 @@ def command(args: Arguments) -> int:
             console.print_json(result, "fit")
         else:
             fit_tables.show(result, args.output, args.tables or args.verbose, args.verbose)
-            if args.plot:
-                from eaid.cli import plots
-
-                plots.levels(result, stepset)
     console.tell(result.findings, args.verbose)
     console.say(fit_tables.closing(result, args.output))
     if fit_tables.usable(result):

@@ -59,10 +59,6 @@ def command(args: Arguments) -> None:
     else:
         for table in tables_of(replay):
             console.show(table)
-        if args.plot:
-            from eaid.cli import plots
-
-            plots.replay(replay)
     console.tell([*replay.findings, *doubts, *more], args.verbose)
     said = f"{replay.head.scenario} with {', '.join(sorted(replay.records)[:5])}"
     console.done(args.output, said, f"eaid report {args.fit} {args.output}")

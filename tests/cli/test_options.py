@@ -117,7 +117,7 @@ TABLES = {
     ("fit", "models"): fitting.MODELS, ("fit", "estimator"): fitting.ESTIMATORS, ("fit", "ci"): fitting.INTERVALS,
     ("fit", "loss"): fitting.LOSSES, ("fit", "shape"): fitting.SHAPES,
     ("fit", "kind"): KINDS, ("ingest", "kind"): KINDS, ("synth", "kind"): KINDS,
-    ("tune_rc", "optimize_also"): ALSO, ("tune_rc", "reference"): tuple(SCENARIOS),
+    ("tune_rc", "reference"): tuple(SCENARIOS),
     ("simulate", "scenario"): (*SCENARIOS, "rehab"), ("simulate", "controllers"): tuple(CONTROLLERS),
     ("synth", "excitation"): (*excitation.KINDS, excitation.LOOPED), ("export", "laws"): LAWS,
     ("export", "target"): tuple(TARGETS), ("couple", "loops"): LOOPS,
