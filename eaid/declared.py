@@ -116,12 +116,12 @@ class Form:
     @property
     def several(self) -> bool:
         """Whether words stand in a list."""
-        return self.parts[0] == tuple[str, ...]
+        return bool(self.parts[0] == tuple[str, ...])
 
     @property
     def pair(self) -> bool:
         """Whether the value is two numbers."""
-        return self.parts[0] == tuple[float, float]
+        return bool(self.parts[0] == tuple[float, float])
 
     @property
     def flag(self) -> str:
@@ -188,11 +188,12 @@ class Form:
         if low and value <= declared.most and (not whole or value == math.floor(value)):
             return []
         shown = f"{value:g}" if isinstance(value, float) else str(value)
-        return [f"«{self.name}» {shown[:30]}: give {declared.range_words(whole)}"]
+        words = "".join(f", or {word}" for word in declared.words)
+        return [f"«{self.name}» {shown[:30]}: give {declared.range_words(whole)}{words}"]
 
 
 @cache
-def forms(kind: type) -> dict[str, Form]:
+def forms(kind: Any) -> dict[str, Form]:
     """The options of a set by name."""
     hints = typing.get_type_hints(kind)
     return {one.name: Form(one.name, hints[one.name], _default(one), one.metadata["option"]) for one in declared(kind)}

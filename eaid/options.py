@@ -164,7 +164,7 @@ class FitOptions(Chance):
 
     model: tuple[str, ...] | None = option(None, "By itself all that the kind allows.", MODEL, words=MODELS)
     share: float | Literal["free"] = option(
-        0.85, "C, share of the fast part, held or free.", MODEL, words="free", least=0, most=1 - 1e-12, above=True
+        0.85, "C, share of the fast part, held or free.", MODEL, words="free", least=0, most=0.999, above=True
     )
     estimator: str = option("auto", "By the evidence, or all at once as in the paper.", MODEL, words="auto|joint")
     ci: str = option("robust", "How 95 % intervals are found.", MODEL, words="robust|bootstrap|white|none")

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from eaid.errors import UsageError
-from eaid.export.job import Origin, constants_of, job_of, laws_of, timing_of
+from eaid.export.job import UNKNOWN, Origin, constants_of, job_of, laws_of, timing_of
 from eaid.export.judge import judged
 from eaid.export.made_from import source_of
 from eaid.export.targets import TARGETS
@@ -33,7 +33,7 @@ class ExportFolder:
 
 def export(
     gains: Gains | None, fit: Fit | None, options: ExportOptions, folder: Path, force: bool = False,
-    origin: Origin = Origin(),
+    origin: Origin = UNKNOWN,
 ) -> ExportFolder:  # fmt: skip
     """Write controllers and plant as source for a rig; without gains the fit's inverse and plant alone.
 

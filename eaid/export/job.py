@@ -38,6 +38,9 @@ class Origin:
     inputs: tuple[Input, ...] = ()
 
 
+UNKNOWN = Origin()
+
+
 @dataclass(frozen=True)
 class Job:
     """What every target's templates draw on."""

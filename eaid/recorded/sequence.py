@@ -54,9 +54,8 @@ def check(limits: Limits, wanted: Mapping[str, float]) -> None:
         )
     if 0 < limits.rate_per_s * limits.hold_s[1] < high:
         faults.append(
-            f"«limits» rate_per_s {limits.rate_per_s:g}: a change to {high:g} takes {high / limits.rate_per_s:g} s, more than "
-            "the "
-            "longest hold; give a faster rate or a longer hold"
+            f"«limits» rate_per_s {limits.rate_per_s:g}: a change to {high:g} takes {high / limits.rate_per_s:g} s, "
+            "more than the longest hold; give a faster rate or a longer hold"
         )
     if limits.rest_s < 0 or limits.rate_per_s < 0 or limits.work_s < 0 or limits.engagements < 1:
         faults.append("«rest», «limits» rate_per_s and «work» are 0 or more, and there is one engagement at least")
