@@ -1,12 +1,13 @@
 """The replay against C compiled in the same run, python-control, NumPy over plants, and a long-double reference."""
 
 import ctypes
-import dataclasses
+import json
 import subprocess
 import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -18,40 +19,29 @@ from eaid.control.rc import RCGains, RCState, rc_step
 from eaid.models.parameters import REFERENCE_PLANT
 from eaid.replay.compiled import loop_alone
 from eaid.replay.controllers import Knowledge, controller, rc_controller
-from eaid.replay.lanes import LANES, telescoped
 from eaid.replay.loop import Inputs, reference_rate, replay
 from eaid.replay.many import available_threads, replay_many
-from eaid.replay.plant import PlantParameters, plant_parameters
+from eaid.replay.plant import PlantParameters, plant_parameters, plant_step
 from eaid.replay.references import multisine
 from eaid.replay.rig import Rig, noise, rig_numbers
 
 DT_S = 1e-3
-SINGLE_S = 60.0
+SINGLE_S, MANY_S = 60.0, 10.0
 PLANTS = 1000
-MANY_S = 10.0
+RUNS = 31
 FLAGS = ("-O3", "-march=native", "-shared", "-fPIC", "-lm")
 SOURCE = Path(__file__).parent / "replay.c"
 GAINS = RCGains(*(float(value) for value in paper_gains()[0]))
 RC = rc_controller(GAINS)
 RIG = Rig(noise_nm=0.01)
+PLANT = plant_parameters(REFERENCE_PLANT)
 IMPORTED = """
 import sys
 from eaid.cli import main
 main.run(sys.argv[1:])
 print(*sys.modules, file=sys.stderr)
 """
-"""Runs a command and tells every module that it has loaded, in the order of loading."""
-
-
-def compiled_c(folder: Path, name: str, *flags: str) -> ctypes.CDLL:
-    """replay.c as a library."""
-    path = folder / f"{name}.so"
-    subprocess.run(["gcc", str(SOURCE), "-o", str(path), *flags, *FLAGS], check=True)
-    return ctypes.CDLL(str(path))
-
-
-def pointer(values: np.ndarray) -> Any:
-    return values.ctypes.data_as(ctypes.POINTER(ctypes.c_double))
+"""Runs a command and prints every module that it has loaded, in the order of loading."""
 
 
 class Case:
@@ -64,79 +54,45 @@ class Case:
         self.noise = noise(RIG, self.n, DT_S, 1)
         self.torque, *self.others = (np.empty(self.n) for _ in range(6))
 
-    def c_arguments(self) -> tuple[Any, ...]:
-        return pointer(self.reference), pointer(self.rate), pointer(self.noise)
 
+def c_loop(folder: Path, name: str, case: Case, *flags: str) -> tuple[Callable[[PlantParameters], None], np.ndarray]:
+    """replay.c, compiled, as a call for one plant, and the torque that it fills."""
+    path = folder / f"{name}.so"
+    subprocess.run(["gcc", str(SOURCE), "-o", str(path), *flags, *FLAGS], check=True)
+    library = ctypes.CDLL(str(path))
 
-def c_single(library: ctypes.CDLL, case: Case, plant: PlantParameters) -> Callable[[], None]:
-    gains, parameters = np.array(GAINS[:14]), np.array(plant)
-    torque, duty = np.empty(case.n), np.empty(case.n)
-    case_arguments = case.c_arguments()
+    def pointer(values: np.ndarray) -> Any:
+        return values.ctypes.data_as(ctypes.POINTER(ctypes.c_double))
 
-    def run() -> None:
+    gains, torque, duty = np.array(GAINS[:14]), np.empty(case.n), np.empty(case.n)
+    given = [pointer(values) for values in (case.reference, case.rate, case.noise, torque, duty)]
+
+    def run(plant: PlantParameters) -> None:
+        parameters = np.array(plant)
         library.replay_one(
-            ctypes.c_long(case.n),
-            pointer(gains),
-            pointer(parameters),
-            ctypes.c_double(DT_S),
-            *case_arguments,
-            pointer(torque),
-            pointer(duty),
-        )
+            ctypes.c_long(case.n), pointer(gains), pointer(parameters), ctypes.c_double(DT_S), *given
+        )  # fmt: skip
 
-    run.torque = torque  # type: ignore[attr-defined]
-    return run
+    return run, torque
 
 
-def our_single(case: Case, plant: PlantParameters) -> Callable[[], None]:
-    run = loop_alone(rc_step)
-    numbers, ones = rig_numbers(RIG, DT_S), np.ones(case.n)
-    filled = (case.torque, *case.others)
-    inputs = Inputs(case.reference, case.rate, case.noise, ones)
-    return lambda: run(GAINS, RCState(), plant, numbers, DT_S, inputs, filled)  # type: ignore[return-value]
+def our_single(case: Case) -> Callable[[], object]:
+    run, numbers = loop_alone(rc_step), rig_numbers(RIG, DT_S)
+    inputs = Inputs(case.reference, case.rate, case.noise, np.ones(case.n))
+    return lambda: run(GAINS, RCState(), PLANT, numbers, DT_S, inputs, (case.torque, *case.others))
 
 
 def drawn_plants() -> list[PlantParameters]:
     """Plants whose time constants stay well inside their range, as a fit's uncertainty would draw them."""
-    random = np.random.default_rng(5)
-    plants = []
-    for _ in range(PLANTS):
-        s, f, t = 1 + 0.03 * random.standard_normal(3)
-        plants.append(
-            plant_parameters(
-                dataclasses.replace(
-                    REFERENCE_PLANT,
-                    tau1=tuple(f * c for c in REFERENCE_PLANT.tau1),
-                    tau2=tuple(t * c for c in REFERENCE_PLANT.tau2),
-                    Ts=tuple(s * c for c in REFERENCE_PLANT.Ts),
-                )
+    p = REFERENCE_PLANT
+    return [
+        plant_parameters(
+            replace(
+                p, tau1=tuple(f * c for c in p.tau1), tau2=tuple(t * c for c in p.tau2), Ts=tuple(s * c for c in p.Ts)
             )
         )
-    return plants
-
-
-def c_many(library: ctypes.CDLL, case: Case, plants: list[PlantParameters], threads: int) -> Callable[[], None]:
-    lanes = -(-len(plants) // LANES) * LANES
-    padded = np.ascontiguousarray(np.array([*plants, *[plants[-1]] * (lanes - len(plants))]).T)
-    gains, series = np.array(GAINS[:14]), np.array(telescoped(13))
-    torque, duty = (np.empty((threads, case.n, LANES)) for _ in range(2))
-    case_arguments = case.c_arguments()
-
-    def run() -> None:
-        library.replay_many(
-            ctypes.c_long(case.n),
-            ctypes.c_long(lanes),
-            pointer(gains),
-            pointer(padded),
-            ctypes.c_double(DT_S),
-            *case_arguments,
-            pointer(series),
-            pointer(torque),
-            pointer(duty),
-            ctypes.c_int(threads),
-        )
-
-    return run
+        for s, f, t in (1 + 0.03 * np.random.default_rng(5).standard_normal((PLANTS, 3))).tolist()
+    ]
 
 
 def numpy_many(case: Case, plants: list[PlantParameters]) -> np.ndarray:
@@ -166,134 +122,72 @@ def numpy_many(case: Case, plants: list[PlantParameters]) -> np.ndarray:
     return torque
 
 
-def python_control(case: Case, plant: PlantParameters) -> Callable[[], np.ndarray]:
+def python_control(case: Case) -> Callable[[], np.ndarray]:
     """The same maths in python-control: plant and controller as discrete-time systems, connected."""
     import control
-
-    from eaid.replay.plant import plant_step
-
-    def plant_update(_t: float, x: Any, u: Any, _p: Any) -> Any:
-        return plant_step(plant, x[0], x[1], u[0], DT_S)
 
     def law(x: Any, u: Any) -> tuple[float, float]:
         state, duty = rc_step(GAINS, RCState(float(x[0])), float(u[0]), float(u[1]), float(u[2] + u[3]), DT_S)
         return state.integral, duty
 
     clutch = control.nlsys(
-        plant_update, lambda _t, x, _u, _p: x[0] + x[1], inputs=["u"], outputs=["T"], states=2, dt=DT_S, name="clutch"
-    )
+        lambda _t, x, u, _p: plant_step(PLANT, x[0], x[1], u[0], DT_S), lambda _t, x, _u, _p: x[0] + x[1],
+        inputs=["u"], outputs=["T"], states=2, dt=DT_S, name="clutch",
+    )  # fmt: skip
     robust = control.nlsys(
-        lambda _t, x, u, _p: law(x, u)[0],
-        lambda _t, x, u, _p: law(x, u)[1],
-        inputs=["r", "v", "d", "T"],
-        outputs=["u"],
-        states=1,
-        dt=DT_S,
-        name="robust",
-    )
+        lambda _t, x, u, _p: law(x, u)[0], lambda _t, x, u, _p: law(x, u)[1],
+        inputs=["r", "v", "d", "T"], outputs=["u"], states=1, dt=DT_S, name="robust",
+    )  # fmt: skip
     closed = control.interconnect(
-        [clutch, robust],
-        connections=[["clutch.u", "robust.u"], ["robust.T", "clutch.T"]],
-        inplist=["robust.r", "robust.v", "robust.d"],
-        outlist=["clutch.T"],
-        dt=DT_S,
-    )
+        [clutch, robust], connections=[["clutch.u", "robust.u"], ["robust.T", "clutch.T"]],
+        inplist=["robust.r", "robust.v", "robust.d"], outlist=["clutch.T"], dt=DT_S,
+    )  # fmt: skip
     time_s = np.arange(case.n) * DT_S
     inputs = np.vstack([case.reference, case.rate, case.noise])
     return lambda: np.asarray(control.input_output_response(closed, time_s, inputs, np.zeros(3)).outputs)
 
 
-def many_of_ours(case: Case, plants: list[PlantParameters], threads: int) -> Callable[[], None]:
-    return lambda: replay_many(plants, RC, case.reference, RIG, DT_S, lambda _i, _t, _u: None, 1, threads)
-
-
 def rows() -> Iterator[Row]:
-    plant = plant_parameters(REFERENCE_PLANT)
-    threads = available_threads()
     with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
-        plain_c = compiled_c(folder, "plain")
-        simd_c = compiled_c(folder, "simd", "-fopenmp", "-ffast-math")
-        exact_c = compiled_c(folder, "exact", "-DREAL=long double")
-
-        long = Case(SINGLE_S)
-        ours, c = our_single(long, plant), c_single(plain_c, long, plant)
-        our_s, c_s = paired_medians(ours, c, 31)
-        reference = c_single(exact_c, long, plant)
-        reference()
-        away = float(np.abs(long.torque - reference.torque).max())  # type: ignore[attr-defined]
+        folder, long, short = Path(name), Case(SINGLE_S), Case(MANY_S)
+        ours, (c, _), (exact, exactly) = our_single(long), c_loop(folder, "plain", long), c_loop(
+            folder, "exact", long, "-DREAL=long double"
+        )  # fmt: skip
+        our_s, c_s = paired_medians(ours, lambda: c(PLANT), RUNS)
+        exact(PLANT)
+        away = f"{np.abs(long.torque - exactly).max():.1e} N·m from long double"
+        yield Row("one 60 s replay", "numba, warm", our_s, "C -O3", c_s, "≤ 1.2 × the time", our_s <= 1.2 * c_s, away)
+        plain_s = processor_seconds(lambda: replay(PLANT, RC, long.reference, RIG, DT_S, 1))
         yield Row(
-            "one 60 s replay",
-            "numba, warm",
-            our_s,
-            "C -O3",
-            c_s,
-            "≤ 1.2 × the time",
-            our_s <= 1.2 * c_s,
-            f"{away:.1e} N·m from long double",
-        )
-        plain_s = processor_seconds(lambda: replay(plant, RC, long.reference, RIG, DT_S, 1))
-        yield Row(
-            "one 60 s replay, no compile wait",
-            "plain Python",
-            plain_s,
-            "numba from its cache, imports included",
-            compiled_from_cold(),
-            "about 0.1 s of processor time",
-            plain_s <= 0.15,
-        )
-        yield from _inverse(long, plant)
-        theirs = python_control(long, plant)
+            "one 60 s replay, no compile wait", "plain Python", plain_s, "numba from its cache, imports included",
+            compiled_from_cold(), "about 0.1 s of processor time", plain_s <= 0.15,
+        )  # fmt: skip
+        yield from inverse(long)
+        theirs = python_control(long)
         our_s, control_s = paired_medians(ours, theirs, 3)
-        agree = float(np.abs(long.torque - theirs()).max())
         yield Row(
-            "against python-control",
-            "numba, warm",
-            our_s,
-            "input_output_response",
-            control_s,
-            "≥ 1,000 × faster",
-            control_s >= 1000 * our_s,
-            f"{agree:.1e} N·m apart",
-        )
+            "against python-control", "numba, warm", our_s, "input_output_response", control_s, "≥ 1,000 × faster",
+            control_s >= 1000 * our_s, f"{np.abs(long.torque - theirs()).max():.1e} N·m apart",
+        )  # fmt: skip
 
-        short, plants = Case(MANY_S), drawn_plants()
-        ours, c = many_of_ours(short, plants, threads), c_many(simd_c, short, plants, threads)
-        our_s, c_s = paired_medians(ours, c, 15)
-        kept = np.empty((PLANTS, short.n))
+        plants, kept = drawn_plants(), np.empty((PLANTS, short.n))
 
         def keep(first: int, torque: np.ndarray, _duty: np.ndarray) -> None:
             kept[first : first + torque.shape[1]] = torque.T
 
-        replay_many(plants, RC, short.reference, RIG, DT_S, keep, 1, threads)
-        away = 0.0
+        our_s, numpy_s = paired_medians(
+            lambda: replay_many(plants, RC, short.reference, RIG, DT_S, keep, 1), lambda: numpy_many(short, plants), 3
+        )
+        (exact, exactly), away = c_loop(folder, "exact-short", short, "-DREAL=long double"), 0.0
         for i in range(0, PLANTS, 50):
-            exact = c_single(exact_c, short, plants[i])
-            exact()
-            away = max(away, float(np.abs(kept[i] - exact.torque).max()))  # type: ignore[attr-defined]
+            exact(plants[i])
+            away = max(away, float(np.abs(kept[i] - exactly).max()))
         yield Row(
-            f"{PLANTS} plants × 10 s",
-            f"blocks of 16, {threads} threads",
-            our_s,
-            "C, SIMD and OpenMP",
-            c_s,
-            "≤ 3 × the time",
-            our_s <= 3 * c_s,
+            f"{PLANTS} plants × {MANY_S:g} s", f"blocks of 16, {available_threads()} threads", our_s,
+            "NumPy over the plants", numpy_s, "≥ 15 × faster", numpy_s >= 15 * our_s,
             f"{away:.1e} N·m from long double",
-        )
-        our_s, numpy_s = paired_medians(ours, lambda: numpy_many(short, plants), 3)
-        agree = float(np.abs(numpy_many(short, plants).T - kept).max())
-        yield Row(
-            f"{PLANTS} plants × 10 s",
-            f"blocks of 16, {threads} threads",
-            our_s,
-            "NumPy over the plants",
-            numpy_s,
-            "≥ 15 × faster",
-            numpy_s >= 15 * our_s,
-            f"{agree:.1e} N·m apart",
-        )
-        yield _cold(folder)
+        )  # fmt: skip
+        yield cold(folder)
 
 
 def processor_seconds(call: Callable[[], object]) -> float:
@@ -310,73 +204,45 @@ def compiled_from_cold() -> float:
     """Importing numba and fetching the compiled loop from its cache, in a process of its own [s of processor time]."""
     code = (
         "import time, numpy, eaid.replay.loop; a = time.process_time(); from benchmarks.replay_speed import *; "
-        "our_single(Case(1.0), plant_parameters(REFERENCE_PLANT))(); print(time.process_time() - a)"
+        "our_single(Case(1.0))(); print(time.process_time() - a)"
     )
     root = Path(__file__).parent.parent
     told = subprocess.run([sys.executable, "-c", code], cwd=root, check=True, capture_output=True, text=True)
     return float(told.stdout)
 
 
-def _inverse(case: Case, plant: PlantParameters) -> Iterator[Row]:
+def inverse(case: Case) -> Iterator[Row]:
     """What the inverse of the nonlinear model costs in each sample, against the robust law on the linear one."""
-    known = Knowledge(REFERENCE_PLANT, None, *paper_gains())
-    inverse = controller("inverse", known)
-    rig = Rig()
-    plain = [processor_seconds(lambda c=c: replay(plant, c, case.reference, rig, DT_S)) / case.n for c in (inverse, RC)]
-    filled = (case.torque, *case.others)
-    numbers, zeros, ones = rig_numbers(rig, DT_S), np.zeros(case.n), np.ones(case.n)
-    run, ahead = loop_alone(inverse.step), reference_rate(case.reference, DT_S, True)
-    law = loop_alone(rc_step)
-    compiled = [
-        processor_seconds(
-            lambda: run(
-                inverse.gains, inverse.start, plant, numbers, DT_S, Inputs(case.reference, ahead, zeros, ones), filled
-            )
-        )
-        / case.n,
-        processor_seconds(
-            lambda: law(GAINS, RC.start, plant, numbers, DT_S, Inputs(case.reference, case.rate, zeros, ones), filled)
-        )
-        / case.n,
-    ]
-    for how, (ours, other) in (("plain Python", plain), ("numba", compiled)):
+    laws = (controller("inverse", Knowledge(REFERENCE_PLANT, None, *paper_gains())), RC)
+    numbers, zeros, ones = rig_numbers(Rig(), DT_S), np.zeros(case.n), np.ones(case.n)
+
+    def compiled(law: Any) -> Callable[[], object]:
+        run, rate = loop_alone(law.step), reference_rate(case.reference, DT_S, law.looks_ahead)
+        inputs = Inputs(case.reference, rate, zeros, ones)
+        return lambda: run(law.gains, law.start, PLANT, numbers, DT_S, inputs, (case.torque, *case.others))
+
+    for how, call in (
+        ("plain Python", lambda law: lambda: replay(PLANT, law, case.reference, Rig(), DT_S)),
+        ("numba", compiled),
+    ):
+        ours, other = (processor_seconds(call(law)) / case.n for law in laws)
         yield Row(
-            f"a sample under the inverse, {how}",
-            "inverse",
-            ours,
-            "rc",
-            other,
-            "below 1 % of a 1 ms sample",
-            ours <= 1e-5,
-        )
+            f"a sample under the inverse, {how}", "inverse", ours, "rc", other, "below 1 % of 1 ms", ours <= 1e-5
+        )  # fmt: skip
 
 
-def _cold(folder: Path) -> Row:
+def cold(folder: Path) -> Row:
     """A whole `eaid simulate` of two controllers for 12 s, from the Enter key on, against its imports alone."""
-    from eaid.results import codec
-
     p, rc, pi = REFERENCE_PLANT, *paper_gains()
-    (folder / "fit.json").write_text(
-        codec.text_of(
-            codec.stamped(
-                "eaid/fit/1",
-                {"nonlinear": {"C": p.C, "tau1": p.tau1, "tau2": p.tau2, "Ts": p.Ts, "u_range": p.u_range}},
-            )
-        ),
-        encoding="utf-8",
-    )
-    model = {"a0": rc.a0, "b0": rc.b0, "c0": rc.c0}
+    plant = {"C": p.C, "tau1": p.tau1, "tau2": p.tau2, "Ts": p.Ts, "u_range": p.u_range}
     law = {
-        "K_P": rc.K_P,
-        "K_D": rc.K_D,
-        "B_hat": rc.B_hat,
-        "rho": {"constant": rc.rho_constant, "slope": rc.rho_slope},
-        "epsilon": rc.epsilon,
-        "gamma": rc.gamma,
-        "Q": [[1.0, rc.Q12], [rc.Q12, rc.Q22]],
-    }
-    gains = codec.stamped("eaid/gains/1", {"model": model, "rc": law, "pi": {"K_P": pi.K_P, "K_I": pi.K_I}})
-    (folder / "gains.json").write_text(codec.text_of(gains), encoding="utf-8")
+        "K_P": rc.K_P, "K_D": rc.K_D, "B_hat": rc.B_hat, "rho": {"constant": rc.rho_constant, "slope": rc.rho_slope},
+        "epsilon": rc.epsilon, "gamma": rc.gamma, "Q": [[1.0, rc.Q12], [rc.Q12, rc.Q22]],
+    }  # fmt: skip
+    model = {"a0": rc.a0, "b0": rc.b0, "c0": rc.c0}
+    gains = {"model": model, "rc": law, "pi": {"K_P": pi.K_P, "K_I": pi.K_I}}
+    for name, content in (("fit.json", {"nonlinear": plant}), ("gains.json", gains)):
+        (folder / name).write_text(json.dumps(content), encoding="utf-8")
     arguments = (
         "simulate",
         "fit.json",
@@ -393,18 +259,15 @@ def _cold(folder: Path) -> Row:
         [sys.executable, "-c", IMPORTED, *arguments], cwd=folder, check=True, capture_output=True, text=True
     ).stderr
     (folder / "bare.py").write_text(
-        "import importlib\nfor name in " + repr(told.split()) + ":\n"
+        f"import importlib\nfor name in {told.split()!r}:\n"
         "    try:\n        importlib.import_module(name)\n    except ImportError:\n        pass\n"
     )
     ours, bare = paired_medians(
-        process(sys.executable, "-m", "eaid", *arguments, cwd=folder), process(sys.executable, "bare.py", cwd=folder), 9
+        process(sys.executable, "-m", "eaid", *arguments, cwd=folder),
+        process(sys.executable, "bare.py", cwd=folder),
+        max(1, RUNS // 3),
     )
     return Row(
-        "a cold simulate, 12 s, rc and pi",
-        "eaid simulate",
-        ours,
-        "its imports alone",
-        bare,
-        "≤ 1.5 × the time",
+        "a cold simulate, 12 s, rc and pi", "eaid simulate", ours, "its imports alone", bare, "≤ 1.5 × the time",
         ours <= 1.5 * bare,
-    )
+    )  # fmt: skip
