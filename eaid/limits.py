@@ -65,7 +65,7 @@ LIMITS: dict[str, Limit] = {
     "pi_settling": Limit(-1e6, 1e6),
     "duty_limits": Limit(0, 1e9),
     "chatter_limit": Limit(0, 1e9, above=True),
-    "evaluations": Limit(1, 100_000, whole=True),
+    "evaluations": Limit(15, 100_000, whole=True),
     # tune-rc, simulate and synth
     "rate_hz": Limit(1e-3, 1e5),
     "pwm_hz": Limit(0, 1e6),

@@ -57,16 +57,14 @@ def tune_rc(
     >>> gains.guarantee.holds, "duty-limit" in gains.guarantee.missing
     (False, True)
     """
-    from eaid.coupling.entry import stiffness_judge
     from eaid.replay.references import read_reference
     from eaid.replay.scenarios import SCENARIOS
     from eaid.replay.tune import tune
 
     asked = chosen(TuneOptions, options, keywords)
-    judge = stiffness_judge(fit) if asked.optimize_for == "stiffness" else None
     named = "" if reference is None else str(reference)
     signal = (named or None) if reference is None or named in SCENARIOS else read_reference(Path(reference))
-    return tune(fit, asked, logs, signal, named, progress, judge)
+    return tune(fit, asked, logs, signal, named, progress)
 
 
 def simulate(
@@ -165,6 +163,7 @@ def couple(
     >>> [wall.loop for wall in found.walls]
     ['pi', 'rc']
     """
-    from eaid.coupling.entry import CoupleOptions, couple_fit
+    from eaid.coupling.entry import couple_fit
+    from eaid.coupling.options import CoupleOptions
 
     return couple_fit(fit, gains, chosen(CoupleOptions, options, keywords), progress)

@@ -43,7 +43,6 @@ class Arguments(Common, Reading, Seeded, Verbose):
         "auto", "Of each single step [s]; auto: by the evidence.", ADVANCED, words="auto", number=True
     )
     tables: bool = option(False, "Show all numbers as tables.", OUTPUT)
-    plot: bool = option(False, "Draw the levels with the model in the terminal.", OUTPUT)
     output: Path = written("fit.json")
 
 
@@ -82,10 +81,6 @@ def command(args: Arguments) -> int:
             console.print_json(result, "fit")
         else:
             fit_tables.show(result, args.output, args.tables or args.verbose, args.verbose)
-            if args.plot:
-                from eaid.cli import plots
-
-                plots.levels(result, stepset)
     console.tell(result.findings, args.verbose)
     console.say(fit_tables.closing(result, args.output))
     if fit_tables.usable(result):

@@ -107,7 +107,7 @@ def logs_of(fitted: "Fit", fit: Path, data: list[Path] | None, options: "TuneOpt
 
     if data:
         return runs_from(data)[1]
-    wants = {"φ": options.phi == "data", "the noise": options.searches and options.noise_nm is None}
+    wants = {"φ": options.phi == "data", "the noise": options.optimize and options.noise_nm is None}
     wanted = " and ".join(name for name, asked in wants.items() if asked)
     if not wanted:
         return None

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from eaid.cli import console
-from eaid.cli.form import OUTPUT, Common, Seeded, Verbose, argument, option, taken, takes, written
+from eaid.cli.form import Common, Seeded, Verbose, argument, option, taken, takes, written
 from eaid.cli.inputs import Columns
 from eaid.cli.words import factors
 from eaid.errors import UsageError
@@ -28,8 +28,6 @@ class Arguments(Common, Columns, Seeded, Verbose):
     log: list[Path] | None = option(None, "Recorded runs: their input through the plant.", WHAT, shown="FILE")
     keep_baseline: bool = option(False, "Do not subtract the idle output of recorded runs.", WHAT)
     duration: float | None = option(None, "Length of steps, multisine or rehab [s].", WHAT)
-    best: bool = option(False, "The least error this plant allows, the future known; how far each is from it.", WHAT)
-    plot: bool = option(False, "Draw the replay in the terminal.", OUTPUT)
     rate_hz: float | None = option(None, "Control rate [Hz]; by itself 1000.", RIG)
     noise_nm: float = option(0.0, "Noise on the measured torque, sd [N·m].", RIG)
     noise_correlation_s: float = option(0.0, "Correlation time of the noise [s]; 0: white.", RIG)
@@ -90,10 +88,6 @@ def command(args: Arguments) -> None:
     else:
         for table in tables_of(replay):
             console.show(table)
-        if args.plot:
-            from eaid.cli import plots
-
-            plots.replay(replay)
     console.tell([*replay.findings, *doubts, *more], args.verbose)
     said = f"{replay.head.scenario} with {', '.join(sorted(replay.records)[:5])}"
     console.done(args.output, said, f"eaid report {args.fit} {args.output}")

@@ -39,14 +39,10 @@ class Arguments(Common, Seeded, Verbose):
     rate_hz: float | None = option(None, "Control rate [Hz]; by itself the fit's, else 1000.", RIG)
     pwm_hz: float | None = option(None, "Duty latched at [Hz]; 0: off; by itself the fit's, else 300.", RIG)
     optimize: bool = option(False, "Choose P's scale, ε and φ for the least RMS error.", SEARCH)
-    optimize_for: str = option(
-        "tracking", "Or the stiffest wall; implies --optimize.", SEARCH, words="tracking|stiffness"
-    )
-    optimize_also: tuple[str, ...] = option((), "ω_n, B̂ too.", SEARCH, words="frequency|b-hat", several=True)
     plants: int | None = option(None, "Plants drawn from the fit's uncertainty; by itself 16.", SEARCH)
     noise_nm: float | None = option(None, "Torque noise, sd [N·m]; by itself what the logs show.", SEARCH)
     chatter_limit: float | None = option(None, "Most mean |Δu| per sample; by itself that of the start.", SEARCH)
-    evaluations: int | None = option(None, "Candidates after the first scatter; by itself 160.", SEARCH)
+    evaluations: int | None = option(None, "Candidates replayed, at most; by itself 240.", SEARCH)
     bounds: str | None = option(None, "How b0 of one level is found; by itself as in the fit.", ADVANCED, words=BOUNDS)
     bounds_levels: str | None = option(None, "Levels that B_m, B_M are taken over: 30:100.", ADVANCED, levels=True)
     widen_bounds: bool = option(False, "Take the far ends of the 95 % intervals of B.", ADVANCED)
@@ -82,7 +78,7 @@ def command(args: Arguments) -> None:
     read = [args.fit, *([file] if file else []), *files_read(args.data or [])]
     refuse_to_overwrite(args.output, args.force, read)
     options = taken(TuneOptions, args)
-    if args.data and options.phi != "data" and not options.searches:
+    if args.data and options.phi != "data" and not options.optimize:
         raise UsageError("--data: does nothing without --phi data or --optimize; leave it out")
     fitted, doubts = codec.read(args.fit, "fit", Fit)
     logs = inputs.logs_of(fitted, args.fit, args.data, options)

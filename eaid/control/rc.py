@@ -71,11 +71,6 @@ class RCTerms(NamedTuple):
     """ω [N·m/s]"""
 
 
-def tanh(x: float) -> float:
-    """The hyperbolic tangent; a name of its own, so that machine code may have a form of it without a call."""
-    return math.tanh(x)
-
-
 def rc_terms(gains: RCGains, integral: float, error: float) -> RCTerms:
     """z, ρ and ω for an integrated error [N·m·s] and an error [N·m], Eqs. (13)-(15)."""
     z = gains.Q12 * integral + gains.Q22 * error
@@ -87,8 +82,8 @@ def rc_terms(gains: RCGains, integral: float, error: float) -> RCTerms:
         omega = rho * z / gains.epsilon
         if distance >= -TANH_IS_ONE:
             # (S − S(0))/(1 − S(0)) with S(0) = (1 − tanh γε)/2; exactly (14) where tanh γε is 1.
-            at_zero = tanh(gains.gamma * gains.epsilon)
-            share = (tanh(distance) + at_zero) / (1.0 + at_zero)
+            at_zero = math.tanh(gains.gamma * gains.epsilon)
+            share = (math.tanh(distance) + at_zero) / (1.0 + at_zero)
             omega = share * math.copysign(rho, z) + (1.0 - share) * omega
     return RCTerms(z, rho, omega)
 

@@ -1,7 +1,6 @@
-"""A fit and gains → walls: what `eaid couple`, `eaid.couple`, replays and a search for stiff walls call."""
+"""A fit and gains → walls: what `eaid couple`, `eaid.couple` and replays call."""
 
 import math
-from collections.abc import Callable
 from dataclasses import replace
 
 import msgspec
@@ -9,15 +8,13 @@ import numpy as np
 
 from eaid.control.gains import pi_gains, rc_gains
 from eaid.control.plant import plant_of
-from eaid.control.rc import RCGains
 from eaid.control.timing import Timing
 from eaid.coupling.couple import couple, default_torques
-from eaid.coupling.linearised import LOOPS, operating_point
+from eaid.coupling.linearised import LOOPS
 from eaid.coupling.loops import Loops
 from eaid.coupling.options import MOST_DELAY, CoupleOptions
 from eaid.coupling.sampled import Limb
-from eaid.coupling.stiffness import needed_damping, passive_stiffness
-from eaid.errors import DataError, GainsError
+from eaid.errors import DataError
 from eaid.findings import finding, ranked
 from eaid.models.nonlinear import steady_torque
 from eaid.models.parameters import Nonlinear
@@ -28,11 +25,6 @@ from eaid.results.fit import Fit
 from eaid.results.gains import Gains
 from eaid.results.replay import Replay
 from eaid.uncertainty.draw import draw
-
-__all__ = ["CoupleOptions", "couple_fit", "stiffness_judge", "with_wall_findings"]
-
-UNSTABLE = 1e3
-"""Cost of gains whose loop is unstable without any wall [rad/(N·m)]."""
 
 
 def couple_fit(fit: Fit, gains: Gains | None, options: CoupleOptions, progress: Progress) -> Coupling:
@@ -85,29 +77,6 @@ def with_wall_findings(replay: Replay, fit: Fit, gains: Gains | None) -> Replay:
                     )
     head = msgspec.structs.replace(replay.head, findings=ranked((*replay.findings, *findings)))
     return replace(replay, head=head)
-
-
-def stiffness_judge(fit: Fit, options: CoupleOptions = CoupleOptions()) -> Callable[[RCGains], float]:  # noqa: B008
-    """The cost of gains that a search of `tune` makes least for stiff walls [rad/(N·m)].
-
-    1/K, K the stiffest wall that the robust controller without its reference rate renders passively at the least
-    favourable of four torques: with the rate a wall rests on fractions of a sample (docs/coupling.md). DataError
-    without a nonlinear model.
-    """
-    plant = _plant(fit)
-    points = [operating_point(plant, torque) for torque in options.torques or default_torques(plant)]
-
-    def cost(gains: RCGains) -> float:
-        loops = Loops(gains, None, options.limb, options.timing)
-        try:
-            channels = [loops.around("rc-no-rate", plant, point)[0] for point in points]
-        except GainsError:
-            return UNSTABLE
-        needed = (needed_damping([channel], options.timing) for channel in channels)
-        worst = min(passive_stiffness(one, options.limb_damping)[0] for one in needed)
-        return 1 / worst if worst > 1 / UNSTABLE else UNSTABLE
-
-    return cost
 
 
 def _plant(fit: Fit) -> Nonlinear:

@@ -6,11 +6,13 @@
 
 import math
 import re
+from fractions import Fraction
 from typing import Any, Literal
 
 import numpy as np
-
-from eaid.replay.lanes import telescoped
+from numpy.polynomial import Polynomial
+from numpy.polynomial.chebyshev import cheb2poly, chebadd, chebmulx
+from numpy.polynomial.polynomial import polyval
 
 Precision = Literal["double", "single"]
 DEGREE = {"double": 13, "single": 6}
@@ -18,8 +20,16 @@ DEGREE = {"double": 13, "single": 6}
 
 
 def series(precision: Precision) -> tuple[float, ...]:
-    """Coefficients of P, lowest power first, as a double each."""
-    return tuple(telescoped(DEGREE[precision]))
+    """Coefficients of P, lowest power first, as a double each: Taylor's series, written in the Chebyshev polynomials
+    T_n(2x − 1) and cut after the degree; in exact fractions, rounded once."""
+    taylor = [Fraction((-1) ** n, math.factorial(n + 1)) for n in range(26)]
+    x, y = Polynomial([Fraction(1, 2), Fraction(1, 2)]), Polynomial([Fraction(-1), Fraction(2)])  # y = 2x − 1
+    in_y: Any = polyval(x, taylor)  # a polynomial of a polynomial is one
+    chebyshev: Any = [Fraction(0)]
+    for coefficient in in_y.coef[::-1]:
+        chebyshev = chebadd(chebmulx(chebyshev), [coefficient])
+    in_x: Any = polyval(y, cheb2poly(chebyshev[: DEGREE[precision] + 1]))
+    return tuple(float(value) for value in in_x.coef)
 
 
 def rounded(value: Any, precision: Precision) -> Any:

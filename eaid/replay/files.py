@@ -53,11 +53,11 @@ def plain_metrics(metrics: Metrics) -> dict[str, object]:
 
 def as_json(replay: Replay) -> dict[str, object]:
     """What `simulate --json` prints: the head, and every group's metrics under the part it plays."""
-    controllers, best, log = (
+    controllers, log = (
         {name: plain_metrics(metrics) for name, metrics in replay.metrics(*roles).items()}
-        for roles in ((), ("best",), ("recorded-input",))
+        for roles in ((), ("recorded-input",))
     )
-    content = {"schema": SCHEMA, **plain_head(replay.head), "controllers": controllers, **best}
+    content = {"schema": SCHEMA, **plain_head(replay.head), "controllers": controllers}
     if log:
         content["log"] = log
     heading = {key: content.pop(key) for key in ("schema", "eaid")}

@@ -17,7 +17,6 @@ about as much as a PD of that speed would, not as a deadbeat one; and a wrong pl
 import math
 from typing import NamedTuple
 
-from eaid.arrays import Array
 from eaid.models.parameters import Nonlinear
 from eaid.replay.plant import PlantParameters, plant_parameters, plant_step
 
@@ -97,32 +96,6 @@ def duty_for(
             return better
         before, miss_before, duty = duty, miss, better
     return duty
-
-
-def follow(
-    plant: PlantParameters,
-    path: Array,
-    dt: float,
-    limits: tuple[float, float],
-    duty: Array,
-    fast: Array,
-    slow: Array,
-) -> None:
-    """Fill the duty [%] that brings the torque onto a path [N·m] at each next sample, or as near as a limit lets it.
-
-    `fast` and `slow` are filled with the two parts [N·m]; from rest, shapes (n,).
-    """
-    low, high = limits
-    x1 = 0.0
-    x2 = 0.0
-    u = low
-    for k in range(len(path)):
-        fast[k] = x1
-        slow[k] = x2
-        if k < len(path) - 1:
-            u = duty_for(plant, x1, x2, path[k + 1], dt, u, low, high)
-        duty[k] = u
-        x1, x2 = plant_step(plant, x1, x2, u, dt)
 
 
 def inverse_step(

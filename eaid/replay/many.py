@@ -1,32 +1,54 @@
-"""Many plants under one controller and one reference: blocks of sixteen over threads, in machine code.
+"""Many plants under one controller and one reference, in machine code, one plant a thread.
 
 Every plant meets the same noise, so that plants differ by their parameters alone. What a plant does depends on no other
-plant and on no thread: the same seed gives the same numbers on one thread and on many.
+plant and on no thread: the same seed gives the same numbers on one thread and on many, those of plain Python.
+
+Every plain function that the loop calls is registered with numba, so that compiled code may call it; the loop itself is
+a closure around a law. numba keeps what it compiles on disk under a key that includes what a closure holds: among it a
+fingerprint of all sources, so that a changed law is never served from an old cache.
 """
 
+import hashlib
 import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from functools import cache
+from pathlib import Path
 from typing import Any
 
+import numba
 import numpy as np
+from numba.extending import register_jitable
 
 from eaid.arrays import Array
-from eaid.replay.compiled import fits_lanes, loop_alone, loop_of_sixteen
-from eaid.replay.controllers import Controller
-from eaid.replay.lanes import LANES
-from eaid.replay.loop import inputs_of
+from eaid.control import pi, rc
+from eaid.replay import controllers, inverse, loop, plant
+from eaid.replay.controllers import Controller, Step
 from eaid.replay.plant import PlantParameters
 from eaid.replay.rig import Rig, rig_numbers
 
 Visit = Callable[[int, Array, Array], None]
-"""visit(first, torque [N·m], duty [%]) for plants first, first + 1, …: arrays of shape (n, plants), to be copied
-where kept."""
+"""visit(index, torque [N·m], duty [%]) of one plant: arrays of shape (n,)."""
+
+for _function in (
+    plant.plant_terms, plant.plant_pull, plant.plant_step, plant.rest, plant.rounded, plant.hold_step, rc.rc_terms,
+    rc.rc_step, pi.pi_step, controllers.open_loop_step, controllers.feedforward_step, inverse.duty_for,
+    inverse.inverse_step,
+):  # fmt: skip
+    register_jitable(error_model="numpy")(_function)
 
 
-def available_threads() -> int:
-    """Processors that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+@cache
+def compiled(law: Step) -> Any:
+    """`closed_loop` of one law in machine code, kept on disk where there is a folder that numba may write to."""
+    sources = hashlib.sha256()
+    for file in (__file__, *(module.__file__ for module in (plant, rc, pi, inverse, controllers, loop))):
+        sources.update(Path(str(file)).read_bytes())
+    function = loop.loop_of(law, sources.hexdigest())
+    try:
+        return numba.njit(error_model="numpy", nogil=True, cache=True)(function)
+    except RuntimeError:
+        return numba.njit(error_model="numpy", nogil=True)(function)
 
 
 def replay_many(
@@ -39,39 +61,21 @@ def replay_many(
     seed: int = 0,
     threads: int | None = None,
 ) -> None:
-    """Trace each plant from rest and show what it did to `visit`, block by block, in no fixed order, one call at a
-    time a thread."""
+    """Trace each plant from rest and show what it did to `visit`, in no fixed order, one call at a time a thread."""
     acting = controller.on(rig)
     # every number a float: one machine code serves all gains
     gains = acting.gains._make(float(value) if isinstance(value, int) else value for value in acting.gains)
     numbers = rig_numbers(rig, dt_s, controller.gains.duty_max)
-    reference = np.array(reference_nm, dtype=np.float64)
-    n = len(reference)
-    inputs = inputs_of(acting, reference, rig, dt_s, seed)
+    inputs = loop.inputs_of(acting, np.array(reference_nm, dtype=np.float64), rig, dt_s, seed)
+    run = compiled(acting.step)
 
-    def block(begin: int) -> None:
-        """Sixteen plants, the last one repeated where they are fewer."""
-        made_by: Any = type(acting.start)
-        torque, duty = np.empty((n, LANES)), np.empty((n, LANES))
-        chosen = [plants[min(begin + i, len(plants) - 1)] for i in range(LANES)]
-        parameters = np.ascontiguousarray(np.array(chosen, dtype=np.float64).T)
-        run = loop_of_sixteen(acting.step, made_by)
-        run(gains, acting.start, parameters, numbers.memory, dt_s, inputs, torque, duty)
-        count = min(LANES, len(plants) - begin)
-        visit(begin, torque[:, :count], duty[:, :count])
+    def single(index: int) -> None:
+        filled = tuple(np.empty((6, len(reference_nm))))
+        run(gains, acting.start, plants[index], numbers, dt_s, inputs, filled)
+        visit(index, filled[0], filled[2])
 
-    def single(begin: int) -> None:
-        """The same number of plants, one after another."""
-        run = loop_alone(acting.step)
-        for i in range(begin, min(begin + LANES, len(plants))):
-            filled = tuple(np.empty((6, n)))
-            run(gains, acting.start, plants[i], numbers, dt_s, inputs, filled)
-            visit(i, filled[0][:, None], filled[2][:, None])
-
-    work = block if fits_lanes(acting, plants, numbers, dt_s) else single
-    begins = range(0, len(plants), LANES)
-    for begin in begins[:1]:  # alone, so that what is to be compiled is compiled once
-        work(begin)
-    with ThreadPoolExecutor(max_workers=threads or available_threads()) as pool:
-        for _ in pool.map(work, begins[1:]):  # where a block fails or is interrupted, those that wait are given up
+    single(0)  # alone, so that what is to be compiled is compiled once
+    usable = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    with ThreadPoolExecutor(max_workers=threads or usable) as pool:
+        for _ in pool.map(single, range(1, len(plants))):  # where one fails, those that wait are given up
             pass

@@ -63,13 +63,11 @@ def montecarlo(
     time_s: Array = np.arange(n, dtype=np.float64) * reference.dt_s
     limits = controller.on(rig).limits_pct
 
-    def visit(first: int, torques: Array, duties: Array) -> None:
-        kept[:, first : first + torques.shape[1]] = torques[::stride]
-        pairs = zip(np.ascontiguousarray(torques.T), np.ascontiguousarray(duties.T), strict=True)
-        for index, (torque, duty) in enumerate(pairs, first):
-            done = Trace(controller.name, reference.dt_s, time_s, reference.torque_nm, torque, duty, limits)
-            measured[index] = dict(flattened(measure(done, reference)))
-            tick()
+    def visit(index: int, torque: Array, duty: Array) -> None:
+        kept[:, index] = torque[::stride]
+        done = Trace(controller.name, reference.dt_s, time_s, reference.torque_nm, torque, duty, limits)
+        measured[index] = dict(flattened(measure(done, reference)))
+        tick()
 
     flat = [plant_parameters(p) for p in plants]
     replay_many(flat, controller, reference.torque_nm, rig, reference.dt_s, visit, seed, threads)

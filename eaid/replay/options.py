@@ -34,8 +34,6 @@ class SimulateOptions:
     plants: int | None = None
     """Also on so many plants drawn from the fit's uncertainty."""
     threads: int | None = None
-    best: bool = False
-    """Also the least error that the plant allows, the future known."""
     limb_damping: float | None = None
     """Of the rehabilitation [N·m·s/rad]."""
     limb_inertia: float | None = None
@@ -55,20 +53,13 @@ class SimulateOptions:
             raise UsageError("«limb_damping» and «limb_inertia» belong to «scenario» rehab")
         if self.residual_noise and (self.rig.noise_nm > 0 or self.rig.noise_correlation_s > 0):
             raise UsageError("noise as the residuals sets the noise; leave out «noise_nm» and «noise_correlation_s»")
-        if self.best and not self.rig.saturation:
-            raise UsageError("«best»: is the best within the duty limits; leave out «no_saturation»")
         if self.rig.noise_correlation_s > 0 and not self.rig.noise_nm > 0 and not self.residual_noise:
             raise UsageError("«noise_correlation_s»: does nothing without «noise_nm»; give both or neither")
 
     def check_for(self, what: str) -> None:
         """Refuse what does nothing for a scenario, a `reference`, or recorded runs (`log`)."""
-        tracks = what not in ("log", "rehab")
-        if self.plants is not None and not tracks:
+        if self.plants is not None and what in ("log", "rehab"):
             raise UsageError("«plants»: goes with steps, multisine, sweep or «reference»; leave it out")
-        if self.best and what == "rehab":
-            raise UsageError("«best»: in rehab the reference depends on what the limb does; choose another scenario")
-        if self.best and what == "log":
-            raise UsageError("«best»: goes with a scenario or «reference»; leave it out")
         if self.rate_hz is not None and what == "log":
             raise UsageError("«rate_hz»: does not go with «log», which has a rate of its own; leave it out")
         if self.duration is not None and what in ("log", "reference"):

@@ -1,4 +1,4 @@
-"""Controllers on a reference: the guarantee watched, what no log showed, drawn plants, and the least error."""
+"""Controllers on a reference: the guarantee watched, what no log showed, and drawn plants."""
 
 from collections.abc import Mapping
 
@@ -9,13 +9,11 @@ from eaid.errors import UsageError
 from eaid.findings import Finding, finding
 from eaid.limits import MOST_STEPS
 from eaid.progress import Progress
-from eaid.replay.best import best as best_of
 from eaid.replay.guarantee_watch import watch
 from eaid.replay.loop import replay
 from eaid.replay.montecarlo import QUANTILES, montecarlo
 from eaid.replay.plant import perturbed, plant_terms
 from eaid.replay.references import Reference
-from eaid.replay.rig import Rig
 from eaid.replay.scenarios import measure, record
 from eaid.replay.setup import Setup
 from eaid.results.gains import Gains
@@ -28,7 +26,7 @@ Outcome = tuple[dict[str, Record], Head, list[Finding]]
 
 
 def tracked(setup: Setup, wanted: Reference, gains: Gains | None, progress: Progress) -> Outcome:
-    """Each controller on the reference; the guarantee watched along the robust one; plants, and the best duty."""
+    """Each controller on the reference; the guarantee watched along the robust one; and drawn plants."""
     options, records = setup.options, {}
     findings = _of_reference(setup, wanted, gains)
     for controller in setup.controllers:
@@ -44,8 +42,6 @@ def tracked(setup: Setup, wanted: Reference, gains: Gains | None, progress: Prog
     if options.plants is not None:
         head, of_plants = _over_drawn_plants(setup, wanted, records, head, progress)
         findings += of_plants
-    if options.best:
-        findings += _against_best(setup, wanted, records)
     return records, head, findings
 
 
@@ -115,21 +111,3 @@ def _over_drawn_plants(
         head, plants=count, plants_from="fitted-plant" if all_alike else "covariance", band_quantiles=QUANTILES
     )
     return head, [finding("plants-all-alike", "nonlinear")] if all_alike else list(drawn.findings)
-
-
-def _against_best(setup: Setup, wanted: Reference, records: dict[str, Record]) -> list[Finding]:
-    """The least error, kept as a group `best`; each controller is told how far it is from it."""
-    best = best_of(setup.plant, wanted, setup.known.limits)
-    least = best.rms_error_nm
-    for name, replayed in records.items():
-        rms = replayed.metrics.rms_error_nm or 0.0
-        metrics = msgspec.structs.replace(
-            replayed.metrics, rms_over_best=rms / least if least > 1e-9 else None, rms_above_best_nm=rms - least
-        )
-        records[name] = Record(replayed.columns, metrics, replayed.tables, replayed.role)
-    metrics = msgspec.structs.replace(
-        measure(best.trace, wanted), rms_error_nm=least, bound_rms_nm=best.bound_nm, steady_rms_nm=best.steady_rms_nm
-    )
-    records["best"] = record(best.trace, metrics, role="best")
-    without_rig = Rig(saturation=setup.rig.saturation)
-    return [finding("best-without-rig", "best")] if setup.rig != without_rig else []

@@ -3,8 +3,6 @@
 One pure function: everything that it reads is handed to it.
 """
 
-from collections.abc import Callable
-
 import msgspec
 
 from eaid.control.bounds import bounds_of, model_of
@@ -23,7 +21,6 @@ from eaid.control.guarantee import condition, guarantee
 from eaid.control.operating import operating_points
 from eaid.control.options import DesignOptions
 from eaid.control.plant import plant_of, why_not
-from eaid.control.rc import RCGains
 from eaid.errors import DataError
 from eaid.findings import Finding, finding, ranked
 from eaid.models.nonlinear import steady_torque
@@ -31,7 +28,8 @@ from eaid.models.parameters import Nonlinear
 from eaid.progress import Progress, no_progress
 from eaid.replay.controllers import pi_controller, rc_controller
 from eaid.replay.noise import noise_of
-from eaid.replay.optimize import Search, optimize
+from eaid.replay.optimize import optimize
+from eaid.replay.plant import plant_parameters
 from eaid.replay.references import Reference, Signal
 from eaid.replay.rig import Rig
 from eaid.replay.scenarios import reference_of, replayed
@@ -50,13 +48,11 @@ def tune(
     reference: str | Signal | None = None,
     reference_name: str = "",
     progress: Progress = no_progress,
-    judge: Callable[[RCGains], float] | None = None,
 ) -> Gains:
     """`eaid.tune_rc` on what has been read; without a reference the multisine, which Q_M need not cover.
 
-    A search makes `judge` least, a function of the gains above 0, where it is given, else the RMS error. Raises
-    GainsError where fit or wishes are not physical, out of reach, or unstable on the linear model, and DataError where
-    the fit lacks what is asked for.
+    Raises GainsError where fit or wishes are not physical, out of reach, or unstable on the linear model, and DataError
+    where the fit lacks what is asked for.
     """
     why = why_not(fit, "linear")
     if why and not options.allow_unidentified:
@@ -78,8 +74,8 @@ def tune(
         settled = with_own_layer(fit, settled, scales, bounds, plant)
     findings: list[Finding] = _of_the_rig(fit, scales, settled)
     found = None
-    if options.searches:
-        settled, found, more = _searched(fit, options, settled, plant, logs, wanted, reference_name, progress, judge)
+    if options.optimize:
+        settled, found, more = _searched(fit, options, settled, plant, logs, wanted, reference_name, progress)
         findings += more
     gains = design(fit, settled, logs, slope if given else None)
     gains, more = _replayed(gains, plant, wanted, reference_name, given, fit.dead_time_s)
@@ -107,7 +103,7 @@ def _of_the_rig(fit: Fit, scales: Scales, settled: DesignOptions) -> list[Findin
 
 def _searched(
     fit: Fit, options: TuneOptions, settled: DesignOptions, plant: Nonlinear | None, logs: StepSet | None,
-    wanted: Reference, name: str, progress: Progress, judge: Callable[[RCGains], float] | None,
+    wanted: Reference, name: str, progress: Progress,
 ) -> tuple[DesignOptions, Optimized, list[Finding]]:  # fmt: skip
     """The options that the search ends at, and what it traded."""
     if plant is None:
@@ -123,21 +119,20 @@ def _searched(
         several = draw(fit, options.plants or 16, options.seed)
         drawn = list(several.plants)
         findings += several.findings
-    search = Search(
-        noise_nm=noise, limit_pct=options.chatter_limit, also=options.optimize_also,
-        evaluations=options.evaluations or 160, seed=options.seed, judge=judge,
-    )  # fmt: skip
     model = model_of(fit)
     bounds = bounds_of(fit, settled.convention, settled.levels, settled.widen)
     points = operating_points(fit, model, plant, bounds, settled.duty_limits_pct)
-    with progress("candidates", search.candidates) as tick:
-        found = optimize(model, bounds, settled, drawn, points, wanted, search, tick)
+    evaluations = options.evaluations or 240
+    with progress("candidates", evaluations) as tick:
+        best, before, after = optimize(
+            model, bounds, settled, [plant_parameters(each) for each in drawn], points, wanted, noise,
+            options.chatter_limit, evaluations, options.seed, tick,
+        )  # fmt: skip
     result = Optimized(
-        reference=name, plants=len(drawn), noise_nm=noise, noise_source=source, limit_pct=found.limit_pct,
-        before=found.start.did, after=found.best.did, also=search.also,
-        optimized_for=options.optimize_for, before_cost=found.start.cost, after_cost=found.best.cost,
+        reference=name, plants=len(drawn), noise_nm=noise, noise_source=source, before=before, after=after,
+        limit_pct=before.mean_abs_duty_step_pct if options.chatter_limit is None else options.chatter_limit,
     )  # fmt: skip
-    return found.best.law.options, result, findings
+    return best, result, findings
 
 
 def _replayed(

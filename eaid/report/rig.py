@@ -12,7 +12,7 @@ INPUTS = {"%": "Duty", "N": "Force", "RPM": "Speed", "V": "Voltage", "bar": "Pre
 PAPER = {"clutch": ("%", "N·m"), "friction-force": ("N", "N·m"), "friction-speed": ("RPM", "N·m")}
 """Kind → the units in which the paper's own rig was recorded."""
 CONTROLLER_NAMES = {
-    "rc": "RC", "pi": "PI", "open-loop": "open loop", "inverse": "model inverse", "best": "best possible",
+    "rc": "RC", "pi": "PI", "open-loop": "open loop", "inverse": "model inverse",
     "rc-no-rate": "RC without rate",
 }  # fmt: skip
 

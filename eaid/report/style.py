@@ -53,7 +53,6 @@ CONTROLLERS: dict[str, tuple[str, str, str]] = {
     "rc": (BLUE, "-", "o"),
     "pi": (VERMILLION, "--", "s"),
     "open-loop": (GREEN, "-.", "^"),
-    "best": (ORANGE, (0, (5, 1)), "v"),  # type: ignore[dict-item]
     "recorded": (GREY, "-", "x"),
     "inverse": (PURPLE, (0, (1, 1)), "D"),  # type: ignore[dict-item]
 }

@@ -123,12 +123,6 @@ class Optimized(Result, frozen=True):
     """Most chattering allowed, in the input's unit per sample."""
     before: Candidate
     after: Candidate
-    also: tuple[str, ...] = ()
-    optimized_for: str = "tracking"
-    """tracking: least RMS error. stiffness: stiffest passive wall."""
-    before_cost: Number | None = None
-    """What was made least: RMS error, or the inverse of the stiffest passive wall [rad/(N·m)]."""
-    after_cost: Number | None = None
 
 
 class Replayed(Result, frozen=True):

@@ -144,13 +144,6 @@ class Metrics(Tracking, frozen=True):
     turn_step_nm: Number | None = None
     normality: dict[str, Normality] = {}
     tests: tuple[ModesTest, ...] = ()
-    rms_over_best: Number | None = None
-    """RMS error over the least one."""
-    rms_above_best_nm: Number | None = None
-    bound_rms_nm: Number | None = None
-    """Of the best: no input has a smaller RMS error; 0: nothing is known."""
-    steady_rms_nm: Number | None = None
-    """Of the best: least RMS error without switching from sample to sample."""
     max_abs_difference_nm: Number | None = None
     """Of a recorded input: recorded − model."""
     rms_difference_nm: Number | None = None

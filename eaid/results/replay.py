@@ -22,8 +22,8 @@ if TYPE_CHECKING:
     import pandas
 
 
-Role = Literal["controller", "best", "recorded-input", "recorded-loop"]
-"""A controller; the best input found; a recorded input through the model; a recorded closed loop itself."""
+Role = Literal["controller", "recorded-input", "recorded-loop"]
+"""A controller; a recorded input through the model; a recorded closed loop itself."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)

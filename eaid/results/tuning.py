@@ -10,9 +10,6 @@ from eaid.errors import UsageError, unknown
 from eaid.limits import check, check_all
 from eaid.results.common import Number, Result
 
-ALSO = ("frequency", "b-hat")
-"""What a search may choose too: ω_n at the damping of the start, and B̂."""
-
 
 class TuneOptions(Result, frozen=True):
     """Everything `tune` may be told; a field that is out of its limits raises `UsageError`."""
@@ -56,9 +53,6 @@ class TuneOptions(Result, frozen=True):
     pwm_hz: Number | None = None
     """0: not latched."""
     optimize: bool = False
-    optimize_for: Literal["tracking", "stiffness"] = "tracking"
-    """tracking: the least RMS error. stiffness: the stiffest passive wall on a limb, reported against that error."""
-    optimize_also: tuple[str, ...] = ()
     plants: int | None = None
     """Plants drawn for the search; None: 16."""
     noise_nm: Number | None = None
@@ -66,7 +60,7 @@ class TuneOptions(Result, frozen=True):
     chatter_limit: Number | None = None
     """Most mean |Δu| per sample in the search; None: that of the start."""
     evaluations: int | None = None
-    """Candidates of the search after the first scatter; None: 160."""
+    """Candidates replayed, at most; None: 240."""
     allow_unidentified: bool = False
     seed: int = 0
 
@@ -74,9 +68,6 @@ class TuneOptions(Result, frozen=True):
         _one_of("rho", self.rho, ("paper", "textbook"))
         _one_of("alpha", self.alpha, ("formula", "reached"))
         _one_of("anti_windup", self.anti_windup, ("conditional", "back-calculation"))
-        _one_of("optimize_for", self.optimize_for, ("tracking", "stiffness"))
-        for name in self.optimize_also:
-            _one_of("optimize_also", name, ALSO)
         check_all(
             kp=self.kp, kd=self.kd, natural_frequency=self.natural_frequency, damping=self.damping, q_max=self.q_max,
             phi=None if self.phi == "data" else _number("phi", self.phi), epsilon=self.epsilon, gamma=self.gamma,
@@ -105,13 +96,8 @@ class TuneOptions(Result, frozen=True):
             raise UsageError("give either «pi_gains» or «pi_overshoot» with «pi_settling», not both")
         search = {name: getattr(self, name) for name in ("plants", "noise_nm", "chatter_limit", "evaluations")}
         idle = [f"«{name}»" for name, value in search.items() if value is not None]
-        if idle and not self.searches:
+        if idle and not self.optimize:
             raise UsageError(f"{idle[0]}: does nothing without «optimize»; give both or neither")
-
-    @property
-    def searches(self) -> bool:
-        """Whether gains are searched for."""
-        return self.optimize or bool(self.optimize_also) or self.optimize_for != "tracking"
 
 
 def _one_of(name: str, value: object, known: tuple[str, ...]) -> None:

@@ -22,7 +22,6 @@ from eaid.fitting import choices as fitting
 from eaid.reading import KINDS
 from eaid.replay.controllers import CONTROLLERS
 from eaid.replay.scenarios import SCENARIOS
-from eaid.results.tuning import ALSO
 from eaid.synth import excitation
 
 ARGUMENTS = {name: importlib.import_module(f"eaid.cli.{name}").Arguments for name in main.COMMANDS}
@@ -118,7 +117,7 @@ TABLES = {
     ("fit", "weights"): fitting.WEIGHTS, ("fit", "loss"): fitting.LOSSES, ("fit", "shape"): fitting.SHAPES,
     ("fit", "bounds"): tuple(fitting.CONVENTIONS), ("tune_rc", "bounds"): tuple(fitting.CONVENTIONS),
     ("fit", "kind"): KINDS, ("ingest", "kind"): KINDS, ("synth", "kind"): KINDS,
-    ("tune_rc", "optimize_also"): ALSO, ("tune_rc", "reference"): tuple(SCENARIOS),
+    ("tune_rc", "reference"): tuple(SCENARIOS),
     ("simulate", "scenario"): (*SCENARIOS, "rehab"), ("simulate", "controllers"): tuple(CONTROLLERS),
     ("synth", "excitation"): (*excitation.KINDS, excitation.LOOPED), ("export", "laws"): LAWS,
     ("export", "target"): tuple(TARGETS), ("couple", "loops"): LOOPS,

@@ -24,7 +24,6 @@ ingest data.h5 -o data.h5 --force
 fit data.h5 -o data.h5 --force
 fit data.h5 -o /dev/null --force
 tune-rc fit.json -o fit.json --force
-tune-rc fit.json --optimize-also frequency,frequency
 tune-rc fit.json --data data.h5
 simulate fit.json --log data.h5 --rate-hz 100
 simulate fit.json --log data.h5 --noise-nm 0.1

@@ -141,12 +141,3 @@ def test_colour_marks_severity_unless_it_is_not_wanted(rig: Path) -> None:
     call = [["fit", "data.h5", "-o", "g.json", "--force"]]
     assert "\x1b[33mwarning:\x1b[0m" in told(rig, call, 80)
     assert "warning:" in (bare := told(rig, call, 80, NO_COLOR="1")) and "\x1b[33m" not in bare
-
-
-def test_a_plot_of_levels_with_the_model(rig: Path) -> None:
-    shown = plain(told(rig, [["fit", "data.h5", "-o", "p.json", "--force", "--plot"]], 80))
-    assert "o measured" in shown and "┌──" in shown and shown.count("o") > 60
-    assert max(len(line) for line in shown.splitlines()) <= 80
-    call = [sys.executable, "-m", "eaid", "fit", "data.h5", "-o", "q.json", "--plot"]
-    ascii_only = subprocess.run(call, cwd=rig, capture_output=True, env={**os.environ, "PYTHONIOENCODING": "ascii"})
-    assert b"+---" in ascii_only.stdout and "┌".encode() not in ascii_only.stdout

@@ -198,7 +198,6 @@ def test_refused_gains_exit_with_5(linear, arguments, words, capsys):
         (["--epsilon", "0"], 2, "--epsilon 0: give a number from 1e-15"),
         (["--reference", "none.csv"], 3, "none.csv: no such file"),
         (["--optimize"], 3, "holds no nonlinear model"),
-        (["--optimize-also", "colour"], 2, "--optimize-also colour: must be one of"),
         (["--optimize", "--noise-nm", "-1"], 2, "--noise-nm -1"),
         (["--optimize", "--evaluations", "0"], 2, "--evaluations 0"),
         (["--rate-hz", "0"], 2, "--rate-hz 0"),
@@ -378,17 +377,16 @@ def test_a_linear_model_of_no_rig_is_refused_at_once(changes, words, capsys):
 
 def test_optimize_trades_in_the_open(capsys):
     Path("short.csv").write_text("time_s,reference_nm\n0,1\n1,3\n2,1\n3,3\n")
-    arguments = ["tune-rc", fit_file(nonlinear=PLANT), "--optimize-also", "b-hat", "--noise-nm", "0.01", "--reference",
-                 "short.csv", "--q-max", "5", "--evaluations", "12"]  # fmt: skip
+    arguments = ["tune-rc", fit_file(nonlinear=PLANT), "--optimize", "--chatter-limit", "1", "--noise-nm", "0.01",
+                 "--reference", "short.csv", "--q-max", "5", "--evaluations", "30"]  # fmt: skip
     assert run([*arguments, "-o", "a.json"]) == 0
     out, err = capsys.readouterr()
     gains = json.loads(Path("a.json").read_text())
     told = gains["optimized"]
-    assert told["after"]["rms_error_nm"] < told["before"]["rms_error_nm"]
-    assert told["after"]["mean_abs_duty_step_pct"] <= told["limit_pct"] == told["before"]["mean_abs_duty_step_pct"]
-    assert gains["rc"]["B_hat"] == told["after"]["B_hat"] and gains["rc"]["epsilon"] == told["after"]["epsilon"]
+    assert told["after"]["mean_abs_duty_step_pct"] <= told["limit_pct"] == 1 < told["before"]["mean_abs_duty_step_pct"]
+    assert gains["rc"]["epsilon"] == told["after"]["epsilon"]
     assert "Search. On the short.csv, 1 plants, noise 0.0100 N·m (given)" in out
-    assert "candidates: 61 to do" in err and "every drawn plant is the fitted one" in err
+    assert "candidates: 30 to do" in err and "every drawn plant is the fitted one" in err
     assert run([*arguments, "-o", "b.json", "-q"]) == 0
     assert Path("b.json").read_bytes() == Path("a.json").read_bytes()
 
@@ -414,7 +412,7 @@ def test_on_a_real_fit(capsys):
     for convention in ("pooled-offset", "pooled-dynamics"):
         told = fit["linear"]["conventions"][convention]
         assert bounds("--bounds", convention) == pytest.approx((told["B_m"], told["B_M"]))
-    searched = ["tune-rc", "fit.json", "--optimize", "--plants", "3", "--evaluations", "4", "--seed", "5"]
+    searched = ["tune-rc", "fit.json", "--optimize", "--plants", "3", "--evaluations", "15", "--seed", "5"]
     assert run([*searched, "-o", "a.json"]) == 0
     assert run([*searched, "-o", "b.json", "-q"]) == 0
     assert Path("a.json").read_bytes() == Path("b.json").read_bytes()

@@ -245,7 +245,6 @@ def test_nonsense_is_wrong_usage(options, words):
         ({"natural_frequency": 2.0, "damping": 1.0, "kp": 3.0}, "not both"),
         ({"plants": 20}, "plants=: does nothing without optimize="),
         ({"rho": "other"}, "must be one of paper, textbook"),
-        ({"optimize_also": ("gamma",)}, "must be one of frequency, b-hat"),
         ({"phi": "much"}, "must be data or a number"),
         ({"seed": -1}, "seed= -1: give a whole number"),
         ({"kp": math.inf}, "kp= inf"),

@@ -101,14 +101,3 @@ def test_pi_is_proportional_plus_integral():
     for k in range(3):
         state, duty = pi_step(PI, state, 1.0, 5.0, 0.5, 1e-3)
         assert duty == pytest.approx(21 * 0.5 + 360 * 0.5e-3 * k)
-
-
-def test_numba_compiles_them_as_they_stand():
-    from eaid.replay.compiled import kernel
-
-    fast_rc, fast_pi = kernel(rc_step), kernel(pi_step)
-    for reference in (0.1, 1.9, 2.0, 2.5, 4.0):
-        for torque in (0.0, 1.95, 3.9):
-            args = (reference, 3.0, torque, 1e-3)
-            assert fast_rc(RC, RCState(0.01), *args) == rc_step(RC, RCState(0.01), *args)
-            assert fast_pi(PI, PIState(0.01), *args) == pi_step(PI, PIState(0.01), *args)

@@ -9,11 +9,10 @@ import numpy as np
 import pytest
 
 import eaid
-from eaid.control.gains import paper_gains, rc_gains
+from eaid.control.gains import paper_gains
 from eaid.control.pi import PIGains
 from eaid.control.timing import Timing
 from eaid.coupling.couple import couple
-from eaid.coupling.entry import stiffness_judge
 from eaid.coupling.linearised import LOOPS, Law, Point, linearised, operating_point, step_of
 from eaid.coupling.options import CoupleOptions
 from eaid.coupling.sampled import Channel, Coupled, Limb
@@ -180,19 +179,6 @@ def test_what_means_nothing_is_refused(options: dict):
 def test_an_unstable_loop_is_refused():
     with pytest.raises(GainsError, match="unstable at 2 without any wall"):
         couple(REFERENCE_PLANT, None, PIGains(1e6, 1e6), CoupleOptions(torques=(2.0,), loops=("pi",), replay=False))
-
-
-def test_gains_are_judged_by_the_wall_they_render_and_a_search_makes_it_stiffer_under_the_same_chattering():
-    fit = eaid.fit(eaid.synth(levels=(10.0, 40.0, 70.0, 100.0), repeats=2, rate_hz=50.0, clean=True))
-    gains = eaid.tune_rc(fit)
-    walls = eaid.couple(fit, gains, loops=("rc-no-rate",), replay=False).walls
-    judge = stiffness_judge(fit)
-    assert 1 / judge(rc_gains(gains)) == pytest.approx(min(wall.K_passive for wall in walls))
-    found = eaid.tune_rc(
-        fit, optimize_for="stiffness", optimize_also=("b-hat",), plants=1, evaluations=8, noise_nm=0.01
-    ).optimized
-    assert found.after_cost <= found.before_cost == pytest.approx(judge(rc_gains(gains)))
-    assert found.after.mean_abs_duty_step_pct <= found.limit_pct * (1 + 1e-9)
 
 
 def test_a_dead_time_that_the_steps_show_counts_as_delay():

@@ -76,16 +76,16 @@ HEAD = Head("steps", seed=3, input_unit="V", rig=RigRecord(noise_nm=0.1), pertur
 
 def test_what_is_written_comes_back(tmp_path):
     path = tmp_path / "r.h5"
-    write_replay(path, Replay(HEAD, {"rc": RECORD, "best": Record(RECORD.columns, role="best")}))
+    write_replay(path, Replay(HEAD, {"rc": RECORD, "log": Record(RECORD.columns, role="recorded-input")}))
     found, left_out = read(path)
     assert found.head == HEAD and left_out == ()
     assert found.records["rc"].metrics == RECORD.metrics and found.records["rc"].role == "controller"
-    assert found.records["best"].role == "best" and list(found.metrics()) == ["rc"]
+    assert found.records["log"].role == "recorded-input" and list(found.metrics()) == ["rc"]
     assert set(found.records["rc"].columns) == {"time_s", "torque_nm"}
     assert set(found.records["rc"].tables) == {"plants/band_nm", "plants/metrics/steps[1].rise_time_s"}
     assert found.records["rc"].columns["time_s"].tolist() == [0.0, 0.1, 0.2]
     frame = found.to_frame()
-    assert list(frame["name"]) == ["best"] * 3 + ["rc"] * 3 and frame["torque_nm"].eq(1.0).all()
+    assert list(frame["name"]) == ["log"] * 3 + ["rc"] * 3 and frame["torque_nm"].eq(1.0).all()
 
 
 def test_a_unit_that_nobody_knows_comes_back_as_none(tmp_path):
@@ -182,13 +182,12 @@ def test_what_is_no_group_of_a_controller_is_passed_over_and_other_lengths_are_t
 
 
 def test_json_has_each_part_under_its_own_name():
-    groups = {"rc": RECORD, "best": Record(RECORD.columns, RECORD.metrics, role="best"),
-              "a": Record(RECORD.columns, RECORD.metrics, role="recorded-input"),
+    groups = {"rc": RECORD, "a": Record(RECORD.columns, RECORD.metrics, role="recorded-input"),
               "recorded": Record(RECORD.columns, RECORD.metrics, role="recorded-loop")}  # fmt: skip
     told = as_json(Replay(HEAD, groups))
     assert list(told)[:3] == ["schema", "eaid", "digest"] and told["schema"] == "eaid/replay/1"
     assert set(told["controllers"]) == {"rc", "recorded"} and set(told["log"]) == {"a"}
-    assert told["best"]["rms_error_nm"] == 0.5 and "log" not in as_json(Replay(HEAD, {"rc": RECORD}))
+    assert "log" not in as_json(Replay(HEAD, {"rc": RECORD}))
     held = Record(RECORD.columns, Metrics(guarantee_holds_fraction=1.0))
     rc = as_json(Replay(HEAD, {"rc": held}))["controllers"]["rc"]
     assert rc["guarantee_failures_at_limit"] is None and rc["guarantee_failures_by_saturation"] is None

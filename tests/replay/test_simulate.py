@@ -163,25 +163,6 @@ def test_where_replays_leave_what_was_identified_is_told_in_shares() -> None:
         assert "replay-leaves-identified" not in {one.code for one in held.findings}
 
 
-def test_how_far_each_is_from_the_best() -> None:
-    options = SimulateOptions(controllers=("inverse", "open-loop"), best=True, rate_hz=50.0)
-    found = simulate(FIT, None, options, (T, np.where(T < 0.5, 0.0, 2.0)))
-    best = found.records["best"]
-    assert best.role == "best" and 0 < best.metrics.bound_rms_nm <= best.metrics.rms_error_nm
-    for name in ("inverse", "open-loop"):
-        mine = found.records[name].metrics
-        assert (
-            mine.rms_over_best == pytest.approx(mine.rms_error_nm / best.metrics.rms_error_nm)
-            and mine.rms_over_best > 1
-        )
-        assert mine.rms_above_best_nm == pytest.approx(mine.rms_error_nm - best.metrics.rms_error_nm)
-    assert "best-without-rig" not in {one.code for one in found.findings}
-    noisy = simulate(FIT, None, replace(options, rig=Rig(noise_nm=0.1)), (T, T))
-    assert "best-without-rig" in {one.code for one in noisy.findings}
-    assert noisy.records["inverse"].metrics.rms_over_best is None  # within reach: the least is 0
-    assert noisy.records["inverse"].metrics.rms_above_best_nm > 0
-
-
 def test_what_a_replay_stands_on_is_said() -> None:
     shaky = from_plain({"nonlinear": {**to_plain(FIT.nonlinear), "identifiable": False}}, Fit, "f")
     found = simulate(shaky, None, SimulateOptions(controllers=("inverse",), rate_hz=100.0), (T, T))
@@ -197,8 +178,8 @@ def test_what_a_replay_stands_on_is_said() -> None:
 @pytest.mark.parametrize(
     ("options", "what", "said"),
     [
-        ({"plants": 2}, "log", "«plants»"), ({"plants": 2}, "rehab", "«plants»"), ({"best": True}, "rehab", "in rehab"),
-        ({"best": True}, "log", "«best»: goes with"), ({"rate_hz": 10.0}, "log", "«rate_hz»"),
+        ({"plants": 2}, "log", "«plants»"), ({"plants": 2}, "rehab", "«plants»"),
+        ({"rate_hz": 10.0}, "log", "«rate_hz»"),
         ({"duration": 3.0}, "log", "«duration»"), ({"duration": 3.0}, "reference", "«duration»"),
         ({"keep_baseline": True}, "steps", "«keep_baseline»"),
     ],
@@ -212,7 +193,7 @@ def test_what_does_nothing_for_a_kind_of_replay_is_refused(options: dict, what: 
 @pytest.mark.parametrize(
     ("options", "what"),
     [
-        ({"plants": 2}, "sweep"), ({"best": True}, "steps"), ({"rate_hz": 10.0}, "rehab"), ({"duration": 3.0}, "rehab"),
+        ({"plants": 2}, "sweep"), ({"rate_hz": 10.0}, "rehab"), ({"duration": 3.0}, "rehab"),
         ({"keep_baseline": True}, "log"), ({"plants": 2, "threads": 1}, "reference"),
         ({"residual_noise": True, "scenario": "steps"}, "steps"),
         ({"scenario": "rehab", "limb_damping": 0.5, "limb_inertia": 0.2}, "rehab"),
@@ -226,7 +207,7 @@ def test_what_serves_is_taken(options: dict, what: str) -> None:
     "options",
     [
         {"threads": 2}, {"limb_damping": 1.0}, {"limb_inertia": 0.1, "scenario": "steps"},
-        {"residual_noise": True, "rig": Rig(noise_nm=0.1)}, {"best": True, "rig": Rig(saturation=False)},
+        {"residual_noise": True, "rig": Rig(noise_nm=0.1)},
         {"rig": Rig(noise_correlation_s=0.1)},
     ],
 )  # fmt: skip

@@ -109,7 +109,7 @@ def test_a_rig_in_volts_is_told_what_its_gains_were_designed_for():
     assert value(found, "designed-for-rig", "settling_s") == pytest.approx(0.27 / 2)
 
 
-SEARCHED = TuneOptions(optimize=True, evaluations=2, plants=3, chatter_limit=5.0)
+SEARCHED = TuneOptions(optimize=True, evaluations=15, plants=3, chatter_limit=5.0)
 
 
 def test_a_search_meets_drawn_plants_and_what_it_traded_is_kept():
@@ -129,10 +129,10 @@ def test_a_search_meets_drawn_plants_and_what_it_traded_is_kept():
     found = tune(with_covariance(), SEARCHED, reference=(T, SLOW), progress=Progress())
     told = found.optimized
     assert told.plants == 3 and told.limit_pct == 5.0 and (told.noise_nm, told.noise_source) == (0.01, "supposed")
-    assert told.after.rms_error_nm <= told.before.rms_error_nm == told.before_cost
+    assert told.after.rms_error_nm <= told.before.rms_error_nm
     assert (found.rc.epsilon, found.rc.B_hat) == (told.after.epsilon, told.after.B_hat)
     assert "noise-supposed" in codes(found) and "search-on-fitted-plant" not in codes(found)
-    assert ticks[0] == ("candidates", 1 + 48 + 2) and ticks.count("tick") >= 49
+    assert ticks[0] == ("candidates", 15) and ticks.count("tick") == 15
 
 
 def test_a_search_without_covariance_is_made_on_the_fitted_plant():
@@ -151,7 +151,7 @@ def test_the_noise_of_a_search_is_given_or_the_fits_or_supposed():
 
 
 def test_sixteen_plants_unless_said_otherwise():
-    few = msgspec.structs.replace(SEARCHED, plants=None, evaluations=1)
+    few = msgspec.structs.replace(SEARCHED, plants=None)
     short = sampled(T[:101], SLOW[:101], 1e-2)
     found = tune(with_covariance(), msgspec.structs.replace(few, rate_hz=100.0), reference=(T[:101], SLOW[:101]))
     assert found.optimized.plants == 16 and len(short.torque_nm) == 101

@@ -1,4 +1,4 @@
-"""Replays of other kinds: drawn plants, a log's own duty, a reference of the user's own, the best duty."""
+"""Replays of other kinds: drawn plants, a log's own duty, a reference of the user's own."""
 
 import json
 from pathlib import Path

@@ -31,9 +31,6 @@ ROWS: dict[str, Row] = {
         "this fit holds no covariance of the nonlinear model, so every drawn plant is the fitted one; fit again with "
         "«ci» robust to carry the uncertainty on"
     ),
-    "best-without-rig": note(
-        "the best is the bare plant's: noise, ripple, sensor, delay, PWM and duty resolution are left out"
-    ),
     "dead-time-replayed": note(
         "the duty acts {dead_time_s:.3g} s late, the dead time that the steps show; «delay_samples» says another"
     ),

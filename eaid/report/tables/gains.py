@@ -6,7 +6,7 @@ from eaid.report import published
 from eaid.report.rig import controller_name, gain, printed_head
 from eaid.report.tables.table import Cell, Table, columns, level, number, table_of, with_unit
 from eaid.results.coupling import Coupling, Wall
-from eaid.results.gain_checks import Margin, Margins, Optimized
+from eaid.results.gain_checks import Margin, Margins
 from eaid.results.gains import Condition, Gains
 
 CONDITIONS = {
@@ -175,18 +175,11 @@ def search_table(gains: Gains) -> Table:
         ("at a limit", "saturated_fraction", "of the time"), ("P's scale", "p_scale", ""), ("ε", "epsilon", ""),
         ("φ", "phi_honest_pct", i), ("B̂", "B_hat", gain(i, o)), ("K_P", "K_P", "1/s²"), ("K_D", "K_D", "1/s"),
     )  # fmt: skip
-    rows = [(name, getattr(found.before, key), getattr(found.after, key), unit) for name, key, unit in parts]
+    rows = tuple((name, getattr(found.before, key), getattr(found.after, key), unit) for name, key, unit in parts)
     noise = f"{number(found.noise_nm, 3)} {o} ({SOURCES.get(found.noise_source, found.noise_source)})"
     caption = f"On the {found.reference}, {found.plants} plants, noise {noise}, chattering up to "
     caption += f"{number(found.limit_pct, 3)} {i}."
-    return Table("Search", caption, heads, (*_walls(found), *rows))
-
-
-def _walls(found: Optimized) -> list[tuple[Cell, ...]]:
-    """The stiffest passive wall, where the search was for it."""
-    if found.optimized_for != "stiffness" or not found.before_cost or not found.after_cost:
-        return []
-    return [("stiffest passive wall", 1 / found.before_cost, 1 / found.after_cost, "N·m/rad")]
+    return Table("Search", caption, heads, rows)
 
 
 def margins_table(gains: Gains) -> Table:

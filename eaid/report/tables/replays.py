@@ -1,9 +1,9 @@
-"""Tables of replays, for page and terminal: errors, guarantee, the best, steps, tones, drawn plants, logs, modes."""
+"""Tables of replays, for page and terminal: errors, guarantee, steps, tones, drawn plants, logs, modes."""
 
 from collections.abc import Iterable, Sequence
 
 from eaid.report.rig import controller_name
-from eaid.report.tables.table import Cell, Column, Name, Table, columns, level, number, with_unit
+from eaid.report.tables.table import Cell, Column, Name, Table, columns, level, number
 from eaid.results.metrics import Metrics
 from eaid.results.replay import Replay
 
@@ -44,9 +44,12 @@ def tables_of(replay: Replay) -> list[Table]:
 def further_tables(replay: Replay) -> tuple[Table, ...]:
     """What a replay has beside its errors."""
     return (
-        best_table(replay), steps_table(replay), tones_table(replay), *rehab_tables(replay), guarantee_table(replay),
+        steps_table(replay),
+        tones_table(replay),
+        *rehab_tables(replay),
+        guarantee_table(replay),
         plants_table(replay),
-    )  # fmt: skip
+    )
 
 
 def errors_table(replays: Sequence[Replay]) -> Table:
@@ -54,7 +57,7 @@ def errors_table(replays: Sequence[Replay]) -> Table:
     rows: list[tuple[Cell, ...]] = []
     for one in replays:
         said = SCENARIO_NAMES.get(one.head.scenario, one.head.scenario or "own reference")
-        names = one.metrics("controller", "recorded-loop", "best")
+        names = one.metrics()
         rows += [(said, controller_name(name), *(metric(one, name, key) for key in METRICS)) for name in names]
     caption = "Errors are reference minus true output; the settling time at the start is left out where the scenario "
     units = _units(replays[0])
@@ -81,32 +84,6 @@ def guarantee_table(replay: Replay) -> Table:
 
 def _percent(share: float | None) -> float | None:
     return None if share is None else 100 * share
-
-
-def best_table(replay: Replay) -> Table:
-    """How far each controller is from the least error that the plant allows."""
-    out = replay.head.output_unit
-    rows: list[tuple[Cell, ...]] = []
-    found = replay.metrics("best").get("best", Metrics())
-    for name, m in replay.metrics("controller").items() if found.rms_error_nm is not None else ():
-        above = with_unit(number(m.rms_above_best_nm), out)
-        rows.append((controller_name(name), m.rms_error_nm, m.rms_over_best, f"{above} above"))
-    heads = columns("controller", ("RMS error", out), ("times the least", "", 3), "from the least")
-    return Table("How far from the best", _best_words(found, out), heads, tuple(rows))
-
-
-def _best_words(best: Metrics, unit: str) -> str:
-    """How good the best input is."""
-    least, bound = best.rms_error_nm or 0.0, best.bound_rms_nm or 0.0
-    if least <= 1e-9:
-        return "The reference is within the plant's reach: the least error is 0."
-    steady = f"without switching from sample to sample {with_unit(number(best.steady_rms_nm), unit)}"
-    if bound <= 0:
-        return f"Least RMS error found {with_unit(number(least), unit)}, by local search alone; {steady}."
-    return (
-        f"Least RMS error found {with_unit(number(least), unit)}; none has less than "
-        f"{with_unit(number(bound), unit)}, {100 * bound / least:.0f} % of it; {steady}."
-    )
 
 
 def log_table(replay: Replay) -> Table:
