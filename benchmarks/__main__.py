@@ -6,7 +6,7 @@ from pathlib import Path
 
 from benchmarks.table import Row, machine, markdown
 
-ALL = ("fit_speed", "processes", "reading", "replay_speed", "bootstrap", "growth", "export_matrix")
+ALL = ("fit_speed", "processes", "reading", "replay_speed", "size")
 TABLE = Path(__file__).parent.parent / "docs" / "performance-table.md"
 
 

@@ -1,34 +1,40 @@
 """How often a nominal 95 % interval holds the truth: `python -m benchmarks.coverage [SETS] [ROW…]`.
 
-Each row is kept in `$TMPDIR/eaid-coverage` as it is done; `python -m benchmarks.coverage write` puts all of them into
-docs/uncertainty.md.
+Three kinds of rows, each printed as Markdown [%]: mean over the levels (least–largest of any one level).
 
-Each set is 10 levels of the reference plant, 2,000 samples over 20 s, three runs a level. Per run a gain factor
+`SETS_OF`: ten levels of the reference plant, 2,000 samples over 20 s, three runs a level. Per run a gain factor
 1 + 0.03 N and exp(0.05 N) on τ1; white noise 0.01 N·m, AR(1) ripple of 1 % (0.05 s) and rotor ripple of 1 % (10 RPM,
 its phase from run to run). The truth of the linear model, which is wrong by design, is its fit to the plant itself.
 Where the C held is not the plant's, the levels' own aim is counted too: the fit, at that C, to the plant itself.
+
+`RECORDED`: one log of the reference plant, white noise 0.006 N·m, coloured noise of 1 % (0.3 s), 200 Hz; curves at
+ten duties. `STAIRCASES`: single steps of staircases held for 5 to 8 slow time constants, noise of 0.2 to 3 % of a
+step that remembers 0 to 20 samples, each fitted as `eaid fit` does. Every interval that is quoted counts.
 """
 
-import pickle
 import sys
-import tempfile
+from collections import defaultdict
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+import eaid
+from benchmarks.stop_findings import log, rise, wander
 from eaid.apparatus import Apparatus
 from eaid.arrays import Array
-from eaid.fitting.fit import fit
+from eaid.fitting.step_shapes import fit_step
 from eaid.models import friction
 from eaid.models.nonlinear import at_duty
 from eaid.models.parameters import REFERENCE_PLANT, Friction
 from eaid.results.common import Interval
-from eaid.results.fit import Fit, FitOptions
+from eaid.results.fit import Fit
+from eaid.steps.build import build_stepset
 from eaid.steps.stepset import Level, StepSet
-from eaid.uncertainty.intervals import with_intervals
+from eaid.uncertainty.step_intervals import with_interval
 
+NAMES = ("Ts", "tau1", "tau2")
 LEVELS = np.arange(10.0, 101.0, 10.0)
 SAMPLES, RECORD_S = 2000, 20.0
 COLOUR_S = 0.05
@@ -107,19 +113,15 @@ def one_set(
     return stepset(tuple(made))
 
 
-def clean_levels(variant: Variant, samples: int = SAMPLES, levels: Array = LEVELS) -> tuple[Level, ...]:
-    """The plant itself, without noise or scatter."""
-    t = np.arange(samples) * (RECORD_S / samples)
-    return tuple(
-        Level(float(u), t, friction.step_response(plant(float(u), variant), t)[None], ("plant",)) for u in levels
-    )
-
-
 def truth(variant: Variant, samples: int = SAMPLES, levels: Array = LEVELS) -> dict[str, Any]:
     """What the intervals should hold: the plant's own values, and the linear fit to the plant without noise."""
     curves = [plant(float(duty), variant) for duty in levels]
-    clean = clean_levels(variant, samples, levels)
-    found = fit(stepset(clean), FitOptions(models=("friction", "linear")))
+    t = np.arange(samples) * (RECORD_S / samples)
+    clean = tuple(
+        Level(u, t, friction.step_response(one, t)[None], ("plant",))
+        for u, one in zip(levels.tolist(), curves, strict=True)
+    )
+    found = eaid.fit(stepset(clean), model=("friction", "linear"), ci="none")
     linear, friction_part = found.linear, found.friction
     assert linear is not None and friction_part is not None
     return {
@@ -128,7 +130,7 @@ def truth(variant: Variant, samples: int = SAMPLES, levels: Array = LEVELS) -> d
         "tau2": np.array([curve.tau2 for curve in curves]),
         **{name: getattr(linear.parameters, name) for name in ("a0", "b0", "c0")},
         "C": variant.share,
-        "aim": {name: [getattr(row.curve, name) for row in friction_part.levels] for name in ("Ts", "tau1", "tau2")},
+        "aim": {name: [getattr(row.curve, name) for row in friction_part.levels] for name in NAMES},
         "B": np.array([row.B for row in linear.per_level]),
         "B_m": linear.bounds.B_m,
         "B_M": linear.bounds.B_M,
@@ -152,7 +154,7 @@ def hits(found: Fit, true: dict[str, Any]) -> dict[str, list[float]]:
     result: dict[str, list[float]] = {}
     assert found.nonlinear is not None and found.linear is not None and found.uncertainty is not None
     share, linear = found.uncertainty.share, found.linear
-    for name in ("Ts", "tau1", "tau2"):
+    for name in NAMES:
         values = true[name]
         if found.friction is not None:
             own = [getattr(row.ci95, name) for row in found.friction.levels]
@@ -187,32 +189,19 @@ def widths(found: Fit) -> dict[str, float]:
     two = found.nonlinear.two_stage
     groups = {"level": found.friction.levels, "two-stage": two.curves if two is not None else ()}
     for label, rows in groups.items():
-        for name in ("Ts", "tau1", "tau2"):
+        for name in NAMES:
             own = [ends for row in rows if (ends := getattr(row.ci95, name)) is not None]
             result[f"{label} {name}"] = float(np.mean([50 * np.log(b / a) for a, b in own])) if own else np.nan
     return result
 
 
-def both_ways(seed: int, variant: Variant) -> tuple[Fit, Fit]:
-    """A set fitted, with our intervals and the textbook's."""
-    made = one_set(seed, variant)
-    fitted = fit(made)
-    ways = (FitOptions(ci=ci, estimator="joint") for ci in ("robust", "white"))
-    ours, textbook = (with_intervals(made, fitted, way) for way in ways)
-    return ours, textbook
-
-
 @dataclass(frozen=True)
 class Coverage:
-    """One row of the table."""
+    """One row of the tables of sets [%]: coverage by group and parameter, one entry a level; mean half-widths."""
 
     ours: dict[str, Array]
-    """Coverage [%] by group and parameter, one entry a level."""
     textbook: dict[str, Array]
     widths: dict[str, float]
-    """Mean half-width [%]."""
-    flagged: float
-    """Share of τ2 intervals of single levels that carry a flag [%]."""
 
 
 def measure(variant: Variant, sets: int, first: int = 0) -> Coverage:
@@ -220,16 +209,15 @@ def measure(variant: Variant, sets: int, first: int = 0) -> Coverage:
     true = truth(variant)
     ours, textbook, reach = [], [], []
     for seed in range(first, first + sets):
-        robust, white = both_ways(seed, variant)
+        made = one_set(seed, variant)
+        robust, white = (eaid.fit(made, ci=ci, estimator="joint") for ci in ("robust", "white"))
         ours.append(hits(robust, true))
         textbook.append(hits(white, true))
         reach.append(widths(robust))
-    flagged = float(np.mean([np.isnan(one["level tau2"]) for one in ours]) * 100)
     return Coverage(
         {key: _mean([one[key] for one in ours if key in one]) for key in ours[0]},
         {key: _mean([one[key] for one in textbook if key in one]) for key in textbook[0]},
         {key: float(np.nanmean([one[key] for one in reach])) for key in reach[0]},
-        flagged,
     )
 
 
@@ -241,119 +229,108 @@ def _mean(rows: list[list[float]]) -> Array:
     return np.asarray(np.where(counted >= 0.2 * len(values), share, np.nan))  # mostly flagged: nothing to count
 
 
-BANDS = {
-    "Ts": ((93, 97), (91, 98)),
-    "tau1": ((93, 97), (91, 98)),
-    "tau2": ((92, 97), (89, 98)),
+RECORDED: dict[str, tuple[str, dict[str, Any], bool]] = {
+    "random": ("random", {"duration_s": 240.0}, False),
+    "staircase of 12 s": ("staircase", {"duration_s": 240.0, "hold_s": (0.5, 12.0)}, False),
+    "staircase of 6 s": ("staircase", {"duration_s": 480.0, "hold_s": (0.5, 6.0)}, False),
+    "rests": ("random", {"duration_s": 240.0, "hold_s": (0.5, 10.0), "rest_s": 8.0}, False),
+    "closed loop": ("closed-loop", {"duration_s": 240.0, "hold_s": (0.5, 12.0)}, False),
+    "closed loop, instrument": ("closed-loop", {"duration_s": 240.0, "hold_s": (0.5, 12.0)}, True),
 }
-SINGLE_BANDS = {"Ts": (92, 97), "tau1": (92, 97), "tau2": (90, 98)}
-"""With one run a level the curves are held to these, on the mean."""
+"""Excitation, its shape, whether the simulated duty is the instrument."""
 
 
-def outside_bands(name: str, coverage: Coverage) -> list[str]:
-    """Where a row leaves the bands it is held to; with the wrong C no row is."""
-    said = []
-    for parameter, (mean, each) in BANDS.items():
-        for group in ("level", "two-stage"):
-            values = coverage.ours.get(f"{group} {parameter}")
-            if values is None or name == "share" or (name == "single" and group == "level"):
-                continue
-            values = values[np.isfinite(values)]
-            low, high = SINGLE_BANDS[parameter] if name == "single" else mean
-            if not low <= values.mean() <= high:
-                said.append(f"{group} {parameter}: mean {values.mean():.1f} outside {low}–{high}")
-            if name != "single" and not (each[0] <= values.min() and values.max() <= each[1]):
-                said.append(f"{group} {parameter}: {values.min():.1f}–{values.max():.1f} outside {each[0]}–{each[1]}")
-    said += [
-        f"linear {p}: {coverage.ours[f'linear {p}'][0]:.1f} outside 92–98"
-        for p in ("a0", "b0", "c0", "B_m", "B_M")
-        if not 92 <= coverage.ours[f"linear {p}"][0] <= 98
-    ]
-    return said
-
-
-def table(rows: dict[str, Coverage], sets: int) -> str:
-    """The table as Markdown: mean over the levels (least–largest of any one level)."""
-
-    def cell(part: dict[str, Array], key: str) -> str:
-        if key not in part:
-            return "–"
-        v = part[key]
-        if np.isnan(v).all():
-            return "flagged"
-        v = v[np.isfinite(v)]
-        return f"{v[0]:.0f}" if len(v) == 1 else f"{v.mean():.0f} ({v.min():.0f}–{v.max():.0f})"
-
-    lines = [f"Coverage [%] of nominal 95 % intervals, {sets} sets a row", ""]
-    for group, names in (
-        ("level", ("Ts", "tau1", "tau2")),
-        ("two-stage", ("Ts", "tau1", "tau2")),
-        ("joint", ("Ts", "tau1", "tau2")),
-        ("linear", ("a0", "b0", "c0", "B", "B_m", "B_M")),
-    ):
-        both = group != "two-stage"  # the textbook has no two-stage estimate
-        lines += [f"| {group} | " + " | ".join(f"{n}, ours | {n}, textbook" if both else n for n in names) + " |"]
-        lines += ["|---" * (1 + (1 + both) * len(names)) + "|"]
-        for name, row in rows.items():
-            cells = [
-                " | ".join(cell(part, f"{group} {n}") for part in ((row.ours, row.textbook) if both else (row.ours,)))
-                for n in names
+def recorded(name: str, sets: int) -> dict[str, Array]:
+    """Coverage [%] of T_s(u), τ1(u), τ2(u) of recorded logs, by duty."""
+    excitation, shape, instrument = RECORDED[name]
+    noise = {"white_nm": 0.006, "coloured": 0.01, "coloured_s": 0.3}
+    rows = defaultdict(list)
+    for seed in range(1000, 1000 + sets):
+        logs = eaid.synth(excitation=excitation, shape=shape, rate_hz=200.0, clean=True, sizes=noise, seed=seed)
+        found = eaid.fit(logs, model=("nonlinear",), duty=(10.0, 100.0), instrument=instrument).nonlinear
+        for name in NAMES:
+            pairs = [
+                (getattr(row.ci95, name), getattr(at_duty(REFERENCE_PLANT, row.level), name)) for row in found.curves
             ]
-            lines += [f"| {VARIANTS[name].name} | " + " | ".join(cells) + " |"]
-        lines += [""]
-    lines += ["| C asked of the runs | C | the C held is rejected | and told | Ts at it | tau1 at it | tau2 at it | "]
-    lines[-1] += "the fit's own aim: Ts | tau1 | tau2 |"
-    lines += ["|---" * 10 + "|"]
-    for name, row in rows.items():
-        asked = ("asked C", "asked rejected", "asked told", "asked Ts", "asked tau1", "asked tau2")
-        cells = [cell(row.ours, key) for key in (*asked, "aim Ts", "aim tau1", "aim tau2")]
-        lines += [f"| {VARIANTS[name].name} | " + " | ".join(cells) + " |"]
-    lines += [""]
-    keys = ("level Ts", "level tau1", "level tau2", "two-stage Ts", "two-stage tau1", "two-stage tau2")
-    lines += ["| mean half-width [%] | " + " | ".join(keys) + " | τ2 of a level flagged [%] |"]
-    lines += ["|---" * (2 + len(keys)) + "|"]
-    for name, row in rows.items():
-        cells = [f"{row.widths[key]:.1f}" for key in keys] + [f"{row.flagged:.0f}"]
-        lines += [f"| {VARIANTS[name].name} | " + " | ".join(cells) + " |"]
-    return "\n".join(lines)
+            rows[name].append([inside(ends, value) for ends, value in pairs])
+    return {name: _mean(held) for name, held in rows.items()}
 
 
-KEPT = Path(tempfile.gettempdir()) / "eaid-coverage"
-DOCS = Path(__file__).parents[1] / "docs" / "uncertainty.md"
-BEGIN, END = "<!-- benchmarks.coverage: begin -->\n", "<!-- benchmarks.coverage: end -->"
+STAIRCASES = ("two", "one", "dead time", "overshoot")
+HEIGHTS, GAINS, RATE_HZ = (20.0, 50.0, 80.0, 40.0), (0.03, 0.04, 0.02, 0.05), 100.0
 
 
-def write() -> None:
-    """All kept rows as the table of docs/uncertainty.md; a row of fewer sets than the others says so."""
-    kept = {name: pickle.loads((KEPT / name).read_bytes()) for name in VARIANTS if (KEPT / name).exists()}
-    missing = set(VARIANTS) - set(kept)
-    if missing:
-        sys.exit(f"rows not measured yet: {', '.join(sorted(missing))}")
-    sets = max(count for count, _ in kept.values())
-    for name, (count, _) in kept.items():
-        if count < sets:
-            VARIANTS[name] = replace(VARIANTS[name], name=f"{VARIANTS[name].name} ({count} sets)")
-    text = DOCS.read_text()
-    before, after = text[: text.index(BEGIN) + len(BEGIN)], text[text.index(END) :]
-    DOCS.write_text(before + table({name: row for name, (_, row) in kept.items()}, sets) + "\n" + after)
+def quoted(kind: str, count: int) -> Iterator[tuple[str, float, Interval]]:
+    """Name, truth and interval of every number of every step of so many staircases of a shape."""
+    random = np.random.default_rng(5)
+    for _ in range(count):
+        tau1 = float(np.exp(random.uniform(np.log(0.1), np.log(0.6))))
+        tau2 = tau1 * float(random.uniform(4, 10))
+        share = {"one": 1.0, "overshoot": 1.3}.get(kind, 0.85)
+        dead = float(random.uniform(0.2, 0.5)) if kind == "dead time" else 0.0
+        hold = round(random.uniform(5, 8) * tau2 * RATE_HZ)
+        t = np.arange(hold * len(HEIGHTS)) / RATE_HZ
+        changes = {(a, b): gain * (b - a) for a, b, gain in zip(HEIGHTS, HEIGHTS[1:], GAINS[1:], strict=False)}
+        y = np.full(len(t), GAINS[0] * HEIGHTS[0])
+        for k, change in enumerate(changes.values()):
+            since = np.maximum(t - (k + 1) * hold / RATE_HZ - dead, 0.0)
+            y += change * rise(since, tau1, tau2, share) * (since > 0)
+        y += random.choice([0.002, 0.01, 0.03]) * wander(random, len(t), float(random.choice([0.1, 5, 20])))
+        for step in build_stepset([log(t, np.repeat(HEIGHTS, hold), y)]).level_steps:
+            found = with_interval(step, fit_step(step)).ci95
+            change = changes[step.from_level, step.level]
+            yield "change", change, found.change
+            yield "gain", change / (step.level - step.from_level), found.gain
+            yield "tau1", tau1, found.tau1
+            if kind != "one":
+                yield "tau2", tau2, found.tau2
+            if kind == "dead time":
+                yield "dead_time_s", dead, found.dead_time_s
 
 
-def main() -> None:
-    if sys.argv[1:] == ["write"]:
-        write()
-        return
-    sets = int(sys.argv[1]) if len(sys.argv) > 1 else 500
-    names = sys.argv[2:] or list(VARIANTS)
-    rows: dict[str, Coverage] = {}
-    KEPT.mkdir(exist_ok=True)
-    for name in names:
-        rows[name] = measure(VARIANTS[name], sets)
-        (KEPT / name).write_bytes(pickle.dumps((sets, rows[name])))
-        for word in outside_bands(name, rows[name]):
-            print(f"{name}: {word}", file=sys.stderr)
-        print(f"{name}: done", file=sys.stderr, flush=True)
-    print(table(rows, sets))
+def single_steps(kind: str, count: int) -> dict[str, tuple[float, int, int]]:
+    """Share of intervals that hold the truth, how many were quoted, and how many were not, by name."""
+    held = defaultdict(list)
+    for name, value, ends in quoted(kind, count):
+        held[name].append(inside(ends, value))
+    return {
+        name: (float(np.nanmean(some)), int(np.isfinite(some).sum()), int(np.isnan(some).sum()))
+        for name, some in held.items()
+    }
+
+
+def cell(values: Array | None) -> str:
+    """Mean, least and largest."""
+    if values is None:
+        return "–"
+    v = values[np.isfinite(values)]
+    if not len(v):
+        return "flagged"
+    return f"{v[0]:.0f}" if len(v) == 1 else f"{v.mean():.0f} ({v.min():.0f}–{v.max():.0f})"
+
+
+def lines(name: str, sets: int) -> Iterator[str]:
+    """The Markdown of one row, a line a quantity."""
+    if name in VARIANTS:
+        found = measure(VARIANTS[name], sets)
+        yield f"\n| {VARIANTS[name].name}, {sets} sets | ours | textbook | half-width |\n|---|---|---|---|"
+        for key, values in found.ours.items():
+            width = f"{found.widths[key]:.1f}" if key in found.widths else ""
+            yield f"| {key} | {cell(values)} | {cell(found.textbook.get(key))} | {width} |"
+    elif name in RECORDED:
+        yield f"\n| {name}, {sets} logs | held |\n|---|---|"
+        yield from (f"| {key} | {cell(values)} |" for key, values in recorded(name, sets).items())
+    else:
+        yield f"\n| steps: {name}, {sets} staircases | held | quoted | not quoted |\n|---|---|---|---|"
+        for key, (share, told, untold) in single_steps(name, sets).items():
+            yield f"| {key} | {100 * share:.1f} | {told} | {untold} |"
+
+
+def main(words: list[str]) -> None:
+    for name in words[1:] or (*VARIANTS, *RECORDED, *STAIRCASES):
+        for line in lines(name, int(words[0]) if words else 500):
+            print(line, flush=True)
 
 
 if __name__ == "__main__":
-    main()
+    main(sys.argv[1:])

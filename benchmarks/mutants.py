@@ -42,11 +42,7 @@ def annotation_lines(source: str) -> set[tuple[int, int]]:
     """The places (line, column) inside type annotations and decorators, where a mutant changes nothing that runs."""
     inside = set()
     for node in ast.walk(ast.parse(source)):
-        parts = [
-            getattr(node, "annotation", None),
-            getattr(node, "returns", None),
-            *getattr(node, "decorator_list", []),
-        ]
+        parts = [getattr(node, name, None) for name in ("annotation", "returns")] + getattr(node, "decorator_list", [])
         for part in filter(None, parts):
             for leaf in ast.walk(part):
                 if isinstance(leaf, ast.expr):
@@ -82,9 +78,8 @@ def forked(tests: list[str], tree: Path, seconds: float, plugins: tuple[object, 
 
         code = 1
         try:
-            code = int(
-                pytest.main(["-x", "-q", "-n", "0", "-p", "no:cacheprovider", "--no-header", *tests], list(plugins))
-            )
+            quick = ["-x", "-q", "-n", "0", "-p", "no:cacheprovider", "--no-header", *tests]
+            code = int(pytest.main(quick, list(plugins)))
         finally:
             os._exit(code)
     until = time.monotonic() + seconds
@@ -180,26 +175,19 @@ def tried(mutant: Mutant, tree: Path, tests: list[str], by_line: dict[str, list[
     return "\n".join(lines)
 
 
-def main() -> None:
+def main(words: list[str] | None = None) -> None:
     options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     options.add_argument("rooms", nargs="*", default=ROOMS)
     options.add_argument("-n", type=int, default=60, help="mutants a room (60)")
     options.add_argument("--seed", type=int, default=0, help="which sample (0)")
     options.add_argument("--only", help="only files whose path holds this")
     options.add_argument("--tests", nargs="*", help="test folders or files in place of tests/ROOM")
-    given = options.parse_args()
+    given = options.parse_args(words)
 
-    for module in (
-        "scipy.optimize",
-        "scipy.stats",
-        "scipy.signal",
-        "scipy.linalg",
-        "pandas",
-        "numba",
-        "h5py",
-        "hypothesis",
-    ):
-        __import__(module)  # before the forks, so that none of them pays for it
+    for module in ("optimize", "stats", "signal", "linalg"):
+        __import__(f"scipy.{module}")  # before the forks, so that none of them pays for it
+    for module in ("pandas", "numba", "h5py", "hypothesis"):
+        __import__(module)
     rows = []
     with tempfile.TemporaryDirectory(prefix="mutants-") as folder:
         tree = Path(folder) / "tree"
@@ -214,10 +202,8 @@ def main() -> None:
             files = [p for p in sorted((tree / "eaid" / room).rglob("*.py")) if not given.only or given.only in str(p)]
             every = [mutant for path in files for mutant in mutants_of(path)]
             sample = random.Random(given.seed).sample(every, min(given.n, len(every)))
-            print(
-                f"\n## {room}: {len(sample)} of {len(every)} mutants, {len(tests)} tests, {seconds:.0f} s a run",
-                flush=True,
-            )
+            size = f"{len(sample)} of {len(every)} mutants, {len(tests)} tests, {seconds:.0f} s a run"
+            print(f"\n## {room}: {size}", flush=True)
             alive = 0
             for at, mutant in enumerate(sample, start=1):
                 diff = tried(mutant, tree, tests, by_line, seconds)

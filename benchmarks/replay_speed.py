@@ -7,6 +7,7 @@ import tempfile
 from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
+from time import process_time
 from typing import Any
 
 import numpy as np
@@ -27,6 +28,7 @@ DT_S = 1e-3
 SINGLE_S = 60.0
 PLANTS = 1000
 MANY_S = 10.0
+RUNS = 9
 GAINS = paper_gains()[0]
 RC = rc_controller(GAINS)
 RIG = Rig(noise_nm=0.01)
@@ -136,14 +138,16 @@ def rows() -> Iterator[Row]:
     plant, long = plant_parameters(REFERENCE_PLANT), Case(SINGLE_S)
     ours = partial(replay, plant, RC, long.reference, RIG, DT_S, 1)
     theirs = python_control(long, plant)
-    our_s, control_s = paired_medians(ours, theirs, 3)
+    our_s, control_s = paired_medians(ours, theirs, min(RUNS, 3))
     agree = float(np.abs(ours().torque_nm - theirs()).max())
     yield Row(
         "one 60 s replay", "plain Python", our_s, "python-control", control_s, "≥ 20 × faster",
         control_s >= 20 * our_s, f"{agree:.1e} N·m apart",
     )  # fmt: skip
     inverse = controller("inverse", Knowledge(REFERENCE_PLANT, None, *paper_gains()))
-    our_s, rc_s = paired_medians(partial(replay, plant, inverse, long.reference, RIG, DT_S, 1), ours, 3)
+    our_s, rc_s = paired_medians(
+        partial(replay, plant, inverse, long.reference, RIG, DT_S, 1), ours, RUNS, process_time
+    )
     yield Row(
         "a sample under the inverse", "inverse", our_s / long.n, "rc", rc_s / long.n, "below 1 % of a 1 ms sample",
         our_s / long.n <= 1e-5,
@@ -154,7 +158,7 @@ def rows() -> Iterator[Row]:
     def many() -> None:
         replay_many(plants, RC, short.reference, RIG, DT_S, lambda i, torque, _duty: kept.__setitem__(i, torque), 1)
 
-    our_s, numpy_s = paired_medians(many, partial(numpy_many, short, plants), 3)
+    our_s, numpy_s = paired_medians(many, partial(numpy_many, short, plants), min(RUNS, 3))
     agree = float(np.abs(numpy_many(short, plants).T - kept).max())
     yield Row(
         f"{PLANTS} plants × 10 s", "numba, a plant a thread", our_s, "NumPy over the plants", numpy_s, "≥ 1.2 × faster",
@@ -188,7 +192,9 @@ def _cold(folder: Path) -> Row:
         "    try:\n        importlib.import_module(name)\n    except ImportError:\n        pass\n"
     )
     ours, bare = paired_medians(
-        process(sys.executable, "-m", "eaid", *arguments, cwd=folder), process(sys.executable, "bare.py", cwd=folder), 9
+        process(sys.executable, "-m", "eaid", *arguments, cwd=folder),
+        process(sys.executable, "bare.py", cwd=folder),
+        RUNS,
     )
     return Row(
         "a cold simulate, 12 s, rc and pi", "eaid simulate", ours, "its imports alone", bare, "≤ 1.5 × the time",

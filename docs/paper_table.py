@@ -44,7 +44,7 @@ def rows() -> Iterator[tuple[str, str, str, str]]:
     lines = []
     for first, hold_s in ((10, 20.0), (30, 60.0)):
         steps = eaid.synth(levels=tuple(range(first, 101, 10)), hold_s=hold_s, repeats=1, rate_hz=1000.0, clean=True)
-        lines.append(eaid.fit(steps, models=("linear",)).linear)
+        lines.append(eaid.fit(steps, model=("linear",)).linear)
     found = "; ".join(
         f"{one.a0:.3g}, {one.b0:.3g}, {one.c0:.3g} ({how})"
         for one, how in zip(lines, ("10…100 %, 20 s", "30…100 %, 60 s"), strict=True)

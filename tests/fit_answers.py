@@ -168,8 +168,8 @@ FITS: dict[str, tuple[Callable[[], StepSet], FitOptions]] = {
     "force": (lambda: over("friction-force"), FitOptions(hold_out=(60.0,))),
     "speed": (lambda: over("friction-speed"), FitOptions(loss="huber")),
     "few forces": (lambda: made(plant([20.0, 50.0, 80.0]), kind="friction-force", unit="V"), USUAL),
-    "odd": (odd, FitOptions(models=("friction", "linear"))),
-    "odd, C free": (odd, FitOptions(share="free", models=("friction",))),
+    "odd": (odd, FitOptions(model=("friction", "linear"))),
+    "odd, C free": (odd, FitOptions(share="free", model=("friction",))),
     "staircase": (staircase, USUAL),
 }
 """Name → the set and the choices of its fit."""
@@ -202,8 +202,8 @@ INTERVALS: dict[str, tuple[Callable[[], StepSet], FitOptions]] = {
     "ragged": (ragged, USUAL),
     "force": (lambda: over("friction-force"), USUAL),
     "speed": (lambda: over("friction-speed"), USUAL),
-    "odd": (odd, FitOptions(models=("friction", "linear"))),
-    "releases": (with_releases, FitOptions(models=("linear",))),
+    "odd": (odd, FitOptions(model=("friction", "linear"))),
+    "releases": (with_releases, FitOptions(model=("linear",))),
     "staircase": (staircase, USUAL),
     "staircase, white": (staircase, FitOptions(ci="white", shape="two", dead_time_s=0.1)),
 }

@@ -34,7 +34,7 @@ def ran(*command: str) -> subprocess.CompletedProcess[str]:
 
 
 def test_the_workflows_are_what_github_takes() -> None:
-    assert {path.name for path in WORKFLOWS} == {"ci.yml", "release.yml"}
+    assert {path.name for path in WORKFLOWS} == {"ci.yml", "nightly.yml", "release.yml"}
     checked = ran(
         program("check-jsonschema"), "--builtin-schema", "vendor.github-workflows", *(str(path) for path in WORKFLOWS)
     )

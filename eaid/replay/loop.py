@@ -1,7 +1,7 @@
 """The control loop of the rig, sample by sample, exact in time: no solver, no tolerance.
 
 At t_k the controller reads the torque and gives a duty, which acts until t_{k+1}, from rest. The function
-`closed_loop` is written once: plain Python runs it as it stands, and `eaid.replay.compiled` hands the same function to
+`closed_loop` is written once: plain Python runs it as it stands, and `eaid.replay.many` hands the same function to
 numba.
 """
 

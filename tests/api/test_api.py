@@ -82,7 +82,7 @@ def test_the_command_line_gives_the_same_numbers(logs: StepSet, fit: Fit, gains:
 
 
 def test_nothing_is_printed(logs: StepSet, fit: Fit, gains: Gains, capfd: pytest.CaptureFixture[str]):
-    eaid.fit(logs, models=("linear",))
+    eaid.fit(logs, model=("linear",))
     eaid.tune_rc(fit)
     eaid.simulate(fit, gains, "multisine", duration=6.0)
     assert capfd.readouterr() == ("", "")

@@ -82,8 +82,8 @@ def _curve(p: object, t: np.ndarray, u: float) -> np.ndarray:
 
 def test_kinds_and_models_that_do_not_go_together(clutch_set: Maker, friction_set: Maker) -> None:
     with pytest.raises(UsageError, match="friction-force logs can be fitted with friction"):
-        fit(friction_set("friction-force", "N", {17.0: Friction(1, 0.2, 3)}), FitOptions(models=("linear",)))
-    assert fit(clutch_set(rate_hz=20.0), FitOptions(models=("linear",))).nonlinear is None
+        fit(friction_set("friction-force", "N", {17.0: Friction(1, 0.2, 3)}), FitOptions(model=("linear",)))
+    assert fit(clutch_set(rate_hz=20.0), FitOptions(model=("linear",))).nonlinear is None
 
 
 @pytest.mark.parametrize(
@@ -158,7 +158,7 @@ def test_huber_is_at_the_minimum_of_its_own_loss(clutch_set: Maker) -> None:
     y = steps.levels[0].runs.copy()
     y[0, ::17] += 2.0
     steps = replace(steps, levels=(replace(steps.levels[0], runs=y),))
-    found = fit(steps, FitOptions(loss="huber", models=("friction",))).friction
+    found = fit(steps, FitOptions(loss="huber", model=("friction",))).friction
     assert found and found.robust
     from eaid.models import friction
 
@@ -241,7 +241,7 @@ def test_unequal_levels_are_fitted_as_well(clutch_set: Maker) -> None:
 
 def test_what_was_fitted_is_told(clutch_set: Maker) -> None:
     made = clutch_set(rate_hz=10.0, repeats=2)
-    data = fit(made, FitOptions(models=("linear",))).data
+    data = fit(made, FitOptions(model=("linear",))).data
     assert data.levels == tuple(level.level for level in made.levels) and set(data.repeats) == {2}
     assert data.record_s == tuple(level.time_s[-1] for level in made.levels)
     assert data.samples == tuple(len(level.time_s) for level in made.levels)

@@ -1,7 +1,4 @@
-"""Readers on anything at all: random bytes, mutated files, mutated cells. Only refusals come out, and no wrong number.
-
-The long form of this, guided by coverage, is `python -m benchmarks.fuzz_readers`.
-"""
+"""Readers on anything at all: random bytes, mutated files, mutated cells. Only refusals come out, no wrong number."""
 
 import contextlib
 import gzip

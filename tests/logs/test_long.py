@@ -1,7 +1,4 @@
-"""Long logs: read piece by piece, every bad cell in its own row.
-
-Memory and time at full size (1 GB, a day at 1 kHz) are measured by `python -m benchmarks.size`.
-"""
+"""Long logs: read piece by piece, every bad cell in its own row."""
 
 import gzip
 from pathlib import Path

@@ -30,7 +30,7 @@ from eaid.synth.logs import Protocol, synthesise
 from eaid.synth.plants import clutch
 
 NOISE = replace(NONE, white_nm=0.006, coloured=0.01, coloured_s=0.3)
-PLAIN = RecordedOptions(models=("nonlinear",), ci="none", loop_refits=0, falls="as-rises")
+PLAIN = RecordedOptions(model=("nonlinear",), ci="none", loop_refits=0, falls="as-rises")
 
 
 def coefficients(p: object) -> np.ndarray:
@@ -39,7 +39,7 @@ def coefficients(p: object) -> np.ndarray:
 
 @pytest.mark.parametrize("kind", ["random", "staircase", "closed-loop", "multisine", "chirp"])
 def test_noise_free_logs_give_the_ten_coefficients_back(kind: str) -> None:
-    e = Excitation(kind, duration_s=150.0, rate_hz=200.0, hold_s=(0.5, 8.0))
+    e = Excitation(kind=kind, duration_s=150.0, rate_hz=200.0, hold_s=(0.5, 8.0))
     run = synthesise_excitation(clutch(), e, NONE, 1)[0]
     assert is_recorded(run)
     found = fit_recorded([run], replace(PLAIN, u_range=(10.0, 100.0)))
@@ -48,7 +48,7 @@ def test_noise_free_logs_give_the_ten_coefficients_back(kind: str) -> None:
 
 
 def test_two_levels_of_a_prbs_give_their_six_values_back() -> None:
-    e = Excitation("prbs", duration_s=120.0, rate_hz=200.0)
+    e = Excitation(kind="prbs", duration_s=120.0, rate_hz=200.0)
     found = fit_recorded(synthesise_excitation(clutch(), e, NONE, 1), PLAIN)
     assert found.nonlinear is not None
     assert found.nonlinear.tau2[0] + 10 * found.nonlinear.tau2[1] == pytest.approx(4.766, rel=1e-6)
@@ -57,7 +57,7 @@ def test_two_levels_of_a_prbs_give_their_six_values_back() -> None:
 
 
 def test_several_logs_with_idle_outputs_and_starts_of_their_own() -> None:
-    e = Excitation("random", duration_s=90.0, rate_hz=100.0, hold_s=(0.5, 8.0))
+    e = Excitation(kind="random", duration_s=90.0, rate_hz=100.0, hold_s=(0.5, 8.0))
     one = recorded_log(synthesise_excitation(clutch(), e, replace(NONE, offset_nm=0.3), 1)[0])
     two = recorded_log(synthesise_excitation(clutch(), e, replace(NONE, offset_nm=-0.1), 2)[0])
     cut = slice(2500, None)  # begins loaded, in the middle of a hold
@@ -105,7 +105,7 @@ def test_no_independent_least_squares_does_better() -> None:
             tuple(factor[2] * c for c in REFERENCE_PLANT.Ts),
             (10.0, 100.0),
         )
-        e = Excitation("random", duration_s=60.0, rate_hz=20.0, hold_s=(0.5, 6.0), idle_s=1.0)
+        e = Excitation(kind="random", duration_s=60.0, rate_hz=20.0, hold_s=(0.5, 6.0), idle_s=1.0)
         run = synthesise_excitation(clutch(plant), e, NOISE, seed)[0]
         found = fit_recorded([run], replace(PLAIN, u_range=(10.0, 100.0)))
         assert found.nonlinear is not None
@@ -153,18 +153,18 @@ def test_what_cannot_be_fitted_is_refused_in_a_sentence() -> None:
 def test_the_public_functions_take_such_logs_too() -> None:
     import eaid
 
-    e = Excitation("random", 60.0, rate_hz=50.0, hold_s=(0.5, 6.0))
+    e = Excitation(kind="random", 60.0, rate_hz=50.0, hold_s=(0.5, 6.0))
     run = synthesise_excitation(clutch(), e, NOISE, 1)[0]
     frame = pd.DataFrame({"time_s": run.time_s, "duty_pct": run.input, "torque_nm": run.output})
     steps = eaid.read(frame)
     assert len(steps.recorded) == 1 and not steps.levels
-    found = eaid.fit(steps, models=("nonlinear",), duty=(10.0, 100.0))
+    found = eaid.fit(steps, model=("nonlinear",), duty=(10.0, 100.0))
     assert found.converged and found.recorded is not None
     assert len(eaid.read(frame, logs_as="recorded").recorded) == 1
 
 
 def test_a_log_can_be_drawn_from_the_fit_alone() -> None:
-    e = Excitation("random", 60.0, rate_hz=100.0, hold_s=(0.5, 6.0))
+    e = Excitation(kind="random", 60.0, rate_hz=100.0, hold_s=(0.5, 6.0))
     run = synthesise_excitation(clutch(), e, NOISE, 1)[0]
     spiked = run.output.copy()
     spiked[4321] += 3.0  # one row of 6000

@@ -55,7 +55,7 @@ def test_other_plants_return(seed: int, fit_quality: ModuleType) -> None:
 @pytest.mark.parametrize("seed", range(8))
 def test_the_cost_is_that_of_the_best_of_an_independent_multi_start(seed: int, fit_quality: ModuleType) -> None:
     case = fit_quality.make(seed)
-    mine, _, _, converged, _, _ = fit_quality.ours(case)
+    mine, converged = fit_quality.ours(case)
     assert converged
     assert mine <= (1 + 1e-6) * fit_quality.best_of_others(case, starts=2)
 
@@ -122,7 +122,7 @@ def _one_level(curve: Friction, rate_hz: float = 100.0, scale: float = 1.0, stre
 
 
 def _friction(steps: StepSet) -> Friction:
-    found = fit(steps, FitOptions(models=("friction",))).friction
+    found = fit(steps, FitOptions(model=("friction",))).friction
     assert found and found.levels[0].solver.converged
     return found.levels[0].curve
 

@@ -124,7 +124,7 @@ def fitted(base: Any) -> list[np.ndarray]:
 def test_variances_of_single_runs_are_those_of_moved_levels(sets: Any) -> None:
     """B of each level answers to the levels' log T_s, τ1, τ2 as refits to moved means do."""
     made = sets.one_set(1, sets.VARIANTS["single"])
-    options = FitOptions(models=("friction", "linear"))
+    options = FitOptions(model=("friction", "linear"))
     found = fit(made, options).linear
     base = statistics_at_share(made.levels, 0.85)
     rows = linear_intervals.level_intervals(found, base)
@@ -144,7 +144,7 @@ def test_variances_of_single_runs_are_those_of_moved_levels(sets: Any) -> None:
 
 def test_textbook_intervals_of_the_linear_model_by_lstsq(sets: Any) -> None:
     made = sets.one_set(1, sets.VARIANTS["base"])
-    found = fit(made, FitOptions(models=("linear",))).linear
+    found = fit(made, FitOptions(model=("linear",))).linear
     pooled, rows = linear_intervals.white(found, made.levels)
     level, row = made.levels[3], found.per_level[3]
     J = level_terms(level, row.a0, row.gain)[0] / [row.a0, row.gain]
@@ -158,11 +158,11 @@ def test_textbook_intervals_of_the_linear_model_by_lstsq(sets: Any) -> None:
 
 def test_pooled_gain_is_what_a_refit_does(sets: Any) -> None:
     made = sets.one_set(1, sets.VARIANTS["base"])
-    found = fit(made, FitOptions(models=("linear",))).linear
+    found = fit(made, FitOptions(model=("linear",))).linear
     take, along = pooled_gain(made.levels, found.parameters)[6]
     level = made.levels[6]
     bump = 1e-4 * np.cos(3 * level.time_s)
     levels = (*made.levels[:6], replace(level, runs=level.runs + bump), *made.levels[7:])
-    again = fit(replace(made, levels=levels), FitOptions(models=("linear",))).linear
+    again = fit(replace(made, levels=levels), FitOptions(model=("linear",))).linear
     change = [getattr(again.parameters, k) - getattr(found.parameters, k) for k in ("a0", "b0", "c0")]
     assert change == pytest.approx(take @ (along @ bump), rel=1e-2)

@@ -207,7 +207,7 @@ def test_a_parameter_at_its_constraint_is_not_estimable() -> None:
         replace(one, runs=one.runs + 0.02 * one.level * (np.exp(-t / 1.0) - np.exp(-t / 0.2))) for one in made.levels
     )
     same = replace(made, levels=bent)
-    sure = with_intervals(same, fit(same, FitOptions(models=("friction",))))
+    sure = with_intervals(same, fit(same, FitOptions(model=("friction",))))
     assert all(row.ci95.tau1 is None and row.ci95.tau2 is None for row in sure.friction.levels)
     (one,) = [one for one in sure.findings if one.code == "taus-meet"]
     assert len(one.levels) == 4
@@ -216,7 +216,7 @@ def test_a_parameter_at_its_constraint_is_not_estimable() -> None:
 def test_overshoot_under_hold_is_named() -> None:
     made = steps([Friction(1.0 + i, 0.1, 0.5) for i in range(4)], record_s=10.0, sd=0.002, runs=2)
     bent = tuple(replace(one, runs=one.runs * (1 - 0.02 * one.time_s)) for one in made.levels)
-    sure = with_intervals(replace(made, levels=bent), fit(replace(made, levels=bent), FitOptions(models=("friction",))))
+    sure = with_intervals(replace(made, levels=bent), fit(replace(made, levels=bent), FitOptions(model=("friction",))))
     (one,) = [one for one in sure.findings if one.code == "output-decays-under-hold"]
     assert len(one.levels) == 4 == one.values["of"] and one.severity == "caution"
     assert not {"shape-fits", "shape-of-another-kind"} & codes(sure)
@@ -224,15 +224,15 @@ def test_overshoot_under_hold_is_named() -> None:
 
 def test_a_free_share_is_told_to_trade_against_tau2() -> None:
     short = steps([Friction(1.0 + i, 0.2, 6.0) for i in range(4)], record_s=3.0, sd=0.02, runs=3)
-    sure = with_intervals(short, fit(short, FitOptions(share="free", models=("friction",))))
+    sure = with_intervals(short, fit(short, FitOptions(share="free", model=("friction",))))
     assert "free-share-open" in codes(sure)
 
 
 def test_what_another_share_would_change_is_told() -> None:
     """Against refits with C held 0.002 higher and lower."""
     made = steps([Friction(1.0 + i, 0.2, 3.0) for i in range(3)], record_s=20.0, sd=0.001, runs=2)
-    told = with_intervals(made, fit(made, FitOptions(models=("friction",)))).uncertainty.share.change_per_001_pct
-    low, high = (fit(made, FitOptions(models=("friction",), share=c)).friction.levels for c in (0.848, 0.852))
+    told = with_intervals(made, fit(made, FitOptions(model=("friction",)))).uncertainty.share.change_per_001_pct
+    low, high = (fit(made, FitOptions(model=("friction",), share=c)).friction.levels for c in (0.848, 0.852))
     for name in ("Ts", "tau1", "tau2"):
         moved = [
             100 * np.log(getattr(b.curve, name) / getattr(a.curve, name)) / 0.4 for a, b in zip(low, high, strict=True)
@@ -260,9 +260,9 @@ def test_typed_options_and_results_agree(made: StepSet) -> None:
 
 def test_every_option_stands_in_the_file_of_steps_and_of_recorded_logs(tmp_path: Path) -> None:
     """One type holds what is asked for and what is kept: an option of a value of its own comes back from the file."""
-    asked = FitOptions(models=("linear",), share=0.8, ci="none", seed=7, draws=12, shape="two", dead_time_s=0.0)
+    asked = FitOptions(model=("linear",), share=0.8, ci="none", seed=7, draws=12, shape="two", dead_time_s=0.0)
     steps = eaid.synth(levels=(20.0, 60.0, 100.0), rate_hz=50.0, seed=1)
-    logs = synthesise_excitation(clutch(), Excitation("prbs", duration_s=60.0, rate_hz=50.0), NONE, 1)
+    logs = synthesise_excitation(clutch(), Excitation(kind="prbs", duration_s=60.0, rate_hz=50.0), NONE, 1)
     for data in (steps, replace(steps, recorded=tuple(logs))):
         file = tmp_path / "fit.json"
         eaid.fit(data, asked).save(file, force=True)

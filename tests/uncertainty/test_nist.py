@@ -29,7 +29,7 @@ def test_certified_standard_deviations(name: str) -> None:
     (x, y), gain, gain_sd, rate, rate_sd = CERTIFIED[name]
     level = Level(1.0, np.array(x, dtype=float), np.array([y], dtype=float), (name,))
     stepset = StepSet("clutch", "%", "N·m", Apparatus(), (level,))
-    found = fit(stepset, FitOptions(models=("linear",)))
+    found = fit(stepset, FitOptions(model=("linear",)))
     assert found.linear is not None
     row = found.linear.per_level[0]
     assert (row.gain, row.a0) == (pytest.approx(gain, rel=1e-7), pytest.approx(rate, rel=1e-7))

@@ -16,7 +16,7 @@ from eaid.uncertainty.intervals import with_intervals
 from eaid.uncertainty.level_statistics import LevelStatistics, level_statistics
 from eaid.uncertainty.share import share_of
 
-FRICTION = FitOptions(models=("friction",))
+FRICTION = FitOptions(model=("friction",))
 TOLD = {"runs-give-no-share", "runs-leave-the-share-open", "runs-reject-the-share"}
 
 

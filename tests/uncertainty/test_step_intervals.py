@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from benchmarks.step_coverage import coverage
+from benchmarks.coverage import single_steps
 from benchmarks.stop_findings import wander
 from eaid.fitting.step_shapes import fit_step
 from eaid.results.fit import FitOptions
@@ -34,7 +34,7 @@ def half(interval: tuple[float, float] | None) -> float:
 
 @pytest.mark.parametrize("kind", ["two", "overshoot"])
 def test_they_hold_the_truth(kind: str) -> None:
-    for name, (share, told, untold) in coverage(kind, 12).items():
+    for name, (share, told, untold) in single_steps(kind, 12).items():
         assert share >= 0.8, name  # 36 of them, three of a staircase alike; the benchmark has 201
         assert told > 2 * untold
 

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from benchmarks import short_records
+import eaid
 from eaid.fitting.data import data_of
 from eaid.fitting.levels import fit_levels
 from eaid.models import friction
@@ -65,22 +65,27 @@ def test_single_runs_are_tested_by_their_own_noise() -> None:
 
 
 @pytest.mark.parametrize("record_s", [5.0, 20.0])
-def test_quoted_intervals_and_alarms_of_a_few_sets(record_s: float) -> None:
+def test_quoted_intervals_and_alarms_of_a_few_sets(sets: Any, record_s: float) -> None:
     """5 s: no τ2, no curve is quoted; 20 s: all are, and none is told to outlast the record (10 of 10 sets were)."""
-    true = short_records.truth()
-    rows = [short_records.counted(short_records.one(seed, record_s), true, record_s) for seed in range(4)]
-
-    def values(key: str) -> Any:
-        found = np.array([row[key] for row in rows])
-        return found[np.isfinite(found)]
-
+    true = np.array([sets.plant(float(u), sets.VARIANTS["base"]).tau2 for u in sets.LEVELS])
+    quoted, curves, ranges = [], [], []
+    for seed in range(4):
+        made = sets.one_set(seed, sets.VARIANTS["base"], samples=round(100 * record_s), record_s=record_s)
+        found = eaid.fit(made, estimator="two-stage")
+        quoted += [sets.inside(row.ci95.tau2, tau2) for row, tau2 in zip(found.friction.levels, true, strict=True)]
+        rows = found.nonlinear.curves if found.nonlinear.estimator == "two-stage" else ()
+        curves += [sets.inside(row.ci95.tau2, tau2) for row, tau2 in zip(rows, true, strict=False)]
+        value = dict(zip(sets.LEVELS.tolist(), true.tolist(), strict=True))
+        for one in found.findings:
+            if one.code == "tau2-open":
+                ends = one.values["low_s"] or 0.0, one.values["high_s"] or np.inf
+                ranges.append(sets.inside(ends, value[one.levels[0]]))
+            assert one.code != "tau2-outlasts-record" or all(value[u] > record_s for u in one.levels)
     if record_s == 5.0:
-        assert not len(values("level tau2")) and not len(values("curve Ts")) and not len(values("curve tau2"))
-        assert values("range").mean() > 0.9 and values("miss").mean() < 0.1 and values("level Ts").mean() > 0.9
+        assert np.isnan(quoted).all() and np.isnan(curves).all()
+        assert np.mean(ranges) > 0.9
     else:
-        assert len(values("level tau2")) >= 36 and values("level tau2").mean() > 0.85
-        assert values("curve tau2").mean() > 0.85
-    assert values("false alarm").sum() == 0
+        assert np.isfinite(quoted).sum() >= 36 and np.nanmean(quoted) > 0.85 and np.nanmean(curves) > 0.85
 
 
 @pytest.mark.parametrize(

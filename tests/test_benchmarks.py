@@ -1,0 +1,51 @@
+"""Every benchmark runs, at its smallest size, in this process; its times say nothing here."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from benchmarks import coverage, fit_quality, fit_speed, mutants, processes, reading, replay_speed, size, stop_findings
+from benchmarks.table import markdown
+
+pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore")]
+
+
+@pytest.mark.parametrize(
+    ("module", "small", "count"),
+    [
+        (fit_speed, {"SAMPLES": 2000, "RUNS": 1, "REPEATS": 1}, 8),
+        (processes, {"COMMANDS": ("fit",), "RUNS": 1}, 4),
+        (reading, {"FILES": 3, "ROWS": 20_000, "RUNS": 1}, 5),
+        (replay_speed, {"SINGLE_S": 2.0, "MANY_S": 2.0, "PLANTS": 20, "RUNS": 1}, 4),
+        (size, {"SAMPLES": (1000, 2000), "LEVELS": (3, 5), "OVER_LEVELS": 2000, "PLANTS": (5, 10)}, 3),
+    ],
+    ids=lambda value: getattr(value, "__name__", ""),
+)
+def test_rows(module, small, count, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    for name, value in small.items():
+        monkeypatch.setattr(module, name, value)
+    monkeypatch.setattr(size, "FIGURES", tmp_path)
+    rows = list(module.rows())
+    assert len(rows) == count and "BITS DIFFER" not in markdown(rows)
+    assert all(0 < time < 600 for row in rows for time in (row.ours_s, row.other_s))
+    if module is replay_speed:  # the same torque as the others
+        assert all(float(row.accuracy.split()[0]) < 1e-12 for row in rows if "N·m" in row.accuracy)
+
+
+@pytest.mark.parametrize(
+    ("call", "told"),
+    [
+        (lambda: coverage.main(["1", "base", "random", "two"]), "| level Ts |"),
+        (lambda: fit_quality.main(2), "2 of 2 within 1e-06"),
+        (lambda: stop_findings.main(2), "not-at-rest"),
+        (
+            lambda: mutants.main(["steps", "-n", "1", "--only", "slip.py", "--tests", "tests/steps/test_slip.py"]),
+            "| 1 |",
+        ),
+    ],
+    ids=["coverage", "fit_quality", "stop_findings", "mutants"],
+)
+def test_tables(call: Callable[[], object], told: str, capfd: pytest.CaptureFixture[str]) -> None:
+    call()
+    assert told in capfd.readouterr().out
