@@ -11,7 +11,6 @@ from typing import Any, get_type_hints
 import pytest
 import typer
 from eaid.export.options import LAWS
-from eaid.results.tuning import ALSO
 from hypothesis import given, settings
 from hypothesis import strategies as st
 

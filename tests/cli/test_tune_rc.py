@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from eaid.results.tuning import TuneOptions
 
 from eaid.cli.main import run
 from eaid.control.gains import pi_gains, rc_gains
@@ -14,7 +15,6 @@ from eaid.models.parameters import REFERENCE_PLANT
 from eaid.results.codec import from_plain
 from eaid.results.fit import Fit
 from eaid.results.gains import Gains
-from eaid.results.tuning import TuneOptions
 
 PAPER = {"a0": 1.36, "b0": 0.08, "c0": -2.42, "bounds": {"convention": "zero-offset", "B_m": 12.4, "B_M": 42.6}}
 PLANT = {

@@ -34,12 +34,12 @@ def run_of(t: np.ndarray, u: np.ndarray, y: np.ndarray, unit: str = "%") -> Run:
 
 
 def random_log(seed: int = 1, duration_s: float = 120.0, **changes: float) -> RecordedLog:
-    e = Excitation(kind="random", duration_s, rate_hz=100.0, hold_s=(0.5, 8.0), rest_s=6.0)
+    e = Excitation(kind="random", duration_s=duration_s, rate_hz=100.0, hold_s=(0.5, 8.0), rest_s=6.0)
     return recorded_log(synthesise_excitation(clutch(), replace(e, **changes), NOISE, seed)[0])
 
 
 def test_input_and_output_that_are_swapped_are_refused_by_name() -> None:
-    log = recorded_log(synthesise_excitation(clutch(), Excitation(kind="staircase", 60.0, rate_hz=50.0), NONE, 1)[0])
+    log = recorded_log(synthesise_excitation(clutch(), Excitation(kind="staircase", duration_s=60.0, rate_hz=50.0), NONE, 1)[0])
     steps = np.where(np.arange(len(log.time_s)) % 1500 < 500, 0.0, 50.0)
     swapped = RecordedLog("log", log.time_s, np.abs(log.output), steps)
     with pytest.raises(DataError, match=r"log: its output takes 5 values or fewer .* were swapped"):
@@ -80,7 +80,7 @@ def test_a_fast_input_a_limit_and_a_single_level_are_told() -> None:
 @pytest.mark.parametrize(("late", "code"), [(0, None), (1, "input-late-biases"), (-2, "input-early-biases")])
 def test_an_input_that_is_noted_late_or_early_is_told_with_its_rows(late: int, code: str | None) -> None:
     for seed in range(4):
-        e = Excitation(kind="random", 60.0, rate_hz=50.0, hold_s=(0.5, 8.0))
+        e = Excitation(kind="random", duration_s=60.0, rate_hz=50.0, hold_s=(0.5, 8.0))
         log = shifted(recorded_log(synthesise_excitation(clutch(), e, NOISE, seed)[0]), -late)
         found = codes(fit_recorded([log], replace(PLAIN, u_range=(10.0, 100.0), falls="as-rises")))
         told = {one for one in found if one.startswith("input-")}
@@ -91,7 +91,7 @@ def test_an_input_that_is_noted_late_or_early_is_told_with_its_rows(late: int, c
 
 
 def test_a_dead_time_behind_an_input_that_moves_is_told_and_makes_no_loop_of_it() -> None:
-    run = synthesise_excitation(clutch(), Excitation(kind="multisine", 60.0, rate_hz=200.0), NOISE, 1)[0]
+    run = synthesise_excitation(clutch(), Excitation(kind="multisine", duration_s=60.0, rate_hz=200.0), NOISE, 1)[0]
     for rows, codes_told in ((0, set()), (20, {"input-early-biases"})):
         found = codes(fit_recorded([shifted(recorded_log(run), rows)], replace(PLAIN, u_range=(10.0, 100.0))))
         assert {one for one in found if one.startswith(("input-", "duty-", "loop-"))} == codes_told
@@ -101,14 +101,14 @@ def test_a_dead_time_behind_an_input_that_moves_is_told_and_makes_no_loop_of_it(
 
 def test_a_delay_that_moves_nothing_is_not_told() -> None:
     """One row of 1 ms beside a τ1 of 0.7 s: seen or not, τ1 stays well within its interval."""
-    e = Excitation(kind="random", 40.0, rate_hz=1000.0, hold_s=(0.5, 8.0))
+    e = Excitation(kind="random", duration_s=40.0, rate_hz=1000.0, hold_s=(0.5, 8.0))
     log = shifted(recorded_log(synthesise_excitation(clutch(), e, NOISE, 1)[0]), -1)
     found = codes(fit_recorded([log], replace(PLAIN, u_range=(10.0, 100.0), falls="as-rises")))
     assert not [one for one in found if one.startswith(("input-late", "input-early"))]
 
 
 def test_inputs_that_were_never_asked_about() -> None:
-    e = Excitation(kind="random", 60.0, (60.0, 70.0), rate_hz=100.0, hold_s=(0.3, 2.0))
+    e = Excitation(kind="random", duration_s=60.0, (60.0, 70.0), rate_hz=100.0, hold_s=(0.3, 2.0))
     fit = fit_recorded(synthesise_excitation(clutch(), e, NOISE, 1), replace(PLAIN, u_range=(20.0, 100.0)))
     told = [one for one in fit.findings if one.code == "never-asked"]
     assert {one.values["parameter"] for one in told} >= {"Ts", "tau2"}
@@ -119,7 +119,7 @@ def test_inputs_that_were_never_asked_about() -> None:
 
 def test_a_release_of_its_own_is_found_and_fitted() -> None:
     plant = clutch(replace(REFERENCE_PLANT, release=(0.6, 12.0)))
-    e = Excitation(kind="random", 200.0, rate_hz=100.0, hold_s=(0.5, 6.0), rest_s=8.0)
+    e = Excitation(kind="random", duration_s=200.0, rate_hz=100.0, hold_s=(0.5, 6.0), rest_s=8.0)
     fit = fit_recorded(synthesise_excitation(plant, e, NOISE, 2), PLAIN)
     assert fit.release is not None and fit.recorded is not None and fit.recorded.falls is not None
     assert fit.release.tau1 == pytest.approx(0.6, rel=0.1)
@@ -131,7 +131,7 @@ def test_a_release_of_its_own_is_found_and_fitted() -> None:
 
 def test_a_release_of_its_own_does_not_bend_the_levels_of_the_friction_model() -> None:
     plant = clutch(replace(REFERENCE_PLANT, release=(0.15, 1.0)))
-    e = Excitation(kind="random", 200.0, rate_hz=100.0, hold_s=(1.0, 8.0), rest_s=8.0)
+    e = Excitation(kind="random", duration_s=200.0, rate_hz=100.0, hold_s=(1.0, 8.0), rest_s=8.0)
     run = synthesise_excitation(plant, e, NOISE, 2)
     both = RecordedOptions(model=("nonlinear", "friction"))
     fit, bent = (fit_recorded(run, replace(both, falls=falls)) for falls in ("auto", "as-rises"))
@@ -186,7 +186,7 @@ def test_scatter_between_engagements_is_seen() -> None:
     assert "engagements-scatter" not in codes(fit_recorded([log], PLAIN))
 
 
-LOOP = Excitation(kind="closed-loop", 120.0, rate_hz=200.0, hold_s=(0.5, 8.0))
+LOOP = Excitation(kind="closed-loop", duration_s=120.0, rate_hz=200.0, hold_s=(0.5, 8.0))
 
 
 def test_a_loops_law_is_found_and_its_tracking_predicted() -> None:

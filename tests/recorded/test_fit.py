@@ -153,7 +153,7 @@ def test_what_cannot_be_fitted_is_refused_in_a_sentence() -> None:
 def test_the_public_functions_take_such_logs_too() -> None:
     import eaid
 
-    e = Excitation(kind="random", 60.0, rate_hz=50.0, hold_s=(0.5, 6.0))
+    e = Excitation(kind="random", duration_s=60.0, rate_hz=50.0, hold_s=(0.5, 6.0))
     run = synthesise_excitation(clutch(), e, NOISE, 1)[0]
     frame = pd.DataFrame({"time_s": run.time_s, "duty_pct": run.input, "torque_nm": run.output})
     steps = eaid.read(frame)
@@ -164,7 +164,7 @@ def test_the_public_functions_take_such_logs_too() -> None:
 
 
 def test_a_log_can_be_drawn_from_the_fit_alone() -> None:
-    e = Excitation(kind="random", 60.0, rate_hz=100.0, hold_s=(0.5, 6.0))
+    e = Excitation(kind="random", duration_s=60.0, rate_hz=100.0, hold_s=(0.5, 6.0))
     run = synthesise_excitation(clutch(), e, NOISE, 1)[0]
     spiked = run.output.copy()
     spiked[4321] += 3.0  # one row of 6000

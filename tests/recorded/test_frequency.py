@@ -54,7 +54,9 @@ def test_a_linear_system_has_its_closed_form(kind: str) -> None:
 def test_harmonics_of_the_clutch_are_those_of_its_model() -> None:
     noise = replace(NONE, white_nm=0.006, coloured=0.005, coloured_s=0.3)
     for low, high in ((10.0, 100.0), (55.0, 65.0)):
-        e = Excitation(kind="multisine", 302.0, rate_hz=100.0, duty=(low, high), frequency_hz=(0.05, 2.0), tones=8)
+        e = Excitation(
+            kind="multisine", duration_s=302.0, rate_hz=100.0, duty=(low, high), frequency_hz=(0.05, 2.0), tones=8
+        )
         run = synthesise_excitation(clutch(), e, noise, 2)[0]
         found = frequency_response(recorded_log(run), REFERENCE_PLANT, Linear(1.8, 0.078, -1.34))
         assert found.model_harmonics_pct is not None and found.harmonics_pct is not None
@@ -66,7 +68,7 @@ def test_harmonics_of_the_clutch_are_those_of_its_model() -> None:
 
 
 def test_a_fit_holds_the_responses_of_its_moving_logs() -> None:
-    e = Excitation(kind="chirp", 60.0, rate_hz=100.0, frequency_hz=(0.1, 2.0))
+    e = Excitation(kind="chirp", duration_s=60.0, rate_hz=100.0, frequency_hz=(0.1, 2.0))
     fit = fit_recorded(synthesise_excitation(clutch(), e, NONE, 1), RecordedOptions(u_range=(10.0, 100.0)))
     assert fit.recorded is not None
     (found,) = fit.recorded.responses
@@ -83,7 +85,7 @@ def test_an_input_that_does_not_move_has_no_response() -> None:
 def test_the_figure_shows_what_the_response_says() -> None:
     from eaid.report.figures.recorded import bode
 
-    e = Excitation(kind="chirp", 60.0, rate_hz=50.0, frequency_hz=(0.1, 2.0))
+    e = Excitation(kind="chirp", duration_s=60.0, rate_hz=50.0, frequency_hz=(0.1, 2.0))
     log = recorded_log(synthesise_excitation(clutch(), e, replace(NONE, white_nm=0.01), 1)[0])
     found = frequency_response(log, REFERENCE_PLANT, Linear(1.8, 0.078, -1.34))
     gain, phase, coherence = bode([found], ("%", "N·m")).axes

@@ -26,7 +26,7 @@ KEPT = np.exp(-1 / RATE_HZ / MEMORY_S)
 
 def test_both_ways_give_back_what_the_fit_took_out_of_the_residuals() -> None:
     """A staircase of 12 s, linearised: noise of 1 % of the torque (AR(1)), whose score variance is known exactly."""
-    e = Excitation(kind="staircase", 240.0, rate_hz=RATE_HZ, hold_s=(0.5, 12.0))
+    e = Excitation(kind="staircase", duration_s=240.0, rate_hz=RATE_HZ, hold_s=(0.5, 12.0))
     log = recorded_log(synthesise_excitation(clutch(), e, NONE, 0)[0])
     setup = setup_of(model.nonlinear(np.linspace(10, 100, 10), 0.85, 240.0), [log]).every
     assert setup.model.basis is not None
@@ -70,7 +70,7 @@ def test_intervals_hold_what_engagements_scatter() -> None:
     from eaid.models.nonlinear import steady_torque, time_constants
 
     noise = replace(NONE, white_nm=0.006, coloured=0.01, coloured_s=0.3)
-    e = Excitation(kind="random", 240.0, rate_hz=50.0, hold_s=(0.5, 8.0), rest_s=8.0)
+    e = Excitation(kind="random", duration_s=240.0, rate_hz=50.0, hold_s=(0.5, 8.0), rest_s=8.0)
     held = []
     for seed in range(8):
         run = synthesise_excitation(clutch(), e, noise, 500 + seed)[0]
@@ -91,7 +91,7 @@ def test_ends_are_those_of_a_parabola_where_the_cost_is_one_and_of_the_score_tes
     """A staircase of 12 s: T_s, in which the response is all but linear, and τ2, whose ends are where the step that the
     residuals ask for is what the noise allows there."""
     noise = replace(NONE, white_nm=0.006, coloured=0.01, coloured_s=0.3)
-    e = Excitation(kind="staircase", 240.0, rate_hz=50.0, hold_s=(0.5, 12.0))
+    e = Excitation(kind="staircase", duration_s=240.0, rate_hz=50.0, hold_s=(0.5, 12.0))
     log = recorded_log(synthesise_excitation(clutch(), e, noise, 0)[0])
     solved = solve(setup_of(model.nonlinear(np.linspace(10, 100, 10), 0.85, 240.0), [log]))
     sure = spread(solved)
