@@ -108,7 +108,7 @@ def test_a_delay_that_moves_nothing_is_not_told() -> None:
 
 
 def test_inputs_that_were_never_asked_about() -> None:
-    e = Excitation(kind="random", duration_s=60.0, (60.0, 70.0), rate_hz=100.0, hold_s=(0.3, 2.0))
+    e = Excitation(kind="random", duration_s=60.0, duty=(60.0, 70.0), rate_hz=100.0, hold_s=(0.3, 2.0))
     fit = fit_recorded(synthesise_excitation(clutch(), e, NOISE, 1), replace(PLAIN, u_range=(20.0, 100.0)))
     told = [one for one in fit.findings if one.code == "never-asked"]
     assert {one.values["parameter"] for one in told} >= {"Ts", "tau2"}
