@@ -32,7 +32,7 @@ from eaid.results.common import Interval
 from eaid.results.fit import Fit
 from eaid.steps.build import build_stepset
 from eaid.steps.stepset import Level, StepSet
-from eaid.uncertainty.step_intervals import with_interval
+from eaid.uncertainty.workflow import with_interval
 
 NAMES = ("Ts", "tau1", "tau2")
 LEVELS = np.arange(10.0, 101.0, 10.0)

@@ -22,7 +22,7 @@ from eaid.fitting.nonlinear import fit_nonlinear
 from eaid.models import nonlinear
 from eaid.models.parameters import REFERENCE_PLANT
 from eaid.replay.controllers import Knowledge, controller
-from eaid.replay.montecarlo import montecarlo
+from eaid.replay.many import montecarlo
 from eaid.replay.references import multisine
 from eaid.replay.rig import Rig
 from eaid.steps.stepset import Level

@@ -192,9 +192,13 @@ class Form:
         return [f"«{self.name}» {shown[:30]}: give {declared.range_words(whole)}{words}"]
 
 
-@cache
-def forms(kind: Any) -> dict[str, Form]:
+def forms(kind: type) -> dict[str, Form]:
     """The options of a set by name."""
+    return _forms(kind)
+
+
+@cache
+def _forms(kind: type) -> dict[str, Form]:
     hints = typing.get_type_hints(kind)
     return {one.name: Form(one.name, hints[one.name], _default(one), one.metadata["option"]) for one in declared(kind)}
 

@@ -11,7 +11,7 @@ import pytest
 from eaid import files
 from eaid.errors import UsageError
 from eaid.files import all_written_whole, folder_written_whole, refuse_to_overwrite, sha256_of, written_whole
-from eaid.logs.manifest import files_read
+from eaid.logs.folders import files_read
 
 LEFT_OVER = re.compile(r"\.fit\.json\.[0-9a-f]{6}-\d+\.[^.]+\.part")
 

@@ -1,11 +1,18 @@
 """`eaid demo`: every command, one after another, on the three datasets that ship with eaid."""
 
+import contextlib
+import io
+import multiprocessing
+import os
+import threading
+from collections.abc import Callable
 from dataclasses import dataclass
+from multiprocessing.connection import wait
 from pathlib import Path
 
 from eaid.cli import console
 from eaid.cli.form import Common, takes, written
-from eaid.errors import UsageError
+from eaid.errors import EaidError, UsageError
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -28,7 +35,6 @@ def command(args: Arguments) -> None:
         raise UsageError(f"{folder}: is a file; give the demo a folder with -o")
     if not args.force and folder.is_dir() and any(folder.iterdir()):
         raise UsageError(f"{folder}: is not empty; give --force to write over it, or another -o")
-    from eaid.cli.demo_lines import CLUTCH, FRICTION, REPORTED, filled, run_both, run_line
     from eaid.synth.datasets import shipped
 
     data = {kind: str(path.resolve()) for kind, path in shipped().items()}
@@ -80,3 +86,83 @@ def five_numbers(folder: Path) -> list[str]:
 
 def _two(*values: float | None) -> str:
     return " | ".join("–" if value is None else f"{value:.3g}" for value in values)
+
+
+Line = tuple[str, ...]
+CLUTCH: tuple[Line, ...] = (
+    ("ingest", "{clutch}", "-o", "clutch.h5"),
+    ("fit", "clutch.h5", "-o", "fit.json"),
+    ("tune-rc", "fit.json", "-o", "gains.json"),
+    ("simulate", "fit.json", "--gains", "gains.json", "--scenario", "steps", "-o", "steps.h5"),
+    ("simulate", "fit.json", "--gains", "gains.json", "--scenario", "multisine", "-o", "multisine.h5"),
+    ("simulate", "fit.json", "--gains", "gains.json", "--scenario", "sweep", "-o", "sweep.h5"),
+    ("simulate", "fit.json", "--gains", "gains.json", "--scenario", "rehab", "-o", "rehab.h5"),
+    ("simulate", "fit.json", "--log", "clutch.h5", "-o", "log.h5"),
+    ("plan", "fit.json", "-o", "plan.csv"),
+)
+"""What the demo does with the clutch, as a user would type it inside the demo's folder."""
+FRICTION: tuple[Line, ...] = (
+    ("ingest", "{friction-force}", "-o", "friction-force.h5"),
+    ("ingest", "{friction-speed}", "-o", "friction-speed.h5"),
+    ("fit", "friction-force.h5", "-o", "friction-force.json"),
+    ("fit", "friction-speed.h5", "-o", "friction-speed.json"),
+)
+"""What needs nothing of the clutch: done beside it, on the second core."""
+
+REPORTED = (
+    "clutch.h5", "friction-force.h5", "friction-speed.h5", "fit.json", "friction-force.json", "friction-speed.json",
+    "gains.json", "steps.h5", "multisine.h5", "sweep.h5", "rehab.h5", "log.h5",
+)  # fmt: skip
+
+
+def filled(lines: tuple[Line, ...], data: dict[str, str]) -> list[Line]:
+    """The lines with the paths of the shipped datasets in them."""
+    return [tuple(data[word[1:-1]] if word[:1] == "{" else word for word in line) for line in lines]
+
+
+def run_both(first: list[Line], second: list[Line], folder: Path, done: Callable[[], None]) -> None:
+    """Run both lists, the second one in a process of its own."""
+    from concurrent.futures import ProcessPoolExecutor
+    from multiprocessing import get_context
+
+    with ProcessPoolExecutor(1, mp_context=get_context("spawn"), initializer=end_with_parent) as beside:
+        waiting = [beside.submit(run_line, line, folder) for line in second]
+        try:
+            for line in first:
+                run_line(line, folder)
+                done()
+            for each in waiting:
+                each.result()
+                done()
+        except BaseException:
+            beside.shutdown(cancel_futures=True)
+            raise
+
+
+def run_line(line: Line, folder: Path) -> None:
+    """One command line in this process, inside the folder: its tables are not shown, its failure ends the demo."""
+    from eaid.cli.main import run
+
+    with contextlib.chdir(folder), contextlib.redirect_stdout(io.StringIO()):
+        code = run([*line, "--quiet", "--force"])
+    if code not in (0, 4):  # 4: a fit did not converge; the page says so
+        fault = EaidError(f"the demo stopped at: eaid {' '.join(line)} (exit code {code})")
+        fault.exit_code = code
+        raise fault
+
+
+def end_with_parent() -> None:
+    """In a worker: leave, whatever is being done, once the parent process is gone; a first call in its initializer."""
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        threading.Thread(target=_watch, args=(parent.sentinel,), daemon=True).start()
+
+
+def _watch(sentinel: int) -> None:
+    wait([sentinel])
+    os._exit(130)
+
+
+def processors() -> int:
+    """Processors that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

@@ -50,7 +50,7 @@ def command(args: Arguments) -> None:
 
 def _read(paths: list[Path]) -> "tuple[Gains | None, Fit | None, list[Path]]":
     """Gains, a fit, or both; the fit that the gains name is taken where it lies beside them, unchanged."""
-    from eaid.export.read import fit_beside, kind_of, read_fit
+    from eaid.export.export import fit_beside, kind_of, read_fit
     from eaid.results import codec
     from eaid.results.gains import Gains
 

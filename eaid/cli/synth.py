@@ -33,7 +33,7 @@ def command(args: Arguments) -> None:
     from eaid.results.fit import Fit
     from eaid.results.gains import Gains
     from eaid.synth.datasets import write
-    from eaid.synth.folder import refuse_folder, write_folder
+    from eaid.synth.files import refuse_folder, write_folder
     from eaid.synth.synthesize import synthesize
 
     fit_file = None if args.plant == "reference" else Path(args.plant)

@@ -11,9 +11,8 @@ from typing import NamedTuple
 from eaid.errors import DataError, GainsError, UsageError
 from eaid.models.parameters import Linear
 from eaid.results.common import ci95_of
-from eaid.results.fit import Fit
-from eaid.results.linear import Linear as LinearFit
-from eaid.results.linear import LinearLevel
+from eaid.results.fit import Fit, LinearLevel
+from eaid.results.fit import Linear as LinearFit
 from eaid.steps.levels import wanted_levels
 
 SLOWEST, FASTEST = 1e-6, 1e6

@@ -18,14 +18,12 @@ from dataclasses import replace
 from typing import NamedTuple
 
 from eaid.control.bounds import Bounds, model_of
-from eaid.control.margins import is_stable, linear_lags, margins, pi_feedback, rc_feedback
+from eaid.control.margins import Timing, is_stable, linear_lags, margins, pi_feedback, rc_feedback
 from eaid.control.operating import enough, keeps_margins, operating_points
 from eaid.control.options import DesignOptions, PIOptions
-from eaid.control.pi import PIGains
-from eaid.control.pi_design import pi_gains
+from eaid.control.pi import PIGains, pi_gains
 from eaid.control.rc_design import law_of
 from eaid.control.robust import damping_gains
-from eaid.control.timing import Timing
 from eaid.errors import DataError, UsageError
 from eaid.models.nonlinear import steady_torque
 from eaid.models.parameters import PAPER_LINEAR, Linear, Nonlinear

@@ -12,6 +12,7 @@ from eaid.control.margins import (
     ENOUGH_DEG,
     Lag,
     LoopMargins,
+    Timing,
     linear_lags,
     margins,
     phase_margin,
@@ -21,11 +22,10 @@ from eaid.control.margins import (
 )
 from eaid.control.pi import PIGains
 from eaid.control.rc import RCGains
-from eaid.control.timing import Timing
 from eaid.findings import Finding, finding
 from eaid.models.nonlinear import steady_torque, time_constants
 from eaid.models.parameters import Linear, Nonlinear
-from eaid.results import gain_checks as parts
+from eaid.results import gains as parts
 from eaid.results.fit import Fit
 
 Points = Sequence[tuple[float, float, tuple[Lag, ...]]]

@@ -3,8 +3,8 @@
 from dataclasses import dataclass, field
 from typing import Literal
 
+from eaid.control.margins import RIG, Timing
 from eaid.control.robust import Reading
-from eaid.control.timing import RIG, Timing
 from eaid.errors import GainsError
 
 

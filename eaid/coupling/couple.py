@@ -2,27 +2,187 @@
 
 import math
 from collections.abc import Callable, Iterable
+from dataclasses import dataclass
 from functools import partial
 
 import msgspec
 import numpy as np
 
+from eaid.arrays import Array
+from eaid.control.margins import Timing
 from eaid.control.operating import known
 from eaid.control.pi import PIGains
 from eaid.control.rc import RCGains
-from eaid.control.timing import Timing
-from eaid.coupling.linearised import operating_point
-from eaid.coupling.loops import Loops
-from eaid.coupling.motion import replayed_stiffness
-from eaid.coupling.sampled import Coupled, Limb
-from eaid.coupling.stiffness import needed_damping, passive_stiffness, stable_stiffness
+from eaid.coupling.stiffness import (
+    Channel,
+    Coupled,
+    Limb,
+    Point,
+    Step,
+    linearised,
+    needed_damping,
+    operating_point,
+    passive_stiffness,
+    stable_stiffness,
+    step_of,
+)
 from eaid.errors import GainsError, UsageError
 from eaid.findings import Finding, finding, ranked
 from eaid.models.nonlinear import steady_torque
 from eaid.models.parameters import Nonlinear
 from eaid.options import CoupleOptions
-from eaid.replay.plant import plant_parameters, plant_step
+from eaid.replay.plant import Held, hold_step, plant_parameters, plant_step
+from eaid.replay.rehab import limb_steps
 from eaid.results import coupling as parts
+
+BESIDE_RAD = 1e-4
+"""Where the limb is let go."""
+PERIODS = 20
+"""Oscillations that are replayed."""
+
+
+@dataclass(frozen=True)
+class Drive:
+    """One clutch, its law and the point it works around."""
+
+    plant: Nonlinear
+    point: Point
+    step: Step
+    start: tuple[float, ...]
+
+
+def swing(drive: Drive, limb: Limb, timing: Timing, stiffness: float, time_s: float) -> Array:
+    """Angle of the limb at each sample [rad], shape (n,), from `BESIDE_RAD`, at rest, the torque held at T_0."""
+    h, plant, point = timing.step_s, plant_parameters(drive.plant), drive.point
+    held = Held(plant.C * point.torque_nm, (1 - plant.C) * point.torque_nm, point.duty_pct, 0)
+    state, angle, speed, before = drive.start, BESIDE_RAD, 0.0, point.torque_nm
+    memory, seen = timing.memory, point.torque_nm
+    waiting = [point.duty_pct] * timing.delay_samples
+    period = timing.rate_hz / timing.pwm_hz if timing.pwm_hz else 0.0
+    keep, push, drift, lift = limb_steps(limb.inertia_kgm2, limb.damping_nms, h)
+    angles = []
+    for k in range(round(time_s / h)):
+        torque = held.x1 + held.x2
+        seen = torque + memory * (seen - torque)
+        wanted = point.torque_nm - stiffness * angle
+        state, duty = drive.step(state, wanted, (wanted - before) / h, seen)
+        before = wanted
+        waiting.append(duty)
+        held, _ = hold_step(plant, period, h, k, waiting.pop(0), held)
+        moment = 0.5 * (torque + held.x1 + held.x2) - point.torque_nm
+        angles.append(angle)
+        angle, speed = angle + drift * speed + lift * moment, keep * speed + push * moment
+        if abs(angle) > 1.0:
+            break
+    return np.array(angles)
+
+
+def growth(drive: Drive, limb: Limb, timing: Timing, stiffness: float, time_s: float) -> float:
+    """Log of how much the swing grows from the third to the last quarter of the time; below 0: it dies away."""
+    angle = np.diff(swing(drive, limb, timing, stiffness, time_s))  # a slow drift of the middle weighs little
+    quarter = (round(time_s / timing.step_s) - 1) // 4
+    if len(angle) < 4 * quarter:
+        return math.inf  # left the range before the time was over
+    late, last = (float(np.std(angle[i * quarter : (i + 1) * quarter])) for i in (2, 3))
+    return math.log(max(last, 1e-300) / max(late, 1e-300))
+
+
+def replayed_stiffness(drive: Drive, limb: Limb, timing: Timing, expected: float) -> float | None:
+    """The stiffness at which the replay neither grows nor dies away [N·m/rad], near what linear theory expects.
+
+    None where it is not within a factor of two of that.
+    """
+    turn_s = 2 * math.pi * math.sqrt(limb.inertia_kgm2 / expected)
+    time_s = max(PERIODS * turn_s, 200 * timing.step_s)
+
+    def rate(log_stiffness: float) -> float:
+        return min(growth(drive, limb, timing, math.exp(log_stiffness), time_s), 20.0)
+
+    for factor in (1.03, 1.3, 2.0):
+        low, high = math.log(expected / factor), math.log(expected * factor)
+        below, above = rate(low), rate(high)
+        if not below < 0 < above:
+            continue
+        for _ in range(2 if factor < 1.1 else 8):  # false position: growth is nearly linear in log K so near its edge
+            middle = low - below * (high - low) / (above - below)
+            at = rate(middle)
+            low, below, high, above = (middle, at, high, above) if at < 0 else (low, below, middle, at)
+        return math.exp(low - below * (high - low) / (above - below))
+    return None
+
+
+SHOWN_POINTS = 200
+"""Frequencies of a stored curve."""
+REGION_POINTS = 9
+
+
+@dataclass(frozen=True)
+class Loops:
+    """The gains of the torque loops, and the limb and the timing that they work with."""
+
+    rc: RCGains | None
+    pi: PIGains | None
+    limb: Limb
+    timing: Timing
+    virtual_damping: float = 0.0
+
+    def has_gains(self, loop: str) -> bool:
+        """Whether a loop can be worked out."""
+        return self.pi is not None if loop == "pi" else self.rc is not None or loop not in ("rc", "rc-no-rate")
+
+    def around(self, loop: str, plant: Nonlinear, point: Point, weight: float = 1.0) -> tuple[Channel, Drive]:
+        """One clutch around a point, linear and as it is; GainsError where it is unstable without a wall."""
+        step, start = step_of(loop, plant, point, self.rc, self.pi, self.timing.step_s)
+        channel = Channel(point, linearised(step, start, point), weight)
+        radius = float(np.abs(Coupled([channel], Limb(), self.timing).poles(0.0)).max())
+        if radius > 1 + 1e-9:
+            raise GainsError(
+                f"the loop {loop} is unstable at {point.torque_nm:g} without any wall (spectral radius {radius:.4f}); "
+                "no stiffness can be rendered on it, choose other gains or timing"
+            )
+        return channel, Drive(plant, point, step, start)
+
+    def stable_wall(self, loop: str, plant: Nonlinear, torque_nm: float) -> float:
+        """The stiffest wall that one loop keeps stable around one torque [N·m/rad], linear and sampled."""
+        channel, _ = self.around(loop, plant, operating_point(plant, torque_nm))
+        return stable_stiffness(Coupled([channel], self.limb, self.timing))
+
+    def wall(
+        self, loop: str, channels: list[Channel], torque: float, duty: float | None
+    ) -> tuple[parts.Wall, parts.Curve]:
+        """The stiffest walls at one torque, and what they ask of the limb over frequency."""
+        needed, coupled = needed_damping(channels, self.timing), Coupled(channels, self.limb, self.timing)
+        K_passive, limit = passive_stiffness(needed, self.limb.damping_nms, self.virtual_damping)
+        K_stable = stable_stiffness(coupled, self.virtual_damping)
+        lost = _lost_hz(coupled, K_stable, self.virtual_damping)
+        limit_hz = 0.0 if limit <= needed.omega[0] else limit / (2 * math.pi)  # the slowest looked at stands for rest
+        chosen = np.unique(np.linspace(0, len(needed.omega) - 1, SHOWN_POINTS).astype(int))
+        wall = parts.Wall(loop, torque, duty, known(K_passive), limit_hz, known(K_stable), lost)
+        curve = parts.Curve(
+            loop, torque,
+            tuple((needed.omega[chosen] / (2 * math.pi)).tolist()),
+            tuple(needed.damping(1.0)[chosen].tolist()),
+            tuple((20 * np.log10(np.abs(needed.response[chosen]))).tolist()),
+        )  # fmt: skip
+        return wall, curve
+
+    def region(self, loop: str, channels: list[Channel], torque: float) -> parts.Region:
+        """K over B_v, from 0 to twice the limb's damping."""
+        needed, coupled = needed_damping(channels, self.timing), Coupled(channels, self.limb, self.timing)
+        rows = [
+            (damping, passive_stiffness(needed, self.limb.damping_nms, damping)[0], stable_stiffness(coupled, damping))
+            for damping in np.linspace(0.0, 2 * self.limb.damping_nms, REGION_POINTS).tolist()
+        ]
+        return parts.Region(loop, torque, tuple(parts.RegionPoint(b, known(p), known(s)) for b, p, s in rows))
+
+
+def _lost_hz(coupled: Coupled, stiffness: float, damping: float) -> float | None:
+    if not 0 < stiffness < math.inf:
+        return None
+    poles = coupled.poles(stiffness, damping)
+    worst = poles[int(np.argmax(np.abs(poles)))]
+    return float(abs(np.angle(worst)) * coupled.timing.rate_hz / coupled.timing.pattern[0] / (2 * math.pi))
+
 
 AFTER_S = 0.5
 """Time after which residual torque and the step at a turn are read [s]."""

@@ -7,12 +7,10 @@ import msgspec
 import numpy as np
 
 from eaid.control.gains import pi_gains, rc_gains
+from eaid.control.margins import Timing
 from eaid.control.plant import plant_of
-from eaid.control.timing import Timing
-from eaid.coupling.couple import couple, default_torques
-from eaid.coupling.linearised import LOOPS
-from eaid.coupling.loops import Loops
-from eaid.coupling.sampled import Limb
+from eaid.coupling.couple import Loops, couple, default_torques
+from eaid.coupling.stiffness import LOOPS, Limb
 from eaid.errors import DataError
 from eaid.findings import finding, ranked
 from eaid.models.nonlinear import steady_torque

@@ -6,16 +6,93 @@ rate      r ← m r + (1 − m)/dt (x − x before),  m = e^(−2π f dt)
 """
 
 import math
+import re
 from dataclasses import dataclass
-from typing import TypeAlias
+from fractions import Fraction
+from typing import Any, Literal, TypeAlias
+
+import numpy as np
+from numpy.polynomial import Polynomial
+from numpy.polynomial.chebyshev import cheb2poly, chebadd, chebmulx
+from numpy.polynomial.polynomial import polyval
 
 from eaid.control.pi import PIGains
 from eaid.control.rc import RCGains
 from eaid.export import reference as law
-from eaid.export.numbers import Precision, series
 from eaid.models.parameters import TAU_FLOOR_S, Nonlinear
 from eaid.replay.inverse import DUTY_TOLERANCE_PCT, OBSERVER_PER_S
 from eaid.replay.plant import plant_parameters
+
+Precision = Literal["double", "single"]
+DEGREE = {"double": 13, "single": 6}
+"""Of P in 1 − e^(−x) = x P(x)."""
+
+
+def series(precision: Precision) -> tuple[float, ...]:
+    """Coefficients of P, lowest power first, as a double each: Taylor's series, written in the Chebyshev polynomials
+    T_n(2x − 1) and cut after the degree; in exact fractions, rounded once."""
+    taylor = [Fraction((-1) ** n, math.factorial(n + 1)) for n in range(26)]
+    x, y = Polynomial([Fraction(1, 2), Fraction(1, 2)]), Polynomial([Fraction(-1), Fraction(2)])  # y = 2x − 1
+    in_y: Any = polyval(x, taylor)  # a polynomial of a polynomial is one
+    chebyshev: Any = [Fraction(0)]
+    for coefficient in in_y.coef[::-1]:
+        chebyshev = chebadd(chebmulx(chebyshev), [coefficient])
+    in_x: Any = polyval(y, cheb2poly(chebyshev[: DEGREE[precision] + 1]))
+    return tuple(float(value) for value in in_x.coef)
+
+
+def rounded(value: Any, precision: Precision) -> Any:
+    """A constant, or a NamedTuple of them, as the target holds it: floats stay, or become numpy.float32."""
+    if isinstance(value, tuple):
+        inner = [rounded(item, precision) for item in value]
+        return type(value)(*inner) if hasattr(value, "_fields") else tuple(inner)
+    if precision == "single" and isinstance(value, float):
+        return np.float32(value)
+    return value
+
+
+def hexadecimal(value: Any) -> str:
+    """A C99 hex float, exact: float for a numpy.float32, double for a float; integers as unsigned."""
+    if isinstance(value, int):
+        return f"{value}U"
+    suffix = "F" if isinstance(value, np.float32) else ""
+    number = float(value)
+    if math.isnan(number):
+        return "EAID_NAN"
+    if math.isinf(number):
+        return "EAID_INF" if number > 0 else "-EAID_INF"
+    mantissa, exponent = number.hex().split("p")
+    head, _, rest = mantissa.partition(".")
+    rest = rest.rstrip("0")
+    return f"{head}.{rest or '0'}p{exponent}{suffix}"
+
+
+def decimal(value: Any) -> str:
+    """The shortest decimal that gives the number back, always with a point: YAML and C both take it for a real one."""
+    if isinstance(value, int):
+        return str(value)
+    number = float(value)
+    text = str(value) if isinstance(value, np.float32) else repr(number)
+    if not math.isfinite(number):
+        return {"nan": "NaN", "inf": "Inf", "-inf": "-Inf"}[text]
+    mantissa, mark, exponent = text.partition("e")
+    return f"{mantissa if '.' in mantissa else mantissa + '.0'}{mark}{exponent}"
+
+
+def commented(lines: list[str], before: str) -> str:
+    """The head's lines behind a comment mark; nothing in them can end the comment."""
+    return "\n".join((before + harmless(line)).rstrip() for line in lines)
+
+
+def harmless(text: str) -> str:
+    """A text of one line that ends no comment and goes on to no next line, whatever a file or a unit is called."""
+    return " ".join(text.split()).replace("*/", "* /").replace("/*", "/ *").rstrip("\\ ")
+
+
+def unit_name(text: str) -> str:
+    """A unit as any language may hold it: one short word, no quotes."""
+    return harmless(re.sub(r"[\"'\\{}<>]", "", text))[:20] or "1"
+
 
 Constants: TypeAlias = law.PIConstants | law.RCConstants | law.InverseConstants | law.PlantConstants | law.RateConstants
 """Of one law, or of the rate's filter."""
@@ -88,3 +165,89 @@ def rate_constants(timing: Timing) -> law.RateConstants:
     """Constants of the filtered derivative."""
     memory = math.exp(-2 * math.pi * timing.rate_filter_hz * timing.dt_s)
     return law.RateConstants(memory, (1.0 - memory) / timing.dt_s)
+
+
+MEANS = {
+    "pi.K_P": ("i/o", "proportional gain"),
+    "pi.K_I": ("i/(o·s)", "integral gain"),
+    "rc.K_P": ("1/s²", "Eq. (12)"),
+    "rc.K_D": ("1/s", "Eq. (12)"),
+    "rc.B_hat": ("i·s/o", "B̂, Eq. (11)"),
+    "rc.a0": ("1/s", "linear model, Eq. (8)"),
+    "rc.b0": ("o/(s·i)", "linear model"),
+    "rc.c0": ("o/s", "linear model"),
+    "rc.rho_constant": ("o/s", "ρ at ξ = 0, Eq. (15)"),
+    "rc.rho_slope": ("1/s", "dρ/d‖ξ‖"),
+    "rc.epsilon": ("", "half width of the boundary layer, in units of z"),
+    "rc.gamma": ("", "sharpness of the soft switch, per unit of z"),
+    "rc.Q12": ("", "z = Q12 ∫e + Q22 e"),
+    "rc.Q22": ("", ""),
+    "rc.at_zero": ("", "tanh(γε)"),
+    "plant.C": ("", "share of the fast part"),
+    "plant.tau1_0": ("s", "τ1(u), Eq. (5)"),
+    "plant.tau1_1": ("s/i", ""),
+    "plant.tau1_2": ("s/i²", ""),
+    "plant.tau2_0": ("s", "τ2(u), Eq. (6)"),
+    "plant.tau2_1": ("s/i", ""),
+    "plant.tau2_2": ("s/i²", ""),
+    "plant.Ts_0": ("o", "T_s(u), Eq. (7)"),
+    "plant.Ts_1": ("o/i", ""),
+    "plant.Ts_2": ("o/i²", ""),
+    "plant.Ts_3": ("o/i³", ""),
+    "plant.u_low": ("i", "lowest identified duty"),
+    "plant.u_high": ("i", "highest identified duty"),
+    "plant.release1": ("s", "τ1 of a fall to rest; 0: none was fitted"),
+    "plant.release2": ("s", "τ2 of a fall to rest; 0: none was fitted"),
+    "plant.tau_floor": ("s", "shortest time constant"),
+    "inverse.correction": ("", "observer: share of the innovation that corrects the model's states"),
+    "inverse.learning": ("1/s", "observer: rate at which it learns what the model lacks"),
+    "inverse.tolerance": ("i", "the search ends when it moves the duty by no more"),
+    "inverse.searches": ("", "tries of the search at most"),
+    "rate.memory": ("", "r ← memory r + gain (x − x before)"),
+    "rate.gain": ("1/s", ""),
+    ".duty_min": ("i", "lowest duty of the actuator"),
+    ".duty_max": ("i", "highest duty of the actuator"),
+    ".back_calculation": ("o/i", "anti-windup; 0: the integral stands still at a limit"),
+    ".duty_on_fault": ("i", "given while an input is no number; yours to change"),
+    ".dt": ("s", "sample time"),
+    ".stuck_samples": ("", "readings alike after which the status tells"),
+}
+"""`law.field` → unit and meaning; with nothing before the dot, what all laws share."""
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One constant."""
+
+    name: str
+    value: Any
+    unit: str
+    words: str
+
+    @property
+    def comment(self) -> str:
+        """Meaning and unit, as a comment has them."""
+        unit = f"[{self.unit}]" if self.unit else ""
+        return " ".join(part for part in (self.words, unit) if part)
+
+
+def entries(law: str, constants: Any, units: tuple[str, str]) -> tuple[Entry, ...]:
+    """The constants of one law but its polynomial, in their order; a model inside is an entry of its own."""
+    made = []
+    for name, value in constants._asdict().items():
+        if hasattr(value, "_fields"):
+            made.append(Entry(name, entries(name, value, units), "", "the model that is inverted"))
+        elif name != "series":
+            unit, words = MEANS.get(f"{law}.{name}") or MEANS[f".{name}"]
+            made.append(Entry(name, value, _in(unit, units), words))
+    return tuple(made)
+
+
+def _in(unit: str, units: tuple[str, str]) -> str:
+    """A unit in the rig's own; a compound one is put in brackets where it has to be."""
+
+    def named(found: re.Match[str]) -> str:
+        slash, name = found[1], units["io".index(found[2])]
+        return f"{slash}({name})" if slash and "·" in name else slash + name
+
+    return re.sub("(/?)(?<![a-zA-Z])([io])(?![a-zA-Z])", named, unit)

@@ -1,18 +1,124 @@
 """Gains and plant → a folder that a rig is run from: written whole or not at all."""
 
+import json
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from eaid.errors import UsageError
-from eaid.export.job import UNKNOWN, Origin, constants_of, job_of, laws_of, timing_of
-from eaid.export.judge import judged
-from eaid.export.made_from import source_of
+from eaid.control.bounds import Bounds
+from eaid.control.margins import Feedback, Timing, is_stable, pi_feedback, rc_feedback
+from eaid.control.operating import operating_points
+from eaid.errors import DataError, GainsError, UsageError
+from eaid.export.job import UNKNOWN, Origin, Source, constants_of, job_of, laws_of, source_of, timing_of
 from eaid.export.targets import TARGETS
-from eaid.files import folder_written_whole, refuse_inputs_within
-from eaid.findings import Finding
+from eaid.files import folder_written_whole, refuse_inputs_within, sha256_of
+from eaid.findings import Finding, finding, ranked, say, stops
+from eaid.models.parameters import Linear
 from eaid.options import ExportOptions
+from eaid.results import codec
 from eaid.results.fit import Fit
-from eaid.results.gains import Gains
+from eaid.results.gains import Gains, Margins, Robust
+
+OF_THE_PLANT = ("data", "nonlinear", "release", "logs")
+"""Subjects of a fit's findings that concern its plant."""
+
+
+def judged(source: Source, laws: tuple[str, ...], rate_hz: float, options: ExportOptions) -> tuple[Finding, ...]:
+    """The findings for the heads, the gravest first; GainsError where one says stop and `anyway` is not given."""
+    found = ranked(_found(source, laws, rate_hz, options))
+    grave = stops(found)
+    if grave and not options.anyway:
+        raise GainsError(*(f"{say(one)}; «anyway» exports it all the same, marked" for one in grave))
+    return (*((finding("export-anyway", "export"),) if grave else ()), *found)
+
+
+def _found(source: Source, laws: tuple[str, ...], rate_hz: float, options: ExportOptions) -> Iterator[Finding]:
+    low, high = source.limits
+    if not low <= options.duty_on_fault <= high:
+        yield finding(
+            "export-fault-outside", "export", duty=options.duty_on_fault, unit=source.units[0], low=low, high=high
+        )
+    if {"pi", "rc"} & set(laws) and source.gains is not None:
+        yield from _gains(source, source.gains, laws, rate_hz)
+    if {"inverse", "plant"} & set(laws):
+        yield from _plant(source, laws)
+
+
+def _gains(source: Source, gains: Gains, laws: tuple[str, ...], rate_hz: float) -> Iterator[Finding]:
+    other_rate = abs(rate_hz - source.rate_hz) > 1e-6 * source.rate_hz
+    yield from _unstable(source, laws, rate_hz, None if other_rate else gains.margins)
+    if gains.unidentified:
+        yield finding("export-unidentified", "gains", why=gains.unidentified)
+    yield from stops(gains.findings)
+    if source.fit is not None:
+        yield from (one for one in stops(source.fit.findings) if one.subject == "linear")
+    if "rc" in laws and gains.rc is not None:
+        yield _guarantee(gains, gains.rc)
+    if other_rate:
+        yield finding("export-other-rate", "gains", rate_hz=rate_hz, made_hz=source.rate_hz)
+    worst = gains.margins.worst if gains.margins else None
+    numbers = {
+        f"{law}_{key}": getattr(margin, key)
+        for law in laws
+        if (margin := getattr(worst, law, None)) is not None
+        for key in ("gain_db", "phase_deg", "delay_s")
+    }
+    if numbers:
+        yield finding("export-margins", "gains", **numbers)
+
+
+def _guarantee(gains: Gains, rc: Robust) -> Finding:
+    """Whether ρ covers what is known: the verdict of the gains, or in files without one the two marks."""
+    if gains.guarantee:
+        holds, missing = gains.guarantee.holds, gains.guarantee.missing
+    else:
+        missing = tuple(name for name, held in (("rho", rc.guaranteed), ("phi", rc.phi_holds)) if held is False)
+        holds = None if rc.guaranteed is None else not missing
+    if holds is None:
+        return finding("export-guarantee-unknown", "rc")
+    if holds:
+        return finding("export-guarantee-holds", "rc")
+    return finding("export-guarantee-missing", "rc", missing=", ".join(missing))
+
+
+def _unstable(source: Source, laws: tuple[str, ...], rate_hz: float, known: Margins | None) -> Iterator[Finding]:
+    """Each loop around held duties of the plant, else on the linear model, at the rate that is baked in."""
+    linear = Linear(*(source.linear or (1.0, 1.0, 0.0)))  # not looked at where there is a plant
+    points = operating_points(Fit(), linear, source.plant, Bounds((), 1.0, 1.0, ()), source.limits)
+    timing = Timing(rate_hz, source.pwm_hz)
+    for law in laws:
+        if law not in ("pi", "rc"):
+            continue
+        bad = {
+            duty for duty, torque, lags in points if not is_stable(_feedback(source, law, torque, duty), lags, timing)
+        }
+        if known is not None:
+            told = ((one.duty_pct, getattr(one, law)) for one in known.points)
+            bad |= {duty for duty, margin in told if margin is not None and margin.stable is False}
+        if bad:
+            yield finding("export-unstable", law.upper(), sorted(bad), rate_hz=rate_hz, unit=source.units[0])
+
+
+def _feedback(source: Source, law: str, torque: float, duty: float) -> Feedback:
+    if law == "pi" and source.pi is not None:
+        return pi_feedback(source.pi)
+    assert source.rc is not None
+    return rc_feedback(source.rc, torque, duty)
+
+
+def _plant(source: Source, laws: tuple[str, ...]) -> Iterator[Finding]:
+    subject = "plant" if "plant" in laws else "inverse"
+    fit = source.fit
+    if fit is not None and fit.nonlinear is not None:
+        yield from (one for one in stops(fit.findings) if one.subject in OF_THE_PLANT)
+        if fit.nonlinear.identifiable is False:
+            why = "the records do not determine the nonlinear model"
+            yield finding("export-unidentified", subject, why=why)
+        if fit.nonlinear.solver is not None and not fit.nonlinear.solver.converged:
+            yield finding("export-not-converged", subject)
+    if source.plant is not None and source.plant.release is None:
+        yield finding("export-no-release", subject)
+
 
 OURS = ("eaid_*", "vectors.*", "check*", "Makefile", "README.md", "parameters.*", "*.ino", "*.o")
 """Names of an export's files and of what its Makefile builds; a folder with any other in it is never replaced."""
@@ -82,3 +188,43 @@ def refuse_folder(folder: Path, force: bool) -> None:
         raise UsageError(f"{folder}: holds {strange[0].name}, which eaid export did not make; give another «output»")
     if items and not force:
         raise UsageError(f"{folder}: exists already; give «force» to overwrite it, or another «output»")
+
+
+MAKE = "give what eaid tune-rc or eaid fit wrote"
+PARTS = {"gains": ("rc", "pi"), "fit": ("nonlinear",)}
+"""Parts by which the file of a script is known, which names no schema."""
+
+
+def kind_of(path: Path) -> str:
+    """gains or fit, by the schema, else by the parts that a file of a script holds."""
+    if not path.is_file():
+        raise DataError(f"{path}: no such file; give gains.json of eaid tune-rc, or fit.json of eaid fit")
+    try:
+        content = json.loads(path.read_bytes())
+    except (ValueError, RecursionError) as fault:
+        raise DataError(f"{path}: is not a JSON file ({fault}); {MAKE}") from None
+    held = content if isinstance(content, dict) else {}
+    schema = held.get("schema")
+    for kind, parts in PARTS.items():
+        if schema == f"eaid/{kind}/1" or (schema is None and any(held.get(part) is not None for part in parts)):
+            return kind
+    raise DataError(f"{path}: is neither gains.json nor fit.json; {MAKE}")
+
+
+def read_fit(path: Path) -> tuple[Fit, tuple[Finding, ...]]:
+    """fit.json as its type, and what was left out of it; DataError where it holds no nonlinear model."""
+    fit, left_out = codec.read(path, "fit", Fit)
+    if fit.nonlinear is None:
+        raise DataError(f"{path}: holds no nonlinear model, which plant and inverse are; fit clutch data with it")
+    return fit, left_out
+
+
+def fit_beside(gains: Gains, path: Path) -> Path | None:
+    """The fit that gains were made from, where its file is still there, unchanged, and holds a plant."""
+    named = gains.inputs.fit
+    if named is None or not named.sha256:
+        return None
+    for candidate in (path.parent / named.path, path.parent / Path(named.path).name, Path(named.path)):
+        if candidate.is_file() and sha256_of(candidate) == named.sha256:
+            return candidate if codec.read(candidate, "fit", Fit)[0].nonlinear is not None else None
+    return None

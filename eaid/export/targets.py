@@ -1,13 +1,252 @@
 """The table of targets, and the files that each makes."""
 
-from collections.abc import Callable, Iterator
+import hashlib
+import io
+import math
+import platform
+import shutil
+import subprocess
+import sys
+import tempfile
+import zipfile
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from functools import cache
 from importlib import resources
+from pathlib import Path
 from typing import Any
 
-from eaid.export.fmu import fmus
-from eaid.export.job import Job
-from eaid.export.numbers import decimal
-from eaid.export.render import rendered
+from jinja2 import Environment, PackageLoader, StrictUndefined
+
+from eaid.export.constants import Entry, commented, decimal, entries, hexadecimal, rounded, series
+from eaid.export.job import TITLES, Job
+from eaid.export.reference import InverseConstants, PIConstants, PlantConstants, RateConstants, RCConstants
+from eaid.synth.files import input_column
+from eaid.synth.plants import UNKNOWN
+
+START = {
+    "pi": "Bumpless: sets the integral with which the next step, on these inputs, gives `duty`.",
+    "rc": "Bumpless: sets the integral with which the next step, on these inputs, gives `duty`.",
+    "inverse": "Sets the observer to the measured torque, as after a long hold, and its search to `duty`.",
+}
+RATE = {
+    "pi": "The rate is not used.",
+    "rc": "reference_rate: the reference's slope, yours or that of eaid_rate_step.",
+    "inverse": "reference + reference_rate dt is where the torque is to be at the next sample.",
+}
+
+
+STATES = {
+    "pi": "eaid_integral_state", "rc": "eaid_integral_state", "inverse": "eaid_inverse_state",
+    "plant": "eaid_plant_state",
+}  # fmt: skip
+"""Law → the C type of its state."""
+
+
+@dataclass(frozen=True)
+class Law:
+    """One law as the templates need it."""
+
+    name: str
+    title: str
+    start: str
+    rate: str
+    entries: tuple[Entry, ...]
+
+
+@cache
+def environment() -> Environment:
+    """The templates and their filters."""
+    made = Environment(
+        loader=PackageLoader("eaid.export"),
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+        autoescape=False,  # sources, no markup; XML is escaped by its own filter
+    )
+    made.filters |= {"lit": hexadecimal, "dec": decimal, "comment": commented, "xml": _xml}
+    return made
+
+
+def rendered(job: Job, template: str, **further: Any) -> str:
+    """The text of one template."""
+    return environment().get_template(template).render(context(job), **further)
+
+
+def context(job: Job) -> Mapping[str, object]:
+    """What every template may use."""
+    t, names, units = job.timing, job.laws, job.units
+    single = t.precision == "single"
+    return {
+        "job": job,
+        "head": list(job.head),
+        "laws": laws(job),
+        "names": names,
+        "titles": TITLES,
+        "states": STATES,
+        "controllers": [name for name in names if name != "plant"],
+        "plain_laws": bool(set(names) - {"plant"}),
+        "integral_laws": bool({"pi", "rc"} & set(names)),
+        "needs_series": bool({"rc", "inverse", "plant"} & set(names)),
+        "series": rounded(series(t.precision), t.precision),
+        "rate": job.constants.get("rate"),
+        "real": "float" if single else "double",
+        "R": t.precision,
+        "sqrt": "sqrtf" if single else "sqrt",
+        "single": single,
+        "timing": {
+            **{name: rounded(getattr(t, name), t.precision) for name in ("dt_s", "duty_on_fault", "stuck_s")},
+            "stuck_samples": t.stuck_samples,
+        },
+        "dt_text": decimal(t.dt_s),
+        "filter_text": decimal(t.rate_filter_hz),
+        "input_unit": units[0],
+        "output_unit": units[1],
+        "vectors": job.vectors,
+        "folder": job.name,
+        "version_line": job.head[0],
+        "law": next((name for name in ("rc", "pi", "inverse") if name in names), "plant"),
+        "duty_max_text": decimal(float(_limits(job)[1])) + "F",
+        "limits": _limits(job),
+        "log_header": log_header(units),
+        "plant_header": log_header(units).rsplit(",", 1)[0],
+        **_jump(job),
+    }
+
+
+def laws(job: Job) -> list[Law]:
+    """The laws of a job as the templates need them."""
+    return [
+        Law(name, TITLES[name], START.get(name, ""), RATE.get(name, ""), entries(name, job.constants[name], job.units))
+        for name in job.laws
+    ]
+
+
+def log_header(units: tuple[str, str]) -> str:
+    """Columns of a log, as `eaid` finds them by name, with their units."""
+    into, out = (UNKNOWN if unit == "1" else unit for unit in units)
+    torque, reference = ("torque_nm", "reference_nm") if out == "N·m" else (f"output ({out})", f"reference ({out})")
+    return f"time_s,{input_column('clutch', into)},{torque},{reference}"
+
+
+def _limits(job: Job) -> tuple[float, float]:
+    for one in job.constants.values():
+        if isinstance(one, PIConstants | RCConstants | InverseConstants):
+            return float(one.duty_min), float(one.duty_max)
+    plant = job.constants["plant"]
+    assert isinstance(plant, PlantConstants)
+    return 0.0, float(plant.u_high)
+
+
+def _jump(job: Job) -> dict[str, str]:
+    """What a jump of the reference does to the filtered derivative."""
+    rate = job.constants.get("rate")
+    if not isinstance(rate, RateConstants):
+        return {"peak_text": "0", "decay_text": "0"}
+    return {
+        "peak_text": f"{float(rate.gain):.3g}",
+        "decay_text": f"{3 / (2 * math.pi * job.timing.rate_filter_hz):.2g}",
+    }
+
+
+def _xml(text: str) -> str:
+    from html import escape
+
+    return escape(" ".join(str(text).split()))
+
+
+COMPILERS = ("cc", "gcc", "clang")
+FLAGS = ("-O2", "-std=c99", "-fPIC", "-shared", "-ffp-contract=off", "-fvisibility=hidden")
+STAMP = (1980, 1, 1, 0, 0, 0)
+
+
+@dataclass(frozen=True)
+class Variable:
+    """One variable of a modelDescription.xml; its value reference is its place in the list."""
+
+    name: str
+    causality: str
+    kind: str
+    """Real, Integer or Boolean."""
+    unit: str
+    words: str
+    start: str = ""
+
+
+def variables(law: str, duty_on_fault: float) -> tuple[Variable, ...]:
+    """The variables of a law's FMU; units as i and o."""
+    status = Variable("status", "output", "Integer", "", "bits: 1 not ready, 2 bad input, 4 and 8 limits, 16 stuck")
+    if law == "plant":
+        return (
+            Variable("duty", "input", "Real", "i", "held over the step", "0"),
+            Variable("torque", "output", "Real", "o", "after the step"),
+            status,
+        )
+    return (
+        Variable("reference", "input", "Real", "o", "wanted torque", "0"),
+        Variable("reference_rate", "input", "Real", "o/s", "its slope; not read while use_rate_filter is true", "0"),
+        Variable("torque", "input", "Real", "o", "measured torque", "0"),
+        Variable("duty", "output", "Real", "i", "from these inputs, until the next step"),
+        status,
+        Variable("duty_on_fault", "parameter", "Real", "i", "given while an input is no number", repr(duty_on_fault)),
+        Variable("use_rate_filter", "parameter", "Boolean", "", "take the reference's filtered derivative", "false"),
+    )
+
+
+def fmus(job: Job, files: Mapping[str, str | bytes]) -> Iterator[tuple[str, bytes]]:
+    """An FMU for each law; `files` hold the C sources."""
+    for law in job.laws:
+        sources = {
+            "eaid_control.h": str(files["eaid_control.h"]),
+            "eaid_control.c": str(files["eaid_control.c"]),
+            "fmi2_wrapper.c": rendered(job, "fmi2_wrapper.c.j2", law=law),
+        }
+        guid = hashlib.sha256("".join(sources.values()).encode()).hexdigest()[:32]
+        sources["fmi2_wrapper.c"] = sources["fmi2_wrapper.c"].replace("@GUID@", guid)
+        own = variables(law, float(job.timing.duty_on_fault))
+        description = rendered(job, "modelDescription.xml.j2", law=law, guid=guid, variables=own)
+        yield f"eaid_{law}.fmu", _zipped(f"eaid_{law}", description, sources)
+
+
+def _zipped(name: str, description: str, sources: Mapping[str, str]) -> bytes:
+    whole = io.BytesIO()
+    with zipfile.ZipFile(whole, "w", zipfile.ZIP_DEFLATED) as file:
+        _put(file, "modelDescription.xml", description.encode())
+        for path, text in sources.items():
+            _put(file, f"sources/{path}", text.encode())
+        made = binary(name, sources)
+        if made is not None:
+            _put(file, made[0], made[1])
+    return whole.getvalue()
+
+
+def _put(file: zipfile.ZipFile, path: str, data: bytes) -> None:
+    entry = zipfile.ZipInfo(path, STAMP)
+    entry.compress_type = zipfile.ZIP_DEFLATED
+    entry.external_attr = 0o644 << 16
+    file.writestr(entry, data)
+
+
+def binary(name: str, sources: Mapping[str, str]) -> tuple[str, bytes] | None:
+    """The shared library of this machine and its place in the FMU; None where no compiler is there, or none works."""
+    place = {("linux", "x86_64"): ("linux64", ".so"), ("darwin", "x86_64"): ("darwin64", ".dylib")}
+    found = place.get((sys.platform, platform.machine()))
+    compiler = next((path for path in map(shutil.which, COMPILERS) if path), None)
+    if found is None or compiler is None:
+        return None
+    with tempfile.TemporaryDirectory() as folder:
+        for path, text in sources.items():
+            (Path(folder) / path).write_text(text, encoding="utf-8")
+        out = f"{name}{found[1]}"
+        done = subprocess.run(
+            [compiler, *FLAGS, "-o", out, *(path for path in sources if path.endswith(".c")), "-lm"],
+            cwd=folder, capture_output=True, check=False,
+        )  # fmt: skip
+        if done.returncode != 0:
+            return None
+        return f"binaries/{found[0]}/{out}", (Path(folder) / out).read_bytes()
+
 
 Files = Iterator[tuple[str, str | bytes]]
 

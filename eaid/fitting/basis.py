@@ -12,8 +12,7 @@ from numpy.polynomial import Legendre, Polynomial
 from numpy.polynomial.polynomial import polyval
 
 from eaid.arrays import Array, read_only
-from eaid.fitting.levels import RECORDS_FREE
-from eaid.fitting.starts import RECORDS
+from eaid.fitting.levels import RECORDS, RECORDS_FREE
 from eaid.models.nonlinear import CHECKED_DUTIES
 from eaid.models.parameters import TAU_FLOOR_S, Nonlinear
 

@@ -4,8 +4,7 @@ from collections.abc import Sequence
 
 from eaid.fitting.step_shapes import fit_step, may_ask
 from eaid.options import FitOptions
-from eaid.results.friction import FrictionLevel, LevelIntervals
-from eaid.results.steps import StepShape
+from eaid.results.fit import FrictionLevel, LevelIntervals, StepShape
 from eaid.steps.stepset import LevelStep, StepSet
 
 FEW = 3

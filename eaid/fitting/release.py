@@ -6,16 +6,129 @@ s = C (1 − e^(−H/τ1↑)) / (C (1 − e^(−H/τ1↑)) + (1 − C)(1 − e^(
 """
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
+from eaid.arrays import Array
 from eaid.findings import Finding, finding
-from eaid.fitting.data import Data, data_of
-from eaid.fitting.falling import ReleaseSolution, fit_each_release, solve
-from eaid.fitting.metrics import quality
+from eaid.fitting.data import Data, data_of, quality
+from eaid.fitting.levels import RECORDS, Indices, grid_bowls, grid_fits, start_grid, tau_limits
+from eaid.fitting.solver import ROUNDING, Problem, minimised
+from eaid.fitting.sums import Points, decay
 from eaid.models.parameters import SHARE, Friction
-from eaid.results.friction import FrictionLevel, Release, ReleaseLevel
+from eaid.results.common import Solver
+from eaid.results.fit import FrictionLevel, Release, ReleaseLevel
 from eaid.steps.stepset import Level
+
+MOST = 3
+"""Starts of every solve."""
+
+
+@dataclass(frozen=True, eq=False)
+class ReleaseSolution:
+    """Time constants of one or of all levels, the verdict on them, and what was solved for."""
+
+    tau: Array
+    """τ1 and τ2 [s], (2,)."""
+    solver: Solver
+    parts: Array
+    """Amplitude and residual of each level, (L, 2)."""
+
+
+def fit_each_release(data: Data, shares: Array) -> list[ReleaseSolution]:
+    """Every level by itself."""
+    level, x = _starts(data, shares)
+    return [solve(data.one(i), shares[i : i + 1], x[level == i]) for i in range(len(shares))]
+
+
+def _starts(data: Data, shares: Array) -> tuple[Indices, Array]:
+    """Level and (ln τ1, ln τ2) of what single levels begin from: minima over a grid for −y above an offset, (N, 2)."""
+    points = data.points
+    times = points.t_s if len(points.t_s) == len(points.y) else points.t_s[:1]
+    grid = start_grid(times[points.w[: len(times)] > 0])
+    fits = []
+    for i, share in enumerate(shares.tolist()):
+        one = points.rows(slice(i, i + 1))
+        fits.append(grid_fits(one.t_s, -one.y, one.w, grid, share, offset=True))
+    inner, square = (np.concatenate(part) for part in zip(*fits, strict=True))
+    level, first, second = grid_bowls(inner, square, MOST)
+    return level, np.log(np.stack([grid[first], grid[second]], axis=1))
+
+
+def solve(data: Data, shares: Array, starts: Array) -> ReleaseSolution:
+    """One τ1 and τ2 for all levels of `data`, from the `MOST` best of `starts`, rows of (ln τ1, ln τ2).
+
+    SLSQP ends the fit from the best of what they lead to; costs are of the full data.
+    """
+    A, b, names = tau_limits(RECORDS * data.longest_s)
+    points = data.points
+    problem = Problem(
+        lambda x: _projected(x, points, shares)[:3],
+        A,
+        b,
+        names.__getitem__,
+        lambda x: _projected(x, points, shares)[3],
+        ROUNDING * data.energy,
+    )
+    starts = np.clip(starts, b[0], -b[2])
+    order = np.argsort([problem.value(start)[0] for start in starts], kind="stable")[:MOST]
+    end, solver, _ = minimised(problem, starts[order], lambda x: _on_every_sample(x, data, shares)[:2])
+    return ReleaseSolution(np.exp(end.x), solver, _on_every_sample(end.x, data, shares)[2])
+
+
+def _on_every_sample(x: Array, data: Data, shares: Array) -> tuple[float, Array, Array]:
+    """Cost, its gradient by (ln τ1, ln τ2), (2,), and amplitude and residual of each level, (L, 2)."""
+    tau1, tau2 = np.exp(x)
+    cost, gradient, parts = 0.0, np.zeros(2), []
+    for share, record in zip(shares, data.records, strict=True):
+        t, y = record.t_s, record.y
+        e1, e2 = share * decay(record, tau1), (1 - share) * decay(record, tau2)
+        shape = e1 + e2
+        sums = np.array([len(y), shape.sum(), shape @ shape, y.sum(), shape @ y])
+        amplitude, residual = _solved_for(*sums[:, None])
+        r = amplitude * shape
+        r += residual - y
+        rt = r * t
+        cost += float(r @ r)
+        gradient += 2 * amplitude * np.array([rt @ e1 / tau1, rt @ e2 / tau2])
+        parts.append((amplitude[0], residual[0]))
+    return cost, gradient, np.array(parts)
+
+
+def _solved_for(n: Array, s1: Array, s2: Array, sy: Array, sf: Array) -> tuple[Array, Array]:
+    """Amplitude ≥ 0 and residual of least squares, from Σ 1, Σ φ, Σ φ², Σ y and Σ φ y of each level, (L,) each."""
+    determinant = n * s2 - s1**2
+    amplitude = (n * sf - s1 * sy) / np.where(determinant > 1e-12 * n * s2, determinant, np.inf)
+    amplitude = np.maximum(amplitude, 0.0)
+    return amplitude, (sy - amplitude * s1) / n
+
+
+def _projected(x: Array, points: Points, shares: Array) -> tuple[float, Array, Array, Array]:
+    """Cost over the points, its gradient (2,), Gauss–Newton curvature (2, 2) and second derivatives (2, 2)."""
+    tau1, tau2 = np.exp(np.clip(x, -8.0, 25.0))  # SLSQP may look far outside before it comes back
+    t, s, y = points.t_s, shares[:, None], points.y
+    z1, z2 = t / tau1, t / tau2
+    e1, e2 = s * np.exp(-z1), (1 - s) * np.exp(-z2)
+    slopes = np.empty((len(y), 5, y.shape[1]))  # by ln τ1, ln τ2 for amplitude 1, by amplitude, by residual; the data
+    slopes[:, 0], slopes[:, 1], slopes[:, 2], slopes[:, 3], slopes[:, 4] = z1 * e1, z2 * e2, e1 + e2, 1.0, y
+    product = (slopes * points.w[:, None, :]) @ slopes.transpose(0, 2, 1)
+    n, s1, s2, sy, sf = (product[:, i, j] for i, j in ((3, 3), (2, 3), (2, 2), (3, 4), (2, 4)))
+    amplitude, residual = _solved_for(n, s1, s2, sy, sf)
+    r = residual[:, None] + amplitude[:, None] * slopes[:, 2] - y
+    wr = points.w * r
+    left = residual[:, None] * product[:, :2, 3] + amplitude[:, None] * product[:, :2, 2] - product[:, :2, 4]
+    by_taus = product[:, :2, :2] * amplitude[:, None, None] ** 2
+    cross = product[:, :2, 2:4] * amplitude[:, None, None]
+    inner = product[:, 2:4, 2:4] + (1e-12 * (n + s2)[:, None, None] + 1e-300) * np.eye(2)
+    curvature = by_taus - cross @ np.linalg.solve(inner, cross.transpose(0, 2, 1))
+    # ∂²f/∂(ln τ)² = A z (z − 1) e, and ∂²f/∂A ∂ln τ = z e, with z = t/τ
+    for k, z in enumerate((z1, z2)):
+        by_taus[:, k, k] += amplitude * (wr * slopes[:, k] * (z - 1)).sum(axis=1)
+    cross[:, :, 0] += left
+    exact = by_taus - cross @ np.linalg.solve(inner, cross.transpose(0, 2, 1))
+    gradient = 2 * (amplitude[:, None] * left).sum(axis=0)
+    return float((wr * r).sum()), gradient, 2 * curvature.sum(axis=0), 2 * exact.sum(axis=0)
 
 
 def release_fit(

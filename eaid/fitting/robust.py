@@ -14,7 +14,7 @@ import numpy as np
 from eaid.arrays import Array
 from eaid.findings import Finding, finding
 from eaid.fitting.data import Data
-from eaid.fitting.samples import Record
+from eaid.fitting.sums import Record
 from eaid.results.common import Huber, HuberLevel, HuberPart
 from eaid.steps.stepset import Level
 

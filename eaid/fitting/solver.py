@@ -4,14 +4,160 @@ The cost is a sum of squares with gradient g and curvature H. With H = LL' at th
 where the cost is nearly |z|²: it then needs a dozen evaluations and cannot stop early. Constraints are A x ≥ b.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
+from typing import TypeAlias
 
 import numpy as np
-from scipy.optimize import minimize
+from numpy.typing import NDArray
+from scipy.optimize import minimize, nnls
 
 from eaid.arrays import Array
-from eaid.fitting.problem import TINY, Problem, Value, inside, newton_step, rounding, whiten
+from eaid.results.common import Solver, StartCost
+
+NEAR = 1e-9
+"""Slack of a row of A at which it counts as active, beside those that hold the Newton step."""
+TINY = 1e-280
+"""Curvature below which nothing determines an unknown: its square root can still be squared and divided by."""
+ROUNDING = 1e-15
+"""A predicted is judged against at least this part of the sum of squared data: beneath it lies rounding."""
+
+Value = Callable[[Array], tuple[float, Array]]
+"""x → cost, gradient (n,)."""
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """Minimise a sum of squares under A x ≥ b."""
+
+    normal: Callable[[Array], tuple[float, Array, Array]]
+    """x → cost, gradient (n,) and its Gauss–Newton matrix, positive semidefinite, (n, n)."""
+    A: Array
+    b: Array
+    names: Callable[[int], str]
+    """The code of the constraint that a row of A is part of, as in `Solver.at_bounds`."""
+    exact: Callable[[Array], Array] | None = None
+    """x → true second derivatives, (n, n), where they are known."""
+    floor: float = 0.0
+    """Cost below which differences are rounding: `ROUNDING` times the sum of squared data."""
+
+    def value(self, x: Array) -> tuple[float, Array]:
+        """Cost and gradient."""
+        return self.normal(x)[:2]
+
+    def curvature(self, x: Array) -> Array:
+        """The true second derivatives where they are known and positive, else Gauss–Newton."""
+        if self.exact is not None:
+            exact = self.exact(x)
+            scale = np.sqrt(np.maximum(np.diagonal(exact), TINY))
+            try:
+                np.linalg.cholesky(exact / np.outer(scale, scale))
+                return exact
+            except np.linalg.LinAlgError:
+                pass
+        return self.normal(x)[2]
+
+
+@dataclass(frozen=True, eq=False)
+class NewtonStep:
+    """A constrained Newton step: where it goes, what it predicts, and the rows of A that hold it."""
+
+    d: Array
+    decrease: float
+    active: tuple[int, ...]
+
+
+def whiten(curvature: Array) -> Array:
+    """L with LL' = curvature, a trace of its diagonal added where it is singular, (n, n) lower triangular."""
+    scale = np.sqrt(np.maximum(np.diagonal(curvature), TINY))
+    scaled = curvature / (scale * scale[:, None])
+    ridge = 0.0
+    while True:
+        try:
+            return np.asarray(scale[:, None] * np.linalg.cholesky(scaled))
+        except np.linalg.LinAlgError:
+            ridge = 10 * ridge if ridge else 1e-13
+            scaled = curvature / (scale * scale[:, None]) + ridge * np.eye(len(scale))
+
+
+def inside(problem: Problem, feasible: Array, x: Array) -> Array:
+    """`x`, drawn back towards a feasible point by as much as rounding left it outside."""
+    if not len(problem.b):
+        return x
+    slack, inner_slack = problem.A @ x - problem.b, problem.A @ feasible - problem.b
+    room = np.where(inner_slack > 0, inner_slack, rounding(problem))
+    out = slack < inner_slack - room
+    if not out.any():
+        return x
+    kept = float(np.min(room[out] / (inner_slack[out] - slack[out])))
+    return feasible + kept * (x - feasible)  # from the feasible end: `x` may lie where nothing is determined, at 1e100
+
+
+def rounding(problem: Problem) -> Array:
+    """How far outside each row of A a point counts as on it."""
+    return np.asarray(NEAR * (1.0 + np.abs(problem.b)))
+
+
+def draw_in(x: Array, inner: Array, problem: Problem) -> Array:
+    """The point nearest to `x` on the line to a feasible `inner`, a little inside."""
+    slack, inner_slack = problem.A @ x - problem.b, problem.A @ inner - problem.b
+    out = slack < 0
+    if not out.any():
+        return x
+    room = np.maximum(inner_slack[out], 1e-300)
+    kept = float(np.min(room / (room - slack[out])))
+    return inner + max(0.0, kept - 0.001 * (1.0 - kept)) * (x - inner)
+
+
+def bring_in(x: Array, inner: Array, problem: Problem) -> Array:
+    """A feasible point for `x`: by the constrained Newton step, then along the line to a feasible `inner`."""
+    if (problem.A @ x - problem.b).min(initial=0.0) >= 0:
+        return x
+    step = newton_step(problem, x, *problem.normal(x)[1:])
+    return draw_in(x + step.d, inner, problem)
+
+
+def newton_step(problem: Problem, x: Array, gradient: Array, curvature: Array) -> NewtonStep:
+    """The step d that minimises g'd + d'Hd/2 with A (x + d) ≥ b, by least distance programming (Lawson and Hanson)."""
+    lower = whiten(curvature)
+    back = np.linalg.inv(lower)
+    q = back @ gradient
+    free = -(q @ back)
+    slack = problem.A @ x - problem.b
+    moved = slack + problem.A @ free
+    if not len(slack) or moved.min() >= 0:
+        return NewtonStep(free, 0.5 * float(q @ q), ())
+    G = problem.A @ back.T
+    h = -slack + G @ q
+    size = max(float(np.abs(h).max()), 1e-300)
+    E = np.vstack([G.T, h / size])
+    f = np.zeros(len(E))
+    f[-1] = 1.0
+    multipliers = nnls(E, f)[0]
+    r = E @ multipliers - f
+    if r[-1] == 0.0:
+        return NewtonStep(np.zeros_like(x), 0.0, tuple(np.flatnonzero(multipliers > 0).tolist()))
+    z = -r[:-1] / r[-1] * size - q
+    d, held = z @ back, np.flatnonzero(multipliers > 0)
+    off, little = slack + problem.A @ d, rounding(problem)
+    if (off < -little).any() or (off > little)[held].any():  # where next to nothing determines d, rounding leads off
+        back_on = _along(problem.A[held], -slack[held], gradient, curvature)
+        if (slack + problem.A @ back_on >= -little).all():
+            d, z = back_on, back_on @ lower
+        else:
+            d = inside(problem, x, x + d) - x
+    decrease = -float(q @ z + 0.5 * z @ z)
+    return NewtonStep(d, max(decrease, 0.0), tuple(held.tolist()))
+
+
+def _along(A: Array, b: Array, gradient: Array, curvature: Array) -> Array:
+    """The d that minimises g'd + d'Hd/2 with A d = b, shape (n,), by the directions that A leaves free."""
+    d = np.linalg.lstsq(A, b, rcond=None)[0]
+    _, size, ways = np.linalg.svd(A)
+    free = ways[int((size > 1e-12 * size.max(initial=0.0)).sum()) :]
+    back = np.linalg.inv(whiten(free @ curvature @ free.T))
+    return np.asarray(d - free.T @ (back.T @ (back @ (free @ (gradient + curvature @ d)))))
+
 
 FTOL = 1e-13
 """SLSQP's own stopping rule, relative to the cost at the start of the round."""
@@ -177,3 +323,147 @@ def ended(ends: Sequence[EndPoint], problem: Problem) -> list[EndPoint]:
             solved = end = slsqp(problem, end.x, end.local)
         found.append(end)
     return found
+
+
+FINISHED = 1e-15
+"""Polishing ends where the Newton step predicts less than this part of the cost."""
+UNSEEN = 1e-4
+"""The last step, too small to be seen in the cost, is taken where it changes no unknown by more than this part."""
+CONVERGED = 1e-9
+"""A fit has converged where the Newton step would lower the cost by less than this part of it."""
+
+
+def polish(
+    problem: Problem,
+    end: EndPoint,
+    full: Callable[[Array], tuple[float, Array]],
+    steps: int = 40,
+    finished: float = FINISHED,
+) -> tuple[EndPoint, float, tuple[int, ...]]:
+    """Confirm an end point on the full data and take constrained Newton steps while one predicts to gain `finished`.
+
+    Returns the point with its full-data cost, what a further step predicts relative to the cost, and the active rows.
+    """
+    x, evaluations = end.x, end.evaluations + 1
+    cost, gradient = full(x)
+    step = newton_step(problem, x, gradient, problem.curvature(x))
+    for _ in range(steps):
+        if step.decrease <= finished * cost:
+            break
+        for length in (1.0, 0.5, 0.25, 0.1, 0.01):
+            reached = inside(problem, x, x + length * step.d)
+            found, slope = full(reached)
+            evaluations += 1
+            if found < cost:
+                break
+        else:
+            break
+        x, cost, gradient = reached, found, slope
+        step = newton_step(problem, x, gradient, problem.curvature(x))
+    predicted = step.decrease / max(cost, problem.floor) if step.decrease > 0 else 0.0
+    if step.decrease <= SETTLED * cost and (np.abs(step.d) <= UNSEEN * np.abs(x)).all():
+        x = inside(problem, x, x + step.d)  # the cost shows no difference any more, the unknowns do
+    near = np.flatnonzero(problem.A @ x - problem.b < rounding(problem))
+    return EndPoint(x, cost, evaluations), predicted, tuple(sorted({*step.active, *near.tolist()}))
+
+
+def judged(predicted: float, evaluations: int, costs: Sequence[float], at_bounds: Sequence[str] = ()) -> Solver:
+    """Our verdict on a fit, from the decrease that a further step predicts, relative to the cost."""
+    converged = predicted <= CONVERGED
+    said = f"a further constrained Newton step on the full data would lower the cost by {predicted:.0e} of it"
+    return Solver(
+        converged=converged,
+        message=f"{'converged' if converged else 'not converged'}: {said}",
+        predicted_decrease=predicted,
+        evaluations=evaluations,
+        starts=tuple(StartCost(float(cost)) for cost in costs),
+        at_bounds=tuple(dict.fromkeys(at_bounds)),
+    )
+
+
+def minimised(
+    problem: Problem, starts: Iterable[Array], full: Callable[[Array], tuple[float, Array]]
+) -> tuple[EndPoint, Solver, tuple[int, ...]]:
+    """The least of what feasible starts lead to, `concluded`."""
+    return concluded(problem, ended([approach(problem, start) for start in starts], problem), full)
+
+
+def concluded(
+    problem: Problem, ends: Sequence[EndPoint], full: Callable[[Array], tuple[float, Array]]
+) -> tuple[EndPoint, Solver, tuple[int, ...]]:
+    """The best end, polished on the full data, with our verdict and the active rows."""
+    best = min(ends, key=lambda end: end.cost)
+    end, predicted, active = polish(problem, best, full)
+    evaluations = sum(one.evaluations for one in ends) + end.evaluations - best.evaluations
+    offset = end.cost - best.cost  # what compression leaves out of every start's cost alike
+    costs = [one.cost + offset for one in ends]
+    return end, judged(predicted, evaluations, costs, [problem.names(i) for i in active]), active
+
+
+Look: TypeAlias = Callable[[Array], tuple[Array, Array, Array]]
+"""x (N, n) → cost (N,), gradient (N, n), curvature (N, n, n)."""
+
+
+@dataclass(frozen=True, eq=False)
+class Descent:
+    """Where N rows have come to."""
+
+    x: Array
+    """(N, n)."""
+    cost: Array
+    """(N,)."""
+    gradient: Array
+    """(N, n)."""
+    curvature: Array
+    """(N, n, n)."""
+    predicted: Array
+    """By how much one more step would lower the cost, (N,)."""
+
+
+def solved(H: Array, right: Array) -> Array:
+    """x of H x = right for each of N rows, (N, n)."""
+    return np.asarray(np.linalg.solve(H, right[:, :, None])[:, :, 0], dtype=np.float64)
+
+
+def descend(
+    look: Look, x: Array, steps: int, enough: float, within: Callable[[Array, Array], Array] = np.subtract
+) -> Descent:
+    """At most `steps` steps of every row; they end where one more predicts less than `enough` of the cost.
+
+    That is asked of the rows that still move. `within` takes x and the step to be taken off it to the place that is
+    tried.
+    """
+    cost, gradient, curvature = look(x)
+    damping, moved = np.full(len(x), 1e-3), np.full(len(x), True)
+    for step in range(steps + 1):
+        normal = curvature.copy()
+        diagonal = np.einsum("nii->ni", normal)
+        diagonal += damping[:, None] * diagonal + 1e-300
+        move = solved(normal, gradient)
+        predicted = 0.5 * (gradient * move).sum(axis=1)
+        if step == steps or (moved.any() and (predicted <= enough * cost)[moved].all()):
+            break
+        tried = within(x, move)
+        found, slope, bent = look(tried)
+        moved = found < cost
+        if moved.all():
+            x, cost, gradient, curvature = tried, found, slope, bent
+        else:
+            x, cost = np.where(moved[:, None], tried, x), np.where(moved, found, cost)
+            gradient = np.where(moved[:, None], slope, gradient)
+            curvature = np.where(moved[:, None, None], bent, curvature)
+        # where τ1 and τ2 have met, two rows of the curvature are one, and only damping keeps it from being singular
+        damping = np.where(moved, np.maximum(damping / 10, 1e-12), damping * 10)
+    return Descent(x, cost, gradient, curvature, predicted)
+
+
+def last_step(cost: Array, gradient: Array, curvature: Array, inside: NDArray[np.bool_]) -> tuple[Array, Array]:
+    """The Newton step of each row, (N, n), and what it predicts relative to the cost, (N,); no step, ∞ if not `inside`.
+
+    Where that is next to nothing the row has ended, and the step is still taken: the unknowns show it, the cost does
+    not.
+    """
+    H = np.where(inside[:, None, None], curvature, np.eye(gradient.shape[1]))
+    step = np.where(inside[:, None], solved(H, gradient), 0.0)
+    predicted = 0.5 * (gradient * step).sum(axis=1) / np.where(inside, cost, 1.0)
+    return step, np.where(inside, predicted, np.inf)

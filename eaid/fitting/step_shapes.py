@@ -15,12 +15,12 @@ import numpy as np
 from eaid.arrays import Array
 from eaid.findings import Finding, finding
 from eaid.fitting.bounded import least_squares_between
-from eaid.fitting.metrics import quality
+from eaid.fitting.data import quality
 from eaid.fitting.shape_curves import APART, MOST, SHAPES, Shape, curve, overshoots, slopes
 from eaid.fitting.shape_starts import AveragedRecord, averaged, delays_of, starts_of
 from eaid.models.parameters import SHARE
 from eaid.options import FitOptions
-from eaid.results.steps import StepShape
+from eaid.results.fit import StepShape
 from eaid.steps.noise import block_means, block_noise
 from eaid.steps.stepset import LevelStep
 

@@ -20,10 +20,10 @@ import numpy as np
 from eaid.apparatus import Apparatus
 from eaid.arrays import Array, read_only
 from eaid.errors import DataError
+from eaid.files import hdf5_written_whole
 from eaid.findings import Finding
 from eaid.logs.hdf import attributes, digest_of, open_hdf5
 from eaid.logs.run import INPUT_UNITS, Kind, Run
-from eaid.sealed import hdf5_written_whole
 from eaid.version import __version__
 
 SCHEMA = "eaid/data/1"

@@ -1,12 +1,124 @@
 """How a text log is written: encoding, marks of its cells and numbers, header, units row, facts in comment lines."""
 
+import contextlib
+import csv
+import re
 from collections import Counter
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 from eaid.errors import DataError
-from eaid.logs.facts import facts_of
-from eaid.logs.marks import COMMENT, NUMBER_MARKS, Marks
 from eaid.logs.units import unit_of
+
+COMMENT = ("#", "%", "//")
+_PLAIN = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eEdD][+-]?\d+)?$")
+_WORDS = re.compile(r"[+-]?(nan|inf(inity)?|na|n/a|null|none|-)$", re.IGNORECASE)
+_STAMP = re.compile(
+    r"(\d{1,4}[-/.]\d{1,2}[-/.]\d{1,4}[T ]+)?\d{1,2}:\d{2}(:\d{2}([.,]\d+)?)?\s*(Z|[+-]\d{2}:?\d{2}|AM|PM)?$"
+)
+NUMBER_MARKS = ((".", ""), (",", ""), (".", ","), (",", "."), (".", "'"), (".", " "), (",", " "))
+"""Decimal mark, and the mark between thousands."""
+
+
+def number(text: str, decimal: str, thousands: str) -> float | None:
+    """Value of a cell, correctly rounded; None where it is no number."""
+    if decimal == "." and not thousands and "_" not in text:
+        with contextlib.suppress(ValueError):
+            return float(text)
+    text = text.strip().strip('"').strip()
+    if thousands and thousands in text:
+        whole = re.escape(thousands).join((r"[+-]?[1-9]\d{0,2}(", r"\d{3})+"))
+        if not re.fullmatch(f"{whole}({re.escape(decimal)}\\d*)?", text):
+            return None
+        text = text.replace(thousands, "")
+    if decimal != ".":
+        if "." in text:
+            return None
+        text = text.replace(decimal, ".")
+    if _PLAIN.match(text):
+        return float(text.replace("d", "e").replace("D", "e"))
+    if _WORDS.match(text):
+        return float("inf") if "inf" in text.lower() else float("nan")
+    return None
+
+
+class Marks(NamedTuple):
+    """What stands between the cells of a row, and inside its numbers."""
+
+    delimiter: str | None
+    """None: any white space."""
+    decimal: str
+    thousands: str
+    """Empty where nothing stands between thousands."""
+
+    def cells(self, line: str, count: int = 0) -> list[str]:
+        """Cells of a line; quotes keep a delimiter inside a cell.
+
+        A delimiter at the end of the line begins no cell; where `count` are wanted, only if it would be one too many.
+        """
+        bare = line.strip("\r\n ")
+        if self.delimiter is None:
+            return bare.split()
+        cells = bare.split(self.delimiter)
+        if '"' in bare and len(cells) > 1:
+            with contextlib.suppress(csv.Error):  # a return in the middle of a line
+                cells = next(csv.reader([bare], delimiter=self.delimiter))
+        if not cells[-1].strip() and count in (0, len(cells) - 1):
+            cells.pop()
+        return cells
+
+    def value(self, cell: str) -> float | None:
+        """Value of a cell; None where it is no number."""
+        return number(cell, self.decimal, self.thousands)
+
+    def is_stamp(self, cell: str) -> bool:
+        """True for a wall-clock stamp."""
+        return self.value(cell) is None and bool(_STAMP.match(cell.strip().strip('"')))
+
+    def count_good(self, cells: list[str]) -> tuple[int, int]:
+        """How many cells are numbers or stamps, and how many are not empty."""
+        good = sum(self.value(cell) is not None or self.is_stamp(cell) for cell in cells)
+        return good, sum(bool(cell.strip()) for cell in cells)
+
+
+def facts_of(lines: list[str], delimiter: str | None) -> dict[str, str]:
+    """Facts in the lines above the table: `key: value`, `key = value`, `key<delimiter>value`."""
+    said = {}
+    for line in lines:
+        bare = line.strip().lstrip("#%/ ").strip()
+        found = re.match(r"([^:=]{1,60}?)\s*[:=]\s*(\S.*)$", bare)
+        if not found and delimiter and bare.count(delimiter):
+            found = re.match(
+                rf"([^{re.escape(delimiter)}]{{1,60}}){re.escape(delimiter)}+([^{re.escape(delimiter)}]+)", bare
+            )
+        if found:
+            said[found.group(1).strip().lower()] = found.group(2).strip().strip('"')
+        elif bare and line.lstrip().startswith(COMMENT):
+            said[""] = f"{said.get('', '')} {bare}".strip()
+    return said
+
+
+def rate_said(said: dict[str, str]) -> float | None:
+    """Sample rate told in a comment [Hz]: `sampling rate: 1 kHz`, `dt = 0.001 s`, `sampled at 500 Hz`; else None."""
+    for key, value in said.items():
+        free = re.search(r"([\d.,]+(?:[eE][+-]?\d+)?)\s*(k|m)?(hz|s/s|sps|samples)\b", value, re.IGNORECASE)
+        if not key and free and re.search(r"sampl|abtast|rate|fs\b|daq|acqui", value, re.IGNORECASE):
+            amount = number(free.group(1).replace(",", "."), ".", "")
+            if amount and amount > 0:
+                return amount * {"k": 1e3, "m": 1e6}.get((free.group(2) or "").lower(), 1.0)
+        found = re.match(r"([\d.,]+(?:[eE][+-]?\d+)?)\s*([a-zA-Zµμ/]*)", value)
+        amount = number(found.group(1).replace(",", "."), ".", "") if found else None
+        if not found or not amount or amount <= 0:
+            continue
+        unit = found.group(2) or "".join(re.findall(r"[\[(]\s*([a-zA-Zµμ]+)\s*[\])]", key))
+        if re.search(r"(sampl|abtast|acquisition|scan).*(rate|freq|hz)|^(fs|f_s|rate|frequency)\b", key):
+            factor = {"khz": 1e3, "mhz": 1e6}.get(unit.lower(), 1.0)
+            return amount * factor
+        if re.search(r"(sampl|scan).*(time|interval|period|step)|^(dt|delta[_ ]?[xt])\b", key):
+            known = unit_of(unit) if unit else None
+            return 1.0 / (amount * (known.factor if known and known.quantity == "time" else 1.0))
+    return None
+
 
 _DELIMITERS = ("\t", ";", "|", ",", None)
 ROWS = 3

@@ -68,7 +68,7 @@ FORMATS: tuple[Format, ...] = (
     Format("Arrow", _begins(b"ARROW1"), "parquet.read_arrow"),
     Format("MDF", _begins(b"MDF     ", b"UnFinMF "), "mdf.read_mdf", "asammdf"),
     Format("ROS bag", _begins(b"#ROSBAG V", b"\x89MCAP0\r\n", b"SQLite format 3\0"), "ros.read_ros", "rosbags"),
-    Format("NumPy", _begins(b"\x93NUMPY"), "npy.read_npy"),
+    Format("NumPy", _begins(b"\x93NUMPY"), "mat.read_npy"),
     Format("MAT", _is_mat, "mat.read_mat"),
     Format("not read", lambda head: unread(head) is not None),
     Format("text", lambda _: True),

@@ -15,7 +15,7 @@ import h5py
 import numpy as np
 
 from eaid.errors import DataError
-from eaid.sealed import is_as_written
+from eaid.files import is_as_written
 
 
 @contextlib.contextmanager

@@ -1,7 +1,8 @@
 """One table → one run: columns found, rows checked, time from its start, units turned into those of eaid."""
 
+import math
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -11,16 +12,258 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eaid.arrays import Array, read_only
-from eaid.errors import DataError
+from eaid.errors import DataError, UsageError
 from eaid.findings import Finding, finding
-from eaid.logs.by_values import chosen_table, steps, the_input
-from eaid.logs.checks import checked, without_moving_steps
-from eaid.logs.clock import TimeScale, seconds_since_start, time_scale
-from eaid.logs.columns import COUNTERS, INPUTS, OUTPUTS, Roles, default_unit
+from eaid.logs.columns import COUNTERS, INPUTS, OUTPUTS, Roles, chosen_table, default_unit, steps, the_input
 from eaid.logs.run import INPUT_UNITS, Run
 from eaid.logs.table import Cells, Table
-from eaid.logs.units import LARGEST_NM, Scale, scale_of, split_name, words_of
+from eaid.logs.units import (
+    LARGEST_NM,
+    TIME_UNITS,
+    Scale,
+    divisor,
+    likely_time_unit,
+    scale_of,
+    split_name,
+    unit_of,
+    words_of,
+)
 from eaid.options import ReadOptions
+
+MOST_DROPPED = 0.01
+"""`repair` drops up to this share of a log's rows."""
+MOST_REPEATED = 0.2
+"""Share of rows that repeat the time before them from which on the stamps have too few digits."""
+CHANGES = 0.1
+"""Share of its range by which an input changes at a dropped row for it to be that of a step."""
+SHOWN = 5
+"""Bad rows told one by one; the rest of a kind are counted."""
+
+
+def checked(
+    source: str,
+    columns: Mapping[str, NDArray[Any]],
+    said: Sequence[tuple[int, str, str]],
+    row_of: Callable[[int], int],
+    word: str,
+    repair: bool,
+    time_factor: float = 1.0,
+) -> NDArray[np.intp] | None:
+    """Samples to keep (None: all); raises DataError where rows are bad, all its faults at once.
+
+    `columns` by their label, the first of them the time. `said` lists cells that could not be read: (sample, column
+    label or empty for the whole row, what stands there).
+    """
+    time = next(iter(columns.values()))
+    count = len(time)
+    lengths = {len(values) for values in columns.values()}
+    if len(lengths) > 1:
+        raise DataError(
+            f"{source}: its columns have different lengths ({', '.join(map(str, sorted(lengths)))}); save it again"
+        )
+    if count == 0:
+        raise DataError(f"{source}: has a header but no rows; record the log again")
+    if not said and all(np.isfinite(values).all() for values in columns.values()) and (np.diff(time) > 0).all():
+        return None
+    bad = np.zeros(count, dtype=bool)
+    named: set[tuple[int, str]] = set()
+    cells = []
+    for sample, label, text in said:
+        bad[sample] = True
+        named.update((sample, column) for column in ([label] if label else columns))
+        if not label:
+            cells.append(f"{word} {row_of(sample)} has {text} cells, unlike the others")
+        elif not text:
+            cells.append(f"{word} {row_of(sample)}, column {label}, is empty")
+        else:
+            finite = "is not finite" if _overflows(text) else "is no number"
+            cells.append(f"{word} {row_of(sample)}, column {label}, holds {text!r}, which {finite}")
+    for label, values in columns.items():
+        for sample in np.flatnonzero(~np.isfinite(values)).tolist():
+            if (sample, label) not in named:
+                value = "empty or not a number" if np.isnan(values[sample]) else "infinite"
+                cells.append(f"{word} {row_of(sample)}, column {label}, is {value}")
+            bad[sample] = True
+    falls: list[str] = []
+    fine = np.flatnonzero(~bad)
+    rising = time[fine]
+    # a row is bad where its time is not above all times before it: dropping those leaves a rising time
+    highest = np.maximum.accumulate(rising)
+    late = np.flatnonzero(rising[1:] <= highest[:-1]) + 1
+    repeated = int(np.count_nonzero(rising[1:] == rising[:-1]))
+    if repeated > MOST_REPEATED * count:
+        raise DataError(
+            f"{source}: {repeated} of {count} rows repeat the time of the row before, from {word} "
+            f"{row_of(int(fine[late[0]]))} on: its stamps have too few digits, or rows were written twice; save each "
+            f"row once, with all digits, or leave the time out and give the sample rate with «rate_hz»"
+        )
+    jumps = np.flatnonzero(np.diff(rising) <= 0) + 1
+    set_back = len(late) > 5 * len(jumps)  # the clock was set back, and went on
+    for k in (jumps if set_back else late).tolist():
+        now, before = float(rising[k]) * time_factor, float(highest[k - 1]) * time_factor
+        how = "is repeated" if rising[k] == highest[k - 1] else "falls"
+        falls.append(f"time {how} at {word} {row_of(int(fine[k]))} ({now:.12g} s after {before:.12g} s)")
+    bad[fine[late]] = True
+    dropped = int(bad.sum())
+    few = dropped <= MOST_DROPPED * count
+    drop = ", or drop such rows with «repair»" if few else ""
+    faults = [
+        *_listed(source, cells, f"mend the cell{drop}"),
+        *_listed(source, falls, "split the log where its clock was set back" if set_back else f"sort the rows{drop}"),
+    ]
+    if not repair:
+        raise DataError(*faults)
+    if not few:
+        raise DataError(
+            f"{source}: {dropped} of {count} rows are bad, more than «repair» drops (1 % of a log); record it again",
+            *faults,
+        )
+    return np.flatnonzero(~bad)
+
+
+def without_moving_steps(
+    keep: NDArray[np.intp], time: NDArray[Any], input_: NDArray[Any]
+) -> tuple[NDArray[np.intp], list[int]]:
+    """Samples to keep, shape (n,), so that the input changes where it did; and dropped samples at which it changed.
+
+    Of two rows at one time the one with the new input is kept, where the other is not the only one before the step.
+    """
+    keep, lost = keep.copy(), []
+    least = CHANGES * float(np.nanmax(input_) - np.nanmin(input_))
+    for sample in np.setdiff1d(np.arange(len(time)), keep).tolist():
+        behind = int(np.searchsorted(keep, sample))
+        if not 0 < behind < len(keep):
+            continue
+        before, after = keep[behind - 1], keep[behind]
+        change = abs(float(input_[sample] - input_[before]))
+        if change > least and abs(float(input_[sample] - input_[after])) < 0.5 * change:
+            if behind > 1 and time[sample] == time[before]:
+                keep[behind - 1] = sample
+            else:
+                lost.append(sample)
+    return keep, lost
+
+
+def _overflows(text: str) -> bool:
+    """True for what reads as a number that no finite one is: nan, inf, 1e400."""
+    try:
+        return not math.isfinite(float(text))
+    except ValueError:
+        return False
+
+
+def _listed(source: str, found: Sequence[str], remedy: str) -> list[str]:
+    sentences = [f"{source}: {what}; {remedy}" for what in found[:SHOWN]]
+    if len(found) > SHOWN:
+        sentences.append(f"{source}: and {len(found) - SHOWN} more such rows; {remedy}")
+    return sentences
+
+
+PER_S = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}
+"""What clocks count that began in 1970."""
+EPOCH_S = (1e9, 4e9)
+"""First stamps of logs of 2001 to 2096, counted from 1970 [s]."""
+DAY_S = 86400.0
+SLOWEST_S = 90.0
+"""Sample time beyond which a clock without a unit counts not from 1970, but in a finer unit from power-up."""
+DAYS = ((30_000.0, 60_000.0), (700_000.0, 770_000.0))
+"""First stamps in days: Excel's of 1982 to 2064, MATLAB's datenum of 1916 to 2108."""
+FASTEST_HZ = 50_000.0
+"""Sample rate beyond which a clock whose unit nobody gave is doubted."""
+NO_BENCH_HZ = 5e6
+"""Sample rate beyond which any clock is doubted."""
+LONGEST_S = 3600.0
+"""Span beyond which whole numbers of a clock whose unit nobody gave are no seconds."""
+
+
+@dataclass(frozen=True)
+class TimeScale:
+    """Seconds in one unit of a time column, and whether somebody said so."""
+
+    factor: float
+    stated: bool
+    """The user, the file or the column's name says the unit."""
+    by_user: bool = False
+
+
+def time_scale(path: str, said: str | None, column: str, file_unit: str) -> TimeScale:
+    """Unit of a time column: what the user says, else the file, else its name; raises where that is no unit of time."""
+    if said is not None:
+        known = unit_of(said)
+        if said.startswith("/"):
+            return TimeScale(1.0 / divisor("time", said), True, True)
+        if known is None or known.quantity != "time":
+            raise UsageError(f"«units» time={said}: is no unit of time; use {TIME_UNITS}")
+        return TimeScale(known.factor, True, True)
+    bare, named = split_name(column)
+    text = file_unit or named or (bare if len(bare) > 1 or bare == "s" else "")
+    known = unit_of(text) if text else None
+    if known is not None and known.quantity == "time":
+        return TimeScale(known.factor, True)
+    if file_unit or named:
+        raise DataError(
+            f"{path}: column {column} is in {file_unit or named}, which is no unit of time that eaid knows; "
+            f"say it with «units» time=UNIT ({TIME_UNITS})"
+        )
+    return TimeScale(1.0, False)
+
+
+def seconds_since_start(
+    path: str, column: str, raw: NDArray[Any], scale: TimeScale
+) -> tuple[Array, float, tuple[Finding, ...]]:
+    """Time since the first sample [s], shape (n,), the clock there [s], and what is doubtful in it.
+
+    `raw` rises; raises DataError where the column numbers the samples, or names a unit that its stamps contradict.
+    """
+    if not len(raw):
+        return np.empty(0), 0.0, ()
+    first = raw[0]
+    gone = read_only(raw - first)
+    usual = float(np.median(np.diff(gone[:10_000]))) if len(gone) > 1 else 0.0
+    factor, findings = scale.factor, list[Finding]()
+    counted = _epoch(float(first))
+    if not scale.stated:
+        if words_of(split_name(column)[0]) & COUNTERS and usual == 1.0:
+            raise DataError(
+                f"{path}: column {column} numbers the samples and is no time; give their rate with «rate_hz» HZ and "
+                f"name no time column, or say «units» time=/1000 for 1000 samples a second"
+            )
+        if counted is not None and usual / PER_S[counted] <= SLOWEST_S:
+            factor = 1.0 / PER_S[counted]
+            if counted != "s":
+                findings.append(finding("time-since-1970", path, column=column, unit=counted))
+        elif usual < 1.0 / FASTEST_HZ and any(low <= first <= high for low, high in DAYS):
+            factor = DAY_S
+            findings.append(finding("time-in-days", path, column=column))
+        else:
+            findings.extend(_doubts(path, column, gone, usual))
+    elif not scale.by_user and counted is not None and not math.isclose(factor * PER_S[counted], 1.0):
+        raise DataError(
+            f"{path}: column {column} says its unit, but its first stamp, {float(first):.10g}, counts "
+            f"{counted} since 1970; say which with «units» time=UNIT"
+        )
+    if scale.stated and not scale.by_user and 0 < usual * factor < 1.0 / NO_BENCH_HZ:
+        rate_hz = 1.0 / (usual * factor)
+        findings.append(finding("time-too-fast", path, column=column, rate_hz=rate_hz, likely="d"))
+    return read_only(gone if factor == 1.0 else gone * factor), float(first) * factor, tuple(findings)
+
+
+def _epoch(first: float) -> str | None:
+    """What a clock counts since 1970, by its first stamp."""
+    return next((unit for unit, per_s in PER_S.items() if EPOCH_S[0] <= first / per_s <= EPOCH_S[1]), None)
+
+
+def _doubts(path: str, column: str, gone: Array, usual: float) -> list[Finding]:
+    """What speaks against seconds in a clock whose unit nobody gave."""
+    if 0 < usual < 1.0 / FASTEST_HZ:
+        likely = "d" if usual < 2e-7 else "min"
+        return [finding("time-too-fast", path, column=column, rate_hz=1.0 / usual, likely=likely)]
+    if usual < 1.0 or not bool(np.all(gone[:100_000] == np.floor(gone[:100_000]))):
+        return []
+    span = float(gone[-1])
+    likely = likely_time_unit(usual)
+    code = "time-too-long" if span > LONGEST_S else "time-in-whole-numbers"
+    return [finding(code, path, column=column, usual_s=usual, span_s=span, likely=likely)]
 
 
 @dataclass(frozen=True)

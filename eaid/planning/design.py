@@ -6,16 +6,22 @@ levels and repeats, the one that takes the least time on the rig is taken.
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from math import ceil, inf
+from typing import Protocol, TypeAlias, TypeVar
 
 import numpy as np
 
 from eaid.arrays import Array
-from eaid.models.parameters import Friction
+from eaid.errors import DataError
+from eaid.models.parameters import SHARE, Friction
+from eaid.results.fit import Fit, FrictionLevel
+from eaid.synth.plants import Plant, clutch, of_fit
 from eaid.uncertainty.curve import powers
+from eaid.uncertainty.draw import draw
 from eaid.uncertainty.level_statistics import TERMS
-from eaid.uncertainty.rig_noise import Noise
-from eaid.uncertainty.student_t import t_quantile
+from eaid.uncertainty.rig_noise import ASSUMED, Noise, cautious, noise_of_fit, scattered
+from eaid.uncertainty.runs import t_quantile
 
 PARAMETERS = {"Ts": 0, "tau1": 1, "tau2": 2}
 """What a width can be wanted of: the curve over the duty, at its worst level."""
@@ -127,3 +133,154 @@ def level_sets(known: Sequence[float], most: int) -> list[list[float]]:
         inner = [round(level, digits) for level in np.linspace(low, high, count).tolist()]
         sets.append(sorted({min(max(level, low), high) for level in inner}))
     return sets
+
+
+POWER = 0.7
+"""Power of the excess by which a plan is asked for narrower: widths fall faster than their prediction."""
+LEAST, MOST = 1.03, 3.0
+"""Least factor by which a width that was not kept is asked for narrower, and the excess that counts at most."""
+ROUNDS = 6
+"""Times that a plan is made larger."""
+
+Widths = dict[str, float]
+"""Half-width of the 95 % interval at the worst input [%], by parameter; infinite where there is none."""
+
+
+class Planned(Protocol):
+    """An experiment that was designed."""
+
+    @property
+    def met(self) -> bool:
+        """Whether its predicted widths are those wanted."""
+
+    @property
+    def half_width_pct(self) -> Mapping[str, float]:
+        """Its predicted widths."""
+
+
+P = TypeVar("P", bound=Planned)
+
+
+def enlarged(
+    make: Callable[[Mapping[str, float]], P],
+    measure: Callable[[P], list[Widths]],
+    wanted: Mapping[str, float],
+    keeping: float,
+) -> tuple[P, list[Widths]]:
+    """The plan that `make` gives for the wanted widths [%], larger until each is kept with probability `keeping`.
+
+    A width measured too wide is asked for narrower in the next round. A plan that falls short even by its prediction is
+    as large as the limits allow, and stays. Returned with it are its simulated widths, and those of the plans before it
+    as far from its prediction as they were from their own.
+    """
+    asked = dict(wanted)
+    plan = make(asked)
+    rows = measure(plan)
+    for _ in range(ROUNDS):
+        excess = over(kept_widths(rows, keeping), wanted)
+        if not plan.met or max(excess.values()) <= 1:
+            break
+        for name, ratio in excess.items():
+            if ratio > 1:
+                asked[name] /= max(LEAST, min(ratio, MOST) ** POWER)
+        larger = make(asked)
+        if larger != plan:
+            known = {name: width for name, width in plan.half_width_pct.items() if 0 < width < inf}
+            scale = {name: larger.half_width_pct[name] / width for name, width in known.items()}
+            # a width without end says that the smaller plan was too small, and nothing of the larger one
+            ended = [row for row in rows if max(row.values()) < inf]
+            before = [{name: width * scale.get(name, 1.0) for name, width in row.items()} for row in ended]
+            plan, rows = larger, before + measure(larger)
+    return plan, rows
+
+
+def kept_widths(rows: Sequence[Widths], keeping: float) -> Widths:
+    """The width that the next recording keeps with probability `keeping`, each parameter by itself."""
+    place = ceil(keeping * (len(rows) + 1) - 1e-9) - 1
+    return {name: sorted(row[name] for row in rows)[place] for name in rows[0]}
+
+
+def over(widths: Mapping[str, float], wanted: Mapping[str, float]) -> dict[str, float]:
+    """Widths over the wanted ones, of what is wanted."""
+    return {name: widths[name] / width for name, width in wanted.items()}
+
+
+def finite(widths: Mapping[str, float]) -> dict[str, float | None]:
+    """Widths as a result holds them: None where there is no interval."""
+    return {name: width if width < float("inf") else None for name, width in widths.items()}
+
+
+Rig: TypeAlias = tuple[Plant, Noise]
+
+
+@dataclass(frozen=True)
+class FittedRig:
+    """A fit's plant, and the noise and scatter of its runs."""
+
+    fit: Fit
+    plant: Plant
+    levels: Sequence[float]
+    """The identified range of a clutch; the fitted levels of a friction experiment."""
+    share: float
+    """C."""
+    noise: Noise
+    known: bool
+    """Whether the fit says how noisy the rig is; else the noise is assumed."""
+
+    @property
+    def degrees(self) -> float:
+        """Degrees of freedom that the scatter is known by; 0: none are known."""
+        return (self.fit.uncertainty.degrees_of_freedom if self.fit.uncertainty is not None else None) or 0.0
+
+    @property
+    def design_noise(self) -> Noise:
+        """What to design with: the scatter that only one rig in five exceeds."""
+        return cautious(self.noise, self.degrees if self.known else 0.0)
+
+    def quickest(self, wanted: Mapping[str, float], session: Session) -> Experiment:
+        """The quickest steps from rest for the wanted half-widths [%]."""
+        polynomial = self.plant.kind == "clutch"
+        candidates = level_sets(self.levels, session.most_levels) if polynomial else [list(self.levels)]
+        return quickest(self.plant.at, candidates, wanted, self.design_noise, session, polynomial)
+
+    def drawn(self, n: int, seed: int) -> list[Rig]:
+        """`n` rigs that the data of the fit allow."""
+        random = np.random.default_rng([seed, 3])
+        if self.plant.kind == "clutch":
+            plants = [clutch(model, self.plant.made_of) for model in draw(self.fit, n, seed).plants]
+        else:
+            assert self.fit.friction is not None
+            plants = [_levels_drawn(self.plant, self.fit.friction.levels, random) for _ in range(n)]
+        degrees = max(self.degrees, 1.0)
+        chance = random.chisquare(degrees, (n, 3)) / degrees
+        factors = 1 / np.sqrt(chance) if self.degrees > 0 else np.ones((n, 3))
+        return [(plant, scattered(self.noise, row)) for plant, row in zip(plants, factors, strict=True)]
+
+
+def rig_of(fit: Fit) -> FittedRig:
+    """The rig that a fit describes; `DataError` where it holds neither a nonlinear nor a friction model."""
+    if fit.nonlinear is None and (fit.data.kind == "clutch" or not fit.friction_levels):
+        raise DataError("the fit holds neither a nonlinear nor a friction model to plan with; fit again")
+    plant = of_fit(fit, "clutch" if fit.nonlinear is not None else fit.data.kind, "a fit")
+    levels: Sequence[float] = plant.levels
+    if plant.model is not None:
+        levels, share = plant.model.u_range, plant.model.C
+    else:
+        share = (fit.friction.C if fit.friction is not None else None) or SHARE
+    noise = noise_of_fit(fit)
+    return FittedRig(fit, plant, levels, share, noise or ASSUMED, noise is not None)
+
+
+def _levels_drawn(plant: Plant, rows: tuple[FrictionLevel, ...], random: np.random.Generator) -> Plant:
+    """The same experiment with T_s, τ1, τ2 of each level drawn from their intervals, where they have some."""
+    curves = {}
+    for row in rows:
+        drawn: dict[str, float] = {}
+        for name in PARAMETERS:
+            ends = None if row.ci95 is None else getattr(row.ci95, name)
+            if ends is not None and ends[0] > 0:
+                half_width = 0.5 * np.log(ends[1] / ends[0])
+                factor = np.exp(random.standard_normal() * half_width / t_quantile(np.inf))
+                drawn[name] = getattr(row, name) * float(factor)
+        curves[row.level] = replace(row.curve, **drawn)
+    return replace(plant, at=curves.__getitem__)

@@ -3,21 +3,75 @@
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 
+import numpy as np
+
 from eaid.declared import keyed, pairs
 from eaid.errors import DataError
 from eaid.findings import finding
+from eaid.logs.run import Run
 from eaid.models.parameters import Nonlinear
-from eaid.options import Limits, PlanOptions
-from eaid.planning import played
-from eaid.planning.design import Session
-from eaid.planning.enlarge import Widths, enlarged, finite, kept_widths, over
-from eaid.planning.recordings import refuse_widths
-from eaid.planning.rigs import rig_of
-from eaid.recorded.design import ExcitationPlan, plan_excitation
-from eaid.recorded.sequence import refuse_scattered
+from eaid.options import FitOptions, Limits, PlanOptions
+from eaid.planning.design import Session, Widths, enlarged, finite, kept_widths, over, rig_of
+from eaid.planning.recordings import RATE_HZ, disturbance_of, refuse_widths
+from eaid.recorded.design import PARAMETERS, ExcitationPlan, plan_excitation, refuse_scattered
+from eaid.recorded.fit import fit_recorded
 from eaid.results.fit import Fit
 from eaid.results.recorded import Excitation
+from eaid.synth.logs import Disturbance, measured, response, sample_times, scatter
+from eaid.synth.plants import clutch
 from eaid.uncertainty.rig_noise import Noise
+
+
+def recording(
+    plan: ExcitationPlan,
+    p: Nonlinear,
+    disturbance: Disturbance,
+    seed: int,
+    rate_hz: float = RATE_HZ,
+) -> Run:
+    """One log of the sequence; each engagement, from its rest on, has a scatter of its own."""
+    draw, plant, changes = np.random.default_rng(seed), clutch(p), plan.breaks[:-1]
+    time_s = sample_times(plan.time_s, rate_hz, 0.0, draw)
+    start, duty = np.array(changes).T
+    place = np.searchsorted(start, time_s, side="right") - 1
+    engagement = np.cumsum(duty == 0)[place]
+    torque = np.empty_like(time_s)
+    for number in np.unique(engagement):
+        part = engagement == number
+        torque[part] = response(plant, changes, time_s, scatter(disturbance, draw))[part]
+    output = measured(torque, time_s, np.zeros_like(time_s), disturbance, draw)
+    return Run("planned", time_s, duty[place], output, plant.input_unit, plant.output_unit, "eaid synth", "")
+
+
+def measure(
+    plan: ExcitationPlan,
+    p: Nonlinear,
+    noise: Noise,
+    sets: int,
+    seed: int = 0,
+    progress: Callable[[], None] = lambda: None,
+) -> list[Widths]:
+    """Half-widths [%] at the worst duty of every recording's own intervals."""
+    options = FitOptions(model=("nonlinear",), duty=p.u_range, share=p.C)
+    rows = []
+    for k in range(sets):
+        run = recording(plan, p, disturbance_of(noise), seed + 7919 * k)
+        rows.append(widths(fit_recorded([run], options, falls=False, loop_refits=0)))
+        progress()
+    return rows
+
+
+def widths(fit: Fit) -> Widths:
+    """Half-widths at the worst shown duty [%]; infinite where one is not known."""
+    curves = fit.nonlinear.curves if fit.nonlinear is not None else ()
+    worst = dict.fromkeys(PARAMETERS, 0.0 if curves else float("inf"))
+    for level in curves:
+        for name in PARAMETERS:
+            ends = getattr(level.ci95, name)
+            width = float("inf") if ends is None or ends[0] <= 0 else 100 * ((ends[1] / ends[0]) ** 0.5 - 1)
+            worst[name] = max(worst[name], width)
+    return worst
+
 
 SETS, KEEPING = 20, 19 / 21
 """Recordings that are simulated of each sequence, and the probability that a recording keeps a width: 19 of 20 do."""
@@ -84,10 +138,10 @@ def sequence_for(
     def make(wanted: Mapping[str, float]) -> ExcitationPlan:
         return plan_excitation(p, noise, wanted, limits, options.seed)
 
-    def measure(plan: ExcitationPlan) -> list[Widths]:
-        return played.measure(plan, p, noise, SETS, options.seed, progress)
+    def simulated(plan: ExcitationPlan) -> list[Widths]:
+        return measure(plan, p, noise, SETS, options.seed, progress)
 
-    return enlarged(make, measure, options.want, KEEPING) if options.check else (make(options.want), None)
+    return enlarged(make, simulated, options.want, KEEPING) if options.check else (make(options.want), None)
 
 
 def kept_share(rows: list[Widths], wanted: Mapping[str, float]) -> float:

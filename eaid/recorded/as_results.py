@@ -7,24 +7,31 @@ from pathlib import Path
 import numpy as np
 
 from eaid.arrays import Array
-from eaid.fitting.data import data_of
+from eaid.fitting.data import data_of, errors
 from eaid.fitting.linear import bounds_of, single_levels
-from eaid.fitting.metrics import errors
 from eaid.logs.run import Run
 from eaid.models import nonlinear as curve
 from eaid.models.parameters import Linear as Eq8
-from eaid.recorded.curve_intervals import CurveSpread
-from eaid.recorded.intervals import Spread
+from eaid.recorded.intervals import CurveSpread, Spread
 from eaid.recorded.log import RecordedLog
-from eaid.recorded.scatter import FEWEST
+from eaid.recorded.noise import FEWEST_ENGAGEMENTS
 from eaid.recorded.solve import Solved, model_of
 from eaid.results.common import Input, Interval, LevelError, Source
-from eaid.results.fit import FittedData
-from eaid.results.friction import Friction, FrictionLevel, LevelIntervals, Release
-from eaid.results.linear import Linear
-from eaid.results.nonlinear import CoefficientIntervals, Covariance, CurveLevel, Nonlinear
+from eaid.results.fit import (
+    CoefficientIntervals,
+    Covariance,
+    CurveLevel,
+    FittedData,
+    Friction,
+    FrictionLevel,
+    LevelIntervals,
+    Linear,
+    Noise,
+    Nonlinear,
+    Release,
+    Uncertainty,
+)
 from eaid.results.recorded import Falls
-from eaid.results.uncertainty import Noise, Uncertainty
 from eaid.steps.stepset import Level, StepSet
 from eaid.uncertainty.joint import coefficients_of
 from eaid.uncertainty.nonlinear_intervals import coefficient_intervals, covariance_part
@@ -144,7 +151,7 @@ def uncertainty_part(solved: Solved, uncertainty: Spread) -> Uncertainty:
     seen = uncertainty.scatter
     return Uncertainty(
         ci="robust",
-        scatter_from="engagements" if seen.count >= FEWEST else "within",
+        scatter_from="engagements" if seen.count >= FEWEST_ENGAGEMENTS else "within",
         degrees_of_freedom=min(degrees_of(solved, uncertainty).values()),
         noise=Noise(seen.sensor_nm2_s, seen.ripple_s, {"Ts": seen.gain, "tau1": 0.0, "tau2": 0.0}),
     )

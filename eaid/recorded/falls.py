@@ -15,10 +15,9 @@ from scipy.stats import f as f_distribution
 
 from eaid.arrays import Array
 from eaid.findings import Finding, Value, finding
-from eaid.recorded.drive import Drive
 from eaid.recorded.intervals import Spread, spread
-from eaid.recorded.problem import NOTHING, with_extras
-from eaid.recorded.solve import Solved, finished
+from eaid.recorded.response import Drive
+from eaid.recorded.solve import NOTHING, Solved, finished, with_extras
 from eaid.results.common import Interval
 from eaid.results.recorded import Falls
 

@@ -5,18 +5,21 @@ intervals from the residuals as they are; what the inputs never asked about is s
 with them as their mean curves, each sample of each repeat alike.
 """
 
+import itertools
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import msgspec
 import numpy as np
+from numpy.typing import NDArray
 
-from eaid.errors import UsageError
-from eaid.findings import finding, ranked
+from eaid.arrays import Array
+from eaid.errors import DataError, UsageError
+from eaid.findings import Finding, finding, ranked
 from eaid.logs.run import Run
 from eaid.models.parameters import Linear as Eq8
 from eaid.options import FitOptions
-from eaid.recorded import checks, model
+from eaid.recorded import model
 from eaid.recorded.as_results import (
     data_part,
     friction_part,
@@ -25,23 +28,216 @@ from eaid.recorded.as_results import (
     release_part,
     uncertainty_part,
 )
-from eaid.recorded.closed_loop import judged_loops
-from eaid.recorded.curve_intervals import asked, curves, never_asked, widened
+from eaid.recorded.closed_loop import judged_loops, with_instrument
 from eaid.recorded.falls import tested, tested_by_level
 from eaid.recorded.frequency import responses
-from eaid.recorded.inputs import inputs_of
-from eaid.recorded.instrument import with_instrument
-from eaid.recorded.intervals import spread
+from eaid.recorded.intervals import asked, curves, never_asked, spread, widened
 from eaid.recorded.late import delay_findings
 from eaid.recorded.log import RecordedLog, logs_of_steps, recorded_log
-from eaid.recorded.log_results import log_parts
-from eaid.recorded.problem import setup_of
-from eaid.recorded.scatter import scatter_findings
-from eaid.recorded.solve import model_of, solve
+from eaid.recorded.noise import scatter_findings
+from eaid.recorded.solve import Solved, idle_of, model_of, setup_of, solve
 from eaid.results.fit import Fit
-from eaid.results.recorded import Recorded
+from eaid.results.recorded import LogCurve, LogFit, Recorded
 from eaid.steps.stepset import StepSet
 from eaid.uncertainty import workflow
+
+LEAST_ROWS = 10
+FEW_VALUES = 5
+"""Different outputs up to which an input that moves all the time is taken for the output."""
+JUMP = 0.1
+"""A jump, as a part of the largest input."""
+FAST_PCT = 20.0
+SATURATED_PCT = 20.0
+CLIPPED_PCT = 5.0
+
+
+def refuse(logs: Sequence[RecordedLog]) -> None:
+    """Raise `DataError` with a sentence for every log that no model can be fitted to."""
+    faults = []
+    for log in logs:
+        where = log.source or log.name
+        top = float(np.nanmax(np.abs(log.input), initial=0.0))
+        known = int(np.isfinite(log.output).sum())
+        if not np.isfinite(log.input).all():
+            faults.append(f"{where}: the input is not known at every row; a fit needs it whole")
+        elif top == 0.0:
+            faults.append(f"{where}: its input never leaves rest; there is nothing to fit")
+        elif (log.input < 0).any():
+            faults.append(f"{where}: its input is both above and below rest; say where rest is («rest»)")
+        elif known < LEAST_ROWS:
+            faults.append(f"{where}: holds {known} rows with an output; a fit needs {LEAST_ROWS}")
+        elif np.ptp(log.output[np.isfinite(log.output)]) == 0:
+            faults.append(f"{where}: its output never changes; look at the sensor")
+        elif len(np.unique(log.output[np.isfinite(log.output)])) <= FEW_VALUES and not log.stepwise:
+            faults.append(
+                f"{where}: its output takes {FEW_VALUES} values or fewer while its input moves all the time, as if "
+                "they were swapped; name both with «columns» input=NAME,output=NAME"
+            )
+        elif not (np.diff(log.time_s) > 0).all():
+            faults.append(f"{where}: its time does not rise; sort or drop the rows")
+    if faults:
+        raise DataError(*faults)
+
+
+def input_findings(logs: Sequence[RecordedLog], levels: Array, stepwise: bool) -> list[Finding]:
+    """What is doubtful in the inputs, log by log and together."""
+    found = [one for log in logs for one in (_fast(log), _saturated(log), _clipped(log)) if one is not None]
+    found += [
+        finding("input-never-moves", log.name, level=float(log.input[0]))
+        for log in logs
+        if np.ptp(log.input) == 0 and log.idle_start is not True
+    ]
+    if len(levels) == 1:
+        found.append(finding("one-input-only", "data", levels))
+    elif stepwise and len(levels) < 4:
+        found.append(finding("few-inputs", "data", levels, count=len(levels)))
+    return found
+
+
+def _fast(log: RecordedLog) -> Finding | None:
+    """Rows that differ much from both neighbours, in opposite directions or not."""
+    step = np.abs(np.diff(log.input)) > JUMP * log.input.max()
+    alone = step[1:] & step[:-1]
+    acting = int((log.input > 0).sum())
+    share = 100.0 * int(alone.sum()) / max(acting, 1)
+    return finding("input-faster-than-sampled", log.name, share_pct=share) if share > FAST_PCT else None
+
+
+def _saturated(log: RecordedLog) -> Finding | None:
+    """A moving input that stands at its largest value."""
+    share = 100.0 * log.saturated
+    if (log.stepwise and log.reference is None) or share <= SATURATED_PCT:
+        return None
+    return finding("input-saturates", log.name, share_pct=share, limit=float(log.input.max()))
+
+
+def _clipped(log: RecordedLog) -> Finding | None:
+    """An output that stands at its largest value while different inputs act, and never comes near it otherwise."""
+    y = log.output[np.isfinite(log.output)]
+    u = log.input[np.isfinite(log.output)]
+    top = float(y.max())
+    at = y == top
+    share = 100.0 * float(at.mean())
+    steps = np.unique(y)
+    if share <= CLIPPED_PCT or len(steps) < 20 or np.ptp(u[at]) <= JUMP * u.max():
+        return None
+    return finding("output-saturates", log.name, share_pct=share, limit=top)
+
+
+ALIKE = 1e-3
+"""Inputs that differ by less than this part of the largest are one level."""
+MANY = 60
+"""Levels beyond which inputs count as moving."""
+TAIL = 0.01
+"""Part of the acting time that a moving input may spend below, and above, the identified range."""
+
+
+@dataclass(frozen=True, eq=False)
+class Inputs:
+    """What the logs excite."""
+
+    levels: Array
+    """Held levels, or the ends of the range where the inputs move."""
+    low: float
+    high: float
+    stepwise: bool
+
+    @property
+    def basis(self) -> Array:
+        """Levels over which the models are laid out."""
+        if self.stepwise and len(self.levels) > 1:
+            return np.unique([*self.levels, self.low, self.high])
+        if self.stepwise:
+            return self.levels
+        return np.linspace(self.low, self.high, 11) if self.high > self.low else np.array([self.low])
+
+    @property
+    def shown(self) -> Array:
+        """Inputs at which curves are given: the levels where they are few, else eleven over the range."""
+        few = self.stepwise and 0 < len(self.basis) <= 12
+        return self.basis if few else np.linspace(self.low, self.high, 11)
+
+
+def levels_of(logs: Sequence[RecordedLog]) -> Array:
+    """The different inputs above rest, rising; those within a thousandth of the largest taken together."""
+    values = np.unique(np.concatenate([log.input[log.changes] for log in logs]))
+    values = values[values > 0]
+    return np.asarray(values[np.append(True, np.diff(values) > ALIKE * values[-1])], dtype=np.float64)
+
+
+def inputs_of(logs: Sequence[RecordedLog], wanted: tuple[float, float] | None) -> Inputs:
+    """Levels and range that the logs excite, or the range that was asked for."""
+    levels = levels_of(logs)
+    stepwise = all(log.stepwise for log in logs) and len(levels) <= MANY
+    if wanted is not None:
+        inside = levels[(levels >= wanted[0]) & (levels <= wanted[1])]
+        return Inputs(inside if stepwise else np.array(wanted), *wanted, stepwise)
+    if stepwise:
+        return Inputs(levels, float(levels[0]), float(levels[-1]), True)
+    values, weights = [np.concatenate(part) for part in zip(*((log.input, log.dt_s) for log in logs), strict=True)]
+    acting = values > 0
+    values, weights = values[acting], weights[acting]
+    order = np.argsort(values)
+    share = np.cumsum(weights[order]) / weights.sum()
+    ends = np.minimum(np.searchsorted(share, [TAIL, 1 - TAIL]), len(order) - 1)
+    low, high = values[order][ends].tolist()
+    return Inputs(np.array([low, high]) if high > low else np.array([low]), low, high, False)
+
+
+STRETCHES = 150
+"""Of a long log, each with the rows of its extremes."""
+DIGITS = 6
+"""Of the values that are drawn."""
+
+
+def log_parts(solved: Solved, logs: Sequence[RecordedLog]) -> tuple[LogFit, ...]:
+    """The results of the first logs of a fit; there may be others after them."""
+    return tuple(_log_part(solved, k, log) for k, log in enumerate(logs))
+
+
+def _log_part(solved: Solved, k: int, log: RecordedLog) -> LogFit:
+    drive, own = solved.setup.drives[k], solved.setup.places[k].own
+    counted = drive.w > 0
+    missed, y = solved.missed[k], solved.outputs[k]
+    about = float(np.linalg.norm(y - y.mean()))
+    span = float(log.time_s[-1] - log.time_s[0])
+    return LogFit(
+        name=log.name,
+        path=log.source,
+        sha256=log.sha256,
+        samples=len(y),
+        duration_s=span,
+        rate_hz=(len(log.time_s) - 1) / span,
+        input_kind="stepwise" if log.stepwise else "moving",
+        idle=idle_of(solved, k) + (log.baseline or 0.0),
+        idle_fitted=bool(own[0] >= 0),
+        start=tuple(float(solved.x[at]) if at >= 0 else 0.0 for at in own[1:]),  # type: ignore[arg-type]
+        rmse=float(np.sqrt(np.mean(missed * missed))),
+        fit_pct=100 * (1 - float(np.linalg.norm(missed)) / about) if about > 0 else None,
+        one_step_pct=100 * (1 - float(np.linalg.norm(np.diff(missed))) / about) if about > 0 else None,
+        curve=curve_of(log.time_s[counted], log.input[counted], log.output[counted], -missed),
+    )
+
+
+def curve_of(time_s: Array, level: Array, measured: Array, residual: Array) -> LogCurve:
+    """Rows to be drawn; shapes (n,)."""
+    at = extremes(np.stack([level, measured, residual]), STRETCHES)
+    columns = (time_s, level, measured, measured - residual, residual)
+    return LogCurve(*(tuple(float(f"{x:.{DIGITS}g}") for x in column[at]) for column in columns))
+
+
+def extremes(rows: Array, stretches: int) -> NDArray[np.intp]:
+    """Samples at which one of the rows, (k, n), is least or greatest within its stretch; all where they are few."""
+    count, n = rows.shape
+    if n <= 2 * count * stretches:
+        return np.arange(n)
+    starts = np.linspace(0, n, stretches + 1).astype(np.intp)
+    found = [np.array([0, n - 1])]
+    for first, last in itertools.pairwise(starts.tolist()):
+        part = rows[:, first:last]
+        found += [first + part.argmin(axis=1), first + part.argmax(axis=1)]
+    return np.unique(np.concatenate(found))
+
 
 FRICTION_LEVELS = 20
 """Levels that are fitted by themselves, at most."""
@@ -103,10 +299,10 @@ def fit_recorded(
     options = options or FitOptions()
     share = options.held_share
     logs = [run if isinstance(run, RecordedLog) else recorded_log(run, rest) for run in runs]
-    checks.refuse(logs)
+    refuse(logs)
     every = [*logs, *(logs_of_steps(steps) if steps is not None else [])]
     inputs = inputs_of(every, options.duty)
-    found = checks.input_findings(logs, inputs.levels, inputs.stepwise)
+    found = input_findings(logs, inputs.levels, inputs.stepwise)
     rests = any(log.starts_idle or bool((log.input == 0).any()) or log.baseline is not None for log in every)
     if not rests:
         found += [finding("idle-not-seen", log.name) for log in logs]

@@ -21,7 +21,7 @@ from eaid.arrays import Array
 from eaid.errors import DataError
 from eaid.models.parameters import Linear, Nonlinear
 from eaid.recorded.log import RecordedLog
-from eaid.recorded.states import from_rest
+from eaid.recorded.response import from_rest
 from eaid.replay.plant import plant_parameters, plant_terms
 from eaid.results.recorded import Response
 

@@ -25,9 +25,13 @@ from numpy.typing import NDArray
 from scipy.stats import t as student
 
 from eaid.arrays import Array
-from eaid.recorded.residual_noise import Lines, Piece, by_spectrum, moving, piece_of
-from eaid.recorded.scatter import Scatter, scatter_of
-from eaid.recorded.solve import Solved, idle_of
+from eaid.findings import Finding, finding
+from eaid.fitting.solver import Problem, approach, newton_step
+from eaid.recorded.law import Law, simulated
+from eaid.recorded.log import RecordedLog
+from eaid.recorded.noise import Lines, Piece, Scatter, by_spectrum, moving, piece_of, scatter_of
+from eaid.recorded.solve import Setup, Solved, idle_of, refit
+from eaid.results.recorded import Asked, Bias
 
 WINDOWS_S = (0.3, 1.0, 3.0, 10.0)
 """Lengths of the stretches [s]."""
@@ -178,3 +182,240 @@ def directions(solved: Solved) -> Array:
     _, size, ways = np.linalg.svd(solved.setup.problem().A[solved.active])
     rank = int((size > 1e-10 * size.max(initial=0.0)).sum())
     return np.asarray(ways[rank:].T)
+
+
+TRIES = 6
+"""Values that are tested, at most, for one end."""
+CLOSE = 0.02
+"""An end is where the test's ratio is this near to 1."""
+STEPS = 10
+"""Newton steps to one value, at most …"""
+SETTLED = 1e-4
+"""… until one is worth less than this part of the cost that lies between the value and the least cost."""
+FARTHEST = np.log(20.0)
+"""An end farther off than this in log q is none."""
+
+
+@dataclass(frozen=True, eq=False)
+class ScoreTest:
+    """The cost about its minimum, on the copies on which the fit was looked for."""
+
+    setup: Setup
+    problem: Problem
+    x: Array
+    idle: tuple[float, ...]
+    """Idle output of each log."""
+    pull: Array
+    """H⁻¹ where the constraints leave it free."""
+    noise: Scatter
+
+    def ends(self, g: Array, half: float) -> tuple[float, float]:
+        """How far the ends lie from g'x in its logarithm, given its half-width by the parabola; infinite: none."""
+        usual = self.step(self.x, g)[1]
+        low, high = (self._end(g, half, usual, side) for side in (-1.0, 1.0))
+        return low, high
+
+    def _end(self, g: Array, half: float, usual: float, side: float) -> float:
+        """Regula falsi in log q for the ratio of the step to what the test allows, which is 0 at the least cost."""
+        known, place = [(0.0, 0.0)], half / float(g @ self.x)
+        for _ in range(TRIES):
+            place = min(place, FARTHEST)
+            x = self.held(g, side * place)
+            if x is None:
+                return np.inf
+            step, variance = self.step(x, g)
+            ratio = abs(step) / (half * (variance / usual) ** 0.5)
+            if abs(ratio - 1) <= CLOSE:
+                break
+            if place == FARTHEST and ratio < 1:
+                return np.inf
+            known.append((place, ratio))
+            below = max((row for row in known if row[1] < 1), key=lambda row: row[0])
+            above = min((row for row in known if row[1] >= 1), key=lambda row: row[0], default=None)
+            if above is None:
+                place *= min(max(1 / max(ratio, 1e-3), 1.2), 3.0)
+            else:
+                place = below[0] + (above[0] - below[0]) * (1 - below[1]) / (above[1] - below[1])
+        return place
+
+    def held(self, g: Array, place: float) -> Array | None:
+        """Where the cost is least with log g'x off its least-squares value by `place`; None where none is known."""
+        value, side, p = float(g @ self.x), np.sign(place), self.problem
+        off = value * np.expm1(place)
+        bound = replace(p, A=np.vstack([p.A, side * g]), b=np.append(p.b, side * (value + off)))
+        x, size = self.x, off**2 / float(g @ self.pull @ g)
+        for _ in range(STEPS):
+            _, gradient, curvature = p.normal(x)
+            if not np.isfinite(curvature).all():
+                return None
+            move = newton_step(bound, x, gradient, curvature).d
+            x = x + move
+            if move @ curvature @ move <= SETTLED * size:
+                break
+        return x
+
+    def step(self, x: Array, g: Array) -> tuple[float, float]:
+        """The step that the residuals ask for, and its variance by the density of the noise."""
+        n = self.setup.size
+        H, omega, score = np.zeros((n, n)), np.zeros((n, n)), np.zeros(n)
+        for log, drive in enumerate(self.setup.drives):
+            J, r = self.setup.jacobian(x, log)
+            counted = drive.w > 0
+            torque = drive.y[counted] - self.idle[log] + r / np.sqrt(drive.w[counted])
+            at = self.setup.places[log].columns
+            H[np.ix_(at, at)] += J.T @ J
+            omega[np.ix_(at, at)] += (J * (self.noise.sensor_nm2_s + self.noise.ripple_s * torque**2)[:, None]).T @ J
+            score[at] += J.T @ r
+        along = inverse(H) @ g
+        return float(along @ score), float(along @ omega @ along)
+
+
+def score_test(solved: Solved, uncertainty: Spread) -> ScoreTest:
+    """The test about the end of a fit."""
+    problem = solved.fitted.problem()
+    idle = tuple(idle_of(solved, log) for log in range(len(solved.fitted.drives)))
+    return ScoreTest(solved.fitted, problem, approach(problem, solved.x).x, idle, uncertainty.pull, uncertainty.scatter)
+
+
+def like_residuals(r: Array, draw: np.random.Generator) -> Array:
+    """Noise of the residuals' own spectrum, with phases of its own, (n,)."""
+    spectrum = np.fft.rfft(r)
+    turned = np.abs(spectrum) * np.exp(2j * np.pi * draw.uniform(size=len(spectrum)))
+    return np.asarray(np.fft.irfft(turned, len(r)))
+
+
+@dataclass(frozen=True, eq=False)
+class CurveBias:
+    """Size of the mean error of the refits in log T_s, log τ1, log τ2, (3, L), chance taken off, at inputs (L,)."""
+
+    duty: Array
+    off: Array
+    mean: Bias
+
+
+def bias_of(base: Solved, laws: Sequence[Law | None], refits: int, seed: int) -> CurveBias:
+    """Refits on simulated logs of the same loops: their mean error and their scatter."""
+    draw = np.random.default_rng(seed)
+    model, logs = base.setup.model, [one.log for one in base.setup.copies]
+    used = np.concatenate([log.input[log.input > 0] for log in logs[: len(laws)]])
+    low, high = np.clip(np.quantile(used, [0.1, 0.9]), model.low, model.high).tolist()
+    shown = np.linspace(low, high, 11)
+    truth = _logs_of_curves(base, shown)
+    rows = []
+    for _ in range(refits):
+        again: list[RecordedLog] = []
+        for k, log in enumerate(logs):
+            noise = like_residuals(base.missed[k], draw)
+            law = laws[k] if k < len(laws) else None
+            if law is not None and log.starts_idle and len(noise) == len(log.input):
+                again.append(simulated(base, k, log, law, noise))
+                continue
+            output, counted = log.output.copy(), base.setup.drives[k].w > 0
+            output[counted] += base.missed[k] + noise
+            again.append(replace(log, output=output))
+        rows.append(_logs_of_curves(refit(base, again), shown) - truth)
+    errors = np.array(rows)
+    mean, sd = errors.mean(axis=0), errors.std(axis=0, ddof=1) if refits > 1 else np.zeros_like(errors[0])
+    off = [100 * float(np.sqrt(np.mean(one**2))) for one in mean]
+    wide = [100 * float(np.sqrt(np.mean(one**2))) for one in sd]
+    beyond_chance = np.sqrt(np.maximum(mean**2 - sd**2 / refits, 0.0))
+    return CurveBias(shown, beyond_chance, Bias(refits, off[0], off[1], off[2], wide[0], wide[1], wide[2]))
+
+
+def _logs_of_curves(solved: Solved, duty: Array) -> Array:
+    """log T_s, log τ1, log τ2, (3, L)."""
+    tables = solved.curves(duty)
+    return np.asarray(np.log(np.maximum(np.array([tables.steady, tables.tau1, tables.tau2]), 1e-9)))
+
+
+def bias_finding(bias: Bias) -> Finding:
+    """Whether the bias is more than chance and than half a percent."""
+    pairs = (
+        (bias.Ts_pct, bias.scatter_Ts_pct),
+        (bias.tau1_pct, bias.scatter_tau1_pct),
+        (bias.tau2_pct, bias.scatter_tau2_pct),
+    )
+    few = max(bias.refits, 1) ** 0.5
+    beyond = any(off is not None and sd is not None and off > max(0.5, 3 * sd / few) for off, sd in pairs)
+    return finding(
+        "loop-bias" if beyond else "loop-bias-small", "nonlinear",
+        refits=bias.refits, Ts_pct=bias.Ts_pct, tau1_pct=bias.tau1_pct, tau2_pct=bias.tau2_pct,
+    )  # fmt: skip
+
+
+LIMITS_PCT = {"Ts": 10.0, "tau1": 30.0, "tau2": 50.0}
+"""Half-widths beyond which an input was never asked about."""
+PARABOLA = 0.05
+"""Half-width in the logarithm up to which a parabola is a picture of the cost."""
+
+
+def held(solved: Solved) -> set[str]:
+    """Which of T_s, τ1, τ2 an active constraint holds at some input."""
+    basis = solved.setup.model.basis
+    assert basis is not None
+    count = len(basis.duties)
+    return {("tau1", "tau2", "Ts", "tau2")[i // count] for i in solved.active.tolist() if i < 4 * count}
+
+
+@dataclass(frozen=True, eq=False)
+class CurveSpread:
+    """T_s, τ1, τ2 at some inputs with their 95 % intervals; shapes (3, L)."""
+
+    duty: Array
+    values: Array
+    low: Array
+    high: Array
+    half_width: Array
+    """Relative half-widths, e^h − 1; infinite where nothing is known."""
+
+
+def curves(solved: Solved, uncertainty: Spread, duty: Array) -> CurveSpread:
+    """Intervals of log T_s, log τ1, log τ2 at some inputs within the range."""
+    slopes = solved.setup.model.slopes(duty, solved.setup.size)
+    values = slopes @ solved.x
+    constrained = held(solved)  # what a constraint holds is not estimated
+    test = score_test(solved, uncertainty) if solved.instruments is None else None
+    off = np.full((2, *values.shape), np.inf)  # both ends in log, downwards and upwards
+    names = tuple(LIMITS_PCT)
+    for k, i in np.argwhere(values > 0).tolist():
+        half = uncertainty.of(slopes[k, i])
+        if names[k] in constrained:
+            continue
+        off[:, k, i] = half / values[k, i]
+        if test is not None and PARABOLA < half / values[k, i] < FARTHEST:
+            off[:, k, i] = test.ends(slopes[k, i], half)
+    values = np.where(slopes.any(axis=2), values, np.nan)
+    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+        minima = np.stack([values, *(slopes @ x for x in uncertainty.rivals)])
+        low, high = (minima * np.exp(-off[0])).min(axis=0), (minima * np.exp(off[1])).max(axis=0)
+        wide = np.where(low > 0, np.sqrt(high / low) - 1, np.inf)
+    return CurveSpread(duty, values, low, high, wide)
+
+
+def widened(known: CurveSpread, bias: CurveBias) -> CurveSpread:
+    """Intervals that hold the bias of a direct fit to a closed loop: wider by it, to both sides."""
+    off = np.array([np.interp(known.duty, bias.duty, row) for row in bias.off])
+    with np.errstate(over="ignore", invalid="ignore"):
+        wide = (1 + known.half_width) * np.exp(off) - 1
+    return replace(known, low=known.low * np.exp(-off), high=known.high * np.exp(off), half_width=wide)
+
+
+def asked(known: CurveSpread, logs: Sequence[RecordedLog]) -> tuple[Asked, ...]:
+    """How well each input is known, and the time spent near it."""
+    edges = 0.5 * (known.duty[1:] + known.duty[:-1])
+    time_s = np.zeros(len(known.duty))
+    for log in logs:
+        acting = log.input > 0
+        np.add.at(time_s, np.searchsorted(edges, log.input[acting]), log.dt_s[acting])
+    widths = [[100 * h if h < 10 else None for h in row] for row in known.half_width.tolist()]
+    return tuple(map(Asked, known.duty.tolist(), *widths, time_s.tolist()))
+
+
+def never_asked(known: CurveSpread) -> list[Finding]:
+    """Inputs at which a curve is all but unknown."""
+    found = []
+    for (name, limit), half_width in zip(LIMITS_PCT.items(), known.half_width, strict=True):
+        wide = known.duty[~(100 * half_width <= limit)]
+        if len(wide):
+            found.append(finding("never-asked", "nonlinear", wide, parameter=name, limit_pct=limit))
+    return found

@@ -21,12 +21,10 @@ from scipy.stats import t as student
 from eaid.arrays import Array
 from eaid.findings import Finding, finding
 from eaid.fitting.solver import EndPoint, approach
-from eaid.recorded.curve_intervals import CurveSpread
-from eaid.recorded.drive import Copies, Drive
-from eaid.recorded.intervals import inverse
+from eaid.recorded.intervals import CurveSpread, inverse
 from eaid.recorded.log import RecordedLog
-from eaid.recorded.problem import Setup
-from eaid.recorded.solve import Solved
+from eaid.recorded.response import Copies, Drive
+from eaid.recorded.solve import Setup, Solved
 
 MOST = 3
 """Rows that are looked for one by one."""

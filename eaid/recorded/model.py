@@ -15,8 +15,8 @@ import numpy as np
 
 from eaid.arrays import Array
 from eaid.fitting.basis import CONSTRAINTS, Basis, basis_of, constraints, limits
-from eaid.fitting.starts import RECORDS
-from eaid.recorded.states import Tables
+from eaid.fitting.levels import RECORDS
+from eaid.recorded.response import Tables
 
 LEAST_TAU_S = 1e-4
 """A τ is kept off zero by this much [s]: between the 101 duties a quadratic may dip below its floor."""

@@ -4,24 +4,398 @@ SLSQP works on whitened unknowns, a Gauss–Newton matrix at each round; the end
 on every sample, and what one more of them would gain is the verdict, as with the step fits.
 """
 
-from collections.abc import Sequence
+import itertools
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
+import numba
 import numpy as np
 from numpy.typing import NDArray
 
 from eaid.arrays import Array
-from eaid.fitting.problem import Problem
-from eaid.fitting.solver import SETTLED, EndPoint, approach, ended, slsqp
-from eaid.fitting.verdict import CONVERGED, judged, polish
-from eaid.models.parameters import Nonlinear
-from eaid.recorded.drive import Drive
+from eaid.fitting.solver import (
+    CONVERGED,
+    ROUNDING,
+    SETTLED,
+    EndPoint,
+    Problem,
+    approach,
+    bring_in,
+    draw_in,
+    ended,
+    judged,
+    polish,
+    slsqp,
+)
+from eaid.models.parameters import TAU_FLOOR_S, Nonlinear
 from eaid.recorded.log import RecordedLog
-from eaid.recorded.problem import Setup, setup_of
-from eaid.recorded.starts import starts
-from eaid.recorded.states import Tables
+from eaid.recorded.model import LEAST_TAU_S, Model, Rows
+from eaid.recorded.response import Copies, Drive, Samples, Tables, by_holds, derivatives
 from eaid.results.common import Solver
+
+NOTHING = {"rest": (0.0, 0.0), "fall": (1.0, 1.0), "excess": (0.0,)}
+"""What a model can have besides its coefficients, with the values that do nothing."""
+LIMITS: dict[str, tuple[tuple[str, tuple[float, ...], float], ...]] = {
+    "rest": (
+        ("release-tau1-floor", (1.0, 0.0), TAU_FLOOR_S),
+        ("release-tau2-meets-tau1", (-1.0, 1.0), 0.0),
+    ),
+    "fall": (("fall-tau1-least", (1.0, 0.0), 0.02), ("fall-tau2-least", (0.0, 1.0), 0.02)),
+    "excess": (("hysteresis-least", (1.0,), -0.8),),
+}
+"""Their constraints a'x ≥ b: code, a, b."""
+
+
+@dataclass(frozen=True, eq=False)
+class Place:
+    """Where the unknowns of a log lie, beside the coefficients of T_s, τ1 and τ2."""
+
+    x: NDArray[np.intp]
+    """In x: C, the extras, idle output, x1 and x2 at its first row; −1 where one is no unknown, (9,)."""
+    columns: NDArray[np.intp]
+    """Places in x of all unknowns that it knows, in the kernel's order."""
+    kernel: NDArray[np.intp]
+    """As `x`, among these columns."""
+
+    @property
+    def own(self) -> NDArray[np.intp]:
+        """Idle output and start states in x, (3,)."""
+        return self.x[6:]
+
+
+Together = Callable[[Array], tuple[float, Array, Array]]
+
+
+@dataclass(frozen=True, eq=False)
+class Setup:
+    """Logs and a model: everything but the unknowns."""
+
+    model: Model
+    drives: tuple[Drive, ...]
+    """The logs in numbers."""
+    extras: tuple[str, ...] = ()
+    idle_free: bool = True
+    """Whether idle outputs that are not known are unknowns; else they are 0."""
+    copies: tuple[Copies, ...] = ()
+    """Where `drives` are but copies in fewer rows: the logs themselves."""
+
+    @cached_property
+    def every(self) -> "Setup":
+        """The same on every sample."""
+        return replace(self, drives=tuple(one.every for one in self.copies)) if self.copies else self
+
+    @cached_property
+    def drawn(self) -> "Setup":
+        """The same on a sketch, on which many starts are looked at."""
+        return replace(self, drives=tuple(one.sketch for one in self.copies)) if self.copies else self
+
+    @cached_property
+    def maps(self) -> tuple[Rows, ...]:
+        """What the model makes of each log's inputs."""
+        return tuple(self.model.rows_of(drive.duty) for drive in self.drives)
+
+    @cached_property
+    def shared(self) -> int:
+        """Unknowns that all logs share."""
+        return self.model.size + sum(len(NOTHING[name]) for name in self.extras)
+
+    @cached_property
+    def places(self) -> tuple[Place, ...]:
+        """Where the unknowns of each log lie."""
+        shared = [self.model.size - 1 if self.model.share is None else -1]
+        for name, none in NOTHING.items():
+            at = self.at(name)
+            shared += [at + k if at >= 0 else -1 for k in range(len(none))]
+        found, before = [], self.shared
+        for drive in self.drives:
+            loaded = not drive.starts_idle
+            free = np.array([self.idle_free and not drive.idle_known, loaded, loaded and self.model.sizes[2] > 0])
+            order = np.cumsum(free) - 1
+            own, local = (np.where(free, first + order, -1) for first in (before, self.shared))
+            columns = np.concatenate([np.arange(self.shared), own[free]])
+            found.append(Place(np.append(shared, own), columns, np.append(shared, local)))
+            before += int(free.sum())
+        return tuple(found)
+
+    @cached_property
+    def size(self) -> int:
+        """Number of unknowns."""
+        return self.shared + sum(len(place.columns) - self.shared for place in self.places)
+
+    @cached_property
+    def samples(self) -> int:
+        """Samples that are compared."""
+        return sum(drive.samples for drive in self.drives)
+
+    @cached_property
+    def energy(self) -> float:
+        """Weighted sum of the squared outputs about each log's mean."""
+        total = 0.0
+        for drive in self.drives:
+            mean = float(drive.w @ drive.y) / float(drive.w.sum())
+            total += float(drive.w @ (drive.y - mean) ** 2) + drive.left
+        return total
+
+    def at(self, name: str) -> int:
+        """First place of an extra in x; −1 where it is no unknown."""
+        if name not in self.extras:
+            return -1
+        before = self.extras[: self.extras.index(name)]
+        return self.model.size + sum(len(NOTHING[one]) for one in before)
+
+    def tables(self, x: Array, log: int) -> tuple[Tables, Array]:
+        """T_s, τ1, τ2 of a log's inputs, and the nine numbers beside them."""
+        at, given = self.places[log].x, (self.model.share or 0.0, *itertools.chain(*NOTHING.values()), 0.0, 0.0, 0.0)
+        return self.model.tables(self.maps[log], x), np.where(at >= 0, x[at], given)
+
+    def derivatives(self, x: Array, log: int) -> Array:
+        """√w ∂f/∂x of a log's own columns, then √w (f − y), for its samples that count, (N, p + 1)."""
+        place = self.places[log]
+        return np.asarray(derivatives(self.drives[log].rows, *self.tables(x, log), place.kernel, len(place.columns)))
+
+    def jacobian(self, x: Array, log: int) -> tuple[Array, Array]:
+        """The same apart, (N, p) and (N,)."""
+        found = self.derivatives(x, log)
+        return found[:, :-1], found[:, -1]
+
+    def together(self, x: Array) -> tuple[float, Array, Array]:
+        """Cost, gradient and Gauss–Newton matrix."""
+        cost, gradient, curvature = 0.0, np.zeros(self.size), np.zeros((self.size, self.size))
+        for log, drive in enumerate(self.drives):
+            at, found = self.places[log].columns, self.derivatives(x, log)
+            P = 2.0 * found.T @ found
+            cost += 0.5 * float(P[-1, -1]) + drive.left
+            gradient[at] += P[-1, :-1]
+            curvature[np.ix_(at, at)] += P[:-1, :-1]
+        return cost, gradient, curvature
+
+    def on_every_sample(self, x: Array) -> tuple[float, Array]:
+        """Cost and gradient over every sample of the logs themselves, hold by hold: inputs are held."""
+        cost, gradient = 0.0, np.zeros(self.size)
+        for log, copy in enumerate(self.copies):
+            holds, (tables, scalars), place = copy.holds, self.tables(x, log), self.places[log]
+            dt_s = copy.log.dt_s if copy.log.even_s is None else np.array([copy.log.even_s])
+            squares, by_input, by_scalar = by_holds(
+                holds.first, holds.index, holds.rising, dt_s, copy.above, tables, scalars
+            )
+            maps = (tables.by_steady, tables.by_tau1, tables.by_tau2)
+            slopes = np.concatenate([by @ rows for by, rows in zip(by_input, maps, strict=True)])
+            gradient[: len(slopes)] += 2.0 * copy.log.weight * slopes
+            gradient[place.x[place.x >= 0]] += 2.0 * copy.log.weight * by_scalar[place.x >= 0]
+            cost += copy.log.weight * squares
+        return cost, gradient
+
+    def problem(self) -> Problem:
+        """For the solver: constraints of the model, and of the extras."""
+        model = self.model
+        more = [(self.at(name), *one) for name in self.extras for one in LIMITS[name]]
+        A = np.zeros((len(model.A) + len(more), self.size))
+        A[: len(model.A), : model.A.shape[1]] = model.A
+        for row, (at, _, along, _) in zip(A[len(model.A) :], more, strict=True):
+            row[at : at + len(along)] = along
+        b = np.append(model.b, [least for *_, least in more])
+
+        def names(i: int) -> str:
+            return model.names(i) if i < len(model.b) else more[i - len(model.b)][1]
+
+        return Problem(remembered(self.together), A, b, names, floor=ROUNDING * self.energy)
+
+
+def remembered(together: Together) -> Together:
+    """The same, with its last answer at hand: cost and curvature of a place are asked for one after another."""
+    last: dict[bytes, tuple[float, Array, Array]] = {}
+
+    def found(x: Array) -> tuple[float, Array, Array]:
+        place = x.tobytes()
+        if place not in last:
+            last.clear()
+            last[place] = together(x)
+        return last[place]
+
+    return found
+
+
+def setup_of(model: Model, logs: Sequence[RecordedLog], idle_free: bool = True) -> Setup:
+    """Logs and a model, with the copies on which its fit is looked for."""
+    copies = tuple(map(Copies, logs))
+    return Setup(model, tuple(one.small for one in copies), (), idle_free, copies)
+
+
+def with_extras(setup: Setup, extras: Sequence[str], x: Array, values: Sequence[float] | Array) -> tuple[Setup, Array]:
+    """The same logs with other extras, and x with `values` for all of them in the place of the old ones."""
+    fresh = replace(setup, extras=tuple(extras))
+    return fresh, np.concatenate([x[: setup.model.size], np.asarray(values, dtype=float), x[setup.shared :]])
+
+
+def linear_parts(setup: Setup, shapes: Sequence[Array] | Array) -> tuple[Array, Array]:
+    """Costs (K,) of some x, (K, n), and places (K, n) with what enters linearly solved for."""
+    model, x = setup.model, np.array(shapes)
+    a, b, c = model.sizes
+    own = np.concatenate([place.own[place.own >= 0] for place in setup.places]).astype(np.intp)
+    free = np.concatenate([np.arange(a), own]).astype(np.intp)
+    share = x[:, model.size - 1] if model.share is None else np.full(len(x), model.share)
+    size = len(free)
+    sums = np.zeros((len(x), size + 1, size + 1))
+    for drive, rows, place in zip(setup.drives, setup.maps, setup.places, strict=True):
+        tau1 = np.maximum(x[:, a : a + b] @ rows.tau1.T, LEAST_TAU_S)
+        tau2 = np.maximum(x[:, a + b : a + b + c] @ rows.tau2.T, LEAST_TAU_S) if c else np.ones_like(tau1)
+        found = linear_sums(drive.rows, rows.steady, tau1, tau2, share)
+        known = np.concatenate([np.arange(a), np.where(place.own >= 0, np.searchsorted(free, place.own), -1), [size]])
+        at = np.flatnonzero(known >= 0)
+        sums[:, known[at][:, None], known[at]] += found[:, at[:, None], at]
+    scale = np.sqrt(np.maximum(np.diagonal(sums, axis1=1, axis2=2)[:, :size], 1e-300))
+    A = sums[:, :size, :size] / (scale[:, :, None] * scale[:, None, :])
+    v = sums[:, :size, size] / scale
+    z = np.linalg.solve(A + 1e-10 * np.eye(size), v[:, :, None])[:, :, 0]
+    x[:, free] = z / scale
+    return sums[:, size, size] + np.einsum("kij,ki,kj->k", A, z, z) - 2 * (v * z).sum(axis=1), x
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
+def linear_sums(samples: Samples, by_steady: Array, tau1: Array, tau2: Array, share: Array) -> Array:
+    """Σ w s s' of K shapes, (K, n + 4, n + 4), for τ1 and τ2 of every input, (K, m), and C, (K,).
+
+    s are the derivatives by the n coefficients of T_s, idle output, x1 and x2 at the first row; then y.
+    """
+    n, rows = by_steady.shape[1], len(samples.w)
+    sums, columns = np.empty((len(share), n + 4, n + 4)), np.empty((rows, n + 4))
+    for k in range(len(share)):
+        fast, slow = np.zeros(n), np.zeros(n)
+        start1 = start2 = 1.0
+        for row in range(rows):
+            root, i = np.sqrt(samples.w[row]), samples.which[row]
+            for j in range(n):
+                columns[row, j] = root * (fast[j] + slow[j])
+            columns[row, n], columns[row, n + 1] = root, root * start1
+            columns[row, n + 2], columns[row, n + 3] = root * start2, root * samples.y[row]
+            g1, g2 = -np.expm1(-samples.dt_s[row] / tau1[k, i]), -np.expm1(-samples.dt_s[row] / tau2[k, i])
+            for j in range(n):
+                fast[j] += g1 * (share[k] * by_steady[i, j] - fast[j])
+                slow[j] += g2 * ((1.0 - share[k]) * by_steady[i, j] - slow[j])
+            start1 -= g1 * start1
+            start2 -= g2 * start2
+        sums[k] = columns.T @ columns
+    return sums
+
+
+FAST = 17
+"""Values of τ on the grid, from half a sample to the longest log."""
+BENT = 3
+"""Minima over the grid that are bent."""
+BENDS = (0.2, 1.0, 5.0)
+"""Ratio of a bent τ at the highest input to that at the lowest."""
+SHAPES = 4
+"""Values of τ2 tried at each of three inputs."""
+SIEVED = 8
+"""Best of those shapes that go a few steps down …"""
+SIEVE_STEPS = 3
+"""… so many."""
+MOST = 5
+"""Starts handed on."""
+DISTINCT = 1e-4
+"""Starts whose costs differ by less than this part are one."""
+
+
+def starts(setup: Setup, problem: Problem) -> list[Array]:
+    """Feasible starts, the most promising first, and a plain one with constant τ last."""
+    model = setup.model
+    shortest, longest = spans(setup)
+    fast = np.geomspace(max(0.5 * shortest, 2 * TAU_FLOOR_S), longest, FAST)
+    slow = fast if model.sizes[2] else fast[-1:] * 2
+    shares = [0.85] if model.share is not None else [0.5, 0.7, 0.85, 0.95]
+    every = itertools.product(range(len(shares)), range(FAST), range(len(slow)))
+    pairs = [(h, i, j) for h, i, j in every if slow[j] > 1.5 * fast[i]]
+    cost, x = linear_parts(setup, [_shaped(setup, fast[i], slow[j], shares[h]) for h, i, j in pairs])
+    grid = np.full((len(shares), FAST + 2, len(slow) + 2), np.inf)
+    for (h, i, j), one in zip(pairs, cost.tolist(), strict=True):
+        grid[h, i + 1, j + 1] = one
+    least = [k for k, (h, i, j) in enumerate(pairs) if cost[k] <= grid[h, i : i + 3, j : j + 3].min()]
+    least.sort(key=lambda k: float(cost[k]))
+    flat = inner(setup, x[least[0]], problem)
+    places = [(float(cost[k]), x[k]) for k in least[:MOST]]
+    if model.name == "nonlinear" and min(model.sizes) > 1:
+        bent = [
+            _shaped(setup, fast[i], slow[j], shares[h], *bends)
+            for h, i, j in (pairs[k] for k in least[:BENT])
+            for bends in itertools.product(BENDS, repeat=2)
+        ]
+        places += zip(*linear_parts(setup, bent), strict=True)
+    places.sort(key=lambda row: row[0])
+    if model.name == "nonlinear" and model.sizes[2] > 1:
+        cost, x = linear_parts(setup, slow_shapes(setup, places[0][1], longest))
+        for k in np.argsort(cost)[:SIEVED]:
+            end = approach(problem, bring_in(x[k], flat, problem), steps=SIEVE_STEPS)
+            places.append((end.cost, end.x))
+        places.sort(key=lambda row: row[0])
+    chosen: list[tuple[float, Array]] = []
+    for one, place in places:
+        if all(abs(one - other) > DISTINCT * other for other, _ in chosen):
+            chosen.append((one, place))
+        if len(chosen) == MOST:
+            break
+    return [bring_in(place, flat, problem) for _, place in chosen] + [flat]
+
+
+def slow_shapes(setup: Setup, x: Array, longest: float) -> Array:
+    """x with every τ2(u) through a few values at the lowest, middle and highest input: joint costs have several minima
+    far apart in τ2, where holds are short."""
+    basis = setup.model.basis
+    assert basis is not None
+    at = np.array([basis.lowest, 0.5 * (basis.lowest + basis.highest), basis.highest])
+    rows = setup.model.rows_of(at)
+    a, b, c = setup.model.sizes
+    typical = max(float(rows.tau1[1] @ x[a : a + b]), 2 * TAU_FLOOR_S)
+    values = np.geomspace(3 * typical, max(3 * longest, 30 * typical), SHAPES)
+    threes = np.array(list(itertools.product(values, repeat=3)))
+    found = np.tile(x, (len(threes), 1))
+    found[:, a + b : a + b + c] = threes @ np.linalg.pinv(rows.tau2).T
+    return found
+
+
+def spans(setup: Setup) -> tuple[float, float]:
+    """The typical time between samples and the length of the longest log [s]."""
+    rows = [drive.dt_s[drive.dt_s > 0] for drive in setup.drives]
+    return float(np.median(np.concatenate(rows))), max(float(one.sum()) for one in rows)
+
+
+def _shaped(setup: Setup, tau1: float, tau2: float, share: float, bend1: float = 1.0, bend2: float = 1.0) -> Array:
+    """x with τ1 and τ2 that run straight from τ/√bend to τ √bend, everything else 0."""
+    model = setup.model
+    x = np.zeros(setup.size)
+    a, b, c = model.sizes
+    if model.name == "friction":
+        x[a : a + b], x[a + b : a + b + c] = tau1, tau2
+    else:
+        for at, count, tau, bend in ((a, b, tau1, bend1), (a + b, c, tau2, bend2)):
+            if count:
+                x[at] = 0.5 * tau * (bend**0.5 + bend**-0.5)
+            if count > 1:
+                x[at + 1] = 0.5 * tau * (bend**0.5 - bend**-0.5)
+    if model.share is None:
+        x[model.size - 1] = share
+    return x
+
+
+def inner(setup: Setup, x: Array, problem: Problem) -> Array:
+    """A feasible point with constant τ near `x`: T_s is drawn to its mean where it falls below 0."""
+    model = setup.model
+    a, b, c = model.sizes
+    flat = x.copy()
+    one = x[a : a + b].mean() if model.name == "friction" else x[a]
+    two = x[a + b : a + b + c].mean() if model.name == "friction" else (x[a + b] if c else 1.0)
+    one = max(float(one), 2 * TAU_FLOOR_S)
+    two = max(float(two), 1.5 * one)
+    keep = _shaped(setup, one, two, float(x[model.size - 1]))
+    flat[a : a + b + c] = keep[a : a + b + c]
+    calm = flat.copy()
+    if model.name == "friction":
+        calm[:a] = max(float(np.mean(x[:a])), 1e-12)
+    elif model.name == "nonlinear":
+        calm[:a] = 0.0
+        calm[0] = max(float(x[0]), 1e-12)
+    return draw_in(flat, calm, problem)
+
 
 AT_BOUND = 1e-6
 """A constraint a'x ≥ b holds a fit that ends within this part of b: where no cost tells, a solver stops short."""

@@ -24,10 +24,8 @@ from eaid.options import Rig
 from eaid.replay.controllers import Controller
 from eaid.replay.loop import Trace, replay
 from eaid.replay.plant import PlantParameters, falling_taus, plant_step, plant_terms
-from eaid.replay.references import Reference
-from eaid.replay.scenarios import measure, record
-from eaid.results.metrics import Metrics
-from eaid.results.replay import Record
+from eaid.replay.references import Reference, measure, record
+from eaid.results.replay import Metrics, Record
 
 IDLE_ROWS = 10
 """Fewest rows at zero duty before the first other one that make an idle value."""

@@ -15,13 +15,12 @@ import numpy as np
 
 from eaid.arrays import Array, read_only
 from eaid.errors import DataError
+from eaid.files import hdf5_written_whole
 from eaid.findings import Finding
 from eaid.logs.hdf import digest_of, nodes, open_hdf5
 from eaid.results.codec import digest_of as json_digest_of
 from eaid.results.codec import from_plain, to_plain
-from eaid.results.metrics import Metrics
-from eaid.results.replay import Exercise, Head, Record, Replay
-from eaid.sealed import hdf5_written_whole
+from eaid.results.replay import Exercise, Head, Metrics, Record, Replay
 from eaid.version import __version__
 
 SCHEMA = "eaid/replay/1"

@@ -19,7 +19,7 @@ from eaid.replay.controllers import Controller, Step
 from eaid.replay.metrics import tracking
 from eaid.replay.plant import PlantParameters, hold_step, rest, rounded
 from eaid.replay.rig import RigNumbers, noise, rig_numbers, ripple
-from eaid.results.gain_checks import Tracking
+from eaid.results.gains import Tracking
 
 
 @dataclass(frozen=True, eq=False)

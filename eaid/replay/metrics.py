@@ -22,8 +22,8 @@ from functools import lru_cache
 import numpy as np
 
 from eaid.arrays import Array
-from eaid.results.gain_checks import Tracking
-from eaid.results.metrics import StepMetrics, ToneMetrics
+from eaid.results.gains import Tracking
+from eaid.results.replay import StepMetrics, ToneMetrics
 
 
 def tracking(

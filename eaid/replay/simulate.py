@@ -1,27 +1,258 @@
 """Controllers on the fitted plant: a scenario, a reference, the rehabilitation, or recorded runs; one function."""
 
-from collections.abc import Sequence
-from dataclasses import asdict
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
 
 import msgspec
+import numpy as np
 
-from eaid.control.defaults import scales_of
+from eaid.arrays import Array, read_only
+from eaid.control.defaults import Scales, input_limits, is_duty, scales_of
+from eaid.control.gains import pi_gains, rc_gains
 from eaid.control.plant import plant_of, why_not
+from eaid.control.rc import RCGains, rc_terms
 from eaid.errors import DataError, UsageError
-from eaid.findings import ranked
+from eaid.findings import Finding, finding, ranked
 from eaid.logs.run import Run
+from eaid.models.parameters import Linear
 from eaid.options import Rig, SimulateOptions
 from eaid.progress import Progress, no_progress
 from eaid.replay.compare import compared
-from eaid.replay.references import Signal
+from eaid.replay.controllers import Controller, Knowledge
+from eaid.replay.controllers import controller as controller_of
+from eaid.replay.loop import Trace, reference_rate, replay
+from eaid.replay.many import QUANTILES, montecarlo
+from eaid.replay.noise import with_residual_noise
+from eaid.replay.plant import PlantParameters, perturbed, plant_parameters, plant_slope, plant_terms
+from eaid.replay.references import Reference, Signal, measure, record, reference_of
 from eaid.replay.rehab import MODES, rehabilitate
-from eaid.replay.rehab_statistics import record as record_session
-from eaid.replay.scenarios import reference_of
-from eaid.replay.setup import Setup, set_up
-from eaid.replay.tracked import Outcome, tracked
+from eaid.replay.rehab import record as record_session
 from eaid.results.fit import Fit
 from eaid.results.gains import Gains
-from eaid.results.replay import Exercise, Head, Replay, RigRecord
+from eaid.results.replay import Exercise, Head, Metrics, Record, Replay, RigRecord
+from eaid.uncertainty.draw import draw, drawable
+
+
+@dataclass(frozen=True)
+class Setup:
+    """What every kind of replay needs."""
+
+    fit: Fit
+    plant: PlantParameters
+    """The plant that is replayed."""
+    known: Knowledge
+    """Of the controllers: the fitted plant among it."""
+    controllers: tuple[Controller, ...]
+    rig: Rig
+    options: SimulateOptions
+    dt_s: float
+
+
+def set_up(
+    fit: Fit, gains: Gains | None, options: SimulateOptions, what: str, scales: Scales
+) -> tuple[Setup, list[Finding]]:
+    """What a fit, gains and options come to, and findings on them; DataError where the fit holds no plant."""
+    model = plant_of(fit)
+    if model is None:
+        raise DataError("the fit holds no nonlinear model, which the replay's plant is; fit clutch data with it")
+    if gains is not None and (gains.input_unit, gains.output_unit) != (fit.data.input_unit, fit.data.output_unit):
+        raise DataError(
+            f"the gains are for an input in {gains.input_unit} and an output in {gains.output_unit}, the fit has "
+            f"{fit.data.input_unit} and {fit.data.output_unit}; run tune-rc on this fit"
+        )
+    linear = fit.linear or (gains.model if gains is not None else None)
+    known = Knowledge(
+        model,
+        None if linear is None else Linear(linear.a0, linear.b0, linear.c0),
+        rc_gains(gains),
+        pi_gains(gains),
+        input_limits(fit) if gains is None else gains.duty_limits_pct,
+    )
+    names, findings = _names(options.controller, what, known)
+    rig = with_residual_noise(options.rig, fit) if options.noise is not None else options.rig
+    rate_hz = options.rate_hz or (1000.0 if scales.paper or is_duty(fit) else fit.data.sample_rate_hz or 1000.0)
+    if fit.dead_time_s > 0 and rig.delay_samples == 0:
+        rig = replace(rig, delay_samples=round(fit.dead_time_s * rate_hz))
+        findings.append(finding("dead-time-replayed", "nonlinear", dead_time_s=fit.dead_time_s))
+    why = why_not(fit, "nonlinear")
+    findings += [finding("plant-not-identifiable", "nonlinear", why=why)] if why else []
+    if gains is not None and gains.unidentified:
+        findings.append(finding("gains-not-identifiable", "gains", why=gains.unidentified))
+    plant = plant_parameters(perturbed(model, options.perturb))
+    chosen = tuple(controller_of(name, known) for name in names)
+    return Setup(fit, plant, known, chosen, rig, options, 1.0 / rate_hz), findings
+
+
+def _names(asked: tuple[str, ...] | None, what: str, known: Knowledge) -> tuple[tuple[str, ...], list[Finding]]:
+    """The controllers to replay; by default those that the files allow."""
+    if asked is not None:
+        if not asked or len(set(asked)) < len(asked):
+            raise UsageError(f"«controller» {','.join(asked)}: name each controller once, with commas between")
+        straight = "open-loop" in asked and known.linear is None
+        return asked, [finding("open-loop-on-straight-line", "open-loop")] if straight else []
+    names = [name for name, held in (("rc", known.rc), ("pi", known.pi)) if held is not None]
+    if what == "sweep" and known.linear is not None:
+        names.append("open-loop")
+    if names or what == "log":
+        return tuple(names), []
+    names = ["open-loop", "inverse"] if known.linear is not None else ["inverse"]
+    return tuple(names), [finding("no-gains", "controllers")]
+
+
+NEAR = 0.01
+"""∂Ṫ/∂u at a limit is a difference over so much of the actuator's span inside it."""
+
+
+@dataclass(frozen=True, eq=False)
+class Watch:
+    """χ and ρ along a replay, shapes (n,)."""
+
+    chi_nm_s: Array
+    rho_nm_s: Array
+    limited: Array
+    """1 where the law asked for more than the limits give, else 0."""
+    chi_unlimited_nm_s: Array
+    """χ had the duty gone on beyond its limit; χ itself elsewhere."""
+
+    def measured(self, metrics: Metrics, begin: int = 0) -> Metrics:
+        """The metrics with the shares of the samples from `begin` on at which it holds and fails, and of the latter
+        how many at a limit and because of it."""
+        rho = self.rho_nm_s[begin:]
+        fails = np.abs(self.chi_nm_s[begin:]) > rho
+        at_limit = fails & (self.limited[begin:] > 0)
+        by_limit = at_limit & (np.abs(self.chi_unlimited_nm_s[begin:]) <= rho)
+        count = int(fails.sum())
+        with np.errstate(divide="ignore", invalid="ignore"):  # a model without uncertainty has ρ = 0
+            largest = float((np.abs(self.chi_nm_s[begin:]) / rho).max())
+        return msgspec.structs.replace(
+            metrics,
+            guarantee_holds_fraction=1.0 - count / len(rho),
+            guarantee_largest_chi_over_rho=largest if math.isfinite(largest) else None,
+            guarantee_failures_at_limit=int(at_limit.sum()) / count if count else None,
+            guarantee_failures_by_saturation=int(by_limit.sum()) / count if count else None,
+        )
+
+
+def watch(gains: RCGains, plant: PlantParameters, replay: Trace) -> Watch:
+    """χ and ρ along a replay of the robust controller on a plant; the duty limits are the replay's."""
+    assert replay.fast_nm is not None and replay.state is not None
+    low, high = replay.limits_pct
+    measured = replay.torque_nm if replay.measured_nm is None else replay.measured_nm
+    integral, error = replay.state, replay.reference_nm - measured
+    terms = [rc_terms(gains, *at) for at in zip(integral.tolist(), error.tolist(), strict=True)]
+    rho, omega = np.array([(each.rho, each.omega) for each in terms]).T
+    rate = reference_rate(replay.reference_nm, replay.dt_s, False)
+    y = rate + gains.K_D * error + gains.K_P * integral + omega
+    slope = np.diff(replay.torque_nm, append=np.nan) / replay.dt_s
+    slope[-1] = slope[-2]
+    chi = y - slope
+    wanted = gains.B_hat * y + (gains.a0 * measured - gains.c0) / gains.b0
+    limited = (wanted < low) | (wanted > high)
+    unlimited = chi.copy()
+    for k in np.flatnonzero(limited).tolist():
+        x1 = float(replay.fast_nm[k])
+        x2 = float(replay.torque_nm[k]) - x1
+        limit, inside = (high, -NEAR * (high - low)) if wanted[k] > high else (low, NEAR * (high - low))
+        steepness = (plant_slope(plant, x1, x2, limit + inside) - plant_slope(plant, x1, x2, limit)) / inside
+        unlimited[k] -= (wanted[k] - limit) * steepness
+    return Watch(read_only(chi), read_only(rho), read_only(limited), read_only(unlimited))
+
+
+UNSEEN = 0.01
+"""Share of the samples that may lie outside what was identified without a word."""
+Outcome = tuple[dict[str, Record], Head, list[Finding]]
+
+MOST_STEPS = 1_000_000_000
+"""Most control samples over all drawn plants."""
+
+
+def tracked(setup: Setup, wanted: Reference, gains: Gains | None, progress: Progress) -> Outcome:
+    """Each controller on the reference; the guarantee watched along the robust one; and drawn plants."""
+    options, records = setup.options, {}
+    findings = _of_reference(setup, wanted, gains)
+    for controller in setup.controllers:
+        trace = replay(setup.plant, controller, wanted.torque_nm, setup.rig, wanted.dt_s, options.seed)
+        metrics, columns = measure(trace, wanted), {}
+        if controller.name == "rc":
+            watched = watch(controller.gains, setup.plant, trace)
+            metrics = watched.measured(metrics, wanted.begin)
+            columns = {"chi_nm_s": watched.chi_nm_s, "rho_nm_s": watched.rho_nm_s}
+        records[controller.name] = record(trace, metrics, columns)
+    findings += _outside_identified(setup, records)
+    head = Head("", dt_s=wanted.dt_s, counted_from_s=wanted.counted_from_s)
+    if options.plants is not None:
+        head, of_plants = _over_drawn_plants(setup, wanted, records, head, progress)
+        findings += of_plants
+    return records, head, findings
+
+
+def _of_reference(setup: Setup, wanted: Reference, gains: Gains | None) -> list[Finding]:
+    """Where a reference asks for more than the plant has, or is steeper than Q_M."""
+    findings = []
+    top, highest = float(wanted.torque_nm.max()), plant_terms(setup.plant, setup.plant.u_high)[2]
+    if top > highest:
+        findings.append(
+            finding("reference-above-plant", "reference", asked=top, highest=highest, unit=setup.fit.data.output_unit)
+        )
+    Q_M = gains.rc.Q_M if gains is not None and gains.rc is not None else None
+    if Q_M is not None and not wanted.steps and wanted.steepest_nm_s > Q_M * (1 + 1e-9):
+        findings.append(finding("reference-above-q-max", "rc", slope=wanted.steepest_nm_s, Q_M=Q_M))
+    return findings
+
+
+def _outside_identified(setup: Setup, records: Mapping[str, Record]) -> list[Finding]:
+    """Where replays go through what no log showed: duties outside the identified ones, falls between levels."""
+    low, high = setup.known.plant.u_range
+    below = above = falling = 0.0
+    for replayed in records.values():
+        duty, torque = replayed.columns["duty_pct"], replayed.columns["torque_nm"]
+        falls = (np.diff(torque) < 0) & (duty[:-1] >= low)
+        below = max(below, float(((duty > 0) & (duty < low)).mean()))
+        above = max(above, float((duty > high).mean()))
+        falling = max(falling, float(falls.mean()))
+    falls_known = bool(setup.fit.recorded_falls)
+    if max(below, above, 0.0 if falls_known else falling) <= UNSEEN:
+        return []
+    return [
+        finding(
+            "replay-leaves-identified", "nonlinear", below_pct=100 * below, above_pct=100 * above,
+            falling_pct=None if falls_known else 100 * falling, low=low, high=high, unit=setup.fit.data.input_unit,
+        )
+    ]  # fmt: skip
+
+
+def _over_drawn_plants(
+    setup: Setup, wanted: Reference, records: dict[str, Record], head: Head, progress: Progress
+) -> tuple[Head, list[Finding]]:
+    """Every metric over plants drawn from the fit's uncertainty, beside the fitted plant's."""
+    options = setup.options
+    count = options.plants or 0
+    if count * len(wanted.torque_nm) > MOST_STEPS:
+        raise UsageError(
+            f"«plants» {count}: over {len(wanted.torque_nm):,} samples each, more than {MOST_STEPS:,} in all; ask for "
+            f"{MOST_STEPS // len(wanted.torque_nm):,} at most, or a shorter «duration»"
+        )
+    all_alike = not drawable(setup.fit)
+    drawn = draw(setup.fit, count, options.seed)
+    plants = [perturbed(plant, options.perturb) for plant in drawn.plants]
+    parameters = {name: np.array([getattr(plant, name) for plant in plants]) for name in ("tau1", "tau2", "Ts")}
+    for controller in setup.controllers:
+        with progress(f"{controller.name} on drawn plants", count) as tick:
+            spread = montecarlo(plants, controller, wanted, setup.rig, options.seed, options.threads, tick)
+        tables = {
+            "plants/band_time_s": spread.band_time_s,
+            "plants/band_nm": spread.band_nm,
+            **{f"plants/metrics/{metric}": values for metric, values in spread.values.items()},
+            **{f"plants/parameters/{name}": values for name, values in parameters.items()},
+        }
+        on_fitted = records[controller.name]
+        metrics = msgspec.structs.replace(on_fitted.metrics, plants=spread.summary(plants))
+        records[controller.name] = Record(on_fitted.columns, metrics, tables)
+    head = msgspec.structs.replace(
+        head, plants=count, plants_from="fitted-plant" if all_alike else "covariance", band_quantiles=QUANTILES
+    )
+    return head, [finding("plants-all-alike", "nonlinear")] if all_alike else list(drawn.findings)
 
 
 def simulate(

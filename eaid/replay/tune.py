@@ -3,9 +3,17 @@
 One pure function: everything that it reads is handed to it.
 """
 
-import msgspec
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 
-from eaid.control.bounds import bounds_of, model_of
+import msgspec
+import numpy as np
+from scipy.optimize import Bounds as Box
+from scipy.optimize import differential_evolution
+
+from eaid.arrays import Array
+from eaid.control.bounds import Bounds, bounds_of, model_of
 from eaid.control.defaults import (
     OVERSHOOT_PCT,
     Scales,
@@ -15,29 +23,111 @@ from eaid.control.defaults import (
     with_own_layer,
     with_own_pi,
 )
-from eaid.control.design import design, least_phi, mismatches
+from eaid.control.design import condition, design, guarantee, least_phi, mismatches
 from eaid.control.gains import pi_gains, rc_gains
-from eaid.control.guarantee import condition, guarantee
-from eaid.control.operating import operating_points
+from eaid.control.margins import ENOUGH_DB, ENOUGH_DEG
+from eaid.control.operating import Points, keeps_margins, operating_points
 from eaid.control.options import DesignOptions
 from eaid.control.plant import plant_of, why_not
-from eaid.errors import DataError
+from eaid.control.rc import RCGains
+from eaid.control.rc_design import law_of
+from eaid.errors import DataError, GainsError, UsageError
 from eaid.findings import Finding, finding, ranked
 from eaid.models.nonlinear import steady_torque
-from eaid.models.parameters import Nonlinear
+from eaid.models.parameters import Linear, Nonlinear
 from eaid.options import Rig, TuneOptions
 from eaid.progress import Progress, no_progress
 from eaid.replay.controllers import pi_controller, rc_controller
+from eaid.replay.many import replay_many
 from eaid.replay.noise import noise_of
-from eaid.replay.optimize import optimize
-from eaid.replay.plant import plant_parameters
-from eaid.replay.references import Reference, Signal
-from eaid.replay.scenarios import reference_of, replayed
+from eaid.replay.plant import PlantParameters, plant_parameters
+from eaid.replay.references import Reference, Signal, reference_of, replayed
 from eaid.results.fit import Fit
-from eaid.results.gain_checks import Optimized, Replayed
-from eaid.results.gains import Gains, Guarantee
+from eaid.results.gains import Candidate, Gains, Guarantee, Optimized, Replayed
 from eaid.steps.stepset import StepSet
 from eaid.uncertainty.draw import draw, drawable
+
+RANGES = {"p_scale": 30.0, "epsilon": 10.0, "phi_honest_pct": 10.0}
+"""Each is looked for between the start's value over and times this factor."""
+GENERATION = 15
+"""Candidates in a generation."""
+
+
+def errors_of(
+    gains: RCGains, plants: Sequence[PlantParameters], reference: Reference, noise_nm: float, seed: int
+) -> Array:
+    """Mean square error, largest error, mean |Δu| and share saturated of each plant, shape (4, N)."""
+    table, begin = np.zeros((4, len(plants))), reference.begin
+    wanted = reference.torque_nm[begin:]
+
+    def visit(index: int, torque: Array, duty: Array) -> None:
+        error, counted = np.abs(wanted - torque[begin:]), duty[begin:]
+        held = (counted <= gains.duty_min) | (counted >= gains.duty_max)
+        table[:, index] = (error * error).mean(), error.max(), np.abs(np.diff(counted)).mean(), held.mean()
+
+    rig = Rig(noise_nm=noise_nm)
+    replay_many(plants, rc_controller(gains), reference.torque_nm, rig, reference.dt_s, visit, seed)
+    return table
+
+
+def optimize(
+    model: Linear, bounds: Bounds, start: DesignOptions, plants: Sequence[PlantParameters], points: Points,
+    reference: Reference, noise_nm: float, limit_pct: float | None, evaluations: int, seed: int,
+    tick: Callable[[], None] = lambda: None,
+) -> tuple[DesignOptions, Candidate, Candidate]:  # fmt: skip
+    """Search from `start`: the options that it ends at, and what they and the start did; `tick` once a candidate.
+
+    Without a limit [% duty per sample] the start's own chattering is the most. Raises GainsError where nothing that
+    was tried keeps limit and margins.
+    """
+    origin = {
+        "p_scale": start.p_scale,
+        "epsilon": start.epsilon,
+        # the logarithm of no φ at all is none
+        "phi_honest_pct": max(law_of(model, bounds, start).phi_honest_pct, 1e-3 * np.ptp(start.duty_limits_pct)),
+    }
+
+    def options_at(x: Array) -> DesignOptions:
+        at = {name: origin[name] * factor**power for (name, factor), power in zip(RANGES.items(), x, strict=True)}
+        # γε stays at 5 or more, where the printed switch has no jump to speak of
+        return replace(start, **{**at, "epsilon": max(at["epsilon"], min(5.0 / start.gamma, start.epsilon))})
+
+    def done_by(options: DesignOptions) -> tuple[RCGains, Candidate]:
+        law = law_of(model, bounds, options)
+        square, largest, chatter, saturated = errors_of(law.gains, plants, reference, noise_nm, seed)
+        return law.gains, Candidate(
+            p_scale=options.p_scale, epsilon=options.epsilon, phi_honest_pct=law.phi_honest_pct, B_hat=law.gains.B_hat,
+            K_P=options.K_P, K_D=options.K_D, equal_pi=law.equal_pi, rms_error_nm=math.sqrt(float(square.mean())),
+            worst_plant_rms_error_nm=math.sqrt(float(square.max())), max_abs_error_nm=float(largest.max()),
+            mean_abs_duty_step_pct=float(chatter.mean()), saturated_fraction=float(saturated.mean()),
+        )  # fmt: skip
+
+    _, before = done_by(start)
+    limit = before.mean_abs_duty_step_pct if limit_pct is None else limit_pct
+    refused = 10 * before.rms_error_nm
+
+    def cost(x: Array) -> float:
+        """The error; far more where the limit is not kept or a margin is missed."""
+        tick()
+        try:
+            gains, did = done_by(options_at(x))
+        except (GainsError, UsageError):  # no ρ covers this B̂, or it lies beyond any rig
+            return 100 * refused
+        if did.mean_abs_duty_step_pct > limit:
+            return refused * (1 + did.mean_abs_duty_step_pct / limit)
+        return did.rms_error_nm if keeps_margins(gains, points, start.timing) else refused
+
+    found = differential_evolution(
+        cost, Box([-1.0] * len(RANGES), [1.0] * len(RANGES)), x0=np.zeros(len(RANGES)), rng=seed, tol=0.0, polish=False,
+        popsize=GENERATION // len(RANGES), maxiter=evaluations // GENERATION - 1,
+    )  # fmt: skip
+    if found.fun >= refused:
+        raise GainsError(
+            f"nothing that was tried chatters less than {limit:.3g} % duty per sample and keeps {ENOUGH_DB:g} dB and "
+            f"{ENOUGH_DEG:g}°; allow more with «chatter_limit»"
+        )
+    best = options_at(found.x)
+    return best, before, done_by(best)[1]
 
 
 def tune(

@@ -2,9 +2,7 @@
 
 from eaid.apparatus import Apparatus
 from eaid.results.common import Source
-from eaid.results.fit import Fit, FittedData
-from eaid.results.friction import FrictionLevel
-from eaid.results.nonlinear import CurveLevel
+from eaid.results.fit import CurveLevel, Fit, FittedData, FrictionLevel
 from eaid.steps.stepset import StepSet
 
 QUANTITIES = {"N·m": "Torque", "N": "Force", "RPM": "Speed", "kPa": "Stress", "°C": "Temperature"}

@@ -10,29 +10,505 @@ import statistics
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 
 import msgspec
+import numpy as np
 
+from eaid.arrays import Array
 from eaid.errors import DataError, in_python
 from eaid.findings import Finding
+from eaid.models.friction import step_response
 from eaid.models.nonlinear import time_constants
 from eaid.models.parameters import TAU_FLOOR_S
+from eaid.models.parameters import Friction as FrictionCurve
 from eaid.models.parameters import Linear as LinearModel
 from eaid.models.parameters import Nonlinear as NonlinearModel
+from eaid.models.trends import evaluate
 from eaid.options import FitGiven
 from eaid.results import codec
-from eaid.results.common import Count, Input, Number, Positive, Result, Source
-from eaid.results.friction import Friction, FrictionLevel, Release
-from eaid.results.linear import Linear
-from eaid.results.nonlinear import Nonlinear
+from eaid.results.common import (
+    AbsError,
+    Count,
+    HoldOut,
+    Huber,
+    Input,
+    Interval,
+    LevelError,
+    Number,
+    Positive,
+    Result,
+    Scores,
+    Share,
+    Solver,
+    Source,
+)
 from eaid.results.recorded import Recorded
-from eaid.results.steps import StepShape
-from eaid.results.uncertainty import Uncertainty
 from eaid.shown import Shown
 
 if TYPE_CHECKING:
     import pandas
+
+
+class LevelIntervals(Result, frozen=True):
+    """95 % intervals of one level's T_s, τ1, τ2, and C where it was free."""
+
+    Ts: Interval = None
+    tau1: Interval = None
+    tau2: Interval = None
+    C: Interval = None
+    C_f: Interval = None
+
+
+class FrictionLevel(Scores, frozen=True):
+    """The step response of one level, Eq. (3), or of one step between two levels."""
+
+    level: Number
+    Ts: Number
+    """Steady output; between two levels the change of it."""
+    tau1: Positive
+    tau2: Positive
+    C: Number = 0.85
+    from_: Number = msgspec.field(default=0.0, name="from")
+    """Input before the step."""
+    start: Number = 0.0
+    """Output before the step, above the baseline that was subtracted."""
+    shape: str = "two"
+    """one | two | free | overshoot: the form that the evidence asked for; the paper's is two."""
+    delay_s: Number = 0.0
+    """Dead time."""
+    stress_kpa: Number | None = None
+    speed_rpm: Number | None = None
+    samples: Count | None = None
+    C_f: Number | None = None
+    """Coefficient of friction, Eq. (1)."""
+    solver: Solver | None = None
+    ci95: LevelIntervals | None = None
+
+    @property
+    def curve(self) -> FrictionCurve:
+        """The curve of Eq. (3)."""
+        return FrictionCurve(self.Ts, self.tau1, self.tau2, self.C)
+
+    def predict(self, time_s: Array) -> Array:
+        """Output at times since the step [s], above the baseline: its start, and behind its dead time Eq. (3)."""
+        return self.start + step_response(self.curve, np.maximum(time_s - self.delay_s, 0.0))
+
+
+class Trend(Result, frozen=True):
+    """A fitted value over stress or speed (Tables I and II)."""
+
+    form: Literal["linear", "double-exponential", "merged-exponential"]
+    coefficients: tuple[Number, ...]
+    """[slope, offset]; [p, r1, q, r2] of p e^(r1 x) + q e^(r2 x); [p, q, r] of (p + q x) e^(r x)."""
+    over: str = ""
+    """stress_kpa, speed_rpm, or level_UNIT where the stress is not known."""
+    rmse: Number | None = None
+    converged: bool = True
+    at_bounds: tuple[str, ...] = ()
+    ci95: tuple[Interval, ...] | None = None
+
+    def __post_init__(self) -> None:
+        wanted = {"linear": 2, "merged-exponential": 3, "double-exponential": 4}[self.form]
+        if len(self.coefficients) not in (0, wanted):
+            raise ValueError(f"{len(self.coefficients)} coefficients, and a {self.form} trend has {wanted}")
+
+    def predict(self, x: Array) -> Array:
+        """The fitted value over stress or speed."""
+        return evaluate(self.form, self.coefficients, x)
+
+
+class Friction(Result, frozen=True):
+    """Friction curves of all levels, and their trends."""
+
+    C: Number | None = None
+    """The share of the fast part that was held; None where it was free."""
+    over: str = ""
+    """What trends run over: stress_kpa, speed_rpm, or level_UNIT where the stress is not known."""
+    levels: tuple[FrictionLevel, ...] = ()
+    trends: dict[str, Trend] = {}
+    solver: Solver | None = None
+    identifiable: bool | None = None
+    hold_out: HoldOut | None = None
+    robust: Huber | None = None
+
+    @property
+    def over_stress(self) -> bool:
+        """Whether trends run over the normal stress, which is known of every level."""
+        return self.over == "stress_kpa" and all(row.stress_kpa is not None for row in self.levels)
+
+    @property
+    def x(self) -> tuple[float, ...]:
+        """The levels in the quantity that trends run over."""
+        key = self.over if self.over in ("stress_kpa", "speed_rpm") else "level"
+        return tuple(getattr(one, key) for one in self.levels)
+
+
+class ReleaseLevel(Scores, frozen=True):
+    """T(t) = residual + amplitude (share e^(−t/τ1) + (1 − share) e^(−t/τ2)) after the release of one level."""
+
+    level: Number
+    share: Number | None = None
+    tau1: Number | None = None
+    tau2: Number | None = None
+    rising_tau1: Number | None = None
+    rising_tau2: Number | None = None
+    amplitude: Number | None = None
+    residual: Number | None = None
+    """Output left after a long time."""
+    solver: Solver | None = None
+
+
+class Release(Result, frozen=True):
+    """Time constants of the falling edges to rest: of all levels together, and of each."""
+
+    tau1: Positive
+    tau2: Positive
+    C: Number = 0.85
+    rmse: Number | None = None
+    sse: Number | None = None
+    levels: tuple[ReleaseLevel, ...] = ()
+    solver: Solver | None = None
+
+
+class PooledIntervals(Result, frozen=True):
+    """95 % intervals of the pooled linear model."""
+
+    a0: Interval = None
+    b0: Interval = None
+    c0: Interval = None
+
+
+class LinearLevelIntervals(Result, frozen=True):
+    """95 % intervals of one level's linear model."""
+
+    a0: Interval = None
+    gain: Interval = None
+    B: Interval = None
+
+
+class LinearLevel(Scores, frozen=True):
+    """Eq. (8) of one level: a0 and the gain (b0 u + c0)/a0 is what one step tells; b0 with c0 = 0."""
+
+    level: Number
+    a0: Number
+    gain: Number
+    b0: Number | None = None
+    c0: Number | None = None
+    B: Number | None = None
+    """1/b0; None where b0 is not positive."""
+    converged: bool | None = None
+    ci95: LinearLevelIntervals | None = None
+
+
+class BoundsIntervals(Result, frozen=True):
+    """95 % intervals of the ends of B."""
+
+    B_m: Interval = None
+    B_M: Interval = None
+
+
+class Bounds(Result, frozen=True):
+    """Least and largest B over the levels that the user keeps."""
+
+    convention: Literal["zero-offset"] = "zero-offset"
+    """How b0 of a level is told from c0: c0 is 0."""
+    levels: tuple[Number, ...] = ()
+    B_m: Number | None = None
+    B_M: Number | None = None
+    ci95: BoundsIntervals | None = None
+
+
+class Pooled(Scores, frozen=True):
+    """Eq. (8) fitted to all levels at once: Ṫ = −a0 T + b0 u + c0."""
+
+    a0: Number
+    b0: Number
+    c0: Number
+    solver: Solver | None = None
+    ci95: PooledIntervals | None = None
+
+    @property
+    def parameters(self) -> LinearModel:
+        """The model of Eq. (8)."""
+        return LinearModel(self.a0, self.b0, self.c0)
+
+
+class Linear(Pooled, frozen=True):
+    """The pooled linear model, and each level's own."""
+
+    per_level: tuple[LinearLevel, ...] = ()
+    bounds: Bounds | None = None
+    identifiable: bool | None = None
+    robust: Huber | None = None
+    hold_out: HoldOut | None = None
+
+    def to_control(self) -> Any:
+        """The transfer function b0/(s + a0) from input to output, by python-control, where that is installed."""
+        import control
+
+        return control.tf([self.b0], [1.0, self.a0])
+
+    @classmethod
+    def of(cls, pooled: Pooled, **more: Any) -> Self:
+        """A pooled model with each level's own beside it."""
+        return cls(**{name: getattr(pooled, name) for name in Pooled.__struct_fields__}, **more)
+
+
+Three = tuple[Number, Number, Number]
+Four = tuple[Number, Number, Number, Number]
+
+
+class CurveLevel(Result, frozen=True):
+    """The nonlinear model's curves at one level."""
+
+    level: Number
+    Ts: Number | None = None
+    tau1: Number | None = None
+    tau2: Number | None = None
+    ci95: LevelIntervals | None = None
+    torque_half_width_nm: Number | None = None
+    """Half width of the output curve's interval, largest over the record, in the output's unit."""
+
+
+class CoefficientIntervals(Result, frozen=True):
+    """95 % intervals of the polynomials' coefficients."""
+
+    tau1: tuple[Interval, ...] = ()
+    tau2: tuple[Interval, ...] = ()
+    Ts: tuple[Interval, ...] = ()
+    C: Interval = None
+
+
+class Covariance(Result, frozen=True):
+    """Covariance of the coefficients, so that plants can be drawn."""
+
+    parametrisation: str = ""
+    order: tuple[str, ...] = ()
+    matrix: tuple[tuple[Number, ...], ...] = ()
+    degrees_of_freedom: dict[str, Number | None] = {}
+    from_: str = msgspec.field(default="", name="from")
+
+
+class Disagreement(Result, frozen=True):
+    """Where two estimates of one parameter part by more than their intervals."""
+
+    parameter: str
+    levels: tuple[Number, ...] = ()
+    worst: Number | None = None
+    """The level at which they part most."""
+    one: Number | None = None
+    other: Number | None = None
+    ci95: Interval = None
+    """Of the first named."""
+    ci95_other: Interval = None
+
+
+class Agreement(Result, frozen=True):
+    """Two estimates held against each other."""
+
+    between: tuple[str, str]
+    """Which two: joint, two-stage."""
+    believe: str
+    """One of the two, either, or neither."""
+    because: str = ""
+    """A code of the table of sentences."""
+    disagreements: tuple[Disagreement, ...] = ()
+
+
+class Estimate(Scores, frozen=True):
+    """The ten coefficients of Eqs. (4)–(7) by one estimator."""
+
+    tau1: Three
+    tau2: Three
+    Ts: Four
+    u_range: tuple[Annotated[float, msgspec.Meta(ge=0, le=1e60)], Positive]
+    """Lowest and highest identified input."""
+    C: Share = 0.85
+    C_free: bool = False
+    abs_error: AbsError | None = None
+    per_level: tuple[LevelError, ...] = ()
+    solver: Solver | None = None
+    curves: tuple[CurveLevel, ...] = ()
+    ci95: CoefficientIntervals | None = None
+    covariance: Covariance | None = None
+    misfit: dict[str, Number | None] | None = None
+    """Two-stage: Σ(residual/sd)² over levels − coefficients."""
+    hold_out: HoldOut | None = None
+
+    @property
+    def parameters(self) -> NonlinearModel:
+        """The model of Eqs. (4)–(7)."""
+        return NonlinearModel(self.tau1, self.tau2, self.Ts, self.u_range, self.C)
+
+
+class Nonlinear(Estimate, frozen=True):
+    """The believed estimate, and the others beside it."""
+
+    estimator: Literal["joint", "two-stage"] = "joint"
+    """Which estimate stands here: the one that is believed, or that was asked for."""
+    because: str = ""
+    """Why it stands here: asked, agree, apart, weak, or alone."""
+    identifiable: bool | None = None
+    robust: Huber | None = None
+    joint: Estimate | None = None
+    """The joint estimate, where the two-stage one stands in its place."""
+    two_stage: Estimate | None = None
+    """The two-stage estimate, where the joint one stands."""
+    agreement: tuple[Agreement, ...] = ()
+
+    @classmethod
+    def of(cls, estimate: Estimate, **more: Any) -> Self:
+        """An estimate as the one that is believed."""
+        return cls(**{name: getattr(estimate, name) for name in Estimate.__struct_fields__}, **more)
+
+    @property
+    def estimate(self) -> Estimate:
+        """The estimate that stands here, alone."""
+        return Estimate(**{name: getattr(self, name) for name in Estimate.__struct_fields__})
+
+
+class Noise(Result, frozen=True):
+    """What drawn runs and planned recordings rest on."""
+
+    sensor_nm2_s: Annotated[float, msgspec.Meta(ge=0, le=1e60)] = 0.0
+    """Density of the sensor's noise [output²·s]."""
+    ripple_s: Annotated[float, msgspec.Meta(ge=0, le=1e60)] = 0.0
+    """Density of the ripple relative to the output [s]."""
+    scatter: dict[str, Number] = {}
+    """Standard deviation from run to run of T_s, τ1, τ2, as a share."""
+
+
+class ShareEstimate(Result, frozen=True):
+    """The share C that was held, and the one that the runs ask for."""
+
+    held: Number | None = None
+    change_per_001_pct: dict[str, Number] = msgspec.field(default_factory=dict, name="per_0.01_pct")
+    """Change of T_s, τ1, τ2 [%] if C were larger by 0.01."""
+    estimate: Number | None = None
+    ci95: Interval = None
+    degrees_of_freedom: Number | None = None
+    rejected: bool | None = None
+    matters: bool | None = None
+    levels_differ: bool | None = None
+    at_estimate: tuple[CurveLevel, ...] = ()
+
+
+class ShapeScore(Result, frozen=True):
+    """One curve shape, fitted to every level."""
+
+    name: str
+    parameters: Count = 0
+    rmse: Number | None = None
+    aicc: Number | None = None
+    bic: Number | None = None
+
+
+class OrderScore(Result, frozen=True):
+    """One polynomial order of one parameter."""
+
+    parameter: str
+    order: Count = 0
+    chi_square: Number | None = None
+    aicc: Number | None = None
+    leave_one_out_pct: Number | None = None
+
+
+class LackOfFit(Result, frozen=True):
+    """A level's misfit against the spread of its repeats."""
+
+    level: Number
+    ratio: Number | None = None
+    chance: Number | None = None
+    beyond: bool = False
+    systematic_nm: Number | None = None
+
+
+class Adequacy(Result, frozen=True):
+    """Whether the model is right."""
+
+    shapes: tuple[ShapeScore, ...] = ()
+    orders: tuple[OrderScore, ...] = ()
+    lack_of_fit: tuple[LackOfFit, ...] = ()
+    residual_autocorrelation: Number | None = None
+    effective_samples: Number | None = None
+    leave_one_level_out_nm: Number | None = None
+
+
+class Sweeps(Result, frozen=True):
+    """Repeats that were recorded as sweeps over all levels."""
+
+    count: Count = 0
+    shift_pct: dict[str, Number] = {}
+
+
+class Uncertainty(Result, frozen=True):
+    """Where the intervals come from."""
+
+    ci: str = "none"
+    nominal: Number = 0.95
+    scatter_from: str = ""
+    """repeats, curve, or within."""
+    degrees_of_freedom: Number | None = None
+    run_to_run_pct: dict[str, Number | None] = {}
+    noise: Noise | None = None
+    draws: Count | None = None
+    sweeps: Sweeps | None = None
+    share: ShareEstimate | None = None
+    adequacy: Adequacy | None = None
+
+
+class StepIntervals(Result, frozen=True):
+    """95 % intervals of one step; null where the record says nothing of use, or where it was given."""
+
+    change: Interval = None
+    gain: Interval = None
+    tau1: Interval = None
+    tau2: Interval = None
+    C: Interval = None
+    dead_time_s: Interval = None
+
+
+class StepShape(Result, frozen=True):
+    """The response of one step, in the units of its step set."""
+
+    run: str
+    from_: Number = msgspec.field(name="from")
+    """Input before the step."""
+    level: Number
+    """Input after it."""
+    edge: str
+    """up or down."""
+    start: Number
+    """Output before the step."""
+    change: Number
+    """Steady output less the start."""
+    gain: Number | None
+    """Change of output over change of input."""
+    shape: str
+    tau1: Positive
+    """Fast time constant [s]; the only one of the shape "one"."""
+    tau2: Positive | None
+    """Slow time constant [s]."""
+    C: Number
+    """Fast share; 1 of the shape "one", above 1 of "overshoot"."""
+    dead_time_s: Number
+    rmse: Number
+    fit_pct: Number | None
+    """100 (1 − ‖y − ŷ‖/‖y − mean y‖)"""
+    R2: Number | None
+    samples: Count
+    ci95: StepIntervals = StepIntervals()
+    """From the noise of this one record: how much steps differ from one another is not in it."""
+    evidence: dict[str, Number | None] = {}
+    """AICc of each shape less that of the best; shapes with a dead time are named `one+dead` and so on."""
+    findings: tuple[Finding, ...] = ()
+
+    def predict(self, time_s: Array) -> Array:
+        """Output at times since the step [s]."""
+        after = np.maximum(time_s - self.dead_time_s, 0.0)
+        slow = 0.0 if self.tau2 is None else (1 - self.C) * np.exp(-after / self.tau2)
+        return np.asarray(self.start + self.change * (1 - self.C * np.exp(-after / self.tau1) - slow))
 
 
 class Rig(Result, frozen=True):

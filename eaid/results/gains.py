@@ -11,14 +11,184 @@ from typing import TYPE_CHECKING
 from eaid.findings import Finding, sentences
 from eaid.options import TuneOptions
 from eaid.results import codec
-from eaid.results.common import Input, Number, Positive, Result
-from eaid.results.gain_checks import Actuator, Margins, Optimized, PhiFromData, Replayed
-from eaid.results.rho import Rho
+from eaid.results.common import Count, Input, Number, Positive, Result
 from eaid.shown import Shown
 
 if TYPE_CHECKING:
     import pandas
     from control import TransferFunction
+
+
+class RhoLine(Result, frozen=True):
+    """ρ(ξ) = constant + slope ‖ξ‖ [N·m/s]."""
+
+    constant: Number
+    slope: Number
+
+
+class RhoTerms(Result, frozen=True):
+    """The shares of ρ's constant [N·m/s]."""
+
+    reference_nm_s: Number | None = None
+    phi_nm_s: Number | None = None
+
+
+class RhoReading(Result, frozen=True):
+    """ρ under one reading of Eq. (15) with the same number φ."""
+
+    phi: Number | None = None
+    phi_term_nm_s: Number | None = None
+    phi_honest_pct: Number | None = None
+    constant: Number | None = None
+    slope: Number | None = None
+
+
+class RhoReadings(Result, frozen=True):
+    """ρ under both readings."""
+
+    paper: RhoReading | None = None
+    textbook: RhoReading | None = None
+
+
+class Rho(Result, frozen=True):
+    """ρ(ξ) = constant + slope ‖ξ‖ [N·m/s] in the chosen reading, and what Eq. (15) needs with the α reached."""
+
+    constant: Number
+    slope: Number
+    convention: str = "paper"
+    alpha: Number | None = None
+    terms: RhoTerms | None = None
+    needed: RhoLine | None = None
+    readings: RhoReadings | None = None
+
+
+class TorquePoint(Result, frozen=True):
+    """How much of ±ρ the actuator can deliver at one torque."""
+
+    torque_nm: Number
+    eta_hat_pct: Number | None = None
+    share_up: Number | None = None
+    share_down: Number | None = None
+
+
+class Actuator(Result, frozen=True):
+    """What the robust term asks for and what the actuator spans, in the input's unit."""
+
+    robust_term_pct: Number | None = None
+    span_pct: Number | None = None
+    points: tuple[TorquePoint, ...] = ()
+
+
+class Mismatch(Result, frozen=True):
+    """Largest |η − η̂| that one source shows, in the input's unit."""
+
+    pct: Number
+    signed_pct: Number | None = None
+    where: str = ""
+
+
+class PhiFromData(Result, frozen=True):
+    """Largest |η − η̂| by source."""
+
+    model: Mismatch | None = None
+    logs: Mismatch | None = None
+    levels: Mismatch | None = None
+
+
+class SampleTiming(Result, frozen=True):
+    """Rate of the controller, and the PWM that latches the duty."""
+
+    rate_hz: Positive = 1000.0
+    pwm_hz: Positive | None = None
+    delay_samples: Count = 0
+    """Dead time that the steps show."""
+
+
+class Margin(Result, frozen=True):
+    """Margins of one loop."""
+
+    stable: bool | None = None
+    gain_db: Number | None = None
+    delay_s: Number | None = None
+    phase_deg: Number | None = None
+    crossover_hz: Number | None = None
+
+
+class MarginPoint(Result, frozen=True):
+    """Margins of both loops around one held duty."""
+
+    duty_pct: Number
+    torque_nm: Number | None = None
+    rc: Margin | None = None
+    pi: Margin | None = None
+
+
+class WorstMargins(Result, frozen=True):
+    """The least of each margin over all points."""
+
+    rc: Margin | None = None
+    pi: Margin | None = None
+
+
+class Margins(Result, frozen=True):
+    """Margins of both loops, sampled and latched as `timing` says."""
+
+    timing: SampleTiming = SampleTiming()
+    points: tuple[MarginPoint, ...] = ()
+    worst: WorstMargins | None = None
+
+
+class Tracking(Result, frozen=True):
+    """Errors of one replay: reference − true output, from `counted_from_s` on."""
+
+    max_abs_error_nm: Number | None = None
+    rms_error_nm: Number | None = None
+    mean_abs_error_nm: Number | None = None
+    iae_nm_s: Number | None = None
+    mean_abs_duty_step_pct: Number | None = None
+    saturated_fraction: Number | None = None
+
+
+class Candidate(Result, frozen=True):
+    """One candidate of the search, and what it did on the drawn plants."""
+
+    p_scale: Number
+    epsilon: Number
+    phi_honest_pct: Number
+    B_hat: Number
+    K_P: Number
+    K_D: Number
+    equal_pi: tuple[Number, Number]
+    rms_error_nm: Number
+    """Over all plants and counted samples."""
+    worst_plant_rms_error_nm: Number
+    max_abs_error_nm: Number
+    mean_abs_duty_step_pct: Number
+    saturated_fraction: Number
+
+
+class Optimized(Result, frozen=True):
+    """What the search began with, and what it ended at."""
+
+    reference: str
+    plants: Count
+    noise_nm: Number
+    noise_source: str
+    """given, logs, fit, or supposed."""
+    limit_pct: Number
+    """Most chattering allowed, in the input's unit per sample."""
+    before: Candidate
+    after: Candidate
+
+
+class Replayed(Result, frozen=True):
+    """Errors on the standard reference."""
+
+    reference: str = ""
+    slope_nm_s: Number | None = None
+    counted_from_s: Number | None = None
+    rc: Tracking | None = None
+    pi: Tracking | None = None
 
 
 class LinearModel(Result, frozen=True):

@@ -7,10 +7,7 @@ from eaid.findings import merged, ranked, say
 from eaid.shown import counted, span
 
 if TYPE_CHECKING:
-    from eaid.results.fit import Fit
-    from eaid.results.friction import FrictionLevel
-    from eaid.results.nonlinear import CurveLevel
-    from eaid.results.steps import StepShape
+    from eaid.results.fit import CurveLevel, Fit, FrictionLevel, StepShape
 
 T = TypeVar("T")
 

@@ -4,21 +4,300 @@ Every step is a run of its own; a dataset of cut runs holds each sample once. `l
 `from_level` where it comes from; a falling one comes from `level` and goes to `from_level`; 0 is rest.
 """
 
+import itertools
+import re
+from collections import Counter, defaultdict
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 
-from eaid.arrays import median
+from eaid.arrays import Array, median, read_only
 from eaid.errors import DataError
-from eaid.findings import finding
+from eaid.findings import Finding, finding, stops
 from eaid.logs.run import Run
-from eaid.steps.baseline import BaselineRule, first_samples
-from eaid.steps.by_input import cut_by_input
-from eaid.steps.by_instant import cut_at, cut_by_output
-from eaid.steps.noise import sample_noise
-from eaid.steps.plateaus import FEWEST
-from eaid.steps.reversals import cut_reversals
-from eaid.steps.step import sample_at
+from eaid.options import ReadOptions
+from eaid.steps.baseline import BaselineRule, baseline_rule, first_samples, last_rest
+from eaid.steps.edges import BACK, looks_like, refuse_to_cut, several_edges, turns
+from eaid.steps.noise import block_means, block_noise, sample_noise, sampled
+from eaid.steps.plateaus import FEWEST, Plateau, bridge, end_of, plateaus, sample_s, stands_still, tolerance, zero_of
+from eaid.steps.step import Step, sample_at
+from eaid.steps.stepset import LevelStep
+
+UNSETTLED = 0.05
+"""Share of a step's change by which the output may still move before a step from level to level."""
+NO_STEP = "record the idle time before the step too, or give the step instant with «step_at»"
+
+
+def cut_by_input(run: Run) -> list[Run]:
+    """Steps where the input goes from one plateau to another; towards zero is a falling edge."""
+    holds, bridged = bridge(plateaus(run.input))
+    if not stands_still(holds, run.input) or looks_like(run) is not None:
+        raise refuse_to_cut(run)
+    if len(holds) < 2:
+        raise DataError(f"{run.where}: the input stays at {holds[0].level:g} {run.input_unit}: no step; {NO_STEP}")
+    zero = zero_of(run)
+    first = (*run.findings, finding("input-glitch", run.name, samples=bridged)) if bridged else run.findings
+    steps: list[Run] = []
+    idle: float | None = run.baseline
+    end = 0
+    for before, now in itertools.pairwise(holds):
+        step = edge_between(replace(run, findings=() if steps else first), before, now, zero, idle)
+        if run.baseline is not None:
+            step = replace(step, baseline=run.baseline)
+        elif abs(before.level) <= zero:
+            idle = step.baseline
+        count = 1 + sum(one.edge == step.edge for one in steps)
+        name = run.name + ("-release" if step.edge == "falling" else "") + (f"-{count}" if count > 1 else "")
+        # the ramp between two plateaus goes with the step that it leads to
+        samples, end = slice(end, now.stop), now.stop
+        at = float(run.time_s[now.start])
+        steps.append(step.part(samples, name=name, step_s=at, until_s=None, cut=True))
+    return steps
+
+
+def edge_between(run: Run, before: Plateau, now: Plateau, zero: float, fallback: float | None) -> Run:
+    """A log with what its step between two plateaus is: edge, levels, baseline, output before it, findings.
+
+    `fallback` is the rest before the step that led to the first plateau.
+    """
+    down = abs(now.level) < abs(before.level) and now.level * before.level >= -zero * zero
+    level, other = (before.level, now.level) if down else (now.level, before.level)
+    from_rest = abs(before.level) <= zero
+    change = end_of(run.output, now) - end_of(run.output, before)
+    # behind a hold, only its last quarter is taken
+    first = before.start == 0
+    hold = run.output[before.start if first else before.stop - before.count // 4 - 1 : before.stop]
+    rest = last_rest(hold, change)
+    findings, rests = rest.findings(run.name), rest.count
+    if from_rest:
+        # a rest that still moves after an earlier step is no rest of its own: counted from the one before
+        baseline = rest.value if rest.rests or first or fallback is None else fallback
+    elif down and abs(now.level) <= zero:
+        released = last_rest(run.output[now.stop - now.count // 4 - 1 : now.stop], 0.0)
+        baseline = released.value if fallback is None else fallback
+        rests = max(1, before.count // 20)  # the output held before it is its start
+    else:
+        baseline = rest.value
+        off = 0.0 if rest.rests else abs(rest.start - float(hold[: max(1, len(hold) // 4)].mean()))
+        # what leaves its rest before the step, by more than its noise, is an input logged late
+        if off > UNSETTLED * abs(change) or (rest.lead and off > 0):
+            share = 100 * off / max(abs(change), 1e-3 * off)
+            findings += (finding("unsettled-before-step", run.name, (before.level, now.level), share_pct=share),)
+    return replace(
+        run,
+        level=level,
+        from_level=0.0 if abs(other) <= zero else other,
+        edge="falling" if down else "rising",
+        held=rest.start if from_rest else end_of(run.output, before),
+        baseline=baseline,
+        rest_s=rests * sample_s(run),
+        rest_moved=rest.moved,
+        findings=(*run.findings, *findings),
+    )
+
+
+def no_level(run: Run) -> DataError:
+    """Why a log without input and level is refused, with a pattern where its name holds a number."""
+    number = re.search(r"([A-Za-z_=-]?)(\d+(?:\.\d+)?)([A-Za-z%]*)", run.name)
+    hint = "with {level}"
+    if number:
+        hint = f'"{number[1]}{{level}}{number[3]}", if {number[2]} is the level'
+    return DataError(f"{run.where}: nothing tells its level; give the input column, or «name_pattern» {hint}")
+
+
+def cut_at(run: Run, at_s: float) -> list[Run]:
+    """The step at an instant that the user, the dataset or the output gives, and the release behind its window."""
+    until, level = _window(run, at_s)
+    start = sample_at(run, at_s)
+    now, zero, known = Plateau(start, until, level), zero_of(run), run.has_input
+    step = replace(run, level=level)
+    earlier = [p for p in plateaus(run.input[:start]) if p.count >= FEWEST] if known and start else []
+    if earlier and abs(earlier[-1].level) > zero:
+        step = edge_between(run, earlier[-1], now, zero, run.baseline)
+    elif start and until > start and run.baseline is None:
+        idle = run.output[:start]
+        rest = last_rest(idle, end_of(run.output, now) - float(idle.mean()))
+        step = replace(
+            step, baseline=rest.value, held=None if rest.rests else rest.start, rest_s=rest.count * sample_s(run),
+            rest_moved=rest.moved, findings=(*run.findings, *rest.findings(run.name)),
+        )  # fmt: skip
+    steps = [step.part(slice(until), step_s=float(run.time_s[start]), until_s=None, cut=True)]
+    left = float(median(run.input[until:])) if known and until < len(run.time_s) else 0.0
+    falls = abs(left) < abs(level) if known else run.until_s is not None and _falls(run, now)
+    if len(run.time_s) - until >= FEWEST and step.edge == "rising" and falls:
+        release = replace(run, level=level, edge="falling", findings=(), baseline=step.baseline)
+        steps.append(
+            release.part(
+                slice(until, None), name=f"{run.name}-release", step_s=float(run.time_s[until]), until_s=None, cut=True,
+                from_level=left if abs(left) > zero else 0.0, held=end_of(run.output, now),
+            )
+        )  # fmt: skip
+    return steps
+
+
+def _window(run: Run, step: float) -> tuple[int, float]:
+    """First sample behind the window of a step at an instant, and its level."""
+    time, close = run.time_s, 1e-9 * max(1.0, abs(step))
+    if not time[0] - close <= step <= time[-1]:
+        raise DataError(
+            f"{run.where}: the step at {step:g} s lies outside the log ({time[0]:.6g} to {time[-1]:.6g} s); "
+            "mend «step_at»"
+        )
+    if run.until_s is not None and run.until_s <= step:
+        raise DataError(f"{run.where}: the window ends ({run.until_s:g} s) before it begins ({step:g} s); mend «until»")
+    start = sample_at(run, step)
+    until = len(time) if run.until_s is None else sample_at(run, run.until_s)
+    level = run.level
+    if run.has_input and until > start:
+        window = run.input[start:until]
+        if level is None:
+            holds = [plateau for plateau in plateaus(window) if plateau.count >= FEWEST]
+            level = holds[0].level if holds else median(window)
+        near = np.abs(window - level) <= max(tolerance(run.input), 0.01 * abs(level))
+        if near.any():  # the window ends where the input leaves its level, once it has reached it
+            reached = int(near.argmax())
+            left = np.flatnonzero(~near[reached:])
+            until = start + reached + int(left[0]) if len(left) else until
+    if level is None:
+        raise no_level(run)
+    return until, level
+
+
+def _falls(run: Run, now: Plateau) -> bool:
+    """Whether the output comes back, by a hundredth of its rise or more, behind a window that only the user ended."""
+    idle = median(run.output[: now.start]) if now.start else 0.0
+    rise = end_of(run.output, now) - idle
+    left = median(run.output[now.stop :]) - idle
+    return bool(left * np.sign(rise) < 0.99 * abs(rise))
+
+
+def cut_by_output(run: Run) -> list[Run]:
+    """The step of a log without a moving input: where the output leaves its idle value for good."""
+    constant = median(run.input) if run.has_input else None
+    level = constant if run.level is None else run.level
+    rig = run.kind in ("friction-force", "friction-speed")  # its input is held while something else makes it slip
+    from_start = rises_at_once(run.output, first_samples(run.output)) and bool(level)
+    if constant is not None and not rig and not from_start:
+        raise DataError(f"{run.where}: the input stays at {constant:g} {run.input_unit}: no step; {NO_STEP}")
+    at = 0 if rises_at_once(run.output) or (from_start and not rig) else onset(run.output)
+    if level is None or at is None:
+        odd = several_edges(run.name, run.time_s, run.output)
+        if odd is not None:
+            raise refuse_to_cut(run, odd)
+        if level is None:
+            raise no_level(run)
+        raise DataError(f"{run.where}: no step stands out of the output's noise; give its instant with «step_at»")
+    if at == 0:
+        said = finding("step-at-first-sample", run.name, start=first_samples(run.output), unit=run.output_unit)
+    else:
+        said = finding("step-from-output", run.name, step_s=float(run.time_s[at]))
+    return cut_at(replace(run, level=level, findings=(*run.findings, said)), float(run.time_s[at]))
+
+
+def rises_at_once(output: Array, start: float = 0.0) -> bool:
+    """True where the output begins at `start` and leaves it from its first sample on, without an idle stretch before.
+
+    At a quarter of the time to half of its end value a step response has long risen; an idle output has not.
+    """
+    count = len(output)
+    if count < 2 * FEWEST:
+        return False
+    rise = output - start
+    end = median(sampled(rise[-(count // 10) :]))
+    noise = sample_noise(output)
+    if abs(end) <= 8 * noise or abs(float(rise[:3].mean())) > 0.2 * abs(end):
+        return False
+    above = np.flatnonzero(np.sign(end) * rise >= 0.5 * abs(end))
+    high = int(above[0]) if len(above) else count - 1
+    quarter = np.sign(end) * rise[high // 4 : high // 4 + high // 8 + 1]
+    return bool(quarter.mean() >= 0.05 * abs(end) + 4 * noise / np.sqrt(len(quarter)))
+
+
+def onset(output: Array) -> int | None:
+    """First sample after the output's last visit to its idle band before it is half-way up; None where none stands out.
+
+    The idle band is the median of the first samples ± 4 standard deviations (from the median deviation), at least 1 %
+    of the rise; the first samples are refined once by those before the onset found.
+    """
+    count = len(output)
+    head = max(FEWEST, count // 50)
+    if count < 2 * FEWEST:
+        return None
+    start = None
+    for _ in range(3):
+        idle = median(output[:head])
+        noise = 1.4826 * median(np.abs(output[:head] - idle))
+        away = np.abs(output - idle)
+        rise = float(np.quantile(away, 0.9))
+        if rise <= 8 * noise or rise == 0:
+            return None
+        half = np.flatnonzero(away >= 0.5 * rise)
+        inside = np.flatnonzero(away[: half[0]] <= max(4 * noise, 0.01 * rise))
+        if not len(inside):
+            return None
+        leaves = int(inside[-1]) + 1
+        if leaves == start:
+            break
+        start, head = leaves, max(FEWEST, leaves * 9 // 10)
+    return start
+
+
+BLOCKS = 4000
+SLOWS = 0.8
+"""Share of its usual speed below which a stroke slows down."""
+
+
+def cut_reversals(run: Run) -> list[Run]:
+    """The strokes of a log with a position, shape (n,), each from its turn to the next; its level is the input's.
+
+    Raises DataError where the position never turns, or nothing tells the level.
+    """
+    assert run.position is not None
+    at = turns_of(run.position)
+    if not len(at):
+        raise DataError(f"{run.where}: its position never turns; leave «columns» position out")
+    known = bool(np.isfinite(run.input).all())
+    if run.level is None and not known:
+        raise no_level(run)
+    legs = [(a, _still_fast(run.position[a:b]) + a) for a, b in itertools.pairwise([*at, len(run.time_s)])]
+    strokes = [(a, b) for a, b in legs if b - a >= FEWEST]
+    steps = []
+    for k, (start, stop) in enumerate(strokes):
+        way = 1.0 if float(run.position[stop - 1]) > float(run.position[start]) else -1.0
+        level = abs(median(run.input[start:stop])) if run.level is None else run.level
+        stroke = run.part(
+            slice(start, stop), name=f"{run.name}-{k + 1}", step_s=float(run.time_s[start]), until_s=None, cut=True,
+            level=way * level, baseline=first_samples(run.output[start:stop]), repeat=None,
+        )  # fmt: skip
+        steps.append(replace(stroke, input=np.abs(stroke.input) * way if known else stroke.input))
+    said = finding("cut-at-reversals", run.name, reversals=len(steps))
+    return [replace(steps[0], findings=(*run.findings, said)), *(replace(one, findings=()) for one in steps[1:])]
+
+
+def _still_fast(stroke: Array) -> int:
+    """Samples of a stroke until it slows down for the next turn, for the friction then changes with the speed."""
+    lag = max(1, len(stroke) // 40)
+    speed = np.abs(stroke[lag:] - stroke[:-lag])
+    return int(np.flatnonzero(speed >= SLOWS * median(speed))[-1]) + lag if len(speed) else len(stroke)
+
+
+def turns_of(position: Array) -> list[int]:
+    """Samples at which a position turns: extremes between which it goes by `BACK` of its range; none of mere noise."""
+    means = block_means(position, BLOCKS)
+    span, width = float(np.ptp(means)), len(position) / len(means)
+    if span <= 20 * block_noise(means):
+        return []
+    places = turns(means, BACK * span)
+    samples = []
+    for before, k in itertools.pairwise(places[:-1]):
+        if abs(means[k] - means[before]) < BACK * span:
+            continue  # noise at the very start
+        low = int(max(0, (k - 1) * width))
+        near = position[low : int((k + 2) * width) + 1]
+        samples.append(low + int(near.argmax() if means[k] > means[before] else near.argmin()))
+    return samples
+
 
 WANDERS = 0.15
 """Range of a measured input, as a share of its median, up to which it is one load that wanders."""
@@ -124,3 +403,116 @@ def _ruled(step: Run, rule: BaselineRule) -> Run:
             f"{step.time_s[0] - at:.4g} to {step.time_s[-1] - at:.4g} s relative to its step"
         )
     return replace(step, baseline=float(step.output[inside].mean()))
+
+
+MOST_SETTLED = 60
+"""Steps up to which a log that is fitted as it was recorded has each step fitted by itself, too."""
+
+START_ASSUMED = ("step-at-first-sample", "no-rest-before-step")
+"""Findings of steps whose start is that of their first samples."""
+
+
+def from_rest(run: Run, rest: float) -> Run:
+    """A log whose input is counted from its value at rest; a run that is cut already stays as it is."""
+    if rest == 0.0 or run.cut or not run.has_input:
+        return run
+    said = finding("counted-from-rest", run.name, rest=rest)
+    return replace(run, input=read_only(run.input - rest), findings=(*run.findings, said))
+
+
+def cut_runs(runs: Sequence[Run], options: ReadOptions) -> tuple[list[Run], list[str]]:
+    """The steps of all logs, repeats counted, and the faults of those that have none."""
+    steps: list[Run] = []
+    faults: list[str] = []
+    for run in runs:
+        try:
+            of_log = cut(from_rest(run, options.rest), baseline_rule(options.baseline))
+            if run.cut:
+                _check_window(run)
+            steps.extend(of_log if run.cut else _long_enough(of_log))
+        except DataError as fault:
+            faults.extend(fault.sentences)
+    return _counted(steps), faults
+
+
+def settled_steps(runs: Sequence[Run], options: ReadOptions) -> tuple[LevelStep, ...]:
+    """The changes of input between settled holds in logs that are not cut otherwise; none of a log without steps."""
+    steps: list[Run] = []
+    for run in runs:
+        try:
+            steps += cut(from_rest(run, options.rest), baseline_rule(options.baseline))
+        except DataError:
+            continue
+    settled = [step for step in steps if _samples(step) >= FEWEST and not stops(step.findings)]
+    return level_steps(settled, {}) if len(settled) <= MOST_SETTLED else ()
+
+
+def _samples(run: Run) -> int:
+    """Samples in the active window of a cut run: from its step to its end."""
+    return len(run.time_s) - Step(run).start
+
+
+def _check_window(run: Run) -> None:
+    count = _samples(run)
+    if count < FEWEST:
+        raise DataError(f"{run.where}: {count} samples in its window, at least {FEWEST} are needed; record it longer")
+
+
+def _long_enough(steps: list[Run]) -> list[Run]:
+    """Steps with enough samples; a short one beside good ones is left out and told, one alone refuses the log."""
+    good = [step for step in steps if _samples(step) >= FEWEST]
+    short = len(steps) - len(good)
+    if not any(step.edge == "rising" for step in good):
+        for step in steps:
+            if step.edge == "rising":
+                _check_window(step)
+    if short and good:
+        said = finding("short-pieces", good[0].name, pieces=short, fewest=FEWEST)
+        good[0] = replace(good[0], findings=(*good[0].findings, said))
+    return good
+
+
+def _counted(steps: list[Run]) -> list[Run]:
+    """Every step with a repeat number of its own level and edge, in the order given."""
+    used: defaultdict[tuple[str, float, float], set[int]] = defaultdict(set)
+    names: Counter[str] = Counter()
+    counted = []
+    for step in steps:
+        key = (step.edge, round(abs(step.level or 0.0), 6), round(step.from_level, 6))
+        repeat = step.repeat
+        if repeat is None or repeat in used[key]:
+            repeat = next(n for n in range(1, len(steps) + 2) if n not in used[key])
+        used[key].add(repeat)
+        names[step.name] += 1
+        name = step.name if names[step.name] == 1 else f"{step.name}-{names[step.name]}"
+        counted.append(replace(step, repeat=repeat, name=name))
+    return counted
+
+
+def _level_step(step: Step, findings: tuple[Finding, ...]) -> LevelStep:
+    run = step.run
+    level = run.level or 0.0
+    before, after = (level, run.from_level) if run.edge == "falling" else (run.from_level, level)
+    start = run.baseline or 0.0
+    if run.edge == "falling" and run.from_level == 0.0 and run.held is not None:
+        start = run.held
+    return LevelStep(
+        name=run.name,
+        source=run.source,
+        from_level=before,
+        level=after,
+        start=start,
+        time_s=step.time_s,
+        output=read_only(run.output[step.start :]),
+        input=read_only(run.input[step.start :]),
+        start_known=not any(one.code in START_ASSUMED for one in run.findings),
+        rest_s=run.rest_s,
+        rest_moved=run.rest_moved,
+        findings=findings,
+    )
+
+
+def level_steps(runs: Sequence[Run], findings: Mapping[str, tuple[Finding, ...]]) -> tuple[LevelStep, ...]:
+    """The changes of input of cut runs, with the findings of each name: upwards first, by the level they go to."""
+    steps = [_level_step(Step(run), findings.get(run.name, ())) for run in runs if _samples(run)]
+    return tuple(sorted(steps, key=lambda one: (one.edge != "up", one.level, one.from_level, one.name)))

@@ -15,8 +15,7 @@ from eaid.errors import UsageError
 from eaid.logs.dataset import write_dataset
 from eaid.logs.run import Run
 from eaid.steps.cut import cut
-from eaid.synth.disturbance import Disturbance
-from eaid.synth.logs import PROTOCOLS, synthesise
+from eaid.synth.logs import PROTOCOLS, Disturbance, synthesise
 from eaid.synth.plants import REFERENCE
 
 SEED = 0

@@ -23,8 +23,7 @@ from eaid.logs.run import Run
 from eaid.options import Excitation
 from eaid.replay.controllers import Controller, pi_controller
 from eaid.replay.plant import perturbed
-from eaid.synth.disturbance import Disturbance, check, digits, measured, noise, scatter
-from eaid.synth.logs import Columns, mark, refuse_too_many, run_of
+from eaid.synth.logs import Columns, Disturbance, check, digits, mark, measured, noise, refuse_too_many, run_of, scatter
 from eaid.synth.plants import Plant
 
 LOOPED = "closed-loop"
@@ -162,7 +161,7 @@ def synthesise_excitation(
 
 def driven(plant: Plant, e: Excitation, disturbance: Disturbance, draw: Draw) -> Columns:
     """One log of an input that knows nothing of the output."""
-    from eaid.recorded.states import from_rest  # numba, which steps from rest do without
+    from eaid.recorded.response import from_rest  # numba, which steps from rest do without
 
     factors = scatter(disturbance, draw)
     idle, n = round(e.idle_s * e.rate_hz), round(e.duration_s * e.rate_hz)

@@ -10,10 +10,9 @@ from eaid.options import Excitation, SynthOptions
 from eaid.replay.controllers import Controller, pi_controller, rc_controller
 from eaid.results.fit import Fit
 from eaid.results.gains import Gains
-from eaid.synth.disturbance import NONE, Disturbance
 from eaid.synth.excitation import synthesise_excitation
-from eaid.synth.input import read_input, read_plan
-from eaid.synth.logs import PROTOCOLS, Protocol, synthesise, synthesise_input, synthesise_plan
+from eaid.synth.files import read_input, read_plan
+from eaid.synth.logs import NONE, PROTOCOLS, Disturbance, Protocol, synthesise, synthesise_input, synthesise_plan
 from eaid.synth.plants import REFERENCE, Plant, of_fit
 
 ABSOLUTE = ("white_nm", "offset_nm", "resolution_nm")

@@ -13,21 +13,245 @@ from scipy.special import fdtri
 
 from eaid.arrays import Array
 from eaid.findings import Finding, finding
-from eaid.fitting.first_order import fit_each_level
-from eaid.fitting.kernel import level_costs
+from eaid.fitting.linear import fit_each_level
+from eaid.fitting.solver import descend
+from eaid.fitting.sums import Points, level_costs
 from eaid.models import friction
 from eaid.models.parameters import Friction
-from eaid.results.fit import Fit
-from eaid.results.uncertainty import Adequacy, LackOfFit, OrderScore, ShapeScore
+from eaid.results.fit import Adequacy, Fit, LackOfFit, OrderScore, ShapeScore
+from eaid.steps.noise import line
 from eaid.steps.stepset import Level, StepSet
-from eaid.uncertainty.decay import decays
-from eaid.uncertainty.level_statistics import LevelStatistics
-from eaid.uncertainty.levels import log_theta
-from eaid.uncertainty.orders import leave_one_level_out, orders_of, raised_orders
-from eaid.uncertainty.refit import free_parameters, refit
-from eaid.uncertainty.run_statistics import run_residuals
-from eaid.uncertainty.shapes import OTHERS, THREE, Shape, best_fits
+from eaid.uncertainty.curve import Curve, curve_with_repeats
+from eaid.uncertainty.level_statistics import CURVES, TERMS, LevelStatistics, free_parameters, log_theta, refit
+from eaid.uncertainty.runs import run_residuals, t_quantile
 from eaid.uncertainty.share import Share
+
+OVERSHOOT = 0.05
+"""Output lost under hold beyond which no monotone curve is right."""
+CHANCE = 0.01
+"""Probability at which noise alone would be told to be a decay under hold."""
+SINGLE_CHANCE = 0.001
+"""The same for a single run, whose peak the same noise has chosen."""
+SINGLE_DEGREES = 4.0
+"""Degrees of freedom given to the scatter of a single smoothed run."""
+
+
+def overshoot(level: Level) -> float:
+    """Share of its peak that the mean output loses while the input is held, smoothed over a fiftieth of the record."""
+    smooth = _smooth(level.mean)
+    peak = float(smooth.max())
+    return float((peak - smooth[-1]) / peak) if peak > 0 else 0.0
+
+
+def _smooth(values: Array) -> Array:
+    """Moving means over a fiftieth of the record, along the last axis."""
+    width = max(1, values.shape[-1] // 50)
+    sums = np.cumsum(np.concatenate([np.zeros((*values.shape[:-1], 1)), values], axis=-1), axis=-1)
+    return np.asarray((sums[..., width:] - sums[..., :-width]) / width)
+
+
+def decays(levels: Sequence[Level]) -> list[tuple[float, float]]:
+    """(level, share of the peak lost) where the output falls under hold by more than `OVERSHOOT` and than chance.
+
+    The peak of a run is looked for in the other runs, so that noise does not make one. The falls of the runs of a level
+    are then compared with what they scatter, pooled over the levels (t test, one in a hundred); the fall of a single
+    run with what its own smoothed output scatters about a straight line after the peak (one in a thousand).
+    """
+    falls = [_falls(level) for level in levels]
+    spare = sum(len(fall) - 1 for fall in falls)
+    pooled = sum(float(((fall - fall.mean()) ** 2).sum()) for fall in falls) / max(spare, 1)
+    found = []
+    for level, fall in zip(levels, falls, strict=True):
+        lost = overshoot(level)
+        error = np.sqrt(pooled / len(fall)) if len(fall) > 1 else _single_error(level)
+        degrees, chance = (float(spare), CHANCE) if len(fall) > 1 else (SINGLE_DEGREES, SINGLE_CHANCE)
+        if lost > OVERSHOOT and fall.mean() > t_quantile(degrees, 1 - 2 * chance) * error:
+            found.append((level.level, lost))
+    return found
+
+
+def _falls(level: Level) -> Array:
+    """What each run loses from its peak to its end, relative to the peak, shape (R,)."""
+    smooth = _smooth(level.runs)
+    others = smooth if len(smooth) == 1 else smooth.sum(axis=0) - smooth
+    peak = np.take_along_axis(smooth, others.argmax(axis=1)[:, None], axis=1)[:, 0]
+    return np.asarray((peak - smooth[:, -1]) / np.maximum(np.abs(peak), 1e-300))
+
+
+def _single_error(level: Level) -> float:
+    """Standard error of the fall of a single run, from its smoothed output about a line after the peak."""
+    smooth = _smooth(level.mean)
+    after = smooth[int(smooth.argmax()) :: max(1, len(level.mean) // 50)]
+    if len(after) < 4 or smooth.max() <= 0:
+        return np.inf
+    left = line(np.arange(len(after)), after).left
+    return float(np.sqrt(2 * (left @ left) / (len(after) - 2)) / smooth.max())
+
+
+Shape = Callable[[Array, Array], tuple[Array, Array]]
+"""θ (N, k) and t, (n,) or (N, n) → the curves (N, n) and their slopes by θ (N, n, k)."""
+STEPS, ENOUGH = 40, 1e-7
+BETAS = (0.5, 0.8)
+
+
+def stretched(theta: Array, time_s: Array) -> tuple[Array, Array]:
+    """T_s (1 − e^(−a)), a = (t/τ)^β, by (log T_s, log τ, log β)."""
+    steady, tau, beta = np.exp(theta).T[:, :, None]
+    with np.errstate(divide="ignore"):
+        log_a = beta * np.log(time_s / tau)
+    a = np.exp(np.minimum(log_a, 50.0))
+    bent = steady * a * np.exp(-a)
+    f = -steady * np.expm1(-a)
+    return f, np.stack([f, -beta * bent, bent * np.where(a > 0, log_a, 0.0)], axis=-1)
+
+
+def logarithm(theta: Array, time_s: Array) -> tuple[Array, Array]:
+    """A ln(1 + t/τ), by (log A, log τ): it grows for ever, as a contact that ages may."""
+    size, tau = np.exp(theta).T[:, :, None]
+    f = size * np.log1p(time_s / tau)
+    return f, np.stack([f, -size * time_s / (tau + time_s)], axis=-1)
+
+
+def power(theta: Array, time_s: Array) -> tuple[Array, Array]:
+    """A t^β, by (log A, log β): the creep of Andrade, β about 1/3, without an end."""
+    size, beta = np.exp(theta).T[:, :, None]
+    log_t = np.log(np.maximum(time_s, 1e-12))
+    f = size * np.where(time_s > 0, np.exp(beta * log_t), 0.0)
+    return f, np.stack([f, f * beta * log_t], axis=-1)
+
+
+def three_exponentials(theta: Array, time_s: Array) -> tuple[Array, Array]:
+    """Σ A_k (1 − e^(−t/τ_k)), by (log A_1..3, log τ_1..3)."""
+    size, tau = np.exp(theta[:, None, :3]), np.exp(theta[:, None, 3:])
+    a = np.atleast_2d(time_s)[:, :, None] / tau
+    parts = -size * np.expm1(-a)
+    return parts.sum(axis=-1), np.concatenate([parts, -size * a * np.exp(-a)], axis=-1)
+
+
+def stretched_starts(curve: Friction) -> Array:
+    """About the level's two exponentials, shape (2, 3)."""
+    middle = curve.tau1 ** (curve.C) * curve.tau2 ** (1 - curve.C)
+    return np.log([[curve.Ts, middle, beta] for beta in BETAS])
+
+
+def logarithm_starts(curve: Friction) -> Array:
+    """Through T_s at the level's τ2, shape (2, 2)."""
+    return np.log([[curve.Ts / np.log1p(curve.tau2 / tau), tau] for tau in (curve.tau1, curve.tau1 / 5)])
+
+
+def power_starts(curve: Friction) -> Array:
+    """Through T_s at the level's τ2, shape (2, 2)."""
+    return np.log([[curve.Ts / curve.tau2**beta, beta] for beta in (0.1, 1 / 3)])
+
+
+def three_starts(curve: Friction) -> Array:
+    """The two exponentials with a third one below, between and above them, shape (3, 6)."""
+    fast, slow = curve.C * curve.Ts, (1 - curve.C) * curve.Ts
+    between = np.sqrt(curve.tau1 * curve.tau2)
+    return np.log(
+        [
+            [fast / 2, fast / 2, slow, curve.tau1 / 2, curve.tau1 * 1.5, curve.tau2],
+            [fast * 0.8, fast * 0.2, slow, curve.tau1, between, curve.tau2],
+            [fast, slow / 2, slow / 2, curve.tau1, between, curve.tau2 * 2],
+        ]
+    )
+
+
+THREE = "three exponentials"
+OTHERS: tuple[tuple[str, int, Shape, Callable[[Friction], Array]], ...] = (
+    ("a stretched exponential", 3, stretched, stretched_starts),
+    ("a logarithm of time", 2, logarithm, logarithm_starts),
+    ("a power of time", 2, power, power_starts),
+    (THREE, 6, three_exponentials, three_starts),
+)
+"""Shapes that are tried where two exponentials fail: name, parameters, curve, starts."""
+
+
+def best_fits(shape: Shape, starts: Array, points: Points) -> Array:
+    """Where a shape is nearest to each level of `points`, from starts of shape (L, S, k); shape (L, k)."""
+    levels, several, count = starts.shape
+    each = points.rows(np.repeat(np.arange(levels), several))
+
+    def look(x: Array) -> tuple[Array, Array, Array]:
+        f, slopes = shape(x, each.t_s)
+        left, J = each.root_w * (f - each.y), each.root_w[:, :, None] * slopes
+        cost = np.nan_to_num(np.einsum("nj,nj->n", left, left), nan=np.inf)
+        sound = np.isfinite(cost)[:, None, None]
+        J = np.where(sound, J, 0.0)
+        return cost, 2 * np.einsum("njk,nj->nk", J, np.where(sound[:, :, 0], left, 0.0)), 2 * J.transpose(0, 2, 1) @ J
+
+    found = descend(look, starts.reshape(-1, count), STEPS, ENOUGH, lambda x, move: x - np.clip(move, -1.0, 1.0))
+    best = found.cost.reshape(levels, several).argmin(axis=1)
+    return np.asarray(found.x.reshape(starts.shape)[np.arange(levels), best])
+
+
+ORDERS = (1, 2, 3, 4)
+BETTER = 4.0
+"""Difference of AICc from which another order is asked for."""
+
+
+def orders_of(base: LevelStatistics) -> tuple[OrderScore, ...]:
+    """Every order that the levels can be held against, for each parameter."""
+    rows = []
+    for k, name in enumerate(CURVES):
+        row = base.determined[:, k]
+        duty, theta, variance = base.duty_pct[row], base.log_theta[row, k], base.expected[row, k]
+        for order in ORDERS:
+            p = order + 1
+            if len(duty) < p + 1:
+                continue
+            curve = curve_with_repeats(duty, theta, variance, base.total_degrees, p)
+            chi = float(curve.misfit) * (len(duty) - p)
+            spare = max(len(duty) - p - 1, 1)
+            errors = left_out(curve, duty, theta)
+            inner = errors[1:-1] if len(errors) > 4 else errors  # the ends would be extrapolation
+            error = 100 * float(np.sqrt(np.mean(inner**2)))
+            rows.append(OrderScore(name, order, chi, chi + 2 * p + 2 * p * (p + 1) / spare, error))
+    return tuple(rows)
+
+
+def left_out(curve: Curve, duty_pct: Array, log_values: Array) -> Array:
+    """log p(u) − θ̂ at each level if it were left out, residual/(1 − h) with h its own say in the curve, shape (L,)."""
+    own = np.einsum("ij,ji->i", curve.slopes(duty_pct), curve.gains)
+    return np.asarray((np.log(curve.at(duty_pct)) - log_values) / np.maximum(1 - own, 1e-9))
+
+
+def leave_one_level_out(base: LevelStatistics) -> float | None:
+    """RMS torque error of inner levels that the curves of all others predict [output unit]."""
+    inner = slice(1, -1)
+    values = []
+    for k, name in enumerate(CURVES):
+        row = base.determined[:, k]
+        count = int(row.sum())
+        if count < 3:
+            return None
+        duty, theta = base.duty_pct[row], base.log_theta[row, k]
+        curve = curve_with_repeats(duty, theta, base.expected[row, k], 10.0, min(TERMS[name], count - 1))
+        said = np.log(np.maximum(curve.at(base.duty_pct), 1e-6))
+        said[row] = theta + left_out(curve, duty, theta)
+        values.append(np.exp(np.clip(said, np.log(1e-6), 50.0)))
+    total, samples = 0.0, 0
+    shares = [one.curve.C for one in base.estimates]
+    for level, Ts, tau1, tau2, C in list(zip(base.levels, *values, shares, strict=True))[inner]:
+        left = level.mean - friction.step_response(Friction(float(Ts), float(tau1), float(tau2), C), level.time_s)
+        total += float(left @ left)
+        samples += len(left)
+    return float(np.sqrt(total / samples))
+
+
+def raised_orders(orders: Sequence[OrderScore]) -> dict[str, int]:
+    """Parameters whose levels ask for a higher order than the paper's, and which."""
+    found = {}
+    for name, paper in (("Ts", 3), ("tau1", 2), ("tau2", 2)):
+        own = [order for order in orders if order.parameter == name]
+        there = next((order for order in own if order.order == paper), None)
+        if there is None:
+            continue
+        better = min(own, key=lambda order: order.aicc or 0.0)
+        if better.order > paper and (better.aicc or 0.0) < (there.aicc or 0.0) - BETTER:
+            found[name] = better.order
+    return found
+
 
 STRONG = 6.0
 """Difference of BIC that counts as strong evidence (Kass and Raftery)."""

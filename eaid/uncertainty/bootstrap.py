@@ -12,21 +12,17 @@ import numpy as np
 
 from eaid.arrays import Array
 from eaid.fitting.basis import basis_of
-from eaid.fitting.compress import Points, compress
 from eaid.fitting.data import Data, data_of
-from eaid.fitting.descent import descend
-from eaid.fitting.first_order import Sums
-from eaid.fitting.linear import refit_linear
+from eaid.fitting.linear import Sums, refit_linear
 from eaid.fitting.nonlinear import nonlinear_problem
-from eaid.fitting.solver import slsqp
+from eaid.fitting.solver import descend, slsqp
+from eaid.fitting.sums import Points, compress
 from eaid.models import friction
 from eaid.models.parameters import Friction
-from eaid.results.fit import Fit
-from eaid.results.nonlinear import Nonlinear
+from eaid.results.fit import Fit, Nonlinear
 from eaid.steps.stepset import Level
 from eaid.uncertainty.joint import coefficients_of
-from eaid.uncertainty.levels import log_theta
-from eaid.uncertainty.refit import ENOUGH, free_parameters, refit
+from eaid.uncertainty.level_statistics import ENOUGH, free_parameters, log_theta, refit
 
 BLOCK_S = 2.0
 """Blocks of a single run [s]: the longest memory that the Bartlett windows allow for."""

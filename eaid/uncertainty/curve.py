@@ -12,8 +12,7 @@ import numpy as np
 from scipy.special import fdtri
 
 from eaid.arrays import Array, scaled_inverse
-from eaid.uncertainty.scatter import Mask, paule_mandel
-from eaid.uncertainty.student_t import VarianceComponents
+from eaid.uncertainty.runs import Mask, VarianceComponents, paule_mandel
 
 SETTLED = 1e-10
 """Relative step at which a curve has settled: its place then does not depend on the rounding of the levels."""

@@ -18,11 +18,10 @@ from eaid.arrays import Array
 from eaid.errors import DataError
 from eaid.findings import Finding, finding
 from eaid.models.parameters import Nonlinear
-from eaid.results.fit import Fit
-from eaid.results.nonlinear import Estimate
+from eaid.results.fit import Estimate, Fit
 from eaid.uncertainty.curve import powers
 from eaid.uncertainty.joint import BLOCKS, coefficients_of, limits_of
-from eaid.uncertainty.student_t import t_quantile
+from eaid.uncertainty.runs import t_quantile
 
 TRIES = 200
 DEGREES = np.append(np.geomspace(1.5, 300.0, 120), np.inf)

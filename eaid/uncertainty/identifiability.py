@@ -11,13 +11,9 @@ import numpy as np
 from eaid.arrays import Array
 from eaid.findings import Finding, Value, finding
 from eaid.models.trends import FORMS
-from eaid.results.fit import NOT_IDENTIFIABLE
-from eaid.results.friction import Friction
-from eaid.results.linear import Linear, PooledIntervals
-from eaid.results.nonlinear import Estimate
-from eaid.uncertainty.level_statistics import LevelStatistics
-from eaid.uncertainty.levels import CURVES, NAMES, LevelEstimate, log_jacobian
-from eaid.uncertainty.student_t import t_quantile
+from eaid.results.fit import NOT_IDENTIFIABLE, Estimate, Friction, Linear, PooledIntervals
+from eaid.uncertainty.level_statistics import CURVES, NAMES, LevelEstimate, LevelStatistics, log_jacobian
+from eaid.uncertainty.runs import t_quantile
 
 TAUS = {"tau1", "tau2"}
 ALIKE = 0.3

@@ -15,12 +15,11 @@ from eaid.fitting.basis import limits
 from eaid.fitting.data import Data
 from eaid.models import friction, nonlinear
 from eaid.models.parameters import Nonlinear
-from eaid.results.nonlinear import Disagreement
+from eaid.results.fit import Disagreement
 from eaid.steps.stepset import Level
 from eaid.uncertainty.curve import powers
-from eaid.uncertainty.levels import CURVES, log_jacobian
-from eaid.uncertainty.run_statistics import textbook
-from eaid.uncertainty.student_t import Degrees, t_quantile
+from eaid.uncertainty.level_statistics import CURVES, log_jacobian
+from eaid.uncertainty.runs import Degrees, t_quantile, textbook
 
 ACTIVE = 1e-7
 """A constraint counts as active within this part of its own terms."""

@@ -8,19 +8,321 @@ within itself: a lower bound, and said to be one.
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Self
 
 import numpy as np
+from numpy.typing import NDArray
 
-from eaid.arrays import Array, median
+from eaid.arrays import Array, inverse, median
 from eaid.fitting.data import Data, data_of
-from eaid.fitting.levels import fit_levels
-from eaid.results.friction import FrictionLevel
+from eaid.fitting.levels import RECORDS, RECORDS_FREE, fit_levels
+from eaid.fitting.solver import Descent, descend
+from eaid.fitting.sums import Points, compress, level_normal
+from eaid.models import friction
+from eaid.models.parameters import TAU_FLOOR_S, Friction
+from eaid.results.fit import FrictionLevel
 from eaid.steps.stepset import Level
 from eaid.uncertainty.curve import Curve, at_levels, curve_of_single_runs, curve_with_repeats
-from eaid.uncertainty.levels import CURVES, UNDETERMINED, LevelEstimate, constrained_parameters, level_estimate, usable
-from eaid.uncertainty.scatter import Mask, PooledScatter, pooled_scatter
-from eaid.uncertainty.student_t import satterthwaite, t_quantile
-from eaid.uncertainty.tau2_range import Tau2Sets, tau2_sets
+from eaid.uncertainty.runs import (
+    Mask,
+    PooledScatter,
+    RunStatistics,
+    pooled_scatter,
+    run_residuals,
+    run_statistics,
+    satterthwaite,
+    t_quantile,
+)
+
+NAMES = ("Ts", "tau1", "tau2", "C")
+"""Parameters of one level, in the order of every array here; C only where it was free."""
+CURVES = NAMES[:3]
+"""Those that are curves over the duty."""
+MEETING = 1e-4
+"""A limit this close holds a parameter; τ1 and τ2 this close are one."""
+UNDETERMINED = 3.0
+"""Factor up or down beyond which a parameter counts as not determined."""
+
+
+@dataclass(frozen=True, eq=False)
+class LevelEstimate:
+    """One level's friction curve with what its runs say about it."""
+
+    curve: Friction
+    runs: RunStatistics
+    noise_nm: Array
+    """Residuals of each run about its own best curve [output], shape (R, n)."""
+    constrained: tuple[str, ...]
+    """Parameters that a constraint holds: not estimable."""
+
+    @property
+    def level(self) -> float:
+        """Input of the level."""
+        return self.runs.level
+
+    @property
+    def share_free(self) -> bool:
+        """Whether C is a parameter too."""
+        return len(self.runs.log_theta) == 4
+
+    @property
+    def memory(self) -> float:
+        """How many times larger than under white noise the within-run variance is, at most over the parameters."""
+        white = np.diag(self.runs.inverse) * float(np.mean(self.noise_nm**2))
+        return float(max(1.0, np.max(self.runs.within / np.maximum(white, 1e-300))))
+
+
+def log_jacobian(curve: Friction, time_s: Array, share_free: bool = False) -> Array:
+    """∂f/∂(log T_s, log τ1, log τ2[, logit C]), shape (n, 3 or 4), Eq. (3)."""
+    scale = np.array([curve.Ts, curve.tau1, curve.tau2, curve.C * (1 - curve.C)])
+    count = 4 if share_free else 3
+    return np.asarray((friction.gradient(curve, time_s) * scale[:, None])[:count].T)
+
+
+def log_theta(curve: Friction, share_free: bool = False) -> Array:
+    """(log T_s, log τ1, log τ2[, logit C]); what is zero or at its edge is kept finite."""
+    share = min(max(curve.C, 1e-12), 1 - 1e-12)
+    values = np.log(np.maximum([curve.Ts, curve.tau1, curve.tau2, share / (1 - share)], 1e-300))
+    return np.asarray(values[: 4 if share_free else 3])
+
+
+def level_estimate(
+    level: Level, curve: Friction, constrained: Sequence[str] = (), share_free: bool = False
+) -> LevelEstimate:
+    """What the runs of one level say about its friction curve."""
+    jacobian = log_jacobian(curve, level.time_s, share_free)
+    noise = run_residuals(level.runs, jacobian[:, 0], jacobian)  # ∂f/∂log T_s is f itself
+    theta = log_theta(curve, share_free)
+    found = run_statistics(level.level, level.time_s, level.runs, jacobian, theta, noise_nm=noise, mean_nm=level.mean)
+    return LevelEstimate(curve, found, noise, tuple(constrained))
+
+
+def constrained_parameters(fit: FrictionLevel, record_s: float, share_free: bool) -> tuple[str, ...]:
+    """Which of T_s, τ1, τ2, C a constraint holds in this level's fit."""
+    found: list[str] = []
+    if fit.tau1 <= TAU_FLOOR_S * (1 + MEETING):
+        found.append("tau1")
+    if fit.tau2 >= (RECORDS_FREE if share_free else RECORDS) * record_s * (1 - MEETING):
+        found.append("tau2")
+    if fit.tau2 <= fit.tau1 * (1 + MEETING):
+        found += ["tau1", "tau2"]
+    if fit.Ts <= 0:
+        found += ["Ts", "tau1", "tau2"]
+    return tuple(dict.fromkeys(found))
+
+
+def usable(levels: Sequence[LevelEstimate]) -> Mask:
+    """Which parameters of which levels show the scatter: held by no constraint, and determined by their record."""
+    rows = []
+    for level in levels:
+        names = NAMES[: len(level.runs.log_theta)]
+        known = np.sqrt(level.runs.within / level.runs.repeats) < np.log(UNDETERMINED)
+        rows.append(known & np.array([name not in level.constrained for name in names]))
+    return np.array(rows)
+
+
+def share_sensitivity(levels: Sequence[Level], found: Sequence[LevelEstimate]) -> dict[str, float]:
+    """How far T_s, τ1, τ2 would move [%] if the held C were larger by 0.01; median over the levels, linear."""
+    moves = []
+    for level, one in zip(levels, found, strict=True):
+        slopes = friction.gradient(one.curve, level.time_s)
+        along = np.array([one.curve.Ts, one.curve.tau1, one.curve.tau2]) * (slopes[:3] @ slopes[3])
+        moves.append(-inverse(one.runs.information[:3, :3]) @ along)
+    return dict(zip(NAMES[:3], map(median, np.transpose(moves)), strict=True))
+
+
+NEWTON_STEPS, ENOUGH = 25, 1e-10
+
+
+def refit(points: Points, theta: Array, free: NDArray[np.bool_]) -> Descent:
+    """Least costs over the parameters that are `free`, shape (4,), from θ, shape (L, 4), one row a level of `points`.
+
+    τ1 and τ2 that cross are exchanged, unless one of them is held.
+    """
+    both = np.outer(free, free)
+
+    def look(x: Array) -> tuple[Array, Array, Array]:
+        natural = np.exp(np.clip(x, -60, 60)).T
+        share = natural[3] = 1 / (1 + 1 / natural[3])
+        cost, gradient, curvature = level_normal(natural, points)
+        scale = natural.T.copy()
+        scale[:, 3] *= 1 - share
+        curvature = np.where(both, curvature * (scale[:, :, None] * scale[:, None, :]), np.eye(4))
+        return cost, np.where(free, gradient.T * scale, 0.0), curvature
+
+    def within(x: Array, move: Array) -> Array:
+        tried = x - np.clip(move, -1.0, 1.0)
+        if free[1] and free[2]:
+            tried[:, 1:3] = np.sort(tried[:, 1:3], axis=1)
+        if free[3]:
+            tried[:, 3] = np.clip(tried[:, 3], -7.0, 7.0)
+        return tried
+
+    return descend(look, theta, NEWTON_STEPS, ENOUGH, within)
+
+
+def free_parameters(share_free: bool) -> NDArray[np.bool_]:
+    """T_s, τ1 and τ2, and C where it is one too."""
+    return np.array([True, True, True, share_free])
+
+
+SUPPOSED = np.geomspace(0.02, 20.0, 25)
+"""τ2 that are tried, in units of the level's record."""
+FAR_NOMINAL = 0.999
+"""Confidence at which the way to the best curve rejects a τ2."""
+ROUNDING = 1e-14
+STEPS = 12
+"""Gauss–Newton steps in which T_s and τ1 settle at a supposed τ2."""
+
+
+@dataclass(frozen=True, eq=False)
+class Tau2Sets:
+    """95 % confidence sets of the levels' τ2, and the T_s and τ1 that go with them."""
+
+    tau2_s: Array
+    """Least and largest τ2 allowed [s], shape (L, 2); 0 and ∞ where no end is seen, NaN where none is asked for."""
+    log_theta: Array
+    """Least and largest log T_s and log τ1 over the allowed τ2, shape (L, 2, 2)."""
+
+
+def tau2_sets(levels: Sequence[Level], estimates: Sequence[LevelEstimate], variance: Array, degrees: Array) -> Tau2Sets:
+    """The sets of the levels whose C was held and whose τ2 no constraint holds.
+
+    `variance` and `degrees` of log τ2, shape (L,), serve single runs.
+    """
+    sets = Tau2Sets(np.full((len(estimates), 2), np.nan), np.full((len(estimates), 2, 2), np.nan))
+    free = [i for i, one in enumerate(estimates) if "tau2" not in one.constrained and not one.share_free]
+    if free:
+        asked = [levels[i] for i in free], [estimates[i] for i in free]
+        sets.tau2_s[free], sets.log_theta[free] = _sets(*asked, variance[free], degrees[free])
+    return sets
+
+
+def _sets(
+    levels: Sequence[Level], estimates: Sequence[LevelEstimate], variance: Array, degrees: Array
+) -> tuple[Array, Array]:
+    """The ends of τ2, shape (L, 2), and those of log T_s and log τ1, shape (L, 2, 2)."""
+    means = _Means.of(levels, estimates)
+    supposed = np.array([one.runs.duration_s for one in estimates])[:, None] * SUPPOSED
+    t = np.zeros((2, *supposed.shape))
+    theta = np.zeros((*supposed.shape, 2))
+    count = np.zeros(supposed.shape)
+    start = np.array([one.runs.log_theta[:2] for one in estimates])
+    for j in reversed(range(len(SUPPOSED))):  # from τ2 without end, where T_s and τ1 are plain
+        start, tests = means.tested(supposed[:, j], start)
+        theta[:, j] = start
+        t[:, :, j], count[:, j] = _statistics(tests, estimates, variance, degrees)
+    allowed = (np.abs(t[0]) <= t_quantile(count)) & (np.abs(t[1]) <= t_quantile(count, FAR_NOMINAL))
+    best = np.exp([one.runs.log_theta[2] for one in estimates]).tolist()
+    ends = [_ends(*row) for row in zip(supposed, t[0], allowed, best, strict=True)]
+    low, high = (np.where(allowed[:, :, None], theta, side).T for side in (np.inf, -np.inf))
+    return np.array(ends), np.stack([low.min(axis=1), high.max(axis=1)], axis=-1).transpose(1, 0, 2)
+
+
+@dataclass(frozen=True, eq=False)
+class _Means:
+    """The levels' means and best curves on their compressed points, padded with weight 0, shape (L, P); their runs."""
+
+    estimates: Sequence[LevelEstimate]
+    time_s: Array
+    weight: Array
+    mean: Array
+    best: Array
+    share: Array
+    """C of each level, shape (L, 1)."""
+    off: list[Array]
+    """Runs of each level less their mean, shape (R, P)."""
+
+    @classmethod
+    def of(cls, levels: Sequence[Level], estimates: Sequence[LevelEstimate]) -> Self:
+        """The means of these levels."""
+        points = [compress([level.time_s] * len(level.runs), list(level.runs)) for level in levels]
+        width = max(p.y.shape[1] for p in points)
+
+        def padded(rows: Sequence[Array]) -> Array:
+            return np.array([np.pad(row, (0, width - len(row))) for row in rows])
+
+        means = [np.sort(p.y, axis=0).mean(axis=0) for p in points]  # sorted: the order of runs changes no rounding
+        best = [friction.step_response(one.curve, p.t_s[0]) for one, p in zip(estimates, points, strict=True)]
+        off = [np.pad(p.y - mean, ((0, 0), (0, width - len(mean)))) for p, mean in zip(points, means, strict=True)]
+        shares = np.array([[one.curve.C] for one in estimates])
+        time_s, weight = padded([p.t_s[0] for p in points]), padded([p.w[0] for p in points])
+        return cls(estimates, time_s, weight, padded(means), padded(best), shares, off)
+
+    def tested(self, tau2_s: Array, theta: Array) -> tuple[Array, list[RunStatistics]]:
+        """(log T_s, log τ1) at held τ2, shape (L, 2), and along both directions d̄ and the scatter of the runs."""
+        fastest, slowest = np.log(1e-6 * tau2_s), np.log(tau2_s / 1.2)  # the fast part stays the fast one
+        slow = np.exp(-self.time_s / tau2_s[:, None])
+        for _ in range(STEPS):
+            theta = np.stack([theta[:, 0], np.clip(theta[:, 1], fastest, slowest)], axis=1)
+            steady, a = np.exp(theta[:, :1]), self.time_s / np.exp(theta[:, 1:])
+            fast = self.share * np.exp(-a)
+            f, bent = steady * (1 - fast - (1 - self.share) * slow), -steady * a * fast
+            left = self.mean - f
+            step = self._within(f, bent, left)
+            if np.abs(step).max() < 1e-8:
+                break
+            theta = theta + np.clip(step, -0.7, 0.7)
+        scores = -steady * (1 - self.share) * self.time_s / tau2_s[:, None] * slow
+        ways = []
+        for way in (scores, self.best - f):
+            own = self._within(f, bent, way)
+            ways.append(way - own[:, :1] * f - own[:, 1:] * bent)
+        size = np.maximum([(self.weight * way**2).sum(axis=1) for way in ways], 1e-300)
+        along = np.array(ways) * self.weight / size[:, :, None]
+        shift = (along * left).sum(axis=2)
+        tests = [
+            RunStatistics(
+                one.level,
+                shift[:, i],
+                np.eye(2),
+                off @ along[:, i].T,
+                float(np.mean(one.noise_nm**2)) / size[:, i],
+                one.runs.duration_s,
+            )
+            for i, (one, off) in enumerate(zip(self.estimates, self.off, strict=True))
+        ]
+        return theta, tests
+
+    def _within(self, f: Array, bent: Array, what: Array) -> Array:
+        """Coefficients of f and ∂f/∂log τ1 that come nearest to `what` at each level, shape (L, 2)."""
+        slopes = np.stack([f, bent], axis=1)
+        weighted = slopes * self.weight[:, None]
+        size = np.sqrt(np.maximum((weighted * slopes).sum(axis=2), 1e-300))
+        cosine = (weighted[:, 0] * bent).sum(axis=1) / size.prod(axis=1)
+        along = (weighted @ what[:, :, None])[:, :, 0] / size
+        # by the inverse of ((1, c), (c, 1)); where both slopes have one direction, half along each
+        apart = 1 - cosine[:, None] ** 2
+        several = (along - cosine[:, None] * along[:, ::-1]) / np.maximum(apart, ROUNDING)
+        return np.asarray(np.where(apart > ROUNDING, several, along / 2) / size)
+
+
+def _statistics(
+    tests: Sequence[RunStatistics], estimates: Sequence[LevelEstimate], variance: Array, degrees: Array
+) -> tuple[Array, Array]:
+    """t of both directions, shape (2, L), and their degrees of freedom, shape (L,)."""
+    shift = np.array([test.log_theta for test in tests]).T
+    if max(test.repeats for test in tests) > 1:
+        scatter = pooled_scatter(tests)
+        spread = (scatter.pooled + scatter.common).T
+        return shift / np.sqrt(spread), np.full(len(tests), scatter.total_degrees)
+    # a single run: the memory of its noise is that of its own best curve
+    memory = np.array([one.memory for one in estimates])
+    within = np.array([test.within for test in tests]).T * memory
+    between = np.maximum(variance - np.array([one.runs.within[2] for one in estimates]), 0.0)
+    return shift / np.sqrt(within + np.where(np.isfinite(between), between, 0.0)), degrees
+
+
+def _ends(supposed: Array, t: Array, allowed: Mask, best: float) -> tuple[float, float]:
+    """The hull of what is allowed: tried values, those between two of opposite sign, and the estimate's own place."""
+    turns = np.not_equal(np.sign(t[1:]), np.sign(t[:-1])) & (allowed[1:] | allowed[:-1])
+    place = int(np.searchsorted(supposed, best))
+    inside = allowed | np.append(turns, False) | np.append(False, turns)
+    inside[max(place - 1, 0) : place + 1] = True
+    first, last = np.flatnonzero(inside)[[0, -1]]
+    low = 0.0 if first == 0 and allowed[0] else supposed[max(first - 1, 0)]
+    return float(low), float("inf" if last == len(t) - 1 else supposed[last + 1])
+
 
 TERMS = {"Ts": 4, "tau1": 3, "tau2": 3}
 """Terms of the paper's polynomials, Eqs. (5)–(7)."""

@@ -11,28 +11,102 @@ from typing import TypeVar
 import msgspec
 import numpy as np
 
-from eaid.arrays import Array, median
-from eaid.findings import Finding, finding
-from eaid.fitting.findings import missed, nonlinear_findings
+from eaid.arrays import Array, inverse, median
+from eaid.findings import Finding, Value, finding
+from eaid.fitting.data import fit_findings, missed
 from eaid.fitting.nonlinear import estimate
+from eaid.fitting.solver import Problem, slsqp
 from eaid.models import nonlinear
+from eaid.models.parameters import Nonlinear as NonlinearParameters
 from eaid.results.common import Interval, Solver, StartCost
-from eaid.results.friction import LevelIntervals
-from eaid.results.nonlinear import CoefficientIntervals, Covariance, CurveLevel, Estimate
+from eaid.results.fit import (
+    Agreement,
+    CoefficientIntervals,
+    Covariance,
+    CurveLevel,
+    Disagreement,
+    Estimate,
+    Fit,
+    LevelIntervals,
+    Nonlinear,
+)
 from eaid.steps.stepset import Level
-from eaid.uncertainty.curve import Curve
+from eaid.uncertainty.curve import Curve, covariance_between, powers
+from eaid.uncertainty.identifiability import identifiable, nonlinear_findings
 from eaid.uncertainty.joint import (
     BLOCKS,
     Coefficients,
     coefficients_of,
+    curves_apart,
+    free_inverse,
+    limits_of,
     with_covariance,
     with_draws,
     with_joint_covariance,
+    with_white_covariance,
 )
-from eaid.uncertainty.level_statistics import LevelStatistics, curve_degrees, curves
-from eaid.uncertainty.levels import CURVES
-from eaid.uncertainty.student_t import Degrees, t_quantile
-from eaid.uncertainty.twostage import two_stage
+from eaid.uncertainty.level_statistics import CURVES, LevelStatistics, curve_degrees, curves
+from eaid.uncertainty.runs import Degrees, t_quantile
+
+
+def two_stage(
+    duty_pct: Array,
+    log_values: dict[str, Array],
+    variance: dict[str, Array],
+    curves: dict[str, Curve],
+    correlation: Array,
+    share: float,
+) -> Coefficients:
+    """The coefficients from the three curves; where they break a constraint, the best ones that keep all of them.
+
+    `correlation`, shape (3, 3), is that of the scatter of (τ1, τ2, T_s) within a level. Levels that do not determine a
+    parameter have an infinite variance there.
+    """
+    first, second, third = (len(curves[name].coefficients) for name in BLOCKS)
+    counts = (first, second, third)
+    u_range = (float(duty_pct.min()), float(duty_pct.max()))
+    values = np.concatenate([curves[name].coefficients for name in BLOCKS])
+    rows, offset = limits_of(counts, u_range)
+    if (rows @ values - offset).min() < -1e-12:
+        values = _constrained(duty_pct, log_values, variance, counts, rows, offset)
+    parts = np.split(values, np.cumsum(counts)[:2])
+    raw = [tuple((part / 100.0 ** np.arange(len(part))).tolist()) for part in parts]
+    c = coefficients_of(NonlinearParameters(raw[0], raw[1], raw[2], u_range, share))
+    covariance = covariance_between([curves[name] for name in BLOCKS], correlation)
+    if c.constrained:
+        covariance = free_inverse(c, inverse(covariance), len(duty_pct))
+    return with_covariance(c, covariance)
+
+
+def _constrained(
+    duty_pct: Array,
+    log_values: dict[str, Array],
+    variance: dict[str, Array],
+    counts: Sequence[int],
+    rows: Array,
+    offset: Array,
+) -> Array:
+    """Σ (θ̂ − log p)²/V over all three parameters under the constraints, from constant τ1, τ2 and T_s."""
+    design = np.zeros((3 * len(duty_pct), sum(counts)))
+    for k, count in enumerate(counts):
+        start = sum(counts[:k])
+        design[k * len(duty_pct) : (k + 1) * len(duty_pct), start : start + count] = powers(duty_pct, count)
+    aim = np.concatenate([log_values[name] for name in BLOCKS])
+    weight = 1 / np.sqrt(np.concatenate([np.maximum(variance[name], 1e-18) for name in BLOCKS]))
+
+    def normal(c: Array) -> tuple[float, Array, Array]:
+        now = np.maximum(design @ c, 1e-9)
+        left = weight * (np.log(now) - aim)
+        J = design * (weight / now)[:, None]
+        return float(left @ left), 2 * J.T @ left, 2 * J.T @ J
+
+    begin = np.zeros(sum(counts))
+    for k, name in enumerate(BLOCKS):
+        begin[sum(counts[:k])] = np.exp(np.average(log_values[name], weights=1 / np.maximum(variance[name], 1e-18)))
+    begin[0] = max(begin[0], 2e-3)
+    begin[counts[0]] = max(begin[counts[0]], 1.5 * begin[0])
+    return slsqp(Problem(normal, rows, offset, str), begin).x
+
 
 PARAMETRISATION = "coefficients of (u/100 %)^k, lowest power first: tau1 [s], tau2 [s], Ts [N·m]; C last where free"
 """What the rows and columns of `nonlinear.covariance.matrix` are."""
@@ -59,7 +133,7 @@ class Estimates:
     curves: dict[str, Curve]
 
 
-def estimates(fit: Estimate, stats: LevelStatistics) -> Estimates:
+def both_estimates(fit: Estimate, stats: LevelStatistics) -> Estimates:
     """The joint fit with its covariance, and the two-stage estimate, both from the same statistics."""
     joint = scattered(fit, stats)
     through = curves(stats)
@@ -222,7 +296,7 @@ def two_stage_part(
         at_bounds=tuple(f"{name}-held" for name in both.constrained),
     )
     part = estimate(p, stats.data, left, solver, held_out)
-    doubts = nonlinear_findings(p, solver, {}, [one.level for one in held_out])
+    doubts = fit_findings(p, solver, {}, [one.level for one in held_out])
     doubts += [finding("two-stage-held", "nonlinear", parameter=name) for name in both.constrained]
     doubts += missed("nonlinear", stats.data, left, part)
     misfit = {name: curve.misfit if np.isfinite(curve.misfit) else None for name, curve in found.curves.items()}
@@ -230,3 +304,99 @@ def two_stage_part(
     if source != "none":
         part = with_intervals(part, both, found.degrees, level_curves(both, found.degrees, stats.levels), source)
     return part, doubts
+
+
+OF_THE_JOINT_FIT = ("fit-not-converged", "constraint-holds", "starts-end-apart", "model-explains-little")
+"""Codes that are said of the joint fit only, where that is the estimate that stands."""
+
+
+def believed(
+    fit: Fit, base: LevelStatistics, ci: str, estimator: str, held_out: Sequence[Level], draws: Array | None = None
+) -> Fit:
+    """The fit with intervals of its nonlinear model, the believed estimate in its place and the other beside it."""
+    joint = fit.nonlinear
+    assert joint is not None
+    estimates = both_estimates(joint, base)
+    if draws is not None:
+        estimates = with_joint(estimates, draws)
+    if ci == "white":
+        white, spare = with_white_covariance(estimates.joint, base.levels)
+        estimates = replace(estimates, joint=white, joint_alone=white, degrees=dict.fromkeys(BLOCKS, spare))
+    held_out = held_out if joint.hold_out is not None else ()
+    beside = two_stage_part(estimates, base, "none" if ci == "none" else "robust", held_out)
+    two_stage, of_two_stage = (None, []) if beside is None else beside
+
+    by_estimate = agreement(estimates, base)
+    if ci != "none":
+        beyond = None if ci == "white" else estimates.two_stage
+        curves = level_curves(estimates.joint_alone, estimates.degrees, base.levels, beyond)
+        joint = with_intervals(joint, estimates.joint, estimates.degrees, curves, ci)
+
+    taken, because = chosen(estimator, by_estimate, two_stage)
+    findings = _findings(estimator, taken, by_estimate, base, estimates.joint.open)
+    if taken == "two-stage" and two_stage is not None:
+        of_fit = [found for found in fit.findings if found.subject != "nonlinear" or found.code not in OF_THE_JOINT_FIT]
+        told = {found.code for found in of_fit if found.subject == "nonlinear"}
+        findings += [found for found in of_two_stage if found.code not in told]
+        model = Nonlinear.of(two_stage, estimator="two-stage", robust=joint.robust, joint=joint.estimate)
+    else:
+        of_fit = list(fit.findings)
+        model = msgspec.structs.replace(joint, two_stage=two_stage)
+    data = fit.data
+    left_open = nonlinear_findings(model, base, data.input_unit, data.output_unit, with_levels=fit.friction is None)
+    model = msgspec.structs.replace(
+        model, because=because, identifiable=identifiable(left_open), agreement=(by_estimate,)
+    )
+    return msgspec.structs.replace(fit, nonlinear=model, findings=(*of_fit, *left_open, *findings))
+
+
+def agreement(estimates: Estimates, stats: LevelStatistics) -> Agreement:
+    """Where the joint estimate lies outside the two-stage intervals, and which to believe."""
+    between, two_stage = ("joint", "two-stage"), estimates.two_stage
+    if two_stage is None:
+        return Agreement(between, "joint", "alone")
+    apart = curves_apart(estimates.joint, two_stage, estimates.degrees, stats.duty_pct, one_counts=False)
+    beyond = []
+    for disagreement in apart:
+        ends = None if disagreement.parameter in two_stage.constrained else disagreement.ci95_other
+        beyond.append(msgspec.structs.replace(disagreement, ci95=None, ci95_other=ends))
+    if not beyond:
+        return Agreement(between, "either", "agree")
+    weak = estimates.joint.open
+    return Agreement(between, "neither" if weak else "two-stage", "weak" if weak else "apart", tuple(beyond))
+
+
+def chosen(estimator: str, agreed: Agreement, two_stage: Estimate | None) -> tuple[str, str]:
+    """Which estimate is taken, joint or two-stage, and why: asked, alone, agree, apart or weak."""
+    if two_stage is None:
+        return "joint", "alone"
+    if estimator != "auto":
+        return estimator, "asked"
+    return ("two-stage" if agreed.believe == "two-stage" else "joint"), agreed.because
+
+
+def _findings(
+    estimator: str, taken: str, agreed: Agreement, base: LevelStatistics, weak: Sequence[str]
+) -> list[Finding]:
+    """What is to be said of the two estimates: nothing where they agree, or where what is believed was asked for."""
+    if estimator == "two-stage" and taken == "joint":
+        return [finding("no-two-stage-estimate", "nonlinear")]
+    if not agreed.disagreements or (estimator == taken == agreed.believe):
+        return []
+    worst = max(agreed.disagreements, key=_distance)
+    low, high = worst.ci95_other or (None, None)
+    values: dict[str, Value] = {"worst": worst.worst, "joint": worst.one, "two_stage": worst.other, "low": low}
+    if agreed.believe == "neither":
+        code = "estimates-part-and-neither-holds"
+        extra: dict[str, Value] = {"weak": tuple(weak)}
+    else:
+        gain = base.between[0]
+        code = "two-stage-estimate-taken" if taken == "two-stage" else "two-stage-estimate-is-better"
+        extra = {"gain_pct": 100 * float(gain) ** 0.5 if gain > 0 else 0.0}
+    return [finding(code, "nonlinear", worst.levels, parameter=worst.parameter, high=high, **values, **extra)]
+
+
+def _distance(apart: Disagreement) -> float:
+    """How far apart two estimates of a parameter are, as a ratio above 1."""
+    first, second = abs(apart.one or 0.0), abs(apart.other or 0.0)
+    return max(first, second) / max(min(first, second), 1e-300)

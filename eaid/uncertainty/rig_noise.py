@@ -13,11 +13,10 @@ from scipy.special import chdtri
 
 from eaid.arrays import Array, inverse
 from eaid.models.parameters import Friction
-from eaid.results import uncertainty as results
+from eaid.results import fit as results
 from eaid.results.fit import Fit
 from eaid.steps.stepset import RunRecord
-from eaid.uncertainty.level_statistics import LevelStatistics
-from eaid.uncertainty.levels import CURVES, log_jacobian
+from eaid.uncertainty.level_statistics import CURVES, LevelStatistics, log_jacobian
 
 
 @dataclass(frozen=True)

@@ -19,14 +19,11 @@ from scipy.special import fdtrc
 
 from eaid.arrays import Array
 from eaid.findings import Finding, finding
-from eaid.fitting.compress import Points, compress
-from eaid.results.friction import LevelIntervals
-from eaid.results.nonlinear import CurveLevel
-from eaid.results.uncertainty import ShareEstimate
+from eaid.fitting.sums import Points, compress
+from eaid.results.fit import CurveLevel, LevelIntervals, ShareEstimate
 from eaid.steps.stepset import Level
-from eaid.uncertainty.level_statistics import LevelStatistics
-from eaid.uncertainty.levels import usable
-from eaid.uncertainty.student_t import satterthwaite, t_quantile
+from eaid.uncertainty.level_statistics import LevelStatistics, usable
+from eaid.uncertainty.runs import satterthwaite, t_quantile
 
 Counts: TypeAlias = NDArray[np.int64]
 

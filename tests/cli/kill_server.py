@@ -30,7 +30,7 @@ def warm() -> None:
     import eaid.replay.simulate
     import eaid.replay.tune
     import eaid.report.write
-    import eaid.synth.folder
+    import eaid.synth.files
     import eaid.synth.synthesize  # noqa: F401
 
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from eaid.cli import demo, demo_lines
+from eaid.cli import demo
 from eaid.cli.main import run
 from eaid.errors import EaidError
 
@@ -22,7 +22,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_every_command_left_its_result(made: Path):
     names = {path.name for path in made.iterdir()}
-    assert names >= {*demo_lines.REPORTED, "plan.csv", "report.html", "figures"}
+    assert names >= {*demo.REPORTED, "plan.csv", "report.html", "figures"}
     assert len(list((made / "figures").glob("*.png"))) >= 18
     assert not [name for name in names if name.endswith(".part")]
 
@@ -62,7 +62,7 @@ def test_a_folder_with_something_in_it_is_left_alone(tmp_path: Path, capsys: pyt
 def _one_after_another(first: Any, second: Any, folder: Path, done: Callable[[], None]) -> None:
     """As `run_both`, without the process to which a stand-in cannot be sent."""
     for line in [*first, *second]:
-        demo_lines.run_line(line, folder)
+        demo.run_line(line, folder)
         done()
 
 
@@ -70,8 +70,8 @@ def test_it_ends_by_naming_the_page(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ):
     ran: list[str] = []
-    monkeypatch.setattr(demo_lines, "run_line", lambda line, _folder: ran.append(line[0]))
-    monkeypatch.setattr(demo_lines, "run_both", _one_after_another)
+    monkeypatch.setattr(demo, "run_line", lambda line, _folder: ran.append(line[0]))
+    monkeypatch.setattr(demo, "run_both", _one_after_another)
     monkeypatch.chdir(tmp_path)
     assert run(["demo"]) == 0
     assert capsys.readouterr().err.splitlines()[-1] == "demo/report.html: 14 commands; next: open it in a browser"
@@ -81,7 +81,7 @@ def test_it_ends_by_naming_the_page(
 
 def test_a_failing_command_ends_the_demo_with_its_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
     with pytest.raises(EaidError, match=r"the demo stopped at: eaid fit gone\.h5 \(exit code 3\)") as stopped:
-        demo_lines.run_line(("fit", "gone.h5"), tmp_path)
+        demo.run_line(("fit", "gone.h5"), tmp_path)
     assert stopped.value.exit_code == 3
     assert "gone.h5" in capsys.readouterr().err
 

@@ -114,7 +114,7 @@ def test_an_earlier_fit_is_left_alone(small: Path, tmp_path: Path, capsys: pytes
 def test_a_fit_that_does_not_converge_is_written_marked_and_exits_with_4(
     small: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from eaid.fitting import nonlinear, solver, verdict
+    from eaid.fitting import nonlinear, solver
 
     def stops_at_once(problem: solver.Problem, start: object) -> solver.EndPoint:
         return solver.EndPoint(start, problem.value(start)[0], 1)  # type: ignore[arg-type]
@@ -122,8 +122,8 @@ def test_a_fit_that_does_not_converge_is_written_marked_and_exits_with_4(
     monkeypatch.setattr(nonlinear, "approach", stops_at_once)
     monkeypatch.setattr(nonlinear, "ended", lambda ends, _: ends)
     monkeypatch.setattr(nonlinear, "broad_starts", lambda *_: [])
-    polish = verdict.polish
-    monkeypatch.setattr(verdict, "polish", lambda *problem: polish(*problem, steps=0))
+    polish = solver.polish
+    monkeypatch.setattr(solver, "polish", lambda *problem: polish(*problem, steps=0))
     out = tmp_path / "fit.json"
     assert main.run(["fit", str(small), "-o", str(out), "--estimator", "joint", *QUICK]) == 4
     assert capsys.readouterr().err == f"error: {out}: is written and marked; do not use its numbers\n"

@@ -15,13 +15,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from eaid.cli import form, main
-from eaid.coupling.linearised import LOOPS
+from eaid.coupling.stiffness import LOOPS
 from eaid.errors import UsageError
 from eaid.export.targets import TARGETS
 from eaid.fitting import choices as fitting
 from eaid.reading import KINDS
 from eaid.replay.controllers import CONTROLLERS
-from eaid.replay.scenarios import SCENARIOS
+from eaid.replay.references import SCENARIOS
 from eaid.synth import excitation
 
 ARGUMENTS = {name: importlib.import_module(f"eaid.cli.{name}").Arguments for name in main.COMMANDS}

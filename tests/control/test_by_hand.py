@@ -8,8 +8,8 @@ import pytest
 
 from eaid.apparatus import Apparatus
 from eaid.control.bounds import Bounds, LevelB, bounds_of, physical
+from eaid.control.design import shown_by_levels, shown_by_logs, shown_by_model
 from eaid.control.gains import paper_gains
-from eaid.control.mismatch import shown_by_levels, shown_by_logs, shown_by_model
 from eaid.control.operating import actuator, operating_points
 from eaid.errors import GainsError, UsageError
 from eaid.models.parameters import Linear, Nonlinear

@@ -9,10 +9,10 @@ from eaid.results.tuning import TuneOptions
 from eaid.apparatus import Apparatus
 from eaid.control.bounds import LevelB, bounds_of
 from eaid.control.design import design as typed_design
+from eaid.control.design import distance, shown_by_levels, shown_by_logs, shown_by_model
 from eaid.control.gains import paper_gains, pi_gains, rc_gains
-from eaid.control.mismatch import distance, shown_by_levels, shown_by_logs, shown_by_model
+from eaid.control.margins import Timing
 from eaid.control.options import DesignOptions, PIOptions
-from eaid.control.timing import Timing
 from eaid.errors import DataError, GainsError, UsageError
 from eaid.models.nonlinear import step_response
 from eaid.models.parameters import PAPER_LINEAR, REFERENCE_PLANT, Linear, Nonlinear
@@ -349,8 +349,8 @@ def test_one_verdict_with_a_row_for_each_thing_it_needs():
 
 def test_every_row_of_the_table_of_sentences_can_be_said():
     from eaid.findings import finding, say
-    from eaid.findings.sentences.control import ROWS as OURS
-    from eaid.findings.sentences.replay import ROWS as REPLAYS
+    from eaid.findings.sentences.control import GAIN_ROWS as OURS
+    from eaid.findings.sentences.control import REPLAY_ROWS as REPLAYS
 
     numbers = "allowed needed slope Q_M B_hat reached made asked span enough_db enough_deg gain_db overshoot_pct "
     numbers += "dead_time_s settling_s sharpness least jump pace highest noise below_pct above_pct falling_pct low high"

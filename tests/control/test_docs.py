@@ -7,22 +7,21 @@ import numpy as np
 import pytest
 
 from eaid.control.bounds import Bounds
+from eaid.control.design import shown_by_model
 from eaid.control.gains import paper_gains
-from eaid.control.margins import margins, pi_feedback, rc_feedback
-from eaid.control.mismatch import shown_by_model
+from eaid.control.margins import RIG, margins, pi_feedback, rc_feedback
 from eaid.control.operating import operating_points
 from eaid.control.options import DesignOptions
-from eaid.control.pi_design import pi_gains, step_metrics
+from eaid.control.pi import pi_gains, step_metrics
 from eaid.control.rc_design import law_of
 from eaid.control.robust import equal_pi
-from eaid.control.timing import RIG
 from eaid.models.parameters import PAPER_LINEAR, REFERENCE_PLANT, Linear
 from eaid.replay import references
 from eaid.replay.controllers import pi_controller, rc_controller
 from eaid.replay.loop import replay
 from eaid.replay.plant import plant_parameters
+from eaid.replay.references import measure, replayed
 from eaid.replay.rig import Rig
-from eaid.replay.scenarios import measure, replayed
 from eaid.results.fit import Fit
 
 TEXT = re.sub(r"\s+", " ", (Path(__file__).parents[2] / "docs/robust-control.md").read_text(encoding="utf-8"))

@@ -10,25 +10,31 @@ from eaid.results.tuning import TuneOptions
 from eaid.control import robust
 from eaid.control.bounds import Bounds
 from eaid.control.defaults import PAPER_TOP, design_options, is_duty, scales_of, timing_of, with_own_pi
-from eaid.control.design import design, least_phi, mismatches
+from eaid.control.design import condition, design, guarantee, least_phi, mismatches
 from eaid.control.gains import paper_gains, pi_gains, rc_gains
-from eaid.control.guarantee import condition, guarantee
-from eaid.control.lyapunov import Disturbance, error_bound, solve_Q, ultimate_level
-from eaid.control.margins import Feedback, LoopMargins, is_stable, margins, phase_margin, rc_feedback
+from eaid.control.margins import (
+    Feedback,
+    LoopMargins,
+    Timing,
+    hold_response,
+    is_stable,
+    latch_response,
+    margins,
+    phase_margin,
+    rc_feedback,
+)
 from eaid.control.operating import actuator, enough, keeps_margins, known
 from eaid.control.options import DesignOptions, PIOptions
-from eaid.control.pi_design import error, step_metrics
-from eaid.control.pi_design import pi_gains as asked_pi
+from eaid.control.pi import error, step_metrics
+from eaid.control.pi import pi_gains as asked_pi
 from eaid.control.plant import plant_of
 from eaid.control.rc import TANH_IS_ONE, RCState, rc_step, rc_terms
-from eaid.control.rc_design import law_of
-from eaid.control.timing import Timing, hold_response, latch_response
+from eaid.control.rc_design import Disturbance, error_bound, law_of, solve_Q, ultimate_level
 from eaid.errors import DataError, GainsError
 from eaid.models.parameters import PAPER_LINEAR, Linear
 from eaid.results.codec import from_plain
 from eaid.results.fit import Fit
-from eaid.results.gain_checks import Mismatch
-from eaid.results.gains import Gains
+from eaid.results.gains import Gains, Mismatch
 
 RC, PI = paper_gains()
 LINEAR = {"a0": 1.36, "b0": 0.08, "c0": -2.42, "bounds": {"B_m": 12.4, "B_M": 42.6}}

@@ -8,9 +8,9 @@ import pytest
 from eaid.control import robust
 from eaid.control.design import design
 from eaid.control.gains import rc_gains
-from eaid.control.lyapunov import Disturbance, error_bound, solve_Q, ultimate_level
 from eaid.control.options import DesignOptions
 from eaid.control.rc import RCState, rc_step, rc_terms
+from eaid.control.rc_design import Disturbance, error_bound, solve_Q, ultimate_level
 from eaid.results.codec import from_plain, to_plain
 from eaid.results.fit import Fit
 

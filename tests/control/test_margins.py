@@ -9,6 +9,7 @@ import pytest
 from eaid.control.gains import paper_gains
 from eaid.control.margins import (
     Feedback,
+    Timing,
     is_stable,
     linear_lags,
     loop_response,
@@ -18,7 +19,6 @@ from eaid.control.margins import (
     spectral_radius,
 )
 from eaid.control.pi import PIGains, PIState, pi_step
-from eaid.control.timing import Timing
 from eaid.errors import UsageError
 
 PLAIN, LATCHED = Timing(1000.0, None), Timing(1000.0, 300.0)

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import Phase, example, given, settings
 from hypothesis import strategies as st
 
-from eaid.control.pi_design import error, pi_gains, step_metrics
+from eaid.control.pi import error, pi_gains, step_metrics
 from eaid.errors import GainsError
 from eaid.models.parameters import PAPER_LINEAR, Linear
 

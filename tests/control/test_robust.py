@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from eaid.control import robust
-from eaid.control.lyapunov import solve_Q
+from eaid.control.rc_design import solve_Q
 
 B_M_PAPER, B_m_PAPER = 42.6, 12.4
 positive = st.floats(0.01, 100)

@@ -11,15 +11,26 @@ from eaid.coupling.options import CoupleOptions
 
 import eaid
 from eaid.control.gains import paper_gains
+from eaid.control.margins import Timing
 from eaid.control.pi import PIGains
-from eaid.control.timing import Timing
 from eaid.coupling.couple import couple
-from eaid.coupling.linearised import LOOPS, Law, Point, linearised, operating_point, step_of
-from eaid.coupling.sampled import Channel, Coupled, Limb
-from eaid.coupling.stiffness import needed_damping, passive_stiffness, stable_stiffness
+from eaid.coupling.stiffness import (
+    LOOPS,
+    Channel,
+    Coupled,
+    Law,
+    Limb,
+    Point,
+    linearised,
+    needed_damping,
+    operating_point,
+    passive_stiffness,
+    stable_stiffness,
+    step_of,
+)
 from eaid.errors import DataError, GainsError, UsageError
 from eaid.models.parameters import REFERENCE_PLANT
-from eaid.results.steps import StepShape
+from eaid.results.fit import StepShape
 
 RC, PI = paper_gains()
 LIMB, TIMING = Limb(0.1, 0.8), Timing()

@@ -14,9 +14,8 @@ from eaid.export.options import ExportOptions
 
 from eaid.control.gains import paper_gains
 from eaid.export import reference as law
-from eaid.export.constants import Timing, inverse_constants, pi_constants, plant_constants, rc_constants
+from eaid.export.constants import Timing, inverse_constants, pi_constants, plant_constants, rc_constants, rounded
 from eaid.export.export import export
-from eaid.export.numbers import rounded
 from eaid.models.parameters import PAPER_LINEAR, REFERENCE_PLANT, Nonlinear
 from eaid.replay import references
 from eaid.replay.controllers import Knowledge, controller

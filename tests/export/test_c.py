@@ -15,7 +15,7 @@ from eaid.export.options import ExportOptions
 from fmpy.validation import validate_fmu
 
 from eaid.cli import main
-from eaid.export import made_from
+from eaid.export import job
 from eaid.export.export import export
 from eaid.results.common import Input
 
@@ -53,7 +53,7 @@ def test_every_row_of_the_vectors_comes_back_to_the_bit(exported, compiler, leve
 
 @pytest.mark.parametrize("precision", ["double", "single"])
 def test_so_does_every_row_of_a_rig_that_is_at_every_floor(tmp_path, precision, monkeypatch):
-    monkeypatch.setattr(made_from, "plant_of", lambda fit: fit.plant)  # it would refuse the rig
+    monkeypatch.setattr(job, "plant_of", lambda fit: fit.plant)  # it would refuse the rig
     options = ExportOptions(precision=precision, folder=tmp_path / "c", anyway=True)
     export(gains_of(STRANGE_RC, STRANGE_PI), fit_of(STRANGE), options)
     done = subprocess.run([compiled(tmp_path / "c", COMPILERS[0])], capture_output=True, text=True, check=True)

@@ -12,10 +12,9 @@ import eaid
 from eaid.errors import GainsError, UsageError
 from eaid.export import export as room
 from eaid.export.export import export
-from eaid.export.render import log_header
-from eaid.export.targets import TARGETS
+from eaid.export.targets import TARGETS, log_header
 from eaid.findings import finding, say
-from eaid.findings.sentences.export import ROWS
+from eaid.findings.sentences.control import EXPORT_ROWS
 from eaid.models.parameters import REFERENCE_PLANT
 from eaid.results.codec import from_plain
 from eaid.results.common import Input
@@ -220,11 +219,11 @@ def test_every_sentence_is_said():
         "rate_hz": 500.0, "made_hz": 1000.0, "unit": "%", "why": "one level", "missing": "rho, phi", "duty": 120.0,
         "low": 0.0, "high": 100.0, "rc_gain_db": 16.2, "rc_phase_deg": 78.1, "rc_delay_s": 0.0117, "pi_gain_db": None,
     }  # fmt: skip
-    said = {code: say(finding(code, "rc", (10, 20), **values)) for code in ROWS}
+    said = {code: say(finding(code, "rc", (10, 20), **values)) for code in EXPORT_ROWS}
     assert said["export-unstable"] == "rc: the loop is unstable at 500 Hz around 10 and 20 %; ask for slower gains"
     assert said["export-margins"].endswith("duties: RC 16.2 dB, 78.1 ° of phase, 0.0117 s of delay")
     assert "does not hold on this rig (missing: rho, phi)" in said["export-guarantee-missing"]
-    assert len(set(said.values())) == len(ROWS)
+    assert len(set(said.values())) == len(EXPORT_ROWS)
 
 
 @pytest.mark.parametrize(

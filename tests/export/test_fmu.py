@@ -11,7 +11,7 @@ from fmpy.fmi1 import FMICallException
 from fmpy.fmi2 import FMU2Slave
 from fmpy.validation import validate_fmu
 
-from eaid.export import fmu
+from eaid.export import targets
 from eaid.export.export import export
 from eaid.models import nonlinear
 
@@ -140,7 +140,7 @@ def test_the_wrapper_is_clean_and_its_sources_make_an_fmu_of_their_own(exported,
 
 
 def test_an_fmu_of_sources_alone_where_no_compiler_is(tmp_path, monkeypatch):
-    monkeypatch.setattr(fmu, "COMPILERS", ("no-such-compiler",))
+    monkeypatch.setattr(targets, "COMPILERS", ("no-such-compiler",))
     export(gains_of(), None, ExportOptions(target="fmu", laws=("pi",), folder=tmp_path / "x"))
     with zipfile.ZipFile(tmp_path / "x" / "eaid_pi.fmu") as file:
         assert not [name for name in file.namelist() if name.startswith("binaries")]

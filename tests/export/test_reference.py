@@ -9,8 +9,7 @@ from hypothesis import strategies as st
 
 from eaid.control.rc import RCState, rc_step
 from eaid.export import reference as law
-from eaid.export.constants import SEARCHES, Timing, plant_constants, rc_constants
-from eaid.export.numbers import rounded, series
+from eaid.export.constants import SEARCHES, Timing, plant_constants, rc_constants, rounded, series
 from eaid.replay.inverse import InverseState, inverse_gains, inverse_step
 from eaid.replay.plant import plant_parameters, plant_step
 

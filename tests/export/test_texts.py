@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import yaml
 
-from eaid.export.numbers import commented, decimal, hexadecimal
+from eaid.export.constants import commented, decimal, hexadecimal
 
 from .conftest import LAWS, constants
 

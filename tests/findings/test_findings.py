@@ -6,8 +6,8 @@ import pytest
 
 from eaid.errors import DataError, in_python, on_command_line
 from eaid.findings import Finding, finding, merged, ranked, say, stops
+from eaid.findings.finding import listed
 from eaid.findings.row import Row
-from eaid.findings.say import listed
 from eaid.findings.sentences import SENTENCES
 
 

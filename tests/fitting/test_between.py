@@ -13,11 +13,9 @@ from eaid.findings import finding, ranked
 from eaid.models import friction
 from eaid.models.parameters import Friction
 from eaid.results import codec
-from eaid.results.fit import Fit, FitOptions
-from eaid.results.friction import FrictionLevel, LevelIntervals
-from eaid.results.quotable import quotable
+from eaid.results.fit import Fit, FitOptions, FrictionLevel, LevelIntervals
 from eaid.steps.stepset import Level, LevelStep, StepSet
-from eaid.uncertainty.workflow import fit_steps
+from eaid.uncertainty.workflow import fit_steps, quotable
 
 TIME = np.arange(2000) * 0.01
 TRUTH = ((20.0, 50.0, 0.4, 1.6, Friction(1.2, 0.3, 4.0)), (50.0, 30.0, 1.6, 0.9, Friction(-0.7, 0.2, 3.0)))

@@ -5,11 +5,10 @@ import itertools
 import numpy as np
 import pytest
 
-from eaid.fitting import compress as module
-from eaid.fitting.compress import HEAD, SMALL, blocks, compress, orthonormal
+from eaid.fitting import sums as module
 from eaid.fitting.data import Data, data_of
 from eaid.fitting.levels import fit_levels
-from eaid.fitting.samples import Record
+from eaid.fitting.sums import HEAD, SMALL, Record, blocks, compress, orthonormal
 from eaid.models import friction
 from eaid.models.parameters import Friction
 from eaid.steps.stepset import Level

@@ -4,11 +4,10 @@ import numpy as np
 import pytest
 
 from eaid.arrays import Array
-from eaid.fitting.data import Data
+from eaid.fitting.data import Data, explains_little
 from eaid.fitting.friction import curve_residuals
 from eaid.fitting.levels import fit_levels
-from eaid.fitting.metrics import explains_little
-from eaid.fitting.samples import Record
+from eaid.fitting.sums import Record
 from eaid.models import friction
 from eaid.models.parameters import Friction
 

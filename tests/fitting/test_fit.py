@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from eaid.errors import DataError, UsageError
+from eaid.fitting.data import errors, explains_little, quality
 from eaid.fitting.fit import fit
-from eaid.fitting.metrics import errors, explains_little, quality
 from eaid.models.parameters import REFERENCE_PLANT, Friction
 from eaid.results import codec
 from eaid.results.fit import Fit, FitOptions

@@ -3,17 +3,21 @@
 import numpy as np
 import pytest
 
-from eaid.fitting.compress import Points
-from eaid.fitting.kernel import (
+from eaid.fitting.sums import (
+    Points,
+    Record,
     by_log,
     by_tau,
+    decay,
+    full_sums,
     level_costs,
     level_normal,
     log_curvature,
     log_products,
+    residuals,
+    stretch,
     weighted_shares,
 )
-from eaid.fitting.samples import Record, decay, full_sums, residuals, stretch
 
 RNG = np.random.default_rng(3)
 TIMES = np.sort(RNG.uniform(0, 10, (1, 40)))

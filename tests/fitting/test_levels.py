@@ -4,13 +4,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from eaid.fitting.compress import Points
 from eaid.fitting.data import Data
-from eaid.fitting.free_share import free_problem, non_negative
-from eaid.fitting.levels import fit_level, fit_levels, level_problem
-from eaid.fitting.problem import Problem
-from eaid.fitting.samples import Record
-from eaid.fitting.starts import grid_bowls, refine
+from eaid.fitting.levels import fit_level, fit_levels, free_problem, grid_bowls, level_problem, non_negative, refine
+from eaid.fitting.solver import Problem
+from eaid.fitting.sums import Points, Record
 from eaid.models import friction
 from eaid.models.parameters import Friction
 

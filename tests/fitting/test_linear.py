@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from eaid.fitting.data import Data, data_of
-from eaid.fitting.first_order import fit_each_level, fit_first_order
-from eaid.fitting.linear import bounds_of, fit_linear, single_levels
-from eaid.fitting.samples import Record
+from eaid.fitting.linear import bounds_of, fit_each_level, fit_first_order, fit_linear, single_levels
+from eaid.fitting.sums import Record
 from eaid.models import linear
 from eaid.models.parameters import PAPER_LINEAR, Linear, Nonlinear
 from eaid.steps.stepset import StepSet

@@ -8,12 +8,19 @@ import pytest
 
 from eaid.fitting.basis import CONSTRAINTS, active_at, basis_of, constraints
 from eaid.fitting.data import Data, data_of
-from eaid.fitting.descent import descend
-from eaid.fitting.joint_starts import VALUES, looked_at, slow_shapes, steadied
-from eaid.fitting.level_curves import level_curves, no_lower_minimum, polynomial_starts
-from eaid.fitting.nonlinear import fit_nonlinear, nonlinear_problem
-from eaid.fitting.samples import Record
-from eaid.fitting.solver import approach
+from eaid.fitting.nonlinear import (
+    VALUES,
+    fit_nonlinear,
+    level_curves,
+    looked_at,
+    no_lower_minimum,
+    nonlinear_problem,
+    polynomial_starts,
+    slow_shapes,
+    steadied,
+)
+from eaid.fitting.solver import approach, descend
+from eaid.fitting.sums import Record
 from eaid.models.nonlinear import steady_torque, time_constants
 from eaid.models.parameters import REFERENCE_PLANT, Nonlinear
 from eaid.steps.stepset import StepSet

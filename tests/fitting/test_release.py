@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
-from eaid.fitting import falling
+from eaid.fitting import release
 from eaid.fitting.data import data_of
 from eaid.fitting.levels import fit_levels
 from eaid.fitting.release import release_fit, share_reached
 from eaid.models import friction
 from eaid.models.parameters import Friction
-from eaid.results.friction import ReleaseLevel
+from eaid.results.fit import ReleaseLevel
 from eaid.steps.stepset import Level
 
 TIME = np.arange(1000) / 100
@@ -88,7 +88,7 @@ def test_levels_together_end_where_the_solver_takes_each(times: list[np.ndarray]
     together, _ = release_fit(levels, [], {})
     for level, own in zip(levels, together.levels, strict=True):
         data = data_of([level])
-        solved = falling.solve(data, np.array([0.85]), np.log([[0.1, 1.0], [0.4, 9.0]]))
+        solved = release.solve(data, np.array([0.85]), np.log([[0.1, 1.0], [0.4, 9.0]]))
         assert own.sse == pytest.approx(solved.solver.costs[0], rel=1e-12)
         assert (own.tau1, own.tau2) == pytest.approx(tuple(solved.tau), rel=1e-6)
         left = level.mean - release_curve(own, level.time_s)
@@ -98,11 +98,11 @@ def test_levels_together_end_where_the_solver_takes_each(times: list[np.ndarray]
 def test_gradient_and_second_derivatives_against_differences() -> None:
     data, shares = data_of(_noisy([TIME] * 3)), np.array([0.7, 0.8, 0.9])
     x, points = np.log([0.3, 4.0]), data.points
-    _, gradient, _, exact = falling._projected(x, points, shares)
-    assert falling._on_every_sample(x, data, shares)[1] == pytest.approx(gradient, rel=1e-6)
+    _, gradient, _, exact = release._projected(x, points, shares)
+    assert release._on_every_sample(x, data, shares)[1] == pytest.approx(gradient, rel=1e-6)
     for k in (0, 1):
         step = 1e-5 * np.eye(2)[k]
-        up, down = (falling._projected(x + sign * step, points, shares) for sign in (1, -1))
+        up, down = (release._projected(x + sign * step, points, shares) for sign in (1, -1))
         assert gradient[k] == pytest.approx((up[0] - down[0]) / 2e-5, rel=1e-5)
         assert exact[:, k] == pytest.approx((up[1] - down[1]) / 2e-5, rel=1e-4)
 
@@ -119,7 +119,7 @@ def test_a_release_faster_than_the_samples_stays_within_the_limits() -> None:
     for row, fall in zip(found.levels, falls, strict=True):
         assert row.solver.converged and 0.001 - 1e-10 <= row.tau1 <= row.tau2 + 1e-10
         points = data_of([fall]).points
-        assert row.sse <= (1 + 1e-9) * min(falling._projected(x, points, np.array([0.85]))[0] for x in pairs)
+        assert row.sse <= (1 + 1e-9) * min(release._projected(x, points, np.array([0.85]))[0] for x in pairs)
 
 
 @pytest.mark.parametrize(("tau1", "tau2", "fast"), [(87.2, 58781.0, 0.65), (86.7, 21114.0, 0.77)])

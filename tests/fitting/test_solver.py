@@ -4,9 +4,7 @@ import numpy as np
 import pytest
 
 from eaid.fitting import solver
-from eaid.fitting.problem import Problem, newton_step, whiten
-from eaid.fitting.solver import EndPoint, approach, ended, slsqp
-from eaid.fitting.verdict import polish
+from eaid.fitting.solver import EndPoint, Problem, approach, ended, newton_step, polish, slsqp, whiten
 
 SCALES = np.array([1.0, 1e-4, 1e5])
 CENTRE = np.array([2.0, 3e-4, -4e5])

@@ -11,8 +11,7 @@ from scipy.optimize import least_squares
 from eaid.errors import UsageError
 from eaid.fitting.shape_curves import curve, slopes
 from eaid.fitting.step_shapes import fit_step, independent, may_ask
-from eaid.results.fit import FitOptions
-from eaid.results.steps import StepShape
+from eaid.results.fit import FitOptions, StepShape
 from eaid.steps.stepset import LevelStep
 
 REALDATA = Path(__file__).parents[2] / "../shared/realdata"

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from eaid.fitting.trends import LEAST, fit_trend
+from eaid.fitting.friction import LEAST, fit_trend
 from eaid.models.trends import FORMS, evaluate
 
 STRESS = np.array([17, 34, 51, 68, 85, 102, 119, 136, 153, 170]) / 6.283e-3 / 1e3

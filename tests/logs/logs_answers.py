@@ -20,21 +20,18 @@ from scipy.io import savemat
 
 from eaid.arrays import read_only
 from eaid.errors import EaidError
-from eaid.logs.clock import seconds_since_start, time_scale
 from eaid.logs.columns import kind_of
-from eaid.logs.folders import plainly_no_log
+from eaid.logs.folders import manifest_of, plainly_no_log
 from eaid.logs.foreign.hdf5 import read_hdf5
 from eaid.logs.foreign.lvm import read_lvm
 from eaid.logs.foreign.mat import read_mat
-from eaid.logs.manifest import manifest_of
-from eaid.logs.moves import is_recorded
-from eaid.logs.read import read_runs, together
+from eaid.logs.read import columns_told, differing_number, read_runs, together
 from eaid.logs.run import Run
 from eaid.logs.table import Table
 from eaid.logs.text import read_text
-from eaid.logs.to_run import Origin, run_of
-from eaid.logs.together import columns_told, differing_number
+from eaid.logs.to_run import Origin, run_of, seconds_since_start, time_scale
 from eaid.logs.units import split_name, unit_of
+from eaid.reading import is_recorded
 
 FILE = Path(__file__).parent / "answers.json"
 Random = np.random.Generator

@@ -6,12 +6,10 @@ import numpy as np
 import pytest
 
 from eaid.errors import DataError
-from eaid.logs.dialect import encoding_of, has_table, lines_of, sniff
-from eaid.logs.marks import Marks
+from eaid.logs.dialect import Marks, encoding_of, has_table, lines_of, sniff
 from eaid.logs.read import read_runs
-from eaid.logs.rows import by_arrow, cell_by_cell
 from eaid.logs.table import BadCell
-from eaid.logs.text import _day, _lines, _pieces, _stripped
+from eaid.logs.text import _day, _lines, _pieces, _stripped, by_arrow, cell_by_cell
 
 ROWS = "0,1,2\n1,2,3\n2,3,4\n3,4,5\n"
 

@@ -14,10 +14,8 @@ from eaid.errors import DataError
 from eaid.logs.foreign.groups import grouped
 from eaid.logs.foreign.hdf5 import _check_chunks, read_hdf5
 from eaid.logs.foreign.lvm import read_lvm
-from eaid.logs.foreign.mat import read_mat
-from eaid.logs.foreign.npy import read_npy
-from eaid.logs.foreign.ros import _unit
-from eaid.logs.foreign.rosmsg import DEEPEST, FORMATS, layout_of
+from eaid.logs.foreign.mat import read_mat, read_npy
+from eaid.logs.foreign.ros import DEEPEST, FORMATS, _unit, layout_of
 from eaid.logs.table import Table
 
 

@@ -9,27 +9,24 @@ import pytest
 from eaid.logs.options import ReadOptions
 
 from eaid.errors import DataError, UsageError
-from eaid.logs import checks, clock, text
-from eaid.logs.by_values import by_place, chosen_table, rises, steps, the_input
-from eaid.logs.checks import checked, without_moving_steps
-from eaid.logs.clock import seconds_since_start, time_scale
-from eaid.logs.columns import Roles, shown
+from eaid.logs import text, to_run
+from eaid.logs.columns import Roles, by_place, chosen_table, rises, shown, steps, the_input
 from eaid.logs.dialect import has_table
 from eaid.logs.foreign.groups import grouped
 from eaid.logs.foreign.lvm import read_lvm
-from eaid.logs.foreign.rosmsg import MOST_ELEMENTS, layout_of
+from eaid.logs.foreign.ros import MOST_ELEMENTS, layout_of
 from eaid.logs.foreign.signals import Signal, tables_of_signals
 from eaid.logs.formats import is_hdf5
-from eaid.logs.read import read_runs
+from eaid.logs.read import joined, read_runs
 from eaid.logs.run import Run
 from eaid.logs.table import BadCell, Cells, Table
-from eaid.logs.together import joined
+from eaid.logs.to_run import checked, seconds_since_start, time_scale, without_moving_steps
 from eaid.logs.units import divisor, likely_time_unit, scale_of
 
 # clocks
 
 
-@pytest.mark.parametrize("unit", clock.PER_S)
+@pytest.mark.parametrize("unit", to_run.PER_S)
 def test_stamps_since_1970_begin_in_2001_and_end_in_2096(unit: str) -> None:
     per_s = {"s": 1, "ms": 10**3, "us": 10**6, "ns": 10**9}[unit]
     beyond = 1 if unit != "ns" else 1024  # the next whole number that a float tells apart
@@ -255,7 +252,7 @@ def test_bad_cells_are_listed_up_to_a_number(tmp_path: Path, monkeypatch: pytest
         (tmp_path / "a.csv").write_text("\n".join(["time,duty,torque", *rows[::-1]][:1] + rows[20:] + rows[:20]))
         with pytest.raises(DataError, match=word):
             read_runs([tmp_path / "a.csv"])
-    assert checks.SHOWN == 5
+    assert to_run.SHOWN == 5
 
 
 def test_the_mark_of_an_hdf5_file_stands_at_its_beginning_or_behind_512_bytes() -> None:

@@ -19,8 +19,7 @@ from scipy.io import savemat
 from eaid.cli.inputs import runs_from
 from eaid.cli.main import run as main
 from eaid.errors import DataError, UsageError
-from eaid.logs.read import read_runs
-from eaid.logs.together import differing_number
+from eaid.logs.read import differing_number, read_runs
 from eaid.reading import InputOptions
 from eaid.steps.build import build_stepset
 
@@ -510,7 +509,7 @@ def test_reading_options_are_kept_for_doing_it_again(tmp_path: Path) -> None:
 
 def test_a_clock_in_another_unit_makes_no_grid_larger_than_the_data() -> None:
     """Bins of 0.01 s over stamps in µs taken for seconds: 134 GiB for a log of 200 kB."""
-    from eaid.uncertainty.run_statistics import bartlett_variance
+    from eaid.uncertainty.runs import bartlett_variance
 
     variances = bartlett_variance(5e6 * np.arange(4000.0), np.ones((4000, 6)))
     assert variances.shape == (4, 6) and np.isfinite(variances).all()

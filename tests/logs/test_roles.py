@@ -5,8 +5,7 @@ import pytest
 from eaid.logs.options import ReadOptions
 
 from eaid.errors import DataError, EaidError
-from eaid.logs.by_values import by_place, the_input
-from eaid.logs.columns import INPUTS, OUTPUTS, default_unit, kind_of, match_columns
+from eaid.logs.columns import INPUTS, OUTPUTS, by_place, default_unit, kind_of, match_columns, the_input
 from eaid.logs.read import NOTHING_SAID
 from eaid.logs.table import Cells, Table
 

@@ -6,7 +6,7 @@ import pytest
 
 import eaid.logs
 from eaid.findings import finding, say
-from eaid.findings.sentences.logs import ROWS
+from eaid.findings.sentences.logs import LOG_ROWS
 
 SAID = {
     "step-row-dropped": (
@@ -46,4 +46,4 @@ def test_words(code: str) -> None:
 def test_every_code_is_used_and_every_code_used_stands_in_the_table() -> None:
     folder = Path(str(eaid.logs.__file__)).parent
     text = "".join(path.read_text(encoding="utf-8") for path in folder.rglob("*.py"))
-    assert [code for code in ROWS if f'"{code}"' not in text] == []
+    assert [code for code in LOG_ROWS if f'"{code}"' not in text] == []

@@ -7,19 +7,15 @@ import numpy as np
 import pytest
 
 from eaid.errors import DataError
-from eaid.logs.by_values import rises, steps
-from eaid.logs.checks import checked
-from eaid.logs.clock import TimeScale, seconds_since_start
-from eaid.logs.dialect import encoding_of, sniff
-from eaid.logs.facts import facts_of, rate_said
+from eaid.logs.columns import rises, steps
+from eaid.logs.dialect import Marks, encoding_of, facts_of, number, rate_said, sniff
 from eaid.logs.formats import format_of
-from eaid.logs.marks import Marks, number
-from eaid.logs.moves import is_recorded
-from eaid.logs.read import read_runs
+from eaid.logs.read import differing_number, joined, read_runs, scales_compared
 from eaid.logs.run import Run
 from eaid.logs.text import seconds_of
-from eaid.logs.together import differing_number, joined, scales_compared
+from eaid.logs.to_run import TimeScale, checked, seconds_since_start
 from eaid.logs.units import likely_time_unit
+from eaid.reading import is_recorded
 
 
 @pytest.mark.parametrize(

@@ -8,8 +8,8 @@ import pytest
 from eaid.logs.options import ReadOptions
 
 from eaid.errors import DataError, UsageError
+from eaid.logs.folders import Entry, apply
 from eaid.logs.frames import runs_from_frames
-from eaid.logs.manifest import Entry, apply
 from eaid.logs.read import _check_level, _checked_run, _refuse_what_does_nothing, _stem
 from eaid.logs.run import Run
 from eaid.logs.table import BadCell, Cells, Table

@@ -9,9 +9,8 @@ from eaid.logs.options import ReadOptions
 from eaid.arrays import read_only
 from eaid.errors import DataError
 from eaid.findings import finding
-from eaid.logs.read import together
+from eaid.logs.read import columns_told, counted_once, joined, levels_in_names, named_apart, scales_compared, together
 from eaid.logs.run import Run
-from eaid.logs.together import columns_told, counted_once, joined, levels_in_names, named_apart, scales_compared
 
 N = 200
 T = read_only(np.arange(N) / 100.0)

@@ -6,7 +6,7 @@ from eaid.models.parameters import REFERENCE_PLANT, Friction
 from eaid.planning.design import Experiment, Session, half_widths, level_sets, quickest, within_runs
 from eaid.planning.recordings import input_changes, run_order
 from eaid.uncertainty.rig_noise import ASSUMED, Noise, cautious, unit_variances
-from eaid.uncertainty.student_t import t_quantile
+from eaid.uncertainty.runs import t_quantile
 
 SMALL = Experiment((10.0, 50.0), (20.0, 30.0), 3, {}, 0.0, True)
 
@@ -32,7 +32,7 @@ def test_information_grows_with_the_hold() -> None:
 
 
 def test_information_is_the_sum_over_samples() -> None:
-    from eaid.uncertainty.levels import log_jacobian
+    from eaid.uncertainty.level_statistics import log_jacobian
 
     t = (np.arange(40_000) + 0.5) * 1e-3
     J = log_jacobian(curve_at(50.0), t)

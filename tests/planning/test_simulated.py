@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 
 from eaid.fitting.fit import fit
-from eaid.planning import enlarge, excitation, recordings
-from eaid.planning.design import Experiment
-from eaid.planning.rigs import rig_of
+from eaid.planning import design, excitation, recordings
+from eaid.planning.design import Experiment, rig_of
 from eaid.uncertainty.intervals import with_intervals
 from eaid.uncertainty.rig_noise import ASSUMED, Noise
 from tests.uncertainty.conftest import sets
@@ -24,9 +23,9 @@ SMALL = Experiment((10.0, 50.0), (20.0, 30.0), 3, {}, 0.0, True)
 def test_what_is_stated_is_kept_by_so_many() -> None:
     """The m-th least of n widths is kept by the next with probability m/(n + 1), whatever their distribution."""
     rows = [{"Ts": float(k), "tau1": float(-k)} for k in range(14, 0, -1)]
-    assert recordings.SETS == 14 and enlarge.kept_widths(rows, recordings.KEEPING) == {"Ts": 12.0, "tau1": -3.0}
+    assert recordings.SETS == 14 and design.kept_widths(rows, recordings.KEEPING) == {"Ts": 12.0, "tau1": -3.0}
     rows = [{"Ts": float(k)} for k in range(1, 21)]
-    assert excitation.SETS == 20 and enlarge.kept_widths(rows, excitation.KEEPING) == {"Ts": 19.0}
+    assert excitation.SETS == 20 and design.kept_widths(rows, excitation.KEEPING) == {"Ts": 19.0}
 
 
 @dataclass(frozen=True)
@@ -48,7 +47,7 @@ def test_a_plan_is_made_larger_until_its_recordings_keep_the_widths() -> None:
         asked.append(wanted["tau2"])
         return Asked(wanted["tau2"])
 
-    plan, rows = enlarge.enlarged(make, lambda plan: [{"tau2": 2 * plan.width, "Ts": 9.0}], {"tau2": 10.0}, 0.5)
+    plan, rows = design.enlarged(make, lambda plan: [{"tau2": 2 * plan.width, "Ts": 9.0}], {"tau2": 10.0}, 0.5)
     assert rows[0]["tau2"] <= 10.0 and asked == sorted(asked, reverse=True)
     assert asked[1] == pytest.approx(10 / 2**0.7) and plan.width == asked[-1]
 
@@ -57,8 +56,8 @@ def test_a_plan_that_cannot_be_met_stays_and_one_without_intervals_is_enlarged()
     def short(wanted: Mapping[str, float]) -> Asked:
         return Asked(wanted["Ts"], met=False)
 
-    assert enlarge.enlarged(short, lambda _: [{"Ts": 3.0}], {"Ts": 1.0}, 0.5)[0].width == 1.0
-    lost = enlarge.enlarged(
+    assert design.enlarged(short, lambda _: [{"Ts": 3.0}], {"Ts": 1.0}, 0.5)[0].width == 1.0
+    lost = design.enlarged(
         lambda wanted: Asked(wanted["Ts"]),
         lambda plan: [{"Ts": np.inf if plan.width > 0.3 else plan.width}], {"Ts": 1.0}, 0.5,
     )  # fmt: skip
@@ -74,7 +73,7 @@ def test_a_width_that_is_predicted_to_be_none_is_no_obstacle() -> None:
         def half_width_pct(self) -> dict[str, float]:
             return {"Ts": self.width, "tau2": 0.0}
 
-    plan, rows = enlarge.enlarged(
+    plan, rows = design.enlarged(
         lambda wanted: Exact(wanted["Ts"]), lambda plan: [{"Ts": 1.5 * plan.width, "tau2": 0.0}], {"Ts": 1.0}, 0.5
     )
     assert plan.width < 0.7 and all(row["tau2"] == 0 for row in rows)
@@ -84,13 +83,13 @@ def test_a_plan_is_not_taken_for_its_luck() -> None:
     """Widths that differ by a quarter from recording to recording: four of five keep what is stated, 73 % without."""
     random = np.random.default_rng(1)
 
-    def measure(plan: Asked) -> list[enlarge.Widths]:
+    def measure(plan: Asked) -> list[design.Widths]:
         return [{"Ts": plan.width * float(np.exp(0.25 * z))} for z in random.standard_normal(14)]
 
     kept = []
     for _ in range(400):
-        plan, rows = enlarge.enlarged(lambda wanted: Asked(wanted["Ts"]), measure, {"Ts": 1.0}, 0.8)
-        stated = enlarge.kept_widths(rows, 0.8)["Ts"]
+        plan, rows = design.enlarged(lambda wanted: Asked(wanted["Ts"]), measure, {"Ts": 1.0}, 0.8)
+        stated = design.kept_widths(rows, 0.8)["Ts"]
         assert stated <= 1.0
         kept.append(np.mean([row["Ts"] <= stated for row in measure(plan)]))
     assert np.mean(kept) == pytest.approx(0.8, abs=0.02)

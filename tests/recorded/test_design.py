@@ -7,10 +7,9 @@ import pytest
 
 from eaid.errors import UsageError
 from eaid.models.parameters import REFERENCE_PLANT
-from eaid.planning.played import measure, recording
-from eaid.planning.simulated import disturbance_of
-from eaid.recorded.design import EFFORT, Judge, plan_excitation
-from eaid.recorded.sequence import Limits, refuse_scattered
+from eaid.planning.excitation import measure, recording
+from eaid.planning.recordings import disturbance_of
+from eaid.recorded.design import EFFORT, Judge, Limits, plan_excitation, refuse_scattered
 from eaid.uncertainty.rig_noise import Noise
 
 NOISE = Noise(1.8e-7, 6e-5, (0.0, 0.0, 0.0))

@@ -9,16 +9,16 @@ from eaid.recorded.options import RecordedOptions
 from eaid.errors import DataError
 from eaid.findings import say, sentences
 from eaid.findings.finding import finding
-from eaid.logs.moves import is_recorded
 from eaid.logs.run import Run
 from eaid.models import nonlinear
 from eaid.models.parameters import REFERENCE_PLANT
+from eaid.reading import is_recorded
 from eaid.recorded.fit import fit_recorded
 from eaid.recorded.late import shifted
 from eaid.recorded.law import law_of
 from eaid.recorded.log import RecordedLog, recorded_log
-from eaid.synth.disturbance import NONE
 from eaid.synth.excitation import Excitation, synthesise_excitation
+from eaid.synth.logs import NONE
 from eaid.synth.plants import clutch
 
 NOISE = replace(NONE, white_nm=0.006, coloured=0.01, coloured_s=0.3)
@@ -39,7 +39,9 @@ def random_log(seed: int = 1, duration_s: float = 120.0, **changes: float) -> Re
 
 
 def test_input_and_output_that_are_swapped_are_refused_by_name() -> None:
-    log = recorded_log(synthesise_excitation(clutch(), Excitation(kind="staircase", duration_s=60.0, rate_hz=50.0), NONE, 1)[0])
+    log = recorded_log(
+        synthesise_excitation(clutch(), Excitation(kind="staircase", duration_s=60.0, rate_hz=50.0), NONE, 1)[0]
+    )
     steps = np.where(np.arange(len(log.time_s)) % 1500 < 500, 0.0, 50.0)
     swapped = RecordedLog("log", log.time_s, np.abs(log.output), steps)
     with pytest.raises(DataError, match=r"log: its output takes 5 values or fewer .* were swapped"):
@@ -153,8 +155,8 @@ def test_a_release_of_its_own_does_not_bend_the_levels_of_the_friction_model() -
 def test_falls_and_hysteresis_that_are_in_the_data() -> None:
     """A kernel of its own made these: falls between levels 1.6 times slower, 3 % more torque after falls."""
     from eaid.recorded import model
-    from eaid.recorded.drive import Copies
-    from eaid.recorded.problem import Setup
+    from eaid.recorded.response import Copies
+    from eaid.recorded.solve import Setup
 
     log = random_log(4, 240.0, rest_s=0.0)
     levels = np.linspace(10, 100, 10)

@@ -12,21 +12,18 @@ from eaid.errors import DataError
 from eaid.fitting.data import data_of
 from eaid.fitting.linear import fit_linear
 from eaid.fitting.nonlinear import fit_nonlinear
-from eaid.logs.moves import is_recorded
 from eaid.models.parameters import REFERENCE_PLANT, Nonlinear
+from eaid.reading import is_recorded
 from eaid.recorded import model
-from eaid.recorded.drive import Copies
-from eaid.recorded.fit import fit_recorded
-from eaid.recorded.inputs import inputs_of
+from eaid.recorded.fit import fit_recorded, inputs_of
 from eaid.recorded.log import RecordedLog, logs_of_steps, recorded_log
-from eaid.recorded.problem import Setup
-from eaid.recorded.solve import solve
+from eaid.recorded.response import Copies
+from eaid.recorded.solve import Setup, solve
 from eaid.replay.plant import plant_parameters, plant_step
 from eaid.steps.build import build_stepset
-from eaid.steps.cut_runs import StepOptions
-from eaid.synth.disturbance import NONE
+from eaid.steps.cut import StepOptions
 from eaid.synth.excitation import Excitation, synthesise_excitation
-from eaid.synth.logs import Protocol, synthesise
+from eaid.synth.logs import NONE, Protocol, synthesise
 from eaid.synth.plants import clutch
 
 NOISE = replace(NONE, white_nm=0.006, coloured=0.01, coloured_s=0.3)

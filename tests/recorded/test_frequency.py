@@ -11,8 +11,8 @@ from eaid.models.parameters import REFERENCE_PLANT, Linear
 from eaid.recorded.fit import fit_recorded
 from eaid.recorded.frequency import frequency_response, on_input
 from eaid.recorded.log import RecordedLog, recorded_log
-from eaid.synth.disturbance import NONE
 from eaid.synth.excitation import Excitation, synthesise_excitation
+from eaid.synth.logs import NONE
 from eaid.synth.plants import clutch
 
 

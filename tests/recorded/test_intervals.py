@@ -10,14 +10,12 @@ from scipy.signal import lfilter
 from eaid.models.parameters import REFERENCE_PLANT
 from eaid.recorded import model
 from eaid.recorded.fit import fit_recorded
-from eaid.recorded.intervals import _root, spread
+from eaid.recorded.intervals import _root, score_test, spread
 from eaid.recorded.log import recorded_log
-from eaid.recorded.problem import setup_of
-from eaid.recorded.profile import score_test
-from eaid.recorded.residual_noise import by_spectrum, moving, piece_of
-from eaid.recorded.solve import solve
-from eaid.synth.disturbance import NONE
+from eaid.recorded.noise import by_spectrum, moving, piece_of
+from eaid.recorded.solve import setup_of, solve
 from eaid.synth.excitation import Excitation, synthesise_excitation
+from eaid.synth.logs import NONE
 from eaid.synth.plants import clutch
 
 RATE_HZ, MEMORY_S, SHARE = 100.0, 0.3, 0.01

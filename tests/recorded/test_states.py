@@ -8,10 +8,9 @@ import pytest
 
 from eaid.models.parameters import REFERENCE_PLANT
 from eaid.recorded import model
-from eaid.recorded.drive import Copies, Drive
 from eaid.recorded.log import RecordedLog
-from eaid.recorded.problem import Setup, setup_of
-from eaid.recorded.states import Tables, response
+from eaid.recorded.response import Copies, Drive, Tables, response
+from eaid.recorded.solve import Setup, setup_of
 from eaid.replay.plant import plant_parameters, plant_step
 
 

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from eaid.fitting.data import Data, data_of
 from eaid.fitting.fit import fit
 from eaid.fitting.nonlinear import fit_nonlinear
-from eaid.fitting.samples import Record
+from eaid.fitting.sums import Record
 from eaid.models import friction
 from eaid.models.nonlinear import steady_torque, time_constants
 from eaid.models.parameters import REFERENCE_PLANT, Friction, Nonlinear

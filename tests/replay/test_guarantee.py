@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from eaid.replay import references
-from eaid.replay.guarantee_watch import Watch, watch
 from eaid.replay.loop import replay
 from eaid.replay.plant import plant_slope, plant_step
 from eaid.replay.rig import Rig
-from eaid.results.metrics import Metrics
+from eaid.replay.simulate import Watch, watch
+from eaid.results.replay import Metrics
 
 DT = 1e-3
 

@@ -9,8 +9,8 @@ from eaid.replay import references
 from eaid.replay.controllers import Controller, pi_controller
 from eaid.replay.loop import reference_rate, replay
 from eaid.replay.plant import plant_step
+from eaid.replay.references import measure
 from eaid.replay.rig import Rig
-from eaid.replay.scenarios import measure
 
 DT = 1e-3
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from eaid.replay import metrics
-from eaid.results.gain_checks import Tracking
+from eaid.results.gains import Tracking
 
 
 def test_tracking_by_hand():

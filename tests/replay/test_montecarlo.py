@@ -8,11 +8,11 @@ import pytest
 from eaid.models.parameters import REFERENCE_PLANT
 from eaid.replay import references
 from eaid.replay.loop import replay
-from eaid.replay.montecarlo import QUANTILES, flattened, montecarlo
+from eaid.replay.many import QUANTILES, flattened, montecarlo
 from eaid.replay.plant import plant_parameters
+from eaid.replay.references import measure
 from eaid.replay.rig import Rig
-from eaid.replay.scenarios import measure
-from eaid.results.metrics import Worst
+from eaid.results.replay import Worst
 
 DT = 1e-3
 SCALES = (0.8, 0.9, 1.0, 1.05, 1.1)

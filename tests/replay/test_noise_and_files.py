@@ -12,8 +12,7 @@ from eaid.replay.noise import white_noise_nm, with_residual_noise
 from eaid.replay.rig import Rig, noise
 from eaid.results.codec import from_plain
 from eaid.results.fit import Fit
-from eaid.results.metrics import Metrics, StepMetrics
-from eaid.results.replay import Head, Record, Replay, RigRecord
+from eaid.results.replay import Head, Metrics, Record, Replay, RigRecord, StepMetrics
 
 
 def fit_of(plain):

@@ -15,10 +15,10 @@ from eaid.errors import GainsError
 from eaid.models.parameters import PAPER_LINEAR, REFERENCE_PLANT
 from eaid.replay import references
 from eaid.replay.controllers import pi_controller, rc_controller
-from eaid.replay.optimize import errors_of, optimize
 from eaid.replay.plant import plant_parameters
+from eaid.replay.references import replayed
 from eaid.replay.rig import Rig
-from eaid.replay.scenarios import replayed
+from eaid.replay.tune import errors_of, optimize
 from eaid.results.fit import Fit
 
 BOUNDS = Bounds((), 12.4, 42.6, ())

@@ -6,7 +6,7 @@ import pytest
 from eaid.control.defaults import Scales
 from eaid.errors import DataError, UsageError
 from eaid.replay import references
-from eaid.replay.scenarios import SCENARIOS, reference_of
+from eaid.replay.references import SCENARIOS, reference_of
 
 PAPER = Scales(True, 1.0, 1.0)
 

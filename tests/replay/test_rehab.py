@@ -12,8 +12,18 @@ from eaid.errors import GainsError, UsageError
 from eaid.models.parameters import PAPER_LINEAR, REFERENCE_PLANT, Nonlinear
 from eaid.replay.controllers import Knowledge, controller
 from eaid.replay.plant import plant_parameters
-from eaid.replay.rehab import MODES, Session, limb_steps, rehabilitate
-from eaid.replay.rehab_statistics import box, by_cycles, by_samples, cycle_means, independent, statistics
+from eaid.replay.rehab import (
+    MODES,
+    Session,
+    box,
+    by_cycles,
+    by_samples,
+    cycle_means,
+    independent,
+    limb_steps,
+    rehabilitate,
+    statistics,
+)
 from eaid.replay.rig import Rig, noise
 from eaid.results.replay import Exercise
 

@@ -14,7 +14,7 @@ from eaid.replay import metrics, references
 from eaid.replay.controllers import pi_controller, rc_controller
 from eaid.replay.loop import replay
 from eaid.replay.plant import plant_parameters
-from eaid.replay.rehab_statistics import box
+from eaid.replay.rehab import box
 from eaid.replay.rig import Rig, noise, ripple
 
 DT = 1e-3

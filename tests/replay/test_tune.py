@@ -10,8 +10,7 @@ from eaid.errors import DataError, UsageError
 from eaid.models.parameters import REFERENCE_PLANT
 from eaid.replay.controllers import pi_controller, rc_controller
 from eaid.replay.noise import noise_of
-from eaid.replay.references import multisine, sampled
-from eaid.replay.scenarios import replayed
+from eaid.replay.references import multisine, replayed, sampled
 from eaid.replay.tune import tune
 from eaid.results.codec import from_plain
 from eaid.results.fit import Fit

@@ -26,12 +26,20 @@ from eaid.report.figures import apparatus, checks, clutch, hold, level_steps, re
 from eaid.report.figures import friction as frictions
 from eaid.results import fit as fits
 from eaid.results.common import LevelError
-from eaid.results.fit import Fit
-from eaid.results.friction import Friction, FrictionLevel, LevelIntervals, Trend
-from eaid.results.linear import Bounds, Linear, LinearLevel, LinearLevelIntervals
-from eaid.results.nonlinear import Nonlinear
+from eaid.results.fit import (
+    Bounds,
+    Fit,
+    Friction,
+    FrictionLevel,
+    LevelIntervals,
+    Linear,
+    LinearLevel,
+    LinearLevelIntervals,
+    Nonlinear,
+    StepShape,
+    Trend,
+)
 from eaid.results.recorded import LogCurve, LogFit, Response
-from eaid.results.steps import StepShape
 from eaid.steps.stepset import Level, LevelStep, StepSet
 
 BASELINE = Path(__file__).parent / "baseline"

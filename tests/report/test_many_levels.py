@@ -13,10 +13,7 @@ from eaid.models.parameters import REFERENCE_PLANT
 from eaid.report.page.parts import OPEN_ROWS, opened
 from eaid.report.tables.table import Table, columns
 from eaid.report.write import write_report
-from eaid.results.fit import Fit
-from eaid.results.friction import Friction, FrictionLevel
-from eaid.results.linear import Bounds, Linear
-from eaid.results.nonlinear import Nonlinear
+from eaid.results.fit import Bounds, Fit, Friction, FrictionLevel, Linear, Nonlinear
 from eaid.steps.stepset import Level, StepSet
 
 

@@ -4,10 +4,8 @@ import msgspec
 import numpy as np
 
 from eaid.report.tables import gains, replays
-from eaid.results.gain_checks import Candidate, Optimized
-from eaid.results.gains import Gains, LinearModel
-from eaid.results.metrics import Distribution, Metrics, PlantSpread, StepMetrics, Worst
-from eaid.results.replay import Head, Record, Replay
+from eaid.results.gains import Candidate, Gains, LinearModel, Optimized
+from eaid.results.replay import Distribution, Head, Metrics, PlantSpread, Record, Replay, StepMetrics, Worst
 
 COLUMNS = {
     "time_s": np.arange(3.0), "reference_nm": np.ones(3), "torque_nm": np.array([0.0, 0.5, 0.75]),

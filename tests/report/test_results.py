@@ -8,8 +8,7 @@ import pytest
 from eaid.errors import DataError, UsageError
 from eaid.replay.files import write_replay
 from eaid.report.read import kind_of, read_results
-from eaid.results.metrics import Metrics
-from eaid.results.replay import Head, Record, Replay
+from eaid.results.replay import Head, Metrics, Record, Replay
 
 
 def test_files_are_told_apart_by_what_they_say(files: dict[str, Path]):

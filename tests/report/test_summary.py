@@ -15,11 +15,8 @@ from eaid.report.page.next_steps import next_steps
 from eaid.report.results import Results, gathered
 from eaid.results import fit as results
 from eaid.results.common import Source
-from eaid.results.fit import Fit
-from eaid.results.friction import Friction, FrictionLevel, LevelIntervals
-from eaid.results.gain_checks import Margin, Margins, WorstMargins
-from eaid.results.gains import Condition, Gains, Guarantee, LinearModel
-from eaid.results.linear import Linear
+from eaid.results.fit import Fit, Friction, FrictionLevel, LevelIntervals, Linear
+from eaid.results.gains import Condition, Gains, Guarantee, LinearModel, Margin, Margins, WorstMargins
 
 CLEAN: dict[str, Any] = {"linear": Linear(1.8, 0.08, -1.3), "converged": True}
 

@@ -8,12 +8,19 @@ from eaid.report.rig import overlaid
 from eaid.report.tables import checks, data, fits, gains, interval, number
 from eaid.report.tables.table import Name, Table, columns
 from eaid.results import fit as results
-from eaid.results.fit import Fit
-from eaid.results.friction import Friction, FrictionLevel, LevelIntervals, Trend
-from eaid.results.gains import Condition, Gains, Guarantee, LinearModel, Robust
-from eaid.results.linear import Linear, LinearLevel
-from eaid.results.nonlinear import CoefficientIntervals, Estimate, Nonlinear
-from eaid.results.rho import Rho
+from eaid.results.fit import (
+    CoefficientIntervals,
+    Estimate,
+    Fit,
+    Friction,
+    FrictionLevel,
+    LevelIntervals,
+    Linear,
+    LinearLevel,
+    Nonlinear,
+    Trend,
+)
+from eaid.results.gains import Condition, Gains, Guarantee, LinearModel, Rho, Robust
 from eaid.steps.stepset import RunRecord, StepSet
 
 

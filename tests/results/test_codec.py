@@ -9,11 +9,8 @@ import pytest
 from eaid.errors import DataError
 from eaid.findings import Finding
 from eaid.results import codec
-from eaid.results.fit import Fit, FittedData, Rig
-from eaid.results.friction import Friction, FrictionLevel, Release
+from eaid.results.fit import Fit, FittedData, Friction, FrictionLevel, Linear, Nonlinear, Release, Rig
 from eaid.results.gains import PI, Gains, LinearModel
-from eaid.results.linear import Linear
-from eaid.results.nonlinear import Nonlinear
 
 LINEAR = Linear(a0=1.5, b0=0.08, c0=-1.0, rmse=math.nan)
 FIT = Fit(

@@ -8,9 +8,8 @@ import numpy as np
 
 from eaid.results import codec
 from eaid.results.common import Interval, Number
-from eaid.results.fit import Fit
+from eaid.results.fit import Fit, Friction, FrictionLevel, LevelIntervals
 from eaid.results.frames import cells_of
-from eaid.results.friction import Friction, FrictionLevel, LevelIntervals
 
 EAID = Path(__file__).parents[2] / "eaid"
 

@@ -19,16 +19,12 @@ from eaid.findings import Finding
 from eaid.logs.run import Run
 from eaid.steps.baseline import BaselineRule, first_samples, last_rest
 from eaid.steps.build import build_stepset
-from eaid.steps.by_instant import onset, rises_at_once
-from eaid.steps.cut_runs import StepOptions, settled_steps
-from eaid.steps.edges import edges, turns
+from eaid.steps.checks import coarse, flat_top, isolated_spikes, saturated, sharpness, slow_constant, stuck
+from eaid.steps.cut import StepOptions, onset, rises_at_once, settled_steps, turns_of
+from eaid.steps.edges import edges, looks_like, moving, turns
 from eaid.steps.noise import block_error, block_means, idle_density, sample_noise, spikes
-from eaid.steps.not_steps import looks_like, moving
 from eaid.steps.plateaus import bridge, plateaus, stands_still
-from eaid.steps.reversals import turns_of
-from eaid.steps.sensor import coarse, flat_top, isolated_spikes, saturated, sharpness, stuck
 from eaid.steps.slip import slip_of
-from eaid.steps.slow import slow_constant
 from eaid.steps.step import Step, clock_of, uniform_step
 from eaid.steps.stepset import LevelStep, StepSet
 

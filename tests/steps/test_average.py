@@ -11,7 +11,7 @@ from eaid.arrays import read_only
 from eaid.findings import Finding
 from eaid.logs.run import Run
 from eaid.steps.build import build_stepset
-from eaid.steps.slow import slow_constant
+from eaid.steps.checks import slow_constant
 from eaid.steps.step import uniform_step
 
 sys.path.insert(0, str(Path(__file__).parent))

@@ -12,14 +12,11 @@ from eaid.arrays import Array, read_only
 from eaid.findings import Finding
 from eaid.logs.run import Run
 from eaid.steps.baseline import last_rest
-from eaid.steps.build import build_stepset
-from eaid.steps.by_instant import onset, rises_at_once
-from eaid.steps.cut import cut
-from eaid.steps.direction import direction
-from eaid.steps.doubts import disagreements
+from eaid.steps.build import build_stepset, direction
+from eaid.steps.checks import disagreements, flat_top, sharpness
+from eaid.steps.cut import cut, onset, rises_at_once
+from eaid.steps.edges import looks_like, moving, several_edges
 from eaid.steps.noise import block_error, block_means, block_noise, line, sample_noise, spikes
-from eaid.steps.not_steps import looks_like, moving, several_edges
-from eaid.steps.sensor import flat_top, sharpness
 from eaid.steps.slip import slip_of
 from eaid.steps.step import Step
 from eaid.steps.stepset import Level

@@ -14,9 +14,7 @@ from eaid.errors import DataError
 from eaid.logs.run import Run
 from eaid.steps.baseline import baseline_rule
 from eaid.steps.build import build_stepset
-from eaid.steps.by_instant import onset
-from eaid.steps.cut import cut
-from eaid.steps.cut_runs import StepOptions
+from eaid.steps.cut import StepOptions, cut, onset
 from eaid.steps.plateaus import plateaus
 from eaid.steps.stepset import RunRecord
 

@@ -10,10 +10,8 @@ import pytest
 from eaid.arrays import read_only
 from eaid.errors import DataError
 from eaid.logs.run import Run
-from eaid.steps.build import build_stepset
-from eaid.steps.by_instant import cut_at, cut_by_output, no_level, onset, rises_at_once
-from eaid.steps.cut_runs import StepOptions
-from eaid.steps.direction import direction
+from eaid.steps.build import build_stepset, direction
+from eaid.steps.cut import StepOptions, cut_at, cut_by_output, no_level, onset, rises_at_once
 
 sys.path.insert(0, str(Path(__file__).parent))
 from make import log

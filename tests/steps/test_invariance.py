@@ -12,14 +12,12 @@ from eaid.arrays import read_only
 from eaid.errors import DataError
 from eaid.logs.run import Run
 from eaid.steps import noise
-from eaid.steps.build import build_stepset
-from eaid.steps.cut import cut
-from eaid.steps.cut_runs import StepOptions
-from eaid.steps.direction import direction
+from eaid.steps.build import build_stepset, direction
+from eaid.steps.checks import slow_constant
+from eaid.steps.cut import StepOptions, cut
 from eaid.steps.edges import edges
 from eaid.steps.noise import sample_noise, sampled
 from eaid.steps.slip import slip_of
-from eaid.steps.slow import slow_constant
 
 sys.path.insert(0, str(Path(__file__).parent))
 from make import curve, log

@@ -11,9 +11,8 @@ import pytest
 from eaid.arrays import read_only
 from eaid.findings import Finding
 from eaid.logs.run import Run
-from eaid.steps.build import build_stepset
-from eaid.steps.cut_runs import StepOptions
-from eaid.steps.direction import direction
+from eaid.steps.build import build_stepset, direction
+from eaid.steps.cut import StepOptions
 from eaid.steps.levels import same_level
 from eaid.steps.noise import spikes
 
@@ -288,7 +287,7 @@ def test_steps_from_rest_stand_beside_steps_between_levels() -> None:
 
 
 def test_settled_steps_of_a_log_that_is_not_cut() -> None:
-    from eaid.steps.cut_runs import settled_steps
+    from eaid.steps.cut import settled_steps
 
     stairs = log([(0, 2), (20, 8), (60, 8), (40, 8)])
     found = settled_steps([stairs], StepOptions())

@@ -12,7 +12,7 @@ from eaid.arrays import Array, read_only
 from eaid.errors import DataError, UsageError
 from eaid.logs.run import Run
 from eaid.steps.build import build_stepset, stepset_of
-from eaid.steps.by_instant import onset
+from eaid.steps.cut import onset
 from eaid.steps.edges import asked_edges, jumps
 from eaid.steps.levels import wanted_levels
 from eaid.steps.slip import slip_of

@@ -13,8 +13,7 @@ from eaid.errors import DataError, UsageError
 from eaid.logs.run import Run
 from eaid.steps.baseline import BaselineRule, Rest, baseline_rule, first_samples, last_rest, left_early
 from eaid.steps.build import build_stepset
-from eaid.steps.cut import cut
-from eaid.steps.cut_runs import StepOptions
+from eaid.steps.cut import StepOptions, cut
 
 sys.path.insert(0, str(Path(__file__).parent))
 from make import curve, log

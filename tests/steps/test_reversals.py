@@ -9,8 +9,7 @@ from eaid.arrays import read_only
 from eaid.errors import DataError
 from eaid.logs.run import Run
 from eaid.steps.build import build_stepset
-from eaid.steps.cut import cut
-from eaid.steps.reversals import turns_of
+from eaid.steps.cut import cut, turns_of
 
 RATE, STROKE_S, SPEED = 200.0, 3.0, 10.0
 

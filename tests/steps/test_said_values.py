@@ -11,7 +11,7 @@ from eaid.arrays import Array, read_only
 from eaid.findings import Finding
 from eaid.logs.run import Run
 from eaid.steps.build import build_stepset
-from eaid.steps.cut_runs import StepOptions, settled_steps
+from eaid.steps.cut import StepOptions, settled_steps
 
 sys.path.insert(0, str(Path(__file__).parent))
 from make import curve, log

@@ -3,7 +3,7 @@
 import pytest
 
 from eaid.findings import finding, ranked, say
-from eaid.findings.sentences.steps import ROWS
+from eaid.findings.sentences.logs import STEP_ROWS
 
 VALUES: dict[str, dict[str, object]] = {
     "other-shape-fits-better": {
@@ -69,10 +69,10 @@ VALUES: dict[str, dict[str, object]] = {
 
 
 def test_the_table_is_whole() -> None:
-    assert VALUES.keys() == ROWS.keys()
+    assert VALUES.keys() == STEP_ROWS.keys()
 
 
-@pytest.mark.parametrize("code", ROWS)
+@pytest.mark.parametrize("code", STEP_ROWS)
 def test_it_renders(code: str) -> None:
     said = say(finding(code, "a", (40.0, 50.0), **VALUES[code]))  # type: ignore[arg-type]
     assert said and said != code

@@ -13,13 +13,10 @@ from eaid.errors import DataError
 from eaid.findings import Finding
 from eaid.logs.run import Run
 from eaid.steps.baseline import BaselineRule
-from eaid.steps.build import build_stepset
-from eaid.steps.cut import cut
-from eaid.steps.cut_runs import StepOptions
-from eaid.steps.direction import direction
-from eaid.steps.edges import edges, turns
+from eaid.steps.build import build_stepset, direction
+from eaid.steps.cut import StepOptions, cut
+from eaid.steps.edges import edges, moving, several_edges, turns
 from eaid.steps.levels import common
-from eaid.steps.not_steps import moving, several_edges
 from eaid.steps.plateaus import bridge, plateaus, stands_still, tolerance
 from eaid.steps.step import Step, clock_of, uniform_step
 

@@ -12,7 +12,7 @@ from eaid.cli.main import app
 from eaid.errors import DataError
 from eaid.logs.run import Run
 from eaid.reading import InputOptions, steps_of
-from eaid.steps.not_steps import moving
+from eaid.steps.edges import moving
 
 TIME = np.arange(4000) / 100
 

@@ -8,7 +8,7 @@ import pytest
 
 from eaid import __version__
 from eaid.synth import datasets
-from eaid.synth.disturbance import Disturbance
+from eaid.synth.logs import Disturbance
 
 
 @pytest.fixture(scope="module")

@@ -11,12 +11,10 @@ from eaid.errors import DataError, UsageError
 from eaid.logs.read import read_runs
 from eaid.results.plan import PlannedRun
 from eaid.steps.build import build_stepset
-from eaid.steps.cut_runs import StepOptions
+from eaid.steps.cut import StepOptions
 from eaid.synth import datasets, plants
-from eaid.synth.disturbance import Disturbance
-from eaid.synth.folder import as_csv, write_folder
-from eaid.synth.input import read_input, read_plan
-from eaid.synth.logs import Protocol, synthesise, synthesise_plan
+from eaid.synth.files import as_csv, read_input, read_plan, write_folder
+from eaid.synth.logs import Disturbance, Protocol, synthesise, synthesise_plan
 
 SHORT = Protocol(levels=(40.0, 90.0), repeats=2, idle_s=0.5, hold_s=1.0, release_s=0.5, rate_hz=100.0)
 

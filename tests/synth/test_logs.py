@@ -14,8 +14,18 @@ from eaid.replay.plant import plant_parameters, plant_step
 from eaid.results.codec import from_plain
 from eaid.results.fit import Fit
 from eaid.synth import plants
-from eaid.synth.disturbance import NONE, Disturbance, coloured, measured, sample_times
-from eaid.synth.logs import PROTOCOLS, Protocol, response, synthesise, synthesise_input
+from eaid.synth.logs import (
+    NONE,
+    PROTOCOLS,
+    Disturbance,
+    Protocol,
+    coloured,
+    measured,
+    response,
+    sample_times,
+    synthesise,
+    synthesise_input,
+)
 from eaid.synth.synthesize import SynthOptions, synthesize
 
 SHORT = Protocol(levels=(40.0, 90.0), repeats=2, idle_s=0.5, hold_s=2.0, release_s=1.0, rate_hz=200.0)

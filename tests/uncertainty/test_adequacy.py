@@ -11,12 +11,9 @@ from eaid.models import friction
 from eaid.models.parameters import Friction
 from eaid.results.fit import Fit
 from eaid.steps.stepset import Level, StepSet
-from eaid.uncertainty.adequacy import adequacy, effective_samples, lack_of_fit, spectral_degrees
-from eaid.uncertainty.decay import decays, overshoot
+from eaid.uncertainty.adequacy import adequacy, decays, effective_samples, lack_of_fit, overshoot, spectral_degrees
 from eaid.uncertainty.intervals import with_intervals
-from eaid.uncertainty.level_statistics import statistics_at_share
-from eaid.uncertainty.levels import log_theta
-from eaid.uncertainty.refit import free_parameters, refit
+from eaid.uncertainty.level_statistics import free_parameters, log_theta, refit, statistics_at_share
 from eaid.uncertainty.share import share_of
 
 T = np.arange(1500) * 0.02

@@ -6,14 +6,12 @@ import numpy as np
 import pytest
 
 from eaid.fitting.data import data_of
-from eaid.fitting.first_order import fit_each_level
 from eaid.fitting.levels import fit_levels
-from eaid.fitting.linear import fit_linear, refit_linear
+from eaid.fitting.linear import fit_each_level, fit_linear, refit_linear
 from eaid.models.parameters import Linear
 from eaid.steps.stepset import Level
 from eaid.uncertainty.bootstrap import _first_order, _tame_variance, resampled_blocks, resampled_mean
-from eaid.uncertainty.levels import log_theta
-from eaid.uncertainty.refit import free_parameters, refit
+from eaid.uncertainty.level_statistics import free_parameters, log_theta, refit
 
 
 @pytest.fixture(scope="module")

@@ -6,15 +6,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from eaid.results.nonlinear import Agreement, Disagreement
-from eaid.results.uncertainty import LackOfFit, OrderScore, ShapeScore
+from eaid.results.fit import Agreement, Disagreement, LackOfFit, OrderScore, ShapeScore
 from eaid.steps.stepset import Level
-from eaid.uncertainty.adequacy import _recommended
+from eaid.uncertainty.adequacy import OVERSHOOT, _recommended, overshoot, raised_orders
 from eaid.uncertainty.curve import inflation
-from eaid.uncertainty.decay import OVERSHOOT, overshoot
-from eaid.uncertainty.estimators import chosen
-from eaid.uncertainty.levels import constrained_parameters
-from eaid.uncertainty.orders import raised_orders
+from eaid.uncertainty.level_statistics import constrained_parameters
+from eaid.uncertainty.nonlinear_intervals import chosen
 from eaid.uncertainty.share import Share
 
 

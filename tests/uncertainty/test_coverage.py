@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from eaid.uncertainty.student_t import t_quantile
+from eaid.uncertainty.runs import t_quantile
 
 SETS = 24
 

@@ -5,8 +5,8 @@ from eaid.fitting.basis import basis_of, constraints
 from eaid.models.parameters import REFERENCE_PLANT, Nonlinear
 from eaid.uncertainty.curve import curve_of_single_runs, curve_with_repeats, powers, through
 from eaid.uncertainty.joint import BLOCKS, coefficients_of, limits_of, with_joint_covariance
-from eaid.uncertainty.student_t import t_quantile
-from eaid.uncertainty.twostage import two_stage
+from eaid.uncertainty.nonlinear_intervals import two_stage
+from eaid.uncertainty.runs import t_quantile
 
 DUTY = np.arange(10.0, 101.0, 10.0)
 TAU2 = np.polynomial.polynomial.polyval(DUTY, REFERENCE_PLANT.tau2)

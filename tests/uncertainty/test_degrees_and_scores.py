@@ -12,12 +12,17 @@ from eaid.models import friction
 from eaid.results.fit import FitOptions
 from eaid.uncertainty import linear_intervals
 from eaid.uncertainty.adequacy import adequacy, effective_samples
-from eaid.uncertainty.level_statistics import statistics_at_share
-from eaid.uncertainty.levels import log_jacobian
-from eaid.uncertainty.linear_influence import combined_variance, level_terms, pooled_gain
-from eaid.uncertainty.run_statistics import RunStatistics
-from eaid.uncertainty.scatter import common_shifts, pooled_scatter
-from eaid.uncertainty.student_t import interval_of, log_interval_of, satterthwaite, t_quantile
+from eaid.uncertainty.level_statistics import log_jacobian, statistics_at_share
+from eaid.uncertainty.linear_intervals import combined_variance, level_terms, pooled_gain
+from eaid.uncertainty.runs import (
+    RunStatistics,
+    common_shifts,
+    interval_of,
+    log_interval_of,
+    pooled_scatter,
+    satterthwaite,
+    t_quantile,
+)
 
 
 def test_t_is_that_of_scipy_stats() -> None:

@@ -8,7 +8,7 @@ from eaid.results import codec
 from eaid.results.fit import Fit
 from eaid.uncertainty.draw import draw, drawable
 from eaid.uncertainty.joint import coefficients_of
-from eaid.uncertainty.student_t import t_quantile
+from eaid.uncertainty.runs import t_quantile
 
 P = REFERENCE_PLANT
 

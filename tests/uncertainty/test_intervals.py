@@ -16,8 +16,8 @@ from eaid.results import codec
 from eaid.results.fit import Fit, FitAsked, FitOptions
 from eaid.results.summary import believed_levels
 from eaid.steps.stepset import Level, StepSet
-from eaid.synth.disturbance import NONE
 from eaid.synth.excitation import Excitation, synthesise_excitation
+from eaid.synth.logs import NONE
 from eaid.synth.plants import clutch
 from eaid.uncertainty.draw import draw
 from eaid.uncertainty.intervals import with_intervals

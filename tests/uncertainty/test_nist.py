@@ -11,7 +11,7 @@ from eaid.fitting.fit import fit
 from eaid.results.fit import FitOptions
 from eaid.steps.stepset import Level, StepSet
 from eaid.uncertainty.intervals import with_intervals
-from eaid.uncertainty.student_t import t_quantile
+from eaid.uncertainty.runs import t_quantile
 
 BOXBOD = ([1, 2, 3, 5, 7, 10], [109, 149, 149, 191, 213, 224])
 MISRA1A = (

@@ -8,8 +8,7 @@ import pytest
 
 from eaid.steps.build import build_stepset
 from eaid.steps.stepset import Level
-from eaid.synth.disturbance import NONE
-from eaid.synth.logs import Protocol, synthesise
+from eaid.synth.logs import NONE, Protocol, synthesise
 from eaid.synth.plants import clutch
 from eaid.uncertainty.workflow import fit_steps
 

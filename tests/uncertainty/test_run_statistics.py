@@ -5,10 +5,17 @@ from scipy.special import stdtr, stdtrit
 from eaid.models import friction
 from eaid.models.parameters import Friction
 from eaid.steps.stepset import Level
-from eaid.uncertainty.levels import level_estimate, log_jacobian
-from eaid.uncertainty.run_statistics import bartlett_variance, run_residuals
-from eaid.uncertainty.scatter import neighbours, paule_mandel, pooled_scatter, smoothed
-from eaid.uncertainty.student_t import VarianceComponents, t_quantile
+from eaid.uncertainty.level_statistics import level_estimate, log_jacobian
+from eaid.uncertainty.runs import (
+    VarianceComponents,
+    bartlett_variance,
+    neighbours,
+    paule_mandel,
+    pooled_scatter,
+    run_residuals,
+    smoothed,
+    t_quantile,
+)
 
 CURVE = Friction(Ts=2.0, tau1=0.4, tau2=6.0)
 T = np.arange(2000) * 0.01

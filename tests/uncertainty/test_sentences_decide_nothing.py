@@ -7,7 +7,7 @@ import pytest
 
 from eaid.findings import Finding, finding, say
 from eaid.findings.row import Row
-from eaid.findings.sentences import SENTENCES, uncertainty
+from eaid.findings.sentences import SENTENCES, fitting
 from eaid.planning import PlanOptions, plan_recordings
 from eaid.results import codec
 from eaid.results.fit import Fit
@@ -50,9 +50,9 @@ V = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("code", list(uncertainty.ROWS))
+@pytest.mark.parametrize("code", list(fitting.INTERVAL_ROWS))
 def test_every_template_makes_one_sentence_of_its_values(code: str) -> None:
-    row: Row = uncertainty.ROWS[code]
+    row: Row = fitting.INTERVAL_ROWS[code]
     values = {key: value for key, value in V.items() if key != "levels"}
     said = say(Finding(code, row.severity, "nonlinear", (10.0, 20.0), values))
     assert said and "{" not in said and said != code and not said.endswith(".") and "None" not in said

@@ -8,10 +8,9 @@ import pytest
 from benchmarks.coverage import single_steps
 from benchmarks.stop_findings import wander
 from eaid.fitting.step_shapes import fit_step
-from eaid.results.fit import FitOptions
-from eaid.results.steps import StepShape
+from eaid.results.fit import FitOptions, StepShape
 from eaid.steps.stepset import LevelStep
-from eaid.uncertainty.step_intervals import stationary_variance, with_interval
+from eaid.uncertainty.workflow import stationary_variance, with_interval
 
 T = np.arange(3000) / 100
 

@@ -11,9 +11,9 @@ from eaid.fitting.levels import fit_levels
 from eaid.models import friction
 from eaid.models.parameters import Friction
 from eaid.steps.stepset import Level
-from eaid.uncertainty.friction_intervals import level_parameters
+from eaid.uncertainty.adequacy import logarithm, power, stretched, three_exponentials
+from eaid.uncertainty.intervals import level_parameters
 from eaid.uncertainty.level_statistics import LevelStatistics, level_statistics
-from eaid.uncertainty.shapes import logarithm, power, stretched, three_exponentials
 
 
 def stats_of(record_s: float, tau2_s: float, seed: int, noise: float = 0.01, runs: int = 3) -> LevelStatistics:

@@ -1,23 +1,12 @@
-"""The one table of sentences: code → severity and template, a module a room."""
-
-from importlib import import_module
+"""The one table of sentences: code → severity and template."""
 
 from eaid.findings.row import Row
+from eaid.findings.sentences import control, fitting, logs
 
-ROOMS = (
-    *("logs", "steps", "fitting", "uncertainty", "control", "replay", "recorded", "planning", "coupling", "export"),
-    "report",
-)
-
-
-def _table() -> dict[str, Row]:
-    found: dict[str, Row] = {}
-    for room in ROOMS:
-        rows: dict[str, Row] = import_module(f"eaid.findings.sentences.{room}").ROWS
-        if again := found.keys() & rows.keys():
-            raise ValueError(f"codes that stand in two rooms: {', '.join(sorted(again))}")
-        found |= rows
-    return found
-
-
-SENTENCES = _table()
+PARTS: tuple[dict[str, Row], ...] = (
+    logs.LOG_ROWS, logs.STEP_ROWS, fitting.FIT_ROWS, fitting.INTERVAL_ROWS, fitting.RECORDED_ROWS, fitting.PLAN_ROWS,
+    control.GAIN_ROWS, control.REPLAY_ROWS, control.WALL_ROWS, control.EXPORT_ROWS, control.REPORT_ROWS,
+)  # fmt: skip
+SENTENCES = {code: row for part in PARTS for code, row in part.items()}
+if len(SENTENCES) < sum(map(len, PARTS)):
+    raise ValueError("a code of a finding stands in two parts of the table")

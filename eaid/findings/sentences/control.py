@@ -1,6 +1,6 @@
 """Sentences about control."""
 
-from eaid.findings.row import Row, Values, caution, note
+from eaid.findings.row import Row, Values, caution, note, stop
 
 
 def _margin(v: Values) -> str:
@@ -17,7 +17,7 @@ def _unstable(v: Values) -> str:
     )
 
 
-ROWS: dict[str, Row] = {
+GAIN_ROWS: dict[str, Row] = {
     "loop-unstable-on-plant": caution(_unstable),
     "phi-exceeded": caution(
         "φ does not hold: ρ allows |η − η̂| up to {allowed:.3g} {unit}, the data ask for {needed:.3g} {unit} ({where}); "
@@ -65,4 +65,115 @@ ROWS: dict[str, Row] = {
     "noise-supposed": caution(
         "no logs to take the torque noise from: {noise:g} is supposed; give «noise_nm» or «data»"
     ),
+}
+
+
+def _leaves(v: Values) -> str:
+    parts = []
+    if v["below_pct"] > 1:
+        parts.append(f"{v['below_pct']:.0f} % of the time below {v['low']:.4g} {v['unit']}")
+    if v["above_pct"] > 1:
+        parts.append(f"{v['above_pct']:.0f} % above {v['high']:.4g} {v['unit']}")
+    if v["falling_pct"] is not None and v["falling_pct"] > 1:
+        parts.append(f"{v['falling_pct']:.0f} % falling from level to level with the time constants of rising steps")
+    return f"replays leave what was identified: {', '.join(parts)}; record steps down to levels there to know"
+
+
+REPLAY_ROWS: dict[str, Row] = {
+    "gains-not-identifiable": caution(
+        "the gains were made from a fit that is not identifiable ({why}): the replay is marked"
+    ),
+    "plant-not-identifiable": caution(
+        "the nonlinear model is not identifiable ({why}): the replay shows that model, not the clutch; it is marked"
+    ),
+    "reference-above-plant": caution(
+        "the reference goes to {asked:.3g} {unit}, the plant at its highest input to {highest:.3g} {unit}"
+    ),
+    "reference-above-q-max": caution(
+        "the reference is as steep as {slope:.3g} per second; the gains were made for Q_M = {Q_M:g}"
+    ),
+    "plants-all-alike": caution(
+        "this fit holds no covariance of the nonlinear model, so every drawn plant is the fitted one; fit again with "
+        "«ci» robust to carry the uncertainty on"
+    ),
+    "dead-time-replayed": note(
+        "the duty acts {dead_time_s:.3g} s late, the dead time that the steps show; «delay_samples» says another"
+    ),
+    "no-gains": note("no «gains», so rc and pi are left out; the controllers that need none are replayed"),
+    "open-loop-on-straight-line": note(
+        "no linear model, so open-loop takes the straight line through the plant's steady torque"
+    ),
+    "replay-leaves-identified": note(_leaves),
+}
+
+
+WALL_ROWS: dict[str, Row] = {
+    "wall-beyond-stable": caution(
+        "{subject}: a wall of {wanted:.3g} N·m/rad is beyond what stays stable at {torque_nm:.3g} {unit} on this limb "
+        "({stable:.3g} N·m/rad); render a softer one, or with another loop",
+        size="wanted",
+    ),
+    "wall-not-passive": note(
+        "{subject} renders {passive:.3g} N·m/rad passively at {torque_nm:.3g} {unit}; between that and "
+        "{stable:.3g} N·m/rad only this limb keeps it stable",
+        size="stable",
+    ),
+    "wall-by-rate": note(
+        "rc with its reference rate: {stable:.3g} N·m/rad at {torque_nm:.3g} {unit} rests on fractions of a sample; "
+        "without the rate it is {without:.3g}",
+        size="stable",
+    ),
+    "clutch-cannot-turn": caution(
+        "the limb may move faster than the rotor by {short:.3g} rad/s: there the clutch's torque turns round; a rotor "
+        "of {needed_rpm:.3g} RPM does not let it"
+    ),
+    "wall-beyond-encoder": caution(
+        "{subject}: walls above {encoder:.3g} N·m/rad chatter on the encoder's steps, idle drag {drag:.3g} {unit}"
+    ),
+    "pair-bias-cut": note("the pair's bias of {bias:.3g} {unit} leaves {torques} {unit} to the single clutch only"),
+}
+
+
+def _margins(v: Values) -> str:
+    told = []
+    for law in ("rc", "pi"):
+        units = (("gain_db", "dB"), ("phase_deg", "° of phase"), ("delay_s", "s of delay"))
+        parts = [f"{v[f'{law}_{key}']:.3g} {unit}" for key, unit in units if v.get(f"{law}_{key}") is not None]
+        told += [f"{law.upper()} {', '.join(parts)}"] if parts else []
+    return f"least margins around the fitted duties: {'; '.join(told)}"
+
+
+def _guarantee(v: Values) -> str:
+    missing = f" (missing: {v['missing']})" if v["missing"] else ""
+    return f"RC: the Lyapunov guarantee does not hold on this rig{missing}; the margins are what speaks for these gains"
+
+
+EXPORT_ROWS: dict[str, Row] = {
+    "export-unstable": stop(
+        "{subject}: the loop is unstable at {rate_hz:g} Hz around {levels} {unit}; ask for slower gains"
+    ),
+    "export-unidentified": stop("the {subject} rest on a fit that is not identifiable: {why}"),
+    "export-not-converged": stop("the nonlinear model did not converge; fit it again before a rig runs on it"),
+    "export-guarantee-holds": note("RC: ρ covers what the fit knows of the rig, Eq. (15)"),
+    "export-guarantee-missing": caution(_guarantee),
+    "export-guarantee-unknown": caution("RC: these gains do not say whether the guarantee holds"),
+    "export-margins": note(_margins),
+    "export-other-rate": caution(
+        "exported for {rate_hz:g} Hz, the gains were made for {made_hz:g} Hz: their margins are not these"
+    ),
+    "export-no-release": caution(
+        "no release was fitted: how the torque falls to rest is an assumption of the {subject}"
+    ),
+    "export-fault-outside": caution(
+        "the duty on fault, {duty:g} {unit}, lies outside the duty limits {low:g} to {high:g} {unit}"
+    ),
+    "export-anyway": caution("EXPORTED ANYWAY: a finding of severity stop stands; do not run it on a person"),
+}
+
+
+REPORT_ROWS: dict[str, Row] = {
+    "result-written-anew": note(
+        "{subject}: another program has written it anew: its digest no longer fits and is passed over"
+    ),
+    "part-left-out": caution("{subject}: its {part} has no {key} and is left out"),
 }

@@ -1,6 +1,8 @@
 """Sentences about fits: what the curves of single levels, the nonlinear and the linear model cannot tell."""
 
-from eaid.findings.row import Row, Values, caution, note, stop
+from collections.abc import Callable, Sequence
+
+from eaid.findings.row import SYMBOLS, Row, Values, caution, note, stop
 
 CONSTRAINTS = {
     "tau1-floor": "τ1 is at its floor of 1 ms",
@@ -26,7 +28,7 @@ def _constraint(values: Values) -> str:
     return f"a constraint holds the fit: {said}{where}; what it holds is not estimated there"
 
 
-ROWS: dict[str, Row] = {
+FIT_ROWS: dict[str, Row] = {
     "fit-not-converged": stop(
         "the {subject} fit did not converge: a further step would still lower its cost by {predicted_decrease:.0e} "
         "of it; do not use its numbers"
@@ -88,4 +90,408 @@ ROWS: dict[str, Row] = {
         "more than a tenth of the output is left long after the release of level {levels}; the model's release goes "
         "to zero"
     ),
+}
+
+
+CAUSES = {
+    "one-exponential": "one exponential is all that most of them show",
+    "short-record": "hold each level longer than {record_s:.3g} s",
+    "records": "the records do not show it",
+}
+
+
+def _joined(names: Sequence[str]) -> str:
+    return " and ".join(SYMBOLS[name] for name in names)
+
+
+def _tau2_open(v: Values) -> str:
+    low, high = v["low_s"], v["high_s"]
+    if low is not None and high is not None:
+        said = f"is anywhere between {low:.2g} and {high:.2g} s"
+    elif low is not None:
+        said = f"is {low:.2g} s or anything above"
+    else:
+        said = f"is anything up to {high:.2g} s" if high is not None else "may be anything"
+    known = f"{v['curve_half_width']:.1g} {v['output_unit']}".rstrip()
+    return f"{v['at']} τ2 {said}; the curve itself is known to {known} within the record of {v['record_s']:.3g} s"
+
+
+def _taus_meet(v: Values) -> str:
+    taus = [f"{tau:g}" for tau in v["taus_s"]]
+    listed = taus[0] if len(taus) == 1 else f"{', '.join(taus[:-1])} and {taus[-1]}"
+    return (
+        f"{v['at']} τ1 and τ2 meet, neither is estimable by itself: all that the records show is one exponential, of "
+        f"{listed} s"
+    )
+
+
+def _together(v: Values) -> str:
+    parts = ", ".join(f"{name} by {v[name]:+.0f} %" for name in ("p", "r1", "q", "r2") if name in v)
+    return f"{v['symbol']}'s trend hardly changes when {parts} change together: only the curve is known"
+
+
+def _open_at_most(v: Values) -> str:
+    why = CAUSES[v["cause"]].format(**v)
+    return f"{v['symbol']} is not determined at {v['count']} of {v['of']} levels: {why}"
+
+
+def _scatter_changes(v: Values) -> str:
+    last, first = (f"{u:.4g}" for u in v["each"])
+    here = f"up to {last} than above" if v["ratio"] > 1 else f"from {first} on than below"
+    return (
+        f"the runs' scatter of {v['symbol']} is {max(v['ratio'], 1 / v['ratio']):.2g} times larger {here}: "
+        "the intervals follow it; more repeats there would narrow them most"
+    )
+
+
+def _convention(v: Values) -> str:
+    pooled = "" if v["several"] else ", and so does the pooled one"
+    return f"one level's step gives b0 u + c0 only; its b0 rests on the convention that c0 is 0{pooled}"
+
+
+def _share(v: Values) -> str:
+    apart = ", the levels not all the same" if v["differ"] else ""
+    return f"the runs ask for C = {v['estimate']:.3f} ({v['low']:.3f} … {v['high']:.3f}){apart}"
+
+
+def _parted(v: Values) -> str:
+    ends = f" [{v['low']:.3g}, {v['high']:.3g}]" if v["low"] is not None else ", where a constraint holds it"
+    return f"{v['symbol']} at {v['worst']:g}: joint {v['joint']:.3g}, two-stage {v['two_stage']:.3g}{ends}"
+
+
+def _scattered(v: Values) -> str:
+    return f"runs of one level differ by {v['gain_pct']:.2g} % in T_s, and " if v["gain_pct"] > 0.2 else ""
+
+
+def _decays(v: Values) -> str:
+    count = len(v["each"])
+    more = f" and at {count - 1} more levels" if count > 1 else ""
+    where = f"{v['worst']:g} {v.get('unit') or ''}".rstrip()
+    most = 2 * count > v["of"]
+    done = "; end the window before it does («until»), or take T_s for an average" if most else ""
+    return (
+        f"the output overshoots and decays under hold: {v['lost_pct']:.0f} % of its peak is lost by the end at {where}"
+        f"{more}; no sum of rising exponentials shows that, so T_s is an average and τ2 means nothing there{done}"
+    )
+
+
+def _fits(v: Values) -> str:
+    closer = v.get("closer_pct")
+    if closer is None:
+        return f"keep {v['usual']}"
+    return f"keep {v['usual']}: a free C fits {f'only {closer:.0f} %' if closer >= 0.5 else 'no'} closer"
+
+
+def _orders(v: Values) -> str:
+    asked = ", ".join(f"order {v[name]} for {SYMBOLS[name]}" for name in ("Ts", "tau1", "tau2") if name in v)
+    return f"the levels ask for {asked} instead of the paper's polynomials"
+
+
+INTERVAL_ROWS: dict[str, Row] = {
+    "numbers-beyond-measure": caution(
+        lambda v: (
+            f"some numbers are beyond any measure and are left out ({', '.join(v['keys'])}): the data do not tell them"
+        )
+    ),
+    "taus-meet": caution(_taus_meet),
+    "parameter-constrained": caution("{at} {symbol} is not estimable: a constraint holds it"),
+    "tau2-open": caution(_tau2_open),
+    "tau2-outlasts-record": caution("{at} τ2 is longer than the record of {record_s:.3g} s; record longer"),
+    "no-level-determines-all": caution("no level determines all of T_s, τ1 and τ2", rank=1),
+    "free-share-open": caution(
+        "{at} the free C is anywhere between {low:.2f} and {high:.2f}: C and τ2 trade against each other; hold C"
+    ),
+    "coefficients-together": note(_together),
+    "one-level-nonlinear": caution(
+        "one level only: nothing says how T_s, τ1 and τ2 change with the duty; record more levels",
+        rank=1,
+        covers=("one-level-linear", "b0-by-convention"),
+    ),
+    "few-levels-for-polynomials": caution(
+        "{count:#level} pin the polynomials of T_s, τ1, τ2 exactly or not at all: nothing checks their shape"
+    ),
+    "parameter-open-at-most-levels": caution(_open_at_most, rank=1, covers=("no-level-determines-all",)),
+    "share-free": caution(
+        "C is free ({C:.3g}): it trades against τ2 wherever the record is not several τ2 long, and T_s and τ2 are less "
+        "sure for it; hold C unless the data ask for another"
+    ),
+    "one-level-linear": caution(
+        "one level only: one step cannot tell b0 from c0, only b0 u + c0 is known; record a second level", rank=1
+    ),
+    "a0-may-be-zero": caution(
+        "a0 may be zero (95 % interval {low:.3g} to {high:.3g} 1/s): the records are too short", rank=1
+    ),
+    "b0-may-be-zero": caution(
+        "b0 may be zero or negative (95 % interval {low:.3g} to {high:.3g}): the duty's effect is not seen", rank=1
+    ),
+    "no-b-bounds": caution("no level has a positive b0, so B has no bounds", rank=1),
+    "b0-by-convention": note(_convention),
+    "single-runs-few-levels": caution(
+        "one run a level and too few levels to see run-to-run scatter: the intervals hold one run's own noise only and "
+        "are too narrow; repeat each level three times"
+    ),
+    "single-runs": note(
+        "one run a level: the scatter was taken from the levels' distance to the curve; trust the curve more than "
+        "single levels, and repeat each level to tell scatter from a wrong curve"
+    ),
+    "recorded-as-sweeps": caution(
+        lambda v: (
+            f"the repeats look like {v['sweeps']} sweeps: all levels of one share a shift of "
+            f"{_joined(v['parameters'])}; the {v['runs']} runs count as {v['sweeps']} there, intervals are wider; "
+            "record levels in random order instead"
+        )
+    ),
+    "scatter-changes": note(_scatter_changes),
+    "no-intervals-at-all": caution(
+        "no intervals: these data do not determine the curves well enough to compute any ({fault})"
+    ),
+    "trend-not-estimable": note("the trend of {symbol} is at a limit: its coefficients are not estimable"),
+    "trend-uses-all-levels": note(
+        "the trend of {symbol} has as many coefficients as levels: nothing is left to tell how sure they are"
+    ),
+    "trend-coefficients-alike": note(
+        "the coefficients of the trend of {symbol} cannot be told apart: only the curve itself is known"
+    ),
+    "trend-coefficients-vague": note(
+        "some coefficients of the trend of {symbol} are not told apart from zero or from each other: use the curve"
+    ),
+    "runs-give-no-share": note(
+        "the runs give no C of their own: every number rests on the C of {held:g} that was held"
+    ),
+    "runs-leave-the-share-open": note(
+        "the runs leave C anywhere between {low:.2f} and {high:.2f}; every number rests on {held:g}, held"
+    ),
+    "runs-reject-the-share": caution(
+        lambda v: (
+            f"{_share(v)}; it was held at {v['held']:g}: T_s, τ1, τ2 and their intervals belong to the held C, not to "
+            f"the rig; refit with «share» {v['estimate']:.3f}"
+        )
+    ),
+    "two-stage-estimate-taken": note(
+        lambda v: (
+            f"the two-stage estimate stands as the nonlinear model: {_parted(v)}; {_scattered(v)}the joint fit makes "
+            "up for a level's output with the time constants of its neighbours"
+        )
+    ),
+    "two-stage-estimate-is-better": caution(
+        lambda v: (
+            f"{_parted(v)}: believe the two-stage estimate («estimator» two-stage); {_scattered(v)}the joint fit makes "
+            "up for a level's output with the time constants of its neighbours"
+        )
+    ),
+    "estimates-part-and-neither-holds": caution(
+        lambda v: (
+            f"{_parted(v)}: believe neither; too few levels determine "
+            f"{_joined(v['weak'])} on their own, and the joint fit makes up values there"
+        )
+    ),
+    "no-two-stage-estimate": caution(
+        "no two-stage estimate: no level alone determines all of its parameters; the joint fit stands"
+    ),
+    "two-stage-held": caution("a constraint holds {symbol} of the two-stage estimate"),
+    "output-decays-under-hold": caution(_decays, rank=0, covers=("decays-under-hold",)),
+    "shape-fits": note(_fits),
+    "shape-of-another-kind": note("use {shape}: RMSE {rmse:.3g} against {usual_rmse:.3g} of {usual}"),
+    "no-shape-fits": caution(
+        "none of the shapes tried: even the closest, {shape}, is missed alike by all repeats at {count} of {of} levels"
+    ),
+    "shape-needs-the-share": note(
+        "use two exponentials, C = {estimate:.3f} at all levels: the runs reject C = {held:g}; fit again with «share» "
+        "{estimate:.3f} before judging the polynomials"
+    ),
+    "polynomials-fit": note("the paper's polynomials follow the levels as well as any of orders 1 to 4"),
+    "polynomials-too-low": note(_orders),
+    "repeats-miss-alike": note(
+        lambda v: (
+            f"at {len(v['each'])} of {v['of']} levels all repeats miss the curve "
+            f"alike (by {v['systematic']:.2g} at {v['worst']:g}): the shape is not quite right"
+        )
+    ),
+    "draws-rejected": caution(
+        "{pct:.0f} % of the draws broke a constraint (τ2 below τ1, or T_s below 0) and were drawn again: the ranges "
+        "over the {plants} plants are cut there"
+    ),
+}
+
+
+HOLD = {
+    "Ts": "for longer than τ2",
+    "tau1": "more often, coming from a lower input",
+    "tau2": "for longer than τ2, coming from a lower input",
+}
+"""Parameter → how inputs have to be held to ask about it."""
+
+
+def _falls(v: Values) -> str:
+    return (
+        f"falls between levels are not what rises are: their τ1 is {v['tau1_factor']:.3g} times and their τ2 "
+        f"{v['tau2_factor']:.3g} times that of rises to the same input (chance {v['chance']:.2g}); τ1 and τ2 here are "
+        "those of rises, and the replay takes them for falls too"
+    )
+
+
+def _other_law(v: Values) -> str:
+    nearest = "" if v["fit_pct"] is None else f" (the nearest explains {max(v['fit_pct'], 0):.0f} % of its changes)"
+    return (
+        f"{v['subject']}: no PI law explains the duty of this loop{nearest}, so its margins and the tracking it should "
+        f"have are not given; it misses its reference, {v['largest']:.3g} at most, by {v['rms']:.3g} (rms) and stands "
+        f"at its limit for {v['saturated_pct']:.0f} % of the acting time"
+    )
+
+
+def _by_level(v: Values) -> str:
+    names = {"rest": "falls to rest", "fall": "falls between levels", "excess": "T_s after a fall"}
+    own = [said for name, said in names.items() if v[name]]
+    if not own:
+        return (
+            "the friction model's levels do not confirm what the nonlinear model says of falls: their T_s, τ1 and τ2 "
+            "are those of rises and falls together"
+        )
+    return (
+        f"the friction model's T_s, τ1 and τ2 of each level are those of rises: {' and '.join(own)} differ there too, "
+        "and have values of their own (recorded.friction_falls)"
+    )
+
+
+def _shifted(when: str, other: str, biased: bool) -> Callable[[Values], str]:
+    """The sentence on an input that is noted late or early."""
+    then = "by more than its interval: do not use it" if biased else "by less than its interval"
+    alike = "; a dead time of the rig looks alike" if when == "early" else ""
+
+    def said(v: Values) -> str:
+        return (
+            f"{v['subject']}: the output answers as if the input were noted {v['rows']} "
+            f"{'row' if v['rows'] == 1 else 'rows'} ({v['ms']:.3g} ms) {when}: τ1 is wrong {then}; write the input "
+            f"that acts from a row on into that row, or shift the column {v['rows']} {other}{alike}"
+        )
+
+    return said
+
+
+RECORDED_ROWS: dict[str, Row] = {
+    "recorded-not-converged": stop(
+        "the fit of the logs did not converge: one more step would gain {predicted_decrease:.2g} of the cost"
+    ),
+    "input-faster-than-sampled": caution(
+        "{subject}: the input jumps from row to row in {share_pct:.0f} % of the acting time: it moves faster than it "
+        "is sampled, and what acted between the rows is not known; log it faster, or log its mean",
+        "share_pct",
+    ),
+    "input-never-moves": caution(
+        "{subject}: the input never moves (it stays at {level:g}): what is left of the state before it and the way to "
+        "its steady value are one curve; record the step that leads there, from rest"
+    ),
+    "input-late": caution(_shifted("late", "up", False), "rows"),
+    "input-early": caution(_shifted("early", "down", False), "rows"),
+    "input-late-biases": stop(_shifted("late", "up", True), "rows"),
+    "input-early-biases": stop(_shifted("early", "down", True), "rows"),
+    "input-saturates": caution(
+        "{subject}: the input stands at its limit ({limit:g}) for {share_pct:.0f} % of the acting time: it tells "
+        "little there; lower the reference or the gains",
+        "share_pct",
+    ),
+    "output-saturates": caution(
+        "{subject}: the output stands at its largest value ({limit:.4g}) in {share_pct:.0f} % of the rows: the sensor "
+        "or its amplifier is at its end; the fit takes that for the steady value",
+        "share_pct",
+    ),
+    "one-input-only": caution(
+        "the logs excite one input only ({levels}): T_s, τ1 and τ2 are known there; how they go with the input is not"
+    ),
+    "few-inputs": note("the logs hold {count:#input} only ({levels}): the polynomials have no more terms than that"),
+    "idle-not-seen": caution(
+        "{subject}: the log never rests, so its idle output is not known apart from T_s; 0 is taken: begin the log "
+        "with a second at rest"
+    ),
+    "never-asked": caution(
+        lambda v: (
+            f"the input never asked about {v['symbol']} at {v['levels']}: its interval there is wider than "
+            f"± {v['limit_pct']:g} %; hold these inputs {HOLD[v['parameter']]}"
+        )
+    ),
+    "release-differs": note(
+        "falls to rest have time constants of their own, {tau1_s:.3g} s and {tau2_s:.3g} s (the lowest input would "
+        "give {edge1_s:.3g} s and {edge2_s:.3g} s; chance {chance:.2g}); they are fitted and taken for the release"
+    ),
+    "release-alike": note(
+        "falls to rest are as fast as the lowest input gives, {tau1_s:.3g} s and {tau2_s:.3g} s, as far as these logs "
+        "can tell (chance {chance:.2g})"
+    ),
+    "release-not-seen": note(
+        "the logs hold no fall to rest: that a release goes as at the lowest input is an assumption"
+    ),
+    "falls-differ": caution(_falls),
+    "hysteresis": caution(
+        "the steady output depends on where the input came from: {excess_pct:+.2g} % after a fall of the input "
+        "(chance {chance:.2g}); T_s here is that after rises"
+    ),
+    "friction-falls": note(_by_level),
+    "friction-falls-alike": note(
+        "the friction model's T_s, τ1 and τ2 of each level hold for rises and falls alike: the test on all levels "
+        "together shows no difference, and none is asked of single ones"
+    ),
+    "engagements-scatter": note(
+        "the output differs between engagements by {scatter_pct:.2g} % (sd of {count}); the intervals hold it"
+    ),
+    "engagements-few": note(
+        "between rests the logs hold {count:#stretch} under load: how much the output differs from one to the next is "
+        "not seen; let the recording return to rest four times or more"
+    ),
+    "duty-follows-output": caution(
+        "{subject}: the input answers the noise of the output (correlation {correlation:.2f}): the log comes from a "
+        "closed loop, and a direct fit is biased by as much as the noise"
+    ),
+    "loop-bias": caution(
+        "closed loop: {refits} refits on simulated loops like this one miss the truth by {Ts_pct:.2g} % in T_s, "
+        "{tau1_pct:.2g} % in τ1 and {tau2_pct:.2g} % in τ2 (mean error over the inputs it used), because the duty "
+        "carries the noise; the intervals of the curves are wider by that, «instrument» removes it"
+    ),
+    "loop-bias-small": note(
+        "closed loop: refits on {refits} simulated loops like this one show a bias of {Ts_pct:.2g} % in T_s, "
+        "{tau1_pct:.2g} % in τ1 and {tau2_pct:.2g} % in τ2, less than their scatter"
+    ),
+    "loop-bias-unknown": caution(
+        "{subject}: a closed loop whose law is not known: the bias of the direct fit cannot be told, and the intervals "
+        "leave it out; log the reference of a PI loop, or play a duty of your own"
+    ),
+    "loop-law-unknown": note(_other_law),
+    "loop-instrument": note(
+        "{subject}: fitted with the simulated duty as an instrument: the noise that the duty carries has no say"
+    ),
+    "loop-tracks-otherwise": caution(
+        "{subject}: the recorded loop misses its reference by {rms:.3g} (rms), the fitted model predicts "
+        "{predicted:.3g}: something in the loop is not in the model"
+    ),
+    "excitation-short": caution(
+        "no sequence of {most_s:g} s within the limits reaches the widths: {parameter} comes to ± {width_pct:.3g} %, "
+        "not {wanted_pct:g} %"
+    ),
+}
+
+
+def _falls_short(v: Values) -> str:
+    if v["width_pct"] is None:
+        return f"{v['symbol']} stays undetermined with all that is allowed: a longer «longest_hold» is needed"
+    cause = (
+        f"runs differ by {v['scatter_pct']:.2g} %, and {v['repeats']} repeats only average that"
+        if v["scatter_pct"] is not None
+        else "a longer «longest_hold» or a quieter sensor is needed"
+    )
+    return (
+        f"{v['symbol']} comes to {v['width_pct']:.3g} %, not {v['wanted_pct']:g} %, with all that is allowed: {cause}"
+    )
+
+
+PLAN_ROWS: dict[str, Row] = {
+    "plan-assumes-noise": caution(
+        "the fit does not say how noisy the rig is; assumed: 3 % scatter of T_s, 5 % of τ1 from run to run, 1 % ripple "
+        "and 0.03 N·m of sensor noise at 1 kHz; fit again to use the rig's own"
+    ),
+    "plan-of-decaying-output": caution(
+        "the output decays under hold at {levels}: a plan for rising exponentials cannot mend that"
+    ),
+    "plan-rests-on-a-guess": caution(
+        "the fit itself is not identifiable: the plan rests on a guess; record a few levels by it, fit, and plan again"
+    ),
+    "plan-falls-short": caution(_falls_short),
 }

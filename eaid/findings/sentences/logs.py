@@ -8,7 +8,7 @@ def _held(values: Values) -> str:
     return f"{values['columns']} recorded at other times than the output: held between samples{left}"
 
 
-ROWS: dict[str, Row] = {
+LOG_ROWS: dict[str, Row] = {
     "rows-dropped": caution("«repair» dropped {dropped} of {count} rows", size="dropped", always=True),
     "step-row-dropped": caution(
         "«repair» dropped row {row}, at which the input changes ({at_s:.10g} s): the step counts from the next row; "
@@ -62,4 +62,202 @@ ROWS: dict[str, Row] = {
     "signals-held": caution(_held),
     "logs-joined": note("joined with {others}"),
     "log-changed": caution("the log has changed since its manifest was written"),
+}
+
+
+_AS_RECORDED = (
+    "eaid fit takes such a log whole, as it was recorded («logs_as» recorded asks for it); for steps, hold each level"
+)
+
+
+def _at_level(v: Values) -> str:
+    return f" at {v['levels']} {v.get('unit') or ''}".rstrip() if v["levels"] else ""
+
+
+GROWS_PCT = 5.0
+"""From this part of the step [%] a drift that goes on is told to its end."""
+
+
+def _drift(v: Values) -> str:
+    share = v.get("share_pct")
+    of = f" ({share:.0f} % of the step)" if share is not None and share < 1000 else ""
+    said = f"drift before the step: {v['drift']:+.3g} {v['unit']} while idle{of}"
+    by_end = v.get("by_end_pct")
+    if by_end is None or not GROWS_PCT < by_end < 1000:
+        return said
+    return f"{said}; at that rate {v['grown']:+.3g} {v['unit']} of the end value, {by_end:.0f} % of the step, are drift"
+
+
+def _too_short(v: Values) -> str:
+    slow = v.get("tau2_s")
+    about = f"about {slow:.2g} s" if slow is not None else "far longer"
+    return f"still rising at the end of its {v['window_s']:.3g} s: too short for the slow time constant ({about})"
+
+
+def _edges(v: Values) -> str:
+    rows = zip(v["at_s"], v["rise_s"], v["overshoot_pct"], v["settling_s"], strict=True)
+    each = [
+        f"at {at:.4g} s (rise {rise:.2g} s, overshoot {over:.0f} %"
+        + (f", settled in {settled:.2g} s)" if settled >= 0 else ", not settled)")
+        for at, rise, over, settled in list(rows)[:4]
+    ]
+    more = ", …" if v["edges"] > len(each) else ""
+    many = "an edge" if v["edges"] == 1 else f"{v['edges']} edges"
+    return (
+        f"the output has {many}, {', '.join(each)}{more}: several steps, or a closed loop, and not one step; «edges» "
+        "lists all; give the input column, a «columns» position= that reverses, or one edge with «step_at» and «until»"
+    )
+
+
+def _other_shape(v: Values) -> str:
+    name = {"one": "one exponential", "two": "two exponentials", "free": "another C", "overshoot": "an overshoot"}
+    dead = f" behind a dead time of {v['dead_time_s']:.3g} s" if v["dead_time_s"] > 0 else ""
+    return (
+        f"the step to {v['levels']} asks for {name[v['shape']]}{dead}: RMSE {v['rmse']:.3g} instead of "
+        f"{v['plain_rmse']:.3g}"
+    )
+
+
+STEP_ROWS: dict[str, Row] = {
+    "other-shape-fits-better": caution(_other_shape, "saved_pct", rank=0, covers=("shape-of-another-kind",)),
+    "step-leaves-open": note("the step to {levels} leaves open: {open}"),
+    "several-edges": stop(_edges, "edges"),
+    "input-reverses": stop(
+        "the input goes to and fro at constant speed and turns {turns} times ({upwards} upwards), as a position does: "
+        "say «columns» position= for this column, input= for the load (or «name_pattern»), and each reversal is cut"
+    ),
+    "cut-at-reversals": note(
+        "cut at the {reversals} turns of its position, each a step from the output at the turn; strokes back count as "
+        "negative inputs"
+    ),
+    "input-sweeps": stop(
+        "the input sweeps from {from_hz:.3g} to {to_hz:.3g} Hz: a chirp holds no steps; " + _AS_RECORDED
+    ),
+    "input-is-periodic": stop(
+        "the input turns {turns} times at {hz:.3g} Hz: a periodic excitation holds no steps; " + _AS_RECORDED
+    ),
+    "input-is-binary": stop(
+        "the input switches {switches} times between two levels, held for multiples of {clock_s:.3g} s: a binary "
+        "sequence (PRBS) holds no settled steps; " + _AS_RECORDED
+    ),
+    "input-moves": stop("the input moves most of the time, so it holds no steps; " + _AS_RECORDED),
+    "counted-from-rest": note("levels counted from rest at {rest:g}"),
+    "input-negative": note("the input is negative: its size is taken"),
+    "input-glitch": note("the input leaves its level for {samples:#sample} and comes back: passed over"),
+    "short-pieces": note("{pieces:#shorter piece} of fewer than {fewest} samples left out"),
+    "step-from-output": note("step instant {step_s:.6g} s found from the output alone: late by a sample or more"),
+    "step-at-first-sample": caution(
+        "the output rises from the first sample on, which is taken for the step, and its value there, {start:.4g} "
+        "{unit}, for the start; if the step came later, say «step_at»"
+    ),
+    "no-rest-before-step": caution(
+        "nothing is recorded before the step: its first samples, {start:.4g} {unit}, are taken for its start; if it is "
+        "another, say «baseline»"
+    ),
+    "spikes-before-step": caution("{samples:#spike} before the step left out of its baseline", "samples"),
+    "spikes": stop(
+        "{samples} single samples stand far out of the record, the largest {value:.4g} {unit} at {at_s:.6g} s: no fit "
+        "holds with them; drop those rows",
+        "value",
+    ),
+    "slow-clock": note("sample time is {sample_s:.4g} s; if the time is not in s, say «units» time=ms"),
+    "gap": caution("gap of {gap_s:.4g} s in the record at {at_s:.6g} s (usual sample time {sample_s:.4g} s)", "gap_s"),
+    "step-in-gap": stop(
+        "the step falls into a gap of {gap_s:.4g} s of the record at {at_s:.6g} s, and {moved_pct:.0f} % of the change "
+        "came within it: nobody knows when it began; record it again, or give its instant with «step_at»",
+        "moved_pct",
+    ),
+    "input-ramps": caution(
+        "the input takes {ramp_s:.3g} s to its new level, and {moved_pct:.0f} % of the change come before it is there: "
+        "its time constants are those of the rest; log the command, or a faster input",
+        "moved_pct",
+    ),
+    "input-ramps-on": stop(
+        "the input takes {ramp_s:.3g} s to its new level, and {moved_pct:.0f} % of the change come before it is there: "
+        "no step shows its time constants; fit the log as it was recorded («logs_as» recorded), or log the command",
+        "moved_pct",
+    ),
+    "jitter": note("jitter: the sample time runs from {low_s:.4g} to {high_s:.4g} s", "high_s"),
+    "idle-drifts": caution(_drift, "share_pct", rank=0),
+    "not-at-rest": stop(
+        "not at rest when the step begins: {off:+.3g} {unit} off the idle output, {share_pct:.0f} % of the step; let "
+        "it rest before the step, mend «step_at» where the input was logged late, or say what it starts from with "
+        "«baseline»",
+        "share_pct",
+    ),
+    "nearly-at-rest": caution(
+        "hardly at rest when the step begins: {off:+.3g} {unit} off the idle output, {share_pct:.0f} % of the step",
+        "share_pct",
+    ),
+    "unsettled-before-step": stop(
+        "the output still moves when the input goes from {levels}, by {share_pct:.0f} % of the change that follows: "
+        "hold each level until it rests, or log the input in time",
+        "share_pct",
+    ),
+    "saturated": stop("sensor saturated? {samples:#sample} at {limit:.4g} {unit}", "samples"),
+    "saturated-behind-noise": stop(
+        "the output stops at {limit:.4g} {unit} at full slope, with less than half of its idle noise: the sensor is "
+        "saturated; record it with more range"
+    ),
+    "flat-topped": caution(
+        "the output stops at {limit:.4g} {unit} at full slope and stays there: a saturated sensor, or a contact that "
+        "slips; either way its time constants are those of the loading"
+    ),
+    "same-ceiling": stop(
+        "the highest levels, {levels}, all stop at {ceiling:.4g} {unit} in mid-rise: the sensor or its amplifier is "
+        "saturated; leave them out with «levels», or record them with more range"
+    ),
+    "sensor-stuck": stop(
+        "the sensor stood still for {for_s:.3g} s at {at_s:.6g} s, at exactly {value:.4g} {unit}; record it again",
+        "for_s",
+    ),
+    "sensor-stuck-briefly": caution(
+        "the sensor stood still for {for_s:.3g} s at {at_s:.6g} s, at exactly {value:.4g} {unit}", "for_s"
+    ),
+    "coarse-output": stop(
+        "the output moves in steps of {resolution:.3g} {unit}, {steps:.0f} of them in the whole change: too coarse to "
+        "tell time constants; use a finer range of the sensor"
+    ),
+    "decays-under-hold": caution(
+        "the output falls by {lost_pct:.0f} % from its peak while the input is held: no monotone model shows that",
+        "lost_pct",
+    ),
+    "window-too-short": caution(_too_short, "tau2_s"),
+    "left-after-release": caution(
+        "{left_pct:.0f} % of the held torque is left {after_s:.3g} s after the release", "left_pct"
+    ),
+    "level-contradicts-input": stop(
+        "its level is said to be {said:g} {unit}, but its own input column holds {held:.4g}; mend one of them"
+    ),
+    "repeats-disagree": caution(
+        lambda v: (
+            f"repeats disagree{_at_level(v)}: their outputs at the end differ by {v['spread_pct']:.0f} %"
+            + (f", {v['subject']} by {round(v['own_pct']):+d} % from the others" if "own_pct" in v else "")
+        ),
+        "own_pct",
+    ),
+    "repeats-differ-in-number": note("repeats differ in number: {levels} {unit} only {few}, others up to {most}"),
+    "duty-may-be-fraction": caution(
+        "no level is above 1 %: if the duty is a fraction of 1, say «units» input=fraction"
+    ),
+    "level-to-level": note(
+        "{steps} of {of} steps go from one level to another: each is fitted from its own start, apart from the steps "
+        "from rest"
+    ),
+    "shape-explains-little": stop(
+        "the best of the step shapes ({shape}) explains {R2:.0%} of the output's variance only: it is no step response"
+    ),
+    "shape-misses": caution(
+        "the best of the step shapes misses the step to {levels} by up to {share_pct:.0f} % of its change: what "
+        "swings, ramps or jumps is no sum of exponentials; read its constants as times only («edges» of eaid ingest "
+        "gives rise, overshoot and settling)",
+        "share_pct",
+    ),
+    "sign-differs": stop(
+        "its output goes the other way than that of its {siblings} siblings; mend its sign or its wiring, or leave it "
+        "out"
+    ),
+    "signs-turned": note(
+        "the output falls at the step in {runs:#run}: recorded inverted, their sign is turned; «sign» keep forbids it"
+    ),
 }

@@ -17,9 +17,9 @@ import numpy as np
 
 from eaid.arrays import Array
 from eaid.errors import DataError
-from eaid.logs.marks import Marks
-from eaid.logs.rows import plain_value
+from eaid.logs.dialect import Marks
 from eaid.logs.table import BadCell, Cells, Table
+from eaid.logs.text import plain_value
 
 END = "***End_of_Header***"
 MARKED = ("***Start_Special***", "***End_Special***")

@@ -15,8 +15,7 @@ from eaid.report.ready import Ready, caption
 from eaid.report.results import Results
 from eaid.report.rig import apparatus_of, of_the_paper, over, overlaid
 from eaid.results.common import Interval
-from eaid.results.fit import Fit
-from eaid.results.friction import Friction, FrictionLevel
+from eaid.results.fit import Fit, Friction, FrictionLevel
 from eaid.steps.stepset import StepSet
 
 

@@ -14,7 +14,7 @@ from eaid.report.figures.values import axis_label, points
 from eaid.report.ready import Ready, caption
 from eaid.report.results import Results
 from eaid.report.rig import over
-from eaid.results.steps import StepShape
+from eaid.results.fit import StepShape
 from eaid.steps.stepset import LevelStep, StepSet
 
 MOST = 12

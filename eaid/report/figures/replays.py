@@ -19,8 +19,7 @@ from eaid.report.results import Given
 from eaid.report.rig import controller_name, over, quantity
 from eaid.report.tables.replays import metric
 from eaid.report.tables.table import number
-from eaid.results.metrics import ToneMetrics
-from eaid.results.replay import Replay
+from eaid.results.replay import Replay, ToneMetrics
 
 Trace = Mapping[str, Array]
 """The columns of one controller."""

@@ -18,9 +18,7 @@ from eaid.report.rig import apparatus_of, level_values, over, overlaid
 from eaid.report.tables.fits import estimates_of
 from eaid.report.tables.table import SYMBOLS
 from eaid.results.common import Interval, ci95_of
-from eaid.results.fit import Fit
-from eaid.results.friction import FrictionLevel
-from eaid.results.nonlinear import CurveLevel, Estimate
+from eaid.results.fit import CurveLevel, Estimate, Fit, FrictionLevel
 from eaid.results.summary import ENDLESS_S
 
 NAMES = {"Ts": "Steady value $T_s$", "tau1": r"Fast constant $\tau_1$", "tau2": r"Slow constant $\tau_2$"}

@@ -11,10 +11,7 @@ from eaid.report.rig import controller_name, level_text
 from eaid.report.tables.replays import SCENARIO_NAMES, metric
 from eaid.report.tables.table import interval, number
 from eaid.results.common import ci95_of
-from eaid.results.fit import Fit
-from eaid.results.friction import FrictionLevel
-from eaid.results.nonlinear import CurveLevel
-from eaid.results.steps import StepShape
+from eaid.results.fit import CurveLevel, Fit, FrictionLevel, StepShape
 from eaid.results.summary import ENDLESS_S, believed_levels, steps_of_other_shapes
 from eaid.shown import counted
 

@@ -16,9 +16,7 @@ from eaid.report.tables.table import (
     with_unit,
 )
 from eaid.results.common import HuberPart, ci95_of
-from eaid.results.fit import Fit
-from eaid.results.friction import Trend
-from eaid.results.nonlinear import Estimate, Nonlinear
+from eaid.results.fit import Estimate, Fit, Nonlinear, Trend
 
 PARAMETERS = ("Ts", "tau1", "tau2")
 

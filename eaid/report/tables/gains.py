@@ -6,8 +6,7 @@ from eaid.report import published
 from eaid.report.rig import controller_name, gain, printed_head
 from eaid.report.tables.table import Cell, Table, columns, level, number, table_of, with_unit
 from eaid.results.coupling import Coupling, Wall
-from eaid.results.gain_checks import Margin, Margins
-from eaid.results.gains import Condition, Gains
+from eaid.results.gains import Condition, Gains, Margin, Margins
 
 CONDITIONS = {
     "rho": ("ρ", "the robust term covers the model's error, inequality (15)"),

@@ -4,8 +4,7 @@ from collections.abc import Iterable, Sequence
 
 from eaid.report.rig import controller_name
 from eaid.report.tables.table import Cell, Column, Name, Table, columns, level, number
-from eaid.results.metrics import Metrics
-from eaid.results.replay import Replay
+from eaid.results.replay import Metrics, Replay
 
 METRICS = {
     "max_abs_error_nm": ("largest |error|", "out"),

@@ -5,17 +5,97 @@ of blocks on which the response is a polynomial, and the sum of squares is the l
 step fits); where it moves all the time, samples are averaged over equal blocks.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
+from typing import NamedTuple
 
+import numba
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from eaid.arrays import Array
-from eaid.fitting.compress import HEAD, LONGEST_BLOCK, POINTS_PER_BLOCK, orthonormal
+from eaid.fitting.sums import HEAD, LONGEST_BLOCK, POINTS_PER_BLOCK, orthonormal
 from eaid.recorded.log import RecordedLog
-from eaid.recorded.states import Samples
+
+Integers = NDArray[np.int64]
+
+SHARE, REST, FALL, EXCESS, IDLE, START = 0, 1, 3, 5, 6, 7
+
+
+class Samples(NamedTuple):
+    """A log in numbers, row by row, shapes (n,)."""
+
+    dt_s: Array
+    """How long a row's input acts [s]; 0 after the last."""
+    which: Integers
+    """Which of the different inputs acts."""
+    rising: Integers
+    """−1 while an input is held to which the log fell from a higher one, else 1."""
+    y: Array
+    w: Array
+    """Weights; 0: a row that is not compared."""
+
+
+class Tables(NamedTuple):
+    """T_s, τ1, τ2 of the different inputs, shapes (m,), and their derivatives by the coefficients, (m, n)."""
+
+    steady: Array
+    tau1: Array
+    tau2: Array
+    rest: Array
+    """u/u_low, at most 1: below 1 a fall goes over to the release constants."""
+    by_steady: Array
+    by_tau1: Array
+    by_tau2: Array
+
+
+@numba.njit(cache=True, error_model="numpy")
+def acting_tau(tau: float, off: float, rest: float, at_rest: float, factor: float) -> tuple[float, float, float, float]:
+    """τ of a state that lies `off` above its target, and its derivatives by the τ of rises, `at_rest` and `factor`."""
+    if off > 0.0 and rest >= 1.0:
+        return tau * factor, factor, 0.0, tau
+    if off > 0.0 and at_rest > 0.0:
+        return rest * tau + (1.0 - rest) * at_rest, rest, 1.0 - rest, 0.0
+    return tau, 1.0, 0.0, 0.0
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def response(
+    dt_s: Array, index: Integers, rising: Integers, steady: Array, tau1: Array, tau2: Array, rest: Array, scalars: Array
+) -> Array:
+    """Idle output and both states together at every row, (n,)."""
+    out, x = np.empty(len(dt_s)), scalars[START:].copy()
+    for k in range(len(dt_s)):
+        out[k] = scalars[IDLE] + x[0] + x[1]
+        i = index[k]
+        total = steady[i] * (1.0 + scalars[EXCESS]) if rising[k] < 0 else steady[i]
+        target = scalars[SHARE] * total
+        for s in range(2):
+            off = x[s] - target
+            tau = tau2[i] if s else tau1[i]
+            x[s] += np.expm1(-dt_s[k] / acting_tau(tau, off, rest[i], scalars[REST + s], scalars[FALL + s])[0]) * off
+            target = total - target
+    return out
+
+
+def from_rest(
+    inputs: Array,
+    dt_s: Array,
+    curves: Callable[[Array], tuple[Array, Array, Array]],
+    share: float,
+    release: tuple[float, float] | None,
+    low: float,
+) -> Array:
+    """What a plant gives on any input, from rest, (n,): `curves` are T_s, τ1 and τ2 of the different inputs."""
+    duty, index = np.unique(inputs, return_inverse=True)
+    rest = np.clip(duty / low, 0, 1) if low > 0 else np.ones(len(duty))
+    steady, tau1, tau2 = (np.ascontiguousarray(one, dtype=np.float64) for one in curves(duty))
+    scalars = np.array([share, *(release or (0.0, 0.0)), 1.0, 1.0, 0.0, 0.0, 0.0, 0.0])
+    rising = np.ones(len(index), dtype=np.int64)
+    return np.asarray(response(dt_s, index.astype(np.int64), rising, steady, tau1, tau2, rest, scalars))
+
 
 MOVING_ROWS = 6_000
 """Blocks of an input that moves all the time, at most."""
@@ -242,3 +322,121 @@ def averaged(copies: Copies, rows: int) -> Drive:
         np.ones(int(kept.sum()), dtype=np.int64), np.repeat(np.add.reduceat(y, starts) / size, 2)[kept], weight[kept],
         log.baseline is not None, log.starts_idle,
     )  # fmt: skip
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
+def derivatives(samples: Samples, tables: Tables, scalars: Array, place: Integers, count: int) -> Array:
+    """√w times the derivatives by `count` unknowns, then √w times the residual, of the rows that count, (N, count + 1).
+
+    The coefficients of T_s, τ1 and τ2 come first. `place` has the columns of `scalars`, (9,); what is no unknown has
+    the column −1, the last, which nobody reads.
+    """
+    n_s, weights, share = tables.by_steady.shape[1], samples.w, scalars[SHARE]
+    x, before, g, last_step = scalars[START:].copy(), np.zeros(2), np.zeros(2), 0.0
+    sens = np.zeros((2, count + 1))
+    sens[0, place[START]] = sens[1, place[START + 1]] = 1.0
+    out, row = np.empty((np.count_nonzero(weights), count + 1)), 0
+    for k in range(len(weights)):
+        if weights[k] > 0.0:
+            root = np.sqrt(weights[k])
+            for j in range(count):
+                out[row, j] = root * (sens[0, j] + sens[1, j])
+            if place[IDLE] >= 0:
+                out[row, place[IDLE]] = root
+            out[row, count] = root * (x[0] + x[1] + scalars[IDLE] - samples.y[k])
+            row += 1
+        i, step, fallen = samples.which[k], samples.dt_s[k], samples.rising[k] < 0
+        excess = 1.0 + scalars[EXCESS] if fallen else 1.0
+        total, first = tables.steady[i] * excess, n_s
+        for s in range(2):
+            by_curve = tables.by_tau2 if s else tables.by_tau1
+            part, risen = (1.0 - share, tables.tau2[i]) if s else (share, tables.tau1[i])
+            off = x[s] - part * total
+            tau, by_risen, by_rest, by_fall = acting_tau(
+                risen, off, tables.rest[i], scalars[REST + s], scalars[FALL + s]
+            )
+            if tau != before[s] or step != last_step:
+                g[s], before[s] = -np.expm1(-step / tau), tau
+            by_tau = off * (1.0 - g[s]) * step / (tau * tau)
+            for j in range(count + 1):
+                sens[s, j] *= 1.0 - g[s]
+            for j in range(n_s):
+                sens[s, j] += g[s] * part * excess * tables.by_steady[i, j]
+            for j in range(by_curve.shape[1]):
+                sens[s, first + j] += by_tau * by_risen * by_curve[i, j]
+            sens[s, place[SHARE]] += -g[s] * total if s else g[s] * total
+            sens[s, place[REST + s]] += by_tau * by_rest
+            sens[s, place[FALL + s]] += by_tau * by_fall
+            if fallen:
+                sens[s, place[EXCESS]] += g[s] * part * tables.steady[i]
+            x[s] -= g[s] * off
+            first += by_curve.shape[1]
+        last_step = step
+    return out
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
+def hold_sums(dt_s: Array, y: Array, first: int, last: int, level: float, off: Array, tau: Array, sums: Array) -> float:
+    """Σ r² of a hold; `sums` gets Σ r, Σ r q of both states, Σ r q t of both, and the length of the hold."""
+    q1 = q2 = e1 = e2 = 1.0
+    before, t = -1.0, 0.0
+    squares = plain = fast = slow = fast_t = slow_t = 0.0
+    for k in range(first, last):
+        if y[k] == y[k]:
+            r = level + off[0] * q1 + off[1] * q2 - y[k]
+            squares += r * r
+            plain += r
+            fast += r * q1
+            slow += r * q2
+            fast_t += r * q1 * t
+            slow_t += r * q2 * t
+        step = dt_s[k] if len(dt_s) > 1 else dt_s[0]
+        if step != before:
+            e1, e2, before = np.exp(-step / tau[0]), np.exp(-step / tau[1]), step
+        q1, q2 = q1 * e1, q2 * e2
+        t += step
+    sums[:] = plain, fast, slow, fast_t, slow_t, t
+    return squares
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
+def by_holds(
+    first: Integers, index: Integers, rising: Integers, dt_s: Array, y: Array, tables: Tables, scalars: Array
+) -> tuple[float, Array, Array]:
+    """Σ r², r = response − y where y is a number, and its halved derivatives by T_s, τ1, τ2 of the inputs, (3, m), and
+    by `scalars`, (9,). `first` as in `Holds`; `dt_s` one step for all rows, or each row's."""
+    count, rest, parts = len(index), tables.rest, np.array([scalars[SHARE], 1.0 - scalars[SHARE]])
+    sums, off, x, tau = np.zeros((count, 6)), np.zeros((count, 2)), scalars[START:].copy(), np.zeros(2)
+    taus = np.stack((tables.tau1, tables.tau2))
+    totals = np.where(rising < 0, 1.0 + scalars[EXCESS], 1.0) * tables.steady[index]
+    cost = 0.0
+    for h in range(count):
+        i = index[h]
+        for s in range(2):
+            off[h, s] = x[s] - parts[s] * totals[h]
+            tau[s] = acting_tau(taus[s, i], off[h, s], rest[i], scalars[REST + s], scalars[FALL + s])[0]
+        cost += hold_sums(dt_s, y, first[h], first[h + 1], totals[h] + scalars[IDLE], off[h], tau, sums[h])
+        for s in range(2):
+            x[s] += np.expm1(-sums[h, 5] / tau[s]) * off[h, s]
+    by_input, by_scalar, adjoint = np.zeros((3, len(rest))), np.zeros(9), np.zeros(2)
+    for h in range(count - 1, -1, -1):
+        i, length, by_total = index[h], sums[h, 5], 0.0
+        for s in range(2):
+            own, by_risen, by_rest, by_fall = acting_tau(
+                taus[s, i], off[h, s], rest[i], scalars[REST + s], scalars[FALL + s]
+            )
+            q_end = np.exp(-length / own)
+            by_target = sums[h, 0] - sums[h, 1 + s] + (1.0 - q_end) * adjoint[s]
+            by_tau = off[h, s] / own**2 * (sums[h, 3 + s] + q_end * length * adjoint[s])
+            adjoint[s] = sums[h, 1 + s] + q_end * adjoint[s]
+            by_total += parts[s] * by_target
+            by_input[1 + s, i] += by_tau * by_risen
+            by_scalar[SHARE] += (-by_target if s else by_target) * totals[h]
+            by_scalar[REST + s] += by_tau * by_rest
+            by_scalar[FALL + s] += by_tau * by_fall
+        if rising[h] < 0:
+            by_scalar[EXCESS] += by_total * tables.steady[i]
+            by_total *= 1.0 + scalars[EXCESS]
+        by_input[0, i] += by_total
+    by_scalar[IDLE], by_scalar[START:] = sums[:, 0].sum(), adjoint
+    return cost, by_input, by_scalar

@@ -1,24 +1,205 @@
-"""Run-to-run scatter pooled over levels (Paule–Mandel), and the variance of each level's parameters.
+"""What the runs of one level say about its parameters: information, influence of each run, within-run variance.
 
-With repeats: a ≥ 0 from Σ_l (R − 1) v_l / (a + h_l) = Σ_l (R − 1); if the sum is already below at a = 0, then a = 0 and
-q = sum / Σ(R − 1), else q = 1. One scatter for all levels would give the mean of R runs V = q (a + h_l) / R. Scatter
-may change from level to level, so V is multiplied by what the runs of the level and its neighbours show of it.
-With one run a level: a from Σ_l res_l² / (a + h_l) = L − p of a curve through the levels.
-Repeats recorded as sweeps have a gain of that day in common: levels then move together, and Σ(R − 1) counts far too
-many independent runs. The common part m_r, the mean over the levels, is known from R sweeps only: R − 1 degrees.
+With J = ∂f/∂log θ on the n samples of a level and A = J'J:
+
+- influence of a run, how far it alone would move the fit:  d_r = A⁻¹ J' (y_r − ȳ);
+- within-run variance of a single run:  h = mean over runs of diag(A⁻¹ Ω A⁻¹), Ω the Bartlett sum over J e_r, where
+  e_r is the residual about the run's own fit; the largest over windows of 0.1, 0.3, 1 and 2 s.
 """
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TypeAlias
+from typing import TypeAlias, overload
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import fdtrc
+from scipy.special import fdtrc, stdtrit
 
-from eaid.arrays import Array, median
-from eaid.uncertainty.run_statistics import RunStatistics
-from eaid.uncertainty.student_t import VarianceComponents, satterthwaite
+from eaid.arrays import Array, inverse, median
+from eaid.results.common import Interval
+
+WINDOWS_S = (0.1, 0.3, 1.0, 2.0)
+"""Bartlett windows [s]: from the friction ripple's memory to a third of a rotor turn."""
+
+BINS_PER_WINDOW = 10
+"""Scores are summed over a tenth of the shortest window before the Bartlett sum; no memory is that short."""
+
+
+@dataclass(frozen=True, eq=False)
+class RunStatistics:
+    """One level's parameters in logs (k of them), and what its R runs say about them."""
+
+    level: float
+    log_theta: Array
+    """Logarithms of the fitted parameters, shape (k,)."""
+    information: Array
+    """A = J'J of one run, shape (k, k) [output²]."""
+    influence: Array
+    """Shift that each run alone would give, shape (R, k); the rows sum to zero."""
+    within: Array
+    """Within-run variance h of a single run's parameters, shape (k,)."""
+    duration_s: float
+    """Length of the record after the step [s]."""
+
+    @property
+    def repeats(self) -> int:
+        """R, the number of runs."""
+        return len(self.influence)
+
+    @property
+    def inverse(self) -> Array:
+        """A⁻¹, the covariance of the parameters under noise of variance 1 without memory, shape (k, k)."""
+        return inverse(self.information)
+
+    @property
+    def scatter(self) -> Array:
+        """v = Σ d²/(R − 1): variance between runs, shape (k,); NaN for a single run."""
+        if self.repeats < 2:
+            return np.full(len(self.log_theta), np.nan)
+        return np.asarray(np.sort(self.influence**2, axis=0).sum(axis=0) / (self.repeats - 1))
+
+
+def bartlett_variance(time_s: Array, scores: Array, windows_s: Sequence[float] = WINDOWS_S) -> Array:
+    """Variance of the sum of correlated scores, by Bartlett windows; shape (windows, k) for scores (n, k).
+
+    Σ_|j|<m (1 − |j|/m) Γ_j equals the mean square of all sums over m neighbours (zeros beyond the ends), so running
+    sums give it in O(n). Windows longer than half the record are cut to it.
+    """
+    duration_s = float(time_s[-1] - time_s[0])
+    bin_s = min(windows_s) / BINS_PER_WINDOW
+    if duration_s > 4 * len(time_s) * bin_s:  # a slow clock, or one in another unit: no more bins than data
+        bin_s = duration_s / len(time_s)
+    bins = np.floor((time_s - time_s[0]) / bin_s + 1e-6).astype(np.int64)
+    sums = np.zeros((scores.shape[1], int(bins[-1]) + 1))
+    starts = np.flatnonzero(np.r_[True, bins[1:] != bins[:-1]])
+    sums[:, bins[starts]] = np.add.reduceat(scores.T, starts, axis=1)
+    running = np.cumsum(sums, axis=1)
+    variances = []
+    for window_s in windows_s:
+        m = max(1, min(round(window_s / bin_s), round(duration_s / 2 / bin_s)))
+        before = np.zeros((len(sums), m))
+        padded = np.concatenate([before, running, np.repeat(running[:, -1:], m - 1, axis=1)], axis=1)
+        moving = padded[:, m:] - padded[:, :-m]
+        variances.append(np.einsum("ij,ij->i", moving, moving) / m)
+    return np.array(variances)
+
+
+def run_statistics(
+    level: float,
+    time_s: Array,
+    runs_nm: Array,
+    jacobian: Array,
+    log_theta: Array,
+    *,
+    noise_nm: Array,
+    mean_nm: Array,
+    hessian: Array | None = None,
+) -> RunStatistics:
+    """The statistics of one level from its runs (R, n) and ∂f/∂log θ (n, k).
+
+    `noise_nm`, shape (R, n), are the residuals of each run about its own best curve (`run_residuals`); `mean_nm` is the
+    mean of the runs. A model that is wrong by design gives its full `hessian` Σ (J'J − e ∇²f), shape (k, k), in place
+    of J'J.
+    """
+    information = jacobian.T @ jacobian if hessian is None else hessian
+    directions = jacobian @ inverse(information)
+    return RunStatistics(
+        level=level,
+        log_theta=log_theta,
+        information=information,
+        influence=(runs_nm - mean_nm) @ directions,
+        within=within_variance(time_s, noise_nm, directions),
+        duration_s=float(time_s[-1] - time_s[0]),
+    )
+
+
+def within_variance(time_s: Array, noise_nm: Array, directions: Array) -> Array:
+    """h, shape (k,), from residuals (R, n) and how the parameters answer to the samples, J A⁻¹, shape (n, k)."""
+    scores = (noise_nm[:, None] * np.ascontiguousarray(directions.T)).reshape(-1, len(time_s)).T
+    variances = bartlett_variance(time_s, scores).reshape(len(WINDOWS_S), len(noise_nm), -1)
+    # sorted: the order of the runs changes no rounding
+    return np.asarray(np.sort(variances, axis=1).mean(axis=1).max(axis=0))
+
+
+def textbook(jacobians: Sequence[Array], residuals: Sequence[Array], parameters: int) -> tuple[Array, float, float]:
+    """Σ J'J, the noise's variance s² = Σ r'r/(N − P) as if every sample's error were its own, and N − P."""
+    information = sum(J.T @ J for J in jacobians)
+    spare = sum(map(len, residuals)) - parameters
+    cost = sum(float(r @ r) for r in residuals)
+    return np.asarray(information), cost / max(spare, 1), float(spare)
+
+
+def run_residuals(runs_nm: Array, fitted_nm: Array, jacobian: Array) -> Array:
+    """Residuals of each run about its own fit [output], one linear step from the level's fit, shape (R, n)."""
+    left = runs_nm - fitted_nm
+    basis, triangle = np.linalg.qr(jacobian)
+    turn, size, _ = np.linalg.svd(triangle)
+    basis = basis @ turn[:, size > 1e-10 * size[0]]  # where τ1 meets τ2 two columns are one, and the third is rounding
+    return np.asarray(left - (left @ basis) @ basis.T)
+
+
+NOMINAL = 0.95
+"""Coverage that every interval of eaid claims."""
+
+FARTHEST = 50.0
+"""Logarithm beyond which an end is none."""
+
+Degrees: TypeAlias = dict[str, "float | Array"]
+"""Degrees of freedom by parameter; arrays have one entry a level."""
+
+
+@overload
+def t_quantile(degrees: float, nominal: float = NOMINAL) -> float: ...
+@overload
+def t_quantile(degrees: Array, nominal: float = NOMINAL) -> Array: ...
+def t_quantile(degrees: float | Array, nominal: float = NOMINAL) -> float | Array:
+    """Two-sided quantile of Student's t; infinite degrees of freedom give the normal one, none give infinity."""
+    many = np.asarray(degrees, dtype=np.float64)
+    t = np.where(many > 0, stdtrit(np.clip(many, 1e-3, 1e12), (1 + nominal) / 2), np.inf)
+    return t if isinstance(degrees, np.ndarray) else float(t)
+
+
+def interval_of(value: float, variance: float, degrees: float) -> tuple[float, float]:
+    """value ± t √V."""
+    reach = t_quantile(degrees) * float(np.sqrt(variance))
+    return value - reach, value + reach
+
+
+def log_interval_of(value: float | None, variance: float, degrees: float) -> Interval:
+    """value · exp(±t √V), V of the logarithm; None of what is not above 0, or where the interval has no end."""
+    if value is None or value <= 0:
+        return None
+    reach = t_quantile(degrees) * float(np.sqrt(variance))
+    return (value * float(np.exp(-reach)), value * float(np.exp(reach))) if reach < FARTHEST else None
+
+
+def satterthwaite(parts: Sequence[Array | float], degrees: Sequence[Array | float]) -> Array:
+    """Degrees of freedom of the sum of independent variances: (Σ v)²/Σ(v²/ν), elementwise."""
+    spread = sum(np.square(v) / df for v, df in zip(parts, degrees, strict=True))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.asarray(np.square(sum(parts)) / spread)
+
+
+@dataclass(frozen=True, eq=False)
+class VarianceComponents:
+    """What the variances of levels are made of, V_l = e_l Σ_m w_lm χ²_m/ν_m, to count the degrees of their sums."""
+
+    expected: Array
+    """e: variance that one scatter for all levels gives, shape (L,)."""
+    weights: Array
+    """w: how much level m counts for level l, rows of sum 1, shape (L, L)."""
+    own_degrees: Array
+    """ν: degrees of freedom of each level's own runs, shape (L,)."""
+
+    def degrees(self, squares: Array) -> Array:
+        """Satterthwaite's degrees of freedom of Σ_l s_l V_l, for rows s of `squares`, shape (n, L); shape (n,)."""
+        finite = np.isfinite(self.expected)
+        parts = (squares * np.where(finite, self.expected, 0.0)) @ self.weights
+        spread = (parts**2 / np.where(self.own_degrees > 0, self.own_degrees, np.inf)).sum(axis=1)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            degrees = parts.sum(axis=1) ** 2 / spread
+        return np.asarray(np.where(spread > 0, degrees, self.own_degrees.sum()))
+
 
 Mask: TypeAlias = NDArray[np.bool_]
 

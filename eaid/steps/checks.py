@@ -1,0 +1,435 @@
+"""What is doubtful in a recorded step, as findings; each check is a row of a table (specification 2, Fig. 6).
+
+Levels of torque are compared by means of blocks, so that noise and rotor ripple do not count as change.
+"""
+
+from collections.abc import Callable, Sequence
+from typing import Literal
+
+import numpy as np
+
+from eaid.arrays import Array, median
+from eaid.findings import Finding, finding
+from eaid.steps.baseline import FLOOR, last_rest, without_spikes
+from eaid.steps.edges import several_edges
+from eaid.steps.noise import (
+    BLOCKS,
+    LONG,
+    STANDARD_ERRORS,
+    block_error,
+    block_means,
+    block_noise,
+    line,
+    sample_noise,
+    spikes,
+    stretches,
+)
+from eaid.steps.plateaus import FEWEST, tolerance
+from eaid.steps.step import Step, left_pct, lost_pct
+from eaid.steps.stepset import Level
+
+BRIEF = 0.02
+"""Share of a window up to which a stuck sensor is told, and the numbers stand."""
+COARSE = 25
+"""Steps of the sensor's resolution in a change below which its shape cannot be told."""
+ALIKE = 0.005
+"""Share within which two levels end at one value."""
+SHARP = 0.35
+"""Slope just below the ceiling, relative to ceiling over rise time, from which a rise is cut off and not settling."""
+FLAT = 0.4
+"""The same of one run alone."""
+SETTLES = 0.25
+"""The same of an exponential that settles, at most: what has lost its noise and is sharper has stopped."""
+QUIET = 0.5
+"""Share of the idle's noise below which the noise of a flat top is that of what lies behind the sensor."""
+CREEP = 0.002
+"""Share of its top by which a flat one may still creep over its last quarter."""
+SMOOTH = 400
+FEW_ROWS = 100
+
+
+def saturated(step: Step) -> Finding | None:
+    """A limit at which the output stands, reached at full slope or short of where it was going."""
+    output = step.run.output[:LONG]
+    for limit in (float(output.max()), float(output.min())):
+        at = output == limit
+        if at.sum() < max(10, 0.01 * len(output)):
+            continue
+        starts, stops = stretches(at)
+        longest = int((stops - starts).max())
+        entry = int(starts[0])
+        moves = np.abs(np.diff(output))
+        finest = float(moves[moves > 0].min()) if (moves > 0).any() else 0.0
+        # a sensor at its limit is met at full slope; a settled or idle output is approached by its finest step
+        steep = abs(limit - float(output[max(0, entry - 3)])) > max(20 * finest, 1e-3 * float(np.ptp(output)))
+        if longest >= 5 and (steep or _cut_short(output, entry, limit)):
+            return finding("saturated", step.run.name, samples=int(at.sum()), limit=limit, unit=step.unit)
+    return None
+
+
+def _cut_short(output: Array, entry: int, limit: float) -> bool:
+    """True where an output without noise stops at a limit although its last moves, an exponential's, foretell more."""
+    if entry < 3:
+        return False
+    last, before = abs(limit - float(output[entry - 1])), abs(float(output[entry - 1] - output[entry - 2]))
+    moves = np.abs(np.diff(output))
+    moves = moves[moves > 0]
+    finest = float(moves.min())
+    even = np.abs(moves / finest - np.round(moves / finest)).max() < 1e-3
+    # what is left of an exponential whose last two moves were these, the last one cut
+    left = min(last, before) if before > 0 else 0.0
+    return left > max(4 * finest if even else 0.0, 2e-3 * float(np.ptp(output)))
+
+
+def stuck(step: Step) -> Finding | None:
+    """One value for longer than chance allows, where the samples around it differ from their neighbours."""
+    output = step.run.output[:LONG]
+    same = np.diff(output) == 0
+    starts, stops = stretches(same)
+    for i in np.argsort(starts - stops)[:3].tolist():
+        start, stop = int(starts[i]), int(stops[i])
+        count = stop - start
+        around = np.concatenate((same[max(0, start - count) : start], same[stop : stop + count]))
+        if count < 20 or len(around) < 20 or output[start] in (output.max(), output.min()):
+            continue
+        chance = (around.sum() + 1) / (len(around) + 2)
+        if chance < 0.7 and -count * np.log(chance) > 20 + np.log(len(output)):
+            time = step.run.time_s
+            long = count > BRIEF * len(step.rise) and start + count > step.start
+            code = "sensor-stuck" if long else "sensor-stuck-briefly"
+            lasted, value = float(time[stop] - time[start]), float(output[start])
+            return finding(code, step.run.name, for_s=lasted, at_s=float(time[start]), value=value, unit=step.unit)
+    return None
+
+
+def coarse(step: Step) -> Finding | None:
+    """Output that moves in steps too coarse for its change, and is not dithered by noise."""
+    rise = step.rise[:LONG]
+    moves = np.abs(np.diff(rise))
+    moved = moves[moves > 1e-9 * max(step.swing, 1e-300)]
+    if len(rise) < 2 * BLOCKS or not len(moved) or not step.swing > 0:
+        return None
+    finest = float(moved.min())
+    whole = np.abs(moved / finest - np.round(moved / finest)).max() < 1e-3
+    if not whole or step.swing / finest >= COARSE or len(moved) > 0.2 * len(moves):
+        return None
+    return finding("coarse-output", step.run.name, resolution=finest, unit=step.unit, steps=step.swing / finest)
+
+
+def isolated_spikes(step: Step) -> Finding | None:
+    """Single samples that stand far out of the rise."""
+    outliers = spikes(step.rise, step.swing)
+    if not len(outliers):
+        return None
+    at = int(outliers[np.abs(step.rise[outliers]).argmax()])
+    return finding(
+        "spikes", step.run.name, samples=len(outliers), value=float(step.rise[at]), unit=step.unit,
+        at_s=float(step.run.time_s[step.start + at]),
+    )  # fmt: skip
+
+
+def same_ceiling(levels: Sequence[Level], unit: str) -> list[Finding]:
+    """A finding where two or more of the highest levels end at one value, and reach it at full slope."""
+    if len(levels) < 3:
+        return []
+    ends = [float(level.mean[-max(1, len(level.mean) // 2) :].mean()) for level in levels]
+    errors = [block_error(level.mean) for level in levels]
+    top = ends[-1]
+    capped: list[Level] = []
+    for level, end, error in zip(levels[::-1], ends[::-1], errors[::-1], strict=True):
+        if abs(end - top) > max(ALIKE * abs(top), 3 * max(error, errors[-1])):
+            break
+        capped.insert(0, level)
+    if top <= 0 or sum(sharpness(level.mean, level.time_s, top) > SHARP for level in capped) < 2:
+        return []
+    return [finding("same-ceiling", "data", [level.level for level in capped], ceiling=top, unit=unit)]
+
+
+def flat_top(step: Step) -> Finding | None:
+    """A finding where one run stops at full slope and stays there, within its noise."""
+    rise = step.rise
+    if len(rise) < 200 or not step.swing > 0:
+        return None
+    half, quarter = len(rise) // 2, len(rise) // 4
+    top = float(np.median(rise[half:]))
+    creep = abs(float(rise[-quarter:].mean() - rise[half:-quarter].mean()))
+    slack = max(CREEP * top, 3 * block_error(rise))
+    if top <= 0 or creep > slack or block_means(rise).max() > top + 3 * slack:
+        return None
+    sharp = _rise_of(step, top)
+    idle_noise = sample_noise(step.idle) if len(step.idle) >= 20 else 0.0
+    quiet = 0 < sample_noise(rise[half:]) < QUIET * idle_noise
+    if quiet and sharp is not None and sharp > SETTLES:
+        return finding("saturated-behind-noise", step.run.name, step.levels, limit=top, unit=step.unit)
+    if (quiet and sharp is None) or (sharp or 0.0) > FLAT:
+        return finding("flat-topped", step.run.name, step.levels, limit=top, unit=step.unit)
+    return None
+
+
+def _rise_of(step: Step, top: float) -> float | None:
+    """Sharpness of a rise, less its error, averaged to a hundred blocks or more; None of a rise of a few samples."""
+    count = len(step.rise)
+    while True:
+        means = block_means(step.rise[:count], SMOOTH)
+        near = np.flatnonzero(means >= 0.95 * top)
+        wanted = int(count * 4 * int(near[0] + 1) / len(means)) if len(near) else count
+        if wanted >= count or count <= SMOOTH:
+            if not len(near) or near[0] < 5:
+                return None
+            at, few = int(near[0]), max(2, int(near[0]) // 5)
+            noise = max(sample_noise(step.rise) / np.sqrt(count / len(means)), block_noise(means[::3]))
+            error = noise * at / top / np.sqrt(few * (few + 1) * (few + 2) / 12)
+            return sharpness(means, block_means(step.time_s[:count], SMOOTH), top) - float(error)
+        count = max(wanted, FEW_ROWS)
+
+
+def sharpness(output: Array, time_s: Array, ceiling: float) -> float:
+    """Slope of a rise as it comes within 5 % of a ceiling, times the time that took, over the ceiling.
+
+    An exponential has 0.15 to 0.2 there, a straight rise that is cut off 0.95.
+    """
+    near = np.flatnonzero(output >= 0.95 * ceiling)
+    if not len(near) or near[0] < 4:
+        return 0.0
+    at = int(near[0])
+    few = max(2, at // 5)
+    near_top = slice(at - few, at + 1)
+    return line(time_s[near_top], output[near_top]).slope * float(time_s[at]) / ceiling
+
+
+SLOW_CONSTANTS = 1.5
+"""A window shorter than this many slow time constants cannot tell them."""
+
+
+def slow_constant(rise: Array, window_s: float) -> tuple[float, bool]:
+    """Slow time constant [s] of a rise by two exponentials, and whether the window is surely too short for it.
+
+    Costs of all pairs of a grid on block means; for each pair the amplitudes A1, A2 and, by the derivative over ln τ1,
+    the fast constant between the grid's values, are a 3 × 3 linear solve. The window is too short where no pair with
+    τ2 below window / 1.5 fits as well (F test, 5 standard errors).
+    """
+    means = block_means(rise, 4 * BLOCKS)
+    count = len(means)
+    tau = np.geomspace(1 / 300, 20.0, 64)  # in windows
+    edges = np.linspace(0.0, 1.0, count + 1)
+    decay = np.exp(-edges / tau[:, np.newaxis])
+    # block means of 1 − e^(−t/τ), and of its derivative over ln τ: −(t/τ) e^(−t/τ)
+    mean_decay = -np.diff(decay, axis=1) * tau[:, np.newaxis] * count
+    curves = 1.0 - mean_decay
+    both = np.concatenate((curves, np.diff(edges * decay, axis=1) * count - mean_decay))
+    fast, slow = np.triu_indices(len(tau), 5)
+    places = np.stack((fast, fast + len(tau), slow), axis=1)
+    matrix = (both @ both.T)[places[:, :, np.newaxis], places[:, np.newaxis, :]]
+    # a trace of the diagonal keeps nearly equal columns solvable
+    matrix += 1e-12 * np.trace(matrix, axis1=1, axis2=2)[:, np.newaxis, np.newaxis] * np.eye(3)
+    vector = (both @ means)[places]
+    amplitudes = np.linalg.solve(matrix, vector[:, :, np.newaxis])[:, :, 0]
+    fine = (amplitudes[:, 0] > 0) & (amplitudes[:, 2] > 0) & (np.abs(amplitudes[:, 1]) < 0.2 * amplitudes[:, 0])
+    total = float(means @ means)
+    single = (curves @ means) ** 2 / (curves * curves).sum(axis=1)
+    tau2_s = window_s * np.concatenate((tau, tau[slow][fine]))
+    cost = total - np.concatenate((single, (amplitudes * vector).sum(axis=1)[fine]))
+    short = tau2_s * SLOW_CONSTANTS > window_s
+    best_short, best_long = float(cost[short].min()), float(cost[~short].min())
+    noise = max(best_short, 1e-10 * total)
+    return float(tau2_s[cost.argmin()]), (best_long - best_short) / noise * (count - 4) > 25.0
+
+
+FEW = 2 * BLOCKS
+SLOW_CLOCK_S = 1.0
+"""Sample time from which its unit is asked about."""
+MOVED = 0.05
+"""Share of the swing by which the output may have moved behind a gap or a ramp that the step falls into."""
+FAR = 0.2
+"""Share of the swing from which what it moved during a ramp leaves no time constants to be told."""
+DISAGREE = 0.10
+"""Repeats whose torque at the end differs by more than this share are told."""
+
+
+def _negative(step: Step) -> Finding | None:
+    negative = (step.run.level or 0.0) < 0 and step.run.position is None
+    return finding("input-negative", step.run.name) if negative else None
+
+
+def _contradiction(step: Step) -> Finding | None:
+    """A stored or named level that is another than the input column's own."""
+    run = step.run
+    if run.level is None or not run.has_input or np.isnan(run.input[step.start :]).any():
+        return None
+    held = median(run.input[step.start :])
+    if abs(held - run.level) <= max(0.02 * abs(run.level), 2 * tolerance(run.input), 1e-9):
+        return None
+    return finding("level-contradicts-input", run.name, said=run.level, held=held, unit=run.input_unit)
+
+
+def _slow_clock(step: Step) -> Finding | None:
+    usual = step.clock.usual_s
+    return finding("slow-clock", step.run.name, sample_s=usual) if usual >= SLOW_CLOCK_S else None
+
+
+def _jitter(step: Step) -> Finding | None:
+    clock, name = step.clock, step.run.name
+    if clock.longest_s > 5 * clock.usual_s:
+        where = float(step.run.time_s[clock.longest_at])
+        return finding("gap", name, gap_s=clock.longest_s, at_s=where, sample_s=clock.usual_s)
+    if clock.spread_s is not None:
+        return finding("jitter", name, low_s=clock.spread_s[0], high_s=clock.spread_s[1])
+    return None
+
+
+def _gap_at_step(step: Step) -> Finding | None:
+    """A gap that the step falls into, and behind which the output has moved already: its instant is not known."""
+    if not 0 < step.start < len(step.run.time_s) or not step.swing > 0:
+        return None
+    gap = float(step.run.time_s[step.start] - step.run.time_s[step.start - 1])
+    first = abs(float(step.rise[0]) - (step.before if step.run.edge == "falling" and step.before else 0.0))
+    if gap <= 5 * step.clock.usual_s or first <= max(MOVED * step.swing, STANDARD_ERRORS * sample_noise(step.rise)):
+        return None
+    at = float(step.run.time_s[step.start - 1])
+    return finding("step-in-gap", step.run.name, gap_s=gap, at_s=at, moved_pct=100 * first / step.swing)
+
+
+def _ramp(step: Step) -> Finding | None:
+    """An input that is on its way to the new level while the output moves already."""
+    run, name = step.run, step.run.name
+    if not step.start or not run.has_input or not step.swing > 0:
+        return None
+    level = (run.level or 0.0) if run.edge == "falling" else run.from_level
+    at_rest = np.flatnonzero(np.abs(run.input[: step.start] - level) <= tolerance(run.input))
+    last = int(at_rest[-1]) if len(at_rest) else -1  # none: the hold before it belongs to the step before
+    moved = abs(float(step.rise[0]) - (step.before or 0.0)) / step.swing
+    if last == step.start - 1 or moved <= MOVED or moved * step.swing <= STANDARD_ERRORS * sample_noise(step.rise):
+        return None
+    ramp_s = float(run.time_s[step.start] - run.time_s[max(last, 0)])
+    code = "input-ramps-on" if moved > FAR else "input-ramps"
+    return finding(code, name, step.levels, ramp_s=ramp_s, moved_pct=100 * moved)
+
+
+def _drift(step: Step) -> Finding | None:
+    if len(step.idle) < FEW:
+        return None
+    means = block_means(without_spikes(step.idle, step.swing)[0])
+    slope, error, _ = line(np.arange(len(means)) / len(means), means)
+    if abs(slope) <= max(0.02 * step.swing, STANDARD_ERRORS * error):
+        return None
+    grown = slope * len(step.rise) / len(step.idle)
+    share, by_end = (100 * abs(off) / step.swing if step.swing > 0 else None for off in (slope, grown))
+    return finding(
+        "idle-drifts", step.run.name, drift=slope, unit=step.unit, share_pct=share, grown=grown, by_end_pct=by_end
+    )
+
+
+def _not_idle(step: Step) -> Finding | None:
+    """A start that left its rest before the step: off by more than the noise allows (`baseline.left_early`).
+
+    An instant is known to one sample: what the output moves in one is told, and no stop.
+    """
+    before = step.before
+    if before is None or step.run.from_level != 0 or not step.swing > 0:
+        return None
+    off = abs(before)
+    known = len(step.idle) >= FEWEST and last_rest(step.idle, step.swing).rests
+    if off <= FLOOR * step.swing or known:
+        return None
+    within_one = off <= 0.75 * abs(float(step.rise[:3].mean()) - before)  # a sample and a half: one, and not two
+    return finding(
+        "nearly-at-rest" if within_one else "not-at-rest", step.run.name, (step.run.level or 0.0,), off=before,
+        unit=step.unit, share_pct=100 * off / step.swing,
+    )  # fmt: skip
+
+
+def _falls_while_held(step: Step) -> Finding | None:
+    """A fall from the peak, where a straight line through the window behind it falls by five standard errors."""
+    if len(step.rise) < FEW:
+        return None
+    lost = lost_pct(step)
+    if lost <= 2.0 or lost / 100 * step.swing <= STANDARD_ERRORS * block_error(step.rise):
+        return None
+    means = block_means(step.rise, 4 * BLOCKS)
+    tail = means[int(means.argmax()) :]
+    if len(tail) < 8:
+        return None
+    slope, error, left = line(np.arange(len(tail)), tail)
+    alike = float(left[1:] @ left[:-1] / max(float(left @ left), 1e-300))
+    widen = (1 + max(alike, 0.0)) / max(1 - max(alike, 0.0), 0.05)
+    if -slope <= STANDARD_ERRORS * error * widen**0.5:
+        return None
+    return finding("decays-under-hold", step.run.name, step.levels, lost_pct=lost)
+
+
+def _left_after_release(step: Step) -> Finding | None:
+    if step.run.from_level != 0 or len(step.rise) < FEW:
+        return None
+    left = left_pct(step)
+    if left > 5.0 and left / 100 * step.swing > STANDARD_ERRORS * block_error(step.rise):
+        after_s = float(step.time_s[-1])
+        return finding("left-after-release", step.run.name, step.levels, left_pct=left, after_s=after_s)
+    return None
+
+
+def _several_edges(step: Step) -> Finding | None:
+    """More edges than the one that the input, or the file name, tells of."""
+    if step.run.position is not None:
+        return None
+    idle = max(1, len(step.rise) // 50)
+    before = np.arange(-idle, 0) * step.clock.usual_s
+    time, rise = np.concatenate((before, step.time_s)), np.concatenate((np.zeros(idle), step.rise))
+    return several_edges(step.run.name, time, rise, step.run.step_s or 0.0)
+
+
+def _too_short(step: Step) -> Finding | None:
+    if len(step.rise) < 4 * BLOCKS or not step.swing > 0:
+        return None
+    window = float(step.time_s[-1])
+    slow, short = slow_constant(step.rise, window)
+    means = block_means(step.rise)
+    if not short or means[-3:].mean() - means[-8:-5].mean() < 0.005 * step.swing:
+        return None
+    tau2_s = slow if slow < 5 * window else None
+    return finding("window-too-short", step.run.name, step.levels, window_s=window, tau2_s=tau2_s)
+
+
+Edge = Literal["rising", "falling"]
+BOTH: tuple[Edge, ...] = ("rising", "falling")
+CHECKS: tuple[tuple[Callable[[Step], Finding | None], tuple[Edge, ...]], ...] = (
+    (_negative, BOTH),
+    (_contradiction, ("rising",)),
+    (_slow_clock, BOTH),
+    (_jitter, BOTH),
+    (_gap_at_step, BOTH),
+    (_ramp, BOTH),
+    (_drift, ("rising",)),
+    (_not_idle, ("rising",)),
+    (saturated, BOTH),
+    (flat_top, ("rising",)),
+    (stuck, BOTH),
+    (coarse, ("rising",)),
+    (isolated_spikes, BOTH),
+    (_several_edges, ("rising",)),
+    (_falls_while_held, ("rising",)),
+    (_too_short, ("rising",)),
+    (_left_after_release, ("falling",)),
+)
+"""Every check of one run, a finding or nothing, and the edges that it is for."""
+
+
+def doubts(step: Step) -> tuple[Finding, ...]:
+    """All that is doubtful in one step, in the order of the table."""
+    checks = (check(step) for check, for_edges in CHECKS if step.run.edge in for_edges)
+    return tuple(doubt for doubt in checks if doubt is not None)
+
+
+def disagreements(level: Level, unit: str) -> list[Finding]:
+    """One for each repeat of a level where the means over their last quarter spread by more than `DISAGREE`.
+
+    `own_pct` is how far a repeat lies from the mean of the others, as a share of the mean of all.
+    """
+    ends = level.runs[:, -max(1, level.runs.shape[1] // 4) :].mean(axis=1)
+    middle, spread = abs(float(ends.mean())), float(np.ptp(ends))
+    if spread <= DISAGREE * middle or middle == 0:
+        return []
+    own_pct = 100 * (ends - ends.mean()) * len(ends) / (len(ends) - 1) / middle
+    return [
+        finding("repeats-disagree", name, [level.level], own_pct=pct, spread_pct=100 * spread / middle, unit=unit)
+        for name, pct in zip(level.names, own_pct.tolist(), strict=True)
+    ]
