@@ -11,10 +11,11 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import msgspec
 
+from eaid.declared import Form, forms
 from eaid.errors import DataError, UsageError
 from eaid.files import LOGS, is_as_written, sha256_of, written_whole
 from eaid.findings import finding
@@ -23,6 +24,7 @@ from eaid.logs.dialect import has_table, lines_of
 from eaid.logs.formats import format_of, is_hdf5
 from eaid.logs.run import Run
 from eaid.logs.units import split_name
+from eaid.options import ReadOptions
 from eaid.shown import listed
 
 SKIPPED = (
@@ -146,24 +148,16 @@ Value = str | float | bool
 Number = Annotated[float, msgspec.Meta(ge=-1e12, le=1e12)]
 
 
-class Options(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
-    """Options that a manifest may hold, under the names of the command line."""
+def _written(form: Form) -> Any:
+    """The TOML type of an option."""
+    return (next((kind for kind in (bool, float) if kind in form.parts), str)) | None
 
-    kind: str | None = None
-    columns: str | None = None
-    units: str | None = None
-    name_pattern: str | None = None
-    step_at: float | None = None
-    until: float | None = None
-    repair: bool = False
-    levels: str | None = None
-    baseline: str | None = None
-    sign: str | None = None
-    variable: str | None = None
-    rate_hz: float | None = None
-    rest: float | None = None
-    apparatus: str | None = None
-    join: bool = False
+
+Options = msgspec.defstruct(
+    "Options", [(name, _written(form), None) for name, form in forms(ReadOptions).items()],
+    frozen=True, forbid_unknown_fields=True, omit_defaults=True,
+)  # fmt: skip
+"""Options that a manifest may hold, under the names of the command line."""
 
 
 class Entry(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -180,7 +174,7 @@ class Entry(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class _Content(msgspec.Struct):
-    options: Options = Options()
+    options: Options = Options()  # type: ignore[valid-type]
     log: tuple[Entry, ...] = ()
 
 
