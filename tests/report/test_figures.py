@@ -1,19 +1,13 @@
-"""Figures as pure functions: compared with stored ones, and looked at for what a comparison cannot see.
+"""Figures as pure functions: what is drawn, its letters, its units."""
 
-`EAID_BASELINE=1 pytest tests/report/test_figures.py` draws the stored ones anew; look at each before committing it.
-"""
-
-import os
 import re
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import msgspec
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
-from matplotlib.testing.compare import compare_images
 from matplotlib.text import Text
 
 from eaid.apparatus import Apparatus
@@ -41,11 +35,6 @@ from eaid.results.fit import (
 )
 from eaid.results.recorded import LogCurve, LogFit, Response
 from eaid.steps.stepset import Level, LevelStep, StepSet
-
-BASELINE = Path(__file__).parent / "baseline"
-TOLERANCE = 0.75
-"""RMS of colour values, 0…255: rounding on another machine moves less, the thinnest curve of Fig. 4 is already 0.8."""
-DPI = 60
 
 T = np.linspace(0, 20, 401)
 LEVELS = (20.0, 60.0, 100.0)
@@ -214,31 +203,6 @@ DRAWN: dict[str, Callable[[], Figure]] = {
     "fig17_rehab_errors": lambda: rehab.errors({"soft": np.arange(9.0), "hard": 2 * np.arange(9.0)}),
     "compare": lambda: values.two_fits([("before", clutch_fit()), ("after", clutch_fit(1.3))]),
 }
-
-
-def saved(name: str, folder: Path) -> Path:
-    path = folder / f"{name}.png"
-    with style.look():
-        DRAWN[name]().savefig(path, dpi=DPI, metadata={"Software": None})
-    return path
-
-
-@pytest.mark.parametrize("name", DRAWN)
-def test_figure_is_the_stored_one(name: str, tmp_path: Path):
-    if os.environ.get("EAID_BASELINE"):
-        saved(name, BASELINE)
-    assert compare_images(str(BASELINE / f"{name}.png"), str(saved(name, tmp_path)), tol=TOLERANCE) is None
-
-
-@pytest.mark.parametrize(
-    "name", ["fig03_friction_steps", "fig04_friction_over_stress", "fig12_multisine", "fig16_rehab"]
-)
-def test_the_comparison_sees_a_curve_that_is_missing(name: str, tmp_path: Path):
-    with style.look():
-        figure = DRAWN[name]()
-        figure.axes[0].lines[1].remove()
-        figure.savefig(tmp_path / "less.png", dpi=DPI)
-    assert compare_images(str(BASELINE / f"{name}.png"), str(tmp_path / "less.png"), tol=TOLERANCE) is not None
 
 
 @pytest.mark.parametrize("name", DRAWN)

@@ -9,7 +9,7 @@ import pytest
 from eaid.cli.main import run
 from eaid.report.live import plain, script_safe
 from eaid.report.page.render import signs
-from eaid.report.tables import Name
+from eaid.report.tables.table import Name
 
 FIGURES = (
     "fig02_pwm",

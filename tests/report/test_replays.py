@@ -1,13 +1,12 @@
 """Replays of other kinds: drawn plants, a log's own duty, a reference of the user's own."""
 
-import json
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from eaid.cli.main import run
-from eaid.report.figures.replays import bands, frequencies
+from eaid.report.figures.replays import bands
 from eaid.report.read import read_results
 
 
@@ -56,21 +55,3 @@ def test_a_reference_of_ones_own_has_its_figure(page_of, tmp_path: Path):
     _path, text = page_of("own", "--reference", str(reference))
     assert 'id="own_reference"' in text and "Replay: reference of your own" not in text.split("<h3>")[0]
     assert f"--reference {reference}" in text
-
-
-def test_a_sweep_without_numbers_is_measured_on_its_trace(files: dict[str, Path], tmp_path: Path):
-    """A replay.h5 by the contract alone: the tones are measured again, and come out as the command measured them."""
-    import shutil
-
-    import h5py
-
-    bare = tmp_path / "sweep.h5"
-    shutil.copy(files["sweep.h5"], bare)
-    with h5py.File(bare, "a") as file:
-        said = json.loads(file["rc"].attrs["metrics"])["frequencies"]
-        for group in file.values():
-            del group.attrs["metrics"]
-        del file.attrs["digest"]  # a file by another hand has none
-    found = frequencies(read_results([bare]).replays[0].result)["rc"]
-    assert found["frequency_hz"].tolist() == [row["frequency_hz"] for row in said]
-    assert found["gain_db"] == pytest.approx([row["gain_db"] for row in said], abs=1e-9)

@@ -5,8 +5,8 @@ import pytest
 from eaid.apparatus import Apparatus
 from eaid.findings import Finding
 from eaid.report.rig import overlaid
-from eaid.report.tables import checks, data, fits, gains, interval, number
-from eaid.report.tables.table import Name, Table, columns
+from eaid.report.tables import checks, data, fits, gains
+from eaid.report.tables.table import Name, Table, columns, interval, number
 from eaid.results import fit as results
 from eaid.results.fit import (
     CoefficientIntervals,

@@ -1,7 +1,5 @@
 """One entry for files and for memory; all of a report or nothing; nothing overwritten unasked; rebuilt on a change."""
 
-import threading
-import time
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +10,6 @@ from eaid.cli.main import run
 from eaid.errors import UsageError
 from eaid.report import write
 from eaid.report.read import read_results
-from eaid.report.watch import changes
 from eaid.report.write import write_report
 
 
@@ -81,38 +78,3 @@ def test_options_that_name_nothing_are_refused(
 ):
     assert run(["report", str(files["clutch.json"]), "-o", str(tmp_path / "out"), *options]) == 2
     assert says in capsys.readouterr().err and not (tmp_path / "out").exists()
-
-
-def test_a_change_counts_from_the_call_on(tmp_path: Path):
-    """A result that is replaced while the first page is being drawn must not be missed."""
-    path = tmp_path / "fit.json"
-    path.write_text("1")
-    following = changes([path], 0.01)
-    path.write_text("22")
-    next(following)
-
-
-def test_a_change_is_told_once_and_only_when_the_files_have_come_to_rest(tmp_path: Path):
-    path = tmp_path / "fit.json"
-    path.write_text("1")
-    told: list[float] = []
-
-    def look() -> None:
-        for _ in changes([path], 0.05):
-            told.append(time.monotonic())
-            if len(told) == 2:
-                return
-
-    watcher = threading.Thread(target=look, daemon=True)
-    watcher.start()
-    time.sleep(0.15)
-    assert told == []
-    path.unlink()  # as a writer replaces it: gone, then there
-    time.sleep(0.2)
-    assert told == []
-    path.write_text("22")
-    time.sleep(0.4)
-    assert len(told) == 1
-    path.write_text("333")
-    watcher.join(2)
-    assert len(told) == 2

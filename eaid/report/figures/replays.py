@@ -7,8 +7,6 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from eaid.arrays import Array
-from eaid.replay import references
-from eaid.replay.metrics import tone
 from eaid.report import style
 from eaid.report.figures import panels
 from eaid.report.figures.panels import Line, Panel
@@ -19,7 +17,7 @@ from eaid.report.results import Given
 from eaid.report.rig import controller_name, over, quantity
 from eaid.report.tables.replays import metric
 from eaid.report.tables.table import number
-from eaid.results.replay import Replay, ToneMetrics
+from eaid.results.replay import Replay
 
 Trace = Mapping[str, Array]
 """The columns of one controller."""
@@ -133,21 +131,11 @@ def frequencies(replay: Replay) -> dict[str, dict[str, Array]]:
     """Frequency [Hz], gain [dB] and mean absolute error of each controller of a sweep, each of shape (F,)."""
     by_controller = {}
     for name, one in replay.records.items():
-        rows = [row for row in one.metrics.frequencies or _tones(one.columns) if row.gain_db is not None]
+        rows = [row for row in one.metrics.frequencies if row.gain_db is not None]
         if rows:
             keys = ("frequency_hz", "gain_db", "mean_abs_error_nm")
             by_controller[name] = {key: np.array([getattr(row, key) for row in rows]) for key in keys}
     return by_controller
-
-
-def _tones(trace: Trace) -> Sequence[ToneMetrics]:
-    """The sweep measured on its trace, where a file holds no numbers but the reference is the default one."""
-    t, wanted, y = trace["time_s"], trace["reference_nm"], trace["torque_nm"]
-    dt = float(t[1] - t[0])
-    default = references.sweep(dt)
-    if len(default.torque_nm) != len(t) or not np.allclose(default.torque_nm, wanted, atol=1e-6):
-        return []
-    return [tone(wanted[p.begin : p.end], y[p.begin : p.end], p.frequency_hz, dt) for p in default.tones]
 
 
 def sweep(rows: Mapping[str, Trace], output_unit: str = "N·m") -> Figure:

@@ -1,6 +1,5 @@
 """The head of the page: what it is about, where the numbers come from, and three lights."""
 
-import re
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -16,7 +15,6 @@ from eaid.report.tables.table import number
 from eaid.shown import counted
 
 GRADES = {"stop": "bad", "caution": "care", "note": "good"}
-_DATE = re.compile(r"(?<!\d)(20\d\d)[-_.]?(0[1-9]|1[0-2])[-_.]?(0[1-9]|[12]\d|3[01])(?!\d)")
 
 
 @dataclass(frozen=True)
@@ -45,7 +43,7 @@ def title(results: Results) -> str:
 
 
 def chips(results: Results) -> tuple[str, ...]:
-    """Where the numbers come from: synthetic or a rig, what was stepped and measured, levels, date of the logs."""
+    """Where the numbers come from: synthetic or a rig, what was stepped and measured, levels."""
     texts = ["synthetic data"] if results.synthetic else []
     fit, data = results.main_fit, results.main_data
     about = fit.data if fit is not None else data
@@ -62,11 +60,6 @@ def chips(results: Results) -> tuple[str, ...]:
     if levels and about is not None:
         span = f"{levels[0]:.4g} to {level_text(levels[-1], about.input_unit)}"
         texts.append(f"{len(levels)} levels, {span}" if len(levels) > 1 else level_text(levels[0], about.input_unit))
-    names = [run.source for run in data.runs] if data is not None else []
-    names += [source.path for source in fit.data.sources] if fit is not None else []
-    dates = sorted({"-".join(match.groups()) for name in names if (match := _DATE.search(name.rsplit("/", 1)[-1]))})
-    if dates:
-        texts.append(f"logs of {dates[0]}" if len(dates) == 1 else f"logs of {dates[0]} to {dates[-1]}")
     if len(results.kinds) > 1:
         texts.append("with " + " and ".join(KINDS[kind] for kind in results.kinds[1:]))
     return tuple(texts)
