@@ -32,7 +32,7 @@ LEFT_OUT = {
     *("predicted_decrease", "evaluations"),
 }
 """Keys whose values are no answer, or rounding."""
-OF_THE_FIT = {"rmse", "sse", "fit_pct", "R2", "abs_error", "samples", "solver", "starts", "conventions", "robust", "C"}
+OF_THE_FIT = {"rmse", "sse", "fit_pct", "R2", "abs_error", "samples", "solver", "starts", "robust", "C"}
 """Keys that intervals do not change."""
 USUAL = FitOptions()
 
@@ -151,11 +151,11 @@ def odd() -> StepSet:
 
 FITS: dict[str, tuple[Callable[[], StepSet], FitOptions]] = {
     "plant": (lambda: made(plant()), USUAL),
-    "weights and levels held out": (
+    "levels held out": (
         lambda: made(plant(range(10, 101, 10)), seed=1),
-        FitOptions(weights="sd", hold_out=(50.0, 100.0), bounds="pooled-offset", bounds_levels=(30.0, 60.0, 90.0)),
+        FitOptions(hold_out=(50.0, 100.0), bounds_levels=(30.0, 60.0, 90.0)),
     ),
-    "spikes": (spiked, FitOptions(loss="huber", bounds="pooled-dynamics")),
+    "spikes": (spiked, FitOptions(loss="huber")),
     "free C": (lambda: made(plant(), seed=3), FitOptions(share="free")),
     "another C": (lambda: made(plant(), seed=3), FitOptions(share=0.7)),
     "one level": (lambda: made(plant([50.0])), USUAL),
@@ -177,17 +177,17 @@ FITS: dict[str, tuple[Callable[[], StepSet], FitOptions]] = {
 INTERVALS: dict[str, tuple[Callable[[], StepSet], FitOptions]] = {
     "plant": (lambda: made(plant()), USUAL),
     "many levels": (lambda: made(plant(range(25, 101, 15)), clock(30.0, 300), seed=1), USUAL),
-    "joint, sd": (
+    "joint": (
         lambda: made(plant(range(25, 101, 15)), clock(30.0, 300), scatter=0.1, seed=1),
-        FitOptions(estimator="joint", weights="sd", bounds="pooled-offset"),
+        FitOptions(estimator="joint"),
     ),
     "two-stage": (
         lambda: made(plant(), repeats=4, scatter=0.06, seed=12),
-        FitOptions(estimator="two-stage", bounds="pooled-dynamics", hold_out=(60.0,)),
+        FitOptions(hold_out=(60.0,)),
     ),
     "sweeps": (lambda: made(plant(), clock(30.0, 300), scatter=0.003, shared=0.05, seed=13), USUAL),
     "single runs": (lambda: made(plant(range(20, 101, 10)), clock(30.0, 300), repeats=1), USUAL),
-    "few single runs": (lambda: made(plant(), repeats=1, seed=14), FitOptions(bounds="pooled-offset")),
+    "few single runs": (lambda: made(plant(), repeats=1, seed=14), USUAL),
     "short": (lambda: made(plant(), clock(4.0, 300)), USUAL),
     "C of its own": (lambda: made([(u, replace(c, C=0.92)) for u, c in plant()[1:]], scatter=0.01), USUAL),
     "free C": (lambda: made(plant(), clock(40.0, 400), seed=3), FitOptions(share="free")),
@@ -196,13 +196,12 @@ INTERVALS: dict[str, tuple[Callable[[], StepSet], FitOptions]] = {
         lambda: made(plant([20.0, 60.0, 100.0]), repeats=1),
         FitOptions(ci="bootstrap", draws=6, share="free"),
     ),
-    "profile": (lambda: made(plant(), clock(8.0, 300), noise=0.05, scatter=0.0), FitOptions(ci="profile")),
     "white": (lambda: made(plant()[::2]), FitOptions(ci="white")),
     "none": (lambda: made(plant()[::2]), FitOptions(ci="none")),
     "one level": (lambda: made(plant([50.0])), USUAL),
     "ragged": (ragged, USUAL),
     "force": (lambda: over("friction-force"), USUAL),
-    "speed": (lambda: over("friction-speed"), FitOptions(ci="profile")),
+    "speed": (lambda: over("friction-speed"), USUAL),
     "odd": (odd, FitOptions(models=("friction", "linear"))),
     "releases": (with_releases, FitOptions(models=("linear",))),
     "staircase": (staircase, USUAL),

@@ -40,7 +40,7 @@ def fit(
     data
         What `read` returns, or anything that `read` takes.
     options
-        All choices at once; single ones as keywords: models, share, weights, loss, hold_out, bounds, estimator, ci, …
+        All choices at once; single ones as keywords: models, share, loss, hold_out, estimator, ci, …
     progress
         As in `read`.
     bounds_levels

@@ -25,16 +25,12 @@ class Arguments(Common, Reading, Seeded, Verbose):
     estimator: str = option("auto", "By the evidence, all at once, or one by one.", MODEL, words="auto|joint|two-stage")
     ci: str = option("robust", "How 95 % intervals are found.", MODEL, words="robust|bootstrap|profile|white|none")
     hold_out: tuple[float, ...] = option((), "Left out, to measure the error: 40,70.", MODEL, read=numbers, levels=True)
-    weights: str = option("equal", "Every sample alike, or by the repeats' spread.", MODEL, words="equal|sd")
     loss: str = option("squares", "Huber for logs with spikes and drop-outs.", MODEL, words="squares|huber")
     logs_as: str = option(
         "auto", "By what the input does, all as steps, or all as recorded.", RECORDED, words="auto|steps|recorded"
     )
     duty: tuple[float, float] | None = option(None, "Identified.", RECORDED, read=pair("10:100"), shown="LOW:HIGH")
     instrument: bool = option(False, "Closed loops: the simulated duty as an instrument.", RECORDED)
-    bounds: str = option(
-        "zero-offset", "How b0 of one level is found.", ADVANCED, words="zero-offset|pooled-offset|pooled-dynamics"
-    )
     bounds_levels: str | None = option(None, "Levels of B_m and B_M: 30:100 or 30,40.", ADVANCED, levels=True)
     shape: str = option(
         "auto", "Of steps between levels; auto: by the evidence.", ADVANCED, words="auto|one|two|free|overshoot"

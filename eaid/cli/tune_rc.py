@@ -10,7 +10,7 @@ from eaid.errors import UsageError
 
 ROBUST, PI, RIG, SEARCH, ADVANCED = "Robust controller", "PI controller", "Rig", "Search", "Advanced"
 B_HAT, ANTI_WINDUP = ("pooled", "minimax"), ("conditional", "back-calculation")
-SCENARIOS, BOUNDS = ("multisine", "steps", "sweep", "ramp"), ("zero-offset", "pooled-offset", "pooled-dynamics")
+SCENARIOS = ("multisine", "steps", "sweep", "ramp")
 Pair = tuple[float, float] | None
 
 
@@ -47,7 +47,6 @@ class Arguments(Common, Seeded, Verbose):
     noise_nm: float | None = option(None, "Torque noise, sd [N·m]; by itself what the logs show.", SEARCH)
     chatter_limit: float | None = option(None, "Most mean |Δu| per sample; by itself that of the start.", SEARCH)
     evaluations: int | None = option(None, "Candidates after the first scatter; by itself 160.", SEARCH)
-    bounds: str | None = option(None, "How b0 of one level is found; by itself as in the fit.", ADVANCED, words=BOUNDS)
     bounds_levels: str | None = option(None, "Levels that B_m, B_M are taken over: 30:100.", ADVANCED, levels=True)
     widen_bounds: bool = option(False, "Take the far ends of the 95 % intervals of B.", ADVANCED)
     epsilon: float | None = option(None, "ε, half width of the boundary layer; by itself 0.5.", ADVANCED)

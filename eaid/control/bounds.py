@@ -1,10 +1,6 @@
 """The linear part of a fit → the model and the range of B that a design rests on.
 
-B_i of a level is 1/b0_i. One step cannot tell b0 from c0, so three conventions (`linear.bounds` names the fit's own):
-
-    zero-offset      b0_i = a_i gain_i / u_i                  c0 = 0, a0 free
-    pooled-offset    b0_i = (a_i gain_i − c0)/u_i             c0 from the pooled fit, a0 free
-    pooled-dynamics  a0 and c0 from the pooled fit            (needs the fit made with it: the gain is another)
+B_i of a level is 1/b0_i. One step cannot tell b0 from c0: c0 is 0 (`zero-offset`), b0_i = a_i gain_i / u_i.
 """
 
 import math
@@ -20,7 +16,6 @@ from eaid.results.linear import Linear as LinearFit
 from eaid.results.linear import LinearLevel
 from eaid.steps.levels import wanted_levels
 
-CONVENTIONS = ("zero-offset", "pooled-offset", "pooled-dynamics")
 SLOWEST, FASTEST = 1e-6, 1e6
 """a0 of anything that is controlled by samples [1/s]."""
 LARGEST = 1e15
@@ -28,13 +23,11 @@ LARGEST = 1e15
 
 
 class LevelB(NamedTuple):
-    """The first-order model of one level under a convention."""
+    """The first-order model of one level, c0 = 0."""
 
     level: float
     a0: float
     """[1/s]"""
-    c0: float
-    """[output/s]"""
     gain: float
     """Output in the end."""
     B: float
@@ -45,7 +38,6 @@ class LevelB(NamedTuple):
 class Bounds:
     """The range of B and where it comes from."""
 
-    convention: str
     levels: tuple[float, ...]
     B_m: float
     """[%·s/(N·m)]"""
@@ -90,62 +82,45 @@ def _part(fit: Fit) -> LinearFit:
     return fit.linear
 
 
-def bounds_of(fit: Fit, convention: str | None = None, levels: str | None = None, widen: bool = False) -> Bounds:
-    """B_m and B_M as fitted, or over other levels (`30:100`, `30,40`) or by another convention from the single levels.
+def bounds_of(fit: Fit, levels: str | None = None, widen: bool = False) -> Bounds:
+    """B_m and B_M as fitted, or over other levels (`30:100`, `30,40`).
 
     `widen` takes the far ends of the levels' 95 % intervals. A range that is not positive is refused (GainsError).
     """
-    model, linear = model_of(fit), _part(fit)
+    model_of(fit)
+    linear = _part(fit)
     stored = linear.bounds
-    fitted = stored.convention if stored is not None else "zero-offset"
-    wanted = convention or fitted
-    if wanted not in CONVENTIONS:
-        raise UsageError(f"«bounds» {wanted}: must be one of {', '.join(CONVENTIONS)}")
-    rows = linear.per_level
-    ready = stored if wanted == fitted else linear.conventions.get(wanted)
-    if levels is None and not widen and ready is not None:
-        kept = ready.levels or tuple(row.level for row in rows)
-        comparable = wanted == fitted or "pooled-dynamics" not in (fitted, wanted)
-        found = [row for row in _under(rows, model, fitted, wanted) if row.level in kept] if comparable else []
-        ends = ready.B_m, ready.B_M
+    rows = [_level_b(row) for row in linear.per_level if row.level]
+    kept = (stored.levels if stored is not None else ()) or tuple(row.level for row in rows)
+    if levels is None and not widen and stored is not None:
+        found = [row for row in rows if row.level in kept]
+        ends = stored.B_m, stored.B_M
     else:
         if not rows:
             raise UsageError(
-                "the fit holds no fits of single levels, so «bounds», «bounds_levels» and «widen_bounds» have nothing "
+                "the fit holds no fits of single levels, so «bounds_levels» and «widen_bounds» have nothing "
                 "to work on; fit again with this version of eaid"
             )
-        found = _under(rows, model, fitted, wanted)
-        chosen = wanted_levels(levels, [row.level for row in found], "bounds_levels") if levels else ()
-        kept = tuple(chosen) or (stored.levels if stored is not None else ()) or tuple(row.level for row in found)
-        found = [row for row in found if row.level in kept]
-        each = [_interval(row, rows) if widen else (row.B, row.B) for row in found]
+        if levels:
+            kept = tuple(wanted_levels(levels, [row.level for row in rows], "bounds_levels"))
+        found = [row for row in rows if row.level in kept]
+        each = [_interval(row, linear.per_level) if widen else (row.B, row.B) for row in found]
         ends = min(low for low, _ in each), max(high for _, high in each)
     B_m, B_M = (_positive(value, name) for value, name in zip(ends, ("B_m", "B_M"), strict=True))
     if B_m > B_M:
         raise GainsError(f"B_m {B_m:.4g} lies above B_M {B_M:.4g}; check linear.bounds of the fit")
     if any(not (row.B > 0 and math.isfinite(row.B)) for row in found):
         raise GainsError("a level has no positive b0, so the range of B touches 0; leave it out with «bounds_levels»")
-    return Bounds(wanted, kept, B_m, B_M, tuple(found), widen)
+    return Bounds(kept, B_m, B_M, tuple(found), widen)
 
 
-def _under(rows: Sequence[LinearLevel], model: Linear, fitted: str, wanted: str) -> list[LevelB]:
-    if wanted != fitted and "pooled-dynamics" in (fitted, wanted):
-        raise UsageError(
-            f"the fit was made with «bounds» {fitted}; {wanted} needs other fits of the single levels, "
-            f"so fit again with «bounds» {wanted}"
-        )
-    found = []
-    for row in rows:
-        if row.level == 0:
-            continue
-        c0 = 0.0 if wanted == "zero-offset" else model.c0
-        b0 = (row.a0 * row.gain - c0) / row.level
-        found.append(LevelB(row.level, row.a0, c0, row.gain, 1 / b0 if b0 else math.inf))
-    return found
+def _level_b(row: LinearLevel) -> LevelB:
+    b0 = row.a0 * row.gain / row.level
+    return LevelB(row.level, row.a0, row.gain, 1 / b0 if b0 else math.inf)
 
 
 def _interval(row: LevelB, rows: Sequence[LinearLevel]) -> tuple[float, float]:
-    """The 95 % interval of a level's B, scaled where the convention is another than the fit's."""
+    """The 95 % interval of a level's B."""
     stored = next(r for r in rows if r.level == row.level)
     ends = ci95_of(stored, "B")
     if ends is None or not stored.B:

@@ -121,7 +121,7 @@ def design_options(
     epsilon = own_epsilon if options.epsilon is None else options.epsilon
     own_gamma = 50.0 if scales.paper else 25.0 / epsilon if epsilon > 0 else 50.0
     return DesignOptions(
-        convention=options.bounds, levels=options.bounds_levels, widen=options.widen_bounds, B_hat=options.b_hat,
+        levels=options.bounds_levels, widen=options.widen_bounds, B_hat=options.b_hat,
         K_P=K_P, K_D=K_D,
         Q_M=options.q_max if options.q_max is not None else 5.0 if slope is None else slope,
         phi=phi, phi_honest_pct=honest, epsilon=epsilon,

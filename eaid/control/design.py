@@ -54,7 +54,7 @@ def design(
     Raises GainsError where the fit or the wishes are not physical, out of reach, or unstable on the linear model.
     """
     model = model_of(fit)
-    bounds = bounds_of(fit, options.convention, options.levels, options.widen)
+    bounds = bounds_of(fit, options.levels, options.widen)
     plant = plant_of(fit)
     unit = fit.data.input_unit
     found = mismatches(model, bounds, plant, logs, unit)
@@ -112,7 +112,7 @@ def _robust(law: Law, need: Mismatch | None, slope_nm_s: float | None) -> Robust
         B_hat=law.gains.B_hat,
         B_hat_convention=options.B_hat if isinstance(options.B_hat, str) else "given",
         B_m=bounds.B_m, B_M=bounds.B_M,
-        bounds=BRange(bounds.convention, bounds.levels, bounds.widened),
+        bounds=BRange(levels=bounds.levels, widened=bounds.widened),
         alpha=law.alpha, alpha_reached=law.alpha_reached, guaranteed=law.guaranteed,
         phi=law.phi, phi_honest_pct=law.phi_honest_pct,
         phi_holds=None if need is None else bool(need.pct <= law.phi_honest_pct * (1 + 1e-9)),

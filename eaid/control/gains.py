@@ -15,7 +15,7 @@ LARGEST = 1e30
 
 def paper_gains() -> tuple[RCGains, PIGains]:
     """Table IV (ρ with B_M φ as printed, P = 5·I, B̂ = 12.5) and the PI of 21 and 360."""
-    return law_of(PAPER_LINEAR, Bounds("zero-offset", (), 12.4, 42.6, ()), DesignOptions()).gains, PIGains(21.0, 360.0)
+    return law_of(PAPER_LINEAR, Bounds((), 12.4, 42.6, ()), DesignOptions()).gains, PIGains(21.0, 360.0)
 
 
 def rc_gains(gains: Gains | None) -> RCGains | None:

@@ -94,7 +94,7 @@ def shown_by_levels(per_level: Sequence[LevelB], model: Linear, torque_max_nm: f
     """Over the single levels' first-order models from 0 to a torque [N·m]; linear in T, so one end is the worst."""
     shown = []
     for row, torque in itertools.product(per_level, (0.0, torque_max_nm)):
-        eta = (row.a0 * torque - row.c0) * row.B
+        eta = row.a0 * torque * row.B
         where = f"at an output of {torque:.3g} on the model of {row.level:.4g} {unit} alone"
         shown.append((eta - (model.a0 * torque - model.c0) / model.b0, where))
     return _largest(shown)

@@ -24,8 +24,6 @@ class PIOptions:
 class DesignOptions:
     """Everything `design` needs beside the fit; inputs and outputs in the rig's units."""
 
-    convention: str | None = None
-    """Convention for b0 of a single level; None: the fit's."""
     levels: str | None = None
     """Levels that B_m, B_M are taken over, `30:100` or `30,40`; None: the fit's."""
     widen: bool = False

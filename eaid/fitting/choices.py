@@ -11,25 +11,16 @@ ALLOWED: dict[str, tuple[str, ...]] = {
     "friction-speed": ("friction",),
 }
 """Models that a kind of experiment can be fitted with."""
-CONVENTIONS: dict[str, str] = {
-    "zero-offset": "c0 = 0 and a0 free per level; gives the paper's range of B",
-    "pooled-offset": "c0 from the pooled fit, a0 free per level",
-    "pooled-dynamics": "a0 and c0 from the pooled fit, only b0 per level",
-}
-"""What each convention for b0 of a single level assumes, specification 4.3."""
-WEIGHTS = ("equal", "sd")
 LOSSES = ("squares", "huber")
 SHAPES = ("auto", "one", "two", "free", "overshoot")
 ESTIMATORS = ("auto", "joint", "two-stage")
-INTERVALS = ("robust", "bootstrap", "profile", "white", "none")
+INTERVALS = ("robust", "bootstrap", "white", "none")
 
 
 def check(options: FitOptions) -> None:
     """Refuse choices that are not in their tables, each in one sentence."""
     for name, value, table in (
-        ("«weights»", options.weights, WEIGHTS),
         ("«loss»", options.loss, LOSSES),
-        ("«bounds»", options.bounds, tuple(CONVENTIONS)),
         ("«estimator»", options.estimator, ESTIMATORS),
         ("«ci»", options.ci, INTERVALS),
         ("«shape»", options.shape, SHAPES),

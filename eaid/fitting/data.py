@@ -19,15 +19,8 @@ class Data:
     u: Array
     """Level of each curve, in the set's input unit, shape (L,)."""
     records: tuple[Record, ...]
-    weights: Array
-    """Weight of each level's squared residuals, shape (L,); ones unless the user weights by spread."""
     together: Array | None = None
     """The curves as one array, (L, n), where all share one grid; `records` are its rows then."""
-
-    @property
-    def unequal_weights(self) -> tuple[float, ...] | None:
-        """The levels' weights; None where all are alike."""
-        return None if (self.weights == 1).all() else tuple(self.weights.tolist())
 
     @property
     def samples(self) -> int:
@@ -41,9 +34,8 @@ class Data:
 
     @cached_property
     def energy(self) -> float:
-        """Weighted sum of squared data, all samples."""
-        points = self.points
-        return float(self.weights @ (points.root_y**2).sum(axis=1))
+        """Sum of squared data, all samples."""
+        return float((self.points.root_y**2).sum())
 
     @cached_property
     def points(self) -> Points:
@@ -56,28 +48,27 @@ class Data:
         return full_sums(theta, self.records, self.together)
 
     def one(self, index: int) -> "Data":
-        """One level of it, with weight 1."""
+        """One level of it."""
         row = slice(index, index + 1)
         together = None if self.together is None else self.together[row]
-        alone = Data(self.u[row], self.records[row], np.ones(1), together)
+        alone = Data(self.u[row], self.records[row], together)
         alone.__dict__["points"] = self.points.rows(row)
         return alone
 
 
-def data_of(levels: Sequence[Level], weights: Array | None = None) -> Data:
+def data_of(levels: Sequence[Level]) -> Data:
     """The mean curves of some levels; those on one grid share their times."""
     u = np.array([level.level for level in levels], dtype=np.float64)
-    weights = np.ones(len(levels)) if weights is None else weights
     first = levels[0]
     alike = all(
         level.time_s is first.time_s or (level.uniform and np.array_equal(level.time_s, first.time_s))
         for level in levels
     )
     if not alike:
-        return Data(u, tuple(Record(one.time_s, one.mean, one.uniform) for one in levels), weights)
+        return Data(u, tuple(Record(one.time_s, one.mean, one.uniform) for one in levels))
     together = np.empty((len(levels), len(first.time_s)))
     for row, level in zip(together, levels, strict=True):
         runs = level.ordered_runs
         np.matmul(np.full(len(runs), 1 / len(runs)), runs, out=row)
     records = tuple(Record(first.time_s, row, first.uniform) for row in together)
-    return Data(u, records, weights, together)
+    return Data(u, records, together)

@@ -57,5 +57,5 @@ def linear_findings(
         ],
         "level-without-b": [row.level for row in rows if row.B is None and row.level in bounds.levels],
     }
-    found += [finding(code, "linear", at, convention=bounds.convention) for code, at in levels.items() if at]
+    found += [finding(code, "linear", at) for code, at in levels.items() if at]
     return found

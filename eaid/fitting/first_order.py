@@ -47,7 +47,7 @@ def first_order_problem(data: Data, design: Array) -> tuple[Problem, Value]:
 
     On the points, and cost and gradient on every sample.
     """
-    weights, sums = data.weights, Sums(data.points)
+    sums = Sums(data.points)
     low, high, _ = _limits(data)
 
     def at(x: Array) -> Array:
@@ -55,20 +55,20 @@ def first_order_problem(data: Data, design: Array) -> tuple[Problem, Value]:
         return np.stack([design @ x[1:], np.full(len(design), np.clip(x[0], LEAST_LOG, MOST_LOG))], axis=1)
 
     def chain(gradient: Array) -> Array:
-        return np.concatenate([[weights @ gradient[:, 1]], (weights * gradient[:, 0]) @ design])
+        return np.concatenate([[gradient[:, 1].sum()], gradient[:, 0] @ design])
 
     def chained(per_level: Array) -> Array:
-        H = per_level * weights[:, None, None]
-        cross = H[:, 0, 1] @ design
-        return np.block([[H[:, 1, 1].sum(), cross], [cross[:, None], design.T @ (H[:, 0, 0, None] * design)]])
+        cross = per_level[:, 0, 1] @ design
+        by_gain = design.T @ (per_level[:, 0, 0, None] * design)
+        return np.block([[per_level[:, 1, 1].sum(), cross], [cross[:, None], by_gain]])
 
     def normal(x: Array) -> tuple[float, Array, Array]:
         cost, gradient, curvature = sums.normal(at(x))
-        return float(weights @ cost), chain(gradient), chained(curvature)
+        return float(cost.sum()), chain(gradient), chained(curvature)
 
     def full(x: Array) -> tuple[float, Array]:
         cost, gradient = _on_every_sample(at(x), data)
-        return float(weights @ cost), chain(gradient)
+        return float(cost.sum()), chain(gradient)
 
     A = np.zeros((2, 1 + design.shape[1]))
     A[:, 0] = 1.0, -1.0
@@ -133,8 +133,8 @@ def _limits(data: Data) -> tuple[float, float, float]:
 def _best_of_grid(data: Data, design: Array, grid: Array) -> list[Array]:
     """Starts at the local minima over τ of the cost with the gains solved for, the best first."""
     square, along = _by_tau(data, grid)
-    normal = design.T @ ((data.weights[:, None] * square).T[:, :, None] * design)  # (K, k, k)
-    right = (data.weights[:, None] * along).T @ design
+    normal = design.T @ (square.T[:, :, None] * design)  # (K, k, k)
+    right = along.T @ design
     ridge = 1e-14 * np.trace(normal, axis1=1, axis2=2)[:, None, None] * np.eye(design.shape[1])
     gains = np.linalg.solve(normal + ridge, right[:, :, None])
     costs = -(right * gains[:, :, 0]).sum(axis=1)

@@ -1,4 +1,4 @@
-"""StepSet → Fit: the models that the kind of experiment allows, with held-out levels, weights and loss.
+"""StepSet → Fit: the models that the kind of experiment allows, with held-out levels and loss.
 
 Intervals and the choice between estimates follow in `eaid.uncertainty.workflow`.
 """
@@ -18,7 +18,6 @@ from eaid.fitting.friction import fit_curves, friction_fit, friction_hold_out, m
 from eaid.fitting.linear import linear_fit
 from eaid.fitting.nonlinear import nonlinear_fit
 from eaid.fitting.release import release_fit
-from eaid.fitting.weights import weights_of, with_other_weights
 from eaid.models.parameters import SHARE
 from eaid.results.common import Input, Source
 from eaid.results.fit import Fit, FitOptions, FittedData, Rig
@@ -37,8 +36,7 @@ def fit(stepset: StepSet, options: FitOptions | None = None) -> Fit:
     models = chosen(stepset.kind, options.models)
     kept, held_out = split(stepset.levels, options.hold_out)
     whole, stepset = stepset, replace(stepset, levels=kept)
-    data = data_of(kept, weights_of(kept, options.weights))
-    other = with_other_weights(data, kept)
+    data = data_of(kept)
     curves, huber = fit_curves(data, options)
     found = [finding("curve-explains-little", "friction", little)] if (little := missed_levels(curves, data)) else []
     result = Fit(data=data_part(whole))
@@ -49,15 +47,13 @@ def fit(stepset: StepSet, options: FitOptions | None = None) -> Fit:
         result, found = msgspec.structs.replace(result, friction=part), [*found, *more]
         found += robust.huber_findings("friction", huber)
     if "nonlinear" in models:
-        model, more = nonlinear_fit(data, options, held_out, other)
+        model, more = nonlinear_fit(data, options, held_out)
         model = msgspec.structs.replace(model, robust=robust.with_runs(model.robust, kept))
         result, found = msgspec.structs.replace(result, nonlinear=model), [*found, *more]
     if "linear" in models:
-        pooled, more = linear_fit(data, options, held_out, other)
+        pooled, more = linear_fit(data, options, held_out)
         pooled = msgspec.structs.replace(pooled, robust=robust.with_runs(pooled.robust, kept))
         result, found = msgspec.structs.replace(result, linear=pooled), [*found, *more]
-    if options.weights == "sd" and models == ("friction",):
-        found.append(finding("weights-change-nothing", "friction"))
     if stepset.releases:
         held_s = {level.level: float(level.time_s[-1]) for level in kept}
         release, more = release_fit(stepset.releases, curves, held_s, options.held_share or SHARE)

@@ -120,15 +120,15 @@ def looked_at(data: Data, basis: Basis, penalty: Penalty | None = None) -> Look:
 
     def some(x: Array) -> tuple[Array, Array, Array]:
         theta = np.moveaxis(basis.theta(x.T, M), 2, 1).reshape(4, -1)
-        rows, weights = points.rows(np.tile(levels, len(x))), np.tile(data.weights, len(x))
+        rows = points.rows(np.tile(levels, len(x)))
         if basis.free_share:
             cost, gradient, H = level_normal(theta, rows)
         else:
             products = log_products(theta, weighted_shares(np.array([basis.share]), rows), rows)
             cost, gradient, H = by_tau(theta, products)
-        bent = (H * weights[:, None, None]).reshape(len(x), *chain.shape[:2], -1) @ chain
-        slope = (gradient * weights).T.reshape(len(x), -1) @ flat
-        return (cost * weights).reshape(len(x), -1).sum(axis=1), slope, flat.T @ bent.reshape(len(x), *flat.shape)
+        bent = H.reshape(len(x), *chain.shape[:2], -1) @ chain
+        slope = gradient.T.reshape(len(x), -1) @ flat
+        return cost.reshape(len(x), -1).sum(axis=1), slope, flat.T @ bent.reshape(len(x), *flat.shape)
 
     def look(x: Array) -> tuple[Array, Array, Array]:
         parts = [some(x[k : k + together]) for k in range(0, len(x), together)]

@@ -43,12 +43,12 @@ def level_curves(data: Data, share: float) -> LevelCurves:
     found = starting_curves(data, share, most=1, enough=ROUGH)
     theta, end = found.theta, found.end
     by_tau = np.stack([np.ones_like(theta[0]), 1 / theta[1], 1 / theta[2]], axis=1)
-    normal = end.curvature * (0.5 * data.weights[:, None, None]) * (by_tau[:, :, None] * by_tau[:, None, :])
+    normal = end.curvature * 0.5 * (by_tau[:, :, None] * by_tau[:, None, :])
     scale = np.sqrt(np.maximum(np.einsum("lii->li", normal), 1e-200))
     outer = scale[:, :, None] * scale[:, None, :]
     return LevelCurves(
         theta,
-        data.weights * (end.cost - TRUST * end.predicted),
+        end.cost - TRUST * end.predicted,
         normal,
         np.linalg.inv(normal / outer + 1e-9 * np.eye(3)) / outer,
     )
@@ -144,6 +144,6 @@ def _edges(curves: LevelCurves, data: Data) -> tuple[Array, Array]:
     way = np.zeros_like(curves.theta)
     way[:3] = curves.covariance[every, :, which].T * width
     ends = level_costs(np.stack([curves.theta + way, curves.theta - way], axis=1), data.points)
-    rise = data.weights * ends.min(axis=0) - curves.cost
+    rise = ends.min(axis=0) - curves.cost
     parabola = NARROW * curves.theta[which, every] * width
     return np.clip(rise / parabola, 0.0, 1.0), rise

@@ -1,4 +1,4 @@
-"""The linear model, Eq. (8), pooled and for each level; B = 1/b0 under three conventions, specification 4.3.
+"""The linear model, Eq. (8), pooled and for each level; B = 1/b0, specification 4.3.
 
 Its step response is one exponential with τ = 1/a0 and the gain (b0 u + c0)/a0.
 """
@@ -6,16 +6,14 @@ Its step response is one exponential with τ = 1/a0 and the gain (b0 u + c0)/a0.
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import msgspec
 import numpy as np
 
 from eaid.arrays import Array
 from eaid.findings import Finding
 from eaid.fitting import metrics, robust
-from eaid.fitting.choices import CONVENTIONS
 from eaid.fitting.data import Data
 from eaid.fitting.findings import linear_findings, missed
-from eaid.fitting.first_order import FirstOrder, first_order_problem, fit_each_level, fit_first_order
+from eaid.fitting.first_order import first_order_problem, fit_each_level, fit_first_order
 from eaid.fitting.samples import decay
 from eaid.fitting.solver import slsqp
 from eaid.models import linear as model
@@ -71,73 +69,53 @@ def linear_residuals(solved: LinearSolution, data: Data) -> list[Array]:
     ]
 
 
-def by_convention(
-    data: Data, level_fits: Sequence[FirstOrder], pooled: LinearModel, convention: str
-) -> tuple[LinearLevel, ...]:
-    """b0, c0 and B of each level under one convention, specification 4.3."""
+def single_levels(data: Data) -> tuple[LinearLevel, ...]:
+    """a0, gain, b0 and B of each level by itself, c0 = 0, specification 4.3."""
     rows = []
-    for fit, u, record in zip(level_fits, data.u.tolist(), data.records, strict=True):
-        a0, gain, sse, converged = 1 / fit.tau, float(fit.coefficients[0]), fit.cost, fit.solver.converged
-        c0 = 0.0 if convention == "zero-offset" else pooled.c0
-        if convention == "pooled-dynamics":
-            a0 = pooled.a0
-            rise = 1 - decay(record, 1 / a0)
-            gain = float(rise @ record.y / (rise @ rise))
-            left = record.y - gain * rise
-            sse, converged = float(left @ left), True  # a linear solve
-        b0 = (a0 * gain - c0) / u if u else 0.0
+    for fit, u, record in zip(fit_each_level(data), data.u.tolist(), data.records, strict=True):
+        a0, gain, sse = 1 / fit.tau, float(fit.coefficients[0]), fit.cost
+        b0 = a0 * gain / u if u else 0.0
         B = 1 / b0 if b0 > 0 else None
         fit_pct, R2 = metrics.quality(sse, [record.y])
         rmse = float(np.sqrt(sse / len(record.y)))
-        rows.append(LinearLevel(u, a0, gain, b0, c0, B, converged, rmse=rmse, sse=sse, fit_pct=fit_pct, R2=R2))
+        converged = fit.solver.converged
+        rows.append(LinearLevel(u, a0, gain, b0, 0.0, B, converged, rmse=rmse, sse=sse, fit_pct=fit_pct, R2=R2))
     return tuple(rows)
 
 
-def bounds_of(rows: Sequence[LinearLevel], convention: str, kept: Sequence[float] | None) -> Bounds:
+def bounds_of(rows: Sequence[LinearLevel], kept: Sequence[float] | None = None) -> Bounds:
     """Least and largest B over the kept levels (all where `kept` is None); levels without a positive b0 have none."""
     chosen = [row for row in rows if kept is None or row.level in kept]
     known = [row.B for row in chosen if row.B is not None]
-    return Bounds(
-        convention,
-        CONVENTIONS[convention],
-        tuple(row.level for row in chosen),
-        min(known, default=None),
-        max(known, default=None),
-    )
+    levels = tuple(row.level for row in chosen)
+    return Bounds(levels=levels, B_m=min(known, default=None), B_M=max(known, default=None))
 
 
-def linear_fit(
-    data: Data, options: FitOptions, held_out: Sequence[Level] = (), other: Data | Finding | None = None
-) -> tuple[Linear, list[Finding]]:
-    """The linear model, pooled and per level, with the bounds of B; under `other` weights the pooled model alone."""
+def linear_fit(data: Data, options: FitOptions, held_out: Sequence[Level] = ()) -> tuple[Linear, list[Finding]]:
+    """The linear model, pooled and per level, with the bounds of B."""
     one, left, huber = pooled_linear(data, options)
     p = one.parameters
-    level_fits = fit_each_level(data)
-    rows = {name: by_convention(data, level_fits, p, name) for name in CONVENTIONS}
-    bounds = {name: bounds_of(row, name, options.bounds_levels) for name, row in rows.items()}
-    found = linear_findings(data, p, one.solver, rows[options.bounds], bounds[options.bounds])
+    rows = single_levels(data)
+    bounds = bounds_of(rows, options.bounds_levels)
+    found = linear_findings(data, p, one.solver, rows, bounds)
     found += robust.huber_findings("linear", huber)
     found += missed("linear", data, left, one)
     linear = Linear.of(
         one,
-        per_level=rows[options.bounds],
-        bounds=bounds[options.bounds],
-        conventions=bounds,
+        per_level=rows,
+        bounds=bounds,
         robust=huber,
         hold_out=metrics.hold_out(
             held_out, lambda level: model.step_response(p, level.time_s, level.level), one.rmse or 0.0
         ),
-        other_weights=pooled_linear(other, options)[0] if isinstance(other, Data) else None,
     )
-    if isinstance(other, Finding):
-        found.append(msgspec.structs.replace(other, subject="linear"))
     return linear, found
 
 
 def pooled_linear(data: Data, options: FitOptions) -> tuple[Pooled, list[Array], Huber | None]:
     """Eq. (8) on all levels at once, under the loss that was asked for, with its residuals."""
     solved, huber = robust.minimise(data, options.loss, fit_linear, lambda d, _: fit_linear(d), linear_residuals)
-    p, left, weights = solved.parameters, linear_residuals(solved, data), data.unequal_weights
+    p, left = solved.parameters, linear_residuals(solved, data)
     total = metrics.errors([record.y for record in data.records], left)
     pooled = Pooled(
         p.a0,
@@ -148,7 +126,5 @@ def pooled_linear(data: Data, options: FitOptions) -> tuple[Pooled, list[Array],
         fit_pct=total.fit_pct,
         R2=total.R2,
         solver=solved.solver,
-        weights="equal" if weights is None else "sd",
-        level_weights=weights,
     )
     return pooled, left, huber

@@ -21,7 +21,7 @@ from eaid.fitting.joint_starts import broad_starts
 from eaid.fitting.kernel import by_tau, level_normal, log_curvature, log_products, weighted_shares
 from eaid.fitting.level_curves import level_curves, no_lower_minimum, polynomial_starts
 from eaid.fitting.levels import SHARES
-from eaid.fitting.problem import ROUNDING, Problem, draw_in
+from eaid.fitting.problem import ROUNDING, Problem
 from eaid.fitting.samples import residuals
 from eaid.fitting.solver import EndPoint, approach, ended, slsqp
 from eaid.fitting.verdict import concluded
@@ -35,7 +35,7 @@ from eaid.steps.stepset import Level
 
 def nonlinear_problem(data: Data, basis: Basis) -> Problem:
     """The ten coefficients on the compressed points; the levels of `data` are those of the basis."""
-    M, points, weights = basis.M, data.points, data.weights
+    M, points = basis.M, data.points
     known = 4 if basis.free_share else 3  # how many of T_s, τ1, τ2, C move
     flat = M[:known].reshape(-1, basis.size)
     by_level = np.ascontiguousarray(M[:known].transpose(1, 0, 2))
@@ -46,7 +46,7 @@ def nonlinear_problem(data: Data, basis: Basis) -> Problem:
         return level_normal(theta, points) if basis.free_share else by_tau(theta, log_products(theta, shares, points))
 
     def chained(curvature: Array) -> Array:
-        half = (curvature * weights[:, None, None]) @ by_level
+        half = curvature @ by_level
         return np.asarray(by_level.reshape(-1, basis.size).T @ half.reshape(-1, basis.size))
 
     def exact(x: Array) -> Array:
@@ -61,7 +61,7 @@ def nonlinear_problem(data: Data, basis: Basis) -> Problem:
 
     def normal(x: Array) -> tuple[float, Array, Array]:
         cost, gradient, curvature = sums(x)
-        return float(weights @ cost), (gradient * weights).ravel() @ flat, chained(curvature)
+        return float(cost.sum()), gradient.ravel() @ flat, chained(curvature)
 
     A, b, names = constraints(basis, data.longest_s)
     return Problem(normal, A, b, names, None if basis.free_share else exact, ROUNDING * data.energy)
@@ -89,8 +89,8 @@ def full_residuals(solved: Solution, data: Data) -> list[Array]:
     return residuals(solved.basis.theta(solved.x, solved.basis.rows(data.u)), data.records)
 
 
-def fit_nonlinear(data: Data, share: float | None, starts: Sequence[NonlinearModel] = ()) -> Solution:
-    """The least-squares coefficients under the constraints, from our own starts and any given ones."""
+def fit_nonlinear(data: Data, share: float | None) -> Solution:
+    """The least-squares coefficients under the constraints."""
     basis = basis_of(data.u, share)
     problem = nonlinear_problem(data, basis)
     by_share = [level_curves(data, c) for c in (SHARES if share is None else (share,))]
@@ -101,11 +101,10 @@ def fit_nonlinear(data: Data, share: float | None, starts: Sequence[NonlinearMod
         return share is not None and no_lower_minimum(by_share[0], min(end.cost for end in ends), data, basis, problem)
 
     ends = [approach(problem, first)]
-    if starts or not proven():
+    if not proven():
         *near, flat = begin[0]
         others = [list(more) for more in begin[1:]]
         near += [start for more in others for start in more[:-1]]
-        near += [draw_in(basis.unknowns(p), flat, problem) for p in starts]
         ends += [approach(problem, start) for start in near]
         if not proven():
             far = [flat, *(more[-1] for more in others), *broad_starts(first, flat, data, basis, problem)]
@@ -125,37 +124,23 @@ def _confirmed(ends: Sequence[EndPoint], data: Data, basis: Basis, problem: Prob
 
     def full(x: Array) -> tuple[float, Array]:
         cost, gradient = data.sums(basis.theta(x, M))
-        return float(data.weights @ cost), (gradient * data.weights).ravel() @ M.reshape(-1, basis.size)
+        return float(cost.sum()), gradient.ravel() @ M.reshape(-1, basis.size)
 
     end, solver, active = concluded(problem, ends, full)
     return Solution(basis, end.x, end.cost, solver, active_at(basis, active))
 
 
-def nonlinear_fit(
-    data: Data,
-    options: FitOptions,
-    held_out: Sequence[Level] = (),
-    other: Data | Finding | None = None,
-    near: Sequence[NonlinearModel] = (),
-) -> tuple[Nonlinear, list[Finding]]:
-    """The joint estimate with its errors, and what is to be doubted of it.
-
-    `other`: the same data under the other weights, fitted too, starting from this model as well; or why there are none.
-    """
+def nonlinear_fit(data: Data, options: FitOptions, held_out: Sequence[Level] = ()) -> tuple[Nonlinear, list[Finding]]:
+    """The joint estimate with its errors, and what is to be doubted of it."""
     solution, huber = robust.minimise(
-        data, options.loss, lambda d: fit_nonlinear(d, options.held_share, near), refit_nonlinear, full_residuals
+        data, options.loss, lambda d: fit_nonlinear(d, options.held_share), refit_nonlinear, full_residuals
     )
     p, left = solution.parameters, full_residuals(solution, data)
     one = msgspec.structs.replace(estimate(p, data, left, solution.solver, held_out), C_free=options.held_share is None)
     found = nonlinear_findings(p, solution.solver, solution.active, [level.level for level in held_out])
     found += robust.huber_findings("nonlinear", huber)
     found += missed("nonlinear", data, left, one)
-    beside = None
-    if isinstance(other, Data):
-        beside = nonlinear_fit(other, options, held_out, near=[p])[0].estimate
-    elif other is not None:
-        found.append(msgspec.structs.replace(other, subject="nonlinear"))
-    return Nonlinear.of(one, robust=huber, other_weights=beside), found
+    return Nonlinear.of(one, robust=huber), found
 
 
 def estimate(
@@ -165,7 +150,6 @@ def estimate(
     outputs = [record.y for record in data.records]
     total = metrics.errors(outputs, residuals)
     rows = [metrics.errors([y], [r]).at(u) for u, y, r in zip(data.u.tolist(), outputs, residuals, strict=True)]
-    weights = data.unequal_weights
     return Estimate(
         tau1=p.tau1,  # type: ignore[arg-type]  # padded with zeros to the paper's degrees
         tau2=p.tau2,  # type: ignore[arg-type]
@@ -179,8 +163,6 @@ def estimate(
         R2=total.R2,
         per_level=tuple(rows),
         solver=solver,
-        weights="equal" if weights is None else "sd",
-        level_weights=weights,
         hold_out=metrics.hold_out(
             held_out, lambda level: model.step_response(p, level.time_s, level.level), total.rmse
         ),

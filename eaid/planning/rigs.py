@@ -78,7 +78,7 @@ def rig_of(fit: Fit) -> FittedRig:
         levels, share = plant.model.u_range, plant.model.C
     else:
         share = (fit.friction.C if fit.friction is not None else None) or SHARE
-    noise = noise_of_fit(fit, apart=True)
+    noise = noise_of_fit(fit)
     return FittedRig(fit, plant, levels, share, noise or ASSUMED, noise is not None)
 
 

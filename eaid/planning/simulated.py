@@ -1,8 +1,8 @@
 """Simulated recordings of a planned session of steps, and their own intervals.
 
 Each time the rig is another one that the fit allows (`rigs`): the plan has to hold for the true rig, not for the fitted
-one. The noise is that of the fit: white noise of density s0, coloured noise of density s1 as a share of the torque, a
-sine where the ripple is periodic, and the scatter between runs.
+one. The noise is that of the fit: white noise of density s0, coloured noise of density s1 as a share of the torque,
+and the scatter between runs.
 """
 
 from collections.abc import Callable, Sequence
@@ -47,11 +47,10 @@ def experiment(plan: Experiment, plant: Plant, noise: Noise, seed: int) -> tuple
     levels = []
     for i, (level, hold_s) in enumerate(zip(plan.levels, plan.hold_s, strict=True)):
         random, time_s = np.random.default_rng([seed, i]), np.arange(round(hold_s * RATE_HZ)) / RATE_HZ
-        rotor = np.full_like(time_s, rotor_hz(noise))
         runs = []
         for _ in range(plan.repeats):
             torque_nm = step_response(scatter(disturbance, random).of(plant.at(level)), time_s)
-            runs.append(measured(torque_nm, time_s, rotor, disturbance, random))
+            runs.append(measured(torque_nm, time_s, np.zeros_like(time_s), disturbance, random))
         levels.append(Level(level, time_s, np.array(runs), tuple(map(str, range(plan.repeats)))))
     return tuple(levels)
 
@@ -80,13 +79,7 @@ def disturbance_of(noise: Noise) -> Disturbance:
         white_nm=sqrt(noise.sensor_nm2_s * RATE_HZ),
         coloured=sqrt(noise.ripple_s / (2 * MEMORY_S)),
         coloured_s=MEMORY_S,
-        ripple=0.0 if noise.periodic is None else noise.periodic.amplitude,
         gain_scatter=min(noise.scatter[0], 0.3),
         tau1_scatter=noise.scatter[1],
         tau2_scatter=noise.scatter[2],
     )
-
-
-def rotor_hz(noise: Noise) -> float:
-    """Frequency of the periodic ripple [Hz]; 0 without one."""
-    return 0.0 if noise.periodic is None else 1 / noise.periodic.period_s

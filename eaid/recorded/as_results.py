@@ -7,10 +7,8 @@ from pathlib import Path
 import numpy as np
 
 from eaid.arrays import Array
-from eaid.fitting.choices import CONVENTIONS
 from eaid.fitting.data import data_of
-from eaid.fitting.first_order import fit_each_level
-from eaid.fitting.linear import bounds_of, by_convention
+from eaid.fitting.linear import bounds_of, single_levels
 from eaid.fitting.metrics import errors
 from eaid.logs.run import Run
 from eaid.models import nonlinear as curve
@@ -163,9 +161,7 @@ def linear_part(solved: Solved, base: Solved, levels: Array) -> Linear:
         slope, offset = float(tables.steady[0] / levels[0]), 0.0
     pooled = Eq8(a0, a0 * slope, a0 * offset)
     total = errors(solved.outputs, solved.missed)
-    data = data_of(_own_steps(base, levels))
-    rows = {name: by_convention(data, fit_each_level(data), pooled, name) for name in CONVENTIONS}
-    conventions = {name: bounds_of(row, name, None) for name, row in rows.items()}
+    rows = single_levels(data_of(_own_steps(base, levels)))
     return Linear(
         a0=pooled.a0,
         b0=pooled.b0,
@@ -175,9 +171,8 @@ def linear_part(solved: Solved, base: Solved, levels: Array) -> Linear:
         fit_pct=total.fit_pct,
         R2=total.R2,
         solver=solved.solver,
-        per_level=rows["zero-offset"],
-        bounds=conventions["zero-offset"],
-        conventions=conventions,
+        per_level=rows,
+        bounds=bounds_of(rows),
     )  # fmt: skip
 
 

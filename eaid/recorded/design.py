@@ -5,8 +5,7 @@ A sequence is levels with holds, and returns to rest between its engagements. Wh
     H = ∫ J J' dt,   Ω = ∫ J J' S(T) dt,   V = H⁻¹ Ω H⁻¹,   S(T) = s0 + s1 T² the density of the noise
 
 with J from the sensitivities of the model itself. The half-width of log T_s, log τ1, log τ2 at a duty is t √(g'Vg).
-Ripple that is periodic, r T sin(2πt/P + φ), φ by chance, adds ½ r² (|g'H⁻¹ ∫ J T cos|² + |g'H⁻¹ ∫ J T sin|²), which
-falls faster with time than noise does, and is counted apart as in step planning. Scatter between engagements adds
+Scatter between engagements adds
 Σ_e (g'H⁻¹ H_e d)², H_e the part of H of one engagement, d its standard deviation in the coefficients: an engagement
 that sees few levels bends the curves. Levels and holds are exchanged one by one for what lowers T φ², φ the worst ratio
 of a width to the wanted one: the time that repeating the sequence would take to reach them all.
@@ -152,9 +151,7 @@ class Judge:
     def half_widths(self, sequence: HoldSequence) -> Array:
         """Half-widths of log T_s, log τ1, log τ2 at the duties [%], (3, DUTIES); infinite where nothing is known."""
         one = self.model
-        periodic = self.noise.periodic
-        period_s = np.inf if periodic is None else periodic.period_s
-        drive = drive_of_sequence(self.whole(sequence), self.limits, period_s)
+        drive = drive_of_sequence(self.whole(sequence), self.limits)
         J, r = Setup(one, (drive,)).jacobian(self.unknowns, 0)
         T2 = r * r / np.maximum(drive.w[drive.w > 0], 1e-300)
         H = J.T @ J
@@ -166,10 +163,6 @@ class Judge:
             return np.full((3, DUTIES), np.inf)
         V = back @ omega @ back
         variance = np.einsum("kdi,ij,kdj->kd", self.slopes, V, self.slopes)
-        if periodic is not None:
-            angle = 2 * np.pi / period_s * (np.cumsum(drive.dt_s) - drive.dt_s)[drive.w > 0]
-            pushed = back @ (J.T @ (r[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)))
-            variance += 0.5 * periodic.amplitude**2 * ((self.slopes @ pushed) ** 2).sum(axis=2)
         half = t_quantile(DEGREES) * np.sqrt(np.maximum(variance, 0.0))
         if any(self.noise.scatter):
             which = engagements(drive)[drive.w > 0]

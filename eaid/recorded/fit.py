@@ -55,13 +55,12 @@ def fit_whole(
     Raises
     ------
     UsageError
-        Options that only steps have: weights, a loss, held-out levels.
+        Options that only steps have: a loss, held-out levels.
     DataError
         A log that no model can be fitted to.
     """
-    for name, value, plain in (("weights", options.weights, "equal"), ("loss", options.loss, "squares")):
-        if value != plain:
-            raise UsageError(f"«{name}» {value}: logs fitted as recorded take {plain}; or say «logs_as» steps")
+    if options.loss != "squares":
+        raise UsageError(f"«loss» {options.loss}: logs fitted as recorded take squares; or say «logs_as» steps")
     if options.hold_out:
         raise UsageError("«hold_out»: logs fitted as recorded hold no single levels; or say «logs_as» steps")
     how = RecordedOptions(

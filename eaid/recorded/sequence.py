@@ -105,16 +105,13 @@ def of_mean(count: int) -> float:
     return t_quantile(count - 1 or 1) / float(count**0.5)
 
 
-def drive_of_sequence(whole: HoldSequence, limits: Limits, period_s: float = np.inf) -> Drive:
-    """A sequence for the kernel: some instants of each hold, each with the time that it stands for as its weight.
-
-    No two are farther apart than an eighth of `period_s`.
-    """
+def drive_of_sequence(whole: HoldSequence, limits: Limits) -> Drive:
+    """A sequence for the kernel: some instants of each hold, each with the time that it stands for as its weight."""
     changes = breaks_of(whole, limits, COARSE)
     starts, level = np.array(changes[:-1]).T
     hold = np.diff(np.append(starts, changes[-1][0]))
     short = (limits.rate_per_s > 0) & (hold <= 1.5 * RAMP_S)  # the steps of a ramp
-    count = np.where(short, 1, np.maximum(BLOCKS, np.ceil(16 * hold / period_s).astype(int)))
+    count = np.where(short, 1, BLOCKS)
     of = np.repeat(np.arange(len(hold)), count)
     place = np.arange(len(of)) - np.repeat(np.cumsum(count) - count, count)
     edges = [(k / count[of]) ** 2 * hold[of] for k in (place, place + 1)]

@@ -68,7 +68,7 @@ def tune(
     reference_name = reference_name or (reference if isinstance(reference, str) else "multisine")
     wanted = reference_of(reference or "multisine", dt_s, scales)
     slope = wanted.steepest_nm_s
-    bounds = bounds_of(fit, options.bounds, options.bounds_levels, options.widen_bounds)
+    bounds = bounds_of(fit, options.bounds_levels, options.widen_bounds)
     shown = least_phi(mismatches(model, bounds, plant, logs, fit.data.input_unit))
     settled = design_options(
         fit, options, scales, slope if given or not scales.paper else None, None if shown is None else shown.pct
@@ -128,7 +128,7 @@ def _searched(
         evaluations=options.evaluations or 160, seed=options.seed, judge=judge,
     )  # fmt: skip
     model = model_of(fit)
-    bounds = bounds_of(fit, settled.convention, settled.levels, settled.widen)
+    bounds = bounds_of(fit, settled.levels, settled.widen)
     points = operating_points(fit, model, plant, bounds, settled.duty_limits_pct)
     with progress("candidates", search.candidates) as tick:
         found = optimize(model, bounds, settled, drawn, points, wanted, search, tick)

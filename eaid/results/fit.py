@@ -78,14 +78,10 @@ class FitOptions(Result, frozen=True):
     """Models to fit; None: all that the kind allows."""
     share: Number | Literal["free"] = SHARE
     """C, held, or free."""
-    weights: str = "equal"
-    """equal: every sample alike. sd: each level by the spread of its repeats."""
     loss: str = "squares"
     """squares, or huber (1.345 robust standard deviations)."""
     hold_out: tuple[Number, ...] = ()
     """Levels that are not fitted; the error on them is reported."""
-    bounds: str = "zero-offset"
-    """Convention for b0 of a single level."""
     bounds_levels: tuple[Number, ...] | None = None
     """Levels over which B_m and B_M are taken; None: all that are fitted."""
     estimator: str = "auto"
@@ -96,7 +92,7 @@ class FitOptions(Result, frozen=True):
     dead_time_s: Number | None = None
     """Dead time of each single step [s]; None: where the evidence asks for one; 0: none."""
     ci: str = "robust"
-    """How 95 % intervals are found: robust, bootstrap, profile, white or none."""
+    """How 95 % intervals are found: robust, bootstrap, white or none."""
     draws: Count = 300
     """Refits of the bootstrap."""
     seed: Count = 0

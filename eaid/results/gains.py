@@ -32,7 +32,7 @@ class LinearModel(Result, frozen=True):
 class BRange(Result, frozen=True):
     """Where B_m and B_M come from."""
 
-    convention: str = ""
+    convention: str = "zero-offset"
     levels: tuple[Number, ...] = ()
     widened: bool = False
 

@@ -4,7 +4,6 @@ from typing import Any, Literal, Self
 
 from eaid.models.parameters import Linear as LinearModel
 from eaid.results.common import HoldOut, Huber, Interval, Number, Result, Scores, Solver
-from eaid.results.nonlinear import Agreement
 
 
 class PooledIntervals(Result, frozen=True):
@@ -24,7 +23,7 @@ class LinearLevelIntervals(Result, frozen=True):
 
 
 class LinearLevel(Scores, frozen=True):
-    """Eq. (8) of one level: a0 and the gain (b0 u + c0)/a0 is what one step tells; b0 by the convention."""
+    """Eq. (8) of one level: a0 and the gain (b0 u + c0)/a0 is what one step tells; b0 with c0 = 0."""
 
     level: Number
     a0: Number
@@ -47,8 +46,8 @@ class BoundsIntervals(Result, frozen=True):
 class Bounds(Result, frozen=True):
     """Least and largest B over the levels that the user keeps."""
 
-    convention: str = "zero-offset"
-    means: str = ""
+    convention: Literal["zero-offset"] = "zero-offset"
+    """How b0 of a level is told from c0: c0 is 0."""
     levels: tuple[Number, ...] = ()
     B_m: Number | None = None
     B_M: Number | None = None
@@ -63,8 +62,6 @@ class Pooled(Scores, frozen=True):
     c0: Number
     solver: Solver | None = None
     ci95: PooledIntervals | None = None
-    weights: Literal["equal", "sd"] = "equal"
-    level_weights: tuple[Number, ...] | None = None
 
     @property
     def parameters(self) -> LinearModel:
@@ -77,12 +74,9 @@ class Linear(Pooled, frozen=True):
 
     per_level: tuple[LinearLevel, ...] = ()
     bounds: Bounds | None = None
-    conventions: dict[str, Bounds] = {}
     identifiable: bool | None = None
     robust: Huber | None = None
     hold_out: HoldOut | None = None
-    other_weights: Pooled | None = None
-    agreement: tuple[Agreement, ...] = ()
 
     def to_control(self) -> Any:
         """The transfer function b0/(s + a0) from input to output, by python-control, where that is installed."""

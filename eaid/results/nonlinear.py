@@ -73,7 +73,7 @@ class Agreement(Result, frozen=True):
     """Two estimates held against each other."""
 
     between: tuple[str, str]
-    """Which two: joint, two-stage; equal, sd."""
+    """Which two: joint, two-stage."""
     believe: str
     """One of the two, either, or neither."""
     because: str = ""
@@ -99,8 +99,6 @@ class Estimate(Scores, frozen=True):
     covariance: Covariance | None = None
     misfit: dict[str, Number | None] | None = None
     """Two-stage: Σ(residual/sd)² over levels − coefficients."""
-    weights: Literal["equal", "sd"] = "equal"
-    level_weights: tuple[Number, ...] | None = None
     hold_out: HoldOut | None = None
 
     @property
@@ -122,8 +120,6 @@ class Nonlinear(Estimate, frozen=True):
     """The joint estimate, where the two-stage one stands in its place."""
     two_stage: Estimate | None = None
     """The two-stage estimate, where the joint one stands."""
-    other_weights: Estimate | None = None
-    """The joint model under the weights that were not asked for."""
     agreement: tuple[Agreement, ...] = ()
 
     @classmethod
@@ -135,18 +131,3 @@ class Nonlinear(Estimate, frozen=True):
     def estimate(self) -> Estimate:
         """The estimate that stands here, alone."""
         return Estimate(**{name: getattr(self, name) for name in Estimate.__struct_fields__})
-
-    @property
-    def estimates(self) -> dict[str, Estimate]:
-        """The estimates beside each other, by name, the one that is used first."""
-        joint = self.joint or (self if self.estimator == "joint" else None)
-        found: dict[str, Estimate | None] = {self._name(self): self}
-        if joint is not None:
-            found[self._name(joint)] = joint
-        found["two-stage"] = self if self.estimator == "two-stage" else self.two_stage
-        if self.other_weights is not None:
-            found[self._name(self.other_weights)] = self.other_weights
-        return {name: one for name, one in found.items() if one is not None}
-
-    def _name(self, one: Estimate) -> str:
-        return "two-stage" if one is self and self.estimator == "two-stage" else f"joint, {one.weights} weights"

@@ -17,8 +17,6 @@ ALSO = ("frequency", "b-hat")
 class TuneOptions(Result, frozen=True):
     """Everything `tune` may be told; a field that is out of its limits raises `UsageError`."""
 
-    bounds: str | None = None
-    """Convention for b0 of a single level; None: the fit's."""
     bounds_levels: str | None = None
     """Levels that B_m, B_M are taken over, `30:100` or `30,40`; None: the fit's."""
     widen_bounds: bool = False

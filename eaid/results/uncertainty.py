@@ -8,16 +8,6 @@ from eaid.results.common import Count, Interval, Number, Result
 from eaid.results.nonlinear import CurveLevel
 
 
-class PeriodicRipple(Result, frozen=True):
-    """Ripple with a period, a turn of the rotor for example, its phase by chance."""
-
-    period_s: Annotated[float, msgspec.Meta(gt=0, le=1e60)]
-    amplitude_pct: Annotated[float, msgspec.Meta(ge=0, le=1e60)]
-    """As a share of the output [%]."""
-    beside: "Noise"
-    """The noise that is left beside it."""
-
-
 class Noise(Result, frozen=True):
     """What drawn runs and planned recordings rest on."""
 
@@ -27,8 +17,6 @@ class Noise(Result, frozen=True):
     """Density of the ripple relative to the output [s]."""
     scatter: dict[str, Number] = {}
     """Standard deviation from run to run of T_s, τ1, τ2, as a share."""
-    periodic: PeriodicRipple | None = None
-    """The periodic part of the ripple, where one stands out."""
 
 
 class ShareEstimate(Result, frozen=True):

@@ -23,7 +23,6 @@ from eaid.steps.stepset import Level, StepSet
 from eaid.uncertainty.decay import decays
 from eaid.uncertainty.level_statistics import LevelStatistics
 from eaid.uncertainty.levels import log_theta
-from eaid.uncertainty.linear_intervals import convention
 from eaid.uncertainty.orders import leave_one_level_out, orders_of, raised_orders
 from eaid.uncertainty.refit import free_parameters, refit
 from eaid.uncertainty.run_statistics import run_residuals
@@ -128,7 +127,7 @@ def _shapes(
     levels, share = base.levels, base.estimates[0].curve.C
     samples = np.array([len(level.time_s) for level in levels], dtype=float)
     two = np.array([float(r @ r) for r in residuals])
-    if fit.linear is not None and convention(fit.linear) != "pooled-dynamics":
+    if fit.linear is not None:
         single = np.array([row.sse for row in fit.linear.per_level])
     else:
         single = np.array([one.cost for one in fit_each_level(base.data)])

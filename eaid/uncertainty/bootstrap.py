@@ -27,7 +27,6 @@ from eaid.steps.stepset import Level
 from eaid.uncertainty.joint import coefficients_of
 from eaid.uncertainty.levels import log_theta
 from eaid.uncertainty.refit import ENOUGH, free_parameters, refit
-from eaid.uncertainty.weightings import weights_array
 
 BLOCK_S = 2.0
 """Blocks of a single run [s]: the longest memory that the Bartlett windows allow for."""
@@ -53,7 +52,7 @@ def bootstrap(
     """Refit `draws` resampled sets; `advance` is called after each."""
     assert fit.friction is not None
     model, linear, curves = fit.nonlinear, fit.linear, [row.curve for row in fit.friction.levels]
-    data = data_of(levels, None if model is None else weights_array(model))
+    data = data_of(levels)
     runs = [_compressed(level, len(data.points.y[0])) for level in levels]
     start, free = np.array([log_theta(curve, True) for curve in curves]), free_parameters(fit.friction.C is None)
     theta: list[Array] = []
@@ -62,7 +61,7 @@ def bootstrap(
     own: list[Array] = []
     for i in range(draws):
         again = replace(data)
-        # the means as they were fitted keep their times and weights; only their compressed values change
+        # the means as they were fitted keep their times; only their compressed values change
         again.__dict__["points"] = _resampled(data.points, levels, curves, runs, np.random.default_rng([seed, i]))
         theta.append(refit(again.points, start, free).x[:, : int(free.sum())])
         if model is not None:

@@ -15,11 +15,10 @@ from eaid.findings import Finding, Value, finding
 from eaid.results.fit import Fit
 from eaid.results.nonlinear import Agreement, Disagreement, Estimate, Nonlinear
 from eaid.steps.stepset import Level
-from eaid.uncertainty import nonlinear_intervals, weightings
+from eaid.uncertainty import nonlinear_intervals
 from eaid.uncertainty.identifiability import identifiable, nonlinear_findings
 from eaid.uncertainty.joint import BLOCKS, curves_apart, with_white_covariance
 from eaid.uncertainty.level_statistics import LevelStatistics
-from eaid.uncertainty.weightings import weights_array
 
 OF_THE_JOINT_FIT = ("fit-not-converged", "constraint-holds", "starts-end-apart", "model-explains-little")
 """Codes that are said of the joint fit only, where that is the estimate that stands."""
@@ -32,27 +31,20 @@ def believed(
     joint = fit.nonlinear
     assert joint is not None
     estimates = nonlinear_intervals.estimates(joint, base)
-    alone, degrees = estimates.joint_alone, estimates.degrees
     if draws is not None:
         estimates = nonlinear_intervals.with_joint(estimates, draws)
     if ci == "white":
-        white, spare = with_white_covariance(estimates.joint, base.levels, weights_array(joint))
+        white, spare = with_white_covariance(estimates.joint, base.levels)
         estimates = replace(estimates, joint=white, joint_alone=white, degrees=dict.fromkeys(BLOCKS, spare))
     held_out = held_out if joint.hold_out is not None else ()
     beside = nonlinear_intervals.two_stage_part(estimates, base, "none" if ci == "none" else "robust", held_out)
     two_stage, of_two_stage = (None, []) if beside is None else beside
 
     by_estimate = agreement(estimates, base)
-    other = joint.other_weights
-    reweighted = None if other is None else nonlinear_intervals.scattered(other, base)
-    by_weights = weightings.agreement(joint, alone, reweighted, degrees, base)
     if ci != "none":
         beyond = None if ci == "white" else estimates.two_stage
         curves = nonlinear_intervals.level_curves(estimates.joint_alone, estimates.degrees, base.levels, beyond)
         joint = nonlinear_intervals.with_intervals(joint, estimates.joint, estimates.degrees, curves, ci)
-        if other is not None and reweighted is not None:
-            curves = nonlinear_intervals.level_curves(reweighted, estimates.degrees, base.levels)
-            other = nonlinear_intervals.with_intervals(other, reweighted, estimates.degrees, curves)
 
     taken, because = chosen(estimator, by_estimate, two_stage)
     findings = _findings(estimator, taken, by_estimate, base, estimates.joint.open)
@@ -63,14 +55,12 @@ def believed(
         model = Nonlinear.of(two_stage, estimator="two-stage", robust=joint.robust, joint=joint.estimate)
     else:
         of_fit = list(fit.findings)
-        findings += weightings.findings("nonlinear", joint, by_weights, base)
         model = msgspec.structs.replace(joint, two_stage=two_stage)
     data = fit.data
     left_open = nonlinear_findings(model, base, data.input_unit, data.output_unit, with_levels=fit.friction is None)
     model = msgspec.structs.replace(
-        model, because=because, identifiable=identifiable(left_open), other_weights=other,
-        agreement=(by_estimate, by_weights),
-    )  # fmt: skip
+        model, because=because, identifiable=identifiable(left_open), agreement=(by_estimate,)
+    )
     return msgspec.structs.replace(fit, nonlinear=model, findings=(*of_fit, *left_open, *findings))
 
 

@@ -154,8 +154,7 @@ def _why_open(stats: LevelStatistics, open_at: Sequence[float], name: str) -> di
 def linear_findings(fit: Linear, stats: LevelStatistics, ci95: PooledIntervals) -> list[Finding]:
     """b0 and c0 of one level, an a0 or b0 that may be zero, levels without a B."""
     several = len(stats.levels) > 1
-    convention = fit.bounds.convention if fit.bounds else ""
-    findings = [finding("b0-by-convention", "linear", convention=convention, several=several)]
+    findings = [finding("b0-by-convention", "linear", several=several)]
     if not several:
         findings.append(finding("one-level-linear", "linear", [stats.levels[0].level]))
     for name in ("a0", "b0") if several else ("a0",):

@@ -2,7 +2,6 @@
 
 robust     scatter of whole runs, pooled over levels; coloured residuals by Bartlett windows (the default)
 bootstrap  the same, with the variances from refits to resampled runs (or blocks of a single run): a second opinion
-profile    as robust, but single levels by the profile of their cost: lopsided where the data are (τ2)
 white      the textbook: s² (J'J)⁻¹, as if every sample's error were its own
 none       no intervals
 """
@@ -23,14 +22,13 @@ from eaid.results.friction import Friction
 from eaid.results.linear import Linear
 from eaid.results.uncertainty import Adequacy, Uncertainty
 from eaid.steps.stepset import StepSet
-from eaid.uncertainty import friction_intervals, linear_intervals, weightings
+from eaid.uncertainty import friction_intervals, linear_intervals
 from eaid.uncertainty.adequacy import adequacy
 from eaid.uncertainty.bootstrap import Draws, bootstrap
 from eaid.uncertainty.estimators import believed
 from eaid.uncertainty.identifiability import friction_findings, identifiable, linear_findings, scatter_findings
 from eaid.uncertainty.level_statistics import LevelStatistics, level_statistics, pooled_statistics, statistics_at_share
 from eaid.uncertainty.levels import NAMES, share_sensitivity
-from eaid.uncertainty.profile import profiled
 from eaid.uncertainty.rig_noise import idle_of, noise_of
 from eaid.uncertainty.share import Share, share_findings, share_of, share_part
 
@@ -132,8 +130,6 @@ def _friction(
     if options.ci == "none":
         return part, found
     rows = friction_intervals.level_rows(stats, white=options.ci == "white")
-    if options.ci == "profile":
-        rows = [[profiled(stats, i, k, p) for k, p in enumerate(own)] for i, own in enumerate(rows)]
     repeats = stats.source == "repeats" and options.ci != "white"
     trends, more = friction_intervals.trend_ci95(part, rows, repeats, stats.total_degrees)
     return msgspec.structs.replace(part, levels=friction_intervals.level_ci95(part, rows), trends=trends), found + more
@@ -143,16 +139,10 @@ def _linear(
     part: Linear, base: LevelStatistics, options: FitOptions, draws: Draws | None
 ) -> tuple[Linear, list[Finding]]:
     pooled = linear_intervals.pooled_intervals(part, base)
-    other = part.other_weights
-    beside = None if other is None else linear_intervals.pooled_intervals(other, base)
     found = linear_findings(part, base, pooled)
-    says = weightings.linear_agreement(part, pooled, beside)
-    part = msgspec.structs.replace(part, identifiable=identifiable(found), agreement=(says,))
-    found += weightings.findings("linear", part, says, base)
+    part = msgspec.structs.replace(part, identifiable=identifiable(found))
     if options.ci == "none":
         return part, found
-    if other is not None:
-        part = msgspec.structs.replace(part, other_weights=msgspec.structs.replace(other, ci95=beside))
     if options.ci == "white":
         pooled, own = linear_intervals.white(part, base.levels)
     elif draws is not None:

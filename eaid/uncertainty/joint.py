@@ -124,32 +124,29 @@ def chain(c: Coefficients, duty_pct: float) -> Array:
     return D
 
 
-def with_joint_covariance(c: Coefficients, data: Data, shifts: Array, weights: Array | None = None) -> Coefficients:
+def with_joint_covariance(c: Coefficients, data: Data, shifts: Array) -> Coefficients:
     """The covariance of the joint fit, from S_l (`shifts`, shape (L, k, k)) of the levels' mean curves."""
     M = np.zeros((len(c.values),) * 2)
     middle = np.zeros_like(M)
     p = c.plant()
     points = data.points
     for i, (duty, shift) in enumerate(zip(data.u.tolist(), shifts, strict=True)):
-        weight = 1.0 if weights is None else float(weights[i])
         row = 0 if len(points.t_s) == 1 else i
         jacobian = log_jacobian(nonlinear.at_duty(p, duty), points.t_s[row], c.share_free)
         D = chain(c, duty)
-        reach = weight * D.T @ ((jacobian.T * points.w[row]) @ jacobian)
+        reach = D.T @ ((jacobian.T * points.w[row]) @ jacobian)
         M += reach @ D
         middle += reach @ shift @ reach.T
     bread = free_inverse(c, M, len(data.u))
     return with_covariance(c, bread @ middle @ bread)
 
 
-def with_white_covariance(
-    c: Coefficients, levels: Sequence[Level], weights: Array | None = None
-) -> tuple[Coefficients, float]:
+def with_white_covariance(c: Coefficients, levels: Sequence[Level]) -> tuple[Coefficients, float]:
     """The textbook covariance s² (J'J)⁻¹ of the fit to the means, and its N − P degrees of freedom."""
     curves = [(nonlinear.at_duty(c.plant(), level.level), level) for level in levels]
     g = [log_jacobian(curve, level.time_s, c.share_free) @ chain(c, level.level) for curve, level in curves]
     left = [level.mean - friction.step_response(curve, level.time_s) for curve, level in curves]
-    M, noise, spare = textbook(g, left, len(c.values), weights)
+    M, noise, spare = textbook(g, left, len(c.values))
     return with_covariance(c, free_inverse(c, M, len(levels)) * noise), spare
 
 

@@ -36,15 +36,12 @@ Gain = tuple[Array, Array]
 """How a change of a level's mean moves m numbers, shape (m, n), as a product of (m, k) and (k, n)."""
 
 
-def pooled_gain(levels: Sequence[Level], p: Linear, weights: Array | None = None) -> list[Gain]:
-    """How a change of each level's mean moves the pooled (a0, b0, c0): H⁻¹ w J' of each level, J' = (3, 2) of (r', r).
-
-    `weights`, shape (L,): of each level's squared residuals; None: all alike.
-    """
+def pooled_gain(levels: Sequence[Level], p: Linear) -> list[Gain]:
+    """How a change of each level's mean moves the pooled (a0, b0, c0): H⁻¹ J' of each level, J' = (3, 2) of (r', r)."""
     hessian = np.zeros((3, 3))
     parts = []
     time_s, second, both, square = np.empty(0), np.empty(0), np.empty((2, 0)), np.empty((2, 2))
-    for level, weight in zip(levels, np.ones(len(levels)) if weights is None else weights, strict=True):
+    for level in levels:
         if not np.array_equal(level.time_s, time_s):  # most levels have the same times
             time_s = level.time_s
             r, first, second = _rise(p.a0, time_s)
@@ -57,8 +54,8 @@ def pooled_gain(levels: Sequence[Level], p: Linear, weights: Array | None = None
         curved[0, 0] = size * (left @ second)
         curved[0, 1] = curved[1, 0] = level.level * (left @ both[0])
         curved[0, 2] = curved[2, 0] = left @ both[0]
-        hessian += weight * (take @ square @ take.T - curved)
-        parts.append((weight * take, both))
+        hessian += take @ square @ take.T - curved
+        parts.append((take, both))
     inverse = scaled_inverse(hessian, UNSEEN)
     return [(inverse @ take, both) for take, both in parts]
 

@@ -27,7 +27,6 @@ from eaid.uncertainty.linear_influence import (
 from eaid.uncertainty.run_statistics import textbook
 from eaid.uncertainty.scatter import pooled_scatter
 from eaid.uncertainty.student_t import interval_of, log_interval_of
-from eaid.uncertainty.weightings import weights_array
 
 
 def spreads(gains: Sequence[Gain], stats: LevelStatistics) -> list[tuple[float, float]]:
@@ -58,7 +57,7 @@ def _own_variance(i: int, gain: Gain, stats: LevelStatistics) -> Array:
 
 def pooled_intervals(fit: Pooled, stats: LevelStatistics) -> PooledIntervals:
     """95 % intervals of the pooled a0, b0, c0; one level leaves c0 to b0."""
-    found = spreads(pooled_gain(stats.levels, fit.parameters, weights_array(fit)), stats)
+    found = spreads(pooled_gain(stats.levels, fit.parameters), stats)
     return _pooled(fit, found if len(stats.levels) > 1 else found[:2])
 
 
@@ -69,9 +68,7 @@ def _pooled(fit: Pooled, found: Sequence[tuple[float, float]]) -> PooledInterval
 
 
 def level_intervals(fit: Linear, stats: LevelStatistics) -> list[LinearLevelIntervals]:
-    """95 % intervals of a0, gain and B of every level, B under the fit's convention."""
-    if convention(fit) != "zero-offset":
-        return _with_pooled_terms(fit, stats)
+    """95 % intervals of a0, gain and B of every level."""
     each = list(zip(stats.levels, fit.per_level, stats.estimates, strict=True))
     if stats.source == "repeats":
         runs = [level_run_statistics(level, row.a0, row.gain, one.noise_nm) for level, row, one in each]
@@ -90,43 +87,6 @@ def _logs(row: LinearLevel, variance: Array, degrees: Array) -> LinearLevelInter
     return LinearLevelIntervals(*(log_interval_of(*one) for one in values))
 
 
-def _with_pooled_terms(fit: Linear, stats: LevelStatistics) -> list[LinearLevelIntervals]:
-    """The conventions that take c0, or a0 and c0, from the pooled fit: b0 = (a0 gain − c0)/u."""
-    pooled = [take @ along for take, along in pooled_gain(stats.levels, fit.parameters)]
-    rows: list[LinearLevelIntervals] = []
-    for i, (level, row) in enumerate(zip(stats.levels, fit.per_level, strict=True)):
-        if convention(fit) == "pooled-offset":
-            own = level_gain(level, row.a0, row.gain)
-            answers = [np.stack([0 * p[0], 0 * p[0], -p[2] / level.level]) for p in pooled]
-            answers[i] += np.stack([own[0], own[1], -row.a0 * row.gain * own[2] / level.level])
-        else:
-            along, slope = _gain_at(level, row.a0, row.gain)
-            answers = [
-                np.stack([p[0], slope * p[0], ((row.gain + row.a0 * slope) * p[0] - p[2]) / level.level])
-                for p in pooled
-            ]
-            answers[i] += np.stack([0 * along, along, row.a0 * along / level.level])
-        a0, gain, b0 = spreads([(np.eye(3), one) for one in answers], stats)
-        quoted = log_interval_of if convention(fit) == "pooled-offset" else interval_of
-        ends = interval_of(row.b0 or 0.0, *b0)
-        B = (1 / ends[1], 1 / ends[0]) if ends[0] > 0 else None  # b0 may be zero
-        rows.append(LinearLevelIntervals(quoted(row.a0, *a0), quoted(row.gain, *gain), B))
-    return rows
-
-
-def _gain_at(level: Level, a0: float, gain: float) -> tuple[Array, float]:
-    """∂gain/∂ȳ at a held a0, shape (n,), and ∂gain/∂a0, for gain = r'ȳ/r'r with r = 1 − e^(−a0 t)."""
-    rise = -np.expm1(-a0 * level.time_s)
-    bent = level.time_s * (1 - rise)
-    square = float(rise @ rise)
-    return rise / square, float(bent @ (level.mean - 2 * gain * rise)) / square
-
-
-def convention(fit: Linear) -> str:
-    """The convention for b0 of a single level."""
-    return fit.bounds.convention if fit.bounds is not None else "zero-offset"
-
-
 def bound_intervals(fit: Linear, own: Sequence[LinearLevelIntervals]) -> BoundsIntervals:
     """95 % intervals of B_m and B_M, the least and largest B over the kept levels; None where some B is unbounded."""
     levels = fit.bounds.levels if fit.bounds is not None else ()
@@ -139,7 +99,7 @@ def bound_intervals(fit: Linear, own: Sequence[LinearLevelIntervals]) -> BoundsI
 
 
 def white(fit: Linear, levels: Sequence[Level]) -> tuple[PooledIntervals, list[LinearLevelIntervals]]:
-    """Textbook intervals, s² (J'J)⁻¹ on the means: of the pooled fit, and of each level (zero-offset)."""
+    """Textbook intervals, s² (J'J)⁻¹ on the means: of the pooled fit, and of each level."""
     p = fit.parameters
     slopes = [model.gradient(p, level.time_s, level.level).T for level in levels]
     left = [level.mean - model.step_response(p, level.time_s, level.level) for level in levels]
@@ -159,16 +119,11 @@ def white(fit: Linear, levels: Sequence[Level]) -> tuple[PooledIntervals, list[L
 def from_draws(
     fit: Linear, pooled: Array | None, own: Array | None, stats: LevelStatistics
 ) -> tuple[PooledIntervals, list[LinearLevelIntervals]]:
-    """The same intervals from the spread of refits: covariance of (a0, b0, c0), variance of the levels' logs (L, 3).
-
-    B of the levels is that of zero-offset; the other conventions keep the linear way for B.
-    """
+    """The same intervals from the spread of refits: covariance of (a0, b0, c0), variance of the levels' logs (L, 3)."""
     assert pooled is not None and own is not None
     count = 3 if len(stats.levels) > 1 else 2
     degrees = [degrees for _, degrees in spreads(pooled_gain(stats.levels, fit.parameters), stats)]
     found = _pooled(fit, list(zip(np.diag(pooled).tolist(), degrees, strict=True))[:count])
-    if convention(fit) != "zero-offset":
-        return found, level_intervals(fit, stats)
     # a level's own few draws count as much as its runs; what all levels share counts for the rest
     variance = 0.25 * own + 0.75 * own.mean(axis=0) if stats.source == "repeats" else own
     df = np.full(3, stats.total_degrees)

@@ -33,7 +33,6 @@ from eaid.uncertainty.level_statistics import LevelStatistics, curve_degrees, cu
 from eaid.uncertainty.levels import CURVES
 from eaid.uncertainty.student_t import Degrees, t_quantile
 from eaid.uncertainty.twostage import two_stage
-from eaid.uncertainty.weightings import weights_array
 
 PARAMETRISATION = "coefficients of (u/100 %)^k, lowest power first: tau1 [s], tau2 [s], Ts [N·m]; C last where free"
 """What the rows and columns of `nonlinear.covariance.matrix` are."""
@@ -79,12 +78,11 @@ def estimates(fit: Estimate, stats: LevelStatistics) -> Estimates:
 
 def scattered(fit: Estimate, stats: LevelStatistics) -> Coefficients:
     """The coefficients of a joint fit with the covariance that the levels' scatter gives them."""
-    weights = weights_array(fit)
     shifts = stats.shifts()
     if fit.C_free and shifts.shape[1] == 3:  # C held at single levels
         shifts = np.pad(shifts, ((0, 0), (0, 1), (0, 1)))
     joint = replace(coefficients_of(fit.parameters, fit.C_free), open=stats.open_curves())
-    return _swept(with_joint_covariance(joint, stats.data, shifts, weights), stats)
+    return _swept(with_joint_covariance(joint, stats.data, shifts), stats)
 
 
 def _swept(c: Coefficients, stats: LevelStatistics) -> Coefficients:

@@ -1,14 +1,12 @@
 """What the residuals of a fit say about the rig's noise, in a form that another experiment can be planned with.
 
 With A = ∫ J J' dt the within-run variances are the diagonal of A⁻¹ (∫ J J' (s0 + s1 f²) dt) A⁻¹: s0 [N²m²·s] from the
-sensor, s1 [s] from ripple that goes with the torque f. Ripple that is periodic may be counted apart (`periodic`), for
-its weight falls faster with the hold.
+sensor, s1 [s] from ripple that goes with the torque f.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-import msgspec
 import numpy as np
 from scipy.optimize import nnls
 from scipy.special import chdtri
@@ -20,7 +18,6 @@ from eaid.results.fit import Fit
 from eaid.steps.stepset import RunRecord
 from eaid.uncertainty.level_statistics import LevelStatistics
 from eaid.uncertainty.levels import CURVES, log_jacobian
-from eaid.uncertainty.periodic import Periodic, periodic_part
 
 
 @dataclass(frozen=True)
@@ -33,13 +30,10 @@ class Noise:
     """s1: density of noise that goes with the torque, as a share of it [s]."""
     scatter: tuple[float, float, float]
     """Run-to-run standard deviation of log T_s, log τ1, log τ2."""
-    periodic: Periodic | None = None
-    """Ripple that is periodic and that `ripple_s` and `scatter` do not count; None: they count all."""
 
     def within(self, curve: Friction, hold_s: float) -> Array:
         """Within-run variance of (log T_s, log τ1, log τ2) of a run that is held so long, shape (3,)."""
-        white = unit_variances(curve, hold_s) @ [self.sensor_nm2_s, self.ripple_s]
-        return np.asarray(white if self.periodic is None else white + self.periodic.variance(curve, hold_s))
+        return np.asarray(unit_variances(curve, hold_s) @ [self.sensor_nm2_s, self.ripple_s])
 
 
 ASSUMED = Noise(sensor_nm2_s=1e-6, ripple_s=1e-5, scatter=(0.03, 0.05, 0.0))
@@ -58,7 +52,7 @@ def unit_variances(curve: Friction, hold_s: float) -> Array:
 
 
 def noise_of(stats: LevelStatistics, idle: float | None = None) -> results.Noise:
-    """`uncertainty.noise` of a fit: the noise that the levels show, and what is left of it beside a periodic ripple.
+    """`uncertainty.noise` of a fit: the noise that the levels show.
 
     `idle` is the density of the sensor's noise while the rig idles, where it is known: only the ripple is then left to
     be found in the levels. Parameters that a level does not determine are left out.
@@ -67,19 +61,8 @@ def noise_of(stats: LevelStatistics, idle: float | None = None) -> results.Noise
     records = [(stats.estimates[i].curve, stats.estimates[i].runs.duration_s) for i in known]
     units = np.reshape([unit_variances(*one) for one in records], (-1, 2))
     within = np.ravel([stats.estimates[i].runs.within[:3] for i in known])
-    whole = Noise(*_densities(units, within, idle), _scatter(stats.between[:3]))
-    found = periodic_part([stats.levels[i] for i in known], [stats.estimates[i] for i in known]) if known else None
-    if found is None:
-        return _part(whole)
-    wave, density, square = found
-    left = Noise(*_densities(np.stack([np.ones(len(square)), square], axis=1), density, idle), whole.scatter, wave)
-    counted = np.array([left.within(*one) for one in records])
-    total = (stats.expected[:, :3] * stats.repeats[:, None])[known]
-    between = np.fmin(stats.between[:3], np.maximum(np.median(total - counted, axis=0), 0.0))
-    beside = _part(replace(left, scatter=_scatter(np.where(np.isfinite(stats.between[:3]), between, np.nan))))
-    return msgspec.structs.replace(
-        _part(whole), periodic=results.PeriodicRipple(wave.period_s, 100 * wave.amplitude, beside)
-    )
+    scatter = dict(zip(CURVES, _scatter(stats.between[:3]), strict=True))
+    return results.Noise(*_densities(units, within, idle), scatter)
 
 
 def _scatter(between: Array) -> tuple[float, float, float]:
@@ -107,20 +90,12 @@ def _densities(units: Array, variance: Array, sensor: float | None) -> tuple[flo
     return float(found[0]), float(found[1])
 
 
-def _part(noise: Noise) -> results.Noise:
-    return results.Noise(noise.sensor_nm2_s, noise.ripple_s, dict(zip(CURVES, noise.scatter, strict=True)))
-
-
-def noise_of_fit(fit: Fit, apart: bool = False) -> Noise | None:
-    """The noise that a fit holds, periodic ripple counted in or, where it is asked for, `apart`; None: it says none."""
-    stored = fit.uncertainty.noise if fit.uncertainty is not None else None
-    wave = stored.periodic if stored is not None and apart else None
-    held = stored if wave is None else wave.beside
+def noise_of_fit(fit: Fit) -> Noise | None:
+    """The noise that a fit holds; None: it says none."""
+    held = fit.uncertainty.noise if fit.uncertainty is not None else None
     if held is None or not {"Ts", "tau1", "tau2"} <= set(held.scatter):
         return None
-    scatter = (held.scatter["Ts"], held.scatter["tau1"], held.scatter["tau2"])
-    periodic = None if wave is None else Periodic(wave.period_s, wave.amplitude_pct / 100)
-    return Noise(held.sensor_nm2_s, held.ripple_s, scatter, periodic)
+    return Noise(held.sensor_nm2_s, held.ripple_s, (held.scatter["Ts"], held.scatter["tau1"], held.scatter["tau2"]))
 
 
 def cautious(noise: Noise, degrees: float) -> Noise:

@@ -117,14 +117,11 @@ def within_variance(time_s: Array, noise_nm: Array, directions: Array) -> Array:
     return np.asarray(np.sort(variances, axis=1).mean(axis=1).max(axis=0))
 
 
-def textbook(
-    jacobians: Sequence[Array], residuals: Sequence[Array], parameters: int, weights: Array | None = None
-) -> tuple[Array, float, float]:
-    """Σ w J'J, the noise's variance s² = Σ w r'r/(N − P) as if every sample's error were its own, and N − P."""
-    each = np.ones(len(residuals)) if weights is None else weights
-    information = sum(w * J.T @ J for w, J in zip(each, jacobians, strict=True))
+def textbook(jacobians: Sequence[Array], residuals: Sequence[Array], parameters: int) -> tuple[Array, float, float]:
+    """Σ J'J, the noise's variance s² = Σ r'r/(N − P) as if every sample's error were its own, and N − P."""
+    information = sum(J.T @ J for J in jacobians)
     spare = sum(map(len, residuals)) - parameters
-    cost = sum(float(w * (r @ r)) for w, r in zip(each, residuals, strict=True))
+    cost = sum(float(r @ r) for r in residuals)
     return np.asarray(information), cost / max(spare, 1), float(spare)
 
 

@@ -26,7 +26,7 @@ def fit_steps(stepset: StepSet, options: FitOptions | None = None, progress: Cal
     """Fit a set of steps and find how sure the result is: what `eaid.fit` calls.
 
     `progress` is called once per bootstrap refit. `UsageError` for an option that is none, or a model that the kind of
-    experiment does not allow; `DataError` without a rising step, or for weights that the repeats do not give.
+    experiment does not allow; `DataError` without a rising step.
     """
     options = options or FitOptions()
     check(options)

@@ -58,16 +58,14 @@ def test_json_on_stdout_is_the_file(small: Path, tmp_path: Path, capsys: pytest.
 
 def test_options_reach_the_fit(small: Path, tmp_path: Path) -> None:
     out = tmp_path / "fit.json"
-    arguments = ["--model", "nonlinear,linear", "--share", "0.8", "--weights", "sd", "--loss", "huber",
-                 "--hold-out", "60", "--bounds", "pooled-dynamics", "--bounds-levels", "40:100"]  # fmt: skip
+    arguments = ["--model", "nonlinear,linear", "--share", "0.8", "--loss", "huber",
+                 "--hold-out", "60", "--bounds-levels", "40:100"]  # fmt: skip
     assert main.run(["fit", str(small), "-o", str(out), *arguments, *QUICK]) == 0
     result = json.loads(out.read_text())
-    assert (
-        "friction" not in result and result["nonlinear"]["C"] == 0.8 and len(result["nonlinear"]["level_weights"]) == 4
-    )
+    assert "friction" not in result and result["nonlinear"]["C"] == 0.8
     assert result["nonlinear"]["robust"]["loss"] == "huber"
     assert [row["level"] for row in result["nonlinear"]["hold_out"]["levels"]] == [60.0]
-    assert result["linear"]["bounds"]["convention"] == "pooled-dynamics"
+    assert result["linear"]["bounds"]["convention"] == "zero-offset"
     assert result["linear"]["bounds"]["levels"] == [40.0, 80.0, 100.0]
 
 
@@ -82,7 +80,7 @@ def test_a_free_share_and_chosen_levels(small: Path, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("arguments", "code", "sentence"),
     [
-        (["--ci", "maybe"], 2, "error: --ci maybe: must be one of robust, bootstrap, profile, white, none\n"),
+        (["--ci", "maybe"], 2, "error: --ci maybe: must be one of robust, bootstrap, white, none\n"),
         (["--share", "most"], 2, "error: --share most: must be free or a number\n"),
         (["--share", "1"], 2, "error: --share 1: the share of the fast part lies between 0 and 1; or say free\n"),
         (["--hold-out", "a"], 2, "error: --hold-out a: write numbers with commas between them, as 40,70\n"),

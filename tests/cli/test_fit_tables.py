@@ -4,12 +4,10 @@ import json
 import re
 from pathlib import Path
 
-import msgspec
 import pytest
 
 from eaid.cli import main
 from eaid.report.tables.table import number
-from eaid.results.nonlinear import Nonlinear
 
 
 @pytest.fixture(scope="module")
@@ -35,7 +33,6 @@ def table(text: str, title: str) -> list[list[str]]:
     ("arguments", "first"),
     [
         (["--estimator", "joint"], "joint"),
-        (["--weights", "sd", "--estimator", "joint"], "joint"),
         (["--estimator", "two-stage"], "two-stage"),
     ],
 )
@@ -52,14 +49,6 @@ def test_the_first_column_is_the_model_of_the_file(
     held = next(row for row in table(told, "Levels held out") if row[0] == "nonlinear")
     assert held[1:3] == ["60", number(part["hold_out"]["levels"][0]["rmse"], 3)]
     assert [head for head in table(told, "Estimates side by side")[0] if head.endswith("(used)")]
-
-
-def test_single_runs_print_why_no_other_weights_stand_there(tmp_path: Path) -> None:
-    single = ["synth", "--levels", "20,60,100", "--repeats", "1", "--hold", "8", "--idle", "1", "--rate-hz", "50", "-q"]
-    assert main.run([*single, "-o", str(tmp_path / "data.h5")]) == 0
-    assert main.run(["fit", str(tmp_path / "data.h5"), "-o", str(tmp_path / "fit.json"), "--tables"]) == 0
-    codes = [one["code"] for one in json.loads((tmp_path / "fit.json").read_text())["findings"]]
-    assert codes.count("no-weights-for-single-runs") == 2
 
 
 def test_huber_shows_the_run_and_the_part_it_weighs_down(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -84,10 +73,3 @@ def test_huber_shows_the_run_and_the_part_it_weighs_down(tmp_path: Path, capsys:
     assert "r2" in worst["run"] and 3.9 < worst["from_s"] < 4.1 and 4.4 < worst["to_s"] < 4.6
     rows = table(told, "Weights of Huber's loss, nonlinear model")
     assert rows[3][0] == "60 %" and "r2)" in rows[3][-1]
-
-
-def test_a_fit_of_one_estimate_has_one_column() -> None:
-    alone = Nonlinear((1.0, 0.0, 0.0), (2.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0), (0.0, 1.0))
-    assert list(alone.estimates) == ["joint, equal weights"]
-    both = msgspec.structs.replace(alone, estimator="two-stage", joint=alone.estimate)
-    assert list(both.estimates) == ["two-stage", "joint, equal weights"]

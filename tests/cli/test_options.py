@@ -115,8 +115,7 @@ def form_as_typed() -> object:
 
 TABLES = {
     ("fit", "models"): fitting.MODELS, ("fit", "estimator"): fitting.ESTIMATORS, ("fit", "ci"): fitting.INTERVALS,
-    ("fit", "weights"): fitting.WEIGHTS, ("fit", "loss"): fitting.LOSSES, ("fit", "shape"): fitting.SHAPES,
-    ("fit", "bounds"): tuple(fitting.CONVENTIONS), ("tune_rc", "bounds"): tuple(fitting.CONVENTIONS),
+    ("fit", "loss"): fitting.LOSSES, ("fit", "shape"): fitting.SHAPES,
     ("fit", "kind"): KINDS, ("ingest", "kind"): KINDS, ("synth", "kind"): KINDS,
     ("tune_rc", "optimize_also"): ALSO, ("tune_rc", "reference"): tuple(SCENARIOS),
     ("simulate", "scenario"): (*SCENARIOS, "rehab"), ("simulate", "controllers"): tuple(CONTROLLERS),

@@ -69,7 +69,7 @@ def test_wrong_words_are_refused(log: Path, tmp_path: Path) -> None:
         ["synth", "--excitation", "random", "--shape", "hold_s=3", "-o", out],
         ["synth", "--excitation", "random", "-o", f"{out}.h5"],
         ["fit", str(log), "--logs-as", "waves", "-o", out],
-        ["fit", str(log), "--weights", "sd", "-o", out],
+        ["fit", str(log), "--loss", "huber", "-o", out],
         ["fit", str(log), "--duty", "10", "-o", out],
     ):
         assert main.run(words) == 2, words

@@ -194,7 +194,6 @@ def test_refused_gains_exit_with_5(linear, arguments, words, capsys):
         (["--kp", "4", "--damping", "1"], 2, "not both"),
         (["--damping", "0.7"], 2, "belong together"),
         (["--bounds-levels", "30:100"], 2, "no fits of single levels"),
-        (["--bounds", "x"], 2, "--bounds x: must be one of"),
         (["--epsilon", "0"], 2, "--epsilon 0: give a number from 1e-15"),
         (["--reference", "none.csv"], 3, "none.csv: no such file"),
         (["--optimize"], 3, "holds no nonlinear model"),
@@ -394,7 +393,7 @@ def test_optimize_trades_in_the_open(capsys):
 
 
 def test_on_a_real_fit(capsys):
-    """The shipped logs: bounds over levels, by another convention, widened; plants drawn from the fit's uncertainty."""
+    """The shipped logs: bounds over levels, widened; plants drawn from the fit's uncertainty."""
     from eaid.synth.datasets import shipped
 
     assert run(["fit", str(shipped()["clutch"]), "-q"]) == 0
@@ -411,9 +410,6 @@ def test_on_a_real_fit(capsys):
     kept = [rows[level]["B"] for level in rows if 30 <= level <= 90]
     assert bounds("--bounds-levels", "30:90") == pytest.approx((min(kept), max(kept)))
     assert bounds("--widen-bounds") == pytest.approx((stored["ci95"]["B_m"][0], stored["ci95"]["B_M"][1]), rel=1e-6)
-    for convention in ("pooled-offset", "pooled-dynamics"):
-        told = fit["linear"]["conventions"][convention]
-        assert bounds("--bounds", convention) == pytest.approx((told["B_m"], told["B_M"]))
     searched = ["tune-rc", "fit.json", "--optimize", "--plants", "3", "--evaluations", "4", "--seed", "5"]
     assert run([*searched, "-o", "a.json"]) == 0
     assert run([*searched, "-o", "b.json", "-q"]) == 0

@@ -96,7 +96,7 @@ def test_the_worst_of_the_levels_is_told() -> None:
 
 def test_single_levels_depart_most_at_an_end() -> None:
     """η = 2 T B − c B, η̂ = 2 T/0.08: at rest −c B, at 3 N·m 6 B − c B − 75."""
-    rows = [LevelB(20.0, 2.0, 0.5, 1.0, 12.5), LevelB(40.0, 2.0, 0.0, 2.0, 20.0)]
+    rows = [LevelB(20.0, 2.0, 1.0, 12.5), LevelB(40.0, 2.0, 2.0, 20.0)]
     found = shown_by_levels(rows, HALF, 3.0, "V")
     assert (found.signed_pct, found.where) == (pytest.approx(45.0), "at an output of 3 on the model of 40 V alone")
     first = shown_by_levels(rows[:1], HALF, 3.0)
@@ -150,18 +150,14 @@ def fit(linear: dict[str, object], **more: object) -> Fit:
 LEVELS = rows((0.0, 1.0, 1.0), (10.0, 2.0, 1.0), (40.0, 2.0, 2.0), (90.0, 3.0, 9.0))
 
 
-def test_conventions_by_hand() -> None:
-    """B is u/(a g) without an offset, u/(a g + 1) with the pooled one: 5, 10, 3.33 and 3.33, 8, 3.21; 0 tells none."""
+def test_b_by_hand() -> None:
+    """B is u/(a g): 5, 10, 3.33; 0 tells none."""
     known = fit({"per_level": LEVELS})
     zero = bounds_of(known)
     assert [row.B for row in zero.rows] == pytest.approx([5.0, 10.0, 10 / 3])
-    assert (zero.convention, zero.B_m, zero.B_M, zero.widened) == ("zero-offset", pytest.approx(10 / 3), 10.0, False)
-    assert zero.levels == (10.0, 40.0, 90.0) and {row.c0 for row in zero.rows} == {0.0}
-    pooled = bounds_of(known, "pooled-offset")
-    assert [row.B for row in pooled.rows] == pytest.approx([10 / 3, 8.0, 90 / 28])
-    assert (pooled.B_m, pooled.B_M) == (pytest.approx(90 / 28), 8.0) and {row.c0 for row in pooled.rows} == {-1.0}
-    some = bounds_of(known, "pooled-offset", "10:40")
-    assert (some.levels, some.B_m, some.B_M) == ((10.0, 40.0), pytest.approx(10 / 3), 8.0)
+    assert (zero.levels, zero.B_m, zero.B_M, zero.widened) == ((10.0, 40.0, 90.0), pytest.approx(10 / 3), 10.0, False)
+    some = bounds_of(known, "10:40")
+    assert (some.levels, some.B_m, some.B_M) == ((10.0, 40.0), 5.0, 10.0)
 
 
 def test_the_levels_that_the_fit_kept_are_kept() -> None:
@@ -170,9 +166,7 @@ def test_the_levels_that_the_fit_kept_are_kept() -> None:
     stored = bounds_of(known)
     assert (stored.levels, stored.B_m, stored.B_M) == ((10.0, 90.0), 3.0, 6.0)
     assert [row.level for row in stored.rows] == [10.0, 90.0]
-    other = bounds_of(known, "pooled-offset")
-    assert (other.levels, other.B_M) == ((10.0, 90.0), pytest.approx(10 / 3))
-    assert bounds_of(known, None, "40").levels == (40.0,)
+    assert bounds_of(known, "40").levels == (40.0,)
 
 
 def test_a_range_of_one_value_is_a_range_and_one_that_falls_is_none() -> None:
@@ -182,26 +176,26 @@ def test_a_range_of_one_value_is_a_range_and_one_that_falls_is_none() -> None:
         bounds_of(fit({"bounds": one | {"B_m": 6.1}}))
 
 
-def test_intervals_are_scaled_to_another_convention() -> None:
+def test_widened_ends_are_those_of_the_levels() -> None:
     with_ends = [{**row, "ci95": {"B": [0.5 * row["B"], 2.0 * row["B"]]}} for row in LEVELS[1:]]
-    wide = bounds_of(fit({"per_level": with_ends}), "pooled-offset", None, True)
-    assert (wide.B_m, wide.B_M, wide.widened) == (pytest.approx(45 / 28), pytest.approx(16.0), True)
+    wide = bounds_of(fit({"per_level": with_ends}), None, True)
+    assert (wide.B_m, wide.B_M, wide.widened) == (pytest.approx(5 / 3), pytest.approx(20.0), True)
     with pytest.raises(UsageError, match="level 40 has no interval of B"):
-        bounds_of(fit({"per_level": [with_ends[0], LEVELS[2]]}), None, None, True)
+        bounds_of(fit({"per_level": [with_ends[0], LEVELS[2]]}), None, True)
 
 
-def test_a_level_whose_offset_eats_its_gain_touches_zero() -> None:
-    """a g = 1 under c0 = 1: b0 = 0; beyond it b0 is negative."""
-    for c0 in (1.0, 1.5):
-        with pytest.raises(GainsError, match="touches 0"):
-            bounds_of(fit({"c0": c0, "per_level": rows((10.0, 1.0, 1.0), (20.0, 2.0, 2.0))}), "pooled-offset")
+@pytest.mark.parametrize("gain", [0.0, -0.5])
+def test_a_level_that_gains_nothing_touches_zero(gain: float) -> None:
+    flat = {**LEVELS[1], "gain": gain, "b0": gain / 5, "B": None}
+    with pytest.raises(GainsError, match="touches 0"):
+        bounds_of(fit({"per_level": [flat, LEVELS[2]]}))
 
 
 # where the loop stands
 
 
-NO_ROWS = Bounds("zero-offset", (), 10.0, 20.0, ())
-SOME = replace(NO_ROWS, rows=(LevelB(20.0, 2.0, 0.0, 1.5, 5.0), LevelB(60.0, 3.0, 0.0, 2.5, 8.0)))
+NO_ROWS = Bounds((), 10.0, 20.0, ())
+SOME = replace(NO_ROWS, rows=(LevelB(20.0, 2.0, 1.5, 5.0), LevelB(60.0, 3.0, 2.5, 8.0)))
 
 
 def test_operating_points_by_hand() -> None:

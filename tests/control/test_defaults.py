@@ -31,7 +31,7 @@ from eaid.results.codec import from_plain, to_plain
 from eaid.results.fit import Fit
 from eaid.results.tuning import TuneOptions
 
-BOUNDS = Bounds("zero-offset", (), 12.4, 42.6, ())
+BOUNDS = Bounds((), 12.4, 42.6, ())
 
 
 def rig(**data: object) -> Fit:
@@ -122,8 +122,8 @@ def test_a_range_of_B_below_one_is_a_range() -> None:
     whole = rig()
     assert whole.linear is not None
     broken = from_plain(
-        {"linear": {"a0": 1.0, "b0": 1.0, "c0": 9.0, "bounds": {"B_m": 0.1, "B_M": 0.9, "convention": "pooled-offset"},
-                    "per_level": [{"level": 5.0, "a0": 1.5, "gain": 4.0, "b0": 1.0, "c0": 9.0, "B": 1.0}]}},
+        {"linear": {"a0": 1.0, "b0": 1.0, "c0": 9.0, "bounds": {"B_m": 0.1, "B_M": 0.9},
+                    "per_level": [{"level": 5.0, "a0": 1.5, "gain": -4.0, "b0": 1.0, "c0": 0.0, "B": 1.0}]}},
         Fit, "rig",
     )  # fmt: skip
     with pytest.raises(GainsError, match="no positive b0"):

@@ -60,7 +60,7 @@ def level_row(u):
 
 def level_b(u):
     row = level_row(u)
-    return LevelB(row["level"], row["a0"], row["c0"], row["gain"], row["B"])
+    return LevelB(row["level"], row["a0"], row["gain"], row["B"])
 
 
 REFERENCE_FIT = {
@@ -260,25 +260,13 @@ def test_wishes_that_contradict_each_other_or_any_rig_are_wrong_usage(options, w
 
 
 def test_bounds_over_chosen_levels():
-    found = bounds_of(fit_of(REFERENCE_FIT), None, "30:100")
+    found = bounds_of(fit_of(REFERENCE_FIT), "30:100")
     assert (found.B_m, found.B_M) == pytest.approx((8.349, 41.142)) and found.levels == tuple(range(30, 101, 10))
-    assert bounds_of(fit_of(REFERENCE_FIT), None, "50,70").B_m == pytest.approx(27.340)
+    assert bounds_of(fit_of(REFERENCE_FIT), "50,70").B_m == pytest.approx(27.340)
     with pytest.raises(DataError, match="no log holds 35"):
-        bounds_of(fit_of(REFERENCE_FIT), None, "35")
-
-
-def test_bounds_by_another_convention():
-    found = bounds_of(fit_of(REFERENCE_FIT), "pooled-offset", None)
-    row = level_row(100)
-    assert pytest.approx(100 / (row["a0"] * row["gain"] + 1.343124)) == found.rows[-1].B
-    with pytest.raises(UsageError, match="fit again with bounds= pooled-dynamics"):
-        bounds_of(fit_of(REFERENCE_FIT), "pooled-dynamics", None)
-    ready = {"linear": {**REFERENCE_FIT["linear"], "conventions": {"pooled-dynamics": {"B_m": 9.0, "B_M": 40.0}}}}
-    assert bounds_of(fit_of(ready), "pooled-dynamics", None).B_M == 40.0
-    with pytest.raises(UsageError, match="must be one of"):
-        bounds_of(fit_of(REFERENCE_FIT), "pooled", None)
+        bounds_of(fit_of(REFERENCE_FIT), "35")
     with pytest.raises(UsageError, match="no fits of single levels"):
-        bounds_of(fit_of(PAPER_FIT), None, "30:100")
+        bounds_of(fit_of(PAPER_FIT), "30:100")
 
 
 def test_widened_bounds_take_the_far_ends():

@@ -27,7 +27,7 @@ from eaid.replay.scenarios import measure, replayed
 from eaid.results.fit import Fit
 
 TEXT = re.sub(r"\s+", " ", (Path(__file__).parents[2] / "docs/robust-control.md").read_text(encoding="utf-8"))
-BOUNDS = Bounds("zero-offset", (), 12.4, 42.6, ())
+BOUNDS = Bounds((), 12.4, 42.6, ())
 POINTS = operating_points(Fit(), PAPER_LINEAR, REFERENCE_PLANT, BOUNDS)
 MULTISINE = references.multisine(1e-3, 12.0)
 THREE_HZ = references.sweep(1e-3, frequencies_hz=(3.0,))

@@ -32,7 +32,7 @@ from eaid.results.tuning import TuneOptions
 
 RC, PI = paper_gains()
 LINEAR = {"a0": 1.36, "b0": 0.08, "c0": -2.42, "bounds": {"B_m": 12.4, "B_M": 42.6}}
-NO_ROWS = Bounds("zero-offset", (), 12.4, 42.6, ())
+NO_ROWS = Bounds((), 12.4, 42.6, ())
 
 
 def fit(linear: dict[str, object] | None = None, **data: object) -> Fit:

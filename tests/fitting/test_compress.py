@@ -101,7 +101,7 @@ def test_the_fit_on_points_is_the_fit_on_all_samples(noise: float, monkeypatch: 
     data = Data(np.array([20.0, 50.0, 80.0]), records, np.ones(3))
     short = fit_levels(data, 0.85)
     monkeypatch.setattr(module, "SMALL", len(t))
-    whole = fit_levels(Data(data.u, records, data.weights), 0.85)
+    whole = fit_levels(Data(data.u, records), 0.85)
     assert data.points.y.shape[1] < 100
     for a, b in zip(short, whole, strict=True):
         assert a.sse == pytest.approx(b.sse, rel=1e-11)

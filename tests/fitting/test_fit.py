@@ -1,4 +1,4 @@
-"""StepSet → Fit: what each kind allows, held-out levels, weights, loss, warnings in words, fit.json."""
+"""StepSet → Fit: what each kind allows, held-out levels, loss, warnings in words, fit.json."""
 
 import json
 from collections.abc import Callable
@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from eaid.apparatus import Apparatus
 from eaid.errors import DataError, UsageError
 from eaid.fitting.fit import fit
 from eaid.fitting.metrics import errors, explains_little, quality
@@ -90,9 +89,7 @@ def test_kinds_and_models_that_do_not_go_together(clutch_set: Maker, friction_se
 @pytest.mark.parametrize(
     ("options", "sentence"),
     [
-        (FitOptions(weights="var"), "weights= var: must be one of equal, sd"),
         (FitOptions(loss="l1"), "loss= l1: must be one of squares, huber"),
-        (FitOptions(bounds="x"), "bounds= x: must be one of zero-offset, pooled-offset, pooled-dynamics"),
         (FitOptions(share=1.5), "share= 1.5: the share of the fast part lies between 0 and 1; or say free"),
         (FitOptions(share=None), "share= None: the share of the fast part lies between 0 and 1; or say free"),
         (
@@ -136,25 +133,6 @@ def test_held_out_friction_levels_are_predicted_by_the_trends(friction_set: Make
     found = fit(friction_set("friction-force", "N", curves), FitOptions(hold_out=(100.0,)))
     assert found.friction and found.friction.hold_out
     assert found.friction.hold_out.rmse < 1e-3 * curves[100.0].Ts
-
-
-def test_weights_by_spread_follow_the_quiet_levels(clutch_set: Maker) -> None:
-    steps = clutch_set(rate_hz=20.0, noise_nm=0.01, repeats=3)
-    loud = replace(steps.levels[9], runs=steps.levels[9].runs + np.array([[-1.0], [0.0], [1.6]]))
-    steps = replace(steps, levels=(*steps.levels[:9], loud))
-    weighted = fit(steps, FitOptions(weights="sd")).nonlinear
-    plain = fit(steps).nonlinear
-    assert weighted and plain and weighted.level_weights and plain.level_weights is None
-    assert weighted.level_weights[9] < 1e-3 * min(weighted.level_weights[:9])
-    assert sum(weighted.level_weights) == pytest.approx(10)
-    assert weighted.per_level[8].rmse < plain.per_level[8].rmse
-
-
-def test_weights_by_spread_need_repeats_that_differ(clutch_set: Maker) -> None:
-    with pytest.raises(DataError, match="weights= sd: one run only"):
-        fit(clutch_set(rate_hz=10.0), FitOptions(weights="sd"))
-    with pytest.raises(DataError, match="are identical"):
-        fit(clutch_set(rate_hz=10.0, repeats=2), FitOptions(weights="sd"))
 
 
 def test_huber_sees_past_spikes_and_shows_its_weights(clutch_set: Maker) -> None:
@@ -259,20 +237,6 @@ def test_unequal_levels_are_fitted_as_well(clutch_set: Maker) -> None:
     )
     found = fit(replace(steps, levels=cut)).nonlinear
     assert found and found.parameters.tau2 == pytest.approx(REFERENCE_PLANT.tau2, rel=1e-6)
-
-
-def test_weights_change_nothing_where_levels_are_fitted_alone() -> None:
-    t = np.linspace(0, 10, 200)
-    random = np.random.default_rng(0)
-    levels = tuple(
-        Level(f, t, f / 50 * (1 - np.exp(-t)) + 0.01 * random.standard_normal((2, 200)), ("a", "b"))
-        for f in (20.0, 60.0, 120.0)
-    )
-    stepset = StepSet("friction-force", "N", "N·m", Apparatus(), levels)
-    equal, sd = (fit(stepset, FitOptions(weights=how)) for how in ("equal", "sd"))
-    assert equal.friction is not None and sd.friction is not None
-    assert [one.curve for one in sd.friction.levels] == [one.curve for one in equal.friction.levels]
-    assert "weights-change-nothing" in codes(sd) - codes(equal)
 
 
 def test_what_was_fitted_is_told(clutch_set: Maker) -> None:

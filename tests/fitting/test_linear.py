@@ -1,4 +1,4 @@
-"""The linear model: specification 6 to its digits, NIST's certified values, the three conventions, bounds of B."""
+"""The linear model: specification 6 to its digits, NIST's certified values, B of single levels, bounds of B."""
 
 from collections.abc import Callable
 
@@ -7,7 +7,7 @@ import pytest
 
 from eaid.fitting.data import Data, data_of
 from eaid.fitting.first_order import fit_each_level, fit_first_order
-from eaid.fitting.linear import bounds_of, by_convention, fit_linear
+from eaid.fitting.linear import bounds_of, fit_linear, single_levels
 from eaid.fitting.samples import Record
 from eaid.models import linear
 from eaid.models.parameters import PAPER_LINEAR, Linear, Nonlinear
@@ -48,9 +48,9 @@ def test_reference_plant_twenty_seconds(clutch_set: Maker) -> None:
     p = pooled.parameters
     assert (round(p.a0, 5), round(p.b0, 7), round(p.c0, 6)) == (1.84393, 0.0782825, -1.343124)
     assert np.sqrt(pooled.cost / data.samples) == pytest.approx(0.300604, abs=5e-7)
-    rows = by_convention(data, fit_each_level(data), p, "zero-offset")
+    rows = single_levels(data)
     assert [row.B for row in rows] == pytest.approx(PUBLISHED_B, abs=5e-4)
-    bounds = bounds_of(rows, "zero-offset", None)
+    bounds = bounds_of(rows)
     assert (bounds.B_m, bounds.B_M) == pytest.approx((8.349, 41.142), abs=5e-4)
 
 
@@ -58,48 +58,37 @@ def test_reference_plant_sixty_seconds_from_thirty_percent(clutch_set: Maker) ->
     data = data_of(clutch_set(levels=range(30, 101, 10), duration_s=60.0).levels)
     p = fit_linear(data).parameters
     assert (round(p.a0, 5), round(p.b0, 7), round(p.c0, 6)) == (1.55135, 0.0814392, -2.113226)
-    bounds = bounds_of(by_convention(data, fit_each_level(data), p, "zero-offset"), "zero-offset", None)
+    bounds = bounds_of(single_levels(data))
     assert (bounds.B_m, bounds.B_M) == pytest.approx((9.597, 45.875), abs=5e-4)
 
 
 def _linear_data() -> Data:
     t = np.arange(1000) / 100
     duties = np.array([40.0, 70.0, 100.0])
-    return Data(duties, tuple(Record(t, linear.step_response(PAPER_LINEAR, t, u), True) for u in duties), np.ones(3))
-
-
-@pytest.mark.parametrize("convention", ["pooled-offset", "pooled-dynamics"])
-def test_on_a_linear_plant_the_pooled_conventions_give_its_b0_at_every_level(convention: str) -> None:
-    data = _linear_data()
-    p = fit_linear(data).parameters
-    assert (p.a0, p.b0, p.c0) == pytest.approx((1.36, 0.08, -2.42), rel=1e-9)
-    rows = by_convention(data, fit_each_level(data), p, convention)
-    assert [row.b0 for row in rows] == pytest.approx([0.08] * 3, rel=1e-8)
-    assert [row.B for row in rows] == pytest.approx([12.5] * 3, rel=1e-8)
+    return Data(duties, tuple(Record(t, linear.step_response(PAPER_LINEAR, t, u), True) for u in duties))
 
 
 def test_zero_offset_puts_the_offset_into_b0() -> None:
     data = _linear_data()
-    rows = by_convention(data, fit_each_level(data), PAPER_LINEAR, "zero-offset")
+    p = fit_linear(data).parameters
+    assert (p.a0, p.b0, p.c0) == pytest.approx((1.36, 0.08, -2.42), rel=1e-9)
+    rows = single_levels(data)
     assert [row.b0 for row in rows] == pytest.approx([0.08 - 2.42 / u for u in (40, 70, 100)], rel=1e-8)
     assert all(row.c0 == 0 for row in rows)
 
 
 def test_bounds_over_the_kept_levels_only() -> None:
     data = _linear_data()
-    rows = by_convention(data, fit_each_level(data), PAPER_LINEAR, "zero-offset")
-    bounds = bounds_of(rows, "zero-offset", (70.0, 100.0))
+    bounds = bounds_of(single_levels(data), (70.0, 100.0))
     assert bounds.levels == (70.0, 100.0)
     assert pytest.approx(1 / (0.08 - 2.42 / 70), rel=1e-8) == bounds.B_M
 
 
 def test_a_level_without_positive_b0_has_no_b() -> None:
     t = np.arange(500) / 100
-    data = Data(np.array([50.0]), (Record(t, 1 - np.exp(-t), True),), np.ones(1))
-    pooled = PAPER_LINEAR.__class__(1.0, 0.1, 5.0)
-    (row,) = by_convention(data, fit_each_level(data), pooled, "pooled-offset")
-    assert row.b0 == pytest.approx((1 - 5) / 50, rel=1e-6) and row.B is None
-    assert bounds_of([row], "pooled-offset", None).B_m is None
+    (row,) = single_levels(Data(np.array([50.0]), (Record(t, np.exp(-t) - 1, True),)))
+    assert row.b0 == pytest.approx(-1 / 50, rel=1e-6) and row.B is None
+    assert bounds_of([row]).B_m is None
 
 
 def test_one_level_has_no_offset(clutch_set: Maker) -> None:

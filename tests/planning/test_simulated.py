@@ -1,7 +1,7 @@
 """What a plan states: the 80 % quantile over the rigs that the fit allows, not over the fitted one."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import msgspec
@@ -9,10 +9,9 @@ import numpy as np
 import pytest
 
 from eaid.fitting.fit import fit
-from eaid.planning import enlarge, excitation, recordings, simulated
+from eaid.planning import enlarge, excitation, recordings
 from eaid.planning.design import Experiment
 from eaid.planning.rigs import rig_of
-from eaid.synth.plants import clutch
 from eaid.uncertainty.intervals import with_intervals
 from eaid.uncertainty.rig_noise import ASSUMED, Noise
 from tests.uncertainty.conftest import sets
@@ -138,16 +137,3 @@ def test_levels_of_a_friction_experiment_are_drawn_from_their_intervals(fitted: 
     spread = np.std(np.log([one.at(row.level).Ts for one, _ in found]))
     assert spread == pytest.approx(0.5 * np.log(row.ci95.Ts[1] / row.ci95.Ts[0]) / 1.96, rel=0.2)
     assert rig.levels == rig.plant.levels and len({one.at(row.level).tau1 for one, _ in found}) == 300
-
-
-def test_a_rotor_is_simulated_where_the_fit_saw_one() -> None:
-    from eaid.uncertainty.periodic import Periodic
-
-    found = Experiment((50.0,), (30.0,), 40, {}, 0.0, True)
-    none = Noise(0.0, 0.0, (0.0, 0.0, 0.0))
-    level = simulated.experiment(found, clutch(), replace(none, periodic=Periodic(6.0, 0.01)), 0)[0]
-    still = simulated.experiment(found, clutch(), none, 0)[0]
-    ripple = (level.runs / np.maximum(still.runs, 1e-9) - 1)[:, 300:]
-    assert np.sqrt(np.mean(ripple**2)) == pytest.approx(0.01 / np.sqrt(2), rel=0.1)
-    wave = np.exp(2j * np.pi * level.time_s[300:] / 6)
-    assert np.mean(np.abs(ripple @ wave)) == pytest.approx(0.005 * len(wave), rel=0.1)

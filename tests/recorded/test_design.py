@@ -9,13 +9,9 @@ from eaid.errors import UsageError
 from eaid.models.parameters import REFERENCE_PLANT
 from eaid.planning.played import measure, recording
 from eaid.planning.simulated import disturbance_of
-from eaid.recorded.design import DEGREES, EFFORT, Judge, plan_excitation
-from eaid.recorded.drive import Drive
-from eaid.recorded.problem import Setup
-from eaid.recorded.sequence import Limits, breaks_of, refuse_scattered
-from eaid.uncertainty.periodic import Periodic
+from eaid.recorded.design import EFFORT, Judge, plan_excitation
+from eaid.recorded.sequence import Limits, refuse_scattered
 from eaid.uncertainty.rig_noise import Noise
-from eaid.uncertainty.student_t import t_quantile
 
 NOISE = Noise(1.8e-7, 6e-5, (0.0, 0.0, 0.0))
 WANT = {"tau1": 8.0, "tau2": 25.0, "Ts": 3.0}
@@ -85,24 +81,6 @@ def test_simulated_recordings_scatter_from_engagement_to_engagement() -> None:
     widths = [np.median([row["Ts"] for row in measure(found, REFERENCE_PLANT, noise, 3)])
               for noise in (calm, wild)]  # fmt: skip
     assert widths[1] > 1.5 * widths[0]
-
-
-def test_a_periodic_ripple_widens_a_plan_by_what_it_does_to_a_fit() -> None:
-    """Against the same sequence sampled at 100 Hz, linearised, over all phases of the ripple."""
-    calm = Judge(REFERENCE_PLANT, NOISE, WANT, Limits())
-    ripple = replace(NOISE, periodic=Periodic(1.7, 0.02))
-    sequence = calm.random(12, np.random.default_rng(1))
-    added = Judge(REFERENCE_PLANT, ripple, WANT, Limits()).half_widths(sequence)
-    half = [np.log1p(one / 100) / t_quantile(DEGREES) for one in (added, calm.half_widths(sequence))]
-    start, level = np.array(breaks_of(calm.whole(sequence), Limits())).T
-    t = np.arange(0, start[-1], 0.01)
-    duty, index = np.unique(level[np.searchsorted(start, t, side="right") - 1], return_inverse=True)
-    drive = Drive(np.append(np.diff(t), 0.0), index, duty, np.ones(len(t), dtype=np.int64), np.zeros(len(t)),
-                  np.full(len(t), 0.01), False, True)  # fmt: skip
-    J, torque = Setup(calm.model, (drive,)).jacobian(calm.unknowns, 0)
-    phases = 2 * np.pi * (t[:, None] / 1.7 + np.arange(16) / 16)
-    moved = calm.slopes @ np.linalg.lstsq(J, 0.02 * torque[:, None] * np.sin(phases), rcond=None)[0]
-    np.testing.assert_allclose(half[0] ** 2 - half[1] ** 2, (moved**2).mean(axis=2), rtol=0.25)
 
 
 def test_limits_that_mean_nothing_are_refused() -> None:

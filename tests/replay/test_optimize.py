@@ -19,7 +19,7 @@ from eaid.replay.rig import Rig
 from eaid.replay.scenarios import replayed
 from eaid.results.fit import Fit
 
-BOUNDS = Bounds("zero-offset", (), 12.4, 42.6, ())
+BOUNDS = Bounds((), 12.4, 42.6, ())
 POINTS = operating_points(Fit(), PAPER_LINEAR, REFERENCE_PLANT, BOUNDS)
 MULTISINE = references.multisine(1e-3, 12.0)
 RC, PI = paper_gains()

@@ -121,11 +121,10 @@ def fitted(base: Any) -> list[np.ndarray]:
     ]
 
 
-@pytest.mark.parametrize("bounds", ["zero-offset", "pooled-offset", "pooled-dynamics"])
-def test_variances_of_single_runs_are_those_of_moved_levels(sets: Any, bounds: str) -> None:
+def test_variances_of_single_runs_are_those_of_moved_levels(sets: Any) -> None:
     """B of each level answers to the levels' log T_s, τ1, τ2 as refits to moved means do."""
     made = sets.one_set(1, sets.VARIANTS["single"])
-    options = FitOptions(models=("friction", "linear"), bounds=bounds)
+    options = FitOptions(models=("friction", "linear"))
     found = fit(made, options).linear
     base = statistics_at_share(made.levels, 0.85)
     rows = linear_intervals.level_intervals(found, base)
@@ -140,10 +139,7 @@ def test_variances_of_single_runs_are_those_of_moved_levels(sets: Any, bounds: s
     sd = np.sqrt((changes**2 * base.variance).sum())
     t = t_quantile(base.total_degrees)
     row, ends = found.per_level[4], rows[4].B
-    if bounds == "zero-offset":
-        assert np.log(ends[1] / ends[0]) / 2 == pytest.approx(t * sd * row.B, rel=0.03)
-    else:
-        assert (1 / ends[0] - 1 / ends[1]) / 2 == pytest.approx(t * sd, rel=0.03)
+    assert np.log(ends[1] / ends[0]) / 2 == pytest.approx(t * sd * row.B, rel=0.03)
 
 
 def test_textbook_intervals_of_the_linear_model_by_lstsq(sets: Any) -> None:

@@ -125,10 +125,9 @@ def test_the_evidence_chooses_the_estimate(sets: Any) -> None:
     assert two.nonlinear.tau2 == auto.nonlinear.tau2
 
 
-@pytest.mark.parametrize("ci", ["bootstrap", "profile"])
-def test_the_other_ways_agree(made: StepSet, fitted: Any, body: Fit, ci: str) -> None:
+def test_the_bootstrap_agrees(made: StepSet, fitted: Any, body: Fit) -> None:
     """Within a third of the width: 60 refits know a standard deviation to 9 %, three runs a level to 16 %."""
-    other = with_intervals(made, fitted, FitOptions(ci=ci, draws=60))
+    other = with_intervals(made, fitted, FitOptions(ci="bootstrap", draws=60))
     ratio = []
     for row, second in zip(body.friction.levels, other.friction.levels, strict=True):
         for name in ("Ts", "tau1", "tau2"):
@@ -160,17 +159,8 @@ def test_none_gives_no_intervals_but_keeps_the_words(made: StepSet, fitted: Any)
 
 
 def test_an_unknown_way_is_refused(made: StepSet, fitted: Any) -> None:
-    with pytest.raises(UsageError, match="ci= magic: must be one of robust, bootstrap, profile, white, none"):
+    with pytest.raises(UsageError, match="ci= magic: must be one of robust, bootstrap, white, none"):
         with_intervals(made, fitted, FitOptions(ci="magic"))
-
-
-@pytest.mark.parametrize("convention", ["pooled-offset", "pooled-dynamics"])
-def test_other_conventions_have_intervals_too(made: StepSet, convention: str) -> None:
-    found = fit(made, FitOptions(models=("friction", "linear"), bounds=convention))
-    sure = with_intervals(made, found)
-    for row, ci in zip(found.linear.per_level, sure.linear.per_level, strict=True):
-        if row.B is not None and ci.ci95.B is not None:
-            assert ci.ci95.B[0] < row.B < ci.ci95.B[1]
 
 
 def steps(
@@ -197,8 +187,6 @@ def test_a_short_record_leaves_tau2_open() -> None:
     left = [one for one in sure.findings if one.code == "tau2-open"]
     assert left and all(one.values["curve_half_width"] < 1 for one in left) and (10.0,) in [one.levels for one in left]
     assert sure.friction.levels[0].ci95.tau2 is None
-    profiled = with_intervals(short, fit(short), FitOptions(ci="profile"))
-    assert all(row.ci95.tau2 is None for row in profiled.friction.levels if (row.level,) in [o.levels for o in left])
     assert sure.friction.levels[0].ci95.tau1 is not None
 
 

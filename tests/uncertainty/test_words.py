@@ -70,7 +70,7 @@ def test_every_level_of_many_leaves_b0_to_the_convention(sets: Any) -> None:
     sure = judged(noisy("clutch", "%", curves, 20.0))
     assert sure.linear is not None and sure.linear.identifiable is True
     (note,) = [one for one in sure.findings if one.code == "b0-by-convention"]
-    assert note.values == {"convention": "zero-offset", "several": True} and note.severity == "note"
+    assert note.values == {"several": True} and note.severity == "note"
 
 
 def test_a_free_share_is_told_to_trade_against_tau2(sets: Any) -> None:

@@ -61,12 +61,6 @@ ROWS: dict[str, Row] = {
         "the trend of {symbol} has a rate as steep as is looked for: it follows one point, not a trend"
     ),
     "trend-not-converged": caution("the trend of {symbol} did not converge"),
-    "weights-change-nothing": note(
-        "«weights» sd changes nothing here: each level is fitted by itself, and trends take all levels alike"
-    ),
-    "no-weights-for-single-runs": note("one run only at {levels}: no weights follow from the spread of repeats there"),
-    "no-weights-for-identical-runs": note("the repeats of level {levels} are identical, so their spread is no weight"),
-    "no-weights-for-one-level": note("one level only: its weight changes nothing"),
     "huber-holds-back-much": caution(
         "Huber's loss holds back more than {most_pct:.0f} % of the samples at level {levels}: that is wider scatter or "
         "another shape there, not spikes; these levels count less, compare with «loss» squares"
@@ -81,7 +75,7 @@ ROWS: dict[str, Row] = {
     "linear-level-beyond-record": caution(
         "1/a0 is longer than the record at level {levels}: gain and B of these levels are extrapolated"
     ),
-    "level-without-b": caution("b0 is not positive at level {levels} under {convention}: left out of B_m and B_M"),
+    "level-without-b": caution("b0 is not positive at level {levels}: left out of B_m and B_M"),
     "release-beyond-record": caution(
         "the slow release constant ({tau2_s:.3g} s) is longer than the longest record after a release "
         "({record_s:.3g} s): these data cannot tell it"

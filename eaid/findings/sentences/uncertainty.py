@@ -57,7 +57,7 @@ def _scatter_changes(v: Values) -> str:
 
 def _convention(v: Values) -> str:
     pooled = "" if v["several"] else ", and so does the pooled one"
-    return f"one level's step gives b0 u + c0 only; its b0 rests on the convention {v['convention']}{pooled}"
+    return f"one level's step gives b0 u + c0 only; its b0 rests on the convention that c0 is 0{pooled}"
 
 
 def _share(v: Values) -> str:
@@ -72,18 +72,6 @@ def _parted(v: Values) -> str:
 
 def _scattered(v: Values) -> str:
     return f"runs of one level differ by {v['gain_pct']:.2g} % in T_s, and " if v["gain_pct"] > 0.2 else ""
-
-
-def _weights(v: Values) -> str:
-    where = f" at {v['worst']:g}" if v["worst"] is not None else ""
-    said = f"{v['symbol']}{where} with equal weights {v['equal']:.3g}, with sd weights {v['sd']:.3g}"
-    rough = f"from {v['repeats']} repeats a level's spread is known within factors of {v['low']:.2g} to {v['high']:.2g}"
-    why = {
-        "spread-rises": f"the spread rises with the output: levels that scatter most bend the others; yet {rough}",
-        "spread-is-chance": f"the spread does not rise with the output, and {rough}: the sd weights are mostly chance",
-        "one-time-constant": "one time constant stands for two, and equal weights come nearest over all samples",
-    }[v["because"]]
-    return f"{v['subject']} model, {said}: of the two believe {v['believe']} weights: {why}"
 
 
 def _decays(v: Values) -> str:
@@ -128,7 +116,7 @@ ROWS: dict[str, Row] = {
     "one-level-nonlinear": caution(
         "one level only: nothing says how T_s, τ1 and τ2 change with the duty; record more levels",
         rank=1,
-        covers=("one-level-linear", "no-weights-for-one-level", "b0-by-convention"),
+        covers=("one-level-linear", "b0-by-convention"),
     ),
     "few-levels-for-polynomials": caution(
         "{count:#level} pin the polynomials of T_s, τ1, τ2 exactly or not at all: nothing checks their shape"
@@ -212,7 +200,6 @@ ROWS: dict[str, Row] = {
         "no two-stage estimate: no level alone determines all of its parameters; the joint fit stands"
     ),
     "two-stage-held": caution("a constraint holds {symbol} of the two-stage estimate"),
-    "weights-part": caution(_weights),
     "output-decays-under-hold": caution(_decays, rank=0, covers=("decays-under-hold",)),
     "shape-fits": note(_fits),
     "shape-of-another-kind": note("use {shape}: RMSE {rmse:.3g} against {usual_rmse:.3g} of {usual}"),

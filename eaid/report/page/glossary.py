@@ -23,8 +23,6 @@ GLOSSARY: tuple[tuple[str, str, str], ...] = (
     ("joint, two-stage", r"\btwo-stage\b", "all levels fitted at once; each level first, a curve through them after"),
     ("RC, PI", r"\bRC\b", "robust controller; controller that uses the error and its integral"),
     ("ρ, α, φ, Q_M, ε, γ", r"[ραφ]\b|Q_M", "terms of the robust controller's condition for stability, inequality (15)"),
-    ("zero-offset, pooled-offset, pooled-dynamics", r"zero-offset|pooled-", "how b0 of a single level is told from c0: "
-     "c0 is 0; c0 of all levels; a0 and c0 of all levels"),
     ("‖ξ‖", r"‖ξ‖", "size of the error and its integral taken together"),
     ("open loop", r"open loop", "the input follows from the model alone, without looking at the output"),
     ("replay", r"\b[Rr]eplays?\b", "a computed experiment: a controller on the fitted model"),

@@ -36,8 +36,6 @@ def _printed(fit: Fit, asked: bool | None) -> str:
 def estimates_of(part: Nonlinear) -> dict[str, Estimate]:
     """The estimates of the nonlinear model by name, the one that is used first."""
     beside = {"joint": part.joint, "two-stage": part.two_stage}
-    if part.other_weights is not None:
-        beside[f"joint, {part.other_weights.weights} weights"] = part.other_weights
     return {part.estimator: part, **{name: one for name, one in beside.items() if one is not None}}
 
 
@@ -125,19 +123,17 @@ def table_iii(fit: Fit, asked: bool | None = None) -> Table:
 
 
 def linear_table(fit: Fit, asked: bool | None = None) -> Table:
-    """Eq. (8): a0, b0, c0 under both weights."""
+    """Eq. (8): a0, b0, c0."""
     part = fit.linear
     assert part is not None
     paper, out = _printed(fit, asked), fit.data.output_unit
     units = {"a0": "1/s", "b0": rate(fit.data.input_unit, out), "c0": f"{out}/s"}
-    both = [part, *([part.other_weights] if part.other_weights else [])]
-    rows: list[tuple[Cell, ...]] = []
-    for name, unit in units.items():
-        ours = [cell for one in both for cell in (getattr(one, name), ci95_of(one, name))]
-        rows.append((name, number(published.LINEAR[name], 3), *ours, unit))
-    rows.append(("RMSE", "–", *(cell for one in both for cell in (one.rmse, None)), out))
-    names = ["ours", *(f"with {one.weights} weights" for one in both[1:])]
-    heads = columns("symbol", paper, *(head for name in names for head in (name, "95 % interval")), "unit")
+    rows: list[tuple[Cell, ...]] = [
+        (name, number(published.LINEAR[name], 3), getattr(part, name), ci95_of(part, name), unit)
+        for name, unit in units.items()
+    ]
+    rows.append(("RMSE", "–", part.rmse, None, out))
+    heads = columns("symbol", paper, "ours", "95 % interval", "unit")
     said = "dT/dt = −a0 T + b0 u + c0, fitted to all levels at once."
     table = Table("Linear model, Eq. (8)", said, heads, tuple(rows))
     return table if paper else table.without(1)
@@ -149,7 +145,7 @@ def input_gain_table(fit: Fit, asked: bool | None = None) -> Table:
     assert part is not None
     caption = "The linear model of each level by itself."
     if (bounds := part.bounds) is not None:
-        caption += f" Convention {bounds.convention}: B_m = {number(bounds.B_m)} and B_M = {number(bounds.B_M)} are "
+        caption += f" B_m = {number(bounds.B_m)} and B_M = {number(bounds.B_M)} are "
         caption += "the least and the largest B of the levels kept."
     if paper := _printed(fit, asked):
         caption += f" {paper.capitalize()}: 12.4 and 42.6."
