@@ -20,9 +20,7 @@ import numpy as np
 
 from eaid.apparatus import Apparatus
 from eaid.arrays import Array
-from eaid.fitting.data import data_of
 from eaid.fitting.fit import fit
-from eaid.fitting.linear import fit_linear
 from eaid.models import friction
 from eaid.models.nonlinear import at_duty
 from eaid.models.parameters import REFERENCE_PLANT, Friction
@@ -52,8 +50,6 @@ class Variant:
     """Scatter twice as large up to this duty [%]."""
     share: float = 0.85
     """C of the plant; the fit holds 0.85."""
-    weights: str = "equal"
-    """`--weights` of the fit."""
 
 
 VARIANTS: dict[str, Variant] = {
@@ -63,7 +59,6 @@ VARIANTS: dict[str, Variant] = {
     "low": Variant("scatter doubled up to 30 % duty", doubled_below=30.0),
     "white": Variant("white noise × 5", white_nm=0.05),
     "share": Variant("C of the plant 0.88, held at 0.85", share=0.88),
-    "weights": Variant("three runs a level, --weights sd", weights="sd"),
 }
 
 
@@ -140,13 +135,6 @@ def truth(variant: Variant, samples: int = SAMPLES, levels: Array = LEVELS) -> d
     }
 
 
-def weighted_truth(fitted: Fit, clean: tuple[Level, ...]) -> dict[str, float]:
-    """a0, b0, c0 of the plant under the weights of one set: a wrong model has another truth for other weights."""
-    assert fitted.linear is not None and fitted.linear.weights is not None
-    p = fit_linear(data_of(clean, np.array(fitted.linear.weights))).parameters
-    return {name: getattr(p, name) for name in ("a0", "b0", "c0")}
-
-
 def inside(interval: Any, value: float) -> float:
     """1 or 0; NaN where no interval was given (flagged)."""
     if interval is None:
@@ -205,13 +193,13 @@ def widths(found: Fit) -> dict[str, float]:
     return result
 
 
-def both_ways(seed: int, variant: Variant) -> tuple[Fit, Fit, Fit]:
+def both_ways(seed: int, variant: Variant) -> tuple[Fit, Fit]:
     """A set fitted, with our intervals and the textbook's."""
     made = one_set(seed, variant)
-    fitted = fit(made, FitOptions(weights=variant.weights))
+    fitted = fit(made)
     ways = (FitOptions(ci=ci, estimator="joint") for ci in ("robust", "white"))
     ours, textbook = (with_intervals(made, fitted, way) for way in ways)
-    return fitted, ours, textbook
+    return ours, textbook
 
 
 @dataclass(frozen=True)
@@ -229,12 +217,10 @@ class Coverage:
 
 def measure(variant: Variant, sets: int, first: int = 0) -> Coverage:
     """Coverage over `sets` simulated sets."""
-    true, clean = truth(variant), clean_levels(variant)
+    true = truth(variant)
     ours, textbook, reach = [], [], []
     for seed in range(first, first + sets):
-        fitted, robust, white = both_ways(seed, variant)
-        if variant.weights == "sd":
-            true |= weighted_truth(fitted, clean)
+        robust, white = both_ways(seed, variant)
         ours.append(hits(robust, true))
         textbook.append(hits(white, true))
         reach.append(widths(robust))

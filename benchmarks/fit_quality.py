@@ -192,7 +192,7 @@ def ours(case: Case) -> tuple[float, Nonlinear, tuple[str, ...], bool, float, in
     """Our cost by this file's own sum, the model, what holds it, our verdict, seconds, starts."""
     records = tuple(Record(case.t_s, y, True) for y in case.y)
     begin = time.perf_counter()
-    found = fit_nonlinear(Data(LEVELS, records, np.ones(len(LEVELS))), SHARE)
+    found = fit_nonlinear(Data(LEVELS, records), SHARE)
     seconds = time.perf_counter() - begin
     p = found.parameters
     x = np.concatenate([p.tau1 * 100.0 ** np.arange(3), p.tau2 * 100.0 ** np.arange(3), p.Ts * 100.0 ** np.arange(4)])

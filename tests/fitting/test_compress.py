@@ -98,7 +98,7 @@ def test_the_fit_on_points_is_the_fit_on_all_samples(noise: float, monkeypatch: 
     rng = np.random.default_rng(1)
     curves = [Friction(Ts, tau1, tau2) for Ts, tau1, tau2 in ((0.5, 0.2, 5.0), (1.5, 0.5, 9.0), (3.0, 0.6, 8.0))]
     records = tuple(Record(t, friction.step_response(c, t) + noise * rng.normal(size=len(t)), True) for c in curves)
-    data = Data(np.array([20.0, 50.0, 80.0]), records, np.ones(3))
+    data = Data(np.array([20.0, 50.0, 80.0]), records)
     short = fit_levels(data, 0.85)
     monkeypatch.setattr(module, "SMALL", len(t))
     whole = fit_levels(Data(data.u, records), 0.85)

@@ -16,7 +16,7 @@ SAMPLES, LOGS = 2000, 100
 
 
 def judged(t: Array, y: Array) -> bool:
-    data = Data(np.array([1.0]), (Record(t, y, True),), np.ones(1))
+    data = Data(np.array([1.0]), (Record(t, y, True),))
     return explains_little([y], curve_residuals(fit_levels(data, 0.85), data))
 
 

@@ -20,7 +20,7 @@ TRUTH = Friction(1.7, 0.35, 6.0)
 def _data(curve: Friction, duration_s: float = 20.0, rate_hz: float = 200.0, noise: float = 0.0, seed: int = 0) -> Data:
     t = np.arange(round(duration_s * rate_hz)) / rate_hz
     y = friction.step_response(curve, t) + noise * np.random.default_rng(seed).normal(size=len(t))
-    return Data(np.array([50.0]), (Record(t, y, True),), np.ones(1))
+    return Data(np.array([50.0]), (Record(t, y, True),))
 
 
 @pytest.mark.parametrize(
@@ -92,7 +92,7 @@ def test_metrics_by_hand() -> None:
     # Three samples that no curve meets: T_s = 0 is best for a falling output, so what is left is the data.
     t = np.array([0.0, 1.0, 2.0])
     y = np.array([0.0, -3.0, -4.0])
-    found = fit_level(Data(np.array([1.0]), (Record(t, y, True),), np.ones(1)), 0.85)
+    found = fit_level(Data(np.array([1.0]), (Record(t, y, True),)), 0.85)
     assert found.curve.Ts == pytest.approx(0, abs=1e-12)
     assert found.sse == pytest.approx(25.0) and found.rmse == pytest.approx(np.sqrt(25 / 3)) and found.samples == 3
     assert "Ts-zero" in found.solver.at_bounds
@@ -101,7 +101,7 @@ def test_metrics_by_hand() -> None:
 def test_a_single_exponential_is_held_where_both_constants_meet() -> None:
     t = np.arange(2000) / 200
     y = 1 - np.exp(-2 * t) * (np.cos(6 * t) + np.sin(6 * t) / 3)  # an overshoot: no such curve falls again
-    found = fit_level(Data(np.array([1.0]), (Record(t, y, True),), np.ones(1)), 0.85)
+    found = fit_level(Data(np.array([1.0]), (Record(t, y, True),)), 0.85)
     assert "tau2-meets-tau1" in found.solver.at_bounds and found.solver.converged
     assert found.curve.tau1 == pytest.approx(found.curve.tau2, rel=1e-9)
 
@@ -163,7 +163,7 @@ def _highest(gain: NDArray[np.float64], i: int, j: int) -> bool:
 
 def test_levels_where_nothing_rises() -> None:
     t = np.arange(600) / 100
-    data = Data(np.arange(2.0), (Record(t, -np.ones(600), True), Record(t, np.zeros(600), True)), np.ones(2))
+    data = Data(np.arange(2.0), (Record(t, -np.ones(600), True), Record(t, np.zeros(600), True)))
     for found in fit_levels(data, 0.85):
         assert found.curve.Ts == pytest.approx(0.0, abs=1e-9)
 
@@ -173,7 +173,7 @@ def test_levels_fitted_together_are_those_fitted_alone() -> None:
     curves = [Friction(0.3, 0.1, 4.0), Friction(2.0, 0.6, 12.0), Friction(1.0, 0.4, 0.45), Friction(1.0, 0.5, 500.0)]
     rng = np.random.default_rng(2)
     records = tuple(Record(t, friction.step_response(c, t) + 0.02 * rng.normal(size=len(t)), True) for c in curves)
-    data = Data(np.arange(4.0), records, np.ones(4))
+    data = Data(np.arange(4.0), records)
     for one, together in enumerate(fit_levels(data, 0.85)):
         alone = fit_level(data.one(one), 0.85)
         assert together.solver.converged and together.sse <= alone.sse * (1 + 1e-9)
@@ -182,7 +182,7 @@ def test_levels_fitted_together_are_those_fitted_alone() -> None:
 def test_a_start_still_on_its_way_down_is_a_rival() -> None:
     truth = Friction(3.5, 4.0, 1e6)
     t = np.sort(np.arange(1000) / 10 + 0.03 * np.random.default_rng(0).random(1000))
-    data = Data(np.ones(1), (Record(t, friction.step_response(truth, t), False),), np.ones(1))
+    data = Data(np.ones(1), (Record(t, friction.step_response(truth, t), False),))
     (found,) = fit_levels(data, 0.85)
     assert found.sse < 1e-20 * data.energy
     assert (found.curve.Ts, found.curve.tau1, found.curve.tau2) == pytest.approx((3.5, 4.0, 1e6), rel=1e-6)
@@ -192,7 +192,7 @@ def test_a_start_still_on_its_way_down_is_a_rival() -> None:
 def test_levels_that_fall_have_no_torque_in_any_unit(unit: float) -> None:
     t = np.arange(30) / 1000
     y = -friction.step_response(Friction(1.5, 0.0009, 0.01), t) * unit
-    (found,) = fit_levels(Data(np.ones(1), (Record(t, y, True),), np.ones(1)), 0.85)
+    (found,) = fit_levels(Data(np.ones(1), (Record(t, y, True),)), 0.85)
     assert found.solver.converged and found.curve.Ts == 0.0
 
 
@@ -201,5 +201,5 @@ def test_levels_that_fall_have_no_torque_in_any_unit(unit: float) -> None:
 def test_a_record_shorter_than_the_fastest_rate_has_a_fit(step_s: float, share: float | None) -> None:
     t = np.arange(10) * step_s
     y = friction.step_response(Friction(2.0, 3 * step_s, 30 * step_s), t)
-    (found,) = fit_levels(Data(np.ones(1), (Record(t, y, True),), np.ones(1)), share)
+    (found,) = fit_levels(Data(np.ones(1), (Record(t, y, True),)), share)
     assert found.curve.tau1 >= 1e-3 - 1e-10 and found.sse <= y @ y

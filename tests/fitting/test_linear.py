@@ -34,7 +34,7 @@ NIST = {
 @pytest.mark.parametrize("name", NIST)
 def test_nist_certified_values_to_eight_digits(name: str) -> None:
     x, y, (b1, b2, squares) = NIST[name]
-    data = Data(np.array([1.0]), (Record(np.array(x, float), np.array(y, float), False),), np.ones(1))
+    data = Data(np.array([1.0]), (Record(np.array(x, float), np.array(y, float), False),))
     (found,) = fit_each_level(data)
     assert found.solver.converged
     assert found.coefficients[0] == pytest.approx(b1, rel=1e-8)
@@ -119,7 +119,7 @@ def test_levels_fitted_together_are_those_fitted_alone() -> None:
     rng = np.random.default_rng(3)
     rises = [(0.2, 0.5), (3.0, 2.0), (1.0, 30.0), (0.0, 1.0)]  # gain, τ: the last has no signal
     records = tuple(Record(t, g * -np.expm1(-t / tau) + 0.05 * rng.normal(size=len(t)), True) for g, tau in rises)
-    data = Data(np.array([20.0, 50.0, 80.0, 90.0]), records, np.ones(4))
+    data = Data(np.array([20.0, 50.0, 80.0, 90.0]), records)
     for i, together in enumerate(fit_each_level(data)):
         alone = fit_first_order(data.one(i), np.ones((1, 1)))
         assert together.solver.converged and together.cost == pytest.approx(alone.cost, rel=1e-9)
@@ -130,7 +130,7 @@ def test_levels_fitted_together_are_those_fitted_alone() -> None:
 def test_a_rise_lost_in_noise_ends_at_the_fastest_that_is_looked_for(seed: int) -> None:
     t_s = np.arange(100) * 0.01
     noise = 2.0 * np.random.default_rng(seed).standard_normal(100)
-    data = Data(np.array([50.0]), (Record(t_s, 0.5 * (1 - np.exp(-t_s / 0.02)) + noise, True),), np.ones(1))
+    data = Data(np.array([50.0]), (Record(t_s, 0.5 * (1 - np.exp(-t_s / 0.02)) + noise, True),))
     (found,) = fit_each_level(data)
     assert found.solver.converged and found.tau == pytest.approx(1e-4, rel=1e-6)  # 0.01 of the first sample
     assert found.coefficients[0] == pytest.approx(data.records[0].y[1:].mean(), rel=1e-9)
@@ -141,5 +141,5 @@ def test_levels_of_a_fraction_of_a_volt_have_a_b0_and_a_c0() -> None:
     p = Linear(0.5, 3.0, 0.4)
     t = np.arange(400) / 20.0
     rows = tuple(Record(t, linear.step_response(p, t, u), True) for u in (0.2, 0.5, 0.8))
-    found = fit_linear(Data(np.array([0.2, 0.5, 0.8]), rows, np.ones(3))).parameters
+    found = fit_linear(Data(np.array([0.2, 0.5, 0.8]), rows)).parameters
     assert (found.a0, found.b0, found.c0) == pytest.approx((0.5, 3.0, 0.4), rel=1e-8)

@@ -94,7 +94,7 @@ def test_a_descent_goes_down_from_every_shape(clutch_set: Maker) -> None:
 
 def _proof(case: Any) -> tuple[bool, float]:
     """Whether the best end of the starts from single levels is proven the lowest, and its cost on the points."""
-    data = Data(LEVELS, tuple(Record(case.t_s, y, True) for y in case.y), np.ones(10))
+    data = Data(LEVELS, tuple(Record(case.t_s, y, True) for y in case.y))
     basis = basis_of(data.u, 0.85)
     problem = nonlinear_problem(data, basis)
     own = level_curves(data, 0.85)
@@ -106,7 +106,7 @@ def _proof(case: Any) -> tuple[bool, float]:
 def test_the_proof_fails_where_a_lower_minimum_lies_elsewhere(seed: int, fit_quality: Any) -> None:
     case = fit_quality.make(seed)
     told, best = _proof(case)
-    found = fit_nonlinear(Data(LEVELS, tuple(Record(case.t_s, y, True) for y in case.y), np.ones(10)), 0.85)
+    found = fit_nonlinear(Data(LEVELS, tuple(Record(case.t_s, y, True) for y in case.y)), 0.85)
     least = min(found.solver.costs)
     assert max(found.solver.costs) > 1.001 * least  # the starts from single levels end higher
     assert not told and best > 0
@@ -179,7 +179,7 @@ def test_levels_without_torque_are_fitted_in_any_unit(unit: float, share: float 
     t = np.arange(100) / 100
     noise = np.random.default_rng(3).normal(size=(2, 100))
     records = tuple(Record(t, unit * (0.05 * row - 1 + np.exp(-t / 0.1)), True) for row in noise)
-    found = fit_nonlinear(Data(np.array([20.0, 60.0]), records, np.ones(2)), share)
+    found = fit_nonlinear(Data(np.array([20.0, 60.0]), records), share)
     assert steady_torque(found.parameters, np.array([20.0, 60.0])) == pytest.approx(0.0, abs=1e-6 * unit + 1e-12)
 
 

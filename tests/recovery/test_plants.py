@@ -47,7 +47,7 @@ def test_other_plants_return(seed: int, fit_quality: ModuleType) -> None:
     truth = fit_quality.random_plant(np.random.default_rng(seed))
     t = np.arange(2000) / 100
     records = tuple(Record(t, y, True) for y in fit_quality.curves(t, fit_quality.levels_of(truth)))
-    found = fit_nonlinear(Data(fit_quality.LEVELS, records, np.ones(10)), 0.85).parameters
+    found = fit_nonlinear(Data(fit_quality.LEVELS, records), 0.85).parameters
     values = np.concatenate([c * 100.0 ** np.arange(len(c)) for c in (found.tau1, found.tau2, found.Ts)])
     assert values == pytest.approx(truth, rel=1e-6, abs=1e-7)
 
