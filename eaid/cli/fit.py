@@ -23,7 +23,7 @@ class Arguments(Common, Reading, Seeded, Verbose):
     )
     share: float | str = option(0.85, "C, share of the fast part, held or free.", MODEL, words="free", number=True)
     estimator: str = option("auto", "By the evidence, all at once, or one by one.", MODEL, words="auto|joint|two-stage")
-    ci: str = option("robust", "How 95 % intervals are found.", MODEL, words="robust|bootstrap|profile|white|none")
+    ci: str = option("robust", "How 95 % intervals are found.", MODEL, words="robust|bootstrap|white|none")
     hold_out: tuple[float, ...] = option((), "Left out, to measure the error: 40,70.", MODEL, read=numbers, levels=True)
     loss: str = option("squares", "Huber for logs with spikes and drop-outs.", MODEL, words="squares|huber")
     logs_as: str = option(

@@ -80,7 +80,7 @@ def _guarantee(gains: Gains, rc: Robust) -> Finding:
 def _unstable(source: Source, laws: tuple[str, ...], rate_hz: float, known: Margins | None) -> Iterator[Finding]:
     """Each loop around held duties of the plant, else on the linear model, at the rate that is baked in."""
     linear = Linear(*(source.linear or (1.0, 1.0, 0.0)))  # not looked at where there is a plant
-    points = operating_points(Fit(), linear, source.plant, Bounds("", (), 1.0, 1.0, ()), source.limits)
+    points = operating_points(Fit(), linear, source.plant, Bounds((), 1.0, 1.0, ()), source.limits)
     timing = Timing(rate_hz, source.pwm_hz)
     for law in laws:
         if law not in ("pi", "rc"):

@@ -7,7 +7,7 @@ import numpy as np
 from eaid.logs.run import Run
 from eaid.models.parameters import Nonlinear
 from eaid.planning.enlarge import Widths
-from eaid.planning.simulated import RATE_HZ, disturbance_of, rotor_hz
+from eaid.planning.simulated import RATE_HZ, disturbance_of
 from eaid.recorded.design import ExcitationPlan
 from eaid.recorded.fit import fit_recorded
 from eaid.recorded.options import RecordedOptions
@@ -25,7 +25,6 @@ def recording(
     disturbance: Disturbance,
     seed: int,
     rate_hz: float = RATE_HZ,
-    ripple_hz: float = 0.0,
 ) -> Run:
     """One log of the sequence; each engagement, from its rest on, has a scatter of its own."""
     draw, plant, changes = np.random.default_rng(seed), clutch(p), plan.breaks[:-1]
@@ -37,7 +36,7 @@ def recording(
     for number in np.unique(engagement):
         part = engagement == number
         torque[part] = response(plant, changes, time_s, scatter(disturbance, draw))[part]
-    output = measured(torque, time_s, np.full_like(time_s, ripple_hz), disturbance, draw)
+    output = measured(torque, time_s, np.zeros_like(time_s), disturbance, draw)
     return Run("planned", time_s, duty[place], output, plant.input_unit, plant.output_unit, "eaid synth", "")
 
 
@@ -53,7 +52,7 @@ def measure(
     options = RecordedOptions(models=("nonlinear",), u_range=p.u_range, share=p.C, falls="as-rises", loop_refits=0)
     rows = []
     for k in range(sets):
-        run = recording(plan, p, disturbance_of(noise), seed + 7919 * k, ripple_hz=rotor_hz(noise))
+        run = recording(plan, p, disturbance_of(noise), seed + 7919 * k)
         rows.append(widths(fit_recorded([run], options)))
         progress()
     return rows

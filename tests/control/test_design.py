@@ -272,10 +272,10 @@ def test_bounds_over_chosen_levels():
 def test_widened_bounds_take_the_far_ends():
     rows = [{**row, "ci95": {"B": [0.9 * row["B"], 1.2 * row["B"]]}} for row in REFERENCE_FIT["linear"]["per_level"]]
     fit = {"linear": {**REFERENCE_FIT["linear"], "per_level": rows}}
-    found = bounds_of(fit_of(fit), None, None, widen=True)
+    found = bounds_of(fit_of(fit), widen=True)
     assert (found.B_m, found.B_M) == pytest.approx((0.9 * 8.349, 1.2 * 41.142))
     with pytest.raises(UsageError, match="no interval of B"):
-        bounds_of(fit_of(REFERENCE_FIT), None, None, widen=True)
+        bounds_of(fit_of(REFERENCE_FIT), widen=True)
 
 
 def test_no_linear_model_is_a_data_error():
