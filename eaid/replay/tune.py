@@ -84,11 +84,12 @@ def optimize(
         "p_scale": start.p_scale,
         "epsilon": start.epsilon,
         # the logarithm of no φ at all is none
-        "phi_honest_pct": max(law_of(model, bounds, start).phi_honest_pct, 1e-3 * np.ptp(start.duty_limits_pct)),
+        "phi_honest_pct": max(law_of(model, bounds, start).phi_honest_pct, 1e-3 * float(np.ptp(start.duty_limits_pct))),
     }
 
     def options_at(x: Array) -> DesignOptions:
-        at = {name: origin[name] * factor**power for (name, factor), power in zip(RANGES.items(), x, strict=True)}
+        powers = zip(RANGES.items(), x.tolist(), strict=True)
+        at = {name: origin[name] * factor**power for (name, factor), power in powers}
         # γε stays at 5 or more, where the printed switch has no jump to speak of
         return replace(start, **{**at, "epsilon": max(at["epsilon"], min(5.0 / start.gamma, start.epsilon))})
 
