@@ -8,7 +8,7 @@ from eaid.cli.form import OUTPUT, Common, Verbose, argument, takes, written
 from eaid.declared import option, part
 from eaid.findings import stops
 from eaid.options import FitOptions, ReadOptions
-from eaid.report.tables.checks import judging_tables, model_tables
+from eaid.report.tables.fits import judging_tables, model_tables
 from eaid.results.fit import Fit
 from eaid.results.summary import answer, doubts, runs
 

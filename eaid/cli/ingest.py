@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from eaid.cli import console
-from eaid.cli.columns import shortened
+from eaid.cli.console import shortened
 from eaid.cli.form import OUTPUT, Common, argument, takes, written
 from eaid.cli.printed import Edges, LogEdges
 from eaid.declared import option, part

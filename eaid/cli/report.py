@@ -30,7 +30,7 @@ def command(args: Arguments) -> None:
     """
     from eaid.files import refuse_to_overwrite
     from eaid.report.draw import ready_figures
-    from eaid.report.read import read_results
+    from eaid.report.results import read_results
     from eaid.report.write import FILE, refuse_to_overwrite_report, write_report
 
     options = part(ReportOptions, args)

@@ -12,11 +12,11 @@ import numpy as np
 from eaid.arrays import Array
 from eaid.control import robust
 from eaid.control.bounds import Bounds, LevelB, bounds_of, model_of
+from eaid.control.gains import plant_of
 from eaid.control.margins import is_stable, linear_lags, pi_feedback, rc_feedback
 from eaid.control.operating import actuator, loop_margins
 from eaid.control.options import DesignOptions
 from eaid.control.pi import PIGains, pi_gains, step_metrics
-from eaid.control.plant import plant_of
 from eaid.control.rc_design import Law, law_of
 from eaid.errors import GainsError
 from eaid.findings import Finding, finding, ranked

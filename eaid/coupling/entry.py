@@ -6,9 +6,8 @@ from dataclasses import replace
 import msgspec
 import numpy as np
 
-from eaid.control.gains import pi_gains, rc_gains
+from eaid.control.gains import pi_gains, plant_of, rc_gains
 from eaid.control.margins import Timing
-from eaid.control.plant import plant_of
 from eaid.coupling.couple import Loops, couple, default_torques
 from eaid.coupling.stiffness import LOOPS, Limb
 from eaid.errors import DataError

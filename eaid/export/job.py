@@ -8,9 +8,8 @@ from typing import Any
 import numpy as np
 
 from eaid.control.defaults import input_limits
-from eaid.control.gains import pi_gains, rc_gains
+from eaid.control.gains import pi_gains, plant_of, rc_gains
 from eaid.control.pi import PIGains
-from eaid.control.plant import plant_of
 from eaid.control.rc import RCGains
 from eaid.errors import UsageError, in_python
 from eaid.export import reference

@@ -19,7 +19,7 @@ from dataclasses import replace
 import numpy as np
 
 from eaid.control.defaults import scales_of
-from eaid.control.plant import plant_of
+from eaid.control.gains import plant_of
 from eaid.errors import DataError
 from eaid.options import Rig, TuneOptions
 from eaid.results.fit import Fit

@@ -9,8 +9,7 @@ import numpy as np
 
 from eaid.arrays import Array, read_only
 from eaid.control.defaults import Scales, input_limits, is_duty, scales_of
-from eaid.control.gains import pi_gains, rc_gains
-from eaid.control.plant import plant_of, why_not
+from eaid.control.gains import pi_gains, plant_of, rc_gains, why_not
 from eaid.control.rc import RCGains, rc_terms
 from eaid.errors import DataError, UsageError
 from eaid.findings import Finding, finding, ranked

@@ -24,11 +24,10 @@ from eaid.control.defaults import (
     with_own_pi,
 )
 from eaid.control.design import condition, design, guarantee, least_phi, mismatches
-from eaid.control.gains import pi_gains, rc_gains
+from eaid.control.gains import pi_gains, plant_of, rc_gains, why_not
 from eaid.control.margins import ENOUGH_DB, ENOUGH_DEG
 from eaid.control.operating import Points, keeps_margins, operating_points
 from eaid.control.options import DesignOptions
-from eaid.control.plant import plant_of, why_not
 from eaid.control.rc import RCGains
 from eaid.control.rc_design import law_of
 from eaid.errors import DataError, GainsError, UsageError

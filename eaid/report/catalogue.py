@@ -5,22 +5,9 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
-from eaid.report.figures import (
-    apparatus,
-    checks,
-    clutch,
-    coupling,
-    edges,
-    friction,
-    hold,
-    level_steps,
-    recorded,
-    rehab,
-    replays,
-    values,
-)
-from eaid.report.ready import Ready
+from eaid.report.figures import checks, clutch, coupling, recorded, rehab, replays, steps, values
 from eaid.report.results import Results
+from eaid.report.style import Ready
 
 Need = Callable[[Results], Any]
 
@@ -86,10 +73,10 @@ def _replayed(scenario: str) -> str:
 
 FIGURES: tuple[Row, ...] = (
     Row("compare", "Two fits over each other", (lambda results: results.pair,), values.two_fits_ready),
-    Row("fig02_pwm", "Fig. 2 · One PWM period", (_all,), apparatus.pwm_ready, of_the_fit=False),
-    Row("edges", "Edges of the output", (lambda results: results.edge_logs,), edges.edges_ready, of_the_fit=False),
+    Row("fig02_pwm", "Fig. 2 · One PWM period", (_all,), clutch.pwm_ready, of_the_fit=False),
+    Row("edges", "Edges of the output", (lambda results: results.edge_logs,), recorded.edges_ready, of_the_fit=False),
     Row("fig06_hold_and_release", "Fig. 6 · Output while held and after release",
-        (lambda results: results.main_data,), hold.hold_ready, _MADE["held"], of_the_fit=False),
+        (lambda results: results.main_data,), clutch.hold_ready, _MADE["held"], of_the_fit=False),
     Row("recorded_logs", "Logs as recorded", (_recorded,), recorded.logs_ready),
     Row("fig07_nonlinear_model", "Fig. 7 · Nonlinear model", (_data("clutch"), _all), clutch.nonlinear_ready,
         "eaid ingest LOGS -o clutch.h5"),
@@ -97,22 +84,22 @@ FIGURES: tuple[Row, ...] = (
     Row("residuals_nonlinear", "What the nonlinear model leaves", _ON_CLUTCH,
         partial(checks.residuals_ready, "nonlinear", True), _MADE["clutch"]),
     Row("bode", "Frequency response", (_recorded,), recorded.bode_ready),
-    Row("level_steps", "Steps from level to level", (_all,), level_steps.level_steps_ready, of_the_fit=False),
-    Row("steps_over_level", "Gain and time constants of steps", (_all,), level_steps.over_level_ready,
+    Row("level_steps", "Steps from level to level", (_all,), steps.level_steps_ready, of_the_fit=False),
+    Row("steps_over_level", "Gain and time constants of steps", (_all,), steps.over_level_ready,
         of_the_fit=False),
     Row("fig08_linear_model", "Fig. 8 · Linear model", _ON_CLUTCH, clutch.linear_ready, _MADE["clutch"]),
     Row("residuals_linear", "What the linear model leaves", _ON_CLUTCH,
         partial(checks.residuals_ready, "linear", False), _MADE["clutch"]),
     Row("fig09_shear_per_field", "Fig. 9 · Shear stress over the electric field", (_CLUTCH, _all),
-        apparatus.shear_ready),
-    Row("fig03_friction_steps", "Fig. 3 · Friction steps", (_all,), friction.friction_steps_ready,
+        clutch.shear_ready),
+    Row("fig03_friction_steps", "Fig. 3 · Friction steps", (_all,), clutch.friction_steps_ready,
         "eaid ingest LOGS -o friction.h5", of_the_fit=False),
     Row("fig04_friction_over_stress", "Fig. 4 · Friction over the normal stress", (_fit("friction-force"), _all),
-        partial(friction.trends_ready, friction.friction_over_stress), _MADE["force"], of_the_fit=False),
+        partial(clutch.trends_ready, clutch.friction_over_stress), _MADE["force"], of_the_fit=False),
     Row("residuals_friction_force", "What the friction curves leave, over force", _ON_FORCE,
         partial(checks.residuals_ready, "friction", True), _MADE["force"], of_the_fit=False),
     Row("fig05_friction_over_speed", "Fig. 5 · Friction over the rotation speed", (_fit("friction-speed"), _all),
-        partial(friction.trends_ready, friction.friction_over_speed), _MADE["speed"], of_the_fit=False),
+        partial(clutch.trends_ready, clutch.friction_over_speed), _MADE["speed"], of_the_fit=False),
     Row("residuals_friction_speed", "What the friction curves leave, over speed", _ON_SPEED,
         partial(checks.residuals_ready, "friction", False), _MADE["speed"], of_the_fit=False),
     Row("input_gain", "Input gain of each level", (_CLUTCH, _all), clutch.input_gain_ready, _MADE["clutch"]),

@@ -9,12 +9,11 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from eaid.report import style
-from eaid.report.draw import pngs_of, source_of
-from eaid.report.figures import edges, level_steps, panels, values
+from eaid.report.draw import marked, pngs_of, source_of
+from eaid.report.figures import panels, recorded, steps, values
 from eaid.report.figures.recorded import drawn_logs, log_panels
 from eaid.report.figures.replays import counted_from, traces_of, tracking_panels, units_of
 from eaid.report.figures.steps import Model, draw_steps, model_curves, some_levels
-from eaid.report.mark import marked
 from eaid.report.results import NEEDED, Results
 from eaid.report.rig import level_values
 from eaid.results.fit import Fit
@@ -75,9 +74,9 @@ def _data_and_model(results: Results) -> Candidates:
     elif results.edge_logs:
         log = results.edge_logs[0]
         said = "Output" if log.run.reference_nm is None else "Output against reference"
-        yield said, "data", partial(_one_panel, partial(edges.draw_log, log=log))
+        yield said, "data", partial(_one_panel, partial(recorded.draw_log, log=log))
         if log.edges:
-            yield "Its edges, each from its start", "data", partial(_one_panel, partial(edges.draw_each, log=log))
+            yield "Its edges, each from its start", "data", partial(_one_panel, partial(recorded.draw_each, log=log))
 
 
 def _replays(results: Results) -> Candidates:
@@ -99,8 +98,8 @@ def _values(results: Results) -> Candidates:
     if len(level_values(fit)) > 1:
         yield "Fitted values over the level", "model", partial(_over_level, [("", fit)], values.draw_values)
     for one in results.data:
-        if one.result.kind == fit.data.kind and level_steps.paired(one.result, fit.steps):
-            each = partial(level_steps.draw_level_steps, data=one.result, shapes=fit.steps)
+        if one.result.kind == fit.data.kind and steps.paired(one.result, fit.steps):
+            each = partial(steps.draw_level_steps, data=one.result, shapes=fit.steps)
             yield "Steps, each by its own curve", "model", partial(_one_panel, each)
 
 

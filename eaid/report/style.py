@@ -1,7 +1,7 @@
 """One look for every figure: column widths, letters of 8 pt and more, colours for the colour-blind, lines that survive
 black and white."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass
@@ -10,9 +10,14 @@ from pathlib import Path
 from typing import Any, TypedDict
 
 import matplotlib as mpl
+from jinja2 import Environment, PackageLoader, StrictUndefined
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+
+from eaid.report.live import Live
+from eaid.report.rig import level_text
+from eaid.report.tables.table import listed, number
 
 DPI = 300
 SMALLEST_PT = 8.0
@@ -141,3 +146,28 @@ def level_map() -> mpl.colors.LinearSegmentedColormap:
 def letter(axes: Axes, mark: str, text: str = "") -> None:
     """Head a panel by its letter, as the paper does."""
     axes.set_title(f"({mark}) {text}".rstrip())
+
+
+@dataclass(frozen=True)
+class Ready:
+    """A figure whose data are at hand."""
+
+    draw: Callable[[], Figure]
+    sees: str
+    """What is to be seen in it; every claim computed."""
+    live: Callable[[], tuple[Live, ...]] = tuple
+    """Its live plots, side by side."""
+    title: str = ""
+    """Empty: as in the catalogue, without the paper's number on another rig."""
+
+
+@cache
+def _captions() -> Any:
+    made = Environment(loader=PackageLoader("eaid.report", "."), undefined=StrictUndefined)
+    made.filters |= {"n": number, "at": level_text, "listed": listed}
+    return made.get_template("captions.j2").module
+
+
+def caption(name: str, **numbers: Any) -> str:
+    """The words of one figure with its numbers."""
+    return str(getattr(_captions(), name)(**numbers))

@@ -10,8 +10,7 @@ from eaid.errors import UsageError
 from eaid.files import all_written_whole
 from eaid.options import ReportOptions
 from eaid.report.catalogue import FIGURES
-from eaid.report.draw import draw_all, font_of, formats_of, ready_figures
-from eaid.report.mark import mark_of
+from eaid.report.draw import draw_all, font_of, formats_of, mark_of, ready_figures
 from eaid.report.page.render import page
 from eaid.report.pictures import summary_pictures
 from eaid.report.results import Given, Results, gathered

@@ -15,7 +15,7 @@ import numpy as np
 from eaid.apparatus import Apparatus
 from eaid.arrays import Array
 from eaid.control.defaults import PAPER_TOP
-from eaid.control.plant import plant_of
+from eaid.control.gains import plant_of
 from eaid.errors import DataError, UsageError
 from eaid.logs.run import Kind
 from eaid.models.parameters import REFERENCE_PLANT, SHARE, Friction, Nonlinear

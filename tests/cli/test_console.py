@@ -5,7 +5,7 @@ import sys
 import pytest
 
 from eaid.cli import console
-from eaid.cli.columns import aligned
+from eaid.cli.console import aligned
 from eaid.findings import finding
 
 ROWS = [

@@ -326,7 +326,7 @@ def test_what_no_log_showed_is_told(capsys):
 
 @pytest.mark.parametrize(("tau1", "as_release"), [(0.21, True), (0.61, False)])
 def test_recorded_falls_between_levels_say_which_constants_they_have(tau1, as_release):
-    from eaid.control.plant import plant_of
+    from eaid.control.gains import plant_of
     from eaid.export.job import source_of
     from eaid.results.codec import from_plain
     from eaid.results.fit import Fit

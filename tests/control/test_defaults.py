@@ -18,11 +18,10 @@ from eaid.control.defaults import (
     with_own_pi,
 )
 from eaid.control.design import design, shown_by_levels, shown_by_model
-from eaid.control.gains import paper_gains
+from eaid.control.gains import paper_gains, plant_of, why_not
 from eaid.control.margins import Timing, margins, rc_feedback
 from eaid.control.operating import actuator, keeps_margins, operating_points
 from eaid.control.options import DesignOptions
-from eaid.control.plant import plant_of, why_not
 from eaid.control.rc_design import law_of
 from eaid.errors import DataError, GainsError, UsageError
 from eaid.models.parameters import PAPER_LINEAR, REFERENCE_PLANT, Linear, Nonlinear

@@ -11,7 +11,7 @@ from eaid.control import robust
 from eaid.control.bounds import Bounds
 from eaid.control.defaults import PAPER_TOP, design_options, is_duty, scales_of, timing_of, with_own_pi
 from eaid.control.design import condition, design, guarantee, least_phi, mismatches
-from eaid.control.gains import paper_gains, pi_gains, rc_gains
+from eaid.control.gains import paper_gains, pi_gains, plant_of, rc_gains
 from eaid.control.margins import (
     Feedback,
     LoopMargins,
@@ -27,7 +27,6 @@ from eaid.control.operating import actuator, enough, keeps_margins, known
 from eaid.control.options import DesignOptions, PIOptions
 from eaid.control.pi import error, step_metrics
 from eaid.control.pi import pi_gains as asked_pi
-from eaid.control.plant import plant_of
 from eaid.control.rc import TANH_IS_ONE, RCState, rc_step, rc_terms
 from eaid.control.rc_design import Disturbance, error_bound, law_of, solve_Q, ultimate_level
 from eaid.errors import DataError, GainsError

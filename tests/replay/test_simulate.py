@@ -8,8 +8,8 @@ import pytest
 from eaid.replay.options import SimulateOptions
 
 from eaid.control.design import design
+from eaid.control.gains import plant_of
 from eaid.control.options import DesignOptions
-from eaid.control.plant import plant_of
 from eaid.errors import DataError, UsageError
 from eaid.logs.run import Run
 from eaid.replay.compare import driven

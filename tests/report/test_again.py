@@ -7,7 +7,7 @@ import pytest
 
 from eaid.cli import main
 from eaid.report.page.next_steps import commands
-from eaid.report.read import read_results
+from eaid.report.results import read_results
 from eaid.results import codec
 from eaid.results.gains import Gains
 

@@ -8,12 +8,10 @@ import numpy as np
 import pytest
 
 from eaid.cli.main import run
-from eaid.report.edge_logs import edge_logs
-from eaid.report.page import summary, tiles
+from eaid.report.page import summary
 from eaid.report.page.known import known
 from eaid.report.page.next_steps import next_steps
-from eaid.report.read import read_results
-from eaid.report.results import Results
+from eaid.report.results import Results, edge_logs, read_results
 from eaid.report.tables.recorded import edges_table
 from eaid.steps.edges import edges
 
@@ -77,7 +75,7 @@ def test_a_loops_log_is_kept_whole_and_has_its_table(tmp_path: Path):
     assert [row[5] for row in table.rows] == pytest.approx([0, 0, 0], abs=2e-3)  # left over
     assert light(given) == ("good", "closed loop, 3 edges")
     assert summary.title(given) == "Edges of a closed loop"
-    shown = {tile.label: tile.value for tile in tiles.tiles(given)}
+    shown = {tile.label: tile.value for tile in summary.tiles(given)}
     assert len(shown) == 6 and shown["edges"] == "3" and shown["largest edge"] == "2.00 N·m"
     (step,) = next_steps(given, known(given))
     assert step.command.startswith("eaid fit ")

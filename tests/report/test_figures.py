@@ -14,10 +14,11 @@ from eaid.apparatus import Apparatus
 from eaid.models import friction, nonlinear
 from eaid.models.parameters import REFERENCE_PLANT
 from eaid.models.parameters import Friction as Curve
-from eaid.report import published, style
+from eaid.report import rig, style
 from eaid.report.draw import vector_of
-from eaid.report.figures import apparatus, checks, clutch, hold, level_steps, recorded, rehab, replays, values
-from eaid.report.figures import friction as frictions
+from eaid.report.figures import checks, clutch, recorded, rehab, replays, values
+from eaid.report.figures import clutch as frictions
+from eaid.report.figures import steps as level_steps
 from eaid.results import fit as fits
 from eaid.results.common import LevelError
 from eaid.results.fit import (
@@ -82,9 +83,9 @@ def friction_fit(kind: str) -> Fit:
     force = kind == "friction-force"
     levels = np.array([17.0, 51.0, 102.0, 170.0]) if force else np.array([5.0, 15.0, 25.0, 40.0])
     x = levels / (np.pi * 2e-3) / 1e3 if force else levels
-    curves = published.OVER_STRESS if force else {**published.OVER_SPEED, "tau2": lambda w: 5.4 * np.exp(-0.0101 * w)}
+    curves = rig.OVER_STRESS if force else {**rig.OVER_SPEED, "tau2": lambda w: 5.4 * np.exp(-0.0101 * w)}
     rows = {u: Curve(*(float(curves[k](xi)) for k in ("Ts", "tau1", "tau2"))) for u, xi in zip(levels, x, strict=True)}
-    table = published.TABLE_I if force else {k: published.TABLE_II[k] for k in ("Ts", "tau1")}
+    table = rig.TABLE_I if force else {k: rig.TABLE_II[k] for k in ("Ts", "tau1")}
     forms = {2: "linear", 4: "double-exponential"}
     trends = {k: Trend(forms[len(c)], c) for k, (_t, c, _r) in table.items()}
     data = fits.FittedData(kind, "N" if force else "RPM", apparatus=fits.Rig(surfaces=1))
@@ -179,16 +180,16 @@ def response(with_models: bool = True) -> Response:
 
 
 DRAWN: dict[str, Callable[[], Figure]] = {
-    "fig02_pwm": lambda: apparatus.pwm_period(Apparatus()),
+    "fig02_pwm": lambda: clutch.pwm_period(Apparatus()),
     "fig03_friction_steps": lambda: frictions.friction_steps(force_set(), friction_fit("friction-force")),
     "fig04_friction_over_stress": lambda: frictions.friction_over_stress(friction_fit("friction-force")),
     "fig05_friction_over_speed": lambda: frictions.friction_over_speed(friction_fit("friction-speed")),
-    "fig06_hold_and_release": lambda: hold.hold_and_release(hold.held_levels(clutch_set()), "%", "N·m"),
+    "fig06_hold_and_release": lambda: clutch.hold_and_release(clutch.held_levels(clutch_set()), "%", "N·m"),
     "fig07_nonlinear_model": lambda: clutch.nonlinear_model(clutch_set(1.05), clutch_fit()),
     "fig08_linear_model": lambda: clutch.linear_model(clutch_set(), clutch_fit()),
     "model_over_duty": lambda: values.polynomials(clutch_fit()),
     "input_gain": lambda: clutch.input_gain(clutch_fit()),
-    "fig09_shear_per_field": lambda: apparatus.shear_per_field(clutch_fit()),
+    "fig09_shear_per_field": lambda: clutch.shear_per_field(clutch_fit()),
     "residuals_nonlinear": lambda: checks.residuals(clutch_set(1.05), clutch_fit(), "nonlinear"),
     "fig11_steps": lambda: replays.tracking(traces(), with_error=False),
     "fig12_multisine": lambda: replays.tracking(traces(), 3.0),
@@ -269,7 +270,7 @@ def test_fonts_are_inside_the_file(kind: str):
 
 def test_shear_point_by_hand():
     """4.372 N·m over 2·2π(0.06³ − 0.04³)/3 = 6.367e-4 m³ is 6.867 kPa; 300 V over 95 µm is 3.158 V/µm."""
-    field, stress = apparatus.shear_point(clutch_fit())
+    field, stress = clutch.shear_point(clutch_fit())
     assert field == pytest.approx(3.1579, rel=1e-4)
     assert stress == pytest.approx(4.372 / 6.36696e-4 / 1e3, rel=1e-4)
 
@@ -278,7 +279,7 @@ def test_lost_and_left_by_hand():
     """A drive that peaks at 2, is held at 1.5 in the end and keeps 0.3 afterwards: 25 % lost, 20 % left."""
     t = np.linspace(0, 20, 2001)
     torque = np.where(t <= 10, np.where(t < 5, 2.0, 1.5), 0.3)
-    held = hold.Held(100.0, t, torque, 10.0)
+    held = clutch.Held(100.0, t, torque, 10.0)
     assert held.lost_pct == pytest.approx(25) and held.left_pct == pytest.approx(20)
 
 

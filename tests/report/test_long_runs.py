@@ -8,19 +8,19 @@ import pytest
 from eaid.logs.options import ReadOptions
 
 from eaid.logs.read import read_runs
-from eaid.report import thin
-from eaid.report.read import read_results
+from eaid.report import live
+from eaid.report.results import read_results
 
 
 def test_a_short_run_stays_as_it_is(files: dict[str, Path]):
     run = read_runs([files["clutch.h5"]], ReadOptions())[0]
-    assert thin.shortened(run) == (run, 1)
+    assert live.shortened(run) == (run, 1)
 
 
 def test_blocks_are_means_and_begin_at_the_step(files: dict[str, Path], monkeypatch: pytest.MonkeyPatch):
     run = read_runs([files["clutch.h5"]], ReadOptions())[0]
-    monkeypatch.setattr(thin, "MOST", 150)
-    short, every = thin.shortened(run)
+    monkeypatch.setattr(live, "MOST", 150)
+    short, every = live.shortened(run)
     start = int(np.searchsorted(run.time_s, run.step_s))
     assert every == -(-len(run.time_s) // 150) and len(short.time_s) <= 150
     first = int(np.searchsorted(short.time_s, run.step_s))
@@ -30,12 +30,12 @@ def test_blocks_are_means_and_begin_at_the_step(files: dict[str, Path], monkeypa
         assert short.time_s[k] == pytest.approx(np.mean(run.time_s[block]), rel=1e-12)
         assert short.input[k] == run.input[block][0]
     assert short.input[first - 1] == run.input[start - 1] != short.input[first]
-    assert thin.shortened(replace(run, step_s=None))[1] == 1
+    assert live.shortened(replace(run, step_s=None))[1] == 1
 
 
 def test_rates_and_counts_are_those_that_were_recorded(files: dict[str, Path], monkeypatch: pytest.MonkeyPatch):
     whole = read_results([files["clutch.h5"]]).data[0].result
-    monkeypatch.setattr(thin, "MOST", 400)
+    monkeypatch.setattr(live, "MOST", 400)
     short = read_results([files["clutch.h5"]]).data[0].result
     assert [one.level for one in short.levels] == [one.level for one in whole.levels]
     for one, other in zip(short.runs, whole.runs, strict=True):
@@ -49,6 +49,6 @@ def test_a_dataset_of_many_long_runs_keeps_fewer_samples_of_each(files: dict[str
     count = 100_000
     time_s = np.linspace(0, 60, count)
     long = replace(run, time_s=time_s, output=np.sin(time_s), input=np.where(time_s < 5, 0.0, 50.0), step_s=5.0)
-    assert thin.shortened(long) == (long, 1)
-    assert thin.shortened(long, 250)[1] == count // (thin.MOST_OF_ALL // 250)
-    assert thin.shortened(long, 5_000)[1] == count // thin.LEAST
+    assert live.shortened(long) == (long, 1)
+    assert live.shortened(long, 250)[1] == count // (live.MOST_OF_ALL // 250)
+    assert live.shortened(long, 5_000)[1] == count // live.LEAST

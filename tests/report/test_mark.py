@@ -13,8 +13,8 @@ from PIL import Image
 from eaid.cli import main
 from eaid.replay import files as replay_files
 from eaid.report import style
-from eaid.report.mark import GAINS, PLANT, STRIP_IN, mark_of, marked
-from eaid.report.read import read_results
+from eaid.report.draw import GAINS, PLANT, STRIP_IN, mark_of, marked
+from eaid.report.results import read_results
 
 
 def call(*arguments: str | Path) -> int:

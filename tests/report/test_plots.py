@@ -7,7 +7,7 @@ import pytest
 from matplotlib.figure import Figure
 
 from eaid.report.plots import plot_fit, plot_replay
-from eaid.report.read import read_results
+from eaid.report.results import read_results
 
 
 def test_a_fit_has_a_line_a_level(files: dict[str, Path]):

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from eaid.cli.main import run
-from eaid.report.read import read_results
+from eaid.report.results import read_results
 from eaid.report.tables import recorded
 
 KINDS = ("random", "prbs", "chirp", "closed-loop")

@@ -7,7 +7,7 @@ import pytest
 
 from eaid.cli.main import run
 from eaid.report.figures.replays import bands
-from eaid.report.read import read_results
+from eaid.report.results import read_results
 
 
 @pytest.fixture(scope="module")

@@ -7,7 +7,7 @@ import pytest
 
 from eaid.errors import DataError, UsageError
 from eaid.replay.files import write_replay
-from eaid.report.read import kind_of, read_results
+from eaid.report.results import kind_of, read_results
 from eaid.results.replay import Head, Metrics, Record, Replay
 
 

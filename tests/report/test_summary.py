@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from eaid.findings import Finding, finding
-from eaid.report.figures import friction as frictions
+from eaid.report.figures import clutch as frictions
 from eaid.report.figures import values
-from eaid.report.page import summary, tiles
+from eaid.report.page import summary
 from eaid.report.page.known import known, sentence
 from eaid.report.page.next_steps import next_steps
 from eaid.report.results import Results, gathered
@@ -93,7 +93,7 @@ def test_tiles_are_the_top_level_and_the_worst_margin():
     data = results.FittedData("clutch", "V", "N")
     worst = WorstMargins(Margin(gain_db=16.2, phase_deg=78.1), Margin(gain_db=42.7, phase_deg=31.5))
     gains = Gains(LinearModel(1.0, 1.0, 0.0), margins=Margins(worst=worst))
-    shown = tiles.tiles(gathered([Fit(data=data, friction=Friction(0.85, levels=levels)), gains]))
+    shown = summary.tiles(gathered([Fit(data=data, friction=Friction(0.85, levels=levels)), gains]))
     assert len(shown) == 6
     assert (shown[1].label, shown[1].value) == ("T_s at 300 V", "2.00 N") and shown[1].note.startswith("1.90 … 2.10")
     assert (shown[5].value, shown[5].note) == ("78° | 32°", "phase; gain 16 | 43 dB")
@@ -101,7 +101,7 @@ def test_tiles_are_the_top_level_and_the_worst_margin():
 
 def test_a_time_constant_without_end_has_no_number():
     levels = (FrictionLevel(10.0, 1.0, 0.1, 5.0), FrictionLevel(20.0, 2.0, 0.2, 2.9e7))
-    shown = tiles.tiles(
+    shown = summary.tiles(
         gathered([Fit(data=results.FittedData("clutch", "V", "N"), friction=Friction(0.85, levels=levels))])
     )
     assert (shown[2].value, shown[3].value) == ("0.200 s", "not estimable")

@@ -5,7 +5,7 @@ import pytest
 from eaid.apparatus import Apparatus
 from eaid.findings import Finding
 from eaid.report.rig import overlaid
-from eaid.report.tables import checks, data, fits, gains
+from eaid.report.tables import data, fits, gains
 from eaid.report.tables.table import Name, Table, columns, interval, number
 from eaid.results import fit as results
 from eaid.results.fit import (
@@ -156,7 +156,7 @@ def test_what_is_absent_costs_only_its_table():
     bare = Gains(LinearModel(1.0, 1.0, 0.0))
     assert gains.checklist(bare).rows == gains.margins_table(bare).rows == gains.gains_table(bare).rows == ()
     fit = Fit(nonlinear=NONLINEAR)
-    tables = (checks.estimates_table, checks.lack_of_fit_table, checks.shapes_table, checks.degrees_table)
+    tables = (fits.estimates_table, fits.lack_of_fit_table, fits.shapes_table, fits.degrees_table)
     assert [table(fit).rows for table in tables] == [()] * 4
 
 

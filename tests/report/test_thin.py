@@ -2,7 +2,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from eaid.report.thin import thinned, thinned_at
+from eaid.report.live import thinned, thinned_at
 
 
 def test_a_spike_of_one_sample_survives():

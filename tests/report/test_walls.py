@@ -7,7 +7,7 @@ import pytest
 import eaid
 from eaid.cli.main import run
 from eaid.report.figures import coupling as figures
-from eaid.report.read import read_results
+from eaid.report.results import read_results
 from eaid.report.tables.gains import walls_tables
 
 

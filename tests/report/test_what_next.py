@@ -11,10 +11,8 @@ import pytest
 from eaid.planning.recordings import PlanOptions, plan_recordings
 from eaid.report.figures import values
 from eaid.report.page.known import known
-from eaid.report.page.next_steps import may_be_controlled, next_steps
-from eaid.report.page.recording import what_to_record
-from eaid.report.read import read_results
-from eaid.report.results import gathered
+from eaid.report.page.next_steps import may_be_controlled, next_steps, what_to_record
+from eaid.report.results import gathered, read_results
 from eaid.results.fit import Fit
 from eaid.results.summary import believed_levels
 

@@ -9,7 +9,7 @@ from eaid.report.options import ReportOptions
 from eaid.cli.main import run
 from eaid.errors import UsageError
 from eaid.report import write
-from eaid.report.read import read_results
+from eaid.report.results import read_results
 from eaid.report.write import write_report
 
 

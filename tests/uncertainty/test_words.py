@@ -15,7 +15,7 @@ from eaid.fitting.fit import fit
 from eaid.models import friction
 from eaid.models.parameters import Friction
 from eaid.report.page.known import known, sentence
-from eaid.report.read import read_results
+from eaid.report.results import read_results
 from eaid.results import codec
 from eaid.results.fit import Fit, FitOptions
 from eaid.steps.stepset import Level, StepSet

@@ -17,8 +17,8 @@ from eaid.models import linear
 from eaid.report import style
 from eaid.report.figures.steps import Model, nonlinear_curves, single_curves
 from eaid.report.live import Live, Plot, bare
-from eaid.report.ready import Ready, caption
 from eaid.report.rig import level_text, over
+from eaid.report.style import Ready, caption
 from eaid.results.fit import Fit
 from eaid.steps.stepset import StepSet
 

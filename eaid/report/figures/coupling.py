@@ -7,9 +7,9 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from eaid.report import style
-from eaid.report.ready import Ready, caption
 from eaid.report.results import Given
 from eaid.report.rig import controller_name
+from eaid.report.style import Ready, caption
 from eaid.report.tables.table import number
 from eaid.results.coupling import Coupling
 

@@ -8,8 +8,7 @@ from matplotlib.axes import Axes
 
 from eaid.arrays import Array
 from eaid.report import style
-from eaid.report.live import Live, Plot
-from eaid.report.thin import thinned
+from eaid.report.live import Live, Plot, thinned
 
 POINTS = 2500
 """Most points of a curve in a figure; extremes survive."""

@@ -12,8 +12,8 @@ from eaid.replay import rehab
 from eaid.report import style
 from eaid.report.figures import panels
 from eaid.report.figures.panels import Line, Panel
-from eaid.report.ready import Ready, caption
 from eaid.report.rig import quantity
+from eaid.report.style import Ready, caption
 from eaid.report.tables.table import number
 from eaid.results.replay import Replay
 

@@ -12,9 +12,9 @@ from eaid.report.figures import panels
 from eaid.report.figures.panels import Line, Panel
 from eaid.report.figures.recorded import titles
 from eaid.report.figures.steps import some_levels
-from eaid.report.ready import Ready, caption
 from eaid.report.results import Given
 from eaid.report.rig import controller_name, over, quantity
+from eaid.report.style import Ready, caption
 from eaid.report.tables.replays import metric
 from eaid.report.tables.table import number
 from eaid.results.replay import Replay

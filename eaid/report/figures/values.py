@@ -10,11 +10,11 @@ from matplotlib.figure import Figure
 
 from eaid.arrays import Array
 from eaid.models import nonlinear
-from eaid.report import published, style
+from eaid.report import rig, style
 from eaid.report.live import Live, Plot
-from eaid.report.ready import Ready, caption
 from eaid.report.results import Given, Results
 from eaid.report.rig import apparatus_of, level_values, over, overlaid
+from eaid.report.style import Ready, caption
 from eaid.report.tables.fits import estimates_of
 from eaid.report.tables.table import SYMBOLS
 from eaid.results.common import Interval, ci95_of
@@ -160,7 +160,7 @@ def polynomials(fit: Fit, asked: bool | None = None) -> Figure:
             points(panel, at, values, intervals_of(rows, name), color=style.BLACK, label=single)
         if name != "Ts" and overlaid(fit.data, asked):
             # Table III's T_s gives 0.06 N·m at full duty: a line on the floor.
-            paper = np.polynomial.polynomial.polyval(u, published.TABLE_III[name])
+            paper = np.polynomial.polynomial.polyval(u, rig.TABLE_III[name])
             panel.plot(u, paper, color=style.GREY, linestyle=":", label="published")
         panel.set(xlabel=over(fit.data.input_unit), ylabel=axis_label(name, fit.data.output_unit), ylim=(0, top))
         style.letter(panel, mark)

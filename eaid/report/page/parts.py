@@ -4,11 +4,10 @@ from collections.abc import Container, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from eaid.report.draw import Drawn
-from eaid.report.page.glossary import Terms
-from eaid.report.page.known import MOST, Known, sentence
+from eaid.report.page.known import MOST, Known, Terms, sentence
 from eaid.report.page.next_steps import commands
 from eaid.report.results import KINDS, Results
-from eaid.report.tables import checks, data, gains, recorded, replays
+from eaid.report.tables import data, fits, gains, recorded, replays
 from eaid.report.tables.table import Table, listed
 from eaid.shown import counted
 
@@ -177,10 +176,10 @@ def _model(results: Results, known: Known, drawn: Figures) -> Block | None:
     tables: list[Table] = []
     folds: list[Block] = []
     if pair is not None:  # then the comparison is the one table that stands open
-        tables = [checks.comparison_table(pair[0].result, pair[1].result, (pair[0].path, pair[1].path))]
+        tables = [fits.comparison_table(pair[0].result, pair[1].result, (pair[0].path, pair[1].path))]
     for given in results.fits:
         fit, fit_kind = given.result, given.result.data.kind
-        folded = [*checks.model_tables(fit, results.paper), *checks.judging_tables(fit)]
+        folded = [*fits.model_tables(fit, results.paper), *fits.judging_tables(fit)]
         if fit is main:
             if pair is None:
                 tables, folded = folded[:1], folded[1:]

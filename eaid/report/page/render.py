@@ -12,14 +12,12 @@ from markupsafe import Markup, escape
 
 from eaid.report import live
 from eaid.report.catalogue import Row
-from eaid.report.draw import Drawn
-from eaid.report.mark import mark_of
+from eaid.report.draw import Drawn, mark_of
 from eaid.report.page import summary
-from eaid.report.page.glossary import Terms
-from eaid.report.page.known import known
+from eaid.report.page.known import Terms, known
 from eaid.report.page.next_steps import next_steps
 from eaid.report.page.parts import parts
-from eaid.report.page.tiles import tiles
+from eaid.report.page.summary import tiles
 from eaid.report.pictures import Picture
 from eaid.report.results import Results
 from eaid.report.tables.table import Cell, Name, text

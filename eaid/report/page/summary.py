@@ -4,15 +4,153 @@ from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
 from eaid.findings import Finding
+from eaid.report.figures.steps import model_curves
 from eaid.report.page.known import Known
-from eaid.report.page.tiles import fit_pct
 from eaid.report.results import KINDS, Results
-from eaid.report.rig import level_text, of_the_paper, rising
+from eaid.report.rig import controller_name, level_text, of_the_paper, rising
 from eaid.report.tables.data import doubts_of
 from eaid.report.tables.gains import guarantee_words
-from eaid.report.tables.table import number
+from eaid.report.tables.replays import SCENARIO_NAMES, metric
+from eaid.report.tables.table import interval, number
+from eaid.results.common import ci95_of
+from eaid.results.fit import CurveLevel, Fit, FrictionLevel, StepShape
+from eaid.results.summary import ENDLESS_S, believed_levels, steps_of_other_shapes
 from eaid.shown import counted
+
+MEANINGS = {"Ts": ("T_s", "steady output"), "tau1": ("τ1", "fast time constant"), "tau2": ("τ2", "slow time constant")}
+"""Symbol and meaning of each value at a level."""
+
+
+@dataclass(frozen=True)
+class Tile:
+    """One number of the first screen."""
+
+    label: str
+    value: str
+    note: str
+
+
+def fit_pct(results: Results) -> float | None:
+    """100 (1 − ‖y − ŷ‖/‖y − mean y‖) of the page's model, as the fit says or over the data given."""
+    fit, data = results.main_fit, results.main_data
+    if fit is not None and fit.nonlinear is not None and fit.nonlinear.fit_pct is not None:
+        return fit.nonlinear.fit_pct
+    models = model_curves(fit, data)
+    rows = [(row.mean, models[row.level](row.time_s)) for row in data.levels if row.level in models] if data else []
+    if rows:
+        y, fitted = (np.concatenate([row[k] for row in rows]) for k in (0, 1))
+        spread = float(np.linalg.norm(y - y.mean()))
+        return 100 * (1 - float(np.linalg.norm(y - fitted)) / spread) if spread > 0 else None
+    percents = [row.fit_pct for row in (fit.friction_levels if fit else ()) if row.fit_pct is not None]
+    return float(np.mean(percents)) if percents else None
+
+
+def tiles(results: Results) -> tuple[Tile, ...]:
+    """Six numbers: fit, T_s, τ1, τ2 at the top level, largest errors, worst margin; else those of edges."""
+    if results.shows_edges:
+        return _edges(results)
+    percent = fit_pct(results)
+    fit = Tile("fit", f"{number(percent, 3)} %" if percent is not None else "–", "100 % would be on the data")
+    return (fit, *_values(results.main_fit), _errors(results), _margins(results))
+
+
+def _edges(results: Results) -> tuple[Tile, ...]:
+    logs = results.edge_logs
+    edges = [edge for log in logs for edge in log.edges]
+    out = logs[0].run.output_unit
+    settled = [edge.settling_s for edge in edges if edge.settling_s is not None]
+    goals = [pair for log in logs for pair in zip(log.goals, log.edges, strict=True)]
+    left_over = [abs(goal - edge.after) for goal, edge in goals if goal is not None]
+    errors = [log.rms_error for log in logs if log.rms_error is not None]
+
+    def worst(values: Sequence[float], unit: str, digits: int = 3) -> str:
+        return f"{number(max(values), digits)} {unit}".rstrip() if values else "–"
+
+    sizes = [abs(edge.after - edge.before) for edge in edges]
+    return (
+        Tile("edges", str(len(edges)), f"in {counted(len(logs), 'log')}"),
+        Tile("largest edge", worst(sizes, out), "change of the output"),
+        Tile("slowest rise", worst([edge.rise_s for edge in edges], "s"), "10 to 90 % of the change"),
+        Tile("largest overshoot", worst([edge.overshoot_pct for edge in edges], "%"), "of the change"),
+        Tile("longest settling", worst(settled, "s"), f"within 5 %; {len(settled)} of {len(edges)} settle"),
+        Tile("left over | RMS error", f"{worst(left_over, '')} | {worst(errors, '')}" if errors else "–",
+             f"{out} from the reference" if errors else "no reference in the log"),
+    )  # fmt: skip
+
+
+def _values(fit: Fit | None) -> list[Tile]:
+    """T_s, τ1 and τ2 at the top level, with what they are at two lower ones; those of a step that has another shape."""
+    rows: Sequence[CurveLevel | FrictionLevel] = believed_levels(fit) if fit is not None else ()
+    steps = steps_of_other_shapes(fit) if fit is not None else []
+    if fit is None or not (rows or steps):
+        return [Tile(label, "–", meaning) for label, meaning in MEANINGS.values()]
+    if steps:
+        top = max(steps, key=lambda step: step.level)
+        return [_value(fit, name, top, dead_time_s=steps[0].dead_time_s) for name in MEANINGS]
+    highest = max(rows, key=lambda row: row.level)
+    lower = sorted((row for row in rows if row.level < highest.level), key=lambda row: row.level)
+    lower = [lower[k] for k in sorted({0, (len(lower) + 1) // 2})] if len(lower) > 1 else lower
+    return [_value(fit, name, highest, lower) for name in MEANINGS]
+
+
+def _value(
+    fit: Fit,
+    name: str,
+    top: CurveLevel | FrictionLevel | StepShape,
+    lower: Sequence[CurveLevel | FrictionLevel] = (),
+    dead_time_s: float = 0.0,
+) -> Tile:
+    """One value at the top level, its interval, what it means, and what it is at lower levels."""
+    label, meaning = MEANINGS[name]
+    unit = fit.data.output_unit if name == "Ts" else "s"
+    key = "change" if isinstance(top, StepShape) and name == "Ts" else name
+    value, ends = getattr(top, key), ci95_of(top, key)
+    if name == "tau1" and dead_time_s:
+        meaning += f", behind a dead time of {number(dead_time_s, 3)} s"
+    note = f"{interval(ends)}, 95 %; {meaning}" if ends is not None else f"{meaning}; no interval"
+    for row in lower:
+        there = getattr(row, name)
+        if there is not None and (name == "Ts" or there <= ENDLESS_S):
+            note += f"; {number(there, 3)} at {level_text(row.level, fit.data.input_unit)}"
+    text = "–" if value is None else f"{number(value, 3)} {unit}"
+    if value is not None and name != "Ts" and ends is None and value > ENDLESS_S:
+        text = "not estimable"
+    return Tile(f"{label} at {level_text(top.level, fit.data.input_unit)}", text, note)
+
+
+def _errors(results: Results) -> Tile:
+    with_rc = (given.result for given in results.replays if "rc" in given.result.records)
+    replay = results.replay("multisine") or next(with_rc, None)
+    values, unit, where = {}, "", "no replay given"
+    if replay is not None:
+        values = {name: metric(replay, name, "max_abs_error_nm") for name in ("rc", "pi") if name in replay.records}
+        scenario = replay.head.scenario
+        unit, where = replay.head.output_unit, SCENARIO_NAMES.get(scenario, scenario)
+    elif results.gains and (replayed := results.gains[0].result.replayed) is not None:
+        errors = {"rc": replayed.rc, "pi": replayed.pi}
+        values = {name: error.max_abs_error_nm for name, error in errors.items() if error is not None}
+        unit, where = results.gains[0].result.output_unit, SCENARIO_NAMES.get(replayed.reference, replayed.reference)
+    names = " | ".join(controller_name(name) for name in values) or "RC | PI"
+    return Tile(
+        f"largest error, {names}",
+        " | ".join(number(v, 2) for v in values.values()) or "–",
+        ", ".join(filter(None, (unit, where))),
+    )
+
+
+def _margins(results: Results) -> Tile:
+    gains = results.gains[0].result if results.gains else None
+    worst = gains.margins.worst if gains is not None and gains.margins is not None else None
+    if worst is None:
+        return Tile("worst margin, RC | PI", "–", "no gains given")
+    loops = [loop for loop in (worst.rc, worst.pi) if loop is not None]
+    phases = " | ".join("–" if loop.phase_deg is None else f"{loop.phase_deg:.0f}°" for loop in loops)
+    gain_db = " | ".join("–" if loop.gain_db is None else f"{loop.gain_db:.0f}" for loop in loops)
+    return Tile("worst margin, RC | PI", phases, f"phase; gain {gain_db} dB")
+
 
 GRADES = {"stop": "bad", "caution": "care", "note": "good"}
 

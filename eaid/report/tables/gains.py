@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from eaid.report import published
+from eaid.report import rig
 from eaid.report.rig import controller_name, gain, printed_head
 from eaid.report.tables.table import Cell, Table, columns, level, number, table_of, with_unit
 from eaid.results.coupling import Coupling, Wall
@@ -85,7 +85,7 @@ def table_iv(gains: Gains, asked: bool | None = None) -> Table:
     }
     names = {"phi": "φ", "epsilon": "ε", "gamma": "γ"}
     rows = tuple(
-        (names.get(key, key), published.TABLE_IV[key], getattr(rc, key, None), unit, said)
+        (names.get(key, key), rig.TABLE_IV[key], getattr(rc, key, None), unit, said)
         for key, (unit, said) in meaning.items()
     )
     heads = columns("symbol", (beside, "", 3), "ours", "unit", "what it does")

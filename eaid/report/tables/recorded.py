@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from eaid.report.edge_logs import EdgeLog
+from eaid.report.results import EdgeLog
 from eaid.report.tables.table import Cell, Name, Table, columns, level, table_of
 from eaid.results.fit import Fit
 from eaid.results.recorded import Asked, Falls, LogFit, Loop, Response
