@@ -219,7 +219,6 @@ def test_hostile_text_is_shown_and_never_run(files: dict[str, Path], tmp_path: P
     fit["data"]["synthetic"] = HOSTILE
     fit["data"]["inputs"] = [{"path": HOSTILE, "sha256": HOSTILE}]
     fit["nonlinear"]["warnings"] = [HOSTILE]
-    fit["linear"]["bounds"]["convention"] = HOSTILE
     fit["data"]["input_unit"] = HOSTILE
     fit["data"]["sources"][0]["run"] = HOSTILE
     path = tmp_path / "fit <b>&'\" $(x).json"
