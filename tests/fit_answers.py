@@ -21,7 +21,7 @@ from eaid.models import friction
 from eaid.models.nonlinear import at_duty
 from eaid.models.parameters import REFERENCE_PLANT, Friction
 from eaid.results.codec import to_plain
-from eaid.results.fit import FitOptions
+from eaid.options import FitOptions
 from eaid.steps.stepset import Level, LevelStep, StepSet
 from eaid.uncertainty.workflow import fit_steps
 

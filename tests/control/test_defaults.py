@@ -5,7 +5,6 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from eaid.results.tuning import TuneOptions
 
 from eaid.control.bounds import Bounds, bounds_of
 from eaid.control.defaults import (
@@ -25,6 +24,7 @@ from eaid.control.options import DesignOptions
 from eaid.control.rc_design import law_of
 from eaid.errors import DataError, GainsError, UsageError
 from eaid.models.parameters import PAPER_LINEAR, REFERENCE_PLANT, Linear, Nonlinear
+from eaid.options import TuneOptions
 from eaid.results.codec import from_plain, to_plain
 from eaid.results.fit import Fit
 

@@ -4,7 +4,6 @@ import math
 
 import numpy as np
 import pytest
-from eaid.results.tuning import TuneOptions
 
 from eaid.apparatus import Apparatus
 from eaid.control.bounds import LevelB, bounds_of
@@ -16,6 +15,7 @@ from eaid.control.options import DesignOptions, PIOptions
 from eaid.errors import DataError, GainsError, UsageError
 from eaid.models.nonlinear import step_response
 from eaid.models.parameters import PAPER_LINEAR, REFERENCE_PLANT, Linear, Nonlinear
+from eaid.options import TuneOptions
 from eaid.results.codec import from_plain, to_plain
 from eaid.results.fit import Fit
 from eaid.results.gains import Gains

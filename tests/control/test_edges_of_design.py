@@ -5,7 +5,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from eaid.results.tuning import TuneOptions
 
 from eaid.control import robust
 from eaid.control.bounds import Bounds
@@ -31,6 +30,7 @@ from eaid.control.rc import TANH_IS_ONE, RCState, rc_step, rc_terms
 from eaid.control.rc_design import Disturbance, error_bound, law_of, solve_Q, ultimate_level
 from eaid.errors import DataError, GainsError
 from eaid.models.parameters import PAPER_LINEAR, Linear
+from eaid.options import TuneOptions
 from eaid.results.codec import from_plain
 from eaid.results.fit import Fit
 from eaid.results.gains import Gains, Mismatch

@@ -7,7 +7,6 @@ import control
 import msgspec
 import numpy as np
 import pytest
-from eaid.coupling.options import CoupleOptions
 
 import eaid
 from eaid.control.gains import paper_gains
@@ -30,6 +29,7 @@ from eaid.coupling.stiffness import (
 )
 from eaid.errors import DataError, GainsError, UsageError
 from eaid.models.parameters import REFERENCE_PLANT
+from eaid.options import CoupleOptions
 from eaid.results.fit import StepShape
 
 RC, PI = paper_gains()

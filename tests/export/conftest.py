@@ -10,13 +10,13 @@ from typing import Any
 
 import numpy as np
 import pytest
-from eaid.export.options import ExportOptions
 
 from eaid.control.gains import paper_gains
 from eaid.export import reference as law
 from eaid.export.constants import Timing, inverse_constants, pi_constants, plant_constants, rc_constants, rounded
 from eaid.export.export import export
 from eaid.models.parameters import PAPER_LINEAR, REFERENCE_PLANT, Nonlinear
+from eaid.options import ExportOptions
 from eaid.replay import references
 from eaid.replay.controllers import Knowledge, controller
 from eaid.replay.loop import reference_rate, replay

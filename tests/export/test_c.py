@@ -11,12 +11,12 @@ import msgspec
 import numpy as np
 import pytest
 import yaml
-from eaid.export.options import ExportOptions
 from fmpy.validation import validate_fmu
 
 from eaid.cli import main
 from eaid.export import job
 from eaid.export.export import export
+from eaid.options import ExportOptions
 from eaid.results.common import Input
 
 from .conftest import (

@@ -6,7 +6,6 @@ from pathlib import Path
 
 import msgspec
 import pytest
-from eaid.export.options import ExportOptions
 
 import eaid
 from eaid.errors import GainsError, UsageError
@@ -16,6 +15,7 @@ from eaid.export.targets import TARGETS, log_header
 from eaid.findings import finding, say
 from eaid.findings.sentences.control import EXPORT_ROWS
 from eaid.models.parameters import REFERENCE_PLANT
+from eaid.options import ExportOptions
 from eaid.results.codec import from_plain
 from eaid.results.common import Input
 from eaid.results.fit import Fit

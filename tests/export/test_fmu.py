@@ -6,7 +6,6 @@ import zipfile
 import fmpy
 import numpy as np
 import pytest
-from eaid.export.options import ExportOptions
 from fmpy.fmi1 import FMICallException
 from fmpy.fmi2 import FMU2Slave
 from fmpy.validation import validate_fmu
@@ -14,6 +13,7 @@ from fmpy.validation import validate_fmu
 from eaid.export import targets
 from eaid.export.export import export
 from eaid.models import nonlinear
+from eaid.options import ExportOptions
 
 from .conftest import COMPILERS, DT, LAWS, PLANT, STRICT, fit_of, gains_of
 

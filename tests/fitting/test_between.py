@@ -12,8 +12,9 @@ from eaid.arrays import Array
 from eaid.findings import finding, ranked
 from eaid.models import friction
 from eaid.models.parameters import Friction
+from eaid.options import FitOptions
 from eaid.results import codec
-from eaid.results.fit import Fit, FitOptions, FrictionLevel, LevelIntervals
+from eaid.results.fit import Fit, FrictionLevel, LevelIntervals
 from eaid.steps.stepset import Level, LevelStep, StepSet
 from eaid.uncertainty.workflow import fit_steps, quotable
 

@@ -11,8 +11,9 @@ from eaid.errors import DataError, UsageError
 from eaid.fitting.data import errors, explains_little, quality
 from eaid.fitting.fit import fit
 from eaid.models.parameters import REFERENCE_PLANT, Friction
+from eaid.options import FitOptions
 from eaid.results import codec
-from eaid.results.fit import Fit, FitOptions
+from eaid.results.fit import Fit
 from eaid.steps.stepset import Level, StepSet
 
 Maker = Callable[..., StepSet]

@@ -11,7 +11,8 @@ from scipy.optimize import least_squares
 from eaid.errors import UsageError
 from eaid.fitting.shape_curves import curve, slopes
 from eaid.fitting.step_shapes import fit_step, independent, may_ask
-from eaid.results.fit import FitOptions, StepShape
+from eaid.options import FitOptions
+from eaid.results.fit import StepShape
 from eaid.steps.stepset import LevelStep
 
 REALDATA = Path(__file__).parents[2] / "../shared/realdata"
@@ -132,9 +133,9 @@ def test_what_is_no_step_says_so() -> None:
 
 def _read(name: str, **options: object) -> tuple[StepShape, ...]:
     from eaid.cli.inputs import runs_from
-    from eaid.reading import InputOptions
+    from eaid.options import ReadOptions
 
-    return tuple(map(fit_step, runs_from([REALDATA / "rigs" / name], InputOptions(**options))[1].level_steps))
+    return tuple(map(fit_step, runs_from([REALDATA / "rigs" / name], ReadOptions(**options))[1].level_steps))
 
 
 @needs_realdata

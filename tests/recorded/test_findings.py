@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from eaid.recorded.options import RecordedOptions
 
 from eaid.errors import DataError
 from eaid.findings import say, sentences
@@ -12,6 +11,7 @@ from eaid.findings.finding import finding
 from eaid.logs.run import Run
 from eaid.models import nonlinear
 from eaid.models.parameters import REFERENCE_PLANT
+from eaid.options import FitOptions
 from eaid.reading import is_recorded
 from eaid.recorded.fit import fit_recorded
 from eaid.recorded.late import shifted
@@ -22,7 +22,7 @@ from eaid.synth.logs import NONE
 from eaid.synth.plants import clutch
 
 NOISE = replace(NONE, white_nm=0.006, coloured=0.01, coloured_s=0.3)
-PLAIN = RecordedOptions(model=("nonlinear",), loop_refits=0)
+PLAIN = FitOptions(model=("nonlinear",))
 
 
 def codes(fit) -> dict:  # type: ignore[no-untyped-def,type-arg]
@@ -84,7 +84,7 @@ def test_an_input_that_is_noted_late_or_early_is_told_with_its_rows(late: int, c
     for seed in range(4):
         e = Excitation(kind="random", duration_s=60.0, rate_hz=50.0, hold_s=(0.5, 8.0))
         log = shifted(recorded_log(synthesise_excitation(clutch(), e, NOISE, seed)[0]), -late)
-        found = codes(fit_recorded([log], replace(PLAIN, u_range=(10.0, 100.0), falls="as-rises")))
+        found = codes(fit_recorded([log], replace(PLAIN, duty=(10.0, 100.0), falls="as-rises")))
         told = {one for one in found if one.startswith("input-")}
         assert told == ({code} if code else set())
         if code:
@@ -95,7 +95,7 @@ def test_an_input_that_is_noted_late_or_early_is_told_with_its_rows(late: int, c
 def test_a_dead_time_behind_an_input_that_moves_is_told_and_makes_no_loop_of_it() -> None:
     run = synthesise_excitation(clutch(), Excitation(kind="multisine", duration_s=60.0, rate_hz=200.0), NOISE, 1)[0]
     for rows, codes_told in ((0, set()), (20, {"input-early-biases"})):
-        found = codes(fit_recorded([shifted(recorded_log(run), rows)], replace(PLAIN, u_range=(10.0, 100.0))))
+        found = codes(fit_recorded([shifted(recorded_log(run), rows)], replace(PLAIN, duty=(10.0, 100.0))))
         assert {one for one in found if one.startswith(("input-", "duty-", "loop-"))} == codes_told
     assert found["input-early-biases"].values["rows"] == 20
     assert found["input-early-biases"].values["ms"] == pytest.approx(100.0)
@@ -105,13 +105,13 @@ def test_a_delay_that_moves_nothing_is_not_told() -> None:
     """One row of 1 ms beside a τ1 of 0.7 s: seen or not, τ1 stays well within its interval."""
     e = Excitation(kind="random", duration_s=40.0, rate_hz=1000.0, hold_s=(0.5, 8.0))
     log = shifted(recorded_log(synthesise_excitation(clutch(), e, NOISE, 1)[0]), -1)
-    found = codes(fit_recorded([log], replace(PLAIN, u_range=(10.0, 100.0), falls="as-rises")))
+    found = codes(fit_recorded([log], replace(PLAIN, duty=(10.0, 100.0), falls="as-rises")))
     assert not [one for one in found if one.startswith(("input-late", "input-early"))]
 
 
 def test_inputs_that_were_never_asked_about() -> None:
     e = Excitation(kind="random", duration_s=60.0, duty=(60.0, 70.0), rate_hz=100.0, hold_s=(0.3, 2.0))
-    fit = fit_recorded(synthesise_excitation(clutch(), e, NOISE, 1), replace(PLAIN, u_range=(20.0, 100.0)))
+    fit = fit_recorded(synthesise_excitation(clutch(), e, NOISE, 1), replace(PLAIN, duty=(20.0, 100.0)))
     told = [one for one in fit.findings if one.code == "never-asked"]
     assert {one.values["parameter"] for one in told} >= {"Ts", "tau2"}
     assert any(20.0 in one.levels for one in told)
@@ -135,7 +135,7 @@ def test_a_release_of_its_own_does_not_bend_the_levels_of_the_friction_model() -
     plant = clutch(replace(REFERENCE_PLANT, release=(0.15, 1.0)))
     e = Excitation(kind="random", duration_s=200.0, rate_hz=100.0, hold_s=(1.0, 8.0), rest_s=8.0)
     run = synthesise_excitation(plant, e, NOISE, 2)
-    both = RecordedOptions(model=("nonlinear", "friction"))
+    both = FitOptions(model=("nonlinear", "friction"))
     fit, bent = (fit_recorded(run, replace(both, falls=falls)) for falls in ("auto", "as-rises"))
     assert codes(fit)["friction-falls"].values["rest"] is True
     assert fit.recorded is not None and fit.recorded.friction_falls is not None
@@ -196,14 +196,14 @@ def test_a_loops_law_is_found_and_its_tracking_predicted() -> None:
     law = law_of(recorded_log(run))
     assert law is not None
     assert (pytest.approx(21.0, rel=1e-6), pytest.approx(360.0, rel=1e-6)) == (law.gains.K_P, law.gains.K_I)
-    fit = fit_recorded([run], replace(PLAIN, u_range=(10.0, 100.0), loop_refits=4))
+    fit = fit_recorded([run], replace(PLAIN, duty=(10.0, 100.0), loop_refits=4))
     assert fit.recorded is not None
     (loop,) = fit.recorded.loops
     assert loop.rms_error == pytest.approx(loop.predicted_rms_error, rel=0.1)
     assert loop.phase_margin_deg is not None and 20 < loop.phase_margin_deg < 60
     assert loop.bias is not None and loop.bias.refits == 4
     assert {"loop-bias", "loop-bias-small"} & codes(fit).keys()
-    blind = fit_recorded([replace(recorded_log(run), reference=None)], replace(PLAIN, u_range=(10.0, 100.0)))
+    blind = fit_recorded([replace(recorded_log(run), reference=None)], replace(PLAIN, duty=(10.0, 100.0)))
     assert {"duty-follows-output", "loop-bias-unknown"} <= codes(blind).keys()
     free = synthesise_excitation(clutch(), replace(LOOP, kind="multisine"), NOISE, 3)
     assert "duty-follows-output" not in codes(fit_recorded(free, PLAIN))
@@ -238,7 +238,7 @@ def test_a_loop_of_another_law_is_told_with_what_is_seen_of_it() -> None:
 def test_the_intervals_of_a_direct_fit_hold_its_bias() -> None:
     noise = replace(NONE, white_nm=0.02, coloured=0.03, coloured_s=0.3)
     run = synthesise_excitation(clutch(), LOOP, noise, 1)
-    plain, wide = (fit_recorded(run, replace(PLAIN, u_range=(10.0, 100.0), loop_refits=n)) for n in (0, 6))
+    plain, wide = (fit_recorded(run, replace(PLAIN, duty=(10.0, 100.0), loop_refits=n)) for n in (0, 6))
     assert wide.recorded is not None and wide.recorded.loops[0].bias is not None
     bias_pct = wide.recorded.loops[0].bias.tau1_pct
     assert bias_pct is not None and bias_pct > 2
@@ -258,7 +258,7 @@ def test_the_instrument_takes_the_bias_out() -> None:
         found = []
         for seed in range(6):
             run = synthesise_excitation(clutch(), LOOP, noise, seed)[0]
-            fit = fit_recorded([run], replace(PLAIN, u_range=(10.0, 100.0), instrument=instrument))
+            fit = fit_recorded([run], replace(PLAIN, duty=(10.0, 100.0), instrument=instrument))
             assert fit.nonlinear is not None
             middle = fit.nonlinear.curves[5]
             assert middle.tau1 is not None

@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
-from eaid.recorded.options import RecordedOptions
 from scipy.optimize import least_squares
 
 from eaid.errors import DataError
@@ -13,6 +12,7 @@ from eaid.fitting.data import data_of
 from eaid.fitting.linear import fit_linear
 from eaid.fitting.nonlinear import fit_nonlinear
 from eaid.models.parameters import REFERENCE_PLANT, Nonlinear
+from eaid.options import FitOptions, ReadOptions
 from eaid.reading import is_recorded
 from eaid.recorded import model
 from eaid.recorded.fit import fit_recorded, inputs_of
@@ -21,13 +21,12 @@ from eaid.recorded.response import Copies
 from eaid.recorded.solve import Setup, solve
 from eaid.replay.plant import plant_parameters, plant_step
 from eaid.steps.build import build_stepset
-from eaid.steps.cut import StepOptions
 from eaid.synth.excitation import Excitation, synthesise_excitation
 from eaid.synth.logs import NONE, Protocol, synthesise
 from eaid.synth.plants import clutch
 
 NOISE = replace(NONE, white_nm=0.006, coloured=0.01, coloured_s=0.3)
-PLAIN = RecordedOptions(model=("nonlinear",), ci="none", loop_refits=0, falls="as-rises")
+PLAIN = FitOptions(model=("nonlinear",), ci="none")
 
 
 def coefficients(p: object) -> np.ndarray:
@@ -39,7 +38,7 @@ def test_noise_free_logs_give_the_ten_coefficients_back(kind: str) -> None:
     e = Excitation(kind=kind, duration_s=150.0, rate_hz=200.0, hold_s=(0.5, 8.0))
     run = synthesise_excitation(clutch(), e, NONE, 1)[0]
     assert is_recorded(run)
-    found = fit_recorded([run], replace(PLAIN, u_range=(10.0, 100.0)))
+    found = fit_recorded([run], replace(PLAIN, duty=(10.0, 100.0)))
     assert found.nonlinear is not None and found.converged
     np.testing.assert_allclose(coefficients(found.nonlinear), coefficients(REFERENCE_PLANT), rtol=1e-6)
 
@@ -60,7 +59,7 @@ def test_several_logs_with_idle_outputs_and_starts_of_their_own() -> None:
     cut = slice(2500, None)  # begins loaded, in the middle of a hold
     two = RecordedLog("two", two.time_s[cut], two.input[cut], two.output[cut])
     steps = build_stepset(
-        synthesise(clutch(), Protocol((30.0, 80.0), 2, 1.0, 10.0, 0.0, 100.0), NONE, 3), StepOptions()
+        synthesise(clutch(), Protocol((30.0, 80.0), 2, 1.0, 10.0, 0.0, 100.0), NONE, 3), ReadOptions()
     )
     found = fit_recorded([one, two], PLAIN, steps)
     assert found.nonlinear is not None and found.recorded is not None
@@ -73,7 +72,7 @@ def test_several_logs_with_idle_outputs_and_starts_of_their_own() -> None:
 
 def test_step_logs_give_what_the_step_fits_give() -> None:
     runs = synthesise(clutch(), Protocol((20.0, 40.0, 60.0, 80.0, 100.0), 2, 1.0, 12.0, 0.0, 200.0), NOISE, 5)
-    steps = build_stepset(runs, StepOptions())
+    steps = build_stepset(runs, ReadOptions())
     logs = logs_of_steps(steps)
     drives = tuple(Copies(log).every for log in logs)
     by_steps = fit_nonlinear(data_of(steps.levels), 0.85)
@@ -104,7 +103,7 @@ def test_no_independent_least_squares_does_better() -> None:
         )
         e = Excitation(kind="random", duration_s=60.0, rate_hz=20.0, hold_s=(0.5, 6.0), idle_s=1.0)
         run = synthesise_excitation(clutch(plant), e, NOISE, seed)[0]
-        found = fit_recorded([run], replace(PLAIN, u_range=(10.0, 100.0)))
+        found = fit_recorded([run], replace(PLAIN, duty=(10.0, 100.0)))
         assert found.nonlinear is not None
         scale = np.concatenate([100.0 ** np.arange(3), 100.0 ** np.arange(3), 100.0 ** np.arange(4), [1.0]])
 
@@ -165,7 +164,7 @@ def test_a_log_can_be_drawn_from_the_fit_alone() -> None:
     run = synthesise_excitation(clutch(), e, NOISE, 1)[0]
     spiked = run.output.copy()
     spiked[4321] += 3.0  # one row of 6000
-    found = fit_recorded([replace(run, output=spiked)], replace(PLAIN, u_range=(10.0, 100.0)))
+    found = fit_recorded([replace(run, output=spiked)], replace(PLAIN, duty=(10.0, 100.0)))
     assert found.recorded is not None
     curve = found.recorded.logs[0].curve
     assert len(curve.time_s) == len(curve.input) == len(curve.measured) == len(curve.model) == len(curve.residual)

@@ -4,10 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from eaid.recorded.options import RecordedOptions
 
 from eaid.errors import DataError
 from eaid.models.parameters import REFERENCE_PLANT, Linear
+from eaid.options import FitOptions
 from eaid.recorded.fit import fit_recorded
 from eaid.recorded.frequency import frequency_response, on_input
 from eaid.recorded.log import RecordedLog, recorded_log
@@ -69,7 +69,7 @@ def test_harmonics_of_the_clutch_are_those_of_its_model() -> None:
 
 def test_a_fit_holds_the_responses_of_its_moving_logs() -> None:
     e = Excitation(kind="chirp", duration_s=60.0, rate_hz=100.0, frequency_hz=(0.1, 2.0))
-    fit = fit_recorded(synthesise_excitation(clutch(), e, NONE, 1), RecordedOptions(u_range=(10.0, 100.0)))
+    fit = fit_recorded(synthesise_excitation(clutch(), e, NONE, 1), FitOptions(duty=(10.0, 100.0)))
     assert fit.recorded is not None
     (found,) = fit.recorded.responses
     assert len(found.gain) == len(found.nonlinear_gain) == len(found.linear_gain) > 20

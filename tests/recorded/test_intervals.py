@@ -4,10 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from eaid.recorded.options import RecordedOptions
 from scipy.signal import lfilter
 
 from eaid.models.parameters import REFERENCE_PLANT
+from eaid.options import FitOptions
 from eaid.recorded import model
 from eaid.recorded.fit import fit_recorded
 from eaid.recorded.intervals import _root, score_test, spread
@@ -74,7 +74,7 @@ def test_intervals_hold_what_engagements_scatter() -> None:
         run = synthesise_excitation(clutch(), e, noise, 500 + seed)[0]
         which = np.cumsum(np.append(0, (run.input[1:] > 0) & (run.input[:-1] == 0)))
         gain = 1 + 0.02 * np.random.default_rng(seed).standard_normal(int(which.max()) + 1)
-        options = RecordedOptions(model=("nonlinear",), u_range=(10.0, 100.0), loop_refits=0, falls="as-rises")
+        options = FitOptions(model=("nonlinear",), duty=(10.0, 100.0))
         fit = fit_recorded([replace(run, output=run.output * gain[which])], options)
         assert fit.nonlinear is not None
         for one in fit.nonlinear.curves:

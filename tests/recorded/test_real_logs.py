@@ -7,24 +7,25 @@ import pytest
 from scipy.optimize import least_squares
 
 from eaid.models.parameters import Nonlinear
-from eaid.reading import InputOptions, read_steps
+from eaid.options import ReadOptions
+from eaid.reading import read_steps
 from eaid.recorded.fit import fit_recorded
 from eaid.replay.plant import plant_parameters, plant_step
 from eaid.results.fit import Fit
 
 RIGS = Path(__file__).parents[2] / "../shared/realdata/rigs"
 pytestmark = pytest.mark.skipif(not RIGS.is_dir(), reason="the recorded logs are not beside this checkout")
-HEATER = InputOptions(columns="time=Time,input=Q1,output=T1", repair=True)
+HEATER = ReadOptions(columns="time=Time,input=Q1,output=T1", repair=True)
 
 
-def fitted(name: str, options: InputOptions) -> Fit:
+def fitted(name: str, options: ReadOptions) -> Fit:
     _, steps = read_steps([RIGS / name], options, whole="recorded")
     return fit_recorded(steps.recorded)
 
 
 def test_a_lamp_on_a_staircase() -> None:
     """Its first rise is 1.844 V with 18.5 ms and 201 ms, said the step fits."""
-    options = InputOptions(columns="time=2,input=3,output=1", units="time=us,output=mV,input=PWM")
+    options = ReadOptions(columns="time=2,input=3,output=1", units="time=us,output=mV,input=PWM")
     found = fitted("light_staircase.csv", options)
     assert found.converged and found.nonlinear is not None and found.release is not None
     assert found.nonlinear.fit_pct is not None and found.nonlinear.fit_pct > 99
@@ -46,7 +47,7 @@ def test_heaters_that_were_on_from_the_first_row() -> None:
 
 def test_no_independent_least_squares_finds_less_of_the_lamp() -> None:
     """The replay's plant, row by row, over τ1(u), T_s(u), the idle output and the release; τ2 stands at its limit."""
-    options = InputOptions(columns="time=2,input=3,output=1", units="time=us,output=mV,input=PWM")
+    options = ReadOptions(columns="time=2,input=3,output=1", units="time=us,output=mV,input=PWM")
     (run,) = read_steps([RIGS / "light_staircase.csv"], options, whole="recorded")[1].recorded
     found = fit_recorded([run])
     p, release = found.nonlinear, found.release

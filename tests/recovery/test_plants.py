@@ -16,8 +16,8 @@ from eaid.fitting.sums import Record
 from eaid.models import friction
 from eaid.models.nonlinear import steady_torque, time_constants
 from eaid.models.parameters import REFERENCE_PLANT, Friction, Nonlinear
+from eaid.options import FitOptions
 from eaid.results import codec
-from eaid.results.fit import FitOptions
 from eaid.steps.stepset import Level, StepSet
 
 Maker = Callable[..., StepSet]

@@ -5,7 +5,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from eaid.limits import MOST_SAMPLES
 
 from eaid.errors import DataError, UsageError
 from eaid.models.parameters import REFERENCE_PLANT, Nonlinear
@@ -23,7 +22,7 @@ from eaid.replay.plant import (
     rest,
     rounded,
 )
-from eaid.replay.references import Reference, Tone
+from eaid.replay.references import MOST_SAMPLES, Reference, Tone
 
 PLANT = plant_parameters(REFERENCE_PLANT)
 RELEASING = replace(REFERENCE_PLANT, release=(1.5, 9.0))

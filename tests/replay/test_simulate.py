@@ -5,13 +5,13 @@ from dataclasses import replace
 import msgspec
 import numpy as np
 import pytest
-from eaid.replay.options import SimulateOptions
 
 from eaid.control.design import design
 from eaid.control.gains import plant_of
 from eaid.control.options import DesignOptions
 from eaid.errors import DataError, UsageError
 from eaid.logs.run import Run
+from eaid.options import SimulateOptions
 from eaid.replay.compare import driven
 from eaid.replay.plant import plant_parameters
 from eaid.replay.references import multisine

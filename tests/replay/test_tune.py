@@ -3,11 +3,11 @@
 import msgspec
 import numpy as np
 import pytest
-from eaid.results.tuning import TuneOptions
 
 from eaid.control.gains import pi_gains, rc_gains
 from eaid.errors import DataError, UsageError
 from eaid.models.parameters import REFERENCE_PLANT
+from eaid.options import TuneOptions
 from eaid.replay.controllers import pi_controller, rc_controller
 from eaid.replay.noise import noise_of
 from eaid.replay.references import multisine, replayed, sampled

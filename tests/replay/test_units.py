@@ -3,11 +3,11 @@
 import numpy as np
 import pandas as pd
 import pytest
-from eaid.replay.options import SimulateOptions
 
 import eaid
 from eaid.models.nonlinear import step_response
 from eaid.models.parameters import REFERENCE_PLANT
+from eaid.options import SimulateOptions
 from eaid.replay.simulate import simulate
 from eaid.results.fit import Fit
 from eaid.results.gains import Gains

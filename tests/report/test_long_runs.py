@@ -5,9 +5,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from eaid.logs.options import ReadOptions
 
 from eaid.logs.read import read_runs
+from eaid.options import ReadOptions
 from eaid.report import live
 from eaid.report.results import read_results
 

@@ -4,10 +4,10 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from eaid.report.options import ReportOptions
 
 from eaid.cli.main import run
 from eaid.errors import UsageError
+from eaid.options import ReportOptions
 from eaid.report import write
 from eaid.report.results import read_results
 from eaid.report.write import write_report

@@ -5,13 +5,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from eaid.logs.options import ReadOptions
 
 from eaid.errors import DataError, UsageError
 from eaid.logs.read import read_runs
+from eaid.options import ReadOptions
 from eaid.results.plan import PlannedRun
 from eaid.steps.build import build_stepset
-from eaid.steps.cut import StepOptions
 from eaid.synth import datasets, plants
 from eaid.synth.files import as_csv, read_input, read_plan, write_folder
 from eaid.synth.logs import Disturbance, Protocol, synthesise, synthesise_plan
@@ -114,7 +113,7 @@ def test_a_folder_and_a_dataset_are_read_as_the_same_synthetic_steps(tmp_path: P
     write_folder(tmp_path / "logs", runs, force=False)
     datasets.write(tmp_path / "d.h5", runs)
     from_folder, from_dataset = (
-        build_stepset(read_runs([tmp_path / name], ReadOptions()), StepOptions()) for name in ("logs", "d.h5")
+        build_stepset(read_runs([tmp_path / name], ReadOptions()), ReadOptions()) for name in ("logs", "d.h5")
     )
     for stepset in (from_folder, from_dataset):
         assert stepset.synthetic is not None and "recorded on no rig" in stepset.synthetic

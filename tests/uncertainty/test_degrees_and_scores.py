@@ -9,7 +9,7 @@ from scipy import stats
 
 from eaid.fitting.fit import fit
 from eaid.models import friction
-from eaid.results.fit import FitOptions
+from eaid.options import FitOptions
 from eaid.uncertainty import linear_intervals
 from eaid.uncertainty.adequacy import adequacy, effective_samples
 from eaid.uncertainty.level_statistics import log_jacobian, statistics_at_share

@@ -12,8 +12,9 @@ from eaid.errors import UsageError
 from eaid.fitting.fit import fit
 from eaid.models import friction
 from eaid.models.parameters import Friction
+from eaid.options import FitGiven, FitOptions
 from eaid.results import codec
-from eaid.results.fit import Fit, FitAsked, FitOptions
+from eaid.results.fit import Fit
 from eaid.results.summary import believed_levels
 from eaid.steps.stepset import Level, StepSet
 from eaid.synth.excitation import Excitation, synthesise_excitation
@@ -252,7 +253,7 @@ def test_typed_options_and_results_agree(made: StepSet) -> None:
     """What is asked for is what stands in the result of the one entry, its parameters and its plant."""
     joint, two = (fit_steps(made, FitOptions(estimator=name, ci="none")) for name in ("joint", "two-stage"))
     assert joint.nonlinear and two.nonlinear and joint.nonlinear.two_stage and two.nonlinear.joint
-    assert joint.options == FitAsked(estimator="joint", ci="none") and two.options.estimator == "two-stage"
+    assert joint.options == FitGiven(estimator="joint", ci="none") and two.options.estimator == "two-stage"
     assert two.nonlinear.parameters == joint.nonlinear.two_stage.parameters == two.plant
     assert joint.nonlinear.parameters == two.nonlinear.joint.parameters == joint.plant
     assert joint.nonlinear.rmse < two.nonlinear.rmse  # the joint fit has the least squares, not the best curves

@@ -8,7 +8,7 @@ import pytest
 
 from eaid.apparatus import Apparatus
 from eaid.fitting.fit import fit
-from eaid.results.fit import FitOptions
+from eaid.options import FitOptions
 from eaid.steps.stepset import Level, StepSet
 from eaid.uncertainty.intervals import with_intervals
 from eaid.uncertainty.runs import t_quantile

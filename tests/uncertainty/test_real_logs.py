@@ -6,7 +6,7 @@ import pytest
 
 import eaid
 from eaid.fitting.fit import fit
-from eaid.results.fit import FitOptions
+from eaid.options import FitOptions
 from eaid.uncertainty.intervals import with_intervals
 
 REAL = Path(__file__).parents[2] / "../shared/realdata"

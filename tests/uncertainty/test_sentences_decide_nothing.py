@@ -8,7 +8,8 @@ import pytest
 from eaid.findings import Finding, finding, say
 from eaid.findings.row import Row
 from eaid.findings.sentences import SENTENCES, fitting
-from eaid.planning import PlanOptions, plan_recordings
+from eaid.options import PlanOptions
+from eaid.planning.recordings import plan_recordings
 from eaid.results import codec
 from eaid.results.fit import Fit
 from eaid.uncertainty.workflow import fit_steps

@@ -10,7 +10,7 @@ from eaid.apparatus import Apparatus
 from eaid.fitting.fit import fit
 from eaid.models import friction
 from eaid.models.parameters import Friction
-from eaid.results.fit import FitOptions
+from eaid.options import FitOptions
 from eaid.steps.stepset import Level, StepSet
 from eaid.uncertainty.intervals import with_intervals
 from eaid.uncertainty.level_statistics import LevelStatistics, level_statistics

@@ -8,7 +8,7 @@ import pytest
 
 from eaid.cli.inputs import runs_from
 from eaid.fitting.fit import fit
-from eaid.results.fit import FitOptions
+from eaid.options import FitOptions
 from eaid.synth.datasets import shipped
 from eaid.uncertainty.intervals import with_intervals
 

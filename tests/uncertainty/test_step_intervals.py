@@ -8,7 +8,8 @@ import pytest
 from benchmarks.coverage import single_steps
 from benchmarks.stop_findings import wander
 from eaid.fitting.step_shapes import fit_step
-from eaid.results.fit import FitOptions, StepShape
+from eaid.options import FitOptions
+from eaid.results.fit import StepShape
 from eaid.steps.stepset import LevelStep
 from eaid.uncertainty.workflow import stationary_variance, with_interval
 

@@ -14,10 +14,11 @@ from eaid.findings import merged, say, sentences
 from eaid.fitting.fit import fit
 from eaid.models import friction
 from eaid.models.parameters import Friction
+from eaid.options import FitOptions
 from eaid.report.page.known import known, sentence
 from eaid.report.results import read_results
 from eaid.results import codec
-from eaid.results.fit import Fit, FitOptions
+from eaid.results.fit import Fit
 from eaid.steps.stepset import Level, StepSet
 from eaid.uncertainty.intervals import with_intervals
 
