@@ -246,7 +246,7 @@ def recorded(name: str, sets: int) -> dict[str, Array]:
     noise = {"white_nm": 0.006, "coloured": 0.01, "coloured_s": 0.3}
     rows = defaultdict(list)
     for seed in range(1000, 1000 + sets):
-        logs = eaid.synth(excitation=excitation, shape=shape, rate_hz=200.0, clean=True, sizes=noise, seed=seed)
+        logs = eaid.synth(excitation=excitation, shape=shape, rate_hz=200.0, clean=True, seed=seed, **noise)
         found = eaid.fit(logs, model=("nonlinear",), duty=(10.0, 100.0), instrument=instrument).nonlinear
         for name in NAMES:
             pairs = [

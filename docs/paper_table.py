@@ -96,7 +96,7 @@ def rows() -> Iterator[tuple[str, str, str, str]]:
     )
 
     steps = eaid.simulate(paper, gains, "steps").metrics()
-    steps["faster"] = eaid.simulate(paper, faster, "steps", controllers=("pi",)).metrics()["pi"]
+    steps["faster"] = eaid.simulate(paper, faster, "steps", controller=("pi",)).metrics()["pi"]
     rise = {name: np.mean([step.rise_time_s for step in one.steps[:-1]]) for name, one in steps.items()}
     over = [max(step.overshoot_pct for step in one.steps) for one in steps.values()]
     yield (
@@ -112,7 +112,7 @@ def rows() -> Iterator[tuple[str, str, str, str]]:
         (no + "with the PI that meets the specification it is less"),
     )
     sines = eaid.simulate(paper, gains, "multisine").metrics()
-    sines["faster"] = eaid.simulate(paper, faster, "multisine", controllers=("pi",)).metrics()["pi"]
+    sines["faster"] = eaid.simulate(paper, faster, "multisine", controller=("pi",)).metrics()["pi"]
     errors = [one.max_abs_error_nm for one in sines.values()]
     yield (
         "Fig. 12(b)",
