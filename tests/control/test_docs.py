@@ -43,6 +43,7 @@ ROWS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ROWS)
 def test_row_of_the_comparison(name):
     controller = ROWS[name]
@@ -76,6 +77,7 @@ def test_shares_in_words():
     assert f"{found.overshoot_pct:.1f} % overshoot and {found.settling_s:.2f} s" in TEXT
 
 
+@pytest.mark.slow
 def test_noise_over_seeds():
     plant = plant_parameters(REFERENCE_PLANT)
     told = []

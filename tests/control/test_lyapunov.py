@@ -70,6 +70,7 @@ def free_design(**changes):
     return found, rc_gains(made)._replace(duty_min=-math.inf, duty_max=math.inf)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("changes", [{}, {"reading": "textbook", "phi": 20.0}, {"epsilon": 0.2, "p_scale": 2.0}])
 def test_V_falls_outside_the_layer_on_100_random_plants(changes):
     found, gains = free_design(**changes)
@@ -113,6 +114,7 @@ def test_with_the_real_limits_V_rises():
     assert np.abs(unlimited[:, 1]).max() == pytest.approx(0.24, abs=5e-3)
 
 
+@pytest.mark.slow
 def test_too_small_a_rho_fails():
     """A test of the test: with a tenth of ρ some plant makes V rise outside the layer."""
     found, gains = free_design()
@@ -140,6 +142,7 @@ def brute_level(d, P, Q, reach):
     return quadratic(Q)[quadratic(P) <= 2 * z * push].max()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("reading", ["paper", "textbook"])
 @pytest.mark.parametrize("epsilon", [0.05, 0.5])
 def test_ultimate_level_is_what_a_grid_finds(epsilon, reading):

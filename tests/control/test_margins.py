@@ -95,6 +95,7 @@ def test_latched_gain_margin_is_where_the_simulation_turns(late_s):
         assert margins(feedback, lags, LATCHED).gain_db == pytest.approx(20 * math.log10(low), abs=1e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("feedback", "seconds"), [(Feedback(299.5, 210.4), 3.0), (pi_feedback(PI), 16.0)])
 def test_delay_margin_is_where_the_simulation_turns(feedback, seconds):
     found = margins(feedback, LAGS, LATCHED)
@@ -146,6 +147,7 @@ def test_an_odd_pwm_is_refused_in_words():
         spectral_radius(pi_feedback(PI), linear_lags(0.08, 1.36), Timing(1000.0, 1.0), 1.0, 0.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("timing", [PLAIN, LATCHED, Timing(100.0, None)])
 @pytest.mark.parametrize("dead_s", [0.03, 0.12])
 @pytest.mark.parametrize("feedback", [Feedback(20.0, 40.0), Feedback(60.0, 90.0), Feedback(4.0, 30.0)])

@@ -18,6 +18,7 @@ def test_check_values():
     assert f"{found.overshoot_pct:.1f}" == "41.7" and f"{found.settling_s:.2f}" == "2.52"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("K_P", "K_I"), [(21, 360), (156.6, 252.9), (5, 100), (300, 206), (17, 85), (17, 23.12), (60, 90), (0, 40)]
 )
@@ -41,6 +42,7 @@ def slow_metrics(model, K_P, K_I, end=40.0, n=400001):
     return max(0.0, -100 * e.min()), float(t[outside[-1]])
 
 
+@pytest.mark.slow
 def test_metrics_agree_with_the_sampled_curve_where_roots_meet():
     K_P = 30.0
     p = PAPER_LINEAR.a0 + PAPER_LINEAR.b0 * K_P

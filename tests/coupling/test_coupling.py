@@ -71,6 +71,7 @@ def test_stable_walls_are_those_of_an_independent_analysis(torque: float, loop: 
     assert stable_stiffness(Coupled([channel(loop, torque)], LIMB, TIMING)) == pytest.approx(expected, rel=0.02)
 
 
+@pytest.mark.slow
 def test_replays_agree_with_linear_theory_and_with_an_independent_replay():
     found = couple(
         REFERENCE_PLANT, RC, PI, CoupleOptions(torques=(1.0,), loops=("open-loop", "pi", "rc-no-rate", "rc"))
@@ -134,6 +135,7 @@ def test_python_control_finds_the_same_sampled_loop(loop: str):
     assert np.abs(real + 1j * imaginary - expected).max() < 0.01 * np.abs(expected).max()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("loop", LOOPS[:4])
 def test_no_limb_is_unstable_inside_the_passive_region(loop: str):
     """1,000 random limbs of at least the damping that the wall asks for."""
@@ -162,6 +164,7 @@ def test_a_pair_is_worked_out_beside_the_single_clutch():
     assert "pair-bias-cut" in {one.code for one in found.findings}
 
 
+@pytest.mark.slow
 def test_a_wall_that_cannot_be_held_is_told():
     found = couple(REFERENCE_PLANT, RC, PI, CoupleOptions(torques=(1.0, 2.0), wall=3.0, replay=False))
     told = {(one.subject, one.values["torque_nm"]) for one in found.findings if one.code == "wall-beyond-stable"}
@@ -192,6 +195,7 @@ def test_an_unstable_loop_is_refused():
         couple(REFERENCE_PLANT, None, PIGains(1e6, 1e6), CoupleOptions(torques=(2.0,), loops=("pi",), replay=False))
 
 
+@pytest.mark.slow
 def test_a_dead_time_that_the_steps_show_counts_as_delay():
     fit = eaid.fit(eaid.synth(levels=(10.0, 40.0, 70.0, 100.0), repeats=2, rate_hz=50.0, clean=True))
     rise = StepShape("a", 0.0, 10.0, "up", 0.0, 1.0, 0.1, "one", 1.0, None, 1.0, 0.02, 0.0, 99.0, 1.0, 9)
@@ -203,6 +207,7 @@ def test_a_dead_time_that_the_steps_show_counts_as_delay():
         eaid.couple(msgspec.structs.replace(fit, steps=(msgspec.structs.replace(rise, dead_time_s=0.15),)), **asked)
 
 
+@pytest.mark.slow
 def test_walls_do_not_depend_on_the_unit_of_the_input():
     """The reference plant driven by 0 … 300 V in place of 0 … 100 %: the same torque, the same walls."""
     p = REFERENCE_PLANT

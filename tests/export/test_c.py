@@ -41,6 +41,7 @@ def test_a_compiler_is_there():
     assert COMPILERS
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("precision", ["double", "single"])
 @pytest.mark.parametrize(("compiler", "level"), WAYS)
 def test_every_row_of_the_vectors_comes_back_to_the_bit(exported, compiler, level, precision):
@@ -79,6 +80,7 @@ def test_a_wrong_number_in_the_vectors_is_seen(exported, tmp_path):
     assert done.returncode == 1 and re.search(r"^rc .*FAILS$", done.stdout, re.MULTILINE)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("precision", ["double", "single"])
 @pytest.mark.parametrize("law", LAWS)
 def test_the_closed_loop_has_the_bits_of_the_plain_python(exported, played, law, precision):
@@ -89,6 +91,7 @@ def test_the_closed_loop_has_the_bits_of_the_plain_python(exported, played, law,
         assert np.array_equal(found[:, 1:3], expected)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["steps", "multisine", "sweep", "rehab"])
 @pytest.mark.parametrize("law", LAWS)
 def test_plant_and_controllers_in_one_simulation_agree_with_the_replay(exported, played, law, name):
@@ -99,6 +102,7 @@ def test_plant_and_controllers_in_one_simulation_agree_with_the_replay(exported,
     assert np.abs(single[:, 2] - run.torque).max() <= 1e-5
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("law", [(law,) for law in (*LAWS, "plant")])
 @pytest.mark.parametrize("precision", ["double", "single"])
 def test_each_law_compiles_alone(exported, law, precision):
@@ -235,6 +239,7 @@ int main(void)
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("precision", ["double", "single"])
 @pytest.mark.parametrize("law", LAWS)
 def test_a_wrong_rate_and_a_stuck_sensor_are_met_as_the_readme_says(exported, tmp_path, law, precision):
@@ -250,6 +255,7 @@ def test_a_wrong_rate_and_a_stuck_sensor_are_met_as_the_readme_says(exported, tm
     assert float(stuck[2][0]) == 100.0 and int(stuck[2][1]) == 24  # the error stays: the duty is at its limit
 
 
+@pytest.mark.slow
 def test_no_name_of_a_file_or_a_unit_breaks_the_sources(tmp_path):
     named = (Input('evil */ int x; /* """ \\', "abc"), Input("two\nlines", "def"))
     data = {"input_unit": 'V */ "', "output_unit": "N\n<m>", "levels": [100.0]}

@@ -34,6 +34,7 @@ def test_gains_and_fit_give_all_laws_in_one_folder(tmp_path):
     assert codes(made) == ["export-guarantee-holds"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("target", TARGETS)
 def test_every_file_but_vectors_names_what_it_is_made_of(tmp_path, target):
     inputs = (Input("my gains.json", "abc123"),)

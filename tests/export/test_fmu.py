@@ -57,6 +57,7 @@ def unit(exported, tmp_path):
         one.unit.freeInstance()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("precision", ["double", "single"])
 @pytest.mark.parametrize("law", [*LAWS, "plant"])
 def test_fmpy_finds_nothing_wrong(exported, law, precision):
@@ -69,6 +70,7 @@ def test_fmpy_finds_nothing_wrong(exported, law, precision):
     assert units["duty"] == "%" and units["torque"] == "N·m"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["steps", "multisine", "sweep", "rehab"])
 @pytest.mark.parametrize("law", LAWS)
 def test_controller_and_plant_in_fmpy_are_the_replay(unit, played, law, name):
@@ -124,6 +126,7 @@ def test_reset_begins_anew_and_the_slope_can_be_made_inside(unit):
     assert with_slope[0] == first[0] and with_slope[-1] > first[-1]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("law", [*LAWS, "plant"])
 def test_the_wrapper_is_clean_and_its_sources_make_an_fmu_of_their_own(exported, tmp_path, law):
     with zipfile.ZipFile(exported("fmu") / f"eaid_{law}.fmu") as file:
@@ -147,6 +150,7 @@ def test_an_fmu_of_sources_alone_where_no_compiler_is(tmp_path, monkeypatch):
     assert validate_fmu(str(tmp_path / "x" / "eaid_pi.fmu")) == []
 
 
+@pytest.mark.slow
 def test_the_same_export_gives_the_same_bytes(exported, tmp_path):
     export(gains_of(), fit_of(), ExportOptions(target="fmu", folder=tmp_path / "fmu_double"))
     for path in sorted((tmp_path / "fmu_double").iterdir()):

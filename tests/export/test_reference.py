@@ -34,6 +34,7 @@ def test_tanh_is_that_of_the_libm_and_odd():
         assert law.tanh(p, -x) == -law.tanh(p, x)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["steps", "multisine", "sweep", "rehab"])
 @pytest.mark.parametrize("law_name", LAWS)
 def test_the_laws_are_the_replays_over_every_scenario(played, name, law_name):
@@ -42,6 +43,7 @@ def test_the_laws_are_the_replays_over_every_scenario(played, name, law_name):
     assert np.abs(torque - run.torque).max() <= 1e-12
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["steps", "multisine", "rehab"])
 @pytest.mark.parametrize("law_name", LAWS)
 def test_single_precision_keeps_within_a_hundred_thousandth(played, name, law_name):
@@ -58,6 +60,7 @@ def test_without_what_rounding_leaves_out_single_precision_would_not_hold(played
     assert np.abs(torque - run.torque).max() > 1e-5
 
 
+@pytest.mark.slow
 def test_the_search_of_the_inverse_ends_well_before_its_limit(played, monkeypatch):
     most = 0
     own = law.miss_of
@@ -101,6 +104,7 @@ def test_the_observer_learns_what_the_replays_learns():
 NUMBERS = st.floats(-5.0, 5.0)
 
 
+@pytest.mark.slow
 @settings(max_examples=150, deadline=None)
 @given(
     st.floats(0.01, 50), st.floats(0.01, 20), st.floats(0.1, 50), st.floats(0.01, 2), st.floats(0.1, 100),
@@ -122,6 +126,7 @@ def test_any_gains_at_any_rate_give_the_replays_duty(
     assert mine.integral == pytest.approx(theirs.integral, abs=1e-13 * scale)
 
 
+@pytest.mark.slow
 @settings(max_examples=150, deadline=None)
 @given(
     st.sampled_from([PLANT, STRANGE]), st.floats(-20, 130), st.floats(0, 4), st.floats(0, 1), st.floats(1e-5, 1.0)

@@ -86,6 +86,7 @@ def papers(_: float) -> Array:
     return 1 - 0.85 * np.exp(-TIME / 0.3) - 0.15 * np.exp(-TIME / 3.0)
 
 
+@pytest.mark.slow
 def test_many_levels_from_rest_show_the_shape_that_they_ask_for() -> None:
     """A dead time, or an overshoot, at every level of a set that the paper's form is fitted to."""
     behind = fit_steps(from_rest(late), FitOptions(ci="white"))

@@ -56,11 +56,13 @@ def driven(random: np.random.Generator, kind: str) -> tuple[Array, Array]:
     return t, y + 0.02 * random.standard_normal(SAMPLES)
 
 
+@pytest.mark.slow
 def test_false_alarms_are_rare() -> None:
     random = np.random.default_rng(0)
     assert sum(judged(*step(random)) for _ in range(LOGS)) <= 0.02 * LOGS
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["square", "steps", "sine", "binary"])
 def test_misses_are_rare(kind: str) -> None:
     """Several steps may look like one with a slow part: of 500 logs of all kinds 14 were missed, 11 of them such."""

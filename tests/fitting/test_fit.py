@@ -136,6 +136,7 @@ def test_held_out_friction_levels_are_predicted_by_the_trends(friction_set: Make
     assert found.friction.hold_out.rmse < 1e-3 * curves[100.0].Ts
 
 
+@pytest.mark.slow
 def test_huber_sees_past_spikes_and_shows_its_weights(clutch_set: Maker) -> None:
     steps = clutch_set(rate_hz=50.0, noise_nm=0.005)
     spiked = steps.levels[6].runs.copy()

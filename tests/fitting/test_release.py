@@ -82,6 +82,7 @@ def _noisy(times: list[np.ndarray]) -> list[Level]:
     return found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("times", [[TIME] * 3, [TIME, TIME[:700], TIME[:500]]], ids=["one grid", "three grids"])
 def test_levels_together_end_where_the_solver_takes_each(times: list[np.ndarray]) -> None:
     levels = _noisy(times)
@@ -107,6 +108,7 @@ def test_gradient_and_second_derivatives_against_differences() -> None:
         assert exact[:, k] == pytest.approx((up[1] - down[1]) / 2e-5, rel=1e-4)
 
 
+@pytest.mark.slow
 def test_a_release_faster_than_the_samples_stays_within_the_limits() -> None:
     time_s = np.arange(8) * 1e-3
     truth = (0.3, (0.41, 0.22)), (0.6, (0.53, 0.31)), (1.2, (0.45, 0.17))

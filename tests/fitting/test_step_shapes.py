@@ -61,6 +61,7 @@ def test_every_shape_is_found_again_without_noise(name: str, dead: float) -> Non
         assert pytest.approx(p[3], rel=1e-5) == found.C
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", TRUTHS)
 @pytest.mark.parametrize("dead", [0.0, 0.5])
 def test_the_right_shape_is_chosen_under_noise(name: str, dead: float) -> None:
@@ -178,6 +179,7 @@ def test_a_staircase_without_rest_is_fitted_all_the_same() -> None:
     assert said.values["dead_time_s"] == pytest.approx(0.5, abs=0.01)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", TRUTHS)
 @pytest.mark.parametrize("dead", [0.0, 0.02, 0.1, 0.5])
 def test_whatever_asks_for_another_shape_is_let_through(name: str, dead: float) -> None:

@@ -60,6 +60,7 @@ def test_a_rate_as_steep_as_is_looked_for_is_said() -> None:
     assert found.at_bounds
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(6))
 def test_no_start_of_many_does_better(seed: int) -> None:
     rng = np.random.default_rng(seed)

@@ -127,6 +127,7 @@ def test_rigs_of_a_fit_without_intervals_are_the_fitted_one(fitted: Any) -> None
     assert all(one.at(50.0) == rig_of(fitted).plant.at(50.0) and noise == ASSUMED for one, noise in found)
 
 
+@pytest.mark.slow
 def test_levels_of_a_friction_experiment_are_drawn_from_their_intervals(fitted: Any) -> None:
     data = msgspec.structs.replace(fitted.data, kind="friction-force")
     friction = msgspec.structs.replace(fitted, data=data, nonlinear=None)

@@ -16,6 +16,7 @@ NOISE = Noise(1.8e-7, 6e-5, (0.0, 0.0, 0.0))
 WANT = {"tau1": 8.0, "tau2": 25.0, "Ts": 3.0}
 
 
+@pytest.mark.slow
 def test_a_plan_keeps_its_limits_and_its_widths() -> None:
     limits = Limits(input=(20.0, 90.0), rate_per_s=200.0, hold_s=(0.5, 12.0), rest_s=3.0, engagements=3)
     p = REFERENCE_PLANT
@@ -31,6 +32,7 @@ def test_a_plan_keeps_its_limits_and_its_widths() -> None:
     assert found.time_s == at[-1]
 
 
+@pytest.mark.slow
 def test_a_rig_in_volts_is_planned_as_the_same_rig_in_percent() -> None:
     p, few = REFERENCE_PLANT, {"tau1": 8.0, "Ts": 3.0}
     tau1, tau2, Ts = ([c / 3.0**k for k, c in enumerate(row)] for row in (p.tau1, p.tau2, p.Ts))
@@ -43,6 +45,7 @@ def test_a_rig_in_volts_is_planned_as_the_same_rig_in_percent() -> None:
         plan_excitation(volts, NOISE, few, Limits(input=(30.0, 300.0)))
 
 
+@pytest.mark.slow
 def test_measured_widths_are_the_predicted_ones() -> None:
     found = plan_excitation(REFERENCE_PLANT, NOISE, WANT)
     rows = measure(found, REFERENCE_PLANT, NOISE, 5)
@@ -51,6 +54,7 @@ def test_measured_widths_are_the_predicted_ones() -> None:
         assert 0.35 * predicted < np.median([row[name] for row in rows]) < 1.35 * predicted
 
 
+@pytest.mark.slow
 def test_a_planned_sequence_is_worth_more_than_a_random_one() -> None:
     judge = Judge(REFERENCE_PLANT, NOISE, WANT, Limits())
     start = judge.random(20, np.random.default_rng(3))
@@ -64,6 +68,7 @@ def test_scatter_between_engagements_asks_for_more_of_them() -> None:
     assert few == 4 < many
 
 
+@pytest.mark.slow
 def test_simulated_recordings_scatter_from_engagement_to_engagement() -> None:
     """The gain of each engagement is its own, and the widths of a fit hold it."""
     calm, wild = (Noise(1.8e-7, 6e-5, (scatter, 0.0, 0.0)) for scatter in (0.0, 0.03))

@@ -63,6 +63,7 @@ def test_the_rule_that_says_which_logs_come_here() -> None:
     assert not is_recorded(replace(run_of(t, between, between), kind="friction-force"))
 
 
+@pytest.mark.slow
 def test_a_fast_input_a_limit_and_a_single_level_are_told() -> None:
     draw = np.random.default_rng(0)
     t = np.arange(4000) / 100
@@ -79,6 +80,7 @@ def test_a_fast_input_a_limit_and_a_single_level_are_told() -> None:
     assert "idle-not-seen" in codes(fit_recorded([RecordedLog("log", t, never, y)], PLAIN))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("late", "code"), [(0, None), (1, "input-late-biases"), (-2, "input-early-biases")])
 def test_an_input_that_is_noted_late_or_early_is_told_with_its_rows(late: int, code: str | None) -> None:
     for seed in range(4):
@@ -92,6 +94,7 @@ def test_an_input_that_is_noted_late_or_early_is_told_with_its_rows(late: int, c
             assert found[code].values["ms"] == pytest.approx(20.0 * abs(late))
 
 
+@pytest.mark.slow
 def test_a_dead_time_behind_an_input_that_moves_is_told_and_makes_no_loop_of_it() -> None:
     run = synthesise_excitation(clutch(), Excitation(kind="multisine", duration_s=60.0, rate_hz=200.0), NOISE, 1)[0]
     for rows, codes_told in ((0, set()), (20, {"input-early-biases"})):
@@ -101,6 +104,7 @@ def test_a_dead_time_behind_an_input_that_moves_is_told_and_makes_no_loop_of_it(
     assert found["input-early-biases"].values["ms"] == pytest.approx(100.0)
 
 
+@pytest.mark.slow
 def test_a_delay_that_moves_nothing_is_not_told() -> None:
     """One row of 1 ms beside a τ1 of 0.7 s: seen or not, τ1 stays well within its interval."""
     e = Excitation(kind="random", duration_s=40.0, rate_hz=1000.0, hold_s=(0.5, 8.0))
@@ -109,6 +113,7 @@ def test_a_delay_that_moves_nothing_is_not_told() -> None:
     assert not [one for one in found if one.startswith(("input-late", "input-early"))]
 
 
+@pytest.mark.slow
 def test_inputs_that_were_never_asked_about() -> None:
     e = Excitation(kind="random", duration_s=60.0, duty=(60.0, 70.0), rate_hz=100.0, hold_s=(0.3, 2.0))
     fit = fit_recorded(synthesise_excitation(clutch(), e, NOISE, 1), replace(PLAIN, duty=(20.0, 100.0)))
@@ -119,6 +124,7 @@ def test_inputs_that_were_never_asked_about() -> None:
     assert any(row.tau2 is None or row.tau2 > 50 for row in fit.recorded.asked)
 
 
+@pytest.mark.slow
 def test_a_release_of_its_own_is_found_and_fitted() -> None:
     plant = clutch(replace(REFERENCE_PLANT, release=(0.6, 12.0)))
     e = Excitation(kind="random", duration_s=200.0, rate_hz=100.0, hold_s=(0.5, 6.0), rest_s=8.0)
@@ -131,6 +137,7 @@ def test_a_release_of_its_own_is_found_and_fitted() -> None:
     assert same.release is None and "release-alike" in codes(same)
 
 
+@pytest.mark.slow
 def test_a_release_of_its_own_does_not_bend_the_levels_of_the_friction_model() -> None:
     plant = clutch(replace(REFERENCE_PLANT, release=(0.15, 1.0)))
     e = Excitation(kind="random", duration_s=200.0, rate_hz=100.0, hold_s=(1.0, 8.0), rest_s=8.0)
@@ -152,6 +159,7 @@ def test_a_release_of_its_own_does_not_bend_the_levels_of_the_friction_model() -
     assert "friction-falls-alike" in codes(alike)
 
 
+@pytest.mark.slow
 def test_falls_and_hysteresis_that_are_in_the_data() -> None:
     """A kernel of its own made these: falls between levels 1.6 times slower, 3 % more torque after falls."""
     from eaid.recorded import model
@@ -178,6 +186,7 @@ def test_falls_and_hysteresis_that_are_in_the_data() -> None:
     assert not {"falls-differ", "hysteresis"} & codes(plain).keys()
 
 
+@pytest.mark.slow
 def test_scatter_between_engagements_is_seen() -> None:
     log = random_log(5, 300.0)
     loaded = np.concatenate([[0], np.cumsum((log.input[1:] > 0) & (log.input[:-1] == 0))])
@@ -191,6 +200,7 @@ def test_scatter_between_engagements_is_seen() -> None:
 LOOP = Excitation(kind="closed-loop", duration_s=120.0, rate_hz=200.0, hold_s=(0.5, 8.0))
 
 
+@pytest.mark.slow
 def test_a_loops_law_is_found_and_its_tracking_predicted() -> None:
     run = synthesise_excitation(clutch(), LOOP, NOISE, 3)[0]
     law = law_of(recorded_log(run))
@@ -209,6 +219,7 @@ def test_a_loops_law_is_found_and_its_tracking_predicted() -> None:
     assert "duty-follows-output" not in codes(fit_recorded(free, PLAIN))
 
 
+@pytest.mark.slow
 def test_a_loop_of_another_law_is_told_with_what_is_seen_of_it() -> None:
     """A relay: 80 % below the reference, 20 % above it."""
     from eaid.replay.plant import plant_parameters, plant_step
@@ -235,6 +246,7 @@ def test_a_loop_of_another_law_is_told_with_what_is_seen_of_it() -> None:
     assert "no PI law" in say(codes(fit)["loop-law-unknown"])
 
 
+@pytest.mark.slow
 def test_the_intervals_of_a_direct_fit_hold_its_bias() -> None:
     noise = replace(NONE, white_nm=0.02, coloured=0.03, coloured_s=0.3)
     run = synthesise_excitation(clutch(), LOOP, noise, 1)
@@ -250,6 +262,7 @@ def test_the_intervals_of_a_direct_fit_hold_its_bias() -> None:
     assert half(wide) - half(plain) == pytest.approx(bias_pct / 100, rel=0.7)
 
 
+@pytest.mark.slow
 def test_the_instrument_takes_the_bias_out() -> None:
     """Three times the noise: the mean error of τ1 over some logs, direct and by the instrument."""
     noise = replace(NONE, white_nm=0.02, coloured=0.03, coloured_s=0.3)

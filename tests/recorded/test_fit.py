@@ -33,6 +33,7 @@ def coefficients(p: object) -> np.ndarray:
     return np.concatenate([p.tau1, p.tau2, p.Ts])  # type: ignore[attr-defined]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["random", "staircase", "closed-loop", "multisine", "chirp"])
 def test_noise_free_logs_give_the_ten_coefficients_back(kind: str) -> None:
     e = Excitation(kind=kind, duration_s=150.0, rate_hz=200.0, hold_s=(0.5, 8.0))
@@ -70,6 +71,7 @@ def test_several_logs_with_idle_outputs_and_starts_of_their_own() -> None:
     assert found.recorded.steps == 2
 
 
+@pytest.mark.slow
 def test_step_logs_give_what_the_step_fits_give() -> None:
     runs = synthesise(clutch(), Protocol((20.0, 40.0, 60.0, 80.0, 100.0), 2, 1.0, 12.0, 0.0, 200.0), NOISE, 5)
     steps = build_stepset(runs, ReadOptions())
@@ -90,6 +92,7 @@ def test_step_logs_give_what_the_step_fits_give() -> None:
     assert 1 / straight.x[-1] == pytest.approx(line.parameters.a0, rel=1e-6)
 
 
+@pytest.mark.slow
 def test_no_independent_least_squares_does_better() -> None:
     """SciPy's trust region on a simulator of its own, from the truth and from our end."""
     draw = np.random.default_rng(0)
@@ -146,6 +149,7 @@ def test_what_cannot_be_fitted_is_refused_in_a_sentence() -> None:
         fit_recorded([RecordedLog("log", t, np.where(t > 1, 20.0, 30.0), np.ones(200))])
 
 
+@pytest.mark.slow
 def test_the_public_functions_take_such_logs_too() -> None:
     import eaid
 

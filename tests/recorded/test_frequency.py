@@ -23,6 +23,7 @@ def first_order(f: np.ndarray, p: Linear, dt_s: float) -> np.ndarray:
     return np.asarray(p.b0 / p.a0 * (1 - q) / (z - q))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["chirp", "multisine", "prbs"])
 def test_a_linear_system_has_its_closed_form(kind: str) -> None:
     line = Linear(3.0, 0.1, 0.0)
@@ -51,6 +52,7 @@ def test_a_linear_system_has_its_closed_form(kind: str) -> None:
     assert (found.harmonics_pct or 0.0) < 2.0
 
 
+@pytest.mark.slow
 def test_harmonics_of_the_clutch_are_those_of_its_model() -> None:
     noise = replace(NONE, white_nm=0.006, coloured=0.005, coloured_s=0.3)
     for low, high in ((10.0, 100.0), (55.0, 65.0)):
@@ -67,6 +69,7 @@ def test_harmonics_of_the_clutch_are_those_of_its_model() -> None:
             assert found.model_harmonics_pct < 5.0
 
 
+@pytest.mark.slow
 def test_a_fit_holds_the_responses_of_its_moving_logs() -> None:
     e = Excitation(kind="chirp", duration_s=60.0, rate_hz=100.0, frequency_hz=(0.1, 2.0))
     fit = fit_recorded(synthesise_excitation(clutch(), e, NONE, 1), FitOptions(duty=(10.0, 100.0)))

@@ -22,6 +22,7 @@ RATE_HZ, MEMORY_S, SHARE = 100.0, 0.3, 0.01
 KEPT = np.exp(-1 / RATE_HZ / MEMORY_S)
 
 
+@pytest.mark.slow
 def test_both_ways_give_back_what_the_fit_took_out_of_the_residuals() -> None:
     """A staircase of 12 s, linearised: noise of 1 % of the torque (AR(1)), whose score variance is known exactly."""
     e = Excitation(kind="staircase", duration_s=240.0, rate_hz=RATE_HZ, hold_s=(0.5, 12.0))
@@ -63,6 +64,7 @@ def test_both_ways_give_back_what_the_fit_took_out_of_the_residuals() -> None:
     assert 0.85 < ratio["stretches"] < 1.3
 
 
+@pytest.mark.slow
 def test_intervals_hold_what_engagements_scatter() -> None:
     """Gains that differ by 2 % from engagement to engagement: T_s and τ1 of most logs lie within their intervals."""
     from eaid.models.nonlinear import steady_torque, time_constants

@@ -23,6 +23,7 @@ def fitted(name: str, options: ReadOptions) -> Fit:
     return fit_recorded(steps.recorded)
 
 
+@pytest.mark.slow
 def test_a_lamp_on_a_staircase() -> None:
     """Its first rise is 1.844 V with 18.5 ms and 201 ms, said the step fits."""
     options = ReadOptions(columns="time=2,input=3,output=1", units="time=us,output=mV,input=PWM")
@@ -45,6 +46,7 @@ def test_heaters_that_were_on_from_the_first_row() -> None:
     assert "input-never-moves" in [one.code for one in found.findings]
 
 
+@pytest.mark.slow
 def test_no_independent_least_squares_finds_less_of_the_lamp() -> None:
     """The replay's plant, row by row, over τ1(u), T_s(u), the idle output and the release; τ2 stands at its limit."""
     options = ReadOptions(columns="time=2,input=3,output=1", units="time=us,output=mV,input=PWM")

@@ -50,6 +50,7 @@ def log_of(draw: np.random.Generator, n: int = 600, moving: bool = False) -> Rec
     return RecordedLog("log", t, duty, draw.normal(1, 0.3, n), idle_start=False)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("moving", [False, True])
 @pytest.mark.parametrize("kind", ["nonlinear", "free", "linear", "friction"])
 def test_derivatives_are_those_of_complex_steps(kind: str, moving: bool) -> None:
@@ -169,6 +170,7 @@ def test_a_held_input_with_uneven_times_and_gaps_is_compressed_exactly() -> None
     np.testing.assert_allclose(quick[1], whole[1], rtol=1e-6, atol=1e-6 * np.abs(whole[1]).max())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("even", [False, True])
 def test_the_pass_hold_by_hold_has_the_cost_and_the_gradient_of_every_row(even: bool) -> None:
     """Falls to rest and between levels, an excess after them, start states, idle output, C: all unknowns at once."""

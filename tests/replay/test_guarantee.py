@@ -40,6 +40,7 @@ def test_chi_is_the_two_terms_of_the_book_where_the_duty_is_free(plant, law):
     assert seen.rho_nm_s.min() >= g.rho_constant
 
 
+@pytest.mark.slow
 def test_on_steps_it_fails_at_the_limits_alone(plant, law):
     reference = references.steps(DT)
     done = replay(plant, law("rc"), reference.torque_nm, Rig(), DT)

@@ -40,6 +40,7 @@ def test_against_a_pi_that_meets_its_specification_the_gap_is_smaller(plant, law
     assert 1 - error[0] / error[1] == pytest.approx(0.69, abs=0.01)
 
 
+@pytest.mark.slow
 def test_the_sweep_of_spec_6(plant, law):
     reference = references.sweep(DT)
     gain = {}

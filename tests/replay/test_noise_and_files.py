@@ -137,6 +137,7 @@ def short_time(group):
     group.create_dataset("time_s", data=np.ones(1))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("change", "said"),
     [

@@ -97,6 +97,7 @@ def test_a_diverging_limb_is_refused_in_words() -> None:
     assert fault.value.exit_code == 5 and "limb damping 0.5 N·m·s/rad" in str(fault.value)
 
 
+@pytest.mark.slow
 def test_the_loop_diverges_where_the_linear_one_is_unstable() -> None:
     # I s² + d s + K + (k + b s) e^(−0.12 s) has its roots on the axis at d = 0.515 (soft) and 0.580 (hard)
     for stiffness, damping, frequency in ((1.0, 0.51456, 11.784919), (3.0, 0.58036, 12.671664)):
@@ -107,6 +108,7 @@ def test_the_loop_diverges_where_the_linear_one_is_unstable() -> None:
     assert np.abs(session(1, damping_nms=0.6).position_error_deg).max() < 30
 
 
+@pytest.mark.slow
 def test_the_same_seed_gives_the_same_session_and_noise_of_its_own(ten: list[Session]) -> None:
     np.testing.assert_array_equal(session(3).angle_deg, ten[3].angle_deg)
     assert not np.array_equal(ten[3].angle_deg, ten[4].angle_deg)
@@ -118,6 +120,7 @@ def test_the_same_seed_gives_the_same_session_and_noise_of_its_own(ten: list[Ses
     assert abs(np.corrcoef(spread, user)[0, 1]) < 0.2
 
 
+@pytest.mark.slow
 def test_a_finer_control_interval_changes_little() -> None:
     coarse = session(0, tremor_nm=0.0, mode_s=8.0)
     fine = rehabilitate(PLANT, RC, Exercise(tremor_nm=0.0, mode_s=8.0), Rig(), 2e-4, 0)
@@ -188,6 +191,7 @@ def test_the_statistics_of_a_session(ten: list[Session]) -> None:
     assert pairs["soft", "hard"].cycles.p_rank == pytest.approx(0.1)
 
 
+@pytest.mark.slow
 def test_a_limb_in_proportion_moves_as_the_paper_s_does() -> None:
     """A clutch of a tenth of the torque, with a limb and a user of a tenth of the strength: the same angles."""
     tenth = dataclasses.replace(REFERENCE_PLANT, Ts=tuple(0.1 * c for c in REFERENCE_PLANT.Ts))

@@ -90,6 +90,7 @@ EFFECTS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("back", [0.0, 1 / 21])
 @pytest.mark.parametrize("name", EFFECTS)
 def test_every_effect_of_the_rig_is_what_a_second_way_gives(name: str, back: float) -> None:

@@ -44,6 +44,7 @@ def codes(*arguments: object, signal: np.ndarray = 1.0 + 0.0 * T, **options: obj
     return {one.code: dict(one.values) for one in found.findings}
 
 
+@pytest.mark.slow
 def test_a_reference_steeper_than_the_gains_were_made_for_is_told() -> None:
     slope = np.abs(np.sin(2 * T))
     steepest = float(np.abs(np.gradient(np.interp(np.arange(0, 2, 1e-3), T, slope), 1e-3)).max())
@@ -60,6 +61,7 @@ def test_a_reference_above_the_plant_is_told() -> None:
     assert "reference-above-plant" not in codes(None, signal=4.3 + 0.0 * T)
 
 
+@pytest.mark.slow
 def test_without_gains_it_is_said_and_the_others_are_replayed() -> None:
     found = simulate(FIT, None, SimulateOptions(), (T, 1.0 + 0.0 * T))
     assert set(found.records) == {"open-loop", "inverse"} and "no-gains" in {one.code for one in found.findings}

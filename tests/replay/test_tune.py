@@ -41,6 +41,7 @@ def value(found, code: str, name: str):
     return next(one.values[name] for one in found.findings if one.code == code)
 
 
+@pytest.mark.slow
 def test_the_papers_gains_are_replayed_on_the_multisine_which_they_need_not_cover():
     found = tune(FIT)
     told, reference = found.replayed, multisine(1e-3, 12.0)
@@ -55,6 +56,7 @@ def test_the_papers_gains_are_replayed_on_the_multisine_which_they_need_not_cove
     assert found.rc.Q_M_holds is None and found.optimized is None and found.unidentified is None
 
 
+@pytest.mark.slow
 def test_a_reference_of_the_users_own_is_covered():
     found = tune(FIT, reference=(T, SLOW), reference_name="mine.csv")
     assert found.replayed.reference == "mine.csv" and found.replayed.slope_nm_s == pytest.approx(0.5, rel=1e-3)
@@ -64,12 +66,14 @@ def test_a_reference_of_the_users_own_is_covered():
     assert judged.rc.Q_M == 0.4 and judged.rc.Q_M_holds is False and "slope-above-q-max" in codes(judged)
 
 
+@pytest.mark.slow
 def test_a_reference_beyond_the_plant_is_told_with_both_torques():
     found = tune(FIT, reference=(T, 2.5 * SLOW))
     assert value(found, "reference-beyond-plant", "asked") == pytest.approx(6.25, abs=1e-3)
     assert value(found, "reference-beyond-plant", "highest") == pytest.approx(4.372, abs=1e-3)
 
 
+@pytest.mark.slow
 def test_a_scenario_stands_for_its_reference():
     assert pytest.approx(0.8, rel=1e-3) == tune(FIT, reference="ramp").rc.Q_M
     with pytest.raises(UsageError, match="no scenario 'loops'; there are steps, multisine, sweep, ramp"):
@@ -84,6 +88,7 @@ def test_without_a_plant_nothing_is_replayed_and_no_search_is_made():
         tune(bare, TuneOptions(optimize=True))
 
 
+@pytest.mark.slow
 def test_an_unidentified_fit_is_refused_unless_it_is_asked_for_and_then_marked():
     shaky = from_plain({**PLAIN, "linear": {**PLAIN["linear"], "identifiable": False}}, Fit, "f")
     with pytest.raises(DataError, match="the linear model is not identifiable"):
@@ -93,6 +98,7 @@ def test_an_unidentified_fit_is_refused_unless_it_is_asked_for_and_then_marked()
     assert "fit-not-identifiable" not in codes(tune(FIT))
 
 
+@pytest.mark.slow
 def test_a_rig_in_volts_is_told_what_its_gains_were_designed_for():
     data = {"input_unit": "V", "output_unit": "N", "levels": [100.0, 300.0], "sample_rate_hz": 1000.0}
     stretched = {
@@ -111,6 +117,7 @@ def test_a_rig_in_volts_is_told_what_its_gains_were_designed_for():
 SEARCHED = TuneOptions(optimize=True, evaluations=15, plants=3, chatter_limit=5.0)
 
 
+@pytest.mark.slow
 def test_a_search_meets_drawn_plants_and_what_it_traded_is_kept():
     ticks = []
 
@@ -134,6 +141,7 @@ def test_a_search_meets_drawn_plants_and_what_it_traded_is_kept():
     assert ticks[0] == ("candidates", 15) and ticks.count("tick") == 15
 
 
+@pytest.mark.slow
 def test_a_search_without_covariance_is_made_on_the_fitted_plant():
     found = tune(FIT, msgspec.structs.replace(SEARCHED, noise_nm=0.02), reference=(T, SLOW))
     assert found.optimized.plants == 1 and "search-on-fitted-plant" in codes(found)
@@ -149,6 +157,7 @@ def test_the_noise_of_a_search_is_given_or_the_fits_or_supposed():
     assert noise_of(Fit(), TuneOptions(), None) == (0.01, "supposed")
 
 
+@pytest.mark.slow
 def test_sixteen_plants_unless_said_otherwise():
     few = msgspec.structs.replace(SEARCHED, plants=None)
     short = sampled(T[:101], SLOW[:101], 1e-2)

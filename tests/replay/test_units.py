@@ -66,6 +66,7 @@ def agree(name: str, fit: Fit, gains: Gains, replay: Replay, fit0: Fit, gains0: 
         )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["A", "bar", "nobody said that it is a share"])
 @pytest.mark.parametrize("scenario", ["steps", "multisine"])
 def test_defaults_scale_with_the_rig(fits: dict[str, Fit], name: str, scenario: str) -> None:

@@ -19,6 +19,7 @@ REPLAYED = ["--controller", "pi,inverse", "--scenario", "steps", "--duration", "
             "--seed", "5"]  # fmt: skip
 
 
+@pytest.mark.slow
 def test_gains_and_replay_are_made_again_by_what_the_page_says(
     files: dict[str, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -99,6 +99,7 @@ def test_a_still_output_has_no_edge(tmp_path: Path):
     assert run(["report", str(tmp_path / "still.h5"), "-o", str(tmp_path / "page"), "-q"]) == 0
 
 
+@pytest.mark.slow
 def test_its_page_shows_it_first(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
     data = written(tmp_path, with_reference=True, with_input=False)
     assert run(["report", str(data), "-o", str(tmp_path / "page"), "--json"]) == 0
@@ -108,6 +109,7 @@ def test_its_page_shows_it_first(tmp_path: Path, capsys: pytest.CaptureFixture[s
     assert text.count('class="picture"') == 2 and "<h3>Edges of the output</h3>" in text
 
 
+@pytest.mark.slow
 def test_steps_are_no_loop():
     from eaid.synth.datasets import shipped
 

@@ -223,6 +223,7 @@ def letters(figure: Figure) -> list[Any]:
     return [one for one in figure.findobj(Text) if one.get_visible() and one.get_text().strip()]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", DRAWN)
 def test_no_letter_is_smaller_than_eight_points_and_none_hangs_over_the_edge(name: str):
     with style.look():
@@ -240,6 +241,7 @@ def test_no_letter_is_smaller_than_eight_points_and_none_hangs_over_the_edge(nam
         assert box.x0 > -1 and box.x1 < width + 1 and box.y0 > -1 and box.y1 < height + 1, one.get_text()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", DRAWN)
 def test_legends_are_off_the_data_and_panels_have_letters(name: str):
     with style.look():

@@ -33,6 +33,7 @@ def test_blocks_are_means_and_begin_at_the_step(files: dict[str, Path], monkeypa
     assert live.shortened(replace(run, step_s=None))[1] == 1
 
 
+@pytest.mark.slow
 def test_rates_and_counts_are_those_that_were_recorded(files: dict[str, Path], monkeypatch: pytest.MonkeyPatch):
     whole = read_results([files["clutch.h5"]]).data[0].result
     monkeypatch.setattr(live, "MOST", 400)

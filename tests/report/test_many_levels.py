@@ -25,6 +25,7 @@ def test_a_long_table_shows_some_rows_and_folds_them_all():
     assert opened([Table("x", "", columns("level"), ((1,),))])[1] == ()
 
 
+@pytest.mark.slow
 def test_three_hundred_levels_in_twenty_seconds(tmp_path: Path):
     t = np.linspace(0, 10, 1001)
     p = REFERENCE_PLANT

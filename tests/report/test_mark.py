@@ -47,6 +47,7 @@ def marked_page(one_level: dict[str, Path], tmp_path_factory: pytest.TempPathFac
     return folder / "report.html"
 
 
+@pytest.mark.slow
 def test_gains_and_replays_carry_it_on(
     one_level: dict[str, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -74,6 +75,7 @@ def test_a_plant_that_is_not_determined_marks_its_replay(one_level: dict[str, Pa
     assert mark is not None and mark[0] == PLANT
 
 
+@pytest.mark.slow
 def test_sound_results_have_no_mark(files: dict[str, Path], page: Path) -> None:
     assert mark_of(read_results(list(files.values()))) is None
     text = page.read_text(encoding="utf-8")
@@ -81,6 +83,7 @@ def test_sound_results_have_no_mark(files: dict[str, Path], page: Path) -> None:
     assert not replay_files.read(files["steps.h5"])[0].head.unidentified
 
 
+@pytest.mark.slow
 def test_every_section_and_every_figure_of_the_fit_is_marked(marked_page: Path, files: dict[str, Path]) -> None:
     text = marked_page.read_text(encoding="utf-8")
     assert text.count(f'<p class="running">{GAINS}</p>') == text.count("<section id=")
@@ -119,6 +122,7 @@ def test_it_stands_on_every_screen_and_every_printed_page(browser: Any, marked_p
     tab.context.close()
 
 
+@pytest.mark.slow
 def test_a_legend_of_the_whole_figure_stays_below_the_mark_and_above_the_panels() -> None:
     with style.look():
         figure, axes = style.sheet(5.0, 2.75, 2, 1)

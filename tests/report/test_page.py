@@ -151,6 +151,7 @@ def test_files_are_named_with_their_fingerprint(files: dict[str, Path], outline:
         assert hashlib.sha256(path.read_bytes()).hexdigest() in outline.text
 
 
+@pytest.mark.slow
 def test_the_same_files_give_the_same_bytes(files: dict[str, Path], page: Path, tmp_path: Path):
     assert run(["report", *map(str, files.values()), "-o", str(tmp_path / "again"), "-q"]) == 0
     assert (tmp_path / "again/report.html").read_bytes() == page.read_bytes()
@@ -180,6 +181,7 @@ def test_a_fit_alone_is_shown_and_the_rest_named_with_its_command(tmp_path: Path
     assert "figures want more results; the page's appendix names the commands" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_two_fits_of_one_kind_stand_side_by_side(files: dict[str, Path], tmp_path: Path):
     other = json.loads(files["clutch.json"].read_text(encoding="utf-8"))
     for row in other["friction"]["levels"]:
@@ -205,6 +207,7 @@ def test_two_fits_of_one_kind_stand_side_by_side(files: dict[str, Path], tmp_pat
 HOSTILE = "<script>alert(1)</script><img src=x onerror=alert(2)>&\"'{{7*7}}"
 
 
+@pytest.mark.slow
 def test_data_alone_are_shown_once(files: dict[str, Path], tmp_path: Path):
     for given in ([files["clutch.h5"]], [files["clutch.h5"], files["clutch.json"]]):
         out = tmp_path / str(len(given))
@@ -214,6 +217,7 @@ def test_data_alone_are_shown_once(files: dict[str, Path], tmp_path: Path):
         assert len(ids) == len(set(ids)) and "fig07_nonlinear_model" in ids
 
 
+@pytest.mark.slow
 def test_hostile_text_is_shown_and_never_run(files: dict[str, Path], tmp_path: Path):
     fit = json.loads(files["clutch.json"].read_text(encoding="utf-8"))
     fit["data"]["synthetic"] = HOSTILE

@@ -34,6 +34,7 @@ def page_of(files: dict[str, Path], tmp_path_factory: pytest.TempPathFactory):
     return made
 
 
+@pytest.mark.slow
 def test_drawn_plants_give_a_band_and_a_table(page_of):
     path, text = page_of("plants", "--scenario", "multisine", "--duration", "6", "--plants", "3")
     replay = read_results([path]).replays[0].result
@@ -43,12 +44,14 @@ def test_drawn_plants_give_a_band_and_a_table(page_of):
     assert 'id="fig12_multisine"' in text and 'id="guarantee_in_replay"' in text
 
 
+@pytest.mark.slow
 def test_a_log_is_shown_beside_the_model(page_of, files: dict[str, Path]):
     _path, text = page_of("log", "--log", str(files["clutch.h5"]))
     assert 'id="log_replay"' in text
     assert "Recorded input through the model" in text and "synthetic-clutch-100.0-r2" in text
 
 
+@pytest.mark.slow
 def test_a_reference_of_ones_own_has_its_figure(page_of, tmp_path: Path):
     reference = tmp_path / "mine.csv"
     reference.write_text("time_s,reference_nm\n0,0\n1,1\n3,1\n")

@@ -72,6 +72,7 @@ def _record() -> dict[str, np.ndarray]:
     return {"time_s": t, "reference_nm": np.ones(20), "torque_nm": np.sin(t), "duty_pct": np.full(20, 50.0)}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("attribute", "value", "says"),
     [
@@ -98,6 +99,7 @@ def test_what_a_replay_says_of_itself_is_checked(tmp_path: Path, attribute: str,
         read_results([path])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("column", "values", "says"),
     [

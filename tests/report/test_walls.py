@@ -21,6 +21,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return where
 
 
+@pytest.mark.slow
 def test_the_page_has_the_figure_and_the_table(folder: Path, capsys: pytest.CaptureFixture[str]):
     files = [str(folder / name) for name in ("fit.json", "couple.json")]
     assert run(["report", *files, "-o", str(folder / "page"), "-q"]) == 0

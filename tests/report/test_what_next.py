@@ -35,6 +35,7 @@ def with_intervals(fit: Fit, share: dict[float, float]) -> Fit:
     return msgspec.structs.replace(fit, nonlinear=msgspec.structs.replace(part, curves=tuple(rows)))
 
 
+@pytest.mark.slow
 def test_the_levels_that_miss_the_width_are_named_with_their_repeats(clutch: Fit):
     plan = plan_recordings(clutch, PlanOptions(check=False))
     wide = with_intervals(clutch, {40.0: 0.0599})  # twice too wide for T_s, which is wanted to ± 3 %
@@ -44,6 +45,7 @@ def test_the_levels_that_miss_the_width_are_named_with_their_repeats(clutch: Fit
     assert what_to_record(wide) == (f"Record 40 % six times more, {held} s each", "")
 
 
+@pytest.mark.slow
 def test_where_all_miss_it_the_whole_plan_is_told(clutch: Fit):
     plan = plan_recordings(clutch, PlanOptions(check=False))
     told = what_to_record(with_intervals(clutch, dict.fromkeys((20.0, 40.0, 60.0, 80.0, 100.0), 0.5)))
@@ -51,12 +53,14 @@ def test_where_all_miss_it_the_whole_plan_is_told(clutch: Fit):
     assert f"held {min(plan.hold_s):.0f} to {max(plan.hold_s):.0f} s" in told[0]
 
 
+@pytest.mark.slow
 def test_holds_are_no_shorter_than_the_records_that_there_are(clutch: Fit):
     data = msgspec.structs.replace(clutch.data, record_s=(599.2,))
     told = what_to_record(msgspec.structs.replace(clutch, data=data))
     assert told is not None and told[1] == "--longest-hold 600"
 
 
+@pytest.mark.slow
 def test_no_command_is_offered_that_would_be_refused(clutch: Fit):
     part = clutch.linear
     assert part is not None and may_be_controlled(clutch)

@@ -20,6 +20,7 @@ def names_in(folder: Path) -> list[str]:
 ONE = ReportOptions(figures=("input_gain",))
 
 
+@pytest.mark.slow
 def test_results_in_memory_make_the_page_of_their_files(files: dict[str, Path], tmp_path: Path):
     given = read_results([files["clutch.json"]])
     made = write_report([given.fits[0].result], tmp_path / "memory", ONE)
@@ -32,6 +33,7 @@ def test_results_in_memory_make_the_page_of_their_files(files: dict[str, Path], 
         write_report([{}], tmp_path / "other")  # type: ignore[list-item]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("held", ["report.html", "figures/input_gain.png", "figures/fig07_nonlinear_model.svg"])
 def test_without_force_nothing_is_written_over(files: dict[str, Path], tmp_path: Path, held: str):
     (tmp_path / "out" / held).parent.mkdir(parents=True)
@@ -46,6 +48,7 @@ def test_without_force_nothing_is_written_over(files: dict[str, Path], tmp_path:
     assert names_in(tmp_path / "out") == ["figures/input_gain.png", "figures/notes.txt", "report.html"]
 
 
+@pytest.mark.slow
 def test_a_report_that_breaks_off_leaves_what_was_there(
     files: dict[str, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):

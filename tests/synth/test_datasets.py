@@ -26,6 +26,7 @@ def contents(path: Path) -> dict[str, object]:
     return found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", datasets.NAMES)
 def test_remaking_gives_the_same_numbers_and_the_same_bytes(kind: str, again: dict[str, Path]) -> None:
     kept = datasets.shipped()[kind]

@@ -164,6 +164,7 @@ def advice(made: StepSet) -> tuple[str, Any]:
     return found[0].code, found[0].values.get("shape")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("runs", [3, 1])
 @pytest.mark.parametrize(
     ("shape", "name"),
@@ -180,6 +181,7 @@ def test_other_shapes_are_recognised(shape: str, name: str, runs: int) -> None:
     assert told == [("shape-of-another-kind", name)] * 2
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("runs", [3, 1])
 def test_two_exponentials_are_not_taken_for_another_shape(runs: int) -> None:
     assert [advice(rippled(SHAPES["two"], seed, runs))[0] for seed in range(3)] == ["shape-fits"] * 3

@@ -40,6 +40,7 @@ def test_one_level_leaves_c0_as_it_was(levels: tuple[Level, ...]) -> None:
     assert (found.a0, found.b0, found.c0) == pytest.approx((p.a0, p.b0, 0.0), rel=1e-4)
 
 
+@pytest.mark.slow
 def test_means_of_resampled_runs_have_the_variance_of_a_mean() -> None:
     """Σ(x − x̄)²/(R − 1)/R, about the mean itself."""
     random = np.random.default_rng(0)

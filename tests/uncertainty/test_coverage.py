@@ -61,6 +61,7 @@ def test_half_widths_are_those_of_the_scatter(base: Any) -> None:
         assert base.widths[key] == pytest.approx(width, rel=0.25), key
 
 
+@pytest.mark.slow
 def test_sweeps_are_noticed_and_covered(sets: Any) -> None:
     """One gain a sweep: Σ(R − 1) would count 20 independent runs where there are two."""
     swept = sets.measure(sets.VARIANTS["sweeps"], 12, first=30_000)
@@ -68,6 +69,7 @@ def test_sweeps_are_noticed_and_covered(sets: Any) -> None:
     assert swept.widths["two-stage Ts"] > 2 * 2.3
 
 
+@pytest.mark.slow
 def test_one_run_a_level_gives_the_curve(sets: Any) -> None:
     single = sets.measure(sets.VARIANTS["single"], 12, first=20_000)
     for name in ("Ts", "tau1", "tau2"):

@@ -34,6 +34,7 @@ def test_it_is_the_least_squares_of_logs() -> None:
     assert cost(ours) <= blind.fun * (1 + 1e-9)
 
 
+@pytest.mark.slow
 def test_band_covers_and_misfit_is_told() -> None:
     random = np.random.default_rng(1)
     held, misfits = [], []
@@ -55,6 +56,7 @@ def test_a_curve_that_cannot_follow_is_wider() -> None:
     assert curve.log_sd(DUTY[3:6]).min() > 5 * straight.log_sd(DUTY[3:6]).max()
 
 
+@pytest.mark.slow
 def test_single_runs_show_their_scatter_in_the_curve() -> None:
     random = np.random.default_rng(2)
     found = [

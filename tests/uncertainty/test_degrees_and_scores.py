@@ -126,6 +126,7 @@ def fitted(base: Any) -> list[np.ndarray]:
     ]
 
 
+@pytest.mark.slow
 def test_variances_of_single_runs_are_those_of_moved_levels(sets: Any) -> None:
     """B of each level answers to the levels' log T_s, τ1, τ2 as refits to moved means do."""
     made = sets.one_set(1, sets.VARIANTS["single"])

@@ -35,6 +35,7 @@ def test_same_seed_same_plants() -> None:
     assert draw(fit_json(0.02), 5, 1).plants[:3] == draw(fit_json(0.02), 3, 1).plants
 
 
+@pytest.mark.slow
 def test_spread_is_the_covariance() -> None:
     drawn = np.array([p.tau2 for p in draw(fit_json(0.02), 2000, 0).plants])
     assert drawn.std(axis=0) == pytest.approx(0.02 * np.abs(P.tau2), rel=0.06)
@@ -77,6 +78,7 @@ def test_a_broken_covariance_is_refused() -> None:
         draw(fit_of(broken), 1, 0)
 
 
+@pytest.mark.slow
 def test_tails_are_those_of_the_levels_own_intervals() -> None:
     """Half-widths of t(3) at every level, where the covariance has σ = 5 %: 95 % of the plants reach as far."""
     part = part_json(None)

@@ -259,6 +259,7 @@ def test_typed_options_and_results_agree(made: StepSet) -> None:
     assert joint.nonlinear.rmse < two.nonlinear.rmse  # the joint fit has the least squares, not the best curves
 
 
+@pytest.mark.slow
 def test_every_option_stands_in_the_file_of_steps_and_of_recorded_logs(tmp_path: Path) -> None:
     """One type holds what is asked for and what is kept: an option of a value of its own comes back from the file."""
     asked = FitOptions(model=("linear",), share=0.8, ci="none", seed=7, draws=12, shape="two", dead_time_s=0.0)

@@ -17,6 +17,7 @@ def shuffled(level: Level, order: list[int]) -> Level:
     return Level(level.level, level.time_s, level.runs[order], tuple(f"x{i}" for i in order))
 
 
+@pytest.mark.slow
 def test_shuffled_repeats_give_the_same_fit(sets: Any) -> None:
     made = sets.one_set(5, sets.VARIANTS["base"], samples=600)
     turned = replace(made, levels=tuple(shuffled(level, [2, 0, 1]) for level in made.levels))

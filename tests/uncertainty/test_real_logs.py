@@ -13,6 +13,7 @@ REAL = Path(__file__).parents[2] / "../shared/realdata"
 pytestmark = pytest.mark.skipif(not REAL.is_dir(), reason="the recorded logs are not beside this checkout")
 
 
+@pytest.mark.slow
 def test_clutch_of_three_seconds_overshoots_and_hides_tau2() -> None:
     """README of the logs: from 200 V up the force overshoots, and 3 s cannot identify a τ2 of 4 s."""
     logs = sorted((REAL / "ea-clutch").glob("*V=[23]00_*.csv.gz")) + sorted(
@@ -32,6 +33,7 @@ def test_clutch_of_three_seconds_overshoots_and_hides_tau2() -> None:
     assert "output-decays-under-hold" in {one.code for one in sure.findings}
 
 
+@pytest.mark.slow
 def test_seal_friction_shows_a_free_share() -> None:
     """README of the logs: a free C comes out at 0.4 to 0.8 there, not at 0.85; four sweeps know it to ±0.1."""
     stepset = eaid.read([REAL / "friction-steps"], kind="friction-force")

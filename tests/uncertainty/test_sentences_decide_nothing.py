@@ -27,6 +27,7 @@ def results(made: Any) -> tuple[Any, Any]:
     return without_texts(codec.to_plain(fit)), without_texts(codec.to_plain(plan))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("variant", "seed"), [("base", 3), ("share", 3), ("sweeps", 1), ("single", 2)])
 def test_no_result_depends_on_a_sentence(sets: Any, monkeypatch: pytest.MonkeyPatch, variant: str, seed: int) -> None:
     made = sets.one_set(seed, sets.VARIANTS[variant], samples=500)

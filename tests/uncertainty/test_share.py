@@ -33,6 +33,7 @@ def other(sets: Any) -> StepSet:
     return found
 
 
+@pytest.mark.slow
 def test_the_plants_own_share_is_found(sets: Any) -> None:
     """0.88 where it was 0.88, and 0.85 where it was, over a few sets; the standard error is what they scatter."""
     for variant, true in (("share", 0.88), ("base", 0.85)):
@@ -46,6 +47,7 @@ def test_the_plants_own_share_is_found(sets: Any) -> None:
             assert sum(one.rejected for one in found) <= 3
 
 
+@pytest.mark.slow
 def test_it_is_told_in_one_sentence_with_numbers(other: StepSet) -> None:
     sure = with_intervals(other, fit(other, FRICTION))
     said = sure.uncertainty.share
@@ -55,6 +57,7 @@ def test_it_is_told_in_one_sentence_with_numbers(other: StepSet) -> None:
     assert "shape-needs-the-share" in {one.code for one in with_intervals(other, fit(other, FRICTION)).findings}
 
 
+@pytest.mark.slow
 def test_intervals_that_count_it_hold_the_plant(other: StepSet, sets: Any) -> None:
     """At the estimate the plant's T_s and τ2 are held, which at the C of 0.85 they are not; a refit gives the same."""
     true = sets.truth(sets.VARIANTS["share"])

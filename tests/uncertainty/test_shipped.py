@@ -27,6 +27,7 @@ def both(kind: str) -> Any:
     return ours, with_intervals(stepset, found, other)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["friction-force", "friction-speed"])
 def test_two_ways_agree(kind: str) -> None:
     agree_at_levels(*both(kind))
@@ -40,6 +41,7 @@ def agree_at_levels(ours: Any, other: Any) -> None:
         assert np.abs(np.log(ratio)).max() < np.log(1.3), name
 
 
+@pytest.mark.slow
 def test_two_ways_agree_on_the_clutch() -> None:
     """Levels, two-stage curves and the linear model agree; the joint curves on the whole, and not at the ends.
 

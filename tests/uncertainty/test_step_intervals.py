@@ -32,6 +32,7 @@ def half(interval: tuple[float, float] | None) -> float:
     return (interval[1] - interval[0]) / 2
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["two", "overshoot"])
 def test_they_hold_the_truth(kind: str) -> None:
     for name, (share, told, untold) in single_steps(kind, 12).items():

@@ -30,6 +30,7 @@ def stats_of(record_s: float, tau2_s: float, seed: int, noise: float = 0.01, run
     return level_statistics(levels, fit_levels(data_of(levels), 0.85))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("record_s", "tau2_s"), [(4.0, 12.0), (8.0, 8.0), (30.0, 6.0)])
 def test_the_sets_hold_the_true_tau2(record_s: float, tau2_s: float) -> None:
     """48 sets: fewer than 41 hits have a chance of one in a hundred where each holds in 95 %."""
@@ -64,6 +65,7 @@ def test_single_runs_are_tested_by_their_own_noise() -> None:
     assert np.isfinite(ends).all() and ((ends[:, 0] <= 6.0) & (ends[:, 1] >= 6.0)).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("record_s", [5.0, 20.0])
 def test_quoted_intervals_and_alarms_of_a_few_sets(sets: Any, record_s: float) -> None:
     """5 s: no τ2, no curve is quoted; 20 s: all are, and none is told to outlast the record (10 of 10 sets were)."""

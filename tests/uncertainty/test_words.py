@@ -121,6 +121,7 @@ def short(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder / "data.h5"
 
 
+@pytest.mark.slow
 def test_the_sentences_stand_in_the_file_on_the_terminal_and_on_the_page(
     short: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
