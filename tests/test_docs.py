@@ -6,13 +6,13 @@ import runpy
 import shlex
 import shutil
 import subprocess
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from eaid.cli import main
+import eaid
 
 ROOT = Path(__file__).parents[1]
 FILES = (ROOT / "docs" / "files.md").read_text(encoding="utf-8")
@@ -41,23 +41,18 @@ def explained(section: str) -> list[re.Pattern[str]]:
 
 
 @pytest.fixture(scope="module")
-def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with small results of every kind."""
-    folder = tmp_path_factory.mktemp("results")
-    made = ["--rate-hz", "100", "--repeats", "2", "-q"]
-    assert main.run(["synth", *made, "-o", f"{folder}/clutch.h5"]) == 0
-    assert main.run(["synth", *made, "--kind", "friction-force", "-o", f"{folder}/force.h5"]) == 0
-    assert main.run(["fit", f"{folder}/clutch.h5", "-q", "--hold-out", "40", "-o", f"{folder}/fit.json"]) == 0
-    assert main.run(["fit", f"{folder}/force.h5", "-q", "-o", f"{folder}/force.json"]) == 0
-    assert main.run(["tune-rc", f"{folder}/fit.json", "-q", "-o", f"{folder}/gains.json"]) == 0
-    return folder
+def results() -> dict[str, Any]:
+    """Small results of every kind."""
+    clutch, force = (eaid.synth(rate_hz=100.0, repeats=2, kind=kind) for kind in ("clutch", "friction-force"))
+    fit = eaid.fit(clutch, hold_out=(40.0,))
+    return {"fit.json": fit, "force.json": eaid.fit(force), "gains.json": eaid.tune_rc(fit)}
 
 
 @pytest.mark.parametrize("name", ["fit.json", "force.json", "gains.json"])
-def test_every_key_of_a_result_is_explained(results: Path, name: str) -> None:
-    kind = "gains" if name == "gains.json" else "fit"
-    known = explained(f"{kind}.json")
-    found = dict.fromkeys(keys(json.loads((results / name).read_text(encoding="utf-8"))))
+def test_every_key_of_a_result_is_explained(results: dict[str, Any], name: str, tmp_path: Path) -> None:
+    results[name].save(tmp_path / name)
+    known = explained("gains.json" if name == "gains.json" else "fit.json")
+    found = dict.fromkeys(keys(json.loads((tmp_path / name).read_text(encoding="utf-8"))))
     assert len(found) > 50
     assert [key for key in found if not any(p.fullmatch(key) or p.fullmatch(f"{key}[]") for p in known)] == []
 
@@ -76,15 +71,18 @@ PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").r
 WITH_COMMANDS = [ROOT / "README.md", ROOT / "docs" / "walkthrough.md", ROOT / "docs" / "real-logs.md"]
 
 
-def test_every_command_is_shown_and_has_the_options_it_is_shown_with(capsys: pytest.CaptureFixture[str]) -> None:
+COMMANDS = {"ingest", "fit", "tune-rc", "simulate", "export", "report", "synth", "couple", "plan", "demo"}
+
+
+def test_every_command_is_shown_and_has_the_options_it_is_shown_with(run_eaid: Callable[..., Any]) -> None:
     commands = [command for page in WITH_COMMANDS for command in shown_commands(page)]
-    assert {command[1] for command in commands} == {name.replace("_", "-") for name in main.COMMANDS}
-    for name in {command[1] for command in commands}:
-        assert main.run([name, "--help"]) == 0
-        told = capsys.readouterr().out
+    assert {command[1] for command in commands} == COMMANDS
+    for name in COMMANDS:
+        told = run_eaid(name, "--help")
+        assert told.code == 0
         for command in (command for command in commands if command[1] == name):
             for option in (word.split("=")[0] for word in command[2:] if word.startswith("-")):
-                assert re.search(rf"(?<![\w-]){re.escape(option)}(?![\w-])", told), (command, option)
+                assert re.search(rf"(?<![\w-]){re.escape(option)}(?![\w-])", told.out), (command, option)
 
 
 def test_the_readme_is_short() -> None:

@@ -10,6 +10,8 @@ from pathlib import Path
 import pytest
 import yaml
 
+import eaid
+
 ROOT = Path(__file__).parents[1]
 BIN = Path(sys.executable).parent
 WORKFLOWS = sorted((ROOT / ".github" / "workflows").glob("*.yml"))
@@ -79,8 +81,6 @@ def test_the_site_has_every_page_and_no_other() -> None:
 def test_the_version_stands_in_one_file() -> None:
     version = re.search(r'"(.+)"', (ROOT / "eaid/version.py").read_text().split("__version__")[1])
     assert version is not None
-    import eaid
-
     assert eaid.__version__ == version[1]
     others = [
         path.name for path in [*(ROOT / "eaid").rglob("*.py"), ROOT / "pyproject.toml"]
@@ -96,13 +96,3 @@ def test_the_site_builds_without_a_warning(tmp_path: Path) -> None:
     built = ran(sys.executable, "-m", "mkdocs", "build", "--strict", "-q", "-d", str(tmp_path))
     assert built.returncode == 0, built.stderr
     assert (tmp_path / "reference" / "commands" / "index.html").is_file()
-
-
-def test_helpers_of_tests_have_names_of_their_own() -> None:
-    """They are imported by their bare names: of two that are called alike, the second would be the first."""
-    names = [
-        path.stem
-        for path in ROOT.joinpath("tests").rglob("*.py")
-        if not path.name.startswith(("test_", "__", "conftest"))
-    ]
-    assert len(names) == len(set(names))

@@ -296,7 +296,7 @@ class Replay(Shown):
     --------
     >>> import eaid
     >>> fit = eaid.fit(eaid.synth(levels=(20.0, 60.0, 100.0), repeats=2, rate_hz=50.0, seed=1))
-    >>> run = eaid.simulate(fit, scenario="steps", controllers=("open-loop",))
+    >>> run = eaid.simulate(fit, scenario="steps", controller=("open-loop",))
     >>> run
     <Replay: steps: open-loop>
     >>> run.metrics()["open-loop"].rms_error_nm < 1

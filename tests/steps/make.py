@@ -1,52 +1,72 @@
-"""Runs made by formula, for the tests of steps."""
+"""Logs by formula, as tables, and what is read out of them."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
+import pandas as pd
 
-from eaid.arrays import Array, read_only
-from eaid.logs.run import Run
+import eaid
+
+INPUTS = {"%": "duty_pct", "V": "voltage_V", "N": "force_n", "RPM": "speed_rpm"}
+Plan = Sequence[tuple[float, float]]
 
 
-def curve(t_s: Array, tau1: float = 0.2, tau2: float = 1.0, share: float = 0.85) -> Array:
+def curve(t_s: Any, tau1: float = 0.2, tau2: float = 1.0, share: float = 0.85) -> Any:
     """Eq. (4) for a unit step at 0; 0 before it."""
     t = np.maximum(t_s, 0.0)
     return share * -np.expm1(-t / tau1) + (1 - share) * -np.expm1(-t / tau2)
 
 
 def log(
-    plan: Sequence[tuple[float, float]],
-    *,
-    rate_hz: float = 100.0,
-    gain: float = 0.04,
-    start_s: float = 0.0,
-    offset: float = 0.0,
-    noise: float = 0.0,
-    seed: int = 0,
-    name: str = "a",
-    tau1: float = 0.2,
-    tau2: float = 1.0,
-    **more: object,
-) -> Run:
+    plan: Plan, unit: str = "%", rate_hz: float = 100.0, gain: float = 0.04, start_s: float = 0.0,
+    offset: float = 0.0, noise: float = 0.0, seed: int = 0, tau1: float = 0.2, tau2: float = 1.0,
+) -> pd.DataFrame:  # fmt: skip
     """A log that holds each (input, seconds) of the plan in turn, on a plant that is linear in the input."""
     counts = [round(seconds * rate_hz) for _, seconds in plan]
-    u = np.concatenate([np.full(count, level) for (level, _), count in zip(plan, counts, strict=True)])
-    t = np.arange(len(u)) / rate_hz
-    y = np.full(len(u), offset)
-    before, at = 0.0, 0
+    u = np.repeat([float(level) for level, _ in plan], counts)
+    t, y, before, at = np.arange(len(u)) / rate_hz, np.full(len(u), offset), 0.0, 0
     for (level, _), count in zip(plan, counts, strict=True):
-        y += (
-            gain
-            * (level - before)
-            * np.where(np.arange(len(u)) >= at, curve(t - t[min(at, len(t) - 1)], tau1, tau2), 0)
-        )
+        y[at:] += gain * (level - before) * curve(t[: len(t) - at], tau1, tau2)
         before, at = level, at + count
-    y = y + noise * np.random.default_rng(seed).normal(size=len(y))
-    facts: dict[str, object] = {
-        "input_unit": "%",
-        "output_unit": "N·m",
-        "source": f"{name}.csv",
-        "sha256": "0",
-        "kind": "clutch",
-    }
-    return Run(name=name, time_s=read_only(t + start_s), input=read_only(u), output=read_only(y), **(facts | more))  # type: ignore[arg-type]
+    y += noise * np.random.default_rng(seed).normal(size=len(y))
+    return pd.DataFrame({"time_s": t + start_s, INPUTS[unit]: u, "torque_nm": y})
+
+
+def with_input(frame: pd.DataFrame, values: Any, **samples: float) -> pd.DataFrame:
+    """The same log with another input column."""
+    return frame.assign(**{str(frame.columns[1]): values})
+
+
+def without_input(frame: pd.DataFrame) -> pd.DataFrame:
+    return frame[["time_s", "torque_nm"]]
+
+
+def plus(frame: pd.DataFrame, change: Any) -> pd.DataFrame:
+    """The same log with something added to its output."""
+    return frame.assign(torque_nm=frame["torque_nm"] + change)
+
+
+def white(count: int, size: float, seed: int = 0) -> Any:
+    return size * np.random.default_rng(seed).normal(size=count)
+
+
+def read(logs: Any, **options: Any) -> "eaid.StepSet":
+    """The steps of one table, named a, of several, a, b, …, or of tables by name."""
+    if isinstance(logs, pd.DataFrame):
+        logs = {"a": logs}
+    elif not isinstance(logs, Mapping):
+        logs = dict(zip("abcdefghij", logs, strict=False))
+    return eaid.read(logs, logs_as="steps", **options)
+
+
+def told(steps: "eaid.StepSet") -> list[str]:
+    """The codes of all findings: those of the set, then those of each run."""
+    return [one.code for one in (*steps.findings, *(one for run in steps.runs for one in run.findings))]
+
+
+def values(steps: "eaid.StepSet", code: str, name: str | None = None) -> dict[str, Any]:
+    """The values of the only finding of a code, of one run or of all."""
+    runs = [run.findings for run in steps.runs if name in (None, run.name)]
+    (found,) = (one for findings in (steps.findings, *runs) for one in findings if one.code == code)
+    return found.values

@@ -1,0 +1,98 @@
+"""The models' closed forms, their derivatives against complex steps, the edges of the duties, trends; Eq. (1)."""
+
+from dataclasses import astuple, replace
+
+import numpy as np
+import pytest
+
+import eaid
+from eaid.models import friction, linear, nonlinear, parameters, trends
+
+STEP = 1e-30
+CURVE = parameters.Friction(Ts=2.0, tau1=0.3, tau2=4.0)
+PLANT, PAPER = parameters.REFERENCE_PLANT, parameters.PAPER_LINEAR
+TIME = np.linspace(0, 12, 50)
+X = np.linspace(2.7, 27.0, 10)
+TRENDS = {
+    "linear": (0.0944, -0.0896),
+    "double-exponential": (6.01, -0.431, 0.11, 0.0492),
+    "merged-exponential": (1.5, 0.4, -0.05),
+}
+
+
+def test_friction_by_its_two_parts_at_zero_at_tau_in_the_end_and_just_after_the_step() -> None:
+    want = 2 * (0.85 * -np.expm1(-TIME / 0.3) + 0.15 * -np.expm1(-TIME / 4.0))
+    assert friction.step_response(CURVE, TIME) == pytest.approx(want, rel=1e-14)
+    alike = replace(CURVE, tau1=0.5, tau2=0.5, C=0.6)
+    values = friction.step_response(alike, np.array([0.0, 0.5, 10.0]))
+    assert values == pytest.approx([0.0, 2 * (1 - np.exp(-1)), 2 * (1 - np.exp(-20))], rel=1e-15)
+    (early,) = friction.step_response(CURVE, np.array([1e-12]))
+    assert early == pytest.approx(2 * 1e-12 * (0.85 / 0.3 + 0.15 / 4), rel=1e-10)
+
+
+def test_the_nonlinear_model_is_the_friction_curve_of_its_polynomials() -> None:
+    u = 40.0
+    Ts = 0.032 + 9.2e-3 * u + 2.1e-4 * u**2 + 1.32e-6 * u**3
+    tau1, tau2 = 6.74e-3 + 2.39e-2 * u - 2.13e-4 * u**2, 0.93 + 0.41 * u - 2.64e-3 * u**2
+    want = Ts * (1 - 0.85 * np.exp(-TIME / tau1) - 0.15 * np.exp(-TIME / tau2))
+    assert nonlinear.step_response(PLANT, TIME, u) == pytest.approx(want, rel=1e-13)
+    assert nonlinear.steady_torque(PLANT, 100.0) == pytest.approx(4.372, abs=1e-12)
+
+
+def test_outside_the_identified_duties() -> None:
+    """Below the lowest, torque is a line to zero and the time constants stay; above the highest, all stay."""
+    edge, duties = nonlinear.steady_torque(PLANT, 10.0).item(), np.array([0.0, 5.0, 10.0])
+    assert nonlinear.steady_torque(PLANT, duties) == pytest.approx([0, edge / 2, edge])
+    tau1, tau2 = nonlinear.time_constants(PLANT, duties)
+    assert tau1 == pytest.approx([0.22444] * 3) and tau2 == pytest.approx([4.766] * 3)
+    upto80 = replace(PLANT, u_range=(10.0, 80.0))
+    assert nonlinear.steady_torque(upto80, 95.0) == nonlinear.steady_torque(upto80, 80.0)
+    assert nonlinear.time_constants(upto80, 95.0) == nonlinear.time_constants(upto80, 80.0)
+
+
+def test_the_linear_model_as_published_is_negative_below_30_percent() -> None:
+    drive = 0.08 * 50 - 2.42
+    values = linear.step_response(PAPER, np.array([0.0, 1 / 1.36, 20.0]), 50.0)
+    assert values == pytest.approx([0, drive / 1.36 * (1 - np.exp(-1)), drive / 1.36], rel=1e-9)
+    assert linear.steady_torque(PAPER, 50.0) == pytest.approx(drive / 1.36)
+    assert linear.steady_torque(PAPER, 30.24) < 0 < linear.steady_torque(PAPER, 30.26)
+
+
+@pytest.mark.parametrize("model", ["friction", "linear", *TRENDS])
+def test_derivatives_are_those_of_a_complex_step(model: str) -> None:
+    if model == "friction":
+        start, gradient = astuple(CURVE), friction.gradient(CURVE, TIME)
+    elif model == "linear":
+        start, gradient = astuple(PAPER), linear.gradient(PAPER, TIME, 60.0)
+    else:
+        start, gradient = TRENDS[model], trends.FORMS[model].gradient(np.array(TRENDS[model]), X)
+    assert len(gradient) == len(start)
+    for k in range(len(start)):
+        moved = [value + 1j * STEP * (i == k) for i, value in enumerate(start)]
+        if model == "friction":
+            values = friction.step_response(parameters.Friction(*moved), TIME)
+        elif model == "linear":
+            values = linear.step_response(parameters.Linear(*moved), TIME, 60.0)
+        else:
+            values = trends.FORMS[model].curve(np.array(moved), X)
+        assert gradient[k] == pytest.approx(values.imag / STEP, rel=1e-12, abs=1e-15)
+
+
+def test_trends_of_table_one_and_the_merged_limit_of_two_rates() -> None:
+    assert set(TRENDS) == set(trends.FORMS)
+    assert trends.evaluate("double-exponential", TRENDS["double-exponential"], X)[0] == pytest.approx(2.003, abs=1e-3)
+    assert trends.evaluate("linear", TRENDS["linear"], X)[-1] == pytest.approx(2.4592)
+    rate, gap = -0.05, 1e-6
+    pair = (0.5 * (1.5 + 0.4 / gap), rate + gap, 0.5 * (1.5 - 0.4 / gap), rate - gap)
+    merged = trends.evaluate("merged-exponential", TRENDS["merged-exponential"], X)
+    assert trends.evaluate("double-exponential", pair, X) == pytest.approx(merged, rel=1e-7)
+
+
+def test_area_stress_shear_field_and_friction_coefficient(small_steps: "eaid.StepSet") -> None:
+    """Eq. (1), and the numbers that specification 1 gives for it."""
+    rig = small_steps.apparatus
+    assert rig.area_m2 == pytest.approx(6.283e-3, abs=5e-7)
+    assert (rig.stress_kpa(17), rig.stress_kpa(170)) == pytest.approx((2.706, 27.06), rel=2e-4)
+    assert (rig.shear_kpa(4.37), rig.field_v_per_um) == pytest.approx((6.86, 3.16), abs=5e-3)
+    one = replace(rig, surfaces=1)
+    assert one.friction_coefficient(0.0944 * 27 - 0.0896, 27) == pytest.approx(0.286, abs=5e-4)

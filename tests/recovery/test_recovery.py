@@ -1,0 +1,145 @@
+"""Make data, fit, and the truth returns: noise-free, from other plants, under noise, and whatever the units."""
+
+from collections.abc import Callable
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import eaid
+
+Maker = Callable[..., Any]
+TAU1, TAU2, TS = (6.74e-3, 2.39e-2, -2.13e-4), (0.93, 0.41, -2.64e-3), (0.032, 9.2e-3, 2.1e-4, 1.32e-6)
+"""The reference plant of docs/specification.md."""
+MODEL = {"model": ("nonlinear",), "ci": "none"}
+
+
+def curve(t: Any, Ts: float, tau1: float, tau2: float, share: float = 0.85) -> Any:
+    s = np.maximum(t, 0.0)
+    return Ts * (1 - share * np.exp(-s / tau1) - (1 - share) * np.exp(-s / tau2))
+
+
+@pytest.mark.parametrize(
+    ("duration_s", "rate_hz", "share"), [(20.0, 500.0, 0.85), (20.0, 25.0, 0.85), (20.0, 50.0, 0.7)]
+)
+def test_ten_coefficients_of_the_reference_plant(duration_s: float, rate_hz: float, share: float) -> None:
+    t = np.arange(round((duration_s + 2) * rate_hz)) / rate_hz
+    rows = {float(u): [np.polynomial.Polynomial(c)(u) for c in (TS, TAU1, TAU2)] for u in range(10, 101, 10)}
+    logs = {
+        f"u{u}": pd.DataFrame({"time_s": t, "duty_pct": u * (t >= 2), "torque_nm": curve(t - 2, *row, share)})
+        for u, row in rows.items()
+    }
+    for estimator in ("auto", "joint"):
+        fit = eaid.fit(logs, share="free" if share != 0.85 else 0.85, estimator=estimator, **MODEL)
+        assert fit.converged and pytest.approx(share, rel=1e-6) == fit.nonlinear.C
+        assert [*fit.plant.tau1, *fit.plant.tau2, *fit.plant.Ts] == pytest.approx([*TAU1, *TAU2, *TS], rel=1e-6)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_other_plants_return(seed: int, fit_quality: ModuleType) -> None:
+    truth = fit_quality.random_plant(np.random.default_rng(seed))
+    t = np.arange(2200) / 100
+    torque = np.hstack([np.zeros((10, 200)), fit_quality.curves(t[:2000], fit_quality.levels_of(truth))])
+    logs = {
+        f"u{u}": pd.DataFrame({"time_s": t, "duty_pct": u * (np.arange(2200) >= 200), "torque_nm": y})
+        for u, y in zip(fit_quality.LEVELS, torque, strict=True)
+    }
+    found = eaid.fit(logs, estimator="joint", **MODEL).nonlinear
+    values = np.concatenate([np.array(c) * 100.0 ** np.arange(len(c)) for c in (found.tau1, found.tau2, found.Ts)])
+    assert values == pytest.approx(truth, rel=1e-6, abs=1e-7)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_the_cost_is_that_of_the_best_of_an_independent_multi_start(seed: int, fit_quality: ModuleType) -> None:
+    case = fit_quality.make(seed)
+    mine, converged = fit_quality.ours(case)
+    assert converged
+    assert mine <= (1 + 1e-6) * fit_quality.best_of_others(case, starts=2)
+
+
+def test_under_noise_the_truth_is_within_a_few_standard_errors(clutch_set: Maker) -> None:
+    fit = eaid.fit(clutch_set(noise_nm=0.01, repeats=3, seed=5, rate_hz=200.0), estimator="joint", **MODEL)
+    u = np.arange(10.0, 101.0, 10.0)
+    for found, truth, rel in zip(
+        (fit.nonlinear.tau1, fit.nonlinear.tau2, fit.nonlinear.Ts), (TAU1, TAU2, TS), (0.02, 0.08, 0.008), strict=True
+    ):
+        polynomial, want = (np.polynomial.Polynomial(c)(u) for c in (found, truth))
+        assert polynomial == pytest.approx(want, rel=rel)
+
+
+def test_tables_one_and_two_return() -> None:
+    """Trends over stress [kPa] and speed [RPM]."""
+    stress = {f: f / (np.pi * (0.06**2 - 0.04**2)) / 1e3 for f in range(17, 171, 17)}
+    by_force = {
+        f: (0.0944 * x - 0.0896, 6.01 * np.exp(-0.431 * x) + 0.11 * np.exp(0.0492 * x),
+            40.25 * np.exp(-0.219 * x) + 1.37 * np.exp(0.0476 * x))
+        for f, x in stress.items()
+    }  # fmt: skip
+    by_speed = {
+        s: (0.349 * np.exp(-0.230 * s) + 1.042 * np.exp(0.00608 * s),
+            0.425 * np.exp(-0.310 * s) + 0.0498 * np.exp(-0.0150 * s), 5.4 * np.exp(-0.0101 * s))
+        for s in range(5, 41, 5)
+    }  # fmt: skip
+    forces, speeds = (
+        eaid.fit(
+            {
+                f"u{u}": pd.DataFrame({"time_s": t, column: 1.0 * u * (t >= 2), "torque_nm": curve(t - 2, *row)})
+                for u, row in rows.items()
+            },
+            ci="none",
+        ).friction
+        for column, rows, t in (
+            ("force_n", by_force, np.arange(6200) / 100), ("speed_rpm", by_speed, np.arange(3200) / 100)
+        )
+    )  # fmt: skip
+    assert (forces.over, speeds.over) == ("stress_kpa", "speed_rpm")
+    assert forces.trends["Ts"].coefficients == pytest.approx((0.0944, -0.0896), rel=1e-6)
+    assert forces.trends["tau1"].coefficients == pytest.approx((0.11, 0.0492, 6.01, -0.431), rel=1e-5)
+    assert forces.trends["tau2"].coefficients == pytest.approx((1.37, 0.0476, 40.25, -0.219), rel=1e-5)
+    assert "C_f" in forces.trends and "C_f" not in speeds.trends
+    assert speeds.trends["Ts"].coefficients == pytest.approx((1.042, 0.00608, 0.349, -0.230), rel=1e-5)
+    assert speeds.trends["tau1"].coefficients == pytest.approx((0.0498, -0.0150, 0.425, -0.310), rel=1e-5)
+
+
+def test_the_same_input_gives_the_same_bytes(tmp_path: Any) -> None:
+    for name in ("a", "b"):
+        eaid.fit(eaid.synth(levels=(20.0, 60.0, 100.0), repeats=2, rate_hz=50.0, seed=1)).save(tmp_path / name)
+    assert (tmp_path / "a").read_bytes() == (tmp_path / "b").read_bytes()
+
+
+CURVES = st.tuples(st.floats(0.05, 5.0), st.floats(0.03, 1.0), st.floats(3.0, 30.0))
+
+
+def repeats(row: Any, rate_hz: float = 100.0, scale: float = 1.0, stretch: float = 1.0, noise: float = 0.01) -> Any:
+    """Three logs of one level."""
+    t, random = np.arange(round(12 * rate_hz)) / rate_hz, np.random.default_rng(0)
+    y = [curve(t - 2, *row) + noise * row[0] * random.normal(size=len(t)) for _ in range(3 if noise else 1)]
+    return [pd.DataFrame({"time_s": t * stretch, "voltage_V": 50.0 * (t >= 2), "torque_nm": one * scale}) for one in y]
+
+
+def level_of(logs: Any) -> list[float]:
+    """T_s, τ1, τ2 of the only level."""
+    (row,) = eaid.fit(dict(zip("abc", logs, strict=False)), model=("friction",), ci="none").friction.levels
+    assert row.solver.converged
+    return [row.Ts, row.tau1, row.tau2]
+
+
+@settings(max_examples=4, deadline=None, derandomize=True)
+@given(CURVES, st.floats(1e-3, 1e2), st.floats(0.5, 20.0), st.permutations([0, 1, 2]))
+def test_neither_unit_nor_clock_nor_order_changes_a_level(
+    row: Any, scale: float, stretch: float, order: list[int]
+) -> None:
+    Ts, tau1, tau2 = level_of(repeats(row))
+    assert level_of(repeats(row, scale=scale)) == pytest.approx([scale * Ts, tau1, tau2], rel=1e-4)
+    assert level_of(repeats(row, stretch=stretch)) == pytest.approx([Ts, stretch * tau1, stretch * tau2], rel=1e-4)
+    logs = repeats(row)
+    assert level_of([logs[k] for k in order]) == pytest.approx([Ts, tau1, tau2], rel=1e-6)
+
+
+@pytest.mark.parametrize("rate_hz", [100.0, 1000.0, 10_000.0])
+def test_the_sample_rate_does_not_matter_without_noise(rate_hz: float) -> None:
+    assert level_of(repeats((1.0, 0.2, 5.0), rate_hz, noise=0.0)) == pytest.approx([1.0, 0.2, 5.0], rel=1e-6)

@@ -1,0 +1,106 @@
+"""Result files: what is written is read back; what is wrong is refused by name; what is absent costs its part only."""
+
+import json
+import re
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import eaid
+from eaid.errors import DataError
+
+Run = Callable[..., Any]
+
+
+def written(folder: Path, content: Any) -> Path:
+    path = folder / "fit.json"
+    path.write_text(content if isinstance(content, str) else json.dumps(content), encoding="utf-8")
+    return path
+
+
+@pytest.mark.parametrize("which", [0, 1])
+def test_written_and_read_back_and_the_same_bytes_again(which: int, small_files: Any, tmp_path: Path) -> None:
+    path = small_files[which]
+    back = eaid.load(path)
+    back.save(tmp_path / path.name)
+    assert (tmp_path / path.name).read_bytes() == path.read_bytes()
+    content = json.loads(path.read_text(encoding="utf-8"))
+    assert list(content)[:3] == ["schema", "eaid", "digest"]
+    assert [one["code"] for one in content["findings"]] == [one.code for one in back.findings]
+    parts = [content, *(content[name] for name in ("friction", "nonlinear", "linear") if name in content)]
+    texts = [text for part in parts for text in part["warnings"]]
+    assert sorted(texts) == sorted(one["text"] for one in content["findings"])
+    with pytest.raises(AttributeError):
+        back.seed = 3
+
+
+def test_what_is_absent_is_left_out_and_what_is_not_known_is_null(tmp_path: Path) -> None:
+    fit = eaid.load(written(tmp_path, {"linear": {"a0": 1.5, "b0": 0.08, "c0": -1.0, "rmse": None}}))
+    assert fit.nonlinear is None and fit.linear.a0 == 1.5
+    fit.save(tmp_path / "again.json")
+    content = json.loads((tmp_path / "again.json").read_text(encoding="utf-8"))
+    assert "nonlinear" not in content and content["linear"]["rmse"] is None
+
+
+def test_a_changed_digit_is_refused_and_another_layout_is_told(small_files: Any, tmp_path: Path, run_eaid: Run) -> None:
+    text = small_files[0].read_text(encoding="utf-8")
+    with pytest.raises(DataError, match="is damaged, or was changed after eaid wrote it"):
+        eaid.load(written(tmp_path, re.sub(r'("b0": 0\.\d+)\d', r"\g<1>", text, count=1)))
+    path = written(tmp_path, {**json.loads(text), "seed": 3})
+    assert eaid.load(path).seed == 3
+    assert "fit.json" in run_eaid("tune-rc", path, "-o", tmp_path / "gains.json").err
+
+
+LINEAR = {"a0": 1.5, "b0": 0.1, "c0": 1.0}
+REFUSED: dict[str, tuple[Any, str]] = {
+    "no number": ({"linear": LINEAR | {"a0": "x"}}, 'its linear.a0 is "x"'),
+    "a number beyond reason": ({"linear": LINEAR | {"a0": 1e70}}, "its linear.a0 is 1e+70"),
+    "a list for a model": ({"linear": [1]}, "its linear is [1]"),
+    "a time constant of 0": ({"release": {"tau1": 0.0, "tau2": 1.0}}, "its release.tau1 is 0.0"),
+    "a rig inside out": (
+        {"data": {"apparatus": {"inner_radius_m": 0.07}}}, "an inner radius of 0.07 m and an outer one of 0.06 m"),
+    "no such kind": ({"data": {"kind": "brake"}}, 'its data.kind is "brake"'),
+    "nothing": ("", "is not a JSON file"),
+    "a list": ("[]", "is no result of eaid"),
+    "an empty object": ("{}", "is no result of eaid"),
+    "gains without a model": ('{"schema": "eaid/gains/1"}', "has no model"),
+    "nested without end": ("{" * 5000, "is not a JSON file"),
+    "NaN": ('{"linear": {"a0": NaN}}', "it holds NaN, which is no JSON number"),
+    "an infinite number": ('{"linear": {"a0": 1e999}}', "it holds 1e999, which is no finite number"),
+    "another schema": ('{"schema": "eaid/fit/99"}', "is no result of eaid"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", REFUSED)
+def test_a_file_that_is_refused(case: str, tmp_path: Path, run_eaid: Run) -> None:
+    content, said = REFUSED[case]
+    path = written(tmp_path, content)
+    with pytest.raises(DataError) as refused:
+        eaid.load(path)
+    assert said in str(refused.value) and str(path) in str(refused.value)
+    assert run_eaid("tune-rc", path, "-o", tmp_path / "gains.json").code == 3
+
+
+def test_what_is_absent_costs_its_part_only(tmp_path: Path, run_eaid: Run) -> None:
+    content = {
+        "linear": {"a0": 1, "b0": 0.1, "c0": None},
+        "friction": {"levels": [{"level": 10}, {"level": 20, "Ts": 1, "tau1": 0.1, "tau2": 2}], "trends": []},
+        "nonlinear": "",
+        "seed": None,
+    }
+    path = written(tmp_path, content)
+    fit = eaid.load(path)
+    assert fit.linear is None and [row.level for row in fit.friction.levels] == [20.0]
+    told = run_eaid("report", path, "-o", tmp_path / "report").err
+    assert "its friction.levels[0] has no Ts and is left out" in told and "its linear has no c0 and is left out" in told
+
+
+def test_what_a_script_needs_to_write(tmp_path: Path) -> None:
+    model = {"C": 0.85, "tau1": [0.1, 0, 0], "tau2": [4, 0, 0], "Ts": [0, 0.04, 0, 0], "u_range": [10, 100]}
+    fit = eaid.load(written(tmp_path, {"nonlinear": model}))
+    found = fit.nonlinear
+    assert (found.C, found.tau1, found.Ts, found.u_range) == (0.85, (0.1, 0, 0), (0, 0.04, 0, 0), (10, 100))
+    torque = [0.0, 2 * (1 - 0.85 * 0.36787944 - 0.15 * 0.97530991), 2.0]  # e^-1, e^-0.025
+    assert fit.predict(50.0, [0.0, 0.1, 1e3]).iloc[:, 0].tolist() == pytest.approx(torque)

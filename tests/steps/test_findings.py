@@ -1,0 +1,402 @@
+"""What is doubtful in a log: a row a log, with all that is told of it and its numbers, by hand.
+
+Rows in pairs lie at both sides of what docs/formats.md promises, or of what a user would call the same log.
+"""
+
+import sys
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+import pandas as pd
+import pytest
+from scipy import stats
+
+import eaid
+from benchmarks.stop_findings import wander
+from eaid.errors import DataError
+from eaid.findings.sentences.logs import STEP_ROWS as ROWS
+
+sys.path.insert(0, str(Path(__file__).parent))
+from make import curve, log, plus, read, told, white, with_input, without_input
+
+PLAN = [(0.0, 4.0), (50.0, 8.0)]
+RUN = log(PLAN)
+T = np.arange(1200) / 100
+NOISY = log(PLAN, noise=0.01)
+SWING, PEAK = (2.0 * float(curve(np.arange(end - 40, end) / 100).mean()) for end in (800, 400))
+"""Means of the last of twenty blocks of the window, and of the tenth."""
+SLOW, QUICK = log(PLAN, tau1=1.0, tau2=3.0), log(PLAN, tau1=0.02, tau2=0.05)
+
+
+def near(value: float, rel: float = 1e-3) -> Any:
+    return pytest.approx(value, rel=rel)
+
+
+def output(values: Any, frame: Any = RUN) -> Any:
+    return frame.assign(torque_nm=values)
+
+
+def at_samples(start: int, stop: int, value: float, frame: Any = NOISY) -> Any:
+    """An output that is one value from sample `start` to `stop`."""
+    y = frame.torque_nm.to_numpy().copy()
+    y[start:stop] = value
+    return output(y, frame)
+
+
+def delayed(from_sample: int, by_s: float) -> Any:
+    """A clock that leaps."""
+    return RUN.assign(time_s=T + np.where(np.arange(1200) >= from_sample, by_s, 0.0))
+
+
+def late(by_s: float, frame: Any = RUN) -> Any:
+    """An input that is logged late."""
+    return with_input(frame, np.where(frame.time_s >= 4 + by_s - 1e-9, 50.0, 0.0))
+
+
+def lagging(tau_s: float) -> Any:
+    """A driver that takes its time: 1 % of the level is left after 4.6 τ."""
+    return with_input(log(PLAN, "V"), 50.0 * -np.expm1(-np.maximum(T - 4, 0) / tau_s))
+
+
+def gone(until_s: float) -> Any:
+    """How much of the change came until then [%]."""
+    return near(100 * float(curve(np.array([until_s])).item()), 0.2)
+
+
+def ramped(*ramps: tuple[int, int, float, float], tau: float = 0.05) -> Any:
+    """Stairs of a quick plant whose input goes straight from one value to another between two samples."""
+    frame = log([(0, 4), (30, 4), (60, 4), (0, 4)], "V", tau1=tau, tau2=tau)
+    u = frame.voltage_V.to_numpy().copy()
+    for a, b, before, after in ramps:
+        u[a:b] = before + (after - before) * np.arange(b - a) / (b - a)
+    return with_input(frame, u)
+
+
+def ramp_of(samples: int, ramp_s: float, tau: float = 0.05) -> dict[str, Any]:
+    return {"ramp_s": near(ramp_s), "moved_pct": near(100 * -np.expm1(-samples / 100 / tau), 0.02)}
+
+
+def gap_at_step(samples: int) -> Any:
+    """A gap of so many sample times that the step falls into, the output 0.3 of the way behind it."""
+    late_s = np.where(np.arange(1200) >= 400, (samples - 1) / 100, 0.0)
+    return RUN.assign(time_s=T + late_s, torque_nm=np.where(T < 4, 0.0, 2 * curve(T - 3.99 + late_s)))
+
+
+def released(frame: Any, left: float) -> Any:
+    """A step that is let go at 12 s, by so much not to where it came from."""
+    return plus(frame, np.where(frame.time_s >= 12, left, 0.0))
+
+
+HELD = log([(0, 4), (50, 8), (0, 8)])
+STUCK = {"unit": "N·m", "value": 1.75, "at_s": near(7.0), "for_s": near(1.99)}
+TOP = {"limit": near(1.0, 0.02), "unit": "N·m"}
+FAR_OFF = "not-at-rest"
+
+CASES: dict[str, tuple[Any, dict[str, Any]]] = {
+    "a good log": (RUN, {}),
+    "a good log with noise": (NOISY, {}),
+    "a good log with much noise": (log(PLAN, noise=0.1, seed=1), {}),
+    "a good log, longer and quicker": (log([(0, 10), (50, 30)], tau1=0.5, tau2=8.0, noise=0.02, rate_hz=200.0), {}),
+    # the clock
+    "a gap behind the step": (
+        delayed(900, 0.25), {"gap": {"gap_s": near(0.26), "at_s": near(8.99), "sample_s": near(0.01)}}),
+    "a gap of four samples": (delayed(900, 0.03), {}),
+    "a clock in ms": (RUN.assign(time_s=T * 1000), {"slow-clock": {"sample_s": near(10.0)}}),
+    "a slow clock": (RUN.assign(time_s=T * 60), {}),
+    "jitter": (RUN.assign(time_s=np.cumsum(np.where(np.arange(1200) % 4 == 1, 0.014, 0.01))),
+               {"jitter": {"low_s": near(0.01), "high_s": near(0.014)}}),
+    "a little jitter": (RUN.assign(time_s=np.cumsum(np.where(np.arange(1200) % 4 == 1, 0.011, 0.01))), {}),
+    "a step in a gap": (gap_at_step(20), {
+        "step-in-gap": {"gap_s": near(0.2), "at_s": near(3.99), "moved_pct": gone(0.2)},
+        "gap": {"gap_s": near(0.2), "at_s": near(3.99), "sample_s": near(0.01)}}),
+    "a step in a gap of four samples": (gap_at_step(4), {}),
+    # the idle time
+    "an idle that drifts": (  # 0.1 in the 4 s before the step, 0.2 more by the end of the 8 s behind it
+        plus(RUN, np.where(T < 4, 0.025 * (T - 4), 0.0)),
+        {"idle-drifts": {"drift": near(0.1), "grown": near(0.2), "unit": "N·m",
+                         "share_pct": near(10 / (SWING + 0.025)), "by_end_pct": near(20 / (SWING + 0.025))}}),
+    "an idle that drifts down": (
+        plus(RUN, np.where(T < 4, -0.025 * (T - 4), 0.0)),
+        {"idle-drifts": {"drift": near(-0.1), "grown": near(-0.2), "unit": "N·m",
+                         "share_pct": near(10 / (SWING - 0.025)), "by_end_pct": near(20 / (SWING - 0.025))}}),
+    "an idle that hardly drifts": (plus(RUN, np.where(T < 4, 0.008 * (T - 4), 0.0)), {}),
+    "a spike before the step": (
+        plus(NOISY, np.where(np.arange(1200) == 150, 1000.0, 0.0)), {"spikes-before-step": {"samples": 1}}),
+    "a small one": (plus(RUN, np.where(np.arange(1200) == 150, 0.05, 0.0)), {}),
+    # the start
+    "off its rest by 4 % of the change": (
+        plus(RUN, np.where((T >= 3.9) & (T < 4), 0.04 * SWING, 0.0)),
+        {FAR_OFF: {"off": near(0.04 * SWING), "unit": "N·m", "share_pct": near(4.0)}}),
+    "off its rest by 1.5 %": (plus(RUN, np.where((T >= 3.9) & (T < 4), 0.015 * SWING, 0.0)), {}),
+    "an input that is logged 0.1 s late": (
+        late(0.1), {FAR_OFF: {"off": near(1.7 * -np.expm1(-0.5), 0.1), "unit": "N·m", "share_pct": near(34, 0.1)}}),
+    "0.3 s late, in noise": (late(0.3, NOISY), {FAR_OFF: {"off": near(1.35, 0.1)}}),
+    "one sample late of a quick plant": (  # an instant is known to one sample, and 12 % of the change come in one
+        output(2 * -np.expm1(-np.maximum(T - 3.98, 0) / 0.08)), {"nearly-at-rest": {"share_pct": near(11.7, 0.02)}}),
+    "two samples late of it": (
+        output(2 * -np.expm1(-np.maximum(T - 3.97, 0) / 0.08)), {FAR_OFF: {"share_pct": near(22, 0.1)}}),
+    "a rest too short behind a step": (
+        log([(0, 2), (50, 3), (0, 0.5), (50, 3)], tau1=1.0, tau2=1.0), {
+            FAR_OFF: {"off": near(1.15, 0.03)}, "left-after-release": {"left_pct": near(61, 0.1)}}),
+    "a staircase that is left before it settles": (
+        log([(0, 2), (20, 1), (40, 8)], tau1=1.0, tau2=1.0),
+        {"level-to-level": {"steps": 1, "of": 2}, "unsettled-before-step": {"share_pct": near(7.4, 0.1)},
+         "window-too-short": {"window_s": near(0.99), "tau2_s": near(1.0, 0.2)}}),
+    "a staircase whose input is 0.03 s late": (
+        with_input(log([(0, 1), (20, 8), (50, 8)], noise=0.002, tau1=0.6, tau2=1.5),
+                   np.where(np.arange(1700) < 100, 0, np.where(np.arange(1700) < 903, 20.0, 50.0))),
+        {"level-to-level": {"steps": 1, "of": 2}, "unsettled-before-step": {"share_pct": near(3.0, 0.15)}}),
+    "nothing is recorded before the step": (
+        RUN[400:], {"step-at-first-sample": {"start": 0.0, "unit": "N·m"}}),
+    # an input on its way
+    "a driver of 1 ms": (lagging(0.001), {}),
+    "a driver of 12 ms": (lagging(0.012), {"input-ramps": {"ramp_s": near(0.06, 0.2), "moved_pct": gone(0.06)}}),
+    "a driver of 80 ms": (lagging(0.08), {"input-ramps-on": {"ramp_s": near(0.37, 0.05), "moved_pct": gone(0.37)}}),
+    "a ramp to the first level": (
+        ramped((400, 410, 0.0, 30.0)), {"input-ramps-on": ramp_of(10, 0.1), "level-to-level": {}}),
+    "a ramp to the second": (  # the last sample of the hold before belongs to the step before
+        ramped((800, 820, 30.0, 60.0)), {"input-ramps-on": ramp_of(20, 0.19), "level-to-level": {}}),
+    "a ramp back to rest": (
+        ramped((1200, 1230, 60.0, 0.0)), {"input-ramps-on": ramp_of(30, 0.29), "level-to-level": {}}),
+    "a sample half-way between two holds": (
+        ramped((800, 801, 45.0, 45.0), tau=0.01), {"input-ramps-on": ramp_of(1, 0.01, 0.01), "level-to-level": {}}),
+    "an input that leaves its level for two samples": (
+        with_input(RUN, np.where((T >= 6) & (T < 6.015), 0.0, RUN.duty_pct)), {"input-glitch": {"samples": 2}}),
+    # the sensor
+    "saturated": (output(np.minimum(NOISY.torque_nm, 1.2)), {"saturated": {
+        "samples": int((NOISY.torque_nm >= 1.2).sum()), "limit": 1.2, "unit": "N·m"}, "flat-topped": {}}),
+    "saturated, no noise": (output(np.minimum(RUN.torque_nm, 1.5)), {"saturated": {
+        "samples": int((RUN.torque_nm >= 1.5).sum()), "limit": 1.5, "unit": "N·m"}, "flat-topped": {}}),
+    "saturated below": (output(np.maximum(-RUN.torque_nm, -1.5)), {"signs-turned": {"runs": 1}, "saturated": {
+        "samples": int((RUN.torque_nm >= 1.5).sum()), "limit": -1.5, "unit": "N·m"}, "flat-topped": {}}),
+    "rounded to 1 mN·m, it settles on one value": (output(np.round(RUN.torque_nm, 3)), {}),
+    "cut off in mid-rise, behind noise": (
+        plus(output(np.minimum(SLOW.torque_nm, 1.0)), white(1200, 0.01)), {"flat-topped": TOP}),
+    "the same, a third of the noise at the top": (
+        plus(output(np.minimum(SLOW.torque_nm, 1.0)), white(1200, 0.01) * np.where(T < 4.7, 1, 0.3)),
+        {"saturated-behind-noise": TOP}),
+    "a contact that settles and then holds still": (
+        plus(log(PLAN, tau1=0.5, tau2=0.5), white(1200, 0.01) * np.where(T < 5.5, 1, 0.3)), {}),
+    "a quiet top behind a rise of few samples": (
+        plus(output(np.minimum(QUICK.torque_nm, 1.0)), white(1200, 0.01) * np.where(T < 4, 1, 0.3)),
+        {"flat-topped": TOP}),
+    "a sensor that stands still for 2 s": (at_samples(700, 900, 1.75), {"sensor-stuck": STUCK}),
+    "for 0.6 s of 40": (
+        at_samples(1000, 1120, 1.99, log([(0, 4), (50, 40)], noise=0.01, rate_hz=200.0)),
+        {"sensor-stuck-briefly": {"for_s": near(0.595), "at_s": near(5.0), "value": 1.99, "unit": "N·m"}}),
+    "for 0.12 s": (at_samples(700, 712, 1.99), {}),
+    "steps of an eighth": (output(np.round(RUN.torque_nm / 0.125) * 0.125), {
+        "coarse-output": {"resolution": 0.125, "unit": "N·m", "steps": near(16.0)}}),
+    "steps of a fortieth": (output(np.round(RUN.torque_nm / 0.05) * 0.05), {}),
+    "one spike under hold, and a larger one": (
+        plus(RUN, np.where(np.isin(np.arange(1200), (600, 700)), np.where(T < 6.5, 5.0, 7.0), 0.0)), {
+            "spikes": {"samples": 2, "value": near(9.0, 0.01), "unit": "N·m", "at_s": near(7.0)}, "several-edges": {}}),
+    "a spike of 0.2": (plus(NOISY, np.where(np.arange(1200) == 700, 0.2, 0.0)), {}),
+    "three levels at one ceiling, behind noise": (
+        {f"u{u}": plus(output(np.minimum(log([(0, 4), (u, 8)], tau1=1.0, tau2=2.0).torque_nm, 1.2)
+                              ).assign(duty_pct=np.where(T >= 4, u, 0.0)), white(1200, 0.005, u))
+         for u in (20, 40, 60, 80, 100)},
+        {"same-ceiling": {"ceiling": near(1.2, 0.01), "unit": "N·m"}, "flat-topped": {}}),
+    # the hold and what is left of it
+    "a fall under hold": (  # by 0.05 a second from 8 s on, 0.19 in the last of twenty blocks; PEAK is the block before
+        plus(RUN, -0.05 * np.maximum(T - 8, 0)),
+        {"decays-under-hold": {"lost_pct": near(100 * (1 - (SWING - 0.18975) / PEAK))}}),
+    "a fall by 1.5 %": (plus(RUN, -0.03 * np.maximum(T - 8, 0) / 4), {}),
+    "a wave that happens to fall": (plus(log(PLAN, noise=0.02), 0.03 * np.sin(2 * np.pi * T / 2.3)), {}),
+    "a fifth is left behind a release": (
+        released(HELD, 0.4), {"left-after-release": {"left_pct": near(20.0, 0.02), "after_s": near(7.99)}}),
+    "a thirtieth is left": (released(HELD, 0.06), {}),
+    "still rising": (
+        log(PLAN, tau2=8.0, noise=1e-4), {"window-too-short": {"window_s": near(7.99), "tau2_s": near(8.0, 0.25)}}),
+    "rising without an end": (
+        plus(log(PLAN, tau1=0.1, tau2=0.1), 0.05 * np.maximum(T - 4, 0)),
+        {"window-too-short": {"window_s": near(7.99), "tau2_s": None}}),
+    "a window of two slow constants": (log(PLAN, tau2=4.0, noise=0.001), {}),
+    # several edges
+    "bumped under hold": (
+        plus(log([(0, 3), (50, 17)], noise=0.01), np.where(np.arange(2000) // 500 == 2, 1.5, 0)),
+                          {"several-edges": {"edges": 3}}),
+    "an end that holds the first of the release": (RUN.assign(torque_nm=RUN.torque_nm.where(T < 11.9, 0.0)), {}),
+    "a swing by less than half": (
+        output(2 * (1 - np.exp(-np.maximum(T - 4, 0) / 0.5) * np.cos(3 * np.maximum(T - 4, 0))) * (T >= 4)), {}),
+    # sets
+    "repeats that differ by 5 %": ([log(PLAN, gain=gain) for gain in (0.04, 0.042)], {}),
+    "repeats that differ in number": (
+        [log([(0, 2), (u, 6)], noise=0.001, seed=k) for k, u in enumerate((50, 50, 80))],
+        {"repeats-differ-in-number": {"unit": "%", "few": 1, "most": 2}}),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_what_is_told_of_a_log(name: str) -> None:
+    logs, expected = CASES[name]
+    steps = read(logs)
+    found = {one.code: one for one in (*steps.findings, *(one for run in steps.runs for one in run.findings))}
+    assert set(found) == set(expected)
+    for code, numbers in expected.items():
+        assert {key: found[code].values[key] for key in numbers} == numbers, code
+    sentences = [*steps.warnings, *(text for run in steps.runs for text in run.warnings)]
+    assert len(sentences) == len(told(steps)) and not [text for text in sentences if "{" in text or "«" in text]
+
+
+def only(steps: Any, code: str) -> Any:
+    """The finding of a code, where there is one."""
+    (found,) = (one for run in steps.runs for one in run.findings if one.code == code)
+    return found.values
+
+
+def test_repeats_that_disagree() -> None:
+    """Ends of 2, 2 and 2.5: the spread over their mean, and each from the mean of the others."""
+    steps = read([log(PLAN, gain=gain, noise=1e-6, seed=k) for k, gain in enumerate((0.04, 0.04, 0.05))])
+    for run, own in zip(steps.runs, (-11.54, -11.54, 23.08), strict=True):
+        (said,) = run.findings
+        assert (said.code, said.levels) == ("repeats-disagree", (50.0,))
+        assert said.values == {"spread_pct": near(23.08), "own_pct": near(own), "unit": "%"}
+
+
+def test_a_stored_level_that_the_input_contradicts(tmp_path: Path) -> None:
+    frame = log(PLAN)
+    for level, told_of in ((5.0, True), (50.5, False)):
+        with h5py.File(tmp_path / f"{level:g}.h5", "w") as file:
+            file.attrs.update({"schema": "eaid/data/1", "kind": "clutch", "input_unit": "%"})
+            run = file.create_group("runs/a")
+            run.attrs.update({"level": level, "step_s": 4.0})
+            for column, there in zip(("time_s", "input", "torque_nm"), frame, strict=True):
+                run[column] = frame[there].to_numpy()
+        steps = eaid.read(tmp_path / f"{level:g}.h5")
+        assert ("level-contradicts-input" in told(steps)) is told_of
+        if told_of:
+            assert only(steps, "level-contradicts-input") == {"said": 5.0, "held": 50.0, "unit": "%"}
+
+
+def test_what_options_bring_up() -> None:
+    named = {"name_pattern": "u{level}", "step_at": 4.0}
+    steps = read({"u50": without_input(RUN)[400:]}, **named)
+    assert only(steps, "no-rest-before-step") == {"start": 0.0, "unit": "N·m"}
+    assert not steps.level_steps[0].start_known
+    assert told(read({"u50": without_input(RUN)}, **named)) == []
+    assert "not-at-rest" in told(read({"u50": without_input(RUN)}, **named | {"step_at": 4.3}))
+    steps = read(with_input(RUN, RUN.duty_pct + 5), rest=5.0)
+    assert only(steps, "counted-from-rest") == {"rest": 5.0} and steps.levels[0].level == 50.0
+
+
+# a start off its rest: a test by a second way, in all kinds of noise
+
+SIZES = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128, 192, 256, 512, 1024)
+
+
+def left_early(hold: Any, change: float) -> bool:
+    """Whether a rest is left before its end, by the t test of docs/formats.md, one group size after the other."""
+    tried = [k for k in SIZES if 8 * k <= len(hold)]
+    for k in tried:
+        means = [float(np.mean(hold[a : a + k])) for a in range((len(hold) - 2 * k) % k, len(hold) - 2 * k, k)]
+        spread = np.std(means, ddof=1) * np.sqrt(1 + 1 / len(means))
+        limit = spread * stats.t.ppf(1 - 1e-5 / 2 / len(tried), len(means) - 1)
+        limit = max(limit, 1.2 * np.abs(np.array(means) - np.mean(means)).max(), 0.02 * abs(change))
+        if abs(float(np.mean(hold[-k:])) - np.mean(means)) > limit:
+            return True
+    return False
+
+
+@pytest.mark.parametrize("size", [1, 2, 6, 24])
+def test_whether_a_rest_was_left_by_a_second_way(size: int) -> None:
+    seen = []
+    for k, off in enumerate((0.5, 4.0, 6.0, 7.0, 9.0, 10.0)):
+        count = 40 * size + 3
+        frame = log([(0, count / 100), (50, 8)], noise=0.1, seed=100 * size + k)
+        hold = frame.torque_nm.to_numpy()[:count].copy()
+        hold[-size:] += 0.1 * off / np.sqrt(size)
+        steps = read(frame.assign(torque_nm=np.concatenate((hold, frame.torque_nm[len(hold) :]))))
+        found = any(code.endswith("at-rest") for code in told(steps))
+        seen.append(found)
+        assert found is left_early(hold, 2.0)
+    assert True in seen and False in seen
+
+
+def noisy_start(kind: str, k: int) -> Any:
+    """Noise of 3 % of the change, and the last samples off by twice to five times as much."""
+    random = np.random.default_rng(k)
+    noise = 0.06 * (wander(random, 1200, 10.0) if kind == "wandering" else random.normal(size=1200))
+    at = [394] if kind != "bursts" else [50, 160, 270, 394]
+    off = np.isin(np.arange(1200) // 2 * 2, [a + b for a in at for b in (0, 2, 4)]) & (kind != "rest")
+    return plus(RUN, noise + (0.12 if kind == "wandering" else 0.3) * off)
+
+
+@pytest.mark.parametrize(
+    ("kind", "least", "most"), [("late", 14, 15), ("bursts", 0, 4), ("wandering", 0, 1), ("rest", 0, 0)]
+)
+def test_a_late_input_in_much_noise(kind: str, least: int, most: int) -> None:
+    """Six samples off by 15 % of the change, alone; where such groups came before; by 6 % where noise wanders so."""
+    found = sum("not-at-rest" in told(read(noisy_start(kind, k))) for k in range(15))
+    assert least <= found <= most
+
+
+# logs that hold no steps
+
+
+CLOCK = np.arange(8000) / 100
+PHASE = CLOCK % 5
+MOVES: dict[str, tuple[Any, str]] = {
+    "to and fro at constant speed": (
+        40 * np.abs((CLOCK / 8) % 2 - 1) + 5, r"to and fro at constant speed and turns 9 times \(5 up"),
+    "a sine": (50 + 40 * np.sin(2 * np.pi * 0.05 * CLOCK), r"turns 7 times at 0\.05\d* Hz: a periodic excitation"),
+    "unequal halves": (
+        50 - 40 * np.where(PHASE < 1.5, np.cos(np.pi * PHASE / 1.5), -np.cos(np.pi * (PHASE - 1.5) / 3.5)),
+                       r"at 0\.2 Hz: a periodic excitation"),
+    "a sweep": (
+        50 + 30 * np.sin(2 * np.pi * (0.1 * CLOCK + 0.9 * CLOCK**2 / 160)),
+        r"sweeps from 0\.1\d* to (0\.9|1)\d* Hz: a chirp"),
+    "a binary sequence": (30.0 + 40.0 * np.repeat(np.random.default_rng(3).integers(0, 2, 160), 50),
+                          r"switches \d\d times between two levels, held for multiples of 0\.5 s: a binary"),
+    "from rest": (60.0 * np.repeat(np.random.default_rng(3).integers(0, 2, 160), 50), r"multiples of 0\.5 s: a binary"),
+    "a ramp of 80 s": (np.linspace(0, 100, 8000), "the input moves most of the time, so it holds no steps"),
+}  # fmt: skip
+
+
+def answering(u: Any) -> Any:
+    """A plant of 0.3 s behind any input, with noise."""
+    decay = np.exp(-np.arange(400) / 30)
+    return pd.DataFrame({
+        "time_s": np.arange(len(u)) / 100, "duty_pct": u,
+        "torque_nm": np.convolve(0.04 * u, decay / decay.sum())[: len(u)] + white(len(u), 0.01),
+    })  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", MOVES)
+def test_an_input_without_steps_is_refused_by_name_and_taken_whole(kind: str) -> None:
+    u, said = MOVES[kind]
+    with pytest.raises(DataError, match=said) as refused:
+        read(answering(u))
+    if not kind.startswith("to and fro"):
+        assert "eaid fit takes such a log whole" in str(refused.value)
+    assert [run.name for run in eaid.read({"a": answering(u)}).recorded] == ["a"]
+    with pytest.raises(DataError, match=said):  # a friction rig is not fitted whole
+        eaid.read({"a": answering(u).rename(columns={"duty_pct": "force_n"})})
+
+
+def test_on_and_off_is_no_binary_sequence() -> None:
+    assert len(read(log([(0.0, 1.0), (50.0, 2.0)] * 8)).runs) == 15
+
+
+def test_several_edges_of_an_output_without_input() -> None:
+    t = np.arange(4000) / 100
+    y = sum(-np.expm1(-np.maximum(t - at, 0) / 0.3) for at in (5.0, 15.0, 25.0)) + white(4000, 0.005)
+    with pytest.raises(
+        DataError, match=r"3 edges, at 5\.\d+ s \(rise 0\.\d+ s, overshoot \d %, settled in \d\.?\d* s\), at 15"
+    ):
+        read(pd.DataFrame({"time_s": t, "torque_nm": y}))
+
+
+MADE_BY_FITS = {"other-shape-fits-better", "step-leaves-open", "shape-misses", "shape-explains-little"}
+ELSEWHERE = {
+    "repeats-disagree", "level-contradicts-input", "no-rest-before-step", "counted-from-rest", "input-reverses",
+    "input-sweeps", "input-is-periodic", "input-is-binary", "input-moves",
+    *("sign-differs", "duty-may-be-fraction", "short-pieces", "input-negative", "step-from-output", "cut-at-reversals"),
+}  # fmt: skip
+"""The tests above, test_cut.py, test_levels.py, test_slips.py."""
+
+
+def test_every_finding_of_the_steps_has_its_test() -> None:
+    assert {code for _, said in CASES.values() for code in said} | ELSEWHERE | MADE_BY_FITS == set(ROWS)

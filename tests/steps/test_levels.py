@@ -1,0 +1,243 @@
+"""Steps of one level, their average, their sign; the set in words, as a table, and as a dataset that others write."""
+
+import sys
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+
+import eaid
+from eaid.errors import DataError, UsageError
+
+sys.path.insert(0, str(Path(__file__).parent))
+from make import curve, log, plus, read, told, values, white, with_input
+
+PLAN = [(0.0, 2.0), (50.0, 6.0)]
+
+
+def levels(*inputs: float, **more: float) -> dict[str, object]:
+    return {f"u{u:g}": log([(0, 2), (u, 4)], **more) for u in inputs}
+
+
+# the average
+
+
+def test_mean_and_spread_of_equal_repeats() -> None:
+    logs = [log(PLAN, noise=0.05, seed=k) for k in range(3)]
+    (level,) = read(logs).levels
+    stack = np.stack([one.torque_nm[200:] - one.torque_nm[:200].mean() for one in logs])
+    assert level.runs.shape == (3, 600) and level.names == ("a", "b", "c") and level.uniform
+    np.testing.assert_allclose(level.mean, stack.mean(axis=0), rtol=1e-12)
+    np.testing.assert_allclose(level.sd, stack.std(axis=0, ddof=1), rtol=1e-12)
+    np.testing.assert_allclose(level.time_s, np.arange(600) * 0.01, atol=1e-12)
+    (alone,) = read(logs[0]).levels
+    assert (alone.sd == 0).all() and alone.sd.shape == (600,)
+
+
+def test_the_common_window_is_the_shortest() -> None:
+    (level,) = read([log([(0, 2), (50, seconds)]) for seconds in (6, 4, 5)]).levels
+    assert len(level.time_s) == 400
+
+
+def test_other_rates_are_interpolated_to_the_finest() -> None:
+    """Linear interpolation is off by h²/8 · |f''|: (0.01)² / 8 · 2 · 0.85 / 0.2² = 5.3e-4."""
+    (level,) = read([log(PLAN, rate_hz=rate) for rate in (100.0, 1000.0, 250.0)]).levels
+    np.testing.assert_allclose(np.diff(level.time_s), 1e-3, rtol=1e-9)
+    assert len(level.time_s) == 5991 and level.uniform  # to 5.99 s, the last sample of the coarsest
+    np.testing.assert_allclose(level.runs[0], 2 * curve(level.time_s), atol=6e-4)
+    np.testing.assert_allclose(level.runs[1], 2 * curve(level.time_s), atol=1e-12)
+
+
+@pytest.mark.parametrize("rates", [(100.0, 100.0, 100.0), (100.0, 200.0, 150.0)])
+def test_the_order_of_repeats_does_not_matter(rates: tuple[float, ...]) -> None:
+    logs = [log(PLAN, noise=0.05, seed=k, rate_hz=rate) for k, rate in enumerate(rates)]
+    (one,), (other,) = read(logs).levels, read(logs[::-1]).levels
+    np.testing.assert_allclose(one.mean, other.mean, rtol=0, atol=1e-13)
+
+
+def test_rounded_times_are_even_and_jittered_ones_are_kept() -> None:
+    frame = log(PLAN)
+    rounded = read(frame.assign(time_s=np.round(np.arange(800) / 128.0, 5)))
+    assert rounded.levels[0].uniform and rounded.runs[0].rate_hz == pytest.approx(128, rel=1e-3)
+    times = frame.time_s + 0.004 * np.random.default_rng(5).uniform(size=800)
+    steps = read(frame.assign(time_s=times))
+    assert told(steps) == ["jitter"] and not steps.levels[0].uniform
+    np.testing.assert_allclose(steps.levels[0].time_s, times[200:] - times[200], atol=1e-12)
+
+
+# which inputs are one level
+
+
+@pytest.mark.parametrize(
+    ("inputs", "noise", "found"),
+    [
+        ((99.0, 100.0), 0.0, [1, 1]),
+        ((99.95, 100.0), 0.0, [2]),
+        ((99.8, 100.0), 0.0, [1, 1]),
+        ((99.3, 100.0), 0.1, [2]),
+        ((98.8, 100.0), 0.1, [1, 1]),
+        ((99.5, 100.0), 3.0, [2]),
+        ((97.0, 100.0), 3.0, [1, 1]),
+    ],
+)
+def test_one_level_or_two(inputs: tuple[float, ...], noise: float, found: list[int]) -> None:
+    """Within 0.1 %, or within 1 % and ten standard deviations of the input's noise; the level is their mean."""
+    logs = [log([(0, 2), (u, 4)], unit="N") for u in inputs]
+    logs = [with_input(one, one.force_n + (white(600, noise, k) if noise else 0)) for k, one in enumerate(logs)]
+    steps = read(logs)
+    assert [len(level.names) for level in steps.levels] == found
+    if found == [2]:
+        assert steps.levels[0].level == pytest.approx(np.mean(inputs), abs=0.3 * noise + 1e-9)
+
+
+def test_a_hundred_levels_that_the_input_tells_apart() -> None:
+    inputs = np.linspace(30.0, 100.0, 100)
+    steps = read({f"u{k}": log([(0, 0.5), (u, 0.5)], rate_hz=50.0) for k, u in enumerate(inputs)})
+    assert [level.level for level in steps.levels] == pytest.approx(inputs.tolist())
+
+
+@pytest.mark.parametrize(
+    ("text", "kept"),
+    [
+        ("50:100", [60, 90, 91]), ("30,90", [30, 90]), ("10:30,60", [30, 60]), ("90.7", [91]), ("60:60", [60]),
+        ("60.5", [60]),
+    ],
+)  # fmt: skip
+def test_levels_that_are_kept(text: str, kept: list[float]) -> None:
+    steps = read(levels(30, 60, 90, 91), levels=text)
+    assert [level.level for level in steps.levels] == kept
+    assert [run.name for run in steps.runs] == [f"u{u}" for u in kept] == [run.name for run in steps.steps]
+
+
+@pytest.mark.parametrize("text", ["a", "20:10", "10:20:30", "", "30,"])
+def test_levels_that_are_no_levels(text: str) -> None:
+    with pytest.raises(UsageError, match=f"levels= {text}: write 30:100 or 30,40,90"):
+        read(levels(30, 60), levels=text)
+
+
+def test_levels_that_are_not_there() -> None:
+    with pytest.raises(DataError, match="levels= 45: no log holds 45; levels found: 30, 60, 90"):
+        read(levels(30, 60, 90), levels="45")
+
+
+def test_a_level_that_is_kept_keeps_its_releases_and_steps() -> None:
+    steps = read({f"u{u}": log([(0, 2), (u, 4), (0, 9)]) for u in (30, 60, 90)}, levels="60")
+    assert [run.name for run in steps.runs] == ["u60", "u60-release"]
+    assert [level.level for level in steps.releases] == [60.0]
+    assert [(step.from_level, step.level) for step in steps.level_steps] == [(0, 60), (60, 0)]
+
+
+# signs
+
+
+def test_an_output_that_falls_is_turned_and_told_once() -> None:
+    logs = {
+        f"u{u}": log([(0, 2), (u, 4)], gain=-0.04, offset=0.2, noise=0.01, seed=k) for k, u in enumerate((0.1, 50, 80))
+    }
+    steps = read(logs)
+    assert [float(level.mean[-1]) for level in steps.levels] == pytest.approx([0, 2.0, 3.2], abs=0.05)
+    assert values(steps, "signs-turned") == {"runs": 3}
+    kept = read(logs, sign="keep")
+    assert "signs-turned" not in told(kept) and kept.levels[1].mean[-1] == pytest.approx(-2.0, abs=0.05)
+    assert kept.runs[1].lost_pct == 0.0  # shares of a swing that is 0
+
+
+def test_small_inputs_and_negative_ones_have_signs_of_their_own() -> None:
+    up = {f"u{u}": log([(0, 4), (u, 6)], "V", gain=-4.0, noise=0.01) for u in (0.3, 0.6)}
+    steps = read(up | {"down": log([(0, 4), (-0.6, 6)], "V", gain=-4.0, noise=0.01, seed=1)})
+    assert [(level.level, len(level.names)) for level in steps.levels] == [(0.3, 1), (0.6, 2)]
+    assert (steps.levels[1].runs[:, -1] > 2).all()
+    assert values(steps, "signs-turned") == {"runs": 2}
+
+
+@pytest.mark.parametrize(("gain", "odd"), [(-0.004, None), (-0.04, {"siblings": 3})])
+def test_one_log_of_the_other_sign(gain: float, odd: dict[str, int] | None) -> None:
+    """Below a fifth of the usual change a sign is not held against a log; beyond, it alone is named."""
+    steps = read([*(log(PLAN, noise=0.005, seed=k) for k in range(3)), log(PLAN, noise=0.005, gain=gain)])
+    stops = {run.name: one.values for run in steps.runs for one in run.findings if one.severity == "stop"}
+    assert stops == ({"d": odd} if odd else {})
+    assert steps.levels[0].runs[0, -1] == pytest.approx(2.0, abs=0.05)
+
+
+@pytest.mark.parametrize(("fall", "turned"), [(0.03, False), (0.8, True)])
+def test_what_the_slope_of_the_idle_explains_is_no_direction(fall: float, turned: bool) -> None:
+    """The idle falls by 0.05 N·m/s throughout, as where a rig cools."""
+    frame = log([(0, 10), (50, 10)], gain=-fall / 50, noise=0.002)
+    assert ("signs-turned" in told(read(plus(frame, -0.05 * frame.time_s)))) is turned
+
+
+def test_a_step_between_levels_goes_its_own_way() -> None:
+    steps = read(log([(30, 6), (60, 6), (20, 6)], gain=-0.04))
+    assert told(steps) == ["level-to-level"]
+    assert [(s.edge, round(s.change, 1)) for s in steps.level_steps] == [("up", -1.2), ("down", 1.6)]
+
+
+# the set
+
+
+def test_a_set_in_words_and_as_a_table() -> None:
+    steps = read([log([(0, 4), (50, 8)]), log([(0, 4), (80, 8), (0, 4)])])
+    assert steps.summary().splitlines()[0] == "clutch: 2 levels, 50 … 80 %, 3 runs"
+    table = steps.to_frame()
+    assert list(table.index) == ["a", "b", "b-release"] and list(table["level"]) == [50.0, 80.0, 80.0]
+    assert table.loc["b-release"].dropna().drop(["sha256", "idle_density"], errors="ignore").to_dict() == {
+        "source": "b", "level": 80.0, "repeat": 1, "baseline_nm": 0.0, "step_s": 12.0, "samples": 400,
+        "rate_hz": pytest.approx(100.0), "edge": "falling", "findings": "", "from_level": 0.0,
+        "left_pct": pytest.approx(0.3, abs=0.05),
+    }  # fmt: skip
+    turned = read(log([(0, 4), (50, 8)], gain=-0.04))
+    assert len(turned.warnings) == 1 and "sign= keep forbids it" in turned.warnings[0] and not turned.runs[0].warnings
+
+
+def test_findings_of_a_set_the_gravest_first_and_each_once() -> None:
+    plain = log(PLAN, rate_hz=1000.0)
+    spiked = [plus(plain, np.where(np.arange(8000) == 5000, size, 0.0)) for size in (2.5, 3.0)]
+    steps = read([*spiked, log([(0, 2), (80, 6)])])
+    found = steps.all_findings
+    assert [one.code for one in found] == ["spikes", "repeats-differ-in-number"]
+    assert (found[0].subject, found[0].values["others"]) == ("b", 1)
+
+
+@pytest.mark.parametrize(("unit", "kind", "surfaces"), [("%", "clutch", 2), ("N", "friction-force", 1)])
+def test_a_clutch_has_two_surfaces_and_a_friction_rig_one(unit: str, kind: str, surfaces: int) -> None:
+    steps = read(log(PLAN, unit))
+    assert (steps.kind, steps.input_unit, steps.output_unit) == (kind, unit, "N·m")
+    assert steps.apparatus.surfaces == surfaces
+    assert read(log(PLAN, unit), apparatus="surfaces=4").apparatus.surfaces == 4
+
+
+def test_the_density_of_the_idle_noise() -> None:
+    """White noise of standard deviation σ at a rate f has S = σ²/f; a drift is none; an idle of 1.9 s tells nothing."""
+    for rate in (100.0, 1000.0):
+        frame = log([(0, 100), (50, 5)], rate_hz=rate, noise=0.02)
+        (run,) = read(plus(frame, 0.01 * frame.time_s)).runs
+        assert run.idle_density == pytest.approx(4e-4 / rate, rel=0.2)
+    assert read(log([(0, 1.9), (50, 5)], noise=0.02)).runs[0].idle_density is None
+
+
+def test_a_dataset_of_a_users_own_script(tmp_path: Path) -> None:
+    """Level, step and baseline given, the release still inside: found by the input."""
+    frame = log([(0, 2), (50, 3), (0, 2)])
+    with h5py.File(tmp_path / "data.h5", "w") as file:
+        file.attrs.update({"schema": "eaid/data/1", "kind": "clutch", "input_unit": "%"})
+        for name, more in (("own", {"baseline_nm": 0.01}), ("short", {"until_s": 4.0, "repeat": 7})):
+            run = file.create_group(f"runs/{name}")
+            run.attrs.update({"level": 50.0, "step_s": 2.0, **more})
+            for column, there in zip(("time_s", "input", "torque_nm"), frame, strict=True):
+                run[column] = frame[there].to_numpy()
+    steps = eaid.read(tmp_path / "data.h5")
+    assert [(r.name, r.edge, r.step_s, r.samples, r.repeat, r.baseline_nm) for r in steps.runs] == [
+        ("own", "rising", 2.0, 300, 1, 0.01), ("own-release", "falling", 5.0, 200, 1, 0.01),
+        ("short", "rising", 2.0, 200, 7, 0.0), ("short-release", "falling", 4.0, 300, 7, 0.0),
+    ]  # fmt: skip
+    steps.save(tmp_path / "again.h5")
+    again = eaid.read(tmp_path / "again.h5")
+    assert again.to_frame().drop(columns="source").equals(steps.to_frame().drop(columns="source"))
+
+
+def test_a_release_that_stands_still_is_read_again(tmp_path: Path) -> None:
+    """What is constant in one stored piece was checked with its log."""
+    frame = log([(0, 2), (50, 5), (0, 2)])
+    read(frame.assign(torque_nm=frame.torque_nm.where(frame.time_s < 7, 0.0))).save(tmp_path / "data.h5")
+    assert [run.edge for run in eaid.read(tmp_path / "data.h5").runs] == ["rising", "falling"]

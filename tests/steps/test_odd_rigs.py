@@ -1,0 +1,161 @@
+"""Odd rigs of known truth, each as a new user would type it: right to a few percent, or told, or refused."""
+
+import json
+import sys
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parent))
+from make import curve, white
+
+
+def clock(duration_s: float, rate_hz: float = 100.0) -> Any:
+    return np.arange(round(duration_s * rate_hz)) / rate_hz
+
+
+def rise(t: Any, tau1: float = 0.3, tau2: float = 2.0) -> Any:
+    return curve(t, tau1, tau2)
+
+
+def on(at_s: float, level: float, t: Any) -> Any:
+    return np.where(t >= at_s - 1e-9, level, 0.0)
+
+
+T = clock(12)
+STEP = 2 * rise(T - 3)
+ON = {"time_s": T, "duty_pct": on(3, 60, T)}
+TRUTH = {"change": 2.0, "tau1": 0.3}
+
+
+def plain(torque: Any, noise: float = 0.01) -> dict[str, Any]:
+    """60 % at 3 s, and a torque."""
+    return {**ON, "torque_Nm": torque + white(1200, noise)}
+
+
+def named(**columns: str) -> tuple[str, ...]:
+    return ("--columns", ",".join(f"{role}={column}" for role, column in columns.items()))
+
+
+T14, T20, T30, HEAT, FAN = clock(14), clock(20, 200), clock(30), clock(900, 1), clock(600, 2)
+QUICK = clock(12, 500)
+STAIRS = clock(32)
+LEVELS = np.select([STAIRS < 8, STAIRS < 16, STAIRS < 24], [80.0, 50.0, 30.0], 10.0)
+S = np.maximum(T14 - 3, 0)
+LAMP = np.select([T20 < 4, T20 < 9, T20 < 14], [0, 50, 100], 200.0)
+BUMPED = clock(20)
+RIGHT: dict[str, tuple[Mapping[str, Any], tuple[str, ...], dict[str, float]]] = {
+    "a motor whose idle wanders": (
+        {"time_s": T30, "pwm_pct": on(12, 60, T30),
+         "speed_out": 1340 * np.clip(T30 - 4, 0, 1) + 782 * rise(T30 - 12) + white(3000, 3)},
+        (*named(input="pwm_pct", output="speed_out"), "--units", "output=rpm"), {"change": 782, "tau1": 0.3}),
+    "a heater with a dead time": (
+        {"Time": HEAT, "Q1": on(1, 50, HEAT),
+         "T1": 21 - 35 * np.expm1(-np.maximum(HEAT - 16, 0) / 150) + white(900, 0.1)},
+        (*named(input="Q1", output="T1"), "--units", "output=°C"), {"change": 35, "tau1": 150, "dead_time_s": 15}),
+    "a heater that is on from the first row": (
+        {"Time": HEAT, "Q1": 50 + 0 * HEAT, "T1": np.round(20.6 - 31 * np.expm1(-HEAT / 140), 2)},
+        (*named(input="Q1", output="T1"), "--units", "input=%,output=°C"), {"change": 31, "tau1": 140, "start": 20.6}),
+    "a fan that cools": (
+        {"time_s": FAN, "fan_pct": on(60, 80, FAN), "temp": 60 - 25 * rise(FAN - 60, 40, 200) + white(1200, 0.05)},
+        (*named(input="fan_pct", output="temp"), "--units", "output=°C"), {"change": -25, "tau1": 40}),
+    "a propeller with ripple, in ms": (
+        {"time_ms": 1000 * QUICK, "throttle_pct": on(3, 70, QUICK),
+         "thrust_N": 4.2 * rise(QUICK - 3, 0.15, 0.9) * (1 + 0.05 * np.sin(120 * np.pi * QUICK)) + white(6000, 0.05)},
+        named(input="throttle_pct", output="thrust_N"), {"change": 4.2, "tau1": 0.15}),
+    "a trigger, the level in the name run_150V.csv": (
+        {"time_s": T, "trigger": on(3, 1, T), "torque_Nm": STEP + white(1200, 0.01)}, ("--name-pattern", "_{level}V"),
+        TRUTH | {"level": 150}),
+    "a constant third column": (
+        {"time_s": T, "current_A": on(3, 0.8, T), "speed_rpm": 15 + 0 * T,
+         "torque_Nm": 0.6 * STEP + white(1200, 0.005)},
+        (), {"change": 1.2, "tau1": 0.3, "level": 0.8}),
+    "ADC counts": (
+        {"time_s": T, "pwm": on(3, 128, T), "adc": np.round(512 + 150 * STEP + white(1200, 1.0))},
+        (*named(input="pwm", output="adc"), "--units", "input=/255"), {"change": 300, "tau1": 0.3}),
+    "a load cell in grams": (
+        {"time_s": T, "voltage_V": on(3, 200, T), "Load Cell [g]": 250 * STEP + white(1200, 1)}, (),
+        {"change": 0.5 * 9.80665, "tau1": 0.3}),
+    "a clock in µs": (
+        {"t": np.round(T * 1e6), "duty_pct": on(3, 60, T), "torque_Nm": STEP + white(1200, 0.01)},
+        ("--units", "time=us"), TRUTH),
+    "a matrix without names": (
+        {"a": T, "b": 7 + 0 * T, "c": STEP + white(1200, 0.01), "d": on(3, 5, T)},
+        ("--columns", "time=1,input=4,output=3"), TRUTH | {"level": 5.0}),
+    "it begins under load and is let go": (
+        {"time_s": T, "duty_pct": 60 - on(5, 60, T), "torque_Nm": 2 - 2 * rise(T - 5, 0.1, 0.8) + white(1200, 0.01)},
+        (), {"change": -2.0, "tau1": 0.1}),
+    "80 steps of the sensor": (plain(np.round(STEP * 40) / 40, 0.0), (), TRUTH),
+    "an output that is 0.4 s late": (plain(2 * rise(T - 3.4), 0.005), (), TRUTH | {"dead_time_s": 0.4}),
+    "a staircase down": (
+        {"time_s": STAIRS, "duty_pct": LEVELS, "torque_Nm": 3.2 - 1.2 * rise(STAIRS - 8) - 0.8 * rise(STAIRS - 16)
+         - 0.8 * rise(STAIRS - 24) + white(3200, 0.005)},
+        ("--logs-as", "steps"), {"change": -1.2, "tau1": 0.3, "from": 80.0}),
+    "wires changed over": (plain(0.4 - STEP), (), {"change": -2.0, "tau1": 0.3}),
+    "hum of 50 Hz": (
+        {"time_s": QUICK, "duty_pct": on(3, 60, QUICK),
+         "torque_Nm": 2 * rise(QUICK - 3) + 0.1 * np.sin(100 * np.pi * QUICK + 0.5) + white(6000, 0.005)}, (), TRUTH),
+    "a lamp on a staircase": (
+        {"t": T20, "pwm": LAMP, "volt_out": 1.5 * rise(T20 - 4, 0.05, 0.4) + 0.5 * rise(T20 - 9, 0.05, 0.4)
+         + 0.7 * rise(T20 - 14, 0.05, 0.4) + white(4000, 0.003)},
+        (*named(time="t", input="pwm", output="volt_out"), "--units", "input=/255,output=V"),
+        {"change": 1.5, "tau1": 0.05, "level": 50 / 2.55}),
+    "a rest at 1 V": (
+        {"time_s": T14, "voltage_V": 1 + on(4, 4, T14), "torque_Nm": 1 + 2 * rise(T14 - 4) + white(1400, 0.01)}, (),
+        TRUTH | {"from": 1.0, "gain": 0.5}),
+}  # fmt: skip
+TOLD: dict[str, tuple[Mapping[str, Any], set[str]]] = {
+    "drift": (
+        {"time_s": T30, "duty_pct": on(15, 60, T30), "torque_Nm": 2 * rise(T30 - 15) + 0.05 * T30 + white(3000, 0.01)},
+              {"idle-drifts"}),
+    "saturated": (plain(np.minimum(2 * rise(T - 3, 0.6, 2.0) + white(1200, 0.01), 1.2), 0.0), {"saturated"}),
+    "saturated behind noise": (plain(np.minimum(2 * rise(T - 3, 0.6, 2.0), 1.2)), {"flat-topped"}),
+    "12 steps of the sensor": (plain(np.round(STEP * 6) / 6, 0.0), {"coarse-output"}),
+    "an input that is 20 ms late": (
+        ON | {"duty_pct": on(3.02, 60, T), "torque_Nm": STEP + white(1200, 0.005)}, {"nearly-at-rest"}),
+    "one that is 0.1 s late": (
+        ON | {"duty_pct": on(3.1, 60, T), "torque_Nm": STEP + white(1200, 0.005)}, {"not-at-rest"}),
+    "a second order that swings": (
+        {"time_s": T14, "duty_pct": on(3, 60, T14),
+         "torque_Nm": 1 - np.exp(-S) * (np.cos(4 * S) + 0.25 * np.sin(4 * S)) + white(1400, 0.005)}, {"shape-misses"}),
+    "an output that does not move": (plain(0 * T), {"curve-explains-little"}),
+    "an output of its own": (plain(np.sin(1.9 * T), 0.05), {"shape-explains-little"}),
+    "bumped twice": (
+        {"time_s": BUMPED, "duty_pct": on(3, 60, BUMPED), "torque_Nm": 2 * rise(BUMPED - 3) + white(2000, 0.01)
+         + 1.5 * ((BUMPED > 8) & (BUMPED < 9)) - 1.5 * ((BUMPED > 13) & (BUMPED < 14))}, {"several-edges"}),
+    "wires changed over": (plain(0.4 - STEP), {"signs-turned"}),
+}  # fmt: skip
+
+
+def fitted(
+    columns: Mapping[str, Any], options: tuple[str, ...], name: str, folder: Path, run: Callable[..., Any]
+) -> Any:
+    path, header = folder / "run_150V.csv", "" if "matrix" in name else ",".join(columns)
+    np.savetxt(path, np.stack([*columns.values()], axis=1), fmt="%.9g", delimiter=",", header=header, comments="")
+    ran = run("fit", path, *options, "-o", folder / "fit.json")
+    return ran, json.loads((folder / "fit.json").read_text(encoding="utf-8"))
+
+
+@pytest.mark.parametrize("name", RIGHT)
+def test_a_rig_whose_numbers_are_right(name: str, tmp_path: Path, run_eaid: Callable[..., Any]) -> None:
+    columns, options, truth = RIGHT[name]
+    ran, fit = fitted(columns, options, name, tmp_path, run_eaid)
+    assert ran.code == 0, ran.err
+    step = next(one for one in fit["steps"] if one["from"] == truth.get("from", one["from"]))
+    assert {key: step[key] for key in truth} == {key: pytest.approx(value, rel=0.06) for key, value in truth.items()}
+    for key in ("change", "tau1"):
+        if step["ci95"][key] is not None:
+            low, high = step["ci95"][key]
+            assert low - 0.5 * (high - low) <= truth[key] <= high + 0.5 * (high - low), key
+
+
+@pytest.mark.parametrize("name", TOLD)
+def test_a_rig_that_is_told_what_is_wrong(name: str, tmp_path: Path, run_eaid: Callable[..., Any]) -> None:
+    columns, codes = TOLD[name]
+    ran, fit = fitted(columns, (), name, tmp_path, run_eaid)
+    found = {one["code"]: one["severity"] for one in fit["findings"]}
+    assert codes <= set(found), found
+    assert ran.code == (4 if "stop" in found.values() else 0)

@@ -1,0 +1,118 @@
+"""The value from which a step starts: rests that are flat, wander, slope or are missing, and what `baseline` says."""
+
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from eaid.errors import DataError, UsageError
+
+sys.path.insert(0, str(Path(__file__).parent))
+from make import log, plus, read, told, white, with_input
+
+T = np.arange(800) / 100
+STEP = log([(0, 4), (50, 4)])
+QUIET = [0.0, 0.01]
+IDLES: dict[str, tuple[Any, float, float]] = {
+    "flat": (0.3 + 0 * T, 0.3, 1e-3),
+    "it wandered, as a motor's": (np.where(T < 1.5, 0.0, np.minimum(1.3 * (T - 1.5) / 0.3, 1.3)), 1.3, 0.005),
+    "it wandered, and rests in its last eighth": (np.where(T < 3.3, 0.0, 1.3), 1.3, 0.005),
+    "it slopes": (0.2 * T, 0.8, 0.015),
+    "a spike": (np.where(np.arange(800) == 150, 1000.0, 0.0), 0.0, 1e-3),
+}
+"""What is added to the output, and the value just before the step, to within how much."""
+
+
+@pytest.mark.parametrize("noise", QUIET)
+@pytest.mark.parametrize("idle", IDLES)
+def test_the_value_before_a_step_is_that_of_its_last_rest(idle: str, noise: float) -> None:
+    change, value, within = IDLES[idle]
+    steps = read(plus(STEP, change + white(800, noise)))
+    assert steps.runs[0].baseline_nm == pytest.approx(value, abs=within + 0.2 * noise)
+    assert steps.level_steps[0].start == steps.runs[0].baseline_nm
+    assert ("idle-drifts" in told(steps)) is (idle == "it slopes") or idle.startswith("it wandered")
+    assert not [one for one in steps.all_findings if one.severity == "stop"]
+
+
+def test_a_flat_idle_is_taken_whole_and_how_it_moved_is_known() -> None:
+    frame = plus(STEP, white(800, 0.01) + 2e-3 * (T > 2))
+    (step,) = read(frame).level_steps
+    assert step.start == pytest.approx(frame.torque_nm[:400].mean(), abs=1e-12)
+    assert step.rest_s == pytest.approx(4.0)
+    assert step.rest_moved == pytest.approx(frame.torque_nm[200:400].mean() - frame.torque_nm[:200].mean(), abs=1e-12)
+
+
+def test_behind_a_hold_the_last_quarter_and_one_sample_is_the_rest() -> None:
+    frame = log([(0, 3), (30, 4), (0, 8), (60, 4)])
+    frame = plus(frame, np.where((frame.time_s > 7) & (frame.time_s < 12.9), 0.004, 0.0))
+    run = read(frame).runs[2]
+    assert (run.name, run.baseline_nm) == ("a-2", pytest.approx(frame.torque_nm[1299:1500].mean(), abs=1e-12))
+
+
+def test_each_step_has_its_own_rest_and_a_release_that_of_its_rise() -> None:
+    frame = log([(0, 3), (30, 4), (0, 9), (60, 4), (0, 9)])
+    frame = plus(frame, np.where(frame.time_s > 9, 0.5, 0.0))
+    runs = {run.name: run.baseline_nm for run in read(frame).runs}
+    near = pytest.approx
+    assert runs == {"a": 0.0, "a-release": 0.0, "a-2": near(0.5, abs=2e-3), "a-release-2": near(0.5, abs=2e-3)}
+    assert runs["a-release-2"] == runs["a-2"]
+    first = read(frame, baseline="first").runs
+    assert first[1].baseline_nm == first[0].baseline_nm
+
+
+def test_a_fall_starts_where_it_was_held() -> None:
+    up, down = read(log([(0, 2), (50, 9), (0, 9)], offset=0.5)).level_steps
+    assert (up.edge, down.edge) == ("up", "down")
+    assert (up.start, up.change, down.start, down.change) == pytest.approx((0.5, 2.0, 2.5, -2.0), abs=0.002)
+    assert down.rest_s == pytest.approx(0.45)  # a twentieth of the hold
+
+
+def test_a_log_that_starts_at_its_step() -> None:
+    """20.63 °C at first, 31.1 more at the end: what comes before is not known to be 0."""
+    frame = with_input(log([(50, 6)]), 50.0).assign(time_s=np.arange(600.0))
+    steps = read(frame.assign(torque_nm=np.round(20.63 - 31.1 * np.expm1(-frame.time_s / 150), 2)))
+    assert steps.runs[0].baseline_nm == pytest.approx(20.63, abs=1e-9)
+    assert steps.levels[0].mean[-1] == pytest.approx(31.1, abs=0.6)
+    assert not steps.level_steps[0].start_known
+
+
+def test_the_first_samples_of_a_noisy_record_by_a_line() -> None:
+    t = np.arange(5000) / 1000
+    frame = log([(50, 5)], rate_hz=1000.0)
+    starts = [
+        read(frame.assign(torque_nm=3.0 - 2 * np.expm1(-t) + white(5000, 0.05, k))).runs[0].baseline_nm
+        for k in range(12)
+    ]
+    assert np.mean(starts) == pytest.approx(3.0, abs=0.02)
+    assert np.std(starts) < 0.03
+
+
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [("none", 0.0), ("0.25", 0.25), ("-0.5", -0.5), ("FIRST", 0.4), ("-2:-1", 0.25), ("auto", 0.375), ("0.5:1", 2.4)],
+)
+def test_what_the_user_says_of_the_baseline(text: str, value: float) -> None:
+    """An output that is 0.1 t before the step at 4 s, and 2 N·m more behind it."""
+    steps = read(STEP.assign(torque_nm=0.1 * np.minimum(T, 4) + 2.0 * (T >= 4) * (T > 4.2)), baseline=text)
+    expected = pytest.approx(value, abs=0.01)
+    assert steps.runs[0].baseline_nm == expected and steps.level_steps[0].start == expected
+    assert steps.levels[0].mean[-1] == pytest.approx(2.4 - steps.runs[0].baseline_nm, abs=1e-9)
+
+
+@pytest.mark.parametrize("text", ["", "last", "1:2:3", "nan", "1:inf", "0:"])
+def test_baselines_that_are_none(text: str) -> None:
+    with pytest.raises(
+        UsageError, match=f"baseline= {text}: write auto, first, none, a value in the output's unit, or FR"
+    ):
+        read(STEP, baseline=text)
+
+
+def test_windows_that_hold_nothing() -> None:
+    with pytest.raises(UsageError, match="baseline= 2:1: FROM must be below TO"):
+        read(STEP, baseline="2:1")
+    with pytest.raises(
+        DataError, match="baseline= -20:-10 holds no sample of a, which runs from -4 to 3.99 s relative"
+    ):
+        read(STEP, baseline="-20:-10")
