@@ -175,11 +175,6 @@ def test_levels_in_volts_fit_as_well_as_duties(clutch_set: Maker) -> None:
     assert found.Ts == pytest.approx(volts.Ts, rel=1e-6) and found.tau2 == pytest.approx(volts.tau2, rel=1e-6)
 
 
-def test_a_given_start_counts_among_the_starts(clutch_set: Maker) -> None:
-    data = data_of(clutch_set(rate_hz=50.0, noise_nm=0.005).levels)
-    assert len(fit_nonlinear(data, 0.85, [REFERENCE_PLANT]).solver.starts) == 3
-
-
 @pytest.mark.parametrize("unit", [0.0, 1.0, 1e9])
 @pytest.mark.parametrize("share", [0.85, None])
 def test_levels_without_torque_are_fitted_in_any_unit(unit: float, share: float | None) -> None:
