@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from eaid.cli import demo_lines
+from eaid.cli import demo as demo_lines
 from eaid.errors import EaidError
 
 

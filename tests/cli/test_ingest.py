@@ -66,7 +66,7 @@ def test_all_bad_logs_are_told_at_once_and_leave_earlier_results_untouched(mende
     ran = run_eaid("ingest", "a.csv", "b.csv", "c.csv", "--force", *(["--repair"] if mended else []))
     told = [line for line in ran.err.splitlines() if line.startswith("error: ")]
     if mended:
-        assert ran.code == 0 and not told and ran.out.count("--repair dropped 1 of 2001 rows") == 2
+        assert ran.code == 0 and not told and "--repair dropped 1 of 2001 rows (and 1 more)" in ran.out
         return
     assert ran.code == 3 and [line.split(":")[1] for line in told] == [" b.csv", " c.csv"]
     assert "time falls at row 2002 (0 s after 19.99 s); sort the rows, or drop such rows with --repair" in told[0]

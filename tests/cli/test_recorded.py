@@ -26,7 +26,7 @@ def test_a_log_of_random_steps_is_fitted_whole_and_followed_by_a_sequence_that_c
     assert "release-alike" in {one["code"] for one in fit["findings"]}
     assert fit["linear"]["bounds"]["B_m"] < fit["linear"]["bounds"]["B_M"]
     assert run_eaid("tune-rc", "fit.json").code in (0, 5)
-    limits = "--want tau1=15,tau2=40 --limits duty=20:90,hold=0.5:10,rest=3,engagements=2 --no-check"
+    limits = "--want tau1=15,tau2=40 --limits duty=20:90,hold_s=0.5:10,rest_s=3,engagements=2 --no-check"
     assert run_eaid("plan", "fit.json", "--excitation", *limits.split(), "-o", "next.csv", "-q").code == 0
     assert Path("next.csv").read_text(encoding="utf-8").startswith("time_s,duty_pct\n")
     rows = np.loadtxt("next.csv", delimiter=",", skiprows=1)

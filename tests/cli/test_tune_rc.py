@@ -274,7 +274,7 @@ def test_a_loop_that_is_sampled_slowly_gets_a_softer_layer_and_keeps_its_margins
 
 def test_optimize_trades_in_the_open(by_hand: Callable, run_eaid: Callable) -> None:
     Path("short.csv").write_text("time_s,reference_nm\n0,1\n1,3\n2,1\n3,3\n")
-    more = "--optimize --noise-nm 0.01 --reference short.csv --q-max 5 --evaluations 12".split()
+    more = "--optimize --noise-nm 0.01 --reference short.csv --q-max 5 --evaluations 15".split()
     ran = run_eaid("tune-rc", "fit.json", *more, "-o", "a.json")
     gains = json.loads(Path("a.json").read_text(encoding="utf-8"))
     told = gains["optimized"]

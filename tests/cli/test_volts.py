@@ -37,7 +37,7 @@ def test_a_sequence_in_another_unit_leads_back_to_the_plant(
     factor: float, unit: str, rig_of: Callable, run_eaid: Callable
 ) -> None:
     rig_of(factor, unit)
-    words = "--excitation --want Ts=3,tau1=10,tau2=30 --limits engagements=2,rest=8 --no-check -q -o next.csv"
+    words = "--excitation --want Ts=3,tau1=10,tau2=30 --limits engagements=2,rest_s=8 --no-check -q -o next.csv"
     assert run_eaid("plan", "fit.json", *words.split()).code == 0
     assert Path("next.csv").read_text(encoding="utf-8").splitlines()[0] == f"time_s,input ({unit})"
     values = np.loadtxt("next.csv", delimiter=",", skiprows=1)[:, 1]
