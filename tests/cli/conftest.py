@@ -44,6 +44,16 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture
+def run_eaid(run_eaid: Callable) -> Callable:
+    """As everywhere, the first words in one text or list: `run_eaid("fit data.h5 -q -o", path)`."""
+
+    def run(first: str | list[str] = (), *more: object) -> Any:
+        return run_eaid(*(first.split() or [first] if isinstance(first, str) else first), *more)
+
+    return run
+
+
+@pytest.fixture
 def rig(made: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A copy of `made`, in which the command runs."""
     folder = tmp_path / "rig"
@@ -63,8 +73,12 @@ def held() -> Callable[[Path], dict[str, bytes]]:
 
 
 def paper(k: float = 1.0, y: float = 1.0, pace: float = 1.0) -> dict[str, Any]:
-    """fit.json as a user's script may write it: the paper's models, inputs `k` times, outputs `y` times, `pace` as fast."""
-    curves = {"tau1": [6.74e-3, 2.39e-2, -2.13e-4], "tau2": [0.93, 0.41, -2.64e-3], "Ts": [0.032, 9.2e-3, 2.1e-4, 1.32e-6]}
+    """fit.json of a user's script: the paper's models, inputs `k` times, outputs `y` times, `pace` times as fast."""
+    curves = {
+        "tau1": [6.74e-3, 2.39e-2, -2.13e-4],
+        "tau2": [0.93, 0.41, -2.64e-3],
+        "Ts": [0.032, 9.2e-3, 2.1e-4, 1.32e-6],
+    }
     by = {"tau1": 1 / pace, "tau2": 1 / pace, "Ts": y}
     return {
         "schema": "eaid/fit/1",
@@ -92,13 +106,15 @@ GAINS = {
 
 @pytest.fixture
 def by_hand(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., Path]:
-    """In a folder of its own: gains.json with the published gains, and fit.json of `paper(**scales)` with other `parts`."""
+    """In an empty folder: gains.json with the published gains, fit.json of `paper(**scales)` with other `parts`."""
     monkeypatch.chdir(tmp_path)
     (tmp_path / "gains.json").write_text(json.dumps(GAINS))
 
     def write(parts: dict[str, Any] | None = None, **scales: float) -> Path:
         content = {**paper(**scales), **(parts or {})}
-        (tmp_path / "fit.json").write_text(json.dumps({name: part for name, part in content.items() if part is not None}))
+        (tmp_path / "fit.json").write_text(
+            json.dumps({name: part for name, part in content.items() if part is not None})
+        )
         return tmp_path
 
     write()

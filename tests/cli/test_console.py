@@ -134,15 +134,16 @@ def test_every_table_fits_the_terminal(
 ) -> None:
     """And holds the words that stand there without a terminal."""
     more = {
-        "ingest": "logs", "fit": "data.h5 --ci white --tables -v", "tune-rc": "fit.json -v", "plan": "fit.json --no-check",
+        "ingest": "logs", "fit": "data.h5 --ci white --tables -v", "tune-rc": "fit.json -v",
+        "plan": "fit.json --no-check",
         "simulate": "fit.json --gains gains.json --scenario steps --duration 8",
         "couple": "fit.json --torque 1 --no-replay",
     }[name]  # fmt: skip
     words = [name, *more.split(), "--force", "-o", f"o.{'h5' if name in ('ingest', 'simulate') else 'json'}"]
-    piped = run_eaid(*words)
+    piped = run_eaid(words)
     known = set(f"{piped.out} {piped.err}".split())
     terminal(width)
-    ran = run_eaid(*words)
+    ran = run_eaid(words)
     told = ran.out + "".join(line for line in ran.err.splitlines(True) if "\x1b[" not in line)
     assert [line for line in told.splitlines() if len(line) > width + line.count("\u0302")] == []
     assert ran.code == 0 and set(ran.out.split()) <= known

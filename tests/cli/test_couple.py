@@ -9,8 +9,8 @@ import pytest
 
 
 def test_the_table_and_the_file_agree(rig: Path, run_eaid: Callable) -> None:
-    words = "couple fit.json --gains gains.json --torque 1,2 --loops pi,rc-no-rate --wall 3 --no-replay".split()
-    ran = run_eaid(*words)
+    words = "couple fit.json --gains gains.json --torque 1,2 --loops pi,rc-no-rate --wall 3 --no-replay"
+    ran = run_eaid(words)
     walls = json.loads(Path("couple.json").read_text(encoding="utf-8"))["walls"]
     assert ran.code == 0 and [(wall["loop"], wall["torque_nm"]) for wall in walls] == [
         ("pi", 1.0), ("rc-no-rate", 1.0), ("pi", 2.0), ("rc-no-rate", 2.0),
@@ -21,7 +21,7 @@ def test_the_table_and_the_file_agree(rig: Path, run_eaid: Callable) -> None:
 
 
 def test_without_gains_the_loops_that_need_none_are_judged(by_hand: Callable, run_eaid: Callable) -> None:
-    ran = run_eaid("couple", "fit.json", "--torque", "1", "--no-replay", "--json", "-q")
+    ran = run_eaid("couple fit.json --torque 1 --no-replay --json -q")
     assert ran.code == 0 and {wall["loop"] for wall in json.loads(ran.out)["walls"]} == {"open-loop", "inverse"}
 
 
@@ -29,18 +29,20 @@ def test_a_loop_that_is_unstable_without_any_wall_is_refused(by_hand: Callable, 
     gains = json.loads(Path("gains.json").read_text())
     gains["pi"]["K_P"] = 3e5
     Path("gains.json").write_text(json.dumps(gains))
-    ran = run_eaid("couple", "fit.json", "--gains", "gains.json", "--loops", "pi", "--torque", "1")
+    ran = run_eaid("couple fit.json --gains gains.json --loops pi --torque 1")
     assert ran.code == 5 and ran.err.count("error: ") == 1 and not Path("couple.json").exists()
 
 
 @pytest.mark.slow
-def test_replayed_walls_of_the_reference_plant(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, run_eaid: Callable) -> None:
+def test_replayed_walls_of_the_reference_plant(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, run_eaid: Callable
+) -> None:
     monkeypatch.chdir(tmp_path)
     for line in (
         "synth --levels 10,40,70,100 --repeats 2 --rate-hz 100 --clean -o data.h5 -q", "fit data.h5 -q -o fit.json",
         "tune-rc fit.json -q", "couple fit.json --gains gains.json --torque 1 --loops pi -q",
     ):  # fmt: skip
-        assert run_eaid(*line.split()).code == 0
+        assert run_eaid(line).code == 0
     (wall,) = json.loads(Path("couple.json").read_text(encoding="utf-8"))["walls"]
     assert wall["K_passive"] == pytest.approx(1.93, rel=0.05)
     assert wall["K_passive"] < wall["K_stable"] and wall["K_replayed"] == pytest.approx(wall["K_stable"], rel=0.3)
@@ -53,6 +55,6 @@ def test_how_many_draws_the_constraints_cut_away_is_told(by_hand: Callable, run_
     for scale, told in ((0.5, True), (1e-4, False)):
         matrix = [[(scale * w) ** 2 if i == k else 0.0 for k in range(len(width))] for i, w in enumerate(width)]
         by_hand({"nonlinear": {**model, "covariance": {"matrix": matrix}}})
-        words = "couple fit.json --torque 1 --loops open-loop --plants 5 --no-replay --force --json".split()
-        found = [one for one in json.loads(run_eaid(*words).out)["findings"] if one["code"] == "draws-rejected"]
+        words = "couple fit.json --torque 1 --loops open-loop --plants 5 --no-replay --force --json"
+        found = [one for one in json.loads(run_eaid(words).out)["findings"] if one["code"] == "draws-rejected"]
         assert bool(found) is told and all(one["values"]["pct"] > 5 for one in found)

@@ -37,7 +37,7 @@ def test_a_failing_command_ends_the_demo_with_its_line(tmp_path: Path, capsys: p
 @pytest.mark.slow
 def test_the_whole_demo(tmp_path: Path, run_eaid: Callable) -> None:
     made = tmp_path / "demo"
-    ran = run_eaid("demo", "-o", made)
+    ran = run_eaid("demo -o", made)
     names = {path.name for path in made.iterdir()}
     assert ran.code == 0 and names >= {*demo_lines.REPORTED, "plan.csv", "report.html", "figures"}
     assert len(list((made / "figures").glob("*.png"))) >= 18 and not [name for name in names if name.endswith(".part")]

@@ -85,7 +85,7 @@ def test_an_edited_result_is_used_or_refused(rig: Path, number: int, run_eaid: C
     content, what = edited(content, chance)
     Path(name).write_text(json.dumps(content))
     for line in READERS[name] if EDITS > 100 else chance.sample(READERS[name], 2):
-        ran = run_eaid(*line.split(), "--force")
+        ran = run_eaid(line, "--force")
         assert ran.code in {0, 2, 3, 4, 5}, (what, line, ran.err)
         assert "Traceback" not in ran.err and "RuntimeWarning" not in ran.err, (what, line, ran.err)
         assert (ran.code == 0) or "error: " in ran.err, (what, line, ran.err)

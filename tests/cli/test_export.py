@@ -19,12 +19,12 @@ def edited(**changes: object) -> None:
 
 
 def test_which_laws_stand_in_the_folder(run_eaid: Callable) -> None:
-    ran = run_eaid("export", "gains.json")
+    ran = run_eaid("export gains.json")
     assert (ran.code, ran.out) == (0, "") and Path("export/eaid_control.c").is_file()
     assert "export: pi, rc as c, 7 files; next: read export/README.md" in ran.err
     assert "warning: RC: these gains do not say whether the guarantee holds" in ran.err
-    assert "rig: inverse, plant as yaml, 3 files" in run_eaid("export", "fit.json", "--as", "yaml", "-o", "rig").err
-    ran = run_eaid("export", "fit.json", "gains.json", "--as", "yaml", "--json", "-q", "-o", "both")
+    assert "rig: inverse, plant as yaml, 3 files" in run_eaid("export fit.json --as yaml -o rig").err
+    ran = run_eaid("export fit.json gains.json --as yaml --json -q -o both")
     told = json.loads(ran.out)
     assert told["laws"] == ["pi", "rc", "inverse", "plant"] and told["dt_s"] == 0.001
     assert told["files"] == ["parameters.yaml", "vectors.csv", "README.md"] == [*told["files"]]
@@ -37,32 +37,32 @@ def test_which_laws_stand_in_the_folder(run_eaid: Callable) -> None:
 def test_the_fit_that_gains_name_is_taken_where_it_lies_beside_them(run_eaid: Callable) -> None:
     digest = hashlib.sha256(Path("fit.json").read_bytes()).hexdigest()
     edited(inputs={"fit": {"path": "somewhere/else/fit.json", "sha256": digest}})
-    ran = run_eaid("export", "gains.json", "--law", "rc,plant", "-o", "rig")
+    ran = run_eaid("export gains.json --law rc,plant -o rig")
     assert ran.code == 0 and "with fit.json, which the gains were made from" in ran.err
     Path("fit.json").write_text(Path("fit.json").read_text() + " ")  # another one by now
-    ran = run_eaid("export", "gains.json", "--law", "rc,plant", "-o", "other")
+    ran = run_eaid("export gains.json --law rc,plant -o other")
     assert ran.code == 2 and "--law plant needs what was not given: fit.json" in ran.err
 
 
 def test_the_command_stands_at_the_head(run_eaid: Callable, monkeypatch: pytest.MonkeyPatch) -> None:
     words = ["export", "gains.json", "--law", "pi", "-o", "rig with space"]
     monkeypatch.setattr("sys.argv", ["eaid", *words])
-    assert run_eaid(*words).code == 0
+    assert run_eaid(words).code == 0
     text = Path("rig with space/eaid_control.c").read_text()
     assert "by eaid export gains.json --law pi -o 'rig with space'" in text
 
 
 def test_unstable_gains_are_handed_on_on_request_and_marked(run_eaid: Callable) -> None:
     edited(pi={"K_P": 3e5, "K_I": 360.0})
-    ran = run_eaid("export", "gains.json", "fit.json")
+    ran = run_eaid("export gains.json fit.json")
     assert ran.code == 5 and "PI: the loop is unstable at 1000 Hz" in ran.err and not Path("export").exists()
-    assert run_eaid("export", "gains.json", "fit.json", "--anyway").code == 0
+    assert run_eaid("export gains.json fit.json --anyway").code == 0
     assert "EXPORTED ANYWAY" in Path("export/README.md").read_text()
 
 
 def test_precision_and_rate_are_baked_in(run_eaid: Callable) -> None:
-    assert run_eaid("export", "gains.json", "-q").code == 0
+    assert run_eaid("export gains.json -q").code == 0
     assert "typedef double eaid_real" in Path("export/eaid_control.h").read_text()
-    assert run_eaid("export", "gains.json", "-q", "--force", "--precision", "single", "--rate-hz", "500").code == 0
+    assert run_eaid("export gains.json -q --force --precision single --rate-hz 500").code == 0
     text = Path("export/eaid_control.h").read_text()
     assert "typedef float eaid_real" in text and "0.002 s" in text

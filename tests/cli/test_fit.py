@@ -19,18 +19,20 @@ def result() -> dict[str, Any]:
 def fitted(rig: Path, run_eaid: Callable) -> Callable[..., dict[str, Any]]:
     """The fit.json that these words make, without intervals."""
 
-    def fitted(*words: str) -> dict[str, Any]:
-        assert run_eaid("fit", *words, "--ci", "none", "-q", "--force", "-o", "f.json").code == 0
+    def fitted(words: str) -> dict[str, Any]:
+        assert run_eaid(f"fit {words} --ci none -q --force -o f.json").code == 0
         return result()
 
     return fitted
 
 
 def test_the_answer_comes_first_in_eight_lines(rig: Path, run_eaid: Callable) -> None:
-    ran = run_eaid("fit", "data.h5", "-o", "f.json")
+    ran = run_eaid("fit data.h5 -o f.json")
     lines = ran.out.splitlines()
     assert ran.code == 0 and len(lines) <= 8 and all(len(line) <= 80 for line in lines[:5])
-    assert lines[0].startswith("fit    nonlinear 9") and all(symbol in lines[1] for symbol in ("T_s [", "τ1 [s]", "τ2 [s]"))
+    assert lines[0].startswith("fit    nonlinear 9") and all(
+        symbol in lines[1] for symbol in ("T_s [", "τ1 [s]", "τ2 [s]")
+    )
     assert sum(" (" in line and " … " in line for line in lines[2:5]) == 3
     assert lines[-1] == "next   eaid tune-rc f.json"
     told = ran.err.splitlines()
@@ -41,7 +43,16 @@ def test_the_answer_comes_first_in_eight_lines(rig: Path, run_eaid: Callable) ->
 def test_what_stands_in_fit_json(rig: Path, run_eaid: Callable) -> None:
     fit = json.loads(Path("fit.json").read_text(encoding="utf-8"))
     assert fit["schema"].startswith("eaid/fit/") and fit["converged"] is True and fit["seed"] == 0
-    assert {"friction", "nonlinear", "linear", "release", "findings", "warnings", "options", "uncertainty"} <= fit.keys()
+    assert {
+        "friction",
+        "nonlinear",
+        "linear",
+        "release",
+        "findings",
+        "warnings",
+        "options",
+        "uncertainty",
+    } <= fit.keys()
     data, nonlinear = fit["data"], fit["nonlinear"]
     assert (data["kind"], data["levels"]) == ("clutch", [20, 40, 60, 80, 100])
     assert data["sample_rate_hz"] == pytest.approx(20)
@@ -55,25 +66,27 @@ def test_what_stands_in_fit_json(rig: Path, run_eaid: Callable) -> None:
 
 
 def test_options_reach_the_fit(fitted: Callable) -> None:
-    fit = fitted("data.h5", *"--model nonlinear,linear --share 0.8 --loss huber --hold-out 60 --bounds-levels 40:100".split())
+    fit = fitted("data.h5 --model nonlinear,linear --share 0.8 --loss huber --hold-out 60 --bounds-levels 40:100")
     assert "friction" not in fit and fit["nonlinear"]["C"] == 0.8 and fit["nonlinear"]["robust"]["loss"] == "huber"
     assert [row["level"] for row in fit["nonlinear"]["hold_out"]["levels"]] == [60.0]
     assert fit["linear"]["bounds"]["levels"] == [40.0, 80.0, 100.0]
-    fit = fitted("data.h5", *"--share free --levels 40:100".split())
+    fit = fitted("data.h5 --share free --levels 40:100")
     assert fit["nonlinear"]["C_free"] is True and fit["friction"]["C"] is None and "hold_out" not in fit["nonlinear"]
     assert fit["nonlinear"]["u_range"] == fit["data"]["levels"][::3] == [40.0, 100.0]
-    fit = fitted("data.h5", "--estimator", "joint", "--model", "nonlinear")
+    fit = fitted("data.h5 --estimator joint --model nonlinear")
     assert {"friction", "linear"} & fit.keys() == set() and fit["nonlinear"]["estimator"] == "joint"
 
 
 def test_reading_options_reach_the_runs(fitted: Callable) -> None:
     """The synthetic sensor has an offset, which `none` leaves in."""
-    by_rest, left = fitted("logs"), fitted("logs", "--baseline", "none")
+    by_rest, left = fitted("logs"), fitted("logs --baseline none")
     assert {row["baseline_nm"] for row in left["data"]["sources"]} == {0.0}
     assert 0.0 not in {row["baseline_nm"] for row in by_rest["data"]["sources"]}
     assert left["friction"]["levels"][-1]["Ts"] != by_rest["friction"]["levels"][-1]["Ts"]
-    short = fitted("logs", "--until", "7")
-    assert max(row["samples"] for row in short["data"]["sources"]) < max(r["samples"] for r in by_rest["data"]["sources"])
+    short = fitted("logs --until 7")
+    assert max(row["samples"] for row in short["data"]["sources"]) < max(
+        r["samples"] for r in by_rest["data"]["sources"]
+    )
 
 
 def table(text: str, title: str) -> list[list[str]]:
@@ -84,7 +97,7 @@ def table(text: str, title: str) -> list[list[str]]:
 
 
 def test_the_tables_hold_the_numbers_of_the_file(rig: Path, run_eaid: Callable) -> None:
-    ran = run_eaid("fit", "data.h5", "--estimator", "joint", "--hold-out", "60", "-v", "-o", "f.json")
+    ran = run_eaid("fit data.h5 --estimator joint --hold-out 60 -v -o f.json")
     part, rows = result()["nonlinear"], table(ran.out, "Nonlinear model")
     assert rows[0][2] == "ours, joint (used)" and "B_m = " in ran.out and "Release. How the output falls" in ran.out
     shown = {row[0]: row[2] for row in rows[1:] if len(row) > 2}
@@ -97,7 +110,7 @@ def test_the_tables_hold_the_numbers_of_the_file(rig: Path, run_eaid: Callable) 
 def test_huber_shows_the_run_and_the_part_it_weighs_down(rig: Path, run_eaid: Callable) -> None:
     """A drop-out of half a second in one run of one level is told and left out."""
     made = "synth --levels 20,40,60,80,100 --repeats 3 --hold 8 --idle 1 --rate-hz 50 -q -o huber"
-    assert run_eaid(*made.split()).code == 0
+    assert run_eaid(made).code == 0
     (log,) = Path("huber").glob("*060*r2*.csv")
     lines = []
     for line in log.read_text().splitlines():
@@ -105,11 +118,13 @@ def test_huber_shows_the_run_and_the_part_it_weighs_down(rig: Path, run_eaid: Ca
         fallen = cells[0][:1].isdigit() and 5.0 < float(cells[0]) < 5.5
         lines.append(",".join([*cells[:-1], "0.0"]) if fallen else line)
     log.write_text("\n".join(lines) + "\n")
-    ran = run_eaid("fit", "huber", "--loss", "huber", "--ci", "none", "--tables", "-o", "f.json")
+    ran = run_eaid("fit huber --loss huber --ci none --tables -o f.json")
     part = next(one for one in result()["nonlinear"]["robust"]["weights"] if one["level"] == 60)
     worst = min(part["parts"], key=lambda one: one["least"])
     assert "r2" in worst["run"] and 3.9 < worst["from_s"] < 4.1 and 4.4 < worst["to_s"] < 4.6
-    assert any(row[0] == "60 %" and "r2)" in row[-1] for row in table(ran.out, "Weights of Huber's loss, nonlinear model")[1:])
+    assert any(
+        row[0] == "60 %" and "r2)" in row[-1] for row in table(ran.out, "Weights of Huber's loss, nonlinear model")[1:]
+    )
     # steps say that the output stood still
     assert ran.code == 4 and ran.err.splitlines()[-1] == "error: f.json: is written and marked; do not use its numbers"
     assert result()["findings"][0]["severity"] == "stop" and "next   eaid report f.json" in ran.out
@@ -117,14 +132,14 @@ def test_huber_shows_the_run_and_the_part_it_weighs_down(rig: Path, run_eaid: Ca
 
 def test_the_friction_sets_fit(fitted: Callable) -> None:
     for kind, terms in (("friction-force", {"Ts", "tau1", "tau2", "C_f"}), ("friction-speed", {"Ts"})):
-        fit = fitted(str(SHIPPED / f"{kind}.h5"))
+        fit = fitted(f"{SHIPPED}/{kind}.h5")
         assert fit["data"]["kind"] == kind and fit["friction"]["solver"]["converged"]
         assert terms <= fit["friction"]["trends"].keys() and "nonlinear" not in fit
 
 
 def test_real_friction_with_one_command(realdata: Path, rig: Path, run_eaid: Callable) -> None:
     words = ["fit", realdata / "friction-steps", "--kind", "friction-force", "--ci", "none", "-o", "f.json"]
-    ran = run_eaid(*words)
+    ran = run_eaid(words)
     fit = result()
     assert ran.code == 0 and (fit["data"]["input_unit"], fit["data"]["output_unit"]) == ("bar", "N")
     assert [row["level"] for row in fit["friction"]["levels"]] == [1, 3, 5, 7]
@@ -162,6 +177,6 @@ def test_the_tracking_error_of_a_noisy_fit_is_that_of_its_plant(
         "fit data.h5 -o fit.json -q",
         "tune-rc fit.json -o gains.json -q",
     ):
-        assert run_eaid(*line.split()).code == 0
-    ran = run_eaid(*"simulate fit.json --gains gains.json --scenario multisine --controller rc --json".split())
+        assert run_eaid(line).code == 0
+    ran = run_eaid("simulate fit.json --gains gains.json --scenario multisine --controller rc --json")
     assert 0.95 * 0.087 < json.loads(ran.out)["controllers"]["rc"]["max_abs_error_nm"] < 1.05 * 0.102

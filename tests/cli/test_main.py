@@ -16,13 +16,13 @@ COMMANDS = ["ingest", "fit", "tune-rc", "simulate", "export", "report", "synth",
 OPTIONS = {
     "fit": "model kind levels share loss hold-out ci baseline estimator columns units name-pattern step-at until rest "
     "repair logs-as duty instrument bounds-levels dead-time shape tables verbose",
-    "ingest": "columns units name-pattern step-at until baseline rest repair rate-hz join sign kind write-manifest edges",
-    "tune-rc": "kp kd natural-frequency damping q-max phi epsilon gamma p-scale b-hat rho alpha pi-overshoot pi-settling "
-    "pi-gains reference data duty-limits pwm-hz optimize plants widen-bounds allow-unidentified anti-windup",
+    "ingest": "columns units name-pattern step-at until baseline rest repair rate-hz join sign kind edges",
+    "tune-rc": "kp kd natural-frequency damping q-max phi epsilon gamma p-scale b-hat rho alpha pi-overshoot "
+    "pi-settling pi-gains reference data duty-limits pwm-hz optimize plants widen-bounds allow-unidentified anti-windup",
     "simulate": "gains controller scenario reference log noise-nm noise pwm-hz plants threads perturb duration rate-hz "
     "duty-bits sensor-hz delay-samples ripple-pct limb-damping limb-inertia keep-baseline",
     "export": "as law precision rate-hz anyway",
-    "report": "figures format width font watch",
+    "report": "figures format width font",
     "synth": "plant kind levels repeats plan duty-file excitation shape noise-nm clean hold idle release rate-hz gains",
     "couple": "gains loops torque wall limb-inertia limb-damping plants virtual-damping delay-samples",
     "plan": "want excitation limits idle release longest-hold most-levels",
@@ -30,8 +30,8 @@ OPTIONS = {
 }
 """Options that scripts use, besides those of all commands."""
 WORDS = {
-    "fit": "friction nonlinear linear clutch friction-force friction-speed squares huber robust bootstrap white none auto "
-    "joint free first steps recorded",
+    "fit": "friction nonlinear linear clutch friction-force friction-speed squares huber robust bootstrap white none "
+    "auto joint free first steps recorded",
     "tune-rc": "pooled minimax paper textbook formula reached multisine conditional back-calculation",
     "simulate": "rc pi pi-feedforward feedforward open-loop inverse steps multisine sweep ramp rehab residuals",
     "export": "c arduino matlab fmu yaml pi rc inverse plant double single",
@@ -49,7 +49,7 @@ def test_version(run_eaid: Callable) -> None:
 
 @pytest.mark.parametrize("words", [[], ["--help"], ["-h"]])
 def test_bare_eaid_lists_its_commands_and_is_no_failure(words: list[str], run_eaid: Callable) -> None:
-    ran = run_eaid(*words)
+    ran = run_eaid(words)
     assert ran.code == 0 and re.findall(r"^│ ([a-z][a-z-]+) ", ran.out, re.M)[-len(COMMANDS) :] == COMMANDS
 
 

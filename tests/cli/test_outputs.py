@@ -77,7 +77,7 @@ def test_a_folder_that_holds_what_is_read_is_not_replaced(
     (rig / "out").mkdir()
     shutil.copy(*given.split(": "))
     before = held(rig)
-    ran = run_eaid(*line.split(), "--force", "-q")
+    ran = run_eaid(line, "--force", "-q")
     assert ran.code == 2 and "which the command reads; give another --output" in ran.err
     assert held(rig) == before
 
@@ -85,7 +85,7 @@ def test_a_folder_that_holds_what_is_read_is_not_replaced(
 def test_a_dataset_beside_its_logs_may_be_made_again(rig: Path, run_eaid: Callable) -> None:
     """It is not read with them: a log counts once."""
     for _ in range(2):
-        assert run_eaid("ingest", "logs", "-o", "logs/data.h5", "--force", "-q").code == 0
+        assert run_eaid("ingest logs -o logs/data.h5 --force -q").code == 0
 
 
 LINES = {
@@ -109,7 +109,7 @@ LINES = {
 @pytest.mark.parametrize("line", LINES)
 def test_devices_and_pipes_are_never_replaced(line: str, out: str, rig: Path, run_eaid: Callable) -> None:
     os.mkfifo("../pipe")
-    ran = run_eaid(*line.split(), "-o", out, "--force")
+    ran = run_eaid(line, "-o", out, "--force")
     assert ran.code == 2 and "\nerror: " in "\n" + ran.err
     assert Path("../pipe").is_fifo() and Path("/dev/null").is_char_device()
 
@@ -123,16 +123,18 @@ def test_an_earlier_result_is_left_alone(line: str, rig: Path, run_eaid: Callabl
     earlier = {"export": "export/README.md", "report": "report/report.html"}.get(LINES[line], LINES[line])
     Path(earlier).exists() or Path(earlier).write_text("mine")
     before = held(rig)
-    ran = run_eaid(*line.split())
+    ran = run_eaid(line)
     told = [one for one in ran.err.splitlines() if one.startswith("error: ")]
     assert ran.code == 2 and len(told) == 1
-    assert told[0].startswith(f"error: {earlier if out.suffix or 'report' in line else out}: exists already; give --force")
+    assert told[0].startswith(
+        f"error: {earlier if out.suffix or 'report' in line else out}: exists already; give --force"
+    )
     assert held(rig) == before
 
 
 def test_the_second_file_of_a_plan_is_left_alone_too(rig: Path, run_eaid: Callable) -> None:
     Path("p.duty.csv").write_text("mine")
-    ran = run_eaid("plan", "fit.json", "-o", "p.csv", "--no-check")
+    ran = run_eaid("plan fit.json -o p.csv --no-check")
     assert ran.code == 2 and "p.duty.csv: exists already" in ran.err
     assert Path("p.duty.csv").read_text() == "mine" and not Path("p.csv").exists()
 
@@ -160,7 +162,7 @@ def test_json_is_the_result_and_quiet_is_quiet_and_the_bytes_are_the_same(
     out = Path(words[-1])
     if out.suffix:
         out.write_text("mine")
-    ran = run_eaid(*words, "--force", "--json")
+    ran = run_eaid(words, "--force", "--json")
     assert ran.code == 0 and f"{out}" in ran.err.splitlines()[-1]
     told, first = json.loads(ran.out), held(rig / "out")
     assert told.get("schema", "") == QUICK[line]
@@ -169,16 +171,16 @@ def test_json_is_the_result_and_quiet_is_quiet_and_the_bytes_are_the_same(
     assert first and all(content != b"mine" for content in first.values())
     shutil.rmtree("out")
     Path("out").mkdir()
-    again = run_eaid(*words, "-q")
+    again = run_eaid(words, "-q")
     assert (again.code, again.out, again.err) == (0, "", "")
     assert held(rig / "out") == first
 
 
 AGAIN = """
-fit data.h5 --model nonlinear,linear --share 0.8 --loss huber --hold-out 60 --bounds-levels 40:100 --ci none --levels 20:100
-fit logs --share free --ci white --dead-time 0 --logs-as steps --baseline first --rest 0.1 --estimator joint --seed 3
+fit data.h5 --model nonlinear,linear --share 0.8 --loss huber --hold-out 60 --bounds-levels 40:100 --ci none
+fit logs --share free --ci white --dead-time 0 --logs-as steps --baseline first --sign keep --estimator joint --seed 3
 tune-rc fit.json --kp 9 --kd 4 --epsilon 0.3 --gamma 60 --p-scale 3 --q-max 7 --phi 0.02 --b-hat minimax --pwm-hz 0
-tune-rc fit.json --b-hat 15 --rho textbook --alpha reached --pi-gains 30,100 --anti-windup back-calculation --duty-limits 5,90
+tune-rc fit.json --b-hat 15 --rho textbook --pi-gains 30,100 --anti-windup back-calculation --duty-limits 5,90
 couple fit.json --gains gains.json --torque 1,2 --loops pi,rc --no-replay --delay-samples 1 --limb-inertia 0.2
 """
 
@@ -186,7 +188,7 @@ couple fit.json --gains gains.json --torque 1,2 --loops pi,rc --no-replay --dela
 @pytest.mark.parametrize("line", AGAIN.strip().splitlines())
 def test_the_words_that_a_result_keeps_make_it_again(line: str, rig: Path, run_eaid: Callable) -> None:
     words = line.split()
-    assert run_eaid(*words, "-q", "-o", "a.json").code in (0, 4)
+    assert run_eaid(words, "-q", "-o", "a.json").code in (0, 4)
     first = json.loads(Path("a.json").read_text(encoding="utf-8"))
     assert {word for word in words if word.startswith("--")} <= set(first["command"])
     assert run_eaid(words[0], *first["command"], "-q", "-o", "b.json").code in (0, 4)

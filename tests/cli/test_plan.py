@@ -11,29 +11,29 @@ import pytest
 NOISE = {"noise": {"sensor_nm2_s": 2e-7, "ripple_s": 3e-5, "scatter": {"Ts": 0.03, "tau1": 0.05, "tau2": 0.0}}}
 
 
-def planned(run_eaid: Callable, *words: str) -> dict[str, Any]:
-    ran = run_eaid("plan", "fit.json", "--json", "--force", *words)
+def planned(run_eaid: Callable, words: str) -> dict[str, Any]:
+    ran = run_eaid(f"plan fit.json --json --force {words}")
     assert ran.code == 0
     return json.loads(ran.out)
 
 
 def test_plan_and_its_duty_file(by_hand: Callable, run_eaid: Callable) -> None:
     by_hand({"uncertainty": NOISE})
-    ran = run_eaid("plan", "fit.json", "--want", "tau2=12,Ts=4", "--no-check", "--json")
-    told, rows = json.loads(ran.out), list(csv.DictReader(Path("plan.csv").open()))
+    ran = run_eaid("plan fit.json --want tau2=12,Ts=4 --no-check --json")
+    told, rows = json.loads(ran.out), list(csv.DictReader(Path("plan.csv").read_text().splitlines()))
     assert told["half_width_pct"]["tau2"] <= 12 and told["half_width_pct"]["Ts"] <= 4
     assert len(rows) == len(told["levels"]) * told["repeats"]
     assert [int(row["order"]) for row in rows] == list(range(1, len(rows) + 1))
     assert {float(row["level"]) for row in rows} == set(told["levels"])
     assert {float(row["release_s"]) for row in rows} == {float(row["idle_s"]) for row in rows} == {10.0}
-    breaks = list(csv.DictReader(Path("plan.duty.csv").open()))
+    breaks = list(csv.DictReader(Path("plan.duty.csv").read_text().splitlines()))
     assert float(breaks[-1]["time_s"]) == pytest.approx(told["time_on_rig_s"]) and breaks[-1]["duty_pct"] == "0"
     assert sum(float(row[name]) for row in rows for name in ("idle_s", "hold_s", "release_s")) == pytest.approx(
         told["time_on_rig_s"]
     )
     assert f"plan.csv, plan.duty.csv: {len(rows)} runs" in ran.err
-    short = planned(run_eaid, "--no-check", "--want", "Ts=4", *"--idle 2 --release 3 --longest-hold 20 --most-levels 5".split())
-    rows = list(csv.DictReader(Path("plan.csv").open()))
+    short = planned(run_eaid, "--no-check --want Ts=4 --idle 2 --release 3 --longest-hold 20 --most-levels 5")
+    rows = list(csv.DictReader(Path("plan.csv").read_text().splitlines()))
     assert len(short["levels"]) <= 5 and max(float(row["hold_s"]) for row in rows) <= 20
     assert {(row["idle_s"], row["release_s"]) for row in rows} == {("2", "3")}
 
@@ -42,8 +42,8 @@ def test_plan_and_its_duty_file(by_hand: Callable, run_eaid: Callable) -> None:
 def test_the_synthesised_widths_keep_what_was_wanted(by_hand: Callable, run_eaid: Callable) -> None:
     """By prediction alone τ1 comes out too wide in one synthesis of two; the checked plan keeps it."""
     by_hand({"uncertainty": NOISE})
-    assert planned(run_eaid, "--want", "tau1=5,Ts=3")["met"] is True
-    told = planned(run_eaid, "--want", "tau2=12,Ts=4")
+    assert planned(run_eaid, "--want tau1=5,Ts=3")["met"] is True
+    told = planned(run_eaid, "--want tau2=12,Ts=4")
     assert told["met"] is True
     for name, width in told["half_width_pct"].items():
         assert 0.8 < told["measured_half_width_pct"][name] / width < 1.8, name
@@ -51,19 +51,21 @@ def test_the_synthesised_widths_keep_what_was_wanted(by_hand: Callable, run_eaid
 
 
 def test_a_rig_in_volts_gets_a_plan_in_volts(by_hand: Callable, run_eaid: Callable) -> None:
-    words = ["--want", "Ts=4", "--most-levels", "10", "--no-check"]
+    words = "--want Ts=4 --most-levels 10 --no-check"
     by_hand({"uncertainty": NOISE})
-    percent = planned(run_eaid, *words)
+    percent = planned(run_eaid, words)
     decays = {"code": "output-decays-under-hold", "severity": "caution", "subject": "friction", "levels": [300.0]}
     data = {"kind": "clutch", "input_unit": "V", "output_unit": "N·m"}
     by_hand({"uncertainty": NOISE, "data": data, "findings": [{**decays, "values": {}}]}, k=3)
-    ran = run_eaid("plan", "fit.json", *words, "--json", "--force")
+    ran = run_eaid(f"plan fit.json {words}", "--json", "--force")
     told = json.loads(ran.out)
     assert told["levels"] == pytest.approx([3 * level for level in percent["levels"]], rel=0.05)
     assert told["repeats"] == percent["repeats"]
     assert told["half_width_pct"]["Ts"] == pytest.approx(percent["half_width_pct"]["Ts"], rel=0.05)
     assert Path("plan.duty.csv").read_text().startswith("time_s,input (V)\n0,0\n10,")
-    assert "plan-of-decaying-output" in [one["code"] for one in told["findings"]] and "decays under hold at 300" in ran.err
+    assert (
+        "plan-of-decaying-output" in [one["code"] for one in told["findings"]] and "decays under hold at 300" in ran.err
+    )
 
 
 @pytest.mark.parametrize(
@@ -82,5 +84,5 @@ def test_what_is_told_of_a_plan(
     if parts.get("nonlinear"):
         parts = {"nonlinear": {**json.loads(Path("fit.json").read_text())["nonlinear"], **parts["nonlinear"]}}
     by_hand(parts)
-    ran = run_eaid("plan", "fit.json", "--want", want, "--no-check")
+    ran = run_eaid("plan fit.json --want", want, "--no-check")
     assert ran.code == code and sentence in ran.err and ("What to record" in ran.out) == (code == 0)

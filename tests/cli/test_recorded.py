@@ -16,34 +16,37 @@ def _here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.slow
-def test_a_log_of_random_steps_is_fitted_whole_and_followed_by_a_sequence_that_can_be_played(run_eaid: Callable) -> None:
-    assert run_eaid(*RANDOM.split()).code == 0
-    ran = run_eaid("fit", "rec", "--tables")
+def test_a_log_of_random_steps_is_fitted_whole_and_followed_by_a_sequence_that_can_be_played(
+    run_eaid: Callable,
+) -> None:
+    assert run_eaid(RANDOM).code == 0
+    ran = run_eaid("fit rec --tables")
     assert ran.code == 0 and "Logs fitted as recorded" in ran.out and "free-run fit (%)" in ran.out
     fit = json.loads(Path("fit.json").read_text(encoding="utf-8"))
     assert fit["converged"] is True and fit["recorded"]["logs"][0]["fit_pct"] > 90
     assert fit["recorded"]["logs"][0]["sha256"] and len(fit["nonlinear"]["tau1"]) == 3
     assert "release-alike" in {one["code"] for one in fit["findings"]}
     assert fit["linear"]["bounds"]["B_m"] < fit["linear"]["bounds"]["B_M"]
-    assert run_eaid("tune-rc", "fit.json").code in (0, 5)
+    assert run_eaid("tune-rc fit.json").code in (0, 5)
     limits = "--want tau1=15,tau2=40 --limits duty=20:90,hold_s=0.5:10,rest_s=3,engagements=2 --no-check"
-    assert run_eaid("plan", "fit.json", "--excitation", *limits.split(), "-o", "next.csv", "-q").code == 0
+    assert run_eaid(f"plan fit.json --excitation {limits} -o next.csv -q").code == 0
     assert Path("next.csv").read_text(encoding="utf-8").startswith("time_s,duty_pct\n")
     rows = np.loadtxt("next.csv", delimiter=",", skiprows=1)
     assert (np.diff(rows[:, 0]) > 0).all() and rows[:, 1].max() <= 90
-    assert run_eaid(*"synth --duty-file next.csv --rate-hz 50 --repeats 1 -o played".split()).code == 0
-    assert run_eaid("fit", "played", "-o", "again.json", "-q").code in (0, 4)
+    assert run_eaid("synth --duty-file next.csv --rate-hz 50 --repeats 1 -o played").code == 0
+    assert run_eaid("fit played -o again.json -q").code in (0, 4)
     assert "recorded" in json.loads(Path("again.json").read_text(encoding="utf-8"))
-    assert run_eaid("fit", "rec", "--logs-as", "steps", "-o", "other.json").code in (0, 3, 4)
+    assert run_eaid("fit rec --logs-as steps -o other.json").code in (0, 3, 4)
     assert not Path("other.json").exists() or "recorded" not in json.loads(Path("other.json").read_text("utf-8"))
 
 
+@pytest.mark.slow
 def test_a_closed_loop_has_its_reference_and_its_law(run_eaid: Callable) -> None:
     shape = "duration_s=60,gains=15:200,hold_s=0.5:5"
     line = f"synth --excitation closed-loop --shape {shape} --rate-hz 200 -o loop"
-    assert run_eaid(*line.split()).code == 0
+    assert run_eaid(line).code == 0
     (csv,) = Path("loop").glob("*.csv")
     assert csv.read_text(encoding="utf-8").splitlines()[1] == "time_s,duty_pct,torque_nm,reference_nm"
-    assert run_eaid("fit", "loop", "--instrument", "--duty", "10:100", "--ci", "none").code in (0, 4)
+    assert run_eaid("fit loop --instrument --duty 10:100 --ci none").code in (0, 4)
     (loop,) = json.loads(Path("fit.json").read_text(encoding="utf-8"))["recorded"]["loops"]
     assert loop["K_P"] == pytest.approx(15, rel=0.02)

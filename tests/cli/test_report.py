@@ -24,19 +24,22 @@ def _here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_page_and_figures_are_written_and_named(run_eaid: Callable) -> None:
-    ran = run_eaid("report", "fit.json", "-o", "deep/report")
-    assert (ran.code, ran.out) == (0, "") and "deep/report/report.html: 1 figures; next: open it in a browser" in ran.err
+    ran = run_eaid("report fit.json -o deep/report")
+    assert (ran.code, ran.out) == (
+        0,
+        "",
+    ) and "deep/report/report.html: 1 figures; next: open it in a browser" in ran.err
     assert "figures want more results; the page's appendix names the commands" in ran.err
     made = sorted(path.name for path in Path("deep/report").rglob("*") if path.is_file())
     assert made == ["fig04_friction_over_stress.png", "report.html"]
     Path("deep/report/report.html").write_text("mine")
-    ran = run_eaid("report", "fit.json", "-o", "deep/report")
+    ran = run_eaid("report fit.json -o deep/report")
     wanted = "deep/report/report.html: exists already; give --force to overwrite the report, or another --output"
     assert ran.code == 2 and f"error: {wanted}\n" in ran.err and Path("deep/report/report.html").read_text() == "mine"
 
 
 def test_figures_for_papers_hold_their_fonts_and_json_lists_what_was_made(run_eaid: Callable) -> None:
-    ran = run_eaid("report", "fit.json", "-o", "r", "--json", "-q", "--format", "pdf,svg")
+    ran = run_eaid("report fit.json -o r --json -q --format pdf,svg")
     told = json.loads(ran.out)
     assert told["figures"] == ["fig04_friction_over_stress"] and ran.err == ""
     assert ["fig08_linear_model", "eaid fit clutch.h5 -o fit.json"] in told["missing"]
@@ -52,9 +55,9 @@ def test_figures_for_papers_hold_their_fonts_and_json_lists_what_was_made(run_ea
 
 @pytest.mark.slow
 def test_a_page_of_everything(rig: Path, run_eaid: Callable) -> None:
-    words = "simulate fit.json --gains gains.json --scenario steps --duration 8 -q -o replay.h5".split()
-    assert run_eaid(*words).code == 0
-    ran = run_eaid("report", "fit.json", "gains.json", "replay.h5", "data.h5", "-o", "page")
+    words = "simulate fit.json --gains gains.json --scenario steps --duration 8 -q -o replay.h5"
+    assert run_eaid(words).code == 0
+    ran = run_eaid("report fit.json gains.json replay.h5 data.h5 -o page")
     made = {path.name for path in Path("page/figures").iterdir()}
     assert ran.code == 0 and {"fig07_nonlinear_model.png", "fig08_linear_model.png", "fig11_steps.png"} <= made
     assert "synthetic data)</title>" in Path("page/report.html").read_text(encoding="utf-8")

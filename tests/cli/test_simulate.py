@@ -23,7 +23,7 @@ def columns(name: str, file: str = "replay.h5") -> dict[str, Any]:
 
 
 def test_the_multisine_is_the_default_and_replay_h5_the_output(run_eaid: Callable) -> None:
-    ran = run_eaid("simulate", "fit.json", "--gains", "gains.json")
+    ran = run_eaid("simulate fit.json --gains gains.json")
     assert ran.code == 0 and "0.116" in ran.out and "0.797" in ran.out and "Guarantee along this replay" in ran.out
     assert "replay.h5: multisine with pi, rc; next: eaid report fit.json replay.h5" in ran.err
     assert "warning: the reference is as steep as 9.28 per second; the gains were made for Q_M = 5" in ran.err
@@ -38,7 +38,7 @@ def test_the_multisine_is_the_default_and_replay_h5_the_output(run_eaid: Callabl
 
 def test_json_of_every_scenario(run_eaid: Callable) -> None:
     def told(*more: str) -> dict[str, Any]:
-        ran = run_eaid("simulate", "fit.json", "--gains", "gains.json", "--json", "-q", "--force", *more)
+        ran = run_eaid("simulate fit.json --gains gains.json --json -q --force", *more)
         assert (ran.code, ran.err) == (0, "")
         return json.loads(ran.out)
 
@@ -56,13 +56,13 @@ def test_json_of_every_scenario(run_eaid: Callable) -> None:
 
 
 def test_without_gains_the_controllers_that_need_none_are_replayed(run_eaid: Callable) -> None:
-    ran = run_eaid("simulate", "fit.json", "--duration", "6")
+    ran = run_eaid("simulate fit.json --duration 6")
     assert ran.code == 0 and "note: no --gains, so rc and pi are left out" in ran.err and "inverse" in ran.out
 
 
 def test_open_loop_needs_no_more_than_the_nonlinear_model(by_hand: Callable, run_eaid: Callable) -> None:
     by_hand({"linear": None})
-    ran = run_eaid("simulate", "fit.json", "--controller", "open-loop")
+    ran = run_eaid("simulate fit.json --controller open-loop")
     assert "note: no linear model, so open-loop takes the straight line through the plant's steady torque" in ran.err
     duty, steady = np.linspace(10, 100, 101), np.polynomial.Polynomial([0.032, 9.2e-3, 2.1e-4, 1.32e-6])
     slope, offset = np.polyfit(duty, steady(duty), 1)
@@ -73,8 +73,8 @@ def test_open_loop_needs_no_more_than_the_nonlinear_model(by_hand: Callable, run
 
 def test_a_reference_of_the_user_s(run_eaid: Callable) -> None:
     Path("r.csv").write_text(RAMP)
-    words = "--gains gains.json --reference r.csv --controller pi --noise-nm 0.02".split()
-    ran = run_eaid("simulate", "fit.json", *words)
+    words = "--gains gains.json --reference r.csv --controller pi --noise-nm 0.02"
+    ran = run_eaid(f"simulate fit.json {words}")
     assert "warning: the reference goes to 5 N·m, the plant at its highest input to 4.37 N·m" in ran.err
     found = columns("pi")
     assert found["reference_nm"][1500] == pytest.approx(3.0)
@@ -86,7 +86,7 @@ def test_every_effect_of_the_rig_is_an_option(run_eaid: Callable) -> None:
         "--noise-nm 0.01 --noise-correlation-s 0.05 --ripple-pct 2 --ripple-hz 3 --sensor-hz 100 --delay-samples 2 "
         "--pwm-hz 300 --duty-bits 8 --perturb Ts=0.9,tau1=1.2 --no-saturation --controller rc,pi,open-loop,inverse"
     )
-    ran = run_eaid("simulate", "fit.json", "--gains", "gains.json", "--duration", "2", *effects.split(), "--json")
+    ran = run_eaid(f"simulate fit.json --gains gains.json --duration 2 --json {effects}")
     told = json.loads(ran.out)
     wanted = {
         "noise_nm": 0.01, "noise_correlation_s": 0.05, "ripple_pct": 2.0, "ripple_hz": 3.0, "sensor_hz": 100.0,
@@ -94,10 +94,10 @@ def test_every_effect_of_the_rig_is_an_option(run_eaid: Callable) -> None:
     }  # fmt: skip
     assert ran.code == 0 and wanted.items() <= told["rig"].items() and told["perturb"] == {"Ts": 0.9, "tau1": 1.2}
     assert {"measured_nm", "applied_pct"} <= set(columns("rc"))
-    plain = run_eaid("simulate", "fit.json", "--controller", "open-loop", "--duration", "2", "--force", "-q")
+    plain = run_eaid("simulate fit.json --controller open-loop --duration 2 --force -q")
     top = columns("open-loop")["torque_nm"]
-    words = "--controller open-loop --duration 2 --force -q --perturb Ts=0.5".split()
-    assert plain.code == run_eaid("simulate", "fit.json", *words).code == 0
+    words = "--controller open-loop --duration 2 --force -q --perturb Ts=0.5"
+    assert plain.code == run_eaid(f"simulate fit.json {words}").code == 0
     np.testing.assert_allclose(columns("open-loop")["torque_nm"], 0.5 * top, rtol=1e-6)
 
 
@@ -105,8 +105,8 @@ def test_drawn_plants_give_the_same_bytes_on_one_thread_and_on_many(by_hand: Cal
     sd = np.array([0.005, 0.05, 0.01, 0.05, 0.5, 0.1, 0.001, 0.02, 0.05, 0.02])
     fit = json.loads(Path("fit.json").read_text())
     by_hand({"nonlinear": {**fit["nonlinear"], "covariance": {"matrix": np.diag(sd**2).tolist()}}})
-    words = "simulate fit.json --gains gains.json --duration 3 --plants 300 --seed 4 --threads".split()
-    first, many = (run_eaid(*words, count, "-o", f"{count}.h5", "--json") for count in ("1", "3"))
+    words = "simulate fit.json --gains gains.json --duration 3 --plants 300 --seed 4 --threads"
+    first, many = (run_eaid(words, count, "-o", f"{count}.h5", "--json") for count in ("1", "3"))
     assert "rc on drawn plants: 300 to do" in first.err
     assert Path("1.h5").read_bytes() == Path("3.h5").read_bytes() and first.out == many.out
     told = json.loads(first.out)
@@ -119,17 +119,17 @@ def test_drawn_plants_give_the_same_bytes_on_one_thread_and_on_many(by_hand: Cal
 
 
 def test_plants_of_a_fit_without_uncertainty_are_told(run_eaid: Callable) -> None:
-    ran = run_eaid(*"simulate fit.json --gains gains.json --duration 2 --plants 3".split())
+    ran = run_eaid("simulate fit.json --gains gains.json --duration 2 --plants 3")
     assert ran.code == 0 and "warning: this fit holds no covariance" in ran.err and "3 plants drawn" in ran.out
 
 
 def test_a_recorded_duty_through_the_plant_and_a_closed_loop_run_laid_over(run_eaid: Callable) -> None:
-    words = "simulate fit.json --gains gains.json --duration 4 --controller rc -q --noise-nm 0.01".split()
-    assert run_eaid(*words).code == 0
+    words = "simulate fit.json --gains gains.json --duration 4 --controller rc -q --noise-nm 0.01"
+    assert run_eaid(words).code == 0
     found = columns("rc")
     rows = np.c_[[found[key] for key in ("time_s", "duty_pct", "measured_nm", "reference_nm")]].T
     np.savetxt("closed.csv", rows, "%.9g", ",", header="time_s,duty_pct,torque_nm,reference_nm", comments="")
-    ran = run_eaid(*"simulate fit.json --gains gains.json --log closed.csv -o log.h5 --json".split())
+    ran = run_eaid("simulate fit.json --gains gains.json --log closed.csv -o log.h5 --json")
     told = json.loads(ran.out)
     assert ran.code == 0 and told["scenario"] == "log" and set(told["controllers"]) == {"recorded", "rc", "pi"}
     assert told["log"]["closed"]["rms_difference_nm"] == pytest.approx(0.01, rel=0.1)
@@ -142,15 +142,15 @@ def test_a_recorded_duty_through_the_plant_and_a_closed_loop_run_laid_over(run_e
 
 
 def test_noise_as_the_residuals(by_hand: Callable, run_eaid: Callable) -> None:
-    ran = run_eaid("simulate", "fit.json", "--gains", "gains.json", "--noise", "residuals")
+    ran = run_eaid("simulate fit.json --gains gains.json --noise residuals")
     assert ran.code == 3 and "the fit does not say how its residuals are coloured" in ran.err
     level = {"level": 50.0, "Ts": 1.0, "tau1": 0.5, "tau2": 5.0, "sse": 10_000 * 0.02**2, "rmse": 0.02}
     by_hand({
         "data": {"sample_rate_hz": 1000.0, "sources": [{"level": 50.0}]}, "friction": {"levels": [level]},
         "uncertainty": {"adequacy": {"residual_autocorrelation": 0.6, "effective_samples": 100.0}},
     })  # fmt: skip
-    words = "simulate fit.json --gains gains.json --duration 3 --noise residuals --json".split()
-    rig = json.loads(run_eaid(*words).out)["rig"]
+    words = "simulate fit.json --gains gains.json --duration 3 --noise residuals --json"
+    rig = json.loads(run_eaid(words).out)["rig"]
     assert rig["noise_nm"] == pytest.approx(0.02) and rig["noise_correlation_s"] > 0.05
 
 
@@ -158,13 +158,13 @@ def test_in_volts_every_controller_uses_the_whole_range(
     by_hand: Callable, run_eaid: Callable, volts: dict[str, Any]
 ) -> None:
     """Nothing but the units differs: inputs are three times those in %, errors half as large."""
-    words = "simulate fit.json --controller open-loop,inverse --json -q --force --reference".split()
+    words = "simulate fit.json --controller open-loop,inverse --json -q --force --reference"
     Path("high.csv").write_text("time_s,reference_nm\n0,0\n2,4.2\n3,4.2\n4,2\n")
     Path("half.csv").write_text("time_s,reference_nm\n0,0\n2,2.1\n3,2.1\n4,1\n")
-    percent = json.loads(run_eaid(*words, "high.csv").out)
+    percent = json.loads(run_eaid(words, "high.csv").out)
     in_percent = {name: columns(name) for name in ("open-loop", "inverse")}
     by_hand({"data": volts}, k=3, y=0.5)
-    told = json.loads(run_eaid(*words, "half.csv").out)
+    told = json.loads(run_eaid(words, "half.csv").out)
     assert (told["input_unit"], told["output_unit"]) == ("V", "N")
     for name, before in in_percent.items():
         found = columns(name)
@@ -173,10 +173,12 @@ def test_in_volts_every_controller_uses_the_whole_range(
         now, then = told["controllers"][name], percent["controllers"][name]
         assert now["rms_error_nm"] == pytest.approx(then["rms_error_nm"] / 2, rel=1e-9)
         assert now["saturated_fraction"] == pytest.approx(then["saturated_fraction"], abs=1e-3)
-    more = "simulate fit.json --controller inverse --duty-bits 6 --scenario steps --duration 9 --force".split()
+    more = "simulate fit.json --controller inverse --duty-bits 6 --scenario steps --duration 9 --force"
     ran = run_eaid(*more)
     found = columns("inverse")
-    assert "(N)" in ran.out and found["reference_nm"].max() == pytest.approx(2.0, rel=1e-3)  # 4 N·m of 4.372, for 2.186 N
+    assert "(N)" in ran.out and found["reference_nm"].max() == pytest.approx(
+        2.0, rel=1e-3
+    )  # 4 N·m of 4.372, for 2.186 N
     counts = found["duty_pct"] * 63 / 300
     assert np.abs(counts - np.round(counts)).max() < 1e-9 and counts.max() == 63
 
@@ -185,26 +187,26 @@ def test_gains_of_another_rig_and_logs_in_other_units_are_refused(
     by_hand: Callable, run_eaid: Callable, volts: dict[str, Any]
 ) -> None:
     by_hand({"data": volts}, k=3, y=0.5)
-    ran = run_eaid("simulate", "fit.json", "--gains", "gains.json")
+    ran = run_eaid("simulate fit.json --gains gains.json")
     assert ran.code == 3
     assert "the gains are for an input in % and an output in N·m, the fit has V and N" in ran.err
     rows = "\n".join(f"{0.01 * k},{80.0 * (k > 20)},{0.4 * (k > 20)}" for k in range(200))
     Path("a.csv").write_text("time_s,duty_pct,torque_nm\n" + rows)
     Path("b.csv").write_text("time_s,input (V),output (N)\n" + rows)
-    ran = run_eaid("simulate", "fit.json", "--log", "a.csv")
+    ran = run_eaid("simulate fit.json --log a.csv")
     assert ran.code == 3 and "holds no input in V, which the fit has" in ran.err
-    ran = run_eaid("simulate", "fit.json", "--log", "b.csv", "--json", "-q")
+    ran = run_eaid("simulate fit.json --log b.csv --json -q")
     assert ran.code == 0 and json.loads(ran.out)["log"]["b"]["R2"] is not None
 
 
 def test_what_no_log_showed_is_told(by_hand: Callable, run_eaid: Callable) -> None:
-    words = "simulate fit.json --controller inverse --duration 6 --json --force".split()
-    told = json.loads(run_eaid(*words).out)
+    words = "simulate fit.json --controller inverse --duration 6 --json --force"
+    told = json.loads(run_eaid(words).out)
     (found,) = (one for one in told["findings"] if one["code"] == "replay-leaves-identified")
     assert found["values"]["falling_pct"] > 10 and found["values"]["low"] == 10
     fall = {"level": 50.0, "from": 80.0, "Ts": -1.0, "tau1": 0.3, "tau2": 5.0}
     by_hand({"friction": {"levels": [fall]}})
-    again = json.loads(run_eaid(*words).out).get("findings", [])
+    again = json.loads(run_eaid(words).out).get("findings", [])
     assert all(one["values"].get("falling_pct") is None for one in again)
 
 
@@ -213,11 +215,11 @@ def test_a_session_of_rehabilitation(run_eaid: Callable) -> None:
     gains = json.loads(Path("gains.json").read_text())
     del gains["pi"]
     Path("gains.json").write_text(json.dumps(gains))
-    words = "simulate fit.json --gains gains.json --scenario rehab".split()
-    ran = run_eaid(*words, "--limb-damping", "0.5", "--seed", "1")
+    words = "simulate fit.json --gains gains.json --scenario rehab"
+    ran = run_eaid(words, "--limb-damping", "0.5", "--seed", "1")
     assert ran.code == 5 and not Path("replay.h5").exists()
     assert ran.err.startswith("error: rehab with rc: the ") and "diverges" in ran.err and ran.err.count("\n") == 1
-    told = json.loads(run_eaid(*words, "--json", "-q").out)
+    told = json.loads(run_eaid(words, "--json", "-q").out)
     assert told["scenario"] == "rehab" and told["uncounted_s"] == 5.0 and told["damping_nms"] == 0.8
     rc = told["controllers"]["rc"]
     assert 2 < rc["modes"]["soft"]["abs_position_error_deg"]["median"] < 4
@@ -230,14 +232,14 @@ def test_a_session_of_rehabilitation(run_eaid: Callable) -> None:
 
 @pytest.mark.slow
 def test_a_session_again_and_its_tables(run_eaid: Callable) -> None:
-    words = "simulate fit.json --gains gains.json --controller rc --scenario rehab".split()
-    shown = run_eaid(*words).out
+    words = "simulate fit.json --gains gains.json --controller rc --scenario rehab"
+    shown = run_eaid(words).out
     assert "hard and assisted" in shown and "< 1e−300" in shown
     first = Path("replay.h5").read_bytes()
-    assert run_eaid(*words, "--force").code == 0 and Path("replay.h5").read_bytes() == first
+    assert run_eaid(words, "--force").code == 0 and Path("replay.h5").read_bytes() == first
 
 
 def test_springs_beyond_what_a_loop_keeps_stable_are_told(rig: Path, run_eaid: Callable) -> None:
-    words = "simulate fit.json --gains gains.json --scenario rehab --duration 20 --controller rc,pi --json -o r.h5".split()
-    told = json.loads(run_eaid(*words).out)
+    words = "simulate fit.json --gains gains.json --scenario rehab --duration 20 --controller rc,pi --json -o r.h5"
+    told = json.loads(run_eaid(words).out)
     assert {one["subject"] for one in told["findings"] if one["code"] == "wall-beyond-stable"} == {"pi"}

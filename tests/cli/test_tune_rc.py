@@ -13,9 +13,9 @@ import pytest
 def tuned(by_hand: Callable, run_eaid: Callable) -> Callable[..., dict[str, Any]]:
     """The gains.json that these arguments make of a fit written by hand."""
 
-    def tuned(*arguments: str, parts: dict[str, Any] | None = None, **scales: float) -> dict[str, Any]:
+    def tuned(words: str = "", parts: dict[str, Any] | None = None, **scales: float) -> dict[str, Any]:
         by_hand(parts, **scales)
-        ran = run_eaid("tune-rc", "fit.json", "-q", "--force", *arguments)
+        ran = run_eaid(f"tune-rc fit.json -q --force {words}")
         assert (ran.code, ran.err) == (0, "")
         return json.loads(Path("gains.json").read_text(encoding="utf-8"))
 
@@ -29,7 +29,7 @@ def codes(gains: dict[str, Any]) -> set[str]:
 def test_the_paper_s_linear_model_gives_the_paper_s_gains(by_hand: Callable, run_eaid: Callable) -> None:
     """Nothing but `linear` is needed of the fit."""
     by_hand({"nonlinear": None})
-    ran = run_eaid("tune-rc", "fit.json", "-o", "g.json")
+    ran = run_eaid("tune-rc fit.json -o g.json")
     gains = json.loads(Path("g.json").read_text(encoding="utf-8"))
     assert ran.code == 0 and gains["schema"] == "eaid/gains/1"
     assert gains["inputs"]["fit"]["path"] == "fit.json" and len(gains["inputs"]["fit"]["sha256"]) == 64
@@ -37,8 +37,16 @@ def test_the_paper_s_linear_model_gives_the_paper_s_gains(by_hand: Callable, run
     contract = "K_P K_D B_hat B_m B_M alpha alpha_reached guaranteed phi_holds Q_M phi rho epsilon gamma P Q"
     assert set(contract.split()) <= set(rc) and {"overshoot_pct", "settling_s"} <= set(pi)
     assert (rc["K_P"], rc["K_D"], rc["B_hat"], rc["B_m"], rc["B_M"]) == (4.5, 3.0, 12.5, 12.4, 42.6)
-    assert (rc["epsilon"], rc["gamma"], rc["phi"], rc["Q_M"], rc["P"]) == (0.5, 50.0, 0.05, 5.0, [[5.0, 0.0], [0.0, 5.0]])
-    assert rc["alpha"] == pytest.approx(0.549091, abs=1e-6) and rc["rho"]["constant"] == pytest.approx(10.8125, abs=1e-4)
+    assert (rc["epsilon"], rc["gamma"], rc["phi"], rc["Q_M"], rc["P"]) == (
+        0.5,
+        50.0,
+        0.05,
+        5.0,
+        [[5.0, 0.0], [0.0, 5.0]],
+    )
+    assert rc["alpha"] == pytest.approx(0.549091, abs=1e-6) and rc["rho"]["constant"] == pytest.approx(
+        10.8125, abs=1e-4
+    )
     assert (pi["K_P"], pi["K_I"]) == (21.0, 360.0) and gains["duty_limits_pct"] == [0.0, 100.0]
     assert ran.out.splitlines()[0] == "guarantee: NO (ρ, duty limit)" and len(ran.out.splitlines()) <= 36
     assert re.search(r"^ρ, constant +10\.81 ", ran.out, re.M) and re.search(r"^ρ, slope +6\.586 ", ran.out, re.M)
@@ -55,31 +63,31 @@ def test_the_paper_s_linear_model_gives_the_paper_s_gains(by_hand: Callable, run
 
 
 def test_verbose_shows_what_they_were_made_of(by_hand: Callable, run_eaid: Callable) -> None:
-    ran = run_eaid("tune-rc", "fit.json", "-v", "-o", "g.json")
+    ran = run_eaid("tune-rc fit.json -v -o g.json")
     assert ran.code == 0 and "sampled at 1000 Hz, the input latched at 300 Hz" in ran.out
     assert re.search(r"^textbook ", ran.out, re.M) and "--verbose shows all" not in ran.err
 
 
 def test_every_option_reaches_the_gains(tuned: Callable) -> None:
     linear = {"nonlinear": None}
-    rc = tuned(
-        *"--kp 9 --kd 4 --epsilon 0.3 --gamma 60 --p-scale 3 --q-max 7 --phi 0.02 --b-hat minimax".split(), parts=linear
-    )["rc"]
+    rc = tuned("--kp 9 --kd 4 --epsilon 0.3 --gamma 60 --p-scale 3 --q-max 7 --phi 0.02 --b-hat minimax", parts=linear)[
+        "rc"
+    ]
     assert (rc["K_P"], rc["K_D"], rc["epsilon"], rc["gamma"], rc["Q_M"], rc["phi"]) == (9, 4, 0.3, 60, 7, 0.02)
     assert rc["P"] == [[3.0, 0.0], [0.0, 3.0]] and rc["guaranteed"]
     assert rc["B_hat"] == pytest.approx(2 * 12.4 * 42.6 / 55, abs=1e-3)  # the middle in the sense of 1/B
-    assert tuned("--b-hat", "15", parts=linear)["rc"]["B_hat"] == 15.0
-    assert tuned("--rho", "textbook", parts=linear)["rc"]["rho"]["constant"] == pytest.approx(6.0977, abs=1e-4)
-    assert tuned("--alpha", "reached", parts=linear)["rc"]["guaranteed"] is True
-    damped = tuned("--natural-frequency", "2.1213203", "--damping", "0.70710678", parts=linear)["rc"]
+    assert tuned("--b-hat 15", parts=linear)["rc"]["B_hat"] == 15.0
+    assert tuned("--rho textbook", parts=linear)["rc"]["rho"]["constant"] == pytest.approx(6.0977, abs=1e-4)
+    assert tuned("--alpha reached", parts=linear)["rc"]["guaranteed"] is True
+    damped = tuned("--natural-frequency 2.1213203 --damping 0.70710678", parts=linear)["rc"]
     assert (damped["K_P"], damped["K_D"]) == pytest.approx((4.5, 3.0), rel=1e-6)
-    pi = tuned("--pi-overshoot", "1", "--pi-settling", "0.27", parts=linear)["pi"]
+    pi = tuned("--pi-overshoot 1 --pi-settling 0.27", parts=linear)["pi"]
     assert (pi["K_P"], pi["K_I"]) == pytest.approx((156.6, 252.9), abs=0.1)
-    pi = tuned("--pi-gains", "30,100", parts=linear)["pi"]
+    pi = tuned("--pi-gains 30,100", parts=linear)["pi"]
     assert (pi["K_P"], pi["K_I"]) == (30.0, 100.0)
-    back = tuned("--anti-windup", "back-calculation", "--duty-limits", "5,90", parts=linear)
+    back = tuned("--anti-windup back-calculation --duty-limits 5,90", parts=linear)
     assert back["duty_limits_pct"] == [5.0, 90.0] and back["options"]["anti_windup"] == "back-calculation"
-    timing = tuned("--pwm-hz", "0", "--rate-hz", "500", parts=linear)["margins"]["timing"]
+    timing = tuned("--pwm-hz 0 --rate-hz 500", parts=linear)["margins"]["timing"]
     assert timing == {"rate_hz": 500.0, "pwm_hz": None, "delay_samples": 0}
 
 
@@ -95,32 +103,32 @@ def test_the_replayed_error_stands_beside_the_bound(tuned: Callable) -> None:
 
 def test_Q_M_from_a_reference(tuned: Callable, tmp_path: Path) -> None:
     (tmp_path / "ramp.csv").write_text("time_s,reference_nm\n0,1\n1,3.5\n2,3.5\n")
-    gains = tuned("--reference", "ramp.csv")
+    gains = tuned("--reference ramp.csv")
     assert gains["rc"]["Q_M"] == pytest.approx(2.5) and gains["rc"]["Q_M_holds"] is True
     assert gains["inputs"]["reference"]["path"] == "ramp.csv"
-    judged = tuned("--reference", "ramp.csv", "--q-max", "2")
+    judged = tuned("--reference ramp.csv --q-max 2")
     assert judged["rc"]["Q_M"] == 2.0 and judged["rc"]["Q_M_holds"] is False
-    assert tuned("--reference", "multisine")["rc"]["Q_M"] == pytest.approx(9.28, abs=0.01)
+    assert tuned("--reference multisine")["rc"]["Q_M"] == pytest.approx(9.28, abs=0.01)
 
 
 def test_phi_from_data(made: Path, tuned: Callable, run_eaid: Callable, by_hand: Callable) -> None:
-    gains = tuned("--phi", "data", "--data", str(made / "data.h5"))
+    gains = tuned(f"--phi data --data {made}/data.h5")
     assert gains["rc"]["phi_holds"] is True and {"model", "logs"} <= set(gains["phi_from_data"])
     needed = max(gains["phi_from_data"][name]["pct"] for name in ("model", "logs"))
     assert gains["rc"]["phi_honest_pct"] == pytest.approx(needed) == gains["rc"]["phi_needed_pct"]
-    ran = run_eaid("tune-rc", "fit.json", "--phi", "data", "--force")
+    ran = run_eaid("tune-rc fit.json --phi data --force")
     assert ran.code == 0 and "names no logs, so φ cannot be read off them; give the logs with --data" in ran.err
     by_hand({"nonlinear": None})
-    assert run_eaid("tune-rc", "fit.json", "--phi", "data", "--force").code == 3
+    assert run_eaid("tune-rc fit.json --phi data --force").code == 3
 
 
 def test_the_logs_that_a_fit_names_are_taken_while_they_are_the_same(rig: Path, run_eaid: Callable) -> None:
     words = ["tune-rc", "fit.json", "--phi", "data", "--force", "-o", "g.json"]
-    assert run_eaid(*words).code == 0
+    assert run_eaid(words).code == 0
     told = json.loads(Path("g.json").read_text(encoding="utf-8"))["phi_from_data"]
     assert {"model", "logs"} <= set(told)
     Path("data.h5").write_bytes(Path("data.h5").read_bytes() + b" ")
-    ran = run_eaid(*words)
+    ran = run_eaid(words)
     assert ran.code == 0 and "data.h5: is gone or has changed, so φ cannot be read off them" in ran.err
     assert json.loads(Path("g.json").read_text(encoding="utf-8"))["phi_from_data"].get("logs") is None
 
@@ -128,15 +136,15 @@ def test_the_logs_that_a_fit_names_are_taken_while_they_are_the_same(rig: Path, 
 def test_bounds_over_levels_and_widened(rig: Path, run_eaid: Callable) -> None:
     linear = json.loads(Path("fit.json").read_text(encoding="utf-8"))["linear"]
 
-    def bounds(*more: str) -> tuple[float, float]:
-        assert run_eaid("tune-rc", "fit.json", "-q", "--force", "-o", "g.json", *more).code == 0
+    def bounds(more: str = "") -> tuple[float, float]:
+        assert run_eaid(f"tune-rc fit.json -q --force -o g.json {more}").code == 0
         rc = json.loads(Path("g.json").read_text(encoding="utf-8"))["rc"]
         return rc["B_m"], rc["B_M"]
 
     stored = linear["bounds"]
     assert bounds() == (stored["B_m"], stored["B_M"])
     kept = [row["B"] for row in linear["per_level"] if 30 <= row["level"] <= 90]
-    assert bounds("--bounds-levels", "30:90") == pytest.approx((min(kept), max(kept)))
+    assert bounds("--bounds-levels 30:90") == pytest.approx((min(kept), max(kept)))
     wide = bounds("--widen-bounds")
     assert wide == pytest.approx((stored["ci95"]["B_m"][0], stored["ci95"]["B_M"][1]), rel=1e-6)
 
@@ -162,9 +170,13 @@ def test_a_linear_model_of_no_rig_is_refused(
     linear: dict[str, Any], sentence: str, by_hand: Callable, run_eaid: Callable
 ) -> None:
     by_hand({"linear": {**PAPER, **linear}})
-    lines = ["tune-rc fit.json -o x", "simulate fit.json --controller open-loop", "simulate fit.json --controller feedforward"]
+    lines = [
+        "tune-rc fit.json -o x",
+        "simulate fit.json --controller open-loop",
+        "simulate fit.json --controller feedforward",
+    ]
     for line in lines if "bounds" not in linear else lines[:1]:
-        ran = run_eaid(*line.split())
+        ran = run_eaid(line)
         assert ran.code == 5 and sentence in ran.err and ran.err.count("error: ") == ran.err.count("\n") == 1
 
 
@@ -196,19 +208,24 @@ def test_a_plant_that_cannot_be_is_refused_by_all_that_use_it(
     changes: dict[str, Any], sentence: str, by_hand: Callable, run_eaid: Callable
 ) -> None:
     by_hand({"nonlinear": {**NONLINEAR, **changes}})
-    for line in ("tune-rc fit.json -o x", "simulate fit.json --controller inverse", "couple fit.json", "export fit.json"):
-        ran = run_eaid(*line.split())
+    for line in (
+        "tune-rc fit.json -o x",
+        "simulate fit.json --controller inverse",
+        "couple fit.json",
+        "export fit.json",
+    ):
+        ran = run_eaid(line)
         assert ran.code == 3 and sentence in ran.err and ran.err.count("error: ") == ran.err.count("\n") == 1
 
 
 def test_a_fit_without_what_is_needed(by_hand: Callable, run_eaid: Callable) -> None:
     by_hand({"linear": None, "nonlinear": None, "friction": {}})
-    ran = run_eaid("tune-rc", "fit.json", "-o", "x")
+    ran = run_eaid("tune-rc fit.json -o x")
     assert ran.code == 3 and "holds no linear model" in ran.err
     by_hand({"nonlinear": None})
-    ran = run_eaid("tune-rc", "fit.json", "--optimize", "-o", "x")
+    ran = run_eaid("tune-rc fit.json --optimize -o x")
     assert ran.code == 3 and "holds no nonlinear model" in ran.err
-    ran = run_eaid("tune-rc", "fit.json", "--bounds-levels", "30:100", "-o", "x")
+    ran = run_eaid("tune-rc fit.json --bounds-levels 30:100 -o x")
     assert ran.code == 2 and "no fits of single levels" in ran.err
 
 
@@ -218,7 +235,7 @@ def test_an_unidentified_fit_is_used_on_request_only(tuned: Callable, by_hand: C
         "findings": [{"code": "one level only", "severity": "stop", "subject": "linear"}],
     }  # fmt: skip
     by_hand(parts)
-    ran = run_eaid("tune-rc", "fit.json", "-o", "x")
+    ran = run_eaid("tune-rc fit.json -o x")
     assert ran.code == 3
     assert "the linear model is not identifiable (one level only); --allow-unidentified uses it, marked" in ran.err
     gains = tuned("--allow-unidentified", parts=parts)
@@ -229,10 +246,10 @@ def test_a_rig_in_other_units_gets_the_same_design_in_its_own(
     tuned: Callable, run_eaid: Callable, volts: dict[str, Any]
 ) -> None:
     """Nothing but the units differs: the gains are the paper's in them, the errors are the same share."""
-    designed = ["--phi", "data", "--reference", "multisine", "--pi-overshoot", "1", "--pi-settling", "0.27", "--pwm-hz", "0"]
-    paper = tuned(*designed)
+    designed = "--phi data --reference multisine --pi-overshoot 1 --pi-settling 0.27 --pwm-hz 0"
+    paper = tuned(designed)
     k, y = 3.0, 0.5
-    rig = tuned("--reference", "multisine", parts={"data": volts}, k=k, y=y)
+    rig = tuned("--reference multisine", parts={"data": volts}, k=k, y=y)
     assert (rig["input_unit"], rig["output_unit"], rig["duty_limits_pct"]) == ("V", "N", [0.0, 300.0])
     assert codes(rig) >= {"designed-for-rig"} and "designed-for-rig" not in codes(paper)
     for at, factor, rel in (
@@ -245,9 +262,9 @@ def test_a_rig_in_other_units_gets_the_same_design_in_its_own(
             ours, theirs = ours[key], theirs[key]
         assert ours == pytest.approx(theirs * factor, rel=rel), at
     assert rig["rc"]["phi_holds"] is True and paper["rc"]["phi_holds"] is True
-    out = run_eaid("tune-rc", "fit.json", "--force").out
+    out = run_eaid("tune-rc fit.json --force").out
     assert "V·s/(N)" in out and "%·s" not in out and "N·m" not in out
-    assert tuned("--duty-limits", "0,250", parts={"data": volts}, k=k, y=y)["duty_limits_pct"] == [0.0, 250.0]
+    assert tuned("--duty-limits 0,250", parts={"data": volts}, k=k, y=y)["duty_limits_pct"] == [0.0, 250.0]
     nameless = {"data": {"levels": [100.0, 300.0]}}  # a "duty" above 100 is none
     assert tuned(parts=nameless, k=k, y=y)["duty_limits_pct"] == [0.0, 300.0]
 
@@ -274,8 +291,8 @@ def test_a_loop_that_is_sampled_slowly_gets_a_softer_layer_and_keeps_its_margins
 
 def test_optimize_trades_in_the_open(by_hand: Callable, run_eaid: Callable) -> None:
     Path("short.csv").write_text("time_s,reference_nm\n0,1\n1,3\n2,1\n3,3\n")
-    more = "--optimize --noise-nm 0.01 --reference short.csv --q-max 5 --evaluations 15".split()
-    ran = run_eaid("tune-rc", "fit.json", *more, "-o", "a.json")
+    more = "--optimize --noise-nm 0.01 --reference short.csv --q-max 5 --evaluations 15"
+    ran = run_eaid(f"tune-rc fit.json {more}", "-o", "a.json")
     gains = json.loads(Path("a.json").read_text(encoding="utf-8"))
     told = gains["optimized"]
     assert ran.code == 0 and told["after"]["rms_error_nm"] <= told["before"]["rms_error_nm"]
@@ -283,7 +300,7 @@ def test_optimize_trades_in_the_open(by_hand: Callable, run_eaid: Callable) -> N
     assert gains["rc"]["epsilon"] == told["after"]["epsilon"]
     assert "Search. On the short.csv, 1 plants, noise 0.0100 N·m (given)" in ran.out
     assert " to do" in ran.err and "every drawn plant is the fitted one" in ran.err
-    assert run_eaid("tune-rc", "fit.json", *more, "-o", "b.json", "-q").code == 0
+    assert run_eaid(f"tune-rc fit.json {more}", "-o", "b.json", "-q").code == 0
     assert Path("b.json").read_bytes() == Path("a.json").read_bytes()
 
 

@@ -1,6 +1,6 @@
 """Calls that cannot mean anything: an exit code and one sentence, at once, and every file stays as it was.
 
-A line of the table: exit code | command line | sentence, `…` standing for any rest. Where no output is named it is `out`.
+A line of the table: exit code | command line | sentence, `…` standing for any rest; the output is `out` if not named.
 A code with `!`: the sentence that belongs there; today's names a field of the library, which is no option.
 """
 
@@ -274,7 +274,7 @@ def test_such_a_call_is_refused_in_one_sentence(row: str, run_eaid: Callable) ->
     words = shlex.split(line.replace(r"\n", "\n").replace(r"\udcff", "\udcff"))
     if len(words) > 1 and "-o" not in words and "Possible options" not in sentence:
         words += ["-o", "out.h5" if words[0] in ("ingest", "synth") else "out"]
-    ran = run_eaid(*words)
+    ran = run_eaid(words)
     (told,) = [one for one in ran.err.splitlines() if one.startswith("error: ")]
     start, cut, _ = sentence.partition("…")
     assert (ran.code, ran.out) == (int(code.rstrip("!")), "")

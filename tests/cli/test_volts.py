@@ -38,15 +38,15 @@ def test_a_sequence_in_another_unit_leads_back_to_the_plant(
 ) -> None:
     rig_of(factor, unit)
     words = "--excitation --want Ts=3,tau1=10,tau2=30 --limits engagements=2,rest_s=8 --no-check -q -o next.csv"
-    assert run_eaid("plan", "fit.json", *words.split()).code == 0
+    assert run_eaid(f"plan fit.json {words}").code == 0
     assert Path("next.csv").read_text(encoding="utf-8").splitlines()[0] == f"time_s,input ({unit})"
     values = np.loadtxt("next.csv", delimiter=",", skiprows=1)[:, 1]
     assert values.max() == pytest.approx(100 * factor) and values[values > 0].min() == pytest.approx(10 * factor)
     words = "--duty-file next.csv --clean --rate-hz 1000 --repeats 1 -o logs -q"
-    assert run_eaid("synth", "--plant", "fit.json", *words.split()).code == 0
+    assert run_eaid(f"synth --plant fit.json {words}").code == 0
     head, rows = columns_of("logs")
     assert head == f"time_s,input ({unit}),torque_nm" and rows[:, 1].max() == pytest.approx(100 * factor)
-    assert run_eaid("fit", "logs", "-o", "again.json", "-q").code == 0
+    assert run_eaid("fit logs -o again.json -q").code == 0
     fit, truth = eaid.load("again.json"), eaid.load("fit.json")
     assert fit.data.input_unit == unit and fit.plant.u_range == pytest.approx((10 * factor, 100 * factor))
     for name, high in (("Ts", 4), ("tau1", 3), ("tau2", 3)):
@@ -61,8 +61,10 @@ def test_every_excitation_is_that_of_the_same_rig_in_percent(kind: str, rig_of: 
     tables = []
     for factor, unit in ((3.0, "V"), (1.0, "%")):
         rig_of(factor, unit)
-        words = f"synth --plant fit.json --excitation {kind} --shape duration_s=60,hold_s=0.5:4 --rate-hz 100 -q -o {unit}"
-        assert run_eaid(*words.split()).code == 0
+        words = (
+            f"synth --plant fit.json --excitation {kind} --shape duration_s=60,hold_s=0.5:4 --rate-hz 100 -q -o {unit}"
+        )
+        assert run_eaid(words).code == 0
         head, rows = columns_of(unit)
         assert head.split(",")[1] == ("input (V)" if unit == "V" else "duty_pct")
         tables.append(rows)
@@ -77,21 +79,21 @@ def test_small_inputs_have_files_of_their_own_and_no_unit_is_an_arbitrary_one(
 ) -> None:
     rig_of(1.2e-4, "A")
     words = "synth --plant fit.json --levels 0.00201,0.002011,0.012 --repeats 1 --rate-hz 20 --clean -o small -q"
-    assert run_eaid(*words.split()).code == 0
+    assert run_eaid(words).code == 0
     names = [f"synthetic-clutch-{level}-r1.csv" for level in ("0.00201", "0.002011", "0.012")]
     assert sorted(file.name for file in Path("small").iterdir()) == names
     rig_of(3.0, "")
     words = "synth --plant fit.json --levels 60,150,300 --repeats 1 --hold 30 --rate-hz 50 --clean -o logs -q"
-    assert run_eaid(*words.split()).code == 0
-    assert run_eaid("fit", "logs", "-o", "again.json", "-q", "--ci", "none").code in (0, 4)
+    assert run_eaid(words).code == 0
+    assert run_eaid("fit logs -o again.json -q --ci none").code in (0, 4)
     data = json.loads(Path("again.json").read_text(encoding="utf-8"))["data"]
     assert data["levels"] == [60, 150, 300] and data["input_unit"] == "a.u."
 
 
 def test_limits_of_another_rig_are_its_own(rig_of: Callable, run_eaid: Callable) -> None:
     rig_of(3.0, "V")
-    words = "plan fit.json --excitation --no-check --want Ts=5 -o next.csv --limits".split()
-    ran = run_eaid(*words, "duty=240:60")
+    words = "plan fit.json --excitation --no-check --want Ts=5 -o next.csv --limits"
+    ran = run_eaid(words, "duty=240:60")
     assert ran.code == 2 and "give two inputs that rise" in ran.err
 
 
@@ -100,9 +102,9 @@ def test_a_unit_that_no_file_can_hold_is_written_otherwise(rig_of: Callable, run
     rig_of(3.0, "V")
     text = Path("fit.json").read_text(encoding="utf-8").replace('"V"', '"\\ud800V"')
     Path("fit.json").write_text(text, encoding="utf-8")
-    assert run_eaid("plan", "fit.json", "--no-check", "-q").code == 0
+    assert run_eaid("plan fit.json --no-check -q").code == 0
     assert Path("plan.duty.csv").read_text(encoding="utf-8").startswith("time_s,input (?V)\n")
-    assert run_eaid(*"synth --plant fit.json --plan plan.csv --rate-hz 5 -o logs -q".split()).code == 0
+    assert run_eaid("synth --plant fit.json --plan plan.csv --rate-hz 5 -o logs -q").code == 0
 
 
 @pytest.mark.slow
