@@ -174,7 +174,7 @@ def test_in_volts_every_controller_uses_the_whole_range(
         assert now["rms_error_nm"] == pytest.approx(then["rms_error_nm"] / 2, rel=1e-9)
         assert now["saturated_fraction"] == pytest.approx(then["saturated_fraction"], abs=1e-3)
     more = "simulate fit.json --controller inverse --duty-bits 6 --scenario steps --duration 9 --force"
-    ran = run_eaid(*more)
+    ran = run_eaid(more)
     found = columns("inverse")
     assert "(N)" in ran.out and found["reference_nm"].max() == pytest.approx(
         2.0, rel=1e-3
