@@ -21,17 +21,15 @@ BECOME_REAPER = 36  # PR_SET_CHILD_SUBREAPER: orphans of a killed command become
 
 
 def warm() -> None:
+    import h5py  # noqa: F401
     import matplotlib as mpl
+    import numba  # noqa: F401
+    import scipy.optimize
+    import scipy.signal
+    import scipy.stats  # noqa: F401
 
     mpl.use("Agg")
-    import eaid.api
-    import eaid.cli.main
-    import eaid.planning.recordings
-    import eaid.replay.simulate
-    import eaid.replay.tune
-    import eaid.report.write
-    import eaid.synth.files
-    import eaid.synth.synthesize  # noqa: F401
+    import matplotlib.pyplot  # noqa: F401
 
 
 class Watch:

@@ -1,99 +1,159 @@
-"""Tables on a terminal, findings, and texts that want to command it."""
+"""What is printed: tables and messages on a terminal and elsewhere, findings, names that want to command it."""
 
+import io
+import os
 import sys
+from collections.abc import Callable
+from pathlib import Path
 
 import pytest
 
 from eaid.cli import console
-from eaid.cli.console import aligned
 from eaid.findings import finding
 
-ROWS = [
-    ["level [%]", "T_s [N·m]", "τ1 [s]", "verdict"],
-    ["10", "0.14443", "0.2268", "converged"],
-    ["100", "4.4234", "0.28", "held: " + "word " * 20],
-]
+HEADS = ["level [%]", "T_s [N·m]", "τ1 [s]", "verdict"]
+ROWS = [["10", "0.14443", "0.2268", "converged"], ["100", "4.4234", "0.28", "held: " + "word " * 20]]
 
 
-def test_numbers_stand_to_the_right_and_brackets_stay():
-    assert aligned([["level [%]", "τ1 [s]"], ["10", "0.2"], ["100", "12.25"]]) == [
-        "level [%]  τ1 [s]",
-        "10            0.2",
-        "100         12.25",
-    ]
+@pytest.fixture
+def terminal(monkeypatch: pytest.MonkeyPatch) -> Callable[[int], None]:
+    """Both streams are a terminal of that width."""
+
+    def of(width: int) -> None:
+        for stream in (sys.stdout, sys.stderr):
+            monkeypatch.setattr(stream, "isatty", lambda: True)
+        monkeypatch.setenv("COLUMNS", str(width))
+        monkeypatch.setattr(os, "get_terminal_size", lambda *_: os.terminal_size((width, 50)))
+
+    return of
 
 
-@pytest.mark.parametrize("width", [40, 60, 80])
-def test_nothing_is_broken_mid_word_and_nothing_is_wider_than_the_terminal(width: int):
-    lines = aligned(ROWS, width)
-    assert max(len(one) for one in lines) <= width
-    words = " ".join(lines).split()
+def test_numbers_stand_to_the_right_and_brackets_stay(capsys: pytest.CaptureFixture[str]) -> None:
+    console.table("A [b]", ["level [%]", "τ1 [s]"], [["10", "0.2"], ["100", "12.25"]])
+    assert capsys.readouterr().out == "A [b]\nlevel [%]  τ1 [s]\n10            0.2\n100         12.25\n"
+
+
+@pytest.mark.parametrize("width", [40, 60, 80, 120])
+def test_nothing_is_broken_mid_word_and_nothing_is_wider_than_the_terminal(
+    width: int, terminal: Callable, capsys: pytest.CaptureFixture[str]
+) -> None:
+    terminal(width)
+    console.table("A title of some words, which is longer than forty letters are", HEADS, ROWS)
+    console.say("word " * 30)
+    told = capsys.readouterr()
+    assert max(map(len, (told.out + told.err).splitlines())) <= width
+    words = told.out.split()
     assert {"0.14443", "4.4234", "0.2268", "converged", "held:"} <= set(words)
-    assert words.count("word") == 20
+    assert words.count("word") == 20 and told.err.split().count("word") == 30
 
 
-def test_columns_that_do_not_fit_follow_under_the_first_one():
-    rows = [["run", *(f"column {i}" for i in range(6))], ["a-long-name-of-a-run", *("0.123456" for _ in range(6))]]
-    lines = aligned(rows, 60)
-    assert sum(one.startswith("a-long-name-of-a-run") for one in lines) > 1
-    assert " ".join(lines).split().count("0.123456") == 6
+def test_columns_that_do_not_fit_follow_under_the_first_one(
+    terminal: Callable, capsys: pytest.CaptureFixture[str]
+) -> None:
+    terminal(60)
+    console.table("T", ["run", *(f"column {i}" for i in range(6))], [["a-long-name-of-a-run", *(["0.123456"] * 6)]])
+    told = capsys.readouterr().out
+    assert sum(line.startswith("a-long-name-of-a-run") for line in told.splitlines()) > 1
+    assert told.split().count("0.123456") == 6
 
 
 @pytest.mark.parametrize(
     "evil", ["\x1b[31mred", "bell\a", "two\r\nerror: forged", "\u202eright to left", "\u2028line", "\ud800"]
 )
-def test_names_have_no_power_over_the_terminal(evil: str, capsys: pytest.CaptureFixture[str]):
-    console.be_quiet(False)
+def test_names_have_no_power_over_the_terminal(evil: str, capsys: pytest.CaptureFixture[str]) -> None:
     console.fail(evil)
     console.say(evil)
     console.table(evil, [evil], [[evil]])
-    said = capsys.readouterr()
-    assert said.err.count("\n") == 2
-    assert said.out.count("\n") == 3
-    assert evil not in said.err + said.out
-    assert not {"\x1b", "\a", "\r", "\u202e", "\u2028"} & set(said.err + said.out)
+    told = capsys.readouterr()
+    assert told.err.count("\n") == 2 and told.out.count("\n") == 3
+    assert evil not in told.err + told.out
+    assert not {"\x1b", "\a", "\r", "\u202e", "\u2028"} & set(told.err + told.out)
 
 
-def test_the_three_gravest_findings_come_first_and_the_rest_is_counted(capsys: pytest.CaptureFixture[str]):
-    console.be_quiet(False)
-    many = [finding("result-written-anew", "a.json"), finding("part-left-out", "b.json", part="linear", key="a0")]
-    console.tell([*many, many[0]])
-    told = capsys.readouterr().err.splitlines()
-    assert told == [
+def test_the_three_gravest_findings_come_first_and_rows_that_were_dropped_are_always_told(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    left_out = finding("part-left-out", "b.json", part="linear", key="a0")
+    anew = finding("result-written-anew", "a.json")
+    console.tell([anew, left_out, anew])
+    assert capsys.readouterr().err.splitlines() == [
         "warning: b.json: its linear has no a0 and is left out",
         "note: a.json: another program has written it anew: its digest no longer fits and is passed over (and 1 more)",
     ]
-
-
-def test_rows_that_were_dropped_are_told_however_much_else_there_is(capsys: pytest.CaptureFixture[str]):
-    console.be_quiet(False)
-    grave = [finding(code, "x", part="p", key="k") for code in ("part-left-out",)]
     others = [finding("input-by-its-steps", "x", column="a", still="b"), finding("columns-by-place", "x", order="t, u")]
-    repaired = finding("rows-dropped", "a.csv", dropped=14, count=100)
-    console.tell([*grave, *others, repaired])
-    assert "warning: --repair dropped 14 of 100 rows" in capsys.readouterr().err.splitlines()
+    many = [left_out, *others, anew, finding("rows-dropped", "a.csv", dropped=14, count=100)]
+    console.tell(many)
+    told = capsys.readouterr().err.splitlines()
+    assert "warning: --repair dropped 14 of 100 rows" in told and "and 1 more: --verbose shows all" in told
+    console.tell(many, verbose=True)
+    assert len(capsys.readouterr().err.splitlines()) == 5
+    console.be_quiet(True)
+    console.tell(many, verbose=True)
+    assert capsys.readouterr().err == ""
 
 
 def test_colour_is_for_terminals_and_no_color_is_kept(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-):
-    monkeypatch.delenv("NO_COLOR", raising=False)
-    monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
+    terminal: Callable, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     console.warn("x")
-    assert capsys.readouterr().err == "\x1b[33mwarning:\x1b[0m x\n"
+    assert capsys.readouterr().err == "warning: x\n"
+    terminal(80)
+    console.warn("x")
+    console.fail("y")
+    assert capsys.readouterr().err == "\x1b[33mwarning:\x1b[0m x\n\x1b[1;31merror:\x1b[0m y\n"
     monkeypatch.setenv("NO_COLOR", "1")
     console.warn("x")
     assert capsys.readouterr().err == "warning: x\n"
 
 
-def test_progress_without_a_terminal_is_told_now_and_then(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-):
+def test_progress_is_a_bar_on_a_terminal_and_now_and_then_a_line_elsewhere(
+    terminal: Callable, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def reading(pieces: int) -> str:
+        with console.progress("reading logs", pieces) as advance:
+            for _ in range(pieces):
+                advance()
+        return capsys.readouterr().err
+
     clock = iter(range(0, 1000, 3))
     monkeypatch.setattr(console.time, "monotonic", lambda: next(clock))
-    with console.progress("reading logs", 10) as advance:
-        for _ in range(10):
-            advance()
-    told = capsys.readouterr().err.splitlines()
-    assert told[0] == "reading logs: 10 to do"
-    assert 2 <= len(told) <= 6
+    told = reading(10).splitlines()
+    assert told[0] == "reading logs: 10 to do" and told[1:] == [f"reading logs: {k} of 10" for k in (2, 4, 6, 8, 10)]
+    assert reading(1) == ""
+    monkeypatch.undo()
+    terminal(80)
+    assert "10/10" in reading(10)
+    console.be_quiet(True)
+    assert reading(10) == ""
+
+
+@pytest.mark.parametrize("name", ["ingest", "fit", "tune-rc", "simulate", "couple", "plan"])
+@pytest.mark.parametrize("width", [80, 120])
+def test_every_table_fits_the_terminal(
+    name: str, width: int, rig: Path, terminal: Callable, run_eaid: Callable
+) -> None:
+    """And holds the words that stand there without a terminal."""
+    more = {
+        "ingest": "logs", "fit": "data.h5 --ci white --tables -v", "tune-rc": "fit.json -v",
+        "plan": "fit.json --no-check",
+        "simulate": "fit.json --gains gains.json --scenario steps --duration 8",
+        "couple": "fit.json --torque 1 --no-replay",
+    }[name]  # fmt: skip
+    words = [name, *more.split(), "--force", "-o", f"o.{'h5' if name in ('ingest', 'simulate') else 'json'}"]
+    piped = run_eaid(words)
+    known = set(f"{piped.out} {piped.err}".split())
+    terminal(width)
+    ran = run_eaid(words)
+    told = ran.out + "".join(line for line in ran.err.splitlines(True) if "\x1b[" not in line)
+    assert [line for line in told.splitlines() if len(line) > width + line.count("\u0302")] == []
+    assert ran.code == 0 and set(ran.out.split()) <= known
+
+
+def test_streams_that_know_few_letters(monkeypatch: pytest.MonkeyPatch) -> None:
+    from eaid.cli import main
+
+    narrow = io.TextIOWrapper(io.BytesIO(), encoding="ascii")
+    monkeypatch.setattr(sys, "stdout", narrow)
+    assert main.run(["tune-rc", "--help"]) == 0
+    narrow.flush()
+    assert b"K_P" in narrow.buffer.getvalue()

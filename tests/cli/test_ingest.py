@@ -1,167 +1,196 @@
-"""`eaid ingest` as users call it: table, JSON, files, exit codes; and the recorded logs of other rigs."""
+"""`eaid ingest`: its table and JSON, bad and damaged logs, logs as benches leave them."""
 
 import json
-import subprocess
-import sys
+import random
+import shutil
+from collections.abc import Callable
 from pathlib import Path
 
 import h5py
 import numpy as np
 import pytest
 
-from eaid.cli.inputs import runs_from
-from eaid.cli.main import run
-from eaid.errors import UsageError
-from eaid.reading import pairs
+import eaid
+from eaid.errors import EaidError
 
-REALDATA = Path(__file__).parents[2] / "../shared/realdata"
-needs_realdata = pytest.mark.skipif(not REALDATA.is_dir(), reason="the recorded logs are not beside the project")
 EA_CLUTCH = [
     "--columns", 'time=Time,output="Load Cell"', "--units", "time=us,output=N", "--name-pattern", "_V={level}_",
     "--step-at", "2.0", "--until", "5.0",
 ]  # fmt: skip
 
 
-def write_log(path: Path, level: float = 50.0, rows: int = 2000) -> Path:
+@pytest.fixture(autouse=True)
+def _here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+
+
+def write_log(name: str, level: float = 50.0, rows: int = 2000) -> str:
     t = np.arange(rows) / 100.0
     u = np.where(t >= 5, level, 0.0)
     y = 0.1 + np.where(t >= 5, 0.04 * level * -np.expm1(-(t - 5) / 0.4), 0.0) + 0.01 * np.sin(999 * t)
     lines = ["time_s,duty_pct,torque_nm", *(f"{a:.2f},{b:g},{c:.6f}" for a, b, c in zip(t, u, y, strict=True))]
-    path.write_text("\n".join(lines) + "\n")
-    return path
+    Path(name).write_text("\n".join(lines) + "\n")
+    return name
 
 
-def test_a_column_that_is_mistyped_is_told_the_one_meant(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    log = str(write_log(tmp_path / "a.csv"))
-    assert run(["ingest", log, "--columns", "output=torqe_nm", "-o", str(tmp_path / "d.h5")]) == 3
-    assert "did you mean torque_nm?" in capsys.readouterr().err
-
-
-def test_table_and_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    logs = [str(write_log(tmp_path / f"u{level}.csv", level)) for level in (30, 60)]
-    assert run(["ingest", *logs, "-o", str(tmp_path / "d.h5")]) == 0
-    out, err = capsys.readouterr()
-    assert out.splitlines()[0] == "clutch: 2 levels, 2 runs, 100 Hz"
-    assert out.splitlines()[3].split() == ["30", "1", "0", "0.100", "1.200", "0", "14.99", "0"]
-    assert len(out.splitlines()) == 5  # a line a level, and no doubts
-    assert err.splitlines() == [
+def test_table_json_and_file(run_eaid: Callable) -> None:
+    logs = [write_log(f"u{level}.csv", level) for level in (30, 60)]
+    ran = run_eaid("ingest", *logs)
+    assert ran.code == 0 and ran.out.splitlines()[0] == "clutch: 2 levels, 2 runs, 100 Hz"
+    assert ran.out.splitlines()[3].split() == ["30", "1", "0", "0.100", "1.200", "0", "14.99", "0"]
+    assert len(ran.out.splitlines()) == 5  # a line a level
+    assert ran.err.splitlines() == [
         "reading logs: 2 to do",
         "columns of 2 logs: time = time_s [s], input = duty_pct [%], output = torque_nm [N·m]; left: none",
-        f"{tmp_path / 'd.h5'}: 2 runs, 2 levels; next: eaid fit {tmp_path / 'd.h5'}",
+        "data.h5: 2 runs, 2 levels; next: eaid fit data.h5",
     ]
-    with h5py.File(tmp_path / "d.h5") as file:
+    with h5py.File("data.h5") as file:
         assert list(file["runs"]) == ["u30", "u60"]
+        assert (file.attrs["schema"], file.attrs["kind"], file.attrs["input_unit"]) == ("eaid/data/1", "clutch", "%")
+        attributes, columns = file["runs/u30"].attrs, set(file["runs/u30"])
+        assert (attributes["level"], attributes["step_s"], attributes["source"]) == (30.0, 5.0, "u30.csv")
+        assert {"repeat", "baseline_nm", "sha256"} <= set(attributes) and columns == {"time_s", "input", "torque_nm"}
+    told = json.loads(run_eaid("ingest u30.csv --json --force").out)
+    assert told["levels"] == [{"level": 30.0, "repeats": 1, "samples": 1500, "runs": ["u30"]}]
+    (row,) = told["runs"]
+    assert (row["step_s"], row["source"], row["findings"]) == (5.0, "u30.csv", [])
 
 
-def test_json(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    log = str(write_log(tmp_path / "a.csv"))
-    assert run(["ingest", log, "--json", "-q", "-o", str(tmp_path / "d.h5")]) == 0
-    out, err = capsys.readouterr()
-    assert err == ""
-    result = json.loads(out)
-    assert result["schema"] == "eaid/ingest/1"
-    assert result["levels"] == [{"level": 50.0, "repeats": 1, "samples": 1500, "runs": ["a"]}]
-    (row,) = result["runs"]
-    assert row["step_s"] == 5.0
-    assert row["source"] == log
-    assert row["findings"] == []
+@pytest.mark.parametrize("mended", [False, True])
+def test_all_bad_logs_are_told_at_once_and_leave_earlier_results_untouched(mended: bool, run_eaid: Callable) -> None:
+    write_log("a.csv")
+    lines = Path("a.csv").read_text().splitlines()
+    Path("b.csv").write_text("\n".join([*lines, "0,0,0.1"]) + "\n")
+    Path("c.csv").write_text("\n".join([*lines[:90], "0.895,0,x", *lines[90:]]) + "\n")
+    Path("data.h5").write_text("earlier")
+    ran = run_eaid("ingest a.csv b.csv c.csv --force", *(["--repair"] if mended else []))
+    told = [line for line in ran.err.splitlines() if line.startswith("error: ")]
+    if mended:
+        assert ran.code == 0 and not told and "--repair dropped 1 of 2001 rows (and 1 more)" in ran.out
+        return
+    assert ran.code == 3 and [line.split(":")[1] for line in told] == [" b.csv", " c.csv"]
+    assert "time falls at row 2002 (0 s after 19.99 s); sort the rows, or drop such rows with --repair" in told[0]
+    assert Path("data.h5").read_text() == "earlier"
+    assert sorted(item.name for item in Path().iterdir()) == ["a.csv", "b.csv", "c.csv", "data.h5"]
 
 
-def test_default_name_and_no_overwriting(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    write_log(tmp_path / "a.csv")
-    assert run(["ingest", "a.csv", "-q"]) == 0
-    before = (tmp_path / "data.h5").read_bytes()
-    assert run(["ingest", "a.csv", "-q"]) == 2
-    assert (
-        capsys.readouterr().err == "error: data.h5: exists already; give --force to overwrite it, or another --output\n"
-    )
-    assert (tmp_path / "data.h5").read_bytes() == before
-    assert run(["ingest", "a.csv", "-q", "--force"]) == 0
-    assert run(["ingest", "a.csv", "-q", "-o", "no/such/folder.h5"]) == 2
+def test_a_written_manifest_says_what_was_typed(run_eaid: Callable) -> None:
+    Path("bench").mkdir()
+    for level in (100, 200):
+        t = np.arange(700) / 100
+        rows = np.c_[
+            1e6 * t, np.where(t < 2, 0.0, 0.02 * level * -np.expm1(-(t - 2).clip(0) / 0.3)) + 0.01 * np.sin(99 * t)
+        ]
+        np.savetxt(f"bench/x_V={level}_1.csv", rows, "%.5f", ",", header="Time,Load Cell", comments="")
+    ran = run_eaid("ingest bench", *EA_CLUTCH, "--write-manifest", "-o", "a.h5")
+    assert ran.code == 0 and "bench/dataset.toml: written; eaid ingest bench needs no options now" in ran.err
+    assert run_eaid("ingest bench -q -o b.h5").code == 0
+    one, other = eaid.read("a.h5"), eaid.read("b.h5")
+    assert [level.level for level in one.levels] == [100.0, 200.0]
+    for first, second in zip(one.levels, other.levels, strict=True):
+        np.testing.assert_array_equal(first.runs, second.runs)
 
 
-def test_a_failed_call_leaves_earlier_results_untouched(tmp_path: Path) -> None:
-    write_log(tmp_path / "a.csv")
-    (tmp_path / "bad.csv").write_text("time_s,duty_pct,torque_nm\n0,0,x\n")
-    output = tmp_path / "d.h5"
-    output.write_text("earlier")
-    assert run(["ingest", str(tmp_path / "a.csv"), str(tmp_path / "bad.csv"), "--force", "-o", str(output)]) == 3
-    assert output.read_text() == "earlier"
-    assert sorted(item.name for item in tmp_path.iterdir()) == ["a.csv", "bad.csv", "d.h5"]
+def test_edges_of_a_log_that_is_kept_whole(made: Path, run_eaid: Callable) -> None:
+    ran = run_eaid("ingest", made / "logs" / "log.csv", "--edges")
+    assert ran.code == 0 and "data.h5: 1 log as recorded; next: eaid report data.h5" in ran.err
+    with h5py.File("data.h5") as file:
+        (run,) = file["runs"].values()
+        assert len(run["time_s"]) == 11 * 20
 
 
-def test_missing_logs_are_all_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    (tmp_path / "empty").mkdir()
-    assert run(["ingest", str(tmp_path / "x.csv"), str(tmp_path / "empty"), "-o", str(tmp_path / "d.h5")]) == 3
-    assert capsys.readouterr().err.splitlines() == [
-        f"error: {tmp_path}/x.csv: no such file or folder; check the path",
-        f"error: {tmp_path}/empty: holds no logs; give the folder that does",
-    ]
+def test_damaged_datasets_are_detected(made: Path) -> None:
+    """A bit turned anywhere: the same steps, or a sentence; never other numbers in silence."""
+    whole, truth = bytearray((made / "data.h5").read_bytes()), eaid.read(made / "data.h5")
+    chance, refused = random.Random(11), 0
+    for _ in range(60):
+        damaged = whole.copy()
+        damaged[chance.randrange(len(whole))] ^= 1 << chance.randrange(8)
+        Path("d.h5").write_bytes(damaged)
+        try:
+            found = eaid.read("d.h5")
+        except EaidError as fault:
+            refused += fault.exit_code == 3 and all(sentence.startswith("d.h5") for sentence in fault.sentences)
+            continue
+        for one, other in zip(truth.levels, found.levels, strict=True):
+            np.testing.assert_array_equal(one.runs, other.runs)
+            np.testing.assert_array_equal(one.time_s, other.time_s)
+    assert refused > 40
 
 
-def test_pairs() -> None:
-    assert pairs("--columns", 'time=Time,input=Volts,output="Load Cell, N"') == {
-        "time": "Time",
-        "input": "Volts",
-        "output": "Load Cell, N",
-    }
-    assert pairs("--columns", " time = t , output = a=b ") == {"time": "t", "output": "a=b"}
-    assert pairs("--columns", None) == {}
-    for wrong in ("time", "time=", "=x", "time=a,time=b"):
-        with pytest.raises(UsageError):
-            pairs("--columns", wrong)
+@pytest.mark.parametrize("version", ["eaid/data/0", "eaid/data/2"])
+def test_other_schema_versions_are_refused_by_name(version: str, made: Path, run_eaid: Callable) -> None:
+    shutil.copy(made / "data.h5", "d.h5")
+    with h5py.File("d.h5", "a") as file:
+        file.attrs["schema"] = version
+        del file.attrs["digest"]  # which such a version would have made itself
+    ran = run_eaid("fit d.h5")
+    assert ran.code == 3 and f"its schema is '{version}', and this eaid reads 'eaid/data/1'" in ran.err
 
 
-@pytest.mark.parametrize(
-    ("text", "sentence"),
-    [
-        ("radius=3", "--apparatus radius: must be one of inner_radius_m, outer_radius_m, surfaces, "),
-        ("surfaces=two", "--apparatus surfaces=two: is no number"),
-        ("outer_radius_m=-1", "--apparatus outer_radius_m=-1: must be above zero"),
-        ("outer_radius_m=nan", "--apparatus outer_radius_m=nan: must be above zero"),
-        ("outer_radius_m=0.01", "--apparatus: inner_radius_m must be below outer_radius_m"),
-    ],
-)
-def test_bad_apparatus(text: str, sentence: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    log = str(write_log(tmp_path / "a.csv"))
-    assert run(["ingest", log, "--apparatus", text, "-o", str(tmp_path / "d.h5")]) == 2
-    assert capsys.readouterr().err.startswith(f"error: {sentence}")
+@pytest.mark.slow
+def test_a_thousand_runs_in_one_call() -> None:
+    text = Path(write_log("a.csv", rows=600)).read_text()
+    Path("logs").mkdir()
+    for k in range(1000):
+        Path(f"logs/r{k:04d}.csv").write_text(f"# run {k}\n{text}")
+    assert eaid.read("logs").levels[0].runs.shape == (1000, 100)
 
 
-@needs_realdata
-def test_ea_clutch_by_one_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    folder = str(REALDATA / "ea-clutch")
-    assert run(["ingest", folder, *EA_CLUTCH, "-o", str(tmp_path / "d.h5")]) == 3  # one log needs --repair
-    said = [line for line in capsys.readouterr().err.splitlines() if line.startswith("error: ")]
-    assert len(said) == 6
-    assert all("20241103_17_15_12" in line for line in said)
-    assert "time falls at row 89589 (0 s after 6.999961 s); sort the rows, or drop such rows" in said[0]
-    assert run(["ingest", folder, *EA_CLUTCH, "--repair", "-q", "--json", "-o", str(tmp_path / "d.h5")]) == 0
-    result = json.loads(capsys.readouterr().out)
-    assert [level["level"] for level in result["levels"]] == [100.0 + 25 * k for k in range(9)]
-    assert [level["repeats"] for level in result["levels"]] == [3] * 9
-    assert [level["repeats"] for level in result["releases"]] == [3] * 9
+@pytest.fixture(scope="module")
+def bench(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """As a bench leaves it: level in the file name, µs, newtons, no input; up at 2 s, down at 5 s, one bad log."""
+    folder, draw, rate = tmp_path_factory.mktemp("bench"), np.random.default_rng(7), 100
+    for level in (100, 200, 300):
+        for repeat in range(3):
+            t = np.arange(7 * rate) / rate
+            top = 0.02 * level * (1 + 0.02 * draw.standard_normal())
+            risen = -0.85 * np.expm1(-(t - 2).clip(0) / 0.2) - 0.15 * np.expm1(-(t - 2).clip(0) / 1.5)
+            force = top * np.where(t < 5, risen, risen[5 * rate - 1] * np.exp(-(t - 5).clip(0) / 0.1))
+            force += 0.05 + 0.005 * draw.standard_normal(t.size)
+            rows = [f"{1e6 * a:.0f},{b:.5f}" for a, b in zip(t, force, strict=True)]
+            rows += [f"0,{force[-1]:.5f}"] if (level, repeat) == (200, 1) else []  # its clock starts anew at its end
+            (folder / f"2024_V={level}_{repeat}.csv").write_text("\n".join(["Time,Load Cell", *rows]) + "\n")
+    return folder
+
+
+def test_a_bench_without_an_input_column(bench: Path, run_eaid: Callable) -> None:
+    ran = run_eaid("ingest", bench, *EA_CLUTCH)
+    (told,) = (line for line in ran.err.splitlines() if line.startswith("error: "))
+    assert ran.code == 3 and "2024_V=200_1.csv" in told and "time falls at row 702 (0 s after 6.99 s)" in told
+    ran = run_eaid("ingest", bench, *EA_CLUTCH, "--repair", "-q", "--json")
+    result = json.loads(ran.out)
+    assert [(level["level"], level["repeats"]) for level in result["levels"]] == [(u, 3) for u in (100, 200, 300)]
+    assert [level["repeats"] for level in result["releases"]] == [3, 3, 3]
     assert (result["output_unit"], result["input_unit"]) == ("N", "")
-    told = {
-        run["name"][:17]: [one["text"] for one in run["findings"]] for run in result["runs"] if run["edge"] == "rising"
-    }
-    assert any("dropped 14 of 89601 rows" in said for said in told["20241103_17_15_12"])
-    over = [run for run in result["runs"] if run["name"].startswith("20241103_14_59_10") and run["edge"] == "rising"]
-    assert "decays-under-hold" in [one["code"] for one in over[0]["findings"]]  # 275 V: the force overshoots
-    assert over[0]["slip"]["peak_s"] == pytest.approx(0.716, abs=0.02)
-    size = (tmp_path / "d.h5").stat().st_size
-    assert size < 0.5 * 27 * 89_600 * 3 * 8
+    assert "rows-dropped" in [
+        one["code"] for row in result["runs"] if "V=200_1" in row["name"] for one in row["findings"]
+    ]
+    assert run_eaid("fit", bench, *EA_CLUTCH, "--repair", "--ci", "none", "-q").code in (0, 4)
+    fit = json.loads(Path("fit.json").read_text(encoding="utf-8"))
+    assert fit["data"]["levels"] == [100, 200, 300] and fit["data"]["repeats"] == [3, 3, 3]
+    for row in fit["friction"]["levels"]:
+        assert row["tau1"] == pytest.approx(0.2, rel=0.1) and row["Ts"] == pytest.approx(0.02 * row["level"], rel=0.05)
+    assert fit["release"]["tau1"] == pytest.approx(0.1, rel=0.2)
 
 
-@needs_realdata
-def test_friction_steps_by_one_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert run(["ingest", str(REALDATA / "friction-steps"), "-q", "--json", "-o", str(tmp_path / "d.h5")]) == 0
-    result = json.loads(capsys.readouterr().out)
-    assert (result["kind"], result["input_unit"], result["output_unit"]) == ("friction-force", "bar", "N")
-    assert [(level["level"], level["repeats"]) for level in result["levels"]] == [(1, 4), (3, 4), (5, 4), (7, 4)]
+@pytest.mark.slow
+def test_ea_clutch_by_one_command(realdata: Path, run_eaid: Callable) -> None:
+    folder = realdata / "ea-clutch"
+    ran = run_eaid("ingest", folder, *EA_CLUTCH)  # one log needs --repair
+    told = [line for line in ran.err.splitlines() if line.startswith("error: ")]
+    assert ran.code == 3 and len(told) == 6 and all("20241103_17_15_12" in line for line in told)
+    assert "time falls at row 89589 (0 s after 6.999961 s); sort the rows, or drop such rows" in told[0]
+    result = json.loads(run_eaid("ingest", folder, *EA_CLUTCH, "--repair", "-q", "--json").out)
+    assert [level["level"] for level in result["levels"]] == [100.0 + 25 * k for k in range(9)]
+    assert [level["repeats"] for level in (*result["levels"], *result["releases"])] == [3] * 18
+    assert (result["output_unit"], result["input_unit"]) == ("N", "")
+    rising = {row["name"][:17]: row for row in result["runs"] if row["edge"] == "rising"}
+    assert any("dropped 14 of 89601 rows" in one["text"] for one in rising["20241103_17_15_12"]["findings"])
+    over = rising["20241103_14_59_10"]  # 275 V: the force overshoots
+    assert "decays-under-hold" in [one["code"] for one in over["findings"]]
+    assert over["slip"]["peak_s"] == pytest.approx(0.716, abs=0.02)
+    assert Path("data.h5").stat().st_size < 0.5 * 27 * 89_600 * 3 * 8
 
 
 FORMATS = [
@@ -177,58 +206,11 @@ FORMATS = [
 ]
 
 
-@needs_realdata
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "arguments", "code", "sentence"), FORMATS)
 def test_formats_of_other_rigs(
-    name: str, arguments: list[str], code: int, sentence: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    name: str, arguments: list[str], code: int, sentence: str, realdata: Path, run_eaid: Callable
 ) -> None:
-    (path,) = (REALDATA / "formats").glob(name)
-    assert run(["ingest", str(path), *arguments, "-o", str(tmp_path / "d.h5")]) == code
-    assert sentence in capsys.readouterr().err
-
-
-@needs_realdata
-@pytest.mark.parametrize(
-    ("name", "arguments", "rows"),
-    [
-        ("csv_semicolon*", ["--columns", "output=Test 1", "--units", "output=g"], 0),
-        ("tsv_no_header*", ["--columns", "time=1,input=6,output=5", "--units", "time=ms,input=mm,output=N"], 0),
-        ("simulink_structure*", ["--columns", "input=MOTOR VOLTAGE (V),output=FORWARD VELOCITY (m/s)"], 2201),
-    ],
-)
-def test_formats_are_read_once_their_columns_are_named(name: str, arguments: list[str], rows: int) -> None:
-    from eaid.logs.options import ReadOptions
-
-    from eaid.logs.read import read_runs
-
-    (path,) = (REALDATA / "formats").glob(name)
-    said = dict(zip(arguments[::2], arguments[1::2], strict=True))
-    options = ReadOptions(columns=pairs("", said.get("--columns")), units=pairs("", said.get("--units")))
-    (run_,) = read_runs([path], options)
-    assert len(run_.time_s) >= rows
-    assert (np.diff(run_.time_s) > 0).all()
-    assert np.ptp(run_.output) > 0
-
-
-def test_a_thousand_runs_in_one_call(tmp_path: Path) -> None:
-    text = write_log(tmp_path / "a.csv", rows=600).read_text()
-    (tmp_path / "logs").mkdir()
-    for k in range(1000):
-        (tmp_path / "logs" / f"r{k:04d}.csv").write_text(f"# run {k}\n{text}")
-    stepset = runs_from([tmp_path / "logs"])[1]
-    assert len(stepset.runs) == 1000
-    assert stepset.levels[0].runs.shape == (1000, 100)
-
-
-def test_ctrl_c_leaves_nothing(tmp_path: Path) -> None:
-    code = (
-        "import sys, eaid.logs.read as r\n"
-        "def stop(*a, **k): raise KeyboardInterrupt\n"
-        "r.read_file = stop\n"
-        "from eaid.cli.main import run\n"
-        f"sys.exit(run(['ingest', {str(write_log(tmp_path / 'a.csv'))!r}, '-o', {str(tmp_path / 'd.h5')!r}]))"
-    )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
-    assert done.returncode == 130
-    assert done.stderr == "error: interrupted; nothing half-written is left\n"
-    assert [item.name for item in tmp_path.iterdir()] == ["a.csv"]
+    (path,) = (realdata / "formats").glob(name)
+    ran = run_eaid("ingest", path, *arguments)
+    assert ran.code == code and sentence in ran.err

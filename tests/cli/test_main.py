@@ -1,228 +1,166 @@
-"""The face of `eaid`: help, version, wrong usage, and what a failure looks like."""
+"""The face of `eaid`: help, version, completion, and what a failure looks like."""
 
-import os
-import random
+import re
 import signal
-import subprocess
-import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
-from eaid import __version__
+import eaid
 from eaid.cli import main
 from eaid.errors import DataError, GainsError, UsageError
 
+COMMANDS = ["ingest", "fit", "tune-rc", "simulate", "export", "report", "synth", "couple", "plan", "demo"]
+OPTIONS = {
+    "fit": "model kind levels share loss hold-out ci baseline estimator columns units name-pattern step-at until rest "
+    "repair logs-as duty instrument bounds-levels dead-time shape tables verbose",
+    "ingest": "columns units name-pattern step-at until baseline rest repair rate-hz join sign kind edges",
+    "tune-rc": "kp kd natural-frequency damping q-max phi epsilon gamma p-scale b-hat rho alpha pi-overshoot "
+    "pi-settling pi-gains reference data duty-limits pwm-hz optimize widen-bounds allow-unidentified anti-windup",
+    "simulate": "gains controller scenario reference log noise-nm noise pwm-hz plants threads perturb duration rate-hz "
+    "duty-bits sensor-hz delay-samples ripple-pct limb-damping limb-inertia keep-baseline",
+    "export": "as law precision rate-hz anyway",
+    "report": "figures format width font",
+    "synth": "plant kind levels repeats plan duty-file excitation shape noise-nm clean hold idle release rate-hz gains",
+    "couple": "gains loops torque wall limb-inertia limb-damping plants virtual-damping delay-samples",
+    "plan": "want excitation limits idle release longest-hold most-levels",
+    "demo": "",
+}
+"""Options that scripts use, besides those of all commands."""
+WORDS = {
+    "fit": "friction nonlinear linear clutch friction-force friction-speed squares huber robust bootstrap white none "
+    "auto joint free first steps recorded",
+    "tune-rc": "pooled minimax paper textbook formula reached multisine conditional back-calculation",
+    "simulate": "rc pi pi-feedforward feedforward open-loop inverse steps multisine sweep ramp rehab residuals",
+    "export": "c arduino matlab fmu yaml pi rc inverse plant double single",
+    "report": "pdf svg png",
+    "synth": "reference staircase random prbs multisine chirp closed-loop",
+    "couple": "open-loop pi rc-no-rate rc inverse",
+}
+SEEDED = {"fit", "tune-rc", "simulate", "synth", "couple", "plan"}
 
-def test_version(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main.run(["--version"]) == 0
-    assert capsys.readouterr().out == f"eaid {__version__}\n"
+
+def test_version(run_eaid: Callable) -> None:
+    ran = run_eaid("--version")
+    assert (ran.code, ran.out, ran.err) == (0, f"eaid {eaid.__version__}\n", "")
 
 
-@pytest.mark.parametrize("name", [name.replace("_", "-") for name in main.COMMANDS])
-def test_every_command_explains_itself(name: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main.run([name, "--help"]) == 0
-    assert "Usage:" in capsys.readouterr().out
+@pytest.mark.parametrize("words", [[], ["--help"], ["-h"]])
+def test_bare_eaid_lists_its_commands_and_is_no_failure(words: list[str], run_eaid: Callable) -> None:
+    ran = run_eaid(words)
+    assert ran.code == 0 and re.findall(r"^│ ([a-z][a-z-]+) ", ran.out, re.M)[-len(COMMANDS) :] == COMMANDS
 
 
-def test_an_unknown_command_is_one_sentence_and_exit_2(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main.run(["fitt"]) == 2
-    told = capsys.readouterr().err
-    assert told.startswith("error: No such command 'fitt'") and told.count("\n") == 1
-
-
-@pytest.mark.parametrize(("fault", "code"), [(UsageError, 2), (DataError, 3), (GainsError, 5)])
-def test_each_refusal_is_told_sentence_by_sentence(
-    fault: type[UsageError], code: int, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def refuse(**_: object) -> None:
-        raise fault("a.csv: no step", "b.csv: no torque")
-
-    monkeypatch.setattr(main, "app", refuse)
-    assert main.run([]) == code
-    assert capsys.readouterr().err == "error: a.csv: no step\nerror: b.csv: no torque\n"
+@pytest.mark.parametrize("name", COMMANDS)
+def test_help_has_the_options_their_words_and_one_example(name: str, run_eaid: Callable) -> None:
+    ran = run_eaid(name, "--help")
+    assert ran.code == 0 and f"Usage: eaid {name}" in ran.out and ran.out.count(f"Example: eaid {name}") == 1
+    flags = set(re.findall(r"--[a-z][a-z-]*", ran.out))
+    common = ["output", "json", "quiet", "force", "help", *(["seed"] if name in SEEDED else [])]
+    assert {f"--{one}" for one in (*OPTIONS[name].split(), *common)} <= flags
+    shown = set(re.split(r"[\s│,.|]+", ran.out))
+    assert set(WORDS.get(name, "").split()) <= shown
+    assert max(map(ord, ran.out)) < 0x1F000  # in Markdown 20:100:20 is 20, a hundred-points sign, and 20
 
 
 @pytest.mark.parametrize(
-    ("fault", "code", "says"),
+    ("fault", "code", "told"),
     [
-        (KeyboardInterrupt(), 130, "interrupted"),
-        (OSError(28, "No space left on device", "fit.json"), 2, "fit.json: No space left on device"),
-        (ZeroDivisionError("x"), 1, "a bug of eaid (ZeroDivisionError: x)"),
+        (UsageError("a.csv: no step", "b.csv: no torque"), 2, "error: a.csv: no step\nerror: b.csv: no torque\n"),
+        (UsageError("x: give «force» or another «pi_gains»"), 2, "error: x: give --force or another --pi-gains\n"),
+        (DataError("a.csv: no step"), 3, "error: a.csv: no step\n"),
+        (GainsError("b0 is 0"), 5, "error: b0 is 0\n"),
+        (KeyboardInterrupt(), 130, "error: interrupted; nothing half-written is left\n"),
+        (OSError(28, "No space left on device", "fit.json"), 2, "error: fit.json: No space left on device\n"),
+        (OSError("gone"), 2, "error: gone\n"),
+        (
+            ZeroDivisionError("x"), 1,
+            "error: unexpected failure, a bug of eaid (ZeroDivisionError: x); EAID_DEBUG=1 shows where\n",
+        ),
     ],
-)
-def test_no_failure_shows_a_traceback(
-    fault: BaseException, code: int, says: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+)  # fmt: skip
+def test_what_a_failure_looks_like(
+    fault: BaseException, code: int, told: str, run_eaid: Callable, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def fail(**_: object) -> None:
         raise fault
 
     monkeypatch.setattr(main, "app", fail)
-    monkeypatch.delenv("EAID_DEBUG", raising=False)
-    assert main.run([]) == code
-    assert says in capsys.readouterr().err
+    ran = run_eaid()
+    assert (ran.code, ran.out, ran.err) == (code, "", told)
 
 
-HEAVY = {"numpy", "scipy", "pandas", "h5py", "matplotlib", "numba", "jinja2", "plotly", "polars", "pyarrow"}
+def test_a_bug_is_shown_where_it_is_on_request(run_eaid: Callable, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("EAID_DEBUG", "1")
+    monkeypatch.setattr(main, "app", lambda **_: 1 // 0)
+    with pytest.raises(ZeroDivisionError):
+        run_eaid()
 
 
-@pytest.mark.parametrize("name", ["", *(name.replace("_", "-") for name in main.COMMANDS)])
-def test_help_imports_nothing_heavy(name: str) -> None:
-    script = (
-        "import sys; from eaid.cli.main import run; "
-        f"run({[name, '--help'] if name else ['--help']!r}); "
-        "print('LOADED', *sorted({m.split('.')[0] for m in sys.modules}))"
-    )
-    out = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True).stdout
-    loaded = set(out.splitlines()[-1].split()[1:])
-    assert "typer" in loaded
-    assert loaded & HEAVY == set()
+class Dying:
+    """An object whose destructor is interrupted."""
+
+    def __del__(self) -> None:
+        signal.raise_signal(signal.SIGINT)
+        time.sleep(0)
 
 
-INTERRUPTED = "error: interrupted; nothing half-written is left\n"
+def _into_another_failure() -> None:
+    try:
+        signal.raise_signal(signal.SIGINT)
+    except KeyboardInterrupt:
+        raise ImportError("initialization failed") from None
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_signals_at_any_moment(tmp_path: Path, number: int) -> None:
-    """While Python starts and finds the package, the words are Python's own; from the command line on they are ours."""
-    call = [sys.executable, "-m", "eaid", "synth", "--levels", "50", "--repeats", "1", "-q", "--force", "-o"]
-    start = time.monotonic()
-    assert subprocess.run([*call, str(tmp_path / "whole.h5")], check=False).returncode == 0
-    took = time.monotonic() - start
-    chance = random.Random(int(number))
-    answered = 0
-    for _ in range(8):
-        output = tmp_path / "d.h5"
-        output.unlink(missing_ok=True)
-        process = subprocess.Popen([*call, str(output)], stderr=subprocess.PIPE, text=True)
-        time.sleep(chance.uniform(0.02, 0.8 * took))
-        process.send_signal(number)
-        _, said = process.communicate(timeout=60)
-        of_python = process.returncode in (1, -number) and "eaid/cli/main" not in said
-        # where Ctrl-C broke off a text inside exec(), CPython ends itself with the signal: a shell shows 130 as well
-        told = (130 if process.returncode == -signal.SIGINT else process.returncode, said)
-        assert told in ((130, INTERRUPTED), (0, "")) or of_python, said
-        answered += said == INTERRUPTED
-        if process.returncode == 0:
-            assert output.read_bytes() == (tmp_path / "whole.h5").read_bytes()
-        assert [item.name for item in tmp_path.iterdir() if item.name.startswith(".")] == []
-    assert answered
+def _in_a_destructor() -> None:
+    Dying()
+    for _ in range(100):
+        time.sleep(0.05)
 
 
-def test_nohup_is_kept(tmp_path: Path) -> None:
-    script = "trap '' HUP; exec " + f"{sys.executable} -m eaid synth --levels 50 --repeats 1 -q -o {tmp_path / 'd.h5'}"
-    process = subprocess.Popen(["sh", "-c", script], stderr=subprocess.PIPE, text=True)
-    for _ in range(20):
-        time.sleep(0.02)
-        process.send_signal(signal.SIGHUP)
-    _, said = process.communicate(timeout=60)
-    assert (process.returncode, said) == (0, "")
-
-
-@pytest.mark.parametrize("command", ["--help", "synth --json --levels 50 --repeats 1 --force -o {o}", "plan --help"])
-def test_a_reader_that_goes_away_is_no_failure(tmp_path: Path, command: str) -> None:
-    """`eaid … | head -c 1`, on stdout and on stderr: nothing is said, and the work is done."""
-    given = command.format(o=tmp_path / "d.h5").split()
-    for stream in ("stdout", "stderr"):
-        (tmp_path / "d.h5").unlink(missing_ok=True)
-        read, write = os.pipe()
-        os.close(read)
-        other = {"stdout": "stderr", "stderr": "stdout"}[stream]
-        done = subprocess.run(
-            [sys.executable, "-m", "eaid", *given], text=True, check=False, **{stream: write, other: subprocess.PIPE}
-        )
-        os.close(write)
-        assert done.returncode == 0
-        assert "Broken" not in (done.stderr or "") + (done.stdout or "")
-        assert ("synth" in given) == (tmp_path / "d.h5").exists()
-
-
-@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full here")
-def test_a_full_disk_behind_stdout_is_told(tmp_path: Path) -> None:
-    call = [sys.executable, "-m", "eaid", "synth", "--json", "-q", "--levels", "50", "-o", str(tmp_path / "d.h5")]
-    with Path("/dev/full").open("w") as full:
-        done = subprocess.run(call, stdout=full, stderr=subprocess.PIPE, text=True, check=False)
-    said = "error: what is printed cannot be written (No space left on device); make room, or send it elsewhere\n"
-    assert (done.returncode, done.stderr) == (2, said)
-
-
-def test_a_library_that_turns_ctrl_c_into_its_own_failure(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+@pytest.mark.parametrize(
+    "command",
+    [
+        lambda: signal.raise_signal(signal.SIGINT),
+        lambda: signal.raise_signal(signal.SIGTERM),
+        _into_another_failure,
+        _in_a_destructor,
+    ],
+)
+def test_a_signal_is_never_lost(
+    command: Callable[[], None], run_eaid: Callable, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def interrupted(**_: object) -> int:
-        try:
-            signal.raise_signal(signal.SIGINT)
-        except KeyboardInterrupt:
-            raise ImportError("initialization failed") from None
-        return 0
-
-    monkeypatch.setattr(main, "app", interrupted)
-    assert main.run([]) == 130
-    assert capsys.readouterr().err == "error: interrupted; nothing half-written is left\n"
+    before = signal.getsignal(signal.SIGTERM)
+    monkeypatch.setattr(main, "app", lambda **_: command())
+    ran = run_eaid()
+    assert (ran.code, ran.err) == (130, "error: interrupted; nothing half-written is left\n")
+    assert signal.getsignal(signal.SIGTERM) == before
 
 
-def test_a_command_that_is_mistyped_is_told_the_one_meant(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main.run(["simulat"]) == 2
-    assert "simulate" in capsys.readouterr().err
-
-
-def test_bare_eaid_prints_help_and_is_no_failure(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main.run([]) == 0
-    listed = capsys.readouterr().out
-    assert all(name.replace("_", "-") in listed for name in main.COMMANDS)
-
-
-@pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
-def test_completion_is_there(shell: str) -> None:
-    wanted = {**os.environ, "_EAID_COMPLETE": f"complete_{shell}", "COMP_WORDS": "eaid tu", "COMP_CWORD": "1"}
-    wanted |= {"_TYPER_COMPLETE_ARGS": "eaid tu", "_TYPER_COMPLETE_FISH_ACTION": "get-args"}
-    done = subprocess.run([sys.executable, "-m", "eaid"], env=wanted, capture_output=True, text=True, check=False)
-    assert "tune-rc" in done.stdout
-
-
-def test_streams_that_know_few_letters_or_are_closed(tmp_path: Path) -> None:
-    script = "exec {python} -m eaid synth --levels 50 --repeats 1 --force -o {output} {redirect}"
-    for encoding in ("ascii", "cp1252", "latin-1"):
-        said = subprocess.run(
-            [sys.executable, "-m", "eaid", "--help"],
-            env={**os.environ, "PYTHONIOENCODING": encoding, "PYTHONUTF8": "0"}, capture_output=True, check=False,
-        )  # fmt: skip
-        assert said.returncode == 0
-        assert b"fit.json" in said.stdout
-    for redirect in (">&-", "2>&-", ">&- 2>&-"):
-        words = script.format(python=sys.executable, output=tmp_path / "d.h5", redirect=redirect)
-        assert subprocess.run(["sh", "-c", words], capture_output=True, check=False).returncode == 0
-        assert (tmp_path / "d.h5").exists()
-
-
-def test_an_interrupt_inside_a_destructor_is_not_lost(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    class Dying:
-        def __del__(self) -> None:
-            signal.raise_signal(signal.SIGINT)
-            time.sleep(0)
-
-    def command(**_: object) -> int:
-        Dying()
-        for _ in range(100):
-            time.sleep(0.05)
-        return 0
-
-    monkeypatch.setattr(main, "app", command)
-    assert main.run([]) == 130
-    assert capsys.readouterr().err == INTERRUPTED
-
-
-@pytest.mark.parametrize("words", [["fit", ""], ["ingest", ""], ["report", "fit.json", "-o", ""]])
-def test_an_empty_word_is_not_the_current_folder(words: list[str], capsys: pytest.CaptureFixture[str]) -> None:
-    assert main.run(words) == 2
-    assert "an empty word stands among the arguments" in capsys.readouterr().err
-
-
-@pytest.mark.parametrize("name", [name.replace("_", "-") for name in main.COMMANDS])
-def test_no_example_is_read_as_an_emoji(name: str, capsys: pytest.CaptureFixture[str]) -> None:
-    """In Markdown 20:100:20 is 20, a hundred-points sign, and 20."""
-    main.run([name, "--help"])
-    assert max(map(ord, capsys.readouterr().out)) < 0x1F000
+@pytest.mark.parametrize(
+    ("line", "offered"),
+    [
+        ("eaid ", COMMANDS),
+        ("eaid tu", ["tune-rc"]),
+        ("eaid fit --est", ["--estimator"]),
+        ("eaid fit d.h5 --loss h", ["huber"]),
+        ("eaid simulate f.json --controller rc,pi-", ["rc,pi-feedforward"]),
+        ("eaid fit data.h5 --hold-out ", ["20", "40", "60", "80", "100"]),
+        ("eaid fit data.h5 --hold-out 20,8", ["20,80"]),
+        ("eaid tune-rc fit.json --bounds-levels 1", ["100"]),
+        ("eaid fit nowhere.h5 --hold-out ", []),
+        ("eaid fit d.h", []),
+    ],
+)
+def test_the_shell_offers_commands_options_words_and_levels(
+    line: str, offered: list[str], rig: Path, run_eaid: Callable, monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:  # fmt: skip
+    monkeypatch.setenv("_EAID_COMPLETE", "complete_bash")
+    monkeypatch.setenv("COMP_WORDS", line)
+    monkeypatch.setenv("COMP_CWORD", str(len(line.split(" ")) - 1))
+    with pytest.raises(SystemExit):
+        run_eaid()
+    assert capsys.readouterr().out.split() == offered

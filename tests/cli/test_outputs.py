@@ -1,13 +1,17 @@
-"""No command replaces what it reads, whatever name leads to it, and nothing but regular files is ever replaced."""
+"""What every command does with files: nothing is replaced that is read, that exists already, or that is no file.
 
+And what it prints: `--json` is the file, `-q` says nothing, the same call gives the same bytes, and the words that a
+result keeps make it again.
+"""
+
+import json
 import os
 import shlex
 import shutil
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-
-from eaid.cli import main
 
 READS = """
 logs/log.csv: ingest logs/log.csv -o OUT
@@ -35,41 +39,14 @@ report.html: report report.html -o .
 """
 
 
-@pytest.fixture(scope="module")
-def rig(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """One file of every kind that a command reads."""
-    where = tmp_path_factory.mktemp("outputs")
-    words = "synth --levels 20,40,60,80,100 --repeats 2 --rate-hz 20 --hold 8 --idle 1 --release 1 -q -o"
-    made = words.split()
-    assert main.run([*made, str(where / "data.h5")]) == 0
-    assert main.run([*made, str(where / "logs")]) == 0
-    assert main.run(["fit", str(where / "data.h5"), "-o", str(where / "fit.json"), "--ci", "none", "-q"]) in (0, 4)
-    assert main.run(["tune-rc", str(where / "fit.json"), "-o", str(where / "gains.json"), "-q"]) in (0, 5)
-    log = min((where / "logs").iterdir())
-    log.rename(where / "logs" / "log.csv")
-    (where / "dataset.toml").write_text('schema = "eaid/manifest/1"\n[[log]]\nfile = "logs/log.csv"\n')
-    (where / "sets").mkdir()
-    shutil.copy(where / "data.h5", where / "sets" / "data.h5")
-    shutil.copy(where / "fit.json", where / "report.html")
-    (where / "reference.csv").write_text("time_s,reference_nm\n0,0\n1,1\n5,1\n")
-    (where / "duty.csv").write_text("time_s,duty_pct\n0,0\n1,50\n9,0\n")
-    (where / "plan.csv").write_text("order,level,repeat,idle_s,hold_s,release_s\n1,60,1,1,5,1\n")
-    return where
-
-
-def held(folder: Path) -> dict[str, bytes]:
-    """Every regular file of a folder."""
-    return {str(file.relative_to(folder)): file.read_bytes() for file in folder.rglob("*") if file.is_file()}
-
-
 @pytest.mark.parametrize("way", ["itself", "symlink", "hard link"])
 @pytest.mark.parametrize("line", READS.strip().splitlines())
 def test_a_command_never_replaces_what_it_reads(
-    line: str, way: str, rig: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    line: str, way: str, rig: Path, run_eaid: Callable, held: Callable
 ) -> None:
-    where = tmp_path / "rig"
-    shutil.copytree(rig, where)
-    monkeypatch.chdir(where)
+    (rig / "sets").mkdir()
+    shutil.copy("data.h5", "sets/data.h5")
+    shutil.copy("fit.json", "report.html")
     read, words = line.split(": ")
     out = read
     if "OUT.h5" in words:  # a command that tells its output's kind by its name
@@ -79,65 +56,140 @@ def test_a_command_never_replaces_what_it_reads(
     if way != "itself" and "OUT" in words:
         out = "other" + Path(read).suffix
         (os.symlink if way == "symlink" else os.link)(read, out)
-    before = held(where)
-    assert main.run([*shlex.split(words.replace("OUT", out)), "--force", "-q"]) == 2
-    assert "which the command reads" in (told := capsys.readouterr().err) or "is what the command reads" in told
-    assert held(where) == before
+    before = held(rig)
+    ran = run_eaid(*shlex.split(words.replace("OUT", out)), "--force", "-q")
+    assert ran.code == 2
+    assert "is what the command reads, and is never overwritten; give another --output" in ran.err
+    assert held(rig) == before
 
 
 @pytest.mark.parametrize(
-    "line",
+    ("given", "line"),
     [
-        "synth --duty-file out/synthetic-duty.csv -o out",
-        "export out/parameters.json --anyway -o out",
-        "export gains.json out/parameters.json --anyway -o out",
+        ("duty.csv: out/synthetic-duty.csv", "synth --duty-file out/synthetic-duty.csv -o out"),
+        ("gains.json: out/parameters.json", "export out/parameters.json --anyway -o out"),
+        ("fit.json: out/parameters.json", "export gains.json out/parameters.json --anyway -o out"),
     ],
 )
 def test_a_folder_that_holds_what_is_read_is_not_replaced(
-    line: str, rig: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    given: str, line: str, rig: Path, run_eaid: Callable, held: Callable
 ) -> None:
-    where = tmp_path / "rig"
-    shutil.copytree(rig, where)
-    monkeypatch.chdir(where)
-    (where / "out").mkdir()
-    shutil.copy("duty.csv", "out/synthetic-duty.csv") if "duty" in line else shutil.copy(
-        "fit.json" if "gains" in line else "gains.json", "out/parameters.json"
-    )
-    before = held(where)
-    assert main.run([*line.split(), "--force", "-q"]) == 2
-    assert "which the command reads" in capsys.readouterr().err
-    assert held(where) == before
+    (rig / "out").mkdir()
+    shutil.copy(*given.split(": "))
+    before = held(rig)
+    ran = run_eaid(line, "--force", "-q")
+    assert ran.code == 2 and "which the command reads; give another --output" in ran.err
+    assert held(rig) == before
 
 
-def test_a_dataset_beside_its_logs_may_be_made_again(rig: Path, tmp_path: Path) -> None:
+def test_a_dataset_beside_its_logs_may_be_made_again(rig: Path, run_eaid: Callable) -> None:
     """It is not read with them: a log counts once."""
-    logs = tmp_path / "logs"
-    shutil.copytree(rig / "logs", logs)
     for _ in range(2):
-        assert main.run(["ingest", str(logs), "-o", str(logs / "data.h5"), "--force", "-q"]) == 0
+        assert run_eaid("ingest logs -o logs/data.h5 --force -q").code == 0
+
+
+LINES = {
+    "ingest data.h5": "data.h5",
+    "fit data.h5": "fit.json",
+    "tune-rc fit.json": "gains.json",
+    "simulate fit.json --scenario steps": "replay.h5",
+    "couple fit.json": "couple.json",
+    "plan fit.json --no-check": "plan.csv",
+    "plan fit.json --excitation --no-check": "plan.csv",
+    "synth": "synthetic.h5",
+    "export gains.json --anyway": "export",
+    "report fit.json": "report",
+    "demo": "demo",
+}
+"""Command → its output where none is named."""
 
 
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no pipes with a name here")
-@pytest.mark.parametrize("out", ["pipe", "/dev/null"])
-@pytest.mark.parametrize(
-    "line",
-    [
-        "ingest data.h5", "fit data.h5", "tune-rc fit.json", "simulate fit.json --scenario steps", "couple fit.json",
-        "plan fit.json --no-check", "plan fit.json --excitation --no-check", "synth", "export gains.json --anyway",
-        "report fit.json", "demo",
-    ],
-)  # fmt: skip
-def test_devices_and_pipes_are_never_replaced(
-    line: str, out: str, rig: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+@pytest.mark.parametrize("out", ["../pipe", "/dev/null"])
+@pytest.mark.parametrize("line", LINES)
+def test_devices_and_pipes_are_never_replaced(line: str, out: str, rig: Path, run_eaid: Callable) -> None:
+    os.mkfifo("../pipe")
+    ran = run_eaid(line, "-o", out, "--force")
+    assert ran.code == 2 and "\nerror: " in "\n" + ran.err
+    assert Path("../pipe").is_fifo() and Path("/dev/null").is_char_device()
+
+
+@pytest.mark.parametrize("line", [line for line in LINES if line != "demo"])
+def test_an_earlier_result_is_left_alone(line: str, rig: Path, run_eaid: Callable, held: Callable) -> None:
+    """By its default name, and beside the second file that a plan writes."""
+    out = Path(LINES[line])
+    if not out.suffix:
+        out.mkdir(exist_ok=True)
+    earlier = {"export": "export/README.md", "report": "report/report.html"}.get(LINES[line], LINES[line])
+    Path(earlier).exists() or Path(earlier).write_text("mine")
+    before = held(rig)
+    ran = run_eaid(line)
+    told = [one for one in ran.err.splitlines() if one.startswith("error: ")]
+    assert ran.code == 2 and len(told) == 1
+    assert told[0].startswith(
+        f"error: {earlier if out.suffix or 'report' in line else out}: exists already; give --force"
+    )
+    assert held(rig) == before
+
+
+def test_the_second_file_of_a_plan_is_left_alone_too(rig: Path, run_eaid: Callable) -> None:
+    Path("p.duty.csv").write_text("mine")
+    ran = run_eaid("plan fit.json -o p.csv --no-check")
+    assert ran.code == 2 and "p.duty.csv: exists already" in ran.err
+    assert Path("p.duty.csv").read_text() == "mine" and not Path("p.csv").exists()
+
+
+QUICK = {
+    "ingest logs -o OUT.h5": "eaid/ingest/1",
+    "fit data.h5 --ci none -o OUT.json": "eaid/fit/1",
+    "tune-rc fit.json --pi-overshoot 1 --pi-settling 0.27 -o OUT.json": "eaid/gains/1",
+    "simulate fit.json --gains gains.json --duration 2 --plants 3 --noise-nm 0.01 -o OUT.h5": "eaid/replay/1",
+    "couple fit.json --torque 1 --no-replay -o OUT.json": "eaid/couple/1",
+    "plan fit.json --no-check --want Ts=4 -o OUT.csv": "eaid/plan/1",
+    "synth --levels 40,90 --repeats 2 --rate-hz 50 -o OUT.h5": "eaid/synth/1",
+    "export gains.json --law pi,rc --as yaml -o OUT": "",
+    "report gains.json -o OUT": "",
+}
+
+
+@pytest.mark.parametrize("line", QUICK)
+def test_json_is_the_result_and_quiet_is_quiet_and_the_bytes_are_the_same(
+    line: str, rig: Path, run_eaid: Callable, held: Callable
 ) -> None:
-    monkeypatch.chdir(rig)
-    os.mkfifo(tmp_path / "pipe")
-    assert main.run([*line.split(), "-o", str(tmp_path / out), "--force"]) == 2  # an absolute `out` stays as it is
-    assert "\nerror: " in "\n" + capsys.readouterr().err
-    assert (tmp_path / "pipe").is_fifo() and Path("/dev/null").is_char_device()
+    """Over an earlier file with --force; the second time without a word."""
+    (rig / "out").mkdir()
+    words = line.replace("OUT", "out/x").split()
+    out = Path(words[-1])
+    if out.suffix:
+        out.write_text("mine")
+    ran = run_eaid(words, "--force", "--json")
+    assert ran.code == 0 and f"{out}" in ran.err.splitlines()[-1]
+    told, first = json.loads(ran.out), held(rig / "out")
+    assert told.get("schema", "") == QUICK[line]
+    if out.suffix == ".json":
+        assert ran.out == out.read_text(encoding="utf-8")
+    assert first and all(content != b"mine" for content in first.values())
+    shutil.rmtree("out")
+    Path("out").mkdir()
+    again = run_eaid(words, "-q")
+    assert (again.code, again.out, again.err) == (0, "", "")
+    assert held(rig / "out") == first
 
 
-@pytest.mark.parametrize("line", ["fit", "ingest", "report", "plan", "tune-rc", "export", "simulate", "couple"])
-def test_an_empty_name_is_no_folder(line: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main.run([line, ""]) == 2
-    assert "an empty word stands among the arguments" in capsys.readouterr().err
+AGAIN = """
+fit data.h5 --model nonlinear,linear --share 0.8 --loss huber --hold-out 60 --bounds-levels 40:100 --ci none
+fit logs --share free --ci white --dead-time 0 --logs-as steps --baseline first --sign keep --estimator joint --seed 3
+tune-rc fit.json --kp 9 --kd 4 --epsilon 0.3 --gamma 60 --p-scale 3 --q-max 7 --phi 0.02 --b-hat minimax --pwm-hz 0
+tune-rc fit.json --b-hat 15 --rho textbook --pi-gains 30,100 --anti-windup back-calculation --duty-limits 5,90
+couple fit.json --gains gains.json --torque 1,2 --loops pi,rc --no-replay --delay-samples 1 --limb-inertia 0.2
+"""
+
+
+@pytest.mark.parametrize("line", AGAIN.strip().splitlines())
+def test_the_words_that_a_result_keeps_make_it_again(line: str, rig: Path, run_eaid: Callable) -> None:
+    words = line.split()
+    assert run_eaid(words, "-q", "-o", "a.json").code in (0, 4)
+    first = json.loads(Path("a.json").read_text(encoding="utf-8"))
+    assert {word for word in words if word.startswith("--")} <= set(first["command"])
+    assert run_eaid(words[0], *first["command"], "-q", "-o", "b.json").code in (0, 4)
+    assert Path("a.json").read_bytes() == Path("b.json").read_bytes()

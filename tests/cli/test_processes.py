@@ -1,0 +1,300 @@
+"""Commands as processes: what they import, signals, pipes that close, full disks, two at a time, real terminals."""
+
+import contextlib
+import json
+import os
+import random
+import re
+import shutil
+import signal
+import struct
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+EAID = [sys.executable, "-m", "eaid"]
+SHORT = ["synth", "--levels", "50", "--repeats", "1", "-q", "--force", "-o"]
+THIRTY = "synth --repeats 3 --rate-hz 50 --idle 1 --hold 8 --release 3 -q -o thirty"
+INTERRUPTED = "error: interrupted; nothing half-written is left\n"
+HEAVY = {"numpy", "scipy", "pandas", "h5py", "matplotlib", "numba", "jinja2", "bokeh", "polars", "pyarrow"}
+LOADED = """
+import json, sys
+from eaid.cli.main import run
+codes = [run(words) for words in json.loads(sys.argv[1])]
+print("\\n" + json.dumps([codes, sorted({name.split(".")[0] for name in sys.modules})]))
+"""
+
+
+def ran(*words: object, **more: object) -> subprocess.CompletedProcess[str]:
+    return subprocess.run([*EAID, *map(str, words)], capture_output=True, text=True, check=False, **more)  # type: ignore[call-overload]
+
+
+def loaded(*commands: list[str]) -> set[str]:
+    """Top-level modules that a process has imported when these commands have ended."""
+    call = [sys.executable, "-c", LOADED, json.dumps(commands)]
+    done = subprocess.run(call, capture_output=True, text=True, check=True)
+    codes, modules = json.loads(done.stdout.splitlines()[-1])
+    assert set(codes) == {0}, done.stderr
+    return set(modules)
+
+
+def test_help_and_version_import_nothing_heavy() -> None:
+    names = ["tune-rc", "simulate", "export", "report", "synth", "couple", "demo"]
+    found = loaded([], ["--version"], *([name, "--help"] for name in names))
+    assert "typer" in found and found & HEAVY == set()
+
+
+@pytest.mark.xfail(
+    reason="tables of the report and rooms of the library at the top of the command's module", strict=False
+)
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["ingest", "fit", "plan"])
+def test_help_of_these_imports_nothing_heavy_either(name: str) -> None:
+    assert loaded([name, "--help"]) & HEAVY == set()
+
+
+TABLES, DRAWING = {"pandas", "pyarrow", "polars"}, {"matplotlib", "bokeh", "jinja2"}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("line", "forbidden"),
+    [
+        ("ingest -q data.h5 -o again.h5", DRAWING | {"numba"}),
+        ("fit -q data.h5 -o f.json", TABLES | DRAWING | {"numba"}),
+        ("fit -q logs -o f.json", {"pandas"} | DRAWING | {"numba"}),
+        ("tune-rc -q fit.json -o k.json", DRAWING),
+        ("simulate -q fit.json --gains gains.json -o r.h5", DRAWING),
+        ("plan -q fit.json --want Ts=20,tau1=40,tau2=80 --no-check -o p.csv", DRAWING | {"numba"}),
+        ("synth -q -o more.h5 --levels 50 --repeats 1", DRAWING),
+        ("report -q fit.json -o page", {"numba"}),
+    ],
+)
+def test_a_command_imports_only_what_it_uses(line: str, forbidden: set[str], rig: Path) -> None:
+    found = loaded(line.split())
+    assert {"numpy", "msgspec"} <= found and found & forbidden == set()
+    assert ("matplotlib" in found) == line.startswith("report")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_signals_at_any_moment(tmp_path: Path, number: signal.Signals) -> None:
+    """While Python starts and finds the package, the words are Python's; from the command line on they are ours."""
+    start = time.monotonic()
+    assert ran(*SHORT, tmp_path / "whole.h5").returncode == 0
+    took, chance, answered = time.monotonic() - start, random.Random(int(number)), 0
+    for _ in range(8):
+        output = tmp_path / "d.h5"
+        output.unlink(missing_ok=True)
+        process = subprocess.Popen([*EAID, *SHORT, str(output)], stderr=subprocess.PIPE, text=True)
+        time.sleep(chance.uniform(0.02, 0.8 * took))
+        process.send_signal(number)
+        _, told = process.communicate(timeout=60)
+        of_python = process.returncode in (1, -number) and "eaid/cli/main" not in told
+        # where Ctrl-C broke off a text inside exec(), CPython ends itself with the signal: a shell shows 130 as well
+        code = 130 if process.returncode == -signal.SIGINT else process.returncode
+        assert (code, told) in ((130, INTERRUPTED), (0, "")) or of_python, told
+        answered += told == INTERRUPTED
+        if process.returncode == 0:
+            assert output.read_bytes() == (tmp_path / "whole.h5").read_bytes()
+        assert [item.name for item in tmp_path.iterdir() if item.name.startswith(".")] == []
+    assert answered
+
+
+@pytest.mark.slow
+def test_ctrl_c_while_a_long_log_is_read(tmp_path: Path) -> None:
+    rows = b"".join(b"%.3f,50,1.23456\n" % (k / 1000) for k in range(1, 600_000))
+    (tmp_path / "long.csv").write_bytes(b"time_s,duty_pct,torque_nm\n0,0,0\n" + rows + b"600,50,x\n")
+    (tmp_path / "short.csv").write_bytes(b"time_s,duty_pct,torque_nm\n0,0,0\n")
+    (tmp_path / "d.h5").write_bytes(b"earlier")
+    words = [*EAID, "ingest", "long.csv", "short.csv", "--force", "-o", "d.h5"]
+    process = subprocess.Popen(words, stderr=subprocess.PIPE, text=True, cwd=tmp_path)
+    assert process.stderr is not None and process.stderr.readline() == "reading logs: 2 to do\n"
+    time.sleep(0.1)
+    process.send_signal(signal.SIGINT)
+    _, told = process.communicate(timeout=30)
+    assert (process.returncode, told) == (130, INTERRUPTED)
+    assert (tmp_path / "d.h5").read_bytes() == b"earlier" and len(list(tmp_path.iterdir())) == 3
+
+
+@pytest.mark.slow
+def test_nohup_is_kept(tmp_path: Path) -> None:
+    script = f"trap '' HUP; exec {sys.executable} -m eaid synth --levels 50 --repeats 1 -q -o {tmp_path / 'd.h5'}"
+    process = subprocess.Popen(["sh", "-c", script], stderr=subprocess.PIPE, text=True)
+    for _ in range(20):
+        time.sleep(0.02)
+        process.send_signal(signal.SIGHUP)
+    _, told = process.communicate(timeout=60)
+    assert (process.returncode, told) == (0, "")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("line", ["--help", "synth --json --levels 50 --repeats 1 --force -o d.h5"])
+@pytest.mark.parametrize("stream", ["stdout", "stderr"])
+def test_a_reader_that_goes_away_is_no_failure(line: str, stream: str, tmp_path: Path) -> None:
+    """`eaid … | head -c 1`: nothing is told, and the work is done."""
+    read, write = os.pipe()
+    os.close(read)
+    other = {"stdout": "stderr", "stderr": "stdout"}[stream]
+    streams = {stream: write, other: subprocess.PIPE}
+    done = subprocess.run([*EAID, *line.split()], text=True, check=False, cwd=tmp_path, **streams)  # type: ignore[call-overload]
+    os.close(write)
+    assert done.returncode == 0 and "Broken" not in (done.stderr or "") + (done.stdout or "")
+    assert line.startswith("synth") == (tmp_path / "d.h5").exists()
+
+
+@pytest.mark.slow
+def test_streams_that_are_closed_full_or_know_few_letters(tmp_path: Path) -> None:
+    for redirect in (">&-", "2>&-", ">&- 2>&-"):
+        words = f"exec {sys.executable} -m eaid {' '.join(SHORT)} {tmp_path / 'd.h5'} {redirect}"
+        assert subprocess.run(["sh", "-c", words], capture_output=True, check=False).returncode == 0
+    for encoding in ("ascii", "cp1252"):
+        done = ran("--help", env={**os.environ, "PYTHONIOENCODING": encoding, "PYTHONUTF8": "0"})
+        assert done.returncode == 0 and "fit.json" in done.stdout
+    if Path("/dev/full").exists():
+        with Path("/dev/full").open("w") as full:
+            done = subprocess.run(
+                [*EAID, *SHORT, str(tmp_path / "d.h5"), "--json"],
+                stdout=full,
+                stderr=subprocess.PIPE,
+                text=True,
+                check=False,
+            )
+        wanted = "error: what is printed cannot be written (No space left on device); make room, or send it elsewhere\n"
+        assert (done.returncode, done.stderr) == (2, wanted)
+
+
+@pytest.fixture
+def disk(tmp_path: Path) -> Iterator[Path]:
+    """A disk of 8 kB; skipped where none can be mounted."""
+    folder, mount = tmp_path / "disk", shutil.which("mount")
+    folder.mkdir()
+    if mount is None or not hasattr(os, "geteuid") or os.geteuid() != 0:
+        pytest.skip("only root can mount a small disk")
+    if subprocess.run([mount, "-t", "tmpfs", "-o", "size=8k", "none", str(folder)], check=False).returncode:
+        pytest.skip("a small disk cannot be mounted here")
+    yield folder
+    subprocess.run(["umount", str(folder)], check=True)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "line",
+    [
+        "ingest logs -o d.h5", "fit data.h5 --ci none -o f.json", "tune-rc fit.json -o g.json",
+        "plan fit.json --no-check -o p.csv", "simulate fit.json --scenario steps -o r.h5",
+        "synth --levels 20,60 -o s.h5", "report gains.json -o report",
+    ],
+)  # fmt: skip
+def test_a_full_disk_leaves_the_earlier_output_whole(line: str, rig: Path, disk: Path) -> None:
+    *words, name = line.split()
+    output = earlier = disk / name
+    if name == "report":
+        (output / "figures").mkdir(parents=True)
+        earlier = output / "report.html"
+    earlier.write_bytes(b"earlier")
+    with contextlib.suppress(OSError):  # until it is full
+        (disk / "filler").write_bytes(bytes(8192))
+    done = ran(*words, output, "-q", "--force")
+    wanted = "cannot be written (No space left on device); make room, or choose another --output"
+    assert (done.returncode, done.stderr) == (2, f"error: {earlier}: {wanted}\n")
+    assert earlier.read_bytes() == b"earlier" and not list(disk.rglob("*.part"))
+
+
+@pytest.mark.slow
+def test_a_disk_that_is_read_only(rig: Path, disk: Path) -> None:
+    subprocess.run(["mount", "-o", "remount,ro", str(disk)], check=True)
+    done = ran("ingest", "logs", "-q", "-o", disk / "d.h5")
+    wanted = "cannot be written (Read-only file system); choose another folder with --output"
+    assert (done.returncode, done.stderr) == (2, f"error: {disk / 'd.h5'}: {wanted}\n")
+
+
+@pytest.mark.slow
+def test_two_writers_do_not_mix(tmp_path: Path) -> None:
+    words = [[*EAID, *SHORT, "d.h5", "--seed", seed] for seed in ("1", "2")]
+    whole = []
+    for call in words:
+        subprocess.run(call, cwd=tmp_path, check=True)
+        whole.append((tmp_path / "d.h5").read_bytes())
+    assert whole[0] != whole[1]
+    for _ in range(2):
+        both = [subprocess.Popen(call, cwd=tmp_path) for call in words]
+        assert [process.wait() for process in both] == [0, 0]
+        assert (tmp_path / "d.h5").read_bytes() in whole and len(list(tmp_path.iterdir())) == 1
+
+
+@pytest.mark.slow
+def test_the_threads_of_blas_change_no_byte(rig: Path) -> None:
+    for count in ("1", "2"):
+        more = {"OPENBLAS_NUM_THREADS": count, "OMP_NUM_THREADS": count}
+        assert ran("fit", "data.h5", "-o", f"{count}.json", "-q", env={**os.environ, **more}).returncode == 0
+    assert (rig / "1.json").read_bytes() == (rig / "2.json").read_bytes()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("shell", "file"),
+    [("bash", ".bash_completions/eaid.sh"), ("zsh", ".zfunc/_eaid"), ("fish", ".config/fish/completions/eaid.fish")],
+)
+def test_completion_installs_and_answers(shell: str, file: str, rig: Path, tmp_path: Path) -> None:
+    home = {**os.environ, "HOME": str(tmp_path), "_TYPER_COMPLETE_TEST_DISABLE_SHELL_DETECTION": "1"}
+    done = ran("--install-completion", shell, env=home)
+    assert done.returncode == 0 and "_EAID_COMPLETE" in (tmp_path / file).read_text(encoding="utf-8")
+    for line, offered in (
+        ("eaid tu", "tune-rc"),
+        ("eaid fit data.h5 --hold-out ", "80"),
+        ("eaid fit d.h5 --loss h", "huber"),
+    ):
+        wanted = {
+            "_EAID_COMPLETE": f"complete_{shell}", "COMP_WORDS": line, "_TYPER_COMPLETE_ARGS": line,
+            "COMP_CWORD": str(len(line.split(" ")) - 1), "_TYPER_COMPLETE_FISH_ACTION": "get-args",
+        }  # fmt: skip
+        assert offered in ran(env={**os.environ, **wanted}).stdout.replace('"', " ").split()
+
+
+def on_a_terminal(where: Path, words: list[str], width: int, **environment: str) -> str:
+    """What stands on a terminal of this width, both streams together."""
+    pty, fcntl, termios = (pytest.importorskip(name) for name in ("pty", "fcntl", "termios"))
+    pid, end = pty.fork()
+    if pid == 0:
+        os.chdir(where)
+        os.environ.update({"TERM": "xterm-256color", **environment})
+        fcntl.ioctl(1, termios.TIOCSWINSZ, struct.pack("HHHH", 50, width, 0, 0))
+        os.execv(sys.executable, [*EAID, *words])
+    seen = b""
+    while True:
+        try:
+            part = os.read(end, 1 << 16)
+        except OSError:  # the other end is closed
+            break
+        if not part:
+            break
+        seen += part
+    os.waitpid(pid, 0)
+    os.close(end)
+    return seen.decode().replace("\r\n", "\n")
+
+
+def plain(text: str) -> str:
+    """Without colours, and without the bars of progress, which are drawn over one line."""
+    lines = [line.split("\r")[-1] for line in re.sub(r"\x1b\[[0-9;?]*[A-Za-z]", "", text).split("\n")]
+    return "\n".join(line for line in lines if "━" not in line)
+
+
+@pytest.mark.slow
+def test_on_a_real_terminal(rig: Path) -> None:
+    """A bar that moves, nothing wider than the terminal, colour unless it is not wanted, thirty logs in sixty lines."""
+    assert ran(*THIRTY.split()).returncode == 0
+    told = on_a_terminal(rig, ["ingest", "thirty", "-o", "e.h5"], 80)
+    counts = re.findall(r"(\d+)/30", re.sub(r"\x1b\[[0-9;?]*[A-Za-z]", "", told))
+    assert counts and int(counts[-1]) == 30 and len(set(counts)) > 1
+    lines = plain(told).splitlines()
+    assert len(lines) <= 60 and max(map(len, lines)) <= 80 and "next: eaid" in lines[-1]
+    told = on_a_terminal(rig, ["fit", "e.h5", "-o", "g.json"], 80)
+    assert "\x1b[33mwarning:\x1b[0m" in told and len(plain(told).splitlines()) <= 60
+    bare = on_a_terminal(rig, ["fit", "e.h5", "-o", "g.json", "--force"], 60, NO_COLOR="1")
+    assert "warning:" in bare and "\x1b[33m" not in bare and max(map(len, plain(bare).splitlines())) <= 60
