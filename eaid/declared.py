@@ -171,6 +171,8 @@ class Form:
         if self.several:
             if not isinstance(value, tuple):
                 return [f"{name} {value!r}: give words"]
+            if not value and self.default != ():
+                return [f"{name}: names nothing; leave it out"]
             again = [f"{name}: names {word} twice" for word in set(value) if value.count(word) > 1]
             known = declared.words
             return again + [unknown(name, word, known) for word in value if known and word not in known]

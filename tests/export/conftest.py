@@ -14,7 +14,9 @@ import pytest
 from eaid.control.gains import paper_gains
 from eaid.export import reference as law
 from eaid.export.constants import Timing, inverse_constants, pi_constants, plant_constants, rc_constants, rounded
-from eaid.export.export import export
+from eaid.export.export import ExportFolder
+from eaid.export.export import export as exported_to
+from eaid.export.job import Origin
 from eaid.models.parameters import PAPER_LINEAR, REFERENCE_PLANT, Nonlinear
 from eaid.options import ExportOptions
 from eaid.replay import references
@@ -84,6 +86,14 @@ STRANGE_PI = KNOWN.pi._replace(K_I=0.0, back_calculation=0.05, duty_min=5.0, dut
 Exporter = Callable[..., Path]
 
 
+def export(gains: Gains | None, fit: Fit | None, given: dict[str, Any]) -> ExportFolder:
+    """An export with fields of `ExportOptions`, its folder, `force`, and what made it."""
+    options = dict(given)
+    folder, force = options.pop("folder"), options.pop("force", False)
+    origin = Origin(options.pop("command", ""), options.pop("inputs", ()))
+    return exported_to(gains, fit, ExportOptions(**options), folder, force, origin)
+
+
 @pytest.fixture(scope="session")
 def exported(tmp_path_factory: pytest.TempPathFactory) -> Exporter:
     """An export of the paper's gains and the reference plant; each one once."""
@@ -93,8 +103,7 @@ def exported(tmp_path_factory: pytest.TempPathFactory) -> Exporter:
         key = (target, precision, laws)
         if key not in made:
             folder = tmp_path_factory.mktemp("export") / f"{target}_{precision}"
-            options = ExportOptions(target=target, precision=precision, laws=laws, folder=folder)
-            export(gains_of(), fit_of(), options)
+            export(gains_of(), fit_of(), {"target": target, "precision": precision, "law": laws, "folder": folder})
             made[key] = folder
         return made[key]
 

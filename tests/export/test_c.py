@@ -5,7 +5,6 @@ import re
 import shutil
 import subprocess
 import sys
-from dataclasses import replace
 
 import msgspec
 import numpy as np
@@ -15,8 +14,6 @@ from fmpy.validation import validate_fmu
 
 from eaid.cli import main
 from eaid.export import job
-from eaid.export.export import export
-from eaid.options import ExportOptions
 from eaid.results.common import Input
 
 from .conftest import (
@@ -28,6 +25,7 @@ from .conftest import (
     STRICT,
     closed_loop,
     compiled,
+    export,
     fit_of,
     gains_of,
     logged,
@@ -55,15 +53,13 @@ def test_every_row_of_the_vectors_comes_back_to_the_bit(exported, compiler, leve
 @pytest.mark.parametrize("precision", ["double", "single"])
 def test_so_does_every_row_of_a_rig_that_is_at_every_floor(tmp_path, precision, monkeypatch):
     monkeypatch.setattr(job, "plant_of", lambda fit: fit.plant)  # it would refuse the rig
-    options = ExportOptions(precision=precision, folder=tmp_path / "c", anyway=True)
+    options = {"precision": precision, "folder": tmp_path / "c", "anyway": True}
     export(gains_of(STRANGE_RC, STRANGE_PI), fit_of(STRANGE), options)
     done = subprocess.run([compiled(tmp_path / "c", COMPILERS[0])], capture_output=True, text=True, check=True)
     rows = re.findall(r"^\w+ +(\d+) rows, +(\d+) to the bit, .* ok$", done.stdout, re.MULTILINE)
     assert len(rows) == 5 and all(count == exact for count, exact in rows)
     if shutil.which("octave"):
-        export(
-            gains_of(STRANGE_RC, STRANGE_PI), fit_of(STRANGE), replace(options, target="matlab", folder=tmp_path / "m")
-        )
+        export(gains_of(STRANGE_RC, STRANGE_PI), fit_of(STRANGE), dict(options, target="matlab", folder=tmp_path / "m"))
         command = ["octave", "--no-gui", "-q", "--norc", "--eval", "check();"]
         done = subprocess.run(command, cwd=tmp_path / "m", capture_output=True, text=True, check=False)
         assert "largest difference 0, wrong status 0" in done.stdout
@@ -198,7 +194,7 @@ def test_logs_of_the_exported_plant_are_fitted_without_options_and_give_it_back(
 
 
 def test_the_duty_limits_of_the_gains_are_kept(tmp_path):
-    made = export(gains_of(duty_limits_pct=[10.0, 80.0]), fit_of(), ExportOptions(folder=tmp_path / "x"))
+    made = export(gains_of(duty_limits_pct=[10.0, 80.0]), fit_of(), {"folder": tmp_path / "x"})
     rows = [line.split(",") for line in (tmp_path / "x" / "vectors.csv").read_text().splitlines()[1:]]
     given = {law: [float(row[7]) for row in rows if row[0] == law and row[1] == "saturation"] for law in LAWS}
     for duties in given.values():
@@ -260,7 +256,7 @@ def test_no_name_of_a_file_or_a_unit_breaks_the_sources(tmp_path):
     named = (Input('evil */ int x; /* """ \\', "abc"), Input("two\nlines", "def"))
     data = {"input_unit": 'V */ "', "output_unit": "N\n<m>", "levels": [100.0]}
     for target in ("c", "python", "yaml", "fmu"):
-        options = ExportOptions(target=target, folder=tmp_path / target, inputs=named, command="eaid export 'a\\")
+        options = {"target": target, "folder": tmp_path / target, "inputs": named, "command": "eaid export 'a\\"}
         export(gains_of(), fit_of(data=data), options)
     assert subprocess.run([compiled(tmp_path / "c", COMPILERS[0])], capture_output=True, check=False).returncode == 0
     assert subprocess.run(["make"], cwd=tmp_path / "c", capture_output=True, check=False).returncode == 0

@@ -11,11 +11,9 @@ from fmpy.fmi2 import FMU2Slave
 from fmpy.validation import validate_fmu
 
 from eaid.export import targets
-from eaid.export.export import export
 from eaid.models import nonlinear
-from eaid.options import ExportOptions
 
-from .conftest import COMPILERS, DT, LAWS, PLANT, STRICT, fit_of, gains_of
+from .conftest import COMPILERS, DT, LAWS, PLANT, STRICT, export, fit_of, gains_of
 
 
 class Unit:
@@ -144,7 +142,7 @@ def test_the_wrapper_is_clean_and_its_sources_make_an_fmu_of_their_own(exported,
 
 def test_an_fmu_of_sources_alone_where_no_compiler_is(tmp_path, monkeypatch):
     monkeypatch.setattr(targets, "COMPILERS", ("no-such-compiler",))
-    export(gains_of(), None, ExportOptions(target="fmu", laws=("pi",), folder=tmp_path / "x"))
+    export(gains_of(), None, {"target": "fmu", "law": ("pi",), "folder": tmp_path / "x"})
     with zipfile.ZipFile(tmp_path / "x" / "eaid_pi.fmu") as file:
         assert not [name for name in file.namelist() if name.startswith("binaries")]
     assert validate_fmu(str(tmp_path / "x" / "eaid_pi.fmu")) == []
@@ -152,6 +150,6 @@ def test_an_fmu_of_sources_alone_where_no_compiler_is(tmp_path, monkeypatch):
 
 @pytest.mark.slow
 def test_the_same_export_gives_the_same_bytes(exported, tmp_path):
-    export(gains_of(), fit_of(), ExportOptions(target="fmu", folder=tmp_path / "fmu_double"))
+    export(gains_of(), fit_of(), {"target": "fmu", "folder": tmp_path / "fmu_double"})
     for path in sorted((tmp_path / "fmu_double").iterdir()):
         assert path.read_bytes() == (exported("fmu") / path.name).read_bytes(), path.name

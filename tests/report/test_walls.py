@@ -17,7 +17,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     fit = eaid.fit(eaid.synth(levels=(10.0, 40.0, 70.0, 100.0), repeats=2, rate_hz=50.0, clean=True))
     gains = eaid.tune_rc(fit)
     fit.save(where / "fit.json")
-    eaid.couple(fit, gains, torques=(1.0, 2.0), replay=False).save(where / "couple.json")
+    eaid.couple(fit, gains, torque=(1.0, 2.0), replay=False).save(where / "couple.json")
     return where
 
 

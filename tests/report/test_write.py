@@ -61,7 +61,7 @@ def test_a_report_that_breaks_off_leaves_what_was_there(
     monkeypatch.setattr(write, "page", broken)
     for name in ("old", "new"):
         with pytest.raises(RuntimeError):
-            write_report(given, tmp_path / name, ReportOptions(force=True))
+            write_report(given, tmp_path / name, force=True)
     assert {name: (tmp_path / "old" / name).read_bytes() for name in names_in(tmp_path / "old")} == before
     assert not (tmp_path / "new").exists()
 
@@ -72,7 +72,7 @@ def test_a_report_that_breaks_off_leaves_what_was_there(
         (["--figures", "fig99"], "--figures fig99: no such figure"),
         (["--format", "gif"], "--format gif: must be one of pdf, svg, png"),
         (["--width", "3.5"], "--width 3.5: write two numbers with a comma between them"),
-        (["--width", "1,7"], "figures are between 2 and 40 in wide"),
+        (["--width", "1,7"], "give a number from 2 to 40"),
         (["--font", "No Such Font"], "--font No Such Font: no such font is installed"),
     ],
 )
