@@ -22,7 +22,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any, Literal, TypeVar, Union
 
-from eaid.errors import UsageError, unknown
+from eaid.errors import FLAGS, UsageError, unknown
 
 O = TypeVar("O", bound="Options")  # noqa: E741
 
@@ -200,7 +200,9 @@ def forms(kind: type) -> dict[str, Form]:
 @cache
 def _forms(kind: type) -> dict[str, Form]:
     hints = typing.get_type_hints(kind)
-    return {one.name: Form(one.name, hints[one.name], _default(one), one.metadata["option"]) for one in declared(kind)}
+    made = {one.name: Form(one.name, hints[one.name], _default(one), one.metadata["option"]) for one in declared(kind)}
+    FLAGS.update({name: form.flag for name, form in made.items() if form.flag != "--" + name.replace("_", "-")})
+    return made
 
 
 def declared(kind: type) -> "list[Field[Any]]":

@@ -8,6 +8,8 @@ from collections.abc import Iterable
 from difflib import get_close_matches
 
 _OPTION = re.compile("«([^»]+)»")
+FLAGS: dict[str, str] = {}
+"""Options whose flag is another word than their name: `eaid.declared` fills it in."""
 
 
 def in_python(sentence: str) -> str:
@@ -17,7 +19,7 @@ def in_python(sentence: str) -> str:
 
 def on_command_line(sentence: str) -> str:
     """A sentence with its options as the command line writes them, `--step-at`."""
-    return _OPTION.sub(lambda found: "--" + found[1].replace("_", "-"), sentence)
+    return _OPTION.sub(lambda option: FLAGS.get(option[1], "--" + option[1].replace("_", "-")), sentence)
 
 
 def unknown(name: str, value: object, known: Iterable[object]) -> str:

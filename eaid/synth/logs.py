@@ -16,6 +16,7 @@ from eaid.arrays import Array, read_only
 from eaid.errors import UsageError
 from eaid.logs.run import Run
 from eaid.models.parameters import Friction
+from eaid.options import SynthOptions
 from eaid.replay.references import MOST_SAMPLES
 from eaid.results.plan import PlannedRun
 from eaid.synth.plants import Plant
@@ -53,6 +54,7 @@ NONE = Disturbance(**{field.name: 0.0 for field in fields(Disturbance) if field.
 
 def check(disturbance: Disturbance) -> None:
     """Refuse sizes that mean nothing."""
+    SynthOptions(**asdict(disturbance))
     if disturbance.coloured > 0 and disturbance.coloured_s == 0:
         raise UsageError("«coloured_s» 0: coloured noise needs a time constant above 0; white noise is «noise_nm»")
 
@@ -290,7 +292,11 @@ def run_of(
 
 
 def check_protocol(plant: Plant, protocol: Protocol) -> None:
-    """Refuse what cannot be recorded."""
+    """Refuse what cannot be recorded; a run table's numbers have the limits of the options."""
+    p = protocol
+    SynthOptions(
+        levels=p.levels, repeats=p.repeats, idle_s=p.idle_s, hold_s=p.hold_s, release_s=p.release_s, rate_hz=p.rate_hz
+    )
     faults = []
     if not protocol.levels:
         faults.append("«levels»: give at least one level")

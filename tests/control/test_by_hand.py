@@ -95,12 +95,12 @@ def test_the_worst_of_the_levels_is_told() -> None:
 
 
 def test_single_levels_depart_most_at_an_end() -> None:
-    """η = 2 T B − c B, η̂ = 2 T/0.08: at rest −c B, at 3 N·m 6 B − c B − 75."""
-    rows = [LevelB(20.0, 2.0, 1.0, 12.5), LevelB(40.0, 2.0, 2.0, 20.0)]
+    """η = 2 T B, η̂ = 2 T/0.08: at rest 0, at 3 N·m 6 B − 75."""
+    rows = [LevelB(20.0, 2.0, 1.0, 12.0), LevelB(40.0, 2.0, 2.0, 20.0)]
     found = shown_by_levels(rows, HALF, 3.0, "V")
     assert (found.signed_pct, found.where) == (pytest.approx(45.0), "at an output of 3 on the model of 40 V alone")
     first = shown_by_levels(rows[:1], HALF, 3.0)
-    assert (first.signed_pct, first.pct) == (pytest.approx(-6.25), pytest.approx(6.25))
+    assert (first.signed_pct, first.pct) == (pytest.approx(-3.0), pytest.approx(3.0))
     nothing = shown_by_levels([], HALF, 3.0)
     assert (nothing.pct, nothing.where) == (0.0, "")
 

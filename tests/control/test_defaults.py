@@ -160,7 +160,7 @@ def test_on_the_papers_rig_the_papers_numbers_stand() -> None:
     scales = scales_of(fit)
     assert scales == (True, 1.0, 1.0) and input_limits(fit) == (0.0, 100.0)
     found = design_options(fit, TuneOptions(), scales, None, 30.0)
-    assert found == DesignOptions(phi_honest_pct=None, levels=None, convention=None)
+    assert found == DesignOptions(phi_honest_pct=None, levels=None)
     told = design_options(fit, TuneOptions(phi="data"), scales, 7.5, 30.0)
     assert (told.Q_M, told.phi, told.phi_honest_pct) == (7.5, 0.05, 30.0)
     given = design_options(fit, TuneOptions(phi=0.2, epsilon=0.3, kp=2.0, kd=1.0, q_max=9.0), scales, 7.5, 30.0)
@@ -209,8 +209,8 @@ def test_a_latch_slower_than_a_hundred_samples_or_faster_than_a_twentieth_is_ref
 
 
 def test_models_that_agree_show_no_mismatch() -> None:
-    level = SimpleNamespace(level=50.0, a0=1.36, c0=-2.42, B=12.5)
-    found = shown_by_levels([level], PAPER_LINEAR, 4.0)  # type: ignore[list-item]
+    level = SimpleNamespace(level=50.0, a0=1.36, B=12.5)
+    found = shown_by_levels([level], Linear(1.36, 0.08, 0.0), 4.0)  # type: ignore[list-item]
     assert found.pct == pytest.approx(0.0, abs=1e-12)
     # one lag, its own linear model: η is η̂ at every instant
     plant = Nonlinear((0.5,), (0.5,), (0.0, 0.04), (10.0, 100.0))

@@ -73,9 +73,7 @@ def test_stable_walls_are_those_of_an_independent_analysis(torque: float, loop: 
 
 @pytest.mark.slow
 def test_replays_agree_with_linear_theory_and_with_an_independent_replay():
-    found = couple(
-        REFERENCE_PLANT, RC, PI, CoupleOptions(torques=(1.0,), loops=("open-loop", "pi", "rc-no-rate", "rc"))
-    )
+    found = couple(REFERENCE_PLANT, RC, PI, CoupleOptions(torque=(1.0,), loops=("open-loop", "pi", "rc-no-rate", "rc")))
     replayed = {wall.loop: wall.K_replayed for wall in found.walls}
     for loop, expected in (("open-loop", 8.79), ("pi", 1.93), ("rc-no-rate", 18.4)):
         assert replayed[loop] == pytest.approx(expected, rel=0.05)
@@ -159,21 +157,21 @@ def test_latch_delay_and_sensor_cost_stiffness():
 
 
 def test_a_pair_is_worked_out_beside_the_single_clutch():
-    found = couple(REFERENCE_PLANT, RC, PI, CoupleOptions(torques=(1.0, 4.0), replay=False, pair_bias_nm=1.5))
+    found = couple(REFERENCE_PLANT, RC, PI, CoupleOptions(torque=(1.0, 4.0), replay=False, pair_bias_nm=1.5))
     assert {wall.torque_nm for wall in found.pair} == {1.0}
     assert "pair-bias-cut" in {one.code for one in found.findings}
 
 
 @pytest.mark.slow
 def test_a_wall_that_cannot_be_held_is_told():
-    found = couple(REFERENCE_PLANT, RC, PI, CoupleOptions(torques=(1.0, 2.0), wall=3.0, replay=False))
+    found = couple(REFERENCE_PLANT, RC, PI, CoupleOptions(torque=(1.0, 2.0), wall=3.0, replay=False))
     told = {(one.subject, one.values["torque_nm"]) for one in found.findings if one.code == "wall-beyond-stable"}
     assert told == {("pi", 1.0), ("pi", 2.0)}
 
 
 def test_what_ninety_five_in_a_hundred_keep_is_less_than_what_the_fit_keeps():
     plants = [REFERENCE_PLANT] * 30
-    found = couple(REFERENCE_PLANT, RC, PI, CoupleOptions(torques=(2.0,), loops=("pi",), replay=False), drawn=plants)
+    found = couple(REFERENCE_PLANT, RC, PI, CoupleOptions(torque=(2.0,), loops=("pi",), replay=False), drawn=plants)
     (kept,), (wall,) = found.kept, found.walls
     assert kept.K_passive_95 is not None
     assert wall.K_passive is not None
@@ -182,24 +180,24 @@ def test_what_ninety_five_in_a_hundred_keep_is_less_than_what_the_fit_keeps():
 
 @pytest.mark.parametrize(
     "options",
-    [{"torques": (9.0,)}, {"torques": (0.01,)}, {"limb_damping": 0.0}, {"limb_inertia": -1.0}, {"wall": 0.0},
+    [{"torque": (9.0,)}, {"torque": (0.01,)}, {"limb_damping": 0.0}, {"limb_inertia": -1.0}, {"wall": 0.0},
      {"loops": ("pid",)}, {"pwm_hz": math.nan}, {"delay_samples": -1}, {"plants": 10**9}, {"pair_bias_nm": 99.0}],
 )  # fmt: skip
 def test_what_means_nothing_is_refused(options: dict):
     with pytest.raises(UsageError):
-        couple(REFERENCE_PLANT, RC, PI, CoupleOptions(**{"replay": False, "torques": (1.0,), **options}))
+        couple(REFERENCE_PLANT, RC, PI, CoupleOptions(**{"replay": False, "torque": (1.0,), **options}))
 
 
 def test_an_unstable_loop_is_refused():
     with pytest.raises(GainsError, match="unstable at 2 without any wall"):
-        couple(REFERENCE_PLANT, None, PIGains(1e6, 1e6), CoupleOptions(torques=(2.0,), loops=("pi",), replay=False))
+        couple(REFERENCE_PLANT, None, PIGains(1e6, 1e6), CoupleOptions(torque=(2.0,), loops=("pi",), replay=False))
 
 
 @pytest.mark.slow
 def test_a_dead_time_that_the_steps_show_counts_as_delay():
     fit = eaid.fit(eaid.synth(levels=(10.0, 40.0, 70.0, 100.0), repeats=2, rate_hz=50.0, clean=True))
     rise = StepShape("a", 0.0, 10.0, "up", 0.0, 1.0, 0.1, "one", 1.0, None, 1.0, 0.02, 0.0, 99.0, 1.0, 9)
-    asked = {"loops": ("inverse",), "torques": (1.0,), "replay": False}
+    asked = {"loops": ("inverse",), "torque": (1.0,), "replay": False}
     late = eaid.couple(msgspec.structs.replace(fit, steps=(rise,)), **asked)
     assert late.options.delay_samples == 20
     assert late.walls == eaid.couple(fit, **asked, delay_samples=20).walls != eaid.couple(fit, **asked).walls
@@ -222,7 +220,7 @@ def test_walls_do_not_depend_on_the_unit_of_the_input():
         Ts=stretched(p.Ts),
         u_range=(3 * p.u_range[0], 3 * p.u_range[1]),
     )
-    options = CoupleOptions(torques=(1.0, 3.0), loops=("open-loop", "inverse"), replay=False)
+    options = CoupleOptions(torque=(1.0, 3.0), loops=("open-loop", "inverse"), replay=False)
     for wall, same in zip(couple(p, None, None, options).walls, couple(volts, None, None, options).walls, strict=True):
         assert same.duty == pytest.approx(3 * wall.duty)
         assert (same.K_passive, same.K_stable) == pytest.approx((wall.K_passive, wall.K_stable), rel=1e-5)

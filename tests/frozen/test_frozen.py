@@ -56,8 +56,8 @@ LEFT_OUT = re.compile(
 )
 """Keys that are no answer, repeat another, or are about to go: readings of B, weights beside equal ones, ripple."""
 BRIEF = re.compile(
-    r"(exit code|converged|(friction\.levels|nonlinear|linear|linear\.(per_level|bounds)|release|findings)"
-    r"\.(Ts|tau[12]|C|[abc]0|B|B_[mM]|rmse|sse|code|identifiable|estimator)"
+    r"(exit code|converged|findings|(friction\.levels|nonlinear|linear|linear\.(per_level|bounds)|release)"
+    r"\.(Ts|tau[12]|C|[abc]0|B|B_[mM]|rmse|sse|identifiable|estimator)"
     r"|(rc|pi|rc\.rho|rc\.ultimate_bound|guarantee|margins\.worst\.(rc|pi)|walls)\.\w+"
     r"|controllers\.[\w-]+\.(\w+|frequencies\.\w+|plants\.metrics\.rms_error_nm\..+)|[\w-]+\.(duty_pct|torque_nm)"
     r"|recorded\.(asked|falls)\.\w+|steps\.\w+)"
@@ -67,7 +67,9 @@ BRIEF = re.compile(
 
 def leaves(value: Any, path: str, into: Leaves) -> Leaves:
     """Numbers and words of a plain result by path; those of a list stand in one list, rows of a table as columns."""
-    if isinstance(value, dict):
+    if path == "findings":
+        into[path] = sorted(" ".join([row["code"], *(f"{level:g}" for level in row["levels"])]) for row in value)
+    elif isinstance(value, dict):
         for key, part in value.items():
             leaves(part, f"{path}.{'*' if path == 'log' else key}" if path else key, into)
     elif isinstance(value, list):
@@ -105,12 +107,11 @@ def thinned(columns: Leaves) -> Leaves:
     into: Leaves = {}
     for path, column in columns.items():
         count = len(column)
-        if count > 2 and all(value == column[0] for value in column):
-            into[path] = [f"{count} × {column[0]}"]
-            continue
         some = column if count <= 20 else [count, *(column[k * (count - 1) // 11] for k in range(12))]
+        if count > 2 and all(value == column[0] for value in column):
+            some = [f"{count} × {column[0]}"]
         into[path] = [float(f"{x:.12g}") if isinstance(x, float) else x for x in some]
-    return into
+    return into | ({"findings": columns["findings"]} if "findings" in columns else {})
 
 
 def answer(line: str, folder: Path, printed: Callable[[], str], **places: Path) -> Leaves:
@@ -135,9 +136,9 @@ def answer(line: str, folder: Path, printed: Callable[[], str], **places: Path) 
     return thinned({path: into[path] for path in wanted if not {None}.issuperset(into[path])})
 
 
-def apart(old: list[Any] | None, new: list[Any] | None) -> list[float]:
+def apart(old: list[Any], new: list[Any]) -> list[float]:
     """Relative differences, of a number next to zero from a tenth of its column's largest; inf for other words."""
-    if old is None or new is None or len(old) != len(new):
+    if len(old) != len(new):
         return [math.inf]
     largest = max((abs(x) for x in old if isinstance(x, float | int)), default=0.0)
     return [
@@ -151,15 +152,20 @@ def apart(old: list[Any] | None, new: list[Any] | None) -> list[float]:
 
 
 def differences(now: Leaves, kept: dict[str, Leaves]) -> Iterator[str]:
-    """Rows path, kept, now, relative difference."""
-    unknown = {path: [] for path in now if not any(path in part for part in kept.values())}
-    for section, part in {"numbers": {}, **kept, "new": unknown}.items():
+    """Rows path, kept, now, relative difference; of columns of other lengths what only one of them holds."""
+    unknown: Leaves = {path: [] for path in now if not any(path in part for part in kept.values())}
+    for section, part in {**kept, "new": unknown}.items():
         for path, old in part.items():
-            new = now.get(path)
+            new = now.get(path, [])
+            pairs = (
+                list(zip(old, new, strict=True))
+                if len(old) == len(new)
+                else [([x for x in old if x not in new], [x for x in new if x not in old])]
+            )
             for k, away in enumerate(apart(old, new)):
                 if away > SECTIONS.get(section, 0.0):
-                    a, b = (old[k], new[k]) if new and len(old) == len(new) else (old or None, new)
-                    yield f"{f'{path}[{k}]':55} {str(a)[:40]:>20} {str(b)[:40]:>20} {away:9.1e}"
+                    a, b = pairs[k]
+                    yield f"{f'{path}[{k}]':55} {a!s:>20} {b!s:>20} {away:9.1e}"
 
 
 def kept_of(group: str) -> dict[str, dict[str, dict[str, Leaves]]]:
@@ -194,12 +200,13 @@ def test_real(name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str], rea
 
 
 def sorted_in(now: Leaves, kept: dict[str, Leaves]) -> dict[str, Leaves]:
-    """An answer, each path in the section where it was kept, a new one where its name belongs."""
+    """An answer, each path in the section where it was kept, a new one where its name belongs; as kept where alike."""
     sections: dict[str, Leaves] = {name: {} for name in SECTIONS}
     for path, column in now.items():
         by_name = (name for name, paths in SECTION_OF.items() if paths.search(path))
         section = next((name for name, part in kept.items() if path in part), next(by_name, "numbers"))
-        sections[section][path] = column if section != "unsteady" else []
+        old = kept.get(section, {}).get(path, [])
+        sections[section][path] = old if max(apart(old, column)) <= SECTIONS[section] else column
     return {name: part for name, part in sections.items() if part}
 
 
@@ -208,7 +215,7 @@ def loosened(now: Leaves, kept: dict[str, Leaves]) -> dict[str, Leaves]:
     sections: dict[str, Leaves] = {name: {} for name in SECTIONS}
     for section, part in kept.items():
         for path, column in part.items():
-            away = 10 * max(apart(column, now.get(path)))
+            away = 10 * max(apart(column, now.get(path, [])))
             fits = away <= SECTIONS[section]
             to = section if fits else next(name for name in ("rounding", *SECTIONS) if away <= SECTIONS[name])
             sections[to][path] = column if to != "unsteady" else []

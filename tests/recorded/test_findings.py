@@ -86,7 +86,7 @@ def test_an_input_that_is_noted_late_or_early_is_told_with_its_rows(late: int, c
     for seed in range(4):
         e = Excitation(kind="random", duration_s=60.0, rate_hz=50.0, hold_s=(0.5, 8.0))
         log = shifted(recorded_log(synthesise_excitation(clutch(), e, NOISE, seed)[0]), -late)
-        found = codes(fit_recorded([log], replace(PLAIN, duty=(10.0, 100.0), falls="as-rises")))
+        found = codes(fit_recorded([log], replace(PLAIN, duty=(10.0, 100.0)), falls=False))
         told = {one for one in found if one.startswith("input-")}
         assert told == ({code} if code else set())
         if code:
@@ -109,7 +109,7 @@ def test_a_delay_that_moves_nothing_is_not_told() -> None:
     """One row of 1 ms beside a τ1 of 0.7 s: seen or not, τ1 stays well within its interval."""
     e = Excitation(kind="random", duration_s=40.0, rate_hz=1000.0, hold_s=(0.5, 8.0))
     log = shifted(recorded_log(synthesise_excitation(clutch(), e, NOISE, 1)[0]), -1)
-    found = codes(fit_recorded([log], replace(PLAIN, duty=(10.0, 100.0), falls="as-rises")))
+    found = codes(fit_recorded([log], replace(PLAIN, duty=(10.0, 100.0)), falls=False))
     assert not [one for one in found if one.startswith(("input-late", "input-early"))]
 
 
@@ -143,7 +143,7 @@ def test_a_release_of_its_own_does_not_bend_the_levels_of_the_friction_model() -
     e = Excitation(kind="random", duration_s=200.0, rate_hz=100.0, hold_s=(1.0, 8.0), rest_s=8.0)
     run = synthesise_excitation(plant, e, NOISE, 2)
     both = FitOptions(model=("nonlinear", "friction"))
-    fit, bent = (fit_recorded(run, replace(both, falls=falls)) for falls in ("auto", "as-rises"))
+    fit, bent = (fit_recorded(run, both, falls=falls) for falls in (True, False))
     assert codes(fit)["friction-falls"].values["rest"] is True
     assert fit.recorded is not None and fit.recorded.friction_falls is not None
     assert fit.recorded.friction_falls.release_tau1 == pytest.approx(0.15, rel=0.1)
@@ -206,7 +206,7 @@ def test_a_loops_law_is_found_and_its_tracking_predicted() -> None:
     law = law_of(recorded_log(run))
     assert law is not None
     assert (pytest.approx(21.0, rel=1e-6), pytest.approx(360.0, rel=1e-6)) == (law.gains.K_P, law.gains.K_I)
-    fit = fit_recorded([run], replace(PLAIN, duty=(10.0, 100.0), loop_refits=4))
+    fit = fit_recorded([run], replace(PLAIN, duty=(10.0, 100.0)), loop_refits=4)
     assert fit.recorded is not None
     (loop,) = fit.recorded.loops
     assert loop.rms_error == pytest.approx(loop.predicted_rms_error, rel=0.1)
@@ -250,7 +250,7 @@ def test_a_loop_of_another_law_is_told_with_what_is_seen_of_it() -> None:
 def test_the_intervals_of_a_direct_fit_hold_its_bias() -> None:
     noise = replace(NONE, white_nm=0.02, coloured=0.03, coloured_s=0.3)
     run = synthesise_excitation(clutch(), LOOP, noise, 1)
-    plain, wide = (fit_recorded(run, replace(PLAIN, duty=(10.0, 100.0), loop_refits=n)) for n in (0, 6))
+    plain, wide = (fit_recorded(run, replace(PLAIN, duty=(10.0, 100.0)), loop_refits=n) for n in (0, 6))
     assert wide.recorded is not None and wide.recorded.loops[0].bias is not None
     bias_pct = wide.recorded.loops[0].bias.tau1_pct
     assert bias_pct is not None and bias_pct > 2

@@ -1,6 +1,5 @@
 """The plant: Eq. (4) from rest, the edges of specification 4.2, exact holds, and what it refuses."""
 
-import math
 from dataclasses import replace
 
 import numpy as np
@@ -110,9 +109,6 @@ def test_perturbed_multiplies_the_polynomials_and_the_release():
     ("factors", "said"),
     [
         ({"C": 1.0}, "no 'C' in the plant"),
-        ({"Ts": 0.0}, "perturb= 0: give a number above 0"),
-        ({"Ts": math.nan}, "perturb= nan: give a number above 0"),
-        ({"tau1": 1e307}, "perturb= 1e\\+307: give a number above 0, 1e\\+06 at most"),
     ],
 )
 def test_perturbed_refuses(factors, said):

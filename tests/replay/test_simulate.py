@@ -79,16 +79,12 @@ def test_the_rate_is_the_rigs() -> None:
         ({"sample_rate_hz": 250.0}, 1e-3), ({"output_unit": "N", "levels": [50.0], "sample_rate_hz": 250.0}, 1e-3),
     ):  # fmt: skip
         fit = from_plain({"data": data, "nonlinear": plain()}, Fit, "f")
-        assert simulate(fit, None, SimulateOptions(controllers=("inverse",)), (T, T)).head.dt_s == dt_s
+        assert simulate(fit, None, SimulateOptions(controller=("inverse",)), (T, T)).head.dt_s == dt_s
 
 
 def test_what_contradicts_itself_is_refused() -> None:
-    with pytest.raises(UsageError, match="exclude each other"):
-        simulate(FIT, None, SimulateOptions(scenario="steps"), (T, T))
-    with pytest.raises(UsageError, match="no scenario 'loops'"):
-        simulate(FIT, None, SimulateOptions(scenario="loops"))
-    with pytest.raises(UsageError, match="name each controller once"):
-        simulate(FIT, None, SimulateOptions(controllers=("inverse", "inverse")), (T, T))
+    with pytest.raises(UsageError, match="controller=: names inverse twice"):
+        simulate(FIT, None, SimulateOptions(controller=("inverse", "inverse")), (T, T))
     with pytest.raises(DataError, match="the gains are for an input in % and an output in N·m"):
         volts = from_plain({"data": {"input_unit": "V"}, "nonlinear": {**plain()}}, Fit, "v")
         simulate(volts, gains(5.0), SimulateOptions(), (T, T))
@@ -116,7 +112,7 @@ def uncertain() -> Fit:
 
 
 def test_drawn_plants_are_kept_with_their_numbers() -> None:
-    options = SimulateOptions(controllers=("inverse",), plants=5, seed=3, perturb={"Ts": 0.9}, rate_hz=200.0)
+    options = SimulateOptions(controller=("inverse",), plants=5, seed=3, perturb={"Ts": 0.9}, rate_hz=200.0)
     found = simulate(uncertain(), None, options, (T, 1.0 + np.sin(2 * T)))
     assert found.head.plants == 5 and found.head.plants_from == "covariance"
     assert "plants-all-alike" not in {one.code for one in found.findings}
@@ -131,28 +127,28 @@ def test_drawn_plants_are_kept_with_their_numbers() -> None:
 
 
 def test_a_fit_without_uncertainty_has_plants_that_are_all_alike() -> None:
-    found = simulate(FIT, None, SimulateOptions(controllers=("inverse",), plants=3, rate_hz=100.0), (T, T))
+    found = simulate(FIT, None, SimulateOptions(controller=("inverse",), plants=3, rate_hz=100.0), (T, T))
     assert found.head.plants_from == "fitted-plant"
     assert "plants-all-alike" in {one.code for one in found.findings}
     assert found.records["inverse"].metrics.plants.metrics["rms_error_nm"].sd == 0.0
 
 
 def test_more_steps_than_a_day_of_work_are_refused() -> None:
-    options = SimulateOptions(controllers=("inverse",), plants=100_000)
+    options = SimulateOptions(controller=("inverse",), plants=100_000)
     with pytest.raises(UsageError, match="ask for 71,423 at most"):
         simulate(FIT, None, options, (7 * T, T))
 
 
 def test_where_replays_leave_what_was_identified_is_told_in_shares() -> None:
     fall = np.where(T < 1.0, 2.0, 1.0)
-    options = SimulateOptions(controllers=("open-loop",), rate_hz=100.0)
+    options = SimulateOptions(controller=("open-loop",), rate_hz=100.0)
     found = simulate(FIT, None, options, (T, fall))
     told = {one.code: dict(one.values) for one in found.findings}["replay-leaves-identified"]
     columns = found.records["open-loop"].columns
     duty, torque = columns["duty_pct"], columns["torque_nm"]
     assert told["below_pct"] == told["above_pct"] == 0.0 and duty.min() > 10
     assert told["falling_pct"] == pytest.approx(100 * np.mean(np.diff(torque) < 0)) and told["falling_pct"] > 40
-    low = simulate(FIT, None, replace(options, controllers=("inverse",)), (T, 0.05 + 0.0 * T))
+    low = simulate(FIT, None, replace(options, controller=("inverse",)), (T, 0.05 + 0.0 * T))
     told = {one.code: dict(one.values) for one in low.findings}["replay-leaves-identified"]
     duty = low.records["inverse"].columns["duty_pct"]
     assert told["below_pct"] == pytest.approx(100 * np.mean((duty > 0) & (duty < 10))) and told["below_pct"] > 90
@@ -160,14 +156,14 @@ def test_where_replays_leave_what_was_identified_is_told_in_shares() -> None:
     quiet = simulate(FIT, None, options, (T, 2.0 + 0.0 * T)).findings
     assert "replay-leaves-identified" not in {one.code for one in quiet}
     for level, duty in ((4.3, 100.0), (0.0, 0.0)):  # at the highest identified duty, and at rest, nothing is left
-        held = simulate(FIT, None, replace(options, controllers=("inverse",)), (T, level + 0.0 * T))
+        held = simulate(FIT, None, replace(options, controller=("inverse",)), (T, level + 0.0 * T))
         assert np.mean(held.records["inverse"].columns["duty_pct"] == duty) > 0.3
         assert "replay-leaves-identified" not in {one.code for one in held.findings}
 
 
 def test_what_a_replay_stands_on_is_said() -> None:
     shaky = from_plain({"nonlinear": {**to_plain(FIT.nonlinear), "identifiable": False}}, Fit, "f")
-    found = simulate(shaky, None, SimulateOptions(controllers=("inverse",), rate_hz=100.0), (T, T))
+    found = simulate(shaky, None, SimulateOptions(controller=("inverse",), rate_hz=100.0), (T, T))
     assert "plant-not-identifiable" in {one.code for one in found.findings} and set(found.head.unidentified) == {
         "plant"
     }
@@ -197,7 +193,7 @@ def test_what_does_nothing_for_a_kind_of_replay_is_refused(options: dict, what: 
     [
         ({"plants": 2}, "sweep"), ({"rate_hz": 10.0}, "rehab"), ({"duration": 3.0}, "rehab"),
         ({"keep_baseline": True}, "log"), ({"plants": 2, "threads": 1}, "reference"),
-        ({"residual_noise": True, "scenario": "steps"}, "steps"),
+        ({"noise": "residuals", "scenario": "steps"}, "steps"),
         ({"scenario": "rehab", "limb_damping": 0.5, "limb_inertia": 0.2}, "rehab"),
     ],
 )  # fmt: skip
@@ -209,7 +205,7 @@ def test_what_serves_is_taken(options: dict, what: str) -> None:
     "options",
     [
         {"threads": 2}, {"limb_damping": 1.0}, {"limb_inertia": 0.1, "scenario": "steps"},
-        {"residual_noise": True, "rig": Rig(noise_nm=0.1)},
+        {"noise": "residuals", "rig": Rig(noise_nm=0.1)},
         {"rig": Rig(noise_correlation_s=0.1)},
     ],
 )  # fmt: skip
@@ -220,7 +216,7 @@ def test_options_that_contradict_each_other_are_refused(options: dict) -> None:
 
 def test_a_rehabilitation_is_scaled_to_the_rig_and_has_the_limb_that_is_given() -> None:
     options = SimulateOptions(
-        scenario="rehab", controllers=("inverse",), duration=18.0, limb_damping=0.9, limb_inertia=0.12, seed=2
+        scenario="rehab", controller=("inverse",), duration=18.0, limb_damping=0.9, limb_inertia=0.12, seed=2
     )
     found = simulate(FIT, None, options)
     exercise = found.head.exercise
@@ -249,17 +245,17 @@ def log(name: str, closed: bool = False) -> Run:
 
 def test_logs_are_replayed_and_closed_loops_laid_over() -> None:
     known = gains(5.0)
-    found = simulate(FIT, known, SimulateOptions(controllers=("pi",)), runs=[log("a")])
+    found = simulate(FIT, known, SimulateOptions(controller=("pi",)), runs=[log("a")])
     assert {name: one.role for name, one in found.records.items()} == {"a": "recorded-input"}
     assert found.records["a"].metrics.max_abs_difference_nm < 1e-12 and found.head.scenario == "log"
-    one = simulate(FIT, known, SimulateOptions(controllers=("pi",)), runs=[log("a"), log("b", True)])
+    one = simulate(FIT, known, SimulateOptions(controller=("pi",)), runs=[log("a"), log("b", True)])
     assert {name: record.role for name, record in one.records.items()} == {
         "a": "recorded-input", "b": "recorded-input", "recorded": "recorded-loop", "pi": "controller",
     }  # fmt: skip
     assert one.records["recorded"].metrics.mean_abs_error_nm == pytest.approx(0.1)
-    two = simulate(FIT, known, SimulateOptions(controllers=("pi",)), runs=[log("a", True), log("b", True)])
+    two = simulate(FIT, known, SimulateOptions(controller=("pi",)), runs=[log("a", True), log("b", True)])
     assert {"a recorded", "a pi", "b recorded", "b pi"} < set(two.records)
-    noisy = SimulateOptions(controllers=("pi",), rig=Rig(noise_nm=0.1))
+    noisy = SimulateOptions(controller=("pi",), rig=Rig(noise_nm=0.1))
     with pytest.raises(UsageError, match="noise_nm=?: does nothing with logs of an open loop"):
         simulate(FIT, known, noisy, runs=[log("a")])
     assert simulate(FIT, known, noisy, runs=[log("a"), log("b", True)]).head.rig.noise_nm == 0.1
@@ -268,18 +264,18 @@ def test_logs_are_replayed_and_closed_loops_laid_over() -> None:
 
 def test_without_a_linear_model_the_open_loop_takes_the_straight_line() -> None:
     bare = msgspec.structs.replace(FIT, linear=None)
-    found = simulate(bare, None, SimulateOptions(controllers=("open-loop",), rate_hz=100.0), (T, 1.0 + T / 2))
+    found = simulate(bare, None, SimulateOptions(controller=("open-loop",), rate_hz=100.0), (T, 1.0 + T / 2))
     assert "open-loop-on-straight-line" in {one.code for one in found.findings}
     duties = np.linspace(10, 100, 101)
     slope, offset = np.polyfit(duties, np.polyval(FIT.nonlinear.Ts[::-1], duties), 1)
     columns = found.records["open-loop"].columns
     np.testing.assert_allclose(columns["duty_pct"], (columns["reference_nm"] - offset) / slope, rtol=1e-9)
-    named = simulate(FIT, None, SimulateOptions(controllers=("open-loop",), rate_hz=100.0), (T, 1.0 + T / 2))
+    named = simulate(FIT, None, SimulateOptions(controller=("open-loop",), rate_hz=100.0), (T, 1.0 + T / 2))
     assert "open-loop-on-straight-line" not in {one.code for one in named.findings}
     assert set(simulate(bare, None, SimulateOptions(rate_hz=100.0), (T, T)).records) == {"inverse"}
     falling = from_plain({"nonlinear": {**plain(), "Ts": [4.0, -0.01, 0, 0]}}, Fit, "f")
     with pytest.raises(UsageError, match="does not rise with the duty"):
-        simulate(falling, None, SimulateOptions(controllers=("open-loop",)), (T, T))
+        simulate(falling, None, SimulateOptions(controller=("open-loop",)), (T, T))
 
 
 def test_a_fit_without_a_plant_is_refused() -> None:
@@ -289,9 +285,7 @@ def test_a_fit_without_a_plant_is_refused() -> None:
 
 def test_a_controller_without_gains_and_one_that_nobody_knows_are_refused() -> None:
     with pytest.raises(UsageError, match="controller pi-feedforward needs gains|controller pi needs gains"):
-        simulate(FIT, None, SimulateOptions(controllers=("pi-feedforward",)), (T, T))
-    with pytest.raises(UsageError, match="no controller 'pid'; there are rc, pi"):
-        simulate(FIT, None, SimulateOptions(controllers=("pid",)), (T, T))
+        simulate(FIT, None, SimulateOptions(controller=("pi-feedforward",)), (T, T))
 
 
 def test_a_dead_time_of_the_steps_is_replayed_as_a_delay() -> None:
@@ -301,8 +295,8 @@ def test_a_dead_time_of_the_steps_is_replayed_as_a_delay() -> None:
             return 0.02
 
     late = Late(nonlinear=FIT.nonlinear, linear=FIT.linear)
-    found = simulate(late, None, SimulateOptions(controllers=("inverse",), rate_hz=100.0), (T, T))
+    found = simulate(late, None, SimulateOptions(controller=("inverse",), rate_hz=100.0), (T, T))
     assert found.head.rig.delay_samples == 2 and "dead-time-replayed" in {one.code for one in found.findings}
-    given = SimulateOptions(controllers=("inverse",), rate_hz=100.0, rig=Rig(delay_samples=1))
+    given = SimulateOptions(controller=("inverse",), rate_hz=100.0, rig=Rig(delay_samples=1))
     found = simulate(late, None, given, (T, T))
     assert found.head.rig.delay_samples == 1 and "dead-time-replayed" not in {one.code for one in found.findings}

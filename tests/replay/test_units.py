@@ -73,7 +73,7 @@ def test_defaults_scale_with_the_rig(fits: dict[str, Fit], name: str, scenario: 
     made = []
     for fit in (fits[name], fits["V"]):
         gains = eaid.tune_rc(fit)
-        made += [fit, gains, eaid.simulate(fit, gains, scenario, controllers=CONTROLLERS)]
+        made += [fit, gains, eaid.simulate(fit, gains, scenario, controller=CONTROLLERS)]
     agree(name, *made)
 
 
@@ -88,6 +88,6 @@ def test_the_papers_units_are_units_like_others_where_every_number_is_given(fits
         )  # fmt: skip
         t = np.linspace(0, 6, 601)
         reference = t, out * (1.5 + np.sin(2 * t) + (t > 3))
-        replay = simulate(fits[name], gains, SimulateOptions(controllers=CONTROLLERS, rate_hz=500.0), reference)
+        replay = simulate(fits[name], gains, SimulateOptions(controller=CONTROLLERS, rate_hz=500.0), reference)
         made += [fits[name], gains, replay]
     agree("percent", *made)

@@ -85,7 +85,7 @@ def test_same_input_same_bytes(made: StepSet, fitted: Any, body: Fit) -> None:
 
 
 def test_plants_are_drawn_from_what_is_kept(made: StepSet, fitted: Any) -> None:
-    found = with_intervals(made, fitted, FitOptions(estimator="two-stage"))
+    found = with_intervals(made, fitted, FitOptions(estimator="auto"))
     plants = draw(found, 400, 0).plants
     at = 50.0 ** np.arange(4)
     values = np.array([np.array(p.Ts) @ at for p in plants])
@@ -96,7 +96,7 @@ def test_plants_are_drawn_from_what_is_kept(made: StepSet, fitted: Any) -> None:
 
 
 def test_two_stage_estimator_takes_the_models_place(made: StepSet, fitted: Any, body: Fit) -> None:
-    found = with_intervals(made, fitted, FitOptions(estimator="two-stage"))
+    found = with_intervals(made, fitted, FitOptions(estimator="auto"))
     assert found.nonlinear.estimator == "two-stage" and found.nonlinear.because == "asked"
     assert found.plant.tau2 == found.nonlinear.tau2
     assert found.nonlinear.tau2 == body.nonlinear.two_stage.tau2
@@ -262,7 +262,7 @@ def test_typed_options_and_results_agree(made: StepSet) -> None:
 @pytest.mark.slow
 def test_every_option_stands_in_the_file_of_steps_and_of_recorded_logs(tmp_path: Path) -> None:
     """One type holds what is asked for and what is kept: an option of a value of its own comes back from the file."""
-    asked = FitOptions(model=("linear",), share=0.8, ci="none", seed=7, draws=12, shape="two", dead_time_s=0.0)
+    asked = FitOptions(model=("linear",), share=0.8, ci="none", seed=7, draws=12, shape="two", dead_time=0.0)
     steps = eaid.synth(levels=(20.0, 60.0, 100.0), rate_hz=50.0, seed=1)
     logs = synthesise_excitation(clutch(), Excitation(kind="prbs", duration_s=60.0, rate_hz=50.0), NONE, 1)
     for data in (steps, replace(steps, recorded=tuple(logs))):

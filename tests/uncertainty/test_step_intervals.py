@@ -24,7 +24,7 @@ def made(noise: float = 0.01, tau2: float = 2.0, samples: float = 0.1, seed: int
 
 
 def fitted(step: LevelStep, ci: str = "robust") -> StepShape:
-    return with_interval(step, fit_step(step, FitOptions(shape="two", dead_time_s=0.0)), ci)
+    return with_interval(step, fit_step(step, FitOptions(shape="two", dead_time=0.0)), ci)
 
 
 def half(interval: tuple[float, float] | None) -> float:
