@@ -306,7 +306,7 @@ def test_optimize_trades_in_the_open(by_hand: Callable, run_eaid: Callable) -> N
 
 @pytest.mark.slow
 def test_optimize_on_drawn_plants(rig: Path, run_eaid: Callable) -> None:
-    searched = ["tune-rc", "fit.json", "--optimize", "--plants", "3", "--evaluations", "4", "--seed", "5", "-q"]
+    searched = ["tune-rc", "fit.json", "--optimize", "--plants", "3", "--evaluations", "15", "--seed", "5", "-q"]
     for name in ("a.json", "b.json"):
         assert run_eaid(*searched, "-o", name).code == 0
     assert Path("a.json").read_bytes() == Path("b.json").read_bytes()
