@@ -13,7 +13,6 @@ import shutil
 import signal
 import sys
 import time
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -29,11 +28,11 @@ BECOME_REAPER = 36  # PR_SET_CHILD_SUBREAPER: what a killed command leaves becom
 pytestmark = [pytest.mark.slow, pytest.mark.skipif(sys.platform != "linux", reason="forks and adopts orphans")]
 
 
-def child(words: list[str], at: int, told: int) -> None:
+def child(words, at, told):
     """Run a command that kills itself right before its `at`-th operation on files of this folder."""
     count, folder = 0, os.getcwd()
 
-    def watch(event: str, given: tuple) -> None:
+    def watch(event, given):
         nonlocal count
         if event not in WATCHED or not given or not isinstance(given[0], str | bytes | os.PathLike):
             return
@@ -49,7 +48,7 @@ def child(words: list[str], at: int, told: int) -> None:
     os._exit(code)
 
 
-def ran(words: list[str], at: int = 0) -> tuple[int, int]:
+def ran(words, at=0):
     """Exit code of a command in a process of its own (−9: killed) and its operations; no process outlives it by 5 s."""
     read, write = os.pipe()
     if (watcher := os.fork()) == 0:
@@ -86,13 +85,13 @@ EARLIER = "synth --levels 20,50 --repeats 3 --seed 1 --rate-hz 20 --hold 5 -o fo
 """A folder that the new one replaces whole; other outputs begin as the new ones with a line behind them."""
 
 
-def whole(files: dict[str, bytes]) -> dict[str, bytes]:
+def whole(files):
     """Files that are not left over."""
     return {name: content for name, content in files.items() if not any(map(LEFT_OVER.fullmatch, Path(name).parts))}
 
 
 @pytest.mark.parametrize("line", LINES)
-def test_killed(line: str, made: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, held: Callable) -> None:
+def test_killed(line, made, tmp_path, monkeypatch, held):
     work, words = tmp_path / "work", [*line.replace("GIVEN", str(made)).split(), "-q", "--force"]
     work.mkdir()
     monkeypatch.chdir(work)
@@ -117,7 +116,7 @@ def test_killed(line: str, made: Path, tmp_path: Path, monkeypatch: pytest.Monke
     assert held(work) == new
 
 
-def test_demo_killed_early(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, held: Callable) -> None:
+def test_demo_killed_early(tmp_path, monkeypatch, held):
     """While its first results are written; the process beside it ends too."""
     monkeypatch.chdir(tmp_path)
     (tmp_path / "demo").mkdir()
@@ -126,6 +125,6 @@ def test_demo_killed_early(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, held
     assert ran(["demo", "-o", "demo", "-q", "--force"], 6)[0] == -9
     for name, content in whole(held(tmp_path)).items():
         if content != b"earlier" and name.endswith(".json"):  # the process beside it had got as far as a fit
-            assert eaid.load(name).friction is not None  # type: ignore[union-attr]
+            assert eaid.load(name).friction is not None
         elif content != b"earlier":
             assert name.endswith(".h5") and eaid.read(name).runs

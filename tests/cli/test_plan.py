@@ -2,22 +2,20 @@
 
 import csv
 import json
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import pytest
 
 NOISE = {"noise": {"sensor_nm2_s": 2e-7, "ripple_s": 3e-5, "scatter": {"Ts": 0.03, "tau1": 0.05, "tau2": 0.0}}}
 
 
-def planned(run_eaid: Callable, words: str) -> dict[str, Any]:
+def planned(run_eaid, words):
     ran = run_eaid(f"plan fit.json --json --force {words}")
     assert ran.code == 0
     return json.loads(ran.out)
 
 
-def test_plan_and_its_duty_file(by_hand: Callable, run_eaid: Callable) -> None:
+def test_plan_and_its_duty_file(by_hand, run_eaid):
     by_hand({"uncertainty": NOISE})
     ran = run_eaid("plan fit.json --want tau2=12,Ts=4 --no-check --json")
     told, rows = json.loads(ran.out), list(csv.DictReader(Path("plan.csv").read_text().splitlines()))
@@ -39,7 +37,7 @@ def test_plan_and_its_duty_file(by_hand: Callable, run_eaid: Callable) -> None:
 
 
 @pytest.mark.slow
-def test_the_synthesised_widths_keep_what_was_wanted(by_hand: Callable, run_eaid: Callable) -> None:
+def test_the_synthesised_widths_keep_what_was_wanted(by_hand, run_eaid):
     """By prediction alone τ1 comes out too wide in one synthesis of two; the checked plan keeps it."""
     by_hand({"uncertainty": NOISE})
     assert planned(run_eaid, "--want tau1=5,Ts=3")["met"] is True
@@ -50,7 +48,7 @@ def test_the_synthesised_widths_keep_what_was_wanted(by_hand: Callable, run_eaid
     assert told["measured_half_width_pct"]["tau2"] <= 12 and told["measured_half_width_pct"]["Ts"] <= 4
 
 
-def test_a_rig_in_volts_gets_a_plan_in_volts(by_hand: Callable, run_eaid: Callable) -> None:
+def test_a_rig_in_volts_gets_a_plan_in_volts(by_hand, run_eaid):
     words = "--want Ts=4 --most-levels 10 --no-check"
     by_hand({"uncertainty": NOISE})
     percent = planned(run_eaid, words)
@@ -78,9 +76,7 @@ def test_a_rig_in_volts_gets_a_plan_in_volts(by_hand: Callable, run_eaid: Callab
         ({"nonlinear": None}, "Ts=5", 3, "holds neither a nonlinear nor a friction model to plan with"),
     ],
 )
-def test_what_is_told_of_a_plan(
-    parts: dict[str, Any], want: str, code: int, sentence: str, by_hand: Callable, run_eaid: Callable
-) -> None:
+def test_what_is_told_of_a_plan(parts, want, code, sentence, by_hand, run_eaid):
     if parts.get("nonlinear"):
         parts = {"nonlinear": {**json.loads(Path("fit.json").read_text())["nonlinear"], **parts["nonlinear"]}}
     by_hand(parts)

@@ -2,18 +2,16 @@
 
 import json
 import re
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import pytest
 
 
 @pytest.fixture
-def tuned(by_hand: Callable, run_eaid: Callable) -> Callable[..., dict[str, Any]]:
+def tuned(by_hand, run_eaid):
     """The gains.json that these arguments make of a fit written by hand."""
 
-    def tuned(words: str = "", parts: dict[str, Any] | None = None, **scales: float) -> dict[str, Any]:
+    def tuned(words="", parts=None, **scales):
         by_hand(parts, **scales)
         ran = run_eaid(f"tune-rc fit.json -q --force {words}")
         assert (ran.code, ran.err) == (0, "")
@@ -22,11 +20,11 @@ def tuned(by_hand: Callable, run_eaid: Callable) -> Callable[..., dict[str, Any]
     return tuned
 
 
-def codes(gains: dict[str, Any]) -> set[str]:
+def codes(gains):
     return {one["code"] for one in gains["findings"]}
 
 
-def test_the_paper_s_linear_model_gives_the_paper_s_gains(by_hand: Callable, run_eaid: Callable) -> None:
+def test_the_paper_s_linear_model_gives_the_paper_s_gains(by_hand, run_eaid):
     """Nothing but `linear` is needed of the fit."""
     by_hand({"nonlinear": None})
     ran = run_eaid("tune-rc fit.json -o g.json")
@@ -62,13 +60,13 @@ def test_the_paper_s_linear_model_gives_the_paper_s_gains(by_hand: Callable, run
     }  # fmt: skip
 
 
-def test_verbose_shows_what_they_were_made_of(by_hand: Callable, run_eaid: Callable) -> None:
+def test_verbose_shows_what_they_were_made_of(by_hand, run_eaid):
     ran = run_eaid("tune-rc fit.json -v -o g.json")
     assert ran.code == 0 and "sampled at 1000 Hz, the input latched at 300 Hz" in ran.out
     assert re.search(r"^textbook ", ran.out, re.M) and "--verbose shows all" not in ran.err
 
 
-def test_every_option_reaches_the_gains(tuned: Callable) -> None:
+def test_every_option_reaches_the_gains(tuned):
     linear = {"nonlinear": None}
     rc = tuned("--kp 9 --kd 4 --epsilon 0.3 --gamma 60 --p-scale 3 --q-max 7 --phi 0.02 --b-hat minimax", parts=linear)[
         "rc"
@@ -91,7 +89,7 @@ def test_every_option_reaches_the_gains(tuned: Callable) -> None:
     assert timing == {"rate_hz": 500.0, "pwm_hz": None, "delay_samples": 0}
 
 
-def test_the_replayed_error_stands_beside_the_bound(tuned: Callable) -> None:
+def test_the_replayed_error_stands_beside_the_bound(tuned):
     gains = tuned()
     assert gains["replayed"]["reference"] == "multisine" and gains["rc"]["phi_holds"] is False
     assert gains["rc"]["ultimate_bound"]["replayed_nm"] == pytest.approx(0.1157, abs=1e-3)
@@ -101,7 +99,7 @@ def test_the_replayed_error_stands_beside_the_bound(tuned: Callable) -> None:
     assert needs["needed"] == pytest.approx(9.28, abs=0.01) and needs["available"] == 5.0
 
 
-def test_Q_M_from_a_reference(tuned: Callable, tmp_path: Path) -> None:
+def test_Q_M_from_a_reference(tuned, tmp_path):
     (tmp_path / "ramp.csv").write_text("time_s,reference_nm\n0,1\n1,3.5\n2,3.5\n")
     gains = tuned("--reference ramp.csv")
     assert gains["rc"]["Q_M"] == pytest.approx(2.5) and gains["rc"]["Q_M_holds"] is True
@@ -111,7 +109,7 @@ def test_Q_M_from_a_reference(tuned: Callable, tmp_path: Path) -> None:
     assert tuned("--reference multisine")["rc"]["Q_M"] == pytest.approx(9.28, abs=0.01)
 
 
-def test_phi_from_data(made: Path, tuned: Callable, run_eaid: Callable, by_hand: Callable) -> None:
+def test_phi_from_data(made, tuned, run_eaid, by_hand):
     gains = tuned(f"--phi data --data {made}/data.h5")
     assert gains["rc"]["phi_holds"] is True and {"model", "logs"} <= set(gains["phi_from_data"])
     needed = max(gains["phi_from_data"][name]["pct"] for name in ("model", "logs"))
@@ -122,7 +120,7 @@ def test_phi_from_data(made: Path, tuned: Callable, run_eaid: Callable, by_hand:
     assert run_eaid("tune-rc fit.json --phi data --force").code == 3
 
 
-def test_the_logs_that_a_fit_names_are_taken_while_they_are_the_same(rig: Path, run_eaid: Callable) -> None:
+def test_the_logs_that_a_fit_names_are_taken_while_they_are_the_same(rig, run_eaid):
     words = ["tune-rc", "fit.json", "--phi", "data", "--force", "-o", "g.json"]
     assert run_eaid(words).code == 0
     told = json.loads(Path("g.json").read_text(encoding="utf-8"))["phi_from_data"]
@@ -133,10 +131,10 @@ def test_the_logs_that_a_fit_names_are_taken_while_they_are_the_same(rig: Path, 
     assert json.loads(Path("g.json").read_text(encoding="utf-8"))["phi_from_data"].get("logs") is None
 
 
-def test_bounds_over_levels_and_widened(rig: Path, run_eaid: Callable) -> None:
+def test_bounds_over_levels_and_widened(rig, run_eaid):
     linear = json.loads(Path("fit.json").read_text(encoding="utf-8"))["linear"]
 
-    def bounds(more: str = "") -> tuple[float, float]:
+    def bounds(more=""):
         assert run_eaid(f"tune-rc fit.json -q --force -o g.json {more}").code == 0
         rc = json.loads(Path("g.json").read_text(encoding="utf-8"))["rc"]
         return rc["B_m"], rc["B_M"]
@@ -166,9 +164,7 @@ PAPER = {"a0": 1.36, "b0": 0.08, "c0": -2.42, "bounds": {"convention": "zero-off
         ({"c0": -1e50}, "c0 -1e+50, which no rig has"),
     ],
 )
-def test_a_linear_model_of_no_rig_is_refused(
-    linear: dict[str, Any], sentence: str, by_hand: Callable, run_eaid: Callable
-) -> None:
+def test_a_linear_model_of_no_rig_is_refused(linear, sentence, by_hand, run_eaid):
     by_hand({"linear": {**PAPER, **linear}})
     lines = [
         "tune-rc fit.json -o x",
@@ -204,9 +200,7 @@ NONLINEAR = {
         ({"u_range": [100.0, 10.0]}, "nonlinear.u_range is"),
     ],
 )
-def test_a_plant_that_cannot_be_is_refused_by_all_that_use_it(
-    changes: dict[str, Any], sentence: str, by_hand: Callable, run_eaid: Callable
-) -> None:
+def test_a_plant_that_cannot_be_is_refused_by_all_that_use_it(changes, sentence, by_hand, run_eaid):
     by_hand({"nonlinear": {**NONLINEAR, **changes}})
     for line in (
         "tune-rc fit.json -o x",
@@ -218,7 +212,7 @@ def test_a_plant_that_cannot_be_is_refused_by_all_that_use_it(
         assert ran.code == 3 and sentence in ran.err and ran.err.count("error: ") == ran.err.count("\n") == 1
 
 
-def test_a_fit_without_what_is_needed(by_hand: Callable, run_eaid: Callable) -> None:
+def test_a_fit_without_what_is_needed(by_hand, run_eaid):
     by_hand({"linear": None, "nonlinear": None, "friction": {}})
     ran = run_eaid("tune-rc fit.json -o x")
     assert ran.code == 3 and "holds no linear model" in ran.err
@@ -229,7 +223,7 @@ def test_a_fit_without_what_is_needed(by_hand: Callable, run_eaid: Callable) -> 
     assert ran.code == 2 and "no fits of single levels" in ran.err
 
 
-def test_an_unidentified_fit_is_used_on_request_only(tuned: Callable, by_hand: Callable, run_eaid: Callable) -> None:
+def test_an_unidentified_fit_is_used_on_request_only(tuned, by_hand, run_eaid):
     parts = {
         "linear": {**PAPER, "identifiable": False}, "nonlinear": None,
         "findings": [{"code": "one level only", "severity": "stop", "subject": "linear"}],
@@ -242,9 +236,7 @@ def test_an_unidentified_fit_is_used_on_request_only(tuned: Callable, by_hand: C
     assert gains["unidentified"] == "one level only" and "fit-not-identifiable" in codes(gains)
 
 
-def test_a_rig_in_other_units_gets_the_same_design_in_its_own(
-    tuned: Callable, run_eaid: Callable, volts: dict[str, Any]
-) -> None:
+def test_a_rig_in_other_units_gets_the_same_design_in_its_own(tuned, run_eaid, volts):
     """Nothing but the units differs: the gains are the paper's in them, the errors are the same share."""
     designed = "--phi data --reference multisine --pi-overshoot 1 --pi-settling 0.27 --pwm-hz 0"
     paper = tuned(designed)
@@ -270,16 +262,14 @@ def test_a_rig_in_other_units_gets_the_same_design_in_its_own(
 
 
 @pytest.mark.slow
-def test_a_slow_rig_gets_a_slow_design(tuned: Callable, volts: dict[str, Any]) -> None:
+def test_a_slow_rig_gets_a_slow_design(tuned, volts):
     rig = tuned(parts={"data": volts}, k=3.0, y=0.5, pace=0.01)
     assert rig["rc"]["natural_frequency_rad_s"] == pytest.approx(0.021213, rel=1e-4)
     assert rig["pi"]["settling_s"] == pytest.approx(27.0) and rig["pi"]["overshoot_pct"] == pytest.approx(1.0)
     assert rig["replayed"]["counted_from_s"] == pytest.approx(500.0)
 
 
-def test_a_loop_that_is_sampled_slowly_gets_a_softer_layer_and_keeps_its_margins(
-    tuned: Callable, volts: dict[str, Any]
-) -> None:
+def test_a_loop_that_is_sampled_slowly_gets_a_softer_layer_and_keeps_its_margins(tuned, volts):
     fast = tuned(parts={"data": volts}, k=3.0, y=0.5)
     slow = tuned(parts={"data": {**volts, "sample_rate_hz": 60.0}}, k=3.0, y=0.5)
     assert slow["margins"]["timing"]["rate_hz"] == 60.0 and slow["rc"]["epsilon"] > 1.4 * fast["rc"]["epsilon"]
@@ -289,7 +279,7 @@ def test_a_loop_that_is_sampled_slowly_gets_a_softer_layer_and_keeps_its_margins
     assert slow["pi"]["settling_s"] >= fast["pi"]["settling_s"]
 
 
-def test_optimize_trades_in_the_open(by_hand: Callable, run_eaid: Callable) -> None:
+def test_optimize_trades_in_the_open(by_hand, run_eaid):
     Path("short.csv").write_text("time_s,reference_nm\n0,1\n1,3\n2,1\n3,3\n")
     more = "--optimize --noise-nm 0.01 --reference short.csv --q-max 5 --evaluations 15"
     ran = run_eaid(f"tune-rc fit.json {more}", "-o", "a.json")
@@ -305,7 +295,7 @@ def test_optimize_trades_in_the_open(by_hand: Callable, run_eaid: Callable) -> N
 
 
 @pytest.mark.slow
-def test_optimize_on_drawn_plants(rig: Path, run_eaid: Callable) -> None:
+def test_optimize_on_drawn_plants(rig, run_eaid):
     searched = ["tune-rc", "fit.json", "--optimize", "--plants", "3", "--evaluations", "15", "--seed", "5", "-q"]
     for name in ("a.json", "b.json"):
         assert run_eaid(*searched, "-o", name).code == 0

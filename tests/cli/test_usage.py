@@ -8,9 +8,6 @@ import json
 import os
 import shlex
 import shutil
-from collections.abc import Callable, Iterator
-from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -241,7 +238,7 @@ TABLE = r"""
 
 
 @pytest.fixture(scope="module")
-def folder(made: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def folder(made, tmp_path_factory):
     """`made`, and beside it gains whose PI is unstable and that name no fit, and a pipe."""
     folder = tmp_path_factory.mktemp("usage") / "rig"
     shutil.copytree(made, folder)
@@ -255,21 +252,21 @@ def folder(made: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(autouse=True)
-def _nothing_changes(folder: Path, monkeypatch: pytest.MonkeyPatch, held: Callable) -> Iterator[None]:
+def _nothing_changes(folder, monkeypatch, held):
     monkeypatch.chdir(folder)
     before = held(folder)
     yield
     assert held(folder) == before
 
 
-def rows() -> list[Any]:
+def rows():
     wrong = pytest.mark.xfail(reason="the sentence names a field of the library", strict=False)
     lines = TABLE.strip().splitlines()
     return [pytest.param(line, marks=wrong if "!" in line.split(" ")[0] else ()) for line in lines]
 
 
 @pytest.mark.parametrize("row", rows())
-def test_such_a_call_is_refused_in_one_sentence(row: str, run_eaid: Callable) -> None:
+def test_such_a_call_is_refused_in_one_sentence(row, run_eaid):
     code, line, sentence = row.split(" | ", 2)
     words = shlex.split(line.replace(r"\n", "\n").replace(r"\udcff", "\udcff"))
     if len(words) > 1 and "-o" not in words and "Possible options" not in sentence:
