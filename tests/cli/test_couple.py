@@ -3,8 +3,6 @@
 import json
 from pathlib import Path
 
-import pytest
-
 
 def test_the_table_and_the_file_agree(rig, run_eaid):
     words = "couple fit.json --gains gains.json --torque 1,2 --loops pi,rc-no-rate --wall 3 --no-replay"
@@ -29,19 +27,6 @@ def test_a_loop_that_is_unstable_without_any_wall_is_refused(by_hand, run_eaid):
     Path("gains.json").write_text(json.dumps(gains))
     ran = run_eaid("couple fit.json --gains gains.json --loops pi --torque 1")
     assert ran.code == 5 and ran.err.count("error: ") == 1 and not Path("couple.json").exists()
-
-
-@pytest.mark.slow
-def test_replayed_walls_of_the_reference_plant(tmp_path, monkeypatch, run_eaid):
-    monkeypatch.chdir(tmp_path)
-    for line in (
-        "synth --levels 10,40,70,100 --repeats 2 --rate-hz 100 --clean -o data.h5 -q", "fit data.h5 -q -o fit.json",
-        "tune-rc fit.json -q", "couple fit.json --gains gains.json --torque 1 --loops pi -q",
-    ):  # fmt: skip
-        assert run_eaid(line).code == 0
-    (wall,) = json.loads(Path("couple.json").read_text(encoding="utf-8"))["walls"]
-    assert wall["K_passive"] == pytest.approx(1.93, rel=0.05)
-    assert wall["K_passive"] < wall["K_stable"] and wall["K_replayed"] == pytest.approx(wall["K_stable"], rel=0.3)
 
 
 def test_how_many_draws_the_constraints_cut_away_is_told(by_hand, run_eaid):

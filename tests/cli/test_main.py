@@ -148,9 +148,7 @@ def test_a_signal_is_never_lost(command, run_eaid, monkeypatch):
         ("eaid fit d.h", []),
     ],
 )
-def test_the_shell_offers_commands_options_words_and_levels(
-    line, offered, rig, run_eaid, monkeypatch,
-    capsys):  # fmt: skip
+def test_the_shell_offers_commands_options_words_and_levels(line, offered, rig, run_eaid, monkeypatch, capsys):
     monkeypatch.setenv("_EAID_COMPLETE", "complete_bash")
     monkeypatch.setenv("COMP_WORDS", line)
     monkeypatch.setenv("COMP_CWORD", str(len(line.split(" ")) - 1))

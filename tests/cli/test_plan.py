@@ -48,24 +48,6 @@ def test_the_synthesised_widths_keep_what_was_wanted(by_hand, run_eaid):
     assert told["measured_half_width_pct"]["tau2"] <= 12 and told["measured_half_width_pct"]["Ts"] <= 4
 
 
-def test_a_rig_in_volts_gets_a_plan_in_volts(by_hand, run_eaid):
-    words = "--want Ts=4 --most-levels 10 --no-check"
-    by_hand({"uncertainty": NOISE})
-    percent = planned(run_eaid, words)
-    decays = {"code": "output-decays-under-hold", "severity": "caution", "subject": "friction", "levels": [300.0]}
-    data = {"kind": "clutch", "input_unit": "V", "output_unit": "N·m"}
-    by_hand({"uncertainty": NOISE, "data": data, "findings": [{**decays, "values": {}}]}, k=3)
-    ran = run_eaid(f"plan fit.json {words}", "--json", "--force")
-    told = json.loads(ran.out)
-    assert told["levels"] == pytest.approx([3 * level for level in percent["levels"]], rel=0.05)
-    assert told["repeats"] == percent["repeats"]
-    assert told["half_width_pct"]["Ts"] == pytest.approx(percent["half_width_pct"]["Ts"], rel=0.05)
-    assert Path("plan.duty.csv").read_text().startswith("time_s,input (V)\n0,0\n10,")
-    assert (
-        "plan-of-decaying-output" in [one["code"] for one in told["findings"]] and "decays under hold at 300" in ran.err
-    )
-
-
 @pytest.mark.parametrize(
     ("parts", "want", "code", "sentence"),
     [

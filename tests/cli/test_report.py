@@ -50,13 +50,3 @@ def test_figures_for_papers_hold_their_fonts_and_json_lists_what_was_made(run_ea
     at = png.index(b"pHYs")
     assert int.from_bytes(png[at + 4 : at + 8]) == 11811  # pixels per metre: 300 dpi
     assert int.from_bytes(png[16:20]) == 2148  # 7.16 in
-
-
-@pytest.mark.slow
-def test_a_page_of_everything(rig, run_eaid):
-    words = "simulate fit.json --gains gains.json --scenario steps --duration 8 -q -o replay.h5"
-    assert run_eaid(words).code == 0
-    ran = run_eaid("report fit.json gains.json replay.h5 data.h5 -o page")
-    made = {path.name for path in Path("page/figures").iterdir()}
-    assert ran.code == 0 and {"fig07_nonlinear_model.png", "fig08_linear_model.png", "fig11_steps.png"} <= made
-    assert "synthetic data)</title>" in Path("page/report.html").read_text(encoding="utf-8")

@@ -58,17 +58,6 @@ def test_without_gains_the_controllers_that_need_none_are_replayed(run_eaid):
     assert ran.code == 0 and "note: no --gains, so rc and pi are left out" in ran.err and "inverse" in ran.out
 
 
-def test_open_loop_needs_no_more_than_the_nonlinear_model(by_hand, run_eaid):
-    by_hand({"linear": None})
-    ran = run_eaid("simulate fit.json --controller open-loop")
-    assert "note: no linear model, so open-loop takes the straight line through the plant's steady torque" in ran.err
-    duty, steady = np.linspace(10, 100, 101), np.polynomial.Polynomial([0.032, 9.2e-3, 2.1e-4, 1.32e-6])
-    slope, offset = np.polyfit(duty, steady(duty), 1)
-    found = columns("open-loop")
-    wanted = np.clip((found["reference_nm"] - offset) / slope, 0, 100)
-    np.testing.assert_allclose(found["duty_pct"], wanted, atol=1e-9)
-
-
 def test_a_reference_of_the_user_s(run_eaid):
     Path("r.csv").write_text(RAMP)
     words = "--gains gains.json --reference r.csv --controller pi --noise-nm 0.02"
@@ -114,11 +103,6 @@ def test_drawn_plants_give_the_same_bytes_on_one_thread_and_on_many(by_hand, run
         drawn = file["rc/plants/parameters/Ts"][...]
     assert drawn.shape == (300, 4) and values.argmax() == worst["plant"] and values.max() == worst["value"]
     assert values.std() > 1e-4 and worst["Ts"] == drawn[worst["plant"]].tolist()
-
-
-def test_plants_of_a_fit_without_uncertainty_are_told(run_eaid):
-    ran = run_eaid("simulate fit.json --gains gains.json --duration 2 --plants 3")
-    assert ran.code == 0 and "warning: this fit holds no covariance" in ran.err and "3 plants drawn" in ran.out
 
 
 def test_a_recorded_duty_through_the_plant_and_a_closed_loop_run_laid_over(run_eaid):
@@ -169,12 +153,9 @@ def test_in_volts_every_controller_uses_the_whole_range(by_hand, run_eaid, volts
         now, then = told["controllers"][name], percent["controllers"][name]
         assert now["rms_error_nm"] == pytest.approx(then["rms_error_nm"] / 2, rel=1e-9)
         assert now["saturated_fraction"] == pytest.approx(then["saturated_fraction"], abs=1e-3)
-    more = "simulate fit.json --controller inverse --duty-bits 6 --scenario steps --duration 9 --force"
-    ran = run_eaid(more)
-    found = columns("inverse")
-    assert "(N)" in ran.out and found["reference_nm"].max() == pytest.approx(
-        2.0, rel=1e-3
-    )  # 4 N·m of 4.372, for 2.186 N
+    ran = run_eaid("simulate fit.json --controller inverse --duty-bits 6 --scenario steps --duration 9 --force")
+    found = columns("inverse")  # 4 N·m of 4.372, for 2.186 N
+    assert "(N)" in ran.out and found["reference_nm"].max() == pytest.approx(2.0, rel=1e-3)
     counts = found["duty_pct"] * 63 / 300
     assert np.abs(counts - np.round(counts)).max() < 1e-9 and counts.max() == 63
 
@@ -191,17 +172,6 @@ def test_gains_of_another_rig_and_logs_in_other_units_are_refused(by_hand, run_e
     assert ran.code == 3 and "holds no input in V, which the fit has" in ran.err
     ran = run_eaid("simulate fit.json --log b.csv --json -q")
     assert ran.code == 0 and json.loads(ran.out)["log"]["b"]["R2"] is not None
-
-
-def test_what_no_log_showed_is_told(by_hand, run_eaid):
-    words = "simulate fit.json --controller inverse --duration 6 --json --force"
-    told = json.loads(run_eaid(words).out)
-    (found,) = (one for one in told["findings"] if one["code"] == "replay-leaves-identified")
-    assert found["values"]["falling_pct"] > 10 and found["values"]["low"] == 10
-    fall = {"level": 50.0, "from": 80.0, "Ts": -1.0, "tau1": 0.3, "tau2": 5.0}
-    by_hand({"friction": {"levels": [fall]}})
-    again = json.loads(run_eaid(words).out).get("findings", [])
-    assert all(one["values"].get("falling_pct") is None for one in again)
 
 
 def test_a_session_of_rehabilitation(run_eaid):
@@ -222,18 +192,3 @@ def test_a_session_of_rehabilitation(run_eaid):
     assert {"angle_deg", "target_deg", "desired_nm", "rendered_nm", "mode", "position_error_deg"} <= set(found)
     np.testing.assert_array_equal(np.abs(found["rendered_nm"]), found["torque_nm"])
     assert len(found["time_s"]) == 90_000 and sorted(set(found["mode"])) == [0, 1, 2]
-
-
-@pytest.mark.slow
-def test_a_session_again_and_its_tables(run_eaid):
-    words = "simulate fit.json --gains gains.json --controller rc --scenario rehab"
-    shown = run_eaid(words).out
-    assert "hard and assisted" in shown and "< 1e−300" in shown
-    first = Path("replay.h5").read_bytes()
-    assert run_eaid(words, "--force").code == 0 and Path("replay.h5").read_bytes() == first
-
-
-def test_springs_beyond_what_a_loop_keeps_stable_are_told(rig, run_eaid):
-    words = "simulate fit.json --gains gains.json --scenario rehab --duration 20 --controller rc,pi --json -o r.h5"
-    told = json.loads(run_eaid(words).out)
-    assert {one["subject"] for one in told["findings"] if one["code"] == "wall-beyond-stable"} == {"pi"}

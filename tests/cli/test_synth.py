@@ -68,13 +68,6 @@ def test_from_a_fit_and_along_a_duty_file(run_eaid):
     assert "fit.json" in next(Path("logs").iterdir()).read_text(encoding="utf-8").splitlines()[0]
 
 
-def test_steps_of_a_duty_file_become_a_dataset(run_eaid):
-    Path("duty.csv").write_text("time_s,duty_pct\n0,0\n2,40\n6,0\n10,90\n14,0\n16,0\n")
-    assert run_eaid("synth --duty-file duty.csv --repeats 1 --rate-hz 100 -q -o d.h5").code == 0
-    with h5py.File("d.h5") as file:
-        assert sorted(run.attrs["level"] for run in file["runs"].values()) == [40, 40, 90, 90]
-
-
 def test_a_force_file_drives_the_friction_rig(run_eaid):
     Path("force.csv").write_text("time_s,force_n\n0,0\n1,170\n61,170\n")
     words = "synth --kind friction-force --duty-file force.csv --repeats 1 --rate-hz 10 --clean -o logs -q"
@@ -89,11 +82,6 @@ def test_a_friction_fit_says_its_kind(run_eaid):
     told = json.loads(run_eaid("synth --plant ff.json --hold 5 --rate-hz 50 -o logs --json").out)
     assert told["kind"] == "friction-force" and [row["level"] for row in told["runs"]] == [50, 50]
     assert told["inputs"][0]["path"] == "ff.json" and len(told["inputs"][0]["sha256"]) == 64
-
-
-def test_levels_that_lead_from_end_to_end_without_rest(run_eaid):
-    words = "synth --levels 20:80:30 --repeats 1 --hold 1 --idle 0 --release 0 --rate-hz 50 -o logs --json"
-    assert [row["level"] for row in json.loads(run_eaid(words).out)["runs"]] == [20, 50, 80]
 
 
 def test_the_run_table_of_a_plan_is_recorded_as_it_says(run_eaid):

@@ -35,16 +35,9 @@ def test_the_paper_s_linear_model_gives_the_paper_s_gains(by_hand, run_eaid):
     contract = "K_P K_D B_hat B_m B_M alpha alpha_reached guaranteed phi_holds Q_M phi rho epsilon gamma P Q"
     assert set(contract.split()) <= set(rc) and {"overshoot_pct", "settling_s"} <= set(pi)
     assert (rc["K_P"], rc["K_D"], rc["B_hat"], rc["B_m"], rc["B_M"]) == (4.5, 3.0, 12.5, 12.4, 42.6)
-    assert (rc["epsilon"], rc["gamma"], rc["phi"], rc["Q_M"], rc["P"]) == (
-        0.5,
-        50.0,
-        0.05,
-        5.0,
-        [[5.0, 0.0], [0.0, 5.0]],
-    )
-    assert rc["alpha"] == pytest.approx(0.549091, abs=1e-6) and rc["rho"]["constant"] == pytest.approx(
-        10.8125, abs=1e-4
-    )
+    assert (rc["epsilon"], rc["gamma"], rc["phi"], rc["Q_M"]) == (0.5, 50.0, 0.05, 5.0)
+    assert rc["P"] == [[5.0, 0.0], [0.0, 5.0]] and rc["alpha"] == pytest.approx(0.549091, abs=1e-6)
+    assert rc["rho"]["constant"] == pytest.approx(10.8125, abs=1e-4)
     assert (pi["K_P"], pi["K_I"]) == (21.0, 360.0) and gains["duty_limits_pct"] == [0.0, 100.0]
     assert ran.out.splitlines()[0] == "guarantee: NO (ρ, duty limit)" and len(ran.out.splitlines()) <= 36
     assert re.search(r"^ρ, constant +10\.81 ", ran.out, re.M) and re.search(r"^ρ, slope +6\.586 ", ran.out, re.M)
@@ -60,17 +53,10 @@ def test_the_paper_s_linear_model_gives_the_paper_s_gains(by_hand, run_eaid):
     }  # fmt: skip
 
 
-def test_verbose_shows_what_they_were_made_of(by_hand, run_eaid):
-    ran = run_eaid("tune-rc fit.json -v -o g.json")
-    assert ran.code == 0 and "sampled at 1000 Hz, the input latched at 300 Hz" in ran.out
-    assert re.search(r"^textbook ", ran.out, re.M) and "--verbose shows all" not in ran.err
-
-
 def test_every_option_reaches_the_gains(tuned):
     linear = {"nonlinear": None}
-    rc = tuned("--kp 9 --kd 4 --epsilon 0.3 --gamma 60 --p-scale 3 --q-max 7 --phi 0.02 --b-hat minimax", parts=linear)[
-        "rc"
-    ]
+    words = "--kp 9 --kd 4 --epsilon 0.3 --gamma 60 --p-scale 3 --q-max 7 --phi 0.02 --b-hat minimax"
+    rc = tuned(words, parts=linear)["rc"]
     assert (rc["K_P"], rc["K_D"], rc["epsilon"], rc["gamma"], rc["Q_M"], rc["phi"]) == (9, 4, 0.3, 60, 7, 0.02)
     assert rc["P"] == [[3.0, 0.0], [0.0, 3.0]] and rc["guaranteed"]
     assert rc["B_hat"] == pytest.approx(2 * 12.4 * 42.6 / 55, abs=1e-3)  # the middle in the sense of 1/B
@@ -87,16 +73,6 @@ def test_every_option_reaches_the_gains(tuned):
     assert back["duty_limits_pct"] == [5.0, 90.0] and back["options"]["anti_windup"] == "back-calculation"
     timing = tuned("--pwm-hz 0 --rate-hz 500", parts=linear)["margins"]["timing"]
     assert timing == {"rate_hz": 500.0, "pwm_hz": None, "delay_samples": 0}
-
-
-def test_the_replayed_error_stands_beside_the_bound(tuned):
-    gains = tuned()
-    assert gains["replayed"]["reference"] == "multisine" and gains["rc"]["phi_holds"] is False
-    assert gains["rc"]["ultimate_bound"]["replayed_nm"] == pytest.approx(0.1157, abs=1e-3)
-    assert gains["replayed"]["pi"]["max_abs_error_nm"] == pytest.approx(0.80, abs=0.01)
-    assert "slope-above-q-max" in codes(gains)
-    needs = {one["name"]: one for one in gains["guarantee"]["conditions"]}["Q_M"]
-    assert needs["needed"] == pytest.approx(9.28, abs=0.01) and needs["available"] == 5.0
 
 
 def test_Q_M_from_a_reference(tuned, tmp_path):
@@ -157,21 +133,14 @@ PAPER = {"a0": 1.36, "b0": 0.08, "c0": -2.42, "bounds": {"convention": "zero-off
         ({"a0": 0.0}, "the fit's a0 is 0 "),
         ({"bounds": {"B_m": 0.0, "B_M": 42.6}}, "the range of B touches 0"),
         ({"a0": 1e-59}, "a0 is 1e-59 1/s"),
-        ({"a0": 1e59}, "a0 is 1e+59 1/s"),
         ({"b0": 0.0}, "b0 is 0; more duty has to give more torque"),
         ({"b0": 1e-300}, "b0 is 1e-300 and its c0 -2.42, which no rig has"),
-        ({"b0": 1e50}, "b0 is 1e+50 and"),
         ({"c0": -1e50}, "c0 -1e+50, which no rig has"),
     ],
 )
 def test_a_linear_model_of_no_rig_is_refused(linear, sentence, by_hand, run_eaid):
     by_hand({"linear": {**PAPER, **linear}})
-    lines = [
-        "tune-rc fit.json -o x",
-        "simulate fit.json --controller open-loop",
-        "simulate fit.json --controller feedforward",
-    ]
-    for line in lines if "bounds" not in linear else lines[:1]:
+    for line in ("tune-rc fit.json -o x", "simulate fit.json --controller open-loop")[: 1 if "bounds" in linear else 2]:
         ran = run_eaid(line)
         assert ran.code == 5 and sentence in ran.err and ran.err.count("error: ") == ran.err.count("\n") == 1
 
@@ -188,14 +157,10 @@ NONLINEAR = {
         ({"tau1": [0.5, -0.01, 0.0]}, "nonlinear.tau1 is -0.005 s at an input of 50.5, which"),
         # below 0 only between two of the 101 duties that a fit's constraints hold at
         ({"tau1": [0.1 * 10.45**2 - 1e-6, -2.09, 0.1]}, "nonlinear.tau1 is -1e-06 s at an input of 10.45, which"),
-        ({"tau1": [1e-4, 0.0, 0.0]}, "nonlinear.tau1 is 0.0001 s at an input of 10, which"),
-        ({"tau2": [0.0, 0.0, 0.0]}, "nonlinear.tau2 is 0 s at an input of 10, which"),
         ({"tau2": [0.05, 0.0, 0.0]}, "nonlinear.tau2 is 0.05 s at an input of 10, below tau1, which"),
         ({"tau2": [0.5, 1e50, 0.0]}, "nonlinear.tau2 is"),
         ({"Ts": [-0.5, 0.02, 0.0, 0.0]}, "nonlinear.Ts is -0.3 at an input of 10, which"),
-        ({"Ts": [0.0, 0.0, 0.0, 0.0]}, "nonlinear.Ts is 0 at an input of 10, which"),
         ({"Ts": [1e-300, 1e-300, 0.0, 0.0]}, "nonlinear.Ts is 1.1e-299 at an input of 10, which"),
-        ({"Ts": [0.0, 1e50, 0.0, 0.0]}, "nonlinear.Ts is"),
         ({"C": 1.5}, "nonlinear.C is"),
         ({"u_range": [100.0, 10.0]}, "nonlinear.u_range is"),
     ],
@@ -261,24 +226,6 @@ def test_a_rig_in_other_units_gets_the_same_design_in_its_own(tuned, run_eaid, v
     assert tuned(parts=nameless, k=k, y=y)["duty_limits_pct"] == [0.0, 300.0]
 
 
-@pytest.mark.slow
-def test_a_slow_rig_gets_a_slow_design(tuned, volts):
-    rig = tuned(parts={"data": volts}, k=3.0, y=0.5, pace=0.01)
-    assert rig["rc"]["natural_frequency_rad_s"] == pytest.approx(0.021213, rel=1e-4)
-    assert rig["pi"]["settling_s"] == pytest.approx(27.0) and rig["pi"]["overshoot_pct"] == pytest.approx(1.0)
-    assert rig["replayed"]["counted_from_s"] == pytest.approx(500.0)
-
-
-def test_a_loop_that_is_sampled_slowly_gets_a_softer_layer_and_keeps_its_margins(tuned, volts):
-    fast = tuned(parts={"data": volts}, k=3.0, y=0.5)
-    slow = tuned(parts={"data": {**volts, "sample_rate_hz": 60.0}}, k=3.0, y=0.5)
-    assert slow["margins"]["timing"]["rate_hz"] == 60.0 and slow["rc"]["epsilon"] > 1.4 * fast["rc"]["epsilon"]
-    assert slow["rc"]["gamma"] * slow["rc"]["epsilon"] == pytest.approx(25.0)
-    worst = slow["margins"]["worst"]["rc"]
-    assert worst["stable"] and worst["gain_db"] >= 6 and worst["phase_deg"] >= 45
-    assert slow["pi"]["settling_s"] >= fast["pi"]["settling_s"]
-
-
 def test_optimize_trades_in_the_open(by_hand, run_eaid):
     Path("short.csv").write_text("time_s,reference_nm\n0,1\n1,3\n2,1\n3,3\n")
     more = "--optimize --noise-nm 0.01 --reference short.csv --q-max 5 --evaluations 15"
@@ -292,14 +239,3 @@ def test_optimize_trades_in_the_open(by_hand, run_eaid):
     assert " to do" in ran.err and "every drawn plant is the fitted one" in ran.err
     assert run_eaid(f"tune-rc fit.json {more}", "-o", "b.json", "-q").code == 0
     assert Path("b.json").read_bytes() == Path("a.json").read_bytes()
-
-
-@pytest.mark.slow
-def test_optimize_on_drawn_plants(rig, run_eaid):
-    searched = ["tune-rc", "fit.json", "--optimize", "--plants", "3", "--evaluations", "15", "--seed", "5", "-q"]
-    for name in ("a.json", "b.json"):
-        assert run_eaid(*searched, "-o", name).code == 0
-    assert Path("a.json").read_bytes() == Path("b.json").read_bytes()
-    told = json.loads(Path("a.json").read_text(encoding="utf-8"))["optimized"]
-    assert told["plants"] == 3 and told["noise_nm"] == pytest.approx(0.01, rel=0.5)  # a synthetic set of 0.01 N·m
-    assert told["before"]["worst_plant_rms_error_nm"] > told["before"]["rms_error_nm"]

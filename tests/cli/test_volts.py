@@ -99,18 +99,3 @@ def test_a_unit_that_no_file_can_hold_is_written_otherwise(rig_of, run_eaid):
     assert run_eaid("plan fit.json --no-check -q").code == 0
     assert Path("plan.duty.csv").read_text(encoding="utf-8").startswith("time_s,input (?V)\n")
     assert run_eaid("synth --plant fit.json --plan plan.csv --rate-hz 5 -o logs -q").code == 0
-
-
-@pytest.mark.slow
-def test_the_public_functions_plan_and_synthesise_in_volts(rig_of):
-    rig_of(3.0, "V")
-    fit = eaid.load("fit.json")
-    plan = eaid.plan_excitation(fit, want={"Ts": 5.0, "tau1": 20.0}, check=False)
-    assert plan.input_unit == "V" and max(value for _, value in plan.duty) == pytest.approx(300)
-    shape = {"duration_s": 90.0, "hold_s": (0.5, 8.0), "duty": (60.0, 240.0)}
-    logs = eaid.synth(fit, excitation="random", shape=shape, clean=True, rate_hz=100.0)
-    (log,) = logs.recorded
-    assert (log.input[log.input > 0].min(), log.input.max()) == (60.0, 240.0)
-    assert eaid.fit(logs).data.input_unit == "V"
-    steps = eaid.plan(fit, want={"Ts": 5.0}, check=False)
-    assert steps.input_unit == "V" and max(steps.levels) == 300.0
