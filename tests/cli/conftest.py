@@ -3,9 +3,6 @@
 import contextlib
 import json
 import shutil
-from collections.abc import Callable
-from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -23,7 +20,7 @@ FILES = {
 
 
 @pytest.fixture(scope="session")
-def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def made(tmp_path_factory):
     """data.h5 and the same logs as CSV, their fit.json and gains.json, the fit of a friction rig, small tables."""
     folder = tmp_path_factory.mktemp("made")
     with contextlib.chdir(folder):
@@ -44,17 +41,17 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture
-def run_eaid(run_eaid: Callable) -> Callable:
+def run_eaid(run_eaid):
     """As everywhere, the first words in one text or list: `run_eaid("fit data.h5 -q -o", path)`."""
 
-    def run(first: str | list[str] = (), *more: object) -> Any:
+    def run(first=(), *more):
         return run_eaid(*(first.split() or [first] if isinstance(first, str) else first), *more)
 
     return run
 
 
 @pytest.fixture
-def rig(made: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def rig(made, tmp_path, monkeypatch):
     """A copy of `made`, in which the command runs."""
     folder = tmp_path / "rig"
     shutil.copytree(made, folder)
@@ -63,16 +60,16 @@ def rig(made: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 @pytest.fixture(scope="session")
-def held() -> Callable[[Path], dict[str, bytes]]:
+def held():
     """Every regular file below a folder, hidden ones too."""
 
-    def held(folder: Path) -> dict[str, bytes]:
+    def held(folder):
         return {str(file.relative_to(folder)): file.read_bytes() for file in folder.rglob("*") if file.is_file()}
 
     return held
 
 
-def paper(k: float = 1.0, y: float = 1.0, pace: float = 1.0) -> dict[str, Any]:
+def paper(k=1.0, y=1.0, pace=1.0):
     """fit.json of a user's script: the paper's models, inputs `k` times, outputs `y` times, `pace` times as fast."""
     curves = {
         "tau1": [6.74e-3, 2.39e-2, -2.13e-4],
@@ -105,12 +102,12 @@ GAINS = {
 
 
 @pytest.fixture
-def by_hand(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., Path]:
+def by_hand(tmp_path, monkeypatch):
     """In an empty folder: gains.json with the published gains, fit.json of `paper(**scales)` with other `parts`."""
     monkeypatch.chdir(tmp_path)
     (tmp_path / "gains.json").write_text(json.dumps(GAINS))
 
-    def write(parts: dict[str, Any] | None = None, **scales: float) -> Path:
+    def write(parts=None, **scales):
         content = {**paper(**scales), **(parts or {})}
         (tmp_path / "fit.json").write_text(
             json.dumps({name: part for name, part in content.items() if part is not None})
@@ -122,12 +119,12 @@ def by_hand(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., Pa
 
 
 @pytest.fixture(autouse=True)
-def _no_colour_of_the_tester(monkeypatch: pytest.MonkeyPatch) -> None:
+def _no_colour_of_the_tester(monkeypatch):
     for name in ("NO_COLOR", "COLUMNS", "EAID_DEBUG"):
         monkeypatch.delenv(name, raising=False)
 
 
 @pytest.fixture(scope="session")
-def volts() -> dict[str, Any]:
+def volts():
     """What fit.json says of a rig in V and N, to go with `k=3, y=0.5`."""
     return {"input_unit": "V", "output_unit": "N", "levels": [30.0, 300.0], "sample_rate_hz": 1000.0}

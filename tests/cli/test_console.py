@@ -3,8 +3,6 @@
 import io
 import os
 import sys
-from collections.abc import Callable
-from pathlib import Path
 
 import pytest
 
@@ -16,10 +14,10 @@ ROWS = [["10", "0.14443", "0.2268", "converged"], ["100", "4.4234", "0.28", "hel
 
 
 @pytest.fixture
-def terminal(monkeypatch: pytest.MonkeyPatch) -> Callable[[int], None]:
+def terminal(monkeypatch):
     """Both streams are a terminal of that width."""
 
-    def of(width: int) -> None:
+    def of(width):
         for stream in (sys.stdout, sys.stderr):
             monkeypatch.setattr(stream, "isatty", lambda: True)
         monkeypatch.setenv("COLUMNS", str(width))
@@ -28,15 +26,13 @@ def terminal(monkeypatch: pytest.MonkeyPatch) -> Callable[[int], None]:
     return of
 
 
-def test_numbers_stand_to_the_right_and_brackets_stay(capsys: pytest.CaptureFixture[str]) -> None:
+def test_numbers_stand_to_the_right_and_brackets_stay(capsys):
     console.table("A [b]", ["level [%]", "τ1 [s]"], [["10", "0.2"], ["100", "12.25"]])
     assert capsys.readouterr().out == "A [b]\nlevel [%]  τ1 [s]\n10            0.2\n100         12.25\n"
 
 
 @pytest.mark.parametrize("width", [40, 60, 80, 120])
-def test_nothing_is_broken_mid_word_and_nothing_is_wider_than_the_terminal(
-    width: int, terminal: Callable, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_nothing_is_broken_mid_word_and_nothing_is_wider_than_the_terminal(width, terminal, capsys):
     terminal(width)
     console.table("A title of some words, which is longer than forty letters are", HEADS, ROWS)
     console.say("word " * 30)
@@ -47,9 +43,7 @@ def test_nothing_is_broken_mid_word_and_nothing_is_wider_than_the_terminal(
     assert words.count("word") == 20 and told.err.split().count("word") == 30
 
 
-def test_columns_that_do_not_fit_follow_under_the_first_one(
-    terminal: Callable, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_columns_that_do_not_fit_follow_under_the_first_one(terminal, capsys):
     terminal(60)
     console.table("T", ["run", *(f"column {i}" for i in range(6))], [["a-long-name-of-a-run", *(["0.123456"] * 6)]])
     told = capsys.readouterr().out
@@ -60,7 +54,7 @@ def test_columns_that_do_not_fit_follow_under_the_first_one(
 @pytest.mark.parametrize(
     "evil", ["\x1b[31mred", "bell\a", "two\r\nerror: forged", "\u202eright to left", "\u2028line", "\ud800"]
 )
-def test_names_have_no_power_over_the_terminal(evil: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_names_have_no_power_over_the_terminal(evil, capsys):
     console.fail(evil)
     console.say(evil)
     console.table(evil, [evil], [[evil]])
@@ -70,9 +64,7 @@ def test_names_have_no_power_over_the_terminal(evil: str, capsys: pytest.Capture
     assert not {"\x1b", "\a", "\r", "\u202e", "\u2028"} & set(told.err + told.out)
 
 
-def test_the_three_gravest_findings_come_first_and_rows_that_were_dropped_are_always_told(
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_the_three_gravest_findings_come_first_and_rows_that_were_dropped_are_always_told(capsys):
     left_out = finding("part-left-out", "b.json", part="linear", key="a0")
     anew = finding("result-written-anew", "a.json")
     console.tell([anew, left_out, anew])
@@ -92,9 +84,7 @@ def test_the_three_gravest_findings_come_first_and_rows_that_were_dropped_are_al
     assert capsys.readouterr().err == ""
 
 
-def test_colour_is_for_terminals_and_no_color_is_kept(
-    terminal: Callable, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_colour_is_for_terminals_and_no_color_is_kept(terminal, monkeypatch, capsys):
     console.warn("x")
     assert capsys.readouterr().err == "warning: x\n"
     terminal(80)
@@ -106,10 +96,8 @@ def test_colour_is_for_terminals_and_no_color_is_kept(
     assert capsys.readouterr().err == "warning: x\n"
 
 
-def test_progress_is_a_bar_on_a_terminal_and_now_and_then_a_line_elsewhere(
-    terminal: Callable, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    def reading(pieces: int) -> str:
+def test_progress_is_a_bar_on_a_terminal_and_now_and_then_a_line_elsewhere(terminal, monkeypatch, capsys):
+    def reading(pieces):
         with console.progress("reading logs", pieces) as advance:
             for _ in range(pieces):
                 advance()
@@ -129,9 +117,7 @@ def test_progress_is_a_bar_on_a_terminal_and_now_and_then_a_line_elsewhere(
 
 @pytest.mark.parametrize("name", ["ingest", "fit", "tune-rc", "simulate", "couple", "plan"])
 @pytest.mark.parametrize("width", [80, 120])
-def test_every_table_fits_the_terminal(
-    name: str, width: int, rig: Path, terminal: Callable, run_eaid: Callable
-) -> None:
+def test_every_table_fits_the_terminal(name, width, rig, terminal, run_eaid):
     """And holds the words that stand there without a terminal."""
     more = {
         "ingest": "logs", "fit": "data.h5 --ci white --tables -v", "tune-rc": "fit.json -v",
@@ -149,7 +135,7 @@ def test_every_table_fits_the_terminal(
     assert ran.code == 0 and set(ran.out.split()) <= known
 
 
-def test_streams_that_know_few_letters(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_streams_that_know_few_letters(monkeypatch):
     from eaid.cli import main
 
     narrow = io.TextIOWrapper(io.BytesIO(), encoding="ascii")

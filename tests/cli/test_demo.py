@@ -2,8 +2,6 @@
 
 import json
 import re
-from collections.abc import Callable
-from pathlib import Path
 
 import pytest
 
@@ -11,10 +9,10 @@ from eaid.cli import demo as demo_lines
 from eaid.errors import EaidError
 
 
-def test_it_ends_by_naming_the_page(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, run_eaid: Callable) -> None:
-    ran: list[str] = []
+def test_it_ends_by_naming_the_page(tmp_path, monkeypatch, run_eaid):
+    ran = []
 
-    def one_after_another(first: list, second: list, folder: Path, done: Callable[[], None]) -> None:
+    def one_after_another(first, second, folder, done):
         for line in [*first, *second]:
             demo_lines.run_line(line, folder)
             done()
@@ -28,14 +26,14 @@ def test_it_ends_by_naming_the_page(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     assert ran[-1] == "report" and set(ran) == {"ingest", "fit", "tune-rc", "simulate", "plan", "report"}
 
 
-def test_a_failing_command_ends_the_demo_with_its_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_failing_command_ends_the_demo_with_its_line(tmp_path, capsys):
     with pytest.raises(EaidError, match=r"the demo stopped at: eaid fit gone\.h5 \(exit code 3\)") as stopped:
         demo_lines.run_line(("fit", "gone.h5"), tmp_path)
     assert stopped.value.exit_code == 3 and "gone.h5" in capsys.readouterr().err
 
 
 @pytest.mark.slow
-def test_the_whole_demo(tmp_path: Path, run_eaid: Callable) -> None:
+def test_the_whole_demo(tmp_path, run_eaid):
     made = tmp_path / "demo"
     ran = run_eaid("demo -o", made)
     names = {path.name for path in made.iterdir()}

@@ -9,20 +9,18 @@ import json
 import os
 import random
 from collections import defaultdict
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import pytest
 
 EDITS = int(os.environ.get("EAID_EDITS", "24"))
 QUICK = 6
-VALUES: list[Any] = [
+VALUES = [
     None, "x", "", "1.5", [], {}, [1, 2], [None, None], [[1]], ["x"], {"a": 1}, True, 3, 0, -1.0, -1e6, 1e6, 1e30,
     1e308, -1e308, 1e-300,
 ]  # fmt: skip
 DELETED = object()
-READERS: dict[str, list[str]] = {
+READERS = {
     "fit.json": [
         "report fit.json --figures fig08 -o page",
         "tune-rc fit.json -o g.json",
@@ -45,9 +43,9 @@ READERS: dict[str, list[str]] = {
 }
 
 
-def places(value: Any, at: tuple[Any, ...] = ()) -> dict[tuple[Any, ...], list[tuple[Any, ...]]]:
+def places(value, at=()):
     """Paths of all values inside, those that differ by the number in a list under one key."""
-    found: defaultdict[tuple[Any, ...], list[tuple[Any, ...]]] = defaultdict(list)
+    found = defaultdict(list)
     items = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
     for key, item in items:
         path = (*at, key)
@@ -57,13 +55,13 @@ def places(value: Any, at: tuple[Any, ...] = ()) -> dict[tuple[Any, ...], list[t
     return found
 
 
-def edited(content: dict[str, Any], chance: random.Random) -> tuple[dict[str, Any], str]:
+def edited(content, chance):
     """A copy with one value changed, and what was done."""
     content = copy.deepcopy(content)
     alike = places(content)
     path = chance.choice(alike[chance.choice(sorted(alike, key=str))])
     value = chance.choice([DELETED, DELETED, *VALUES])
-    inside: Any = content
+    inside = content
     for key in path[:-1]:
         inside = inside[key]
     if value is DELETED:
@@ -77,7 +75,7 @@ def edited(content: dict[str, Any], chance: random.Random) -> tuple[dict[str, An
 @pytest.mark.parametrize(
     "number", [pytest.param(k, marks=[pytest.mark.slow] if k >= QUICK else []) for k in range(EDITS)]
 )
-def test_an_edited_result_is_used_or_refused(rig: Path, number: int, run_eaid: Callable) -> None:
+def test_an_edited_result_is_used_or_refused(rig, number, run_eaid):
     chance = random.Random(number)
     name = chance.choice(["fit.json", "fit.json", "force.json", "gains.json"])
     content = json.loads(Path(name).read_text(encoding="utf-8"))

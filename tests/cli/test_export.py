@@ -2,23 +2,22 @@
 
 import hashlib
 import json
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
 
 @pytest.fixture(autouse=True)
-def _here(by_hand: Callable) -> None:
+def _here(by_hand):
     """Every test begins beside the published gains and the paper's plant."""
 
 
-def edited(**changes: object) -> None:
+def edited(**changes):
     content = json.loads(Path("gains.json").read_text())
     Path("gains.json").write_text(json.dumps({**content, **changes}))
 
 
-def test_which_laws_stand_in_the_folder(run_eaid: Callable) -> None:
+def test_which_laws_stand_in_the_folder(run_eaid):
     ran = run_eaid("export gains.json")
     assert (ran.code, ran.out) == (0, "") and Path("export/eaid_control.c").is_file()
     assert "export: pi, rc as c, 7 files; next: read export/README.md" in ran.err
@@ -34,7 +33,7 @@ def test_which_laws_stand_in_the_folder(run_eaid: Callable) -> None:
     assert "# from gains.json, sha256 " in head and "# from fit.json, sha256 " in head
 
 
-def test_the_fit_that_gains_name_is_taken_where_it_lies_beside_them(run_eaid: Callable) -> None:
+def test_the_fit_that_gains_name_is_taken_where_it_lies_beside_them(run_eaid):
     digest = hashlib.sha256(Path("fit.json").read_bytes()).hexdigest()
     edited(inputs={"fit": {"path": "somewhere/else/fit.json", "sha256": digest}})
     ran = run_eaid("export gains.json --law rc,plant -o rig")
@@ -44,7 +43,7 @@ def test_the_fit_that_gains_name_is_taken_where_it_lies_beside_them(run_eaid: Ca
     assert ran.code == 2 and "--law plant needs what was not given: fit.json" in ran.err
 
 
-def test_the_command_stands_at_the_head(run_eaid: Callable, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_command_stands_at_the_head(run_eaid, monkeypatch):
     words = ["export", "gains.json", "--law", "pi", "-o", "rig with space"]
     monkeypatch.setattr("sys.argv", ["eaid", *words])
     assert run_eaid(words).code == 0
@@ -52,7 +51,7 @@ def test_the_command_stands_at_the_head(run_eaid: Callable, monkeypatch: pytest.
     assert "by eaid export gains.json --law pi -o 'rig with space'" in text
 
 
-def test_unstable_gains_are_handed_on_on_request_and_marked(run_eaid: Callable) -> None:
+def test_unstable_gains_are_handed_on_on_request_and_marked(run_eaid):
     edited(pi={"K_P": 3e5, "K_I": 360.0})
     ran = run_eaid("export gains.json fit.json")
     assert ran.code == 5 and "PI: the loop is unstable at 1000 Hz" in ran.err and not Path("export").exists()
@@ -60,7 +59,7 @@ def test_unstable_gains_are_handed_on_on_request_and_marked(run_eaid: Callable) 
     assert "EXPORTED ANYWAY" in Path("export/README.md").read_text()
 
 
-def test_precision_and_rate_are_baked_in(run_eaid: Callable) -> None:
+def test_precision_and_rate_are_baked_in(run_eaid):
     assert run_eaid("export gains.json -q").code == 0
     assert "typedef double eaid_real" in Path("export/eaid_control.h").read_text()
     assert run_eaid("export gains.json -q --force --precision single --rate-hz 500").code == 0

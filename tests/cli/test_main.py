@@ -3,8 +3,6 @@
 import re
 import signal
 import time
-from collections.abc import Callable
-from pathlib import Path
 
 import pytest
 
@@ -42,19 +40,19 @@ WORDS = {
 SEEDED = {"fit", "tune-rc", "simulate", "synth", "couple", "plan"}
 
 
-def test_version(run_eaid: Callable) -> None:
+def test_version(run_eaid):
     ran = run_eaid("--version")
     assert (ran.code, ran.out, ran.err) == (0, f"eaid {eaid.__version__}\n", "")
 
 
 @pytest.mark.parametrize("words", [[], ["--help"], ["-h"]])
-def test_bare_eaid_lists_its_commands_and_is_no_failure(words: list[str], run_eaid: Callable) -> None:
+def test_bare_eaid_lists_its_commands_and_is_no_failure(words, run_eaid):
     ran = run_eaid(words)
     assert ran.code == 0 and re.findall(r"^│ ([a-z][a-z-]+) ", ran.out, re.M)[-len(COMMANDS) :] == COMMANDS
 
 
 @pytest.mark.parametrize("name", COMMANDS)
-def test_help_has_the_options_their_words_and_one_example(name: str, run_eaid: Callable) -> None:
+def test_help_has_the_options_their_words_and_one_example(name, run_eaid):
     ran = run_eaid(name, "--help")
     assert ran.code == 0 and f"Usage: eaid {name}" in ran.out and ran.out.count(f"Example: eaid {name}") == 1
     flags = set(re.findall(r"--[a-z][a-z-]*", ran.out))
@@ -81,10 +79,8 @@ def test_help_has_the_options_their_words_and_one_example(name: str, run_eaid: C
         ),
     ],
 )  # fmt: skip
-def test_what_a_failure_looks_like(
-    fault: BaseException, code: int, told: str, run_eaid: Callable, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def fail(**_: object) -> None:
+def test_what_a_failure_looks_like(fault, code, told, run_eaid, monkeypatch):
+    def fail(**_):
         raise fault
 
     monkeypatch.setattr(main, "app", fail)
@@ -92,7 +88,7 @@ def test_what_a_failure_looks_like(
     assert (ran.code, ran.out, ran.err) == (code, "", told)
 
 
-def test_a_bug_is_shown_where_it_is_on_request(run_eaid: Callable, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_bug_is_shown_where_it_is_on_request(run_eaid, monkeypatch):
     monkeypatch.setenv("EAID_DEBUG", "1")
     monkeypatch.setattr(main, "app", lambda **_: 1 // 0)
     with pytest.raises(ZeroDivisionError):
@@ -102,19 +98,19 @@ def test_a_bug_is_shown_where_it_is_on_request(run_eaid: Callable, monkeypatch: 
 class Dying:
     """An object whose destructor is interrupted."""
 
-    def __del__(self) -> None:
+    def __del__(self):
         signal.raise_signal(signal.SIGINT)
         time.sleep(0)
 
 
-def _into_another_failure() -> None:
+def _into_another_failure():
     try:
         signal.raise_signal(signal.SIGINT)
     except KeyboardInterrupt:
         raise ImportError("initialization failed") from None
 
 
-def _in_a_destructor() -> None:
+def _in_a_destructor():
     Dying()
     for _ in range(100):
         time.sleep(0.05)
@@ -129,9 +125,7 @@ def _in_a_destructor() -> None:
         _in_a_destructor,
     ],
 )
-def test_a_signal_is_never_lost(
-    command: Callable[[], None], run_eaid: Callable, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_signal_is_never_lost(command, run_eaid, monkeypatch):
     before = signal.getsignal(signal.SIGTERM)
     monkeypatch.setattr(main, "app", lambda **_: command())
     ran = run_eaid()
@@ -154,10 +148,7 @@ def test_a_signal_is_never_lost(
         ("eaid fit d.h", []),
     ],
 )
-def test_the_shell_offers_commands_options_words_and_levels(
-    line: str, offered: list[str], rig: Path, run_eaid: Callable, monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-) -> None:  # fmt: skip
+def test_the_shell_offers_commands_options_words_and_levels(line, offered, rig, run_eaid, monkeypatch, capsys):
     monkeypatch.setenv("_EAID_COMPLETE", "complete_bash")
     monkeypatch.setenv("COMP_WORDS", line)
     monkeypatch.setenv("COMP_CWORD", str(len(line.split(" ")) - 1))

@@ -8,7 +8,6 @@ import json
 import os
 import shlex
 import shutil
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -41,9 +40,7 @@ report.html: report report.html -o .
 
 @pytest.mark.parametrize("way", ["itself", "symlink", "hard link"])
 @pytest.mark.parametrize("line", READS.strip().splitlines())
-def test_a_command_never_replaces_what_it_reads(
-    line: str, way: str, rig: Path, run_eaid: Callable, held: Callable
-) -> None:
+def test_a_command_never_replaces_what_it_reads(line, way, rig, run_eaid, held):
     (rig / "sets").mkdir()
     shutil.copy("data.h5", "sets/data.h5")
     shutil.copy("fit.json", "report.html")
@@ -71,9 +68,7 @@ def test_a_command_never_replaces_what_it_reads(
         ("fit.json: out/parameters.json", "export gains.json out/parameters.json --anyway -o out"),
     ],
 )
-def test_a_folder_that_holds_what_is_read_is_not_replaced(
-    given: str, line: str, rig: Path, run_eaid: Callable, held: Callable
-) -> None:
+def test_a_folder_that_holds_what_is_read_is_not_replaced(given, line, rig, run_eaid, held):
     (rig / "out").mkdir()
     shutil.copy(*given.split(": "))
     before = held(rig)
@@ -82,7 +77,7 @@ def test_a_folder_that_holds_what_is_read_is_not_replaced(
     assert held(rig) == before
 
 
-def test_a_dataset_beside_its_logs_may_be_made_again(rig: Path, run_eaid: Callable) -> None:
+def test_a_dataset_beside_its_logs_may_be_made_again(rig, run_eaid):
     """It is not read with them: a log counts once."""
     for _ in range(2):
         assert run_eaid("ingest logs -o logs/data.h5 --force -q").code == 0
@@ -107,7 +102,7 @@ LINES = {
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no pipes with a name here")
 @pytest.mark.parametrize("out", ["../pipe", "/dev/null"])
 @pytest.mark.parametrize("line", LINES)
-def test_devices_and_pipes_are_never_replaced(line: str, out: str, rig: Path, run_eaid: Callable) -> None:
+def test_devices_and_pipes_are_never_replaced(line, out, rig, run_eaid):
     os.mkfifo("../pipe")
     ran = run_eaid(line, "-o", out, "--force")
     assert ran.code == 2 and "\nerror: " in "\n" + ran.err
@@ -115,7 +110,7 @@ def test_devices_and_pipes_are_never_replaced(line: str, out: str, rig: Path, ru
 
 
 @pytest.mark.parametrize("line", [line for line in LINES if line != "demo"])
-def test_an_earlier_result_is_left_alone(line: str, rig: Path, run_eaid: Callable, held: Callable) -> None:
+def test_an_earlier_result_is_left_alone(line, rig, run_eaid, held):
     """By its default name, and beside the second file that a plan writes."""
     out = Path(LINES[line])
     if not out.suffix:
@@ -132,7 +127,7 @@ def test_an_earlier_result_is_left_alone(line: str, rig: Path, run_eaid: Callabl
     assert held(rig) == before
 
 
-def test_the_second_file_of_a_plan_is_left_alone_too(rig: Path, run_eaid: Callable) -> None:
+def test_the_second_file_of_a_plan_is_left_alone_too(rig, run_eaid):
     Path("p.duty.csv").write_text("mine")
     ran = run_eaid("plan fit.json -o p.csv --no-check")
     assert ran.code == 2 and "p.duty.csv: exists already" in ran.err
@@ -153,9 +148,7 @@ QUICK = {
 
 
 @pytest.mark.parametrize("line", QUICK)
-def test_json_is_the_result_and_quiet_is_quiet_and_the_bytes_are_the_same(
-    line: str, rig: Path, run_eaid: Callable, held: Callable
-) -> None:
+def test_json_is_the_result_and_quiet_is_quiet_and_the_bytes_are_the_same(line, rig, run_eaid, held):
     """Over an earlier file with --force; the second time without a word."""
     (rig / "out").mkdir()
     words = line.replace("OUT", "out/x").split()
@@ -186,7 +179,7 @@ couple fit.json --gains gains.json --torque 1,2 --loops pi,rc --no-replay --dela
 
 
 @pytest.mark.parametrize("line", AGAIN.strip().splitlines())
-def test_the_words_that_a_result_keeps_make_it_again(line: str, rig: Path, run_eaid: Callable) -> None:
+def test_the_words_that_a_result_keeps_make_it_again(line, rig, run_eaid):
     words = line.split()
     assert run_eaid(words, "-q", "-o", "a.json").code in (0, 4)
     first = json.loads(Path("a.json").read_text(encoding="utf-8"))

@@ -1,7 +1,6 @@
 """The commands on logs that are fitted as they were recorded: synth → fit → plan → synth."""
 
 import json
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -11,14 +10,12 @@ RANDOM = "synth --excitation random --shape duration_s=90,hold_s=0.5:8,rest_s=5 
 
 
 @pytest.fixture(autouse=True)
-def _here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def _here(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
 
 
 @pytest.mark.slow
-def test_a_log_of_random_steps_is_fitted_whole_and_followed_by_a_sequence_that_can_be_played(
-    run_eaid: Callable,
-) -> None:
+def test_a_log_of_random_steps_is_fitted_whole_and_followed_by_a_sequence_that_can_be_played(run_eaid):
     assert run_eaid(RANDOM).code == 0
     ran = run_eaid("fit rec --tables")
     assert ran.code == 0 and "Logs fitted as recorded" in ran.out and "free-run fit (%)" in ran.out
@@ -41,7 +38,7 @@ def test_a_log_of_random_steps_is_fitted_whole_and_followed_by_a_sequence_that_c
 
 
 @pytest.mark.slow
-def test_a_closed_loop_has_its_reference_and_its_law(run_eaid: Callable) -> None:
+def test_a_closed_loop_has_its_reference_and_its_law(run_eaid):
     shape = "duration_s=60,gains=15:200,hold_s=0.5:5"
     line = f"synth --excitation closed-loop --shape {shape} --rate-hz 200 -o loop"
     assert run_eaid(line).code == 0

@@ -1,7 +1,6 @@
 """`eaid report`: the page, its figures and what they are named."""
 
 import json
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -18,12 +17,12 @@ FIT = {
 
 
 @pytest.fixture(autouse=True)
-def _here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def _here(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     Path("fit.json").write_text(json.dumps(FIT))
 
 
-def test_page_and_figures_are_written_and_named(run_eaid: Callable) -> None:
+def test_page_and_figures_are_written_and_named(run_eaid):
     ran = run_eaid("report fit.json -o deep/report")
     assert (ran.code, ran.out) == (
         0,
@@ -38,7 +37,7 @@ def test_page_and_figures_are_written_and_named(run_eaid: Callable) -> None:
     assert ran.code == 2 and f"error: {wanted}\n" in ran.err and Path("deep/report/report.html").read_text() == "mine"
 
 
-def test_figures_for_papers_hold_their_fonts_and_json_lists_what_was_made(run_eaid: Callable) -> None:
+def test_figures_for_papers_hold_their_fonts_and_json_lists_what_was_made(run_eaid):
     ran = run_eaid("report fit.json -o r --json -q --format pdf,svg")
     told = json.loads(ran.out)
     assert told["figures"] == ["fig04_friction_over_stress"] and ran.err == ""
@@ -51,13 +50,3 @@ def test_figures_for_papers_hold_their_fonts_and_json_lists_what_was_made(run_ea
     at = png.index(b"pHYs")
     assert int.from_bytes(png[at + 4 : at + 8]) == 11811  # pixels per metre: 300 dpi
     assert int.from_bytes(png[16:20]) == 2148  # 7.16 in
-
-
-@pytest.mark.slow
-def test_a_page_of_everything(rig: Path, run_eaid: Callable) -> None:
-    words = "simulate fit.json --gains gains.json --scenario steps --duration 8 -q -o replay.h5"
-    assert run_eaid(words).code == 0
-    ran = run_eaid("report fit.json gains.json replay.h5 data.h5 -o page")
-    made = {path.name for path in Path("page/figures").iterdir()}
-    assert ran.code == 0 and {"fig07_nonlinear_model.png", "fig08_linear_model.png", "fig11_steps.png"} <= made
-    assert "synthetic data)</title>" in Path("page/report.html").read_text(encoding="utf-8")

@@ -8,15 +8,11 @@ import json
 import os
 import shlex
 import shutil
-from collections.abc import Callable, Iterator
-from pathlib import Path
-from typing import Any
 
 import pytest
 
 TABLE = r"""
 2 | fit data.h5 --seed -1 --ci bootstrap | --seed -1: give a whole number from 0 to 9007199254740991
-2 | fit data.h5 --seed 9999999999999999999 | --seed 9999999999999999999: give a whole number from 0 to 9007199254740991
 2 | fit data.h5 --model , | --model ,: must be one of friction, nonlinear, linear
 2 | fit data.h5 --model cubic | --model cubic: must be one of friction, nonlinear, linear
 2 | fit data.h5 --model linear,linear | --model linear,linear: name each once
@@ -29,16 +25,12 @@ TABLE = r"""
 3 | fit data.h5 --bounds-levels 1:5 | --bounds-levels 1:5: no log holds 1:5; levels found: 20, 40, 60, 80, 100
 2 | fit data.h5 --estimator both | --estimator both: must be one of auto, joint…
 2 | fit data.h5 --loss hubert | --loss hubert: must be one of squares, huber; did you mean huber?
-2 | fit data.h5 --shape three | --shape three: must be one of auto, one, two, free, overshoot; did you mean free?
-2 | fit data.h5 --logs-as waves | --logs-as waves: must be one of auto, steps, recorded
 2 | fit data.h5 --dead-time 1e300 | --dead-time 1e+300: give a number from 0 to 10000, or auto
 2 | fit data.h5 --rest nan | --rest nan: give a number from -1e+09 to 1e+09
-2 | fit data.h5 --rest 1e400 | --rest inf: give a number from -1e+09 to 1e+09
 2 | fit data.h5 --duty 10 | --duty 10: write two numbers with a colon between them, as 10:100
 2 | fit data.h5 --duty 10:100 | --duty: belongs to logs that are fitted as recorded, and these are steps; leave it out
 2 | fit data.h5 --instrument | --instrument: belongs to logs that are fitted as recorded, and these are steps; leave …
 2 | fit data.h5 --kind gearbox | --kind gearbox: must be one of clutch, friction-force, friction-speed
-2 | fit data.h5 --sign turn | --sign turn: must be one of auto, keep
 3 | fit data.h5 --levels 1:5 | --levels 1:5: no log holds 1:5; levels found: 20, 40, 60, 80, 100
 2 | fit data.h5 --baseline 3:x | --baseline 3:x: write auto, first, none, a value in the output's unit, or FROM:TO in …
 2 | fit data.h5 --apparatus surface=2 | --apparatus surface: must be one of inner_radius_m, outer_radius_m, surfaces, …
@@ -51,7 +43,6 @@ TABLE = r"""
 2 | ingest logs --apparatus radius=3 | --apparatus radius: must be one of inner_radius_m, outer_radius_m, surfaces, …
 2 | ingest logs --apparatus surfaces=two | --apparatus surfaces=two: is no number
 2 | ingest logs --apparatus outer_radius_m=-1 | --apparatus outer_radius_m=-1: must be above zero
-2 | ingest logs --apparatus outer_radius_m=nan | --apparatus outer_radius_m=nan: must be above zero
 2 | ingest logs --apparatus outer_radius_m=0.01 | --apparatus: inner_radius_m must be below outer_radius_m
 3 | ingest logs/log.csv --columns output=torqe_nm | logs/log.csv: has no column torqe_nm for --columns …
 2 | ingest logs --columns time=a,time=b | --columns time=a,time=b: says time twice
@@ -65,36 +56,23 @@ TABLE = r"""
 2 | tune-rc fit.json --pi-overshoot 1 | --pi-overshoot and --pi-settling belong together: give both or neither
 2 | tune-rc fit.json --pi-gains 21 | --pi-gains 21: write two numbers with a comma between them…
 2 | tune-rc fit.json --pi-gains 21,x | --pi-gains x: is no number
-2 | tune-rc fit.json --pi-gains 1e300,1 | --pi-gains 1e+300: give a number from -1e+09 to 1e+09
 2 | tune-rc fit.json --b-hat best | --b-hat best: must be pooled, minimax or a number
 2 | tune-rc fit.json --b-hat 1e400 | --b-hat inf: give a number from -1e+12 to 1e+12, or pooled, or minimax
 2 | tune-rc fit.json --rho both | --rho both: must be one of paper, textbook
-2 | tune-rc fit.json --alpha x | --alpha x: must be one of formula, reached
-2 | tune-rc fit.json --anti-windup none | --anti-windup none: must be one of conditional, back-calculation
 2 | tune-rc fit.json --phi much | --phi much: must be data or a number
-2 | tune-rc fit.json --phi 1e308 | --phi 1e+308: give a number from 0 to 1e+09, or data
 2 | tune-rc fit.json --kp 4 --damping 1 | give either --kp and --kd, or --natural-frequency and --damping, not both
-2 | tune-rc fit.json --kp inf | --kp inf: give a number from -1e+10 to 1e+10
 2 | tune-rc fit.json --kd nan | --kd nan: give a number from -1e+10 to 1e+10
 2 | tune-rc fit.json --damping 0.7 | --natural-frequency and --damping belong together: give both or neither
-2 | tune-rc fit.json --natural-frequency 1e200 --damping 1 | --natural-frequency 1e+200: give a number from 1e-06 to …
 3 | tune-rc fit.json --bounds-levels 300:900 | --bounds-levels 300:900: no log holds 300:900; levels found: 20, 40, …
 2 | tune-rc fit.json --epsilon 0 | --epsilon 0: give a number from 1e-15 to 1e+15
-2 | tune-rc fit.json --q-max 1e308 | --q-max 1e+308: give a number from 0 to 1e+09
 3 | tune-rc fit.json --reference nowhere.csv | nowhere.csv: no such file; give a CSV with the columns …
 2 | tune-rc fit.json --optimize --noise-nm -1 | --noise-nm -1: give a number from 0 to 1e+06
-2 | tune-rc fit.json --optimize --evaluations 0 | --evaluations 0: give a whole number from 15 to 100000
 2 | tune-rc fit.json --optimize --plants 1000000000 | --plants 1000000000: give a whole number from 1 to 100000
 2 | tune-rc fit.json --plants 20 | --plants: does nothing without --optimize; give both or neither
-2 | tune-rc fit.json --noise-nm 0.1 | --noise-nm: does nothing without --optimize; give both or neither
 2 | tune-rc fit.json --data data.h5 | --data: does nothing without --phi data or --optimize; leave it out
-2 | tune-rc fit.json --rate-hz 0 | --rate-hz 0: give a number from 0.001 to 100000
-2 | tune-rc fit.json --rate-hz 1e9 | --rate-hz 1e+09: give a number from 0.001 to 100000
 2 | tune-rc fit.json --pwm-hz nan | --pwm-hz nan: give a number from 0 to 1e+06
 2 | tune-rc fit.json --duty-limits 0,120 | --duty-limits 0,120: a duty ends at 100 %
 2 | tune-rc fit.json --duty-limits 50,20 | --duty-limits 50,20: must rise from 0 or above
-2 | tune-rc fit.json --seed -1 | --seed -1: give a whole number from 0 to 9007199254740991
-2 | tune-rc fit.json --seed 9999999999999999999 | --seed 9999999999999999999: give a whole number from 0 to …
 3 | tune-rc nowhere.json | nowhere.json: no such file; give the fit.json that eaid wrote
 3 | tune-rc gains.json | gains.json: is no eaid/fit/1 file (its schema is 'eaid/gains/1'); make it again with this …
 5 | tune-rc fit.json --pi-overshoot 120 --pi-settling 1 | an overshoot of 120 % is out of reach; give one from 0 to …
@@ -111,73 +89,50 @@ TABLE = r"""
 2 | simulate fit.json --scenario sweep --duration 3 | the sweep's length follows from its frequencies; leave …
 3 | simulate fit.json --reference nowhere.csv | nowhere.csv: no such file; give a CSV with the columns …
 3 | simulate fit.json --gains nowhere.json | nowhere.json: no such file; give the gains.json that eaid wrote
-2 | simulate fit.json --rate-hz 0 | --rate-hz 0: give a number from 0.001 to 100000
 2 | simulate fit.json --rate-hz inf | --rate-hz inf: give a number from 0.001 to 100000
-2 | simulate fit.json --rate-hz 1e9 | --rate-hz 1e+09: give a number from 0.001 to 100000
 2 | simulate fit.json --perturb Ts | --perturb Ts: 'Ts' is no name=number; write it as Ts=0.9,tau1=1.2
 2 | simulate fit.json --perturb Ts=1,Ts=2 | --perturb Ts=1,Ts=2: says Ts twice; give each name once
 2 | simulate fit.json --duty-bits -1 | --duty-bits -1: give a whole number from 0 to 32
 2 | simulate fit.json --noise pink | --noise pink: must be one of residuals
 2 | simulate fit.json --noise residuals --noise-nm 1 | noise as the residuals sets the noise; leave out --noise-nm …
-2 | simulate fit.json --noise-nm 1e308 | --noise-nm 1e+308: give a number from 0 to 1e+06
 2 | simulate fit.json --noise-correlation-s 2 | --noise-correlation-s: does nothing without --noise-nm; give both or …
 2 | simulate fit.json --ripple-hz 2 | --ripple-hz: does nothing without --ripple-pct; give both or neither
-2 | simulate fit.json --pwm-hz nan | --pwm-hz nan: give a number from 0 to 1e+06
 2 | simulate fit.json --duration nan | --duration nan: give a number above 0, 1e+06 at most
-2 | simulate fit.json --duration 1e12 | --duration 1e+12: give a number above 0, 1e+06 at most
 2 | simulate fit.json --duration 1e6 | a duration of 1e+06 s holds 1,000,000,000 control samples of 0.001 s, and a …
-2 | simulate fit.json --scenario rehab --duration 1e6 | a duration of 1e+06 s holds 1,000,000,000 control samples of …
 2 | simulate fit.json --plants 0 | --plants 0: give a whole number from 1 to 100000
-2 | simulate fit.json --plants 1000000000 | --plants 1000000000: give a whole number from 1 to 100000
-2 | simulate fit.json --plants 5 --threads -1 | --threads -1: give a whole number from 1 to 1024
 2 | simulate fit.json --plants 5 --scenario rehab | --plants: goes with steps, multisine, sweep or --reference; leave …
 2 | simulate fit.json --threads 2 | --threads: does nothing without --plants; give both or neither
 2 | simulate fit.json --limb-damping 1 | --limb-damping and --limb-inertia belong to --scenario rehab
-2 | simulate fit.json --limb-inertia 0 --scenario rehab | --limb-inertia 0: give a number from 1e-06 to 1e+06
 3 | simulate fit.json --log nowhere.csv | nowhere.csv: no such file or folder; check the path
 2 | simulate fit.json --log data.h5 --rate-hz 100 | --rate-hz: does not go with --log, which has a rate of its own; …
 2 | simulate fit.json --log data.h5 --noise-nm 0.1 | --noise-nm: does nothing with logs of an open loop; leave it out
 2 | simulate fit.json --columns time=T | --columns, --units, --repair and --variable belong to --log; leave them out
 2 | simulate fit.json --keep-baseline | --keep-baseline: belongs to --log; leave it out
-2 | simulate fit.json --seed -1 | --seed -1: give a whole number from 0 to 9007199254740991
-2 | simulate fit.json --seed 9999999999999999999 | --seed 9999999999999999999: give a whole number from 0 to …
 3 | simulate force.json | the fit holds no nonlinear model, which the replay's plant is; fit clutch data with it
 2 | plan fit.json --want tau9=3 | --want tau9: give a parameter of Ts, tau1, tau2 and a half-width in percent, above …
 2 | plan fit.json --want tau2 | --want tau2: 'tau2' is no name=number; write it as Ts=0.9,tau1=1.2
 2 | plan fit.json --want Ts=150 | --want Ts: give a parameter of Ts, tau1, tau2 and a half-width in percent, above 0 …
-2! | plan fit.json --idle -1 | --idle -1: give a number from 0 to 1e+07
+2 | plan fit.json --idle -1 | --idle -1: give a number from 0 to 1e+07
 2 | plan fit.json --most-levels 2 | --most-levels 2: give a whole number from 4 to 100
-2 | plan fit.json --seed -1 | --seed -1: give a whole number from 0 to 9007199254740991
 2 | plan fit.json --limits rest=5 | --limits: does nothing without --excitation; leave it out
 2 | plan fit.json --excitation --most-levels 5 | --most-levels: does nothing with --excitation; leave it out
 2 | plan fit.json --excitation --limits engagements=nan | --limits engagements=nan: give a whole number
 2! | plan fit.json --excitation --limits rest_s=1e300 | --limits rest_s 1e+300: give a number from 0 to 1e+07
 2 | plan fit.json --excitation --limits dutty=10:100 | --limits dutty: must be one of duty, engagements, hold_s, …
 2 | plan fit.json --excitation --limits duty=100:10 | --limits duty 100:10: give two inputs that rise, above 0
-2 | plan fit.json --excitation --seed -1 | --seed -1: give a whole number from 0 to 9007199254740991
-2 | plan fit.json --excitation --limits rate_per_s=1e-9 | --limits rate_per_s 1e-09: a change to 100 takes 1e+11 s, …
 2 | plan fit.json --excitation --limits rate_per_s=3 | --limits rate_per_s 3: a change to 100 takes 33.3333 s, more …
 3 | plan gains.json | gains.json: is no eaid/fit/1 file (its schema is 'eaid/gains/1'); make it again with this …
-2 | synth --kind gearbox | --kind gearbox: must be one of clutch, friction-force, friction-speed
 2 | synth --levels ten | --levels ten: give levels as 30,40,90 or as from:to:step
 2 | synth --levels 10:100:7 | --levels 10:100:7: the step does not lead from 10 to 100
 2 | synth --levels 10,200 | --levels 200: a duty is at most 100 %
-2 | synth --levels 1e300 | --levels 1e+300: give a number above 0, 1e+09 at most
-2! | synth --hold 0 | --hold 0: give a number above 0, 1e+07 at most
-2! | synth --hold nan | --hold nan: give a number above 0, 1e+07 at most
-2! | synth --hold inf | --hold inf: give a number above 0, 1e+07 at most
-2! | synth --noise-nm -1 | --noise-nm -1: give a number from 0 to 1e+06
-2! | synth --noise-nm 1e308 | --noise-nm 1e+308: give a number from 0 to 1e+06
-2 | synth --tau1-scatter 1000 | --tau1-scatter 1000: give a number from 0 to 3
+2 | synth --hold 0 | --hold 0: give a number above 0, 1e+07 at most
+2 | synth --noise-nm -1 | --noise-nm -1: give a number from 0 to 1e+06
 3 | synth --plant nowhere.json | nowhere.json: no such file; give the fit.json that eaid wrote
 2 | synth --kind friction-force --release 3 | --release: nobody has published how friction falls when weights are …
 2 | synth --seed -3 | --seed -3: give a whole number from 0 to 9007199254740991
-2 | synth --seed 9999999999999999999 | --seed 9999999999999999999: give a whole number from 0 to 9007199254740991
-2 | synth --rate-hz 1e9 | --rate-hz 1e+09: give a number from 0.001 to 100000
-2 | synth --repeats 1000000000 | --repeats 1000000000: give a whole number from 1 to 10000
-2! | synth --duty-file duty.csv --hold 3 | --duty-file: says levels and times itself; leave out --levels, --idle, …
+2 | synth --duty-file duty.csv --hold 3 | --duty-file: says levels and times itself; leave out --levels, --idle, …
 2 | synth --duty-file duty.csv --plan plan.csv | --duty-file and --plan exclude each other; give one of them
-2! | synth --plan plan.csv --repeats 3 | --plan: says levels and times itself; leave out --levels, --idle, --hold, …
+2 | synth --plan plan.csv --repeats 3 | --plan: says levels and times itself; leave out --levels, --idle, --hold, …
 3 | synth --plan nowhere.csv | nowhere.csv: no such file; give a CSV order,level,repeat,idle_s,hold_s,release_s
 2 | synth --controller rc | --controller: does nothing without --gains; leave it out
 3 | synth --plant force.json --kind clutch | force.json (sha256 …
@@ -186,19 +141,14 @@ TABLE = r"""
 2 | synth --excitation jumps -o new | --excitation jumps: must be one of staircase, random, prbs, multisine, chirp, …
 2 | synth --excitation prbs --plan plan.csv -o new | --plan and --excitation exclude each other; give one of them
 2 | synth --excitation random -o new.h5 | --excitation: writes a folder of CSV (-o FOLDER); give another -o
-2 | synth --excitation random --repeats 10000 -o new | the set would hold 2400 million samples, 20 million at most; …
 2 | synth --excitation random --shape colour=3 -o new | --shape colour: must be one of duration_s, duty, …
 2! | synth --excitation random --shape hold_s=3 -o new | --shape hold_s 3: write two numbers with a colon between them…
 2 | synth --excitation random --shape levels=nan -o new | --shape levels=nan: give a whole number
-2! | synth --excitation random --shape levels=1000000 -o new | --shape levels 1000000: give a whole number from 2 to …
 2 | synth --excitation staircase --shape levels=2.5 -o new | --shape levels=2.5: give a whole number
-2! | synth --excitation multisine --shape tones=1e300 -o new | --shape tones 100000000000000005250476025520: give a …
 2! | synth --excitation multisine --shape periods=0 -o new | --shape periods 0: give a whole number from 1 to 1000
 2 | synth --excitation multisine --shape periods=1000,duration_s=3 -o new | --shape periods 1000: none lasts as long …
-2! | synth --excitation chirp --shape idle_s=nan -o new | --shape idle_s nan: give a number from 0 to 1e+07
 2 | synth --excitation chirp --shape frequency_hz=5:1 -o new | --shape frequency_hz 5:1: must rise, up to half the rate
 2! | synth --excitation closed-loop --shape reference_nm=nan:3 -o new | --shape reference_nm nan: give a number from …
-2! | synth --excitation closed-loop --shape gains=nan:3 -o new | --shape gains nan: give a number from -1e+09 to 1e+09
 3 | export nowhere.json | nowhere.json: no such file; give gains.json of eaid tune-rc, or fit.json of eaid fit
 3 | export text.json | text.json: is not a JSON file (Expecting value: line 1 column 1 (char 0)); give what eaid …
 3 | export plan.json | plan.json: is neither gains.json nor fit.json; give what eaid tune-rc or eaid fit wrote
@@ -206,9 +156,7 @@ TABLE = r"""
 2 | export gains.json gains.json | gains.json: a second gains.json; give one gains.json and one fit.json at most
 2 | export gains.json --as cobol | --as cobol: must be one of c, arduino, matlab, fmu, yaml, python
 2 | export gains.json --law pid | --law pid: must be one of pi, rc, inverse, plant; did you mean pi?
-2 | export gains.json --precision half | --precision half: must be one of double, single
 2 | export gains.json --rate-hz -1 | --rate-hz -1: give a number from 0.001 to 100000
-2 | export gains.json --rate-hz nan | --rate-hz nan: give a number from 0.001 to 100000
 2 | export gains.json -o no/where | no/where: the folder …
 2 | export gains.json -o logs --force | logs: holds log.csv, which eaid export did not make; give another --output
 2 | couple fit.json --torque 99 | --torque 99: the fitted plant holds 0.312 to 4.23 within its identified inputs; …
@@ -217,10 +165,7 @@ TABLE = r"""
 2 | couple fit.json --wall -1 | --wall -1: give a number above 0, 1e+09 at most
 2 | couple fit.json --delay-samples 101 | --delay-samples 101: give a whole number from 0 to 100
 2 | couple fit.json --loops pid | --loops pid: must be one of open-loop, pi, rc-no-rate, rc, inverse; did you mean pi?
-2 | couple fit.json --idle-drag-nm inf | --idle-drag-nm inf: give a number from 0 to 1e+06
 2 | couple fit.json --limb-spread 0.5 | --limb-spread: does nothing without --plants; give both or neither
-2 | couple fit.json --plants 100000 | --plants 100000: give a whole number from 0 to 10000
-2 | couple fit.json --seed -1 | --seed -1: give a whole number from 0 to 9007199254740991
 2 | report fit.json --format jpg | --format jpg: must be one of pdf, svg, png; did you mean png?
 2 | report fit.json --figures fig99 | --figures fig99: no such figure; there are compare, fig02_pwm, edges, …
 2 | report fit.json --width 3 | --width 3: write two numbers with a comma between them…
@@ -234,14 +179,13 @@ TABLE = r"""
 2 | export gains2.json --law plant | --law plant needs what was not given: fit.json with a nonlinear model, --fit
 5 | export gains2.json -o out | PI: the loop is unstable at 1000 Hz around 50 %; ask for slower gains; --anyway …
 2 | fit data.h5 --units "input=\udcff" | --units 'input=\udcff': is not UTF-8; type it in a terminal that writes UTF-8
-2 | ingest data.h5 --units "output=N\udcffm" | --units 'output=N\udcffm': is not UTF-8; type it in a terminal that …
 3 | couple force.json | the fit holds no nonlinear model, which walls are worked out on; fit clutch logs with it
 3 | couple gains.json | gains.json: is no eaid/fit/1 file (its schema is 'eaid/gains/1'); make it again with this …
 """
 
 
 @pytest.fixture(scope="module")
-def folder(made: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def folder(made, tmp_path_factory):
     """`made`, and beside it gains whose PI is unstable and that name no fit, and a pipe."""
     folder = tmp_path_factory.mktemp("usage") / "rig"
     shutil.copytree(made, folder)
@@ -255,21 +199,21 @@ def folder(made: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(autouse=True)
-def _nothing_changes(folder: Path, monkeypatch: pytest.MonkeyPatch, held: Callable) -> Iterator[None]:
+def _nothing_changes(folder, monkeypatch, held):
     monkeypatch.chdir(folder)
     before = held(folder)
     yield
     assert held(folder) == before
 
 
-def rows() -> list[Any]:
+def rows():
     wrong = pytest.mark.xfail(reason="the sentence names a field of the library", strict=False)
     lines = TABLE.strip().splitlines()
     return [pytest.param(line, marks=wrong if "!" in line.split(" ")[0] else ()) for line in lines]
 
 
 @pytest.mark.parametrize("row", rows())
-def test_such_a_call_is_refused_in_one_sentence(row: str, run_eaid: Callable) -> None:
+def test_such_a_call_is_refused_in_one_sentence(row, run_eaid):
     code, line, sentence = row.split(" | ", 2)
     words = shlex.split(line.replace(r"\n", "\n").replace(r"\udcff", "\udcff"))
     if len(words) > 1 and "-o" not in words and "Possible options" not in sentence:

@@ -1,259 +1,250 @@
-"""data.h5: what goes in comes out, in the same bytes; and a dataset of a user's own script is read too."""
+"""data.h5: what goes in comes out, in the same bytes; a dataset of a user's own script; and damaged ones."""
 
+import contextlib
 import dataclasses
-from dataclasses import replace
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import h5py
 import numpy as np
 import pytest
-from eaid.logs.options import ReadOptions
+from logs_written import text
 
-from eaid.apparatus import Apparatus
-from eaid.cli.inputs import runs_from
-from eaid.cli.main import run
-from eaid.findings import finding
-from eaid.logs.dataset import write_dataset
-from eaid.logs.read import read_runs
-from eaid.logs.run import Run
-from eaid.steps.build import build_stepset
-from eaid.steps.stepset import Level, StepSet
+import eaid
+from eaid.errors import DataError, UsageError
+from eaid.files import hdf5_written_whole
 
-N = 4000
+T = np.arange(2000) / 100.0
 
 
-def write_logs(folder: Path, noise: float = 0.01) -> Path:
-    folder.mkdir(exist_ok=True)
-    t = np.arange(N) / 100.0
-    for level in (30, 60, 90):
+@pytest.fixture(scope="module")
+def logs(tmp_path_factory):
+    """Two levels of two repeats, on at 5 s, off at 15 s; a comment says what made them."""
+    folder = tmp_path_factory.mktemp("logs")
+    for level in (30, 90):
         for repeat in (1, 2):
-            u = np.where((t >= 5) & (t < 30), level, 0)
-            rise = np.where(t >= 5, -np.expm1(-(t - 5) / 0.5), 0) - np.where(t >= 30, -np.expm1(-(t - 30) / 1.0), 0)
-            y = 0.04 * level * rise + noise * np.random.default_rng(level + repeat).normal(size=N) + 0.2
-            lines = ["# synthetic: made by this test", "time_s,duty_pct,torque_nm"]
-            lines += [f"{a:.2f},{b:d},{c!r}" for a, b, c in zip(t.tolist(), u.tolist(), y.tolist(), strict=True)]
-            (folder / f"u{level}_{repeat}.csv").write_text("\n".join(lines) + "\n")
+            u = np.where((T >= 5) & (T < 15), level, 0)
+            rise = np.where(T >= 5, -np.expm1(-(T - 5) / 0.5), 0) - np.where(T >= 15, -np.expm1(-(T - 15) / 1.0), 0)
+            y = 0.04 * level * rise + 0.01 * np.random.default_rng(level + repeat).normal(size=2000) + 0.2
+            rows = text("time_s,duty_pct,torque_nm,torque_ref", T, u, [repr(v) for v in y.tolist()], u / 30)
+            (folder / f"u{level}_{repeat}.csv").write_text("# synthetic: made by this test\n" + rows)
     return folder
 
 
-def same(a: StepSet, b: StepSet) -> None:
-    """Bit by bit, but for the paths that the user gave."""
-    for one, other in zip((*a.levels, *a.releases), (*b.levels, *b.releases), strict=True):
-        for name in (field.name for field in dataclasses.fields(Level)):
-            np.testing.assert_array_equal(getattr(one, name), getattr(other, name))
-    assert a.runs == b.runs
-    for name in ("kind", "input_unit", "output_unit", "apparatus", "warnings", "synthetic"):
-        assert getattr(a, name) == getattr(b, name)
-
-
-def test_a_dataset_gives_the_same_steps_as_its_logs(tmp_path: Path) -> None:
-    logs = write_logs(tmp_path / "logs")
-    assert run(["ingest", str(logs), "-q", "-o", str(tmp_path / "d.h5")]) == 0
-    _, of_logs = runs_from([logs])
-    _, of_dataset = runs_from([tmp_path / "d.h5"])
-    same(of_logs, of_dataset)
-    assert of_logs.synthetic == "made by this test"
-    assert [level.level for level in of_logs.releases] == [30.0, 60.0, 90.0]
-
-
-def test_columns_that_runs_have_in_common_are_unpacked_once(tmp_path: Path) -> None:
-    """Rises and falls stand in turn, each with a time axis and inputs of its own."""
-    write_logs(tmp_path / "logs")
-    assert run(["ingest", str(tmp_path / "logs"), "-q", "-o", str(tmp_path / "d.h5")]) == 0
-    runs = read_runs([tmp_path / "d.h5"])
-    assert len(runs) == 12
-    assert len({id(one.time_s) for one in runs}) == len({one.time_s.tobytes() for one in runs}) == 2
-    assert len({id(one.input) for one in runs}) == len({one.input.tobytes() for one in runs}) == 4
-    assert len({id(one.output) for one in runs}) == 12
-
-
-def test_the_same_logs_give_the_same_bytes(tmp_path: Path) -> None:
-    logs = write_logs(tmp_path / "logs")
-    for name in ("a.h5", "b.h5"):
-        assert run(["ingest", str(logs), "-q", "-o", str(tmp_path / name)]) == 0
-    assert (tmp_path / "a.h5").read_bytes() == (tmp_path / "b.h5").read_bytes()
-    assert run(["ingest", str(tmp_path / "a.h5"), "-q", "-o", str(tmp_path / "c.h5")]) == 0
-    assert (tmp_path / "c.h5").read_bytes() == (tmp_path / "a.h5").read_bytes()
-
-
-def test_a_dataset_takes_at_most_half_of_its_raw_size(tmp_path: Path) -> None:
-    logs = write_logs(tmp_path / "logs")
-    assert run(["ingest", str(logs), "-q", "-o", str(tmp_path / "d.h5")]) == 0
-    assert (tmp_path / "d.h5").stat().st_size < 0.5 * 6 * N * 3 * 8
-
-
-def test_attributes_of_the_contract(tmp_path: Path) -> None:
-    logs = write_logs(tmp_path / "logs")
-    rig = "surfaces=1,inner_radius_m=0.03"
-    assert run(["ingest", str(logs), "-q", "--apparatus", rig, "-o", str(tmp_path / "d.h5")]) == 0
-    with h5py.File(tmp_path / "d.h5") as file:
-        assert dict(file.attrs).items() >= {"schema": "eaid/data/1", "kind": "clutch", "input_unit": "%"}.items()
-        assert file.attrs["surfaces"] == 1
-        assert file.attrs["inner_radius_m"] == 0.03
-        assert list(file["runs"]) == sorted(
-            f"u{level}_{repeat}{end}" for level in (30, 60, 90) for repeat in (1, 2) for end in ("", "-release")
-        )
-        one = file["runs/u30_2"]
-        assert {name: one[name].dtype for name in one} == dict.fromkeys(("time_s", "input", "torque_nm"), np.float64)
-        assert (one.attrs["level"], one.attrs["repeat"], one.attrs["step_s"]) == (30.0, 2, 5.0)
-        assert one.attrs["baseline_nm"] == pytest.approx(0.2, abs=0.002)
-        assert one.attrs["source"].endswith("u30_2.csv")
-        assert len(one.attrs["sha256"]) == 64
-
-
-def by_hand(path: Path, **more: object) -> Path:
-    """A dataset with no more than the contract asks for."""
-    t = np.arange(2000) / 100.0
-    with h5py.File(path, "w") as file:
-        file.attrs.update({"schema": "eaid/data/1", "kind": "clutch", "input_unit": "%"})
-        for name, level in (("first", 40.0), ("second", 80.0)):
-            group = file.create_group(f"runs/{name}")
-            group["time_s"] = t
-            group["input"] = np.where(t >= 2, level, 0.0)
-            group["torque_nm"] = np.where(t >= 2, 0.04 * level * -np.expm1(-(t - 2) / 0.3), 0.0) + 0.1
-            group.attrs.update(
-                {"level": level, "repeat": 1, "step_s": 2.0, "baseline_nm": 0.1, "source": "x", "sha256": ""}
-            )
-            group.attrs.update(more)
+@pytest.fixture(scope="module")
+def stored(logs, tmp_path_factory):
+    """The dataset of the logs."""
+    path = tmp_path_factory.mktemp("data") / "d.h5"
+    eaid.read(logs, apparatus="surfaces=1,inner_radius_m=0.03").save(path)
     return path
 
 
-def test_a_users_own_dataset(tmp_path: Path) -> None:
-    stepset = build_stepset(read_runs([by_hand(tmp_path / "d.h5")]))
-    assert [level.level for level in stepset.levels] == [40.0, 80.0]
-    np.testing.assert_allclose(stepset.levels[1].mean[-1], 3.2, atol=1e-9)
-    assert stepset.apparatus == Apparatus()
+def test_a_dataset_gives_the_same_steps_as_its_logs(logs, stored):
+    """Bit by bit, but for the paths that the user gave."""
+    a, b = eaid.read(logs, apparatus="surfaces=1,inner_radius_m=0.03"), eaid.read(stored)
+    for one, other in zip((*a.levels, *a.releases), (*b.levels, *b.releases), strict=True):
+        for name in ("level", "time_s", "runs", "names"):
+            np.testing.assert_array_equal(getattr(one, name), getattr(other, name))
+    assert a.runs == b.runs and a.findings == b.findings and b.synthetic == "made by this test"
+    assert (a.kind, a.input_unit, a.output_unit, a.apparatus) == (b.kind, b.input_unit, b.output_unit, b.apparatus)
+    for run, again in zip(sorted(a.steps, key=lambda one: one.name), b.steps, strict=True):
+        for field in dataclasses.fields(run):
+            if field.name not in ("apparatus", "dataset", "source", "taken", "left"):
+                np.testing.assert_array_equal(getattr(again, field.name), getattr(run, field.name), field.name)
 
 
-def test_a_users_own_dataset_without_any_attributes_of_runs(tmp_path: Path) -> None:
-    path = by_hand(tmp_path / "d.h5")
-    with h5py.File(path, "a") as file:
-        for group in file["runs"].values():
-            for name in list(group.attrs):
-                del group.attrs[name]
-    stepset = build_stepset(read_runs([path]))
-    assert [level.level for level in stepset.levels] == [40.0, 80.0]
-    assert stepset.runs[0].step_s == 2.0
+def test_the_same_logs_give_the_same_bytes(logs, stored, tmp_path, run_eaid):
+    said = ("--apparatus", "surfaces=1,inner_radius_m=0.03")
+    assert run_eaid("ingest", logs, "-q", *said, "-o", tmp_path / "a.h5").code == 0
+    assert run_eaid("ingest", tmp_path / "a.h5", "-q", "-o", tmp_path / "c.h5").code == 0
+    assert (tmp_path / "a.h5").read_bytes() == stored.read_bytes() == (tmp_path / "c.h5").read_bytes()
+    assert stored.stat().st_size < 0.5 * 4 * 2000 * 4 * 8
+
+
+def test_attributes_of_the_contract(stored):
+    with h5py.File(stored) as file:
+        facts = {"schema": "eaid/data/1", "kind": "clutch", "input_unit": "%", "output_unit": "N·m", "surfaces": 1,
+                 "inner_radius_m": 0.03, "synthetic": "made by this test"}  # fmt: skip
+        assert dict(file.attrs).items() >= facts.items() and file.attrs["digest"].startswith("values:")
+        assert list(file["runs"]) == sorted(
+            f"u{u}_{k}{end}" for u in (30, 90) for k in (1, 2) for end in ("", "-release")
+        )
+        one, fall = file["runs/u30_2"], file["runs/u30_2-release"]
+        columns = dict.fromkeys(("time_s", "input", "torque_nm", "reference_nm"), np.float64)
+        assert {name: one[name].dtype for name in one} == columns
+        assert (one.attrs["level"], one.attrs["repeat"], one.attrs["step_s"]) == (30.0, 2, 5.0)
+        assert (one.attrs["edge"], fall.attrs["edge"], fall.attrs["step_s"]) == ("rising", "falling", 15.0)
+        assert one.attrs["baseline_nm"] == pytest.approx(0.2, abs=0.002)
+        assert one.attrs["source"].endswith("u30_2.csv") and len(one.attrs["sha256"]) == 64
+
+
+def test_findings_and_unknown_units_survive(tmp_path):
+    y = np.where(T >= 5, 1.0, 0.0) + 0.01 * np.sin(1e3 * T)
+    cells = ["" if k == 100 else repr(v) for k, v in enumerate(y.tolist())]
+    (tmp_path / "a.csv").write_text(text("time_s,u,y", T, np.where(T >= 5, 50, 0), cells))
+    steps = eaid.read(tmp_path / "a.csv", repair=True)
+    steps.save(tmp_path / "d.h5")
+    again = eaid.read(tmp_path / "d.h5")
+    assert again.runs[0].findings == steps.runs[0].findings
+    assert {"rows-dropped", "unit-unknown"} <= {one.code for one in again.runs[0].findings}
+    assert (again.input_unit, again.output_unit) == ("%", "")
+
+
+def by_hand(
+    path: Path, damage: Callable[[Any], Any] = lambda _: None, shift: float = 0.0, plain: bool = False, **more: object
+) -> Path:
+    """A dataset with no more than the contract asks for. With a seal, which a script does not write, no process has to
+    be started to read it."""
+    with h5py.File(path, "w") if plain else hdf5_written_whole(path, force=True) as file:
+        file.attrs.update({"schema": "eaid/data/1", "kind": "clutch", "input_unit": "%"})
+        for name, level in (("first", 40.0), ("second", 80.0)):
+            group = file.create_group(f"runs/{name}")
+            group["time_s"], group["input"] = T + shift, np.where(T >= 2, level, 0.0)
+            group["torque_nm"] = np.where(T >= 2, 0.04 * level * -np.expm1(-(T - 2) / 0.3), 0.0) + 0.1
+            facts = {
+                "level": level,
+                "repeat": 1,
+                "step_s": 2.0 + shift,
+                "baseline_nm": 0.1,
+                "source": "x",
+                "sha256": "",
+            }
+            group.attrs.update(facts | more)
+        damage(file)
+    return path
+
+
+def bare(file: Any) -> None:
+    for name in ("first", "second"):
+        for key in list(file[f"runs/{name}"].attrs):
+            del file[f"runs/{name}"].attrs[key]
+
+
+@pytest.mark.parametrize("damage", [bare, lambda _: None])
+def test_a_users_own_dataset(damage, tmp_path):
+    steps = eaid.read(by_hand(tmp_path / "d.h5", damage, plain=True))
+    assert [level.level for level in steps.levels] == [40.0, 80.0] and steps.runs[0].step_s == 2.0
+    np.testing.assert_allclose(steps.levels[1].mean[-1], 3.2, atol=1e-9)
+    assert (steps.apparatus.surfaces, steps.synthetic, steps.output_unit) == (2, None, "N·m")
+
+
+@pytest.mark.parametrize("shift", [1e6, 1e6 + 1, 1.7e9, -1.7e9])
+def test_a_users_own_dataset_on_a_clock_since_1970(shift, tmp_path):
+    """Stamps of 1.7e9 s cost no digit: beyond 1e6 s the run's own time begins at 0, and its instants with it."""
+    begin = shift if abs(shift) > 1e6 else 0.0
+    for one in eaid.read(by_hand(tmp_path / "d.h5", shift=shift, until_s=15.0 + shift), logs_as="recorded").recorded:
+        assert one.time_s[[0, -1]].tolist() == pytest.approx([shift - begin, shift - begin + 19.99])
+        assert (one.step_s, one.until_s, one.start_s) == pytest.approx((2 + shift - begin, 15 + shift - begin, begin))
+
+
+def test_texts_of_a_users_own_dataset_may_be_bytes(tmp_path):
+    def bytes_too(file: Any) -> None:
+        file.attrs["input_unit"], file.attrs["apparatus"] = np.bytes_(b"V"), '{"surfaces": 1}'
+
+    more = {"source": np.bytes_(b"bench.csv"), "edge": np.bytes_(b"rising")}
+    steps = eaid.read(by_hand(tmp_path / "d.h5", bytes_too, **more))
+    assert (steps.runs[0].source, steps.steps[0].edge, steps.input_unit) == ("bench.csv", "rising", "V")
+    assert steps.apparatus.surfaces == 1
+
+
+def sets(place: str, name: str, value: Any) -> Any:
+    return lambda f: f[place].attrs.__setitem__(name, value)
+
+
+AGAIN, GONE = "ingest the logs again", ("input", "torque_nm")
+DAMAGED: dict[str, Any] = {
+    f": its schema is 'eaid/data/9', and this eaid reads 'eaid/data/1'; {AGAIN}": sets("/", "schema", "eaid/data/9"),
+    ": its kind is 'brake'; it must be one of clutch, friction-force, friction-speed": sets("/", "kind", "brake"),
+    f": holds no runs; {AGAIN}": lambda f: f.__delitem__("runs"),
+    f": run first has no input and no torque_nm; {AGAIN}": lambda f: [f.pop(f"runs/first/{k}") for k in GONE],
+    f": run first has columns of different shape; {AGAIN}": lambda f: [f.pop("runs/first/input"),
+        f["runs/first"].update(input=np.zeros(7))],
+    f": run first: its level is no number; {AGAIN}": sets("runs/first", "level", "high"),
+    f": run first: its findings cannot be read; {AGAIN}": sets("runs/first", "findings", "["),
+    ": run first: sample 8, column input, is empty or not a number": lambda f: f["runs/first/input"].write_direct(
+        np.where(T == 0.07, np.nan, 0.0)),
+    ": run first: time falls at sample 8 (0 s after 0.06 s)": lambda f: f["runs/first/time_s"].__setitem__(7, 0.0),
+    ": run first: the output never changes (1 N·m ": lambda f: f["runs/first/torque_nm"].__setitem__(slice(None), 1.0),
+    ": run first: the input is 140 % at 3 s, above 100": lambda f: f["runs/first/input"].write_direct(140.0 * (T >= 3)),
+    ": run first: the step at 99 s lies outside the log": sets("runs/first", "step_s", 99.0),
+    f": its apparatus is not a JSON object of numbers; {AGAIN}": sets("/", "apparatus", "{"),
+    f": its apparatus holds what is no number; {AGAIN}": sets("/", "surfaces", "two"),
+    ": runs/first/link is a link to another file; copy the data into this one": lambda f: f.__setitem__(
+        "runs/first/link", h5py.ExternalLink("/etc/passwd", "x")),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("sentence", DAMAGED)
+def test_bad_datasets(sentence, tmp_path, run_eaid):
+    path = by_hand(tmp_path / "d.h5", DAMAGED[sentence], plain="a link" in sentence)
+    ran = run_eaid("ingest", path, "-o", tmp_path / "e.h5")
+    assert ran.code == 3 and ran.err.count("\n") == 1
+    assert ran.err.startswith(f"error: {path}{sentence}") and not (tmp_path / "e.h5").exists()
 
 
 @pytest.mark.parametrize(
-    ("damage", "sentence"),
+    ("edge", "level", "before", "after", "step_s", "told"),
     [
-        (lambda f: f.attrs.__setitem__("schema", "eaid/data/9"), "its schema is 'eaid/data/9', and this eaid"),
-        (lambda f: f.attrs.__setitem__("kind", "brake"), "its kind is 'brake'; it must be one of clutch"),
-        (lambda f: f.__delitem__("runs"), "holds no runs; ingest the logs again"),
-        (lambda f: f["runs/first"].__delitem__("torque_nm"), "run first has no torque_nm; ingest the logs"),
-        (lambda f: f["runs/first"].attrs.__setitem__("level", "high"), "run first: its level is no number"),
-        (lambda f: f["runs/first/input"].__setitem__(7, np.nan), "sample 8, column input, is empty or not a number"),
-        (lambda f: f["runs/first/time_s"].__setitem__(7, 0.0), "time falls at sample 8 (0 s after 0.06 s)"),
-        (lambda f: f["runs/first/torque_nm"].__setitem__(slice(None), 1.0), "the output never changes (1 N·m "),
-        (lambda f: f["runs/first/input"].__setitem__(slice(300, 400), 140.0), "the input is 140 % at 3 s, above 100"),
-        (lambda f: f["runs/first"].attrs.__setitem__("step_s", 99.0), "the step at 99 s lies outside the log"),
-        (lambda f: f.attrs.__setitem__("apparatus", "{"), "its apparatus is not a JSON object"),
-        (lambda f: f.attrs.__setitem__("surfaces", "two"), "its apparatus holds what is no number"),
-        (lambda f: f.__setitem__("runs/first/link", h5py.ExternalLink("/etc/passwd", "x")), "is a link to another"),
+        ("rising", 60, 0, 60, 2, None), ("rising", -60, 0, 60, 2, None), ("rising", 61.2, 0, 60, 2, None),
+        ("rising", 61.3, 0, 60, 2, 60), ("rising", 58.7, 0, 60, 2, 60),
+        ("rising", 0, 0, 60, 2, None),  # what it comes from
+        ("falling", 60, 60, 0, 2, None), ("falling", 40, 60, 0, 2, 0), ("rising", 9, 0, 60, 0, 60),
+        (None, 9, 0, 60, 2, None), ("rising", 9, 0, np.nan, 2, None),
     ],
 )  # fmt: skip
-def test_bad_datasets(damage: object, sentence: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    path = by_hand(tmp_path / "d.h5")
-    with h5py.File(path, "a") as file:
-        damage(file)  # type: ignore[operator]
-    assert run(["ingest", str(path), "-o", str(tmp_path / "e.h5")]) == 3
-    said = capsys.readouterr().err.splitlines()
-    assert len(said) == 1
-    assert said[0].startswith(f"error: {path}: ")
-    assert sentence in said[0]
-    assert not (tmp_path / "e.h5").exists()
+def test_a_stored_level_that_its_own_input_contradicts(edge, level, before, after, step_s, told, tmp_path):
+    def alone(file: Any) -> None:
+        del file["runs/second"]
+        file["runs/first/input"][:] = np.where(T >= 2, after, before) if np.isfinite(after) else np.nan
+
+    more = {"level": level, "step_s": float(step_s), **({"edge": edge} if edge else {})}
+    said = f"run first: its level is {level:g}, its input goes to {told or 0:g} %; ingest the logs again"
+    with contextlib.nullcontext() if told is None else pytest.raises(DataError, match=said):
+        eaid.read(by_hand(tmp_path / "d.h5", alone, **more), logs_as="recorded")
 
 
-def test_reading_a_dataset_imports_neither_pandas_nor_numba(tmp_path: Path) -> None:
-    import subprocess
-    import sys
-
-    path = by_hand(tmp_path / "d.h5")
-    code = (
-        "import sys; from pathlib import Path; from eaid.cli.inputs import runs_from\n"
-        f"runs_from([Path({str(path)!r})])\n"
-        "print([name for name in ('pandas', 'matplotlib', 'numba') if name in sys.modules])"
-    )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.strip() == "[]"
+def test_rows_of_a_dataset_are_repaired_as_those_of_a_log(tmp_path):
+    path = by_hand(tmp_path / "d.h5", lambda f: f["runs/first/torque_nm"].__setitem__(40, np.nan), edge="rising")
+    with pytest.raises(DataError, match="d.h5: run first: sample 41, column output, is empty or not a number"):
+        eaid.read(path)
+    run = eaid.read(path, repair=True).steps[0]
+    assert len(run.time_s) == 1999
+    assert [dict(one.values) for one in run.findings if one.code == "rows-dropped"] == [{"dropped": 1, "count": 2000}]
 
 
-def test_reference_and_findings_survive(tmp_path: Path) -> None:
-    (first, *_) = build_runs = read_runs([by_hand(tmp_path / "d.h5")])
-    said = (finding("rows-dropped", "a", dropped=1, count=3),)
-    changed: list[Run] = [dataclasses.replace(r, reference_nm=r.output, findings=said) for r in build_runs]
-    write_dataset(tmp_path / "e.h5", changed, kind="clutch", apparatus=Apparatus(surfaces=1))
-    again = read_runs([tmp_path / "e.h5"])[0]
-    assert again.findings == said
-    assert again.reference_nm is not None
-    np.testing.assert_array_equal(again.reference_nm, first.output)
-    assert again.apparatus == Apparatus(surfaces=1)
+@pytest.mark.parametrize(
+    "said",
+    [{"columns": {"time": "1"}}, {"units": {"input": "V"}}, {"step_at": 0.0}, {"until": 0.0}, {"rate_hz": 5.0},
+     {"variable": "x"}, {"join": True}, {"name_pattern": "{level}"}],
+)  # fmt: skip
+def test_options_that_do_nothing_on_a_dataset_are_refused(said, stored, logs):
+    (name,) = said
+    with pytest.raises(
+        UsageError, match=f"^{name}=: does nothing on {stored}, a dataset, which says all itself; leave"
+    ):
+        eaid.read(stored, **said)
+    if name in ("units", "columns"):
+        eaid.read([stored, logs / "u30_1.csv"], **said)
 
 
-def test_bytes_that_look_like_a_mention_of_a_text_refuse_no_dataset(tmp_path: Path) -> None:
-    """A check that guessed at addresses in bytes refused 10 of 100 synthetic sets; the library itself tells damage."""
+def test_a_change_by_another_program_is_told(stored, tmp_path):
+    """Until the digest is deleted, which says that the change is meant."""
     path = tmp_path / "data.h5"
-    runs = [replace(one, level=30.0, repeat=1) for one in read_runs([write_logs(tmp_path / "logs") / "u30_1.csv"])]
-    write_dataset(path, runs, kind="clutch", apparatus=Apparatus())
-    with h5py.File(path, "a") as file:  # which takes the seal off
-        file.attrs["texts"] = ["of", "free", "length"]
+    path.write_bytes(stored.read_bytes())
+    with h5py.File(path, "a") as file:
+        file["runs/u30_1"].attrs["baseline_nm"] = 0.3
+    with pytest.raises(
+        DataError, match="is damaged, or was changed after eaid wrote it; make it again, or delete the attr"
+    ):
+        eaid.read(path)
+    with h5py.File(path, "a") as file:
         del file.attrs["digest"]
-    data = path.read_bytes()
-    mention = (1 << 30).to_bytes(4, "little") + data.index(b"GCOL").to_bytes(8, "little") + (1).to_bytes(4, "little")
-    path.write_bytes(data + mention)
-    (run,) = read_runs([path])
-    assert np.array_equal(run.output, runs[0].output)
-
-
-def test_runs_are_shortened_one_by_one(tmp_path: Path) -> None:
-    """Hours at 10 kHz: the page needs a hundredth of each run, and never all of them at once."""
-    import tracemalloc
-
-    t = np.arange(100_000) / 100.0
-    runs = [
-        Run(f"r{k}", t, np.where(t >= 5, 50.0 + k, 0.0), t * (k + 1), "%", "N·m", "x", f"{k:064d}", level=50.0 + k,
-            step_s=5.0, cut=True)
-        for k in range(10)
-    ]  # fmt: skip
-    write_dataset(tmp_path / "d.h5", runs, kind="clutch", apparatus=Apparatus())
-    read_runs([tmp_path / "d.h5"], ReadOptions(each=lambda run: run))  # with all that is imported
-
-    def short(run: Run) -> Run:
-        return replace(run, **{name: getattr(run, name)[:10].copy() for name in ("time_s", "input", "output")})
-
-    tracemalloc.start()
-    found = read_runs([tmp_path / "d.h5"], ReadOptions(each=short))
-    _, peak = tracemalloc.get_traced_memory()
-    tracemalloc.stop()
-    assert [len(run.output) for run in found] == [10] * 10
-    assert peak < 3 * 24 * len(t)  # a run takes 24 bytes a sample, all of them 240
-
-
-def test_a_unit_that_nobody_knows_stays_unknown(tmp_path: Path) -> None:
-    logs = write_logs(tmp_path / "logs")
-    for path in logs.iterdir():
-        path.write_text(path.read_text().replace("duty_pct,torque_nm", "u,y"))
-    assert run(["ingest", str(logs), "-q", "-o", str(tmp_path / "d.h5")]) == 0
-    (_, said), (_, again) = runs_from([logs]), runs_from([tmp_path / "d.h5"])
-    assert (again.input_unit, again.output_unit) == (said.input_unit, said.output_unit) and said.output_unit == ""
-
-
-def test_a_users_own_dataset_on_a_clock_since_1970(tmp_path: Path) -> None:
-    """Stamps of 1.7e9 s cost no digit: the run's own time begins at 0, and its instants with it."""
-    path = by_hand(tmp_path / "d.h5", step_s=1.7e9 + 2.0, until_s=1.7e9 + 15.0)
-    with h5py.File(path, "a") as file:
-        for group in file["runs"].values():
-            group["time_s"][:] += 1.7e9
-    for one in read_runs([path]):
-        assert one.time_s[0] == 0.0 and one.time_s[-1] == pytest.approx(19.99, abs=1e-6)
-        assert (one.step_s, one.until_s, one.start_s) == pytest.approx((2.0, 15.0, 1.7e9))
-
-
-def test_texts_of_a_users_own_dataset_may_be_bytes(tmp_path: Path) -> None:
-    path = by_hand(tmp_path / "d.h5", source=np.bytes_(b"bench.csv"), edge=np.bytes_(b"falling"))
-    with h5py.File(path, "a") as file:
-        file.attrs["input_unit"] = np.bytes_(b"V")
-    for one in read_runs([path]):
-        assert (one.source, one.edge, one.input_unit) == ("bench.csv", "falling", "V")
+        file.attrs["texts"] = ["of", "free", "length"]
+    assert {run.name: run.baseline for run in eaid.read(path).steps}["u30_1"] == 0.3
+    data = path.read_bytes()  # bytes that look like a mention of a text refuse nothing
+    path.write_bytes(data + (1 << 30).to_bytes(4, "little") + data.index(b"GCOL").to_bytes(8, "little") + b"\1\0\0\0")
+    assert len(eaid.read(path).steps) == 8
+    path.write_bytes(data[: len(data) // 2])
+    with pytest.raises(DataError, match="is a damaged HDF5 file"):
+        eaid.read(path)

@@ -6,8 +6,6 @@ import numpy as np
 import pytest
 
 from eaid.errors import DataError
-from eaid.findings import say, sentences
-from eaid.findings.finding import finding
 from eaid.logs.run import Run
 from eaid.models import nonlinear
 from eaid.models.parameters import REFERENCE_PLANT
@@ -92,16 +90,6 @@ def test_an_input_that_is_noted_late_or_early_is_told_with_its_rows(late: int, c
         if code:
             assert found[code].values["rows"] == abs(late) and found[code].severity == "stop"
             assert found[code].values["ms"] == pytest.approx(20.0 * abs(late))
-
-
-@pytest.mark.slow
-def test_a_dead_time_behind_an_input_that_moves_is_told_and_makes_no_loop_of_it() -> None:
-    run = synthesise_excitation(clutch(), Excitation(kind="multisine", duration_s=60.0, rate_hz=200.0), NOISE, 1)[0]
-    for rows, codes_told in ((0, set()), (20, {"input-early-biases"})):
-        found = codes(fit_recorded([shifted(recorded_log(run), rows)], replace(PLAIN, duty=(10.0, 100.0))))
-        assert {one for one in found if one.startswith(("input-", "duty-", "loop-"))} == codes_told
-    assert found["input-early-biases"].values["rows"] == 20
-    assert found["input-early-biases"].values["ms"] == pytest.approx(100.0)
 
 
 @pytest.mark.slow
@@ -220,49 +208,6 @@ def test_a_loops_law_is_found_and_its_tracking_predicted() -> None:
 
 
 @pytest.mark.slow
-def test_a_loop_of_another_law_is_told_with_what_is_seen_of_it() -> None:
-    """A relay: 80 % below the reference, 20 % above it."""
-    from eaid.replay.plant import plant_parameters, plant_step
-
-    t = np.arange(12_000) / 200
-    reference = 1.5 + np.sign(np.sin(2 * np.pi * t / 12)) * 0.5
-    noise = 0.01 * np.random.default_rng(3).standard_normal(len(t))
-    u, y = np.zeros(len(t)), noise.copy()
-    x1 = x2 = 0.0
-    for k in range(len(t)):
-        y[k] += x1 + x2
-        u[k] = 0.0 if t[k] < 1 else 80.0 if y[k] < reference[k] else 20.0
-        x1, x2 = plant_step(plant_parameters(REFERENCE_PLANT), x1, x2, u[k], 0.005)
-    log = RecordedLog("log", t, u, y, reference)
-    fit = fit_recorded([log], PLAIN)
-    told = codes(fit)["loop-law-unknown"].values
-    error = (reference - y)[u > 0]
-    assert told["rms"] == pytest.approx(np.sqrt(np.mean(error**2)))
-    assert told["saturated_pct"] == pytest.approx(100 * np.mean(u[u > 0] == 80.0), abs=0.5)
-    assert "loop-bias-unknown" in codes(fit)
-    assert fit.recorded is not None
-    (loop,) = fit.recorded.loops
-    assert loop.K_P is None and loop.rms_error == pytest.approx(told["rms"])
-    assert "no PI law" in say(codes(fit)["loop-law-unknown"])
-
-
-@pytest.mark.slow
-def test_the_intervals_of_a_direct_fit_hold_its_bias() -> None:
-    noise = replace(NONE, white_nm=0.02, coloured=0.03, coloured_s=0.3)
-    run = synthesise_excitation(clutch(), LOOP, noise, 1)
-    plain, wide = (fit_recorded(run, replace(PLAIN, duty=(10.0, 100.0)), loop_refits=n) for n in (0, 6))
-    assert wide.recorded is not None and wide.recorded.loops[0].bias is not None
-    bias_pct = wide.recorded.loops[0].bias.tau1_pct
-    assert bias_pct is not None and bias_pct > 2
-
-    def half(fit):  # type: ignore[no-untyped-def]
-        ends = fit.nonlinear.curves[5].ci95.tau1
-        return np.log(ends[1] / ends[0]) / 2
-
-    assert half(wide) - half(plain) == pytest.approx(bias_pct / 100, rel=0.7)
-
-
-@pytest.mark.slow
 def test_the_instrument_takes_the_bias_out() -> None:
     """Three times the noise: the mean error of τ1 over some logs, direct and by the instrument."""
     noise = replace(NONE, white_nm=0.02, coloured=0.03, coloured_s=0.3)
@@ -278,15 +223,3 @@ def test_the_instrument_takes_the_bias_out() -> None:
             found.append(np.log(middle.tau1 / 0.67693))
         errors[instrument] = float(np.mean(found))
     assert abs(errors[True]) < 0.5 * abs(errors[False])
-
-
-def test_the_words() -> None:
-    one = finding("never-asked", "nonlinear", (10, 20), parameter="tau2", limit_pct=50.0)
-    assert say(one) == (
-        "the input never asked about τ2 at 10 and 20: its interval there is wider than ± 50 %; hold these inputs for "
-        "longer than τ2, coming from a lower input"
-    )
-    assert (
-        "instrument="
-        in sentences([finding("loop-bias", "nonlinear", refits=12, Ts_pct=1.0, tau1_pct=2.0, tau2_pct=3.0)])[0]
-    )

@@ -3,22 +3,15 @@
 from dataclasses import replace
 
 import numpy as np
-import pandas as pd
 import pytest
 from scipy.optimize import least_squares
 
 from eaid.errors import DataError
-from eaid.fitting.data import data_of
-from eaid.fitting.linear import fit_linear
-from eaid.fitting.nonlinear import fit_nonlinear
 from eaid.models.parameters import REFERENCE_PLANT, Nonlinear
 from eaid.options import FitOptions, ReadOptions
 from eaid.reading import is_recorded
-from eaid.recorded import model
-from eaid.recorded.fit import fit_recorded, inputs_of
-from eaid.recorded.log import RecordedLog, logs_of_steps, recorded_log
-from eaid.recorded.response import Copies
-from eaid.recorded.solve import Setup, solve
+from eaid.recorded.fit import fit_recorded
+from eaid.recorded.log import RecordedLog, recorded_log
 from eaid.replay.plant import plant_parameters, plant_step
 from eaid.steps.build import build_stepset
 from eaid.synth.excitation import Excitation, synthesise_excitation
@@ -69,27 +62,6 @@ def test_several_logs_with_idle_outputs_and_starts_of_their_own() -> None:
     assert (first.idle, second.idle) == (pytest.approx(0.3), pytest.approx(-0.1))
     assert first.start == (0.0, 0.0) and min(second.start) > 0.0
     assert found.recorded.steps == 2
-
-
-@pytest.mark.slow
-def test_step_logs_give_what_the_step_fits_give() -> None:
-    runs = synthesise(clutch(), Protocol((20.0, 40.0, 60.0, 80.0, 100.0), 2, 1.0, 12.0, 0.0, 200.0), NOISE, 5)
-    steps = build_stepset(runs, ReadOptions())
-    logs = logs_of_steps(steps)
-    drives = tuple(Copies(log).every for log in logs)
-    by_steps = fit_nonlinear(data_of(steps.levels), 0.85)
-    levels = inputs_of(logs, None).levels
-    found = solve(Setup(model.nonlinear(levels, 0.85, 12.0), drives))
-    assert found.cost == pytest.approx(2 * by_steps.cost, rel=1e-9)  # two repeats behind each mean
-    assert found.setup.model.basis is not None
-    ours, theirs = found.setup.model.basis.parameters(found.coefficients), by_steps.parameters
-    duty = np.linspace(20, 100, 9)
-    for name in ("tau1", "tau2", "Ts"):
-        a, b = (np.polynomial.polynomial.polyval(duty, getattr(p, name)) for p in (ours, theirs))
-        np.testing.assert_allclose(a, b, rtol=1e-6)
-    line = fit_linear(data_of(steps.levels))
-    straight = solve(Setup(model.linear(levels, 0.005, 12.0), drives))
-    assert 1 / straight.x[-1] == pytest.approx(line.parameters.a0, rel=1e-6)
 
 
 @pytest.mark.slow
@@ -147,20 +119,6 @@ def test_what_cannot_be_fitted_is_refused_in_a_sentence() -> None:
             fit_recorded([RecordedLog("log", t, u, y, source="a.csv")])
     with pytest.raises(DataError, match="never changes"):
         fit_recorded([RecordedLog("log", t, np.where(t > 1, 20.0, 30.0), np.ones(200))])
-
-
-@pytest.mark.slow
-def test_the_public_functions_take_such_logs_too() -> None:
-    import eaid
-
-    e = Excitation(kind="random", duration_s=60.0, rate_hz=50.0, hold_s=(0.5, 6.0))
-    run = synthesise_excitation(clutch(), e, NOISE, 1)[0]
-    frame = pd.DataFrame({"time_s": run.time_s, "duty_pct": run.input, "torque_nm": run.output})
-    steps = eaid.read(frame)
-    assert len(steps.recorded) == 1 and not steps.levels
-    found = eaid.fit(steps, model=("nonlinear",), duty=(10.0, 100.0))
-    assert found.converged and found.recorded is not None
-    assert len(eaid.read(frame, logs_as="recorded").recorded) == 1
 
 
 def test_a_log_can_be_drawn_from_the_fit_alone() -> None:

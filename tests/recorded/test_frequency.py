@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from eaid.errors import DataError
-from eaid.models.parameters import REFERENCE_PLANT, Linear
+from eaid.models.parameters import Linear
 from eaid.options import FitOptions
 from eaid.recorded.fit import fit_recorded
 from eaid.recorded.frequency import frequency_response, on_input
@@ -53,23 +53,6 @@ def test_a_linear_system_has_its_closed_form(kind: str) -> None:
 
 
 @pytest.mark.slow
-def test_harmonics_of_the_clutch_are_those_of_its_model() -> None:
-    noise = replace(NONE, white_nm=0.006, coloured=0.005, coloured_s=0.3)
-    for low, high in ((10.0, 100.0), (55.0, 65.0)):
-        e = Excitation(
-            kind="multisine", duration_s=302.0, rate_hz=100.0, duty=(low, high), frequency_hz=(0.05, 2.0), tones=8
-        )
-        run = synthesise_excitation(clutch(), e, noise, 2)[0]
-        found = frequency_response(recorded_log(run), REFERENCE_PLANT, Linear(1.8, 0.078, -1.34))
-        assert found.model_harmonics_pct is not None and found.harmonics_pct is not None
-        if high == 100.0:
-            assert found.model_harmonics_pct > 5.0
-            assert found.harmonics_pct == pytest.approx(found.model_harmonics_pct, rel=0.2)
-        else:
-            assert found.model_harmonics_pct < 5.0
-
-
-@pytest.mark.slow
 def test_a_fit_holds_the_responses_of_its_moving_logs() -> None:
     e = Excitation(kind="chirp", duration_s=60.0, rate_hz=100.0, frequency_hz=(0.1, 2.0))
     fit = fit_recorded(synthesise_excitation(clutch(), e, NONE, 1), FitOptions(duty=(10.0, 100.0)))
@@ -83,15 +66,3 @@ def test_an_input_that_does_not_move_has_no_response() -> None:
     t = np.arange(1000) / 100
     with pytest.raises(DataError, match="does not move"):
         frequency_response(RecordedLog("log", t, np.where(t > 1, 40.0, 0.0), t))
-
-
-def test_the_figure_shows_what_the_response_says() -> None:
-    from eaid.report.figures.recorded import bode
-
-    e = Excitation(kind="chirp", duration_s=60.0, rate_hz=50.0, frequency_hz=(0.1, 2.0))
-    log = recorded_log(synthesise_excitation(clutch(), e, replace(NONE, white_nm=0.01), 1)[0])
-    found = frequency_response(log, REFERENCE_PLANT, Linear(1.8, 0.078, -1.34))
-    gain, phase, coherence = bode([found], ("%", "N·m")).axes
-    np.testing.assert_array_equal(gain.lines[0].get_ydata(), found.gain)
-    assert [line.get_label() for line in gain.lines] == ["recorded", "nonlinear", "linear"]
-    assert len(phase.lines) == 3 and len(coherence.lines) == 1

@@ -1,6 +1,5 @@
 """The response and its derivatives, against plain Python and complex steps."""
 
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -10,7 +9,7 @@ from eaid.models.parameters import REFERENCE_PLANT
 from eaid.recorded import model
 from eaid.recorded.log import RecordedLog
 from eaid.recorded.response import Copies, Drive, Tables, response
-from eaid.recorded.solve import Setup, setup_of
+from eaid.recorded.solve import Setup
 from eaid.replay.plant import plant_parameters, plant_step
 
 
@@ -92,19 +91,6 @@ def test_derivatives_are_those_of_complex_steps(kind: str, moving: bool) -> None
         assert np.abs(exact - J[:, j]).max() <= 1e-11 * max(1.0, np.abs(exact).max()), j
 
 
-def test_products_are_those_of_the_rows() -> None:
-    draw = np.random.default_rng(4)
-    setup = Setup(model.nonlinear(np.array([10.0, 35.0, 60.0, 100.0]), 0.85, 30.0), (Copies(log_of(draw)).every,))
-    basis = setup.model.basis
-    assert basis is not None
-    x = np.append(basis.unknowns(REFERENCE_PLANT), [0.02, 0.4, 0.1])
-    J, r = setup.jacobian(x, 0)
-    cost, gradient, curvature = setup.together(x)
-    assert cost == pytest.approx(float(r @ r), rel=1e-12)
-    np.testing.assert_allclose(gradient, 2 * J.T @ r, rtol=1e-10, atol=1e-10)
-    np.testing.assert_allclose(curvature, 2 * J.T @ J, rtol=1e-10, atol=1e-10)
-
-
 def test_the_model_moves_as_the_replays_plant_does() -> None:
     draw = np.random.default_rng(5)
     log = log_of(draw, moving=True)
@@ -151,43 +137,3 @@ def test_a_coarse_copy_costs_what_the_log_costs_but_for_a_constant(moving: bool)
             assert rough.together(x)[0] == pytest.approx(whole.together(x)[0], rel=rel)
             size = np.sqrt(np.diagonal(whole.together(x)[2]) * whole.together(x)[0])
             assert np.abs((rough.together(x)[1] - whole.together(x)[1]) / size).max() < rel
-
-
-def test_a_held_input_with_uneven_times_and_gaps_is_compressed_exactly() -> None:
-    draw = np.random.default_rng(7)
-    n = 6000
-    t = np.cumsum(draw.uniform(0.005, 0.015, n))
-    y = draw.normal(1, 0.3, n)
-    y[[0, 700, 701, 4000]] = np.nan
-    log = RecordedLog("log", t, np.repeat([20.0, 80.0, 0.0, 50.0], n // 4), y, idle_start=True, weight=3.0)
-    one = model.nonlinear(np.array([20.0, 50.0, 80.0]), 0.85, 60.0)
-    assert one.basis is not None
-    x = np.append(one.basis.unknowns(REFERENCE_PLANT), 0.1)
-    small = Copies(log).small
-    whole, quick = (Setup(one, (drive,)).together(x) for drive in (Copies(log).every, small))
-    assert len(small.dt_s) < n / 4
-    assert quick[0] == pytest.approx(whole[0], rel=1e-8)
-    np.testing.assert_allclose(quick[1], whole[1], rtol=1e-6, atol=1e-6 * np.abs(whole[1]).max())
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("even", [False, True])
-def test_the_pass_hold_by_hold_has_the_cost_and_the_gradient_of_every_row(even: bool) -> None:
-    """Falls to rest and between levels, an excess after them, start states, idle output, C: all unknowns at once."""
-    draw = np.random.default_rng(8)
-    log = log_of(draw)
-    y = log.output.copy()
-    y[[0, 70, 71, 400]] = np.nan
-    t = np.arange(len(y)) / 50 if even else log.time_s
-    log = RecordedLog("log", t, log.input, y, idle_start=False, weight=3.0)
-    levels = np.array([10.0, 35.0, 60.0, 100.0])
-    setup = replace(setup_of(model.nonlinear(levels, None, 30.0), [log]), extras=("rest", "fall", "excess"))
-    assert setup.model.basis is not None
-    coefficients = setup.model.basis.unknowns(REFERENCE_PLANT)
-    x = np.concatenate([coefficients[:-1], [0.8, 0.3, 7.0, 1.3, 0.8, 0.05, 0.02, 0.4, 0.1]])
-    cost, gradient = setup.on_every_sample(x)
-    exact, slope, curvature = setup.every.together(x)
-    assert cost == pytest.approx(exact, rel=1e-12)
-    np.testing.assert_allclose(gradient / np.sqrt(np.diagonal(curvature) * exact), slope / np.sqrt(
-        np.diagonal(curvature) * exact), atol=1e-11)  # fmt: skip
-    assert (np.abs(slope) > 0).all()

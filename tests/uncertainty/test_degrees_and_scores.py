@@ -1,19 +1,11 @@
 """Closed forms that decide: degrees of freedom, quoted intervals, AICc and BIC, sweeps, linear intervals."""
 
-from dataclasses import replace
-from typing import Any
-
 import numpy as np
 import pytest
 from scipy import stats
 
-from eaid.fitting.fit import fit
-from eaid.models import friction
-from eaid.options import FitOptions
-from eaid.uncertainty import linear_intervals
-from eaid.uncertainty.adequacy import adequacy, effective_samples
-from eaid.uncertainty.level_statistics import log_jacobian, statistics_at_share
-from eaid.uncertainty.linear_intervals import combined_variance, level_terms, pooled_gain
+from eaid.uncertainty.adequacy import effective_samples
+from eaid.uncertainty.linear_intervals import combined_variance
 from eaid.uncertainty.runs import (
     RunStatistics,
     common_shifts,
@@ -79,13 +71,6 @@ def test_sweeps_count_as_many_observations_as_there_are_sweeps() -> None:
     assert found.own[:, 0].mean() == pytest.approx(pooled, rel=0.3) and found.pooled[0, 0] == pytest.approx(pooled)
 
 
-def test_independent_repeats_are_no_sweeps() -> None:
-    random = np.random.default_rng(3)
-    sets = [runs_of(random.standard_normal((8, 3))) for _ in range(200)]
-    assert sum(common_shifts(levels, 0) is not None for levels in sets) <= 6
-    assert common_shifts(sets[0][:2], 0) is None
-
-
 def test_white_noise_has_as_many_samples_as_it_has_and_a_memory_fewer() -> None:
     """AR(1) of φ leaves n (1 − φ)/(1 + φ)."""
     random = np.random.default_rng(0)
@@ -94,81 +79,3 @@ def test_white_noise_has_as_many_samples_as_it_has_and_a_memory_fewer() -> None:
         e[k] += 0.8 * e[k - 1]
     count, first = effective_samples(e)
     assert count == pytest.approx(20_000 * 0.2 / 1.8, rel=0.15) and first == pytest.approx(0.8, abs=0.02)
-
-
-@pytest.fixture(scope="module")
-def judged(sets: Any) -> Any:
-    made = sets.one_set(5, sets.VARIANTS["base"])
-    base = statistics_at_share(made.levels, 0.85)
-    return made, base, adequacy(made, fit(made), base)[0]
-
-
-def test_scores_of_orders_and_shapes_by_their_formulas(judged: Any) -> None:
-    made, base, found = judged
-    for one in found.orders:
-        p, L = one.order + 1, len(base.levels)
-        assert one.aicc == pytest.approx(one.chi_square + 2 * p + 2 * p * (p + 1) / (L - p - 1))
-    shape = found.shapes[1]
-    left = [level.mean - row for level, row in zip(made.levels, fitted(base), strict=True)]
-    bic = aicc = 0.0
-    for residual in left:
-        n = effective_samples(residual)[0]
-        score = n * np.log(np.mean(residual**2))
-        bic += score + 4 * np.log(n)
-        aicc += score + 8 + 2 * 4 * 5 / (n - 5)
-    assert shape.bic == pytest.approx(bic) and shape.aicc == pytest.approx(aicc)
-    assert shape.rmse == pytest.approx(np.sqrt(np.mean(np.concatenate(left) ** 2)))
-
-
-def fitted(base: Any) -> list[np.ndarray]:
-    return [
-        friction.step_response(one.curve, level.time_s) for one, level in zip(base.estimates, base.levels, strict=True)
-    ]
-
-
-@pytest.mark.slow
-def test_variances_of_single_runs_are_those_of_moved_levels(sets: Any) -> None:
-    """B of each level answers to the levels' log T_s, τ1, τ2 as refits to moved means do."""
-    made = sets.one_set(1, sets.VARIANTS["single"])
-    options = FitOptions(model=("friction", "linear"))
-    found = fit(made, options).linear
-    base = statistics_at_share(made.levels, 0.85)
-    rows = linear_intervals.level_intervals(found, base)
-    changes = np.zeros((10, 3))
-    for i, (level, one) in enumerate(zip(made.levels, base.estimates, strict=True)):
-        for k in range(3):
-            step = 1e-4 * log_jacobian(one.curve, level.time_s)[:, k]
-            levels = list(made.levels)
-            levels[i] = replace(level, runs=level.runs + step)
-            again = fit(replace(made, levels=tuple(levels)), options).linear
-            changes[i, k] = (1 / again.per_level[4].B - 1 / found.per_level[4].B) / 1e-4
-    sd = np.sqrt((changes**2 * base.variance).sum())
-    t = t_quantile(base.total_degrees)
-    row, ends = found.per_level[4], rows[4].B
-    assert np.log(ends[1] / ends[0]) / 2 == pytest.approx(t * sd * row.B, rel=0.03)
-
-
-def test_textbook_intervals_of_the_linear_model_by_lstsq(sets: Any) -> None:
-    made = sets.one_set(1, sets.VARIANTS["base"])
-    found = fit(made, FitOptions(model=("linear",))).linear
-    pooled, rows = linear_intervals.white(found, made.levels)
-    level, row = made.levels[3], found.per_level[3]
-    J = level_terms(level, row.a0, row.gain)[0] / [row.a0, row.gain]
-    left = level.mean - row.gain * -np.expm1(-row.a0 * level.time_s)
-    sd = np.sqrt(np.diag(np.linalg.inv(J.T @ J)) * (left @ left) / (len(left) - 2))
-    reach = stats.t.ppf(0.975, len(left) - 2) * sd
-    assert rows[3].a0 == pytest.approx((row.a0 - reach[0], row.a0 + reach[0]), rel=1e-6)
-    assert rows[3].gain == pytest.approx((row.gain - reach[1], row.gain + reach[1]), rel=1e-6)
-    assert pooled.a0[0] < found.a0 < pooled.a0[1]
-
-
-def test_pooled_gain_is_what_a_refit_does(sets: Any) -> None:
-    made = sets.one_set(1, sets.VARIANTS["base"])
-    found = fit(made, FitOptions(model=("linear",))).linear
-    take, along = pooled_gain(made.levels, found.parameters)[6]
-    level = made.levels[6]
-    bump = 1e-4 * np.cos(3 * level.time_s)
-    levels = (*made.levels[:6], replace(level, runs=level.runs + bump), *made.levels[7:])
-    again = fit(replace(made, levels=levels), FitOptions(model=("linear",))).linear
-    change = [getattr(again.parameters, k) - getattr(found.parameters, k) for k in ("a0", "b0", "c0")]
-    assert change == pytest.approx(take @ (along @ bump), rel=1e-2)

@@ -1,20 +1,18 @@
 import numpy as np
 import pytest
 
-from eaid.errors import DataError
+import eaid
 from eaid.models import nonlinear
 from eaid.models.parameters import REFERENCE_PLANT
 from eaid.results import codec
-from eaid.results.fit import Fit
 from eaid.uncertainty.draw import draw, drawable
 from eaid.uncertainty.joint import coefficients_of
-from eaid.uncertainty.runs import t_quantile
 
 P = REFERENCE_PLANT
 
 
-def fit_of(part: dict) -> Fit:
-    return codec.from_plain({"schema": "eaid/fit/1", "nonlinear": part}, Fit, "a test")
+def fit_of(part: dict) -> eaid.Fit:
+    return codec.from_plain({"schema": "eaid/fit/1", "nonlinear": part}, eaid.Fit, "a test")
 
 
 def part_json(sd: float | None) -> dict:
@@ -25,7 +23,7 @@ def part_json(sd: float | None) -> dict:
     return part
 
 
-def fit_json(sd: float | None) -> Fit:
+def fit_json(sd: float | None) -> eaid.Fit:
     return fit_of(part_json(sd))
 
 
@@ -69,38 +67,6 @@ def test_a_free_share_is_drawn_too_and_stays_a_share() -> None:
     free["covariance"] = {"matrix": matrix.tolist(), "order": ["…"] * 10 + ["C"]}
     shares = [p.C for p in draw(fit_of(free), 200, 0).plants]
     assert np.std(shares) == pytest.approx(0.08, abs=0.03) and min(shares) >= 0 and max(shares) <= 1
-
-
-def test_a_broken_covariance_is_refused() -> None:
-    broken = part_json(0.1)
-    broken["covariance"]["matrix"] = [[1.0, 2.0]]
-    with pytest.raises(DataError, match="expected 10 x 10"):
-        draw(fit_of(broken), 1, 0)
-
-
-@pytest.mark.slow
-def test_tails_are_those_of_the_levels_own_intervals() -> None:
-    """Half-widths of t(3) at every level, where the covariance has σ = 5 %: 95 % of the plants reach as far."""
-    part = part_json(None)
-    counts, sd = (3, 3, 4), 0.05
-    matrix = np.zeros((10, 10))
-    for k, (start, count) in enumerate(zip((0, 3, 6), counts, strict=True)):
-        c = coefficients_of(P).values[start : start + count]
-        matrix[start : start + count, start : start + count] = sd**2 * np.outer(c, c)
-        assert k < 3
-    duty = np.arange(10.0, 101.0, 10.0)
-    reach = t_quantile(3.0) * sd
-    curves = coefficients_of(P)
-    rows = [{"level": u, "ci95": {}} for u in duty.tolist()]
-    for name in ("tau1", "tau2", "Ts"):
-        for row, value in zip(rows, curves.at(name, duty).tolist(), strict=True):
-            row["ci95"][name] = [float(value * np.exp(-reach)), float(value * np.exp(reach))]
-    part |= {"covariance": {"matrix": matrix.tolist()}, "curves": rows}
-    drawn = draw(fit_of(part), 3000, 0)
-    assert drawn.rejected < 10 and drawn.findings == ()
-    steady = np.array([nonlinear.steady_torque(p, duty) for p in drawn.plants])
-    low, high = np.quantile(np.log(steady / curves.at("Ts", duty)), [0.025, 0.975], axis=0)
-    assert low == pytest.approx(-reach, rel=0.12) and high == pytest.approx(reach, rel=0.12)
 
 
 def test_the_share_of_rejected_draws_is_told() -> None:

@@ -1,6 +1,4 @@
-import json
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -8,26 +6,13 @@ import pytest
 
 import eaid
 from eaid.apparatus import Apparatus
-from eaid.errors import UsageError
-from eaid.fitting.fit import fit
 from eaid.models import friction
 from eaid.models.parameters import Friction
-from eaid.options import FitGiven, FitOptions
-from eaid.results import codec
-from eaid.results.fit import Fit
-from eaid.results.summary import believed_levels
 from eaid.steps.stepset import Level, StepSet
-from eaid.synth.excitation import Excitation, synthesise_excitation
-from eaid.synth.logs import NONE
-from eaid.synth.plants import clutch
 from eaid.uncertainty.draw import draw
-from eaid.uncertainty.intervals import with_intervals
-from eaid.uncertainty.workflow import fit_steps
-
-JOINT = FitOptions(estimator="joint")
 
 
-def codes(found: Fit) -> set[str]:
+def codes(found: eaid.Fit) -> set[str]:
     return {one.code for one in found.findings}
 
 
@@ -38,16 +23,11 @@ def made(sets: Any) -> StepSet:
 
 
 @pytest.fixture(scope="module")
-def fitted(made: StepSet) -> Any:
-    return fit(made)
+def body(made: StepSet) -> eaid.Fit:
+    return eaid.fit(made, estimator="joint")
 
 
-@pytest.fixture(scope="module")
-def body(made: StepSet, fitted: Any) -> Fit:
-    return with_intervals(made, fitted, JOINT)
-
-
-def test_every_parameter_of_the_contract_has_its_interval(body: Fit) -> None:
+def test_every_parameter_of_the_contract_has_its_interval(body: eaid.Fit) -> None:
     assert body.friction and body.nonlinear and body.linear and body.nonlinear.two_stage and body.linear.bounds
     for row in body.friction.levels:
         for name in ("Ts", "tau1", "tau2"):
@@ -71,21 +51,15 @@ def test_every_parameter_of_the_contract_has_its_interval(body: Fit) -> None:
     assert tuple(row.level for row in body.nonlinear.curves) == body.data.levels
 
 
-def test_the_result_says_which_way_and_why(body: Fit) -> None:
+def test_the_result_says_which_way_and_why(body: eaid.Fit) -> None:
     said = body.uncertainty
     assert said is not None and said.ci == "robust" and said.scatter_from == "repeats"
     assert said.run_to_run_pct["Ts"] == pytest.approx(3, rel=0.5)
     assert "shape-fits" in codes(body)
 
 
-def test_same_input_same_bytes(made: StepSet, fitted: Any, body: Fit) -> None:
-    again = with_intervals(made, fitted, JOINT)
-    assert codec.dumps(again, "fit") == codec.dumps(body, "fit")
-    assert codec.from_plain(json.loads(codec.dumps(body, "fit")), Fit, "fit.json").nonlinear == body.nonlinear
-
-
-def test_plants_are_drawn_from_what_is_kept(made: StepSet, fitted: Any) -> None:
-    found = with_intervals(made, fitted, FitOptions(estimator="auto"))
+def test_plants_are_drawn_from_what_is_kept(made: StepSet) -> None:
+    found = eaid.fit(made)
     plants = draw(found, 400, 0).plants
     at = 50.0 ** np.arange(4)
     values = np.array([np.array(p.Ts) @ at for p in plants])
@@ -95,40 +69,29 @@ def test_plants_are_drawn_from_what_is_kept(made: StepSet, fitted: Any) -> None:
     assert high == pytest.approx(row.ci95.Ts[1], rel=0.01)
 
 
-def test_two_stage_estimator_takes_the_models_place(made: StepSet, fitted: Any, body: Fit) -> None:
-    found = with_intervals(made, fitted, FitOptions(estimator="auto"))
-    assert found.nonlinear.estimator == "two-stage" and found.nonlinear.because == "asked"
-    assert found.plant.tau2 == found.nonlinear.tau2
-    assert found.nonlinear.tau2 == body.nonlinear.two_stage.tau2
-    assert found.nonlinear.joint.tau2 == body.nonlinear.tau2
-    assert found.nonlinear.covariance == body.nonlinear.two_stage.covariance
-    assert found.nonlinear.two_stage is None
-
-
 def test_the_evidence_chooses_the_estimate(sets: Any) -> None:
     """In this set the joint fit's τ2 runs away; the plant has 4.8 s at 10 %. What was obeyed is not said again."""
     for seed in range(30):
         found = sets.one_set(seed, sets.VARIANTS["base"], samples=400)
-        fitted = fit(found)
-        ways = {e: FitOptions(estimator=e) for e in ("auto", "joint", "two-stage")}
-        auto = with_intervals(found, fitted, ways["auto"])
+        auto = eaid.fit(found)
         says = auto.nonlinear.agreement[0]
         if "tau2" in {one.parameter for one in says.disagreements}:
             break
     assert says.believe == "two-stage" == auto.nonlinear.estimator and auto.nonlinear.because == "apart"
     assert auto.nonlinear.joint is not None and auto.nonlinear.two_stage is None
+    assert auto.plant.tau2 == auto.nonlinear.tau2 and "two-stage-estimate-taken" in codes(auto)
     low, high = auto.nonlinear.curves[0].ci95.tau2
     assert low < 4.766 < high
-    joint, two = (with_intervals(found, fitted, ways[e]) for e in ("joint", "two-stage"))
-    assert "two-stage-estimate-taken" in codes(auto)
-    assert "two-stage-estimate-is-better" in codes(joint) and joint.nonlinear.tau2 == fitted.nonlinear.tau2
-    assert not {"two-stage-estimate-taken", "two-stage-estimate-is-better"} & codes(two)
-    assert two.nonlinear.tau2 == auto.nonlinear.tau2
+    joint = eaid.fit(found, estimator="joint")
+    assert "two-stage-estimate-is-better" in codes(joint) and joint.nonlinear.because == "asked"
+    assert joint.nonlinear.two_stage.tau2 == auto.nonlinear.tau2
+    assert auto.nonlinear.joint.tau2 == joint.nonlinear.tau2 == joint.plant.tau2
+    assert joint.nonlinear.rmse < auto.nonlinear.rmse  # the joint fit has the least squares, not the best curves
 
 
-def test_the_bootstrap_agrees(made: StepSet, fitted: Any, body: Fit) -> None:
+def test_the_bootstrap_agrees(made: StepSet, body: eaid.Fit) -> None:
     """Within a third of the width: 60 refits know a standard deviation to 9 %, three runs a level to 16 %."""
-    other = with_intervals(made, fitted, FitOptions(ci="bootstrap", draws=60))
+    other = eaid.fit(made, ci="bootstrap", draws=60)
     ratio = []
     for row, second in zip(body.friction.levels, other.friction.levels, strict=True):
         for name in ("Ts", "tau1", "tau2"):
@@ -142,33 +105,26 @@ def test_the_bootstrap_agrees(made: StepSet, fitted: Any, body: Fit) -> None:
         )
 
 
-def test_white_is_the_textbook_and_far_narrower(made: StepSet, fitted: Any, body: Fit) -> None:
-    white = with_intervals(made, fitted, FitOptions(ci="white"))
+def test_white_is_the_textbook_and_far_narrower(made: StepSet, body: eaid.Fit) -> None:
+    white = eaid.fit(made, ci="white")
     own, textbook = (np.diff(rows[4].ci95.Ts)[0] for rows in (body.friction.levels, white.friction.levels))
     assert textbook < own / 4
-    level, curve = made.levels[4], fitted.friction.levels[4].curve
+    level, curve = made.levels[4], body.friction.levels[4].curve
     J = friction.gradient(curve, level.time_s)[:3].T
     left = level.mean - friction.step_response(curve, level.time_s)
     covariance = np.linalg.inv(J.T @ J) * (left @ left) / (len(left) - 3)
     assert textbook / 2 == pytest.approx(1.9629 * np.sqrt(covariance[0, 0]), rel=1e-3)
 
 
-def test_none_gives_no_intervals_but_keeps_the_words(made: StepSet, fitted: Any) -> None:
-    found = with_intervals(made, fitted, FitOptions(ci="none"))
+def test_none_gives_no_intervals_but_keeps_the_words(made: StepSet) -> None:
+    found = eaid.fit(made, ci="none")
     assert found.nonlinear.ci95 is None and found.linear.ci95 is None
     assert found.linear.identifiable is True
-
-
-def test_an_unknown_way_is_refused(made: StepSet, fitted: Any) -> None:
-    with pytest.raises(UsageError, match="ci= magic: must be one of robust, bootstrap, white, none"):
-        with_intervals(made, fitted, FitOptions(ci="magic"))
 
 
 def steps(
     curves: list[Friction], record_s: float, sd: float, runs: int = 1, gain: float = 0.0, seed: int = 0
 ) -> StepSet:
-    from eaid.apparatus import Apparatus
-
     random = np.random.default_rng(seed)
     t = np.arange(int(record_s * 100)) * 0.01
     levels = []
@@ -181,7 +137,7 @@ def steps(
 
 def test_a_short_record_leaves_tau2_open() -> None:
     short = steps([Friction(1.0 + i, 0.2, 12.0) for i in range(5)], record_s=2.0, sd=0.02, runs=3, gain=0.01)
-    sure = with_intervals(short, fit(short))
+    sure = eaid.fit(short)
     assert sure.nonlinear.identifiable is False
     (reason,) = [one for one in sure.not_identifiable_because("nonlinear") if one.values["parameter"] == "tau2"]
     assert reason.values["cause"] == "short-record" and reason.values["record_s"] == pytest.approx(1.99)
@@ -193,7 +149,7 @@ def test_a_short_record_leaves_tau2_open() -> None:
 
 def test_one_level_cannot_tell_b0_from_c0() -> None:
     one = steps([Friction(1.0, 0.2, 3.0)], record_s=20.0, sd=0.01, runs=3, gain=0.02)
-    sure = with_intervals(one, fit(one))
+    sure = eaid.fit(one)
     assert sure.linear.identifiable is False
     assert [one.code for one in sure.not_identifiable_because("linear")] == ["one-level-linear"]
     assert sure.nonlinear.identifiable is False
@@ -208,7 +164,7 @@ def test_a_parameter_at_its_constraint_is_not_estimable() -> None:
         replace(one, runs=one.runs + 0.02 * one.level * (np.exp(-t / 1.0) - np.exp(-t / 0.2))) for one in made.levels
     )
     same = replace(made, levels=bent)
-    sure = with_intervals(same, fit(same, FitOptions(model=("friction",))))
+    sure = eaid.fit(same, model=("friction",))
     assert all(row.ci95.tau1 is None and row.ci95.tau2 is None for row in sure.friction.levels)
     (one,) = [one for one in sure.findings if one.code == "taus-meet"]
     assert len(one.levels) == 4
@@ -217,7 +173,7 @@ def test_a_parameter_at_its_constraint_is_not_estimable() -> None:
 def test_overshoot_under_hold_is_named() -> None:
     made = steps([Friction(1.0 + i, 0.1, 0.5) for i in range(4)], record_s=10.0, sd=0.002, runs=2)
     bent = tuple(replace(one, runs=one.runs * (1 - 0.02 * one.time_s)) for one in made.levels)
-    sure = with_intervals(replace(made, levels=bent), fit(replace(made, levels=bent), FitOptions(model=("friction",))))
+    sure = eaid.fit(replace(made, levels=bent), model=("friction",))
     (one,) = [one for one in sure.findings if one.code == "output-decays-under-hold"]
     assert len(one.levels) == 4 == one.values["of"] and one.severity == "caution"
     assert not {"shape-fits", "shape-of-another-kind"} & codes(sure)
@@ -225,15 +181,15 @@ def test_overshoot_under_hold_is_named() -> None:
 
 def test_a_free_share_is_told_to_trade_against_tau2() -> None:
     short = steps([Friction(1.0 + i, 0.2, 6.0) for i in range(4)], record_s=3.0, sd=0.02, runs=3)
-    sure = with_intervals(short, fit(short, FitOptions(share="free", model=("friction",))))
+    sure = eaid.fit(short, share="free", model=("friction",))
     assert "free-share-open" in codes(sure)
 
 
 def test_what_another_share_would_change_is_told() -> None:
     """Against refits with C held 0.002 higher and lower."""
     made = steps([Friction(1.0 + i, 0.2, 3.0) for i in range(3)], record_s=20.0, sd=0.001, runs=2)
-    told = with_intervals(made, fit(made, FitOptions(model=("friction",)))).uncertainty.share.change_per_001_pct
-    low, high = (fit(made, FitOptions(model=("friction",), share=c)).friction.levels for c in (0.848, 0.852))
+    told = eaid.fit(made, model=("friction",)).uncertainty.share.change_per_001_pct
+    low, high = (eaid.fit(made, model=("friction",), share=c, ci="none").friction.levels for c in (0.848, 0.852))
     for name in ("Ts", "tau1", "tau2"):
         moved = [
             100 * np.log(getattr(b.curve, name) / getattr(a.curve, name)) / 0.4 for a, b in zip(low, high, strict=True)
@@ -243,33 +199,10 @@ def test_what_another_share_would_change_is_told() -> None:
 
 def test_single_runs_say_what_they_rest_on() -> None:
     few = steps([Friction(1.0 + i, 0.2, 3.0) for i in range(3)], record_s=20.0, sd=0.01)
-    sure = with_intervals(few, fit(few))
+    sure = eaid.fit(few)
     assert sure.uncertainty.scatter_from == "within" and "single-runs-few-levels" in codes(sure)
     many = steps([Friction(1.0 + i, 0.2, 3.0) for i in range(9)], record_s=20.0, sd=0.01)
-    assert with_intervals(many, fit(many)).uncertainty.scatter_from == "curve"
-
-
-def test_typed_options_and_results_agree(made: StepSet) -> None:
-    """What is asked for is what stands in the result of the one entry, its parameters and its plant."""
-    joint, two = (fit_steps(made, FitOptions(estimator=name, ci="none")) for name in ("joint", "two-stage"))
-    assert joint.nonlinear and two.nonlinear and joint.nonlinear.two_stage and two.nonlinear.joint
-    assert joint.options == FitGiven(estimator="joint", ci="none") and two.options.estimator == "two-stage"
-    assert two.nonlinear.parameters == joint.nonlinear.two_stage.parameters == two.plant
-    assert joint.nonlinear.parameters == two.nonlinear.joint.parameters == joint.plant
-    assert joint.nonlinear.rmse < two.nonlinear.rmse  # the joint fit has the least squares, not the best curves
-
-
-@pytest.mark.slow
-def test_every_option_stands_in_the_file_of_steps_and_of_recorded_logs(tmp_path: Path) -> None:
-    """One type holds what is asked for and what is kept: an option of a value of its own comes back from the file."""
-    asked = FitOptions(model=("linear",), share=0.8, ci="none", seed=7, draws=12, shape="two", dead_time=0.0)
-    steps = eaid.synth(levels=(20.0, 60.0, 100.0), rate_hz=50.0, seed=1)
-    logs = synthesise_excitation(clutch(), Excitation(kind="prbs", duration_s=60.0, rate_hz=50.0), NONE, 1)
-    for data in (steps, replace(steps, recorded=tuple(logs))):
-        file = tmp_path / "fit.json"
-        eaid.fit(data, asked).save(file, force=True)
-        kept = eaid.load(file).options
-        assert FitOptions(*(getattr(kept, name) for name in FitOptions.__struct_fields__)) == asked
+    assert eaid.fit(many).uncertainty.scatter_from == "curve"
 
 
 def test_where_the_slow_part_never_shows_within_the_record_its_steady_output_has_no_interval() -> None:
@@ -277,10 +210,9 @@ def test_where_the_slow_part_never_shows_within_the_record_its_steady_output_has
     random, t = np.random.default_rng(0), np.arange(0.0, 15.0, 0.02)
     late = np.where(t > 0.15, 1 - np.exp(-(t - 0.15) / 0.8), 0.0)
     levels = [Level(u, t, (0.6 * u * late + random.normal(0, 0.01, t.size))[None], (f"{u:g}",)) for u in (2, 4, 6, 8)]
-    found = fit_steps(StepSet("clutch", "V", "bar", Apparatus(), tuple(levels)), FitOptions())
+    found = eaid.fit(StepSet("clutch", "V", "bar", Apparatus(), tuple(levels)))
     for curve, own in zip(found.nonlinear.curves, found.friction.levels, strict=True):
         assert own.Ts == pytest.approx(0.6 * own.level, rel=0.01)
         ends = curve.ci95.Ts
         assert ends is None or ends[0] <= 0.6 * curve.level <= ends[1] or curve.tau2 < t[-1]
     assert any(curve.tau2 > t[-1] and curve.ci95.Ts is None for curve in found.nonlinear.curves)
-    assert [row.Ts for row in believed_levels(found)] == [row.Ts for row in found.friction.levels]

@@ -5,9 +5,6 @@ from pathlib import Path
 import pytest
 
 import eaid
-from eaid.fitting.fit import fit
-from eaid.options import FitOptions
-from eaid.uncertainty.intervals import with_intervals
 
 REAL = Path(__file__).parents[2] / "../shared/realdata"
 pytestmark = pytest.mark.skipif(not REAL.is_dir(), reason="the recorded logs are not beside this checkout")
@@ -23,8 +20,7 @@ def test_clutch_of_three_seconds_overshoots_and_hides_tau2() -> None:
         logs, columns='time=Time,output="Load Cell"', units="time=us,output=N", name_pattern="_V={level}_",
         step_at=2.0, until=5.0, kind="clutch", repair=True,
     )  # fmt: skip
-    found = fit(stepset, FitOptions(model=("friction", "nonlinear")))
-    sure = with_intervals(stepset, found)
+    sure = eaid.fit(stepset, model=("friction", "nonlinear"))
     assert sure.nonlinear is not None and sure.friction is not None
     assert sure.nonlinear.identifiable is False
     reasons = [one.values for one in sure.not_identifiable_because("nonlinear")]
@@ -37,8 +33,7 @@ def test_clutch_of_three_seconds_overshoots_and_hides_tau2() -> None:
 def test_seal_friction_shows_a_free_share() -> None:
     """README of the logs: a free C comes out at 0.4 to 0.8 there, not at 0.85; four sweeps know it to ±0.1."""
     stepset = eaid.read([REAL / "friction-steps"], kind="friction-force")
-    found = fit(stepset, FitOptions(model=("friction",)))
-    sure = with_intervals(stepset, found)
+    sure = eaid.fit(stepset, model=("friction",))
     codes = {one.code for one in sure.findings}
     assert "runs-reject-the-share" in codes
     assert codes & {"shape-needs-the-share", "no-shape-fits"}  # counted from each run's own start, no shape is right

@@ -11,7 +11,7 @@ from eaid.fitting.step_shapes import fit_step
 from eaid.options import FitOptions
 from eaid.results.fit import StepShape
 from eaid.steps.stepset import LevelStep
-from eaid.uncertainty.workflow import stationary_variance, with_interval
+from eaid.uncertainty.workflow import with_interval
 
 T = np.arange(3000) / 100
 
@@ -77,11 +77,3 @@ def test_a_slow_constant_beyond_the_record_is_not_quoted() -> None:
     assert found.ci95.tau1 is not None
     (said,) = (one for one in found.findings if one.code == "step-leaves-open")
     assert said.values == {"open": "change, tau2"}
-
-
-def test_stationary_variance_of_a_mean() -> None:
-    random = np.random.default_rng(0)
-    noise = np.stack([wander(random, 4000, 10.0) for _ in range(60)])
-    ones = np.ones((4000, 1)) / 4000
-    told = np.mean([float(stationary_variance(one - one.mean(), ones)[0]) for one in noise])
-    assert told == pytest.approx(float(noise.mean(axis=1).var()), rel=0.35)

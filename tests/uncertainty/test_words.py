@@ -1,34 +1,23 @@
 """What the data cannot tell, case by case: each set gets its sentence, in fit.json, on the terminal, on the page."""
 
-import json
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+import eaid
 from eaid.apparatus import Apparatus
-from eaid.cli import main
-from eaid.errors import on_command_line
-from eaid.findings import merged, say, sentences
-from eaid.fitting.fit import fit
 from eaid.models import friction
 from eaid.models.parameters import Friction
-from eaid.options import FitOptions
-from eaid.report.page.known import known, sentence
-from eaid.report.results import read_results
-from eaid.results import codec
-from eaid.results.fit import Fit
 from eaid.steps.stepset import Level, StepSet
-from eaid.uncertainty.intervals import with_intervals
 
 
-def codes(found: Fit) -> set[str]:
+def codes(found: eaid.Fit) -> set[str]:
     return {one.code for one in found.findings}
 
 
-def judged(stepset: StepSet, **options: Any) -> Fit:
-    return with_intervals(stepset, fit(stepset, FitOptions(**options)))
+def judged(stepset: StepSet, **options: Any) -> eaid.Fit:
+    return eaid.fit(stepset, **options)
 
 
 def noisy(kind: str, unit: str, curves: dict[float, Friction], end_s: float, noise: float = 0.002) -> StepSet:
@@ -57,15 +46,6 @@ def test_a_window_too_short_for_tau2(sets: Any) -> None:
     assert sure.friction is not None and not any(row.ci95.tau2 for row in sure.friction.levels if row.ci95)
 
 
-def test_one_level_leaves_b0_and_c0_together(sets: Any) -> None:
-    sure = judged(noisy("clutch", "%", {50.0: sets.plant(50.0, sets.VARIANTS["base"])}, 20.0))
-    assert sure.nonlinear is not None and sure.linear is not None
-    assert sure.nonlinear.identifiable is False and sure.linear.identifiable is False
-    assert sure.not_identifiable_because("nonlinear")[0].code == "one-level-nonlinear"
-    assert [one.code for one in sure.not_identifiable_because("linear")] == ["one-level-linear"]
-    assert sure.linear.ci95 is not None and sure.linear.ci95.c0 is None
-
-
 def test_every_level_of_many_leaves_b0_to_the_convention(sets: Any) -> None:
     curves = {float(u): sets.plant(float(u), sets.VARIANTS["base"]) for u in (20, 60, 100)}
     sure = judged(noisy("clutch", "%", curves, 20.0))
@@ -74,20 +54,12 @@ def test_every_level_of_many_leaves_b0_to_the_convention(sets: Any) -> None:
     assert note.values == {"several": True} and note.severity == "note"
 
 
-def test_a_free_share_is_told_to_trade_against_tau2(sets: Any) -> None:
-    curves = {float(u): sets.plant(float(u), sets.VARIANTS["base"]) for u in (20, 40, 60, 80, 100)}
-    sure = judged(noisy("clutch", "%", curves, 20.0), share="free")
-    (one,) = [one for one in sure.findings if one.code == "share-free"]
-    assert 0.8 < one.values["C"] < 0.9
-
-
 def test_merged_friction_rates() -> None:
     """τ2 = (5 + 0.6 Ω) e^(−0.06 Ω): two equal rates, of which only the limit is known."""
     curves = {float(rpm): Friction(1.0, 0.05, float((5 + 0.6 * rpm) * np.exp(-0.06 * rpm))) for rpm in range(5, 41, 5)}
-    found = fit(noisy("friction-speed", "RPM", curves, 40.0, 1e-6))
-    sure = with_intervals(noisy("friction-speed", "RPM", curves, 40.0, 1e-6), found)
-    assert found.friction is not None and sure.friction is not None
-    assert found.friction.trends["tau2"].form == "merged-exponential"
+    sure = eaid.fit(noisy("friction-speed", "RPM", curves, 40.0, 1e-6))
+    assert sure.friction is not None
+    assert sure.friction.trends["tau2"].form == "merged-exponential"
     assert {one.values["parameter"] for one in sure.findings if one.code == "trend-rates-merge"} >= {"tau2"}
 
 
@@ -98,40 +70,3 @@ def test_at_a_constraint_nothing_is_estimable() -> None:
     assert sure.friction is not None and sure.nonlinear is not None
     met = [row for row in sure.friction.levels if row.ci95.tau1 is None]
     assert "taus-meet" in codes(sure) and met and all(row.ci95.tau2 is None for row in met)
-
-
-@pytest.fixture(scope="module")
-def short(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Ten levels held for 3 s: τ2 is 5 to 17 s."""
-    folder = tmp_path_factory.mktemp("words")
-    how = [
-        "--levels",
-        "10,20,30,40,50,60,70,80,90,100",
-        "--hold",
-        "3",
-        "--idle",
-        "1",
-        "--rate-hz",
-        "100",
-        "--release",
-        "0",
-        "-q",
-    ]
-    assert main.run(["synth", *how, "-o", str(folder / "data.h5")]) == 0
-    return folder / "data.h5"
-
-
-@pytest.mark.slow
-def test_the_sentences_stand_in_the_file_on_the_terminal_and_on_the_page(
-    short: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    out = tmp_path / "fit.json"
-    assert main.run(["fit", str(short), "-o", str(out), "--verbose"]) == 0
-    told = capsys.readouterr().err
-    found, _ = codec.read(out, "fit", Fit)
-    said = [one for one in found.findings if one.code == "tau2-open"]
-    texts = json.loads(out.read_text())["friction"]["warnings"]
-    assert said and all(text in texts for text in sentences(said))
-    assert any(on_command_line(say(one)) in told for one in merged(said))
-    page = "\n".join(sentence(one) for one in known(read_results([out]))["model"])
-    assert any(text[1:].rstrip(".") in page for text in sentences(said))

@@ -1,0 +1,222 @@
+"""Readers on anything at all: any table comes back digit by digit; of random or mutated files only refusals come."""
+
+import contextlib
+import gzip
+import re
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import h5py
+import logs_written as written
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from scipy.io import savemat
+
+import eaid
+from eaid.errors import DataError, EaidError
+from eaid.logs.foreign import ask
+
+PROFILE = settings(deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+LENGTHS = [pytest.param(False, id="brief"), pytest.param(True, id="long", marks=pytest.mark.slow)]
+
+
+def tried(long: bool, brief: int, most: int, **given_by: Any) -> Callable[[Callable[..., None]], None]:
+    """Runs a property at once, on few examples or on many."""
+
+    def run(check: Callable[..., None]) -> None:
+        settings(PROFILE, max_examples=most if long else brief)(given(**given_by)(check))()
+
+    return run
+
+
+@pytest.mark.parametrize("long", LENGTHS)
+def test_any_table_in_any_dialect(long, read):
+    @tried(
+        long, 40, 400, values=st.lists(st.floats(-1e12, 1e12, allow_nan=False), min_size=12, max_size=40),
+        between=st.sampled_from([",", ";", "\t", "|", "  "]), decimal=st.sampled_from([".", ","]),
+        end=st.sampled_from(["\n", "\r\n", "\r"]), encoding=st.sampled_from(["utf-8-sig", "utf-16", "latin-1", "gzip"]),
+        remark=st.booleans(), order=st.permutations(["time_s", "torque_nm", "note"]),
+    )  # fmt: skip
+    def check(values, between, decimal, end, encoding, remark, order):
+        if between == decimal:
+            return
+        columns = {"time_s": range(len(values)), "torque_nm": values, "note": [0.5] * len(values)}
+        cells = [[repr(v).replace(".", decimal) for v in columns[name]] for name in order]
+        content = "# a rig" * remark + end * remark + written.text(",".join(order), *cells, between=between, end=end)
+        raw = gzip.compress(content.encode()) if encoding == "gzip" else content.encode(encoding)
+        run = read(raw)
+        assert run.output.tolist() == values and run.time_s.tolist() == list(range(len(values)))
+
+
+CELL = st.text(st.characters(codec="ascii", exclude_characters="\r\n", exclude_categories=("Cc",)), max_size=12)
+NEARLY = st.builds(lambda a, b, c: a + b + c, st.sampled_from(["", "-", "+", " ", '"']),
+                   st.from_regex(r"[0-9]{0,4}[.,]?[0-9]{0,3}([eEdD][+-]?[0-9]{1,3})?", fullmatch=True),
+                   st.sampled_from(["", " ", "x", "_1", "%", '"', " 2", "\t"]))  # fmt: skip
+
+
+def meaning(cell: str) -> float | None:
+    """What a cell means where the decimal mark is a point, by the simplest rule; None where it means nothing."""
+    bare = cell.strip().strip('"').strip()
+    if cell.strip().startswith('"') and re.fullmatch(r"[+-]?[1-9]\d{0,2}(,\d{3})+(\.\d*)?", bare):
+        bare = bare.replace(",", "")  # between thousands
+    if not re.fullmatch(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eEdD][+-]?[0-9]+)?", bare):
+        return None
+    value = float(re.sub("[dD]", "e", bare))
+    return value if np.isfinite(value) else None
+
+
+@pytest.mark.filterwarnings("ignore::RuntimeWarning")  # of numbers as 1e200 in the search for steps
+@pytest.mark.parametrize("long", LENGTHS)
+def test_a_mutated_cell_is_read_as_it_stands_or_refused(long, read):
+    step = [column[100:300] for column in written.step(400)]
+
+    @tried(long, 60, 800, cell=CELL | NEARLY, row=st.integers(0, 199), column=st.integers(1, 2), remark=st.booleans())
+    def check(cell, row, column, remark):
+        cells = [[f"{a:.4f}", f"{b:g}", f"{c:.6f}"] for a, b, c in zip(*step, strict=True)]
+        cells[row][column] = cell
+        content = written.text("time_s,duty_pct,torque_nm", *zip(*cells, strict=True)) + "# the end\n" * remark
+        cell = re.sub(r',[\s"]*$', "", cell) if column == 2 else cell  # a row may end with a delimiter
+        try:
+            run = read(content)
+        except DataError as refusal:
+            assert f"row {row + 2}" in str(refusal) or meaning(cell) is not None  # noqa: PT017
+            return
+        cells[row][column] = cell
+        wanted = np.array([[meaning(one) for one in line] for line in cells], dtype=object)
+        assert ("," not in cell or '"' in cell) and wanted[row, column] is not None
+        np.testing.assert_allclose(run.time_s + run.start_s, wanted[:, 0].astype(float), atol=1e-12)
+        np.testing.assert_array_equal((run.input, run.output), wanted[:, 1:].astype(float).T)
+
+
+HOW = ("set", "drop", "copy", "cut")
+EDITS = st.lists(
+    st.tuples(st.floats(0, 1), st.sampled_from(HOW), st.integers(0, 255), st.integers(1, 60)), min_size=1, max_size=6
+)  # fmt: skip
+
+
+def edited(data: bytes, edits: Any) -> bytes:
+    """A file with some bytes set, dropped or doubled, or cut off."""
+    changed = bytearray(data)
+    for place, how, byte, length in edits:
+        at = int(place * (len(changed) - 1)) if changed else 0
+        if how == "set" and changed:
+            changed[at] = byte
+        elif how == "drop":
+            del changed[at : at + length]
+        elif how == "copy":
+            changed[at:at] = changed[at : at + length]
+        elif how == "cut" and length > 50:
+            del changed[at:]
+    return bytes(changed)
+
+
+def only_refusals(folder: Path, contents: list[bytes]) -> None:
+    """All files of one call, in which one process reads what is binary: each is read, or refused by its name."""
+    paths = [folder / f"log{k}" for k in range(len(contents))]
+    for path, content in zip(paths, contents, strict=True):
+        path.write_bytes(content)
+    try:
+        eaid.read(paths, logs_as="recorded")
+    except EaidError as refusal:
+        assert all(said.startswith(tuple(map(str, paths))) and "\n" not in said for said in refusal.sentences)  # noqa: PT017
+
+
+MAGIC = (
+    b"\x89HDF\r\n\x1a\n", b"TDSm\x0e\x00\x00\x00\x69\x12\x00\x00", b"PAR1", b"#ROSBAG V2.0\nE\x00\x00\x00",
+    b"\x89MCAP0\r\n\x01", b"SQLite format 3\0", b"MATLAB 5.0 MAT-file".ljust(124) + b"\x00\x01IM\x0f\x00\x00\x00",
+    b"\x93NUMPY\x01\x00", b"LabVIEW Measurement\t\n",
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("long", LENGTHS)
+def test_random_bytes(long, tmp_path):
+    plain = st.sampled_from([b"", b"\x1f\x8b\x08\x00", b"\xff\xfe", b"PK\x03\x04", b"time,torque\n"])
+
+    @tried(long, 40, 300, magic=plain, rest=st.binary(max_size=600))
+    def check(magic, rest):
+        only_refusals(tmp_path, [magic + rest])
+
+    @tried(long, 2, 20, rests=st.lists(st.binary(max_size=600), min_size=9, max_size=9))
+    def check_binary(rests):
+        only_refusals(tmp_path, [magic + rest for magic, rest in zip(MAGIC, rests, strict=True)])
+
+
+LIBRARIES = {"tdms": "nptdms", "mdf": "asammdf", "ros1": "rosbags", "ros2": "rosbags"}
+LVM = (
+    "LabVIEW Measurement\t\nSeparator\tTab\nDecimal_Separator\t.\nX_Columns\tOne\n***End_of_Header***\n\nChannels\t1\n"
+    "Y_Unit_Label\tNm\nX_Dimension\tTime\nX0\t0\nDelta_X\t0.01\n***End_of_Header***\nX_Value\tTorque\tComment\n"
+    + "".join(f"{i / 100}\t{i}\n" for i in range(30))
+)
+
+
+def seed(name, path):
+    """A valid file of a format."""
+    t, _, torque = step = written.step(60 if name in ("text", "gzip") else 250)
+    if name in ("text", "gzip"):
+        rows = ("# rate: 200 Hz\n" + written.text("time_s,duty_pct,torque_nm", *step)).encode()
+        return gzip.compress(rows) if name == "gzip" else rows
+    if name == "lvm":
+        return LVM.encode()
+    if name.startswith("mat"):
+        content = {"log": np.stack(step)} if name == "mat4" else {"s": {"time": t, "torque": torque}}
+        savemat(
+            path, content, appendmat=False, format=name[3] if name != "matz" else "5", do_compression=name == "matz"
+        )
+    elif name == "hdf5":
+        with h5py.File(path, "w") as file:
+            file.create_dataset("time", data=t, compression="gzip")
+            file["torque"] = torque
+    else:
+        getattr(written, name.split(":")[0])(path, *step, **({"storage": "sqlite3"} if ":" in name else {}))
+    return path.read_bytes()
+
+
+SLOW = ("lvm", "mat4", "mat5", "matz", "hdf5", "parquet", "ros2:sqlite", *LIBRARIES)
+
+
+@pytest.mark.parametrize("name", ["text", "gzip", *(pytest.param(name, marks=pytest.mark.slow) for name in SLOW)])
+def test_mutated_files(name, tmp_path, monkeypatch):
+    """Twelve changed ones of a binary format in one call."""
+    pytest.importorskip(LIBRARIES.get(name.split(":")[0], "numpy"))
+    monkeypatch.setattr(ask, "LONGEST_S", 1.0)
+    whole, few = seed(name, tmp_path / "seed"), 1 if name in ("text", "gzip") else 12
+
+    @tried(few > 1, 40, 3, edits=st.lists(EDITS, min_size=few, max_size=few))
+    def check(edits):
+        only_refusals(tmp_path, [edited(whole, one) for one in edits])
+
+
+@pytest.mark.parametrize("long", LENGTHS)
+def test_a_mutated_dataset_gives_the_numbers_that_were_written_or_none(long, tmp_path):
+    path = tmp_path / "data.h5"
+    eaid.read(written.frame("time|duty|torque_nm", written.T, written.U, written.Y)).save(path)
+    data, (known,) = path.read_bytes(), eaid.read(path).steps
+
+    @tried(long, 20, 200, edits=EDITS)
+    def check(edits):
+        path.write_bytes(edited(data, edits))
+        with contextlib.suppress(EaidError):
+            (run,) = eaid.read(path).steps
+            assert all(getattr(run, name) == getattr(known, name) for name in ("name", "level", "repeat", "step_s"))
+            assert all(
+                np.array_equal(getattr(run, name), getattr(known, name)) for name in ("time_s", "input", "output")
+            )
+
+
+@pytest.mark.parametrize("long", LENGTHS)
+def test_a_mutated_manifest(long, tmp_path):
+    (tmp_path / "a.csv").write_text("time_s,duty_pct,torque_nm\n" + "0.1,60,1.0\n" * 20)
+
+    whole = (
+        'schema = "eaid/manifest/1"\n[options]\nkind = "clutch"\ncolumns = "time=time_s,output=3"\nrate_hz = 200.0\n'
+        'repair = true\n[[log]]\nfile = "a.csv"\nsha256 = "00"\nrepeat = 1\nlevel = 60.0\nstep_s = 1.0\n'
+    )
+
+    @tried(long, 30, 300, edits=EDITS)
+    def check(edits):
+        (tmp_path / "dataset.toml").write_bytes(edited(whole.encode(), edits))
+        with contextlib.suppress(EaidError):
+            eaid.read(tmp_path)

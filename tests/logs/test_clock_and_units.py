@@ -1,0 +1,253 @@
+"""The time of a log, whatever its clock counts, and the units of its columns, against pint."""
+
+from typing import Any
+
+import numpy as np
+import pint
+import pytest
+from logs_written import frame, text
+
+T = np.arange(60.0) / 10
+STEP = np.where(np.arange(60) >= 30, 1.0, 0.0)
+
+
+def at(times: Any, name: str = "time", **more: Any) -> Any:
+    """A log with these times, whose input steps."""
+    count = len(times)
+    return frame(f"{name}|duty|torque_nm", np.asarray(times), np.arange(count) > count // 2, np.arange(count), **more)
+
+
+PER_S = {"s": 1, "ms": 10**3, "us": 10**6, "ns": 10**9}
+
+
+@pytest.mark.parametrize("unit", PER_S)
+def test_stamps_since_1970_begin_in_2001_and_end_in_2096(unit, read, codes):
+    per_s = PER_S[unit]
+    beyond = 1 if unit != "ns" else 1024  # the next whole number that a float tells apart
+    low, high = 10**9 * per_s, 4 * 10**9 * per_s
+    for first, counted in ((low, True), (low - beyond, False), (high, True), (high + beyond, False)):
+        run = read(at([first + k * per_s for k in range(4)]))
+        assert run.time_s.tolist() == [k if counted else k * per_s for k in range(4)]
+        assert run.start_s == pytest.approx(first / per_s if counted else first)
+        told = codes(run)
+        if counted and unit != "s":
+            assert told["time-since-1970"] == {"column": "time", "unit": unit}
+        else:
+            assert set(told) <= {"time-in-whole-numbers", "time-too-long"} and bool(told) is not counted
+
+
+def test_whole_numbers_are_seconds_up_to_an_hour(read, codes):
+    for span, code in ((3600, "time-in-whole-numbers"), (3601, "time-too-long")):
+        assert list(codes(read(at([0, 1200, 2400, span])))) == [code]
+
+
+@pytest.mark.parametrize("unit", ["ms", "us", "ns"])
+def test_stamps_since_1970_lie_up_to_90_s_apart(unit, read, codes):
+    for apart_s, code in ((90, "time-since-1970"), (91, "time-too-long")):
+        assert list(codes(read(at([PER_S[unit] * (2 * 10**9 + apart_s * k) for k in range(4)])))) == [code]
+
+
+@pytest.mark.parametrize(
+    ("first", "step", "name", "said", "factor", "code"),
+    [
+        (0, 0.01, "time", None, 1, ""), (25, 0.01, "t", None, 1, ""), (-1, 0.01, "time", None, 1, ""),
+        (1e7, 0.5, "time", None, 1, ""), (0, 1.5, "time", None, 1, ""), (0, 100.5, "time", None, 1, ""),
+        (0, 1 / 49_999.5, "time", None, 1, ""), (0, 1 / 50_000.5, "time", None, 1, "time-too-fast min"),
+        (0, 1 / 4_999_999.5, "time", None, 1, "time-too-fast min"),
+        (0, 1 / 5_000_001, "time", None, 1, "time-too-fast d"), (0, 1 / 4_999_999.5, "time_s", None, 1, ""),
+        (0, 1 / 5_000_001, "time_s", None, 1, "time-too-fast d"), (0, 1 / 5_100_000, "time", "s", 1, ""),
+        (0, 0.1, "time_ns", None, 1e-9, "time-too-fast d"), (0, 1, "time", None, 1, "time-in-whole-numbers ms"),
+        (0, 61, "time", None, 1, "time-in-whole-numbers ms"), (0, 62, "time", None, 1, "time-too-long ms"),
+        (0, 500, "time", None, 1, "time-too-long ms"), (0, 501, "time", None, 1, "time-too-long us"),
+        (0, 5e5, "time", None, 1, "time-too-long us"), (0, 5.1e5, "time", None, 1, "time-too-long ns"),
+        (0, 1e9, "time", None, 1, "time-too-long ns"), (0.5, 62, "time", None, 1, "time-too-long ms"),
+        (1.2e9, 5000, "time", None, 1, "time-too-long us"), (1.2e12, 5e6, "time", None, 1, "time-too-long ns"),
+        (4e9, 74, "time", None, 1, ""), (29_999, 1 / 8_640_000, "time", None, 1, "time-too-fast d"),
+        (30_000, 1 / 8_640_000, "time", None, 86400, "time-in-days"),
+        (60_000, 1 / 8_640_000, "time", None, 86400, "time-in-days"),
+        (60_001, 1 / 8_640_000, "time", None, 1, "time-too-fast d"),
+        (699_999, 1 / 864_000, "time", None, 1, "time-too-fast min"),
+        (700_000, 1 / 864_000, "time", None, 86400, "time-in-days"),
+        (770_000, 1 / 864_000, "time", None, 86400, "time-in-days"),
+        (770_001, 1 / 864_000, "time", None, 1, "time-too-fast min"), (45_000, 1 / 49_000, "time", None, 1, ""),
+        (45_000, 1 / 8_640_000, "time_s", None, 1, "time-too-fast d"), (0, 10, "time_ms", None, 1e-3, ""),
+        (0, 10, "millis", None, 1e-3, ""), (0, 10, "ms", None, 1e-3, ""), (0, 1, "s", None, 1, ""),
+        (0, 10, "timeMs", None, 1e-3, ""), (0, 1e-3, "Time (h)", None, 3600, ""),
+        (0, 1e-5, "time [days]", None, 86400, ""), (0, 1e-3, "minutes", None, 60, ""),
+        (0, 1e4, "Zeit in us", None, 1e-6, ""), (0, 1, "time", "/200", 1 / 200, ""), (0, 10, "time_s", "ms", 1e-3, ""),
+        (1.7e12, 1, "time_ms", None, 1e-3, ""), (1.7e12, 1, "time", "s", 1, ""), (0, 2.5, "sample", None, 1, ""),
+        (0, 1, "sample", "s", 1, ""),
+    ],
+)  # fmt: skip
+def test_clocks(first, step, name, said, factor, code, read, codes):
+    raw = first + step * np.arange(60)
+    run = read(at(raw, name), columns={"time": "1"}, units={"time": said} if said else {})
+    np.testing.assert_allclose(run.time_s, (raw - raw[0]) * factor, rtol=1e-12)
+    assert run.start_s == pytest.approx(first * factor) and run.time_s[0] == 0
+    told = [f"{code} {values.get('likely', '')}".strip() for code, values in codes(run).items()]
+    assert told == ([code] if code else [])
+
+
+def test_a_unit_that_the_format_says_counts_before_that_of_the_name(read):
+    assert read(at(T, units={"time": "min"})).time_s[1] == pytest.approx(6.0)
+    assert read(at(T, "time_ms", units={"time_ms": "s"})).time_s[1] == pytest.approx(0.1)
+    assert read(at(T, "x", units={"x": "ms", "duty": "%"})).taken[0] == ("time", "x")
+
+
+@pytest.mark.parametrize(
+    ("log", "said", "sentence"),
+    [
+        (at(1.7e12 + np.arange(4), "time_s"), {}, "column time_s says its unit, but its first stamp, 1.7e+12, counts "),
+        (at(1.2e9 + 1e4 * np.arange(4), "time_us"), {}, "counts s since 1970; say which with «units» time=UNIT"),
+        (at(np.arange(4), "sample no"), {"columns": {"time": "1"}}, "column sample no numbers the samples and is no"),
+        (at(T, "time (m)"), {}, "column time (m) is in m, which is no unit of time that eaid knows"),
+        (at(T, units={"time": "V"}), {}, "column time is in V, which is no unit of time that eaid knows"),
+        (at(T), {"rate_hz": 10.0}, "has a time column, time, so «rate_hz» does nothing; leave it out"),
+        (at(T), {"units": {"time": "V"}}, "«units» time=V: is no unit of time; use s, ms, us, ns, min, h or d"),
+        *((at(T), {"units": {"time": bad}}, "write a number above 0 behind the stroke, as in /255")
+          for bad in ("/0", "/-1", "/x", "/inf", "/nan", "/")),
+    ],
+)  # fmt: skip
+def test_clocks_that_are_refused(log, said, sentence, read):
+    assert sentence in read.refused(log, **said)[0]
+
+
+def test_numbers_of_samples_and_a_rate(read):
+    run = read(at(np.arange(7.0, 67.0), "sample"), columns={"time": "sample"}, rate_hz=50.0)
+    assert (run.time_s[0], run.time_s[-1], run.start_s, run.left) == (0.0, 59 / 50, 0.0, ("sample",))
+    rated = "# rate: 20 Hz\n" + text("duty,torque_nm", STEP, STEP)
+    assert read(rated).time_s[-1] == pytest.approx(59 / 20) and read(rated, rate_hz=10.0).time_s[-1] == pytest.approx(
+        5.9
+    )
+
+
+@pytest.mark.parametrize(
+    ("said", "since"),
+    [(8.0, 3.0), (5.0, 0.0), (10.9, 5.9), (3.0, 3.0), (4.9, 4.9), (5.9, 0.9), (30.0, 25.0), (-1.0, -6.0), (0.0, 0.0)],
+)
+def test_instants_on_the_clock_of_a_log_or_since_its_start(said, since, read):
+    """Of a log from 5 s to 10.9 s; outside of it they count since its start, if they lie inside so."""
+    run = read(frame("time|duty|torque_nm", T + 5, 60 * STEP, STEP), step_at=said, until=said)
+    assert (run.step_s, run.until_s, run.start_s) == (pytest.approx(since), pytest.approx(since), 5.0)
+    plain = read(at(T + 5))
+    assert (plain.step_s, plain.until_s) == (None, None)
+
+
+PINT = {
+    "second": "s sec secs second seconds sek seg", "millisecond": "ms msec millisecond milliseconds millis",
+    "microsecond": "us usec microsecond microseconds micros µs μs", "nanosecond": "ns nsec nanosecond nanoseconds",
+    "minute": "min mins minute minutes", "hour": "h hr hrs hour hours", "day": "d day days",
+    "newton * meter": "nm newtonmeter newtonmetre newtonmeters newtonmetres N·m N*m Nm",
+    "millinewton * meter": "mnm [mN_m]", "newton * centimeter": "ncm N*cm", "newton * millimeter": "nmm",
+    "kilonewton * meter": "knm", "micronewton * meter": "unm µN·m", "kilogram_force * meter": "kgfm kgm",
+    "kilogram_force * centimeter": "kgfcm kgcm kgf·cm", "gram_force * centimeter": "gfcm gcm gf·cm",
+    "pound_force * foot": "lbfft lbft ftlb ftlbf ft-lb", "pound_force * inch": "lbfin lbin inlb inlbf",
+    "ounce_force * inch": "ozin ozfin inoz oz_in", "newton": "n newton newtons N", "millinewton": "mn mN",
+    "kilonewton": "kn kN", "gram_force": "g gf gram grams", "kilogram_force": "kg kgf", "pound_force": "lbf lb lbs",
+    "revolution / minute": "rpm 1/min r/min rev/min u/min min-1 U/min", "revolution / second": "rps rev/s hz",
+    "radian / second": "rad/s rads rad/sec", "degree / second": "deg/s °/s dps deg/sec",
+    "percent": "% pct percent prozent procent", "dimensionless": "fraction 1 ratio -", "volt": "v volt volts vdc",
+    "millivolt": "mv {mV}", "kilovolt": "kv (kV)", "ampere": "a amp amps ampere amperes", "milliampere": "ma",
+    "bar": "bar bars", "millibar": "mbar hpa mBar", "pascal": "pa", "kilopascal": "kpa", "megapascal": "mpa MPa",
+    "pound_force_per_square_inch": "psi",
+}  # fmt: skip
+INTO = {"s": "second", "N·m": "newton * meter", "N": "newton", "RPM": "revolution / minute", "%": "percent",
+        "V": "volt", "A": "ampere", "bar": "bar"}  # fmt: skip
+
+
+def test_every_spelling_of_a_unit(read):
+    units = pint.UnitRegistry()
+    for name, spelling in ((name, one) for name, spellings in PINT.items() for one in spellings.split()):
+        of_time = name in list(PINT)[:7]
+        run = read(at(T), units={"time" if of_time else "output": spelling})
+        values, into = (run.time_s, "s") if of_time else (run.output, run.output_unit)
+        factor = units.Quantity(1.0, name).to(INTO[into]).magnitude
+        np.testing.assert_allclose(values, factor * (T if of_time else np.arange(60)), rtol=1e-11, err_msg=spelling)
+
+
+@pytest.mark.parametrize("unit", ["mPa", "MNm", "MN·m", "m", "mm/s^2", "°C", "counts", "N/m", "Ohm", "W", "dB", "bits"])
+def test_a_unit_that_is_not_known_stays_as_it_is(unit, read, codes):
+    for run in (read(at(T), units={"output": unit}), read(at(T, units={"torque_nm": unit}))):
+        assert (run.output_unit, run.output[1], codes(run)) == (unit, 1.0, {})
+
+
+@pytest.mark.parametrize(
+    ("column", "unit", "factor"),
+    [
+        ("torque.mNm", "N·m", 1e-3), ("TorqueMnm", "N·m", 1e-3), ("Torque / Nm", "N·m", 1), ("Force,N", "N", 1),
+        ("T1", "", 1), ("Torque (mNm)", "N·m", 1e-3), ("Load Cell (g)", "N", 9.80665e-3), ("levelPct", "%", 1),
+        ("Spannung", "", 1), ("a {V}", "V", 1), ("a [what]", "what", 1), ("a_what", "", 1), ("ratio_1", "", 1),
+        ("a -", "", 1), ("(V)", "", 1), ("x, N", "N", 1), ("speed_rad/s", "RPM", 30 / np.pi),
+        ("omega in rad/s", "RPM", 30 / np.pi), ("n 1/min", "RPM", 1), ("speed rad/s", "RPM", 30 / np.pi),
+        ("velocity_mm/s", "mm/s", 1), ("speed in m/min", "m/min", 1), ("a_b/c", "", 1), ("Drehzahl, U/min", "RPM", 1),
+        ("forceN", "N", 1), ("levelV", "V", 1), ("planA", "", 1), ("ForceMn", "N", 1e-3), ("dutyCycle", "", 1),
+        ("u%", "", 1), ("a b_kV", "V", 1e3), (" x [kPa] ", "bar", 1e-2), ("torqueNcm", "N·m", 1e-2),
+        ("force_g", "N", 9.80665e-3), ("force (lbf)", "N", 4.4482216152605),
+        ("Torque [ozf·in]", "N·m", 0.00706155181422604), ("Torque (kgf.cm)", "N·m", 0.0980665),
+        ("Torque [MNm]", "MNm", 1), ("u_ms", "", 1), ("friction", "N", 1), ("load cell", "N", 1), ("output", "", 1),
+    ],
+)  # fmt: skip
+def test_the_unit_in_a_name(column, unit, factor, read, codes):
+    run = read(frame(f"time|duty|{column}", T, 60 * STEP, 2 * STEP), columns={"output": "3"})
+    assert run.output_unit == unit and run.output[-1] == pytest.approx(2 * factor, rel=1e-12)
+    assert set(codes(run)) == ({"unit-unknown"} if not unit else {"unit-assumed"} if column in ("friction", "load cell")
+                               else set())  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("column", "said", "of_file", "unit", "factor", "code"),
+    [
+        ("torque", None, "", "", 1, "unit-unknown"), ("torque", None, "mNm", "N·m", 1e-3, ""),
+        ("torque_ncm", None, "mNm", "N·m", 1e-3, ""),  # the file before the name
+        ("torque_ncm", "kNm", "mNm", "N·m", 1e3, ""), ("torque", "bits", "mNm", "bits", 1, ""),
+        ("torque", None, "ms", "", 1, "unit-unknown"),  # no unit of a torque
+        ("torque", "/1000", "V", "", 1e-3, ""), ("force", None, "g", "N", 9.80665e-3, ""),
+        ("accel", None, "g", "g", 1, "unit-g-unclear"), ("output", None, "g", "g", 1, "unit-g-unclear"),
+        ("output", "g", "", "N", 9.80665e-3, ""), ("accel force", "kg", "", "kg", 1, "unit-g-unclear"),
+        ("output", None, "gf", "N", 9.80665e-3, ""), ("output [kg]", None, "", "kg", 1, "unit-g-unclear"),
+        ("load", None, "[kg]", "N", 9.80665, ""), ("Load-Cell", None, "kg", "N", 9.80665, ""),
+        ("shearForce", None, "g", "N", 9.80665e-3, ""), ("acc force", None, "g", "g", 1, "unit-g-unclear"),
+    ],
+)  # fmt: skip
+def test_who_says_the_unit(column, said, of_file, unit, factor, code, read, codes):
+    log = frame(f"time|duty|{column}", T, 60 * STEP, 2 - 3 * STEP, units={column: of_file} if of_file else {})
+    run = read(log, columns={"output": "3"}, units={"output": said} if said else {})
+    assert (run.output_unit, list(codes(run))) == (unit, [code] if code else [])
+    np.testing.assert_allclose(run.output, factor * (2 - 3 * STEP), rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("column", "said", "unit", "factor", "code"),
+    [
+        ("duty", None, "%", 1, ""), ("u", "/200", "%", 0.5, ""), ("u", "fraction", "%", 100, ""),
+        ("volts", None, "V", 1, "assumed"), ("strom", None, "", 1, "unknown"), ("pressure", None, "bar", 1, "assumed"),
+        ("Kraft", None, "N", 1, "assumed"), ("drehzahl", None, "RPM", 1, "assumed"),
+        ("speed_rad/s", None, "RPM", 30 / np.pi, ""), ("voltage_mV", None, "V", 1e-3, ""),
+        ("duty", "counts", "counts", 1, ""), ("PWM [V]", None, "V", 1, ""),
+    ],
+)  # fmt: skip
+def test_units_of_inputs(column, said, unit, factor, code, read, codes):
+    run = read(frame(f"time|{column}|torque_nm", T, 60 * STEP, STEP), units={"input": said} if said else {})
+    assert (run.input_unit, list(codes(run))) == (unit, [f"unit-{code}"] if code else [])
+    np.testing.assert_allclose(run.input, factor * 60 * STEP, rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("y", "unit", "largest"),
+    [(1000.0, None, None), (1000.5, None, 1000.5), (-1000.5, None, 1000.5), (1001.0, "Nm", None), (2e6, "mNm", None)],
+)
+def test_a_torque_beyond_any_clutch(y, unit, largest, read, codes):
+    run = read(frame("time|duty|torque_nm", T, 60 * STEP, y * STEP), units={"output": unit} if unit else {})
+    assert codes(run).get("torque-too-large") == (None if largest is None else {"largest": largest})
+    in_mn = frame("time|duty|force_kn", T, 60 * STEP, y * STEP)
+    assert codes(read(in_mn)) == {}
+
+
+@pytest.mark.parametrize(("start", "per_s"), [(0, 10**9), (2**63 - 10**9, 10**9), (10**25, 10**21)])
+def test_a_clock_in_a_finer_unit_is_stopped_without_filling_the_memory(start, per_s, tmp_path, run_eaid):
+    long = np.arange(0.0, 60.0, 0.02)
+    on, stamps = long > 40, [str(start + round(a * per_s)) for a in long]
+    y = np.where(on, 0.5, 1e-3 * np.sin(1e4 * long))
+    (tmp_path / "a.csv").write_text(text("time,duty_pct,torque_nm", stamps, 60 * on, y))
+    ran = run_eaid("ingest", tmp_path / "a.csv", "-o", tmp_path / "d.h5")
+    assert ran.code == 0 and "stop" in ran.out and "no unit is given for time, whole numbers" in ran.out

@@ -1,0 +1,552 @@
+"""Binary formats and LVM: written by the libraries that make them, read back to the last digit; and what is refused.
+
+All files of one set of options are read in one call, as they share the process that reads them.
+"""
+
+import itertools
+import os
+import struct
+import zlib
+from collections import defaultdict
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+import h5py
+import logs_written as written
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+from logs_written import U, Y, changed, later
+from pyarrow import feather
+from scipy.io import savemat
+
+import eaid
+from eaid.errors import DataError
+from eaid.logs.foreign import ask
+from eaid.logs.foreign.ros import layout_of
+from eaid.logs.formats import format_of
+
+T = written.T + 25
+STAMPS = np.datetime64("2024-10-29T16:18:17.123456789", "ns") + np.round(written.T * 1e9).astype("m8[ns]")
+
+
+@dataclass(frozen=True)
+class File:
+    """How a file is written, what is said to it, and what comes out if not T, U and Y in % and N·m."""
+
+    write: Callable[[Path], Any]
+    said: dict[str, Any] = field(default_factory=dict)
+    start: float = 25.0
+    within: float = 0.0
+    units: str = "% N·m"
+    left: str = ""
+    codes: str = ""
+    skipped: int = 0
+    input: Any = None
+
+
+@later
+def mat(path: Path, content: dict[str, Any], **how: Any) -> None:
+    savemat(path, content, appendmat=False, **how)
+
+
+def structure(labels: list[Any], values: list[Any], time: bool = True) -> dict[str, Any]:
+    """What Simulink's To Workspace writes as structure with time."""
+    signals = np.empty(len(labels), dtype=[("values", "O"), ("dimensions", "O"), ("label", "O"), ("title", "O")])
+    for k, (label, value) in enumerate(zip(labels, values, strict=True)):
+        signals[k] = (value, 1, label, "")
+    return {"signals": signals, "blockName": "clutch/To Workspace"} | ({"time": T[:, None]} if time else {})
+
+
+@later
+def hdf5(path: Path, columns: dict[str, Any], userblock: int = 0, **how: Any) -> None:
+    """Arrays by their paths, attributes behind them; with a user block the file that MATLAB writes with -v7.3."""
+    with h5py.File(path, "w", userblock_size=userblock) as file:
+        for name, value in columns.items():
+            values, said = value if isinstance(value, tuple) else (value, {})
+            plain = {"MATLAB_class": np.bytes_(b"double")} if userblock else {}
+            file.create_dataset(name, data=values, **how).attrs.update(plain | said)
+    if userblock:
+        path.write_bytes(
+            b"MATLAB 7.3 MAT-file, Platform: GLNXA64 HDF5 schema 1.00 .".ljust(512) + path.read_bytes()[512:]
+        )
+
+
+def table(columns: dict[str, Any]) -> np.ndarray:
+    """Records with a field for each column."""
+    return np.rec.fromarrays(list(columns.values()), names=list(columns))
+
+
+@later
+def npy(path: Path, array: Any) -> None:
+    with path.open("wb") as file:
+        np.save(file, array)
+
+
+@later
+def parquet(path: Path, columns: dict[str, Any], **how: Any) -> None:
+    pq.write_table(pa.table(columns), path, **how)
+
+
+@later
+def of(path: Path, write: Callable[..., Any], **how: Any) -> None:
+    """A file of `logs_written` with this step."""
+    write(path, T, U, Y, **how)
+
+
+tdms, mdf = later(written.tdms_of), later(written.mdf_of)
+HEAD = ["Channels|2", "Samples|3|3", "Y_Unit_Label|%|Nm", "X_Dimension|Time|Time", "X0|25|25", "Delta_X|0.01|0.01"]
+NAMES = "X_Value|Duty|Torque|Comment"
+END = "***End_of_Header***"
+CELLS = [f"{t:.2f}|{u:g}|{y:.6f}" for t, u, y in zip(T, U, Y, strict=True)]
+BARE = [f"|{u:g}|{y:.6f}" for u, y in zip(U, Y, strict=True)]
+
+
+@later
+def lvm(path: Path, *segments: Any, own: str = "One", mark: str = ".", separator: str = "\t", top: str = "") -> None:
+    """A LabVIEW measurement file; each segment: header lines, names, rows of cells."""
+    lines = ["LabVIEW Measurement", "Writer_Version|2", f"Separator|{'Comma' if separator == ',' else 'Tab'}",
+             f"Decimal_Separator|{mark}", f"X_Columns|{own}", END, top]  # fmt: skip
+    for header, names, rows in segments:
+        lines += [*header, END, names, *rows, ""]
+    path.write_bytes(("\n".join(lines).replace(".", mark).replace("|", separator) + "\n").encode("cp1252"))
+
+
+def clocked(time: str, date: str = "2024/10/29", first: str = "0") -> list[str]:
+    return [*(line.replace("|25", f"|{first}") for line in HEAD), f"Date|{date}|{date}", f"Time|{time}|{time}"]
+
+
+MATRIX, ACROSS = np.stack([T, U, Y]), np.stack([T, U, Y], 1)
+VECTORS, LETTERS = {"time": T, "duty": U, "torque_nm": Y}, {"MATLAB_class": np.bytes_(b"char")}
+EPOCH_NS = 1_700_000_000_000_000_000 + np.round(written.T * 1e9).astype("i8")
+ONE, TWO, THREE = U[:, None], Y[:, None], -Y[:, None]
+FORCES = [f"ft/wrench.{kind}.{axis}" for kind in ("force", "torque") for axis in "xyz"]
+NO_Z = [name for name in FORCES if name[-1] != "z"]
+BY_FORCE = {"columns": {"input": "ft/wrench.force.z", "output": "ft/wrench.torque.z"}}
+ROS = {"columns": {"input": "clutch/duty", "output": "ft/wrench.torque.z"}}
+BY_NUMBER: dict[str, Any] = {"said": {"columns": {"time": "1", "input": "2", "output": "3"}}, "units": "? ?"}
+BY_PLACE: dict[str, Any] = {"units": "? ?", "codes": "columns-by-place"}
+LATER: dict[str, Any] = {"start": 0, "within": 1e-9}
+HELD: dict[str, Any] = {"codes": "signals-held", "within": 1e-9}
+SINCE_1970: dict[str, Any] = {"start": 1.7e9, "within": 1e-9, "codes": "time-since-1970"}
+GOOD: dict[str, File] = {
+    "MAT matrix, samples in columns": File(mat({"data": MATRIX}), **BY_PLACE),
+    "MAT matrix, samples in rows": File(mat({"data": ACROSS}), **BY_PLACE),
+    "MAT v4": File(mat({"data": MATRIX}, format="4"), **BY_PLACE),
+    "MAT compressed, with settings": File(mat({"data": MATRIX, "Kp": 3.0, "name": "rig", "gains": np.eye(2)},
+                                              do_compression=True), **BY_PLACE),
+    "MAT one of two": File(mat({"a": MATRIX, "b": 2 * MATRIX}), {"variable": "a"}, **BY_PLACE),
+    "MAT wide matrix": File(mat({"log": np.stack([T, U, Y, 0 * T])}), **BY_NUMBER, left="column 4"),
+    "MAT matrix of 9 rows beside it": File(mat(VECTORS | {"gains": np.ones((9, 2))})),
+    "MAT vectors": File(mat(VECTORS | {"note": "x", "c": Y * 1j, "n": np.array(["ab", "c"])}), left="c, n",
+                        codes="columns-without-numbers"),
+    "MAT column vectors": File(mat({"t": T[:, None], "u": ONE, "Torque_Nm": TWO})),
+    "MAT vectors of two lengths": File(mat(VECTORS | {"z": np.arange(9.0), "zz": np.arange(9.0)[:, None]})),
+    "MAT matrices by column": File(mat({"t": T, "u": np.stack([0 * T, U], 1), "y": np.stack([0 * T, Y, T])}), {
+        "columns": {"time": "t", "input": "u[2]", "output": "y[2]"}, "units": {"input": "%", "output": "Nm"}},
+        left="u[1], y[1], y[3]"),
+    "MAT structure of vectors": File(mat({"log": {"time_s": T, "duty_pct": U, "torque_nm": Y}})),
+    "MAT structure in a structure": File(mat({"a": {"log": VECTORS, "K": 2.0}})),
+    "MAT structure with time": File(mat({"out": structure(["duty (%)", "torque (Nm)"], [ONE, TWO])})),
+    "MAT signal of two columns": File(mat({"out": structure([np.array([["duty", "torque_nm"]], object)],
+                                                            [np.stack([U, Y], 1)])})),
+    "MAT signals across": File(mat({"o": structure(["a"], [np.stack([U, Y, -Y])])}), **BY_NUMBER, left="a 3"),
+    "MAT signals of one name": File(mat({"o": structure(["y", "y", "y", "z"], [ONE, TWO, THREE, np.zeros((7, 1))])}),
+                                    **BY_NUMBER, left="y #3"),
+    "MAT signals without labels": File(mat({"o": structure([""] * 3, [ONE, TWO, THREE])}), **BY_NUMBER, left="signal3"),
+    "MAT a signal without a label": File(mat({"out": structure([""], [TWO])}), units="? ?", input=np.nan * T),
+    "MAT the time among the signals": File(mat({"out": structure(["clock", "torque"], [T[:, None], TWO])}), units="? ?",
+                                           input=np.nan * T),
+    "v7.3 vectors": File(hdf5({name: one[None] for name, one in VECTORS.items()} | {"x": (np.ones((2, 1)), LETTERS)},
+                              512), left="x", codes="columns-without-numbers"),
+    "v7.3 structure": File(hdf5({f"log/{name}": one[None] for name, one in VECTORS.items()}, 512)),
+    "v7.3 matrix": File(hdf5({"data": MATRIX}, 512), **BY_PLACE),
+    "v7.3 matrix the other way": File(hdf5({"data": ACROSS}, 512), **BY_PLACE),
+    "HDF5 group": File(hdf5({f"rig/{name}": one for name, one in VECTORS.items()} | {"rig/K": np.eye(3)})),
+    "HDF5 one of two groups": File(hdf5({f"{group}/{name}": k * one for group, k in (("a", 1), ("b", 2))
+                                         for name, one in VECTORS.items()}), {"variable": "a"}),
+    "HDF5 compound table": File(hdf5({"log/table": table(VECTORS | {"note": np.array(["a"] * 300, "S3")})})),
+    "HDF5 named columns": File(hdf5({"m": (np.stack([Y, T, U], 1), {"columns": ["torque_nm", "time_s", "duty_pct"]})})),
+    "HDF5 one name too few": File(hdf5({"log": (ACROSS, {"columns": ["torque_nm", "time_s"]})}), **BY_PLACE),
+    "HDF5 other numbers": File(hdf5({"time_s": T, "duty_pct": U.astype(">f4"), "torque_nm": Y, "n": U > 0}), left="n"),
+    "HDF5 deep groups": File(hdf5(VECTORS | {"/".join("g" * 400): np.zeros(3)})),
+    "HDF5 counts and offsets": File(hdf5({
+        "time": (1e3 * T, {"units": "ms"}), "duty": (U / 2, {"scale_factor": [2.0], "unit": b"%"}),
+        "torque": (np.round((1e3 * Y + 1000) / 0.001).astype("i4"), {
+            "units": "mN.m", "scale_factor": 0.001, "add_offset": -1000.0, "_FillValue": np.int32(-1)})}), within=1e-9),
+    "HDF5 unsigned ns since 1970": File(hdf5({"time": EPOCH_NS.astype("u8"), "duty": U.astype("u1"), "torque_nm": Y}),
+                                        **SINCE_1970),
+    **{f"HDF5 chunks {how}": File(hdf5(VECTORS | {"name": np.full(300, k)}, chunks=(64,), **how), left="name")
+       for k, how in enumerate(({}, {"fletcher32": True}, {"compression": "lzf"}, {"compression": "gzip"},
+                                {"compression": "gzip", "shuffle": True, "fletcher32": True}, {"shuffle": True},
+                                {"compression": "lzf", "fletcher32": True}))},
+    "NumPy records": File(npy(table(VECTORS | {"note": np.array(["a"] * 300, "U3"), "on": U > 0})), left="on"),
+    "NumPy matrix": File(npy(MATRIX), **BY_PLACE), "NumPy matrix the other way": File(npy(ACROSS), **BY_PLACE),
+    "Parquet with units": File(of(written.parquet), within=1e-12),
+    "Parquet with stamps": File(parquet({"time": STAMPS, "duty": U.astype("f4"), "torque_nm": Y, "note": ["x"] * 300}),
+                                **LATER, left="note", codes="columns-without-numbers"),
+    "Parquet durations called ms": File(parquet({"time_ms": STAMPS - STAMPS[0], "duty": U, "torque_nm": Y}), **LATER),
+    "Parquet stamps in ms": File(parquet({"t": STAMPS.astype("M8[ms]"), "duty": U, "torque_nm": Y}), **LATER),
+    "Parquet whole ns": File(parquet({"time": EPOCH_NS, "duty": U, "torque_nm": Y}), **SINCE_1970),
+    "Parquet decimals": File(parquet({"time": T, "duty": U > 0, "torque_nm": pa.array(Y).cast(pa.decimal128(20, 6))}),
+                             input=U > 0, within=1e-12),
+    "Feather": File(lambda path: feather.write_feather(pa.table(VECTORS), str(path), compression="uncompressed")),
+    "Feather, LZ4": File(lambda path: feather.write_feather(pa.table(VECTORS | {"n": T}), str(path)), left="n"),
+    "LVM a column of times": File(lvm((HEAD, NAMES, [f"{CELLS[0]}|hello", *CELLS[1:]]))),
+    "LVM without times, decimal comma": File(lvm((HEAD, NAMES, BARE), own="No", mark=","), within=1e-12),
+    "LVM commas, a special block": File(lvm((HEAD, NAMES, CELLS), separator=",",
+                                            top="***Start_Special***\nanything, at all\n***End_Special***")),
+    "LVM times of each channel": File(lvm((HEAD, "X_Value|Duty|X_Value|Torque|Comment", [
+        f"{t:.2f}|{u:g}|{t:.2f}|{y:.6f}" for t, u, y in zip(T, U, Y, strict=True)]), own="Multi")),
+    "LVM segments, times that go on": File(lvm((HEAD, NAMES, CELLS[:99]), (HEAD, NAMES, CELLS[99:]))),
+    "LVM segments by the clock": File(lvm((clocked("09:51:40.25"), NAMES, BARE[:150]),
+                                          (clocked("09:51:40.75", first="1"), NAMES, BARE[150:]), own="No"), **LATER),
+    "LVM segments past midnight": File(lvm((clocked("23:59:59", first=""), NAMES, BARE[:150]), (clocked(
+        "00:00:00.5", "2024/10/30", ""), NAMES, BARE[150:]), own="No"), **LATER),
+    "TDMS waveforms": File(of(written.tdms), within=1e-12),
+    "TDMS vectors and stamps": File(tdms(("g", "Time", STAMPS.astype("M8[us]"), {}), ("g", "Duty", U, {}),
+                                         ("g", "Torque", Y, {"NI_UnitDescription": "Nm"})), start=0, within=2e-6),
+    "TDMS waveforms of a start time": File(tdms(
+        ("g", "Duty", U[::4], {"wf_increment": 0.04, "wf_start_time": STAMPS[0].astype("M8[us]")}),
+        ("g", "Torque", Y, {"wf_increment": 0.01, "wf_start_time": STAMPS[2].astype("M8[us]"), "wf_start_offset": -0.02,
+                            "unit_string": "Nm"})), start=0, **HELD, input=U[::4].repeat(4)),
+    "TDMS a slower channel that begins later": File(tdms(
+        ("g", "Duty", U[::4], {"wf_increment": 0.04, "wf_start_offset": 25.02}),
+        ("g", "Torque", Y, {"wf_increment": 0.01, "wf_start_offset": 25.0, "unit_string": "Nm"})), start=25.02,
+        skipped=2, input=U[::4].repeat(4)[:298], **HELD),
+    "MDF 4": File(of(written.mdf), within=5.1e-5), "MDF 3": File(of(written.mdf, version="3.30"), within=5.1e-5),
+    "MDF of two rasters": File(mdf([{"samples": U[::10], "timestamps": T[::10], "name": "duty", "unit": "%"}],
+                                   [{"samples": Y, "timestamps": T, "name": "torque", "unit": "Nm"}]), **HELD),
+    **{f"ROS {how}": File(of(write, **said), ROS, start=0, **HELD, left=", ".join(FORCES[:5]))
+       for how, write, said in (("1", written.ros1, {}), ("1, LZ4", written.ros1, {"compress": "LZ4"}),
+                                ("1, BZ2", written.ros1, {"compress": "BZ2"}), ("2, MCAP", written.ros2, {}),
+                                ("2, MCAP, zstd", written.ros2, {"compress": True}),
+                                ("2, SQLite", written.ros2, {"storage": "sqlite3"}))},
+    # a header counts within a minute of the bag, else the receipt, up to 2 ms late
+    **{f"ROS 1, header {ahead} s ahead": File(of(written.ros1, ahead_s=ahead), BY_FORCE, start=start, within=within,
+                                              units="N N·m", input=1 + 0 * T, left="clutch/duty, " + ", ".join(NO_Z))
+       for ahead, start, within in ((-59, -59, 1e-9), (59, 59, 1e-9), (60, 0, 2.1e-3), (-61, 0, 2.1e-3),
+                                    (-1_699_999_990, 0, 2.1e-3))},
+}  # fmt: skip
+LIBRARIES = {"TDMS": "nptdms", "MDF": "asammdf", "ROS": "rosbags"}
+
+
+def library(name: str) -> str:
+    """What a file is written and read by, where eaid itself does not need it."""
+    return LIBRARIES.get(name.split()[0], "numpy")
+
+
+@pytest.fixture(scope="module")
+def good(tmp_path_factory):
+    """The runs of all files, by name."""
+    folder, sets, found = tmp_path_factory.mktemp("good"), defaultdict(dict), {}
+    for k, (name, file) in enumerate(GOOD.items()):
+        if find_spec(library(name)):
+            file.write(folder / f"{k:03}")
+            sets[repr(file.said)][str(folder / f"{k:03}")] = name
+    for names in sets.values():
+        said = GOOD[next(iter(names.values()))].said
+        found |= {names[run.source]: run for run in eaid.read(list(names), logs_as="recorded", **said).recorded}
+    return found
+
+
+@pytest.mark.parametrize("name", GOOD)
+def test_a_file(name, good, codes):
+    pytest.importorskip(library(name))
+    file, run = GOOD[name], good[name]
+    base, near = written.T[file.skipped :], {"rtol": 1e-12, "atol": file.within}
+    np.testing.assert_allclose(run.time_s, base - base[0], rtol=0, atol=max(file.within, 1e-9))
+    assert run.start_s == pytest.approx(file.start, abs=1e-6)
+    np.testing.assert_allclose(run.output, Y[file.skipped :], **near)
+    np.testing.assert_allclose(run.input, U[file.skipped :] if file.input is None else file.input, **near)
+    assert file.within or run.output.tolist() == Y.tolist()
+    told = [code for code in codes(run) if code != "unit-unknown"]
+    units = f"{run.input_unit or '?'} {run.output_unit or '?'}"
+    assert (units, ", ".join(run.left), ", ".join(told)) == (file.units, file.left, file.codes)
+    if told == ["signals-held"]:
+        assert codes(run)["signals-held"]["left_out"] == file.skipped
+
+
+def opaque(kind: bytes) -> Callable[[Path], None]:
+    return hdf5({"#refs#/a": np.zeros(3), "data": (np.zeros((1, 6), "u4"), {"MATLAB_class": np.bytes_(kind)})}, 512)
+
+
+@later
+def elsewhere(path: Path, torque: Any = None, **how: Any) -> None:
+    """The torque is a link, lies in another file, or is larger than any."""
+    with h5py.File(path, "w") as file:
+        file["time"] = T
+        if torque is not None:
+            file["torque"] = torque
+        else:
+            file.create_dataset("torque", dtype="f8", **how)
+
+
+@later
+def chunk(path: Path, raw: bytes, skipped: int = 0, **filters: Any) -> None:
+    """A chunk of a hundred numbers takes 800 bytes, 804 with its sum."""
+    with h5py.File(path, "w") as file:
+        file["time"] = np.arange(100.0)
+        column = file.create_dataset("torque", (100,), "f8", chunks=(100,), **filters)
+        column.id.write_direct_chunk((0,), raw, skipped)
+
+
+@later
+def cut(path: Path, write: Callable[[Path], Any], end: int) -> None:
+    write(path)
+    path.write_bytes(path.read_bytes()[:end])
+
+
+def swallows(data: bytearray) -> None:
+    """A message whose length covers the next one, which rosbags passes over."""
+    at = data.index(b"clutch\0") - 46  # length, channel, number, two times, CDR, stamp, length of the text
+    size = int.from_bytes(data[at : at + 8], "little")
+    records = [i for i in range(len(data)) if data.startswith(b"\x05" + size.to_bytes(8, "little"), i)]
+    at = next(i for i, after in itertools.pairwise(records) if after - i == 9 + size)
+    data[at + 1 : at + 9] = (2 * size + 9).to_bytes(8, "little")
+
+
+def row46(row: str, names: str = NAMES) -> Callable[[Path], Any]:
+    return lvm((HEAD, names, [*CELLS[:30], row, *CELLS[31:]]))
+
+
+def raw(content: bytes) -> Callable[[Path], Any]:
+    return lambda path: path.write_bytes(content)
+
+
+SUMMED = {"compression": "none", "use_dictionary": False, "write_page_checksum": True}
+OBJECTS = "holds MATLAB objects (a Simulink Dataset or timeseries) only; in MATLAB, save it as plain arrays: t = S.Time"
+LENGTH = "is a damaged HDF5 file (a chunk of it has a wrong length); copy or save it again"
+NO_COLUMNS = "holds no columns of numbers; save a matrix, or records with a field for each column"
+NO_TABLE = "no table in it has columns of time and torque ("
+NO_STEP = "has neither a column of times nor a Delta_X above 0; save it again"
+NO_HEAD = "its header cannot be followed"
+SIGNAL = {"samples": Y, "timestamps": T, "name": "torque", "unit": "Nm"}
+ZIPPED = (("u", U), ("y", Y))
+NEVER = {"_FillValue": 1.0, "missing_value": [2.0, 3.0]}
+FORMULA = SIGNAL | {"samples": np.arange(300), "conversion": {"formula": "X1 * 2"}}
+BAD: dict[str, tuple[Callable[[Path], Any], str]] = {
+    "v7.3 dataset": (opaque(b"Simulink.SimulationData.Dataset"), OBJECTS),
+    "v7.3 function": (opaque(b"function_handle"), OBJECTS),
+    "v7.3 words": (hdf5({"a": (np.ones((1, 6)), LETTERS)}, 512), "holds no table of numbers; save time and torque as"),
+    "HDF5 link": (elsewhere(h5py.ExternalLink("/etc/passwd", "/x")), "torque is a link to another file; copy the data"),
+    "HDF5 outside": (elsewhere(shape=(300,), external=[(os.devnull, 0, 2400)]), "torque keeps its data in another fil"),
+    "HDF5 absurd size": (elsewhere(shape=(10**13,), chunks=(1024,)), NO_TABLE + "time: time; torque: torque); choose"),
+    "HDF5 words": (hdf5({"note": np.bytes_(b"x")}), "holds no table of numbers; save time and torque as arrays of one"),
+    "HDF5 lengths": (hdf5({"time_s": T, "torque_nm": Y[:-1]}), NO_TABLE),
+    "HDF5 never written": (hdf5(VECTORS | {"torque_nm": (np.r_[1, 2, 3, Y[3:]], NEVER)}),
+                           "row 1, column torque_nm, is empty; mend the cell, or drop such rows with «repair»"),
+    "HDF5 short": (chunk(bytes(799)), LENGTH), "HDF5 long": (chunk(bytes(801)), LENGTH),
+    "HDF5 shuffled": (chunk(bytes(799), shuffle=True), LENGTH),
+    "HDF5 no sum": (chunk(bytes(800), fletcher32=True), LENGTH),
+    "HDF5 filter left out": (chunk(bytes(799), 1, compression="gzip"), LENGTH),
+    "HDF5 packed short": (chunk(zlib.compress(bytes(799)), compression="gzip"), LENGTH),
+    "HDF5 packed long": (chunk(zlib.compress(bytes(801)), compression="gzip"), LENGTH),
+    "HDF5 not packed": (chunk(b"nothing of the kind", compression="gzip"), "is a damaged HDF5 file ("),
+    **{f"HDF5 cut at {n}": (cut(hdf5(VECTORS), n), "is a damaged HDF5 file (") for n in (60, 600, 2000, -1)},
+    "MAT words": (mat({"note": "x", "Kp": 2.0, "g": np.ones((9, 2))}), "holds no table of numbers; save time and "),
+    "MAT two": (mat({"a": MATRIX, "b": 2 * MATRIX}), "holds several tables that may be the log (a, b); choose one with "
+                                                    "«variable» NAME"),
+    "MAT none": (mat({"a": np.stack([T, U, Y, Y]), "b": np.ones((4, 90))}), NO_TABLE),
+    "MAT falling": (mat({"a": np.stack([-T, U])}), "no column is called time (columns: column 1, column 2); name"),
+    "MAT complex": (mat({"time": T, "torque": Y * 1j}), "no column is called torque (columns: time)"),
+    "MAT damaged": (raw(b"MATLAB 5.0 MAT-file".ljust(124) + b"\0\1IM\x0e\0\0\0\x40\0\0\0" + b"\xff" * 64),
+                    "is a damaged MAT file ("),
+    **{f"MAT cut at {n}": (cut(mat({"data": MATRIX}), n), "is ") for n in (60, 127, 130, 200, 2000, -1)},
+    "NumPy vector": (npy(Y), NO_COLUMNS), "NumPy cube": (npy(np.zeros((9, 2, 2))), NO_COLUMNS),
+    "NumPy words": (npy(np.zeros((2, 3), "U3")), NO_COLUMNS),
+    "NumPy notes": (npy(np.zeros(9, [("s", "U3")])), NO_COLUMNS),
+    "NumPy cut": (cut(npy(MATRIX), -8), "is no whole NumPy array of numbers; export the log as CSV or HDF5"),
+    "NumPy objects": (npy(np.array([{}], object)), "is no whole NumPy array of numbers; export the log as CSV or HDF5"),
+    "Parquet words": (parquet({"note": ["x"]}), "holds no columns of numbers; save time and torque as such"),
+    "Parquet gap": (parquet({"time": T, "torque": [None, *Y[1:]], "duty": U}), "row 1, column torque, is empty; "),
+    "Parquet twice": (lambda path: pq.write_table(pa.Table.from_arrays([pa.array(T)] * 3, ["t", "y", "y"]), path),
+                      "several columns are called y; save it with names of their own"),
+    "Parquet checksum": (changed(parquet({"time": T, "torque": T + 0.1}, **SUMMED), lambda data: data.__setitem__(
+        data.index((T[7:9] + 0.1).tobytes()), 1)), "is a damaged Parquet file ("),
+    "LVM no end": (raw(b"LabVIEW Measurement\nSeparator\tTab\n1\t2\n"), f"its header has no end ({END}); copy or s"),
+    "LVM nothing": (lvm(), NO_HEAD + " (no line Channels)"),
+    "LVM rows first": (lvm((["5|6", *HEAD], NAMES, CELLS)), NO_HEAD + " (no line Channels)"),
+    "LVM no X": (lvm((HEAD, "Duty|Torque", ["0|1"])), NO_HEAD + " (no line X_Value); save it again"),
+    "LVM no channels": (lvm((HEAD, "X_Value|Comment", ["0"])), "names no channels; record the log again"),
+    "LVM no rows": (lvm((HEAD, NAMES, [])), "holds a segment without rows; record the log again"),
+    "LVM spectrum": (lvm((["Channels|1", "X_Dimension|Frequency"], "X_Value|A", ["0|1"])),
+                     "its X is Frequency, not Time: no log; save the signal itself"),
+    **{f"LVM step {step}": (lvm((["Channels|1", f"Delta_X|{step}"], "X_Value|A", ["|1"]), own="No"), said)
+       for step, said in (("fast", NO_HEAD + " ('fast' is no number); save it again"), *((step, NO_STEP) for step in
+                          ("0", "-1", "")))},
+    "LVM X columns": (lvm((HEAD, "X_Value|A", ["0|1"]), own="Two"), "its X_Columns is 'Two', not No, One or Multi; "),
+    "LVM changes": (lvm((HEAD, "X_Value|A", ["0|1"]), (HEAD, "X_Value|B", ["0|1"])), "its channels change (B, before:"),
+    "LVM times": (lvm((HEAD, "X_Value|A|X_Value|B", ["0|1|0|2", "1|3|1.5|4"]), own="Multi"),
+                  "its channels have different times; export them on one X column"),
+    "LVM word": (row46("25.3|0|x"), "row 46, column Torque, holds 'x', which is no number; mend the cell"),
+    "LVM no time": (row46("|0|1"), "row 46, column time, is empty"),
+    "LVM blank": (row46("||"), "row 46, column time, is"),
+    "LVM short": (row46("25.3|0"), "row 46 has 2 cells, unlike the others"),
+    "LVM long": (row46("25.3|0|1|noted", "X_Value|Duty|Torque"), "row 46 has 4 cells, unlike the others"),
+    "LVM mark": (row46(END), "row 46 has 1 cells, unlike the others"), "LVM half": (row46("Channels|2"), NO_HEAD),
+    "LVM special": (row46("***Start_Special***"), "row 46 begins a special block that does not end; copy or save it"),
+    "TDMS cut": (cut(of(written.tdms), -2000), "is cut short: its last segment ends early; copy it again, or"),
+    "TDMS groups": (tdms(*((run, name, one, {"wf_increment": 0.01}) for run in "AB" for name, one in ZIPPED)),
+                    "holds several tables that may be the log (A, B); choose one with «variable» NAME"),
+    "TDMS words": (tdms(("g", "note", ["a", "b"], {})), "holds no channels of numbers; record the log again"),
+    "MDF open": (changed(of(written.mdf), lambda data: data.__setitem__(slice(8), b"UnFinMF ")),
+                 "was not closed by its recorder; open it there and save it again"),
+    "MDF nothing": (mdf(), "holds no channels of numbers; record the log again"),
+    "MDF damaged": (raw(b"MDF     4.10    " + bytes(200)), "is a damaged MDF file ("),
+    **{f"MDF formula {version}": (mdf([FORMULA], version=version), "torque is scaled by a formula in the file, which "
+                                  "eaid does not run; export it with its values") for version in ("4.10", "3.30")},
+    "MDF invalid": (mdf([SIGNAL | {"invalidation_bits": np.arange(300) == 7}]), "row 8, column torque, is empty or "),
+    "MDF apart": (mdf([SIGNAL], [SIGNAL | {"name": "duty", "timestamps": T + 9}]),
+                  "its signals were not recorded at the same time; record the log again"),
+    "MDF falling": (mdf([SIGNAL], [SIGNAL | {"name": "duty", "timestamps": T[::-1]}]), "the times of duty fall; sort "),
+}  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def bad(tmp_path_factory):
+    """All that is said of all bad files of one call, by name: what breaks the reader of one file costs no other."""
+    folder = tmp_path_factory.mktemp("bad")
+    paths = {name: f"{folder / f'{k:03}'}: " for k, name in enumerate(BAD) if find_spec(library(name))}
+    for name, path in paths.items():
+        BAD[name][0](Path(path[:-2]))
+    with pytest.raises(DataError) as caught:
+        eaid.read([path[:-2] for path in paths.values()])
+    every = caught.value.sentences
+    return {
+        name: "".join(f"{s.removeprefix(path)}\n" for s in every if s.startswith(path)) for name, path in paths.items()
+    }
+
+
+@pytest.mark.parametrize("name", BAD)
+def test_a_bad_file(name, bad):
+    pytest.importorskip(library(name))
+    assert bad[name].startswith(BAD[name][1]) and (bad[name].count("\n") == 1 or " cell" in bad[name])
+
+
+def test_what_is_not_there(tmp_path):
+    """A table, or messages that a bag counts."""
+    mat({"data": MATRIX})(tmp_path / "a.mat")
+    with pytest.raises(DataError, match="holds no table c for variable=; it holds data"):
+        eaid.read(tmp_path / "a.mat", variable="c")
+    pytest.importorskip("rosbags")
+    changed(of(written.ros2), swallows)(tmp_path / "a.mcap")
+    with pytest.raises(DataError, match="/ft has 299 messages where the bag counts 300; copy it again"):
+        eaid.read(tmp_path / "a.mcap", **ROS)
+
+
+@pytest.mark.parametrize(
+    ("head", "name", "library"),
+    [(b"TDSm", "TDMS", "nptdms"), (b"MDF     4.10", "MDF", "asammdf"), (b"#ROSBAG V2.0\n", "ROS bag", "rosbags"),
+     (b"\x89MCAP0\r\n", "ROS bag", "rosbags"), (b"SQLite format 3\0", "ROS bag", "rosbags")],
+)  # fmt: skip
+def test_a_missing_library_is_named_with_its_pip_line(head, name, library, read, monkeypatch):
+    monkeypatch.setattr(ask, "find_spec", lambda name: None)
+    extra = name.split()[0].lower()
+    said = f'is a {name} file, which takes {library} to read; pip install "eaid[{extra}]"'
+    assert read.refused(head + bytes(100)) == [said]
+
+
+def mat_v4(kind=0, rows=9, columns=3, half=0, name=b"log\0", order="<") -> bytes:
+    return struct.pack(f"{order}5i", kind, rows, columns, half, len(name)) + name + bytes(9)
+
+
+@pytest.mark.parametrize(
+    ("name", "heads"),
+    [
+        ("MAT", [mat_v4(), mat_v4(52), mat_v4(1000), mat_v4(1052), mat_v4(half=1), mat_v4(rows=1), mat_v4(columns=1),
+                 mat_v4(name=b"t\0"), mat_v4(name=b"a" * 62 + b"\0"), mat_v4(name=b"a_1\0"), mat_v4(1000, order=">"),
+                 bytes(124) + b"\x00\x01IM", bytes(124) + b"\x01\x00MI", b"MATLAB 5.0 MAT-file"]),
+        ("text", [mat_v4(53), mat_v4(999), mat_v4(1053), mat_v4(half=2), mat_v4(rows=0), mat_v4(columns=0),
+                  mat_v4(name=b"\0"), mat_v4(name=b"a" * 63 + b"\0"), mat_v4(name=b"a-1\0"), mat_v4(name=b"abcd"),
+                  mat_v4()[:24], bytes(125) + b"\x00\x01IM", b"MATLAB 6.0", b"#ROSBAG", b"", b"\x80\x01", b"\x80\x06",
+                  b" PK\x03\x04", bytes(511) + b"\x89HDF\r\n\x1a\n", bytes(513) + b"\x89HDF\r\n\x1a\n", b"t,y\n"]),
+        ("HDF5", [bytes(512) + b"\x89HDF\r\n\x1a\n"]), ("LVM", [b"\xef\xbb\xbfLabVIEW Measurement\r\n"]),
+        ("Arrow", [b"ARROW1\0\0"]), ("MDF", [b"MDF     3.30", b"UnFinMF 4.10"]), ("NumPy", [b"\x93NUMPY\x01"]),
+    ],
+)  # fmt: skip
+def test_which_first_bytes_say_what_a_file_is(name, heads):
+    assert [format_of(head).name for head in heads] == [name] * len(heads)
+
+
+def base(name: str) -> tuple[int, Any]:
+    return 1, (name, 0)
+
+
+def fields(**more: Any) -> dict[str, Any]:
+    """Definitions as rosbags parses them: of the message `m` and, by capital letters, of what lies in it."""
+    inner = {name: ([], value) for name, value in more.items() if name.isupper()}
+    return {"m": ([], [(name, value) for name, value in more.items() if not name.isupper()]), **inner}
+
+
+def values(definitions: dict[str, Any], raw: bytes, ros1: bool = True) -> dict[str, float]:
+    layout = layout_of(definitions, "m", raw, ros1=ros1)
+    return {field: layout.value(raw, field)[1] for field in layout.places}
+
+
+NUMBERS = {"bool": ("?", 1), "byte": ("B", 200), "char": ("B", 7), "octet": ("B", 9), "int8": ("b", -5),
+           "uint8": ("B", 250), "int16": ("h", -300), "uint16": ("H", 60000), "int32": ("i", -70000),
+           "uint32": ("I", 4_000_000_000), "int64": ("q", -(2**40)), "uint64": ("Q", 2**41), "float32": ("f", 0.5),
+           "float64": ("d", -0.1)}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", NUMBERS)
+def test_every_kind_of_number_in_a_ros_message(name):
+    """ROS 1 packs without gaps, in little-endian order; CDR aligns each number to its size."""
+    form, number = NUMBERS[name]
+    message = fields(first=base("uint8"), x=base(name), last=base("uint8"))
+    assert values(message, struct.pack(f"<B{form}B", 3, number, 4)) == {"first": 3, "x": number, "last": 4}
+    for order in "<>":
+        raw = bytes((0, order == "<", 0, 0, 3)) + bytes(struct.calcsize(form) - 1)
+        raw += struct.pack(f"{order}{form}B", number, 4)
+        assert values(message, raw, ros1=False) == {"first": 3, "x": number, "last": 4}
+
+
+def test_strings_arrays_and_names_in_ros_messages():
+    message = fields(name=base("string"), blob=(4, (base("uint8"), 0)), list=(4, (base("float32"), 0)),
+                     three=(3, (base("float32"), 3)), x=base("float64"))  # fmt: skip
+    expected = {"list[0]": 1.5, "list[1]": 2.5, "three[0]": 7.0, "three[1]": 8.0, "three[2]": 9.0, "x": -4.0}
+    said = (3, b"abc", 5, b"12345", 2, 1.5, 2.5, 7, 8, 9, -4.0)
+    assert values(message, struct.pack("<I3sI5sI2f3fd", *said)) == expected
+    assert values(message, struct.pack("<4sI3sxI5s3xI2f3f4xd", b"\0\1\0\0", *said), ros1=False) == expected
+    long = fields(n=base("uint8"), v=(4, (base("float64"), 0)), x=base("uint8"))
+    for count, kept in ((0, 0), (64, 64), (65, 0)):  # longer ones are pictures and scans
+        raw = struct.pack(f"<4sB3xI{count}dB", b"\0\1\0\0", 1, count, *range(count), 9)
+        found = values(long, raw, ros1=False)
+        assert (len(found), found["n"], found["x"]) == (kept + 2, 1.0, 9.0)
+        points = fields(v=(3, ((2, "P"), count)), P=[("x", base("float32"))])
+        assert len(values(points, struct.pack(f"<{count}f", *range(count)))) == kept
+    joints = fields(name=(4, (base("string"), 0)), effort=(4, (base("float64"), 0)), other=base("float64"))
+    raw = struct.pack("<II3sI0sI2dd", 2, 3, b"arm", 0, b"", 2, 1.0, 2.0, 5.0)
+    assert values(joints, raw) == {"effort[arm]": 1.0, "effort[1]": 2.0, "other": 5.0}
+    layout, short = layout_of(joints, "m", raw, ros1=True), struct.pack("<II3sI1dd", 1, 3, b"arm", 1, 4.0, 6.0)
+    assert layout.value(short, "effort[arm]")[1] == 4.0 and np.isnan(layout.value(short, "effort[1]")[1])
+
+
+NESTED = {f"T{'I' * k}": [("a", (2, f"T{'I' * (k + 1)}"))] for k in range(30)}
+
+
+@pytest.mark.parametrize(
+    ("message", "raw", "ros1"),
+    [
+        (fields(x=base("string")), struct.pack("<I2s", 3, b"ab"), True),  # longer than what is left
+        (fields(x=(4, (base("float64"), 0))), struct.pack("<I", 9), True), (fields(x=base("wstring")), bytes(9), True),
+        (fields(x=(2, "NOWHERE")), bytes(9), True), (fields(x=(2, "m")), bytes(9), True),
+        (fields(x=(3, ((2, "E"), 10**9)), E=()), bytes(9), True), (fields(x=base("uint8")), b"\1\1\0\0\5", False),
+        (fields(x=base("uint8")), b"\0\2\0\0\5", False), (fields(x=base("uint8")), b"\0\1\0", False),
+        (fields(x=(2, "T"), **NESTED | {"T" + "I" * 19: [("a", base("uint8"))]}), b"\7", True),
+    ],
+)  # fmt: skip
+def test_ros_messages_that_cannot_be_followed(message, raw, ros1):
+    with pytest.raises(ValueError, match="message|array|type"):
+        layout_of(message, "m", raw, ros1=ros1)
+
+
+def test_definitions_of_ros_messages_may_be_twenty_deep():
+    assert list(values(fields(x=(2, "T"), **NESTED | {"T" + "I" * 18: [("a", base("uint8"))]}), b"\7").values()) == [
+        7.0
+    ]
