@@ -17,7 +17,7 @@ from benchmarks.table import Row, paired_medians, process
 from eaid.control.gains import paper_gains
 from eaid.control.rc import RCState, rc_step
 from eaid.models.parameters import REFERENCE_PLANT
-from eaid.replay.controllers import Knowledge, controller, rc_controller
+from eaid.replay.controllers import CONTROLLERS, Knowledge, rc_controller
 from eaid.replay.loop import reference_rate, replay
 from eaid.replay.many import replay_many
 from eaid.replay.plant import PlantParameters, plant_parameters
@@ -144,7 +144,7 @@ def rows() -> Iterator[Row]:
         "one 60 s replay", "plain Python", our_s, "python-control", control_s, "≥ 20 × faster",
         control_s >= 20 * our_s, f"{agree:.1e} N·m apart",
     )  # fmt: skip
-    inverse = controller("inverse", Knowledge(REFERENCE_PLANT, None, *paper_gains()))
+    inverse = CONTROLLERS["inverse"](Knowledge(REFERENCE_PLANT, None, *paper_gains()))
     our_s, rc_s = paired_medians(
         partial(replay, plant, inverse, long.reference, RIG, DT_S, 1), ours, RUNS, process_time
     )

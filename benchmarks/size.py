@@ -21,7 +21,7 @@ from eaid.fitting.linear import fit_linear
 from eaid.fitting.nonlinear import fit_nonlinear
 from eaid.models import nonlinear
 from eaid.models.parameters import REFERENCE_PLANT
-from eaid.replay.controllers import Knowledge, controller
+from eaid.replay.controllers import CONTROLLERS, Knowledge
 from eaid.replay.many import montecarlo
 from eaid.replay.references import multisine
 from eaid.replay.rig import Rig
@@ -61,7 +61,7 @@ def fits(samples: int, levels: int) -> Callable[[], None]:
 
 def plants(count: int) -> Callable[[], None]:
     """Robust control of a 2 s multisine on `count` plants: metrics of each, bands."""
-    control = controller("rc", Knowledge(REFERENCE_PLANT, None, *paper_gains()))
+    control = CONTROLLERS["rc"](Knowledge(REFERENCE_PLANT, None, *paper_gains()))
     factors = np.random.default_rng(0).uniform(0.9, 1.1, count).tolist()
     drawn = [replace(REFERENCE_PLANT, Ts=tuple(f * c for c in REFERENCE_PLANT.Ts)) for f in factors]
     return lambda: montecarlo(drawn, control, multisine(1e-3, 2.0), Rig())

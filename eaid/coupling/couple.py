@@ -126,10 +126,6 @@ class Loops:
     timing: Timing
     virtual_damping: float = 0.0
 
-    def has_gains(self, loop: str) -> bool:
-        """Whether a loop can be worked out."""
-        return self.pi is not None if loop == "pi" else self.rc is not None or loop not in ("rc", "rc-no-rate")
-
     def around(self, loop: str, plant: Nonlinear, point: Point, weight: float = 1.0) -> tuple[Channel, Drive]:
         """One clutch around a point, linear and as it is; GainsError where it is unstable without a wall."""
         step, start = step_of(loop, plant, point, self.rc, self.pi, self.timing.step_s)
@@ -141,11 +137,6 @@ class Loops:
                 "no stiffness can be rendered on it, choose other gains or timing"
             )
         return channel, Drive(plant, point, step, start)
-
-    def stable_wall(self, loop: str, plant: Nonlinear, torque_nm: float) -> float:
-        """The stiffest wall that one loop keeps stable around one torque [N·m/rad], linear and sampled."""
-        channel, _ = self.around(loop, plant, operating_point(plant, torque_nm))
-        return stable_stiffness(Coupled([channel], self.limb, self.timing))
 
     def wall(
         self, loop: str, channels: list[Channel], torque: float, duty: float | None
@@ -188,16 +179,6 @@ AFTER_S = 0.5
 """Time after which residual torque and the step at a turn are read [s]."""
 
 
-def limb_of(options: CoupleOptions) -> Limb:
-    """The limb."""
-    return Limb(options.limb_inertia, options.limb_damping)
-
-
-def timing_of(options: CoupleOptions) -> Timing:
-    """When the loop samples and its duty takes effect."""
-    return Timing(options.rate_hz, options.pwm_hz or None, options.delay_samples, options.sensor_hz)
-
-
 def couple(
     plant: Nonlinear,
     rc: RCGains | None,
@@ -208,34 +189,15 @@ def couple(
     unit: str = "N·m",
     advance: Callable[[], None] = lambda: None,
 ) -> parts.Coupling:
-    """How stiff a virtual wall each loop may render on a limb.
+    """How stiff a virtual wall each loop may render on a limb; `drawn` plants for what 95 % of them keep.
 
-    Parameters
-    ----------
-    plant
-        The fitted nonlinear model.
-    rc, pi
-        Gains; loops whose gains are None are left out where `options.loops` is the default.
-    options
-        Limb, timing, torques and loops.
-    drawn
-        Plants drawn from the fit's uncertainty, for what 95 % keep.
-    idle_drag_nm
-        Torque of the idle clutch, where the logs show it.
-    unit
-        Of the torque, for findings.
-    advance
-        Called once per loop and torque.
-
-    Raises
-    ------
-    UsageError
-        A torque that the identified inputs do not hold, or an option out of range.
-    GainsError
-        A loop that is unstable without any wall.
+    Loops whose gains are None are left out. Raises UsageError for a torque that the identified inputs do not hold, and
+    GainsError for a loop that is unstable without any wall. `advance` is called once per loop and torque.
     """
-    setup = Loops(rc, pi, limb_of(options), timing_of(options), options.virtual_damping)
-    loops = [loop for loop in options.loops if setup.has_gains(loop)] or list(options.loops)
+    timing = Timing(options.rate_hz, options.pwm_hz or None, options.delay_samples, options.sensor_hz)
+    setup = Loops(rc, pi, Limb(options.limb_inertia, options.limb_damping), timing, options.virtual_damping)
+    missing = {"rc": rc, "rc-no-rate": rc, "pi": pi}
+    loops = [loop for loop in options.loops if missing.get(loop, ()) is not None] or list(options.loops)
     torques = options.torque or default_torques(plant)
     walls, regions, curves, kept = [], [], [], []
     for torque in torques:

@@ -9,12 +9,11 @@ import numpy as np
 from eaid.control.gains import pi_gains, plant_of, rc_gains
 from eaid.control.margins import Timing
 from eaid.coupling.couple import Loops, couple, default_torques
-from eaid.coupling.stiffness import LOOPS, Limb
+from eaid.coupling.stiffness import Coupled, Limb, operating_point, stable_stiffness
 from eaid.errors import DataError
 from eaid.findings import finding, ranked
 from eaid.models.nonlinear import steady_torque
-from eaid.models.parameters import Nonlinear
-from eaid.options import CoupleOptions
+from eaid.options import LOOPS, CoupleOptions
 from eaid.progress import Progress
 from eaid.replay.rehab import RESISTED_FROM_DEG
 from eaid.results.coupling import Coupling
@@ -29,7 +28,9 @@ MOST_DELAY = 100
 
 def couple_fit(fit: Fit, gains: Gains | None, options: CoupleOptions, progress: Progress) -> Coupling:
     """The stiffest walls on a fitted plant; DataError where the fit holds no nonlinear model."""
-    plant = _plant(fit)
+    plant = plant_of(fit)
+    if plant is None:
+        raise DataError("the fit holds no nonlinear model, which walls are worked out on; fit clutch logs with it")
     late = round(fit.dead_time_s * options.rate_hz)
     if late > MOST_DELAY:
         raise DataError(
@@ -40,10 +41,10 @@ def couple_fit(fit: Fit, gains: Gains | None, options: CoupleOptions, progress: 
     drawn = draw(fit, options.plants, options.seed) if options.plants else None
     plants = drawn.plants if drawn is not None else ()
     torques = options.torque or default_torques(plant)
+    idle = [abs(run.baseline_nm) for run in fit.data.sources if run.baseline_nm is not None]
+    drag_nm = float(np.mean(idle)) if idle else None
     with progress("walls", len(torques) * len(options.loops)) as tick:
-        found = couple(
-            plant, rc_gains(gains), pi_gains(gains), options, plants, idle_drag_nm(fit), fit.data.output_unit, tick
-        )
+        found = couple(plant, rc_gains(gains), pi_gains(gains), options, plants, drag_nm, fit.data.output_unit, tick)
     findings = drawn.findings if drawn is not None else ()
     return msgspec.structs.replace(found, findings=ranked((*found.findings, *findings)))
 
@@ -67,7 +68,8 @@ def with_wall_findings(replay: Replay, fit: Fit, gains: Gains | None) -> Replay:
             for torque in (0.5 * stiffness * pushed, stiffness * pushed):
                 if not low <= torque <= high:
                     continue
-                stable = setup.stable_wall(loop, plant, torque)
+                channel, _ = setup.around(loop, plant, operating_point(plant, torque))
+                stable = stable_stiffness(Coupled([channel], setup.limb, setup.timing))
                 if stable < stiffness:
                     unit = fit.data.output_unit
                     findings.append(
@@ -77,16 +79,3 @@ def with_wall_findings(replay: Replay, fit: Fit, gains: Gains | None) -> Replay:
                     )
     head = msgspec.structs.replace(replay.head, findings=ranked((*replay.findings, *findings)))
     return replace(replay, head=head)
-
-
-def _plant(fit: Fit) -> Nonlinear:
-    plant = plant_of(fit)
-    if plant is None:
-        raise DataError("the fit holds no nonlinear model, which walls are worked out on; fit clutch logs with it")
-    return plant
-
-
-def idle_drag_nm(fit: Fit) -> float | None:
-    """Size of the idle output, mean over the runs; None where no run says it."""
-    known = [abs(run.baseline_nm) for run in fit.data.sources if run.baseline_nm is not None]
-    return float(np.mean(known)) if known else None

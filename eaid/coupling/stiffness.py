@@ -34,8 +34,6 @@ from eaid.models.parameters import Nonlinear
 from eaid.replay.inverse import InverseState, inverse_gains, inverse_step
 
 Complex = NDArray[np.complex128]
-LOOPS = ("open-loop", "pi", "rc-no-rate", "rc", "inverse")
-"""rc-no-rate is the robust controller whose reference rate is left at 0."""
 
 
 @dataclass(frozen=True)
@@ -105,8 +103,6 @@ def step_of(
         return lambda s, r, v, t: pi_step(free, PIState(*s), r, v, t, dt_s), (
             point.duty_pct / pi.K_I if pi.K_I else 0.0,
         )
-    if loop not in LOOPS:
-        raise UsageError(f"no loop {loop!r}; there are {', '.join(LOOPS)}")
     if rc is None:
         raise UsageError(f"the loop {loop} needs gains with a robust controller; give «gains» that tune-rc wrote")
     open_ended = rc._replace(duty_min=-math.inf, duty_max=math.inf, back_calculation=0.0)
@@ -307,14 +303,9 @@ class Needed:
         return np.asarray(0.5 * (across - inner.real))
 
 
-def frequencies(timing: Timing, count: int = 1200) -> Array:
-    """From slow to just below the Nyquist frequency [rad/s]."""
-    return np.geomspace(1e-3, 0.999 * np.pi * timing.rate_hz, count)
-
-
 def needed_damping(channels: Sequence[Channel], timing: Timing) -> Needed:
     """What a drive's walls ask of the limb."""
-    omega = frequencies(timing)
+    omega = np.geomspace(1e-3, 0.999 * np.pi * timing.rate_hz, 1200)  # to just below the Nyquist frequency
     h = timing.step_s
     p, q = [], []
     duties = [duty_response(channel, timing, omega) for channel in channels]

@@ -159,19 +159,12 @@ def _inverse(known: Knowledge) -> Controller:
     return Controller("inverse", inverse_step, gains, InverseState(), looks_ahead=True)
 
 
-CONTROLLERS: dict[str, tuple[str, Callable[[Knowledge], Controller]]] = {
-    "rc": ("robust control, Eqs. (11)-(15)", lambda known: rc_controller(_given(known.rc, "rc"))),
-    "pi": ("PI of §V-B with conditional integration", lambda known: pi_controller(_given(known.pi, "pi"))),
-    "pi-feedforward": ("the linear model's duty for reference and rate, and the PI", _pi_feedforward),
-    "feedforward": ("the linear model's duty for reference and rate, nothing fed back", _feedforward),
-    "open-loop": ("duty of the linear model's steady state", _open_loop),
-    "inverse": ("feedback linearisation with the nonlinear model, exact inverse of each sample", _inverse),
+CONTROLLERS: dict[str, Callable[[Knowledge], Controller]] = {
+    "rc": lambda known: rc_controller(_given(known.rc, "rc")),
+    "pi": lambda known: pi_controller(_given(known.pi, "pi")),
+    "pi-feedforward": _pi_feedforward,
+    "feedforward": _feedforward,
+    "open-loop": _open_loop,
+    "inverse": _inverse,
 }
-"""Name → what it is, and how it is made."""
-
-
-def controller(name: str, known: Knowledge) -> Controller:
-    """The controller of that name; `UsageError` where the name is unknown or its gains are missing."""
-    if name not in CONTROLLERS:
-        raise UsageError(f"no controller {name!r}; there are {', '.join(CONTROLLERS)}")
-    return CONTROLLERS[name][1](known)
+"""Name → how it is made; `UsageError` where its gains are missing."""

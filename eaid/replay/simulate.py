@@ -1,4 +1,16 @@
-"""Controllers on the fitted plant: a scenario, a reference, the rehabilitation, or recorded runs; one function."""
+"""Controllers on the fitted plant: a scenario, a reference, the rehabilitation, or recorded runs; one function.
+
+**The guarantee watched.** Along a replay of the robust controller the uncertainty χ(t) stands against ρ(t), Eq. (15).
+Whatever the plant is, with u = B̂ y + η̂ played on B q̈ + η = u (Siciliano et al., Robotics, §8.5.3; the paper's η
+there is our χ),
+
+    q̈ = B⁻¹ (B̂ y + η̂ − η) = y − χ,      χ = (1 − B⁻¹B̂) y + B⁻¹ (η − η̂)
+
+so that χ = y − Ṫ: the slope that the law asks for minus the one that comes. The Lyapunov argument holds at an instant
+where |χ| ≤ ρ. Taken sample by sample, Ṫ is the mean slope until the next one. Where it fails while the duty is at a
+limit, the limit is the cause if |χ| ≤ ρ held had the duty gone on to the u* that the law asked for,
+Ṫ(u*) = Ṫ(u) + (u* − u) ∂Ṫ/∂u.
+"""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -18,8 +30,7 @@ from eaid.models.parameters import Linear
 from eaid.options import Rig, SimulateOptions
 from eaid.progress import Progress, no_progress
 from eaid.replay.compare import compared
-from eaid.replay.controllers import Controller, Knowledge
-from eaid.replay.controllers import controller as controller_of
+from eaid.replay.controllers import CONTROLLERS, Controller, Knowledge
 from eaid.replay.loop import Trace, reference_rate, replay
 from eaid.replay.many import QUANTILES, montecarlo
 from eaid.replay.noise import with_residual_noise
@@ -79,15 +90,13 @@ def set_up(
     if gains is not None and gains.unidentified:
         findings.append(finding("gains-not-identifiable", "gains", why=gains.unidentified))
     plant = plant_parameters(perturbed(model, options.perturb))
-    chosen = tuple(controller_of(name, known) for name in names)
+    chosen = tuple(CONTROLLERS[name](known) for name in names)
     return Setup(fit, plant, known, chosen, rig, options, 1.0 / rate_hz), findings
 
 
 def _names(asked: tuple[str, ...] | None, what: str, known: Knowledge) -> tuple[tuple[str, ...], list[Finding]]:
     """The controllers to replay; by default those that the files allow."""
-    if asked is not None:
-        if not asked or len(set(asked)) < len(asked):
-            raise UsageError(f"«controller» {','.join(asked)}: name each controller once, with commas between")
+    if asked:
         straight = "open-loop" in asked and known.linear is None
         return asked, [finding("open-loop-on-straight-line", "open-loop")] if straight else []
     names = [name for name, held in (("rc", known.rc), ("pi", known.pi)) if held is not None]
@@ -297,13 +306,11 @@ def _rehab(setup: Setup, top: float) -> Outcome:
     options = setup.options
     if setup.fit.data.output_unit not in ("N·m", "Nm"):
         raise DataError(f"rehab needs a torque, and the fit's output is in {setup.fit.data.output_unit}")
-    asked = {
-        "mode_s": None if options.duration is None else options.duration / len(MODES),
-        "damping_nms": options.limb_damping,
-        "inertia_kgm2": options.limb_inertia,
-    }
-    given = {key: value for key, value in asked.items() if value is not None}
-    exercise = msgspec.structs.replace(Exercise().scaled(top), **given)
+    mode_s = None if options.duration is None else options.duration / len(MODES)
+    asked = {"mode_s": mode_s, "damping_nms": options.limb_damping, "inertia_kgm2": options.limb_inertia}
+    exercise = msgspec.structs.replace(
+        Exercise().scaled(top), **{key: value for key, value in asked.items() if value is not None}
+    )
     records = {
         each.name: record_session(rehabilitate(setup.plant, each, exercise, setup.rig, setup.dt_s, options.seed))
         for each in setup.controllers

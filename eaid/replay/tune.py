@@ -1,6 +1,14 @@
 """Gains for a fit, and what they do on its plant: design, search, replay beside the ultimate bound.
 
-One pure function: everything that it reads is handed to it.
+**The search.** P's scale, ε and φ of least RMS torque error and limited chattering. A candidate is replayed on plants
+drawn from the fit's uncertainty, with the torque noise that the logs show:
+
+    error         √(mean over plants and counted samples of e²)                       [N·m]
+    chattering    mean over plants and counted samples of |u_k − u_{k−1}|             [% duty]
+
+One that chatters more than the limit, or misses 6 dB or 45° around an operating point, the duty latched, does not
+count. SciPy's differential evolution looks in the logarithms of the three, from a seed; every replay meets the same
+noise, so that the error is a function of the candidate.
 """
 
 import math

@@ -23,7 +23,7 @@ from eaid.logs.run import Run
 from eaid.options import Excitation
 from eaid.replay.controllers import Controller, pi_controller
 from eaid.replay.plant import perturbed
-from eaid.synth.logs import Columns, Disturbance, check, digits, mark, measured, noise, refuse_too_many, run_of, scatter
+from eaid.synth.logs import Columns, Disturbance, digits, mark, measured, noise, refuse_too_many, run_of, scatter
 from eaid.synth.plants import Plant
 
 LOOPED = "closed-loop"
@@ -147,7 +147,6 @@ def synthesise_excitation(
     """Logs of that input; a closed loop takes `controller`, else the PI of the excitation's gains."""
     check_excitation(plant, e)
     refuse_too_many(e.duration_s * e.rate_hz * repeats)
-    check(disturbance)
     runs = []
     for repeat in range(1, repeats + 1):
         draw, reference = np.random.default_rng([seed, 99, repeat]), None

@@ -52,13 +52,6 @@ NONE = Disturbance(**{field.name: 0.0 for field in fields(Disturbance) if field.
 """The plant alone."""
 
 
-def check(disturbance: Disturbance) -> None:
-    """Refuse sizes that mean nothing."""
-    SynthOptions(**asdict(disturbance))
-    if disturbance.coloured > 0 and disturbance.coloured_s == 0:
-        raise UsageError("«coloured_s» 0: coloured noise needs a time constant above 0; white noise is «noise_nm»")
-
-
 @dataclass(frozen=True)
 class Scatter:
     """How one run differs from the plant: factors on T_s, τ1 and τ2."""
@@ -194,7 +187,6 @@ def _falling(plant: Plant, step: Friction, value: float) -> Array:
 def synthesise(plant: Plant, protocol: Protocol, disturbance: Disturbance, seed: int) -> list[Run]:
     """Runs of every level and repeat, in that order; the seed, a level's place and the repeat make a run."""
     check_protocol(plant, protocol)
-    check(disturbance)
     p = protocol
     repeats = range(1, p.repeats + 1)
     planned = [
@@ -207,7 +199,6 @@ def synthesise_plan(
     plant: Plant, planned: Sequence[PlannedRun], rate_hz: float, disturbance: Disturbance, seed: int
 ) -> list[Run]:
     """The runs of a run table, in its order; a level's place is that among the table's levels."""
-    check(disturbance)
     for run in planned:
         check_protocol(plant, Protocol((run.level,), 1, run.idle_s, run.hold_s, run.release_s, rate_hz))
     return _step_runs(plant, planned, sorted({run.level for run in planned}), rate_hz, disturbance, seed)
@@ -244,7 +235,6 @@ def synthesise_input(
 ) -> list[Run]:
     """Repeats of one given input over `protocol.hold_s`; no level is claimed for them."""
     check_protocol(plant, protocol)
-    check(disturbance)
     runs = []
     for repeat in range(1, protocol.repeats + 1):
         draw = np.random.default_rng([seed, len(KINDS), repeat])
@@ -305,13 +295,14 @@ def check_protocol(plant: Plant, protocol: Protocol) -> None:
     if plant.is_duty:
         faults += [f"«levels» {level:g}: a duty is at most 100 %" for level in protocol.levels if level > 100]
     if plant.kind != "clutch" and protocol.release_s > 0:
-        faults.append("«release»: nobody has published how friction falls when weights are lifted; leave it at 0")
+        faults.append("«release_s»: nobody has published how friction falls when weights are lifted; leave it at 0")
     if faults:
         raise UsageError(*faults)
     samples = (protocol.idle_s + protocol.hold_s + protocol.release_s) * protocol.rate_hz
     if protocol.hold_s * protocol.rate_hz < 10:
         raise UsageError(
-            f"«hold» {protocol.hold_s:g}: fewer than 10 samples at {protocol.rate_hz:g} Hz; hold longer or raise «rate»"
+            f"«hold_s» {protocol.hold_s:g}: fewer than 10 samples at {protocol.rate_hz:g} Hz; hold longer or raise "
+            "«rate_hz»"
         )
     refuse_too_many(samples * protocol.repeats * len(protocol.levels))
 

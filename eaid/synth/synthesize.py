@@ -83,4 +83,7 @@ def disturbance_of(options: SynthOptions, plant: Plant) -> Disturbance:
     if not plant.in_nm:
         base = replace(base, **{name: getattr(base, name) * plant.scale for name in ABSOLUTE})
     given = {each.name: getattr(options, each.name) for each in fields(Disturbance)}
-    return replace(base, **{name: value for name, value in given.items() if value is not None})
+    found = replace(base, **{name: value for name, value in given.items() if value is not None})
+    if found.coloured > 0 and found.coloured_s == 0:
+        raise UsageError("«coloured_s» 0: coloured noise needs a time constant above 0; white noise is «white_nm»")
+    return found

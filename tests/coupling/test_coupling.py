@@ -14,7 +14,6 @@ from eaid.control.margins import Timing
 from eaid.control.pi import PIGains
 from eaid.coupling.couple import couple
 from eaid.coupling.stiffness import (
-    LOOPS,
     Channel,
     Coupled,
     Law,
@@ -29,7 +28,7 @@ from eaid.coupling.stiffness import (
 )
 from eaid.errors import DataError, GainsError, UsageError
 from eaid.models.parameters import REFERENCE_PLANT
-from eaid.options import CoupleOptions
+from eaid.options import LOOPS, CoupleOptions
 from eaid.results.fit import StepShape
 
 RC, PI = paper_gains()

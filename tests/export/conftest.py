@@ -20,7 +20,7 @@ from eaid.export.job import Origin
 from eaid.models.parameters import PAPER_LINEAR, REFERENCE_PLANT, Nonlinear
 from eaid.options import ExportOptions
 from eaid.replay import references
-from eaid.replay.controllers import Knowledge, controller
+from eaid.replay.controllers import CONTROLLERS, Knowledge
 from eaid.replay.loop import reference_rate, replay
 from eaid.replay.plant import PlantParameters, plant_parameters
 from eaid.replay.rehab import rehabilitate
@@ -125,7 +125,7 @@ class Scenario:
 def scenario(name: str, law_name: str, plant: PlantParameters | None = None) -> Scenario:
     """One of the replay's scenarios; of the rehabilitation its torque loop."""
     plant = plant_parameters(PLANT) if plant is None else plant
-    chosen = controller(law_name, KNOWN)
+    chosen = CONTROLLERS[law_name](KNOWN)
     if name == "rehab":
         done = rehabilitate(plant, chosen, Exercise(mode_s=6.0, uncounted_s=2.0), Rig(), DT).replay
         values = done.reference_nm

@@ -6,7 +6,7 @@ import pytest
 
 from eaid.control.gains import paper_gains
 from eaid.models.parameters import PAPER_LINEAR, REFERENCE_PLANT
-from eaid.replay.controllers import Controller, Knowledge, controller
+from eaid.replay.controllers import CONTROLLERS, Controller, Knowledge
 from eaid.replay.plant import PlantParameters, plant_parameters
 
 
@@ -18,4 +18,4 @@ def plant() -> PlantParameters:
 @pytest.fixture(scope="session")
 def law() -> Callable[[str], Controller]:
     known = Knowledge(REFERENCE_PLANT, PAPER_LINEAR, *paper_gains())
-    return lambda name: controller(name, known)
+    return lambda name: CONTROLLERS[name](known)

@@ -5,7 +5,7 @@ import pytest
 
 from eaid.control.pi import PIState
 from eaid.models.parameters import REFERENCE_PLANT, Linear
-from eaid.replay.controllers import FeedforwardGains, Knowledge, controller, feedforward_step
+from eaid.replay.controllers import CONTROLLERS, FeedforwardGains, Knowledge, feedforward_step
 
 GAINS = FeedforwardGains(K_P=21.0, K_I=360.0, a0=1.8, b0=0.08, c0=-0.4)
 DT = 1e-3
@@ -39,7 +39,7 @@ def test_the_duty_stays_within_its_limits_and_the_integral_does_not_wind_up():
 
 def test_feedforward_is_the_model_alone_and_hears_no_torque():
     known = Knowledge(REFERENCE_PLANT, Linear(GAINS.a0, GAINS.b0, GAINS.c0), None, None, limits=(0.0, 90.0))
-    law = controller("feedforward", known)
+    law = CONTROLLERS["feedforward"](known)
     duties = [law.step(law.gains, law.start, 2.0, 0.5, torque, DT)[1] for torque in (0.0, 2.0, 9.0)]
     assert duties == pytest.approx([(0.5 + GAINS.a0 * 2.0 - GAINS.c0) / GAINS.b0] * 3)
     assert law.step(law.gains, law.start, 40.0, 0.0, 0.0, DT)[1] == 90.0

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from eaid.errors import DataError, UsageError
 from eaid.models.nonlinear import step_response
 from eaid.models.parameters import REFERENCE_PLANT, Nonlinear
+from eaid.options import SimulateOptions
 from eaid.replay.compare import driven
 from eaid.replay.plant import (
     Held,
@@ -113,7 +114,7 @@ def test_perturbed_multiplies_the_polynomials_and_the_release():
 )
 def test_perturbed_refuses(factors, said):
     with pytest.raises(UsageError, match=said):
-        perturbed(REFERENCE_PLANT, factors)
+        perturbed(REFERENCE_PLANT, SimulateOptions(perturb=factors).perturb)
 
 
 @pytest.mark.parametrize(

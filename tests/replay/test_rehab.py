@@ -10,7 +10,7 @@ from scipy import stats
 from eaid.control.gains import paper_gains
 from eaid.errors import GainsError, UsageError
 from eaid.models.parameters import PAPER_LINEAR, REFERENCE_PLANT, Nonlinear
-from eaid.replay.controllers import Knowledge, controller
+from eaid.replay.controllers import CONTROLLERS, Knowledge
 from eaid.replay.plant import plant_parameters
 from eaid.replay.rehab import (
     MODES,
@@ -29,7 +29,7 @@ from eaid.results.replay import Exercise
 
 PLANT = plant_parameters(REFERENCE_PLANT)
 KNOWN = Knowledge(REFERENCE_PLANT, PAPER_LINEAR, *paper_gains())
-RC = controller("rc", KNOWN)
+RC = CONTROLLERS["rc"](KNOWN)
 
 
 def session(seed: int = 0, rig: Rig | None = None, **changes: float) -> Session:
@@ -197,7 +197,7 @@ def test_a_limb_in_proportion_moves_as_the_paper_s_does() -> None:
     tenth = dataclasses.replace(REFERENCE_PLANT, Ts=tuple(0.1 * c for c in REFERENCE_PLANT.Ts))
 
     def angles(plant: Nonlinear, exercise: Exercise) -> np.ndarray:
-        law = controller("inverse", dataclasses.replace(KNOWN, plant=plant))
+        law = CONTROLLERS["inverse"](dataclasses.replace(KNOWN, plant=plant))
         return rehabilitate(plant_parameters(plant), law, exercise, Rig(), 1e-3, 1).angle_deg
 
     short = msgspec.structs.replace(Exercise(), mode_s=8.0)

@@ -6,6 +6,7 @@ import msgspec
 import numpy as np
 import pytest
 
+import eaid
 from eaid.control.design import design
 from eaid.control.gains import plant_of
 from eaid.control.options import DesignOptions
@@ -83,8 +84,12 @@ def test_the_rate_is_the_rigs() -> None:
 
 
 def test_what_contradicts_itself_is_refused() -> None:
+    with pytest.raises(UsageError, match="exclude each other"):
+        eaid.simulate(FIT, None, "steps", reference="reference.csv")
+    with pytest.raises(UsageError, match="scenario= loops: must be one of multisine, steps"):
+        SimulateOptions(scenario="loops")
     with pytest.raises(UsageError, match="controller=: names inverse twice"):
-        simulate(FIT, None, SimulateOptions(controller=("inverse", "inverse")), (T, T))
+        SimulateOptions(controller=("inverse", "inverse"))
     with pytest.raises(DataError, match="the gains are for an input in % and an output in N·m"):
         volts = from_plain({"data": {"input_unit": "V"}, "nonlinear": {**plain()}}, Fit, "v")
         simulate(volts, gains(5.0), SimulateOptions(), (T, T))
@@ -286,6 +291,8 @@ def test_a_fit_without_a_plant_is_refused() -> None:
 def test_a_controller_without_gains_and_one_that_nobody_knows_are_refused() -> None:
     with pytest.raises(UsageError, match="controller pi-feedforward needs gains|controller pi needs gains"):
         simulate(FIT, None, SimulateOptions(controller=("pi-feedforward",)), (T, T))
+    with pytest.raises(UsageError, match="controller= pid: must be one of rc, pi"):
+        SimulateOptions(controller=("pid",))
 
 
 def test_a_dead_time_of_the_steps_is_replayed_as_a_delay() -> None:

@@ -1,5 +1,7 @@
 """Gains for a fit beside what they do on its plant: findings by code, the noise of a search, one verdict."""
 
+from dataclasses import replace
+
 import msgspec
 import numpy as np
 import pytest
@@ -143,7 +145,7 @@ def test_a_search_meets_drawn_plants_and_what_it_traded_is_kept():
 
 @pytest.mark.slow
 def test_a_search_without_covariance_is_made_on_the_fitted_plant():
-    found = tune(FIT, msgspec.structs.replace(SEARCHED, noise_nm=0.02), reference=(T, SLOW))
+    found = tune(FIT, replace(SEARCHED, noise_nm=0.02), reference=(T, SLOW))
     assert found.optimized.plants == 1 and "search-on-fitted-plant" in codes(found)
     assert (found.optimized.noise_nm, found.optimized.noise_source) == (0.02, "given")
     assert "noise-supposed" not in codes(found)
@@ -159,7 +161,7 @@ def test_the_noise_of_a_search_is_given_or_the_fits_or_supposed():
 
 @pytest.mark.slow
 def test_sixteen_plants_unless_said_otherwise():
-    few = msgspec.structs.replace(SEARCHED, plants=None)
+    few = replace(SEARCHED, plants=None)
     short = sampled(T[:101], SLOW[:101], 1e-2)
-    found = tune(with_covariance(), msgspec.structs.replace(few, rate_hz=100.0), reference=(T[:101], SLOW[:101]))
+    found = tune(with_covariance(), replace(few, rate_hz=100.0), reference=(T[:101], SLOW[:101]))
     assert found.optimized.plants == 16 and len(short.torque_nm) == 101

@@ -8,7 +8,6 @@ import pytest
 
 from eaid.errors import DataError, UsageError
 from eaid.logs.read import read_runs
-from eaid.options import ReadOptions
 from eaid.results.plan import PlannedRun
 from eaid.steps.build import build_stepset
 from eaid.synth import datasets, plants
@@ -112,9 +111,7 @@ def test_a_folder_and_a_dataset_are_read_as_the_same_synthetic_steps(tmp_path: P
     runs = synthesise(plants.clutch(), replace(SHORT, idle_s=1.0, hold_s=3.0, release_s=1.0), Disturbance(), seed=2)
     write_folder(tmp_path / "logs", runs, force=False)
     datasets.write(tmp_path / "d.h5", runs)
-    from_folder, from_dataset = (
-        build_stepset(read_runs([tmp_path / name], ReadOptions()), ReadOptions()) for name in ("logs", "d.h5")
-    )
+    from_folder, from_dataset = (build_stepset(read_runs([tmp_path / name])) for name in ("logs", "d.h5"))
     for stepset in (from_folder, from_dataset):
         assert stepset.synthetic is not None and "recorded on no rig" in stepset.synthetic
         assert [level.level for level in stepset.levels] == [40.0, 90.0] and len(stepset.releases) == 2

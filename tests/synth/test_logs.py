@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+import eaid
 from eaid.errors import UsageError
 from eaid.models.nonlinear import step_response
 from eaid.models.parameters import REFERENCE_PLANT, Friction
@@ -228,40 +229,27 @@ def test_friction_levels_of_a_fit_and_of_none_other() -> None:
 
 
 @pytest.mark.parametrize(
-    ("change", "sentence"),
+    ("options", "sentence"),
     [
-        ({"levels": ()}, "give at least one level"),
+        ({"levels": ()}, "levels=: give at least one level"),
         ({"levels": (10.0, 10.0)}, "stands there twice"),
         ({"levels": (0.0,)}, "levels= 0: give a number above 0"),
         ({"levels": (120.0,)}, "a duty is at most 100 %"),
         ({"repeats": 0}, "repeats= 0: give a whole number from 1"),
         ({"hold_s": 0.0}, "hold_s= 0: give a number above 0"),
-        ({"hold_s": 0.01}, "fewer than 10 samples"),
+        ({"hold_s": 0.01, "rate_hz": 100.0}, "hold_s= 0.01: fewer than 10 samples at 100 Hz; .*raise rate_hz="),
         ({"idle_s": -1.0}, "idle_s= -1: give a number from 0"),
         ({"release_s": float("nan")}, "release_s= nan: give a number"),
         ({"rate_hz": 0.0}, "rate_hz= 0: give a number from 0.001 to 100000"),
         ({"rate_hz": 1e5, "hold_s": 2000.0}, "million samples, 20 million at most"),
-    ],
-)
-def test_what_cannot_be_recorded_is_refused(change: dict[str, object], sentence: str) -> None:
-    with pytest.raises(UsageError, match=sentence):
-        synthesise(plants.clutch(), replace(SHORT, **change), NONE, seed=0)  # type: ignore[arg-type]
-
-
-@pytest.mark.parametrize(
-    ("change", "sentence"),
-    [
         ({"white_nm": -1.0}, "white_nm= -1: give a number from 0"),
-        ({"coloured_s": 0.0}, "coloured_s= 0: coloured noise needs"),
+        ({"coloured": 0.1, "coloured_s": 0.0}, "coloured_s= 0: coloured noise needs"),
         ({"gain_scatter": 0.5}, "gain_scatter= 0.5: give a number from 0 to 0.3"),
         ({"offset_nm": float("inf")}, "offset_nm= inf: give a number from"),
+        ({"kind": "friction-force", "release_s": 1.0}, "release_s=: nobody has published"),
+        ({"seed": -1}, "seed= -1: give a whole number from 0"),
     ],
 )
-def test_disturbances_that_mean_nothing_are_refused(change: dict[str, float], sentence: str) -> None:
+def test_what_cannot_be_recorded_is_refused(options: dict[str, object], sentence: str) -> None:
     with pytest.raises(UsageError, match=sentence):
-        synthesise(plants.clutch(), SHORT, replace(Disturbance(), **change), seed=0)
-
-
-def test_friction_has_no_release() -> None:
-    with pytest.raises(UsageError, match="leave it at 0"):
-        synthesise(plants.friction_force(), replace(SHORT, levels=(17.0,)), NONE, seed=0)
+        eaid.synth(**options)
