@@ -5,10 +5,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+from eaid.fitting.bounded import least_squares_between
 from scipy.optimize import lsq_linear
 
 from eaid.fitting.basis import basis_of
-from eaid.fitting.bounded import least_squares_between
 from eaid.fitting.data import data_of
 from eaid.fitting.nonlinear import nonlinear_problem
 from eaid.fitting.solver import EndPoint, Problem, newton_step, polish, slsqp
