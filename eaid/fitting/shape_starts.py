@@ -12,6 +12,9 @@ FEW = 800
 """Points to which a record is averaged for the choice of a shape; the chosen one is fitted to all samples."""
 GRID = 28
 STARTS = 3
+DELAYS = 20
+LOOKED_AT = 300_000
+"""Half of the values of the curve that are worked out to find a dead time, at most."""
 FAR = 1.0
 """Distance in ln τ2 from which a start is another."""
 
@@ -46,7 +49,22 @@ def delays_of(points: AveragedRecord, window: float) -> list[float]:
     """Dead times to start from: shares of the time to half of the change."""
     half = np.flatnonzero(np.abs(points.output) >= 0.5 * np.abs(points.output[-1]))
     until = float(points.time_s[half[0]]) if len(half) else window / 4
-    return [until * share for share in (0.02, 0.1, 0.25, 0.5, 0.75, 0.95)]
+    return [until * (k + 0.5) / DELAYS for k in range(DELAYS)]
+
+
+def best_delay(points: AveragedRecord, p: Array) -> float:
+    """The middle between the two samples between which a dead time leaves least, the time constants and C as in `p`.
+
+    Of a long record those near the dead time of `p` are looked at.
+    """
+    middle = 0.5 * (points.time_s[1:] + points.time_s[:-1])
+    middle = middle[middle < 0.9 * points.time_s[-1]]
+    at, reach = int(np.searchsorted(middle, p[4])), max(2, LOOKED_AT // len(points.time_s))
+    middle = middle[max(at - reach, 0) : at + reach]
+    after = np.maximum(points.time_s - middle[:, np.newaxis], 0.0)
+    shape = 1 - p[3] * np.exp(-after / np.exp(p[1])) - (1 - p[3]) * np.exp(-after / np.exp(p[1] + p[2]))
+    along, square = shape @ (points.weight * points.output), (shape**2) @ points.weight
+    return float(middle[np.argmax(along**2 / np.maximum(square, 1e-300))])
 
 
 def starts_of(
@@ -59,8 +77,10 @@ def starts_of(
     tau = np.geomspace(shortest, 5 * window, GRID)
     i, j = np.triu_indices(GRID, 1)
     total = float(w @ y**2)
-    places: dict[Shape, list[tuple[float, Array]]] = {shape: [] for shape in wanted}
+    places: dict[Shape, list[list[tuple[float, Array]]]] = {shape: [] for shape in wanted}
     for delay in delays:
+        for rows in places.values():
+            rows.append([])
         rises = -np.expm1(-np.maximum(t - delay, 0.0) / tau[:, np.newaxis])
         gram, right = (rises * w) @ rises.T, rises @ (w * y)
         one = np.diag(gram)
@@ -70,7 +90,9 @@ def starts_of(
                 change = np.where(ok, right / np.where(ok, one, 1.0), 0.0)
                 cost = total - change * right
                 k = cost.argsort()[:1]
-                places[shape] += [(float(cost[m]), np.array([change[m], np.log(tau[m]), 1.0, 1.0, delay])) for m in k]
+                places[shape][-1] += [
+                    (float(cost[m]), np.array([change[m], np.log(tau[m]), 1.0, 1.0, delay])) for m in k
+                ]
                 continue
             if shape == "two":
                 size = share**2 * one[i] + 2 * share * (1 - share) * gram[i, j] + (1 - share) ** 2 * one[j]
@@ -89,8 +111,15 @@ def starts_of(
             for m in _apart(cost, np.log(tau[j])):
                 if np.isfinite(cost[m]):
                     start = np.array([change[m], np.log(tau[i[m]]), np.log(tau[j[m]] / tau[i[m]]), C[m], delay])
-                    places[shape].append((float(cost[m]), start))
-    return {shape: [p for _, p in sorted(some, key=lambda one: one[0])[:STARTS]] for shape, some in places.items()}
+                    places[shape][-1].append((float(cost[m]), start))
+    return {shape: _best(rows) for shape, rows in places.items()}
+
+
+def _best(rows: Sequence[Sequence[tuple[float, Array]]]) -> list[Array]:
+    """The best of the places of those delays whose neighbours have none as good; `rows` holds those of each delay."""
+    least = [min((cost for cost, _ in row), default=np.inf) for row in rows]
+    lower = [row for k, row in enumerate(rows) if least[k] <= min(least[max(k - 1, 0) : k + 2])]
+    return [p for _, p in sorted((one for row in lower for one in row), key=lambda one: one[0])[:STARTS]]
 
 
 def _apart(cost: Array, slow: Array) -> list[int]:

@@ -11,13 +11,13 @@ from dataclasses import dataclass, replace
 from typing import cast
 
 import numpy as np
+from scipy.optimize import least_squares
 
 from eaid.arrays import Array
 from eaid.findings import Finding, finding
-from eaid.fitting.bounded import least_squares_between
 from eaid.fitting.data import quality
 from eaid.fitting.shape_curves import APART, MOST, SHAPES, Shape, curve, overshoots, slopes
-from eaid.fitting.shape_starts import AveragedRecord, averaged, delays_of, starts_of
+from eaid.fitting.shape_starts import AveragedRecord, averaged, best_delay, delays_of, starts_of
 from eaid.models.parameters import SHARE
 from eaid.options import FitOptions
 from eaid.results.fit import StepShape
@@ -34,8 +34,18 @@ MISSED = 0.1
 """Share of the change by which the best shape may miss the mean of a sixtieth of the record."""
 LITTLE = 0.5
 """R² below which a curve explains little."""
-COARSE, NEAR, SETTLED = 1e-4, 1e-7, 1e-13
-"""Part of the cost by which no further step lowers it: of all starts, of the best of each shape, of the chosen one."""
+COARSE, SETTLED = 1e-4, 1e-10
+"""Part of the cost by which no further step lowers it: of all starts, of the best of each shape."""
+EVALUATIONS = 50
+"""Of one search, at most."""
+ROUNDS = 20
+"""Pairs of samples between which a dead time is fitted, at most."""
+AT_BOUND = 1e-3
+"""Part of its range by which an unknown that has not settled is off a bound where it is held there."""
+ROUNDING = 1e-16
+"""Of a sum of squares, as a part of that of the output."""
+LEAST_SHARE = 0.01
+"""Least C of a free shape, and least 1 − C."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,16 +75,16 @@ def fit_step(step: LevelStep, options: FitOptions | None = None) -> StepShape:
     y = step.output - step.start
     points = averaged(step.time_s, y)
     wanted = SHAPES if options.shape == "auto" else (cast(Shape, options.shape),)
-    with_and_without = (False, True) if options.held_dead_time_s is None else (options.held_dead_time_s > 0,)
-    tried = [one for dead in with_and_without for one in _candidates(points, step, options, wanted, dead)]
-    best = min(tried, key=lambda one: one.sse)
-    left = y - curve(best.p, step.time_s)
-    count = independent(left)
-    rounding = 1e-16 * float(y @ y)
+    tried: list[_Candidate] = []
+    for dead in (False, True) if options.held_dead_time_s is None else (options.held_dead_time_s > 0,):
+        tried += _candidates(points, step, options, wanted, dead, tried)
+    best = min(tried, key=lambda one: (one.sse, one.unknowns))
+    rounding = ROUNDING * float(y @ y)
+    count = independent(y - curve(best.p, step.time_s), rounding)
     scores = {one.name: _aicc(one.sse + rounding, one.unknowns, count) for one in tried}
     chosen = _chosen(tried, scores)
     every = AveragedRecord(step.time_s, y, np.ones(len(y)))
-    p, sse = _fitted(every, chosen.p, chosen.shape, chosen.free, float(step.time_s[-1]), SETTLED)
+    p, sse = _polished(every, chosen.p, chosen.shape, chosen.free)
     chosen = replace(chosen, p=p, sse=sse)
     return _result(step, chosen, scores, y, _plain_rmse(tried, chosen, len(y)))
 
@@ -86,77 +96,131 @@ def may_ask(step: LevelStep, options: FitOptions) -> bool:
     plain = _candidates(points, step, options, ("one", "two"), dead=False)
     count = independent(y - curve(min(plain, key=lambda one: one.sse).p, step.time_s))
     chosen = _chosen(plain, {one.name: _aicc(one.sse, one.unknowns, count) for one in plain})
-    general = _candidates(points, step, options, ("free", "overshoot"), dead=True)
+    general = _candidates(points, step, options, ("free", "overshoot"), True, plain)
     return any(one.sse < (1 - min(LEAST_SAVED.values())) ** 2 * chosen.sse for one in general)
 
 
 def _candidates(
-    points: AveragedRecord, step: LevelStep, options: FitOptions, wanted: Sequence[Shape], dead: bool
+    points: AveragedRecord,
+    step: LevelStep,
+    options: FitOptions,
+    wanted: Sequence[Shape],
+    dead: bool,
+    simpler: Sequence[_Candidate] = (),
 ) -> list[_Candidate]:
-    """Every shape wanted, fitted from the best places of a grid."""
+    """Every shape wanted, fitted from the best places of a grid, and never worse than a `simpler` one it contains."""
     window = float(step.time_s[-1])
     given = options.held_dead_time_s
+    share = options.held_share or SHARE
     delays = [given or 0.0] if given is not None or not dead else delays_of(points, window)
-    found = []
-    for shape, starts in starts_of(points, window, delays, options.held_share or SHARE, wanted).items():
+    found: list[_Candidate] = []
+    for shape, starts in starts_of(points, window, delays, share, wanted).items():
         free = FREE[shape] + ((4,) if dead and given is None else ())
-        fits = [_fitted(points, start, shape, free, window, COARSE) for start in starts]
+        fits = [_least(points, start, shape, free, COARSE) for start in starts]
+        fits += [
+            (p, one.sse - points.within) for one in (*simpler, *found) if (p := _within(one, shape, share)) is not None
+        ]
         if shape == "overshoot" and options.shape == "auto":
             fits = [one for one in fits if overshoots(one[0], window)]
         if fits:
-            nearest = min(fits, key=lambda one: one[1])[0]
-            p, sse = _fitted(points, nearest, shape, free, window, NEAR)
+            near = min(fits, key=lambda one: one[1])
+            p, sse = min(near, _polished(points, near[0], shape, free), key=lambda one: one[1])
             found.append(_Candidate(shape, dead, p, sse + points.within, free))
     return found
 
 
-def _fitted(
-    points: AveragedRecord, start: Array, shape: Shape, free: tuple[int, ...], window: float, settled: float
-) -> tuple[Array, float]:
-    """Least squares from one start, with exact slopes, within bounds: the unknowns p and the weighted sum of squares.
+def _within(one: _Candidate, shape: Shape, share: float) -> Array | None:
+    """The same curve as one of a shape that contains it; None where it does not."""
+    p = one.p.copy()
+    if one.shape == "one" and shape in ("two", "free"):
+        p[2:4] = 0.0, share  # both time constants alike
+    elif one.shape != shape and (one.shape, shape) != ("two", "free"):
+        return None
+    return p if shape != "free" or LEAST_SHARE <= p[3] <= 1 - LEAST_SHARE else None
 
-    An overshoot whose τ2 is not free is tied to a τ2 of the window, the longest that it can tell.
+
+def _polished(points: AveragedRecord, start: Array, shape: Shape, free: tuple[int, ...]) -> tuple[Array, float]:
+    """The least squares next to one start: the unknowns p and the weighted sum of squares.
+
+    A dead time bends the curve at every sample that it passes, so it is fitted between two samples, those between
+    which the other unknowns as they are leave least, until no other two leave less.
     """
-    tied = shape == "overshoot" and 2 not in free
-    root = np.sqrt(points.weight)
+    p, sse = _least(points, start, shape, free, SETTLED)
+    for _ in range(ROUNDS if 4 in free else 0):
+        moved = p.copy()
+        moved[4] = best_delay(points, p)
+        q, less = _least(points, moved, shape, free, SETTLED)
+        if not less < (1 - SETTLED) * sse:
+            break
+        p, sse = q, less
+    return p, sse
+
+
+def _least(
+    points: AveragedRecord, start: Array, shape: Shape, free: tuple[int, ...], settled: float
+) -> tuple[Array, float]:
+    """Least squares within bounds from one start, its dead time kept between the same two samples.
+
+    The unknowns are (change, ln τ2, ln(τ2/τ1), C, θ), τ2 the slower constant, of an overshoot the window's at most.
+    """
+    root, window, chosen = np.sqrt(points.weight), float(points.time_s[-1]), [*free]
     size = max(float(np.abs(points.output).max()), 1e-300)
-    share = {"free": (0.01, 0.99), "overshoot": (1.0 + 1e-6, MOST)}.get(shape, (-1.0, 2.0))
-    closest = math.log(APART) if shape == "overshoot" else 0.0
-    low = np.array([-100 * size, math.log(window * 1e-6), closest, share[0], 0.0])[[*free]]
-    slowest = math.log(window / APART if tied else 50 * window)
-    high = np.array([100 * size, slowest, math.log(1e4), share[1], 0.9 * window])[[*free]]
+    share = {"free": (LEAST_SHARE, 1 - LEAST_SHARE), "overshoot": (1.0 + 1e-6, MOST)}.get(shape, (-1.0, 2.0))
+    apart, slowest = (APART, window) if shape == "overshoot" else (1.0, 50 * window)
+    k = min(int(np.searchsorted(points.time_s, start[4], side="right")), len(points.time_s) - 1)
+    between = (float(points.time_s[k - 1]) if k else 0.0, float(points.time_s[k]))
+    low = np.array([-100 * size, math.log(window * 1e-6), math.log(apart), share[0], between[0]])
+    high = np.array([100 * size, math.log(slowest), math.log(1e4), share[1], between[1]])
+    begin = start.copy()
+    begin[2] = 0.0 if shape == "one" else start[2]
+    begin[1] += begin[2]
 
-    def whole(x: Array) -> Array:
-        p = start.copy()
-        p[[*free]] = x
-        if tied:
-            p[2] = math.log(window) - p[1]
-        return p
+    def near(q: Array, among: list[int]) -> tuple[Array, float, bool]:
+        """The best q that differs in some of its unknowns only, its cost, and whether the solver settled."""
 
-    def model(x: Array) -> tuple[Array, Array]:
-        p = whole(x)
-        by = slopes(p, points.time_s)
-        residual = root * (p[0] * by[:, 0] - points.output) / size
-        if tied:
-            by[:, 1] -= by[:, 2]
-        return residual, root[:, np.newaxis] * by[:, [*free]] / size
+        def whole(x: Array) -> Array:
+            p = q.copy()
+            p[among] = x
+            p[1] -= p[2]
+            return p
 
-    x, sse = least_squares_between(model, start[[*free]], low, high, settled)
-    p = whole(x)
-    if shape == "overshoot" and not tied and p[1] + p[2] > math.log(window):
-        return _fitted(points, p, shape, tuple(k for k in free if k != 2), window, settled)
-    return p, sse * size**2
+        def residual(x: Array) -> Array:
+            return np.asarray(root * (curve(whole(x), points.time_s) - points.output) / size)
+
+        def jacobian(x: Array) -> Array:
+            by = slopes(whole(x), points.time_s)
+            by[:, 2] -= by[:, 1]
+            return np.asarray(root[:, np.newaxis] * by[:, among] / size)
+
+        end = least_squares(
+            residual, q[among], jacobian, (low[among], high[among]), x_scale="jac",
+            ftol=settled, xtol=settled, gtol=None, max_nfev=EVALUATIONS,
+        )  # fmt: skip
+        q = q.copy()
+        q[among] = end.x
+        return q, float(2 * end.cost), end.status > 0
+
+    begin[chosen] = np.clip(begin, low, high)[chosen]
+    q, cost, sure = near(begin, chosen)
+    if not sure:  # on a bound the solver comes near to it by small steps
+        end = np.where(q - low < high - q, low, high)
+        held = np.abs(q - end) < AT_BOUND * (high - low)
+        on, less, _ = near(np.where(held & np.isin(np.arange(5), chosen), end, q), [k for k in chosen if not held[k]])
+        q, cost = (on, less) if less < cost else (q, cost)
+    q[1] -= q[2]
+    return q, cost * size**2
 
 
-def independent(left: Array) -> float:
+def independent(left: Array, rounding: float = 0.0) -> float:
     """Number of independent samples in residuals: fewer than all where means of blocks scatter more than white noise's.
 
-    The larger of two inflations counts: of neighbours (autocorrelation at lag 1) and of fifty blocks.
+    The larger of two inflations counts: of neighbours (autocorrelation at lag 1) and of fifty blocks. A sum of squares
+    up to `rounding` tells nothing.
     """
     count = len(left)
     left = left - left.mean()
     power = float(left @ left)
-    if power <= 0 or count < 20:
+    if power <= rounding or count < 20:
         return float(count)
     alike = min(max(float(left[1:] @ left[:-1]) / power, 0.0), 0.999)
     blocks = min(50, count // 4)

@@ -5,10 +5,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from scipy.optimize import lsq_linear
 
 from eaid.fitting.basis import basis_of
-from eaid.fitting.bounded import least_squares_between
 from eaid.fitting.data import data_of
 from eaid.fitting.nonlinear import nonlinear_problem
 from eaid.fitting.solver import EndPoint, Problem, newton_step, polish, slsqp
@@ -69,35 +67,6 @@ def test_compressed_samples_have_the_sum_of_squares_of_all(theta: tuple[float, .
     short = floor + np.sum(points.w * (points.y - eq3(column, points.t_s)) ** 2)
     assert short == pytest.approx(np.sum((y - eq3(column, t[None])[0]) ** 2), rel=1e-8)
     assert points.w.sum() == pytest.approx(len(t)) and points.y.size < 200
-
-
-@pytest.mark.parametrize("seed", range(4))
-def test_least_squares_between_bounds_ends_where_scipys_active_set_does(seed: int) -> None:
-    rng = np.random.default_rng(seed)
-    A, b = rng.standard_normal((12, 5)), rng.standard_normal(12)
-    low, high = -rng.uniform(0, 0.3, 5), rng.uniform(0, 0.3, 5)
-    x, cost = least_squares_between(lambda x: (A @ x - b, A), np.zeros(5), low, high, 1e-14)
-    best = lsq_linear(A, b, (low, high), method="bvls", tol=1e-14)
-    assert x == pytest.approx(best.x, abs=1e-6) and cost == pytest.approx(2 * best.cost, rel=1e-12)
-    assert (best.active_mask != 0).any()
-
-
-@pytest.mark.parametrize(
-    ("start", "low", "high", "end", "cost"),
-    [
-        ((-1.2, 1.0), (-2.0, -2.0), (2.0, 2.0), (1.0, 1.0), 0.0),
-        ((-1.2, 1.0), (-2.0, -2.0), (0.5, 2.0), (0.5, 0.25), 0.25),
-        ((9.0, 9.0), (2.0, 0.0), (3.0, 3.0), (2.0, 3.0), 101.0),
-    ],
-)
-def test_rosenbrocks_valley_is_followed_to_its_end_or_a_bound(
-    start: Any, low: Any, high: Any, end: Any, cost: float
-) -> None:
-    def valley(x: Any) -> Any:
-        return np.array([10 * (x[1] - x[0] ** 2), 1 - x[0]]), np.array([[-20 * x[0], 10.0], [-1.0, 0.0]])
-
-    x, least = least_squares_between(valley, *(np.array(v) for v in (start, low, high)), 1e-14)
-    assert x == pytest.approx(end, abs=1e-6) and least == pytest.approx(cost, abs=1e-12)
 
 
 SCALES, CENTRE = np.array([1.0, 1e-4, 1e5]), np.array([2.0, 3e-4, -4e5])

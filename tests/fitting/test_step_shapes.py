@@ -1,6 +1,11 @@
 """Steps between levels: every shape returns, the evidence chooses, dead times, quality by hand, real rigs."""
 
+import json
 import math
+import os
+import subprocess
+import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -73,6 +78,37 @@ def test_the_right_shape_is_chosen_under_noise(name: str, dead: float) -> None:
     assert [(one.shape, one.dead_time_s > 0) for one in rows].count((name, dead > 0)) >= 9
     assert np.mean([one.change for one in rows]) == pytest.approx(3.0, abs=0.03)
     assert np.mean([one.rmse for one in rows]) == pytest.approx(0.03, rel=0.03)
+
+
+def answers(scatter: float = 0.0) -> dict[str, dict[str, float]]:
+    """Chosen shape → RMSE and differences of AICc of noisy steps, their samples scattered by a part of themselves."""
+    rng, steps = np.random.default_rng(9), []
+    for name, dead in (("one", 0.0), ("two", 0.503), ("free", 0.0), ("overshoot", 0.0)):
+        one = step(name, dead, 0.03, 7)
+        steps.append(replace(one, name=name, output=one.output * (1 + scatter * rng.normal(size=len(T)))))
+    return {row.shape: {"rmse": row.rmse, **row.evidence} for row in fitted(*steps).steps}
+
+
+def test_the_last_digits_of_the_samples_decide_nothing() -> None:
+    plain, scattered = answers(), answers(1e-12)
+    assert list(plain) == list(scattered) == list(TRUTHS)
+    for name, row in plain.items():
+        assert scattered[name] == pytest.approx(row, rel=1e-9, abs=1e-6)
+        # a shape leaves no more than a simpler one that it contains: worse by the price of one unknown at most
+        for simple, wider in (("one", "two"), ("two", "free"), ("one", "one+dead"), ("overshoot", "overshoot+dead")):
+            assert simple not in row or row[wider] < row[simple] + 2.1
+
+
+@pytest.mark.slow
+def test_another_processor_gives_the_same_shapes() -> None:
+    """NumPy without its fast instructions, OpenBLAS as on an old processor."""
+    old = {"NPY_DISABLE_CPU_FEATURES": "X86_V3 X86_V4 AVX512_ICL AVX2 FMA3 AVX512F", "OPENBLAS_CORETYPE": "Nehalem"}
+    code = "import json; from tests.fitting.test_step_shapes import answers; print(json.dumps(answers()))"
+    there = {**os.environ, **old, "PYTHONWARNINGS": "ignore"}
+    done = subprocess.run([sys.executable, "-c", code], cwd=Path(__file__).parents[2], env=there, capture_output=True)
+    found = json.loads(done.stdout)
+    for name, row in answers().items():
+        assert found[name] == pytest.approx(row, rel=1e-9, abs=1e-6)
 
 
 def test_quality_by_hand() -> None:
