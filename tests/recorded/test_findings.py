@@ -5,11 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from eaid.errors import DataError
+import eaid
 from eaid.logs.run import Run
 from eaid.models import nonlinear
 from eaid.models.parameters import REFERENCE_PLANT
-from eaid.options import FitOptions
 from eaid.reading import is_recorded
 from eaid.recorded.fit import fit_recorded
 from eaid.recorded.late import shifted
@@ -20,7 +19,7 @@ from eaid.synth.logs import NONE
 from eaid.synth.plants import clutch
 
 NOISE = replace(NONE, white_nm=0.006, coloured=0.01, coloured_s=0.3)
-PLAIN = FitOptions(model=("nonlinear",))
+PLAIN = eaid.FitOptions(model=("nonlinear",))
 
 
 def codes(fit) -> dict:  # type: ignore[no-untyped-def,type-arg]
@@ -42,7 +41,7 @@ def test_input_and_output_that_are_swapped_are_refused_by_name() -> None:
     )
     steps = np.where(np.arange(len(log.time_s)) % 1500 < 500, 0.0, 50.0)
     swapped = RecordedLog("log", log.time_s, np.abs(log.output), steps)
-    with pytest.raises(DataError, match=r"log: its output takes 5 values or fewer .* were swapped"):
+    with pytest.raises(eaid.DataError, match=r"log: its output takes 5 values or fewer .* were swapped"):
         fit_recorded([swapped], PLAIN)
 
 
@@ -130,7 +129,7 @@ def test_a_release_of_its_own_does_not_bend_the_levels_of_the_friction_model() -
     plant = clutch(replace(REFERENCE_PLANT, release=(0.15, 1.0)))
     e = Excitation(kind="random", duration_s=200.0, rate_hz=100.0, hold_s=(1.0, 8.0), rest_s=8.0)
     run = synthesise_excitation(plant, e, NOISE, 2)
-    both = FitOptions(model=("nonlinear", "friction"))
+    both = eaid.FitOptions(model=("nonlinear", "friction"))
     fit, bent = (fit_recorded(run, both, falls=falls) for falls in (True, False))
     assert codes(fit)["friction-falls"].values["rest"] is True
     assert fit.recorded is not None and fit.recorded.friction_falls is not None

@@ -6,20 +6,18 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
-from eaid.errors import DataError
+import eaid
 from eaid.models.parameters import REFERENCE_PLANT, Nonlinear
-from eaid.options import FitOptions, ReadOptions
 from eaid.reading import is_recorded
 from eaid.recorded.fit import fit_recorded
 from eaid.recorded.log import RecordedLog, recorded_log
 from eaid.replay.plant import plant_parameters, plant_step
-from eaid.steps.build import build_stepset
 from eaid.synth.excitation import Excitation, synthesise_excitation
-from eaid.synth.logs import NONE, Protocol, synthesise
+from eaid.synth.logs import NONE
 from eaid.synth.plants import clutch
 
 NOISE = replace(NONE, white_nm=0.006, coloured=0.01, coloured_s=0.3)
-PLAIN = FitOptions(model=("nonlinear",), ci="none")
+PLAIN = eaid.FitOptions(model=("nonlinear",), ci="none")
 
 
 def coefficients(p: object) -> np.ndarray:
@@ -52,8 +50,8 @@ def test_several_logs_with_idle_outputs_and_starts_of_their_own() -> None:
     two = recorded_log(synthesise_excitation(clutch(), e, replace(NONE, offset_nm=-0.1), 2)[0])
     cut = slice(2500, None)  # begins loaded, in the middle of a hold
     two = RecordedLog("two", two.time_s[cut], two.input[cut], two.output[cut])
-    steps = build_stepset(
-        synthesise(clutch(), Protocol((30.0, 80.0), 2, 1.0, 10.0, 0.0, 100.0), NONE, 3), ReadOptions()
+    steps = eaid.synth(
+        levels=(30.0, 80.0), repeats=2, idle_s=1.0, hold_s=10.0, release_s=0.0, rate_hz=100.0, clean=True, seed=3
     )
     found = fit_recorded([one, two], PLAIN, steps)
     assert found.nonlinear is not None and found.recorded is not None
@@ -115,9 +113,9 @@ def test_what_cannot_be_fitted_is_refused_in_a_sentence() -> None:
         (np.where(t > 1, np.nan, 20.0), "not known at every row"),
         (np.where(t > 1, -20.0, 20.0), "above and below rest"),
     ):
-        with pytest.raises(DataError, match=said):
+        with pytest.raises(eaid.DataError, match=said):
             fit_recorded([RecordedLog("log", t, u, y, source="a.csv")])
-    with pytest.raises(DataError, match="never changes"):
+    with pytest.raises(eaid.DataError, match="never changes"):
         fit_recorded([RecordedLog("log", t, np.where(t > 1, 20.0, 30.0), np.ones(200))])
 
 

@@ -5,9 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from eaid.errors import DataError
+import eaid
 from eaid.models.parameters import Linear
-from eaid.options import FitOptions
 from eaid.recorded.fit import fit_recorded
 from eaid.recorded.frequency import frequency_response, on_input
 from eaid.recorded.log import RecordedLog, recorded_log
@@ -55,7 +54,7 @@ def test_a_linear_system_has_its_closed_form(kind: str) -> None:
 @pytest.mark.slow
 def test_a_fit_holds_the_responses_of_its_moving_logs() -> None:
     e = Excitation(kind="chirp", duration_s=60.0, rate_hz=100.0, frequency_hz=(0.1, 2.0))
-    fit = fit_recorded(synthesise_excitation(clutch(), e, NONE, 1), FitOptions(duty=(10.0, 100.0)))
+    fit = fit_recorded(synthesise_excitation(clutch(), e, NONE, 1), eaid.FitOptions(duty=(10.0, 100.0)))
     assert fit.recorded is not None
     (found,) = fit.recorded.responses
     assert len(found.gain) == len(found.nonlinear_gain) == len(found.linear_gain) > 20
@@ -64,5 +63,5 @@ def test_a_fit_holds_the_responses_of_its_moving_logs() -> None:
 
 def test_an_input_that_does_not_move_has_no_response() -> None:
     t = np.arange(1000) / 100
-    with pytest.raises(DataError, match="does not move"):
+    with pytest.raises(eaid.DataError, match="does not move"):
         frequency_response(RecordedLog("log", t, np.where(t > 1, 40.0, 0.0), t))

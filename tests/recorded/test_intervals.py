@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+import eaid
 from eaid.models.parameters import REFERENCE_PLANT
-from eaid.options import FitOptions
 from eaid.recorded.fit import fit_recorded
 from eaid.synth.excitation import Excitation, synthesise_excitation
 from eaid.synth.logs import NONE
@@ -27,7 +27,7 @@ def test_intervals_hold_what_engagements_scatter() -> None:
         run = synthesise_excitation(clutch(), e, noise, 500 + seed)[0]
         which = np.cumsum(np.append(0, (run.input[1:] > 0) & (run.input[:-1] == 0)))
         gain = 1 + 0.02 * np.random.default_rng(seed).standard_normal(int(which.max()) + 1)
-        options = FitOptions(model=("nonlinear",), duty=(10.0, 100.0))
+        options = eaid.FitOptions(model=("nonlinear",), duty=(10.0, 100.0))
         fit = fit_recorded([replace(run, output=run.output * gain[which])], options)
         assert fit.nonlinear is not None
         for one in fit.nonlinear.curves:

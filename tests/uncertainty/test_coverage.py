@@ -8,6 +8,7 @@ import pytest
 from eaid.uncertainty.runs import t_quantile
 
 SETS = 24
+pytestmark = pytest.mark.slow
 
 
 @pytest.fixture(scope="module")

@@ -1,10 +1,8 @@
 import numpy as np
 import pytest
 
-from eaid.fitting.basis import basis_of, constraints
-from eaid.models.parameters import REFERENCE_PLANT, Nonlinear
+from eaid.models.parameters import REFERENCE_PLANT
 from eaid.uncertainty.curve import powers, through
-from eaid.uncertainty.joint import coefficients_of, limits_of
 
 DUTY = np.arange(10.0, 101.0, 10.0)
 TAU2 = np.polynomial.polynomial.polyval(DUTY, REFERENCE_PLANT.tau2)
@@ -30,16 +28,3 @@ def test_it_is_the_least_squares_of_logs() -> None:
     ours = through(DUTY, theta, variance, 3)
     blind = minimize(cost, ours * 1.1, method="Nelder-Mead", options={"xatol": 1e-10, "fatol": 1e-12, "maxiter": 9999})
     assert cost(ours) <= blind.fun * (1 + 1e-9)
-
-
-@pytest.mark.parametrize("free", [False, True])
-def test_the_limits_in_powers_of_the_duty_are_those_of_the_fit(free: bool) -> None:
-    """Row by row the same slack, in whatever basis the model is written; that of τ2's end is the fit's alone."""
-    p = Nonlinear((0.2, 1e-3, -1e-5), (1.0, -3e-2, 2e-4), (-0.5, 1e-2, 1e-3, 1e-6), (10.0, 90.0), 0.8)
-    c = coefficients_of(p, free)
-    A, b = limits_of(c.counts, c.u_range, free)
-    basis = basis_of(np.linspace(10.0, 90.0, 9), None if free else p.C)
-    of_the_fit, least, _ = constraints(basis, 20.0)
-    slack = np.delete(of_the_fit @ basis.unknowns(p) - least, slice(303, 404))
-    assert A @ c.values - b == pytest.approx(slack, abs=1e-12) and (slack < 0).any()
-    assert A.shape == (303 + 2 * free, 10 + free)

@@ -89,6 +89,7 @@ def test_the_evidence_chooses_the_estimate(sets: Any) -> None:
     assert joint.nonlinear.rmse < auto.nonlinear.rmse  # the joint fit has the least squares, not the best curves
 
 
+@pytest.mark.slow
 def test_the_bootstrap_agrees(made: StepSet, body: eaid.Fit) -> None:
     """Within a third of the width: 60 refits know a standard deviation to 9 %, three runs a level to 16 %."""
     other = eaid.fit(made, ci="bootstrap", draws=60)

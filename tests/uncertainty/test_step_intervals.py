@@ -1,17 +1,16 @@
 """Intervals of single steps: they cover on staircases, are those of the textbook in white noise, and null says why."""
 
 import math
+from typing import Any
 
 import numpy as np
 import pytest
 
+import eaid
 from benchmarks.coverage import single_steps
 from benchmarks.stop_findings import wander
-from eaid.fitting.step_shapes import fit_step
-from eaid.options import FitOptions
-from eaid.results.fit import StepShape
-from eaid.steps.stepset import LevelStep
-from eaid.uncertainty.workflow import with_interval
+from eaid.apparatus import Apparatus
+from eaid.steps.stepset import LevelStep, StepSet
 
 T = np.arange(3000) / 100
 
@@ -23,8 +22,9 @@ def made(noise: float = 0.01, tau2: float = 2.0, samples: float = 0.1, seed: int
                      rest_moved=more.get("rest_moved", 0.0))  # fmt: skip
 
 
-def fitted(step: LevelStep, ci: str = "robust") -> StepShape:
-    return with_interval(step, fit_step(step, FitOptions(shape="two", dead_time=0.0)), ci)
+def fitted(step: LevelStep, ci: str = "robust") -> Any:
+    made = StepSet("clutch", "%", "N·m", Apparatus(), (), level_steps=(step,))
+    return eaid.fit(made, shape="two", dead_time=0.0, ci=ci).steps[0]
 
 
 def half(interval: tuple[float, float] | None) -> float:
