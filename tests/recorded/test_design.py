@@ -7,8 +7,9 @@ import pytest
 
 import eaid
 from eaid.models.parameters import REFERENCE_PLANT
+from eaid.options import Limits
 from eaid.planning.excitation import measure
-from eaid.recorded.design import Limits, plan_excitation, refuse_scattered
+from eaid.recorded.design import plan_excitation, refuse_scattered
 from eaid.uncertainty.rig_noise import Noise
 
 NOISE = Noise(1.8e-7, 6e-5, (0.0, 0.0, 0.0))
@@ -17,7 +18,7 @@ WANT = {"tau1": 8.0, "tau2": 25.0, "Ts": 3.0}
 
 @pytest.mark.slow
 def test_a_plan_keeps_its_limits_and_its_widths() -> None:
-    limits = Limits(input=(20.0, 90.0), rate_per_s=200.0, hold_s=(0.5, 12.0), rest_s=3.0, engagements=3)
+    limits = Limits(duty=(20.0, 90.0), rate_per_s=200.0, hold_s=(0.5, 12.0), rest_s=3.0, engagements=3)
     p = REFERENCE_PLANT
     found = plan_excitation(p, NOISE, WANT, limits)
     assert found.met and found.engagements >= 3
