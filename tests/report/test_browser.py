@@ -11,6 +11,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
+pytestmark = pytest.mark.slow
+
 PLOTS = {
     "fig07_nonlinear_model", "model_over_duty", "residuals_nonlinear", "fig03_friction_steps",
     "residuals_friction_force", "fig12_multisine", "fig11_steps", "fig16_rehab",

@@ -101,6 +101,7 @@ def test_every_section_and_every_figure_of_the_fit_is_marked(marked_page: Path, 
         assert (red.sum() > 1000) == has_mark, name
 
 
+@pytest.mark.slow
 def test_it_stands_on_every_screen_and_every_printed_page(browser: Any, marked_page: Path, tmp_path: Path) -> None:
     tab = browser.new_context(viewport={"width": 380, "height": 800}).new_page()
     tab.goto(marked_page.as_uri())
