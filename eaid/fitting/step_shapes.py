@@ -8,7 +8,7 @@ by AICc with the number of independent samples; the paper's form stands unless a
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import cast
+from typing import Literal, cast
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -16,13 +16,177 @@ from scipy.optimize import least_squares
 from eaid.arrays import Array
 from eaid.findings import Finding, finding
 from eaid.fitting.data import quality
-from eaid.fitting.shape_curves import APART, MOST, SHAPES, Shape, curve, overshoots, slopes
-from eaid.fitting.shape_starts import AveragedRecord, averaged, best_delay, delays_of, starts_of
 from eaid.models.parameters import SHARE
 from eaid.options import FitOptions
-from eaid.results.fit import StepShape
+from eaid.results.fit import FrictionLevel, LevelIntervals, StepShape
 from eaid.steps.noise import block_means, block_noise
-from eaid.steps.stepset import LevelStep
+from eaid.steps.stepset import LevelStep, StepSet
+
+Shape = Literal["one", "two", "free", "overshoot"]
+SHAPES: tuple[Shape, ...] = ("one", "two", "free", "overshoot")
+MOST = 3.0
+"""Largest C of an overshoot: beyond, two nearly equal parts of opposite sign imitate other shapes."""
+APART = 2.0
+"""Least τ2/τ1 of an overshoot."""
+SEEN = 0.02
+"""Share of its peak by which an overshoot has to come down within the record."""
+
+
+def curve(p: Array, time_s: Array) -> Array:
+    """change · s(t) of p = (change, ln τ1, ln(τ2/τ1), C, θ), shape (n,)."""
+    after = np.maximum(time_s - p[4], 0.0)
+    fast = np.exp(-after / np.exp(p[1]))
+    slow = np.exp(-after / np.exp(p[1] + p[2])) if p[3] != 1.0 else 0.0
+    return np.asarray(p[0] * (1.0 - p[3] * fast - (1.0 - p[3]) * slow))
+
+
+def slopes(p: Array, time_s: Array) -> Array:
+    """∂ curve / ∂p, shape (n, 5); where p is complex, its real part decides which samples lie behind the dead time."""
+    behind = np.real(time_s - p[4]) > 0
+    after = np.where(behind, time_s - p[4], 0.0)
+    tau1, tau2 = np.exp(p[1]), np.exp(p[1] + p[2])
+    fast, slow = np.exp(-after / tau1), np.exp(-after / tau2)
+    by_fast, by_slow = p[3] * fast * after / tau1, (1 - p[3]) * slow * after / tau2
+    by_time = np.where(behind, p[3] * fast / tau1 + (1 - p[3]) * slow / tau2, 0.0)
+    return np.stack(
+        (
+            1.0 - p[3] * fast - (1 - p[3]) * slow,
+            -p[0] * (by_fast + by_slow),
+            -p[0] * by_slow,
+            p[0] * (slow - fast),
+            -p[0] * by_time,
+        ),
+        axis=1,
+    )
+
+
+def overshoots(p: Array, window: float) -> bool:
+    """True where a curve passes its peak within the window, and is `SEEN` of its peak below it at the end."""
+    at = np.linspace(p[4], window, 400)
+    s = curve(np.array([1.0, *p[1:]]), at)
+    return bool(s.max() - s[-1] > SEEN * s.max())
+
+
+FEW = 800
+"""Points to which a record is averaged for the choice of a shape; the chosen one is fitted to all samples."""
+GRID = 28
+STARTS = 3
+DELAYS = 20
+LOOKED_AT = 300_000
+"""Half of the values of the curve that are worked out to find a dead time, at most."""
+FAR = 1.0
+"""Distance in ln τ2 from which a start is another."""
+
+
+@dataclass(frozen=True, eq=False)
+class AveragedRecord:
+    """A record averaged to fewer points: finely at first, then coarser."""
+
+    time_s: Array
+    output: Array
+    weight: Array
+    within: float = 0.0
+    """Sum of squares of the samples about the means that stand for them: no shape takes it away."""
+
+
+def averaged(time_s: Array, y: Array) -> AveragedRecord:
+    """A record as at most FEW means and what they leave out."""
+    count = len(y)
+    if count <= FEW:
+        return AveragedRecord(time_s, y, np.ones(count))
+    edges = np.unique(np.round(np.geomspace(1, count, FEW)).astype(np.intp)) - 1
+    fine = np.linspace(0, count, FEW // 2).astype(np.intp)
+    edges = np.unique(np.concatenate((edges, fine[:-1], [0])))
+    edges = edges[edges < count]
+    weight = np.diff(np.append(edges, count)).astype(np.float64)
+    means = np.add.reduceat(y, edges) / weight
+    within = max(0.0, float(y @ y - weight @ means**2))
+    return AveragedRecord(np.add.reduceat(time_s, edges) / weight, means, weight, within)
+
+
+def delays_of(points: AveragedRecord, window: float) -> list[float]:
+    """Dead times to start from: shares of the time to half of the change."""
+    half = np.flatnonzero(np.abs(points.output) >= 0.5 * np.abs(points.output[-1]))
+    until = float(points.time_s[half[0]]) if len(half) else window / 4
+    return [until * (k + 0.5) / DELAYS for k in range(DELAYS)]
+
+
+def best_delay(points: AveragedRecord, p: Array) -> float:
+    """The middle between the two samples between which a dead time leaves least, the time constants and C as in `p`.
+
+    Of a long record those near the dead time of `p` are looked at.
+    """
+    middle = 0.5 * (points.time_s[1:] + points.time_s[:-1])
+    middle = middle[middle < 0.9 * points.time_s[-1]]
+    at, reach = int(np.searchsorted(middle, p[4])), max(2, LOOKED_AT // len(points.time_s))
+    middle = middle[max(at - reach, 0) : at + reach]
+    after = np.maximum(points.time_s - middle[:, np.newaxis], 0.0)
+    shape = 1 - p[3] * np.exp(-after / np.exp(p[1])) - (1 - p[3]) * np.exp(-after / np.exp(p[1] + p[2]))
+    along, square = shape @ (points.weight * points.output), (shape**2) @ points.weight
+    return float(middle[np.argmax(along**2 / np.maximum(square, 1e-300))])
+
+
+def starts_of(
+    points: AveragedRecord, window: float, delays: Sequence[float], share: float, wanted: Sequence[Shape]
+) -> dict[Shape, list[Array]]:
+    """The best places on a grid of time constants and dead times, for each shape; amplitudes are linear there."""
+    stride = max(1, len(points.time_s) // 300)
+    t, y, w = points.time_s[::stride], points.output[::stride], points.weight[::stride]
+    shortest = max(window / 3000, float(np.diff(points.time_s[: max(2, len(t))]).min()) / 3)
+    tau = np.geomspace(shortest, 5 * window, GRID)
+    i, j = np.triu_indices(GRID, 1)
+    total = float(w @ y**2)
+    places: dict[Shape, list[list[tuple[float, Array]]]] = {shape: [] for shape in wanted}
+    for delay in delays:
+        for rows in places.values():
+            rows.append([])
+        rises = -np.expm1(-np.maximum(t - delay, 0.0) / tau[:, np.newaxis])
+        gram, right = (rises * w) @ rises.T, rises @ (w * y)
+        one = np.diag(gram)
+        for shape in wanted:
+            if shape == "one":
+                ok = one > 0
+                change = np.where(ok, right / np.where(ok, one, 1.0), 0.0)
+                cost = total - change * right
+                k = cost.argsort()[:1]
+                places[shape][-1] += [
+                    (float(cost[m]), np.array([change[m], np.log(tau[m]), 1.0, 1.0, delay])) for m in k
+                ]
+                continue
+            if shape == "two":
+                size = share**2 * one[i] + 2 * share * (1 - share) * gram[i, j] + (1 - share) ** 2 * one[j]
+                along = share * right[i] + (1 - share) * right[j]
+                change = along / np.maximum(size, 1e-300)
+                cost, C = total - change * along, np.full(len(i), share)
+            else:
+                det = np.maximum(one[i] * one[j] - gram[i, j] ** 2, 1e-12 * one[i] * one[j])
+                a = (one[j] * right[i] - gram[i, j] * right[j]) / det
+                b = (one[i] * right[j] - gram[i, j] * right[i]) / det
+                change = a + b
+                C = a / np.where(change == 0, 1.0, change)
+                cost = total - a * right[i] - b * right[j]
+                inside = (C > 0) & (C < 1) if shape == "free" else (C > 1) & (C < MOST) & (tau[j] > APART * tau[i])
+                cost = np.where(inside, cost, np.inf)
+            for m in _apart(cost, np.log(tau[j])):
+                if np.isfinite(cost[m]):
+                    start = np.array([change[m], np.log(tau[i[m]]), np.log(tau[j[m]] / tau[i[m]]), C[m], delay])
+                    places[shape][-1].append((float(cost[m]), start))
+    return {shape: _best(rows) for shape, rows in places.items()}
+
+
+def _best(rows: Sequence[Sequence[tuple[float, Array]]]) -> list[Array]:
+    """The best of the places of those delays whose neighbours have none as good; `rows` holds those of each delay."""
+    least = [min((cost for cost, _ in row), default=np.inf) for row in rows]
+    lower = [row for k, row in enumerate(rows) if least[k] <= min(least[max(k - 1, 0) : k + 2])]
+    return [p for _, p in sorted((one for row in lower for one in row), key=lambda one: one[0])[:STARTS]]
+
+
+def _apart(cost: Array, slow: Array) -> list[int]:
+    """The best place, and the best of those whose ln τ2 is far from it, on either side: a grid is coarse for τ1."""
+    best = int(cost.argmin())
+    far = [np.where(side * (slow - slow[best]) > FAR, cost, np.inf) for side in (1, -1)]
+    return [best, *(int(one.argmin()) for one in far if np.isfinite(one.min(initial=np.inf)))]
+
 
 BETTER = 10.0
 """Difference of AICc from which a shape replaces the paper's: 150 to 1."""
@@ -303,4 +467,69 @@ def _result(
         samples=len(left),
         evidence={name: score - best for name, score in scores.items()},
         findings=tuple(found),
+    )
+
+
+FEW_STEPS = 3
+"""Steps up to which each is shown by itself, too."""
+MOST_RISES = 200
+"""Rises up to which all are, where the first ones to a level ask for another shape."""
+
+
+def single_steps(stepset: StepSet, options: FitOptions) -> tuple[StepShape, ...]:
+    """The shape of each change of input, where some go from level to level, where they are few, or where it is asked.
+
+    Steps from rest are fitted together, as levels, too; these are beside them.
+    """
+    steps = stepset.level_steps
+    between = any(0.0 not in (step.from_level, step.level) for step in steps)
+    asked = options.shape != "auto" or options.held_dead_time_s is not None
+    return tuple(fit_step(step, options) for step in steps) if between or asked or len(steps) <= FEW_STEPS else ()
+
+
+def of_another_shape(stepset: StepSet, options: FitOptions) -> tuple[StepShape, ...]:
+    """Rises that ask for another shape than the paper's, where most of the first ones to a level do."""
+    rises = [step for step in stepset.level_steps if step.edge == "up"]
+    first_rises = {step.level: step for step in reversed(rises)}.values()
+    shapes: dict[str, StepShape | None] = {}
+    may_be_asking = len(first_rises)
+    for step in first_rises:
+        shapes[step.name] = _other_shape(step, options)
+        may_be_asking -= shapes[step.name] is None
+        if 2 * may_be_asking <= len(first_rises):  # it can be most of them no more
+            return ()
+    if len(rises) <= MOST_RISES:
+        shapes |= {step.name: _other_shape(step, options) for step in rises if step.name not in shapes}
+    return tuple(shape for step in rises if (shape := shapes.get(step.name)) is not None)
+
+
+def _other_shape(step: LevelStep, options: FitOptions) -> StepShape | None:
+    """The shape of a step, where it is another than the paper's."""
+    shape = fit_step(step, options) if may_ask(step, options) else None
+    asks = shape is not None and any(found.code == "other-shape-fits-better" for found in shape.findings)
+    return shape if asks else None
+
+
+def between_rows(shapes: Sequence[StepShape]) -> tuple[FrictionLevel, ...]:
+    """Those that neither begin nor end at rest as rows of the friction model."""
+    return tuple(row_of(shape) for shape in shapes if shape.from_ != 0 and shape.level != 0)
+
+
+def row_of(step: StepShape) -> FrictionLevel:
+    """One fitted step; a single exponential has its constant twice."""
+    return FrictionLevel(
+        step.level,
+        step.change,
+        step.tau1,
+        step.tau2 if step.tau2 is not None else step.tau1,
+        step.C,
+        from_=step.from_,
+        start=step.start,
+        shape=step.shape,
+        delay_s=step.dead_time_s,
+        rmse=step.rmse,
+        samples=step.samples,
+        fit_pct=step.fit_pct,
+        R2=step.R2,
+        ci95=LevelIntervals(Ts=step.ci95.change, tau1=step.ci95.tau1, tau2=step.ci95.tau2, C=step.ci95.C),
     )

@@ -14,10 +14,8 @@ from threadpoolctl import threadpool_limits
 from eaid.arrays import Array, inverse
 from eaid.declared import forms
 from eaid.findings import Finding, finding, merged, ranked
-from eaid.fitting.between import between_rows, of_another_shape, single_steps
 from eaid.fitting.fit import converged, data_part, fit
-from eaid.fitting.shape_curves import slopes
-from eaid.fitting.step_shapes import independent
+from eaid.fitting.step_shapes import between_rows, independent, of_another_shape, single_steps, slopes
 from eaid.options import FitGiven, FitOptions
 from eaid.results.common import Interval
 from eaid.results.fit import Fit, Friction, StepIntervals, StepShape, Uncertainty

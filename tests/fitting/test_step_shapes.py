@@ -14,7 +14,7 @@ import pytest
 
 import eaid
 from eaid.apparatus import Apparatus
-from eaid.fitting.shape_curves import curve, slopes
+from eaid.fitting.step_shapes import curve, slopes
 from eaid.steps.stepset import LevelStep, StepSet
 
 T = np.arange(2000) / 100.0
