@@ -299,9 +299,8 @@ class Disagreement(Result, frozen=True):
     """The level at which they part most."""
     one: Number | None = None
     other: Number | None = None
-    ci95: Interval = None
-    """Of the first named."""
     ci95_other: Interval = None
+    """Of the second."""
 
 
 class Agreement(Result, frozen=True):

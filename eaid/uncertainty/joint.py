@@ -183,24 +183,20 @@ def free_inverse(c: Coefficients, M: Array, levels: int) -> Array:
     return np.asarray(directions @ inner @ directions.T)
 
 
-def curves_apart(
-    one: Coefficients, other: Coefficients, degrees: Degrees, duty_pct: Array, one_counts: bool = True
-) -> tuple[Disagreement, ...]:
-    """Parameters whose two curves part by more than either's interval, or the `other`'s alone; the worst level each."""
+def curves_apart(one: Coefficients, other: Coefficients, degrees: Degrees, duty_pct: Array) -> list[Disagreement]:
+    """Parameters whose two curves part by more than the interval of the `other`; the worst level each."""
     found = []
     for name in CURVES:
         first, second = one.at(name, duty_pct), other.at(name, duty_pct)
-        reaches = [t_quantile(np.asarray(degrees[name])) * c.log_sd(name, duty_pct) for c in (one, other)]
+        reach = t_quantile(np.asarray(degrees[name])) * other.log_sd(name, duty_pct)
         with np.errstate(divide="ignore", invalid="ignore"):
-            ratio = np.abs(np.log(first / second)) / (np.maximum(*reaches) if one_counts else reaches[1])
+            ratio = np.abs(np.log(first / second)) / reach
         out = np.flatnonzero(~(ratio <= 1))
         if not len(out):
             continue
         i = int(out[np.nan_to_num(ratio[out], nan=np.inf).argmax()])
-        ends = [
-            (float(v[i] * np.exp(-r[i])), float(v[i] * np.exp(min(r[i], 138.0))))
-            for v, r in zip((first, second), reaches, strict=True)
-        ]
+        held = name in other.constrained
+        ends = None if held else (float(second[i] * np.exp(-reach[i])), float(second[i] * np.exp(min(reach[i], 138.0))))
         places = tuple(duty_pct[out].tolist())
-        found.append(Disagreement(name, places, float(duty_pct[i]), float(first[i]), float(second[i]), *ends))
-    return tuple(found)
+        found.append(Disagreement(name, places, float(duty_pct[i]), float(first[i]), float(second[i]), ends))
+    return found

@@ -259,11 +259,9 @@ def with_joint(found: Estimates, draws: Array) -> Estimates:
     return replace(found, joint=counted, joint_alone=alone)
 
 
-def with_intervals(
-    estimate: E, c: Coefficients, degrees: Degrees, curves: tuple[CurveLevel, ...], source: str | None = None
-) -> E:
-    """An estimate with its curves and intervals of its coefficients; with its covariance, where `source` is given."""
-    covariance = None if source is None else covariance_part(c, degrees, source)
+def with_intervals(estimate: E, c: Coefficients, degrees: Degrees, curves: tuple[CurveLevel, ...], source: str) -> E:
+    """An estimate with its curves, intervals of its coefficients, and their covariance."""
+    covariance = covariance_part(c, degrees, source)
     return msgspec.structs.replace(
         estimate, ci95=coefficient_intervals(c, degrees), curves=curves, covariance=covariance
     )
@@ -333,7 +331,7 @@ def believed(
         joint = with_intervals(joint, estimates.joint, estimates.degrees, curves, ci)
 
     taken, because = chosen(estimator, by_estimate, two_stage)
-    findings = _findings(estimator, taken, by_estimate, base, estimates.joint.open)
+    findings = _findings(taken, by_estimate, base, estimates.joint.open)
     if taken == "two-stage" and two_stage is not None:
         of_fit = [found for found in fit.findings if found.subject != "nonlinear" or found.code not in OF_THE_JOINT_FIT]
         told = {found.code for found in of_fit if found.subject == "nonlinear"}
@@ -355,33 +353,25 @@ def agreement(estimates: Estimates, stats: LevelStatistics) -> Agreement:
     between, two_stage = ("joint", "two-stage"), estimates.two_stage
     if two_stage is None:
         return Agreement(between, "joint", "alone")
-    apart = curves_apart(estimates.joint, two_stage, estimates.degrees, stats.duty_pct, one_counts=False)
-    beyond = []
-    for disagreement in apart:
-        ends = None if disagreement.parameter in two_stage.constrained else disagreement.ci95_other
-        beyond.append(msgspec.structs.replace(disagreement, ci95=None, ci95_other=ends))
-    if not beyond:
+    apart = curves_apart(estimates.joint, two_stage, estimates.degrees, stats.duty_pct)
+    if not apart:
         return Agreement(between, "either", "agree")
     weak = estimates.joint.open
-    return Agreement(between, "neither" if weak else "two-stage", "weak" if weak else "apart", tuple(beyond))
+    return Agreement(between, "neither" if weak else "two-stage", "weak" if weak else "apart", tuple(apart))
 
 
 def chosen(estimator: str, agreed: Agreement, two_stage: Estimate | None) -> tuple[str, str]:
     """Which estimate is taken, joint or two-stage, and why: asked, alone, agree, apart or weak."""
     if two_stage is None:
         return "joint", "alone"
-    if estimator != "auto":
-        return estimator, "asked"
+    if estimator == "joint":
+        return "joint", "asked"
     return ("two-stage" if agreed.believe == "two-stage" else "joint"), agreed.because
 
 
-def _findings(
-    estimator: str, taken: str, agreed: Agreement, base: LevelStatistics, weak: Sequence[str]
-) -> list[Finding]:
-    """What is to be said of the two estimates: nothing where they agree, or where what is believed was asked for."""
-    if estimator == "two-stage" and taken == "joint":
-        return [finding("no-two-stage-estimate", "nonlinear")]
-    if not agreed.disagreements or (estimator == taken == agreed.believe):
+def _findings(taken: str, agreed: Agreement, base: LevelStatistics, weak: Sequence[str]) -> list[Finding]:
+    """What is to be said of the two estimates: nothing where they agree."""
+    if not agreed.disagreements:
         return []
     worst = max(agreed.disagreements, key=_distance)
     low, high = worst.ci95_other or (None, None)

@@ -13,6 +13,7 @@ from typing import TypeAlias, overload
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import brentq
 from scipy.special import fdtrc, stdtrit
 
 from eaid.arrays import Array, inverse, median
@@ -259,12 +260,7 @@ def paule_mandel(total: Callable[[float], float], wanted: float, scale: float) -
     low, high = 0.0, max(scale, 1e-300)
     while total(high) > wanted:
         low, high = high, 4 * high
-    for _ in range(80):
-        middle = 0.5 * (low + high)
-        low, high = (middle, high) if total(middle) > wanted else (low, middle)
-        if high - low <= 1e-12 * high:
-            break
-    return 0.5 * (low + high), 1.0
+    return float(brentq(lambda a: total(a) - wanted, low, high, xtol=1e-13 * high, rtol=1e-12)), 1.0
 
 
 def pooled_scatter(levels: Sequence[RunStatistics], usable: Mask | None = None) -> PooledScatter:

@@ -275,7 +275,7 @@ INTERVAL_ROWS: dict[str, Row] = {
     ),
     "two-stage-estimate-is-better": caution(
         lambda v: (
-            f"{_parted(v)}: believe the two-stage estimate («estimator» two-stage); {_scattered(v)}the joint fit makes "
+            f"{_parted(v)}: believe the two-stage estimate («estimator» auto); {_scattered(v)}the joint fit makes "
             "up for a level's output with the time constants of its neighbours"
         )
     ),
@@ -284,9 +284,6 @@ INTERVAL_ROWS: dict[str, Row] = {
             f"{_parted(v)}: believe neither; too few levels determine "
             f"{_joined(v['weak'])} on their own, and the joint fit makes up values there"
         )
-    ),
-    "no-two-stage-estimate": caution(
-        "no two-stage estimate: no level alone determines all of its parameters; the joint fit stands"
     ),
     "two-stage-held": caution("a constraint holds {symbol} of the two-stage estimate"),
     "output-decays-under-hold": caution(_decays, rank=0, covers=("decays-under-hold",)),
