@@ -4,8 +4,6 @@ import json
 import re
 import runpy
 import shlex
-import shutil
-import subprocess
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -120,25 +118,6 @@ def test_every_question_is_answered_by_files_that_are_there() -> None:
             path = ROOT / name if "/" in name else beside / name
             assert path.exists(), (question, name)
             beside = path if path.is_dir() else path.parent
-
-
-def test_every_kind_of_addition_is_shown_by_a_small_commit() -> None:
-    """Under 60 changed lines, the table, a test and a page among them."""
-    if not (ROOT / ".git").exists() or shutil.which("git") is None:
-        pytest.skip("no git history here")
-    rows = [row for row in rows_of("How to add") if re.match(r"`[0-9a-f]{7}`", row[2])]
-    assert [row[0].split()[1] for row in rows] == ["reader", "model", "controller", "scenario", "export"]
-    for what, table, example in rows:
-        call = ["git", "show", "--numstat", "--format=", example[1:8]]
-        shown = subprocess.run(call, cwd=ROOT, capture_output=True, text=True, check=False)
-        if shown.returncode:
-            pytest.skip("the history is cut short here")
-        changed = [line.split("\t") for line in shown.stdout.splitlines() if line]
-        assert sum(int(added) + int(gone) for added, gone, _ in changed) < 60, what
-        names = [name for *_, name in changed]
-        assert {"tests", "docs"} <= {name.split("/")[0] for name in names}, what
-        (home,) = re.findall(r"`(eaid/[\w/]+\.py)`", table)
-        assert home in names, what
 
 
 def test_every_room_stands_in_the_list_of_rooms_in_the_order_of_the_layers() -> None:
