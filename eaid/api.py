@@ -300,7 +300,6 @@ def tune_rc(
     *,
     reference: "str | os.PathLike[str] | None" = None,
     logs: StepSet | None = None,
-    progress: Progress = no_progress,
     **keywords: Any,
 ) -> Gains:
     """Gains of the robust controller, Eqs. (11) to (15), and of a PI, with one verdict on the guarantee.
@@ -314,9 +313,7 @@ def tune_rc(
     reference
         A scenario (multisine, steps, sweep, ramp), or a file `time_s,reference_nm`, which Q_M is judged by.
     logs
-        Steps of the same rig, which speak about φ and the noise.
-    progress
-        As in `read`.
+        Steps of the same rig, which speak about φ.
     **keywords
         Fields of `TuneOptions`: kp [1/s²], kd [1/s], b_hat, rho, phi, pi_overshoot [%], pi_settling [s], …
 
@@ -349,7 +346,7 @@ def tune_rc(
     _of_type("fit", fit, Fit)
     named = "" if reference is None else str(reference)
     signal = (named or None) if reference is None or named in TRACKED else read_reference(Path(reference))
-    return tune(fit, chosen(TuneOptions, options, keywords), logs, signal, named, progress)
+    return tune(fit, chosen(TuneOptions, options, keywords), logs, signal, named)
 
 
 def simulate(

@@ -24,7 +24,7 @@ ROLES = ("time", "input", "output", "reference", "position")
 EXCITATIONS = ("staircase", "random", "prbs", "multisine", "chirp", "closed-loop")
 
 READING, STEPS, MODEL, RECORDED = "Reading logs", "Finding steps", "Model", "Logs fitted as recorded"
-ROBUST, PI, RIG, SEARCH, ADVANCED = "Robust controller", "PI controller", "Rig", "Search", "Advanced"
+ROBUST, PI, RIG, ADVANCED = "Robust controller", "PI controller", "Rig", "Advanced"
 WHAT, MORE, REHAB, CHANCE = "What is replayed", "More plants", "Rehabilitation", "Chance"
 LIMB, LOOP, DRAWN = "The limb and the wall", "The loop as it runs", "Populations"
 LOGS, WHEN, HOW, INPUTS = "What is recorded", "Times", "Disturbances", "Other inputs than steps"
@@ -241,19 +241,6 @@ class TuneOptions(Chance):
     pwm_hz: float | None = option(
         None, "Duty latched at [Hz]; 0: off; by itself the fit's, else 300.", RIG, least=0, most=1e6
     )
-    optimize: bool = option(False, "Choose P's scale, ε and φ for the least RMS error.", SEARCH)
-    plants: int | None = option(
-        None, "Plants drawn from the fit's uncertainty; by itself 16.", SEARCH, least=1, most=100_000
-    )
-    noise_nm: float | None = option(
-        None, "Torque noise, sd [N·m]; by itself what the logs show.", SEARCH, least=0, most=1e6
-    )
-    chatter_limit: float | None = option(
-        None, "Most mean |Δu| per sample; by itself that of the start.", SEARCH, least=0, most=1e9, above=True
-    )
-    evaluations: int | None = option(
-        None, "Candidates replayed, at most; by itself 240.", SEARCH, least=15, most=100_000
-    )
     bounds_levels: str | None = option(None, "Levels that B_m, B_M are taken over: 30:100.", ADVANCED, levels=True)
     widen_bounds: bool = option(False, "Take the far ends of the 95 % intervals of B.", ADVANCED)
     epsilon: float | None = option(
@@ -287,9 +274,6 @@ class TuneOptions(Chance):
             raise UsageError("«pi_overshoot» and «pi_settling» belong together: give both or neither")
         if self.pi_gains is not None and self.pi_overshoot is not None:
             raise UsageError("give either «pi_gains» or «pi_overshoot» with «pi_settling», not both")
-        for name in ("plants", "noise_nm", "chatter_limit", "evaluations"):
-            if getattr(self, name) is not None and not self.optimize:
-                raise UsageError(f"«{name}»: does nothing without «optimize»; give both or neither")
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -19,10 +19,6 @@ NUMBERS = [
     for name, form in forms(kind).items()
     if {int, float} & set(form.parts) and form.nested is None
 ]
-WITH = {  # options that others go with
-    "plants": {"optimize": True}, "noise_nm": {"optimize": True}, "chatter_limit": {"optimize": True},
-    "evaluations": {"optimize": True},
-}  # fmt: skip
 
 
 @pytest.mark.parametrize(("kind", "name", "form"), NUMBERS, ids=[f"{k.__name__}.{n}" for k, n, _ in NUMBERS])
@@ -67,7 +63,6 @@ def test_a_default_lies_within_its_limits() -> None:
         (lambda: eaid.TuneOptions(pi_gains=(21, 360), pi_overshoot=1.0, pi_settling=0.3),
          "give either pi_gains= or pi_overshoot= with pi_settling=, not both"),
         (lambda: eaid.TuneOptions(duty_limits=(50.0, 50.0)), "duty_limits= 50,50: must rise from 0 or above"),
-        (lambda: eaid.TuneOptions(plants=5), "plants=: does nothing without optimize=; give both or neither"),
         (lambda: eaid.SimulateOptions(threads=2), "threads=: does nothing without plants=; give both or neither"),
         (lambda: eaid.SimulateOptions(limb_inertia=0.1), "limb_damping= and limb_inertia= belong to scenario= rehab"),
         (lambda: eaid.SimulateOptions(perturb={"Ts": 0.0}), "perturb= 0: give a number above 0, 1e+06 at most"),

@@ -52,11 +52,9 @@ def logs_of(fitted: "Fit", fit: Path, data: list[Path] | None, options: "TuneOpt
 
     if data:
         return runs_from(data)[1]
-    wants = {"φ": options.phi == "data", "the noise": options.optimize and options.noise_nm is None}
-    wanted = " and ".join(name for name, asked in wants.items() if asked)
-    if not wanted:
+    if options.phi != "data":
         return None
-    instead = f"so {wanted} cannot be read off them; give the logs with --data"
+    instead = "so φ cannot be read off them; give the logs with --data"
     if not fitted.data.inputs:
         console.warn(f"{fit}: names no logs, {instead}")
         return None

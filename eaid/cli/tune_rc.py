@@ -18,7 +18,7 @@ class Arguments(Common, TuneOptions, Verbose):
     reference: str | None = option(
         None, "Q_M is taken from it, or judged by it.", ROBUST, words=TRACKED, read=as_typed, shown="FILE|WORD"
     )
-    data: list[Path] | None = option(None, "Logs for --phi data and --optimize; by itself the fit's own.", ROBUST)
+    data: list[Path] | None = option(None, "Logs for --phi data; by itself the fit's own.", ROBUST)
     output: Path = written("gains.json")
 
 
@@ -43,11 +43,11 @@ def command(args: Arguments) -> None:
     read = [args.fit, *([file] if file else []), *files_read(args.data or [])]
     refuse_to_overwrite(args.output, args.force, read)
     options = part(TuneOptions, args)
-    if args.data and options.phi != "data" and not options.optimize:
-        raise UsageError("--data: does nothing without --phi data or --optimize; leave it out")
+    if args.data and options.phi != "data":
+        raise UsageError("--data: does nothing without --phi data; leave it out")
     fitted, doubts = codec.read(args.fit, "fit", Fit)
     logs = inputs.logs_of(fitted, args.fit, args.data, options)
-    gains = api.tune_rc(fitted, options, reference=args.reference, logs=logs, progress=console.progress)
+    gains = api.tune_rc(fitted, options, reference=args.reference, logs=logs)
     gains = inputs.stamped(gains, args, GainsInputs, fit=args.fit, reference=file)
     codec.write(args.output, gains, "gains", args.force)
     if args.json:

@@ -1,7 +1,4 @@
-"""Noise on the output as logs show it and as the residuals of the fit have it.
-
-White noise of a log from second differences, which take away the curve and everything slow: on white noise of sd σ
-they have √6 σ.
+"""Noise on the output as the residuals of the fit have it.
 
 A run's residuals from its level's own curve (`friction` in fit.json) are taken as white noise plus a first-order
 autoregression φ^k that holds the share s of the power. Two numbers of `uncertainty.adequacy` fix both: the first
@@ -16,37 +13,9 @@ there, and what the sensor adds, residuals cannot tell: all of it is put on the 
 import math
 from dataclasses import replace
 
-import numpy as np
-
-from eaid.control.defaults import scales_of
-from eaid.control.gains import plant_of
 from eaid.errors import DataError
-from eaid.options import Rig, TuneOptions
+from eaid.options import Rig
 from eaid.results.fit import Fit
-from eaid.steps.stepset import StepSet
-
-USUAL_NOISE_NM = 0.01
-"""Torque noise where no log tells it [N·m], over the paper's torque at 100 %."""
-
-
-def white_noise_nm(stepset: StepSet) -> float:
-    """Standard deviation of the white part of the noise [N·m], the median over runs."""
-    seconds = [np.diff(run[np.isfinite(run)], n=2) for level in stepset.levels for run in level.runs]
-    each = [float(np.sqrt(np.mean(second * second) / 6)) for second in seconds if len(second) > 1]
-    return float(np.median(each)) if each else 0.0
-
-
-def noise_of(fit: Fit, options: TuneOptions, logs: StepSet | None) -> tuple[float, str]:
-    """Noise for the search in the output's unit, and where it comes from."""
-    if options.noise_nm is not None:
-        return options.noise_nm, "given"
-    if logs is not None and logs.output_unit == fit.data.output_unit:
-        return white_noise_nm(logs), "logs"
-    # The fit keeps a density of the noise at low frequency: an upper bound of what white noise alone would have.
-    noise = fit.uncertainty.noise if fit.uncertainty is not None else None
-    if noise is not None and noise.sensor_nm2_s and fit.data.sample_rate_hz:
-        return float((noise.sensor_nm2_s * fit.data.sample_rate_hz) ** 0.5), "fit"
-    return USUAL_NOISE_NM * scales_of(fit, plant_of(fit)).top, "supposed"
 
 
 def with_residual_noise(rig: Rig, fit: Fit) -> Rig:

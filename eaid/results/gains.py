@@ -149,38 +149,6 @@ class Tracking(Result, frozen=True):
     saturated_fraction: Number | None = None
 
 
-class Candidate(Result, frozen=True):
-    """One candidate of the search, and what it did on the drawn plants."""
-
-    p_scale: Number
-    epsilon: Number
-    phi_honest_pct: Number
-    B_hat: Number
-    K_P: Number
-    K_D: Number
-    equal_pi: tuple[Number, Number]
-    rms_error_nm: Number
-    """Over all plants and counted samples."""
-    worst_plant_rms_error_nm: Number
-    max_abs_error_nm: Number
-    mean_abs_duty_step_pct: Number
-    saturated_fraction: Number
-
-
-class Optimized(Result, frozen=True):
-    """What the search began with, and what it ended at."""
-
-    reference: str
-    plants: Count
-    noise_nm: Number
-    noise_source: str
-    """given, logs, fit, or supposed."""
-    limit_pct: Number
-    """Most chattering allowed, in the input's unit per sample."""
-    before: Candidate
-    after: Candidate
-
-
 class Replayed(Result, frozen=True):
     """Errors on the standard reference."""
 
@@ -354,7 +322,6 @@ class Gains(Shown, Result, frozen=True):
     phi_from_data: PhiFromData | None = None
     margins: Margins | None = None
     replayed: Replayed | None = None
-    optimized: Optimized | None = None
     unidentified: str | None = None
     """Why a fit marked not identifiable was used all the same; None: it was not."""
     findings: tuple[Finding, ...] = ()

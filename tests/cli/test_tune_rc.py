@@ -182,8 +182,6 @@ def test_a_fit_without_what_is_needed(by_hand, run_eaid):
     ran = run_eaid("tune-rc fit.json -o x")
     assert ran.code == 3 and "holds no linear model" in ran.err
     by_hand({"nonlinear": None})
-    ran = run_eaid("tune-rc fit.json --optimize -o x")
-    assert ran.code == 3 and "holds no nonlinear model" in ran.err
     ran = run_eaid("tune-rc fit.json --bounds-levels 30:100 -o x")
     assert ran.code == 2 and "no fits of single levels" in ran.err
 
@@ -224,18 +222,3 @@ def test_a_rig_in_other_units_gets_the_same_design_in_its_own(tuned, run_eaid, v
     assert tuned("--duty-limits 0,250", parts={"data": volts}, k=k, y=y)["duty_limits_pct"] == [0.0, 250.0]
     nameless = {"data": {"levels": [100.0, 300.0]}}  # a "duty" above 100 is none
     assert tuned(parts=nameless, k=k, y=y)["duty_limits_pct"] == [0.0, 300.0]
-
-
-def test_optimize_trades_in_the_open(by_hand, run_eaid):
-    Path("short.csv").write_text("time_s,reference_nm\n0,1\n1,3\n2,1\n3,3\n")
-    more = "--optimize --noise-nm 0.01 --reference short.csv --q-max 5 --evaluations 15"
-    ran = run_eaid(f"tune-rc fit.json {more}", "-o", "a.json")
-    gains = json.loads(Path("a.json").read_text(encoding="utf-8"))
-    told = gains["optimized"]
-    assert ran.code == 0 and told["after"]["rms_error_nm"] <= told["before"]["rms_error_nm"]
-    assert told["after"]["mean_abs_duty_step_pct"] <= told["limit_pct"] == told["before"]["mean_abs_duty_step_pct"]
-    assert gains["rc"]["epsilon"] == told["after"]["epsilon"]
-    assert "Search. On the short.csv, 1 plants, noise 0.0100 N·m (given)" in ran.out
-    assert " to do" in ran.err and "every drawn plant is the fitted one" in ran.err
-    assert run_eaid(f"tune-rc fit.json {more}", "-o", "b.json", "-q").code == 0
-    assert Path("b.json").read_bytes() == Path("a.json").read_bytes()

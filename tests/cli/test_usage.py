@@ -66,10 +66,7 @@ TABLE = r"""
 3 | tune-rc fit.json --bounds-levels 300:900 | --bounds-levels 300:900: no log holds 300:900; levels found: 20, 40, …
 2 | tune-rc fit.json --epsilon 0 | --epsilon 0: give a number from 1e-15 to 1e+15
 3 | tune-rc fit.json --reference nowhere.csv | nowhere.csv: no such file; give a CSV with the columns …
-2 | tune-rc fit.json --optimize --noise-nm -1 | --noise-nm -1: give a number from 0 to 1e+06
-2 | tune-rc fit.json --optimize --plants 1000000000 | --plants 1000000000: give a whole number from 1 to 100000
-2 | tune-rc fit.json --plants 20 | --plants: does nothing without --optimize; give both or neither
-2 | tune-rc fit.json --data data.h5 | --data: does nothing without --phi data or --optimize; leave it out
+2 | tune-rc fit.json --data data.h5 | --data: does nothing without --phi data; leave it out
 2 | tune-rc fit.json --pwm-hz nan | --pwm-hz nan: give a number from 0 to 1e+06
 2 | tune-rc fit.json --duty-limits 0,120 | --duty-limits 0,120: a duty ends at 100 %
 2 | tune-rc fit.json --duty-limits 50,20 | --duty-limits 50,20: must rise from 0 or above

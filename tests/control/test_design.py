@@ -228,7 +228,6 @@ def test_what_is_not_physical_is_refused(fit, options, words):
         ({"duty_limits": (80.0, 20.0)}, "duty_limits= 80,20: must rise"),
         ({"natural_frequency": 2.0}, "belong together"),
         ({"natural_frequency": 2.0, "damping": 1.0, "kp": 3.0}, "not both"),
-        ({"plants": 20}, "plants=: does nothing without optimize="),
         ({"rho": "other"}, "must be one of paper, textbook"),
         ({"phi": "much"}, "must be data or a number"),
         ({"seed": -1}, "seed= -1: give a whole number"),

@@ -1,14 +1,13 @@
 """Noise coloured as residuals are, and replay.h5: what is written comes back, whole or not at all, the same bytes."""
 
 import math
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from eaid.errors import DataError, UsageError
 from eaid.replay.files import as_json, read, write_replay
-from eaid.replay.noise import white_noise_nm, with_residual_noise
+from eaid.replay.noise import with_residual_noise
 from eaid.replay.rig import Rig, noise
 from eaid.results.codec import from_plain
 from eaid.results.fit import Fit
@@ -215,12 +214,3 @@ def test_a_damaged_replay_is_refused_or_read_as_it_was(tmp_path):
         for name, values in record.columns.items():
             np.testing.assert_array_equal(found.records["rc"].columns[name], values)
     assert refused > 50
-
-
-def test_the_white_noise_of_runs_is_their_median() -> None:
-    random = np.random.default_rng(1)
-    t = np.arange(4000) * 1e-3
-    runs = tuple(np.sin(t) + sd * random.standard_normal(4000) for sd in (0.01, 0.02, 0.5))
-    stepset = SimpleNamespace(levels=[SimpleNamespace(runs=runs)])
-    assert white_noise_nm(stepset) == pytest.approx(0.02, rel=0.05)  # type: ignore[arg-type]
-    assert white_noise_nm(SimpleNamespace(levels=[])) == 0.0  # type: ignore[arg-type]

@@ -1,10 +1,9 @@
-"""Tables of replays and of a search, as page and terminal show them."""
+"""Tables of replays, as page and terminal show them."""
 
 import msgspec
 import numpy as np
 
-from eaid.report.tables import gains, replays
-from eaid.results.gains import Candidate, Gains, LinearModel, Optimized
+from eaid.report.tables import replays
 from eaid.results.replay import Distribution, Head, Metrics, PlantSpread, Record, Replay, StepMetrics, Worst
 
 COLUMNS = {
@@ -67,19 +66,3 @@ def test_a_step_has_both_settling_times():
 def test_tables_without_rows_are_left_out():
     shown = [table.heading for table in replays.tables_of(made(rc=(RC,)))]
     assert shown == ["Errors of each controller", "Each step", "Guarantee along this replay"]
-
-
-def candidate(**changes) -> Candidate:
-    given = dict.fromkeys(Candidate.__struct_fields__, 1.0) | {"equal_pi": (1.0, 2.0)} | changes
-    return Candidate(**given)
-
-
-def test_what_a_search_traded():
-    found = Optimized(
-        "multisine", 16, 0.01, "supposed", 0.5, candidate(), candidate(epsilon=0.2)
-    )  # fmt: skip
-    table = gains.search_table(Gains(LinearModel(1.0, 1.0, 0.0), optimized=found))
-    rows = {row[0]: row[1:] for row in table.texts}
-    assert rows["ε"] == ("1.0000", "0.20000", "")
-    assert "16 plants, noise 0.0100 N·m (supposed), chattering up to 0.500 %" in table.caption
-    assert gains.search_table(Gains(LinearModel(1.0, 1.0, 0.0))).rows == ()

@@ -58,13 +58,6 @@ GAIN_ROWS: dict[str, Row] = {
         "the {reference} asks for up to {asked:.3g} {unit}, the fitted plant makes {highest:.3g} {unit} at most: its "
         "errors say nothing about the gains; give a «reference» within reach"
     ),
-    "search-on-fitted-plant": caution(
-        "this fit holds no covariance of the nonlinear model, so every drawn plant is the fitted one; fit again with "
-        "«ci» robust to carry the uncertainty on"
-    ),
-    "noise-supposed": caution(
-        "no logs to take the torque noise from: {noise:g} is supposed; give «noise_nm» or «data»"
-    ),
 }
 
 

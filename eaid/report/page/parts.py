@@ -203,7 +203,6 @@ def _controller(results: Results, known: Known, drawn: Figures) -> Block | None:
             *([gains.checklist(given.result)] if k else []),  # the first one's stands open
             gains.table_iv(given.result, results.paper),
             gains.gains_table(given.result, results.paper),
-            gains.search_table(given.result),
             *gains.further_tables(given.result),
         ]
         folds += _block(title, (), tables)

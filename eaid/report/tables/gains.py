@@ -43,8 +43,8 @@ def guarantee_words(gains: Gains) -> str:
 
 
 def tables_of(gains: Gains, asked: bool | None = None) -> list[Table]:
-    """What the guarantee needs, the gains, and what a search traded; tables that have rows."""
-    every = (checklist(gains), table_iv(gains, asked), gains_table(gains, asked), search_table(gains))
+    """What the guarantee needs, the gains; tables that have rows."""
+    every = (checklist(gains), table_iv(gains, asked), gains_table(gains, asked))
     return [table for table in every if table.rows]
 
 
@@ -156,29 +156,6 @@ def readings_table(gains: Gains) -> Table:
         caption += f" Inside the layer the RC is a PI of {number(equal.K_P)} and {number(equal.K_I)}."
     heads = columns("reading", "φ", ("means", gains.input_unit), "ρ, constant", "ρ, slope")
     return Table("Readings of Eq. (15)", caption, heads, rows)
-
-
-SOURCES = {"given": "given", "logs": "white part of what the logs show", "fit": "as the fit has it",
-           "supposed": "supposed"}  # fmt: skip
-
-
-def search_table(gains: Gains) -> Table:
-    """What a search traded; no rows where there was none."""
-    found, (i, o) = gains.optimized, (gains.input_unit or "input", gains.output_unit or "output")
-    heads = columns("", ("before", "", 5), ("after", "", 5), "unit")
-    if found is None:
-        return Table("Search", "", heads, ())
-    parts = (
-        ("RMS error", "rms_error_nm", o), ("of the worst plant", "worst_plant_rms_error_nm", o),
-        ("largest error", "max_abs_error_nm", o), ("chattering", "mean_abs_duty_step_pct", f"{i} per sample"),
-        ("at a limit", "saturated_fraction", "of the time"), ("P's scale", "p_scale", ""), ("ε", "epsilon", ""),
-        ("φ", "phi_honest_pct", i), ("B̂", "B_hat", gain(i, o)), ("K_P", "K_P", "1/s²"), ("K_D", "K_D", "1/s"),
-    )  # fmt: skip
-    rows = tuple((name, getattr(found.before, key), getattr(found.after, key), unit) for name, key, unit in parts)
-    noise = f"{number(found.noise_nm, 3)} {o} ({SOURCES.get(found.noise_source, found.noise_source)})"
-    caption = f"On the {found.reference}, {found.plants} plants, noise {noise}, chattering up to "
-    caption += f"{number(found.limit_pct, 3)} {i}."
-    return Table("Search", caption, heads, rows)
 
 
 def margins_table(gains: Gains) -> Table:
