@@ -1,17 +1,16 @@
-"""Other processors, where their compilers and emulators are; the sketch in the AVR's own core; MISRA by cppcheck."""
+"""Other processors, where their compilers and emulators are; MISRA by cppcheck."""
 
 import re
 import shutil
-import subprocess
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
 import pytest
 
-from .conftest import STRICT, closed_loop
+from .conftest import STRICT, logged, ran
 
 pytestmark = pytest.mark.slow
-CORE = Path("/usr/share/arduino/hardware/arduino/avr")
 STARTS = Path(__file__).parent / "boards"
 
 
@@ -31,13 +30,13 @@ class Board:
         for needed in (self.compiler, self.run[0]):
             if not shutil.which(needed):
                 pytest.skip(f"no {needed}")
-        out, sources = f"check-{self.name}", ["check.c", "eaid_control.c"]
-        start = [str(STARTS / self.start)] if self.start else []
+        start = [STARTS / self.start] if self.start else []
         strict = [flag for flag in STRICT if flag not in ("-Werror", "-pedantic")] if start else STRICT
         libraries = [flag for flag in self.flags if flag.startswith("-l")]
-        flags = [flag for flag in self.flags if flag not in libraries]
-        command = [self.compiler, "-O2", *strict, *flags, "-o", out, *sources, *start, *libraries, "-lm"]
-        subprocess.run(command, cwd=folder, check=True)
+        flags = [*strict, *(flag for flag in self.flags if flag not in libraries)]
+        out, sources = f"check-{self.name}", ["check.c", "eaid_control.c", *start]
+        done = ran(self.compiler, "-O2", *flags, "-o", out, *sources, *libraries, "-lm", cwd=folder)
+        assert done.returncode == 0, done.stderr
         return [*self.run, str(folder / out)]
 
 
@@ -65,8 +64,8 @@ BOARDS = (
     ("law", "precision"), [("rc", "double"), ("rc", "single"), ("inverse", "single"), ("plant", "double")]
 )
 def test_other_processors_give_the_bits_too(exported, board, law, precision):
-    command = board.program(exported("c", precision, (law,)))
-    done = subprocess.run(command, capture_output=True, text=True, errors="replace", check=False, timeout=600)
+    folder = exported("c", precision, (law,))
+    done = ran(*board.program(folder), cwd=folder, errors="replace", timeout=600)
     rows = re.search(rf"{law} +(\d+) rows, +(\d+) to the bit, .*wrong status (\d+)", done.stdout + done.stderr)
     assert rows and int(rows[1]) > 100 and rows[3] == "0"
     if board.name != "AVR" or precision == "single":
@@ -75,50 +74,17 @@ def test_other_processors_give_the_bits_too(exported, board, law, precision):
 
 @pytest.mark.parametrize("board", BOARDS[:2], ids=lambda board: board.name)
 @pytest.mark.parametrize(("law", "precision"), [("rc", "double"), ("inverse", "single")])
-def test_the_closed_loop_on_other_processors_has_the_bits_of_the_plain_python(exported, played, board, law, precision):
+def test_the_closed_loop_on_other_processors_has_the_bits_of_the_plain_python(
+    exported, laws, played, board, law, precision
+):
     run = played("multisine", law)
-    lines = "\n".join(f"{reference!r} {rate!r}" for reference, rate in zip(run.reference, run.rate, strict=True))
-    command = [*board.program(exported("c", precision)), "log", law, "-"]
-    done = subprocess.run(command, input=lines, capture_output=True, text=True, check=True)
-    found = [tuple(map(float, line.split(",")[1:3])) for line in done.stdout.splitlines()[1:]]
-    assert found == [(float(duty), float(torque)) for duty, torque in closed_loop(run, precision)]
+    found = logged(board.program(exported("c", precision)), run)[:, 1:3]
+    assert np.array_equal(found, np.array(list(laws(precision).closed_loop(run)), dtype=float))
 
 
 @pytest.mark.skipif(not shutil.which("cppcheck"), reason="no cppcheck")
 @pytest.mark.parametrize("precision", ["double", "single"])
 def test_misra_finds_nothing_but_names_for_the_caller(exported, precision):
-    command = [
-        "cppcheck",
-        "--enable=all",
-        "--inconclusive",
-        "--std=c99",
-        "--addon=misra",
-        "--suppress=missingIncludeSystem",
-    ]
-    done = subprocess.run(
-        [*command, "--suppress=unusedFunction", "eaid_control.c"], cwd=exported("c", precision),
-        capture_output=True, text=True, check=False,
-    )  # fmt: skip
+    command = "cppcheck --enable=all --inconclusive --std=c99 --addon=misra --suppress=missingIncludeSystem"
+    done = ran(*command.split(), "--suppress=unusedFunction", "eaid_control.c", cwd=exported("c", precision))
     assert set(re.findall(r"\[([\w.-]+)\]$", done.stderr, re.MULTILINE)) <= {"misra-c2012-8.7"}
-
-
-@pytest.mark.skipif(not (shutil.which("avr-g++") and CORE.is_dir()), reason="no Arduino core for the AVR")
-@pytest.mark.parametrize("precision", ["double", "single"])
-def test_the_sketch_compiles_in_the_core_of_an_uno(exported, precision):
-    folder = exported("arduino", precision, ("rc",))
-    (sketch,) = folder.glob("*.ino")
-    command = ["avr-g++", "-mmcu=atmega328p", "-DF_CPU=16000000L", "-DARDUINO=10819", "-std=gnu++11", "-Os"]
-    paths = [
-        f"-I{CORE}/cores/arduino",
-        f"-I{CORE}/variants/standard",
-        "-I.",
-        "-Wall",
-        "-Wextra",
-        "-fsyntax-only",
-        "-x",
-        "c++",
-        "-",
-    ]
-    text = f"#include <Arduino.h>\n{sketch.read_text()}"
-    done = subprocess.run([*command, *paths], cwd=folder, input=text, capture_output=True, text=True, check=False)
-    assert done.returncode == 0 and "warning" not in done.stderr, done.stderr

@@ -1,24 +1,22 @@
 """The one entry: what is refused, what is marked, what is written, and that it is written whole."""
 
+import json
 import math
-from dataclasses import replace
-from pathlib import Path
+import re
+import shutil
+import sys
 
-import msgspec
 import pytest
+import yaml
+from fmpy.validation import validate_fmu
 
 import eaid
-from eaid.errors import GainsError, UsageError
 from eaid.export import export as room
-from eaid.export.targets import TARGETS, log_header
-from eaid.findings import finding, say
-from eaid.findings.sentences.control import EXPORT_ROWS
-from eaid.models.parameters import REFERENCE_PLANT
-from eaid.results.codec import from_plain
-from eaid.results.common import Input
-from eaid.results.fit import Fit
 
-from .conftest import KNOWN, PLANT, export, fit_of, gains_of
+from .conftest import LAWS, PAPER, PLANT, compiled, fit_of, gains_of, merged, ran
+
+TARGETS = ("c", "arduino", "matlab", "fmu", "yaml", "python")
+STOP = {"code": "some-stop", "severity": "stop", "subject": "nonlinear", "levels": [], "values": {}}
 
 
 def codes(made):
@@ -26,180 +24,173 @@ def codes(made):
 
 
 def test_gains_and_fit_give_all_laws_in_one_folder(tmp_path):
-    made = export(gains_of(), fit_of(), {"folder": tmp_path / "rig"})
+    made = eaid.export(gains_of(), tmp_path / "rig", fit_of())
     assert made.laws == ("pi", "rc", "inverse", "plant") and made.dt_s == 1e-3
     assert sorted(path.name for path in (tmp_path / "rig").iterdir()) == sorted(made.files)
     assert codes(made) == ["export-guarantee-holds"]
+    assert (tmp_path / "rig" / "eaid_control.h").read_text().count("digest ") == 2
+    assert codes(eaid.export(None, tmp_path / "plant", fit_of(release=None))) == ["export-no-release"]
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("target", TARGETS)
-def test_every_file_but_vectors_names_what_it_is_made_of(tmp_path, target):
-    inputs = (Input("my gains.json", "abc123"),)
-    options = {"target": target, "folder": tmp_path / "rig", "inputs": inputs, "command": "eaid export x --as y"}
-    made = export(gains_of(margins={"worst": {"rc": {"gain_db": 12.5}}}), fit_of(), options)
-    for name in made.files:
-        if name.endswith((".py", ".h", ".m")):
-            assert "SPDX-License-Identifier: MIT" in (tmp_path / "rig" / name).read_text(), name
-        if name in ("vectors.csv", "vectors.h", "check.py", "eaid_laws.py") or name.endswith((".fmu", "_block.m")):
+def test_every_file_but_vectors_names_what_it_is_made_of_and_no_name_or_unit_breaks_it(
+    tmp_path, monkeypatch, run_eaid, target
+):
+    (tmp_path / "evil *").mkdir()
+    monkeypatch.chdir(tmp_path)
+    gains, fit = "evil */ int x; \"'''\\.json", "fit.json"
+    margins = {"worst": {"rc": {"gain_db": 12.5}}}
+    units = {"input_unit": 'V */ "', "output_unit": "N\n<m>"}
+    (tmp_path / gains).write_text(json.dumps(merged(PAPER, {"margins": margins, **units})))
+    (tmp_path / fit).write_text(json.dumps(PLANT))
+    words = ["export", gains, fit, "--as", target, "-o", "rig", "--json"]
+    monkeypatch.setattr("sys.argv", ["eaid", *words])
+    rig = tmp_path / "rig"
+    for name in json.loads(run_eaid(*words).out)["files"]:
+        if name.endswith((".csv", ".fmu")):
             continue
-        text = (tmp_path / "rig" / name).read_text()
+        text = (rig / name).read_text()
         assert "SPDX-License-Identifier: MIT" in text, name
-        for part in ("made by eaid", "my gains.json, sha256 abc123", "eaid export x --as y", "sample time 0.001 s"):
+        if name in ("vectors.h", "check.py", "eaid_laws.py") or name.endswith("_block.m"):
+            continue
+        for part in ("made by eaid", "int x;", "sha256 ", "by eaid export", "sample time 0.001 s", "RC 12.5 dB"):
             assert part in text, name
-        assert "RC 12.5 dB" in text, name
-
-
-def test_without_files_the_results_digests_stand_at_the_head(tmp_path):
-    export(gains_of(), fit_of(), {"folder": tmp_path / "rig"})
-    head = (tmp_path / "rig" / "eaid_control.h").read_text()
-    assert head.count("digest ") == 2
+    if target in ("c", "arduino"):
+        assert ran(compiled(rig), cwd=rig).returncode == 0 and ran("make", cwd=rig).stdout.count(": ok") == 5
+    elif target == "python":
+        assert ran(sys.executable, "check.py", cwd=rig).returncode == 0
+    elif target == "yaml":
+        assert yaml.safe_load((rig / "parameters.yaml").read_text())
+    elif target == "fmu":
+        assert validate_fmu(str(rig / "eaid_rc.fmu")) == []
 
 
 def test_an_unstable_loop_is_refused_with_its_duties_and_exported_anyway_marked(tmp_path):
-    wild = gains_of(pi=KNOWN.pi._replace(K_P=2e5))
-    options = {"folder": tmp_path / "rig", "law": ("pi",)}
-    with pytest.raises(GainsError, match=r"PI: the loop is unstable at 1000 Hz around .* %; .*anyway="):
-        export(wild, fit_of(), options)
+    wild = gains_of(pi={"K_P": 2e5})
+    with pytest.raises(eaid.GainsError, match=r"PI: the loop is unstable at 1000 Hz around .* %; .*anyway="):
+        eaid.export(wild, tmp_path / "rig", fit_of(), law=("pi",))
     assert not (tmp_path / "rig").exists()
-    made = export(wild, fit_of(), dict(options, anyway=True))
+    made = eaid.export(wild, tmp_path / "rig", fit_of(), law=("pi",), anyway=True)
     assert codes(made)[:2] == ["export-anyway", "export-unstable"]
     assert "EXPORTED ANYWAY" in (tmp_path / "rig" / "eaid_control.c").read_text()
-    assert export(wild, fit_of(), {"folder": tmp_path / "rc", "law": ("rc",)}).laws == ("rc",)
-
-
-def test_gains_that_are_stable_at_their_rate_are_refused_at_one_that_is_too_slow(tmp_path):
-    with pytest.raises(GainsError, match="RC: the loop is unstable at 20 Hz"):
-        export(gains_of(), fit_of(), {"folder": tmp_path / "rig", "law": ("rc",), "rate_hz": 20.0})
-    made = export(gains_of(), fit_of(), {"folder": tmp_path / "rig", "law": ("rc",), "rate_hz": 500.0})
+    assert eaid.export(wild, tmp_path / "rc", fit_of(), law=("rc",)).laws == ("rc",)
+    with pytest.raises(eaid.GainsError, match="RC: the loop is unstable at 20 Hz"):
+        eaid.export(gains_of(), tmp_path / "slow", fit_of(), law=("rc",), rate_hz=20.0)
+    made = eaid.export(gains_of(), tmp_path / "slow", fit_of(), law=("rc",), rate_hz=500.0)
     assert "export-other-rate" in codes(made) and made.dt_s == 0.002
 
 
 def test_what_the_gains_themselves_call_unstable_is_refused(tmp_path):
-    margins = {"points": [{"duty_pct": 30.0, "rc": {"stable": True}, "pi": {"stable": False}}]}
-    with pytest.raises(GainsError, match=r"PI: the loop is unstable at 1000 Hz around 30 %"):
-        export(gains_of(margins=margins), None, {"folder": tmp_path / "rig"})
-    assert export(gains_of(margins=margins), None, {"folder": tmp_path / "rig", "law": ("rc",)}).laws == ("rc",)
-
-
-def test_what_is_marked_stop_is_refused(tmp_path):
-    options = {"folder": tmp_path / "rig"}
-    stop = {"code": "some-stop", "severity": "stop", "subject": "nonlinear", "levels": [], "values": {}}
-    with pytest.raises(GainsError, match="not identifiable: one level"):
-        export(gains_of(unidentified="one level"), None, options)
-    with pytest.raises(GainsError, match="plant rest on a fit that is not identifiable"):
-        export(None, fit_of(identifiable=False), options)
-    with pytest.raises(GainsError, match="did not converge"):
-        export(None, fit_of(solver={"converged": False}), options)
-    with pytest.raises(GainsError, match="some-stop"):
-        export(gains_of(findings=[{**stop, "subject": "rc"}]), None, options)
-    fit = msgspec.structs.replace(fit_of(), findings=gains_of(findings=[stop]).findings)
-    with pytest.raises(GainsError, match="some-stop"):
-        export(None, fit, options)
-    assert not (tmp_path / "rig").exists()
-    export(gains_of(), fit, {"folder": tmp_path / "rig", "law": ("rc",)})  # the plant is not in it
-    linear = msgspec.structs.replace(fit_of(), findings=gains_of(findings=[{**stop, "subject": "linear"}]).findings)
-    with pytest.raises(GainsError, match="some-stop"):
-        export(gains_of(), linear, {"folder": tmp_path / "other", "law": ("rc",)})
-    export(gains_of(), linear, {"folder": tmp_path / "other", "law": ("plant",)})
+    gains = gains_of(margins={"points": [{"duty_pct": 30.0, "rc": {"stable": True}, "pi": {"stable": False}}]})
+    with pytest.raises(eaid.GainsError, match=r"PI: the loop is unstable at 1000 Hz around 30 %"):
+        eaid.export(gains, tmp_path / "rig")
+    assert eaid.export(gains, tmp_path / "rig", law=("rc",)).laws == ("rc",)
 
 
 @pytest.mark.parametrize(
-    ("marks", "code"),
+    ("gains", "fit", "laws", "sentence", "others"),
+    [
+        ({"unidentified": "one level"}, None, None, "not identifiable: one level", None),
+        ({"findings": [STOP | {"subject": "rc"}]}, None, None, "some-stop", None),
+        (None, {"nonlinear": {"identifiable": False}}, None, "plant rest on a fit that is not identifiable", None),
+        (None, {"nonlinear": {"solver": {"converged": False}}}, None, "did not converge", None),
+        ({}, {"findings": [STOP]}, ("plant",), "some-stop", ("rc",)),
+        ({}, {"findings": [STOP | {"subject": "linear"}]}, ("rc",), "some-stop", ("plant",)),
+    ],
+)
+def test_what_is_marked_stop_is_refused_where_it_concerns_the_law(tmp_path, gains, fit, laws, sentence, others):
+    given = gains if gains is None else gains_of(**gains), tmp_path / "rig", fit if fit is None else fit_of(**fit)
+    with pytest.raises(eaid.GainsError, match=sentence):
+        eaid.export(*given, law=laws)
+    assert not (tmp_path / "rig").exists()
+    if others:
+        assert eaid.export(*given, law=others).laws == others
+
+
+@pytest.mark.parametrize(
+    ("rc", "code"),
     [({"guaranteed": False}, "export-guarantee-missing"), ({"phi_holds": False}, "export-guarantee-missing"),
      ({"guaranteed": None}, "export-guarantee-unknown")],
 )  # fmt: skip
-def test_the_guarantee_is_told(tmp_path, marks, code):
-    plain = msgspec.to_builtins(gains_of())
-    gains = msgspec.convert({**plain, "rc": {**plain["rc"], **marks}}, type(gains_of()))
-    assert code in codes(export(gains, None, {"folder": tmp_path / "rig"}))
-
-
-def test_a_plant_without_release_says_so(tmp_path):
-    made = export(None, fit_of(REFERENCE_PLANT), {"folder": tmp_path / "rig"})
-    assert codes(made) == ["export-no-release"]
+def test_the_guarantee_is_told(tmp_path, rc, code):
+    assert code in codes(eaid.export(gains_of(rc=rc), tmp_path / "rig"))
 
 
 def test_the_rigs_own_units_stand_everywhere(tmp_path):
+    model = {"tau1": [0.3, 0, 0], "tau2": [5.0, 0, 0], "Ts": [0, 0.02, 0, 0], "u_range": [100.0, 300.0]}
     data = {"input_unit": "V", "output_unit": "N", "levels": [100.0, 300.0], "sample_rate_hz": 2000.0}
-    plant = replace(PLANT, tau1=(0.3, 0, 0), tau2=(5.0, 0, 0), Ts=(0, 0.02, 0, 0), u_range=(100.0, 300.0))
-    made = export(None, fit_of(plant, data=data), {"folder": tmp_path / "rig"})
-    assert made.dt_s == 0.0005
+    assert eaid.export(None, tmp_path / "rig", fit_of(nonlinear=model, data=data)).dt_s == 0.0005
     text = (tmp_path / "rig" / "eaid_control.h").read_text()
     assert "[N/V]" in text and "duty in V, torque in N" in text and "N·m" not in text and "%" not in text
     assert "0x1.2cp+8, /* duty_max = 300.0 V */" in (tmp_path / "rig" / "eaid_control.c").read_text()
-    assert 'puts("time_s,input (V),output (N),reference (N)");' in (tmp_path / "rig" / "check.c").read_text()
 
 
 @pytest.mark.parametrize(
     ("units", "read"), [(("V", "N"), ("V", "N")), (("%", "N·m"), ("%", "N·m")), (("1", "1"), ("a.u.", "a.u."))]
 )
-def test_the_rigs_log_is_read_in_its_units(units: tuple[str, str], read: tuple[str, str], tmp_path: Path) -> None:
+def test_the_rigs_log_is_read_in_its_units(units, read, tmp_path):
     """A log of 90 V was taken for one in %, and one of 300 V refused."""
+    eaid.export(None, tmp_path / "rig", fit_of(data={"input_unit": units[0], "output_unit": units[1]}))
+    head = re.search(r'puts\("(time_s,.*)"\);', (tmp_path / "rig" / "check.c").read_text())[1]
     rows = [f"{k / 50},{90 * (k >= 100)},{2 * (1 - math.exp(-max(k - 100, 0) / 20))},0" for k in range(500)]
-    (tmp_path / "log.csv").write_text("\n".join([log_header(units), *rows]), encoding="utf-8")
+    (tmp_path / "log.csv").write_text("\n".join([head, *rows]), encoding="utf-8")
     steps = eaid.read(tmp_path / "log.csv")
     assert (steps.input_unit, steps.output_unit) == read and [level.level for level in steps.levels] == [90.0]
 
 
 @pytest.mark.parametrize(
-    ("options", "said"),
+    ("gains", "options", "sentence"),
     [
-        ({"target": "cobol"}, "target= cobol: must be one of"),
-        ({"law": ("rc", "magic")}, "law= magic: must be one of"),
-        ({"law": ("rc", "rc")}, "law=: names rc twice"),
-        ({"law": ()}, "law=: names nothing"),
-        ({"precision": "half"}, "precision= half: must be one of"),
-        ({"rate_hz": 0.0}, "rate_hz= 0"),
-        ({"rate_hz": math.nan}, "rate_hz= nan"),
-        ({"stuck_s": 0.0}, "stuck_s= 0"),
-        ({"duty_on_fault": math.inf}, "duty_on_fault= inf"),
-        ({"rate_filter_hz": 500.0}, "rate_filter_hz= is 500"),
+        ({}, {"target": "cobol"}, "target= cobol: must be one of"),
+        ({}, {"law": ("rc", "rc")}, "law=: names rc twice"),
+        ({}, {"law": ()}, "law=: names nothing"),
+        ({}, {"rate_hz": 0.0}, "rate_hz= 0"),
+        ({}, {"rate_filter_hz": 500.0}, "rate_filter_hz= is 500"),
+        ({}, {"law": ("plant",)}, r"law= plant needs what was not given: fit.json"),
+        (None, {}, "nothing to export: give gains"),
+        ({"duty_limits_pct": [0.0, 1e45]}, {"anyway": True, "precision": "single"}, "precision cannot hold safely"),
     ],
 )
-def test_options_that_contradict_are_refused(tmp_path, options, said):
-    with pytest.raises(UsageError, match=said):
-        export(gains_of(), fit_of(), dict(folder=tmp_path / "rig", **options))
+def test_what_contradicts_or_is_not_given_is_refused(tmp_path, gains, options, sentence):
+    with pytest.raises(eaid.UsageError, match=sentence):
+        eaid.export(gains if gains is None else gains_of(**gains), tmp_path / "rig", **options)
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_law_that_was_not_given_is_named(tmp_path):
-    with pytest.raises(UsageError, match=r"law= plant needs what was not given: fit.json"):
-        export(gains_of(), None, {"folder": tmp_path / "rig", "law": ("plant",)})
-    with pytest.raises(UsageError, match=r"law= rc needs what was not given: gains.json"):
-        export(None, fit_of(), {"folder": tmp_path / "rig", "law": ("rc",)})
-    with pytest.raises(UsageError, match="nothing to export: give gains"):
-        export(None, None, {"folder": tmp_path / "rig"})
+def test_a_plant_whose_falls_are_all_as_quick_as_its_release_is_not_exported_as_another(tmp_path):
+    falls = [{"level": 50.0, "from": 80.0, "Ts": -1.0, "tau1": 0.21, "tau2": 5.0}]
+    quick = fit_of(release={"tau1": 0.2, "tau2": 4.8}, friction={"levels": falls})
+    with pytest.raises(eaid.UsageError, match="as quick as its release"):
+        eaid.export(None, tmp_path / "rig", quick, law=("plant",))
 
 
 def test_an_earlier_export_is_replaced_when_asked_and_nothing_else_ever(tmp_path):
     folder = tmp_path / "rig"
-    export(gains_of(), fit_of(), {"folder": folder})
-    with pytest.raises(UsageError, match="exists already"):
-        export(gains_of(), fit_of(), {"folder": folder})
+
+    def refused(sentence, where=folder, **options):
+        with pytest.raises(eaid.UsageError, match=sentence):
+            eaid.export(gains_of(), where, **options)
+
+    eaid.export(gains_of(), folder)
+    refused("exists already")
     (folder / "check").write_text("what make built")
-    export(gains_of(), fit_of(), {"folder": folder, "target": "yaml", "force": True})
+    eaid.export(gains_of(), folder, target="yaml", force=True)
     assert sorted(path.name for path in folder.iterdir()) == ["README.md", "parameters.yaml", "vectors.csv"]
     (folder / "main.c").write_text("the user's own")
-    with pytest.raises(UsageError, match=r"holds main.c, which eaid export did not make"):
-        export(gains_of(), fit_of(), {"folder": folder, "force": True})
+    refused(r"holds main.c, which eaid export did not make", force=True)
     (folder / "main.c").rename(tmp_path / "elsewhere.c")
     (folder / "vectors.csv").unlink()
     (folder / "vectors.csv").symlink_to(tmp_path / "elsewhere.c")
-    with pytest.raises(UsageError, match=r"holds vectors.csv"):
-        export(gains_of(), fit_of(), {"folder": folder, "force": True})
+    refused(r"holds vectors.csv", force=True)
     assert (tmp_path / "elsewhere.c").read_text() == "the user's own"
-    file = tmp_path / "file"
-    file.write_text("")
-    with pytest.raises(UsageError, match="is no folder"):
-        export(gains_of(), fit_of(), {"folder": file, "force": True})
-    with pytest.raises(UsageError, match="does not exist"):
-        export(gains_of(), fit_of(), {"folder": tmp_path / "a" / "b"})
+    refused("is no folder", tmp_path / "elsewhere.c", force=True)
+    refused("does not exist", tmp_path / "a" / "b")
 
 
 def test_a_failure_while_writing_leaves_the_earlier_export_whole(tmp_path, monkeypatch):
     folder = tmp_path / "rig"
-    export(gains_of(), fit_of(), {"folder": folder})
+    eaid.export(gains_of(), folder)
     before = {path.name: path.read_bytes() for path in folder.iterdir()}
 
     def broken(_job):
@@ -208,39 +199,51 @@ def test_a_failure_while_writing_leaves_the_earlier_export_whole(tmp_path, monke
 
     monkeypatch.setitem(room.TARGETS, "c", broken)
     with pytest.raises(RuntimeError, match="in the middle"):
-        export(gains_of(), fit_of(), {"folder": folder, "force": True})
+        eaid.export(gains_of(), folder, force=True)
     assert {path.name: path.read_bytes() for path in folder.iterdir()} == before
     assert sorted(path.name for path in tmp_path.iterdir()) == ["rig"]
 
 
-def test_every_sentence_is_said():
-    values = {
-        "rate_hz": 500.0, "made_hz": 1000.0, "unit": "%", "why": "one level", "missing": "rho, phi", "duty": 120.0,
-        "low": 0.0, "high": 100.0, "rc_gain_db": 16.2, "rc_phase_deg": 78.1, "rc_delay_s": 0.0117, "pi_gain_db": None,
-    }  # fmt: skip
-    said = {code: say(finding(code, "rc", (10, 20), **values)) for code in EXPORT_ROWS}
-    assert said["export-unstable"] == "rc: the loop is unstable at 500 Hz around 10 and 20 %; ask for slower gains"
-    assert said["export-margins"].endswith("duties: RC 16.2 dB, 78.1 ° of phase, 0.0117 s of delay")
-    assert "does not hold on this rig (missing: rho, phi)" in said["export-guarantee-missing"]
-    assert len(set(said.values())) == len(EXPORT_ROWS)
+def octave(folder, code):
+    return ran("octave", "--no-gui", "-q", "--norc", "--eval", code, cwd=folder)
 
 
-@pytest.mark.parametrize(
-    ("gains", "precision"),
-    [
-        (msgspec.structs.replace(gains_of(), duty_limits_pct=(0.0, math.inf)), "double"),
-        (msgspec.structs.replace(gains_of(), duty_limits_pct=(0.0, 1e45)), "single"),
-    ],
-)
-def test_numbers_that_no_rig_can_hold_are_refused(tmp_path, gains, precision):
-    with pytest.raises(UsageError, match="precision cannot hold safely"):
-        export(gains, None, {"folder": tmp_path / "rig", "precision": precision, "anyway": True})
+@pytest.mark.skipif(not shutil.which("octave"), reason="no Octave")
+@pytest.mark.parametrize("precision", ["double", "single"])
+def test_octave_repeats_the_vectors_refuses_another_sample_time_and_runs_the_block(exported, precision):
+    done = octave(exported("matlab", precision), "printf('failed %d\\n', check());")
+    assert "failed 0" in done.stdout, done.stderr
+    assert re.search(r"largest difference (\S+),", done.stdout)[1] == "0"  # the bits
+    code = (
+        "s = eaid_rc_init(0.002); [u, s] = eaid_rc_step(s, 1, 0, 0); printf('%g %d\\n', u, s.status);"
+        "[u, status] = eaid_rc_block(1, 0, 0); printf('%.17g %d\\n', u, status); m = [];"
+        "[r, m] = eaid_rate_step(m, 1); [r, m] = eaid_rate_step(m, 2); printf('%.17g\\n', r);"
+    )
+    refused, block, rate = octave(exported("matlab"), code).stdout.splitlines()
+    assert refused == "0 33" and block.split()[1] in ("0", "8")
+    assert float(rate) == pytest.approx(145.4, rel=1e-3)
 
 
-def test_a_plant_whose_falls_are_all_as_quick_as_its_release_is_not_exported_as_another(tmp_path: Path) -> None:
-    falls = [{"level": 50.0, "from": 80.0, "Ts": -1.0, "tau1": 0.21, "tau2": 5.0}]
-    plain = msgspec.to_builtins(fit_of(replace(REFERENCE_PLANT, release=(0.2, 4.8))))
-    quick = from_plain({**plain, "friction": {"levels": falls}}, Fit, "test")
-    with pytest.raises(UsageError, match="as quick as its release"):
-        export(None, quick, {"folder": tmp_path / "rig", "law": ("plant",)})
-    assert not (tmp_path / "rig").exists()
+def test_the_yaml_holds_every_constant(exported, laws):
+    told = yaml.safe_load((exported("yaml") / "parameters.yaml").read_text())["eaid_controller"]["ros__parameters"]
+    assert told["sample_time_s"] == 1e-3 and told["output_unit"] == "N·m"
+    for law, held in laws().constants.items():
+        for name, value in held._asdict().items():
+            if name == "plant":
+                assert told[law]["plant"]["tau1_1"] == value.tau1_1
+            elif name != "series":
+                assert told[law][name] == value and type(told[law][name]) is type(value)
+
+
+def test_plain_python_repeats_the_vectors_without_eaid(exported):
+    done = ran(sys.executable, "-S", "-E", "check.py", cwd=exported("python"))
+    assert done.returncode == 0 and "largest difference 0: ok" in done.stdout, done.stderr
+
+
+@pytest.mark.parametrize("target", TARGETS)
+def test_every_readme_is_one_page_with_units_and_the_list(exported, target):
+    text = (exported(target) / "README.md").read_text()
+    assert len(text.splitlines()) <= 70
+    for word in ("Sign", "Zero", "Limits", "Watchdog", "Log", "N·m", "0.001 s", "{{"):
+        assert (word in text) == (word != "{{")
+    assert all(f"eaid_{law}" in text or target in ("python", "yaml", "fmu") for law in LAWS[1:2])

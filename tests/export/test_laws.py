@@ -1,0 +1,167 @@
+"""The exported laws in plain Python, which the other languages repeat to the bit: the libm, the replay, and faults.
+
+On a wrong sample rate, NaN, a stuck sensor, a jump, a takeover a user gets what the export's README.md says.
+"""
+
+import math
+
+import numpy as np
+import pytest
+
+import eaid
+
+from .conftest import DT, LAWS, fit_of, gains_of, laws_in, replayed
+
+
+@pytest.mark.parametrize(("precision", "bound"), [("double", 6e-16), ("single", 3e-7)])
+def test_one_minus_e_to_the_minus_x_and_tanh_are_those_of_the_libm(laws, precision, bound):
+    made = laws(precision)
+    series = made.constants["rc"].series
+    for x in np.concatenate([np.geomspace(1e-12, 80.0, 2001), [0.5, 1.0, 2.0, 64.0]]):
+        held = made.number(x)
+        assert made.law.loss(series, held) == pytest.approx(-math.expm1(-float(held)), rel=bound)
+        assert made.law.tanh(series, -held) == pytest.approx(-math.tanh(float(held)), rel=2 * bound)
+    assert made.law.loss(series, made.number(0.0)) == 0.0
+
+
+SOFT = {"gamma": 2.0, "epsilon": 0.4, "anti_windup": {"method": "back-calculation", "gain": 0.03}}
+"""A switch that is never 0 nor 1."""
+BACK = {"anti_windup": {"method": "back-calculation", "gain": 0.05}}
+
+
+@pytest.mark.parametrize(
+    ("law", "changes", "factor"),
+    [("pi", {}, 1.0), ("pi", {"pi": BACK, "duty_limits_pct": [5.0, 95.0]}, 1.0), ("rc", {}, 1.0),
+     ("rc", {"rc": SOFT, "duty_limits_pct": [5.0, 95.0]}, 1.0), ("inverse", {}, 1.0), ("inverse", {}, 0.8)],
+)  # fmt: skip
+def test_the_laws_are_the_replays(tmp_path, law, changes, factor):
+    """On a reference that meets both limits; the inverse also on a plant that is weaker than it knows."""
+    t = np.arange(3000) * DT
+    rows = [f"{at!r},{wanted!r}" for at, wanted in zip(t.tolist(), (1.5 + 6 * np.sin(4 * t)).tolist(), strict=True)]
+    (tmp_path / "reference.csv").write_text("\n".join(["time_s,reference_nm", *rows]))
+    perturb = {"Ts": factor} if factor != 1.0 else {}
+    options = {"reference": tmp_path / "reference.csv", "perturb": perturb}
+    run = replayed(law, None, fit_of(), gains_of(**changes), **options)
+    eaid.export(gains_of(**changes), tmp_path / "rig", fit_of(), target="python", anyway=True)
+    made = laws_in(tmp_path / "rig")
+    plant = made.constants["plant"]
+    weak = plant._replace(**{name: factor * getattr(plant, name) for name in ("Ts_0", "Ts_1", "Ts_2", "Ts_3")})
+    duty, torque = np.array(list(made.closed_loop(run, weak))).T
+    assert np.abs(torque - run.torque).max() <= 1e-12 and np.abs(duty - run.duty).max() <= 1e-7
+    low, high = changes.get("duty_limits_pct", (0.0, 100.0))
+    assert (duty.min(), duty.max()) == (low, high)
+
+
+@pytest.fixture
+def strict(tmp_path):
+    """Laws of an export with a duty on fault and an early word of a stuck sensor."""
+    eaid.export(gains_of(), tmp_path / "rig", fit_of(), target="python", duty_on_fault=7.0, stuck_s=0.05)
+    return laws_in(tmp_path / "rig")
+
+
+@pytest.mark.parametrize("name", LAWS)
+def test_another_sample_time_is_refused_and_gives_the_duty_on_fault(strict, name):
+    law = strict.law
+    for dt in (2 * DT, 0.99 * DT, math.nan, 0.0, -DT):
+        state = strict.init(name, dt)
+        assert state.guard.status == law.WRONG_RATE
+        for _ in range(2):
+            state, duty = strict.step(name, state, 1.0, 0.0, 0.5)
+            assert duty == 7.0 and state.guard.status == law.WRONG_RATE | law.NOT_READY
+    assert strict.init(name, DT * 1.0005).guard.ready
+    plant = strict.constants["plant"]
+    state, torque = law.plant_step(plant, law.plant_init(plant, 2 * DT), 50.0)
+    assert torque == 0.0 and state.status == law.NOT_READY | law.WRONG_RATE
+
+
+@pytest.mark.parametrize("name", LAWS)
+@pytest.mark.parametrize("place", [0, 1, 2])
+def test_an_input_that_is_no_number_gives_the_duty_on_fault_and_leaves_the_state_alone(strict, name, place):
+    state = strict.init(name)
+    for k in range(50):
+        state, _ = strict.step(name, state, 1.0, 0.0, 0.01 * k)
+    for bad in (math.nan, math.inf, -math.inf, 1e10):
+        inputs = [1.0, 0.0, 0.5]
+        inputs[place] = bad
+        after, duty = strict.step(name, state, *inputs)
+        if name == "pi" and place == 1:  # a PI reads no rate
+            assert after.guard.status == 0
+            continue
+        assert duty == 7.0 and after.guard.status == strict.law.BAD_INPUT
+        assert after._replace(guard=state.guard) == state
+        assert strict.step(name, after, 1.0, 0.0, 0.5) == strict.step(name, state, 1.0, 0.0, 0.5)
+
+
+@pytest.mark.parametrize("name", LAWS)
+def test_a_stuck_sensor_and_the_limits_are_told_and_the_law_goes_on(strict, name):
+    law, state, told = strict.law, strict.init(name), []
+    for k in range(400):
+        state, duty = strict.step(name, state, 2.0, 0.0, 0.01 * min(k, 100))
+        told.append(bool(state.guard.status & law.STUCK))
+    assert told.index(True) == 150 and all(told[150:])
+    assert duty == pytest.approx(100.0)  # the error stays, and nothing in the law can know
+    state, _ = strict.step(name, state, 2.0, 0.0, 1.001)
+    assert not state.guard.status & law.STUCK
+    for wanted, torque, duty, bit in ((9.0, 0.0, 100.0, law.AT_MAX), (0.0, 9.0, 0.0, law.AT_MIN)):
+        state, given = strict.step(name, strict.init(name), wanted, 0.0, torque)
+        assert given == duty and state.guard.status == bit
+
+
+@pytest.mark.parametrize("name", ["pi", "rc"])
+@pytest.mark.parametrize("duty", [0.0, 12.5, 60.0, 99.0])
+@pytest.mark.parametrize(("reference", "torque"), [(1.0, 1.0), (1.0, 0.97), (0.2, 0.3)])
+def test_a_takeover_has_no_bump(laws, name, duty, reference, torque):
+    made = laws()
+    state = made.start(name, reference, 0.4, torque, duty)
+    assert made.step(name, state, reference, 0.4, torque)[1] == pytest.approx(duty, abs=1e-9)
+
+
+def test_a_takeover_of_the_inverse_begins_at_the_torque_that_is_there_and_one_on_bad_inputs_is_a_reset(laws):
+    made = laws()
+    state = made.start("inverse", 1.2, 0.0, 1.2, 45.0)
+    assert state.x1 + state.x2 == pytest.approx(1.2) and state.duty == 45.0
+    _, given = made.step("inverse", state, 1.2, 0.0, 1.2)
+    held = made.law.plant_change(made.constants["plant"], state.x1, state.x2, given)
+    assert sum(held) == pytest.approx(0.0, abs=1e-12)
+    for name in LAWS:
+        assert made.start(name, math.nan, 0.0, math.nan, 50.0) == made.init(name)
+
+
+def test_the_filtered_slope_of_a_jump_and_of_a_sine_are_those_that_the_readme_tells(laws):
+    made = laws()
+    c, law = made.constants["rate"], made.law
+
+    def slopes(values):
+        state, rates = law.rate_init(), []
+        for value in values:
+            state, rate = law.rate_step(c, state, value)
+            rates.append(rate)
+        return np.array(rates), state
+
+    rates, _ = slopes([0.0] * 100 + [1.0] * 100)
+    assert rates[99] == 0.0 and rates[100] == pytest.approx(c.gain) and c.gain == pytest.approx(145.4, rel=1e-3)
+    assert rates[100 + 19] < 0.06 * rates[100]  # e^-3 after 3/(2π 25 Hz) = 0.019 s
+    assert rates.sum() * DT == pytest.approx(1.0, rel=1e-3)
+    t = np.arange(3000) * DT
+    rates, state = slopes(np.sin(2 * np.pi * t))
+    expected = 2 * np.pi * np.cos(2 * np.pi * (t - 1 / (2 * np.pi * 25)))
+    assert np.abs(rates - expected)[100:].max() < 0.03
+    state, rate = law.rate_step(c, state, math.nan)  # begins anew
+    assert rate == 0.0 and not state.primed and law.rate_step(c, state, 5.0)[1] == 0.0
+
+
+def test_the_filtered_slope_serves_the_robust_controller_as_well_as_the_replays_central_differences(laws):
+    """docs/export.md: largest error on the multisine, after 5 s."""
+    made = laws()
+    plant = made.constants["plant"]._replace(release1=0.0, release2=0.0)  # the reference plant as it is
+    run = replayed("rc", "multisine", fit_of(release=None), gains_of())
+    state, filtered = made.law.rate_init(), []
+    for wanted in run.reference:
+        state, rate = made.law.rate_step(made.constants["rate"], state, wanted)
+        filtered.append(rate)
+    none = [0.0] * len(run.rate)
+    for rate, expected in ((run.rate, 0.1157), (filtered, 0.1112), (none, 0.2332)):
+        torque = np.array(list(made.closed_loop(type(run)("rc", run.reference, rate, run.torque, run.duty), plant)))[
+            :, 1
+        ]
+        assert np.abs(run.reference - torque)[5000:].max() == pytest.approx(expected, rel=0.01)
