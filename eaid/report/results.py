@@ -21,7 +21,6 @@ from eaid.logs.run import Run
 from eaid.options import ReadOptions
 from eaid.replay import files as replay_files
 from eaid.replay.controllers import CONTROLLERS
-from eaid.report.live import as_recorded, shortened
 from eaid.report.rig import of_the_paper
 from eaid.results import codec
 from eaid.results.coupling import Coupling
@@ -242,6 +241,8 @@ def _by_its_parts(content: Mapping[str, object]) -> str:
 
 
 def _read_data(path: Path) -> tuple[StepSet, tuple[Finding, ...]]:
+    from eaid.report.live import as_recorded, shortened  # Bokeh, which the commands' tables do without
+
     every: dict[str, int] = {}
     with open_hdf5(path, str(path)) as file:
         count = max(1, len(file.get("runs", ())))
