@@ -3,7 +3,6 @@
 All files of one set of options are read in one call, as they share the process that reads them.
 """
 
-import itertools
 import os
 import struct
 import zlib
@@ -27,7 +26,6 @@ from scipy.io import savemat
 import eaid
 from eaid.errors import DataError
 from eaid.logs.foreign import ask
-from eaid.logs.foreign.ros import layout_of
 from eaid.logs.formats import format_of
 
 T = written.T + 25
@@ -301,13 +299,10 @@ def cut(path: Path, write: Callable[[Path], Any], end: int) -> None:
     path.write_bytes(path.read_bytes()[:end])
 
 
-def swallows(data: bytearray) -> None:
-    """A message whose length covers the next one, which rosbags passes over."""
-    at = data.index(b"clutch\0") - 46  # length, channel, number, two times, CDR, stamp, length of the text
-    size = int.from_bytes(data[at : at + 8], "little")
-    records = [i for i in range(len(data)) if data.startswith(b"\x05" + size.to_bytes(8, "little"), i)]
-    at = next(i for i, after in itertools.pairwise(records) if after - i == 9 + size)
-    data[at + 1 : at + 9] = (2 * size + 9).to_bytes(8, "little")
+def counts_one_more(data: bytearray) -> None:
+    """The count of a topic's messages, at the end of an MCAP file."""
+    at = data.rindex(struct.pack("<Q", 300))
+    data[at : at + 8] = struct.pack("<Q", 301)
 
 
 def row46(row: str, names: str = NAMES) -> Callable[[Path], Any]:
@@ -434,8 +429,8 @@ def test_what_is_not_there(tmp_path):
     with pytest.raises(DataError, match="holds no table c for variable=; it holds data"):
         eaid.read(tmp_path / "a.mat", variable="c")
     pytest.importorskip("rosbags")
-    changed(of(written.ros2), swallows)(tmp_path / "a.mcap")
-    with pytest.raises(DataError, match="/ft has 299 messages where the bag counts 300; copy it again"):
+    changed(of(written.ros2), counts_one_more)(tmp_path / "a.mcap")
+    with pytest.raises(DataError, match="/ft has 300 messages where the bag counts 301; copy it again"):
         eaid.read(tmp_path / "a.mcap", **ROS)
 
 
@@ -473,80 +468,34 @@ def test_which_first_bytes_say_what_a_file_is(name, heads):
     assert [format_of(head).name for head in heads] == [name] * len(heads)
 
 
-def base(name: str) -> tuple[int, Any]:
-    return 1, (name, 0)
-
-
-def fields(**more: Any) -> dict[str, Any]:
-    """Definitions as rosbags parses them: of the message `m` and, by capital letters, of what lies in it."""
-    inner = {name: ([], value) for name, value in more.items() if name.isupper()}
-    return {"m": ([], [(name, value) for name, value in more.items() if not name.isupper()]), **inner}
-
-
-def values(definitions: dict[str, Any], raw: bytes, ros1: bool = True) -> dict[str, float]:
-    layout = layout_of(definitions, "m", raw, ros1=ros1)
-    return {field: layout.value(raw, field)[1] for field in layout.places}
-
-
-NUMBERS = {"bool": ("?", 1), "byte": ("B", 200), "char": ("B", 7), "octet": ("B", 9), "int8": ("b", -5),
-           "uint8": ("B", 250), "int16": ("h", -300), "uint16": ("H", 60000), "int32": ("i", -70000),
-           "uint32": ("I", 4_000_000_000), "int64": ("q", -(2**40)), "uint64": ("Q", 2**41), "float32": ("f", 0.5),
-           "float64": ("d", -0.1)}  # fmt: skip
-
-
-@pytest.mark.parametrize("name", NUMBERS)
-def test_every_kind_of_number_in_a_ros_message(name):
-    """ROS 1 packs without gaps, in little-endian order; CDR aligns each number to its size."""
-    form, number = NUMBERS[name]
-    message = fields(first=base("uint8"), x=base(name), last=base("uint8"))
-    assert values(message, struct.pack(f"<B{form}B", 3, number, 4)) == {"first": 3, "x": number, "last": 4}
-    for order in "<>":
-        raw = bytes((0, order == "<", 0, 0, 3)) + bytes(struct.calcsize(form) - 1)
-        raw += struct.pack(f"{order}{form}B", number, 4)
-        assert values(message, raw, ros1=False) == {"first": 3, "x": number, "last": 4}
-
-
-def test_strings_arrays_and_names_in_ros_messages():
-    message = fields(name=base("string"), blob=(4, (base("uint8"), 0)), list=(4, (base("float32"), 0)),
-                     three=(3, (base("float32"), 3)), x=base("float64"))  # fmt: skip
-    expected = {"list[0]": 1.5, "list[1]": 2.5, "three[0]": 7.0, "three[1]": 8.0, "three[2]": 9.0, "x": -4.0}
-    said = (3, b"abc", 5, b"12345", 2, 1.5, 2.5, 7, 8, 9, -4.0)
-    assert values(message, struct.pack("<I3sI5sI2f3fd", *said)) == expected
-    assert values(message, struct.pack("<4sI3sxI5s3xI2f3f4xd", b"\0\1\0\0", *said), ros1=False) == expected
-    long = fields(n=base("uint8"), v=(4, (base("float64"), 0)), x=base("uint8"))
-    for count, kept in ((0, 0), (64, 64), (65, 0)):  # longer ones are pictures and scans
-        raw = struct.pack(f"<4sB3xI{count}dB", b"\0\1\0\0", 1, count, *range(count), 9)
-        found = values(long, raw, ros1=False)
-        assert (len(found), found["n"], found["x"]) == (kept + 2, 1.0, 9.0)
-        points = fields(v=(3, ((2, "P"), count)), P=[("x", base("float32"))])
-        assert len(values(points, struct.pack(f"<{count}f", *range(count)))) == kept
-    joints = fields(name=(4, (base("string"), 0)), effort=(4, (base("float64"), 0)), other=base("float64"))
-    raw = struct.pack("<II3sI0sI2dd", 2, 3, b"arm", 0, b"", 2, 1.0, 2.0, 5.0)
-    assert values(joints, raw) == {"effort[arm]": 1.0, "effort[1]": 2.0, "other": 5.0}
-    layout, short = layout_of(joints, "m", raw, ros1=True), struct.pack("<II3sI1dd", 1, 3, b"arm", 1, 4.0, 6.0)
-    assert layout.value(short, "effort[arm]")[1] == 4.0 and np.isnan(layout.value(short, "effort[1]")[1])
-
-
-NESTED = {f"T{'I' * k}": [("a", (2, f"T{'I' * (k + 1)}"))] for k in range(30)}
+MESSAGE = """string[] name
+float64[] effort
+float32[3] three
+uint8[] blob
+float64[] scan
+bool closed
+int16 count
+"""
 
 
 @pytest.mark.parametrize(
-    ("message", "raw", "ros1"),
-    [
-        (fields(x=base("string")), struct.pack("<I2s", 3, b"ab"), True),  # longer than what is left
-        (fields(x=(4, (base("float64"), 0))), struct.pack("<I", 9), True), (fields(x=base("wstring")), bytes(9), True),
-        (fields(x=(2, "NOWHERE")), bytes(9), True), (fields(x=(2, "m")), bytes(9), True),
-        (fields(x=(3, ((2, "E"), 10**9)), E=()), bytes(9), True), (fields(x=base("uint8")), b"\1\1\0\0\5", False),
-        (fields(x=base("uint8")), b"\0\2\0\0\5", False), (fields(x=base("uint8")), b"\0\1\0", False),
-        (fields(x=(2, "T"), **NESTED | {"T" + "I" * 19: [("a", base("uint8"))]}), b"\7", True),
-    ],
+    ("message", "sentence"),
+    [(MESSAGE, ""), *((f"{more}\n{MESSAGE}", "no topic in it holds numbers that can be read (/log (x/msg/M) cannot)")
+                      for more in ("float64[9] x", "x/Nowhere x", "wstring x"))],
 )  # fmt: skip
-def test_ros_messages_that_cannot_be_followed(message, raw, ros1):
-    with pytest.raises(ValueError, match="message|array|type"):
-        layout_of(message, "m", raw, ros1=ros1)
+def test_numbers_arrays_and_joints_of_a_ros_message(message, sentence, read, tmp_path):
+    pytest.importorskip("rosbags")
+    from rosbags.rosbag1 import Writer
 
-
-def test_definitions_of_ros_messages_may_be_twenty_deep():
-    assert list(values(fields(x=(2, "T"), **NESTED | {"T" + "I" * 18: [("a", base("uint8"))]}), b"\7").values()) == [
-        7.0
-    ]
+    with Writer(tmp_path / "a.bag") as file:
+        topic = file.add_connection("/log", "x/msg/M", msgdef=message, md5sum="0" * 32)
+        for i, torque in enumerate(Y.tolist()):
+            joints = struct.pack("<II3sI0sI2d", 2, 3, b"arm", 0, b"", 2, torque, 2.0)
+            rest = struct.pack("<3fI5sI65d?h", 7, 8, 9, 5, b"12345", 65, *range(65), True, -300 - i)
+            file.write(topic, 1_700_000_000_000_000_000 + i * 10_000_000, joints + rest)
+    if sentence:
+        assert read.refused((tmp_path / "a.bag").read_bytes())[0].startswith(sentence)
+        return
+    (run,) = eaid.read(tmp_path / "a.bag", output="log/effort[arm]", input="log/count", logs_as="recorded").recorded
+    assert run.output.tolist() == Y.tolist() and run.input.tolist() == [-300.0 - i for i in range(len(Y))]
+    assert set(run.left) == {"log/effort[1]", "log/three[arm]", "log/three[1]", "log/three[2]", "log/closed"}
