@@ -8,7 +8,8 @@ Samples at k h and latches at j/f_pwm repeat together after a common period. Ove
 state (lags, integral, latched duty, duties on their way): stable where its spectral radius is below 1. The gain
 margin is the factor on the duty, the delay margin the extra time between latch and plant, that bring the radius to 1:
 exact, aliasing included. The phase margin is read at the crossover of the loop's frequency response, the latch by its
-mean response. Behind a dead time of many samples all three are read there, on a loop that is stable without it.
+mean response. Behind a dead time, or sampled above 2 kHz, all three are read there, on a loop that is stable without
+the delay: the map would have too many states.
 """
 
 import cmath
@@ -93,6 +94,8 @@ Lag = tuple[float, float]
 ENOUGH_DB, ENOUGH_DEG = 6.0, 45.0
 LONGEST_DELAY_S = 0.2
 """Delay margins are sought up to here; beyond, they are no worry."""
+MOST_LATE = 400
+"""Samples on their way up to which a loop is taken as the map of its state."""
 
 
 @dataclass(frozen=True)
@@ -162,7 +165,7 @@ def linear_lags(b: float, a: float) -> tuple[Lag, ...]:
 
 def margins(feedback: Feedback, lags: tuple[Lag, ...], timing: Timing) -> LoopMargins:
     """Gain, delay and phase margin of one loop."""
-    if timing.delay_samples:
+    if timing.delay_samples or LONGEST_DELAY_S * timing.rate_hz > MOST_LATE:
         return _behind_dead_time(feedback, lags, timing)
     phase, crossover_hz = phase_margin(feedback, lags, timing)
     if not is_stable(feedback, lags, timing):

@@ -6,86 +6,84 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from eaid.control.bounds import Bounds
-from eaid.control.design import shown_by_model
-from eaid.control.gains import paper_gains
-from eaid.control.margins import RIG, margins, pi_feedback, rc_feedback
-from eaid.control.operating import operating_points
-from eaid.control.options import DesignOptions
-from eaid.control.pi import pi_gains, step_metrics
-from eaid.control.rc_design import law_of
-from eaid.control.robust import equal_pi
-from eaid.models.parameters import PAPER_LINEAR, REFERENCE_PLANT, Linear
-from eaid.replay import references
-from eaid.replay.controllers import pi_controller, rc_controller
-from eaid.replay.loop import replay
-from eaid.replay.plant import plant_parameters
-from eaid.replay.references import measure, replayed
-from eaid.replay.rig import Rig
-from eaid.results.fit import Fit
+import eaid
 
 TEXT = re.sub(r"\s+", " ", (Path(__file__).parents[2] / "docs/robust-control.md").read_text(encoding="utf-8"))
-BOUNDS = Bounds((), 12.4, 42.6, ())
-POINTS = operating_points(Fit(), PAPER_LINEAR, REFERENCE_PLANT, BOUNDS)
-MULTISINE = references.multisine(1e-3, 12.0)
-THREE_HZ = references.sweep(1e-3, frequencies_hz=(3.0,))
-RC, PI = paper_gains()
-SLOPES = equal_pi(4.5, 3.0, 12.5, RC.rho_constant, 0.5, RC.Q12, RC.Q22)
-# No robust term, and K_P, K_D that give the slopes it has inside the layer: the PI with RC's own feedforward.
-LIKE_RC = RC._replace(rho_constant=0.0, rho_slope=0.0, K_D=SLOPES[0] / 12.5, K_P=SLOPES[1] / 12.5)
-MEETS = pi_gains(PAPER_LINEAR, 1.0, 0.27)
-ROWS = {
-    "RC, Table IV": rc_controller(RC),
-    "the paper's PI, 21 and 360": pi_controller(PI),
-    "the PI that meets the specification, 156.6 and 252.9": pi_controller(PI._replace(K_P=MEETS[0], K_I=MEETS[1])),
-    "the PI of equal slope inside the layer, 313 and 206, with RC's feedforward": rc_controller(LIKE_RC),
-    "the same PI without feedforward": pi_controller(PI._replace(K_P=SLOPES[0], K_I=SLOPES[1])),
-}
+ALIKE = "the PI of equal slope inside the layer, 313 and 206, with RC's feedforward"
+MEETS = "the PI that meets the specification, 156.6 and 252.9"
+PAPER = "the paper's PI, 21 and 360"
+BARE = "the same PI without feedforward"
+
+
+@pytest.fixture(scope="module")
+def fit(fit_of):
+    return fit_of(nonlinear=True)
+
+
+@pytest.fixture(scope="module")
+def rows(fit, fit_of):
+    """Name → fit, gains and the controller among them."""
+    paper = eaid.tune_rc(fit)
+    slopes = paper.rc.equal_pi
+    # No robust term, and K_P, K_D that give the slopes it has inside the layer: the PI with RC's own feedforward.
+    alone = fit_of(nonlinear=True, linear={"bounds": {"B_m": 12.5, "B_M": 12.5}})
+    like = eaid.tune_rc(alone, kp=slopes.K_I / 12.5, kd=slopes.K_P / 12.5, q_max=0.0, phi=0.0)
+    assert like.rc.rho.constant == like.rc.rho.slope == 0.0
+    return {
+        "RC, Table IV": (paper, "rc"),
+        PAPER: (paper, "pi"),
+        MEETS: (eaid.tune_rc(fit, pi_overshoot=1.0, pi_settling=0.27), "pi"),
+        ALIKE: (like, "rc"),
+        BARE: (eaid.tune_rc(fit, pi_gains=(slopes.K_P, slopes.K_I)), "pi"),
+    }
+
+
+def replayed(fit, row, scenario="multisine", **options):
+    gains, law = row
+    return eaid.simulate(fit, gains, scenario, controller=(law,), **options).records[law]
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ROWS)
-def test_row_of_the_comparison(name):
-    controller = ROWS[name]
-    quiet = replayed(REFERENCE_PLANT, controller, MULTISINE)
-    noisy = replayed(REFERENCE_PLANT, controller, MULTISINE, Rig(noise_nm=0.01))
-    tone = replay(plant_parameters(REFERENCE_PLANT), controller, THREE_HZ.torque_nm, Rig(), 1e-3, 0)
-    gain = measure(tone, THREE_HZ).frequencies[0].gain_db
-    found = [
-        margins(
-            rc_feedback(controller.gains, torque, duty) if controller.name == "rc" else pi_feedback(controller.gains),
-            lags, RIG,
-        )
-        for duty, torque, lags in POINTS
-    ]  # fmt: skip
+@pytest.mark.parametrize("name", ["RC, Table IV", PAPER, MEETS, ALIKE, BARE])
+def test_row_of_the_comparison(fit, rows, name, tmp_path):
+    gains, law = rows[name]
+    quiet, noisy = replayed(fit, rows[name]).metrics, replayed(fit, rows[name], noise_nm=0.01).metrics
+    least = getattr(gains.margins.worst, law)
+    t = np.arange(15_001) * 1e-3
+    wave = np.sin(6 * np.pi * t)
+    np.savetxt(tmp_path / "3Hz.csv", np.c_[t, 2 + wave], "%.15g", ",", header="time_s,reference_nm", comments="")
+    done = replayed(fit, rows[name], None, reference=tmp_path / "3Hz.csv").columns["torque_nm"][10_000:15_000]
+    parts = np.c_[wave, np.cos(6 * np.pi * t), np.ones(len(t))][10_000:15_000]
+    three = 20 * np.log10(np.hypot(*np.linalg.lstsq(parts, done)[0][:2]))
     row = (
         f"| {name} | {quiet.max_abs_error_nm:.3f} N·m | {quiet.rms_error_nm:.4f} N·m "
-        f"| {noisy.mean_abs_duty_step_pct:.2f} % | {gain:.1f} dB | {min(m.gain_db for m in found):.1f} dB "
-        f"| {min(m.phase_deg for m in found):.1f}° |"
+        f"| {noisy.mean_abs_duty_step_pct:.2f} % | {three:.1f} dB | {least.gain_db:.1f} dB "
+        f"| {least.phase_deg:.1f}° |"
     )
     assert row.replace("-", "−") in TEXT.replace("-", "−")
 
 
-def test_shares_in_words():
-    errors = {name: replayed(REFERENCE_PLANT, row, MULTISINE).max_abs_error_nm for name, row in ROWS.items()}
-    rc, paper, meets, alike, bare = errors.values()
+def test_shares_in_words(fit, rows):
+    rc, paper, meets, alike, bare = (replayed(fit, row).metrics.max_abs_error_nm for row in rows.values())
+    assert (f"{rc:.3f}", f"{paper:.3f}") == ("0.116", "0.797")  # specification 6
     assert f"{100 * (1 - rc / paper):.0f}" == "85" and "85 % less" in TEXT
     assert f"{100 * (1 - rc / meets):.0f}" == "68" and "RC is 68 % better" in TEXT
     assert f"{100 * (1 - rc / alike):.0f}" == "3" and "RC is 3 % better in both errors" in TEXT
     assert 1.7 < bare / alike < 2.3
-    found = step_metrics(PAPER_LINEAR, 21.0, 360.0)
-    assert f"{found.overshoot_pct:.1f} % overshoot and {found.settling_s:.2f} s" in TEXT
+    pi = rows[PAPER][0].pi
+    assert f"{pi.overshoot_pct:.1f} % overshoot and {pi.settling_s:.2f} s" in TEXT
 
 
 @pytest.mark.slow
-def test_noise_over_seeds():
-    plant = plant_parameters(REFERENCE_PLANT)
+def test_noise_over_seeds(fit, rows):
     told = []
-    for name in list(ROWS)[:2]:
-        runs = [replay(plant, ROWS[name], MULTISINE.torque_nm, Rig(noise_nm=0.01), 1e-3, seed) for seed in range(20)]
-        true = np.mean([np.abs((run.reference_nm - run.torque_nm)[5000:]).max() for run in runs])
-        seen = np.mean([np.abs(run.measured_nm - run.reference_nm)[5000:].max() for run in runs])
-        told.append((true, seen))
+    for name in ("RC, Table IV", PAPER):
+        runs = [replayed(fit, rows[name], noise_nm=0.01, seed=seed).columns for seed in range(20)]
+        apart = [
+            [np.abs(run["reference_nm"] - run[column])[5000:].max() for column in ("torque_nm", "measured_nm")]
+            for run in runs
+        ]
+        told.append(np.mean(apart, axis=0))
     (rc, rc_seen), (pi, pi_seen) = told
     assert f"{rc:.3f} N·m against {pi:.3f} N·m over twenty seeds" in TEXT
     assert f"is {rc_seen:.3f} and {pi_seen:.3f} N·m" in TEXT
@@ -94,44 +92,40 @@ def test_noise_over_seeds():
 @pytest.mark.parametrize(
     ("start", "options"),
     [
-        ("pooled, 1/b0 (the paper's)", DesignOptions()),
-        ("pooled, ρ made with the α reached (`--alpha reached`)", DesignOptions(alpha="reached")),
-        ("minimax, 2 B_m B_M/(B_m + B_M)", DesignOptions(B_hat="minimax")),
+        ("pooled, 1/b0 (the paper's)", {}),
+        ("pooled, ρ made with the α reached (`--alpha reached`)", {"alpha": "reached"}),
+        ("minimax, 2 B_m B_M/(B_m + B_M)", {"b_hat": "minimax"}),
     ],
 )
-def test_row_of_B_hat(start, options):
-    law = law_of(PAPER_LINEAR, BOUNDS, options)
-    worst = replayed(REFERENCE_PLANT, rc_controller(law.gains), MULTISINE).max_abs_error_nm
+def test_row_of_B_hat(fit, start, options):
+    found = eaid.tune_rc(fit, **options)
+    rc = found.rc
     row = (
-        f"| {start} | {law.gains.B_hat:.1f} | {law.alpha:.4f} | {law.alpha_reached:.4f} "
-        f"| {'yes' if law.guaranteed else 'no'} | {law.ultimate_bound_nm():.3g} N·m | {worst:.3f} N·m |"
+        f"| {start} | {rc.B_hat:.1f} | {rc.alpha:.4f} | {rc.alpha_reached:.4f} | {'yes' if rc.guaranteed else 'no'} "
+        f"| {rc.ultimate_bound.torque_error_nm:.3g} N·m | {found.replayed.rc.max_abs_error_nm:.3f} N·m |"
     )
-    assert row in TEXT
+    assert row in TEXT and rc.ultimate_bound.replayed_nm == found.replayed.rc.max_abs_error_nm
 
 
-def test_readings():
+def test_readings_mismatch_and_slope(fit, fit_of, tuned):
     for reading, constant in (("paper", "10.8125"), ("textbook", "6.09765")):
-        law = law_of(PAPER_LINEAR, BOUNDS, DesignOptions(reading=reading))
-        assert f"{law.rho.constant:.6g}" == constant
-        assert f"{constant} + {law.rho.slope:.6g} ‖ξ‖" in TEXT
-        assert f"{law.phi_honest_pct:.3g} % duty" in TEXT
+        rc = tuned(rho=reading).rc
+        assert f"{rc.rho.constant:.6g}" == constant and f"{constant} + {rc.rho.slope:.6g} ‖ξ‖" in TEXT
+        assert f"{rc.phi_honest_pct:.3g} % duty" in TEXT
+    linear = {"a0": 1.84393, "b0": 0.0782825, "c0": -1.343124, "bounds": {"B_m": 8.349, "B_M": 41.142}}
+    published, fitted = eaid.tune_rc(fit), tuned(nonlinear=True, linear=linear)
+    assert f"{published.phi_from_data.model.pct:.1f} % duty" in TEXT
+    assert f"{fitted.phi_from_data.model.pct:.1f} % for the model" in TEXT
+    assert f"{published.rc.phi_honest_pct:.1f} % and {fitted.rc.phi_honest_pct:.1f} %" in TEXT
+    assert f"{published.replayed.slope_nm_s:.2f} N·m/s" in TEXT
 
 
-def test_mismatch_and_slope():
-    published = shown_by_model(REFERENCE_PLANT, PAPER_LINEAR, 12.4, 42.6)
-    fitted = shown_by_model(REFERENCE_PLANT, Linear(1.84393, 0.0782825, -1.343124), 8.349, 41.142)
-    assert f"{published.pct:.1f} % duty" in TEXT and f"{fitted.pct:.1f} % for the model" in TEXT
-    assert f"{0.05 * 12.4 * 42.6:.1f} % and {0.05 * 8.349 * 41.142:.1f} %" in TEXT
-    assert f"{MULTISINE.steepest_nm_s:.2f} N·m/s" in TEXT
-
-
-def test_what_another_B_hat_leaves():
+def test_what_another_B_hat_leaves(fit, rows):
     """The error with less duty for a slope, and the α that the guarantee would need."""
-    law = law_of(PAPER_LINEAR, BOUNDS, DesignOptions(B_hat=8.16))
-    rig = Rig(noise_nm=0.01)
+    other = eaid.tune_rc(fit, b_hat=8.16)
     papers, done = (
-        replayed(REFERENCE_PLANT, rc_controller(gains), MULTISINE, rig).rms_error_nm for gains in (RC, law.gains)
+        replayed(fit, row, noise_nm=0.01).metrics.rms_error_nm for row in (rows["RC, Table IV"], (other, "rc"))
     )
     assert f"stays at {papers:.4f} N·m" in TEXT
     assert f"`--b-hat 8.16` leaves {done:.4f} N·m, {100 * (1 - done / papers):.0f} % less" in TEXT
-    assert f"α reached of {law.alpha_reached:.3f}" in TEXT
+    assert f"α reached of {other.rc.alpha_reached:.3f}" in TEXT

@@ -1,167 +1,231 @@
-"""Margins against python-control where nothing is latched, and against brute simulation where the duty is."""
+"""Margins against python-control, closed forms and brute simulation of the loop as it runs; what is told of them."""
 
 import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 
-from eaid.control.gains import paper_gains
-from eaid.control.margins import (
-    Feedback,
-    Timing,
-    is_stable,
-    linear_lags,
-    loop_response,
-    margins,
-    pi_feedback,
-    rc_feedback,
-    spectral_radius,
-)
-from eaid.control.pi import PIGains, PIState, pi_step
-from eaid.errors import UsageError
+import eaid
 
-PLAIN, LATCHED = Timing(1000.0, None), Timing(1000.0, 300.0)
-LAGS = ((0.0772, 0.2673), (0.0136, 15.53))  # around 100 % duty of the reference plant
-RC, PI = paper_gains()
+LAGS = ((0.0772, 0.2673), (0.0136, 15.53))
+"""Gain [N·m/%] and time constant [s] of two lags, as around 100 % duty of the reference plant."""
+PI = (21.0, 360.0)
+MILD = {"kp": 0.3, "kd": 1.36, "q_max": 0.1, "phi": 0.001, "epsilon": 1e6, "gamma": 1.0}
+"""An RC so slow that it stands beside any PI."""
 
 
-@pytest.mark.parametrize("feedback", [pi_feedback(PI), Feedback(156.6, 252.9), Feedback(299.5, 210.4)])
-def test_phase_margin_agrees_with_python_control(feedback):
+def plant_of(lags):
+    """A nonlinear model that is these two lags at every duty; one operating point, 50 %, is looked at."""
+    (g1, tau1), (g2, tau2) = lags
+    return {"C": g1 / (g1 + g2), "tau1": [tau1, 0, 0], "tau2": [tau2, 0, 0], "Ts": [0, g1 + g2, 0, 0],
+            "u_range": [10.0, 100.0]}  # fmt: skip
+
+
+@pytest.fixture(scope="session")
+def point(tuned):
+    """Margins of RC and PI around 50 % of a plant of lags."""
+
+    def point(lags, pi, linear=None, **options):
+        data = {"input_unit": "%", "output_unit": "N·m", "levels": [50.0]}
+        found = tuned(
+            nonlinear=plant_of(lags), data=data, linear=linear, pi_gains=pi, reference="steps", **MILD | options
+        )
+        (one,) = found.margins.points
+        assert one.duty_pct == 50.0 and one.torque_nm == pytest.approx(50 * (lags[0][0] + lags[1][0]))
+        return one
+
+    return point
+
+
+@pytest.mark.parametrize("pi", [PI, (156.6, 252.9), (299.5, 210.4)])
+def test_phase_margin_agrees_with_python_control(point, pi):
     import control
 
     h = 1e-3
     plant = sum((control.tf([g], [tau, 1]) for g, tau in LAGS[1:]), control.tf([LAGS[0][0]], [LAGS[0][1], 1]))
-    loop = (feedback.k_T + feedback.k_q * control.tf([h], [1, -1], h)) * control.c2d(plant, h, "zoh")
-    omega = np.geomspace(0.1, 2000, 200)
-    assert loop_response(feedback, LAGS, PLAIN, omega) == pytest.approx(loop(np.exp(1j * omega * h)), rel=1e-4)
-    found = margins(feedback, LAGS, PLAIN)
-    dense = np.geomspace(1.0, 500.0, 2000)
+    loop = (pi[0] + pi[1] * control.tf([h], [1, -1], h)) * control.c2d(plant, h, "zoh")
+    dense = np.geomspace(1.0, 500.0, 4000)
     response = control.frequency_response(loop, dense)
     crossover = np.exp(np.interp(0.0, -np.log(response.magnitude), np.log(dense)))
     phase = np.interp(np.log(crossover), np.log(dense), np.unwrap(response.phase))
-    assert found.phase_deg == pytest.approx((180 + math.degrees(phase)) % 360, abs=0.02)
+    found = point(LAGS, pi, pwm_hz=0.0).pi
+    assert found.stable and found.phase_deg == pytest.approx((180 + math.degrees(phase)) % 360, abs=0.02)
     assert found.crossover_hz * 2 * math.pi == pytest.approx(crossover, rel=1e-3)
+    latched = point(LAGS, pi, pwm_hz=300.0).pi
+    # latched duties are 0, 0.33, 0.67 ms old, and a hold of 3.33 ms lasts half of 2.33 ms longer
+    assert found.phase_deg - latched.phase_deg == pytest.approx(
+        math.degrees(crossover * (1e-3 / 3 + 7e-3 / 6)), rel=2e-2
+    )
+    assert latched.gain_db < found.gain_db - 3
 
 
-def test_gain_margin_agrees_with_python_control_at_a_sampled_pole():
-    """With K_I = 0 and one lag the loop leaves the unit circle at −1: a closed form, and python-control's poles."""
+def test_one_sampled_lag_by_its_closed_form_and_python_controls_poles(point):
+    """With K_I = 0 the loop leaves the unit circle at −1: K_P g (1 − a) = 1 + a."""
     import control
 
-    h, tau, g, k = 1e-3, 0.27, 0.08, 300.0
+    h, tau, g, K_P = 1e-3, 0.27, 0.08, 300.0
     a = math.exp(-h / tau)
-    limit = (1 + a) / (g * (1 - a) * k)
-    found = margins(Feedback(k, 0.0), ((g, tau),), PLAIN)
+    limit = (1 + a) / (g * (1 - a) * K_P)
+    found = point(((g / 2, tau), (g / 2, tau)), (K_P, 0.0), pwm_hz=0.0).pi
     assert found.gain_db == pytest.approx(20 * math.log10(limit), abs=1e-3)
-    loop = control.tf([k * limit * g * (1 - a)], [1, -a], h)
-    assert np.abs(control.feedback(loop).poles()).max() == pytest.approx(1.0, abs=1e-6)
+    poles = control.feedback(control.tf([K_P * limit * g * (1 - a)], [1, -a], h)).poles()
+    assert np.abs(poles).max() == pytest.approx(1.0, abs=1e-6)
 
 
-def latched_growth(feedback, lags, pwm_hz, factor, late_s, seconds=3.0):
-    """Growth per second of the loop by brute force in steps of 1/300 ms: nothing shared with the map."""
-    substep = 1 / 30000
-    rate, n = 1000, int(seconds / substep)
-    x, q, u = [1.0, 0.3], 0.0, 0.0
-    queue, latest, size = [], 0.0, []
-    per_sample, per_latch = 30, round(30000 / pwm_hz)
+def test_an_integrator_crosses_where_its_gain_is_one(point, tuned, told):
+    """k/s with the hold's half sample: crossover at k, 90° less k h/2; 20 log(2/(k h)) of gain."""
+    lags, one = ((5e3, 1e4), (5e3, 1e4)), {"linear": {"a0": 1e-4, "b0": 1.0, "c0": 0.0, "bounds": {"B_m": 1, "B_M": 1}}}
+    found = point(lags, (5.0, 0.0), pwm_hz=0.0, **one).pi
+    assert found.crossover_hz == pytest.approx(5 / (2 * math.pi), rel=1e-4)
+    assert found.phase_deg == pytest.approx(90 - math.degrees(5 * 0.5e-3), abs=0.01)
+    assert found.gain_db == pytest.approx(20 * math.log10(2 / 5e-3), abs=0.01)
+    # 6 dB are enough, and less is told: 1.01 of half the gain that is lost at 100 Hz, and 0.985 of it
+    for gain, missed in ((101.0, True), (98.5, False)):
+        made = tuned(
+            **one, nonlinear=plant_of(lags), pi_gains=(gain, 0.0), rate_hz=100.0, pwm_hz=0.0, reference="steps",
+            data={"input_unit": "%", "output_unit": "N·m", "levels": [50.0]}, **MILD,
+        )  # fmt: skip
+        assert ("margin-missed" in told(made)) is missed
+        if missed:
+            assert told(made)["margin-missed"]["gain_db"] == pytest.approx(20 * math.log10(200 / gain), abs=0.01)
+
+
+def test_a_loop_below_one_everywhere_has_no_crossover(point):
+    found = point(((0.5, 0.2), (0.5, 0.2)), (0.5, 0.0), pwm_hz=0.0).pi
+    assert (found.stable, found.phase_deg, found.crossover_hz, found.delay_s) == (True, None, 0.0, None)
+
+
+def growth(slopes, lags, pwm_hz, factor, late_s, seconds=3.0):
+    """How the loop δu = −k_T δT + k_q δq grows, by brute force in steps of 1/30 ms: nothing shared with the map."""
+    k_T, k_q = slopes
+    substep, per_latch = 1 / 30000, round(30000 / pwm_hz) if pwm_hz else 30
+    x, q, u, latest, queue, size = [1.0, 0.3], 0.0, 0.0, 0.0, [], []
+    keep = [math.exp(-substep / tau) for _, tau in lags]
     wait = round(late_s / substep)
-    for k in range(n):
-        if k % per_sample == 0:
+    for k in range(int(seconds / substep)):
+        if k % 30 == 0:
             torque = sum(x)
-            latest = factor * (feedback.k_q * q - feedback.k_T * torque)
-            q -= torque / rate
+            latest = factor * (k_q * q - k_T * torque)
+            q -= torque / 1000
             size.append(abs(torque) + abs(q))
         if k % per_latch == 0:
             queue.append((k + wait, latest))
         while queue and queue[0][0] <= k:
             u = queue.pop(0)[1]
-        x = [xi - math.expm1(-substep / tau) * (g * u - xi) for (g, tau), xi in zip(lags, x, strict=True)]
+        x = [a * xi + (1 - a) * g * u for a, (g, _), xi in zip(keep, lags, x, strict=True)]
         if size[-1] > 1e12:
             break
     half = len(size) // 2
     return max(size[half:]) / max(size[: half or 1])
 
 
-@pytest.mark.parametrize("late_s", [0.0, 0.004])
-def test_latched_gain_margin_is_where_the_simulation_turns(late_s):
-    feedback, lags = Feedback(299.5, 210.4), LAGS
-    low, high = 1.0, 200.0
-    for _ in range(40):
-        middle = math.sqrt(low * high)
-        low, high = (middle, high) if spectral_radius(feedback, lags, LATCHED, middle, late_s) < 1 else (low, middle)
-    assert latched_growth(feedback, lags, 300, 0.97 * low, late_s) < 0.5
-    assert latched_growth(feedback, lags, 300, 1.03 * low, late_s) > 2
-    if late_s == 0:
-        assert margins(feedback, lags, LATCHED).gain_db == pytest.approx(20 * math.log10(low), abs=1e-3)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(("feedback", "seconds"), [(Feedback(299.5, 210.4), 3.0), (pi_feedback(PI), 16.0)])
-def test_delay_margin_is_where_the_simulation_turns(feedback, seconds):
-    found = margins(feedback, LAGS, LATCHED)
-    assert latched_growth(feedback, LAGS, 300, 1.0, 0.94 * found.delay_s, seconds) < 0.7
-    assert latched_growth(feedback, LAGS, 300, 1.0, 1.06 * found.delay_s, seconds) > 1.5
+@pytest.mark.parametrize("pwm_hz", [0.0, 300.0])
+@pytest.mark.parametrize(("pi", "seconds"), [((299.5, 210.4), 3.0), pytest.param(PI, 16.0, marks=pytest.mark.slow)])
+def test_gain_and_delay_margins_are_where_the_simulation_turns(point, pi, seconds, pwm_hz):
+    found = point(LAGS, pi, pwm_hz=pwm_hz).pi
+    factor = 10 ** (found.gain_db / 20)
+    assert growth(pi, LAGS, pwm_hz, 0.97 * factor, 0.0) < 0.5 < 2 < growth(pi, LAGS, pwm_hz, 1.03 * factor, 0.0)
+    assert growth(pi, LAGS, pwm_hz, 1.0, 0.94 * found.delay_s, seconds) < 0.7
+    assert growth(pi, LAGS, pwm_hz, 1.0, 1.06 * found.delay_s, seconds) > 1.5
     # The usual rule from the frequency response agrees within a hold of the PWM.
     assert found.delay_s == pytest.approx(math.radians(found.phase_deg) / (2 * math.pi * found.crossover_hz), rel=0.1)
 
 
-def test_latching_costs_margin():
-    for feedback in (Feedback(299.5, 210.4), pi_feedback(PI)):
-        with_latch, without = margins(feedback, LAGS, LATCHED), margins(feedback, LAGS, PLAIN)
-        assert with_latch.gain_db < without.gain_db - 3 and with_latch.phase_deg < without.phase_deg
+def slopes_of(rc, model, torque, duty):
+    """k_T and k_q of the printed law about rest, at the integral where it gives this duty."""
+
+    def law(integral, measured):
+        e = torque - measured
+        z = rc.Q[1][0] * integral + rc.Q[1][1] * e
+        rho = rc.rho.constant + rc.rho.slope * math.hypot(integral, e)
+        S = (math.tanh(rc.gamma * (abs(z) - rc.epsilon)) + 1) / 2
+        omega = S * rho * math.copysign(1, z) + (1 - S) * rho * z / rc.epsilon
+        return rc.B_hat * (rc.K_D * e + rc.K_P * integral + omega) + (model.a0 * measured - model.c0) / model.b0
+
+    rest, h = brentq(lambda q: law(q, torque) - duty, -1e3, 1e3, xtol=1e-14), 1e-6
+    k_T = (law(rest, torque - h) - law(rest, torque + h)) / (2 * h)
+    return k_T, (law(rest + h, torque) - law(rest - h, torque)) / (2 * h)
 
 
-def test_latch_costs_the_phase_of_its_age_and_its_longer_hold():
-    """Duties latched at 0, 3.33, 6.67 ms are 0, 0.33, 0.67 ms old; a hold of 3.33 ms lasts half of 2.33 ms longer."""
-    omega = np.array([10.0, 40.0, 80.0])
-    feedback = Feedback(299.5, 210.4)
-    ratio = loop_response(feedback, LAGS, LATCHED, omega) / loop_response(feedback, LAGS, PLAIN, omega)
-    assert -np.angle(ratio) == pytest.approx(omega * (1e-3 / 3 + 7e-3 / 6), rel=1e-4)
-
-
-def test_unstable_is_said():
-    found = margins(Feedback(30000.0, 0.0), LAGS, LATCHED)
-    assert not found.stable and found.gain_db == -math.inf and found.delay_s == 0
-    assert not is_stable(Feedback(0.0, -1.0), LAGS, LATCHED)
-
-
-def test_rc_is_a_pi_near_the_middle_of_the_layer():
-    """At a torque where η̂ is the duty held, the integral rests at 0: slopes of equal_pi, less the fed-forward a0/b0."""
-    torque = 1.5
-    held = (RC.a0 * torque - RC.c0) / RC.b0
-    found = rc_feedback(RC, torque, held)
-    assert found.k_T == pytest.approx(312.818 - 1.36 / 0.08, abs=0.01) and found.k_q == pytest.approx(206.42, abs=0.01)
-    far = rc_feedback(RC, torque, held + 600)  # so far out that ω only grows with ρ
-    assert far.k_T < 0.25 * found.k_T
-
-
-def test_pi_feedback_is_what_the_step_does():
-    gains = PIGains(21.0, 360.0)
-    feedback = pi_feedback(gains)
-    _, duty = pi_step(gains, PIState(0.1), 0.0, 0.0, -0.2, 1e-3)
-    assert duty == pytest.approx(feedback.k_q * 0.1 + feedback.k_T * 0.2)
-
-
-def test_an_odd_pwm_is_refused_in_words():
-    with pytest.raises(UsageError, match="outside what margins are worked out for"):
-        spectral_radius(pi_feedback(PI), linear_lags(0.08, 1.36), Timing(1000.0, 1.0), 1.0, 0.0)
+@pytest.mark.parametrize("c0", [-0.676, -2.42])
+def test_margins_of_the_robust_law_are_where_the_simulation_turns(tuned, point, c0):
+    """In the middle of the layer (c0 = 1.36·4.54 − 4, where η̂ is the duty held) it is the PI of equal slope."""
+    c0 = c0 if c0 == -2.42 else 1.36 * 50 * 0.0908 - 0.08 * 50
+    rc = {"kp": 4.5, "kd": 3.0, "q_max": 5.0, "phi": 0.05, "epsilon": 0.5, "gamma": 50.0, "linear": {"c0": c0}}
+    found = point(LAGS, PI, pwm_hz=300.0, **rc).rc
+    made = tuned(linear={"c0": c0})
+    slopes = slopes_of(made.rc, made.model, 50 * 0.0908, 50.0)
+    if c0 != -2.42:
+        assert slopes == pytest.approx((made.rc.equal_pi.K_P - 17.0, made.rc.equal_pi.K_I), rel=1e-4)
+        assert slopes == pytest.approx((312.818 - 17.0, 206.42), abs=0.01)
+    else:
+        assert slopes[0] > 330
+    factor = 10 ** (found.gain_db / 20)
+    assert growth(slopes, LAGS, 300.0, 0.97 * factor, 0.0) < 0.5 < 2 < growth(slopes, LAGS, 300.0, 1.03 * factor, 0.0)
+    assert growth(slopes, LAGS, 300.0, 1.0, 0.94 * found.delay_s) < 0.7
+    assert growth(slopes, LAGS, 300.0, 1.0, 1.06 * found.delay_s) > 1.5
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("timing", [PLAIN, LATCHED, Timing(100.0, None)])
+@pytest.mark.parametrize("pwm_hz", [0.0, 300.0])
 @pytest.mark.parametrize("dead_s", [0.03, 0.12])
-@pytest.mark.parametrize("feedback", [Feedback(20.0, 40.0), Feedback(60.0, 90.0), Feedback(4.0, 30.0)])
-def test_margins_behind_a_dead_time_are_where_the_sampled_loop_ends(
-    timing: Timing, dead_s: float, feedback: Feedback
-) -> None:
-    """Nyquist's margins against the exact map of the loop with the dead time among its states."""
-    found = margins(feedback, LAGS, replace(timing, delay_samples=round(dead_s * timing.rate_hz)))
-    assert found.stable is (spectral_radius(feedback, LAGS, timing, 1.0, dead_s) < 1)
-    assert found.stable is is_stable(feedback, LAGS, replace(timing, delay_samples=round(dead_s * timing.rate_hz)))
-    if not found.stable:
+@pytest.mark.parametrize("pi", [(20.0, 40.0), (60.0, 90.0), (4.0, 30.0)])
+def test_margins_behind_a_dead_time_are_where_the_simulation_turns(fit_of, rises, pwm_hz, dead_s, pi):
+    data = {"input_unit": "%", "output_unit": "N·m", "levels": [50.0]}
+    fit = fit_of(nonlinear=plant_of(LAGS), data=data, steps=rises(dead_s))
+    try:
+        made = eaid.tune_rc(fit, pi_gains=pi, pwm_hz=pwm_hz, reference="steps", **MILD)
+    except eaid.GainsError as refusal:
+        assert f"behind the dead time of {dead_s:g} s that the steps show" in str(refusal)  # noqa: PT017
+        assert growth(pi, ((0.08 / 1.36, 1 / 1.36), (0.0, 1.0)), pwm_hz, 1.0, dead_s, 16.0) > 1
         return
-    for share, stable in ((0.97, True), (1.03, False)):
-        factor = 10 ** (found.gain_db / 20) * share
-        assert (spectral_radius(feedback, LAGS, timing, factor, dead_s) < 1) is stable
-        late = dead_s + found.delay_s * share
-        assert (spectral_radius(feedback, LAGS, timing, 1.0, late) < 1) is stable
+    (one,) = made.margins.points
+    assert made.margins.timing.delay_samples == round(1000 * dead_s)
+    assert one.pi.stable is (growth(pi, LAGS, pwm_hz, 1.0, dead_s, 16.0) < 1)
+    if not one.pi.stable:
+        assert "loop-unstable-on-plant" in {each.code for each in made.findings}
+        return
+    factor = 10 ** (one.pi.gain_db / 20)
+    assert (
+        growth(pi, LAGS, pwm_hz, 0.95 * factor, dead_s, 8.0) < 1 < growth(pi, LAGS, pwm_hz, 1.05 * factor, dead_s, 8.0)
+    )
+    assert growth(pi, LAGS, pwm_hz, 1.0, dead_s + 0.95 * one.pi.delay_s, 16.0) < 1
+    assert growth(pi, LAGS, pwm_hz, 1.0, dead_s + 1.08 * one.pi.delay_s, 16.0) > 1
+
+
+def test_margins_of_the_reference_plant(tuned, told):
+    levels = [{"level": float(u), "a0": 1.5, "gain": 2.0, "b0": 3 / u, "c0": 0.0, "B": u / 3} for u in (30, 90)]
+    found = tuned(nonlinear=True)
+    points = found.margins.points
+    assert [point.duty_pct for point in points] == pytest.approx([10 * k for k in range(1, 11)])
+    for law in ("rc", "pi"):
+        worst = getattr(found.margins.worst, law)
+        for name in ("gain_db", "phase_deg"):
+            assert getattr(worst, name) == min(getattr(getattr(point, law), name) for point in points)
+    missed = [one for one in found.findings if one.code == "margin-missed"]
+    assert [one.subject for one in missed] == ["pi"] and list(missed[0].levels) == [30, 40, 50, 60, 70, 80, 90]
+    assert missed[0].values["phase_deg"] < 45 == missed[0].values["enough_deg"]
+    assert found.margins.timing.rate_hz == 1000.0 and found.margins.timing.pwm_hz == 300.0
+    # with neither model each level's own lag, or else the pooled one at half the actuator
+    alone = tuned(linear={"per_level": levels}).margins.points
+    assert [(one.duty_pct, one.torque_nm) for one in alone] == [(30.0, 2.0), (90.0, 2.0)]
+    (pooled,) = tuned(duty_limits=(10.0, 90.0)).margins.points
+    assert (pooled.duty_pct, pooled.torque_nm) == (50.0, pytest.approx((0.08 * 50 - 2.42) / 1.36))
+    sharp = tuned(nonlinear=True, epsilon=0.05, gamma=500.0)
+    assert {one.subject for one in sharp.findings if one.code in ("margin-missed", "loop-unstable-on-plant")} > {"pi"}
+
+
+def test_loops_that_are_unstable_and_latches_that_are_none(tuned):
+    with pytest.raises(
+        eaid.GainsError, match="the RC loop is unstable on the linear model at 1000 Hz with the duty la"
+    ):
+        tuned(epsilon=0.001, gamma=1e4)
+    for pwm_hz in (9.95, 1e5):
+        with pytest.raises(eaid.UsageError, match="outside what margins are worked out for"):
+            tuned(pwm_hz=pwm_hz)
+    plain = tuned(pwm_hz=0.0).margins
+    assert plain.timing.pwm_hz is None and plain.points == tuned(pwm_hz=1000.0).margins.points
+    quick = tuned(pwm_hz=0.0, rate_hz=1900.0).margins.worst.pi, tuned(pwm_hz=0.0, rate_hz=2100.0).margins.worst.pi
+    for name in ("gain_db", "phase_deg", "delay_s"):  # by the map below 2 kHz, by the response above
+        assert getattr(quick[1], name) == pytest.approx(getattr(quick[0], name), rel=0.05)

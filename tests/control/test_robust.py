@@ -1,118 +1,175 @@
-"""Table IV to its digits, the two readings, α and what it really reaches, Q, the equal PI."""
+"""α, B̂, ρ, Q, guarantee and ultimate bound, against Table IV, closed forms, SciPy and a grid of the plane."""
 
 import math
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import Phase, assume, given, settings
 from hypothesis import strategies as st
+from scipy.linalg import solve_continuous_lyapunov
 
-from eaid.control import robust
-from eaid.control.rc_design import solve_Q
+import eaid
 
-B_M_PAPER, B_m_PAPER = 42.6, 12.4
-positive = st.floats(0.01, 100)
-
-
-def test_table_iv_to_its_digits():
-    alpha = robust.alpha_formula(12.4, 42.6)
-    norm_K = math.hypot(4.5, 3)
-    rho = robust.rho(alpha, 5.0, norm_K, robust.uncertainty_term("paper", 0.05, 12.4, 42.6))
-    assert f"{alpha:.6f}" == "0.549091"
-    assert f"{norm_K:.5f}" == "5.40833"
-    assert f"{rho.constant:.4f}" == "10.8125"
-    assert f"{rho.slope:.5f}" == "6.58595"
-    # B̂ρ(0) = 135 % duty.
-    assert f"{12.5 * rho.constant:.0f}" == "135"
+positive = st.floats(0.3, 10)
 
 
-def test_each_reading_says_the_phi_it_means():
-    assert robust.uncertainty_term("paper", 0.05, 12.4, 42.6) == pytest.approx(2.13)
-    assert robust.uncertainty_term("textbook", 0.05, 12.4, 42.6) == pytest.approx(0.004, abs=5e-5)
-    assert robust.honest_phi_pct("paper", 0.05, 12.4, 42.6) == pytest.approx(26.4, abs=0.05)
-    assert robust.honest_phi_pct("textbook", 0.05, 12.4, 42.6) == pytest.approx(0.05)
+def test_table_iv_to_its_digits(tuned, told):
+    found = tuned()
+    rc = found.rc
+    assert (rc.K_P, rc.K_D, rc.B_hat, rc.Q_M, rc.phi, rc.epsilon, rc.gamma) == (4.5, 3.0, 12.5, 5.0, 0.05, 0.5, 50.0)
+    assert (f"{rc.alpha:.6f}", f"{rc.rho.constant:.4f}", f"{rc.rho.slope:.5f}") == ("0.549091", "10.8125", "6.58595")
+    assert rc.rho.terms.reference_nm_s == pytest.approx(6.0887, abs=1e-4)
+    assert rc.rho.terms.phi_nm_s == pytest.approx(4.7238, abs=1e-4)
+    assert (rc.natural_frequency_rad_s, rc.damping) == pytest.approx((2.1213, 0.7071), abs=1e-4)
+    assert rc.Q[0][1] == rc.Q[1][0] == pytest.approx(5 / 9) and rc.Q[1][1] == pytest.approx((5 + 10 / 9) / 6)
+    assert (round(rc.equal_pi.K_P), round(rc.equal_pi.K_I)) == (313, 206)
+    assert rc.phi_honest_pct == pytest.approx(26.4, abs=0.05) and rc.rho.convention == "paper"
+    textbook = rc.rho.readings.textbook
+    assert textbook.phi_honest_pct == pytest.approx(0.05) and textbook.constant == pytest.approx(6.09765, abs=5e-6)
+    assert f"{found.actuator.robust_term_pct:.0f}" == "135" and found.actuator.span_pct == 100.0
+    assert (found.pi.K_P, found.pi.K_I) == (21.0, 360.0)
+    asked = told(found)
+    assert asked["paper-pi-misses"] == pytest.approx({"overshoot_pct": 41.7, "settling_s": 2.52}, rel=2e-3)
+    assert asked["rho-not-covered"] == pytest.approx({"B_hat": 12.5, "reached": 1 - 12.5 / 42.6, "made": 30.2 / 55})
+    assert asked["robust-term-beyond-actuator"]["asked"] == pytest.approx(12.5 * 10.8125)
+    assert "robust-term-beyond-actuator" not in told(tuned(q_max=0.5, phi=0.01))
 
 
-@given(st.sampled_from(["paper", "textbook"]), positive, positive, positive)
-def test_phi_of_is_the_inverse_of_the_honest_phi(reading, honest, a, b):
-    B_m, B_M = min(a, b), max(a, b)
-    phi = robust.phi_of(reading, honest, B_m, B_M)
-    assert robust.honest_phi_pct(reading, phi, B_m, B_M) == pytest.approx(honest)
-    # Both readings then give one and the same ρ.
-    assert robust.uncertainty_term(reading, phi, B_m, B_M) == pytest.approx(honest / B_m)
+@settings(max_examples=30, deadline=None, phases=(Phase.generate,))
+@given(positive, positive, st.floats(0.5, 8), st.floats(0.5, 8), st.floats(0, 9), st.floats(0, 0.2), positive,
+       st.sampled_from(["paper", "textbook"]), st.sampled_from(["formula", "reached"]),
+       st.sampled_from(["pooled", "minimax", 11.0]))  # fmt: skip
+def test_every_number_of_the_law_by_its_formula(tuned, one, other, K_P, K_D, Q_M, phi, p, rho, alpha, B_hat):
+    """Eqs. (11) to (16) and the Lyapunov equation written once more, with both ends of b and SciPy's solver."""
+    B_m, B_M = sorted((4 * one + 4, 4 * other + 4))
+    try:
+        rc = tuned(
+            linear={"bounds": {"B_m": B_m, "B_M": B_M}}, kp=K_P, kd=K_D, q_max=Q_M, phi=phi, p_scale=p, rho=rho,
+            alpha=alpha, b_hat=B_hat, rate_hz=1e4, pwm_hz=0.0,
+        ).rc  # fmt: skip
+    except eaid.GainsError:  # no ρ covers an α of 1 or more
+        assume(False)
+    taken = {"pooled": 12.5, "minimax": 2 * B_m * B_M / (B_m + B_M)}.get(B_hat, B_hat)
+    reached = np.abs(1 - taken * np.linspace(1 / B_M, 1 / B_m, 101)).max()
+    made = {"formula": (B_M - B_m) / (B_M + B_m), "reached": reached}[alpha]
+    assert (rc.B_hat, rc.alpha_reached, rc.rho.alpha) == pytest.approx((taken, reached, made), abs=1e-12)
+    norm, term = math.hypot(K_P, K_D), B_M * phi if rho == "paper" else phi / B_m
+    line = [(a * Q_M + term) / (1 - a) for a in (made, reached)] + [a * norm / (1 - a) for a in (made, reached)]
+    assert (rc.rho.constant, rc.rho.slope) == pytest.approx((line[0], line[2]), abs=1e-9)
+    if reached < 1:
+        assert (rc.rho.needed.constant, rc.rho.needed.slope) == pytest.approx((line[1], line[3]), abs=1e-9)
+    assert rc.guaranteed == (reached < 1 and line[0] >= line[1] - 1e-9 and line[2] >= line[3] - 1e-9)
+    readings = rc.rho.readings
+    assert readings.paper.phi_honest_pct == pytest.approx(phi * B_m * B_M)
+    assert (readings.textbook.phi_term_nm_s, readings.textbook.phi_honest_pct) == pytest.approx((phi / B_m, phi))
+    A, P, Q = np.array([[0.0, 1.0], [-K_P, -K_D]]), np.array(rc.P), np.array(rc.Q)
+    assert (p * np.eye(2) == P).all() and np.linalg.eigvalsh(Q).min() > 0
+    assert solve_continuous_lyapunov(A.T, -P) == pytest.approx(Q, rel=1e-6, abs=1e-7)
+    slopes = taken * (K_D + line[0] * Q[1, 1] / 0.5), taken * (K_P + line[0] * Q[0, 1] / 0.5)
+    assert pytest.approx(slopes) == (rc.equal_pi.K_P, rc.equal_pi.K_I)
 
 
-def test_alpha_is_the_same_for_B_and_its_inverse():
-    assert robust.alpha_formula(1 / 42.6, 1 / 12.4) == pytest.approx(robust.alpha_formula(12.4, 42.6))
+def test_pooled_is_not_guaranteed_and_minimax_is(tuned):
+    pooled, minimax, made = (tuned(**one).rc for one in ({}, {"b_hat": "minimax"}, {"alpha": "reached"}))
+    assert not pooled.guaranteed and pooled.alpha_reached == pytest.approx(0.7066, abs=1e-4)
+    assert minimax.guaranteed and minimax.B_hat == pytest.approx(19.2, abs=0.05)
+    assert minimax.alpha_reached == pytest.approx(minimax.alpha)
+    assert all(tuned(b_hat=minimax.B_hat * k).rc.alpha_reached > minimax.alpha for k in (0.9, 1.1))
+    assert made.guaranteed and made.rho.alpha == made.alpha_reached == pytest.approx(1 - 12.5 / 42.6, rel=1e-14)
 
 
-@given(positive, positive)
-def test_minimax_reaches_alpha_and_nothing_does_better(a, b):
-    B_m, B_M = min(a, b), max(a, b)
-    best = robust.minimax_B_hat(B_m, B_M)
-    alpha = robust.alpha_formula(B_m, B_M)
-    assert robust.alpha_reached(best, B_m, B_M) == pytest.approx(alpha, abs=1e-12)
-    for b_true in np.linspace(1 / B_M, 1 / B_m, 51):
-        assert abs(1 - b_true * best) <= alpha + 1e-12
-    for other in (0.9 * best, 1.1 * best, B_m, B_M):
-        assert robust.alpha_reached(other, B_m, B_M) >= alpha - 1e-12
+def test_no_rho_is_enough_where_the_alpha_reached_is_1(tuned, told):
+    edge = tuned(b_hat=24.8).rc
+    assert edge.alpha_reached == 1.0 and edge.rho.needed is None and edge.guaranteed is False
+    with pytest.raises(eaid.GainsError, match="α is 1 with B̂ = 24.8: 1 or more, no ρ covers that; choose B̂ below 24.8"):
+        tuned(b_hat=24.8, alpha="reached")
+    wild = tuned(b_hat=30.0)
+    assert wild.rc.ultimate_bound.torque_error_nm is None and "no-ultimate-bound" in told(wild)
 
 
-def test_pooled_is_the_counter_example():
-    worst = max(abs(1 - b * 12.5) for b in np.linspace(1 / 42.6, 1 / 12.4, 10001))
-    assert worst == pytest.approx(0.7066, abs=1e-4) and worst > robust.alpha_formula(12.4, 42.6)
-    assert robust.alpha_reached(12.5, 12.4, 42.6) == pytest.approx(worst, abs=1e-9)
-    assert f"{robust.minimax_B_hat(12.4, 42.6):.1f}" == "19.2"
+def largest_error(rc, phi_term):
+    """The largest |e| on the largest V with ξᵀPξ ≤ 2|z|(n − (1 − α) ρ min(1, |z|/ε)), over a fine grid."""
+    Q, a, norm = np.array(rc.Q), rc.alpha_reached, math.hypot(rc.K_P, rc.K_D)
+    reach = 1.5 * rc.ultimate_bound.torque_error_nm * math.sqrt(np.linalg.cond(Q))
+    side = np.linspace(-reach, reach, 1501)
+    q, e = np.meshgrid(side, side)
+    size, z = np.hypot(q, e), np.abs(Q[1, 0] * q + Q[1, 1] * e)
+    have = (1 - a) * (rc.rho.constant + rc.rho.slope * size) * np.minimum(1, z / rc.epsilon)
+    rises = rc.P[0][0] * size**2 <= 2 * z * (a * rc.Q_M + phi_term + a * norm * size - have)
+    V = Q[0, 0] * q * q + 2 * Q[0, 1] * q * e + Q[1, 1] * e * e
+    return math.sqrt(V[rises].max() * np.linalg.inv(Q)[1, 1])
 
 
-def test_covers_only_what_it_covers():
-    alpha, reached, norm_K = 0.549091, 0.7066, 5.40833
-    rho = robust.rho(alpha, 5.0, norm_K, 2.13)
-    assert robust.covers(rho, alpha, 5.0, norm_K, 2.13)
-    assert not robust.covers(rho, reached, 5.0, norm_K, 2.13)
-    assert not robust.covers(rho, 1.0, 5.0, norm_K, 2.13)
-    wide = robust.rho(reached, 5.0, norm_K, 2.13)
-    assert robust.covers(wide, reached, 5.0, norm_K, 2.13) and robust.covers(wide, alpha, 5.0, norm_K, 2.13)
+@pytest.mark.parametrize(
+    ("options", "phi_term"),
+    [
+        ({"b_hat": "minimax"}, 2.13),
+        ({"b_hat": "minimax", "epsilon": 0.05, "gamma": 500.0}, 2.13),
+        ({"b_hat": "minimax", "rho": "textbook", "epsilon": 0.2, "p_scale": 2.0}, 0.05 / 12.4),
+        ({}, 2.13),
+        ({"b_hat": 16.0, "q_max": 1.0}, 2.13),
+    ],
+)
+def test_the_ultimate_bound_is_what_a_grid_of_the_plane_has(tuned, options, phi_term):
+    rc = tuned(**options, rate_hz=1e4, pwm_hz=0.0).rc
+    assert rc.ultimate_bound.torque_error_nm == pytest.approx(largest_error(rc, phi_term), rel=0.02)
 
 
-def test_shares_add_up():
-    rho = robust.rho(0.549091, 5.0, 5.40833, 2.13)
-    assert rho.reference_term == pytest.approx(6.0887, abs=1e-4) and rho.phi_term == pytest.approx(4.7238, abs=1e-4)
-    assert rho.constant == rho.reference_term + rho.phi_term
+def test_one_verdict_with_a_row_for_each_thing_it_needs(tuned, told, tmp_path):
+    file = tmp_path / "slow.csv"
+    file.write_text("time_s,reference_nm\n0,1\n1,3.5\n2,3.5\n")
+    quick = {"nonlinear": True, "rate_hz": 1000.0, "pwm_hz": 0.0, "b_hat": "minimax", "reference": file}
+    found = tuned(**quick, q_max=5.0)
+    rows = {one.name: one for one in found.guarantee.conditions}
+    assert found.guarantee.holds is False and set(found.guarantee.missing) == {"phi", "duty-limit"}
+    assert rows["rho"].holds is True and rows["rho"].needed == pytest.approx(rows["rho"].available)
+    assert (rows["Q_M"].needed, rows["Q_M"].available, rows["Q_M"].unit) == (pytest.approx(2.5), 5.0, "N·m/s")
+    assert rows["phi"].needed == found.rc.phi_needed_pct > rows["phi"].available == found.rc.phi_honest_pct
+    assert (rows["duty-limit"].available, rows["duty-limit"].unit) == (100.0, "%")
+    assert rows["duty-limit"].needed == found.actuator.robust_term_pct == found.rc.B_hat * found.rc.rho.constant
+    assert told(found)["phi-exceeded"]["where"] == found.phi_from_data.model.where
+    # φ that the data ask for, in either reading, is one bound and one ρ
+    both = [tuned(**quick, phi="data", rho=reading) for reading in ("paper", "textbook")]
+    assert both[0].rc.rho.constant == pytest.approx(both[1].rc.rho.constant)
+    for made, unit in zip(both, (12.4 * 42.6, 1.0), strict=True):
+        assert made.rc.phi * unit == pytest.approx(made.rc.phi_needed_pct) == made.rc.phi_honest_pct
+        assert made.guarantee.missing == ("duty-limit",) and made.rc.phi_holds and made.rc.Q_M_holds
+        assert made.rc.Q_M == pytest.approx(2.5) == made.replayed.slope_nm_s
+    steep = tuned(**quick, q_max=2.0)
+    assert steep.rc.Q_M_holds is False and "Q_M" in steep.guarantee.missing
+    assert told(steep)["slope-above-q-max"] == {"slope": pytest.approx(2.5), "Q_M": 2.0, "reference": "reference"}
+    # nothing that speaks about φ and Q_M: not known, unless something else fails
+    assert tuned().guarantee.holds is False and tuned().rc.phi_holds is None and tuned().rc.Q_M_holds is None
+    little = {"b_hat": "minimax", "q_max": 0.5, "phi": 0.01}
+    assert tuned(**little).guarantee.holds is None and tuned(**little).guarantee.missing == ()
 
 
-@given(positive, positive, positive, positive, st.floats(-0.99, 0.99))
-def test_Q_solves_the_lyapunov_equation(K_P, K_D, p11, p22, share):
-    from scipy.linalg import solve_continuous_lyapunov
-
-    p12 = share * math.sqrt(p11 * p22)
-    P = np.array([[p11, p12], [p12, p22]])
-    A = np.array([[0.0, 1.0], [-K_P, -K_D]])
-    Q = solve_Q(K_P, K_D, P)
-    size = np.abs(Q).max()
-    assert np.abs(A.T @ Q + Q @ A + P).max() <= 1e-9 * max(size * max(1, K_P, K_D), np.abs(P).max())
-    assert solve_continuous_lyapunov(A.T, -P) == pytest.approx(Q, rel=1e-6, abs=1e-7 * size)
-    assert np.linalg.eigvalsh(Q).min() > 0
-
-
-def test_Q_of_the_paper():
-    Q = solve_Q(4.5, 3.0, 5 * np.eye(2))
-    assert Q[0, 1] == Q[1, 0] == pytest.approx(5 / 9)
-    assert Q[1, 1] == pytest.approx((5 + 10 / 9) / 6)
+def test_how_much_of_rho_the_actuator_delivers(tuned):
+    """B̂ρ(0) against what is left of the duty above and below η̂(T), T at 0.1, 0.5 and 0.9 of the highest."""
+    level = {"level": 60.0, "a0": 3.0, "gain": 2.5, "b0": 0.125, "c0": 0.0, "B": 8.0}
+    for parts, top, limits in (
+        ({}, (0.08 * 100 - 2.42) / 1.36, (0.0, 100.0)),
+        ({"linear": {"per_level": [level]}}, 2.5, (10.0, 60.0)),
+        ({"nonlinear": True, "rate_hz": 200.0, "pwm_hz": 0.0, "reference": "steps"}, 4.372, (0.0, 100.0)),
+    ):
+        found = tuned(**parts, duty_limits=limits, q_max=2.0, phi=0.01).actuator
+        assert found.span_pct == limits[1] - limits[0]
+        for row, share in zip(found.points, (0.1, 0.5, 0.9), strict=True):
+            held = (1.36 * share * top + 2.42) / 0.08
+            left = max(limits[1] - held, 0.0), max(held - limits[0], 0.0)
+            assert (row.torque_nm, row.eta_hat_pct) == pytest.approx((share * top, held))
+            assert (row.share_up, row.share_down) == pytest.approx([min(1, x / found.robust_term_pct) for x in left])
 
 
-def test_frequency_and_damping_both_ways():
-    assert robust.frequency_and_damping(4.5, 3.0) == pytest.approx((2.1213, 0.7071), abs=1e-4)
-    assert robust.damping_gains(*robust.frequency_and_damping(4.5, 3.0)) == pytest.approx((4.5, 3.0))
+@pytest.mark.parametrize(("gamma", "jump"), [(2.0, 1 - math.tanh(1.0)), (9.9, 1 - math.tanh(4.95)), (10.0, None)])
+def test_below_a_sharpness_of_five_the_jump_is_told(tuned, told, gamma, jump):
+    found = told(tuned(gamma=gamma)).get("switch-jumps")
+    assert found is None if jump is None else found["jump"] == pytest.approx(jump)
 
 
-def test_equal_pi_of_the_paper():
-    Q = solve_Q(4.5, 3.0, 5 * np.eye(2))
-    K_P, K_I = robust.equal_pi(4.5, 3.0, 12.5, 10.8125, 0.5, Q[0, 1], Q[1, 1])
-    assert (round(K_P), round(K_I)) == (313, 206)
-
-
-@pytest.mark.parametrize("B_hat", [5.0, 12.5, 19.2, 23.0])
-def test_alpha_reached_is_the_worst_over_the_range_to_the_last_digits(B_hat):
-    worst = max(abs(1 - b * B_hat) for b in (1 / 42.6, 1 / 12.4))  # linear in b: at an end
-    assert robust.alpha_reached(B_hat, 12.4, 42.6) == pytest.approx(worst, rel=1e-15)
+def test_back_calculation_is_the_inverse_of_the_slopes(tuned):
+    found = tuned(anti_windup="back-calculation")
+    assert found.rc.anti_windup.gain == pytest.approx(1 / 312.818, rel=1e-5) == 1 / found.rc.equal_pi.K_P
+    assert found.pi.anti_windup.gain == pytest.approx(1 / 21) and found.pi.anti_windup.method == "back-calculation"
+    assert tuned().pi.anti_windup.gain == tuned().rc.anti_windup.gain == 0.0
+    assert tuned(anti_windup="back-calculation", pi_gains=(0.0, 30.0)).pi.anti_windup.gain == 0.0

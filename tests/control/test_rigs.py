@@ -1,0 +1,216 @@
+"""What a design takes where nothing is said, on the paper's rig and on others; fits and gains that are refused."""
+
+import json
+
+import numpy as np
+import pytest
+
+import eaid
+
+VOLTS = {"input_unit": "V", "output_unit": "N", "levels": [1.0, 5.0], "sample_rate_hz": 500.0}
+QUICK = {"reference": "ramp", "rate_hz": 200.0, "pwm_hz": 0.0}
+
+
+def settled(gains):
+    """Settling time [s] that the PI was designed for."""
+    return gains.pi.asked.settling_s
+
+
+def test_the_paper_s_numbers_stand_in_percent_and_newton_metres_alone(tuned, told):
+    for unit in ("N·m", "Nm"):
+        data = {"input_unit": "%", "output_unit": unit, "levels": [20.0, 100.0], "sample_rate_hz": 500.0}
+        found = tuned(data=data)
+        assert (found.rc.epsilon, found.rc.gamma, found.rc.phi, found.pi.K_P) == (0.5, 50.0, 0.05, 21.0)
+        assert (found.margins.timing.rate_hz, found.margins.timing.pwm_hz) == (1000.0, 300.0)
+        assert "designed-for-rig" not in told(found) and found.duty_limits_pct == (0.0, 100.0)
+    for other in ({"output_unit": "N"}, {"levels": [0.2, 1.0]}, {"levels": [120.0]}):
+        assert "designed-for-rig" in told(tuned(data={**data, **other}, phi=0.01))
+    with pytest.raises(eaid.UsageError, match="duty_limits= 0,100.5: a duty ends at 100 %"):
+        tuned(duty_limits=(0.0, 100.5))
+    with pytest.raises(eaid.DataError, match="neither a nonlinear model nor fits of single levels"):
+        tuned(phi="data")
+
+
+def test_another_rig_is_designed_for_its_own_pace_and_output(tuned, told):
+    """Twice the paper's pace: K_P·4, K_D·2, ε = 0.11 y Q22, γε = 25, a PI for 1 % in 0.135 s, 0 to the highest."""
+    row = {"level": 5.0, "a0": 2.72, "gain": 8.744, "b0": 4.757, "c0": 0.0, "B": 5 / (2.72 * 8.744)}
+    linear = {"a0": 2.72, "b0": 1.6, "c0": -2.42, "bounds": {"B_m": 0.4, "B_M": 1.3}, "per_level": [row]}
+    found = tuned(linear=linear, data=VOLTS)
+    Q22 = (5 + 5 / 18) / 12
+    assert (found.rc.K_P, found.rc.K_D, found.duty_limits_pct) == (18.0, 6.0, (0.0, 5.0))
+    assert found.rc.epsilon == pytest.approx(0.11 * 8.744 * Q22) and found.rc.gamma * found.rc.epsilon == 25.0
+    assert found.rc.phi_honest_pct == pytest.approx(found.phi_from_data.levels.pct) and found.rc.phi_holds
+    assert pytest.approx(9.284 * 2 * 2, rel=1e-3) == found.rc.Q_M and found.replayed is None
+    assert (found.margins.timing.rate_hz, found.margins.timing.pwm_hz) == (500.0, None)
+    assert found.pi.overshoot_pct == pytest.approx(1.0) and settled(found) == pytest.approx(0.135)
+    said = told(found)["designed-for-rig"]
+    assert (said["pace"], said["highest"], said["overshoot_pct"]) == (pytest.approx(2.0), 5.0, 1.0)
+    given = tuned(linear=linear, data=VOLTS, phi=0.2, epsilon=0.4, gamma=9.0, q_max=3.0, kp=2.0, pwm_hz=50.0)
+    assert (given.rc.phi, given.rc.epsilon, given.rc.gamma, given.rc.Q_M) == (0.2, 0.4, 9.0, 3.0)
+    assert (given.rc.K_P, given.rc.K_D, given.margins.timing.pwm_hz) == (2.0, 6.0, 50.0)
+    for asked in ({"pi_gains": (3.0, 4.0)}, {"pi_overshoot": 5.0, "pi_settling": 1.0}):
+        pi = tuned(linear=linear, data=VOLTS, **asked).pi
+        assert (pi.K_P, pi.K_I) == (3.0, 4.0) if "pi_gains" in asked else pi.asked.settling_s == 1.0
+    with pytest.raises(eaid.UsageError, match="tells no highest input in V"):
+        tuned(linear=linear, data={**VOLTS, "levels": []})
+
+
+def test_a_plant_says_how_high_its_output_and_its_input_go(tuned):
+    own = {"C": 0.85, "tau1": [0.3, 0, 0], "tau2": [3.0, 0, 0], "Ts": [1.0, 2.0, 0, 0], "u_range": [1.0, 4.0]}
+    linear = {"b0": 3.0, "c0": 0.0, "bounds": {"B_m": 0.3, "B_M": 0.4}}
+    found = tuned(linear=linear, nonlinear=own, data={"input_unit": "V"})
+    Q22 = (5 + 5 / 4.5) / 6
+    assert found.rc.epsilon == pytest.approx(0.11 * 9.0 * Q22) and found.duty_limits_pct == (0.0, 4.0)
+    assert found.rc.Q_M == pytest.approx(9.284 * 9.0 / 4.372, rel=1e-3) == found.replayed.slope_nm_s
+
+
+def test_a_loop_that_is_sampled_slowly_gets_a_thicker_layer_and_a_slower_pi(tuned):
+    """Both grow by half until the loop runs, and no further; γε stays."""
+    row = {"level": 5.0, "a0": 1.5, "gain": 4.0, "b0": 1.2, "c0": 0.0, "B": 5 / 6}
+    linear = {"b0": 1.6, "bounds": {"B_m": 0.62, "B_M": 2.13}, "per_level": [row]}
+    quick, slow = (tuned(linear=linear, data={**VOLTS, "sample_rate_hz": rate}) for rate in (500.0, 4.0))
+    assert settled(quick) == pytest.approx(0.27)
+    for grown, own in ((settled(slow), settled(quick)), (slow.rc.epsilon, quick.rc.epsilon)):
+        steps = np.log(grown / own) / np.log(1.5)
+        assert steps == pytest.approx(round(steps)) and steps >= 1
+    assert slow.rc.epsilon * slow.rc.gamma == pytest.approx(25.0)
+    worst = slow.margins.worst.rc
+    assert worst.gain_db >= 6 and worst.phase_deg >= 45
+    once = {"epsilon": slow.rc.epsilon / 1.5, "gamma": slow.rc.gamma * 1.5, "phi": slow.rc.phi}
+    asked = {"pi_overshoot": 1.0, "pi_settling": settled(slow)}
+    try:
+        before = tuned(linear=linear, data={**VOLTS, "sample_rate_hz": 4.0}, **once, **asked).margins.worst.rc
+        assert before.gain_db is None or before.gain_db < 6 or before.phase_deg < 45
+    except eaid.GainsError as refusal:
+        assert "the RC loop is unstable" in str(refusal)  # noqa: PT017
+    with pytest.raises(eaid.GainsError, match="the PI loop is unstable"):
+        tuned(linear=linear, data={**VOLTS, "sample_rate_hz": 4.0}, pi_overshoot=1.0, pi_settling=settled(slow) / 1.5)
+
+
+def test_a_dead_time_slows_both_controllers_down_and_ends_the_guarantee(tuned, told, fit_of, rises):
+    linear = {"b0": 1.6, "bounds": {"B_m": 0.62, "B_M": 2.13}}
+    data = {**VOLTS, "sample_rate_hz": 200.0}
+    row = {"level": 5.0, "a0": 1.5, "gain": 4.0, "b0": 1.2, "c0": 0.0, "B": 5 / 6}
+    at_once, late = (
+        tuned(linear={**linear, "per_level": [row]}, data=data, steps=steps) for steps in ([], rises(0.15))
+    )
+    assert fit_of(steps=rises(0.15)).dead_time_s == 0.15 and late.margins.timing.delay_samples == 30
+    assert late.rc.epsilon > at_once.rc.epsilon and settled(late) > 2 * settled(at_once)
+    assert late.margins.worst.pi.gain_db >= 6 and late.margins.worst.pi.phase_deg < at_once.margins.worst.pi.phase_deg
+    assert "dead-time" not in [one.name for one in at_once.guarantee.conditions]
+    assert "dead-time" in late.guarantee.missing and late.guarantee.holds is False
+    with pytest.raises(
+        eaid.GainsError, match="behind the dead time of 0.15 s that the steps show; ask for slower gains"
+    ):
+        tuned(linear=linear, data=data, steps=rises(0.15), phi=0.1, pi_gains=(at_once.pi.K_P, at_once.pi.K_I))
+
+
+def test_a_rig_a_thousand_times_slower_than_the_paper_s(tuned):
+    """An oven, one level known: T_s has no slope there, so its single level says how the loop turns about it."""
+    part = {"C": 0.85, "Ts": [121.0, 0, 0, 0], "tau1": [599.0, 0, 0], "tau2": [600.0, 0, 0], "u_range": [1.0, 1.0]}
+    row = {"level": 1.0, "a0": 0.00167, "gain": 121.0, "b0": 0.202, "c0": 0.0, "B": 4.94}
+    linear = {"a0": 0.00167, "b0": 0.202, "c0": 0.0, "bounds": {"B_m": 4.9, "B_M": 5.0}, "per_level": [row]}
+    data = {"input_unit": "", "output_unit": "°C", "levels": [1.0], "sample_rate_hz": 0.33}
+    found = tuned(linear=linear, nonlinear=part, data=data)
+    (one,) = found.margins.points
+    assert (one.duty_pct, one.torque_nm) == (1.0, 121.0) and settled(found) == pytest.approx(0.27 * 1.36 / 0.00167)
+    assert one.rc.stable and one.rc.phase_deg > 45 and one.pi.phase_deg > 45
+
+
+def test_an_unidentified_fit_is_used_on_request_and_marked(tuned, told):
+    shaky = {"linear": {"identifiable": False}}
+    with pytest.raises(eaid.DataError, match=r"is not identifiable \(most of its parameters have no interval\)"):
+        tuned(**shaky)
+    found = tuned(**shaky, allow_unidentified=True)
+    assert "fit-not-identifiable" in told(found) and found.unidentified and tuned().unidentified is None
+
+
+@pytest.mark.parametrize(
+    ("linear", "words"),
+    [
+        ({"a0": 0.0}, "a0 is 0 1/s; a clutch whose torque does not settle"),
+        ({"a0": -1.0}, "a0 is -1 1/s"),
+        ({"b0": -0.08}, "b0 is -0.08; more duty has to give more torque"),
+        ({"a0": 1e-7}, "time constant of 1e+07 s is none that samples control (1e-06 to 1e+06 s)"),
+        ({"b0": 1.1e15}, "b0 is 1.1e+15"),
+        ({"c0": -1.1e15}, "its c0 -1.1e+15, which no rig has"),
+    ],
+)
+def test_a_linear_model_of_no_rig_is_refused(tuned, linear, words):
+    with pytest.raises(eaid.GainsError) as refusal:
+        tuned(linear=linear)
+    assert words in str(refusal.value) and refusal.value.exit_code == 5
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [({"kp": 0.0}, "K_P 0 and K_D 3 make the error dynamics"), ({"kd": -3.0}, "both have to be positive"),
+     ({"b_hat": -0.5}, "B̂ is -0.5"), ({"b_hat": 30.0, "alpha": "reached"}, "no ρ covers that")],
+)  # fmt: skip
+def test_gains_that_no_loop_takes_are_refused(tuned, options, words):
+    with pytest.raises(eaid.GainsError, match=words):
+        tuned(**options)
+
+
+@pytest.mark.parametrize(
+    ("part", "words"),
+    [
+        ({"tau1": [4.9e-4, 0, 0]}, "tau1 is 0.00049 s at an input of 10"),
+        ({"tau2": [5000 * 50.25**2 - 1.0, -5000 * 100.5, 5000.0]}, "tau2 is -1 s at an input of 50.25"),  # in between
+        ({"tau1": [3.1, 0, 0]}, "tau2 is 3 s at an input of 10, below tau1"),
+        ({"Ts": [-0.44, 0.04, 0, 0]}, "Ts is -0.04 at an input of 10,"),
+        ({"Ts": [0.0, 0, 0, 0]}, "Ts is 0 at"),
+        ({"Ts": [2e15, 0, 0, 0]}, "2e+15 at an"),
+        ({"u_range": [51.0, 50.0]}, "u_range is [51, 50]; it has to rise"),
+        ({"tau1": [5.1e-4, 0, 0]}, None),
+        ({"u_range": [50.0, 50.0]}, None),
+    ],
+)
+def test_a_plant_that_no_rig_is_is_refused(tuned, part, words):
+    plain = {"tau1": [0.3, 0, 0], "tau2": [3.0, 0, 0], "Ts": [0.0, 0.04, 0, 0], "u_range": [10, 100], "C": 0.85, **part}
+    if words is None:
+        assert tuned(nonlinear=plain, **QUICK, q_max=1.0, phi=0.01).replayed is not None
+    else:
+        with pytest.raises(eaid.DataError) as refusal:
+            tuned(nonlinear=plain)
+        assert words in str(refusal.value)
+
+
+GAINS = {
+    "model": {"a0": 1.36, "b0": 0.08, "c0": -2.42},
+    "rc": {"K_P": 4.5, "K_D": 3.0, "B_hat": 12.5, "rho": {"constant": 10.8125, "slope": 6.58595}, "epsilon": 0.5,
+           "gamma": 50.0, "Q": [[6.6, 5 / 9], [5 / 9, (5 + 10 / 9) / 6]]},
+    "pi": {"K_P": 21, "K_I": 360},
+}  # fmt: skip
+
+
+def changed(*path, value):
+    def copy(part, keys):
+        return {**part, keys[0]: copy(part.get(keys[0], {}), keys[1:])} if keys else value
+
+    return copy(GAINS, list(path))
+
+
+@pytest.mark.parametrize(
+    ("gains", "words"),
+    [
+        ({"rc": {}, "pi": {}}, "its content has no model"),
+        (changed("rc", value=3), "its rc is 3"),
+        (changed("rc", "K_P", value="4.5"), 'its rc.K_P is "4.5"'),
+        (changed("rc", "epsilon", value=0), "its rc.epsilon is 0"),
+        (changed("model", "b0", value=-0.1), "b0 is -0.1, it has to be positive"),
+        (changed("rc", "Q", value=[[1, 2], [2, -1]]), "Q[1][1] is -1, it has to be positive"),
+        (changed("model", "b0", value=1e-300), "b0 is 1e-300, which no loop of a rig has"),
+        (changed("rc", "K_P", value=-1e5), "K_P is -100000, it has to be positive"),
+        (changed("rc", "rho", "slope", value=1e50), "rho.slope is 1e+50, which no loop of a rig has"),
+        (changed("pi", "K_I", value=1e50), "pi.K_I is 1e+50, which no loop of a rig has"),
+        ({**GAINS, "duty_limits_pct": [90, 5]}, "duty_limits_pct 90 to 5"),
+        ({**GAINS, "duty_limits_pct": 90}, "duty_limits_pct is 90"),
+    ],
+)
+def test_gains_json_by_another_hand_is_held_to_what_a_loop_takes(fit_of, tmp_path, gains, words):
+    file = tmp_path / "gains.json"
+    file.write_text(json.dumps(gains))
+    with pytest.raises(eaid.DataError) as refusal:
+        eaid.simulate(fit_of(nonlinear=True), eaid.load(file), duration=1.0)
+    assert words in str(refusal.value)
