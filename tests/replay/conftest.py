@@ -1,21 +1,62 @@
-"""The reference plant under the published gains."""
+"""The reference plant under the published gains, in files written by hand, and replays of a signal of one's own."""
 
+import json
 from collections.abc import Callable
+from itertools import count
+from typing import Any
 
 import pytest
 
-from eaid.control.gains import paper_gains
-from eaid.models.parameters import PAPER_LINEAR, REFERENCE_PLANT
-from eaid.replay.controllers import CONTROLLERS, Controller, Knowledge
-from eaid.replay.plant import PlantParameters, plant_parameters
+import eaid
+
+PLANT = {
+    "C": 0.85, "tau1": [6.74e-3, 2.39e-2, -2.13e-4], "tau2": [0.93, 0.41, -2.64e-3],
+    "Ts": [0.032, 9.2e-3, 2.1e-4, 1.32e-6], "u_range": [10.0, 100.0],
+}  # fmt: skip
+LINEAR = {"a0": 1.36, "b0": 0.08, "c0": -2.42, "bounds": {"B_m": 12.4, "B_M": 42.6}}
 
 
 @pytest.fixture(scope="session")
-def plant() -> PlantParameters:
-    return plant_parameters(REFERENCE_PLANT)
+def fit_of(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., "eaid.Fit"]:
+    """The paper's two models with some numbers of the plant changed, and other parts of fit.json."""
+    folder, number = tmp_path_factory.mktemp("fits"), count()
+
+    def fit_of(plant: dict[str, Any] | None = None, **parts: Any) -> "eaid.Fit":
+        plain = {"linear": LINEAR, "nonlinear": {**PLANT, **(plant or {})}, **parts}
+        file = folder / f"{next(number)}.json"
+        file.write_text(json.dumps({name: part for name, part in plain.items() if part is not None}), encoding="utf-8")
+        return eaid.load(file)
+
+    return fit_of
 
 
 @pytest.fixture(scope="session")
-def law() -> Callable[[str], Controller]:
-    known = Knowledge(REFERENCE_PLANT, PAPER_LINEAR, *paper_gains())
-    return lambda name: CONTROLLERS[name](known)
+def fit(fit_of: Callable[..., "eaid.Fit"]) -> "eaid.Fit":
+    return fit_of()
+
+
+@pytest.fixture(scope="session")
+def gains(fit: "eaid.Fit") -> "eaid.Gains":
+    return eaid.tune_rc(fit)
+
+
+@pytest.fixture(scope="session")
+def played(fit: "eaid.Fit", gains: "eaid.Gains", tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Any]:
+    """A replay of values [N·m] at intervals [s] as a reference file, or of a scenario."""
+    folder, number, published = tmp_path_factory.mktemp("references"), count(), gains
+
+    def played(wanted: Any, dt_s: float = 1e-3, *, fit: Any = fit, gains: Any = published, **options: Any) -> Any:
+        if isinstance(wanted, str):
+            return eaid.simulate(fit, gains, wanted, **options)
+        file = folder / f"{next(number)}.csv"
+        rows = (f"{k * dt_s!r},{float(value)!r}" for k, value in enumerate(wanted))
+        file.write_text("\n".join(["time_s,reference_nm", *rows]))
+        return eaid.simulate(fit, gains, reference=file, rate_hz=1 / dt_s, **options)
+
+    return played
+
+
+@pytest.fixture(scope="session")
+def codes() -> Callable[..., dict[str, dict[str, Any]]]:
+    """Findings of a replay by code, with their values."""
+    return lambda run: {one.code: dict(one.values) for one in run.findings}

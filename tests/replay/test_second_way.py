@@ -1,139 +1,304 @@
-"""The whole rig written again: absolute instants, matrix exponentials, a controller of its own; and metrics by hand."""
+"""The whole rig written again: absolute instants, a plant of exponentials, laws of their own; χ against ρ by hand."""
 
 import math
 from fractions import Fraction
 
 import numpy as np
 import pytest
-from scipy.linalg import expm
+from scipy.optimize import brentq
 
-from eaid.control.pi import PIGains
-from eaid.control.rc import RCState, rc_step
-from eaid.models.parameters import REFERENCE_PLANT
-from eaid.replay import metrics, references
-from eaid.replay.controllers import pi_controller, rc_controller
-from eaid.replay.loop import replay
-from eaid.replay.plant import plant_parameters
-from eaid.replay.rehab import box
-from eaid.replay.rig import Rig, noise, ripple
+import eaid
 
 DT = 1e-3
+LIMITS = (0.0, 100.0)
 
 
-def held(duty: float, seconds: float, x: np.ndarray) -> np.ndarray:
-    """Both parts after a held duty, by the exponential of the system's matrix with its input as a third state."""
-    p, u = REFERENCE_PLANT, max(duty, 10.0)
-    tau1, tau2, steady = (sum(c * u**k for k, c in enumerate(part)) for part in (p.tau1, p.tau2, p.Ts))
-    steady *= min(duty / 10.0, 1.0)
-    system = np.array([[-1 / tau1, 0, p.C * steady / tau1], [0, -1 / tau2, (1 - p.C) * steady / tau2], [0, 0, 0]])
-    return (expm(system * seconds) @ np.append(x, 1.0))[:2]
+class Plant:
+    """Eqs. (4)-(7) and specification 4.2, from the plain numbers of fit.json."""
+
+    def __init__(self, model, release=None, every_fall=False):
+        self.model, self.release, self.every_fall, self.x = model, release, every_fall, (0.0, 0.0)
+
+    def at(self, u):
+        """τ1, τ2 [s] and T_s [N·m] of a rise, and how far u is up from rest to the lowest duty."""
+        m, (low, high) = self.model, self.model.u_range
+        inside = min(max(u, low), high)
+        tau1, tau2, steady = (sum(c * inside**k for k, c in enumerate(part)) for part in (m.tau1, m.tau2, m.Ts))
+        share = min(max(u / low, 0.0), 1.0)
+        tau1 = max(tau1, 1e-3)
+        return tau1, max(tau2, tau1), max(share * steady, 0.0), share
+
+    def pull(self, u, x):
+        """Where each part goes [N·m], and its time constant [s]."""
+        tau1, tau2, steady, share = self.at(u)
+        parts, falls = [], self.release or (None, None)
+        for x_i, C, tau, fall in zip(x, (self.model.C, 1 - self.model.C), (tau1, tau2), falls, strict=True):
+            if fall is not None and C * steady < x_i:
+                tau = fall if self.every_fall else share * tau + (1 - share) * fall
+            parts.append((C * steady, tau))
+        return parts
+
+    def after(self, u, seconds, x):
+        parts = zip(x, self.pull(u, x), strict=True)
+        return tuple(end + (x_i - end) * math.exp(-seconds / tau) for x_i, (end, tau) in parts)
+
+    def slope(self, u, x):
+        return sum((end - x_i) / tau for x_i, (end, tau) in zip(x, self.pull(u, x), strict=True))
+
+    def hold(self, u, seconds):
+        self.x = self.after(u, seconds, self.x)
 
 
-class PI:
-    """u = K_P e + K_I ∫ e, kept within its limits, the integral led back by the duty that was lost."""
+def wound(q, e, wanted, back, limits):
+    """The duty within its limits, and the integral led back, or held while it would wind up."""
+    duty = min(max(wanted, limits[0]), limits[1])
+    if back:
+        return duty, q + DT * (e + back * (duty - wanted))
+    return duty, q if (wanted - duty) * e > 0 else q + DT * e
 
-    def __init__(self, K_P: float, K_I: float, back: float) -> None:
-        self.K_P, self.K_I, self.back, self.integral = K_P, K_I, back, 0.0
 
-    def __call__(self, error: float) -> float:
-        wanted = self.K_P * error + self.K_I * self.integral
-        duty = float(np.clip(wanted, 0.0, 100.0))
-        stands = self.back == 0.0 and (wanted - duty) * error > 0
-        self.integral += 0.0 if stands else DT * (error + self.back * (duty - wanted))
+class Law:
+    """One controller by its printed formula; `rows` keep what the guarantee is judged by."""
+
+    def __init__(self, name, fit, gains, limits=LIMITS, falls=()):
+        self.name, self.gains, self.limits, self.falls, self.q, self.rows = name, gains, limits, falls, 0.0, []
+        self.line, self.fit = fit.linear, fit
+        self.seen, self.lack, self.last = (0.0, 0.0), 0.0, 0.0  # of the inverse
+
+    def __call__(self, r, rate, torque):
+        e = r - torque
+        if self.name == "rc":
+            return self.robust(r, rate, torque, e)
+        if self.name == "inverse":
+            return self.inverse(r, rate, torque)
+        pi, line = self.gains.pi, self.line
+        ahead = {"pi": 0.0, "open-loop": (line.a0 * r - line.c0) / line.b0}.get(
+            self.name, (rate + line.a0 * r - line.c0) / line.b0)  # fmt: skip
+        loop = self.name in ("pi", "pi-feedforward")
+        back = pi.anti_windup.gain if loop and pi.anti_windup.method == "back-calculation" else 0.0
+        wanted = ahead + (pi.K_P * e + pi.K_I * self.q if loop else 0.0)
+        duty, self.q = wound(self.q, e, wanted, back, self.limits)
+        return duty
+
+    def robust(self, _r, rate, torque, e):
+        rc, line, q = self.gains.rc, self.gains.model, self.q
+        z = rc.Q[1][0] * q + rc.Q[1][1] * e
+        rho = rc.rho.constant + rc.rho.slope * math.hypot(q, e)
+        S = (math.tanh(rc.gamma * (abs(z) - rc.epsilon)) + 1) / 2
+        omega = S * rho * math.copysign(1, z) + (1 - S) * rho * z / rc.epsilon
+        y = rate + rc.K_D * e + rc.K_P * q + omega
+        wanted = rc.B_hat * y + (line.a0 * torque - line.c0) / line.b0
+        back = rc.anti_windup.gain if rc.anti_windup.method == "back-calculation" else 0.0
+        duty, self.q = wound(q, e, wanted, back, self.limits)
+        self.rows.append((y, rho, wanted))
+        return duty
+
+    def inverse(self, r, rate, torque):
+        """T⁺(u) = T_d(t_{k+1}) on the model, by Brent; an observer with both poles at e^(−30 dt)."""
+        plant, kept, x = Plant(self.fit.nonlinear, *self.falls), math.exp(-30 * DT), self.seen
+        miss = torque - sum(x)
+        x = tuple(x_i + C * (1 - kept**2) * miss for x_i, C in zip(x, (plant.model.C, 1 - plant.model.C), strict=True))
+        self.lack += (1 - kept) ** 2 / DT * miss
+        wanted = r + (rate - self.lack) * DT
+        short = [sum(plant.after(u, DT, x)) - wanted for u in LIMITS]
+        duty = LIMITS[0] if short[0] > 0 else LIMITS[1] if short[1] < 0 else (
+            brentq(lambda u: sum(plant.after(u, DT, x)) - wanted, *LIMITS, xtol=1e-13))  # fmt: skip
+        x = plant.after(duty, DT, x)
+        self.seen = (x[0] + self.lack * DT, x[1])
         return duty
 
 
-def second_way(law: PI, reference: np.ndarray, rig: Rig, added: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """True torque and duty given at each sample: events on one absolute clock, in fractions of a second."""
-    x, acting, given, torque = np.zeros(2), 0.0, [], []
-    h = Fraction(1, 1000)
-    seen = 0.0
-    pulses = (Fraction(j) / Fraction(round(rig.pwm_hz)) for j in range(10**6)) if rig.pwm_hz else None
+def noise_of(rig, n, seed):
+    """White, or a first-order autoregression that holds a share of the power."""
+    random = np.random.default_rng(seed)
+    white = random.standard_normal(n)
+    if not rig.get("noise_correlation_s"):
+        return rig.get("noise_nm", 0.0) * white
+    memory, share = math.exp(-DT / rig["noise_correlation_s"]), rig.get("noise_coloured_share", 1.0)
+    slow = [white[0]]
+    for value in white[1:]:
+        slow.append(memory * slow[-1] + math.sqrt(1 - memory**2) * value)
+    return rig["noise_nm"] * (math.sqrt(share) * np.array(slow) + math.sqrt(1 - share) * random.standard_normal(n))
+
+
+def second_way(plant, law, reference, rig, seed):
+    """True, read and given at each sample: events on one absolute clock, in fractions of a second; and the states."""
+    n, given, rows, states = len(reference), [], [], []
+    rate = np.append(np.diff(reference) / DT, 0.0) if law.name == "inverse" else np.gradient(reference, DT)
+    added, seen, acting = noise_of(rig, n, seed), 0.0, 0.0
+    pulses = iter(Fraction(j, round(rig["pwm_hz"])) for j in range(10**6)) if rig.get("pwm_hz") else None
     pulse = next(pulses) if pulses else None
     for k, wanted in enumerate(reference):
-        now, end = k * h, (k + 1) * h
-        wave = 1 + rig.ripple_pct / 100 * math.sin(2 * math.pi * rig.ripple_hz * float(now))
-        torque.append(float(x.sum()) * wave)
-        if rig.sensor_hz:  # the low-pass of the sensor, exact for a torque that is held over the sample before
-            seen += (1 - math.exp(-2 * math.pi * rig.sensor_hz * DT)) * (torque[-1] - seen)
-        else:
-            seen = torque[-1]
-        duty = law(wanted - seen - added[k])
-        if rig.duty_bits:
-            counts = 2**rig.duty_bits - 1
+        now, end = Fraction(k, 1000), Fraction(k + 1, 1000)
+        states.append(plant.x)
+        wave = 1 + rig.get("ripple_pct", 0) / 100 * math.sin(2 * math.pi * rig.get("ripple_hz", 0) * float(now))
+        true = sum(plant.x) * wave
+        share = 1 - math.exp(-2 * math.pi * rig["sensor_hz"] * DT) if "sensor_hz" in rig else 1.0
+        seen += share * (true - seen)
+        duty = law(wanted, rate[k], seen + added[k])
+        if rig.get("duty_bits"):
+            counts = 2 ** rig["duty_bits"] - 1
             duty = math.floor(duty / 100 * counts + 0.5) / counts * 100
         given.append(duty)
-        ready = given[k - rig.delay_samples] if k >= rig.delay_samples else 0.0
+        rows.append((true, seen + added[k], duty))
+        delay = rig.get("delay_samples", 0)
+        ready = given[k - delay] if k >= delay else 0.0
         if pulse is None:
-            x = held(ready, DT, x)
+            plant.hold(ready, DT)
             continue
         while pulse < end:
-            x, now, acting = held(acting, float(pulse - now), x), pulse, ready
-            pulse = next(pulses)
-        x = held(acting, float(end - now), x)
-    return np.array(torque), np.array(given)
+            plant.hold(acting, float(pulse - now))
+            now, acting, pulse = pulse, ready, next(pulses)
+        plant.hold(acting, float(end - now))
+    return np.array(rows).T, states
 
 
 EFFECTS = {
-    "bare": Rig(),
-    "noise": Rig(noise_nm=0.03),
-    "coloured noise": Rig(noise_nm=0.03, noise_correlation_s=0.02, noise_coloured_share=0.6),
-    "ripple": Rig(ripple_pct=4.0, ripple_hz=7.0),
-    "sensor": Rig(sensor_hz=15.0),
-    "delay": Rig(delay_samples=5),
-    "quantiser": Rig(duty_bits=6),
-    "latch": Rig(pwm_hz=300.0),
-    "fast latch": Rig(pwm_hz=1700.0),
-    "all": Rig(
-        noise_nm=0.02, ripple_pct=2.0, ripple_hz=7.0, sensor_hz=40.0, delay_samples=2, pwm_hz=300.0, duty_bits=8
-    ),
-}
+    "bare": {},
+    "noise": {"noise_nm": 0.03},
+    "coloured noise": {"noise_nm": 0.03, "noise_correlation_s": 0.02, "noise_coloured_share": 0.6},
+    "ripple": {"ripple_pct": 4.0, "ripple_hz": 7.0},
+    "sensor": {"sensor_hz": 15.0},
+    "delay": {"delay_samples": 5},
+    "quantiser": {"duty_bits": 6},
+    "latch": {"pwm_hz": 300.0},
+    "fast latch": {"pwm_hz": 1700.0},
+    "latch of the control rate": {"pwm_hz": 1000.0},
+    "all": {"noise_nm": 0.02, "ripple_pct": 2.0, "ripple_hz": 7.0, "sensor_hz": 40.0, "delay_samples": 2,
+            "pwm_hz": 300.0, "duty_bits": 8},
+}  # fmt: skip
+STAIRS = np.repeat([0.0, 4.0, 0.5, 2.0, 0.3, 0.0], 150)
+"""A staircase to the limits of the duty, and below the lowest identified one."""
+WAVE = 1.5 + 1.2 * np.sin(2 * np.pi * 1.5 * np.arange(700) * DT)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("back", [0.0, 1 / 21])
+def agrees(done, plant, law, reference, rig, seed=0):
+    (true, read, given), states = second_way(plant, law, reference, rig, seed)
+    columns = done.records[law.name].columns
+    np.testing.assert_allclose(columns["torque_nm"], true, atol=1e-9)
+    np.testing.assert_allclose(columns["duty_pct"], given, atol=1e-6)
+    if {"noise_nm", "sensor_hz"} & set(rig):
+        np.testing.assert_allclose(columns["measured_nm"], read, atol=1e-9)
+    else:
+        assert "measured_nm" not in columns
+    assert ("applied_pct" in columns) is bool({"delay_samples", "pwm_hz"} & set(rig))
+    return columns, states
+
+
 @pytest.mark.parametrize("name", EFFECTS)
-def test_every_effect_of_the_rig_is_what_a_second_way_gives(name: str, back: float) -> None:
-    rig, n = EFFECTS[name], 700
-    reference = references.steps(DT, n * DT, levels_nm=(4.0, 0.5, 2.0)).torque_nm[:n]
-    controller = pi_controller(PIGains(21.0, 360.0, back_calculation=back))
-    done = replay(plant_parameters(REFERENCE_PLANT), controller, reference, rig, DT, 11)
-    torque, duty = second_way(PI(21.0, 360.0, back), np.asarray(reference), rig, noise(rig, len(reference), DT, 11))
-    assert np.abs(done.torque_nm - torque).max() < 1e-10
-    assert np.abs(done.duty_pct - duty).max() < 1e-7
-    assert np.ptp(done.duty_pct) > 50  # the loop was at work, and at its limits
-    assert ripple(rig, 3, DT)[0] == 1.0
+def test_every_effect_of_the_rig_on_every_law(played, fit, gains, name):
+    rig, names = EFFECTS[name], ("rc", "pi", "pi-feedforward", "feedforward", "open-loop", "inverse")
+    for reference in (STAIRS, WAVE):
+        if "duty_bits" in rig:  # at a boundary of two counts rounding decides: laws without a high gain
+            names = ("pi", "open-loop")
+        done = played(reference, controller=names, seed=11, **rig)
+        for law in names:
+            columns, _ = agrees(done, Plant(fit.nonlinear), Law(law, fit, gains), reference, rig, 11)
+            assert np.ptp(columns["duty_pct"]) > 30  # the loop was at work
 
 
-def test_back_calculation_of_the_robust_controller_is_its_formula(law) -> None:
-    """q̃_{k+1} = q̃_k + dt (e + k (u − u_unlimited)), u_unlimited from the same gains without limits."""
-    gains = law("rc").gains._replace(back_calculation=0.004)
-    free = gains._replace(duty_min=-1e9, duty_max=1e9)
-    reference = references.steps(DT, 0.8, levels_nm=(4.0, 0.2)).torque_nm
-    done = replay(plant_parameters(REFERENCE_PLANT), rc_controller(gains), reference, Rig(), DT)
-    rate = np.gradient(reference, DT)
-    at_limit = 0
-    for k in range(len(reference) - 1):
-        wanted = rc_step(free, RCState(done.state[k]), reference[k], rate[k], done.torque_nm[k], DT)[1]
-        at_limit += not 0 <= wanted <= 100
-        led = DT * (reference[k] - done.torque_nm[k] + 0.004 * (done.duty_pct[k] - wanted))
-        assert done.state[k + 1] == pytest.approx(done.state[k] + led, abs=1e-12)
-    assert at_limit > 50
+RELEASE = {"tau1": 0.6, "tau2": 7.0}
+FALL = {"from": 80.0, "level": 50.0, "Ts": 1.0, "tau1": 0.6, "tau2": 7.0}
 
 
-def test_settling_is_the_time_of_the_first_sample_that_stays() -> None:
-    torque = np.array([0.0, 0.5, 0.97, 1.03, 0.979, 0.981, 1.0, 1.019, 1.0])  # from index 5 on within 2 %
-    found = metrics.step(torque, 0.0, 1.0, 0.1)
-    assert found.settling_s == pytest.approx(0.5, abs=1e-12)
-    assert found.settling_5pct_s == pytest.approx(0.2, abs=1e-12)
-    assert found.rise_time_s == pytest.approx((1 + 0.4 / 0.47 - 0.2) * 0.1, abs=1e-12)
-    assert found.overshoot_pct == pytest.approx(3.0)
+@pytest.mark.parametrize("every", [False, True])
+def test_falls_have_the_constants_of_the_release(played, fit_of, gains, every):
+    """Below the lowest duty along the line of the torque; every fall where falls were recorded that are as quick."""
+    fit = fit_of(release=RELEASE, friction={"levels": [FALL]} if every else None)
+    assert fit.plant.falls_as_release is every
+    falls = (0.6, 7.0), every
+    done = played(STAIRS, fit=fit, controller=("pi", "inverse"))
+    for law in ("pi", "inverse"):
+        agrees(done, Plant(fit.nonlinear, *falls), Law(law, fit, gains, falls=falls), STAIRS, {})
 
 
-def test_a_box_has_the_sd_of_a_sample_and_whiskers_at_just_one_and_a_half() -> None:
-    values = np.array([2.0, 3.0, 4.0, 5.0, 6.0])  # quartiles 3 and 5: whiskers reach from 0 to 8
-    assert box(values).sd == pytest.approx(math.sqrt(2.5), rel=1e-15)
-    far = np.array([0.0, 3.0, 3.0, 4.0, 5.0, 5.0, 8.0])
-    assert (box(far).whisker_low, box(far).whisker_high, box(far).outliers) == (0.0, 8.0, 0)
-    beyond = np.array([-0.01, 3.0, 3.0, 4.0, 5.0, 5.0, 8.01])
-    assert (box(beyond).whisker_low, box(beyond).whisker_high, box(beyond).outliers) == (3.0, 5.0, 2)
+def test_floors_hold_for_a_plant_that_breaks_them(played, fit_of, gains):
+    """Within a thousandth τ2 may lie below τ1, and T_s below 0 at the lowest duties: then τ2 = τ1, T_s = 0."""
+    fit = fit_of({"tau1": [3.002, 0, 0], "tau2": [3.0, 0, 0], "Ts": [-0.43, 0.043, 0, 0]})
+    done = played(STAIRS, fit=fit, controller=("pi",))
+    agrees(done, Plant(fit.nonlinear), Law("pi", fit, gains), STAIRS, {})
+
+
+def test_limits_and_back_calculation(played, fit):
+    gains = eaid.tune_rc(fit, anti_windup="back-calculation", duty_limits=(5.0, 80.0))
+    names = ("rc", "pi", "pi-feedforward", "open-loop")
+    done = played(STAIRS, gains=gains, controller=names)
+    free = played(STAIRS, gains=gains, controller=names, saturation=False)
+    for law in names:
+        columns, _ = agrees(done, Plant(fit.nonlinear), Law(law, fit, gains, (5.0, 80.0)), STAIRS, {})
+        assert columns["duty_pct"].min() >= 5.0 and columns["duty_pct"].max() <= 80.0
+        without = (-math.inf, math.inf)
+        columns, _ = agrees(free, Plant(fit.nonlinear), Law(law, fit, gains, without), STAIRS, {})
+        assert columns["duty_pct"].max() > 80.0
+
+
+def test_a_plant_that_its_controllers_do_not_know(played, fit_of, fit, gains):
+    """«perturb» multiplies the plant's polynomials and its release; the inverse leaves no steady error on it."""
+    other = {"Ts": 0.9, "tau1": 1.3, "tau2": 0.8}
+    known, changed = (
+        fit_of(release=RELEASE),
+        {name: [k * c for c in getattr(fit.nonlinear, name)] for name, k in other.items()},
+    )
+    plant = fit_of(changed)
+    done = played(STAIRS, fit=known, controller=("pi", "inverse"), perturb=other)
+    for law in ("pi", "inverse"):
+        falls = (0.6, 7.0), False
+        twin = Plant(plant.nonlinear, (1.3 * 0.6, 0.8 * 7.0))
+        agrees(done, twin, Law(law, known, gains, falls=falls), STAIRS, {})
+    held = played(np.full(6000, 2.0), controller=("inverse",), perturb=other).records["inverse"].columns
+    assert abs(held["torque_nm"][-1] - 2.0) < 1e-4
+    with pytest.raises(eaid.UsageError, match="no 'C' in the plant; give factors of tau1, tau2 or Ts"):
+        played(WAVE, perturb={"C": 1.0})
+
+
+def test_the_inverse_follows_exactly_what_the_duty_can_reach(played):
+    t = np.arange(8000) * DT
+    reachable = 1.5 * (1 - np.cos(2 * np.pi * 0.1 * np.maximum(t - 1, 0))) + 0.05 * np.minimum(t, 1)
+    done = played(reachable, controller=("inverse",)).records["inverse"].columns
+    settled = (done["duty_pct"] > 0) & (done["duty_pct"] < 100) & (t > 1)
+    assert settled.mean() > 0.8
+    assert np.abs(done["reference_nm"] - done["torque_nm"])[1:][settled[:-1]].max() < 1e-10
+
+
+@pytest.mark.parametrize("reference", ["stairs", "wave"])
+def test_chi_against_rho_and_whose_fault_it_is(played, fit, gains, reference):
+    """χ = y − Ṫ; where it fails at a limit, the limit is the cause if |χ| ≤ ρ with the duty that was asked for."""
+    wanted = STAIRS if reference == "stairs" else WAVE
+    done = played(wanted, controller=("rc",))
+    law, plant = Law("rc", fit, gains), Plant(fit.nonlinear)
+    columns, states = agrees(done, plant, law, wanted, {})
+    y, rho, asked = np.array(law.rows).T
+    torque = columns["torque_nm"]
+    slope = np.diff(torque) / DT
+    chi = y - np.append(slope, slope[-1])
+    np.testing.assert_allclose(columns["chi_nm_s"], chi, atol=1e-5)
+    np.testing.assert_allclose(columns["rho_nm_s"], rho, rtol=1e-9)
+    limited, free = (asked < 0) | (asked > 100), chi.copy()
+    for k in np.flatnonzero(limited):
+        at, inside = (100.0, 99.0) if asked[k] > 100 else (0.0, 1.0)
+        steep = (plant.slope(inside, states[k]) - plant.slope(at, states[k])) / (inside - at)
+        free[k] -= (asked[k] - at) * steep
+    fails = np.abs(chi) > rho
+    told = done.records["rc"].metrics
+    assert told.guarantee_holds_fraction == pytest.approx(1 - fails.mean()) and fails.any() and limited.any()
+    assert told.guarantee_largest_chi_over_rho == pytest.approx((np.abs(chi) / rho).max())
+    assert told.guarantee_failures_at_limit == pytest.approx((fails & limited).sum() / fails.sum())
+    blamed = fails & limited & (np.abs(free) <= rho)
+    assert told.guarantee_failures_by_saturation == pytest.approx(blamed.sum() / fails.sum())
+    # by the book, (1 − b B̂) y + b (η − η̂) for b and η of a line through two duties, where the duty is free
+    rc, model = gains.rc, gains.model
+    for k in np.flatnonzero(~limited & (columns["duty_pct"] > 10) & (np.arange(len(y)) < len(y) - 1))[::23]:
+        u = columns["duty_pct"][k]
+        b = (plant.slope(u + 0.5, states[k]) - plant.slope(u, states[k])) / 0.5
+        eta, eta_hat = u - plant.slope(u, states[k]) / b, (model.a0 * torque[k] - model.c0) / model.b0
+        assert chi[k] == pytest.approx((1 - b * rc.B_hat) * y[k] + b * (eta - eta_hat), rel=5e-3, abs=0.05)
+
+
+def test_one_and_ten_kilohertz_agree_to_first_order(gains, fit):
+    apart = {}
+    for rate in (1000, 2000, 10_000):
+        done = eaid.simulate(fit, gains, "multisine", controller=("pi",), duration=4.0, rate_hz=rate)
+        apart[rate] = done.records["pi"].columns["torque_nm"][:: rate // 1000]
+    far, half = (np.abs(apart[rate] - apart[10_000]).max() for rate in (1000, 2000))
+    # errors c/rate: (1/1000 − 1/10000) against (1/2000 − 1/10000), 2.25 to first order
+    assert far < 0.02 and far / half == pytest.approx(2.25, rel=0.05)
