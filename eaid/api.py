@@ -603,8 +603,11 @@ def load(path: str | os.PathLike[str]) -> "Fit | Gains | Coupling | Replay | Ste
         from eaid.replay.files import SCHEMA
         from eaid.replay.files import read as read_replay
 
-        with h5py.File(file) as held:
-            schema = held.attrs.get("schema", "")
+        try:
+            with h5py.File(file) as held:
+                schema = held.attrs.get("schema", "")
+        except (OSError, KeyError, RuntimeError):  # damaged: what reads its runs says so
+            schema = ""
         return read_replay(file)[0] if schema == SCHEMA else read(file)
     kinds: dict[str, type[Any]] = {"fit": Fit, "gains": Gains, "couple": Coupling}
     kind = codec.kind_of(file)
