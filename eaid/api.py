@@ -404,7 +404,7 @@ def simulate(
     >>> sorted(set(run.to_frame()["name"]))
     ['pi', 'rc']
     """
-    from eaid.coupling.entry import with_wall_findings
+    from eaid.coupling.couple import with_wall_findings
     from eaid.logs.read import read_runs
     from eaid.replay.references import read_reference
     from eaid.replay.simulate import simulate as replayed
@@ -464,10 +464,10 @@ def couple(
     >>> [wall.loop for wall in stiffness.walls]
     ['pi', 'rc']
     """
-    from eaid.coupling.entry import couple_fit
+    from eaid.coupling.couple import couple as walls
 
     _of_type("fit", fit, Fit)
-    return couple_fit(fit, gains, chosen(CoupleOptions, options, keywords), progress)
+    return walls(fit, gains, chosen(CoupleOptions, options, keywords), progress)
 
 
 def report(

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from eaid.cli import console
 from eaid.cli.form import Common, Verbose, argument, takes, written
 from eaid.declared import part
-from eaid.errors import UsageError
+from eaid.errors import DataError, UsageError
 from eaid.options import ExportOptions
 
 if TYPE_CHECKING:
@@ -50,20 +50,28 @@ def command(args: Arguments) -> None:
 
 def _read(paths: list[Path]) -> "tuple[Gains | None, Fit | None, list[Path]]":
     """Gains, a fit, or both; the fit that the gains name is taken where it lies beside them, unchanged."""
-    from eaid.export.export import fit_beside, kind_of, read_fit
+    from eaid.export.export import fit_beside
     from eaid.results import codec
+    from eaid.results.fit import Fit
     from eaid.results.gains import Gains
 
-    kinds = [kind_of(path) for path in paths]
+    kinds = [codec.kind_of(path) if path.is_file() else "gains" for path in paths]  # which is then told as missing
+    for path, kind in zip(paths, kinds, strict=True):
+        if kind not in ("gains", "fit"):
+            raise DataError(f"{path}: is neither gains.json nor fit.json; give what eaid tune-rc or eaid fit wrote")
     if len(set(kinds)) < len(kinds):
         raise UsageError(f"{paths[-1]}: a second {kinds[-1]}.json; give one gains.json and one fit.json at most")
     found = dict(zip(kinds, paths, strict=True))
-    gains, doubts = codec.read(found["gains"], "gains", Gains) if "gains" in found else (None, ())
+    gains, warnings = codec.read(found["gains"], "gains", Gains) if "gains" in found else (None, ())
     if gains is not None and "fit" not in found:
         beside = fit_beside(gains, found["gains"])
         if beside is not None:
             found["fit"] = beside
             console.say(f"with {beside}, which the gains were made from")
-    fit, more = read_fit(found["fit"]) if "fit" in found else (None, ())
-    console.tell((*doubts, *more))
+    fit, more = codec.read(found["fit"], "fit", Fit) if "fit" in found else (None, ())
+    if fit is not None and fit.nonlinear is None:
+        raise DataError(
+            f"{found['fit']}: holds no nonlinear model, which plant and inverse are; fit clutch data with it"
+        )
+    console.tell((*warnings, *more))
     return gains, fit, list(found.values())

@@ -1,14 +1,15 @@
 """`couple`: the stiffest walls of every loop at every torque, and what else limits them (docs/coupling.md)."""
 
 import math
-from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
 from functools import partial
 
 import msgspec
 import numpy as np
 
 from eaid.arrays import Array
+from eaid.control.gains import pi_gains, plant_of, rc_gains
 from eaid.control.margins import Timing
 from eaid.control.operating import known
 from eaid.control.pi import PIGains
@@ -26,14 +27,19 @@ from eaid.coupling.stiffness import (
     stable_stiffness,
     step_of,
 )
-from eaid.errors import GainsError, UsageError
+from eaid.errors import DataError, GainsError, UsageError
 from eaid.findings import Finding, finding, ranked
 from eaid.models.nonlinear import steady_torque
 from eaid.models.parameters import Nonlinear
-from eaid.options import CoupleOptions
+from eaid.options import LOOPS, CoupleOptions
+from eaid.progress import Progress
 from eaid.replay.plant import Held, hold_step, plant_parameters, plant_step
-from eaid.replay.rehab import limb_steps
+from eaid.replay.rehab import RESISTED_FROM_DEG, limb_steps
 from eaid.results import coupling as parts
+from eaid.results.fit import Fit
+from eaid.results.gains import Gains
+from eaid.results.replay import Replay
+from eaid.uncertainty.draw import draw
 
 BESIDE_RAD = 1e-4
 """Where the limb is let go."""
@@ -179,46 +185,52 @@ AFTER_S = 0.5
 """Time after which residual torque and the step at a turn are read [s]."""
 
 
-def couple(
-    plant: Nonlinear,
-    rc: RCGains | None,
-    pi: PIGains | None,
-    options: CoupleOptions = CoupleOptions(),  # noqa: B008 - frozen
-    drawn: Iterable[Nonlinear] = (),
-    idle_drag_nm: float | None = None,
-    unit: str = "N·m",
-    advance: Callable[[], None] = lambda: None,
-) -> parts.Coupling:
-    """How stiff a virtual wall each loop may render on a limb; `drawn` plants for what 95 % of them keep.
+MOST_DELAY = 100
+"""Each sample of delay is a state of the loop's linear map."""
 
-    Loops whose gains are None are left out. Raises UsageError for a torque that the identified inputs do not hold, and
-    GainsError for a loop that is unstable without any wall. `advance` is called once per loop and torque.
+
+def couple(fit: Fit, gains: Gains | None, options: CoupleOptions, progress: Progress) -> parts.Coupling:
+    """How stiff a virtual wall each loop may render on a limb.
+
+    Loops whose gains are not given are left out. Raises DataError where the fit holds no nonlinear model, UsageError
+    for a torque that the identified inputs do not hold, and GainsError for a loop that is unstable without any wall.
     """
-    timing = Timing(options.rate_hz, options.pwm_hz or None, options.delay_samples, options.sensor_hz)
+    plant, rc, pi, unit = plant_of(fit), rc_gains(gains), pi_gains(gains), fit.data.output_unit
+    if plant is None:
+        raise DataError("the fit holds no nonlinear model, which walls are worked out on; fit clutch logs with it")
+    delay = options.delay_samples or round(fit.dead_time_s * options.rate_hz)
+    if delay > MOST_DELAY:
+        raise DataError(
+            f"the steps show a dead time of {fit.dead_time_s:.3g} s, {delay} samples; walls are worked out for "
+            f"{MOST_DELAY} at most: a lower «rate_hz»"
+        )
+    timing = Timing(options.rate_hz, options.pwm_hz or None, delay, options.sensor_hz)
     setup = Loops(rc, pi, Limb(options.limb_inertia, options.limb_damping), timing, options.virtual_damping)
     missing = {"rc": rc, "rc-no-rate": rc, "pi": pi}
     loops = [loop for loop in options.loops if missing.get(loop, ()) is not None] or list(options.loops)
     torques = options.torque or default_torques(plant)
-    walls, regions, curves, kept = [], [], [], []
-    for torque in torques:
-        point = operating_point(plant, torque)
-        for loop in loops:
-            channel, drive = setup.around(loop, plant, point)
-            wall, curve = setup.wall(loop, [channel], torque, point.duty_pct)
-            if options.replay and wall.K_stable is not None:
-                found = replayed_stiffness(drive, setup.limb, setup.timing, wall.K_stable)
-                wall = msgspec.structs.replace(wall, K_replayed=found)
-            walls.append(wall)
-            curves.append(curve)
-            regions.append(setup.region(loop, [channel], torque))
-            advance()
-    population = list(drawn)
-    if population:
-        kept = [_kept(setup, loop, torque, population, options) for torque in torques for loop in loops]
+    walls, regions, curves = [], [], []
+    with progress("walls", len(torques) * len(loops)) as tick:
+        for torque in torques:
+            point = operating_point(plant, torque)
+            for loop in loops:
+                channel, drive = setup.around(loop, plant, point)
+                wall, curve = setup.wall(loop, [channel], torque, point.duty_pct)
+                if options.replay and wall.K_stable is not None:
+                    found = replayed_stiffness(drive, setup.limb, setup.timing, wall.K_stable)
+                    wall = msgspec.structs.replace(wall, K_replayed=found)
+                walls.append(wall)
+                curves.append(curve)
+                regions.append(setup.region(loop, [channel], torque))
+                tick()
+    drawn = draw(fit, options.plants, options.seed) if options.plants else None
+    plants = drawn.plants if drawn is not None else ()
+    kept = [_kept(setup, loop, torque, plants, options) for torque in torques for loop in loops] if plants else []
     pair, bias, left_out = _pair(setup, plant, loops, torques, options.pair_bias_nm)
-    drag = options.idle_drag_nm if options.idle_drag_nm is not None else idle_drag_nm
+    idle = [abs(run.baseline_nm) for run in fit.data.sources if run.baseline_nm is not None]
+    drag = options.idle_drag_nm if options.idle_drag_nm is not None or not idle else float(np.mean(idle))
     impedance = _impedance(plant, max(torques), drag, options)
-    findings = _findings(walls, options, impedance, unit)
+    findings = [*_findings(walls, options, impedance, unit), *(drawn.findings if drawn is not None else ())]
     if left_out:
         findings.append(
             finding("pair-bias-cut", "pair", bias=bias, unit=unit, torques=", ".join(f"{t:g}" for t in left_out))
@@ -226,9 +238,9 @@ def couple(
     return parts.Coupling(
         options=parts.CoupleRecord(
             options.limb_inertia, options.limb_damping, options.virtual_damping, options.rate_hz, options.pwm_hz,
-            options.delay_samples, options.sensor_hz,
+            delay, options.sensor_hz,
         ),
-        seed=options.seed, plants=len(population), output_unit=unit, walls=tuple(walls), pair=tuple(pair),
+        seed=options.seed, plants=len(plants), output_unit=unit, walls=tuple(walls), pair=tuple(pair),
         pair_bias_nm=bias, regions=tuple(regions), curves=tuple(curves), kept=tuple(kept), impedance=impedance,
         findings=ranked(findings),
     )  # fmt: skip
@@ -265,7 +277,7 @@ def _pair(
     return rows, bias, left_out
 
 
-def _kept(setup: Loops, loop: str, torque: float, plants: list[Nonlinear], options: CoupleOptions) -> parts.Kept:
+def _kept(setup: Loops, loop: str, torque: float, plants: Sequence[Nonlinear], options: CoupleOptions) -> parts.Kept:
     """The stiffness that 95 % of the drawn plants, each with a limb of its own, keep."""
     random = np.random.default_rng(options.seed)
     found = []
@@ -316,3 +328,35 @@ def _findings(walls: list[parts.Wall], options: CoupleOptions, impedance: parts.
         needed = options.limb_speed_rad_s * 60 / (2 * math.pi)
         findings.append(finding("clutch-cannot-turn", "rotor", short=short, needed_rpm=needed))
     return findings
+
+
+def with_wall_findings(replay: Replay, fit: Fit, gains: Gains | None) -> Replay:
+    """A rehabilitation's replay with a finding for each loop whose springs lie beyond what it keeps stable.
+
+    Looked at where the spring is pushed half and fully, on the exercise's limb alone, without what the user adds.
+    """
+    exercise, plant = replay.head.exercise, plant_of(fit)
+    if exercise is None or plant is None:
+        return replay
+    rig = replay.head.rig
+    timing = Timing(1 / (replay.head.dt_s or 1e-3), rig.pwm_hz or None, rig.delay_samples)
+    setup = Loops(rc_gains(gains), pi_gains(gains), Limb(exercise.inertia_kgm2, exercise.damping_nms), timing)
+    pushed = math.radians(exercise.centre_deg + exercise.amplitude_deg - RESISTED_FROM_DEG)
+    low, high = (float(steady_torque(plant, u)) for u in plant.u_range)
+    findings = []
+    for loop in (name for name in replay.records if name in LOOPS):
+        for stiffness in (exercise.soft_nm_rad, exercise.hard_nm_rad):
+            for torque in (0.5 * stiffness * pushed, stiffness * pushed):
+                if not low <= torque <= high:
+                    continue
+                channel, _ = setup.around(loop, plant, operating_point(plant, torque))
+                stable = stable_stiffness(Coupled([channel], setup.limb, setup.timing))
+                if stable < stiffness:
+                    unit = fit.data.output_unit
+                    findings.append(
+                        finding(
+                            "wall-beyond-stable", loop, wanted=stiffness, stable=stable, torque_nm=torque, unit=unit
+                        )
+                    )
+    head = msgspec.structs.replace(replay.head, findings=ranked((*replay.findings, *findings)))
+    return replace(replay, head=head)

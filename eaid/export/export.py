@@ -1,6 +1,5 @@
 """Gains and plant → a folder that a rig is run from: written whole or not at all."""
 
-import json
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -8,8 +7,20 @@ from pathlib import Path
 from eaid.control.bounds import Bounds
 from eaid.control.margins import Feedback, Timing, is_stable, pi_feedback, rc_feedback
 from eaid.control.operating import operating_points
-from eaid.errors import DataError, GainsError, UsageError
-from eaid.export.job import UNKNOWN, Origin, Source, constants_of, job_of, laws_of, source_of, timing_of
+from eaid.errors import GainsError, UsageError
+from eaid.export.constants import unit_name
+from eaid.export.job import (
+    UNKNOWN,
+    Job,
+    Origin,
+    Source,
+    constants_of,
+    head_of,
+    laws_of,
+    source_of,
+    timing_of,
+    vectors,
+)
 from eaid.export.targets import TARGETS
 from eaid.files import folder_written_whole, refuse_inputs_within, sha256_of
 from eaid.findings import Finding, finding, ranked, say, stops
@@ -162,7 +173,11 @@ def export(
     timing = timing_of(source, options)
     constants = constants_of(source, laws, timing)
     found = judged(source, laws, 1.0 / timing.dt_s, options)
-    job = job_of(source, constants, timing, found, options, folder.resolve().name, origin)
+    job = Job(
+        options, timing, (unit_name(source.units[0]), unit_name(source.units[1])), laws, constants,
+        tuple(vectors(constants, source.top, timing.precision)), head_of(source, laws, timing, found, origin),
+        folder.resolve().name, source.top,
+    )  # fmt: skip
     files = dict(TARGETS[options.target](job))
     with folder_written_whole(folder) as part:
         for name, content in files.items():
@@ -188,35 +203,6 @@ def refuse_folder(folder: Path, force: bool) -> None:
         raise UsageError(f"{folder}: holds {strange[0].name}, which eaid export did not make; give another «output»")
     if items and not force:
         raise UsageError(f"{folder}: exists already; give «force» to overwrite it, or another «output»")
-
-
-MAKE = "give what eaid tune-rc or eaid fit wrote"
-PARTS = {"gains": ("rc", "pi"), "fit": ("nonlinear",)}
-"""Parts by which the file of a script is known, which names no schema."""
-
-
-def kind_of(path: Path) -> str:
-    """gains or fit, by the schema, else by the parts that a file of a script holds."""
-    if not path.is_file():
-        raise DataError(f"{path}: no such file; give gains.json of eaid tune-rc, or fit.json of eaid fit")
-    try:
-        content = json.loads(path.read_bytes())
-    except (ValueError, RecursionError) as fault:
-        raise DataError(f"{path}: is not a JSON file ({fault}); {MAKE}") from None
-    held = content if isinstance(content, dict) else {}
-    schema = held.get("schema")
-    for kind, parts in PARTS.items():
-        if schema == f"eaid/{kind}/1" or (schema is None and any(held.get(part) is not None for part in parts)):
-            return kind
-    raise DataError(f"{path}: is neither gains.json nor fit.json; {MAKE}")
-
-
-def read_fit(path: Path) -> tuple[Fit, tuple[Finding, ...]]:
-    """fit.json as its type, and what was left out of it; DataError where it holds no nonlinear model."""
-    fit, left_out = codec.read(path, "fit", Fit)
-    if fit.nonlinear is None:
-        raise DataError(f"{path}: holds no nonlinear model, which plant and inverse are; fit clutch data with it")
-    return fit, left_out
 
 
 def fit_beside(gains: Gains, path: Path) -> Path | None:

@@ -25,7 +25,6 @@ from eaid.export.constants import (
     rate_constants,
     rc_constants,
     rounded,
-    unit_name,
 )
 from eaid.findings import Finding, say
 from eaid.models.parameters import Nonlinear
@@ -299,33 +298,10 @@ def _refuse_what_is_too_large(law: str, constants: Any, precision: str) -> None:
             )
 
 
-def job_of(
-    source: Source,
-    constants: Mapping[str, Constants],
-    timing: Timing,
-    found: tuple[Finding, ...],
-    options: ExportOptions,
-    name: str,
-    origin: Origin,
-) -> Job:
-    """Everything that the templates need."""
-    laws = tuple(name for name in constants if name != "rate")
-    return Job(
-        options=options,
-        timing=timing,
-        units=(unit_name(source.units[0]), unit_name(source.units[1])),
-        laws=laws,
-        constants=constants,
-        vectors=tuple(vectors(constants, source.top, timing.precision)),
-        head=tuple(_head(source, laws, timing, found, origin)),
-        name=name,
-        top=source.top,
-    )
-
-
-def _head(
+def head_of(
     source: Source, laws: tuple[str, ...], timing: Timing, found: tuple[Finding, ...], origin: Origin
-) -> list[str]:
+) -> tuple[str, ...]:
+    """What every file says of itself at its head."""
     origins = [f"{one.path}, sha256 {one.sha256}" for one in origin.inputs] or list(source.origins)
     lines = [
         f"{', '.join(laws)} for an electroadhesive clutch, made by eaid {__version__}",
@@ -336,4 +312,4 @@ def _head(
         f" duty in {source.units[0]}, torque in {source.units[1]}",
         *(f"{one.severity}: {in_python(say(one))}" for one in found),
     ]
-    return [harmless(line) for line in lines]
+    return tuple(harmless(line) for line in lines)

@@ -12,13 +12,14 @@ import zipfile
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache
+from html import escape
 from importlib import resources
 from pathlib import Path
 from typing import Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
-from eaid.export.constants import Entry, commented, decimal, entries, hexadecimal, rounded, series
+from eaid.export.constants import commented, decimal, entries, hexadecimal, rounded, series
 from eaid.export.job import TITLES, Job
 from eaid.export.reference import InverseConstants, PIConstants, PlantConstants, RateConstants, RCConstants
 from eaid.synth.files import input_column
@@ -43,17 +44,6 @@ STATES = {
 """Law → the C type of its state."""
 
 
-@dataclass(frozen=True)
-class Law:
-    """One law as the templates need it."""
-
-    name: str
-    title: str
-    start: str
-    rate: str
-    entries: tuple[Entry, ...]
-
-
 @cache
 def environment() -> Environment:
     """The templates and their filters."""
@@ -65,7 +55,12 @@ def environment() -> Environment:
         keep_trailing_newline=True,
         autoescape=False,  # sources, no markup; XML is escaped by its own filter
     )
-    made.filters |= {"lit": hexadecimal, "dec": decimal, "comment": commented, "xml": _xml}
+    made.filters |= {
+        "lit": hexadecimal,
+        "dec": decimal,
+        "comment": commented,
+        "xml": lambda text: escape(" ".join(str(text).split())),
+    }
     return made
 
 
@@ -81,7 +76,16 @@ def context(job: Job) -> Mapping[str, object]:
     return {
         "job": job,
         "head": list(job.head),
-        "laws": laws(job),
+        "laws": [
+            {
+                "name": name,
+                "title": TITLES[name],
+                "start": START.get(name, ""),
+                "rate": RATE.get(name, ""),
+                "entries": entries(name, job.constants[name], units),
+            }
+            for name in names
+        ],
         "names": names,
         "titles": TITLES,
         "states": STATES,
@@ -115,14 +119,6 @@ def context(job: Job) -> Mapping[str, object]:
     }
 
 
-def laws(job: Job) -> list[Law]:
-    """The laws of a job as the templates need them."""
-    return [
-        Law(name, TITLES[name], START.get(name, ""), RATE.get(name, ""), entries(name, job.constants[name], job.units))
-        for name in job.laws
-    ]
-
-
 def log_header(units: tuple[str, str]) -> str:
     """Columns of a log, as `eaid` finds them by name, with their units."""
     into, out = (UNKNOWN if unit == "1" else unit for unit in units)
@@ -148,12 +144,6 @@ def _jump(job: Job) -> dict[str, str]:
         "peak_text": f"{float(rate.gain):.3g}",
         "decay_text": f"{3 / (2 * math.pi * job.timing.rate_filter_hz):.2g}",
     }
-
-
-def _xml(text: str) -> str:
-    from html import escape
-
-    return escape(" ".join(str(text).split()))
 
 
 COMPILERS = ("cc", "gcc", "clang")

@@ -24,28 +24,20 @@ from eaid.synth.plants import Plant
 
 @dataclass(frozen=True)
 class Disturbance:
-    """Sizes of everything that is not the plant; all 0: the plant alone."""
+    """Sizes of everything that is not the plant, as the options of `SynthOptions` of the same names; all 0: the plant
+    alone. Ripple and coloured noise are shares of the torque [1], the ripple's phase differs from run to run, and at
+    most 0.45 of a sample of jitter is taken."""
 
     white_nm: float = 0.01
-    """Standard deviation of white noise [N·m]."""
     coloured: float = 0.01
-    """Standard deviation of coloured noise, as a share of the torque [1]."""
     coloured_s: float = 0.05
-    """Time constant of the coloured noise [s]."""
     ripple: float = 0.01
-    """Amplitude of the rotor ripple, as a share of the torque [1]; its phase differs from run to run."""
     gain_scatter: float = 0.03
-    """Run-to-run standard deviation of the torque's gain [1]: 1 + N(0, ·)."""
     tau1_scatter: float = 0.05
-    """Run-to-run standard deviation of log τ1 [1]."""
     tau2_scatter: float = 0.0
-    """Run-to-run standard deviation of log τ2 [1]."""
     offset_nm: float = 0.02
-    """Offset of the torque sensor [N·m], the same in every run."""
     jitter_s: float = 0.0
-    """Standard deviation of the sample instants [s]; at most 0.45 of a sample is taken."""
     resolution_nm: float = 1 / 1024
-    """Step of the sensor's digits [N·m]; 0: none."""
 
 
 NONE = Disturbance(**{field.name: 0.0 for field in fields(Disturbance) if field.name != "coloured_s"})
@@ -128,17 +120,14 @@ def mark(plant: Plant, disturbance: Disturbance, seed: int) -> str:
 
 @dataclass(frozen=True)
 class Protocol:
-    """How an experiment is recorded."""
+    """How an experiment is recorded, as the options of the same names; each level [%, N or RPM] is a run of its own,
+    and without a release the log ends with the input held."""
 
     levels: tuple[float, ...]
-    """Inputs [%, N or RPM], each a run of its own."""
     repeats: int = 3
     idle_s: float = 10.0
-    """Input 0 before the step [s]."""
     hold_s: float = 20.0
-    """Input at its level [s]."""
     release_s: float = 10.0
-    """Input 0 after the step [s]; 0: the log ends with the input held."""
     rate_hz: float = 1000.0
 
 
@@ -184,41 +173,29 @@ def _falling(plant: Plant, step: Friction, value: float) -> Array:
     return np.asarray(share * tau + (1 - share) * np.array(plant.release)[:, np.newaxis])
 
 
-def synthesise(plant: Plant, protocol: Protocol, disturbance: Disturbance, seed: int) -> list[Run]:
-    """Runs of every level and repeat, in that order; the seed, a level's place and the repeat make a run."""
-    check_protocol(plant, protocol)
-    p = protocol
-    repeats = range(1, p.repeats + 1)
-    planned = [
-        PlannedRun(0, level, repeat, p.idle_s, p.hold_s, p.release_s) for level in p.levels for repeat in repeats
-    ]
-    return _step_runs(plant, planned, list(p.levels), p.rate_hz, disturbance, seed)
-
-
-def synthesise_plan(
-    plant: Plant, planned: Sequence[PlannedRun], rate_hz: float, disturbance: Disturbance, seed: int
+def synthesise(
+    plant: Plant, protocol: Protocol, disturbance: Disturbance, seed: int, planned: Sequence[PlannedRun] = ()
 ) -> list[Run]:
-    """The runs of a run table, in its order; a level's place is that among the table's levels."""
+    """Runs of idle, step, hold and release: those of a run table in its order, else every level and repeat.
+
+    The seed, a level's place and the repeat make a run; a level's place is that among the sorted levels of a table.
+    """
+    p, levels = protocol, sorted({run.level for run in planned}) or list(protocol.levels)
+    if not planned:
+        check_protocol(plant, p)
     for run in planned:
-        check_protocol(plant, Protocol((run.level,), 1, run.idle_s, run.hold_s, run.release_s, rate_hz))
-    return _step_runs(plant, planned, sorted({run.level for run in planned}), rate_hz, disturbance, seed)
-
-
-def _step_runs(
-    plant: Plant,
-    planned: Sequence[PlannedRun],
-    levels: list[float],
-    rate_hz: float,
-    disturbance: Disturbance,
-    seed: int,
-) -> list[Run]:
-    """Runs of idle, step, hold and release."""
+        check_protocol(plant, Protocol((run.level,), 1, run.idle_s, run.hold_s, run.release_s, p.rate_hz))
+    rows = planned or [
+        PlannedRun(0, level, repeat, p.idle_s, p.hold_s, p.release_s)
+        for level in levels
+        for repeat in range(1, p.repeats + 1)
+    ]
     runs = []
-    for row in planned:
+    for row in rows:
         level, end_s = float(row.level), row.idle_s + row.hold_s
         changes = [(0.0, 0.0)] * (row.idle_s > 0) + [(row.idle_s, level), (end_s, 0.0)]
         draw = np.random.default_rng([seed, KINDS.index(plant.kind), levels.index(row.level), row.repeat])
-        columns = record(plant, changes, end_s + row.release_s, rate_hz, disturbance, draw)
+        columns = record(plant, changes, end_s + row.release_s, p.rate_hz, disturbance, draw)
         run = run_of(plant, columns, (_level_name(level), row.repeat), mark(plant, disturbance, seed))
         runs.append(replace(run, level=level, step_s=row.idle_s))
     return runs

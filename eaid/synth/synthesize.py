@@ -12,7 +12,7 @@ from eaid.results.fit import Fit
 from eaid.results.gains import Gains
 from eaid.synth.excitation import synthesise_excitation
 from eaid.synth.files import read_input, read_plan
-from eaid.synth.logs import NONE, PROTOCOLS, Disturbance, Protocol, synthesise, synthesise_input, synthesise_plan
+from eaid.synth.logs import NONE, PROTOCOLS, Disturbance, Protocol, synthesise, synthesise_input
 from eaid.synth.plants import REFERENCE, Plant, of_fit
 
 ABSOLUTE = ("white_nm", "offset_nm", "resolution_nm")
@@ -51,7 +51,7 @@ def synthesize(
     said = {name: value for name, value in given.items() if value is not None}
     protocol = replace(PROTOCOLS[plant.kind], **{"levels": plant.levels, **said})
     if options.plan is not None:
-        return synthesise_plan(plant, read_plan(options.plan), protocol.rate_hz, disturbance, options.seed)
+        return synthesise(plant, protocol, disturbance, options.seed, read_plan(options.plan))
     if options.duty_file is not None:
         changes, duration_s = read_input(options.duty_file, plant.kind, plant.input_unit)
         timing = replace(protocol, idle_s=0.0, hold_s=duration_s, release_s=0.0)
