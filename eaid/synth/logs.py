@@ -183,8 +183,8 @@ def synthesise(
     p, levels = protocol, sorted({run.level for run in planned}) or list(protocol.levels)
     if not planned:
         check_protocol(plant, p)
-    for run in planned:
-        check_protocol(plant, Protocol((run.level,), 1, run.idle_s, run.hold_s, run.release_s, p.rate_hz))
+    for row in planned:
+        check_protocol(plant, Protocol((row.level,), 1, row.idle_s, row.hold_s, row.release_s, p.rate_hz))
     rows = planned or [
         PlannedRun(0, level, repeat, p.idle_s, p.hold_s, p.release_s)
         for level in levels
