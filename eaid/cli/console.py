@@ -185,7 +185,7 @@ def progressed(message: str) -> None:
 
 
 def warn(message: str) -> None:
-    """Tell the user what to doubt, on stderr."""
+    """Tell the user the warnings, on stderr."""
     if not _quiet:
         _mark("warning", message)
 

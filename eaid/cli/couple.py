@@ -37,7 +37,7 @@ def command(args: Arguments) -> None:
 
     refuse_to_overwrite(args.output, args.force, [args.fit, *([args.gains] if args.gains else [])])
     options = part(CoupleOptions, args)
-    fitted, doubts = codec.read(args.fit, "fit", Fit)
+    fitted, warnings = codec.read(args.fit, "fit", Fit)
     tuned, more = codec.read(args.gains, "gains", Gains) if args.gains else (None, ())
     found = api.couple(fitted, tuned, options, progress=console.progress)
     found = inputs.stamped(found, args, CoupleInputs, fit=args.fit, gains=args.gains)
@@ -47,5 +47,5 @@ def command(args: Arguments) -> None:
     else:
         for table in walls_tables(found):
             console.show(table)
-    console.tell([*doubts, *more, *found.findings], args.verbose)
+    console.tell([*warnings, *more, *found.findings], args.verbose)
     console.done(args.output, f"{len(found.walls)} walls", f"eaid report {args.fit} {args.output}")

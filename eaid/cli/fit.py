@@ -1,4 +1,4 @@
-"""`eaid fit`: logs or a dataset → fit.json, what it says in a few lines, and what is to be doubted of it."""
+"""`eaid fit`: logs or a dataset → fit.json, what it says in a few lines, and its warnings."""
 
 from dataclasses import dataclass
 from pathlib import Path

@@ -17,10 +17,10 @@ def usable(fit: Fit) -> bool:
 
 
 def show(fit: Fit, file: Path, tables: bool, verbose: bool) -> None:
-    """The answer, what is doubtful and what to do next; and all tables; with `verbose` those that judge it too."""
+    """The answer, the gravest warnings and what to do next; and all tables; with `verbose` those that judge it too."""
     after = "tune-rc" if fit.linear is not None and usable(fit) else "report"
-    mind = "stop   " if stops(fit.findings) else "doubts "
-    for line in (*answer(fit), mind + (", ".join(doubts(fit)) or "none"), f"next   eaid {after} {file}"):
+    label = "stop   " if stops(fit.findings) else "warned "
+    for line in (*answer(fit), label + (", ".join(doubts(fit)) or "none"), f"next   eaid {after} {file}"):
         console.line(line)
     shown = model_tables(fit, asked=False) if tables else []
     for table in [*shown, *(judging_tables(fit) if tables and verbose else ())]:

@@ -1,4 +1,4 @@
-"""`eaid ingest`: logs → a table of levels, what is doubtful in their runs, and data.h5."""
+"""`eaid ingest`: logs → a table of levels, warnings of their runs, and data.h5."""
 
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -28,7 +28,7 @@ class Arguments(Common, ReadOptions):
 def command(args: Arguments) -> None:
     """Read logs in any supported format, find steps, levels and repeats, and write one tidy dataset.
 
-    Prints a line for each level and each step between levels, and what is wrong or doubtful.
+    Prints a line for each level and each step between levels, and what is wrong, with warnings.
 
     Example: eaid ingest bench/ --columns input=Volts --units output=mNm -o data.h5
     """

@@ -26,7 +26,7 @@ def print_tables(data: StepSet) -> None:
     what = f"{counted(len(data.levels), 'level')}, {counted(len(data.runs), 'run')}"
     console.line(f"{data.kind}: {what}, {rate} Hz{made}")
     between = [step for step in data.level_steps if step.from_level != 0.0 and step.level != 0.0]
-    doubts: tuple[tuple[Cell, ...], ...] = tuple(
+    warnings: tuple[tuple[Cell, ...], ...] = tuple(
         (console.PREFIX[one.severity], Name(shortened(one.subject)), Name(on_command_line(say(one))))
         for one in data.all_findings
     )
@@ -35,7 +35,7 @@ def print_tables(data: StepSet) -> None:
     if len(between) > MOST:
         console.line(f"and {len(between) - MOST} more")
     console.show(slips_table(highest_slips(data), data))
-    console.show(Table("Doubts", "", columns("", "run", "what"), doubts))
+    console.show(Table("Warnings", "", columns("", "run", "what"), warnings))
 
 
 def print_edges(found: Sequence[tuple[Run, tuple[Edge, ...]]], json: bool) -> None:

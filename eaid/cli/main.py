@@ -70,7 +70,7 @@ def patient_streams() -> Iterator[None]:
 
 
 COMMANDS = {
-    "ingest": "Logs → what is in them and what is doubtful, data.h5",
+    "ingest": "Logs → what is in them and warnings, data.h5",
     "fit": "Logs or data.h5 → models with intervals and a verdict, fit.json",
     "tune_rc": "fit.json → robust and PI gains, the guarantee checked, gains.json",
     "simulate": "Replay controllers on the fitted plant, replay.h5",

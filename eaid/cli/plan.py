@@ -49,7 +49,7 @@ def command(args: Arguments) -> None:
         refuse_idle(args, ("idle_s", "release_s", "longest_hold_s", "most_levels"), "with --excitation")
     else:
         refuse_idle(args, ("limits",), "without --excitation")
-    fit, doubts = codec.read(args.fit, "fit", Fit)
+    fit, warnings = codec.read(args.fit, "fit", Fit)
     planned = api.plan_excitation if args.excitation else api.plan
     plan: Plan | Excitation = planned(fit, part(PlanOptions, args), progress=console.progress)
     plan = msgspec.structs.replace(plan, inputs=(Input.of(args.fit),), command=args.typed)
@@ -58,5 +58,5 @@ def command(args: Arguments) -> None:
         console.print_json(plan, "plan")
     else:
         show(plan, args.idle_s, args.release_s)
-    console.tell((*doubts, *plan.findings))
+    console.tell((*warnings, *plan.findings))
     console.say(f"{', '.join(map(str, files))}: {cost(plan)}")

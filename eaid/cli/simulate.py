@@ -46,7 +46,7 @@ def command(args: Arguments) -> None:
         raise UsageError("--columns, --units, --repair and --variable belong to --log; leave them out")
     options = part(SimulateOptions, args)
     reading = ReadOptions(**{name: getattr(args, name) for name in forms(Columns)})
-    fitted, doubts = codec.read(args.fit, "fit", Fit)
+    fitted, warnings = codec.read(args.fit, "fit", Fit)
     tuned, more = codec.read(args.gains, "gains", Gains) if args.gains else (None, ())
     replay = api.simulate(
         fitted, tuned, options=options, reference=args.reference, log=args.log, reading=reading,
@@ -59,6 +59,6 @@ def command(args: Arguments) -> None:
     else:
         for table in tables_of(replay):
             console.show(table)
-    console.tell([*replay.findings, *doubts, *more], args.verbose)
+    console.tell([*replay.findings, *warnings, *more], args.verbose)
     said = f"{replay.head.scenario} with {', '.join(sorted(replay.records)[:5])}"
     console.done(args.output, said, f"eaid report {args.fit} {args.output}")

@@ -47,12 +47,12 @@ def command(args: Arguments) -> None:
         refuse_idle(args, ("controller",), "without --gains")
     (refuse_to_overwrite if is_dataset else refuse_folder)(args.output, args.force, inputs)
     options = part(SynthOptions, args)
-    fit, doubts = codec.read(fit_file, "fit", Fit) if fit_file is not None else (None, ())
+    fit, warnings = codec.read(fit_file, "fit", Fit) if fit_file is not None else (None, ())
     named = "" if fit_file is None else f"{fit_file} (sha256 {Input.of(fit_file).sha256[:12]})"
     gains = codec.read(args.gains, "gains", Gains)[0] if args.gains is not None else None
     runs = synthesize(options, fit, named, gains)
     (write if is_dataset else write_folder)(args.output, runs, args.force)
-    console.tell(doubts, verbose=True)
+    console.tell(warnings, verbose=True)
     if args.json:
         console.print_json(Synthesized.of(args.output, runs, tuple(map(Input.of, inputs)), args.seed), "synth")
     made_of = (runs[0].synthetic or "").partition(";")[0].removeprefix("eaid synth of ")

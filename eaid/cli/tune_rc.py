@@ -45,7 +45,7 @@ def command(args: Arguments) -> None:
     options = part(TuneOptions, args)
     if args.data and options.phi != "data":
         raise UsageError("--data: does nothing without --phi data; leave it out")
-    fitted, doubts = codec.read(args.fit, "fit", Fit)
+    fitted, warnings = codec.read(args.fit, "fit", Fit)
     logs = inputs.logs_of(fitted, args.fit, args.data, options)
     gains = api.tune_rc(fitted, options, reference=args.reference, logs=logs)
     gains = inputs.stamped(gains, args, GainsInputs, fit=args.fit, reference=file)
@@ -56,5 +56,5 @@ def command(args: Arguments) -> None:
         console.line(f"guarantee: {tables.guarantee_words(gains)}")
         for table in [*tables.tables_of(gains, asked=False), *(tables.further_tables(gains) if args.verbose else ())]:
             console.show(table)
-    console.tell([*gains.findings, *doubts], args.verbose)
+    console.tell([*gains.findings, *warnings], args.verbose)
     console.done(args.output, "gains of rc and pi", f"eaid simulate {args.fit} --gains {args.output}")
