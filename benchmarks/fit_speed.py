@@ -7,14 +7,10 @@ Everyone fits every one of the 900,000 samples (ours by their means, which is ex
 judged by the same cost over all of them. `python -m benchmarks fit_speed`.
 """
 
-import ctypes
 import statistics
-import subprocess
-import tempfile
 import time
 import warnings
 from collections.abc import Callable, Iterator
-from pathlib import Path
 
 import numpy as np
 from scipy.optimize import curve_fit, least_squares
@@ -34,14 +30,6 @@ SAMPLES, RUNS, REPEATS = 30_000, 41, 3
 """Of a step, and how often ours and the others are timed."""
 START = np.array([0.1, 2.0, -1.5, 2.0, 30.0, -15.0, 0.1, 0.5, 2.0, 1.5])
 """Where the other tools begin, coefficients of (u/100)^k: within a factor of a few of the plant. Ours finds its own."""
-
-C_READ = """
-double read_once(const double *y, long n) {
-    double a = 0, b = 0, c = 0, d = 0;
-    for (long i = 0; i + 3 < n; i += 4) { a += y[i]; b += y[i + 1]; c += y[i + 2]; d += y[i + 3]; }
-    return a + b + c + d;
-}
-"""
 
 
 def levels() -> list[Level]:
@@ -76,17 +64,6 @@ def timed(call: Callable[[], Array], runs: int) -> tuple[float, Array | None, st
                 why = f"theirs gives up: {str(fault).split('!')[0]}"
             times.append(time.process_time() - begin)
     return statistics.median(times), found, why
-
-
-def reader() -> Callable[[Array], float]:
-    """The C loop that reads the data once."""
-    folder = Path(tempfile.mkdtemp())
-    (folder / "read.c").write_text(C_READ)
-    compiled = ("gcc", "-O3", "-march=native", "-shared", "-fPIC", "-o", folder / "read.so", folder / "read.c")
-    subprocess.run(compiled, check=True)
-    function = ctypes.CDLL(str(folder / "read.so")).read_once
-    function.restype = ctypes.c_double
-    return lambda y: function(ctypes.c_void_p(y.ctypes.data), ctypes.c_long(y.size))
 
 
 def lmfit_fit(X: Array, y: Array, method: str) -> Array:
@@ -140,9 +117,6 @@ def rows() -> Iterator[Row]:
             f"≥ {bar} × faster, cost within 1e-9", slow >= bar * fast and excess <= 1e-9,
             f"cost over the best: ours {excess:.0e}, {why or f'theirs {cost(p) / best - 1:.0e}'}",
         )  # fmt: skip
-    read = reader()
-    read_s, *_ = timed(lambda: read(y), RUNS)
-    yield Row("nonlinear", "eaid", fast, "C loop reading the data once", read_s, "≤ 10 × the time", fast <= 10 * read_s)
     yield from per_level(made)
     yield first_order(made, t, u, y)
 

@@ -1,19 +1,14 @@
-"""The replay against python-control and NumPy over plants; a cold `eaid simulate` against its imports."""
+"""The replay against python-control and NumPy over plants."""
 
 import dataclasses
-import subprocess
-import sys
-import tempfile
 from collections.abc import Callable, Iterator
 from functools import partial
-from pathlib import Path
 from time import process_time
 from typing import Any
 
 import numpy as np
 
-import eaid
-from benchmarks.table import Row, paired_medians, process
+from benchmarks.table import Row, paired_medians
 from eaid.control.gains import paper_gains
 from eaid.control.rc import RCState, rc_step
 from eaid.models.parameters import REFERENCE_PLANT
@@ -32,13 +27,6 @@ RUNS = 9
 GAINS = paper_gains()[0]
 RC = rc_controller(GAINS)
 RIG = Rig(noise_nm=0.01)
-IMPORTED = """
-import sys
-from eaid.cli import main
-main.run(sys.argv[1:])
-print(*sys.modules, file=sys.stderr)
-"""
-"""Runs a command and tells every module that it has loaded, in the order of loading."""
 
 
 class Case:
@@ -163,40 +151,4 @@ def rows() -> Iterator[Row]:
     yield Row(
         f"{PLANTS} plants × 10 s", "numba, a plant a thread", our_s, "NumPy over the plants", numpy_s, "≥ 1.2 × faster",
         numpy_s >= 1.2 * our_s, f"{agree:.1e} N·m apart",
-    )  # fmt: skip
-    with tempfile.TemporaryDirectory() as name:
-        yield _cold(Path(name))
-
-
-def _cold(folder: Path) -> Row:
-    """A whole `eaid simulate` of two controllers for 12 s, from the Enter key on, against its imports alone."""
-    eaid.fit(eaid.synth(rate_hz=100.0)).save(folder / "fit.json")
-    eaid.tune_rc(eaid.load(folder / "fit.json")).save(folder / "gains.json")
-    arguments = (
-        "simulate",
-        "fit.json",
-        "--gains",
-        "gains.json",
-        "--duration",
-        "12",
-        "--rate-hz",
-        "1000",
-        "--force",
-        "-q",
-    )
-    told = subprocess.run(
-        [sys.executable, "-c", IMPORTED, *arguments], cwd=folder, check=True, capture_output=True, text=True
-    ).stderr
-    (folder / "bare.py").write_text(
-        "import importlib\nfor name in " + repr(told.split()) + ":\n"
-        "    try:\n        importlib.import_module(name)\n    except ImportError:\n        pass\n"
-    )
-    ours, bare = paired_medians(
-        process(sys.executable, "-m", "eaid", *arguments, cwd=folder),
-        process(sys.executable, "bare.py", cwd=folder),
-        RUNS,
-    )
-    return Row(
-        "a cold simulate, 12 s, rc and pi", "eaid simulate", ours, "its imports alone", bare, "≤ 1.5 × the time",
-        ours <= 1.5 * bare,
     )  # fmt: skip

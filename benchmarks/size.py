@@ -1,4 +1,4 @@
-"""How cost grows: fit time and memory over samples and levels, Monte-Carlo over plants; docs/figures/growth-*.png.
+"""How cost grows: fit time and memory over samples and levels, Monte-Carlo over plants.
 
 Times of fits are of the processor; the Monte-Carlo, which has threads, goes by the clock.
 """
@@ -6,10 +6,9 @@ Times of fits are of the processor; the Monte-Carlo, which has threads, goes by 
 import statistics
 import time
 import tracemalloc
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from itertools import pairwise
-from pathlib import Path
 
 import numpy as np
 
@@ -31,9 +30,6 @@ SAMPLES = tuple(10**k for k in range(2, 8))
 LEVELS = (3, 5, 10, 20, 30, 50, 100)
 OVER_LEVELS = 1_000_000
 PLANTS = (10, 100, 1_000, 10_000, 100_000)
-FIGURES = Path(__file__).parent.parent / "docs" / "figures"
-Points = Sequence[tuple[float, float, float]]
-"""Size, seconds, bytes."""
 
 
 def fits(samples: int, levels: int) -> Callable[[], None]:
@@ -81,34 +77,14 @@ def measured(call: Callable[[], None], clock: Callable[[], float]) -> tuple[floa
     return statistics.median(times[1:]), most
 
 
-def figure(name: str, across: str, points: Points) -> None:
-    """Time and peak memory, axes logarithmic, a dotted line of linear growth."""
-    import matplotlib
-
-    matplotlib.use("Agg")
-    import matplotlib.pyplot as plt
-
-    drawing, axes = plt.subplots(1, 2, figsize=(8.4, 3.2), layout="constrained")
-    x, seconds, held = np.array(points).T
-    for axis, label, y in ((axes[0], "time [s]", seconds), (axes[1], "peak memory [MB]", held / 1e6)):
-        axis.loglog(x, y, "o-", color="tab:blue")
-        axis.loglog(x, y[-1] * x / x[-1], ":", color="0.5", label="linear")
-        axis.set(xlabel=across, ylabel=label)
-        axis.grid(alpha=0.3)
-        axis.legend(frameon=False)
-    drawing.savefig(FIGURES / f"growth-{name}.png", dpi=80)
-    plt.close(drawing)
-
-
 def rows() -> Iterator[Row]:
     """Largest size against the smallest and the one before: linear or better in both; the steepest step is printed."""
-    for name, across, sizes, made, clock in (
-        ("samples", "samples in 10 levels", SAMPLES, lambda n: fits(n, 10), time.process_time),
-        ("levels", f"levels, {OVER_LEVELS:,} samples", LEVELS, lambda n: fits(OVER_LEVELS, n), time.process_time),
-        ("plants", "plants, 2 s at 1 kHz", PLANTS, plants, time.perf_counter),
+    for name, sizes, made, clock in (
+        ("samples", SAMPLES, lambda n: fits(n, 10), time.process_time),
+        ("levels", LEVELS, lambda n: fits(OVER_LEVELS, n), time.process_time),
+        ("plants", PLANTS, plants, time.perf_counter),
     ):
         points = [(n, *measured(made(n), clock)) for n in sizes]
-        figure(name, across, points)
         (xa, ya, _), (x0, y0, _), (x1, y1, most) = points[0], points[-2], points[-1]
         linear = min(ya * x1 / xa, y0 * x1 / x0)
         (a, ta, _), (b, tb, _) = max(pairwise(points), key=lambda two: two[1][1] / two[0][1] * two[0][0] / two[1][0])
