@@ -1,6 +1,5 @@
 """What is printed: tables and messages on a terminal and elsewhere, findings, names that want to command it."""
 
-import io
 import os
 import sys
 
@@ -26,11 +25,6 @@ def terminal(monkeypatch):
     return of
 
 
-def test_numbers_stand_to_the_right_and_brackets_stay(capsys):
-    console.table("A [b]", ["level [%]", "τ1 [s]"], [["10", "0.2"], ["100", "12.25"]])
-    assert capsys.readouterr().out == "A [b]\nlevel [%]  τ1 [s]\n10            0.2\n100         12.25\n"
-
-
 @pytest.mark.parametrize("width", [40, 60, 80, 120])
 def test_nothing_is_broken_mid_word_and_nothing_is_wider_than_the_terminal(width, terminal, capsys):
     terminal(width)
@@ -41,14 +35,6 @@ def test_nothing_is_broken_mid_word_and_nothing_is_wider_than_the_terminal(width
     words = told.out.split()
     assert {"0.14443", "4.4234", "0.2268", "converged", "held:"} <= set(words)
     assert words.count("word") == 20 and told.err.split().count("word") == 30
-
-
-def test_columns_that_do_not_fit_follow_under_the_first_one(terminal, capsys):
-    terminal(60)
-    console.table("T", ["run", *(f"column {i}" for i in range(6))], [["a-long-name-of-a-run", *(["0.123456"] * 6)]])
-    told = capsys.readouterr().out
-    assert sum(line.startswith("a-long-name-of-a-run") for line in told.splitlines()) > 1
-    assert told.split().count("0.123456") == 6
 
 
 @pytest.mark.parametrize(
@@ -133,13 +119,3 @@ def test_every_table_fits_the_terminal(name, width, rig, terminal, run_eaid):
     told = ran.out + "".join(line for line in ran.err.splitlines(True) if "\x1b[" not in line)
     assert [line for line in told.splitlines() if len(line) > width + line.count("\u0302")] == []
     assert ran.code == 0 and set(ran.out.split()) <= known
-
-
-def test_streams_that_know_few_letters(monkeypatch):
-    from eaid.cli import main
-
-    narrow = io.TextIOWrapper(io.BytesIO(), encoding="ascii")
-    monkeypatch.setattr(sys, "stdout", narrow)
-    assert main.run(["tune-rc", "--help"]) == 0
-    narrow.flush()
-    assert b"K_P" in narrow.buffer.getvalue()

@@ -2,7 +2,6 @@
 
 import re
 import signal
-import time
 
 import pytest
 
@@ -95,25 +94,11 @@ def test_a_bug_is_shown_where_it_is_on_request(run_eaid, monkeypatch):
         run_eaid()
 
 
-class Dying:
-    """An object whose destructor is interrupted."""
-
-    def __del__(self):
-        signal.raise_signal(signal.SIGINT)
-        time.sleep(0)
-
-
 def _into_another_failure():
     try:
         signal.raise_signal(signal.SIGINT)
     except KeyboardInterrupt:
         raise ImportError("initialization failed") from None
-
-
-def _in_a_destructor():
-    Dying()
-    for _ in range(100):
-        time.sleep(0.05)
 
 
 @pytest.mark.parametrize(
@@ -122,7 +107,6 @@ def _in_a_destructor():
         lambda: signal.raise_signal(signal.SIGINT),
         lambda: signal.raise_signal(signal.SIGTERM),
         _into_another_failure,
-        _in_a_destructor,
     ],
 )
 def test_a_signal_is_never_lost(command, run_eaid, monkeypatch):

@@ -84,13 +84,6 @@ def test_small_inputs_have_files_of_their_own_and_no_unit_is_an_arbitrary_one(ri
     assert data["levels"] == [60, 150, 300] and data["input_unit"] == "a.u."
 
 
-def test_limits_of_another_rig_are_its_own(rig_of, run_eaid):
-    rig_of(3.0, "V")
-    words = "plan fit.json --excitation --no-check --want Ts=5 -o next.csv --limits"
-    ran = run_eaid(words, "duty=240:60")
-    assert ran.code == 2 and "give two inputs that rise" in ran.err
-
-
 def test_a_unit_that_no_file_can_hold_is_written_otherwise(rig_of, run_eaid):
     """A lone surrogate in an edited fit.json."""
     rig_of(3.0, "V")
