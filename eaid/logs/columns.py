@@ -102,12 +102,6 @@ def _quantity_of(table: Table, column: int) -> str:
     return _quantity(table.unit(column)) or _quantity(split_name(table.columns[column])[1])
 
 
-def _may_be_time(name: str) -> bool:
-    """Whether a column's unit does not say that it is something else: `T [degC]` is a temperature."""
-    unit = split_name(name)[1]
-    return not unit or _quantity(unit) == "time"
-
-
 def shown(names: Sequence[str]) -> str:
     """Columns as a sentence lists them."""
     return listed([name or f"column {i + 1}" for i, name in enumerate(names)], 12)
@@ -149,7 +143,9 @@ def _only(path: str, role: str, found: Sequence[int], names: Sequence[str]) -> i
 def match_columns(path: str, table: Table, options: ReadOptions) -> Roles:
     """Roles of a table's columns; raises DataError where the output, or the time, cannot be told."""
     names = table.columns
-    named = _named_by_user(path, table, options)
+    named = {role: _said_column(path, role, name, table) for role, name in options.columns.items()}
+    for role, other in ((a, b) for a in named for b in named if a < b and named[a] == named[b]):
+        raise UsageError(f"«columns»: {role} and {other} are the same column, {table.label(named[role])}")
     time = named["time"] if "time" in named else _time(path, table, set(named.values()))
     if time is None and not (options.rate_hz or table.rate_hz):
         raise DataError(
@@ -182,14 +178,6 @@ def match_columns(path: str, table: Table, options: ReadOptions) -> Roles:
     return Roles(time, tuple(inputs), output, reference, "input" in named, trigger, named.get("position"), others)
 
 
-def _named_by_user(path: str, table: Table, options: ReadOptions) -> dict[str, int]:
-    """Role → column, as the user says; raises UsageError where one column has two."""
-    named = {role: _said_column(path, role, name, table) for role, name in options.columns.items()}
-    for role, other in ((a, b) for a in named for b in named if a < b and named[a] == named[b]):
-        raise UsageError(f"«columns»: {role} and {other} are the same column, {table.label(named[role])}")
-    return named
-
-
 def _time(path: str, table: Table, taken: set[int]) -> int | None:
     """The time column: by its format, by its name, else the only one in a unit of time; None where there is none."""
     if table.clock is not None:
@@ -198,7 +186,8 @@ def _time(path: str, table: Table, taken: set[int]) -> int | None:
     for group in TIME:
         clocks = _alike(names, group.names, taken)
         if len(clocks) > 1:
-            clocks = [i for i in clocks if _may_be_time(names[i])]
+            units = {i: split_name(names[i])[1] for i in clocks}  # `T [degC]` is a temperature
+            clocks = [i for i in clocks if not units[i] or _quantity(units[i]) == "time"]
         if (time := _only(path, "time", clocks, names)) is not None:
             return time
     timed = [i for i in range(len(names)) if i not in taken and _quantity_of(table, i) == "time"]

@@ -11,11 +11,11 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import msgspec
 
-from eaid.declared import Form, forms
+from eaid.declared import forms
 from eaid.errors import DataError, UsageError
 from eaid.files import LOGS, is_as_written, sha256_of, written_whole
 from eaid.findings import finding
@@ -59,7 +59,7 @@ def files_of(paths: Iterable[Path], tell: Callable[[str], None] = lambda _: None
             files.append(path)
         else:
             missing.append(f"{path}: no such file or folder; check the path")
-    unnamed = [file for file in files if not _is_utf8(file)]
+    unnamed = [file for file in files if str(file).encode(errors="replace").decode() != str(file)]
     missing.extend(f"{file}: its name, or that of its folder, is not UTF-8; rename it" for file in unnamed)
     if missing:
         raise DataError(*missing)
@@ -67,13 +67,6 @@ def files_of(paths: Iterable[Path], tell: Callable[[str], None] = lambda _: None
     if twice:
         raise UsageError(f"{twice[0]}: is given twice; a log counts once")
     return files
-
-
-def _is_utf8(path: Path) -> bool:
-    try:
-        return bool(str(path).encode())
-    except UnicodeEncodeError:
-        return False
 
 
 def _sorted_out(folder: Path) -> tuple[list[Path], list[Path]]:
@@ -148,13 +141,9 @@ Value = str | float | bool
 Number = Annotated[float, msgspec.Meta(ge=-1e12, le=1e12)]
 
 
-def _written(form: Form) -> Any:
-    """The TOML type of an option."""
-    return (next((kind for kind in (bool, float) if kind in form.parts), str)) | None
-
-
 Options = msgspec.defstruct(
-    "Options", [(name, _written(form), None) for name, form in forms(ReadOptions).items()],
+    "Options", [(name, (next((kind for kind in (bool, float) if kind in form.parts), str)) | None, None)
+     for name, form in forms(ReadOptions).items()],
     frozen=True, forbid_unknown_fields=True, omit_defaults=True,
 )  # fmt: skip
 """Options that a manifest may hold, under the names of the command line."""

@@ -92,7 +92,8 @@ def scales_compared(runs: Sequence[Run]) -> list[Run]:
 
     Those of datasets were compared when they were ingested.
     """
-    largest = [_largest_pct(run) for run in runs]
+    in_pct = (run.input_unit == "%" and not run.dataset and len(run.input) > 0 for run in runs)
+    largest = [float(np.abs(run.input).max()) if pct else np.nan for run, pct in zip(runs, in_pct, strict=True)]
     most = np.nanmax(largest) if not np.isnan(largest).all() else 0.0
     if not most > 1.5:
         return list(runs)
@@ -103,12 +104,6 @@ def scales_compared(runs: Sequence[Run]) -> list[Run]:
             run = replace(run, findings=(*run.findings, finding("input-in-fractions", run.name, other=float(most))))
         compared.append(run)
     return compared
-
-
-def _largest_pct(run: Run) -> float:
-    """The largest input of a log in %; NaN for any other."""
-    in_pct = run.input_unit == "%" and not run.dataset and len(run.input) > 0
-    return float(np.abs(run.input).max()) if in_pct else np.nan
 
 
 def columns_told(runs: Sequence[Run]) -> list[str]:

@@ -40,7 +40,9 @@ def by_arrow(body: memoryview, dialect: Dialect, columns: Sequence[int], line: i
         digits = first[min(column, len(first) - 1)]
         number = pa.int64() if digits.isdigit() and len(digits) > MOST_DIGITS else pa.float64()
         kinds[names[column]] = pa.string() if column in dialect.stamps else number
-    plain = _without_thousands(_one_blank(body) if marks.delimiter is None else body, dialect)
+    if marks.delimiter is None:  # cells stand apart by one blank each
+        body = memoryview(b"\n".join(b" ".join(row.split()) for row in bytes(body).splitlines()))
+    plain = _without_thousands(body, dialect)
     if plain is None:
         return None
     try:
@@ -63,11 +65,6 @@ def by_arrow(body: memoryview, dialect: Dialect, columns: Sequence[int], line: i
         if not (values[-1].all() if stamps else np.isfinite(values[-1]).all()):
             return None
     return Cells(tuple(values), first_row=line)
-
-
-def _one_blank(body: memoryview) -> bytes:
-    """A piece whose cells stand apart by one blank each."""
-    return b"\n".join(b" ".join(row.split()) for row in bytes(body).splitlines())
 
 
 def _without_thousands(body: bytes | memoryview, dialect: Dialect) -> bytes | memoryview | None:
@@ -209,7 +206,10 @@ class _TextLog:
                         f"{self.source}: unpacks to more than {MOST_RATIO} times its size, as no recorded log does; "
                         f"unpack it yourself"
                     )
-                if not (body := _stripped(piece)):
+                body = piece
+                while body and body[-1] in BLANK:
+                    body = body[:-1]
+                if not body:
                     continue
                 decimal = decimal or (dialect.marks.decimal == "," and _DECIMAL.search(body) is not None)
                 cells = by_arrow(body, dialect, columns, line) or cell_by_cell(body, dialect, columns, line)
@@ -245,14 +245,6 @@ class _Rows(Sequence[int]):
     def __getitem__(self, index: int) -> int:  # type: ignore[override]
         k = bisect_right(self._starts, index) - 1
         return self._pieces[k].row(index - self._starts[k])
-
-
-def _stripped(piece: memoryview) -> memoryview:
-    """A piece without the blanks at its end."""
-    end = len(piece)
-    while end and piece[end - 1] in BLANK:
-        end -= 1
-    return piece[:end]
 
 
 def _pieces(file: IO[bytes], dialect: Dialect) -> Iterator[memoryview]:

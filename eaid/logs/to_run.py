@@ -221,7 +221,8 @@ def seconds_since_start(
     gone = read_only(raw - first)
     usual = float(np.median(np.diff(gone[:10_000]))) if len(gone) > 1 else 0.0
     factor, findings = scale.factor, list[Finding]()
-    counted = _epoch(float(first))
+    since_1970 = (unit for unit, per_s in PER_S.items() if EPOCH_S[0] <= float(first) / per_s <= EPOCH_S[1])
+    counted = next(since_1970, None)
     if not scale.stated:
         if words_of(split_name(column)[0]) & COUNTERS and usual == 1.0:
             raise DataError(
@@ -246,11 +247,6 @@ def seconds_since_start(
         rate_hz = 1.0 / (usual * factor)
         findings.append(finding("time-too-fast", path, column=column, rate_hz=rate_hz, likely="d"))
     return read_only(gone if factor == 1.0 else gone * factor), float(first) * factor, tuple(findings)
-
-
-def _epoch(first: float) -> str | None:
-    """What a clock counts since 1970, by its first stamp."""
-    return next((unit for unit, per_s in PER_S.items() if EPOCH_S[0] <= first / per_s <= EPOCH_S[1]), None)
 
 
 def _doubts(path: str, column: str, gone: Array, usual: float) -> list[Finding]:
@@ -383,7 +379,9 @@ def run_of(origin: Origin, tables: Sequence[Table], options: ReadOptions) -> Run
     kind, which, findings = the_input(source, table, roles, columns.__getitem__, known)
     if which is not None and which not in likely:
         columns = _Columns(table, [*taken, which])
-    trigger = roles.trigger if which is None and level is not None and _is_trigger(columns, roles.trigger) else None
+    trigger = roles.trigger if which is None and level is not None else None
+    if trigger is not None and not (steps(columns[trigger]) and len(np.unique(columns[trigger][:1_000_000])) == 2):
+        trigger = None
     if which is None and trigger is None and options.name_pattern is not None and level is None:
         raise DataError(f"{source}: its name does not match «name_pattern»; rename it or mend the pattern")
 
@@ -415,6 +413,10 @@ def run_of(origin: Origin, tables: Sequence[Table], options: ReadOptions) -> Run
              "reference": roles.reference, "position": roles.position}  # fmt: skip
     used = {role: column for role, column in named.items() if column is not None}
     others = [table.label(column) for column in range(len(table.columns)) if column not in used.values()]
+    position_unit = ""
+    if roles.position is not None:  # as it is called: nothing is turned into it
+        by_name = split_name(table.columns[roles.position])[1]
+        position_unit = options.units.get("position") or table.unit(roles.position) or by_name
     return Run(
         name=origin.name,
         time_s=time_s,
@@ -430,7 +432,7 @@ def run_of(origin: Origin, tables: Sequence[Table], options: ReadOptions) -> Run
         until_s=_on_clock(options.until, time_s, start_s),
         reference_nm=None if roles.reference is None else read_only(columns.kept(roles.reference)),
         position=None if roles.position is None else read_only(columns.kept(roles.position)),
-        position_unit="" if roles.position is None else _position_unit(log, roles.position),
+        position_unit=position_unit,
         findings=tuple(msgspec.structs.replace(found, subject=origin.name) for found in findings),
         kind=options.kind or kind,
         synthetic=table.said.get("synthetic"),
@@ -438,15 +440,6 @@ def run_of(origin: Origin, tables: Sequence[Table], options: ReadOptions) -> Run
         taken=tuple((role, table.label(column)) for role, column in used.items()),
         left=(*others, *table.dropped),
     )
-
-
-def _position_unit(log: _Log, column: int) -> str:
-    """Unit of a position, as it is called: nothing is turned into it."""
-    return log.options.units.get("position") or log.table.unit(column) or split_name(log.table.columns[column])[1]
-
-
-def _is_trigger(columns: _Columns, trigger: int | None) -> bool:
-    return trigger is not None and steps(columns[trigger]) and len(np.unique(columns[trigger][:1_000_000])) == 2
 
 
 def _input_of_trigger(

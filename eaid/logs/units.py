@@ -134,7 +134,8 @@ def split_name(name: str) -> tuple[str, str]:
         return found.group(1).strip(), found.group(2)
     for written in (_RATE, _SUFFIX):  # speed_rad/s is no speed_rad in s
         found = written.match(name)
-        if found and found.group(1) and _is_unit(found.group(2)):
+        known = found and (unit_of(found.group(2)) is not None and found.group(2) not in ("1", "-"))
+        if found and found.group(1) and (known or _SPEED.match(found.group(2))):
             return found.group(1).strip(" _/."), found.group(2)
     found = _CAMEL.match(name)  # TorqueMnm, dutyPct, ForceN
     if found:
@@ -143,11 +144,6 @@ def split_name(name: str) -> tuple[str, str]:
             if unit[0].isupper() and unit_of(unit) is not None and (len(unit) > 1 or unit in "NV"):
                 return name[:cut], unit
     return name, ""
-
-
-def _is_unit(text: str) -> bool:
-    """Whether it is a unit that is known, or a speed along a line: mm/s."""
-    return (unit_of(text) is not None and text not in ("1", "-")) or _SPEED.match(text) is not None
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,6 @@ import pickle
 import sys
 import threading
 import time
-from collections.abc import Callable
 from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
@@ -21,13 +20,6 @@ FLOOR = 512 << 20
 """Memory for any file [bytes], beyond what the process holds before it."""
 MOST_RATIO = 40
 """Memory for a file, as a multiple of its size (what is recorded packs by about 10)."""
-
-
-def reader_of(name: str) -> Callable[[Path, str], list[Table]]:
-    """A function `module.function` of this folder: (path, how sentences name it) → tables."""
-    module, _, function = name.partition(".")
-    found: Callable[[Path, str], list[Table]] = getattr(import_module(f"eaid.logs.foreign.{module}"), function)
-    return found
 
 
 def _bound_memory(size: int) -> None:
@@ -71,7 +63,9 @@ class _Open:
                 self._key, self._tables = None, []
                 path = Path(question.path)
                 _bound_memory(path.stat().st_size)
-                self._tables, self._key = reader_of(question.reader)(path, question.source), key
+                module, _, function = question.reader.partition(".")
+                read = getattr(import_module(f"eaid.logs.foreign.{module}"), function)
+                self._tables, self._key = read(path, question.source), key
             if question.table is None:
                 return [replace(table, load=no_columns) for table in self._tables]
             cells = self._tables[question.table].load(question.wanted)

@@ -65,7 +65,9 @@ def read_hdf5(path: Path, source: str) -> list[Table]:
                 place, _, leaf = name.rpartition("/")
                 places.setdefault(place, {})[leaf] = node
     for place, arrays in places.items():
-        tables, others = grouped(place, arrays, "/", _labels)
+        tables, others = grouped(
+            place, arrays, "/", lambda matrix: [_text(label) for label in np.ravel(matrix.attrs.get("columns", ()))]
+        )
         found.extend(tables)
         dropped.extend(others)
     if not found:
@@ -84,10 +86,6 @@ def read_hdf5(path: Path, source: str) -> list[Table]:
 
 def _text(value: Any) -> str:
     return value.decode("latin-1") if isinstance(value, bytes) else str(value)
-
-
-def _labels(matrix: h5py.Dataset) -> list[str]:
-    return [_text(label) for label in np.ravel(matrix.attrs.get("columns", ()))]
 
 
 def _load(columns: Sequence[Column], wanted: Sequence[int]) -> Cells:

@@ -74,7 +74,10 @@ def read_lvm(path: Path, source: str) -> list[Table]:
     for segment in segments:
         tables.append(_table(source, segment, x_columns, marks, bad, sum(map(len, tables))))
     times = [table[:, 0] for table in tables]
-    _put_apart(times, [_clock(segment.header, marks.decimal) for segment in segments])
+    started = [_clock(segment.header, marks.decimal) for segment in segments]
+    anew = any(after[0] <= before[-1] for before, after in itertools.pairwise(times))
+    if anew and all(math.isfinite(one) for one in started):
+        times = [time + (start - started[0]) for time, start in zip(times, started, strict=True)]
     columns = [np.concatenate(times), *np.concatenate([table[:, 1:] for table in tables]).T]
 
     def load(wanted: Sequence[int]) -> Cells:
@@ -162,11 +165,3 @@ def _clock(header: Header, decimal: str) -> float:
         return (at - datetime(2000, 1, 1)).total_seconds() + float(f"0.{fraction or 0}")
     except ValueError:
         return math.nan
-
-
-def _put_apart(times: list[Array], started: Sequence[float]) -> None:
-    """Add each segment's start by the clock where the times of the segments start anew."""
-    anew = any(after[0] <= before[-1] for before, after in itertools.pairwise(times))
-    if anew and all(math.isfinite(one) for one in started):
-        for k, start in enumerate(started):
-            times[k] = times[k] + (start - started[0])

@@ -40,16 +40,13 @@ def read_mdf(path: Path, source: str) -> list[Table]:
             continue
         for c, channel in enumerate(group.channels):
             if c != master and channel.data_type in NUMBERS[version]:
-                formula = any(_is_formula(one, version) for one in (channel, group.channels[master]))
+                made = [one.conversion for one in (channel, group.channels[master]) if one.conversion is not None]
+                formula = any(bool(one.conversion_type == FORMULA[version]) for one in made)
                 load = partial(_signal, source, file, str(channel.name), g, c, formula)
                 signals.append(Signal(str(channel.name), _unit(channel), name, g, load))
     if not signals:
         raise DataError(f"{source}: holds no channels of numbers; record the log again")
     return tables_of_signals(source, signals)
-
-
-def _is_formula(channel: Any, version: int) -> bool:
-    return channel.conversion is not None and bool(channel.conversion.conversion_type == FORMULA[version])
 
 
 def _unit(channel: Any) -> str:
