@@ -5,8 +5,8 @@ import re
 
 import pytest
 
+from eaid import EaidError
 from eaid.cli import demo as demo_lines
-from eaid.errors import EaidError
 
 
 def test_it_ends_by_naming_the_page(tmp_path, monkeypatch, run_eaid):

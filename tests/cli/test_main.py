@@ -6,8 +6,8 @@ import signal
 import pytest
 
 import eaid
+from eaid import DataError, GainsError, UsageError
 from eaid.cli import main
-from eaid.errors import DataError, GainsError, UsageError
 
 COMMANDS = ["ingest", "fit", "tune-rc", "simulate", "export", "report", "synth", "couple", "plan", "demo"]
 OPTIONS = {

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 import eaid
-from eaid.errors import EaidError
+from eaid import EaidError
 
 sys.path.insert(0, str(Path(__file__).parent))  # logs_written
 

@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from scipy.io import savemat
 
 import eaid
-from eaid.errors import DataError, EaidError
+from eaid import DataError, EaidError
 from eaid.logs.foreign import ask
 
 PROFILE = settings(deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])

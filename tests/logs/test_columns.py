@@ -6,7 +6,7 @@ import pytest
 from logs_written import frame, text
 
 import eaid
-from eaid.errors import DataError
+from eaid import DataError
 
 T = np.arange(60.0) / 10
 STEP = np.where(np.arange(60) >= 30, 1.0, 0.0)

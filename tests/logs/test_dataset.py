@@ -12,7 +12,7 @@ import pytest
 from logs_written import text
 
 import eaid
-from eaid.errors import DataError, UsageError
+from eaid import DataError, UsageError
 from eaid.files import hdf5_written_whole
 
 T = np.arange(2000) / 100.0

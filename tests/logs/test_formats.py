@@ -24,7 +24,7 @@ from pyarrow import feather
 from scipy.io import savemat
 
 import eaid
-from eaid.errors import DataError
+from eaid import DataError
 from eaid.logs.foreign import ask
 from eaid.logs.formats import format_of
 

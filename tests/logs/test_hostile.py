@@ -17,7 +17,7 @@ from logs_written import changed
 from scipy.io import savemat
 
 import eaid
-from eaid.errors import DataError
+from eaid import DataError
 from eaid.logs.foreign import ask
 
 

@@ -13,7 +13,7 @@ import pytest
 from logs_written import frame, text
 
 import eaid
-from eaid.errors import DataError, UsageError
+from eaid import DataError, UsageError
 
 T = np.arange(1000) / 100.0
 U = np.where((T >= 2) & (T < 7), 50.0, 0.0)
