@@ -204,19 +204,3 @@ def test_a_mutated_dataset_gives_the_numbers_that_were_written_or_none(long, tmp
             assert all(
                 np.array_equal(getattr(run, name), getattr(known, name)) for name in ("time_s", "input", "output")
             )
-
-
-@pytest.mark.parametrize("long", LENGTHS)
-def test_a_mutated_manifest(long, tmp_path):
-    (tmp_path / "a.csv").write_text("time_s,duty_pct,torque_nm\n" + "0.1,60,1.0\n" * 20)
-
-    whole = (
-        'schema = "eaid/manifest/1"\n[options]\nkind = "clutch"\ncolumns = "time=time_s,output=3"\nrate_hz = 200.0\n'
-        'repair = true\n[[log]]\nfile = "a.csv"\nsha256 = "00"\nrepeat = 1\nlevel = 60.0\nstep_s = 1.0\n'
-    )
-
-    @tried(long, 30, 300, edits=EDITS)
-    def check(edits):
-        (tmp_path / "dataset.toml").write_bytes(edited(whole.encode(), edits))
-        with contextlib.suppress(EaidError):
-            eaid.read(tmp_path)

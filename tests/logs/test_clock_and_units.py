@@ -88,12 +88,6 @@ def test_clocks(first, step, name, said, factor, code, read, codes):
     assert told == ([code] if code else [])
 
 
-def test_a_unit_that_the_format_says_counts_before_that_of_the_name(read):
-    assert read(at(T, units={"time": "min"})).time_s[1] == pytest.approx(6.0)
-    assert read(at(T, "time_ms", units={"time_ms": "s"})).time_s[1] == pytest.approx(0.1)
-    assert read(at(T, "x", units={"x": "ms", "duty": "%"})).taken[0] == ("time", "x")
-
-
 @pytest.mark.parametrize(
     ("log", "said", "sentence"),
     [

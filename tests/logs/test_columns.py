@@ -150,12 +150,6 @@ def test_a_kind_that_is_said_leaves_only_its_inputs(read):
         assert (dict(run.taken)["input"], run.kind, len(run.left)) == (name, kind, 2)
 
 
-def test_the_input_is_looked_for_among_64_other_columns(read):
-    for at, found in ((63, "c63"), (64, None)):
-        names = "|".join(["time", *(f"{'+' if k == at else '='}c{k}" for k in range(70)), "torque"])
-        assert dict(read(columns(names)).taken).get("input") == found
-
-
 @pytest.mark.parametrize(
     ("values", "steps"),
     [
@@ -217,14 +211,6 @@ def test_columns_without_names(values, said, expected, read):
         (told,) = read.refused(log, **said)
         assert told.startswith(f"its {len(values)} columns have no names") and wanted in told
         assert told.endswith(wanted) or "«" not in wanted
-
-
-def test_a_time_rises_in_99_of_100_rows(read):
-    for wrong, found in ((9, "sort"), (12, "say by number, from 1 to 3, what they are")):
-        times = np.arange(1000.0) / 10
-        times[500 : 500 + wrong] = times[500]
-        other = np.arange(1000.0) if found != "sort" else np.sin(np.arange(1000.0))
-        assert found in read.refused(text(None, times, other, np.sin(np.arange(1000.0))))[0]
 
 
 T2 = np.arange(800) / 200

@@ -329,14 +329,6 @@ def test_rates_above_a_table(above, rate_hz, read):
         np.testing.assert_allclose(read(log).time_s, np.arange(300) / rate_hz, rtol=1e-12)
 
 
-def test_a_mark_that_only_later_rows_show(read, monkeypatch):
-    """Whole numbers at first, decimal commas beyond the first bytes."""
-    monkeypatch.setattr(text_logs, "HEAD_BYTES", 60)
-    cells = [*map(str, range(1, 12)), "12,5", "13,25"]
-    run = read(text("time,duty,y", range(13), [k % 3 for k in range(13)], cells, between=";"))
-    assert run.output.tolist() == [*range(1, 12), 12.5, 13.25]
-
-
 @pytest.mark.parametrize("size", [40, 41, 55, 97, 500])
 @pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])
 def test_pieces_of_whole_lines(end, size, read, monkeypatch):
@@ -363,25 +355,6 @@ def test_a_long_log(packed, read, monkeypatch):
         np.testing.assert_array_equal(getattr(pieces, name), getattr(whole, name))
     if packed:
         assert read.refused(content[:-1000])[0].startswith("is no whole gzip file (")
-
-
-def test_more_bad_cells_than_are_listed(read, monkeypatch):
-    monkeypatch.setattr(text_logs, "MOST_BAD", 5)
-    for bad, said in ((5, "mend the cell"), (6, "more than 5 of its cells are bad; record it again")):
-        cells = ["x" if 20 < k <= 20 + bad else str(k) for k in range(40)]
-        assert said in read.refused(text("time,duty,torque", range(40), cells, range(40)))[0]
-
-
-def test_a_small_log_may_pack_as_well_as_it_will(read):
-    """A bomb is told by its ratio, but only beyond 4 MiB: blanks pack by about a thousand."""
-    lines = text(HEADER, T, U, Y).splitlines()
-    for blanks, fits in ((10_000, True), (16_000, False)):
-        packed = gzip.compress("\n".join([*lines[:11], *(line + " " * blanks for line in lines[11:])]).encode())
-        assert 200 * len(packed) < 290 * blanks
-        if fits:
-            assert read(packed).time_s.tolist() == T.tolist()
-        else:
-            assert read.refused(packed)[0].startswith("unpacks to more than 200 times its size")
 
 
 @pytest.mark.parametrize("digits", [15, 16, 19])
